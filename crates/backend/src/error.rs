@@ -1,0 +1,45 @@
+//! What can go wrong on a device.
+
+/// Failures that a correct caller cannot foresee. Misuse panics instead.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BackendError {
+    /// Nothing on this machine can run the backend.
+    #[error("no device: {0}")]
+    NoDevice(String),
+    /// The backend cannot do what was asked.
+    #[error("{backend} does not support {what}")]
+    Unsupported {
+        /// Who was asked.
+        backend: &'static str,
+        /// For what.
+        what: String,
+    },
+    /// The tree does not hold exactly the scene's live triangles.
+    #[error("the tree does not fit the scene: {0}")]
+    WrongTree(String),
+    /// A limit of the device stands in the way.
+    #[error("{what} needs {need}, the limit is {limit}")]
+    Limit {
+        /// What was to be made.
+        what: String,
+        /// What it takes.
+        need: u64,
+        /// What there is.
+        limit: u64,
+    },
+    /// The device's memory does not suffice.
+    #[error("out of device memory: {what} needs {bytes} bytes")]
+    OutOfMemory {
+        /// What was to be made.
+        what: String,
+        /// What it takes.
+        bytes: u64,
+    },
+    /// The device went away.
+    #[error("the device was lost: {0}")]
+    DeviceLost(String),
+}
+
+/// Shorthand.
+pub type Result<T> = std::result::Result<T, BackendError>;

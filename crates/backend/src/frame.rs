@@ -1,0 +1,78 @@
+//! What a backend says of itself and of its work.
+
+use geom::Point;
+use std::ops::Deref;
+
+/// A point in one backend's order of submissions. Tickets finish in order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Ticket(pub u64);
+
+/// Which build a tree came from. Strictly rises with each adoption.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Generation(pub u64);
+
+/// Positions on their way to a builder: read-only, sendable, given back when dropped.
+pub type Snapshot = Box<dyn Deref<Target = [Point]> + Send + Sync>;
+
+/// What kind of machine does the work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeviceKind {
+    /// A graphics processor.
+    Gpu,
+    /// The host's own cores, by this program's code.
+    Cpu,
+    /// A driver that runs graphics code on the host's cores.
+    Software,
+}
+
+/// Who is at work.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Device {
+    /// The backend's name on the command line, such as `cpu`.
+    pub backend: &'static str,
+    /// The device's own name.
+    pub adapter: String,
+    /// Driver and version; empty where there is none.
+    pub driver: String,
+    /// What kind of machine it is.
+    pub kind: DeviceKind,
+    /// Host threads the backend computes on; 0 if its device does.
+    pub threads: usize,
+}
+
+/// Milliseconds of each stage; `None` for a stage that the submission left out.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StageTimes {
+    /// Key frames to positions.
+    pub interpolate_ms: Option<f64>,
+    /// Positions to records and boxes of leaves.
+    pub preprocess_ms: Option<f64>,
+    /// Boxes of leaves to boxes of inner nodes.
+    pub refit_ms: Option<f64>,
+    /// Primary or given rays.
+    pub trace_primary_ms: Option<f64>,
+    /// Shadow rays.
+    pub trace_shadow_ms: Option<f64>,
+    /// From the first stage's start to the last one's end, by the device's clock.
+    pub device_ms: f64,
+}
+
+/// What one submission did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameReport {
+    /// How long it took.
+    pub times: StageTimes,
+    /// Rays that hit; with [`crate::Seek::Any`], rays that met anything.
+    pub hits: u64,
+    /// Hits in shadow.
+    pub blocked: u64,
+    /// Triangles inactive at the positions traced.
+    pub inactive: u64,
+    /// Triangles active but of zero area at the positions traced.
+    pub degenerate: u64,
+    /// Cost of the refitted tree by the surface area heuristic (traversal 1,
+    /// intersection 1), where the backend measures it.
+    pub sah_cost: Option<f64>,
+    /// Bytes that went back to the host for a builder.
+    pub readback_bytes: u64,
+}

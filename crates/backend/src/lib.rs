@@ -1,0 +1,151 @@
+//! The one seam: what a device must do to interpolate, preprocess, refit and trace.
+//!
+//! # The contract
+//!
+//! **Owner.** A backend has one owner, which drives it by `&mut`. Nothing else needs a lock.
+//!
+//! **Scene.** [`Backend::load`] makes an animation current, with the method to
+//! use. It drops whatever was current before: tree, positions, results.
+//!
+//! **Recording.** `interpolate`, `preprocess`, `refit` and `trace` only record.
+//! [`Backend::submit`] starts what was recorded since the last submit, in the
+//! order of the calls, and returns a [`Ticket`]; tickets rise and finish in
+//! order. Only [`Backend::wait`] and [`Backend::hits`] block. Up to
+//! [`FRAMES_IN_FLIGHT`] submissions may be unfinished; one more
+//! `submit` waits for the oldest.
+//!
+//! **Order within a frame.** `interpolate` writes positions. `preprocess` reads
+//! them and writes one record and one box a leaf (positions alone would not
+//! do: leaves stand in the tree's order, so it needs a tree). `refit` reads the
+//! boxes of leaves and writes those of inner nodes. `trace` reads records and
+//! boxes. Stages whose input did not change may be left out: a static scene
+//! runs the first three once. But a tree is traced only after `preprocess` and
+//! `refit` at the frame's own positions: [`Backend::adopt`] and `interpolate`
+//! each make records and boxes stale, and tracing stale ones panics.
+//!
+//! **Trees.** [`Backend::adopt`] takes effect at once, between submissions: all
+//! that is recorded later sees the new tree, all that was submitted before saw
+//! the old. Generations strictly rise. The tree must hold exactly the
+//! animation's live triangles ([`geom::Animation::is_live`]).
+//!
+//! **Positions.** [`Backend::request_positions`] records a copy of the
+//! interpolated vertices back to the host; [`Backend::take_positions`] polls
+//! for it and never blocks.
+//!
+//! **Answers.** They depend on the rays, the triangles and the intersector
+//! alone: not on the tree, its age, its layout, the thread count or (for
+//! `watertight` and `exact`) the backend. What a hit is, stands in
+//! `ARCHITECTURE.md`.
+//!
+//! **Errors.** [`BackendError`] is what a correct caller cannot foresee. Misuse
+//! (tracing a stale tree, waiting for a ticket never given) panics.
+
+mod error;
+mod frame;
+mod method;
+mod query;
+
+pub use error::{BackendError, Result};
+pub use frame::{Device, DeviceKind, FrameReport, Generation, Snapshot, StageTimes, Ticket};
+pub use method::{Intersector, Layout, Method, UnknownName};
+pub use query::{Hits, Query, Rays, Seek};
+
+use bvh_layout::Topology;
+use geom::{Aabb, Animation, Point, Pose};
+use std::sync::Arc;
+
+/// A device that deforms, refits and traces one scene. See the crate's page for the contract.
+pub trait Backend: Send {
+    /// Who is at work: shown in logs, test names and result rows.
+    fn device(&self) -> &Device;
+
+    /// Makes `animation` current, to be traced by `method`.
+    ///
+    /// # Errors
+    /// The method is not supported, or the scene does not fit the device.
+    fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()>;
+
+    /// Makes `tree` current for all that is recorded from now on.
+    ///
+    /// # Errors
+    /// The tree does not hold exactly the animation's live triangles, or does
+    /// not fit the device. The old tree is then still current.
+    fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()>;
+
+    /// Records: key frames to positions.
+    ///
+    /// # Errors
+    /// See [`BackendError`]; likewise for the other stages.
+    fn interpolate(&mut self, pose: Pose) -> Result<()>;
+
+    /// Records: positions to triangle records and boxes of leaves.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn preprocess(&mut self) -> Result<()>;
+
+    /// Records: boxes of leaves to boxes of inner nodes.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn refit(&mut self) -> Result<()>;
+
+    /// Records: records and boxes to hits. At most one trace a submission.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn trace(&mut self, query: Query<'_>) -> Result<()>;
+
+    /// Records: a copy of the positions to the host, for [`Backend::take_positions`].
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn request_positions(&mut self) -> Result<()>;
+
+    /// Starts what was recorded since the last call.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn submit(&mut self) -> Result<Ticket>;
+
+    /// Blocks until `ticket` is done and says what it did.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn wait(&mut self, ticket: Ticket) -> Result<FrameReport>;
+
+    /// Blocks until `ticket` is done and copies what its trace found into `out`.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn hits(&mut self, ticket: Ticket, out: &mut Hits) -> Result<()>;
+
+    /// The oldest positions requested and not taken yet, with the ticket of
+    /// their submission; `None` while they are under way. Never blocks.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>>;
+
+    /// Views that only tests and dumps need.
+    fn inspect(&mut self) -> &mut dyn Inspect;
+}
+
+/// Submissions that may be unfinished at a time.
+pub const FRAMES_IN_FLIGHT: usize = 2;
+
+/// Views into the output of a stage, off the frame's path. Each waits for all submissions.
+pub trait Inspect {
+    /// After `interpolate`: one position a vertex.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn positions(&mut self) -> Result<Vec<Point>>;
+
+    /// After `refit`: one box a node, in node order, in the scene's units.
+    /// Leaves of inactive and degenerate triangles have [`Aabb::EMPTY`].
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn boxes(&mut self) -> Result<Vec<Aabb>>;
+}

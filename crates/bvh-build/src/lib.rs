@@ -1,0 +1,23 @@
+//! Boxes in, binary tree out.
+//!
+//! Binned surface-area-heuristic builds (Wald, *On fast Construction of
+//! SAH-based Bounding Volume Hierarchies*, 2007) down to exactly one triangle a
+//! leaf. The tree depends on the boxes alone, not on the number of threads, and
+//! its depth is at most [`MAX_DEPTH`] whatever the input. Parallel work runs in
+//! the rayon pool that the caller installed.
+
+mod boxes;
+mod builder;
+mod cancel;
+mod cost;
+mod tree;
+
+pub use boxes::Boxes;
+pub use builder::{BuildError, Builder};
+pub use cancel::Cancel;
+pub use cost::sah_cost;
+pub use tree::{BinaryTree, Subtree};
+
+/// No leaf lies deeper than this (the root has depth 0), so a traversal stack
+/// of this many entries never overflows.
+pub const MAX_DEPTH: u32 = 64;

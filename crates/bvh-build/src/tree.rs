@@ -1,0 +1,80 @@
+//! A binary tree in depth-first order, without boxes: 8 bytes a triangle.
+
+/// A binary tree with one triangle per leaf.
+///
+/// A subtree of `k` leaves is `k - 1` consecutive inner nodes in preorder and
+/// `k` consecutive leaves. So one number an inner node says it all: how many
+/// leaves its left child holds. For the inner node `i` with `k` leaves from
+/// leaf `s`, of which `l = left_leaves[i]` lie to the left:
+/// the left child has leaves `s..s + l` and, if `l > 1`, is inner node `i + 1`;
+/// the right child has leaves `s + l..s + k` and, if `k - l > 1`, is inner node `i + l`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct BinaryTree {
+    pub(crate) left_leaves: Vec<u32>,
+    pub(crate) order: Vec<u32>,
+}
+
+/// A node of a [`BinaryTree`], by where its parts lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Subtree {
+    /// Preorder index of the inner node; meaningless for a leaf.
+    pub inner: u32,
+    /// Its first leaf.
+    pub first_leaf: u32,
+    /// Its leaves; 1 for a leaf.
+    pub leaves: u32,
+}
+
+impl BinaryTree {
+    /// Leaves, which is triangles in the tree.
+    #[must_use]
+    pub fn leaf_count(&self) -> usize {
+        self.order.len()
+    }
+
+    /// The triangle of each leaf, left to right.
+    #[must_use]
+    pub fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// For each inner node in preorder, the leaves below its left child.
+    #[must_use]
+    pub fn left_leaves(&self) -> &[u32] {
+        &self.left_leaves
+    }
+
+    /// The whole tree; `None` when it holds no triangle.
+    #[must_use]
+    pub fn root(&self) -> Option<Subtree> {
+        let leaves = self.order.len() as u32;
+        (leaves > 0).then_some(Subtree {
+            inner: 0,
+            first_leaf: 0,
+            leaves,
+        })
+    }
+
+    /// Both children of an inner node.
+    ///
+    /// # Panics
+    /// On a leaf.
+    #[must_use]
+    #[inline]
+    pub fn children(&self, node: Subtree) -> [Subtree; 2] {
+        assert!(node.leaves > 1, "a leaf has no children");
+        let left = self.left_leaves[node.inner as usize];
+        [
+            Subtree {
+                inner: node.inner + 1,
+                first_leaf: node.first_leaf,
+                leaves: left,
+            },
+            Subtree {
+                inner: node.inner + left,
+                first_leaf: node.first_leaf + left,
+                leaves: node.leaves - left,
+            },
+        ]
+    }
+}

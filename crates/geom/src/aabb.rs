@@ -1,0 +1,102 @@
+//! Axis-aligned boxes.
+
+use crate::{Point, Triangle};
+use bytemuck::{Pod, Zeroable};
+
+/// Axis-aligned box, closed on every side. Empty when any `min > max`.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Aabb {
+    /// Lower corner.
+    pub min: Point,
+    /// Upper corner.
+    pub max: Point,
+}
+
+impl Aabb {
+    /// Holds no point; the neutral element of [`Aabb::union`].
+    pub const EMPTY: Self = Self {
+        min: [f32::INFINITY; 3],
+        max: [f32::NEG_INFINITY; 3],
+    };
+
+    /// The least box that holds the three corners, which must be finite.
+    #[must_use]
+    #[inline]
+    pub fn of_triangle(corners: &Triangle) -> Self {
+        let [a, b, c] = corners;
+        Self {
+            min: std::array::from_fn(|i| a[i].min(b[i]).min(c[i])),
+            max: std::array::from_fn(|i| a[i].max(b[i]).max(c[i])),
+        }
+    }
+
+    /// The least box that holds both.
+    #[must_use]
+    #[inline]
+    pub fn union(self, other: Self) -> Self {
+        Self {
+            min: std::array::from_fn(|i| self.min[i].min(other.min[i])),
+            max: std::array::from_fn(|i| self.max[i].max(other.max[i])),
+        }
+    }
+
+    /// The least box that holds `self` and a finite point.
+    #[must_use]
+    #[inline]
+    pub fn with_point(self, p: Point) -> Self {
+        self.union(Self { min: p, max: p })
+    }
+
+    /// Whether no point lies inside.
+    #[must_use]
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        (0..3).any(|i| self.min[i] > self.max[i])
+    }
+
+    /// Whether `other` lies wholly inside; an empty box lies inside every box.
+    #[must_use]
+    pub fn contains(&self, other: &Self) -> bool {
+        other.is_empty()
+            || (0..3).all(|i| self.min[i] <= other.min[i] && other.max[i] <= self.max[i])
+    }
+
+    /// Lengths of the edges; zeros when empty.
+    #[must_use]
+    #[inline]
+    pub fn extent(&self) -> [f32; 3] {
+        if self.is_empty() {
+            return [0.0; 3];
+        }
+        std::array::from_fn(|i| self.max[i] - self.min[i])
+    }
+
+    /// Half the surface area, in double precision so that sums over large trees keep their digits.
+    #[must_use]
+    #[inline]
+    pub fn half_area(&self) -> f64 {
+        if self.is_empty() {
+            return 0.0;
+        }
+        let [x, y, z] = std::array::from_fn(|i| f64::from(self.max[i]) - f64::from(self.min[i]));
+        x * y + y * z + z * x
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_empty_box_is_neutral_and_has_no_area() {
+        let b = Aabb {
+            min: [1.0, 2.0, 3.0],
+            max: [2.0, 4.0, 7.0],
+        };
+        assert_eq!(Aabb::EMPTY.union(b), b);
+        assert!(b.contains(&Aabb::EMPTY) && !Aabb::EMPTY.contains(&b));
+        assert_eq!(Aabb::EMPTY.half_area(), 0.0);
+        assert_eq!(b.half_area(), 2.0 + 8.0 + 4.0);
+    }
+}

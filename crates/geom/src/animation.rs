@@ -1,0 +1,291 @@
+//! Key-framed triangles: the part of a scene that decides what rays hit.
+
+use crate::{Aabb, Point, Pose, Triangle, is_active};
+
+/// N >= 1 key frames over one list of triangles.
+#[derive(Clone, Debug)]
+pub struct Animation {
+    keys: Vec<Vec<Point>>,
+    triangles: Vec<[u32; 3]>,
+    stand_ins: Vec<StandIn>,
+    never_active: u32,
+}
+
+/// Where a triangle that is inactive in some key frames stands when it is active.
+#[derive(Clone, Copy, Debug)]
+struct StandIn {
+    triangle: u32,
+    bounds: Aabb,
+}
+
+/// Why key frames and triangles do not make an animation.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum AnimationError {
+    /// No key frame was given.
+    #[error("an animation needs at least one key frame")]
+    NoKeys,
+    /// A key frame has another number of vertices than the first.
+    #[error("key frame {key} has {found} vertices, the first has {expected}")]
+    KeyLength {
+        /// The key frame.
+        key: usize,
+        /// Its vertices.
+        found: usize,
+        /// Vertices of the first key frame.
+        expected: usize,
+    },
+    /// A triangle names a vertex that does not exist.
+    #[error("triangle {triangle} names vertex {vertex}, but there are {vertices}")]
+    IndexOutOfRange {
+        /// The triangle.
+        triangle: usize,
+        /// The vertex it names.
+        vertex: u32,
+        /// Vertices there are.
+        vertices: usize,
+    },
+    /// More triangles than a record can number.
+    #[error("{triangles} triangles are more than the limit of {limit}")]
+    TooLarge {
+        /// Triangles given.
+        triangles: usize,
+        /// The most there may be.
+        limit: usize,
+    },
+}
+
+impl Animation {
+    /// The most triangles one animation may have: a tree of them has fewer than 2^31 nodes.
+    pub const MAX_TRIANGLES: usize = 1 << 30;
+
+    /// Checks that the parts fit together and finds triangles that come and go.
+    ///
+    /// # Errors
+    /// See [`AnimationError`].
+    pub fn new(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>) -> Result<Self, AnimationError> {
+        let vertices = keys.first().ok_or(AnimationError::NoKeys)?.len();
+        for (key, frame) in keys.iter().enumerate() {
+            if frame.len() != vertices {
+                let (found, expected) = (frame.len(), vertices);
+                return Err(AnimationError::KeyLength {
+                    key,
+                    found,
+                    expected,
+                });
+            }
+        }
+        if triangles.len() > Self::MAX_TRIANGLES {
+            let (triangles, limit) = (triangles.len(), Self::MAX_TRIANGLES);
+            return Err(AnimationError::TooLarge { triangles, limit });
+        }
+        for (triangle, corners) in triangles.iter().enumerate() {
+            if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= vertices) {
+                return Err(AnimationError::IndexOutOfRange {
+                    triangle,
+                    vertex,
+                    vertices,
+                });
+            }
+        }
+        let (stand_ins, never_active) = find_stand_ins(&keys, &triangles);
+        Ok(Self {
+            keys,
+            triangles,
+            stand_ins,
+            never_active,
+        })
+    }
+
+    /// The key frames, each with one position a vertex.
+    #[must_use]
+    pub fn keys(&self) -> &[Vec<Point>] {
+        &self.keys
+    }
+
+    /// Three vertices a triangle.
+    #[must_use]
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// Vertices in each key frame.
+    #[must_use]
+    pub fn vertex_count(&self) -> usize {
+        self.keys[0].len()
+    }
+
+    /// Triangles, inactive ones included.
+    #[must_use]
+    pub fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Triangles that are active in at least one key frame. A tree holds exactly these.
+    #[must_use]
+    pub fn live_count(&self) -> usize {
+        self.triangles.len() - self.never_active as usize
+    }
+
+    /// The last time there is, in key frames.
+    #[must_use]
+    pub fn end(&self) -> f64 {
+        (self.keys.len() - 1) as f64
+    }
+
+    /// The pose at `time`; see [`Pose::at`].
+    #[must_use]
+    pub fn pose(&self, time: f64) -> Pose {
+        Pose::at(time, self.keys.len())
+    }
+
+    /// One vertex at `pose`: the same bits as every backend's.
+    #[must_use]
+    #[inline]
+    pub fn vertex(&self, pose: Pose, vertex: u32) -> Point {
+        let a = self.keys[pose.key as usize][vertex as usize];
+        if pose.alpha == 0.0 {
+            return a;
+        }
+        pose.blend(a, self.keys[pose.key as usize + 1][vertex as usize])
+    }
+
+    /// One triangle's corners at `pose`.
+    #[must_use]
+    #[inline]
+    pub fn corners(&self, pose: Pose, triangle: u32) -> Triangle {
+        self.triangles[triangle as usize].map(|v| self.vertex(pose, v))
+    }
+
+    /// The box that stands for `triangle` in a tree while it is inactive:
+    /// where it is in the first key frame that has it active.
+    /// [`Aabb::EMPTY`] if no key frame has it active.
+    ///
+    /// Inactive triangles are left out of what rays see, not out of the tree:
+    /// whoever comes back must already have a leaf.
+    #[must_use]
+    pub fn stand_in(&self, triangle: u32) -> Aabb {
+        self.stand_ins
+            .binary_search_by_key(&triangle, |s| s.triangle)
+            .map_or(Aabb::EMPTY, |i| self.stand_ins[i].bounds)
+    }
+
+    /// Whether a tree must hold `triangle`: some key frame has it active.
+    #[must_use]
+    pub fn is_live(&self, triangle: u32) -> bool {
+        self.never_active == 0
+            || is_active(&corners_in(
+                &self.keys[0],
+                self.triangles[triangle as usize],
+            ))
+            || !self.stand_in(triangle).is_empty()
+    }
+
+    /// The box a tree is built over for `triangle`, given all vertices at the
+    /// moment of building: its own, its stand-in while it is inactive, or
+    /// [`Aabb::EMPTY`] if it is never active.
+    #[must_use]
+    #[inline]
+    pub fn build_box(&self, positions: &[Point], triangle: u32) -> Aabb {
+        let corners = corners_in(positions, self.triangles[triangle as usize]);
+        if is_active(&corners) {
+            Aabb::of_triangle(&corners)
+        } else {
+            self.stand_in(triangle)
+        }
+    }
+
+    /// The least box that holds every finite vertex of every key frame.
+    #[must_use]
+    pub fn bounds(&self) -> Aabb {
+        self.keys
+            .iter()
+            .flatten()
+            .filter(|p| p.iter().all(|x| x.is_finite()))
+            .fold(Aabb::EMPTY, |b, &p| b.with_point(p))
+    }
+}
+
+#[inline]
+fn corners_in(frame: &[Point], triangle: [u32; 3]) -> Triangle {
+    triangle.map(|v| frame[v as usize])
+}
+
+/// Stand-ins, by triangle, for those inactive in some key frame but not in all; and how many are inactive in all.
+fn find_stand_ins(keys: &[Vec<Point>], triangles: &[[u32; 3]]) -> (Vec<StandIn>, u32) {
+    let finite = |p: &Point| p.iter().all(|x| x.is_finite());
+    let broken: Vec<bool> = (0..keys[0].len())
+        .map(|v| keys.iter().any(|frame| !finite(&frame[v])))
+        .collect();
+    let mut stand_ins = Vec::new();
+    let mut never_active = 0;
+    for (i, &t) in triangles.iter().enumerate() {
+        if !t.iter().any(|&v| broken[v as usize]) {
+            continue;
+        }
+        let found = keys
+            .iter()
+            .map(|frame| corners_in(frame, t))
+            .find(is_active);
+        match found {
+            Some(corners) => stand_ins.push(StandIn {
+                triangle: i as u32,
+                bounds: Aabb::of_triangle(&corners),
+            }),
+            None => never_active += 1,
+        }
+    }
+    (stand_ins, never_active)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SQUARE: [Point; 4] = [
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [1.0, 1.0, 0.0],
+        [0.0, 1.0, 0.0],
+    ];
+
+    #[test]
+    fn a_triangle_that_comes_and_goes_keeps_a_stand_in() {
+        let mut broken = SQUARE;
+        broken[3] = [f32::NAN; 3];
+        let keys = vec![broken.to_vec(), SQUARE.to_vec()];
+        let a = Animation::new(keys, vec![[0, 1, 2], [0, 2, 3]]).unwrap();
+        assert_eq!(a.live_count(), 2);
+        assert!(a.is_live(1) && !a.build_box(&a.keys()[0], 1).is_empty());
+        let always = Animation::new(vec![broken.to_vec()], vec![[0, 1, 2], [0, 2, 3]]).unwrap();
+        assert_eq!(always.live_count(), 1);
+        assert!(always.is_live(0) && !always.is_live(1));
+        assert!(always.build_box(&broken, 1).is_empty());
+    }
+
+    #[test]
+    fn parts_that_do_not_fit_are_refused() {
+        assert_eq!(
+            Animation::new(vec![], vec![]).unwrap_err(),
+            AnimationError::NoKeys
+        );
+        let keys = vec![SQUARE.to_vec(), SQUARE[..3].to_vec()];
+        let e = Animation::new(keys, vec![]).unwrap_err();
+        assert_eq!(
+            e,
+            AnimationError::KeyLength {
+                key: 1,
+                found: 3,
+                expected: 4
+            }
+        );
+        let e = Animation::new(vec![SQUARE.to_vec()], vec![[0, 1, 4]]).unwrap_err();
+        assert_eq!(
+            e,
+            AnimationError::IndexOutOfRange {
+                triangle: 0,
+                vertex: 4,
+                vertices: 4
+            }
+        );
+    }
+}

@@ -1,0 +1,119 @@
+//! A pinhole camera whose rays every backend can repeat bit for bit.
+
+use crate::{Point, Ray};
+use bytemuck::{Pod, Zeroable};
+
+/// A pinhole camera: ray (x, y) has direction `corner + (x + 0.5) * across + (y + 0.5) * down`.
+///
+/// Row 0 is the top of the picture. Directions are not normalised, so that no
+/// square root or division takes part in what a ray hits.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Camera {
+    /// Where every ray starts.
+    pub eye: Point,
+    /// Width of the picture in pixels.
+    pub width: u32,
+    /// From the eye to the picture's upper left corner.
+    pub corner: Point,
+    /// Height of the picture in pixels.
+    pub height: u32,
+    /// From one column to the next.
+    pub across: Point,
+    /// Keeps the layout of 16-byte rows; zero.
+    pub pad0: u32,
+    /// From one row to the next.
+    pub down: Point,
+    /// Keeps the layout of 16-byte rows; zero.
+    pub pad1: u32,
+}
+
+impl Camera {
+    /// A camera at `eye` that looks at `target`. `fov_degrees` is the vertical field of view.
+    ///
+    /// Returns `None` where no picture is defined: eye at target, `up` along
+    /// the line of sight, a field of view outside `0..180`, a number not finite.
+    #[must_use]
+    pub fn look_at(
+        eye: Point,
+        target: Point,
+        up: Point,
+        fov_degrees: f32,
+        [width, height]: [u32; 2],
+    ) -> Option<Self> {
+        let [from, to, up] = [eye, target, up].map(|p| p.map(f64::from));
+        let forward = unit(std::array::from_fn(|i| to[i] - from[i]))?;
+        let right = unit(cross(forward, unit(up)?))?;
+        let up = cross(right, forward);
+        if !(fov_degrees > 0.0 && fov_degrees < 180.0) || width == 0 || height == 0 {
+            return None;
+        }
+        let half_height = (f64::from(fov_degrees).to_radians() * 0.5).tan();
+        let pixel = 2.0 * half_height / f64::from(height);
+        let half_width = 0.5 * pixel * f64::from(width);
+        let corner = |i: usize| forward[i] - half_width * right[i] + half_height * up[i];
+        Some(Self {
+            eye,
+            width,
+            corner: std::array::from_fn(|i| corner(i) as f32),
+            height,
+            across: std::array::from_fn(|i| (pixel * right[i]) as f32),
+            pad0: 0,
+            down: std::array::from_fn(|i| (-pixel * up[i]) as f32),
+            pad1: 0,
+        })
+    }
+
+    /// The ray through the middle of pixel (x, y).
+    ///
+    /// `(corner + (x + 0.5) * across) + (y + 0.5) * down`, each operation rounded once.
+    #[must_use]
+    #[inline]
+    pub fn ray(&self, x: u32, y: u32) -> Ray {
+        let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
+        let direction =
+            std::array::from_fn(|i| (self.corner[i] + px * self.across[i]) + py * self.down[i]);
+        Ray::new(self.eye, direction)
+    }
+
+    /// Pixels in the picture.
+    #[must_use]
+    pub fn pixels(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        a[j] * b[k] - a[k] * b[j]
+    })
+}
+
+fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
+    let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    (length.is_finite() && length > 1e-100).then(|| v.map(|x| x / length))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn row_zero_is_the_top_and_column_zero_the_left() {
+        let c = Camera::look_at([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], 90.0, [4, 2]).unwrap();
+        let d = c.ray(0, 0).direction;
+        assert!(d[0] < 0.0 && d[1] > 0.0 && d[2] < 0.0);
+        let d = c.ray(3, 1).direction;
+        assert!(d[0] > 0.0 && d[1] < 0.0);
+    }
+
+    #[test]
+    fn a_camera_that_sees_nothing_is_refused() {
+        let up = [0.0, 1.0, 0.0];
+        assert!(Camera::look_at([1.0; 3], [1.0; 3], up, 40.0, [8, 8]).is_none());
+        assert!(Camera::look_at([0.0; 3], up, up, 40.0, [8, 8]).is_none());
+        assert!(Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], up, f32::NAN, [8, 8]).is_none());
+        assert!(Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], up, 40.0, [0, 8]).is_none());
+    }
+}

@@ -1,0 +1,24 @@
+//! The words that every crate speaks: boxes, rays, hits, poses, cameras, animations.
+//!
+//! Plain data and the few formulas whose rounding is part of the program's
+//! promise, so that every backend can repeat them bit for bit. Nothing here
+//! knows a tree, a device, a file or a thread.
+
+mod aabb;
+mod animation;
+mod camera;
+mod hit;
+mod pose;
+mod ray;
+mod triangle;
+
+pub use aabb::Aabb;
+pub use animation::{Animation, AnimationError};
+pub use camera::Camera;
+pub use hit::Hit;
+pub use pose::Pose;
+pub use ray::Ray;
+pub use triangle::{Triangle, is_active, is_degenerate};
+
+/// A point or a vector: x, y, z.
+pub type Point = [f32; 3];

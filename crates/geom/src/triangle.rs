@@ -1,0 +1,91 @@
+//! What makes a triangle take part at all.
+
+use crate::Point;
+use robust::{Coord, orient2d};
+
+/// Three corners.
+pub type Triangle = [Point; 3];
+
+/// Whether every corner is finite. An inactive triangle is never hit.
+#[must_use]
+#[inline]
+pub fn is_active(corners: &Triangle) -> bool {
+    corners.iter().flatten().all(|x| x.is_finite())
+}
+
+/// Whether the area of an active triangle is exactly zero: a degenerate triangle is never hit.
+///
+/// The double-precision cross product decides whenever it stands clear of its
+/// rounding error; Shewchuk's adaptive predicates (1997) settle the rest.
+#[must_use]
+pub fn is_degenerate(corners: &Triangle) -> bool {
+    let [a, b, c] = corners.map(|p| p.map(f64::from));
+    let e = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
+    let f = [c[0] - a[0], c[1] - a[1], c[2] - a[2]];
+    // Each product carries three roundings (two differences, one product) and
+    // the difference one more: 8 units cover both with room.
+    let stands_clear = |i: usize, j: usize| {
+        let (p, q) = (e[i] * f[j], e[j] * f[i]);
+        (p - q).abs() > 8.0 * f64::EPSILON * (p.abs() + q.abs())
+    };
+    if stands_clear(0, 1) || stands_clear(1, 2) || stands_clear(2, 0) {
+        return false;
+    }
+    let collinear_in = |i: usize, j: usize| {
+        let at = |p: [f64; 3]| Coord { x: p[i], y: p[j] };
+        orient2d(at(a), at(b), at(c)) == 0.0
+    };
+    collinear_in(0, 1) && collinear_in(1, 2) && collinear_in(2, 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_needle_has_area_until_it_has_none() {
+        let a = [1.0, 1.0, 1.0];
+        let b = [3.0, 3.0, 3.0];
+        assert!(is_degenerate(&[a, b, [2.0, 2.0, 2.0]]));
+        assert!(is_degenerate(&[a, a, b]));
+        assert!(is_degenerate(&[a, a, a]));
+        let off = f32::from_bits(2.0_f32.to_bits() + 1);
+        assert!(!is_degenerate(&[a, b, [2.0, 2.0, off]]));
+    }
+
+    #[test]
+    fn scale_does_not_matter() {
+        for s in [1e-40_f32, 1e-20, 1.0, 1e20, 1e38] {
+            assert!(
+                !is_degenerate(&[[0.0; 3], [s, 0.0, 0.0], [0.0, s, 0.0]]),
+                "{s}"
+            );
+            assert!(
+                is_degenerate(&[[0.0; 3], [s, s, 0.0], [2.0 * s, 2.0 * s, 0.0]]),
+                "{s}"
+            );
+        }
+    }
+
+    #[test]
+    fn exponents_far_apart_are_settled_exactly() {
+        let tiny = f32::from_bits(1);
+        assert!(!is_degenerate(&[
+            [1.0, 0.0, 0.0],
+            [2.0, 0.0, 0.0],
+            [3.0, tiny, 0.0]
+        ]));
+        assert!(!is_degenerate(&[
+            [1e30, 0.0, 0.0],
+            [tiny, tiny, 0.0],
+            [0.0; 3]
+        ]));
+    }
+
+    #[test]
+    fn one_bad_number_makes_it_inactive() {
+        assert!(is_active(&[[0.0; 3]; 3]));
+        assert!(!is_active(&[[0.0; 3], [0.0, f32::NAN, 0.0], [0.0; 3]]));
+        assert!(!is_active(&[[0.0; 3], [0.0; 3], [f32::INFINITY, 0.0, 0.0]]));
+    }
+}
