@@ -12,7 +12,9 @@
 //! order of the calls, and returns a [`Ticket`]; tickets rise and finish in
 //! order. Only [`Backend::wait`] and [`Backend::hits`] block. Up to
 //! [`FRAMES_IN_FLIGHT`] submissions may be unfinished; one more
-//! `submit` waits for the oldest.
+//! `submit` waits for the oldest. What a submission reported and found is kept
+//! until `FRAMES_IN_FLIGHT` further submissions with a trace were made, and may
+//! be asked for any number of times until then.
 //!
 //! **Order within a frame.** `interpolate` writes positions. `preprocess` reads
 //! them and writes one record and one box a leaf (positions alone would not

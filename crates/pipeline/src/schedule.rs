@@ -1,0 +1,271 @@
+//! When to ask for a tree and when to swap: a function of events, without a thread or a clock.
+
+use backend::Generation;
+
+/// How trees follow the motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Update {
+    /// A new tree from each frame's own vertices before it is traced.
+    Rebuild,
+    /// The first tree, refitted.
+    Refit,
+    /// The newest finished tree, refitted, while the next one is built.
+    Async(Pace),
+}
+
+/// When a tree that was asked for is swapped in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pace {
+    /// At the first frame boundary after it is finished.
+    Free,
+    /// Exactly this many frames after it was asked for; the driver waits if it must.
+    /// With 0 each frame waits for its own tree, as with [`Update::Rebuild`].
+    Lockstep(u32),
+}
+
+/// What a frame has to do about trees.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Plan {
+    /// Swap to this tree before anything else.
+    pub swap: Option<Swap>,
+    /// Ask for this tree, to be built from this frame's vertices.
+    pub ask: Option<Generation>,
+    /// The tree asked for must be swapped in before this very frame is traced.
+    pub at_once: bool,
+}
+
+/// A swap at a frame boundary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Swap {
+    /// The tree to take.
+    pub generation: Generation,
+    /// Whether it may still be under way, so that the driver has to wait for it.
+    pub wait: bool,
+}
+
+/// Decides when to ask and when to swap. At most one build is in flight, and generations only rise.
+#[derive(Clone, Debug)]
+pub struct Schedule {
+    update: Update,
+    newest: Generation,
+    flight: Option<Flight>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Flight {
+    generation: Generation,
+    asked_at: u64,
+    finished: bool,
+}
+
+impl Schedule {
+    /// A schedule for a scene whose first tree has generation `first`.
+    #[must_use]
+    pub fn new(update: Update, first: Generation) -> Self {
+        Self {
+            update,
+            newest: first,
+            flight: None,
+        }
+    }
+
+    /// The `frame`-th frame begins. `outdated` says whether the newest tree
+    /// was built from other positions than this frame's.
+    pub fn begin_frame(&mut self, frame: u64, outdated: bool) -> Plan {
+        let swap = self.swap_due(frame);
+        if swap.is_some() {
+            self.flight = None;
+        }
+        // A tree swapped in just now was built for an earlier frame, unless nothing moved since.
+        let ask = if outdated { self.ask(frame) } else { None };
+        Plan {
+            swap,
+            ask,
+            at_once: ask.is_some() && self.waits_at_once(),
+        }
+    }
+
+    /// The builder has finished `generation`.
+    pub fn finished(&mut self, generation: Generation) {
+        if let Some(flight) = self.flight.as_mut().filter(|f| f.generation == generation) {
+            flight.finished = true;
+        }
+    }
+
+    /// The builder gave `generation` up; the tree in use stays.
+    pub fn failed(&mut self, generation: Generation) {
+        self.flight.take_if(|f| f.generation == generation);
+    }
+
+    /// The tree asked for at once was swapped in, within the frame that asked.
+    pub fn swapped_at_once(&mut self, generation: Generation) {
+        self.flight.take_if(|f| f.generation == generation);
+    }
+
+    /// The build in flight, if any.
+    #[must_use]
+    pub fn in_flight(&self) -> Option<Generation> {
+        self.flight.map(|f| f.generation)
+    }
+
+    fn swap_due(&self, frame: u64) -> Option<Swap> {
+        let flight = self.flight?;
+        let generation = flight.generation;
+        match self.update {
+            Update::Async(Pace::Lockstep(k)) => (frame >= flight.asked_at + u64::from(k))
+                .then_some(Swap {
+                    generation,
+                    wait: !flight.finished,
+                }),
+            _ => flight.finished.then_some(Swap {
+                generation,
+                wait: false,
+            }),
+        }
+    }
+
+    fn ask(&mut self, frame: u64) -> Option<Generation> {
+        if self.flight.is_some() || self.update == Update::Refit {
+            return None;
+        }
+        self.newest = Generation(self.newest.0 + 1);
+        let generation = self.newest;
+        self.flight = Some(Flight {
+            generation,
+            asked_at: frame,
+            finished: false,
+        });
+        Some(generation)
+    }
+
+    fn waits_at_once(&self) -> bool {
+        matches!(
+            self.update,
+            Update::Rebuild | Update::Async(Pace::Lockstep(0))
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const FIRST: Generation = Generation(1);
+
+    fn free() -> Schedule {
+        Schedule::new(Update::Async(Pace::Free), FIRST)
+    }
+
+    #[test]
+    fn a_build_in_flight_is_never_joined_by_another() {
+        let mut s = free();
+        assert_eq!(s.begin_frame(0, true).ask, Some(Generation(2)));
+        assert_eq!(s.begin_frame(1, true), Plan::default());
+        s.finished(Generation(2));
+        let plan = s.begin_frame(2, true);
+        assert_eq!(
+            plan.swap,
+            Some(Swap {
+                generation: Generation(2),
+                wait: false
+            })
+        );
+        assert_eq!(plan.ask, Some(Generation(3)));
+    }
+
+    #[test]
+    fn a_scene_at_rest_asks_for_nothing() {
+        for update in [Update::Rebuild, Update::Refit, Update::Async(Pace::Free)] {
+            let mut s = Schedule::new(update, FIRST);
+            assert_eq!(s.begin_frame(0, false), Plan::default(), "{update:?}");
+        }
+    }
+
+    #[test]
+    fn a_failed_build_is_forgotten_and_its_number_not_used_again() {
+        let mut s = free();
+        s.begin_frame(0, true);
+        s.failed(Generation(2));
+        assert_eq!(
+            s.begin_frame(1, true),
+            Plan {
+                ask: Some(Generation(3)),
+                ..Plan::default()
+            }
+        );
+    }
+
+    #[test]
+    fn refit_never_asks() {
+        let mut s = Schedule::new(Update::Refit, FIRST);
+        assert!((0..9).all(|f| s.begin_frame(f, true) == Plan::default()));
+    }
+
+    #[test]
+    fn rebuild_asks_at_once_each_frame() {
+        for update in [Update::Rebuild, Update::Async(Pace::Lockstep(0))] {
+            let mut s = Schedule::new(update, FIRST);
+            for f in 0..5 {
+                let plan = s.begin_frame(f, true);
+                assert_eq!(
+                    plan,
+                    Plan {
+                        swap: None,
+                        ask: Some(Generation(f + 2)),
+                        at_once: true
+                    }
+                );
+                s.swapped_at_once(Generation(f + 2));
+            }
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200))]
+
+        /// Builds end whenever they like: in lockstep, swaps come exactly K frames after the asking.
+        #[test]
+        fn lockstep_swaps_exactly_k_frames_after_asking(k in 1_u32..9, early in proptest::collection::vec(any::<bool>(), 60)) {
+            let mut s = Schedule::new(Update::Async(Pace::Lockstep(k)), FIRST);
+            let mut asked = None;
+            for (frame, early) in early.into_iter().enumerate() {
+                let plan = s.begin_frame(frame as u64, true);
+                let due = asked.filter(|&(_, at)| frame == at + k as usize);
+                prop_assert_eq!(plan.swap.map(|s| s.generation), due.map(|(g, _)| g));
+                if let Some(g) = plan.ask {
+                    prop_assert!(asked.is_none() || due.is_some());
+                    asked = Some((g, frame));
+                }
+                if let (true, Some((g, _))) = (early, asked) {
+                    s.finished(g);
+                }
+            }
+        }
+
+        /// Whatever happens, in whatever order: one build at a time, generations rise, only finished trees are taken.
+        #[test]
+        fn generations_rise_and_flights_do_not_overlap(events in proptest::collection::vec(0_u8..4, 1..200)) {
+            let mut s = free();
+            let (mut newest, mut flying, mut done, mut frame) = (FIRST, None, false, 0);
+            for e in events {
+                match (e, flying) {
+                    (0, Some(g)) => { s.finished(g); done = true; }
+                    (1, Some(g)) if !done => { s.failed(g); flying = None; }
+                    _ => {
+                        let plan = s.begin_frame(frame, e != 2);
+                        frame += 1;
+                        if let Some(swap) = plan.swap {
+                            prop_assert!(done && flying == Some(swap.generation) && !swap.wait);
+                            (flying, done) = (None, false);
+                        }
+                        if let Some(g) = plan.ask {
+                            prop_assert!(flying.is_none() && g > newest);
+                            (newest, flying) = (g, Some(g));
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! Vertices in, record out, in the rayon pool of whoever calls.
+
+use bvh_build::{BinaryTree, BuildError, Builder, Cancel, sah_cost};
+use bvh_layout::{Converter, Topology};
+use geom::{Animation, Point};
+use std::time::Instant;
+
+/// A finished tree.
+#[derive(Debug)]
+pub struct Built {
+    /// Its shape, as it is handed over.
+    pub topology: Topology,
+    /// Its cost at the vertices it was built from: see [`sah_cost`].
+    pub cost: f64,
+    /// Milliseconds from vertices to binary tree.
+    pub build_ms: f64,
+    /// Milliseconds from binary tree to record.
+    pub convert_ms: f64,
+}
+
+/// The builder's tools and their memory, used again and again.
+#[derive(Debug, Default)]
+pub struct Workbench {
+    builder: Builder,
+    tree: BinaryTree,
+    converter: Converter,
+}
+
+impl Workbench {
+    /// No memory yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Builds and converts a tree over `animation` standing at `positions`.
+    ///
+    /// # Errors
+    /// [`BuildError::Cancelled`].
+    pub fn build(
+        &mut self,
+        animation: &Animation,
+        positions: &[Point],
+        cancel: &Cancel,
+    ) -> Result<Built, BuildError> {
+        let boxes = (animation, positions);
+        let start = Instant::now();
+        self.builder.build(&boxes, cancel, &mut self.tree)?;
+        let built = Instant::now();
+        let topology = self
+            .converter
+            .convert(&self.tree, animation.triangle_count(), Vec::new());
+        let converted = Instant::now();
+        Ok(Built {
+            topology,
+            cost: sah_cost(&self.tree, &boxes),
+            build_ms: (built - start).as_secs_f64() * 1e3,
+            convert_ms: (converted - built).as_secs_f64() * 1e3,
+        })
+    }
+}

@@ -1,0 +1,192 @@
+//! A builder on a thread of its own, with a door that holds one job.
+
+use crate::Built;
+use backend::{Generation, Snapshot};
+use bvh_build::Cancel;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::thread::JoinHandle;
+
+/// Vertices that wait to become a tree.
+pub struct Job {
+    /// Which tree it will be.
+    pub generation: Generation,
+    /// The vertices, as the backend interpolated them.
+    pub positions: Snapshot,
+}
+
+/// A build that came to nothing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BuildFailed {
+    /// Why.
+    pub reason: String,
+}
+
+/// How a job becomes a tree.
+type Craft = dyn FnMut(&Job, &Cancel) -> Result<Built, BuildFailed> + Send;
+
+type Delivery = (Generation, Result<Built, BuildFailed>);
+
+/// One builder thread, started with the first job. Dropping it cancels what it is at.
+pub struct Workshop {
+    craft: Option<Box<Craft>>,
+    open: Option<Open>,
+    cancel: Arc<Cancel>,
+}
+
+struct Open {
+    jobs: SyncSender<Job>,
+    trees: Receiver<Delivery>,
+    thread: JoinHandle<()>,
+}
+
+impl Workshop {
+    /// A workshop that knows its craft; no thread yet.
+    pub fn new(
+        craft: impl FnMut(&Job, &Cancel) -> Result<Built, BuildFailed> + Send + 'static,
+    ) -> Self {
+        Self {
+            craft: Some(Box::new(craft)),
+            open: None,
+            cancel: Arc::default(),
+        }
+    }
+
+    /// Whether a thread was ever started.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.open.is_some()
+    }
+
+    /// Hands a job in. Never waits: the caller keeps to one job at a time.
+    ///
+    /// # Errors
+    /// The builder thread cannot be started or is gone.
+    ///
+    /// # Panics
+    /// If a second job is handed in before the first was taken up.
+    pub fn start(&mut self, job: Job) -> Result<(), BuildFailed> {
+        if let Some(craft) = self.craft.take() {
+            self.open = Some(Open::new(craft, Arc::clone(&self.cancel))?);
+        }
+        let open = self.open.as_ref().ok_or_else(gone)?;
+        match open.jobs.try_send(job) {
+            Ok(()) => Ok(()),
+            Err(TrySendError::Full(_)) => panic!("one build is in flight at most"),
+            Err(TrySendError::Disconnected(_)) => Err(gone()),
+        }
+    }
+
+    /// A finished tree, if there is one. Never waits.
+    pub fn try_take(&mut self) -> Option<Delivery> {
+        self.open.as_ref()?.trees.try_recv().ok()
+    }
+
+    /// Waits for the job that was handed in.
+    pub fn take(&mut self) -> Option<Delivery> {
+        self.open.as_ref()?.trees.recv().ok()
+    }
+}
+
+impl Drop for Workshop {
+    fn drop(&mut self) {
+        self.cancel.cancel();
+        if let Some(Open {
+            jobs,
+            trees,
+            thread,
+        }) = self.open.take()
+        {
+            drop((jobs, trees));
+            // The thread catches what its craft throws; nothing is left to report.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Open {
+    fn new(mut craft: Box<Craft>, cancel: Arc<Cancel>) -> Result<Self, BuildFailed> {
+        let (jobs, inbox) = sync_channel::<Job>(1);
+        let (outbox, trees) = sync_channel(1);
+        let work = move || {
+            while let Ok(job) = inbox.recv() {
+                let result = catch_unwind(AssertUnwindSafe(|| craft(&job, &cancel)))
+                    .unwrap_or_else(|_| {
+                        Err(BuildFailed {
+                            reason: "the builder panicked".into(),
+                        })
+                    });
+                if outbox.send((job.generation, result)).is_err() {
+                    return;
+                }
+            }
+        };
+        let thread = std::thread::Builder::new()
+            .name("abvh-builder".into())
+            .spawn(work)
+            .map_err(|e| BuildFailed {
+                reason: format!("no builder thread: {e}"),
+            })?;
+        Ok(Self {
+            jobs,
+            trees,
+            thread,
+        })
+    }
+}
+
+fn gone() -> BuildFailed {
+    BuildFailed {
+        reason: "the builder thread is gone".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn job(n: u64) -> Job {
+        Job {
+            generation: Generation(n),
+            positions: Box::new(vec![[0.0; 3]]),
+        }
+    }
+
+    #[test]
+    fn a_panic_in_the_craft_is_a_failed_build_and_the_next_job_goes_on() {
+        let mut w = Workshop::new(|job: &Job, _: &Cancel| {
+            assert!(job.generation.0 != 1, "planted");
+            Err(BuildFailed {
+                reason: "planted".into(),
+            })
+        });
+        assert!(!w.is_open() && w.try_take().is_none());
+        w.start(job(1)).unwrap();
+        let (g, r) = w.take().unwrap();
+        assert_eq!(
+            (g.0, r.unwrap_err().reason.as_str()),
+            (1, "the builder panicked")
+        );
+        w.start(job(2)).unwrap();
+        assert_eq!(w.take().unwrap().1.unwrap_err().reason, "planted");
+    }
+
+    #[test]
+    fn dropping_the_workshop_cancels_the_build() {
+        let (said, hear) = std::sync::mpsc::channel();
+        let mut w = Workshop::new(move |_: &Job, cancel: &Cancel| {
+            while !cancel.is_cancelled() {
+                std::thread::yield_now();
+            }
+            said.send(()).unwrap();
+            Err(BuildFailed {
+                reason: "cancelled".into(),
+            })
+        });
+        w.start(job(1)).unwrap();
+        drop(w);
+        hear.try_recv()
+            .expect("the build saw the cancel before the drop returned");
+    }
+}

@@ -1,0 +1,307 @@
+//! The driver against a backend that does nothing but check the contract.
+
+use backend::{
+    Backend, Device, DeviceKind, FrameReport, Generation, Hits, Inspect, Method, Query, Rays,
+    Result, Seek, Snapshot, Ticket,
+};
+use bvh_layout::Topology;
+use geom::{Aabb, Animation, Camera, Point, Pose};
+use pipeline::{Driver, Frame, FrameRecord, Options, Pace, PipelineError, Update};
+use std::sync::{Arc, Mutex};
+
+/// What the fake saw, shared with the test.
+#[derive(Default)]
+struct Log {
+    interpolated: usize,
+    refitted: usize,
+    traced: Vec<(Generation, Pose)>,
+    adopted: Vec<Generation>,
+}
+
+/// Checks the order of calls; positions reach the host after some polls, or never.
+struct Fake {
+    device: Device,
+    log: Arc<Mutex<Log>>,
+    animation: Option<Arc<Animation>>,
+    pose: Option<Pose>,
+    generation: Generation,
+    fresh: (bool, bool),
+    ticket: u64,
+    requested: Option<(u32, Ticket, Pose)>,
+    record_request: bool,
+    polls: Option<u32>,
+}
+
+impl Fake {
+    fn new(polls: Option<u32>) -> (Self, Arc<Mutex<Log>>) {
+        let log = Arc::new(Mutex::new(Log::default()));
+        let device = Device {
+            backend: "fake",
+            adapter: String::new(),
+            driver: String::new(),
+            kind: DeviceKind::Cpu,
+            threads: 1,
+        };
+        let fake = Self {
+            device,
+            log: Arc::clone(&log),
+            animation: None,
+            pose: None,
+            generation: Generation(0),
+            fresh: (false, false),
+            ticket: 0,
+            requested: None,
+            record_request: false,
+            polls,
+        };
+        (fake, log)
+    }
+}
+
+impl Backend for Fake {
+    fn device(&self) -> &Device {
+        &self.device
+    }
+    fn load(&mut self, animation: Arc<Animation>, _: Method) -> Result<()> {
+        self.animation = Some(animation);
+        Ok(())
+    }
+    fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
+        assert!(generation > self.generation, "generations rise");
+        let live = self.animation.as_ref().unwrap().live_count();
+        assert_eq!(tree.leaf_count(), live);
+        self.generation = generation;
+        self.fresh = (false, false);
+        self.log.lock().unwrap().adopted.push(generation);
+        Ok(())
+    }
+    fn interpolate(&mut self, pose: Pose) -> Result<()> {
+        self.pose = Some(pose);
+        self.fresh = (false, false);
+        self.log.lock().unwrap().interpolated += 1;
+        Ok(())
+    }
+    fn preprocess(&mut self) -> Result<()> {
+        assert!(self.pose.is_some() && self.generation > Generation(0));
+        self.fresh.0 = true;
+        Ok(())
+    }
+    fn refit(&mut self) -> Result<()> {
+        assert!(self.fresh.0, "boxes of leaves come first");
+        self.fresh.1 = true;
+        self.log.lock().unwrap().refitted += 1;
+        Ok(())
+    }
+    fn trace(&mut self, _: Query<'_>) -> Result<()> {
+        assert_eq!(self.fresh, (true, true), "a stale tree was traced");
+        self.log
+            .lock()
+            .unwrap()
+            .traced
+            .push((self.generation, self.pose.unwrap()));
+        Ok(())
+    }
+    fn request_positions(&mut self) -> Result<()> {
+        assert!(self.requested.is_none(), "one request at a time");
+        self.record_request = true;
+        Ok(())
+    }
+    fn submit(&mut self) -> Result<Ticket> {
+        self.ticket += 1;
+        if std::mem::take(&mut self.record_request) {
+            let polls = if self.traced() {
+                self.polls.unwrap_or(u32::MAX)
+            } else {
+                0
+            };
+            self.requested = Some((polls, Ticket(self.ticket), self.pose.unwrap()));
+        }
+        Ok(Ticket(self.ticket))
+    }
+    fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
+        assert!(ticket.0 <= self.ticket, "this ticket was never given");
+        Ok(FrameReport {
+            sah_cost: Some(3.0),
+            ..FrameReport::default()
+        })
+    }
+    fn hits(&mut self, _: Ticket, _: &mut Hits) -> Result<()> {
+        Ok(())
+    }
+    fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
+        match &mut self.requested {
+            Some((0, ticket, pose)) => {
+                let (ticket, pose) = (*ticket, *pose);
+                self.requested = None;
+                let a = self.animation.as_ref().unwrap();
+                let at = |v| a.vertex(pose, v as u32);
+                let positions: Vec<Point> = (0..a.vertex_count()).map(at).collect();
+                Ok(Some((ticket, Box::new(positions))))
+            }
+            Some((polls, ..)) => {
+                *polls -= 1;
+                Ok(None)
+            }
+            None => Ok(None),
+        }
+    }
+    fn inspect(&mut self) -> &mut dyn Inspect {
+        self
+    }
+}
+
+impl Fake {
+    fn traced(&self) -> bool {
+        !self.log.lock().unwrap().traced.is_empty()
+    }
+}
+
+impl Inspect for Fake {
+    fn positions(&mut self) -> Result<Vec<Point>> {
+        Ok(Vec::new())
+    }
+    fn boxes(&mut self) -> Result<Vec<Aabb>> {
+        Ok(Vec::new())
+    }
+}
+
+/// Two triangles that drift apart over `keys` key frames.
+fn drifting(keys: usize) -> Arc<Animation> {
+    let frame = |k: usize| {
+        let far = k as f32;
+        let near = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        [near, near.map(|[x, y, z]| [x + far, y, z + far])].concat()
+    };
+    let triangles = vec![[0, 1, 2], [3, 4, 5]];
+    Arc::new(Animation::new((0..keys).map(frame).collect(), triangles).unwrap())
+}
+
+fn run(keys: usize, frames: u64, update: Update, polls: Option<u32>) -> Run {
+    let (fake, log) = Fake::new(polls);
+    let options = Options {
+        method: Method::default(),
+        update,
+        builder_threads: 1,
+    };
+    let mut driver = Driver::new(Box::new(fake), drifting(keys), options).unwrap();
+    let camera = Camera::look_at([0.0, 0.0, 9.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0, [2, 2]).unwrap();
+    let query = Query {
+        rays: Rays::Camera(&camera),
+        seek: Seek::Closest,
+    };
+    let mut records = Vec::new();
+    let step = (keys - 1) as f64 / frames as f64;
+    let list = (0..frames).map(|index| Frame {
+        index,
+        time: index as f64 * step,
+    });
+    driver
+        .run(list, query, true, |record, _| {
+            records.push(record.clone());
+            // The builder is a real thread: give it time to be heard.
+            std::thread::sleep(std::time::Duration::from_millis(1));
+            Ok::<(), PipelineError>(())
+        })
+        .unwrap();
+    let built = driver.has_builder();
+    drop(driver);
+    let log = Arc::into_inner(log).unwrap().into_inner().unwrap();
+    Run {
+        records,
+        log,
+        built,
+    }
+}
+
+struct Run {
+    records: Vec<FrameRecord>,
+    log: Log,
+    built: bool,
+}
+
+#[test]
+fn a_scene_at_rest_starts_no_builder_and_does_no_geometry_work() {
+    for update in [Update::Rebuild, Update::Refit, Update::Async(Pace::Free)] {
+        let r = run(1, 5, update, Some(0));
+        assert!(!r.built);
+        assert_eq!((r.log.interpolated, r.log.refitted), (1, 1), "{update:?}");
+        assert_eq!(r.records.len(), 5);
+        assert_eq!(r.records[4].tree_age_frames, 4);
+        assert_eq!(r.records[4].sah_ratio, Some(1.0));
+    }
+}
+
+#[test]
+fn rebuild_traces_each_frame_with_its_own_tree() {
+    for update in [Update::Rebuild, Update::Async(Pace::Lockstep(0))] {
+        let r = run(9, 8, update, Some(3));
+        assert!(!r.built);
+        assert!(
+            r.records
+                .iter()
+                .all(|f| f.tree_age_frames == 0 && f.adopted.is_some())
+        );
+        let generations: Vec<_> = r.records.iter().map(|f| f.tree_generation.0).collect();
+        assert_eq!(generations, [1, 2, 3, 4, 5, 6, 7, 8]);
+        assert_eq!(
+            r.log.interpolated, 8,
+            "vertices are interpolated once a frame"
+        );
+    }
+}
+
+#[test]
+fn refit_keeps_the_first_tree() {
+    let r = run(9, 8, Update::Refit, Some(0));
+    assert!(!r.built && r.log.adopted == [Generation(1)]);
+    assert_eq!(r.records[7].tree_age_frames, 7);
+    assert_eq!(r.log.refitted, 8);
+}
+
+#[test]
+fn lockstep_swaps_k_frames_after_asking() {
+    for k in [1_u64, 3, 7] {
+        let r = run(30, 24, Update::Async(Pace::Lockstep(k as u32)), Some(5));
+        for f in &r.records {
+            let n = f.frame.index;
+            // The first frame builds its own tree; the next asks, and so on every k frames.
+            let cycle = n.saturating_sub(1) / k;
+            let expected = if n == 0 {
+                (1, 0)
+            } else if cycle == 0 {
+                (1, n)
+            } else {
+                (1 + cycle, n - (1 + (cycle - 1) * k))
+            };
+            assert_eq!(
+                (f.tree_generation.0, f.tree_age_frames),
+                expected,
+                "k {k} frame {n}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_free_builder_is_heard_and_generations_rise() {
+    let r = run(60, 50, Update::Async(Pace::Free), Some(2));
+    assert!(r.built);
+    assert!(
+        r.records
+            .windows(2)
+            .all(|w| w[0].tree_generation <= w[1].tree_generation)
+    );
+    assert!(
+        r.records[49].tree_generation > Generation(3),
+        "{:?}",
+        r.records[49]
+    );
+    assert!(r.records.iter().filter(|f| f.adopted.is_some()).count() > 3);
+}
+
+#[test]
+fn frames_go_on_while_vertices_are_under_way_for_ever() {
+    let r = run(60, 50, Update::Async(Pace::Free), None);
+    assert_eq!(r.records.len(), 50);
+    assert!(!r.built && r.log.adopted == [Generation(1)]);
+}
