@@ -1,0 +1,103 @@
+//! SPIR-V whose arithmetic no driver may fuse, and whose stacks no driver need clear.
+
+use anyhow::{Result, anyhow};
+use rspirv::binary::Assemble;
+use rspirv::dr::{Instruction, Module, Operand, load_words};
+use rspirv::spirv::{Capability, Decoration, ExecutionMode, Op};
+use std::collections::HashSet;
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Rounding {
+    /// As the device likes.
+    Default,
+    /// To nearest even, by the float controls of Vulkan 1.2.
+    ToNearestEven,
+}
+
+pub(crate) fn harden(words: &[u32], rounding: Rounding) -> Result<Vec<u32>> {
+    let mut module = load_words(words).map_err(|e| anyhow!("{e}"))?;
+    forbid_contraction(&mut module);
+    drop_null_initialisers(&mut module);
+    if rounding == Rounding::ToNearestEven {
+        round_to_nearest(&mut module);
+    }
+    Ok(module.assemble())
+}
+
+/// naga emits no NoContraction; without it both known drivers fuse and regroup.
+fn forbid_contraction(module: &mut Module) {
+    let decorations: Vec<_> = module
+        .all_inst_iter()
+        .filter(|i| matches!(i.class.opcode, Op::FAdd | Op::FSub | Op::FMul))
+        .filter_map(|i| i.result_id)
+        .map(|id| {
+            let operands = vec![
+                Operand::IdRef(id),
+                Operand::Decoration(Decoration::NoContraction),
+            ];
+            Instruction::new(Op::Decorate, None, None, operands)
+        })
+        .collect();
+    module.annotations.extend(decorations);
+}
+
+/// naga clears every function variable; a traversal stack needs none of it.
+fn drop_null_initialisers(module: &mut Module) {
+    let nulls: HashSet<u32> = module
+        .types_global_values
+        .iter()
+        .filter(|i| i.class.opcode == Op::ConstantNull)
+        .filter_map(|i| i.result_id)
+        .collect();
+    let arrays: HashSet<u32> = module
+        .types_global_values
+        .iter()
+        .filter(|i| i.class.opcode == Op::TypePointer)
+        .filter(|i| points_to_array(module, i))
+        .filter_map(|i| i.result_id)
+        .collect();
+    let blocks = module.functions.iter_mut().flat_map(|f| &mut f.blocks);
+    for i in blocks.flat_map(|b| &mut b.instructions) {
+        let stack =
+            i.class.opcode == Op::Variable && i.result_type.is_some_and(|t| arrays.contains(&t));
+        let cleared = matches!(i.operands.get(1), Some(Operand::IdRef(id)) if nulls.contains(id));
+        if stack && cleared {
+            i.operands.truncate(1);
+        }
+    }
+}
+
+fn points_to_array(module: &Module, pointer: &Instruction) -> bool {
+    let Some(Operand::IdRef(pointee)) = pointer.operands.get(1) else {
+        return false;
+    };
+    module
+        .types_global_values
+        .iter()
+        .any(|i| i.result_id == Some(*pointee) && i.class.opcode == Op::TypeArray)
+}
+
+fn round_to_nearest(module: &mut Module) {
+    let capability = Operand::Capability(Capability::RoundingModeRTE);
+    module.capabilities.push(Instruction::new(
+        Op::Capability,
+        None,
+        None,
+        vec![capability],
+    ));
+    let extension = Operand::LiteralString("SPV_KHR_float_controls".into());
+    module
+        .extensions
+        .push(Instruction::new(Op::Extension, None, None, vec![extension]));
+    let modes: Vec<_> = module
+        .entry_points
+        .iter()
+        .filter_map(|e| e.operands.get(1).cloned())
+        .map(|entry| {
+            let mode = Operand::ExecutionMode(ExecutionMode::RoundingModeRTE);
+            let operands = vec![entry, mode, Operand::LiteralBit32(32)];
+            Instruction::new(Op::ExecutionMode, None, None, operands)
+        })
+        .collect();
+    module.execution_modes.extend(modes);
+}

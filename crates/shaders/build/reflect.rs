@@ -1,0 +1,44 @@
+//! What a host must know of a kernel, read from the kernel itself.
+
+use anyhow::{Context, Result, bail};
+use naga::{AddressSpace, StorageAccess};
+
+pub(crate) fn workgroup(module: &naga::Module, name: &str) -> Result<[u32; 3]> {
+    let entry = module.entry_points.iter().find(|e| e.name == name);
+    Ok(entry
+        .context("the entry point must be named like its file")?
+        .workgroup_size)
+}
+
+/// The bindings of group 0 as Rust expressions, by number.
+pub(crate) fn bindings(module: &naga::Module) -> Result<String> {
+    let mut found = Vec::new();
+    for (_, variable) in module.global_variables.iter() {
+        let Some(binding) = &variable.binding else {
+            continue;
+        };
+        if binding.group != 0 {
+            bail!("binding outside group 0");
+        }
+        let kind = match variable.space {
+            AddressSpace::Uniform => "Uniform",
+            AddressSpace::Storage { access } if access.contains(StorageAccess::STORE) => {
+                "ReadWrite"
+            }
+            AddressSpace::Storage { .. } => "Read",
+            other => bail!("unexpected address space {other:?}"),
+        };
+        found.push((
+            binding.binding,
+            kind,
+            variable.name.clone().unwrap_or_default(),
+        ));
+    }
+    found.sort();
+    Ok(found
+        .iter()
+        .map(|(number, kind, name)| {
+            format!("Binding {{ number: {number}, kind: Kind::{kind}, name: {name:?} }}, ")
+        })
+        .collect())
+}

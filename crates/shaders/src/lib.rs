@@ -1,0 +1,63 @@
+//! The only WGSL in the house: one source a stage, compiled and reflected at build time.
+//!
+//! Each kernel comes as SPIR-V whose every addition, subtraction and
+//! multiplication is decorated NoContraction, for those who can load it, and as
+//! WGSL whose arithmetic a compiler cannot see through, for those who cannot.
+//! Both give the bits that `cpu-ref` gives.
+
+mod params;
+
+pub use params::Params;
+
+/// A compute kernel.
+#[derive(Clone, Copy, Debug)]
+pub struct Kernel {
+    /// Its entry point, named like its file.
+    pub name: &'static str,
+    /// WGSL with opaque arithmetic.
+    pub wgsl: &'static str,
+    /// SPIR-V 1.3 with NoContraction.
+    pub spirv: &'static [u32],
+    /// The same with rounding to nearest even asked for, for devices with `shaderRoundingModeRTEFloat32`.
+    pub spirv_nearest: &'static [u32],
+    /// Invocations of a workgroup.
+    pub workgroup: [u32; 3],
+    /// What it reads and writes, by number, all in group 0.
+    pub bindings: &'static [Binding],
+}
+
+/// A buffer that a kernel asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Binding {
+    /// Its number in group 0.
+    pub number: u32,
+    /// How it is used.
+    pub kind: Kind,
+    /// The variable's name, which is the buffer's.
+    pub name: &'static str,
+}
+
+/// How a kernel uses a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Small and read by all: [`Params`].
+    Uniform,
+    /// Read.
+    Read,
+    /// Read and written.
+    ReadWrite,
+}
+
+include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
+
+/// The kernel of that name.
+///
+/// # Panics
+/// If there is none: names are known when the program is written.
+#[must_use]
+pub fn kernel(name: &str) -> &'static Kernel {
+    KERNELS
+        .iter()
+        .find(|k| k.name == name)
+        .unwrap_or_else(|| panic!("no kernel named {name}"))
+}

@@ -1,0 +1,18 @@
+//! use params ieee divide exact ray watertight any given
+// Whether each given ray meets anything.
+
+@group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read> records: array<vec4<u32>>;
+@group(0) @binding(3) var<storage, read_write> blocked: array<u32>;
+@group(0) @binding(4) var<storage, read_write> counts: array<atomic<u32>>;
+@group(0) @binding(5) var<storage, read> rays: array<vec4<u32>>;
+
+@compute @workgroup_size(128)
+fn any_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = element(id, groups, 128u);
+    if i >= params.count { return; }
+    var met = false;
+    if !is_void(i) { met = find_any(given_ray(i), 0xffffffffu); }
+    blocked[i] = select(0u, 1u, met);
+    if met { atomicAdd(&counts[2], 1u); }
+}

@@ -1,0 +1,58 @@
+//! use params ieee degenerate
+// Positions to triangle records and boxes of leaves, in the tree's leaf order.
+
+@group(0) @binding(1) var<storage, read> topology: array<u32>;
+@group(0) @binding(2) var<storage, read> leaf_nodes: array<u32>;
+@group(0) @binding(3) var<storage, read> triangles: array<u32>;
+@group(0) @binding(4) var<storage, read> positions: array<u32>;
+@group(0) @binding(5) var<storage, read_write> records: array<vec4<u32>>;
+@group(0) @binding(6) var<storage, read_write> nodes: array<vec4<u32>>;
+// Inactive and degenerate leaves.
+@group(0) @binding(7) var<storage, read_write> counts: array<atomic<u32>>;
+
+const LEAF: u32 = 0x80000000u;
+
+fn scaled(vertex: u32, component: u32) -> f32 {
+    return mul(bitcast<f32>(positions[3u * vertex + component]), params.scale);
+}
+
+fn corner(triangle: u32, which: u32) -> vec3<f32> {
+    let vertex = triangles[3u * triangle + which];
+    return vec3<f32>(scaled(vertex, 0u), scaled(vertex, 1u), scaled(vertex, 2u));
+}
+
+fn is_finite(v: vec3<f32>) -> bool {
+    return all((bitcast<vec3<u32>>(v) & vec3<u32>(0x7f800000u)) != vec3<u32>(0x7f800000u));
+}
+
+@compute @workgroup_size(128)
+fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let leaf = element(id, groups, 128u);
+    if leaf >= params.count { return; }
+    let triangle = topology[params.leaf_triangles_at + leaf];
+    let node = leaf_nodes[leaf];
+    let a = corner(triangle, 0u);
+    let b = corner(triangle, 1u);
+    let c = corner(triangle, 2u);
+    records[3u * leaf] = vec4<u32>(bitcast<vec3<u32>>(a), triangle);
+    records[3u * leaf + 1u] = vec4<u32>(bitcast<vec3<u32>>(b), node);
+    records[3u * leaf + 2u] = vec4<u32>(bitcast<vec3<u32>>(c), 0u);
+
+    let finite = is_finite(a) && is_finite(b) && is_finite(c);
+    var hit = finite;
+    if finite {
+        hit = !is_degenerate(a, b, c);
+    }
+    var low = vec3<u32>(0x7f800000u);
+    var high = vec3<u32>(0xff800000u);
+    if hit {
+        low = bitcast<vec3<u32>>(min(min(a, b), c));
+        high = bitcast<vec3<u32>>(max(max(a, b), c));
+    } else if finite {
+        atomicAdd(&counts[1], 1u);
+    } else {
+        atomicAdd(&counts[0], 1u);
+    }
+    nodes[2u * node] = vec4<u32>(low, LEAF | leaf);
+    nodes[2u * node + 1u] = vec4<u32>(high, 0u);
+}

@@ -1,0 +1,53 @@
+// Whether a ray meets anything but one triangle: the first hit ends the search.
+
+const LEAF: u32 = 0x80000000u;
+
+fn meets_triangle(ray: Prepared, leaf: u32, ignore: u32) -> bool {
+    let first = records[3u * leaf];
+    if first.w == ignore { return false; }
+    let v0 = bitcast<vec3<f32>>(first.xyz);
+    let v1 = bitcast<vec3<f32>>(records[3u * leaf + 1u].xyz);
+    let v2 = bitcast<vec3<f32>>(records[3u * leaf + 2u].xyz);
+    let c = intersect(ray, v0, v1, v2);
+    if !c.hit { return false; }
+    let own = slab(ray, min(min(v0, v1), v2), max(max(v0, v1), v2));
+    let t = min(max(c.t, own.x), own.y);
+    return own.x <= own.y && t > ray.t_min && t < ray.t_max;
+}
+
+fn meets_box(ray: Prepared, low: vec4<u32>, high: vec4<u32>) -> bool {
+    let s = slab(ray, bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz));
+    return s.x <= s.y && s.x <= ray.t_max && s.y >= ray.t_min;
+}
+
+fn find_any(ray: Prepared, ignore: u32) -> bool {
+    var stack: array<u32, 64>;
+    var depth = 0u;
+    var at = nodes[0].w;
+    if !meets_box(ray, nodes[0], nodes[1]) { return false; }
+    loop {
+        var pop = true;
+        if (at & LEAF) != 0u {
+            if meets_triangle(ray, at & 0x7fffffffu, ignore) { return true; }
+        } else {
+            let l0 = nodes[2u * at];
+            let r0 = nodes[2u * at + 2u];
+            let meets_l = meets_box(ray, l0, nodes[2u * at + 1u]);
+            let meets_r = meets_box(ray, r0, nodes[2u * at + 3u]);
+            if meets_l && meets_r {
+                stack[depth] = r0.w;
+                depth += 1u;
+            }
+            if meets_l || meets_r {
+                at = select(r0.w, l0.w, meets_l);
+                pop = false;
+            }
+        }
+        if pop {
+            if depth == 0u { break; }
+            depth -= 1u;
+            at = stack[depth];
+        }
+    }
+    return false;
+}

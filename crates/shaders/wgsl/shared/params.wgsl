@@ -1,0 +1,36 @@
+// What changes from one dispatch to the next. Each kernel reads the part it needs.
+
+struct Params {
+    // Camera: see geom::Camera.
+    eye: vec3<f32>,
+    width: u32,
+    corner: vec3<f32>,
+    height: u32,
+    across: vec3<f32>,
+    ray_count: u32,
+    down: vec3<f32>,
+    // Weight of the later key frame.
+    alpha: f32,
+    light: vec3<f32>,
+    // 2^-k, by which vertices and origins are scaled.
+    scale: f32,
+    // k, as a whole number.
+    scale_exponent: i32,
+    // Elements of this dispatch, and the first of them.
+    count: u32,
+    first: u32,
+    // Where the topology's parts begin, in words.
+    leaf_bits_at: u32,
+    leaf_ranks_at: u32,
+    leaf_triangles_at: u32,
+    node_count: u32,
+    // Always 0, which the compiler must not know.
+    zero: u32,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+
+// The element of this invocation, for dispatches of one or two dimensions.
+fn element(id: vec3<u32>, groups: vec3<u32>, group_size: u32) -> u32 {
+    return id.x + id.y * groups.x * group_size;
+}

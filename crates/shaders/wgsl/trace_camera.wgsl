@@ -1,0 +1,32 @@
+//! use params ieee divide exact ray watertight closest pixels
+// The closest hit of each pixel's ray, made here: geom::Camera::ray.
+
+@group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read> records: array<vec4<u32>>;
+@group(0) @binding(3) var<storage, read_write> hits: array<vec4<u32>>;
+@group(0) @binding(4) var<storage, read_write> counts: array<atomic<u32>>;
+
+fn along(corner: f32, across: f32, down: f32, x: f32, y: f32) -> f32 {
+    return add(add(corner, mul(x, across)), mul(y, down));
+}
+
+@compute @workgroup_size(128)
+fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>) {
+    let pixel = pixel_of(local, group);
+    if pixel.x >= params.width || pixel.y >= params.height { return; }
+    let x = add(f32(pixel.x), 0.5);
+    let y = add(f32(pixel.y), 0.5);
+    let direction = vec3<f32>(
+        along(params.corner.x, params.across.x, params.down.x, x, y),
+        along(params.corner.y, params.across.y, params.down.y, x, y),
+        along(params.corner.z, params.across.z, params.down.z, x, y),
+    );
+    let origin = vec3<f32>(mul(params.eye.x, params.scale), mul(params.eye.y, params.scale), mul(params.eye.z, params.scale));
+    let low = bitcast<vec3<f32>>(nodes[0].xyz);
+    let high = bitcast<vec3<f32>>(nodes[1].xyz);
+    let infinity = bitcast<f32>(0x7f800000u | params.zero);
+    let ray = prepare(origin, direction, 0.0, infinity, low, high);
+    let best = find_closest(ray);
+    hits[pixel.y * params.width + pixel.x] = as_hit(ray, best);
+    if best.triangle != 0xffffffffu { atomicAdd(&counts[2], 1u); }
+}

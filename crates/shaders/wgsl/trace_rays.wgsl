@@ -1,0 +1,22 @@
+//! use params ieee divide exact ray watertight closest given
+// The closest hit of each given ray.
+
+@group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read> records: array<vec4<u32>>;
+@group(0) @binding(3) var<storage, read_write> hits: array<vec4<u32>>;
+@group(0) @binding(4) var<storage, read_write> counts: array<atomic<u32>>;
+@group(0) @binding(5) var<storage, read> rays: array<vec4<u32>>;
+
+@compute @workgroup_size(128)
+fn trace_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = element(id, groups, 128u);
+    if i >= params.count { return; }
+    if is_void(i) {
+        hits[i] = vec4<u32>(0x7f800000u, 0u, 0u, 0xffffffffu);
+        return;
+    }
+    let ray = given_ray(i);
+    let best = find_closest(ray);
+    hits[i] = as_hit(ray, best);
+    if best.triangle != 0xffffffffu { atomicAdd(&counts[2], 1u); }
+}
