@@ -7,6 +7,7 @@ use crate::instance::{Adapter, Host};
 use crate::memory::{Buffer, Place};
 use crate::pipelines::Pipelines;
 use crate::scene::{SceneBuffers, within};
+use crate::selftest;
 use crate::slot::{Slot, Stage};
 use crate::snapshots::{Snapshots, UnderWay};
 use crate::transfer::{Transfer, wait_for};
@@ -98,7 +99,7 @@ impl VulkanBackend {
         let slots = (0..4)
             .map(|_| Slot::new(&gpu))
             .collect::<Result<Vec<_>>>()?;
-        Ok(Self {
+        let mut made = Self {
             device,
             timeline: timeline(&gpu)?,
             submitted: 0,
@@ -119,7 +120,25 @@ impl VulkanBackend {
             counts: (0, 0),
             pipelines: Pipelines::new(&gpu)?,
             gpu,
-        })
+        };
+        made.test_arithmetic()?;
+        Ok(made)
+    }
+
+    fn test_arithmetic(&mut self) -> Result<()> {
+        self.submitted += 1;
+        let (gpu, timeline, value) = (&self.gpu, self.timeline, self.submitted);
+        let submit = |commands| {
+            submit(gpu, commands, None, (timeline, value))?;
+            Ok((timeline, value))
+        };
+        selftest::run(
+            gpu,
+            &mut self.slots[0],
+            &self.pipelines,
+            &mut self.transfer,
+            submit,
+        )
     }
 
     /// What the validation layer has said so far.
@@ -560,7 +579,13 @@ impl Backend for VulkanBackend {
         self.submitted += 1;
         let ticket = Ticket(self.submitted);
         let arriving = self.tree.as_mut().and_then(|t| t.arriving.take());
-        self.submit_commands(i, arriving)?;
+        let arriving = arriving.map(|value| (self.transfer.done, value));
+        submit(
+            &self.gpu,
+            self.slots[i].commands,
+            arriving,
+            (self.timeline, ticket.0),
+        )?;
         self.slots[i].ticket = Some(ticket);
         if let Some(mut trace) = self.pending_trace.take() {
             trace.ticket = ticket;
@@ -610,30 +635,6 @@ impl Backend for VulkanBackend {
 }
 
 impl VulkanBackend {
-    fn submit_commands(&self, slot: usize, arriving: Option<u64>) -> Result<()> {
-        let waits: Vec<_> = arriving.iter().map(|_| self.transfer.done).collect();
-        let wait_values: Vec<_> = arriving.into_iter().collect();
-        let stages = vec![vk::PipelineStageFlags::COMPUTE_SHADER; waits.len()];
-        let (signals, signal_values) = ([self.timeline], [self.submitted]);
-        let mut values = vk::TimelineSemaphoreSubmitInfo::default()
-            .wait_semaphore_values(&wait_values)
-            .signal_semaphore_values(&signal_values);
-        let commands = [self.slots[slot].commands];
-        let submit = vk::SubmitInfo::default()
-            .wait_semaphores(&waits)
-            .wait_dst_stage_mask(&stages)
-            .command_buffers(&commands)
-            .signal_semaphores(&signals)
-            .push_next(&mut values);
-        // SAFETY: the backend has one owner, so the queue is used by one thread; all buffers live.
-        unsafe {
-            self.gpu
-                .vk
-                .queue_submit(self.gpu.compute.queue, &[submit], vk::Fence::null())
-        }
-        .map_err(failed("a submission"))
-    }
-
     /// Sends the positions that `ticket` wrote to the host, on the transfer queue.
     fn send_positions(&mut self, ticket: Ticket, slot: usize) -> Result<()> {
         let bytes = (self.scene().animation.vertex_count() * 12) as u64;
@@ -682,6 +683,34 @@ impl VulkanBackend {
         }
         Ok(())
     }
+}
+
+/// Submits to the compute queue: after one timeline's value, up to another's.
+fn submit(
+    gpu: &Gpu,
+    commands: vk::CommandBuffer,
+    after: Option<(vk::Semaphore, u64)>,
+    (done, value): (vk::Semaphore, u64),
+) -> Result<()> {
+    let (waits, wait_values): (Vec<_>, Vec<_>) = after.into_iter().unzip();
+    let stages = vec![vk::PipelineStageFlags::COMPUTE_SHADER; waits.len()];
+    let (signals, signal_values) = ([done], [value]);
+    let mut values = vk::TimelineSemaphoreSubmitInfo::default()
+        .wait_semaphore_values(&wait_values)
+        .signal_semaphore_values(&signal_values);
+    let commands = [commands];
+    let submit = vk::SubmitInfo::default()
+        .wait_semaphores(&waits)
+        .wait_dst_stage_mask(&stages)
+        .command_buffers(&commands)
+        .signal_semaphores(&signals)
+        .push_next(&mut values);
+    // SAFETY: the backend has one owner, so the queue is used by one thread; all buffers live.
+    unsafe {
+        gpu.vk
+            .queue_submit(gpu.compute.queue, &[submit], vk::Fence::null())
+    }
+    .map_err(failed("a submission"))
 }
 
 impl Inspect for VulkanBackend {

@@ -14,6 +14,7 @@ mod instance;
 mod memory;
 mod pipelines;
 mod scene;
+mod selftest;
 mod slot;
 mod snapshots;
 mod transfer;

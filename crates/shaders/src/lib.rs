@@ -5,6 +5,7 @@
 //! WGSL whose arithmetic a compiler cannot see through, for those who cannot.
 //! Both give the bits that `cpu-ref` gives.
 
+pub mod arithmetic;
 mod params;
 
 pub use params::Params;

@@ -1,0 +1,146 @@
+//! A device's arithmetic put to the test before anybody relies on it.
+//!
+//! Backends run the kernel `arithmetic` on [`operands`] when they open a
+//! device, and refuse one that [`verify`] finds wrong: equality across devices
+//! rests on single rounding, no fusing, no regrouping, and on the integer
+//! arithmetic of `divide.wgsl` and `exact.wgsl`.
+
+/// A device that does not compute as every kernel needs it to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WrongArithmetic {
+    /// Which operation.
+    pub operation: &'static str,
+    /// On what.
+    pub operands: [f32; 4],
+    /// What the device gave, as bits.
+    pub found: u32,
+    /// What IEEE 754 has, as bits.
+    pub expected: u32,
+}
+
+impl std::fmt::Display for WrongArithmetic {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            operation,
+            operands,
+            found,
+            expected,
+        } = self;
+        write!(
+            f,
+            "{operation} of {operands:?} gives bits {found:#010x}, IEEE 754 has {expected:#010x}"
+        )
+    }
+}
+
+/// Operand quadruples: moderate exponents, near cancellation, halfway mantissas, exponents far apart, equal products.
+#[must_use]
+pub fn operands() -> Vec<[f32; 4]> {
+    let mut state = 0x9E37_79B9_7F4A_7C15_u64;
+    let mut next = move || {
+        // SplitMix64 (Steele, Lea, Flood 2014).
+        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    };
+    let mut number = move |spread: u32| {
+        let bits = next();
+        let exponent = 127 - spread / 2 + (bits >> 32) as u32 % spread;
+        let mantissa = match bits >> 60 {
+            0 => 0,
+            1 => 0x7f_ffff,
+            2 => 0x40_0000,
+            _ => bits as u32 & 0x7f_ffff,
+        };
+        f32::from_bits(((bits >> 50) as u32 & 1) << 31 | exponent << 23 | mantissa)
+    };
+    let step = |x: f32, by: i32| f32::from_bits(x.to_bits().wrapping_add_signed(by));
+    (0..4096)
+        .map(|i| {
+            let (a, b, c, d) = (number(40), number(40), number(40), number(40));
+            match i % 6 {
+                0 => [a, b, c, d],
+                1 => [a, b, -step(a, 1), step(b, -1)],
+                2 => [a, b, b, a],
+                3 => [a, b, -a, step(b, 1)],
+                4 => [a, step(a, 2), step(a, 1), step(a, 1)],
+                _ => [a, number(2), c, number(2)],
+            }
+        })
+        .collect()
+}
+
+/// Compares what the kernel wrote with what IEEE 754 has.
+///
+/// # Errors
+/// The first operation that is wrong.
+pub fn verify(operands: &[[f32; 4]], results: &[[u32; 4]]) -> Result<(), WrongArithmetic> {
+    const NAMES: [&str; 4] = [
+        "a * b + c * d",
+        "(a + b) - a",
+        "a / b",
+        "the sign of a * b - c * d",
+    ];
+    for (x, found) in operands.iter().zip(results) {
+        let expected = expect(*x);
+        if let Some(i) = (0..4).find(|&i| found[i] != expected[i]) {
+            return Err(WrongArithmetic {
+                operation: NAMES[i],
+                operands: *x,
+                found: found[i],
+                expected: expected[i],
+            });
+        }
+    }
+    Ok(())
+}
+
+fn expect([a, b, c, d]: [f32; 4]) -> [u32; 4] {
+    // Products of two f32 are exact in f64.
+    let [p, q] = [f64::from(a) * f64::from(b), f64::from(c) * f64::from(d)];
+    let sign = i32::from(p > q) - i32::from(p < q);
+    [
+        (a * b + c * d).to_bits(),
+        ((a + b) - a).to_bits(),
+        (a / b).to_bits(),
+        sign as u32,
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fusing_and_regrouping_would_be_seen() {
+        let all = operands();
+        let right: Vec<_> = all.iter().map(|x| expect(*x)).collect();
+        assert!(verify(&all, &right).is_ok());
+        let with = |i: usize, f: fn([f32; 4]) -> u32| {
+            let mut wrong = right.clone();
+            for (w, x) in wrong.iter_mut().zip(&all) {
+                w[i] = f(*x);
+            }
+            verify(&all, &wrong)
+        };
+        let fused = with(0, |[a, b, c, d]| a.mul_add(b, c * d).to_bits());
+        assert_eq!(fused.unwrap_err().operation, "a * b + c * d");
+        assert_eq!(
+            with(1, |x| x[1].to_bits()).unwrap_err().operation,
+            "(a + b) - a"
+        );
+        assert_eq!(
+            with(2, |x| (x[0] * (1.0 / x[1])).to_bits())
+                .unwrap_err()
+                .operation,
+            "a / b"
+        );
+        let rounded = with(3, |[a, b, c, d]| {
+            let s = a * b - c * d;
+            (i32::from(s > 0.0) - i32::from(s < 0.0)) as u32
+        });
+        assert!(rounded.unwrap_err().operation.starts_with("the sign"));
+    }
+}

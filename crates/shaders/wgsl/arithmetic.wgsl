@@ -1,0 +1,16 @@
+//! use params ieee divide exact
+// What every other kernel relies on, on operands chosen to break it.
+
+@group(0) @binding(1) var<storage, read> operands: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read_write> results: array<vec4<u32>>;
+
+@compute @workgroup_size(128)
+fn arithmetic(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = element(id, groups, 128u);
+    if i >= params.count { return; }
+    let x = bitcast<vec4<f32>>(operands[i]);
+    let sum = add(mul(x.x, x.y), mul(x.z, x.w));
+    let back = sub(add(x.x, x.y), x.x);
+    let sign = sign_of_difference(x.x, x.y, x.z, x.w);
+    results[i] = vec4<u32>(bitcast<u32>(sum), bitcast<u32>(back), bitcast<u32>(divide(x.x, x.y)), bitcast<u32>(sign));
+}
