@@ -1,0 +1,122 @@
+//! Every law on every backend: `backend::law`.
+//!
+//! A backend that this machine lacks shows as ignored, with the reason in its
+//! trials' kind; `ABVH_REQUIRE_BACKENDS=cpu,wgpu,vulkan` turns such absence
+//! red. GPU backends run under the Vulkan validation layers where they are
+//! installed, and any message is a failure. `ABVH_CASES` and `ABVH_SEED` choose
+//! how many cases a law sees and which.
+
+use backend::Backend;
+use conformance::{LAWS, Law, hold};
+use cpu_ref::CpuBackend;
+use gpu_vulkan::VulkanBackend;
+use gpu_wgpu::WgpuBackend;
+use libtest_mimic::{Arguments, Failed, Trial};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A backend and what its driver complains of.
+trait Subject: Send {
+    fn backend(&mut self) -> &mut dyn Backend;
+    /// Messages of validation layers since it was opened.
+    fn complaints(&self) -> Vec<String>;
+}
+
+impl Subject for CpuBackend {
+    fn backend(&mut self) -> &mut dyn Backend {
+        self
+    }
+    fn complaints(&self) -> Vec<String> {
+        Vec::new()
+    }
+}
+
+impl Subject for VulkanBackend {
+    fn backend(&mut self) -> &mut dyn Backend {
+        self
+    }
+    fn complaints(&self) -> Vec<String> {
+        self.validation_messages()
+    }
+}
+
+impl Subject for WgpuBackend {
+    fn backend(&mut self) -> &mut dyn Backend {
+        self
+    }
+    fn complaints(&self) -> Vec<String> {
+        self.validation_messages()
+    }
+}
+
+type Open = fn() -> backend::Result<Box<dyn Subject>>;
+
+/// All backends, by the name under which they may be required.
+const BACKENDS: &[(&str, &str, Open)] = &[
+    ("cpu", "cpu", || Ok(Box::new(CpuBackend::new(Some(2))?))),
+    ("vulkan", "vulkan", || Ok(Box::new(VulkanBackend::new(&vulkan())?))),
+    ("wgpu", "wgpu", || Ok(Box::new(WgpuBackend::new(&wgpu(false))?))),
+    ("wgpu-wgsl", "wgpu", || Ok(Box::new(WgpuBackend::new(&wgpu(true))?))),
+];
+
+fn vulkan() -> gpu_vulkan::Options {
+    gpu_vulkan::Options { validation: true, ..Default::default() }
+}
+
+fn wgpu(force_wgsl: bool) -> gpu_wgpu::Options {
+    gpu_wgpu::Options { validation: true, checked: true, force_wgsl, ..Default::default() }
+}
+
+fn main() {
+    let arguments = Arguments::from_args();
+    let required = std::env::var("ABVH_REQUIRE_BACKENDS").unwrap_or_default();
+    let required: Vec<_> = required.split(',').map(str::trim).collect();
+    let mut trials = Vec::new();
+    for &(name, requirement, open) in BACKENDS {
+        match open() {
+            Ok(subject) => trials.extend(laws_of(name, subject)),
+            Err(e) => trials.extend(absent(name, &e.to_string(), required.contains(&requirement))),
+        }
+    }
+    libtest_mimic::run(&arguments, trials).exit();
+}
+
+fn laws_of(name: &'static str, subject: Box<dyn Subject>) -> Vec<Trial> {
+    let subject = Arc::new(Mutex::new(subject));
+    let trial = |law: &'static Law| {
+        let subject = Arc::clone(&subject);
+        Trial::test(format!("{name}::{}", law.name), move || {
+            let mut subject = subject.lock().unwrap_or_else(PoisonError::into_inner);
+            check(law, subject.as_mut())
+        })
+    };
+    LAWS.iter().map(trial).collect()
+}
+
+fn check(law: &Law, subject: &mut dyn Subject) -> Result<(), Failed> {
+    let mut reference = CpuBackend::new(Some(1)).map_err(|e| e.to_string())?;
+    let before = subject.complaints().len();
+    hold(law, subject.backend(), &mut reference, number("ABVH_SEED", 1), cases())
+        .map_err(|e| e.to_string())?;
+    match subject.complaints().get(before) {
+        None => Ok(()),
+        Some(message) => Err(format!("the validation layer says: {message}").into()),
+    }
+}
+
+/// An absent backend's laws: ignored, or failed where the backend is required.
+fn absent(name: &str, why: &str, required: bool) -> Vec<Trial> {
+    let trial = |law: &Law| {
+        let why = why.to_owned();
+        Trial::test(format!("{name}::{}", law.name), move || Err(format!("absent: {why}").into()))
+    };
+    let kind = format!("absent: {why}");
+    LAWS.iter().map(|l| trial(l).with_kind(&kind).with_ignored_flag(!required)).collect()
+}
+
+fn cases() -> u32 {
+    u32::try_from(number("ABVH_CASES", 35)).unwrap_or(u32::MAX)
+}
+
+fn number(variable: &str, default: u64) -> u64 {
+    std::env::var(variable).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
+}
