@@ -1,0 +1,172 @@
+//! What wgpu offers on this machine, and which of it to take.
+
+use crate::modules::Modules;
+use backend::{BackendError, DeviceKind, Result};
+use wgpu::{Backends, Features, InstanceFlags};
+
+/// How to open the backend.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// An adapter's index or a part of its name; the first GPU, else the first adapter, if not given.
+    pub adapter: Option<String>,
+    /// Runs under the graphics interface's own validation layer where it is
+    /// installed. See [`crate::WgpuBackend::validation_messages`].
+    pub validation: bool,
+    /// Has wgpu add bounds and loop checks to the kernels; implies WGSL.
+    pub checked: bool,
+    /// Takes the kernels' WGSL even where the adapter would take their SPIR-V.
+    pub force_wgsl: bool,
+}
+
+impl Options {
+    pub(crate) fn modules(&self) -> Modules {
+        match (self.checked, self.force_wgsl) {
+            (true, _) => Modules::CheckedWgsl,
+            (false, true) => Modules::TrustedWgsl,
+            (false, false) => Modules::Best,
+        }
+    }
+}
+
+/// An adapter that wgpu offers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Adapter {
+    /// Its place in wgpu's list.
+    pub index: usize,
+    /// The adapter's own name.
+    pub name: String,
+    /// Driver and version.
+    pub driver: String,
+    /// The graphics interface behind it, such as `Vulkan`.
+    pub api: String,
+    /// What kind of machine it is.
+    pub kind: DeviceKind,
+    /// Bytes that one storage buffer may span.
+    pub max_buffer_bytes: u64,
+    /// Storage buffers that one kernel may have.
+    pub max_storage_buffers: u32,
+    /// Whether stages can be timed by the device's clock.
+    pub has_timestamps: bool,
+    /// Whether the kernels' SPIR-V goes in as it is.
+    pub takes_spirv: bool,
+}
+
+/// Every adapter that wgpu offers on this machine.
+///
+/// # Errors
+/// [`BackendError::NoDevice`] where there is none.
+pub fn adapters() -> Result<Vec<Adapter>> {
+    let found = enumerate(&instance(false))?;
+    Ok(found
+        .iter()
+        .enumerate()
+        .map(|(i, a)| describe(i, a))
+        .collect())
+}
+
+/// An instance for compute: no window, nothing left to a default that depends on the build.
+pub(crate) fn instance(validation: bool) -> wgpu::Instance {
+    let mut desc = wgpu::InstanceDescriptor::new_without_display_handle();
+    desc.backends = Backends::VULKAN | Backends::METAL | Backends::DX12;
+    desc.flags = match validation {
+        true => InstanceFlags::VALIDATION | InstanceFlags::DEBUG,
+        false => InstanceFlags::empty(),
+    };
+    wgpu::Instance::new(desc)
+}
+
+pub(crate) fn enumerate(instance: &wgpu::Instance) -> Result<Vec<wgpu::Adapter>> {
+    let found = pollster::block_on(instance.enumerate_adapters(Backends::all()));
+    if found.is_empty() {
+        let why = "wgpu finds no Vulkan, Metal or DirectX 12 adapter".to_owned();
+        return Err(BackendError::NoDevice(why));
+    }
+    Ok(found)
+}
+
+pub(crate) fn describe(index: usize, adapter: &wgpu::Adapter) -> Adapter {
+    let info = adapter.get_info();
+    let (limits, features) = (adapter.limits(), adapter.features());
+    Adapter {
+        index,
+        driver: driver(&info),
+        api: info.backend.to_string(),
+        kind: kind(&info),
+        max_buffer_bytes: crate::limits::span(&limits),
+        max_storage_buffers: limits.max_storage_buffers_per_shader_stage,
+        has_timestamps: features.contains(Features::TIMESTAMP_QUERY),
+        takes_spirv: takes_spirv(&info, features),
+        name: info.name,
+    }
+}
+
+pub(crate) fn driver(info: &wgpu::AdapterInfo) -> String {
+    format!("{} {}", info.driver, info.driver_info)
+        .trim()
+        .to_owned()
+}
+
+pub(crate) fn kind(info: &wgpu::AdapterInfo) -> DeviceKind {
+    match info.device_type {
+        wgpu::DeviceType::Cpu => DeviceKind::Software,
+        _ => DeviceKind::Gpu,
+    }
+}
+
+/// Metal and DirectX 12 pass shaders through as well, but not SPIR-V.
+pub(crate) fn takes_spirv(info: &wgpu::AdapterInfo, features: Features) -> bool {
+    info.backend == wgpu::Backend::Vulkan && features.contains(Features::PASSTHROUGH_SHADERS)
+}
+
+/// The adapter asked for by index or part of its name; else the first GPU, else the first of all.
+pub(crate) fn choose(list: &[Adapter], wanted: Option<&str>) -> Result<usize> {
+    let Some(wanted) = wanted else {
+        let gpu = list.iter().position(|a| a.kind == DeviceKind::Gpu);
+        return Ok(gpu.unwrap_or(0));
+    };
+    let by_index = wanted.parse::<usize>().ok().filter(|&i| i < list.len());
+    let lower = wanted.to_lowercase();
+    let named = |a: &Adapter| a.name.to_lowercase().contains(&lower);
+    by_index
+        .or_else(|| list.iter().position(named))
+        .ok_or_else(|| {
+            let names: Vec<_> = list
+                .iter()
+                .map(|a| format!("{} {}", a.index, a.name))
+                .collect();
+            BackendError::NoDevice(format!("no adapter '{wanted}' among: {}", names.join(", ")))
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn adapter(index: usize, name: &str, kind: DeviceKind) -> Adapter {
+        Adapter {
+            index,
+            name: name.to_owned(),
+            driver: String::new(),
+            api: String::new(),
+            kind,
+            max_buffer_bytes: 0,
+            max_storage_buffers: 8,
+            has_timestamps: false,
+            takes_spirv: false,
+        }
+    }
+
+    #[test]
+    fn an_adapter_is_chosen_by_index_by_part_of_its_name_or_for_being_a_gpu() {
+        let list = [
+            adapter(0, "llvmpipe", DeviceKind::Software),
+            adapter(1, "Fast Card", DeviceKind::Gpu),
+        ];
+        assert_eq!(choose(&list, None), Ok(1));
+        assert_eq!(choose(&list[..1], None), Ok(0));
+        assert_eq!(choose(&list, Some("0")), Ok(0));
+        assert_eq!(choose(&list, Some("fast")), Ok(1));
+        let refused = choose(&list, Some("9")).unwrap_err().to_string();
+        assert!(refused.contains("0 llvmpipe, 1 Fast Card"), "{refused}");
+    }
+}

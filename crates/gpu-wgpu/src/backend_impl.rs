@@ -1,0 +1,331 @@
+//! The seam, carried out.
+
+use crate::adapters::{Options, driver, kind};
+use crate::buffers::Window;
+use crate::device::Gpu;
+use crate::encode::{Groups, Work};
+use crate::faults::layer_messages;
+use crate::frames::Frames;
+use crate::modules::Modules;
+use crate::pipelines::Pipelines;
+use crate::queries::Stage;
+use crate::scene::SceneBuffers;
+use crate::selftest;
+use crate::snapshots::Snapshots;
+use crate::stages::Also;
+use crate::traces::Traces;
+use crate::tree::TreeBuffers;
+use backend::{
+    Backend, BackendError, Device, FrameReport, Generation, Hits, Inspect, Intersector, Layout,
+    Method, Query, Rays, Result, Seek, Snapshot, Ticket,
+};
+use bvh_layout::Topology;
+use geom::{Animation, Camera, Pose, Ray};
+use shaders::Params;
+use std::sync::Arc;
+
+/// The backend that computes through wgpu.
+///
+/// Stages are timed by the device's clock where it has timestamps; where it has
+/// none, each stage's time is `None` and `device_ms` is the host's, from the
+/// submission to the moment its end was seen.
+pub struct WgpuBackend {
+    device: Device,
+    pub(crate) frames: Frames,
+    traces: Traces,
+    snapshots: Snapshots,
+    pub(crate) window: Window,
+    pub(crate) scene: Option<SceneBuffers>,
+    pub(crate) tree: Option<TreeBuffers>,
+    /// Which of the two position buffers is current.
+    pub(crate) position: usize,
+    pub(crate) alpha: f32,
+    stale: Stale,
+    /// Whether the lists of the tree in use are filled.
+    expanded: bool,
+    pub(crate) pipelines: Pipelines,
+    pub(crate) gpu: Gpu,
+    validation: bool,
+}
+
+/// What must run before a trace.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Stale {
+    Positions,
+    Records,
+    Boxes,
+    Fresh,
+}
+
+impl WgpuBackend {
+    /// Opens an adapter.
+    ///
+    /// # Errors
+    /// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`]
+    /// with the limit that the adapter does not reach.
+    pub fn new(options: &Options) -> Result<Self> {
+        let gpu = Gpu::open(options.adapter.as_deref(), options.validation)?;
+        Self::over(gpu, options.modules(), options.validation)
+    }
+
+    /// Computes on a device that an engine opened, with the features and limits
+    /// it has: see [`crate::required_features`], [`crate::useful_features`] and
+    /// [`crate::required_limits`]. The engine's error handler and its callback
+    /// for a lost device are left alone.
+    ///
+    /// # Errors
+    /// [`BackendError::Limit`] with the limit that the device does not reach,
+    /// or [`BackendError::NoDevice`] if its arithmetic is wrong.
+    pub fn from_device(
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+        info: wgpu::AdapterInfo,
+    ) -> Result<Self> {
+        Self::over(Gpu::lent(device, queue, info)?, Modules::Best, false)
+    }
+
+    fn over(gpu: Gpu, modules: Modules, validation: bool) -> Result<Self> {
+        let pipelines = Pipelines::new(&gpu, modules)?;
+        let mut window = Window::default();
+        selftest::run(&gpu, &pipelines, &mut window)?;
+        Ok(Self {
+            device: Device {
+                backend: "wgpu",
+                adapter: gpu.info.name.clone(),
+                driver: driver(&gpu.info),
+                kind: kind(&gpu.info),
+                threads: 0,
+            },
+            frames: Frames::new(&gpu)?,
+            traces: Traces::default(),
+            snapshots: Snapshots::default(),
+            window,
+            scene: None,
+            tree: None,
+            position: 0,
+            alpha: 0.0,
+            stale: Stale::Positions,
+            expanded: false,
+            pipelines,
+            gpu,
+            validation,
+        })
+    }
+
+    /// What wgpu refused so far on this device and, if the backend was opened
+    /// with validation, what the layer below it called an error.
+    ///
+    /// wgpu passes on the layer's errors in builds with debug assertions alone,
+    /// and for the process as a whole. Where the layer is not installed, it has
+    /// nothing to say.
+    #[must_use]
+    pub fn validation_messages(&self) -> Vec<String> {
+        let mut messages = self.gpu.faults.messages();
+        if self.validation {
+            messages.extend(layer_messages());
+        }
+        messages
+    }
+
+    pub(crate) fn scene(&self) -> &SceneBuffers {
+        self.scene.as_ref().expect("a scene was loaded")
+    }
+
+    pub(crate) fn tree(&self) -> &TreeBuffers {
+        self.tree.as_ref().expect("a scene was loaded")
+    }
+}
+
+fn refuse_unsupported(method: Method) -> Result<()> {
+    let what = if method.intersector != Intersector::Watertight {
+        format!("intersector '{}'", method.intersector)
+    } else if method.layout != Layout::Bvh2 {
+        format!("layout '{}'", method.layout)
+    } else {
+        return Ok(());
+    };
+    Err(BackendError::Unsupported {
+        backend: "wgpu",
+        what,
+    })
+}
+
+impl Backend for WgpuBackend {
+    fn device(&self) -> &Device {
+        &self.device
+    }
+
+    fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
+        refuse_unsupported(method)?;
+        self.frames.forget(&self.gpu)?;
+        self.snapshots.forget();
+        self.traces = Traces::default();
+        (self.scene, self.tree) = (None, None);
+        (self.position, self.stale, self.expanded) = (0, Stale::Positions, false);
+        self.tree = Some(TreeBuffers::new(&self.gpu, &animation)?);
+        self.scene = Some(SceneBuffers::new(&self.gpu, animation)?);
+        Ok(())
+    }
+
+    fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
+        assert!(generation > self.tree().generation, "generations rise");
+        assert!(
+            !self.frames.is_recording(),
+            "trees are adopted between submissions"
+        );
+        let current = self.tree.as_mut().expect("a scene was loaded");
+        current.adopt(&self.gpu, tree, generation)?;
+        self.expanded = false;
+        self.stale = self.stale.min(Stale::Records);
+        Ok(())
+    }
+
+    fn interpolate(&mut self, pose: Pose) -> Result<()> {
+        self.position = self.snapshots.free_position(self.position);
+        self.alpha = pose.alpha;
+        let mut params = self.params();
+        params.count = (self.scene().animation.vertex_count() * 3).div_ceil(4) as u32;
+        let groups = Groups::Linear(params.count);
+        let work = [Work {
+            kernel: "interpolate",
+            params,
+            groups,
+        }];
+        self.run(Stage::Interpolate, &work, Also::key(pose.key))?;
+        self.stale = Stale::Records;
+        Ok(())
+    }
+
+    fn preprocess(&mut self) -> Result<()> {
+        assert!(self.stale >= Stale::Records, "positions come first");
+        assert!(self.tree().generation > Generation(0), "a tree comes first");
+        let mut params = self.params();
+        let mut work = Vec::new();
+        if !self.expanded {
+            let groups = Groups::Linear(params.node_count);
+            work.push(Work {
+                kernel: "expand",
+                params,
+                groups,
+            });
+        }
+        params.count = self.tree().leaf_count;
+        let groups = Groups::Linear(params.count);
+        work.push(Work {
+            kernel: "preprocess",
+            params,
+            groups,
+        });
+        self.run(Stage::Preprocess, &work, Also::default())?;
+        self.expanded = true;
+        self.stale = Stale::Boxes;
+        Ok(())
+    }
+
+    fn refit(&mut self) -> Result<()> {
+        assert!(self.stale >= Stale::Boxes, "boxes of leaves come first");
+        let params = self.params();
+        let levels = self
+            .tree()
+            .levels
+            .iter()
+            .rev()
+            .filter(|l| !l.inner.is_empty());
+        let level = |inner: std::ops::Range<u32>| {
+            let (first, count) = (inner.start, inner.len() as u32);
+            let params = Params {
+                first,
+                count,
+                ..params
+            };
+            Work {
+                kernel: "refit",
+                params,
+                groups: Groups::Linear(count),
+            }
+        };
+        let work: Vec<_> = levels.map(|l| level(l.inner.clone())).collect();
+        self.run(Stage::Refit, &work, Also::default())?;
+        self.stale = Stale::Fresh;
+        Ok(())
+    }
+
+    fn trace(&mut self, query: Query<'_>) -> Result<()> {
+        assert!(
+            self.stale == Stale::Fresh,
+            "a stale tree must not be traced"
+        );
+        assert!(self.traces.pending.is_none(), "one trace a submission");
+        // No kernel seeks any hit of a camera's rays; made here they have the same bits.
+        let made: Vec<Ray>;
+        let rays = match (query.rays, query.seek) {
+            (Rays::Camera(camera), Seek::Any) => {
+                self.gpu.within("the rays", camera.pixels() as u64 * 32)?;
+                made = all_rays(camera);
+                Rays::List(&made)
+            }
+            (rays, _) => rays,
+        };
+        let list = match rays {
+            Rays::List(list) => Some(list),
+            Rays::Camera(_) => None,
+        };
+        let trace = self
+            .traces
+            .make(&self.gpu, rays.count(), query.seek, list)?;
+        self.trace_stages(&Query { rays, ..query }, &trace)?;
+        self.traces.pending = Some(trace);
+        Ok(())
+    }
+
+    fn request_positions(&mut self) -> Result<()> {
+        assert!(self.stale >= Stale::Records, "positions come first");
+        self.frames.record(&self.gpu)?;
+        self.snapshots.ask(self.position);
+        Ok(())
+    }
+
+    fn submit(&mut self) -> Result<Ticket> {
+        let never_active = self.scene().never_active();
+        let bytes = self.scene().animation.vertex_count() as u64 * 12;
+        let scene = self.scene.as_ref().expect("a scene was loaded");
+        let slot = self.frames.record(&self.gpu)?;
+        let begun = self
+            .snapshots
+            .record(&self.gpu, slot.encoder(), &scene.positions, bytes)?;
+        slot.readback_bytes = begun.as_ref().map_or(0, |_| bytes);
+        let ticket = self.frames.submit(&self.gpu, never_active)?;
+        self.frames.remember(ticket, self.traces.submitted(ticket));
+        if let Some(begun) = begun {
+            self.snapshots.follow(&self.gpu, begun, ticket)?;
+        }
+        Ok(ticket)
+    }
+
+    fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
+        let never_active = self.scene().never_active();
+        self.frames.retire(&self.gpu, ticket, never_active)
+    }
+
+    fn hits(&mut self, ticket: Ticket, out: &mut Hits) -> Result<()> {
+        self.wait(ticket)?;
+        let trace = self.traces.get(ticket);
+        trace.fetch(&self.gpu, &mut self.window, out)
+    }
+
+    fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
+        self.gpu.poll()?;
+        let vertices = self.scene().animation.vertex_count();
+        self.snapshots.take(&self.gpu, vertices)
+    }
+
+    fn inspect(&mut self) -> &mut dyn Inspect {
+        self
+    }
+}
+
+/// A camera's rays, row by row.
+fn all_rays(camera: &Camera) -> Vec<Ray> {
+    let row = |y| (0..camera.width).map(move |x| camera.ray(x, y));
+    (0..camera.height).flat_map(row).collect()
+}

@@ -1,0 +1,176 @@
+//! Buffers: made, filled, copied, mapped.
+
+use crate::device::Gpu;
+use backend::{BackendError, Result};
+use bytemuck::Pod;
+use std::sync::{Arc, OnceLock};
+use wgpu::{Buffer, BufferUsages, CommandEncoder};
+
+/// Bytes of one copy command, so that a large read-back does not starve what computes beside it.
+const PIECE: u64 = 512 << 10;
+
+/// A buffer that kernels read and write.
+pub(crate) fn storage(gpu: &Gpu, what: &str, bytes: u64) -> Result<Buffer> {
+    let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+    make(gpu, what, bytes, usage)
+}
+
+/// A buffer that the host maps to read.
+pub(crate) fn readback(gpu: &Gpu, what: &str, bytes: u64) -> Result<Buffer> {
+    make(
+        gpu,
+        what,
+        bytes,
+        BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+    )
+}
+
+/// At least 16 bytes, so that an empty scene has buffers to bind.
+pub(crate) fn make(gpu: &Gpu, what: &str, bytes: u64, usage: BufferUsages) -> Result<Buffer> {
+    let size = bytes.max(16).next_multiple_of(16);
+    let limit = gpu.limits.max_buffer_size;
+    if size > limit {
+        let what = format!("{what} (bytes of one buffer)");
+        return Err(BackendError::Limit {
+            what,
+            need: size,
+            limit,
+        });
+    }
+    let desc = wgpu::BufferDescriptor {
+        label: Some(what),
+        size,
+        usage,
+        mapped_at_creation: false,
+    };
+    gpu.guard(what, size, || gpu.device.create_buffer(&desc))
+}
+
+/// Writes at a byte offset, before all that is submitted later.
+pub(crate) fn write<T: Pod>(gpu: &Gpu, to: &Buffer, at: u64, data: &[T]) -> Result<()> {
+    let bytes: &[u8] = bytemuck::cast_slice(data);
+    gpu.guard("an upload", bytes.len() as u64, || {
+        gpu.queue.write_buffer(to, at, bytes);
+    })
+}
+
+/// Uploads while a scene is loaded: in pieces, so that no more than a few are under way at a time.
+pub(crate) struct Loader<'a> {
+    gpu: &'a Gpu,
+    under_way: usize,
+}
+
+impl<'a> Loader<'a> {
+    const BYTES: usize = 32 << 20;
+
+    pub(crate) fn new(gpu: &'a Gpu) -> Self {
+        Self { gpu, under_way: 0 }
+    }
+
+    pub(crate) fn send<T: Pod>(&mut self, data: &[T], to: &Buffer) -> Result<()> {
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        for (i, piece) in bytes.chunks(Self::BYTES).enumerate() {
+            write(self.gpu, to, (i * Self::BYTES) as u64, piece)?;
+            self.under_way += piece.len();
+            if self.under_way >= Self::BYTES {
+                self.flush()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits for what was sent.
+    pub(crate) fn flush(&mut self) -> Result<()> {
+        self.under_way = 0;
+        self.gpu
+            .guard("an upload", 0, || self.gpu.queue.submit([]))?;
+        self.gpu.wait_idle()
+    }
+}
+
+/// Records a copy in pieces.
+pub(crate) fn copy(encoder: &mut CommandEncoder, from: &Buffer, to: &Buffer, bytes: u64) {
+    let mut at = 0;
+    while at < bytes {
+        let size = PIECE.min(bytes - at);
+        encoder.copy_buffer_to_buffer(from, at, to, at, size);
+        at += size;
+    }
+}
+
+/// A mapping asked for; it arrives while the device is polled.
+#[derive(Clone)]
+pub(crate) struct Mapping(Arc<OnceLock<bool>>);
+
+impl Mapping {
+    pub(crate) fn ask(gpu: &Gpu, buffer: &Buffer) -> Result<Self> {
+        let done = Arc::new(OnceLock::new());
+        let heard = Arc::clone(&done);
+        gpu.guard("mapping a buffer", 0, || {
+            buffer.map_async(wgpu::MapMode::Read, .., move |result| {
+                let _ = heard.set(result.is_ok());
+            });
+        })?;
+        Ok(Self(done))
+    }
+
+    /// Whether the host can read.
+    pub(crate) fn has_arrived(&self) -> bool {
+        self.0.get() == Some(&true)
+    }
+
+    /// Likewise; a mapping that wgpu refused means that the device is gone.
+    pub(crate) fn poll(&self, gpu: &Gpu) -> Result<bool> {
+        match self.0.get() {
+            Some(false) => Err(gpu.faults.lose("a buffer cannot be read".into())),
+            _ => Ok(self.has_arrived()),
+        }
+    }
+
+    /// Likewise, after the submission that fills the buffer was waited for.
+    pub(crate) fn expect(&self, gpu: &Gpu) -> Result<()> {
+        match self.poll(gpu)? {
+            true => Ok(()),
+            false => Err(gpu.faults.lose("a buffer never arrived".into())),
+        }
+    }
+}
+
+/// A window through which the host looks at buffers, waiting for them.
+#[derive(Default)]
+pub(crate) struct Window(Option<Buffer>);
+
+impl Window {
+    /// The first `count` elements (of whole words) of a buffer, after all that was submitted.
+    pub(crate) fn read<T: Pod>(
+        &mut self,
+        gpu: &Gpu,
+        from: &Buffer,
+        count: usize,
+    ) -> Result<Vec<T>> {
+        let bytes = (count * size_of::<T>()) as u64;
+        if bytes == 0 {
+            return Ok(Vec::new());
+        }
+        let window = match self.0.take().filter(|w| w.size() >= bytes) {
+            Some(window) => window,
+            None => readback(gpu, "a view for the host", bytes)?,
+        };
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        copy(&mut encoder, from, &window, bytes);
+        let submission = gpu.submit(encoder)?;
+        let mapping = Mapping::ask(gpu, &window)?;
+        gpu.wait_for(submission)?;
+        mapping.expect(gpu)?;
+        let view = window.get_mapped_range(..bytes).map_err(unreadable)?;
+        let data = bytemuck::pod_collect_to_vec(&view);
+        drop(view);
+        window.unmap();
+        self.0 = Some(window);
+        Ok(data)
+    }
+}
+
+pub(crate) fn unreadable(e: wgpu::MapRangeError) -> BackendError {
+    BackendError::DeviceLost(format!("a buffer cannot be read: {e}"))
+}

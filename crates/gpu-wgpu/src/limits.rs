@@ -1,0 +1,144 @@
+//! What the backend needs of a device, and what a scene needs of it.
+
+use backend::{BackendError, Result};
+use geom::Animation;
+use shaders::{KERNELS, Kind, Params};
+use wgpu::{Features, Limits};
+
+/// Features without which [`crate::WgpuBackend::from_device`] refuses a device: none.
+#[must_use]
+pub fn required_features() -> Features {
+    Features::empty()
+}
+
+/// Features that an engine should ask for where its adapter has them:
+/// timestamps, without which stages are not timed, and shaders passed through,
+/// which spares the kernels some arithmetic on Vulkan.
+#[must_use]
+pub fn useful_features() -> Features {
+    Features::TIMESTAMP_QUERY | Features::PASSTHROUGH_SHADERS
+}
+
+/// The limits that an engine's device needs for `animation`, traced by up to `rays` rays at a time.
+///
+/// They are the least that suffice; merge them with the engine's own by
+/// [`Limits::or_better_values_from`].
+#[must_use]
+pub fn required_limits(animation: &Animation, rays: usize) -> Limits {
+    let leaves = animation.live_count() as u64;
+    let largest = [
+        animation.vertex_count() as u64 * 12,
+        animation.triangle_count() as u64 * 12,
+        // Nodes and records of triangles: see `tree.rs`.
+        leaves * 64,
+        rays as u64 * 32,
+    ];
+    let bytes = largest.into_iter().fold(1 << 20, u64::max);
+    let bytes = bytes.next_multiple_of(16);
+    Limits {
+        max_buffer_size: bytes,
+        max_storage_buffer_binding_size: bytes,
+        ..least()
+    }
+}
+
+/// What every scene needs.
+fn least() -> Limits {
+    let storage = |k: &shaders::Kernel| {
+        let buffers = k.bindings.iter().filter(|b| b.kind != Kind::Uniform);
+        buffers.count() as u32
+    };
+    Limits {
+        max_storage_buffers_per_shader_stage: KERNELS.iter().map(storage).max().unwrap_or(0),
+        ..Limits::downlevel_defaults()
+    }
+}
+
+/// What to ask of an adapter of our own: what is needed, with buffers as large as it allows.
+pub(crate) fn generous(adapter: &Limits) -> Limits {
+    Limits {
+        max_buffer_size: adapter.max_buffer_size,
+        max_storage_buffer_binding_size: adapter.max_storage_buffer_binding_size,
+        max_compute_workgroups_per_dimension: adapter.max_compute_workgroups_per_dimension,
+        min_uniform_buffer_offset_alignment: adapter.min_uniform_buffer_offset_alignment,
+        min_storage_buffer_offset_alignment: adapter.min_storage_buffer_offset_alignment,
+        ..least()
+    }
+}
+
+/// Refuses a device that no scene fits.
+pub(crate) fn check(limits: &Limits) -> Result<()> {
+    let need = least();
+    let group = KERNELS.iter().map(|k| k.workgroup[0]).max().unwrap_or(1);
+    let all = [
+        (
+            "max_storage_buffers_per_shader_stage",
+            need.max_storage_buffers_per_shader_stage,
+            limits.max_storage_buffers_per_shader_stage,
+        ),
+        (
+            "max_compute_invocations_per_workgroup",
+            group,
+            limits.max_compute_invocations_per_workgroup,
+        ),
+        (
+            "max_compute_workgroup_size_x",
+            group,
+            limits.max_compute_workgroup_size_x,
+        ),
+        (
+            "max_dynamic_uniform_buffers_per_pipeline_layout",
+            1,
+            limits.max_dynamic_uniform_buffers_per_pipeline_layout,
+        ),
+    ];
+    match all.into_iter().find(|(_, need, limit)| limit < need) {
+        Some((what, need, limit)) => Err(BackendError::Limit {
+            what: format!("the device's {what}"),
+            need: u64::from(need),
+            limit: u64::from(limit),
+        }),
+        None => Ok(()),
+    }
+}
+
+/// Bytes that one storage buffer may span. Kernels count words in 32 bits, so never more than 4 GiB.
+pub(crate) fn span(limits: &Limits) -> u64 {
+    let largest = limits
+        .max_storage_buffer_binding_size
+        .min(limits.max_buffer_size);
+    largest.min(u64::from(u32::MAX)) / 16 * 16
+}
+
+/// Distance from one dispatch's parameters to the next one's.
+pub(crate) fn params_stride(limits: &Limits) -> u64 {
+    let align = u64::from(limits.min_uniform_buffer_offset_alignment).max(16);
+    (size_of::<Params>() as u64).next_multiple_of(align)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_with_too_few_buffers_is_refused_by_the_limits_name() {
+        assert_eq!(check(&least()), Ok(()));
+        let poor = Limits {
+            max_storage_buffers_per_shader_stage: 4,
+            ..least()
+        };
+        let refused = check(&poor).unwrap_err().to_string();
+        let expected = "the device's max_storage_buffers_per_shader_stage needs 8, the limit is 4";
+        assert_eq!(refused, expected);
+    }
+
+    #[test]
+    fn a_scene_needs_room_for_its_largest_buffer() {
+        let square = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let animation = Animation::new(vec![square], vec![[0, 1, 2]]).unwrap();
+        let limits = required_limits(&animation, 1 << 20);
+        assert_eq!(limits.max_buffer_size, 32 << 20);
+        assert_eq!(check(&limits), Ok(()));
+        assert_eq!(span(&limits), 32 << 20);
+    }
+}

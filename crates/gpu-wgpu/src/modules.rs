@@ -1,0 +1,72 @@
+//! Kernels as wgpu takes them. The crate's only unsafe code is here.
+#![expect(
+    unsafe_code,
+    reason = "wgpu asks for trust in kernels that it does not check itself"
+)]
+
+use crate::device::Gpu;
+use backend::Result;
+use shaders::Kernel;
+use wgpu::{ShaderModule, ShaderModuleDescriptor, ShaderRuntimeChecks, ShaderSource};
+
+/// In which form kernels go in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Modules {
+    /// SPIR-V where the device takes it, else WGSL.
+    Best,
+    /// WGSL, without checks added.
+    TrustedWgsl,
+    /// WGSL, with checks of bounds and loops added.
+    CheckedWgsl,
+}
+
+impl Modules {
+    pub(crate) fn load(self, gpu: &Gpu, kernel: &Kernel) -> Result<ShaderModule> {
+        let load = || match self {
+            Self::Best if gpu.takes_spirv() => pass_through(&gpu.device, kernel),
+            Self::Best | Self::TrustedWgsl => trusted(&gpu.device, kernel),
+            Self::CheckedWgsl => gpu.device.create_shader_module(wgsl(kernel)),
+        };
+        gpu.guard(kernel.name, 0, load)
+    }
+}
+
+fn wgsl(kernel: &Kernel) -> ShaderModuleDescriptor<'_> {
+    ShaderModuleDescriptor {
+        label: Some(kernel.name),
+        source: ShaderSource::Wgsl(kernel.wgsl.into()),
+    }
+}
+
+/// The very words that `gpu-vulkan` loads where a device does not offer rounding by float controls:
+/// through wgpu nobody can know whether it does.
+fn pass_through(device: &wgpu::Device, kernel: &Kernel) -> ShaderModule {
+    let [x, y, z] = kernel.workgroup;
+    let entry = wgpu::PassthroughShaderEntryPoint {
+        name: kernel.name.into(),
+        workgroup_size: (x, y, z),
+    };
+    let desc = wgpu::ShaderModuleDescriptorPassthrough {
+        label: Some(kernel.name),
+        entry_points: vec![entry].into(),
+        spirv: Some(kernel.spirv.into()),
+        ..Default::default()
+    };
+    // SAFETY: the words were validated by the build that made them; their bindings are those of the layout.
+    unsafe { device.create_shader_module_passthrough(desc) }
+}
+
+fn trusted(device: &wgpu::Device, kernel: &Kernel) -> ShaderModule {
+    // Every check by name: nothing is left to a default that may change.
+    let checks = ShaderRuntimeChecks {
+        bounds_checks: false,
+        force_loop_bounding: false,
+        ray_query_initialization_tracking: false,
+        task_shader_dispatch_tracking: false,
+        mesh_shader_primitive_indices_clamp: false,
+        int_div_checks: false,
+    };
+    // SAFETY: kernels stay within buffers whose sizes follow from a checked record of the tree and a
+    // checked animation, their loops pop a finite stack, and they divide no integers by what may be zero.
+    unsafe { device.create_shader_module_trusted(wgsl(kernel), checks) }
+}

@@ -1,0 +1,223 @@
+//! What one submission needs for itself: commands, parameters, counts, timestamps.
+
+use crate::buffers::{Mapping, make, readback, storage, unreadable, write};
+use crate::device::Gpu;
+use crate::encode::{Work, bind};
+use crate::limits::params_stride;
+use crate::pipelines::Pipelines;
+use crate::queries::{self, Clock, Stage};
+use backend::{FrameReport, Result, StageTimes};
+use shaders::Params;
+use std::time::Instant;
+use wgpu::{BindGroup, Buffer, BufferUsages, CommandEncoder, SubmissionIndex};
+
+/// Rows of parameters in one buffer; more dispatches take more buffers.
+const ROWS: usize = 64;
+/// Bytes of the counts: inactive, degenerate, hits, blocked.
+const COUNTS: u64 = 16;
+
+/// Used by one submission at a time.
+pub(crate) struct Slot {
+    counts: Buffer,
+    clock: Option<Clock>,
+    /// Counts and timestamps on their way to the host.
+    back: Buffer,
+    pages: Vec<Buffer>,
+    stride: usize,
+    /// Parameters of the recording, as they will lie in the pages.
+    rows: Vec<u8>,
+    encoder: Option<CommandEncoder>,
+    stages: Vec<Stage>,
+    sent: Option<Sent>,
+    pub(crate) readback_bytes: u64,
+}
+
+struct Sent {
+    submission: SubmissionIndex,
+    mapping: Mapping,
+    at: Instant,
+}
+
+/// What a finished submission did.
+pub(crate) struct Done {
+    pub(crate) report: FrameReport,
+    /// Inactive and degenerate triangles, if it preprocessed.
+    pub(crate) counts: Option<[u32; 2]>,
+}
+
+impl Slot {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self> {
+        Ok(Self {
+            counts: storage(gpu, "counts", COUNTS)?,
+            clock: Clock::new(gpu)?,
+            back: readback(gpu, "a report", COUNTS + queries::BYTES)?,
+            pages: Vec::new(),
+            stride: params_stride(&gpu.limits) as usize,
+            rows: Vec::new(),
+            encoder: None,
+            stages: Vec::new(),
+            sent: None,
+            readback_bytes: 0,
+        })
+    }
+
+    /// Starts a new recording. The slot's last submission must have been reported.
+    pub(crate) fn begin(&mut self, gpu: &Gpu) -> Result<()> {
+        assert!(self.sent.is_none(), "a slot holds one submission at a time");
+        self.rows.clear();
+        self.stages.clear();
+        self.readback_bytes = 0;
+        let desc = wgpu::CommandEncoderDescriptor {
+            label: Some("a frame"),
+        };
+        self.encoder = Some(gpu.guard("recording", 0, || {
+            let mut encoder = gpu.device.create_command_encoder(&desc);
+            encoder.clear_buffer(&self.counts, 0, None);
+            encoder
+        })?);
+        Ok(())
+    }
+
+    /// Records a stage; `find` gives buffers by their names in the kernels.
+    pub(crate) fn record<'a>(
+        &mut self,
+        gpu: &Gpu,
+        pipelines: &Pipelines,
+        stage: Stage,
+        work: &[Work],
+        find: impl Fn(&'static str) -> &'a Buffer,
+    ) -> Result<()> {
+        let first = self.rows.len() / self.stride;
+        work.iter().for_each(|w| self.push(&w.params));
+        self.make_pages(gpu)?;
+        let bound = self.bind_all(gpu, pipelines, first, work, find)?;
+        let limit = gpu.limits.max_compute_workgroups_per_dimension;
+        let mut groups = Vec::with_capacity(work.len());
+        for w in work {
+            let workgroup = pipelines.get(w.kernel).kernel.workgroup[0];
+            groups.push(w.groups.count(workgroup, limit)?);
+        }
+        let encoder = self.encoder.as_mut().expect("a recording was begun");
+        let desc = wgpu::ComputePassDescriptor {
+            label: Some(stage.name()),
+            timestamp_writes: self
+                .clock
+                .as_ref()
+                .and_then(|c| c.writes(self.stages.len())),
+        };
+        gpu.guard(stage.name(), 0, || {
+            let mut pass = encoder.begin_compute_pass(&desc);
+            for ((w, (group, offset)), [x, y]) in work.iter().zip(&bound).zip(groups) {
+                pass.set_pipeline(&pipelines.get(w.kernel).wgpu);
+                pass.set_bind_group(0, group, &[*offset]);
+                pass.dispatch_workgroups(x, y, 1);
+            }
+        })?;
+        self.stages.push(stage);
+        Ok(())
+    }
+
+    fn push(&mut self, params: &Params) {
+        let at = self.rows.len();
+        self.rows.extend_from_slice(bytemuck::bytes_of(params));
+        self.rows.resize(at + self.stride, 0);
+    }
+
+    fn make_pages(&mut self, gpu: &Gpu) -> Result<()> {
+        let page = ROWS * self.stride;
+        while self.pages.len() * page < self.rows.len() {
+            let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+            self.pages
+                .push(make(gpu, "parameters", page as u64, usage)?);
+        }
+        Ok(())
+    }
+
+    /// A group and an offset for each piece of work; neighbours that differ in the offset alone share a group.
+    fn bind_all<'a>(
+        &self,
+        gpu: &Gpu,
+        pipelines: &Pipelines,
+        first: usize,
+        work: &[Work],
+        find: impl Fn(&'static str) -> &'a Buffer,
+    ) -> Result<Vec<(BindGroup, u32)>> {
+        let mut bound: Vec<(BindGroup, u32)> = Vec::with_capacity(work.len());
+        for (i, w) in work.iter().enumerate() {
+            let (page, row) = ((first + i) / ROWS, (first + i) % ROWS);
+            let shared = i > 0 && row > 0 && work[i - 1].kernel == w.kernel;
+            let group = match bound.last().filter(|_| shared) {
+                Some((group, _)) => group.clone(),
+                None => bind(
+                    gpu,
+                    pipelines.get(w.kernel),
+                    &self.pages[page],
+                    |name| match name {
+                        "counts" => &self.counts,
+                        other => find(other),
+                    },
+                )?,
+            };
+            bound.push((group, (row * self.stride) as u32));
+        }
+        Ok(bound)
+    }
+
+    /// The recording's commands, for copies.
+    pub(crate) fn encoder(&mut self) -> &mut CommandEncoder {
+        self.encoder.as_mut().expect("a recording was begun")
+    }
+
+    /// Ends the recording and submits it.
+    pub(crate) fn submit(&mut self, gpu: &Gpu) -> Result<()> {
+        for (page, rows) in self.pages.iter().zip(self.rows.chunks(ROWS * self.stride)) {
+            write(gpu, page, 0, rows)?;
+        }
+        let mut encoder = self.encoder.take().expect("a recording was begun");
+        encoder.copy_buffer_to_buffer(&self.counts, 0, &self.back, 0, COUNTS);
+        if let Some(clock) = &self.clock {
+            clock.resolve(&mut encoder, self.stages.len(), &self.back, COUNTS);
+        }
+        let at = Instant::now();
+        let submission = gpu.submit(encoder)?;
+        let mapping = Mapping::ask(gpu, &self.back)?;
+        self.sent = Some(Sent {
+            submission,
+            mapping,
+            at,
+        });
+        Ok(())
+    }
+
+    /// Waits for the submission and says what it did.
+    pub(crate) fn finish(&mut self, gpu: &Gpu) -> Result<Done> {
+        // An earlier wait that failed took it.
+        let lost = || gpu.faults.lose("a submission never ended".into());
+        let sent = self.sent.take().ok_or_else(lost)?;
+        gpu.wait_for(sent.submission)?;
+        let wall_ms = sent.at.elapsed().as_secs_f64() * 1e3;
+        sent.mapping.expect(gpu)?;
+        let view = self.back.get_mapped_range(..).map_err(unreadable)?;
+        let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&view[..COUNTS as usize]);
+        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(&view[COUNTS as usize..]);
+        drop(view);
+        self.back.unmap();
+        let times = match &self.clock {
+            Some(_) => queries::times(&self.stages, &ticks, gpu.tick_ns),
+            None => StageTimes {
+                device_ms: wall_ms,
+                ..StageTimes::default()
+            },
+        };
+        let report = FrameReport {
+            times,
+            hits: u64::from(counts[2]),
+            blocked: u64::from(counts[3]),
+            readback_bytes: self.readback_bytes,
+            ..FrameReport::default()
+        };
+        let preprocessed = self.stages.contains(&Stage::Preprocess);
+        let counts = preprocessed.then_some([counts[0], counts[1]]);
+        Ok(Done { report, counts })
+    }
+}
