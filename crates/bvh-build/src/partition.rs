@@ -1,0 +1,49 @@
+//! Moves a node's triangles to both sides of a plane, keeping their order.
+
+use crate::bins::{CHUNK, Counts, Plane};
+use crate::prim::{Bounds, Prim};
+use rayon::join;
+
+/// Copies `from` into `left` and `right`, which it fills exactly, and returns the bounds of their centres.
+#[inline(never)]
+pub(crate) fn partition(
+    from: &[Prim],
+    plane: &Plane,
+    left: &mut [Prim],
+    right: &mut [Prim],
+) -> [Bounds; 2] {
+    let mut centers = [Bounds::EMPTY; 2];
+    let mut next = [0; 2];
+    for prim in from {
+        let side = usize::from(!plane.is_left(prim));
+        let to = if side == 0 { &mut *left } else { &mut *right };
+        to[next[side]] = *prim;
+        next[side] += 1;
+        let center = prim.center();
+        centers[side].grow(center, center);
+    }
+    centers
+}
+
+/// The same by chunks in parallel; `counts` are those of each chunk's bins.
+pub(crate) fn partition_parallel(
+    from: &[Prim],
+    plane: &Plane,
+    counts: &[Counts],
+    left: &mut [Prim],
+    right: &mut [Prim],
+) -> [Bounds; 2] {
+    if counts.len() == 1 {
+        return partition(from, plane, left, right);
+    }
+    let (here, there) = counts.split_at(counts.len() / 2);
+    let (first, second) = from.split_at(here.len() * CHUNK);
+    let lefts: usize = here.iter().map(|c| plane.left_of(c)).sum();
+    let (left_a, left_b) = left.split_at_mut(lefts);
+    let (right_a, right_b) = right.split_at_mut(first.len() - lefts);
+    let (a, b) = join(
+        || partition_parallel(first, plane, here, left_a, right_a),
+        || partition_parallel(second, plane, there, left_b, right_b),
+    );
+    [a[0].union(b[0]), a[1].union(b[1])]
+}
