@@ -1,6 +1,7 @@
 //! `demo:collide`: two soft bodies fly at each other, flatten, break contact and wobble away; splinters burst out between them.
 
 use super::chance::{between, direction, noise};
+use super::flight::Flight;
 use super::shapes::{cube, cube_cuts, onto_ball, sheet, sheet_size};
 use super::stage::{Part, assemble, blend, rotation, shade};
 use crate::Rgb;
@@ -11,6 +12,8 @@ use std::f64::consts::{PI, TAU};
 /// Triangles unless asked otherwise.
 pub(super) const TRIANGLES: usize = 252_000;
 const KEYS: u32 = 24;
+/// The whole time, for what falls.
+const SECONDS: f64 = 2.0;
 /// When the bodies touch and part, of the whole time.
 const CONTACT: [f64; 2] = [0.32, 0.52];
 /// Speeds of either body before and after, in radii a whole time.
@@ -172,21 +175,24 @@ fn splinter(index: u64) -> Part {
     let around = TAU * between(86, index, [0.0, 1.0]);
     let out = DVec3::new(0.0, libm::cos(around), libm::sin(around));
     let within = out * between(87, index, [0.1, 0.5]);
-    let throw = out * between(88, index, [1.5, 6.0])
-        + DVec3::X * owner.side * between(89, index, [0.0, 2.2])
-        + DVec3::Y * between(90, index, [0.0, 2.0]);
-    let (axis, spin) = (direction(91, index), between(92, index, [0.5, 2.0]) * TAU);
+    let at = move |time: f64| {
+        DVec3::X * owner.side * (owner.distance(time) - 0.5)
+            + DVec3::Y * owner.height(time)
+            + within
+    };
+    let start = at(CONTACT[0]);
+    let flight = Flight {
+        start,
+        velocity: out * between(88, index, [0.8, 3.6])
+            + DVec3::X * owner.side * between(89, index, [-0.6, 2.2])
+            + DVec3::Y * between(90, index, [0.0, 2.5]),
+        axis: direction(91, index),
+        spin: between(92, index, [0.2, 1.0]) * TAU,
+        rest: start.y.min(size),
+    };
     Part::rigid(mesh, colour, move |time| {
-        let ridden = time.min(CONTACT[0]);
-        let flight = (time - CONTACT[0]).max(0.0);
-        let mut place = DVec3::new(
-            owner.side * owner.distance(ridden) * 0.55,
-            owner.height(ridden),
-            0.0,
-        );
-        place += within + throw * flight - DVec3::Y * 4.5 * flight * flight;
-        place.y = place.y.max(size);
-        DAffine3::from_mat3_translation(rotation(axis, spin * flight), place)
+        let ridden = at(time.min(CONTACT[0])) - start;
+        DAffine3::from_translation(ridden) * flight.pose((time - CONTACT[0]).max(0.0) * SECONDS)
     })
 }
 

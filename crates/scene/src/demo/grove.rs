@@ -158,7 +158,7 @@ fn tree(budget: usize, index: u64, count: u64) -> [Part; 2] {
         z = PATH + if z < PATH { -0.9 } else { 0.9 };
     }
     // Low in front, tall behind, so that the figure is seen from the front.
-    let height = between(121, index, [1.7, 3.0]) * if z > PATH { 0.55 } else { 1.0 };
+    let height = between(121, index, [1.7, 3.0]) * if z > PATH { 0.36 } else { 1.0 };
     let root = DVec3::new(x, hill(x, z), z);
     let trunk = trunk(budget / 12, root, height);
     let crown = crown(budget - trunk.len(), index, root, height);

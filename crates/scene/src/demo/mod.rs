@@ -7,6 +7,7 @@
 mod chance;
 mod collide;
 mod figure;
+mod flight;
 mod grove;
 mod shapes;
 mod shatter;
@@ -92,6 +93,18 @@ mod tests {
             .fold(0xcbf2_9ce4_8422_2325, |hash, word| {
                 (hash ^ u64::from(word)).wrapping_mul(0x0100_0000_01b3)
             })
+    }
+
+    #[test]
+    fn demos_have_the_same_bits_everywhere() {
+        let found = DEMOS.map(|name| fnv(&open(&format!("{name}:3000")).unwrap()));
+        let expected = [
+            0x5a06_e36d_ac7e_6e6a,
+            0xc493_56bd_380c_c46b,
+            0x1984_eaf7_8c05_dbd1,
+            0xaaef_99e7_06b9_92e9,
+        ];
+        assert_eq!(found, expected, "{found:#x?}");
     }
 
     #[test]

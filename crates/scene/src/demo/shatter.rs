@@ -2,12 +2,13 @@
 //!
 //! Neighbours part at random speeds, so that a tree built for the whole ball says little about where anything is later.
 
-use super::chance::{between, direction, noise, unit};
+use super::chance::{between, direction, noise};
+use super::flight::Flight;
 use super::shapes::{Mesh, cube, onto_ball, sheet, sheet_size};
-use super::stage::{Part, assemble, blend, rotation, shade};
+use super::stage::{Part, assemble, blend, shade};
 use crate::Rgb;
 use geom::{Animation, AnimationError};
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -66,7 +67,7 @@ fn shard(piece: u64, cells: u32, cuts: u32) -> Part {
     let into_cube = |p: DVec3| (cell + (p + 1.0) * 0.5) * size - 1.0;
     let mesh = cube(cuts).map(|p| RADIUS * onto_ball(bend(into_cube(p), size)));
     let middle = mesh.points.iter().sum::<DVec3>() / mesh.points.len() as f64;
-    let flight = Flight::of(piece, middle);
+    let flight = throw(piece, middle);
     let tint = between(11, piece, [-0.12, 0.12]);
     let colour = move |p: DVec3| shade(colour_at(p + middle), tint);
     let mesh = Mesh::map(mesh, |p| p - middle);
@@ -91,58 +92,25 @@ fn colour_at(p: DVec3) -> Rgb {
     blend(CORE, RIND, (depth - 0.35) * 1.6)
 }
 
-/// How one piece moves: thrown, slowed by air, tumbling, bouncing on the floor.
-struct Flight {
-    start: DVec3,
-    velocity: DVec3,
-    axis: DVec3,
-    spin: f64,
-    /// Height of the piece's middle when it lies on the floor.
-    rest: f64,
-}
-
-impl Flight {
-    fn of(piece: u64, middle: DVec3) -> Self {
-        let start = CENTRE + middle;
-        let random = direction(41, piece) * between(42, piece, [0.3, 3.2]);
-        let swirl = DVec3::Y.cross(middle) * between(43, piece, [-0.5, 2.5]);
-        let up = DVec3::Y * between(44, piece, [0.5, 6.0]);
-        Self {
-            start,
-            velocity: middle * 1.1 + random + swirl + up,
-            axis: direction(45, piece),
-            spin: between(46, piece, [0.2, 1.3]) * TAU,
-            rest: start.y.min(0.06 + 0.1 * unit(47, piece)),
-        }
+/// Outward with the blast, round with the swirl, up, and each for itself: what makes neighbours part.
+fn throw(piece: u64, middle: DVec3) -> Flight {
+    let start = CENTRE + middle;
+    let random = direction(41, piece) * between(42, piece, [0.3, 3.2]);
+    let swirl = DVec3::Y.cross(middle) * between(43, piece, [-0.5, 2.5]);
+    let up = DVec3::Y * between(44, piece, [0.5, 6.0]);
+    Flight {
+        start,
+        velocity: middle * 1.1 + random + swirl + up,
+        axis: direction(45, piece),
+        spin: between(46, piece, [0.12, 0.76]) * TAU,
+        rest: start.y.min(between(47, piece, [0.06, 0.16])),
     }
-
-    fn pose(&self, seconds: f64) -> DAffine3 {
-        let slowed = (1.0 - libm::exp(-0.45 * seconds)) / 0.45;
-        let mut place = self.start + self.velocity * slowed;
-        place.y = self.rest + bounce(self.start.y - self.rest, self.velocity.y, seconds);
-        let turn = rotation(self.axis, self.spin * slowed / SECONDS);
-        DAffine3::from_mat3_translation(turn, place)
-    }
-}
-
-/// Height above the floor of a ball thrown up from `height`, which loses three fifths of its speed at each bounce.
-fn bounce(mut height: f64, mut speed: f64, mut seconds: f64) -> f64 {
-    const GRAVITY: f64 = 9.81;
-    for _ in 0..6 {
-        let landing_speed = (speed * speed + 2.0 * GRAVITY * height).sqrt();
-        let flight = (speed + landing_speed) / GRAVITY;
-        if seconds < flight {
-            return (height + (speed - 0.5 * GRAVITY * seconds) * seconds).max(0.0);
-        }
-        (height, speed, seconds) = (0.0, 0.4 * landing_speed, seconds - flight);
-    }
-    0.0
 }
 
 fn floor(budget: usize) -> Part {
     let [columns, rows] = sheet_size(budget, 1.0);
     let mesh = sheet(columns, rows, |u, v| {
-        DVec3::new((u - 0.5) * 11.0, 0.0, (v - 0.5) * 11.0)
+        DVec3::new((u - 0.5) * 13.0, 0.0, (v - 0.5) * 13.0)
     });
     Part::still(mesh, |p| shade(FLOOR, 0.05 * noise(51, p * 1.5)))
 }
@@ -150,14 +118,6 @@ fn floor(budget: usize) -> Part {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_thrown_ball_lands_and_comes_to_rest_without_jumps() {
-        let at = |ms: u32| bounce(1.0, 3.0, f64::from(ms) / 1000.0);
-        assert_eq!(at(0), 1.0);
-        assert_eq!(at(60_000), 0.0);
-        assert!((0..3000).all(|ms| at(ms) >= 0.0 && (at(ms + 1) - at(ms)).abs() < 0.01));
-    }
 
     #[test]
     fn pieces_of_two_sizes_meet_the_budget() {
