@@ -263,6 +263,7 @@ mod tests {
             vec![[0.0; 3]; 3],
             vec![[1e9, -1e9, 3.0]; 3],
             vec![[1e-45; 3], [0.0; 3], [-1e-45; 3]],
+            vec![[1e-45, 0.0, 0.0], [0.0; 3], [0.0; 3]],
             vec![[1e6, 1e6, 1e6], [1e6 + 0.0625, 1e6, 1e6], nan],
             vec![[3e38; 3], [-3e38; 3], [0.0; 3]],
         ];
@@ -272,5 +273,10 @@ mod tests {
             assert!(camera.is_some(), "{points:?}: {view:?}");
             assert!(view.light.iter().all(|x| x.is_finite()));
         }
+        let ones = [[0.0; 3], [1.0; 3], [1.0, 0.0, 0.0]];
+        let mut more = ones.to_vec();
+        more.insert(1, [f32::INFINITY, 0.0, 0.0]);
+        let views = [ones.to_vec(), more].map(|p| frame_scene(&animation(vec![p]), 40.0, SIZE));
+        assert_eq!(views[0], views[1], "what is nowhere needs no room");
     }
 }
