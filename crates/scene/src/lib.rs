@@ -5,11 +5,18 @@
 //! one `.obj`, `.ply`, `.gltf` or `.glb` file. Whatever is wrong with it comes
 //! back as one clear line; no input makes this crate panic.
 
+mod clip;
+mod colour;
 mod demo;
 mod error;
+mod mesh;
+mod obj;
+mod ply;
+mod sequence;
+mod source;
 
 pub use demo::{DEMOS, MAX_DEMO_TRIANGLES};
-pub use error::SceneError;
+pub use error::{Place, SceneError};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -44,6 +51,9 @@ pub struct Facts {
     pub notes: Vec<String>,
 }
 
+/// The highest rate a clip is sampled at.
+pub const MAX_FPS: f64 = 10_000.0;
+
 /// How to read sources that leave a choice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
@@ -67,11 +77,5 @@ impl Default for Options {
 /// # Errors
 /// See [`SceneError`].
 pub fn open(spec: &str, options: &Options) -> Result<Scene, SceneError> {
-    if let Some(name) = spec.strip_prefix("demo:") {
-        return demo::open(name);
-    }
-    let _ = options;
-    Err(SceneError::UnknownDemo {
-        name: spec.to_owned(),
-    })
+    source::open(spec, options)
 }
