@@ -96,6 +96,15 @@ fn what_has_no_area_or_no_place_is_never_hit() {
 }
 
 #[test]
+fn nearness_to_an_edge_is_counted_in_roundings_of_the_reach() {
+    let oracle = Oracle::new(SQUARE.to_vec());
+    let ray = down(0.5, 0.5 - 2.0_f32.powi(-20));
+    assert_eq!(oracle.reach(&ray), 2.0);
+    // 2^-20 sideways is 2^-20.5 from the diagonal: 2^2.5 units of 2 * 2^-24.
+    assert!(oracle.near_edge(&ray, 0, 5.66) && !oracle.near_edge(&ray, 0, 5.65));
+}
+
+#[test]
 fn rays_that_are_not_valid_miss() {
     let ray = down(0.5, 0.25);
     for bad in [
