@@ -1,11 +1,15 @@
 //! Sorts a node's triangles into bins along each axis, and finds the best plane between two bins.
 
-use crate::prim::{Bounds, Extents, Prim, Ruler};
+use crate::prim::{Bounds, Prim, Ruler};
 use glam::{BVec4A, Vec4};
 use rayon::join;
 
-/// Bins along each axis; a power of two.
-pub(crate) const BINS: usize = 16;
+/// The most bins along each axis; a power of two.
+pub(crate) const BINS: usize = 64;
+
+/// Small nodes have a bin for so many triangles, but no fewer than [`LEAST_BINS`].
+const PER_BIN: usize = 4;
+const LEAST_BINS: usize = 8;
 
 /// Triangles that one task bins or moves at a time, whatever the number of threads.
 pub(crate) const CHUNK: usize = 8192;
@@ -16,6 +20,7 @@ pub(crate) type Counts = [[u32; BINS]; 3];
 /// From a centre to its bin: round to nearest `(center - base) * scale`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Grid {
+    bins: usize,
     base: Vec4,
     scale: Vec4,
 }
@@ -24,16 +29,18 @@ impl Grid {
     /// Added to a number in `0..2^22`, leaves it rounded in the low bits.
     const ROUND: f32 = (1 << 23) as f32;
 
-    /// Spreads the bins over `centers`; all fall into bin 0 of an axis without extent.
-    pub(crate) fn new(centers: &Bounds) -> Self {
+    /// Spreads bins for `n` triangles over `centers`; all fall into bin 0 of an axis without extent.
+    pub(crate) fn new(centers: &Bounds, n: usize) -> Self {
+        let bins = (n / PER_BIN).clamp(LEAST_BINS, BINS);
         let scale = centers.extent().to_array().map(|e| {
             if e > Ruler::LEAST {
-                (BINS - 1) as f32 / e
+                (bins - 1) as f32 / e
             } else {
                 0.0
             }
         });
         Self {
+            bins,
             base: centers.lo,
             scale: Vec4::from_array(scale).with_w(0.0),
         }
@@ -46,7 +53,7 @@ impl Grid {
     }
 
     #[inline]
-    fn bins(&self, prim: &Prim) -> [usize; 3] {
+    fn bins_of(&self, prim: &Prim) -> [usize; 3] {
         let [x, y, z, _] = self.place(prim).to_array();
         [x, y, z].map(|p| p.to_bits() as usize % BINS)
     }
@@ -92,20 +99,27 @@ pub(crate) struct Bins {
 }
 
 impl Bins {
+    pub(crate) const NO_COUNTS: Counts = [[0; BINS]; 3];
+    const EMPTY: Self = Self {
+        boxes: [[Bounds::EMPTY; BINS]; 3],
+        counts: Self::NO_COUNTS,
+    };
+
     /// Bins `prims` one after the other.
-    #[inline(never)]
     pub(crate) fn fill(prims: &[Prim], grid: &Grid) -> Self {
-        let mut bins = Self {
-            boxes: [[Bounds::EMPTY; BINS]; 3],
-            counts: [[0; BINS]; 3],
-        };
+        let mut bins = Self::EMPTY;
+        bins.add(prims, grid);
+        bins
+    }
+
+    #[inline(never)]
+    fn add(&mut self, prims: &[Prim], grid: &Grid) {
         for prim in prims {
-            for (axis, bin) in grid.bins(prim).into_iter().enumerate() {
-                bins.boxes[axis][bin].grow(prim.lo, prim.hi);
-                bins.counts[axis][bin] += 1;
+            for (axis, bin) in grid.bins_of(prim).into_iter().enumerate() {
+                self.boxes[axis][bin].grow(prim.lo, prim.hi);
+                self.counts[axis][bin] += 1;
             }
         }
-        bins
     }
 
     /// Bins `prims` by chunks in parallel, and keeps each chunk's counts.
@@ -153,14 +167,14 @@ impl Bins {
         let mut right = [Vec4::NAN; BINS];
         let mut boxes = [Bounds::EMPTY; 3];
         let mut count = Vec4::ZERO;
-        for bin in (1..BINS).rev() {
+        for bin in (1..grid.bins).rev() {
             add_column(&mut boxes, &mut count, self.column(bin));
             right[bin] = ruler.half_areas(&boxes) * count;
         }
         let mut best = Vec4::INFINITY;
         let mut best_bin = Vec4::ZERO;
         (boxes, count) = ([Bounds::EMPTY; 3], Vec4::ZERO);
-        for (bin, &right) in right.iter().enumerate().skip(1) {
+        for (bin, &right) in right[..grid.bins].iter().enumerate().skip(1) {
             add_column(&mut boxes, &mut count, self.column(bin - 1));
             let cost = ruler.half_areas(&boxes) * count + right;
             let better: BVec4A = cost.cmplt(best);
@@ -190,14 +204,4 @@ fn add_column(boxes: &mut [Bounds; 3], count: &mut Vec4, column: ([Bounds; 3], V
 pub(crate) fn least_axis(costs: Vec4) -> Option<usize> {
     let axis = (0..3).reduce(|a, b| if costs[b] < costs[a] { b } else { a })?;
     costs[axis].is_finite().then_some(axis)
-}
-
-/// Extents of `prims`, by chunks in parallel.
-pub(crate) fn extents(prims: &[Prim]) -> Extents {
-    if prims.len() <= CHUNK {
-        return Extents::of(prims);
-    }
-    let (a, b) = prims.split_at(prims.len().div_ceil(CHUNK) / 2 * CHUNK);
-    let (a, b) = join(|| extents(a), || extents(b));
-    a.union(b)
 }

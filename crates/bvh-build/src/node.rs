@@ -1,6 +1,6 @@
 //! The recursion: one node, its plane, its two children.
 
-use crate::bins::{Bins, CHUNK, Counts, Grid, Plane, extents};
+use crate::bins::{Bins, CHUNK, Counts, Grid, Plane};
 use crate::partition::{partition, partition_parallel};
 use crate::prim::{Bounds, Extents, Prim};
 use crate::{BuildError, Cancel, MAX_DEPTH, small};
@@ -59,10 +59,10 @@ fn divide(node: Node<'_>) -> [Node<'_>; 2] {
 /// The best plane, unless it would make a child too large for the levels that are left.
 fn find_split(node: &Node<'_>) -> Option<Split> {
     let n = node.prims.len();
-    let grid = Grid::new(&node.extents.centers);
+    let grid = Grid::new(&node.extents.centers, n);
     let mut chunks = Vec::new();
     let bins = if n > PARALLEL_NODE {
-        chunks.resize(n.div_ceil(CHUNK), Counts::default());
+        chunks.resize(n.div_ceil(CHUNK), Bins::NO_COUNTS);
         Bins::fill_parallel(node.prims, &grid, &mut chunks)
     } else {
         Bins::fill(node.prims, &grid)
@@ -99,6 +99,16 @@ fn divide_by<'a>(node: Node<'a>, split: &Split) -> [Node<'a>; 2] {
         ..node
     };
     cut(moved, split.left, [left, right])
+}
+
+/// Extents of `prims`, by chunks in parallel.
+fn extents(prims: &[Prim]) -> Extents {
+    if prims.len() <= CHUNK {
+        return Extents::of(prims);
+    }
+    let (a, b) = prims.split_at(prims.len().div_ceil(CHUNK) / 2 * CHUNK);
+    let (a, b) = join(|| extents(a), || extents(b));
+    a.union(b)
 }
 
 /// Half the triangles to each side, in their present order: no plane tells them apart, or the levels run out.

@@ -19,8 +19,12 @@ pub(crate) fn partition(
         let to = if side == 0 { &mut *left } else { &mut *right };
         to[next[side]] = *prim;
         next[side] += 1;
-        let center = prim.center();
-        centers[side].grow(center, center);
+    }
+    for (centers, side) in centers.iter_mut().zip([left, right]) {
+        for prim in side {
+            let center = prim.center();
+            centers.grow(center, center);
+        }
     }
     centers
 }
