@@ -127,6 +127,29 @@ impl Topology {
     }
 }
 
+/// Renumbers triangles over the vertices they use and returns those, in the same order.
+///
+/// Strays that no triangle uses would spoil every camera made from the scene's bounds.
+pub(crate) fn compact(triangles: &mut [[u32; 3]], vertices: usize) -> Vec<u32> {
+    let mut used = vec![false; vertices];
+    triangles
+        .iter()
+        .flatten()
+        .for_each(|&v| used[v as usize] = true);
+    let kept: Vec<u32> = (0..vertices as u32).filter(|&v| used[v as usize]).collect();
+    if kept.len() < vertices {
+        let mut places = vec![0; vertices];
+        kept.iter()
+            .zip(0..)
+            .for_each(|(&v, place)| places[v as usize] = place);
+        triangles
+            .iter_mut()
+            .flatten()
+            .for_each(|v| *v = places[*v as usize]);
+    }
+    kept
+}
+
 /// Refuses what cannot be numbered.
 pub(crate) fn within(
     path: &Path,

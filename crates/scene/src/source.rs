@@ -91,8 +91,10 @@ fn pattern(spec: &str, options: &Options) -> Result<Scene, SceneError> {
     })?;
     let mut files = Vec::new();
     for found in matches {
-        let found =
-            found.map_err(|e| SceneError::unreadable(&e.path().to_owned(), e.into()))?;
+        let found = found.map_err(|e| {
+            let path = e.path().to_owned();
+            SceneError::unreadable(&path, e.into())
+        })?;
         if !found.is_dir() {
             files.push(found);
         }

@@ -6,7 +6,7 @@
 mod element;
 mod plain;
 
-use crate::mesh::{Mesh, Paint, Topology};
+use crate::mesh::{Mesh, Paint, Topology, compact};
 use crate::{Place, Rgb, SceneError};
 use element::Element;
 use geom::Point;
@@ -212,7 +212,9 @@ impl<'a> File<'a> {
                     return Err(self.wrong(Place::Item("face", index), cause));
                 }
                 None => {
-                    return Err(self.wrong(Place::Item("face", index), "a vertex index is negative"));
+                    return Err(
+                        self.wrong(Place::Item("face", index), "a vertex index is negative")
+                    );
                 }
             },
             _ => {}
@@ -244,8 +246,9 @@ impl<'a> File<'a> {
         } else {
             Paint::None
         };
-        let triangles = self.topology.triangles().map(|(_, t)| t).collect();
-        let (points, triangles) = used_only(self.points, triangles);
+        let mut triangles: Vec<_> = self.topology.triangles().map(|(_, t)| t).collect();
+        let kept = compact(&mut triangles, vertices);
+        let points = kept.iter().map(|&v| self.points[v as usize]).collect();
         Ok(Mesh {
             points,
             triangles,
@@ -254,36 +257,6 @@ impl<'a> File<'a> {
             notes,
         })
     }
-}
-
-/// Only the vertices that triangles use, in the same order: strays far away would spoil every camera.
-fn used_only(points: Vec<Point>, mut triangles: Vec<[u32; 3]>) -> (Vec<Point>, Vec<[u32; 3]>) {
-    let mut used = vec![false; points.len()];
-    triangles
-        .iter()
-        .flatten()
-        .for_each(|&v| used[v as usize] = true);
-    if used.iter().all(|&u| u) {
-        return (points, triangles);
-    }
-    let mut next = 0;
-    let places: Vec<u32> = used
-        .iter()
-        .map(|&used| {
-            let place = next;
-            next += u32::from(used);
-            place
-        })
-        .collect();
-    triangles
-        .iter_mut()
-        .flatten()
-        .for_each(|v| *v = places[*v as usize]);
-    let kept = points
-        .into_iter()
-        .zip(used)
-        .filter_map(|(p, used)| used.then_some(p));
-    (kept.collect(), triangles)
 }
 
 /// The library's message without its repetition of the place.
