@@ -5,17 +5,17 @@ use std::path::{Path, PathBuf};
 
 /// A file that could not be written. Nothing is left under its name but what was there before.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot write {}: {source}", path.display())]
+#[error("cannot write {}: {cause}", path.display())]
 pub struct WriteError {
     path: PathBuf,
-    source: io::Error,
+    cause: io::Error,
 }
 
 impl WriteError {
-    pub(crate) fn new(path: &Path, source: io::Error) -> Self {
+    pub(crate) fn new(path: &Path, cause: io::Error) -> Self {
         Self {
             path: path.to_owned(),
-            source,
+            cause,
         }
     }
 
@@ -31,12 +31,12 @@ impl WriteError {
 #[non_exhaustive]
 pub enum RaysError {
     /// The file cannot be opened or read.
-    #[error("cannot read {}: {source}", path.display())]
+    #[error("cannot read {}: {cause}", path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,
         /// The system's reason.
-        source: io::Error,
+        cause: io::Error,
     },
     /// The file is no `.npy` array at all.
     #[error("{}: not a .npy array: {reason}", path.display())]

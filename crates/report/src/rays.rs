@@ -19,9 +19,9 @@ const MAX_HEADER: u32 = 4096;
 /// # Errors
 /// See [`RaysError`]: each says what was found and what is wanted.
 pub fn read_rays(path: &Path) -> Result<Vec<Ray>, RaysError> {
-    let unreadable = |source| RaysError::Unreadable {
+    let unreadable = |cause| RaysError::Unreadable {
         path: path.to_owned(),
-        source,
+        cause,
     };
     let file = File::open(path).map_err(unreadable)?;
     let mut reader = BufReader::with_capacity(1 << 18, file);
