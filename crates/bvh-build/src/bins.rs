@@ -205,3 +205,72 @@ pub(crate) fn least_axis(costs: Vec4) -> Option<usize> {
     let axis = (0..3).reduce(|a, b| if costs[b] < costs[a] { b } else { a })?;
     costs[axis].is_finite().then_some(axis)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prim::Extents;
+    use geom::Aabb;
+    use proptest::prelude::*;
+
+    fn prim(corners: &[i16; 6], triangle: u32) -> Prim {
+        let [a, b, c, x, y, z] = corners.map(f32::from);
+        let (min, max) = ([a, b, c], [a + x.abs(), b + y.abs(), c + z.abs()]);
+        Prim::new(&Aabb { min, max }, triangle)
+    }
+
+    /// Area times number of one side of a plane.
+    fn side_cost<'a>(side: impl Iterator<Item = &'a Prim>) -> f64 {
+        let corners = |p: &Prim| [p.lo, p.hi].map(|v| v.truncate().to_array());
+        let boxes: Vec<_> = side
+            .map(corners)
+            .map(|[min, max]| Aabb { min, max })
+            .collect();
+        let all = boxes.iter().fold(Aabb::EMPTY, |a, &b| a.union(b));
+        all.half_area() * boxes.len() as f64
+    }
+
+    proptest! {
+        #[test]
+        fn the_plane_is_the_cheapest_between_bins(
+            corners in prop::collection::vec(prop::array::uniform6(-90_i16..90), 2..300),
+        ) {
+            let prims: Vec<_> = corners.iter().zip(0..).map(|(c, i)| prim(c, i)).collect();
+            let extents = Extents::of(&prims);
+            let grid = Grid::new(&extents.centers, prims.len());
+            let bins = Bins::fill(&prims, &grid);
+            prop_assert!(bins.counts.iter().all(|c| c.iter().sum::<u32>() as usize == prims.len()));
+            let cost = |plane: &Plane| {
+                let (left, right): (Vec<_>, Vec<_>) = prims.iter().partition(|p| plane.is_left(p));
+                let all = !left.is_empty() && !right.is_empty();
+                all.then(|| side_cost(left.into_iter()) + side_cost(right.into_iter()))
+            };
+            let planes = (0..3).flat_map(|axis| (1..grid.bins).map(move |bin| (axis, bin)));
+            let best = planes
+                .filter_map(|(axis, bin)| cost(&Plane::new(grid, axis, bin)))
+                .fold(f64::MAX, f64::min);
+            let Some(plane) = bins.best_plane(&extents.boxes, &grid) else {
+                prop_assert_eq!(best, f64::MAX);
+                return Ok(());
+            };
+            let found = cost(&plane).expect("both sides hold something");
+            // Padding of edges and single precision leave this much room.
+            prop_assert!(found <= best * (1.0 + 1e-4), "{found} {best}");
+        }
+    }
+
+    #[test]
+    fn centres_at_both_ends_fall_into_the_first_and_last_bin() {
+        for far in [1.0, 0.1, 3.3e7, 1e-30] {
+            let near = -0.7 * far;
+            let ends = [near, far].map(|x: f32| Aabb {
+                min: [x; 3],
+                max: [x; 3],
+            });
+            let prims = [Prim::new(&ends[0], 0), Prim::new(&ends[1], 1)];
+            let grid = Grid::new(&Extents::of(&prims).centers, 1000);
+            let bins = prims.map(|p| grid.bins_of(&p));
+            assert_eq!(bins, [[0; 3], [BINS - 1; 3]], "{far}");
+        }
+    }
+}

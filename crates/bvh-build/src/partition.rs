@@ -51,3 +51,46 @@ pub(crate) fn partition_parallel(
     );
     [a[0].union(b[0]), a[1].union(b[1])]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bins::{Bins, Grid};
+    use crate::prim::Extents;
+    use geom::Aabb;
+
+    #[test]
+    fn chunks_in_parallel_move_like_one_loop_and_keep_the_order() {
+        let n = 3 * CHUNK + 17;
+        let at = |i: usize| std::array::from_fn(|k| (i * (7919 + 31 * k) % 1009) as f32);
+        let prims: Vec<_> = (0..n)
+            .map(|i| {
+                Prim::new(
+                    &Aabb {
+                        min: at(i),
+                        max: at(i),
+                    },
+                    i as u32,
+                )
+            })
+            .collect();
+        let extents = Extents::of(&prims);
+        let grid = Grid::new(&extents.centers, n);
+        let mut counts = vec![Bins::NO_COUNTS; n.div_ceil(CHUNK)];
+        let bins = Bins::fill_parallel(&prims, &grid, &mut counts);
+        let plane = bins.best_plane(&extents.boxes, &grid).unwrap();
+        let left = plane.left_of(&bins.counts);
+        assert!(left > 0 && left < n);
+        let mut moved = vec![Prim::default(); n];
+        let (l, r) = moved.split_at_mut(left);
+        let centers = partition_parallel(&prims, &plane, &counts, l, r);
+        let (expected_l, expected_r): (Vec<_>, _) = prims.iter().partition(|p| plane.is_left(p));
+        let ids = |prims: &[Prim]| prims.iter().map(Prim::triangle).collect::<Vec<_>>();
+        assert_eq!([ids(l), ids(r)], [ids(&expected_l), ids(&expected_r)]);
+        for (found, side) in centers.iter().zip([l, r]) {
+            let expected = Extents::of(side).centers;
+            assert_eq!(found.lo.truncate(), expected.lo.truncate());
+            assert_eq!(found.hi.truncate(), expected.hi.truncate());
+        }
+    }
+}

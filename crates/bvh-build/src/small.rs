@@ -158,3 +158,58 @@ fn sort(keys: &[f32; MOST], n: usize) -> [u8; MOST] {
     }
     order
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geom::Aabb;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn sorting_is_stable_for_any_number_of_keys(values in prop::collection::vec(-3_i8..4, 0..=MOST)) {
+            let mut keys = [f32::INFINITY; MOST];
+            for (key, &value) in keys.iter_mut().zip(&values) {
+                *key = f32::from(value);
+            }
+            let mut expected: Vec<_> = (0..values.len()).collect();
+            expected.sort_by_key(|&i| values[i]);
+            let order = sort(&keys, values.len());
+            let found: Vec<_> = order[..values.len()].iter().map(|&i| usize::from(i)).collect();
+            prop_assert_eq!(found, expected);
+        }
+
+        #[test]
+        fn the_cut_is_the_cheapest_between_neighbours(
+            corners in prop::collection::vec(prop::array::uniform6(0_u8..50), 5..=MOST),
+        ) {
+            let prims: Vec<_> = corners.iter().zip(0..).map(|(c, i)| prim(c, i)).collect();
+            let sorted = Sorted::new(&prims);
+            let n = prims.len();
+            let cost = |axis: usize, left: usize| {
+                let area = |places: std::ops::Range<usize>| {
+                    let boxes = places.map(|place| bounds(sorted.at(axis, place)));
+                    boxes.fold(Aabb::EMPTY, Aabb::union).half_area()
+                };
+                area(0..left) * left as f64 + area(left..n) * (n - left) as f64
+            };
+            let all = (0..3).flat_map(|axis| (1..n).map(move |left| (axis, left)));
+            let best = all.map(|(axis, left)| cost(axis, left)).fold(f64::MAX, f64::min);
+            let (axis, left) = sorted.best_cut(0, n);
+            prop_assert!(cost(axis, left) <= best * (1.0 + 1e-4), "{} {best}", cost(axis, left));
+        }
+    }
+
+    fn prim(corners: &[u8; 6], triangle: u32) -> Prim {
+        let [a, b, c, x, y, z] = corners.map(f32::from);
+        let (min, max) = ([a, b, c], [a + x + 1.0, b + y + 1.0, c + z + 1.0]);
+        Prim::new(&Aabb { min, max }, triangle)
+    }
+
+    fn bounds(prim: &Prim) -> Aabb {
+        Aabb {
+            min: prim.lo.truncate().to_array(),
+            max: prim.hi.truncate().to_array(),
+        }
+    }
+}

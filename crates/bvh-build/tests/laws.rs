@@ -216,3 +216,12 @@ fn the_scale_of_a_scene_does_not_change_its_tree() {
         assert_eq!(build(&scaled), tree, "2^{k}");
     }
 }
+
+#[test]
+#[ignore = "takes a gigabyte of memory"]
+fn ten_million_identical_triangles_make_a_balanced_tree() {
+    let boxes = vec![cube([1.0; 3], 2.0); 10_000_000];
+    let tree = build(&boxes);
+    check(&boxes, &tree);
+    assert_eq!(depth_of(&tree), 24);
+}
