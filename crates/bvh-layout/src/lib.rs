@@ -10,6 +10,8 @@
 
 mod convert;
 mod error;
+#[cfg(test)]
+mod fuzz;
 mod header;
 mod lists;
 mod record;
