@@ -63,6 +63,13 @@ fn cube(at: [f32; 3], edge: f32) -> Aabb {
     }
 }
 
+fn scaled(b: &Aabb, f: impl Fn(f32) -> f32) -> Aabb {
+    Aabb {
+        min: b.min.map(&f),
+        max: b.max.map(&f),
+    }
+}
+
 /// A cheap sequence of numbers in `0.0..1.0`.
 fn noise(seed: u64) -> impl FnMut() -> f32 {
     let mut state = seed;
@@ -91,17 +98,16 @@ fn troublesome(kind: u8, scale: f32, next: &mut impl FnMut() -> f32) -> Aabb {
         5 => b = cube([2.0_f32.powf(-40.0 * next()), 0.0, 0.0], 0.0),
         6 => b.min[0] = f32::NAN,
         7 => b.max[1] = f32::INFINITY,
-        8 => b = Aabb::EMPTY,
+        8 => (b.min[2], b.max[2]) = (b.max[2] + 0.01, b.min[2]),
+        9 => b = Aabb::EMPTY,
         _ => b = cube(at.map(|x| x - 0.5), 0.5 * next()),
     }
-    b.min = b.min.map(|x| x * scale);
-    b.max = b.max.map(|x| x * scale);
-    b
+    scaled(&b, |x| x * scale)
 }
 
 fn soup() -> impl Strategy<Value = Vec<Aabb>> {
     let scale = prop_oneof![Just(1.0), Just(1e38), Just(1e-40), Just(1e-44), Just(1e12)];
-    let kinds = prop::collection::vec(0_u8..10, 1..4);
+    let kinds = prop::collection::vec(0_u8..11, 1..4);
     let size = prop_oneof![0_usize..6, 6_usize..80, 80_usize..600, Just(20_000)];
     (kinds, scale, size, any::<u64>()).prop_map(|(kinds, scale, size, seed)| {
         let mut next = noise(seed);
@@ -139,7 +145,7 @@ proptest! {
     #[test]
     fn the_tree_and_its_cost_are_the_same_for_every_number_of_threads(boxes in soup(), seed: u64) {
         let mut next = noise(seed);
-        let large: Vec<_> = (0..70_000).map(|i| troublesome(i as u8 % 10, 1.0, &mut next)).collect();
+        let large: Vec<_> = (0..70_000).map(|i| troublesome((i % 11) as u8, 1.0, &mut next)).collect();
         for boxes in [boxes, large] {
             let one = build_with_threads(&boxes, 1);
             for threads in [2, 3] {
@@ -198,21 +204,37 @@ fn nested_boxes_with_one_centre_stay_within_the_depth_bound() {
 }
 
 #[test]
+fn a_scene_that_wants_a_deeper_tree_gets_the_deepest_allowed() {
+    // On each axis every point lies 64 times as far out as the next, so that each
+    // plane takes one away; the last 32 halve instead, for the exact sweep.
+    let mut boxes = Vec::new();
+    for i in 0..26 {
+        let far = 2.0_f32.powi(58 - 6 * i);
+        for axis in 0..3 {
+            let mut at = [0.0; 3];
+            at[axis] = far;
+            boxes.push(cube(at, 0.0));
+        }
+    }
+    boxes.extend((0..32).map(|i| cube([2.0_f32.powi(-60 - i); 3], 0.0)));
+    let tree = build(&boxes);
+    check(&boxes, &tree);
+    assert_eq!(depth_of(&tree), MAX_DEPTH);
+}
+
+#[test]
 fn the_scale_of_a_scene_does_not_change_its_tree() {
+    // Multiples of 2^-16 below 2 keep all their bits at every scale there is.
+    let round = |x: f32| (x * 65_536.0).round() / 65_536.0;
     let mut next = noise(7);
     let boxes: Vec<_> = (0..3_000)
-        .map(|i| troublesome([0, 3, 4, 9][i % 4], 1.0, &mut next))
+        .map(|i| troublesome([0, 3, 4, 10][i % 4], 1.0, &mut next))
+        .map(|b| scaled(&b, round))
         .collect();
     let tree = build(&boxes);
-    for k in [-90, -40, 40, 120] {
-        let scale = 2.0_f32.powi(k);
-        let scaled: Vec<_> = boxes
-            .iter()
-            .map(|b| Aabb {
-                min: b.min.map(|x| x * scale),
-                max: b.max.map(|x| x * scale),
-            })
-            .collect();
+    for k in [-133, -100, -40, 40, 100, 126] {
+        let (a, b) = (2.0_f32.powi(k / 2), 2.0_f32.powi(k - k / 2));
+        let scaled: Vec<_> = boxes.iter().map(|c| scaled(c, |x| x * a * b)).collect();
         assert_eq!(build(&scaled), tree, "2^{k}");
     }
 }
