@@ -1,5 +1,8 @@
 //! The builder: a reusable workspace round the recursion.
 
+use crate::gather::gather;
+use crate::node::{self, Node};
+use crate::prim::Prim;
 use crate::{BinaryTree, Boxes, Cancel};
 
 /// Why there is no tree.
@@ -11,8 +14,13 @@ pub enum BuildError {
 }
 
 /// Builds trees; keeps its memory, so that a second build of the same size allocates nothing large.
+///
+/// The workspace is 64 bytes a triangle.
 #[derive(Debug, Default)]
-pub struct Builder {}
+pub struct Builder {
+    prims: Vec<Prim>,
+    room: Vec<Prim>,
+}
 
 impl Builder {
     /// A builder that holds no memory yet.
@@ -27,10 +35,120 @@ impl Builder {
     /// [`BuildError::Cancelled`]; `tree` is then empty.
     pub fn build<B: Boxes + ?Sized>(
         &mut self,
-        _boxes: &B,
-        _cancel: &Cancel,
-        _tree: &mut BinaryTree,
+        boxes: &B,
+        cancel: &Cancel,
+        tree: &mut BinaryTree,
     ) -> Result<(), BuildError> {
-        unimplemented!()
+        let built = self.build_into(boxes, cancel, tree);
+        if built.is_err() {
+            tree.left_leaves.clear();
+            tree.order.clear();
+        }
+        built
+    }
+
+    fn build_into<B: Boxes + ?Sized>(
+        &mut self,
+        boxes: &B,
+        cancel: &Cancel,
+        tree: &mut BinaryTree,
+    ) -> Result<(), BuildError> {
+        if cancel.is_cancelled() {
+            return Err(BuildError::Cancelled);
+        }
+        let n = boxes.len();
+        if self.prims.len() < n {
+            self.prims.resize(n, Prim::default());
+            self.room.resize(n, Prim::default());
+        }
+        let (leaves, extents) = gather(boxes, &mut self.prims[..n]);
+        tree.order.resize(leaves, 0);
+        tree.left_leaves.resize(leaves.saturating_sub(1), 0);
+        if leaves == 0 {
+            return Ok(());
+        }
+        let root = Node {
+            prims: &mut self.prims[..leaves],
+            room: &mut self.room[..leaves],
+            left_leaves: &mut tree.left_leaves,
+            order: &mut tree.order,
+            extents,
+            depth: 0,
+        };
+        node::build(root, cancel)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geom::Aabb;
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    fn row(n: u32) -> Vec<Aabb> {
+        let at = |i: u32| [i as f32, (i % 7) as f32, (i % 31) as f32];
+        let corner = |i| at(i).map(|x| x + 1.0);
+        let bounds = |i| Aabb {
+            min: at(i),
+            max: corner(i),
+        };
+        (0..n).map(bounds).collect()
+    }
+
+    #[test]
+    fn a_second_build_of_the_same_or_a_smaller_size_keeps_its_memory() {
+        let mut builder = Builder::new();
+        let mut tree = BinaryTree::default();
+        let large = row(50_000);
+        builder
+            .build(&large[..], &Cancel::new(), &mut tree)
+            .unwrap();
+        let memory = |builder: &Builder, tree: &BinaryTree| {
+            let work = [&builder.prims, &builder.room].map(|v| (v.as_ptr(), v.capacity()));
+            let out = [&tree.order, &tree.left_leaves].map(|v| (v.as_ptr(), v.capacity()));
+            (work, out)
+        };
+        let before = memory(&builder, &tree);
+        assert_eq!(before.0[0].1 * size_of::<Prim>(), 50_000 * 32);
+        for boxes in [&large[..], &large[..40_000], &large[..3], &large[..]] {
+            builder.build(boxes, &Cancel::new(), &mut tree).unwrap();
+            assert_eq!(memory(&builder, &tree), before);
+            assert_eq!(tree.leaf_count(), boxes.len());
+        }
+    }
+
+    /// Boxes that cancel the build while it reads the last of them.
+    struct Impatient<'a>(Vec<Aabb>, &'a Cancel, AtomicU32);
+
+    impl Boxes for Impatient<'_> {
+        fn len(&self) -> usize {
+            self.0.len()
+        }
+        fn get(&self, triangle: u32) -> Aabb {
+            let seen = self.2.fetch_add(1, Ordering::Relaxed) + 1;
+            if seen as usize == self.0.len() {
+                self.1.cancel();
+            }
+            self.0[triangle as usize]
+        }
+    }
+
+    #[test]
+    fn a_cancelled_build_leaves_an_empty_tree_and_a_working_builder() {
+        let mut builder = Builder::new();
+        let mut tree = BinaryTree::default();
+        let (before, during) = (Cancel::new(), Cancel::new());
+        builder.build(&row(9)[..], &before, &mut tree).unwrap();
+        before.cancel();
+        let early = builder.build(&row(9)[..], &before, &mut tree);
+        assert_eq!((early, tree.leaf_count()), (Err(BuildError::Cancelled), 0));
+        let boxes = Impatient(row(20_000), &during, AtomicU32::new(0));
+        let late = builder.build(&boxes, &during, &mut tree);
+        assert_eq!((late, tree.root()), (Err(BuildError::Cancelled), None));
+        assert!(tree.left_leaves().is_empty());
+        builder
+            .build(&row(9)[..], &Cancel::new(), &mut tree)
+            .unwrap();
+        assert_eq!(tree.leaf_count(), 9);
     }
 }

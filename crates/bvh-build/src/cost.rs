@@ -1,12 +1,136 @@
 //! The surface area heuristic's cost of a tree.
 
-use crate::{BinaryTree, Boxes};
+use crate::gather::is_usable;
+use crate::{BinaryTree, Boxes, Subtree};
+use geom::Aabb;
+
+/// Subtrees of more leaves than this are summed in parallel.
+const PARALLEL: u32 = 2048;
 
 /// Expected steps of a random ray that meets the root: traversal 1, intersection 1.
 ///
 /// Sum of all nodes' areas over the root's (MacDonald, Booth 1990). 0 for a
-/// tree whose root has no area or no triangle.
+/// tree whose root has no area or no triangle. Boxes that are empty or not
+/// finite count for nothing. The sum is taken along the tree, so it has the
+/// same bits for every number of threads.
 #[must_use]
-pub fn sah_cost<B: Boxes + ?Sized>(_tree: &BinaryTree, _boxes: &B) -> f64 {
-    unimplemented!()
+pub fn sah_cost<B: Boxes + ?Sized>(tree: &BinaryTree, boxes: &B) -> f64 {
+    let Some(root) = tree.root() else { return 0.0 };
+    let (bounds, sum) = areas_below(tree, boxes, root);
+    let area = bounds.half_area();
+    if area > 0.0 { sum / area } else { 0.0 }
+}
+
+/// The box of a subtree, and the sum of its nodes' half areas.
+fn areas_below<B: Boxes + ?Sized>(tree: &BinaryTree, boxes: &B, node: Subtree) -> (Aabb, f64) {
+    if node.leaves == 1 {
+        let bounds = boxes.get(tree.order[node.first_leaf as usize]);
+        let bounds = Some(bounds).filter(is_usable).unwrap_or(Aabb::EMPTY);
+        return (bounds, bounds.half_area());
+    }
+    let [left, right] = tree.children(node);
+    let ((a, below_a), (b, below_b)) = if node.leaves > PARALLEL {
+        rayon::join(
+            || areas_below(tree, boxes, left),
+            || areas_below(tree, boxes, right),
+        )
+    } else {
+        (
+            areas_below(tree, boxes, left),
+            areas_below(tree, boxes, right),
+        )
+    };
+    let bounds = a.union(b);
+    (bounds, bounds.half_area() + (below_a + below_b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Builder, Cancel};
+
+    /// A wavy square of `n * n` boxes, in rows.
+    fn waves(n: u32) -> Vec<Aabb> {
+        (0..n * n)
+            .map(|i| {
+                let (x, y) = ((i % n) as f32, (i / n) as f32);
+                let z = (x * 0.3).sin() + (y * 0.2).cos();
+                Aabb {
+                    min: [x, y, z],
+                    max: [x + 1.0, y + 1.5, z + 0.5],
+                }
+            })
+            .collect()
+    }
+
+    /// Every node split in the middle of the given order.
+    fn median_tree(n: usize) -> BinaryTree {
+        fn left_leaves(n: usize, out: &mut Vec<u32>) {
+            if n > 1 {
+                out.push((n / 2) as u32);
+                left_leaves(n / 2, out);
+                left_leaves(n - n / 2, out);
+            }
+        }
+        let mut tree = BinaryTree::default();
+        tree.order.extend(0..n as u32);
+        left_leaves(n, &mut tree.left_leaves);
+        tree
+    }
+
+    /// Area of every node, each from its own leaves.
+    fn naive_cost(tree: &BinaryTree, boxes: &[Aabb]) -> f64 {
+        fn area(tree: &BinaryTree, boxes: &[Aabb], node: Subtree) -> f64 {
+            let leaves = &tree.order()[node.first_leaf as usize..][..node.leaves as usize];
+            let bounds = leaves.iter().map(|&i| boxes[i as usize]);
+            bounds.fold(Aabb::EMPTY, Aabb::union).half_area()
+        }
+        let root = tree.root().unwrap();
+        let mut stack = vec![root];
+        let mut sum = 0.0;
+        while let Some(node) = stack.pop() {
+            sum += area(tree, boxes, node);
+            if node.leaves > 1 {
+                stack.extend(tree.children(node));
+            }
+        }
+        sum / area(tree, boxes, root)
+    }
+
+    fn build(boxes: &[Aabb]) -> BinaryTree {
+        let mut tree = BinaryTree::default();
+        let built = Builder::new().build(boxes, &Cancel::new(), &mut tree);
+        built.map(|()| tree).unwrap()
+    }
+
+    #[test]
+    fn the_cost_is_the_sum_of_all_areas_over_the_roots() {
+        let boxes = waves(60);
+        for tree in [build(&boxes), median_tree(boxes.len())] {
+            let (cost, naive) = (sah_cost(&tree, &boxes[..]), naive_cost(&tree, &boxes));
+            assert!((cost - naive).abs() <= 1e-12 * naive, "{cost} {naive}");
+        }
+    }
+
+    #[test]
+    fn a_built_tree_costs_less_than_one_split_at_the_median() {
+        let mut boxes = waves(60);
+        let (built, median) = (build(&boxes), median_tree(boxes.len()));
+        assert!(sah_cost(&built, &boxes[..]) < 0.8 * sah_cost(&median, &boxes[..]));
+        boxes.truncate(25);
+        let (built, median) = (build(&boxes), median_tree(boxes.len()));
+        assert!(sah_cost(&built, &boxes[..]) <= sah_cost(&median, &boxes[..]));
+    }
+
+    #[test]
+    fn boxes_that_vanished_since_the_build_count_for_nothing() {
+        let mut boxes = waves(2);
+        let tree = build(&boxes);
+        boxes[1] = Aabb::EMPTY;
+        boxes[2].max[0] = f32::NAN;
+        let root = boxes[0].union(boxes[3]).half_area();
+        let cost = sah_cost(&tree, &boxes[..]);
+        assert!(cost.is_finite() && cost * root >= boxes[0].half_area() + boxes[3].half_area());
+        assert_eq!(sah_cost(&tree, &[Aabb::EMPTY; 4][..]), 0.0);
+    }
 }

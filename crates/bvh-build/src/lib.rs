@@ -6,10 +6,17 @@
 //! its depth is at most [`MAX_DEPTH`] whatever the input. Parallel work runs in
 //! the rayon pool that the caller installed.
 
+mod bins;
 mod boxes;
 mod builder;
 mod cancel;
 mod cost;
+mod gather;
+mod node;
+mod partition;
+mod prim;
+mod small;
+mod tiny;
 mod tree;
 
 pub use boxes::Boxes;

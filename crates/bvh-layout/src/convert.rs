@@ -1,11 +1,43 @@
 //! Depth-first tree to breadth-first record.
+//!
+//! Nodes of one level lie in the same order in preorder as in breadth-first
+//! order. So no queue of nodes is needed: one walk in preorder counts the
+//! nodes of each level, another appends each node to its level. Both read and
+//! write memory as streams, at most one for each level, and both split into
+//! chunks of the preorder, whose shares of every level are known by counting.
 
 use crate::Topology;
-use bvh_build::BinaryTree;
+use crate::header::Header;
+use crate::segments::segments;
+use crate::walk::{Shape, Walk};
+use bvh_build::{BinaryTree, MAX_DEPTH};
+use geom::Animation;
+use rayon::prelude::*;
+
+/// Depths at which an inner node may lie.
+const DEPTHS: usize = MAX_DEPTH as usize;
+/// Inner nodes a chunk: enough to hide what a chunk costs, few enough for many threads.
+const CHUNK: usize = 1 << 14;
+/// Words of bits packed by one task.
+const PACK: usize = 1 << 12;
 
 /// Converts trees; keeps its memory between calls.
 #[derive(Debug, Default)]
-pub struct Converter {}
+pub struct Converter {
+    /// One entry a chunk of the preorder.
+    tallies: Vec<Tally>,
+    /// One entry an inner node in breadth-first order: which children are leaves.
+    leaf_children: Vec<u8>,
+}
+
+/// What one chunk adds to each level.
+#[derive(Clone, Debug)]
+struct Tally {
+    /// Its inner nodes at each depth.
+    inner: [u32; DEPTHS],
+    /// Their children that are leaves, by the depth of the parent.
+    leaves: [u32; DEPTHS],
+}
 
 impl Converter {
     /// A converter that holds no memory yet.
@@ -16,13 +48,235 @@ impl Converter {
 
     /// The record of `tree`, for a scene of `triangle_count` triangles. `reuse`
     /// is an old record's memory (see [`Topology::into_words`]) or an empty vector.
+    ///
+    /// Runs in the rayon pool that the caller installed; the record does not
+    /// depend on the number of threads. Needs 1 byte a triangle beside the record.
+    ///
+    /// # Panics
+    /// If `triangle_count` exceeds [`Animation::MAX_TRIANGLES`] or the tree
+    /// names a triangle that is not below `triangle_count`.
     #[must_use]
     pub fn convert(
         &mut self,
-        _tree: &BinaryTree,
-        _triangle_count: usize,
-        _reuse: Vec<u32>,
+        tree: &BinaryTree,
+        triangle_count: usize,
+        reuse: Vec<u32>,
     ) -> Topology {
-        unimplemented!()
+        self.convert_shape(tree.into(), triangle_count, reuse)
+    }
+
+    pub(crate) fn convert_shape(
+        &mut self,
+        shape: Shape<'_>,
+        triangle_count: usize,
+        mut words: Vec<u32>,
+    ) -> Topology {
+        assert!(
+            triangle_count <= Animation::MAX_TRIANGLES,
+            "{triangle_count} triangles are too many for a record"
+        );
+        self.count(shape);
+        let inner = self.inner_per_level(shape);
+        let header = Header {
+            triangles: triangle_count as u32,
+            leaves: shape.order.len() as u32,
+            levels: inner.len() as u32,
+        };
+        // Memory that is reused is not cleared: every word is written below.
+        words.resize(header.record_words(), 0);
+        let (head, body) = words.split_at_mut(Topology::HEADER_WORDS);
+        head.copy_from_slice(&header.words());
+        let (level_table, body) = body.split_at_mut(inner.len());
+        level_table.copy_from_slice(&inner);
+        let (bits, body) = body.split_at_mut(header.bit_words());
+        let (ranks, leaf_triangles) = body.split_at_mut(header.bit_words());
+        let greatest = self.scatter(shape, leaf_triangles);
+        assert!(
+            greatest < triangle_count || shape.order.is_empty(),
+            "the tree names triangle {greatest} of {triangle_count}"
+        );
+        pack(&self.leaf_children, bits);
+        rank(bits, ranks);
+        Topology { words }
+    }
+
+    /// Fills the tallies.
+    fn count(&mut self, shape: Shape<'_>) {
+        let chunks = shape.left_leaves.par_chunks(CHUNK).enumerate();
+        chunks
+            .map(|(chunk, left_leaves)| {
+                let mut tally = Tally {
+                    inner: [0; DEPTHS],
+                    leaves: [0; DEPTHS],
+                };
+                Walk::starting_at(shape, chunk * CHUNK).run(left_leaves, |node| {
+                    tally.inner[node.depth as usize] += 1;
+                    tally.leaves[node.depth as usize] += node.leaf_children.count_ones();
+                });
+                tally
+            })
+            .collect_into_vec(&mut self.tallies);
+    }
+
+    /// The level table. Inner nodes fill levels from the root on; one level of leaves alone follows.
+    fn inner_per_level(&self, shape: Shape<'_>) -> Vec<u32> {
+        if shape.order.is_empty() {
+            return Vec::new();
+        }
+        let total = |depth| self.tallies.iter().map(|t| t.inner[depth]).sum::<u32>();
+        let mut inner: Vec<u32> = (0..DEPTHS).map(total).take_while(|&k| k > 0).collect();
+        inner.push(0);
+        inner
+    }
+
+    /// Appends every node to its level; returns the greatest triangle named.
+    fn scatter(&mut self, shape: Shape<'_>, leaf_triangles: &mut [u32]) -> usize {
+        if let [root] = shape.order {
+            self.leaf_children.clear();
+            leaf_triangles[0] = *root;
+            return *root as usize;
+        }
+        self.leaf_children.resize(shape.left_leaves.len(), 0);
+        let leaves = segments(leaf_triangles, &self.tallies, |t| &t.leaves);
+        let inner = segments(&mut self.leaf_children, &self.tallies, |t| &t.inner);
+        let chunks = shape.left_leaves.par_chunks(CHUNK).enumerate();
+        chunks
+            .zip(leaves.into_par_iter().zip(inner))
+            .map(|((chunk, left_leaves), (leaves, inner))| {
+                let walk = Walk::starting_at(shape, chunk * CHUNK);
+                scatter_chunk(walk, left_leaves, shape.order, leaves, inner)
+            })
+            .max()
+            .unwrap_or(0) as usize
+    }
+}
+
+/// Appends one chunk's nodes to its own shares of the levels; returns the greatest triangle named.
+fn scatter_chunk(
+    walk: Walk,
+    left_leaves: &[u32],
+    order: &[u32],
+    mut leaves: [&mut [u32]; DEPTHS],
+    mut inner: [&mut [u8]; DEPTHS],
+) -> u32 {
+    let mut leaf_ends = [0_usize; DEPTHS];
+    let mut inner_ends = [0_usize; DEPTHS];
+    let mut greatest = 0;
+    walk.run(left_leaves, |node| {
+        let depth = node.depth as usize;
+        let flags = node.leaf_children;
+        inner[depth][inner_ends[depth]] = flags;
+        inner_ends[depth] += 1;
+        // Written whether leaf or not, so that nothing branches: a leaf that
+        // comes later overwrites, and past the share's end nothing is kept.
+        let end = &mut leaf_ends[depth];
+        for (child, is_leaf) in [(node.left, flags & 1), (node.right, flags >> 1)] {
+            let triangle = order[child as usize];
+            greatest = triangle.max(greatest);
+            if let Some(slot) = leaves[depth].get_mut(*end) {
+                *slot = triangle;
+            }
+            *end += usize::from(is_leaf);
+        }
+    });
+    greatest
+}
+
+/// Children of inner node `k` are nodes `2k + 1` and `2k + 2`: packs two bits a node, one place up.
+fn pack(leaf_children: &[u8], bits: &mut [u32]) {
+    let tasks = bits.par_chunks_mut(PACK).enumerate();
+    tasks.for_each(|(task, bits)| {
+        let first = task * PACK * 16;
+        let mut carry = match first.checked_sub(1) {
+            Some(before) => u32::from(leaf_children[before] >> 1),
+            None => u32::from(leaf_children.is_empty()),
+        };
+        let mut nodes = leaf_children[first..].chunks(16);
+        for word in bits {
+            let pairs = nodes.next().map_or(0, pairs);
+            *word = pairs << 1 | carry;
+            carry = pairs >> 31;
+        }
+    });
+}
+
+/// Two bits of each of up to 16 bytes, the first lowest.
+fn pairs(bytes: &[u8]) -> u32 {
+    let join = |pairs, (i, &byte): (usize, &u8)| pairs | u32::from(byte) << (2 * i);
+    bytes.iter().enumerate().fold(0, join)
+}
+
+/// For each word, the ones before it.
+fn rank(bits: &[u32], ranks: &mut [u32]) {
+    let mut before = 0;
+    for (word, rank) in bits.iter().zip(ranks) {
+        *rank = before;
+        before += word.count_ones();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::{check_against, random_tree, shapes};
+
+    #[test]
+    fn a_record_says_what_its_tree_says() {
+        for tree in shapes() {
+            let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
+            check_against(&record, &tree);
+        }
+    }
+
+    #[test]
+    fn trees_of_many_chunks_and_tasks_convert_like_small_ones() {
+        let tree = random_tree(5 * CHUNK + 17, 3);
+        let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
+        check_against(&record, &tree);
+        let tree = random_tree(16 * PACK * 2 + 2, 4);
+        let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
+        check_against(&record, &tree);
+    }
+
+    #[test]
+    fn memory_reused_leaves_no_trace() {
+        let mut converter = Converter::new();
+        let mut words = vec![u32::MAX; 5_000];
+        for tree in shapes() {
+            let fresh = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
+            let reused = converter.convert_shape(tree.shape(), tree.scene(), words);
+            assert_eq!(reused, fresh);
+            words = reused.into_words();
+            words.fill(u32::MAX);
+        }
+    }
+
+    #[test]
+    fn no_triangle_makes_no_level() {
+        let record = Converter::new().convert(&BinaryTree::default(), 0, vec![7; 40]);
+        assert_eq!(record, Topology::default());
+        assert_eq!((record.level_count(), record.node_count()), (0, 0));
+        let record = Converter::new().convert(&BinaryTree::default(), 3, vec![]);
+        assert_eq!((record.triangle_count(), record.leaf_count()), (3, 0));
+    }
+
+    #[test]
+    #[should_panic(expected = "names triangle")]
+    fn a_tree_of_another_scene_is_refused() {
+        let tree = random_tree(100, 1);
+        let greatest = *tree.order.iter().max().unwrap();
+        let _ = Converter::new().convert_shape(tree.shape(), greatest as usize, vec![]);
+    }
+
+    #[test]
+    #[should_panic(expected = "deeper than MAX_DEPTH")]
+    fn a_tree_too_deep_is_refused() {
+        let order: Vec<u32> = (0..300).collect();
+        let left_leaves: Vec<u32> = (0..299).map(|i| 299 - i).collect();
+        let shape = Shape {
+            left_leaves: &left_leaves,
+            order: &order,
+        };
+        let _ = Converter::new().convert_shape(shape, 300, vec![]);
     }
 }

@@ -9,11 +9,20 @@
 //! take 64.
 
 mod convert;
+mod error;
+#[cfg(test)]
+mod fuzz;
+mod header;
 mod lists;
 mod record;
+mod segments;
+#[cfg(test)]
+mod tests;
+mod triangles;
 mod validate;
+mod walk;
 
 pub use convert::Converter;
+pub use error::RecordError;
 pub use lists::Lists;
 pub use record::{Level, Topology};
-pub use validate::RecordError;

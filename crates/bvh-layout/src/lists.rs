@@ -1,6 +1,10 @@
 //! The two lists that refit kernels walk.
 
 use crate::Topology;
+use rayon::prelude::*;
+
+/// Words of bits that one task unpacks.
+const TASK: usize = 1 << 9;
 
 /// The nodes of a record as two lists, each sorted by level (and so by node).
 ///
@@ -17,7 +21,86 @@ pub struct Lists {
 
 impl Lists {
     /// Fills both lists from a record, in parallel, reusing their memory.
-    pub fn fill(&mut self, _topology: &Topology) {
-        unimplemented!()
+    pub fn fill(&mut self, topology: &Topology) {
+        let nodes = topology.node_count();
+        self.leaf_nodes.resize(topology.leaf_count(), 0);
+        self.inner_nodes.resize(nodes - topology.leaf_count(), 0);
+        let (mut leaves, mut inner) = (&mut self.leaf_nodes[..], &mut self.inner_nodes[..]);
+        let mut tasks = Vec::new();
+        for (task, bits) in topology.leaf_bits().chunks(TASK).enumerate() {
+            let first = task * TASK * 32;
+            let count = (nodes - first).min(bits.len() * 32);
+            let ones = bits.iter().map(|w| w.count_ones() as usize).sum::<usize>();
+            let (leaf_part, leaf_rest) = leaves.split_at_mut(ones);
+            let (inner_part, inner_rest) = inner.split_at_mut(count - ones);
+            tasks.push((first as u32, bits, leaf_part, inner_part));
+            (leaves, inner) = (leaf_rest, inner_rest);
+        }
+        tasks
+            .into_par_iter()
+            .for_each(|(first, bits, leaves, inner)| {
+                unpack(first, bits.iter().copied(), leaves);
+                unpack(first, bits.iter().map(|word| !word), inner);
+            });
+    }
+}
+
+/// Writes the places of ones, counted from `first`, until `places` is full.
+fn unpack(first: u32, words: impl Iterator<Item = u32>, places: &mut [u32]) {
+    let mut rest = places;
+    for (base, word) in (first..).step_by(32).zip(words) {
+        let count = rest.len().min(word.count_ones() as usize);
+        let (part, after) = rest.split_at_mut(count);
+        let mut ones = word;
+        for place in part {
+            *place = base + ones.trailing_zeros();
+            ones &= ones.wrapping_sub(1);
+        }
+        rest = after;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Converter;
+    use crate::tests::{random_tree, shapes};
+
+    fn check(record: &Topology, lists: &Lists) {
+        let is_leaf = |node: u32| record.leaf_bits()[node as usize / 32] >> (node % 32) & 1 == 1;
+        let (leaves, inner): (Vec<u32>, Vec<u32>) =
+            (0..record.node_count() as u32).partition(|&node| is_leaf(node));
+        assert_eq!((&lists.leaf_nodes, &lists.inner_nodes), (&leaves, &inner));
+    }
+
+    #[test]
+    fn every_node_stands_in_one_list_in_order() {
+        let mut lists = Lists::default();
+        for tree in shapes() {
+            let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
+            lists.fill(&record);
+            check(&record, &lists);
+        }
+        let tree = random_tree(TASK * 40, 5);
+        let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
+        lists.fill(&record);
+        check(&record, &lists);
+        lists.fill(&Topology::default());
+        assert_eq!(lists, Lists::default());
+    }
+
+    #[test]
+    fn levels_cut_both_lists_at_the_right_places() {
+        let tree = random_tree(3_000, 6);
+        let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
+        let mut lists = Lists::default();
+        lists.fill(&record);
+        for level in record.levels() {
+            let leaves = &lists.leaf_nodes[level.leaves.start as usize..level.leaves.end as usize];
+            let inner = &lists.inner_nodes[level.inner.start as usize..level.inner.end as usize];
+            let mut nodes = [leaves, inner].concat();
+            nodes.sort_unstable();
+            assert!(nodes.into_iter().eq(level.nodes));
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! The record that is handed over, and how to read it.
 
 use crate::RecordError;
+use crate::header::Header;
 use std::ops::Range;
 
 /// A tree's shape in breadth-first order: which nodes are leaves, and whose.
@@ -24,7 +25,15 @@ use std::ops::Range;
 /// | `n` words | the triangle of each leaf, in node order |
 ///
 /// The `k`-th inner node (from 0, in node order) has children `2k + 1` and `2k + 2`.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+///
+/// # What it costs
+///
+/// `8 + L + 2 * ceil((2n - 1) / 32) + n` words: `n` triangles take
+/// `4.5 n + 4 L + 36` bytes or a little more, which is 4.5 bytes a triangle in the
+/// limit and at most 8 from 100 triangles on. Two nodes of 32 bytes a triangle
+/// (a box and two indices each) take 64: the paper's cut of 87.5 % is 8 of 64,
+/// this record's is 93 %.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topology {
     pub(crate) words: Vec<u32>,
 }
@@ -55,6 +64,27 @@ impl Topology {
     pub fn from_words(words: Vec<u32>) -> Result<Self, RecordError> {
         crate::validate::validate(&words)?;
         Ok(Self { words })
+    }
+
+    /// Takes a record from bytes, such as a file's.
+    ///
+    /// # Errors
+    /// See [`RecordError`].
+    pub fn from_le_bytes(bytes: &[u8]) -> Result<Self, RecordError> {
+        let (words, rest) = bytes.as_chunks::<4>();
+        if !rest.is_empty() {
+            return Err(RecordError::Bytes { found: bytes.len() });
+        }
+        Self::from_words(words.iter().map(|&word| u32::from_le_bytes(word)).collect())
+    }
+
+    /// The record as bytes, for a file.
+    #[must_use]
+    pub fn to_le_bytes(&self) -> Vec<u8> {
+        self.words
+            .iter()
+            .flat_map(|word| word.to_le_bytes())
+            .collect()
     }
 
     /// The record, as it is handed over.
@@ -142,7 +172,114 @@ impl Topology {
         &self.words[self.words.len() - self.leaf_count()..]
     }
 
+    /// Whether a node is a leaf.
+    ///
+    /// # Panics
+    /// If there is no such node; likewise for the other queries of nodes.
+    #[must_use]
+    #[inline]
+    pub fn is_leaf(&self, node: u32) -> bool {
+        assert!((node as usize) < self.node_count(), "no node {node}");
+        self.leaf_bits()[node as usize / 32] >> (node % 32) & 1 == 1
+    }
+
+    /// Leaves before `node`: a leaf's place in [`Topology::leaf_triangles`].
+    /// An inner node's place among inner nodes is `node` less this.
+    ///
+    /// # Panics
+    /// If there is no such node.
+    #[must_use]
+    #[inline]
+    pub fn leaf_rank(&self, node: u32) -> u32 {
+        assert!((node as usize) < self.node_count(), "no node {node}");
+        let word = node as usize / 32;
+        let before = self.leaf_bits()[word] & !(u32::MAX << (node % 32));
+        self.leaf_ranks()[word] + before.count_ones()
+    }
+
+    /// Both children of the `k`-th inner node.
+    #[must_use]
+    #[inline]
+    pub fn children_of_inner(k: u32) -> [u32; 2] {
+        [2 * k + 1, 2 * k + 2]
+    }
+
     fn bit_words(&self) -> usize {
         self.node_count().div_ceil(32)
+    }
+}
+
+/// The record of no triangle.
+impl Default for Topology {
+    fn default() -> Self {
+        Self {
+            words: Header::default().words().to_vec(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Converter;
+    use crate::tests::{chain, random_tree, shapes};
+
+    fn record(leaves: usize) -> Topology {
+        let tree = random_tree(leaves, leaves as u64);
+        Converter::new().convert_shape(tree.shape(), tree.scene(), vec![])
+    }
+
+    #[test]
+    fn a_record_survives_words_and_bytes() {
+        for tree in shapes() {
+            let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
+            assert_eq!(Topology::from_le_bytes(&record.to_le_bytes()), Ok(record));
+        }
+        assert_eq!(
+            Topology::from_le_bytes(&[0; 33]),
+            Err(RecordError::Bytes { found: 33 })
+        );
+    }
+
+    #[test]
+    fn a_triangle_takes_at_most_8_bytes_and_about_4_and_a_half() {
+        for leaves in [100, 101, 1_000, 30_000] {
+            let record = record(leaves);
+            assert!(record.bytes() <= 8 * leaves, "{leaves}: {}", record.bytes());
+        }
+        let deepest = chain(100);
+        let record = Converter::new().convert_shape(deepest.shape(), deepest.scene(), vec![]);
+        assert_eq!(record.level_count(), 65);
+        assert!(record.bytes() <= 800, "{}", record.bytes());
+        let bytes = self::record(200_000).bytes() as f64 / 200_000.0;
+        assert!((4.5..4.502).contains(&bytes), "{bytes}");
+    }
+
+    #[test]
+    fn levels_follow_one_another_without_gaps() {
+        let record = record(1_000);
+        let levels: Vec<Level> = record.levels().collect();
+        assert_eq!(levels[0].nodes, 0..1);
+        for pair in levels.windows(2) {
+            assert_eq!(pair[0].nodes.end, pair[1].nodes.start);
+            assert_eq!(pair[0].leaves.end, pair[1].leaves.start);
+            assert_eq!(pair[0].inner.end, pair[1].inner.start);
+            assert_eq!(pair[1].nodes.len(), 2 * pair[0].inner.len());
+        }
+        let last = levels.last().unwrap();
+        assert_eq!(
+            (last.nodes.end, last.leaves.end, last.inner.end),
+            (1_999, 1_000, 999)
+        );
+    }
+
+    #[test]
+    fn ranks_count_the_leaves_before_a_node() {
+        let record = record(700);
+        let mut before = 0;
+        for node in 0..record.node_count() as u32 {
+            assert_eq!(record.leaf_rank(node), before);
+            before += u32::from(record.is_leaf(node));
+        }
     }
 }

@@ -1,1 +1,46 @@
-fn main() {}
+//! `abvh`: a ray tracer for moving, deforming triangle scenes.
+//!
+//! One room a command; `args` says what may be asked for, `open` alone names
+//! backends, `stop` turns whatever went wrong into one line and an exit code.
+
+mod args;
+mod bench;
+mod choose;
+mod decay;
+mod frames;
+mod info;
+mod inspect;
+mod motion;
+mod open;
+mod outputs;
+mod progress;
+mod record;
+mod render;
+mod session;
+mod stop;
+mod table;
+mod talk;
+mod threads;
+mod trace;
+mod values;
+
+use args::Command;
+use std::process::ExitCode;
+use stop::Stop;
+
+fn main() -> ExitCode {
+    match args::parse().and_then(run) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(stop) => stop.report(),
+    }
+}
+
+fn run(command: Command) -> Result<(), Stop> {
+    match command {
+        Command::Render(args) => render::run(&args),
+        Command::Trace(args) => trace::run(&args),
+        Command::Bench(args) => bench::run(&args),
+        Command::Inspect(args) => inspect::run(&args),
+        Command::Info(args) => info::run(&args),
+    }
+}

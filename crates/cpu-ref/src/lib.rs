@@ -1,1 +1,241 @@
-//! Empty.
+//! The reference backend: every stage on the host's cores, by rayon.
+//!
+//! Plain, and exact to the letter of what a hit is (`ARCHITECTURE.md`): other
+//! backends are held against it bit for bit. One room a stage, by the stage's
+//! name: [`interpolate`], [`preprocess`], [`refit`], [`trace`]; one room a
+//! triangle test. Work runs in a pool of the backend's own when it is
+//! submitted, so `wait` never blocks.
+
+mod interpolate;
+#[cfg(test)]
+mod law;
+mod moller_trumbore;
+mod nodes;
+mod preprocess;
+mod ray;
+mod recording;
+mod refit;
+mod scale;
+mod scene;
+mod shadow;
+mod slab;
+mod snapshots;
+mod submission;
+#[cfg(test)]
+mod testing;
+mod tiles;
+mod trace;
+#[cfg(test)]
+mod trace_tests;
+mod traverse;
+mod triangle_test;
+mod watertight;
+mod woop;
+
+use backend::{
+    Backend, BackendError, Device, DeviceKind, FRAMES_IN_FLIGHT, FrameReport, Generation, Hits,
+    Inspect, Method, Query, Result, Snapshot, Ticket,
+};
+use bvh_layout::Topology;
+use geom::{Aabb, Animation, Point, Pose};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use recording::Recording;
+use scene::Scene;
+use snapshots::Snapshots;
+use std::sync::Arc;
+use submission::Submission;
+
+/// The backend's name on the command line.
+const NAME: &str = "cpu";
+
+/// Interpolates, preprocesses, refits and traces on the host.
+pub struct CpuBackend {
+    device: Device,
+    pool: ThreadPool,
+    scene: Option<Scene>,
+    generation: Option<Generation>,
+    recording: Recording,
+    submissions: [Submission; FRAMES_IN_FLIGHT],
+    submitted: u64,
+    snapshots: Snapshots,
+}
+
+impl CpuBackend {
+    /// A backend with a pool of `threads` threads, or of one a core.
+    ///
+    /// # Errors
+    /// [`BackendError::Unsupported`] for no threads, [`BackendError::NoDevice`] if they cannot be started.
+    pub fn new(threads: Option<usize>) -> Result<Self> {
+        if threads == Some(0) {
+            return Err(BackendError::Unsupported {
+                backend: NAME,
+                what: "0 threads".to_owned(),
+            });
+        }
+        let pool = ThreadPoolBuilder::new()
+            .num_threads(threads.unwrap_or(0))
+            .thread_name(|i| format!("{NAME}-{i}"))
+            .build()
+            .map_err(|e| BackendError::NoDevice(format!("cannot start threads: {e}")))?;
+        let device = Device {
+            backend: NAME,
+            adapter: format!("host ({})", std::env::consts::ARCH),
+            driver: String::new(),
+            kind: DeviceKind::Cpu,
+            threads: pool.current_num_threads(),
+        };
+        Ok(Self {
+            device,
+            pool,
+            scene: None,
+            generation: None,
+            recording: Recording::default(),
+            submissions: Default::default(),
+            submitted: 0,
+            snapshots: Snapshots::default(),
+        })
+    }
+
+    fn scene(&mut self) -> &mut Scene {
+        loaded(&mut self.scene)
+    }
+
+    fn finished(&self, ticket: Ticket) -> &Submission {
+        let found = self.submissions.iter().find(|s| s.ticket == Some(ticket));
+        found.unwrap_or_else(|| {
+            panic!(
+                "ticket {} was never given, or too long ago: the last {FRAMES_IN_FLIGHT} are kept",
+                ticket.0
+            )
+        })
+    }
+}
+
+fn loaded(scene: &mut Option<Scene>) -> &mut Scene {
+    scene
+        .as_mut()
+        .expect("no scene is current: load comes first")
+}
+
+/// Makes room for `count` entries in all.
+fn reserve<T>(memory: &mut Vec<T>, count: usize, what: &str) -> Result<()> {
+    let more = count.saturating_sub(memory.len());
+    let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
+    memory
+        .try_reserve_exact(more)
+        .map_err(|_| BackendError::OutOfMemory {
+            what: what.to_owned(),
+            bytes,
+        })
+}
+
+impl Backend for CpuBackend {
+    fn device(&self) -> &Device {
+        &self.device
+    }
+
+    fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
+        self.scene = None;
+        self.generation = None;
+        self.recording.reset();
+        self.submissions = Default::default();
+        self.snapshots = Snapshots::default();
+        self.scene = Some(self.pool.install(|| Scene::new(animation, method))?);
+        Ok(())
+    }
+
+    fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
+        self.recording.assert_between_submissions();
+        assert!(
+            self.generation < Some(generation),
+            "generations rise: {} comes after {:?}",
+            generation.0,
+            self.generation
+        );
+        let scene = loaded(&mut self.scene);
+        self.pool.install(|| scene.adopt(tree))?;
+        self.generation = Some(generation);
+        self.recording.adopted();
+        Ok(())
+    }
+
+    fn interpolate(&mut self, pose: Pose) -> Result<()> {
+        self.scene();
+        self.recording.interpolate(pose);
+        Ok(())
+    }
+
+    fn preprocess(&mut self) -> Result<()> {
+        self.recording.preprocess();
+        Ok(())
+    }
+
+    fn refit(&mut self) -> Result<()> {
+        self.recording.refit();
+        Ok(())
+    }
+
+    fn trace(&mut self, query: Query<'_>) -> Result<()> {
+        let count = query.rays.count();
+        let hits = &mut self.submissions[slot(self.submitted)].hits;
+        if query.seek != backend::Seek::Any {
+            reserve(&mut hits.closest, count, "hits")?;
+        }
+        if query.seek != backend::Seek::Closest {
+            reserve(&mut hits.blocked, count, "hits")?;
+        }
+        self.recording.trace(query);
+        Ok(())
+    }
+
+    fn request_positions(&mut self) -> Result<()> {
+        self.recording.copy_positions();
+        Ok(())
+    }
+
+    fn submit(&mut self) -> Result<Ticket> {
+        let ticket = Ticket(self.submitted);
+        let submission = &mut self.submissions[slot(self.submitted)];
+        let (scene, snapshots) = (loaded(&mut self.scene), &mut self.snapshots);
+        let recorded = (&self.recording.commands[..], &self.recording.rays[..]);
+        self.pool
+            .install(|| submission.run(ticket, recorded, scene, snapshots));
+        self.recording.commands.clear();
+        self.submitted += 1;
+        Ok(ticket)
+    }
+
+    fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
+        Ok(self.finished(ticket).report.clone())
+    }
+
+    fn hits(&mut self, ticket: Ticket, out: &mut Hits) -> Result<()> {
+        let hits = &self.finished(ticket).hits;
+        out.closest.clone_from(&hits.closest);
+        out.blocked.clone_from(&hits.blocked);
+        Ok(())
+    }
+
+    fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
+        Ok(self.snapshots.pop())
+    }
+
+    fn inspect(&mut self) -> &mut dyn Inspect {
+        self
+    }
+}
+
+/// Which of the submissions kept is the `n`-th.
+fn slot(n: u64) -> usize {
+    n as usize % FRAMES_IN_FLIGHT
+}
+
+impl Inspect for CpuBackend {
+    fn positions(&mut self) -> Result<Vec<Point>> {
+        Ok(self.scene().positions().to_vec())
+    }
+
+    fn boxes(&mut self) -> Result<Vec<Aabb>> {
+        Ok(self.scene().boxes())
+    }
+}

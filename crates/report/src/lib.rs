@@ -1,1 +1,22 @@
-//! Empty.
+//! Arrays, pictures and rows in; whole files out.
+//!
+//! Every file is written beside its final name and renamed when it is whole, so
+//! that nobody ever reads half a file. What a file holds depends on what it is
+//! given and on nothing else (no clock, no thread count), so that equal results
+//! are equal bytes.
+
+mod atomic;
+mod error;
+mod hits;
+mod picture;
+mod rays;
+mod stats;
+
+pub use atomic::{check_writable, prepare_dir, write_whole, write_whole_seekable};
+pub use error::{RaysError, WriteError};
+pub use hits::{Found, write_found, write_hits};
+pub use picture::write_png;
+pub use rays::{read_rays, write_rays};
+pub use stats::{
+    FrameStats, SCHEMA, SceneFacts, Stats, Summary, TIMES, Time, summarize, write_json,
+};

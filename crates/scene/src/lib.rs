@@ -1,1 +1,81 @@
-//! Empty.
+//! Files or demo names in; animations with colours out.
+//!
+//! A scene is named by one word: `demo:NAME[:TRIANGLES]`, a directory or a
+//! glob of `.obj` or `.ply` files (one key frame each, in natural order), or
+//! one `.obj`, `.ply`, `.gltf` or `.glb` file. Whatever is wrong with it comes
+//! back as one clear line; no input makes this crate panic.
+
+mod clip;
+mod colour;
+mod demo;
+mod error;
+mod mesh;
+mod obj;
+mod ply;
+mod sequence;
+mod source;
+
+pub use demo::{DEMOS, MAX_DEMO_TRIANGLES};
+pub use error::{Place, SceneError};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A colour in sRGB.
+pub type Rgb = [u8; 3];
+
+/// Moving triangles with colours.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// Short name, for captions: of the demo, the directory or the file.
+    pub name: String,
+    /// What rays hit.
+    pub animation: Arc<geom::Animation>,
+    /// sRGB, one a triangle.
+    pub colours: Vec<Rgb>,
+    /// Where it came from.
+    pub facts: Facts,
+}
+
+/// Where a scene came from and what was noticed on the way.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Facts {
+    /// `demo`, `obj`, `ply`, `gltf` or `glb`.
+    pub format: String,
+    /// The files read as key frames, in order; buffers and materials beside them are not listed.
+    pub files: Vec<PathBuf>,
+    /// The animation clip that was sampled.
+    pub clip: Option<String>,
+    /// Seconds between key frames, where the source tells.
+    pub seconds_per_key: Option<f64>,
+    /// Remarks for the reader: what was skipped, assumed or missing.
+    pub notes: Vec<String>,
+}
+
+/// The highest rate a clip is sampled at.
+pub const MAX_FPS: f64 = 10_000.0;
+
+/// How to read sources that leave a choice.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Key frames sampled from each second of a clip.
+    pub fps: f64,
+    /// Name or index of the clip to sample; the first if absent.
+    pub clip: Option<String>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            fps: 24.0,
+            clip: None,
+        }
+    }
+}
+
+/// Opens the scene that `spec` names.
+///
+/// # Errors
+/// See [`SceneError`].
+pub fn open(spec: &str, options: &Options) -> Result<Scene, SceneError> {
+    source::open(spec, options)
+}

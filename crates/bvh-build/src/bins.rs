@@ -1,0 +1,276 @@
+//! Sorts a node's triangles into bins along each axis, and finds the best plane between two bins.
+
+use crate::prim::{Bounds, Prim, Ruler};
+use glam::{BVec4A, Vec4};
+use rayon::join;
+
+/// The most bins along each axis; a power of two.
+pub(crate) const BINS: usize = 64;
+
+/// Small nodes have a bin for so many triangles, but no fewer than [`LEAST_BINS`].
+const PER_BIN: usize = 4;
+const LEAST_BINS: usize = 8;
+
+/// Triangles that one task bins or moves at a time, whatever the number of threads.
+pub(crate) const CHUNK: usize = 8192;
+
+/// Triangles of each bin, axis by axis.
+pub(crate) type Counts = [[u32; BINS]; 3];
+
+/// From a centre to its bin: round to nearest `(center - base) * scale`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Grid {
+    bins: usize,
+    base: Vec4,
+    scale: Vec4,
+}
+
+impl Grid {
+    /// Added to a number in `0..2^22`, leaves it rounded in the low bits.
+    const ROUND: f32 = (1 << 23) as f32;
+
+    /// Spreads bins for `n` triangles over `centers`; all fall into bin 0 of an axis without extent.
+    pub(crate) fn new(centers: &Bounds, n: usize) -> Self {
+        let bins = (n / PER_BIN).clamp(LEAST_BINS, BINS);
+        let scale = centers.extent().to_array().map(|e| {
+            if e > Ruler::LEAST {
+                (bins - 1) as f32 / e
+            } else {
+                0.0
+            }
+        });
+        Self {
+            bins,
+            base: centers.lo,
+            scale: Vec4::from_array(scale).with_w(0.0),
+        }
+    }
+
+    /// The bins as floats, offset by [`Self::ROUND`].
+    #[inline]
+    fn place(&self, prim: &Prim) -> Vec4 {
+        (prim.center() - self.base) * self.scale + Vec4::splat(Self::ROUND)
+    }
+
+    #[inline]
+    fn bins_of(&self, prim: &Prim) -> [usize; 3] {
+        let [x, y, z, _] = self.place(prim).to_array();
+        [x, y, z].map(|p| p.to_bits() as usize % BINS)
+    }
+}
+
+/// A plane: bins below `bin` of `axis` go left.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plane {
+    grid: Grid,
+    pub(crate) axis: usize,
+    pub(crate) bin: usize,
+    limit: Vec4,
+}
+
+impl Plane {
+    fn new(grid: Grid, axis: usize, bin: usize) -> Self {
+        let mut limit = Vec4::NEG_INFINITY;
+        limit[axis] = Grid::ROUND + bin as f32;
+        Self {
+            grid,
+            axis,
+            bin,
+            limit,
+        }
+    }
+
+    #[inline]
+    pub(crate) fn is_left(&self, prim: &Prim) -> bool {
+        self.grid.place(prim).cmplt(self.limit).any()
+    }
+
+    /// Triangles on the left, of those counted.
+    pub(crate) fn left_of(&self, counts: &Counts) -> usize {
+        counts[self.axis][..self.bin].iter().sum::<u32>() as usize
+    }
+}
+
+/// What fell into each bin.
+#[derive(Clone, Debug)]
+pub(crate) struct Bins {
+    boxes: [[Bounds; BINS]; 3],
+    pub(crate) counts: Counts,
+}
+
+impl Bins {
+    pub(crate) const NO_COUNTS: Counts = [[0; BINS]; 3];
+    const EMPTY: Self = Self {
+        boxes: [[Bounds::EMPTY; BINS]; 3],
+        counts: Self::NO_COUNTS,
+    };
+
+    /// Bins `prims` one after the other.
+    pub(crate) fn fill(prims: &[Prim], grid: &Grid) -> Self {
+        let mut bins = Self::EMPTY;
+        bins.add(prims, grid);
+        bins
+    }
+
+    #[inline(never)]
+    fn add(&mut self, prims: &[Prim], grid: &Grid) {
+        for prim in prims {
+            for (axis, bin) in grid.bins_of(prim).into_iter().enumerate() {
+                self.boxes[axis][bin].grow(prim.lo, prim.hi);
+                self.counts[axis][bin] += 1;
+            }
+        }
+    }
+
+    /// Bins `prims` by chunks in parallel, and keeps each chunk's counts.
+    pub(crate) fn fill_parallel(prims: &[Prim], grid: &Grid, counts: &mut [Counts]) -> Self {
+        if let [only] = counts {
+            let bins = Self::fill(prims, grid);
+            *only = bins.counts;
+            return bins;
+        }
+        let half = counts.len() / 2;
+        let (first, second) = prims.split_at(half * CHUNK);
+        let (here, there) = counts.split_at_mut(half);
+        let (a, b) = join(
+            || Self::fill_parallel(first, grid, here),
+            || Self::fill_parallel(second, grid, there),
+        );
+        a.merge(&b)
+    }
+
+    fn merge(mut self, other: &Self) -> Self {
+        for axis in 0..3 {
+            for bin in 0..BINS {
+                let b = &mut self.boxes[axis][bin];
+                *b = b.union(other.boxes[axis][bin]);
+                self.counts[axis][bin] += other.counts[axis][bin];
+            }
+        }
+        self
+    }
+
+    fn column(&self, bin: usize) -> ([Bounds; 3], Vec4) {
+        let count = |axis: usize| self.counts[axis][bin] as f32;
+        let boxes = [0, 1, 2].map(|axis| self.boxes[axis][bin]);
+        (boxes, Vec4::new(count(0), count(1), count(2), 0.0))
+    }
+
+    /// The plane of least cost by the surface area heuristic; `None` if every
+    /// axis has all triangles in one bin.
+    ///
+    /// All three axes are swept at once, one a lane. An empty side costs
+    /// infinity times zero, which is not a number and never least.
+    #[inline(never)]
+    pub(crate) fn best_plane(&self, node: &Bounds, grid: &Grid) -> Option<Plane> {
+        let ruler = Ruler::new(node);
+        let mut right = [Vec4::NAN; BINS];
+        let mut boxes = [Bounds::EMPTY; 3];
+        let mut count = Vec4::ZERO;
+        for bin in (1..grid.bins).rev() {
+            add_column(&mut boxes, &mut count, self.column(bin));
+            right[bin] = ruler.half_areas(&boxes) * count;
+        }
+        let mut best = Vec4::INFINITY;
+        let mut best_bin = Vec4::ZERO;
+        (boxes, count) = ([Bounds::EMPTY; 3], Vec4::ZERO);
+        for (bin, &right) in right[..grid.bins].iter().enumerate().skip(1) {
+            add_column(&mut boxes, &mut count, self.column(bin - 1));
+            let cost = ruler.half_areas(&boxes) * count + right;
+            let better: BVec4A = cost.cmplt(best);
+            best = Vec4::select(better, cost, best);
+            best_bin = Vec4::select(better, Vec4::splat(bin as f32), best_bin);
+        }
+        let axis = least_axis(best)?;
+        Some(Plane::new(*grid, axis, best_bin[axis] as usize))
+    }
+
+    /// The boxes on both sides of a plane.
+    pub(crate) fn sides(&self, plane: &Plane) -> [Bounds; 2] {
+        let (left, right) = self.boxes[plane.axis].split_at(plane.bin);
+        [left, right].map(|side| side.iter().fold(Bounds::EMPTY, |b, &c| b.union(c)))
+    }
+}
+
+#[inline]
+fn add_column(boxes: &mut [Bounds; 3], count: &mut Vec4, column: ([Bounds; 3], Vec4)) {
+    for (b, c) in boxes.iter_mut().zip(column.0) {
+        b.grow(c.lo, c.hi);
+    }
+    *count += column.1;
+}
+
+/// The first of the least costs, if any is finite.
+pub(crate) fn least_axis(costs: Vec4) -> Option<usize> {
+    let axis = (0..3).reduce(|a, b| if costs[b] < costs[a] { b } else { a })?;
+    costs[axis].is_finite().then_some(axis)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prim::Extents;
+    use geom::Aabb;
+    use proptest::prelude::*;
+
+    fn prim(corners: &[i16; 6], triangle: u32) -> Prim {
+        let [a, b, c, x, y, z] = corners.map(f32::from);
+        let (min, max) = ([a, b, c], [a + x.abs(), b + y.abs(), c + z.abs()]);
+        Prim::new(&Aabb { min, max }, triangle)
+    }
+
+    /// Area times number of one side of a plane.
+    fn side_cost<'a>(side: impl Iterator<Item = &'a Prim>) -> f64 {
+        let corners = |p: &Prim| [p.lo, p.hi].map(|v| v.truncate().to_array());
+        let boxes: Vec<_> = side
+            .map(corners)
+            .map(|[min, max]| Aabb { min, max })
+            .collect();
+        let all = boxes.iter().fold(Aabb::EMPTY, |a, &b| a.union(b));
+        all.half_area() * boxes.len() as f64
+    }
+
+    proptest! {
+        #[test]
+        fn the_plane_is_the_cheapest_between_bins(
+            corners in prop::collection::vec(prop::array::uniform6(-90_i16..90), 2..300),
+        ) {
+            let prims: Vec<_> = corners.iter().zip(0..).map(|(c, i)| prim(c, i)).collect();
+            let extents = Extents::of(&prims);
+            let grid = Grid::new(&extents.centers, prims.len());
+            let bins = Bins::fill(&prims, &grid);
+            prop_assert!(bins.counts.iter().all(|c| c.iter().sum::<u32>() as usize == prims.len()));
+            let cost = |plane: &Plane| {
+                let (left, right): (Vec<_>, Vec<_>) = prims.iter().partition(|p| plane.is_left(p));
+                let all = !left.is_empty() && !right.is_empty();
+                all.then(|| side_cost(left.into_iter()) + side_cost(right.into_iter()))
+            };
+            let planes = (0..3).flat_map(|axis| (1..grid.bins).map(move |bin| (axis, bin)));
+            let best = planes
+                .filter_map(|(axis, bin)| cost(&Plane::new(grid, axis, bin)))
+                .fold(f64::MAX, f64::min);
+            let Some(plane) = bins.best_plane(&extents.boxes, &grid) else {
+                prop_assert_eq!(best, f64::MAX);
+                return Ok(());
+            };
+            let found = cost(&plane).expect("both sides hold something");
+            // Padding of edges and single precision leave this much room.
+            prop_assert!(found <= best * (1.0 + 1e-4), "{found} {best}");
+        }
+    }
+
+    #[test]
+    fn centres_at_both_ends_fall_into_the_first_and_last_bin() {
+        for far in [1.0, 0.1, 3.3e7, 1e-30] {
+            let near = -0.7 * far;
+            let ends = [near, far].map(|x: f32| Aabb {
+                min: [x; 3],
+                max: [x; 3],
+            });
+            let prims = [Prim::new(&ends[0], 0), Prim::new(&ends[1], 1)];
+            let grid = Grid::new(&Extents::of(&prims).centers, 1000);
+            let bins = prims.map(|p| grid.bins_of(&p));
+            assert_eq!(bins, [[0; 3], [BINS - 1; 3]], "{far}");
+        }
+    }
+}

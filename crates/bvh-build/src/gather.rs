@@ -1,0 +1,81 @@
+//! Reads the boxes, leaves out those that hold nothing, and brings them to a scale that is safe to compute in.
+
+use crate::Boxes;
+use crate::bins::CHUNK;
+use crate::prim::{Bounds, Extents, Prim};
+use geom::Aabb;
+use rayon::prelude::*;
+
+/// Whether a box has a place in a tree: finite and not empty.
+pub(crate) fn is_usable(b: &Aabb) -> bool {
+    (0..3).all(|i| b.min[i] <= b.max[i] && b.min[i].is_finite() && b.max[i].is_finite())
+}
+
+/// Fills the front of `prims` with all usable boxes, in the triangles' order.
+/// Returns how many there are, and their extents.
+///
+/// `prims` must have room for one a triangle.
+pub(crate) fn gather<B: Boxes + ?Sized>(boxes: &B, prims: &mut [Prim]) -> (usize, Extents) {
+    let parts: Vec<_> = prims
+        .par_chunks_mut(CHUNK)
+        .enumerate()
+        .map(|(i, chunk)| gather_chunk(boxes, i * CHUNK, chunk))
+        .collect();
+    let mut count = 0;
+    let mut all = Extents::EMPTY;
+    for (i, (kept, extents)) in parts.into_iter().enumerate() {
+        let start = i * CHUNK;
+        if count < start {
+            prims.copy_within(start..start + kept, count);
+        }
+        count += kept;
+        all = all.union(extents);
+    }
+    match safe_factor(&all.boxes) {
+        Some(factor) => (count, rescale(&mut prims[..count], factor)),
+        None => (count, all),
+    }
+}
+
+fn gather_chunk<B: Boxes + ?Sized>(
+    boxes: &B,
+    start: usize,
+    chunk: &mut [Prim],
+) -> (usize, Extents) {
+    let mut kept = 0;
+    let mut extents = Extents::EMPTY;
+    for i in start..start + chunk.len() {
+        let bounds = boxes.get(i as u32);
+        if is_usable(&bounds) {
+            let prim = Prim::new(&bounds, i as u32);
+            extents.add(&prim);
+            chunk[kept] = prim;
+            kept += 1;
+        }
+    }
+    (kept, extents)
+}
+
+/// What to multiply coordinates by, if the largest is so far from 1 that sums
+/// would overflow or small boxes would vanish.
+fn safe_factor(all: &Bounds) -> Option<f32> {
+    let largest = all.lo.abs().max(all.hi.abs()).truncate().max_element();
+    match largest {
+        x if x == 0.0 || !x.is_finite() => None,
+        x if x < 2.0_f32.powi(-30) => Some(2.0_f32.powi(120)),
+        x if x > 2.0_f32.powi(60) => Some(2.0_f32.powi(-100)),
+        _ => None,
+    }
+}
+
+fn rescale(prims: &mut [Prim], factor: f32) -> Extents {
+    prims
+        .par_chunks_mut(CHUNK)
+        .map(|chunk| {
+            for prim in &mut *chunk {
+                *prim = prim.scaled(factor);
+            }
+            Extents::of(chunk)
+        })
+        .reduce(|| Extents::EMPTY, Extents::union)
+}

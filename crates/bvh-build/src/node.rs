@@ -1,0 +1,147 @@
+//! The recursion: one node, its plane, its two children.
+
+use crate::bins::{Bins, CHUNK, Counts, Grid, Plane};
+use crate::partition::{partition, partition_parallel};
+use crate::prim::{Bounds, Extents, Prim};
+use crate::{BuildError, Cancel, MAX_DEPTH, small};
+use rayon::join;
+
+/// Nodes of more triangles than this bin and move them in parallel.
+const PARALLEL_NODE: usize = 2 * CHUNK;
+/// Nodes of more triangles than this build their children in parallel and ask whether to go on.
+const PARALLEL_CHILDREN: usize = 2048;
+
+/// A node to build: its triangles, room of the same size to move them to, and where its part of the tree goes.
+pub(crate) struct Node<'a> {
+    pub(crate) prims: &'a mut [Prim],
+    pub(crate) room: &'a mut [Prim],
+    pub(crate) left_leaves: &'a mut [u32],
+    pub(crate) order: &'a mut [u32],
+    pub(crate) extents: Extents,
+    pub(crate) depth: u32,
+}
+
+/// A plane with what binning found out about its sides.
+struct Split {
+    plane: Plane,
+    boxes: [Bounds; 2],
+    left: usize,
+    chunks: Vec<Counts>,
+}
+
+/// Builds the subtree of `node`.
+pub(crate) fn build(node: Node<'_>, cancel: &Cancel) -> Result<(), BuildError> {
+    let leaves = node.prims.len();
+    if leaves <= small::MOST {
+        small::build(node.prims, node.left_leaves, node.order, node.depth);
+        return Ok(());
+    }
+    if leaves <= PARALLEL_CHILDREN {
+        let [left, right] = divide(node);
+        build(left, cancel)?;
+        return build(right, cancel);
+    }
+    if cancel.is_cancelled() {
+        return Err(BuildError::Cancelled);
+    }
+    let [left, right] = divide(node);
+    let (a, b) = join(|| build(left, cancel), || build(right, cancel));
+    a.and(b)
+}
+
+fn divide(node: Node<'_>) -> [Node<'_>; 2] {
+    match find_split(&node) {
+        Some(split) => divide_by(node, &split),
+        None => halve(node),
+    }
+}
+
+/// The best plane, unless it would make a child too large for the levels that are left.
+fn find_split(node: &Node<'_>) -> Option<Split> {
+    let n = node.prims.len();
+    let grid = Grid::new(&node.extents.centers, n);
+    let mut chunks = Vec::new();
+    let bins = if n > PARALLEL_NODE {
+        chunks.resize(n.div_ceil(CHUNK), Bins::NO_COUNTS);
+        Bins::fill_parallel(node.prims, &grid, &mut chunks)
+    } else {
+        Bins::fill(node.prims, &grid)
+    };
+    let plane = bins.best_plane(&node.extents.boxes, &grid)?;
+    let left = plane.left_of(&bins.counts);
+    fits(left.max(n - left), node.depth + 1).then(|| Split {
+        plane,
+        boxes: bins.sides(&plane),
+        left,
+        chunks,
+    })
+}
+
+/// Whether a node of so many leaves can stay within [`MAX_DEPTH`] by halving.
+pub(crate) fn fits(leaves: usize, depth: u32) -> bool {
+    depth + leaves.next_power_of_two().trailing_zeros() <= MAX_DEPTH
+}
+
+fn divide_by<'a>(node: Node<'a>, split: &Split) -> [Node<'a>; 2] {
+    let (left, right) = node.room.split_at_mut(split.left);
+    let centers = if split.chunks.is_empty() {
+        partition(node.prims, &split.plane, left, right)
+    } else {
+        partition_parallel(node.prims, &split.plane, &split.chunks, left, right)
+    };
+    let [left, right] = [0, 1].map(|side| Extents {
+        boxes: split.boxes[side],
+        centers: centers[side],
+    });
+    let moved = Node {
+        prims: node.room,
+        room: node.prims,
+        ..node
+    };
+    cut(moved, split.left, [left, right])
+}
+
+/// Extents of `prims`, by chunks in parallel.
+fn extents(prims: &[Prim]) -> Extents {
+    if prims.len() <= CHUNK {
+        return Extents::of(prims);
+    }
+    let (a, b) = prims.split_at(prims.len().div_ceil(CHUNK) / 2 * CHUNK);
+    let (a, b) = join(|| extents(a), || extents(b));
+    a.union(b)
+}
+
+/// Half the triangles to each side, in their present order: no plane tells them apart, or the levels run out.
+fn halve(node: Node<'_>) -> [Node<'_>; 2] {
+    let left = node.prims.len() / 2;
+    let sides = [extents(&node.prims[..left]), extents(&node.prims[left..])];
+    cut(node, left, sides)
+}
+
+/// Two nodes from one whose first `left` triangles go left.
+fn cut(node: Node<'_>, left: usize, [a, b]: [Extents; 2]) -> [Node<'_>; 2] {
+    let (prims_a, prims_b) = node.prims.split_at_mut(left);
+    let (room_a, room_b) = node.room.split_at_mut(left);
+    let (order_a, order_b) = node.order.split_at_mut(left);
+    node.left_leaves[0] = left as u32;
+    let (inner_a, inner_b) = node.left_leaves[1..].split_at_mut(left - 1);
+    let depth = node.depth + 1;
+    [
+        Node {
+            prims: prims_a,
+            room: room_a,
+            left_leaves: inner_a,
+            order: order_a,
+            extents: a,
+            depth,
+        },
+        Node {
+            prims: prims_b,
+            room: room_b,
+            left_leaves: inner_b,
+            order: order_b,
+            extents: b,
+            depth,
+        },
+    ]
+}

@@ -1,0 +1,197 @@
+//! What the recursion moves about: a box with its triangle's number, and boxes round many of them.
+
+use geom::Aabb;
+use glam::{Mat4, Vec4};
+
+/// One triangle's box: 32 bytes, streamed front to back.
+///
+/// `lo.w` carries the triangle's number as bits. `hi.w` is 1, so that sums and
+/// differences of the fourth lanes stay ordinary numbers.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Prim {
+    pub(crate) lo: Vec4,
+    pub(crate) hi: Vec4,
+}
+
+impl Prim {
+    #[inline]
+    pub(crate) fn new(bounds: &Aabb, triangle: u32) -> Self {
+        let ([x, y, z], [u, v, w]) = (bounds.min, bounds.max);
+        Self {
+            lo: Vec4::new(x, y, z, f32::from_bits(triangle)),
+            hi: Vec4::new(u, v, w, 1.0),
+        }
+    }
+
+    #[inline]
+    pub(crate) fn triangle(&self) -> u32 {
+        self.lo.w.to_bits()
+    }
+
+    /// Twice the centre: all that is asked of it is an order along each axis.
+    #[inline]
+    pub(crate) fn center(&self) -> Vec4 {
+        self.lo + self.hi
+    }
+
+    /// The same box in other units.
+    #[inline]
+    pub(crate) fn scaled(&self, factor: f32) -> Self {
+        Self {
+            lo: (self.lo * factor).with_w(self.lo.w),
+            hi: (self.hi * factor).with_w(1.0),
+        }
+    }
+}
+
+/// A box round many; the fourth lanes mean nothing.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bounds {
+    pub(crate) lo: Vec4,
+    pub(crate) hi: Vec4,
+}
+
+impl Bounds {
+    pub(crate) const EMPTY: Self = Self {
+        lo: Vec4::INFINITY,
+        hi: Vec4::NEG_INFINITY,
+    };
+
+    #[inline]
+    pub(crate) fn grow(&mut self, lo: Vec4, hi: Vec4) {
+        self.lo = self.lo.min(lo);
+        self.hi = self.hi.max(hi);
+    }
+
+    #[inline]
+    pub(crate) fn union(mut self, other: Self) -> Self {
+        self.grow(other.lo, other.hi);
+        self
+    }
+
+    #[inline]
+    pub(crate) fn extent(&self) -> Vec4 {
+        self.hi - self.lo
+    }
+}
+
+/// Boxes and centres of one node's triangles.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extents {
+    pub(crate) boxes: Bounds,
+    pub(crate) centers: Bounds,
+}
+
+impl Extents {
+    pub(crate) const EMPTY: Self = Self {
+        boxes: Bounds::EMPTY,
+        centers: Bounds::EMPTY,
+    };
+
+    pub(crate) fn of(prims: &[Prim]) -> Self {
+        prims.iter().fold(Self::EMPTY, |mut all, prim| {
+            all.add(prim);
+            all
+        })
+    }
+
+    #[inline]
+    pub(crate) fn add(&mut self, prim: &Prim) {
+        let center = prim.center();
+        self.boxes.grow(prim.lo, prim.hi);
+        self.centers.grow(center, center);
+    }
+
+    pub(crate) fn union(self, other: Self) -> Self {
+        Self {
+            boxes: self.boxes.union(other.boxes),
+            centers: self.centers.union(other.centers),
+        }
+    }
+}
+
+/// Measures surface areas inside one node, in units of the node's longest edge,
+/// so that nothing over- or underflows at any scale.
+///
+/// Every edge is lengthened by 2^-20 of the longest, so that boxes of no area
+/// (points, segments along an axis) are still told apart by their length.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ruler(f32);
+
+impl Ruler {
+    /// Extents below this are no extents: a reciprocal would overflow. Boxes
+    /// come scaled so that their largest coordinate is far above.
+    pub(crate) const LEAST: f32 = 1.0 / (1_u128 << 100) as f32;
+    const PAD: f32 = 1.0 / (1 << 20) as f32;
+
+    pub(crate) fn new(node: &Bounds) -> Self {
+        let e = node.extent();
+        Self(1.0 / e.x.max(e.y).max(e.z).max(Self::LEAST))
+    }
+
+    #[inline]
+    fn edges(self, b: &Bounds) -> Vec4 {
+        b.extent() * self.0 + Vec4::splat(Self::PAD)
+    }
+
+    /// Half the surface area of one box. Not a number or infinite if it is empty.
+    #[inline]
+    pub(crate) fn half_area(self, b: &Bounds) -> f32 {
+        let e = self.edges(b);
+        e.x * e.y + (e.x + e.y) * e.z
+    }
+
+    /// Half the surface areas of three boxes; the fourth lane is not a number.
+    #[inline]
+    pub(crate) fn half_areas(self, b: &[Bounds; 3]) -> Vec4 {
+        let [x, y, z] = [0, 1, 2].map(|i| self.edges(&b[i]));
+        let e = Mat4::from_cols(x, y, z, Vec4::NAN).transpose();
+        e.x_axis * e.y_axis + (e.x_axis + e.y_axis) * e.z_axis
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bounds(min: [f32; 3], max: [f32; 3]) -> Bounds {
+        let p = Prim::new(&Aabb { min, max }, 5);
+        Bounds { lo: p.lo, hi: p.hi }
+    }
+
+    #[test]
+    fn three_areas_at_once_are_those_of_each() {
+        let boxes = [
+            bounds([0.0; 3], [1.0, 2.0, 3.0]),
+            bounds([-1.0, 0.5, 2.0], [0.0, 0.5, 8.0]),
+            bounds([1.0; 3], [1.0; 3]),
+        ];
+        let ruler = Ruler::new(&boxes[0].union(boxes[1]));
+        let areas = ruler.half_areas(&boxes).to_array();
+        assert_eq!(areas[..3], boxes.map(|b| ruler.half_area(&b)));
+        assert!(areas[3].is_nan());
+        // The longest edge is 8: 1/8 * 2/8 + 3/8 * 3/8.
+        assert!((areas[0] - 11.0 / 64.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn boxes_without_area_are_told_apart_by_length() {
+        let [short, long] = [1.0, 2.0].map(|x| bounds([0.0; 3], [x, 0.0, 0.0]));
+        let ruler = Ruler::new(&long);
+        assert!(ruler.half_area(&short) < ruler.half_area(&long));
+        assert!(ruler.half_area(&short) > 0.0);
+    }
+
+    #[test]
+    fn a_triangles_number_survives_any_scale() {
+        for triangle in [0, 1, 12_345, (1 << 30) - 1] {
+            let one = Aabb {
+                min: [1.0; 3],
+                max: [2.0; 3],
+            };
+            let prim = Prim::new(&one, triangle).scaled(0.25);
+            assert_eq!(prim.triangle(), triangle);
+            assert_eq!(prim.center().truncate().to_array(), [0.75; 3]);
+        }
+    }
+}

@@ -1,0 +1,215 @@
+//! Subtrees of few triangles: every plane between two neighbours along an axis is weighed (a full sweep).
+
+use crate::bins::least_axis;
+use crate::node::fits;
+use crate::prim::{Bounds, Prim, Ruler};
+use crate::tiny;
+use glam::Vec4;
+
+/// The most triangles of a subtree built here.
+pub(crate) const MOST: usize = 32;
+
+/// Halving wins over a plane that is better by rounding alone, so that equal boxes make a balanced tree.
+const NEARLY: f32 = 1.0 + 1e-5;
+
+/// The triangles of a subtree, sorted along each axis.
+struct Sorted {
+    prims: [Prim; MOST],
+    order: [[u8; MOST]; 3],
+}
+
+/// Builds a subtree of 1 to [`MOST`] triangles whose root has the given depth.
+#[inline(never)]
+pub(crate) fn build(prims: &[Prim], left_leaves: &mut [u32], order: &mut [u32], depth: u32) {
+    if prims.len() <= tiny::MOST {
+        tiny::build(prims, left_leaves, order, depth);
+        return;
+    }
+    let mut sorted = Sorted::new(prims);
+    sorted.build([0, prims.len()], left_leaves, order, depth);
+}
+
+impl Sorted {
+    #[inline(never)]
+    fn new(from: &[Prim]) -> Self {
+        let mut prims = [Prim::default(); MOST];
+        let mut centers = [[f32::INFINITY; MOST]; 3];
+        for (i, prim) in from.iter().enumerate() {
+            prims[i] = *prim;
+            let c = prim.center();
+            for axis in 0..3 {
+                centers[axis][i] = c[axis];
+            }
+        }
+        let n = from.len();
+        Self {
+            prims,
+            order: centers.map(|c| sort(&c, n)),
+        }
+    }
+
+    #[inline]
+    fn at(&self, axis: usize, place: usize) -> &Prim {
+        &self.prims[self.order[axis][place % MOST] as usize % MOST]
+    }
+
+    fn build(&mut self, range: [usize; 2], left_leaves: &mut [u32], order: &mut [u32], depth: u32) {
+        let [start, end] = range;
+        let n = end - start;
+        if n <= tiny::MOST {
+            let mut few = [Prim::default(); tiny::MOST];
+            for (i, to) in few[..n].iter_mut().enumerate() {
+                *to = *self.at(0, start + i);
+            }
+            tiny::build(&few[..n], left_leaves, order, depth);
+            return;
+        }
+        let (axis, mut left) = self.best_cut(start, end);
+        if !fits(left.max(n - left), depth + 1) {
+            left = n / 2;
+        }
+        self.divide(range, axis, left);
+        left_leaves[0] = left as u32;
+        let (inner_a, inner_b) = left_leaves[1..].split_at_mut(left - 1);
+        let (order_a, order_b) = order.split_at_mut(left);
+        let middle = start + left;
+        self.build([start, middle], inner_a, order_a, depth + 1);
+        self.build([middle, end], inner_b, order_b, depth + 1);
+    }
+
+    /// The axis and the number of triangles on the left of the plane of least
+    /// cost. All three axes are swept at once, one a lane: from the right, which
+    /// leaves the right sides' part of each cost, then from the left.
+    #[inline(never)]
+    fn best_cut(&self, start: usize, end: usize) -> (usize, usize) {
+        let mut node = Bounds::EMPTY;
+        for place in start..end {
+            let prim = self.at(0, place);
+            node.grow(prim.lo, prim.hi);
+        }
+        let ruler = Ruler::new(&node);
+        let mut costs = [Vec4::ZERO; MOST];
+        let mut boxes = [Bounds::EMPTY; 3];
+        for place in (start + 1..end).rev() {
+            self.grow(&mut boxes, place);
+            costs[place % MOST] = ruler.half_areas(&boxes) * (end - place) as f32;
+        }
+        let mut best = Vec4::INFINITY;
+        let mut best_left = Vec4::ONE;
+        boxes = [Bounds::EMPTY; 3];
+        for place in start..end - 1 {
+            self.grow(&mut boxes, place);
+            let left = Vec4::splat((place + 1 - start) as f32);
+            let cost = ruler.half_areas(&boxes) * left + costs[(place + 1) % MOST];
+            let better = cost.cmplt(best);
+            best = Vec4::select(better, cost, best);
+            best_left = Vec4::select(better, left, best_left);
+            costs[(place + 1) % MOST] = cost;
+        }
+        let axis = least_axis(best).unwrap_or(0);
+        let half = (end - start) / 2;
+        if costs[(start + half) % MOST][axis] <= best[axis] * NEARLY {
+            return (axis, half);
+        }
+        (axis, best_left[axis] as usize)
+    }
+
+    #[inline]
+    fn grow(&self, boxes: &mut [Bounds; 3], place: usize) {
+        for (axis, b) in boxes.iter_mut().enumerate() {
+            let prim = self.at(axis, place);
+            b.grow(prim.lo, prim.hi);
+        }
+    }
+
+    /// Reorders the two other axes so that the first `left` along `axis` come first in each, still sorted.
+    fn divide(&mut self, [start, end]: [usize; 2], axis: usize, left: usize) {
+        let mut is_left = [false; MOST];
+        for &i in &self.order[axis][start..start + left] {
+            is_left[i as usize % MOST] = true;
+        }
+        for other in [(axis + 1) % 3, (axis + 2) % 3] {
+            let from = self.order[other];
+            let to = &mut self.order[other];
+            let (mut a, mut b) = (start, start + left);
+            for &i in &from[start..end] {
+                let goes_left = is_left[i as usize % MOST];
+                to[if goes_left { a } else { b } % MOST] = i;
+                a += usize::from(goes_left);
+                b += usize::from(!goes_left);
+            }
+        }
+    }
+}
+
+/// The places of the first `n` keys in rising order, equal ones in the order they came.
+///
+/// Each key's rank is the number of lesser ones, counted without a branch; equal
+/// keys then take the next free place. Keys past `n` must be infinite.
+#[inline(never)]
+fn sort(keys: &[f32; MOST], n: usize) -> [u8; MOST] {
+    let mut order = [0; MOST];
+    let mut taken = 0_u32;
+    for (i, &key) in keys[..n].iter().enumerate() {
+        let rank: u32 = keys.iter().map(|&other| u32::from(other < key)).sum();
+        let place = rank + (!taken >> rank).trailing_zeros();
+        taken |= 1 << place;
+        order[place as usize % MOST] = i as u8;
+    }
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geom::Aabb;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn sorting_is_stable_for_any_number_of_keys(values in prop::collection::vec(-3_i8..4, 0..=MOST)) {
+            let mut keys = [f32::INFINITY; MOST];
+            for (key, &value) in keys.iter_mut().zip(&values) {
+                *key = f32::from(value);
+            }
+            let mut expected: Vec<_> = (0..values.len()).collect();
+            expected.sort_by_key(|&i| values[i]);
+            let order = sort(&keys, values.len());
+            let found: Vec<_> = order[..values.len()].iter().map(|&i| usize::from(i)).collect();
+            prop_assert_eq!(found, expected);
+        }
+
+        #[test]
+        fn the_cut_is_the_cheapest_between_neighbours(
+            corners in prop::collection::vec(prop::array::uniform6(0_u8..50), 5..=MOST),
+        ) {
+            let prims: Vec<_> = corners.iter().zip(0..).map(|(c, i)| prim(c, i)).collect();
+            let sorted = Sorted::new(&prims);
+            let n = prims.len();
+            let cost = |axis: usize, left: usize| {
+                let area = |places: std::ops::Range<usize>| {
+                    let boxes = places.map(|place| bounds(sorted.at(axis, place)));
+                    boxes.fold(Aabb::EMPTY, Aabb::union).half_area()
+                };
+                area(0..left) * left as f64 + area(left..n) * (n - left) as f64
+            };
+            let all = (0..3).flat_map(|axis| (1..n).map(move |left| (axis, left)));
+            let best = all.map(|(axis, left)| cost(axis, left)).fold(f64::MAX, f64::min);
+            let (axis, left) = sorted.best_cut(0, n);
+            prop_assert!(cost(axis, left) <= best * (1.0 + 1e-4), "{} {best}", cost(axis, left));
+        }
+    }
+
+    fn prim(corners: &[u8; 6], triangle: u32) -> Prim {
+        let [a, b, c, x, y, z] = corners.map(f32::from);
+        let (min, max) = ([a, b, c], [a + x + 1.0, b + y + 1.0, c + z + 1.0]);
+        Prim::new(&Aabb { min, max }, triangle)
+    }
+
+    fn bounds(prim: &Prim) -> Aabb {
+        Aabb {
+            min: prim.lo.truncate().to_array(),
+            max: prim.hi.truncate().to_array(),
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! Subtrees of one to four triangles: the best of all shapes.
+
+use crate::MAX_DEPTH;
+use crate::prim::{Bounds, Prim, Ruler};
+use glam::Vec4;
+
+/// The most triangles of a subtree built here.
+pub(crate) const MOST: usize = 4;
+
+/// Builds a subtree of 1 to [`MOST`] triangles whose root has the given depth.
+pub(crate) fn build(prims: &[Prim], left_leaves: &mut [u32], order: &mut [u32], depth: u32) {
+    match prims {
+        [a] => order[0] = a.triangle(),
+        [a, b] => {
+            left_leaves[0] = 1;
+            write(order, [a, b]);
+        }
+        [a, b, c] => {
+            left_leaves.copy_from_slice(&[2, 1]);
+            write(order, trio([a, b, c]));
+        }
+        [a, b, c, d] => {
+            let (shape, leaves) = quartet([a, b, c, d], depth + 3 <= MAX_DEPTH);
+            left_leaves.copy_from_slice(&shape);
+            write(order, leaves);
+        }
+        _ => unreachable!("a tiny subtree has one to four triangles"),
+    }
+}
+
+fn write<const N: usize>(order: &mut [u32], leaves: [&Prim; N]) {
+    for (to, prim) in order.iter_mut().zip(leaves) {
+        *to = prim.triangle();
+    }
+}
+
+fn pair(a: &Prim, b: &Prim) -> Bounds {
+    Bounds {
+        lo: a.lo.min(b.lo),
+        hi: a.hi.max(b.hi),
+    }
+}
+
+/// The pair of least area first.
+fn trio([a, b, c]: [&Prim; 3]) -> [&Prim; 3] {
+    let pairs = [pair(a, b), pair(b, c), pair(a, c)];
+    let areas = Ruler::new(&pairs[0].union(pairs[1])).half_areas(&pairs);
+    if areas.x <= areas.y && areas.x <= areas.z {
+        [a, b, c]
+    } else if areas.y <= areas.z {
+        [b, c, a]
+    } else {
+        [a, c, b]
+    }
+}
+
+/// The shape of least total area, among two pairs or (if `chain`) a trio and a single.
+fn quartet(prims: [&Prim; 4], chain: bool) -> ([u32; 3], [&Prim; 4]) {
+    let pairs = Pairs::new(prims);
+    let (cost, leaves) = pairs.best_of_pairs(prims);
+    if chain {
+        let (chain_cost, chained) = pairs.best_of_chains(prims);
+        if chain_cost < cost {
+            return ([3, 2, 1], chained);
+        }
+    }
+    ([2, 1, 1], leaves)
+}
+
+/// Areas of all pairs of four: those with the first (with b, with c, with d), and opposite each the pair of the others.
+struct Pairs {
+    ruler: Ruler,
+    near: Vec4,
+    far: Vec4,
+}
+
+impl Pairs {
+    fn new([a, b, c, d]: [&Prim; 4]) -> Self {
+        let near = [pair(a, b), pair(a, c), pair(a, d)];
+        let far = [pair(c, d), pair(b, d), pair(b, c)];
+        let ruler = Ruler::new(&near[0].union(far[0]));
+        Self {
+            ruler,
+            near: ruler.half_areas(&near),
+            far: ruler.half_areas(&far),
+        }
+    }
+
+    /// Cost and leaves of the best two pairs.
+    fn best_of_pairs<'a>(&self, [a, b, c, d]: [&'a Prim; 4]) -> (f32, [&'a Prim; 4]) {
+        let costs = self.near + self.far;
+        if costs.x <= costs.y && costs.x <= costs.z {
+            (costs.x, [a, b, c, d])
+        } else if costs.y <= costs.z {
+            (costs.y, [a, c, b, d])
+        } else {
+            (costs.z, [a, d, b, c])
+        }
+    }
+
+    /// Cost and leaves of the best pair within a trio beside a single.
+    fn best_of_chains<'a>(&self, [a, b, c, d]: [&'a Prim; 4]) -> (f32, [&'a Prim; 4]) {
+        let (near, far) = (self.near, self.far);
+        // The three pairs of each trio, then who is left out.
+        let chains = [
+            ([near.x, near.y, far.z], [a, b, c, d]),
+            ([near.x, near.z, far.y], [a, b, d, c]),
+            ([near.y, near.z, far.x], [a, c, d, b]),
+            ([far.z, far.y, far.x], [b, c, d, a]),
+        ];
+        let weigh = |([ab, ac, bc], [a, b, c, d]): ([f32; 3], [&'a Prim; 4])| {
+            let trio = self.ruler.half_area(&pair(a, b).union(pair(c, c)));
+            if ab <= ac && ab <= bc {
+                (trio + ab, [a, b, c, d])
+            } else if ac <= bc {
+                (trio + ac, [a, c, b, d])
+            } else {
+                (trio + bc, [b, c, a, d])
+            }
+        };
+        let [first, others @ ..] = chains.map(weigh);
+        let lesser = |a: (f32, _), b: (f32, _)| if b.0 < a.0 { b } else { a };
+        others.into_iter().fold(first, lesser)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geom::Aabb;
+
+    fn prims(seed: u32) -> [Prim; 4] {
+        let mut state = seed;
+        let mut next = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
+        };
+        std::array::from_fn(|i| {
+            let min = [next(), next(), next()];
+            let max = min.map(|x| x + next());
+            Prim::new(&Aabb { min, max }, i as u32)
+        })
+    }
+
+    /// Areas of all inner nodes of a subtree below its root.
+    fn cost(prims: &[Prim; 4], shape: [u32; 3], leaves: [u32; 4]) -> f64 {
+        let area = |of: &[u32]| {
+            let boxes = of.iter().map(|&i| {
+                let p = &prims[i as usize];
+                Aabb {
+                    min: p.lo.truncate().to_array(),
+                    max: p.hi.truncate().to_array(),
+                }
+            });
+            boxes.fold(Aabb::EMPTY, Aabb::union).half_area()
+        };
+        match shape {
+            [2, 1, 1] => area(&leaves[..2]) + area(&leaves[2..]),
+            [3, 2, 1] => area(&leaves[..3]) + area(&leaves[..2]),
+            _ => panic!("no shape of four leaves: {shape:?}"),
+        }
+    }
+
+    fn all_orders() -> impl Iterator<Item = [u32; 4]> {
+        (0..256_u32)
+            .map(|code| [0, 2, 4, 6].map(|shift| code >> shift & 3))
+            .filter(|o| (0..4).all(|i| o.contains(&i)))
+    }
+
+    #[test]
+    fn four_triangles_get_the_best_of_all_shapes() {
+        let mut shapes = [0; 2];
+        for seed in 0..500 {
+            let prims = prims(seed);
+            let (mut shape, mut order) = ([0; 3], [0; 4]);
+            for (depth, allowed) in [(61, &[[2, 1, 1], [3, 2, 1]][..]), (62, &[[2, 1, 1]])] {
+                build(&prims, &mut shape, &mut order, depth);
+                assert!(allowed.contains(&shape), "depth {depth}: {shape:?}");
+                let best = all_orders().flat_map(|o| allowed.iter().map(move |&s| (s, o)));
+                let best = best
+                    .map(|(s, o)| cost(&prims, s, o))
+                    .fold(f64::MAX, f64::min);
+                let found = cost(&prims, shape, order);
+                assert!(found <= best * (1.0 + 1e-5), "seed {seed}: {found} {best}");
+                shapes[usize::from(shape == [3, 2, 1])] += 1;
+            }
+        }
+        assert!(
+            shapes.iter().all(|&n| n > 50),
+            "both shapes occur: {shapes:?}"
+        );
+    }
+
+    #[test]
+    fn three_triangles_begin_with_the_closest_pair() {
+        let at = |x: f32, i| {
+            Prim::new(
+                &Aabb {
+                    min: [x; 3],
+                    max: [x + 1.0; 3],
+                },
+                i,
+            )
+        };
+        for (order, far) in [
+            ([0.0, 9.0, 1.0], 1),
+            ([9.0, 0.0, 1.0], 0),
+            ([0.0, 1.0, 9.0], 2),
+        ] {
+            let prims: Vec<_> = order.iter().zip(0..).map(|(&x, i)| at(x, i)).collect();
+            let (mut shape, mut leaves) = ([0; 2], [0; 3]);
+            build(&prims, &mut shape, &mut leaves, 0);
+            assert_eq!((shape, leaves[2]), ([2, 1], far));
+        }
+    }
+}

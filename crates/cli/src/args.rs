@@ -1,0 +1,357 @@
+//! What may be asked for.
+
+use crate::stop::Stop;
+use crate::values::{self, Frames, TimeRange};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use geom::Point;
+use std::path::PathBuf;
+
+/// A ray tracer for moving, deforming triangle scenes: trees are rebuilt while frames are traced.
+#[derive(Debug, Parser)]
+#[command(name = "abvh", version, propagate_version = true, max_term_width = 110)]
+#[command(after_help = "Without arguments: abvh render demo:grove")]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Render an animation to pictures, hits and statistics
+    Render(Box<RenderArgs>),
+    /// Trace given rays at one moment
+    Trace(TraceArgs),
+    /// Measure every stage over scenes, backends, update policies and intersectors
+    Bench(BenchArgs),
+    /// Describe a scene: size, motion, how refitting decays, what auto takes and why
+    Inspect(InspectArgs),
+    /// Describe this build and this machine: backends present and absent
+    Info(InfoArgs),
+}
+
+/// Parses the command line. No command at all is `render`.
+pub(crate) fn parse() -> Result<Command, Stop> {
+    parse_from(std::env::args_os())
+}
+
+fn parse_from(args: impl IntoIterator<Item = std::ffi::OsString>) -> Result<Command, Stop> {
+    let read = |args: Vec<std::ffi::OsString>| Cli::try_parse_from(args).map_err(refused);
+    match read(args.into_iter().collect())?.command {
+        Some(command) => Ok(command),
+        None => read(vec!["abvh".into(), "render".into()])?
+            .command
+            .ok_or_else(|| Stop::bad("no command")),
+    }
+}
+
+/// Help goes to standard output; anything else becomes one line.
+fn refused(e: clap::Error) -> Stop {
+    if !e.use_stderr() {
+        // A reader that went away needs no help.
+        let _ = e.print();
+        return Stop::Shown;
+    }
+    let text = e.to_string();
+    let first = text.split("\n\n").next().unwrap_or(&text);
+    Stop::bad(first.strip_prefix("error: ").unwrap_or(first))
+}
+
+/// Options of `render`.
+#[derive(Args, Debug)]
+pub(crate) struct RenderArgs {
+    /// Scene: demo:NAME[:TRIANGLES] (grove, collide, shatter, twist), a directory or glob of .obj or
+    /// .ply key frames, or one .obj, .ply, .gltf or .glb file
+    #[arg(default_value = "demo:grove")]
+    pub(crate) scene: String,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+    #[command(flatten)]
+    pub(crate) device: DeviceArgs,
+    #[command(flatten)]
+    pub(crate) method: MethodArgs,
+    #[command(flatten)]
+    pub(crate) policy: PolicyArgs,
+    /// Frames: N spread evenly over the time range, both ends included, or those at key times A..B
+    /// (B left out). Files are numbered from 0000 [default: 48 for a demo, else one a key frame up to 96]
+    #[arg(long, value_name = "N|A..B", value_parser = values::frames)]
+    pub(crate) frames: Option<Frames>,
+    /// Stretch of time, in key frames [default: all of it]
+    #[arg(long, value_name = "T0..T1", value_parser = values::time_range, allow_hyphen_values = true)]
+    pub(crate) time_range: Option<TimeRange>,
+    /// Pixels of a frame
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = values::size)]
+    pub(crate) size: [u32; 2],
+    #[command(flatten)]
+    pub(crate) camera: CameraArgs,
+    /// Directory for pictures: frame_0000.png and so on
+    #[arg(long, value_name = "DIR", default_value = "abvh-out")]
+    pub(crate) out: PathBuf,
+    /// Write no pictures
+    #[arg(long)]
+    pub(crate) no_images: bool,
+    /// Directory for hits: hits_0000.npz and so on
+    #[arg(long, value_name = "DIR")]
+    pub(crate) hits: Option<PathBuf>,
+    /// File for statistics of every frame
+    #[arg(long, value_name = "FILE.json")]
+    pub(crate) stats: Option<PathBuf>,
+    /// File for the primary rays of a frame, to be traced again with `abvh trace`
+    #[arg(long, value_name = "FILE.npy")]
+    pub(crate) rays_out: Option<PathBuf>,
+    /// Skip frames whose files all exist
+    #[arg(long)]
+    pub(crate) resume: bool,
+    /// No progress and no remarks
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
+
+/// Options of `trace`.
+#[derive(Args, Debug)]
+pub(crate) struct TraceArgs {
+    /// Scene, as for render
+    pub(crate) scene: String,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+    /// The moment, in key frames
+    #[arg(long, value_name = "T", value_parser = values::time, allow_hyphen_values = true)]
+    pub(crate) time: f64,
+    /// Rays: float32 (N, 6) `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max` appended
+    #[arg(long, value_name = "RAYS.npy")]
+    pub(crate) rays: PathBuf,
+    /// File for what was found
+    #[arg(long, value_name = "HITS.npz")]
+    pub(crate) out: PathBuf,
+    /// Only whether each ray meets anything
+    #[arg(long)]
+    pub(crate) any_hit: bool,
+    #[command(flatten)]
+    pub(crate) device: DeviceArgs,
+    #[command(flatten)]
+    pub(crate) method: MethodArgs,
+    /// How the tree comes about: built at the moment, or built at --tree-time and refitted
+    #[arg(long, value_name = "POLICY", default_value = "auto")]
+    pub(crate) update: UpdateName,
+    /// The moment the tree is built from, with --update refit
+    #[arg(long, value_name = "T0", value_parser = values::time, allow_hyphen_values = true)]
+    pub(crate) tree_time: Option<f64>,
+    /// No remarks
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
+
+/// Options of `bench`.
+#[derive(Args, Debug)]
+pub(crate) struct BenchArgs {
+    /// Scenes, as for render
+    #[arg(default_values = ["demo:grove", "demo:collide"])]
+    pub(crate) scenes: Vec<String>,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+    /// Backends
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "auto"
+    )]
+    pub(crate) backend: Vec<BackendName>,
+    /// Update policies
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "rebuild,refit,async"
+    )]
+    pub(crate) update: Vec<UpdateName>,
+    /// Intersectors
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "auto"
+    )]
+    pub(crate) intersector: Vec<IntersectorName>,
+    /// Layouts of the tree
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "auto"
+    )]
+    pub(crate) layout: Vec<LayoutName>,
+    /// Pixels of a frame
+    #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = values::size)]
+    pub(crate) size: [u32; 2],
+    /// Frames of each run: N spread evenly over the motion, or those at key times A..B
+    #[arg(long, value_name = "N|A..B", default_value = "12", value_parser = values::frames)]
+    pub(crate) frames: Frames,
+    /// Threads that render
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub(crate) threads: Option<usize>,
+    /// Threads that build trees
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub(crate) builder_threads: Option<usize>,
+    /// File for the results
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// No progress
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
+
+/// Options of `inspect`.
+#[derive(Args, Debug)]
+pub(crate) struct InspectArgs {
+    /// Scene, as for render
+    pub(crate) scene: String,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+    /// JSON to standard output
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Options of `info`.
+#[derive(Args, Debug)]
+pub(crate) struct InfoArgs {
+    /// JSON to standard output
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// How a source that leaves a choice is read.
+#[derive(Args, Debug)]
+pub(crate) struct SourceArgs {
+    /// Key frames sampled from each second of a glTF clip
+    #[arg(long, value_name = "N", default_value = "24", value_parser = values::fps)]
+    pub(crate) fps: f64,
+    /// glTF clip to sample [default: the first]
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub(crate) clip: Option<String>,
+}
+
+impl SourceArgs {
+    /// As the reader of scenes wants it.
+    pub(crate) fn options(&self) -> scene::Options {
+        scene::Options {
+            fps: self.fps,
+            clip: self.clip.clone(),
+        }
+    }
+}
+
+/// Who does the work.
+#[derive(Args, Debug)]
+pub(crate) struct DeviceArgs {
+    /// Backend
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    pub(crate) backend: BackendName,
+    /// Adapter of the backend, by index or by part of its name
+    #[arg(long, value_name = "INDEX|NAME-PART")]
+    pub(crate) adapter: Option<String>,
+    /// Threads that render
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub(crate) threads: Option<usize>,
+    /// Threads that build trees
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub(crate) builder_threads: Option<usize>,
+}
+
+/// How rays are traced.
+#[derive(Args, Clone, Copy, Debug)]
+pub(crate) struct MethodArgs {
+    /// How a ray is tested against a triangle
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    pub(crate) intersector: IntersectorName,
+    /// How the tree lies in memory
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    pub(crate) layout: LayoutName,
+}
+
+/// How trees follow the motion.
+#[derive(Args, Clone, Copy, Debug)]
+pub(crate) struct PolicyArgs {
+    /// How trees follow the motion
+    #[arg(long, value_name = "POLICY", default_value = "auto")]
+    pub(crate) update: UpdateName,
+    /// With async: adopt each tree exactly K frames after it was asked for
+    #[arg(long, value_name = "K")]
+    pub(crate) lockstep: Option<u32>,
+}
+
+/// Who looks from where, and what shines. What is left out frames the whole motion.
+#[derive(Args, Clone, Copy, Debug)]
+pub(crate) struct CameraArgs {
+    /// Where the eye is
+    #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
+    pub(crate) eye: Option<Point>,
+    /// What it looks at
+    #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
+    pub(crate) look_at: Option<Point>,
+    /// Which way is up
+    #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
+    pub(crate) up: Option<Point>,
+    /// Vertical field of view
+    #[arg(long, value_name = "DEG", default_value = "40", value_parser = values::fov)]
+    pub(crate) fov: f32,
+    /// Where the lamp is
+    #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
+    pub(crate) light: Option<Point>,
+}
+
+/// Backends by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BackendName {
+    /// The best one present
+    Auto,
+    /// The host's cores
+    Cpu,
+    /// A graphics processor through wgpu
+    Wgpu,
+    /// A graphics processor through Vulkan
+    Vulkan,
+}
+
+/// Update policies by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum UpdateName {
+    /// Whichever suits the motion
+    Auto,
+    /// A new tree for every frame, which waits for it
+    Rebuild,
+    /// The first tree, refitted
+    Refit,
+    /// The newest finished tree, refitted, while the next one is built
+    Async,
+}
+
+/// Intersectors by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum IntersectorName {
+    /// The one that never leaks
+    Auto,
+    /// Möller, Trumbore 1997
+    MollerTrumbore,
+    /// Woop 2004: an affine transform a triangle
+    Woop,
+    /// Woop, Benthin, Wald 2013, with exact ties
+    Watertight,
+    /// The answer of exact arithmetic
+    Exact,
+}
+
+/// Layouts by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LayoutName {
+    /// Whichever the backend has
+    Auto,
+    /// Breadth-first binary tree, one triangle a leaf
+    Bvh2,
+    /// Whatever measured fastest
+    Fast,
+}
+
+#[cfg(test)]
+mod tests;

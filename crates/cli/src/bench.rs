@@ -1,0 +1,219 @@
+//! `abvh bench`: every stage over scenes, backends, update policies, intersectors and layouts.
+
+use crate::args::{BenchArgs, MethodArgs, PolicyArgs};
+use crate::progress::Progress;
+use crate::session::{self, Ask, Session};
+use crate::stop::Stop;
+use crate::table::{mrays, ms, table};
+use crate::{choose, frames, info, record, talk};
+use backend::{Query, Rays, Seek};
+use pipeline::Frame;
+use report::{FrameStats, Summary, Time};
+use scene::Scene;
+use serde::Serialize;
+
+#[derive(Serialize)]
+struct Report {
+    schema: u32,
+    version: &'static str,
+    cpu: Option<String>,
+    size: [u32; 2],
+    rows: Vec<Row>,
+}
+
+/// One run. Times are medians over its frames, in milliseconds.
+#[derive(Serialize)]
+struct Row {
+    scene: String,
+    triangles: usize,
+    backend: &'static str,
+    adapter: String,
+    threads: usize,
+    builder_threads: usize,
+    update: &'static str,
+    intersector: &'static str,
+    layout: &'static str,
+    frames: usize,
+    interpolate_ms: Option<f64>,
+    preprocess_ms: Option<f64>,
+    refit_ms: Option<f64>,
+    trace_primary_ms: Option<f64>,
+    trace_shadow_ms: Option<f64>,
+    wall_ms: Option<f64>,
+    /// Primary and shadow rays in the time of both.
+    mrays_per_s: Option<f64>,
+    build_ns_per_triangle: Option<f64>,
+    convert_ns_per_triangle: Option<f64>,
+    trees: usize,
+    sah_ratio: Option<f64>,
+}
+
+/// Measures.
+pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
+    crate::threads::limit(args.threads);
+    if let Some(file) = &args.json {
+        report::check_writable(file).map_err(Stop::bad)?;
+    }
+    let combinations = combinations(args);
+    let total = args.scenes.len() * combinations.len();
+    let mut rows = Vec::new();
+    let mut progress = None;
+    for spec in &args.scenes {
+        let scene = scene::open(spec, &args.source.options())?;
+        for &(ref backend, policy, method) in &combinations {
+            let ask = Ask {
+                backend: *backend,
+                adapter: None,
+                threads: args.threads,
+                builder_threads: args.builder_threads,
+                method,
+                update: choose::update(policy, &scene.animation)?,
+            };
+            let row = measure(args, spec, &scene, &ask)?;
+            let progress = progress.get_or_insert_with(|| Progress::new(total as u64, args.quiet));
+            progress.step(&format!("{spec} {} {}", row.update, row.intersector));
+            rows.push(row);
+        }
+    }
+    drop(progress);
+    let report = Report {
+        schema: 1,
+        version: env!("CARGO_PKG_VERSION"),
+        cpu: info::cpu_model(),
+        size: args.size,
+        rows,
+    };
+    if let Some(file) = &args.json {
+        report::write_json(file, &report)?;
+    }
+    talk::print(&text(&report))
+}
+
+type Combination = (crate::args::BackendName, PolicyArgs, MethodArgs);
+
+/// Everything with everything.
+fn combinations(args: &BenchArgs) -> Vec<Combination> {
+    let mut all = Vec::new();
+    for &backend in &args.backend {
+        for &update in &args.update {
+            let policy = PolicyArgs {
+                update,
+                lockstep: None,
+            };
+            let methods = args.intersector.iter().flat_map(|&intersector| {
+                args.layout.iter().map(move |&layout| MethodArgs {
+                    intersector,
+                    layout,
+                })
+            });
+            all.extend(methods.map(|method| (backend, policy, method)));
+        }
+    }
+    all
+}
+
+fn measure(args: &BenchArgs, spec: &str, scene: &Scene, ask: &Ask<'_>) -> Result<Row, Stop> {
+    let keys = scene.animation.keys().len();
+    let frames: Vec<Frame> = frames::list(Some(args.frames), None, keys, false)?;
+    let view = picture::frame_scene(&scene.animation, 40.0, args.size);
+    let camera = view
+        .camera(args.size)
+        .ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
+    let mut session = session::start(&scene.animation, ask)?;
+    let query = Query {
+        rays: Rays::Camera(&camera),
+        seek: Seek::ClosestAndShadow { light: view.light },
+    };
+    let mut stats = Vec::new();
+    session
+        .driver
+        .run::<Stop>(frames, query, false, |frame, _| {
+            stats.push(record::row(frame));
+            Ok(())
+        })?;
+    Ok(row(spec, scene, &session, &stats, camera.pixels()))
+}
+
+fn row(spec: &str, scene: &Scene, session: &Session, stats: &[FrameStats], pixels: usize) -> Row {
+    let median = |time: Time| Summary::of(stats.iter().filter_map(time)).map(|s| s.median);
+    let triangles = scene.animation.live_count();
+    let per_triangle = |time: Time| median(time).map(|ms| ms * 1e6 / triangles.max(1) as f64);
+    let rate: Time = |f| Some(f.trace_primary_ms? + f.trace_shadow_ms.unwrap_or(0.0));
+    let rates = stats
+        .iter()
+        .filter_map(|f| mrays(pixels as f64 + f.hits as f64, rate(f)?));
+    Row {
+        scene: spec.to_owned(),
+        triangles: scene.animation.triangle_count(),
+        backend: session.device.backend,
+        adapter: session.device.adapter.clone(),
+        threads: session.threads.render,
+        builder_threads: session.threads.build,
+        update: choose::update_name(session.update),
+        intersector: session.method.intersector.name(),
+        layout: session.method.layout.name(),
+        frames: stats.len(),
+        interpolate_ms: median(|f| f.interpolate_ms),
+        preprocess_ms: median(|f| f.preprocess_ms),
+        refit_ms: median(|f| f.refit_ms),
+        trace_primary_ms: median(|f| f.trace_primary_ms),
+        trace_shadow_ms: median(|f| f.trace_shadow_ms),
+        wall_ms: median(|f| f.wall_ms),
+        mrays_per_s: Summary::of(rates).map(|s| s.median),
+        build_ns_per_triangle: per_triangle(|f| f.build_ms),
+        convert_ns_per_triangle: per_triangle(|f| f.convert_ms),
+        trees: stats.iter().filter(|f| f.adopted).count(),
+        sah_ratio: median(|f| f.sah_ratio),
+    }
+}
+
+fn text(report: &Report) -> String {
+    let head = [
+        "scene",
+        "backend",
+        "update",
+        "method",
+        "interp",
+        "preproc",
+        "refit",
+        "primary",
+        "shadow",
+        "wall",
+        "Mrays/s",
+        "build ns/tri",
+        "conv ns/tri",
+        "trees",
+        "SAH",
+    ];
+    let time = |t: Option<f64>| t.map_or("-".to_owned(), ms);
+    let short = |t: Option<f64>| t.map_or("-".to_owned(), |x| format!("{x:.2}"));
+    let rows: Vec<_> = report
+        .rows
+        .iter()
+        .map(|r| {
+            vec![
+                r.scene.clone(),
+                r.backend.to_owned(),
+                r.update.to_owned(),
+                format!("{} {}", r.intersector, r.layout),
+                time(r.interpolate_ms),
+                time(r.preprocess_ms),
+                time(r.refit_ms),
+                time(r.trace_primary_ms),
+                time(r.trace_shadow_ms),
+                time(r.wall_ms),
+                short(r.mrays_per_s),
+                short(r.build_ns_per_triangle),
+                short(r.convert_ns_per_triangle),
+                r.trees.to_string(),
+                short(r.sah_ratio),
+            ]
+        })
+        .collect();
+    let [width, height] = report.size;
+    let cpu = report.cpu.as_deref().unwrap_or("unknown cpu");
+    format!(
+        "medians in ms at {width}x{height} on {cpu}\n{}",
+        table(&head, &rows, 4)
+    )
+}

@@ -1,0 +1,127 @@
+//! What `auto` takes, and why.
+
+use crate::args::{IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName};
+use crate::motion;
+use crate::stop::Stop;
+use backend::{Intersector, Layout, Method};
+use geom::Animation;
+use pipeline::{Pace, Update};
+
+/// Something taken, and the reason where nobody asked for it by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Choice<T> {
+    /// What is taken.
+    pub(crate) value: T,
+    /// Why; `None` if it was asked for.
+    pub(crate) why: Option<&'static str>,
+}
+
+fn asked<T>(value: T) -> Choice<T> {
+    Choice { value, why: None }
+}
+
+fn auto<T>(value: T, why: &'static str) -> Choice<T> {
+    let why = Some(why);
+    Choice { value, why }
+}
+
+/// How trees follow the motion.
+pub(crate) fn update(policy: PolicyArgs, animation: &Animation) -> Result<Choice<Update>, Stop> {
+    let pace = policy.lockstep.map_or(Pace::Free, Pace::Lockstep);
+    let choice = match (policy.update, policy.lockstep) {
+        (UpdateName::Rebuild | UpdateName::Refit, Some(_)) => {
+            return Err(Stop::bad("--lockstep goes only with --update async"));
+        }
+        (UpdateName::Rebuild, None) => asked(Update::Rebuild),
+        (UpdateName::Refit, None) => asked(Update::Refit),
+        (UpdateName::Async, _) => asked(Update::Async(pace)),
+        (UpdateName::Auto, Some(_)) => auto(Update::Async(pace), "--lockstep asks for it"),
+        (UpdateName::Auto, None) if motion::is_static(animation) => auto(
+            Update::Refit,
+            "the scene does not move, so its first tree stays the best",
+        ),
+        (UpdateName::Auto, None) => auto(
+            Update::Async(pace),
+            "the scene deforms: frames go on with the newest tree while the next one is built",
+        ),
+    };
+    Ok(choice)
+}
+
+/// How a ray is tested against a triangle.
+pub(crate) fn intersector(name: IntersectorName) -> Choice<Intersector> {
+    match name {
+        IntersectorName::Auto => auto(
+            Intersector::Watertight,
+            "no leaks, and the same bits on every backend",
+        ),
+        IntersectorName::MollerTrumbore => asked(Intersector::MollerTrumbore),
+        IntersectorName::Woop => asked(Intersector::Woop),
+        IntersectorName::Watertight => asked(Intersector::Watertight),
+        IntersectorName::Exact => asked(Intersector::Exact),
+    }
+}
+
+/// How the tree lies in memory.
+pub(crate) fn layout(name: LayoutName) -> Choice<Layout> {
+    match name {
+        LayoutName::Auto => auto(Layout::Bvh2, "every backend has it"),
+        LayoutName::Bvh2 => asked(Layout::Bvh2),
+        LayoutName::Fast => asked(Layout::Fast),
+    }
+}
+
+/// Both at once.
+pub(crate) fn method(args: MethodArgs) -> Method {
+    Method {
+        intersector: intersector(args.intersector).value,
+        layout: layout(args.layout).value,
+    }
+}
+
+/// The policy's name on the command line.
+pub(crate) fn update_name(update: Update) -> &'static str {
+    match update {
+        Update::Rebuild => "rebuild",
+        Update::Refit => "refit",
+        Update::Async(_) => "async",
+    }
+}
+
+/// Frames between asking for a tree and taking it up, where fixed.
+pub(crate) fn lockstep(update: Update) -> Option<u64> {
+    match update {
+        Update::Async(Pace::Lockstep(k)) => Some(u64::from(k)),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn animation(x: f32) -> Animation {
+        let key = |x| vec![[0.0; 3], [1.0, 0.0, 0.0], [x, 1.0, f32::NAN]];
+        Animation::new(vec![key(0.0), key(x)], vec![[0, 1, 2]]).unwrap()
+    }
+
+    fn choose(update: UpdateName, lockstep: Option<u32>, x: f32) -> Option<Update> {
+        let policy = PolicyArgs { update, lockstep };
+        super::update(policy, &animation(x)).ok().map(|c| c.value)
+    }
+
+    #[test]
+    fn auto_builds_once_for_what_stands_still_and_again_for_what_moves() {
+        assert_eq!(choose(UpdateName::Auto, None, 0.0), Some(Update::Refit));
+        let free = Some(Update::Async(Pace::Free));
+        assert_eq!(choose(UpdateName::Auto, None, 0.5), free);
+    }
+
+    #[test]
+    fn lockstep_goes_only_with_async() {
+        assert_eq!(choose(UpdateName::Rebuild, Some(1), 0.5), None);
+        assert_eq!(choose(UpdateName::Refit, Some(0), 0.5), None);
+        let three = Some(Update::Async(Pace::Lockstep(3)));
+        assert_eq!(choose(UpdateName::Async, Some(3), 0.5), three);
+    }
+}

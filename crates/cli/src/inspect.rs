@@ -1,0 +1,131 @@
+//! `abvh inspect`: a scene's size and motion, how refitting decays, and what `auto` takes.
+
+use crate::args::{InspectArgs, IntersectorName, LayoutName, PolicyArgs, UpdateName};
+use crate::decay::{self, Decay};
+use crate::motion::{self, Motion, Spread};
+use crate::stop::Stop;
+use crate::table::{grouped, table};
+use crate::{choose, render, talk};
+use report::SceneFacts;
+use serde::Serialize;
+
+/// Times at which the first tree is compared with a fresh one.
+const SAMPLES: usize = 5;
+
+#[derive(Serialize)]
+struct Inspection {
+    scene: SceneFacts,
+    bounds: Option<Bounds>,
+    motion: Motion,
+    inactive: Spread,
+    degenerate: Spread,
+    decay: Vec<Decay>,
+    auto: Vec<Taken>,
+}
+
+#[derive(Serialize)]
+struct Bounds {
+    min: [f32; 3],
+    max: [f32; 3],
+}
+
+#[derive(Serialize)]
+struct Taken {
+    what: &'static str,
+    takes: &'static str,
+    why: &'static str,
+}
+
+/// Inspects.
+pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
+    let scene = scene::open(&args.scene, &args.source.options())?;
+    let animation = &scene.animation;
+    let bounds = animation.bounds();
+    let (inactive, degenerate) = motion::unhittable(animation);
+    let inspection = Inspection {
+        scene: render::scene_facts(&scene),
+        bounds: (!bounds.is_empty()).then_some(Bounds {
+            min: bounds.min,
+            max: bounds.max,
+        }),
+        motion: motion::measure(animation),
+        inactive,
+        degenerate,
+        decay: decay::measure(animation, SAMPLES).map_err(Stop::failed)?,
+        auto: what_auto_takes(animation)?,
+    };
+    if args.json {
+        talk::print_json(&inspection)
+    } else {
+        talk::print(&text(&inspection, &scene.facts.notes))
+    }
+}
+
+fn what_auto_takes(animation: &geom::Animation) -> Result<Vec<Taken>, Stop> {
+    let policy = PolicyArgs {
+        update: UpdateName::Auto,
+        lockstep: None,
+    };
+    let update = choose::update(policy, animation)?;
+    let intersector = choose::intersector(IntersectorName::Auto);
+    let layout = choose::layout(LayoutName::Auto);
+    let taken = |what, takes, why: Option<&'static str>| Taken {
+        what,
+        takes,
+        why: why.unwrap_or(""),
+    };
+    Ok(vec![
+        taken("update", choose::update_name(update.value), update.why),
+        taken("intersector", intersector.value.name(), intersector.why),
+        taken("layout", layout.value.name(), layout.why),
+    ])
+}
+
+fn text(i: &Inspection, notes: &[String]) -> String {
+    let (s, m) = (&i.scene, &i.motion);
+    let mut text = format!(
+        "{}: {} triangles ({} live), {} vertices, {} key frames\n",
+        s.name,
+        grouped(s.triangles),
+        grouped(s.live),
+        grouped(s.vertices),
+        s.keys
+    );
+    text += &match &i.bounds {
+        Some(b) => format!("bounds: {:?} to {:?}\n", b.min, b.max),
+        None => "bounds: none, no vertex is finite\n".to_owned(),
+    };
+    text += &format!(
+        "motion: {:.1}% of the vertices move; a key step is {:.3}% of the diagonal in the mean, {:.3}% at most\n",
+        100.0 * m.moving,
+        100.0 * m.mean_step,
+        100.0 * m.max_step
+    );
+    for (what, n) in [("inactive", i.inactive), ("degenerate", i.degenerate)] {
+        text += &format!("{what}: {} to {} triangles a key frame\n", n.min, n.max);
+    }
+    text += &decay_table(&i.decay);
+    for t in &i.auto {
+        text += &format!("{} auto takes {}: {}\n", t.what, t.takes, t.why);
+    }
+    notes.iter().for_each(|n| text += &format!("note: {n}\n"));
+    text
+}
+
+fn decay_table(decay: &[Decay]) -> String {
+    let row = |d: &Decay| {
+        let ratio = d.ratio.map_or("-".to_owned(), |r| format!("{r:.3}"));
+        vec![
+            format!("{:.2}", d.time),
+            format!("{:.2}", d.refitted),
+            format!("{:.2}", d.fresh),
+            ratio,
+        ]
+    };
+    let rows: Vec<_> = decay.iter().map(row).collect();
+    table(
+        &["time", "first tree refitted", "fresh tree", "SAH ratio"],
+        &rows,
+        0,
+    )
+}

@@ -1,0 +1,33 @@
+//! What the pipeline says of a frame, as a row of the statistics file.
+
+use pipeline::FrameRecord;
+use report::FrameStats;
+
+/// One frame's row.
+pub(crate) fn row(record: &FrameRecord) -> FrameStats {
+    let (times, report) = (&record.report.times, &record.report);
+    let adopted = record.adopted;
+    FrameStats {
+        frame: record.frame.index as usize,
+        time: record.frame.time,
+        interpolate_ms: times.interpolate_ms,
+        preprocess_ms: times.preprocess_ms,
+        refit_ms: times.refit_ms,
+        trace_primary_ms: times.trace_primary_ms,
+        trace_shadow_ms: times.trace_shadow_ms,
+        device_ms: Some(times.device_ms),
+        wall_ms: Some(record.wall_ms),
+        tree_generation: record.tree_generation.0,
+        tree_age_frames: record.tree_age_frames,
+        adopted: adopted.is_some(),
+        build_ms: adopted.map(|a| a.build_ms),
+        convert_ms: adopted.map(|a| a.convert_ms),
+        upload_bytes: adopted.map_or(0, |a| a.upload_bytes),
+        readback_bytes: report.readback_bytes,
+        sah_ratio: record.sah_ratio,
+        hits: report.hits,
+        blocked: report.blocked,
+        inactive: report.inactive,
+        degenerate: report.degenerate,
+    }
+}

@@ -1,0 +1,224 @@
+//! `abvh render`: an animation to pictures, hits and statistics.
+
+use crate::args::RenderArgs;
+use crate::outputs::Outputs;
+use crate::progress::Progress;
+use crate::session::{self, Ask, Session};
+use crate::stop::Stop;
+use crate::{choose, frames, record, table, talk};
+use backend::{Query, Rays, Seek};
+use geom::Camera;
+use picture::{Shot, View};
+use pipeline::Frame;
+use report::{FrameStats, SCHEMA, SceneFacts, Stats};
+use scene::Scene;
+
+/// Renders.
+pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
+    crate::threads::limit(args.device.threads);
+    let scene = scene::open(&args.scene, &args.source.options())?;
+    let keys = scene.animation.keys().len();
+    let is_demo = args.scene.starts_with("demo:");
+    let frames = frames::list(args.frames, args.time_range, keys, is_demo)?;
+    let view = view(args, &scene);
+    let camera = camera(&view, args.size)?;
+    let mut session = session::start(
+        &scene.animation,
+        &Ask {
+            backend: args.device.backend,
+            adapter: args.device.adapter.as_deref(),
+            threads: args.device.threads,
+            builder_threads: args.device.builder_threads,
+            method: args.method,
+            update: choose::update(args.policy, &scene.animation)?,
+        },
+    )?;
+    let mut outputs = Outputs::prepare(args)?;
+    if let Some(file) = &args.rays_out {
+        report::write_rays(file, Pixels::new(&camera))?;
+    }
+    let rows = trace_all(
+        args,
+        &scene,
+        (&camera, &view),
+        frames,
+        &mut session,
+        &mut outputs,
+    )?;
+    if let Some(file) = &args.stats {
+        report::write_json(file, &stats(args, &scene, &session, &rows))?;
+    }
+    talk::print(&results(args, &scene, &session, &rows))
+}
+
+/// The view that frames the motion, with what was asked for in its place.
+fn view(args: &RenderArgs, scene: &Scene) -> View {
+    let asked = &args.camera;
+    let framed = picture::frame_scene(&scene.animation, asked.fov, args.size);
+    View {
+        eye: asked.eye.unwrap_or(framed.eye),
+        look_at: asked.look_at.unwrap_or(framed.look_at),
+        up: asked.up.unwrap_or(framed.up),
+        light: asked.light.unwrap_or(framed.light),
+        ..framed
+    }
+}
+
+fn camera(view: &View, size: [u32; 2]) -> Result<Camera, Stop> {
+    view.camera(size).ok_or_else(|| {
+        let View { eye, look_at, up, .. } = view;
+        Stop::bad(if eye == look_at {
+            format!("--eye and --look-at are the same point, {eye:?}: there is no direction to look in")
+        } else if *up == [0.0; 3] {
+            "--up has no direction".to_owned()
+        } else {
+            format!("no camera at {eye:?} looking at {look_at:?} has {up:?} for up: they lie in one line")
+        })
+    })
+}
+
+/// Renders every frame and writes its files; one row each.
+fn trace_all(
+    args: &RenderArgs,
+    scene: &Scene,
+    (camera, view): (&Camera, &View),
+    frames: Vec<Frame>,
+    session: &mut Session,
+    outputs: &mut Outputs,
+) -> Result<Vec<FrameStats>, Stop> {
+    let all = frames.len();
+    let todo: Vec<Frame> = frames
+        .into_iter()
+        .filter(|f| !(args.resume && outputs.exist(f.index)))
+        .collect();
+    let mut progress = Progress::new(todo.len() as u64, args.quiet);
+    for remark in session.remarks.iter().chain(&scene.facts.notes) {
+        progress.say(remark);
+    }
+    if todo.len() < all {
+        progress.say(&format!(
+            "{} of {all} frames are there already",
+            all - todo.len()
+        ));
+    }
+    let query = Query {
+        rays: Rays::Camera(camera),
+        seek: Seek::ClosestAndShadow { light: view.light },
+    };
+    let mut rows = Vec::with_capacity(todo.len());
+    session
+        .driver
+        .run::<Stop>(todo, query, outputs.any(), |frame, hits| {
+            let shot = Shot {
+                animation: &scene.animation,
+                pose: scene.animation.pose(frame.frame.time),
+                colours: &scene.colours,
+                camera,
+                light: view.light,
+            };
+            if outputs.any() {
+                outputs.write(frame.frame.index, &shot, hits)?;
+            }
+            progress.step(&format!(
+                "time {:.3}, {:.1} ms",
+                frame.frame.time, frame.wall_ms
+            ));
+            rows.push(record::row(frame));
+            Ok(())
+        })?;
+    Ok(rows)
+}
+
+fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats]) -> String {
+    let [width, height] = args.size;
+    let mut text = format!(
+        "{}: {} triangles, {} key frames; {} frames of {width}x{height}\n{}\n",
+        scene.name,
+        table::grouped(scene.animation.triangle_count()),
+        scene.animation.keys().len(),
+        rows.len(),
+        session.caption(),
+    );
+    if !rows.is_empty() {
+        text += &table::stages(rows);
+        text += &table::trees(rows);
+        text += &table::rates(rows, width as usize * height as usize);
+    }
+    if !args.no_images {
+        text += &format!("pictures: {}\n", args.out.display());
+    }
+    text
+}
+
+fn stats(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats]) -> Stats {
+    let device = &session.device;
+    Stats {
+        schema: SCHEMA,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        command_line: std::env::args_os()
+            .map(|a| a.to_string_lossy().into_owned())
+            .collect(),
+        scene: scene_facts(scene),
+        backend: device.backend.to_owned(),
+        adapter: device.adapter.clone(),
+        driver: (!device.driver.is_empty()).then(|| device.driver.clone()),
+        threads: session.threads.render,
+        builder_threads: session.threads.build,
+        update: choose::update_name(session.update).to_owned(),
+        lockstep: choose::lockstep(session.update),
+        intersector: session.method.intersector.name().to_owned(),
+        layout: session.method.layout.name().to_owned(),
+        size: args.size,
+        frames: rows.to_vec(),
+        summary: report::summarize(rows),
+    }
+}
+
+/// A scene's facts for files.
+pub(crate) fn scene_facts(scene: &Scene) -> SceneFacts {
+    let (animation, facts) = (&scene.animation, &scene.facts);
+    SceneFacts {
+        name: scene.name.clone(),
+        keys: animation.keys().len(),
+        vertices: animation.vertex_count(),
+        triangles: animation.triangle_count(),
+        live: animation.live_count(),
+        facts: serde_json::json!({
+            "format": facts.format,
+            "files": facts.files.iter().map(|f| f.to_string_lossy()).collect::<Vec<_>>(),
+            "clip": facts.clip,
+            "seconds_per_key": facts.seconds_per_key,
+            "notes": facts.notes,
+        }),
+    }
+}
+
+/// The primary rays, row by row.
+#[derive(Clone)]
+struct Pixels<'a> {
+    camera: &'a Camera,
+    next: std::ops::Range<usize>,
+}
+
+impl<'a> Pixels<'a> {
+    fn new(camera: &'a Camera) -> Self {
+        let next = 0..camera.pixels();
+        Self { camera, next }
+    }
+}
+
+impl Iterator for Pixels<'_> {
+    type Item = geom::Ray;
+
+    fn next(&mut self) -> Option<geom::Ray> {
+        let i = self.next.next()?;
+        let width = self.camera.width as usize;
+        Some(self.camera.ray((i % width) as u32, (i / width) as u32))
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        self.next.size_hint()
+    }
+}
+
+impl ExactSizeIterator for Pixels<'_> {}

@@ -1,0 +1,122 @@
+//! Why a command ends early, and what the shell hears of it.
+
+use crate::talk;
+use backend::BackendError;
+use pipeline::PipelineError;
+use report::{RaysError, WriteError};
+use scene::SceneError;
+use std::fmt::Display;
+use std::process::ExitCode;
+
+/// The end of a command that did not do what was asked.
+#[derive(Debug)]
+pub(crate) enum Stop {
+    /// It was asked for something that cannot be: exit code 2.
+    Bad(anyhow::Error),
+    /// It ran and failed: exit code 1.
+    Failed(anyhow::Error),
+    /// Help or version was asked for and shown: exit code 0.
+    Shown,
+}
+
+impl Stop {
+    /// Bad usage or bad input.
+    pub(crate) fn bad(message: impl Display) -> Self {
+        Self::Bad(anyhow::anyhow!("{message}"))
+    }
+
+    /// A run that failed.
+    pub(crate) fn failed(message: impl Display) -> Self {
+        Self::Failed(anyhow::anyhow!("{message}"))
+    }
+
+    /// One line to standard error, and the exit code.
+    pub(crate) fn report(&self) -> ExitCode {
+        let (error, code) = match self {
+            Self::Shown => return ExitCode::SUCCESS,
+            Self::Bad(e) => (e, 2),
+            Self::Failed(e) => (e, 1),
+        };
+        talk::complain(&one_line(error));
+        ExitCode::from(code)
+    }
+}
+
+/// The error and its causes on one line; causes that the text already names are left out.
+fn one_line(error: &anyhow::Error) -> String {
+    let mut line = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if line.is_empty() {
+            line = cause;
+        } else if !line.contains(&cause) {
+            line = format!("{line}: {cause}");
+        }
+    }
+    line.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Whatever is wrong with a scene is wrong with the input.
+impl From<SceneError> for Stop {
+    fn from(e: SceneError) -> Self {
+        Self::Bad(e.into())
+    }
+}
+
+/// Likewise for rays.
+impl From<RaysError> for Stop {
+    fn from(e: RaysError) -> Self {
+        Self::Bad(e.into())
+    }
+}
+
+/// A file that could not be written while running. Checks made before call [`Stop::bad`].
+impl From<WriteError> for Stop {
+    fn from(e: WriteError) -> Self {
+        Self::Failed(e.into())
+    }
+}
+
+/// What no device here can do is bad usage; what one broke down over is a failure.
+impl From<BackendError> for Stop {
+    fn from(e: BackendError) -> Self {
+        match e {
+            BackendError::NoDevice(_)
+            | BackendError::Unsupported { .. }
+            | BackendError::Limit { .. } => Self::Bad(e.into()),
+            _ => Self::Failed(e.into()),
+        }
+    }
+}
+
+impl From<PipelineError> for Stop {
+    fn from(e: PipelineError) -> Self {
+        match e {
+            PipelineError::Backend(e) => e.into(),
+            e => Self::Failed(e.into()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn causes_are_named_once_and_on_one_line() {
+        let e = anyhow::anyhow!("disk full").context("cannot write a:\n  disk full");
+        assert_eq!(one_line(&e), "cannot write a: disk full");
+        let e = anyhow::anyhow!("b").context("a");
+        assert_eq!(one_line(&e), "a: b");
+    }
+
+    #[test]
+    fn what_no_device_can_do_is_bad_usage_and_a_lost_device_is_a_failure() {
+        let unsupported = BackendError::Unsupported {
+            backend: "cpu",
+            what: "x".to_owned(),
+        };
+        assert!(matches!(Stop::from(unsupported), Stop::Bad(_)));
+        let lost = PipelineError::Backend(BackendError::DeviceLost("gone".to_owned()));
+        assert!(matches!(Stop::from(lost), Stop::Failed(_)));
+    }
+}

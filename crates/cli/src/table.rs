@@ -1,0 +1,124 @@
+//! Results for people.
+
+use comfy_table::{Cell, CellAlignment, Table, presets};
+use report::{FrameStats, Summary, TIMES, summarize};
+
+/// A table with a head; every column but the first `words` holds numbers.
+pub(crate) fn table(head: &[&str], rows: &[Vec<String>], words: usize) -> String {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_BORDERS_ONLY);
+    table.set_header(head.iter().map(|h| Cell::new(*h)));
+    for row in rows {
+        table.add_row(row.iter().map(Cell::new));
+    }
+    for column in table.column_iter_mut().skip(words) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table.trim_fmt() + "\n"
+}
+
+/// Stage times over all frames.
+pub(crate) fn stages(frames: &[FrameStats]) -> String {
+    let summary = summarize(frames);
+    let row = |&(name, _): &(&str, _)| {
+        let s: Summary = summary.get(name).copied().flatten()?;
+        let title = name.trim_end_matches("_ms").replace('_', " ");
+        Some(vec![title, ms(s.median), ms(s.p95), ms(s.worst)])
+    };
+    let rows: Vec<_> = TIMES.iter().filter_map(row).collect();
+    table(&["stage", "median ms", "p95 ms", "worst ms"], &rows, 1)
+}
+
+/// What became of trees, in sentences.
+pub(crate) fn trees(frames: &[FrameStats]) -> String {
+    let adopted = frames.iter().filter(|f| f.adopted).count();
+    let newest = frames.iter().map(|f| f.tree_generation).max().unwrap_or(0);
+    let ages = Summary::of(frames.iter().map(|f| f.tree_age_frames as f64));
+    let ratios = Summary::of(frames.iter().filter_map(|f| f.sah_ratio));
+    let mut text = format!("trees: {adopted} adopted, newest generation {newest}");
+    if let Some(s) = ages {
+        text += &format!("; age in frames: median {}, worst {}", s.median, s.worst);
+    }
+    if let Some(s) = ratios {
+        text += &format!("; SAH ratio: median {:.3}, worst {:.3}", s.median, s.worst);
+    }
+    text + "\n"
+}
+
+/// Rays a second, in millions: of `count` rays in `ms` milliseconds.
+pub(crate) fn mrays(count: f64, ms: f64) -> Option<f64> {
+    (ms > 0.0).then(|| count / ms * 1e-3)
+}
+
+/// Primary and shadow rays a second over all frames, in a sentence.
+pub(crate) fn rates(frames: &[FrameStats], pixels: usize) -> String {
+    let rate = |count: fn(&FrameStats, usize) -> f64, time: report::Time| {
+        let timed = || frames.iter().filter_map(|f| Some((f, time(f)?)));
+        let rays = timed().map(|(f, _)| count(f, pixels)).sum();
+        mrays(rays, timed().map(|(_, ms)| ms).sum())
+    };
+    let primary = rate(|_, pixels| pixels as f64, |f| f.trace_primary_ms);
+    let shadow = rate(|f, _| f.hits as f64, |f| f.trace_shadow_ms);
+    let show = |r: Option<f64>| r.map_or("-".to_owned(), |r| format!("{r:.2}"));
+    format!(
+        "rays: {} M/s primary, {} M/s shadow\n",
+        show(primary),
+        show(shadow)
+    )
+}
+
+/// Milliseconds.
+pub(crate) fn ms(x: f64) -> String {
+    format!("{x:.3}")
+}
+
+/// A whole number with its thousands apart.
+pub(crate) fn grouped(n: usize) -> String {
+    let digits = n.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thousands_stand_apart() {
+        assert_eq!(
+            [0, 999, 1000, 1_234_567].map(grouped),
+            ["0", "999", "1,000", "1,234,567"]
+        );
+    }
+
+    #[test]
+    fn stages_that_nobody_timed_have_no_row() {
+        let frame = FrameStats {
+            refit_ms: Some(2.0),
+            ..FrameStats::default()
+        };
+        let text = stages(&[frame]);
+        assert!(
+            text.contains("refit") && !text.contains("interpolate"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn rates_count_what_was_timed() {
+        let frame = |ms, hits| FrameStats {
+            trace_primary_ms: Some(ms),
+            trace_shadow_ms: (hits > 0).then_some(1.0),
+            hits,
+            ..FrameStats::default()
+        };
+        let text = rates(&[frame(1.0, 500), frame(3.0, 0)], 4000);
+        assert_eq!(text, "rays: 2.00 M/s primary, 0.50 M/s shadow\n");
+    }
+}

@@ -1,0 +1,99 @@
+//! `abvh trace`: given rays at one moment.
+
+use crate::args::{PolicyArgs, TraceArgs, UpdateName};
+use crate::session::{self, Ask, Session};
+use crate::stop::Stop;
+use crate::{choose, frames, talk};
+use backend::{Hits, Query, Rays, Seek};
+use geom::{Animation, Ray};
+use pipeline::Frame;
+use report::Found;
+
+/// Traces.
+pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
+    crate::threads::limit(args.device.threads);
+    let rays = report::read_rays(&args.rays)?;
+    let scene = scene::open(&args.scene, &args.source.options())?;
+    let animation = &scene.animation;
+    let moments = moments(args, animation)?;
+    let update = if moments.len() > 1 {
+        UpdateName::Refit
+    } else {
+        UpdateName::Rebuild
+    };
+    let policy = PolicyArgs {
+        update,
+        lockstep: None,
+    };
+    let mut session = session::start(
+        animation,
+        &Ask {
+            backend: args.device.backend,
+            adapter: args.device.adapter.as_deref(),
+            threads: args.device.threads,
+            builder_threads: args.device.builder_threads,
+            method: args.method,
+            update: choose::update(policy, animation)?,
+        },
+    )?;
+    report::check_writable(&args.out).map_err(Stop::bad)?;
+    if !args.quiet {
+        session.remarks.iter().for_each(|r| talk::say(r));
+    }
+    let seek = if args.any_hit {
+        Seek::Any
+    } else {
+        Seek::Closest
+    };
+    let hits = trace(&mut session, &moments, &rays, seek)?;
+    if args.any_hit {
+        report::write_found(&args.out, &hits.blocked)?;
+    } else {
+        let found = Found {
+            hits: &hits.closest,
+            shadow: None,
+            shape: &[rays.len() as u64],
+        };
+        report::write_hits(&args.out, &found)?;
+    }
+    let closest = hits.closest.iter().filter(|h| h.is_hit()).count();
+    let any = hits.blocked.iter().filter(|&&b| b != 0).count();
+    let caption = session.caption();
+    let (rays, met) = (rays.len(), closest + any);
+    talk::print(&format!(
+        "{rays} rays, {met} hits at time {}\n{caption}\n",
+        args.time
+    ))
+}
+
+/// The moment of the tree, if it is another, and the moment to trace.
+fn moments(args: &TraceArgs, animation: &Animation) -> Result<Vec<f64>, Stop> {
+    let keys = animation.keys().len();
+    let time = frames::moment("--time", args.time, keys)?;
+    match (args.update, args.tree_time) {
+        (UpdateName::Async, _) => Err(Stop::bad(
+            "--update async needs more than one moment; trace takes rebuild or refit",
+        )),
+        (UpdateName::Refit, tree_time) => {
+            let tree_time = frames::moment("--tree-time", tree_time.unwrap_or(0.0), keys)?;
+            Ok(vec![tree_time, time])
+        }
+        (_, Some(_)) => Err(Stop::bad("--tree-time goes only with --update refit")),
+        (_, None) => Ok(vec![time]),
+    }
+}
+
+/// Goes through the moments without rays, and traces at the last.
+fn trace(session: &mut Session, moments: &[f64], rays: &[Ray], seek: Seek) -> Result<Hits, Stop> {
+    let mut hits = Hits::default();
+    for (i, &time) in moments.iter().enumerate() {
+        let last = i + 1 == moments.len();
+        let rays = Rays::List(if last { rays } else { &[] });
+        let index = i as u64;
+        session
+            .driver
+            .begin(Frame { index, time }, Query { rays, seek })?;
+        session.driver.finish(last.then_some(&mut hits))?;
+    }
+    Ok(hits)
+}

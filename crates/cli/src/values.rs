@@ -1,0 +1,228 @@
+//! Values of options: points, sizes, frames, ranges. Each rejection says what is wanted.
+
+use geom::Point;
+
+/// The most pixels along one side of a picture.
+pub(crate) const MAX_SIDE: u64 = 16_384;
+/// The most pixels of a picture.
+pub(crate) const MAX_PIXELS: u64 = 1 << 26;
+/// The most frames of one run.
+pub(crate) const MAX_FRAMES: usize = 1_000_000;
+
+/// Which frames to render.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Frames {
+    /// So many, spread evenly over the time range.
+    Count(usize),
+    /// Those at key times `from..to`.
+    Keys {
+        /// The first.
+        from: usize,
+        /// One past the last.
+        to: usize,
+    },
+}
+
+/// A stretch of time, in key frames.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct TimeRange {
+    /// Where it begins.
+    pub(crate) from: f64,
+    /// Where it ends, inclusive.
+    pub(crate) to: f64,
+}
+
+/// `x,y,z`, all finite.
+pub(crate) fn point(text: &str) -> Result<Point, String> {
+    let numbers: Vec<f32> = text.split(',').map(finite).collect::<Result<_, _>>()?;
+    Point::try_from(numbers.as_slice()).map_err(|_| {
+        let found = numbers.len();
+        format!("a point or direction is three numbers, x,y,z; found {found}")
+    })
+}
+
+/// `WxH` within the limits.
+pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
+    let (w, h) = text
+        .split_once(['x', 'X'])
+        .ok_or("a size is WIDTHxHEIGHT, such as 1280x720")?;
+    let side = |s: &str| {
+        s.parse::<u64>()
+            .map_err(|e| format!("'{s}' is no number of pixels: {e}"))
+    };
+    let (w, h) = (side(w)?, side(h)?);
+    if w == 0 || h == 0 {
+        return Err("a picture has at least one pixel each way".to_owned());
+    }
+    if w > MAX_SIDE || h > MAX_SIDE || w * h > MAX_PIXELS {
+        let asked = u128::from(w) * u128::from(h);
+        return Err(format!(
+            "{w}x{h} is {asked} pixels; the limit is {MAX_SIDE} a side and {MAX_PIXELS} in all"
+        ));
+    }
+    Ok([w as u32, h as u32])
+}
+
+/// `N` or `A..B`.
+pub(crate) fn frames(text: &str) -> Result<Frames, String> {
+    let whole = |s: &str| {
+        s.parse::<usize>()
+            .map_err(|e| format!("'{s}' is no whole number: {e}"))
+    };
+    let frames = match text.split_once("..") {
+        None => Frames::Count(whole(text)?),
+        Some((a, b)) => Frames::Keys {
+            from: whole(a)?,
+            to: whole(b)?,
+        },
+    };
+    let count = match frames {
+        Frames::Count(n) => n,
+        Frames::Keys { from, to } if from > to => {
+            return Err(format!("the range is reversed; did you mean {to}..{from}?"));
+        }
+        Frames::Keys { from, to } => to - from,
+    };
+    match count {
+        0 => Err("there must be at least one frame".to_owned()),
+        n if n > MAX_FRAMES => Err(format!(
+            "{n} frames are more than the limit of {MAX_FRAMES}"
+        )),
+        _ => Ok(frames),
+    }
+}
+
+/// `T0..T1`, finite and in order.
+pub(crate) fn time_range(text: &str) -> Result<TimeRange, String> {
+    let (a, b) = text
+        .split_once("..")
+        .ok_or("a time range is T0..T1, such as 0..7.5")?;
+    let (from, to) = (finite(a)?, finite(b)?);
+    if from > to {
+        return Err(format!("the range is reversed; did you mean {b}..{a}?"));
+    }
+    Ok(TimeRange { from, to })
+}
+
+/// A time in key frames.
+pub(crate) fn time(text: &str) -> Result<f64, String> {
+    finite(text)
+}
+
+/// A vertical field of view in degrees.
+pub(crate) fn fov(text: &str) -> Result<f32, String> {
+    let degrees: f32 = finite(text)?;
+    if degrees > 0.0 && degrees < 180.0 {
+        Ok(degrees)
+    } else {
+        Err("a field of view lies between 0 and 180 degrees".to_owned())
+    }
+}
+
+/// Samples a second.
+pub(crate) fn fps(text: &str) -> Result<f64, String> {
+    let fps: f64 = finite(text)?;
+    if fps > 0.0 && fps <= 1000.0 {
+        Ok(fps)
+    } else {
+        Err("samples a second lie between 0 and 1000".to_owned())
+    }
+}
+
+/// A number of threads.
+pub(crate) fn threads(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n @ 1..=1024) => Ok(n),
+        _ => Err("a number of threads is a whole number from 1 to 1024".to_owned()),
+    }
+}
+
+/// A float that is a number and not infinite.
+fn finite<T: std::str::FromStr + Into<f64> + Copy>(text: &str) -> Result<T, String> {
+    let number: T = text
+        .trim()
+        .parse()
+        .map_err(|_| format!("'{text}' is no number"))?;
+    if number.into().is_finite() {
+        Ok(number)
+    } else {
+        Err(format!("'{text}' is not a finite number"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_three_finite_numbers() {
+        assert_eq!(point("1,-2.5,3e2"), Ok([1.0, -2.5, 300.0]));
+        for bad in [
+            "", "1,2", "1,2,3,4", "1,2,nan", "1,inf,2", "1,2,1e99", "a,b,c", "1;2;3",
+        ] {
+            point(bad).unwrap_err();
+        }
+    }
+
+    #[test]
+    fn sizes_keep_both_limits_and_say_so() {
+        assert_eq!(size("1280x720"), Ok([1280, 720]));
+        assert_eq!(size("16384x4096"), Ok([16384, 4096]));
+        for bad in [
+            "0x5",
+            "5x0",
+            "16385x1",
+            "16384x4097",
+            "x",
+            "5",
+            "-1x5",
+            "5x5x5",
+            "1e3x5",
+        ] {
+            size(bad).unwrap_err();
+        }
+        let text = size("100000x100000").unwrap_err();
+        assert!(
+            text.contains("100000x100000") && text.contains("16384") && text.contains("67108864")
+        );
+        size("18446744073709551615x18446744073709551615").unwrap_err();
+        size("99999999999999999999x1").unwrap_err();
+    }
+
+    #[test]
+    fn frames_are_a_count_or_a_range_in_order() {
+        assert_eq!(frames("8"), Ok(Frames::Count(8)));
+        assert_eq!(frames("2..5"), Ok(Frames::Keys { from: 2, to: 5 }));
+        for bad in [
+            "0",
+            "",
+            "..",
+            "5..2",
+            "3..3",
+            "-1",
+            "1.5",
+            "2..",
+            "0..2000000",
+            "2000000",
+        ] {
+            frames(bad).unwrap_err();
+        }
+        frames("18446744073709551615").unwrap_err();
+    }
+
+    #[test]
+    fn times_are_finite_and_in_order() {
+        let range = TimeRange { from: 0.5, to: 3.0 };
+        assert_eq!(time_range("0.5..3"), Ok(range));
+        assert!(time_range("2..2").is_ok());
+        for bad in ["3..1", "1", "nan..1", "0..inf", "a..b"] {
+            time_range(bad).unwrap_err();
+        }
+        assert!(fov("40").is_ok() && fps("24").is_ok() && threads("1").is_ok());
+        for bad in ["0", "180", "nan", "-5"] {
+            fov(bad).unwrap_err();
+        }
+        fps("0").unwrap_err();
+        threads("0").unwrap_err();
+    }
+}

@@ -1,0 +1,162 @@
+//! What a hit is, written out from `ARCHITECTURE.md` word by word: one ray, every triangle, no tree.
+
+use crate::preprocess::Geometry;
+use crate::ray::PreparedRay;
+use crate::scale::Scale;
+use crate::triangle_test::{Meeting, TriangleTest};
+use geom::{Aabb, Hit, Point, Ray, Triangle, is_active, is_degenerate};
+
+/// A ray-triangle test as a plain function.
+pub(crate) type Test = fn(&PreparedRay, &Triangle) -> Option<Meeting>;
+
+/// One of the crate's own tests as a plain function.
+pub(crate) fn test_of<T: TriangleTest>(ray: &PreparedRay, corners: &Triangle) -> Option<Meeting> {
+    T::meet(&T::prepare(ray), &T::record(corners))
+}
+
+/// All triangles that can be hit, scaled, and the box of all.
+pub(crate) struct World {
+    scale: Scale,
+    triangles: Vec<(u32, Triangle)>,
+    root: Aabb,
+}
+
+impl World {
+    pub(crate) fn new(geometry: Geometry<'_>) -> Self {
+        let hittable = |&i: &u32| {
+            let corners = geometry.corners(i);
+            is_active(&corners) && !is_degenerate(&corners)
+        };
+        let all = 0..geometry.triangles.len() as u32;
+        let triangles: Vec<_> = all
+            .filter(hittable)
+            .map(|i| (i, geometry.scaled_corners(i)))
+            .collect();
+        let boxes = triangles.iter().map(|(_, t)| Aabb::of_triangle(t));
+        Self {
+            scale: geometry.scale,
+            root: boxes.fold(Aabb::EMPTY, Aabb::union),
+            triangles,
+        }
+    }
+
+    pub(crate) fn closest(&self, ray: &Ray, test: Test) -> Hit {
+        let Some(ray) = PreparedRay::new(ray, self.scale) else {
+            return Hit::MISS;
+        };
+        let hits = self.triangles.iter().filter_map(|(triangle, corners)| {
+            let m = self.hit(&ray, corners, test)?;
+            Some(Hit {
+                t: m.t,
+                u: m.u,
+                v: m.v,
+                triangle: *triangle,
+            })
+        });
+        let best = hits.reduce(|a, b| if b.is_before(&a) { b } else { a });
+        best.map_or(Hit::MISS, |hit| Hit {
+            t: ray.unscaled(hit.t),
+            ..hit
+        })
+    }
+
+    pub(crate) fn any(&self, ray: &Ray, test: Test) -> bool {
+        self.closest(ray, test).is_hit()
+    }
+
+    fn hit(&self, ray: &PreparedRay, corners: &Triangle, test: Test) -> Option<Meeting> {
+        let (n, f) = self.box_test(ray, &Aabb::of_triangle(corners))?;
+        let mut m = test(ray, corners)?;
+        if m.t < n {
+            m.t = n;
+        }
+        if m.t > f {
+            m.t = f;
+        }
+        (ray.t_min < m.t && m.t < ray.t_max).then_some(m)
+    }
+
+    fn box_test(&self, ray: &PreparedRay, b: &Aabb) -> Option<(f32, f32)> {
+        let two = |e: i32| 2.0_f32.powi(e);
+        let mut d = 0.0_f32;
+        for corner in [self.root.min, self.root.max] {
+            for i in 0..3 {
+                d = d.max((corner[i] - ray.origin[i]).abs());
+            }
+        }
+        let d = d.min(two(80));
+        let (mut n, mut f) = (f32::NEG_INFINITY, f32::INFINITY);
+        for i in 0..3 {
+            let magnitude = ray.direction[i].abs().max(two(-60));
+            let r = 1.0 / magnitude.copysign(ray.direction[i]);
+            let q = (17.0 * two(-24) * d) * r.abs();
+            let (near, far) = if r > 0.0 {
+                (b.min[i], b.max[i])
+            } else {
+                (b.max[i], b.min[i])
+            };
+            n = n.max((near - ray.origin[i]) * r - q);
+            f = f.min((far - ray.origin[i]) * r + q);
+        }
+        (n <= f).then_some((n, f))
+    }
+}
+
+/// The watertight test, one number at a time.
+pub(crate) fn watertight(ray: &PreparedRay, corners: &Triangle) -> Option<Meeting> {
+    let d = ray.direction;
+    let mut kz = 0;
+    for k in 1..3 {
+        if d[k].abs() > d[kz].abs() {
+            kz = k;
+        }
+    }
+    let (kx, ky) = ((kz + 1) % 3, (kz + 2) % 3);
+    let (sx, sy, sz) = (d[kx] / d[kz], d[ky] / d[kz], 1.0 / d[kz]);
+    let [a, b, c] = corners.map(|v| -> Point {
+        let a: Point = std::array::from_fn(|i| v[i] - ray.origin[i]);
+        [a[kx] - sx * a[kz], a[ky] - sy * a[kz], sz * a[kz]]
+    });
+    let u = c[0] * b[1] - c[1] * b[0];
+    let v = a[0] * c[1] - a[1] * c[0];
+    let w = b[0] * a[1] - b[1] * a[0];
+    let rounded = [u, v, w];
+    if rounded.iter().any(|&x| x < 0.0) && rounded.iter().any(|&x| x > 0.0) {
+        return None;
+    }
+    let signs = [sign(u, c, b), sign(v, a, c), sign(w, b, a)];
+    if signs != [1; 3] && signs != [-1; 3] {
+        return None;
+    }
+    let det = (u + v) + w;
+    if det == 0.0 || !det.is_finite() {
+        return Some(Meeting {
+            t: a[2],
+            u: 0.0,
+            v: 0.0,
+        });
+    }
+    let t = ((u * a[2] + v * b[2]) + w * c[2]) / det;
+    Some(Meeting {
+        t,
+        u: v / det,
+        v: w / det,
+    })
+}
+
+/// The sign of an edge function whose rounded value is `rounded`: of `px*qy - py*qx`, perturbed.
+fn sign(rounded: f32, p: Point, q: Point) -> i32 {
+    let of = |x: f64| i32::from(x > 0.0) - i32::from(x < 0.0);
+    let [px, py, qx, qy] = [p[0], p[1], q[0], q[1]].map(f64::from);
+    for candidate in [
+        of(rounded.into()),
+        of(px * qy - py * qx),
+        of(py - qy),
+        of(qx - px),
+    ] {
+        if candidate != 0 {
+            return candidate;
+        }
+    }
+    0
+}

@@ -1,0 +1,149 @@
+//! Positions to triangle records and boxes of leaves.
+
+use crate::nodes::{Nodes, Pair};
+use crate::scale::Scale;
+use crate::triangle_test::{Record, TriangleTest};
+use geom::{Aabb, Point, Triangle, is_active, is_degenerate};
+use std::ops::AddAssign;
+
+/// Leaves that are never hit, and why.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Unhittable {
+    /// A corner is not finite.
+    pub(crate) inactive: u64,
+    /// Active, but of zero area.
+    pub(crate) degenerate: u64,
+}
+
+impl AddAssign for Unhittable {
+    fn add_assign(&mut self, other: Self) {
+        self.inactive += other.inactive;
+        self.degenerate += other.degenerate;
+    }
+}
+
+/// Where triangles are.
+#[derive(Clone, Copy)]
+pub(crate) struct Geometry<'a> {
+    /// One a vertex, in the scene's units.
+    pub(crate) positions: &'a [Point],
+    /// Three vertices a triangle.
+    pub(crate) triangles: &'a [[u32; 3]],
+    /// To scaled units.
+    pub(crate) scale: Scale,
+}
+
+impl Geometry<'_> {
+    /// A triangle's corners in the scene's units.
+    #[inline]
+    pub(crate) fn corners(&self, triangle: u32) -> Triangle {
+        self.triangles[triangle as usize].map(|v| self.positions[v as usize])
+    }
+
+    /// A triangle's corners in scaled units.
+    #[inline]
+    pub(crate) fn scaled_corners(&self, triangle: u32) -> Triangle {
+        self.corners(triangle).map(|p| self.scale.apply(p))
+    }
+}
+
+/// Writes one record and one box a leaf, in the order of the leaves.
+pub(crate) fn preprocess<T: TriangleTest>(
+    geometry: Geometry<'_>,
+    nodes: &mut Nodes,
+    records: &mut [Record],
+) -> Unhittable {
+    let mut pairs = std::mem::take(&mut nodes.pairs);
+    let run = Run {
+        pairs: &mut pairs,
+        records,
+        first_pair: 0,
+    };
+    let unhittable = split::<T>(geometry, nodes, run);
+    nodes.pairs = pairs;
+    unhittable
+}
+
+/// Neighbouring pairs and the records of the leaves among them.
+struct Run<'a> {
+    pairs: &'a mut [Pair],
+    records: &'a mut [Record],
+    first_pair: usize,
+}
+
+/// Halves a run until it is short: a plain recursion, since records are cut where the leaves fall.
+fn split<T: TriangleTest>(geometry: Geometry<'_>, nodes: &Nodes, run: Run<'_>) -> Unhittable {
+    if run.pairs.len() <= Nodes::RUN {
+        return prepare_leaves::<T>(geometry, nodes, run);
+    }
+    let half = (run.pairs.len() / 2).next_multiple_of(Nodes::RUN);
+    let middle = run.first_pair + half;
+    let cut = nodes.leaves_before(middle) - nodes.leaves_before(run.first_pair);
+    let (left_pairs, right_pairs) = run.pairs.split_at_mut(half);
+    let (left_records, right_records) = run.records.split_at_mut(cut);
+    let left = Run {
+        pairs: left_pairs,
+        records: left_records,
+        first_pair: run.first_pair,
+    };
+    let right = Run {
+        pairs: right_pairs,
+        records: right_records,
+        first_pair: middle,
+    };
+    let (mut sum, right) = rayon::join(
+        || split::<T>(geometry, nodes, left),
+        || split::<T>(geometry, nodes, right),
+    );
+    sum += right;
+    sum
+}
+
+fn prepare_leaves<T: TriangleTest>(
+    geometry: Geometry<'_>,
+    nodes: &Nodes,
+    run: Run<'_>,
+) -> Unhittable {
+    let first = nodes.leaves_before(run.first_pair);
+    let mut triangles = nodes.triangles[first..].iter();
+    let mut records = run.records.iter_mut();
+    let mut unhittable = Unhittable::default();
+    for pair in run.pairs {
+        for lane in 0..2 {
+            if !pair.links[lane].is_leaf() {
+                continue;
+            }
+            // Ranks rise with the slots, so leaves come in the order of both lists.
+            let (Some(&triangle), Some(record)) = (triangles.next(), records.next()) else {
+                return unhittable;
+            };
+            let corners = geometry.corners(triangle);
+            pair.set_bounds(
+                lane,
+                &prepare::<T>(geometry.scale, &corners, record, &mut unhittable),
+            );
+        }
+    }
+    unhittable
+}
+
+/// Writes a triangle's record and returns its box.
+#[inline]
+fn prepare<T: TriangleTest>(
+    scale: Scale,
+    corners: &Triangle,
+    record: &mut Record,
+    unhittable: &mut Unhittable,
+) -> Aabb {
+    if !is_active(corners) {
+        unhittable.inactive += 1;
+    } else if is_degenerate(corners) {
+        unhittable.degenerate += 1;
+    } else {
+        let corners = corners.map(|p| scale.apply(p));
+        *record = T::record(&corners);
+        return Aabb::of_triangle(&corners);
+    }
+    *record = Record::default();
+    Aabb::EMPTY
+}

@@ -1,0 +1,117 @@
+//! What was recorded since the last submission, and what would be stale by now.
+
+use backend::{Query, Rays, Seek};
+use geom::{Camera, Pose, Ray};
+
+/// One recorded stage.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Command {
+    Interpolate(Pose),
+    Preprocess,
+    Refit,
+    /// Traces a camera's rays, or those of [`Recording::rays`].
+    Trace(Option<Camera>, Seek),
+    CopyPositions,
+}
+
+/// Commands in order, and how far the state they lead to is in step.
+#[derive(Debug, Default)]
+pub(crate) struct Recording {
+    /// What [`backend::Backend::submit`] is to carry out.
+    pub(crate) commands: Vec<Command>,
+    /// Rays of the trace, if it was given a list.
+    pub(crate) rays: Vec<Ray>,
+    has_tree: bool,
+    has_positions: bool,
+    records_fresh: bool,
+    boxes_fresh: bool,
+}
+
+impl Recording {
+    /// Forgets everything: another scene is current.
+    pub(crate) fn reset(&mut self) {
+        *self = Self {
+            commands: std::mem::take(&mut self.commands),
+            rays: std::mem::take(&mut self.rays),
+            ..Self::default()
+        };
+        self.commands.clear();
+    }
+
+    /// # Panics
+    /// If work on the tree before was recorded and not submitted.
+    pub(crate) fn assert_between_submissions(&self) {
+        let on_the_tree =
+            |c: &Command| !matches!(c, Command::Interpolate(_) | Command::CopyPositions);
+        assert!(
+            !self.commands.iter().any(on_the_tree),
+            "a tree is adopted between submissions: submit what was recorded for the one before"
+        );
+    }
+
+    /// Another tree is current.
+    pub(crate) fn adopted(&mut self) {
+        self.has_tree = true;
+        self.records_fresh = false;
+        self.boxes_fresh = false;
+    }
+
+    pub(crate) fn interpolate(&mut self, pose: Pose) {
+        self.has_positions = true;
+        self.records_fresh = false;
+        self.boxes_fresh = false;
+        self.commands.push(Command::Interpolate(pose));
+    }
+
+    pub(crate) fn preprocess(&mut self) {
+        assert!(
+            self.has_positions,
+            "preprocess reads positions: interpolate comes first"
+        );
+        assert!(
+            self.has_tree,
+            "preprocess follows a tree's leaves: adopt comes first"
+        );
+        self.records_fresh = true;
+        self.boxes_fresh = false;
+        self.commands.push(Command::Preprocess);
+    }
+
+    pub(crate) fn refit(&mut self) {
+        assert!(
+            self.records_fresh,
+            "refit reads boxes of leaves: preprocess comes first"
+        );
+        self.boxes_fresh = true;
+        self.commands.push(Command::Refit);
+    }
+
+    pub(crate) fn trace(&mut self, query: Query<'_>) {
+        assert!(
+            self.boxes_fresh,
+            "the tree is stale: preprocess and refit come after adopt and interpolate, and before trace"
+        );
+        let traces = |c: &Command| matches!(c, Command::Trace(..));
+        assert!(
+            !self.commands.iter().any(traces),
+            "one submission holds at most one trace"
+        );
+        let camera = match query.rays {
+            Rays::Camera(camera) => Some(*camera),
+            Rays::List(rays) => {
+                self.rays.clear();
+                self.rays.extend_from_slice(rays);
+                None
+            }
+        };
+        self.commands.push(Command::Trace(camera, query.seek));
+    }
+
+    pub(crate) fn copy_positions(&mut self) {
+        assert!(
+            self.has_positions,
+            "there are no positions to copy: interpolate comes first"
+        );
+        self.commands.push(Command::CopyPositions);
+    }
+}

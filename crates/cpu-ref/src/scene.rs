@@ -1,0 +1,184 @@
+//! What is current: an animation, a tree, and everything computed from them.
+
+use crate::interpolate::interpolate;
+use crate::moller_trumbore::MollerTrumbore;
+use crate::nodes::Nodes;
+use crate::preprocess::{Geometry, Unhittable, preprocess};
+use crate::refit::refit;
+use crate::scale::Scale;
+use crate::trace::Tracer;
+use crate::traverse::Target;
+use crate::triangle_test::{Record, TriangleTest};
+use crate::watertight::Watertight;
+use crate::woop::Woop;
+use crate::{NAME, reserve};
+use backend::{BackendError, Intersector, Layout, Method, Rays, Result};
+use bvh_build::MAX_DEPTH;
+use bvh_layout::Topology;
+use geom::{Aabb, Animation, Hit, Point, Pose};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// An animation with its tree and the state of one moment.
+pub(crate) struct Scene {
+    animation: Arc<Animation>,
+    intersector: Intersector,
+    scale: Scale,
+    positions: Vec<Point>,
+    nodes: Nodes,
+    records: Vec<Record>,
+    sums: Vec<f64>,
+    /// As of the last preprocess, triangles without a leaf included.
+    pub(crate) unhittable: Unhittable,
+    /// As of the last refit.
+    pub(crate) sah_cost: Option<f64>,
+}
+
+/// Calls a method of the triangle test that `$intersector` names.
+macro_rules! with_test {
+    ($intersector:expr, $object:expr, $method:ident ( $($argument:expr),* )) => {
+        match $intersector {
+            Intersector::MollerTrumbore => $object.$method::<MollerTrumbore>($($argument),*),
+            Intersector::Woop => $object.$method::<Woop>($($argument),*),
+            _ => $object.$method::<Watertight>($($argument),*),
+        }
+    };
+}
+
+impl Scene {
+    /// # Errors
+    /// The method is not supported, or memory does not suffice.
+    pub(crate) fn new(animation: Arc<Animation>, method: Method) -> Result<Self> {
+        let unsupported = |what: String| BackendError::Unsupported {
+            backend: NAME,
+            what,
+        };
+        if method.intersector == Intersector::Exact {
+            return Err(unsupported(format!("intersector '{}'", method.intersector)));
+        }
+        if method.layout != Layout::Bvh2 {
+            return Err(unsupported(format!("layout '{}'", method.layout)));
+        }
+        let mut positions = Vec::new();
+        reserve(&mut positions, animation.vertex_count(), "positions")?;
+        positions.resize(animation.vertex_count(), [0.0; 3]);
+        Ok(Self {
+            scale: Scale::of(&animation),
+            animation,
+            intersector: method.intersector,
+            positions,
+            nodes: Nodes::default(),
+            records: Vec::new(),
+            sums: Vec::new(),
+            unhittable: Unhittable::default(),
+            sah_cost: None,
+        })
+    }
+
+    /// # Errors
+    /// The tree is not one of this scene, or memory does not suffice.
+    pub(crate) fn adopt(&mut self, tree: &Topology) -> Result<()> {
+        self.check(tree)?;
+        let leaves = tree.leaf_count();
+        reserve(&mut self.nodes.pairs, leaves + 1, "nodes")?;
+        reserve(&mut self.nodes.triangles, leaves, "leaves")?;
+        reserve(&mut self.records, leaves, "triangle records")?;
+        self.nodes.expand(tree);
+        self.records.resize(leaves, Record::default());
+        Ok(())
+    }
+
+    fn check(&self, tree: &Topology) -> Result<()> {
+        let wrong = |what: String| Err(BackendError::WrongTree(what));
+        let compare = |what: &str, found: usize, expected: usize| {
+            if found == expected {
+                return Ok(());
+            }
+            wrong(format!("it has {found} {what}, the scene {expected}"))
+        };
+        let animation = &self.animation;
+        compare(
+            "triangles",
+            tree.triangle_count(),
+            animation.triangle_count(),
+        )?;
+        compare("leaves", tree.leaf_count(), animation.live_count())?;
+        if tree.level_count() > MAX_DEPTH as usize + 1 {
+            let (levels, limit) = (tree.level_count(), MAX_DEPTH + 1);
+            return wrong(format!("it has {levels} levels, the limit is {limit}"));
+        }
+        let leaves = tree.leaf_triangles().par_iter();
+        match leaves.find_first(|&&triangle| !animation.is_live(triangle)) {
+            Some(triangle) => wrong(format!(
+                "triangle {triangle} has a leaf but is never active"
+            )),
+            None => Ok(()),
+        }
+    }
+
+    pub(crate) fn interpolate(&mut self, pose: Pose) {
+        interpolate(&self.animation, pose, &mut self.positions);
+    }
+
+    pub(crate) fn preprocess(&mut self) {
+        with_test!(self.intersector, self, preprocess_for());
+    }
+
+    fn preprocess_for<T: TriangleTest>(&mut self) {
+        let geometry = Geometry {
+            positions: &self.positions,
+            triangles: self.animation.triangles(),
+            scale: self.scale,
+        };
+        let without_leaf = self.animation.triangle_count() - self.animation.live_count();
+        self.unhittable = preprocess::<T>(geometry, &mut self.nodes, &mut self.records);
+        self.unhittable.inactive += without_leaf as u64;
+    }
+
+    pub(crate) fn refit(&mut self) {
+        self.sah_cost = refit(&mut self.nodes, &mut self.sums);
+    }
+
+    /// See [`Tracer::closest`].
+    pub(crate) fn closest(&self, rays: Rays<'_>, out: &mut [Hit]) -> u64 {
+        with_test!(self.intersector, self.tracer(rays), closest(out))
+    }
+
+    /// See [`Tracer::any`].
+    pub(crate) fn any(&self, rays: Rays<'_>, out: &mut [u8]) -> u64 {
+        with_test!(self.intersector, self.tracer(rays), any(out))
+    }
+
+    /// See [`Tracer::shadow`].
+    pub(crate) fn shadow(&self, rays: Rays<'_>, hits: &[Hit], light: Point, out: &mut [u8]) -> u64 {
+        with_test!(
+            self.intersector,
+            self.tracer(rays),
+            shadow(hits, light, out)
+        )
+    }
+
+    fn tracer<'a>(&'a self, rays: Rays<'a>) -> Tracer<'a> {
+        Tracer {
+            rays,
+            target: Target {
+                nodes: &self.nodes,
+                records: &self.records,
+            },
+            geometry: Geometry {
+                positions: &self.positions,
+                triangles: self.animation.triangles(),
+                scale: self.scale,
+            },
+        }
+    }
+
+    pub(crate) fn positions(&self) -> &[Point] {
+        &self.positions
+    }
+
+    /// Boxes in node order, in the scene's units.
+    pub(crate) fn boxes(&self) -> Vec<Aabb> {
+        self.nodes.boxes().map(|b| self.scale.undo(b)).collect()
+    }
+}

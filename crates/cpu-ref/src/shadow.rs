@@ -1,0 +1,66 @@
+//! The ray from a hit to a light.
+
+use crate::scale::Scale;
+use geom::{Aabb, Hit, Point, Ray, Triangle};
+
+/// One unit in the last place of numbers in `[1, 2)`, halved.
+const ROUNDING: f32 = 1.0 / 16_777_216.0;
+
+/// What all shadow rays of a picture share, in scaled units.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Light {
+    at: Point,
+    /// `32 * 2^-24 * E`, with `E` the root box's longest edge.
+    clearance: f32,
+}
+
+impl Light {
+    /// A light for the tree whose whole box is `root`, in scaled units.
+    pub(crate) fn new(at: Point, scale: Scale, root: &Aabb) -> Self {
+        let [x, y, z] = root.extent();
+        Self {
+            at: scale.apply(at),
+            clearance: 32.0 * ROUNDING * x.max(y).max(z),
+        }
+    }
+
+    /// The ray from beside a hit to the light, over `(0, 1)`, in scaled units.
+    ///
+    /// `corners` are the hit triangle's and `eye` is where the ray that hit it started, both scaled.
+    pub(crate) fn ray(&self, hit: &Hit, [a, b, c]: &Triangle, eye: Point) -> Ray {
+        let (e1, e2) = (minus(*b, *a), minus(*c, *a));
+        let p: Point = std::array::from_fn(|i| a[i] + (hit.u * e1[i] + hit.v * e2[i]));
+        let normal = cross(e1, e2);
+        let side = match sign(dot(normal, minus(self.at, p))) {
+            0.0 => sign(dot(normal, minus(eye, p))),
+            side => side,
+        };
+        let largest = p[0].abs().max(p[1].abs()).max(p[2].abs());
+        let delta = 4.0 * ROUNDING * largest + self.clearance;
+        let origin = std::array::from_fn(|i| p[i] + side * sign(normal[i]) * delta);
+        Ray {
+            t_max: 1.0,
+            ..Ray::new(origin, minus(self.at, origin))
+        }
+    }
+}
+
+fn minus(a: Point, b: Point) -> Point {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+
+fn dot(a: Point, b: Point) -> f32 {
+    (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]
+}
+
+fn cross(a: Point, b: Point) -> Point {
+    std::array::from_fn(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        a[j] * b[k] - a[k] * b[j]
+    })
+}
+
+/// 1, -1, or 0 for zero and for what is not a number.
+fn sign(x: f32) -> f32 {
+    f32::from(i8::from(x > 0.0) - i8::from(x < 0.0))
+}

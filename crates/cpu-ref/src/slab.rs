@@ -1,0 +1,101 @@
+//! The padded box test, on both boxes of a pair at once.
+
+use crate::nodes::Pair;
+use crate::ray::PreparedRay;
+use geom::Aabb;
+use glam::Vec4;
+
+/// Components of the direction are pushed away from zero to this, `2^-60`.
+const SMALLEST: f32 = f32::from_bits((127 - 60) << 23);
+/// `17 * 2^-24`: what the watertight test may be off by, and the rounding here, in units of `D`.
+const PAD: f32 = 17.0 / 16_777_216.0;
+/// Bounds `D`, so that no product below is infinite, `2^80`.
+const FARTHEST: f32 = f32::from_bits((127 + 80) << 23);
+
+/// What the box test needs of a ray.
+///
+/// Lanes are those of a [`Pair`]: both lower planes, both upper planes. With
+/// `|r|` in the lower lanes and `-|r|` in the upper ones, `(plane - o) * r - q`
+/// is the entry in one half and the exit negated in the other, whatever the
+/// direction's sign; which half is which, `turned` says.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Slab {
+    origin: [Vec4; 3],
+    inverse: [Vec4; 3],
+    pad: [Vec4; 3],
+    turned: [bool; 3],
+    /// `t_min` for the entries, no bound for the exits.
+    floor: Vec4,
+}
+
+/// Where a ray enters and leaves the boxes of a pair.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Met {
+    /// Bit `lane` is set if that box cannot be skipped.
+    pub(crate) lanes: u32,
+    /// The later of `t_min` and the entry, then the exit negated: lanes as in a pair.
+    spans: Vec4,
+}
+
+impl Met {
+    /// The later of entry and `t_min`. A hit before `t_min` is none, so the clamp may use it for the entry.
+    #[inline]
+    pub(crate) fn entry(&self, lane: usize) -> f32 {
+        self.spans[lane]
+    }
+
+    /// The exit.
+    #[inline]
+    pub(crate) fn exit(&self, lane: usize) -> f32 {
+        -self.spans[lane + 2]
+    }
+}
+
+impl Slab {
+    /// Prepares a ray for the tree whose whole box is `root`.
+    #[inline]
+    pub(crate) fn new(ray: &PreparedRay, root: &Aabb) -> Self {
+        let pad = PAD * farthest(ray, root);
+        let halves = |x: f32| Vec4::new(x, x, -x, -x);
+        let inverse = ray
+            .direction
+            .map(|d| 1.0 / d.abs().max(SMALLEST).copysign(d));
+        Self {
+            origin: ray.origin.map(Vec4::splat),
+            inverse: inverse.map(|r| halves(r.abs())),
+            pad: inverse.map(|r| Vec4::splat(pad * r.abs())),
+            turned: inverse.map(|r| r < 0.0),
+            floor: Vec4::new(ray.t_min, ray.t_min, f32::NEG_INFINITY, f32::NEG_INFINITY),
+        }
+    }
+
+    /// Tests both boxes of a pair against what is left of the ray before `best`.
+    #[inline(always)]
+    pub(crate) fn meet(&self, pair: &Pair, best: f32) -> Met {
+        let side = |axis: usize| {
+            let planes = Vec4::from_array(pair.planes[axis]);
+            let t = (planes - self.origin[axis]) * self.inverse[axis] - self.pad[axis];
+            if self.turned[axis] {
+                Vec4::new(t.z, t.w, t.x, t.y)
+            } else {
+                t
+            }
+        };
+        let spans = self.floor.max(side(0)).max(side(1)).max(side(2));
+        let exits = -Vec4::new(spans.z, spans.w, spans.x, spans.y);
+        let lanes = spans.cmple(exits.min(Vec4::splat(best))).bitmask() & 3;
+        Met { lanes, spans }
+    }
+}
+
+/// `D`: the largest distance on one axis from the ray's start to a corner of the root box.
+#[inline]
+fn farthest(ray: &PreparedRay, root: &Aabb) -> f32 {
+    let mut farthest = 0.0_f32;
+    for axis in 0..3 {
+        let o = ray.origin[axis];
+        let ends = [root.min[axis] - o, root.max[axis] - o];
+        farthest = farthest.max(ends[0].abs()).max(ends[1].abs());
+    }
+    farthest.min(FARTHEST)
+}

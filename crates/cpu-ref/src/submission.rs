@@ -1,0 +1,97 @@
+//! Carries out what was recorded, stage by stage, each with its own time.
+
+use crate::recording::Command;
+use crate::scene::Scene;
+use crate::snapshots::Snapshots;
+use backend::{FrameReport, Hits, Rays, Seek, StageTimes, Ticket};
+use geom::{Hit, Ray};
+use std::time::Instant;
+
+/// A ticket with what came of it; its memory is used again by a later one.
+#[derive(Debug, Default)]
+pub(crate) struct Submission {
+    /// `None` before its first use.
+    pub(crate) ticket: Option<Ticket>,
+    pub(crate) report: FrameReport,
+    pub(crate) hits: Hits,
+}
+
+impl Submission {
+    /// Runs `commands` in the rayon pool that the caller installed.
+    pub(crate) fn run(
+        &mut self,
+        ticket: Ticket,
+        (commands, rays): (&[Command], &[Ray]),
+        scene: &mut Scene,
+        snapshots: &mut Snapshots,
+    ) {
+        self.ticket = Some(ticket);
+        self.report = FrameReport::default();
+        self.hits.closest.clear();
+        self.hits.blocked.clear();
+        let start = Instant::now();
+        for &command in commands {
+            let times = &mut self.report.times;
+            match command {
+                Command::Interpolate(pose) => {
+                    timed(&mut times.interpolate_ms, || scene.interpolate(pose));
+                }
+                Command::Preprocess => timed(&mut times.preprocess_ms, || scene.preprocess()),
+                Command::Refit => timed(&mut times.refit_ms, || scene.refit()),
+                Command::Trace(Some(camera), seek) => {
+                    self.trace(scene, Rays::Camera(&camera), seek)
+                }
+                Command::Trace(None, seek) => self.trace(scene, Rays::List(rays), seek),
+                Command::CopyPositions => self.copy_positions(ticket, scene, snapshots),
+            }
+        }
+        self.report.times.device_ms = ms_since(start);
+        self.report.inactive = scene.unhittable.inactive;
+        self.report.degenerate = scene.unhittable.degenerate;
+        self.report.sah_cost = scene.sah_cost;
+    }
+
+    fn trace(&mut self, scene: &Scene, rays: Rays<'_>, seek: Seek) {
+        let Hits { closest, blocked } = &mut self.hits;
+        let report = &mut self.report;
+        let StageTimes {
+            trace_primary_ms,
+            trace_shadow_ms,
+            ..
+        } = &mut report.times;
+        timed(trace_primary_ms, || {
+            report.hits = if seek == Seek::Any {
+                blocked.resize(rays.count(), 0);
+                scene.any(rays, blocked)
+            } else {
+                closest.resize(rays.count(), Hit::MISS);
+                scene.closest(rays, closest)
+            };
+        });
+        if let Seek::ClosestAndShadow { light } = seek {
+            timed(trace_shadow_ms, || {
+                blocked.resize(rays.count(), 0);
+                report.blocked = scene.shadow(rays, closest, light, blocked);
+            });
+        }
+    }
+
+    fn copy_positions(&mut self, ticket: Ticket, scene: &Scene, snapshots: &mut Snapshots) {
+        let mut copy = snapshots.buffer();
+        copy.resize(scene.positions().len(), [0.0; 3]);
+        crate::interpolate::copy(scene.positions(), &mut copy);
+        self.report.readback_bytes += size_of_val(copy.as_slice()) as u64;
+        snapshots.push(ticket, copy);
+    }
+}
+
+/// Adds the time that `stage` takes: a stage may be recorded twice.
+fn timed(ms: &mut Option<f64>, stage: impl FnOnce()) {
+    let start = Instant::now();
+    stage();
+    *ms = Some(ms.unwrap_or_default() + ms_since(start));
+}
+
+fn ms_since(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}

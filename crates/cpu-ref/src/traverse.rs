@@ -1,0 +1,189 @@
+//! One ray through the tree, nearest child first.
+
+use crate::nodes::{Link, Nodes};
+use crate::ray::PreparedRay;
+use crate::slab::Slab;
+use crate::triangle_test::{Meeting, Record, TriangleTest};
+use bvh_build::MAX_DEPTH;
+use geom::Hit;
+
+/// What rays are traced through: boxes and records of one moment.
+#[derive(Clone, Copy)]
+pub(crate) struct Target<'a> {
+    /// Boxes and links.
+    pub(crate) nodes: &'a Nodes,
+    /// One a leaf.
+    pub(crate) records: &'a [Record],
+}
+
+/// A node still to visit, and the span of the ray within its box.
+#[derive(Clone, Copy)]
+struct Entry {
+    link: Link,
+    entry: f32,
+    exit: f32,
+}
+
+/// Nodes still to visit. Each level leaves at most one behind, so it cannot overflow.
+pub(crate) struct Stack {
+    entries: [Entry; MAX_DEPTH as usize],
+    len: usize,
+}
+
+impl Stack {
+    /// An empty stack, to be used for many rays.
+    pub(crate) fn new() -> Self {
+        let unused = Entry {
+            link: Link::ROOT,
+            entry: 0.0,
+            exit: 0.0,
+        };
+        Self {
+            entries: [unused; MAX_DEPTH as usize],
+            len: 0,
+        }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, entry: Entry) {
+        self.entries[self.len] = entry;
+        self.len += 1;
+    }
+
+    /// The last node pushed that the ray enters no later than `best`.
+    #[inline(always)]
+    fn pop(&mut self, best: f32) -> Option<Entry> {
+        while self.len > 0 {
+            self.len -= 1;
+            let entry = self.entries[self.len];
+            // Equal entries stay: a hit at the same distance may have a lower index.
+            if entry.entry <= best {
+                return Some(entry);
+            }
+        }
+        None
+    }
+}
+
+/// One ray on its way.
+struct Walk<'a, T: TriangleTest> {
+    target: Target<'a>,
+    ray: &'a PreparedRay,
+    slab: Slab,
+    test: T::Ray,
+}
+
+impl<'a, T: TriangleTest> Walk<'a, T> {
+    #[inline(always)]
+    fn new(target: Target<'a>, ray: &'a PreparedRay) -> Self {
+        Self {
+            target,
+            ray,
+            slab: Slab::new(ray, &target.nodes.root()),
+            test: T::prepare(ray),
+        }
+    }
+
+    /// Where the ray meets the triangle of a leaf within its limits, `t` clamped to the leaf's box.
+    #[inline(always)]
+    fn meet_leaf(&self, leaf: &Entry) -> Option<Meeting> {
+        let mut meeting = T::meet(&self.test, &self.target.records[leaf.link.index()])?;
+        if meeting.t < leaf.entry {
+            meeting.t = leaf.entry;
+        } else if meeting.t > leaf.exit {
+            meeting.t = leaf.exit;
+        }
+        (meeting.t > self.ray.t_min && meeting.t < self.ray.t_max).then_some(meeting)
+    }
+
+    /// Goes down from `link`, which is no leaf, by nearer children to a leaf; `None` where none is met.
+    #[inline(always)]
+    fn descend(&self, mut link: Link, best: f32, stack: &mut Stack) -> Option<Entry> {
+        loop {
+            let pair = &self.target.nodes.pairs[link.index()];
+            let met = self.slab.meet(pair, best);
+            let child = |lane: usize| Entry {
+                link: pair.links[lane],
+                entry: met.entry(lane),
+                exit: met.exit(lane),
+            };
+            let next = match met.lanes {
+                0 => return None,
+                1 => child(0),
+                2 => child(1),
+                _ => {
+                    let far = usize::from(met.entry(0) <= met.entry(1));
+                    stack.push(child(far));
+                    child(1 - far)
+                }
+            };
+            if next.link.is_leaf() {
+                return Some(next);
+            }
+            link = next.link;
+        }
+    }
+}
+
+/// The closest hit, its `t` in scaled units.
+pub(crate) fn closest<T: TriangleTest>(
+    target: Target<'_>,
+    ray: &PreparedRay,
+    stack: &mut Stack,
+) -> Option<Hit> {
+    let walk = Walk::<T>::new(target, ray);
+    let mut best = Hit {
+        t: ray.t_max,
+        ..Hit::MISS
+    };
+    stack.len = 0;
+    let mut next = walk.descend(Link::ROOT, best.t, stack);
+    loop {
+        if let Some(leaf) = next
+            && let Some(Meeting { t, u, v }) = walk.meet_leaf(&leaf)
+            && t <= best.t
+        {
+            let triangle = target.nodes.triangles[leaf.link.index()];
+            let hit = Hit { t, u, v, triangle };
+            if hit.is_before(&best) {
+                best = hit;
+            }
+        }
+        let Some(entry) = stack.pop(best.t) else {
+            return best.is_hit().then_some(best);
+        };
+        next = if entry.link.is_leaf() {
+            Some(entry)
+        } else {
+            walk.descend(entry.link, best.t, stack)
+        };
+    }
+}
+
+/// Whether the ray hits any triangle but `skipped`.
+pub(crate) fn any<T: TriangleTest>(
+    target: Target<'_>,
+    ray: &PreparedRay,
+    skipped: Option<u32>,
+    stack: &mut Stack,
+) -> bool {
+    let walk = Walk::<T>::new(target, ray);
+    stack.len = 0;
+    let mut next = walk.descend(Link::ROOT, ray.t_max, stack);
+    loop {
+        if let Some(leaf) = next
+            && walk.meet_leaf(&leaf).is_some()
+            && Some(target.nodes.triangles[leaf.link.index()]) != skipped
+        {
+            return true;
+        }
+        let Some(entry) = stack.pop(ray.t_max) else {
+            return false;
+        };
+        next = if entry.link.is_leaf() {
+            Some(entry)
+        } else {
+            walk.descend(entry.link, ray.t_max, stack)
+        };
+    }
+}

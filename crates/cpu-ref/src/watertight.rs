@@ -1,0 +1,123 @@
+//! The watertight test: no leak and no double hit through edges and vertices.
+//!
+//! Woop, Benthin, Wald, *Watertight Ray/Triangle Intersection* (JCGT 2013), with
+//! exact signs and a symbolic perturbation (Edelsbrunner, Mücke 1990) in place
+//! of its double-precision fallback: a shared edge is decided as for one
+//! generic point. All three vertices are sheared at once, one in each lane.
+
+use crate::ray::PreparedRay;
+use crate::triangle_test::{Meeting, Record, TriangleTest};
+use geom::Triangle;
+use glam::{Vec4, Vec4Swizzles};
+
+/// Woop, Benthin, Wald 2013. A record holds, for each axis, the coordinate of all three vertices.
+pub(crate) struct Watertight;
+
+/// Axes in the order `kx, ky, kz`, and the shear that turns the ray into the axis `kz`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shear {
+    axes: [usize; 3],
+    origin: [Vec4; 3],
+    shear: [Vec4; 3],
+}
+
+/// Lanes that hold a vertex.
+const VERTICES: u32 = 0b111;
+
+impl TriangleTest for Watertight {
+    type Ray = Shear;
+
+    #[inline]
+    fn record([a, b, c]: &Triangle) -> Record {
+        Record([0, 1, 2].map(|axis| [a[axis], b[axis], c[axis], 0.0]))
+    }
+
+    #[inline]
+    fn prepare(ray: &PreparedRay) -> Shear {
+        let d = ray.direction;
+        let [x, y, z] = d.map(f32::abs);
+        let kz = if x >= y && x >= z {
+            0
+        } else if y >= z {
+            1
+        } else {
+            2
+        };
+        let axes = [(kz + 1) % 3, (kz + 2) % 3, kz];
+        let [dx, dy, dz] = axes.map(|k| d[k]);
+        Shear {
+            axes,
+            origin: axes.map(|k| Vec4::splat(ray.origin[k])),
+            shear: [dx / dz, dy / dz, 1.0 / dz].map(Vec4::splat),
+        }
+    }
+
+    #[inline(always)]
+    fn meet(ray: &Shear, record: &Record) -> Option<Meeting> {
+        let [kx, ky, kz] = ray.axes;
+        let [sx, sy, sz] = ray.shear;
+        let from_origin = |k: usize, i: usize| Vec4::from_array(record.0[k]) - ray.origin[i];
+        let along = from_origin(kz, 2);
+        let x = from_origin(kx, 0) - sx * along;
+        let y = from_origin(ky, 1) - sy * along;
+        // U = cx*by - cy*bx in lane 0, then cyclically.
+        let edges = x.zxyw() * y.yzxw() - y.zxyw() * x.yzxw();
+        let negative = edges.cmplt(Vec4::ZERO).bitmask() & VERTICES;
+        let positive = edges.cmpgt(Vec4::ZERO).bitmask() & VERTICES;
+        if negative != 0 && positive != 0 {
+            return None;
+        }
+        if negative | positive != VERTICES && !has_equal_signs(edges, x, y) {
+            return None;
+        }
+        Some(solve(edges, sz * along))
+    }
+}
+
+/// Distance and weights of a hit, from its edge functions and depths.
+#[inline]
+fn solve(edges: Vec4, depths: Vec4) -> Meeting {
+    let det = (edges.x + edges.y) + edges.z;
+    if det == 0.0 || !det.is_finite() {
+        return Meeting {
+            t: depths.x,
+            u: 0.0,
+            v: 0.0,
+        };
+    }
+    let p = edges * depths;
+    let [t, u, v, _] = (Vec4::new((p.x + p.y) + p.z, edges.y, edges.z, 0.0) / det).to_array();
+    Meeting { t, u, v }
+}
+
+/// Whether all three edge functions have one sign, where rounding left that open for some.
+#[cold]
+#[inline(never)]
+fn has_equal_signs(edges: Vec4, x: Vec4, y: Vec4) -> bool {
+    let sign = |e: f32, p: usize, q: usize| {
+        let rounded = order(&e, &0.0);
+        if rounded == 0 {
+            exact_sign([x[p], y[p]], [x[q], y[q]])
+        } else {
+            rounded
+        }
+    };
+    let u = sign(edges.x, 2, 1);
+    u != 0 && u == sign(edges.y, 0, 2) && u == sign(edges.z, 1, 0)
+}
+
+/// The sign of `p x q`, moved by `(e, e^2)` where that is zero; zero only if `p` is `q`.
+fn exact_sign(p: [f32; 2], q: [f32; 2]) -> i32 {
+    // Products of two f32 are exact in f64.
+    let product = |a: f32, b: f32| f64::from(a) * f64::from(b);
+    let (l, r) = (product(p[0], q[1]), product(p[1], q[0]));
+    [order(&l, &r), order(&p[1], &q[1]), order(&q[0], &p[0])]
+        .into_iter()
+        .find(|&s| s != 0)
+        .unwrap_or(0)
+}
+
+/// The sign of `a - b`; 0 also where either is not a number.
+fn order<T: PartialOrd>(a: &T, b: &T) -> i32 {
+    i32::from(a > b) - i32::from(a < b)
+}

@@ -1,0 +1,163 @@
+//! Boxes that discard triangles far from a ray's line: a median tree in double precision.
+
+use geom::{Aabb, Point, Ray, Triangle};
+
+/// Triangles in a group of the lowest level.
+const GROUP: usize = 8;
+
+/// A balanced tree of boxes over the active triangles.
+#[derive(Clone, Debug)]
+pub(crate) struct Boxes {
+    /// Heap order: the children of node `i` are `2i + 1` and `2i + 2`.
+    nodes: Vec<Aabb>,
+    order: Vec<u32>,
+}
+
+impl Boxes {
+    /// A tree over the triangles of `active`.
+    pub(crate) fn new(corners: &[Triangle], active: Vec<u32>) -> Self {
+        let mut order = active;
+        let groups = order.len().div_ceil(GROUP).next_power_of_two();
+        let mut nodes = vec![Aabb::EMPTY; 2 * groups - 1];
+        split(corners, &mut order, &mut nodes, 0, groups);
+        Self { nodes, order }
+    }
+
+    /// The box of everything.
+    pub(crate) fn bounds(&self) -> Aabb {
+        self.nodes[0]
+    }
+
+    /// Calls `visit` with every triangle that a valid ray may hit.
+    pub(crate) fn near(&self, ray: &Ray, mut visit: impl FnMut(u32)) {
+        let groups = self.nodes.len().div_ceil(2);
+        let mut stack = vec![(0, groups, &self.order[..])];
+        while let Some((node, groups, order)) = stack.pop() {
+            if !may_meet(ray, &self.nodes[node]) {
+                continue;
+            }
+            if groups == 1 {
+                order.iter().for_each(|&i| visit(i));
+                continue;
+            }
+            let (left, right) = order.split_at(order.len() / 2);
+            stack.push((2 * node + 2, groups / 2, right));
+            stack.push((2 * node + 1, groups / 2, left));
+        }
+    }
+}
+
+/// Fills the box of `node`, which holds `order` in `groups` groups, and of all below it.
+fn split(corners: &[Triangle], order: &mut [u32], nodes: &mut [Aabb], node: usize, groups: usize) {
+    let of = |&i: &u32| Aabb::of_triangle(&corners[i as usize]);
+    let bounds = order.iter().map(of).fold(Aabb::EMPTY, Aabb::union);
+    nodes[node] = bounds;
+    if groups == 1 {
+        return;
+    }
+    let length = |i: usize| f64::from(bounds.max[i]) - f64::from(bounds.min[i]);
+    let axis = (0..3)
+        .max_by(|&i, &j| length(i).total_cmp(&length(j)))
+        .unwrap_or(0);
+    let key = |i: &u32| {
+        corners[*i as usize]
+            .map(|p: Point| f64::from(p[axis]))
+            .iter()
+            .sum::<f64>()
+    };
+    let middle = order.len() / 2;
+    if middle > 0 {
+        order.select_nth_unstable_by(middle, |i, j| key(i).total_cmp(&key(j)));
+    }
+    let (left, right) = order.split_at_mut(middle);
+    split(corners, left, nodes, 2 * node + 1, groups / 2);
+    split(corners, right, nodes, 2 * node + 2, groups / 2);
+}
+
+/// `false` only if the ray meets no point of the box within its interval.
+///
+/// A quotient of a difference rounds twice, by less than `4 * 2^-53` of itself,
+/// and neither overflows nor underflows for `f32` input. So each slab's exact
+/// interval lies within the widened one.
+fn may_meet(ray: &Ray, bounds: &Aabb) -> bool {
+    if bounds.is_empty() {
+        return false;
+    }
+    let (mut low, mut high) = (f64::from(ray.t_min), f64::from(ray.t_max));
+    for i in 0..3 {
+        let (o, d) = (ray.origin[i], ray.direction[i]);
+        if d == 0.0 {
+            if o < bounds.min[i] || o > bounds.max[i] {
+                return false;
+            }
+            continue;
+        }
+        let at = |plane: f32| (f64::from(plane) - f64::from(o)) / f64::from(d);
+        let (p, q) = (at(bounds.min[i]), at(bounds.max[i]));
+        let (near, far) = if d > 0.0 { (p, q) } else { (q, p) };
+        low = low.max(near - 2.0 * f64::EPSILON * near.abs());
+        high = high.min(far + 2.0 * f64::EPSILON * far.abs());
+    }
+    low <= high
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ray_along_a_face_of_a_flat_box_meets_it() {
+        let bounds = Aabb {
+            min: [0.0, 0.0, 1.0],
+            max: [1.0, 1.0, 1.0],
+        };
+        assert!(may_meet(
+            &Ray::new([-1.0, 1.0, 1.0], [1.0, 0.0, 0.0]),
+            &bounds
+        ));
+        assert!(!may_meet(
+            &Ray::new([-1.0, 1.0, 1.1], [1.0, 0.0, 0.0]),
+            &bounds
+        ));
+        let behind = Ray {
+            t_max: 0.5,
+            ..Ray::new([-1.0, 1.0, 1.0], [1.0, 0.0, 0.0])
+        };
+        assert!(!may_meet(&behind, &bounds));
+    }
+
+    #[test]
+    fn rounding_loses_no_ray_that_just_clips_a_corner() {
+        // Enters at exactly 1 + (17/48) 2^-52, leaves at 1 + (18/48) 2^-52; the
+        // first rounds up to 1 + 2^-52, the second down to 1.
+        let x = -(2.0_f32.powi(-52) + 2.0_f32.powi(-56));
+        let ray = Ray::new([x, -3.0 * 2.0_f32.powi(-55), 0.0], [3.0, 1.0, 0.0]);
+        let bounds = Aabb {
+            min: [3.0, 0.0, 0.0],
+            max: [4.0, 1.0, 1.0],
+        };
+        assert!(may_meet(&ray, &bounds));
+    }
+
+    #[test]
+    fn every_triangle_is_in_one_group() {
+        for n in [0_u32, 1, 8, 9, 100] {
+            let corners: Vec<Triangle> = (0..n)
+                .map(|i| {
+                    [
+                        [i as f32, 0.0, 0.0],
+                        [i as f32, 1.0, 0.0],
+                        [i as f32, 0.0, 1.0],
+                    ]
+                })
+                .collect();
+            let boxes = Boxes::new(&corners, (0..n).collect());
+            let mut seen = Vec::new();
+            boxes.near(&Ray::new([-1.0, 0.1, 0.1], [1.0, 0.0, 0.0]), |i| {
+                seen.push(i)
+            });
+            seen.sort_unstable();
+            assert_eq!(seen, (0..n).collect::<Vec<_>>());
+        }
+    }
+}

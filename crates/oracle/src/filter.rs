@@ -1,0 +1,155 @@
+//! One ray against one triangle in double precision, with proven bounds.
+//!
+//! The same determinants as in [`crate::exact`]. Every entry is an `f32` or the
+//! difference of two (one rounding), each of the six products of a determinant
+//! rounds twice, and up to three sums follow: at most 8 factors `1 + e`,
+//! `|e| <= 2^-53`. So the error is below `8.01 * 2^-53` times the sum of the
+//! products' magnitudes (the permanent), and `16 * 2^-53` times the *computed*
+//! permanent covers it with room. Nothing overflows or underflows: entries are
+//! zero or within `2^-149..2^129`, so products of three stay within `2^-447..2^387`.
+
+use geom::{Ray, Triangle};
+
+const DETERMINANT: f64 = 16.0 * UNIT;
+const UNIT: f64 = f64::EPSILON / 2.0;
+
+/// What double precision can say.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Verdict {
+    /// Surely no hit.
+    Miss,
+    /// Perhaps a hit; if so, `t` lies in the span.
+    Maybe(Span),
+    /// Surely a hit, with `t` in the span.
+    Hit(Span),
+}
+
+/// Holds an exact `t`, both ends included.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Span {
+    pub(crate) low: f64,
+    pub(crate) high: f64,
+}
+
+/// A number and how far it may be from the truth.
+#[derive(Clone, Copy)]
+struct Bounded {
+    value: f64,
+    error: f64,
+}
+
+/// What surely or perhaps holds for a valid ray and an active triangle.
+pub(crate) fn judge(ray: &Ray, corners: &Triangle) -> Verdict {
+    let d = ray.direction.map(f64::from);
+    let from_origin = |p: [f32; 3]| -> [f64; 3] {
+        std::array::from_fn(|i| f64::from(p[i]) - f64::from(ray.origin[i]))
+    };
+    let [a, b, c] = corners.map(from_origin);
+    let weights = [
+        determinant(d, b, c),
+        determinant(d, c, a),
+        determinant(d, a, b),
+    ];
+    let surely = |sign: f64| weights.map(|w| w.value * sign > w.error);
+    let (plus, minus) = (surely(1.0), surely(-1.0));
+    if plus.contains(&true) && minus.contains(&true) {
+        return Verdict::Miss;
+    }
+    let span = quotient(determinant(a, b, c), sum(weights));
+    let (t_min, t_max) = (f64::from(ray.t_min), f64::from(ray.t_max));
+    if span.high <= t_min || span.low >= t_max {
+        return Verdict::Miss;
+    }
+    let within = span.low > t_min && span.high < t_max;
+    let inside = plus == [true; 3] || minus == [true; 3];
+    if inside && within {
+        Verdict::Hit(span)
+    } else {
+        Verdict::Maybe(span)
+    }
+}
+
+fn determinant(a: [f64; 3], b: [f64; 3], c: [f64; 3]) -> Bounded {
+    let (mut value, mut permanent) = (0.0, 0.0);
+    for (i, x) in a.into_iter().enumerate() {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        let (p, q) = (b[j] * c[k], b[k] * c[j]);
+        value += x * (p - q);
+        permanent += x.abs() * (p.abs() + q.abs());
+    }
+    Bounded {
+        value,
+        error: DETERMINANT * permanent,
+    }
+}
+
+/// The two sums round by less than `2.01 * 2^-53` of the summands' magnitudes,
+/// each of which is at most its permanent, `error / DETERMINANT`: an eighth of
+/// the errors. Half covers it and the rounding of the bound itself.
+fn sum(terms: [Bounded; 3]) -> Bounded {
+    let [a, b, c] = terms;
+    Bounded {
+        value: a.value + b.value + c.value,
+        error: 1.5 * (a.error + b.error + c.error),
+    }
+}
+
+/// Everything `n / d` may be; every number if `d` may be zero.
+fn quotient(n: Bounded, d: Bounded) -> Span {
+    if d.value.abs() <= d.error {
+        return Span {
+            low: f64::NEG_INFINITY,
+            high: f64::INFINITY,
+        };
+    }
+    let numerator = if d.value < 0.0 { -n.value } else { n.value };
+    let (least, most) = (d.value.abs() - d.error, d.value.abs() + d.error);
+    let (low, high) = (numerator - n.error, numerator + n.error);
+    let low = low / if low >= 0.0 { most } else { least };
+    let high = high / if high >= 0.0 { least } else { most };
+    // Three relative roundings a bound: 8 units cover them.
+    Span {
+        low: low - 8.0 * UNIT * low.abs(),
+        high: high + 8.0 * UNIT * high.abs(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quotient_that_rounds_lies_strictly_within_its_span() {
+        for (n, d) in [(1.0, 3.0), (-1.0, 3.0), (2.0, -3.0), (5.0, 7.0)] {
+            let exactly = |value| Bounded { value, error: 0.0 };
+            let span = quotient(exactly(n), exactly(d));
+            assert!(span.low < n / d && n / d < span.high);
+        }
+    }
+
+    #[test]
+    fn a_divisor_that_may_be_zero_says_nothing() {
+        let span = quotient(
+            Bounded {
+                value: 1.0,
+                error: 0.0,
+            },
+            Bounded {
+                value: 1e-9,
+                error: 1e-9,
+            },
+        );
+        assert_eq!((span.low, span.high), (f64::NEG_INFINITY, f64::INFINITY));
+        let span = quotient(
+            Bounded {
+                value: 1.0,
+                error: 0.5,
+            },
+            Bounded {
+                value: -4.0,
+                error: 2.0,
+            },
+        );
+        assert!(span.low <= -0.75 && span.high >= -0.5 / 6.0 && span.high < 0.0);
+    }
+}

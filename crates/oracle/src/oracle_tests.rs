@@ -1,0 +1,326 @@
+//! Cases by hand, and the naive version on random ones.
+
+use super::*;
+use crate::naive;
+use geom::Point;
+use proptest::prelude::*;
+
+const SQUARE: [Triangle; 2] = [
+    [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]],
+    [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]],
+];
+
+fn down(x: f32, y: f32) -> Ray {
+    Ray::new([x, y, 2.0], [0.0, 0.0, -4.0])
+}
+
+fn closest(corners: &[Triangle], ray: &Ray) -> Option<ExactHit> {
+    Oracle::new(corners.to_vec()).closest(ray)
+}
+
+#[test]
+fn a_ray_through_a_shared_edge_hits_both_and_names_the_first() {
+    let oracle = Oracle::new(SQUARE.to_vec());
+    let on = oracle.closest(&down(0.3, 0.3));
+    assert_eq!(
+        on,
+        Some(ExactHit {
+            triangle: 0,
+            t: 0.5,
+            edge: true,
+            tie: true
+        })
+    );
+    let beside = oracle.closest(&down(0.3, 0.3_f32.next_up()));
+    assert_eq!(
+        beside,
+        Some(ExactHit {
+            triangle: 1,
+            t: 0.5,
+            edge: false,
+            tie: false
+        })
+    );
+    assert_eq!(oracle.all(&down(1.0, 1.0)).len(), 2);
+    assert_eq!(oracle.closest(&down(1.0_f32.next_up(), 0.5)), None);
+}
+
+#[test]
+fn both_sides_count_and_rays_in_the_plane_miss() {
+    let up = Ray::new([0.5, 0.25, -1.0], [0.0, 0.0, 1.0]);
+    assert_eq!(closest(&SQUARE, &up).map(|h| h.triangle), Some(0));
+    let within = Ray::new([-1.0, 0.5, 0.0], [1.0, 0.0, 0.0]);
+    assert_eq!(closest(&SQUARE, &within), None);
+    let grazing = Ray::new([-1.0, 0.5, 1e-45], [1.0, 0.0, -1e-45]);
+    assert_eq!(closest(&SQUARE, &grazing).map(|h| h.t), Some(1.0));
+}
+
+#[test]
+fn the_interval_is_open_at_both_ends() {
+    let over = |t_min, t_max| {
+        closest(
+            &SQUARE,
+            &Ray {
+                t_min,
+                t_max,
+                ..down(0.5, 0.25)
+            },
+        )
+    };
+    assert_eq!(over(0.5, 1.0), None);
+    assert_eq!(over(0.0, 0.5), None);
+    assert!(over(0.5_f32.next_down(), 0.5_f32.next_up()).is_some());
+    assert!(over(f32::NEG_INFINITY, f32::INFINITY).is_some());
+    let on_it = Ray::new([0.5, 0.25, 0.0], [0.0, 0.0, 1.0]);
+    assert_eq!(closest(&SQUARE, &on_it), None);
+}
+
+#[test]
+fn what_has_no_area_or_no_place_is_never_hit() {
+    let line = [[0.0; 3], [1.0, 1.0, 0.0], [3.0, 3.0, 0.0]];
+    let inactive = [[0.0; 3], [1.0, 0.0, 0.0], [f32::NAN, 1.0, 0.0]];
+    let infinite = [
+        [-1.0, -1.0, 0.0],
+        [9.0, 0.0, 0.0],
+        [0.0, f32::INFINITY, 0.0],
+    ];
+    let ray = down(0.5, 0.5);
+    assert_eq!(closest(&[line, inactive, infinite], &ray), None);
+    let oracle = Oracle::new(vec![line, inactive, SQUARE[1]]);
+    assert_eq!(oracle.closest(&ray).map(|h| h.triangle), Some(2));
+    assert_eq!(
+        [0, 1, 2].map(|i| oracle.hit_of(&ray, i).is_some()),
+        [false, false, true]
+    );
+    assert_eq!(closest(&[], &ray), None);
+}
+
+#[test]
+fn nearness_to_an_edge_is_counted_in_roundings_of_the_reach() {
+    let oracle = Oracle::new(SQUARE.to_vec());
+    let ray = down(0.5, 0.5 - 2.0_f32.powi(-20));
+    assert_eq!(oracle.reach(&ray), 2.0);
+    // 2^-20 sideways is 2^-20.5 from the diagonal: 2^2.5 units of 2 * 2^-24.
+    assert!(oracle.near_edge(&ray, 0, 5.66) && !oracle.near_edge(&ray, 0, 5.65));
+}
+
+#[test]
+fn rays_that_are_not_valid_miss() {
+    let ray = down(0.5, 0.25);
+    for bad in [
+        Ray {
+            direction: [0.0; 3],
+            ..ray
+        },
+        Ray {
+            direction: [0.0, f32::NAN, 1.0],
+            ..ray
+        },
+        Ray {
+            origin: [f32::INFINITY, 0.0, 0.0],
+            ..ray
+        },
+        Ray {
+            t_min: 1.0,
+            t_max: 0.0,
+            ..ray
+        },
+        Ray {
+            t_max: f32::NAN,
+            ..ray
+        },
+    ] {
+        assert_eq!(closest(&SQUARE, &bad), None, "{bad:?}");
+        assert_eq!(
+            Oracle::new(SQUARE.to_vec()).hit_of(&bad, 0),
+            None,
+            "{bad:?}"
+        );
+    }
+}
+
+#[test]
+fn the_greatest_and_the_least_numbers_are_no_trouble() {
+    for s in [f32::MAX, 1e30, 1e-30, f32::from_bits(8)] {
+        let corners = SQUARE.map(|t| t.map(|p| p.map(|x| x * s)));
+        let ray = Ray::new([0.5 * s, 0.25 * s, s], [0.0, 0.0, -s]);
+        let hit = closest(&corners, &ray);
+        assert_eq!(
+            hit,
+            Some(ExactHit {
+                triangle: 0,
+                t: 1.0,
+                edge: false,
+                tie: false
+            }),
+            "{s}"
+        );
+    }
+    let far = Ray::new([0.0, 0.0, f32::MAX], [0.0, 0.0, -f32::from_bits(1)]);
+    let t = closest(&SQUARE, &far).map(|h| h.t);
+    assert_eq!(t, Some(f64::from(f32::MAX) / f64::from(f32::from_bits(1))));
+}
+
+/// Möller, Trumbore 1997 in double precision.
+fn moller_trumbore(ray: &Ray, corners: &Triangle) -> Option<f64> {
+    let sub = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| a[i] - b[i]) };
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let cross = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] {
+        std::array::from_fn(|i| a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3])
+    };
+    let [a, b, c] = corners.map(|p| p.map(f64::from));
+    let (o, d) = (ray.origin.map(f64::from), ray.direction.map(f64::from));
+    let (e1, e2, s) = (sub(b, a), sub(c, a), sub(o, a));
+    let p = cross(d, e2);
+    let det = dot(e1, p);
+    let q = cross(s, e1);
+    let (u, v) = (dot(s, p) / det, dot(d, q) / det);
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then(|| dot(e2, q) / det)
+}
+
+#[test]
+fn moller_trumbore_in_double_precision_leaks_where_the_oracle_does_not() {
+    let (corners, ray) = leak();
+    assert_eq!(corners.map(|c| moller_trumbore(&ray, &c)), [None, None]);
+    let hit = closest(&corners, &ray);
+    assert_eq!(
+        hit,
+        Some(ExactHit {
+            triangle: 0,
+            t: 1.0,
+            edge: true,
+            tie: true
+        })
+    );
+    assert_eq!(naive::all(&ray, &corners).len(), 2);
+}
+
+/// Two triangles and a ray through exactly the middle of the edge they share.
+fn leak() -> ([Triangle; 2], Ray) {
+    let (a, b) = (
+        [125_496.0, -74_074.0, -194_525.0],
+        [132_966.0, 145_922.0, 96_123.0],
+    );
+    let (c, d) = (
+        [88_925.0, 3_958.0, 74_750.0],
+        [122_460.0, 12_028.0, -193_949.0],
+    );
+    let ray = Ray::new(
+        [-197_847.0, -163_721.0, 59_272.0],
+        [327_078.0, 199_645.0, -108_473.0],
+    );
+    ([[a, b, c], [d, b, a]], ray)
+}
+
+/// Numbers of a kind that makes ties, and numbers of every size.
+fn coordinate() -> impl Strategy<Value = f32> {
+    prop_oneof![
+        6 => (-3_i8..=3).prop_map(f32::from),
+        2 => (-100_i8..=100).prop_map(|i| f32::from(i) * 0.1),
+        1 => any::<i32>().prop_map(|i| i as f32 * 1e-9),
+        1 => prop_oneof![Just(f32::MAX), Just(1e-45), Just(-1e-38), Just(-0.0), Just(1e20)],
+    ]
+}
+
+fn point() -> impl Strategy<Value = Point> {
+    [coordinate(), coordinate(), coordinate()]
+}
+
+/// Rays at random, and rays aimed at a point between three corners, often on an edge or a vertex.
+fn ray(corners: Vec<Triangle>) -> impl Strategy<Value = Ray> {
+    let count = corners.len();
+    let limits = prop_oneof![
+        3 => Just((0.0, f32::INFINITY)),
+        1 => (coordinate(), coordinate()),
+        1 => Just((0.0, 1.0)),
+    ];
+    (
+        point(),
+        point(),
+        0..count,
+        0..5_usize,
+        any::<bool>(),
+        limits,
+    )
+        .prop_map(move |(origin, free, i, weights, aimed, (t_min, t_max))| {
+            let [wa, wb, wc] = [
+                [1.0, 0.0, 0.0],
+                [0.5, 0.5, 0.0],
+                [0.0, 0.25, 0.75],
+                [0.25, 0.5, 0.25],
+                [0.0, 0.0, 1.0],
+            ][weights];
+            let [a, b, c] = corners[i];
+            let target: Point = std::array::from_fn(|k| wa * a[k] + wb * b[k] + wc * c[k]);
+            let direction = if aimed {
+                std::array::from_fn(|k| target[k] - origin[k])
+            } else {
+                free
+            };
+            Ray {
+                origin,
+                t_min,
+                direction,
+                t_max,
+            }
+        })
+}
+
+fn case() -> impl Strategy<Value = (Vec<Triangle>, Vec<Ray>)> {
+    let triangle = [point(), point(), point()];
+    proptest::collection::vec(triangle, 1..16).prop_flat_map(|mut corners| {
+        // Some share edges, one stands twice, one is nowhere.
+        for i in 1..corners.len() / 2 {
+            let [_, b, c] = corners[i - 1];
+            corners[i][..2].copy_from_slice(&[c, b]);
+        }
+        corners.push(corners[0]);
+        corners.push([[0.0; 3], [f32::NAN; 3], [1.0; 3]]);
+        let rays = proptest::collection::vec(ray(corners[..corners.len() - 1].to_vec()), 8);
+        (Just(corners), rays)
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn the_oracle_agrees_with_the_naive_version((corners, rays) in case()) {
+        let oracle = Oracle::new(corners.clone());
+        for ray in &rays {
+            let naive = naive::all(ray, &corners);
+            let all = oracle.all(ray);
+            let found: Vec<_> = all.iter().map(|h| (h.triangle, h.edge)).collect();
+            let expected: Vec<_> = naive.iter().map(|h| (h.1, h.2)).collect();
+            prop_assert_eq!(found, expected, "{:?}", ray);
+            for (i, h) in all.iter().enumerate() {
+                let tie = naive.iter().filter(|n| n.0 == naive[i].0).count() > 1;
+                prop_assert_eq!(h.tie, tie);
+                let t = num_traits::ToPrimitive::to_f64(&naive[i].0);
+                prop_assert_eq!(Some(h.t), t);
+            }
+            prop_assert_eq!(oracle.closest(ray), all.first().copied());
+        }
+    }
+
+}
+
+proptest! {
+    #[test]
+    fn double_precision_is_never_wrong_when_it_is_sure((corners, rays) in case()) {
+        for (ray, c) in rays.iter().flat_map(|r| corners.iter().map(move |c| (r, c))) {
+            if !ray.is_valid() || c.iter().flatten().any(|x| !x.is_finite()) {
+                continue;
+            }
+            let exact = cross(ray, c);
+            match (judge(ray, c), exact) {
+                (Verdict::Miss, exact) => prop_assert!(exact.is_none(), "{ray:?} {c:?}"),
+                (Verdict::Hit(_), None) => prop_assert!(false, "{ray:?} {c:?}"),
+                (Verdict::Hit(span) | Verdict::Maybe(span), Some(crossing)) => {
+                    let t = crossing.t.to_f64();
+                    prop_assert!(span.low <= t && t <= span.high, "{ray:?} {c:?}");
+                }
+                (Verdict::Maybe(_), None) => {}
+            }
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! Colours of pixels: face normals, file colours, one lamp with shadows, a soft sky.
+
+use crate::colour::{encode, linear};
+use crate::light::{ambient, lamp, sky};
+use crate::vector::{V3, add, cross, dot, mul, scale, sub, unit, wide};
+use geom::{Animation, Camera, Hit, Point, Pose};
+use rayon::prelude::*;
+
+/// What a picture shows, beside the hits.
+#[derive(Clone, Copy, Debug)]
+pub struct Shot<'a> {
+    /// The triangles.
+    pub animation: &'a Animation,
+    /// The moment.
+    pub pose: Pose,
+    /// sRGB, one a triangle.
+    pub colours: &'a [[u8; 3]],
+    /// Who looks.
+    pub camera: &'a Camera,
+    /// Where the lamp is.
+    pub light: Point,
+}
+
+/// Fills `rgb` with three bytes of sRGB a pixel, row 0 at the top.
+///
+/// `hits` and `shadow` (1 = the way to the lamp is blocked) hold one entry a
+/// pixel, row by row. Runs in the caller's rayon pool; the bytes do not depend on it.
+///
+/// # Panics
+/// If `hits`, `shadow` or the colours are fewer than the pixels or the triangles.
+pub fn shade(shot: &Shot<'_>, hits: &[Hit], shadow: &[u8], rgb: &mut Vec<u8>) {
+    let width = shot.camera.width as usize;
+    let pixels = shot.camera.pixels();
+    assert!(hits.len() == pixels && shadow.len() == pixels && width > 0);
+    assert_eq!(shot.colours.len(), shot.animation.triangle_count());
+    rgb.resize(3 * pixels, 0);
+    rgb.par_chunks_mut(3 * width)
+        .zip(hits.par_chunks(width).zip(shadow.par_chunks(width)))
+        .enumerate()
+        .for_each(|(y, (row, (hits, shadow)))| {
+            let found = hits.iter().zip(shadow);
+            for (x, (pixel, (hit, &blocked))) in row.chunks_exact_mut(3).zip(found).enumerate() {
+                let ray = shot.camera.ray(x as u32, y as u32);
+                let light = if hit.is_hit() {
+                    surface(shot, hit, blocked != 0, wide(ray.direction))
+                } else {
+                    sky(unit(wide(ray.direction)))
+                };
+                pixel.copy_from_slice(&encode(light));
+            }
+        });
+}
+
+/// Light that leaves a hit towards the eye.
+fn surface(shot: &Shot<'_>, hit: &Hit, blocked: bool, direction: V3) -> V3 {
+    let [a, b, c] = shot.animation.corners(shot.pose, hit.triangle).map(wide);
+    let (e1, e2) = (sub(b, a), sub(c, a));
+    let normal = unit(cross(e1, e2));
+    let normal = if dot(normal, direction) > 0.0 {
+        scale(normal, -1.0)
+    } else {
+        normal
+    };
+    let mut light = ambient(normal);
+    if !blocked {
+        let (u, v) = (f64::from(hit.u), f64::from(hit.v));
+        let point = add(a, add(scale(e1, u), scale(e2, v)));
+        light = add(light, lamp(normal, unit(sub(wide(shot.light), point))));
+    }
+    mul(linear(shot.colours[hit.triangle as usize]), light)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A floor of one huge triangle, seen from above at `scale`; all pixels hit it.
+    fn floor(size: f32, blocked: u8) -> Vec<u8> {
+        let s = size;
+        let corners = vec![[-s, 0.0, -s], [s, 0.0, -s], [0.0, 0.0, s]];
+        let animation = Animation::new(vec![corners], vec![[0, 1, 2]]).unwrap();
+        let eye = [0.0, s, 0.0];
+        let camera = Camera::look_at(eye, [0.0; 3], [0.0, 0.0, 1.0], 5.0, [4, 3]).unwrap();
+        let shot = Shot {
+            animation: &animation,
+            pose: animation.pose(0.0),
+            colours: &[[200, 100, 50]],
+            camera: &camera,
+            light: eye,
+        };
+        let hit = Hit {
+            t: s,
+            u: 0.25,
+            v: 0.5,
+            triangle: 0,
+        };
+        let mut rgb = Vec::new();
+        shade(&shot, &[hit; 12], &[blocked; 12], &mut rgb);
+        assert_eq!(rgb.len(), 36);
+        rgb
+    }
+
+    #[test]
+    fn shadow_darkens_but_keeps_the_colour() {
+        let (lit, dark) = (floor(1.0, 0), floor(1.0, 1));
+        assert!(lit.iter().zip(&dark).all(|(l, d)| l > d && *d > 0));
+        assert!(lit[0] > lit[1] && lit[1] > lit[2]);
+    }
+
+    #[test]
+    fn the_scale_of_the_scene_does_not_matter() {
+        let want = floor(1.0, 0);
+        for size in [1e-36, 1e-12, 1e12, 1e36] {
+            assert_eq!(floor(size, 0), want, "{size}");
+        }
+    }
+
+    #[test]
+    fn a_miss_shows_the_sky() {
+        let animation = Animation::new(vec![vec![]], vec![]).unwrap();
+        let up = [0.0, 1.0, 0.0];
+        let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], up, 90.0, [1, 3]).unwrap();
+        let shot = Shot {
+            animation: &animation,
+            pose: animation.pose(0.0),
+            colours: &[],
+            camera: &camera,
+            light: up,
+        };
+        let mut rgb = vec![9; 100];
+        shade(&shot, &[Hit::MISS; 3], &[0; 3], &mut rgb);
+        assert_eq!(rgb.len(), 9);
+        assert!(
+            rgb[2] > rgb[0] && rgb[0] < rgb[3],
+            "bluer and darker above: {rgb:?}"
+        );
+    }
+}

@@ -1,0 +1,282 @@
+//! A camera and a lamp for a motion that nobody described.
+
+use crate::vector::{V3, add, cross, dot, scale, unit, wide};
+use geom::{Aabb, Animation, Camera, Point};
+use rayon::prelude::*;
+
+/// From the scene to the eye: from the front, the right and a little above.
+const TO_EYE: V3 = [0.50, 0.38, 0.78];
+const UP: V3 = [0.0, 1.0, 0.0];
+/// The scene's share of the narrower side of the picture.
+const FILL: f64 = 0.94;
+
+/// Who looks from where, and what shines.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Where the eye is.
+    pub eye: Point,
+    /// What it looks at: the middle of the picture.
+    pub look_at: Point,
+    /// Which way is up.
+    pub up: Point,
+    /// Vertical field of view, in degrees.
+    pub fov_degrees: f32,
+    /// Where the lamp is.
+    pub light: Point,
+}
+
+impl View {
+    /// The camera for a picture of `size` (width, height); `None` where none is defined
+    /// (see [`Camera::look_at`]).
+    #[must_use]
+    pub fn camera(&self, size: [u32; 2]) -> Option<Camera> {
+        Camera::look_at(self.eye, self.look_at, self.up, self.fov_degrees, size)
+    }
+}
+
+/// Frames the whole motion: every finite vertex of every key frame is in the
+/// picture, seen from the front, the side and a little above. The lamp hangs
+/// up and to the side, outside the bounds.
+///
+/// Any animation will do: flat, a single point, or nothing at all.
+#[must_use]
+pub fn frame_scene(animation: &Animation, fov_degrees: f32, [width, height]: [u32; 2]) -> View {
+    let bounds = animation.bounds();
+    let (centre, size) = centre_and_size(&bounds);
+    let tan_y = (f64::from(fov_degrees).to_radians() * 0.5).tan() * FILL;
+    let tan_x = tan_y * f64::from(width.max(1)) / f64::from(height.max(1));
+    let basis = Basis::new();
+    let fit = Fit::of(animation, centre, &basis, [tan_x, tan_y]);
+    let (shift, back) = fit.eye([tan_x, tan_y], size);
+    let middle = add(
+        centre,
+        add(scale(basis.right, shift[0]), scale(basis.up, shift[1])),
+    );
+    let aside = add(
+        scale(basis.right, -0.62),
+        add(scale(UP, 0.95), scale(basis.back, 0.30)),
+    );
+    View {
+        eye: narrow(add(middle, scale(basis.back, back))),
+        look_at: narrow(middle),
+        up: UP.map(|x| x as f32),
+        fov_degrees,
+        light: narrow(add(centre, scale(unit(aside), 1.15 * size))),
+    }
+}
+
+/// The camera's axes.
+struct Basis {
+    right: V3,
+    up: V3,
+    back: V3,
+}
+
+impl Basis {
+    fn new() -> Self {
+        let back = unit(TO_EYE);
+        let right = unit(cross(UP, back));
+        Self {
+            right,
+            up: cross(back, right),
+            back,
+        }
+    }
+}
+
+/// Where the vertices touch the four sides of a view pyramid: for each axis
+/// the largest `x + z * tan` and the largest `-x + z * tan`, with `z` towards the eye.
+#[derive(Clone, Copy)]
+struct Fit {
+    high: [f64; 2],
+    low: [f64; 2],
+    /// The largest `z`.
+    near: f64,
+}
+
+impl Fit {
+    const NONE: Self = Self {
+        high: [f64::NEG_INFINITY; 2],
+        low: [f64::NEG_INFINITY; 2],
+        near: f64::NEG_INFINITY,
+    };
+
+    fn of(animation: &Animation, centre: V3, basis: &Basis, tan: [f64; 2]) -> Self {
+        let of_point = |p: &Point| {
+            let p = wide(*p);
+            let p = [p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]];
+            let z = dot(p, basis.back);
+            let side = [dot(p, basis.right), dot(p, basis.up)];
+            Self {
+                high: std::array::from_fn(|i| side[i] + z * tan[i]),
+                low: std::array::from_fn(|i| -side[i] + z * tan[i]),
+                near: z,
+            }
+        };
+        animation
+            .keys()
+            .par_iter()
+            .flat_map(|key| key.par_chunks(1 << 14))
+            .map(|points| {
+                let finite = points.iter().filter(|p| p.iter().all(|x| x.is_finite()));
+                finite.map(of_point).fold(Self::NONE, Self::max)
+            })
+            .reduce(|| Self::NONE, Self::max)
+    }
+
+    fn max(self, other: Self) -> Self {
+        Self {
+            high: std::array::from_fn(|i| self.high[i].max(other.high[i])),
+            low: std::array::from_fn(|i| self.low[i].max(other.low[i])),
+            near: self.near.max(other.near),
+        }
+    }
+
+    /// The eye's shift along both axes of the picture and its way back from the
+    /// centre. Nothing is nearer to it than a part of `size`.
+    fn eye(&self, tan: [f64; 2], size: f64) -> ([f64; 2], f64) {
+        if !self.high.iter().chain(&self.low).all(|x| x.is_finite()) {
+            return ([0.0; 2], 2.0 * size);
+        }
+        // Inside the pyramid: x - shift <= (back - z) * tan, and likewise for -x.
+        let back = |i: usize| (self.high[i] + self.low[i]) / (2.0 * tan[i]);
+        let shift = std::array::from_fn(|i| (self.high[i] - self.low[i]) / 2.0);
+        (shift, back(0).max(back(1)).max(self.near + 0.05 * size))
+    }
+}
+
+/// The middle of the bounds and their diagonal, or, where that is too small to
+/// be seen beside the coordinates' rounding, a length that is not.
+fn centre_and_size(bounds: &Aabb) -> (V3, f64) {
+    if bounds.is_empty() {
+        return ([0.0; 3], 1.0);
+    }
+    let [min, max] = [wide(bounds.min), wide(bounds.max)];
+    let centre: V3 = std::array::from_fn(|i| f64::midpoint(min[i], max[i]));
+    let extent: V3 = std::array::from_fn(|i| max[i] - min[i]);
+    let diagonal = dot(extent, extent).sqrt();
+    let far = centre.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let least = 1e-4 * far;
+    match diagonal.max(least) {
+        0.0 => (centre, 1.0),
+        size => (centre, size.max(1e-36)),
+    }
+}
+
+/// Rounded to f32, and finite.
+fn narrow(p: V3) -> Point {
+    let limit = f64::from(f32::MAX) * 0.5;
+    p.map(|x| x.clamp(-limit, limit) as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: [u32; 2] = [160, 90];
+
+    fn animation(keys: Vec<Vec<Point>>) -> Animation {
+        let n = keys[0].len() as u32;
+        let triangles = if n < 3 { vec![] } else { vec![[0, 1, n - 1]] };
+        Animation::new(keys, triangles).unwrap()
+    }
+
+    /// Where a point falls in the picture: 0..1 across and down; and its depth.
+    fn project(camera: &Camera, p: Point) -> [f64; 3] {
+        let [c, a, d] = [camera.corner, camera.across, camera.down].map(wide);
+        let v: V3 = std::array::from_fn(|i| f64::from(p[i]) - f64::from(camera.eye[i]));
+        let det = dot(c, cross(a, d));
+        let depth = dot(v, cross(a, d)) / det;
+        let x = dot(c, cross(v, d)) / det / depth;
+        let y = dot(c, cross(a, v)) / det / depth;
+        [
+            x / f64::from(camera.width),
+            y / f64::from(camera.height),
+            depth,
+        ]
+    }
+
+    fn cloud(centre: Point, size: Point) -> Vec<Point> {
+        let at = |i: u32| -> Point {
+            std::array::from_fn(|a| {
+                let r = (i.wrapping_mul(2_654_435_761).rotate_left(11 * a as u32) % 1000) as f32;
+                centre[a] + size[a] * (r / 999.0 - 0.5)
+            })
+        };
+        (0..50).map(at).collect()
+    }
+
+    #[test]
+    fn the_whole_motion_is_in_the_picture_and_fills_it() {
+        let shapes = [
+            [1.0, 1.0, 1.0],
+            [9.0, 0.1, 0.1],
+            [0.1, 9.0, 0.1],
+            [4.0, 0.0, 4.0],
+        ];
+        for size in [SIZE, [90, 160], [64, 64]] {
+            for (shape, fov) in shapes.iter().flat_map(|s| [(s, 20.0), (s, 60.0)]) {
+                let keys = vec![
+                    cloud([3.0, 4.0, 5.0], *shape),
+                    cloud([4.0, 4.0, 5.0], *shape),
+                ];
+                let a = animation(keys);
+                let camera = frame_scene(&a, fov, size).camera(size).unwrap();
+                let seen: Vec<_> = a
+                    .keys()
+                    .iter()
+                    .flatten()
+                    .map(|&p| project(&camera, p))
+                    .collect();
+                assert!(seen.iter().all(|s| s[2] > 0.0));
+                let all = |i: usize| {
+                    let min = seen.iter().map(|s| s[i]).fold(f64::INFINITY, f64::min);
+                    let max = seen.iter().map(|s| s[i]).fold(f64::NEG_INFINITY, f64::max);
+                    (min, max)
+                };
+                let ((x0, x1), (y0, y1)) = (all(0), all(1));
+                assert!(
+                    x0 >= 0.0 && x1 <= 1.0 && y0 >= 0.0 && y1 <= 1.0,
+                    "{shape:?} {fov}"
+                );
+                assert!(
+                    x1 - x0 > 0.8 || y1 - y0 > 0.8,
+                    "{shape:?} {fov} {x0} {x1} {y0} {y1}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_lamp_hangs_above_and_outside() {
+        let a = animation(vec![cloud([0.0; 3], [2.0, 1.0, 2.0])]);
+        let (view, bounds) = (frame_scene(&a, 40.0, SIZE), a.bounds());
+        assert!(view.light[1] > bounds.max[1]);
+    }
+
+    #[test]
+    fn odd_scenes_have_a_camera_too() {
+        let nan = [f32::NAN, 0.0, 0.0];
+        let odd = [
+            vec![],
+            vec![nan; 3],
+            vec![[0.0; 3]; 3],
+            vec![[1e9, -1e9, 3.0]; 3],
+            vec![[1e-45; 3], [0.0; 3], [-1e-45; 3]],
+            vec![[1e-45, 0.0, 0.0], [0.0; 3], [0.0; 3]],
+            vec![[1e6, 1e6, 1e6], [1e6 + 0.0625, 1e6, 1e6], nan],
+            vec![[3e38; 3], [-3e38; 3], [0.0; 3]],
+        ];
+        for points in odd {
+            let view = frame_scene(&animation(vec![points.clone()]), 40.0, SIZE);
+            let camera = view.camera(SIZE);
+            assert!(camera.is_some(), "{points:?}: {view:?}");
+            assert!(view.light.iter().all(|x| x.is_finite()));
+        }
+        let ones = [[0.0; 3], [1.0; 3], [1.0, 0.0, 0.0]];
+        let mut more = ones.to_vec();
+        more.insert(1, [f32::INFINITY, 0.0, 0.0]);
+        let views = [ones.to_vec(), more].map(|p| frame_scene(&animation(vec![p]), 40.0, SIZE));
+        assert_eq!(views[0], views[1], "what is nowhere needs no room");
+    }
+}

@@ -1,0 +1,199 @@
+//! Whole files or none.
+//!
+//! A file is written under a temporary name in its own directory and renamed
+//! over its final name. Until then the final name keeps what it had. Targets
+//! that are no plain files (devices, pipes) cannot be renamed over without
+//! destroying them; they get the finished bytes in one go instead.
+
+use crate::WriteError;
+use std::fs;
+use std::io::{self, BufWriter, Cursor, Seek, Write};
+use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
+
+/// Bytes collected before they go to the file.
+const BUFFER: usize = 1 << 18;
+
+/// A sink that can go back, as archives need.
+pub trait WriteSeek: Write + Seek {}
+impl<T: Write + Seek> WriteSeek for T {}
+
+/// Writes `bytes` to `path`, all of them or none.
+///
+/// # Errors
+/// [`WriteError`]; `path` then holds what it held before, and no temporary file is left.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
+    write_whole_seekable(path, |out| out.write_all(bytes))
+}
+
+/// Lets `fill` write a file, which appears at `path` only if `fill` succeeds.
+///
+/// # Errors
+/// [`WriteError`], also for what `fill` returns; `path` then holds what it
+/// held before, and no temporary file is left.
+pub fn write_whole_seekable(
+    path: &Path,
+    fill: impl FnOnce(&mut dyn WriteSeek) -> io::Result<()>,
+) -> Result<(), WriteError> {
+    let write = || match target(path)? {
+        Target::Plain(file) => rename_over(&file, fill),
+        Target::Stream => stream_into(path, fill),
+    };
+    write().map_err(|e| WriteError::new(path, e))
+}
+
+/// Finds out before long work whether a file could be written at `path`, without touching it.
+///
+/// # Errors
+/// [`WriteError`]: no such directory, no permission, a directory in the way.
+pub fn check_writable(path: &Path) -> Result<(), WriteError> {
+    let check = || match target(path)? {
+        Target::Plain(file) => temporary_beside(&file).map(drop),
+        Target::Stream => fs::OpenOptions::new().write(true).open(path).map(drop),
+    };
+    check().map_err(|e| WriteError::new(path, e))
+}
+
+/// Makes the directory `dir` and those above it, and finds out whether files can be made in it.
+///
+/// # Errors
+/// [`WriteError`].
+pub fn prepare_dir(dir: &Path) -> Result<(), WriteError> {
+    fs::create_dir_all(dir).map_err(|e| WriteError::new(dir, e))?;
+    temporary_beside(&dir.join("any"))
+        .map(drop)
+        .map_err(|e| WriteError::new(dir, e))
+}
+
+/// What stands at a path.
+enum Target {
+    /// A plain file or nothing; symbolic links are followed.
+    Plain(PathBuf),
+    /// A device, a pipe, a socket.
+    Stream,
+}
+
+fn target(path: &Path) -> io::Result<Target> {
+    match fs::metadata(path) {
+        Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(Target::Plain(path.to_owned())),
+        Err(e) => Err(e),
+        Ok(m) if m.is_dir() => Err(io::ErrorKind::IsADirectory.into()),
+        Ok(m) if m.is_file() => fs::canonicalize(path).map(Target::Plain),
+        Ok(_) => Ok(Target::Stream),
+    }
+}
+
+fn rename_over(
+    path: &Path,
+    fill: impl FnOnce(&mut dyn WriteSeek) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut out = BufWriter::with_capacity(BUFFER, temporary_beside(path)?);
+    fill(&mut out)?;
+    // Dropping the temporary file on the way out of an error removes it.
+    let file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
+    file.persist(path).map_err(|e| e.error)?;
+    Ok(())
+}
+
+fn stream_into(
+    path: &Path,
+    fill: impl FnOnce(&mut dyn WriteSeek) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut bytes = Cursor::new(Vec::new());
+    fill(&mut bytes)?;
+    let mut stream = fs::OpenOptions::new().write(true).open(path)?;
+    stream.write_all(bytes.get_ref())?;
+    stream.flush()
+}
+
+fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
+    let dir = match path.parent() {
+        Some(dir) if !dir.as_os_str().is_empty() => dir,
+        _ => Path::new("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".abvh-").suffix(".part");
+    // Temporary files are private by default; results are as readable as the user's mask allows.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(dir).map_err(without_path)
+}
+
+/// `tempfile` adds the temporary name to its errors; the final name says more.
+fn without_path(e: io::Error) -> io::Error {
+    match e.raw_os_error() {
+        Some(code) => io::Error::from_raw_os_error(code),
+        None => e,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(dir: &Path) -> Vec<String> {
+        let names = fs::read_dir(dir).unwrap();
+        names
+            .map(|e| e.unwrap().file_name().into_string().unwrap())
+            .collect()
+    }
+
+    #[test]
+    fn a_file_that_fails_halfway_leaves_nothing_new() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a");
+        let fail = |out: &mut dyn WriteSeek| {
+            out.write_all(&vec![7; 3 * BUFFER])?;
+            Err(io::ErrorKind::StorageFull.into())
+        };
+        write_whole_seekable(&path, fail).unwrap_err();
+        assert!(names(dir.path()).is_empty());
+        write_whole(&path, b"old").unwrap();
+        write_whole_seekable(&path, fail).unwrap_err();
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(names(dir.path()), ["a"]);
+        write_whole(&path, b"new").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+    }
+
+    #[test]
+    fn a_directory_in_the_way_is_found_early() {
+        let dir = tempfile::tempdir().unwrap();
+        let e = check_writable(dir.path()).unwrap_err();
+        assert!(e.to_string().contains("directory"), "{e}");
+        assert!(check_writable(&dir.path().join("no/such/dir")).is_err());
+        let file = dir.path().join("file");
+        check_writable(&file).unwrap();
+        assert!(!file.exists() && names(dir.path()).is_empty());
+        write_whole(&file, b"").unwrap();
+        assert!(prepare_dir(&file.join("below")).is_err());
+        prepare_dir(&dir.path().join("x/y")).unwrap();
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn devices_stay_devices_and_links_stay_links() {
+        use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
+        write_whole(Path::new("/dev/null"), b"x").unwrap();
+        assert!(
+            fs::metadata("/dev/null")
+                .unwrap()
+                .file_type()
+                .is_char_device()
+        );
+        assert!(write_whole(Path::new("/dev/full"), b"x").is_err());
+        let dir = tempfile::tempdir().unwrap();
+        let [file, link] = ["file", "link"].map(|n| dir.path().join(n));
+        write_whole(&file, b"old").unwrap();
+        symlink(&file, &link).unwrap();
+        write_whole(&link, b"new").unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+        let mode = fs::metadata(&file).unwrap().permissions().mode();
+        assert_ne!(
+            mode & 0o077,
+            0,
+            "others may read as the mask allows: {mode:o}"
+        );
+    }
+}

@@ -1,0 +1,179 @@
+//! Hits as `.npz` archives of plain arrays.
+//!
+//! Arrays are stored, not deflated: barycentric weights hardly shrink, and
+//! packing takes far longer than tracing. Entries carry the zip format's
+//! earliest date, so that equal hits are equal files.
+
+use crate::WriteError;
+use crate::atomic::{WriteSeek, write_whole_seekable};
+use geom::Hit;
+use npyz::zip::write::{FileOptions, ZipWriter};
+use npyz::zip::{CompressionMethod, DateTime};
+use npyz::{AutoSerialize, WriteOptions, WriterBuilder};
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+/// Closest hits and what goes with them: the arrays of one `.npz` file.
+#[derive(Clone, Copy, Debug)]
+pub struct Found<'a> {
+    /// One hit a ray, row by row.
+    pub hits: &'a [Hit],
+    /// With shadow rays: 1 where the way to the light is blocked, one a ray; else `None`.
+    pub shadow: Option<&'a [u8]>,
+    /// Shape of every array: `[height, width]` or `[rays]`.
+    pub shape: &'a [u64],
+}
+
+/// Writes arrays `triangle` u32 (4294967295 = miss), `t`, `u`, `v` f32 (miss:
+/// inf, 0, 0) and, where there are shadow rays, `shadow` u8.
+///
+/// # Errors
+/// [`WriteError`]; `path` then holds what it held before.
+///
+/// # Panics
+/// If the lengths do not match the shape.
+pub fn write_hits(path: &Path, found: &Found<'_>) -> Result<(), WriteError> {
+    let Found { hits, shape, .. } = *found;
+    assert_eq!(hits.len() as u64, shape.iter().product::<u64>());
+    write_whole_seekable(path, |out| {
+        let mut zip = ZipWriter::new(out);
+        array(&mut zip, "triangle", shape, hits.iter().map(|h| h.triangle))?;
+        array(&mut zip, "t", shape, hits.iter().map(|h| h.t))?;
+        array(&mut zip, "u", shape, hits.iter().map(|h| h.u))?;
+        array(&mut zip, "v", shape, hits.iter().map(|h| h.v))?;
+        if let Some(shadow) = found.shadow {
+            assert_eq!(shadow.len(), hits.len());
+            array(&mut zip, "shadow", shape, shadow.iter().copied())?;
+        }
+        zip.finish()?.flush()
+    })
+}
+
+/// Writes the one array `hit` u8 of shape (N,): 1 where a ray met anything.
+///
+/// # Errors
+/// [`WriteError`]; `path` then holds what it held before.
+pub fn write_found(path: &Path, found: &[u8]) -> Result<(), WriteError> {
+    write_whole_seekable(path, |out| {
+        let mut zip = ZipWriter::new(out);
+        array(
+            &mut zip,
+            "hit",
+            &[found.len() as u64],
+            found.iter().copied(),
+        )?;
+        zip.finish()?.flush()
+    })
+}
+
+fn array<T: AutoSerialize>(
+    zip: &mut ZipWriter<&mut dyn WriteSeek>,
+    name: &str,
+    shape: &[u64],
+    values: impl ExactSizeIterator<Item = T>,
+) -> io::Result<()> {
+    let bytes = values.len() as u64 * size_of::<T>() as u64;
+    let options = FileOptions::default()
+        .compression_method(CompressionMethod::Stored)
+        .last_modified_time(DateTime::default())
+        .large_file(bytes >= u64::from(u32::MAX) - (1 << 16));
+    zip.start_file(npyz::npz::file_name_from_array_name(name), options)?;
+    // Numbers are written one by one, and the archive sums each write up by itself.
+    let mut out = BufWriter::with_capacity(1 << 16, zip);
+    let mut npy = WriteOptions::new()
+        .default_dtype()
+        .shape(shape)
+        .writer(&mut out)
+        .begin_nd()?;
+    npy.extend(values)?;
+    npy.finish()?;
+    out.flush()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use npyz::npz::NpzArchive;
+    use std::fs;
+
+    fn hits() -> Vec<Hit> {
+        let hit = |i: u32| Hit {
+            t: 0.5 + i as f32,
+            u: 0.25,
+            v: 0.125,
+            triangle: i,
+        };
+        vec![hit(0), Hit::MISS, hit(7), hit(3), Hit::MISS, hit(1)]
+    }
+
+    fn read<T: npyz::Deserialize>(path: &Path, name: &str) -> (Vec<u64>, String, Vec<T>) {
+        let mut archive = NpzArchive::open(path).unwrap();
+        let array = archive.by_name(name).unwrap().unwrap();
+        let (shape, dtype) = (array.shape().to_vec(), array.dtype().descr());
+        (shape, dtype, array.into_vec().unwrap())
+    }
+
+    #[test]
+    fn a_frame_reads_back_as_it_was() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("hits_0000.npz");
+        let hits = hits();
+        let shadow = [1, 0, 0, 0, 0, 1];
+        let found = Found {
+            hits: &hits,
+            shadow: Some(&shadow),
+            shape: &[2, 3],
+        };
+        write_hits(&path, &found).unwrap();
+        let (shape, dtype, triangle) = read::<u32>(&path, "triangle");
+        assert_eq!((shape, dtype.as_str()), (vec![2, 3], "'<u4'"));
+        assert_eq!(triangle, [0, 4_294_967_295, 7, 3, 4_294_967_295, 1]);
+        let (_, dtype, t) = read::<f32>(&path, "t");
+        assert_eq!(dtype, "'<f4'");
+        assert_eq!(t, [0.5, f32::INFINITY, 7.5, 3.5, f32::INFINITY, 1.5]);
+        let (_, _, u) = read::<f32>(&path, "u");
+        assert_eq!(u, [0.25, 0.0, 0.25, 0.25, 0.0, 0.25]);
+        let (_, _, v) = read::<f32>(&path, "v");
+        assert_eq!(v, [0.125, 0.0, 0.125, 0.125, 0.0, 0.125]);
+        let (shape, dtype, read_shadow) = read::<u8>(&path, "shadow");
+        assert_eq!((shape, dtype.as_str()), (vec![2, 3], "'|u1'"));
+        assert_eq!(read_shadow, shadow);
+    }
+
+    #[test]
+    fn given_rays_have_no_shadow_and_any_hit_has_one_array() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.npz");
+        let found = Found {
+            hits: &hits(),
+            shadow: None,
+            shape: &[6],
+        };
+        write_hits(&path, &found).unwrap();
+        let archive = NpzArchive::open(&path).unwrap();
+        let mut names: Vec<_> = archive.array_names().collect();
+        names.sort_unstable();
+        assert_eq!(names, ["t", "triangle", "u", "v"]);
+        write_found(&path, &[1, 0, 1]).unwrap();
+        let archive = NpzArchive::open(&path).unwrap();
+        assert_eq!(archive.array_names().collect::<Vec<_>>(), ["hit"]);
+        assert_eq!(read::<u8>(&path, "hit").2, [1, 0, 1]);
+    }
+
+    #[test]
+    fn equal_hits_are_equal_files_and_no_clock_takes_part() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.npz");
+        let found = Found {
+            hits: &hits(),
+            shadow: None,
+            shape: &[6],
+        };
+        write_hits(&path, &found).unwrap();
+        let bytes = fs::read(&path).unwrap();
+        // Bytes 10..14 of a local file header: time and date. 1980-01-01 00:00 is (0, 0x0021).
+        assert_eq!(bytes[10..14], [0, 0, 0x21, 0]);
+        write_hits(&path, &found).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), bytes);
+    }
+}

@@ -1,0 +1,184 @@
+//! Rays as `.npy` arrays: f32 (N, 6) `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max` appended.
+
+use crate::atomic::write_whole_seekable;
+use crate::{RaysError, WriteError};
+use geom::Ray;
+use npyz::{DType, NpyFile, NpyHeader, Order, TypeChar, WriteOptions, WriterBuilder};
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::path::Path;
+
+/// A header of two dimensions and one type takes about a hundred bytes; longer ones are no rays.
+const MAX_HEADER: u32 = 4096;
+
+/// Reads rays of either byte order, in C or Fortran order.
+///
+/// Without `t_min t_max` a ray covers `(0, inf)`. Numbers that are not finite
+/// are kept: such rays miss (see [`Ray::is_valid`]).
+///
+/// # Errors
+/// See [`RaysError`]: each says what was found and what is wanted.
+pub fn read_rays(path: &Path) -> Result<Vec<Ray>, RaysError> {
+    let unreadable = |cause| RaysError::Unreadable {
+        path: path.to_owned(),
+        cause,
+    };
+    let file = File::open(path).map_err(unreadable)?;
+    let mut reader = BufReader::with_capacity(1 << 18, file);
+    let (header, header_bytes) = read_header(path, &mut reader)?;
+    let (rays, columns) = check(path, &header)?;
+    let size = reader.get_ref().metadata().map_err(unreadable)?.len();
+    let truncated = || RaysError::Truncated {
+        path: path.to_owned(),
+        shape: shape_text(header.shape()),
+        wanted: u128::from(rays) * u128::from(columns) * 4,
+        found: size.saturating_sub(header_bytes),
+    };
+    let values = NpyFile::with_header(header.clone(), reader).into_vec::<f32>();
+    let values = values.map_err(|e| match e.kind() {
+        io::ErrorKind::UnexpectedEof => truncated(),
+        _ => unreadable(e),
+    })?;
+    Ok(to_rays(&values, columns as usize, header.order()))
+}
+
+/// Writes rays as little-endian f32 in C order, (N, 6) if all cover `(0, inf)`, else (N, 8).
+///
+/// # Errors
+/// [`WriteError`]; `path` then holds what it held before.
+pub fn write_rays(
+    path: &Path,
+    rays: impl ExactSizeIterator<Item = Ray> + Clone,
+) -> Result<(), WriteError> {
+    let whole = rays
+        .clone()
+        .all(|r| r.t_min == 0.0 && r.t_max == f32::INFINITY);
+    let columns = if whole { 6 } else { 8 };
+    write_whole_seekable(path, |out| {
+        let mut npy = WriteOptions::new()
+            .default_dtype()
+            .shape(&[rays.len() as u64, columns])
+            .writer(out)
+            .begin_nd()?;
+        for r in rays {
+            let [o, d] = [r.origin, r.direction];
+            let row = [o[0], o[1], o[2], d[0], d[1], d[2], r.t_min, r.t_max];
+            npy.extend(row[..columns as usize].iter().copied())?;
+        }
+        npy.finish()
+    })
+}
+
+/// The header and its length in bytes, after checks that keep a hostile one from costing stack, memory or a panic.
+fn read_header(path: &Path, reader: &mut impl Read) -> Result<(NpyHeader, u64), RaysError> {
+    let broken = |reason: String| RaysError::NotAnArray {
+        path: path.to_owned(),
+        reason,
+    };
+    let ended = |_| broken("the file ends within its header".to_owned());
+    let mut bytes = vec![0; 8];
+    reader.read_exact(&mut bytes).map_err(ended)?;
+    if bytes[..6] != *b"\x93NUMPY" {
+        return Err(broken(
+            "it does not begin with the magic \\x93NUMPY".to_owned(),
+        ));
+    }
+    let width = if bytes[6] == 1 { 2 } else { 4 };
+    let mut length = [0; 4];
+    reader.read_exact(&mut length[..width]).map_err(ended)?;
+    bytes.extend_from_slice(&length[..width]);
+    let length = u32::from_le_bytes(length);
+    if length > MAX_HEADER {
+        return Err(broken(format!(
+            "its header of {length} bytes describes no rays"
+        )));
+    }
+    let start = bytes.len();
+    bytes.resize(start + length as usize, 0);
+    reader.read_exact(&mut bytes[start..]).map_err(ended)?;
+    if shape_digits(&bytes[start..]) > 19 {
+        return Err(broken(
+            "its header describes an array too large to exist".to_owned(),
+        ));
+    }
+    // The parser draws a picture of the place below its first words.
+    let first_words = |e: io::Error| {
+        e.to_string()
+            .split("-->")
+            .next()
+            .map(|s| s.trim().to_owned())
+    };
+    let header = NpyHeader::from_reader(&bytes[..])
+        .map_err(|e| broken(first_words(e).unwrap_or_default()))?;
+    Ok((header, bytes.len() as u64))
+}
+
+/// Digits after the key `shape`, up to the end of its tuple.
+///
+/// The product of numbers with `n` digits in all is below `10^n`; up to 19 it
+/// fits u64, which `npyz` takes for granted.
+fn shape_digits(header: &[u8]) -> usize {
+    let text = String::from_utf8_lossy(header);
+    let (_, after) = text.split_once("shape").unwrap_or(("", &text));
+    let tuple = after.split([')', ']']).next().unwrap_or("");
+    tuple.bytes().filter(u8::is_ascii_digit).count()
+}
+
+fn check(path: &Path, header: &NpyHeader) -> Result<(u64, u64), RaysError> {
+    let dtype = header.dtype();
+    let (is_f32, hint) = match &dtype {
+        DType::Plain(t) if t.type_char() == TypeChar::Float => match t.size_field() {
+            4 => (true, ""),
+            8 => (false, "; convert with rays.astype('float32')"),
+            _ => (false, ""),
+        },
+        _ => (false, ""),
+    };
+    if !is_f32 {
+        return Err(RaysError::ElementType {
+            path: path.to_owned(),
+            found: dtype.descr(),
+            hint,
+        });
+    }
+    match *header.shape() {
+        [rays, columns @ (6 | 8)] => Ok((rays, columns)),
+        _ => Err(RaysError::Shape {
+            path: path.to_owned(),
+            found: shape_text(header.shape()),
+        }),
+    }
+}
+
+fn to_rays(values: &[f32], columns: usize, order: Order) -> Vec<Ray> {
+    let rays = values.len() / columns;
+    let at = |ray: usize, column: usize| match order {
+        Order::C => values[ray * columns + column],
+        Order::Fortran => values[column * rays + ray],
+    };
+    let ray = |i| {
+        let mut ray = Ray::new(
+            std::array::from_fn(|c| at(i, c)),
+            std::array::from_fn(|c| at(i, c + 3)),
+        );
+        if columns == 8 {
+            (ray.t_min, ray.t_max) = (at(i, 6), at(i, 7));
+        }
+        ray
+    };
+    (0..rays).map(ray).collect()
+}
+
+/// A shape as Python writes it.
+fn shape_text(shape: &[u64]) -> String {
+    match shape {
+        [n] => format!("({n},)"),
+        _ => {
+            let numbers: Vec<_> = shape.iter().map(u64::to_string).collect();
+            format!("({})", numbers.join(", "))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,148 @@
+//! Rays read back as written, and everything else is refused in a sentence.
+
+use super::*;
+use std::fs;
+use tempfile::TempDir;
+
+fn rays(n: usize) -> Vec<Ray> {
+    let ray = |i| {
+        let x = i as f32;
+        Ray::new([x, x + 0.1, x + 0.2], [x + 0.3, -x, 1e-40])
+    };
+    (0..n).map(ray).collect()
+}
+
+/// A `.npy` file, version 1, from a header and data.
+fn npy(header: &str, data: &[u8]) -> Vec<u8> {
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.as_bytes());
+    bytes.extend(data);
+    bytes
+}
+
+fn header(descr: &str, fortran: &str, shape: &str) -> String {
+    format!("{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}\n")
+}
+
+fn read(bytes: &[u8]) -> Result<Vec<Ray>, String> {
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("rays.npy");
+    fs::write(&path, bytes).unwrap();
+    let text = |e: RaysError| {
+        let text = e.to_string();
+        assert!(text.contains("rays.npy") && !text.contains('\n'), "{text}");
+        text
+    };
+    read_rays(&path).map_err(text)
+}
+
+fn refused(bytes: &[u8], because: &[&str]) {
+    let text = read(bytes).unwrap_err();
+    for part in because {
+        assert!(text.contains(part), "'{text}' lacks '{part}'");
+    }
+}
+
+#[test]
+fn rays_read_back_as_written() {
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("rays.npy");
+    for mut rays in [rays(0), rays(5), rays(1)] {
+        write_rays(&path, rays.iter().copied()).unwrap();
+        assert_eq!(read_rays(&path).unwrap(), rays);
+        for ray in &mut rays {
+            (ray.t_min, ray.t_max) = (0.25, 4.0);
+        }
+        write_rays(&path, rays.iter().copied()).unwrap();
+        assert_eq!(read_rays(&path).unwrap(), rays);
+    }
+}
+
+#[test]
+fn byte_order_and_axis_order_do_not_matter() {
+    let want = rays(3);
+    let table: Vec<[f32; 6]> = want
+        .iter()
+        .map(|r| {
+            std::array::from_fn(|c| {
+                if c < 3 {
+                    r.origin[c]
+                } else {
+                    r.direction[c - 3]
+                }
+            })
+        })
+        .collect();
+    let by_column = || (0..6).flat_map(|c| table.iter().map(move |row| row[c]));
+    let little: Vec<u8> = by_column().flat_map(f32::to_le_bytes).collect();
+    assert_eq!(
+        read(&npy(&header("<f4", "True", "(3, 6)"), &little)).unwrap(),
+        want
+    );
+    let big: Vec<u8> = table
+        .iter()
+        .flatten()
+        .flat_map(|x| x.to_be_bytes())
+        .collect();
+    assert_eq!(
+        read(&npy(&header(">f4", "False", "(3, 6)"), &big)).unwrap(),
+        want
+    );
+}
+
+#[test]
+fn another_type_is_named() {
+    let f64s = npy(&header("<f8", "False", "(1, 6)"), &[0; 48]);
+    refused(&f64s, &["float32", "'<f8'", "astype"]);
+    let ints = npy(&header("<i4", "False", "(1, 6)"), &[0; 24]);
+    refused(&ints, &["float32", "'<i4'"]);
+    refused(
+        &npy(&header("|O", "False", "(1, 6)"), &[0; 24]),
+        &["float32"],
+    );
+    let record = "{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (1, 6)}";
+    refused(&npy(record, &[0; 24]), &["float32"]);
+}
+
+#[test]
+fn another_shape_is_named() {
+    for shape in ["(6,)", "(2, 7)", "(1, 2, 3)", "()", "(6, 2)"] {
+        let file = npy(&header("<f4", "False", shape), &[0; 64]);
+        refused(&file, &["(N, 6) or (N, 8)", shape]);
+    }
+}
+
+#[test]
+fn a_truncated_file_is_refused_wherever_it_ends() {
+    let whole = npy(&header("<f4", "False", "(2, 6)"), &[0; 48]);
+    assert!(read(&whole).is_ok());
+    for end in 0..whole.len() {
+        read(&whole[..end]).unwrap_err();
+    }
+    refused(&whole[..whole.len() - 1], &["truncated", "48", "47"]);
+}
+
+#[test]
+fn hostile_headers_neither_panic_nor_allocate() {
+    let huge = "(4294967296, 4294967296)";
+    refused(&npy(&header("<f4", "False", huge), &[]), &["too large"]);
+    let many = format!("({}6)", "99, ".repeat(20));
+    refused(&npy(&header("<f4", "False", &many), &[]), &["too large"]);
+    let long = "(999999999999, 6)";
+    refused(&npy(&header("<f4", "False", long), &[]), &["truncated"]);
+    refused(&npy(&"(".repeat(4000), &[]), &["not a .npy array"]);
+    refused(&npy(&"(".repeat(60_000), &[]), &["not a .npy array"]);
+    refused(b"ox oy oz\n0 0 0\n", &["magic"]);
+    refused(b"", &["not a .npy array"]);
+    refused(
+        b"\x93NUMPY\x09\x00\x02\x00\x00\x00{}",
+        &["not a .npy array"],
+    );
+}
+
+#[test]
+fn a_missing_file_is_unreadable() {
+    let e = read_rays(Path::new("no/such/rays.npy")).unwrap_err();
+    assert!(matches!(e, RaysError::Unreadable { .. }));
+}

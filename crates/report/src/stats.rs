@@ -1,0 +1,212 @@
+//! The statistics file: one JSON object, schema 1. What is not known is `null`.
+
+use crate::{WriteError, write_whole};
+use serde::{Serialize, Serializer};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// The version of the file's schema.
+pub const SCHEMA: u32 = 1;
+
+/// All that is said of one run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Stats {
+    /// [`SCHEMA`].
+    pub schema: u32,
+    /// Version of the program.
+    pub version: String,
+    /// The command line, program first.
+    pub command_line: Vec<String>,
+    /// What was rendered.
+    pub scene: SceneFacts,
+    /// Name of the backend.
+    pub backend: String,
+    /// The device's own name.
+    pub adapter: String,
+    /// Driver and version.
+    pub driver: Option<String>,
+    /// Threads that render.
+    pub threads: usize,
+    /// Threads that build.
+    pub builder_threads: usize,
+    /// Update policy, as carried out.
+    pub update: String,
+    /// Frames between asking for a tree and taking it up, where fixed.
+    pub lockstep: Option<u64>,
+    /// Intersector.
+    pub intersector: String,
+    /// Layout of the tree.
+    pub layout: String,
+    /// Pixels of a frame: width, height.
+    pub size: [u32; 2],
+    /// One row a frame.
+    pub frames: Vec<FrameStats>,
+    /// Times over all frames, by name; see [`TIMES`].
+    pub summary: BTreeMap<&'static str, Option<Summary>>,
+}
+
+/// What was rendered.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneFacts {
+    /// Its name.
+    pub name: String,
+    /// Key frames.
+    pub keys: usize,
+    /// Vertices in each.
+    pub vertices: usize,
+    /// Triangles, inactive ones included.
+    pub triangles: usize,
+    /// Triangles active in some key frame.
+    pub live: usize,
+    /// What else its source told.
+    pub facts: serde_json::Value,
+}
+
+/// One frame. Times in milliseconds.
+#[derive(Clone, Debug, Default, Serialize)]
+#[expect(
+    missing_docs,
+    reason = "the names are the schema's, listed in the manual"
+)]
+pub struct FrameStats {
+    pub frame: usize,
+    #[serde(serialize_with = "rounded")]
+    pub time: f64,
+    #[serde(serialize_with = "maybe_rounded")]
+    pub interpolate_ms: Option<f64>,
+    #[serde(serialize_with = "maybe_rounded")]
+    pub preprocess_ms: Option<f64>,
+    #[serde(serialize_with = "maybe_rounded")]
+    pub refit_ms: Option<f64>,
+    #[serde(serialize_with = "maybe_rounded")]
+    pub trace_primary_ms: Option<f64>,
+    #[serde(serialize_with = "maybe_rounded")]
+    pub trace_shadow_ms: Option<f64>,
+    #[serde(serialize_with = "maybe_rounded")]
+    pub device_ms: Option<f64>,
+    #[serde(serialize_with = "maybe_rounded")]
+    pub wall_ms: Option<f64>,
+    pub tree_generation: u64,
+    pub tree_age_frames: u64,
+    pub adopted: bool,
+    #[serde(serialize_with = "maybe_rounded")]
+    pub build_ms: Option<f64>,
+    #[serde(serialize_with = "maybe_rounded")]
+    pub convert_ms: Option<f64>,
+    pub upload_bytes: u64,
+    pub readback_bytes: u64,
+    #[serde(serialize_with = "maybe_rounded")]
+    pub sah_ratio: Option<f64>,
+    pub hits: u64,
+    pub blocked: u64,
+    pub inactive: u64,
+    pub degenerate: u64,
+}
+
+/// One quantity over all frames that know it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// The middle one (of an even number, the mean of the middle two).
+    #[serde(serialize_with = "rounded")]
+    pub median: f64,
+    /// The least that 95 of 100 do not exceed (nearest rank).
+    #[serde(serialize_with = "rounded")]
+    pub p95: f64,
+    /// The largest.
+    #[serde(serialize_with = "rounded")]
+    pub worst: f64,
+}
+
+impl Summary {
+    /// Of `values`; `None` if there are none.
+    #[must_use]
+    pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
+        let mut sorted: Vec<f64> = values.into_iter().collect();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let n = sorted.len();
+        let worst = *sorted.last()?;
+        Some(Self {
+            median: f64::midpoint(sorted[(n - 1) / 2], sorted[n / 2]),
+            p95: sorted[(n * 95).div_ceil(100) - 1],
+            worst,
+        })
+    }
+}
+
+/// Reads one time of a frame.
+pub type Time = fn(&FrameStats) -> Option<f64>;
+
+/// The times that are summed up, in the order of the stages.
+pub const TIMES: [(&str, Time); 9] = [
+    ("interpolate_ms", |f| f.interpolate_ms),
+    ("preprocess_ms", |f| f.preprocess_ms),
+    ("refit_ms", |f| f.refit_ms),
+    ("trace_primary_ms", |f| f.trace_primary_ms),
+    ("trace_shadow_ms", |f| f.trace_shadow_ms),
+    ("device_ms", |f| f.device_ms),
+    ("wall_ms", |f| f.wall_ms),
+    ("build_ms", |f| f.build_ms),
+    ("convert_ms", |f| f.convert_ms),
+];
+
+/// Sums every time up over the frames that know it.
+#[must_use]
+pub fn summarize(frames: &[FrameStats]) -> BTreeMap<&'static str, Option<Summary>> {
+    let of = |time: Time| Summary::of(frames.iter().filter_map(time));
+    TIMES.iter().map(|&(name, time)| (name, of(time))).collect()
+}
+
+/// Writes `value` as indented JSON with a newline at the end.
+///
+/// # Errors
+/// [`WriteError`]; `path` then holds what it held before.
+pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), WriteError> {
+    let mut bytes = serde_json::to_vec_pretty(value)
+        .map_err(|e| WriteError::new(path, std::io::Error::other(e)))?;
+    bytes.push(b'\n');
+    write_whole(path, &bytes)
+}
+
+/// Six digits after the point: nanoseconds of a millisecond.
+fn round(x: f64) -> f64 {
+    (x * 1e6).round() / 1e6
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
+fn rounded<S: Serializer>(x: &f64, s: S) -> Result<S::Ok, S::Error> {
+    s.serialize_f64(round(*x))
+}
+
+#[expect(clippy::ref_option, reason = "serde's signature")]
+fn maybe_rounded<S: Serializer>(x: &Option<f64>, s: S) -> Result<S::Ok, S::Error> {
+    x.map(round).serialize(s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_those_of_the_sorted_values() {
+        let s = Summary::of((1..=100).rev().map(f64::from)).unwrap();
+        assert_eq!((s.median, s.p95, s.worst), (50.5, 95.0, 100.0));
+        let s = Summary::of([3.0, 1.0, 2.0]).unwrap();
+        assert_eq!((s.median, s.p95, s.worst), (2.0, 3.0, 3.0));
+        assert_eq!(Summary::of([]), None);
+    }
+
+    #[test]
+    fn unknown_numbers_are_null_and_known_ones_are_rounded() {
+        let frame = FrameStats {
+            refit_ms: Some(1.0 / 3.0),
+            sah_ratio: Some(f64::NAN),
+            ..FrameStats::default()
+        };
+        let json = serde_json::to_value(&frame).unwrap();
+        assert_eq!(json["refit_ms"], 0.333_333);
+        assert!(json["build_ms"].is_null() && json["sah_ratio"].is_null());
+        let summary = serde_json::to_value(summarize(&[frame])).unwrap();
+        assert_eq!(summary["refit_ms"]["median"], 0.333_333);
+        assert!(summary["build_ms"].is_null());
+    }
+}

@@ -1,0 +1,173 @@
+//! A file whose every index leads somewhere, and its buffers.
+
+use super::wrong;
+use crate::{Place, SceneError};
+use base64::Engine;
+use base64::alphabet::STANDARD;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use gltf::json::validation::Validate;
+use gltf::json::{self, Root};
+use gltf::{Document, buffer};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What was read.
+pub(super) struct File {
+    pub(super) path: PathBuf,
+    pub(super) document: Document,
+    pub(super) buffers: Vec<Vec<u8>>,
+}
+
+/// Extensions that change how surfaces look and not where they are.
+const LOOKS: [&str; 5] = [
+    "KHR_materials_",
+    "KHR_texture_",
+    "KHR_lights_",
+    "KHR_xmp",
+    "EXT_texture_",
+];
+
+impl File {
+    pub(super) fn open(path: &Path) -> Result<Self, SceneError> {
+        let bytes = fs::read(path).map_err(|e| SceneError::unreadable(path, e))?;
+        let malformed =
+            |cause: &dyn std::fmt::Display| SceneError::malformed(path, Place::File, cause);
+        check_container(&bytes).map_err(|cause| malformed(&cause))?;
+        let read = gltf::Gltf::from_slice_without_validation(&bytes);
+        let gltf = read.map_err(|e| malformed(&format!("not glTF: {e}")))?;
+        let mut root = gltf.document.into_json();
+        make_safe(&mut root).map_err(|cause| malformed(&cause))?;
+        let document = Document::from_json_without_validation(root);
+        let mut file = Self {
+            path: path.to_owned(),
+            document,
+            buffers: Vec::new(),
+        };
+        file.buffers = file.load(gltf.blob)?;
+        Ok(file)
+    }
+
+    fn load(&self, mut blob: Option<Vec<u8>>) -> Result<Vec<Vec<u8>>, SceneError> {
+        let load = |buffer: buffer::Buffer<'_>| {
+            let place = Place::Item("buffer", buffer.index());
+            let data = match buffer.source() {
+                buffer::Source::Bin => blob.take().ok_or("the file has no binary chunk".to_owned()),
+                buffer::Source::Uri(uri) => self.fetch(uri),
+            };
+            let data = data.map_err(|cause| wrong(self, place.clone(), cause))?;
+            let (found, needed) = (data.len(), buffer.length());
+            if found < needed {
+                return Err(wrong(
+                    self,
+                    place,
+                    format!("{needed} bytes are declared, {found} are there"),
+                ));
+            }
+            Ok(data)
+        };
+        self.document.buffers().map(load).collect()
+    }
+
+    /// The bytes of a base64 data URI or of a file beside this one.
+    fn fetch(&self, uri: &str) -> Result<Vec<u8>, String> {
+        if let Some(data) = uri.strip_prefix("data:") {
+            let (kind, data) = data.split_once(',').ok_or("a data URI without data")?;
+            if !kind.ends_with(";base64") {
+                return Err("a data URI that is not base64".to_owned());
+            }
+            let config = GeneralPurposeConfig::new()
+                .with_decode_padding_mode(DecodePaddingMode::Indifferent);
+            let decoded = GeneralPurpose::new(&STANDARD, config).decode(data.trim());
+            return decoded.map_err(|e| format!("bad base64: {e}"));
+        }
+        if uri.contains("://") {
+            return Err(format!(
+                "{uri:?} is not a file beside this one; nothing is fetched from a network"
+            ));
+        }
+        let name = percent_encoding::percent_decode_str(uri).decode_utf8_lossy();
+        let beside = self
+            .path
+            .parent()
+            .unwrap_or(Path::new(""))
+            .join(name.as_ref());
+        fs::read(&beside).map_err(|e| format!("cannot read {}: {e}", beside.display()))
+    }
+}
+
+/// The `gltf` crate subtracts from a GLB's length before it looks at it.
+fn check_container(bytes: &[u8]) -> Result<(), String> {
+    if !bytes.starts_with(b"glTF") {
+        return Ok(());
+    }
+    let length = bytes
+        .get(8..12)
+        .and_then(|b| b.first_chunk())
+        .map(|b| u32::from_le_bytes(*b));
+    match length {
+        Some(length) if (length as usize) > bytes.len() => {
+            let found = bytes.len();
+            Err(format!(
+                "the file is cut short: {length} bytes are declared, {found} are there"
+            ))
+        }
+        Some(length) if length >= 20 => Ok(()),
+        _ => Err("the file is cut short within its header".to_owned()),
+    }
+}
+
+/// Checks all that later code takes for granted: indices, known values, supported extensions.
+fn make_safe(root: &mut Root) -> Result<(), String> {
+    root.extensions_required
+        .retain(|name| !LOOKS.iter().any(|start| name.starts_with(start)));
+    if let Some(name) = root.extensions_required.first() {
+        return Err(format!(
+            "the file requires the extension {name}, which is not supported"
+        ));
+    }
+    check_attributes(root)?;
+    check_samplers(root)?;
+    let mut first = None;
+    root.validate(root, json::Path::new, &mut |path, error| {
+        first.get_or_insert_with(|| format!("{}: {error}", path()));
+    });
+    first.map_or(Ok(()), Err)
+}
+
+/// The validation of `gltf` 1.4 panics on these if they lead nowhere, and insists on bounds that are not used here.
+fn check_attributes(root: &mut Root) -> Result<(), String> {
+    let accessors = root.accessors.len();
+    let bounds = json::serialize::to_value([0.0_f32; 3]).ok();
+    for (m, mesh) in root.meshes.iter().enumerate() {
+        for (p, primitive) in mesh.primitives.iter().enumerate() {
+            for (semantic, index) in &primitive.attributes {
+                let index = index.value();
+                if index >= accessors {
+                    let name = semantic.to_string();
+                    return Err(format!(
+                        "meshes[{m}].primitives[{p}].attributes[{name:?}]: accessor {index} does not exist, there are {accessors}"
+                    ));
+                }
+                root.accessors[index].min.clone_from(&bounds);
+                root.accessors[index].max.clone_from(&bounds);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The validation of `gltf` 1.4 does not look at these.
+fn check_samplers(root: &Root) -> Result<(), String> {
+    for (a, animation) in root.animations.iter().enumerate() {
+        let samplers = animation.samplers.len();
+        for (c, channel) in animation.channels.iter().enumerate() {
+            let sampler = channel.sampler.value();
+            if sampler >= samplers {
+                return Err(format!(
+                    "animations[{a}].channels[{c}]: sampler {sampler} does not exist, there are {samplers}"
+                ));
+            }
+        }
+    }
+    Ok(())
+}

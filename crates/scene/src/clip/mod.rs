@@ -1,0 +1,178 @@
+//! glTF: one clip of a file's animations, sampled to vertex key frames.
+//!
+//! After the glTF 2.0 specification (Khronos): node transforms, skins and
+//! morph targets are evaluated at each key in double precision and rounded
+//! once. Textures, cameras and lights are not read.
+
+mod accessor;
+mod document;
+mod motion;
+mod part;
+mod rig;
+mod track;
+
+use crate::mesh::within;
+use crate::{Facts, MAX_FPS, Options, Place, Rgb, Scene, SceneError};
+use document::File;
+use geom::{Animation, Point};
+use motion::Motion;
+use part::Part;
+use rayon::prelude::*;
+use rig::Rig;
+use std::path::Path;
+use std::sync::Arc;
+
+/// The most key frames sampled from a clip.
+const MAX_KEYS: usize = 1 << 16;
+/// The most vertices in all key frames together: 48 GiB.
+const MAX_POSITIONS: usize = 1 << 32;
+
+/// Opens a `.gltf` or `.glb` file.
+pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene, SceneError> {
+    let fps = options.fps;
+    if !(fps > 0.0 && fps <= MAX_FPS) {
+        return Err(SceneError::BadFrameRate { fps });
+    }
+    let file = File::open(path)?;
+    let rig = Rig::new(&file)?;
+    let mut notes = Vec::new();
+    let parts = part::all(&file, &rig, &mut notes)?;
+    let clip = choose(&file, options, &mut notes)?;
+    let motion = match &clip {
+        Some(clip) => Motion::of(&file, clip)?,
+        None => Motion::default(),
+    };
+    let times = times(path, motion.span(), fps)?;
+    let (triangles, colours) = join(path, &parts, times.len(), &notes)?;
+    let keys = times
+        .par_iter()
+        .map(|&time| key_frame(&rig, &motion, &parts, time))
+        .collect();
+    let facts = Facts {
+        format: extension(path),
+        files: vec![path.to_owned()],
+        clip: clip.as_ref().map(clip_name),
+        seconds_per_key: (times.len() > 1).then(|| times[1] - times[0]),
+        notes,
+    };
+    let animation = Arc::new(Animation::new(keys, triangles)?);
+    Ok(Scene {
+        name,
+        animation,
+        colours,
+        facts,
+    })
+}
+
+fn extension(path: &Path) -> String {
+    path.extension()
+        .map(|e| e.to_string_lossy().to_lowercase())
+        .unwrap_or_default()
+}
+
+/// Its name, or its index if it has none.
+fn clip_name(clip: &gltf::Animation<'_>) -> String {
+    clip.name()
+        .map_or_else(|| clip.index().to_string(), str::to_owned)
+}
+
+/// The clip asked for, by name or else by index; the first if none is asked for.
+fn choose<'a>(
+    file: &'a File,
+    options: &Options,
+    notes: &mut Vec<String>,
+) -> Result<Option<gltf::Animation<'a>>, SceneError> {
+    let mut clips = file.document.animations();
+    let all: Vec<_> = clips.clone().map(|clip| clip_name(&clip)).collect();
+    let Some(asked) = &options.clip else {
+        if all.len() > 1 {
+            notes.push(format!(
+                "took the first of {} clips: {}",
+                all.len(),
+                all.join(", ")
+            ));
+        }
+        return Ok(clips.next());
+    };
+    let named = all.iter().position(|name| name == asked);
+    let index = named.or_else(|| asked.parse().ok());
+    match index.and_then(|i| clips.nth(i)) {
+        Some(clip) => Ok(Some(clip)),
+        None => {
+            let (path, asked) = (file.path.clone(), asked.clone());
+            Err(SceneError::UnknownClip {
+                path,
+                asked,
+                clips: all,
+            })
+        }
+    }
+}
+
+/// Times in seconds from end to end of the clip, evenly spaced, `fps` a second or a little more.
+fn times(path: &Path, [start, end]: [f64; 2], fps: f64) -> Result<Vec<f64>, SceneError> {
+    // The allowance keeps rounding from adding a key: 2.0000001 s are two.
+    let steps = ((end - start) * fps - 1e-4).ceil().max(0.0) as usize;
+    within(path, "key frames", steps.saturating_add(1), MAX_KEYS)?;
+    let at = |i: usize| {
+        if i == steps {
+            end
+        } else {
+            start + (end - start) * (i as f64 / steps as f64)
+        }
+    };
+    Ok((0..=steps).map(at).collect())
+}
+
+/// All triangles, renumbered over all parts, and their colours.
+fn join(
+    path: &Path,
+    parts: &[Part],
+    keys: usize,
+    notes: &[String],
+) -> Result<(Vec<[u32; 3]>, Vec<Rgb>), SceneError> {
+    let vertices = parts.iter().map(Part::vertices).sum::<usize>();
+    let count = parts.iter().map(|p| p.triangles.len()).sum();
+    within(path, "vertices", vertices, u32::MAX as usize)?;
+    within(
+        path,
+        "vertices in all key frames",
+        vertices.saturating_mul(keys),
+        MAX_POSITIONS,
+    )?;
+    within(path, "triangles", count, Animation::MAX_TRIANGLES)?;
+    if count == 0 {
+        let hint = notes
+            .first()
+            .map_or_else(String::new, |note| format!("; {note}"));
+        return Err(SceneError::NoTriangles {
+            path: path.to_owned(),
+            hint,
+        });
+    }
+    let mut triangles = Vec::with_capacity(count);
+    let mut colours = Vec::with_capacity(count);
+    let mut first = 0;
+    for part in parts {
+        triangles.extend(part.triangles.iter().map(|t| t.map(|v| v + first)));
+        colours.extend(std::iter::repeat_n(part.colour, part.triangles.len()));
+        first += part.vertices() as u32;
+    }
+    Ok((triangles, colours))
+}
+
+fn key_frame(rig: &Rig, motion: &Motion, parts: &[Part], time: f64) -> Vec<Point> {
+    let pose = rig.pose(motion, time);
+    parts
+        .iter()
+        .flat_map(|part| part.positions(&pose, motion, time))
+        .collect()
+}
+
+/// A message about something in the JSON.
+fn wrong(file: &File, place: Place, cause: impl std::fmt::Display) -> SceneError {
+    SceneError::malformed(&file.path, place, cause)
+}
+
+#[cfg(test)]
+mod tests;

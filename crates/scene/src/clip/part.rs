@@ -1,0 +1,316 @@
+//! What is drawn: a primitive of a mesh at a node, with its morph targets and its skin.
+
+use super::accessor::{indices, matrices, vectors};
+use super::document::File;
+use super::motion::Motion;
+use super::rig::{Pose, Rig};
+use super::wrong;
+use crate::colour::from_linear;
+use crate::mesh::compact;
+use crate::{Place, Rgb, SceneError};
+use geom::Point;
+use glam::{DMat4, DVec3, Mat4};
+use gltf::mesh::Mode;
+use gltf::{Node, Primitive, Semantic};
+use std::collections::BTreeMap;
+
+/// One primitive at one node.
+pub(super) struct Part {
+    node: usize,
+    pub(super) triangles: Vec<[u32; 3]>,
+    pub(super) colour: Rgb,
+    rest: Vec<DVec3>,
+    /// Displacements of every vertex, for each morph target that has any.
+    targets: Vec<(usize, Vec<DVec3>)>,
+    /// Weights of the morph targets where no clip sets them.
+    weights: Vec<f64>,
+    skin: Option<Skin>,
+}
+
+/// A skin as one primitive uses it.
+struct Skin {
+    /// (Node, inverse bind matrix) of each joint.
+    joints: Vec<(usize, DMat4)>,
+    /// (Joint, weight) of each vertex, weights with sum 1; none for a vertex that follows its node.
+    holds: Vec<Vec<(usize, f64)>>,
+}
+
+/// All primitives of triangles in the scene, in the order of its nodes.
+pub(super) fn all(
+    file: &File,
+    rig: &Rig,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Part>, SceneError> {
+    let nodes: Vec<_> = file.document.nodes().collect();
+    let mut parts = Vec::new();
+    let mut skipped = BTreeMap::new();
+    for node in rig.visible(file).into_iter().map(|i| &nodes[i]) {
+        for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
+            match primitive.mode() {
+                Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan => {
+                    parts.push(Part::new(file, node, &primitive, notes)?);
+                }
+                mode => *skipped.entry(format!("{mode:?}")).or_insert(0) += 1,
+            }
+        }
+    }
+    notes.extend(
+        skipped
+            .iter()
+            .map(|(mode, n)| format!("skipped {n} primitives of mode {mode}")),
+    );
+    Ok(parts)
+}
+
+impl Part {
+    fn new(
+        file: &File,
+        node: &Node<'_>,
+        primitive: &Primitive<'_>,
+        notes: &mut Vec<String>,
+    ) -> Result<Self, SceneError> {
+        // The document was checked to have positions everywhere.
+        let positions = primitive.get(&Semantic::Positions);
+        let positions = positions.map_or(Ok(Vec::new()), |a| vectors::<3>(file, &a))?;
+        let mut triangles = triangles(file, primitive, positions.len(), notes)?;
+        let mut targets = Vec::new();
+        for (number, target) in primitive.morph_targets().enumerate() {
+            let Some(accessor) = target.positions() else {
+                continue;
+            };
+            let moves = vectors::<3>(file, &accessor)?;
+            check_count(file, accessor.index(), moves.len(), positions.len())?;
+            targets.push((number, moves));
+        }
+        let mut skin = node
+            .skin()
+            .map(|skin| Skin::new(file, &skin, primitive, positions.len()))
+            .transpose()?;
+        let kept = compact(&mut triangles, positions.len());
+        if let Some(skin) = &mut skin {
+            skin.holds = kept
+                .iter()
+                .map(|&v| std::mem::take(&mut skin.holds[v as usize]))
+                .collect();
+        }
+        let keep = |from: Vec<[f32; 3]>| {
+            kept.iter()
+                .map(|&v| DVec3::from_array(from[v as usize].map(f64::from)))
+                .collect()
+        };
+        let weights = node
+            .weights()
+            .or_else(|| node.mesh()?.weights())
+            .unwrap_or_default();
+        let [r, g, b, _] = primitive
+            .material()
+            .pbr_metallic_roughness()
+            .base_color_factor();
+        Ok(Self {
+            node: node.index(),
+            triangles,
+            colour: from_linear([r, g, b]),
+            rest: keep(positions),
+            targets: targets
+                .into_iter()
+                .map(|(number, moves)| (number, keep(moves)))
+                .collect(),
+            weights: weights.iter().map(|&w| f64::from(w)).collect(),
+            skin,
+        })
+    }
+
+    /// How many vertices it has.
+    pub(super) fn vertices(&self) -> usize {
+        self.rest.len()
+    }
+
+    /// Where its vertices stand.
+    pub(super) fn positions(&self, pose: &Pose, motion: &Motion, time: f64) -> Vec<Point> {
+        let mut points = self.rest.clone();
+        let weights = motion.weights(self.node, time);
+        let weights = weights.as_ref().unwrap_or(&self.weights);
+        for (number, moves) in &self.targets {
+            let weight = weights.get(*number).copied().unwrap_or(0.0);
+            if weight != 0.0 {
+                points
+                    .iter_mut()
+                    .zip(moves)
+                    .for_each(|(p, m)| *p += weight * *m);
+            }
+        }
+        let world = pose.world(self.node);
+        match &self.skin {
+            Some(skin) => skin.bend(&mut points, pose, world),
+            None => points
+                .iter_mut()
+                .for_each(|p| *p = world.transform_point3(*p)),
+        }
+        points.into_iter().map(|p| p.as_vec3().to_array()).collect()
+    }
+}
+
+impl Skin {
+    fn new(
+        file: &File,
+        skin: &gltf::Skin<'_>,
+        primitive: &Primitive<'_>,
+        vertices: usize,
+    ) -> Result<Self, SceneError> {
+        let nodes: Vec<usize> = skin.joints().map(|joint| joint.index()).collect();
+        let binds = match skin.inverse_bind_matrices() {
+            Some(accessor) => {
+                let binds = matrices(file, &accessor)?;
+                if binds.len() < nodes.len() {
+                    let cause = format!(
+                        "{} inverse bind matrices for {} joints",
+                        binds.len(),
+                        nodes.len()
+                    );
+                    return Err(wrong(file, Place::Item("skin", skin.index()), cause));
+                }
+                binds
+                    .iter()
+                    .map(|m| Mat4::from_cols_array_2d(m).as_dmat4())
+                    .collect()
+            }
+            None => vec![DMat4::IDENTITY; nodes.len()],
+        };
+        let joints: Vec<_> = nodes.into_iter().zip(binds).collect();
+        let mut holds = vec![Vec::new(); vertices];
+        for set in 0.. {
+            let (numbers, weights) = (
+                primitive.get(&Semantic::Joints(set)),
+                primitive.get(&Semantic::Weights(set)),
+            );
+            let (Some(numbers), Some(weights)) = (numbers, weights) else {
+                break;
+            };
+            add_holds(file, &mut holds, joints.len(), (&numbers, &weights))?;
+        }
+        holds.iter_mut().for_each(normalise);
+        Ok(Self { joints, holds })
+    }
+
+    /// Each vertex goes where its joints take it; the node itself has no say (glTF 2.0, 3.7.3.3).
+    fn bend(&self, points: &mut [DVec3], pose: &Pose, world: DMat4) {
+        let joints: Vec<DMat4> = self
+            .joints
+            .iter()
+            .map(|&(node, bind)| pose.world(node) * bind)
+            .collect();
+        for (p, holds) in points.iter_mut().zip(&self.holds) {
+            *p = match holds.as_slice() {
+                [] => world.transform_point3(*p),
+                holds => holds
+                    .iter()
+                    .map(|&(joint, weight)| weight * joints[joint].transform_point3(*p))
+                    .sum(),
+            };
+        }
+    }
+}
+
+/// Adds the four joints a vertex of one set. A weight of zero may name any joint.
+fn add_holds(
+    file: &File,
+    holds: &mut [Vec<(usize, f64)>],
+    joints: usize,
+    (numbers, weights): (&gltf::Accessor<'_>, &gltf::Accessor<'_>),
+) -> Result<(), SceneError> {
+    let place = Place::Item("accessor", numbers.index());
+    let (found, weight) = (vectors::<4>(file, numbers)?, vectors::<4>(file, weights)?);
+    check_count(file, numbers.index(), found.len(), holds.len())?;
+    check_count(file, weights.index(), weight.len(), holds.len())?;
+    for (vertex, (found, weight)) in found.into_iter().zip(weight).enumerate() {
+        for (joint, weight) in found.into_iter().zip(weight).filter(|(_, w)| *w != 0.0) {
+            let joint = joint as usize;
+            if joint >= joints {
+                return Err(wrong(
+                    file,
+                    place,
+                    format!("vertex {vertex} hangs on joint {joint}, but the skin has {joints}"),
+                ));
+            }
+            holds[vertex].push((joint, f64::from(weight)));
+        }
+    }
+    Ok(())
+}
+
+/// Weights are often stored in a few bits: their sum is made 1.
+fn normalise(holds: &mut Vec<(usize, f64)>) {
+    let sum: f64 = holds.iter().map(|h| h.1).sum();
+    if sum == 0.0 {
+        holds.clear();
+    }
+    holds.iter_mut().for_each(|h| h.1 /= sum);
+}
+
+fn check_count(
+    file: &File,
+    accessor: usize,
+    found: usize,
+    vertices: usize,
+) -> Result<(), SceneError> {
+    if found == vertices {
+        return Ok(());
+    }
+    let cause = format!("{found} elements for {vertices} vertices");
+    Err(wrong(file, Place::Item("accessor", accessor), cause))
+}
+
+/// Vertices of each triangle, in the order of the file.
+fn triangles(
+    file: &File,
+    primitive: &Primitive<'_>,
+    vertices: usize,
+    notes: &mut Vec<String>,
+) -> Result<Vec<[u32; 3]>, SceneError> {
+    let accessor = primitive.indices();
+    let list = match &accessor {
+        Some(accessor) => indices(file, accessor)?,
+        None => (0..vertices as u32).collect(),
+    };
+    if let Some((at, vertex)) = list
+        .iter()
+        .enumerate()
+        .find(|(_, v)| **v as usize >= vertices)
+    {
+        let place = accessor.map_or(Place::File, |a| Place::Item("accessor", a.index()));
+        return Err(wrong(
+            file,
+            place,
+            format!("index {at} names vertex {vertex}, but there are {vertices}"),
+        ));
+    }
+    Ok(match primitive.mode() {
+        Mode::TriangleStrip => list
+            .windows(3)
+            .enumerate()
+            .map(|(i, w)| {
+                if i % 2 == 0 {
+                    [w[0], w[1], w[2]]
+                } else {
+                    [w[0], w[2], w[1]]
+                }
+            })
+            .collect(),
+        Mode::TriangleFan => list
+            .iter()
+            .skip(1)
+            .zip(list.iter().skip(2))
+            .map(|(&b, &c)| [list[0], b, c])
+            .collect(),
+        _ => {
+            let (whole, rest) = list.as_chunks::<3>();
+            if !rest.is_empty() {
+                notes.push(format!(
+                    "left out {} indices that make no whole triangle",
+                    rest.len()
+                ));
+            }
+            whole.to_vec()
+        }
+    })
+}

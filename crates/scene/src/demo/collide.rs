@@ -1,0 +1,230 @@
+//! `demo:collide`: two soft bodies fly at each other, flatten, break contact and wobble away; splinters burst out between them.
+
+use super::chance::{between, direction, noise};
+use super::flight::Flight;
+use super::shapes::{cube, cube_cuts, onto_ball, sheet, sheet_size};
+use super::stage::{Part, assemble, blend, rotation, shade};
+use crate::Rgb;
+use geom::{Animation, AnimationError};
+use glam::{DAffine3, DMat3, DVec3};
+use std::f64::consts::{PI, TAU};
+
+/// Triangles unless asked otherwise.
+pub(super) const TRIANGLES: usize = 252_000;
+const KEYS: u32 = 24;
+/// The whole time, for what falls.
+const SECONDS: f64 = 2.0;
+/// When the bodies touch and part, of the whole time.
+const CONTACT: [f64; 2] = [0.32, 0.52];
+/// Speeds of either body before and after, in radii a whole time.
+const SPEED: [f64; 2] = [6.5, 4.6];
+const FLOOR: Rgb = [205, 203, 210];
+
+/// One of the two bodies: `side` is -1 for the left one.
+#[derive(Clone, Copy)]
+struct Body {
+    side: f64,
+    /// Height of its lobes.
+    lobes: f64,
+    axis: DVec3,
+    spin: f64,
+}
+
+const BODIES: [Body; 2] = [
+    Body {
+        side: -1.0,
+        lobes: 0.1,
+        axis: DVec3::Z,
+        spin: -0.55 * TAU,
+    },
+    Body {
+        side: 1.0,
+        lobes: 0.0,
+        axis: DVec3::new(0.0, 0.6, 0.8),
+        spin: 0.45 * TAU,
+    },
+];
+
+/// About `budget` triangles: two bodies of equal size, a floor, splinters once there is room for them.
+pub(super) fn build(budget: usize) -> Result<(Animation, Vec<Rgb>), AnimationError> {
+    let cuts = cube_cuts(budget * 46 / 100);
+    let mut parts: Vec<Part> = BODIES.into_iter().map(|b| body(b, cuts)).collect();
+    let left = budget.saturating_sub(24 * (cuts * cuts) as usize);
+    let floor = floor((left / 4).max(2));
+    let splinters = left.saturating_sub(floor.len()) / 12;
+    parts.push(floor);
+    parts.extend((0..splinters as u64).map(splinter));
+    assemble(&parts, KEYS)
+}
+
+fn body(body: Body, cuts: u32) -> Part {
+    let mesh = cube(cuts).map(|p| relief(body, onto_ball(p)));
+    Part::new(
+        mesh,
+        move |p| paint(body, p),
+        move |time| move |p| body.place(p, time),
+    )
+}
+
+/// Meridian lobes, flattened at the poles, so that one body looks like a pumpkin.
+fn relief(body: Body, p: DVec3) -> DVec3 {
+    let angle = libm::atan2(p.z, p.x);
+    let rim = 1.0 - p.y * p.y;
+    p * (1.0 - body.lobes * rim * (0.5 - 0.5 * libm::cos(10.0 * angle)))
+}
+
+fn paint(body: Body, p: DVec3) -> Rgb {
+    let speckle = 0.06 * noise(71, p * 20.0);
+    if body.side < 0.0 {
+        let groove = 0.5 - 0.5 * libm::cos(10.0 * libm::atan2(p.z, p.x));
+        let skin = blend([240, 138, 56], [188, 78, 36], groove);
+        let stem = if p.y > 0.93 { [92, 112, 52] } else { skin };
+        return shade(stem, speckle);
+    }
+    let band = libm::sin(7.0 * p.y + 1.5 * noise(72, p * 2.0));
+    shade(
+        blend([28, 104, 122], [236, 226, 200], 0.5 + 4.0 * band),
+        speckle,
+    )
+}
+
+impl Body {
+    /// Distance of the body's middle from the plane of contact.
+    fn distance(&self, time: f64) -> f64 {
+        let [touch, part] = CONTACT;
+        if time < touch {
+            1.0 + SPEED[0] * (touch - time)
+        } else if time < part {
+            // As deep as makes the speed continuous at the touch.
+            1.0 - SPEED[0] * (part - touch) / PI * libm::sin(PI * (time - touch) / (part - touch))
+        } else {
+            1.0 + SPEED[1] * (time - part)
+        }
+    }
+
+    /// Up and down again before the touch, falling and landing after.
+    fn height(&self, time: f64) -> f64 {
+        let arc = (time - 0.3) / 0.48;
+        let fall = 1.04 + 0.9 * (1.0 - arc * arc);
+        let hop = (time - 0.78) * (0.98 - time) * 14.0;
+        if time < 0.78 {
+            fall
+        } else {
+            1.04 + hop.max(0.0)
+        }
+    }
+
+    fn place(&self, p: DVec3, time: f64) -> DVec3 {
+        let slow = if time < CONTACT[1] {
+            time
+        } else {
+            CONTACT[1] + 0.6 * (time - CONTACT[1])
+        };
+        let p = wobble(time) * (rotation(self.axis, self.spin * slow) * p);
+        // Measured from the plane of contact into this body's own half.
+        let inward = self.distance(time) - p.x * -self.side;
+        let flat = soft_wall(inward);
+        let bulge = 1.0 + 0.9 * (flat - inward).clamp(0.0, 0.5);
+        DVec3::new(
+            self.side * flat,
+            self.height(time) + p.y * bulge,
+            p.z * bulge,
+        )
+    }
+}
+
+/// The identity a little inside the wall, and never beyond it, however hard it is pushed: points stay in order.
+fn soft_wall(inward: f64) -> f64 {
+    const SKIN: f64 = 0.12;
+    if inward >= SKIN {
+        inward
+    } else {
+        SKIN * libm::exp((inward - SKIN) / SKIN)
+    }
+}
+
+/// Stretches and flattens along x after the bodies part, fading.
+fn wobble(time: f64) -> DMat3 {
+    let after = (time - CONTACT[1]).max(0.0);
+    let stretch = 1.0 + 0.22 * libm::sin(after * TAU / 0.24) * libm::exp(-5.0 * after);
+    let thin = 1.0 / stretch.sqrt();
+    DMat3::from_diagonal(DVec3::new(stretch, thin, thin))
+}
+
+/// A closed splinter, hidden in its body until the touch, then thrown out of the rim of the contact.
+fn splinter(index: u64) -> Part {
+    let owner = BODIES[(index % 2) as usize];
+    let size = between(81, index, [0.012, 0.045]);
+    let shape = DVec3::new(
+        1.0,
+        between(82, index, [0.4, 1.0]),
+        between(83, index, [0.15, 0.5]),
+    ) * size;
+    let mesh = cube(1).map(|p| (p + 0.35 * direction(84, index)) * shape);
+    let tint = between(85, index, [-0.2, 0.2]);
+    let colour = move |_| {
+        shade(
+            if owner.side < 0.0 {
+                [226, 120, 48]
+            } else {
+                [120, 170, 172]
+            },
+            tint,
+        )
+    };
+    let around = TAU * between(86, index, [0.0, 1.0]);
+    let out = DVec3::new(0.0, libm::cos(around), libm::sin(around));
+    let within = out * between(87, index, [0.1, 0.5]);
+    let at = move |time: f64| {
+        DVec3::X * owner.side * (owner.distance(time) - 0.5)
+            + DVec3::Y * owner.height(time)
+            + within
+    };
+    let start = at(CONTACT[0]);
+    let flight = Flight {
+        start,
+        velocity: out * between(88, index, [0.8, 3.6])
+            + DVec3::X * owner.side * between(89, index, [-0.6, 2.2])
+            + DVec3::Y * between(90, index, [0.0, 2.5]),
+        axis: direction(91, index),
+        spin: between(92, index, [0.2, 1.0]) * TAU,
+        rest: start.y.min(size),
+    };
+    Part::rigid(mesh, colour, move |time| {
+        let ridden = at(time.min(CONTACT[0])) - start;
+        DAffine3::from_translation(ridden) * flight.pose((time - CONTACT[0]).max(0.0) * SECONDS)
+    })
+}
+
+fn floor(budget: usize) -> Part {
+    let [columns, rows] = sheet_size(budget, 1.6);
+    let mesh = sheet(columns, rows, |u, v| {
+        DVec3::new((u - 0.5) * 10.0, 0.0, (v - 0.5) * 6.25)
+    });
+    Part::still(mesh, |p| shade(FLOOR, 0.05 * noise(73, p * 1.5)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bodies_touch_and_part_without_crossing() {
+        let front = |time: f64| {
+            let surface = cube(6).map(onto_ball).points;
+            let near = |b: Body| {
+                surface
+                    .iter()
+                    .map(move |&p| b.side * b.place(p, time).x)
+                    .collect::<Vec<_>>()
+            };
+            BODIES.map(|b| near(b).into_iter().fold(f64::INFINITY, f64::min))
+        };
+        for step in 0..=100 {
+            let time = f64::from(step) / 100.0;
+            assert!(front(time).iter().all(|&x| x > 0.0), "at {time}");
+        }
+        assert!(front(0.42).iter().all(|&x| x < 0.01));
+        assert!(front(0.0).iter().chain(&front(1.0)).all(|&x| x > 1.0));
+    }
+}

@@ -1,0 +1,175 @@
+//! A figure that walks: fourteen closed limbs on a jointed skeleton.
+
+use super::shapes::{Mesh, capsule};
+use super::stage::{Part, rotation};
+use crate::Rgb;
+use glam::{DAffine3, DVec3};
+use std::f64::consts::TAU;
+
+const SHIRT: Rgb = [214, 84, 62];
+const TROUSERS: Rgb = [52, 66, 104];
+const SKIN: Rgb = [226, 172, 134];
+const HAIR: Rgb = [70, 48, 38];
+const SHOES: Rgb = [58, 50, 48];
+/// Height of the hips over the ground when both legs are straight.
+const HIP: f64 = 0.93;
+const THIGH: f64 = 0.43;
+const SHIN: f64 = 0.42;
+/// The least number of triangles a figure can have: six a limb.
+pub(super) const FEWEST: usize = 14 * 6;
+
+/// Where on its walk the figure is: place of the ground under it, heading, phase of the stride in turns.
+#[derive(Clone, Copy)]
+pub(super) struct Step {
+    pub(super) ground: DVec3,
+    pub(super) heading: f64,
+    pub(super) phase: f64,
+}
+
+/// Limbs hang from joints; `side` is -1 for the left one, 0 where there is but one.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Limb {
+    Pelvis,
+    Chest,
+    Head,
+    Hair,
+    UpperArm,
+    Forearm,
+    Thigh,
+    Shin,
+    Foot,
+}
+
+/// Share of the triangles, length, radii at joint and end, colour.
+struct Look(f64, f64, [f64; 2], Rgb);
+
+impl Limb {
+    const SINGLE: [Self; 4] = [Self::Pelvis, Self::Chest, Self::Head, Self::Hair];
+    const PAIRED: [Self; 5] = [
+        Self::UpperArm,
+        Self::Forearm,
+        Self::Thigh,
+        Self::Shin,
+        Self::Foot,
+    ];
+
+    fn look(self) -> Look {
+        match self {
+            Self::Pelvis => Look(0.08, 0.1, [0.13, 0.14], TROUSERS),
+            Self::Chest => Look(0.14, 0.34, [0.16, 0.125], SHIRT),
+            Self::Head => Look(0.12, 0.07, [0.1, 0.085], SKIN),
+            Self::Hair => Look(0.06, 0.02, [0.106, 0.1], HAIR),
+            Self::UpperArm => Look(0.06, 0.28, [0.058, 0.046], SHIRT),
+            Self::Forearm => Look(0.06, 0.27, [0.044, 0.036], SKIN),
+            Self::Thigh => Look(0.07, THIGH, [0.086, 0.066], TROUSERS),
+            Self::Shin => Look(0.06, SHIN, [0.062, 0.046], TROUSERS),
+            Self::Foot => Look(0.05, 0.15, [0.05, 0.044], SHOES),
+        }
+    }
+
+    fn shape(self, budget: usize) -> Mesh {
+        let Look(share, length, radii, _) = self.look();
+        let triangles = (share * budget as f64) as usize;
+        capsule(triangles, length, radii).map(|p| match self {
+            Self::Chest => p * DVec3::new(0.72, 1.0, 1.12),
+            Self::Pelvis => p * DVec3::new(0.8, 0.8, 1.05),
+            _ => p,
+        })
+    }
+}
+
+/// The limbs of a figure of about `budget` triangles (at least [`FEWEST`]) whose walk is told by `walk`.
+pub(super) fn figure(
+    budget: usize,
+    walk: impl Fn(f64) -> Step + Copy + Send + Sync + 'static,
+) -> Vec<Part> {
+    let single = Limb::SINGLE.map(|limb| (limb, 0.0)).into_iter();
+    let paired = Limb::PAIRED
+        .into_iter()
+        .flat_map(|limb| [(limb, -1.0), (limb, 1.0)]);
+    let part = |(limb, side): (Limb, f64)| {
+        let Look(_, _, _, colour) = limb.look();
+        Part::rigid(
+            limb.shape(budget),
+            move |_| colour,
+            move |time| place(limb, side, walk(time)),
+        )
+    };
+    single.chain(paired).map(part).collect()
+}
+
+/// Swing of the thigh: forward while the sine rises.
+fn swing(step: Step, side: f64) -> (f64, f64) {
+    let angle = TAU * (step.phase + if side < 0.0 { 0.5 } else { 0.0 });
+    (libm::sin(angle), libm::cos(angle))
+}
+
+/// The joint's frame: y runs up the limb, x forward, z to the right.
+fn place(limb: Limb, side: f64, step: Step) -> DAffine3 {
+    let root = DAffine3::from_mat3_translation(rotation(DVec3::Y, step.heading), step.ground);
+    let bob = 0.03 * libm::cos(2.0 * TAU * step.phase) - 0.035;
+    let lean = -0.06;
+    let spine = root * joint(DVec3::new(0.0, HIP + bob, 0.0), lean);
+    let (sin, cos) = swing(step, side);
+    match limb {
+        Limb::Pelvis => spine * joint(DVec3::new(0.0, 0.1, 0.0), 0.0),
+        Limb::Chest => spine * joint(DVec3::new(0.0, 0.44, 0.0), 0.0),
+        Limb::Head => spine * joint(DVec3::new(0.03, 0.76, 0.0), -lean),
+        Limb::Hair => spine * joint(DVec3::new(0.005, 0.79, 0.0), -lean - 0.5),
+        Limb::UpperArm | Limb::Forearm => {
+            let shoulder = spine * joint(DVec3::new(0.0, 0.47, 0.215 * side), -0.5 * sin);
+            let bend = 0.4 - 0.2 * sin;
+            if limb == Limb::UpperArm {
+                shoulder
+            } else {
+                shoulder * joint(DVec3::NEG_Y * 0.28, bend)
+            }
+        }
+        Limb::Thigh | Limb::Shin | Limb::Foot => {
+            let thigh = spine * joint(DVec3::new(0.0, 0.0, 0.1 * side), 0.42 * sin + 0.1 - lean);
+            if limb == Limb::Thigh {
+                return thigh;
+            }
+            let knee = 0.16 + 0.85 * cos.max(0.0) * cos.max(0.0);
+            let shin = thigh * joint(DVec3::NEG_Y * THIGH, -knee);
+            if limb == Limb::Shin {
+                return shin;
+            }
+            // Flat while it carries, toes down while it swings.
+            let level = knee - 0.42 * sin - 0.1;
+            shin * joint(
+                DVec3::new(-0.03, -SHIN, 0.0),
+                level * (1.0 - 0.45 * cos.max(0.0)) + 1.57,
+            )
+        }
+    }
+}
+
+/// A frame at `at` that swings forward by `angle`.
+fn joint(at: DVec3, angle: f64) -> DAffine3 {
+    DAffine3::from_mat3_translation(rotation(DVec3::Z, angle), at)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn feet_stay_near_the_ground_and_take_turns() {
+        let foot = |side, phase| {
+            let step = Step {
+                ground: DVec3::ZERO,
+                heading: 0.0,
+                phase,
+            };
+            place(Limb::Foot, side, step).translation
+        };
+        for step in 0..20 {
+            let phase = f64::from(step) / 20.0;
+            let lower = foot(-1.0, phase).y.min(foot(1.0, phase).y);
+            assert!((0.0..0.12).contains(&lower), "{phase}: {lower}");
+            assert!((foot(-1.0, phase).x - foot(1.0, phase + 0.5).x).abs() < 1e-9);
+        }
+        assert!(foot(1.0, 0.25).x > 0.25 && foot(-1.0, 0.25).x < -0.2);
+    }
+}

@@ -1,0 +1,158 @@
+//! Scenes that need no file: `demo:NAME[:TRIANGLES]`.
+//!
+//! Bit-equal on every machine: every number comes from `libm` or from single
+//! IEEE operations in double precision, chance is a hash of names, and
+//! nothing depends on the order in which threads finish.
+
+mod chance;
+mod collide;
+mod figure;
+mod flight;
+mod grove;
+mod shapes;
+mod shatter;
+mod stage;
+mod twist;
+
+use crate::{Facts, Rgb, Scene, SceneError};
+use geom::{Animation, AnimationError};
+use std::sync::Arc;
+
+/// The most triangles a demo is made of: beyond this the key frames alone pass ten gigabytes.
+pub const MAX_DEMO_TRIANGLES: usize = 100_000_000;
+
+/// Names of the demos there are.
+pub const DEMOS: [&str; 4] = ["grove", "collide", "shatter", "twist"];
+
+type Build = fn(usize) -> Result<(Animation, Vec<Rgb>), AnimationError>;
+
+/// The demo named by what follows `demo:`, such as `shatter` or `grove:5000`.
+pub(crate) fn open(name: &str) -> Result<Scene, SceneError> {
+    let (name, asked) = match name.split_once(':') {
+        Some((name, asked)) => (name, Some(asked)),
+        None => (name, None),
+    };
+    let (build, default): (Build, usize) = match name {
+        "grove" => (grove::build, grove::TRIANGLES),
+        "collide" => (collide::build, collide::TRIANGLES),
+        "shatter" => (shatter::build, shatter::TRIANGLES),
+        "twist" => (twist::build, twist::TRIANGLES),
+        _ => {
+            return Err(SceneError::UnknownDemo {
+                name: name.to_owned(),
+            });
+        }
+    };
+    let budget = asked.map_or(Ok(default), |text| triangles(name, text))?;
+    let (animation, colours) = build(budget)?;
+    let mut facts = Facts {
+        format: "demo".to_owned(),
+        ..Facts::default()
+    };
+    facts.notes.push(format!(
+        "{} triangles made, {budget} asked for",
+        animation.triangle_count()
+    ));
+    Ok(Scene {
+        name: name.to_owned(),
+        animation: Arc::new(animation),
+        colours,
+        facts,
+    })
+}
+
+fn triangles(demo: &str, text: &str) -> Result<usize, SceneError> {
+    let bad = || SceneError::BadTriangleCount {
+        demo: demo.to_owned(),
+        text: text.to_owned(),
+    };
+    let count = text.parse().map_err(|_| bad())?;
+    if (1..=MAX_DEMO_TRIANGLES).contains(&count) {
+        Ok(count)
+    } else {
+        Err(bad())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fnv(scene: &Scene) -> u64 {
+        let keys = scene
+            .animation
+            .keys()
+            .iter()
+            .flatten()
+            .flatten()
+            .map(|x| x.to_bits());
+        let triangles = scene.animation.triangles().iter().flatten().copied();
+        let colours = scene.colours.iter().flatten().map(|&c| u32::from(c));
+        keys.chain(triangles)
+            .chain(colours)
+            .fold(0xcbf2_9ce4_8422_2325, |hash, word| {
+                (hash ^ u64::from(word)).wrapping_mul(0x0100_0000_01b3)
+            })
+    }
+
+    #[test]
+    fn demos_have_the_same_bits_everywhere() {
+        let found = DEMOS.map(|name| fnv(&open(&format!("{name}:3000")).unwrap()));
+        let expected = [
+            0x5a06_e36d_ac7e_6e6a,
+            0xc493_56bd_380c_c46b,
+            0x1984_eaf7_8c05_dbd1,
+            0xaaef_99e7_06b9_92e9,
+        ];
+        assert_eq!(found, expected, "{found:#x?}");
+    }
+
+    #[test]
+    fn every_demo_meets_its_count_and_is_finite() {
+        for name in DEMOS {
+            for (asked, tolerance) in [(2_000, 0.15), (20_000, 0.05), (100_000, 0.03)] {
+                let scene = open(&format!("{name}:{asked}")).unwrap();
+                let found = scene.animation.triangle_count();
+                let off = (found as f64 / f64::from(asked) - 1.0).abs();
+                assert!(off <= tolerance, "{name}: {found} of {asked}");
+                assert_eq!(scene.colours.len(), found);
+                assert_eq!(scene.animation.live_count(), found);
+                assert!((12..=24).contains(&scene.animation.keys().len()));
+                let mut all = scene.animation.keys().iter().flatten().flatten();
+                assert!(all.all(|x| x.is_finite()));
+            }
+        }
+    }
+
+    #[test]
+    fn a_handful_of_triangles_is_a_scene_too() {
+        for name in DEMOS {
+            for asked in [1, 2, 7, 12, 40, 100, 300] {
+                let scene = open(&format!("{name}:{asked}")).unwrap();
+                let found = scene.animation.triangle_count();
+                assert!(
+                    found > 0 && found <= asked + 26,
+                    "{name}: {found} of {asked}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_wrong_name_or_count_is_refused() {
+        let message = |spec: &str| open(spec).unwrap_err().to_string();
+        assert!(message("teapot").contains("grove"));
+        for text in [
+            "",
+            "0",
+            "-3",
+            "1e6",
+            "12x",
+            "100000001",
+            "99999999999999999999",
+        ] {
+            let message = message(&format!("twist:{text}"));
+            assert!(message.contains(&format!("{text:?}")), "{message}");
+        }
+    }
+}

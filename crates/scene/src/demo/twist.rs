@@ -1,0 +1,129 @@
+//! `demo:twist`: a striped cloth between two bars is wrung through four turns.
+
+use super::chance::noise;
+use super::shapes::{Mesh, capsule, sheet, sheet_size};
+use super::stage::{Part, assemble, blend, rotation, shade, smoothstep};
+use crate::Rgb;
+use geom::{Animation, AnimationError};
+use glam::{DAffine3, DVec3};
+use std::f64::consts::TAU;
+
+/// Triangles unless asked otherwise.
+pub(super) const TRIANGLES: usize = 100_000;
+const KEYS: u32 = 24;
+/// Turns of one bar against the other.
+const TURNS: f64 = 4.0;
+/// Half the length and half the width of the cloth.
+const HALF: [f64; 2] = [1.6, 0.85];
+const HEIGHT: f64 = 1.25;
+const STRIPES: [Rgb; 4] = [
+    [236, 229, 212],
+    [196, 62, 62],
+    [236, 229, 212],
+    [42, 74, 122],
+];
+const WOOD: Rgb = [150, 106, 66];
+const FLOOR: Rgb = [206, 208, 204];
+
+/// About `budget` triangles: cloth, two bars once there is room for them, a floor.
+pub(super) fn build(budget: usize) -> Result<(Animation, Vec<Rgb>), AnimationError> {
+    let mut parts = vec![floor((budget / 50).max(2))];
+    let bar = budget / 50;
+    if bar >= 6 {
+        parts.extend([-1.0, 1.0].map(|side| clamp_bar(bar, side)));
+    }
+    let used: usize = parts.iter().map(Part::len).sum();
+    parts.insert(0, cloth(budget.saturating_sub(used).max(2)));
+    assemble(&parts, KEYS)
+}
+
+fn cloth(budget: usize) -> Part {
+    let [columns, rows] = sheet_size(budget, HALF[0] / HALF[1]);
+    let mesh = sheet(columns, rows, |u, v| {
+        DVec3::new((2.0 * u - 1.0) * HALF[0], (1.0 - 2.0 * v) * HALF[1], 0.0)
+    });
+    Part::new(mesh, weave, |time| {
+        let wrung = smoothstep(-0.15, 1.1, time);
+        let wrung = (wrung - smoothstep(-0.15, 1.1, 0.0)).max(0.0);
+        move |p| wring(p, wrung)
+    })
+}
+
+fn weave(p: DVec3) -> Rgb {
+    let band = libm::floor((p.y / HALF[1] + 1.0) * 6.0) as usize % STRIPES.len();
+    let thread = 0.05 * noise(61, p * DVec3::new(3.0, 60.0, 1.0));
+    blend(
+        shade(STRIPES[band], thread),
+        [60, 50, 60],
+        0.06 * (1.0 + noise(62, p * 40.0)),
+    )
+}
+
+/// Half the distance of the bars: the cloth shortens as it winds up.
+fn half_length(wrung: f64) -> f64 {
+    HALF[0] * (1.0 - 0.16 * wrung * wrung)
+}
+
+/// Turn of the cross-section at `along` in `-1.0..=1.0`.
+fn turn(along: f64, wrung: f64) -> f64 {
+    0.5 * TURNS * TAU * wrung * along
+}
+
+/// Turns each cross-section against the next, draws the middle in, rolls it up and wrinkles it.
+fn wring(p: DVec3, wrung: f64) -> DVec3 {
+    let (along, across) = (p.x / HALF[0], p.y / HALF[1]);
+    let free = 1.0 - along * along;
+    let tight = smoothstep(0.0, 0.7, wrung) * free.sqrt();
+    let reach = across * HALF[1] * (1.0 - 0.72 * tight);
+    let roll = 1.9 * tight * across.abs();
+    let fold = libm::sin(21.0 * across + 5.0 * along) * 0.018
+        + libm::sin(9.0 * across - 11.0 * along) * 0.022;
+    let depth = (fold * smoothstep(0.0, 0.25, wrung)
+        + 0.05 * libm::sin(4.0 * along + 2.0 * across) * (1.0 - wrung))
+        * free;
+    let angle = turn(along, wrung) + roll;
+    let (sin, cos) = (libm::sin(angle), libm::cos(angle));
+    let sag = 0.06 * free * (1.0 - 0.6 * wrung);
+    DVec3::new(
+        along * half_length(wrung),
+        HEIGHT - sag + reach * cos - depth * sin,
+        reach * sin + depth * cos,
+    )
+}
+
+/// A closed bar along one end of the cloth, which turns with it.
+fn clamp_bar(budget: usize, side: f64) -> Part {
+    let length = 2.0 * HALF[1] + 0.1;
+    let mesh = Mesh::map(capsule(budget, length, [0.045, 0.045]), |p| {
+        p + DVec3::Y * 0.5 * length
+    });
+    let grain = |p: DVec3| shade(WOOD, 0.15 * noise(63, p * DVec3::new(30.0, 6.0, 30.0)));
+    Part::rigid(mesh, grain, move |time| {
+        let wrung = (smoothstep(-0.15, 1.1, time) - smoothstep(-0.15, 1.1, 0.0)).max(0.0);
+        let place = DVec3::new(side * half_length(wrung), HEIGHT, 0.0);
+        DAffine3::from_mat3_translation(rotation(DVec3::X, turn(side, wrung)), place)
+    })
+}
+
+fn floor(budget: usize) -> Part {
+    let [columns, rows] = sheet_size(budget, 1.5);
+    let mesh = sheet(columns, rows, |u, v| {
+        DVec3::new((u - 0.5) * 6.0, 0.0, (v - 0.5) * 4.0)
+    });
+    Part::still(mesh, |p| shade(FLOOR, 0.05 * noise(64, p * 2.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cloth_stays_on_its_bars() {
+        for wrung in [0.0, 0.3, 0.8] {
+            let corner = wring(DVec3::new(HALF[0], HALF[1], 0.0), wrung);
+            let bar = DVec3::new(half_length(wrung), HEIGHT, 0.0)
+                + rotation(DVec3::X, turn(1.0, wrung)) * (DVec3::Y * HALF[1]);
+            assert!((corner - bar).length() < 1e-9, "{corner} {bar}");
+        }
+    }
+}

@@ -1,0 +1,206 @@
+//! One mesh file: what it takes to compare it with the next key frame, and nothing of its format.
+
+use crate::{Rgb, SceneError};
+use geom::{Animation, Point};
+use std::path::Path;
+
+/// What one mesh file holds.
+pub(crate) struct Mesh {
+    /// Positions of the vertices that faces use.
+    pub(crate) points: Vec<Point>,
+    /// Three indices into `points` a triangle: every face fanned from its first vertex, in file order.
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// What key frames must agree on.
+    pub(crate) topology: Topology,
+    /// What its colours can be made of.
+    pub(crate) paint: Paint,
+    /// Remarks for the reader.
+    pub(crate) notes: Vec<String>,
+}
+
+/// Vertices and faces as the file numbers them.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(crate) struct Topology {
+    /// Vertices in the file, used or not.
+    pub(crate) vertices: usize,
+    /// Vertices of all faces, from 0, one face after another.
+    corners: Vec<u32>,
+    /// Where each face ends in `corners`.
+    ends: Vec<usize>,
+}
+
+/// What a file says about colours.
+pub(crate) enum Paint {
+    /// Nothing.
+    None,
+    /// One sRGB colour for each of the file's vertices.
+    Vertices(Vec<Rgb>),
+    /// Materials by name, from libraries beside the file.
+    Materials {
+        /// Files that define them.
+        libraries: Vec<String>,
+        /// (First face, name) wherever the material changes.
+        uses: Vec<(usize, String)>,
+    },
+}
+
+impl Topology {
+    /// Adds a face of three or more vertices.
+    pub(crate) fn push(&mut self, corners: impl IntoIterator<Item = u32>) {
+        self.corners.extend(corners);
+        self.ends.push(self.corners.len());
+    }
+
+    /// Each face's vertices.
+    pub(crate) fn faces(&self) -> impl Iterator<Item = &[u32]> {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        starts
+            .zip(&self.ends)
+            .map(|(start, &end)| &self.corners[start..end])
+    }
+
+    /// (Face, vertices) of each triangle: faces are fanned from their first vertex.
+    pub(crate) fn triangles(&self) -> impl Iterator<Item = (usize, [u32; 3])> {
+        self.faces().enumerate().flat_map(|(face, corners)| {
+            let rim = corners[1..].windows(2);
+            rim.map(move |edge| (face, [corners[0], edge[0], edge[1]]))
+        })
+    }
+
+    /// How many triangles the faces make.
+    pub(crate) fn triangle_count(&self) -> usize {
+        self.corners.len() - 2 * self.ends.len()
+    }
+
+    /// Checks that everything can be numbered and that there is a triangle.
+    pub(crate) fn check(&self, path: &Path) -> Result<(), SceneError> {
+        let triangles = self.triangle_count();
+        within(path, "vertices", self.vertices, u32::MAX as usize)?;
+        within(path, "triangles", triangles, Animation::MAX_TRIANGLES)?;
+        if triangles > 0 {
+            return Ok(());
+        }
+        let hint = match self.vertices {
+            0 => String::new(),
+            n => format!(", though there are {n} vertices"),
+        };
+        Err(SceneError::NoTriangles {
+            path: path.to_owned(),
+            hint,
+        })
+    }
+
+    /// Checks that the key frame in `path` has the topology of the `first`.
+    pub(crate) fn check_same(&self, path: &Path, first: (&Path, &Self)) -> Result<(), SceneError> {
+        let (first, expected) = (first.0.to_owned(), first.1);
+        let path = path.to_owned();
+        let counts = [
+            ("vertices", self.vertices, expected.vertices),
+            (
+                "triangles",
+                self.triangle_count(),
+                expected.triangle_count(),
+            ),
+        ];
+        if let Some((what, found, expected)) = counts.into_iter().find(|(_, a, b)| a != b) {
+            return Err(SceneError::OtherCount {
+                path,
+                first,
+                what,
+                found,
+                expected,
+            });
+        }
+        if self == expected {
+            return Ok(());
+        }
+        let same = self
+            .faces()
+            .zip(expected.faces())
+            .take_while(|(a, b)| a == b)
+            .count();
+        Err(SceneError::OtherFaces {
+            path,
+            first,
+            face: same + 1,
+        })
+    }
+}
+
+/// Renumbers triangles over the vertices they use and returns those, in the same order.
+///
+/// Strays that no triangle uses would spoil every camera made from the scene's bounds.
+pub(crate) fn compact(triangles: &mut [[u32; 3]], vertices: usize) -> Vec<u32> {
+    let mut used = vec![false; vertices];
+    triangles
+        .iter()
+        .flatten()
+        .for_each(|&v| used[v as usize] = true);
+    let kept: Vec<u32> = (0..vertices as u32).filter(|&v| used[v as usize]).collect();
+    if kept.len() < vertices {
+        let mut places = vec![0; vertices];
+        kept.iter()
+            .zip(0..)
+            .for_each(|(&v, place)| places[v as usize] = place);
+        triangles
+            .iter_mut()
+            .flatten()
+            .for_each(|v| *v = places[*v as usize]);
+    }
+    kept
+}
+
+/// Refuses what cannot be numbered.
+pub(crate) fn within(
+    path: &Path,
+    what: &'static str,
+    found: usize,
+    limit: usize,
+) -> Result<(), SceneError> {
+    if found <= limit {
+        return Ok(());
+    }
+    let (found, limit) = (found as u64, limit as u64);
+    Err(SceneError::TooLarge {
+        path: path.to_owned(),
+        what,
+        found,
+        limit,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faces_are_fanned_from_their_first_vertex() {
+        let mut t = Topology {
+            vertices: 9,
+            ..Topology::default()
+        };
+        t.push([3, 4, 5]);
+        t.push([8, 1, 2, 6, 7]);
+        let all: Vec<_> = t.triangles().collect();
+        assert_eq!(
+            all,
+            [
+                (0, [3, 4, 5]),
+                (1, [8, 1, 2]),
+                (1, [8, 2, 6]),
+                (1, [8, 6, 7])
+            ]
+        );
+        assert_eq!(t.triangle_count(), all.len());
+    }
+
+    #[test]
+    fn what_cannot_be_numbered_is_refused_with_need_and_limit() {
+        let limit = Animation::MAX_TRIANGLES;
+        assert!(within(Path::new("a.ply"), "triangles", limit, limit).is_ok());
+        let e = within(Path::new("a.ply"), "triangles", limit + 1, limit)
+            .unwrap_err()
+            .to_string();
+        assert!(e.contains("1073741825") && e.contains("1073741824"), "{e}");
+    }
+}

@@ -1,0 +1,135 @@
+//! Diffuse colours from material libraries (MTL), by `tobj`.
+//!
+//! A library that is missing or wrong costs colours, never the scene: it is
+//! noted. Only `newmtl` and well-formed `Kd` lines are handed to `tobj`, which
+//! gives up on a whole library for one bad line and panics on a short `Kd`.
+
+use crate::Rgb;
+use crate::colour::{CLAY, from_display};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+/// One colour a face for the OBJ file at `path`.
+pub(crate) fn paint(
+    path: &Path,
+    libraries: &[String],
+    uses: &[(usize, String)],
+    faces: usize,
+    notes: &mut Vec<String>,
+) -> Vec<Rgb> {
+    let mut materials = BTreeMap::new();
+    for library in libraries {
+        read_library(path, library, &mut materials, notes);
+    }
+    let mut colours = vec![CLAY; faces];
+    let ends = uses.iter().skip(1).map(|u| u.0).chain([faces]);
+    let mut missing = 0;
+    for ((start, name), end) in uses.iter().zip(ends) {
+        match materials.get(name) {
+            Some(&colour) => colours[*start..end].fill(colour),
+            None => missing += 1,
+        }
+    }
+    if missing > 0 {
+        let all = uses.len();
+        notes.push(format!(
+            "{}: {missing} of {all} uses of materials name none with a colour",
+            path.display()
+        ));
+    }
+    colours
+}
+
+/// Adds the materials of one library: a file name with spaces, or several without.
+fn read_library(
+    path: &Path,
+    library: &str,
+    into: &mut BTreeMap<String, Rgb>,
+    notes: &mut Vec<String>,
+) {
+    let beside = |name: &str| {
+        path.parent()
+            .unwrap_or(Path::new(""))
+            .join(name.replace('\\', "/"))
+    };
+    let names = match beside(library).is_file() {
+        true => vec![library],
+        false => library.split_whitespace().collect(),
+    };
+    for name in names {
+        let file = beside(name);
+        let text = match fs::read(&file) {
+            Ok(bytes) => colour_statements(&String::from_utf8_lossy(&bytes)),
+            Err(e) => {
+                notes.push(format!(
+                    "{}: material library left out: {e}",
+                    file.display()
+                ));
+                continue;
+            }
+        };
+        match tobj::load_mtl_buf(&mut text.as_bytes()) {
+            Ok((materials, _)) => into.extend(
+                materials
+                    .into_iter()
+                    .filter_map(|m| Some((m.name, from_display(m.diffuse?)))),
+            ),
+            Err(e) => notes.push(format!(
+                "{}: material library left out: {e}",
+                file.display()
+            )),
+        }
+    }
+}
+
+/// The `newmtl` lines that have a name, and the `Kd` lines of one number or three.
+fn colour_statements(text: &str) -> String {
+    let mut plain = String::new();
+    for line in text.lines().map(str::trim) {
+        let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+        let numbers: Option<Vec<f32>> = rest.split_whitespace().map(|n| n.parse().ok()).collect();
+        match (word, numbers.as_deref()) {
+            ("newmtl", _) if !rest.trim().is_empty() => {
+                plain += &format!("newmtl {}\n", rest.trim())
+            }
+            ("Kd", Some([r, g, b])) => plain += &format!("Kd {r} {g} {b}\n"),
+            // One number stands for all three.
+            ("Kd", Some([grey])) => plain += &format!("Kd {grey} {grey} {grey}\n"),
+            _ => {}
+        }
+    }
+    plain
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faces_take_the_diffuse_colour_of_their_material() {
+        let folder = tempfile::tempdir().unwrap();
+        let library = "newmtl red paint\nKa 1 1\nKd 1 0 0\nmap_Kd\nnewmtl grey\nKd 0.2\nnewmtl broken\nKd 1 2\n";
+        fs::write(folder.path().join("my colours.mtl"), library).unwrap();
+        let uses = [
+            (1, "red paint".into()),
+            (2, "grey".into()),
+            (3, "broken".into()),
+            (4, "none".into()),
+        ];
+        let mut notes = Vec::new();
+        let libraries = ["my colours.mtl".into(), "absent.mtl".into()];
+        let found = paint(
+            &folder.path().join("a.obj"),
+            &libraries,
+            &uses,
+            5,
+            &mut notes,
+        );
+        assert_eq!(found, [CLAY, [255, 0, 0], [51, 51, 51], CLAY, CLAY]);
+        assert!(
+            notes[0].contains("absent.mtl") && notes[1].contains("2 of 4"),
+            "{notes:?}"
+        );
+    }
+}

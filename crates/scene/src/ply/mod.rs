@@ -1,0 +1,272 @@
+//! Stanford PLY, ascii and binary, by `ply-rs-bw`.
+//!
+//! Elements are read one at a time, so that what is wrong is named by its
+//! line or by its element, and nothing is kept that is not used.
+
+mod element;
+mod plain;
+
+use crate::mesh::{Mesh, Paint, Topology, compact};
+use crate::{Place, Rgb, SceneError};
+use element::Element;
+use geom::Point;
+use ply_rs_bw::parser::{Parser, Reader};
+use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
+use std::fmt::Display;
+use std::fs;
+use std::path::Path;
+
+/// Reads one file.
+pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
+    let bytes = fs::read(path).map_err(|e| SceneError::unreadable(path, e))?;
+    let mut file = File::open(path, &bytes)?;
+    let definitions: Vec<ElementDef> = file.header.elements.values().cloned().collect();
+    for definition in &definitions {
+        file.element(definition)?;
+    }
+    file.finish()
+}
+
+/// A file while it is read.
+struct File<'a> {
+    path: &'a Path,
+    header: Header,
+    /// What is left of the file.
+    rest: &'a [u8],
+    /// Bytes in the file.
+    size: usize,
+    /// Lines read.
+    line: usize,
+    points: Vec<Point>,
+    colours: Vec<Rgb>,
+    topology: Topology,
+}
+
+impl<'a> File<'a> {
+    fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self, SceneError> {
+        let malformed = |cause: &dyn Display| SceneError::malformed(path, Place::File, cause);
+        let Some(text) = plain::header(bytes) else {
+            return Err(malformed(&"not a whole PLY header: no line 'end_header'"));
+        };
+        let text = String::from_utf8_lossy(text);
+        let mut reader = Reader::new(text.as_bytes());
+        let header = Parser::<Element>::new()
+            .read_header(&mut reader)
+            .map_err(|e| {
+                SceneError::malformed(
+                    path,
+                    e.line().map_or(Place::File, Place::Line),
+                    header_cause(&e),
+                )
+            })?;
+        let declared = text
+            .lines()
+            .filter(|l| l.trim_start().starts_with("element"))
+            .count();
+        if declared != header.elements.len() {
+            return Err(malformed(&"the header declares an element twice"));
+        }
+        let rest = &bytes[plain::header(bytes).map_or(0, <[u8]>::len)..];
+        let line = text.lines().count();
+        let (size, points, colours) = (bytes.len(), Vec::new(), Vec::new());
+        let file = Self {
+            path,
+            header,
+            rest,
+            size,
+            line,
+            points,
+            colours,
+            topology: Topology::default(),
+        };
+        file.check_header()?;
+        Ok(file)
+    }
+
+    fn wrong(&self, place: Place, cause: impl Display) -> SceneError {
+        SceneError::malformed(self.path, place, cause)
+    }
+
+    /// There must be vertices with a place, and faces with a list of whole numbers.
+    fn check_header(&self) -> Result<(), SceneError> {
+        let property = |element: &str, name: &str| {
+            let found = self.header.elements.get(element)?.properties.get(name)?;
+            Some(found.data_type.clone())
+        };
+        for axis in ["x", "y", "z"] {
+            if !matches!(property("vertex", axis), Some(PropertyType::Scalar(_))) {
+                return Err(self.wrong(
+                    Place::File,
+                    format!("the header has no vertex with a number {axis}"),
+                ));
+            }
+        }
+        if !self.header.elements.contains_key("face") {
+            return Err(self.wrong(Place::File, "the header has no element 'face'"));
+        }
+        let list = property("face", "vertex_indices").or_else(|| property("face", "vertex_index"));
+        match list {
+            Some(PropertyType::List(_, ScalarType::Float | ScalarType::Double)) => Err(self.wrong(
+                Place::File,
+                "the vertices of faces are not declared as whole numbers",
+            )),
+            Some(PropertyType::List(..)) => Ok(()),
+            _ => Err(self.wrong(
+                Place::File,
+                "the header has no face with a list vertex_indices",
+            )),
+        }
+    }
+
+    /// Reads all elements of one kind.
+    fn element(&mut self, definition: &ElementDef) -> Result<(), SceneError> {
+        let ascii = self.header.encoding == Encoding::Ascii;
+        if definition.properties.is_empty() && !ascii {
+            return Ok(());
+        }
+        // An element takes a byte at least; so no count can make this wait or fill the memory.
+        if definition.count > self.rest.len() {
+            let (name, count, left) = (&definition.name, definition.count, self.rest.len());
+            let place = Place::Byte(self.size);
+            return Err(self.wrong(
+                place,
+                format!(
+                    "the file is cut short: {count} '{name}' are declared, {left} bytes are left"
+                ),
+            ));
+        }
+        for index in 0..definition.count {
+            let element = if ascii {
+                self.ascii(definition, index)?
+            } else {
+                self.binary(definition, index)?
+            };
+            self.take(definition, index, element)?;
+        }
+        Ok(())
+    }
+
+    fn ascii(&mut self, definition: &ElementDef, index: usize) -> Result<Element, SceneError> {
+        if self.rest.is_empty() {
+            let (name, count) = (&definition.name, definition.count);
+            let cause =
+                format!("the file is cut short: {count} '{name}' are declared, {index} are there");
+            return Err(self.wrong(Place::Line(self.line + 1), cause));
+        }
+        let end = self
+            .rest
+            .iter()
+            .position(|&b| b == b'\n')
+            .map_or(self.rest.len(), |i| i + 1);
+        let (line, rest) = self.rest.split_at(end);
+        self.rest = rest;
+        self.line += 1;
+        let line = plain::numbers(line);
+        let read = Parser::<Element>::new().read_ascii_element(&line, definition);
+        read.map_err(|e| {
+            self.wrong(
+                Place::Line(self.line),
+                format!("bad '{}' {index}: {e}", definition.name),
+            )
+        })
+    }
+
+    fn binary(&mut self, definition: &ElementDef, index: usize) -> Result<Element, SceneError> {
+        let parser = Parser::<Element>::new();
+        let read = match self.header.encoding {
+            Encoding::BinaryBigEndian => parser.read_big_endian_element(&mut self.rest, definition),
+            _ => parser.read_little_endian_element(&mut self.rest, definition),
+        };
+        read.map_err(|e| {
+            let (name, count) = (&definition.name, definition.count);
+            let cause = match e.kind() {
+                std::io::ErrorKind::UnexpectedEof => {
+                    format!("the file is cut short within '{name}' {index} of {count}")
+                }
+                _ => format!("bad '{name}' {index} of {count}: {e}"),
+            };
+            self.wrong(Place::Byte(self.size - self.rest.len()), cause)
+        })
+    }
+
+    fn take(
+        &mut self,
+        definition: &ElementDef,
+        index: usize,
+        element: Element,
+    ) -> Result<(), SceneError> {
+        match definition.name.as_str() {
+            "vertex" => {
+                self.points.push(element.point);
+                if element.colour_parts == 0b111 {
+                    self.colours.push(element.colour);
+                }
+            }
+            "face" => match element.corners {
+                Some(corners) if corners.len() >= 3 => self.topology.push(corners),
+                Some(corners) => {
+                    let cause = format!(
+                        "a face of {} vertices, where 3 or more are expected",
+                        corners.len()
+                    );
+                    return Err(self.wrong(Place::Item("face", index), cause));
+                }
+                None => {
+                    return Err(
+                        self.wrong(Place::Item("face", index), "a vertex index is negative")
+                    );
+                }
+            },
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn finish(mut self) -> Result<Mesh, SceneError> {
+        let vertices = self.points.len();
+        self.topology.vertices = vertices;
+        for (face, corners) in self.topology.faces().enumerate() {
+            if let Some(vertex) = corners.iter().find(|&&v| v as usize >= vertices) {
+                let cause =
+                    format!("vertex {vertex} does not exist, there are {vertices} (from 0)");
+                return Err(self.wrong(Place::Item("face", face), cause));
+            }
+        }
+        self.topology.check(self.path)?;
+        let mut notes = Vec::new();
+        if !self.rest.iter().all(u8::is_ascii_whitespace) {
+            let left = self.rest.len();
+            notes.push(format!(
+                "{}: {left} bytes after the last element are left out",
+                self.path.display()
+            ));
+        }
+        let paint = if self.colours.len() == vertices {
+            Paint::Vertices(self.colours)
+        } else {
+            Paint::None
+        };
+        let mut triangles: Vec<_> = self.topology.triangles().map(|(_, t)| t).collect();
+        let kept = compact(&mut triangles, vertices);
+        let points = kept.iter().map(|&v| self.points[v as usize]).collect();
+        Ok(Mesh {
+            points,
+            triangles,
+            topology: self.topology,
+            paint,
+            notes,
+        })
+    }
+}
+
+/// The library's message without its repetition of the place.
+fn header_cause(e: &dyn Display) -> String {
+    let text = e.to_string();
+    match text.split_once(": ") {
+        Some((start, cause)) if start.starts_with("Line ") => cause.to_owned(),
+        _ => text,
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,183 @@
+//! Files written here, whole and broken.
+
+use super::*;
+
+const SQUARE: [[f64; 3]; 4] = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+
+fn parse(bytes: &[u8]) -> Result<Mesh, String> {
+    let file = tempfile::Builder::new().suffix(".ply").tempfile().unwrap();
+    fs::write(file.path(), bytes).unwrap();
+    read(file.path()).map_err(|e| e.to_string())
+}
+
+fn message(bytes: impl AsRef<[u8]>) -> String {
+    let message = parse(bytes.as_ref()).err().unwrap();
+    assert!(!message.contains('\n'), "{message}");
+    message
+}
+
+fn ascii(vertices: &str, faces: &str) -> String {
+    let (v, f) = (vertices.lines().count(), faces.lines().count());
+    format!(
+        "ply\nformat ascii 1.0\ncomment made here\nelement vertex {v}\nproperty float x\nproperty float y\n\
+         property float z\nelement face {f}\nproperty list uchar int vertex_index\nend_header\n{vertices}{faces}"
+    )
+}
+
+/// Doubles, an unused property, 16-bit indices with 32-bit lengths, a colour.
+fn binary(big: bool, faces: &[(i32, &[i16])]) -> Vec<u8> {
+    let order = if big { "big" } else { "little" };
+    let mut bytes = format!(
+        "ply\r\nformat binary_{order}_endian 1.0\r\nelement vertex 4\r\nproperty double x\r\nproperty double y\r\n\
+         property short quality\r\nproperty double z\r\nproperty uchar red\r\nproperty uchar green\r\nproperty uchar blue\r\n\
+         element face {}\r\nproperty list int short vertex_indices\r\nend_header\r\n",
+        faces.len()
+    )
+    .into_bytes();
+    let mut put = |little: &[u8]| {
+        let mut word = little.to_vec();
+        if big {
+            word.reverse();
+        }
+        bytes.extend(word);
+    };
+    for (i, [x, y, z]) in SQUARE.into_iter().enumerate() {
+        put(&x.to_le_bytes());
+        put(&y.to_le_bytes());
+        put(&7_i16.to_le_bytes());
+        put(&z.to_le_bytes());
+        [60, 30, 10 * i as u8].into_iter().for_each(|c| put(&[c]));
+    }
+    for (length, corners) in faces {
+        put(&length.to_le_bytes());
+        corners.iter().for_each(|v| put(&v.to_le_bytes()));
+    }
+    bytes
+}
+
+#[test]
+fn all_three_encodings_say_the_same() {
+    let text = ascii("0 0 0\n1 0 0\n1 1 0\n 0 1. .0\n", "4 0 1 2 3\n3 3 2 0\n");
+    let faces: [(i32, &[i16]); 2] = [(4, &[0, 1, 2, 3]), (3, &[3, 2, 0])];
+    for bytes in [
+        text.into_bytes(),
+        binary(false, &faces),
+        binary(true, &faces),
+    ] {
+        let mesh = parse(&bytes).unwrap();
+        assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3], [3, 2, 0]]);
+        assert_eq!(mesh.points.len(), 4);
+        assert_eq!(mesh.points[2], [1.0, 1.0, 0.0]);
+        if let Paint::Vertices(colours) = mesh.paint {
+            assert_eq!(colours[3], [60, 30, 30]);
+        }
+    }
+}
+
+#[test]
+fn vertices_that_no_face_uses_are_dropped() {
+    let mesh =
+        parse(ascii("9e9 0 0\n0 0 0\n1 0 0\n9 9 9\n0 1 0\n", "3 4 1 2\n").as_bytes()).unwrap();
+    assert_eq!(
+        mesh.points,
+        [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    );
+    assert_eq!(mesh.triangles, [[2, 0, 1]]);
+    assert_eq!(mesh.topology.vertices, 5);
+}
+
+#[test]
+fn numbers_that_are_none_are_accepted() {
+    let mesh = parse(ascii("nan 0 0\n0 -inf 0\n1 1 0\n", "3 0 1 2\n").as_bytes()).unwrap();
+    assert!(!mesh.points[0][0].is_finite() && !mesh.points[1][1].is_finite());
+}
+
+#[test]
+fn what_is_wrong_is_named_by_line_or_element() {
+    let v = "0 0 0\n1 0 0\n0 1 0\n";
+    for (text, says) in [
+        (ascii(v, "3 0 1 3\n"), "face 0: vertex 3 does not exist"),
+        (
+            ascii(v, "3 0 1 2\n3 0 -1 2\n"),
+            "face 1: a vertex index is negative",
+        ),
+        (ascii(v, "2 0 1\n"), "face 0: a face of 2"),
+        (ascii(v, "0\n"), "face 0: a face of 0"),
+        (ascii(v, "4 0 1 2\n"), "line 14: bad 'face' 0"),
+        (ascii(v, "-3 0 1 2\n"), "line 14: bad 'face' 0"),
+        (ascii(v, "3 0 1 2.5\n"), "line 14: bad 'face' 0"),
+        (
+            ascii("0 0 0\n1 0 zero\n0 1 0\n", "3 0 1 2\n"),
+            "line 12: bad 'vertex' 1",
+        ),
+        (
+            ascii("0 0 0\n1 0\n0 1 0\n", "3 0 1 2\n"),
+            "line 12: bad 'vertex' 1",
+        ),
+        (
+            ascii(v, "3 0 1 2\n").replace("face 1", "face 3"),
+            "line 15: the file is cut short: 3 'face'",
+        ),
+        (
+            ascii(v, "3 0 1 2\n").replace("vertex 3", "vertex 18446744073709551615"),
+            "cut short",
+        ),
+        (
+            ascii(v, "3 0 1 2\n").replace("vertex 3", "vertex 18446744073709551616"),
+            "line 4",
+        ),
+        (
+            ascii(v, "3 0 1 2\n").replace("property float z\n", ""),
+            "number z",
+        ),
+        (
+            ascii(v, "3 0 1 2\n").replace("vertex_index", "corners"),
+            "vertex_indices",
+        ),
+        (
+            ascii(v, "3 0 1 2\n").replace("uchar int", "uchar float"),
+            "whole numbers",
+        ),
+        (
+            ascii(v, "3 0 1 2\n").replace("element face 1", "element vertex 1"),
+            "twice",
+        ),
+        (ascii(v, "3 0 1 2\n").replace("float y", "quux y"), "line 6"),
+        (
+            ascii(v, "3 0 1 2\n").replace("ascii 1.0", "ebcdic 1.0"),
+            "line 2",
+        ),
+        (
+            ascii(v, "3 0 1 2\n").replace("format ascii 1.0\n", ""),
+            "format",
+        ),
+        (
+            ascii(v, "3 0 1 2\n").replace("end_header", "end"),
+            "end_header",
+        ),
+        (ascii(v, ""), "no triangles"),
+        ("PLY\nend_header\n".to_owned(), "line 1"),
+        (String::new(), "end_header"),
+    ] {
+        let message = message(&text);
+        assert!(message.contains(says), "{says:?} is not in {message:?}");
+    }
+}
+
+#[test]
+fn a_binary_file_may_be_cut_anywhere_without_a_panic_or_a_mesh() {
+    let whole = binary(false, &[(4, &[0, 1, 2, 3]), (3, &[3, 2, 0])]);
+    for end in 0..whole.len() {
+        message(&whole[..end]);
+    }
+    let cut = message(&whole[..whole.len() - 1]);
+    assert!(cut.contains("'face' 1 of 2"), "{cut}");
+    assert!(
+        message(binary(true, &[(-1, &[])]))
+            .contains("'face' 0 of 1: List length cannot be negative")
+    );
+    assert!(message(binary(true, &[(i32::MAX, &[0, 1, 2])])).contains("cut short"));
+    assert!(
+        message(binary(false, &[(3, &[0, 1, -2])])).contains("face 0: a vertex index is negative")
+    );
+}

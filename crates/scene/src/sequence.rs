@@ -1,0 +1,104 @@
+//! Key frames from mesh files, one file each, all of one topology.
+
+use crate::colour::{CLAY, mean};
+use crate::mesh::{Mesh, Paint, Topology};
+use crate::{Facts, Rgb, Scene, SceneError, obj, ply};
+use geom::{Animation, Point};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Formats that hold one key frame a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Format {
+    /// Wavefront OBJ.
+    Obj,
+    /// Stanford PLY.
+    Ply,
+}
+
+impl Format {
+    fn read(self, path: &Path) -> Result<Mesh, SceneError> {
+        match self {
+            Self::Obj => obj::read(path),
+            Self::Ply => ply::read(path),
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Obj => "obj",
+            Self::Ply => "ply",
+        }
+    }
+}
+
+/// The animation whose key frames are `files`, of which there is one at least.
+pub(crate) fn open(name: String, files: Vec<PathBuf>, format: Format) -> Result<Scene, SceneError> {
+    let path = &files[0];
+    let Mesh {
+        points,
+        triangles,
+        topology,
+        paint,
+        mut notes,
+    } = format.read(path)?;
+    topology.check(path)?;
+    let colours = colours(path, &topology, paint, &mut notes);
+    let mut keys = vec![points];
+    // Collected before looked at, so that the first bad file is named whichever thread is faster.
+    let rest: Vec<_> = files[1..]
+        .par_iter()
+        .map(|later| key_frame(later, format, (path, &topology)))
+        .collect();
+    for frame in rest {
+        let (points, remarks) = frame?;
+        keys.push(points);
+        notes.extend(remarks);
+    }
+    let animation = Arc::new(Animation::new(keys, triangles)?);
+    let format = format.name().to_owned();
+    let facts = Facts {
+        format,
+        files,
+        notes,
+        ..Facts::default()
+    };
+    Ok(Scene {
+        name,
+        animation,
+        colours,
+        facts,
+    })
+}
+
+/// The positions in a later file, and remarks, once its faces are known to be those of the first.
+fn key_frame(
+    path: &Path,
+    format: Format,
+    first: (&Path, &Topology),
+) -> Result<(Vec<Point>, Vec<String>), SceneError> {
+    let mesh = format.read(path)?;
+    mesh.topology.check_same(path, first)?;
+    // Remarks that every file of a sequence repeats are told once, for the first.
+    let notes = mesh
+        .notes
+        .into_iter()
+        .filter(|note| note.contains("cut short"));
+    Ok((mesh.points, notes.collect()))
+}
+
+/// One colour a triangle.
+fn colours(path: &Path, topology: &Topology, paint: Paint, notes: &mut Vec<String>) -> Vec<Rgb> {
+    match paint {
+        Paint::None => vec![CLAY; topology.triangle_count()],
+        Paint::Vertices(colours) => topology
+            .triangles()
+            .map(|(_, corners)| mean(corners.map(|v| colours[v as usize])))
+            .collect(),
+        Paint::Materials { libraries, uses } => {
+            let faces = obj::paint(path, &libraries, &uses, topology.faces().count(), notes);
+            topology.triangles().map(|(face, _)| faces[face]).collect()
+        }
+    }
+}
