@@ -223,16 +223,24 @@ fn a_scene_that_wants_a_deeper_tree_gets_the_deepest_allowed() {
 }
 
 #[test]
+fn specks_too_small_to_tell_apart_share_a_scene_with_a_large_box() {
+    let speck = |i: u32| cube([f32::from_bits(i), 0.0, 0.0], 0.0);
+    let mut boxes: Vec<_> = (0..1_000).map(speck).collect();
+    boxes.push(cube([0.5; 3], 0.5));
+    check(&boxes, &build(&boxes));
+}
+
+#[test]
 fn the_scale_of_a_scene_does_not_change_its_tree() {
-    // Multiples of 2^-16 below 2 keep all their bits at every scale there is.
-    let round = |x: f32| (x * 65_536.0).round() / 65_536.0;
+    // Multiples of 2^-16 within -2..2 keep all their bits at every scale there is.
+    let round = |x: f32| ((x - 0.75) * 98_304.0).round() / 65_536.0;
     let mut next = noise(7);
     let boxes: Vec<_> = (0..3_000)
         .map(|i| troublesome([0, 3, 4, 10][i % 4], 1.0, &mut next))
         .map(|b| scaled(&b, round))
         .collect();
     let tree = build(&boxes);
-    for k in [-133, -100, -40, 40, 100, 126] {
+    for k in [-133, -100, -40, 40, 100, 127] {
         let (a, b) = (2.0_f32.powi(k / 2), 2.0_f32.powi(k - k / 2));
         let scaled: Vec<_> = boxes.iter().map(|c| scaled(c, |x| x * a * b)).collect();
         assert_eq!(build(&scaled), tree, "2^{k}");

@@ -143,3 +143,142 @@ fn frames(name: String, place: &str, files: Vec<PathBuf>) -> Result<Scene, Scene
     alphanumeric_sort::sort_path_slice(&mut files);
     sequence::open(name, files, format)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tempfile::TempDir;
+
+    const TRIANGLE: &str = "f 1 2 3\n";
+
+    /// An OBJ file whose first vertex stands at `x`.
+    fn obj(x: u32, faces: &str) -> String {
+        format!("v {x} 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n{faces}")
+    }
+
+    fn folder(files: &[(&str, String)]) -> TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text) in files {
+            let path = folder.path().join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, text).unwrap();
+        }
+        folder
+    }
+
+    fn open_in(folder: &TempDir, below: &str) -> Result<Scene, String> {
+        let path = folder.path().join(below);
+        let scene = open(path.to_str().unwrap(), &Options::default());
+        scene.map_err(|e| e.to_string())
+    }
+
+    fn firsts(scene: &Scene) -> Vec<f32> {
+        let animation = &scene.animation;
+        animation.keys().iter().map(|key| key[0][0]).collect()
+    }
+
+    #[test]
+    fn a_directory_is_played_in_natural_order() {
+        let names = [
+            "10.obj",
+            "2.obj",
+            "1.OBJ",
+            ".3.obj",
+            "read.me",
+            "x.obj/4.txt",
+        ];
+        let files: Vec<_> = names
+            .iter()
+            .map(|name| {
+                (
+                    *name,
+                    obj(
+                        name.split('.').find_map(|n| n.parse().ok()).unwrap_or(0),
+                        TRIANGLE,
+                    ),
+                )
+            })
+            .collect();
+        let folder = folder(&files);
+        let scene = open_in(&folder, "").unwrap();
+        assert_eq!(firsts(&scene), [1.0, 2.0, 10.0]);
+        assert_eq!(scene.facts.files.len(), 3);
+        assert_eq!(
+            Some(scene.name.as_str()),
+            folder.path().file_name().and_then(|n| n.to_str())
+        );
+        assert_eq!(firsts(&open_in(&folder, "*0.obj").unwrap()), [10.0]);
+        assert_eq!(
+            firsts(&open_in(&folder, "[0-9]*.obj").unwrap()),
+            [2.0, 10.0]
+        );
+        assert_eq!(firsts(&open_in(&folder, "2.obj").unwrap()), [2.0]);
+        assert_eq!(open_in(&folder, "2.obj").unwrap().name, "2");
+    }
+
+    #[test]
+    fn key_frames_of_other_topology_are_named_with_both_counts() {
+        let with = |text: String| {
+            let files = [
+                ("1.obj", obj(0, TRIANGLE)),
+                ("2.obj", obj(1, TRIANGLE)),
+                ("3.obj", text),
+            ];
+            open_in(&folder(&files), "").unwrap_err()
+        };
+        for (text, says) in [
+            (obj(2, TRIANGLE) + "v 0 0 0\n", "5 vertices"),
+            (obj(2, "f 1 2 3 4\n"), "2 triangles"),
+            (obj(2, "f 1 3 2\n"), "face 1 joins other vertices"),
+            (obj(2, "f 1 2 4\n"), "face 1 joins other vertices"),
+            (obj(2, "f 1 2\n"), "line 5: a face of 2"),
+            (String::new(), "no triangles"),
+        ] {
+            let message = with(text);
+            assert!(
+                message.contains(says) && message.contains("3.obj"),
+                "{message}"
+            );
+            let both = !says.ends_with("vertices") || message.contains("1.obj");
+            assert!(both && !message.contains('\n'), "{message}");
+        }
+        assert!(with(obj(2, "f 1 2 3 4\n")).contains("has 1"));
+    }
+
+    #[test]
+    fn what_is_no_scene_is_refused_with_the_reason() {
+        let folder = folder(&[
+            ("mixed/1.obj", obj(0, TRIANGLE)),
+            ("mixed/1.ply", String::new()),
+            ("other/a.txt", String::new()),
+            ("other/a.glb", String::new()),
+            ("void.obj", String::new()),
+            ("cloud.obj", obj(0, "")),
+        ]);
+        fs::create_dir(folder.path().join("empty")).unwrap();
+        for (path, says) in [
+            ("mixed", "1 .obj and 1 .ply files are mixed"),
+            ("mixed/*", "1 .obj and 1 .ply files are mixed"),
+            ("other", "no .obj or .ply file among 2 files; name"),
+            ("other/a.txt", "unsupported file type"),
+            ("other/a.glb", "not glTF"),
+            ("empty", "the directory is empty"),
+            ("absent", "no such file or directory"),
+            ("absent*", "matches no file"),
+            ("a[", "not a pattern"),
+            ("void.obj", "no triangles"),
+            ("cloud.obj", "no triangles, though there are 4 vertices"),
+            ("void.obj/below.obj", "cannot read"),
+        ] {
+            let message = open_in(&folder, path).unwrap_err();
+            assert!(message.contains(says), "{path}: {message}");
+        }
+        assert!(open("", &Options::default()).is_err());
+        assert!(
+            open("demo:", &Options::default())
+                .unwrap_err()
+                .to_string()
+                .contains("twist")
+        );
+    }
+}

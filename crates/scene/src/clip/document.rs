@@ -5,7 +5,7 @@ use crate::{Place, SceneError};
 use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
-use gltf::json::validation::Validate;
+use gltf::json::validation::{Checked, Validate};
 use gltf::json::{self, Root};
 use gltf::{Document, buffer};
 use std::fs;
@@ -126,7 +126,7 @@ fn make_safe(root: &mut Root) -> Result<(), String> {
         ));
     }
     check_attributes(root)?;
-    check_samplers(root)?;
+    check_targets(root)?;
     let mut first = None;
     root.validate(root, json::Path::new, &mut |path, error| {
         first.get_or_insert_with(|| format!("{}: {error}", path()));
@@ -156,16 +156,19 @@ fn check_attributes(root: &mut Root) -> Result<(), String> {
     Ok(())
 }
 
-/// The validation of `gltf` 1.4 does not look at these.
-fn check_samplers(root: &Root) -> Result<(), String> {
+/// The validation of `gltf` 1.4 looks at the samplers of channels and not at their targets.
+fn check_targets(root: &Root) -> Result<(), String> {
+    let nodes = root.nodes.len();
     for (a, animation) in root.animations.iter().enumerate() {
-        let samplers = animation.samplers.len();
         for (c, channel) in animation.channels.iter().enumerate() {
-            let sampler = channel.sampler.value();
-            if sampler >= samplers {
+            let (node, path) = (channel.target.node.value(), &channel.target.path);
+            if node >= nodes {
                 return Err(format!(
-                    "animations[{a}].channels[{c}]: sampler {sampler} does not exist, there are {samplers}"
+                    "animations[{a}].channels[{c}]: node {node} does not exist, there are {nodes}"
                 ));
+            }
+            if matches!(path, Checked::Invalid) {
+                return Err(format!("animations[{a}].channels[{c}]: unknown path"));
             }
         }
     }

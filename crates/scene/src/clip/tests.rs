@@ -1,1 +1,526 @@
+//! Files put together here, with answers worked out by hand.
 
+use super::*;
+use crate::open;
+use std::fs;
+
+/// A binary chunk and the accessors over it.
+#[derive(Default)]
+struct Bin {
+    bytes: Vec<u8>,
+    views: Vec<String>,
+    accessors: Vec<String>,
+}
+
+impl Bin {
+    fn view(&mut self, bytes: &[u8]) -> usize {
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        let (offset, length) = (self.bytes.len(), bytes.len());
+        self.views.push(format!(
+            r#"{{"buffer":0,"byteOffset":{offset},"byteLength":{length}}}"#
+        ));
+        self.bytes.extend_from_slice(bytes);
+        self.views.len() - 1
+    }
+
+    fn add(&mut self, bytes: &[u8], component: u32, kind: &str, count: usize, more: &str) -> usize {
+        let view = self.view(bytes);
+        self.accessors.push(format!(
+            r#"{{"bufferView":{view},"componentType":{component},"type":"{kind}","count":{count}{more}}}"#
+        ));
+        self.accessors.len() - 1
+    }
+
+    fn floats(&mut self, values: &[f32], kind: &str) -> usize {
+        let size = match kind {
+            "SCALAR" => 1,
+            "VEC3" => 3,
+            "VEC4" => 4,
+            _ => 16,
+        };
+        let bytes: Vec<u8> = values.iter().flat_map(|x| x.to_le_bytes()).collect();
+        self.add(&bytes, 5126, kind, values.len() / size, "")
+    }
+
+    fn shorts(&mut self, values: &[u16], kind: &str) -> usize {
+        let bytes: Vec<u8> = values.iter().flat_map(|x| x.to_le_bytes()).collect();
+        self.add(
+            &bytes,
+            5123,
+            kind,
+            values.len() / if kind == "VEC4" { 4 } else { 1 },
+            "",
+        )
+    }
+
+    /// The whole JSON with the buffer's source given.
+    fn json(&self, rest: &str, source: &str) -> String {
+        format!(
+            r#"{{"asset":{{"version":"2.0"}},"buffers":[{{"byteLength":{}{source}}}],"bufferViews":[{}],"accessors":[{}],{rest}}}"#,
+            self.bytes.len(),
+            self.views.join(","),
+            self.accessors.join(",")
+        )
+    }
+}
+
+fn glb(json: &str, bin: &[u8]) -> Vec<u8> {
+    let glb = gltf::Glb {
+        header: gltf::binary::Header {
+            magic: *b"glTF",
+            version: 2,
+            length: 0,
+        },
+        json: json.as_bytes().into(),
+        bin: Some(bin.into()),
+    };
+    glb.to_vec().unwrap()
+}
+
+fn read_with(bytes: &[u8], options: &Options) -> Result<Scene, String> {
+    let file = tempfile::Builder::new().suffix(".glb").tempfile().unwrap();
+    fs::write(file.path(), bytes).unwrap();
+    open(file.path().to_str().unwrap(), options).map_err(|e| e.to_string())
+}
+
+fn read(bin: &Bin, rest: &str) -> Result<Scene, String> {
+    let options = Options {
+        fps: 2.0,
+        clip: None,
+    };
+    read_with(&glb(&bin.json(rest, ""), &bin.bytes), &options)
+}
+
+fn close(found: Point, expected: Point) {
+    let near = found
+        .iter()
+        .zip(expected)
+        .all(|(a, b)| (a - b).abs() < 1e-6);
+    assert!(near, "{found:?} is not {expected:?}");
+}
+
+const CORNERS: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
+/// A triangle on a node that moves, below one that turns by steps and one that mirrors.
+fn moving() -> (Bin, String) {
+    let mut bin = Bin::default();
+    let corners = bin.floats(&CORNERS, "VEC3");
+    let times = bin.floats(&[1.0, 2.0], "SCALAR");
+    let moves = bin.floats(&[0.0, 0.0, 0.0, 2.0, 0.0, 0.0], "VEC3");
+    let half = 0.5_f32.sqrt();
+    let turns = bin.floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, half, half], "VEC4");
+    let rest = format!(
+        r#""meshes":[{{"primitives":[{{"attributes":{{"POSITION":{corners}}},"material":0}}]}}],
+        "materials":[{{"pbrMetallicRoughness":{{"baseColorFactor":[1,0,0.21404114,1]}}}}],
+        "nodes":[{{"mesh":0,"translation":[0,5,0]}},{{"children":[0],"rotation":[0,0,0,1]}},{{"children":[1],"scale":[-1,1,1]}}],
+        "scenes":[{{"nodes":[2]}}],"scene":0,
+        "animations":[{{"name":"go","samplers":[{{"input":{times},"output":{moves}}},{{"input":{times},"output":{turns},"interpolation":"STEP"}}],
+        "channels":[{{"sampler":0,"target":{{"node":0,"path":"translation"}}}},{{"sampler":1,"target":{{"node":1,"path":"rotation"}}}}]}}]"#
+    );
+    (bin, rest)
+}
+
+#[test]
+fn nodes_move_below_each_other_and_both_ends_of_the_clip_are_keys() {
+    let (bin, rest) = moving();
+    let scene = read(&bin, &rest).unwrap();
+    let keys = scene.animation.keys();
+    assert_eq!(
+        (
+            keys.len(),
+            scene.facts.seconds_per_key,
+            scene.facts.clip.as_deref()
+        ),
+        (3, Some(0.5), Some("go"))
+    );
+    close(keys[0][1], [-1.0, 0.0, 0.0]);
+    close(keys[1][0], [-1.0, 0.0, 0.0]);
+    close(keys[1][1], [-2.0, 0.0, 0.0]);
+    // Turned by a quarter round z, then mirrored: (3, 0) to (0, 3); (2, 1) to (-1, 2) to (1, 2).
+    close(keys[2][1], [0.0, 3.0, 0.0]);
+    close(keys[2][2], [1.0, 2.0, 0.0]);
+    assert_eq!(scene.animation.triangles(), [[0, 1, 2]]);
+    assert_eq!(scene.colours, [[255, 0, 128]]);
+}
+
+#[test]
+fn a_clip_is_chosen_by_name_or_index_and_none_makes_one_key() {
+    let (bin, rest) = moving();
+    let none = rest
+        .split(r#""animations""#)
+        .next()
+        .unwrap()
+        .trim()
+        .trim_end_matches(',')
+        .to_owned();
+    let still = read(&bin, &none).unwrap();
+    assert_eq!((still.animation.keys().len(), still.facts.clip), (1, None));
+    close(still.animation.keys()[0][0], [0.0, 5.0, 0.0]);
+    let two = rest.replace(
+        r#""animations":["#,
+        r#""animations":[{"samplers":[],"channels":[]},"#,
+    );
+    let bytes = glb(&bin.json(&two, ""), &bin.bytes);
+    let with = |clip: Option<&str>| {
+        read_with(
+            &bytes,
+            &Options {
+                fps: 24.0,
+                clip: clip.map(str::to_owned),
+            },
+        )
+    };
+    for (clip, keys) in [(Some("go"), 25), (Some("1"), 25), (Some("0"), 1), (None, 1)] {
+        assert_eq!(with(clip).unwrap().animation.keys().len(), keys, "{clip:?}");
+    }
+    assert!(with(None).unwrap().facts.notes[0].contains("first of 2 clips: 0, go"));
+    let message = with(Some("stop")).unwrap_err();
+    assert!(
+        message.contains(r#"no clip "stop"; there are 0 "0", 1 "go""#),
+        "{message}"
+    );
+    for fps in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
+        assert!(
+            read_with(&bytes, &Options { fps, clip: None })
+                .unwrap_err()
+                .contains("frame rate")
+        );
+    }
+}
+
+/// A triangle hung on two joints, the second of which turns by a quarter round z and is bound at x = 1.
+fn skinned() -> (Bin, String) {
+    let mut bin = Bin::default();
+    let corners = bin.floats(&[0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 3.0, 0.0, 0.0], "VEC3");
+    let joints = bin.shorts(&[0, 9, 9, 9, 1, 0, 0, 0, 0, 1, 0, 0], "VEC4");
+    // Three weights that name the first joint, the second, and both; in bytes, with a sum of 254.
+    let weights = bin.add(
+        &[255, 0, 0, 0, 255, 0, 0, 0, 127, 127, 0, 0],
+        5121,
+        "VEC4",
+        3,
+        r#","normalized":true"#,
+    );
+    let mut binds = [0.0; 32];
+    for i in 0..4 {
+        (binds[5 * i], binds[16 + 5 * i]) = (1.0, 1.0);
+    }
+    binds[16 + 12] = -1.0;
+    let binds = bin.floats(&binds, "MAT4");
+    let times = bin.floats(&[0.0, 1.0], "SCALAR");
+    let half = 0.5_f32.sqrt();
+    let turns = bin.floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, half, half], "VEC4");
+    let rest = format!(
+        r#""meshes":[{{"primitives":[{{"attributes":{{"POSITION":{corners},"JOINTS_0":{joints},"WEIGHTS_0":{weights}}}}}]}}],
+        "nodes":[{{"mesh":0,"skin":0,"translation":[100,0,0]}},{{"children":[2]}},{{"translation":[1,0,0]}}],
+        "skins":[{{"joints":[1,2],"inverseBindMatrices":{binds}}}],"scenes":[{{"nodes":[0,1]}}],
+        "animations":[{{"samplers":[{{"input":{times},"output":{turns}}}],"channels":[{{"sampler":0,"target":{{"node":2,"path":"rotation"}}}}]}}]"#
+    );
+    (bin, rest)
+}
+
+#[test]
+fn skins_follow_their_joints_and_not_their_node() {
+    let (bin, rest) = skinned();
+    let scene = read(&bin, &rest).unwrap();
+    let keys = scene.animation.keys();
+    for (found, x) in keys[0].iter().zip([0.0, 2.0, 3.0]) {
+        close(*found, [x, 0.0, 0.0]);
+    }
+    let h = 0.5_f32.sqrt();
+    close(keys[1][1], [1.0 + h, h, 0.0]);
+    close(keys[2][0], [0.0, 0.0, 0.0]);
+    close(keys[2][1], [1.0, 1.0, 0.0]);
+    close(keys[2][2], [2.0, 1.0, 0.0]);
+}
+
+/// A triangle with two morph targets, the second sparse without a base, weights by a spline.
+fn morphing() -> (Bin, String) {
+    let mut bin = Bin::default();
+    let corners = bin.floats(&CORNERS, "VEC3");
+    let up = bin.floats(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0], "VEC3");
+    let (at, by) = (
+        bin.view(&[2]),
+        bin.view(&[4.0_f32, 0.0, 0.0].map(f32::to_le_bytes).concat()),
+    );
+    bin.accessors.push(format!(
+        r#"{{"componentType":5126,"type":"VEC3","count":3,"sparse":{{"count":1,"indices":{{"bufferView":{at},"componentType":5121}},"values":{{"bufferView":{by}}}}}}}"#
+    ));
+    let aside = bin.accessors.len() - 1;
+    let times = bin.floats(&[0.0, 2.0], "SCALAR");
+    // (in, value, out) of two weights: w0 = t^2 over 0..2, w1 stays at 0.5.
+    let weights = [0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 4.0, 0.0, 4.0, 0.5, 0.0, 0.0];
+    let weights = bin.floats(&weights, "SCALAR");
+    let rest = format!(
+        r#""meshes":[{{"weights":[0,1],"primitives":[{{"attributes":{{"POSITION":{corners}}},"targets":[{{"POSITION":{up}}},{{"POSITION":{aside}}}]}}]}}],
+        "nodes":[{{"mesh":0}},{{"extras":["any",{{}}]}}],
+        "animations":[{{"samplers":[{{"input":{times},"output":{weights},"interpolation":"CUBICSPLINE"}}],"channels":[{{"sampler":0,"target":{{"node":0,"path":"weights"}}}}]}}]"#
+    );
+    (bin, rest)
+}
+
+#[test]
+fn morph_targets_add_up_by_the_weights_of_clip_or_mesh() {
+    let (bin, rest) = morphing();
+    let keys = read(&bin, &rest).unwrap().animation.keys().to_vec();
+    assert_eq!(keys.len(), 5);
+    for (i, key) in keys.iter().enumerate() {
+        let t = i as f32 * 0.5;
+        close(key[1], [1.0, 0.0, t * t]);
+        close(key[2], [2.0, 1.0, t * t]);
+    }
+    let still = rest.replace(r#""animations""#, r#""extras""#);
+    let still = read(&bin, &still).unwrap();
+    close(still.animation.keys()[0][2], [4.0, 1.0, 0.0]);
+}
+
+#[test]
+fn strips_fans_and_lists_make_triangles_and_points_are_counted() {
+    let mut bin = Bin::default();
+    let corners: Vec<f32> = (0..6)
+        .flat_map(|i| [i as f32, (i * i) as f32, 0.0])
+        .collect();
+    let corners = bin.floats(&corners, "VEC3");
+    let indices = bin.shorts(&[5, 4, 3, 1], "SCALAR");
+    let primitive = |more: &str| format!(r#"{{"attributes":{{"POSITION":{corners}}}{more}}}"#);
+    let list = [
+        primitive(&format!(r#","mode":5,"indices":{indices}"#)),
+        primitive(r#","mode":0"#),
+        primitive(&format!(r#","mode":6,"indices":{indices}"#)),
+        primitive(""),
+    ];
+    let rest = format!(
+        r#""meshes":[{{"primitives":[{}]}}],"nodes":[{{"mesh":0}}]"#,
+        list.join(",")
+    );
+    let scene = read(&bin, &rest).unwrap();
+    let a = &scene.animation;
+    let xs = |t: &[u32; 3]| t.map(|v| a.keys()[0][v as usize][0] as u32);
+    let found: Vec<_> = a.triangles().iter().map(xs).collect();
+    assert_eq!(
+        found,
+        [
+            [5, 4, 3],
+            [4, 1, 3],
+            [5, 4, 3],
+            [5, 3, 1],
+            [0, 1, 2],
+            [3, 4, 5]
+        ]
+    );
+    assert_eq!(scene.facts.notes, ["skipped 1 primitives of mode Points"]);
+    let points = format!(
+        r#""meshes":[{{"primitives":[{}]}}],"nodes":[{{"mesh":0}}]"#,
+        list[1]
+    );
+    assert!(
+        read(&bin, &points)
+            .unwrap_err()
+            .contains("no triangles; skipped 1 primitives of mode Points")
+    );
+}
+
+#[test]
+fn buffers_come_from_data_uris_and_from_files_beside() {
+    let (bin, rest) = moving();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.gltf");
+    let read = |source: &str| {
+        fs::write(&path, bin.json(&rest, &format!(r#","uri":"{source}""#))).unwrap();
+        open(path.to_str().unwrap(), &Options::default()).map_err(|e| e.to_string())
+    };
+    fs::write(folder.path().join("some bytes.bin"), &bin.bytes).unwrap();
+    assert_eq!(read("some%20bytes.bin").unwrap().facts.format, "gltf");
+    use base64::prelude::{BASE64_STANDARD, Engine};
+    let text = BASE64_STANDARD.encode(&bin.bytes);
+    assert!(read(&format!("data:application/octet-stream;base64,{text}")).is_ok());
+    for (source, says) in [
+        ("data:;base64,####".to_owned(), "buffer 0: bad base64"),
+        ("data:;base64,AAAA".to_owned(), "are declared, 3 are there"),
+        ("data:,AAAA".to_owned(), "not base64"),
+        ("absent.bin".to_owned(), "absent.bin"),
+        ("https://example.org/a.bin".to_owned(), "network"),
+    ] {
+        let message = read(&source).unwrap_err();
+        assert!(message.contains(says), "{message}");
+    }
+}
+
+#[test]
+fn what_leads_nowhere_is_named() {
+    let (a, b, c) = (moving(), skinned(), morphing());
+    for ((bin, rest), from, to, says) in [
+        (
+            &a,
+            r#""POSITION":0"#,
+            r#""POSITION":9"#,
+            "accessor 9 does not exist",
+        ),
+        (
+            &a,
+            r#""sampler":1"#,
+            r#""sampler":2"#,
+            "animations[0].channels[1].sampler: Index out of bounds",
+        ),
+        (
+            &a,
+            r#""mesh":0"#,
+            r#""mesh":4"#,
+            "nodes[0].mesh: Index out of bounds",
+        ),
+        (
+            &a,
+            r#""children":[0]"#,
+            r#""children":[0,2]"#,
+            "its own ancestor",
+        ),
+        (
+            &a,
+            r#""children":[1]"#,
+            r#""children":[1,0]"#,
+            "node 0: the node has two parents",
+        ),
+        (
+            &a,
+            r#""output":2"#,
+            r#""output":3"#,
+            "accessor 3: Vec3 elements are expected",
+        ),
+        (
+            &a,
+            r#""input":1"#,
+            r#""input":0"#,
+            "accessor 0: Scalar elements are expected",
+        ),
+        (
+            &a,
+            r#""material":0"#,
+            r#""indices":1"#,
+            "accessor 1: unsigned integers are expected",
+        ),
+        (
+            &a,
+            r#""scene":0"#,
+            r#""extensionsRequired":["KHR_draco_mesh_compression"]"#,
+            "KHR_draco_mesh_compression",
+        ),
+        (
+            &a,
+            r#""sampler":1,"target":{"node":1"#,
+            r#""sampler":1,"target":{"node":3"#,
+            "node 3 does not exist",
+        ),
+        (
+            &c,
+            r#""node":0,"path""#,
+            r#""node":1,"path""#,
+            "no morph targets",
+        ),
+        (
+            &b,
+            r#""joints":[1,2]"#,
+            r#""joints":[1]"#,
+            "vertex 1 hangs on joint 1",
+        ),
+        (
+            &b,
+            r#""joints":[1,2]"#,
+            r#""joints":[1,2,0]"#,
+            "2 inverse bind matrices for 3 joints",
+        ),
+        (
+            &c,
+            r#""CUBICSPLINE""#,
+            r#""LINEAR""#,
+            "2 values are expected for 2 times, 6 are there",
+        ),
+        (&c, r#""weights""#, r#""warp""#, "unknown path"),
+    ] {
+        let message = read(bin, &rest.replace(from, to)).err().unwrap_or_default();
+        assert!(
+            message.contains(says) && !message.contains('\n'),
+            "{says:?} is not in {message:?}"
+        );
+    }
+}
+
+#[test]
+fn accessors_that_leave_their_buffer_are_refused() {
+    let (bin, rest) = morphing();
+    let json = bin.json(&rest, "");
+    let read = |json: &str| read_with(&glb(json, &bin.bytes), &Options::default());
+    assert!(read(&json).is_ok());
+    for (from, to, says) in [
+        (
+            r#""VEC3","count":3}"#,
+            r#""VEC3","count":4}"#,
+            "4 elements of 12 bytes",
+        ),
+        (
+            r#""VEC3","count":3}"#,
+            r#""VEC3","count":18446744073709551615}"#,
+            "do not fit",
+        ),
+        (
+            r#""byteOffset":0"#,
+            r#""byteOffset":18446744073709551615"#,
+            "buffer view 0 ends beyond",
+        ),
+        (
+            r#""byteLength":36}"#,
+            r#""byteLength":36,"byteStride":4}"#,
+            "stride of 4",
+        ),
+        (r#""count":1,"#, r#""count":2,"#, "2 elements of 1 bytes"),
+        (r#""count":1,"#, r#""count":0,"#, "no element is replaced"),
+        (
+            r#""count":3,"sparse""#,
+            r#""count":2,"sparse""#,
+            "sparse index 2",
+        ),
+        (
+            r#""count":3,"sparse""#,
+            r#""count":18446744073709551615,"sparse""#,
+            "limit",
+        ),
+        (
+            r#""count":3,"sparse""#,
+            r#""count":4,"sparse""#,
+            "4 elements for 3 vertices",
+        ),
+    ] {
+        let broken = json.replacen(from, to, 1);
+        assert_ne!(broken, json, "{from}");
+        let message = read(&broken).err().unwrap_or_default();
+        assert!(message.contains(says), "{says:?} is not in {message:?}");
+    }
+    let falling = [1.0_f32, 0.5].map(f32::to_le_bytes).concat();
+    let rising = [0.0_f32, 2.0].map(f32::to_le_bytes).concat();
+    let mut bytes = glb(&json, &bin.bytes);
+    let at = bytes.windows(8).position(|w| w == rising).unwrap();
+    bytes[at..at + 8].copy_from_slice(&falling);
+    assert!(
+        read_with(&bytes, &Options::default())
+            .unwrap_err()
+            .contains("do not rise")
+    );
+}
+
+#[test]
+fn a_file_cut_anywhere_or_with_any_digit_changed_never_panics() {
+    for (bin, rest) in [moving(), skinned(), morphing()] {
+        let json = bin.json(&rest, "");
+        let whole = glb(&json, &bin.bytes);
+        for end in (0..whole.len()).step_by(3) {
+            let message = read_with(&whole[..end], &Options::default()).unwrap_err();
+            assert!(!message.is_empty());
+        }
+        for (at, _) in json.char_indices().filter(|(_, c)| c.is_ascii_digit()) {
+            for digits in ["7", "18446744073709551615"] {
+                let broken = format!("{}{digits}{}", &json[..at], &json[at + 1..]);
+                // Some of these are scenes too.
+                let _ = read_with(&glb(&broken, &bin.bytes), &Options::default());
+            }
+        }
+    }
+}
