@@ -1,0 +1,147 @@
+//! Random triangles, and closed meshes.
+
+use crate::judge::Judge;
+use crate::{tally, trace};
+use geom::{Animation, Point, Ray, Triangle};
+use integration::rays::{Target, aimed};
+use libtest_mimic::{Failed, Trial};
+use proptest::prelude::*;
+use proptest::test_runner::{Config, TestError, TestRunner};
+use std::sync::Arc;
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        Trial::test("soup::every_answer_can_be_explained", soups),
+        Trial::test("ball::no_ray_from_inside_gets_out", from_inside),
+        Trial::test("ball::the_same_rays_hit_from_outside", from_outside),
+    ]
+}
+
+fn animation(corners: &[Triangle]) -> Arc<Animation> {
+    let indices = (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
+    let animation = Animation::new(vec![corners.concat()], indices.collect());
+    Arc::new(animation.expect("three vertices a triangle"))
+}
+
+fn soups() -> Result<(), Failed> {
+    let scale = prop_oneof![Just(1.0_f32), Just(1e-20), Just(1e20), Just(1024.0)];
+    let coordinate = prop_oneof![(-4_i8..=4).prop_map(f32::from), -4.0_f32..4.0];
+    let point = proptest::array::uniform3(coordinate);
+    let triangle = proptest::array::uniform3(point.clone());
+    let triangles = proptest::collection::vec(triangle, 1..40);
+    let rays = proptest::collection::vec((point, 0.0..1.0_f32, 0.0..1.0_f32, 0..40_usize), 60);
+    let mut runner = TestRunner::new_with_rng(
+        Config {
+            cases: 150,
+            failure_persistence: None,
+            ..Config::default()
+        },
+        proptest::test_runner::TestRng::deterministic_rng(
+            proptest::test_runner::RngAlgorithm::ChaCha,
+        ),
+    );
+    runner
+        .run(&(triangles, rays, scale), |(triangles, rays, scale)| {
+            let corners: Vec<Triangle> = triangles
+                .iter()
+                .map(|t| t.map(|p| p.map(|x| x * scale)))
+                .collect();
+            let rays: Vec<Ray> = rays
+                .iter()
+                .map(|&(o, v, w, i)| {
+                    let origin = o.map(|x| x * scale);
+                    let [a, b, c] = corners[i % corners.len()];
+                    // A third of them at edges, and some at vertices.
+                    let (v, w) = (v, if i % 3 == 0 { 0.0 } else { w * (1.0 - v) });
+                    let target: Point = std::array::from_fn(|k| {
+                        a[k] + v.round().min(v * 1.5) * (b[k] - a[k]) + w * (c[k] - a[k])
+                    });
+                    Ray::new(origin, std::array::from_fn(|k| target[k] - origin[k]))
+                })
+                .filter(Ray::is_valid)
+                .collect();
+            let hits = trace(&animation(&corners), 0.0, &rays);
+            tally(&Judge::new(corners), &rays, &hits)
+                .map(|_| ())
+                .map_err(|e| TestCaseError::fail(e.message().unwrap_or("wrong").to_owned()))
+        })
+        .map_err(|e| match e {
+            TestError::Fail(reason, (triangles, _, scale)) => {
+                format!("{reason} among {triangles:?} times {scale}").into()
+            }
+            TestError::Abort(reason) => reason.message().into(),
+        })
+}
+
+/// A closed, lumpy ball, star-shaped as seen from its centre: an octahedron split
+/// four times, its vertices pushed in and out.
+fn ball(centre: Point) -> Vec<Triangle> {
+    let poles = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mut corners: Vec<Triangle> = Vec::new();
+    for octant in 0..8_u32 {
+        let sign = |i: usize| if octant >> i & 1 == 0 { 1.0 } else { -1.0 };
+        corners.push(std::array::from_fn(|i| poles[i].map(|x: f32| x * sign(i))));
+    }
+    for _ in 0..4 {
+        corners = corners.iter().flat_map(split).collect();
+    }
+    let lump = |p: Point| {
+        let length = p.iter().map(|x| x * x).sum::<f32>().sqrt();
+        let bits = p.iter().fold(17_u32, |h, x| {
+            (h ^ x.to_bits()).wrapping_mul(0x9E37_79B1).rotate_left(13)
+        });
+        let radius = 0.9 + 0.1 * (bits >> 8) as f32 / (1 << 24) as f32;
+        std::array::from_fn(|i| p[i] / length * radius + centre[i])
+    };
+    corners.into_iter().map(|t| t.map(lump)).collect()
+}
+
+fn split(&[a, b, c]: &Triangle) -> [Triangle; 4] {
+    // Adding zero makes every zero positive, so that shared corners have the same bits.
+    let middle =
+        |p: Point, q: Point| -> Point { std::array::from_fn(|i| 0.5 * (p[i] + q[i]) + 0.0) };
+    let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+    [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+}
+
+const CENTRES: [f32; 4] = [0.0, 10.0, 1e3, 1e5];
+
+fn from_inside() -> Result<(), Failed> {
+    for offset in CENTRES {
+        let centre = [offset, -offset, offset];
+        let animation = animation(&ball(centre));
+        for target in [Target::Edge, Target::Vertex, Target::Inside] {
+            let mut rays = aimed(&animation, animation.pose(0.0), target, 1.0, 20_000);
+            for ray in &mut rays {
+                let aim: Point = std::array::from_fn(|i| ray.origin[i] + ray.direction[i]);
+                *ray = Ray::new(centre, std::array::from_fn(|i| aim[i] - centre[i]));
+            }
+            let hits = trace(&animation, 0.0, &rays);
+            let misses = hits.closest.iter().filter(|h| !h.is_hit()).count();
+            if misses > 0 {
+                return Err(format!("{misses} {target:?} rays get out at offset {offset}").into());
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Rays at insides find exactly the oracle's triangles; others may name a
+/// neighbour, and miss only where every triangle they meet is within rounding of
+/// being missed: at the silhouette.
+fn from_outside() -> Result<(), Failed> {
+    for offset in CENTRES {
+        let corners = ball([offset, 0.0, -offset]);
+        let animation = animation(&corners);
+        let judge = Judge::new(corners);
+        for target in [Target::Edge, Target::Vertex, Target::Inside] {
+            let rays = aimed(&animation, animation.pose(0.0), target, 2.0, 8000);
+            let hits = trace(&animation, 0.0, &rays);
+            let tally = tally(&judge, &rays, &hits)?;
+            if matches!(target, Target::Inside) && tally.differing() > 0 {
+                return Err(format!("rays at insides differ at {offset}: {tally:?}").into());
+            }
+        }
+    }
+    Ok(())
+}
