@@ -58,9 +58,47 @@ impl Faults {
 }
 
 /// What the validation layer called an error so far, in this process.
+///
+/// Layers older than SPIR-V's number for WGSL as a source language call the
+/// names that wgpu gives its own translations an error; that is left out.
 pub(crate) fn layer_messages() -> Vec<String> {
     static HEARD: Mutex<Vec<String>> = Mutex::new(Vec::new());
+    let unknown_language = |m: &String| m.ends_with("Invalid source language operand: 10");
+    let new = wgpu_hal::VALIDATION_CANARY.get_and_reset();
     let mut heard = lock(&HEARD);
-    heard.extend(wgpu_hal::VALIDATION_CANARY.get_and_reset());
+    heard.extend(new.into_iter().filter(|m| !unknown_language(m)));
     heard.clone()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn out_of_memory() -> wgpu::Error {
+        wgpu::Error::OutOfMemory {
+            source: "no room".into(),
+        }
+    }
+
+    #[test]
+    fn memory_that_runs_out_says_for_what() {
+        let error = Faults::default().translate("the tree's nodes", 64, &out_of_memory());
+        let said = "out of device memory: the tree's nodes needs 64 bytes";
+        assert_eq!(error.to_string(), said);
+    }
+
+    #[test]
+    fn a_fault_nobody_caught_is_returned_once_and_a_loss_for_ever() {
+        let faults = Faults::default();
+        faults.note(&out_of_memory());
+        assert!(matches!(
+            faults.check(),
+            Err(BackendError::OutOfMemory { .. })
+        ));
+        assert_eq!(faults.check(), Ok(()));
+        faults.lose("unplugged".into());
+        let lost = Err(BackendError::DeviceLost("unplugged".into()));
+        assert_eq!((faults.check(), faults.check()), (lost.clone(), lost));
+        assert_eq!(faults.messages(), ["work begun earlier: Out of Memory"]);
+    }
 }

@@ -1,0 +1,131 @@
+//! The same bits from every variant, from `gpu-vulkan` on the same driver, and from the host.
+
+use crate::scenes::{SHADOWED, answers, camera, go, hits, open, rays, stand, swarm, tree_at};
+use backend::{Backend, Generation, Rays, Seek};
+use cpu_ref::CpuBackend;
+use geom::{Animation, Hit};
+use gpu_vulkan::VulkanBackend;
+use gpu_wgpu::{Options, WgpuBackend};
+use libtest_mimic::Failed;
+use std::sync::Arc;
+
+fn variants() -> [(&'static str, Options); 3] {
+    let plain = Options::default();
+    let wgsl = Options {
+        force_wgsl: true,
+        ..Options::default()
+    };
+    let checked = Options {
+        checked: true,
+        ..Options::default()
+    };
+    [("best", plain), ("wgsl", wgsl), ("checked wgsl", checked)]
+}
+
+type Named = (String, Box<dyn Backend>);
+
+fn backends() -> Result<Vec<Named>, Failed> {
+    let cpu = CpuBackend::new(Some(2)).map_err(|e| e.to_string())?;
+    let mut all: Vec<Named> = vec![("cpu".into(), Box::new(cpu))];
+    for (name, options) in variants() {
+        all.push((
+            format!("wgpu, {name}"),
+            Box::new(WgpuBackend::new(&options)?),
+        ));
+    }
+    let adapter = all[1].1.device().adapter.clone();
+    let options = gpu_vulkan::Options {
+        adapter: Some(adapter),
+        ..Default::default()
+    };
+    match VulkanBackend::new(&options) {
+        Ok(vulkan) => all.push(("vulkan".into(), Box::new(vulkan))),
+        // Where wgpu reaches its adapter by Metal or DirectX 12.
+        Err(backend::BackendError::NoDevice(_)) => (),
+        Err(e) => return Err(e.into()),
+    }
+    Ok(all)
+}
+
+pub(crate) fn every_variant_answers_as_its_twins_do() -> Result<(), Failed> {
+    let (animation, camera, list) = (swarm(600), camera(), rays(1500));
+    let queries = [
+        (Rays::Camera(&camera), SHADOWED),
+        (Rays::Camera(&camera), Seek::Closest),
+        (Rays::List(&list), SHADOWED),
+        (Rays::List(&list), Seek::Closest),
+        (Rays::List(&list), Seek::Any),
+    ];
+    let mut all = backends()?;
+    for (_, backend) in &mut all {
+        open(backend.as_mut(), &animation)?;
+    }
+    for (i, (rays, seek)) in queries.into_iter().enumerate() {
+        let time = [0.0, 0.37, 1.0, 1.75, 2.0][i];
+        let (_, reference) = &mut all[0];
+        let expected = answers(reference.as_mut(), &animation, time, rays, seek)?;
+        assert!(
+            expected.counts[0] > 100,
+            "the scene is in sight: {:?}",
+            expected.counts
+        );
+        assert!(
+            expected.counts[2] > 0 && expected.counts[3] > 0,
+            "some are left out"
+        );
+        for (name, backend) in &mut all[1..] {
+            let found = answers(backend.as_mut(), &animation, time, rays, seek)?;
+            assert!(
+                found == expected,
+                "{name} differs from the host at {time}, query {i}"
+            );
+        }
+    }
+    Ok(())
+}
+
+pub(crate) fn an_old_tree_and_a_new_one_give_the_same_hits() -> Result<(), Failed> {
+    let (animation, camera) = (swarm(400), camera());
+    for (name, options) in variants() {
+        let mut backend = WgpuBackend::new(&options)?;
+        open(&mut backend, &animation)?;
+        let ask = |backend: &mut WgpuBackend| {
+            stand(backend, &animation, 1.6)?;
+            let ticket = go(backend, Rays::Camera(&camera), SHADOWED)?;
+            hits(backend, ticket)
+        };
+        let old = ask(&mut backend)?;
+        for generation in 2..6 {
+            let tree = tree_at(&animation, 0.4 * generation as f64);
+            backend.adopt(&tree, Generation(generation))?;
+            assert_eq!(ask(&mut backend)?, old, "{name}, generation {generation}");
+        }
+    }
+    Ok(())
+}
+
+pub(crate) fn an_empty_tree_is_missed_by_all() -> Result<(), Failed> {
+    let nowhere = vec![vec![[f32::NAN; 3]; 3]];
+    let animation = Arc::new(Animation::new(nowhere, vec![[0, 1, 2]])?);
+    let (camera, list) = (camera(), rays(9));
+    let mut backend = WgpuBackend::new(&Options::default())?;
+    open(&mut backend, &animation)?;
+    for (rays, seek) in [
+        (Rays::Camera(&camera), SHADOWED),
+        (Rays::List(&list), Seek::Closest),
+        (Rays::List(&list), Seek::Any),
+        (Rays::List(&[]), SHADOWED),
+    ] {
+        stand(&mut backend, &animation, 0.0)?;
+        let ticket = go(&mut backend, rays, seek)?;
+        let hits = hits(&mut backend, ticket)?;
+        assert!(hits.closest.iter().all(|h| *h == Hit::MISS));
+        assert!(hits.blocked.iter().all(|&b| b == 0));
+        assert_eq!(
+            hits.closest.len() + hits.blocked.len() > 0,
+            rays.count() > 0
+        );
+        assert_eq!(backend.wait(ticket)?.inactive, 1);
+    }
+    Ok(())
+}
