@@ -127,6 +127,31 @@ impl WgpuBackend {
         messages
     }
 
+    fn submit_recording(&mut self) -> Result<Ticket> {
+        let scene = self.scene.as_ref().expect("a scene was loaded");
+        let bytes = scene.animation.vertex_count() as u64 * 12;
+        let slot = self.frames.record(&self.gpu)?;
+        let encoder = slot.encoder();
+        let begun = self
+            .snapshots
+            .record(&self.gpu, encoder, &scene.positions, bytes)?;
+        slot.readback_bytes = begun.as_ref().map_or(0, |_| bytes);
+        let ticket = self.frames.submit(&self.gpu, scene.never_active())?;
+        let traced = self.traces.submitted(ticket);
+        self.frames.remember(ticket, traced);
+        if let Some(begun) = begun {
+            self.snapshots.follow(&self.gpu, begun, ticket)?;
+        }
+        Ok(ticket)
+    }
+
+    /// What was recorded never ran, so nothing on the device is up to date.
+    fn abandon(&mut self) {
+        self.frames.abandon();
+        self.traces.pending = None;
+        (self.stale, self.expanded) = (Stale::Positions, false);
+    }
+
     pub(crate) fn scene(&self) -> &SceneBuffers {
         self.scene.as_ref().expect("a scene was loaded")
     }
@@ -286,20 +311,11 @@ impl Backend for WgpuBackend {
     }
 
     fn submit(&mut self) -> Result<Ticket> {
-        let never_active = self.scene().never_active();
-        let bytes = self.scene().animation.vertex_count() as u64 * 12;
-        let scene = self.scene.as_ref().expect("a scene was loaded");
-        let slot = self.frames.record(&self.gpu)?;
-        let begun = self
-            .snapshots
-            .record(&self.gpu, slot.encoder(), &scene.positions, bytes)?;
-        slot.readback_bytes = begun.as_ref().map_or(0, |_| bytes);
-        let ticket = self.frames.submit(&self.gpu, never_active)?;
-        self.frames.remember(ticket, self.traces.submitted(ticket));
-        if let Some(begun) = begun {
-            self.snapshots.follow(&self.gpu, begun, ticket)?;
+        let submitted = self.submit_recording();
+        if submitted.is_err() {
+            self.abandon();
         }
-        Ok(ticket)
+        submitted
     }
 
     fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {

@@ -68,6 +68,11 @@ impl Frames {
         Ok(Ticket(self.submitted))
     }
 
+    /// Drops the recording, if there is one.
+    pub(crate) fn abandon(&mut self) {
+        self.recording = false;
+    }
+
     /// Remembers a submission until enough with a trace came after it.
     pub(crate) fn remember(&mut self, ticket: Ticket, traced: bool) {
         self.traces += u64::from(traced);
