@@ -453,6 +453,10 @@ impl Backend for VulkanBackend {
         self.gpu.wait_idle()?;
         (self.scene, self.tree, self.pending_trace) = (None, None, None);
         self.traces.clear();
+        // What was under way or recorded belongs to the scene before.
+        (self.recording, self.request, self.snapshots.under_way) = (None, false, None);
+        self.slots.iter_mut().for_each(|slot| slot.ticket = None);
+        self.reports.clear();
         self.tree = Some(TreeBuffers::new(&self.gpu, &animation)?);
         self.scene = Some(SceneBuffers::new(&self.gpu, &mut self.transfer, animation)?);
         self.stale = Stale::Positions;
