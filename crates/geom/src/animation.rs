@@ -200,7 +200,9 @@ impl Animation {
     #[must_use]
     pub fn scale_exponent(&self) -> i32 {
         let all = self.keys.iter().flatten().flatten();
-        let largest = all.filter(|x| x.is_finite()).fold(0.0_f32, |m, x| m.max(x.abs()));
+        let largest = all
+            .filter(|x| x.is_finite())
+            .fold(0.0_f32, |m, x| m.max(x.abs()));
         if largest == 0.0 || (2.0_f32.powi(-30)..=2.0_f32.powi(30)).contains(&largest) {
             return 0;
         }
