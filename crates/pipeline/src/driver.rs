@@ -146,9 +146,15 @@ impl Driver {
         mut on_frame: impl FnMut(&FrameRecord, &Hits) -> Result<(), E>,
     ) -> Result<(), E> {
         let mut hits = Hits::default();
+        // A frame that waits for its own tree takes two submissions, so none may be left open before it.
+        let under_way = if self.schedule.waits_at_once() {
+            1
+        } else {
+            FRAMES_IN_FLIGHT
+        };
         for frame in frames {
             self.begin(frame, query)?;
-            if self.pending.len() >= FRAMES_IN_FLIGHT {
+            if self.pending.len() >= under_way {
                 let record = self.finish(read_hits.then_some(&mut hits))?;
                 if let Some(record) = record {
                     on_frame(&record, &hits)?;
@@ -161,7 +167,8 @@ impl Driver {
         Ok(())
     }
 
-    /// Submits one frame.
+    /// Submits one frame. With trees built at once (`rebuild`, lockstep 0) the
+    /// frame before must be finished: each takes two submissions.
     ///
     /// # Errors
     /// The backend's.
