@@ -80,8 +80,8 @@ impl World {
         let two = |e: i32| 2.0_f32.powi(e);
         let mut d = 0.0_f32;
         for corner in [self.root.min, self.root.max] {
-            for i in 0..3 {
-                d = d.max((corner[i] - ray.origin[i]).abs());
+            for (c, o) in corner.iter().zip(ray.origin) {
+                d = d.max((c - o).abs());
             }
         }
         let d = d.min(two(80));

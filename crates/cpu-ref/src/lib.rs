@@ -6,6 +6,8 @@
 //! triangle test. Work runs in a pool of the backend's own when it is
 //! submitted, so `wait` never blocks.
 
+#[cfg(test)]
+mod contract_tests;
 mod interpolate;
 #[cfg(test)]
 mod law;
@@ -18,6 +20,8 @@ mod refit;
 mod scale;
 mod scene;
 mod shadow;
+#[cfg(test)]
+mod shadow_tests;
 mod slab;
 mod snapshots;
 mod submission;
@@ -30,6 +34,8 @@ mod trace_tests;
 mod traverse;
 mod triangle_test;
 mod watertight;
+#[cfg(test)]
+mod watertight_tests;
 mod woop;
 
 use backend::{

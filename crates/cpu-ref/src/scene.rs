@@ -158,13 +158,18 @@ impl Scene {
         )
     }
 
+    /// Boxes and records, to trace through.
+    pub(crate) fn target(&self) -> Target<'_> {
+        Target {
+            nodes: &self.nodes,
+            records: &self.records,
+        }
+    }
+
     fn tracer<'a>(&'a self, rays: Rays<'a>) -> Tracer<'a> {
         Tracer {
             rays,
-            target: Target {
-                nodes: &self.nodes,
-                records: &self.records,
-            },
+            target: self.target(),
             geometry: Geometry {
                 positions: &self.positions,
                 triangles: self.animation.triangles(),
