@@ -130,12 +130,11 @@ impl Converter {
 
     /// Appends every node to its level; returns the greatest triangle named.
     fn scatter(&mut self, shape: Shape<'_>, leaf_triangles: &mut [u32]) -> usize {
+        self.leaf_children.resize(shape.left_leaves.len(), 0);
         if let [root] = shape.order {
-            self.leaf_children.clear();
             leaf_triangles[0] = *root;
             return *root as usize;
         }
-        self.leaf_children.resize(shape.left_leaves.len(), 0);
         let leaves = segments(leaf_triangles, &self.tallies, |t| &t.leaves);
         let inner = segments(&mut self.leaf_children, &self.tallies, |t| &t.inner);
         let chunks = shape.left_leaves.par_chunks(CHUNK).enumerate();
@@ -205,7 +204,8 @@ mod tests {
     fn memory_reused_leaves_no_trace() {
         let mut converter = Converter::new();
         let mut words = vec![u32::MAX; 5_000];
-        for tree in shapes() {
+        let (up, down) = (shapes().into_iter(), shapes().into_iter().rev());
+        for tree in up.chain(down) {
             let fresh = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
             let reused = converter.convert_shape(tree.shape(), tree.scene(), words);
             assert_eq!(reused, fresh);
