@@ -211,3 +211,17 @@ fn a_file_cut_anywhere_or_with_any_digit_changed_never_panics() {
         }
     }
 }
+
+#[test]
+fn a_container_that_lies_about_its_length_is_refused() {
+    let (bin, rest) = moving();
+    let mut bytes = glb(&bin.json(&rest, ""), &bin.bytes);
+    for (length, says) in [
+        (5_u32, "within its header"),
+        (u32::MAX, "4294967295 bytes are declared"),
+    ] {
+        bytes[8..12].copy_from_slice(&length.to_le_bytes());
+        let message = read_with(&bytes, &Options::default()).unwrap_err();
+        assert!(message.contains(says), "{message}");
+    }
+}
