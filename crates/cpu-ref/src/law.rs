@@ -64,6 +64,18 @@ impl World {
         self.closest(ray, test).is_hit()
     }
 
+    /// Triangles that a test hits ahead of the ray's start though the box test misses their box.
+    pub(crate) fn lost_by_boxes(&self, ray: &Ray, test: Test) -> usize {
+        let Some(ray) = PreparedRay::new(ray, self.scale) else {
+            return 0;
+        };
+        let lost = |corners: &Triangle| {
+            test(&ray, corners).is_some_and(|m| m.t > 0.0)
+                && self.box_test(&ray, &Aabb::of_triangle(corners)).is_none()
+        };
+        self.triangles.iter().filter(|(_, t)| lost(t)).count()
+    }
+
     fn hit(&self, ray: &PreparedRay, corners: &Triangle, test: Test) -> Option<Meeting> {
         let (n, f) = self.box_test(ray, &Aabb::of_triangle(corners))?;
         let mut m = test(ray, corners)?;

@@ -82,8 +82,9 @@ impl Scene {
         let leaves = tree.leaf_count();
         reserve(&mut self.nodes.pairs, leaves + 1, "nodes")?;
         reserve(&mut self.nodes.triangles, leaves, "leaves")?;
+        reserve(&mut self.nodes.leaves, leaves, "leaves")?;
         reserve(&mut self.records, leaves, "triangle records")?;
-        self.nodes.expand(tree);
+        self.nodes.expand(tree, self.animation.triangles());
         self.records.resize(leaves, Record::default());
         Ok(())
     }

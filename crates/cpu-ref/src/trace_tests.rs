@@ -107,7 +107,11 @@ impl Aim {
         let w = self.weights;
         let target: Point = std::array::from_fn(|i| w[0] * a[i] + w[1] * b[i] + w[2] * c[i]);
         let size = corners.concat().iter().fold(0.0_f32, |m, x| m.max(x.abs()));
-        let size = if (1e-3..=1e3).contains(&size) { 1.0 } else { size };
+        let size = if (1e-3..=1e3).contains(&size) {
+            1.0
+        } else {
+            size
+        };
         let mut origin = if self.on_surface {
             target
         } else {

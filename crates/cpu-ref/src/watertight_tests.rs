@@ -1,5 +1,7 @@
 //! Closed meshes keep every ray in, and count it once.
 
+use crate::law::{World, watertight};
+use crate::preprocess::Geometry;
 use crate::ray::PreparedRay;
 use crate::scale::Scale;
 use crate::testing::{icosphere, rng, still};
@@ -83,4 +85,27 @@ fn nor_does_one_at_a_thousand() {
 #[test]
 fn nor_does_one_at_a_hundred_thousand() {
     assert_eq!(leaks_and_double_hits(1e5), (0, 0));
+}
+
+#[test]
+fn boxes_lose_no_hit_near_or_far() {
+    let mut rng = rng();
+    for (offset, radius) in [(0.0, 1.0), (10.0, 1.0), (1e3, 1.0), (1e5, 30.0)] {
+        let centre = [offset, -offset, 0.5 * offset];
+        let animation = icosphere(2, radius, centre);
+        let world = World::new(Geometry {
+            positions: &animation.keys()[0],
+            triangles: animation.triangles(),
+            scale: Scale::ONE,
+        });
+        for (i, distance) in (0..24_000).zip([1.0, 10.0, 1e3, 1e5].into_iter().cycle()) {
+            let ray = aimed(&animation, centre, i / 4, &mut rng);
+            let (o, d) = (ray.origin, ray.direction);
+            let back = std::array::from_fn(|k| o[k] - distance * d[k]);
+            let target: Point = std::array::from_fn(|k| o[k] + d[k]);
+            let far = Ray::new(back, std::array::from_fn(|k| target[k] - back[k]));
+            assert_eq!(world.lost_by_boxes(&ray, watertight), 0, "{ray:?}");
+            assert_eq!(world.lost_by_boxes(&far, watertight), 0, "{far:?}");
+        }
+    }
 }
