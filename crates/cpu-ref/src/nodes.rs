@@ -1,6 +1,6 @@
 //! How the tree lies in memory: pairs of siblings, breadth first.
 
-use bvh_layout::Topology;
+use bvh_layout::{Lists, Topology};
 use geom::Aabb;
 use glam::Vec3A;
 use rayon::prelude::*;
@@ -105,6 +105,8 @@ pub(crate) struct Nodes {
     pub(crate) levels: Vec<Range<usize>>,
     /// Leaves before each run of [`Nodes::RUN`] pairs.
     first_leaves: Vec<u32>,
+    /// The record's lists; kept for their memory.
+    lists: Lists,
 }
 
 impl Default for Nodes {
@@ -115,6 +117,7 @@ impl Default for Nodes {
             leaves: Vec::new(),
             levels: Vec::new(),
             first_leaves: vec![0],
+            lists: Lists::default(),
         }
     }
 }
@@ -154,21 +157,17 @@ impl Nodes {
     fn list_leaves(&mut self, tree: &Topology, triangles: &[[u32; 3]]) {
         self.triangles.clear();
         self.triangles.extend_from_slice(tree.leaf_triangles());
-        self.leaves.clear();
-        let slots = self.pairs.iter().enumerate().flat_map(|(p, pair)| {
-            let lanes = pair.links.into_iter().enumerate();
-            lanes.filter_map(move |(lane, link)| link.is_leaf().then_some((2 * p + lane) as u32))
-        });
-        self.leaves.extend(slots.map(|slot| Leaf {
-            slot,
-            ..Leaf::default()
-        }));
-        let vertices = self.triangles.par_iter().map(|&t| triangles[t as usize]);
-        self.leaves
-            .par_iter_mut()
-            .zip(vertices)
+        self.lists.fill(tree);
+        self.lists
+            .leaf_nodes
+            .par_iter()
+            .zip(&self.triangles)
             .with_min_len(Self::RUN)
-            .for_each(|(leaf, vertices)| leaf.vertices = vertices);
+            .map(|(&node, &triangle)| Leaf {
+                slot: node + 1,
+                vertices: triangles[triangle as usize],
+            })
+            .collect_into_vec(&mut self.leaves);
     }
 
     /// Leaves that lie before a pair, which must begin a run.

@@ -2,7 +2,7 @@
 
 use crate::testing::{icosphere, still, trace};
 use backend::{Intersector, Rays, Seek};
-use geom::{Animation, Camera, Hit, Point};
+use geom::{Animation, Camera, Hit, Point, Ray};
 use std::sync::Arc;
 
 const LIGHT: Point = [0.0, 10.0, 0.0];
@@ -104,4 +104,31 @@ fn a_light_on_the_surface_or_nowhere_blocks_nothing() {
         assert!(hits.closest.iter().all(Hit::is_hit));
         assert!(hits.blocked.iter().all(|&b| b == 0));
     }
+}
+
+#[test]
+fn what_lies_behind_the_light_casts_no_shadow() {
+    let (animation, ball_triangles) = ball_and_floor(0.0);
+    let mut backend = still(&animation, Intersector::Watertight);
+    // Between the floor and the ball.
+    let light = [0.0, 0.3, 0.0];
+    let rays: Vec<Ray> = (0..100)
+        .map(|i| {
+            Ray::new(
+                [(i % 10) as f32 * 0.1, 0.2, (i / 10) as f32 * 0.1],
+                [0.0, -1.0, 0.0],
+            )
+        })
+        .collect();
+    let hits = trace(
+        &mut backend,
+        Rays::List(&rays),
+        Seek::ClosestAndShadow { light },
+    );
+    assert!(
+        hits.closest
+            .iter()
+            .all(|h| h.is_hit() && h.triangle >= ball_triangles)
+    );
+    assert!(hits.blocked.iter().all(|&b| b == 0));
 }
