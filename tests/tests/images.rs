@@ -12,12 +12,17 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Name, words after `abvh render`, and the frame to keep.
-const PICTURES: [(&str, &str, usize); 6] = [
+const PICTURES: [(&str, &str, usize); 7] = [
     ("grove", "demo:grove:6000 --frames 3", 1),
     ("collide", "demo:collide:6000 --frames 3", 1),
     ("shatter", "demo:shatter:6000 --frames 3", 2),
     ("twist", "demo:twist:4000 --frames 3", 2),
     ("house", "house.obj", 0),
+    (
+        "house-and-sky",
+        "house.obj --eye 3,0.3,5 --look-at 0,1.9,0 --fov 60",
+        0,
+    ),
     ("nothing", "nothing.obj", 0),
 ];
 
