@@ -18,12 +18,11 @@ fn main() {
         group.throughput(Throughput::Elements(mesh.triangle_count() as u64));
         for threads in thread_counts() {
             bench_ours(&mut group, &mesh, threads);
+            bench_rival::<Obvhs<false>>(&mut group, &mesh, threads);
+            bench_rival::<Obvhs<true>>(&mut group, &mesh, threads);
+            bench_rival::<Parry>(&mut group, &mesh, threads);
+            bench_rival::<Bvh>(&mut group, &mesh, threads);
         }
-        // None of the rivals refits in parallel through this interface.
-        bench_rival::<Obvhs<false>>(&mut group, &mesh);
-        bench_rival::<Obvhs<true>>(&mut group, &mesh);
-        bench_rival::<Parry>(&mut group, &mesh);
-        bench_rival::<Bvh>(&mut group, &mesh);
         group.finish();
     }
     criterion.final_summary();
@@ -39,15 +38,15 @@ fn bench_ours(group: &mut BenchmarkGroup<'_, WallTime>, mesh: &Mesh, threads: us
     });
 }
 
-fn bench_rival<R: Rival>(group: &mut BenchmarkGroup<'_, WallTime>, mesh: &Mesh) {
-    if !R::REFITS {
+fn bench_rival<R: Rival>(group: &mut BenchmarkGroup<'_, WallTime>, mesh: &Mesh, threads: usize) {
+    if !R::REFITS || (threads > 1 && !R::REFITS_IN_PARALLEL) {
         return;
     }
     let mut tree = R::default();
-    let pool = pool(1);
+    let pool = pool(threads);
     pool.install(|| tree.build(&mut R::soup(&mesh.triangles(mesh.start()))));
     let soup = R::soup(&mesh.triangles(mesh.middle()));
-    group.bench_function(BenchmarkId::new(R::NAME, 1), |b| {
+    group.bench_function(BenchmarkId::new(R::NAME, threads), |b| {
         pool.install(|| b.iter(|| tree.refit(&soup)));
     });
 }

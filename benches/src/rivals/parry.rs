@@ -1,17 +1,22 @@
-//! `parry3d`: binned builds (Wald 2007), sequential; leaf boxes and memory are reused.
+//! `parry3d`: binned builds (Wald 2007), sequential, and refits in parallel; leaf boxes and memory are reused.
 
 use crate::{Node, Rival};
 use geom::{Aabb, Point, Ray};
 use parry3d::math::Vector;
-use parry3d::partitioning::{Bvh, BvhBuildStrategy, BvhNode, BvhWorkspace, TraversalAction};
+use parry3d::partitioning::{
+    Bvh, BvhBuildStrategy, BvhLeafUpdateStatus, BvhNode, BvhWorkspace, TraversalAction,
+};
 use parry3d::query::RayCast;
 use parry3d::shape::Triangle;
+use rayon::prelude::*;
 
 /// A tree of `parry3d::partitioning`.
 #[derive(Default)]
 pub struct Parry {
     tree: Bvh,
     workspace: BvhWorkspace,
+    updates: Vec<(parry3d::bounding_volume::Aabb, u32, f32)>,
+    statuses: Vec<BvhLeafUpdateStatus>,
 }
 
 impl Parry {
@@ -21,12 +26,22 @@ impl Parry {
             self.tree.insert_or_update_partially(bounds, at as u32, 0.0);
         }
     }
+
+    fn refit_in_parallel(&mut self, soup: &[Triangle]) {
+        let update = |(at, triangle): (usize, &Triangle)| (triangle.local_aabb(), at as u32, 0.0);
+        let updates = soup.par_iter().enumerate().map(update);
+        updates.collect_into_vec(&mut self.updates);
+        self.tree
+            .insert_or_update_batch_partially_parallel(&self.updates, &mut self.statuses);
+        self.tree.refit_parallel(&mut self.workspace);
+    }
 }
 
 impl Rival for Parry {
     const NAME: &'static str = "parry3d binned";
     const BUILDS_IN_PARALLEL: bool = false;
     const REFITS: bool = true;
+    const REFITS_IN_PARALLEL: bool = true;
     type Soup = Vec<Triangle>;
 
     fn soup(triangles: &[geom::Triangle]) -> Self::Soup {
@@ -51,8 +66,12 @@ impl Rival for Parry {
     }
 
     fn refit(&mut self, soup: &Self::Soup) {
-        self.update_leaves(soup);
-        self.tree.refit_without_opt();
+        if rayon::current_num_threads() > 1 {
+            self.refit_in_parallel(soup);
+        } else {
+            self.update_leaves(soup);
+            self.tree.refit_without_opt();
+        }
     }
 
     fn closest(&self, soup: &Self::Soup, ray: &Ray) -> Option<(f32, u32)> {
