@@ -100,20 +100,14 @@ pub(crate) struct Bins {
 
 impl Bins {
     pub(crate) const NO_COUNTS: Counts = [[0; BINS]; 3];
-    const EMPTY: Self = Self {
+    pub(crate) const EMPTY: Self = Self {
         boxes: [[Bounds::EMPTY; BINS]; 3],
         counts: Self::NO_COUNTS,
     };
 
-    /// Bins `prims` one after the other.
-    pub(crate) fn fill(prims: &[Prim], grid: &Grid) -> Self {
-        let mut bins = Self::EMPTY;
-        bins.add(prims, grid);
-        bins
-    }
-
+    /// Bins `prims` one after the other, adding to what is there.
     #[inline(never)]
-    fn add(&mut self, prims: &[Prim], grid: &Grid) {
+    pub(crate) fn add(&mut self, prims: &[Prim], grid: &Grid) {
         for prim in prims {
             for (axis, bin) in grid.bins_of(prim).into_iter().enumerate() {
                 self.boxes[axis][bin].grow(prim.lo, prim.hi);
@@ -122,32 +116,34 @@ impl Bins {
         }
     }
 
-    /// Bins `prims` by chunks in parallel, and keeps each chunk's counts.
-    pub(crate) fn fill_parallel(prims: &[Prim], grid: &Grid, counts: &mut [Counts]) -> Self {
+    /// Bins `prims` by chunks in parallel into bins that are empty, and keeps each chunk's counts.
+    ///
+    /// Works through references: bins are large, and few must lie on the stack at once.
+    pub(crate) fn add_parallel(&mut self, prims: &[Prim], grid: &Grid, counts: &mut [Counts]) {
         if let [only] = counts {
-            let bins = Self::fill(prims, grid);
-            *only = bins.counts;
-            return bins;
+            self.add(prims, grid);
+            *only = self.counts;
+            return;
         }
         let half = counts.len() / 2;
         let (first, second) = prims.split_at(half * CHUNK);
         let (here, there) = counts.split_at_mut(half);
-        let (a, b) = join(
-            || Self::fill_parallel(first, grid, here),
-            || Self::fill_parallel(second, grid, there),
+        let mut other = Self::EMPTY;
+        join(
+            || self.add_parallel(first, grid, here),
+            || other.add_parallel(second, grid, there),
         );
-        a.merge(&b)
+        self.merge(&other);
     }
 
-    fn merge(mut self, other: &Self) -> Self {
+    fn merge(&mut self, other: &Self) {
         for axis in 0..3 {
             for bin in 0..BINS {
-                let b = &mut self.boxes[axis][bin];
-                *b = b.union(other.boxes[axis][bin]);
+                let b = other.boxes[axis][bin];
+                self.boxes[axis][bin].grow(b.lo, b.hi);
                 self.counts[axis][bin] += other.counts[axis][bin];
             }
         }
-        self
     }
 
     fn column(&self, bin: usize) -> ([Bounds; 3], Vec4) {
@@ -238,7 +234,8 @@ mod tests {
             let prims: Vec<_> = corners.iter().zip(0..).map(|(c, i)| prim(c, i)).collect();
             let extents = Extents::of(&prims);
             let grid = Grid::new(&extents.centers, prims.len());
-            let bins = Bins::fill(&prims, &grid);
+            let mut bins = Bins::EMPTY;
+            bins.add(&prims, &grid);
             prop_assert!(bins.counts.iter().all(|c| c.iter().sum::<u32>() as usize == prims.len()));
             let cost = |plane: &Plane| {
                 let (left, right): (Vec<_>, Vec<_>) = prims.iter().partition(|p| plane.is_left(p));

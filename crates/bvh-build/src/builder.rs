@@ -33,6 +33,9 @@ impl Builder {
     ///
     /// # Errors
     /// [`BuildError::Cancelled`]; `tree` is then empty.
+    ///
+    /// # Panics
+    /// If there are more boxes than a `u32` can number.
     pub fn build<B: Boxes + ?Sized>(
         &mut self,
         boxes: &B,
@@ -57,6 +60,7 @@ impl Builder {
             return Err(BuildError::Cancelled);
         }
         let n = boxes.len();
+        assert!(u32::try_from(n).is_ok(), "{n} triangles cannot be numbered");
         if self.prims.len() < n {
             self.prims.resize(n, Prim::default());
             self.room.resize(n, Prim::default());

@@ -61,12 +61,13 @@ fn find_split(node: &Node<'_>) -> Option<Split> {
     let n = node.prims.len();
     let grid = Grid::new(&node.extents.centers, n);
     let mut chunks = Vec::new();
-    let bins = if n > PARALLEL_NODE {
+    let mut bins = Bins::EMPTY;
+    if n > PARALLEL_NODE {
         chunks.resize(n.div_ceil(CHUNK), Bins::NO_COUNTS);
-        Bins::fill_parallel(node.prims, &grid, &mut chunks)
+        bins.add_parallel(node.prims, &grid, &mut chunks);
     } else {
-        Bins::fill(node.prims, &grid)
-    };
+        bins.add(node.prims, &grid);
+    }
     let plane = bins.best_plane(&node.extents.boxes, &grid)?;
     let left = plane.left_of(&bins.counts);
     fits(left.max(n - left), node.depth + 1).then(|| Split {

@@ -77,7 +77,8 @@ mod tests {
         let extents = Extents::of(&prims);
         let grid = Grid::new(&extents.centers, n);
         let mut counts = vec![Bins::NO_COUNTS; n.div_ceil(CHUNK)];
-        let bins = Bins::fill_parallel(&prims, &grid, &mut counts);
+        let mut bins = Bins::EMPTY;
+        bins.add_parallel(&prims, &grid, &mut counts);
         let plane = bins.best_plane(&extents.boxes, &grid).unwrap();
         let left = plane.left_of(&bins.counts);
         assert!(left > 0 && left < n);

@@ -161,6 +161,19 @@ proptest! {
 }
 
 #[test]
+fn a_small_stack_suffices() {
+    let mut next = noise(3);
+    let boxes: Vec<_> = (0..300_000)
+        .map(|_| troublesome(0, 1.0, &mut next))
+        .collect();
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(2)
+        .stack_size(256 << 10);
+    let tree = pool.build().unwrap().install(|| build(&boxes));
+    check(&boxes, &tree);
+}
+
+#[test]
 fn none_one_two_and_three_triangles_make_trees() {
     for n in 0..4_u32 {
         let boxes: Vec<_> = (0..n).map(|i| cube([i as f32, 0.0, 0.0], 1.0)).collect();

@@ -181,6 +181,30 @@ fn each_property_of_the_header_has_its_error() {
 }
 
 #[test]
+fn a_tree_deeper_than_any_may_be_is_refused() {
+    let chain = |levels: u32| {
+        let header = [Topology::MAGIC, 1, levels, levels, levels, 0, 0, 0];
+        let table = (0..levels).map(|level| u32::from(level + 1 < levels));
+        let nodes = 2 * levels - 1;
+        let is_leaf = |node: u32| node < nodes && (node % 2 == 1 || node + 1 == nodes);
+        let word = |at: u32| (0..32).map(|i| u32::from(is_leaf(at * 32 + i)) << i).sum();
+        let bits: Vec<u32> = (0..nodes.div_ceil(32)).map(word).collect();
+        let rank = |at| bits[..at].iter().map(|word| word.count_ones()).sum();
+        let ranks = (0..bits.len()).map(rank);
+        let words = header.into_iter().chain(table).chain(bits.iter().copied());
+        Topology::from_words(words.chain(ranks).chain(0..levels).collect())
+    };
+    assert_eq!(chain(65).map(|record| record.level_count()), Ok(65));
+    let error = RecordError::Levels {
+        found: 66,
+        leaves: 66,
+        least: 8,
+        most: 65,
+    };
+    assert_eq!(chain(66), Err(error));
+}
+
+#[test]
 fn each_property_of_the_levels_has_its_error() {
     use RecordError as E;
     for (level, found, nodes) in [(0, 2, 1), (1, 0, 2), (1, 3, 2)] {

@@ -8,6 +8,7 @@
 //! 1989) holds all of it: about 4.5 bytes a triangle, where nodes with boxes
 //! take 64.
 
+mod bits;
 mod convert;
 mod error;
 #[cfg(test)]

@@ -185,7 +185,7 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = values::size)]
     pub(crate) size: [u32; 2],
     /// Frames of each run: N spread evenly over the motion, or those at key times A..B
-    #[arg(long, value_name = "N|A..B", default_value = "12", value_parser = values::frames)]
+    #[arg(long, value_name = "N|A..B", default_value = "24", value_parser = values::frames)]
     pub(crate) frames: Frames,
     /// Threads that render
     #[arg(long, value_name = "N", value_parser = values::threads)]

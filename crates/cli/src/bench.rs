@@ -12,6 +12,9 @@ use report::{FrameStats, Summary, Time};
 use scene::Scene;
 use serde::Serialize;
 
+/// Vertical field of view, in degrees, as with `render`.
+const FOV: f32 = 40.0;
+
 #[derive(Serialize)]
 struct Report {
     schema: u32,
@@ -60,6 +63,8 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     let mut progress = None;
     for spec in &args.scenes {
         let scene = scene::open(spec, &args.source.options())?;
+        let keys = scene.animation.keys().len();
+        let frames = frames::list(Some(args.frames), None, keys, false)?;
         for &(ref backend, policy, method) in &combinations {
             let ask = Ask {
                 backend: *backend,
@@ -67,9 +72,9 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
                 threads: args.threads,
                 builder_threads: args.builder_threads,
                 method,
-                update: choose::update(policy, &scene.animation)?,
+                update: choose::update(policy, &scene.animation, &frames)?,
             };
-            let row = measure(args, spec, &scene, &ask)?;
+            let row = measure(args.size, (spec, &scene), &frames, &ask)?;
             let progress = progress.get_or_insert_with(|| Progress::new(total as u64, args.quiet));
             progress.step(&format!("{spec} {} {}", row.update, row.intersector));
             rows.push(row);
@@ -112,12 +117,15 @@ fn combinations(args: &BenchArgs) -> Vec<Combination> {
     all
 }
 
-fn measure(args: &BenchArgs, spec: &str, scene: &Scene, ask: &Ask<'_>) -> Result<Row, Stop> {
-    let keys = scene.animation.keys().len();
-    let frames: Vec<Frame> = frames::list(Some(args.frames), None, keys, false)?;
-    let view = picture::frame_scene(&scene.animation, 40.0, args.size);
+fn measure(
+    size: [u32; 2],
+    (spec, scene): (&str, &Scene),
+    frames: &[Frame],
+    ask: &Ask<'_>,
+) -> Result<Row, Stop> {
+    let view = picture::frame_scene(&scene.animation, FOV, size);
     let camera = view
-        .camera(args.size)
+        .camera(size)
         .ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
     let mut session = session::start(&scene.animation, ask)?;
     let query = Query {
@@ -127,7 +135,7 @@ fn measure(args: &BenchArgs, spec: &str, scene: &Scene, ask: &Ask<'_>) -> Result
     let mut stats = Vec::new();
     session
         .driver
-        .run::<Stop>(frames, query, false, |frame, _| {
+        .run::<Stop>(frames.iter().copied(), query, false, |frame, _| {
             stats.push(record::row(frame));
             Ok(())
         })?;

@@ -5,7 +5,7 @@ use crate::motion;
 use crate::stop::Stop;
 use backend::{Intersector, Layout, Method};
 use geom::Animation;
-use pipeline::{Pace, Update};
+use pipeline::{Frame, Pace, Update};
 
 /// Something taken, and the reason where nobody asked for it by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,8 +25,15 @@ fn auto<T>(value: T, why: &'static str) -> Choice<T> {
     Choice { value, why }
 }
 
-/// How trees follow the motion.
-pub(crate) fn update(policy: PolicyArgs, animation: &Animation) -> Result<Choice<Update>, Stop> {
+/// Key frames between frames from which on the tree of an earlier frame is of no use.
+const FAR_APART: f64 = 2.0;
+
+/// How trees follow the motion through `frames`.
+pub(crate) fn update(
+    policy: PolicyArgs,
+    animation: &Animation,
+    frames: &[Frame],
+) -> Result<Choice<Update>, Stop> {
     let pace = policy.lockstep.map_or(Pace::Free, Pace::Lockstep);
     let choice = match (policy.update, policy.lockstep) {
         (UpdateName::Rebuild | UpdateName::Refit, Some(_)) => {
@@ -40,12 +47,27 @@ pub(crate) fn update(policy: PolicyArgs, animation: &Animation) -> Result<Choice
             Update::Refit,
             "the scene does not move, so its first tree stays the best",
         ),
+        (UpdateName::Auto, None) if frames.len() == 1 => {
+            auto(Update::Refit, "one frame needs one tree")
+        }
+        (UpdateName::Auto, None) if step(frames) >= FAR_APART => auto(
+            Update::Rebuild,
+            "the frames lie key frames apart, so that the tree of one is of no use to the next",
+        ),
         (UpdateName::Auto, None) => auto(
             Update::Async(pace),
             "the scene deforms: frames go on with the newest tree while the next one is built",
         ),
     };
     Ok(choice)
+}
+
+/// Key frames from one frame to the next, in the mean.
+fn step(frames: &[Frame]) -> f64 {
+    match frames {
+        [first, .., last] => (last.time - first.time).abs() / (frames.len() - 1) as f64,
+        _ => 0.0,
+    }
 }
 
 /// How a ray is tested against a triangle.
@@ -105,9 +127,25 @@ mod tests {
         Animation::new(vec![key(0.0), key(x)], vec![[0, 1, 2]]).unwrap()
     }
 
+    fn frames(times: &[f64]) -> Vec<Frame> {
+        let frame = |(index, &time)| Frame { index, time };
+        (0..).zip(times).map(frame).collect()
+    }
+
     fn choose(update: UpdateName, lockstep: Option<u32>, x: f32) -> Option<Update> {
         let policy = PolicyArgs { update, lockstep };
-        super::update(policy, &animation(x)).ok().map(|c| c.value)
+        let chosen = super::update(policy, &animation(x), &frames(&[0.0, 0.5, 1.0]));
+        chosen.ok().map(|c| c.value)
+    }
+
+    fn auto_for(times: &[f64]) -> Update {
+        let policy = PolicyArgs {
+            update: UpdateName::Auto,
+            lockstep: None,
+        };
+        super::update(policy, &animation(0.5), &frames(times))
+            .unwrap()
+            .value
     }
 
     #[test]
@@ -115,6 +153,9 @@ mod tests {
         assert_eq!(choose(UpdateName::Auto, None, 0.0), Some(Update::Refit));
         let free = Some(Update::Async(Pace::Free));
         assert_eq!(choose(UpdateName::Auto, None, 0.5), free);
+        assert_eq!(auto_for(&[1.0]), Update::Refit);
+        assert_eq!(auto_for(&[0.0, 5.0, 10.0]), Update::Rebuild);
+        assert_eq!(auto_for(&[0.0, 1.0, 2.0]), Update::Async(Pace::Free));
     }
 
     #[test]

@@ -4,6 +4,8 @@ use crate::stop::Stop;
 use crate::values::{Frames, TimeRange};
 use pipeline::Frame;
 
+/// What the name of every demo begins with.
+pub(crate) const DEMO: &str = "demo:";
 /// Frames of a demo unless asked otherwise: two seconds of film.
 const DEMO_FRAMES: usize = 48;
 /// The most frames of anything else unless asked otherwise.

@@ -5,7 +5,7 @@ use crate::decay::{self, Decay};
 use crate::motion::{self, Motion, Spread};
 use crate::stop::Stop;
 use crate::table::{grouped, table};
-use crate::{choose, render, talk};
+use crate::{choose, frames, render, talk};
 use report::SceneFacts;
 use serde::Serialize;
 
@@ -52,7 +52,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
         inactive,
         degenerate,
         decay: decay::measure(animation, SAMPLES).map_err(Stop::failed)?,
-        auto: what_auto_takes(animation)?,
+        auto: what_auto_takes(animation, args.scene.starts_with(frames::DEMO))?,
     };
     if args.json {
         talk::print_json(&inspection)
@@ -61,12 +61,13 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
     }
 }
 
-fn what_auto_takes(animation: &geom::Animation) -> Result<Vec<Taken>, Stop> {
+fn what_auto_takes(animation: &geom::Animation, is_demo: bool) -> Result<Vec<Taken>, Stop> {
     let policy = PolicyArgs {
         update: UpdateName::Auto,
         lockstep: None,
     };
-    let update = choose::update(policy, animation)?;
+    let frames = frames::list(None, None, animation.keys().len(), is_demo)?;
+    let update = choose::update(policy, animation, &frames)?;
     let intersector = choose::intersector(IntersectorName::Auto);
     let layout = choose::layout(LayoutName::Auto);
     let taken = |what, takes, why: Option<&'static str>| Taken {

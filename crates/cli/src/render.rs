@@ -18,7 +18,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     crate::threads::limit(args.device.threads);
     let scene = scene::open(&args.scene, &args.source.options())?;
     let keys = scene.animation.keys().len();
-    let is_demo = args.scene.starts_with("demo:");
+    let is_demo = args.scene.starts_with(frames::DEMO);
     let frames = frames::list(args.frames, args.time_range, keys, is_demo)?;
     let view = view(args, &scene);
     let camera = camera(&view, args.size)?;
@@ -30,7 +30,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
             threads: args.device.threads,
             builder_threads: args.device.builder_threads,
             method: args.method,
-            update: choose::update(args.policy, &scene.animation)?,
+            update: choose::update(args.policy, &scene.animation, &frames)?,
         },
     )?;
     let mut outputs = Outputs::prepare(args)?;

@@ -94,3 +94,67 @@ impl Session {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::args::{IntersectorName, LayoutName};
+    use backend::{Hits, Query, Rays, Seek};
+    use pipeline::{Frame, Pace};
+
+    fn frames(scene: &scene::Scene, update: Update, threads: usize) -> Vec<Hits> {
+        let ask = Ask {
+            backend: BackendName::Cpu,
+            adapter: None,
+            threads: Some(threads),
+            builder_threads: None,
+            method: MethodArgs {
+                intersector: IntersectorName::Auto,
+                layout: LayoutName::Auto,
+            },
+            update: Choice {
+                value: update,
+                why: None,
+            },
+        };
+        let mut session = start(&scene.animation, &ask).unwrap();
+        let view = picture::frame_scene(&scene.animation, 40.0, [48, 27]);
+        let camera = view.camera([48, 27]).unwrap();
+        let query = Query {
+            rays: Rays::Camera(&camera),
+            seek: Seek::ClosestAndShadow { light: view.light },
+        };
+        let todo = (0..6).map(|index| Frame {
+            index,
+            time: index as f64 * 1.7,
+        });
+        let mut all = Vec::new();
+        let run = session
+            .driver
+            .run::<Stop>(todo, query, true, |frame, hits| {
+                assert!(frame.report.times.interpolate_ms.is_some(), "{update:?}");
+                all.push(hits.clone());
+                Ok(())
+            });
+        run.unwrap();
+        all
+    }
+
+    #[test]
+    fn no_policy_and_no_number_of_threads_changes_what_is_hit() {
+        let scene = scene::open("demo:collide:600", &scene::Options::default()).unwrap();
+        let want = frames(&scene, Update::Rebuild, 1);
+        assert!(want.iter().all(|h| h.closest.iter().any(geom::Hit::is_hit)));
+        assert!(want[0] != want[5]);
+        let paces = [
+            Pace::Free,
+            Pace::Lockstep(0),
+            Pace::Lockstep(1),
+            Pace::Lockstep(3),
+        ];
+        let policies = paces.map(Update::Async).into_iter().chain([Update::Refit]);
+        for update in policies {
+            assert!(frames(&scene, update, 2) == want, "{update:?}");
+        }
+    }
+}

@@ -33,7 +33,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
             threads: args.device.threads,
             builder_threads: args.device.builder_threads,
             method: args.method,
-            update: choose::update(policy, animation)?,
+            update: choose::update(policy, animation, &[])?,
         },
     )?;
     report::check_writable(&args.out).map_err(Stop::bad)?;

@@ -64,6 +64,71 @@ impl World {
         self.closest(ray, test).is_hit()
     }
 
+    /// Whether the way from a hit of `ray` to a light is blocked.
+    pub(crate) fn blocked(&self, ray: &Ray, hit: &Hit, light: Point, test: Test) -> bool {
+        let Some((_, [v0, v1, v2])) = self.triangles.iter().find(|(i, _)| *i == hit.triangle)
+        else {
+            return false;
+        };
+        let [eye, light] = [ray.origin, light].map(|p| self.scale.apply(p));
+        let unit = 2.0_f32.powi(-24);
+        let [e1, e2]: [Point; 2] = [v1, v2].map(|v| std::array::from_fn(|i| v[i] - v0[i]));
+        let p: Point = std::array::from_fn(|i| v0[i] + (hit.u * e1[i] + hit.v * e2[i]));
+        let normal = [
+            e1[1] * e2[2] - e1[2] * e2[1],
+            e1[2] * e2[0] - e1[0] * e2[2],
+            e1[0] * e2[1] - e1[1] * e2[0],
+        ];
+        let above = |q: Point| {
+            let d: Point = std::array::from_fn(|i| q[i] - p[i]);
+            let height = normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2];
+            i32::from(height > 0.0) - i32::from(height < 0.0)
+        };
+        let side = if above(light) == 0 {
+            above(eye)
+        } else {
+            above(light)
+        };
+        let edges: Point = std::array::from_fn(|i| self.root.max[i] - self.root.min[i]);
+        let longest = edges.into_iter().fold(0.0, f32::max);
+        let largest = p.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
+        let delta = 4.0 * unit * largest + 32.0 * unit * longest;
+        let mut origin = p;
+        for i in 0..3 {
+            let up = i32::from(normal[i] > 0.0) - i32::from(normal[i] < 0.0);
+            match side * up {
+                1 => origin[i] += delta,
+                -1 => origin[i] -= delta,
+                _ => {}
+            }
+        }
+        let ray = Ray {
+            origin,
+            t_min: 0.0,
+            direction: std::array::from_fn(|i| light[i] - origin[i]),
+            t_max: 1.0,
+        };
+        let Some(ray) = PreparedRay::new(&ray, Scale::ONE) else {
+            return false;
+        };
+        let others = self.triangles.iter().filter(|(i, _)| *i != hit.triangle);
+        others
+            .into_iter()
+            .any(|(_, corners)| self.hit(&ray, corners, test).is_some())
+    }
+
+    /// Triangles that a test hits ahead of the ray's start though the box test misses their box.
+    pub(crate) fn lost_by_boxes(&self, ray: &Ray, test: Test) -> usize {
+        let Some(ray) = PreparedRay::new(ray, self.scale) else {
+            return 0;
+        };
+        let lost = |corners: &Triangle| {
+            test(&ray, corners).is_some_and(|m| m.t > 0.0)
+                && self.box_test(&ray, &Aabb::of_triangle(corners)).is_none()
+        };
+        self.triangles.iter().filter(|(_, t)| lost(t)).count()
+    }
+
     fn hit(&self, ray: &PreparedRay, corners: &Triangle, test: Test) -> Option<Meeting> {
         let (n, f) = self.box_test(ray, &Aabb::of_triangle(corners))?;
         let mut m = test(ray, corners)?;
@@ -80,8 +145,8 @@ impl World {
         let two = |e: i32| 2.0_f32.powi(e);
         let mut d = 0.0_f32;
         for corner in [self.root.min, self.root.max] {
-            for i in 0..3 {
-                d = d.max((corner[i] - ray.origin[i]).abs());
+            for (c, o) in corner.iter().zip(ray.origin) {
+                d = d.max((c - o).abs());
             }
         }
         let d = d.min(two(80));

@@ -2,13 +2,17 @@
 //!
 //! Plain, and exact to the letter of what a hit is (`ARCHITECTURE.md`): other
 //! backends are held against it bit for bit. One room a stage, by the stage's
-//! name: [`interpolate`], [`preprocess`], [`refit`], [`trace`]; one room a
+//! name: `interpolate`, `preprocess`, `refit`, `trace`; one room a
 //! triangle test. Work runs in a pool of the backend's own when it is
 //! submitted, so `wait` never blocks.
 
+#[cfg(test)]
+mod contract_tests;
 mod interpolate;
 #[cfg(test)]
 mod law;
+#[cfg(test)]
+mod misuse_tests;
 mod moller_trumbore;
 mod nodes;
 mod preprocess;
@@ -18,6 +22,8 @@ mod refit;
 mod scale;
 mod scene;
 mod shadow;
+#[cfg(test)]
+mod shadow_tests;
 mod slab;
 mod snapshots;
 mod submission;
@@ -30,11 +36,13 @@ mod trace_tests;
 mod traverse;
 mod triangle_test;
 mod watertight;
+#[cfg(test)]
+mod watertight_tests;
 mod woop;
 
 use backend::{
     Backend, BackendError, Device, DeviceKind, FRAMES_IN_FLIGHT, FrameReport, Generation, Hits,
-    Inspect, Method, Query, Result, Snapshot, Ticket,
+    Inspect, Method, Query, Rays, Result, Seek, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};
@@ -178,11 +186,14 @@ impl Backend for CpuBackend {
     fn trace(&mut self, query: Query<'_>) -> Result<()> {
         let count = query.rays.count();
         let hits = &mut self.submissions[slot(self.submitted)].hits;
-        if query.seek != backend::Seek::Any {
+        if query.seek != Seek::Any {
             reserve(&mut hits.closest, count, "hits")?;
         }
-        if query.seek != backend::Seek::Closest {
+        if query.seek != Seek::Closest {
             reserve(&mut hits.blocked, count, "hits")?;
+        }
+        if let Rays::List(rays) = query.rays {
+            reserve(&mut self.recording.rays, rays.len(), "rays")?;
         }
         self.recording.trace(query);
         Ok(())

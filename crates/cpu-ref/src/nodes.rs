@@ -1,7 +1,8 @@
 //! How the tree lies in memory: pairs of siblings, breadth first.
 
-use bvh_layout::Topology;
+use bvh_layout::{Lists, Topology};
 use geom::Aabb;
+use glam::Vec3A;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -65,23 +66,30 @@ impl Pair {
         }
     }
 
-    /// Sets the box of one lane.
+    /// Sets the box of one lane to the one between two corners.
     #[inline]
-    pub(crate) fn set_bounds(&mut self, lane: usize, b: &Aabb) {
+    pub(crate) fn set_bounds(&mut self, lane: usize, min: Vec3A, max: Vec3A) {
         for (axis, planes) in self.planes.iter_mut().enumerate() {
-            planes[lane] = b.min[axis];
-            planes[lane + 2] = b.max[axis];
+            planes[lane] = min[axis];
+            planes[lane + 2] = max[axis];
         }
     }
 
-    /// The least box that holds both lanes.
+    /// Corners of the least box that holds both lanes.
     #[inline]
-    pub(crate) fn union(&self) -> Aabb {
-        Aabb {
-            min: self.planes.map(|[a, b, _, _]| if a < b { a } else { b }),
-            max: self.planes.map(|[_, _, a, b]| if a > b { a } else { b }),
-        }
+    pub(crate) fn union(&self) -> [Vec3A; 2] {
+        let corner = |lane: usize| Vec3A::from_array(self.planes.map(|p| p[lane]));
+        [corner(0).min(corner(1)), corner(2).max(corner(3))]
     }
+}
+
+/// A leaf, as `preprocess` walks them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Leaf {
+    /// Where its box lies.
+    pub(crate) slot: u32,
+    /// Its triangle's vertices.
+    pub(crate) vertices: [u32; 3],
 }
 
 /// A tree's links, levels and boxes.
@@ -91,10 +99,14 @@ pub(crate) struct Nodes {
     pub(crate) pairs: Vec<Pair>,
     /// The triangle of each leaf, by rank.
     pub(crate) triangles: Vec<u32>,
+    /// All leaves, by rank.
+    pub(crate) leaves: Vec<Leaf>,
     /// Pairs of each level, root first; none if the tree is empty.
     pub(crate) levels: Vec<Range<usize>>,
     /// Leaves before each run of [`Nodes::RUN`] pairs.
     first_leaves: Vec<u32>,
+    /// The record's lists; kept for their memory.
+    lists: Lists,
 }
 
 impl Default for Nodes {
@@ -102,8 +114,10 @@ impl Default for Nodes {
         Self {
             pairs: vec![Pair::EMPTY],
             triangles: Vec::new(),
+            leaves: Vec::new(),
             levels: Vec::new(),
             first_leaves: vec![0],
+            lists: Lists::default(),
         }
     }
 }
@@ -113,15 +127,15 @@ impl Nodes {
     pub(crate) const RUN: usize = 1024;
 
     /// Takes over a record's shape, in parallel, reusing memory. Boxes are left as they are: stale.
-    pub(crate) fn expand(&mut self, tree: &Topology) {
-        self.triangles.clear();
-        self.triangles.extend_from_slice(tree.leaf_triangles());
+    ///
+    /// `triangles` are the scene's, three vertices each.
+    pub(crate) fn expand(&mut self, tree: &Topology, triangles: &[[u32; 3]]) {
         self.levels.clear();
         self.levels.extend(tree.levels().map(|level| {
             let [start, end] = [level.nodes.start, level.nodes.end].map(|n| n as usize);
             start.div_ceil(2)..end.div_ceil(2)
         }));
-        let nodes = Leaves::of(tree);
+        let nodes = Shape::of(tree);
         let count = tree.node_count().div_ceil(2).max(1);
         self.pairs.resize(count, Pair::EMPTY);
         self.pairs
@@ -136,7 +150,24 @@ impl Nodes {
         self.first_leaves.clear();
         let runs = (0..count).step_by(Self::RUN);
         self.first_leaves
-            .extend(runs.map(|p| nodes.before((2 * p).saturating_sub(1))));
+            .extend(runs.map(|p| nodes.leaves_before((2 * p).saturating_sub(1))));
+        self.list_leaves(tree, triangles);
+    }
+
+    fn list_leaves(&mut self, tree: &Topology, triangles: &[[u32; 3]]) {
+        self.triangles.clear();
+        self.triangles.extend_from_slice(tree.leaf_triangles());
+        self.lists.fill(tree);
+        self.lists
+            .leaf_nodes
+            .par_iter()
+            .zip(&self.triangles)
+            .with_min_len(Self::RUN)
+            .map(|(&node, &triangle)| Leaf {
+                slot: node + 1,
+                vertices: triangles[triangle as usize],
+            })
+            .collect_into_vec(&mut self.leaves);
     }
 
     /// Leaves that lie before a pair, which must begin a run.
@@ -158,13 +189,13 @@ impl Nodes {
 }
 
 /// Which nodes are leaves, and how many lie before.
-struct Leaves<'a> {
+struct Shape<'a> {
     bits: &'a [u32],
     ranks: &'a [u32],
     nodes: usize,
 }
 
-impl<'a> Leaves<'a> {
+impl<'a> Shape<'a> {
     fn of(tree: &'a Topology) -> Self {
         Self {
             bits: tree.leaf_bits(),
@@ -174,7 +205,7 @@ impl<'a> Leaves<'a> {
     }
 
     /// Leaves before `node`, which exists unless it is 0.
-    fn before(&self, node: usize) -> u32 {
+    fn leaves_before(&self, node: usize) -> u32 {
         let (word, bit) = (node / 32, node % 32);
         let below = |w: &u32| (w & ((1 << bit) - 1)).count_ones();
         self.ranks
@@ -186,7 +217,7 @@ impl<'a> Leaves<'a> {
         let Some(node) = slot.checked_sub(1).filter(|&n| n < self.nodes) else {
             return Link::ROOT;
         };
-        let rank = self.before(node);
+        let rank = self.leaves_before(node);
         if self.bits[node / 32] >> (node % 32) & 1 == 1 {
             Link::leaf(rank)
         } else {

@@ -3,8 +3,12 @@
 use crate::nodes::{Nodes, Pair};
 use crate::scale::Scale;
 use crate::triangle_test::{Record, TriangleTest};
-use geom::{Aabb, Point, Triangle, is_active, is_degenerate};
+use geom::{Point, Triangle, is_active, is_degenerate};
+use glam::Vec3A;
 use std::ops::AddAssign;
+
+/// Leaves whose corners are fetched together.
+const BATCH: usize = 16;
 
 /// Leaves that are never hit, and why.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -99,42 +103,37 @@ fn split<T: TriangleTest>(geometry: Geometry<'_>, nodes: &Nodes, run: Run<'_>) -
     sum
 }
 
+/// Corners are fetched for a batch of leaves first: they lie scattered, and so their fetches overlap.
 fn prepare_leaves<T: TriangleTest>(
     geometry: Geometry<'_>,
     nodes: &Nodes,
     run: Run<'_>,
 ) -> Unhittable {
     let first = nodes.leaves_before(run.first_pair);
-    let mut triangles = nodes.triangles[first..].iter();
-    let mut records = run.records.iter_mut();
+    let leaves = &nodes.leaves[first..][..run.records.len()];
+    let mut corners = [[[0.0; 3]; 3]; BATCH];
     let mut unhittable = Unhittable::default();
-    for pair in run.pairs {
-        for lane in 0..2 {
-            if !pair.links[lane].is_leaf() {
-                continue;
-            }
-            // Ranks rise with the slots, so leaves come in the order of both lists.
-            let (Some(&triangle), Some(record)) = (triangles.next(), records.next()) else {
-                return unhittable;
-            };
-            let corners = geometry.corners(triangle);
-            pair.set_bounds(
-                lane,
-                &prepare::<T>(geometry.scale, &corners, record, &mut unhittable),
-            );
+    for (leaves, records) in leaves.chunks(BATCH).zip(run.records.chunks_mut(BATCH)) {
+        for (corners, leaf) in corners.iter_mut().zip(leaves) {
+            *corners = leaf.vertices.map(|v| geometry.positions[v as usize]);
+        }
+        for ((corners, leaf), record) in corners.iter().zip(leaves).zip(records) {
+            let [min, max] = prepare::<T>(geometry.scale, corners, record, &mut unhittable);
+            let slot = leaf.slot as usize;
+            run.pairs[slot / 2 - run.first_pair].set_bounds(slot % 2, min, max);
         }
     }
     unhittable
 }
 
-/// Writes a triangle's record and returns its box.
+/// Writes a triangle's record and returns the corners of its box.
 #[inline]
 fn prepare<T: TriangleTest>(
     scale: Scale,
     corners: &Triangle,
     record: &mut Record,
     unhittable: &mut Unhittable,
-) -> Aabb {
+) -> [Vec3A; 2] {
     if !is_active(corners) {
         unhittable.inactive += 1;
     } else if is_degenerate(corners) {
@@ -142,8 +141,9 @@ fn prepare<T: TriangleTest>(
     } else {
         let corners = corners.map(|p| scale.apply(p));
         *record = T::record(&corners);
-        return Aabb::of_triangle(&corners);
+        let [a, b, c] = corners.map(Vec3A::from_array);
+        return [a.min(b).min(c), a.max(b).max(c)];
     }
     *record = Record::default();
-    Aabb::EMPTY
+    [Vec3A::INFINITY, Vec3A::NEG_INFINITY]
 }

@@ -45,7 +45,8 @@ fn refit_run(pairs: &mut [Pair], below: &[Pair], first: usize) -> f64 {
         for lane in 0..2 {
             let link = pair.links[lane];
             if !link.is_leaf() && link != crate::nodes::Link::ROOT {
-                pair.set_bounds(lane, &below[link.index() - first].union());
+                let [min, max] = below[link.index() - first].union();
+                pair.set_bounds(lane, min, max);
             }
             sum += pair.bounds(lane).half_area();
         }

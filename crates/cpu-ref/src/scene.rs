@@ -82,8 +82,9 @@ impl Scene {
         let leaves = tree.leaf_count();
         reserve(&mut self.nodes.pairs, leaves + 1, "nodes")?;
         reserve(&mut self.nodes.triangles, leaves, "leaves")?;
+        reserve(&mut self.nodes.leaves, leaves, "leaves")?;
         reserve(&mut self.records, leaves, "triangle records")?;
-        self.nodes.expand(tree);
+        self.nodes.expand(tree, self.animation.triangles());
         self.records.resize(leaves, Record::default());
         Ok(())
     }
@@ -158,13 +159,18 @@ impl Scene {
         )
     }
 
+    /// Boxes and records, to trace through.
+    pub(crate) fn target(&self) -> Target<'_> {
+        Target {
+            nodes: &self.nodes,
+            records: &self.records,
+        }
+    }
+
     fn tracer<'a>(&'a self, rays: Rays<'a>) -> Tracer<'a> {
         Tracer {
             rays,
-            target: Target {
-                nodes: &self.nodes,
-                records: &self.records,
-            },
+            target: self.target(),
             geometry: Geometry {
                 positions: &self.positions,
                 triangles: self.animation.triangles(),

@@ -3,7 +3,7 @@
 use crate::nodes::Pair;
 use crate::ray::PreparedRay;
 use geom::Aabb;
-use glam::Vec4;
+use glam::{Vec3A, Vec4};
 
 /// Components of the direction are pushed away from zero to this, `2^-60`.
 const SMALLEST: f32 = f32::from_bits((127 - 60) << 23);
@@ -41,13 +41,15 @@ impl Met {
     /// The later of entry and `t_min`. A hit before `t_min` is none, so the clamp may use it for the entry.
     #[inline]
     pub(crate) fn entry(&self, lane: usize) -> f32 {
-        self.spans[lane]
+        let [first, second, ..] = self.spans.to_array();
+        if lane == 0 { first } else { second }
     }
 
     /// The exit.
     #[inline]
     pub(crate) fn exit(&self, lane: usize) -> f32 {
-        -self.spans[lane + 2]
+        let [.., first, second] = self.spans.to_array();
+        -if lane == 0 { first } else { second }
     }
 }
 
@@ -55,16 +57,15 @@ impl Slab {
     /// Prepares a ray for the tree whose whole box is `root`.
     #[inline]
     pub(crate) fn new(ray: &PreparedRay, root: &Aabb) -> Self {
-        let pad = PAD * farthest(ray, root);
         let halves = |x: f32| Vec4::new(x, x, -x, -x);
-        let inverse = ray
-            .direction
-            .map(|d| 1.0 / d.abs().max(SMALLEST).copysign(d));
+        let direction = Vec3A::from_array(ray.direction);
+        let inverse = Vec3A::ONE / direction.abs().max(Vec3A::splat(SMALLEST));
+        let pad = inverse * (PAD * farthest(ray, root));
         Self {
             origin: ray.origin.map(Vec4::splat),
-            inverse: inverse.map(|r| halves(r.abs())),
-            pad: inverse.map(|r| Vec4::splat(pad * r.abs())),
-            turned: inverse.map(|r| r < 0.0),
+            inverse: inverse.to_array().map(halves),
+            pad: pad.to_array().map(Vec4::splat),
+            turned: ray.direction.map(f32::is_sign_negative),
             floor: Vec4::new(ray.t_min, ray.t_min, f32::NEG_INFINITY, f32::NEG_INFINITY),
         }
     }

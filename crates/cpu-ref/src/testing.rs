@@ -164,3 +164,26 @@ fn subdivide(levels: u32) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
     }
     (vertices, triangles)
 }
+
+/// A ball that is crushed; a triangle that comes late, one that shrinks to nothing, one that never is.
+pub(crate) fn moving() -> Arc<Animation> {
+    let ball = icosphere(3, 1.0, [0.0; 3]);
+    let mut triangles = ball.triangles().to_vec();
+    let mut first = ball.keys()[0].clone();
+    let mut second: Vec<Point> = first
+        .iter()
+        .map(|p| [p[0] * 2.0, p[1] * 0.1, p[2] + p[0]])
+        .collect();
+    let mut third: Vec<Point> = first
+        .iter()
+        .map(|p| [p[1], p[2] * 3.0, p[0] - p[1]])
+        .collect();
+    let n = first.len() as u32;
+    let corner = [[0.0, 2.0, 0.0], [1.0, 2.0, 0.0], [0.0, 2.0, 1.0]];
+    let nowhere = [[f32::NAN; 3]; 3];
+    first.extend([nowhere, corner, nowhere].concat());
+    second.extend([corner, [corner[0]; 3], nowhere].concat());
+    third.extend([corner, corner, nowhere].concat());
+    triangles.extend([0, 3, 6].map(|i| [n + i, n + i + 1, n + i + 2]));
+    Arc::new(Animation::new(vec![first, second, third], triangles).unwrap())
+}

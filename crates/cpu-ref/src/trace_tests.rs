@@ -4,7 +4,7 @@ use crate::law::{Test, World, test_of, watertight};
 use crate::moller_trumbore::MollerTrumbore;
 use crate::preprocess::Geometry;
 use crate::scale::Scale;
-use crate::testing::{bits, closest, ready, senseless_tree, soup, trace, tree_at};
+use crate::testing::{bits, closest, ready, rng, senseless_tree, soup, trace, tree_at};
 use crate::woop::Woop;
 use backend::{Intersector, Rays, Seek};
 use geom::{Animation, Hit, Point, Ray, Triangle};
@@ -38,6 +38,11 @@ fn triangle() -> impl Strategy<Value = Triangle> {
         2 => [point(), point(), point()].prop_map(|t| t.map(|[x, y, _]| [x, y, 1.0])),
         // A needle.
         1 => (point(), point()).prop_map(|(a, b)| [a, b, [a[0] + 1e-6, a[1], a[2]]]),
+        // A sliver, the least step away from having no area.
+        1 => (point(), point()).prop_map(|(a, b)| {
+            let middle = |i: usize| 0.5 * (a[i] + b[i]);
+            [a, b, [middle(0), middle(1).next_up(), middle(2)]]
+        }),
         // No area, and no place.
         1 => (point(), point()).prop_map(|(a, b)| [a, b, a]),
         1 => (point(), point()).prop_map(|(a, b)| [a, b, [f32::NAN, 0.0, 0.0]]),
@@ -107,7 +112,11 @@ impl Aim {
         let w = self.weights;
         let target: Point = std::array::from_fn(|i| w[0] * a[i] + w[1] * b[i] + w[2] * c[i]);
         let size = corners.concat().iter().fold(0.0_f32, |m, x| m.max(x.abs()));
-        let size = if size > 1e3 || size < 1e-3 { size } else { 1.0 };
+        let size = if (1e-3..=1e3).contains(&size) {
+            1.0
+        } else {
+            size
+        };
         let mut origin = if self.on_surface {
             target
         } else {
@@ -142,16 +151,31 @@ fn world(animation: &Animation) -> World {
     })
 }
 
-fn check_against_the_law(animation: &Arc<Animation>, rays: &[Ray]) -> Result<(), TestCaseError> {
+fn check_against_the_law(
+    animation: &Arc<Animation>,
+    rays: &[Ray],
+    light: Point,
+) -> Result<(), TestCaseError> {
     let pose = animation.pose(0.0);
     let world = world(animation);
     for (intersector, test) in TESTS {
         let expected: Vec<Hit> = rays.iter().map(|r| world.closest(r, test)).collect();
         let blocked: Vec<u8> = rays.iter().map(|r| world.any(r, test).into()).collect();
+        let hits = rays.iter().zip(&expected);
+        let shadows: Vec<u8> = hits
+            .map(|(r, h)| world.blocked(r, h, light, test).into())
+            .collect();
         for tree in [tree_at(animation, pose), senseless_tree(animation)] {
             let mut backend = ready(animation, intersector, &tree, pose, 1);
             let found = closest(&mut backend, rays);
             prop_assert_eq!(bits(&found), bits(&expected), "{}", intersector);
+            let shadow = trace(
+                &mut backend,
+                Rays::List(rays),
+                Seek::ClosestAndShadow { light },
+            );
+            prop_assert_eq!(bits(&shadow.closest), bits(&expected), "{}", intersector);
+            prop_assert_eq!(&shadow.blocked, &shadows, "{}", intersector);
             let any = trace(&mut backend, Rays::List(rays), Seek::Any).blocked;
             prop_assert_eq!(&any, &blocked, "{}", intersector);
         }
@@ -166,8 +190,34 @@ proptest! {
     fn trees_find_what_a_loop_over_all_triangles_finds(
         triangles in triangles(),
         aims in prop::collection::vec(aim(), 24),
+        (light, lit_from) in (point(), any::<prop::sample::Index>()),
     ) {
         let rays: Vec<Ray> = aims.iter().map(|aim| aim.ray(&triangles)).collect();
-        check_against_the_law(&soup(&triangles), &rays)?;
+        // In the plane of a triangle, or beside it.
+        let corners = lit_from.get(&triangles);
+        let light = if light[0] > 0.0 { corners[1] } else { std::array::from_fn(|i| corners[0][i] + light[i]) };
+        check_against_the_law(&soup(&triangles), &rays, light)?;
     }
+}
+
+/// Edge on, a test's `t` is little more than noise, and the clamp to the box decides.
+#[test]
+fn rays_within_the_plane_of_a_triangle_and_its_copy_are_settled_by_index() {
+    let mut rng = rng();
+    let triangles: Vec<Triangle> = (0..100)
+        .map(|_| [0; 3].map(|_| [0; 3].map(|_| rng.random_range(-1.0..1.0_f32))))
+        .collect();
+    let rays: Vec<Ray> = (0..20_000)
+        .map(|i| {
+            let [a, b, c] = triangles[i % triangles.len()];
+            let mut within = |reach: f32| -> Point {
+                let [u, v] = [0; 2].map(|_: i32| rng.random_range(-reach..reach));
+                std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]))
+            };
+            let (from, to) = (within(20.0), within(1.0));
+            Ray::new(from, std::array::from_fn(|k| to[k] - from[k]))
+        })
+        .collect();
+    let twice = [triangles.as_slice(), triangles.as_slice()].concat();
+    check_against_the_law(&soup(&twice), &rays, [0.0, 2.0, 0.0]).unwrap();
 }

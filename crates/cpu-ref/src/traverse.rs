@@ -107,14 +107,18 @@ impl<'a, T: TriangleTest> Walk<'a, T> {
                 entry: met.entry(lane),
                 exit: met.exit(lane),
             };
+            // Branches, not selections: a guess lets the next pair be fetched early.
             let next = match met.lanes {
                 0 => return None,
                 1 => child(0),
                 2 => child(1),
+                _ if met.entry(0) <= met.entry(1) => {
+                    stack.push(child(1));
+                    child(0)
+                }
                 _ => {
-                    let far = usize::from(met.entry(0) <= met.entry(1));
-                    stack.push(child(far));
-                    child(1 - far)
+                    stack.push(child(0));
+                    child(1)
                 }
             };
             if next.link.is_leaf() {

@@ -54,7 +54,7 @@ pub fn frame_scene(animation: &Animation, fov_degrees: f32, [width, height]: [u3
     );
     let aside = add(
         scale(basis.right, -0.62),
-        add(scale(UP, 0.95), scale(basis.back, 0.30)),
+        add(scale(UP, 0.95), scale(basis.back, 0.80)),
     );
     View {
         eye: narrow(add(middle, scale(basis.back, back))),

@@ -1,11 +1,12 @@
 //! The frame loop: carries out what the schedule says, and never waits for the builder.
 
-use crate::frame::{Adopted, Frame, FrameRecord};
+use crate::frame::{Adopted, Frame, FrameRecord, add_fetched};
 use crate::schedule::{Plan, Schedule, Swap, Update};
 use crate::workbench::{Built, Workbench};
 use crate::workshop::{BuildFailed, Job, Workshop};
 use backend::{
-    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Hits, Method, Query, Snapshot, Ticket,
+    Backend, BackendError, FRAMES_IN_FLIGHT, FrameReport, Generation, Hits, Method, Query,
+    Snapshot, Ticket,
 };
 use bvh_build::Cancel;
 use geom::{Animation, Pose};
@@ -53,6 +54,8 @@ pub struct Driver {
     finished: Option<Built>,
     /// The pose of the backend's positions.
     pose: Option<Pose>,
+    /// What the submission that fetched vertices for a frame's own tree did.
+    fetched: Option<FrameReport>,
     pending: VecDeque<Pending>,
     frames: u64,
 }
@@ -87,6 +90,7 @@ struct Pending {
     tree_generation: Generation,
     tree_age_frames: u64,
     adopted: Option<Adopted>,
+    fetched: Option<FrameReport>,
     /// What the refitted cost is to be divided by; `None` if the tree is fresh.
     cost_before: Option<f64>,
 }
@@ -117,6 +121,7 @@ impl Driver {
             flight: None,
             finished: None,
             pose: None,
+            fetched: None,
             pending: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
             frames: 0,
         })
@@ -146,9 +151,15 @@ impl Driver {
         mut on_frame: impl FnMut(&FrameRecord, &Hits) -> Result<(), E>,
     ) -> Result<(), E> {
         let mut hits = Hits::default();
+        // A frame that waits for its own tree takes two submissions, so none may be left open before it.
+        let under_way = if self.schedule.waits_at_once() {
+            1
+        } else {
+            FRAMES_IN_FLIGHT
+        };
         for frame in frames {
             self.begin(frame, query)?;
-            if self.pending.len() >= FRAMES_IN_FLIGHT {
+            if self.pending.len() >= under_way {
                 let record = self.finish(read_hits.then_some(&mut hits))?;
                 if let Some(record) = record {
                     on_frame(&record, &hits)?;
@@ -161,7 +172,8 @@ impl Driver {
         Ok(())
     }
 
-    /// Submits one frame.
+    /// Submits one frame. With trees built at once (`rebuild`, lockstep 0) the
+    /// frame before must be finished: each takes two submissions.
     ///
     /// # Errors
     /// The backend's.
@@ -200,7 +212,10 @@ impl Driver {
             return Ok(None);
         };
         let start = Instant::now();
-        let report = self.backend.wait(pending.ticket)?;
+        let mut report = self.backend.wait(pending.ticket)?;
+        if let Some(fetched) = &pending.fetched {
+            add_fetched(&mut report, fetched);
+        }
         let wall_ms = pending.begun_ms + ms_since(start);
         if let Some(hits) = hits {
             self.backend.hits(pending.ticket, hits)?;
@@ -319,7 +334,7 @@ impl Driver {
         self.pose = Some(pose);
         self.backend.request_positions()?;
         let ticket = self.backend.submit()?;
-        self.backend.wait(ticket)?;
+        self.fetched = Some(self.backend.wait(ticket)?);
         let positions = loop {
             match self.backend.take_positions()? {
                 Some((t, positions)) if t == ticket => break positions,
@@ -391,6 +406,7 @@ impl Driver {
             tree_generation: tree.generation,
             tree_age_frames: self.frames - tree.frame,
             adopted,
+            fetched: self.fetched.take(),
             cost_before: (Some(tree.pose) != self.pose).then_some(tree.cost),
         });
         self.frames += 1;

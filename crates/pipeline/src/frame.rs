@@ -42,3 +42,11 @@ pub struct Adopted {
     /// Bytes of the record.
     pub upload_bytes: u64,
 }
+
+/// Counts the submission that fetched vertices for a frame's own tree as part of the frame.
+pub(crate) fn add_fetched(report: &mut FrameReport, fetched: &FrameReport) {
+    let times = &mut report.times;
+    times.interpolate_ms = times.interpolate_ms.or(fetched.times.interpolate_ms);
+    times.device_ms += fetched.times.device_ms;
+    report.readback_bytes += fetched.readback_bytes;
+}

@@ -138,7 +138,8 @@ impl Schedule {
         Some(generation)
     }
 
-    fn waits_at_once(&self) -> bool {
+    /// Whether every new tree is swapped in before the frame that asked for it is traced.
+    pub(crate) fn waits_at_once(&self) -> bool {
         matches!(
             self.update,
             Update::Rebuild | Update::Async(Pace::Lockstep(0))

@@ -7,23 +7,19 @@
 
 use crate::WriteError;
 use std::fs;
-use std::io::{self, BufWriter, Cursor, Seek, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
 /// Bytes collected before they go to the file.
 const BUFFER: usize = 1 << 18;
 
-/// A sink that can go back, as archives need.
-pub trait WriteSeek: Write + Seek {}
-impl<T: Write + Seek> WriteSeek for T {}
-
 /// Writes `bytes` to `path`, all of them or none.
 ///
 /// # Errors
 /// [`WriteError`]; `path` then holds what it held before, and no temporary file is left.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
-    write_whole_seekable(path, |out| out.write_all(bytes))
+    write_with(path, |out| out.write_all(bytes))
 }
 
 /// Lets `fill` write a file, which appears at `path` only if `fill` succeeds.
@@ -31,9 +27,9 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
 /// # Errors
 /// [`WriteError`], also for what `fill` returns; `path` then holds what it
 /// held before, and no temporary file is left.
-pub fn write_whole_seekable(
+pub fn write_with(
     path: &Path,
-    fill: impl FnOnce(&mut dyn WriteSeek) -> io::Result<()>,
+    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), WriteError> {
     let write = || match target(path)? {
         Target::Plain(file) => rename_over(&file, fill),
@@ -83,26 +79,22 @@ fn target(path: &Path) -> io::Result<Target> {
     }
 }
 
-fn rename_over(
-    path: &Path,
-    fill: impl FnOnce(&mut dyn WriteSeek) -> io::Result<()>,
-) -> io::Result<()> {
-    let mut out = BufWriter::with_capacity(BUFFER, temporary_beside(path)?);
-    fill(&mut out)?;
+fn rename_over(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     // Dropping the temporary file on the way out of an error removes it.
-    let file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
+    let mut file = temporary_beside(path)?;
+    let mut out = BufWriter::with_capacity(BUFFER, file.as_file_mut());
+    fill(&mut out)?;
+    out.flush()?;
+    drop(out);
     file.persist(path).map_err(|e| e.error)?;
     Ok(())
 }
 
-fn stream_into(
-    path: &Path,
-    fill: impl FnOnce(&mut dyn WriteSeek) -> io::Result<()>,
-) -> io::Result<()> {
-    let mut bytes = Cursor::new(Vec::new());
+fn stream_into(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let mut bytes = Vec::new();
     fill(&mut bytes)?;
     let mut stream = fs::OpenOptions::new().write(true).open(path)?;
-    stream.write_all(bytes.get_ref())?;
+    stream.write_all(&bytes)?;
     stream.flush()
 }
 
@@ -121,8 +113,8 @@ fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
 
 /// `tempfile` adds the temporary name to its errors; the final name says more.
 fn without_path(e: io::Error) -> io::Error {
-    match e.raw_os_error() {
-        Some(code) => io::Error::from_raw_os_error(code),
+    match e.to_string().split_once(" at path ") {
+        Some((reason, _)) => io::Error::new(e.kind(), reason),
         None => e,
     }
 }
@@ -142,14 +134,14 @@ mod tests {
     fn a_file_that_fails_halfway_leaves_nothing_new() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a");
-        let fail = |out: &mut dyn WriteSeek| {
+        let fail = |out: &mut dyn Write| {
             out.write_all(&vec![7; 3 * BUFFER])?;
             Err(io::ErrorKind::StorageFull.into())
         };
-        write_whole_seekable(&path, fail).unwrap_err();
+        write_with(&path, fail).unwrap_err();
         assert!(names(dir.path()).is_empty());
         write_whole(&path, b"old").unwrap();
-        write_whole_seekable(&path, fail).unwrap_err();
+        write_with(&path, fail).unwrap_err();
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(names(dir.path()), ["a"]);
         write_whole(&path, b"new").unwrap();
@@ -161,7 +153,9 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let e = check_writable(dir.path()).unwrap_err();
         assert!(e.to_string().contains("directory"), "{e}");
-        assert!(check_writable(&dir.path().join("no/such/dir")).is_err());
+        let e = check_writable(&dir.path().join("no/such/file")).unwrap_err();
+        assert!(e.to_string().contains("no/such/file: "), "{e}");
+        assert!(!e.to_string().contains(".part"), "{e}");
         let file = dir.path().join("file");
         check_writable(&file).unwrap();
         assert!(!file.exists() && names(dir.path()).is_empty());

@@ -1,17 +1,20 @@
 //! Hits as `.npz` archives of plain arrays.
 //!
-//! Arrays are stored, not deflated: barycentric weights hardly shrink, and
-//! packing takes far longer than tracing. Entries carry the zip format's
-//! earliest date, so that equal hits are equal files.
+//! Arrays are stored, not deflated: at its fastest, deflate shrinks a frame of
+//! 1280x720 from 15.7 to 4.7 MB, but takes 0.4 s of a core, as long as tracing
+//! it. Entries carry the zip format's earliest date, so that equal hits are equal files.
 
 use crate::WriteError;
-use crate::atomic::{WriteSeek, write_whole_seekable};
+use crate::atomic::write_whole;
 use geom::Hit;
 use npyz::zip::write::{FileOptions, ZipWriter};
 use npyz::zip::{CompressionMethod, DateTime};
 use npyz::{AutoSerialize, WriteOptions, WriterBuilder};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Cursor, Write};
 use std::path::Path;
+
+/// More than the heads of five arrays and the archive's directory take.
+const ROOM_FOR_HEADS: usize = 4096;
 
 /// Closest hits and what goes with them: the arrays of one `.npz` file.
 #[derive(Clone, Copy, Debug)]
@@ -35,17 +38,16 @@ pub struct Found<'a> {
 pub fn write_hits(path: &Path, found: &Found<'_>) -> Result<(), WriteError> {
     let Found { hits, shape, .. } = *found;
     assert_eq!(hits.len() as u64, shape.iter().product::<u64>());
-    write_whole_seekable(path, |out| {
-        let mut zip = ZipWriter::new(out);
-        array(&mut zip, "triangle", shape, hits.iter().map(|h| h.triangle))?;
-        array(&mut zip, "t", shape, hits.iter().map(|h| h.t))?;
-        array(&mut zip, "u", shape, hits.iter().map(|h| h.u))?;
-        array(&mut zip, "v", shape, hits.iter().map(|h| h.v))?;
+    archive(path, 17 * hits.len(), |zip| {
+        array(zip, "triangle", shape, hits.iter().map(|h| h.triangle))?;
+        array(zip, "t", shape, hits.iter().map(|h| h.t))?;
+        array(zip, "u", shape, hits.iter().map(|h| h.u))?;
+        array(zip, "v", shape, hits.iter().map(|h| h.v))?;
         if let Some(shadow) = found.shadow {
             assert_eq!(shadow.len(), hits.len());
-            array(&mut zip, "shadow", shape, shadow.iter().copied())?;
+            array(zip, "shadow", shape, shadow.iter().copied())?;
         }
-        zip.finish()?.flush()
+        Ok(())
     })
 }
 
@@ -54,20 +56,33 @@ pub fn write_hits(path: &Path, found: &Found<'_>) -> Result<(), WriteError> {
 /// # Errors
 /// [`WriteError`]; `path` then holds what it held before.
 pub fn write_found(path: &Path, found: &[u8]) -> Result<(), WriteError> {
-    write_whole_seekable(path, |out| {
-        let mut zip = ZipWriter::new(out);
-        array(
-            &mut zip,
-            "hit",
-            &[found.len() as u64],
-            found.iter().copied(),
-        )?;
-        zip.finish()?.flush()
+    let shape = [found.len() as u64];
+    archive(path, found.len(), |zip| {
+        array(zip, "hit", &shape, found.iter().copied())
     })
 }
 
+type Archive = ZipWriter<Cursor<Vec<u8>>>;
+
+/// Makes the archive in memory: over a sink that fails, the archive writer
+/// complains to standard error when it is dropped, past any caller.
+fn archive(
+    path: &Path,
+    bytes: usize,
+    fill: impl FnOnce(&mut Archive) -> io::Result<()>,
+) -> Result<(), WriteError> {
+    let make = || {
+        let room = Vec::with_capacity(bytes + ROOM_FOR_HEADS);
+        let mut zip = ZipWriter::new(Cursor::new(room));
+        fill(&mut zip)?;
+        Ok(zip.finish()?.into_inner())
+    };
+    let archive = make().map_err(|e| WriteError::new(path, e))?;
+    write_whole(path, &archive)
+}
+
 fn array<T: AutoSerialize>(
-    zip: &mut ZipWriter<&mut dyn WriteSeek>,
+    zip: &mut Archive,
     name: &str,
     shape: &[u64],
     values: impl ExactSizeIterator<Item = T>,

@@ -12,7 +12,7 @@ mod picture;
 mod rays;
 mod stats;
 
-pub use atomic::{check_writable, prepare_dir, write_whole, write_whole_seekable};
+pub use atomic::{check_writable, prepare_dir, write_whole, write_with};
 pub use error::{RaysError, WriteError};
 pub use hits::{Found, write_found, write_hits};
 pub use picture::write_png;

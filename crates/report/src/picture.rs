@@ -1,7 +1,7 @@
 //! Pictures as `.png` files.
 
 use crate::WriteError;
-use crate::atomic::write_whole_seekable;
+use crate::atomic::write_with;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, ImageError};
 use std::io;
@@ -15,7 +15,7 @@ use std::path::Path;
 /// # Panics
 /// If `rgb` does not hold `3 * width * height` bytes.
 pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<(), WriteError> {
-    write_whole_seekable(path, |out| {
+    write_with(path, |out| {
         PngEncoder::new_with_quality(out, CompressionType::Fast, FilterType::Adaptive)
             .write_image(rgb, width, height, ExtendedColorType::Rgb8)
             .map_err(|e| match e {

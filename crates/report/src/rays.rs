@@ -1,6 +1,6 @@
 //! Rays as `.npy` arrays: f32 (N, 6) `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max` appended.
 
-use crate::atomic::write_whole_seekable;
+use crate::atomic::write_with;
 use crate::{RaysError, WriteError};
 use geom::Ray;
 use npyz::{DType, NpyFile, NpyHeader, Order, TypeChar, WriteOptions, WriterBuilder};
@@ -54,7 +54,7 @@ pub fn write_rays(
         .clone()
         .all(|r| r.t_min == 0.0 && r.t_max == f32::INFINITY);
     let columns = if whole { 6 } else { 8 };
-    write_whole_seekable(path, |out| {
+    write_with(path, |out| {
         let mut npy = WriteOptions::new()
             .default_dtype()
             .shape(&[rays.len() as u64, columns])

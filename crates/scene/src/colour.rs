@@ -35,6 +35,7 @@ mod tests {
     #[test]
     fn linear_light_is_encoded_as_srgb() {
         assert_eq!(from_linear([0.0, 1.0, 0.214_041_14]), [0, 255, 128]);
+        assert_eq!(from_linear([0.003, 0.002, 0.01]), [10, 7, 25]);
         assert_eq!(from_linear([f32::NAN, -1.0, 7.0]), [0, 0, 255]);
     }
 }

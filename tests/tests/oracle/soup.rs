@@ -12,6 +12,7 @@ use std::sync::Arc;
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
         Trial::test("soup::every_answer_can_be_explained", soups),
+        Trial::test("stack::equal_distances_go_to_the_least_index", stack),
         Trial::test("ball::no_ray_from_inside_gets_out", from_inside),
         Trial::test("ball::the_same_rays_hit_from_outside", from_outside),
     ]
@@ -71,6 +72,39 @@ fn soups() -> Result<(), Failed> {
             }
             TestError::Abort(reason) => reason.message().into(),
         })
+}
+
+/// Triangles of all sizes in one plane, whose distance `watertight` computes
+/// without rounding: so all that a ray meets are at the same distance.
+fn stack() -> Result<(), Failed> {
+    let mut rng = fastrand::Rng::with_seed(7);
+    let mut near = |centre: [f32; 2], size: f32| -> Point {
+        let [x, y] = centre.map(|c| c + size * (rng.f32() - 0.5));
+        [x, y, 0.0]
+    };
+    let corners: Vec<Triangle> = (0..400)
+        .map(|i| {
+            let [x, y, _] = near([0.0; 2], 4.0);
+            [(); 3].map(|()| near([x, y], if i % 4 == 3 { 3.0 } else { 0.8 }))
+        })
+        .collect();
+    let rays: Vec<Ray> = (0..6000)
+        .map(|_| {
+            let [x, y, _] = near([0.0; 2], 4.0);
+            let [dx, dy, _] = near([0.0; 2], 0.5);
+            Ray::new([x, y, 2.0], [dx, dy, -1.0])
+        })
+        .collect();
+    let hits = trace(&animation(&corners), 0.0, &rays);
+    let judge = Judge::new(corners);
+    let ties = rays
+        .iter()
+        .filter(|r| judge.exact(r).is_some_and(|e| e.tie));
+    let (ties, tally) = (ties.count(), tally(&judge, &rays, &hits)?);
+    if ties < 4000 || tally.differing() > 2 {
+        return Err(format!("{ties} ties: {tally:?}").into());
+    }
+    Ok(())
 }
 
 /// A closed, lumpy ball, star-shaped as seen from its centre: an octahedron split

@@ -8,7 +8,9 @@ mod accessor;
 mod document;
 mod motion;
 mod part;
+mod range;
 mod rig;
+mod skin;
 mod track;
 
 use crate::mesh::within;

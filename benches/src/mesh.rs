@@ -1,0 +1,104 @@
+//! Triangles to measure with.
+
+use geom::{Animation, Point, Pose, Triangle};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Names the folder of real meshes.
+const FOLDER: &str = "ABVH_MESHES";
+/// Scenes that need no file.
+const DEMOS: [&str; 3] = ["demo:grove", "demo:collide", "demo:shatter"];
+
+/// An animation at its start, and at its middle for refits.
+#[derive(Clone, Debug)]
+pub struct Mesh {
+    /// Name and triangles, such as `grove 174020`.
+    pub label: String,
+    /// The animation.
+    pub animation: Arc<Animation>,
+}
+
+impl Mesh {
+    pub(crate) fn open(spec: &str) -> Result<Self, scene::SceneError> {
+        let scene = scene::open(spec, &scene::Options::default())?;
+        let triangles = scene.animation.triangle_count();
+        Ok(Self {
+            label: format!("{} {triangles}", scene.name),
+            animation: scene.animation,
+        })
+    }
+
+    /// Triangles of the mesh.
+    #[must_use]
+    pub fn triangle_count(&self) -> usize {
+        self.animation.triangle_count()
+    }
+
+    /// Where trees are built.
+    #[must_use]
+    pub fn start(&self) -> Pose {
+        self.animation.pose(0.0)
+    }
+
+    /// Where trees are refitted.
+    #[must_use]
+    pub fn middle(&self) -> Pose {
+        self.animation.pose(self.animation.end() / 2.0)
+    }
+
+    /// Every vertex at `pose`.
+    #[must_use]
+    pub fn positions(&self, pose: Pose) -> Vec<Point> {
+        let vertices = 0..self.animation.vertex_count() as u32;
+        vertices.map(|v| self.animation.vertex(pose, v)).collect()
+    }
+
+    /// Every triangle at `pose`.
+    #[must_use]
+    pub fn triangles(&self, pose: Pose) -> Vec<Triangle> {
+        let triangles = 0..self.triangle_count() as u32;
+        triangles.map(|t| self.animation.corners(pose, t)).collect()
+    }
+}
+
+/// Two demos of some 200,000 triangles and one of 1.6 million; then each entry of the folder
+/// in `ABVH_MESHES` that `abvh` can open: a mesh file, or a directory of key frames.
+#[must_use]
+pub fn meshes() -> Vec<Mesh> {
+    let demos = DEMOS.iter().map(|demo| (*demo).to_owned());
+    let files = entries().into_iter().map(|path| path.display().to_string());
+    demos
+        .chain(files)
+        .filter_map(|spec| match Mesh::open(&spec) {
+            Ok(mesh) => Some(mesh),
+            Err(error) => {
+                say(&format!("left out: {error}"));
+                None
+            }
+        })
+        .collect()
+}
+
+fn entries() -> Vec<PathBuf> {
+    let Some(folder) = std::env::var_os(FOLDER) else {
+        say(&format!("{FOLDER} names no folder of meshes: demos only"));
+        return Vec::new();
+    };
+    let mut entries: Vec<PathBuf> = match Path::new(&folder).read_dir() {
+        Ok(read) => read.flatten().map(|entry| entry.path()).collect(),
+        Err(error) => {
+            say(&format!("{FOLDER}: {}: {error}", folder.display()));
+            Vec::new()
+        }
+    };
+    entries.sort();
+    entries
+}
+
+#[expect(
+    clippy::print_stderr,
+    reason = "a remark to whoever runs the benchmark"
+)]
+fn say(remark: &str) {
+    eprintln!("{remark}");
+}

@@ -1,0 +1,66 @@
+//! Rays that every tree is asked: through a picture's pixels, and from what they hit to a light.
+
+use crate::{Mesh, Tracer};
+use backend::Seek;
+use geom::{Camera, Point, Ray};
+
+/// Pixels of the picture.
+const SIZE: [u32; 2] = [512, 320];
+/// The part of the way to the light that a shadow ray skips, so as not to meet what it left.
+const SKIP: f32 = 1e-3;
+
+/// A camera that has all of `mesh` at its start in view, from above one corner.
+///
+/// # Panics
+/// If the mesh is a single point.
+#[must_use]
+pub fn camera(mesh: &Mesh) -> Camera {
+    let (centre, radius) = sphere(mesh);
+    let eye = offset(centre, radius, [0.9, 0.8, 1.6]);
+    let camera = Camera::look_at(eye, centre, [0.0, 1.0, 0.0], 40.0, SIZE);
+    camera.expect("a mesh has some extent")
+}
+
+/// The camera's rays, row by row.
+#[must_use]
+pub fn primary_rays(camera: &Camera) -> Vec<Ray> {
+    let rows = 0..camera.height;
+    rows.flat_map(|y| (0..camera.width).map(move |x| camera.ray(x, y)))
+        .collect()
+}
+
+/// A ray over `(0, 1)` from each hit of `primary` nearly up to a light high above the mesh.
+#[must_use]
+pub fn shadow_rays(mesh: &Mesh, primary: &[Ray], tracer: &mut Tracer) -> Vec<Ray> {
+    let (centre, radius) = sphere(mesh);
+    let light = offset(centre, radius, [-1.0, 3.0, 0.7]);
+    let hits = tracer.list(primary, Seek::Closest);
+    let rays = primary.iter().zip(&hits.closest);
+    rays.filter(|(_, hit)| hit.is_hit())
+        .map(|(ray, hit)| to_light(ray, hit.t, light))
+        .collect()
+}
+
+fn to_light(ray: &Ray, t: f32, light: Point) -> Ray {
+    let point: Point = std::array::from_fn(|i| ray.origin[i] + t * ray.direction[i]);
+    let origin: Point = std::array::from_fn(|i| point[i] + SKIP * (light[i] - point[i]));
+    let direction = std::array::from_fn(|i| light[i] - origin[i]);
+    Ray {
+        t_max: 1.0,
+        ..Ray::new(origin, direction)
+    }
+}
+
+/// The middle of the mesh's box at its start, and half its diagonal.
+fn sphere(mesh: &Mesh) -> (Point, f32) {
+    let positions = mesh.positions(mesh.start());
+    let empty = geom::Aabb::EMPTY;
+    let bounds = positions.iter().fold(empty, |b, &p| b.with_point(p));
+    let centre = std::array::from_fn(|i| 0.5 * (bounds.min[i] + bounds.max[i]));
+    let diagonal = bounds.extent().iter().map(|x| x * x).sum::<f32>().sqrt();
+    (centre, 0.5 * diagonal)
+}
+
+fn offset(centre: Point, radius: f32, by: Point) -> Point {
+    std::array::from_fn(|i| centre[i] + radius * by[i])
+}

@@ -1,0 +1,132 @@
+//! `bvh`: binned builds in parallel; no refit.
+
+use crate::{Node, Rival};
+use bvh::aabb::{Aabb, Bounded};
+use bvh::bounding_hierarchy::{BHShape, BoundingHierarchy};
+use bvh::bvh::{Bvh as Tree, BvhNode};
+use geom::Ray;
+use nalgebra::Vector3;
+
+/// A tree of the crate `bvh`.
+#[derive(Default)]
+pub struct Bvh {
+    tree: Option<Tree<f32, 3>>,
+}
+
+/// A triangle as the crate wants it.
+#[derive(Clone, Debug)]
+pub struct Shape {
+    corners: geom::Triangle,
+    at: u32,
+    node: usize,
+}
+
+impl Bounded<f32, 3> for Shape {
+    fn aabb(&self) -> Aabb<f32, 3> {
+        let bounds = geom::Aabb::of_triangle(&self.corners);
+        Aabb::with_bounds(bounds.min.into(), bounds.max.into())
+    }
+}
+
+impl BHShape<f32, 3> for Shape {
+    fn set_bh_node_index(&mut self, node: usize) {
+        self.node = node;
+    }
+
+    fn bh_node_index(&self) -> usize {
+        self.node
+    }
+}
+
+impl Bvh {
+    /// The tree that was built.
+    ///
+    /// # Panics
+    /// If none was.
+    #[must_use]
+    pub fn tree(&self) -> &Tree<f32, 3> {
+        self.tree.as_ref().expect("a tree is built first")
+    }
+
+    /// The closest hit by shapes in the order in which the ray enters their boxes,
+    /// or any hit if `first` says so. Triangles are left to the crate's callers
+    /// (its own test culls back faces).
+    fn search(&self, soup: &[Shape], ray: &Ray, first: bool) -> Option<(f32, u32)> {
+        let direction = Vector3::from(ray.direction);
+        let length = direction.norm();
+        let here = bvh::ray::Ray::new(ray.origin.into(), direction);
+        let (mut t_best, mut best) = (ray.t_max, None);
+        for shape in self.tree().nearest_traverse_iterator(&here, soup) {
+            let entry = here.intersection_slice_for_aabb(&shape.aabb());
+            if entry.is_some_and(|(near, _)| near > t_best * length) {
+                break;
+            }
+            if let Some(t) = moller_trumbore(ray, &shape.corners).filter(|&t| t < t_best) {
+                (t_best, best) = (t, Some((t, shape.at)));
+                if first {
+                    break;
+                }
+            }
+        }
+        best
+    }
+}
+
+impl Rival for Bvh {
+    const NAME: &'static str = "bvh";
+    const BUILDS_IN_PARALLEL: bool = true;
+    const REFITS: bool = false;
+    type Soup = Vec<Shape>;
+
+    fn soup(triangles: &[geom::Triangle]) -> Self::Soup {
+        let shape = |(&corners, at): (&geom::Triangle, u32)| Shape {
+            corners,
+            at,
+            node: 0,
+        };
+        triangles.iter().zip(0..).map(shape).collect()
+    }
+
+    fn build(&mut self, soup: &mut Self::Soup) {
+        self.tree = Some(Tree::build_par(soup));
+    }
+
+    fn refit(&mut self, _: &Self::Soup) {}
+
+    fn closest(&self, soup: &Self::Soup, ray: &Ray) -> Option<(f32, u32)> {
+        self.search(soup, ray, false)
+    }
+
+    fn blocked(&self, soup: &Self::Soup, ray: &Ray) -> bool {
+        self.search(soup, ray, true).is_some()
+    }
+
+    fn nodes(&self, soup: &Self::Soup) -> Vec<Node> {
+        let node = |node: &BvhNode<f32, 3>| {
+            let bounds = node.get_node_aabb(soup);
+            Node {
+                bounds: geom::Aabb {
+                    min: bounds.min.into(),
+                    max: bounds.max.into(),
+                },
+                triangles: u32::from(node.is_leaf()),
+            }
+        };
+        self.tree().nodes.iter().map(node).collect()
+    }
+}
+
+/// The two-sided test (Möller, Trumbore 1997) without an absolute threshold, over `(0, inf)`.
+fn moller_trumbore(ray: &Ray, corners: &geom::Triangle) -> Option<f32> {
+    let [a, b, c] = corners.map(Vector3::from);
+    let direction = Vector3::from(ray.direction);
+    let (ab, ac) = (b - a, c - a);
+    let p = direction.cross(&ac);
+    let inverse = 1.0 / ab.dot(&p);
+    let from_a = Vector3::from(ray.origin) - a;
+    let u = from_a.dot(&p) * inverse;
+    let q = from_a.cross(&ab);
+    let v = direction.dot(&q) * inverse;
+    let t = ac.dot(&q) * inverse;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some(t)
+}

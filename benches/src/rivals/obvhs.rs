@@ -1,0 +1,106 @@
+//! `obvhs`: parallel locally ordered clustering (Meister, Bittner 2018).
+
+use crate::{Node, Rival};
+use geom::{Aabb, Ray};
+use glam::Vec3A;
+use obvhs::BvhBuildParams;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2_from_tris;
+use obvhs::ploc::PlocBuilder;
+use obvhs::ray::RayHit;
+use obvhs::triangle::Triangle;
+use std::time::Duration;
+
+/// The crate's `medium_build` preset, or else its `fastest_build`.
+#[derive(Default)]
+pub struct Obvhs<const MEDIUM: bool> {
+    builder: PlocBuilder,
+    tree: Bvh2,
+}
+
+impl<const MEDIUM: bool> Rival for Obvhs<MEDIUM> {
+    const NAME: &'static str = if MEDIUM {
+        "obvhs medium"
+    } else {
+        "obvhs fastest"
+    };
+    const BUILDS_IN_PARALLEL: bool = true;
+    const REFITS: bool = true;
+    type Soup = Vec<Triangle>;
+
+    fn soup(triangles: &[geom::Triangle]) -> Self::Soup {
+        let convert = |t: &geom::Triangle| {
+            let [v0, v1, v2] = t.map(Vec3A::from);
+            Triangle { v0, v1, v2 }
+        };
+        triangles.iter().map(convert).collect()
+    }
+
+    fn build(&mut self, soup: &mut Self::Soup) {
+        if MEDIUM {
+            let params = BvhBuildParams::medium_build();
+            self.tree = build_bvh2_from_tris(soup, params, &mut Duration::default());
+            return;
+        }
+        // What the preset amounts to, in memory that is reused.
+        let params = BvhBuildParams::fastest_build();
+        let mut indices = std::mem::take(&mut self.tree.primitive_indices);
+        indices.clear();
+        indices.extend(0..soup.len() as u32);
+        self.builder.build_with_bvh(
+            &mut self.tree,
+            params.ploc_search_distance,
+            &soup[..],
+            indices,
+            params.sort_precision,
+            params.search_depth_threshold,
+        );
+    }
+
+    fn refit(&mut self, soup: &Self::Soup) {
+        let Bvh2 {
+            nodes,
+            primitive_indices,
+            ..
+        } = &mut self.tree;
+        for node in nodes.iter_mut().filter(|node| node.is_leaf()) {
+            let (first, count) = (node.first_index as usize, node.prim_count as usize);
+            let members = primitive_indices[first..first + count].iter();
+            let boxes = members.map(|&t| soup[t as usize].aabb());
+            if let Some(bounds) = boxes.reduce(|a, b| a.union(&b)) {
+                node.set_aabb(bounds);
+            }
+        }
+        self.tree.refit_all();
+    }
+
+    fn closest(&self, soup: &Self::Soup, ray: &Ray) -> Option<(f32, u32)> {
+        let mut hit = RayHit::none();
+        self.tree.ray_traverse(convert(ray), &mut hit, |ray, at| {
+            soup[self.tree.primitive_indices[at] as usize].intersect(ray)
+        });
+        let triangle = |at: u32| self.tree.primitive_indices[at as usize];
+        (hit.primitive_id != u32::MAX).then(|| (hit.t, triangle(hit.primitive_id)))
+    }
+
+    fn blocked(&self, soup: &Self::Soup, ray: &Ray) -> bool {
+        !self.tree.ray_traverse_miss(convert(ray), |ray, at| {
+            soup[self.tree.primitive_indices[at] as usize].intersect(ray)
+        })
+    }
+
+    fn nodes(&self, _: &Self::Soup) -> Vec<Node> {
+        let node = |node: &obvhs::bvh2::node::Bvh2Node| Node {
+            bounds: Aabb {
+                min: node.aabb().min.to_array(),
+                max: node.aabb().max.to_array(),
+            },
+            triangles: node.prim_count,
+        };
+        self.tree.nodes.iter().map(node).collect()
+    }
+}
+
+fn convert(ray: &Ray) -> obvhs::ray::Ray {
+    obvhs::ray::Ray::new(ray.origin.into(), ray.direction.into(), 0.0, ray.t_max)
+}

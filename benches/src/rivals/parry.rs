@@ -1,0 +1,127 @@
+//! `parry3d`: binned builds (Wald 2007), sequential, and refits in parallel; leaf boxes and memory are reused.
+
+use crate::{Node, Rival};
+use geom::{Aabb, Point, Ray};
+use parry3d::math::Vector;
+use parry3d::partitioning::{
+    Bvh, BvhBuildStrategy, BvhLeafUpdateStatus, BvhNode, BvhWorkspace, TraversalAction,
+};
+use parry3d::query::RayCast;
+use parry3d::shape::Triangle;
+use rayon::prelude::*;
+
+/// A tree of `parry3d::partitioning`.
+#[derive(Default)]
+pub struct Parry {
+    tree: Bvh,
+    workspace: BvhWorkspace,
+    updates: Vec<(parry3d::bounding_volume::Aabb, u32, f32)>,
+    statuses: Vec<BvhLeafUpdateStatus>,
+}
+
+impl Parry {
+    fn update_leaves(&mut self, soup: &[Triangle]) {
+        for (at, triangle) in soup.iter().enumerate() {
+            let bounds = triangle.local_aabb();
+            self.tree.insert_or_update_partially(bounds, at as u32, 0.0);
+        }
+    }
+
+    fn refit_in_parallel(&mut self, soup: &[Triangle]) {
+        let update = |(at, triangle): (usize, &Triangle)| (triangle.local_aabb(), at as u32, 0.0);
+        let updates = soup.par_iter().enumerate().map(update);
+        updates.collect_into_vec(&mut self.updates);
+        self.tree
+            .insert_or_update_batch_partially_parallel(&self.updates, &mut self.statuses);
+        self.tree.refit_parallel(&mut self.workspace);
+    }
+}
+
+impl Rival for Parry {
+    const NAME: &'static str = "parry3d binned";
+    const BUILDS_IN_PARALLEL: bool = false;
+    const REFITS: bool = true;
+    const REFITS_IN_PARALLEL: bool = true;
+    type Soup = Vec<Triangle>;
+
+    fn soup(triangles: &[geom::Triangle]) -> Self::Soup {
+        let convert = |t: &geom::Triangle| {
+            let [a, b, c] = t.map(Vector::from);
+            Triangle::new(a, b, c)
+        };
+        triangles.iter().map(convert).collect()
+    }
+
+    fn build(&mut self, soup: &mut Self::Soup) {
+        if self.tree.leaf_count() as usize == soup.len() {
+            self.update_leaves(soup);
+            self.tree
+                .rebuild(&mut self.workspace, BvhBuildStrategy::Binned);
+            // The crate's own builds end so too: nodes in depth-first order.
+            self.tree.refit(&mut self.workspace);
+            return;
+        }
+        let boxes = soup.iter().map(Triangle::local_aabb).enumerate();
+        self.tree = Bvh::from_iter(BvhBuildStrategy::Binned, boxes);
+    }
+
+    fn refit(&mut self, soup: &Self::Soup) {
+        if rayon::current_num_threads() > 1 {
+            self.refit_in_parallel(soup);
+        } else {
+            self.update_leaves(soup);
+            self.tree.refit_without_opt();
+        }
+    }
+
+    fn closest(&self, soup: &Self::Soup, ray: &Ray) -> Option<(f32, u32)> {
+        let ray_here = convert(ray);
+        let test = |at: u32, best| soup[at as usize].cast_local_ray(&ray_here, best, false);
+        let (triangle, t) = self.tree.cast_ray(&ray_here, ray.t_max, test)?;
+        Some((t, triangle))
+    }
+
+    fn blocked(&self, soup: &Self::Soup, ray: &Ray) -> bool {
+        let ray_here = convert(ray);
+        let mut blocked = false;
+        self.tree.traverse(|node| {
+            if node.cast_ray(&ray_here, ray.t_max) >= ray.t_max {
+                return TraversalAction::Prune;
+            }
+            let hit = node
+                .leaf_data()
+                .and_then(|at| soup[at as usize].cast_local_ray(&ray_here, ray.t_max, false));
+            blocked = hit.is_some();
+            if blocked {
+                TraversalAction::EarlyExit
+            } else {
+                TraversalAction::Continue
+            }
+        });
+        blocked
+    }
+
+    fn nodes(&self, _: &Self::Soup) -> Vec<Node> {
+        let root = self.tree.root_aabb();
+        let bounds = |min: Vector, max: Vector| {
+            let [min, max]: [Point; 2] = [min.into(), max.into()];
+            Aabb { min, max }
+        };
+        let mut nodes = vec![Node {
+            bounds: bounds(root.mins, root.maxs),
+            triangles: 0,
+        }];
+        self.tree.traverse(|node: &BvhNode| {
+            nodes.push(Node {
+                bounds: bounds(node.mins(), node.maxs()),
+                triangles: u32::from(node.is_leaf()),
+            });
+            TraversalAction::Continue
+        });
+        nodes
+    }
+}
+
+fn convert(ray: &Ray) -> parry3d::query::Ray {
+    parry3d::query::Ray::new(ray.origin.into(), ray.direction.into())
+}

@@ -1,0 +1,145 @@
+//! Files of hits: the same whatever tree, policy or thread count made them.
+
+use crate::sandbox::{Sandbox, ensure, trial};
+use integration::scenes::{REAL, Source};
+use libtest_mimic::{Failed, Trial};
+use npyz::npz::NpzArchive;
+use std::io::Cursor;
+
+pub(crate) fn trials() -> Vec<Trial> {
+    let demos = ["demo:collide:2000", "demo:shatter:3000"];
+    let of_demo = |demo: &'static str| {
+        let name = format!("hits::no_policy_changes_them::{demo}");
+        trial(&name, move |s| no_policy_changes_them(s, demo))
+    };
+    let of_scene = |scene: Source| {
+        scene.trial("no_policy_changes_hits", |scene| {
+            no_policy_changes_them(&Sandbox::new(), &scene.path()?)
+        })
+    };
+    let mut trials: Vec<_> = demos.into_iter().map(of_demo).collect();
+    trials.extend(REAL.into_iter().take(2).map(of_scene));
+    trials.push(trial("hits::trace_repeats_render", trace_repeats_render));
+    trials.push(trial(
+        "hits::arrays_have_the_promised_types",
+        promised_types,
+    ));
+    trials
+}
+
+const POLICIES: [&str; 7] = [
+    "rebuild",
+    "refit",
+    "async",
+    "async --lockstep 0",
+    "async --lockstep 1",
+    "async --lockstep 3",
+    "async --lockstep 7",
+];
+
+fn no_policy_changes_them(sandbox: &Sandbox, scene: &str) -> Result<(), Failed> {
+    let frames = 10;
+    let render = |out: &str, options: &str| {
+        let words = format!("render {scene} --frames {frames} --size 40x30 --no-images --quiet");
+        let run = sandbox.run(&format!("{words} --hits {out} {options}"));
+        run.succeeds().map(|_| ())
+    };
+    render("expected", "--update rebuild --threads 1")?;
+    for (i, policy) in POLICIES.into_iter().enumerate() {
+        for threads in [1, 2] {
+            let out = format!("run-{i}-{threads}");
+            render(&out, &format!("--update {policy} --threads {threads}"))?;
+            for frame in 0..frames {
+                let [a, b] =
+                    ["expected", &out].map(|d| sandbox.read(&format!("{d}/hits_{frame:04}.npz")));
+                ensure(a == b, || {
+                    format!("frame {frame} differs with {policy}, {threads} threads")
+                })?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The rays that `render` writes, traced again: with a fresh tree, and with one of another time.
+fn trace_repeats_render(sandbox: &Sandbox) -> Result<(), Failed> {
+    let scene = "demo:collide:2000";
+    let frame = "--time-range 7.25..9 --frames 2 --size 40x30 --no-images --quiet";
+    let words = format!("render {scene} {frame} --hits . --rays-out rays.npy");
+    sandbox.run(&words).succeeds()?;
+    let expected = Arrays::read(sandbox, "hits_0000.npz")?;
+    ensure(expected.triangle.iter().any(|&i| i != u32::MAX), || {
+        "nothing is hit".into()
+    })?;
+    for options in [
+        "",
+        "--update refit --tree-time 0",
+        "--update rebuild --threads 1",
+    ] {
+        let words = format!("trace {scene} --time 7.25 --rays rays.npy --out h.npz {options}");
+        sandbox.run(&words).succeeds()?;
+        let found = Arrays::read(sandbox, "h.npz")?;
+        ensure(found == expected, || format!("other hits with `{options}`"))?;
+    }
+    let words = format!("trace {scene} --time 7.25 --rays rays.npy --out any.npz --any-hit");
+    sandbox.run(&words).succeeds()?;
+    let hit: Vec<u8> = array(sandbox, "any.npz", "hit")?.1;
+    let met: Vec<u8> = expected
+        .triangle
+        .iter()
+        .map(|&i| u8::from(i != u32::MAX))
+        .collect();
+    ensure(hit == met, || "any-hit disagrees".into())
+}
+
+fn promised_types(sandbox: &Sandbox) -> Result<(), Failed> {
+    let words = "render demo:grove:1000 --frames 1 --size 7x5 --no-images --quiet --hits .";
+    sandbox.run(words).succeeds()?;
+    let (shape, triangle) = array::<u32>(sandbox, "hits_0000.npz", "triangle")?;
+    ensure(shape == [5, 7], || format!("{shape:?}"))?;
+    let (_, t) = array::<f32>(sandbox, "hits_0000.npz", "t")?;
+    let (shape, shadow) = array::<u8>(sandbox, "hits_0000.npz", "shadow")?;
+    ensure(shape == [5, 7], || format!("{shape:?}"))?;
+    for i in 0..35 {
+        let miss = triangle[i] == u32::MAX;
+        ensure(miss == t[i].is_infinite(), || format!("t of ray {i}"))?;
+        ensure(shadow[i] <= u8::from(!miss), || {
+            format!("shadow of ray {i}")
+        })?;
+    }
+    Ok(())
+}
+
+#[derive(PartialEq)]
+struct Arrays {
+    triangle: Vec<u32>,
+    /// `t`, `u`, `v` by their bits.
+    numbers: [Vec<u32>; 3],
+}
+
+impl Arrays {
+    fn read(sandbox: &Sandbox, file: &str) -> Result<Self, Failed> {
+        let bits = |name| -> Result<Vec<u32>, Failed> {
+            let (_, xs) = array::<f32>(sandbox, file, name)?;
+            Ok(xs.into_iter().map(f32::to_bits).collect())
+        };
+        Ok(Self {
+            triangle: array(sandbox, file, "triangle")?.1,
+            numbers: [bits("t")?, bits("u")?, bits("v")?],
+        })
+    }
+}
+
+/// Shape and values of one array of a file.
+fn array<T: npyz::Deserialize>(
+    sandbox: &Sandbox,
+    file: &str,
+    name: &str,
+) -> Result<(Vec<u64>, Vec<T>), Failed> {
+    let mut archive = NpzArchive::new(Cursor::new(sandbox.read(file)))?;
+    let array = archive
+        .by_name(name)?
+        .ok_or(format!("{file} has no {name}"))?;
+    let shape = array.shape().to_vec();
+    Ok((shape, array.into_vec()?))
+}

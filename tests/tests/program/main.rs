@@ -1,0 +1,27 @@
+//! The program from end to end, as a person runs it.
+
+mod bad;
+mod bad_scenes;
+mod disk;
+mod files;
+mod hits;
+mod inactive;
+mod sandbox;
+mod stats;
+
+use libtest_mimic::Arguments;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let arguments = Arguments::from_args();
+    let rooms = [
+        bad::trials(),
+        disk::trials(),
+        files::trials(),
+        hits::trials(),
+        inactive::trials(),
+        stats::trials(),
+    ];
+    let trials = rooms.into_iter().flatten().collect();
+    libtest_mimic::run(&arguments, trials).exit_code()
+}
