@@ -4,6 +4,8 @@ use crate::args::BackendName;
 use crate::stop::Stop;
 use backend::{Backend, BackendError};
 use cpu_ref::CpuBackend;
+use gpu_vulkan::VulkanBackend;
+use gpu_wgpu::WgpuBackend;
 use serde::Serialize;
 
 /// Whether a backend can run here.
@@ -25,7 +27,7 @@ pub(crate) struct Opened {
     pub(crate) why: Option<String>,
 }
 
-const NOT_BUILT: &str = "this build has no code for it yet; only cpu is part of it";
+const AUTO: &str = "wgpu and vulkan are not measured on a GPU yet: name one to use it";
 
 /// Opens a backend on `threads` host threads (where it uses them). Never takes another than the one named.
 pub(crate) fn open(
@@ -33,44 +35,66 @@ pub(crate) fn open(
     adapter: Option<&str>,
     threads: usize,
 ) -> Result<Opened, Stop> {
-    let absent = |name: &str| Stop::bad(format!("backend {name} cannot run: {NOT_BUILT}"));
-    let why = match name {
-        BackendName::Cpu => None,
-        BackendName::Auto => Some(format!("wgpu and vulkan cannot run: {NOT_BUILT}")),
-        BackendName::Wgpu => return Err(absent("wgpu")),
-        BackendName::Vulkan => return Err(absent("vulkan")),
+    let backend: Box<dyn Backend> = match name {
+        BackendName::Cpu | BackendName::Auto => cpu_with(adapter, threads)?,
+        BackendName::Wgpu => {
+            let adapter = adapter.map(str::to_owned);
+            let options = gpu_wgpu::Options {
+                adapter,
+                ..Default::default()
+            };
+            Box::new(WgpuBackend::new(&options).map_err(|e| absent("wgpu", &e))?)
+        }
+        BackendName::Vulkan => {
+            let adapter = adapter.map(str::to_owned);
+            let options = gpu_vulkan::Options {
+                adapter,
+                ..Default::default()
+            };
+            Box::new(VulkanBackend::new(&options).map_err(|e| absent("vulkan", &e))?)
+        }
     };
+    let why = (name == BackendName::Auto).then(|| AUTO.to_owned());
+    Ok(Opened { backend, why })
+}
+
+fn absent(name: &str, why: &BackendError) -> Stop {
+    Stop::bad(format!("backend {name} cannot run: {why}"))
+}
+
+fn cpu_with(adapter: Option<&str>, threads: usize) -> Result<Box<dyn Backend>, Stop> {
     let backend = CpuBackend::new(Some(threads))?;
     if let Some(adapter) = adapter {
         check_adapter(&backend.device().adapter, adapter)?;
     }
-    Ok(Opened {
-        backend: Box::new(backend),
-        why,
-    })
+    Ok(Box::new(backend))
 }
 
 /// All backends, present or absent.
 pub(crate) fn presences() -> Vec<Presence> {
-    let absent = |backend| Presence {
-        backend,
-        adapters: Vec::new(),
-        absent: Some(NOT_BUILT.to_owned()),
-    };
-    vec![cpu(), absent("wgpu"), absent("vulkan")]
+    let names = |(name, driver): (String, String)| format!("{name} ({})", driver.trim());
+    let vulkan = gpu_vulkan::adapters()
+        .map(|all| all.into_iter().map(|a| names((a.name, a.driver))).collect());
+    let wgpu = gpu_wgpu::adapters()
+        .map(|all| all.into_iter().map(|a| names((a.name, a.driver))).collect());
+    vec![cpu(), presence("wgpu", wgpu), presence("vulkan", vulkan)]
 }
 
-fn cpu() -> Presence {
-    let opened: Result<CpuBackend, BackendError> = CpuBackend::new(None);
-    let (adapters, absent) = match opened {
-        Ok(cpu) => (vec![cpu.device().adapter.clone()], None),
+fn presence(backend: &'static str, found: backend::Result<Vec<String>>) -> Presence {
+    let (adapters, absent) = match found {
+        Ok(adapters) => (adapters, None),
         Err(e) => (Vec::new(), Some(e.to_string())),
     };
     Presence {
-        backend: "cpu",
+        backend,
         adapters,
         absent,
     }
+}
+
+fn cpu() -> Presence {
+    let opened = CpuBackend::new(None);
+    presence("cpu", opened.map(|cpu| vec![cpu.device().adapter.clone()]))
 }
 
 /// There is one adapter: number 0.
@@ -94,7 +118,10 @@ mod tests {
     #[test]
     fn a_backend_that_cannot_run_is_never_replaced() {
         for name in [BackendName::Wgpu, BackendName::Vulkan] {
-            assert!(matches!(open(name, None, 1), Err(Stop::Bad(_))));
+            assert!(matches!(
+                open(name, Some("no such adapter"), 1),
+                Err(Stop::Bad(_))
+            ));
         }
     }
 
