@@ -60,7 +60,7 @@ fn refused(e: clap::Error) -> Stop {
 /// Options of `render`.
 #[derive(Args, Debug)]
 pub(crate) struct RenderArgs {
-    /// Scene: demo:NAME[:TRIANGLES] (grove, collide, shatter, twist), a directory or glob of .obj or
+    /// Scene: demo:NAME or demo:NAME:TRIANGLES (grove, collide, shatter, twist), a directory or glob of .obj or
     /// .ply key frames, or one .obj, .ply, .gltf or .glb file
     #[arg(default_value = "demo:grove")]
     pub(crate) scene: String,

@@ -8,8 +8,8 @@
 //! Least exact `t` wins, then least index.
 //!
 //! Each ray passes three rooms, and the first two only ever discard what is
-//! surely missed: boxes ([`cull`]), double precision with proven error bounds
-//! ([`filter`]), and what is left in whole numbers ([`exact`]).
+//! surely missed: boxes (`cull`), double precision with proven error bounds
+//! (`filter`), and what is left in whole numbers (`exact`).
 
 mod cull;
 mod exact;
