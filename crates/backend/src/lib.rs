@@ -46,11 +46,13 @@ mod error;
 mod frame;
 mod method;
 mod query;
+mod tree;
 
 pub use error::{BackendError, Result};
 pub use frame::{Device, DeviceKind, FrameReport, Generation, Snapshot, StageTimes, Ticket};
 pub use method::{Intersector, Layout, Method, UnknownName};
 pub use query::{Hits, Query, Rays, Seek};
+pub use tree::check_tree;
 
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};

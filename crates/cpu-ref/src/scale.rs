@@ -1,10 +1,7 @@
 //! Powers of two: a scene's scale, and multiplications that round nothing.
 
 use geom::{Aabb, Animation, Point};
-use rayon::prelude::*;
 
-/// Coordinates whose exponent lies within this need no scaling.
-const COMFORTABLE: i32 = 30;
 /// The widest power of two that is a normal number in both directions.
 const WIDEST: i32 = 126;
 
@@ -20,17 +17,8 @@ impl Scale {
 
     /// Chosen by the largest finite coordinate of all key frames.
     pub(crate) fn of(animation: &Animation) -> Self {
-        let largest = animation
-            .keys()
-            .par_iter()
-            .map(|key| largest_finite(key.as_flattened()))
-            .reduce(|| 0.0, f32::max);
-        let comfortable = ldexp(1.0, -COMFORTABLE)..=ldexp(1.0, COMFORTABLE);
-        if largest == 0.0 || comfortable.contains(&largest) {
-            return Self::ONE;
-        }
         Self {
-            k: exponent(largest).clamp(-WIDEST, WIDEST),
+            k: animation.scale_exponent(),
         }
     }
 
@@ -59,11 +47,6 @@ impl Scale {
             max: back(b.max),
         }
     }
-}
-
-fn largest_finite(numbers: &[f32]) -> f32 {
-    let magnitudes = numbers.iter().map(|x| x.abs()).filter(|x| x.is_finite());
-    magnitudes.fold(0.0, f32::max)
 }
 
 /// The exponent of a finite number that is not zero: `2^e <= |x| < 2^(e + 1)`.

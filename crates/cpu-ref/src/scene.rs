@@ -12,11 +12,10 @@ use crate::triangle_test::{Record, TriangleTest};
 use crate::watertight::Watertight;
 use crate::woop::Woop;
 use crate::{NAME, reserve};
-use backend::{BackendError, Intersector, Layout, Method, Rays, Result};
+use backend::{BackendError, Intersector, Layout, Method, Rays, Result, check_tree};
 use bvh_build::MAX_DEPTH;
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Hit, Point, Pose};
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// An animation with its tree and the state of one moment.
@@ -78,7 +77,12 @@ impl Scene {
     /// # Errors
     /// The tree is not one of this scene, or memory does not suffice.
     pub(crate) fn adopt(&mut self, tree: &Topology) -> Result<()> {
-        self.check(tree)?;
+        check_tree(tree, &self.animation)?;
+        if tree.level_count() > MAX_DEPTH as usize + 1 {
+            let (levels, limit) = (tree.level_count(), MAX_DEPTH + 1);
+            let why = format!("it has {levels} levels, the limit is {limit}");
+            return Err(BackendError::WrongTree(why));
+        }
         let leaves = tree.leaf_count();
         reserve(&mut self.nodes.pairs, leaves + 1, "nodes")?;
         reserve(&mut self.nodes.triangles, leaves, "leaves")?;
@@ -87,34 +91,6 @@ impl Scene {
         self.nodes.expand(tree, self.animation.triangles());
         self.records.resize(leaves, Record::default());
         Ok(())
-    }
-
-    fn check(&self, tree: &Topology) -> Result<()> {
-        let wrong = |what: String| Err(BackendError::WrongTree(what));
-        let compare = |what: &str, found: usize, expected: usize| {
-            if found == expected {
-                return Ok(());
-            }
-            wrong(format!("it has {found} {what}, the scene {expected}"))
-        };
-        let animation = &self.animation;
-        compare(
-            "triangles",
-            tree.triangle_count(),
-            animation.triangle_count(),
-        )?;
-        compare("leaves", tree.leaf_count(), animation.live_count())?;
-        if tree.level_count() > MAX_DEPTH as usize + 1 {
-            let (levels, limit) = (tree.level_count(), MAX_DEPTH + 1);
-            return wrong(format!("it has {levels} levels, the limit is {limit}"));
-        }
-        let leaves = tree.leaf_triangles().par_iter();
-        match leaves.find_first(|&&triangle| !animation.is_live(triangle)) {
-            Some(triangle) => wrong(format!(
-                "triangle {triangle} has a leaf but is never active"
-            )),
-            None => Ok(()),
-        }
     }
 
     pub(crate) fn interpolate(&mut self, pose: Pose) {

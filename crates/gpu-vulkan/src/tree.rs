@@ -4,7 +4,7 @@ use crate::device::Gpu;
 use crate::memory::{Buffer, Place};
 use crate::scene::within;
 use crate::transfer::Transfer;
-use backend::{BackendError, Generation, Result, Ticket};
+use backend::{Generation, Result, Ticket, check_tree};
 use bvh_layout::{Level, Topology};
 use geom::Animation;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ pub(crate) struct TreeBuffers {
     pub(crate) node_count: u32,
     /// The upload that the next submission has to wait for.
     pub(crate) arriving: Option<u64>,
-    live: Vec<u32>,
+    animation: Arc<Animation>,
 }
 
 /// One record on the host and on the device.
@@ -45,7 +45,7 @@ pub(crate) struct Parts {
 
 impl TreeBuffers {
     /// Room for every tree over the animation's live triangles.
-    pub(crate) fn new(gpu: &Arc<Gpu>, animation: &Animation) -> Result<Self> {
+    pub(crate) fn new(gpu: &Arc<Gpu>, animation: &Arc<Animation>) -> Result<Self> {
         let leaves = animation.live_count() as u64;
         let nodes = (2 * leaves).saturating_sub(1);
         within(gpu, "the tree's nodes", nodes * 32)?;
@@ -64,7 +64,7 @@ impl TreeBuffers {
             leaf_count: 0,
             node_count: 0,
             arriving: None,
-            live: live_bits(animation),
+            animation: Arc::clone(animation),
         })
     }
 
@@ -99,7 +99,7 @@ impl TreeBuffers {
         tree: &Topology,
         generation: Generation,
     ) -> Result<()> {
-        self.check(tree)?;
+        check_tree(tree, &self.animation)?;
         let bytes = tree.bytes() as u64;
         let spare = 1 - self.current;
         let record = match self.records_of[spare]
@@ -130,27 +130,6 @@ impl TreeBuffers {
         };
         Ok(())
     }
-
-    /// Refuses a tree that does not hold exactly the live triangles. Records
-    /// name each triangle at most once, so counting and asking each suffices.
-    fn check(&self, tree: &Topology) -> Result<()> {
-        let live: u32 = self.live.iter().map(|w| w.count_ones()).sum();
-        if tree.leaf_count() != live as usize {
-            let (n, why) = (tree.leaf_count(), "live triangles");
-            return Err(BackendError::WrongTree(format!(
-                "{n} leaves for {live} {why}"
-            )));
-        }
-        let dead = tree.leaf_triangles().iter().find(|&&t| {
-            self.live
-                .get(t as usize / 32)
-                .is_none_or(|word| word >> (t % 32) & 1 == 0)
-        });
-        match dead {
-            Some(t) => Err(BackendError::WrongTree(format!("triangle {t} is not live"))),
-            None => Ok(()),
-        }
-    }
 }
 
 impl Record {
@@ -163,15 +142,4 @@ impl Record {
             filled_at: 0,
         })
     }
-}
-
-/// One bit a triangle: 1 if it is live.
-fn live_bits(animation: &Animation) -> Vec<u32> {
-    let count = animation.triangle_count() as u32;
-    let word = |w: u32| {
-        (0..32)
-            .filter(|b| w * 32 + b < count && animation.is_live(w * 32 + b))
-            .fold(0, |bits, b| bits | 1 << b)
-    };
-    (0..count.div_ceil(32)).map(word).collect()
 }

@@ -2,9 +2,10 @@
 
 use crate::buffers::{storage, write};
 use crate::device::Gpu;
-use backend::{BackendError, Generation, Result};
+use backend::{Generation, Result, check_tree};
 use bvh_layout::{Level, Topology};
 use geom::Animation;
+use std::sync::Arc;
 use wgpu::Buffer;
 
 pub(crate) struct TreeBuffers {
@@ -21,7 +22,7 @@ pub(crate) struct TreeBuffers {
     pub(crate) parts: Parts,
     pub(crate) leaf_count: u32,
     pub(crate) node_count: u32,
-    live: Vec<u32>,
+    animation: Arc<Animation>,
 }
 
 #[derive(Clone, Copy, Default)]
@@ -33,7 +34,7 @@ pub(crate) struct Parts {
 
 impl TreeBuffers {
     /// Room for every tree over the animation's live triangles.
-    pub(crate) fn new(gpu: &Gpu, animation: &Animation) -> Result<Self> {
+    pub(crate) fn new(gpu: &Gpu, animation: &Arc<Animation>) -> Result<Self> {
         let leaves = animation.live_count() as u64;
         let nodes = (2 * leaves).saturating_sub(1);
         gpu.within("the tree's nodes", nodes * 32)?;
@@ -50,7 +51,7 @@ impl TreeBuffers {
             parts: Parts::default(),
             leaf_count: 0,
             node_count: 0,
-            live: live_bits(animation),
+            animation: Arc::clone(animation),
         })
     }
 
@@ -70,7 +71,7 @@ impl TreeBuffers {
         tree: &Topology,
         generation: Generation,
     ) -> Result<()> {
-        self.check(tree)?;
+        check_tree(tree, &self.animation)?;
         let bytes = tree.bytes() as u64;
         gpu.within("the tree's record", bytes)?;
         let spare = 1 - self.current;
@@ -88,25 +89,6 @@ impl TreeBuffers {
         self.parts = Parts::of(tree);
         Ok(())
     }
-
-    /// Refuses a tree that does not hold exactly the live triangles. Records
-    /// name each triangle at most once, so counting and asking each suffices.
-    fn check(&self, tree: &Topology) -> Result<()> {
-        let live: u32 = self.live.iter().map(|w| w.count_ones()).sum();
-        let leaves = tree.leaf_count();
-        if leaves != live as usize {
-            let why = format!("{leaves} leaves for {live} live triangles");
-            return Err(BackendError::WrongTree(why));
-        }
-        let is_live = |t: u32| {
-            let word = self.live.get(t as usize / 32);
-            word.is_some_and(|word| word >> (t % 32) & 1 == 1)
-        };
-        match tree.leaf_triangles().iter().find(|&&t| !is_live(t)) {
-            Some(t) => Err(BackendError::WrongTree(format!("triangle {t} is not live"))),
-            None => Ok(()),
-        }
-    }
 }
 
 impl Parts {
@@ -119,15 +101,4 @@ impl Parts {
             leaf_triangles: (bits + 2 * words) as u32,
         }
     }
-}
-
-/// One bit a triangle: 1 if it is live.
-fn live_bits(animation: &Animation) -> Vec<u32> {
-    let count = animation.triangle_count() as u32;
-    let word = |w: u32| {
-        (0..32)
-            .filter(|b| w * 32 + b < count && animation.is_live(w * 32 + b))
-            .fold(0, |bits, b| bits | 1 << b)
-    };
-    (0..count.div_ceil(32)).map(word).collect()
 }
