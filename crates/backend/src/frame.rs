@@ -55,6 +55,9 @@ pub struct StageTimes {
     pub trace_shadow_ms: Option<f64>,
     /// From the first stage's start to the last one's end, by the device's clock.
     pub device_ms: f64,
+    /// When the first stage began, by the device's clock, whose zero is
+    /// arbitrary but the same for all submissions; `None` where there is no such clock.
+    pub begun_ms: Option<f64>,
 }
 
 /// What one submission did.

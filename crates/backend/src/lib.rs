@@ -131,6 +131,11 @@ pub trait Backend: Send {
     /// See [`BackendError`].
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>>;
 
+    /// Bytes of device memory that the backend holds, where it can tell.
+    fn device_bytes(&self) -> Option<u64> {
+        None
+    }
+
     /// Views that only tests and dumps need.
     fn inspect(&mut self) -> &mut dyn Inspect;
 }
