@@ -5,6 +5,7 @@ use crate::encode::{Groups, Part, dispatch, timeline};
 use crate::errors::failed;
 use crate::instance::{Adapter, Host};
 use crate::memory::{Buffer, Place};
+use crate::method;
 use crate::pipelines::Pipelines;
 use crate::scene::{SceneBuffers, within};
 use crate::selftest;
@@ -15,7 +16,7 @@ use crate::tree::TreeBuffers;
 use ash::vk;
 use backend::{
     Backend, BackendError, Device, FRAMES_IN_FLIGHT, FrameReport, Generation, Hits, Inspect,
-    Intersector, Layout, Method, Query, Rays, Result, Seek, Snapshot, Ticket,
+    Method, Query, Rays, Result, Seek, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Hit, Point, Pose, Ray};
@@ -440,16 +441,7 @@ impl Backend for VulkanBackend {
     }
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
-        let unsupported = |what: String| BackendError::Unsupported {
-            backend: "vulkan",
-            what,
-        };
-        if method.intersector != Intersector::Watertight {
-            return Err(unsupported(format!("intersector '{}'", method.intersector)));
-        }
-        if method.layout != Layout::Bvh2 {
-            return Err(unsupported(format!("layout '{}'", method.layout)));
-        }
+        method::check(method)?;
         self.gpu.wait_idle()?;
         (self.scene, self.tree, self.pending_trace) = (None, None, None);
         self.traces.clear();

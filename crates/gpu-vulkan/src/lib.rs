@@ -12,6 +12,7 @@ mod encode;
 mod errors;
 mod instance;
 mod memory;
+mod method;
 mod pipelines;
 mod scene;
 mod selftest;
@@ -22,3 +23,4 @@ mod tree;
 
 pub use backend_impl::{Options, VulkanBackend};
 pub use instance::{Adapter, adapters};
+pub use method::supports;

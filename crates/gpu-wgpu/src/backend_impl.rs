@@ -6,6 +6,7 @@ use crate::device::Gpu;
 use crate::encode::{Groups, Work};
 use crate::faults::layer_messages;
 use crate::frames::Frames;
+use crate::method;
 use crate::modules::Modules;
 use crate::pipelines::Pipelines;
 use crate::queries::Stage;
@@ -16,8 +17,8 @@ use crate::stages::Also;
 use crate::traces::Traces;
 use crate::tree::TreeBuffers;
 use backend::{
-    Backend, BackendError, Device, FrameReport, Generation, Hits, Inspect, Intersector, Layout,
-    Method, Query, Rays, Result, Seek, Snapshot, Ticket,
+    Backend, BackendError, Device, FrameReport, Generation, Hits, Inspect, Method, Query, Rays,
+    Result, Seek, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Animation, Camera, Pose, Ray};
@@ -161,27 +162,13 @@ impl WgpuBackend {
     }
 }
 
-fn refuse_unsupported(method: Method) -> Result<()> {
-    let what = if method.intersector != Intersector::Watertight {
-        format!("intersector '{}'", method.intersector)
-    } else if method.layout != Layout::Bvh2 {
-        format!("layout '{}'", method.layout)
-    } else {
-        return Ok(());
-    };
-    Err(BackendError::Unsupported {
-        backend: "wgpu",
-        what,
-    })
-}
-
 impl Backend for WgpuBackend {
     fn device(&self) -> &Device {
         &self.device
     }
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
-        refuse_unsupported(method)?;
+        method::check(method)?;
         self.frames.forget(&self.gpu)?;
         self.snapshots.forget();
         self.traces = Traces::default();
