@@ -17,8 +17,8 @@ use crate::stages::Also;
 use crate::traces::Traces;
 use crate::tree::TreeBuffers;
 use backend::{
-    Backend, BackendError, Device, FrameReport, Generation, Hits, Inspect, Method, Query, Rays,
-    Result, Seek, Snapshot, Ticket,
+    Backend, Device, FrameReport, Generation, Hits, Inspect, Method, Query, Rays, Result, Seek,
+    Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Animation, Camera, Pose, Ray};
