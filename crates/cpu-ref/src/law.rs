@@ -73,15 +73,18 @@ impl World {
         let [eye, light] = [ray.origin, light].map(|p| self.scale.apply(p));
         let unit = 2.0_f32.powi(-24);
         let [e1, e2]: [Point; 2] = [v1, v2].map(|v| std::array::from_fn(|i| v[i] - v0[i]));
-        let p: Point = std::array::from_fn(|i| v0[i] + (hit.u * e1[i] + hit.v * e2[i]));
+        let p: Point =
+            std::array::from_fn(|i| zero_below(-64, v0[i] + (hit.u * e1[i] + hit.v * e2[i])));
         let normal = [
             e1[1] * e2[2] - e1[2] * e2[1],
             e1[2] * e2[0] - e1[0] * e2[2],
             e1[0] * e2[1] - e1[1] * e2[0],
-        ];
+        ]
+        .map(|x| zero_below(-100, x));
         let above = |q: Point| {
             let d: Point = std::array::from_fn(|i| q[i] - p[i]);
-            let height = normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2];
+            let terms: Point = std::array::from_fn(|i| zero_below(-100, normal[i] * d[i]));
+            let height = terms[0] + terms[1] + terms[2];
             i32::from(height > 0.0) - i32::from(height < 0.0)
         };
         let side = if above(light) == 0 {
@@ -138,6 +141,7 @@ impl World {
         if m.t > f {
             m.t = f;
         }
+        m.t = zero_below(-100, m.t);
         (ray.t_min < m.t && m.t < ray.t_max).then_some(m)
     }
 
@@ -193,6 +197,7 @@ pub(crate) fn watertight(ray: &PreparedRay, corners: &Triangle) -> Option<Meetin
     if signs != [1; 3] && signs != [-1; 3] {
         return None;
     }
+    let [u, v, w] = rounded.map(|x| zero_below(-100, x));
     let det = (u + v) + w;
     if det == 0.0 || !det.is_finite() {
         return Some(Meeting {
@@ -201,12 +206,18 @@ pub(crate) fn watertight(ray: &PreparedRay, corners: &Triangle) -> Option<Meetin
             v: 0.0,
         });
     }
-    let t = ((u * a[2] + v * b[2]) + w * c[2]) / det;
+    let [ta, tb, tc] = [u * a[2], v * b[2], w * c[2]].map(|x| zero_below(-100, x));
+    let t = ((ta + tb) + tc) / det;
     Some(Meeting {
         t,
         u: v / det,
         v: w / det,
     })
+}
+
+/// `x`, or zero if it is smaller than `2^e`.
+fn zero_below(e: i32, x: f32) -> f32 {
+    if x.abs() < 2.0_f32.powi(e) { 0.0 } else { x }
 }
 
 /// The sign of an edge function whose rounded value is `rounded`: of `px*qy - py*qx`, perturbed.

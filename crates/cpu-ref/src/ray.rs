@@ -1,6 +1,6 @@
 //! A ray in scaled units, its direction brought to the length that the tests expect.
 
-use crate::scale::{Scale, exponent, ldexp};
+use crate::scale::{Scale, exponent, flushed, ldexp, unit_direction};
 use geom::{Point, Ray};
 
 /// A ray as every test sees it: `o' + t' * d'` in scaled units, the largest `|d'_i|` in `[1, 2)`.
@@ -34,9 +34,9 @@ impl PreparedRay {
         let up = e - scale.k();
         Some(Self {
             origin,
-            direction: ray.direction.map(|x| ldexp(x, -e)),
-            t_min: ldexp(ray.t_min, up),
-            t_max: ldexp(ray.t_max, up),
+            direction: unit_direction(ray.direction, e),
+            t_min: flushed(ldexp(ray.t_min, up)),
+            t_max: flushed(ldexp(ray.t_max, up)),
             unscale: -up,
         })
     }

@@ -1,9 +1,14 @@
 //! Powers of two: a scene's scale, and multiplications that round nothing.
 
 use geom::{Aabb, Animation, Point};
+use glam::Vec4;
 
-/// The widest power of two that is a normal number in both directions.
-const WIDEST: i32 = 126;
+/// Coordinates below this many scaled units count as zero, `2^-64`.
+const LEAST_COORDINATE: f32 = power(-64);
+/// Components of a direction below this count as zero, `2^-37`, the largest being in `[1, 2)`.
+const LEAST_COMPONENT: f32 = power(-37);
+/// Products, weights and distances below this count as zero, `2^-100`.
+const LEAST: f32 = power(-100);
 
 /// Vertices are multiplied by `2^-k`, so that products of a few of them neither overflow nor vanish.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -27,16 +32,10 @@ impl Scale {
         self.k
     }
 
-    /// The factor `2^-k`.
-    #[inline]
-    pub(crate) fn factor(self) -> f32 {
-        power(-self.k)
-    }
-
-    /// Scene units to scaled units.
+    /// Scene units to scaled units. What is then below `2^-64` becomes zero.
     #[inline]
     pub(crate) fn apply(self, p: Point) -> Point {
-        p.map(|x| x * self.factor())
+        p.map(|x| without(LEAST_COORDINATE, x * power(-self.k)))
     }
 
     /// Scaled units to scene units.
@@ -47,6 +46,30 @@ impl Scale {
             max: back(b.max),
         }
     }
+}
+
+/// `x`, or zero where `|x|` is below `least`. A zero is a positive one.
+#[inline]
+fn without(least: f32, x: f32) -> f32 {
+    if x.abs() < least { 0.0 } else { x }
+}
+
+/// `x`, or zero below `2^-100`: so no device that flushes subnormal numbers can give another answer.
+#[inline]
+pub(crate) fn flushed(x: f32) -> f32 {
+    without(LEAST, x)
+}
+
+/// [`flushed`], for four at once.
+#[inline]
+pub(crate) fn flushed4(x: Vec4) -> Vec4 {
+    Vec4::select(x.abs().cmplt(Vec4::splat(LEAST)), Vec4::ZERO, x)
+}
+
+/// A direction times `2^-e`, which brings its largest component to `[1, 2)`.
+#[inline]
+pub(crate) fn unit_direction(direction: Point, e: i32) -> Point {
+    direction.map(|x| without(LEAST_COMPONENT, ldexp(x, -e)))
 }
 
 /// The exponent of a finite number that is not zero: `2^e <= |x| < 2^(e + 1)`.
@@ -62,19 +85,15 @@ pub(crate) fn exponent(x: f32) -> i32 {
 
 /// `2^m` for `m` in `-126..=127`.
 #[inline]
-fn power(m: i32) -> f32 {
+const fn power(m: i32) -> f32 {
     f32::from_bits(((m + 127) as u32) << 23)
 }
 
-/// `x * 2^m`: one multiplication, and a second one where `m` is beyond what one factor can hold.
+/// `x * 2^m`, rounded once, for `|m|` up to 400.
 #[inline]
 pub(crate) fn ldexp(x: f32, m: i32) -> f32 {
-    let first = m.clamp(-WIDEST, WIDEST);
-    let scaled = x * power(first);
-    if first == m {
-        return scaled;
-    }
-    scaled * power((m - first).clamp(-WIDEST, WIDEST))
+    // Neither factor nor product leaves the normal range of f64.
+    (f64::from(x) * f64::from_bits(((m + 1023) as u64) << 52)) as f32
 }
 
 #[cfg(test)]
@@ -88,18 +107,40 @@ mod tests {
 
     #[test]
     fn ordinary_scenes_are_not_scaled() {
-        for x in [0.0, 1e-9, -1.0, 1e5, 1_073_741_824.0, 9.313_226e-10] {
+        for x in [0.0, 1e-3, -1.0, 1e5, 1_073_741_824.0, 9.765_625e-4] {
             assert_eq!(scale_of(x), 0, "{x}");
         }
     }
 
     #[test]
     fn odd_scenes_are_scaled_by_their_exponent() {
+        assert_eq!(scale_of(1e-9), -30);
         assert_eq!(scale_of(1e-20), -67);
         assert_eq!(scale_of(-1e20), 66);
         assert_eq!(scale_of(f32::MAX), 126);
         assert_eq!(scale_of(f32::from_bits(1)), -126);
         assert_eq!(scale_of(f32::INFINITY), 0);
+    }
+
+    #[test]
+    fn what_is_too_small_to_matter_is_zero() {
+        let least = power(-64);
+        let below = f32::from_bits(least.to_bits() - 1);
+        assert_eq!(
+            Scale::ONE.apply([least, -below, -least]),
+            [least, 0.0, -least]
+        );
+        assert_eq!(Scale::ONE.apply([-0.0; 3]).map(f32::to_bits), [0; 3]);
+        assert!(Scale::ONE.apply([f32::NAN; 3])[0].is_nan());
+        assert_eq!(
+            unit_direction([1.5, power(-37), power(-38)], 0),
+            [1.5, power(-37), 0.0]
+        );
+        let four = Vec4::new(power(-100), -power(-101), f32::NAN, -1.0);
+        let kept = flushed4(four).to_array();
+        assert_eq!([kept[0], kept[1], kept[3]], [power(-100), 0.0, -1.0]);
+        assert!(kept[2].is_nan());
+        assert_eq!(flushed(power(-101)), 0.0);
     }
 
     #[test]
@@ -112,10 +153,12 @@ mod tests {
     }
 
     #[test]
-    fn powers_beyond_one_factor_are_reached() {
+    fn powers_round_once() {
         assert_eq!(ldexp(f32::from_bits(1), 149), 1.0);
         assert_eq!(ldexp(1.0, -149), f32::from_bits(1));
         assert_eq!(ldexp(f32::INFINITY, -200), f32::INFINITY);
         assert_eq!(ldexp(0.75, 128), f32::from_bits(0x7f40_0000));
+        // Two roundings would make 2 of it.
+        assert_eq!(ldexp(1.5 - f32::EPSILON, -149), f32::from_bits(1));
     }
 }

@@ -1,6 +1,6 @@
 //! The ray from a hit to a light.
 
-use crate::scale::Scale;
+use crate::scale::{Scale, flushed};
 use geom::{Aabb, Hit, Point, Ray, Triangle};
 
 /// One unit in the last place of numbers in `[1, 2)`, halved.
@@ -29,7 +29,9 @@ impl Light {
     /// `corners` are the hit triangle's and `eye` is where the ray that hit it started, both scaled.
     pub(crate) fn ray(&self, hit: &Hit, [a, b, c]: &Triangle, eye: Point) -> Ray {
         let (e1, e2) = (minus(*b, *a), minus(*c, *a));
-        let p: Point = std::array::from_fn(|i| a[i] + (hit.u * e1[i] + hit.v * e2[i]));
+        let p = Scale::ONE.apply(std::array::from_fn(|i| {
+            a[i] + (hit.u * e1[i] + hit.v * e2[i])
+        }));
         let normal = cross(e1, e2);
         let side = match sign(dot(normal, minus(self.at, p))) {
             0.0 => sign(dot(normal, minus(eye, p))),
@@ -50,13 +52,14 @@ fn minus(a: Point, b: Point) -> Point {
 }
 
 fn dot(a: Point, b: Point) -> f32 {
-    (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]
+    let [x, y, z]: Point = std::array::from_fn(|i| flushed(a[i] * b[i]));
+    (x + y) + z
 }
 
 fn cross(a: Point, b: Point) -> Point {
     std::array::from_fn(|i| {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-        a[j] * b[k] - a[k] * b[j]
+        flushed(a[j] * b[k] - a[k] * b[j])
     })
 }
 

@@ -2,6 +2,7 @@
 
 use crate::nodes::{Link, Nodes};
 use crate::ray::PreparedRay;
+use crate::scale::flushed;
 use crate::slab::Slab;
 use crate::triangle_test::{Meeting, Record, TriangleTest};
 use bvh_build::MAX_DEPTH;
@@ -93,6 +94,7 @@ impl<'a, T: TriangleTest> Walk<'a, T> {
         } else if meeting.t > leaf.exit {
             meeting.t = leaf.exit;
         }
+        meeting.t = flushed(meeting.t);
         (meeting.t > self.ray.t_min && meeting.t < self.ray.t_max).then_some(meeting)
     }
 

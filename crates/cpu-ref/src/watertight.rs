@@ -6,6 +6,7 @@
 //! generic point. All three vertices are sheared at once, one in each lane.
 
 use crate::ray::PreparedRay;
+use crate::scale::flushed4;
 use crate::triangle_test::{Meeting, Record, TriangleTest};
 use geom::Triangle;
 use glam::{Vec4, Vec4Swizzles};
@@ -77,6 +78,7 @@ impl TriangleTest for Watertight {
 /// Distance and weights of a hit, from its edge functions and depths.
 #[inline]
 fn solve(edges: Vec4, depths: Vec4) -> Meeting {
+    let edges = flushed4(edges);
     let det = (edges.x + edges.y) + edges.z;
     if det == 0.0 || !det.is_finite() {
         return Meeting {
@@ -85,7 +87,7 @@ fn solve(edges: Vec4, depths: Vec4) -> Meeting {
             v: 0.0,
         };
     }
-    let p = edges * depths;
+    let p = flushed4(edges * depths);
     let [t, u, v, _] = (Vec4::new((p.x + p.y) + p.z, edges.y, edges.z, 0.0) / det).to_array();
     Meeting { t, u, v }
 }

@@ -196,14 +196,14 @@ impl Animation {
 
     /// `k`, such that `2^-k` brings the scene to a size whose products neither
     /// overflow nor underflow: 0 unless the largest finite `|coordinate|` of all
-    /// key frames lies outside `[2^-30, 2^30]`, else its exponent, within `-126..=126`.
+    /// key frames lies outside `[2^-10, 2^30]`, else its exponent, within `-126..=126`.
     #[must_use]
     pub fn scale_exponent(&self) -> i32 {
         let all = self.keys.iter().flatten().flatten();
         let largest = all
             .filter(|x| x.is_finite())
             .fold(0.0_f32, |m, x| m.max(x.abs()));
-        if largest == 0.0 || (2.0_f32.powi(-30)..=2.0_f32.powi(30)).contains(&largest) {
+        if largest == 0.0 || (2.0_f32.powi(-10)..=2.0_f32.powi(30)).contains(&largest) {
             return 0;
         }
         // The exponent field of a double holds every f32's exponent, subnormal ones included.

@@ -55,11 +55,11 @@ impl Camera {
         Some(Self {
             eye,
             width,
-            corner: std::array::from_fn(|i| corner(i) as f32),
+            corner: std::array::from_fn(|i| rounded(corner(i))),
             height,
-            across: std::array::from_fn(|i| (pixel * right[i]) as f32),
+            across: std::array::from_fn(|i| rounded(pixel * right[i])),
             pad0: 0,
-            down: std::array::from_fn(|i| (-pixel * up[i]) as f32),
+            down: std::array::from_fn(|i| rounded(-pixel * up[i])),
             pad1: 0,
         })
     }
@@ -80,6 +80,15 @@ impl Camera {
     #[must_use]
     pub fn pixels(&self) -> usize {
         self.width as usize * self.height as usize
+    }
+}
+
+/// To f32; what is below `2^-60` of a unit becomes zero, so that no sum of products is subnormal.
+fn rounded(x: f64) -> f32 {
+    if x.abs() < (-60_f64).exp2() {
+        0.0
+    } else {
+        x as f32
     }
 }
 

@@ -1,4 +1,4 @@
-//! use params ieee degenerate
+//! use params ieee divide units degenerate
 // Positions to triangle records and boxes of leaves, in the tree's leaf order.
 
 @group(0) @binding(1) var<storage, read> topology: array<u32>;
@@ -12,17 +12,19 @@
 
 const LEAF: u32 = 0x80000000u;
 
-fn scaled(vertex: u32, component: u32) -> f32 {
-    return mul(bitcast<f32>(positions[3u * vertex + component]), params.scale);
+fn corner(triangle: u32, which: u32) -> vec3<u32> {
+    let at = 3u * triangles[3u * triangle + which];
+    return vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]);
 }
 
-fn corner(triangle: u32, which: u32) -> vec3<f32> {
-    let vertex = triangles[3u * triangle + which];
-    return vec3<f32>(scaled(vertex, 0u), scaled(vertex, 1u), scaled(vertex, 2u));
+fn is_finite(v: vec3<u32>) -> bool {
+    return all((v & vec3<u32>(0x7f800000u)) != vec3<u32>(0x7f800000u));
 }
 
-fn is_finite(v: vec3<f32>) -> bool {
-    return all((bitcast<vec3<u32>>(v) & vec3<u32>(0x7f800000u)) != vec3<u32>(0x7f800000u));
+// Whether scaling made a zero of a coordinate that was none.
+fn lost_a_coordinate(before: vec3<u32>, after: vec3<f32>) -> bool {
+    let was_zero = (before & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u);
+    return any((after == vec3<f32>(0.0)) != was_zero);
 }
 
 @compute @workgroup_size(128)
@@ -31,17 +33,21 @@ fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     if leaf >= params.count { return; }
     let triangle = topology[params.leaf_triangles_at + leaf];
     let node = leaf_nodes[leaf];
-    let a = corner(triangle, 0u);
-    let b = corner(triangle, 1u);
-    let c = corner(triangle, 2u);
+    let given_a = corner(triangle, 0u);
+    let given_b = corner(triangle, 1u);
+    let given_c = corner(triangle, 2u);
+    let a = scaled_point(given_a);
+    let b = scaled_point(given_b);
+    let c = scaled_point(given_c);
     records[3u * leaf] = vec4<u32>(bitcast<vec3<u32>>(a), triangle);
     records[3u * leaf + 1u] = vec4<u32>(bitcast<vec3<u32>>(b), node);
     records[3u * leaf + 2u] = vec4<u32>(bitcast<vec3<u32>>(c), 0u);
 
-    let finite = is_finite(a) && is_finite(b) && is_finite(c);
+    let finite = is_finite(given_a) && is_finite(given_b) && is_finite(given_c);
     var hit = finite;
     if finite {
-        hit = !is_degenerate(a, b, c);
+        let lost = lost_a_coordinate(given_a, a) || lost_a_coordinate(given_b, b) || lost_a_coordinate(given_c, c);
+        if lost || !has_area(a, b, c) { hit = !is_degenerate(given_a, given_b, given_c); }
     }
     var low = vec3<u32>(0x7f800000u);
     var high = vec3<u32>(0xff800000u);

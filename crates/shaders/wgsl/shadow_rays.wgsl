@@ -1,4 +1,4 @@
-//! use params ieee divide exact ray watertight any shade
+//! use params ieee divide exact units ray watertight any shade
 // The shadow of each given ray's hit.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -17,7 +17,7 @@ fn shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgr
     if i >= params.count { return; }
     let hit = hits[i];
     var dark = false;
-    if hit.w != 0xffffffffu { dark = is_blocked(hit, scale3(bitcast<vec3<f32>>(rays[2u * i].xyz))); }
+    if hit.w != 0xffffffffu { dark = is_blocked(hit, scaled_point(rays[2u * i].xyz)); }
     blocked[i] = select(0u, 1u, dark);
     if dark { atomicAdd(&counts[3], 1u); }
 }

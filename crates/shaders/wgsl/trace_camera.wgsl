@@ -1,4 +1,4 @@
-//! use params ieee divide exact ray watertight closest pixels
+//! use params ieee divide exact units ray watertight closest pixels
 // The closest hit of each pixel's ray, made here: geom::Camera::ray.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -21,11 +21,10 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
         along(params.corner.y, params.across.y, params.down.y, x, y),
         along(params.corner.z, params.across.z, params.down.z, x, y),
     );
-    let origin = vec3<f32>(mul(params.eye.x, params.scale), mul(params.eye.y, params.scale), mul(params.eye.z, params.scale));
+    let origin = scaled_point(bitcast<vec3<u32>>(params.eye));
     let low = bitcast<vec3<f32>>(nodes[0].xyz);
     let high = bitcast<vec3<f32>>(nodes[1].xyz);
-    let infinity = bitcast<f32>(0x7f800000u | params.zero);
-    let ray = prepare(origin, direction, 0.0, infinity, low, high);
+    let ray = prepare(origin, bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, low, high);
     let best = find_closest(ray);
     hits[pixel.y * params.width + pixel.x] = as_hit(ray, best);
     if best.triangle != 0xffffffffu { atomicAdd(&counts[2], 1u); }

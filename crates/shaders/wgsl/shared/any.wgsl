@@ -11,7 +11,7 @@ fn meets_triangle(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     let c = intersect(ray, v0, v1, v2);
     if !c.hit { return false; }
     let own = slab(ray, min(min(v0, v1), v2), max(max(v0, v1), v2));
-    let t = min(max(c.t, own.x), own.y);
+    let t = clamped(c.t, own);
     return own.x <= own.y && t > ray.t_min && t < ray.t_max;
 }
 

@@ -18,7 +18,7 @@ fn meet_closest(ray: Prepared, leaf: u32, best: Found) -> Found {
     if !c.hit { return best; }
     // The answer is clamped to the triangle's own box, so that no tree can change it.
     let own = slab(ray, min(min(v0, v1), v2), max(max(v0, v1), v2));
-    let t = min(max(c.t, own.x), own.y);
+    let t = clamped(c.t, own);
     let inside = own.x <= own.y && t > ray.t_min && t < ray.t_max;
     let before = t < best.t || (t == best.t && first.w < best.triangle);
     if inside && before { return Found(t, c.u, c.v, first.w); }
@@ -70,6 +70,6 @@ fn as_hit(ray: Prepared, best: Found) -> vec4<u32> {
     if best.triangle == 0xffffffffu {
         return vec4<u32>(0x7f800000u, 0u, 0u, 0xffffffffu);
     }
-    let t = scale_by(best.t, -ray.exponent);
+    let t = scale_bits(bitcast<u32>(best.t), -ray.exponent);
     return vec4<u32>(bitcast<u32>(t), bitcast<u32>(best.u), bitcast<u32>(best.v), best.triangle);
 }

@@ -5,9 +5,8 @@ const LIMBS: u32 = 9u;
 
 struct Fixed { limbs: array<u32, 9>, negative: bool }
 
-fn fixed(x: f32) -> Fixed {
+fn fixed(bits: u32) -> Fixed {
     var result: Fixed;
-    let bits = bitcast<u32>(x);
     let exponent = (bits >> 23u) & 255u;
     let mantissa = (bits & 0x7fffffu) | select(0x800000u, 0u, exponent == 0u);
     let shift = max(exponent, 1u) - 1u;
@@ -99,7 +98,7 @@ fn products_equal(a: Fixed, b: Fixed, c: Fixed, d: Fixed) -> bool {
     return true;
 }
 
-fn collinear_in(a: vec2<f32>, b: vec2<f32>, c: vec2<f32>) -> bool {
+fn collinear_in(a: vec2<u32>, b: vec2<u32>, c: vec2<u32>) -> bool {
     let ex = subtract_fixed(fixed(b.x), fixed(a.x));
     let ey = subtract_fixed(fixed(b.y), fixed(a.y));
     let fx = subtract_fixed(fixed(c.x), fixed(a.x));
@@ -117,14 +116,16 @@ fn stands_clear(ei: f32, ej: f32, fi: f32, fj: f32) -> bool {
     return size > 1e-30 && abs(sub(p, q)) > 9.5367431640625e-7 * size;
 }
 
-// Whether an active triangle has exactly no area.
-fn is_degenerate(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
+// Whether rounded arithmetic already shows an area; coordinates are zero or at least 2^-64.
+fn has_area(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
     let e = vec3<f32>(sub(b.x, a.x), sub(b.y, a.y), sub(b.z, a.z));
     let f = vec3<f32>(sub(c.x, a.x), sub(c.y, a.y), sub(c.z, a.z));
-    if stands_clear(e.x, e.y, f.x, f.y) || stands_clear(e.y, e.z, f.y, f.z)
-        || stands_clear(e.z, e.x, f.z, f.x) {
-        return false;
-    }
+    return stands_clear(e.x, e.y, f.x, f.y) || stands_clear(e.y, e.z, f.y, f.z)
+        || stands_clear(e.z, e.x, f.z, f.x);
+}
+
+// Whether an active triangle has exactly no area; coordinates as bits.
+fn is_degenerate(a: vec3<u32>, b: vec3<u32>, c: vec3<u32>) -> bool {
     if all(a == b) || all(b == c) || all(c == a) {
         return true;
     }

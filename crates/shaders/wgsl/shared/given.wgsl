@@ -3,14 +3,14 @@
 fn given_ray(i: u32) -> Prepared {
     let a = rays[2u * i];
     let b = rays[2u * i + 1u];
-    let o = bitcast<vec3<f32>>(a.xyz);
-    let origin = vec3<f32>(mul(o.x, params.scale), mul(o.y, params.scale), mul(o.z, params.scale));
+    let origin = scaled_point(a.xyz);
     let low = bitcast<vec3<f32>>(nodes[0].xyz);
     let high = bitcast<vec3<f32>>(nodes[1].xyz);
-    return prepare(origin, bitcast<vec3<f32>>(b.xyz), bitcast<f32>(a.w), bitcast<f32>(b.w), low, high);
+    return prepare(origin, b.xyz, a.w, b.w, low, high);
 }
 
-// The host marks rays that can hit nothing by a direction of zero.
+// The host marks rays that can hit nothing by a direction of zero; an origin may be too far for the scene's scale.
 fn is_void(i: u32) -> bool {
-    return all((rays[2u * i + 1u].xyz & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
+    let marked = all((rays[2u * i + 1u].xyz & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
+    return marked || !is_finite_point(scaled_point(rays[2u * i].xyz));
 }

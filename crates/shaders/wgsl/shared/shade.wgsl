@@ -2,11 +2,7 @@
 
 fn scaled(vertex: u32) -> vec3<f32> {
     let at = 3u * vertex;
-    return scale3(bitcast<vec3<f32>>(vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u])));
-}
-
-fn scale3(v: vec3<f32>) -> vec3<f32> {
-    return vec3<f32>(mul(v.x, params.scale), mul(v.y, params.scale), mul(v.z, params.scale));
+    return scaled_point(vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]));
 }
 
 fn sub3(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
@@ -14,7 +10,7 @@ fn sub3(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
 }
 
 fn dot3(a: vec3<f32>, b: vec3<f32>) -> f32 {
-    return add(add(mul(a.x, b.x), mul(a.y, b.y)), mul(a.z, b.z));
+    return add(add(flushed(mul(a.x, b.x)), flushed(mul(a.y, b.y))), flushed(mul(a.z, b.z)));
 }
 
 fn sign_of(x: f32) -> f32 {
@@ -37,12 +33,13 @@ fn is_blocked(hit: vec4<u32>, eye: vec3<f32>) -> bool {
         add(v0.y, add(mul(u, e1.y), mul(v, e2.y))),
         add(v0.z, add(mul(u, e1.z), mul(v, e2.z))),
     );
+    p = snapped3(p);
     let normal = vec3<f32>(
-        sub(mul(e1.y, e2.z), mul(e1.z, e2.y)),
-        sub(mul(e1.z, e2.x), mul(e1.x, e2.z)),
-        sub(mul(e1.x, e2.y), mul(e1.y, e2.x)),
+        flushed(sub(mul(e1.y, e2.z), mul(e1.z, e2.y))),
+        flushed(sub(mul(e1.z, e2.x), mul(e1.x, e2.z))),
+        flushed(sub(mul(e1.x, e2.y), mul(e1.y, e2.x))),
     );
-    let light = scale3(params.light);
+    let light = scaled_point(bitcast<vec3<u32>>(params.light));
     var side = sign_of(dot3(normal, sub3(light, p)));
     if side == 0.0 { side = sign_of(dot3(normal, sub3(eye, p))); }
     let low = bitcast<vec3<f32>>(nodes[0].xyz);
@@ -57,7 +54,7 @@ fn is_blocked(hit: vec4<u32>, eye: vec3<f32>) -> bool {
         move_off(p.z, normal.z, side, delta),
     );
     let direction = sub3(light, p);
-    if direction.x == 0.0 && direction.y == 0.0 && direction.z == 0.0 { return false; }
+    if all(direction == vec3<f32>(0.0)) || !is_finite_point(direction) || !is_finite_point(p) { return false; }
     // Origin and direction are both in scaled units already.
-    return find_any(prepare_scaled(p, direction, 0.0, 1.0, low, high), hit.w);
+    return find_any(prepare_scaled(snapped3(p), direction, low, high), hit.w);
 }

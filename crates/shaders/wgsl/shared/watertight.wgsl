@@ -16,7 +16,7 @@ fn edge(p: Sheared, q: Sheared) -> f32 {
 // The sign of p.x * q.y - p.y * q.x, exactly; where that is zero, as if the ray were moved by (e, e^2).
 fn edge_sign(value: f32, p: Sheared, q: Sheared) -> i32 {
     let magnitude = bitcast<u32>(value) & 0x7fffffffu;
-    if magnitude >= 0x00800000u && magnitude < 0x7f800000u {
+    if magnitude >= 0x0d800000u && magnitude < 0x7f800000u {
         return select(1, -1, value < 0.0);
     }
     let exact = sign_of_difference(p.x, q.y, p.y, q.x);
@@ -35,16 +35,22 @@ fn intersect(ray: Prepared, v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>) -> Cand
     let miss = Candidate(false, 0.0, 0.0, 0.0);
     if min(u, min(v, w)) < 0.0 && max(u, max(v, w)) > 0.0 { return miss; }
     let least = min(abs(u), min(abs(v), abs(w)));
-    let largest = max(abs(u), max(abs(v), abs(w)));
-    if least < 1.1754943508222875e-38 || !(largest < 3e38) {
+    let sum = bitcast<u32>(add(add(u, v), w)) & 0x7fffffffu;
+    // 2^-100: what is smaller may have lost its sign to flushing. Minima may hide a NaN, a sum does not.
+    if least < 7.888609052210118e-31 || sum >= 0x7f000000u {
         let su = edge_sign(u, c, b);
         if su == 0 || su != edge_sign(v, a, c) || su != edge_sign(w, b, a) { return miss; }
     }
+    return solve(flushed(u), flushed(v), flushed(w), a.z, b.z, c.z);
+}
+
+// Distance and weights of a hit, from its edge functions and depths.
+fn solve(u: f32, v: f32, w: f32, az: f32, bz: f32, cz: f32) -> Candidate {
     let det = add(add(u, v), w);
     let size = bitcast<u32>(det) & 0x7fffffffu;
     if size == 0u || size >= 0x7f800000u {
-        return Candidate(true, a.z, 0.0, 0.0);
+        return Candidate(true, az, 0.0, 0.0);
     }
-    let t = add(add(mul(u, a.z), mul(v, b.z)), mul(w, c.z));
+    let t = add(add(flushed(mul(u, az)), flushed(mul(v, bz))), flushed(mul(w, cz)));
     return Candidate(true, divide(t, det), divide(v, det), divide(w, det));
 }

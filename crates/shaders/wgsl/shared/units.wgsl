@@ -1,0 +1,34 @@
+// Scene units to scaled units, and the sizes below which numbers count as zero:
+// see "Scale" and "Small numbers" in ARCHITECTURE.md. Powers of two are applied
+// to bits, since a device may flush subnormal operands.
+
+// x * 2^m, rounded once; subnormal numbers, infinities and NaNs as IEEE has them.
+fn scale_bits(bits: u32, m: i32) -> f32 {
+    let magnitude = bits & 0x7fffffffu;
+    if magnitude == 0u || magnitude >= 0x7f800000u { return bitcast<f32>(bits); }
+    let p = parts(magnitude);
+    return bitcast<f32>((bits & 0x80000000u) | round_quotient(p.mantissa << 1u, false, p.exponent + m));
+}
+
+// A coordinate in scaled units; below 2^-64 it is zero.
+fn scaled_coordinate(bits: u32) -> f32 {
+    var x = bitcast<f32>(bits);
+    if params.scale_exponent != 0 { x = scale_bits(bits, -params.scale_exponent); }
+    return snapped(x);
+}
+
+fn scaled_point(bits: vec3<u32>) -> vec3<f32> {
+    return vec3<f32>(scaled_coordinate(bits.x), scaled_coordinate(bits.y), scaled_coordinate(bits.z));
+}
+
+// 2^-64
+fn snapped(x: f32) -> f32 { return select(x, 0.0, abs(x) < 5.421010862427522e-20); }
+
+fn snapped3(v: vec3<f32>) -> vec3<f32> { return vec3<f32>(snapped(v.x), snapped(v.y), snapped(v.z)); }
+
+fn is_finite_point(v: vec3<f32>) -> bool {
+    return all((bitcast<vec3<u32>>(v) & vec3<u32>(0x7f800000u)) != vec3<u32>(0x7f800000u));
+}
+
+// Products, weights and distances below 2^-100 are zero.
+fn flushed(x: f32) -> f32 { return select(x, 0.0, abs(x) < 7.888609052210118e-31); }
