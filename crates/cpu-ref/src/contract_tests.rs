@@ -119,6 +119,7 @@ fn reports_count_what_happened() {
     let seek = Seek::ClosestAndShadow {
         light: [0.0, 9.0, 0.0],
     };
+    let mut ended = 0.0;
     // At first one triangle is not there yet and one never is.
     for (time, inactive, degenerate) in [(0.0, 2, 0), (1.0, 1, 1), (2.0, 1, 0), (0.5, 2, 0)] {
         deform(&mut backend, &animation, time);
@@ -158,6 +159,9 @@ fn reports_count_what_happened() {
             t.trace_shadow_ms,
         ];
         assert!(stages.iter().flatten().sum::<f64>() <= t.device_ms && !stages.contains(&None));
+        let begun = t.begun_ms.expect("the CPU has a clock");
+        assert!(begun >= ended, "{begun} before {ended}");
+        ended = begun + t.device_ms;
     }
     assert!(backend.take_positions().unwrap().is_none());
 }

@@ -51,6 +51,7 @@ use recording::Recording;
 use scene::Scene;
 use snapshots::Snapshots;
 use std::sync::Arc;
+use std::time::Instant;
 use submission::Submission;
 
 /// The backend's name on the command line.
@@ -66,6 +67,8 @@ pub struct CpuBackend {
     submissions: [Submission; FRAMES_IN_FLIGHT],
     submitted: u64,
     snapshots: Snapshots,
+    /// Where the device's clock begins.
+    epoch: Instant,
 }
 
 impl CpuBackend {
@@ -101,6 +104,7 @@ impl CpuBackend {
             submissions: Default::default(),
             submitted: 0,
             snapshots: Snapshots::default(),
+            epoch: Instant::now(),
         })
     }
 
@@ -206,11 +210,12 @@ impl Backend for CpuBackend {
 
     fn submit(&mut self) -> Result<Ticket> {
         let ticket = Ticket(self.submitted);
+        let epoch = self.epoch;
         let submission = &mut self.submissions[slot(self.submitted)];
         let (scene, snapshots) = (loaded(&mut self.scene), &mut self.snapshots);
         let recorded = (&self.recording.commands[..], &self.recording.rays[..]);
         self.pool
-            .install(|| submission.run(ticket, recorded, scene, snapshots));
+            .install(|| submission.run((ticket, epoch), recorded, scene, snapshots));
         self.recording.commands.clear();
         self.submitted += 1;
         Ok(ticket)

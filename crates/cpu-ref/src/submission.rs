@@ -17,10 +17,10 @@ pub(crate) struct Submission {
 }
 
 impl Submission {
-    /// Runs `commands` in the rayon pool that the caller installed.
+    /// Runs `commands` in the rayon pool that the caller installed. The device's clock began at `epoch`.
     pub(crate) fn run(
         &mut self,
-        ticket: Ticket,
+        (ticket, epoch): (Ticket, Instant),
         (commands, rays): (&[Command], &[Ray]),
         scene: &mut Scene,
         snapshots: &mut Snapshots,
@@ -30,6 +30,7 @@ impl Submission {
         self.hits.closest.clear();
         self.hits.blocked.clear();
         let start = Instant::now();
+        self.report.times.begun_ms = Some((start - epoch).as_secs_f64() * 1e3);
         for &command in commands {
             let times = &mut self.report.times;
             match command {
