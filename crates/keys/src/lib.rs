@@ -1,0 +1,92 @@
+//! Key frames in; the fewest of them that stand for all within a bound out.
+//!
+//! Piecewise linear approximation with free knots, solved exactly. The first and
+//! the last frame are kept, others may go; a frame that went is played back as
+//! the blend of the two kept frames around it, by [`geom::Pose::blend`] itself at
+//! the weight that its own time has between theirs. A set is *within* a tolerance
+//! if at every frame every vertex is finite or not as it was, and no finite one
+//! is further than that from where it was (distance in f64 of the f32 positions).
+//! So a triangle comes and goes when it did. Where one frame stands for all
+//! (nothing moves), it is kept alone.
+//!
+//! Of all sets within the tolerance, the answer is one of the fewest frames, of
+//! those one of the least maximum error, of those the lexicographically first.
+//! Feasible pairs of frames are the edges of a graph; a set is a path through it
+//! (Imai, Iri 1988: Polygonal approximations of a curve). Being feasible is not
+//! inherited by shorter stretches, so no greedy walk will do.
+//!
+//! Both motions are linear between neighbouring original frames, so between
+//! frames the error is at most the larger of both ends', up to rounding.
+
+mod fewest;
+mod fit;
+mod stretch;
+
+pub use fit::{Fit, measure, pose};
+use geom::Animation;
+use stretch::Stretches;
+
+/// Finds sets of frames for one animation; what it learns at one tolerance serves the next.
+///
+/// Work is least if loose tolerances come first: what was found too far
+/// apart for those is never looked at again.
+#[derive(Debug)]
+pub struct Reducer<'a> {
+    stretches: Stretches<'a>,
+}
+
+impl<'a> Reducer<'a> {
+    /// For all key frames of `animation`.
+    #[must_use]
+    pub fn new(animation: &'a Animation) -> Self {
+        let stretches = Stretches::new(animation.keys());
+        Self { stretches }
+    }
+
+    /// The frames to keep, ascending, for an error of `tolerance` at most, in scene units.
+    ///
+    /// Equal on every machine and for every number of threads.
+    ///
+    /// # Panics
+    /// If `tolerance` is negative or not a number.
+    #[must_use]
+    pub fn fewest(&mut self, tolerance: f64) -> Vec<usize> {
+        assert!(tolerance >= 0.0, "a tolerance is a number from 0 on");
+        let limit = largest_square(tolerance);
+        match self.best_single(limit) {
+            Some(frame) => vec![frame],
+            None => fewest::fewest(self.stretches.frames(), limit, &mut |from, to, limit| {
+                self.stretches.within(from, to, limit)
+            }),
+        }
+    }
+
+    /// The frame that alone stands best for all of them, if one does.
+    fn best_single(&mut self, limit: f64) -> Option<usize> {
+        let mut best = None;
+        let mut limit = limit;
+        for frame in 0..self.stretches.frames() {
+            let found = self.stretches.alone(frame, limit);
+            if let Some(error) = found.filter(|&e| best.is_none() || e < limit) {
+                best = Some(frame);
+                limit = error;
+            }
+        }
+        best
+    }
+}
+
+/// The largest square whose root, rounded, is at most `tolerance`.
+fn largest_square(tolerance: f64) -> f64 {
+    let mut square = (tolerance * tolerance).min(f64::MAX);
+    while square.sqrt() > tolerance {
+        square = square.next_down();
+    }
+    while square < f64::MAX && square.next_up().sqrt() <= tolerance {
+        square = square.next_up();
+    }
+    square
+}
+
+#[cfg(test)]
+mod tests;

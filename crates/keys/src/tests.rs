@@ -1,0 +1,219 @@
+//! Against the definition, written out again in plain f64 loops that share no code with what they judge.
+
+use super::*;
+use geom::Point;
+use proptest::prelude::*;
+
+/// Where `vertex` is at the time of `frame` if `kept` is played, from the words alone.
+fn played_by_hand(keys: &[Vec<Point>], kept: &[usize], frame: usize, vertex: usize) -> Point {
+    let mut found = keys[kept[0]][vertex];
+    for pair in kept.windows(2) {
+        let (i, j) = (pair[0], pair[1]);
+        let (a, b) = (keys[i][vertex], keys[j][vertex]);
+        let alpha = ((frame as f64 - i as f64) / (j as f64 - i as f64)) as f32;
+        if i < frame && frame < j {
+            for axis in 0..3 {
+                found[axis] = a[axis] + (b[axis] - a[axis]) * alpha;
+            }
+        } else if frame == j {
+            found = b;
+        }
+    }
+    found
+}
+
+/// The largest distance of any vertex of any frame if `kept` is played.
+fn error_by_hand(keys: &[Vec<Point>], kept: &[usize]) -> f64 {
+    let lost = |p: Point| p.iter().filter(|x| !x.is_finite()).count() > 0;
+    let mut worst = 0.0;
+    for (frame, points) in keys.iter().enumerate() {
+        for (vertex, &wanted) in points.iter().enumerate() {
+            let found = played_by_hand(keys, kept, frame, vertex);
+            let distance = match (lost(found), lost(wanted)) {
+                (true, true) => 0.0,
+                (false, false) => {
+                    let mut sum = 0.0_f64;
+                    for axis in 0..3 {
+                        sum += (f64::from(found[axis]) - f64::from(wanted[axis])).powi(2);
+                    }
+                    sum.sqrt()
+                }
+                _ => f64::INFINITY,
+            };
+            worst = f64::max(worst, distance);
+        }
+    }
+    worst
+}
+
+/// Every admissible subset, the best by count, error and order.
+fn best_by_hand(keys: &[Vec<Point>], tolerance: f64) -> Vec<usize> {
+    let mut all: Vec<(usize, f64, Vec<usize>)> = Vec::new();
+    for set in 1_u32..1 << keys.len() {
+        let kept: Vec<usize> = (0..keys.len()).filter(|i| set & (1 << i) != 0).collect();
+        let ends = kept[0] == 0 && kept[kept.len() - 1] == keys.len() - 1;
+        if ends || kept.len() == 1 {
+            let error = error_by_hand(keys, &kept);
+            all.push((kept.len(), error, kept));
+        }
+    }
+    all.retain(|(_, error, _)| *error <= tolerance);
+    all.sort_by(|a, b| a.partial_cmp(b).unwrap());
+    all.swap_remove(0).2
+}
+
+fn animation(keys: Vec<Vec<Point>>) -> Animation {
+    Animation::new(keys, vec![[0, 0, 0]]).unwrap()
+}
+
+/// Whole coordinates, so that motion is often exactly linear or still; now and then none, or one too large to blend.
+fn coordinate() -> impl Strategy<Value = f32> + Clone {
+    prop_oneof![
+        20 => (-3_i8..=3).prop_map(f32::from),
+        2 => -1.0_f32..1.0,
+        1 => Just(f32::NAN),
+        1 => Just(f32::INFINITY),
+        1 => prop_oneof![Just(f32::MAX), Just(f32::MIN)],
+    ]
+}
+
+fn key_frames(
+    coordinate: impl Strategy<Value = f32> + Clone,
+) -> impl Strategy<Value = Vec<Vec<Point>>> {
+    (1_usize..=7, 1_usize..=2).prop_flat_map(move |(frames, vertices)| {
+        let point = prop::array::uniform3(coordinate.clone());
+        prop::collection::vec(prop::collection::vec(point, vertices), frames)
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    #[test]
+    fn the_answer_is_the_best_of_all_subsets(
+        keys in key_frames(coordinate()),
+        tolerances in prop::collection::vec(prop_oneof![Just(0.0), 0.0..6.0_f64, Just(1.0)], 3),
+    ) {
+        let animation = animation(keys.clone());
+        // In any order: what is remembered must not change what is answered.
+        let mut reducer = Reducer::new(&animation);
+        for tolerance in tolerances {
+            let kept = reducer.fewest(tolerance);
+            prop_assert_eq!(&kept, &best_by_hand(&keys, tolerance), "at {}", tolerance);
+            let fit = measure(&keys, &kept);
+            prop_assert_eq!(fit.max_error, error_by_hand(&keys, &kept));
+            prop_assert!(fit.max_error <= tolerance && fit.rms <= fit.max_error);
+        }
+    }
+
+    #[test]
+    fn a_tolerance_equal_to_an_error_admits_it_and_the_next_smaller_does_not(
+        keys in key_frames(-9.0_f32..9.0),
+    ) {
+        let animation = animation(keys.clone());
+        let ends = if keys.len() > 1 { vec![0, keys.len() - 1] } else { vec![0] };
+        let error = error_by_hand(&keys, &ends);
+        prop_assume!(error > 0.0);
+        prop_assert!(Reducer::new(&animation).fewest(error).len() <= 2);
+        let tighter = error.next_down();
+        let kept = Reducer::new(&animation).fewest(tighter);
+        prop_assert!(error_by_hand(&keys, &kept) <= tighter);
+    }
+
+    #[test]
+    fn the_limit_on_squares_is_the_tolerance_itself(tolerance in 0.0..1e38_f64, power in -60_i32..1) {
+        let tolerance = tolerance * 10.0_f64.powi(power);
+        let square = largest_square(tolerance);
+        prop_assert!(square.sqrt() <= tolerance && square.next_up().sqrt() > tolerance);
+    }
+}
+
+/// Vertices of a long wave, of several blocks, the last of them partly filled and one at rest.
+fn wave(frames: usize, vertices: usize) -> Vec<Vec<Point>> {
+    let place = |frame: usize, v: usize| {
+        let moving = if (600..1400).contains(&v) { 0.0 } else { 1.0 };
+        let phase = frame as f32 * 0.37 + v as f32 * 0.01;
+        [v as f32, moving * phase.sin(), moving * phase.cos()]
+    };
+    (0..frames)
+        .map(|f| (0..vertices).map(|v| place(f, v)).collect())
+        .collect()
+}
+
+#[test]
+fn meshes_of_many_blocks_are_judged_to_the_last_vertex() {
+    let mut keys = wave(9, 2100);
+    for spike in [0, 1023, 1400, 2099] {
+        keys[4][spike][1] += 100.0;
+        for tolerance in [0.0, 0.01, 0.1, 1.0, 3.0] {
+            let kept = Reducer::new(&animation(keys.clone())).fewest(tolerance);
+            assert_eq!(kept, best_by_hand(&keys, tolerance), "at {tolerance}");
+            assert!(kept.contains(&4), "frame 4 alone has the spike");
+        }
+        keys[4][spike][1] -= 100.0;
+    }
+}
+
+#[test]
+fn the_answer_is_the_same_for_every_number_of_threads() {
+    let keys = wave(12, 1500);
+    let animation = animation(keys.clone());
+    let found = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.unwrap().install(|| {
+            let mut reducer = Reducer::new(&animation);
+            let kept = [1.0, 0.1, 0.03, 0.0].map(|t| reducer.fewest(t));
+            let fits = kept.each_ref().map(|k| measure(&keys, k));
+            (kept, fits.map(|f| (f.rms.to_bits(), f.worst)))
+        })
+    };
+    assert_eq!(found(1), found(3));
+}
+
+#[test]
+fn what_does_not_move_needs_one_frame_and_what_moves_evenly_two() {
+    let still = vec![vec![[0.1, -7.3e-9, f32::NAN], [3.0, 1.0, 0.1]]; 5];
+    assert_eq!(Reducer::new(&animation(still)).fewest(0.0), [0]);
+    let even: Vec<_> = (0..9).map(|f| vec![[f as f32, 2.0, 0.0]]).collect();
+    assert_eq!(Reducer::new(&animation(even.clone())).fewest(0.0), [0, 8]);
+    // Of frames that stand for all, the one in the middle errs least.
+    assert_eq!(Reducer::new(&animation(even)).fewest(5.0), [4]);
+}
+
+#[test]
+fn a_vertex_comes_and_goes_at_its_own_frames() {
+    let mut keys = vec![vec![[0.0; 3], [1.0, 0.0, 0.0]]; 8];
+    keys[3..6].iter_mut().for_each(|key| key[1][2] = f32::NAN);
+    // 2 and 6 are the last and the first frame that have it. One between them that lacks it is enough.
+    let kept = Reducer::new(&animation(keys.clone())).fewest(1e30);
+    assert_eq!(kept, [0, 2, 3, 6, 7]);
+    let wrong = measure(&keys, &[0, 7]);
+    assert_eq!(
+        (wrong.max_error, wrong.worst),
+        (f64::INFINITY, Some((3, 1)))
+    );
+}
+
+#[test]
+fn the_worst_place_is_the_first_and_the_mean_counts_every_finite_vertex() {
+    let at = |x: f32| vec![[x, 0.0, 0.0], [-x, 0.0, 0.0], [f32::NAN; 3]];
+    let keys = vec![at(0.0), at(3.0), at(0.0), at(3.0), at(0.0)];
+    let fit = measure(&keys, &[0, 4]);
+    assert_eq!((fit.max_error, fit.worst), (3.0, Some((1, 0))));
+    // Four of ten finite vertices are off by 3.
+    assert_eq!(fit.rms, (36.0_f64 / 10.0).sqrt());
+    let exact = measure(&keys, &[0, 1, 2, 3, 4]);
+    assert_eq!((exact.max_error, exact.worst, exact.rms), (0.0, None, 0.0));
+}
+
+#[test]
+fn a_frame_is_played_between_the_kept_ones_around_it() {
+    let kept = [0, 4, 10];
+    let at = |frame| {
+        let pose = pose(&kept, frame);
+        (pose.key, pose.alpha)
+    };
+    assert_eq!([0, 1, 4].map(at), [(0, 0.0), (0, 0.25), (1, 0.0)]);
+    assert_eq!([9, 10].map(at), [(1, 5.0 / 6.0), (2, 0.0)]);
+    assert_eq!(pose(&[3], 1), geom::Pose { key: 0, alpha: 0.0 });
+}
