@@ -10,6 +10,7 @@ mod camera;
 mod hit;
 mod pose;
 mod ray;
+mod still;
 mod triangle;
 
 pub use aabb::Aabb;
@@ -18,6 +19,7 @@ pub use camera::Camera;
 pub use hit::Hit;
 pub use pose::Pose;
 pub use ray::Ray;
+pub use still::StaticParts;
 pub use triangle::{Triangle, is_active, is_degenerate};
 
 /// A point or a vector: x, y, z.
