@@ -48,7 +48,8 @@ fn layers(
             layers.push(vec![last]);
             break;
         }
-        let (layer, rest) = waiting.iter().partition(|&&to| to != end && reaches(to));
+        let (layer, rest): (Vec<_>, _) = waiting.iter().partition(|&&to| to != end && reaches(to));
+        assert!(!layer.is_empty(), "edges between neighbours weigh 0");
         layers.push(layer);
         waiting = rest;
     }
