@@ -1,6 +1,8 @@
 //! One frame: what is asked for, and what came of it.
 
-use backend::{FrameReport, Generation};
+use crate::workbench::BuildMoments;
+use backend::{FrameReport, Generation, StageTimes};
+use std::time::Instant;
 
 /// A frame to render.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,15 +23,55 @@ pub struct FrameRecord {
     /// Milliseconds the driver spent on the frame: from its begin to the end of
     /// its submission, and waiting for it to finish.
     pub wall_ms: f64,
+    /// Milliseconds of those in which the driver was blocked until a tree was
+    /// built: 0 for every frame but the first where the builder runs free, and with `refit`.
+    pub build_wait_ms: f64,
     /// The tree it was traced with.
     pub tree_generation: Generation,
     /// Frames since the one whose vertices the tree was built from.
     pub tree_age_frames: u64,
+    /// The tree this frame asked for, if it did.
+    pub asked: Option<Generation>,
     /// The tree this frame swapped to, if it did.
     pub adopted: Option<Adopted>,
     /// Refitted cost over the cost of a fresh tree at the same time where that
     /// is known, else over the cost when it was built. `None` where the backend measures no cost.
     pub sah_ratio: Option<f64>,
+    /// Bytes of device memory the backend held when the frame was done, where it can tell.
+    pub device_bytes: Option<u64>,
+    /// When the driver did what.
+    pub moments: FrameMoments,
+    /// The submission that fetched vertices for the frame's own tree, where there was one.
+    pub fetched: Option<Submission>,
+    /// The submission that traced it.
+    pub traced: Submission,
+}
+
+/// What the driver did for a frame, on the host's clock, in order.
+/// Other frames may lie between `submitted` and `waited`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameMoments {
+    /// The driver took the frame up.
+    pub begun: Instant,
+    /// It had submitted it.
+    pub submitted: Instant,
+    /// It came back to wait for it.
+    pub waited: Instant,
+    /// It saw that it was done.
+    pub seen: Instant,
+    /// Hits were copied, if they were wanted.
+    pub read: Instant,
+}
+
+/// One submission, seen from both sides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Submission {
+    /// The host was about to hand it in, so nothing of it ran before.
+    pub handed_in: Instant,
+    /// The host saw that it was done, so nothing of it ran after.
+    pub seen: Instant,
+    /// How long each stage took, and when it began, on the device's clock.
+    pub times: StageTimes,
 }
 
 /// A tree on the day it was swapped in.
@@ -41,6 +83,27 @@ pub struct Adopted {
     pub convert_ms: f64,
     /// Bytes of the record.
     pub upload_bytes: u64,
+    /// Bytes of the vertices it was built from.
+    pub snapshot_bytes: u64,
+    /// Triangles it holds.
+    pub triangles: usize,
+    /// How it came about.
+    pub moments: TreeMoments,
+}
+
+/// The way of a tree on the host's clock, in order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TreeMoments {
+    /// A frame asked for it.
+    pub asked: Instant,
+    /// Its vertices were seen on the host.
+    pub arrived: Instant,
+    /// It was built.
+    pub build: BuildMoments,
+    /// The driver began to hand it to the backend.
+    pub taken: Instant,
+    /// The backend had it.
+    pub adopted: Instant,
 }
 
 /// Counts the submission that fetched vertices for a frame's own tree as part of the frame.

@@ -5,16 +5,23 @@
 //! (2014) split it between a device and its host. [`Schedule`] decides and
 //! knows no thread and no clock; [`Workshop`] builds on a thread of its own;
 //! [`Driver`] owns the backend, carries out what the schedule says and never
-//! waits for the workshop, unless [`Pace::Lockstep`] asks for it.
+//! waits for the workshop, unless [`Pace::Lockstep`] asks for it. Each
+//! [`FrameRecord`] says when what was done; [`place_on_host`] says where the
+//! device's share of it lies.
 
+mod device_clock;
 mod driver;
 mod frame;
+mod options;
 mod schedule;
+mod toolroom;
 mod workbench;
 mod workshop;
 
-pub use driver::{Driver, Options, PipelineError};
-pub use frame::{Adopted, Frame, FrameRecord};
+pub use device_clock::{Span, place_on_host};
+pub use driver::Driver;
+pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments};
+pub use options::{Options, PipelineError};
 pub use schedule::{Pace, Plan, Schedule, Swap, Update};
-pub use workbench::{Built, Workbench};
+pub use workbench::{BuildMoments, Built, Workbench};
 pub use workshop::{BuildFailed, Job, Workshop};

@@ -16,6 +16,21 @@ pub struct Built {
     pub build_ms: f64,
     /// Milliseconds from binary tree to record.
     pub convert_ms: f64,
+    /// When all of that was.
+    pub moments: BuildMoments,
+}
+
+/// The stages of a build on the host's clock, in order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BuildMoments {
+    /// The builder took up the vertices.
+    pub begun: Instant,
+    /// The binary tree stood.
+    pub built: Instant,
+    /// The record was written.
+    pub converted: Instant,
+    /// The cost was known, and the tree finished.
+    pub ended: Instant,
 }
 
 /// The builder's tools and their memory, used again and again.
@@ -44,18 +59,25 @@ impl Workbench {
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
         let boxes = (animation, positions);
-        let start = Instant::now();
+        let begun = Instant::now();
         self.builder.build(&boxes, cancel, &mut self.tree)?;
         let built = Instant::now();
         let topology = self
             .converter
             .convert(&self.tree, animation.triangle_count(), Vec::new());
         let converted = Instant::now();
+        let cost = sah_cost(&self.tree, &boxes);
         Ok(Built {
             topology,
-            cost: sah_cost(&self.tree, &boxes),
-            build_ms: (built - start).as_secs_f64() * 1e3,
+            cost,
+            build_ms: (built - begun).as_secs_f64() * 1e3,
             convert_ms: (converted - built).as_secs_f64() * 1e3,
+            moments: BuildMoments {
+                begun,
+                built,
+                converted,
+                ended: Instant::now(),
+            },
         })
     }
 }

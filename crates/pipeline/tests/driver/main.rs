@@ -1,169 +1,13 @@
 //! The driver against a backend that does nothing but check the contract.
 
-use backend::{
-    Backend, Device, DeviceKind, FrameReport, Generation, Hits, Inspect, Method, Query, Rays,
-    Result, Seek, Snapshot, Ticket,
-};
-use bvh_layout::Topology;
-use geom::{Aabb, Animation, Camera, Point, Pose};
+mod fake;
+mod moments;
+
+use backend::{Generation, Method, Query, Rays, Seek};
+use fake::{Fake, Gate, Log};
+use geom::{Animation, Camera};
 use pipeline::{Driver, Frame, FrameRecord, Options, Pace, PipelineError, Update};
-use std::sync::{Arc, Mutex};
-
-/// What the fake saw, shared with the test.
-#[derive(Default)]
-struct Log {
-    interpolated: usize,
-    refitted: usize,
-    traced: Vec<(Generation, Pose)>,
-    adopted: Vec<Generation>,
-}
-
-/// Checks the order of calls; positions reach the host after some polls, or never.
-struct Fake {
-    device: Device,
-    log: Arc<Mutex<Log>>,
-    animation: Option<Arc<Animation>>,
-    pose: Option<Pose>,
-    generation: Generation,
-    fresh: (bool, bool),
-    ticket: u64,
-    requested: Option<(u32, Ticket, Pose)>,
-    record_request: bool,
-    polls: Option<u32>,
-}
-
-impl Fake {
-    fn new(polls: Option<u32>) -> (Self, Arc<Mutex<Log>>) {
-        let log = Arc::new(Mutex::new(Log::default()));
-        let device = Device {
-            backend: "fake",
-            adapter: String::new(),
-            driver: String::new(),
-            kind: DeviceKind::Cpu,
-            threads: 1,
-        };
-        let fake = Self {
-            device,
-            log: Arc::clone(&log),
-            animation: None,
-            pose: None,
-            generation: Generation(0),
-            fresh: (false, false),
-            ticket: 0,
-            requested: None,
-            record_request: false,
-            polls,
-        };
-        (fake, log)
-    }
-}
-
-impl Backend for Fake {
-    fn device(&self) -> &Device {
-        &self.device
-    }
-    fn load(&mut self, animation: Arc<Animation>, _: Method) -> Result<()> {
-        self.animation = Some(animation);
-        Ok(())
-    }
-    fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
-        assert!(generation > self.generation, "generations rise");
-        let live = self.animation.as_ref().unwrap().live_count();
-        assert_eq!(tree.leaf_count(), live);
-        self.generation = generation;
-        self.fresh = (false, false);
-        self.log.lock().unwrap().adopted.push(generation);
-        Ok(())
-    }
-    fn interpolate(&mut self, pose: Pose) -> Result<()> {
-        self.pose = Some(pose);
-        self.fresh = (false, false);
-        self.log.lock().unwrap().interpolated += 1;
-        Ok(())
-    }
-    fn preprocess(&mut self) -> Result<()> {
-        assert!(self.pose.is_some() && self.generation > Generation(0));
-        self.fresh.0 = true;
-        Ok(())
-    }
-    fn refit(&mut self) -> Result<()> {
-        assert!(self.fresh.0, "boxes of leaves come first");
-        self.fresh.1 = true;
-        self.log.lock().unwrap().refitted += 1;
-        Ok(())
-    }
-    fn trace(&mut self, _: Query<'_>) -> Result<()> {
-        assert_eq!(self.fresh, (true, true), "a stale tree was traced");
-        self.log
-            .lock()
-            .unwrap()
-            .traced
-            .push((self.generation, self.pose.unwrap()));
-        Ok(())
-    }
-    fn request_positions(&mut self) -> Result<()> {
-        assert!(self.requested.is_none(), "one request at a time");
-        self.record_request = true;
-        Ok(())
-    }
-    fn submit(&mut self) -> Result<Ticket> {
-        self.ticket += 1;
-        if std::mem::take(&mut self.record_request) {
-            let polls = if self.traced() {
-                self.polls.unwrap_or(u32::MAX)
-            } else {
-                0
-            };
-            self.requested = Some((polls, Ticket(self.ticket), self.pose.unwrap()));
-        }
-        Ok(Ticket(self.ticket))
-    }
-    fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
-        assert!(ticket.0 <= self.ticket, "this ticket was never given");
-        Ok(FrameReport {
-            sah_cost: Some(3.0),
-            ..FrameReport::default()
-        })
-    }
-    fn hits(&mut self, _: Ticket, _: &mut Hits) -> Result<()> {
-        Ok(())
-    }
-    fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
-        match &mut self.requested {
-            Some((0, ticket, pose)) => {
-                let (ticket, pose) = (*ticket, *pose);
-                self.requested = None;
-                let a = self.animation.as_ref().unwrap();
-                let at = |v| a.vertex(pose, v as u32);
-                let positions: Vec<Point> = (0..a.vertex_count()).map(at).collect();
-                Ok(Some((ticket, Box::new(positions))))
-            }
-            Some((polls, ..)) => {
-                *polls -= 1;
-                Ok(None)
-            }
-            None => Ok(None),
-        }
-    }
-    fn inspect(&mut self) -> &mut dyn Inspect {
-        self
-    }
-}
-
-impl Fake {
-    fn traced(&self) -> bool {
-        !self.log.lock().unwrap().traced.is_empty()
-    }
-}
-
-impl Inspect for Fake {
-    fn positions(&mut self) -> Result<Vec<Point>> {
-        Ok(Vec::new())
-    }
-    fn boxes(&mut self) -> Result<Vec<Aabb>> {
-        Ok(Vec::new())
-    }
-}
+use std::sync::Arc;
 
 /// Two triangles that drift apart over `keys` key frames.
 fn drifting(keys: usize) -> Arc<Animation> {
@@ -177,7 +21,16 @@ fn drifting(keys: usize) -> Arc<Animation> {
 }
 
 fn run(keys: usize, frames: u64, update: Update, polls: Option<u32>) -> Run {
-    let (fake, log) = Fake::new(polls);
+    run_gated(keys, frames, update, (polls, None))
+}
+
+fn run_gated(
+    keys: usize,
+    frames: u64,
+    update: Update,
+    (polls, gate): (Option<u32>, Option<Arc<Gate>>),
+) -> Run {
+    let (fake, log) = Fake::new(polls, gate.clone());
     let options = Options {
         method: Method::default(),
         update,
@@ -198,12 +51,14 @@ fn run(keys: usize, frames: u64, update: Update, polls: Option<u32>) -> Run {
     driver
         .run(list, query, true, |record, _| {
             records.push(record.clone());
+            gate.iter().for_each(|g| g.step());
             // The builder is a real thread: give it time to be heard.
             std::thread::sleep(std::time::Duration::from_millis(1));
             Ok::<(), PipelineError>(())
         })
         .unwrap();
     let built = driver.has_builder();
+    gate.iter().for_each(|g| g.open());
     drop(driver);
     let log = Arc::into_inner(log).unwrap().into_inner().unwrap();
     Run {

@@ -1,0 +1,220 @@
+//! The driver's dealings with trees: asking, passing vertices on, hearing, swapping.
+
+use super::Driver;
+use crate::frame::{Adopted, Submission, TreeMoments};
+use crate::options::PipelineError;
+use crate::schedule::{Plan, Swap};
+use crate::workbench::Built;
+use crate::workshop::{BuildFailed, Job};
+use backend::{Generation, Snapshot};
+use bvh_build::Cancel;
+use geom::{Point, Pose};
+use std::time::Instant;
+
+/// The generation of the tree that the first frame builds.
+pub(super) const FIRST: Generation = Generation(1);
+
+/// The tree in use.
+pub(super) struct Tree {
+    pub(super) generation: Generation,
+    /// Count of frames begun when its vertices were interpolated.
+    pub(super) frame: u64,
+    pub(super) pose: Pose,
+    pub(super) cost: f64,
+}
+
+/// A tree on its way: which one, for which frame and pose.
+pub(super) struct Flight {
+    pub(super) generation: Generation,
+    pub(super) frame: u64,
+    pub(super) pose: Pose,
+    asked: Instant,
+    /// When its vertices were seen on the host and how many bytes they took; none before.
+    pub(super) arrived: Option<(Instant, u64)>,
+}
+
+impl Driver {
+    /// Passes vertices on to the builder and takes finished trees. Never waits.
+    pub(super) fn hear_from_builder(&mut self) -> Result<(), PipelineError> {
+        if self.flight.as_ref().is_some_and(|f| f.arrived.is_none())
+            && let Some((_, positions)) = self.backend.take_positions()?
+        {
+            self.start_build(positions);
+        }
+        if let Some((generation, result)) = self.workshop.try_take() {
+            self.file(generation, result);
+        }
+        Ok(())
+    }
+
+    /// Does what the plan says before the frame is traced.
+    pub(super) fn follow(&mut self, plan: Plan, pose: Pose) -> Result<(), PipelineError> {
+        if let Some(swap) = plan.swap {
+            self.swap(swap)?;
+        }
+        let Some(generation) = plan.ask else {
+            return Ok(());
+        };
+        let flight = self.ask(generation, pose);
+        if plan.at_once {
+            let built = self.build_now(flight)?;
+            self.schedule.swapped_at_once(generation);
+            if let Ok((built, flight)) = built {
+                self.adopt(&built, &flight)?;
+            }
+        } else {
+            self.flight = Some(flight);
+        }
+        Ok(())
+    }
+
+    /// Builds the first tree, while the first frame waits.
+    pub(super) fn first_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
+        let flight = self.ask(FIRST, pose);
+        let (built, flight) = self
+            .build_now(flight)?
+            .map_err(|e| PipelineError::FirstTree(e.reason))?;
+        self.adopt(&built, &flight)
+    }
+
+    fn ask(&mut self, generation: Generation, pose: Pose) -> Flight {
+        self.beginning.asked = Some(generation);
+        Flight {
+            generation,
+            frame: self.frames,
+            pose,
+            asked: Instant::now(),
+            arrived: None,
+        }
+    }
+
+    fn start_build(&mut self, positions: Snapshot) {
+        let Some(flight) = self.flight.as_mut() else {
+            return;
+        };
+        // The snapshot itself is the builder's to look into: that may cost its first reader.
+        flight.arrived = Some((Instant::now(), bytes(self.animation.vertex_count())));
+        let generation = flight.generation;
+        if self
+            .workshop
+            .start(Job {
+                generation,
+                positions,
+            })
+            .is_err()
+        {
+            self.give_up(generation);
+        }
+    }
+
+    /// Puts a finished tree aside for its boundary, or forgets a failed one.
+    fn file(&mut self, generation: Generation, result: Result<Built, BuildFailed>) {
+        match result {
+            Ok(built) => {
+                self.finished = Some(built);
+                self.schedule.finished(generation);
+            }
+            Err(_) => self.give_up(generation),
+        }
+    }
+
+    fn give_up(&mut self, generation: Generation) {
+        self.schedule.failed(generation);
+        self.flight.take_if(|f| f.generation == generation);
+    }
+
+    /// Swaps to a finished tree, waiting for it only where the plan says so.
+    fn swap(&mut self, swap: Swap) -> Result<(), PipelineError> {
+        if swap.wait {
+            let start = Instant::now();
+            self.wait_for_builder(swap.generation)?;
+            self.beginning.build_wait += start.elapsed();
+        }
+        match (self.finished.take(), self.flight.take()) {
+            (Some(built), Some(flight)) => self.adopt(&built, &flight),
+            _ => Ok(()),
+        }
+    }
+
+    /// Blocks until the tree in flight is finished or given up. Only lockstep comes here.
+    fn wait_for_builder(&mut self, generation: Generation) -> Result<(), PipelineError> {
+        while self.finished.is_none() && self.flight.is_some() {
+            self.hear_from_builder()?;
+            let building = self.flight.as_ref().is_some_and(|f| f.arrived.is_some());
+            if building && self.finished.is_none() {
+                match self.workshop.take() {
+                    Some((generation, result)) => self.file(generation, result),
+                    None => self.give_up(generation),
+                }
+            } else {
+                std::thread::yield_now();
+            }
+        }
+        Ok(())
+    }
+
+    /// Builds from the backend's vertices at the flight's pose while the frame waits.
+    fn build_now(
+        &mut self,
+        mut flight: Flight,
+    ) -> Result<Result<(Built, Flight), BuildFailed>, PipelineError> {
+        self.backend.interpolate(flight.pose)?;
+        self.pose = Some(flight.pose);
+        self.backend.request_positions()?;
+        let handed_in = Instant::now();
+        let ticket = self.backend.submit()?;
+        let report = self.backend.wait(ticket)?;
+        let submission = Submission {
+            handed_in,
+            seen: Instant::now(),
+            times: report.times,
+        };
+        self.beginning.fetched = Some((submission, report));
+        let positions = loop {
+            match self.backend.take_positions()? {
+                Some((t, positions)) if t == ticket => break positions,
+                _ => std::thread::yield_now(),
+            }
+        };
+        let arrived = Instant::now();
+        flight.arrived = Some((arrived, bytes(positions.len())));
+        let built = self
+            .toolroom
+            .build(&self.animation, &positions, &Cancel::new());
+        self.beginning.build_wait += arrived.elapsed();
+        Ok(built.map(|built| (built, flight)))
+    }
+
+    fn adopt(&mut self, built: &Built, flight: &Flight) -> Result<(), PipelineError> {
+        let taken = Instant::now();
+        self.backend.adopt(&built.topology, flight.generation)?;
+        let adopted = Instant::now();
+        self.tree = Some(Tree {
+            generation: flight.generation,
+            frame: flight.frame,
+            pose: flight.pose,
+            cost: built.cost,
+        });
+        let (arrived, snapshot_bytes) = flight.arrived.expect("a tree is built from vertices");
+        self.beginning.adopted = Some(Adopted {
+            build_ms: built.build_ms,
+            convert_ms: built.convert_ms,
+            upload_bytes: built.topology.bytes() as u64,
+            snapshot_bytes,
+            triangles: built.topology.leaf_count(),
+            moments: TreeMoments {
+                asked: flight.asked,
+                arrived,
+                build: built.moments,
+                taken,
+                adopted,
+            },
+        });
+        Ok(())
+    }
+}
+
+/// Bytes of so many positions.
+fn bytes(vertices: usize) -> u64 {
+    (vertices * size_of::<Point>()) as u64
+}

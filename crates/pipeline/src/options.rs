@@ -1,0 +1,29 @@
+//! What a driver is asked to do, and why it may stop.
+
+use crate::schedule::Update;
+use backend::{BackendError, Method};
+
+/// Why rendering stopped.
+#[derive(Debug, thiserror::Error)]
+pub enum PipelineError {
+    /// The backend failed.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
+    /// The first tree could not be built.
+    #[error("the first tree: {0}")]
+    FirstTree(String),
+    /// The builder's threads could not be started.
+    #[error("no builder threads: {0}")]
+    Threads(String),
+}
+
+/// What a driver is to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// How the backend traces.
+    pub method: Method,
+    /// How trees follow the motion.
+    pub update: Update,
+    /// Threads a build may use, beside the backend's own.
+    pub builder_threads: usize,
+}

@@ -1,0 +1,228 @@
+//! A backend that does nothing but check the contract, and vertices that keep a builder waiting.
+
+use backend::{
+    Backend, Device, DeviceKind, FrameReport, Generation, Hits, Inspect, Method, Query, Result,
+    Snapshot, Ticket,
+};
+use bvh_layout::Topology;
+use geom::{Aabb, Animation, Point, Pose};
+use std::ops::Deref;
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::Duration;
+
+/// Holds whoever looks at vertices until so many frames more were rendered.
+pub(crate) struct Gate {
+    frames: u64,
+    rendered: Mutex<u64>,
+    one_more: Condvar,
+}
+
+impl Gate {
+    pub(crate) fn new(frames: u64) -> Self {
+        Self {
+            frames,
+            rendered: Mutex::new(0),
+            one_more: Condvar::new(),
+        }
+    }
+
+    /// A frame was rendered.
+    pub(crate) fn step(&self) {
+        *self.rendered.lock().unwrap() += 1;
+        self.one_more.notify_all();
+    }
+
+    /// Nobody renders frames any more: let everybody through.
+    pub(crate) fn open(&self) {
+        *self.rendered.lock().unwrap() = u64::MAX;
+        self.one_more.notify_all();
+    }
+
+    fn pass(&self) {
+        let rendered = self.rendered.lock().unwrap();
+        let until = rendered.saturating_add(self.frames);
+        let patience = Duration::from_secs(20);
+        let held = |rendered: &mut u64| *rendered < until;
+        let (rendered, gone) = self
+            .one_more
+            .wait_timeout_while(rendered, patience, held)
+            .unwrap();
+        drop(rendered);
+        assert!(!gone.timed_out(), "nobody renders while the builder waits");
+    }
+}
+
+/// Positions behind a gate.
+struct Vertices {
+    positions: Vec<Point>,
+    gate: Option<Arc<Gate>>,
+}
+
+impl Deref for Vertices {
+    type Target = [Point];
+    fn deref(&self) -> &[Point] {
+        if let Some(gate) = &self.gate {
+            gate.pass();
+        }
+        &self.positions
+    }
+}
+
+/// What the fake saw, shared with the test.
+#[derive(Default)]
+pub(crate) struct Log {
+    pub(crate) interpolated: usize,
+    pub(crate) refitted: usize,
+    pub(crate) traced: Vec<(Generation, Pose)>,
+    pub(crate) adopted: Vec<Generation>,
+}
+
+/// Checks the order of calls; positions reach the host after some polls, or never.
+pub(crate) struct Fake {
+    device: Device,
+    log: Arc<Mutex<Log>>,
+    animation: Option<Arc<Animation>>,
+    pose: Option<Pose>,
+    generation: Generation,
+    fresh: (bool, bool),
+    ticket: u64,
+    requested: Option<(u32, Ticket, Pose)>,
+    record_request: bool,
+    polls: Option<u32>,
+    gate: Option<Arc<Gate>>,
+}
+
+impl Fake {
+    pub(crate) fn new(polls: Option<u32>, gate: Option<Arc<Gate>>) -> (Self, Arc<Mutex<Log>>) {
+        let log = Arc::new(Mutex::new(Log::default()));
+        let device = Device {
+            backend: "fake",
+            adapter: String::new(),
+            driver: String::new(),
+            kind: DeviceKind::Cpu,
+            threads: 1,
+        };
+        let fake = Self {
+            device,
+            log: Arc::clone(&log),
+            animation: None,
+            pose: None,
+            generation: Generation(0),
+            fresh: (false, false),
+            ticket: 0,
+            requested: None,
+            record_request: false,
+            polls,
+            gate,
+        };
+        (fake, log)
+    }
+}
+
+impl Backend for Fake {
+    fn device(&self) -> &Device {
+        &self.device
+    }
+    fn load(&mut self, animation: Arc<Animation>, _: Method) -> Result<()> {
+        self.animation = Some(animation);
+        Ok(())
+    }
+    fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
+        assert!(generation > self.generation, "generations rise");
+        let live = self.animation.as_ref().unwrap().live_count();
+        assert_eq!(tree.leaf_count(), live);
+        self.generation = generation;
+        self.fresh = (false, false);
+        self.log.lock().unwrap().adopted.push(generation);
+        Ok(())
+    }
+    fn interpolate(&mut self, pose: Pose) -> Result<()> {
+        self.pose = Some(pose);
+        self.fresh = (false, false);
+        self.log.lock().unwrap().interpolated += 1;
+        Ok(())
+    }
+    fn preprocess(&mut self) -> Result<()> {
+        assert!(self.pose.is_some() && self.generation > Generation(0));
+        self.fresh.0 = true;
+        Ok(())
+    }
+    fn refit(&mut self) -> Result<()> {
+        assert!(self.fresh.0, "boxes of leaves come first");
+        self.fresh.1 = true;
+        self.log.lock().unwrap().refitted += 1;
+        Ok(())
+    }
+    fn trace(&mut self, _: Query<'_>) -> Result<()> {
+        assert_eq!(self.fresh, (true, true), "a stale tree was traced");
+        self.log
+            .lock()
+            .unwrap()
+            .traced
+            .push((self.generation, self.pose.unwrap()));
+        Ok(())
+    }
+    fn request_positions(&mut self) -> Result<()> {
+        assert!(self.requested.is_none(), "one request at a time");
+        self.record_request = true;
+        Ok(())
+    }
+    fn submit(&mut self) -> Result<Ticket> {
+        self.ticket += 1;
+        if std::mem::take(&mut self.record_request) {
+            let polls = if self.traced() {
+                self.polls.unwrap_or(u32::MAX)
+            } else {
+                0
+            };
+            self.requested = Some((polls, Ticket(self.ticket), self.pose.unwrap()));
+        }
+        Ok(Ticket(self.ticket))
+    }
+    fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
+        assert!(ticket.0 <= self.ticket, "this ticket was never given");
+        Ok(FrameReport {
+            sah_cost: Some(3.0),
+            ..FrameReport::default()
+        })
+    }
+    fn hits(&mut self, _: Ticket, _: &mut Hits) -> Result<()> {
+        Ok(())
+    }
+    fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
+        match &mut self.requested {
+            Some((0, ticket, pose)) => {
+                let (ticket, pose) = (*ticket, *pose);
+                self.requested = None;
+                let a = self.animation.as_ref().unwrap();
+                let at = |v| a.vertex(pose, v as u32);
+                let positions: Vec<Point> = (0..a.vertex_count()).map(at).collect();
+                let gate = self.gate.clone().filter(|_| self.traced());
+                Ok(Some((ticket, Box::new(Vertices { positions, gate }))))
+            }
+            Some((polls, ..)) => {
+                *polls -= 1;
+                Ok(None)
+            }
+            None => Ok(None),
+        }
+    }
+    fn inspect(&mut self) -> &mut dyn Inspect {
+        self
+    }
+}
+
+impl Fake {
+    fn traced(&self) -> bool {
+        !self.log.lock().unwrap().traced.is_empty()
+    }
+}
+
+impl Inspect for Fake {
+    fn positions(&mut self) -> Result<Vec<Point>> {
+        Ok(Vec::new())
+    }
+    fn boxes(&mut self) -> Result<Vec<Aabb>> {
+        Ok(Vec::new())
+    }
+}
