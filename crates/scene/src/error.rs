@@ -160,6 +160,14 @@ pub enum SceneError {
         /// Names of the clips there are.
         clips: Vec<String>,
     },
+    /// A clip was asked for where there can be none.
+    #[error("{place}: no clip {asked:?}: only .gltf and .glb files have clips")]
+    NoClips {
+        /// The demo, the file, the directory or the pattern.
+        place: String,
+        /// The clip asked for.
+        asked: String,
+    },
     /// Key frames and triangles do not fit together.
     #[error(transparent)]
     Animation(#[from] AnimationError),

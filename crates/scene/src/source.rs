@@ -8,14 +8,26 @@ use std::path::{Path, PathBuf};
 /// See [`crate::open`].
 pub(crate) fn open(spec: &str, options: &Options) -> Result<Scene, SceneError> {
     if let Some(name) = spec.strip_prefix("demo:") {
+        refuse_clip(spec, options)?;
         return demo::open(name);
     }
     let path = Path::new(spec);
     match fs::metadata(path) {
-        Ok(about) if about.is_dir() => directory(path),
+        Ok(about) if about.is_dir() => directory(path, options),
         Ok(_) => file(path, options),
         Err(_) if spec.contains(['*', '?', '[']) => pattern(spec, options),
         Err(e) => Err(SceneError::unreadable(path, e)),
+    }
+}
+
+/// Refuses options that name a clip, for a source without clips.
+fn refuse_clip(place: &str, options: &Options) -> Result<(), SceneError> {
+    match options.clip.clone() {
+        Some(asked) => Err(SceneError::NoClips {
+            place: place.to_owned(),
+            asked,
+        }),
+        None => Ok(()),
     }
 }
 
@@ -50,14 +62,17 @@ fn file(path: &Path, options: &Options) -> Result<Scene, SceneError> {
         return clip::open(stem(path), path, options);
     }
     match format_of(path) {
-        Some(format) => sequence::open(stem(path), vec![path.to_owned()], format),
+        Some(format) => {
+            refuse_clip(&path.display().to_string(), options)?;
+            sequence::open(stem(path), vec![path.to_owned()], format)
+        }
         None => Err(SceneError::UnsupportedExtension {
             path: path.to_owned(),
         }),
     }
 }
 
-fn directory(path: &Path) -> Result<Scene, SceneError> {
+fn directory(path: &Path, options: &Options) -> Result<Scene, SceneError> {
     let unreadable = |e| SceneError::unreadable(path, e);
     let mut files = Vec::new();
     for entry in fs::read_dir(path).map_err(unreadable)? {
@@ -80,7 +95,12 @@ fn directory(path: &Path) -> Result<Scene, SceneError> {
         .file_name()
         .unwrap_or(path.as_os_str())
         .to_string_lossy();
-    frames(name.into_owned(), &path.display().to_string(), files)
+    frames(
+        name.into_owned(),
+        &path.display().to_string(),
+        files,
+        options,
+    )
 }
 
 fn pattern(spec: &str, options: &Options) -> Result<Scene, SceneError> {
@@ -105,13 +125,18 @@ fn pattern(spec: &str, options: &Options) -> Result<Scene, SceneError> {
         [first, ..] => {
             let name = first.parent().and_then(Path::file_name);
             let name = name.map_or_else(|| stem(first), |n| n.to_string_lossy().into_owned());
-            frames(name, spec, files)
+            frames(name, spec, files, options)
         }
     }
 }
 
 /// Key frames from the meshes among `files`, in natural order: `2.obj` before `10.obj`.
-fn frames(name: String, place: &str, files: Vec<PathBuf>) -> Result<Scene, SceneError> {
+fn frames(
+    name: String,
+    place: &str,
+    files: Vec<PathBuf>,
+    options: &Options,
+) -> Result<Scene, SceneError> {
     let count = |format| {
         files
             .iter()
@@ -119,7 +144,6 @@ fn frames(name: String, place: &str, files: Vec<PathBuf>) -> Result<Scene, Scene
             .count()
     };
     let (obj, ply) = (count(Format::Obj), count(Format::Ply));
-    let place = place.to_owned();
     let format = match (obj, ply) {
         (0, 0) => {
             let gltf = files.iter().find(|f| is_gltf(f));
@@ -127,19 +151,23 @@ fn frames(name: String, place: &str, files: Vec<PathBuf>) -> Result<Scene, Scene
                 format!("; name {} itself to open it", f.display())
             });
             return Err(SceneError::NoMeshes {
-                place,
+                place: place.to_owned(),
                 files: files.len(),
                 hint,
             });
         }
         (_, 0) => Format::Obj,
         (0, _) => Format::Ply,
-        _ => return Err(SceneError::MixedFormats { place, obj, ply }),
+        _ => {
+            let place = place.to_owned();
+            return Err(SceneError::MixedFormats { place, obj, ply });
+        }
     };
     let mut files: Vec<_> = files
         .into_iter()
         .filter(|f| format_of(f) == Some(format))
         .collect();
+    refuse_clip(place, options)?;
     alphanumeric_sort::sort_path_slice(&mut files);
     sequence::open(name, files, format)
 }
@@ -243,6 +271,25 @@ mod tests {
             assert!(both && !message.contains('\n'), "{message}");
         }
         assert!(with(obj(2, "f 1 2 3 4\n")).contains("has 1"));
+    }
+
+    #[test]
+    fn a_clip_is_refused_where_there_are_none() {
+        let folder = folder(&[("1.obj", obj(0, TRIANGLE)), ("2.obj", obj(1, TRIANGLE))]);
+        let options = Options {
+            clip: Some("Walk".to_owned()),
+            ..Options::default()
+        };
+        let below = |path: &str| folder.path().join(path).to_str().unwrap().to_owned();
+        let demo = "demo:twist:100".to_owned();
+        for spec in [below(""), below("*.obj"), below("1.obj"), demo] {
+            let message = open(&spec, &options).unwrap_err().to_string();
+            assert!(
+                message.contains("Walk") && message.contains(&spec),
+                "{message}"
+            );
+            open(&spec, &Options::default()).unwrap();
+        }
     }
 
     #[test]

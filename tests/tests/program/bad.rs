@@ -30,7 +30,7 @@ fn npy(descr: &str, shape: &str, bytes: usize) -> Vec<(&'static str, Vec<u8>)> {
     vec![("rays.npy", file), ("a.obj", SQUARE.as_bytes().to_vec())]
 }
 
-const USAGE: [Case; 22] = [
+const USAGE: [Case; 24] = [
     (
         "unknown_demo",
         nothing,
@@ -145,6 +145,18 @@ const USAGE: [Case; 22] = [
         nothing,
         "trace demo:twist:100 --time nan --rays rays.npy --out h.npz",
         &["--time", "nan"],
+    ),
+    (
+        "clip_of_a_demo",
+        nothing,
+        "render demo:twist:100 --clip Walk",
+        &["demo:twist:100", "Walk", ".gltf"],
+    ),
+    (
+        "clip_of_a_mesh",
+        || obj(SQUARE),
+        "render a.obj --clip 0",
+        &["a.obj", "clip", ".glb"],
     ),
     (
         "output_below_a_file",
