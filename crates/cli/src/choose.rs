@@ -6,6 +6,7 @@ use crate::stop::Stop;
 use backend::{Intersector, Layout, Method};
 use geom::Animation;
 use pipeline::{Frame, Pace, Update};
+use report::Taken;
 
 /// Something taken, and the reason where nobody asked for it by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,6 +15,15 @@ pub(crate) struct Choice<T> {
     pub(crate) value: T,
     /// Why; `None` if it was asked for.
     pub(crate) why: Option<&'static str>,
+}
+
+/// What `auto` took where nothing was asked for by name.
+pub(crate) fn taken(what: &str, takes: &str, why: Option<&str>) -> Option<Taken> {
+    Some(Taken {
+        what: what.to_owned(),
+        takes: takes.to_owned(),
+        why: why?.to_owned(),
+    })
 }
 
 fn asked<T>(value: T) -> Choice<T> {

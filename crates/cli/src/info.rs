@@ -1,47 +1,114 @@
 //! `abvh info`: this build and this machine.
 
-use crate::args::InfoArgs;
-use crate::open::{self, Presence};
+use crate::adapters::{Adapter, kind_name};
+use crate::args::{BackendName, InfoArgs};
+use crate::open::{self, Presence, Want};
 use crate::stop::Stop;
-use crate::{talk, threads};
-use backend::{Intersector, Layout};
+use crate::{choose, talk, threads};
+use backend::Method;
+use comfy_table::{ContentArrangement, Table, presets};
+use report::Taken;
 use serde::Serialize;
+
+/// The version of the JSON's schema.
+const SCHEMA: u32 = 1;
+/// Columns of the text.
+const WIDTH: u16 = 100;
 
 #[derive(Serialize)]
 struct Info {
+    schema: u32,
     version: &'static str,
     cpu: Option<String>,
     threads: usize,
+    auto: Option<Taken>,
     backends: Vec<Presence>,
-    intersectors: Vec<&'static str>,
-    layouts: Vec<&'static str>,
 }
 
 /// Tells.
 pub(crate) fn run(args: &InfoArgs) -> Result<(), Stop> {
     let info = Info {
+        schema: SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
         cpu: cpu_model(),
         threads: threads::cores(),
+        auto: what_auto_takes()?,
         backends: open::presences(),
-        intersectors: Intersector::ALL.map(Intersector::name).to_vec(),
-        layouts: Layout::ALL.map(Layout::name).to_vec(),
     };
     if args.json {
         return talk::print_json(&info);
     }
+    talk::print(&text(&info))
+}
+
+/// Opened indeed: a GPU that fails its test when it is opened is not taken.
+fn what_auto_takes() -> Result<Option<Taken>, Stop> {
+    let want = Want {
+        backend: BackendName::Auto,
+        adapter: None,
+        method: Method::default(),
+        threads: 1,
+    };
+    let opened = open::open(&want, |backend| Ok(backend.device().backend))?;
+    Ok(choose::taken(
+        "backend",
+        opened.value,
+        opened.why.as_deref(),
+    ))
+}
+
+fn text(info: &Info) -> String {
+    let row = |name: &str, value: String| vec![name.to_owned(), value];
     let cpu = info.cpu.as_deref().unwrap_or("unknown");
-    let mut text = format!(
-        "abvh {}\ncpu: {cpu}, {} threads\n",
-        info.version, info.threads
-    );
-    for b in &info.backends {
-        text += &match &b.absent {
-            None => format!("backend {}: {}\n", b.backend, b.adapters.join("; ")),
-            Some(why) => format!("backend {}: absent; {why}\n", b.backend),
-        };
+    let mut rows = vec![
+        row("abvh", info.version.to_owned()),
+        row("cpu", format!("{cpu}, {} threads", info.threads)),
+    ];
+    if let Some(Taken { takes, why, .. }) = &info.auto {
+        rows.push(row("auto takes", format!("{takes}: {why}")));
     }
-    talk::print(&text)
+    for backend in &info.backends {
+        rows.push(row("", String::new()));
+        let state = match &backend.absent {
+            None => "present".to_owned(),
+            Some(why) => format!("absent: {why}"),
+        };
+        rows.push(row(backend.backend, state));
+        rows.push(row("  intersectors", backend.intersectors.join(", ")));
+        rows.push(row("  layouts", backend.layouts.join(", ")));
+        for adapter in &backend.adapters {
+            rows.extend(adapter_rows(adapter));
+        }
+    }
+    table(&rows)
+}
+
+fn adapter_rows(adapter: &Adapter) -> Vec<Vec<String>> {
+    let kind = kind_name(adapter.kind);
+    let row = |name: String, value: String| vec![name, value];
+    let mut rows = vec![row(
+        format!("  adapter {}", adapter.index),
+        format!("{} [{kind}]", adapter.name),
+    )];
+    if !adapter.driver.is_empty() {
+        rows.push(row("    driver".to_owned(), adapter.driver.clone()));
+    }
+    let limits = adapter.limits.iter();
+    rows.extend(limits.map(|l| row(format!("    {}", l.name), l.value.clone())));
+    rows
+}
+
+/// Names and what stands for them.
+fn table(rows: &[Vec<String>]) -> String {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING);
+    table.set_content_arrangement(ContentArrangement::Dynamic);
+    table.set_width(WIDTH);
+    table.add_rows(rows);
+    for column in table.column_iter_mut() {
+        column.set_padding((0, 2));
+    }
+    table.trim_fmt() + "\n"
 }
 
 /// The processor's own name, where the system tells.
@@ -50,4 +117,41 @@ pub(crate) fn cpu_model() -> Option<String> {
     let line = text.lines().find(|l| l.starts_with("model name"))?;
     let (_, name) = line.split_once(':')?;
     Some(name.trim().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adapters::{Limit, named};
+    use backend::DeviceKind;
+
+    #[test]
+    fn all_is_told_within_a_hundred_columns() {
+        let mut adapters = named(&[(&"long name ".repeat(12), DeviceKind::Gpu)]);
+        adapters[0].limits.push(Limit {
+            name: "max_buffer_bytes",
+            value: "7".to_owned(),
+        });
+        let presence = Presence {
+            backend: "b",
+            absent: None,
+            adapters,
+            intersectors: vec!["woop"],
+            layouts: vec!["bvh2"],
+        };
+        let info = Info {
+            schema: SCHEMA,
+            version: "1",
+            cpu: None,
+            threads: 2,
+            auto: choose::taken("backend", "b", Some(&"because ".repeat(30))),
+            backends: vec![presence],
+        };
+        let text = text(&info);
+        assert!(text.lines().all(|l| l.chars().count() <= 100), "{text}");
+        for word in ["[gpu]", "max_buffer_bytes", "7", "woop", "bvh2", "unknown"] {
+            assert!(text.contains(word), "{word} in {text}");
+        }
+        assert_eq!(text.matches("because").count(), 30);
+    }
 }

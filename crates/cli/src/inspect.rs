@@ -1,13 +1,18 @@
 //! `abvh inspect`: a scene's size and motion, how refitting decays, and what `auto` takes.
 
-use crate::args::{InspectArgs, IntersectorName, LayoutName, PolicyArgs, UpdateName};
+use crate::args::{
+    BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName,
+};
 use crate::decay::{self, Decay};
 use crate::motion::{self, Motion, Spread};
+use crate::open::Want;
 use crate::stop::Stop;
 use crate::table::{grouped, table};
-use crate::{choose, frames, render, talk};
-use report::SceneFacts;
+use crate::{choose, frames, open, render, talk, threads};
+use geom::Animation;
+use report::{SceneFacts, Taken};
 use serde::Serialize;
+use std::sync::Arc;
 
 /// Times at which the first tree is compared with a fresh one.
 const SAMPLES: usize = 5;
@@ -27,13 +32,6 @@ struct Inspection {
 struct Bounds {
     min: [f32; 3],
     max: [f32; 3],
-}
-
-#[derive(Serialize)]
-struct Taken {
-    what: &'static str,
-    takes: &'static str,
-    why: &'static str,
 }
 
 /// Inspects.
@@ -61,25 +59,37 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
     }
 }
 
-fn what_auto_takes(animation: &geom::Animation, is_demo: bool) -> Result<Vec<Taken>, Stop> {
+/// What `render` would take, found out by loading the scene.
+fn what_auto_takes(animation: &Arc<Animation>, is_demo: bool) -> Result<Vec<Taken>, Stop> {
     let policy = PolicyArgs {
         update: UpdateName::Auto,
         lockstep: None,
     };
     let frames = frames::list(None, None, animation.keys().len(), is_demo)?;
     let update = choose::update(policy, animation, &frames)?;
-    let intersector = choose::intersector(IntersectorName::Auto);
-    let layout = choose::layout(LayoutName::Auto);
-    let taken = |what, takes, why: Option<&'static str>| Taken {
-        what,
-        takes,
-        why: why.unwrap_or(""),
+    let method = MethodArgs {
+        intersector: IntersectorName::Auto,
+        layout: LayoutName::Auto,
     };
-    Ok(vec![
-        taken("update", choose::update_name(update.value), update.why),
-        taken("intersector", intersector.value.name(), intersector.why),
-        taken("layout", layout.value.name(), layout.why),
-    ])
+    let want = Want {
+        backend: BackendName::Auto,
+        adapter: None,
+        method: choose::method(method),
+        threads: threads::cores(),
+    };
+    let opened = open::open(&want, |mut backend| {
+        backend.load(Arc::clone(animation), want.method)?;
+        Ok(backend.device().clone())
+    })?;
+    let intersector = choose::intersector(method.intersector);
+    let layout = choose::layout(method.layout);
+    let taken = [
+        choose::taken("backend", opened.value.backend, opened.why.as_deref()),
+        choose::taken("update", choose::update_name(update.value), update.why),
+        choose::taken("intersector", intersector.value.name(), intersector.why),
+        choose::taken("layout", layout.value.name(), layout.why),
+    ];
+    Ok(taken.into_iter().flatten().collect())
 }
 
 fn text(i: &Inspection, notes: &[String]) -> String {
@@ -107,7 +117,7 @@ fn text(i: &Inspection, notes: &[String]) -> String {
     }
     text += &decay_table(&i.decay);
     for t in &i.auto {
-        text += &format!("{} auto takes {}: {}\n", t.what, t.takes, t.why);
+        text += &format!("{t}\n");
     }
     notes.iter().for_each(|n| text += &format!("note: {n}\n"));
     text

@@ -3,7 +3,9 @@
 //! One room a command; `args` says what may be asked for, `open` alone names
 //! backends, `stop` turns whatever went wrong into one line and an exit code.
 
+mod adapters;
 mod args;
+mod auto;
 mod bench;
 mod choose;
 mod decay;

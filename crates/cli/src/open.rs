@@ -1,137 +1,337 @@
 //! The one place that names backends.
 
+use crate::adapters::{self, Adapter, Limit};
 use crate::args::BackendName;
+use crate::auto::{self, Rival};
 use crate::stop::Stop;
-use backend::{Backend, BackendError};
+use crate::threads;
+use backend::{Backend, DeviceKind, Intersector, Layout, Method};
 use cpu_ref::CpuBackend;
+use geom::Animation;
 use gpu_vulkan::VulkanBackend;
 use gpu_wgpu::WgpuBackend;
 use serde::Serialize;
+use std::sync::Arc;
 
-/// Whether a backend can run here.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Presence {
-    /// Its name on the command line.
-    pub(crate) backend: &'static str,
-    /// The adapters it would run on.
-    pub(crate) adapters: Vec<String>,
-    /// Why it cannot run; `None` if it can.
-    pub(crate) absent: Option<String>,
+/// Opens an adapter, or the backend's own choice; with host threads, where it uses them.
+type OpenAdapter = fn(Option<&Adapter>, usize) -> backend::Result<Box<dyn Backend>>;
+
+/// A backend of this program.
+struct Known {
+    name: BackendName,
+    text: &'static str,
+    /// Why it has its place in the list.
+    place: &'static str,
+    kinds: &'static [DeviceKind],
+    covered_by: Option<&'static str>,
+    supports: fn(Method) -> bool,
+    list: fn() -> backend::Result<Vec<Adapter>>,
+    open: OpenAdapter,
 }
 
-/// A backend ready to load a scene, and why `auto` took it.
-pub(crate) struct Opened {
-    /// The backend.
-    pub(crate) backend: Box<dyn Backend>,
+const ON_DRIVERS: &[DeviceKind] = &[DeviceKind::Gpu, DeviceKind::Software];
+
+/// Where wgpu has but Vulkan to go through.
+const WGPU_IS_VULKAN: bool = cfg!(not(any(windows, target_vendor = "apple")));
+
+/// All there are. Among backends that offer the same kind of device, `auto` tries them in this order.
+const KNOWN: [Known; 3] = [
+    Known {
+        name: BackendName::Vulkan,
+        text: "vulkan",
+        place: "vulkan comes before wgpu: trees and vertices travel on a queue of their own",
+        kinds: ON_DRIVERS,
+        covered_by: None,
+        supports: gpu_vulkan::supports,
+        list: list_vulkan,
+        open: open_vulkan,
+    },
+    Known {
+        name: BackendName::Wgpu,
+        text: "wgpu",
+        place: "wgpu is next after vulkan",
+        kinds: ON_DRIVERS,
+        covered_by: if WGPU_IS_VULKAN { Some("vulkan") } else { None },
+        supports: gpu_wgpu::supports,
+        list: list_wgpu,
+        open: open_wgpu,
+    },
+    Known {
+        name: BackendName::Cpu,
+        text: "cpu",
+        place: "the host is always there",
+        kinds: &[DeviceKind::Cpu],
+        covered_by: None,
+        supports: cpu_supports,
+        list: list_cpu,
+        open: open_cpu,
+    },
+];
+
+/// What is to be opened.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Want<'a> {
+    /// Backend.
+    pub(crate) backend: BackendName,
+    /// Adapter of the backend, by index or by part of its name.
+    pub(crate) adapter: Option<&'a str>,
+    /// How rays will be traced.
+    pub(crate) method: Method,
+    /// Host threads of a backend that computes on them.
+    pub(crate) threads: usize,
+}
+
+/// What was opened, and why `auto` took it.
+#[derive(Debug)]
+pub(crate) struct Opened<T> {
+    /// As it was made ready.
+    pub(crate) value: T,
     /// The reason; `None` if it was asked for by name.
     pub(crate) why: Option<String>,
 }
 
-const AUTO: &str = "wgpu and vulkan are not measured on a GPU yet: name one to use it";
-
-/// Opens a backend on `threads` host threads (where it uses them). Never takes another than the one named.
-pub(crate) fn open(
-    name: BackendName,
-    adapter: Option<&str>,
-    threads: usize,
-) -> Result<Opened, Stop> {
-    let backend: Box<dyn Backend> = match name {
-        BackendName::Cpu | BackendName::Auto => cpu_with(adapter, threads)?,
-        BackendName::Wgpu => {
-            let adapter = adapter.map(str::to_owned);
-            let options = gpu_wgpu::Options {
-                adapter,
-                ..Default::default()
-            };
-            Box::new(WgpuBackend::new(&options).map_err(|e| absent("wgpu", &e))?)
-        }
-        BackendName::Vulkan => {
-            let adapter = adapter.map(str::to_owned);
-            let options = gpu_vulkan::Options {
-                adapter,
-                ..Default::default()
-            };
-            Box::new(VulkanBackend::new(&options).map_err(|e| absent("vulkan", &e))?)
-        }
-    };
-    let why = (name == BackendName::Auto).then(|| AUTO.to_owned());
-    Ok(Opened { backend, why })
-}
-
-fn absent(name: &str, why: &BackendError) -> Stop {
-    Stop::bad(format!("backend {name} cannot run: {why}"))
-}
-
-fn cpu_with(adapter: Option<&str>, threads: usize) -> Result<Box<dyn Backend>, Stop> {
-    let backend = CpuBackend::new(Some(threads))?;
-    if let Some(adapter) = adapter {
-        check_adapter(&backend.device().adapter, adapter)?;
+/// Opens a backend and makes it ready. Never takes another than the one named;
+/// `auto` passes over those that cannot be made ready.
+///
+/// # Errors
+/// The backend named cannot run, or there is no such adapter.
+pub(crate) fn open<T>(
+    want: &Want<'_>,
+    ready: impl Fn(Box<dyn Backend>) -> Result<T, Stop>,
+) -> Result<Opened<T>, Stop> {
+    if let Some(known) = KNOWN.iter().find(|k| k.name == want.backend) {
+        let value = ready(known.open_named(want)?)?;
+        return Ok(Opened { value, why: None });
     }
-    Ok(Box::new(backend))
+    let rivals = KNOWN.each_ref().map(|k| k.rival(want, &ready));
+    let (value, why) = auto::take(&rivals, want.adapter)?;
+    let why = Some(why);
+    Ok(Opened { value, why })
 }
 
-/// All backends, present or absent.
+impl Known {
+    fn open_named(&self, want: &Want<'_>) -> Result<Box<dyn Backend>, Stop> {
+        let absent = |e| Stop::bad(format!("backend {} cannot run: {e}", self.text));
+        let list = want.adapter.map(|_| (self.list)()).transpose();
+        let list = list.map_err(absent)?;
+        let adapter = match want.adapter.zip(list.as_ref()) {
+            Some((asked, list)) => Some(adapters::find_one(self.text, list, asked)?),
+            None => None,
+        };
+        (self.open)(adapter, want.threads).map_err(absent)
+    }
+
+    fn rival<'a, T>(
+        &'a self,
+        want: &Want<'a>,
+        ready: &'a impl Fn(Box<dyn Backend>) -> Result<T, Stop>,
+    ) -> Rival<'a, T> {
+        let threads = want.threads;
+        Rival {
+            name: self.text,
+            place: self.place,
+            kinds: self.kinds,
+            covered_by: self.covered_by,
+            lacks: self.lacks(want.method),
+            list: Box::new(self.list),
+            open: Box::new(move |adapter| ready((self.open)(Some(adapter), threads)?)),
+        }
+    }
+
+    /// What the backend lacks of a method.
+    fn lacks(&self, method: Method) -> Option<String> {
+        if (self.supports)(method) {
+            return None;
+        }
+        let intersector = method.intersector;
+        let layout = method.layout;
+        Some(if self.intersectors().contains(&intersector.name()) {
+            format!("layout '{layout}'")
+        } else {
+            format!("intersector '{intersector}'")
+        })
+    }
+
+    fn intersectors(&self) -> Vec<&'static str> {
+        let with = |intersector| Method {
+            intersector,
+            ..Method::default()
+        };
+        let all = Intersector::ALL.into_iter();
+        all.filter(|&i| (self.supports)(with(i)))
+            .map(Intersector::name)
+            .collect()
+    }
+
+    fn layouts(&self) -> Vec<&'static str> {
+        let with = |layout| Method {
+            layout,
+            ..Method::default()
+        };
+        let all = Layout::ALL.into_iter();
+        all.filter(|&l| (self.supports)(with(l)))
+            .map(Layout::name)
+            .collect()
+    }
+}
+
+/// Whether a backend can run here, and what it can do.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Presence {
+    /// Its name on the command line.
+    pub(crate) backend: &'static str,
+    /// Why it cannot run; `None` if it can.
+    pub(crate) absent: Option<String>,
+    /// What it can run on.
+    pub(crate) adapters: Vec<Adapter>,
+    /// The intersectors it knows.
+    pub(crate) intersectors: Vec<&'static str>,
+    /// The layouts it knows.
+    pub(crate) layouts: Vec<&'static str>,
+}
+
+/// All backends, present or absent, in the order in which `auto` looks at them.
 pub(crate) fn presences() -> Vec<Presence> {
-    let names = |(name, driver): (String, String)| format!("{name} ({})", driver.trim());
-    let vulkan = gpu_vulkan::adapters()
-        .map(|all| all.into_iter().map(|a| names((a.name, a.driver))).collect());
-    let wgpu = gpu_wgpu::adapters()
-        .map(|all| all.into_iter().map(|a| names((a.name, a.driver))).collect());
-    vec![cpu(), presence("wgpu", wgpu), presence("vulkan", vulkan)]
-}
-
-fn presence(backend: &'static str, found: backend::Result<Vec<String>>) -> Presence {
-    let (adapters, absent) = match found {
-        Ok(adapters) => (adapters, None),
-        Err(e) => (Vec::new(), Some(e.to_string())),
+    let presence = |known: &Known| {
+        let found = (known.list)();
+        Presence {
+            backend: known.text,
+            absent: found.as_ref().err().map(ToString::to_string),
+            adapters: found.unwrap_or_default(),
+            intersectors: known.intersectors(),
+            layouts: known.layouts(),
+        }
     };
-    Presence {
-        backend,
-        adapters,
-        absent,
-    }
+    KNOWN.iter().map(presence).collect()
 }
 
-fn cpu() -> Presence {
-    let opened = CpuBackend::new(None);
-    presence("cpu", opened.map(|cpu| vec![cpu.device().adapter.clone()]))
+fn list_vulkan() -> backend::Result<Vec<Adapter>> {
+    let adapter = |a: gpu_vulkan::Adapter| Adapter {
+        index: a.index,
+        limits: vec![limit("max_buffer_bytes", a.max_buffer_bytes)],
+        name: a.name,
+        driver: a.driver.trim().to_owned(),
+        kind: a.kind,
+    };
+    Ok(gpu_vulkan::adapters()?.into_iter().map(adapter).collect())
 }
 
-/// There is one adapter: number 0.
-fn check_adapter(found: &str, asked: &str) -> Result<(), Stop> {
-    let by_name = || found.to_lowercase().contains(&asked.to_lowercase());
-    let fits = asked
-        .parse::<usize>()
-        .map_or_else(|_| by_name(), |i| i == 0);
-    if fits {
-        return Ok(());
-    }
-    Err(Stop::bad(format!(
-        "backend cpu has no adapter '{asked}'; there is 0: {found}"
-    )))
+fn open_vulkan(adapter: Option<&Adapter>, _: usize) -> backend::Result<Box<dyn Backend>> {
+    let options = gpu_vulkan::Options {
+        adapter: adapter.map(|a| a.index.to_string()),
+        ..Default::default()
+    };
+    Ok(Box::new(VulkanBackend::new(&options)?))
+}
+
+fn list_wgpu() -> backend::Result<Vec<Adapter>> {
+    let adapter = |a: gpu_wgpu::Adapter| Adapter {
+        index: a.index,
+        limits: vec![
+            limit("api", a.api),
+            limit("max_buffer_bytes", a.max_buffer_bytes),
+            limit("max_storage_buffers", a.max_storage_buffers),
+            limit("timestamps", a.has_timestamps),
+            limit("takes_spirv", a.takes_spirv),
+        ],
+        name: a.name,
+        driver: a.driver,
+        kind: a.kind,
+    };
+    Ok(gpu_wgpu::adapters()?.into_iter().map(adapter).collect())
+}
+
+fn open_wgpu(adapter: Option<&Adapter>, _: usize) -> backend::Result<Box<dyn Backend>> {
+    let options = gpu_wgpu::Options {
+        adapter: adapter.map(|a| a.index.to_string()),
+        ..Default::default()
+    };
+    Ok(Box::new(WgpuBackend::new(&options)?))
+}
+
+fn list_cpu() -> backend::Result<Vec<Adapter>> {
+    let device = CpuBackend::new(Some(1))?.device().clone();
+    Ok(vec![Adapter {
+        index: 0,
+        name: device.adapter,
+        driver: device.driver,
+        kind: device.kind,
+        limits: vec![limit("threads", threads::cores())],
+    }])
+}
+
+fn open_cpu(_: Option<&Adapter>, threads: usize) -> backend::Result<Box<dyn Backend>> {
+    Ok(Box::new(CpuBackend::new(Some(threads))?))
+}
+
+/// Found out with a scene of one triangle.
+fn cpu_supports(method: Method) -> bool {
+    let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let Ok(scene) = Animation::new(vec![corners], vec![[0, 1, 2]]) else {
+        return false;
+    };
+    let cpu = CpuBackend::new(Some(1));
+    cpu.is_ok_and(|mut cpu| cpu.load(Arc::new(scene), method).is_ok())
+}
+
+fn limit(name: &'static str, value: impl ToString) -> Limit {
+    let value = value.to_string();
+    Limit { name, value }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_backend_that_cannot_run_is_never_replaced() {
-        for name in [BackendName::Wgpu, BackendName::Vulkan] {
-            assert!(matches!(
-                open(name, Some("no such adapter"), 1),
-                Err(Stop::Bad(_))
-            ));
+    fn want(backend: BackendName, adapter: Option<&str>) -> Want<'_> {
+        Want {
+            backend,
+            adapter,
+            method: Method::default(),
+            threads: 1,
         }
     }
 
     #[test]
-    fn adapters_go_by_number_or_by_part_of_the_name() {
-        for good in ["0", "epyc", "AMD"] {
-            check_adapter("AMD EPYC 9000", good).unwrap();
+    fn a_backend_that_cannot_run_is_never_replaced() {
+        for name in [BackendName::Wgpu, BackendName::Vulkan, BackendName::Cpu] {
+            let opened = open(&want(name, Some("no such adapter")), Ok);
+            assert!(matches!(opened, Err(Stop::Bad(_))));
         }
-        for bad in ["1", "xeon"] {
-            check_adapter("AMD EPYC 9000", bad).unwrap_err();
+    }
+
+    #[test]
+    fn what_the_host_alone_can_do_is_left_to_it_with_the_reason() {
+        let woop = Want {
+            method: Method {
+                intersector: Intersector::Woop,
+                ..Method::default()
+            },
+            ..want(BackendName::Auto, None)
+        };
+        let opened = open(&woop, Ok).unwrap();
+        assert_eq!(opened.value.device().kind, DeviceKind::Cpu);
+        assert_eq!(
+            opened.why.unwrap(),
+            "vulkan does not support intersector 'woop'; wgpu does not support intersector 'woop'"
+        );
+    }
+
+    #[test]
+    fn every_backend_knows_the_method_that_auto_takes() {
+        for known in &KNOWN {
+            assert_eq!(known.lacks(Method::default()), None, "{}", known.text);
         }
+        let exact = Method {
+            intersector: Intersector::Exact,
+            ..Method::default()
+        };
+        let fast = Method {
+            layout: Layout::Fast,
+            ..Method::default()
+        };
+        let cpu = KNOWN.iter().find(|k| k.text == "cpu").unwrap();
+        assert_eq!(cpu.lacks(exact).unwrap(), "intersector 'exact'");
+        assert_eq!(cpu.lacks(fast).unwrap(), "layout 'fast'");
     }
 }

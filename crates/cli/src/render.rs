@@ -168,6 +168,7 @@ fn stats(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats
         lockstep: choose::lockstep(session.update),
         intersector: session.method.intersector.name().to_owned(),
         layout: session.method.layout.name().to_owned(),
+        auto: session.taken.clone(),
         size: args.size,
         frames: rows.to_vec(),
         summary: report::summarize(rows),

@@ -2,12 +2,13 @@
 
 use crate::args::{BackendName, MethodArgs};
 use crate::choose::{self, Choice};
-use crate::open;
+use crate::open::{self, Want};
 use crate::stop::Stop;
 use crate::threads::{self, Threads};
-use backend::{Device, Method};
+use backend::{Backend, Device, DeviceKind, Method};
 use geom::Animation;
 use pipeline::{Driver, Options, Update};
+use report::Taken;
 use std::sync::Arc;
 
 /// What to set up.
@@ -39,41 +40,59 @@ pub(crate) struct Session {
     pub(crate) update: Update,
     /// How cores are shared.
     pub(crate) threads: Threads,
-    /// What `auto` took and why, one remark each.
+    /// What `auto` took and why.
+    pub(crate) taken: Vec<Taken>,
+    /// Likewise, for people: one remark each.
     pub(crate) remarks: Vec<String>,
 }
 
 /// Opens the backend and loads the scene into it.
 pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session, Stop> {
     let update = ask.update.value;
-    let threads = threads::share(threads::cores(), update, ask.threads, ask.builder_threads);
-    let opened = open::open(ask.backend, ask.adapter, threads.render)?;
-    let device = opened.backend.device().clone();
+    let share = |kind| {
+        threads::share(
+            threads::cores(),
+            kind,
+            update,
+            ask.threads,
+            ask.builder_threads,
+        )
+    };
     let method = choose::method(ask.method);
-    let options = Options {
+    let want = Want {
+        backend: ask.backend,
+        adapter: ask.adapter,
         method,
-        update,
-        builder_threads: threads.build,
+        threads: share(DeviceKind::Cpu).render,
     };
-    let driver = Driver::new(opened.backend, Arc::clone(animation), options)?;
-    let remark = |what: &str, name: &str, why: Option<&str>| {
-        why.map(|why| format!("{what} auto takes {name}: {why}"))
-    };
+    let opened = open::open(&want, |backend: Box<dyn Backend>| {
+        let device = backend.device().clone();
+        let options = Options {
+            method,
+            update,
+            builder_threads: share(device.kind).build,
+        };
+        let driver = Driver::new(backend, Arc::clone(animation), options)?;
+        Ok((driver, device))
+    })?;
+    let (driver, device) = opened.value;
     let intersector = choose::intersector(ask.method.intersector);
     let layout = choose::layout(ask.method.layout);
-    let remarks = [
-        remark("backend", device.backend, opened.why.as_deref()),
-        remark("update", choose::update_name(update), ask.update.why),
-        remark("intersector", intersector.value.name(), intersector.why),
-        remark("layout", layout.value.name(), layout.why),
+    let taken = [
+        choose::taken("backend", device.backend, opened.why.as_deref()),
+        choose::taken("update", choose::update_name(update), ask.update.why),
+        choose::taken("intersector", intersector.value.name(), intersector.why),
+        choose::taken("layout", layout.value.name(), layout.why),
     ];
+    let taken: Vec<Taken> = taken.into_iter().flatten().collect();
     Ok(Session {
         driver,
+        threads: share(device.kind),
         device,
         method,
         update,
-        threads,
-        remarks: remarks.into_iter().flatten().collect(),
+        remarks: taken.iter().map(ToString::to_string).collect(),
+        taken,
     })
 }
 
@@ -82,11 +101,14 @@ impl Session {
     pub(crate) fn caption(&self) -> String {
         let lockstep =
             choose::lockstep(self.update).map_or(String::new(), |k| format!(" lockstep {k}"));
+        let render = match self.device.threads {
+            0 => String::new(),
+            n => format!("{n} threads render, "),
+        };
         format!(
-            "{} ({}; {} threads render, {} build), {}{lockstep}, {}, {}",
+            "{} ({}; {render}{} threads build), {}{lockstep}, {}, {}",
             self.device.backend,
             self.device.adapter,
-            self.threads.render,
             self.threads.build,
             choose::update_name(self.update),
             self.method.intersector,

@@ -30,6 +30,14 @@ impl Stop {
         Self::Failed(anyhow::anyhow!("{message}"))
     }
 
+    /// What is wrong, in one line.
+    pub(crate) fn text(&self) -> String {
+        match self {
+            Self::Shown => String::new(),
+            Self::Bad(e) | Self::Failed(e) => one_line(e),
+        }
+    }
+
     /// One line to standard error, and the exit code.
     pub(crate) fn report(&self) -> ExitCode {
         let (error, code) = match self {

@@ -11,6 +11,7 @@ mod hits;
 mod picture;
 mod rays;
 mod stats;
+mod taken;
 
 pub use atomic::{check_writable, prepare_dir, write_whole, write_with};
 pub use error::{RaysError, WriteError};
@@ -20,3 +21,4 @@ pub use rays::{read_rays, write_rays};
 pub use stats::{
     FrameStats, SCHEMA, SceneFacts, Stats, Summary, TIMES, Time, summarize, write_json,
 };
+pub use taken::Taken;

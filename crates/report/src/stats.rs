@@ -1,6 +1,6 @@
 //! The statistics file: one JSON object, schema 1. What is not known is `null`.
 
-use crate::{WriteError, write_whole};
+use crate::{Taken, WriteError, write_whole};
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -37,6 +37,8 @@ pub struct Stats {
     pub intersector: String,
     /// Layout of the tree.
     pub layout: String,
+    /// What was left to `auto`.
+    pub auto: Vec<Taken>,
     /// Pixels of a frame: width, height.
     pub size: [u32; 2],
     /// One row a frame.
