@@ -1,0 +1,172 @@
+//! One line, one triangle; and the order of crossings along the line.
+
+use crate::integers::{Vector, cross, dot, minus, unit, whole};
+use geom::{Ray, Triangle};
+use num_bigint::{BigInt, Sign};
+use std::cmp::Ordering;
+
+/// A ray asked of triangles that are scaled by a power of two.
+#[derive(Clone, Copy, Debug)]
+pub struct Line {
+    /// The ray.
+    pub ray: Ray,
+    /// Corners are multiplied by `2^-this`, exactly, before the ray is asked.
+    pub shift: i32,
+}
+
+/// Where a line passes through a triangle: `t = n / d * 2^e`, exactly.
+#[derive(Clone, Debug)]
+pub struct Crossing {
+    n: BigInt,
+    /// Positive.
+    d: BigInt,
+    e: i32,
+}
+
+impl Line {
+    /// Where the line meets the closed triangle, at any `t` of the ray's open
+    /// interval; `None` if nowhere, or if it lies in the triangle's plane.
+    ///
+    /// The ray must be [valid](Ray::is_valid) and the corners finite.
+    #[must_use]
+    pub fn meet(&self, corners: &Triangle) -> Option<Crossing> {
+        let direction_unit = unit(&[self.ray.direction]);
+        let direction = whole(self.ray.direction, direction_unit);
+        let position_unit = unit(corners).min(unit(&[self.ray.origin]) + self.shift);
+        let origin = whole(self.ray.origin, position_unit - self.shift);
+        let [a, b, c] = corners.map(|p| minus(&whole(p, position_unit), &origin));
+        if !passes_within(&direction, [&a, &b, &c]) {
+            return None;
+        }
+        let normal = cross(&minus(&b, &a), &minus(&c, &a));
+        let (mut n, mut d) = (dot(&a, &normal), dot(&direction, &normal));
+        match d.sign() {
+            Sign::NoSign => return None,
+            Sign::Minus => (n, d) = (-n, -d),
+            Sign::Plus => {}
+        }
+        let e = position_unit - self.shift - direction_unit;
+        let crossing = Crossing { n, d, e };
+        let (t_min, t_max) = (self.ray.t_min, self.ray.t_max);
+        let ahead = t_min == f32::NEG_INFINITY || crossing.cmp(&Crossing::at(t_min)).is_gt();
+        let before = t_max == f32::INFINITY || crossing.cmp(&Crossing::at(t_max)).is_lt();
+        (ahead && before).then_some(crossing)
+    }
+}
+
+/// Whether the line from zero along `direction` passes through the closed triangle.
+fn passes_within(direction: &Vector, [a, b, c]: [&Vector; 3]) -> bool {
+    let side = |p: &Vector, q: &Vector| dot(direction, &cross(p, q)).sign();
+    let sides = [side(c, b), side(a, c), side(b, a)];
+    !(sides.contains(&Sign::Plus) && sides.contains(&Sign::Minus))
+}
+
+impl Crossing {
+    /// A given finite `t`.
+    fn at(t: f32) -> Self {
+        let e = unit(&[[t; 3]]);
+        let [n, ..] = whole([t; 3], e);
+        Self {
+            n,
+            d: BigInt::from(1),
+            e,
+        }
+    }
+
+    /// The order along the line of two crossings of it.
+    #[must_use]
+    pub fn cmp(&self, other: &Self) -> Ordering {
+        let (left, right) = (&self.n * &other.d, &other.n * &self.d);
+        let up = (self.e - other.e).unsigned_abs();
+        if self.e >= other.e {
+            (left << up).cmp(&right)
+        } else {
+            left.cmp(&(right << up))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geom::Point;
+    use num_traits::ToPrimitive;
+    use proptest::prelude::*;
+
+    const UNIT: Triangle = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
+
+    fn t_of(c: &Crossing) -> f64 {
+        c.n.to_f64().unwrap() / c.d.to_f64().unwrap() * f64::from(c.e).exp2()
+    }
+
+    fn meet(ray: Ray) -> Option<f64> {
+        let line = Line { ray, shift: 0 };
+        line.meet(&UNIT).as_ref().map(t_of)
+    }
+
+    #[test]
+    fn triangles_are_closed_and_planes_are_missed() {
+        let up = |x, y| Ray::new([x, y, 0.0], [0.0, 0.0, 0.5]);
+        for (x, y) in [(0.0, 0.0), (0.5, 0.5), (1.0, 0.0), (0.0, 0.3)] {
+            assert_eq!(meet(up(x, y)), Some(2.0));
+        }
+        let beyond = f32::from_bits(0.5_f32.to_bits() + 1);
+        assert_eq!(meet(up(0.5, beyond)), None);
+        assert_eq!(meet(up(-f32::from_bits(1), 0.5)), None);
+        assert_eq!(meet(Ray::new([-1.0, 0.1, 1.0], [1.0, 0.0, 0.0])), None);
+    }
+
+    #[test]
+    fn the_interval_is_open() {
+        let within = |t_min, t_max| {
+            let ray = Ray::new([0.1, 0.1, 0.0], [0.0, 0.0, 1.0]);
+            meet(Ray {
+                t_min,
+                t_max,
+                ..ray
+            })
+        };
+        let (below, above) = (1.0_f32.next_down(), 1.0_f32.next_up());
+        assert_eq!(within(below, above), Some(1.0));
+        assert_eq!(within(1.0, above), None);
+        assert_eq!(within(below, 1.0), None);
+        assert_eq!(within(f32::NEG_INFINITY, f32::INFINITY), Some(1.0));
+    }
+
+    #[test]
+    fn a_shift_scales_the_corners() {
+        let ray = Ray::new([0.1, 0.1, 0.0], [0.0, 0.0, 1.0]);
+        for shift in [-149, -3, 0, 2, 120] {
+            let line = Line { ray, shift };
+            let big = UNIT.map(|p| p.map(|x| (f64::from(x) * f64::from(shift).exp2()) as f32));
+            let found = line.meet(&big).map(|c| t_of(&c));
+            // At 2^-149 the corners are the least numbers there are.
+            assert_eq!(found, Some(1.0), "{shift}");
+        }
+    }
+
+    fn point() -> impl Strategy<Value = Point> {
+        [-1e3_f32..1e3, -1e3_f32..1e3, -1e3_f32..1e3]
+    }
+
+    proptest! {
+        #[test]
+        fn crossings_are_where_double_precision_has_them(
+            corners in [point(), point(), point()], origin in point(), w in [0.05_f64..1.0, 0.05..1.0, 0.05..1.0],
+        ) {
+            let sum: f64 = w.iter().sum();
+            let aim: [f64; 3] = std::array::from_fn(|i| (0..3).map(|k| w[k] / sum * f64::from(corners[k][i])).sum());
+            let direction: Point = std::array::from_fn(|i| (aim[i] - f64::from(origin[i])) as f32);
+            let ray = Ray::new(origin, direction);
+            prop_assume!(ray.is_valid());
+            let e = |k: usize| -> [f64; 3] { std::array::from_fn(|i| f64::from(corners[k][i]) - f64::from(corners[0][i])) };
+            let (e1, e2) = (e(1), e(2));
+            let normal: [f64; 3] = std::array::from_fn(|i| e1[(i + 1) % 3] * e2[(i + 2) % 3] - e1[(i + 2) % 3] * e2[(i + 1) % 3]);
+            let slope: f64 = (0..3).map(|i| normal[i] * f64::from(direction[i])).sum();
+            let size = normal.iter().map(|x| x * x).sum::<f64>().sqrt() * direction.map(f64::from).iter().map(|x| x * x).sum::<f64>().sqrt();
+            prop_assume!(slope.abs() > 1e-3 * size);
+            let found = Line { ray, shift: 0 }.meet(&corners).map(|c| t_of(&c));
+            prop_assert!(found.is_some_and(|t| (t - 1.0).abs() < 1e-3), "{found:?}");
+        }
+    }
+}

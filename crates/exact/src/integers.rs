@@ -1,0 +1,75 @@
+//! Floats as whole numbers of a common unit, and vectors of such.
+
+use geom::Point;
+use num_bigint::BigInt;
+
+/// A vector of integers.
+pub(crate) type Vector = [BigInt; 3];
+
+/// `x = m * 2^e`; `None` for zero.
+fn parts(x: f32) -> Option<(i32, i32)> {
+    let bits = x.to_bits() & 0x7fff_ffff;
+    if bits == 0 {
+        return None;
+    }
+    let fraction = (bits & 0x007f_ffff) as i32;
+    let (m, e) = match bits >> 23 {
+        0 => (fraction, -149),
+        field => (fraction | 0x0080_0000, field as i32 - 150),
+    };
+    Some((if x < 0.0 { -m } else { m }, e))
+}
+
+/// The exponent of the largest unit that every one of `points` is made of, as their floats write it.
+pub(crate) fn unit(points: &[Point]) -> i32 {
+    let exponents = points.iter().flatten().filter_map(|&x| parts(x));
+    exponents.map(|(_, e)| e).min().unwrap_or(0)
+}
+
+/// A point in units of `2^unit`, which must be at most [`unit`] of it.
+pub(crate) fn whole(point: Point, unit: i32) -> Vector {
+    point.map(|x| match parts(x) {
+        None => BigInt::ZERO,
+        Some((m, e)) => BigInt::from(m) << (e - unit).unsigned_abs(),
+    })
+}
+
+pub(crate) fn minus(a: &Vector, b: &Vector) -> Vector {
+    std::array::from_fn(|i| &a[i] - &b[i])
+}
+
+pub(crate) fn dot(a: &Vector, b: &Vector) -> BigInt {
+    &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
+}
+
+pub(crate) fn cross(a: &Vector, b: &Vector) -> Vector {
+    std::array::from_fn(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        &a[j] * &b[k] - &a[k] * &b[j]
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn floats_of_every_size_become_whole() {
+        let p = [f32::MAX, -f32::from_bits(1), 0.0];
+        let e = unit(&[p]);
+        assert_eq!(e, -149);
+        let [x, y, z] = whole(p, e);
+        assert_eq!(x, BigInt::from(0x00ff_ffff) << 253_u32);
+        assert_eq!((y, z), (BigInt::from(-1), BigInt::ZERO));
+        assert_eq!(unit(&[[0.0, -0.0, 0.0]]), 0);
+    }
+
+    #[test]
+    fn products_are_those_of_vectors() {
+        let v = |p: [i32; 3]| p.map(BigInt::from);
+        let (a, b) = (v([1, 2, 3]), v([-4, 5, 6]));
+        assert_eq!(cross(&a, &b), v([-3, -18, 13]));
+        assert_eq!(dot(&a, &b), BigInt::from(24));
+        assert_eq!(minus(&a, &b), v([5, -3, -3]));
+    }
+}
