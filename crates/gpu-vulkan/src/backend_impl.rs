@@ -233,6 +233,7 @@ impl VulkanBackend {
             "inner_nodes" => (&tree.inner_nodes).into(),
             "records" => (&tree.triangles).into(),
             "nodes" => (&tree.nodes).into(),
+            "costs" => (&tree.costs).into(),
             "hits" => (&also.trace.expect("a trace").hits).into(),
             "blocked" => (&also.trace.expect("a trace").blocked).into(),
             "rays" => also

@@ -16,6 +16,8 @@ pub(crate) struct TreeBuffers {
     pub(crate) inner_nodes: Buffer,
     pub(crate) triangles: Buffer,
     pub(crate) nodes: Buffer,
+    /// Partial sums of areas: see refit.wgsl.
+    pub(crate) costs: Buffer,
     pub(crate) generation: Generation,
     pub(crate) levels: Vec<Level>,
     /// Where the record's parts begin, in words.
@@ -58,6 +60,7 @@ impl TreeBuffers {
             inner_nodes: device("the list of inner nodes", leaves * 4)?,
             triangles: device("the triangles' records", leaves * 48)?,
             nodes: device("the tree's nodes", nodes * 32)?,
+            costs: device("the tree's areas", shaders::Shape::cost_bytes(leaves))?,
             generation: Generation(0),
             levels: Vec::new(),
             parts: Parts::default(),

@@ -3,7 +3,6 @@
 use crate::adapters::{Options, driver, kind};
 use crate::buffers::Window;
 use crate::device::Gpu;
-use crate::encode::{Groups, Work};
 use crate::faults::layer_messages;
 use crate::frames::Frames;
 use crate::method;
@@ -14,6 +13,7 @@ use crate::scene::SceneBuffers;
 use crate::selftest;
 use crate::snapshots::Snapshots;
 use crate::stages::Also;
+use crate::tally::Tally;
 use crate::traces::Traces;
 use crate::tree::TreeBuffers;
 use backend::{
@@ -22,7 +22,7 @@ use backend::{
 };
 use bvh_layout::Topology;
 use geom::{Animation, Camera, Pose, Ray};
-use shaders::Params;
+use shaders::work;
 use std::sync::Arc;
 
 /// The backend that computes through wgpu.
@@ -40,7 +40,6 @@ pub struct WgpuBackend {
     pub(crate) tree: Option<TreeBuffers>,
     /// Which of the two position buffers is current.
     pub(crate) position: usize,
-    pub(crate) alpha: f32,
     stale: Stale,
     /// Whether the lists of the tree in use are filled.
     expanded: bool,
@@ -104,7 +103,6 @@ impl WgpuBackend {
             scene: None,
             tree: None,
             position: 0,
-            alpha: 0.0,
             stale: Stale::Positions,
             expanded: false,
             pipelines,
@@ -126,6 +124,12 @@ impl WgpuBackend {
             messages.extend(layer_messages());
         }
         messages
+    }
+
+    /// What was asked of wgpu since the backend was opened.
+    #[must_use]
+    pub fn tally(&self) -> Tally {
+        self.gpu.tally.get()
     }
 
     fn submit_recording(&mut self) -> Result<Ticket> {
@@ -194,15 +198,8 @@ impl Backend for WgpuBackend {
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         self.position = self.snapshots.free_position(self.position);
-        self.alpha = pose.alpha;
-        let mut params = self.params();
-        params.count = (self.scene().animation.vertex_count() * 3).div_ceil(4) as u32;
-        let groups = Groups::Linear(params.count);
-        let work = [Work {
-            kernel: "interpolate",
-            params,
-            groups,
-        }];
+        let vertices = self.scene().animation.vertex_count();
+        let work = [work::interpolate(self.params(), vertices, pose.alpha)];
         self.run(Stage::Interpolate, &work, Also::key(pose.key))?;
         self.stale = Stale::Records;
         Ok(())
@@ -211,23 +208,10 @@ impl Backend for WgpuBackend {
     fn preprocess(&mut self) -> Result<()> {
         assert!(self.stale >= Stale::Records, "positions come first");
         assert!(self.tree().generation > Generation(0), "a tree comes first");
-        let mut params = self.params();
-        let mut work = Vec::new();
-        if !self.expanded {
-            let groups = Groups::Linear(params.node_count);
-            work.push(Work {
-                kernel: "expand",
-                params,
-                groups,
-            });
-        }
-        params.count = self.tree().leaf_count;
-        let groups = Groups::Linear(params.count);
-        work.push(Work {
-            kernel: "preprocess",
-            params,
-            groups,
-        });
+        let params = self.params();
+        let expand = (!self.expanded).then(|| work::expand(params));
+        let preprocess = work::preprocess(params, &self.tree().shape);
+        let work: Vec<_> = expand.into_iter().chain([preprocess]).collect();
         self.run(Stage::Preprocess, &work, Also::default())?;
         self.expanded = true;
         self.stale = Stale::Boxes;
@@ -236,27 +220,7 @@ impl Backend for WgpuBackend {
 
     fn refit(&mut self) -> Result<()> {
         assert!(self.stale >= Stale::Boxes, "boxes of leaves come first");
-        let params = self.params();
-        let levels = self
-            .tree()
-            .levels
-            .iter()
-            .rev()
-            .filter(|l| !l.inner.is_empty());
-        let level = |inner: std::ops::Range<u32>| {
-            let (first, count) = (inner.start, inner.len() as u32);
-            let params = Params {
-                first,
-                count,
-                ..params
-            };
-            Work {
-                kernel: "refit",
-                params,
-                groups: Groups::Linear(count),
-            }
-        };
-        let work: Vec<_> = levels.map(|l| level(l.inner.clone())).collect();
+        let work = work::refit(self.params(), &self.tree().shape);
         self.run(Stage::Refit, &work, Also::default())?;
         self.stale = Stale::Fresh;
         Ok(())
@@ -320,6 +284,13 @@ impl Backend for WgpuBackend {
         self.gpu.poll()?;
         let vertices = self.scene().animation.vertex_count();
         self.snapshots.take(&self.gpu, vertices)
+    }
+
+    /// Of buffers that kernels use: an engine's own on a lent device do not count, nor does memory of the host.
+    fn device_bytes(&self) -> Option<u64> {
+        let scene = self.scene.as_ref().map_or(0, SceneBuffers::bytes);
+        let tree = self.tree.as_ref().map_or(0, TreeBuffers::bytes);
+        Some(scene + tree + self.traces.bytes() + self.frames.bytes())
     }
 
     fn inspect(&mut self) -> &mut dyn Inspect {

@@ -43,12 +43,14 @@ pub(crate) fn make(gpu: &Gpu, what: &str, bytes: u64, usage: BufferUsages) -> Re
         usage,
         mapped_at_creation: false,
     };
+    gpu.count(|t| t.buffers += 1);
     gpu.guard(what, size, || gpu.device.create_buffer(&desc))
 }
 
 /// Writes at a byte offset, before all that is submitted later.
 pub(crate) fn write<T: Pod>(gpu: &Gpu, to: &Buffer, at: u64, data: &[T]) -> Result<()> {
     let bytes: &[u8] = bytemuck::cast_slice(data);
+    gpu.count(|t| t.uploads += 1);
     gpu.guard("an upload", bytes.len() as u64, || {
         gpu.queue.write_buffer(to, at, bytes);
     })
@@ -156,7 +158,7 @@ impl Window {
             Some(window) => window,
             None => readback(gpu, "a view for the host", bytes)?,
         };
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let mut encoder = gpu.encoder("a view for the host")?;
         copy(&mut encoder, from, &window, bytes);
         let submission = gpu.submit(encoder)?;
         let mapping = Mapping::ask(gpu, &window)?;

@@ -3,7 +3,9 @@
 use crate::adapters::{choose, describe, enumerate, instance, takes_spirv};
 use crate::faults::Faults;
 use crate::limits::{check, generous, span, useful_features};
+use crate::tally::Tally;
 use backend::{BackendError, Result};
+use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use wgpu::{ErrorFilter, Features, PollType, SubmissionIndex};
@@ -18,6 +20,7 @@ pub(crate) struct Gpu {
     /// Nanoseconds a tick of the device's clock.
     pub(crate) tick_ns: f64,
     pub(crate) faults: Arc<Faults>,
+    pub(crate) tally: Cell<Tally>,
 }
 
 impl Gpu {
@@ -62,6 +65,7 @@ impl Gpu {
             limits,
             features,
             faults: Arc::default(),
+            tally: Cell::default(),
         })
     }
 
@@ -84,6 +88,13 @@ impl Gpu {
 
     pub(crate) fn has_timestamps(&self) -> bool {
         self.features.contains(Features::TIMESTAMP_QUERY)
+    }
+
+    /// Counts a call.
+    pub(crate) fn count(&self, add: impl FnOnce(&mut Tally)) {
+        let mut tally = self.tally.get();
+        add(&mut tally);
+        self.tally.set(tally);
     }
 
     /// Runs `work` and returns the first error that wgpu found in it. `work` must not panic.
@@ -114,8 +125,15 @@ impl Gpu {
         Ok(())
     }
 
+    /// Commands to be recorded.
+    pub(crate) fn encoder(&self, what: &str) -> Result<wgpu::CommandEncoder> {
+        let desc = wgpu::CommandEncoderDescriptor { label: Some(what) };
+        self.guard(what, 0, || self.device.create_command_encoder(&desc))
+    }
+
     /// Submits and says where the work stands in the queue.
     pub(crate) fn submit(&self, encoder: wgpu::CommandEncoder) -> Result<SubmissionIndex> {
+        self.count(|t| t.submissions += 1);
         self.guard("a submission", 0, || self.queue.submit([encoder.finish()]))
     }
 

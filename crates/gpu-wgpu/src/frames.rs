@@ -17,8 +17,16 @@ pub(crate) struct Frames {
     traces: u64,
     /// From the oldest that is remembered to the newest.
     ledger: VecDeque<Entry>,
+    standing: Standing,
+}
+
+/// What holds until a stage runs again.
+#[derive(Clone, Copy, Default)]
+struct Standing {
     /// Inactive and degenerate triangles at the last preprocess.
     counts: (u64, u64),
+    /// Of the last refit.
+    sah_cost: Option<f64>,
 }
 
 struct Entry {
@@ -37,8 +45,13 @@ impl Frames {
             submitted: 0,
             traces: 0,
             ledger: VecDeque::new(),
-            counts: (0, 0),
+            standing: Standing::default(),
         })
+    }
+
+    /// Bytes of device memory.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.slots.iter().map(Slot::bytes).sum()
     }
 
     pub(crate) fn is_recording(&self) -> bool {
@@ -101,10 +114,16 @@ impl Frames {
             }
             let slot = &mut self.slots[(entry.ticket.0 - 1) as usize % SLOTS];
             let mut done = slot.finish(gpu)?;
-            if let Some([inactive, degenerate]) = done.counts {
-                self.counts = (u64::from(inactive) + never_active, u64::from(degenerate));
+            let (standing, found) = (&mut self.standing, done.counts);
+            if done.preprocessed {
+                let inactive = u64::from(found.inactive) + never_active;
+                standing.counts = (inactive, u64::from(found.degenerate));
             }
-            (done.report.inactive, done.report.degenerate) = self.counts;
+            if done.refitted {
+                standing.sah_cost = found.sah_cost();
+            }
+            (done.report.inactive, done.report.degenerate) = standing.counts;
+            done.report.sah_cost = standing.sah_cost;
             entry.report = Some(done.report);
         }
         let found = self.ledger.iter().find(|e| e.ticket == ticket);
@@ -119,7 +138,8 @@ impl Frames {
         }
         self.recording = false;
         self.ledger.clear();
-        self.counts = (0, 0);
+        self.standing = Standing::default();
+        self.slots.iter_mut().for_each(Slot::forget);
         Ok(())
     }
 }

@@ -17,7 +17,7 @@ impl Inspect for WgpuBackend {
         let tree = self.tree.as_ref().expect("a scene was loaded");
         let nodes: Vec<[f32; 8]> =
             self.window
-                .read(&self.gpu, &tree.nodes, tree.node_count as usize)?;
+                .read(&self.gpu, &tree.nodes, tree.shape.node_count as usize)?;
         let unscale = f64::from(scene.scale_exponent).exp2() as f32;
         let point = |p: &[f32]| [p[0] * unscale, p[1] * unscale, p[2] * unscale];
         let unpacked = |n: &[f32; 8]| Aabb {

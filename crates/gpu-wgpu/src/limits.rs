@@ -2,6 +2,7 @@
 
 use backend::{BackendError, Result};
 use geom::Animation;
+use shaders::work::Work;
 use shaders::{KERNELS, Kind, Params};
 use wgpu::{Features, Limits};
 
@@ -108,6 +109,16 @@ pub(crate) fn span(limits: &Limits) -> u64 {
         .max_storage_buffer_binding_size
         .min(limits.max_buffer_size);
     largest.min(u64::from(u32::MAX)) / 16 * 16
+}
+
+/// Workgroups of a dispatch along both axes.
+pub(crate) fn group_counts(work: &Work, limits: &Limits) -> Result<[u32; 2]> {
+    let limit = limits.max_compute_workgroups_per_dimension;
+    work.group_counts(limit).map_err(|e| BackendError::Limit {
+        what: format!("{} (workgroups along one axis)", work.kernel.name),
+        need: u64::from(e.need),
+        limit: u64::from(e.limit),
+    })
 }
 
 /// Distance from one dispatch's parameters to the next one's.

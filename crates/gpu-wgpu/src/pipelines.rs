@@ -25,9 +25,9 @@ impl Pipelines {
         made.map(Self)
     }
 
-    pub(crate) fn get(&self, name: &str) -> &Pipeline {
-        let found = self.0.iter().find(|p| p.kernel.name == name);
-        found.unwrap_or_else(|| panic!("no kernel named {name}"))
+    pub(crate) fn get(&self, kernel: &Kernel) -> &Pipeline {
+        let found = self.0.iter().find(|p| p.kernel.name == kernel.name);
+        found.expect("every kernel has its pipeline")
     }
 }
 

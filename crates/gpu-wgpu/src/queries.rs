@@ -66,6 +66,11 @@ impl Clock {
         })
     }
 
+    /// Bytes of device memory.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.resolved.size()
+    }
+
     /// Records that the timestamps of the first `passes` go to `back`, from byte `at` on.
     pub(crate) fn resolve(
         &self,
@@ -99,6 +104,7 @@ pub(crate) fn times(stages: &[Stage], ticks: &[u64], tick_ns: f64) -> StageTimes
     }
     if let (Some(first), Some(last)) = (marks.first(), marks.last()) {
         times.device_ms = ms(first[0], last[1]);
+        times.begun_ms = Some(ms(0, first[0]));
     }
     times
 }
@@ -116,5 +122,6 @@ mod tests {
         assert_eq!(times.refit_ms, Some(2.0));
         assert_eq!(times.preprocess_ms, None);
         assert!((times.device_ms - 4.0).abs() < 1e-12);
+        assert_eq!(times.begun_ms, Some(0.5));
     }
 }

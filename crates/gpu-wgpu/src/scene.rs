@@ -50,6 +50,12 @@ impl SceneBuffers {
         &self.keys[(key as usize).min(self.keys.len() - 1)]
     }
 
+    /// Bytes of device memory.
+    pub(crate) fn bytes(&self) -> u64 {
+        let all = self.keys.iter().chain(&self.positions);
+        all.map(Buffer::size).sum::<u64>() + self.triangles.size()
+    }
+
     /// Triangles that are inactive in every key frame, and so in no tree.
     pub(crate) fn never_active(&self) -> u64 {
         (self.animation.triangle_count() - self.animation.live_count()) as u64

@@ -2,10 +2,11 @@
 
 use crate::buffers::{Window, make, storage, write};
 use crate::device::Gpu;
-use crate::encode::{Groups, bind};
+use crate::groups::Groups;
+use crate::limits::group_counts;
 use crate::pipelines::Pipelines;
 use backend::{BackendError, Result};
-use shaders::{Params, arithmetic};
+use shaders::{Params, arithmetic, work};
 use wgpu::BufferUsages;
 
 /// Runs the kernel `arithmetic` and refuses the device if one bit is wrong.
@@ -16,21 +17,18 @@ pub(crate) fn run(gpu: &Gpu, pipelines: &Pipelines, window: &mut Window) -> Resu
     let results = storage(gpu, "results", bytes)?;
     let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
     let params = make(gpu, "parameters", size_of::<Params>() as u64, usage)?;
-    let row = Params {
-        count: all.len() as u32,
-        ..Params::default()
-    };
-    write(gpu, &params, 0, &[row])?;
+    let work = work::arithmetic(all.len());
+    write(gpu, &params, 0, &[work.params])?;
     write(gpu, &operands, 0, &all)?;
-    let pipeline = pipelines.get("arithmetic");
+    let pipeline = pipelines.get(work.kernel);
     let find = |name| match name {
+        "params" => &params,
         "operands" => &operands,
         _ => &results,
     };
-    let group = bind(gpu, pipeline, &params, find)?;
-    let limit = gpu.limits.max_compute_workgroups_per_dimension;
-    let [x, y] = Groups::Linear(row.count).count(pipeline.kernel.workgroup[0], limit)?;
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let group = Groups::default().get(gpu, pipeline, find)?;
+    let [x, y] = group_counts(&work, &gpu.limits)?;
+    let mut encoder = gpu.encoder("the test of arithmetic")?;
     gpu.guard("the test of arithmetic", 0, || {
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&pipeline.wgpu);

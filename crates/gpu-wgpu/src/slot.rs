@@ -2,19 +2,19 @@
 
 use crate::buffers::{Mapping, make, readback, storage, unreadable, write};
 use crate::device::Gpu;
-use crate::encode::{Work, bind};
-use crate::limits::params_stride;
+use crate::groups::Groups;
+use crate::limits::{group_counts, params_stride};
 use crate::pipelines::Pipelines;
 use crate::queries::{self, Clock, Stage};
 use backend::{FrameReport, Result, StageTimes};
-use shaders::Params;
+use shaders::work::Work;
+use shaders::{Counts, Params};
 use std::time::Instant;
 use wgpu::{BindGroup, Buffer, BufferUsages, CommandEncoder, SubmissionIndex};
 
 /// Rows of parameters in one buffer; more dispatches take more buffers.
 const ROWS: usize = 64;
-/// Bytes of the counts: inactive, degenerate, hits, blocked.
-const COUNTS: u64 = 16;
+const COUNTS: u64 = size_of::<Counts>() as u64;
 
 /// Used by one submission at a time.
 pub(crate) struct Slot {
@@ -23,6 +23,7 @@ pub(crate) struct Slot {
     /// Counts and timestamps on their way to the host.
     back: Buffer,
     pages: Vec<Buffer>,
+    groups: Groups,
     stride: usize,
     /// Parameters of the recording, as they will lie in the pages.
     rows: Vec<u8>,
@@ -41,8 +42,9 @@ struct Sent {
 /// What a finished submission did.
 pub(crate) struct Done {
     pub(crate) report: FrameReport,
-    /// Inactive and degenerate triangles, if it preprocessed.
-    pub(crate) counts: Option<[u32; 2]>,
+    pub(crate) counts: Counts,
+    pub(crate) preprocessed: bool,
+    pub(crate) refitted: bool,
 }
 
 impl Slot {
@@ -52,6 +54,7 @@ impl Slot {
             clock: Clock::new(gpu)?,
             back: readback(gpu, "a report", COUNTS + queries::BYTES)?,
             pages: Vec::new(),
+            groups: Groups::default(),
             stride: params_stride(&gpu.limits) as usize,
             rows: Vec::new(),
             encoder: None,
@@ -61,20 +64,31 @@ impl Slot {
         })
     }
 
+    /// Bytes of device memory.
+    pub(crate) fn bytes(&self) -> u64 {
+        let clock = self.clock.as_ref().map_or(0, Clock::bytes);
+        let pages = self.pages.iter().map(Buffer::size).sum::<u64>();
+        self.counts.size() + pages + clock
+    }
+
+    /// Lets go of the buffers of a scene.
+    pub(crate) fn forget(&mut self) {
+        self.groups.clear();
+        self.encoder = None;
+    }
+
     /// Starts a new recording. The slot's last submission must have been reported.
     pub(crate) fn begin(&mut self, gpu: &Gpu) -> Result<()> {
         assert!(self.sent.is_none(), "a slot holds one submission at a time");
+        self.groups.refresh(gpu);
         self.rows.clear();
         self.stages.clear();
         self.readback_bytes = 0;
-        let desc = wgpu::CommandEncoderDescriptor {
-            label: Some("a frame"),
-        };
-        self.encoder = Some(gpu.guard("recording", 0, || {
-            let mut encoder = gpu.device.create_command_encoder(&desc);
+        let mut encoder = gpu.encoder("a frame")?;
+        gpu.guard("recording", 0, || {
             encoder.clear_buffer(&self.counts, 0, None);
-            encoder
-        })?);
+        })?;
+        self.encoder = Some(encoder);
         Ok(())
     }
 
@@ -91,12 +105,9 @@ impl Slot {
         work.iter().for_each(|w| self.push(&w.params));
         self.make_pages(gpu)?;
         let bound = self.bind_all(gpu, pipelines, first, work, find)?;
-        let limit = gpu.limits.max_compute_workgroups_per_dimension;
-        let mut groups = Vec::with_capacity(work.len());
-        for w in work {
-            let workgroup = pipelines.get(w.kernel).kernel.workgroup[0];
-            groups.push(w.groups.count(workgroup, limit)?);
-        }
+        let groups = work.iter().map(|w| group_counts(w, &gpu.limits));
+        let groups = groups.collect::<Result<Vec<_>>>()?;
+        gpu.count(|t| (t.passes, t.dispatches) = (t.passes + 1, t.dispatches + work.len() as u64));
         let encoder = self.encoder.as_mut().expect("a recording was begun");
         let desc = wgpu::ComputePassDescriptor {
             label: Some(stage.name()),
@@ -135,7 +146,7 @@ impl Slot {
 
     /// A group and an offset for each piece of work; neighbours that differ in the offset alone share a group.
     fn bind_all<'a>(
-        &self,
+        &mut self,
         gpu: &Gpu,
         pipelines: &Pipelines,
         first: usize,
@@ -145,18 +156,18 @@ impl Slot {
         let mut bound: Vec<(BindGroup, u32)> = Vec::with_capacity(work.len());
         for (i, w) in work.iter().enumerate() {
             let (page, row) = ((first + i) / ROWS, (first + i) % ROWS);
-            let shared = i > 0 && row > 0 && work[i - 1].kernel == w.kernel;
+            let shared = i > 0 && row > 0 && work[i - 1].kernel.name == w.kernel.name;
             let group = match bound.last().filter(|_| shared) {
                 Some((group, _)) => group.clone(),
-                None => bind(
-                    gpu,
-                    pipelines.get(w.kernel),
-                    &self.pages[page],
-                    |name| match name {
-                        "counts" => &self.counts,
+                None => {
+                    let (params, counts) = (&self.pages[page], &self.counts);
+                    let pipeline = pipelines.get(w.kernel);
+                    self.groups.get(gpu, pipeline, |name| match name {
+                        "params" => params,
+                        "counts" => counts,
                         other => find(other),
-                    },
-                )?,
+                    })?
+                }
             };
             bound.push((group, (row * self.stride) as u32));
         }
@@ -198,8 +209,9 @@ impl Slot {
         let wall_ms = sent.at.elapsed().as_secs_f64() * 1e3;
         sent.mapping.expect(gpu)?;
         let view = self.back.get_mapped_range(..).map_err(unreadable)?;
-        let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&view[..COUNTS as usize]);
-        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(&view[COUNTS as usize..]);
+        let (counts, ticks) = view.split_at(COUNTS as usize);
+        let counts: Counts = bytemuck::pod_read_unaligned(counts);
+        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(ticks);
         drop(view);
         self.back.unmap();
         let times = match &self.clock {
@@ -211,13 +223,16 @@ impl Slot {
         };
         let report = FrameReport {
             times,
-            hits: u64::from(counts[2]),
-            blocked: u64::from(counts[3]),
+            hits: u64::from(counts.hits),
+            blocked: u64::from(counts.blocked),
             readback_bytes: self.readback_bytes,
             ..FrameReport::default()
         };
-        let preprocessed = self.stages.contains(&Stage::Preprocess);
-        let counts = preprocessed.then_some([counts[0], counts[1]]);
-        Ok(Done { report, counts })
+        Ok(Done {
+            report,
+            counts,
+            preprocessed: self.stages.contains(&Stage::Preprocess),
+            refitted: self.stages.contains(&Stage::Refit),
+        })
     }
 }

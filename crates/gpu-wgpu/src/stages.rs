@@ -1,27 +1,15 @@
 //! Stages as work for the device: which kernels, over what, bound to which buffers.
 
 use crate::WgpuBackend;
-use crate::encode::{Groups, Work};
 use crate::queries::Stage;
 use crate::traces::Trace;
 use backend::{Query, Rays, Result, Seek};
-use geom::{Camera, Point};
 use shaders::Params;
+use shaders::work::{self, Work};
 
 impl WgpuBackend {
     pub(crate) fn params(&self) -> Params {
-        let tree = self.tree();
-        let k = self.scene().scale_exponent;
-        Params {
-            alpha: self.alpha,
-            scale: f32::from_bits(((127 - k) as u32) << 23),
-            scale_exponent: k,
-            leaf_bits_at: tree.parts.leaf_bits,
-            leaf_ranks_at: tree.parts.leaf_ranks,
-            leaf_triangles_at: tree.parts.leaf_triangles,
-            node_count: tree.node_count,
-            ..Params::default()
-        }
+        Params::of(self.scene().scale_exponent, &self.tree().shape)
     }
 
     /// Records a stage; buffers are found by their names in the kernels.
@@ -40,6 +28,7 @@ impl WgpuBackend {
             "inner_nodes" => &tree.inner_nodes,
             "records" => &tree.triangles,
             "nodes" => &tree.nodes,
+            "costs" => &tree.costs,
             "hits" => &trace().hits,
             "blocked" => &trace().blocked,
             "rays" => trace().rays.as_ref().expect("given rays"),
@@ -49,51 +38,32 @@ impl WgpuBackend {
         slot.record(&self.gpu, &self.pipelines, stage, work, find)
     }
 
-    fn primary(&mut self, query: &Query<'_>, trace: &Trace) -> Result<()> {
-        let mut params = self.params();
-        params.count = trace.count as u32;
-        let (kernel, groups) = match (query.rays, query.seek) {
-            (Rays::List(_), Seek::Any) => ("any_rays", Groups::Linear(params.count)),
-            (Rays::List(_), _) => ("trace_rays", Groups::Linear(params.count)),
-            (Rays::Camera(camera), _) => ("trace_camera", set_camera(&mut params, camera)),
-        };
-        let work = [Work {
-            kernel,
-            params,
-            groups,
-        }];
-        self.run(Stage::TracePrimary, &work, Also::trace(trace))
-    }
-
-    fn shadow(&mut self, query: &Query<'_>, light: Point, trace: &Trace) -> Result<()> {
-        let mut params = self.params();
-        params.light = light;
-        params.count = trace.count as u32;
-        let (kernel, groups) = match query.rays {
-            Rays::List(_) => ("shadow_rays", Groups::Linear(params.count)),
-            Rays::Camera(camera) => ("shadow_camera", set_camera(&mut params, camera)),
-        };
-        let work = [Work {
-            kernel,
-            params,
-            groups,
-        }];
-        self.run(Stage::TraceShadow, &work, Also::trace(trace))
-    }
-
     pub(crate) fn trace_stages(&mut self, query: &Query<'_>, trace: &Trace) -> Result<()> {
         let light = match query.seek {
             Seek::ClosestAndShadow { light } => Some(light),
             Seek::Closest | Seek::Any => None,
         };
-        if self.tree().leaf_count == 0 {
+        let (mut primary, mut shadow) = (None, None);
+        if self.tree().shape.leaf_count == 0 {
             trace.fill_misses(&self.gpu)?;
-            let also = Also::default();
-            self.run(Stage::TracePrimary, &[], also)?;
-            return light.map_or(Ok(()), |_| self.run(Stage::TraceShadow, &[], also));
+        } else {
+            let (params, count) = (self.params(), trace.count as u32);
+            let rays = match query.rays {
+                Rays::List(_) => work::Rays::Given(count),
+                Rays::Camera(camera) => work::Rays::Camera(camera),
+            };
+            primary = Some(match query.seek {
+                Seek::Any => work::any(params, count),
+                Seek::Closest | Seek::ClosestAndShadow { .. } => work::closest(params, rays),
+            });
+            shadow = light.map(|light| work::shadow(params, rays, light));
         }
-        self.primary(query, trace)?;
-        light.map_or(Ok(()), |light| self.shadow(query, light, trace))
+        let also = Also::trace(trace);
+        self.run(Stage::TracePrimary, primary.as_slice(), also)?;
+        match light {
+            Some(_) => self.run(Stage::TraceShadow, shadow.as_slice(), also),
+            None => Ok(()),
+        }
     }
 }
 
@@ -117,14 +87,4 @@ impl<'a> Also<'a> {
             key: 0,
         }
     }
-}
-
-fn set_camera(params: &mut Params, camera: &Camera) -> Groups {
-    params.eye = camera.eye;
-    params.corner = camera.corner;
-    params.across = camera.across;
-    params.down = camera.down;
-    params.width = camera.width;
-    params.height = camera.height;
-    Groups::Pixels(camera.width, camera.height)
 }

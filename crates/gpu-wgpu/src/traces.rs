@@ -64,6 +64,15 @@ impl Traces {
         traced
     }
 
+    /// Bytes of device memory.
+    pub(crate) fn bytes(&self) -> u64 {
+        let each = |t: &Trace| {
+            let rays = t.rays.as_ref().map_or(0, Buffer::size);
+            t.hits.size() + t.blocked.size() + rays
+        };
+        self.kept.iter().chain(&self.pending).map(each).sum()
+    }
+
     /// What a submission found.
     ///
     /// # Panics

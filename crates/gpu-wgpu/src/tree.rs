@@ -3,8 +3,9 @@
 use crate::buffers::{storage, write};
 use crate::device::Gpu;
 use backend::{Generation, Result, check_tree};
-use bvh_layout::{Level, Topology};
+use bvh_layout::Topology;
 use geom::Animation;
+use shaders::Shape;
 use std::sync::Arc;
 use wgpu::Buffer;
 
@@ -16,20 +17,11 @@ pub(crate) struct TreeBuffers {
     pub(crate) inner_nodes: Buffer,
     pub(crate) triangles: Buffer,
     pub(crate) nodes: Buffer,
+    /// Partial sums of areas: see refit.wgsl.
+    pub(crate) costs: Buffer,
     pub(crate) generation: Generation,
-    pub(crate) levels: Vec<Level>,
-    /// Where the record's parts begin, in words.
-    pub(crate) parts: Parts,
-    pub(crate) leaf_count: u32,
-    pub(crate) node_count: u32,
+    pub(crate) shape: Shape,
     animation: Arc<Animation>,
-}
-
-#[derive(Clone, Copy, Default)]
-pub(crate) struct Parts {
-    pub(crate) leaf_bits: u32,
-    pub(crate) leaf_ranks: u32,
-    pub(crate) leaf_triangles: u32,
 }
 
 impl TreeBuffers {
@@ -46,11 +38,9 @@ impl TreeBuffers {
             inner_nodes: storage(gpu, "the list of inner nodes", leaves * 4)?,
             triangles: storage(gpu, "the triangles' records", leaves * 48)?,
             nodes: storage(gpu, "the tree's nodes", nodes * 32)?,
+            costs: storage(gpu, "the tree's areas", Shape::cost_bytes(leaves))?,
             generation: Generation(0),
-            levels: Vec::new(),
-            parts: Parts::default(),
-            leaf_count: 0,
-            node_count: 0,
+            shape: Shape::default(),
             animation: Arc::clone(animation),
         })
     }
@@ -83,22 +73,16 @@ impl TreeBuffers {
         self.records_of[spare] = Some(record);
         self.current = spare;
         self.generation = generation;
-        self.leaf_count = tree.leaf_count() as u32;
-        self.node_count = tree.node_count() as u32;
-        self.levels = tree.levels().collect();
-        self.parts = Parts::of(tree);
+        self.shape = Shape::of(tree);
         Ok(())
     }
-}
 
-impl Parts {
-    fn of(tree: &Topology) -> Self {
-        let bits = Topology::HEADER_WORDS + tree.level_count();
-        let words = tree.leaf_bits().len();
-        Self {
-            leaf_bits: bits as u32,
-            leaf_ranks: (bits + words) as u32,
-            leaf_triangles: (bits + 2 * words) as u32,
-        }
+    /// Bytes of device memory.
+    pub(crate) fn bytes(&self) -> u64 {
+        let lists = [&self.leaf_nodes, &self.inner_nodes, &self.triangles];
+        let all = lists.into_iter().chain([&self.nodes, &self.costs]);
+        all.chain(self.records_of.iter().flatten())
+            .map(Buffer::size)
+            .sum()
     }
 }

@@ -4,11 +4,29 @@
 //! multiplication is decorated NoContraction, for those who can load it, and as
 //! WGSL whose arithmetic a compiler cannot see through, for those who cannot.
 //! Both give the bits that `cpu-ref` gives.
+//!
+//! What any host of these kernels needs stands here too, so that no two hosts
+//! can differ in it:
+//!
+//! - [`Shape`]: where the parts of a tree's record begin, its levels, the room that `costs` needs;
+//! - [`Params::of`]: the parameters that scene and tree decide;
+//! - [`work`]: each stage as a list of [`work::Work`], a kernel with its
+//!   parameters and its number of workgroups. The host binds buffers by the
+//!   names in [`Kernel::bindings`], dispatches [`work::Work::group_counts`], and puts a
+//!   barrier after each;
+//! - [`Counts`]: the buffer `counts`, cleared before the first stage and read back after the last.
+//!
+//! `gpu-wgpu` is written so. `gpu-vulkan` can be: its `tree.rs` holds a `Shape`
+//! for its own parts and levels, its `params` is `Params::of`, its stages run
+//! the lists of `work`, and its `Groups` goes.
 
 pub mod arithmetic;
 mod params;
+mod shape;
+pub mod work;
 
-pub use params::Params;
+pub use params::{Counts, Params};
+pub use shape::Shape;
 
 /// A compute kernel.
 #[derive(Clone, Copy, Debug)]

@@ -1,8 +1,21 @@
-//! use params
-// Boxes of one level's inner nodes from those of their children.
+//! use params area
+// Boxes of one level's inner nodes from those of their children, and the areas of those children.
+//
+// What a tree costs (surface area heuristic) is the sum of all nodes' areas
+// over the root's. Whoever computes a node's box has its children's at hand, so
+// each workgroup adds up the half areas of the children it read, and writes one
+// partial sum: no atomics, and the same bits each time. Every level is a
+// dispatch, and its workgroups write to
+//
+//     costs[params.first_group + number of the workgroup in its dispatch]
+//
+// where first_group counts the workgroups of the levels dispatched before. So
+// costs holds one f32 for each workgroup of all levels, without gaps, and after
+// the last level `sum_costs` adds them up.
 
 @group(0) @binding(1) var<storage, read> inner_nodes: array<u32>;
 @group(0) @binding(2) var<storage, read_write> nodes: array<vec4<u32>>;
+@group(0) @binding(3) var<storage, read_write> costs: array<f32>;
 
 fn box_min(a: vec4<u32>, b: vec4<u32>) -> vec3<u32> {
     return bitcast<vec3<u32>>(min(bitcast<vec3<f32>>(a.xyz), bitcast<vec3<f32>>(b.xyz)));
@@ -12,14 +25,31 @@ fn box_max(a: vec4<u32>, b: vec4<u32>) -> vec3<u32> {
     return bitcast<vec3<u32>>(max(bitcast<vec3<f32>>(a.xyz), bitcast<vec3<f32>>(b.xyz)));
 }
 
-@compute @workgroup_size(128)
-fn refit(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let i = element(id, groups, 128u);
-    if i >= params.count { return; }
-    let inner = params.first + i;
+// Writes the box of one inner node and returns the half areas of both children.
+fn refit_node(inner: u32) -> f32 {
     let node = inner_nodes[inner];
     let child = 2u * inner + 1u;
     let at = 2u * child;
-    nodes[2u * node] = vec4<u32>(box_min(nodes[at], nodes[at + 2u]), child);
-    nodes[2u * node + 1u] = vec4<u32>(box_max(nodes[at + 1u], nodes[at + 3u]), 0u);
+    let left_low = nodes[at];
+    let left_high = nodes[at + 1u];
+    let right_low = nodes[at + 2u];
+    let right_high = nodes[at + 3u];
+    nodes[2u * node] = vec4<u32>(box_min(left_low, right_low), child);
+    nodes[2u * node + 1u] = vec4<u32>(box_max(left_high, right_high), 0u);
+    return half_area(left_low, left_high) + half_area(right_low, right_high);
+}
+
+@compute @workgroup_size(128)
+fn refit(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let i = element(id, groups, 128u);
+    var area = 0.0;
+    if i < params.count { area = refit_node(params.first + i); }
+    let sum = sum_of_group(local, area);
+    // Of a dispatch in rows, the last workgroups may have no node.
+    if local == 0u && i < params.count { costs[params.first_group + group.x + group.y * groups.x] = sum; }
 }

@@ -172,6 +172,35 @@ pub(crate) fn stages_are_timed() -> Result<(), Failed> {
     Ok(())
 }
 
+pub(crate) fn submissions_share_one_clock() -> Result<(), Failed> {
+    let animation = swarm(500);
+    let mut backend = WgpuBackend::new(&Options::default())?;
+    open(&mut backend, &animation)?;
+    let timed = gpu_wgpu::adapters()?.iter().any(|a| a.has_timestamps);
+    let (mut tickets, begun) = (Vec::new(), Instant::now());
+    for _ in 0..3 {
+        stand(&mut backend, &animation, 0.5)?;
+        tickets.push(go(&mut backend, Rays::Camera(&camera()), SHADOWED)?);
+    }
+    let mut before: Option<f64> = None;
+    for ticket in &tickets {
+        let times = backend.wait(*ticket)?.times;
+        assert_eq!(times.begun_ms.is_some(), timed, "{times:?}");
+        if let (Some(begun), Some(before)) = (times.begun_ms, before) {
+            assert!(begun >= before, "a frame begins after the one before it");
+        }
+        before = times.begun_ms.map(|at| at + times.device_ms);
+    }
+    let wall_ms = begun.elapsed().as_secs_f64() * 1e3;
+    let last = backend.wait(tickets[2])?.times.begun_ms;
+    let span = last.zip(backend.wait(tickets[0])?.times.begun_ms);
+    assert!(span.is_none_or(|(b, a)| b - a <= wall_ms), "milliseconds");
+    // Nothing ran, so nothing began.
+    let ticket = backend.submit()?;
+    assert_eq!(backend.wait(ticket)?.times.begun_ms, None);
+    Ok(())
+}
+
 pub(crate) fn a_whole_life_leaves_no_validation_message() -> Result<(), Failed> {
     for checked in [false, true] {
         let options = Options {

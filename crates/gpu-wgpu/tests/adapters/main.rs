@@ -2,9 +2,11 @@
 //!
 //! Where there is none, trials show as ignored, with the reason.
 
+mod cost;
 mod lent;
 mod life;
 mod scenes;
+mod tally;
 mod twins;
 
 use libtest_mimic::{Arguments, Failed, Trial};
@@ -12,6 +14,30 @@ use libtest_mimic::{Arguments, Failed, Trial};
 type Body = fn() -> Result<(), Failed>;
 
 const TRIALS: &[(&str, Body)] = &[
+    (
+        "refit_measures_what_the_tree_costs",
+        cost::refit_measures_what_the_tree_costs,
+    ),
+    (
+        "a_cost_stands_until_the_next_refit",
+        cost::a_cost_stands_until_the_next_refit,
+    ),
+    (
+        "a_steady_frame_makes_no_buffer_and_no_bind_group",
+        tally::a_steady_frame_makes_no_buffer_and_no_bind_group,
+    ),
+    (
+        "device_memory_is_counted_and_given_back",
+        tally::device_memory_is_counted_and_given_back,
+    ),
+    (
+        "any_hit_of_camera_rays_is_that_of_the_rays_one_by_one",
+        twins::any_hit_of_camera_rays_is_that_of_the_rays_one_by_one,
+    ),
+    (
+        "submissions_share_one_clock",
+        life::submissions_share_one_clock,
+    ),
     (
         "every_variant_answers_as_its_twins_do",
         twins::every_variant_answers_as_its_twins_do,

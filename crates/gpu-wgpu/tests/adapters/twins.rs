@@ -9,7 +9,7 @@ use gpu_wgpu::{Options, WgpuBackend};
 use libtest_mimic::Failed;
 use std::sync::Arc;
 
-fn variants() -> [(&'static str, Options); 3] {
+pub(crate) fn variants() -> [(&'static str, Options); 3] {
     let plain = Options::default();
     let wgsl = Options {
         force_wgsl: true,
@@ -80,6 +80,28 @@ pub(crate) fn every_variant_answers_as_its_twins_do() -> Result<(), Failed> {
                 "{name} differs from the host at {time}, query {i}"
             );
         }
+    }
+    Ok(())
+}
+
+pub(crate) fn any_hit_of_camera_rays_is_that_of_the_rays_one_by_one() -> Result<(), Failed> {
+    let (animation, camera) = (swarm(600), camera());
+    let row = |y| (0..camera.width).map(move |x| camera.ray(x, y));
+    let list: Vec<_> = (0..camera.height).flat_map(row).collect();
+    for (name, options) in variants() {
+        let mut backend = WgpuBackend::new(&options)?;
+        open(&mut backend, &animation)?;
+        let ask =
+            |backend: &mut WgpuBackend, rays| answers(backend, &animation, 0.8, rays, Seek::Any);
+        let found = ask(&mut backend, Rays::Camera(&camera))?;
+        assert!(found == ask(&mut backend, Rays::List(&list))?, "{name}");
+        let all = camera.pixels() as u64;
+        assert!(found.shadows.len() as u64 == all && found.hits.is_empty());
+        assert!(
+            found.counts[0] > 100 && found.counts[0] < all,
+            "{:?}",
+            found.counts
+        );
     }
     Ok(())
 }

@@ -7,7 +7,8 @@ struct Params {
     corner: vec3<f32>,
     height: u32,
     across: vec3<f32>,
-    ray_count: u32,
+    // Workgroups of the levels that refit did before this one.
+    first_group: u32,
     down: vec3<f32>,
     // Weight of the later key frame.
     alpha: f32,

@@ -1,0 +1,94 @@
+//! What a frame asks of wgpu, in counts that are the same on every machine.
+
+use crate::scenes::{SHADOWED, camera, go, open, stand, swarm, tree_at};
+use backend::{Backend, Generation, Method, Rays};
+use gpu_wgpu::{Options, Tally, WgpuBackend};
+use libtest_mimic::Failed;
+
+/// One frame as the program renders it: positions go back every third time.
+fn frame(backend: &mut WgpuBackend, animation: &geom::Animation, i: u32) -> Result<Tally, Failed> {
+    let before = backend.tally();
+    stand(backend, animation, 0.03 * f64::from(i % 20))?;
+    if i.is_multiple_of(3) {
+        backend.request_positions()?;
+    }
+    let ticket = go(backend, Rays::Camera(&camera()), SHADOWED)?;
+    let spent = backend.tally() - before;
+    backend.wait(ticket)?;
+    while i.is_multiple_of(3) && backend.take_positions()?.is_none() {
+        std::thread::yield_now();
+    }
+    Ok(spent)
+}
+
+pub(crate) fn a_steady_frame_makes_no_buffer_and_no_bind_group() -> Result<(), Failed> {
+    let animation = swarm(3000);
+    let mut backend = WgpuBackend::new(&Options::default())?;
+    open(&mut backend, &animation)?;
+    // Both places of a record, all slots, all buffers for traces and positions.
+    let mut generation = 1;
+    for i in 0..24 {
+        if i % 8 == 7 {
+            generation += 1;
+            backend.adopt(&tree_at(&animation, 0.0), Generation(generation))?;
+        }
+        frame(&mut backend, &animation, i)?;
+    }
+    let levels = tree_at(&animation, 0.0)
+        .levels()
+        .filter(|l| !l.inner.is_empty())
+        .count() as u64;
+    let expected = Tally {
+        buffers: 0,
+        bind_groups: 0,
+        uploads: 1,
+        passes: 5,
+        // interpolate, preprocess, a level each, their sum, trace, shadows
+        dispatches: 2 + levels + 1 + 2,
+        submissions: 1,
+    };
+    for i in 24..48 {
+        assert_eq!(frame(&mut backend, &animation, i)?, expected, "frame {i}");
+    }
+    // A new tree costs its upload and one dispatch, no more.
+    let before = backend.tally();
+    backend.adopt(&tree_at(&animation, 0.3), Generation(generation + 1))?;
+    assert_eq!((backend.tally() - before).uploads, 1);
+    let levels = tree_at(&animation, 0.3)
+        .levels()
+        .filter(|l| !l.inner.is_empty())
+        .count() as u64;
+    let spent = frame(&mut backend, &animation, 48)?;
+    assert_eq!(spent.dispatches, 3 + levels + 1 + 2);
+    assert_eq!((spent.buffers, spent.submissions), (0, 1));
+    Ok(())
+}
+
+pub(crate) fn device_memory_is_counted_and_given_back() -> Result<(), Failed> {
+    let (large, small) = (swarm(20_000), swarm(20));
+    let mut backend = WgpuBackend::new(&Options::default())?;
+    let mut bytes = |animation| -> Result<u64, Failed> {
+        backend.load(std::sync::Arc::clone(animation), Method::default())?;
+        backend.device_bytes().ok_or_else(|| "it knows".into())
+    };
+    let [before, with] = [bytes(&small)?, bytes(&large)?];
+    // Three keys and two positions of 36 bytes, corners, records, nodes, lists.
+    let least = 20_000 * (5 * 36 + 12) + large.live_count() as u64 * (48 + 64 + 8);
+    assert!(
+        with > least && with < least + least / 10,
+        "{with} of {least}"
+    );
+    assert!(before < 1 << 20);
+    assert_eq!(bytes(&small)?, before);
+    open(&mut backend, &small)?;
+    stand(&mut backend, &small, 0.5)?;
+    let without = backend.device_bytes();
+    go(&mut backend, Rays::Camera(&camera()), SHADOWED)?;
+    let rays = camera().pixels() as u64;
+    let grown = backend.device_bytes().zip(without).map(|(a, b)| a - b);
+    assert!(
+        grown.is_some_and(|g| g >= 20 * rays && g < 20 * rays + 64),
+        "{grown:?}"
+    );
+    Ok(())
+}
