@@ -17,6 +17,7 @@ mod source;
 
 pub use demo::{DEMOS, MAX_DEMO_TRIANGLES};
 pub use error::{Place, SceneError};
+pub use ply::write_ply;
 use std::path::PathBuf;
 use std::sync::Arc;
 

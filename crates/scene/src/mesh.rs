@@ -35,6 +35,8 @@ pub(crate) enum Paint {
     None,
     /// One sRGB colour for each of the file's vertices.
     Vertices(Vec<Rgb>),
+    /// One sRGB colour for each face.
+    Faces(Vec<Rgb>),
     /// Materials by name, from libraries beside the file.
     Materials {
         /// Files that define them.

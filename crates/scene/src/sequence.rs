@@ -96,6 +96,10 @@ fn colours(path: &Path, topology: &Topology, paint: Paint, notes: &mut Vec<Strin
             .triangles()
             .map(|(_, corners)| mean(corners.map(|v| colours[v as usize])))
             .collect(),
+        Paint::Faces(colours) => topology
+            .triangles()
+            .map(|(face, _)| colours[face])
+            .collect(),
         Paint::Materials { libraries, uses } => {
             let faces = obj::paint(path, &libraries, &uses, topology.faces().count(), notes);
             topology.triangles().map(|(face, _)| faces[face]).collect()

@@ -5,6 +5,7 @@
 
 mod element;
 mod plain;
+mod write;
 
 use crate::mesh::{Mesh, Paint, Topology, compact};
 use crate::{Place, Rgb, SceneError};
@@ -15,6 +16,7 @@ use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
 use std::fmt::Display;
 use std::fs;
 use std::path::Path;
+pub use write::write_ply;
 
 /// Reads one file.
 pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
@@ -39,6 +41,7 @@ struct File<'a> {
     line: usize,
     points: Vec<Point>,
     colours: Vec<Rgb>,
+    face_colours: Vec<Rgb>,
     topology: Topology,
 }
 
@@ -77,6 +80,7 @@ impl<'a> File<'a> {
             line,
             points,
             colours,
+            face_colours: Vec::new(),
             topology: Topology::default(),
         };
         file.check_header()?;
@@ -193,7 +197,12 @@ impl<'a> File<'a> {
                 }
             }
             "face" => match element.corners {
-                Some(corners) if corners.len() >= 3 => self.topology.push(corners),
+                Some(corners) if corners.len() >= 3 => {
+                    self.topology.push(corners);
+                    if element.colour_parts == 0b111 {
+                        self.face_colours.push(element.colour);
+                    }
+                }
                 Some(corners) => {
                     let cause = format!(
                         "a face of {} vertices, where 3 or more are expected",
@@ -233,6 +242,8 @@ impl<'a> File<'a> {
         }
         let paint = if self.colours.len() == vertices {
             Paint::Vertices(self.colours)
+        } else if self.face_colours.len() == self.topology.faces().count() {
+            Paint::Faces(self.face_colours)
         } else {
             Paint::None
         };
