@@ -3,6 +3,7 @@
 use crate::integers::{Vector, cross, dot, minus, unit, whole};
 use geom::{Ray, Triangle};
 use num_bigint::{BigInt, Sign};
+use num_traits::ToPrimitive;
 use std::cmp::Ordering;
 
 /// A ray asked of triangles that are scaled by a power of two.
@@ -48,8 +49,8 @@ impl Line {
         let e = position_unit - self.shift - direction_unit;
         let crossing = Crossing { n, d, e };
         let (t_min, t_max) = (self.ray.t_min, self.ray.t_max);
-        let ahead = t_min == f32::NEG_INFINITY || crossing.cmp(&Crossing::at(t_min)).is_gt();
-        let before = t_max == f32::INFINITY || crossing.cmp(&Crossing::at(t_max)).is_lt();
+        let ahead = t_min == f32::NEG_INFINITY || crossing.order(&Crossing::at(t_min)).is_gt();
+        let before = t_max == f32::INFINITY || crossing.order(&Crossing::at(t_max)).is_lt();
         (ahead && before).then_some(crossing)
     }
 }
@@ -73,9 +74,22 @@ impl Crossing {
         }
     }
 
+    /// `t`, within one unit in its last place; infinite where it is too large.
+    #[must_use]
+    pub fn t(&self) -> f32 {
+        let up = 64 + self.d.bits() as i64 - self.n.bits() as i64;
+        let down = up.min(0).unsigned_abs();
+        let quotient = (&self.n << up.max(0).unsigned_abs()) / (&self.d << down);
+        // 64 or 65 bits, of which a double keeps 53 and a float 24.
+        let bits = quotient.to_f64().unwrap_or(f64::INFINITY);
+        let e = i64::from(self.e) - up;
+        let half = e / 2;
+        (bits * (half as f64).exp2() * ((e - half) as f64).exp2()) as f32
+    }
+
     /// The order along the line of two crossings of it.
     #[must_use]
-    pub fn cmp(&self, other: &Self) -> Ordering {
+    pub fn order(&self, other: &Self) -> Ordering {
         let (left, right) = (&self.n * &other.d, &other.n * &self.d);
         let up = (self.e - other.e).unsigned_abs();
         if self.e >= other.e {
@@ -90,13 +104,18 @@ impl Crossing {
 mod tests {
     use super::*;
     use geom::Point;
-    use num_traits::ToPrimitive;
     use proptest::prelude::*;
 
     const UNIT: Triangle = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
 
     fn t_of(c: &Crossing) -> f64 {
-        c.n.to_f64().unwrap() / c.d.to_f64().unwrap() * f64::from(c.e).exp2()
+        let t = c.n.to_f64().unwrap() / c.d.to_f64().unwrap() * f64::from(c.e).exp2();
+        assert!(
+            (t - f64::from(c.t())).abs() <= 1e-7 * t.abs(),
+            "{t} {}",
+            c.t()
+        );
+        t
     }
 
     fn meet(ray: Ray) -> Option<f64> {
