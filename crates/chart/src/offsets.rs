@@ -1,0 +1,220 @@
+//! Companions over the mesh's offset from the origin: leaks and double hits.
+
+use crate::axes::{Axis, Plot, Room, axes, heading};
+use crate::data::{Leaks, Point, known};
+use crate::error::Result;
+use crate::label;
+use crate::look::{Fill, Look, Looks};
+use crate::mark::{Font, GREY, Place, Rect, Sheet, line, mark, text};
+use crate::place::{Ground, Wish};
+use crate::rate::Rate;
+use crate::scale::Scale;
+use crate::text::{clean, number, short_count};
+
+/// Edge-aimed rays that faults are counted per.
+const PER: f64 = 1e9;
+/// Half the width of a mark.
+const SMALL: i32 = 6;
+
+/// What to count of the rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Fault {
+    Leak,
+    DoubleHit,
+}
+
+/// One kind of fault over offsets, a curve each method.
+pub(crate) struct Offsets {
+    fault: Fault,
+    offsets: Vec<f64>,
+    curves: Vec<Curve>,
+    /// Least rays of any measurement.
+    rays: u64,
+}
+
+struct Curve {
+    backend: String,
+    look: Look,
+    /// Index of the offset, faults per [`PER`] rays.
+    places: Vec<(usize, f64)>,
+}
+
+impl Offsets {
+    /// `None` if no point knows.
+    pub(crate) fn of(points: &[Point], looks: &Looks, fault: Fault) -> Option<Self> {
+        let measured = || points.iter().flat_map(|p| &p.leaks).filter(|l| l.rays > 0);
+        let mut offsets: Vec<f64> = measured().filter_map(|l| known(l.offset)).collect();
+        offsets.sort_by(f64::total_cmp);
+        offsets.dedup();
+        let mut keys: Vec<_> = points
+            .iter()
+            .map(|p| {
+                (
+                    looks.rank(&p.backend, &p.intersector),
+                    &p.backend,
+                    &p.intersector,
+                )
+            })
+            .collect();
+        keys.sort();
+        keys.dedup();
+        let curve = |&(_, backend, intersector): &(_, &String, &String)| {
+            let group = points
+                .iter()
+                .filter(|p| (&p.backend, &p.intersector) == (backend, intersector));
+            let all: Vec<&Leaks> = group.clone().flat_map(|p| &p.leaks).collect();
+            Some(Curve {
+                backend: backend.clone(),
+                look: Look {
+                    fill: Fill::Solid,
+                    ..looks.of_point(group.clone().next()?)
+                },
+                places: worst(&all, &offsets, fault),
+            })
+        };
+        let curves = keys
+            .iter()
+            .filter_map(curve)
+            .filter(|c| !c.places.is_empty())
+            .collect();
+        let rays = measured().map(|l| l.rays).min()?;
+        (!offsets.is_empty()).then_some(Self {
+            fault,
+            offsets,
+            curves,
+            rays,
+        })
+    }
+
+    /// In pixels.
+    pub(crate) fn height(&self) -> i32 {
+        390
+    }
+
+    pub(crate) fn draw(&self, sheet: &Sheet<'_>, frame: Rect) -> Result<()> {
+        let (title, unit) = match self.fault {
+            Fault::Leak => (
+                "Leaks through edges and vertices",
+                "leaks per 10⁹ edge-aimed rays",
+            ),
+            Fault::DoubleHit => (
+                "Double hits at edges and vertices",
+                "double hits per 10⁹ edge-aimed rays",
+            ),
+        };
+        heading(sheet, frame, title)?;
+        let note = format!("none: none in {} rays or more", short_count(self.rays));
+        text(
+            sheet,
+            (frame.x0, frame.y0 + 34),
+            &note,
+            Font::new(14).colour(GREY),
+        )?;
+        let rates = self.curves.iter().flat_map(|c| &c.places).map(|p| p.1);
+        let x = Scale::named(self.offsets.iter().map(|&o| number_of(o)));
+        let y = Scale::log(rates, 6).with_rail("none");
+        let x = Axis {
+            scale: &x,
+            title: "offset of the mesh, in its own sizes",
+        };
+        let y = Axis {
+            scale: &y,
+            title: unit,
+        };
+        let frame = Rect {
+            y0: frame.y0 + 44,
+            ..frame
+        };
+        let plot = axes(
+            sheet,
+            frame,
+            &x,
+            &y,
+            Room {
+                left: 86,
+                bottom: 54,
+            },
+        )?;
+        let curves: Vec<Vec<Place>> = (0..)
+            .zip(&self.curves)
+            .map(|(i, c)| self.places(&plot, i, c))
+            .collect();
+        for (curve, places) in self.curves.iter().zip(&curves) {
+            line(sheet, places, curve.look.colour, 1)?;
+        }
+        for (curve, places) in self.curves.iter().zip(&curves) {
+            for &at in places {
+                mark(sheet, at, curve.look, SMALL)?;
+            }
+        }
+        self.label(sheet, &plot, &curves)
+    }
+
+    /// Curves stand side by side within their offset, so that equal ones do not hide each other.
+    fn places(&self, plot: &Plot, index: usize, curve: &Curve) -> Vec<Place> {
+        let share = (index as f64 + 0.5) / self.curves.len() as f64 - 0.5;
+        let place = |&(offset, rate): &(usize, f64)| {
+            let (_, y) = plot.at(0.0, rate);
+            (plot.x(offset as f64 + 0.76 * share), y)
+        };
+        curve.places.iter().map(place).collect()
+    }
+
+    /// Names each curve that is not all on the rail, at its highest point.
+    fn label(&self, sheet: &Sheet<'_>, plot: &Plot, curves: &[Vec<Place>]) -> Result<()> {
+        let rail = plot.rail_y().map_or(i32::MAX, |r| r.0);
+        let wishes: Vec<Wish> = self
+            .curves
+            .iter()
+            .zip(curves)
+            .filter_map(|(curve, places)| {
+                let at = places
+                    .iter()
+                    .copied()
+                    .filter(|p| p.1 < rail)
+                    .min_by_key(|p| p.1)?;
+                Some(Wish {
+                    at,
+                    text: clean(&curve.backend),
+                    size: 14,
+                    far: true,
+                })
+            })
+            .collect();
+        let ground = Ground {
+            bounds: plot.rect,
+            solid: curves
+                .iter()
+                .flatten()
+                .map(|&at| Rect::around(at, SMALL + 1))
+                .collect(),
+            soft: Vec::new(),
+        };
+        label::write(sheet, &ground, &wishes, SMALL).map(drop)
+    }
+}
+
+/// At each offset that was measured, the highest rate among all measurements.
+fn worst(all: &[&Leaks], offsets: &[f64], fault: Fault) -> Vec<(usize, f64)> {
+    let at = |(index, &offset): (usize, &f64)| {
+        let here = all.iter().filter(|l| l.offset == Some(offset));
+        let rates = here.filter_map(|l| {
+            let faults = if fault == Fault::Leak {
+                l.leaks
+            } else {
+                l.double_hits
+            };
+            Some(Rate::of(faults, l.rays)?.per(PER).value)
+        });
+        Some((index, rates.reduce(f64::max)?))
+    };
+    offsets.iter().enumerate().filter_map(at).collect()
+}
+
+fn number_of(offset: f64) -> String {
+    if offset.fract() == 0.0 && offset.abs() < 1e6 {
+        format!("{offset}")
+    } else {
+        number(offset)
+    }
+}

@@ -1,0 +1,249 @@
+//! Companions with one row a method: errors of `t`, wrong shadows, memory.
+
+use crate::axes::{Axis, Room, axes, heading};
+use crate::data::{Point, known};
+use crate::error::Result;
+use crate::look::{Fill, Look, Looks};
+use crate::mark::{Font, GREY, INK, Rect, Sheet, line, mark, rect, text, whisker};
+use crate::rate::Rate;
+use crate::scale::Scale;
+use crate::text::fit;
+use plotters::style::Color;
+
+/// Height of a row, in pixels.
+const ROW: i32 = 26;
+/// Rows beyond these are left out, and said to be.
+const MOST: usize = 16;
+/// Half the width of a mark.
+const SMALL: i32 = 6;
+
+/// What a panel of rows shows.
+pub(crate) struct Rows {
+    title: &'static str,
+    unit: &'static str,
+    note: &'static str,
+    scale: Scale,
+    rows: Vec<Row>,
+    left_out: usize,
+}
+
+struct Row {
+    name: String,
+    look: Look,
+    cells: Cells,
+}
+
+enum Cells {
+    /// Open, dotted and solid marks for median, 99.9 % and worst.
+    Three([Option<f64>; 3]),
+    /// A mark in its interval.
+    Rate(Rate),
+    /// A bar from zero.
+    Bar(f64),
+}
+
+impl Cells {
+    fn values(&self) -> Vec<f64> {
+        match *self {
+            Self::Three(all) => all.into_iter().flatten().collect(),
+            Self::Rate(r) => vec![r.value, r.low, r.high],
+            Self::Bar(x) => vec![x],
+        }
+    }
+}
+
+/// Errors of `t`.
+pub(crate) fn t_errors(points: &[Point], looks: &Looks) -> Option<Rows> {
+    let rows = rows(points, looks, by_intersector, |group| {
+        let worst = |read: fn(&crate::TError) -> Option<f64>| {
+            let all = group.iter().filter_map(|p| p.t_error_ulp.as_ref());
+            all.filter_map(|e| known(read(e))).reduce(f64::max)
+        };
+        let three = [worst(|e| e.median), worst(|e| e.p999), worst(|e| e.worst)];
+        three
+            .iter()
+            .any(Option::is_some)
+            .then_some(Cells::Three(three))
+    });
+    panel(rows, |values| Scale::log(values, 5).with_rail("0")).map(|p| Rows {
+        title: "Error of t where the hit is right",
+        unit: "units in the last place (f32)",
+        note: "open: median · dotted: 99.9 % · solid: worst",
+        ..p
+    })
+}
+
+/// Wrong answers to whether a hit is in shadow.
+pub(crate) fn shadows(points: &[Point], looks: &Looks) -> Option<Rows> {
+    let rows = rows(points, looks, by_intersector, |group| {
+        let all = group
+            .iter()
+            .filter_map(|p| Rate::of(p.wrong_shadow, p.rays_tested));
+        let worst =
+            all.max_by(|a, b| a.value.total_cmp(&b.value).then(a.high.total_cmp(&b.high)))?;
+        Some(Cells::Rate(worst.per(crate::plane::PER)))
+    });
+    panel(rows, |values| Scale::log(values, 5).with_rail("none")).map(|p| Rows {
+        title: "Wrong shadows",
+        unit: "wrong shadows per million rays",
+        note: "lines: 95 % interval (for none: 3 in all rays tested)",
+        ..p
+    })
+}
+
+/// Memory that a backend held.
+pub(crate) fn memory(points: &[Point], looks: &Looks) -> Option<Rows> {
+    let mut rows = rows(points, looks, by_layout, |group| {
+        let most = group.iter().filter_map(|p| p.memory_bytes).max()?;
+        Some(Cells::Bar(most as f64 / f64::from(1 << 20)))
+    });
+    for row in &mut rows {
+        row.look.fill = Fill::Solid;
+    }
+    panel(rows, |values| Scale::from_zero(values, 5)).map(|p| Rows {
+        title: "Memory held",
+        unit: "MiB",
+        note: "",
+        ..p
+    })
+}
+
+fn by_intersector(p: &Point) -> (String, String) {
+    (p.backend.clone(), p.intersector.clone())
+}
+
+fn by_layout(p: &Point) -> (String, String) {
+    (p.backend.clone(), format!("{} {}", p.layout, p.intersector))
+}
+
+/// One row for each pair of names that knows its cells, in the order of the legend.
+fn rows(
+    points: &[Point],
+    looks: &Looks,
+    key: fn(&Point) -> (String, String),
+    cells: impl Fn(&[&Point]) -> Option<Cells>,
+) -> Vec<Row> {
+    let mut keys: Vec<_> = points
+        .iter()
+        .map(|p| (looks.rank(&p.backend, &p.intersector), key(p)))
+        .collect();
+    keys.sort();
+    keys.dedup();
+    let row = |(_, names): &(_, (String, String))| {
+        let group: Vec<&Point> = points.iter().filter(|p| key(p) == *names).collect();
+        Some(Row {
+            name: format!("{} {}", names.0, names.1),
+            look: looks.of_point(group.first()?),
+            cells: cells(&group)?,
+        })
+    };
+    keys.iter().filter_map(row).collect()
+}
+
+fn panel(mut rows: Vec<Row>, scale: impl Fn(Vec<f64>) -> Scale) -> Option<Rows> {
+    let left_out = rows.len().saturating_sub(MOST);
+    rows.truncate(MOST);
+    let values = rows.iter().flat_map(|r| r.cells.values()).collect();
+    (!rows.is_empty()).then(|| Rows {
+        title: "",
+        unit: "",
+        note: "",
+        scale: scale(values),
+        rows,
+        left_out,
+    })
+}
+
+impl Rows {
+    /// In pixels.
+    pub(crate) fn height(&self) -> i32 {
+        116 + ROW * self.rows.len() as i32
+    }
+
+    pub(crate) fn draw(&self, sheet: &Sheet<'_>, frame: Rect) -> Result<()> {
+        heading(sheet, frame, self.title)?;
+        let left_out = format!("{} more rows in points.csv", self.left_out);
+        let notes = [self.note, if self.left_out > 0 { &left_out } else { "" }];
+        let notes: Vec<_> = notes.into_iter().filter(|n| !n.is_empty()).collect();
+        text(
+            sheet,
+            (frame.x0, frame.y0 + 34),
+            &notes.join(" · "),
+            Font::new(14).colour(GREY),
+        )?;
+        let names = self
+            .rows
+            .iter()
+            .map(|r| fit(&r.name, crate::axes::NAME, 188));
+        let (y, x) = (Scale::named(names).reversed(), &self.scale);
+        let x = Axis {
+            scale: x,
+            title: self.unit,
+        };
+        let y = Axis {
+            scale: &y,
+            title: "",
+        };
+        let frame = Rect {
+            y0: frame.y0 + 44,
+            ..frame
+        };
+        let plot = axes(
+            sheet,
+            frame,
+            &x,
+            &y,
+            Room {
+                left: 200,
+                bottom: 54,
+            },
+        )?;
+        for (i, row) in (0..).map(f64::from).zip(&self.rows) {
+            let at = |value| plot.at(value, i);
+            match row.cells {
+                Cells::Three(three) => draw_three(sheet, three.map(|v| v.map(at)), row.look)?,
+                Cells::Rate(rate) => {
+                    whisker(sheet, [at(rate.low), at(rate.high)], row.look.colour)?;
+                    mark(
+                        sheet,
+                        at(rate.value),
+                        Look {
+                            fill: Fill::Solid,
+                            ..row.look
+                        },
+                        SMALL,
+                    )?;
+                }
+                Cells::Bar(value) => {
+                    let (x1, y) = at(value);
+                    let bar = Rect::new(plot.rect.x0, y - 7, x1, y + 7);
+                    rect(sheet, bar, row.look.colour.filled())?;
+                    let outside = x1 + 70 < frame.x1;
+                    let words = crate::text::number(value);
+                    let at = if outside {
+                        x1 + 6
+                    } else {
+                        x1 - 6 - crate::text::width(&words, 15)
+                    };
+                    let font =
+                        Font::new(15).colour(if outside { INK } else { plotters::style::WHITE });
+                    text(sheet, (at, y), &words, font)?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn draw_three(sheet: &Sheet<'_>, places: [Option<(i32, i32)>; 3], look: Look) -> Result<()> {
+    let all: Vec<_> = places.into_iter().flatten().collect();
+    line(sheet, &all, look.colour, 2)?;
+    // The worst below: where they fall together, the median is seen.
+    let fills = [Fill::Open, Fill::Dotted, Fill::Solid];
+    for (place, fill) in places.into_iter().zip(fills).rev() {
+        if let Some(place) = place {
+            mark(sheet, place, Look { fill, ..look }, SMALL)?;
+        }
+    }
+    Ok(())
+}
