@@ -1,31 +1,34 @@
-//! The logical device, its queues and its clock.
+//! The logical device and its queues.
 
+use crate::adapters::{Adapter, all};
 use crate::errors::failed;
-use crate::instance::{Adapter, Host};
+use crate::instance::Host;
+use crate::limits::Limits;
+use crate::memory::Memory;
+use crate::queues::{Place, Queues};
 use ash::vk;
-use backend::{BackendError, Result};
-use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
-use std::sync::{Arc, Mutex};
+use backend::{BackendError, DeviceKind, Result};
+use std::sync::Arc;
 
 /// A device with what every part of the backend needs of it. Shared; destroyed with the last user.
 pub(crate) struct Gpu {
     pub(crate) vk: ash::Device,
-    /// Taken out before the device is destroyed.
-    pub(crate) allocator: Mutex<Option<Allocator>>,
+    pub(crate) memory: Memory,
     pub(crate) compute: Queue,
-    /// The compute queue itself where the device has no other.
-    pub(crate) transfer: Queue,
+    /// For what the host sends; another queue where the device has one.
+    pub(crate) upload: Queue,
+    /// For what the host fetches; likewise.
+    pub(crate) readback: Queue,
+    /// Families whose queues share all buffers.
+    pub(crate) families: Vec<u32>,
     pub(crate) adapter: Adapter,
-    /// Nanoseconds a tick of the device's clock.
-    pub(crate) tick_ns: f64,
-    /// Whether kernels may ask for rounding to nearest even.
-    pub(crate) rounds_to_nearest: bool,
-    pub(crate) uniform_alignment: u64,
-    pub(crate) max_groups: u32,
+    pub(crate) limits: Limits,
+    /// Bits of a timestamp that count; 0 without a clock.
+    pub(crate) timestamp_bits: u32,
     pub(crate) host: Host,
 }
 
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Queue {
     pub(crate) queue: vk::Queue,
     pub(crate) family: u32,
@@ -37,56 +40,48 @@ impl Gpu {
         host: Host,
         choose: impl FnOnce(&[Adapter]) -> Result<usize>,
     ) -> Result<Arc<Self>> {
-        let devices = host.physical_devices()?;
-        let list: Vec<_> = devices
-            .iter()
-            .enumerate()
-            .map(|(i, &d)| host.describe(i, d))
-            .collect();
-        let index = choose(&list)?;
-        let (physical, adapter) = (devices[index], list[index].clone());
-        let families = Families::find(&host, physical)?;
-        let vk = create(&host, physical, &families)?;
-        // SAFETY: both families were asked for at creation with as many queues.
-        let [compute, transfer] = unsafe {
-            [
-                Queue {
-                    queue: vk.get_device_queue(families.compute, 0),
-                    family: families.compute,
-                },
-                Queue {
-                    queue: vk.get_device_queue(families.transfer, 0),
-                    family: families.transfer,
-                },
-            ]
+        let list = all(&host)?;
+        let adapter = list[choose(&list)?].clone();
+        let physical = host.physical_devices()?[adapter.index];
+        let limits = Limits::of(&host, physical);
+        limits.admit_kernels()?;
+        let queues = Queues::find(&host, physical)?;
+        let vk = create(&host, physical, &queues)?;
+        let queue = |place: Place| Queue {
+            // SAFETY: the family was asked for at creation with as many queues.
+            queue: unsafe { vk.get_device_queue(place.family, place.index) },
+            family: place.family,
         };
-        let allocator = Allocator::new(&AllocatorCreateDesc {
-            instance: host.instance.clone(),
-            device: vk.clone(),
-            physical_device: physical,
-            debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
-            buffer_device_address: false,
-            allocation_sizes: gpu_allocator::AllocationSizes::default(),
-        })
-        .map_err(|e| BackendError::NoDevice(format!("no memory allocator: {e}")))?;
-        let (limits, rounds_to_nearest) = properties(&host, physical);
+        let (compute, upload, readback) = (
+            queue(queues.compute),
+            queue(queues.upload),
+            queue(queues.readback),
+        );
+        let memory = match Memory::new(&host, physical, &vk) {
+            Ok(memory) => memory,
+            Err(e) => {
+                // SAFETY: nothing was made from the device yet.
+                unsafe { vk.destroy_device(None) };
+                return Err(e);
+            }
+        };
         Ok(Arc::new(Self {
             vk,
-            allocator: Mutex::new(Some(allocator)),
+            memory,
             compute,
-            transfer,
+            upload,
+            readback,
+            families: queues.families().iter().map(|&(f, _)| f).collect(),
             adapter,
-            tick_ns: f64::from(limits.timestamp_period),
-            rounds_to_nearest,
-            uniform_alignment: limits.min_uniform_buffer_offset_alignment.max(16),
-            max_groups: limits.max_compute_work_group_count[0],
+            limits,
+            timestamp_bits: queues.timestamp_bits,
             host,
         }))
     }
 
-    /// Whether transfers have a queue of their own.
-    pub(crate) fn has_transfer_queue(&self) -> bool {
-        self.transfer.family != self.compute.family
+    /// Whether a driver on the host's cores does the work.
+    pub(crate) fn is_software(&self) -> bool {
+        self.adapter.kind == DeviceKind::Software
     }
 
     /// Waits until the device has nothing left to do.
@@ -100,45 +95,13 @@ impl Drop for Gpu {
     fn drop(&mut self) {
         // A device that is lost has nothing to wait for.
         let _ = self.wait_idle();
-        if let Ok(mut allocator) = self.allocator.lock() {
-            drop(allocator.take());
-        }
+        self.memory.close();
         // SAFETY: every object made from the device holds an `Arc` of this, so all are gone.
         unsafe { self.vk.destroy_device(None) };
     }
 }
 
-struct Families {
-    compute: u32,
-    transfer: u32,
-}
-
-impl Families {
-    /// A compute family, and one that can do nothing but transfer, if there is one.
-    fn find(host: &Host, device: vk::PhysicalDevice) -> Result<Self> {
-        // SAFETY: the device belongs to the instance, which is alive.
-        let all = unsafe {
-            host.instance
-                .get_physical_device_queue_family_properties(device)
-        };
-        let (compute, transfer) = (vk::QueueFlags::COMPUTE, vk::QueueFlags::TRANSFER);
-        let position = |test: &dyn Fn(vk::QueueFlags) -> bool| {
-            all.iter()
-                .position(|f| test(f.queue_flags))
-                .map(|i| i as u32)
-        };
-        let computing = position(&|f| f.contains(compute))
-            .ok_or_else(|| BackendError::NoDevice("the device has no compute queue".into()))?;
-        let graphics = vk::QueueFlags::GRAPHICS;
-        let moving = position(&|f| f.contains(transfer) && !f.intersects(compute | graphics));
-        Ok(Self {
-            compute: computing,
-            transfer: moving.unwrap_or(computing),
-        })
-    }
-}
-
-fn create(host: &Host, device: vk::PhysicalDevice, families: &Families) -> Result<ash::Device> {
+fn create(host: &Host, device: vk::PhysicalDevice, queues: &Queues) -> Result<ash::Device> {
     let mut have12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut have12);
     // SAFETY: the device belongs to the instance, which is alive.
@@ -151,36 +114,21 @@ fn create(host: &Host, device: vk::PhysicalDevice, families: &Families) -> Resul
             "the device has no timeline semaphores (Vulkan 1.2)".into(),
         ));
     }
-    let priority = [1.0];
-    let mut queues = vec![
-        vk::DeviceQueueCreateInfo::default()
-            .queue_family_index(families.compute)
-            .queue_priorities(&priority),
-    ];
-    if families.transfer != families.compute {
-        queues.push(
+    let families = queues.families();
+    let priorities = [1.0; 3];
+    let asked: Vec<_> = families
+        .iter()
+        .map(|&(family, count)| {
             vk::DeviceQueueCreateInfo::default()
-                .queue_family_index(families.transfer)
-                .queue_priorities(&priority),
-        );
-    }
+                .queue_family_index(family)
+                .queue_priorities(&priorities[..count as usize])
+        })
+        .collect();
     let mut want = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
     let info = vk::DeviceCreateInfo::default()
-        .queue_create_infos(&queues)
+        .queue_create_infos(&asked)
         .push_next(&mut want);
     // SAFETY: every pointer in `info` outlives the call; the features asked for are there.
     unsafe { host.instance.create_device(device, &info, None) }
         .map_err(|e| BackendError::NoDevice(format!("the device cannot be opened: {e}")))
-}
-
-fn properties(host: &Host, device: vk::PhysicalDevice) -> (vk::PhysicalDeviceLimits, bool) {
-    let mut p12 = vk::PhysicalDeviceVulkan12Properties::default();
-    let mut p = vk::PhysicalDeviceProperties2::default().push_next(&mut p12);
-    // SAFETY: the device belongs to the instance, which is alive.
-    unsafe {
-        host.instance
-            .get_physical_device_properties2(device, &mut p)
-    };
-    let limits = p.properties.limits;
-    (limits, p12.shader_rounding_mode_rte_float32 == vk::TRUE)
 }

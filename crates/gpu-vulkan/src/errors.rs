@@ -3,16 +3,45 @@
 use ash::vk;
 use backend::BackendError;
 
-/// Says what was being made when Vulkan refused.
+/// Says what was being done when Vulkan refused.
 pub(crate) fn failed(what: &str) -> impl FnOnce(vk::Result) -> BackendError + '_ {
+    failed_for(what, 0)
+}
+
+/// Likewise, for what takes so many bytes.
+pub(crate) fn failed_for(what: &str, bytes: u64) -> impl FnOnce(vk::Result) -> BackendError + '_ {
     move |code| match code {
         vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
             BackendError::OutOfMemory {
                 what: what.to_owned(),
-                bytes: 0,
+                bytes,
             }
         }
         vk::Result::ERROR_DEVICE_LOST => BackendError::DeviceLost(what.to_owned()),
         _ => BackendError::DeviceLost(format!("{what}: {code}")),
+    }
+}
+
+/// Says what of a kernel the device's compiler refused.
+pub(crate) fn refused(kernel: &str) -> impl FnOnce(vk::Result) -> BackendError + '_ {
+    move |code| match code {
+        vk::Result::ERROR_DEVICE_LOST => BackendError::DeviceLost(kernel.to_owned()),
+        _ => BackendError::NoDevice(format!("the driver refuses kernel {kernel}: {code}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_become_errors_that_say_what_was_being_done() {
+        let lost = failed("a submission")(vk::Result::ERROR_DEVICE_LOST);
+        assert_eq!(lost.to_string(), "the device was lost: a submission");
+        let full = failed_for("hits", 64)(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
+        let expected = "out of device memory: hits needs 64 bytes";
+        assert_eq!(full.to_string(), expected);
+        let kernel = refused("refit")(vk::Result::ERROR_INITIALIZATION_FAILED);
+        assert!(matches!(kernel, BackendError::NoDevice(_)), "{kernel}");
     }
 }

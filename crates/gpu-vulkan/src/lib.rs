@@ -2,25 +2,41 @@
 //!
 //! The loader is opened at run time. Work goes to one compute queue, a frame a
 //! submission, ordered by a timeline semaphore whose values are the tickets.
-//! Trees go up and vertices come back on a transfer queue of their own where
-//! the device has one, so that neither delays a frame. All `unsafe` of the GPU
-//! side lives here.
+//! Trees go up and vertices come back on queues of their own where the device
+//! has them, each ordered by a timeline of its own, so that neither delays a
+//! frame: vertices set out as soon as they are interpolated, while their frame
+//! goes on to trace; a tree sets out when it is adopted, while the frames
+//! before still run. The host waits in `wait` and `hits` alone, and in `submit`
+//! when too many frames are under way. All `unsafe` of the GPU side lives here.
 
+mod adapters;
 mod backend_impl;
+mod clock;
+mod commands;
 mod device;
-mod encode;
 mod errors;
+mod frames;
+mod inspect;
 mod instance;
+mod limits;
 mod memory;
 mod method;
+mod pages;
 mod pipelines;
+mod queues;
 mod scene;
 mod selftest;
 mod slot;
 mod snapshots;
+mod stages;
+mod timeline;
+mod traces;
 mod transfer;
 mod tree;
+mod validation;
+mod vulkan;
 
-pub use backend_impl::{Options, VulkanBackend};
-pub use instance::{Adapter, adapters};
+pub use adapters::{Adapter, Options, adapters};
 pub use method::supports;
+pub use validation::Validation;
+pub use vulkan::VulkanBackend;

@@ -1,13 +1,128 @@
-//! Buffers: made, mapped, grown and given back.
+//! Buffers: made, mapped and given back.
 
 use crate::device::Gpu;
-use crate::errors::failed;
+use crate::errors::failed_for;
+use crate::instance::Host;
 use ash::vk;
 use backend::{BackendError, Result};
 use bytemuck::Pod;
-use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
-use std::sync::{Arc, PoisonError};
+use gpu_allocator::vulkan::{
+    Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
+};
+use gpu_allocator::{AllocationError, AllocationSizes, AllocatorDebugSettings, MemoryLocation};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// The device's memory, and how much of it is in use.
+pub(crate) struct Memory {
+    /// Taken out before the device is destroyed.
+    allocator: Mutex<Option<Allocator>>,
+    /// Bytes of buffers in device memory.
+    held: AtomicU64,
+    /// Buffers made so far, wherever they lie.
+    made: AtomicU64,
+}
+
+impl Memory {
+    pub(crate) fn new(
+        host: &Host,
+        physical: vk::PhysicalDevice,
+        device: &ash::Device,
+    ) -> Result<Self> {
+        // Blocks begin small for small scenes and double as more are needed.
+        let sizes = AllocationSizes::new(16 << 20, 16 << 20)
+            .with_max_device_memblock_size(256 << 20)
+            .with_max_host_memblock_size(64 << 20);
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: host.instance.clone(),
+            device: device.clone(),
+            physical_device: physical,
+            debug_settings: AllocatorDebugSettings::default(),
+            buffer_device_address: false,
+            allocation_sizes: sizes,
+        })
+        .map_err(|e| BackendError::NoDevice(format!("no memory allocator: {e}")))?;
+        Ok(Self {
+            allocator: Mutex::new(Some(allocator)),
+            held: AtomicU64::new(0),
+            made: AtomicU64::new(0),
+        })
+    }
+
+    /// Gives the memory back to the driver.
+    pub(crate) fn close(&self) {
+        drop(self.lock().take());
+    }
+
+    /// Bytes of device memory that buffers hold.
+    pub(crate) fn held(&self) -> u64 {
+        self.held.load(Ordering::Relaxed)
+    }
+
+    /// Buffers made since the device was opened.
+    #[cfg(test)]
+    pub(crate) fn made(&self) -> u64 {
+        self.made.load(Ordering::Relaxed)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Option<Allocator>> {
+        self.allocator
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn allocate(
+        &self,
+        what: &str,
+        requirements: vk::MemoryRequirements,
+        location: MemoryLocation,
+    ) -> Result<Allocation> {
+        let desc = AllocationCreateDesc {
+            name: what,
+            requirements,
+            location,
+            linear: true,
+            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+        };
+        let mut allocator = self.lock();
+        let allocator = allocator.as_mut();
+        let allocator = allocator.expect("the allocator lives as long as the device");
+        let allocation = allocator
+            .allocate(&desc)
+            .map_err(|e| self.refused(what, requirements.size, &e))?;
+        self.made.fetch_add(1, Ordering::Relaxed);
+        self.held
+            .fetch_add(device_bytes(&allocation), Ordering::Relaxed);
+        Ok(allocation)
+    }
+
+    fn refused(&self, what: &str, bytes: u64, why: &AllocationError) -> BackendError {
+        let held = self.held();
+        let what = match why {
+            AllocationError::OutOfMemory => format!("{what}, beside {held} bytes held already,"),
+            other => format!("{what} ({other})"),
+        };
+        BackendError::OutOfMemory { what, bytes }
+    }
+
+    fn free(&self, allocation: Allocation) {
+        self.held
+            .fetch_sub(device_bytes(&allocation), Ordering::Relaxed);
+        if let Some(allocator) = self.lock().as_mut() {
+            // Freeing fails only for memory that is not this allocator's.
+            let _ = allocator.free(allocation);
+        }
+    }
+}
+
+/// Bytes that an allocation takes of the device's own memory.
+fn device_bytes(allocation: &Allocation) -> u64 {
+    let local = vk::MemoryPropertyFlags::DEVICE_LOCAL;
+    match allocation.memory_properties().contains(local) {
+        true => allocation.size(),
+        false => 0,
+    }
+}
 
 /// A buffer with memory of its own.
 pub(crate) struct Buffer {
@@ -30,21 +145,25 @@ pub(crate) enum Place {
 
 impl Buffer {
     /// At least 16 bytes, so that an empty scene has buffers to bind.
+    ///
+    /// # Errors
+    /// [`BackendError::Limit`] or [`BackendError::OutOfMemory`], with the need.
     pub(crate) fn new(gpu: &Arc<Gpu>, what: &str, bytes: u64, place: Place) -> Result<Self> {
         let bytes = bytes.max(16).next_multiple_of(16);
+        gpu.limits.admit(what, bytes)?;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::UNIFORM_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST;
-        let families = [gpu.compute.family, gpu.transfer.family];
         let mut info = vk::BufferCreateInfo::default().size(bytes).usage(usage);
-        if gpu.has_transfer_queue() {
+        if gpu.families.len() > 1 {
             info = info
                 .sharing_mode(vk::SharingMode::CONCURRENT)
-                .queue_family_indices(&families);
+                .queue_family_indices(&gpu.families);
         }
-        // SAFETY: the device is alive; both families belong to it.
-        let buffer = unsafe { gpu.vk.create_buffer(&info, None) }.map_err(failed(what))?;
+        // SAFETY: the device is alive; all families belong to it.
+        let buffer =
+            unsafe { gpu.vk.create_buffer(&info, None) }.map_err(failed_for(what, bytes))?;
         // SAFETY: the buffer was just made from this device.
         let requirements = unsafe { gpu.vk.get_buffer_memory_requirements(buffer) };
         let mut made = Self {
@@ -53,49 +172,33 @@ impl Buffer {
             allocation: None,
             gpu: Arc::clone(gpu),
         };
-        let allocation = made.allocate(what, requirements, place)?;
-        // SAFETY: the memory meets the buffer's requirements and is bound once.
-        unsafe {
-            gpu.vk
-                .bind_buffer_memory(buffer, allocation.memory(), allocation.offset())
-        }
-        .map_err(failed(what))?;
-        made.allocation = Some(allocation);
-        Ok(made)
-    }
-
-    fn allocate(
-        &self,
-        what: &str,
-        requirements: vk::MemoryRequirements,
-        place: Place,
-    ) -> Result<Allocation> {
         let location = match place {
             Place::Device => MemoryLocation::GpuOnly,
             Place::Upload => MemoryLocation::CpuToGpu,
             Place::Readback => MemoryLocation::GpuToCpu,
         };
-        let desc = AllocationCreateDesc {
-            name: what,
-            requirements,
-            location,
-            linear: true,
-            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-        };
-        let mut allocator = self
-            .gpu
-            .allocator
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        let allocator = allocator
-            .as_mut()
-            .expect("the allocator lives as long as the device");
-        allocator
-            .allocate(&desc)
-            .map_err(|_| BackendError::OutOfMemory {
-                what: what.to_owned(),
-                bytes: requirements.size,
-            })
+        let allocation = gpu.memory.allocate(what, requirements, location)?;
+        // SAFETY: the allocation is not freed before the buffer is destroyed.
+        let (memory, offset) = (unsafe { allocation.memory() }, allocation.offset());
+        made.allocation = Some(allocation);
+        // SAFETY: the memory meets the buffer's requirements and is bound once.
+        unsafe { gpu.vk.bind_buffer_memory(buffer, memory, offset) }
+            .map_err(failed_for(what, bytes))?;
+        Ok(made)
+    }
+
+    /// `spare` if it holds as many bytes, else a new one.
+    pub(crate) fn fitting(
+        gpu: &Arc<Gpu>,
+        what: &str,
+        bytes: u64,
+        place: Place,
+        spare: Option<Self>,
+    ) -> Result<Self> {
+        match spare.filter(|b| b.bytes >= bytes) {
+            Some(buffer) => Ok(buffer),
+            None => Self::new(gpu, what, bytes, place),
+        }
     }
 
     /// What the device has written, for buffers of [`Place::Readback`].
@@ -105,15 +208,21 @@ impl Buffer {
         bytemuck::cast_slice(&bytes[..count * size_of::<T>()])
     }
 
-    /// Writes at a byte offset, for buffers of [`Place::Upload`].
-    pub(crate) fn write<T: Pod>(&mut self, at: u64, data: &[T]) {
+    /// What the device will read, for buffers of [`Place::Upload`].
+    pub(crate) fn view_mut<T: Pod>(&mut self) -> &mut [T] {
         let bytes = self
             .allocation
             .as_mut()
             .and_then(Allocation::mapped_slice_mut);
         let bytes = bytes.expect("upload buffers are mapped");
+        let whole = self.bytes as usize / size_of::<T>() * size_of::<T>();
+        bytemuck::cast_slice_mut(&mut bytes[..whole])
+    }
+
+    /// Writes at a byte offset, for buffers of [`Place::Upload`].
+    pub(crate) fn write<T: Pod>(&mut self, at: u64, data: &[T]) {
         let data: &[u8] = bytemuck::cast_slice(data);
-        bytes[at as usize..][..data.len()].copy_from_slice(data);
+        self.view_mut()[at as usize..][..data.len()].copy_from_slice(data);
     }
 }
 
@@ -121,14 +230,8 @@ impl Drop for Buffer {
     fn drop(&mut self) {
         // SAFETY: whoever drops a buffer has waited for the submissions that use it.
         unsafe { self.gpu.vk.destroy_buffer(self.vk, None) };
-        let mut allocator = self
-            .gpu
-            .allocator
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        if let (Some(allocator), Some(allocation)) = (allocator.as_mut(), self.allocation.take()) {
-            // Freeing fails only for memory that is not this allocator's.
-            let _ = allocator.free(allocation);
+        if let Some(allocation) = self.allocation.take() {
+            self.gpu.memory.free(allocation);
         }
     }
 }

@@ -1,280 +1,168 @@
-//! What one submission needs for itself: commands, descriptors, parameters, queries, counts.
+//! What one submission needs for itself: commands, parameters, marks of time, counts.
 
+use crate::clock::{Marks, Stage};
+use crate::commands::{ALL, COPIES, Commands, HOST, KERNELS};
 use crate::device::Gpu;
-use crate::errors::failed;
 use crate::memory::{Buffer, Place};
+use crate::pages::{Bound, Pages};
+use crate::pipelines::{Pipeline, Pipelines};
 use ash::vk;
-use backend::{FrameReport, Result, StageTimes, Ticket};
+use backend::Result;
+use shaders::Counts;
+use shaders::work::Work;
+use std::mem::offset_of;
 use std::sync::Arc;
-
-/// Dispatches that one submission may hold: a few stages and one a level of the tree.
-const DISPATCHES: u32 = 96;
-/// Stage boundaries that one submission may mark.
-const QUERIES: u32 = 16;
-
-/// A stage of a frame, in order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Stage {
-    Interpolate,
-    Preprocess,
-    Refit,
-    TracePrimary,
-    TraceShadow,
-}
+use std::time::Instant;
 
 /// Used by one submission at a time.
 pub(crate) struct Slot {
-    pub(crate) commands: vk::CommandBuffer,
-    /// The submission that last used the slot.
-    pub(crate) ticket: Option<Ticket>,
-    pub(crate) params: Buffer,
-    pub(crate) params_used: u32,
-    pub(crate) params_stride: u64,
-    pub(crate) counts: Buffer,
-    pub(crate) counts_back: Buffer,
-    pub(crate) queries: vk::QueryPool,
-    pub(crate) stages: Vec<Stage>,
+    commands: Commands,
+    pages: Pages,
+    marks: Marks,
+    stages: Vec<Stage>,
+    counts: Buffer,
+    counts_back: Buffer,
     pub(crate) readback_bytes: u64,
-    pool: vk::CommandPool,
-    descriptors: vk::DescriptorPool,
+    /// When the recording was submitted.
+    pub(crate) sent: Option<Instant>,
     gpu: Arc<Gpu>,
 }
 
+/// What a finished submission left behind.
+pub(crate) struct Done<'a> {
+    pub(crate) stages: &'a [Stage],
+    pub(crate) marks: Vec<u64>,
+    pub(crate) counts: Counts,
+}
+
+const COUNTS: u64 = size_of::<Counts>() as u64;
+/// Bytes of what `preprocess` counts: it may run more than once a submission.
+const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
+
 impl Slot {
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
-        let params_stride =
-            (size_of::<shaders::Params>() as u64).next_multiple_of(gpu.uniform_alignment);
-        let pool = command_pool(gpu, gpu.compute.family)?;
-        let commands = command_buffer(gpu, pool)?;
-        let info = vk::QueryPoolCreateInfo::default()
-            .query_type(vk::QueryType::TIMESTAMP)
-            .query_count(QUERIES);
-        // SAFETY: the device is alive and `info` outlives the call.
-        let queries =
-            unsafe { gpu.vk.create_query_pool(&info, None) }.map_err(failed("queries"))?;
         Ok(Self {
-            commands,
-            ticket: None,
-            params: Buffer::new(
-                gpu,
-                "parameters",
-                params_stride * u64::from(DISPATCHES),
-                Place::Upload,
-            )?,
-            params_used: 0,
-            params_stride,
-            counts: Buffer::new(gpu, "counts", 16, Place::Device)?,
-            counts_back: Buffer::new(gpu, "counts", 16, Place::Readback)?,
-            queries,
+            commands: Commands::new(gpu, gpu.compute.family)?,
+            pages: Pages::new(gpu),
+            marks: Marks::new(gpu),
             stages: Vec::new(),
+            counts: Buffer::new(gpu, "counts", COUNTS, Place::Device)?,
+            counts_back: Buffer::new(gpu, "counts", COUNTS, Place::Readback)?,
             readback_bytes: 0,
-            pool,
-            descriptors: descriptor_pool(gpu)?,
+            sent: None,
             gpu: Arc::clone(gpu),
         })
     }
 
     /// Starts a new recording. The slot's last submission must be finished.
     pub(crate) fn begin(&mut self) -> Result<()> {
-        self.params_used = 0;
         self.stages.clear();
-        self.readback_bytes = 0;
-        self.ticket = None;
-        let vk = &self.gpu.vk;
-        let info = vk::CommandBufferBeginInfo::default()
-            .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // SAFETY: the last submission is finished, so neither pool is in use.
+        self.marks.reset();
+        (self.readback_bytes, self.sent) = (0, None);
+        self.pages.reset()?;
+        self.commands.reset()?;
+        self.commands.begin()?;
+        self.commands.barrier(ALL, ALL);
+        self.clear_counts(COUNTS);
+        self.marks.mark(self.commands.vk())
+    }
+
+    fn clear_counts(&self, bytes: u64) {
+        let commands = self.commands.vk();
+        let bytes = bytes.min(self.counts.bytes);
+        // SAFETY: the command buffer is being recorded; the buffer belongs to the slot.
         unsafe {
-            vk.reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty())
-                .and_then(|()| {
-                    vk.reset_descriptor_pool(
-                        self.descriptors,
-                        vk::DescriptorPoolResetFlags::empty(),
-                    )
-                })
-                .and_then(|()| vk.begin_command_buffer(self.commands, &info))
-                .map_err(failed("recording"))?;
-            vk.cmd_reset_query_pool(self.commands, self.queries, 0, QUERIES);
-            vk.cmd_fill_buffer(self.commands, self.counts.vk, 0, vk::WHOLE_SIZE, 0);
+            self.gpu
+                .vk
+                .cmd_fill_buffer(commands, self.counts.vk, 0, bytes, 0);
         }
-        self.barrier();
-        self.mark();
+        self.commands.barrier(COPIES, KERNELS);
+    }
+
+    /// Records a stage; `find` gives buffers by their names in the kernels.
+    /// What cannot be recorded is refused before anything is.
+    pub(crate) fn record<'a>(
+        &mut self,
+        pipelines: &Pipelines,
+        stage: Stage,
+        work: &[Work],
+        find: impl Fn(&'static str) -> &'a Buffer,
+    ) -> Result<()> {
+        if stage == Stage::Preprocess && self.stages.contains(&stage) {
+            self.commands.barrier(KERNELS, COPIES);
+            self.clear_counts(LEAF_COUNTS);
+        }
+        self.dispatch(pipelines, work, find)?;
+        self.stages.push(stage);
+        self.marks.mark(self.commands.vk())
+    }
+
+    /// Records kernels, each after what the one before wrote.
+    pub(crate) fn dispatch<'a>(
+        &mut self,
+        pipelines: &Pipelines,
+        work: &[Work],
+        find: impl Fn(&'static str) -> &'a Buffer,
+    ) -> Result<()> {
+        let groups = work.iter().map(|w| self.gpu.limits.groups(w));
+        let groups = groups.collect::<Result<Vec<_>>>()?;
+        let mut last: Option<Bound> = None;
+        for (work, groups) in work.iter().zip(groups) {
+            let pipeline = pipelines.get(work.kernel);
+            let row = self.pages.row(&work.params)?;
+            let find = |name| match name {
+                "counts" => &self.counts,
+                other => find(other),
+            };
+            let bound = self.pages.bind(pipeline, row, last, find)?;
+            self.launch(pipeline, bound.set, row.offset, groups);
+            last = Some(bound);
+        }
         Ok(())
     }
 
-    /// Everything recorded so far, here or in earlier submissions, comes before what follows.
-    pub(crate) fn barrier(&self) {
-        let both = vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER;
-        let wrote = vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE;
-        let uses = wrote | vk::AccessFlags::SHADER_READ | vk::AccessFlags::TRANSFER_READ;
-        let memory = [vk::MemoryBarrier::default()
-            .src_access_mask(wrote)
-            .dst_access_mask(uses)];
-        let none = vk::DependencyFlags::empty();
-        // SAFETY: the command buffer is being recorded.
+    fn launch(&self, pipeline: &Pipeline, set: vk::DescriptorSet, row: u32, [x, y]: [u32; 2]) {
+        let (vk, commands) = (&self.gpu.vk, self.commands.vk());
+        let point = vk::PipelineBindPoint::COMPUTE;
+        // SAFETY: the command buffer is being recorded; pipeline and set belong to the device and match.
         unsafe {
-            self.gpu
-                .vk
-                .cmd_pipeline_barrier(self.commands, both, both, none, &memory, &[], &[])
-        };
+            vk.cmd_bind_pipeline(commands, point, pipeline.vk);
+            vk.cmd_bind_descriptor_sets(commands, point, pipeline.layout, 0, &[set], &[row]);
+            vk.cmd_dispatch(commands, x, y, 1);
+        }
+        self.commands.barrier(KERNELS, KERNELS);
     }
 
-    /// Between two dispatches.
-    pub(crate) fn compute_barrier(&self) {
-        let stage = vk::PipelineStageFlags::COMPUTE_SHADER;
-        let memory = [vk::MemoryBarrier::default()
-            .src_access_mask(vk::AccessFlags::SHADER_WRITE)
-            .dst_access_mask(vk::AccessFlags::SHADER_READ | vk::AccessFlags::SHADER_WRITE)];
-        let none = vk::DependencyFlags::empty();
-        // SAFETY: the command buffer is being recorded.
-        unsafe {
-            self.gpu
-                .vk
-                .cmd_pipeline_barrier(self.commands, stage, stage, none, &memory, &[], &[])
-        };
+    /// Ends the first part of the recording, so that somebody may wait for it alone.
+    pub(crate) fn split(&mut self) -> Result<()> {
+        self.commands.end()?;
+        self.commands.begin()
     }
 
-    /// Ends a stage.
-    pub(crate) fn end_stage(&mut self, stage: Stage) {
-        self.stages.push(stage);
-        self.mark();
-    }
-
-    fn mark(&self) {
-        let stage = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
-        let query = self.stages.len() as u32;
-        // SAFETY: the command buffer is being recorded and the query was reset in it.
-        unsafe {
-            self.gpu
-                .vk
-                .cmd_write_timestamp(self.commands, stage, self.queries, query)
-        };
-    }
-
-    /// Ends the recording.
-    pub(crate) fn end(&mut self) -> Result<()> {
-        self.barrier();
-        let copy = [vk::BufferCopy::default().size(16)];
-        let to_host = [vk::MemoryBarrier::default()
-            .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
-            .dst_access_mask(vk::AccessFlags::HOST_READ)];
-        let (from, to) = (
-            vk::PipelineStageFlags::TRANSFER,
-            vk::PipelineStageFlags::HOST,
-        );
-        let none = vk::DependencyFlags::empty();
+    /// Ends the recording and gives its parts, in order.
+    pub(crate) fn end(&mut self) -> Result<&[vk::CommandBuffer]> {
+        self.commands.barrier(ALL, COPIES);
+        let copy = [vk::BufferCopy::default().size(COUNTS)];
         // SAFETY: the command buffer is being recorded; both buffers belong to the slot.
         unsafe {
-            self.gpu
-                .vk
-                .cmd_copy_buffer(self.commands, self.counts.vk, self.counts_back.vk, &copy);
-            self.gpu
-                .vk
-                .cmd_pipeline_barrier(self.commands, from, to, none, &to_host, &[], &[]);
-            self.gpu
-                .vk
-                .end_command_buffer(self.commands)
-                .map_err(failed("recording"))
+            self.gpu.vk.cmd_copy_buffer(
+                self.commands.vk(),
+                self.counts.vk,
+                self.counts_back.vk,
+                &copy,
+            );
         }
+        self.commands.barrier(COPIES, HOST);
+        self.commands.end()?;
+        Ok(self.commands.all())
     }
 
-    /// A descriptor set for one dispatch.
-    pub(crate) fn descriptor_set(
-        &self,
-        layout: vk::DescriptorSetLayout,
-    ) -> Result<vk::DescriptorSet> {
-        let layouts = [layout];
-        let info = vk::DescriptorSetAllocateInfo::default()
-            .descriptor_pool(self.descriptors)
-            .set_layouts(&layouts);
-        // SAFETY: the pool belongs to the slot and was sized for every dispatch.
-        unsafe { self.gpu.vk.allocate_descriptor_sets(&info) }
-            .map(|sets| sets[0])
-            .map_err(failed("descriptors"))
-    }
-
-    /// What the finished submission did: inactive, degenerate, hits, blocked are in `counts`.
-    pub(crate) fn report(&self) -> Result<(FrameReport, [u32; 4])> {
-        let mut ticks = [0_u64; QUERIES as usize];
-        let marks = self.stages.len() + 1;
-        let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
-        // SAFETY: the submission is finished, so these queries were written.
-        unsafe {
-            self.gpu
-                .vk
-                .get_query_pool_results(self.queries, 0, &mut ticks[..marks], flags)
-        }
-        .map_err(failed("timestamps"))?;
-        let ms = |a: u64, b: u64| b.wrapping_sub(a) as f64 * self.gpu.tick_ns * 1e-6;
-        let mut times = StageTimes {
-            device_ms: ms(ticks[0], ticks[marks - 1]),
-            ..StageTimes::default()
-        };
-        for (i, stage) in self.stages.iter().enumerate() {
-            let took = Some(ms(ticks[i], ticks[i + 1]));
-            match stage {
-                Stage::Interpolate => times.interpolate_ms = took,
-                Stage::Preprocess => times.preprocess_ms = took,
-                Stage::Refit => times.refit_ms = took,
-                Stage::TracePrimary => times.trace_primary_ms = took,
-                Stage::TraceShadow => times.trace_shadow_ms = took,
-            }
-        }
-        let counts: &[u32] = self.counts_back.read(4);
-        let counts = [counts[0], counts[1], counts[2], counts[3]];
-        let report = FrameReport {
-            times,
-            hits: u64::from(counts[2]),
-            blocked: u64::from(counts[3]),
-            readback_bytes: self.readback_bytes,
-            ..FrameReport::default()
-        };
-        Ok((report, counts))
-    }
-}
-
-pub(crate) fn command_pool(gpu: &Gpu, family: u32) -> Result<vk::CommandPool> {
-    let info = vk::CommandPoolCreateInfo::default()
-        .queue_family_index(family)
-        .flags(vk::CommandPoolCreateFlags::TRANSIENT);
-    // SAFETY: the family belongs to the device.
-    unsafe { gpu.vk.create_command_pool(&info, None) }.map_err(failed("a command pool"))
-}
-
-pub(crate) fn command_buffer(gpu: &Gpu, pool: vk::CommandPool) -> Result<vk::CommandBuffer> {
-    let info = vk::CommandBufferAllocateInfo::default()
-        .command_pool(pool)
-        .command_buffer_count(1);
-    // SAFETY: the pool belongs to the device.
-    unsafe { gpu.vk.allocate_command_buffers(&info) }
-        .map(|b| b[0])
-        .map_err(failed("a command buffer"))
-}
-
-fn descriptor_pool(gpu: &Gpu) -> Result<vk::DescriptorPool> {
-    let size = |ty, each| {
-        vk::DescriptorPoolSize::default()
-            .ty(ty)
-            .descriptor_count(DISPATCHES * each)
-    };
-    let sizes = [
-        size(vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC, 1),
-        size(vk::DescriptorType::STORAGE_BUFFER, 8),
-    ];
-    let info = vk::DescriptorPoolCreateInfo::default()
-        .max_sets(DISPATCHES)
-        .pool_sizes(&sizes);
-    // SAFETY: the device is alive and `info` outlives the call.
-    unsafe { gpu.vk.create_descriptor_pool(&info, None) }.map_err(failed("descriptors"))
-}
-
-impl Drop for Slot {
-    fn drop(&mut self) {
-        // SAFETY: the backend waits for the device before it drops its slots.
-        unsafe {
-            self.gpu.vk.destroy_command_pool(self.pool, None);
-            self.gpu.vk.destroy_descriptor_pool(self.descriptors, None);
-            self.gpu.vk.destroy_query_pool(self.queries, None);
-        }
+    /// What the finished submission left behind.
+    pub(crate) fn done(&self) -> Result<Done<'_>> {
+        Ok(Done {
+            stages: &self.stages,
+            marks: self.marks.read()?,
+            counts: self.counts_back.read::<Counts>(1)[0],
+        })
     }
 }

@@ -1,17 +1,22 @@
-//! The road between host and device that runs beside the frames.
+//! A road between host and device that runs beside the frames.
 
-use crate::device::Gpu;
-use crate::encode::{copy_in_pieces, timeline};
-use crate::errors::failed;
-use crate::memory::Buffer;
-use crate::slot::{command_buffer, command_pool};
+use crate::commands::{COPIES, Commands, HOST};
+use crate::device::{Gpu, Queue};
+use crate::memory::{Buffer, Place};
+use crate::timeline::{Moment, Timeline, submit};
 use ash::vk;
 use backend::Result;
+use bytemuck::Pod;
 use std::sync::Arc;
 
-/// Copies on the transfer queue, ordered by a timeline of their own.
+/// Bytes of one region of a copy to the host. One large copy across the bus nearly doubles the
+/// time of kernels that read memory beside it; pieces of this size leave them as they are.
+const PIECE: u64 = 256 << 10;
+
+/// Copies on one queue, ordered by a timeline of their own. Copies begin in order.
 pub(crate) struct Transfer {
-    pub(crate) done: vk::Semaphore,
+    pub(crate) done: Timeline,
+    queue: Queue,
     last: u64,
     lanes: Vec<Lane>,
     gpu: Arc<Gpu>,
@@ -19,150 +24,175 @@ pub(crate) struct Transfer {
 
 /// A command buffer and the value that tells when it is free again.
 struct Lane {
-    pool: vk::CommandPool,
-    commands: vk::CommandBuffer,
+    commands: Commands,
     busy_until: u64,
 }
 
+/// What to copy: so many bytes from the beginning of one buffer to a place in another.
+#[derive(Clone, Copy)]
+pub(crate) struct Copy<'a> {
+    pub(crate) from: &'a Buffer,
+    pub(crate) to: &'a Buffer,
+    pub(crate) to_at: u64,
+    pub(crate) bytes: u64,
+}
+
 impl Transfer {
-    pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
-        let mut made = Self {
-            done: timeline(gpu)?,
+    pub(crate) fn new(gpu: &Arc<Gpu>, queue: Queue) -> Result<Self> {
+        Ok(Self {
+            done: Timeline::new(gpu)?,
+            queue,
             last: 0,
             lanes: Vec::new(),
             gpu: Arc::clone(gpu),
-        };
-        for _ in 0..4 {
-            let pool = command_pool(gpu, gpu.transfer.family)?;
-            made.lanes.push(Lane {
-                pool,
-                commands: command_buffer(gpu, pool)?,
-                busy_until: 0,
-            });
+        })
+    }
+
+    /// Starts a copy after some moment, if one is given. Returns the value of
+    /// [`Transfer::done`] that says it is finished. Never waits.
+    pub(crate) fn start(&mut self, copy: Copy<'_>, after: Option<Moment>) -> Result<u64> {
+        let lane = self.free_lane()?;
+        let commands = &mut self.lanes[lane].commands;
+        commands.reset()?;
+        commands.begin()?;
+        let regions = pieces(copy.bytes, copy.to_at);
+        if !regions.is_empty() {
+            // SAFETY: the command buffer is being recorded; both buffers hold the bytes.
+            unsafe {
+                self.gpu
+                    .vk
+                    .cmd_copy_buffer(commands.vk(), copy.from.vk, copy.to.vk, &regions);
+            }
         }
-        Ok(made)
+        commands.barrier(COPIES, HOST);
+        commands.end()?;
+        let value = self.last + 1;
+        submit(
+            &self.gpu,
+            self.queue,
+            commands.vk(),
+            (after.as_slice(), vk::PipelineStageFlags::TRANSFER),
+            self.done.at(value),
+        )?;
+        (self.last, self.lanes[lane].busy_until) = (value, value);
+        Ok(value)
     }
 
-    /// Copies the first `bytes` of a buffer, after `wait` (a semaphore and its
-    /// value) if given. Returns the value of [`Transfer::done`] that says it is finished.
-    pub(crate) fn copy(
-        &mut self,
-        from: &Buffer,
-        to: &Buffer,
-        bytes: u64,
-        wait: Option<(vk::Semaphore, u64)>,
-    ) -> Result<u64> {
-        self.record_copy(from, to, [bytes, 0], wait)
-    }
-
-    /// Likewise, at once, to a place within the target.
-    pub(crate) fn copy_to(
-        &mut self,
-        from: &Buffer,
-        to: &Buffer,
-        bytes: u64,
-        at: u64,
-    ) -> Result<u64> {
-        self.record_copy(from, to, [bytes, at], None)
-    }
-
-    fn record_copy(
-        &mut self,
-        from: &Buffer,
-        to: &Buffer,
-        [bytes, at]: [u64; 2],
-        wait: Option<(vk::Semaphore, u64)>,
-    ) -> Result<u64> {
-        let lane = (0..self.lanes.len())
-            .min_by_key(|&i| self.lanes[i].busy_until)
-            .expect("there are lanes");
-        self.wait(self.lanes[lane].busy_until)?;
-        let Lane { pool, commands, .. } = self.lanes[lane];
-        let vk = &self.gpu.vk;
-        let info = vk::CommandBufferBeginInfo::default()
-            .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // SAFETY: the lane's last copy is finished, so its pool is not in use.
-        unsafe {
-            vk.reset_command_pool(pool, vk::CommandPoolResetFlags::empty())
-                .and_then(|()| vk.begin_command_buffer(commands, &info))
-                .map_err(failed("a transfer"))?;
+    /// A lane whose last copy is finished, made if there is none.
+    fn free_lane(&mut self) -> Result<usize> {
+        for (i, lane) in self.lanes.iter().enumerate() {
+            if self.done.has_reached(lane.busy_until)? {
+                return Ok(i);
+            }
         }
-        copy_in_pieces(&self.gpu, commands, from, to, [bytes, at]);
-        let to_host = [vk::MemoryBarrier::default()
-            .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
-            .dst_access_mask(vk::AccessFlags::HOST_READ)];
-        let (transfer, host) = (
-            vk::PipelineStageFlags::TRANSFER,
-            vk::PipelineStageFlags::HOST,
-        );
-        let none = vk::DependencyFlags::empty();
-        // SAFETY: the command buffer is being recorded.
-        unsafe {
-            vk.cmd_pipeline_barrier(commands, transfer, host, none, &to_host, &[], &[]);
-            vk.end_command_buffer(commands)
-                .map_err(failed("a transfer"))?;
-        }
-        self.submit(lane, wait)
+        self.lanes.push(Lane {
+            commands: Commands::new(&self.gpu, self.queue.family)?,
+            busy_until: 0,
+        });
+        Ok(self.lanes.len() - 1)
     }
 
-    fn submit(&mut self, lane: usize, wait: Option<(vk::Semaphore, u64)>) -> Result<u64> {
-        self.last += 1;
-        self.lanes[lane].busy_until = self.last;
-        let (waits, wait_values): (Vec<_>, Vec<_>) = wait.into_iter().unzip();
-        let stages = vec![vk::PipelineStageFlags::TRANSFER; waits.len()];
-        let (signals, signal_values) = ([self.done], [self.last]);
-        let mut values = vk::TimelineSemaphoreSubmitInfo::default()
-            .wait_semaphore_values(&wait_values)
-            .signal_semaphore_values(&signal_values);
-        let commands = [self.lanes[lane].commands];
-        let submit = vk::SubmitInfo::default()
-            .wait_semaphores(&waits)
-            .wait_dst_stage_mask(&stages)
-            .command_buffers(&commands)
-            .signal_semaphores(&signals)
-            .push_next(&mut values);
-        // SAFETY: the backend has one owner, so the queue is used by one thread.
-        unsafe {
-            self.gpu
-                .vk
-                .queue_submit(self.gpu.transfer.queue, &[submit], vk::Fence::null())
-        }
-        .map_err(failed("a transfer"))?;
-        Ok(self.last)
-    }
-
-    /// Whether the copy of that value is finished. Never waits.
-    pub(crate) fn is_done(&self, value: u64) -> Result<bool> {
-        // SAFETY: the semaphore belongs to the device.
-        let now = unsafe { self.gpu.vk.get_semaphore_counter_value(self.done) };
-        now.map(|now| now >= value).map_err(failed("a transfer"))
-    }
-
-    /// Waits for the copy of that value.
-    pub(crate) fn wait(&self, value: u64) -> Result<()> {
-        wait_for(&self.gpu, self.done, value)
+    /// Copies, and waits until it is done.
+    pub(crate) fn carry(&mut self, copy: Copy<'_>) -> Result<()> {
+        let value = self.start(copy, None)?;
+        self.done.wait(value)
     }
 }
 
-/// Blocks until a timeline reaches `value`.
-pub(crate) fn wait_for(gpu: &Gpu, semaphore: vk::Semaphore, value: u64) -> Result<()> {
-    let (semaphores, values) = ([semaphore], [value]);
-    let info = vk::SemaphoreWaitInfo::default()
-        .semaphores(&semaphores)
-        .values(&values);
-    // SAFETY: the semaphore belongs to the device.
-    unsafe { gpu.vk.wait_semaphores(&info, u64::MAX) }.map_err(failed("waiting for a submission"))
+fn pieces(bytes: u64, to_at: u64) -> Vec<vk::BufferCopy> {
+    let region = |at| {
+        vk::BufferCopy::default()
+            .src_offset(at)
+            .dst_offset(to_at + at)
+            .size(PIECE.min(bytes - at))
+    };
+    (0..bytes).step_by(PIECE as usize).map(region).collect()
 }
 
 impl Drop for Transfer {
     fn drop(&mut self) {
         // A lost device has nothing to wait for.
-        let _ = self.wait(self.last);
-        for lane in &self.lanes {
-            // SAFETY: the lane's last copy is finished.
-            unsafe { self.gpu.vk.destroy_command_pool(lane.pool, None) };
+        let _ = self.done.wait(self.last);
+    }
+}
+
+/// A window through which the host looks at buffers, waiting for them.
+#[derive(Default)]
+pub(crate) struct Window(Option<Buffer>);
+
+impl Window {
+    /// The first `count` elements of a buffer. Whatever fills it must be finished.
+    pub(crate) fn look<T: Pod>(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        road: &mut Transfer,
+        from: &Buffer,
+        count: usize,
+    ) -> Result<&[T]> {
+        let bytes = (count * size_of::<T>()) as u64;
+        let what = "a view for the host";
+        let window = Buffer::fitting(gpu, what, bytes, Place::Readback, self.0.take())?;
+        let to = self.0.insert(window);
+        road.carry(Copy {
+            from,
+            to,
+            to_at: 0,
+            bytes,
+        })?;
+        Ok(to.read(count))
+    }
+}
+
+/// A window through which data goes to the device in pieces; waits for each.
+pub(crate) struct Loader<'a> {
+    window: Buffer,
+    road: &'a mut Transfer,
+}
+
+impl<'a> Loader<'a> {
+    const BYTES: u64 = 32 << 20;
+
+    /// A loader for pieces of data of up to `largest` bytes.
+    pub(crate) fn new(gpu: &Arc<Gpu>, road: &'a mut Transfer, largest: u64) -> Result<Self> {
+        let bytes = largest.min(Self::BYTES);
+        Ok(Self {
+            window: Buffer::new(gpu, "a loading window", bytes, Place::Upload)?,
+            road,
+        })
+    }
+
+    pub(crate) fn send<T: Pod>(&mut self, data: &[T], to: &Buffer) -> Result<()> {
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        let most = self.window.bytes as usize;
+        for (i, piece) in bytes.chunks(most).enumerate() {
+            self.window.write(0, piece);
+            self.road.carry(Copy {
+                from: &self.window,
+                to,
+                to_at: (i * most) as u64,
+                bytes: piece.len() as u64,
+            })?;
         }
-        // SAFETY: nothing waits for the semaphore any more.
-        unsafe { self.gpu.vk.destroy_semaphore(self.done, None) };
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_lie_side_by_side_and_none_is_large() {
+        assert!(pieces(0, 5).is_empty());
+        for bytes in [1, PIECE, PIECE + 1, 10 * PIECE + 7] {
+            let all = pieces(bytes, 5);
+            let mut at = 0;
+            for piece in &all {
+                assert_eq!((piece.src_offset, piece.dst_offset), (at, at + 5));
+                assert!(piece.size > 0 && piece.size <= PIECE);
+                at += piece.size;
+            }
+            assert_eq!(at, bytes);
+        }
     }
 }

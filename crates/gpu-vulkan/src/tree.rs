@@ -1,16 +1,23 @@
-//! The tree in use: its record twice (one in use, one arriving), its lists, records and nodes once.
+//! The tree in use: records of it and of those arriving, its lists, records of triangles and nodes once.
 
 use crate::device::Gpu;
+use crate::frames::Frames;
 use crate::memory::{Buffer, Place};
-use crate::scene::within;
-use crate::transfer::Transfer;
-use backend::{Generation, Result, Ticket, check_tree};
-use bvh_layout::{Level, Topology};
+use crate::transfer::{Copy, Transfer};
+use backend::{FRAMES_IN_FLIGHT, Generation, Result, Ticket, check_tree};
+use bvh_layout::Topology;
 use geom::Animation;
+use shaders::Shape;
 use std::sync::Arc;
 
+/// With as many, one is free for the next tree whatever is under way. Most of the time two will do.
+const RECORDS: usize = FRAMES_IN_FLIGHT + 1;
+
+/// Levels that a record may have at most: see `Topology::from_words`.
+const LEVELS: u64 = 65;
+
 pub(crate) struct TreeBuffers {
-    records_of: [Option<Record>; 2],
+    records: Vec<Record>,
     current: usize,
     pub(crate) leaf_nodes: Buffer,
     pub(crate) inner_nodes: Buffer,
@@ -19,17 +26,14 @@ pub(crate) struct TreeBuffers {
     /// Partial sums of areas: see refit.wgsl.
     pub(crate) costs: Buffer,
     pub(crate) generation: Generation,
-    pub(crate) levels: Vec<Level>,
-    /// Where the record's parts begin, in words.
-    pub(crate) parts: Parts,
-    pub(crate) leaf_count: u32,
-    pub(crate) node_count: u32,
+    pub(crate) shape: Shape,
     /// The upload that the next submission has to wait for.
     pub(crate) arriving: Option<u64>,
+    record_bytes: u64,
     animation: Arc<Animation>,
 }
 
-/// One record on the host and on the device.
+/// A tree's record on the host and on the device.
 struct Record {
     host: Buffer,
     device: Buffer,
@@ -38,35 +42,25 @@ struct Record {
     filled_at: u64,
 }
 
-#[derive(Clone, Copy, Default)]
-pub(crate) struct Parts {
-    pub(crate) leaf_bits: u32,
-    pub(crate) leaf_ranks: u32,
-    pub(crate) leaf_triangles: u32,
-}
-
 impl TreeBuffers {
     /// Room for every tree over the animation's live triangles.
     pub(crate) fn new(gpu: &Arc<Gpu>, animation: &Arc<Animation>) -> Result<Self> {
         let leaves = animation.live_count() as u64;
         let nodes = (2 * leaves).saturating_sub(1);
-        within(gpu, "the tree's nodes", nodes * 32)?;
-        within(gpu, "the triangles' records", leaves * 48)?;
+        let words = Topology::HEADER_WORDS as u64 + LEVELS + 2 * nodes.div_ceil(32) + leaves;
         let device = |what, bytes| Buffer::new(gpu, what, bytes, Place::Device);
         Ok(Self {
-            records_of: [None, None],
+            records: Vec::new(),
             current: 0,
             leaf_nodes: device("the list of leaves", leaves * 4)?,
             inner_nodes: device("the list of inner nodes", leaves * 4)?,
             triangles: device("the triangles' records", leaves * 48)?,
             nodes: device("the tree's nodes", nodes * 32)?,
-            costs: device("the tree's areas", shaders::Shape::cost_bytes(leaves))?,
+            costs: device("the tree's areas", Shape::cost_bytes(leaves))?,
             generation: Generation(0),
-            levels: Vec::new(),
-            parts: Parts::default(),
-            leaf_count: 0,
-            node_count: 0,
+            shape: Shape::default(),
             arriving: None,
+            record_bytes: words * 4,
             animation: Arc::clone(animation),
         })
     }
@@ -76,73 +70,82 @@ impl TreeBuffers {
     /// # Panics
     /// Before the first tree was adopted.
     pub(crate) fn topology(&self) -> &Buffer {
-        let record = self.records_of[self.current].as_ref();
+        let record = self.records.get(self.current);
         &record.expect("a tree was adopted").device
     }
 
-    /// Notes that `ticket` reads the record in use.
-    pub(crate) fn use_by(&mut self, ticket: Ticket) {
-        if let Some(record) = &mut self.records_of[self.current] {
+    /// Notes that `ticket`, which waited for what was arriving, may read the record in use.
+    pub(crate) fn submitted(&mut self, ticket: Ticket) {
+        self.arriving = None;
+        if let Some(record) = self.records.get_mut(self.current) {
             record.used_by = Some(ticket);
         }
     }
 
-    /// The last submission that reads the record which the next adoption overwrites.
-    pub(crate) fn spare_used_by(&self) -> Option<Ticket> {
-        self.records_of[1 - self.current]
-            .as_ref()
-            .and_then(|r| r.used_by)
-    }
-
-    /// Sends `tree` on its way. The spare record must not be in use any more.
+    /// Sends `tree` on its way, for all that is recorded from now on.
     pub(crate) fn adopt(
         &mut self,
         gpu: &Arc<Gpu>,
-        transfer: &mut Transfer,
-        tree: &Topology,
-        generation: Generation,
+        (road, frames): (&mut Transfer, &Frames),
+        (tree, generation): (&Topology, Generation),
     ) -> Result<()> {
         check_tree(tree, &self.animation)?;
-        let bytes = tree.bytes() as u64;
-        let spare = 1 - self.current;
-        let record = match self.records_of[spare]
-            .take()
-            .filter(|r| r.device.bytes >= bytes)
-        {
-            Some(record) => record,
-            None => Record::new(gpu, bytes)?,
-        };
-        self.records_of[spare] = Some(record);
-        let record = self.records_of[spare].as_mut().expect("just put there");
-        transfer.wait(record.filled_at)?;
+        let free = self.free_record(gpu, road, frames)?;
+        let record = &mut self.records[free];
         record.host.write(0, tree.words());
-        record.filled_at = transfer.copy(&record.host, &record.device, bytes, None)?;
+        let copy = Copy {
+            from: &record.host,
+            to: &record.device,
+            to_at: 0,
+            bytes: tree.bytes() as u64,
+        };
+        record.filled_at = road.start(copy, None)?;
         record.used_by = None;
         self.arriving = Some(record.filled_at);
-        self.current = spare;
+        self.current = free;
         self.generation = generation;
-        self.leaf_count = tree.leaf_count() as u32;
-        self.node_count = tree.node_count() as u32;
-        self.levels = tree.levels().collect();
-        let bits = Topology::HEADER_WORDS + tree.level_count();
-        let words = tree.leaf_bits().len();
-        self.parts = Parts {
-            leaf_bits: bits as u32,
-            leaf_ranks: (bits + words) as u32,
-            leaf_triangles: (bits + 2 * words) as u32,
-        };
+        self.shape = Shape::of(tree);
         Ok(())
+    }
+
+    /// A record that nobody reads nor fills, made if there is none yet.
+    fn free_record(&mut self, gpu: &Arc<Gpu>, road: &Transfer, frames: &Frames) -> Result<usize> {
+        let others = (0..self.records.len()).filter(|&i| i != self.current);
+        for i in others.clone() {
+            if self.records[i].is_free(road, frames)? {
+                return Ok(i);
+            }
+        }
+        if self.records.len() < RECORDS {
+            self.records.push(Record::new(gpu, self.record_bytes)?);
+            return Ok(self.records.len() - 1);
+        }
+        // Trees adopted one after the other without a frame between.
+        let first = others.min_by_key(|&i| self.records[i].filled_at);
+        let first = first.expect("there are several records");
+        self.records[first].wait(road, frames)?;
+        Ok(first)
     }
 }
 
 impl Record {
     fn new(gpu: &Arc<Gpu>, bytes: u64) -> Result<Self> {
-        within(gpu, "the tree's record", bytes)?;
+        let what = "the tree's record";
         Ok(Self {
-            host: Buffer::new(gpu, "the tree's record", bytes, Place::Upload)?,
-            device: Buffer::new(gpu, "the tree's record", bytes, Place::Device)?,
+            host: Buffer::new(gpu, what, bytes, Place::Upload)?,
+            device: Buffer::new(gpu, what, bytes, Place::Device)?,
             used_by: None,
             filled_at: 0,
         })
+    }
+
+    fn is_free(&self, road: &Transfer, frames: &Frames) -> Result<bool> {
+        let unread = self.used_by.map_or(Ok(true), |t| frames.is_done(t))?;
+        Ok(unread && road.done.has_reached(self.filled_at)?)
+    }
+
+    fn wait(&self, road: &Transfer, frames: &Frames) -> Result<()> {
+        self.used_by.map_or(Ok(()), |t| frames.wait(t))?;
+        road.done.wait(self.filled_at)
     }
 }

@@ -1,0 +1,143 @@
+//! Command buffers, and what is recorded into them everywhere.
+
+use crate::device::Gpu;
+use crate::errors::failed;
+use ash::vk;
+use backend::Result;
+use std::sync::Arc;
+
+/// A pool whose command buffers are recorded and reset together.
+pub(crate) struct Commands {
+    pool: vk::CommandPool,
+    buffers: Vec<vk::CommandBuffer>,
+    /// Buffers begun since the last reset.
+    begun: usize,
+    gpu: Arc<Gpu>,
+}
+
+impl Commands {
+    pub(crate) fn new(gpu: &Arc<Gpu>, family: u32) -> Result<Self> {
+        let info = vk::CommandPoolCreateInfo::default()
+            .queue_family_index(family)
+            .flags(vk::CommandPoolCreateFlags::TRANSIENT);
+        // SAFETY: the family belongs to the device.
+        let pool =
+            unsafe { gpu.vk.create_command_pool(&info, None) }.map_err(failed("a command pool"))?;
+        Ok(Self {
+            pool,
+            buffers: Vec::new(),
+            begun: 0,
+            gpu: Arc::clone(gpu),
+        })
+    }
+
+    /// Forgets what was recorded. It must not be under way any more.
+    pub(crate) fn reset(&mut self) -> Result<()> {
+        self.begun = 0;
+        let none = vk::CommandPoolResetFlags::empty();
+        // SAFETY: the last submission is finished, so the pool is not in use.
+        unsafe { self.gpu.vk.reset_command_pool(self.pool, none) }.map_err(failed("recording"))
+    }
+
+    /// Begins a further buffer.
+    pub(crate) fn begin(&mut self) -> Result<()> {
+        if self.begun == self.buffers.len() {
+            let info = vk::CommandBufferAllocateInfo::default()
+                .command_pool(self.pool)
+                .command_buffer_count(1);
+            // SAFETY: the pool belongs to the device.
+            let made = unsafe { self.gpu.vk.allocate_command_buffers(&info) };
+            self.buffers.extend(made.map_err(failed("recording"))?);
+        }
+        let info = vk::CommandBufferBeginInfo::default()
+            .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the buffer was reset with its pool.
+        unsafe {
+            self.gpu
+                .vk
+                .begin_command_buffer(self.buffers[self.begun], &info)
+        }
+        .map_err(failed("recording"))?;
+        self.begun += 1;
+        Ok(())
+    }
+
+    /// Ends the buffer being recorded.
+    pub(crate) fn end(&self) -> Result<()> {
+        // SAFETY: the buffer is being recorded.
+        unsafe { self.gpu.vk.end_command_buffer(self.vk()) }.map_err(failed("recording"))
+    }
+
+    /// The buffer being recorded.
+    pub(crate) fn vk(&self) -> vk::CommandBuffer {
+        self.buffers[self.begun - 1]
+    }
+
+    /// All buffers recorded since the last reset.
+    pub(crate) fn all(&self) -> &[vk::CommandBuffer] {
+        &self.buffers[..self.begun]
+    }
+
+    /// What `before` writes, here or in earlier submissions to the queue, comes before what `after` does with it.
+    pub(crate) fn barrier(&self, before: Reach, after: Reach) {
+        let memory = [vk::MemoryBarrier::default()
+            .src_access_mask(before.writes)
+            .dst_access_mask(after.reads | after.writes)];
+        let none = vk::DependencyFlags::empty();
+        // SAFETY: the buffer is being recorded.
+        unsafe {
+            self.gpu.vk.cmd_pipeline_barrier(
+                self.vk(),
+                before.stages,
+                after.stages,
+                none,
+                &memory,
+                &[],
+                &[],
+            );
+        }
+    }
+}
+
+impl Drop for Commands {
+    fn drop(&mut self) {
+        // SAFETY: the owner waits for what was submitted.
+        unsafe { self.gpu.vk.destroy_command_pool(self.pool, None) };
+    }
+}
+
+/// One side of a barrier.
+#[derive(Clone, Copy)]
+pub(crate) struct Reach {
+    stages: vk::PipelineStageFlags,
+    reads: vk::AccessFlags,
+    writes: vk::AccessFlags,
+}
+
+/// Kernels.
+pub(crate) const KERNELS: Reach = Reach {
+    stages: vk::PipelineStageFlags::COMPUTE_SHADER,
+    reads: vk::AccessFlags::SHADER_READ,
+    writes: vk::AccessFlags::SHADER_WRITE,
+};
+
+/// Copies and fills.
+pub(crate) const COPIES: Reach = Reach {
+    stages: vk::PipelineStageFlags::TRANSFER,
+    reads: vk::AccessFlags::TRANSFER_READ,
+    writes: vk::AccessFlags::TRANSFER_WRITE,
+};
+
+/// Both.
+pub(crate) const ALL: Reach = Reach {
+    stages: vk::PipelineStageFlags::from_raw(KERNELS.stages.as_raw() | COPIES.stages.as_raw()),
+    reads: vk::AccessFlags::from_raw(KERNELS.reads.as_raw() | COPIES.reads.as_raw()),
+    writes: vk::AccessFlags::from_raw(KERNELS.writes.as_raw() | COPIES.writes.as_raw()),
+};
+
+/// The host, which reads mapped memory.
+pub(crate) const HOST: Reach = Reach {
+    stages: vk::PipelineStageFlags::HOST,
+    reads: vk::AccessFlags::HOST_READ,
+    writes: vk::AccessFlags::empty(),
+};

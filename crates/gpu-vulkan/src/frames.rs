@@ -1,0 +1,218 @@
+//! Submissions under way, and the reports of those that are done.
+
+use crate::clock::{Clock, Stage};
+use crate::device::Gpu;
+use crate::slot::Slot;
+use crate::timeline::{Moment, Timeline, submit};
+use ash::vk;
+use backend::{FRAMES_IN_FLIGHT, FrameReport, Result, Ticket};
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// One slot more than may be under way, so that recording never waits.
+const SLOTS: usize = FRAMES_IN_FLIGHT + 1;
+
+/// The slots, in a ring, and what became of their submissions.
+pub(crate) struct Frames {
+    slots: Vec<Slot>,
+    recording: bool,
+    submitted: u64,
+    /// Submissions with a trace so far.
+    traces: u64,
+    /// From the oldest that is remembered to the newest.
+    ledger: VecDeque<Entry>,
+    /// What preprocess and refit said last.
+    last: Geometry,
+    clock: Clock,
+    /// Reaches a ticket's number when its submission is done.
+    done: Timeline,
+    /// Likewise, when the first of two parts is.
+    first_part: Timeline,
+    gpu: Arc<Gpu>,
+}
+
+struct Entry {
+    ticket: Ticket,
+    /// Submissions with a trace, up to and including this one.
+    traces: u64,
+    /// Triangles that no tree holds.
+    never_active: u64,
+    /// `None` while it is under way.
+    report: Option<FrameReport>,
+}
+
+/// What is known of the records and boxes in use.
+#[derive(Clone, Copy, Default)]
+struct Geometry {
+    inactive: u64,
+    degenerate: u64,
+    sah_cost: Option<f64>,
+}
+
+impl Frames {
+    pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
+        Ok(Self {
+            slots: (0..SLOTS).map(|_| Slot::new(gpu)).collect::<Result<_>>()?,
+            recording: false,
+            submitted: 0,
+            traces: 0,
+            ledger: VecDeque::new(),
+            last: Geometry::default(),
+            clock: Clock::new(gpu.timestamp_bits, gpu.limits.tick_ns),
+            done: Timeline::new(gpu)?,
+            first_part: Timeline::new(gpu)?,
+            gpu: Arc::clone(gpu),
+        })
+    }
+
+    pub(crate) fn is_recording(&self) -> bool {
+        self.recording
+    }
+
+    /// The slot being recorded, begun if need be.
+    pub(crate) fn record(&mut self) -> Result<&mut Slot> {
+        let slot = &mut self.slots[self.submitted as usize % SLOTS];
+        if !self.recording {
+            slot.begin()?;
+            self.recording = true;
+        }
+        Ok(slot)
+    }
+
+    /// Submits the recording, to begin after some moments; waits for the oldest
+    /// submission if too many are under way. Remembers it until enough with a trace came after it.
+    pub(crate) fn submit(
+        &mut self,
+        after: &[Moment],
+        traced: bool,
+        never_active: u64,
+    ) -> Result<Ticket> {
+        while self.under_way().count() >= FRAMES_IN_FLIGHT {
+            let oldest = self.under_way().next();
+            self.retire(oldest.expect("counted just now"))?;
+        }
+        let ticket = Ticket(self.submitted + 1);
+        self.send(after, ticket)?;
+        self.recording = false;
+        self.submitted = ticket.0;
+        self.traces += u64::from(traced);
+        self.ledger.push_back(Entry {
+            ticket,
+            traces: self.traces,
+            never_active,
+            report: None,
+        });
+        self.forget_the_old();
+        Ok(ticket)
+    }
+
+    /// Sends the recording's parts; others may wait for the first one alone.
+    fn send(&mut self, after: &[Moment], ticket: Ticket) -> Result<()> {
+        let slot = &mut self.slots[self.submitted as usize % SLOTS];
+        slot.sent = Some(Instant::now());
+        let parts = slot.end()?;
+        let stage = vk::PipelineStageFlags::COMPUTE_SHADER;
+        let whole = self.done.at(ticket.0);
+        let mut after = after;
+        for (i, &commands) in parts.iter().enumerate() {
+            let done = match i + 1 == parts.len() {
+                true => whole,
+                false => self.first_part.at(ticket.0),
+            };
+            submit(&self.gpu, self.gpu.compute, commands, (after, stage), done)?;
+            after = &[];
+        }
+        Ok(())
+    }
+
+    /// Submissions that were not seen to be done.
+    pub(crate) fn under_way(&self) -> impl Iterator<Item = Ticket> + '_ {
+        let open = self.ledger.iter().filter(|e| e.report.is_none());
+        open.map(|e| e.ticket)
+    }
+
+    fn forget_the_old(&mut self) {
+        let traces = self.traces;
+        let old = |e: &Entry| traces - e.traces > FRAMES_IN_FLIGHT as u64 && e.report.is_some();
+        while self.ledger.front().is_some_and(old) {
+            self.ledger.pop_front();
+        }
+    }
+
+    /// When the first part of a submission is done, or all of it.
+    pub(crate) fn first_part(&self, ticket: Ticket) -> Moment {
+        self.first_part.at(ticket.0)
+    }
+
+    /// Whether a submission is done. Never waits.
+    pub(crate) fn is_done(&self, ticket: Ticket) -> Result<bool> {
+        self.done.has_reached(ticket.0)
+    }
+
+    /// Waits for a submission without asking what it did.
+    pub(crate) fn wait(&self, ticket: Ticket) -> Result<()> {
+        self.done.wait(ticket.0)
+    }
+
+    /// Waits for a submission, and so for all before it, and says what it did.
+    pub(crate) fn retire(&mut self, ticket: Ticket) -> Result<FrameReport> {
+        for entry in self.ledger.iter_mut().filter(|e| e.ticket <= ticket) {
+            if entry.report.is_some() {
+                continue;
+            }
+            self.done.wait(entry.ticket.0)?;
+            let slot = &self.slots[(entry.ticket.0 - 1) as usize % SLOTS];
+            let report = report(slot, &mut self.clock, &mut self.last, entry.never_active)?;
+            entry.report = Some(report);
+        }
+        let found = self.ledger.iter().find(|e| e.ticket == ticket);
+        let report = found.and_then(|e| e.report.clone());
+        Ok(report.expect("this ticket was never given, or was given too long ago"))
+    }
+
+    /// Drops the recording, if there is one.
+    pub(crate) fn abandon(&mut self) {
+        self.recording = false;
+    }
+
+    /// Forgets all submissions: another scene is loaded. The device must be idle.
+    pub(crate) fn forget(&mut self) {
+        self.recording = false;
+        self.ledger.clear();
+        self.last = Geometry::default();
+    }
+}
+
+/// What a finished submission did; submissions are asked in their order.
+fn report(
+    slot: &Slot,
+    clock: &mut Clock,
+    last: &mut Geometry,
+    never_active: u64,
+) -> Result<FrameReport> {
+    let done = slot.done()?;
+    let mut times = clock.times(done.stages, &done.marks);
+    if done.marks.is_empty() {
+        // A device without a clock: the host's has to do.
+        let since = slot.sent.map_or(0.0, |at| at.elapsed().as_secs_f64());
+        times.device_ms = since * 1e3;
+    }
+    let counts = done.counts;
+    if done.stages.contains(&Stage::Preprocess) {
+        last.inactive = u64::from(counts.inactive) + never_active;
+        last.degenerate = u64::from(counts.degenerate);
+    }
+    if done.stages.contains(&Stage::Refit) {
+        last.sah_cost = counts.sah_cost();
+    }
+    Ok(FrameReport {
+        times,
+        hits: u64::from(counts.hits),
+        blocked: u64::from(counts.blocked),
+        inactive: last.inactive,
+        degenerate: last.degenerate,
+        sah_cost: last.sah_cost,
+        readback_bytes: slot.readback_bytes,
+    })
+}

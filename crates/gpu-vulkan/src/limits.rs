@@ -1,0 +1,190 @@
+//! What the device bounds, and refusals that name the need and the bound.
+
+use crate::instance::Host;
+use ash::vk;
+use backend::{BackendError, Result};
+use shaders::work::Work;
+use shaders::{KERNELS, Kernel, Kind};
+
+/// Bounds that a scene, a query or a kernel can meet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Limits {
+    /// `maxStorageBufferRange`, bytes.
+    pub(crate) storage_range: u64,
+    /// `maxMemoryAllocationSize`, bytes.
+    pub(crate) allocation: u64,
+    /// `maxComputeWorkGroupCount` along x or y, whichever is less.
+    pub(crate) groups: u32,
+    /// Invocations of one workgroup, along x and in all.
+    pub(crate) workgroup: u32,
+    /// `maxPerStageDescriptorStorageBuffers`.
+    pub(crate) storage_buffers: u32,
+    pub(crate) uniform_alignment: u64,
+    /// Nanoseconds a tick of the device's clock.
+    pub(crate) tick_ns: f64,
+}
+
+impl Limits {
+    pub(crate) fn of(host: &Host, device: vk::PhysicalDevice) -> Self {
+        let mut p11 = vk::PhysicalDeviceVulkan11Properties::default();
+        let mut p = vk::PhysicalDeviceProperties2::default().push_next(&mut p11);
+        // SAFETY: the device belongs to the instance, which is alive.
+        unsafe {
+            host.instance
+                .get_physical_device_properties2(device, &mut p)
+        };
+        let l = p.properties.limits;
+        let [x, y, _] = l.max_compute_work_group_count;
+        let invocations = l.max_compute_work_group_invocations;
+        Self {
+            storage_range: u64::from(l.max_storage_buffer_range),
+            allocation: p11.max_memory_allocation_size,
+            groups: x.min(y),
+            workgroup: invocations.min(l.max_compute_work_group_size[0]),
+            storage_buffers: l.max_per_stage_descriptor_storage_buffers,
+            uniform_alignment: l.min_uniform_buffer_offset_alignment.max(16),
+            tick_ns: f64::from(l.timestamp_period),
+        }
+    }
+
+    /// Bytes that one buffer may have.
+    pub(crate) fn buffer_bytes(&self) -> u64 {
+        self.storage_range.min(self.allocation)
+    }
+
+    /// Refuses a buffer that a kernel cannot span or memory cannot hold in one piece.
+    ///
+    /// # Errors
+    /// [`BackendError::Limit`]; likewise below.
+    pub(crate) fn admit(&self, what: &str, bytes: u64) -> Result<()> {
+        refuse_above(
+            format!("{what} (bytes, maxStorageBufferRange)"),
+            bytes,
+            self.storage_range,
+        )?;
+        refuse_above(
+            format!("{what} (bytes, maxMemoryAllocationSize)"),
+            bytes,
+            self.allocation,
+        )
+    }
+
+    /// Refuses a device that some kernel does not fit.
+    pub(crate) fn admit_kernels(&self) -> Result<()> {
+        for kernel in KERNELS {
+            let about = |limit: &str| format!("kernel {} ({limit})", kernel.name);
+            refuse_above(
+                about("maxPerStageDescriptorStorageBuffers"),
+                u64::from(storage_buffers(kernel)),
+                u64::from(self.storage_buffers),
+            )?;
+            refuse_above(
+                about("maxComputeWorkGroupInvocations"),
+                u64::from(kernel.workgroup[0]),
+                u64::from(self.workgroup),
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Workgroups of a dispatch along x and y.
+    pub(crate) fn groups(&self, work: &Work) -> Result<[u32; 2]> {
+        work.group_counts(self.groups)
+            .map_err(|e| BackendError::Limit {
+                what: format!(
+                    "kernel {} (workgroups along an axis, maxComputeWorkGroupCount)",
+                    work.kernel.name
+                ),
+                need: u64::from(e.need),
+                limit: u64::from(e.limit),
+            })
+    }
+
+    /// Names and values, to be shown.
+    pub(crate) fn named(&self) -> Vec<(&'static str, String)> {
+        vec![
+            ("max storage buffer bytes", self.storage_range.to_string()),
+            ("max allocation bytes", self.allocation.to_string()),
+            ("max storage buffers", self.storage_buffers.to_string()),
+            ("max workgroup size", self.workgroup.to_string()),
+            ("max workgroups along an axis", self.groups.to_string()),
+            ("timestamp period ns", self.tick_ns.to_string()),
+        ]
+    }
+}
+
+/// Storage buffers that a kernel binds.
+pub(crate) fn storage_buffers(kernel: &Kernel) -> u32 {
+    let all = kernel.bindings.iter().filter(|b| b.kind != Kind::Uniform);
+    all.count() as u32
+}
+
+fn refuse_above(what: String, need: u64, limit: u64) -> Result<()> {
+    match need > limit {
+        true => Err(BackendError::Limit { what, need, limit }),
+        false => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geom::Camera;
+    use shaders::{Params, work};
+
+    const LIMITS: Limits = Limits {
+        storage_range: 1 << 27,
+        allocation: 1 << 30,
+        groups: 65535,
+        workgroup: 128,
+        storage_buffers: 8,
+        uniform_alignment: 64,
+        tick_ns: 1.0,
+    };
+
+    #[test]
+    fn a_refused_buffer_names_its_need_and_the_limit_it_meets() {
+        assert_eq!(LIMITS.admit("hits", 1 << 27), Ok(()));
+        let refused = LIMITS.admit("hits", (1 << 27) + 16).unwrap_err();
+        let expected =
+            "hits (bytes, maxStorageBufferRange) needs 134217744, the limit is 134217728";
+        assert_eq!(refused.to_string(), expected);
+        let generous = Limits {
+            storage_range: u64::from(u32::MAX),
+            ..LIMITS
+        };
+        let refused = generous.admit("hits", (1 << 30) + 16).unwrap_err();
+        let expected =
+            "hits (bytes, maxMemoryAllocationSize) needs 1073741840, the limit is 1073741824";
+        assert_eq!(refused.to_string(), expected);
+    }
+
+    #[test]
+    fn a_refused_dispatch_names_its_groups_and_how_many_there_may_be() {
+        let camera = |height| {
+            let (eye, up) = ([0.0, 0.0, 3.0], [0.0, 1.0, 0.0]);
+            Camera::look_at(eye, [0.0; 3], up, 50.0, [17, height]).unwrap()
+        };
+        let groups = |height| {
+            let camera = camera(height);
+            let work = work::closest(Params::default(), work::Rays::Camera(&camera));
+            LIMITS.groups(&work)
+        };
+        assert_eq!(groups(9), Ok([2, 2]));
+        let expected = "kernel trace_camera (workgroups along an axis, maxComputeWorkGroupCount) \
+                        needs 70000, the limit is 65535";
+        assert_eq!(groups(8 * 70_000).unwrap_err().to_string(), expected);
+    }
+
+    #[test]
+    fn a_device_with_too_few_buffers_is_refused_by_the_kernels_name() {
+        assert_eq!(LIMITS.admit_kernels(), Ok(()));
+        let poor = Limits {
+            storage_buffers: 3,
+            ..LIMITS
+        };
+        let refused = poor.admit_kernels().unwrap_err().to_string();
+        assert!(refused.starts_with("kernel "), "{refused}");
+        assert!(refused.ends_with("the limit is 3"), "{refused}");
+    }
+}

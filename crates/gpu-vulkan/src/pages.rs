@@ -1,0 +1,178 @@
+//! Parameters and descriptors of a submission's dispatches, in pages that are made as they are needed.
+
+use crate::device::Gpu;
+use crate::errors::failed;
+use crate::limits::storage_buffers;
+use crate::memory::{Buffer, Place};
+use crate::pipelines::{Pipeline, descriptor_type};
+use ash::vk;
+use backend::Result;
+use shaders::{KERNELS, Kind, Params};
+use std::sync::Arc;
+
+/// Dispatches of one page; a submission of more takes more pages.
+const ROWS: usize = 64;
+
+/// A submission's pages.
+pub(crate) struct Pages {
+    all: Vec<Page>,
+    /// Dispatches since the last reset.
+    rows: usize,
+    stride: u64,
+    gpu: Arc<Gpu>,
+}
+
+struct Page {
+    params: Buffer,
+    sets: vk::DescriptorPool,
+    gpu: Arc<Gpu>,
+}
+
+/// Where a dispatch finds its parameters.
+#[derive(Clone, Copy)]
+pub(crate) struct Row {
+    page: usize,
+    pub(crate) offset: u32,
+}
+
+/// A set, and what it may be used for again: the same kernel, over the same buffers, with rows of the same page.
+#[derive(Clone, Copy)]
+pub(crate) struct Bound {
+    pub(crate) set: vk::DescriptorSet,
+    kernel: &'static str,
+    page: usize,
+}
+
+impl Pages {
+    pub(crate) fn new(gpu: &Arc<Gpu>) -> Self {
+        let stride = size_of::<Params>() as u64;
+        Self {
+            all: Vec::new(),
+            rows: 0,
+            stride: stride.next_multiple_of(gpu.limits.uniform_alignment),
+            gpu: Arc::clone(gpu),
+        }
+    }
+
+    /// Forgets all rows. The submission that used them must be finished.
+    pub(crate) fn reset(&mut self) -> Result<()> {
+        self.rows = 0;
+        for page in &self.all {
+            let none = vk::DescriptorPoolResetFlags::empty();
+            // SAFETY: no set of the pool is in use any more.
+            unsafe { self.gpu.vk.reset_descriptor_pool(page.sets, none) }
+                .map_err(failed("descriptors"))?;
+        }
+        Ok(())
+    }
+
+    /// Writes the parameters of a further dispatch.
+    pub(crate) fn row(&mut self, params: &Params) -> Result<Row> {
+        let (page, row) = (self.rows / ROWS, self.rows % ROWS);
+        if page == self.all.len() {
+            self.all.push(Page::new(&self.gpu, self.stride)?);
+        }
+        let at = self.stride * row as u64;
+        self.all[page]
+            .params
+            .write(at, std::slice::from_ref(params));
+        self.rows += 1;
+        let offset = u32::try_from(at).expect("a page is small");
+        Ok(Row { page, offset })
+    }
+
+    /// A set for a kernel with this row: `last` if it serves, else a new one
+    /// over the buffers that `find` gives by their names in the kernel.
+    pub(crate) fn bind<'a>(
+        &self,
+        pipeline: &Pipeline,
+        row: Row,
+        last: Option<Bound>,
+        find: impl Fn(&'static str) -> &'a Buffer,
+    ) -> Result<Bound> {
+        let (kernel, page) = (pipeline.kernel.name, row.page);
+        if let Some(last) = last.filter(|l| (l.kernel, l.page) == (kernel, page)) {
+            return Ok(last);
+        }
+        let layouts = [pipeline.set_layout];
+        let info = vk::DescriptorSetAllocateInfo::default()
+            .descriptor_pool(self.all[page].sets)
+            .set_layouts(&layouts);
+        // SAFETY: the pool has room for a set for each of the page's rows.
+        let sets = unsafe { self.gpu.vk.allocate_descriptor_sets(&info) };
+        let set = sets.map_err(failed("descriptors"))?[0];
+        self.fill(set, pipeline, page, find);
+        Ok(Bound { set, kernel, page })
+    }
+
+    fn fill<'a>(
+        &self,
+        set: vk::DescriptorSet,
+        pipeline: &Pipeline,
+        page: usize,
+        find: impl Fn(&'static str) -> &'a Buffer,
+    ) {
+        let bindings = pipeline.kernel.bindings;
+        let infos: Vec<_> = bindings
+            .iter()
+            .map(|b| {
+                let (buffer, bytes) = match b.kind {
+                    Kind::Uniform => (self.all[page].params.vk, size_of::<Params>() as u64),
+                    Kind::Read | Kind::ReadWrite => {
+                        let buffer = find(b.name);
+                        (buffer.vk, buffer.bytes)
+                    }
+                };
+                [vk::DescriptorBufferInfo::default()
+                    .buffer(buffer)
+                    .range(bytes)]
+            })
+            .collect();
+        let writes: Vec<_> = bindings
+            .iter()
+            .zip(&infos)
+            .map(|(b, info)| {
+                vk::WriteDescriptorSet::default()
+                    .dst_set(set)
+                    .dst_binding(b.number)
+                    .descriptor_type(descriptor_type(b.kind))
+                    .buffer_info(info)
+            })
+            .collect();
+        // SAFETY: the set is new and not in use; the buffers are alive.
+        unsafe { self.gpu.vk.update_descriptor_sets(&writes, &[]) };
+    }
+}
+
+impl Page {
+    fn new(gpu: &Arc<Gpu>, stride: u64) -> Result<Self> {
+        let params = Buffer::new(gpu, "parameters", stride * ROWS as u64, Place::Upload)?;
+        let most = KERNELS.iter().map(storage_buffers).max().unwrap_or(0);
+        let size = |ty, each| {
+            vk::DescriptorPoolSize::default()
+                .ty(ty)
+                .descriptor_count(ROWS as u32 * each)
+        };
+        let sizes = [
+            size(vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC, 1),
+            size(vk::DescriptorType::STORAGE_BUFFER, most),
+        ];
+        let info = vk::DescriptorPoolCreateInfo::default()
+            .max_sets(ROWS as u32)
+            .pool_sizes(&sizes);
+        // SAFETY: the device is alive and `info` outlives the call.
+        let sets = unsafe { gpu.vk.create_descriptor_pool(&info, None) };
+        Ok(Self {
+            params,
+            sets: sets.map_err(failed("descriptors"))?,
+            gpu: Arc::clone(gpu),
+        })
+    }
+}
+
+impl Drop for Page {
+    fn drop(&mut self) {
+        // SAFETY: the backend waits for the device before it drops its slots.
+        unsafe { self.gpu.vk.destroy_descriptor_pool(self.sets, None) };
+    }
+}

@@ -1,0 +1,130 @@
+//! Which of a device's queues do what.
+
+use crate::instance::Host;
+use ash::vk;
+use backend::{BackendError, Result};
+
+/// A queue by its family and its place there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Place {
+    pub(crate) family: u32,
+    pub(crate) index: u32,
+}
+
+/// One queue computes. Trees go up and vertices come back on queues of their
+/// own where the device has them: copy engines if it can, else spare queues of
+/// the computing family. Where it has neither, all share the one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Queues {
+    pub(crate) compute: Place,
+    pub(crate) upload: Place,
+    pub(crate) readback: Place,
+    /// Bits of a timestamp that count; 0 where the computing family has no clock.
+    pub(crate) timestamp_bits: u32,
+}
+
+impl Queues {
+    pub(crate) fn find(host: &Host, device: vk::PhysicalDevice) -> Result<Self> {
+        // SAFETY: the device belongs to the instance, which is alive.
+        let families = unsafe {
+            host.instance
+                .get_physical_device_queue_family_properties(device)
+        };
+        Self::among(&families)
+            .ok_or_else(|| BackendError::NoDevice("the device has no compute queue".into()))
+    }
+
+    fn among(families: &[vk::QueueFamilyProperties]) -> Option<Self> {
+        let (compute, transfer) = (vk::QueueFlags::COMPUTE, vk::QueueFlags::TRANSFER);
+        let other = compute | vk::QueueFlags::GRAPHICS;
+        let find = |test: &dyn Fn(vk::QueueFlags) -> bool| {
+            families.iter().position(|f| test(f.queue_flags))
+        };
+        let computing = find(&|f| f.contains(compute))?;
+        let moving = find(&|f| f.contains(transfer) && !f.intersects(other));
+        // Queues before `first` are taken by other work; more than there are fall together.
+        let place = |family: usize, index: u32| Place {
+            family: family as u32,
+            index: index.min(families[family].queue_count - 1),
+        };
+        let [upload, readback] = match moving {
+            Some(family) => [place(family, 0), place(family, 1)],
+            None => [place(computing, 1), place(computing, 2)],
+        };
+        Some(Self {
+            compute: place(computing, 0),
+            upload,
+            readback,
+            timestamp_bits: families[computing].timestamp_valid_bits,
+        })
+    }
+
+    /// Families in use, each once, with as many queues as are used.
+    pub(crate) fn families(&self) -> Vec<(u32, u32)> {
+        let mut all: Vec<(u32, u32)> = Vec::new();
+        for place in [self.compute, self.upload, self.readback] {
+            match all.iter_mut().find(|(family, _)| *family == place.family) {
+                Some((_, count)) => *count = (*count).max(place.index + 1),
+                None => all.push((place.family, place.index + 1)),
+            }
+        }
+        all
+    }
+
+    /// Names and values, to be shown.
+    pub(crate) fn named(&self) -> Vec<(&'static str, String)> {
+        let transfer = if self.upload == self.compute {
+            "the compute queue".to_owned()
+        } else {
+            let kind = match self.upload.family == self.compute.family {
+                true => "computes too",
+                false => "only copies",
+            };
+            let (family, up, back) = (self.upload.family, self.upload.index, self.readback.index);
+            format!("family {family} ({kind}), queue {up} up, queue {back} back")
+        };
+        vec![
+            ("timestamp bits", self.timestamp_bits.to_string()),
+            ("transfer queues", transfer),
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn family(flags: vk::QueueFlags, queues: u32) -> vk::QueueFamilyProperties {
+        vk::QueueFamilyProperties::default()
+            .queue_flags(flags)
+            .queue_count(queues)
+            .timestamp_valid_bits(36)
+    }
+
+    fn places(families: &[vk::QueueFamilyProperties]) -> [(u32, u32); 3] {
+        let q = Queues::among(families).unwrap();
+        [q.compute, q.upload, q.readback].map(|p| (p.family, p.index))
+    }
+
+    #[test]
+    fn copies_go_to_copy_engines_else_to_spare_queues_else_to_the_one_there_is() {
+        let (g, c, t) = (
+            vk::QueueFlags::GRAPHICS,
+            vk::QueueFlags::COMPUTE,
+            vk::QueueFlags::TRANSFER,
+        );
+        let all = family(g | c | t, 16);
+        let engines = [all, family(t, 2), family(c | t, 8)];
+        assert_eq!(places(&engines), [(0, 0), (1, 0), (1, 1)]);
+        let engine = [family(t, 1), all];
+        assert_eq!(places(&engine), [(1, 0), (0, 0), (0, 0)]);
+        assert_eq!(places(&[all]), [(0, 0), (0, 1), (0, 2)]);
+        assert_eq!(places(&[family(g | c | t, 2)]), [(0, 0), (0, 1), (0, 1)]);
+        let lone = family(g | c | t, 1);
+        assert_eq!(places(&[family(g, 1), lone]), [(1, 0), (1, 0), (1, 0)]);
+        assert_eq!(Queues::among(&[family(g, 1)]), None);
+        let found = Queues::among(&engines).unwrap();
+        assert_eq!(found.families(), [(0, 1), (1, 2)]);
+        assert_eq!(found.timestamp_bits, 36);
+    }
+}

@@ -1,0 +1,85 @@
+//! Stages as work for the device: which kernels, over what, bound to which buffers.
+
+use crate::VulkanBackend;
+use crate::clock::Stage;
+use crate::traces::{Trace, are_given};
+use backend::{Query, Rays, Result, Seek};
+use shaders::Params;
+use shaders::work::{self, Work};
+
+impl VulkanBackend {
+    /// What all dispatches share.
+    pub(crate) fn params(&self) -> Params {
+        Params::of(self.scene().scale_exponent, &self.tree().shape)
+    }
+
+    /// Records a stage; buffers are found by their names in the kernels.
+    pub(crate) fn run(&mut self, stage: Stage, work: &[Work], also: Also<'_>) -> Result<()> {
+        let scene = self.scene.as_ref().expect("a scene was loaded");
+        let tree = self.tree.as_ref().expect("a scene was loaded");
+        let position = self.position;
+        let trace = || also.trace.expect("a trace");
+        let find = |name: &'static str| match name {
+            "earlier" => scene.key(also.key),
+            "later" => scene.key(also.key.saturating_add(1)),
+            "positions" => &scene.positions[position],
+            "triangles" => &scene.triangles,
+            "topology" => tree.topology(),
+            "leaf_nodes" => &tree.leaf_nodes,
+            "inner_nodes" => &tree.inner_nodes,
+            "records" => &tree.triangles,
+            "nodes" => &tree.nodes,
+            "costs" => &tree.costs,
+            "hits" => trace().hits.as_ref().expect("room for hits"),
+            "blocked" => trace().blocked.as_ref().expect("room for shadows"),
+            "rays" => trace().rays.as_ref().expect("given rays"),
+            other => panic!("no buffer named {other}"),
+        };
+        let slot = self.frames.record()?;
+        slot.record(&self.pipelines, stage, work, find)
+    }
+
+    /// Records the stages of a trace. An empty tree has no node to trace: its stages are empty too.
+    pub(crate) fn trace_stages(&mut self, query: &Query<'_>, trace: &Trace) -> Result<()> {
+        let count = trace.count as u32;
+        let rays = match query.rays {
+            Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
+            _ => work::Rays::Given(count),
+        };
+        let (params, has_tree) = (self.params(), self.tree().shape.leaf_count > 0);
+        let primary = match query.seek {
+            Seek::Any => work::any(params, count),
+            Seek::Closest | Seek::ClosestAndShadow { .. } => work::closest(params, rays),
+        };
+        let mut run = |stage, work: Work| {
+            let work = if has_tree { &[work][..] } else { &[] };
+            self.run(stage, work, Also::trace(trace))
+        };
+        run(Stage::TracePrimary, primary)?;
+        if let Seek::ClosestAndShadow { light } = query.seek {
+            run(Stage::TraceShadow, work::shadow(params, rays, light))?;
+        }
+        Ok(())
+    }
+}
+
+/// Buffers that belong to one stage of one frame.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Also<'a> {
+    trace: Option<&'a Trace>,
+    /// The earlier key frame.
+    key: u32,
+}
+
+impl<'a> Also<'a> {
+    pub(crate) fn key(key: u32) -> Self {
+        Self { trace: None, key }
+    }
+
+    fn trace(trace: &'a Trace) -> Self {
+        Self {
+            trace: Some(trace),
+            key: 0,
+        }
+    }
+}

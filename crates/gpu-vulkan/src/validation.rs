@@ -1,0 +1,125 @@
+//! The validation layer: whether it is here, and what it says.
+
+use ash::{Entry, Instance, ext, vk};
+use backend::{BackendError, Result};
+use std::ffi::{CStr, c_void};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Whether to run under the Vulkan validation layer, with synchronisation validation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Validation {
+    /// Without it.
+    #[default]
+    Off,
+    /// With it where it is installed: see [`crate::VulkanBackend::is_validated`].
+    IfInstalled,
+    /// With it, or not at all.
+    Required,
+}
+
+pub(crate) const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// What the layer is asked by: messages, and more checks than it has by default.
+pub(crate) const EXTENSIONS: [&CStr; 2] = [ext::debug_utils::NAME, ext::validation_features::NAME];
+
+impl Validation {
+    /// Whether the instance is to be made with the layer.
+    ///
+    /// # Errors
+    /// [`BackendError::NoDevice`] if it is required and not installed.
+    pub(crate) fn is_on(self, entry: &Entry) -> Result<bool> {
+        match self {
+            Self::Off => Ok(false),
+            Self::IfInstalled => Ok(is_installed(entry)),
+            Self::Required if is_installed(entry) => Ok(true),
+            Self::Required => Err(BackendError::NoDevice(format!(
+                "the Vulkan validation layer {} is not installed",
+                LAYER.to_string_lossy()
+            ))),
+        }
+    }
+}
+
+fn is_installed(entry: &Entry) -> bool {
+    // SAFETY: the loader is open; likewise below.
+    let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
+    let here = |l: &vk::LayerProperties| l.layer_name_as_c_str() == Ok(LAYER);
+    if !layers.iter().any(here) {
+        return false;
+    }
+    // SAFETY: as above.
+    let offered = |of: Option<&CStr>| unsafe { entry.enumerate_instance_extension_properties(of) };
+    let all: Vec<_> = [Some(LAYER), None]
+        .into_iter()
+        .flat_map(|of| offered(of).unwrap_or_default())
+        .collect();
+    let has = |name: &CStr| all.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+    EXTENSIONS.into_iter().all(has)
+}
+
+/// What the layer said.
+pub(crate) type Messages = Arc<Mutex<Vec<String>>>;
+
+/// Hears the layer of one instance.
+pub(crate) struct Ear {
+    utils: ext::debug_utils::Instance,
+    messenger: vk::DebugUtilsMessengerEXT,
+    messages: Messages,
+}
+
+impl Ear {
+    pub(crate) fn new(entry: &Entry, instance: &Instance) -> Result<Self> {
+        let messages = Messages::default();
+        let utils = ext::debug_utils::Instance::new(entry, instance);
+        let severity = vk::DebugUtilsMessageSeverityFlagsEXT::ERROR
+            | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING;
+        let kind = vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION
+            | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE;
+        let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
+            .message_severity(severity)
+            .message_type(kind)
+            .pfn_user_callback(Some(hear))
+            .user_data(Arc::as_ptr(&messages).cast_mut().cast());
+        // SAFETY: `messages` lives in the ear until the messenger is destroyed.
+        let messenger = unsafe { utils.create_debug_utils_messenger(&info, None) }
+            .map_err(|e| BackendError::NoDevice(format!("no debug messenger: {e}")))?;
+        Ok(Self {
+            utils,
+            messenger,
+            messages,
+        })
+    }
+
+    /// What was heard so far.
+    pub(crate) fn messages(&self) -> Vec<String> {
+        let messages = self.messages.lock();
+        messages.unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Stops hearing. The instance must still be alive.
+    pub(crate) fn close(self) {
+        // SAFETY: made by the instance, destroyed once: `self` is given up here.
+        unsafe {
+            self.utils
+                .destroy_debug_utils_messenger(self.messenger, None)
+        };
+    }
+}
+
+/// Called by the layer for each message.
+unsafe extern "system" fn hear(
+    _severity: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _kind: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    user: *mut c_void,
+) -> vk::Bool32 {
+    // SAFETY: `user` is the `Messages` of the `Ear`, which outlives the messenger.
+    let messages = unsafe { &*user.cast::<Mutex<Vec<String>>>() };
+    // SAFETY: the layer passes valid data for the time of the call.
+    let text = unsafe { (*data).message_as_c_str() };
+    if let Some(text) = text {
+        let mut messages = messages.lock().unwrap_or_else(PoisonError::into_inner);
+        messages.push(text.to_string_lossy().into_owned());
+    }
+    vk::FALSE
+}
