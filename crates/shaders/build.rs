@@ -34,14 +34,13 @@ fn compile(name: &str) -> Result<String> {
     parse(&opaque)?;
     let (module, info) = parse(&stitch::stitch(name, Arithmetic::Plain)?)?;
     let words = spv::write_vec(&module, &info, &options(), None)?;
-    let plain = harden::harden(&words, harden::Rounding::Default)?;
-    let nearest = harden::harden(&words, harden::Rounding::ToNearestEven)?;
+    let spirv = harden::harden(&words)?;
     let workgroup = reflect::workgroup(&module, name)?;
     let bindings = reflect::bindings(&module)?;
     let mut entry = String::new();
     writeln!(
         entry,
-        "Kernel {{ name: {name:?}, wgsl: {opaque:?}, spirv: &{plain:?}, spirv_nearest: &{nearest:?}, \
+        "Kernel {{ name: {name:?}, wgsl: {opaque:?}, spirv: &{spirv:?}, \
          workgroup: {workgroup:?}, bindings: &[{bindings}] }},"
     )?;
     Ok(entry)

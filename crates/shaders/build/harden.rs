@@ -3,24 +3,13 @@
 use anyhow::{Result, anyhow};
 use rspirv::binary::Assemble;
 use rspirv::dr::{Instruction, Module, Operand, load_words};
-use rspirv::spirv::{Capability, Decoration, ExecutionMode, Op};
+use rspirv::spirv::{Decoration, Op};
 use std::collections::HashSet;
 
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Rounding {
-    /// As the device likes.
-    Default,
-    /// To nearest even, by the float controls of Vulkan 1.2.
-    ToNearestEven,
-}
-
-pub(crate) fn harden(words: &[u32], rounding: Rounding) -> Result<Vec<u32>> {
+pub(crate) fn harden(words: &[u32]) -> Result<Vec<u32>> {
     let mut module = load_words(words).map_err(|e| anyhow!("{e}"))?;
     forbid_contraction(&mut module);
     drop_null_initialisers(&mut module);
-    if rounding == Rounding::ToNearestEven {
-        round_to_nearest(&mut module);
-    }
     Ok(module.assemble())
 }
 
@@ -75,29 +64,4 @@ fn points_to_array(module: &Module, pointer: &Instruction) -> bool {
         .types_global_values
         .iter()
         .any(|i| i.result_id == Some(*pointee) && i.class.opcode == Op::TypeArray)
-}
-
-fn round_to_nearest(module: &mut Module) {
-    let capability = Operand::Capability(Capability::RoundingModeRTE);
-    module.capabilities.push(Instruction::new(
-        Op::Capability,
-        None,
-        None,
-        vec![capability],
-    ));
-    let extension = Operand::LiteralString("SPV_KHR_float_controls".into());
-    module
-        .extensions
-        .push(Instruction::new(Op::Extension, None, None, vec![extension]));
-    let modes: Vec<_> = module
-        .entry_points
-        .iter()
-        .filter_map(|e| e.operands.get(1).cloned())
-        .map(|entry| {
-            let mode = Operand::ExecutionMode(ExecutionMode::RoundingModeRTE);
-            let operands = vec![entry, mode, Operand::LiteralBit32(32)];
-            Instruction::new(Op::ExecutionMode, None, None, operands)
-        })
-        .collect();
-    module.execution_modes.extend(modes);
 }

@@ -16,9 +16,7 @@
 //!   barrier after each;
 //! - [`Counts`]: the buffer `counts`, cleared before the first stage and read back after the last.
 //!
-//! `gpu-wgpu` is written so. `gpu-vulkan` can be: its `tree.rs` holds a `Shape`
-//! for its own parts and levels, its `params` is `Params::of`, its stages run
-//! the lists of `work`, and its `Groups` goes.
+//! Both `gpu-wgpu` and `gpu-vulkan` are written so.
 
 pub mod arithmetic;
 mod params;
@@ -37,8 +35,6 @@ pub struct Kernel {
     pub wgsl: &'static str,
     /// SPIR-V 1.3 with NoContraction.
     pub spirv: &'static [u32],
-    /// The same with rounding to nearest even asked for, for devices with `shaderRoundingModeRTEFloat32`.
-    pub spirv_nearest: &'static [u32],
     /// Invocations of a workgroup.
     pub workgroup: [u32; 3],
     /// What it reads and writes, by number, all in group 0.
