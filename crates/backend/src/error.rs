@@ -29,16 +29,23 @@ pub enum BackendError {
         limit: u64,
     },
     /// The device's memory does not suffice.
-    #[error("out of device memory: {what} needs {bytes} bytes")]
+    #[error("out of device memory: {what}{}", need(*bytes))]
     OutOfMemory {
         /// What was to be made.
         what: String,
-        /// What it takes.
+        /// What it takes; 0 where only the driver knows.
         bytes: u64,
     },
     /// The device went away.
     #[error("the device was lost: {0}")]
     DeviceLost(String),
+}
+
+fn need(bytes: u64) -> String {
+    match bytes {
+        0 => String::new(),
+        bytes => format!(" needs {bytes} bytes"),
+    }
 }
 
 /// Shorthand.

@@ -69,6 +69,9 @@ pub struct FrameReport {
     pub hits: u64,
     /// Hits in shadow.
     pub blocked: u64,
+    /// Rays, shadow rays included, that error bounds left open and exact
+    /// arithmetic settled; 0 unless the intersector is `exact`.
+    pub settled: u64,
     /// Triangles inactive at the positions traced.
     pub inactive: u64,
     /// Triangles active but of zero area at the positions traced.

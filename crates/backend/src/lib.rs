@@ -32,7 +32,8 @@
 //!
 //! **Positions.** [`Backend::request_positions`] records a copy of the
 //! interpolated vertices back to the host; [`Backend::take_positions`] polls
-//! for it and never blocks.
+//! for it and never blocks. A submission holds one request at most; requests of
+//! several submissions may be outstanding and are answered in their order.
 //!
 //! **Answers.** They depend on the rays, the triangles and the intersector
 //! alone: not on the tree, its age, its layout, the thread count or (for
@@ -100,7 +101,8 @@ pub trait Backend: Send {
     /// See [`BackendError`].
     fn trace(&mut self, query: Query<'_>) -> Result<()>;
 
-    /// Records: a copy of the positions to the host, for [`Backend::take_positions`].
+    /// Records: a copy of the positions to the host, for
+    /// [`Backend::take_positions`]. At most one a submission.
     ///
     /// # Errors
     /// See [`BackendError`].
