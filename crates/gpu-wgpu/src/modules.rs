@@ -38,8 +38,7 @@ fn wgsl(kernel: &Kernel) -> ShaderModuleDescriptor<'_> {
     }
 }
 
-/// The very words that `gpu-vulkan` loads where a device does not offer rounding by float controls:
-/// through wgpu nobody can know whether it does.
+/// The very words that `gpu-vulkan` loads.
 fn pass_through(device: &wgpu::Device, kernel: &Kernel) -> ShaderModule {
     let [x, y, z] = kernel.workgroup;
     let entry = wgpu::PassthroughShaderEntryPoint {
