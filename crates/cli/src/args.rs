@@ -1,5 +1,6 @@
 //! What may be asked for.
 
+use crate::reduce::{self, Tolerance};
 use crate::stop::Stop;
 use crate::values::{self, Frames, TimeRange};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -96,6 +97,9 @@ pub(crate) struct RenderArgs {
     /// File for statistics of every frame
     #[arg(long, value_name = "FILE.json")]
     pub(crate) stats: Option<PathBuf>,
+    /// File for a timeline of host and device, to be opened in Perfetto or chrome://tracing
+    #[arg(long, value_name = "FILE.json")]
+    pub(crate) timeline: Option<PathBuf>,
     /// File for the primary rays of a frame, to be traced again with `abvh trace`
     #[arg(long, value_name = "FILE.npy")]
     pub(crate) rays_out: Option<PathBuf>,
@@ -184,9 +188,15 @@ pub(crate) struct BenchArgs {
     /// Pixels of a frame
     #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = values::size)]
     pub(crate) size: [u32; 2],
-    /// Frames of each run: N spread evenly over the motion, or those at key times A..B
+    /// Frames of each run: N spread evenly over the time range, or those at key times A..B
     #[arg(long, value_name = "N|A..B", default_value = "24", value_parser = values::frames)]
     pub(crate) frames: Frames,
+    /// Stretch of time, in key frames [default: all of it]
+    #[arg(long, value_name = "T0..T1", value_parser = values::time_range, allow_hyphen_values = true)]
+    pub(crate) time_range: Option<TimeRange>,
+    /// Adapter of the backends, by index or by part of its name
+    #[arg(long, value_name = "INDEX|NAME-PART")]
+    pub(crate) adapter: Option<String>,
     /// Threads that render
     #[arg(long, value_name = "N", value_parser = values::threads)]
     pub(crate) threads: Option<usize>,
@@ -208,6 +218,13 @@ pub(crate) struct InspectArgs {
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
+    /// Instead, find the fewest key frames whose blends stay within TOL of all, at every vertex: in scene
+    /// units, or in per cent of the diagonal of the scene's bounds
+    #[arg(long, value_name = "TOL|TOL%", value_parser = reduce::tolerance)]
+    pub(crate) reduce_keys: Option<Tolerance>,
+    /// Directory for those key frames, as .ply files, and times.json with the time of each
+    #[arg(long, value_name = "DIR", requires = "reduce_keys")]
+    pub(crate) reduced_out: Option<PathBuf>,
     /// JSON to standard output
     #[arg(long)]
     pub(crate) json: bool,

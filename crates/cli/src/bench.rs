@@ -5,7 +5,7 @@ use crate::progress::Progress;
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
 use crate::table::{mrays, ms, table};
-use crate::{choose, frames, info, record, talk};
+use crate::{choose, frames, info, record, talk, threads};
 use backend::{Query, Rays, Seek};
 use pipeline::Frame;
 use report::{FrameStats, Summary, Time};
@@ -19,7 +19,9 @@ const FOV: f32 = 40.0;
 struct Report {
     schema: u32,
     version: &'static str,
+    command_line: Vec<String>,
     cpu: Option<String>,
+    cores: usize,
     size: [u32; 2],
     rows: Vec<Row>,
 }
@@ -31,6 +33,7 @@ struct Row {
     triangles: usize,
     backend: &'static str,
     adapter: String,
+    driver: Option<String>,
     threads: usize,
     builder_threads: usize,
     update: &'static str,
@@ -40,15 +43,23 @@ struct Row {
     interpolate_ms: Option<f64>,
     preprocess_ms: Option<f64>,
     refit_ms: Option<f64>,
+    /// All that comes before rays: the three above.
+    geometry_ms: Option<f64>,
     trace_primary_ms: Option<f64>,
     trace_shadow_ms: Option<f64>,
+    device_ms: Option<f64>,
     wall_ms: Option<f64>,
     /// Primary and shadow rays in the time of both.
     mrays_per_s: Option<f64>,
+    build_ms: Option<f64>,
+    convert_ms: Option<f64>,
     build_ns_per_triangle: Option<f64>,
     convert_ns_per_triangle: Option<f64>,
     trees: usize,
+    tree_age_frames: Option<f64>,
     sah_ratio: Option<f64>,
+    /// Every frame, as in the statistics of `render`.
+    per_frame: Vec<FrameStats>,
 }
 
 /// Measures.
@@ -64,11 +75,11 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     for spec in &args.scenes {
         let scene = scene::open(spec, &args.source.options())?;
         let keys = scene.animation.keys().len();
-        let frames = frames::list(Some(args.frames), None, keys, false)?;
+        let frames = frames::list(Some(args.frames), args.time_range, keys, false)?;
         for &(ref backend, policy, method) in &combinations {
             let ask = Ask {
                 backend: *backend,
-                adapter: None,
+                adapter: args.adapter.as_deref(),
                 threads: args.threads,
                 builder_threads: args.builder_threads,
                 method,
@@ -76,7 +87,10 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
             };
             let row = measure(args.size, (spec, &scene), &frames, &ask)?;
             let progress = progress.get_or_insert_with(|| Progress::new(total as u64, args.quiet));
-            progress.step(&format!("{spec} {} {}", row.update, row.intersector));
+            progress.step(&format!(
+                "{spec} {} {} {}",
+                row.backend, row.update, row.intersector
+            ));
             rows.push(row);
         }
     }
@@ -84,7 +98,9 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     let report = Report {
         schema: 1,
         version: env!("CARGO_PKG_VERSION"),
+        command_line: record::command_line(),
         cpu: info::cpu_model(),
+        cores: threads::cores(),
         size: args.size,
         rows,
     };
@@ -139,89 +155,124 @@ fn measure(
             stats.push(record::row(frame));
             Ok(())
         })?;
-    Ok(row(spec, scene, &session, &stats, camera.pixels()))
+    Ok(row(spec, scene, &session, stats, camera.pixels()))
 }
 
-fn row(spec: &str, scene: &Scene, session: &Session, stats: &[FrameStats], pixels: usize) -> Row {
-    let median = |time: Time| Summary::of(stats.iter().filter_map(time)).map(|s| s.median);
+fn row(
+    spec: &str,
+    scene: &Scene,
+    session: &Session,
+    frames: Vec<FrameStats>,
+    pixels: usize,
+) -> Row {
+    let median = |time: Time| Summary::of(frames.iter().filter_map(time)).map(|s| s.median);
     let triangles = scene.animation.live_count();
     let per_triangle = |time: Time| median(time).map(|ms| ms * 1e6 / triangles.max(1) as f64);
-    let rate: Time = |f| Some(f.trace_primary_ms? + f.trace_shadow_ms.unwrap_or(0.0));
-    let rates = stats
-        .iter()
-        .filter_map(|f| mrays(pixels as f64 + f.hits as f64, rate(f)?));
+    let rates = frames.iter().filter_map(|f| {
+        let ms = f.trace_primary_ms? + f.trace_shadow_ms.unwrap_or(0.0);
+        mrays(pixels as f64 + f.hits as f64, ms)
+    });
+    let device = &session.device;
     Row {
         scene: spec.to_owned(),
         triangles: scene.animation.triangle_count(),
-        backend: session.device.backend,
-        adapter: session.device.adapter.clone(),
+        backend: device.backend,
+        adapter: device.adapter.clone(),
+        driver: (!device.driver.is_empty()).then(|| device.driver.clone()),
         threads: session.threads.render,
         builder_threads: session.threads.build,
         update: choose::update_name(session.update),
         intersector: session.method.intersector.name(),
         layout: session.method.layout.name(),
-        frames: stats.len(),
+        frames: frames.len(),
         interpolate_ms: median(|f| f.interpolate_ms),
         preprocess_ms: median(|f| f.preprocess_ms),
         refit_ms: median(|f| f.refit_ms),
+        geometry_ms: median(geometry),
         trace_primary_ms: median(|f| f.trace_primary_ms),
         trace_shadow_ms: median(|f| f.trace_shadow_ms),
+        device_ms: median(|f| f.device_ms),
         wall_ms: median(|f| f.wall_ms),
         mrays_per_s: Summary::of(rates).map(|s| s.median),
+        build_ms: median(|f| f.build_ms),
+        convert_ms: median(|f| f.convert_ms),
         build_ns_per_triangle: per_triangle(|f| f.build_ms),
         convert_ns_per_triangle: per_triangle(|f| f.convert_ms),
-        trees: stats.iter().filter(|f| f.adopted).count(),
+        trees: frames.iter().filter(|f| f.adopted).count(),
+        tree_age_frames: median(|f| Some(f.tree_age_frames as f64)),
         sah_ratio: median(|f| f.sah_ratio),
+        per_frame: frames,
     }
 }
 
+/// Milliseconds of a frame's stages before rays; `None` if it left all of them out.
+fn geometry(frame: &FrameStats) -> Option<f64> {
+    let stages = [frame.interpolate_ms, frame.preprocess_ms, frame.refit_ms];
+    stages.into_iter().flatten().reduce(|a, b| a + b)
+}
+
+const HEAD: [&str; 18] = [
+    "scene", "backend", "update", "method", "interp", "preproc", "refit", "geometry", "primary",
+    "shadow", "device", "wall", "Mrays/s", "build", "ns/tri", "trees", "age", "SAH",
+];
+
 fn text(report: &Report) -> String {
-    let head = [
-        "scene",
-        "backend",
-        "update",
-        "method",
-        "interp",
-        "preproc",
-        "refit",
-        "primary",
-        "shadow",
-        "wall",
-        "Mrays/s",
-        "build ns/tri",
-        "conv ns/tri",
-        "trees",
-        "SAH",
-    ];
-    let time = |t: Option<f64>| t.map_or("-".to_owned(), ms);
-    let short = |t: Option<f64>| t.map_or("-".to_owned(), |x| format!("{x:.2}"));
-    let rows: Vec<_> = report
-        .rows
-        .iter()
-        .map(|r| {
-            vec![
-                r.scene.clone(),
-                r.backend.to_owned(),
-                r.update.to_owned(),
-                format!("{} {}", r.intersector, r.layout),
-                time(r.interpolate_ms),
-                time(r.preprocess_ms),
-                time(r.refit_ms),
-                time(r.trace_primary_ms),
-                time(r.trace_shadow_ms),
-                time(r.wall_ms),
-                short(r.mrays_per_s),
-                short(r.build_ns_per_triangle),
-                short(r.convert_ns_per_triangle),
-                r.trees.to_string(),
-                short(r.sah_ratio),
-            ]
-        })
-        .collect();
+    let rows: Vec<_> = report.rows.iter().map(cells).collect();
     let [width, height] = report.size;
     let cpu = report.cpu.as_deref().unwrap_or("unknown cpu");
     format!(
-        "medians in ms at {width}x{height} on {cpu}\n{}",
-        table(&head, &rows, 4)
+        "medians in ms at {width}x{height} on {cpu}\n{}{}",
+        table(&HEAD, &rows, 4),
+        adapters(&report.rows)
     )
+}
+
+fn cells(r: &Row) -> Vec<String> {
+    let time = |t: Option<f64>| t.map_or("-".to_owned(), ms);
+    let short = |t: Option<f64>| t.map_or("-".to_owned(), |x| format!("{x:.2}"));
+    vec![
+        r.scene.clone(),
+        r.backend.to_owned(),
+        r.update.to_owned(),
+        format!("{} {}", r.intersector, r.layout),
+        time(r.interpolate_ms),
+        time(r.preprocess_ms),
+        time(r.refit_ms),
+        time(r.geometry_ms),
+        time(r.trace_primary_ms),
+        time(r.trace_shadow_ms),
+        time(r.device_ms),
+        time(r.wall_ms),
+        short(r.mrays_per_s),
+        time(r.build_ms),
+        short(r.build_ns_per_triangle),
+        r.trees.to_string(),
+        r.tree_age_frames.map_or("-".to_owned(), |x| format!("{x}")),
+        short(r.sah_ratio),
+    ]
+}
+
+/// Which device each backend ran on, one line each.
+fn adapters(rows: &[Row]) -> String {
+    let mut lines: Vec<String> = rows
+        .iter()
+        .map(|r| format!("{}: {}\n", r.backend, r.adapter))
+        .collect();
+    lines.sort_unstable();
+    lines.dedup();
+    lines.concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn geometry_is_what_is_known_of_its_stages() {
+        let mut frame = FrameStats::default();
+        assert_eq!(geometry(&frame), None);
+        frame.refit_ms = Some(2.0);
+        frame.preprocess_ms = Some(0.5);
+        assert_eq!(geometry(&frame), Some(2.5));
+    }
 }

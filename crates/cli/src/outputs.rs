@@ -22,7 +22,10 @@ impl Outputs {
         for dir in images.iter().chain(&args.hits) {
             report::prepare_dir(dir).map_err(Stop::bad)?;
         }
-        for file in args.stats.iter().chain(&args.rays_out) {
+        for file in [&args.stats, &args.timeline, &args.rays_out]
+            .into_iter()
+            .flatten()
+        {
             report::check_writable(file).map_err(Stop::bad)?;
         }
         Ok(Self {

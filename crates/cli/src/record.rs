@@ -1,9 +1,17 @@
 //! What the pipeline says of a frame, as a row of the statistics file.
 
+use crate::memory;
 use pipeline::FrameRecord;
 use report::FrameStats;
 
-/// One frame's row.
+/// The command line, program first.
+pub(crate) fn command_line() -> Vec<String> {
+    std::env::args_os()
+        .map(|a| a.to_string_lossy().into_owned())
+        .collect()
+}
+
+/// The row of a frame that is done just now.
 pub(crate) fn row(record: &FrameRecord) -> FrameStats {
     let (times, report) = (&record.report.times, &record.report);
     let adopted = record.adopted;
@@ -17,6 +25,7 @@ pub(crate) fn row(record: &FrameRecord) -> FrameStats {
         trace_shadow_ms: times.trace_shadow_ms,
         device_ms: Some(times.device_ms),
         wall_ms: Some(record.wall_ms),
+        build_wait_ms: Some(record.build_wait_ms),
         tree_generation: record.tree_generation.0,
         tree_age_frames: record.tree_age_frames,
         adopted: adopted.is_some(),
@@ -29,5 +38,7 @@ pub(crate) fn row(record: &FrameRecord) -> FrameStats {
         blocked: report.blocked,
         inactive: report.inactive,
         degenerate: report.degenerate,
+        host_bytes: memory::resident_bytes(),
+        device_bytes: record.device_bytes,
     }
 }

@@ -5,6 +5,7 @@ use crate::outputs::Outputs;
 use crate::progress::Progress;
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
+use crate::timeline::Notes;
 use crate::{choose, frames, record, table, talk};
 use backend::{Query, Rays, Seek};
 use geom::Camera;
@@ -12,6 +13,7 @@ use picture::{Shot, View};
 use pipeline::Frame;
 use report::{FrameStats, SCHEMA, SceneFacts, Stats};
 use scene::Scene;
+use std::time::Instant;
 
 /// Renders.
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
@@ -37,16 +39,20 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     if let Some(file) = &args.rays_out {
         report::write_rays(file, Pixels::new(&camera))?;
     }
+    let mut notes = args.timeline.is_some().then(Notes::default);
     let rows = trace_all(
         args,
         &scene,
         (&camera, &view),
         frames,
         &mut session,
-        &mut outputs,
+        (&mut outputs, notes.as_mut()),
     )?;
     if let Some(file) = &args.stats {
         report::write_json(file, &stats(args, &scene, &session, &rows))?;
+    }
+    if let (Some(file), Some(notes)) = (&args.timeline, &notes) {
+        notes.write(file, &session)?;
     }
     talk::print(&results(args, &scene, &session, &rows))
 }
@@ -84,7 +90,7 @@ fn trace_all(
     (camera, view): (&Camera, &View),
     frames: Vec<Frame>,
     session: &mut Session,
-    outputs: &mut Outputs,
+    (outputs, mut notes): (&mut Outputs, Option<&mut Notes>),
 ) -> Result<Vec<FrameStats>, Stop> {
     let all = frames.len();
     let todo: Vec<Frame> = frames
@@ -116,8 +122,12 @@ fn trace_all(
                 camera,
                 light: view.light,
             };
+            let done = Instant::now();
             if outputs.any() {
                 outputs.write(frame.frame.index, &shot, hits)?;
+            }
+            if let Some(notes) = &mut notes {
+                notes.add(frame, [done, Instant::now()]);
             }
             progress.step(&format!(
                 "time {:.3}, {:.1} ms",
@@ -142,6 +152,7 @@ fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameSta
     if !rows.is_empty() {
         text += &table::stages(rows);
         text += &table::trees(rows);
+        text += &table::memory(rows);
         text += &table::rates(rows, width as usize * height as usize);
     }
     if !args.no_images {
@@ -155,9 +166,7 @@ fn stats(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats
     Stats {
         schema: SCHEMA,
         version: env!("CARGO_PKG_VERSION").to_owned(),
-        command_line: std::env::args_os()
-            .map(|a| a.to_string_lossy().into_owned())
-            .collect(),
+        command_line: record::command_line(),
         scene: scene_facts(scene),
         backend: device.backend.to_owned(),
         adapter: device.adapter.clone(),
@@ -171,7 +180,7 @@ fn stats(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats
         auto: session.taken.clone(),
         size: args.size,
         frames: rows.to_vec(),
-        summary: report::summarize(rows),
+        summary: report::overview(rows),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Results for people.
 
 use comfy_table::{Cell, CellAlignment, Table, presets};
-use report::{FrameStats, Summary, TIMES, summarize};
+use report::{FrameStats, Summary, TIMES, overview, summarize};
 
 /// A table with a head; every column but the first `words` holds numbers.
 pub(crate) fn table(head: &[&str], rows: &[Vec<String>], words: usize) -> String {
@@ -43,6 +43,22 @@ pub(crate) fn trees(frames: &[FrameStats]) -> String {
         text += &format!("; SAH ratio: median {:.3}, worst {:.3}", s.median, s.worst);
     }
     text + "\n"
+}
+
+/// How memory went, in a sentence; nothing where nobody knows.
+pub(crate) fn memory(frames: &[FrameStats]) -> String {
+    let seen = overview(frames);
+    let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    let mut text = String::new();
+    for (whose, course) in [("host", seen.host_bytes), ("device", seen.device_bytes)] {
+        if let Some(c) = course {
+            let [first, last, peak] = [c.first, c.last, c.peak].map(mib);
+            text += &format!(
+                "{whose} memory: {first:.1} MiB after the first frame, {last:.1} after the last, {peak:.1} at most\n"
+            );
+        }
+    }
+    text
 }
 
 /// Rays a second, in millions: of `count` rays in `ms` milliseconds.
@@ -108,6 +124,20 @@ mod tests {
             text.contains("refit") && !text.contains("interpolate"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn memory_that_nobody_counts_is_not_mentioned() {
+        let frame = |bytes: u64| FrameStats {
+            host_bytes: Some(bytes << 20),
+            ..FrameStats::default()
+        };
+        let text = memory(&[frame(3), frame(7), frame(5)]);
+        assert_eq!(
+            text,
+            "host memory: 3.0 MiB after the first frame, 5.0 after the last, 7.0 at most\n"
+        );
+        assert_eq!(memory(&[FrameStats::default()]), "");
     }
 
     #[test]

@@ -36,18 +36,16 @@ pub struct Found<'a> {
 /// # Panics
 /// If the lengths do not match the shape.
 pub fn write_hits(path: &Path, found: &Found<'_>) -> Result<(), WriteError> {
-    let Found { hits, shape, .. } = *found;
-    assert_eq!(hits.len() as u64, shape.iter().product::<u64>());
-    archive(path, 17 * hits.len(), |zip| {
-        array(zip, "triangle", shape, hits.iter().map(|h| h.triangle))?;
-        array(zip, "t", shape, hits.iter().map(|h| h.t))?;
-        array(zip, "u", shape, hits.iter().map(|h| h.u))?;
-        array(zip, "v", shape, hits.iter().map(|h| h.v))?;
-        if let Some(shadow) = found.shadow {
-            assert_eq!(shadow.len(), hits.len());
-            array(zip, "shadow", shape, shadow.iter().copied())?;
+    let hits = found.hits.iter();
+    write_archive(path, found.shape, 17, |arrays| {
+        arrays.add("triangle", hits.clone().map(|h| h.triangle))?;
+        arrays.add("t", hits.clone().map(|h| h.t))?;
+        arrays.add("u", hits.clone().map(|h| h.u))?;
+        arrays.add("v", hits.clone().map(|h| h.v))?;
+        match found.shadow {
+            Some(shadow) => arrays.add("shadow", shadow.iter().copied()),
+            None => Ok(()),
         }
-        Ok(())
     })
 }
 
@@ -56,53 +54,64 @@ pub fn write_hits(path: &Path, found: &Found<'_>) -> Result<(), WriteError> {
 /// # Errors
 /// [`WriteError`]; `path` then holds what it held before.
 pub fn write_found(path: &Path, found: &[u8]) -> Result<(), WriteError> {
-    let shape = [found.len() as u64];
-    archive(path, found.len(), |zip| {
-        array(zip, "hit", &shape, found.iter().copied())
+    write_archive(path, &[found.len() as u64], 1, |arrays| {
+        arrays.add("hit", found.iter().copied())
     })
 }
 
-type Archive = ZipWriter<Cursor<Vec<u8>>>;
+/// An archive being filled with arrays of one shape.
+struct Arrays<'a> {
+    zip: ZipWriter<Cursor<Vec<u8>>>,
+    shape: &'a [u64],
+}
 
 /// Makes the archive in memory: over a sink that fails, the archive writer
 /// complains to standard error when it is dropped, past any caller.
-fn archive(
+fn write_archive(
     path: &Path,
-    bytes: usize,
-    fill: impl FnOnce(&mut Archive) -> io::Result<()>,
+    shape: &[u64],
+    bytes_each: usize,
+    fill: impl FnOnce(&mut Arrays<'_>) -> io::Result<()>,
 ) -> Result<(), WriteError> {
     let make = || {
-        let room = Vec::with_capacity(bytes + ROOM_FOR_HEADS);
-        let mut zip = ZipWriter::new(Cursor::new(room));
-        fill(&mut zip)?;
-        Ok(zip.finish()?.into_inner())
+        let elements = shape.iter().product::<u64>() as usize;
+        let room = Vec::with_capacity(bytes_each * elements + ROOM_FOR_HEADS);
+        let zip = ZipWriter::new(Cursor::new(room));
+        let mut arrays = Arrays { zip, shape };
+        fill(&mut arrays)?;
+        Ok(arrays.zip.finish()?.into_inner())
     };
     let archive = make().map_err(|e| WriteError::new(path, e))?;
     write_whole(path, &archive)
 }
 
-fn array<T: AutoSerialize>(
-    zip: &mut Archive,
-    name: &str,
-    shape: &[u64],
-    values: impl ExactSizeIterator<Item = T>,
-) -> io::Result<()> {
-    let bytes = values.len() as u64 * size_of::<T>() as u64;
-    let options = FileOptions::default()
-        .compression_method(CompressionMethod::Stored)
-        .last_modified_time(DateTime::default())
-        .large_file(bytes >= u64::from(u32::MAX) - (1 << 16));
-    zip.start_file(npyz::npz::file_name_from_array_name(name), options)?;
-    // Numbers are written one by one, and the archive sums each write up by itself.
-    let mut out = BufWriter::with_capacity(1 << 16, zip);
-    let mut npy = WriteOptions::new()
-        .default_dtype()
-        .shape(shape)
-        .writer(&mut out)
-        .begin_nd()?;
-    npy.extend(values)?;
-    npy.finish()?;
-    out.flush()
+impl Arrays<'_> {
+    fn add<T: AutoSerialize>(
+        &mut self,
+        name: &str,
+        values: impl ExactSizeIterator<Item = T>,
+    ) -> io::Result<()> {
+        let count = values.len() as u64;
+        let wanted: u64 = self.shape.iter().product();
+        assert_eq!(count, wanted, "the shape of {name}");
+        let bytes = count * size_of::<T>() as u64;
+        let options = FileOptions::default()
+            .compression_method(CompressionMethod::Stored)
+            .last_modified_time(DateTime::default())
+            .large_file(bytes >= u64::from(u32::MAX) - (1 << 16));
+        self.zip
+            .start_file(npyz::npz::file_name_from_array_name(name), options)?;
+        // Numbers are written one by one, and the archive sums each write up by itself.
+        let mut out = BufWriter::with_capacity(1 << 16, &mut self.zip);
+        let mut npy = WriteOptions::new()
+            .default_dtype()
+            .shape(self.shape)
+            .writer(&mut out)
+            .begin_nd()?;
+        npy.extend(values)?;
+        npy.finish()?;
+        out.flush()
+    }
 }
 
 #[cfg(test)]
@@ -173,6 +182,18 @@ mod tests {
         let archive = NpzArchive::open(&path).unwrap();
         assert_eq!(archive.array_names().collect::<Vec<_>>(), ["hit"]);
         assert_eq!(read::<u8>(&path, "hit").2, [1, 0, 1]);
+    }
+
+    #[test]
+    #[should_panic(expected = "the shape of shadow")]
+    fn arrays_of_another_shape_are_misuse() {
+        let found = Found {
+            hits: &hits(),
+            shadow: Some(&[1, 0]),
+            shape: &[2, 3],
+        };
+        let dir = tempfile::tempdir().unwrap();
+        let _ = write_hits(&dir.path().join("a.npz"), &found);
     }
 
     #[test]

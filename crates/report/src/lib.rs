@@ -12,6 +12,7 @@ mod picture;
 mod rays;
 mod stats;
 mod taken;
+mod timeline;
 
 pub use atomic::{check_writable, prepare_dir, write_whole, write_with};
 pub use error::{RaysError, WriteError};
@@ -19,6 +20,8 @@ pub use hits::{Found, write_found, write_hits};
 pub use picture::write_png;
 pub use rays::{read_rays, write_rays};
 pub use stats::{
-    FrameStats, SCHEMA, SceneFacts, Stats, Summary, TIMES, Time, summarize, write_json,
+    Course, FrameStats, Overview, SCHEMA, SceneFacts, Stats, Summary, TIMES, Time, overview,
+    summarize, write_json,
 };
 pub use taken::Taken;
+pub use timeline::{Timeline, Track, write_timeline};

@@ -43,8 +43,20 @@ pub struct Stats {
     pub size: [u32; 2],
     /// One row a frame.
     pub frames: Vec<FrameStats>,
-    /// Times over all frames, by name; see [`TIMES`].
-    pub summary: BTreeMap<&'static str, Option<Summary>>,
+    /// All frames at a glance.
+    pub summary: Overview,
+}
+
+/// All frames at a glance.
+#[derive(Clone, Debug, Serialize)]
+pub struct Overview {
+    /// Times by name; see [`TIMES`].
+    #[serde(flatten)]
+    pub times: BTreeMap<&'static str, Option<Summary>>,
+    /// Memory of this process that is resident, in bytes.
+    pub host_bytes: Option<Course>,
+    /// Device memory the backend holds, in bytes.
+    pub device_bytes: Option<Course>,
 }
 
 /// What was rendered.
@@ -88,6 +100,8 @@ pub struct FrameStats {
     pub device_ms: Option<f64>,
     #[serde(serialize_with = "maybe_rounded")]
     pub wall_ms: Option<f64>,
+    #[serde(serialize_with = "maybe_rounded")]
+    pub build_wait_ms: Option<f64>,
     pub tree_generation: u64,
     pub tree_age_frames: u64,
     pub adopted: bool,
@@ -103,6 +117,8 @@ pub struct FrameStats {
     pub blocked: u64,
     pub inactive: u64,
     pub degenerate: u64,
+    pub host_bytes: Option<u64>,
+    pub device_bytes: Option<u64>,
 }
 
 /// One quantity over all frames that know it.
@@ -135,11 +151,38 @@ impl Summary {
     }
 }
 
+/// One amount from the first frame that knows it to the last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Course {
+    /// After the first frame.
+    pub first: u64,
+    /// After the last one.
+    pub last: u64,
+    /// The most there was.
+    pub peak: u64,
+}
+
+impl Course {
+    /// Of `values` in order; `None` if there are none.
+    #[must_use]
+    pub fn of(values: impl IntoIterator<Item = u64>) -> Option<Self> {
+        values.into_iter().fold(None, |course, last| {
+            let Self { first, peak, .. } = course.unwrap_or(Self {
+                first: last,
+                last,
+                peak: last,
+            });
+            let peak = peak.max(last);
+            Some(Self { first, last, peak })
+        })
+    }
+}
+
 /// Reads one time of a frame.
 pub type Time = fn(&FrameStats) -> Option<f64>;
 
 /// The times that are summed up, in the order of the stages.
-pub const TIMES: [(&str, Time); 9] = [
+pub const TIMES: [(&str, Time); 10] = [
     ("interpolate_ms", |f| f.interpolate_ms),
     ("preprocess_ms", |f| f.preprocess_ms),
     ("refit_ms", |f| f.refit_ms),
@@ -147,6 +190,7 @@ pub const TIMES: [(&str, Time); 9] = [
     ("trace_shadow_ms", |f| f.trace_shadow_ms),
     ("device_ms", |f| f.device_ms),
     ("wall_ms", |f| f.wall_ms),
+    ("build_wait_ms", |f| f.build_wait_ms),
     ("build_ms", |f| f.build_ms),
     ("convert_ms", |f| f.convert_ms),
 ];
@@ -156,6 +200,16 @@ pub const TIMES: [(&str, Time); 9] = [
 pub fn summarize(frames: &[FrameStats]) -> BTreeMap<&'static str, Option<Summary>> {
     let of = |time: Time| Summary::of(frames.iter().filter_map(time));
     TIMES.iter().map(|&(name, time)| (name, of(time))).collect()
+}
+
+/// Sums everything up over the frames that know it.
+#[must_use]
+pub fn overview(frames: &[FrameStats]) -> Overview {
+    Overview {
+        times: summarize(frames),
+        host_bytes: Course::of(frames.iter().filter_map(|f| f.host_bytes)),
+        device_bytes: Course::of(frames.iter().filter_map(|f| f.device_bytes)),
+    }
 }
 
 /// Writes `value` as indented JSON with a newline at the end.
@@ -195,6 +249,20 @@ mod tests {
         let s = Summary::of([3.0, 1.0, 2.0]).unwrap();
         assert_eq!((s.median, s.p95, s.worst), (2.0, 3.0, 3.0));
         assert_eq!(Summary::of([]), None);
+    }
+
+    #[test]
+    fn a_course_has_a_begin_an_end_and_a_peak() {
+        let course = Course::of([3, 9, 1, 4]).unwrap();
+        assert_eq!((course.first, course.last, course.peak), (3, 4, 9));
+        assert_eq!(Course::of([]), None);
+        let frame = |bytes| FrameStats {
+            host_bytes: Some(bytes),
+            ..FrameStats::default()
+        };
+        let json = serde_json::to_value(overview(&[frame(5), frame(2)])).unwrap();
+        assert_eq!(json["host_bytes"]["peak"], 5);
+        assert!(json["device_bytes"].is_null() && json["refit_ms"].is_null());
     }
 
     #[test]

@@ -1,0 +1,208 @@
+//! `render --timeline`: what host and device did when, side by side.
+//!
+//! Five tracks: the frame loop, the device, vertices on their way to the
+//! builder, the builder, and trees on their way to the device; beside them,
+//! how old and how good the tree was. The host's times are its own. Where the
+//! device's lie among them, [`place_on_host`] says; within a submission its
+//! stages follow each other without a gap.
+
+use crate::session::Session;
+use backend::StageTimes;
+use pipeline::{Adopted, FrameRecord, Span, Submission, place_on_host};
+use report::{Timeline, Track, WriteError};
+use serde_json::{Value, json};
+use std::path::Path;
+use std::time::Instant;
+
+/// What was noted while rendering.
+#[derive(Debug, Default)]
+pub(crate) struct Notes {
+    frames: Vec<Note>,
+}
+
+/// A frame, and when its files were written.
+#[derive(Debug)]
+struct Note {
+    record: FrameRecord,
+    wrote: [Instant; 2],
+}
+
+impl Notes {
+    /// A frame is done, and its files were written between these moments.
+    pub(crate) fn add(&mut self, record: &FrameRecord, wrote: [Instant; 2]) {
+        let record = record.clone();
+        self.frames.push(Note { record, wrote });
+    }
+
+    /// Writes the file.
+    pub(crate) fn write(&self, path: &Path, session: &Session) -> Result<(), WriteError> {
+        let mut timeline = self.draw();
+        let aligned = self.submissions().all(|(_, s)| s.times.begun_ms.is_some());
+        let clock = if aligned {
+            "aligned by when the host handed work in and saw its end"
+        } else {
+            "unknown: work ends when the host saw it"
+        };
+        timeline.fact("caption", json!(session.caption()));
+        timeline.fact("device_clock", json!(clock));
+        timeline.fact("command_line", json!(crate::record::command_line()));
+        report::write_timeline(path, &timeline)
+    }
+
+    fn draw(&self) -> Timeline {
+        let mut timeline = Timeline::new("abvh");
+        let tracks = Tracks::add_to(&mut timeline);
+        let Some(first) = self.frames.first() else {
+            return timeline;
+        };
+        let mut chart = Chart {
+            origin: first.record.moments.begun,
+            timeline,
+            tracks,
+        };
+        for note in &self.frames {
+            chart.host(note);
+            if let Some(tree) = &note.record.adopted {
+                chart.tree(&note.record, tree);
+            }
+        }
+        let (frames, submissions): (Vec<u64>, Vec<Submission>) = self.submissions().unzip();
+        let spans = place_on_host(chart.origin, &submissions);
+        for ((frame, submission), span) in frames.iter().zip(&submissions).zip(&spans) {
+            chart.device(*frame, &submission.times, *span);
+        }
+        chart.timeline
+    }
+
+    /// All submissions in order, with the frame each belongs to.
+    fn submissions(&self) -> impl Iterator<Item = (u64, Submission)> {
+        self.frames.iter().flat_map(|Note { record, .. }| {
+            let both = record.fetched.into_iter().chain([record.traced]);
+            both.map(|s| (record.frame.index, s))
+        })
+    }
+}
+
+struct Tracks {
+    frames: Track,
+    device: Track,
+    readback: Track,
+    builder: Track,
+    upload: Track,
+}
+
+impl Tracks {
+    fn add_to(timeline: &mut Timeline) -> Self {
+        Self {
+            frames: timeline.track("frame loop"),
+            device: timeline.track("device"),
+            readback: timeline.track("read-back"),
+            builder: timeline.track("builder"),
+            upload: timeline.track("upload"),
+        }
+    }
+}
+
+/// A timeline being drawn.
+struct Chart {
+    /// The moment that counts as zero.
+    origin: Instant,
+    timeline: Timeline,
+    tracks: Tracks,
+}
+
+impl Chart {
+    /// Milliseconds after the origin, which nothing precedes.
+    fn ms(&self, at: Instant) -> f64 {
+        (at - self.origin).as_secs_f64() * 1e3
+    }
+
+    fn span(&mut self, track: Track, name: &'static str, ends: [Instant; 2], args: &Value) {
+        let ends = ends.map(|at| self.ms(at));
+        if ends[0] < ends[1] {
+            self.timeline.span(track, name, ends, args.clone());
+        }
+    }
+
+    /// What the frame loop did for a frame.
+    fn host(&mut self, Note { record, wrote }: &Note) {
+        let (track, m) = (self.tracks.frames, record.moments);
+        let frame = json!({ "frame": record.frame.index });
+        let begin = json!({
+            "frame": record.frame.index,
+            "time": record.frame.time,
+            "tree_generation": record.tree_generation.0,
+            "build_wait_ms": record.build_wait_ms,
+        });
+        self.span(track, "begin", [m.begun, m.submitted], &begin);
+        self.span(track, "wait", [m.waited, m.seen], &frame);
+        self.span(track, "read hits", [m.seen, m.read], &frame);
+        self.span(track, "write files", *wrote, &frame);
+        let begun = self.ms(m.begun);
+        if let Some(generation) = record.asked {
+            let args = json!({ "frame": record.frame.index, "generation": generation.0 });
+            self.timeline.mark(track, "ask", begun, args);
+        }
+        let age = record.tree_age_frames as f64;
+        self.timeline.counter("tree age", begun, age);
+        if let Some(ratio) = record.sah_ratio {
+            self.timeline.counter("SAH ratio", begun, ratio);
+        }
+    }
+
+    /// The way of the tree that a frame swapped to.
+    fn tree(&mut self, record: &FrameRecord, tree: &Adopted) {
+        let generation = record.tree_generation.0;
+        let (m, build) = (tree.moments, tree.moments.build);
+        let built = json!({ "generation": generation, "triangles": tree.triangles });
+        let moved = |bytes: u64| json!({ "generation": generation, "bytes": bytes });
+        let builder = self.tracks.builder;
+        self.span(
+            self.tracks.readback,
+            "vertices",
+            [m.asked, m.arrived],
+            &moved(tree.snapshot_bytes),
+        );
+        self.span(builder, "build", [build.begun, build.built], &built);
+        self.span(builder, "convert", [build.built, build.converted], &built);
+        self.span(builder, "cost", [build.converted, build.ended], &built);
+        self.span(
+            self.tracks.upload,
+            "tree",
+            [m.taken, m.adopted],
+            &moved(tree.upload_bytes),
+        );
+        let args = json!({
+            "frame": record.frame.index,
+            "generation": generation,
+            "age_frames": record.tree_age_frames,
+        });
+        let adopted = self.ms(m.adopted);
+        self.timeline
+            .mark(self.tracks.frames, "adopt", adopted, args);
+    }
+
+    /// The stages of a submission, one after the other.
+    fn device(&mut self, frame: u64, times: &StageTimes, span: Span) {
+        let mut begin = span.begin_ms;
+        for (name, ms) in stages(times) {
+            let end = (begin + ms.unwrap_or(0.0)).min(span.end_ms);
+            if begin < end {
+                let args = json!({ "frame": frame });
+                self.timeline
+                    .span(self.tracks.device, name, [begin, end], args);
+                begin = end;
+            }
+        }
+    }
+}
+
+fn stages(times: &StageTimes) -> [(&'static str, Option<f64>); 5] {
+    [
+        ("interpolate", times.interpolate_ms),
+        ("preprocess", times.preprocess_ms),
+        ("refit", times.refit_ms),
+        ("trace primary", times.trace_primary_ms),
+        ("trace shadow", times.trace_shadow_ms),
+    ]
+}
