@@ -1,21 +1,31 @@
 //! When two answers agree, and how to say that they do not.
 
-use backend::Hits;
+use crate::Case;
+use crate::case::{ray_text, triangle_text};
+use backend::{Hits, Rays};
 use geom::{Aabb, Hit, Point};
+use std::fmt::Debug;
 
 /// The first place where two lists differ, told by `same`.
-pub(crate) fn lists<T: std::fmt::Debug>(
+pub(crate) fn lists<T: Debug>(
     what: &str,
     subject: &[T],
     reference: &[T],
     same: impl Fn(&T, &T) -> bool,
 ) -> Result<(), String> {
+    first_difference(what, [subject, reference], same).map_err(|(_, text)| text)
+}
+
+/// Where two lists first differ, and how.
+fn first_difference<T: Debug>(
+    what: &str,
+    [subject, reference]: [&[T]; 2],
+    same: impl Fn(&T, &T) -> bool,
+) -> Result<(), (usize, String)> {
     if subject.len() != reference.len() {
-        return Err(format!(
-            "{} {what}, expected {}",
-            subject.len(),
-            reference.len()
-        ));
+        let (found, expected) = (subject.len(), reference.len());
+        let text = format!("{found} entries of {what}, expected {expected}");
+        return Err((usize::MAX, text));
     }
     let pairs = subject.iter().zip(reference).enumerate();
     let mut wrong = pairs.filter(|(_, (s, r))| !same(s, r));
@@ -23,9 +33,8 @@ pub(crate) fn lists<T: std::fmt::Debug>(
         None => Ok(()),
         Some((i, (s, r))) => {
             let more = wrong.count();
-            Err(format!(
-                "{what} {i} is {s:?}, expected {r:?} (and {more} more differ)"
-            ))
+            let text = format!("{what} {i} is {s:?}, expected {r:?} (and {more} more differ)");
+            Err((i, text))
         }
     }
 }
@@ -48,13 +57,40 @@ pub(crate) fn same_hit(a: &Hit, b: &Hit) -> bool {
     bits(a) == bits(b)
 }
 
-/// Both parts of an answer.
-pub(crate) fn answers(subject: &Hits, reference: &Hits) -> Result<(), String> {
-    lists("hit of ray", &subject.closest, &reference.closest, same_hit)?;
-    lists(
-        "blocked flag of ray",
-        &subject.blocked,
-        &reference.blocked,
-        |a, b| a == b,
-    )
+/// Both parts of an answer to `rays` asked at `time`.
+pub(crate) fn answers(
+    case: &Case,
+    time: f64,
+    rays: Rays<'_>,
+    subject: &Hits,
+    reference: &Hits,
+) -> Result<(), String> {
+    let closest = [&subject.closest[..], &reference.closest];
+    let blocked = [&subject.blocked[..], &reference.blocked];
+    first_difference("hit of ray", closest, same_hit)
+        .and_then(|()| first_difference("blocked flag of ray", blocked, PartialEq::eq))
+        .map_err(|(i, text)| {
+            let named = |hits: &Hits| hits.closest.get(i).map_or(u32::MAX, |h| h.triangle);
+            let triangles = [named(subject), named(reference)]
+                .map(|t| triangle_text(&case.animation, time, t))
+                .join(" against ");
+            let ray = named_ray(case, rays, i);
+            format!("at time {time:?}: {text}; {ray}; {triangles}")
+        })
+}
+
+/// A ray by its number, with all that is known of it.
+pub(crate) fn named_ray(case: &Case, rays: Rays<'_>, i: usize) -> String {
+    match rays {
+        Rays::List(list) => {
+            let family = case.families.get(i).map(|f| format!("{f:?}"));
+            let text = list.get(i).map(ray_text).unwrap_or_default();
+            format!("ray {i} ({}): {text}", family.unwrap_or_default())
+        }
+        Rays::Camera(camera) if i < camera.pixels() => {
+            let (x, y) = (i as u32 % camera.width, i as u32 / camera.width);
+            format!("pixel ({x}, {y}): {}", ray_text(&camera.ray(x, y)))
+        }
+        Rays::Camera(_) => String::new(),
+    }
 }

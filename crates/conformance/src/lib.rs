@@ -3,35 +3,76 @@
 //! A [`Law`] takes a subject and a reference, both by the seam's trait, and a
 //! [`Case`] that a seed made; it says `Err` with the first disagreement. The
 //! test suite crosses [`LAWS`] with the backends by data, and so does
-//! `abvh conform` on the user's own machine.
+//! `abvh conform` on the user's own machine. [`leaks`] asks closed bodies many
+//! more questions than a law can.
 
+mod case;
 mod compare;
 mod laws;
+pub mod leaks;
+mod places;
+mod rays;
+mod regressions;
+mod scenes;
+mod shapes;
 mod stage;
-mod strategies;
+mod topologies;
 
+pub use case::Case;
 pub use laws::{LAWS, Law};
-pub use strategies::{Case, Kind, case};
+pub use rays::Family;
+pub use regressions::{REGRESSIONS, Regression};
+pub use scenes::{Kind, case};
 
 use backend::Backend;
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// Which scene and rays a law is tried on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trial {
+    /// One of [`REGRESSIONS`], by name.
+    Regression(&'static str),
+    /// A case of the seed, by number.
+    Case(u32),
+}
+
+impl fmt::Display for Trial {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Regression(name) => f.pad(name),
+            Self::Case(i) => i.fmt(f),
+        }
+    }
+}
 
 /// What a law found: which case, and how subject and reference disagree.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("law {law}, seed {seed}, case {case}: {what}")]
+#[error("law {law}, seed {seed}, case {trial}: {what}; the case is {about}")]
 pub struct Disagreement {
     /// The law's name.
     pub law: &'static str,
     /// The seed of the whole run.
     pub seed: u64,
     /// The case within the run.
-    pub case: u32,
+    pub trial: Trial,
     /// What was seen and what was expected.
     pub what: String,
+    /// What the case is made of.
+    pub about: String,
+    /// Trials that held before.
+    pub held: u32,
 }
 
-/// Holds `subject` to one law over `cases` cases made from `seed`.
+/// All regressions, then `cases` cases of the seed.
+pub fn trials(cases: u32) -> impl Iterator<Item = Trial> {
+    let regressions = REGRESSIONS.iter().map(|r| Trial::Regression(r.name));
+    regressions.chain((0..cases).map(Trial::Case))
+}
+
+/// Holds `subject` to one law over regressions and `cases` cases made from `seed`; returns how many trials held.
 ///
 /// Case `i` of a seed is the same in every run, on every machine and for every number of cases.
 ///
@@ -43,17 +84,51 @@ pub fn hold(
     reference: &mut dyn Backend,
     seed: u64,
     cases: u32,
-) -> Result<(), Disagreement> {
-    for i in 0..cases {
-        let case = nth_case(seed, i);
-        (law.check)(&case, subject, reference).map_err(|what| Disagreement {
-            law: law.name,
-            seed,
-            case: i,
-            what,
-        })?;
+) -> Result<u32, Disagreement> {
+    let mut held = 0;
+    for trial in trials(cases) {
+        hold_one(law, subject, reference, seed, trial)
+            .map_err(|found| Disagreement { held, ..found })?;
+        held += 1;
     }
-    Ok(())
+    Ok(held)
+}
+
+/// Holds `subject` to one law over one case. A backend that panics disagrees.
+///
+/// # Errors
+/// The disagreement.
+///
+/// # Panics
+/// If there is no regression of that name.
+pub fn hold_one(
+    law: &Law,
+    subject: &mut dyn Backend,
+    reference: &mut dyn Backend,
+    seed: u64,
+    trial: Trial,
+) -> Result<(), Disagreement> {
+    let case = match trial {
+        Trial::Case(i) => nth_case(seed, i),
+        Trial::Regression(name) => {
+            let found = REGRESSIONS.iter().find(|r| r.name == name);
+            found.expect("regressions go by their names").case()
+        }
+    };
+    let check = || (law.check)(&case, subject, reference);
+    let found = catch_unwind(AssertUnwindSafe(check)).unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<String>().map(String::as_str);
+        let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
+        Err(format!("the backend panicked: {}", text.unwrap_or("?")))
+    });
+    found.map_err(|what| Disagreement {
+        law: law.name,
+        seed,
+        trial,
+        what,
+        about: case.to_string(),
+        held: 0,
+    })
 }
 
 /// The `i`-th case of a seed.

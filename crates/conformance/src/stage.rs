@@ -1,6 +1,8 @@
 //! The few sentences in which laws are written.
 
-use backend::{Backend, BackendError, Generation, Hits, Method, Query, Rays, Seek};
+use backend::{
+    Backend, BackendError, Generation, Hits, Intersector, Layout, Method, Query, Rays, Seek, Ticket,
+};
 use bvh_build::{BinaryTree, Builder, Cancel};
 use bvh_layout::{Converter, Topology};
 use geom::{Animation, Point};
@@ -36,12 +38,43 @@ pub(crate) fn open(
     animation: &Arc<Animation>,
     time: f64,
 ) -> Result<(), String> {
-    backend
-        .load(Arc::clone(animation), Method::default())
-        .map_err(plainly)?;
-    backend
-        .adopt(&tree_at(animation, time), Generation(1))
-        .map_err(plainly)
+    open_with(backend, animation, time, Method::default()).map_err(plainly)
+}
+
+/// Likewise, by another method than usual.
+pub(crate) fn open_with(
+    backend: &mut dyn Backend,
+    animation: &Arc<Animation>,
+    time: f64,
+    method: Method,
+) -> backend::Result<()> {
+    backend.load(Arc::clone(animation), method)?;
+    backend.adopt(&tree_at(animation, time), Generation(1))
+}
+
+/// Every method by which the backend traces this scene.
+pub(crate) fn methods(
+    backend: &mut dyn Backend,
+    animation: &Arc<Animation>,
+) -> Result<Vec<Method>, String> {
+    let mut methods = Vec::new();
+    for intersector in Intersector::ALL {
+        for layout in Layout::ALL {
+            let method = Method {
+                intersector,
+                layout,
+            };
+            match backend.load(Arc::clone(animation), method) {
+                Ok(()) => methods.push(method),
+                Err(BackendError::Unsupported { .. }) => {}
+                Err(e) => return Err(plainly(e)),
+            }
+        }
+    }
+    if methods.contains(&Method::default()) {
+        return Ok(methods);
+    }
+    Err("the backend does not support the usual method".to_owned())
 }
 
 /// Records everything up to the boxes at `time`.
@@ -60,12 +93,26 @@ pub(crate) fn boxes_anew(backend: &mut dyn Backend) -> Result<(), String> {
     backend.refit().map_err(plainly)
 }
 
-/// Traces and fetches.
-pub(crate) fn ask(backend: &mut dyn Backend, rays: Rays<'_>, seek: Seek) -> Result<Hits, String> {
+/// Records a trace and starts it.
+pub(crate) fn start(
+    backend: &mut dyn Backend,
+    rays: Rays<'_>,
+    seek: Seek,
+) -> Result<Ticket, String> {
     backend.trace(Query { rays, seek }).map_err(plainly)?;
-    let ticket = backend.submit().map_err(plainly)?;
+    backend.submit().map_err(plainly)
+}
+
+/// Fetches what a trace found.
+pub(crate) fn fetch(backend: &mut dyn Backend, ticket: Ticket) -> Result<Hits, String> {
     let mut hits = Hits::default();
     backend.wait(ticket).map_err(plainly)?;
     backend.hits(ticket, &mut hits).map_err(plainly)?;
     Ok(hits)
+}
+
+/// Traces and fetches.
+pub(crate) fn ask(backend: &mut dyn Backend, rays: Rays<'_>, seek: Seek) -> Result<Hits, String> {
+    let ticket = start(backend, rays, seek)?;
+    fetch(backend, ticket)
 }

@@ -1,9 +1,10 @@
 //! What rays hit.
 
 use crate::Case;
-use crate::compare::answers;
-use crate::stage::{ask, open, stand};
-use backend::{Backend, Hits, Rays, Seek};
+use crate::compare::{answers, named_ray};
+use crate::stage::{ask, methods, open, open_with, plainly, stand};
+use backend::{Backend, Hits, Intersector, Rays, Seek};
+use geom::Ray;
 
 fn at(
     case: &Case,
@@ -29,7 +30,7 @@ fn same(
     let seen = at(case, subject, rays, seek)?;
     let expected = at(case, reference, rays, seek)?;
     for (i, (s, r)) in seen.iter().zip(&expected).enumerate() {
-        answers(s, r).map_err(|e| format!("at time {}: {e}", case.times[i]))?;
+        answers(case, case.times[i], rays, s, r)?;
     }
     Ok(())
 }
@@ -40,12 +41,26 @@ pub(crate) fn closest(
     subject: &mut dyn Backend,
     reference: &mut dyn Backend,
 ) -> Result<(), String> {
-    same(
-        case,
-        [subject, reference],
-        Rays::List(&case.rays),
-        Seek::Closest,
-    )
+    let rays = Rays::List(&case.rays);
+    same(case, [&mut *subject, &mut *reference], rays, Seek::Closest)?;
+    exactly(case, [subject, reference])
+}
+
+/// The exact intersector must agree too, where both have it.
+fn exactly(case: &Case, both: [&mut dyn Backend; 2]) -> Result<(), String> {
+    let (rays, now) = (Rays::List(&case.rays), case.times[1]);
+    let mut seen = Vec::new();
+    for backend in both {
+        let methods = methods(backend, &case.animation)?;
+        let exact = methods.iter().find(|m| m.intersector == Intersector::Exact);
+        let Some(&exact) = exact else {
+            return Ok(());
+        };
+        open_with(backend, &case.animation, case.times[0], exact).map_err(plainly)?;
+        stand(backend, &case.animation, now)?;
+        seen.push(ask(backend, rays, Seek::Closest)?);
+    }
+    answers(case, now, rays, &seen[0], &seen[1]).map_err(|e| format!("exact: {e}"))
 }
 
 /// Whether anything is hit.
@@ -54,41 +69,63 @@ pub(crate) fn any(
     subject: &mut dyn Backend,
     reference: &mut dyn Backend,
 ) -> Result<(), String> {
-    same(
-        case,
-        [subject, reference],
-        Rays::List(&case.rays),
-        Seek::Any,
-    )
+    let rays = Rays::List(&case.rays);
+    same(case, [subject, reference], rays, Seek::Any)
 }
 
-/// A camera's rays made on the device, with shadows.
+/// A camera's rays made on the device, with shadows; and the shadows of given rays.
 pub(crate) fn picture(
     case: &Case,
     subject: &mut dyn Backend,
     reference: &mut dyn Backend,
 ) -> Result<(), String> {
     let seek = Seek::ClosestAndShadow { light: case.light };
-    same(case, [subject, reference], Rays::Camera(&case.camera), seek)
+    let camera = Rays::Camera(&case.camera);
+    same(case, [&mut *subject, &mut *reference], camera, seek)?;
+    same(case, [subject, reference], Rays::List(&case.rays), seek)
 }
 
-/// Any-hit says yes exactly where closest-hit finds something.
+/// A camera's rays made on the device answer as the same rays given one by one.
+pub(crate) fn camera_is_rays(
+    case: &Case,
+    subject: &mut dyn Backend,
+    _: &mut dyn Backend,
+) -> Result<(), String> {
+    let (camera, now) = (&case.camera, case.times[1]);
+    let rows = (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| (x, y)));
+    let rays: Vec<Ray> = rows.map(|(x, y)| camera.ray(x, y)).collect();
+    open(subject, &case.animation, case.times[0])?;
+    stand(subject, &case.animation, now)?;
+    let light = case.light;
+    for seek in [Seek::Closest, Seek::Any, Seek::ClosestAndShadow { light }] {
+        let given = ask(subject, Rays::List(&rays), seek)?;
+        let made = ask(subject, Rays::Camera(camera), seek)?;
+        answers(case, now, Rays::Camera(camera), &made, &given)?;
+    }
+    Ok(())
+}
+
+/// Any-hit says yes exactly where closest-hit finds something, whatever the method.
 pub(crate) fn any_is_closest(
     case: &Case,
     subject: &mut dyn Backend,
     _: &mut dyn Backend,
 ) -> Result<(), String> {
     let rays = Rays::List(&case.rays);
-    open(subject, &case.animation, case.times[0])?;
-    stand(subject, &case.animation, case.times[1])?;
-    let closest = ask(subject, rays, Seek::Closest)?;
-    let any = ask(subject, rays, Seek::Any)?;
-    let pairs = closest.closest.iter().zip(&any.blocked).enumerate();
-    match pairs
-        .into_iter()
-        .find(|(_, (c, a))| c.is_hit() != (**a == 1))
-    {
-        None => Ok(()),
-        Some((i, (c, a))) => Err(format!("ray {i}: closest hit {c:?}, any hit {a}")),
+    for method in methods(subject, &case.animation)? {
+        open_with(subject, &case.animation, case.times[0], method).map_err(plainly)?;
+        stand(subject, &case.animation, case.times[1])?;
+        let closest = ask(subject, rays, Seek::Closest)?.closest;
+        let any = ask(subject, rays, Seek::Any)?.blocked;
+        if closest.len() != any.len() {
+            let counts = (closest.len(), any.len());
+            return Err(format!("closest and any hits are {counts:?} in number"));
+        }
+        let mut pairs = closest.iter().zip(&any).enumerate();
+        if let Some((i, (c, a))) = pairs.find(|(_, (c, a))| c.is_hit() != (**a == 1)) {
+            let ray = named_ray(case, rays, i);
+            return Err(format!("closest hit {c:?}, any hit {a}, {method:?}: {ray}"));
+        }
     }
+    Ok(())
 }

@@ -1,10 +1,14 @@
-//! What comes before any ray: positions, boxes, counts.
+//! What comes before any ray: positions and boxes.
 
 use crate::Case;
 use crate::compare::{lists, same_box, same_point};
 use crate::stage::{ask, open, plainly, stand, vertices};
-use backend::{Backend, Query, Rays, Seek};
+use backend::{Backend, Rays, Seek, Snapshot, Ticket};
 use geom::Aabb;
+use std::time::{Duration, Instant};
+
+/// How long a copy of positions may take, its submission being done.
+const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Interpolated positions have the bits of `geom`'s formula.
 pub(crate) fn positions(
@@ -17,12 +21,9 @@ pub(crate) fn positions(
         stand(subject, &case.animation, time)?;
         subject.submit().map_err(plainly)?;
         let seen = subject.inspect().positions().map_err(plainly)?;
-        lists(
-            "position of vertex",
-            &seen,
-            &vertices(&case.animation, time),
-            same_point,
-        )?;
+        let expected = vertices(&case.animation, time);
+        lists("position of vertex", &seen, &expected, same_point)
+            .map_err(|e| format!("at time {time:?}: {e}"))?;
     }
     Ok(())
 }
@@ -38,7 +39,8 @@ pub(crate) fn boxes(
     for &time in &case.times {
         let seen = boxes_at(subject, case, time)?;
         let expected = boxes_at(reference, case, time)?;
-        lists("box of node", &seen, &expected, same_box)?;
+        lists("box of node", &seen, &expected, same_box)
+            .map_err(|e| format!("at time {time:?}: {e}"))?;
     }
     Ok(())
 }
@@ -49,70 +51,47 @@ fn boxes_at(backend: &mut dyn Backend, case: &Case, time: f64) -> Result<Vec<Aab
     backend.inspect().boxes().map_err(plainly)
 }
 
-/// Inactive and degenerate triangles, and hits, are counted alike.
-pub(crate) fn counts(
-    case: &Case,
-    subject: &mut dyn Backend,
-    reference: &mut dyn Backend,
-) -> Result<(), String> {
-    let (seen, expected) = (counted(case, subject)?, counted(case, reference)?);
-    if seen == expected {
-        return Ok(());
-    }
-    Err(format!(
-        "inactive, degenerate, hits, blocked are {seen:?}, expected {expected:?}"
-    ))
-}
-
-fn counted(case: &Case, backend: &mut dyn Backend) -> Result<[u64; 4], String> {
-    open(backend, &case.animation, case.times[0])?;
-    stand(backend, &case.animation, case.times[1])?;
-    let seek = Seek::ClosestAndShadow { light: case.light };
-    backend
-        .trace(Query {
-            rays: Rays::Camera(&case.camera),
-            seek,
-        })
-        .map_err(plainly)?;
-    let ticket = backend.submit().map_err(plainly)?;
-    let report = backend.wait(ticket).map_err(plainly)?;
-    Ok([
-        report.inactive,
-        report.degenerate,
-        report.hits,
-        report.blocked,
-    ])
-}
-
-/// A requested copy holds the positions of the submission that asked, whatever came after.
+/// Requested copies hold the positions of the submissions that asked, oldest first, whatever came after.
 pub(crate) fn read_back(
     case: &Case,
     subject: &mut dyn Backend,
     _: &mut dyn Backend,
 ) -> Result<(), String> {
     open(subject, &case.animation, case.times[0])?;
-    stand(subject, &case.animation, case.times[1])?;
-    subject.request_positions().map_err(plainly)?;
-    let asked = subject.submit().map_err(plainly)?;
+    let mut asked = Vec::new();
+    for &time in &case.times[1..3] {
+        stand(subject, &case.animation, time)?;
+        subject.request_positions().map_err(plainly)?;
+        asked.push((subject.submit().map_err(plainly)?, time));
+    }
     for &time in &case.times {
         stand(subject, &case.animation, time)?;
         ask(subject, Rays::List(&case.rays), Seek::Closest)?;
     }
-    let (ticket, snapshot) = loop {
-        if let Some(arrived) = subject.take_positions().map_err(plainly)? {
-            break arrived;
+    for (expected, time) in asked {
+        let (ticket, snapshot) = next_positions(subject)?;
+        if ticket != expected {
+            return Err(format!(
+                "the copy belongs to {ticket:?}, expected {expected:?}"
+            ));
+        }
+        let formula = vertices(&case.animation, time);
+        lists("copied vertex", &snapshot, &formula, same_point)
+            .map_err(|e| format!("at time {time:?}: {e}"))?;
+    }
+    match subject.take_positions().map_err(plainly)? {
+        None => Ok(()),
+        Some((ticket, _)) => Err(format!("positions of {ticket:?} came, nobody asked")),
+    }
+}
+
+fn next_positions(backend: &mut dyn Backend) -> Result<(Ticket, Snapshot), String> {
+    let begun = Instant::now();
+    while begun.elapsed() < PATIENCE {
+        if let Some(arrived) = backend.take_positions().map_err(plainly)? {
+            return Ok(arrived);
         }
         std::thread::yield_now();
-    };
-    if ticket != asked {
-        return Err(format!(
-            "the copy belongs to {ticket:?}, expected {asked:?}"
-        ));
     }
-    lists(
-        "copied vertex",
-        &snapshot,
-        &vertices(&case.animation, case.times[1]),
-        same_point,
-    )
+    Err(format!("no positions came in {PATIENCE:?}"))
 }

@@ -1,8 +1,10 @@
 //! The laws, by name.
 
 mod answers;
+mod closed;
 mod geometry;
 mod lifecycle;
+mod reports;
 mod trees;
 
 use crate::Case;
@@ -19,58 +21,35 @@ pub struct Law {
 
 type Check = fn(&Case, &mut dyn Backend, &mut dyn Backend) -> Result<(), String>;
 
+const fn law(name: &'static str, check: Check) -> Law {
+    Law { name, check }
+}
+
 /// Every law.
 pub const LAWS: &[Law] = &[
-    Law {
-        name: "positions_equal_the_formula",
-        check: geometry::positions,
-    },
-    Law {
-        name: "boxes_equal_the_reference",
-        check: geometry::boxes,
-    },
-    Law {
-        name: "counts_equal_the_reference",
-        check: geometry::counts,
-    },
-    Law {
-        name: "positions_come_back_as_they_were",
-        check: geometry::read_back,
-    },
-    Law {
-        name: "closest_hits_equal_the_reference",
-        check: answers::closest,
-    },
-    Law {
-        name: "any_hits_equal_the_reference",
-        check: answers::any,
-    },
-    Law {
-        name: "pictures_and_shadows_equal_the_reference",
-        check: answers::picture,
-    },
-    Law {
-        name: "any_hit_agrees_with_closest_hit",
-        check: answers::any_is_closest,
-    },
-    Law {
-        name: "tree_age_does_not_change_hits",
-        check: trees::age,
-    },
-    Law {
-        name: "a_swap_does_not_change_hits",
-        check: trees::swap,
-    },
-    Law {
-        name: "a_wrong_tree_is_refused",
-        check: trees::wrong,
-    },
-    Law {
-        name: "tickets_finish_in_order_and_answers_are_kept",
-        check: lifecycle::tickets,
-    },
-    Law {
-        name: "loading_again_starts_afresh",
-        check: lifecycle::reload,
-    },
+    law("positions_equal_the_formula", geometry::positions),
+    law("boxes_equal_the_reference", geometry::boxes),
+    law("counts_equal_the_reference", reports::counts),
+    law("reports_name_what_was_done", reports::stages),
+    law("positions_come_back_as_they_were", geometry::read_back),
+    law("closest_hits_equal_the_reference", answers::closest),
+    law("any_hits_equal_the_reference", answers::any),
+    law("pictures_and_shadows_equal_the_reference", answers::picture),
+    law("a_camera_is_its_rays", answers::camera_is_rays),
+    law("any_hit_agrees_with_closest_hit", answers::any_is_closest),
+    law("closed_bodies_do_not_leak", closed::leaks),
+    law("tree_age_does_not_change_hits", trees::age),
+    law("tree_shape_does_not_change_hits", trees::shape),
+    law("a_swap_does_not_change_hits", trees::swap),
+    law("a_wrong_tree_is_refused", trees::wrong),
+    law("a_damaged_tree_is_refused", trees::damaged),
+    law(
+        "tickets_finish_in_order_and_answers_are_kept",
+        lifecycle::tickets,
+    ),
+    law(
+        "what_did_not_change_need_not_be_done_again",
+        lifecycle::at_rest,
+    ),
+    law("loading_again_starts_afresh", lifecycle::reload),
 ];

@@ -1,0 +1,63 @@
+//! What a law is tried on, and how to tell of it.
+
+use crate::rays::Family;
+use geom::{Animation, Camera, Point, Ray};
+use std::fmt;
+use std::sync::Arc;
+
+/// A scene in motion with rays to ask it.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// What it is made of, its scale and how far from the origin it was moved, for messages.
+    pub about: String,
+    /// The scene.
+    pub animation: Arc<Animation>,
+    /// Moments to visit, in key frames, at least three; the first is where the first tree is built.
+    pub times: Vec<f64>,
+    /// Rays given one by one.
+    pub rays: Vec<Ray>,
+    /// What each ray was made for, for messages.
+    pub families: Vec<Family>,
+    /// A camera that sees the scene.
+    pub camera: Camera,
+    /// A point light.
+    pub light: Point,
+    /// Bits at random, for laws with choices of their own.
+    pub chance: u64,
+}
+
+impl fmt::Display for Case {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let a = &self.animation;
+        write!(
+            f,
+            "{} ({} triangles, {} live, {} vertices, {} key frames, times {:?})",
+            self.about,
+            a.triangle_count(),
+            a.live_count(),
+            a.vertex_count(),
+            a.keys().len(),
+            self.times,
+        )
+    }
+}
+
+/// A ray in digits that read back to the same bits.
+pub(crate) fn ray_text(ray: &Ray) -> String {
+    let Ray {
+        origin,
+        direction,
+        t_min,
+        t_max,
+    } = ray;
+    format!("origin {origin:?}, direction {direction:?}, t in ({t_min:?}, {t_max:?})")
+}
+
+/// A scene's triangle as it stands at `time`, for messages.
+pub(crate) fn triangle_text(animation: &Animation, time: f64, triangle: u32) -> String {
+    if triangle as usize >= animation.triangle_count() {
+        return "no triangle".to_owned();
+    }
+    let corners = animation.corners(animation.pose(time), triangle);
+    format!("triangle {triangle} {corners:?}")
+}

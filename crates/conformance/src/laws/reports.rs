@@ -1,0 +1,95 @@
+//! What a backend says of its own work.
+
+use crate::Case;
+use crate::stage::{open, plainly, stand, start};
+use backend::{Backend, FrameReport, Rays, Seek};
+
+/// Inactive and degenerate triangles, hits and blocked hits are counted alike.
+pub(crate) fn counts(
+    case: &Case,
+    subject: &mut dyn Backend,
+    reference: &mut dyn Backend,
+) -> Result<(), String> {
+    let list = Rays::List(&case.rays);
+    let shadow = Seek::ClosestAndShadow { light: case.light };
+    let camera = Rays::Camera(&case.camera);
+    for (rays, seek) in [(camera, shadow), (list, Seek::Closest), (list, Seek::Any)] {
+        let (seen, expected) = (
+            counted(case, subject, rays, seek)?,
+            counted(case, reference, rays, seek)?,
+        );
+        if seen != expected {
+            return Err(format!(
+                "inactive, degenerate, hits, blocked are {seen:?} for {seek:?}, expected {expected:?}"
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn counted(
+    case: &Case,
+    backend: &mut dyn Backend,
+    rays: Rays<'_>,
+    seek: Seek,
+) -> Result<Vec<[u64; 4]>, String> {
+    open(backend, &case.animation, case.times[0])?;
+    let mut all = Vec::new();
+    for &time in &case.times {
+        stand(backend, &case.animation, time)?;
+        let ticket = start(backend, rays, seek)?;
+        let r = backend.wait(ticket).map_err(plainly)?;
+        all.push([r.inactive, r.degenerate, r.hits, r.blocked]);
+    }
+    Ok(all)
+}
+
+/// Times are there for stages done and missing for stages left out; a
+/// device's clock never runs backwards; asked again, a report is the same.
+pub(crate) fn stages(
+    case: &Case,
+    subject: &mut dyn Backend,
+    _: &mut dyn Backend,
+) -> Result<(), String> {
+    let rays = Rays::List(&case.rays);
+    open(subject, &case.animation, case.times[0])?;
+    stand(subject, &case.animation, case.times[1])?;
+    let whole = start(subject, rays, Seek::Closest)?;
+    let traced = start(subject, rays, Seek::Any)?;
+    let first = subject.wait(whole).map_err(plainly)?;
+    let second = subject.wait(traced).map_err(plainly)?;
+    if subject.wait(whole).map_err(plainly)? != first {
+        return Err("a report changed between two looks at it".to_owned());
+    }
+    same_stages("the whole frame", &first, [true, true, true, true, false])?;
+    same_stages(
+        "the second trace",
+        &second,
+        [false, false, false, true, false],
+    )?;
+    match (first.times.begun_ms, second.times.begun_ms) {
+        (Some(a), Some(b)) if a > b => Err(format!("the clock went from {a} ms to {b} ms")),
+        (Some(_), None) | (None, Some(_)) => Err("the clock comes and goes".to_owned()),
+        _ => Ok(()),
+    }
+}
+
+/// A backend without a clock may leave all times out, but none that tells may tell of what was not done.
+fn same_stages(what: &str, report: &FrameReport, done: [bool; 5]) -> Result<(), String> {
+    let t = &report.times;
+    let told = [
+        t.interpolate_ms,
+        t.preprocess_ms,
+        t.refit_ms,
+        t.trace_primary_ms,
+        t.trace_shadow_ms,
+    ];
+    let timed = told.iter().any(Option::is_some);
+    let fits = |(ms, done): (&Option<f64>, bool)| ms.is_some() == (done && timed);
+    let sound = |ms: f64| ms.is_finite() && ms >= 0.0;
+    let all = told.iter().flatten().chain([&t.device_ms]);
+    if told.iter().zip(done).all(fits) && all.copied().all(sound) {
+        return Ok(());
+    }
+    Err(format!("{what} has times {t:?}, done was {done:?}"))
+}

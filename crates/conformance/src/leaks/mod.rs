@@ -1,0 +1,237 @@
+//! Rays by the million at edges and vertices of closed bodies: none may slip through, none may hit twice.
+//!
+//! From inside a closed body every ray meets it, an odd number of times; from
+//! outside it meets it an even number of times. Rays are made by a generator
+//! that knows only the seed, the lot and the ray's number, so any of them can
+//! be made again alone and all of them in parallel.
+//!
+//! Crossings that lie at the same `t` cannot be told apart by asking again from
+//! behind the first. So they are counted over parts of the body in which no two
+//! triangles share a vertex, and summed up.
+
+mod aim;
+mod bodies;
+mod crossings;
+mod lots;
+#[cfg(test)]
+mod tests;
+
+use crate::case::ray_text;
+use crate::stage::open_with;
+use aim::sort_of;
+use backend::{Backend, Hits, Method, Query, Rays, Result, Seek};
+use bodies::{BODIES, Body};
+use geom::{Hit, Ray};
+use lots::{Lot, Made, lots};
+use std::fmt;
+
+pub use aim::Aim;
+
+/// How far bodies are moved from the origin, if nobody says otherwise.
+pub const OFFSETS: [f32; 4] = [0.0, 10.0, 1e3, 1e5];
+/// Leaks that are kept in full.
+const KEPT: usize = 20;
+/// Of a lot's rays, at least so many have their crossings counted, and of more rays than that an eighth.
+const COUNTED: usize = 4096;
+
+/// What to ask.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Decides bodies and rays.
+    pub seed: u64,
+    /// Rays in all, shared out among bodies, offsets, aims and sides.
+    pub rays: u64,
+    /// How far to move the bodies along each axis.
+    pub offsets: Vec<f32>,
+}
+
+/// What became of all rays of one sort.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// The body's name.
+    pub body: &'static str,
+    /// How far it was moved.
+    pub offset: f32,
+    /// What the rays were aimed at.
+    pub aim: Aim,
+    /// Whether they began inside the body.
+    pub inside: bool,
+    /// Rays asked.
+    pub rays: u64,
+    /// Rays from inside that met nothing.
+    pub leaks: u64,
+    /// Rays whose crossings were counted.
+    pub counted: u64,
+    /// Of those, rays with an odd number where it should be even, or the reverse, or hit or missed against their count.
+    pub miscounts: u64,
+}
+
+/// One ray that is wrong.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Leak {
+    /// The body's name.
+    pub body: &'static str,
+    /// How far it was moved.
+    pub offset: f32,
+    /// Which of the bodies of that name and offset.
+    pub variant: u32,
+    /// What the ray was aimed at.
+    pub aim: Aim,
+    /// Whether it began inside.
+    pub inside: bool,
+    /// The ray.
+    pub ray: Ray,
+    /// What happened.
+    pub what: String,
+}
+
+/// All rows, and the first wrong rays in full.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Found {
+    /// One a body, offset, aim and side.
+    pub rows: Vec<Row>,
+    /// The first few.
+    pub first: Vec<Leak>,
+}
+
+impl fmt::Display for Leak {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let bits = |p: &[f32; 3]| p.map(|x| format!("{:08x}", x.to_bits())).join(" ");
+        let side = if self.inside { "inside" } else { "outside" };
+        write!(
+            f,
+            "{} moved by {:e}, variant {}: a ray from {side} aimed at {} {}: {}; bits {}, {}",
+            self.body,
+            self.offset,
+            self.variant,
+            self.aim,
+            self.what,
+            ray_text(&self.ray),
+            bits(&self.ray.origin),
+            bits(&self.ray.direction),
+        )
+    }
+}
+
+impl Found {
+    /// Rays that are wrong.
+    #[must_use]
+    pub fn wrong(&self) -> u64 {
+        self.rows.iter().map(|r| r.leaks + r.miscounts).sum()
+    }
+}
+
+/// Asks all that `plan` says; `progress` hears how many rays of it are answered.
+///
+/// Needs about 100 bytes a ray of one lot, of which there are at most `2^20`.
+///
+/// # Errors
+/// The subject failed.
+pub fn run(subject: &mut dyn Backend, plan: &Plan, progress: &mut dyn FnMut(u64)) -> Result<Found> {
+    run_over(subject, plan, BODIES, progress)
+}
+
+fn run_over(
+    subject: &mut dyn Backend,
+    plan: &Plan,
+    bodies: &[Body],
+    progress: &mut dyn FnMut(u64),
+) -> Result<Found> {
+    let lots = lots(plan, bodies);
+    let mut found = Found::default();
+    let mut rest = lots.iter();
+    let mut next = rest.next().map(|lot| lot.make(plan.seed));
+    let mut done = 0;
+    while let Some(made) = next {
+        // While the device traces one lot, the host makes the next.
+        let (hits, after) = trace_lot(subject, &made, || {
+            rest.next().map(|lot| lot.make(plan.seed))
+        })?;
+        let counted = made.rays.len().div_ceil(8).max(COUNTED);
+        let counted = counted.min(made.rays.len());
+        let crossings = crossings::count(subject, &made, &made.rays[..counted])?;
+        judge(&made, &hits.closest, &crossings, &mut found);
+        done += made.rays.len() as u64;
+        progress(done);
+        next = after;
+    }
+    Ok(found)
+}
+
+fn trace_lot<'a>(
+    subject: &mut dyn Backend,
+    made: &Made<'_>,
+    meanwhile: impl FnOnce() -> Option<Made<'a>>,
+) -> Result<(Hits, Option<Made<'a>>)> {
+    open_with(subject, &made.animation, 0.0, Method::default())?;
+    subject.interpolate(made.animation.pose(0.0))?;
+    subject.preprocess()?;
+    subject.refit()?;
+    subject.trace(Query {
+        rays: Rays::List(&made.rays),
+        seek: Seek::Closest,
+    })?;
+    let ticket = subject.submit()?;
+    let after = meanwhile();
+    let mut hits = Hits::default();
+    subject.wait(ticket)?;
+    subject.hits(ticket, &mut hits)?;
+    Ok((hits, after))
+}
+
+/// Adds one lot's answers to what was found.
+fn judge(made: &Made<'_>, hits: &[Hit], crossings: &[u32], found: &mut Found) {
+    let first_row = row_of(made.lot, found);
+    for (i, hit) in hits.iter().enumerate() {
+        let (aim, inside) = sort_of(i);
+        let row = &mut found.rows[first_row + i % aim::SORTS];
+        row.rays += 1;
+        let leaks = inside && !hit.is_hit();
+        row.leaks += u64::from(leaks);
+        let mut what = leaks.then(|| "meets nothing".to_owned());
+        if let Some(&count) = crossings.get(i) {
+            row.counted += 1;
+            let odd = count % 2 == 1;
+            if odd != inside || (count > 0) != hit.is_hit() {
+                row.miscounts += 1;
+                let first = if hit.is_hit() { "hits" } else { "misses" };
+                what.get_or_insert(format!("{first} and crosses {count} times"));
+            }
+        }
+        let Some(what) = what.filter(|_| found.first.len() < KEPT) else {
+            continue;
+        };
+        found.first.push(Leak {
+            body: made.lot.body.name,
+            offset: made.lot.offset,
+            variant: made.lot.variant,
+            aim,
+            inside,
+            ray: made.rays[i],
+            what,
+        });
+    }
+}
+
+/// Where the rows of a lot's body and offset begin; makes them where there are none.
+fn row_of(lot: &Lot<'_>, found: &mut Found) -> usize {
+    let same = |r: &Row| r.body == lot.body.name && r.offset.to_bits() == lot.offset.to_bits();
+    if let Some(at) = found.rows.iter().position(same) {
+        return at;
+    }
+    let at = found.rows.len();
+    found.rows.extend((0..aim::SORTS).map(|i| {
+        let (aim, inside) = sort_of(i);
+        Row {
+            body: lot.body.name,
+            offset: lot.offset,
+            aim,
+            inside,
+            rays: 0,
+            leaks: 0,
+            counted: 0,
+            miscounts: 0,
+        }
+    }));
+    at
+}

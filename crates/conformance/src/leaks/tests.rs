@@ -1,0 +1,76 @@
+use super::*;
+use cpu_ref::CpuBackend;
+
+fn ask(bodies: &[Body], rays: u64) -> Found {
+    let mut cpu = CpuBackend::new(Some(2)).unwrap();
+    let plan = Plan {
+        seed: 5,
+        rays,
+        offsets: OFFSETS.to_vec(),
+    };
+    let mut heard = Vec::new();
+    let found = run_over(&mut cpu, &plan, bodies, &mut |n| heard.push(n)).unwrap();
+    assert_eq!(heard.last(), Some(&rays));
+    assert_eq!(found.rows.iter().map(|r| r.rays).sum::<u64>(), rays);
+    found
+}
+
+#[test]
+fn nothing_leaks_from_closed_bodies() {
+    let found = ask(BODIES, 60_000);
+    assert_eq!(found.rows.len(), BODIES.len() * OFFSETS.len() * aim::SORTS);
+    assert!(found.rows.iter().all(|r| r.rays > 0 && r.counted > 0));
+    assert_eq!((found.wrong(), &found.first[..]), (0, &[][..]), "{found:?}");
+}
+
+#[test]
+fn a_body_without_one_triangle_leaks() {
+    let torn = BODIES.iter().map(|&body| Body {
+        shape: || {
+            let (points, mut triangles) = (BODIES[0].shape)();
+            triangles.pop();
+            (points, triangles)
+        },
+        inner: BODIES[0].inner,
+        radius: BODIES[0].radius,
+        ..body
+    });
+    let torn: Vec<Body> = torn.take(1).collect();
+    let found = ask(&torn, 60_000);
+    // At a vertex, ties always fall to the same side, where there may be no hole.
+    for row in found
+        .rows
+        .iter()
+        .filter(|r| r.inside && r.aim != Aim::Vertex)
+    {
+        assert!(row.leaks > 0, "{row:?}");
+    }
+    for inside in [true, false] {
+        let rows = found.rows.iter().filter(|r| r.inside == inside);
+        assert!(rows.map(|r| r.miscounts).sum::<u64>() > 0);
+    }
+    assert_eq!(found.first.len(), KEPT);
+    let text = found.first[0].to_string();
+    assert!(
+        text.contains("icosphere") && text.contains("bits "),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_triangle_that_is_there_twice_is_a_double_hit() {
+    let doubled = [Body {
+        shape: || {
+            let (points, mut triangles) = (BODIES[1].shape)();
+            triangles.push(triangles[7]);
+            (points, triangles)
+        },
+        ..BODIES[1]
+    }];
+    let found = ask(&doubled, 60_000);
+    assert_eq!(found.rows.iter().map(|r| r.leaks).sum::<u64>(), 0);
+    for inside in [true, false] {
+        let rows = found.rows.iter().filter(|r| r.inside == inside);
+        assert!(rows.map(|r| r.miscounts).sum::<u64>() > 0);
+    }
+}

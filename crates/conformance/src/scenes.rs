@@ -1,0 +1,229 @@
+//! Every scene and motion that laws are tried on.
+
+use crate::Case;
+use crate::places::{Place, place};
+use crate::rays::{self, rays};
+use crate::shapes::{Shape, octahedron, sheet};
+use geom::{Animation, Point};
+use proptest::prelude::*;
+use std::sync::Arc;
+
+/// What scenes are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Free triangles.
+    Soup,
+    /// A sheet whose triangles share vertices.
+    Sheet,
+    /// A closed body.
+    Body,
+    /// Needles and flakes.
+    Slivers,
+    /// Equal triangles, and coplanar ones that overlap.
+    Stack,
+    /// Triangles that are inactive or degenerate, always or at times.
+    Broken,
+    /// Nothing, one triangle, two triangles.
+    Few,
+    /// All triangles inactive, always or at times.
+    Gone,
+    /// Key frames of very different size.
+    Grown,
+    /// Coordinates that are zeros of either sign or hardly more.
+    Zeros,
+    /// Each triangle half the size of the one before, so that trees are deep.
+    Ladder,
+}
+
+impl Kind {
+    /// All there are.
+    pub const ALL: [Self; 11] = [
+        Self::Soup,
+        Self::Sheet,
+        Self::Body,
+        Self::Slivers,
+        Self::Stack,
+        Self::Broken,
+        Self::Few,
+        Self::Gone,
+        Self::Grown,
+        Self::Zeros,
+        Self::Ladder,
+    ];
+}
+
+type Mesh = (Vec<Vec<Point>>, Vec<[u32; 3]>);
+
+/// A case of one kind.
+pub fn case(kind: Kind) -> impl Strategy<Value = Case> {
+    let choices = (
+        prop::collection::vec(unit(), rays::COUNT),
+        prop::collection::vec(any::<u32>(), rays::COUNT),
+        prop::collection::vec(0.0..2.0, 3),
+        any::<u64>(),
+    );
+    (mesh(kind), place(), choices).prop_map(
+        move |((mut keys, triangles), place, (units, picks, mut times, chance))| {
+            for p in keys.iter_mut().flatten() {
+                *p = place.put(*p);
+            }
+            let animation = Animation::new(keys, triangles).expect("strategies make sound scenes");
+            times.push(1.0);
+            let (families, rays) = rays(&animation, place, &units, &picks).into_iter().unzip();
+            let Place { scale, offset } = place;
+            Case {
+                about: format!("{kind:?} at scale {scale:e}, offset {offset:e}"),
+                rays,
+                families,
+                camera: place.camera(units[0]),
+                light: place.at(units[1], 3.0),
+                animation: Arc::new(animation),
+                times,
+                chance,
+            }
+        },
+    )
+}
+
+/// Numbers in `-1..=1`, three at a time, none of them subnormal.
+fn unit() -> impl Strategy<Value = Point> {
+    let grid = -1000_i32..=1000;
+    [grid.clone(), grid.clone(), grid].prop_map(|p| p.map(|x| x as f32 / 1000.0))
+}
+
+/// Three key frames of a mesh of about unit size.
+fn mesh(kind: Kind) -> BoxedStrategy<Mesh> {
+    match kind {
+        Kind::Soup => soup(1.0, 1..150).boxed(),
+        Kind::Sheet => (2_usize..9, drift())
+            .prop_map(|(n, d)| animate(sheet(n), &d))
+            .boxed(),
+        Kind::Body => (1_u32..3, drift())
+            .prop_map(|(n, d)| animate(octahedron(n), &d))
+            .boxed(),
+        Kind::Slivers => soup(1e-4, 1..60).boxed(),
+        Kind::Stack => soup(1.0, 1..8).prop_map(stacked).boxed(),
+        Kind::Broken => (soup(1.0, 2..40), prop::collection::vec(any::<u32>(), 12))
+            .prop_map(|(m, picks)| broken(m, &picks))
+            .boxed(),
+        Kind::Few => (0_usize..3, soup(1.0, 2..3))
+            .prop_map(|(n, (keys, mut triangles))| {
+                triangles.truncate(n);
+                (keys, triangles)
+            })
+            .boxed(),
+        Kind::Gone => (soup(1.0, 1..20), 1_usize..8).prop_map(gone).boxed(),
+        Kind::Grown => (soup(1.0, 1..40), prop::array::uniform3(-35_i32..=20))
+            .prop_map(grown)
+            .boxed(),
+        Kind::Zeros => zeros().boxed(),
+        Kind::Ladder => soup(1.0, 20..70).prop_map(ladder).boxed(),
+    }
+}
+
+/// Free triangles whose second edge is `thin` times as long as the first.
+fn soup(thin: f32, count: std::ops::Range<usize>) -> impl Strategy<Value = Mesh> {
+    prop::collection::vec((unit(), unit(), unit(), drift()), count).prop_map(move |all| {
+        let mut keys = vec![Vec::new(); 3];
+        for (corner, e, f, drift) in &all {
+            let tip = |d: &Point, by: f32| std::array::from_fn(|i| corner[i] + by * d[i]);
+            let corners = [*corner, tip(e, 0.4), tip(f, 0.4 * thin)];
+            for (key, move_by) in keys.iter_mut().zip(drift) {
+                key.extend(
+                    corners.map(|p| std::array::from_fn::<f32, 3, _>(|i| p[i] + move_by[i])),
+                );
+            }
+        }
+        (keys, separate(all.len()))
+    })
+}
+
+/// Triangles that share no vertex.
+fn separate(count: usize) -> Vec<[u32; 3]> {
+    (0..count as u32)
+        .map(|t| [3 * t, 3 * t + 1, 3 * t + 2])
+        .collect()
+}
+
+/// Where something stands in each of three key frames.
+fn drift() -> impl Strategy<Value = [Point; 3]> {
+    [Just([0.0; 3]).boxed(), unit().boxed(), unit().boxed()]
+}
+
+/// A body whose vertices drift, each by its own share.
+fn animate((points, triangles): Shape, drift: &[Point; 3]) -> Mesh {
+    let share = |v: usize| ((v * 2_654_435_761) % 97) as f32 / 97.0;
+    let at = |d: &Point| {
+        let place = |(v, p): (usize, &Point)| std::array::from_fn(|i| p[i] + d[i] * share(v));
+        points.iter().enumerate().map(place).collect()
+    };
+    (drift.iter().map(at).collect(), triangles)
+}
+
+/// Each triangle thrice, and once more turned round.
+fn stacked((keys, triangles): Mesh) -> Mesh {
+    let again = |t: &[u32; 3]| [*t, *t, [t[1], t[2], t[0]], [t[0], t[2], t[1]]];
+    let triangles = triangles.iter().flat_map(again).collect();
+    (keys, triangles)
+}
+
+/// Some vertices not finite in some keys, some triangles of no area.
+fn broken((mut keys, mut triangles): Mesh, picks: &[u32]) -> Mesh {
+    let vertices = keys[0].len();
+    for (n, &pick) in picks.iter().enumerate() {
+        let vertex = pick as usize % vertices;
+        match n % 4 {
+            0 => keys[pick as usize / 7 % 3][vertex][n % 3] = f32::NAN,
+            1 => keys.iter_mut().for_each(|k| k[vertex] = [f32::INFINITY; 3]),
+            2 => triangles.push([vertex as u32; 3]),
+            _ => {
+                let other = (vertex as u32 + 1) % vertices as u32;
+                triangles.push([vertex as u32, other, vertex as u32]);
+            }
+        }
+    }
+    (keys, triangles)
+}
+
+/// Nothing finite in those key frames whose bit is set.
+fn gone(((mut keys, triangles), which): (Mesh, usize)) -> Mesh {
+    for (i, key) in keys.iter_mut().enumerate() {
+        if which >> i & 1 == 1 {
+            key.iter_mut()
+                .for_each(|p| p[i] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][i]);
+        }
+    }
+    (keys, triangles)
+}
+
+/// Each key frame multiplied by a power of two.
+fn grown(((mut keys, triangles), exponents): (Mesh, [i32; 3])) -> Mesh {
+    for (key, e) in keys.iter_mut().zip(exponents) {
+        for x in key.iter_mut().flatten() {
+            *x *= 2.0_f32.powi(e);
+        }
+    }
+    (keys, triangles)
+}
+
+fn zeros() -> impl Strategy<Value = Mesh> {
+    let number = || {
+        let all: &'static [f32] = &[0.0, -0.0, 0.0, -0.0, 1.0, -1.0, 1e-30, -1e-18, 1e-12];
+        prop::sample::select(all)
+    };
+    let point = move || [number(), number(), number()];
+    (1_usize..30).prop_flat_map(move |n| {
+        let key = move || prop::collection::vec(point(), 3 * n);
+        [key(), key(), key()].prop_map(move |keys| (keys.into(), separate(n)))
+    })
+}
+
+/// The `i`-th triangle is multiplied by `2^-i`.
+fn ladder((mut keys, triangles): Mesh) -> Mesh {
+    for key in &mut keys {
+        for (v, p) in key.iter_mut().enumerate() {
+            *p = p.map(|x| x * 0.5_f32.powi(v as i32 / 3));
+        }
+    }
+    (keys, triangles)
+}
