@@ -4,7 +4,7 @@ use crate::args::{
     BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName,
 };
 use crate::decay::{self, Decay};
-use crate::motion::{self, Motion, Spread};
+use crate::motion::{self, Motion, Spread, Still};
 use crate::open::Want;
 use crate::stop::Stop;
 use crate::table::{grouped, table};
@@ -22,6 +22,8 @@ struct Inspection {
     scene: SceneFacts,
     bounds: Option<Bounds>,
     motion: Motion,
+    #[serde(rename = "static")]
+    still: Still,
     inactive: Spread,
     degenerate: Spread,
     decay: Vec<Decay>,
@@ -36,6 +38,9 @@ struct Bounds {
 
 /// Inspects.
 pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
+    if let Some(tolerance) = args.reduce_keys {
+        return reduce::run(args, tolerance);
+    }
     let scene = scene::open(&args.scene, &args.source.options())?;
     let animation = &scene.animation;
     let bounds = animation.bounds();
@@ -47,6 +52,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
             max: bounds.max,
         }),
         motion: motion::measure(animation),
+        still: motion::still(animation),
         inactive,
         degenerate,
         decay: decay::measure(animation, SAMPLES).map_err(Stop::failed)?,
@@ -112,6 +118,7 @@ fn text(i: &Inspection, notes: &[String]) -> String {
         100.0 * m.mean_step,
         100.0 * m.max_step
     );
+    text += &still_line(i);
     for (what, n) in [("inactive", i.inactive), ("degenerate", i.degenerate)] {
         text += &format!("{what}: {} to {} triangles a key frame\n", n.min, n.max);
     }
@@ -121,6 +128,18 @@ fn text(i: &Inspection, notes: &[String]) -> String {
     }
     notes.iter().for_each(|n| text += &format!("note: {n}\n"));
     text
+}
+
+fn still_line(i: &Inspection) -> String {
+    let percent = |part: usize, whole: usize| 100.0 * part as f64 / whole.max(1) as f64;
+    let (s, still) = (&i.scene, &i.still);
+    format!(
+        "static: {:.1}% of the vertices, {:.1}% of the triangles; {} of {} bytes of positions repeat the first key frame\n",
+        percent(still.vertices, s.vertices),
+        percent(still.triangles, s.triangles),
+        grouped(still.repeated_bytes),
+        grouped(still.bytes)
+    )
 }
 
 fn decay_table(decay: &[Decay]) -> String {

@@ -1,6 +1,6 @@
 //! How a scene moves and what in it cannot be hit.
 
-use geom::{Animation, Point, is_active, is_degenerate};
+use geom::{Animation, Point, StaticParts, is_active, is_degenerate};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -22,6 +22,31 @@ pub(crate) struct Spread {
     pub(crate) min: usize,
     /// The most.
     pub(crate) max: usize,
+}
+
+/// What never moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub(crate) struct Still {
+    /// Vertices with the same bits in all key frames.
+    pub(crate) vertices: usize,
+    /// Triangles all of whose vertices are such.
+    pub(crate) triangles: usize,
+    /// Bytes of positions in all key frames.
+    pub(crate) bytes: usize,
+    /// Of those, what static vertices take in key frames after the first.
+    pub(crate) repeated_bytes: usize,
+}
+
+/// Counts what never moves.
+pub(crate) fn still(animation: &Animation) -> Still {
+    let parts = StaticParts::of(animation);
+    let (keys, vertices) = (animation.keys().len(), parts.vertex_count());
+    Still {
+        vertices,
+        triangles: parts.triangle_count(),
+        bytes: keys * animation.vertex_count() * size_of::<Point>(),
+        repeated_bytes: (keys - 1) * vertices * size_of::<Point>(),
+    }
 }
 
 /// Whether every key frame is the first one, bit for bit.
@@ -122,6 +147,13 @@ mod tests {
         let both = |n| Spread { min: n, max: n };
         assert_eq!(unhittable(&a), (both(1), both(1)));
         assert!(!is_static(&a));
+        let expected = Still {
+            vertices: 3,
+            triangles: 1,
+            bytes: 3 * 4 * 12,
+            repeated_bytes: 2 * 3 * 12,
+        };
+        assert_eq!(still(&a), expected);
         assert!(is_static(
             &Animation::new(vec![rest.to_vec(); 2], vec![]).unwrap()
         ));

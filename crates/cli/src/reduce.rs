@@ -1,0 +1,286 @@
+//! `abvh inspect --reduce-keys`: how few key frames stand for all of them.
+
+use crate::args::InspectArgs;
+use crate::progress::Progress;
+use crate::stop::Stop;
+use crate::table::{grouped, table};
+use crate::{render, talk};
+use geom::{Animation, Point};
+use keys::{Fit, Reducer};
+use report::SceneFacts;
+use scene::Scene;
+use serde::Serialize;
+use std::fs;
+use std::io::{IsTerminal, stderr};
+use std::path::Path;
+
+/// Shares of the diagonal that the curve is drawn at, loosest first: what they rule out is not asked again.
+const CURVE: [f64; 11] = [
+    1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6,
+];
+
+/// How far a vertex may be from where it was.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Tolerance {
+    /// In scene units.
+    Units(f64),
+    /// As a share of the diagonal of the scene's bounds.
+    Share(f64),
+}
+
+/// `TOL` or `TOL%`.
+pub(crate) fn tolerance(text: &str) -> Result<Tolerance, String> {
+    let (number, is_share) = match text.strip_suffix('%') {
+        Some(number) => (number, true),
+        None => (text, false),
+    };
+    match number.trim().parse::<f64>() {
+        Ok(n) if n >= 0.0 && n.is_finite() && is_share => Ok(Tolerance::Share(n / 100.0)),
+        Ok(n) if n >= 0.0 && n.is_finite() => Ok(Tolerance::Units(n)),
+        _ => Err(
+            "a tolerance is a length from 0 on, such as 0.01, or a share of the diagonal, such as 0.1%"
+                .to_owned(),
+        ),
+    }
+}
+
+#[derive(Serialize)]
+struct Reduction {
+    scene: SceneFacts,
+    diagonal: f64,
+    tolerance: f64,
+    kept: Vec<usize>,
+    keys: Change,
+    bytes: Change,
+    max_error: f64,
+    worst: Option<Place>,
+    rms: f64,
+    curve: Vec<CurvePoint>,
+}
+
+/// A count of the original and of what is left.
+#[derive(Clone, Copy, Serialize)]
+struct Change {
+    before: usize,
+    after: usize,
+}
+
+/// Where the error is largest.
+#[derive(Clone, Copy, Serialize)]
+struct Place {
+    frame: usize,
+    vertex: usize,
+}
+
+/// One point of the curve. Lengths in scene units; `share` is the tolerance over the diagonal.
+#[derive(Clone, Copy, Serialize)]
+struct CurvePoint {
+    share: f64,
+    tolerance: f64,
+    keys: usize,
+    bytes: usize,
+    max_error: f64,
+    rms: f64,
+}
+
+/// Reduces, says so, and writes what is left if asked to.
+pub(crate) fn run(args: &InspectArgs, tolerance: Tolerance) -> Result<(), Stop> {
+    let scene = scene::open(&args.scene, &args.source.options())?;
+    if let Some(dir) = &args.reduced_out {
+        prepare(dir)?;
+    }
+    let reduction = reduce(&scene, tolerance)?;
+    if let Some(dir) = &args.reduced_out {
+        write(dir, &scene, &reduction)?;
+    }
+    if args.json {
+        talk::print_json(&reduction)
+    } else {
+        talk::print(&text(&reduction))
+    }
+}
+
+fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
+    let animation = &scene.animation;
+    let diagonal = diagonal(animation);
+    let tolerance = match tolerance {
+        Tolerance::Units(units) => units,
+        Tolerance::Share(share) => share * diagonal,
+    };
+    let mut wanted = CURVE.map(|share| (share * diagonal, Some(share))).to_vec();
+    wanted.push((tolerance, None));
+    wanted.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut reducer = Reducer::new(animation);
+    let mut progress = Progress::new(wanted.len() as u64, !stderr().is_terminal());
+    let (mut curve, mut answer) = (Vec::new(), None);
+    for (tolerance, share) in wanted {
+        let (kept, fit) = verified(animation, &mut reducer, tolerance)?;
+        progress.step(&format!("{} key frames within {tolerance}", kept.len()));
+        match share {
+            Some(share) => curve.push(CurvePoint {
+                share,
+                tolerance,
+                keys: kept.len(),
+                bytes: bytes(animation, kept.len()),
+                max_error: fit.max_error,
+                rms: fit.rms,
+            }),
+            None => answer = Some((kept, fit)),
+        }
+    }
+    let (kept, fit) = answer.ok_or_else(|| Stop::failed("the tolerance asked for got lost"))?;
+    let keys = Change {
+        before: animation.keys().len(),
+        after: kept.len(),
+    };
+    Ok(Reduction {
+        scene: render::scene_facts(scene),
+        diagonal,
+        tolerance,
+        kept,
+        keys,
+        bytes: Change {
+            before: bytes(animation, keys.before),
+            after: bytes(animation, keys.after),
+        },
+        max_error: fit.max_error,
+        worst: fit.worst.map(|(frame, vertex)| Place { frame, vertex }),
+        rms: fit.rms,
+        curve,
+    })
+}
+
+/// The frames to keep, played once more and measured against all of the original.
+fn verified(
+    animation: &Animation,
+    reducer: &mut Reducer<'_>,
+    tolerance: f64,
+) -> Result<(Vec<usize>, Fit), Stop> {
+    let kept = reducer.fewest(tolerance);
+    let fit = keys::measure(animation.keys(), &kept);
+    if fit.max_error <= tolerance {
+        return Ok((kept, fit));
+    }
+    let error = fit.max_error;
+    Err(Stop::failed(format!(
+        "{} key frames found for {tolerance} are {error} off; please report this",
+        kept.len()
+    )))
+}
+
+/// The length of the diagonal of the scene's bounds; 0 where no vertex is finite.
+fn diagonal(animation: &Animation) -> f64 {
+    let bounds = animation.bounds();
+    if bounds.is_empty() {
+        return 0.0;
+    }
+    let way = |axis: usize| f64::from(bounds.max[axis]) - f64::from(bounds.min[axis]);
+    (way(0).powi(2) + way(1).powi(2) + way(2).powi(2)).sqrt()
+}
+
+/// What so many key frames take.
+fn bytes(animation: &Animation, keys: usize) -> usize {
+    keys * animation.vertex_count() * size_of::<Point>()
+}
+
+/// Makes the directory; key frames that lie there already would be taken for some of these.
+fn prepare(dir: &Path) -> Result<(), Stop> {
+    report::prepare_dir(dir).map_err(Stop::bad)?;
+    let list = fs::read_dir(dir).map_err(|e| Stop::bad(format!("{}: {e}", dir.display())))?;
+    let is_mesh = |path: &Path| {
+        let extension = path.extension().map(|e| e.to_ascii_lowercase());
+        extension.is_some_and(|e| e == "ply" || e == "obj")
+    };
+    match list.flatten().find(|file| is_mesh(&file.path())) {
+        Some(file) => Err(Stop::bad(format!(
+            "{} has key frames already, such as {}; name an empty directory",
+            dir.display(),
+            file.file_name().display()
+        ))),
+        None => Ok(()),
+    }
+}
+
+/// One PLY file a kept frame, and last the times they stand at.
+fn write(dir: &Path, scene: &Scene, reduction: &Reduction) -> Result<(), Stop> {
+    let animation = &scene.animation;
+    let mut frames = Vec::new();
+    for &key in &reduction.kept {
+        let file = format!("key_{key:05}.ply");
+        report::write_with(&dir.join(&file), |out| {
+            let points = &animation.keys()[key];
+            scene::write_ply(out, points, animation.triangles(), &scene.colours)
+        })?;
+        frames.push(serde_json::json!({ "file": file, "time": key }));
+    }
+    let times = serde_json::json!({
+        "schema": report::SCHEMA,
+        "scene": scene.name,
+        "end": animation.end(),
+        "seconds_per_key": scene.facts.seconds_per_key,
+        "tolerance": reduction.tolerance,
+        "max_error": reduction.max_error,
+        "frames": frames,
+    });
+    let text = serde_json::to_string_pretty(&times).map_err(Stop::failed)?;
+    report::write_whole(&dir.join("times.json"), format!("{text}\n").as_bytes())?;
+    Ok(())
+}
+
+fn text(r: &Reduction) -> String {
+    let percent = |length: f64| {
+        let share = if r.diagonal > 0.0 {
+            length / r.diagonal
+        } else {
+            0.0
+        };
+        format!("{:.3e}%", 100.0 * share)
+    };
+    let (name, keys, bytes) = (&r.scene.name, r.keys, r.bytes);
+    let mut text = format!(
+        "{name}: {} of {} key frames stand for all within {:.6e} ({} of the diagonal)\n",
+        keys.after,
+        keys.before,
+        r.tolerance,
+        percent(r.tolerance)
+    );
+    let kept: Vec<_> = r.kept.iter().map(ToString::to_string).collect();
+    text += &format!("kept: {}\n", kept.join(" "));
+    let (before, after) = (grouped(bytes.before), grouped(bytes.after));
+    text += &format!("positions: {before} bytes before, {after} after\n");
+    text += &format!(
+        "error: {:.6e} at most ({} of the diagonal)",
+        r.max_error,
+        percent(r.max_error)
+    );
+    if let Some(Place { frame, vertex }) = r.worst {
+        text += &format!(", at vertex {vertex} of key frame {frame}");
+    }
+    text += &format!("; {:.6e} root mean square\n", r.rms);
+    let row = |p: &CurvePoint| {
+        let share = format!("{:.4}%", 100.0 * p.share);
+        let (tolerance, error) = (
+            format!("{:.3e}", p.tolerance),
+            format!("{:.3e}", p.max_error),
+        );
+        vec![
+            share,
+            tolerance,
+            p.keys.to_string(),
+            grouped(p.bytes),
+            error,
+        ]
+    };
+    let rows: Vec<_> = r.curve.iter().map(row).collect();
+    text + &table(
+        &[
+            "of the diagonal",
+            "tolerance",
+            "key frames",
+            "bytes",
+            "max error",
+        ],
+        &rows,
+        0,
+    )
+}
