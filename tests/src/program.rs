@@ -56,8 +56,26 @@ pub fn abvh() -> &'static Path {
 /// # Panics
 /// If it cannot be started.
 pub fn run<S: AsRef<OsStr>>(folder: &Path, args: impl IntoIterator<Item = S>) -> Output {
-    Command::new(abvh())
+    run_where(folder, args, &[])
+}
+
+/// Likewise, in an environment where `variables` have these values.
+///
+/// # Panics
+/// If it cannot be started.
+pub fn run_where<S: AsRef<OsStr>>(
+    folder: &Path,
+    args: impl IntoIterator<Item = S>,
+    variables: &[(&str, &OsStr)],
+) -> Output {
+    let mut command = Command::new(abvh());
+    // Without it, a layer of Mesa's speaks up on standard error when a driver is looked for.
+    if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
+        command.env("XDG_RUNTIME_DIR", folder);
+    }
+    command
         .args(args)
+        .envs(variables.iter().copied())
         .current_dir(folder)
         .output()
         .expect("the program starts")

@@ -1,6 +1,7 @@
 //! Bad usage and bad input: exit 2, one clear line, nothing written.
 
 use crate::bad_scenes::{FRAMES, SCENES, obj};
+use crate::devices::{BACKENDS, Subject};
 use crate::sandbox::{SQUARE, Sandbox, ensure, trial};
 use integration::scenes::REAL;
 use libtest_mimic::Trial;
@@ -18,6 +19,12 @@ pub(crate) fn nothing() -> Vec<(&'static str, Vec<u8>)> {
 
 /// A .npy file of `shape` whose data is `bytes` zeros.
 fn npy(descr: &str, shape: &str, bytes: usize) -> Vec<(&'static str, Vec<u8>)> {
+    let square = ("a.obj", SQUARE.as_bytes().to_vec());
+    vec![("rays.npy", npy_of(descr, shape, &vec![0; bytes])), square]
+}
+
+/// A .npy file of `shape` that holds `data`.
+pub(crate) fn npy_of(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
     let mut header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
     while (header.len() + 11) % 64 != 0 {
         header.push(' ');
@@ -26,8 +33,8 @@ fn npy(descr: &str, shape: &str, bytes: usize) -> Vec<(&'static str, Vec<u8>)> {
     let mut file = b"\x93NUMPY\x01\x00".to_vec();
     file.extend((header.len() as u16).to_le_bytes());
     file.extend(header.as_bytes());
-    file.resize(file.len() + bytes, 0);
-    vec![("rays.npy", file), ("a.obj", SQUARE.as_bytes().to_vec())]
+    file.extend(data);
+    file
 }
 
 const USAGE: [Case; 24] = [
@@ -228,17 +235,40 @@ pub(crate) fn trials() -> Vec<Trial> {
                 .fails(2, &["gallop", "Dance", "Idle"])
         })
     });
-    let cases = SCENES.into_iter().chain(FRAMES).chain(USAGE).chain(RAYS);
-    let one = |case: Case| trial(&format!("bad::{}", case.0), move |s| refused(s, case));
-    cases.map(one).chain([empty]).chain(clip).collect()
+    let one = |case: Case| trial(&format!("bad::{}", case.0), move |s| refused(s, case, ""));
+    cases()
+        .map(one)
+        .chain(BACKENDS.into_iter().flat_map(beside))
+        .chain([empty])
+        .chain(clip)
+        .collect()
 }
 
-fn refused(sandbox: &Sandbox, (_, input, words, says): Case) -> Result<(), libtest_mimic::Failed> {
+fn cases() -> impl Iterator<Item = Case> {
+    SCENES.into_iter().chain(FRAMES).chain(USAGE).chain(RAYS)
+}
+
+/// The same input before another backend than the one `auto` takes.
+fn beside(backend: Subject) -> Vec<Trial> {
+    let takes_one = |case: &Case| !case.2.contains("--backend") && !case.2.starts_with("paint");
+    let one = |case: Case| {
+        backend.trial(&format!("bad::{}::{}", backend.name, case.0), move |s| {
+            refused(s, case, &format!("--backend {}", backend.name))
+        })
+    };
+    cases().filter(takes_one).map(one).collect()
+}
+
+fn refused(
+    sandbox: &Sandbox,
+    (_, input, words, says): Case,
+    options: &str,
+) -> Result<(), libtest_mimic::Failed> {
     for (name, bytes) in input() {
         sandbox.write(name, bytes);
     }
     let before = sandbox.files();
-    sandbox.run(words).fails(2, says)?;
+    sandbox.run(&format!("{words} {options}")).fails(2, says)?;
     let after = sandbox.files();
     ensure(before == after, || format!("abvh {words} left {after:?}"))
 }

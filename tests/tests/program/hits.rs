@@ -131,7 +131,7 @@ impl Arrays {
 }
 
 /// Shape and values of one array of a file.
-fn array<T: npyz::Deserialize>(
+pub(crate) fn array<T: npyz::Deserialize>(
     sandbox: &Sandbox,
     file: &str,
     name: &str,

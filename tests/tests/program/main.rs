@@ -2,6 +2,7 @@
 
 mod bad;
 mod bad_scenes;
+mod devices;
 mod disk;
 mod files;
 mod hits;
@@ -16,6 +17,7 @@ fn main() -> ExitCode {
     let arguments = Arguments::from_args();
     let rooms = [
         bad::trials(),
+        devices::trials(),
         disk::trials(),
         files::trials(),
         hits::trials(),

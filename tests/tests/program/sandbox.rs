@@ -2,6 +2,7 @@
 
 use integration::program;
 use libtest_mimic::Failed;
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -37,6 +38,12 @@ impl Sandbox {
     /// Runs the program with words separated by blanks.
     pub(crate) fn run(&self, words: &str) -> Run {
         Run::of(&program::run(self.path(), words.split_whitespace()), words)
+    }
+
+    /// Likewise, in an environment where `variables` have these values.
+    pub(crate) fn run_where(&self, words: &str, variables: &[(&str, &OsStr)]) -> Run {
+        let output = program::run_where(self.path(), words.split_whitespace(), variables);
+        Run::of(&output, words)
     }
 
     /// Every file below, sorted, as paths relative to the sandbox.

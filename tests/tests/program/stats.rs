@@ -61,7 +61,8 @@ const TIMES: [&str; 9] = [
 ];
 
 fn stats(sandbox: &Sandbox, options: &str) -> Result<Value, Failed> {
-    let words = "render demo:collide:2000 --size 24x16 --no-images --quiet --stats s.json";
+    let words =
+        "render demo:collide:2000 --backend cpu --size 24x16 --no-images --quiet --stats s.json";
     sandbox.run(&format!("{words} {options}")).succeeds()?;
     Ok(serde_json::from_slice(&sandbox.read("s.json"))?)
 }
