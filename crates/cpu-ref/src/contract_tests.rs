@@ -167,7 +167,7 @@ fn reports_count_what_happened() {
 }
 
 #[test]
-fn the_last_two_submissions_are_kept() {
+fn the_last_two_submissions_with_a_trace_are_kept() {
     let animation = moving();
     let mut backend = still(&animation, Intersector::Watertight);
     let rays = [Ray::new([0.0, 0.0, 9.0], [0.0, 0.0, -1.0]); 3];
@@ -182,7 +182,13 @@ fn the_last_two_submissions_are_kept() {
         tickets.push(backend.submit().unwrap());
     }
     assert!(tickets[0] < tickets[1]);
-    for (n, &ticket) in tickets.iter().enumerate() {
+    for _ in 0..3 {
+        backend.preprocess().unwrap();
+        backend.refit().unwrap();
+        tickets.push(backend.submit().unwrap());
+    }
+    assert_eq!(backend.wait(tickets[4]).unwrap().hits, 0);
+    for (n, &ticket) in tickets[..2].iter().enumerate() {
         assert_eq!(backend.wait(ticket).unwrap().hits, n as u64 + 1);
         let mut hits = Hits::default();
         backend.hits(ticket, &mut hits).unwrap();

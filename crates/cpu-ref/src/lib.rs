@@ -8,6 +8,7 @@
 
 #[cfg(test)]
 mod contract_tests;
+mod exact;
 mod interpolate;
 #[cfg(test)]
 mod law;
@@ -21,6 +22,7 @@ mod recording;
 mod refit;
 mod scale;
 mod scene;
+mod search;
 mod shadow;
 #[cfg(test)]
 mod shadow_tests;
@@ -50,6 +52,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use recording::Recording;
 use scene::Scene;
 use snapshots::Snapshots;
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 use submission::Submission;
@@ -64,8 +67,13 @@ pub struct CpuBackend {
     scene: Option<Scene>,
     generation: Option<Generation>,
     recording: Recording,
-    submissions: [Submission; FRAMES_IN_FLIGHT],
+    /// From the oldest that is kept to the newest.
+    submissions: VecDeque<Submission>,
+    /// The one being recorded; its memory was an older one's.
+    next: Submission,
     submitted: u64,
+    /// Submissions with a trace so far.
+    traces: u64,
     snapshots: Snapshots,
     /// Where the device's clock begins.
     epoch: Instant,
@@ -101,8 +109,10 @@ impl CpuBackend {
             scene: None,
             generation: None,
             recording: Recording::default(),
-            submissions: Default::default(),
+            submissions: VecDeque::new(),
+            next: Submission::default(),
             submitted: 0,
+            traces: 0,
             snapshots: Snapshots::default(),
             epoch: Instant::now(),
         })
@@ -112,11 +122,25 @@ impl CpuBackend {
         loaded(&mut self.scene)
     }
 
+    /// Keeps what was submitted until enough with a trace came after it.
+    fn keep(&mut self) {
+        let mut done = std::mem::take(&mut self.next);
+        done.traces = self.traces;
+        self.submissions.push_back(done);
+        let old = |s: &Submission| self.traces - s.traces >= FRAMES_IN_FLIGHT as u64;
+        while self.submissions.front().is_some_and(old) {
+            let forgotten = self.submissions.pop_front().unwrap_or_default();
+            if forgotten.hits.closest.capacity() >= self.next.hits.closest.capacity() {
+                self.next = forgotten;
+            }
+        }
+    }
+
     fn finished(&self, ticket: Ticket) -> &Submission {
         let found = self.submissions.iter().find(|s| s.ticket == Some(ticket));
         found.unwrap_or_else(|| {
             panic!(
-                "ticket {} was never given, or too long ago: the last {FRAMES_IN_FLIGHT} are kept",
+                "ticket {} was never given, or too long ago: the last {FRAMES_IN_FLIGHT} with a trace are kept",
                 ticket.0
             )
         })
@@ -150,7 +174,8 @@ impl Backend for CpuBackend {
         self.scene = None;
         self.generation = None;
         self.recording.reset();
-        self.submissions = Default::default();
+        self.submissions.clear();
+        self.next = Submission::default();
         self.snapshots = Snapshots::default();
         self.scene = Some(self.pool.install(|| Scene::new(animation, method))?);
         Ok(())
@@ -189,7 +214,7 @@ impl Backend for CpuBackend {
 
     fn trace(&mut self, query: Query<'_>) -> Result<()> {
         let count = query.rays.count();
-        let hits = &mut self.submissions[slot(self.submitted)].hits;
+        let hits = &mut self.next.hits;
         if query.seek != Seek::Any {
             reserve(&mut hits.closest, count, "hits")?;
         }
@@ -211,13 +236,15 @@ impl Backend for CpuBackend {
     fn submit(&mut self) -> Result<Ticket> {
         let ticket = Ticket(self.submitted);
         let epoch = self.epoch;
-        let submission = &mut self.submissions[slot(self.submitted)];
+        let submission = &mut self.next;
         let (scene, snapshots) = (loaded(&mut self.scene), &mut self.snapshots);
         let recorded = (&self.recording.commands[..], &self.recording.rays[..]);
         self.pool
             .install(|| submission.run((ticket, epoch), recorded, scene, snapshots));
+        self.traces += u64::from(self.recording.has_trace());
         self.recording.commands.clear();
         self.submitted += 1;
+        self.keep();
         Ok(ticket)
     }
 
@@ -239,11 +266,6 @@ impl Backend for CpuBackend {
     fn inspect(&mut self) -> &mut dyn Inspect {
         self
     }
-}
-
-/// Which of the submissions kept is the `n`-th.
-fn slot(n: u64) -> usize {
-    n as usize % FRAMES_IN_FLIGHT
 }
 
 impl Inspect for CpuBackend {

@@ -91,11 +91,7 @@ impl Recording {
             self.boxes_fresh,
             "the tree is stale: preprocess and refit come after adopt and interpolate, and before trace"
         );
-        let traces = |c: &Command| matches!(c, Command::Trace(..));
-        assert!(
-            !self.commands.iter().any(traces),
-            "one submission holds at most one trace"
-        );
+        assert!(!self.has_trace(), "one submission holds at most one trace");
         let camera = match query.rays {
             Rays::Camera(camera) => Some(*camera),
             Rays::List(rays) => {
@@ -105,6 +101,11 @@ impl Recording {
             }
         };
         self.commands.push(Command::Trace(camera, query.seek));
+    }
+
+    pub(crate) fn has_trace(&self) -> bool {
+        let traces = |c: &Command| matches!(c, Command::Trace(..));
+        self.commands.iter().any(traces)
     }
 
     pub(crate) fn copy_positions(&mut self) {

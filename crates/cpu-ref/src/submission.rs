@@ -12,6 +12,8 @@ use std::time::Instant;
 pub(crate) struct Submission {
     /// `None` before its first use.
     pub(crate) ticket: Option<Ticket>,
+    /// Submissions with a trace, up to and including this one.
+    pub(crate) traces: u64,
     pub(crate) report: FrameReport,
     pub(crate) hits: Hits,
 }
@@ -50,6 +52,7 @@ impl Submission {
         self.report.inactive = scene.unhittable.inactive;
         self.report.degenerate = scene.unhittable.degenerate;
         self.report.sah_cost = scene.sah_cost;
+        self.report.settled = scene.take_settled();
     }
 
     fn trace(&mut self, scene: &Scene, rays: Rays<'_>, seek: Seek) {
