@@ -214,5 +214,6 @@ fn report(
         degenerate: last.degenerate,
         sah_cost: last.sah_cost,
         readback_bytes: slot.readback_bytes,
+        ..FrameReport::default()
     })
 }
