@@ -8,7 +8,6 @@
 
 #[cfg(test)]
 mod contract_tests;
-mod exact;
 mod interpolate;
 #[cfg(test)]
 mod law;
@@ -22,7 +21,6 @@ mod recording;
 mod refit;
 mod scale;
 mod scene;
-mod search;
 mod shadow;
 #[cfg(test)]
 mod shadow_tests;
