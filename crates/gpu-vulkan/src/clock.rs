@@ -178,7 +178,7 @@ mod tests {
         let garbage = 7 << 40;
         let stage = [Stage::Interpolate];
         let mut begun = |from: u64| {
-            let marks = [garbage | from % wrap, (from + 5) % wrap];
+            let marks = [garbage | (from % wrap), (from + 5) % wrap];
             let times = clock.times(&stage, &marks);
             assert_eq!((times.interpolate_ms, times.device_ms), (Some(5.0), 5.0));
             times.begun_ms.unwrap()

@@ -29,6 +29,8 @@ mod selftest;
 mod slot;
 mod snapshots;
 mod stages;
+#[cfg(test)]
+mod tests;
 mod timeline;
 mod traces;
 mod transfer;

@@ -1,0 +1,182 @@
+//! Trees as deep as they may be, stages run twice, costs: beside the reference.
+
+use super::scenes::{SHADOWED, camera, device, go, hits, open, stand, swarm, tree_at};
+use crate::VulkanBackend;
+use backend::{Backend, Generation, Method, Query, Rays, Seek};
+use bvh_layout::Topology;
+use cpu_ref::CpuBackend;
+use geom::{Animation, Ray};
+use std::sync::Arc;
+
+/// As many leaves as a chain may have: a record has 65 levels at most.
+const LEAVES: u32 = 65;
+
+/// Big triangles one behind the other, the last farthest from the eye at `z = 99`.
+fn stack() -> Arc<Animation> {
+    let corners = |t: u32| {
+        let z = -(t as f32);
+        [[-9.0, -9.0, z], [9.0, -9.0, z], [0.0, 9.0, z]]
+    };
+    let key: Vec<_> = (0..LEAVES).flat_map(corners).collect();
+    let triangles = (0..LEAVES).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
+    Arc::new(Animation::new(vec![key], triangles.collect()).unwrap())
+}
+
+/// Each inner node has one leaf, to the left, and the next inner node; leaves in the given order.
+fn chain(order: impl Iterator<Item = u32>) -> Topology {
+    let n = LEAVES;
+    let mut words = vec![Topology::MAGIC, Topology::VERSION, n, n, n, 0, 0, 0];
+    words.extend((0..n).map(|level| u32::from(level + 1 < n)));
+    let (mut bits, mut ranks) = (Vec::new(), Vec::new());
+    let is_leaf = |node: u32| node < 2 * n - 1 && (node % 2 == 1 || node == 2 * n - 2);
+    let mut leaves = 0;
+    for word in 0..(2 * n - 1).div_ceil(32) {
+        let all = (0..32).filter(|bit| is_leaf(32 * word + bit));
+        let bit_set = all.fold(0_u32, |set, bit| set | 1 << bit);
+        bits.push(bit_set);
+        ranks.push(leaves);
+        leaves += bit_set.count_ones();
+    }
+    words.extend(bits);
+    words.extend(ranks);
+    words.extend(order);
+    Topology::from_words(words).unwrap()
+}
+
+#[test]
+fn the_deepest_tree_is_refitted_and_traced_from_either_end() {
+    let Some(mut backend) = device() else { return };
+    let animation = stack();
+    let rays: Vec<_> = (0..200)
+        .map(|i| {
+            let x = 0.04 * (i as f32 - 100.0);
+            let z = if i % 2 == 0 { 99.0 } else { -99.0 };
+            Ray::new([x, x - 1.0, z], [0.001 * x, 0.0, -z])
+        })
+        .collect();
+    let mut reference = CpuBackend::new(Some(1)).unwrap();
+    for tree in [chain(0..LEAVES), chain((0..LEAVES).rev())] {
+        let mut answers = Vec::new();
+        for backend in [&mut *backend as &mut dyn Backend, &mut reference] {
+            let method = Method::default();
+            backend.load(Arc::clone(&animation), method).unwrap();
+            backend.adopt(&tree, Generation(1)).unwrap();
+            stand(backend, &animation, 0.0);
+            let ticket = go(backend, Rays::List(&rays), SHADOWED);
+            let closest = hits(backend, ticket);
+            let ticket = go(backend, Rays::List(&rays), Seek::Any);
+            let any = hits(backend, ticket);
+            answers.push((closest, any, backend.inspect().boxes().unwrap()));
+        }
+        assert!(answers[0] == answers[1]);
+        let met = answers[0].1.blocked.iter().filter(|&&b| b == 1).count();
+        assert!(met > 100, "{met}");
+    }
+}
+
+#[test]
+fn a_submission_may_hold_any_number_of_stages() {
+    let Some(mut backend) = device() else { return };
+    let animation = stack();
+    let method = Method::default();
+    backend.load(Arc::clone(&animation), method).unwrap();
+    backend.adopt(&chain(0..LEAVES), Generation(1)).unwrap();
+    for _ in 0..9 {
+        stand(&mut *backend, &animation, 0.0);
+    }
+    let camera = camera();
+    let ticket = go(&mut *backend, Rays::Camera(&camera), Seek::Closest);
+    let times = backend.wait(ticket).unwrap().times;
+    assert!(times.refit_ms.unwrap() < times.device_ms);
+    assert!(
+        hits(&mut *backend, ticket)
+            .closest
+            .iter()
+            .any(|h| h.is_hit())
+    );
+}
+
+#[test]
+fn triangles_are_counted_at_the_last_positions_alone() {
+    let Some(mut backend) = device() else { return };
+    let animation = swarm(500);
+    let mut counts = Vec::new();
+    open(&mut *backend, &animation);
+    for times in [&[0.0, 1.0][..], &[1.0], &[1.0, 0.0], &[0.0]] {
+        for &time in times {
+            stand(&mut *backend, &animation, time);
+        }
+        let ticket = backend.submit().unwrap();
+        let report = backend.wait(ticket).unwrap();
+        counts.push((report.inactive, report.degenerate));
+        // A submission without stages says what the last one with them found.
+        let ticket = backend.submit().unwrap();
+        let report = backend.wait(ticket).unwrap();
+        assert_eq!(
+            (report.inactive, report.degenerate),
+            counts[counts.len() - 1]
+        );
+    }
+    assert_eq!((counts[0], counts[2]), (counts[1], counts[3]));
+    assert!(counts[0].0 > counts[2].0 && counts[2].0 > 0 && counts[2].1 > 0);
+}
+
+/// Costs of the tree at some times, as refit says.
+fn costs(backend: &mut dyn Backend, animation: &Arc<Animation>, tree: &Topology) -> Vec<f64> {
+    let method = Method::default();
+    backend.load(Arc::clone(animation), method).unwrap();
+    backend.adopt(tree, Generation(1)).unwrap();
+    let cost = |time| {
+        stand(backend, animation, time);
+        let ticket = backend.submit().unwrap();
+        backend.wait(ticket).unwrap().sah_cost.unwrap()
+    };
+    [0.0, 0.4, 1.0, 1.7].map(cost).to_vec()
+}
+
+#[test]
+fn the_cost_of_a_tree_is_the_references() {
+    let Some(mut backend) = device() else { return };
+    let mut reference = CpuBackend::new(Some(2)).unwrap();
+    let deep = (stack(), chain(0..LEAVES));
+    let swarms = [1, 3, 130, 20_000].map(|n| {
+        let animation = swarm(n);
+        let tree = tree_at(&animation, 0.0);
+        (animation, tree)
+    });
+    for (animation, tree) in swarms.iter().chain([&deep]) {
+        let found = costs(&mut *backend, animation, tree);
+        let expected = costs(&mut reference, animation, tree);
+        for (found, expected) in found.iter().zip(&expected) {
+            let error = (found - expected).abs() / expected;
+            assert!(error < 1e-4, "{found} {expected}");
+        }
+    }
+}
+
+#[test]
+fn a_cameras_rays_meet_anything_as_the_list_of_them_does() {
+    let Some(mut backend) = device() else { return };
+    let (animation, camera) = (swarm(600), camera());
+    open(&mut *backend, &animation);
+    stand(&mut *backend, &animation, 0.3);
+    let any = |backend: &mut VulkanBackend, rays| {
+        let query = Query {
+            rays,
+            seek: Seek::Any,
+        };
+        backend.trace(query).unwrap();
+        let ticket = backend.submit().unwrap();
+        let hits = hits(backend, ticket);
+        assert!(hits.closest.is_empty());
+        (hits.blocked, backend.wait(ticket).unwrap().hits)
+    };
+    let list: Vec<_> = (0..camera.height)
+        .flat_map(|y| (0..camera.width).map(move |x| camera.ray(x, y)))
+        .collect();
+    let found = any(&mut backend, Rays::Camera(&camera));
+    assert_eq!(found, any(&mut backend, Rays::List(&list)));
+    let met = found.0.iter().filter(|&&b| b == 1).count();
+    assert_eq!((met as u64, found.0.len()), (found.1, camera.pixels()));
+    assert!(met > 100);
+}

@@ -1,0 +1,164 @@
+//! Small scenes and the few sentences in which tests are written.
+
+use crate::{Options, Validation, VulkanBackend};
+use backend::{Backend, Generation, Hits, Method, Query, Rays, Seek, Snapshot, Ticket};
+use bvh_build::{BinaryTree, Builder, Cancel};
+use bvh_layout::{Converter, Topology};
+use geom::{Animation, Camera, Point, Ray};
+use std::ops::{Deref, DerefMut};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// A backend whose validation layer must have nothing to say.
+pub(super) struct Watched(VulkanBackend);
+
+impl Deref for Watched {
+    type Target = VulkanBackend;
+    fn deref(&self) -> &VulkanBackend {
+        &self.0
+    }
+}
+
+impl DerefMut for Watched {
+    fn deref_mut(&mut self) -> &mut VulkanBackend {
+        &mut self.0
+    }
+}
+
+impl Drop for Watched {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            assert_eq!(self.0.validation_messages(), [""; 0]);
+        }
+    }
+}
+
+/// The device of this machine, if it has one.
+pub(super) fn device() -> Option<Watched> {
+    let required = std::env::var("ABVH_REQUIRE_BACKENDS").unwrap_or_default();
+    let options = Options {
+        validation: Validation::IfInstalled,
+        ..Options::default()
+    };
+    match VulkanBackend::new(&options) {
+        Ok(backend) => Some(Watched(backend)),
+        Err(e) => {
+            assert!(!required.contains("vulkan"), "{e}");
+            None
+        }
+    }
+}
+
+/// Numbers in -1..1 that are the same everywhere (SplitMix64).
+fn numbers(seed: u64) -> impl FnMut() -> f32 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) >> 40) as f32 / (1 << 23) as f32 - 1.0
+    }
+}
+
+/// Triangles that fly about over three key frames, some of them inactive or degenerate at times.
+pub(super) fn swarm(triangles: u32) -> Arc<Animation> {
+    let mut number = numbers(7);
+    let mut point = move || [number(), number(), number()];
+    let mut key = |k: u32| -> Vec<Point> {
+        let mut corners = Vec::new();
+        for t in 0..triangles {
+            let (at, b, c) = (point(), point(), point());
+            let beside = |d: Point| std::array::from_fn(|i| at[i] + 0.2 * d[i]);
+            let broken = t % 41 == 3 && k == 1 || t % 53 == 5;
+            let flat = t % 37 == 2;
+            corners.push(if broken { [f32::NAN; 3] } else { at });
+            corners.push(beside(b));
+            corners.push(beside(if flat { b } else { c }));
+        }
+        corners
+    };
+    let keys = (0..3).map(&mut key).collect();
+    let corners = |t| [3 * t, 3 * t + 1, 3 * t + 2];
+    Arc::new(Animation::new(keys, (0..triangles).map(corners).collect()).unwrap())
+}
+
+/// A tree over the scene as it stands at `time`.
+pub(super) fn tree_at(animation: &Animation, time: f64) -> Topology {
+    let vertices = positions(animation, time);
+    let mut tree = BinaryTree::default();
+    let boxes = (animation, vertices.as_slice());
+    let built = Builder::new().build(&boxes, &Cancel::new(), &mut tree);
+    built.unwrap();
+    Converter::new().convert(&tree, animation.triangle_count(), Vec::new())
+}
+
+/// Every vertex as it stands at `time`.
+pub(super) fn positions(animation: &Animation, time: f64) -> Vec<Point> {
+    let pose = animation.pose(time);
+    let all = 0..animation.vertex_count() as u32;
+    all.map(|v| animation.vertex(pose, v)).collect()
+}
+
+pub(super) fn camera() -> Camera {
+    let (eye, up) = ([0.3, 0.2, 3.0], [0.0, 1.0, 0.0]);
+    Camera::look_at(eye, [0.0; 3], up, 50.0, [70, 43]).unwrap()
+}
+
+/// Rays across the scene, one of them not valid.
+pub(super) fn rays(count: usize) -> Vec<Ray> {
+    let mut number = numbers(11);
+    let mut point = move |r: f32| [r * number(), r * number(), r * number()];
+    let mut rays: Vec<_> = (0..count)
+        .map(|_| Ray::new(point(3.0), point(1.0)))
+        .collect();
+    rays[count / 2].direction = [0.0; 3];
+    rays
+}
+
+pub(super) const SHADOWED: Seek = Seek::ClosestAndShadow {
+    light: [2.0, 5.0, 3.0],
+};
+
+/// Loads the scene with a tree of its first frame.
+pub(super) fn open(backend: &mut dyn Backend, animation: &Arc<Animation>) {
+    let method = Method::default();
+    backend.load(Arc::clone(animation), method).unwrap();
+    let tree = tree_at(animation, 0.0);
+    backend.adopt(&tree, Generation(1)).unwrap();
+}
+
+/// Records all that comes before a trace.
+pub(super) fn stand(backend: &mut dyn Backend, animation: &Animation, time: f64) {
+    backend.interpolate(animation.pose(time)).unwrap();
+    backend.preprocess().unwrap();
+    backend.refit().unwrap();
+}
+
+/// Records a trace and submits.
+pub(super) fn go(backend: &mut dyn Backend, rays: Rays<'_>, seek: Seek) -> Ticket {
+    backend.trace(Query { rays, seek }).unwrap();
+    backend.submit().unwrap()
+}
+
+pub(super) fn hits(backend: &mut dyn Backend, ticket: Ticket) -> Hits {
+    let mut hits = Hits::default();
+    backend.hits(ticket, &mut hits).unwrap();
+    hits
+}
+
+/// Waits for the oldest positions that were asked for.
+pub(super) fn arrive(backend: &mut dyn Backend) -> (Ticket, Snapshot) {
+    let begun = Instant::now();
+    while begun.elapsed() < Duration::from_secs(60) {
+        if let Some(arrived) = backend.take_positions().unwrap() {
+            return arrived;
+        }
+        std::thread::yield_now();
+    }
+    panic!("the positions never arrived");
+}
+
+pub(super) fn bits(points: &[Point]) -> Vec<[u32; 3]> {
+    points.iter().map(|p| p.map(f32::to_bits)).collect()
+}
