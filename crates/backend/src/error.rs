@@ -36,6 +36,14 @@ pub enum BackendError {
         /// What it takes; 0 where only the driver knows.
         bytes: u64,
     },
+    /// The device's interface or its driver took offence at a call: a fault in this program or in theirs.
+    #[error("{what} was rejected: {why}")]
+    Rejected {
+        /// What was being made or done.
+        what: String,
+        /// What it said.
+        why: String,
+    },
     /// The device went away.
     #[error("the device was lost: {0}")]
     DeviceLost(String),

@@ -49,6 +49,8 @@ pub struct Adapter {
     pub has_timestamps: bool,
     /// Whether the kernels' SPIR-V goes in as it is.
     pub takes_spirv: bool,
+    /// What bounds the work here and which features are used: names and values, to be shown.
+    pub limits: Vec<(&'static str, String)>,
 }
 
 /// Every adapter that wgpu offers on this machine.
@@ -96,8 +98,29 @@ pub(crate) fn describe(index: usize, adapter: &wgpu::Adapter) -> Adapter {
         max_storage_buffers: limits.max_storage_buffers_per_shader_stage,
         has_timestamps: features.contains(Features::TIMESTAMP_QUERY),
         takes_spirv: takes_spirv(&info, features),
+        limits: named(&info, &limits, features),
         name: info.name,
     }
+}
+
+fn named(
+    info: &wgpu::AdapterInfo,
+    limits: &wgpu::Limits,
+    features: Features,
+) -> Vec<(&'static str, String)> {
+    let mut all = vec![("interface", info.backend.to_string())];
+    all.extend(crate::limits::named(limits));
+    let timestamps = match features.contains(Features::TIMESTAMP_QUERY) {
+        true => "yes",
+        false => "no",
+    };
+    let kernels = match takes_spirv(info, features) {
+        true => "SPIR-V, passed through",
+        false => "WGSL",
+    };
+    all.push(("timestamps", timestamps.to_owned()));
+    all.push(("kernels", kernels.to_owned()));
+    all
 }
 
 pub(crate) fn driver(info: &wgpu::AdapterInfo) -> String {
@@ -153,6 +176,7 @@ mod tests {
             max_storage_buffers: 8,
             has_timestamps: false,
             takes_spirv: false,
+            limits: Vec::new(),
         }
     }
 

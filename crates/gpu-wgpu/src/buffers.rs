@@ -91,13 +91,20 @@ impl<'a> Loader<'a> {
 }
 
 /// Records a copy in pieces.
-pub(crate) fn copy(encoder: &mut CommandEncoder, from: &Buffer, to: &Buffer, bytes: u64) {
-    let mut at = 0;
-    while at < bytes {
-        let size = PIECE.min(bytes - at);
-        encoder.copy_buffer_to_buffer(from, at, to, at, size);
-        at += size;
-    }
+pub(crate) fn copy(
+    gpu: &Gpu,
+    encoder: &mut CommandEncoder,
+    [from, to]: [&Buffer; 2],
+    bytes: u64,
+) -> Result<()> {
+    gpu.guard("a copy", bytes, || {
+        let mut at = 0;
+        while at < bytes {
+            let size = PIECE.min(bytes - at);
+            encoder.copy_buffer_to_buffer(from, at, to, at, size);
+            at += size;
+        }
+    })
 }
 
 /// A mapping asked for; it arrives while the device is polled.
@@ -159,7 +166,7 @@ impl Window {
             None => readback(gpu, "a view for the host", bytes)?,
         };
         let mut encoder = gpu.encoder("a view for the host")?;
-        copy(&mut encoder, from, &window, bytes);
+        copy(gpu, &mut encoder, [from, &window], bytes)?;
         let submission = gpu.submit(encoder)?;
         let mapping = Mapping::ask(gpu, &window)?;
         gpu.wait_for(submission)?;
@@ -167,10 +174,19 @@ impl Window {
         let view = window.get_mapped_range(..bytes).map_err(unreadable)?;
         let data = bytemuck::pod_collect_to_vec(&view);
         drop(view);
-        window.unmap();
-        self.0 = Some(window);
+        if unmap(&gpu.device, &window) {
+            self.0 = Some(window);
+        }
         Ok(data)
     }
+}
+
+/// Ends a mapping, on any thread; false if the device is gone and took the buffer with it.
+#[must_use]
+pub(crate) fn unmap(device: &wgpu::Device, buffer: &Buffer) -> bool {
+    let refused = device.push_error_scope(wgpu::ErrorFilter::Validation);
+    buffer.unmap();
+    pollster::block_on(refused.pop()).is_none()
 }
 
 pub(crate) fn unreadable(e: wgpu::MapRangeError) -> BackendError {

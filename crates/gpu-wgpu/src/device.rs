@@ -1,6 +1,7 @@
 //! The device and its queue; every call to them that can fail passes through here.
 
 use crate::adapters::{choose, describe, enumerate, instance, takes_spirv};
+use crate::buffers::{readback, unmap};
 use crate::faults::Faults;
 use crate::limits::{check, generous, span, useful_features};
 use crate::tally::Tally;
@@ -8,6 +9,7 @@ use backend::{BackendError, Result};
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use wgpu::{ErrorFilter, Features, PollType, SubmissionIndex};
 
 /// A device with what every part of the backend needs of it.
@@ -21,6 +23,8 @@ pub(crate) struct Gpu {
     pub(crate) tick_ns: f64,
     pub(crate) faults: Arc<Faults>,
     pub(crate) tally: Cell<Tally>,
+    /// Nothing but to ask whether the device is still there.
+    probe: Option<wgpu::Buffer>,
 }
 
 impl Gpu {
@@ -57,7 +61,7 @@ impl Gpu {
     ) -> Result<Self> {
         let (limits, features) = (device.limits(), device.features());
         check(&limits)?;
-        Ok(Self {
+        let mut gpu = Self {
             tick_ns: f64::from(queue.get_timestamp_period()),
             device,
             queue,
@@ -66,7 +70,10 @@ impl Gpu {
             features,
             faults: Arc::default(),
             tally: Cell::default(),
-        })
+            probe: None,
+        };
+        gpu.probe = Some(readback(&gpu, "a probe", 16)?);
+        Ok(gpu)
     }
 
     /// Hears of losses and of errors that no scope caught.
@@ -110,9 +117,27 @@ impl Gpu {
         let validation = pollster::block_on(validation.pop());
         let internal = pollster::block_on(internal.pop());
         match memory.or(validation).or(internal) {
+            // Of what was made after a loss that we never heard of, wgpu says that it is invalid.
+            Some(wgpu::Error::Validation { .. }) if self.is_lost() => {
+                Err(self.faults.lose(format!("{what} came too late")))
+            }
             Some(error) => Err(self.faults.translate(what, bytes, &error)),
             None => self.faults.check().map(|()| made),
         }
+    }
+
+    /// A lost device refuses to map a buffer, at once.
+    fn is_lost(&self) -> bool {
+        let Some(probe) = &self.probe else {
+            return false;
+        };
+        let refused = Arc::new(AtomicBool::new(false));
+        let hears = Arc::clone(&refused);
+        probe.map_async(wgpu::MapMode::Read, .., move |mapped| {
+            hears.store(mapped.is_err(), Ordering::Relaxed);
+        });
+        let lost = refused.load(Ordering::Relaxed);
+        !unmap(&self.device, probe) || lost
     }
 
     /// Refuses what one storage buffer cannot span.

@@ -1,4 +1,13 @@
 //! What goes wrong on the device, gathered from everywhere wgpu may say it.
+//!
+//! - Every call that wgpu may refuse runs in [`crate::device::Gpu::guard`]: out of memory, invalid and
+//!   internal errors are caught there, on our own devices and on lent ones alike.
+//! - Of a device's loss wgpu tells callbacks alone. Our own device has one; on
+//!   a lent one the callback is the engine's, and the loss shows when something
+//!   is waited for: polling panics (which is caught, unless the program is built
+//!   to abort) or a mapping is refused. A call refused as invalid asks for it, too.
+//! - What happens outside of any call goes to our own device's handler for
+//!   uncaptured errors, and the next call returns it.
 
 use backend::BackendError;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -36,7 +45,12 @@ impl Faults {
                 what: what.to_owned(),
                 bytes,
             },
-            other => BackendError::DeviceLost(format!("{what}: {other}")),
+            wgpu::Error::Validation { .. } | wgpu::Error::Internal { .. } => {
+                BackendError::Rejected {
+                    what: what.to_owned(),
+                    why: error.to_string(),
+                }
+            }
         }
     }
 
@@ -85,6 +99,20 @@ mod tests {
         let error = Faults::default().translate("the tree's nodes", 64, &out_of_memory());
         let said = "out of device memory: the tree's nodes needs 64 bytes";
         assert_eq!(error.to_string(), said);
+    }
+
+    #[test]
+    fn a_call_that_wgpu_rejects_is_no_loss_of_the_device() {
+        let faults = Faults::default();
+        let invalid = wgpu::Error::Validation {
+            source: "no such usage".into(),
+            description: "no such usage".into(),
+        };
+        let error = faults.translate("hits", 64, &invalid);
+        let said = error.to_string();
+        assert!(said.starts_with("hits was rejected: "), "{said}");
+        assert!(said.contains("no such usage"), "{said}");
+        assert_eq!(faults.check(), Ok(()));
     }
 
     #[test]

@@ -71,7 +71,19 @@ pub(crate) fn generous(adapter: &Limits) -> Limits {
 pub(crate) fn check(limits: &Limits) -> Result<()> {
     let need = least();
     let group = KERNELS.iter().map(|k| k.workgroup[0]).max().unwrap_or(1);
+    let bindings = KERNELS.iter().map(|k| k.bindings.len()).max();
     let all = [
+        (
+            "max_bindings_per_bind_group",
+            bindings.unwrap_or(0) as u32,
+            limits.max_bindings_per_bind_group,
+        ),
+        (
+            // Sums over a workgroup: one f32 an invocation.
+            "max_compute_workgroup_storage_size",
+            4 * group,
+            limits.max_compute_workgroup_storage_size,
+        ),
         (
             "max_storage_buffers_per_shader_stage",
             need.max_storage_buffers_per_shader_stage,
@@ -101,6 +113,34 @@ pub(crate) fn check(limits: &Limits) -> Result<()> {
         }),
         None => Ok(()),
     }
+}
+
+/// What bounds the work on such a device: names and values, to be shown.
+pub(crate) fn named(limits: &Limits) -> Vec<(&'static str, String)> {
+    let group = limits
+        .max_compute_invocations_per_workgroup
+        .min(limits.max_compute_workgroup_size_x);
+    let all = [
+        (
+            "max storage buffer bytes",
+            limits.max_storage_buffer_binding_size,
+        ),
+        ("max buffer bytes", limits.max_buffer_size),
+        (
+            "max storage buffers",
+            limits.max_storage_buffers_per_shader_stage.into(),
+        ),
+        ("max workgroup size", group.into()),
+        (
+            "max workgroups along an axis",
+            limits.max_compute_workgroups_per_dimension.into(),
+        ),
+        (
+            "parameter alignment bytes",
+            limits.min_uniform_buffer_offset_alignment.into(),
+        ),
+    ];
+    all.map(|(name, value)| (name, value.to_string())).to_vec()
 }
 
 /// Bytes that one storage buffer may span. Kernels count words in 32 bits, so never more than 4 GiB.
@@ -140,6 +180,14 @@ mod tests {
         };
         let refused = check(&poor).unwrap_err().to_string();
         let expected = "the device's max_storage_buffers_per_shader_stage needs 8, the limit is 4";
+        assert_eq!(refused, expected);
+        let cramped = Limits {
+            max_compute_workgroup_storage_size: 256,
+            ..least()
+        };
+        let refused = check(&cramped).unwrap_err().to_string();
+        let expected =
+            "the device's max_compute_workgroup_storage_size needs 512, the limit is 256";
         assert_eq!(refused, expected);
     }
 

@@ -1,6 +1,6 @@
 //! What one submission needs for itself: commands, parameters, counts, timestamps.
 
-use crate::buffers::{Mapping, make, readback, storage, unreadable, write};
+use crate::buffers::{Mapping, make, readback, storage, unmap, unreadable, write};
 use crate::device::Gpu;
 use crate::groups::Groups;
 use crate::limits::{group_counts, params_stride};
@@ -185,10 +185,12 @@ impl Slot {
             write(gpu, page, 0, rows)?;
         }
         let mut encoder = self.encoder.take().expect("a recording was begun");
-        encoder.copy_buffer_to_buffer(&self.counts, 0, &self.back, 0, COUNTS);
-        if let Some(clock) = &self.clock {
-            clock.resolve(&mut encoder, self.stages.len(), &self.back, COUNTS);
-        }
+        gpu.guard("the report of a frame", 0, || {
+            encoder.copy_buffer_to_buffer(&self.counts, 0, &self.back, 0, COUNTS);
+            if let Some(clock) = &self.clock {
+                clock.resolve(&mut encoder, self.stages.len(), &self.back, COUNTS);
+            }
+        })?;
         let at = Instant::now();
         let submission = gpu.submit(encoder)?;
         let mapping = Mapping::ask(gpu, &self.back)?;
@@ -213,7 +215,9 @@ impl Slot {
         let counts: Counts = bytemuck::pod_read_unaligned(counts);
         let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(ticks);
         drop(view);
-        self.back.unmap();
+        if !unmap(&gpu.device, &self.back) {
+            return Err(gpu.faults.lose("it took a report with it".into()));
+        }
         let times = match &self.clock {
             Some(_) => queries::times(&self.stages, &ticks, gpu.tick_ns),
             None => StageTimes {

@@ -1,6 +1,6 @@
 //! Vertices on their way to the builder.
 
-use crate::buffers::{Mapping, copy, readback, unreadable};
+use crate::buffers::{Mapping, copy, readback, unmap, unreadable};
 use crate::device::Gpu;
 use backend::{Result, Snapshot, Ticket};
 use geom::Point;
@@ -75,7 +75,7 @@ impl Snapshots {
             Some(buffer) => buffer,
             None => readback(gpu, "vertices for the builder", bytes)?,
         };
-        copy(encoder, &positions[position], &buffer, bytes);
+        copy(gpu, encoder, [&positions[position], &buffer], bytes)?;
         Ok(Some(Begun { buffer, position }))
     }
 
@@ -114,6 +114,7 @@ impl Snapshots {
         let spare = Arc::clone(&self.spare);
         let loan = Loan {
             view: Some(view),
+            device: gpu.device.clone(),
             buffer,
             vertices,
             spare,
@@ -142,6 +143,7 @@ pub(crate) struct Begun {
 struct Loan {
     /// Taken out when the loan ends.
     view: Option<BufferView>,
+    device: wgpu::Device,
     buffer: Buffer,
     vertices: usize,
     spare: Spare,
@@ -163,8 +165,9 @@ impl Drop for Loan {
     fn drop(&mut self) {
         // A buffer is unmapped only when no view looks at it any more.
         drop(self.view.take());
-        self.buffer.unmap();
-        let mut spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner);
-        spare.push(self.buffer.clone());
+        if unmap(&self.device, &self.buffer) {
+            let mut spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner);
+            spare.push(self.buffer.clone());
+        }
     }
 }

@@ -8,7 +8,7 @@ use gpu_wgpu::{Options, WgpuBackend};
 use libtest_mimic::Failed;
 use std::time::{Duration, Instant};
 
-fn arrive(backend: &mut WgpuBackend) -> Result<(Ticket, Snapshot), Failed> {
+pub(crate) fn arrive(backend: &mut WgpuBackend) -> Result<(Ticket, Snapshot), Failed> {
     let begun = Instant::now();
     while begun.elapsed() < Duration::from_secs(30) {
         if let Some(arrived) = backend.take_positions()? {

@@ -88,6 +88,14 @@ const TRIALS: &[(&str, Body)] = &[
         lent::a_device_with_too_few_buffers_is_refused,
     ),
     (
+        "a_lent_device_with_features_is_timed_and_keeps_its_handlers",
+        lent::a_lent_device_with_features_is_timed_and_keeps_its_handlers,
+    ),
+    (
+        "every_verb_after_a_loss_is_an_error_and_no_panic",
+        lent::every_verb_after_a_loss_is_an_error_and_no_panic,
+    ),
+    (
         "a_lost_device_is_an_error_and_no_panic",
         lent::a_lost_device_is_an_error_and_no_panic,
     ),
