@@ -25,6 +25,8 @@ pub(crate) enum Command {
     Trace(TraceArgs),
     /// Measure every stage over scenes, backends, update policies and intersectors
     Bench(BenchArgs),
+    /// Hold backends to the laws that all of them keep
+    Conform(ConformArgs),
     /// Describe a scene: size, motion, how refitting decays, what auto takes and why
     Inspect(InspectArgs),
     /// Describe this build and this machine: backends present and absent
@@ -369,6 +371,9 @@ pub(crate) enum LayoutName {
     /// Whatever measured fastest
     Fast,
 }
+
+mod conform;
+pub(crate) use conform::{ConformArgs, SubjectName};
 
 #[cfg(test)]
 mod tests;

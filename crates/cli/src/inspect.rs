@@ -8,7 +8,7 @@ use crate::motion::{self, Motion, Spread, Still};
 use crate::open::Want;
 use crate::stop::Stop;
 use crate::table::{grouped, table};
-use crate::{choose, frames, open, render, talk, threads};
+use crate::{choose, frames, open, reduce, render, talk, threads};
 use geom::Animation;
 use report::{SceneFacts, Taken};
 use serde::Serialize;

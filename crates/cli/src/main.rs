@@ -8,6 +8,7 @@ mod args;
 mod auto;
 mod bench;
 mod choose;
+mod conform;
 mod decay;
 mod frames;
 mod info;
@@ -45,6 +46,7 @@ fn run(command: Command) -> Result<(), Stop> {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Conform(args) => conform::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Info(args) => info::run(&args),
     }

@@ -249,6 +249,24 @@ fn open_wgpu(adapter: Option<&Adapter>, _: usize) -> backend::Result<Box<dyn Bac
     Ok(Box::new(WgpuBackend::new(&options)?))
 }
 
+/// wgpu with kernels that it translates even where it need not: for laws, not for work.
+pub(crate) fn open_wgsl(want: &Want<'_>) -> Result<Box<dyn Backend>, Stop> {
+    let translated = Known {
+        text: "wgpu-wgsl",
+        open: |adapter, _| {
+            let options = gpu_wgpu::Options {
+                adapter: adapter.map(|a| a.index.to_string()),
+                force_wgsl: true,
+                ..Default::default()
+            };
+            Ok(Box::new(WgpuBackend::new(&options)?))
+        },
+        list: list_wgpu,
+        ..KNOWN[1]
+    };
+    translated.open_named(want)
+}
+
 fn list_cpu() -> backend::Result<Vec<Adapter>> {
     let device = CpuBackend::new(Some(1))?.device().clone();
     Ok(vec![Adapter {

@@ -5,7 +5,7 @@ use backend::BackendError;
 use pipeline::PipelineError;
 use report::{RaysError, WriteError};
 use scene::SceneError;
-use std::fmt::Display;
+use std::fmt::{self, Display};
 use std::process::ExitCode;
 
 /// The end of a command that did not do what was asked.
@@ -47,6 +47,16 @@ impl Stop {
         };
         talk::complain(&one_line(error));
         ExitCode::from(code)
+    }
+}
+
+impl fmt::Display for Stop {
+    /// What went wrong, in one line.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Shown => Ok(()),
+            Self::Bad(e) | Self::Failed(e) => f.write_str(&one_line(e)),
+        }
     }
 }
 

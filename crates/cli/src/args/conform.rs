@@ -1,0 +1,83 @@
+//! What may be asked of `conform`.
+
+use clap::builder::PossibleValuesParser;
+use clap::{Args, ValueEnum};
+use conformance::{LAWS, REGRESSIONS, Trial};
+use std::path::PathBuf;
+
+/// Options of `conform`.
+#[derive(Args, Debug)]
+pub(crate) struct ConformArgs {
+    /// Backends; auto is all that are present
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "auto"
+    )]
+    pub(crate) backend: Vec<SubjectName>,
+    /// Adapter of the backends, by index or by part of its name
+    #[arg(long, value_name = "INDEX|NAME-PART")]
+    pub(crate) adapter: Option<String>,
+    /// Decides scenes and rays
+    #[arg(long, value_name = "S", default_value = "1")]
+    pub(crate) seed: u64,
+    /// Cases that each law sees, after those that failed once; with 0, no law is tried
+    #[arg(long, value_name = "N", default_value = "33")]
+    pub(crate) cases: u32,
+    /// Only these laws
+    #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true,
+        value_parser = PossibleValuesParser::new(LAWS.iter().map(|l| l.name)))]
+    pub(crate) law: Vec<String>,
+    /// Only this case, by number or by the name of one that failed once
+    #[arg(long, value_name = "N|NAME", value_parser = trial)]
+    pub(crate) case: Option<Trial>,
+    /// Also aims so many rays at edges and vertices of closed bodies, in all
+    #[arg(long, value_name = "N", default_value = "0")]
+    pub(crate) leak_rays: u64,
+    /// How far those bodies are moved from the origin
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "0,10,1000,100000",
+        value_parser = offset, allow_hyphen_values = true)]
+    pub(crate) offsets: Vec<f32>,
+    /// File for the results
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// No progress
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
+
+/// What may be held to the laws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SubjectName {
+    /// All that are present
+    Auto,
+    /// The host's cores
+    Cpu,
+    /// A graphics processor through Vulkan
+    Vulkan,
+    /// A graphics processor through wgpu
+    Wgpu,
+    /// The same, with kernels that wgpu translates
+    WgpuWgsl,
+}
+
+/// A number of a case, or the name of one that is kept.
+fn trial(text: &str) -> Result<Trial, String> {
+    if let Ok(n) = text.parse() {
+        return Ok(Trial::Case(n));
+    }
+    let kept = REGRESSIONS.iter().find(|r| r.name == text);
+    kept.map(|r| Trial::Regression(r.name)).ok_or_else(|| {
+        let names: Vec<_> = REGRESSIONS.iter().map(|r| r.name).collect();
+        format!("a case is a number or one of {}", names.join(", "))
+    })
+}
+
+/// Bodies of about unit size still have a shape there.
+fn offset(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(x) if x.abs() <= 1e5 => Ok(x),
+        _ => Err("an offset is a number from -100000 to 100000".to_owned()),
+    }
+}

@@ -1,0 +1,215 @@
+//! `abvh conform`: every law on every backend, on the user's own machine.
+
+mod results;
+
+use crate::args::{BackendName, ConformArgs, SubjectName};
+use crate::open::{self, Want};
+use crate::progress::Progress;
+use crate::stop::Stop;
+use crate::{info, talk, threads};
+use backend::{Backend, Method};
+use conformance::leaks::{self, Plan};
+use conformance::{Disagreement, LAWS, Law, hold, hold_one};
+use results::{Absent, Examined, LeakRow, Machine, Report, Row};
+use std::time::Instant;
+
+/// Steps in which the progress of many rays is told.
+const STEPS: u64 = 20;
+
+/// A backend that is held to the laws.
+struct Subject {
+    name: &'static str,
+    backend: Box<dyn Backend>,
+}
+
+/// Holds all to all.
+pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
+    if let Some(file) = &args.json {
+        report::check_writable(file).map_err(Stop::bad)?;
+    }
+    let (mut subjects, absent) = subjects(args)?;
+    let mut report = Report {
+        schema: report::SCHEMA,
+        version: env!("CARGO_PKG_VERSION"),
+        command_line: std::env::args().collect(),
+        seed: args.seed,
+        cases: args.cases,
+        leak_rays: args.leak_rays,
+        machine: Machine {
+            cpu: info::cpu_model(),
+            cores: threads::cores(),
+            os: std::env::consts::OS,
+        },
+        backends: subjects.iter().map(Examined::of).collect(),
+        absent,
+        rows: laws(args, &mut subjects)?,
+        leaks: Vec::new(),
+        leak_examples: Vec::new(),
+    };
+    for subject in &mut subjects {
+        fire(args, subject, &mut report)?;
+    }
+    if let Some(file) = &args.json {
+        report::write_json(file, &report)?;
+    }
+    talk::print(&report.text())?;
+    match report.failures() {
+        0 => Ok(()),
+        n => Err(Stop::failed(format!(
+            "{n} disagreement{}",
+            if n == 1 { "" } else { "s" }
+        ))),
+    }
+}
+
+/// Opens what was named, or whatever is present.
+fn subjects(args: &ConformArgs) -> Result<(Vec<Subject>, Vec<Absent>), Stop> {
+    use SubjectName as S;
+    let auto = args.backend.contains(&S::Auto);
+    let all = [
+        (S::Cpu, "cpu"),
+        (S::Vulkan, "vulkan"),
+        (S::Wgpu, "wgpu"),
+        (S::WgpuWgsl, "wgpu-wgsl"),
+    ];
+    let (mut subjects, mut absent) = (Vec::new(), Vec::new());
+    for (subject, name) in all {
+        let named = args.backend.contains(&subject);
+        if !named && !auto {
+            continue;
+        }
+        match open_subject(subject, args.adapter.as_deref()) {
+            Ok(backend) => subjects.push(Subject { name, backend }),
+            Err(stop) if named => return Err(stop),
+            Err(stop) => absent.push(Absent {
+                backend: name,
+                reason: stop.to_string(),
+            }),
+        }
+    }
+    if subjects.is_empty() {
+        let reasons: Vec<_> = absent.iter().map(|a| a.reason.as_str()).collect();
+        return Err(Stop::bad(reasons.join("; ")));
+    }
+    Ok((subjects, absent))
+}
+
+fn open_subject(subject: SubjectName, adapter: Option<&str>) -> Result<Box<dyn Backend>, Stop> {
+    let backend = match subject {
+        SubjectName::Cpu | SubjectName::Auto => BackendName::Cpu,
+        SubjectName::Vulkan => BackendName::Vulkan,
+        SubjectName::Wgpu | SubjectName::WgpuWgsl => BackendName::Wgpu,
+    };
+    let want = Want {
+        backend,
+        adapter,
+        method: Method::default(),
+        threads: threads::cores(),
+    };
+    if subject == SubjectName::WgpuWgsl {
+        return open::open_wgsl(&want);
+    }
+    Ok(open::open(&want, Ok)?.value)
+}
+
+/// Every law on every subject, against the host on one thread.
+fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<Row>, Stop> {
+    let named = |l: &&Law| args.law.is_empty() || args.law.iter().any(|n| n == l.name);
+    let laws: Vec<&Law> = LAWS.iter().filter(named).collect();
+    if args.cases == 0 && args.case.is_none() {
+        return Ok(Vec::new());
+    }
+    let want = Want {
+        backend: BackendName::Cpu,
+        adapter: None,
+        method: Method::default(),
+        threads: 1,
+    };
+    let mut reference = open::open(&want, Ok)?.value;
+    let mut progress = Progress::new((laws.len() * subjects.len()) as u64, args.quiet);
+    let mut rows = Vec::new();
+    for law in laws {
+        for subject in &mut *subjects {
+            let begun = Instant::now();
+            let held = hold_to(args, law, subject.backend.as_mut(), reference.as_mut());
+            let seconds = begun.elapsed().as_secs_f64();
+            progress.step(&format!("{} {}", subject.name, law.name));
+            rows.push(Row {
+                law: law.name,
+                backend: subject.name,
+                held: *held.as_ref().unwrap_or_else(|e| &e.held),
+                seconds,
+                reproduce: held
+                    .as_ref()
+                    .err()
+                    .map(|e| reproduce(args, subject.name, e)),
+                disagreement: held.err().map(|e| e.to_string()),
+            });
+        }
+    }
+    Ok(rows)
+}
+
+fn hold_to(
+    args: &ConformArgs,
+    law: &Law,
+    subject: &mut dyn Backend,
+    reference: &mut dyn Backend,
+) -> Result<u32, Disagreement> {
+    match args.case {
+        Some(trial) => hold_one(law, subject, reference, args.seed, trial).map(|()| 1),
+        None => hold(law, subject, reference, args.seed, args.cases),
+    }
+}
+
+/// The command that shows this disagreement and nothing else.
+fn reproduce(args: &ConformArgs, backend: &str, found: &Disagreement) -> String {
+    let adapter = adapter_option(args);
+    let Disagreement {
+        law, seed, trial, ..
+    } = found;
+    format!("abvh conform --backend {backend}{adapter} --seed {seed} --law {law} --case {trial}")
+}
+
+fn adapter_option(args: &ConformArgs) -> String {
+    args.adapter
+        .as_deref()
+        .map_or(String::new(), |a| format!(" --adapter '{a}'"))
+}
+
+/// Aims rays at closed bodies, if that was asked for.
+fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Result<(), Stop> {
+    if args.leak_rays == 0 {
+        return Ok(());
+    }
+    let plan = Plan {
+        seed: args.seed,
+        rays: args.leak_rays,
+        offsets: args.offsets.clone(),
+    };
+    let mut progress = Progress::new(STEPS, args.quiet);
+    let mut told = 0;
+    let line = format!("{} rays at closed bodies", subject.name);
+    let found = leaks::run(subject.backend.as_mut(), &plan, &mut |done| {
+        let steps = (u128::from(done) * u128::from(STEPS) / u128::from(plan.rays)) as u64;
+        (told..steps).for_each(|_| progress.step(&line));
+        told = steps;
+    })?;
+    drop(progress);
+    let rows = found.rows.iter().map(|row| LeakRow::of(subject.name, row));
+    report.leaks.extend(rows);
+    let offsets: Vec<String> = args.offsets.iter().map(ToString::to_string).collect();
+    let command = format!(
+        "abvh conform --backend {}{} --seed {} --cases 0 --leak-rays {} --offsets {}",
+        subject.name,
+        adapter_option(args),
+        args.seed,
+        args.leak_rays,
+        offsets.join(",")
+    );
+    let examples = found.first.iter();
+    report
+        .leak_examples
+        .extend(examples.map(|leak| format!("{}: {leak}; {command}", subject.name)));
+    Ok(())
+}

@@ -1,0 +1,200 @@
+//! What `conform` found, as JSON and for people.
+
+use super::Subject;
+use crate::table::{grouped, table};
+use backend::DeviceKind;
+use conformance::leaks;
+use serde::Serialize;
+
+#[derive(Serialize)]
+pub(super) struct Report {
+    pub(super) schema: u32,
+    pub(super) version: &'static str,
+    pub(super) command_line: Vec<String>,
+    pub(super) seed: u64,
+    /// Cases that each law was to see, beside those that failed once.
+    pub(super) cases: u32,
+    pub(super) leak_rays: u64,
+    pub(super) machine: Machine,
+    pub(super) backends: Vec<Examined>,
+    pub(super) absent: Vec<Absent>,
+    pub(super) rows: Vec<Row>,
+    pub(super) leaks: Vec<LeakRow>,
+    /// The first rays that were wrong, each with the command that finds them again.
+    pub(super) leak_examples: Vec<String>,
+}
+
+#[derive(Serialize)]
+pub(super) struct Machine {
+    pub(super) cpu: Option<String>,
+    pub(super) cores: usize,
+    pub(super) os: &'static str,
+}
+
+/// A backend that was held to the laws.
+#[derive(Serialize)]
+pub(super) struct Examined {
+    backend: &'static str,
+    adapter: String,
+    driver: String,
+    kind: &'static str,
+    threads: usize,
+}
+
+/// A backend that was not, because it cannot run here.
+#[derive(Serialize)]
+pub(super) struct Absent {
+    pub(super) backend: &'static str,
+    pub(super) reason: String,
+}
+
+/// One law on one backend.
+#[derive(Serialize)]
+pub(super) struct Row {
+    pub(super) law: &'static str,
+    pub(super) backend: &'static str,
+    /// Cases that held, up to the first that did not.
+    pub(super) held: u32,
+    pub(super) disagreement: Option<String>,
+    /// The command that shows it again.
+    pub(super) reproduce: Option<String>,
+    pub(super) seconds: f64,
+}
+
+/// Rays of one sort at one body.
+#[derive(Serialize)]
+pub(super) struct LeakRow {
+    backend: &'static str,
+    body: &'static str,
+    offset: f32,
+    aim: &'static str,
+    side: &'static str,
+    rays: u64,
+    leaks: u64,
+    counted: u64,
+    miscounts: u64,
+}
+
+impl Examined {
+    pub(super) fn of(subject: &Subject) -> Self {
+        let device = subject.backend.device();
+        Self {
+            backend: subject.name,
+            adapter: device.adapter.clone(),
+            driver: device.driver.clone(),
+            kind: match device.kind {
+                DeviceKind::Gpu => "gpu",
+                DeviceKind::Cpu => "cpu",
+                DeviceKind::Software => "software",
+            },
+            threads: device.threads,
+        }
+    }
+}
+
+impl LeakRow {
+    pub(super) fn of(backend: &'static str, row: &leaks::Row) -> Self {
+        Self {
+            backend,
+            body: row.body,
+            offset: row.offset,
+            aim: match row.aim {
+                leaks::Aim::Edge => "edge",
+                leaks::Aim::Vertex => "vertex",
+                leaks::Aim::Random => "random",
+            },
+            side: if row.inside { "inside" } else { "outside" },
+            rays: row.rays,
+            leaks: row.leaks,
+            counted: row.counted,
+            miscounts: row.miscounts,
+        }
+    }
+}
+
+impl Report {
+    /// Laws broken, and sorts of rays that leak.
+    pub(super) fn failures(&self) -> usize {
+        let broken = self.rows.iter().filter(|r| r.disagreement.is_some());
+        let leaky = self.leaks.iter().filter(|r| r.leaks + r.miscounts > 0);
+        broken.count() + leaky.count()
+    }
+
+    pub(super) fn text(&self) -> String {
+        let mut text = String::new();
+        for b in &self.backends {
+            let driver = match b.driver.trim() {
+                "" => String::new(),
+                driver => format!(" ({driver})"),
+            };
+            text += &format!("{}: {}{driver}\n", b.backend, b.adapter);
+        }
+        for a in &self.absent {
+            text += &format!("{}: absent; {}\n", a.backend, a.reason);
+        }
+        if !self.rows.is_empty() {
+            text += &self.law_table();
+        }
+        if !self.leaks.is_empty() {
+            text += &self.leak_table();
+        }
+        for row in &self.rows {
+            if let (Some(what), Some(command)) = (&row.disagreement, &row.reproduce) {
+                text += &format!("{}: {what}\n    {command}\n", row.backend);
+            }
+        }
+        for example in &self.leak_examples {
+            text += &format!("{example}\n");
+        }
+        text
+    }
+
+    /// Laws down, backends across.
+    fn law_table(&self) -> String {
+        let mut head = vec!["law"];
+        head.extend(self.backends.iter().map(|b| b.backend));
+        let rows: Vec<Vec<String>> = self
+            .rows
+            .chunks(self.backends.len())
+            .map(|of_one_law| {
+                let cell = |r: &Row| match r.disagreement {
+                    None => format!("held {}", r.held),
+                    Some(_) => "DISAGREES".to_owned(),
+                };
+                let name = of_one_law[0].law.replace('_', " ");
+                std::iter::once(name)
+                    .chain(of_one_law.iter().map(cell))
+                    .collect()
+            })
+            .collect();
+        table(&head, &rows, 1)
+    }
+
+    fn leak_table(&self) -> String {
+        let head = [
+            "backend",
+            "body",
+            "aim",
+            "side",
+            "offset",
+            "rays",
+            "leaks",
+            "counted",
+            "miscounts",
+        ];
+        let row = |r: &LeakRow| {
+            let mut row = vec![
+                r.backend.to_owned(),
+                r.body.to_owned(),
+                r.aim.to_owned(),
+                r.side.to_owned(),
+                r.offset.to_string(),
+            ];
+            let counts = [r.rays, r.leaks, r.counted, r.miscounts];
+            row.extend(counts.map(|n| grouped(n as usize)));
+            row
+        };
+        let rows: Vec<_> = self.leaks.iter().map(row).collect();
+        table(&head, &rows, 4)
+    }
+}
