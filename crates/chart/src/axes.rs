@@ -1,8 +1,9 @@
 //! A pair of axes with names, titles and a grid: the work of `plotters`.
 
 use crate::error::Result;
-use crate::mark::{BAND, Font, GREY, INK, PALE, Place, Rect, Sheet, rect};
+use crate::mark::{BAND, Font, GREY, PALE, Place, Rect, Sheet, rect, text};
 use crate::scale::Scale;
+use crate::text::fit;
 use plotters::chart::ChartBuilder;
 use plotters::coord::ranged1d::Ranged;
 use plotters::style::{Color, TRANSPARENT};
@@ -56,7 +57,7 @@ impl Plot {
 
 /// The place for zeros and the end of its band.
 fn ends(scale: &Scale) -> Option<(f64, f64)> {
-    // The axis begins 0.6 of a gap before the rail; its band ends as much after it.
+    // As much after it as there is before it.
     scale.rail.map(|rail| (rail, 2.0 * rail - scale.range.0))
 }
 
@@ -118,7 +119,34 @@ fn bands(sheet: &Sheet<'_>, plot: &Plot) -> Result<()> {
 
 /// Words over a panel: what it shows.
 pub(crate) fn heading(sheet: &Sheet<'_>, frame: Rect, words: &str) -> Result<()> {
-    let words = crate::text::fit(words, 19, frame.x1 - frame.x0);
-    let font = Font::new(18).bold().colour(INK);
-    crate::mark::text(sheet, (frame.x0, frame.y0 + 12), &words, font)
+    let words = fit(words, 19, frame.x1 - frame.x0);
+    text(
+        sheet,
+        (frame.x0, frame.y0 + 12),
+        &words,
+        Font::new(18).bold(),
+    )
+}
+
+/// A companion: what it shows, how to read it, and its axes below.
+pub(crate) fn companion(
+    sheet: &Sheet<'_>,
+    frame: Rect,
+    [title, note]: [&str; 2],
+    (x, y): (&Axis<'_>, &Axis<'_>),
+    left: i32,
+) -> Result<Plot> {
+    heading(sheet, frame, title)?;
+    let note = fit(note, 14, frame.x1 - frame.x0);
+    text(
+        sheet,
+        (frame.x0, frame.y0 + 35),
+        &note,
+        Font::new(14).colour(GREY),
+    )?;
+    let frame = Rect {
+        y0: frame.y0 + 46,
+        ..frame
+    };
+    axes(sheet, frame, x, y, Room { left, bottom: 54 })
 }

@@ -2,7 +2,7 @@
 
 use crate::data::{Chart, Point, known};
 use crate::error::Result;
-use crate::overlay::{Use, finish, rate_words};
+use crate::overlay::{bands, rate_words};
 use crate::page;
 use crate::table::front;
 use crate::text::{count, escape, number};
@@ -35,7 +35,7 @@ const COLUMNS: [&str; 13] = [
 /// # Errors
 /// See [`crate::ChartError`].
 pub fn html(chart: &Chart) -> Result<String> {
-    let picture = finish(chart, &page::draw(chart)?, Use::Page);
+    let picture = bands(chart, &page::draw(chart)?);
     let title = escape(&chart.title);
     Ok(format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -43,6 +43,8 @@ pub fn html(chart: &Chart) -> Result<String> {
          <meta http-equiv=\"Content-Security-Policy\" \
          content=\"default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'\">\n\
          <title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n\
+         <p class=\"hint\">Point at a mark, or step through the marks with Tab, to see its numbers and its command; \
+         a click or Enter keeps them in view.</p>\n\
          <figure>\n{picture}</figure>\n\
          <aside id=\"details\" hidden>\n<h2></h2>\n<dl></dl>\n\
          <p class=\"command\"><code></code><button type=\"button\">copy</button></p>\n</aside>\n\

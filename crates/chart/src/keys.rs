@@ -1,11 +1,11 @@
 //! Companions over the tolerance for key frames: how far off, and how fast.
 
-use crate::axes::{Axis, Room, axes, heading};
+use crate::axes::{Axis, Plot, companion};
 use crate::data::{KeyFrameStep, KeyFrames, known};
 use crate::error::Result;
 use crate::label;
 use crate::look::{Fill, Look, Shape};
-use crate::mark::{Font, GREY, Place, Rect, Sheet, line, mark, text};
+use crate::mark::{GREY, Place, Rect, Sheet, line, mark};
 use crate::place::{Ground, Wish};
 use crate::scale::Scale;
 use crate::text::{clean, fit};
@@ -70,27 +70,21 @@ impl Keys {
     }
 
     pub(crate) fn draw(&self, sheet: &Sheet<'_>, frame: Rect) -> Result<()> {
-        let (title, unit) = match self.quantity {
+        let (title, note, unit) = match self.quantity {
             Quantity::Error => (
-                "Key frames: tolerance and true error",
-                "largest error / scene's diagonal",
+                "Key frames: true error",
+                "numbers: key frames kept · grey: error = tolerance",
+                "largest error / diagonal",
             ),
-            Quantity::Time => ("Key frames: tolerance and time", "milliseconds a frame"),
+            Quantity::Time => (
+                "Key frames: time",
+                "numbers: key frames kept",
+                "milliseconds a frame",
+            ),
         };
-        heading(sheet, frame, title)?;
-        let note = match self.quantity {
-            Quantity::Error => "numbers: key frames kept · grey: error = tolerance",
-            Quantity::Time => "numbers: key frames kept",
-        };
-        text(
-            sheet,
-            (frame.x0, frame.y0 + 34),
-            note,
-            Font::new(14).colour(GREY),
-        )?;
         let steps = || self.curves.iter().flat_map(|c| &c.1);
         let x = Scale::log(steps().map(|s| s.tolerance), 6);
-        let y = Scale::log(steps().map(|s| s.value), 6);
+        let y = Scale::log(steps().flat_map(|s| [s.value, self.bound(s)]), 6);
         let y = if steps().any(|s| s.value == 0.0) {
             y.with_rail("0")
         } else {
@@ -104,27 +98,30 @@ impl Keys {
             scale: &y,
             title: unit,
         };
-        let frame = Rect {
-            y0: frame.y0 + 44,
-            ..frame
-        };
-        let plot = axes(
-            sheet,
-            frame,
-            &x,
-            &y,
-            Room {
-                left: 92,
-                bottom: 54,
-            },
-        )?;
+        let plot = companion(sheet, frame, [title, note], (&x, &y), 92)?;
         if self.quantity == Quantity::Error {
-            let diagonal: Vec<Place> = steps().map(|s| plot.at(s.tolerance, s.tolerance)).collect();
-            let ends = [diagonal.iter().min(), diagonal.iter().max()];
-            let ends: Vec<Place> = ends.into_iter().flatten().copied().collect();
+            let diagonal = steps().map(|s| plot.at(s.tolerance, s.tolerance));
+            let ends: Vec<Place> = diagonal
+                .clone()
+                .min()
+                .into_iter()
+                .chain(diagonal.max())
+                .collect();
             line(sheet, &ends, GREY, 1)?;
         }
-        let mut wishes = Vec::new();
+        self.draw_curves(sheet, &plot)
+    }
+
+    /// What the value may be at most, where that is known.
+    fn bound(&self, step: &Step) -> f64 {
+        match self.quantity {
+            Quantity::Error => step.tolerance,
+            Quantity::Time => step.value,
+        }
+    }
+
+    fn draw_curves(&self, sheet: &Sheet<'_>, plot: &Plot) -> Result<()> {
+        let (mut names, mut numbers, mut soft) = (Vec::new(), Vec::new(), Vec::new());
         for (i, (name, steps)) in self.curves.iter().enumerate() {
             let look = Look {
                 colour: COLOURS[i % COLOURS.len()],
@@ -136,16 +133,35 @@ impl Keys {
                 .map(|s| plot.at(s.tolerance, s.value))
                 .collect();
             line(sheet, &places, look.colour, 2)?;
+            soft.extend(places.windows(2).flat_map(|w| along(w[0], w[1])));
             for (step, &at) in steps.iter().zip(&places) {
                 mark(sheet, at, look, SMALL)?;
-                wishes.push(wish(at, step.key_frames.to_string()));
+                numbers.push(wish(at, step.key_frames.to_string()));
             }
-            if let Some(&at) = places.last() {
-                wishes.push(wish(at, fit(name, 15, 200)));
-            }
+            // In the middle there is room on both sides.
+            names.extend(
+                places
+                    .get(places.len() / 2)
+                    .map(|&at| wish(at, fit(name, 15, 200))),
+            );
         }
-        write(sheet, plot.rect, &wishes)
+        let solid = numbers
+            .iter()
+            .map(|w| Rect::around(w.at, SMALL + 1))
+            .collect();
+        names.append(&mut numbers);
+        let ground = Ground {
+            bounds: plot.rect,
+            solid,
+            soft,
+        };
+        label::write(sheet, &ground, &names, SMALL).map(drop)
     }
+}
+
+/// Small rectangles along a line, for labels to keep off.
+fn along(a: Place, b: Place) -> impl Iterator<Item = Rect> {
+    (0..=10).map(move |i| Rect::around((a.0 + (b.0 - a.0) * i / 10, a.1 + (b.1 - a.1) * i / 10), 3))
 }
 
 impl Step {
@@ -169,16 +185,4 @@ fn wish(at: Place, text: String) -> Wish {
         size: 15,
         far: true,
     }
-}
-
-fn write(sheet: &Sheet<'_>, bounds: Rect, wishes: &[Wish]) -> Result<()> {
-    let ground = Ground {
-        bounds,
-        solid: wishes
-            .iter()
-            .map(|w| Rect::around(w.at, SMALL + 1))
-            .collect(),
-        soft: Vec::new(),
-    };
-    label::write(sheet, &ground, wishes, SMALL).map(drop)
 }

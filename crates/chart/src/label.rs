@@ -21,9 +21,18 @@ pub(crate) fn write(
         }
         let r = spot.rect;
         rect(sheet, r, WHITE.mix(0.75).filled())?;
-        let middle = ((r.x0 + r.x1) / 2, (r.y0 + r.y1) / 2);
-        let font = Font::new(wish.size).colour(INK).anchor(HPos::Center);
-        text(sheet, middle, &wish.text, font)?;
+        let font = Font::new(wish.size).colour(INK);
+        let (x, anchor) = match wish.at.0 {
+            at if at <= r.x0 => (r.x0 + 1, HPos::Left),
+            at if at >= r.x1 => (r.x1 - 1, HPos::Right),
+            _ => ((r.x0 + r.x1) / 2, HPos::Center),
+        };
+        text(
+            sheet,
+            (x, (r.y0 + r.y1) / 2),
+            &wish.text,
+            font.anchor(anchor),
+        )?;
     }
     Ok(spots.iter().filter(|s| s.is_none()).count())
 }

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::look::{Fill, Look, Looks, Shape};
-use crate::mark::{Font, GREY, INK, Place, RADIUS, Sheet, line, mark, text, whisker};
+use crate::mark::{FRONT, Font, GREY, INK, Place, RADIUS, Sheet, line, mark, text, whisker};
 use crate::text::{fit, width};
 
 /// Height of the words, and of a line of them, in pixels.
@@ -21,7 +21,8 @@ enum Sign {
     Heading,
     Mark(Look),
     Front,
-    Whiskers,
+    Frames,
+    Interval,
 }
 
 impl Legend {
@@ -46,10 +47,11 @@ impl Legend {
         let fills = looks.updates.iter();
         let fills = fills.map(|(n, fill)| (Sign::Mark(grey(Shape::Circle, *fill)), n.clone()));
         let lines = [
-            (Sign::Front, "Pareto front: nothing is faster and as right"),
+            (Sign::Front, "Pareto front"),
+            (Sign::Frames, "5 to 95 % of frames"),
             (
-                Sign::Whiskers,
-                "5 to 95 % of frames; 95 % interval of wrong answers",
+                Sign::Interval,
+                "95 % interval of the rate (for none: 3 in N)",
             ),
         ];
         let lines = lines
@@ -77,7 +79,12 @@ impl Legend {
         let first = left + 110;
         let mut x = first;
         for (sign, words) in entries {
-            let words = fit(&words, SIZE, right - first - 40);
+            let words = if words.is_empty() {
+                "(no name)"
+            } else {
+                &words
+            };
+            let words = fit(words, SIZE, right - first - 40);
             let wide = 40 + width(&words, SIZE);
             if x > first && x + wide > right {
                 (x, y) = (first, y + LINE);
@@ -108,14 +115,12 @@ impl Legend {
                             (x + 10, y + 7),
                             (x + 22, y + 7),
                         ],
-                        GREY,
-                        2,
+                        FRONT,
+                        4,
                     )?;
                 }
-                Sign::Whiskers => {
-                    whisker(sheet, [(x - 2, y), (x + 22, y)], GREY)?;
-                    whisker(sheet, [(x + 10, y - 8), (x + 10, y + 8)], GREY)?;
-                }
+                Sign::Frames => whisker(sheet, [(x - 2, y), (x + 22, y)], GREY)?,
+                Sign::Interval => whisker(sheet, [(x + 10, y - 9), (x + 10, y + 9)], GREY)?,
             }
             text(sheet, (x + 28, y), words, font)?;
         }

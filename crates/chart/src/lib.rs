@@ -6,7 +6,7 @@
 //! cannot: errors of `t`, leaks, double hits, wrong shadows, memory, key frames.
 //!
 //! Nothing is measured here, no file is touched and no backend is known: the
-//! caller fills a [`Chart`] and writes [`svg`], [`html`], [`csv`] and [`json`]
+//! caller fills a [`Chart`] and writes [`svg`], [`html`], [`csv()`] and [`json`]
 //! where it wants them. Equal charts give equal bytes. No data panics: what is
 //! missing, not finite or absurd is left out, and where that hides a point the
 //! picture says so.
@@ -29,6 +29,7 @@ mod plane;
 mod rate;
 mod rows;
 mod scale;
+mod scenes;
 mod table;
 mod text;
 
@@ -48,9 +49,5 @@ pub use table::{SCHEMA, csv, json};
 /// # Errors
 /// See [`ChartError`].
 pub fn svg(chart: &Chart) -> Result<String> {
-    Ok(overlay::finish(
-        chart,
-        &page::draw(chart)?,
-        overlay::Use::File,
-    ))
+    Ok(overlay::file(chart, &page::draw(chart)?))
 }

@@ -1,7 +1,8 @@
 //! Which colour, shape and fill stands for which name.
 //!
 //! Colours are those of Okabe and Ito (*Color Universal Design*, 2008), which
-//! people of every colour vision tell apart. Names that the program knows
+//! people of every colour vision tell apart; the first three differ in lightness
+//! too, for print in black and white. Names that the program knows
 //! always look the same; others get what is left, in the order of their appearance.
 
 use crate::data::Point;
@@ -47,12 +48,12 @@ const BLACK: RGBColor = RGBColor(0, 0, 0);
 
 const COLOURS: Choice<RGBColor> = Choice {
     known: &[
-        ("cpu", BLUE),
+        ("cpu", BLACK),
         ("vulkan", VERMILLION),
-        ("wgpu", GREEN),
+        ("wgpu", SKY),
         ("vulkan-rt", PURPLE),
     ],
-    spare: &[ORANGE, SKY, BLACK],
+    spare: &[GREEN, ORANGE, BLUE],
 };
 const SHAPES: Choice<Shape> = Choice {
     known: &[
@@ -158,9 +159,12 @@ mod tests {
         let alone = Looks::of(&[point("wgpu")]);
         let many: Vec<_> = ["new", "newer", "wgpu", "cpu"].map(point).into();
         let among = Looks::of(&many);
-        assert_eq!(alone.colour("wgpu"), GREEN);
-        assert_eq!(among.colour("wgpu"), GREEN);
-        assert_eq!((among.colour("new"), among.colour("newer")), (ORANGE, SKY));
+        assert_eq!(alone.colour("wgpu"), SKY);
+        assert_eq!(among.colour("wgpu"), SKY);
+        assert_eq!(
+            (among.colour("new"), among.colour("newer")),
+            (GREEN, ORANGE)
+        );
         let order: Vec<_> = among.backends.iter().map(|b| &*b.0).collect();
         assert_eq!(order, ["cpu", "wgpu", "new", "newer"]);
     }

@@ -19,6 +19,8 @@ pub(crate) type Place = (i32, i32);
 
 pub(crate) const INK: RGBColor = RGBColor(0x1a, 0x1a, 0x1a);
 pub(crate) const GREY: RGBColor = RGBColor(0x70, 0x70, 0x70);
+/// The Pareto front: broad and light, so that it is no whisker.
+pub(crate) const FRONT: RGBColor = RGBColor(0xb4, 0xb4, 0xb4);
 pub(crate) const PALE: RGBColor = RGBColor(0xdd, 0xdd, 0xdd);
 pub(crate) const BAND: RGBColor = RGBColor(0xf3, 0xf3, 0xf3);
 

@@ -1,11 +1,11 @@
 //! Companions over the mesh's offset from the origin: leaks and double hits.
 
-use crate::axes::{Axis, Plot, Room, axes, heading};
+use crate::axes::{Axis, Plot, companion};
 use crate::data::{Leaks, Point, known};
 use crate::error::Result;
 use crate::label;
 use crate::look::{Fill, Look, Looks};
-use crate::mark::{Font, GREY, Place, Rect, Sheet, line, mark, text};
+use crate::mark::{Place, Rect, Sheet, line, mark};
 use crate::place::{Ground, Wish};
 use crate::rate::Rate;
 use crate::scale::Scale;
@@ -37,6 +37,13 @@ struct Curve {
     look: Look,
     /// Index of the offset, faults per [`PER`] rays.
     places: Vec<(usize, f64)>,
+}
+
+impl Curve {
+    /// Whether no fault was seen at any offset.
+    fn is_clean(&self) -> bool {
+        self.places.iter().all(|p| p.1 == 0.0)
+    }
 }
 
 impl Offsets {
@@ -93,23 +100,13 @@ impl Offsets {
 
     pub(crate) fn draw(&self, sheet: &Sheet<'_>, frame: Rect) -> Result<()> {
         let (title, unit) = match self.fault {
-            Fault::Leak => (
-                "Leaks through edges and vertices",
-                "leaks per 10⁹ edge-aimed rays",
-            ),
-            Fault::DoubleHit => (
-                "Double hits at edges and vertices",
-                "double hits per 10⁹ edge-aimed rays",
-            ),
+            Fault::Leak => ("Leaks", "leaks per 10⁹ rays"),
+            Fault::DoubleHit => ("Double hits", "double hits per 10⁹ rays"),
         };
-        heading(sheet, frame, title)?;
-        let note = format!("none: none in {} rays or more", short_count(self.rays));
-        text(
-            sheet,
-            (frame.x0, frame.y0 + 34),
-            &note,
-            Font::new(14).colour(GREY),
-        )?;
+        let note = format!(
+            "rays aimed at edges and vertices, {} or more",
+            short_count(self.rays)
+        );
         let rates = self.curves.iter().flat_map(|c| &c.places).map(|p| p.1);
         let x = Scale::named(self.offsets.iter().map(|&o| number_of(o)));
         let y = Scale::log(rates, 6).with_rail("none");
@@ -121,26 +118,12 @@ impl Offsets {
             scale: &y,
             title: unit,
         };
-        let frame = Rect {
-            y0: frame.y0 + 44,
-            ..frame
-        };
-        let plot = axes(
-            sheet,
-            frame,
-            &x,
-            &y,
-            Room {
-                left: 86,
-                bottom: 54,
-            },
-        )?;
-        let curves: Vec<Vec<Place>> = (0..)
-            .zip(&self.curves)
-            .map(|(i, c)| self.places(&plot, i, c))
-            .collect();
+        let plot = companion(sheet, frame, [title, &note], (&x, &y), 92)?;
+        let curves = self.places(&plot);
         for (curve, places) in self.curves.iter().zip(&curves) {
-            line(sheet, places, curve.look.colour, 1)?;
+            if !curve.is_clean() {
+                line(sheet, places, curve.look.colour, 1)?;
+            }
         }
         for (curve, places) in self.curves.iter().zip(&curves) {
             for &at in places {
@@ -150,14 +133,23 @@ impl Offsets {
         self.label(sheet, &plot, &curves)
     }
 
-    /// Curves stand side by side within their offset, so that equal ones do not hide each other.
-    fn places(&self, plot: &Plot, index: usize, curve: &Curve) -> Vec<Place> {
-        let share = (index as f64 + 0.5) / self.curves.len() as f64 - 0.5;
-        let place = |&(offset, rate): &(usize, f64)| {
-            let (_, y) = plot.at(0.0, rate);
-            (plot.x(offset as f64 + 0.76 * share), y)
-        };
-        curve.places.iter().map(place).collect()
+    /// Curves stand side by side within their offset, so that equal ones do not hide each other;
+    /// those without any fault among themselves, as they never meet the others.
+    fn places(&self, plot: &Plot) -> Vec<Vec<Place>> {
+        let clean = self.curves.iter().filter(|c| c.is_clean()).count();
+        let mut sides = [0, 0];
+        let mut places = Vec::new();
+        for curve in &self.curves {
+            let side = usize::from(curve.is_clean());
+            let beside = [self.curves.len() - clean, clean][side];
+            let share = (f64::from(sides[side]) + 0.5) / beside as f64 - 0.5;
+            sides[side] += 1;
+            let place = |&(offset, rate): &(usize, f64)| {
+                (plot.x(offset as f64 + 0.8 * share), plot.at(0.0, rate).1)
+            };
+            places.push(curve.places.iter().map(place).collect());
+        }
+        places
     }
 
     /// Names each curve that is not all on the rail, at its highest point.
@@ -176,7 +168,7 @@ impl Offsets {
                 Some(Wish {
                     at,
                     text: clean(&curve.backend),
-                    size: 14,
+                    size: 15,
                     far: true,
                 })
             })
@@ -216,5 +208,24 @@ fn number_of(offset: f64) -> String {
         format!("{offset}")
     } else {
         number(offset)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_worst_of_several_measurements_is_shown() {
+        let leaks = |offset, rays, leaks| Leaks {
+            offset: Some(offset),
+            rays,
+            leaks,
+            double_hits: 7,
+        };
+        let all = [leaks(0.0, 1000, 1), leaks(0.0, 100, 1), leaks(5.0, 0, 9)];
+        let all: Vec<&Leaks> = all.iter().collect();
+        assert_eq!(worst(&all, &[0.0, 5.0], Fault::Leak), [(0, 1e7)]);
+        assert_eq!(worst(&all, &[0.0, 5.0], Fault::DoubleHit), [(0, 7e7)]);
     }
 }

@@ -1,4 +1,4 @@
-//! The finished SVG: the picture, words for those who do not see it, and a place to point at for each point.
+//! The finished SVG: what was drawn, words for those who do not see it, and a place to point at for each point.
 
 use crate::data::{Chart, Point};
 use crate::page::{Drawn, dots};
@@ -7,34 +7,73 @@ use crate::rate::Rate;
 use crate::text::{count, escape, number};
 use std::fmt::Write as _;
 
-/// Whether the picture stands alone or within a page.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Use {
-    File,
-    Page,
-}
-
-/// The picture with its targets.
-pub(crate) fn finish(chart: &Chart, drawn: &Drawn, purpose: Use) -> String {
+/// The picture as a file of its own; pointing at a point shows its numbers, where the viewer can do that.
+pub(crate) fn file(chart: &Chart, drawn: &Drawn) -> String {
     let (width, height) = drawn.size;
-    let size = match purpose {
-        Use::File => format!("width=\"{width}\" height=\"{height}\" "),
-        Use::Page => String::new(),
-    };
     let mut out = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" {size}viewBox=\"0 0 {width} {height}\" \
-         role=\"group\" aria-labelledby=\"chart-title chart-summary\">\n\
-         <title id=\"chart-title\">{}</title>\n<desc id=\"chart-summary\">{}</desc>\n",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+         viewBox=\"0 0 {width} {height}\" role=\"img\" aria-labelledby=\"chart-title chart-summary\">\n\
+         <title id=\"chart-title\">{}</title>\n<desc id=\"chart-summary\">{}</desc>\n{}",
         escape(&chart.title),
         escape(&summary(chart)),
+        body(&drawn.svg),
     );
-    out.push_str(body(&drawn.svg));
-    out.push_str("<g class=\"targets\">\n");
     for target in &drawn.targets {
-        push_target(&mut out, &chart.points[target.index], target, purpose);
+        let point = &chart.points[target.index];
+        let words = [spoken(point), point.command.clone()]
+            .map(|w| escape(&w))
+            .join("; ");
+        // Writing to a string cannot fail.
+        let _ = writeln!(out, "{}><title>{words}</title></circle>", circle(target));
     }
-    out.push_str("</g>\n</svg>\n");
+    out.push_str("</svg>\n");
     out
+}
+
+/// The picture in bands that a page break does not part; each point can be reached by pointer and keyboard.
+pub(crate) fn bands(chart: &Chart, drawn: &Drawn) -> String {
+    let (width, _) = drawn.size;
+    let mut out = format!(
+        "<svg width=\"0\" height=\"0\" aria-hidden=\"true\"><defs><g id=\"drawing\">\n{}</g></defs></svg>\n",
+        body(&drawn.svg)
+    );
+    for &(top, bottom) in &drawn.bands {
+        let _ = writeln!(
+            out,
+            "<svg class=\"band\" viewBox=\"0 {top} {width} {}\" role=\"group\" aria-label=\"{}\">\n\
+             <use href=\"#drawing\"/>",
+            bottom - top,
+            escape(
+                if top == 0 {
+                    summary(chart)
+                } else {
+                    chart.title.clone()
+                }
+                .as_str()
+            ),
+        );
+        for target in drawn
+            .targets
+            .iter()
+            .filter(|t| (top..bottom).contains(&t.at.1))
+        {
+            let _ = writeln!(
+                out,
+                "{} class=\"target\" tabindex=\"0\" role=\"button\" data-point=\"{}\" aria-label=\"{}\"/>",
+                circle(target),
+                target.index,
+                escape(&spoken(&chart.points[target.index])),
+            );
+        }
+        out.push_str("</svg>\n");
+    }
+    out
+}
+
+/// The beginning of a place to point at.
+fn circle(target: &Target) -> String {
+    let (x, y) = target.at;
+    format!("<circle cx=\"{x}\" cy=\"{y}\" r=\"12\" fill=\"none\" pointer-events=\"all\"")
 }
 
 /// What `plotters` wrote between its outermost tags.
@@ -43,32 +82,6 @@ fn body(svg: &str) -> &str {
     inner
         .rsplit_once("</svg>")
         .map_or(inner, |(inner, _)| inner)
-}
-
-fn push_target(out: &mut String, point: &Point, target: &Target, purpose: Use) {
-    let (x, y) = target.at;
-    let focus = match purpose {
-        Use::File => String::new(),
-        Use::Page => format!(
-            " class=\"target\" tabindex=\"0\" role=\"button\" data-point=\"{}\" aria-label=\"{}\"",
-            target.index,
-            escape(&spoken(point)),
-        ),
-    };
-    // Writing to a string cannot fail.
-    let _ = write!(
-        out,
-        "<circle cx=\"{x}\" cy=\"{y}\" r=\"12\" fill=\"none\" pointer-events=\"all\"{focus}>"
-    );
-    if purpose == Use::File {
-        let _ = write!(
-            out,
-            "<title>{}; {}</title>",
-            escape(&spoken(point)),
-            escape(&point.command)
-        );
-    }
-    out.push_str("</circle>\n");
 }
 
 /// A point in a sentence.

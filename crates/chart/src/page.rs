@@ -1,19 +1,19 @@
 //! The whole picture: heading, legend, one panel a scene, companions in two columns.
 
-use crate::axes::heading;
 use crate::data::{Chart, Scene};
 use crate::error::Result;
 use crate::keys::{Keys, Quantity};
 use crate::legend::Legend;
 use crate::look::Looks;
-use crate::mark::{Font, GREY, INK, Place, Rect, Sheet, text};
+use crate::mark::{Font, GREY, INK, Rect, Sheet, text};
 use crate::offsets::{Fault, Offsets};
 use crate::plane::{self, Dot, Target};
 use crate::rows::{self, Rows};
-use crate::text::{clean, count, fit};
+use crate::scenes::{self, Panel};
+use crate::text::fit;
 use plotters::prelude::{IntoDrawingArea, SVGBackend};
 use plotters::style::WHITE;
-use plotters::style::text_anchor::HPos;
+use std::collections::BTreeSet;
 
 /// Pixels across the picture.
 pub(crate) const WIDTH: i32 = 1000;
@@ -22,7 +22,7 @@ const RIGHT: i32 = WIDTH - 16;
 /// Between panels.
 const GAP: i32 = 22;
 /// Height of a main panel: alone on the page, and one of several.
-const PLANE: [i32; 2] = [600, 500];
+const PLANE: [i32; 2] = [604, 524];
 const LINE: i32 = 24;
 
 /// A picture as `plotters` wrote it, and where its points are.
@@ -30,6 +30,8 @@ pub(crate) struct Drawn {
     pub(crate) svg: String,
     pub(crate) size: (i32, i32),
     pub(crate) targets: Vec<Target>,
+    /// Upper and lower ends of stretches that a page break should not part.
+    pub(crate) bands: Vec<(i32, i32)>,
 }
 
 /// A panel among the companions.
@@ -57,60 +59,91 @@ impl Companion {
     }
 }
 
+/// Where everything goes.
+struct Plan {
+    head: Vec<String>,
+    legend: Legend,
+    legend_top: i32,
+    scenes: Vec<(Scene, Rect)>,
+    companions: Vec<(Companion, Rect)>,
+    bottom: i32,
+}
+
+impl Plan {
+    fn new(chart: &Chart, looks: &Looks) -> Self {
+        let head = head(chart);
+        let legend = Legend::new(looks, LEFT, RIGHT);
+        let legend_top = 64 + LINE * head.len() as i32;
+        let mut top = legend_top + legend.height + GAP;
+        let all = scenes::of(chart);
+        let height = PLANE[usize::from(all.len() > 1)];
+        let mut scenes = Vec::new();
+        for scene in all {
+            scenes.push((scene, Rect::new(LEFT, top, RIGHT, top + height)));
+            top += height + GAP;
+        }
+        let companions = pairs(companions(chart, looks), top);
+        let bottom = companions.iter().map(|c| c.1.y1 + GAP).fold(top, i32::max);
+        Self {
+            head,
+            legend,
+            legend_top,
+            scenes,
+            companions,
+            bottom,
+        }
+    }
+
+    /// Upper and lower ends of stretches of the picture that belong together.
+    fn bands(&self) -> Vec<(i32, i32)> {
+        // The first scene stays with the legend.
+        let scenes = self.scenes.iter().skip(1).map(|s| s.1.y0);
+        let companions = self.companions.iter().map(|c| c.1.y0);
+        let starts: BTreeSet<i32> = scenes.chain(companions).chain([0, self.bottom]).collect();
+        let starts: Vec<i32> = starts.into_iter().collect();
+        starts.windows(2).map(|w| (w[0], w[1])).collect()
+    }
+}
+
 /// Draws everything.
 pub(crate) fn draw(chart: &Chart) -> Result<Drawn> {
     let looks = Looks::of(&chart.points);
-    let head = head(chart);
-    let legend = Legend::new(&looks, LEFT, RIGHT);
-    let scenes = scenes(chart);
-    let plane = PLANE[usize::from(scenes.len() > 1)];
-    let legend_top = 20 + 34 + LINE * head.len() as i32;
-    let planes_top = legend_top + legend.height + GAP;
-    let companions_top = planes_top + (plane + GAP) * scenes.len() as i32;
-    let (companions, bottom) = columns(companions(chart, &looks), companions_top);
+    let plan = Plan::new(chart, &looks);
+    let size = (WIDTH, plan.bottom);
     let mut svg = String::new();
     let mut targets = Vec::new();
     {
-        let sheet =
-            SVGBackend::with_string(&mut svg, (WIDTH as u32, bottom as u32)).into_drawing_area();
+        let backend = SVGBackend::with_string(&mut svg, (size.0 as u32, size.1 as u32));
+        let sheet = backend.into_drawing_area();
         sheet.fill(&WHITE)?;
-        draw_head(&sheet, &chart.title, &head)?;
-        legend.draw(&sheet, legend_top)?;
-        let dots: Vec<Dot<'_>> = dots(chart);
+        draw_head(&sheet, &chart.title, &plan.head)?;
+        plan.legend.draw(&sheet, plan.legend_top)?;
+        let dots = dots(chart);
         let scales = plane::scales(&dots);
-        for (i, scene) in (0..).zip(&scenes) {
-            let top = planes_top + (plane + GAP) * i;
-            let frame = Rect::new(LEFT, top, RIGHT, top + plane);
-            let of_scene = |d: &&Dot<'_>| d.point.scene == scene.name;
-            let here: Vec<Dot<'_>> = dots.iter().filter(of_scene).copied().collect();
+        for (scene, frame) in &plan.scenes {
             let all = chart
                 .points
                 .iter()
                 .filter(|p| p.scene == scene.name)
                 .count();
-            heading(&sheet, frame, &clean(&scene.name))?;
-            let plot = Rect {
-                y0: top + 30,
-                ..frame
+            let here = dots.iter().filter(|d| d.point.scene == scene.name);
+            let panel = Panel {
+                scene,
+                all,
+                dots: here.copied().collect(),
             };
-            let (found, unlabelled) = plane::draw(&sheet, plot, &here, &scales, &looks)?;
-            draw_notes(
-                &sheet,
-                frame,
-                &facts(scene),
-                &remarks(all, here.len(), unlabelled),
-            )?;
-            targets.extend(found);
+            targets.extend(panel.draw(&sheet, *frame, &scales, &looks)?);
         }
-        for (companion, frame) in &companions {
+        for (companion, frame) in &plan.companions {
             companion.draw(&sheet, *frame)?;
         }
         sheet.present()?;
     }
     Ok(Drawn {
         svg,
-        size: (WIDTH, bottom),
+        size,
         targets,
+        bands: plan.bands(),
     })
 }
 
@@ -118,23 +151,6 @@ pub(crate) fn draw(chart: &Chart) -> Result<Drawn> {
 pub(crate) fn dots(chart: &Chart) -> Vec<Dot<'_>> {
     let dots = chart.points.iter().enumerate();
     dots.filter_map(|(i, p)| Dot::of(i, p)).collect()
-}
-
-/// The scenes that were told of, then those that only points name; one without a name if there is none.
-fn scenes(chart: &Chart) -> Vec<Scene> {
-    let mut scenes = chart.scenes.clone();
-    for point in &chart.points {
-        if !scenes.iter().any(|s| s.name == point.scene) {
-            scenes.push(Scene {
-                name: point.scene.clone(),
-                ..Scene::default()
-            });
-        }
-    }
-    if scenes.is_empty() {
-        scenes.push(Scene::default());
-    }
-    scenes
 }
 
 /// Lines under the title: what did the work.
@@ -182,48 +198,6 @@ fn draw_head(sheet: &Sheet<'_>, title: &str, lines: &[String]) -> Result<()> {
     Ok(())
 }
 
-fn facts(scene: &Scene) -> String {
-    if scene.triangles == 0 && scene.frames == 0 {
-        return String::new();
-    }
-    let [width, height] = scene.size;
-    let [triangles, frames] = [scene.triangles, scene.frames].map(count);
-    format!("{triangles} triangles, {width} × {height} pixels, {frames} frames")
-}
-
-/// What the panel does not show.
-fn remarks(all: usize, drawn: usize, unlabelled: usize) -> String {
-    let mut remarks = Vec::new();
-    if all == 0 {
-        remarks.push("no points".to_owned());
-    }
-    if all > drawn {
-        remarks.push(format!(
-            "{} without a time or tested rays not drawn",
-            all - drawn
-        ));
-    }
-    if unlabelled > 0 {
-        remarks.push(format!(
-            "{unlabelled} of {drawn} points without a label for want of room"
-        ));
-    }
-    remarks.join("; ")
-}
-
-/// Facts to the right of the heading, remarks in the lower right corner.
-fn draw_notes(sheet: &Sheet<'_>, frame: Rect, facts: &str, remarks: &str) -> Result<()> {
-    let font = Font::new(16).colour(GREY).anchor(HPos::Right);
-    let at: Place = (frame.x1, frame.y0 + 12);
-    text(sheet, at, &fit(facts, 16, 640), font)?;
-    text(
-        sheet,
-        (frame.x1, frame.y1 - 10),
-        remarks,
-        Font { size: 14, ..font },
-    )
-}
-
 fn companions(chart: &Chart, looks: &Looks) -> Vec<Companion> {
     let points = &chart.points;
     let keys = &chart.companions.key_frames;
@@ -244,17 +218,19 @@ fn companions(chart: &Chart, looks: &Looks) -> Vec<Companion> {
     .collect()
 }
 
-/// Puts each panel into the shorter of two columns; returns the lower end of the longer one, too.
-fn columns(panels: Vec<Companion>, top: i32) -> (Vec<(Companion, Rect)>, i32) {
+/// Panels in rows of two, each with its frame.
+fn pairs(panels: Vec<Companion>, mut top: i32) -> Vec<(Companion, Rect)> {
     let half = (RIGHT - LEFT - GAP) / 2;
-    let mut ends = [top, top];
     let mut placed = Vec::new();
-    for panel in panels {
-        let side = usize::from(ends[1] < ends[0]);
-        let x = LEFT + side as i32 * (half + GAP);
-        let bottom = ends[side] + panel.height();
-        placed.push((panel, Rect::new(x, ends[side], x + half, bottom)));
-        ends[side] = bottom + GAP;
+    let mut panels = panels.into_iter().peekable();
+    while panels.peek().is_some() {
+        let row: Vec<Companion> = panels.by_ref().take(2).collect();
+        let height = row.iter().map(Companion::height).max().unwrap_or(0);
+        for (x, panel) in [LEFT, LEFT + half + GAP].into_iter().zip(row) {
+            let frame = Rect::new(x, top, x + half, top + panel.height());
+            placed.push((panel, frame));
+        }
+        top += height + GAP;
     }
-    (placed, ends[0].max(ends[1]))
+    placed
 }

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::front::front;
 use crate::label;
 use crate::look::Looks;
-use crate::mark::{Font, GREY, Place, RADIUS, Rect, Sheet, line, mark, text, whisker};
+use crate::mark::{FRONT, Font, Place, RADIUS, Rect, Sheet, line, mark, text, whisker};
 use crate::place::{Ground, Wish};
 use crate::rate::Rate;
 use crate::scale::Scale;
@@ -107,7 +107,7 @@ pub(crate) fn draw(
     };
     let front = front_of(dots);
     for stretch in steps(&plot, &front).windows(2) {
-        line(sheet, stretch, GREY, 2)?;
+        line(sheet, stretch, FRONT, 4)?;
         ground.soft.push(around_line(stretch[0], stretch[1]));
     }
     for dot in dots {
@@ -226,7 +226,7 @@ fn labels(
         Wish {
             at: plot.at(dot.ms, dot.wrong.value),
             text: crate::text::fit(&words, NAME, 320),
-            size: if on_front { NAME } else { NAME - 2 },
+            size: if on_front { NAME } else { NAME - 1 },
             far: true,
         }
     };

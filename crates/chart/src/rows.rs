@@ -1,14 +1,14 @@
 //! Companions with one row a method: errors of `t`, wrong shadows, memory.
 
-use crate::axes::{Axis, Room, axes, heading};
+use crate::axes::{Axis, NAME, Plot, companion};
 use crate::data::{Point, known};
 use crate::error::Result;
 use crate::look::{Fill, Look, Looks};
-use crate::mark::{Font, GREY, INK, Rect, Sheet, line, mark, rect, text, whisker};
+use crate::mark::{Font, Place, Rect, Sheet, line, mark, rect, text, whisker};
 use crate::rate::Rate;
 use crate::scale::Scale;
-use crate::text::fit;
-use plotters::style::Color;
+use crate::text::{fit, number};
+use plotters::style::{Color, RGBColor};
 
 /// Height of a row, in pixels.
 const ROW: i32 = 26;
@@ -65,7 +65,10 @@ pub(crate) fn t_errors(points: &[Point], looks: &Looks) -> Option<Rows> {
             .any(Option::is_some)
             .then_some(Cells::Three(three))
     });
-    panel(rows, |values| Scale::log(values, 5).with_rail("0")).map(|p| Rows {
+    panel(rows, |values| {
+        Scale::log(values, 4).with_rail("0").with_free_rail()
+    })
+    .map(|p| Rows {
         title: "Error of t where the hit is right",
         unit: "units in the last place (f32)",
         note: "open: median · dotted: 99.9 % · solid: worst",
@@ -83,27 +86,27 @@ pub(crate) fn shadows(points: &[Point], looks: &Looks) -> Option<Rows> {
             all.max_by(|a, b| a.value.total_cmp(&b.value).then(a.high.total_cmp(&b.high)))?;
         Some(Cells::Rate(worst.per(crate::plane::PER)))
     });
-    panel(rows, |values| Scale::log(values, 5).with_rail("none")).map(|p| Rows {
+    panel(rows, |values| {
+        Scale::log(values, 4).with_rail("none").with_free_rail()
+    })
+    .map(|p| Rows {
         title: "Wrong shadows",
         unit: "wrong shadows per million rays",
-        note: "lines: 95 % interval (for none: 3 in all rays tested)",
+        note: "lines: 95 % interval (for none: 3 in N)",
         ..p
     })
 }
 
 /// Memory that a backend held.
 pub(crate) fn memory(points: &[Point], looks: &Looks) -> Option<Rows> {
-    let mut rows = rows(points, looks, by_layout, |group| {
+    let rows = rows(points, looks, by_layout, |group| {
         let most = group.iter().filter_map(|p| p.memory_bytes).max()?;
         Some(Cells::Bar(most as f64 / f64::from(1 << 20)))
     });
-    for row in &mut rows {
-        row.look.fill = Fill::Solid;
-    }
     panel(rows, |values| Scale::from_zero(values, 5)).map(|p| Rows {
         title: "Memory held",
         unit: "MiB",
-        note: "",
+        note: "the most of any intersector, update and scene",
         ..p
     })
 }
@@ -113,7 +116,7 @@ fn by_intersector(p: &Point) -> (String, String) {
 }
 
 fn by_layout(p: &Point) -> (String, String) {
-    (p.backend.clone(), format!("{} {}", p.layout, p.intersector))
+    (p.backend.clone(), p.layout.clone())
 }
 
 /// One row for each pair of names that knows its cells, in the order of the legend.
@@ -123,13 +126,15 @@ fn rows(
     key: fn(&Point) -> (String, String),
     cells: impl Fn(&[&Point]) -> Option<Cells>,
 ) -> Vec<Row> {
-    let mut keys: Vec<_> = points
-        .iter()
-        .map(|p| (looks.rank(&p.backend, &p.intersector), key(p)))
-        .collect();
-    keys.sort();
-    keys.dedup();
-    let row = |(_, names): &(_, (String, String))| {
+    let mut keys: Vec<(String, String)> = Vec::new();
+    let mut sorted: Vec<&Point> = points.iter().collect();
+    sorted.sort_by_key(|p| looks.rank(&p.backend, &p.intersector));
+    for name in sorted.into_iter().map(key) {
+        if !keys.contains(&name) {
+            keys.push(name);
+        }
+    }
+    let row = |names: &(String, String)| {
         let group: Vec<&Point> = points.iter().filter(|p| key(p) == *names).collect();
         Some(Row {
             name: format!("{} {}", names.0, names.1),
@@ -157,85 +162,58 @@ fn panel(mut rows: Vec<Row>, scale: impl Fn(Vec<f64>) -> Scale) -> Option<Rows> 
 impl Rows {
     /// In pixels.
     pub(crate) fn height(&self) -> i32 {
-        116 + ROW * self.rows.len() as i32
+        118 + ROW * self.rows.len() as i32
     }
 
     pub(crate) fn draw(&self, sheet: &Sheet<'_>, frame: Rect) -> Result<()> {
-        heading(sheet, frame, self.title)?;
-        let left_out = format!("{} more rows in points.csv", self.left_out);
-        let notes = [self.note, if self.left_out > 0 { &left_out } else { "" }];
-        let notes: Vec<_> = notes.into_iter().filter(|n| !n.is_empty()).collect();
-        text(
-            sheet,
-            (frame.x0, frame.y0 + 34),
-            &notes.join(" · "),
-            Font::new(14).colour(GREY),
-        )?;
-        let names = self
-            .rows
-            .iter()
-            .map(|r| fit(&r.name, crate::axes::NAME, 188));
-        let (y, x) = (Scale::named(names).reversed(), &self.scale);
+        let note = match self.left_out {
+            0 => self.note.to_owned(),
+            n => format!("{} · {n} more in points.csv", self.note),
+        };
+        let names = self.rows.iter().map(|r| fit(&r.name, NAME, 204));
+        let y = Scale::named(names).reversed();
         let x = Axis {
-            scale: x,
+            scale: &self.scale,
             title: self.unit,
         };
         let y = Axis {
             scale: &y,
             title: "",
         };
-        let frame = Rect {
-            y0: frame.y0 + 44,
-            ..frame
-        };
-        let plot = axes(
-            sheet,
-            frame,
-            &x,
-            &y,
-            Room {
-                left: 200,
-                bottom: 54,
-            },
-        )?;
+        let plot = companion(sheet, frame, [self.title, &note], (&x, &y), 216)?;
         for (i, row) in (0..).map(f64::from).zip(&self.rows) {
-            let at = |value| plot.at(value, i);
-            match row.cells {
-                Cells::Three(three) => draw_three(sheet, three.map(|v| v.map(at)), row.look)?,
-                Cells::Rate(rate) => {
-                    whisker(sheet, [at(rate.low), at(rate.high)], row.look.colour)?;
-                    mark(
-                        sheet,
-                        at(rate.value),
-                        Look {
-                            fill: Fill::Solid,
-                            ..row.look
-                        },
-                        SMALL,
-                    )?;
-                }
-                Cells::Bar(value) => {
-                    let (x1, y) = at(value);
-                    let bar = Rect::new(plot.rect.x0, y - 7, x1, y + 7);
-                    rect(sheet, bar, row.look.colour.filled())?;
-                    let outside = x1 + 70 < frame.x1;
-                    let words = crate::text::number(value);
-                    let at = if outside {
-                        x1 + 6
-                    } else {
-                        x1 - 6 - crate::text::width(&words, 15)
-                    };
-                    let font =
-                        Font::new(15).colour(if outside { INK } else { plotters::style::WHITE });
-                    text(sheet, (at, y), &words, font)?;
-                }
-            }
+            row.draw(sheet, &plot, i)?;
         }
         Ok(())
     }
 }
 
-fn draw_three(sheet: &Sheet<'_>, places: [Option<(i32, i32)>; 3], look: Look) -> Result<()> {
+impl Row {
+    fn draw(&self, sheet: &Sheet<'_>, plot: &Plot, index: f64) -> Result<()> {
+        let at = |value| plot.at(value, index);
+        let solid = Look {
+            fill: Fill::Solid,
+            ..self.look
+        };
+        match self.cells {
+            Cells::Three(three) => draw_three(sheet, three.map(|v| v.map(at)), self.look),
+            Cells::Rate(rate) => {
+                whisker(sheet, [at(rate.low), at(rate.high)], solid.colour)?;
+                mark(sheet, at(rate.value), solid, SMALL)
+            }
+            Cells::Bar(value) => draw_bar(sheet, plot.rect.x0, at(value), value, solid.colour),
+        }
+    }
+}
+
+/// A bar from the axis to `end`, its value beside it.
+fn draw_bar(sheet: &Sheet<'_>, left: i32, end: Place, value: f64, colour: RGBColor) -> Result<()> {
+    let (x, y) = end;
+    rect(sheet, Rect::new(left, y - 8, x, y + 8), colour.filled())?;
+    text(sheet, (x + 6, y), &number(value), Font::new(15))
+}
+
+fn draw_three(sheet: &Sheet<'_>, places: [Option<Place>; 3], look: Look) -> Result<()> {
     let all: Vec<_> = places.into_iter().flatten().collect();
     line(sheet, &all, look.colour, 2)?;
     // The worst below: where they fall together, the median is seen.

@@ -3,7 +3,7 @@
 //! Positions are what `plotters` maps to pixels: logarithms to base ten, plain
 //! values, or ordinal numbers.
 
-use crate::text::superscript;
+use crate::text::{number, superscript};
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use plotters::coord::types::RangedCoordf64;
 use std::ops::Range;
@@ -28,6 +28,8 @@ enum Kind {
 
 /// A logarithmic axis covers at least this many decades.
 const LEAST_DECADES: f64 = 0.6;
+/// What an axis covers before its place for zeros, as a share of the gap after it.
+const MARGIN: f64 = 0.6;
 
 impl Scale {
     /// A logarithmic axis over the positive ones of `values`, with at most `most` names (3 or more).
@@ -52,25 +54,35 @@ impl Scale {
     pub(crate) fn with_rail(mut self, name: &str) -> Self {
         let gap = 0.13 * (self.range.1 - self.range.0);
         let rail = self.range.0 - gap;
-        self.range.0 = rail - 0.6 * gap;
+        self.range.0 = rail - MARGIN * gap;
         self.ticks.insert(0, (rail, name.to_owned()));
         self.rail = Some(rail);
         self
     }
 
-    /// A plain axis from zero to beyond the largest of `values`, with about `most` names (3 or more).
+    /// The same without names so near the place for zeros that they would run into its own.
+    pub(crate) fn with_free_rail(mut self) -> Self {
+        if let Some(rail) = self.rail {
+            let gap = (rail - self.range.0) / MARGIN;
+            self.ticks.retain(|t| t.0 == rail || t.0 - rail > 1.5 * gap);
+        }
+        self
+    }
+
+    /// A plain axis from zero to beyond the largest of `values`, with room for words there, with at most `most + 1` names (3 or more).
     pub(crate) fn from_zero(values: impl IntoIterator<Item = f64>, most: usize) -> Self {
         let high = extent(values).map_or(1.0, |(_, high)| if high > 0.0 { high } else { 1.0 });
         let high = high.clamp(1e-300, 1e300);
-        let step = round_step(high / most as f64);
+        let range = (0.0, high * 1.3);
+        let step = round_step(range.1 / most as f64);
         let ticks = (0..=most)
             .map(|i| i as f64 * step)
-            .filter(|&x| x <= high * 1.02)
+            .filter(|&x| x <= range.1)
             .map(|x| (x, plain(x, step)))
             .collect();
         Self {
             kind: Kind::Plain,
-            range: (0.0, high * 1.05),
+            range,
             ticks,
             rail: None,
         }
@@ -168,7 +180,11 @@ fn log_ticks((low, high): (f64, f64), most: usize) -> Vec<(f64, String)> {
             .map(|(at, digit, e)| (at, power(digit, e)))
             .collect()
     };
-    let fits = |t: &Vec<_>| t.len() <= most;
+    // Few names if they are long.
+    let fits = |t: &Vec<(f64, String)>| {
+        let longest = t.iter().map(|t| t.1.chars().count()).max().unwrap_or(0);
+        t.len() <= most && t.len() * longest <= 5 * most
+    };
     let dense = choices.iter().map(|digits| ticks(digits, 1)).find(fits);
     dense.unwrap_or_else(|| ticks(&[1.0], decades.clone().count().div_ceil(most.max(1))))
 }
@@ -177,7 +193,7 @@ fn log_ticks((low, high): (f64, f64), most: usize) -> Vec<(f64, String)> {
 fn power(digit: f64, e: i32) -> String {
     let fraction = usize::from(digit.fract() != 0.0);
     match e {
-        0..5 => format!("{}", digit * 10f64.powi(e)),
+        0..4 => format!("{}", digit * 10f64.powi(e)),
         -3..0 => format!(
             "{:.*}",
             fraction + e.unsigned_abs() as usize,
@@ -200,7 +216,7 @@ fn plain(x: f64, step: f64) -> String {
         return "0".to_owned();
     }
     if !(1e-3..1e6).contains(&step) {
-        return format!("{x:.0e}");
+        return number(x);
     }
     let decimals = (-step.log10().floor()).max(0.0) as usize;
     format!("{x:.decimals$}")
@@ -226,10 +242,7 @@ mod tests {
             names(&Scale::log([1e-7, 1e-5], 4)),
             ["10⁻⁷", "10⁻⁶", "10⁻⁵"]
         );
-        assert_eq!(
-            names(&Scale::from_zero([410.0], 5)),
-            ["0", "100", "200", "300", "400"]
-        );
+        assert_eq!(names(&Scale::from_zero([410.0], 5)), ["0", "200", "400"]);
     }
 
     #[test]

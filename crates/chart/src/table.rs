@@ -64,7 +64,7 @@ pub fn json(chart: &Chart) -> Result<String> {
 
 /// The points as CSV (RFC 4180), one row each, in the order given; what is unknown is empty.
 ///
-/// After [the fixed columns](#) come `edge_rays_at_X`, `leaks_at_X` and `double_hits_at_X` for each
+/// After the columns that every chart has come `edge_rays_at_X`, `leaks_at_X` and `double_hits_at_X` for each
 /// offset `X` that any point was measured at. Key-frame curves are in [`json`] alone.
 ///
 /// # Errors

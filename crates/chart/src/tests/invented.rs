@@ -123,7 +123,7 @@ fn point(
         wrong_shadow: (ppm * 0.1 * RAYS as f64 * 1e-6) as u64,
         t_error_ulp: Some(TError {
             median: Some(if worst > 0.0 { 0.4 } else { 0.0 }),
-            p999: Some(worst * 0.04),
+            p999: Some(worst * 0.2),
             worst: Some(worst * wobble),
         }),
         leaks: [0.0, 10.0, 1e3, 1e5]
