@@ -1,0 +1,289 @@
+//! The reference, spoilt in one way.
+
+use backend::{
+    Backend, Device, FrameReport, Generation, Hits, Inspect, Method, Query, Rays, Result, Seek,
+    Snapshot, Ticket,
+};
+use bvh_layout::Topology;
+use cpu_ref::CpuBackend;
+use geom::{Aabb, Animation, Hit, Point, Pose, Ray};
+use std::sync::Arc;
+
+/// What is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Fault {
+    None,
+    PositionsOneUlpOff,
+    LastBoxTooLarge,
+    InactiveMiscounted,
+    HitsMiscounted,
+    TimesOfStagesLeftOut,
+    ClockRunsBackwards,
+    CopiesAreOfTheNewestFrame,
+    CopiesComeTwice,
+    DistancesOneUlpOff,
+    WeightsSwapped,
+    IntervalIsClosed,
+    AnyHitForgetsTheLastRay,
+    ShadowsInverted,
+    PixelsSampledAtCorners,
+    EdgesLeak,
+    EdgesHitTwice,
+    FirstLeafIsNeverHit,
+    TiesGoToTheFirstLeaf,
+    NewTreeAnswersForOldFrames,
+    AnyTreeIsTaken,
+    AnswersOfTheNewestFrame,
+    TicketsRepeat,
+    AnswersLostWithoutATrace,
+    SecondTraceMisses,
+    EveryThirdSceneIsEmpty,
+    PositionsOutliveTheirScene,
+    Panics,
+}
+
+/// The reference, spoilt.
+pub(crate) struct Faulty {
+    inner: CpuBackend,
+    fault: Fault,
+    first_leaf: Option<u32>,
+    /// Answers by ticket, as they were when submitted.
+    kept: Vec<(Ticket, Hits)>,
+    rays: Vec<Ray>,
+    seek: Option<Seek>,
+    traces_since_refit: u32,
+    loads: u32,
+    taken: Option<Vec<Point>>,
+    old_copy: Option<Vec<Point>>,
+}
+
+impl Faulty {
+    pub(crate) fn new(fault: Fault) -> Self {
+        Self {
+            inner: CpuBackend::new(Some(1)).unwrap(),
+            fault,
+            first_leaf: None,
+            kept: Vec::new(),
+            rays: Vec::new(),
+            seek: None,
+            traces_since_refit: 0,
+            loads: 0,
+            taken: None,
+            old_copy: None,
+        }
+    }
+
+    fn is(&self, fault: Fault) -> bool {
+        self.fault == fault
+    }
+
+    /// What the fault makes of an answer.
+    fn spoil(&self, hits: &mut Hits) {
+        let miss = |h: &mut Hit| *h = Hit::MISS;
+        let found = hits.closest.iter_mut().filter(|h| h.is_hit());
+        match self.fault {
+            Fault::DistancesOneUlpOff => found.for_each(|h| h.t = h.t.next_up()),
+            Fault::WeightsSwapped => found.for_each(|h| std::mem::swap(&mut h.u, &mut h.v)),
+            Fault::EdgesLeak => {
+                let near = |h: &&mut Hit| h.u.min(h.v).min(1.0 - h.u - h.v) < 1e-5;
+                found.filter(near).for_each(miss);
+            }
+            Fault::EdgesHitTwice => {
+                let near = |h: &&mut Hit| h.u.min(h.v) == 0.0;
+                found.filter(near).for_each(|h| h.t = h.t.next_down());
+            }
+            Fault::FirstLeafIsNeverHit | Fault::NewTreeAnswersForOldFrames => {
+                let first = self.first_leaf;
+                found.filter(|h| Some(h.triangle) == first).for_each(miss);
+            }
+            Fault::TiesGoToTheFirstLeaf => found
+                .filter(|h| self.first_leaf.is_some_and(|f| f / 4 == h.triangle / 4))
+                .for_each(|h| h.triangle = self.first_leaf.unwrap_or_default()),
+            Fault::EveryThirdSceneIsEmpty if self.loads.is_multiple_of(3) => found.for_each(miss),
+            Fault::SecondTraceMisses if self.traces_since_refit > 1 => found.for_each(miss),
+            Fault::IntervalIsClosed => {
+                let ends = self.rays.iter().map(|r| r.t_max);
+                for (hit, end) in hits.closest.iter_mut().zip(ends) {
+                    if !hit.is_hit() && end == 1.0 {
+                        (hit.t, hit.triangle) = (1.0, 0);
+                    }
+                }
+            }
+            _ => {}
+        }
+        match (self.fault, self.seek) {
+            (Fault::AnyHitForgetsTheLastRay, Some(Seek::Any)) => {
+                let last = hits.blocked.iter_mut().rev().find(|b| **b == 1);
+                last.into_iter().for_each(|b| *b = 0);
+            }
+            (Fault::ShadowsInverted, Some(Seek::ClosestAndShadow { .. })) => {
+                let pairs = hits.blocked.iter_mut().zip(&hits.closest);
+                pairs
+                    .filter(|(_, h)| h.is_hit())
+                    .for_each(|(b, _)| *b = 1 - *b);
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Backend for Faulty {
+    fn device(&self) -> &Device {
+        self.inner.device()
+    }
+
+    fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
+        self.loads += 1;
+        self.kept.clear();
+        if !self.is(Fault::PositionsOutliveTheirScene) {
+            self.old_copy = None;
+        }
+        self.inner.load(animation, method)
+    }
+
+    fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
+        let adopted = self.inner.adopt(tree, generation);
+        match (self.fault, &adopted) {
+            (Fault::AnyTreeIsTaken, Err(_)) => return Ok(()),
+            (_, Ok(())) => self.first_leaf = tree.leaf_triangles().first().copied(),
+            _ => {}
+        }
+        adopted
+    }
+
+    fn interpolate(&mut self, pose: Pose) -> Result<()> {
+        assert!(!self.is(Fault::Panics), "this backend panics");
+        self.inner.interpolate(pose)
+    }
+
+    fn preprocess(&mut self) -> Result<()> {
+        self.inner.preprocess()
+    }
+
+    fn refit(&mut self) -> Result<()> {
+        self.traces_since_refit = 0;
+        self.inner.refit()
+    }
+
+    fn trace(&mut self, query: Query<'_>) -> Result<()> {
+        self.traces_since_refit += 1;
+        self.seek = Some(query.seek);
+        self.rays = match query.rays {
+            Rays::List(rays) => rays.to_vec(),
+            Rays::Camera(_) => Vec::new(),
+        };
+        let Rays::Camera(camera) = query.rays else {
+            return self.inner.trace(query);
+        };
+        let mut camera = *camera;
+        if self.is(Fault::PixelsSampledAtCorners) {
+            camera.corner = std::array::from_fn(|i| {
+                camera.corner[i] - 0.5 * (camera.across[i] + camera.down[i])
+            });
+        }
+        let rays = Rays::Camera(&camera);
+        self.inner.trace(Query { rays, ..query })
+    }
+
+    fn request_positions(&mut self) -> Result<()> {
+        if self.is(Fault::PositionsOutliveTheirScene) {
+            self.old_copy = Some(vec![[0.0; 3]]);
+        }
+        self.inner.request_positions()
+    }
+
+    fn submit(&mut self) -> Result<Ticket> {
+        let ticket = self.inner.submit()?;
+        let mut hits = Hits::default();
+        self.inner.hits(ticket, &mut hits)?;
+        if !self.is(Fault::NewTreeAnswersForOldFrames) {
+            self.spoil(&mut hits);
+        }
+        let traced = self.seek.take().is_some();
+        if self.is(Fault::AnswersLostWithoutATrace) && !traced {
+            self.kept.clear();
+        }
+        if traced {
+            self.kept.push((ticket, hits));
+        }
+        if self.is(Fault::TicketsRepeat) {
+            return Ok(Ticket(ticket.0 / 2));
+        }
+        Ok(ticket)
+    }
+
+    fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
+        if self.is(Fault::TicketsRepeat) {
+            return Ok(FrameReport::default());
+        }
+        let mut report = self.inner.wait(ticket)?;
+        match self.fault {
+            Fault::InactiveMiscounted if report.inactive > 1 => report.inactive -= 1,
+            Fault::HitsMiscounted if report.hits > 3 => report.hits -= 1,
+            Fault::TimesOfStagesLeftOut => report.times.refit_ms = Some(0.0),
+            Fault::ClockRunsBackwards => report.times.begun_ms = Some(-(ticket.0 as f64)),
+            _ => {}
+        }
+        Ok(report)
+    }
+
+    fn hits(&mut self, ticket: Ticket, out: &mut Hits) -> Result<()> {
+        let newest = self.is(Fault::AnswersOfTheNewestFrame) || self.is(Fault::TicketsRepeat);
+        let found = match self.kept.iter().find(|k| k.0 == ticket) {
+            _ if newest => self.kept.last(),
+            found => found,
+        };
+        *out = found.map(|k| k.1.clone()).unwrap_or_default();
+        if self.is(Fault::NewTreeAnswersForOldFrames) {
+            self.spoil(out);
+        }
+        Ok(())
+    }
+
+    fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
+        let taken = self.inner.take_positions()?;
+        let Some((ticket, snapshot)) = taken else {
+            if self.is(Fault::CopiesComeTwice)
+                && let Some(again) = self.taken.take()
+            {
+                return Ok(Some((Ticket(0), Box::new(again))));
+            }
+            let old = self.old_copy.take();
+            let old = old.filter(|_| self.is(Fault::PositionsOutliveTheirScene));
+            return Ok(old.map(|old| (Ticket(0), Box::new(old) as Snapshot)));
+        };
+        self.taken = Some(snapshot.to_vec());
+        self.old_copy = None;
+        if self.is(Fault::CopiesAreOfTheNewestFrame) {
+            let newest = self.inner.inspect().positions()?;
+            return Ok(Some((ticket, Box::new(newest))));
+        }
+        Ok(Some((ticket, snapshot)))
+    }
+
+    fn inspect(&mut self) -> &mut dyn Inspect {
+        self
+    }
+}
+
+impl Inspect for Faulty {
+    fn positions(&mut self) -> Result<Vec<Point>> {
+        let mut all = self.inner.inspect().positions()?;
+        if self.is(Fault::PositionsOneUlpOff)
+            && let Some(last) = all.last_mut()
+        {
+            last[2] = last[2].next_up();
+        }
+        Ok(all)
+    }
+
+    fn boxes(&mut self) -> Result<Vec<Aabb>> {
+        let mut all = self.inner.inspect().boxes()?;
+        if self.is(Fault::LastBoxTooLarge)
+            && let Some(last) = all.last_mut()
+        {
+            last.max[1] = last.max[1].next_up();
+        }
+        Ok(all)
+    }
+}
