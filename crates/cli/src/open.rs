@@ -208,7 +208,7 @@ pub(crate) fn presences() -> Vec<Presence> {
 fn list_vulkan() -> backend::Result<Vec<Adapter>> {
     let adapter = |a: gpu_vulkan::Adapter| Adapter {
         index: a.index,
-        limits: vec![limit("max_buffer_bytes", a.max_buffer_bytes)],
+        limits: limits(a.limits),
         name: a.name,
         driver: a.driver.trim().to_owned(),
         kind: a.kind,
@@ -227,13 +227,7 @@ fn open_vulkan(adapter: Option<&Adapter>, _: usize) -> backend::Result<Box<dyn B
 fn list_wgpu() -> backend::Result<Vec<Adapter>> {
     let adapter = |a: gpu_wgpu::Adapter| Adapter {
         index: a.index,
-        limits: vec![
-            limit("api", a.api),
-            limit("max_buffer_bytes", a.max_buffer_bytes),
-            limit("max_storage_buffers", a.max_storage_buffers),
-            limit("timestamps", a.has_timestamps),
-            limit("takes_spirv", a.takes_spirv),
-        ],
+        limits: limits(a.limits),
         name: a.name,
         driver: a.driver,
         kind: a.kind,
@@ -274,7 +268,7 @@ fn list_cpu() -> backend::Result<Vec<Adapter>> {
         name: device.adapter,
         driver: device.driver,
         kind: device.kind,
-        limits: vec![limit("threads", threads::cores())],
+        limits: limits(vec![("threads", threads::cores().to_string())]),
     }])
 }
 
@@ -292,9 +286,9 @@ fn cpu_supports(method: Method) -> bool {
     cpu.is_ok_and(|mut cpu| cpu.load(Arc::new(scene), method).is_ok())
 }
 
-fn limit(name: &'static str, value: impl ToString) -> Limit {
-    let value = value.to_string();
-    Limit { name, value }
+fn limits(pairs: Vec<(&'static str, String)>) -> Vec<Limit> {
+    let limit = |(name, value)| Limit { name, value };
+    pairs.into_iter().map(limit).collect()
 }
 
 #[cfg(test)]

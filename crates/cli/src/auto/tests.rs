@@ -231,9 +231,21 @@ fn where_nothing_works_every_reason_is_told() {
         text.contains("a does not") && text.contains("cpu does not"),
         "{text}"
     );
-    let broken = Fake {
+    let broken = || Fake {
         breaks: Some(|| Stop::failed("no threads")),
         ..host()
     };
-    assert!(matches!(choose(&[broken], None).0, Err(Stop::Failed(_))));
+    let alone = choose(&[broken()], None).0.unwrap_err();
+    assert!(matches!(&alone, Stop::Failed(_)) && alone.text() == "no threads");
+    let small = Fake {
+        breaks: Some(too_small),
+        ..fake("a", &[("card", Gpu)])
+    };
+    let both = choose(&[small, broken()], None).0.unwrap_err();
+    assert!(matches!(both, Stop::Failed(_)), "the last failure decides");
+    let text = both.text();
+    assert!(
+        text.contains("limit is 1000") && text.contains("no threads"),
+        "{text}"
+    );
 }
