@@ -228,59 +228,90 @@ fn write(dir: &Path, scene: &Scene, reduction: &Reduction) -> Result<(), Stop> {
 }
 
 fn text(r: &Reduction) -> String {
-    let percent = |length: f64| {
-        let share = if r.diagonal > 0.0 {
-            length / r.diagonal
-        } else {
-            0.0
-        };
-        format!("{:.3e}%", 100.0 * share)
-    };
     let (name, keys, bytes) = (&r.scene.name, r.keys, r.bytes);
     let mut text = format!(
-        "{name}: {} of {} key frames stand for all within {:.6e} ({} of the diagonal)\n",
+        "{name}: {} of {} key frames stand for all within {}, {} of the diagonal\n",
         keys.after,
         keys.before,
-        r.tolerance,
-        percent(r.tolerance)
+        length(r.tolerance),
+        percent(r.tolerance, r.diagonal)
     );
     let kept: Vec<_> = r.kept.iter().map(ToString::to_string).collect();
     text += &format!("kept: {}\n", kept.join(" "));
     let (before, after) = (grouped(bytes.before), grouped(bytes.after));
     text += &format!("positions: {before} bytes before, {after} after\n");
-    text += &format!(
-        "error: {:.6e} at most ({} of the diagonal)",
-        r.max_error,
-        percent(r.max_error)
-    );
+    let (max, rms) = (length(r.max_error), length(r.rms));
+    text += &format!("error: {max} at most, {}", percent(r.max_error, r.diagonal));
     if let Some(Place { frame, vertex }) = r.worst {
         text += &format!(", at vertex {vertex} of key frame {frame}");
     }
-    text += &format!("; {:.6e} root mean square\n", r.rms);
+    text += &format!("; {rms} root mean square\n");
+    text + &curve_table(r)
+}
+
+fn curve_table(r: &Reduction) -> String {
     let row = |p: &CurvePoint| {
-        let share = format!("{:.4}%", 100.0 * p.share);
-        let (tolerance, error) = (
-            format!("{:.3e}", p.tolerance),
-            format!("{:.3e}", p.max_error),
-        );
         vec![
-            share,
-            tolerance,
+            percent(p.share, 1.0),
+            length(p.tolerance),
             p.keys.to_string(),
             grouped(p.bytes),
-            error,
+            length(p.max_error),
         ]
     };
+    let head = [
+        "of the diagonal",
+        "tolerance",
+        "key frames",
+        "bytes",
+        "max error",
+    ];
     let rows: Vec<_> = r.curve.iter().map(row).collect();
-    text + &table(
-        &[
-            "of the diagonal",
-            "tolerance",
-            "key frames",
-            "bytes",
-            "max error",
-        ],
-        &rows,
-        0,
-    )
+    table(&head, &rows, 0)
+}
+
+fn length(units: f64) -> String {
+    match units {
+        0.0 => "0".to_owned(),
+        units => format!("{units:.3e}"),
+    }
+}
+
+fn percent(part: f64, whole: f64) -> String {
+    let share = if whole > 0.0 { part / whole } else { 0.0 };
+    format!("{:.4}%", 100.0 * share)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tolerance_is_a_length_or_a_share() {
+        assert_eq!(tolerance("0"), Ok(Tolerance::Units(0.0)));
+        assert_eq!(tolerance("2.5e-3"), Ok(Tolerance::Units(2.5e-3)));
+        assert_eq!(tolerance("1%"), Ok(Tolerance::Share(0.01)));
+        for bad in [
+            "", "%", "-1", "-0.1%", "nan", "inf", "inf%", "1%%", "1 m", "%1",
+        ] {
+            let why = tolerance(bad).unwrap_err();
+            assert!(why.contains("0.1%"), "{why}");
+        }
+    }
+
+    #[test]
+    fn a_scene_without_size_has_no_diagonal_and_one_key_frame() {
+        let animation = Animation::new(vec![vec![[f32::NAN; 3]]; 3], vec![[0; 3]]).unwrap();
+        assert_eq!(diagonal(&animation), 0.0);
+        let scene = Scene {
+            name: String::new(),
+            animation: std::sync::Arc::new(animation),
+            colours: vec![[0; 3]],
+            facts: scene::Facts::default(),
+        };
+        let r = reduce(&scene, Tolerance::Share(0.1)).unwrap();
+        assert_eq!((r.kept.as_slice(), r.max_error), ([0].as_slice(), 0.0));
+        assert_eq!(r.curve.len(), CURVE.len());
+        assert!(!text(&r).contains("NaN"), "{}", text(&r));
+    }
 }
