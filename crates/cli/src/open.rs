@@ -1,17 +1,13 @@
 //! The one place that names backends.
 
-use crate::adapters::{self, Adapter, Limit};
+mod each;
+
+use crate::adapters::{self, Adapter};
 use crate::args::BackendName;
 use crate::auto::{self, Rival};
 use crate::stop::Stop;
-use crate::threads;
 use backend::{Backend, DeviceKind, Intersector, Layout, Method};
-use cpu_ref::CpuBackend;
-use geom::Animation;
-use gpu_vulkan::VulkanBackend;
-use gpu_wgpu::WgpuBackend;
 use serde::Serialize;
-use std::sync::Arc;
 
 /// Opens an adapter, or the backend's own choice; with host threads, where it uses them.
 type OpenAdapter = fn(Option<&Adapter>, usize) -> backend::Result<Box<dyn Backend>>;
@@ -43,8 +39,8 @@ const KNOWN: [Known; 3] = [
         kinds: ON_DRIVERS,
         covered_by: None,
         supports: gpu_vulkan::supports,
-        list: list_vulkan,
-        open: open_vulkan,
+        list: each::list_vulkan,
+        open: each::open_vulkan,
     },
     Known {
         name: BackendName::Wgpu,
@@ -53,8 +49,8 @@ const KNOWN: [Known; 3] = [
         kinds: ON_DRIVERS,
         covered_by: if WGPU_IS_VULKAN { Some("vulkan") } else { None },
         supports: gpu_wgpu::supports,
-        list: list_wgpu,
-        open: open_wgpu,
+        list: each::list_wgpu,
+        open: each::open_wgpu,
     },
     Known {
         name: BackendName::Cpu,
@@ -62,9 +58,9 @@ const KNOWN: [Known; 3] = [
         place: "the host is always there",
         kinds: &[DeviceKind::Cpu],
         covered_by: None,
-        supports: cpu_supports,
-        list: list_cpu,
-        open: open_cpu,
+        supports: each::cpu_supports,
+        list: each::list_cpu,
+        open: each::open_cpu,
     },
 ];
 
@@ -205,90 +201,15 @@ pub(crate) fn presences() -> Vec<Presence> {
     KNOWN.iter().map(presence).collect()
 }
 
-fn list_vulkan() -> backend::Result<Vec<Adapter>> {
-    let adapter = |a: gpu_vulkan::Adapter| Adapter {
-        index: a.index,
-        limits: limits(a.limits),
-        name: a.name,
-        driver: a.driver.trim().to_owned(),
-        kind: a.kind,
-    };
-    Ok(gpu_vulkan::adapters()?.into_iter().map(adapter).collect())
-}
-
-fn open_vulkan(adapter: Option<&Adapter>, _: usize) -> backend::Result<Box<dyn Backend>> {
-    let options = gpu_vulkan::Options {
-        adapter: adapter.map(|a| a.index.to_string()),
-        ..Default::default()
-    };
-    Ok(Box::new(VulkanBackend::new(&options)?))
-}
-
-fn list_wgpu() -> backend::Result<Vec<Adapter>> {
-    let adapter = |a: gpu_wgpu::Adapter| Adapter {
-        index: a.index,
-        limits: limits(a.limits),
-        name: a.name,
-        driver: a.driver,
-        kind: a.kind,
-    };
-    Ok(gpu_wgpu::adapters()?.into_iter().map(adapter).collect())
-}
-
-fn open_wgpu(adapter: Option<&Adapter>, _: usize) -> backend::Result<Box<dyn Backend>> {
-    let options = gpu_wgpu::Options {
-        adapter: adapter.map(|a| a.index.to_string()),
-        ..Default::default()
-    };
-    Ok(Box::new(WgpuBackend::new(&options)?))
-}
-
 /// wgpu with kernels that it translates even where it need not: for laws, not for work.
 pub(crate) fn open_wgsl(want: &Want<'_>) -> Result<Box<dyn Backend>, Stop> {
     let translated = Known {
         text: "wgpu-wgsl",
-        open: |adapter, _| {
-            let options = gpu_wgpu::Options {
-                adapter: adapter.map(|a| a.index.to_string()),
-                force_wgsl: true,
-                ..Default::default()
-            };
-            Ok(Box::new(WgpuBackend::new(&options)?))
-        },
-        list: list_wgpu,
+        open: each::open_wgsl,
+        list: each::list_wgpu,
         ..KNOWN[1]
     };
     translated.open_named(want)
-}
-
-fn list_cpu() -> backend::Result<Vec<Adapter>> {
-    let device = CpuBackend::new(Some(1))?.device().clone();
-    Ok(vec![Adapter {
-        index: 0,
-        name: device.adapter,
-        driver: device.driver,
-        kind: device.kind,
-        limits: limits(vec![("threads", threads::cores().to_string())]),
-    }])
-}
-
-fn open_cpu(_: Option<&Adapter>, threads: usize) -> backend::Result<Box<dyn Backend>> {
-    Ok(Box::new(CpuBackend::new(Some(threads))?))
-}
-
-/// Found out with a scene of one triangle.
-fn cpu_supports(method: Method) -> bool {
-    let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-    let Ok(scene) = Animation::new(vec![corners], vec![[0, 1, 2]]) else {
-        return false;
-    };
-    let cpu = CpuBackend::new(Some(1));
-    cpu.is_ok_and(|mut cpu| cpu.load(Arc::new(scene), method).is_ok())
-}
-
-fn limits(pairs: Vec<(&'static str, String)>) -> Vec<Limit> {
-    let limit = |(name, value)| Limit { name, value };
-    pairs.into_iter().map(limit).collect()
 }
 
 #[cfg(test)]

@@ -1,0 +1,91 @@
+//! Each backend's own ways: how its adapters are listed and opened.
+
+use crate::adapters::{Adapter, Limit};
+use crate::threads;
+use backend::{Backend, Method};
+use cpu_ref::CpuBackend;
+use geom::Animation;
+use gpu_vulkan::VulkanBackend;
+use gpu_wgpu::WgpuBackend;
+use std::sync::Arc;
+
+pub(super) fn list_vulkan() -> backend::Result<Vec<Adapter>> {
+    let adapter = |a: gpu_vulkan::Adapter| Adapter {
+        index: a.index,
+        limits: limits(a.limits),
+        name: a.name,
+        driver: a.driver.trim().to_owned(),
+        kind: a.kind,
+    };
+    Ok(gpu_vulkan::adapters()?.into_iter().map(adapter).collect())
+}
+
+pub(super) fn open_vulkan(
+    adapter: Option<&Adapter>,
+    _: usize,
+) -> backend::Result<Box<dyn Backend>> {
+    let options = gpu_vulkan::Options {
+        adapter: adapter.map(|a| a.index.to_string()),
+        ..Default::default()
+    };
+    Ok(Box::new(VulkanBackend::new(&options)?))
+}
+
+pub(super) fn list_wgpu() -> backend::Result<Vec<Adapter>> {
+    let adapter = |a: gpu_wgpu::Adapter| Adapter {
+        index: a.index,
+        limits: limits(a.limits),
+        name: a.name,
+        driver: a.driver,
+        kind: a.kind,
+    };
+    Ok(gpu_wgpu::adapters()?.into_iter().map(adapter).collect())
+}
+
+pub(super) fn open_wgpu(adapter: Option<&Adapter>, _: usize) -> backend::Result<Box<dyn Backend>> {
+    wgpu(adapter, false)
+}
+
+/// Has wgpu translate the kernels even where it need not.
+pub(super) fn open_wgsl(adapter: Option<&Adapter>, _: usize) -> backend::Result<Box<dyn Backend>> {
+    wgpu(adapter, true)
+}
+
+fn wgpu(adapter: Option<&Adapter>, force_wgsl: bool) -> backend::Result<Box<dyn Backend>> {
+    let options = gpu_wgpu::Options {
+        adapter: adapter.map(|a| a.index.to_string()),
+        force_wgsl,
+        ..Default::default()
+    };
+    Ok(Box::new(WgpuBackend::new(&options)?))
+}
+
+pub(super) fn list_cpu() -> backend::Result<Vec<Adapter>> {
+    let device = CpuBackend::new(Some(1))?.device().clone();
+    Ok(vec![Adapter {
+        index: 0,
+        name: device.adapter,
+        driver: device.driver,
+        kind: device.kind,
+        limits: limits(vec![("threads", threads::cores().to_string())]),
+    }])
+}
+
+pub(super) fn open_cpu(_: Option<&Adapter>, threads: usize) -> backend::Result<Box<dyn Backend>> {
+    Ok(Box::new(CpuBackend::new(Some(threads))?))
+}
+
+/// Found out with a scene of one triangle.
+pub(super) fn cpu_supports(method: Method) -> bool {
+    let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let Ok(scene) = Animation::new(vec![corners], vec![[0, 1, 2]]) else {
+        return false;
+    };
+    let cpu = CpuBackend::new(Some(1));
+    cpu.is_ok_and(|mut cpu| cpu.load(Arc::new(scene), method).is_ok())
+}
+
+fn limits(pairs: Vec<(&'static str, String)>) -> Vec<Limit> {
+    let limit = |(name, value)| Limit { name, value };
+    pairs.into_iter().map(limit).collect()
+}
