@@ -8,6 +8,7 @@
 
 #[cfg(test)]
 mod contract_tests;
+mod exact;
 mod interpolate;
 #[cfg(test)]
 mod law;
@@ -21,6 +22,7 @@ mod recording;
 mod refit;
 mod scale;
 mod scene;
+mod search;
 mod shadow;
 #[cfg(test)]
 mod shadow_tests;

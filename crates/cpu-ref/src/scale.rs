@@ -8,7 +8,7 @@ const LEAST_COORDINATE: f32 = power(-64);
 /// Components of a direction below this count as zero, `2^-37`, the largest being in `[1, 2)`.
 const LEAST_COMPONENT: f32 = power(-37);
 /// Products, weights and distances below this count as zero, `2^-100`.
-const LEAST: f32 = power(-100);
+pub(crate) const LEAST: f32 = power(-100);
 
 /// Vertices are multiplied by `2^-k`, so that products of a few of them neither overflow nor vanish.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,5 +1,6 @@
 //! What is current: an animation, a tree, and everything computed from them.
 
+use crate::exact::Exact;
 use crate::interpolate::interpolate;
 use crate::moller_trumbore::MollerTrumbore;
 use crate::nodes::Nodes;
@@ -17,6 +18,7 @@ use bvh_build::MAX_DEPTH;
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Hit, Point, Pose};
 use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 
 /// An animation with its tree and the state of one moment.
 pub(crate) struct Scene {
@@ -31,14 +33,16 @@ pub(crate) struct Scene {
     pub(crate) unhittable: Unhittable,
     /// As of the last refit.
     pub(crate) sah_cost: Option<f64>,
+    settled: AtomicU64,
 }
 
-/// Calls a method of the triangle test that `$intersector` names.
+/// Calls a method for the intersector that `$intersector` names; `$exact` stands in for the exact one.
 macro_rules! with_test {
-    ($intersector:expr, $object:expr, $method:ident ( $($argument:expr),* )) => {
+    ($intersector:expr, $exact:ty, $object:expr, $method:ident ( $($argument:expr),* )) => {
         match $intersector {
             Intersector::MollerTrumbore => $object.$method::<MollerTrumbore>($($argument),*),
             Intersector::Woop => $object.$method::<Woop>($($argument),*),
+            Intersector::Exact => $object.$method::<$exact>($($argument),*),
             _ => $object.$method::<Watertight>($($argument),*),
         }
     };
@@ -52,9 +56,6 @@ impl Scene {
             backend: NAME,
             what,
         };
-        if method.intersector == Intersector::Exact {
-            return Err(unsupported(format!("intersector '{}'", method.intersector)));
-        }
         if method.layout != Layout::Bvh2 {
             return Err(unsupported(format!("layout '{}'", method.layout)));
         }
@@ -71,6 +72,7 @@ impl Scene {
             sums: Vec::new(),
             unhittable: Unhittable::default(),
             sah_cost: None,
+            settled: AtomicU64::new(0),
         })
     }
 
@@ -98,7 +100,8 @@ impl Scene {
     }
 
     pub(crate) fn preprocess(&mut self) {
-        with_test!(self.intersector, self, preprocess_for());
+        // The exact test filters by the watertight test's numbers.
+        with_test!(self.intersector, Watertight, self, preprocess_for());
     }
 
     fn preprocess_for<T: TriangleTest>(&mut self) {
@@ -118,18 +121,19 @@ impl Scene {
 
     /// See [`Tracer::closest`].
     pub(crate) fn closest(&self, rays: Rays<'_>, out: &mut [Hit]) -> u64 {
-        with_test!(self.intersector, self.tracer(rays), closest(out))
+        with_test!(self.intersector, Exact, self.tracer(rays), closest(out))
     }
 
     /// See [`Tracer::any`].
     pub(crate) fn any(&self, rays: Rays<'_>, out: &mut [u8]) -> u64 {
-        with_test!(self.intersector, self.tracer(rays), any(out))
+        with_test!(self.intersector, Exact, self.tracer(rays), any(out))
     }
 
     /// See [`Tracer::shadow`].
     pub(crate) fn shadow(&self, rays: Rays<'_>, hits: &[Hit], light: Point, out: &mut [u8]) -> u64 {
         with_test!(
             self.intersector,
+            Exact,
             self.tracer(rays),
             shadow(hits, light, out)
         )
@@ -152,7 +156,13 @@ impl Scene {
                 triangles: self.animation.triangles(),
                 scale: self.scale,
             },
+            settled: &self.settled,
         }
+    }
+
+    /// Rays that exact arithmetic settled since it was last asked.
+    pub(crate) fn take_settled(&mut self) -> u64 {
+        std::mem::take(self.settled.get_mut())
     }
 
     pub(crate) fn positions(&self) -> &[Point] {

@@ -52,6 +52,7 @@ impl Submission {
         self.report.inactive = scene.unhittable.inactive;
         self.report.degenerate = scene.unhittable.degenerate;
         self.report.sah_cost = scene.sah_cost;
+        self.report.settled = scene.take_settled();
     }
 
     fn trace(&mut self, scene: &Scene, rays: Rays<'_>, seek: Seek) {

@@ -1,14 +1,14 @@
 //! Rays to hits: many rays at once, each on its own.
 
 use crate::preprocess::Geometry;
-use crate::ray::PreparedRay;
 use crate::scale::Scale;
+use crate::search::{Asked, Search};
 use crate::shadow::Light;
 use crate::tiles::{fill_list, fill_picture};
-use crate::traverse::{Stack, Target, any, closest};
-use crate::triangle_test::TriangleTest;
+use crate::traverse::{Stack, Target};
 use backend::Rays;
 use geom::{Hit, Point, Ray};
+use std::sync::atomic::AtomicU64;
 
 /// Rays, and all they can meet.
 #[derive(Clone, Copy)]
@@ -19,39 +19,31 @@ pub(crate) struct Tracer<'a> {
     pub(crate) target: Target<'a>,
     /// Where triangles are.
     pub(crate) geometry: Geometry<'a>,
+    /// Counts rays that exact arithmetic settled.
+    pub(crate) settled: &'a AtomicU64,
 }
 
 impl Tracer<'_> {
     /// Closest hits, in the rays' order; returns how many rays hit.
-    pub(crate) fn closest<T: TriangleTest>(&self, out: &mut [Hit]) -> u64 {
+    pub(crate) fn closest<S: Search>(&self, out: &mut [Hit]) -> u64 {
         let one = |stack: &mut Stack, index: usize| {
-            let ray = PreparedRay::new(&self.ray(index), self.geometry.scale);
-            let hit = ray.and_then(|ray| {
-                let hit = closest::<T>(self.target, &ray, stack)?;
-                let t = ray.unscaled(hit.t);
-                Some(Hit { t, ..hit })
-            });
-            hit.unwrap_or(Hit::MISS)
+            let asked = self.asked(self.ray(index), self.geometry.scale);
+            S::closest(&asked, stack).unwrap_or(Hit::MISS)
         };
         self.fill(out, one, Hit::is_hit)
     }
 
     /// 1 for each ray that hits anything; returns how many do.
-    pub(crate) fn any<T: TriangleTest>(&self, out: &mut [u8]) -> u64 {
+    pub(crate) fn any<S: Search>(&self, out: &mut [u8]) -> u64 {
         let one = |stack: &mut Stack, index: usize| {
-            let ray = PreparedRay::new(&self.ray(index), self.geometry.scale);
-            u8::from(ray.is_some_and(|ray| any::<T>(self.target, &ray, None, stack)))
+            let asked = self.asked(self.ray(index), self.geometry.scale);
+            u8::from(S::any(&asked, None, stack))
         };
         self.fill(out, one, is_set)
     }
 
     /// 1 for each of `hits` that the light does not reach; returns how many.
-    pub(crate) fn shadow<T: TriangleTest>(
-        &self,
-        hits: &[Hit],
-        light: Point,
-        out: &mut [u8],
-    ) -> u64 {
+    pub(crate) fn shadow<S: Search>(&self, hits: &[Hit], light: Point, out: &mut [u8]) -> u64 {
         let scale = self.geometry.scale;
         let light = Light::new(light, scale, &self.target.nodes.root());
         let one = |stack: &mut Stack, index: usize| {
@@ -61,11 +53,21 @@ impl Tracer<'_> {
             }
             let eye = scale.apply(self.ray(index).origin);
             let corners = self.geometry.scaled_corners(hit.triangle);
-            let ray = PreparedRay::new(&light.ray(hit, &corners, eye), Scale::ONE);
-            let skipped = Some(hit.triangle);
-            u8::from(ray.is_some_and(|ray| any::<T>(self.target, &ray, skipped, stack)))
+            let asked = self.asked(light.ray(hit, &corners, eye), Scale::ONE);
+            u8::from(S::any(&asked, Some(hit.triangle), stack))
         };
         self.fill(out, one, is_set)
+    }
+
+    #[inline]
+    fn asked(&self, ray: Ray, scale: Scale) -> Asked<'_> {
+        Asked {
+            target: self.target,
+            geometry: self.geometry,
+            ray,
+            scale,
+            settled: self.settled,
+        }
     }
 
     #[inline]

@@ -1,5 +1,6 @@
 //! One ray through the tree, nearest child first.
 
+use crate::exact::Candidate;
 use crate::nodes::{Link, Nodes};
 use crate::ray::PreparedRay;
 use crate::scale::flushed;
@@ -19,16 +20,19 @@ pub(crate) struct Target<'a> {
 
 /// A node still to visit, and the span of the ray within its box.
 #[derive(Clone, Copy)]
-struct Entry {
-    link: Link,
-    entry: f32,
-    exit: f32,
+pub(crate) struct Entry {
+    pub(crate) link: Link,
+    /// The later of entry and `t_min`.
+    pub(crate) entry: f32,
+    pub(crate) exit: f32,
 }
 
 /// Nodes still to visit. Each level leaves at most one behind, so it cannot overflow.
 pub(crate) struct Stack {
     entries: [Entry; MAX_DEPTH as usize],
     len: usize,
+    /// What the exact test keeps of a ray.
+    pub(crate) candidates: Vec<Candidate>,
 }
 
 impl Stack {
@@ -42,7 +46,14 @@ impl Stack {
         Self {
             entries: [unused; MAX_DEPTH as usize],
             len: 0,
+            candidates: Vec::new(),
         }
+    }
+
+    /// Forgets the nodes of the ray before.
+    #[inline]
+    pub(crate) fn clear(&mut self) {
+        self.len = 0;
     }
 
     #[inline(always)]
@@ -53,7 +64,7 @@ impl Stack {
 
     /// The last node pushed that the ray enters no later than `best`.
     #[inline(always)]
-    fn pop(&mut self, best: f32) -> Option<Entry> {
+    pub(crate) fn pop(&mut self, best: f32) -> Option<Entry> {
         while self.len > 0 {
             self.len -= 1;
             let entry = self.entries[self.len];
@@ -67,16 +78,16 @@ impl Stack {
 }
 
 /// One ray on its way.
-struct Walk<'a, T: TriangleTest> {
-    target: Target<'a>,
-    ray: &'a PreparedRay,
+pub(crate) struct Walk<'a, T: TriangleTest> {
+    pub(crate) target: Target<'a>,
+    pub(crate) ray: &'a PreparedRay,
     slab: Slab,
-    test: T::Ray,
+    pub(crate) test: T::Ray,
 }
 
 impl<'a, T: TriangleTest> Walk<'a, T> {
     #[inline(always)]
-    fn new(target: Target<'a>, ray: &'a PreparedRay) -> Self {
+    pub(crate) fn new(target: Target<'a>, ray: &'a PreparedRay) -> Self {
         Self {
             target,
             ray,
@@ -100,7 +111,7 @@ impl<'a, T: TriangleTest> Walk<'a, T> {
 
     /// Goes down from `link`, which is no leaf, by nearer children to a leaf; `None` where none is met.
     #[inline(always)]
-    fn descend(&self, mut link: Link, best: f32, stack: &mut Stack) -> Option<Entry> {
+    pub(crate) fn descend(&self, mut link: Link, best: f32, stack: &mut Stack) -> Option<Entry> {
         loop {
             let pair = &self.target.nodes.pairs[link.index()];
             let met = self.slab.meet(pair, best);

@@ -55,29 +55,61 @@ impl TriangleTest for Watertight {
 
     #[inline(always)]
     fn meet(ray: &Shear, record: &Record) -> Option<Meeting> {
-        let [kx, ky, kz] = ray.axes;
-        let [sx, sy, sz] = ray.shear;
-        let from_origin = |k: usize, i: usize| Vec4::from_array(record.0[k]) - ray.origin[i];
-        let along = from_origin(kz, 2);
-        let x = from_origin(kx, 0) - sx * along;
-        let y = from_origin(ky, 1) - sy * along;
-        // U = cx*by - cy*bx in lane 0, then cyclically.
-        let edges = x.zxyw() * y.yzxw() - y.zxyw() * x.yzxw();
+        let sheared = ray.apply(record);
+        let edges = sheared.edges();
         let negative = edges.cmplt(Vec4::ZERO).bitmask() & VERTICES;
         let positive = edges.cmpgt(Vec4::ZERO).bitmask() & VERTICES;
         if negative != 0 && positive != 0 {
             return None;
         }
-        if negative | positive != VERTICES && !has_equal_signs(edges, x, y) {
+        if negative | positive != VERTICES && !has_equal_signs(edges, sheared.x, sheared.y) {
             return None;
         }
-        Some(solve(edges, sz * along))
+        Some(solve(edges, ray.depths(&sheared)))
+    }
+}
+
+/// A triangle's vertices in the space where the ray is the axis `kz`, one in each lane.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sheared {
+    pub(crate) x: Vec4,
+    pub(crate) y: Vec4,
+    /// From the ray's start, along `kz`, not scaled.
+    pub(crate) along: Vec4,
+}
+
+impl Shear {
+    #[inline(always)]
+    pub(crate) fn apply(&self, record: &Record) -> Sheared {
+        let [kx, ky, kz] = self.axes;
+        let [sx, sy, _] = self.shear;
+        let from_origin = |k: usize, i: usize| Vec4::from_array(record.0[k]) - self.origin[i];
+        let along = from_origin(kz, 2);
+        Sheared {
+            x: from_origin(kx, 0) - sx * along,
+            y: from_origin(ky, 1) - sy * along,
+            along,
+        }
+    }
+
+    /// Distances of the vertices in units of the direction.
+    #[inline(always)]
+    pub(crate) fn depths(&self, sheared: &Sheared) -> Vec4 {
+        self.shear[2] * sheared.along
+    }
+}
+
+impl Sheared {
+    /// `U = cx*by - cy*bx` in lane 0, then cyclically.
+    #[inline(always)]
+    pub(crate) fn edges(&self) -> Vec4 {
+        self.x.zxyw() * self.y.yzxw() - self.y.zxyw() * self.x.yzxw()
     }
 }
 
 /// Distance and weights of a hit, from its edge functions and depths.
 #[inline]
-fn solve(edges: Vec4, depths: Vec4) -> Meeting {
+pub(crate) fn solve(edges: Vec4, depths: Vec4) -> Meeting {
     let edges = flushed4(edges);
     let det = (edges.x + edges.y) + edges.z;
     if det == 0.0 || !det.is_finite() {

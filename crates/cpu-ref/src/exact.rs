@@ -1,0 +1,254 @@
+//! The exact test: rounded arithmetic with proven error bounds, and whole numbers where those leave a question.
+//!
+//! A filter in the sense of Shewchuk (1997) over the watertight test's own
+//! numbers. The bounds and their proof stand in `ARCHITECTURE.md`.
+
+use crate::nodes::Link;
+use crate::ray::PreparedRay;
+use crate::scale::{LEAST, flushed};
+use crate::search::{Asked, Search};
+use crate::slab::is_far;
+use crate::traverse::{Entry, Stack, Walk};
+use crate::triangle_test::Meeting;
+use crate::watertight::{Watertight, solve};
+use exact::{Crossing, Line};
+use geom::{Hit, is_active, is_degenerate};
+use glam::Vec4;
+use std::cmp::Ordering;
+use std::sync::atomic::Ordering::Relaxed;
+
+/// The answer of exact arithmetic for every ray.
+pub(crate) struct Exact;
+
+/// A triangle that error bounds do not exclude.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidate {
+    leaf: usize,
+    /// Whether it is surely hit, within the ray's limits.
+    sure: bool,
+    /// The exact `t`, if it is hit, lies in `low..=high`.
+    low: f32,
+    high: f32,
+    meeting: Meeting,
+}
+
+/// Bounds the error of a sheared coordinate over the size of its terms, `9.5 * 2^-24`.
+const SHEAR: f32 = 9.5 / 16_777_216.0;
+/// The same for depths, `32 * 2^-24`.
+const DEPTH: f32 = 32.0 / 16_777_216.0;
+/// What counting small numbers as zero may change, `2^-60`.
+const SMALL: f32 = f32::from_bits((127 - 60) << 23);
+
+impl Search for Exact {
+    fn closest(asked: &Asked<'_>, stack: &mut Stack) -> Option<Hit> {
+        let Some(ray) = prepared(asked) else {
+            return nearest_of_all(asked);
+        };
+        let walk = Walk::<Watertight>::new(asked.target, &ray);
+        let mut found = std::mem::take(&mut stack.candidates);
+        found.clear();
+        visit(&walk, stack, |leaf, bound| {
+            let candidate = judge(&walk, leaf).filter(|c| c.low <= bound);
+            found.extend(candidate);
+            Some(
+                candidate
+                    .filter(|c| c.sure)
+                    .map_or(bound, |c| bound.min(c.high)),
+            )
+        });
+        let hit = nearest(asked, &ray, &mut found);
+        stack.candidates = found;
+        hit
+    }
+
+    fn any(asked: &Asked<'_>, skipped: Option<u32>, stack: &mut Stack) -> bool {
+        let other = |leaf: usize| Some(asked.target.nodes.triangles[leaf]) != skipped;
+        let Some(ray) = prepared(asked) else {
+            return all_leaves(asked).any(|leaf| other(leaf) && meet(asked, leaf).is_some());
+        };
+        let walk = Walk::<Watertight>::new(asked.target, &ray);
+        let mut open = std::mem::take(&mut stack.candidates);
+        open.clear();
+        let mut blocked = visit(&walk, stack, |leaf, bound| {
+            let candidate = judge(&walk, leaf).filter(|c| other(c.leaf));
+            open.extend(candidate);
+            (!candidate.is_some_and(|c| c.sure)).then_some(bound)
+        });
+        if !blocked && !open.is_empty() {
+            asked.settled.fetch_add(1, Relaxed);
+            blocked = open.iter().any(|c| meet(asked, c.leaf).is_some());
+        }
+        stack.candidates = open;
+        blocked
+    }
+}
+
+/// `None` for a ray of which rounded arithmetic says nothing.
+#[inline]
+fn prepared(asked: &Asked<'_>) -> Option<PreparedRay> {
+    let ray = PreparedRay::new(&asked.ray, asked.scale);
+    ray.filter(|ray| !is_far(ray, &asked.target.nodes.root()))
+}
+
+/// Hands `see` every leaf whose box the ray meets before the bound that `see`
+/// returned last, at first `t_max`; where it returns none, the visit ends with `true`.
+#[inline(always)]
+fn visit(
+    walk: &Walk<'_, Watertight>,
+    stack: &mut Stack,
+    mut see: impl FnMut(&Entry, f32) -> Option<f32>,
+) -> bool {
+    let mut bound = walk.ray.t_max;
+    stack.clear();
+    let mut next = walk.descend(Link::ROOT, bound, stack);
+    loop {
+        if let Some(leaf) = next {
+            match see(&leaf, bound) {
+                Some(tighter) => bound = tighter,
+                None => return true,
+            }
+        }
+        let Some(entry) = stack.pop(bound) else {
+            return false;
+        };
+        next = if entry.link.is_leaf() {
+            Some(entry)
+        } else {
+            walk.descend(entry.link, bound, stack)
+        };
+    }
+}
+
+/// What can be said of a leaf's triangle by rounded arithmetic; `None` if it is surely missed.
+#[inline(always)]
+fn judge(walk: &Walk<'_, Watertight>, leaf: &Entry) -> Option<Candidate> {
+    let index = leaf.link.index();
+    let sheared = walk.test.apply(&walk.target.records[index]);
+    let edges = sheared.edges();
+    let largest = |v: Vec4| v.abs().truncate().max_element();
+    let wide = largest(sheared.x).max(largest(sheared.y));
+    let slack = SHEAR * (wide + 2.0 * largest(sheared.along)) + SMALL;
+    let doubt = slack * (4.0 * wide + 2.0 * slack);
+    let (least, most) = (
+        edges.truncate().min_element(),
+        edges.truncate().max_element(),
+    );
+    if least < -doubt && most > doubt {
+        return None;
+    }
+    let certain = (least > doubt || most < -doubt) && edges.truncate().is_finite();
+    let depths = walk.test.depths(&sheared);
+    let meeting = solve(edges, depths);
+    let [low, high] = span(leaf, meeting.t, (edges, depths), certain.then_some(doubt));
+    let within_limits = low > walk.ray.t_min && high < walk.ray.t_max;
+    Some(Candidate {
+        leaf: index,
+        sure: certain && within_limits,
+        low,
+        high,
+        meeting: Meeting {
+            t: flushed(meeting.t.max(leaf.entry).min(leaf.exit)),
+            u: weight(meeting.u),
+            v: weight(meeting.v),
+        },
+    })
+}
+
+/// A weight within `[0, 1]`; 0 for what is not a number.
+#[inline]
+fn weight(x: f32) -> f32 {
+    if x > 0.0 { x.min(1.0) } else { 0.0 }
+}
+
+/// Where the exact `t` lies: within the triangle's own box, and near the rounded `t` if the triangle is surely hit.
+#[inline(always)]
+fn span(leaf: &Entry, t: f32, (edges, depths): (Vec4, Vec4), doubt: Option<f32>) -> [f32; 2] {
+    let own_box = [leaf.entry, leaf.exit];
+    let Some(doubt) = doubt else {
+        return own_box;
+    };
+    let least_det = (edges.x + edges.y + edges.z).abs() - 4.0 * doubt;
+    if least_det.partial_cmp(&(4.0 * doubt)) != Some(Ordering::Greater) {
+        return own_box;
+    }
+    let depths = depths.truncate();
+    let spread = depths.max_element() - depths.min_element();
+    let size = depths.abs().max_element();
+    let of_weights = 3.0 * (doubt * spread + LEAST * (1.0 + size)) / least_det;
+    let error = of_weights + DEPTH * size + SMALL;
+    let near = [leaf.entry.max(t - error), leaf.exit.min(t + error)];
+    if near[0] <= near[1] { near } else { own_box }
+}
+
+/// The closest of the candidates, with `t` in the ray's own units.
+fn nearest(asked: &Asked<'_>, ray: &PreparedRay, found: &mut Vec<Candidate>) -> Option<Hit> {
+    let surely = found.iter().filter(|c| c.sure).map(|c| c.high);
+    let bound = surely.fold(ray.t_max, f32::min);
+    found.retain(|c| c.low <= bound);
+    let chosen = match found[..] {
+        [] => return None,
+        [only] if only.sure => only,
+        _ => {
+            asked.settled.fetch_add(1, Relaxed);
+            let crossings = found
+                .iter()
+                .filter_map(|c| Some((c.leaf, meet(asked, c.leaf)?)));
+            let (leaf, _) = first(asked, crossings)?;
+            *found.iter().find(|c| c.leaf == leaf)?
+        }
+    };
+    let Meeting { t, u, v } = chosen.meeting;
+    Some(Hit {
+        t: ray.unscaled(t),
+        u,
+        v,
+        triangle: asked.target.nodes.triangles[chosen.leaf],
+    })
+}
+
+/// The closest of all triangles, by exact arithmetic alone, for rays from very far away.
+#[cold]
+fn nearest_of_all(asked: &Asked<'_>) -> Option<Hit> {
+    let crossings = all_leaves(asked).filter_map(|leaf| Some((leaf, meet(asked, leaf)?)));
+    let (leaf, crossing) = first(asked, crossings)?;
+    Some(Hit {
+        t: crossing.t(),
+        u: 0.0,
+        v: 0.0,
+        triangle: asked.target.nodes.triangles[leaf],
+    })
+}
+
+/// Every leaf, if the ray can hit anything.
+fn all_leaves(asked: &Asked<'_>) -> std::ops::Range<usize> {
+    if !asked.ray.is_valid() {
+        return 0..0;
+    }
+    asked.settled.fetch_add(1, Relaxed);
+    0..asked.target.records.len()
+}
+
+/// Least exact `t`, then least index.
+fn first(
+    asked: &Asked<'_>,
+    crossings: impl Iterator<Item = (usize, Crossing)>,
+) -> Option<(usize, Crossing)> {
+    let triangle = |leaf: usize| asked.target.nodes.triangles[leaf];
+    crossings.reduce(|a, b| {
+        let order = a.1.order(&b.1).then(triangle(a.0).cmp(&triangle(b.0)));
+        if order.is_gt() { b } else { a }
+    })
+}
+
+/// The exact crossing with a leaf's triangle.
+fn meet(asked: &Asked<'_>, leaf: usize) -> Option<Crossing> {
+    let corners = asked.geometry.corners(asked.target.nodes.triangles[leaf]);
+    if !is_active(&corners) || is_degenerate(&corners) {
+        return None;
+    }
+    let line = Line {
+        ray: asked.ray,
+        shift: asked.geometry.scale.k() - asked.scale.k(),
+    };
+    line.meet(&corners)
+}
