@@ -157,12 +157,12 @@ impl<T> Search<'_, '_, T> {
     }
 
     /// Why nothing was taken.
-    fn in_vain(self) -> Stop {
-        let mut why = self.passed.join("; ");
-        match self.broken {
+    fn in_vain(mut self) -> Stop {
+        match self.broken.take() {
             Some(broken) if self.passed.len() == 1 => return broken,
-            Some(Stop::Failed(_)) => return Stop::failed(why),
-            _ => {}
+            Some(Stop::Failed(_)) => return Stop::failed(self.passed.join("; ")),
+            Some(_) => return Stop::bad(self.passed.join("; ")),
+            None => {}
         }
         let there: Vec<_> = (self.rivals.iter().zip(&self.lists))
             .filter_map(|(rival, list)| {
@@ -171,14 +171,13 @@ impl<T> Search<'_, '_, T> {
             })
             .collect();
         if let Some(asked) = self.asked.filter(|_| !there.is_empty()) {
+            let other = if self.passed.is_empty() { "" } else { "other " };
             let there = there.join(", ");
-            let passed = std::mem::take(&mut why);
-            why = format!("no backend has an adapter '{asked}'; there is {there}");
-            if !passed.is_empty() {
-                why = format!("{why}; {passed}");
-            }
+            self.pass(format!(
+                "no {other}backend has an adapter '{asked}'; there is {there}"
+            ));
         }
-        Stop::bad(why)
+        Stop::bad(self.passed.join("; "))
     }
 }
 

@@ -161,7 +161,7 @@ fn left_to_the_host(sandbox: &Sandbox) -> Result<(), Failed> {
 
 fn no_adapter(sandbox: &Sandbox) -> Result<(), Failed> {
     let run = sandbox.run(&format!("{RENDER} --adapter voodoo"));
-    run.fails(2, &["no backend has an adapter 'voodoo'", "cpu 0: host"])
+    run.fails(2, &["backend has an adapter 'voodoo'", "cpu 0: host"])
 }
 
 const NOWHERE: &str = "/nonexistent";

@@ -218,6 +218,24 @@ fn an_adapter_that_fits_several_or_none_is_refused_with_those_there_are() {
 }
 
 #[test]
+fn an_adapter_that_is_there_but_fails_is_not_called_absent() {
+    let small = Fake {
+        breaks: Some(too_small),
+        ..fake("a", &[("card", Gpu)])
+    };
+    let text = refused(&[small, host()], Some("card"));
+    assert_eq!(text, "triangles needs 4000, the limit is 1000");
+    let absent = Fake {
+        offers: Err("no loader"),
+        ..fake("a", &[])
+    };
+    assert_eq!(
+        refused(&[absent, host()], Some("card")),
+        "a cannot run: no device: no loader; no other backend has an adapter 'card'; there is cpu 0: host"
+    );
+}
+
+#[test]
 fn where_nothing_works_every_reason_is_told() {
     let exact = |name, offers: &[_]| Fake {
         lacks: Some("intersector 'exact'"),
