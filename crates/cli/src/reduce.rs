@@ -191,11 +191,12 @@ fn prepare(dir: &Path) -> Result<(), Stop> {
         let extension = path.extension().map(|e| e.to_ascii_lowercase());
         extension.is_some_and(|e| e == "ply" || e == "obj")
     };
-    match list.flatten().find(|file| is_mesh(&file.path())) {
+    let meshes = list.flatten().filter(|file| is_mesh(&file.path()));
+    match meshes.map(|file| file.file_name()).min() {
         Some(file) => Err(Stop::bad(format!(
             "{} has key frames already, such as {}; name an empty directory",
             dir.display(),
-            file.file_name().display()
+            file.display()
         ))),
         None => Ok(()),
     }
