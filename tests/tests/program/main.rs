@@ -2,13 +2,17 @@
 
 mod bad;
 mod bad_scenes;
+mod bench;
 mod devices;
 mod disk;
 mod files;
 mod hits;
 mod inactive;
+mod killed;
+mod reduce;
 mod sandbox;
 mod stats;
+mod timeline;
 
 use libtest_mimic::Arguments;
 use std::process::ExitCode;
@@ -17,12 +21,16 @@ fn main() -> ExitCode {
     let arguments = Arguments::from_args();
     let rooms = [
         bad::trials(),
+        bench::trials(),
         devices::trials(),
         disk::trials(),
         files::trials(),
         hits::trials(),
         inactive::trials(),
+        killed::trials(),
+        reduce::trials(),
         stats::trials(),
+        timeline::trials(),
     ];
     let trials = rooms.into_iter().flatten().collect();
     libtest_mimic::run(&arguments, trials).exit_code()

@@ -9,6 +9,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("stats::every_promised_field_is_there", every_field),
         trial("stats::generations_and_ages_follow_the_lockstep", lockstep),
         trial("stats::the_rebuilt_tree_is_always_fresh", rebuilt),
+        trial("stats::only_those_who_must_wait_for_builds", build_waits),
+        trial("stats::memory_is_counted_and_does_not_grow", memory),
     ]
 }
 
@@ -24,7 +26,7 @@ const TOP: [&str; 9] = [
     "summary",
 ];
 
-const FRAME: [&str; 21] = [
+pub(crate) const FRAME: [&str; 24] = [
     "frame",
     "time",
     "interpolate_ms",
@@ -34,6 +36,7 @@ const FRAME: [&str; 21] = [
     "trace_shadow_ms",
     "device_ms",
     "wall_ms",
+    "build_wait_ms",
     "tree_generation",
     "tree_age_frames",
     "adopted",
@@ -46,9 +49,11 @@ const FRAME: [&str; 21] = [
     "blocked",
     "inactive",
     "degenerate",
+    "host_bytes",
+    "device_bytes",
 ];
 
-const TIMES: [&str; 9] = [
+const TIMES: [&str; 10] = [
     "interpolate_ms",
     "preprocess_ms",
     "refit_ms",
@@ -56,6 +61,7 @@ const TIMES: [&str; 9] = [
     "trace_shadow_ms",
     "device_ms",
     "wall_ms",
+    "build_wait_ms",
     "build_ms",
     "convert_ms",
 ];
@@ -124,4 +130,46 @@ fn rebuilt(sandbox: &Sandbox) -> Result<(), Failed> {
         ensure(ratios == [Some(1.0); 5], || format!("{policy}: {ratios:?}"))?;
     }
     Ok(())
+}
+
+fn build_waits(sandbox: &Sandbox) -> Result<(), Failed> {
+    for (policy, waits) in [("rebuild", true), ("refit", false), ("async", false)] {
+        let stats = stats(sandbox, &format!("--frames 8 --update {policy}"))?;
+        let waited = column(&stats, "build_wait_ms");
+        ensure(waited[0] > Some(0.0), || format!("{policy}: {waited:?}"))?;
+        let as_promised = |ms: &Option<f64>| (*ms > Some(0.0)) == waits && ms.is_some();
+        ensure(waited[1..].iter().all(as_promised), || {
+            format!("{policy}: {waited:?}")
+        })?;
+    }
+    Ok(())
+}
+
+/// Frames after the first hundreds take no more memory than those before them.
+#[cfg(target_os = "linux")]
+fn memory(sandbox: &Sandbox) -> Result<(), Failed> {
+    let stats = stats(sandbox, "--frames 1200 --update async")?;
+    let bytes = column(&stats, "host_bytes");
+    let known: Vec<f64> = bytes.iter().copied().flatten().collect();
+    ensure(known.len() == 1200, || "frames without a count".into())?;
+    let course = &stats["summary"]["host_bytes"];
+    let [first, last] = ["first", "last"].map(|name| course[name].as_f64());
+    ensure(first == bytes[0] && last == bytes[1199], || {
+        course.to_string()
+    })?;
+    let peak = known.iter().copied().fold(0.0, f64::max);
+    ensure(course["peak"].as_f64() == Some(peak), || course.to_string())?;
+    let most = |frames: &[f64]| frames.iter().copied().fold(0.0, f64::max);
+    let growth = most(&known[900..]) - most(&known[300..600]);
+    // The rows themselves take 0.4 kB a frame.
+    ensure(growth < 2e6, || format!("{growth} bytes in 600 frames"))
+}
+
+/// Elsewhere nobody counts.
+#[cfg(not(target_os = "linux"))]
+fn memory(sandbox: &Sandbox) -> Result<(), Failed> {
+    let stats = stats(sandbox, "--frames 3 --update async")?;
+    ensure(stats["summary"]["host_bytes"].is_null(), || {
+        stats.to_string()
+    })
 }

@@ -12,7 +12,7 @@ fn beside_a_slow_builder(frames: u64, held: u64) -> Vec<FrameRecord> {
     run_gated(200, frames, update, (Some(1), gate)).records
 }
 
-/// If any frame waited for the builder, both would wait for ever.
+/// If a frame waited for the builder, each would wait for the other, and trees adopted later would be young.
 #[test]
 fn frames_go_on_while_the_builder_waits_for_them() {
     let records = beside_a_slow_builder(100, 20);
