@@ -1,6 +1,6 @@
 //! Rays of every sort, some aimed with care.
 
-use crate::places::{Place, SUBNORMAL};
+use crate::places::Place;
 use geom::{Animation, Point, Ray};
 
 /// What a ray was made for.
@@ -71,9 +71,6 @@ pub(crate) fn rays(
     let mut rays = Vec::new();
     for (n, (&unit, &pick)) in units.iter().zip(picks).enumerate() {
         let family = AIMED[n % AIMED.len()];
-        if family == Family::Subnormal && !SUBNORMAL {
-            continue;
-        }
         let [at, next] = target(animation, place, n / AIMED.len(), pick, unit);
         let aim = Aim {
             from: place.at(unit, 3.0),

@@ -76,13 +76,30 @@ pub fn case(kind: Kind) -> impl Strategy<Value = Case> {
                 rays,
                 families,
                 camera: place.camera(units[0]),
-                light: place.at(units[1], 3.0),
+                light: light(&animation, place, picks[0], units[1]),
                 animation: Arc::new(animation),
                 times,
                 chance,
             }
         },
     )
+}
+
+/// Somewhere, or where shadows are hardest: in a triangle's plane beyond it, or at one of its vertices.
+fn light(animation: &Animation, place: Place, pick: u32, unit: Point) -> Point {
+    let count = animation.triangle_count() as u32;
+    let somewhere = place.at(unit, 3.0);
+    if count == 0 || pick.is_multiple_of(2) {
+        return somewhere;
+    }
+    let [a, b, _] = animation.corners(animation.pose(1.0), pick / 4 % count);
+    let reach = if pick & 2 == 0 { 0.0 } else { 3.0 };
+    let light = std::array::from_fn(|i| a[i] + reach * (b[i] - a[i]));
+    if light.iter().all(|x: &f32| x.is_finite()) {
+        light
+    } else {
+        somewhere
+    }
 }
 
 /// Numbers in `-1..=1`, three at a time, none of them subnormal.

@@ -198,3 +198,84 @@ impl Report {
         table(&head, &rows, 4)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(disagreement: Option<&str>) -> Report {
+        let row = |backend, disagreement: Option<&str>| Row {
+            law: "a_b",
+            backend,
+            held: 3,
+            disagreement: disagreement.map(str::to_owned),
+            reproduce: disagreement.map(|_| "abvh conform --case 3".to_owned()),
+            seconds: 0.5,
+        };
+        let examined = |backend| Examined {
+            backend,
+            adapter: "adapter".to_owned(),
+            driver: String::new(),
+            kind: "cpu",
+            threads: 1,
+        };
+        Report {
+            schema: 1,
+            version: "0",
+            command_line: Vec::new(),
+            seed: 1,
+            cases: 4,
+            leak_rays: 0,
+            machine: Machine {
+                cpu: None,
+                cores: 1,
+                os: "",
+            },
+            backends: vec![examined("x"), examined("y")],
+            absent: vec![Absent {
+                backend: "z",
+                reason: "no driver".to_owned(),
+            }],
+            rows: vec![row("x", None), row("y", disagreement)],
+            leaks: Vec::new(),
+            leak_examples: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_disagreement_comes_with_the_command_that_shows_it() {
+        let text = report(Some("law a_b: 1 is not 2")).text();
+        for part in [
+            "a b",
+            "held 3",
+            "DISAGREES",
+            "z: absent; no driver",
+            "y: law a_b: 1 is not 2",
+            "\n    abvh conform --case 3\n",
+        ] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+        assert!(!report(None).text().contains("DISAGREES"));
+    }
+
+    #[test]
+    fn broken_laws_and_leaky_rows_are_failures() {
+        assert_eq!(report(None).failures(), 0);
+        let mut bad = report(Some("no"));
+        let leak = leaks::Row {
+            body: "box",
+            offset: 10.0,
+            aim: leaks::Aim::Edge,
+            inside: true,
+            rays: 9,
+            leaks: 1,
+            counted: 2,
+            miscounts: 0,
+        };
+        bad.leaks.push(LeakRow::of("x", &leak));
+        let sound = leaks::Row { leaks: 0, ..leak };
+        bad.leaks.push(LeakRow::of("x", &sound));
+        assert_eq!(bad.failures(), 2);
+        assert!(bad.text().contains("inside"));
+    }
+}
