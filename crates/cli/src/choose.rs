@@ -41,9 +41,9 @@ const FAR_APART: f64 = 2.0;
 /// How trees follow the motion through `frames`.
 ///
 /// The backend has no say. A GPU's frames are short, so that a build spans many of them; yet with
-/// a quarter to two fifths of a key frame from frame to frame, `async` took a third to a sixth of
-/// the wall time of `rebuild` on an H200 in three demos, and a twentieth of that of `refit` where
-/// a body breaks up (`results/2026-11-21-h200`). Frames further apart were not measured there.
+/// a quarter to two fifths of a key frame from frame to frame, `async` took 16 to 28 % of the wall
+/// time of `rebuild` on an H200 in three demos, and 5 % of that of `refit` where a body breaks up
+/// (`results/2026-11-21-h200`). Frames further apart were not measured there.
 pub(crate) fn update(
     policy: PolicyArgs,
     animation: &Animation,

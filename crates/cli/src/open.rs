@@ -255,16 +255,11 @@ mod tests {
         for known in &KNOWN {
             assert_eq!(known.lacks(Method::default()), None, "{}", known.text);
         }
-        let exact = Method {
-            intersector: Intersector::Exact,
-            ..Method::default()
-        };
         let fast = Method {
             layout: Layout::Fast,
             ..Method::default()
         };
         let cpu = KNOWN.iter().find(|k| k.text == "cpu").unwrap();
-        assert_eq!(cpu.lacks(exact).unwrap(), "intersector 'exact'");
         assert_eq!(cpu.lacks(fast).unwrap(), "layout 'fast'");
     }
 }

@@ -76,7 +76,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         let of = |what: &str, body: fn(&Sandbox, &str) -> Result<(), Failed>| {
             backend.trial(&name(what), move |s| body(s, backend.name))
         };
-        trials.push(of("unknown_methods_are_refused", unsupported));
+        trials.push(of("it_can_do_what_info_lists_and_no_more", methods));
         trials.push(of("adapters_are_found_or_listed", adapters));
         trials.push(of("rays_that_are_none_miss", invalid_rays));
     }
@@ -199,19 +199,27 @@ fn lacking(sandbox: &Sandbox, variables: &[(&str, &str)]) -> Result<(), Failed> 
     array::<u32>(sandbox, "h/hits_0000.npz", "triangle").map(|_| ())
 }
 
-fn unsupported(sandbox: &Sandbox, backend: &str) -> Result<(), Failed> {
-    let mut methods = vec![("--intersector", "exact"), ("--layout", "fast")];
-    if backend != "cpu" {
-        methods.extend([
-            ("--intersector", "woop"),
-            ("--intersector", "moller-trumbore"),
-        ]);
-    }
-    for (option, value) in methods {
-        let run = sandbox.run(&format!("{RENDER} --backend {backend} {option} {value}"));
-        let what = option.trim_start_matches('-');
-        let says = format!("{backend} does not support {what} '{value}'");
-        run.fails(2, &[&says])?;
+/// What `info` lists can be had; anything else is refused by name.
+fn methods(sandbox: &Sandbox, backend: &str) -> Result<(), Failed> {
+    let info = json(sandbox.run("info --json"))?;
+    let lists = entry(&info["backends"], "backend", backend)?;
+    let all = [
+        ("intersector", "moller-trumbore"),
+        ("intersector", "woop"),
+        ("intersector", "watertight"),
+        ("intersector", "exact"),
+        ("layout", "bvh2"),
+        ("layout", "fast"),
+    ];
+    for (what, name) in all {
+        let words = format!("{RENDER} --backend {backend} --{what} {name}");
+        let known = lists[format!("{what}s")].as_array();
+        if known.is_some_and(|known| known.iter().any(|k| k == name)) {
+            sandbox.run(&words).succeeds()?;
+        } else {
+            let says = format!("{backend} does not support {what} '{name}'");
+            sandbox.run(&words).fails(2, &[&says])?;
+        }
     }
     ensure(sandbox.files().is_empty(), || "it left files".to_owned())
 }
