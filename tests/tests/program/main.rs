@@ -3,6 +3,7 @@
 mod bad;
 mod bad_scenes;
 mod bench;
+mod conform;
 mod devices;
 mod disk;
 mod files;
@@ -22,6 +23,7 @@ fn main() -> ExitCode {
     let rooms = [
         bad::trials(),
         bench::trials(),
+        conform::trials(),
         devices::trials(),
         disk::trials(),
         files::trials(),
