@@ -186,3 +186,36 @@ fn wish(at: Place, text: String) -> Wish {
         far: true,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_rise_by_tolerance_and_senseless_ones_are_left_out() {
+        let step = |tolerance, max_error, ms| KeyFrameStep {
+            tolerance: Some(tolerance),
+            key_frames: 3,
+            max_error: Some(max_error),
+            ms,
+        };
+        let all = [KeyFrames {
+            scene: "s".to_owned(),
+            steps: vec![
+                step(0.1, 0.05, None),
+                step(0.01, 0.0, Some(2.0)),
+                step(0.0, 0.0, Some(1.0)),
+                step(f64::NAN, 0.1, Some(1.0)),
+                step(0.2, f64::INFINITY, Some(-1.0)),
+            ],
+        }];
+        let shown = |quantity| -> Vec<(f64, f64)> {
+            let keys = Keys::of(&all, quantity).unwrap();
+            let steps = keys.curves[0].1.iter();
+            steps.map(|s| (s.tolerance, s.value)).collect()
+        };
+        assert_eq!(shown(Quantity::Error), [(0.01, 0.0), (0.1, 0.05)]);
+        assert_eq!(shown(Quantity::Time), [(0.01, 2.0)]);
+        assert!(Keys::of(&[KeyFrames::default()], Quantity::Time).is_none());
+    }
+}

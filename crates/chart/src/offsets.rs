@@ -228,4 +228,25 @@ mod tests {
         assert_eq!(worst(&all, &[0.0, 5.0], Fault::Leak), [(0, 1e7)]);
         assert_eq!(worst(&all, &[0.0, 5.0], Fault::DoubleHit), [(0, 7e7)]);
     }
+
+    #[test]
+    fn an_offset_that_no_ray_was_sent_for_is_not_shown() {
+        let leaks = |offset, rays| Leaks {
+            offset: Some(offset),
+            rays,
+            ..Leaks::default()
+        };
+        let point = |leaks| Point {
+            leaks,
+            ..Point::default()
+        };
+        let of = |points: &[Point]| Offsets::of(points, &Looks::of(points), Fault::Leak);
+        let shown = of(&[
+            point(vec![leaks(0.0, 50), leaks(9.0, 0)]),
+            point(vec![leaks(3.0, 40)]),
+        ]);
+        let shown = shown.unwrap();
+        assert_eq!((shown.offsets, shown.rays), (vec![0.0, 3.0], 40));
+        assert!(of(&[point(vec![leaks(9.0, 0)])]).is_none());
+    }
 }

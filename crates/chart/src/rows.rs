@@ -225,3 +225,42 @@ fn draw_three(sheet: &Sheet<'_>, places: [Option<Place>; 3], look: Look) -> Resu
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::TError;
+
+    fn values(rows: Option<Rows>) -> Vec<(String, Vec<f64>)> {
+        let rows = rows.into_iter().flat_map(|r| r.rows);
+        rows.map(|r| (r.name, r.cells.values())).collect()
+    }
+
+    #[test]
+    fn a_row_shows_the_worst_of_its_points() {
+        let point = |worst: f64, wrong_shadow, mib: u64| Point {
+            backend: "b".to_owned(),
+            layout: "l".to_owned(),
+            intersector: "i".to_owned(),
+            t_error_ulp: Some(TError {
+                median: Some(1.0),
+                p999: None,
+                worst: Some(worst),
+            }),
+            rays_tested: 1_000_000,
+            wrong_shadow,
+            memory_bytes: Some(mib << 20),
+            ..Point::default()
+        };
+        let points = [point(3.0, 5, 7), point(f64::NAN, 9, 2), point(2.0, 0, 3)];
+        let looks = Looks::of(&points);
+        let t = values(t_errors(&points, &looks));
+        assert_eq!(t, [("b i".to_owned(), vec![1.0, 3.0])]);
+        assert_eq!(values(shadows(&points, &looks))[0].1[0], 9.0);
+        assert_eq!(
+            values(memory(&points, &looks)),
+            [("b l".to_owned(), vec![7.0])]
+        );
+        assert!(values(memory(&[Point::default()], &looks)).is_empty());
+    }
+}
