@@ -1,6 +1,6 @@
 //! Frames, snapshots, scenes: what may be under way, and how it ends.
 
-use crate::scenes::{SHADOWED, camera, go, hits, open, rays, stand, swarm, tree_at};
+use crate::scenes::{self, SHADOWED, camera, go, hits, open, rays, stand, swarm, tree_at};
 use backend::{Backend, BackendError, Generation, Inspect, Rays, Seek, Snapshot, Ticket};
 use geom::Point;
 use gpu_vulkan::VulkanBackend;
@@ -20,7 +20,7 @@ pub(crate) fn arrive(backend: &mut WgpuBackend) -> Result<(Ticket, Snapshot), Fa
 }
 
 fn bits(points: &[Point]) -> Vec<[u32; 3]> {
-    points.iter().map(|p| p.map(f32::to_bits)).collect()
+    points.iter().map(|p| p.map(scenes::bits)).collect()
 }
 
 pub(crate) fn a_wrong_tree_is_refused_and_the_old_one_stays() -> Result<(), Failed> {

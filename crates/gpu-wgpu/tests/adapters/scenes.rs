@@ -104,6 +104,15 @@ pub(crate) fn hits(backend: &mut dyn Backend, ticket: Ticket) -> Result<Hits> {
     Ok(hits)
 }
 
+/// Bits of a coordinate. Which NaN an interpolation gives is the device's own affair: all are one.
+pub(crate) fn bits(x: f32) -> u32 {
+    if x.is_nan() {
+        f32::NAN.to_bits()
+    } else {
+        x.to_bits()
+    }
+}
+
 /// Everything a backend can be asked of a moment, as bits.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Answers {
@@ -127,16 +136,16 @@ pub(crate) fn answers(
     let hits = hits(backend, ticket)?;
     let boxes = backend.inspect().boxes()?;
     let positions = backend.inspect().positions()?;
-    let bits = |h: &geom::Hit| [h.t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.triangle];
+    let words = |h: &geom::Hit| [h.t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.triangle];
     // A minimum of 0 and -0 may be either, so boxes are compared by value: adding 0 makes both 0.
     let plain = |x: f32| (x + 0.0).to_bits();
     let corners = |b: &geom::Aabb| -> [u32; 6] {
         std::array::from_fn(|i| plain(if i < 3 { b.min[i] } else { b.max[i - 3] }))
     };
     Ok(Answers {
-        positions: positions.iter().map(|p| p.map(f32::to_bits)).collect(),
+        positions: positions.iter().map(|p| p.map(bits)).collect(),
         boxes: boxes.iter().map(corners).collect(),
-        hits: hits.closest.iter().map(bits).collect(),
+        hits: hits.closest.iter().map(words).collect(),
         shadows: hits.blocked,
         counts: [
             report.hits,
