@@ -11,6 +11,7 @@ mod hits;
 mod picture;
 mod rays;
 mod stats;
+mod summary;
 mod taken;
 mod timeline;
 
@@ -19,9 +20,7 @@ pub use error::{RaysError, WriteError};
 pub use hits::{Found, write_found, write_hits};
 pub use picture::write_png;
 pub use rays::{read_rays, write_rays};
-pub use stats::{
-    Course, FrameStats, Overview, SCHEMA, SceneFacts, Stats, Summary, TIMES, Time, overview,
-    summarize, write_json,
-};
+pub use stats::{FrameStats, SCHEMA, SceneFacts, Stats, write_json};
+pub use summary::{Course, Overview, Summary, TIMES, Time, overview, summarize};
 pub use taken::Taken;
 pub use timeline::{Timeline, Track, write_timeline};

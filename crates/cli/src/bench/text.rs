@@ -1,0 +1,57 @@
+//! Results of a bench for people.
+
+use super::{Report, Row};
+use crate::table::{ms, table};
+
+const HEAD: [&str; 18] = [
+    "scene", "backend", "update", "method", "interp", "preproc", "refit", "geometry", "primary",
+    "shadow", "device", "wall", "Mrays/s", "build", "ns/tri", "trees", "age", "SAH",
+];
+
+/// One row a run, and which device each backend ran on.
+pub(super) fn text(report: &Report) -> String {
+    let rows: Vec<_> = report.rows.iter().map(cells).collect();
+    let [width, height] = report.size;
+    let cpu = report.cpu.as_deref().unwrap_or("unknown cpu");
+    format!(
+        "medians in ms at {width}x{height} on {cpu}\n{}{}",
+        table(&HEAD, &rows, 4),
+        adapters(&report.rows)
+    )
+}
+
+fn cells(r: &Row) -> Vec<String> {
+    let time = |t: Option<f64>| t.map_or("-".to_owned(), ms);
+    let short = |t: Option<f64>| t.map_or("-".to_owned(), |x| format!("{x:.2}"));
+    vec![
+        r.scene.clone(),
+        r.backend.to_owned(),
+        r.update.to_owned(),
+        format!("{} {}", r.intersector, r.layout),
+        time(r.interpolate_ms),
+        time(r.preprocess_ms),
+        time(r.refit_ms),
+        time(r.geometry_ms),
+        time(r.trace_primary_ms),
+        time(r.trace_shadow_ms),
+        time(r.device_ms),
+        time(r.wall_ms),
+        short(r.mrays_per_s),
+        time(r.build_ms),
+        short(r.build_ns_per_triangle),
+        r.trees.to_string(),
+        r.tree_age_frames.map_or("-".to_owned(), |x| format!("{x}")),
+        short(r.sah_ratio),
+    ]
+}
+
+/// Which device each backend ran on, one line each.
+fn adapters(rows: &[Row]) -> String {
+    let mut lines: Vec<String> = rows
+        .iter()
+        .map(|r| format!("{}: {}\n", r.backend, r.adapter))
+        .collect();
+    lines.sort_unstable();
+    lines.dedup();
+    lines.concat()
+}
