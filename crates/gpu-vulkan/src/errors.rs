@@ -18,7 +18,10 @@ pub(crate) fn failed_for(what: &str, bytes: u64) -> impl FnOnce(vk::Result) -> B
             }
         }
         vk::Result::ERROR_DEVICE_LOST => BackendError::DeviceLost(what.to_owned()),
-        _ => BackendError::DeviceLost(format!("{what}: {code}")),
+        _ => BackendError::Rejected {
+            what: what.to_owned(),
+            why: code.to_string(),
+        },
     }
 }
 
@@ -41,6 +44,8 @@ mod tests {
         let full = failed_for("hits", 64)(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
         let expected = "out of device memory: hits needs 64 bytes";
         assert_eq!(full.to_string(), expected);
+        let bad = failed("a semaphore")(vk::Result::ERROR_UNKNOWN).to_string();
+        assert!(bad.starts_with("a semaphore was rejected: "), "{bad}");
         let kernel = refused("refit")(vk::Result::ERROR_INITIALIZATION_FAILED);
         assert!(matches!(kernel, BackendError::NoDevice(_)), "{kernel}");
     }

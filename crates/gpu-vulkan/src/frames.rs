@@ -3,8 +3,7 @@
 use crate::clock::{Clock, Stage};
 use crate::device::Gpu;
 use crate::slot::Slot;
-use crate::timeline::{Moment, Timeline, submit};
-use ash::vk;
+use crate::timeline::{Batch, Moment, Timeline, submit};
 use backend::{FRAMES_IN_FLIGHT, FrameReport, Result, Ticket};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -112,18 +111,16 @@ impl Frames {
         let slot = &mut self.slots[self.submitted as usize % SLOTS];
         slot.sent = Some(Instant::now());
         let parts = slot.end()?;
-        let stage = vk::PipelineStageFlags::COMPUTE_SHADER;
-        let whole = self.done.at(ticket.0);
-        let mut after = after;
-        for (i, &commands) in parts.iter().enumerate() {
-            let done = match i + 1 == parts.len() {
-                true => whole,
+        let batch = |(i, &commands)| Batch {
+            commands,
+            after: if i == 0 { after } else { &[] },
+            done: match i + 1 == parts.len() {
+                true => self.done.at(ticket.0),
                 false => self.first_part.at(ticket.0),
-            };
-            submit(&self.gpu, self.gpu.compute, commands, (after, stage), done)?;
-            after = &[];
-        }
-        Ok(())
+            },
+        };
+        let batches: Vec<_> = parts.iter().enumerate().map(batch).collect();
+        submit(&self.gpu, self.gpu.compute, &batches)
     }
 
     /// Submissions that were not seen to be done.
@@ -140,7 +137,7 @@ impl Frames {
         }
     }
 
-    /// When the first part of a submission is done, or all of it.
+    /// When the first part of a submission of two is done.
     pub(crate) fn first_part(&self, ticket: Ticket) -> Moment {
         self.first_part.at(ticket.0)
     }

@@ -78,28 +78,64 @@ impl Drop for Timeline {
     }
 }
 
-/// Submits commands, to begin after some moments (as far as `stage` goes) and to end with another.
-pub(crate) fn submit(
-    gpu: &Gpu,
-    queue: Queue,
-    commands: vk::CommandBuffer,
-    (after, stage): (&[Moment], vk::PipelineStageFlags),
-    (done, value): Moment,
-) -> Result<()> {
-    let (waits, wait_values): (Vec<_>, Vec<_>) = after.iter().copied().unzip();
-    let stages = vec![stage; waits.len()];
-    let (signals, signal_values) = ([done], [value]);
-    let mut values = vk::TimelineSemaphoreSubmitInfo::default()
-        .wait_semaphore_values(&wait_values)
-        .signal_semaphore_values(&signal_values);
-    let commands = [commands];
-    let info = vk::SubmitInfo::default()
-        .wait_semaphores(&waits)
-        .wait_dst_stage_mask(&stages)
-        .command_buffers(&commands)
-        .signal_semaphores(&signals)
-        .push_next(&mut values);
+/// Commands that begin after some moments, and the moment at which they are done.
+#[derive(Clone, Copy)]
+pub(crate) struct Batch<'a> {
+    pub(crate) commands: vk::CommandBuffer,
+    pub(crate) after: &'a [Moment],
+    pub(crate) done: Moment,
+}
+
+/// A batch as Vulkan reads it.
+struct Lowered {
+    commands: [vk::CommandBuffer; 1],
+    waits: Vec<vk::Semaphore>,
+    wait_values: Vec<u64>,
+    stages: Vec<vk::PipelineStageFlags>,
+    signals: [vk::Semaphore; 1],
+    signal_values: [u64; 1],
+}
+
+impl Lowered {
+    fn new(batch: &Batch<'_>) -> Self {
+        let (waits, wait_values): (Vec<_>, Vec<_>) = batch.after.iter().copied().unzip();
+        Self {
+            commands: [batch.commands],
+            // Marks of time wait too, so that no stage is charged with waiting.
+            stages: vec![vk::PipelineStageFlags::ALL_COMMANDS; waits.len()],
+            waits,
+            wait_values,
+            signals: [batch.done.0],
+            signal_values: [batch.done.1],
+        }
+    }
+
+    fn values(&self) -> vk::TimelineSemaphoreSubmitInfo<'_> {
+        vk::TimelineSemaphoreSubmitInfo::default()
+            .wait_semaphore_values(&self.wait_values)
+            .signal_semaphore_values(&self.signal_values)
+    }
+
+    fn info<'a>(
+        &'a self,
+        values: &'a mut vk::TimelineSemaphoreSubmitInfo<'_>,
+    ) -> vk::SubmitInfo<'a> {
+        vk::SubmitInfo::default()
+            .wait_semaphores(&self.waits)
+            .wait_dst_stage_mask(&self.stages)
+            .command_buffers(&self.commands)
+            .signal_semaphores(&self.signals)
+            .push_next(values)
+    }
+}
+
+/// Submits batches to a queue, all in one call.
+pub(crate) fn submit(gpu: &Gpu, queue: Queue, batches: &[Batch<'_>]) -> Result<()> {
+    let lowered: Vec<_> = batches.iter().map(Lowered::new).collect();
+    let mut values: Vec<_> = lowered.iter().map(Lowered::values).collect();
+    let infos = lowered.iter().zip(&mut values).map(|(l, v)| l.info(v));
+    let infos: Vec<_> = infos.collect();
     // SAFETY: the backend has one owner, so the queue is used by one thread; all buffers live.
-    unsafe { gpu.vk.queue_submit(queue.queue, &[info], vk::Fence::null()) }
+    unsafe { gpu.vk.queue_submit(queue.queue, &infos, vk::Fence::null()) }
         .map_err(failed("a submission"))
 }

@@ -3,7 +3,7 @@
 use crate::commands::{COPIES, Commands, HOST};
 use crate::device::{Gpu, Queue};
 use crate::memory::{Buffer, Place};
-use crate::timeline::{Moment, Timeline, submit};
+use crate::timeline::{Batch, Moment, Timeline, submit};
 use ash::vk;
 use backend::Result;
 use bytemuck::Pod;
@@ -67,13 +67,12 @@ impl Transfer {
         commands.barrier(COPIES, HOST);
         commands.end()?;
         let value = self.last + 1;
-        submit(
-            &self.gpu,
-            self.queue,
-            commands.vk(),
-            (after.as_slice(), vk::PipelineStageFlags::TRANSFER),
-            self.done.at(value),
-        )?;
+        let batch = Batch {
+            commands: commands.vk(),
+            after: after.as_slice(),
+            done: self.done.at(value),
+        };
+        submit(&self.gpu, self.queue, &[batch])?;
         (self.last, self.lanes[lane].busy_until) = (value, value);
         Ok(value)
     }

@@ -1,7 +1,8 @@
 //! Vertices on their way down and trees on their way up, beside the frames.
 
 use super::scenes::{
-    SHADOWED, arrive, bits, camera, device, go, hits, open, positions, stand, swarm, tree_at,
+    SHADOWED, Watched, arrive, bits, camera, device, go, hits, open, positions, stand, swarm,
+    tree_at,
 };
 use crate::memory::{Buffer, Place};
 use crate::timeline::Timeline;
@@ -9,6 +10,7 @@ use crate::transfer::{Copy, Transfer};
 use backend::{Backend, Generation, Inspect, Rays};
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::time::Duration;
 
 #[test]
 fn requests_of_several_submissions_are_answered_in_their_order() {
@@ -84,15 +86,52 @@ fn bar(road: &mut Transfer, gate: &Timeline, from: &Buffer, to: &Buffer) {
     road.start(copy, Some(gate.at(1))).unwrap();
 }
 
+/// A backend whose copies up and down each have a queue of their own. On a
+/// device of one queue all work stands in one line, and there is nothing to test.
+fn device_of_three_queues() -> Option<Watched> {
+    let backend = device()?;
+    let gpu = &backend.gpu;
+    let own = |queue| queue != gpu.compute;
+    let three = own(gpu.upload) && own(gpu.readback) && gpu.upload != gpu.readback;
+    three.then_some(backend)
+}
+
+#[test]
+fn positions_on_their_way_are_not_written_over() {
+    let Some(mut backend) = device_of_three_queues() else {
+        return;
+    };
+    let gpu = Arc::clone(&backend.gpu);
+    let animation = swarm(5000);
+    open(&mut *backend, &animation);
+    let gate = Timeline::new(&gpu).unwrap();
+    let [from, to] = [0, 1].map(|_| Buffer::new(&gpu, "a bar", 16, Place::Device).unwrap());
+    bar(&mut backend.readback, &gate, &from, &to);
+    for time in [0.1, 0.2] {
+        stand(&mut *backend, &animation, time);
+        backend.request_positions().unwrap();
+        backend.submit().unwrap();
+    }
+    // Both position buffers are still to be read.
+    stand(&mut *backend, &animation, 0.3);
+    let third = backend.submit().unwrap();
+    std::thread::sleep(Duration::from_millis(200));
+    let early = backend.frames.is_done(third).unwrap();
+    gate.signal(1);
+    assert!(!early);
+    for time in [0.1, 0.2] {
+        let (_, snapshot) = arrive(&mut *backend);
+        assert!(bits(&snapshot) == bits(&positions(&animation, time)));
+    }
+    backend.wait(third).unwrap();
+}
+
 #[test]
 fn frames_go_on_though_nothing_comes_down_or_goes_up() {
-    let Some(mut backend) = device() else { return };
-    let gpu = Arc::clone(&backend.gpu);
-    let own = |queue| queue != gpu.compute;
-    if !(own(gpu.upload) && own(gpu.readback) && gpu.upload != gpu.readback) {
-        // On a device of one queue all work stands in one line.
+    let Some(mut backend) = device_of_three_queues() else {
         return;
-    }
+    };
+    let gpu = Arc::clone(&backend.gpu);
     let (animation, camera) = (swarm(5000), camera());
     open(&mut *backend, &animation);
     stand(&mut *backend, &animation, 0.0);
@@ -100,8 +139,7 @@ fn frames_go_on_though_nothing_comes_down_or_goes_up() {
     backend.wait(ticket).unwrap();
 
     let gate = Timeline::new(&gpu).unwrap();
-    let from = Buffer::new(&gpu, "a bar", 16, Place::Device).unwrap();
-    let to = Buffer::new(&gpu, "a bar", 16, Place::Device).unwrap();
+    let [from, to] = [0, 1].map(|_| Buffer::new(&gpu, "a bar", 16, Place::Device).unwrap());
     bar(&mut backend.readback, &gate, &from, &to);
     stand(&mut *backend, &animation, 0.4);
     backend.request_positions().unwrap();
@@ -122,9 +160,9 @@ fn frames_go_on_though_nothing_comes_down_or_goes_up() {
     backend.refit().unwrap();
     let after = go(&mut *backend, Rays::Camera(&camera), SHADOWED);
     assert!(backend.wait(before).unwrap().hits > 0);
-    assert!(!backend.frames.is_done(after).unwrap());
-
+    let early = backend.frames.is_done(after).unwrap();
     gate.signal(1);
+    assert!(!early);
     assert!(hits(&mut *backend, after) == hits(&mut *backend, before));
     let (from, snapshot) = arrive(&mut *backend);
     assert_eq!(from, asked);

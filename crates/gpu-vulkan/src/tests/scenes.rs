@@ -159,6 +159,8 @@ pub(super) fn arrive(backend: &mut dyn Backend) -> (Ticket, Snapshot) {
     panic!("the positions never arrived");
 }
 
-pub(super) fn bits(points: &[Point]) -> Vec<[u32; 3]> {
-    points.iter().map(|p| p.map(f32::to_bits)).collect()
+/// Bits of finite coordinates; what is not a number may be so in many ways.
+pub(super) fn bits(points: &[Point]) -> Vec<[Option<u32>; 3]> {
+    let bits = |x: f32| (!x.is_nan()).then(|| x.to_bits());
+    points.iter().map(|p| p.map(bits)).collect()
 }
