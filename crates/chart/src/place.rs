@@ -62,9 +62,7 @@ pub(crate) fn place(ground: &Ground, wishes: &[Wish], radius: i32) -> Vec<Option
     for wish in wishes {
         let best = candidates(wish, radius)
             .filter(|(spot, _)| fits(&ground, &marks, &leaders, wish.at, spot))
-            .min_by_key(|(spot, cost)| {
-                cost + 25 * ground.soft.iter().filter(|s| s.meets(&spot.rect)).count() as i32
-            })
+            .min_by_key(|(spot, cost)| cost + burden(&ground.soft, &marks, wish.at, spot))
             .map(|(spot, _)| spot);
         if let Some(spot) = &best {
             ground.solid.push(spot.rect);
@@ -102,6 +100,16 @@ fn candidates(wish: &Wish, radius: i32) -> impl Iterator<Item = (Spot, i32)> {
     })
 }
 
+/// What speaks against a place: lines below it, and marks as near to it as its own.
+fn burden(soft: &[Rect], marks: &[Rect], own: Place, spot: &Spot) -> i32 {
+    let near = |m: &&Rect| {
+        let grown = Rect::new(m.x0 - 7, m.y0 - 7, m.x1 + 7, m.y1 + 7);
+        grown.meets(&spot.rect) && !m.meets(&Rect::around(own, 1))
+    };
+    let lines = soft.iter().filter(|s| s.meets(&spot.rect)).count();
+    25 * (lines + marks.iter().filter(near).count()) as i32
+}
+
 fn fits(ground: &Ground, marks: &[Rect], leaders: &[[Place; 2]], own: Place, spot: &Spot) -> bool {
     let free = ground.bounds.holds(&spot.rect)
         && !ground.solid.iter().any(|s| s.meets(&spot.rect))
@@ -110,6 +118,7 @@ fn fits(ground: &Ground, marks: &[Rect], leaders: &[[Place; 2]], own: Place, spo
         let labels = &ground.solid[marks.len()..];
         let others = marks.iter().filter(|m| !m.meets(&Rect::around(own, 1)));
         !labels.iter().chain(others).any(|s| crosses(leader, s))
+            && !leaders.iter().any(|&l| meet(l, leader))
     };
     free && spot.leader.is_none_or(leads_well)
 }
@@ -121,6 +130,14 @@ fn crosses([a, b]: [Place; 2], r: &Rect) -> bool {
         let along = |a: i32, b: i32| a + (b - a) * i / steps;
         r.meets(&Rect::around((along(a.0, b.0), along(a.1, b.1)), 1))
     })
+}
+
+/// Whether two lines cross.
+fn meet(a: [Place; 2], b: [Place; 2]) -> bool {
+    let side = |[p, q]: [Place; 2], r: Place| {
+        ((q.0 - p.0) * (r.1 - p.1) - (q.1 - p.1) * (r.0 - p.0)).signum()
+    };
+    side(a, b[0]) != side(a, b[1]) && side(b, a[0]) != side(b, a[1])
 }
 
 #[cfg(test)]
@@ -155,9 +172,27 @@ mod tests {
     }
 
     #[test]
+    fn a_label_keeps_away_from_the_mark_of_another() {
+        let wishes = [wish(100, 100, "label"), wish(167, 100, "")];
+        let spots = place(&ground(&wishes), &wishes, 8);
+        assert!(
+            !spots[0].unwrap().rect.meets(&Rect::around((167, 100), 15)),
+            "{spots:?}"
+        );
+    }
+
+    #[test]
     fn a_label_without_room_is_left_out() {
         let wishes = [wish(100, 100, &"far too wide ".repeat(9))];
         assert_eq!(place(&ground(&wishes), &wishes, 8), [None]);
+    }
+
+    #[test]
+    fn lines_that_cross_meet_and_others_do_not() {
+        let cross = [[(0, 0), (9, 9)], [(0, 9), (9, 0)]];
+        assert!(meet(cross[0], cross[1]) && meet(cross[1], cross[0]));
+        assert!(!meet(cross[0], [(0, 9), (3, 6)]));
+        assert!(!meet(cross[0], [(20, 0), (20, 30)]));
     }
 
     proptest! {
@@ -167,8 +202,13 @@ mod tests {
         ) {
             let wishes: Vec<_> = at.iter().map(|&(x, y)| wish(x, y, "vulkan fast")).collect();
             let ground = ground(&wishes);
+            let spots = place(&ground, &wishes, 8);
+            let leaders: Vec<_> = spots.iter().flatten().filter_map(|s| s.leader).collect();
+            for (i, &a) in leaders.iter().enumerate() {
+                prop_assert!(!leaders[..i].iter().any(|&b| meet(a, b)));
+            }
             let rects: Vec<_> =
-                place(&ground, &wishes, 8).into_iter().flatten().map(|s| s.rect).collect();
+                spots.into_iter().flatten().map(|s| s.rect).collect();
             for (i, a) in rects.iter().enumerate() {
                 prop_assert!(ground.bounds.holds(a));
                 prop_assert!(!ground.solid.iter().any(|m| m.meets(a)));

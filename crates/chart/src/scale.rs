@@ -29,7 +29,7 @@ enum Kind {
 /// A logarithmic axis covers at least this many decades.
 const LEAST_DECADES: f64 = 0.6;
 /// What an axis covers before its place for zeros, as a share of the gap after it.
-const MARGIN: f64 = 0.6;
+const MARGIN: f64 = 0.75;
 
 impl Scale {
     /// A logarithmic axis over the positive ones of `values`, with at most `most` names (3 or more).
