@@ -43,18 +43,15 @@ fn distance(found: Point, wanted: Point) -> f64 {
     }
 }
 
-/// The largest error of every stretch between two frames.
+/// The largest error of every stretch between two frames, by the first and the second.
 fn all_errors(keys: &[Vec<Point>]) -> Vec<Vec<f64>> {
-    let n = keys.len();
-    let mut errors = vec![vec![0.0_f64; n]; n];
-    for i in 0..n {
-        for j in i + 2..n {
-            for frame in i + 1..j {
-                errors[i][j] = errors[i][j].max(error_at(keys, [i, frame, j]));
-            }
-        }
-    }
-    errors
+    let error = |i: usize, j: usize| {
+        let between = (i + 1..j).map(|frame| error_at(keys, [i, frame, j]));
+        between.fold(0.0, f64::max)
+    };
+    let frames = 0..keys.len();
+    let row = |i| frames.clone().map(|j| error(i, j)).collect();
+    frames.clone().map(row).collect()
 }
 
 /// (Key frames, error) of the best answer within `tolerance`: every stretch tried, one frame alone first.
@@ -72,10 +69,9 @@ fn best(keys: &[Vec<Point>], errors: &[Vec<f64>], tolerance: f64) -> (usize, f64
     let mut to = vec![(1, 0.0)];
     for j in 1..keys.len() {
         let mut found = (usize::MAX, f64::INFINITY);
-        for i in 0..j {
-            let (count, error): (usize, f64) = to[i];
-            let through = (count + 1, error.max(errors[i][j]));
-            if errors[i][j] <= tolerance && through < found {
+        for (&(count, error), row) in to.iter().zip(errors) {
+            let through: (usize, f64) = (count + 1, f64::max(error, row[j]));
+            if row[j] <= tolerance && through < found {
                 found = through;
             }
         }
