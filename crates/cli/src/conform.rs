@@ -186,6 +186,7 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
         seed: args.seed,
         rays: args.leak_rays,
         offsets: args.offsets.clone(),
+        method: Method::default(),
     };
     let mut progress = Progress::new(STEPS, args.quiet);
     let mut told = 0;

@@ -271,6 +271,7 @@ mod tests {
             leaks: 1,
             counted: 2,
             miscounts: 0,
+            doubled: 0,
         };
         bad.leaks.push(LeakRow::of("x", &leak));
         let sound = leaks::Row { leaks: 0, ..leak };

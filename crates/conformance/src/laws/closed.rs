@@ -3,7 +3,7 @@
 use crate::Case;
 use crate::leaks::{self, Plan};
 use crate::stage::plainly;
-use backend::Backend;
+use backend::{Backend, Method};
 
 /// Rays of one case.
 const RAYS: u64 = 240;
@@ -19,6 +19,7 @@ pub(crate) fn leaks(
         seed: case.chance,
         rays: RAYS,
         offsets: vec![offsets[case.chance as usize % offsets.len()]],
+        method: Method::default(),
     };
     let found = leaks::run(subject, &plan, &mut |_| {}).map_err(plainly)?;
     found

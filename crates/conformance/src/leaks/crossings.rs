@@ -1,6 +1,5 @@
 //! How often rays cross a body.
 
-use super::lots::Made;
 use crate::stage::open_with;
 use backend::{Backend, Hits, Method, Query, Rays, Result, Seek};
 use geom::{Animation, Ray};
@@ -9,13 +8,23 @@ use std::sync::Arc;
 /// Crossings of one part beyond which nobody counts: no body is crossed so often.
 const MOST: u32 = 64;
 
-/// How often each ray crosses the lot's body.
-pub(super) fn count(subject: &mut dyn Backend, made: &Made<'_>, rays: &[Ray]) -> Result<Vec<u32>> {
+/// How often each ray crosses a body that stands still.
+///
+/// Not for `exact`: asking from behind a rounded `t` finds what lies exactly behind it, perhaps the same triangle.
+///
+/// # Errors
+/// The subject failed.
+pub fn crossings(
+    subject: &mut dyn Backend,
+    method: Method,
+    body: &Animation,
+    rays: &[Ray],
+) -> Result<Vec<u32>> {
     let mut counts = vec![0; rays.len()];
-    for part in parts(made.animation.triangles(), made.animation.vertex_count()) {
-        let points = made.animation.keys()[0].clone();
+    for part in parts(body.triangles(), body.vertex_count()) {
+        let points = body.keys()[0].clone();
         let part = Animation::new(vec![points], part).expect("a part names the whole's vertices");
-        march(subject, &Arc::new(part), rays, &mut counts)?;
+        march(subject, method, &Arc::new(part), rays, &mut counts)?;
     }
     Ok(counts)
 }
@@ -23,11 +32,12 @@ pub(super) fn count(subject: &mut dyn Backend, made: &Made<'_>, rays: &[Ray]) ->
 /// Asks again from behind each hit until there is none.
 fn march(
     subject: &mut dyn Backend,
+    method: Method,
     part: &Arc<Animation>,
     rays: &[Ray],
     counts: &mut [u32],
 ) -> Result<()> {
-    open_with(subject, part, 0.0, Method::default())?;
+    open_with(subject, part, 0.0, method)?;
     subject.interpolate(part.pose(0.0))?;
     subject.preprocess()?;
     subject.refit()?;

@@ -142,6 +142,7 @@ fn mixed(x: u64) -> u64 {
 mod tests {
     use super::super::bodies::BODIES;
     use super::*;
+    use backend::Method;
     use geom::is_degenerate;
 
     fn plan(rays: u64) -> Plan {
@@ -149,6 +150,7 @@ mod tests {
             seed: 3,
             rays,
             offsets: super::super::OFFSETS.to_vec(),
+            method: Method::default(),
         }
     }
 

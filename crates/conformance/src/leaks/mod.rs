@@ -13,6 +13,7 @@ mod aim;
 mod bodies;
 mod crossings;
 mod lots;
+mod shots;
 #[cfg(test)]
 mod tests;
 
@@ -26,6 +27,8 @@ use lots::{Lot, Made, lots};
 use std::fmt;
 
 pub use aim::Aim;
+pub use crossings::crossings;
+pub use shots::{Shots, shots};
 
 /// How far bodies are moved from the origin, if nobody says otherwise.
 pub const OFFSETS: [f32; 4] = [0.0, 10.0, 1e3, 1e5];
@@ -43,6 +46,9 @@ pub struct Plan {
     pub rays: u64,
     /// How far to move the bodies along each axis.
     pub offsets: Vec<f32>,
+    /// How rays are traced. Only `watertight` promises that nothing is found; `exact` never leaks, but takes
+    /// triangles as closed, so that a ray exactly through an edge crosses both.
+    pub method: Method,
 }
 
 /// What became of all rays of one sort.
@@ -64,6 +70,9 @@ pub struct Row {
     pub counted: u64,
     /// Of those, rays with an odd number where it should be even, or the reverse, or hit or missed against their count.
     pub miscounts: u64,
+    /// Of those, rays from inside with an even number above zero: an edge was crossed twice (or, of several
+    /// crossings of a body that is not convex, one was lost).
+    pub doubled: u64,
 }
 
 /// One ray that is wrong.
@@ -144,12 +153,17 @@ fn run_over(
     let mut done = 0;
     while let Some(made) = next {
         // While the device traces one lot, the host makes the next.
-        let (hits, after) = trace_lot(subject, &made, || {
+        let (hits, after) = trace_lot(subject, plan.method, &made, || {
             rest.next().map(|lot| lot.make(plan.seed))
         })?;
         let counted = made.rays.len().div_ceil(8).max(COUNTED);
         let counted = counted.min(made.rays.len());
-        let crossings = crossings::count(subject, &made, &made.rays[..counted])?;
+        let crossings = crossings(
+            subject,
+            Method::default(),
+            &made.animation,
+            &made.rays[..counted],
+        )?;
         judge(&made, &hits.closest, &crossings, &mut found);
         done += made.rays.len() as u64;
         progress(done);
@@ -160,10 +174,11 @@ fn run_over(
 
 fn trace_lot<'a>(
     subject: &mut dyn Backend,
+    method: Method,
     made: &Made<'_>,
     meanwhile: impl FnOnce() -> Option<Made<'a>>,
 ) -> Result<(Hits, Option<Made<'a>>)> {
-    open_with(subject, &made.animation, 0.0, Method::default())?;
+    open_with(subject, &made.animation, 0.0, method)?;
     subject.interpolate(made.animation.pose(0.0))?;
     subject.preprocess()?;
     subject.refit()?;
@@ -192,6 +207,7 @@ fn judge(made: &Made<'_>, hits: &[Hit], crossings: &[u32], found: &mut Found) {
         if let Some(&count) = crossings.get(i) {
             row.counted += 1;
             let odd = count % 2 == 1;
+            row.doubled += u64::from(inside && count > 0 && !odd);
             if odd != inside || (count > 0) != hit.is_hit() {
                 row.miscounts += 1;
                 let first = if hit.is_hit() { "hits" } else { "misses" };
@@ -231,6 +247,7 @@ fn row_of(lot: &Lot<'_>, found: &mut Found) -> usize {
             leaks: 0,
             counted: 0,
             miscounts: 0,
+            doubled: 0,
         }
     }));
     at

@@ -1,4 +1,5 @@
 use super::*;
+use backend::Intersector;
 use cpu_ref::CpuBackend;
 
 fn ask(bodies: &[Body], rays: u64) -> Found {
@@ -7,6 +8,7 @@ fn ask(bodies: &[Body], rays: u64) -> Found {
         seed: 5,
         rays,
         offsets: OFFSETS.to_vec(),
+        method: Method::default(),
     };
     let mut heard = Vec::new();
     let found = run_over(&mut cpu, &plan, bodies, &mut |n| heard.push(n)).unwrap();
@@ -70,7 +72,29 @@ fn a_triangle_that_is_there_twice_is_a_double_hit() {
     let found = ask(&doubled, 60_000);
     assert_eq!(found.rows.iter().map(|r| r.leaks).sum::<u64>(), 0);
     for inside in [true, false] {
-        let rows = found.rows.iter().filter(|r| r.inside == inside);
-        assert!(rows.map(|r| r.miscounts).sum::<u64>() > 0);
+        let rows = || found.rows.iter().filter(|r| r.inside == inside);
+        assert!(rows().map(|r| r.miscounts).sum::<u64>() > 0);
+        let doubled = rows().map(|r| r.doubled).sum::<u64>();
+        assert_eq!(doubled > 0, inside);
     }
+}
+
+#[test]
+fn the_textbook_test_leaks_and_the_exact_one_does_not() {
+    let leaks = |intersector| {
+        let mut cpu = CpuBackend::new(Some(2)).unwrap();
+        let plan = Plan {
+            seed: 5,
+            rays: 60_000,
+            offsets: vec![1e3],
+            method: Method {
+                intersector,
+                ..Method::default()
+            },
+        };
+        let found = run(&mut cpu, &plan, &mut |_| {}).unwrap();
+        found.rows.iter().map(|r| r.leaks).sum::<u64>()
+    };
+    assert!(leaks(Intersector::MollerTrumbore) > 0);
+    assert_eq!(leaks(Intersector::Exact), 0);
 }
