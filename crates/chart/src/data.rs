@@ -81,6 +81,9 @@ pub struct Point {
     pub wrong: u64,
     /// How many of them got another answer to whether the hit is in shadow.
     pub wrong_shadow: u64,
+    /// Rays aimed at edges and vertices of the scene itself, which [`Self::rays_tested`] leaves out.
+    #[serde(default)]
+    pub aimed: Aimed,
     /// How far `t` was off where the hit was right.
     pub t_error_ulp: Option<TError>,
     /// What became of rays aimed at edges and vertices of a closed mesh.
@@ -115,6 +118,15 @@ pub struct TError {
     pub worst: Option<f64>,
 }
 
+/// Rays for which a hit is hardest to tell, counted apart from all others.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Aimed {
+    /// Rays.
+    pub rays: u64,
+    /// How many of them got another closest hit than by exact arithmetic.
+    pub wrong: u64,
+}
+
 /// Rays aimed from inside at edges and vertices of a closed mesh that was moved away from the origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Leaks {
@@ -124,7 +136,9 @@ pub struct Leaks {
     pub rays: u64,
     /// How many met nothing.
     pub leaks: u64,
-    /// How many met two triangles where a generic ray meets one.
+    /// Rays of those whose crossings were counted.
+    pub counted: u64,
+    /// How many of the counted met two triangles where a generic ray meets one.
     pub double_hits: u64,
 }
 

@@ -11,7 +11,7 @@ use std::fmt::Write as _;
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
-const COLUMNS: [&str; 13] = [
+const COLUMNS: [&str; 14] = [
     "scene",
     "backend",
     "layout",
@@ -22,6 +22,7 @@ const COLUMNS: [&str; 13] = [
     "wrong / rays tested",
     "wrong per million (95 %)",
     "wrong shadows",
+    "wrong / rays aimed at edges",
     "t error, ulp (median, 99.9 %, worst)",
     "memory, MiB",
     "frames timed",
@@ -75,7 +76,7 @@ fn table(chart: &Chart) -> String {
     out
 }
 
-fn cells(point: &Point) -> [String; 13] {
+fn cells(point: &Point) -> [String; 14] {
     let ms = point.ms_per_frame;
     let t = point.t_error_ulp.unwrap_or_default();
     let maybe = |x: Option<f64>| known(x).map_or_else(|| "–".to_owned(), number);
@@ -96,6 +97,7 @@ fn cells(point: &Point) -> [String; 13] {
         format!("{} / {}", count(point.wrong), count(point.rays_tested)),
         rate_words(point.wrong, point.rays_tested),
         count(point.wrong_shadow),
+        format!("{} / {}", count(point.aimed.wrong), count(point.aimed.rays)),
         format!("{}, {}, {}", maybe(t.median), maybe(t.p999), maybe(t.worst)),
         maybe(mib),
         count(point.samples),

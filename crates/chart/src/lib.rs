@@ -37,8 +37,8 @@ mod text;
 mod tests;
 
 pub use data::{
-    Adapter, Chart, Companions, KeyFrameStep, KeyFrames, Leaks, Machine, Point, Scene, Spread,
-    TError,
+    Adapter, Aimed, Chart, Companions, KeyFrameStep, KeyFrames, Leaks, Machine, Point, Scene,
+    Spread, TError,
 };
 pub use error::{ChartError, Result};
 pub use html::html;

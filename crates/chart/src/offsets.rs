@@ -23,6 +23,16 @@ pub(crate) enum Fault {
     DoubleHit,
 }
 
+impl Fault {
+    /// How many there are, of how many rays.
+    fn of(self, leaks: &Leaks) -> (u64, u64) {
+        match self {
+            Self::Leak => (leaks.leaks, leaks.rays),
+            Self::DoubleHit => (leaks.double_hits, leaks.counted),
+        }
+    }
+}
+
 /// One kind of fault over offsets, a curve each method.
 pub(crate) struct Offsets {
     fault: Fault,
@@ -49,7 +59,8 @@ impl Curve {
 impl Offsets {
     /// `None` if no point knows.
     pub(crate) fn of(points: &[Point], looks: &Looks, fault: Fault) -> Option<Self> {
-        let measured = || points.iter().flat_map(|p| &p.leaks).filter(|l| l.rays > 0);
+        let all = || points.iter().flat_map(|p| &p.leaks);
+        let measured = || all().filter(|l| fault.of(l).1 > 0);
         let mut offsets: Vec<f64> = measured().filter_map(|l| known(l.offset)).collect();
         offsets.sort_by(f64::total_cmp);
         offsets.dedup();
@@ -84,7 +95,7 @@ impl Offsets {
             .filter_map(curve)
             .filter(|c| !c.places.is_empty())
             .collect();
-        let rays = measured().map(|l| l.rays).min()?;
+        let rays = measured().map(|l| fault.of(l).1).min()?;
         (!offsets.is_empty()).then_some(Self {
             fault,
             offsets,
@@ -191,12 +202,8 @@ fn worst(all: &[&Leaks], offsets: &[f64], fault: Fault) -> Vec<(usize, f64)> {
     let at = |(index, &offset): (usize, &f64)| {
         let here = all.iter().filter(|l| l.offset == Some(offset));
         let rates = here.filter_map(|l| {
-            let faults = if fault == Fault::Leak {
-                l.leaks
-            } else {
-                l.double_hits
-            };
-            Some(Rate::of(faults, l.rays)?.per(PER).value)
+            let (faults, rays) = fault.of(l);
+            Some(Rate::of(faults, rays)?.per(PER).value)
         });
         Some((index, rates.reduce(f64::max)?))
     };
@@ -221,12 +228,13 @@ mod tests {
             offset: Some(offset),
             rays,
             leaks,
+            counted: rays / 10,
             double_hits: 7,
         };
         let all = [leaks(0.0, 1000, 1), leaks(0.0, 100, 1), leaks(5.0, 0, 9)];
         let all: Vec<&Leaks> = all.iter().collect();
         assert_eq!(worst(&all, &[0.0, 5.0], Fault::Leak), [(0, 1e7)]);
-        assert_eq!(worst(&all, &[0.0, 5.0], Fault::DoubleHit), [(0, 7e7)]);
+        assert_eq!(worst(&all, &[0.0, 5.0], Fault::DoubleHit), [(0, 7e8)]);
     }
 
     #[test]

@@ -10,7 +10,7 @@ use serde::Serialize;
 /// The version of `points.json`.
 pub const SCHEMA: u32 = 1;
 
-const COLUMNS: [&str; 29] = [
+const COLUMNS: [&str; 31] = [
     "scene",
     "triangles",
     "backend",
@@ -31,6 +31,8 @@ const COLUMNS: [&str; 29] = [
     "wrong_per_million_high",
     "on_front",
     "wrong_shadow",
+    "aimed_rays",
+    "aimed_wrong",
     "t_error_ulp_median",
     "t_error_ulp_p999",
     "t_error_ulp_worst",
@@ -64,8 +66,8 @@ pub fn json(chart: &Chart) -> Result<String> {
 
 /// The points as CSV (RFC 4180), one row each, in the order given; what is unknown is empty.
 ///
-/// After the columns that every chart has come `edge_rays_at_X`, `leaks_at_X` and `double_hits_at_X` for each
-/// offset `X` that any point was measured at. Key-frame curves are in [`json`] alone.
+/// After the columns that every chart has come `edge_rays_at_X`, `leaks_at_X`, `counted_at_X` and `double_hits_at_X` for
+/// each offset `X` that any point was measured at. Key-frame curves are in [`json`] alone.
 ///
 /// # Errors
 /// [`ChartError::Csv`].
@@ -73,9 +75,9 @@ pub fn csv(chart: &Chart) -> Result<String> {
     let offsets = offsets(chart);
     let front = front(chart);
     let mut out = csv::Writer::from_writer(Vec::new());
-    let edge = offsets
-        .iter()
-        .flat_map(|x| ["edge_rays", "leaks", "double_hits"].map(|n| format!("{n}_at_{x}")));
+    let edge = offsets.iter().flat_map(|x| {
+        ["edge_rays", "leaks", "counted", "double_hits"].map(|n| format!("{n}_at_{x}"))
+    });
     out.write_record(COLUMNS.map(str::to_owned).into_iter().chain(edge))
         .map_err(failed)?;
     for (i, point) in chart.points.iter().enumerate() {
@@ -137,7 +139,7 @@ fn identity(chart: &Chart, point: &Point) -> Vec<String> {
     ]
 }
 
-fn numbers(point: &Point, on_front: bool) -> [String; 16] {
+fn numbers(point: &Point, on_front: bool) -> [String; 18] {
     let ms = point.ms_per_frame;
     let rate = Rate::of(point.wrong, point.rays_tested).map(|r| r.per(PER));
     let t = point.t_error_ulp.unwrap_or_default();
@@ -154,6 +156,8 @@ fn numbers(point: &Point, on_front: bool) -> [String; 16] {
         plain(rate.map(|r| r.high)),
         u8::from(on_front).to_string(),
         point.wrong_shadow.to_string(),
+        point.aimed.rays.to_string(),
+        point.aimed.wrong.to_string(),
         plain(t.median),
         plain(t.p999),
         plain(t.worst),
@@ -177,8 +181,8 @@ fn origin(chart: &Chart, point: &Point) -> [String; 5] {
 fn edges(point: &Point, offsets: &[f64]) -> impl Iterator<Item = String> {
     offsets.iter().flat_map(|&x| {
         let found = point.leaks.iter().find(|l| l.offset == Some(x));
-        let counts = found.map(|l| [l.rays, l.leaks, l.double_hits]);
-        counts.map_or_else(<[String; 3]>::default, |c| c.map(|n| n.to_string()))
+        let counts = found.map(|l| [l.rays, l.leaks, l.counted, l.double_hits]);
+        counts.map_or_else(<[String; 4]>::default, |c| c.map(|n| n.to_string()))
     })
 }
 

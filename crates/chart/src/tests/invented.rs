@@ -141,6 +141,7 @@ fn leaks(offset: f64, ppm: f64) -> Leaks {
     Leaks {
         offset: Some(offset),
         rays: 134_217_728,
+        counted: 134_217_728,
         leaks: if faulty { grown as u64 } else { 0 },
         double_hits: if faulty {
             (grown * 2.0 + offset) as u64

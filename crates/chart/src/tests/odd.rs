@@ -149,24 +149,28 @@ fn absurd_ranges_are_drawn() {
             offset: Some(f64::INFINITY),
             rays: 1,
             leaks: 1,
+            counted: 1,
             double_hits: 0,
         },
         Leaks {
             offset: Some(-1e300),
             rays: u64::MAX,
             leaks: 1,
+            counted: 3,
             double_hits: u64::MAX,
         },
         Leaks {
             offset: Some(0.1),
             rays: 0,
             leaks: 9,
+            counted: 9,
             double_hits: 9,
         },
         Leaks {
             offset: None,
             rays: 9,
             leaks: 9,
+            counted: 9,
             double_hits: 9,
         },
     ];
@@ -212,7 +216,7 @@ fn any_point() -> impl Strategy<Value = Point> {
         any::<[u64; 3]>(),
         any::<[Option<f64>; 3]>(),
     );
-    let leaks = (any::<Option<f64>>(), any::<[u64; 3]>());
+    let leaks = (any::<Option<f64>>(), any::<[u64; 4]>());
     (names, numbers, prop::collection::vec(leaks, 0..3)).prop_map(|(names, numbers, leaks)| Point {
         backend: names.0.to_owned(),
         layout: names.1.to_owned(),
@@ -234,10 +238,11 @@ fn any_point() -> impl Strategy<Value = Point> {
         }),
         leaks: leaks
             .into_iter()
-            .map(|(offset, [rays, leaks, double_hits])| Leaks {
+            .map(|(offset, [rays, leaks, counted, double_hits])| Leaks {
                 offset,
                 rays,
                 leaks,
+                counted,
                 double_hits,
             })
             .collect(),
