@@ -1,7 +1,7 @@
 //! How often rays cross a body.
 
 use crate::stage::open_with;
-use backend::{Backend, Hits, Method, Query, Rays, Result, Seek};
+use backend::{Backend, Hits, Intersector, Method, Query, Rays, Result, Seek};
 use geom::{Animation, Ray};
 use std::sync::Arc;
 
@@ -10,7 +10,8 @@ const MOST: u32 = 64;
 
 /// How often each ray crosses a body that stands still.
 ///
-/// Not for `exact`: asking from behind a rounded `t` finds what lies exactly behind it, perhaps the same triangle.
+/// For `exact`, whose triangles are closed, every triangle met counts, and each is asked alone: what lies exactly
+/// behind a rounded `t` may be the same triangle again.
 ///
 /// # Errors
 /// The subject failed.
@@ -21,12 +22,38 @@ pub fn crossings(
     rays: &[Ray],
 ) -> Result<Vec<u32>> {
     let mut counts = vec![0; rays.len()];
+    if method.intersector == Intersector::Exact {
+        one_by_one(subject, method, body, rays, &mut counts)?;
+        return Ok(counts);
+    }
     for part in parts(body.triangles(), body.vertex_count()) {
         let points = body.keys()[0].clone();
         let part = Animation::new(vec![points], part).expect("a part names the whole's vertices");
         march(subject, method, &Arc::new(part), rays, &mut counts)?;
     }
     Ok(counts)
+}
+
+/// Asks for each triangle alone.
+fn one_by_one(
+    subject: &mut dyn Backend,
+    method: Method,
+    body: &Animation,
+    rays: &[Ray],
+    counts: &mut [u32],
+) -> Result<()> {
+    let mut hits = Hits::default();
+    for t in 0..body.triangle_count() as u32 {
+        let corners = body.corners(body.pose(0.0), t).to_vec();
+        let alone = Animation::new(vec![corners], vec![[0, 1, 2]]);
+        let alone = Arc::new(alone.expect("one triangle is a scene"));
+        stand(subject, method, &alone)?;
+        trace(subject, rays, &mut hits)?;
+        for (count, hit) in counts.iter_mut().zip(&hits.closest) {
+            *count += u32::from(hit.is_hit());
+        }
+    }
+    Ok(())
 }
 
 /// Asks again from behind each hit until there is none.
@@ -37,10 +64,7 @@ fn march(
     rays: &[Ray],
     counts: &mut [u32],
 ) -> Result<()> {
-    open_with(subject, part, 0.0, method)?;
-    subject.interpolate(part.pose(0.0))?;
-    subject.preprocess()?;
-    subject.refit()?;
+    stand(subject, method, part)?;
     let mut alive: Vec<u32> = (0..rays.len() as u32).collect();
     let mut beyond = rays.to_vec();
     let mut hits = Hits::default();
@@ -48,13 +72,7 @@ fn march(
         if alive.is_empty() {
             break;
         }
-        subject.trace(Query {
-            rays: Rays::List(&beyond),
-            seek: Seek::Closest,
-        })?;
-        let ticket = subject.submit()?;
-        subject.wait(ticket)?;
-        subject.hits(ticket, &mut hits)?;
+        trace(subject, &beyond, &mut hits)?;
         let crossed = alive.iter().zip(&beyond).zip(&hits.closest);
         let next = crossed.filter(|(_, hit)| hit.is_hit());
         (alive, beyond) = next
@@ -71,6 +89,23 @@ fn march(
             .unzip();
     }
     Ok(())
+}
+
+fn stand(subject: &mut dyn Backend, method: Method, part: &Arc<Animation>) -> Result<()> {
+    open_with(subject, part, 0.0, method)?;
+    subject.interpolate(part.pose(0.0))?;
+    subject.preprocess()?;
+    subject.refit()
+}
+
+fn trace(subject: &mut dyn Backend, rays: &[Ray], hits: &mut Hits) -> Result<()> {
+    subject.trace(Query {
+        rays: Rays::List(rays),
+        seek: Seek::Closest,
+    })?;
+    let ticket = subject.submit()?;
+    subject.wait(ticket)?;
+    subject.hits(ticket, hits)
 }
 
 /// The triangles in as few parts as a greedy choice finds, no two of a part sharing a vertex.
@@ -93,6 +128,28 @@ fn parts(triangles: &[[u32; 3]], vertices: usize) -> Vec<Vec<[u32; 3]>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_ray_through_a_shared_edge_meets_both_closed_triangles_and_crosses_one() {
+        let square = vec![
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [1.0, 1.0, 0.0],
+            [0.0, 1.0, 0.0],
+        ];
+        let square = Animation::new(vec![square], vec![[0, 1, 2], [0, 2, 3]]).unwrap();
+        let ray = |x| Ray::new([x, 0.25, 1.0], [0.0, 0.0, -1.0]);
+        let mut cpu = cpu_ref::CpuBackend::new(Some(1)).unwrap();
+        let mut count = |intersector| {
+            let method = Method {
+                intersector,
+                ..Method::default()
+            };
+            crossings(&mut cpu, method, &square, &[0.25, 0.5, 2.0].map(ray)).unwrap()
+        };
+        assert_eq!(count(Intersector::Watertight), [1, 1, 0]);
+        assert_eq!(count(Intersector::Exact), [2, 1, 0]);
+    }
 
     #[test]
     fn parts_hold_every_triangle_once_and_no_neighbours() {

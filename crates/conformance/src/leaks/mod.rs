@@ -158,12 +158,7 @@ fn run_over(
         })?;
         let counted = made.rays.len().div_ceil(8).max(COUNTED);
         let counted = counted.min(made.rays.len());
-        let crossings = crossings(
-            subject,
-            Method::default(),
-            &made.animation,
-            &made.rays[..counted],
-        )?;
+        let crossings = crossings(subject, plan.method, &made.animation, &made.rays[..counted])?;
         judge(&made, &hits.closest, &crossings, &mut found);
         done += made.rays.len() as u64;
         progress(done);
