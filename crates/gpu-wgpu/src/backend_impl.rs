@@ -61,7 +61,7 @@ impl WgpuBackend {
     /// Opens an adapter.
     ///
     /// # Errors
-    /// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`]
+    /// [`BackendError::NoDevice`](backend::BackendError::NoDevice) with the reason, or [`BackendError::Limit`](backend::BackendError::Limit)
     /// with the limit that the adapter does not reach.
     pub fn new(options: &Options) -> Result<Self> {
         let gpu = Gpu::open(options.adapter.as_deref(), options.validation)?;
@@ -74,8 +74,8 @@ impl WgpuBackend {
     /// for a lost device are left alone.
     ///
     /// # Errors
-    /// [`BackendError::Limit`] with the limit that the device does not reach,
-    /// or [`BackendError::NoDevice`] if its arithmetic is wrong.
+    /// [`BackendError::Limit`](backend::BackendError::Limit) with the limit that the device does not reach,
+    /// or [`BackendError::NoDevice`](backend::BackendError::NoDevice) if its arithmetic is wrong.
     pub fn from_device(
         device: wgpu::Device,
         queue: wgpu::Queue,
