@@ -39,7 +39,7 @@ pub struct Adapter {
 /// # Errors
 /// [`BackendError::NoDevice`] where there is no loader or no driver.
 pub fn adapters() -> Result<Vec<Adapter>> {
-    all(&Host::new(Validation::Off)?)
+    all(Host::new(Validation::Off)?.as_ref())
 }
 
 /// Every device of the instance, in Vulkan's order.

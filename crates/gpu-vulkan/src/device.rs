@@ -8,7 +8,7 @@ use crate::memory::Memory;
 use crate::queues::{Place, Queues};
 use ash::vk;
 use backend::{BackendError, DeviceKind, Result};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A device with what every part of the backend needs of it. Shared; destroyed with the last user.
 pub(crate) struct Gpu {
@@ -25,7 +25,14 @@ pub(crate) struct Gpu {
     pub(crate) limits: Limits,
     /// Bits of a timestamp that count; 0 without a clock.
     pub(crate) timestamp_bits: u32,
-    pub(crate) host: Host,
+    pub(crate) host: Arc<Host>,
+}
+
+/// Held while a device is made or destroyed or its kernels are compiled: one
+/// driver (NVIDIA 580) locks itself up when threads do so at the same time.
+pub(crate) fn one_at_a_time() -> MutexGuard<'static, ()> {
+    static DOOR: Mutex<()> = Mutex::new(());
+    DOOR.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -37,7 +44,7 @@ pub(crate) struct Queue {
 impl Gpu {
     /// Opens the adapter that `choose` picks.
     pub(crate) fn open(
-        host: Host,
+        host: Arc<Host>,
         choose: impl FnOnce(&[Adapter]) -> Result<usize>,
     ) -> Result<Arc<Self>> {
         let list = all(&host)?;
@@ -95,6 +102,7 @@ impl Drop for Gpu {
     fn drop(&mut self) {
         // A device that is lost has nothing to wait for.
         let _ = self.wait_idle();
+        let _door = one_at_a_time();
         self.memory.close();
         // SAFETY: every object made from the device holds an `Arc` of this, so all are gone.
         unsafe { self.vk.destroy_device(None) };
@@ -128,6 +136,7 @@ fn create(host: &Host, device: vk::PhysicalDevice, queues: &Queues) -> Result<as
     let info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&asked)
         .push_next(&mut want);
+    let _door = one_at_a_time();
     // SAFETY: every pointer in `info` outlives the call; the features asked for are there.
     unsafe { host.instance.create_device(device, &info, None) }
         .map_err(|e| BackendError::NoDevice(format!("the device cannot be opened: {e}")))

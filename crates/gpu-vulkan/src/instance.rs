@@ -3,6 +3,7 @@
 use crate::validation::{EXTENSIONS, Ear, LAYER, Validation};
 use ash::{Entry, Instance, vk};
 use backend::{BackendError, Result};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// An instance and, if asked for, the ear for its validation layer.
 pub(crate) struct Host {
@@ -13,12 +14,36 @@ pub(crate) struct Host {
     pub(crate) ear: Option<Ear>,
 }
 
+/// The instance without the layer, shared by all and kept until the process
+/// ends. With the last instance the loader would unload the drivers, and one of
+/// them (NVIDIA's) leaves every thread that destroyed a device a farewell to
+/// run at its end, which must still be there by then.
+static PLAIN: Mutex<Option<Arc<Host>>> = Mutex::new(None);
+
 impl Host {
-    pub(crate) fn new(validation: Validation) -> Result<Self> {
+    /// # Errors
+    /// [`BackendError::NoDevice`] with the reason.
+    pub(crate) fn new(validation: Validation) -> Result<Arc<Self>> {
+        let plain = Self::plain()?;
+        match validation.is_on(&plain.entry)? {
+            true => Self::make(true).map(Arc::new),
+            false => Ok(plain),
+        }
+    }
+
+    fn plain() -> Result<Arc<Self>> {
+        let mut kept = PLAIN.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(host) = kept.as_ref() {
+            return Ok(Arc::clone(host));
+        }
+        let made = Arc::new(Self::make(false)?);
+        Ok(Arc::clone(kept.insert(made)))
+    }
+
+    fn make(validated: bool) -> Result<Self> {
         // SAFETY: the loader is the system's own; its library stays open as long as `Host` lives.
         let entry = unsafe { Entry::load() }
             .map_err(|e| BackendError::NoDevice(format!("no Vulkan loader: {e}")))?;
-        let validated = validation.is_on(&entry)?;
         let app = vk::ApplicationInfo::default()
             .application_name(c"abvh")
             .api_version(vk::API_VERSION_1_2);
@@ -64,7 +89,8 @@ impl Drop for Host {
         if let Some(ear) = self.ear.take() {
             ear.close();
         }
-        // SAFETY: everything made from the instance is gone: `Gpu` owns `Host` and drops it last.
+        // SAFETY: everything made from the instance is gone: each `Gpu` holds an `Arc` of its host
+        // and lets go of it last.
         unsafe { self.instance.destroy_instance(None) };
     }
 }

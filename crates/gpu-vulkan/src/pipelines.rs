@@ -1,6 +1,6 @@
 //! One pipeline a kernel, its layout read from the kernel's own bindings.
 
-use crate::device::Gpu;
+use crate::device::{Gpu, one_at_a_time};
 use crate::errors::{failed, refused};
 use ash::vk;
 use backend::Result;
@@ -21,6 +21,7 @@ pub(crate) struct Pipeline {
 
 impl Pipelines {
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
+        let _door = one_at_a_time();
         let all = KERNELS.iter().map(|kernel| Pipeline::new(gpu, kernel));
         all.collect::<Result<_>>().map(Self)
     }

@@ -71,6 +71,7 @@ fn a_snapshot_outlives_the_backend() {
     let (_, snapshot) = arrive(&mut *backend);
     let expected = bits(&backend.positions().unwrap());
     drop(backend);
+    // The last user of the device lets go of it on a thread that ends then.
     let elsewhere = std::thread::spawn(move || bits(&snapshot));
     assert!(elsewhere.join().unwrap() == expected);
 }
