@@ -1,0 +1,58 @@
+//! Closed bodies: what must not leak and must not be hit twice.
+
+use crate::scenes::Scene;
+use backend::Method;
+use conformance::leaks::{self, Aim, Shots};
+
+/// Bodies there are; a family has each of them several times.
+const BODIES: usize = 4;
+
+/// Closed bodies at an offset, all rays of them or those with one aim, so many at each body.
+pub(crate) fn scenes(offset: f32, aim: Option<Aim>, seed: u64, shares: &[usize]) -> Vec<Scene> {
+    let batches = shares.chunks(BODIES).enumerate();
+    let scenes = batches.flat_map(|(batch, shares)| {
+        let most = shares.iter().max().copied().unwrap_or(0).max(1);
+        let sorts = if aim.is_some() { 3 } else { 1 };
+        let plan = leaks::Plan {
+            seed: mixed(seed) ^ batch as u64,
+            // Twice as many as needed: far away, some begin where they are aimed at.
+            rays: (2 * most * sorts * BODIES) as u64,
+            offsets: vec![offset],
+            method: Method::default(),
+        };
+        let shots = leaks::shots(&plan);
+        shots
+            .into_iter()
+            .zip(shares.to_vec())
+            .map(move |(shots, share)| scene(shots, aim, share))
+    });
+    scenes.collect()
+}
+
+fn scene(shots: Shots, aim: Option<Aim>, share: usize) -> Scene {
+    let sorted = shots.rays.into_iter().enumerate();
+    let sorted = sorted.map(|(i, ray)| (Shots::sort(i), ray));
+    let wanted = sorted.filter(|((a, _), ray)| ray.is_valid() && aim.is_none_or(|aim| aim == *a));
+    let (inside, rays) = wanted
+        .map(|((_, inside), ray)| (inside, ray))
+        .take(share)
+        .unzip();
+    Scene {
+        animation: shots.animation,
+        built: 0.0,
+        time: 0.0,
+        rays,
+        inside: Some(inside),
+    }
+}
+
+/// Bodies so far away that rounding moves their walls past what was inside.
+pub(crate) fn no_longer(scenes: Vec<Scene>) -> Vec<Scene> {
+    let open = |s| Scene { inside: None, ..s };
+    scenes.into_iter().map(open).collect()
+}
+
+/// A number at random that depends on `x` alone.
+fn mixed(x: u64) -> u64 {
+    fastrand::Rng::with_seed(x).u64(..)
+}

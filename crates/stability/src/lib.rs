@@ -1,0 +1,40 @@
+//! How often each intersector is wrong where arithmetic is hardest.
+//!
+//! A [`Family`] makes scenes and rays that are hard in one way. An [`Exam`] asks them of a backend and counts
+//! what differs from the exact answer (crate `oracle`, which shares no code with backends); on closed bodies also
+//! leaks and double hits. [`bounds`] says which rates are to be expected: none at all of robust
+//! intersectors, of others what was measured ([`baseline`]), with slack for chance. A rate above its bound is a
+//! fault; so is one below, for then something is not what it is called.
+
+mod ask;
+pub mod baseline;
+pub mod bounds;
+mod cell;
+mod closed;
+mod exam;
+mod family;
+mod meshes;
+mod rays;
+mod scenes;
+
+pub use cell::{Cell, Measure, Measured};
+pub use exam::{Closed, Exam, Rearranged, Tally};
+pub use family::Family;
+
+/// What to ask.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Plan {
+    /// Decides scenes and rays.
+    pub seed: u64,
+    /// Rays of each family.
+    pub rays: u32,
+}
+
+impl Default for Plan {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            rays: 8192,
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! Triangles of about unit size.
+
+use fastrand::Rng;
+use geom::{Point, Triangle};
+
+/// Vertices, and three of them a triangle.
+pub(crate) type Mesh = (Vec<Point>, Vec<[u32; 3]>);
+
+/// A number in `-1..1`.
+pub(crate) fn unit(rng: &mut Rng) -> f64 {
+    2.0 * rng.f64() - 1.0
+}
+
+/// A point in the cube `-1..1`.
+pub(crate) fn point(rng: &mut Rng) -> [f64; 3] {
+    [(); 3].map(|()| unit(rng))
+}
+
+/// A power of ten whose exponent is at random between two.
+pub(crate) fn power([low, high]: [f64; 2], rng: &mut Rng) -> f64 {
+    10.0_f64.powf(low + (high - low) * rng.f64())
+}
+
+/// `a + s * b`, rounded once to single precision.
+pub(crate) fn along(a: [f64; 3], s: f64, b: [f64; 3]) -> Point {
+    std::array::from_fn(|i| (a[i] + s * b[i]) as f32)
+}
+
+/// Free triangles, the edges of which are up to `size` long on each axis, the second up to `thin` times that.
+pub(crate) fn soup(n: usize, size: f64, thin: [f64; 2], rng: &mut Rng) -> Vec<Triangle> {
+    let one = |()| {
+        let (corner, e, f) = (point(rng), point(rng), point(rng));
+        let thin = power(thin, rng);
+        [
+            along(corner, 0.0, e),
+            along(corner, size, e),
+            along(corner, size * thin, f),
+        ]
+    };
+    std::iter::repeat_n((), n).map(one).collect()
+}
+
+/// Second edges about as long as first ones.
+pub(crate) const PLUMP: [f64; 2] = [0.0, 0.0];
+
+/// Triangles that share no vertex.
+pub(crate) fn separate(triangles: &[Triangle]) -> Mesh {
+    let count = triangles.len() as u32;
+    let corners = (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
+    (triangles.concat(), corners.collect())
+}
+
+/// Every coordinate multiplied, then rounded once.
+pub(crate) fn scaled(triangles: &[Triangle], by: f64) -> Vec<Triangle> {
+    let scale = |x: f32| (f64::from(x) * by) as f32;
+    triangles.iter().map(|t| t.map(|p| p.map(scale))).collect()
+}
+
+/// A multiple of `1 / n` in `-1..=1`.
+pub(crate) fn grid(n: i32, rng: &mut Rng) -> f32 {
+    rng.i32(-n..=n) as f32 / n as f32
+}
+
+/// A triangle in a plane across `axis`, its corners on a grid.
+pub(crate) fn flat(axis: usize, rng: &mut Rng) -> Triangle {
+    let height = grid(4, rng);
+    [(); 3].map(|()| {
+        let mut p = [(); 3].map(|()| grid(16, rng));
+        p[axis] = height;
+        p
+    })
+}
+
+/// Flat and free triangles, each twice, once turned round and once reversed.
+pub(crate) fn stacks(rng: &mut Rng) -> Vec<Triangle> {
+    let mut bases: Vec<Triangle> = (0..9).map(|i| flat(i % 3, rng)).collect();
+    bases.extend(soup(7, 0.8, PLUMP, rng));
+    let mut all: Vec<Triangle> = bases
+        .iter()
+        .flat_map(|&[a, b, c]| [[a, b, c], [a, b, c], [b, c, a], [a, c, b]])
+        .collect();
+    rng.shuffle(&mut all);
+    all
+}
+
+/// Sound triangles, and as many of no area or hardly any.
+pub(crate) fn flakes(rng: &mut Rng) -> Vec<Triangle> {
+    let mut all = soup(32, 0.5, PLUMP, rng);
+    for i in 0..32 {
+        let [a, b, _] = all[i];
+        let d = [(); 3].map(|()| grid(16, rng));
+        let g = [(); 3].map(|()| grid(16, rng));
+        let s = rng.f64();
+        all.push(match i % 4 {
+            0 => [a, b, a],
+            1 => [a; 3],
+            // On one line, for sums of sixteenths are exact.
+            2 => [
+                g,
+                std::array::from_fn(|k| g[k] + d[k]),
+                std::array::from_fn(|k| g[k] + 3.0 * d[k]),
+            ],
+            // On one line but for rounding.
+            _ => {
+                let step = std::array::from_fn(|k| f64::from(b[k]) - f64::from(a[k]));
+                [a, b, along(a.map(f64::from), s, step)]
+            }
+        });
+    }
+    rng.shuffle(&mut all);
+    all
+}
+
+/// A sheet with dents over a grid of eighths, its heights multiples of `1 / steps`.
+pub(crate) fn sheet(steps: i32, rng: &mut Rng) -> Mesh {
+    const N: u32 = 16;
+    let at = |i: u32| (i as f32 - 8.0) / 8.0;
+    let mut points = Vec::new();
+    for j in 0..=N {
+        points.extend((0..=N).map(|i| [at(i), grid(steps, rng) * 0.25, at(j)]));
+    }
+    let quad = |i, j| {
+        let w = N + 1;
+        let a = j * w + i;
+        [[a, a + 1, a + w + 1], [a, a + w + 1, a + w]]
+    };
+    let triangles = (0..N).flat_map(|j| (0..N).flat_map(move |i| quad(i, j)));
+    (points, triangles.collect())
+}
+
+/// Triangles whose coordinates are zeros and ones of either sign.
+pub(crate) fn zeros(n: usize, rng: &mut Rng) -> Vec<Triangle> {
+    let mut number = || [0.0, -0.0, 0.0, -0.0, 1.0, -1.0, 0.5, -0.5][rng.usize(..8)];
+    let one = |()| [(); 3].map(|()| [(); 3].map(|()| number()));
+    std::iter::repeat_n((), n).map(one).collect()
+}

@@ -1,0 +1,110 @@
+//! Rays made for one purpose each. Sums are in double precision and rounded once.
+
+use crate::meshes::{point, unit};
+use fastrand::Rng;
+use geom::{Point, Ray, Triangle};
+
+/// Where on a triangle to aim.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Target {
+    Inside,
+    Edge,
+    Vertex,
+}
+
+/// Triangles as they stand at the moment of asking, inactive ones left out.
+pub(crate) struct Aims {
+    corners: Vec<Triangle>,
+    centre: [f64; 3],
+    /// The largest distance from the centre on one axis.
+    radius: f64,
+}
+
+impl Aims {
+    pub(crate) fn new(corners: Vec<Triangle>) -> Self {
+        let active = |t: &Triangle| t.iter().flatten().all(|x| x.is_finite());
+        let corners: Vec<Triangle> = corners.into_iter().filter(active).collect();
+        let ends = |i: usize| {
+            let all = corners.iter().flatten().map(|p| f64::from(p[i]));
+            all.fold([f64::MAX, f64::MIN], |[a, b], x| [a.min(x), b.max(x)])
+        };
+        let ends = [ends(0), ends(1), ends(2)];
+        Self {
+            centre: ends.map(|[a, b]| 0.5 * (a + b)),
+            radius: ends
+                .map(|[a, b]| 0.5 * (b - a))
+                .into_iter()
+                .fold(0.0, f64::max),
+            corners,
+        }
+    }
+
+    fn triangle(&self, rng: &mut Rng) -> [[f64; 3]; 3] {
+        let t = self.corners[rng.usize(..self.corners.len())];
+        t.map(|p| p.map(f64::from))
+    }
+
+    fn target(&self, target: Target, rng: &mut Rng) -> [f64; 3] {
+        let triangle = self.triangle(rng);
+        let (x, y) = (rng.f64(), rng.f64());
+        let weights = match target {
+            Target::Vertex => [0.0, 0.0],
+            Target::Edge => [x, 0.0],
+            Target::Inside => [x.min(y), 1.0 - x.max(y)],
+        };
+        within(triangle, weights)
+    }
+
+    /// From around the scene, or from within it, to a target.
+    pub(crate) fn aimed(&self, target: Target, rng: &mut Rng) -> Ray {
+        let reach = self.radius * [0.9, 2.5][rng.usize(..2)];
+        let from = point(rng);
+        let from = std::array::from_fn(|i| self.centre[i] + reach * from[i]);
+        towards(from, self.target(target, rng))
+    }
+
+    /// From a point on a triangle in any direction.
+    pub(crate) fn on_surface(&self, rng: &mut Rng) -> Ray {
+        let from = self.target(Target::Inside, rng).map(|x| x as f32);
+        Ray::new(from, point(rng).map(|x| x as f32))
+    }
+
+    /// From beyond a triangle, in its plane, to a point of it.
+    pub(crate) fn in_plane(&self, rng: &mut Rng) -> Ray {
+        let triangle = self.triangle(rng);
+        let (x, y) = (rng.f64(), rng.f64());
+        let at = within(triangle, [x.min(y), 1.0 - x.max(y)]);
+        let from = within(triangle, [4.0 * unit(rng), 4.0 * unit(rng)]);
+        towards(from, at)
+    }
+
+    /// Along an axis to a target, whose other coordinates are the origin's.
+    pub(crate) fn along_axis(&self, target: Target, rng: &mut Rng) -> Ray {
+        let axis = rng.usize(..3);
+        let sign = [1.0, -1.0][rng.usize(..2)];
+        let mut from = self.target(target, rng);
+        from[axis] -= 4.0 * sign * self.radius;
+        let mut direction = [(); 3].map(|()| [0.0, -0.0][rng.usize(..2)]);
+        direction[axis] = sign as f32 * [1.0, 0.3, 1e-3][rng.usize(..3)];
+        Ray::new(from.map(|x| x as f32), direction)
+    }
+}
+
+/// The point of a triangle with these weights of its second and third vertex.
+fn within([a, b, c]: [[f64; 3]; 3], [v, w]: [f64; 2]) -> [f64; 3] {
+    std::array::from_fn(|i| a[i] + v * (b[i] - a[i]) + w * (c[i] - a[i]))
+}
+
+fn towards(from: [f64; 3], at: [f64; 3]) -> Ray {
+    let origin: Point = from.map(|x| x as f32);
+    let to = std::array::from_fn(|i| (at[i] - f64::from(origin[i])) as f32);
+    Ray::new(origin, to)
+}
+
+/// From a point of zeros and small numbers along others.
+pub(crate) fn of_zeros(rng: &mut Rng) -> Ray {
+    const FROM: [f32; 8] = [0.0, -0.0, 0.25, -0.25, 0.5, -0.5, 2.0, -2.0];
+    const ALONG: [f32; 6] = [0.0, -0.0, 1.0, -1.0, 0.5, -0.25];
+    let origin = [(); 3].map(|()| FROM[rng.usize(..FROM.len())]);
+    Ray::new(origin, [(); 3].map(|()| ALONG[rng.usize(..ALONG.len())]))
+}

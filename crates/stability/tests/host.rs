@@ -1,0 +1,77 @@
+//! The host's answers against their bounds, and a host that is not what it says.
+
+use backend::{Backend, Intersector};
+use cpu_ref::CpuBackend;
+use stability::{Cell, Exam, Family, Plan};
+
+/// Asks for `asked` but judges as if it were `named`.
+fn cells(plan: &Plan, asked: Intersector, named: Intersector) -> Vec<Cell> {
+    let mut cpu = CpuBackend::new(Some(2)).unwrap();
+    let cell = |family| {
+        let tally = Exam::new(family, plan).ask(&mut cpu as &mut dyn Backend, asked);
+        Cell::new(family, named, &tally.unwrap().unwrap())
+    };
+    Family::ALL.into_iter().map(cell).collect()
+}
+
+fn red(cells: &[Cell]) -> Vec<String> {
+    let bad = cells.iter().filter(|c| !c.is_ok());
+    bad.map(|c| {
+        let out = c.measured.iter().filter(|m| !m.is_ok());
+        let out: Vec<_> = out
+            .map(|m| {
+                format!(
+                    "{} {} of {}, {:?}",
+                    m.measure.name(),
+                    m.count,
+                    m.of,
+                    m.bound
+                )
+            })
+            .collect();
+        format!("{} {}: {}", c.intersector, c.family, out.join("; "))
+    })
+    .collect()
+}
+
+#[test]
+fn every_rate_of_the_host_is_within_its_bound_whatever_the_seed_and_number_of_rays() {
+    let mut all = Vec::new();
+    for (seed, rays) in [(1, 8192), (77, 500)] {
+        for by in Intersector::ALL {
+            all.extend(cells(&Plan { seed, rays }, by, by));
+        }
+    }
+    let measured = all.iter().flat_map(|c| &c.measured);
+    assert!(measured.clone().all(|m| m.of > 0 && m.bound.is_some()));
+    assert_eq!(red(&all), [""; 0]);
+}
+
+#[test]
+fn whoever_answers_by_another_intersector_is_found_out_whether_worse_or_better() {
+    use Intersector::{Exact, MollerTrumbore, Watertight, Woop};
+    let plan = Plan {
+        seed: 5,
+        rays: 2048,
+    };
+    for (asked, named) in [
+        (Woop, Exact),
+        (Watertight, Exact),
+        (MollerTrumbore, Watertight),
+        (Exact, Woop),
+        (Watertight, MollerTrumbore),
+    ] {
+        let red = red(&cells(&plan, asked, named));
+        assert!(red.len() >= 5, "{asked} for {named}: {red:#?}");
+    }
+}
+
+#[test]
+fn a_tree_of_another_time_costs_more_and_changes_nothing() {
+    let mut cpu = CpuBackend::new(Some(2)).unwrap();
+    let exam = Exam::new(Family::Rearranged, &Plan { seed: 2, rays: 64 });
+    let tally = exam.ask(&mut cpu, Intersector::Woop).unwrap().unwrap();
+    let rearranged = tally.rearranged.unwrap();
+    assert_eq!(rearranged.dependent, 0);
+    assert!(rearranged.sah_ratio.unwrap() > 2.0, "{rearranged:?}");
+}
