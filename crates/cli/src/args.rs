@@ -25,6 +25,8 @@ pub(crate) enum Command {
     Trace(TraceArgs),
     /// Measure every stage over scenes, backends, update policies and intersectors
     Bench(BenchArgs),
+    /// Chart speed against accuracy: every backend, intersector and update policy against exact arithmetic
+    Chart(ChartArgs),
     /// Hold backends to the laws that all of them keep
     Conform(ConformArgs),
     /// Describe a scene: size, motion, how refitting decays, what auto takes and why
@@ -279,7 +281,7 @@ pub(crate) struct DeviceArgs {
 }
 
 /// How rays are traced.
-#[derive(Args, Clone, Copy, Debug)]
+#[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MethodArgs {
     /// How a ray is tested against a triangle
     #[arg(long, value_name = "NAME", default_value = "auto")]
@@ -371,6 +373,9 @@ pub(crate) enum LayoutName {
     /// Whatever measured fastest
     Fast,
 }
+
+mod chart;
+pub(crate) use chart::ChartArgs;
 
 mod conform;
 pub(crate) use conform::{ConformArgs, SubjectName};

@@ -15,7 +15,7 @@ use scene::Scene;
 use serde::Serialize;
 
 /// Vertical field of view, in degrees, as with `render`.
-const FOV: f32 = 40.0;
+pub(crate) const FOV: f32 = 40.0;
 
 #[derive(Serialize)]
 struct Report {
@@ -30,17 +30,17 @@ struct Report {
 
 /// One run. Times are medians over its frames, in milliseconds.
 #[derive(Serialize)]
-struct Row {
+pub(crate) struct Row {
     scene: String,
-    triangles: usize,
-    backend: &'static str,
-    adapter: String,
-    driver: Option<String>,
+    pub(crate) triangles: usize,
+    pub(crate) backend: &'static str,
+    pub(crate) adapter: String,
+    pub(crate) driver: Option<String>,
     threads: usize,
     builder_threads: usize,
-    update: &'static str,
-    intersector: &'static str,
-    layout: &'static str,
+    pub(crate) update: &'static str,
+    pub(crate) intersector: &'static str,
+    pub(crate) layout: &'static str,
     frames: usize,
     interpolate_ms: Option<f64>,
     preprocess_ms: Option<f64>,
@@ -52,7 +52,7 @@ struct Row {
     device_ms: Option<f64>,
     wall_ms: Option<f64>,
     /// Primary and shadow rays in the time of both.
-    mrays_per_s: Option<f64>,
+    pub(crate) mrays_per_s: Option<f64>,
     build_ms: Option<f64>,
     convert_ms: Option<f64>,
     build_ns_per_triangle: Option<f64>,
@@ -61,7 +61,7 @@ struct Row {
     tree_age_frames: Option<f64>,
     sah_ratio: Option<f64>,
     /// Every frame, as in the statistics of `render`.
-    per_frame: Vec<FrameStats>,
+    pub(crate) per_frame: Vec<FrameStats>,
 }
 
 /// Measures.
@@ -135,7 +135,8 @@ fn combinations(args: &BenchArgs) -> Vec<Combination> {
     all
 }
 
-fn measure(
+/// One run over `frames`.
+pub(crate) fn measure(
     size: [u32; 2],
     (spec, scene): (&str, &Scene),
     frames: &[Frame],

@@ -7,6 +7,7 @@ mod adapters;
 mod args;
 mod auto;
 mod bench;
+mod chart;
 mod choose;
 mod conform;
 mod decay;
@@ -46,6 +47,7 @@ fn run(command: Command) -> Result<(), Stop> {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Chart(args) => chart::run(&args),
         Command::Conform(args) => conform::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Info(args) => info::run(&args),

@@ -201,6 +201,12 @@ pub(crate) fn presences() -> Vec<Presence> {
     KNOWN.iter().map(presence).collect()
 }
 
+/// What a backend lacks of a method; `None` if it supports it. It need not be present.
+pub(crate) fn lacks(backend: BackendName, method: Method) -> Option<String> {
+    let known = KNOWN.iter().find(|k| k.name == backend)?;
+    known.lacks(method)
+}
+
 /// wgpu with kernels that it translates even where it need not: for laws, not for work.
 pub(crate) fn open_wgsl(want: &Want<'_>) -> Result<Box<dyn Backend>, Stop> {
     let translated = Known {

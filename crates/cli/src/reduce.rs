@@ -74,12 +74,12 @@ struct Place {
 
 /// One point of the curve. Lengths in scene units; `share` is the tolerance over the diagonal.
 #[derive(Clone, Copy, Serialize)]
-struct CurvePoint {
-    share: f64,
+pub(crate) struct CurvePoint {
+    pub(crate) share: f64,
     tolerance: f64,
-    keys: usize,
+    pub(crate) keys: usize,
     bytes: usize,
-    max_error: f64,
+    pub(crate) max_error: f64,
     rms: f64,
 }
 
@@ -117,14 +117,7 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
         let (kept, fit) = verified(animation, &mut reducer, tolerance)?;
         progress.step(&format!("{} key frames within {tolerance}", kept.len()));
         match share {
-            Some(share) => curve.push(CurvePoint {
-                share,
-                tolerance,
-                keys: kept.len(),
-                bytes: bytes(animation, kept.len()),
-                max_error: fit.max_error,
-                rms: fit.rms,
-            }),
+            Some(share) => curve.push(CurvePoint::new(animation, share, tolerance, (&kept, &fit))),
             None => answer = Some((kept, fit)),
         }
     }
@@ -148,6 +141,37 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
         rms: fit.rms,
         curve,
     })
+}
+
+impl CurvePoint {
+    fn new(
+        animation: &Animation,
+        share: f64,
+        tolerance: f64,
+        (kept, fit): (&[usize], &Fit),
+    ) -> Self {
+        Self {
+            share,
+            tolerance,
+            keys: kept.len(),
+            bytes: bytes(animation, kept.len()),
+            max_error: fit.max_error,
+            rms: fit.rms,
+        }
+    }
+}
+
+/// The curve alone, and the diagonal that its shares are of.
+pub(crate) fn curve(animation: &Animation) -> Result<(f64, Vec<CurvePoint>), Stop> {
+    let diagonal = diagonal(animation);
+    let mut reducer = Reducer::new(animation);
+    let point = |share: f64| {
+        let tolerance = share * diagonal;
+        let (kept, fit) = verified(animation, &mut reducer, tolerance)?;
+        Ok(CurvePoint::new(animation, share, tolerance, (&kept, &fit)))
+    };
+    let curve: Result<_, Stop> = CURVE.into_iter().map(point).collect();
+    Ok((diagonal, curve?))
 }
 
 /// The frames to keep, played once more and measured against all of the original.

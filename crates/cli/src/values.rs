@@ -9,6 +9,9 @@ pub(crate) const MAX_PIXELS: u64 = 1 << 26;
 /// The most frames of one run.
 pub(crate) const MAX_FRAMES: usize = 1_000_000;
 
+/// The most rays that are compared.
+pub(crate) const MAX_RAYS: usize = 1 << 26;
+
 /// Which frames to render.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Frames {
@@ -137,6 +140,16 @@ pub(crate) fn threads(text: &str) -> Result<usize, String> {
     }
 }
 
+/// A number of rays.
+pub(crate) fn rays(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n @ 1..=MAX_RAYS) => Ok(n),
+        _ => Err(format!(
+            "a number of rays is a whole number from 1 to {MAX_RAYS}"
+        )),
+    }
+}
+
 /// A float that is a number and not infinite.
 fn finite<T: std::str::FromStr + Into<f64> + Copy>(text: &str) -> Result<T, String> {
     let number: T = text
@@ -224,5 +237,9 @@ mod tests {
         }
         fps("0").unwrap_err();
         threads("0").unwrap_err();
+        assert_eq!(rays("67108864"), Ok(MAX_RAYS));
+        for bad in ["0", "67108865", "1e6", "-1"] {
+            rays(bad).unwrap_err();
+        }
     }
 }

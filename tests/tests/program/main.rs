@@ -3,6 +3,7 @@
 mod bad;
 mod bad_scenes;
 mod bench;
+mod chart;
 mod conform;
 mod devices;
 mod disk;
@@ -23,6 +24,7 @@ fn main() -> ExitCode {
     let rooms = [
         bad::trials(),
         bench::trials(),
+        chart::trials(),
         conform::trials(),
         devices::trials(),
         disk::trials(),

@@ -1,0 +1,56 @@
+//! What may be asked of `chart`.
+
+use super::{BackendName, IntersectorName, SourceArgs, UpdateName};
+use crate::values::{self, Frames};
+use clap::Args;
+use std::path::PathBuf;
+
+/// Options of `chart`.
+#[derive(Args, Debug)]
+pub(crate) struct ChartArgs {
+    /// Scenes, as for render
+    #[arg(default_value = "demo:collide")]
+    pub(crate) scenes: Vec<String>,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+    /// Directory for chart.svg, chart.html, points.csv and points.json
+    #[arg(long, value_name = "DIR", default_value = "abvh-chart")]
+    pub(crate) out: PathBuf,
+    /// Backends; auto is the host's cores and every backend that finds a GPU
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "auto"
+    )]
+    pub(crate) backend: Vec<BackendName>,
+    /// Intersectors
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "moller-trumbore,woop,watertight,exact"
+    )]
+    pub(crate) intersector: Vec<IntersectorName>,
+    /// Update policies
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "rebuild,refit,async"
+    )]
+    pub(crate) update: Vec<UpdateName>,
+    /// Frames that are timed: N spread evenly over the motion, or those at key times A..B. The first warms up
+    #[arg(long, value_name = "N|A..B", default_value = "12", value_parser = values::frames)]
+    pub(crate) frames: Frames,
+    /// Pixels of a frame that is timed
+    #[arg(long, value_name = "WxH", default_value = "640x400", value_parser = values::size)]
+    pub(crate) size: [u32; 2],
+    /// Rays of each scene whose answers are compared with exact arithmetic: half of them a camera's, half at
+    /// random; beside them, a quarter as many aimed at edges and vertices
+    #[arg(long, value_name = "N", default_value = "2000000", value_parser = values::rays)]
+    pub(crate) rays: usize,
+    /// No progress and no remarks
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
