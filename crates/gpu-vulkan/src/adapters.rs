@@ -102,7 +102,7 @@ pub(crate) fn choose(list: &[Adapter], wanted: Option<&str>) -> Result<usize> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
     fn adapter(index: usize, name: &str, kind: DeviceKind) -> Adapter {
@@ -116,8 +116,7 @@ mod tests {
         }
     }
 
-    #[test]
-    fn an_adapter_is_chosen_by_index_by_part_of_its_name_or_for_being_a_gpu() {
+    pub(crate) fn an_adapter_is_chosen_by_index_by_part_of_its_name_or_for_being_a_gpu() {
         let list = [
             adapter(0, "llvmpipe", DeviceKind::Software),
             adapter(1, "Fast Card", DeviceKind::Gpu),

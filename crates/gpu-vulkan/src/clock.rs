@@ -157,11 +157,10 @@ impl Clock {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    #[test]
-    fn stages_are_timed_each_and_all_together() {
+    pub(crate) fn stages_are_timed_each_and_all_together() {
         let stages = [Stage::Interpolate, Stage::Refit, Stage::Refit];
         let mut clock = Clock::new(64, 0.5);
         let times = clock.times(&stages, &[1_000_000, 2_000_000, 5_000_000, 9_000_000]);
@@ -171,8 +170,7 @@ mod tests {
         assert_eq!((times.device_ms, times.begun_ms), (4.0, Some(0.0)));
     }
 
-    #[test]
-    fn a_clock_of_few_bits_goes_on_when_it_wraps() {
+    pub(crate) fn a_clock_of_few_bits_goes_on_when_it_wraps() {
         let mut clock = Clock::new(20, 1e6);
         let wrap = 1_u64 << 20;
         let garbage = 7 << 40;
@@ -189,8 +187,7 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_clock_of_64_bits_keeps_every_tick() {
+    pub(crate) fn a_clock_of_64_bits_keeps_every_tick() {
         // Nanoseconds since 1970 have more bits than an f64.
         let start = 1_800_000_000_000_000_001_u64;
         let mut clock = Clock::new(64, 1.0);
@@ -201,8 +198,7 @@ mod tests {
         assert!(close(times.refit_ms, 0.000_001), "{times:?}");
     }
 
-    #[test]
-    fn nothing_is_timed_without_marks_nor_begun_without_stages() {
+    pub(crate) fn nothing_is_timed_without_marks_nor_begun_without_stages() {
         let mut clock = Clock::new(64, 1.0);
         assert_eq!(clock.times(&[Stage::Refit], &[]), StageTimes::default());
         assert_eq!(clock.times(&[], &[5]), StageTimes::default());

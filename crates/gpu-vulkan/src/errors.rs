@@ -34,11 +34,10 @@ pub(crate) fn refused(kernel: &str) -> impl FnOnce(vk::Result) -> BackendError +
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    #[test]
-    fn codes_become_errors_that_say_what_was_being_done() {
+    pub(crate) fn codes_become_errors_that_say_what_was_being_done() {
         let lost = failed("a submission")(vk::Result::ERROR_DEVICE_LOST);
         assert_eq!(lost.to_string(), "the device was lost: a submission");
         let full = failed_for("hits", 64)(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);

@@ -42,3 +42,8 @@ pub use adapters::{Adapter, Options, adapters};
 pub use method::supports;
 pub use validation::Validation;
 pub use vulkan::VulkanBackend;
+
+#[cfg(test)]
+fn main() -> std::process::ExitCode {
+    tests::run()
+}

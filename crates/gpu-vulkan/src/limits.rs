@@ -127,7 +127,7 @@ fn refuse_above(what: String, need: u64, limit: u64) -> Result<()> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use geom::Camera;
     use shaders::{Params, work};
@@ -142,8 +142,7 @@ mod tests {
         tick_ns: 1.0,
     };
 
-    #[test]
-    fn a_refused_buffer_names_its_need_and_the_limit_it_meets() {
+    pub(crate) fn a_refused_buffer_names_its_need_and_the_limit_it_meets() {
         assert_eq!(LIMITS.admit("hits", 1 << 27), Ok(()));
         let refused = LIMITS.admit("hits", (1 << 27) + 16).unwrap_err();
         let expected =
@@ -159,8 +158,7 @@ mod tests {
         assert_eq!(refused.to_string(), expected);
     }
 
-    #[test]
-    fn a_refused_dispatch_names_its_groups_and_how_many_there_may_be() {
+    pub(crate) fn a_refused_dispatch_names_its_groups_and_how_many_there_may_be() {
         let camera = |height| {
             let (eye, up) = ([0.0, 0.0, 3.0], [0.0, 1.0, 0.0]);
             Camera::look_at(eye, [0.0; 3], up, 50.0, [17, height]).unwrap()
@@ -176,8 +174,7 @@ mod tests {
         assert_eq!(groups(8 * 70_000).unwrap_err().to_string(), expected);
     }
 
-    #[test]
-    fn a_device_with_too_few_buffers_is_refused_by_the_kernels_name() {
+    pub(crate) fn a_device_with_too_few_buffers_is_refused_by_the_kernels_name() {
         assert_eq!(LIMITS.admit_kernels(), Ok(()));
         let poor = Limits {
             storage_buffers: 3,

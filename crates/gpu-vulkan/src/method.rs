@@ -24,11 +24,10 @@ pub(crate) fn check(method: Method) -> Result<()> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    #[test]
-    fn one_method_is_supported_and_the_others_are_refused_by_name() {
+    pub(crate) fn one_method_is_supported_and_the_others_are_refused_by_name() {
         assert!(supports(Method::default()));
         let woop = Method {
             intersector: Intersector::Woop,

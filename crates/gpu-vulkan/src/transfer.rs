@@ -177,11 +177,10 @@ impl<'a> Loader<'a> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    #[test]
-    fn pieces_lie_side_by_side_and_none_is_large() {
+    pub(crate) fn pieces_lie_side_by_side_and_none_is_large() {
         assert!(pieces(0, 5).is_empty());
         for bytes in [1, PIECE, PIECE + 1, 10 * PIECE + 7] {
             let all = pieces(bytes, 5);

@@ -3,9 +3,8 @@
 use super::scenes::{SHADOWED, camera, device, go, hits, open, rays, stand, swarm, tree_at};
 use backend::{Backend, FRAMES_IN_FLIGHT, Generation, Rays, Seek, Ticket};
 
-#[test]
-fn no_more_submissions_are_under_way_than_may_be() {
-    let Some(mut backend) = device() else { return };
+pub(super) fn no_more_submissions_are_under_way_than_may_be() {
+    let mut backend = device();
     let (animation, camera) = (swarm(2000), camera());
     open(&mut *backend, &animation);
     for frame in 0..8 {
@@ -17,9 +16,8 @@ fn no_more_submissions_are_under_way_than_may_be() {
     }
 }
 
-#[test]
-fn results_last_for_two_more_traces() {
-    let Some(mut backend) = device() else { return };
+pub(super) fn results_last_for_two_more_traces() {
+    let mut backend = device();
     let (animation, camera) = (swarm(300), camera());
     open(&mut *backend, &animation);
     let times = [0.0, 0.5, 1.2, 1.9, 0.7, 1.4];
@@ -50,9 +48,8 @@ fn results_last_for_two_more_traces() {
     }
 }
 
-#[test]
-fn times_begin_one_after_the_other_by_one_clock() {
-    let Some(mut backend) = device() else { return };
+pub(super) fn times_begin_one_after_the_other_by_one_clock() {
+    let mut backend = device();
     let (animation, camera) = (swarm(2000), camera());
     open(&mut *backend, &animation);
     let mut tickets = Vec::new();
@@ -82,9 +79,8 @@ fn times_begin_one_after_the_other_by_one_clock() {
     assert_eq!(backend.wait(ticket).unwrap().times.begun_ms, None);
 }
 
-#[test]
-fn another_scene_forgets_the_first() {
-    let Some(mut backend) = device() else { return };
+pub(super) fn another_scene_forgets_the_first() {
+    let mut backend = device();
     let (first, second) = (swarm(500), swarm(30));
     let mut held = Vec::new();
     for animation in [&second, &first, &second, &first] {
@@ -108,9 +104,8 @@ fn another_scene_forgets_the_first() {
     );
 }
 
-#[test]
-fn steady_frames_make_no_buffers() {
-    let Some(mut backend) = device() else { return };
+pub(super) fn steady_frames_make_no_buffers() {
+    let mut backend = device();
     let (animation, camera) = (swarm(1000), camera());
     open(&mut *backend, &animation);
     let trees = [0.0, 0.7, 1.5].map(|time| tree_at(&animation, time));
@@ -137,9 +132,8 @@ fn steady_frames_make_no_buffers() {
     assert_eq!(backend.gpu.memory.made(), made);
 }
 
-#[test]
-fn a_backend_may_be_dropped_at_any_moment() {
-    let Some(mut backend) = device() else { return };
+pub(super) fn a_backend_may_be_dropped_at_any_moment() {
+    let mut backend = device();
     let animation = swarm(2000);
     open(&mut *backend, &animation);
     stand(&mut *backend, &animation, 0.5);

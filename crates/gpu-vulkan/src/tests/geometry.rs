@@ -43,9 +43,8 @@ fn chain(order: impl Iterator<Item = u32>) -> Topology {
     Topology::from_words(words).unwrap()
 }
 
-#[test]
-fn the_deepest_tree_is_refitted_and_traced_from_either_end() {
-    let Some(mut backend) = device() else { return };
+pub(super) fn the_deepest_tree_is_refitted_and_traced_from_either_end() {
+    let mut backend = device();
     let animation = stack();
     let rays: Vec<_> = (0..200)
         .map(|i| {
@@ -74,9 +73,8 @@ fn the_deepest_tree_is_refitted_and_traced_from_either_end() {
     }
 }
 
-#[test]
-fn a_submission_may_hold_any_number_of_stages() {
-    let Some(mut backend) = device() else { return };
+pub(super) fn a_submission_may_hold_any_number_of_stages() {
+    let mut backend = device();
     let animation = stack();
     let method = Method::default();
     backend.load(Arc::clone(&animation), method).unwrap();
@@ -96,9 +94,8 @@ fn a_submission_may_hold_any_number_of_stages() {
     );
 }
 
-#[test]
-fn triangles_are_counted_at_the_last_positions_alone() {
-    let Some(mut backend) = device() else { return };
+pub(super) fn triangles_are_counted_at_the_last_positions_alone() {
+    let mut backend = device();
     let animation = swarm(500);
     let mut counts = Vec::new();
     open(&mut *backend, &animation);
@@ -134,9 +131,8 @@ fn costs(backend: &mut dyn Backend, animation: &Arc<Animation>, tree: &Topology)
     [0.0, 0.4, 1.0, 1.7].map(cost).to_vec()
 }
 
-#[test]
-fn the_cost_of_a_tree_is_the_references() {
-    let Some(mut backend) = device() else { return };
+pub(super) fn the_cost_of_a_tree_is_the_references() {
+    let mut backend = device();
     let mut reference = CpuBackend::new(Some(2)).unwrap();
     let deep = (stack(), chain(0..LEAVES));
     let swarms = [1, 3, 130, 20_000].map(|n| {
@@ -154,9 +150,8 @@ fn the_cost_of_a_tree_is_the_references() {
     }
 }
 
-#[test]
-fn a_cameras_rays_meet_anything_as_the_list_of_them_does() {
-    let Some(mut backend) = device() else { return };
+pub(super) fn a_cameras_rays_meet_anything_as_the_list_of_them_does() {
+    let mut backend = device();
     let (animation, camera) = (swarm(600), camera());
     open(&mut *backend, &animation);
     stand(&mut *backend, &animation, 0.3);

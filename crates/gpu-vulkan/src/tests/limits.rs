@@ -1,20 +1,25 @@
 //! Scenes and queries that the device cannot hold.
 
 use super::scenes::{device, go, hits, open, rays, stand, swarm};
+use crate::VulkanBackend;
 use backend::{Backend, BackendError, Method, Rays, Seek};
 use geom::Animation;
 use std::sync::Arc;
 
-#[test]
-fn a_scene_too_large_is_refused_with_both_numbers_and_a_small_one_still_goes() {
-    let Some(mut backend) = device() else { return };
-    let limit = backend.gpu.limits.buffer_bytes();
-    // Nodes take 64 bytes a triangle, and triangles may share corners.
-    let triangles = limit / 64 + 2;
-    if triangles > 10_000_000 {
-        // Such a scene would not fit this machine's own memory: the check is tested without one.
-        return;
-    }
+/// Triangles of a scene that just outgrows a buffer: nodes take 64 bytes a triangle, and triangles may share corners.
+fn too_many(backend: &VulkanBackend) -> u64 {
+    backend.gpu.limits.buffer_bytes() / 64 + 2
+}
+
+/// Why a scene that outgrows a buffer is not for this machine's own memory.
+pub(super) fn are_too_large(backend: &VulkanBackend) -> Option<String> {
+    let triangles = too_many(backend);
+    (triangles > 10_000_000).then(|| format!("it takes {triangles} triangles to outgrow a buffer"))
+}
+
+pub(super) fn a_scene_too_large_is_refused_with_both_numbers_and_a_small_one_still_goes() {
+    let mut backend = device();
+    let (triangles, limit) = (too_many(&backend), backend.gpu.limits.buffer_bytes());
     let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let list = vec![[0, 1, 2]; triangles as usize];
     let huge = Arc::new(Animation::new(vec![corners], list).unwrap());
@@ -36,9 +41,8 @@ fn a_scene_too_large_is_refused_with_both_numbers_and_a_small_one_still_goes() {
     assert_eq!(hits(&mut *backend, ticket).closest.len(), 8);
 }
 
-#[test]
-fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once() {
-    let Some(mut backend) = device() else { return };
+pub(super) fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once() {
+    let mut backend = device();
     let limit = backend.gpu.limits.buffer_bytes();
     let animation = swarm(50);
     open(&mut *backend, &animation);

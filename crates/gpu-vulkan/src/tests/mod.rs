@@ -1,10 +1,100 @@
-//! The whole backend on the device of this machine, with a view of its inside.
-//!
-//! Where there is no device, nothing is tested, unless `ABVH_REQUIRE_BACKENDS`
-//! names `vulkan`. The validation layer listens where it is installed.
+//! Every test of the crate, as data: a test of the device shows as ignored, with
+//! the reason, where this machine's device is absent or cannot show what is
+//! asked. `ABVH_REQUIRE_BACKENDS=vulkan` turns an absent device red. The validation
+//! layer listens where it is installed.
 
 mod frames;
 mod geometry;
 mod limits;
 mod roads;
 mod scenes;
+
+use crate::{adapters, clock, errors, method, queues, snapshots, transfer};
+use libtest_mimic::{Arguments, Trial};
+use std::process::ExitCode;
+
+type Test = fn();
+
+/// Names a test by its path.
+macro_rules! named {
+    ($($path:path),* $(,)?) => { &[$((stringify!($path), $path as Test)),*] };
+}
+
+/// Tests that need no device.
+const PLAIN: &[(&str, Test)] = named![
+    adapters::tests::an_adapter_is_chosen_by_index_by_part_of_its_name_or_for_being_a_gpu,
+    clock::tests::stages_are_timed_each_and_all_together,
+    clock::tests::a_clock_of_few_bits_goes_on_when_it_wraps,
+    clock::tests::a_clock_of_64_bits_keeps_every_tick,
+    clock::tests::nothing_is_timed_without_marks_nor_begun_without_stages,
+    errors::tests::codes_become_errors_that_say_what_was_being_done,
+    crate::limits::tests::a_refused_buffer_names_its_need_and_the_limit_it_meets,
+    crate::limits::tests::a_refused_dispatch_names_its_groups_and_how_many_there_may_be,
+    crate::limits::tests::a_device_with_too_few_buffers_is_refused_by_the_kernels_name,
+    method::tests::one_method_is_supported_and_the_others_are_refused_by_name,
+    queues::tests::copies_go_to_copy_engines_else_to_spare_queues_else_to_the_one_there_is,
+    snapshots::tests::positions_are_written_where_nobody_reads_or_where_reading_ends_first,
+    transfer::tests::pieces_lie_side_by_side_and_none_is_large,
+];
+
+/// Tests that need a device.
+const ON_DEVICE: &[(&str, Test)] = named![
+    frames::no_more_submissions_are_under_way_than_may_be,
+    frames::results_last_for_two_more_traces,
+    frames::times_begin_one_after_the_other_by_one_clock,
+    frames::another_scene_forgets_the_first,
+    frames::steady_frames_make_no_buffers,
+    frames::a_backend_may_be_dropped_at_any_moment,
+    geometry::the_deepest_tree_is_refitted_and_traced_from_either_end,
+    geometry::a_submission_may_hold_any_number_of_stages,
+    geometry::triangles_are_counted_at_the_last_positions_alone,
+    geometry::the_cost_of_a_tree_is_the_references,
+    geometry::a_cameras_rays_meet_anything_as_the_list_of_them_does,
+    limits::a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once,
+    roads::requests_of_several_submissions_are_answered_in_their_order,
+    roads::a_snapshot_outlives_the_backend,
+];
+
+/// Tests that need a device whose copies up and down each have a queue of their own.
+const ON_THREE_QUEUES: &[(&str, Test)] = named![
+    roads::positions_on_their_way_are_not_written_over,
+    roads::frames_go_on_though_nothing_comes_down_or_goes_up,
+];
+
+/// Tests that need a device whose buffers are small enough for the host to outgrow them.
+const ON_SMALL_BUFFERS: &[(&str, Test)] =
+    named![limits::a_scene_too_large_is_refused_with_both_numbers_and_a_small_one_still_goes,];
+
+pub(crate) fn run() -> ExitCode {
+    let arguments = Arguments::from_args();
+    let device = scenes::find();
+    let absent = device.as_ref().err().cloned();
+    let (queues, buffers) = match &device {
+        Ok(backend) => (roads::lacks_queues(backend), limits::are_too_large(backend)),
+        Err(_) => (absent.clone(), absent.clone()),
+    };
+    drop(device);
+    let required = std::env::var("ABVH_REQUIRE_BACKENDS").unwrap_or_default();
+    let excused = !required.split(',').any(|name| name.trim() == "vulkan");
+    let mut trials: Vec<_> = PLAIN.iter().map(|t| trial(t, None)).collect();
+    let why = absent.filter(|_| excused);
+    trials.extend(ON_DEVICE.iter().map(|t| trial(t, why.as_deref())));
+    trials.extend(ON_THREE_QUEUES.iter().map(|t| trial(t, queues.as_deref())));
+    trials.extend(
+        ON_SMALL_BUFFERS
+            .iter()
+            .map(|t| trial(t, buffers.as_deref())),
+    );
+    libtest_mimic::run(&arguments, trials).exit_code()
+}
+
+fn trial(&(name, test): &(&'static str, Test), lacks: Option<&str>) -> Trial {
+    let trial = Trial::test(name, move || {
+        test();
+        Ok(())
+    });
+    match lacks {
+        Some(why) => trial.with_kind(why).with_ignored_flag(true),
+        None => trial,
+    }
+}

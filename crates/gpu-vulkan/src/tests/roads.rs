@@ -1,9 +1,9 @@
 //! Vertices on their way down and trees on their way up, beside the frames.
 
 use super::scenes::{
-    SHADOWED, Watched, arrive, bits, camera, device, go, hits, open, positions, stand, swarm,
-    tree_at,
+    SHADOWED, arrive, bits, camera, device, go, hits, open, positions, stand, swarm, tree_at,
 };
+use crate::VulkanBackend;
 use crate::memory::{Buffer, Place};
 use crate::timeline::Timeline;
 use crate::transfer::{Copy, Transfer};
@@ -12,9 +12,8 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
-#[test]
-fn requests_of_several_submissions_are_answered_in_their_order() {
-    let Some(mut backend) = device() else { return };
+pub(super) fn requests_of_several_submissions_are_answered_in_their_order() {
+    let mut backend = device();
     let animation = swarm(20_000);
     open(&mut *backend, &animation);
     assert!(backend.take_positions().unwrap().is_none());
@@ -60,9 +59,8 @@ fn a_submission_holds_one_request() {
     let _ = backend.request_positions();
 }
 
-#[test]
-fn a_snapshot_outlives_the_backend() {
-    let Some(mut backend) = device() else { return };
+pub(super) fn a_snapshot_outlives_the_backend() {
+    let mut backend = device();
     let animation = swarm(100);
     open(&mut *backend, &animation);
     stand(&mut *backend, &animation, 0.25);
@@ -87,21 +85,16 @@ fn bar(road: &mut Transfer, gate: &Timeline, from: &Buffer, to: &Buffer) {
     road.start(copy, Some(gate.at(1))).unwrap();
 }
 
-/// A backend whose copies up and down each have a queue of their own. On a
-/// device of one queue all work stands in one line, and there is nothing to test.
-fn device_of_three_queues() -> Option<Watched> {
-    let backend = device()?;
+/// Why a device cannot show that copies up and down have queues of their own.
+pub(super) fn lacks_queues(backend: &VulkanBackend) -> Option<String> {
     let gpu = &backend.gpu;
     let own = |queue| queue != gpu.compute;
     let three = own(gpu.upload) && own(gpu.readback) && gpu.upload != gpu.readback;
-    three.then_some(backend)
+    (!three).then(|| "all work stands in one queue".to_owned())
 }
 
-#[test]
-fn positions_on_their_way_are_not_written_over() {
-    let Some(mut backend) = device_of_three_queues() else {
-        return;
-    };
+pub(super) fn positions_on_their_way_are_not_written_over() {
+    let mut backend = device();
     let gpu = Arc::clone(&backend.gpu);
     let animation = swarm(5000);
     open(&mut *backend, &animation);
@@ -127,11 +120,8 @@ fn positions_on_their_way_are_not_written_over() {
     backend.wait(third).unwrap();
 }
 
-#[test]
-fn frames_go_on_though_nothing_comes_down_or_goes_up() {
-    let Some(mut backend) = device_of_three_queues() else {
-        return;
-    };
+pub(super) fn frames_go_on_though_nothing_comes_down_or_goes_up() {
+    let mut backend = device();
     let gpu = Arc::clone(&backend.gpu);
     let (animation, camera) = (swarm(5000), camera());
     open(&mut *backend, &animation);

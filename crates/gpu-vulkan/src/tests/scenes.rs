@@ -33,20 +33,19 @@ impl Drop for Watched {
     }
 }
 
-/// The device of this machine, if it has one.
-pub(super) fn device() -> Option<Watched> {
-    let required = std::env::var("ABVH_REQUIRE_BACKENDS").unwrap_or_default();
+/// The device of this machine, or why there is none.
+pub(super) fn find() -> Result<Watched, String> {
     let options = Options {
         validation: Validation::IfInstalled,
         ..Options::default()
     };
-    match VulkanBackend::new(&options) {
-        Ok(backend) => Some(Watched(backend)),
-        Err(e) => {
-            assert!(!required.contains("vulkan"), "{e}");
-            None
-        }
-    }
+    let opened = VulkanBackend::new(&options);
+    opened.map(Watched).map_err(|e| e.to_string())
+}
+
+/// The device of this machine.
+pub(super) fn device() -> Watched {
+    find().unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Numbers in -1..1 that are the same everywhere (SplitMix64).
