@@ -29,6 +29,8 @@ pub(crate) enum Command {
     Chart(ChartArgs),
     /// Hold backends to the laws that all of them keep
     Conform(ConformArgs),
+    /// Count wrong answers, leaks and double hits where arithmetic is hardest, against what is to be expected
+    Stability(StabilityArgs),
     /// Describe a scene: size, motion, how refitting decays, what auto takes and why
     Inspect(InspectArgs),
     /// Describe this build and this machine: backends present and absent
@@ -379,6 +381,9 @@ pub(crate) use chart::ChartArgs;
 
 mod conform;
 pub(crate) use conform::{ConformArgs, SubjectName};
+
+mod stability;
+pub(crate) use stability::StabilityArgs;
 
 #[cfg(test)]
 mod tests;

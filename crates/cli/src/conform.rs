@@ -2,32 +2,27 @@
 
 mod results;
 
-use crate::args::{BackendName, ConformArgs, SubjectName};
+use crate::args::{BackendName, ConformArgs};
 use crate::open::{self, Want};
 use crate::progress::Progress;
 use crate::stop::Stop;
-use crate::{info, talk, threads};
+use crate::subjects::{self, Examined, Machine, Subject};
+use crate::talk;
 use backend::{Backend, Method};
 use conformance::leaks::{self, Plan};
 use conformance::{Disagreement, LAWS, Law, hold, hold_one};
-use results::{Absent, Examined, LeakRow, Machine, Report, Row};
+use results::{LeakRow, Report, Row};
 use std::time::Instant;
 
 /// Steps in which the progress of many rays is told.
 const STEPS: u64 = 20;
-
-/// A backend that is held to the laws.
-struct Subject {
-    name: &'static str,
-    backend: Box<dyn Backend>,
-}
 
 /// Holds all to all.
 pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
     if let Some(file) = &args.json {
         report::check_writable(file).map_err(Stop::bad)?;
     }
-    let (mut subjects, absent) = subjects(args)?;
+    let (mut subjects, absent) = subjects::open_all(&args.backend, args.adapter.as_deref())?;
     let mut report = Report {
         schema: report::SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
@@ -35,11 +30,7 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
         seed: args.seed,
         cases: args.cases,
         leak_rays: args.leak_rays,
-        machine: Machine {
-            cpu: info::cpu_model(),
-            cores: threads::cores(),
-            os: std::env::consts::OS,
-        },
+        machine: Machine::here(),
         backends: subjects.iter().map(Examined::of).collect(),
         absent,
         rows: laws(args, &mut subjects)?,
@@ -60,56 +51,6 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
             if n == 1 { "" } else { "s" }
         ))),
     }
-}
-
-/// Opens what was named, or whatever is present.
-fn subjects(args: &ConformArgs) -> Result<(Vec<Subject>, Vec<Absent>), Stop> {
-    use SubjectName as S;
-    let auto = args.backend.contains(&S::Auto);
-    let all = [
-        (S::Cpu, "cpu"),
-        (S::Vulkan, "vulkan"),
-        (S::Wgpu, "wgpu"),
-        (S::WgpuWgsl, "wgpu-wgsl"),
-    ];
-    let (mut subjects, mut absent) = (Vec::new(), Vec::new());
-    for (subject, name) in all {
-        let named = args.backend.contains(&subject);
-        if !named && !auto {
-            continue;
-        }
-        match open_subject(subject, args.adapter.as_deref()) {
-            Ok(backend) => subjects.push(Subject { name, backend }),
-            Err(stop) if named => return Err(stop),
-            Err(stop) => absent.push(Absent {
-                backend: name,
-                reason: stop.to_string(),
-            }),
-        }
-    }
-    if subjects.is_empty() {
-        let reasons: Vec<_> = absent.iter().map(|a| a.reason.as_str()).collect();
-        return Err(Stop::bad(reasons.join("; ")));
-    }
-    Ok((subjects, absent))
-}
-
-fn open_subject(subject: SubjectName, adapter: Option<&str>) -> Result<Box<dyn Backend>, Stop> {
-    let backend = match subject {
-        SubjectName::Cpu | SubjectName::Auto => BackendName::Cpu,
-        SubjectName::Vulkan => BackendName::Vulkan,
-        SubjectName::Wgpu | SubjectName::WgpuWgsl => BackendName::Wgpu,
-    };
-    let want = Want {
-        backend,
-        adapter,
-        method: Method::default(),
-        threads: threads::cores(),
-    };
-    if subject == SubjectName::WgpuWgsl {
-        return open::open_wgsl(&want);
-    }
-    Ok(open::open(&want, Ok)?.value)
 }
 
 /// Every law on every subject, against the host on one thread.

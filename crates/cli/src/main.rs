@@ -23,7 +23,9 @@ mod record;
 mod reduce;
 mod render;
 mod session;
+mod stability;
 mod stop;
+mod subjects;
 mod table;
 mod talk;
 mod threads;
@@ -49,6 +51,7 @@ fn run(command: Command) -> Result<(), Stop> {
         Command::Bench(args) => bench::run(&args),
         Command::Chart(args) => chart::run(&args),
         Command::Conform(args) => conform::run(&args),
+        Command::Stability(args) => stability::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Info(args) => info::run(&args),
     }

@@ -98,6 +98,18 @@ impl Cell {
         }
     }
 
+    /// Wrong answers.
+    #[must_use]
+    pub fn wrong(&self) -> &Measured {
+        &self.measured[0]
+    }
+
+    /// What was counted of one thing; `None` if it means nothing in this family.
+    #[must_use]
+    pub fn get(&self, measure: Measure) -> Option<&Measured> {
+        self.measured.iter().find(|m| m.measure == measure)
+    }
+
     /// Whether every rate is within its bound.
     #[must_use]
     pub fn is_ok(&self) -> bool {

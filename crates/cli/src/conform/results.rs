@@ -1,8 +1,7 @@
 //! What `conform` found, as JSON and for people.
 
-use super::Subject;
+use crate::subjects::{Absent, Examined, Machine, roll};
 use crate::table::{grouped, table};
-use backend::DeviceKind;
 use conformance::leaks;
 use serde::Serialize;
 
@@ -22,30 +21,6 @@ pub(super) struct Report {
     pub(super) leaks: Vec<LeakRow>,
     /// The first rays that were wrong, each with the command that finds them again.
     pub(super) leak_examples: Vec<String>,
-}
-
-#[derive(Serialize)]
-pub(super) struct Machine {
-    pub(super) cpu: Option<String>,
-    pub(super) cores: usize,
-    pub(super) os: &'static str,
-}
-
-/// A backend that was held to the laws.
-#[derive(Serialize)]
-pub(super) struct Examined {
-    backend: &'static str,
-    adapter: String,
-    driver: String,
-    kind: &'static str,
-    threads: usize,
-}
-
-/// A backend that was not, because it cannot run here.
-#[derive(Serialize)]
-pub(super) struct Absent {
-    pub(super) backend: &'static str,
-    pub(super) reason: String,
 }
 
 /// One law on one backend.
@@ -73,23 +48,6 @@ pub(super) struct LeakRow {
     leaks: u64,
     counted: u64,
     miscounts: u64,
-}
-
-impl Examined {
-    pub(super) fn of(subject: &Subject) -> Self {
-        let device = subject.backend.device();
-        Self {
-            backend: subject.name,
-            adapter: device.adapter.clone(),
-            driver: device.driver.clone(),
-            kind: match device.kind {
-                DeviceKind::Gpu => "gpu",
-                DeviceKind::Cpu => "cpu",
-                DeviceKind::Software => "software",
-            },
-            threads: device.threads,
-        }
-    }
 }
 
 impl LeakRow {
@@ -121,17 +79,7 @@ impl Report {
     }
 
     pub(super) fn text(&self) -> String {
-        let mut text = String::new();
-        for b in &self.backends {
-            let driver = match b.driver.trim() {
-                "" => String::new(),
-                driver => format!(" ({driver})"),
-            };
-            text += &format!("{}: {}{driver}\n", b.backend, b.adapter);
-        }
-        for a in &self.absent {
-            text += &format!("{}: absent; {}\n", a.backend, a.reason);
-        }
+        let mut text = roll(&self.backends, &self.absent);
         if !self.rows.is_empty() {
             text += &self.law_table();
         }

@@ -1,0 +1,44 @@
+//! What may be asked of `stability`.
+
+use super::SubjectName;
+use backend::Intersector;
+use clap::Args;
+use clap::builder::RangedU64ValueParser;
+use std::path::PathBuf;
+
+/// Options of `stability`.
+#[derive(Args, Debug)]
+pub(crate) struct StabilityArgs {
+    /// Backends; auto is all that are present
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "auto"
+    )]
+    pub(crate) backend: Vec<SubjectName>,
+    /// Adapter of the backends, by index or by part of its name
+    #[arg(long, value_name = "INDEX|NAME-PART")]
+    pub(crate) adapter: Option<String>,
+    /// Intersectors
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "moller-trumbore,woop,watertight,exact"
+    )]
+    pub(crate) intersector: Vec<Intersector>,
+    /// Decides scenes and rays
+    #[arg(long, value_name = "S", default_value_t = stability::Plan::default().seed)]
+    pub(crate) seed: u64,
+    /// Rays of each family
+    #[arg(long, value_name = "N", default_value_t = stability::Plan::default().rays,
+        value_parser = RangedU64ValueParser::<u32>::new().range(1..=1_000_000))]
+    pub(crate) rays: u32,
+    /// File for the results
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// No progress
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}

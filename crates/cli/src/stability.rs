@@ -1,0 +1,91 @@
+//! `abvh stability`: how often each intersector is wrong where arithmetic is hardest, and whether that is to be expected.
+
+mod results;
+
+use crate::args::StabilityArgs;
+use crate::progress::Progress;
+use crate::stop::Stop;
+use crate::subjects::{self, Examined, Machine, Subject};
+use crate::talk;
+use backend::Intersector;
+use results::{Report, Row, Unsupported};
+use stability::{Cell, Exam, Family, Plan};
+use std::time::Instant;
+
+/// Asks everything of all.
+pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
+    if let Some(file) = &args.json {
+        report::check_writable(file).map_err(Stop::bad)?;
+    }
+    let (mut subjects, absent) = subjects::open_all(&args.backend, args.adapter.as_deref())?;
+    let mut report = Report {
+        schema: report::SCHEMA,
+        version: env!("CARGO_PKG_VERSION"),
+        command_line: std::env::args().collect(),
+        seed: args.seed,
+        rays: args.rays,
+        machine: Machine::here(),
+        backends: subjects.iter().map(Examined::of).collect(),
+        absent,
+        unsupported: Vec::new(),
+        rows: Vec::new(),
+    };
+    ask(args, &mut subjects, &mut report)?;
+    if let Some(file) = &args.json {
+        report::write_json(file, &report)?;
+    }
+    let known = Intersector::ALL.into_iter();
+    let asked: Vec<_> = known.filter(|i| args.intersector.contains(i)).collect();
+    talk::print(&report.text(&asked))?;
+    match report.failures() {
+        0 => Ok(()),
+        1 => Err(Stop::failed("1 cell is out of its bound")),
+        n => Err(Stop::failed(format!("{n} cells are out of their bounds"))),
+    }
+}
+
+/// Every family, by every intersector, of every backend.
+fn ask(args: &StabilityArgs, subjects: &mut [Subject], report: &mut Report) -> Result<(), Stop> {
+    let plan = Plan {
+        seed: args.seed,
+        rays: args.rays,
+    };
+    let mut progress = Progress::new((Family::ALL.len() * subjects.len()) as u64, args.quiet);
+    for family in Family::ALL {
+        let exam = Exam::new(family, &plan);
+        for subject in &mut *subjects {
+            for by in Intersector::ALL {
+                if args.intersector.contains(&by) {
+                    report.add(subject.name, by, answer(&exam, subject, by)?);
+                }
+            }
+            progress.step(&format!("{} {family}", subject.name));
+        }
+    }
+    Ok(())
+}
+
+/// One cell; `None` if the backend does not support the intersector.
+fn answer(exam: &Exam, subject: &mut Subject, by: Intersector) -> Result<Option<Row>, Stop> {
+    let begun = Instant::now();
+    let tally = exam.ask(subject.backend.as_mut(), by)?;
+    let seconds = begun.elapsed().as_secs_f64();
+    Ok(tally.map(|tally| {
+        let cell = Cell::new(exam.family(), by, &tally);
+        Row::new(subject.name, cell, seconds)
+    }))
+}
+
+impl Report {
+    fn add(&mut self, backend: &'static str, by: Intersector, row: Option<Row>) {
+        let unsupported = Unsupported {
+            backend,
+            intersector: by.name(),
+        };
+        match row {
+            Some(row) => self.rows.push(row),
+            None if self.unsupported.contains(&unsupported) => {}
+            None => self.unsupported.push(unsupported),
+        }
+    }
+}

@@ -1,0 +1,135 @@
+//! Backends put to the test, and those that cannot be.
+
+use crate::args::{BackendName, SubjectName};
+use crate::open::{self, Want};
+use crate::stop::Stop;
+use crate::{info, threads};
+use backend::{Backend, DeviceKind, Method};
+use serde::Serialize;
+
+/// A backend that is put to the test.
+pub(crate) struct Subject {
+    pub(crate) name: &'static str,
+    pub(crate) backend: Box<dyn Backend>,
+}
+
+/// Where tests run.
+#[derive(Serialize)]
+pub(crate) struct Machine {
+    pub(crate) cpu: Option<String>,
+    pub(crate) cores: usize,
+    pub(crate) os: &'static str,
+}
+
+/// What is said of a backend that was put to the test.
+#[derive(Serialize)]
+pub(crate) struct Examined {
+    pub(crate) backend: &'static str,
+    pub(crate) adapter: String,
+    pub(crate) driver: String,
+    pub(crate) kind: &'static str,
+    pub(crate) threads: usize,
+}
+
+/// A backend that was not, because it cannot run here.
+#[derive(Serialize)]
+pub(crate) struct Absent {
+    pub(crate) backend: &'static str,
+    pub(crate) reason: String,
+}
+
+impl Machine {
+    pub(crate) fn here() -> Self {
+        Self {
+            cpu: info::cpu_model(),
+            cores: threads::cores(),
+            os: std::env::consts::OS,
+        }
+    }
+}
+
+impl Examined {
+    pub(crate) fn of(subject: &Subject) -> Self {
+        let device = subject.backend.device();
+        Self {
+            backend: subject.name,
+            adapter: device.adapter.clone(),
+            driver: device.driver.clone(),
+            kind: match device.kind {
+                DeviceKind::Gpu => "gpu",
+                DeviceKind::Cpu => "cpu",
+                DeviceKind::Software => "software",
+            },
+            threads: device.threads,
+        }
+    }
+}
+
+/// One line for each backend, present or absent.
+pub(crate) fn roll(present: &[Examined], absent: &[Absent]) -> String {
+    let mut text = String::new();
+    for b in present {
+        let driver = match b.driver.trim() {
+            "" => String::new(),
+            driver => format!(" ({driver})"),
+        };
+        text += &format!("{}: {}{driver}\n", b.backend, b.adapter);
+    }
+    for a in absent {
+        text += &format!("{}: absent; {}\n", a.backend, a.reason);
+    }
+    text
+}
+
+/// Opens what was named, or whatever is present.
+pub(crate) fn open_all(
+    names: &[SubjectName],
+    adapter: Option<&str>,
+) -> Result<(Vec<Subject>, Vec<Absent>), Stop> {
+    use SubjectName as S;
+    let auto = names.contains(&S::Auto);
+    let all = [
+        (S::Cpu, "cpu"),
+        (S::Vulkan, "vulkan"),
+        (S::Wgpu, "wgpu"),
+        (S::WgpuWgsl, "wgpu-wgsl"),
+    ];
+    let (mut subjects, mut absent) = (Vec::new(), Vec::new());
+    for (subject, name) in all {
+        let named = names.contains(&subject);
+        if !named && !auto {
+            continue;
+        }
+        match open_one(subject, adapter) {
+            Ok(backend) => subjects.push(Subject { name, backend }),
+            Err(stop) if named => return Err(stop),
+            Err(stop) => absent.push(Absent {
+                backend: name,
+                reason: stop.to_string(),
+            }),
+        }
+    }
+    if subjects.is_empty() {
+        let reasons: Vec<_> = absent.iter().map(|a| a.reason.as_str()).collect();
+        return Err(Stop::bad(reasons.join("; ")));
+    }
+    Ok((subjects, absent))
+}
+
+fn open_one(subject: SubjectName, adapter: Option<&str>) -> Result<Box<dyn Backend>, Stop> {
+    let backend = match subject {
+        SubjectName::Cpu | SubjectName::Auto => BackendName::Cpu,
+        SubjectName::Vulkan => BackendName::Vulkan,
+        SubjectName::Wgpu | SubjectName::WgpuWgsl => BackendName::Wgpu,
+    };
+    let want = Want {
+        backend,
+        adapter,
+        method: Method::default(),
+        threads: threads::cores(),
+    };
+    if subject == SubjectName::WgpuWgsl {
+        return open::open_wgsl(&want);
+    }
+    Ok(open::open(&want, Ok)?.value)
+}
