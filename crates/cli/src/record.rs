@@ -38,6 +38,7 @@ pub(crate) fn row(record: &FrameRecord) -> FrameStats {
         blocked: report.blocked,
         inactive: report.inactive,
         degenerate: report.degenerate,
+        settled: report.settled,
         host_bytes: memory::resident_bytes(),
         device_bytes: record.device_bytes,
     }

@@ -105,6 +105,8 @@ pub struct FrameStats {
     pub blocked: u64,
     pub inactive: u64,
     pub degenerate: u64,
+    /// Rays that exact arithmetic settled.
+    pub settled: u64,
     pub host_bytes: Option<u64>,
     pub device_bytes: Option<u64>,
 }

@@ -26,7 +26,7 @@ const TOP: [&str; 9] = [
     "summary",
 ];
 
-pub(crate) const FRAME: [&str; 24] = [
+pub(crate) const FRAME: [&str; 25] = [
     "frame",
     "time",
     "interpolate_ms",
@@ -49,6 +49,7 @@ pub(crate) const FRAME: [&str; 24] = [
     "blocked",
     "inactive",
     "degenerate",
+    "settled",
     "host_bytes",
     "device_bytes",
 ];
