@@ -116,6 +116,11 @@ impl Looks {
         }
     }
 
+    /// Whether labels must name the backend.
+    pub(crate) fn backends_differ(&self) -> bool {
+        self.backends.len() > 1
+    }
+
     pub(crate) fn colour(&self, backend: &str) -> RGBColor {
         find(&self.backends, backend).unwrap_or(BLACK)
     }

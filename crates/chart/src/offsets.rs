@@ -43,7 +43,8 @@ pub(crate) struct Offsets {
 }
 
 struct Curve {
-    backend: String,
+    /// The backend, or the intersector where all have the same backend.
+    name: String,
     look: Look,
     /// Index of the offset, faults per [`PER`] rays.
     places: Vec<(usize, f64)>,
@@ -82,7 +83,11 @@ impl Offsets {
                 .filter(|p| (&p.backend, &p.intersector) == (backend, intersector));
             let all: Vec<&Leaks> = group.clone().flat_map(|p| &p.leaks).collect();
             Some(Curve {
-                backend: backend.clone(),
+                name: if looks.backends_differ() {
+                    backend.clone()
+                } else {
+                    intersector.clone()
+                },
                 look: Look {
                     fill: Fill::Solid,
                     ..looks.of_point(group.clone().next()?)
@@ -178,7 +183,7 @@ impl Offsets {
                     .min_by_key(|p| p.1)?;
                 Some(Wish {
                     at,
-                    text: clean(&curve.backend),
+                    text: clean(&curve.name),
                     size: 15,
                     far: true,
                 })

@@ -198,16 +198,19 @@ fn around_line(a: Place, b: Place) -> Rect {
     Rect::new(x0 - 2, y0 - 2, x1 + 2, y1 + 2)
 }
 
-/// What a label says: on the front the whole name, elsewhere what neither shape nor fill tells.
+/// What a label says: on the front the whole name, elsewhere what neither shape nor fill tells; nothing
+/// where they tell all.
 fn wording(front: &[&Dot<'_>], looks: &Looks) -> impl Fn(&Dot<'_>) -> (String, bool) {
     let on_front: Vec<usize> = front.iter().map(|d| d.index).collect();
-    let layouts = looks.layouts_differ;
+    let (backends, layouts) = (looks.backends_differ(), looks.layouts_differ);
     move |dot| {
         let p = dot.point;
-        let words = match (on_front.contains(&dot.index), layouts) {
-            (true, _) => p.name(),
-            (false, true) => format!("{} {}", p.backend, p.layout),
-            (false, false) => p.backend.clone(),
+        let words = match (on_front.contains(&dot.index), backends, layouts) {
+            (true, _, _) => p.name(),
+            (false, true, true) => format!("{} {}", p.backend, p.layout),
+            (false, true, false) => p.backend.clone(),
+            (false, false, true) => p.layout.clone(),
+            (false, false, false) => String::new(),
         };
         (clean(&words), on_front.contains(&dot.index))
     }
@@ -223,13 +226,13 @@ fn labels(
 ) -> Result<usize> {
     let wish = |dot: &&Dot<'_>| {
         let (words, on_front) = wording(dot);
-        Wish {
+        (!words.is_empty()).then(|| Wish {
             at: plot.at(dot.ms, dot.wrong.value),
             text: crate::text::fit(&words, NAME, 320),
             size: if on_front { NAME } else { NAME - 1 },
             far: true,
-        }
+        })
     };
-    let wishes: Vec<Wish> = order.iter().map(wish).collect();
+    let wishes: Vec<Wish> = order.iter().filter_map(wish).collect();
     label::write(sheet, ground, &wishes, RADIUS)
 }

@@ -3,8 +3,9 @@
 //! Times are those of `bench`: what the device took, and what the frame waited for its own tree before
 //! that (with `rebuild`), over all frames but the first, which warms up. Answers are compared with crate `oracle`'s,
 //! which shares no code with any backend; shadows, whose rays begin at what the hit says of itself, with
-//! those of `exact` on the host over fresh trees. First all is timed, then all is judged, so that the
-//! memory of the process is not the judge's.
+//! those of `exact` on the host over fresh trees; so those of `exact` itself can but differ from tree to tree. First
+//! all is timed, then all is judged, so that the memory of the process is not the judge's. The host's memory is
+//! all that is resident of the process, with whatever earlier runs left behind.
 
 mod accuracy;
 mod bodies;
