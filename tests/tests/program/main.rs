@@ -13,6 +13,7 @@ mod inactive;
 mod killed;
 mod reduce;
 mod sandbox;
+mod stability;
 mod stats;
 mod timeline;
 
@@ -33,6 +34,7 @@ fn main() -> ExitCode {
         inactive::trials(),
         killed::trials(),
         reduce::trials(),
+        stability::trials(),
         stats::trials(),
         timeline::trials(),
     ];
