@@ -7,6 +7,9 @@ use conformance::leaks::{self, Aim, Shots};
 /// Bodies there are; a family has each of them several times.
 const BODIES: usize = 4;
 
+/// Aims times sides.
+const SORTS: usize = 6;
+
 /// Closed bodies at an offset, all rays of them or those with one aim, so many at each body.
 pub(crate) fn scenes(offset: f32, aim: Option<Aim>, seed: u64, shares: &[usize]) -> Vec<Scene> {
     let batches = shares.chunks(BODIES).enumerate();
@@ -16,7 +19,7 @@ pub(crate) fn scenes(offset: f32, aim: Option<Aim>, seed: u64, shares: &[usize])
         let plan = leaks::Plan {
             seed: mixed(seed) ^ batch as u64,
             // Twice as many as needed: far away, some begin where they are aimed at.
-            rays: (2 * most * sorts * BODIES) as u64,
+            rays: (2 * (most + SORTS) * sorts * BODIES) as u64,
             offsets: vec![offset],
             method: Method::default(),
         };
@@ -24,17 +27,19 @@ pub(crate) fn scenes(offset: f32, aim: Option<Aim>, seed: u64, shares: &[usize])
         shots
             .into_iter()
             .zip(shares.to_vec())
-            .map(move |(shots, share)| scene(shots, aim, share))
+            .map(move |(shots, share)| scene(shots, aim, batch, share))
     });
     scenes.collect()
 }
 
-fn scene(shots: Shots, aim: Option<Aim>, share: usize) -> Scene {
+/// Each batch begins with another sort of ray, so that few rays are of all sorts too.
+fn scene(shots: Shots, aim: Option<Aim>, batch: usize, share: usize) -> Scene {
     let sorted = shots.rays.into_iter().enumerate();
     let sorted = sorted.map(|(i, ray)| (Shots::sort(i), ray));
     let wanted = sorted.filter(|((a, _), ray)| ray.is_valid() && aim.is_none_or(|aim| aim == *a));
     let (inside, rays) = wanted
         .map(|((_, inside), ray)| (inside, ray))
+        .skip(batch % SORTS)
         .take(share)
         .unzip();
     Scene {

@@ -41,7 +41,7 @@ pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<Scene> {
         Family::FoldingCloth => vec![cloth(plan)],
         _ => (0..)
             .zip(shares)
-            .map(|(i, rays)| one(family, rays, &mut rng(family, plan.seed, i)))
+            .map(|(i, rays)| one(family, i, rays, &mut rng(family, plan.seed, i)))
             .collect(),
     }
 }
@@ -58,8 +58,8 @@ fn rng(family: Family, seed: u64, number: u32) -> Rng {
     Rng::with_seed(mixed(mixed(seed) ^ family as u64) ^ u64::from(number))
 }
 
-/// One scene of a family, with so many rays.
-fn one(family: Family, rays: usize, rng: &mut Rng) -> Scene {
+/// One scene of a family, with so many rays. Each begins with another sort of ray, so that few are of all sorts too.
+fn one(family: Family, number: u32, rays: usize, rng: &mut Rng) -> Scene {
     let plump = |rng: &mut Rng| soup(64, 0.4, PLUMP, rng);
     let scaled = |exponents, rng: &mut Rng| {
         let by = meshes::power(exponents, rng);
@@ -89,7 +89,9 @@ fn one(family: Family, rays: usize, rng: &mut Rng) -> Scene {
         Family::NonFinite => broken(&plump(rng), rng),
         _ => unreachable!("{family} has scenes of its own"),
     };
-    asked(stage, rays, |aims, i| ray(family, aims, i, rng))
+    asked(stage, rays, |aims, i| {
+        ray(family, aims, i + number as usize, rng)
+    })
 }
 
 /// The `i`-th ray at a scene of a family.
