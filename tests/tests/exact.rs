@@ -2,8 +2,8 @@
 
 use backend::{Hits, Intersector, Query, Rays, Seek};
 use conformance::nth_case;
-use geom::{Animation, Ray};
-use integration::rays::{Target, aimed, camera, of_camera};
+use geom::{Animation, Hit, Point, Ray, Triangle};
+use integration::rays::{Target, aimed, camera, light, of_camera};
 use integration::scenes::{DEMOS, REAL, Source};
 use integration::stage::Stage;
 use libtest_mimic::{Arguments, Failed, Trial};
@@ -22,8 +22,9 @@ fn main() -> ExitCode {
     libtest_mimic::run(&arguments, trials).exit_code()
 }
 
-fn of_scene(source: Source) -> [Trial; 2] {
+fn of_scene(source: Source) -> [Trial; 3] {
     [
+        source.trial("every_pixels_shadow", shadows),
         source.trial("every_pixel", pixels),
         source.trial("every_ray_at_an_edge_or_a_vertex", rays_at_edges),
     ]
@@ -36,6 +37,85 @@ fn pixels(source: Source) -> Result<(), Failed> {
     times
         .iter()
         .try_for_each(|&time| check(&animation, time, &rays))
+}
+
+/// The shadow's ray is repeated here, operation for operation, and asked of the oracle.
+fn shadows(source: Source) -> Result<(), Failed> {
+    let animation = source.open()?.animation;
+    if animation.scale_exponent() != 0 {
+        return Err("the oracle knows no scaled units".into());
+    }
+    let rays = of_camera(&camera(&animation, [120, 80]));
+    let light = light(&animation);
+    let time = 0.618 * animation.end();
+    let oracle = Oracle::at(&animation, animation.pose(time));
+    let mut stage = Stage::new(&animation, Intersector::Exact, 2);
+    stage.plant(time);
+    let seek = Seek::ClosestAndShadow { light };
+    let hits = stage.trace(
+        time,
+        Query {
+            rays: Rays::List(&rays),
+            seek,
+        },
+    );
+    let corners = |t: u32| animation.corners(animation.pose(time), t);
+    let longest = longest_edge(&animation, time);
+    for (i, (hit, &blocked)) in hits.closest.iter().zip(&hits.blocked).enumerate() {
+        let ray = hit
+            .is_hit()
+            .then(|| shadow_ray(hit, &corners(hit.triangle), rays[i].origin, light, longest));
+        let expected =
+            ray.is_some_and(|ray| oracle.all(&ray).iter().any(|h| h.triangle != hit.triangle));
+        if (blocked == 1) != expected {
+            return Err(format!(
+                "ray {i}, {hit:?}: blocked {blocked}, expected {expected} by {ray:?}"
+            )
+            .into());
+        }
+    }
+    Ok(())
+}
+
+/// The longest edge of the box of all triangles that can be hit.
+fn longest_edge(animation: &Animation, time: f64) -> f32 {
+    let all =
+        (0..animation.triangle_count() as u32).map(|t| animation.corners(animation.pose(time), t));
+    let hittable = all.filter(|c| geom::is_active(c) && !geom::is_degenerate(c));
+    let bounds = hittable
+        .flatten()
+        .fold(geom::Aabb::EMPTY, |b, p| b.with_point(p));
+    bounds.extent().into_iter().fold(0.0, f32::max)
+}
+
+/// "Shadow" in `ARCHITECTURE.md`, for a scene that is not scaled and holds no number too small to count.
+fn shadow_ray(hit: &Hit, [v0, v1, v2]: &Triangle, eye: Point, light: Point, longest: f32) -> Ray {
+    let minus = |a: Point, b: Point| -> Point { std::array::from_fn(|i| a[i] - b[i]) };
+    let (e1, e2) = (minus(*v1, *v0), minus(*v2, *v0));
+    let p: Point = std::array::from_fn(|i| v0[i] + (hit.u * e1[i] + hit.v * e2[i]));
+    let component = |i: usize, j: usize| e1[i] * e2[j] - e1[j] * e2[i];
+    let normal = [component(1, 2), component(2, 0), component(0, 1)];
+    let above = |q: Point| {
+        let d = minus(q, p);
+        sign(normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2])
+    };
+    let side = if above(light) == 0.0 {
+        above(eye)
+    } else {
+        above(light)
+    };
+    let largest = p.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
+    let unit = f32::EPSILON / 2.0;
+    let delta = 4.0 * unit * largest + 32.0 * unit * longest;
+    let origin: Point = std::array::from_fn(|i| p[i] + side * sign(normal[i]) * delta);
+    Ray {
+        t_max: 1.0,
+        ..Ray::new(origin, minus(light, origin))
+    }
+}
+
+fn sign(x: f32) -> f32 {
+    f32::from(i8::from(x > 0.0) - i8::from(x < 0.0))
 }
 
 fn rays_at_edges(source: Source) -> Result<(), Failed> {
