@@ -31,6 +31,9 @@ impl Line {
     /// The ray must be [valid](Ray::is_valid) and the corners finite.
     #[must_use]
     pub fn meet(&self, corners: &Triangle) -> Option<Crossing> {
+        if surely_misses(self, corners) {
+            return None;
+        }
         let direction_unit = unit(&[self.ray.direction]);
         let direction = whole(self.ray.direction, direction_unit);
         let position_unit = unit(corners).min(unit(&[self.ray.origin]) + self.shift);
@@ -53,6 +56,32 @@ impl Line {
         let before = t_max == f32::INFINITY || crossing.order(&Crossing::at(t_max)).is_lt();
         (ahead && before).then_some(crossing)
     }
+}
+
+/// Whether double precision already shows that the line passes by the triangle.
+///
+/// Differences of floats carry one rounding, and each of the six products that
+/// an edge's side is a sum of carries at most eight more: `16 * 2^-53` of their
+/// sizes bounds them all. Nothing overflows or underflows: three factors of
+/// `f32`'s range are far within that of `f64`.
+fn surely_misses(line: &Line, corners: &Triangle) -> bool {
+    let scale = f64::from(-line.shift).exp2();
+    let direction = line.ray.direction.map(f64::from);
+    let [a, b, c]: [[f64; 3]; 3] = corners
+        .map(|p| std::array::from_fn(|i| f64::from(p[i]) * scale - f64::from(line.ray.origin[i])));
+    let side = |p: [f64; 3], q: [f64; 3]| {
+        let (mut sum, mut size) = (0.0, 0.0);
+        for (i, d) in direction.iter().enumerate() {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            let (plus, minus) = (p[j] * q[k], p[k] * q[j]);
+            sum += d * (plus - minus);
+            size += d.abs() * (plus.abs() + minus.abs());
+        }
+        let doubt = 8.0 * f64::EPSILON * size;
+        i32::from(sum > doubt) - i32::from(sum < -doubt)
+    };
+    let sides = [side(c, b), side(a, c), side(b, a)];
+    sides.contains(&1) && sides.contains(&-1)
 }
 
 /// Whether the line from zero along `direction` passes through the closed triangle.
@@ -169,6 +198,32 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn what_is_surely_missed_is_missed(
+            corners in [point(), point(), point()], origin in point(), aim in 0..4_usize, w in 0.0_f32..1.0, e in -30_i32..30, far in 0_i32..40,
+        ) {
+            // Aimed at an edge or a vertex, so that the sign is in doubt, from near and far.
+            let at: Point = std::array::from_fn(|i| corners[0][i] + [0.0, w, 1.0, -0.001][aim] * (corners[1][i] - corners[0][i]));
+            let origin: Point = std::array::from_fn(|i| origin[i] * (far as f32).exp2());
+            let direction: Point = std::array::from_fn(|i| (at[i] - origin[i]) * (e as f32).exp2());
+            let line = Line { ray: Ray::new(origin, direction), shift: 0 };
+            prop_assume!(line.ray.is_valid());
+            let unit = unit(&corners).min(super::unit(&[origin]));
+            let zero = whole(origin, unit);
+            let [a, b, c] = corners.map(|p| minus(&whole(p, unit), &zero));
+            let within = passes_within(&whole(direction, super::unit(&[direction])), [&a, &b, &c]);
+            prop_assert!(!(within && surely_misses(&line, &corners)));
+        }
+
+        #[test]
+        fn a_clear_miss_needs_no_whole_numbers(corners in [point(), point(), point()], d in point()) {
+            prop_assume!(d.iter().map(|x| x * x).sum::<f32>() > 1.0);
+            let beside = [d[1].abs() + 5e3, d[2] - 5e3, d[0] + 5e3];
+            let ray = Ray::new(beside, [1.0, -1.0, d[2] * 1e-3]);
+            let found = Line { ray, shift: 0 };
+            prop_assert!(surely_misses(&found, &corners) || found.meet(&corners).is_some() || geom::is_degenerate(&corners));
+        }
+
         #[test]
         fn crossings_are_where_double_precision_has_them(
             corners in [point(), point(), point()], origin in point(), w in [0.05_f64..1.0, 0.05..1.0, 0.05..1.0],
