@@ -70,7 +70,7 @@ fn one_case(sandbox: &Sandbox) -> Result<(), Failed> {
 
 fn refused(sandbox: &Sandbox) -> Result<(), Failed> {
     let cases: [(&str, &[&str]); 6] = [
-        ("--backend vulkan --adapter nowhere", &["vulkan", "nowhere"]),
+        ("--backend cpu --adapter nowhere", &["cpu", "nowhere"]),
         ("--backend opengl", &["opengl"]),
         ("--backend cpu --law gravity", &["gravity"]),
         ("--backend cpu --case first", &["first", "sliver-far-away"]),

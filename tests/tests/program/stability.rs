@@ -90,7 +90,7 @@ fn repeatable(sandbox: &Sandbox) -> Result<(), Failed> {
 
 fn refused(sandbox: &Sandbox) -> Result<(), Failed> {
     let cases: [(&str, &[&str]); 5] = [
-        ("--backend vulkan --adapter nowhere", &["vulkan", "nowhere"]),
+        ("--backend cpu --adapter nowhere", &["cpu", "nowhere"]),
         ("--backend opengl", &["opengl"]),
         (
             "--backend cpu --intersector sturdy",
