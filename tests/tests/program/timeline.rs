@@ -223,7 +223,7 @@ fn device_times(timeline: &Timeline, frames: &[Value]) -> Result<(), Failed> {
 
 /// Trees that take many frames to build are built beside frames that do not wait for them.
 fn overlap(sandbox: &Sandbox) -> Result<(), Failed> {
-    let scene = "demo:shatter:150000 --frames 60 --size 16x9 --no-images";
+    let scene = "demo:shatter:150000 --frames 200 --size 16x9 --no-images";
     let threads = "--update async --threads 1 --builder-threads 1";
     let (timeline, stats) = render(sandbox, &format!("{scene} {threads}"))?;
     timeline.check_tracks()?;
@@ -238,7 +238,7 @@ fn overlap(sandbox: &Sandbox) -> Result<(), Failed> {
     for build in built() {
         let beside = timeline.tracks["device"]
             .iter()
-            .filter(|s| build.begin < s.begin && s.end < build.end)
+            .filter(|s| s.begin < build.end && build.begin < s.end)
             .count();
         ensure(beside > 0, || format!("nothing ran beside {}", build.args))?;
     }
