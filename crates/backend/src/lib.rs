@@ -43,12 +43,14 @@
 //! **Errors.** [`BackendError`] is what a correct caller cannot foresee. Misuse
 //! (tracing a stale tree, waiting for a ticket never given) panics.
 
+mod adapter;
 mod error;
 mod frame;
 mod method;
 mod query;
 mod tree;
 
+pub use adapter::choose_adapter;
 pub use error::{BackendError, Result};
 pub use frame::{Device, DeviceKind, FrameReport, Generation, Snapshot, StageTimes, Ticket};
 pub use method::{Intersector, Layout, Method, UnknownName};

@@ -5,7 +5,7 @@ use crate::limits::Limits;
 use crate::queues::Queues;
 use crate::validation::Validation;
 use ash::vk;
-use backend::{BackendError, DeviceKind, Result};
+use backend::{DeviceKind, Result};
 use std::ffi::CStr;
 
 /// How to open the backend.
@@ -37,7 +37,7 @@ pub struct Adapter {
 /// Every device that Vulkan offers on this machine.
 ///
 /// # Errors
-/// [`BackendError::NoDevice`] where there is no loader or no driver.
+/// [`NoDevice`](backend::BackendError::NoDevice) where there is no loader or no driver.
 pub fn adapters() -> Result<Vec<Adapter>> {
     all(Host::new(Validation::Off)?.as_ref())
 }
@@ -78,54 +78,5 @@ fn describe(host: &Host, index: usize, device: vk::PhysicalDevice) -> Adapter {
         kind,
         max_buffer_bytes: bounds.buffer_bytes(),
         limits,
-    }
-}
-
-/// The adapter asked for by index or part of its name; else the first GPU, else the first of all.
-pub(crate) fn choose(list: &[Adapter], wanted: Option<&str>) -> Result<usize> {
-    let Some(wanted) = wanted else {
-        let gpu = list.iter().position(|a| a.kind == DeviceKind::Gpu);
-        return Ok(gpu.unwrap_or(0));
-    };
-    let by_index = wanted.parse::<usize>().ok().filter(|&i| i < list.len());
-    let lower = wanted.to_lowercase();
-    let named = |a: &Adapter| a.name.to_lowercase().contains(&lower);
-    by_index
-        .or_else(|| list.iter().position(named))
-        .ok_or_else(|| {
-            let names: Vec<_> = list
-                .iter()
-                .map(|a| format!("{} {}", a.index, a.name))
-                .collect();
-            BackendError::NoDevice(format!("no adapter '{wanted}' among: {}", names.join(", ")))
-        })
-}
-
-#[cfg(test)]
-pub(crate) mod tests {
-    use super::*;
-
-    fn adapter(index: usize, name: &str, kind: DeviceKind) -> Adapter {
-        Adapter {
-            index,
-            name: name.to_owned(),
-            driver: String::new(),
-            kind,
-            max_buffer_bytes: 0,
-            limits: Vec::new(),
-        }
-    }
-
-    pub(crate) fn an_adapter_is_chosen_by_index_by_part_of_its_name_or_for_being_a_gpu() {
-        let list = [
-            adapter(0, "llvmpipe", DeviceKind::Software),
-            adapter(1, "Fast Card", DeviceKind::Gpu),
-        ];
-        assert_eq!(choose(&list, None), Ok(1));
-        assert_eq!(choose(&list[..1], None), Ok(0));
-        assert_eq!(choose(&list, Some("0")), Ok(0));
-        assert_eq!(choose(&list, Some("fast")), Ok(1));
-        let refused = choose(&list, Some("9")).unwrap_err().to_string();
-        assert!(refused.contains("0 llvmpipe, 1 Fast Card"), "{refused}");
     }
 }

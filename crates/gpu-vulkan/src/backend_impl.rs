@@ -1,12 +1,12 @@
 //! The seam, carried out.
 
+use crate::VulkanBackend;
 use crate::clock::Stage;
 use crate::scene::SceneBuffers;
 use crate::stages::Also;
 use crate::traces::Traces;
 use crate::tree::TreeBuffers;
 use crate::vulkan::Stale;
-use crate::{VulkanBackend, method};
 use backend::{
     Backend, Device, FrameReport, Generation, Hits, Inspect, Method, Query, Result, Snapshot,
     Ticket,
@@ -22,7 +22,7 @@ impl Backend for VulkanBackend {
     }
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
-        method::check(method)?;
+        shaders::check_method("vulkan", method)?;
         // What is under way or recorded belongs to the scene before.
         self.gpu.wait_idle()?;
         self.abandon();

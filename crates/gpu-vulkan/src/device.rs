@@ -7,7 +7,7 @@ use crate::limits::Limits;
 use crate::memory::Memory;
 use crate::queues::{Place, Queues};
 use ash::vk;
-use backend::{BackendError, DeviceKind, Result};
+use backend::{BackendError, DeviceKind, Result, choose_adapter};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A device with what every part of the backend needs of it. Shared; destroyed with the last user.
@@ -42,13 +42,11 @@ pub(crate) struct Queue {
 }
 
 impl Gpu {
-    /// Opens the adapter that `choose` picks.
-    pub(crate) fn open(
-        host: Arc<Host>,
-        choose: impl FnOnce(&[Adapter]) -> Result<usize>,
-    ) -> Result<Arc<Self>> {
+    /// Opens the adapter asked for: see [`choose_adapter`].
+    pub(crate) fn open(host: Arc<Host>, wanted: Option<&str>) -> Result<Arc<Self>> {
         let list = all(&host)?;
-        let adapter = list[choose(&list)?].clone();
+        let names: Vec<_> = list.iter().map(|a| (a.name.as_str(), a.kind)).collect();
+        let adapter = list[choose_adapter(&names, wanted)?].clone();
         let physical = host.physical_devices()?[adapter.index];
         let limits = Limits::of(&host, physical);
         limits.admit_kernels()?;

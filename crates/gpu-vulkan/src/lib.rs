@@ -20,7 +20,6 @@ mod inspect;
 mod instance;
 mod limits;
 mod memory;
-mod method;
 mod pages;
 mod pipelines;
 mod queues;
@@ -39,7 +38,7 @@ mod validation;
 mod vulkan;
 
 pub use adapters::{Adapter, Options, adapters};
-pub use method::supports;
+pub use shaders::supports;
 pub use validation::Validation;
 pub use vulkan::VulkanBackend;
 

@@ -1,6 +1,6 @@
 //! The backend's state: opened, submitted, abandoned.
 
-use crate::adapters::{Options, choose};
+use crate::adapters::Options;
 use crate::device::Gpu;
 use crate::frames::Frames;
 use crate::instance::Host;
@@ -58,7 +58,7 @@ impl VulkanBackend {
     /// [`backend::BackendError::Limit`] with what the device lacks for any scene.
     pub fn new(options: &Options) -> Result<Self> {
         let host = Host::new(options.validation)?;
-        let gpu = Gpu::open(host, |list| choose(list, options.adapter.as_deref()))?;
+        let gpu = Gpu::open(host, options.adapter.as_deref())?;
         let mut made = Self {
             device: Device {
                 backend: "vulkan",

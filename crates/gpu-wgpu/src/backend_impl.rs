@@ -5,7 +5,6 @@ use crate::buffers::Window;
 use crate::device::Gpu;
 use crate::faults::layer_messages;
 use crate::frames::Frames;
-use crate::method;
 use crate::modules::Modules;
 use crate::pipelines::Pipelines;
 use crate::queries::Stage;
@@ -172,7 +171,7 @@ impl Backend for WgpuBackend {
     }
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
-        method::check(method)?;
+        shaders::check_method("wgpu", method)?;
         self.frames.forget(&self.gpu)?;
         self.snapshots.forget();
         self.traces = Traces::default();

@@ -1,11 +1,11 @@
 //! The device and its queue; every call to them that can fail passes through here.
 
-use crate::adapters::{choose, describe, enumerate, instance, takes_spirv};
+use crate::adapters::{describe, enumerate, instance, takes_spirv};
 use crate::buffers::{readback, unmap};
 use crate::faults::Faults;
 use crate::limits::{check, generous, span, useful_features};
 use crate::tally::Tally;
-use backend::{BackendError, Result};
+use backend::{BackendError, Result, choose_adapter};
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -36,7 +36,8 @@ impl Gpu {
             .enumerate()
             .map(|(i, a)| describe(i, a))
             .collect();
-        let adapter = &found[choose(&list, wanted)?];
+        let names: Vec<_> = list.iter().map(|a| (a.name.as_str(), a.kind)).collect();
+        let adapter = &found[choose_adapter(&names, wanted)?];
         check(&adapter.limits())?;
         let desc = wgpu::DeviceDescriptor {
             label: Some("abvh"),

@@ -14,15 +14,18 @@
 //!   parameters and its number of workgroups. The host binds buffers by the
 //!   names in [`Kernel::bindings`], dispatches [`work::Work::group_counts`], and puts a
 //!   barrier after each;
+//! - [`supports`] and [`check_method`]: which methods the kernels know;
 //! - [`Counts`]: the buffer `counts`, cleared before the first stage and read back after the last.
 //!
 //! Both `gpu-wgpu` and `gpu-vulkan` are written so.
 
 pub mod arithmetic;
+mod method;
 mod params;
 mod shape;
 pub mod work;
 
+pub use method::{check_method, supports};
 pub use params::{Counts, Params};
 pub use shape::Shape;
 

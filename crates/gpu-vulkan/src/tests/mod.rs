@@ -9,7 +9,7 @@ mod limits;
 mod roads;
 mod scenes;
 
-use crate::{adapters, clock, errors, method, queues, snapshots, transfer};
+use crate::{clock, errors, queues, snapshots, transfer};
 use libtest_mimic::{Arguments, Trial};
 use std::process::ExitCode;
 
@@ -22,7 +22,6 @@ macro_rules! named {
 
 /// Tests that need no device.
 const PLAIN: &[(&str, Test)] = named![
-    adapters::tests::an_adapter_is_chosen_by_index_by_part_of_its_name_or_for_being_a_gpu,
     clock::tests::stages_are_timed_each_and_all_together,
     clock::tests::a_clock_of_few_bits_goes_on_when_it_wraps,
     clock::tests::a_clock_of_64_bits_keeps_every_tick,
@@ -31,7 +30,6 @@ const PLAIN: &[(&str, Test)] = named![
     crate::limits::tests::a_refused_buffer_names_its_need_and_the_limit_it_meets,
     crate::limits::tests::a_refused_dispatch_names_its_groups_and_how_many_there_may_be,
     crate::limits::tests::a_device_with_too_few_buffers_is_refused_by_the_kernels_name,
-    method::tests::one_method_is_supported_and_the_others_are_refused_by_name,
     queues::tests::copies_go_to_copy_engines_else_to_spare_queues_else_to_the_one_there_is,
     snapshots::tests::positions_are_written_where_nobody_reads_or_where_reading_ends_first,
     transfer::tests::pieces_lie_side_by_side_and_none_is_large,

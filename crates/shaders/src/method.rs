@@ -5,11 +5,14 @@ use backend::{BackendError, Intersector, Layout, Method, Result};
 /// Whether a scene can be loaded to be traced by `method`. Asks no device.
 #[must_use]
 pub fn supports(method: Method) -> bool {
-    check(method).is_ok()
+    check_method("", method).is_ok()
 }
 
-/// Refuses what no kernel does.
-pub(crate) fn check(method: Method) -> Result<()> {
+/// Refuses, in the name of `backend`, what no kernel does.
+///
+/// # Errors
+/// [`BackendError::Unsupported`] with the intersector or the layout.
+pub fn check_method(backend: &'static str, method: Method) -> Result<()> {
     let what = if method.intersector != Intersector::Watertight {
         format!("intersector '{}'", method.intersector)
     } else if method.layout != Layout::Bvh2 {
@@ -17,17 +20,15 @@ pub(crate) fn check(method: Method) -> Result<()> {
     } else {
         return Ok(());
     };
-    Err(BackendError::Unsupported {
-        backend: "vulkan",
-        what,
-    })
+    Err(BackendError::Unsupported { backend, what })
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
 
-    pub(crate) fn one_method_is_supported_and_the_others_are_refused_by_name() {
+    #[test]
+    fn one_method_is_supported_and_the_others_are_refused_by_name() {
         assert!(supports(Method::default()));
         let woop = Method {
             intersector: Intersector::Woop,
@@ -39,7 +40,8 @@ pub(crate) mod tests {
         };
         for (method, name) in [(woop, "'woop'"), (fast, "'fast'")] {
             assert!(!supports(method));
-            assert!(check(method).unwrap_err().to_string().contains(name));
+            let refused = check_method("wgpu", method).unwrap_err().to_string();
+            assert!(refused.contains(name));
         }
     }
 }
