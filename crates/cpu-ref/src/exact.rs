@@ -3,7 +3,6 @@
 //! A filter in the sense of Shewchuk (1997) over the watertight test's own
 //! numbers. The bounds and their proof stand in `ARCHITECTURE.md`.
 
-use crate::nodes::Link;
 use crate::ray::PreparedRay;
 use crate::scale::{LEAST, flushed};
 use crate::search::{Asked, Search};
@@ -47,7 +46,7 @@ impl Search for Exact {
         let walk = Walk::<Watertight>::new(asked.target, &ray);
         let mut found = std::mem::take(&mut stack.candidates);
         found.clear();
-        visit(&walk, stack, |leaf, bound| {
+        walk.visit(stack, |leaf, bound| {
             let candidate = judge(&walk, leaf).filter(|c| c.low <= bound);
             found.extend(candidate);
             Some(
@@ -69,7 +68,7 @@ impl Search for Exact {
         let walk = Walk::<Watertight>::new(asked.target, &ray);
         let mut open = std::mem::take(&mut stack.candidates);
         open.clear();
-        let mut blocked = visit(&walk, stack, |leaf, bound| {
+        let mut blocked = walk.visit(stack, |leaf, bound| {
             let candidate = judge(&walk, leaf).filter(|c| other(c.leaf));
             open.extend(candidate);
             (!candidate.is_some_and(|c| c.sure)).then_some(bound)
@@ -88,35 +87,6 @@ impl Search for Exact {
 fn prepared(asked: &Asked<'_>) -> Option<PreparedRay> {
     let ray = PreparedRay::new(&asked.ray, asked.scale);
     ray.filter(|ray| !is_far(ray, &asked.target.nodes.root()))
-}
-
-/// Hands `see` every leaf whose box the ray meets before the bound that `see`
-/// returned last, at first `t_max`; where it returns none, the visit ends with `true`.
-#[inline(always)]
-fn visit(
-    walk: &Walk<'_, Watertight>,
-    stack: &mut Stack,
-    mut see: impl FnMut(&Entry, f32) -> Option<f32>,
-) -> bool {
-    let mut bound = walk.ray.t_max;
-    stack.clear();
-    let mut next = walk.descend(Link::ROOT, bound, stack);
-    loop {
-        if let Some(leaf) = next {
-            match see(&leaf, bound) {
-                Some(tighter) => bound = tighter,
-                None => return true,
-            }
-        }
-        let Some(entry) = stack.pop(bound) else {
-            return false;
-        };
-        next = if entry.link.is_leaf() {
-            Some(entry)
-        } else {
-            walk.descend(entry.link, bound, stack)
-        };
-    }
 }
 
 /// What can be said of a leaf's triangle by rounded arithmetic; `None` if it is surely missed.

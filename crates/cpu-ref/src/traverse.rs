@@ -50,12 +50,6 @@ impl Stack {
         }
     }
 
-    /// Forgets the nodes of the ray before.
-    #[inline]
-    pub(crate) fn clear(&mut self) {
-        self.len = 0;
-    }
-
     #[inline(always)]
     fn push(&mut self, entry: Entry) {
         self.entries[self.len] = entry;
@@ -64,7 +58,7 @@ impl Stack {
 
     /// The last node pushed that the ray enters no later than `best`.
     #[inline(always)]
-    pub(crate) fn pop(&mut self, best: f32) -> Option<Entry> {
+    fn pop(&mut self, best: f32) -> Option<Entry> {
         while self.len > 0 {
             self.len -= 1;
             let entry = self.entries[self.len];
@@ -111,7 +105,7 @@ impl<'a, T: TriangleTest> Walk<'a, T> {
 
     /// Goes down from `link`, which is no leaf, by nearer children to a leaf; `None` where none is met.
     #[inline(always)]
-    pub(crate) fn descend(&self, mut link: Link, best: f32, stack: &mut Stack) -> Option<Entry> {
+    fn descend(&self, mut link: Link, best: f32, stack: &mut Stack) -> Option<Entry> {
         loop {
             let pair = &self.target.nodes.pairs[link.index()];
             let met = self.slab.meet(pair, best);
@@ -140,6 +134,35 @@ impl<'a, T: TriangleTest> Walk<'a, T> {
             link = next.link;
         }
     }
+
+    /// Hands `see` every leaf whose box the ray meets before the bound that `see`
+    /// returned last, at first `t_max`; where it returns none, the visit ends with `true`.
+    #[inline(always)]
+    pub(crate) fn visit(
+        &self,
+        stack: &mut Stack,
+        mut see: impl FnMut(&Entry, f32) -> Option<f32>,
+    ) -> bool {
+        let mut bound = self.ray.t_max;
+        stack.len = 0;
+        let mut next = self.descend(Link::ROOT, bound, stack);
+        loop {
+            if let Some(leaf) = next {
+                match see(&leaf, bound) {
+                    Some(tighter) => bound = tighter,
+                    None => return true,
+                }
+            }
+            let Some(entry) = stack.pop(bound) else {
+                return false;
+            };
+            next = if entry.link.is_leaf() {
+                Some(entry)
+            } else {
+                self.descend(entry.link, bound, stack)
+            };
+        }
+    }
 }
 
 /// The closest hit, its `t` in scaled units.
@@ -153,11 +176,8 @@ pub(crate) fn closest<T: TriangleTest>(
         t: ray.t_max,
         ..Hit::MISS
     };
-    stack.len = 0;
-    let mut next = walk.descend(Link::ROOT, best.t, stack);
-    loop {
-        if let Some(leaf) = next
-            && let Some(Meeting { t, u, v }) = walk.meet_leaf(&leaf)
+    walk.visit(stack, |leaf, _| {
+        if let Some(Meeting { t, u, v }) = walk.meet_leaf(leaf)
             && t <= best.t
         {
             let triangle = target.nodes.triangles[leaf.link.index()];
@@ -166,15 +186,9 @@ pub(crate) fn closest<T: TriangleTest>(
                 best = hit;
             }
         }
-        let Some(entry) = stack.pop(best.t) else {
-            return best.is_hit().then_some(best);
-        };
-        next = if entry.link.is_leaf() {
-            Some(entry)
-        } else {
-            walk.descend(entry.link, best.t, stack)
-        };
-    }
+        Some(best.t)
+    });
+    best.is_hit().then_some(best)
 }
 
 /// Whether the ray hits any triangle but `skipped`.
@@ -185,22 +199,9 @@ pub(crate) fn any<T: TriangleTest>(
     stack: &mut Stack,
 ) -> bool {
     let walk = Walk::<T>::new(target, ray);
-    stack.len = 0;
-    let mut next = walk.descend(Link::ROOT, ray.t_max, stack);
-    loop {
-        if let Some(leaf) = next
-            && walk.meet_leaf(&leaf).is_some()
-            && Some(target.nodes.triangles[leaf.link.index()]) != skipped
-        {
-            return true;
-        }
-        let Some(entry) = stack.pop(ray.t_max) else {
-            return false;
-        };
-        next = if entry.link.is_leaf() {
-            Some(entry)
-        } else {
-            walk.descend(entry.link, ray.t_max, stack)
-        };
-    }
+    walk.visit(stack, |leaf, bound| {
+        let hit = walk.meet_leaf(leaf).is_some()
+            && Some(target.nodes.triangles[leaf.link.index()]) != skipped;
+        (!hit).then_some(bound)
+    })
 }
