@@ -11,8 +11,11 @@ fn meets_triangle(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     let c = intersect(ray, v0, v1, v2);
     if !c.hit { return false; }
     let own = slab(ray, min(min(v0, v1), v2), max(max(v0, v1), v2));
-    let t = clamped(c.t, own);
-    return own.x <= own.y && t > ray.t_min && t < ray.t_max;
+    if !(own.x <= own.y) { return false; }
+    let rough = rough_span(c.t, c.det);
+    if clamped(rough.x, own) > ray.t_min && clamped(rough.y, own) < ray.t_max { return true; }
+    let t = clamped(divide(c.t, c.det), own);
+    return t > ray.t_min && t < ray.t_max;
 }
 
 fn meets_box(ray: Prepared, low: vec4<u32>, high: vec4<u32>) -> bool {

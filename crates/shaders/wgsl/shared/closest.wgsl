@@ -2,7 +2,8 @@
 
 const LEAF: u32 = 0x80000000u;
 
-struct Found { t: f32, u: f32, v: f32, triangle: u32 }
+// The weights are v / det and w / det.
+struct Found { t: f32, v: f32, w: f32, det: f32, triangle: u32 }
 
 fn corner_of(leaf: u32, which: u32) -> vec3<f32> {
     return bitcast<vec3<f32>>(records[3u * leaf + which].xyz);
@@ -18,15 +19,17 @@ fn meet_closest(ray: Prepared, leaf: u32, best: Found) -> Found {
     if !c.hit { return best; }
     // The answer is clamped to the triangle's own box, so that no tree can change it.
     let own = slab(ray, min(min(v0, v1), v2), max(max(v0, v1), v2));
-    let t = clamped(c.t, own);
-    let inside = own.x <= own.y && t > ray.t_min && t < ray.t_max;
+    let least = clamped(rough_span(c.t, c.det).x, own);
+    if !(own.x <= own.y) || least > best.t { return best; }
+    let t = clamped(divide(c.t, c.det), own);
+    let inside = t > ray.t_min && t < ray.t_max;
     let before = t < best.t || (t == best.t && first.w < best.triangle);
-    if inside && before { return Found(t, c.u, c.v, first.w); }
+    if inside && before { return Found(t, c.v, c.w, c.det, first.w); }
     return best;
 }
 
 fn find_closest(ray: Prepared) -> Found {
-    var best = Found(ray.t_max, 0.0, 0.0, 0xffffffffu);
+    var best = Found(ray.t_max, 0.0, 0.0, 1.0, 0xffffffffu);
     var stack: array<u32, 64>;
     var depth = 0u;
     var at = nodes[0].w;
@@ -71,5 +74,8 @@ fn as_hit(ray: Prepared, best: Found) -> vec4<u32> {
         return vec4<u32>(0x7f800000u, 0u, 0u, 0xffffffffu);
     }
     let t = scale_bits(bitcast<u32>(best.t), -ray.exponent);
-    return vec4<u32>(bitcast<u32>(t), bitcast<u32>(best.u), bitcast<u32>(best.v), best.triangle);
+    let by = divisor(best.det);
+    let u = divide_by(best.v, by);
+    let v = divide_by(best.w, by);
+    return vec4<u32>(bitcast<u32>(t), bitcast<u32>(u), bitcast<u32>(v), best.triangle);
 }

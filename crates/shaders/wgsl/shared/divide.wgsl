@@ -1,5 +1,5 @@
-// Correctly rounded division, whatever the device's own division does: the
-// native quotient of the mantissas is only a guess, and the exact integer
+// Correctly rounded division, whatever the device's own division does: its
+// inverse of the divisor's mantissa gives only a guess, and the exact integer
 // remainder puts it right. Zeros, infinities, NaNs and subnormals as IEEE has them.
 
 struct Parts { mantissa: u32, exponent: i32 }
@@ -15,9 +15,54 @@ fn parts(bits: u32) -> Parts {
     return Parts(fraction << shift, 1 - i32(shift));
 }
 
-fn divide(a: f32, b: f32) -> f32 {
+// A number to divide by, several times perhaps.
+struct Divisor { bits: u32, mantissa: u32, inverse: f32 }
+
+fn divisor(b: f32) -> Divisor {
+    let bits = bitcast<u32>(b);
+    let mantissa = (bits & 0x7fffffu) | 0x800000u;
+    return Divisor(bits, mantissa, 1.0 / f32(mantissa));
+}
+
+fn divide(a: f32, b: f32) -> f32 { return divide_by(a, divisor(b)); }
+
+fn divide_by(a: f32, by: Divisor) -> f32 {
     let ua = bitcast<u32>(a);
-    let ub = bitcast<u32>(b);
+    let ea = (ua >> 23u) & 255u;
+    let eb = (by.bits >> 23u) & 255u;
+    let mantissa = (ua & 0x7fffffu) | 0x800000u;
+    let below = mantissa < by.mantissa;
+    let exponent = i32(ea) - i32(eb) + select(127, 126, below);
+    // Both normal, and the quotient too.
+    if ea - 1u < 254u && eb - 1u < 254u && u32(exponent - 1) < 253u {
+        let q = quotient_of(mantissa, select(24u, 25u, below), by.mantissa, by.inverse);
+        let up = (q.value & 1u) & (select(0u, 1u, q.sticky) | (q.value >> 1u));
+        let rounded = (q.value >> 1u) + (u32(exponent - 1) << 23u) + up;
+        return bitcast<f32>(((ua ^ by.bits) & 0x80000000u) | rounded);
+    }
+    return divide_rarely(ua, by.bits);
+}
+
+struct Quotient { value: u32, sticky: bool }
+
+// The quotient of a * 2^shift and b in whole numbers, in [2^24, 2^25), from a guess at 1 / b
+// that is off by a few units in the last place.
+fn quotient_of(a: u32, shift: u32, b: u32, inverse: f32) -> Quotient {
+    var value = u32(f32(a) * inverse * select(16777216.0, 33554432.0, shift == 25u));
+    // |remainder| stays far below 2^31, so wrapping arithmetic gives it exactly.
+    var remainder = bitcast<i32>((a << shift) - value * b);
+    let divisor = i32(b);
+    let step = i32(f32(remainder) * inverse);
+    value = bitcast<u32>(bitcast<i32>(value) + step);
+    remainder -= step * divisor;
+    if remainder < 0 { remainder += divisor; value -= 1u; }
+    if remainder < 0 { remainder += divisor; value -= 1u; }
+    if remainder >= divisor { remainder -= divisor; value += 1u; }
+    return Quotient(value, remainder != 0);
+}
+
+// Where an operand or the quotient is zero, subnormal, infinite or a NaN, or may be.
+fn divide_rarely(ua: u32, ub: u32) -> f32 {
     let sign = (ua ^ ub) & 0x80000000u;
     let xa = ua & 0x7fffffffu;
     let xb = ub & 0x7fffffffu;
@@ -27,23 +72,9 @@ fn divide(a: f32, b: f32) -> f32 {
     let pa = parts(xa);
     let pb = parts(xb);
     let below = pa.mantissa < pb.mantissa;
-    let shift = select(24u, 25u, below);
     let exponent = pa.exponent - pb.exponent + select(127, 126, below);
-
-    let guess = f32(pa.mantissa) / f32(pb.mantissa) * select(16777216.0, 33554432.0, below);
-    var quotient = u32(guess);
-    // |remainder| stays far below 2^31, so wrapping arithmetic gives it exactly.
-    var remainder = bitcast<i32>((pa.mantissa << shift) - quotient * pb.mantissa);
-    let divisor = i32(pb.mantissa);
-    let step = i32(f32(remainder) / f32(divisor));
-    quotient = bitcast<u32>(bitcast<i32>(quotient) + step);
-    remainder -= step * divisor;
-    if remainder < 0 { remainder += divisor; quotient -= 1u; }
-    if remainder < 0 { remainder += divisor; quotient -= 1u; }
-    if remainder >= divisor { remainder -= divisor; quotient += 1u; }
-    if remainder >= divisor { remainder -= divisor; quotient += 1u; }
-
-    return bitcast<f32>(sign | round_quotient(quotient, remainder != 0, exponent));
+    let q = quotient_of(pa.mantissa, select(24u, 25u, below), pb.mantissa, 1.0 / f32(pb.mantissa));
+    return bitcast<f32>(sign | round_quotient(q.value, q.sticky, exponent));
 }
 
 // A 25-bit quotient with a sticky rest, rounded to nearest even, as bits without sign.

@@ -21,6 +21,11 @@ fn permute(v: vec3<f32>, axis: u32) -> vec3<f32> {
     return select(select(v.yzx, v.zxy, axis == 1u), v, axis == 2u);
 }
 
+// And back.
+fn unpermute(v: vec3<f32>, axis: u32) -> vec3<f32> {
+    return select(select(v.zxy, v.yzx, axis == 1u), v, axis == 2u);
+}
+
 fn main_axis(d: vec3<f32>) -> u32 {
     let m = abs(d);
     if m.x >= m.y && m.x >= m.z { return 0u; }
@@ -52,9 +57,10 @@ fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u
     let k = permute(d, axis);
     ray.origin = origin;
     ray.axis = axis;
-    ray.shear_x = divide(k.x, k.z);
-    ray.shear_y = divide(k.y, k.z);
-    ray.shear_z = divide(1.0, k.z);
+    let by = divisor(k.z);
+    ray.shear_x = divide_by(k.x, by);
+    ray.shear_y = divide_by(k.y, by);
+    ray.shear_z = divide_by(1.0, by);
     ray.exponent = e - shift;
     ray.t_min = flushed(scale_bits(t_min, ray.exponent));
     ray.t_max = flushed(scale_bits(t_max, ray.exponent));
@@ -64,7 +70,10 @@ fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u
     let far = max(abs(to_low), abs(to_high));
     // 17 * 2^-24 * D, and D is at most 2^80.
     let slack = mul(1.01327896118164062e-6, min(max(far.x, max(far.y, far.z)), 1.2089258196146292e24));
-    ray.inverse = vec3<f32>(divide(1.0, push_from_zero(d.x)), divide(1.0, push_from_zero(d.y)), divide(1.0, push_from_zero(d.z)));
+    // Along the main axis, which is far from zero, it is the shear's.
+    let x = divide(1.0, push_from_zero(k.x));
+    let y = divide(1.0, push_from_zero(k.y));
+    ray.inverse = unpermute(vec3<f32>(x, y, ray.shear_z), axis);
     ray.pad = vec3<f32>(mul(slack, abs(ray.inverse.x)), mul(slack, abs(ray.inverse.y)), mul(slack, abs(ray.inverse.z)));
     return ray;
 }
@@ -91,6 +100,14 @@ fn slab(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
         add(mul(sub(far.z, ray.origin.z), ray.inverse.z), ray.pad.z),
     );
     return vec2<f32>(max(n.x, max(n.y, n.z)), min(f.x, min(f.y, f.z)));
+}
+
+// A distance as a quotient that is not computed yet, and a span that surely holds it: the device's
+// own division is off by a few units in the last place, and of divisors near the largest it says nothing.
+fn rough_span(t: f32, det: f32) -> vec2<f32> {
+    let rough = t / det;
+    let margin = select(bitcast<f32>(0x7f800000u | params.zero), abs(rough) * 1.52587890625e-5, abs(det) < 1.329227995784916e36);
+    return vec2<f32>(rough - margin, rough + margin);
 }
 
 // t within the box's span; a NaN stays one. Below 2^-100 it is zero.

@@ -5,6 +5,11 @@
 // x * 2^m, rounded once; subnormal numbers, infinities and NaNs as IEEE has them.
 fn scale_bits(bits: u32, m: i32) -> f32 {
     let magnitude = bits & 0x7fffffffu;
+    let exponent = i32(magnitude >> 23u);
+    // Normal, and the result too.
+    if u32(exponent - 1) < 254u && u32(exponent + m - 1) < 254u {
+        return bitcast<f32>(bitcast<u32>(bitcast<i32>(bits) + (m << 23u)));
+    }
     if magnitude == 0u || magnitude >= 0x7f800000u { return bitcast<f32>(bits); }
     let p = parts(magnitude);
     return bitcast<f32>((bits & 0x80000000u) | round_quotient(p.mantissa << 1u, false, p.exponent + m));

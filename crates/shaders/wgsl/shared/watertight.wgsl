@@ -1,6 +1,7 @@
 // Woop, Benthin, Wald 2013, with exact signs and symbolic ties: see ARCHITECTURE.md.
 
-struct Candidate { hit: bool, t: f32, u: f32, v: f32 }
+// A hit at t / det with weights v / det and w / det, divided only where it matters.
+struct Candidate { hit: bool, t: f32, v: f32, w: f32, det: f32 }
 
 struct Sheared { x: f32, y: f32, z: f32 }
 
@@ -32,7 +33,7 @@ fn intersect(ray: Prepared, v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>) -> Cand
     let u = edge(c, b);
     let v = edge(a, c);
     let w = edge(b, a);
-    let miss = Candidate(false, 0.0, 0.0, 0.0);
+    let miss = Candidate(false, 0.0, 0.0, 0.0, 1.0);
     if min(u, min(v, w)) < 0.0 && max(u, max(v, w)) > 0.0 { return miss; }
     let least = min(abs(u), min(abs(v), abs(w)));
     let sum = bitcast<u32>(add(add(u, v), w)) & 0x7fffffffu;
@@ -49,8 +50,8 @@ fn solve(u: f32, v: f32, w: f32, az: f32, bz: f32, cz: f32) -> Candidate {
     let det = add(add(u, v), w);
     let size = bitcast<u32>(det) & 0x7fffffffu;
     if size == 0u || size >= 0x7f800000u {
-        return Candidate(true, az, 0.0, 0.0);
+        return Candidate(true, az, 0.0, 0.0, 1.0);
     }
     let t = add(add(flushed(mul(u, az)), flushed(mul(v, bz))), flushed(mul(w, cz)));
-    return Candidate(true, divide(t, det), divide(v, det), divide(w, det));
+    return Candidate(true, t, v, w, det);
 }
