@@ -21,11 +21,17 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
         along(params.corner.y, params.across.y, params.down.y, x, y),
         along(params.corner.z, params.across.z, params.down.z, x, y),
     );
+    let i = pixel.y * params.width + pixel.x;
     let origin = scaled_point(bitcast<vec3<u32>>(params.eye));
+    let is_zero = all((bitcast<vec3<u32>>(direction) & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
+    if is_zero || !is_finite_point(direction) || !is_finite_point(origin) {
+        hits[i] = vec4<u32>(0x7f800000u, 0u, 0u, 0xffffffffu);
+        return;
+    }
     let low = bitcast<vec3<f32>>(nodes[0].xyz);
     let high = bitcast<vec3<f32>>(nodes[1].xyz);
     let ray = prepare(origin, bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, low, high);
     let best = find_closest(ray);
-    hits[pixel.y * params.width + pixel.x] = as_hit(ray, best);
+    hits[i] = as_hit(ray, best);
     if best.triangle != 0xffffffffu { atomicAdd(&counts[2], 1u); }
 }

@@ -1,6 +1,8 @@
 // Whether a ray meets anything but one triangle: the first hit ends the search.
 
 const LEAF: u32 = 0x80000000u;
+// No node at all; as a leaf it would be beyond all others.
+const NONE: u32 = 0xffffffffu;
 
 fn meets_triangle(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     let first = records[3u * leaf];
@@ -29,10 +31,7 @@ fn find_any(ray: Prepared, ignore: u32) -> bool {
     var at = nodes[0].w;
     if !meets_box(ray, nodes[0], nodes[1]) { return false; }
     loop {
-        var pop = true;
-        if (at & LEAF) != 0u {
-            if meets_triangle(ray, at & 0x7fffffffu, ignore) { return true; }
-        } else {
+        for (var i = 0u; i < 2u && (at & LEAF) == 0u; i += 1u) {
             let l0 = nodes[2u * at];
             let r0 = nodes[2u * at + 2u];
             let meets_l = meets_box(ray, l0, nodes[2u * at + 1u]);
@@ -41,12 +40,10 @@ fn find_any(ray: Prepared, ignore: u32) -> bool {
                 stack[depth] = r0.w;
                 depth += 1u;
             }
-            if meets_l || meets_r {
-                at = select(r0.w, l0.w, meets_l);
-                pop = false;
-            }
+            at = select(select(NONE, r0.w, meets_r), l0.w, meets_l);
         }
-        if pop {
+        if (at & LEAF) != 0u {
+            if at != NONE && meets_triangle(ray, at & 0x7fffffffu, ignore) { return true; }
             if depth == 0u { break; }
             depth -= 1u;
             at = stack[depth];

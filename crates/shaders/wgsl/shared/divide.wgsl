@@ -30,17 +30,21 @@ fn divide_by(a: f32, by: Divisor) -> f32 {
     let ua = bitcast<u32>(a);
     let ea = (ua >> 23u) & 255u;
     let eb = (by.bits >> 23u) & 255u;
+    let exponent = i32(ea) - i32(eb) + 126;
+    if ea - 1u < 254u && eb - 1u < 254u && u32(exponent - 1) < 252u { return divide_normal(a, by); }
+    return divide_rarely(ua, by.bits);
+}
+
+// Likewise where both numbers and the quotient are normal.
+fn divide_normal(a: f32, by: Divisor) -> f32 {
+    let ua = bitcast<u32>(a);
     let mantissa = (ua & 0x7fffffu) | 0x800000u;
     let below = mantissa < by.mantissa;
-    let exponent = i32(ea) - i32(eb) + select(127, 126, below);
-    // Both normal, and the quotient too.
-    if ea - 1u < 254u && eb - 1u < 254u && u32(exponent - 1) < 253u {
-        let q = quotient_of(mantissa, select(24u, 25u, below), by.mantissa, by.inverse);
-        let up = (q.value & 1u) & (select(0u, 1u, q.sticky) | (q.value >> 1u));
-        let rounded = (q.value >> 1u) + (u32(exponent - 1) << 23u) + up;
-        return bitcast<f32>(((ua ^ by.bits) & 0x80000000u) | rounded);
-    }
-    return divide_rarely(ua, by.bits);
+    let exponent = ((ua >> 23u) & 255u) + select(127u, 126u, below) - ((by.bits >> 23u) & 255u);
+    let q = quotient_of(mantissa, select(24u, 25u, below), by.mantissa, by.inverse);
+    let up = (q.value & 1u) & (select(0u, 1u, q.sticky) | (q.value >> 1u));
+    let rounded = (q.value >> 1u) + ((exponent - 1u) << 23u) + up;
+    return bitcast<f32>(((ua ^ by.bits) & 0x80000000u) | rounded);
 }
 
 struct Quotient { value: u32, sticky: bool }

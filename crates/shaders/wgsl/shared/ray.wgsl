@@ -38,7 +38,13 @@ fn push_from_zero(x: f32) -> f32 {
     return bitcast<f32>((bits & 0x80000000u) | max(bits & 0x7fffffffu, least));
 }
 
-// The origin and the root's corners are in scaled units; the direction and (t_min, t_max) are the ray's own, as bits.
+// A component over the main one, which keeps the sign of a zero.
+fn slope(component: f32, by: Divisor) -> f32 {
+    let zero = bitcast<f32>(by.bits & 0x80000000u);
+    return select(divide_normal(component, by), zero, component == 0.0);
+}
+
+// The direction is finite and not zero. The origin and the root's corners are in scaled units; the direction and (t_min, t_max) are the ray's own, as bits.
 fn prepare(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u32, low: vec3<f32>, high: vec3<f32>) -> Prepared {
     return prepare_shifted(origin, direction, t_min, t_max, low, high, params.scale_exponent);
 }
@@ -58,9 +64,9 @@ fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u
     ray.origin = origin;
     ray.axis = axis;
     let by = divisor(k.z);
-    ray.shear_x = divide_by(k.x, by);
-    ray.shear_y = divide_by(k.y, by);
-    ray.shear_z = divide_by(1.0, by);
+    ray.shear_x = slope(k.x, by);
+    ray.shear_y = slope(k.y, by);
+    ray.shear_z = divide_normal(1.0, by);
     ray.exponent = e - shift;
     ray.t_min = flushed(scale_bits(t_min, ray.exponent));
     ray.t_max = flushed(scale_bits(t_max, ray.exponent));
@@ -71,8 +77,8 @@ fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u
     // 17 * 2^-24 * D, and D is at most 2^80.
     let slack = mul(1.01327896118164062e-6, min(max(far.x, max(far.y, far.z)), 1.2089258196146292e24));
     // Along the main axis, which is far from zero, it is the shear's.
-    let x = divide(1.0, push_from_zero(k.x));
-    let y = divide(1.0, push_from_zero(k.y));
+    let x = divide_normal(1.0, divisor(push_from_zero(k.x)));
+    let y = divide_normal(1.0, divisor(push_from_zero(k.y)));
     ray.inverse = unpermute(vec3<f32>(x, y, ray.shear_z), axis);
     ray.pad = vec3<f32>(mul(slack, abs(ray.inverse.x)), mul(slack, abs(ray.inverse.y)), mul(slack, abs(ray.inverse.z)));
     return ray;
