@@ -4,6 +4,8 @@
 mod harden;
 #[path = "build/reflect.rs"]
 mod reflect;
+#[path = "build/slots.rs"]
+mod slots;
 #[path = "build/stitch.rs"]
 mod stitch;
 
@@ -13,37 +15,50 @@ use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use std::fmt::Write;
 use std::path::Path;
-use stitch::Arithmetic;
+use stitch::{Arithmetic, Filling, Source};
 
 fn main() -> Result<()> {
     println!("cargo::rerun-if-changed=wgsl");
     println!("cargo::rerun-if-changed=build");
     let out = std::env::var("OUT_DIR").context("cargo sets OUT_DIR")?;
     let mut table = String::from("/// Every kernel.\npub const KERNELS: &[Kernel] = &[\n");
-    for name in stitch::kernels(Path::new("wgsl"))? {
-        let entry = compile(&name).with_context(|| format!("wgsl/{name}.wgsl"))?;
-        table.push_str(&entry);
+    for stem in stitch::kernels(Path::new("wgsl"))? {
+        let entries = compile(&stem).with_context(|| format!("wgsl/{stem}.wgsl"))?;
+        table.push_str(&entries);
     }
     table.push_str("];\n");
     std::fs::write(Path::new(&out).join("kernels.rs"), table).context("kernels.rs")
 }
 
-/// One kernel as a Rust expression.
-fn compile(name: &str) -> Result<String> {
-    let opaque = stitch::stitch(name, Arithmetic::Opaque)?;
-    parse(&opaque)?;
-    let (module, info) = parse(&stitch::stitch(name, Arithmetic::Plain)?)?;
+/// All variants of a kernel as Rust expressions.
+fn compile(stem: &str) -> Result<String> {
+    let source = Source::read(stem)?;
+    let fillings = source.fillings();
+    let each = fillings.iter().map(|f| compile_variant(&source, f));
+    each.collect()
+}
+
+fn compile_variant(source: &Source, filling: &Filling) -> Result<String> {
+    let values = filling.iter().map(|(_, value)| value.name);
+    let name: Vec<_> = [source.stem.as_str()].into_iter().chain(values).collect();
+    let name = name.join(".");
+    let opaque = source.stitch(filling, Arithmetic::Opaque)?;
+    parse(&opaque).with_context(|| name.clone())?;
+    let plain = source.stitch(filling, Arithmetic::Plain)?;
+    let (module, info) = parse(&plain).with_context(|| name.clone())?;
     let words = spv::write_vec(&module, &info, &options(), None)?;
     let spirv = harden::harden(&words)?;
-    let workgroup = reflect::workgroup(&module, name)?;
+    let entry = &source.stem;
+    let workgroup = reflect::workgroup(&module, entry)?;
     let bindings = reflect::bindings(&module)?;
-    let mut entry = String::new();
+    let slots: Vec<_> = filling.iter().map(|(s, v)| (s.name, v.name)).collect();
+    let mut text = String::new();
     writeln!(
-        entry,
-        "Kernel {{ name: {name:?}, wgsl: {opaque:?}, spirv: &{spirv:?}, \
-         workgroup: {workgroup:?}, bindings: &[{bindings}] }},"
+        text,
+        "Kernel {{ name: {name:?}, entry: {entry:?}, slots: &{slots:?}, wgsl: {opaque:?}, \
+         spirv: &{spirv:?}, workgroup: {workgroup:?}, bindings: &[{bindings}] }},"
     )?;
-    Ok(entry)
+    Ok(text)
 }
 
 fn parse(source: &str) -> Result<(naga::Module, ModuleInfo)> {

@@ -23,6 +23,7 @@ impl Backend for VulkanBackend {
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
         shaders::check_method("vulkan", method)?;
+        self.pipelines.prepare(&self.gpu, method)?;
         // What is under way or recorded belongs to the scene before.
         self.gpu.wait_idle()?;
         self.abandon();
@@ -32,7 +33,7 @@ impl Backend for VulkanBackend {
         (self.scene, self.tree, self.position) = (None, None, 0);
         let tree = TreeBuffers::new(&self.gpu, &animation)?;
         let scene = SceneBuffers::new(&self.gpu, &mut self.upload, animation)?;
-        (self.scene, self.tree) = (Some(scene), Some(tree));
+        (self.scene, self.tree, self.method) = (Some(scene), Some(tree), method);
         Ok(())
     }
 
@@ -67,7 +68,7 @@ impl Backend for VulkanBackend {
         let params = self.params();
         let work = [
             work::expand(params),
-            work::preprocess(params, &self.tree().shape),
+            work::preprocess(self.method, params, &self.tree().shape),
         ];
         let work = if self.expanded { &work[1..] } else { &work };
         self.run(Stage::Preprocess, work, Also::default())?;

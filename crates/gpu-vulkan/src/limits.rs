@@ -129,6 +129,7 @@ fn refuse_above(what: String, need: u64, limit: u64) -> Result<()> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use backend::Method;
     use geom::Camera;
     use shaders::{Params, work};
 
@@ -165,11 +166,12 @@ pub(crate) mod tests {
         };
         let groups = |height| {
             let camera = camera(height);
-            let work = work::closest(Params::default(), work::Rays::Camera(&camera));
-            LIMITS.groups(&work)
+            let rays = work::Rays::Camera(&camera);
+            let work = work::closest(Method::default(), Params::default(), rays);
+            LIMITS.groups(&work[0])
         };
         assert_eq!(groups(9), Ok([2, 2]));
-        let expected = "kernel trace_camera (workgroups along an axis, maxComputeWorkGroupCount) \
+        let expected = "kernel trace_camera.watertight (workgroups along an axis, maxComputeWorkGroupCount) \
                         needs 70000, the limit is 65535";
         assert_eq!(groups(8 * 70_000).unwrap_err().to_string(), expected);
     }

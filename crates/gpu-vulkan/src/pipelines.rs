@@ -1,13 +1,13 @@
-//! One pipeline a kernel, its layout read from the kernel's own bindings.
+//! One pipeline a kernel, its layout read from the kernel's own bindings; made when a method first needs it.
 
 use crate::device::{Gpu, one_at_a_time};
 use crate::errors::{failed, refused};
 use ash::vk;
-use backend::Result;
+use backend::{Method, Result};
 use shaders::{KERNELS, Kernel, Kind};
 use std::sync::Arc;
 
-/// Every kernel, ready to be bound.
+/// Kernels ready to be bound: those that all methods share, and those of every method loaded so far.
 pub(crate) struct Pipelines(Vec<Pipeline>);
 
 pub(crate) struct Pipeline {
@@ -20,15 +20,35 @@ pub(crate) struct Pipeline {
 }
 
 impl Pipelines {
+    /// Those that all methods share.
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
+        let mut made = Self(Vec::new());
+        made.make(gpu, |k| k.slots.is_empty())?;
+        Ok(made)
+    }
+
+    /// Makes what `method` needs and is not there yet.
+    pub(crate) fn prepare(&mut self, gpu: &Arc<Gpu>, method: Method) -> Result<()> {
+        self.make(gpu, |k| k.serves(method))
+    }
+
+    fn make(&mut self, gpu: &Arc<Gpu>, wanted: impl Fn(&Kernel) -> bool) -> Result<()> {
         let _door = one_at_a_time();
-        let all = KERNELS.iter().map(|kernel| Pipeline::new(gpu, kernel));
-        all.collect::<Result<_>>().map(Self)
+        for kernel in KERNELS.iter().filter(|k| wanted(k)) {
+            if self.find(kernel).is_none() {
+                self.0.push(Pipeline::new(gpu, kernel)?);
+            }
+        }
+        Ok(())
+    }
+
+    fn find(&self, kernel: &Kernel) -> Option<&Pipeline> {
+        self.0.iter().find(|p| p.kernel.name == kernel.name)
     }
 
     pub(crate) fn get(&self, kernel: &Kernel) -> &Pipeline {
-        let found = self.0.iter().find(|p| p.kernel.name == kernel.name);
-        found.expect("there is a pipeline for every kernel")
+        let found = self.find(kernel);
+        found.expect("pipelines are made when a method is loaded")
     }
 }
 
@@ -71,7 +91,7 @@ fn compile(gpu: &Gpu, kernel: &Kernel, layout: vk::PipelineLayout) -> Result<vk:
     // SAFETY: the words are SPIR-V that the build validated.
     let module =
         unsafe { gpu.vk.create_shader_module(&info, None) }.map_err(refused(kernel.name))?;
-    let name = std::ffi::CString::new(kernel.name).expect("kernel names hold no zero byte");
+    let name = std::ffi::CString::new(kernel.entry).expect("entry points hold no zero byte");
     let stage = vk::PipelineShaderStageCreateInfo::default()
         .stage(vk::ShaderStageFlags::COMPUTE)
         .module(module)

@@ -46,18 +46,20 @@ impl VulkanBackend {
             Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
             _ => work::Rays::Given(count),
         };
-        let (params, has_tree) = (self.params(), self.tree().shape.leaf_count > 0);
+        let (method, params) = (self.method, self.params());
+        let has_tree = self.tree().shape.leaf_count > 0;
         let primary = match query.seek {
-            Seek::Any => work::any(params, count),
-            Seek::Closest | Seek::ClosestAndShadow { .. } => work::closest(params, rays),
+            Seek::Any => work::any(method, params, count),
+            Seek::Closest | Seek::ClosestAndShadow { .. } => work::closest(method, params, rays),
         };
-        let mut run = |stage, work: Work| {
-            let work = if has_tree { &[work][..] } else { &[] };
+        let mut run = |stage, work: Vec<Work>| {
+            let work = if has_tree { &work[..] } else { &[] };
             self.run(stage, work, Also::trace(trace))
         };
         run(Stage::TracePrimary, primary)?;
         if let Seek::ClosestAndShadow { light } = query.seek {
-            run(Stage::TraceShadow, work::shadow(params, rays, light))?;
+            let shadow = work::shadow(method, params, rays, light);
+            run(Stage::TraceShadow, shadow)?;
         }
         Ok(())
     }

@@ -12,7 +12,7 @@ use crate::timeline::Moment;
 use crate::traces::Traces;
 use crate::transfer::{Transfer, Window};
 use crate::tree::TreeBuffers;
-use backend::{Device, Result, Ticket};
+use backend::{Device, Method, Result, Ticket};
 use std::sync::Arc;
 
 /// The backend that computes through Vulkan.
@@ -30,6 +30,8 @@ pub struct VulkanBackend {
     pub(crate) window: Window,
     pub(crate) scene: Option<SceneBuffers>,
     pub(crate) tree: Option<TreeBuffers>,
+    /// How the scene is traced.
+    pub(crate) method: Method,
     /// Which of the two position buffers is current.
     pub(crate) position: usize,
     /// The copy (by [`Transfer::done`]) that reads what the recording overwrites.
@@ -75,6 +77,7 @@ impl VulkanBackend {
             window: Window::default(),
             scene: None,
             tree: None,
+            method: Method::default(),
             position: 0,
             overwritten: None,
             stale: Stale::Positions,

@@ -37,6 +37,8 @@ pub struct WgpuBackend {
     pub(crate) window: Window,
     pub(crate) scene: Option<SceneBuffers>,
     pub(crate) tree: Option<TreeBuffers>,
+    /// How the scene is traced.
+    pub(crate) method: Method,
     /// Which of the two position buffers is current.
     pub(crate) position: usize,
     stale: Stale,
@@ -101,6 +103,7 @@ impl WgpuBackend {
             window,
             scene: None,
             tree: None,
+            method: Method::default(),
             position: 0,
             stale: Stale::Positions,
             expanded: false,
@@ -172,6 +175,7 @@ impl Backend for WgpuBackend {
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
         shaders::check_method("wgpu", method)?;
+        self.pipelines.prepare(&self.gpu, method)?;
         self.frames.forget(&self.gpu)?;
         self.snapshots.forget();
         self.traces = Traces::default();
@@ -179,6 +183,7 @@ impl Backend for WgpuBackend {
         (self.position, self.stale, self.expanded) = (0, Stale::Positions, false);
         self.tree = Some(TreeBuffers::new(&self.gpu, &animation)?);
         self.scene = Some(SceneBuffers::new(&self.gpu, animation)?);
+        self.method = method;
         Ok(())
     }
 
@@ -209,7 +214,7 @@ impl Backend for WgpuBackend {
         assert!(self.tree().generation > Generation(0), "a tree comes first");
         let params = self.params();
         let expand = (!self.expanded).then(|| work::expand(params));
-        let preprocess = work::preprocess(params, &self.tree().shape);
+        let preprocess = work::preprocess(self.method, params, &self.tree().shape);
         let work: Vec<_> = expand.into_iter().chain([preprocess]).collect();
         self.run(Stage::Preprocess, &work, Also::default())?;
         self.expanded = true;

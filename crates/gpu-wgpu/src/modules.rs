@@ -42,7 +42,7 @@ fn wgsl(kernel: &Kernel) -> ShaderModuleDescriptor<'_> {
 fn pass_through(device: &wgpu::Device, kernel: &Kernel) -> ShaderModule {
     let [x, y, z] = kernel.workgroup;
     let entry = wgpu::PassthroughShaderEntryPoint {
-        name: kernel.name.into(),
+        name: kernel.entry.into(),
         workgroup_size: (x, y, z),
     };
     let desc = wgpu::ShaderModuleDescriptorPassthrough {

@@ -1,14 +1,17 @@
-//! One pipeline a kernel, its layout read from the kernel's own bindings.
+//! One pipeline a kernel, its layout read from the kernel's own bindings; made when a method first needs it.
 
 use crate::device::Gpu;
 use crate::modules::Modules;
-use backend::Result;
+use backend::{Method, Result};
 use shaders::{Binding, KERNELS, Kernel, Kind, Params};
 use std::num::NonZeroU64;
 use wgpu::{BindGroupLayout, BufferBindingType, ComputePipeline};
 
-/// Every kernel, ready to be bound.
-pub(crate) struct Pipelines(Vec<Pipeline>);
+/// Kernels ready to be bound: those that all methods share, and those of every method loaded so far.
+pub(crate) struct Pipelines {
+    made: Vec<Pipeline>,
+    modules: Modules,
+}
 
 pub(crate) struct Pipeline {
     pub(crate) kernel: &'static Kernel,
@@ -17,17 +20,35 @@ pub(crate) struct Pipeline {
 }
 
 impl Pipelines {
+    /// Those that all methods share.
     pub(crate) fn new(gpu: &Gpu, modules: Modules) -> Result<Self> {
-        let made: Result<_> = KERNELS
-            .iter()
-            .map(|k| Pipeline::new(gpu, k, modules))
-            .collect();
-        made.map(Self)
+        let made = Vec::new();
+        let mut pipelines = Self { made, modules };
+        pipelines.make(gpu, |k| k.slots.is_empty())?;
+        Ok(pipelines)
+    }
+
+    /// Makes what `method` needs and is not there yet.
+    pub(crate) fn prepare(&mut self, gpu: &Gpu, method: Method) -> Result<()> {
+        self.make(gpu, |k| k.serves(method))
+    }
+
+    fn make(&mut self, gpu: &Gpu, wanted: impl Fn(&Kernel) -> bool) -> Result<()> {
+        for kernel in KERNELS.iter().filter(|k| wanted(k)) {
+            if self.find(kernel).is_none() {
+                self.made.push(Pipeline::new(gpu, kernel, self.modules)?);
+            }
+        }
+        Ok(())
+    }
+
+    fn find(&self, kernel: &Kernel) -> Option<&Pipeline> {
+        self.made.iter().find(|p| p.kernel.name == kernel.name)
     }
 
     pub(crate) fn get(&self, kernel: &Kernel) -> &Pipeline {
-        let found = self.0.iter().find(|p| p.kernel.name == kernel.name);
-        found.expect("every kernel has its pipeline")
+        let found = self.find(kernel);
+        found.expect("pipelines are made when a method is loaded")
     }
 }
 
@@ -89,7 +110,7 @@ fn compute_pipeline(
         label: Some(kernel.name),
         layout: Some(&layout),
         module,
-        entry_point: Some(kernel.name),
+        entry_point: Some(kernel.entry),
         compilation_options: wgpu::PipelineCompilationOptions {
             constants: &[],
             zero_initialize_workgroup_memory: false,

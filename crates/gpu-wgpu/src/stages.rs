@@ -43,25 +43,30 @@ impl WgpuBackend {
             Seek::ClosestAndShadow { light } => Some(light),
             Seek::Closest | Seek::Any => None,
         };
-        let (mut primary, mut shadow) = (None, None);
+        let (mut primary, mut shadow) = (Vec::new(), Vec::new());
         if self.tree().shape.leaf_count == 0 {
             trace.fill_misses(&self.gpu)?;
         } else {
-            let (params, count) = (self.params(), trace.count as u32);
+            let (method, params) = (self.method, self.params());
+            let count = trace.count as u32;
             let rays = match query.rays {
                 Rays::List(_) => work::Rays::Given(count),
                 Rays::Camera(camera) => work::Rays::Camera(camera),
             };
-            primary = Some(match query.seek {
-                Seek::Any => work::any(params, count),
-                Seek::Closest | Seek::ClosestAndShadow { .. } => work::closest(params, rays),
-            });
-            shadow = light.map(|light| work::shadow(params, rays, light));
+            primary = match query.seek {
+                Seek::Any => work::any(method, params, count),
+                Seek::Closest | Seek::ClosestAndShadow { .. } => {
+                    work::closest(method, params, rays)
+                }
+            };
+            if let Some(light) = light {
+                shadow = work::shadow(method, params, rays, light);
+            }
         }
         let also = Also::trace(trace);
-        self.run(Stage::TracePrimary, primary.as_slice(), also)?;
+        self.run(Stage::TracePrimary, &primary, also)?;
         match light {
-            Some(_) => self.run(Stage::TraceShadow, shadow.as_slice(), also),
+            Some(_) => self.run(Stage::TraceShadow, &shadow, also),
             None => Ok(()),
         }
     }

@@ -1,5 +1,6 @@
-//! A kernel's file after the shared files that its first line asks for: `//! use a b c`.
+//! A kernel's file after the shared files that its first line asks for: `//! use a {slot.face} b`.
 
+use crate::slots::{SLOTS, Slot, Value};
 use anyhow::{Context, Result};
 use std::fs::read_to_string;
 use std::path::Path;
@@ -12,6 +13,17 @@ pub(crate) enum Arithmetic {
     /// By arithmetic that a compiler cannot see through.
     Opaque,
 }
+
+/// A kernel's file, its slots not yet filled.
+pub(crate) struct Source {
+    /// The file's stem, which is the entry point's name.
+    pub(crate) stem: String,
+    uses: String,
+    body: String,
+}
+
+/// The slots of a kernel, each with what fills it.
+pub(crate) type Filling = Vec<(&'static Slot, &'static Value)>;
 
 /// The stems of all kernels, sorted.
 pub(crate) fn kernels(folder: &Path) -> Result<Vec<String>> {
@@ -27,23 +39,73 @@ pub(crate) fn kernels(folder: &Path) -> Result<Vec<String>> {
     Ok(names)
 }
 
-pub(crate) fn stitch(name: &str, arithmetic: Arithmetic) -> Result<String> {
-    let kernel = read_to_string(format!("wgsl/{name}.wgsl"))?;
-    let head = kernel.lines().next().unwrap_or_default();
-    let uses = head
-        .strip_prefix("//! use ")
-        .context("the first line must say '//! use ...'")?;
-    let mut source = String::new();
-    for part in uses.split_whitespace() {
-        let part = match (part, arithmetic) {
-            ("ieee", Arithmetic::Plain) => "ieee_plain",
-            ("ieee", Arithmetic::Opaque) => "ieee_opaque",
-            _ => part,
-        };
-        let path = format!("wgsl/shared/{part}.wgsl");
-        source.push_str(&read_to_string(&path).context(path)?);
-        source.push('\n');
+impl Source {
+    pub(crate) fn read(stem: &str) -> Result<Self> {
+        let text = read_to_string(format!("wgsl/{stem}.wgsl"))?;
+        let (head, body) = text.split_once('\n').context("a kernel has a body")?;
+        let uses = head
+            .strip_prefix("//! use ")
+            .context("the first line must say '//! use ...'")?;
+        Ok(Self {
+            stem: stem.to_owned(),
+            uses: uses.to_owned(),
+            body: body.to_owned(),
+        })
     }
-    let body = kernel.split_once('\n').map_or("", |(_, body)| body);
-    Ok(source + body)
+
+    /// Every way to fill the slots.
+    pub(crate) fn fillings(&self) -> Vec<Filling> {
+        let named = |slot: &&Slot| {
+            let places = self.uses.split_whitespace().filter_map(place);
+            places.into_iter().any(|(name, _)| name == slot.name)
+        };
+        let mut all = vec![Filling::new()];
+        for slot in SLOTS.iter().filter(named) {
+            let with = |filling: &Filling, value| {
+                let filled = filling.iter().copied();
+                filled.chain([(slot, value)]).collect()
+            };
+            let more = |f| slot.values.iter().map(move |v| with(f, v));
+            all = all.iter().flat_map(more).collect();
+        }
+        all
+    }
+
+    /// The whole text.
+    pub(crate) fn stitch(&self, filling: &Filling, arithmetic: Arithmetic) -> Result<String> {
+        let mut source = String::new();
+        for word in self.uses.split_whitespace() {
+            let parts = match place(word) {
+                Some(place) => filler(filling, place).with_context(|| format!("no {word}"))?,
+                None => std::slice::from_ref(&word),
+            };
+            for part in parts {
+                append(&mut source, part, arithmetic)?;
+            }
+        }
+        Ok(source + &self.body)
+    }
+}
+
+/// What fills a place.
+fn filler(filling: &Filling, (name, face): (&str, &str)) -> Option<&'static [&'static str]> {
+    let (_, value) = filling.iter().find(|(slot, _)| slot.name == name)?;
+    value.face(face)
+}
+
+fn append(source: &mut String, part: &str, arithmetic: Arithmetic) -> Result<()> {
+    let part = match (part, arithmetic) {
+        ("ieee", Arithmetic::Plain) => "ieee_plain",
+        ("ieee", Arithmetic::Opaque) => "ieee_opaque",
+        _ => part,
+    };
+    let path = format!("wgsl/shared/{part}.wgsl");
+    source.push_str(&read_to_string(&path).context(path)?);
+    source.push('\n');
+    Ok(())
+}
+
+/// Slot and face of `{slot.face}`.
+fn place(word: &str) -> Option<(&str, &str)> {
+    word.strip_prefix('{')?.strip_suffix('}')?.split_once('.')
 }

@@ -14,7 +14,9 @@
 //!   parameters and its number of workgroups. The host binds buffers by the
 //!   names in [`Kernel::bindings`], dispatches [`work::Work::group_counts`], and puts a
 //!   barrier after each;
-//! - [`supports`] and [`check_method`]: which methods the kernels know;
+//! - [`supports`] and [`check_method`]: which methods the kernels know, and
+//!   [`Kernel::serves`]: which kernels a method needs. Those without slots are all methods' own;
+//!   a host makes the others when it loads a scene;
 //! - [`Counts`]: the buffer `counts`, cleared before the first stage and read back after the last.
 //!
 //! Both `gpu-wgpu` and `gpu-vulkan` are written so.
@@ -23,7 +25,10 @@ pub mod arithmetic;
 mod method;
 mod params;
 mod shape;
+mod variant;
 pub mod work;
+
+use backend::Method;
 
 pub use method::{check_method, supports};
 pub use params::{Counts, Params};
@@ -32,8 +37,12 @@ pub use shape::Shape;
 /// A compute kernel.
 #[derive(Clone, Copy, Debug)]
 pub struct Kernel {
-    /// Its entry point, named like its file.
+    /// Its entry point and what fills its slots, such as `trace_rays.watertight`: no two kernels share it.
     pub name: &'static str,
+    /// Its entry point, named like its file.
+    pub entry: &'static str,
+    /// Its slots, each with what fills it; none for kernels that every method shares.
+    pub slots: &'static [(&'static str, &'static str)],
     /// WGSL with opaque arithmetic.
     pub wgsl: &'static str,
     /// SPIR-V 1.3 with NoContraction.
@@ -68,14 +77,31 @@ pub enum Kind {
 
 include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
 
-/// The kernel of that name.
+impl Kernel {
+    /// Whether it is of use to `method`.
+    #[must_use]
+    pub fn serves(&self, method: Method) -> bool {
+        let fits = |&(slot, value): &(_, _)| variant::value(slot, method) == value;
+        self.slots.iter().all(fits)
+    }
+}
+
+/// The kernel with that entry point that serves `method`.
 ///
 /// # Panics
-/// If there is none: names are known when the program is written.
+/// If there is none: entry points are known when the program is written, methods are checked by [`check_method`].
 #[must_use]
-pub fn kernel(name: &str) -> &'static Kernel {
-    KERNELS
-        .iter()
-        .find(|k| k.name == name)
-        .unwrap_or_else(|| panic!("no kernel named {name}"))
+pub fn kernel(entry: &str, method: Method) -> &'static Kernel {
+    let mut found = KERNELS.iter().filter(|k| k.entry == entry);
+    found
+        .find(|k| k.serves(method))
+        .unwrap_or_else(|| panic!("no kernel {entry} for {method:?}"))
+}
+
+/// The kernel with that entry point, which every method shares.
+///
+/// # Panics
+/// As [`kernel`].
+pub(crate) fn common(entry: &str) -> &'static Kernel {
+    kernel(entry, Method::default())
 }

@@ -1,6 +1,6 @@
 //! What a host must know of a tree's record to run kernels over it.
 
-use crate::kernel;
+use crate::common;
 use bvh_layout::Topology;
 use std::ops::Range;
 
@@ -42,7 +42,7 @@ impl Shape {
     /// leaves: one f32 for each workgroup of each level, in whole rows of 16 bytes.
     #[must_use]
     pub fn cost_bytes(leaves: u64) -> u64 {
-        let group = u64::from(kernel("refit").workgroup[0]);
+        let group = u64::from(common("refit").workgroup[0]);
         let groups = leaves.div_ceil(group) + u64::from(bvh_build::MAX_DEPTH) + 1;
         (groups * 4).next_multiple_of(16)
     }

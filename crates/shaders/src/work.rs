@@ -1,6 +1,7 @@
 //! Each stage as a list of dispatches. A dispatch reads what those before it wrote, so a barrier goes between any two.
 
-use crate::{Kernel, Params, Shape, kernel};
+use crate::{Kernel, Params, Shape, common, kernel};
+use backend::Method;
 use geom::{Camera, Point};
 
 /// A kernel to run. Its buffers are found by their names in [`Kernel::bindings`].
@@ -42,25 +43,22 @@ pub enum Rays<'a> {
 }
 
 impl Work {
-    fn new(name: &str, params: Params, groups: Groups) -> Self {
+    fn linear(kernel: &'static Kernel, params: Params, count: u32) -> Self {
         Self {
-            kernel: kernel(name),
-            params,
-            groups,
+            kernel,
+            params: Params { count, ..params },
+            groups: Groups::Linear(count),
         }
     }
 
-    fn linear(name: &str, params: Params, count: u32) -> Self {
-        Self::new(name, Params { count, ..params }, Groups::Linear(count))
-    }
-
-    fn over(rays: Rays<'_>, params: Params, [given, camera]: [&str; 2]) -> Self {
+    fn over(method: Method, rays: Rays<'_>, params: Params, [given, camera]: [&str; 2]) -> Self {
         match rays {
-            Rays::Given(count) => Self::linear(given, params, count),
-            Rays::Camera(c) => {
-                let groups = Groups::Pixels(c.width, c.height);
-                Self::new(camera, params.through(c), groups)
-            }
+            Rays::Given(count) => Self::linear(kernel(given, method), params, count),
+            Rays::Camera(c) => Self {
+                kernel: kernel(camera, method),
+                params: params.through(c),
+                groups: Groups::Pixels(c.width, c.height),
+            },
         }
     }
 
@@ -94,27 +92,30 @@ impl Groups {
 /// The test of a device's arithmetic, on so many [`crate::arithmetic::operands`].
 #[must_use]
 pub fn arithmetic(operands: usize) -> Work {
-    Work::linear("arithmetic", Params::default(), operands as u32)
+    Work::linear(common("arithmetic"), Params::default(), operands as u32)
 }
 
 /// Key frames to so many positions, the later weighing `alpha`.
 #[must_use]
 pub fn interpolate(params: Params, vertices: usize, alpha: f32) -> Work {
     let rows = (vertices * 3).div_ceil(4) as u32;
-    Work::linear("interpolate", Params { alpha, ..params }, rows)
+    Work::linear(common("interpolate"), Params { alpha, ..params }, rows)
 }
 
 /// A tree just adopted to its lists of nodes: once, before its first [`preprocess`].
 #[must_use]
 pub fn expand(params: Params) -> Work {
-    let groups = Groups::Linear(params.node_count);
-    Work::new("expand", params, groups)
+    Work {
+        kernel: common("expand"),
+        params,
+        groups: Groups::Linear(params.node_count),
+    }
 }
 
 /// Positions to records and boxes of leaves.
 #[must_use]
-pub fn preprocess(params: Params, tree: &Shape) -> Work {
-    Work::linear("preprocess", params, tree.leaf_count)
+pub fn preprocess(method: Method, params: Params, tree: &Shape) -> Work {
+    Work::linear(kernel("preprocess", method), params, tree.leaf_count)
 }
 
 /// Boxes of leaves to boxes of inner nodes, level by level, and to the tree's cost.
@@ -123,7 +124,8 @@ pub fn refit(params: Params, tree: &Shape) -> Vec<Work> {
     if tree.leaf_count == 0 {
         return Vec::new();
     }
-    let group = kernel("refit").workgroup[0];
+    let refit = common("refit");
+    let group = refit.workgroup[0];
     let mut work = Vec::with_capacity(tree.levels.len() + 1);
     let mut first_group = 0;
     for inner in tree.levels.iter().rev() {
@@ -133,34 +135,48 @@ pub fn refit(params: Params, tree: &Shape) -> Vec<Work> {
             first_group,
             ..params
         };
-        work.push(Work::linear("refit", params, count));
+        work.push(Work::linear(refit, params, count));
         first_group += count.div_ceil(group);
     }
     let params = Params {
         count: first_group,
         ..params
     };
-    work.push(Work::new("sum_costs", params, Groups::Linear(1)));
+    work.push(Work {
+        kernel: common("sum_costs"),
+        params,
+        groups: Groups::Linear(1),
+    });
     work
 }
 
 /// Records and boxes to closest hits.
 #[must_use]
-pub fn closest(params: Params, rays: Rays<'_>) -> Work {
-    Work::over(rays, params, ["trace_rays", "trace_camera"])
+pub fn closest(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
+    vec![Work::over(
+        method,
+        rays,
+        params,
+        ["trace_rays", "trace_camera"],
+    )]
 }
 
 /// Records and boxes to whether each of so many given rays meets anything.
 #[must_use]
-pub fn any(params: Params, rays: u32) -> Work {
-    Work::linear("any_rays", params, rays)
+pub fn any(method: Method, params: Params, rays: u32) -> Vec<Work> {
+    vec![Work::linear(kernel("any_rays", method), params, rays)]
 }
 
 /// Closest hits to whether the way from each to the light is blocked.
 #[must_use]
-pub fn shadow(params: Params, rays: Rays<'_>, light: Point) -> Work {
+pub fn shadow(method: Method, params: Params, rays: Rays<'_>, light: Point) -> Vec<Work> {
     let params = Params { light, ..params };
-    Work::over(rays, params, ["shadow_rays", "shadow_camera"])
+    vec![Work::over(
+        method,
+        rays,
+        params,
+        ["shadow_rays", "shadow_camera"],
+    )]
 }
 
 #[cfg(test)]

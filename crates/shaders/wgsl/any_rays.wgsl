@@ -1,4 +1,4 @@
-//! use params ieee divide exact units ray watertight any given
+//! use params ieee divide exact units ray {intersector.test} {intersector.any} any given
 // Whether each given ray meets anything.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -13,6 +13,5 @@ fn any_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroup
     if i >= params.count { return; }
     var met = false;
     if !is_void(i) { met = find_any(given_ray(i), 0xffffffffu); }
-    blocked[i] = select(0u, 1u, met);
-    if met { atomicAdd(&counts[2], 1u); }
+    keep_any(i, met, 2u);
 }

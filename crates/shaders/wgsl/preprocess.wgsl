@@ -1,4 +1,4 @@
-//! use params ieee divide units degenerate
+//! use params ieee divide units degenerate {record.write}
 // Positions to triangle records and boxes of leaves, in the tree's leaf order.
 
 @group(0) @binding(1) var<storage, read> topology: array<u32>;
@@ -39,9 +39,7 @@ fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     let a = scaled_point(given_a);
     let b = scaled_point(given_b);
     let c = scaled_point(given_c);
-    records[3u * leaf] = vec4<u32>(bitcast<vec3<u32>>(a), triangle);
-    records[3u * leaf + 1u] = vec4<u32>(bitcast<vec3<u32>>(b), node);
-    records[3u * leaf + 2u] = vec4<u32>(bitcast<vec3<u32>>(c), 0u);
+    write_record(leaf, node, triangle, a, b, c);
 
     let finite = is_finite(given_a) && is_finite(given_b) && is_finite(given_c);
     var hit = finite;

@@ -1,4 +1,4 @@
-//! use params ieee divide exact units ray watertight any shade pixels
+//! use params ieee divide exact units ray {intersector.test} {intersector.any} any shade pixels
 // The shadow of each pixel's hit.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -17,6 +17,5 @@ fn shadow_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup
     let hit = hits[i];
     var dark = false;
     if hit.w != 0xffffffffu { dark = is_blocked(hit, scaled_point(bitcast<vec3<u32>>(params.eye))); }
-    blocked[i] = select(0u, 1u, dark);
-    if dark { atomicAdd(&counts[3], 1u); }
+    keep_any(i, dark, 3u);
 }

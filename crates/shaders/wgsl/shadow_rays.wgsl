@@ -1,4 +1,4 @@
-//! use params ieee divide exact units ray watertight any shade
+//! use params ieee divide exact units ray {intersector.test} {intersector.any} any shade
 // The shadow of each given ray's hit.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -18,6 +18,5 @@ fn shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgr
     let hit = hits[i];
     var dark = false;
     if hit.w != 0xffffffffu { dark = is_blocked(hit, scaled_point(rays[2u * i].xyz)); }
-    blocked[i] = select(0u, 1u, dark);
-    if dark { atomicAdd(&counts[3], 1u); }
+    keep_any(i, dark, 3u);
 }

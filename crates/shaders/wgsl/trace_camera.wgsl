@@ -1,4 +1,4 @@
-//! use params ieee divide exact units ray watertight closest pixels
+//! use params ieee divide exact units ray {intersector.test} {intersector.closest} closest pixels
 // The closest hit of each pixel's ray, made here: geom::Camera::ray.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -25,13 +25,11 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
     let origin = scaled_point(bitcast<vec3<u32>>(params.eye));
     let is_zero = all((bitcast<vec3<u32>>(direction) & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
     if is_zero || !is_finite_point(direction) || !is_finite_point(origin) {
-        hits[i] = vec4<u32>(0x7f800000u, 0u, 0u, 0xffffffffu);
+        hits[i] = MISS;
         return;
     }
     let low = bitcast<vec3<f32>>(nodes[0].xyz);
     let high = bitcast<vec3<f32>>(nodes[1].xyz);
     let ray = prepare(origin, bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, low, high);
-    let best = find_closest(ray);
-    hits[i] = as_hit(ray, best);
-    if best.triangle != 0xffffffffu { atomicAdd(&counts[2], 1u); }
+    keep_closest(i, ray, find_closest(ray));
 }

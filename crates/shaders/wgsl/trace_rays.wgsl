@@ -1,4 +1,4 @@
-//! use params ieee divide exact units ray watertight closest given
+//! use params ieee divide exact units ray {intersector.test} {intersector.closest} closest given
 // The closest hit of each given ray.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -12,11 +12,9 @@ fn trace_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     let i = element(id, groups, 128u);
     if i >= params.count { return; }
     if is_void(i) {
-        hits[i] = vec4<u32>(0x7f800000u, 0u, 0u, 0xffffffffu);
+        hits[i] = MISS;
         return;
     }
     let ray = given_ray(i);
-    let best = find_closest(ray);
-    hits[i] = as_hit(ray, best);
-    if best.triangle != 0xffffffffu { atomicAdd(&counts[2], 1u); }
+    keep_closest(i, ray, find_closest(ray));
 }

@@ -4,22 +4,6 @@ const LEAF: u32 = 0x80000000u;
 // No node at all; as a leaf it would be beyond all others.
 const NONE: u32 = 0xffffffffu;
 
-fn meets_triangle(ray: Prepared, leaf: u32, ignore: u32) -> bool {
-    let first = records[3u * leaf];
-    if first.w == ignore { return false; }
-    let v0 = bitcast<vec3<f32>>(first.xyz);
-    let v1 = bitcast<vec3<f32>>(records[3u * leaf + 1u].xyz);
-    let v2 = bitcast<vec3<f32>>(records[3u * leaf + 2u].xyz);
-    let c = intersect(ray, v0, v1, v2);
-    if !c.hit { return false; }
-    let own = slab(ray, min(min(v0, v1), v2), max(max(v0, v1), v2));
-    if !(own.x <= own.y) { return false; }
-    let rough = rough_span(c.t, c.det);
-    if clamped(rough.x, own) > ray.t_min && clamped(rough.y, own) < ray.t_max { return true; }
-    let t = clamped(divide(c.t, c.det), own);
-    return t > ray.t_min && t < ray.t_max;
-}
-
 fn meets_box(ray: Prepared, low: vec4<u32>, high: vec4<u32>) -> bool {
     let s = slab(ray, bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz));
     return s.x <= s.y && s.x <= ray.t_max && s.y >= ray.t_min;
@@ -43,7 +27,7 @@ fn find_any(ray: Prepared, ignore: u32) -> bool {
             at = select(select(NONE, r0.w, meets_r), l0.w, meets_l);
         }
         if (at & LEAF) != 0u {
-            if at != NONE && meets_triangle(ray, at & 0x7fffffffu, ignore) { return true; }
+            if at != NONE && see_any(ray, at & 0x7fffffffu, ignore) { return true; }
             if depth == 0u { break; }
             depth -= 1u;
             at = stack[depth];

@@ -121,3 +121,6 @@ fn clamped(t: f32, span: vec2<f32>) -> f32 {
     let later = select(t, span.x, t < span.x);
     return flushed(select(later, span.y, later > span.y));
 }
+
+// What is written for a ray that hits nothing.
+const MISS: vec4<u32> = vec4<u32>(0x7f800000u, 0u, 0u, 0xffffffffu);

@@ -3,7 +3,21 @@
 // A hit at t / det with weights v / det and w / det, divided only where it matters.
 struct Candidate { hit: bool, t: f32, v: f32, w: f32, det: f32 }
 
+struct Corners { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32 }
+
 struct Sheared { x: f32, y: f32, z: f32 }
+
+fn corners_of(leaf: u32) -> Corners {
+    let first = records[3u * leaf];
+    let b = bitcast<vec3<f32>>(records[3u * leaf + 1u].xyz);
+    let c = bitcast<vec3<f32>>(records[3u * leaf + 2u].xyz);
+    return Corners(bitcast<vec3<f32>>(first.xyz), b, c, first.w);
+}
+
+// Entry and exit of the triangle's own box.
+fn own_span(ray: Prepared, k: Corners) -> vec2<f32> {
+    return slab(ray, min(min(k.a, k.b), k.c), max(max(k.a, k.b), k.c));
+}
 
 fn shear(ray: Prepared, vertex: vec3<f32>) -> Sheared {
     let a = permute(vec3<f32>(sub(vertex.x, ray.origin.x), sub(vertex.y, ray.origin.y), sub(vertex.z, ray.origin.z)), ray.axis);
@@ -26,10 +40,10 @@ fn edge_sign(value: f32, p: Sheared, q: Sheared) -> i32 {
     return select(0, 1, q.x > p.x) - select(0, 1, q.x < p.x);
 }
 
-fn intersect(ray: Prepared, v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>) -> Candidate {
-    let a = shear(ray, v0);
-    let b = shear(ray, v1);
-    let c = shear(ray, v2);
+fn intersect(ray: Prepared, corners: Corners) -> Candidate {
+    let a = shear(ray, corners.a);
+    let b = shear(ray, corners.b);
+    let c = shear(ray, corners.c);
     let u = edge(c, b);
     let v = edge(a, c);
     let w = edge(b, a);

@@ -1,0 +1,44 @@
+//! What kernels leave open: the slots that a head may name, and what may fill each.
+
+/// A choice. A kernel is made once for each way to fill its slots.
+pub(crate) struct Slot {
+    pub(crate) name: &'static str,
+    pub(crate) values: &'static [Value],
+}
+
+/// One way to fill a slot.
+pub(crate) struct Value {
+    pub(crate) name: &'static str,
+    /// What stands in a head for `{slot.face}`: shared files, in this order.
+    pub(crate) faces: &'static [(&'static str, &'static [&'static str])],
+}
+
+/// All slots. `src/variant.rs` says which value a method takes.
+pub(crate) const SLOTS: &[Slot] = &[
+    Slot {
+        name: "intersector",
+        values: &[Value {
+            name: "watertight",
+            faces: &[
+                ("test", &["watertight"]),
+                ("closest", &["watertight_closest"]),
+                ("any", &["watertight_any"]),
+            ],
+        }],
+    },
+    Slot {
+        name: "record",
+        values: &[Value {
+            name: "corners",
+            faces: &[("write", &["record_corners"])],
+        }],
+    },
+];
+
+impl Value {
+    /// The shared files of a face.
+    pub(crate) fn face(&self, name: &str) -> Option<&'static [&'static str]> {
+        let found = self.faces.iter().find(|(face, _)| *face == name);
+        found.map(|(_, parts)| *parts)
+    }
+}
