@@ -3,6 +3,7 @@
 use crate::reduce::{self, Tolerance};
 use crate::stop::Stop;
 use crate::values::{self, Frames, TimeRange};
+use clap::builder::ArgPredicate;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use geom::Point;
 use std::path::PathBuf;
@@ -78,6 +79,8 @@ pub(crate) struct RenderArgs {
     #[command(flatten)]
     pub(crate) method: MethodArgs,
     #[command(flatten)]
+    pub(crate) tolerance: ToleranceArgs,
+    #[command(flatten)]
     pub(crate) policy: PolicyArgs,
     /// Frames: N spread evenly over the time range, both ends included, or those at key times A..B
     /// (B left out). Files are numbered from 0000 [default: 48 for a demo, else one a key frame up to 96]
@@ -140,6 +143,8 @@ pub(crate) struct TraceArgs {
     pub(crate) device: DeviceArgs,
     #[command(flatten)]
     pub(crate) method: MethodArgs,
+    #[command(flatten)]
+    pub(crate) tolerance: ToleranceArgs,
     /// How the tree comes about: built at the moment, or built at --tree-time and refitted
     #[arg(long, value_name = "POLICY", default_value = "auto")]
     pub(crate) update: UpdateName,
@@ -147,72 +152,6 @@ pub(crate) struct TraceArgs {
     #[arg(long, value_name = "T0", value_parser = values::time, allow_hyphen_values = true)]
     pub(crate) tree_time: Option<f64>,
     /// No remarks
-    #[arg(long, short)]
-    pub(crate) quiet: bool,
-}
-
-/// Options of `bench`.
-#[derive(Args, Debug)]
-pub(crate) struct BenchArgs {
-    /// Scenes, as for render
-    #[arg(default_values = ["demo:grove", "demo:collide"])]
-    pub(crate) scenes: Vec<String>,
-    #[command(flatten)]
-    pub(crate) source: SourceArgs,
-    /// Backends
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "auto"
-    )]
-    pub(crate) backend: Vec<BackendName>,
-    /// Update policies
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "rebuild,refit,async"
-    )]
-    pub(crate) update: Vec<UpdateName>,
-    /// Intersectors
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "auto"
-    )]
-    pub(crate) intersector: Vec<IntersectorName>,
-    /// Layouts of the tree
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "auto"
-    )]
-    pub(crate) layout: Vec<LayoutName>,
-    /// Pixels of a frame
-    #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = values::size)]
-    pub(crate) size: [u32; 2],
-    /// Frames of each run: N spread evenly over the time range, or those at key times A..B
-    #[arg(long, value_name = "N|A..B", default_value = "24", value_parser = values::frames)]
-    pub(crate) frames: Frames,
-    /// Stretch of time, in key frames [default: all of it]
-    #[arg(long, value_name = "T0..T1", value_parser = values::time_range, allow_hyphen_values = true)]
-    pub(crate) time_range: Option<TimeRange>,
-    /// Adapter of the backends, by index or by part of its name
-    #[arg(long, value_name = "INDEX|NAME-PART")]
-    pub(crate) adapter: Option<String>,
-    /// Threads that render
-    #[arg(long, value_name = "N", value_parser = values::threads)]
-    pub(crate) threads: Option<usize>,
-    /// Threads that build trees
-    #[arg(long, value_name = "N", value_parser = values::threads)]
-    pub(crate) builder_threads: Option<usize>,
-    /// File for the results
-    #[arg(long, value_name = "FILE")]
-    pub(crate) json: Option<PathBuf>,
-    /// No progress
     #[arg(long, short)]
     pub(crate) quiet: bool,
 }
@@ -231,6 +170,8 @@ pub(crate) struct InspectArgs {
     /// Directory for those key frames, as .ply files, and times.json with the time of each
     #[arg(long, value_name = "DIR", requires = "reduce_keys")]
     pub(crate) reduced_out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) tolerance: ToleranceArgs,
     /// JSON to standard output
     #[arg(long)]
     pub(crate) json: bool,
@@ -285,8 +226,13 @@ pub(crate) struct DeviceArgs {
 /// How rays are traced.
 #[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MethodArgs {
-    /// How a ray is tested against a triangle
-    #[arg(long, value_name = "NAME", default_value = "auto")]
+    /// How a ray is tested against a triangle [with --tolerance: auto]
+    #[arg(
+        long,
+        value_name = "NAME",
+        default_value = "watertight",
+        default_value_if("tolerance", ArgPredicate::IsPresent, "auto")
+    )]
     pub(crate) intersector: IntersectorName,
     /// How the tree lies in memory
     #[arg(long, value_name = "NAME", default_value = "auto")]
@@ -340,7 +286,7 @@ pub(crate) enum BackendName {
 /// Update policies by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum UpdateName {
-    /// Whichever suits the motion
+    /// Whichever is fastest here, tried out
     Auto,
     /// A new tree for every frame, which waits for it
     Rebuild,
@@ -353,7 +299,7 @@ pub(crate) enum UpdateName {
 /// Intersectors by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum IntersectorName {
-    /// The one that never leaks
+    /// The cheapest within the tolerance
     Auto,
     /// Möller, Trumbore 1997
     MollerTrumbore,
@@ -368,13 +314,16 @@ pub(crate) enum IntersectorName {
 /// Layouts by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum LayoutName {
-    /// Whichever the backend has
+    /// Whichever is fastest here, tried out
     Auto,
     /// Breadth-first binary tree, one triangle a leaf
     Bvh2,
     /// Whatever measured fastest
     Fast,
 }
+
+mod bench;
+pub(crate) use bench::BenchArgs;
 
 mod chart;
 pub(crate) use chart::ChartArgs;
@@ -384,6 +333,9 @@ pub(crate) use conform::{ConformArgs, SubjectName};
 
 mod stability;
 pub(crate) use stability::StabilityArgs;
+
+mod tolerance;
+pub(crate) use tolerance::ToleranceArgs;
 
 #[cfg(test)]
 mod tests;

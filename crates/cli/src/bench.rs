@@ -7,6 +7,7 @@ use crate::progress::Progress;
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
 use crate::table::mrays;
+use crate::trial::Run;
 use crate::{choose, frames, info, record, talk, threads};
 use backend::{Query, Rays, Seek};
 use pipeline::Frame;
@@ -70,6 +71,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     if let Some(file) = &args.json {
         report::check_writable(file).map_err(Stop::bad)?;
     }
+    let tolerance = args.tolerance.of(&args.intersector)?;
     let combinations = combinations(args);
     let total = args.scenes.len() * combinations.len();
     let mut rows = Vec::new();
@@ -86,6 +88,8 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
                 builder_threads: args.builder_threads,
                 method,
                 update: choose::update(policy, &scene.animation, &frames)?,
+                tolerance,
+                run: None,
             };
             let row = measure(args.size, (spec, &scene), &frames, &ask)?;
             let progress = progress.get_or_insert_with(|| Progress::new(total as u64, args.quiet));
@@ -146,11 +150,12 @@ pub(crate) fn measure(
     let camera = view
         .camera(size)
         .ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
-    let mut session = session::start(&scene.animation, ask)?;
     let query = Query {
         rays: Rays::Camera(&camera),
         seek: Seek::ClosestAndShadow { light: view.light },
     };
+    let run = Some(Run { frames, query });
+    let mut session = session::start(&scene.animation, &Ask { run, ..*ask })?;
     let mut stats = Vec::new();
     session
         .driver

@@ -259,6 +259,8 @@ impl Way {
             builder_threads: None,
             method: self.method,
             update,
+            tolerance: 0.0,
+            run: None,
         }
     }
 }

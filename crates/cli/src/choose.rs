@@ -15,6 +15,8 @@ pub(crate) struct Choice<T> {
     pub(crate) value: T,
     /// Why; `None` if it was asked for.
     pub(crate) why: Option<&'static str>,
+    /// Whether it is but a guess, which a trial may better.
+    pub(crate) is_open: bool,
 }
 
 /// What `auto` took where nothing was asked for by name.
@@ -26,13 +28,32 @@ pub(crate) fn taken(what: &str, takes: &str, why: Option<&str>) -> Option<Taken>
     })
 }
 
-fn asked<T>(value: T) -> Choice<T> {
-    Choice { value, why: None }
+/// What somebody named.
+pub(crate) fn asked<T>(value: T) -> Choice<T> {
+    Choice {
+        value,
+        why: None,
+        is_open: false,
+    }
 }
 
+/// What nothing can be better than.
 fn auto<T>(value: T, why: &'static str) -> Choice<T> {
     let why = Some(why);
-    Choice { value, why }
+    Choice {
+        value,
+        why,
+        is_open: false,
+    }
+}
+
+/// What is the best as a rule.
+fn guess<T>(value: T, why: &'static str) -> Choice<T> {
+    let is_open = true;
+    Choice {
+        is_open,
+        ..auto(value, why)
+    }
 }
 
 /// Key frames between frames from which on the tree of an earlier frame is of no use.
@@ -65,11 +86,11 @@ pub(crate) fn update(
         (UpdateName::Auto, None) if frames.len() == 1 => {
             auto(Update::Refit, "one frame needs one tree")
         }
-        (UpdateName::Auto, None) if step(frames) >= FAR_APART => auto(
+        (UpdateName::Auto, None) if step(frames) >= FAR_APART => guess(
             Update::Rebuild,
             "the frames lie key frames apart, so that the tree of one is of no use to the next",
         ),
-        (UpdateName::Auto, None) => auto(
+        (UpdateName::Auto, None) => guess(
             Update::Async(pace),
             "the scene deforms: frames go on with the newest tree while the next one is built",
         ),
@@ -89,8 +110,8 @@ fn step(frames: &[Frame]) -> f64 {
 pub(crate) fn intersector(name: IntersectorName) -> Choice<Intersector> {
     match name {
         IntersectorName::Auto => auto(
-            Intersector::Watertight,
-            "no leaks, and the same bits on every backend",
+            Intersector::Exact,
+            "it alone is free of wrong answers by definition",
         ),
         IntersectorName::MollerTrumbore => asked(Intersector::MollerTrumbore),
         IntersectorName::Woop => asked(Intersector::Woop),

@@ -3,12 +3,15 @@
 use crate::args::{
     BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName,
 };
+use crate::bench::FOV;
 use crate::decay::{self, Decay};
 use crate::motion::{self, Motion, Spread, Still};
-use crate::open::Want;
+use crate::session::{self, Ask};
 use crate::stop::Stop;
 use crate::table::{grouped, table};
-use crate::{choose, frames, open, reduce, render, talk, threads};
+use crate::trial::Run;
+use crate::{choose, frames, reduce, render, talk};
+use backend::{Query, Rays, Seek};
 use geom::Animation;
 use report::{SceneFacts, Taken};
 use serde::Serialize;
@@ -16,6 +19,8 @@ use std::sync::Arc;
 
 /// Times at which the first tree is compared with a fresh one.
 const SAMPLES: usize = 5;
+/// Pixels of a frame of `render`, unless asked otherwise.
+const SIZE: [u32; 2] = [1280, 720];
 
 #[derive(Serialize)]
 struct Inspection {
@@ -56,7 +61,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
         inactive,
         degenerate,
         decay: decay::measure(animation, SAMPLES).map_err(Stop::failed)?,
-        auto: what_auto_takes(animation, args.scene.starts_with(frames::DEMO))?,
+        auto: what_auto_takes(args, animation)?,
     };
     if args.json {
         talk::print_json(&inspection)
@@ -65,37 +70,41 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
     }
 }
 
-/// What `render` would take, found out by loading the scene.
-fn what_auto_takes(animation: &Arc<Animation>, is_demo: bool) -> Result<Vec<Taken>, Stop> {
+/// What `render` would take with the same tolerance, found out as it would.
+fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec<Taken>, Stop> {
     let policy = PolicyArgs {
         update: UpdateName::Auto,
         lockstep: None,
     };
+    let is_demo = args.scene.starts_with(frames::DEMO);
     let frames = frames::list(None, None, animation.keys().len(), is_demo)?;
-    let update = choose::update(policy, animation, &frames)?;
+    let view = picture::frame_scene(animation, FOV, SIZE);
+    let camera = view.camera(SIZE);
+    let run = camera.as_ref().map(|camera| Run {
+        frames: &frames,
+        query: Query {
+            rays: Rays::Camera(camera),
+            seek: Seek::ClosestAndShadow { light: view.light },
+        },
+    });
     let method = MethodArgs {
-        intersector: IntersectorName::Auto,
+        intersector: match args.tolerance.tolerance {
+            Some(_) => IntersectorName::Auto,
+            None => IntersectorName::Watertight,
+        },
         layout: LayoutName::Auto,
     };
-    let want = Want {
+    let ask = Ask {
         backend: BackendName::Auto,
         adapter: None,
-        method: choose::method(method),
-        threads: threads::cores(),
+        threads: None,
+        builder_threads: None,
+        method,
+        update: choose::update(policy, animation, &frames)?,
+        tolerance: args.tolerance.tolerance.unwrap_or(0.0),
+        run,
     };
-    let opened = open::open(&want, |mut backend| {
-        backend.load(Arc::clone(animation), want.method)?;
-        Ok(backend.device().clone())
-    })?;
-    let intersector = choose::intersector(method.intersector);
-    let layout = choose::layout(method.layout);
-    let taken = [
-        choose::taken("backend", opened.value.backend, opened.why.as_deref()),
-        choose::taken("update", choose::update_name(update.value), update.why),
-        choose::taken("intersector", intersector.value.name(), intersector.why),
-        choose::taken("layout", layout.value.name(), layout.why),
-    ];
-    Ok(taken.into_iter().flatten().collect())
+    Ok(session::start(animation, &ask)?.taken)
 }
 
 fn text(i: &Inspection, notes: &[String]) -> String {

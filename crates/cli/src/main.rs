@@ -31,6 +31,7 @@ mod talk;
 mod threads;
 mod timeline;
 mod trace;
+mod trial;
 mod values;
 
 use args::Command;

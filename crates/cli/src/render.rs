@@ -6,6 +6,7 @@ use crate::progress::Progress;
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
 use crate::timeline::Notes;
+use crate::trial::Run;
 use crate::{choose, frames, record, table, talk};
 use backend::{Query, Rays, Seek};
 use geom::Camera;
@@ -33,6 +34,11 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
             builder_threads: args.device.builder_threads,
             method: args.method,
             update: choose::update(args.policy, &scene.animation, &frames)?,
+            tolerance: args.tolerance.of(&[args.method.intersector])?,
+            run: Some(Run {
+                frames: &frames,
+                query: query(&camera, &view),
+            }),
         },
     )?;
     let mut outputs = Outputs::prepare(args)?;
@@ -67,6 +73,13 @@ fn view(args: &RenderArgs, scene: &Scene) -> View {
         up: asked.up.unwrap_or(framed.up),
         light: asked.light.unwrap_or(framed.light),
         ..framed
+    }
+}
+
+fn query<'a>(camera: &'a Camera, view: &View) -> Query<'a> {
+    Query {
+        rays: Rays::Camera(camera),
+        seek: Seek::ClosestAndShadow { light: view.light },
     }
 }
 
@@ -107,10 +120,7 @@ fn trace_all(
             all - todo.len()
         ));
     }
-    let query = Query {
-        rays: Rays::Camera(camera),
-        seek: Seek::ClosestAndShadow { light: view.light },
-    };
+    let query = query(camera, view);
     let mut rows = Vec::with_capacity(todo.len());
     session
         .driver

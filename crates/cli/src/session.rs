@@ -1,13 +1,14 @@
 //! A driver set up as asked, ready for its first frame.
 
-use crate::args::{BackendName, MethodArgs};
+use crate::args::{BackendName, IntersectorName, MethodArgs};
 use crate::choose::{self, Choice};
 use crate::open::{self, Want};
 use crate::stop::Stop;
 use crate::threads::{self, Threads};
+use crate::trial::{self, Run, Settled, Stand};
 use backend::{Backend, Device, DeviceKind, Method};
 use geom::Animation;
-use pipeline::{Driver, Options, Update};
+use pipeline::{Driver, Update};
 use report::Taken;
 use std::sync::Arc;
 
@@ -26,6 +27,10 @@ pub(crate) struct Ask<'a> {
     pub(crate) method: MethodArgs,
     /// How trees follow the motion.
     pub(crate) update: Choice<Update>,
+    /// Wrong rays a million that an intersector left to `auto` may have.
+    pub(crate) tolerance: f64,
+    /// What will be done, to try out what is left to `auto`; without it, rules decide.
+    pub(crate) run: Option<Run<'a>>,
 }
 
 /// A driver, and what it was made from.
@@ -46,54 +51,65 @@ pub(crate) struct Session {
     pub(crate) remarks: Vec<String>,
 }
 
-/// Opens the backend and loads the scene into it.
+/// Opens the backend, settles what is left to `auto`, and loads the scene.
 pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session, Stop> {
-    let update = ask.update.value;
-    let share = |kind| {
-        threads::share(
-            threads::cores(),
-            kind,
-            update,
-            ask.threads,
-            ask.builder_threads,
-        )
-    };
-    let method = choose::method(ask.method);
-    let want = Want {
-        backend: ask.backend,
-        adapter: ask.adapter,
-        method,
-        threads: share(DeviceKind::Cpu).render,
-    };
+    let want = want(ask);
     let opened = open::open(&want, |backend: Box<dyn Backend>| {
         let device = backend.device().clone();
-        let options = Options {
-            method,
-            update,
-            builder_threads: share(device.kind).build,
-        };
-        let driver = Driver::new(backend, Arc::clone(animation), options)?;
-        Ok((driver, device))
+        let mut stand = Stand::new(backend, animation, ask);
+        let settled = trial::settle(&mut stand, ask)?;
+        let driver = stand.driver(settled.method, settled.update)?;
+        let threads = stand.share(settled.update);
+        Ok((driver, device, settled, threads))
     })?;
-    let (driver, device) = opened.value;
-    let intersector = choose::intersector(ask.method.intersector);
-    let layout = choose::layout(ask.method.layout);
-    let taken = [
-        choose::taken("backend", device.backend, opened.why.as_deref()),
-        choose::taken("update", choose::update_name(update), ask.update.why),
-        choose::taken("intersector", intersector.value.name(), intersector.why),
-        choose::taken("layout", layout.value.name(), layout.why),
-    ];
-    let taken: Vec<Taken> = taken.into_iter().flatten().collect();
+    let (mut driver, device, settled, threads) = opened.value;
+    let taken = taken(&device, opened.why.as_deref(), &settled);
     Ok(Session {
+        device: driver.backend().device().clone(),
         driver,
-        threads: share(device.kind),
-        device,
-        method,
-        update,
+        threads,
+        method: settled.method,
+        update: settled.update,
         remarks: taken.iter().map(ToString::to_string).collect(),
         taken,
     })
+}
+
+/// What to open before anything is tried: a backend that can do what the rules say.
+fn want<'a>(ask: &Ask<'a>) -> Want<'a> {
+    let mut method = choose::method(ask.method);
+    let may_err = ask.method.intersector == IntersectorName::Auto && ask.tolerance > 0.0;
+    if may_err && open::lacks(ask.backend, method).is_some() {
+        method.intersector = Method::default().intersector;
+    }
+    let cores = threads::cores();
+    let (render, build) = (ask.threads, ask.builder_threads);
+    Want {
+        backend: ask.backend,
+        adapter: ask.adapter,
+        method,
+        threads: threads::share(cores, DeviceKind::Cpu, ask.update.value, render, build).render,
+    }
+}
+
+/// What `auto` took and why.
+fn taken(device: &Device, why: Option<&str>, settled: &Settled) -> Vec<Taken> {
+    let Method {
+        intersector,
+        layout,
+    } = settled.method;
+    let update = choose::update_name(settled.update);
+    let all = [
+        choose::taken("backend", device.backend, why),
+        choose::taken("update", update, settled.why_update.as_deref()),
+        choose::taken(
+            "intersector",
+            intersector.name(),
+            settled.why_intersector.as_deref(),
+        ),
+        choose::taken("layout", layout.name(), settled.why_layout.as_deref()),
+    ];
+    all.into_iter().flatten().collect()
 }
 
 impl Session {
@@ -120,7 +136,7 @@ impl Session {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::{IntersectorName, LayoutName};
+    use crate::args::LayoutName;
     use backend::{Hits, Query, Rays, Seek};
     use pipeline::{Frame, Pace};
 
@@ -134,10 +150,9 @@ mod tests {
                 intersector: IntersectorName::Auto,
                 layout: LayoutName::Auto,
             },
-            update: Choice {
-                value: update,
-                why: None,
-            },
+            update: choose::asked(update),
+            tolerance: 0.0,
+            run: None,
         };
         let mut session = start(&scene.animation, &ask).unwrap();
         let view = picture::frame_scene(&scene.animation, 40.0, [48, 27]);

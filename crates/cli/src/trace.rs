@@ -34,6 +34,8 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
             builder_threads: args.device.builder_threads,
             method: args.method,
             update: choose::update(policy, animation, &[])?,
+            tolerance: args.tolerance.of(&[args.method.intersector])?,
+            run: None,
         },
     )?;
     report::check_writable(&args.out).map_err(Stop::bad)?;

@@ -132,6 +132,16 @@ pub(crate) fn fps(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Wrong rays a million.
+pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
+    let rate: f64 = finite(text)?;
+    if (0.0..=1e6).contains(&rate) {
+        Ok(rate)
+    } else {
+        Err("a tolerance is a number of rays a million, from 0 to 1000000".to_owned())
+    }
+}
+
 /// A number of threads.
 pub(crate) fn threads(text: &str) -> Result<usize, String> {
     match text.parse() {

@@ -177,13 +177,13 @@ mod tests {
     #[test]
     fn what_is_asked_for_twice_is_done_once() {
         use IntersectorName as I;
-        let plan = Plan::of(&args(&[I::Woop, I::Auto, I::Watertight])).unwrap();
+        let plan = Plan::of(&args(&[I::Woop, I::Auto, I::Exact])).unwrap();
         let ways: Vec<_> = plan.ways.iter().map(ToString::to_string).collect();
         let expected = [
             "cpu bvh2 woop refit",
             "cpu bvh2 woop async",
-            "cpu bvh2 watertight refit",
-            "cpu bvh2 watertight async",
+            "cpu bvh2 exact refit",
+            "cpu bvh2 exact async",
         ];
         assert_eq!(ways, expected);
         assert_eq!(plan.scenes, ["a", "b"]);

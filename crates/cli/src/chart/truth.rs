@@ -3,7 +3,7 @@
 use super::questions::{Questions, moments};
 use crate::args::{BackendName, ChartArgs, IntersectorName, LayoutName, MethodArgs};
 use crate::bench;
-use crate::choose::Choice;
+use crate::choose;
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
 use backend::{Hits, Query, Rays, Seek};
@@ -117,9 +117,8 @@ fn reference() -> Ask<'static> {
             intersector: IntersectorName::Exact,
             layout: LayoutName::Bvh2,
         },
-        update: Choice {
-            value: Update::Rebuild,
-            why: None,
-        },
+        update: choose::asked(Update::Rebuild),
+        tolerance: 0.0,
+        run: None,
     }
 }

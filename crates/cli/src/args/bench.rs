@@ -1,0 +1,76 @@
+//! What may be asked of `bench`.
+
+use super::{BackendName, IntersectorName, LayoutName, SourceArgs, ToleranceArgs, UpdateName};
+use crate::values::{self, Frames, TimeRange};
+use clap::Args;
+use clap::builder::ArgPredicate;
+use std::path::PathBuf;
+
+/// Options of `bench`.
+#[derive(Args, Debug)]
+pub(crate) struct BenchArgs {
+    /// Scenes, as for render
+    #[arg(default_values = ["demo:grove", "demo:collide"])]
+    pub(crate) scenes: Vec<String>,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+    /// Backends
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "auto"
+    )]
+    pub(crate) backend: Vec<BackendName>,
+    /// Update policies
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "rebuild,refit,async"
+    )]
+    pub(crate) update: Vec<UpdateName>,
+    /// Intersectors [with --tolerance: auto]
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "watertight",
+        default_value_if("tolerance", ArgPredicate::IsPresent, "auto")
+    )]
+    pub(crate) intersector: Vec<IntersectorName>,
+    /// Layouts of the tree
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "auto"
+    )]
+    pub(crate) layout: Vec<LayoutName>,
+    #[command(flatten)]
+    pub(crate) tolerance: ToleranceArgs,
+    /// Pixels of a frame
+    #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = values::size)]
+    pub(crate) size: [u32; 2],
+    /// Frames of each run: N spread evenly over the time range, or those at key times A..B
+    #[arg(long, value_name = "N|A..B", default_value = "24", value_parser = values::frames)]
+    pub(crate) frames: Frames,
+    /// Stretch of time, in key frames [default: all of it]
+    #[arg(long, value_name = "T0..T1", value_parser = values::time_range, allow_hyphen_values = true)]
+    pub(crate) time_range: Option<TimeRange>,
+    /// Adapter of the backends, by index or by part of its name
+    #[arg(long, value_name = "INDEX|NAME-PART")]
+    pub(crate) adapter: Option<String>,
+    /// Threads that render
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub(crate) threads: Option<usize>,
+    /// Threads that build trees
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub(crate) builder_threads: Option<usize>,
+    /// File for the results
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// No progress
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}

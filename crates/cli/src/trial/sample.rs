@@ -1,0 +1,218 @@
+//! How many rays of a run a method answers wrongly: a sample against exact arithmetic.
+
+use super::Run;
+use super::stand::{Stand, frame};
+use crate::args::BackendName;
+use crate::open::{self, Want};
+use crate::stop::Stop;
+use crate::threads;
+use backend::{Hits, Intersector, Layout, Method, Query, Rays};
+use fastrand::Rng;
+use geom::Ray;
+use pipeline::{Driver, Frame, Options, Update};
+use std::sync::Arc;
+
+/// Frames of the run whose rays are asked.
+const MOMENTS: usize = 3;
+/// The most rays of a sample.
+const MOST: f64 = (1 << 20) as f64;
+/// Improbability at which a rate counts as too high: the bound holds in 95 of 100 cases.
+const LIMIT: f64 = 2.995_732_273_553_991;
+
+/// Rays of a run and what exact arithmetic says of them. A ray is wrong where
+/// another triangle is named, or another shadow.
+pub(super) struct Sample {
+    sheets: Vec<Sheet>,
+    seek: backend::Seek,
+}
+
+struct Sheet {
+    frame: Frame,
+    rays: Vec<Ray>,
+    exact: Hits,
+}
+
+/// What a sample found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Wrong {
+    pub(super) wrong: u64,
+    pub(super) rays: u64,
+}
+
+/// Rays that it takes to show that at most `tolerance` a million are wrong, if none is seen to be; with half as many
+/// again for a few that are. `None` if they are too many.
+pub(super) fn needed(tolerance: f64) -> Option<usize> {
+    let rays = 1.5 * LIMIT * 1e6 / tolerance;
+    (rays <= MOST).then_some(rays.ceil() as usize)
+}
+
+impl Wrong {
+    /// The rate, a million, that is exceeded in 5 of 100 cases at most (Chernoff's bound: if `p` were the true
+    /// rate, so few would be seen with a probability of at most `exp(-n KL(q, p))`; for none it is exact).
+    pub(super) fn at_most(self) -> f64 {
+        let n = self.rays as f64;
+        let q = self.wrong as f64 / n;
+        let (mut low, mut high) = (q, 1.0);
+        for _ in 0..60 {
+            let p = f64::midpoint(low, high);
+            if n * divergence(q, p) <= LIMIT {
+                low = p;
+            } else {
+                high = p;
+            }
+        }
+        high * 1e6
+    }
+}
+
+/// `KL(q, p)` of two coins, in nats.
+fn divergence(q: f64, p: f64) -> f64 {
+    let term = |q: f64, p: f64| if q == 0.0 { 0.0 } else { q * (q / p).ln() };
+    term(q, p) + term(1.0 - q, 1.0 - p)
+}
+
+impl Sample {
+    /// About `count` rays of the run, answered by `exact` on the backend itself, else on the host.
+    pub(super) fn take(stand: &mut Stand<'_>, run: &Run<'_>, count: usize) -> Result<Self, Stop> {
+        let mut rng = Rng::with_seed(0);
+        let len = run.frames.len();
+        let sheets = (0..MOMENTS).map(|i| Sheet {
+            frame: run.frames[(2 * i + 1) * len / (2 * MOMENTS)],
+            rays: (0..count.div_ceil(MOMENTS))
+                .filter_map(|_| draw(run.query.rays, &mut rng))
+                .collect(),
+            exact: Hits::default(),
+        });
+        let mut sample = Self {
+            sheets: sheets.collect(),
+            seek: run.query.seek,
+        };
+        let method = Method {
+            intersector: Intersector::Exact,
+            layout: Layout::Bvh2,
+        };
+        let answers = if stand.supports(method) {
+            sample.ask(stand, method)?
+        } else {
+            sample.trace(&mut on_host(stand, method)?)?
+        };
+        for (sheet, exact) in sample.sheets.iter_mut().zip(answers) {
+            sheet.exact = exact;
+        }
+        Ok(sample)
+    }
+
+    /// How many of them a method answers wrongly.
+    pub(super) fn wrong(&self, stand: &mut Stand<'_>, method: Method) -> Result<Wrong, Stop> {
+        let answers = self.ask(stand, method)?;
+        let wrong = self.sheets.iter().zip(&answers);
+        Ok(Wrong {
+            wrong: wrong.map(|(s, found)| differing(&s.exact, found)).sum(),
+            rays: self.sheets.iter().map(|s| s.rays.len() as u64).sum(),
+        })
+    }
+
+    fn ask(&self, stand: &mut Stand<'_>, method: Method) -> Result<Vec<Hits>, Stop> {
+        let mut driver = stand.driver(method, Update::Refit)?;
+        let answers = self.trace(&mut driver);
+        stand.put_back(driver);
+        answers
+    }
+
+    fn trace(&self, driver: &mut Driver) -> Result<Vec<Hits>, Stop> {
+        let trace = |(index, sheet): (u64, &Sheet)| {
+            let mut hits = Hits::default();
+            let query = Query {
+                rays: Rays::List(&sheet.rays),
+                seek: self.seek,
+            };
+            let at = Frame {
+                index,
+                ..sheet.frame
+            };
+            frame(driver, at, query, Some(&mut hits))?;
+            Ok(hits)
+        };
+        (0..).zip(&self.sheets).map(trace).collect()
+    }
+}
+
+fn on_host(stand: &Stand<'_>, method: Method) -> Result<Driver, Stop> {
+    let threads = threads::cores();
+    let want = Want {
+        backend: BackendName::Cpu,
+        adapter: None,
+        method,
+        threads,
+    };
+    let options = Options {
+        method,
+        update: Update::Refit,
+        builder_threads: threads,
+    };
+    let backend = open::open(&want, Ok)?.value;
+    Ok(Driver::new(backend, Arc::clone(stand.animation), options)?)
+}
+
+/// A ray at random.
+fn draw(rays: Rays<'_>, rng: &mut Rng) -> Option<Ray> {
+    match rays {
+        Rays::Camera(camera) => Some(camera.ray(rng.u32(..camera.width), rng.u32(..camera.height))),
+        Rays::List(rays) => rng.choice(rays).copied(),
+    }
+}
+
+/// Rays of which two traces say different things.
+fn differing(a: &Hits, b: &Hits) -> u64 {
+    let triangles = a.closest.iter().zip(&b.closest);
+    let shadows = a.blocked.iter().zip(&b.blocked);
+    let mut triangles = triangles.map(|(a, b)| a.triangle != b.triangle);
+    let mut shadows = shadows.map(|(a, b)| a != b);
+    let differ = |_| triangles.next().unwrap_or(false) | shadows.next().unwrap_or(false);
+    let rays = a.closest.len().max(a.blocked.len());
+    (0..rays).map(differ).filter(|&d| d).count() as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geom::Hit;
+
+    #[test]
+    fn none_wrong_shows_less_the_more_is_tolerated() {
+        let none = |rays| Wrong { wrong: 0, rays }.at_most();
+        // The rule of three.
+        assert!((none(1_000_000) - 3.0).abs() < 0.01, "{}", none(1_000_000));
+        assert!(
+            Wrong {
+                wrong: 9,
+                rays: 1_000_000
+            }
+            .at_most()
+                > 15.0
+        );
+        for tolerance in [5.0, 10.0, 1000.0] {
+            let rays = needed(tolerance).unwrap() as u64;
+            assert!(none(rays) < tolerance, "{tolerance}: {rays} rays");
+        }
+        assert_eq!(needed(1.0), None, "more rays than are asked");
+        assert_eq!(needed(0.0), None);
+    }
+
+    #[test]
+    fn a_ray_is_wrong_once_by_its_triangle_or_its_shadow() {
+        let hits = |all: [(u32, u8); 4]| Hits {
+            closest: all
+                .map(|(triangle, _)| Hit {
+                    triangle,
+                    ..Hit::MISS
+                })
+                .to_vec(),
+            blocked: all.map(|(_, blocked)| blocked).to_vec(),
+        };
+        let exact = hits([(1, 0), (2, 1), (3, 0), (4, 0)]);
+        let found = hits([(1, 0), (2, 0), (9, 0), (9, 1)]);
+        assert_eq!(differing(&exact, &found), 3);
+        assert_eq!(differing(&exact, &exact.clone()), 0);
+    }
+}

@@ -1,0 +1,108 @@
+//! The backend on which things are tried out, one driver after another.
+
+use crate::args::BackendName;
+use crate::open::{self, Want};
+use crate::session::Ask;
+use crate::stop::Stop;
+use crate::threads::{self, Threads};
+use backend::{Backend, Device, Hits, Method, Query};
+use clap::ValueEnum;
+use geom::Animation;
+use pipeline::{Driver, Frame, FrameRecord, Options, Update};
+use std::sync::Arc;
+
+/// A backend between drivers.
+pub(crate) struct Stand<'a> {
+    pub(super) animation: &'a Arc<Animation>,
+    pub(super) device: Device,
+    ask: &'a Ask<'a>,
+    /// None while a driver has it, and after one broke down over it.
+    backend: Option<Box<dyn Backend>>,
+}
+
+impl<'a> Stand<'a> {
+    /// With a backend that was opened for `ask`.
+    pub(crate) fn new(
+        backend: Box<dyn Backend>,
+        animation: &'a Arc<Animation>,
+        ask: &'a Ask<'a>,
+    ) -> Self {
+        Self {
+            animation,
+            device: backend.device().clone(),
+            ask,
+            backend: Some(backend),
+        }
+    }
+
+    /// The scene.
+    pub(super) fn animation(&self) -> &'a Animation {
+        self.animation
+    }
+
+    /// How cores are shared under a policy.
+    pub(crate) fn share(&self, update: Update) -> Threads {
+        let Ask {
+            threads: render,
+            builder_threads: build,
+            ..
+        } = *self.ask;
+        threads::share(threads::cores(), self.device.kind, update, render, build)
+    }
+
+    /// Whether the backend has a method.
+    pub(super) fn supports(&self, method: Method) -> bool {
+        self.name()
+            .is_some_and(|name| open::lacks(name, method).is_none())
+    }
+
+    /// A driver that traces by `method` and follows the motion by `update`, as a run of its own would have it.
+    pub(crate) fn driver(&mut self, method: Method, update: Update) -> Result<Driver, Stop> {
+        let threads = self.share(update);
+        let options = Options {
+            method,
+            update,
+            builder_threads: threads.build,
+        };
+        let backend = self.take(method, threads.render)?;
+        Ok(Driver::new(backend, Arc::clone(self.animation), options)?)
+    }
+
+    /// Gets the backend back.
+    pub(super) fn put_back(&mut self, driver: Driver) {
+        self.backend = Some(driver.into_backend());
+    }
+
+    /// The backend at hand, or another of the same kind if that computes on other threads or is gone.
+    fn take(&mut self, method: Method, threads: usize) -> Result<Box<dyn Backend>, Stop> {
+        if let Some(backend) = self.backend.take() {
+            // 0 of those whose device computes.
+            if [0, threads].contains(&backend.device().threads) {
+                return Ok(backend);
+            }
+        }
+        let want = Want {
+            backend: self.name().unwrap_or(self.ask.backend),
+            adapter: self.ask.adapter,
+            method,
+            threads,
+        };
+        Ok(open::open(&want, Ok)?.value)
+    }
+
+    fn name(&self) -> Option<BackendName> {
+        BackendName::from_str(self.device.backend, true).ok()
+    }
+}
+
+/// Traces one frame and waits for it.
+pub(super) fn frame(
+    driver: &mut Driver,
+    frame: Frame,
+    query: Query<'_>,
+    hits: Option<&mut Hits>,
+) -> Result<FrameRecord, Stop> {
+    driver.begin(frame, query)?;
+    let record = driver.finish(hits)?;
+    record.ok_or_else(|| Stop::failed("a frame that was begun has no end"))
+}
