@@ -1,5 +1,7 @@
 //! `abvh bench`: every stage over scenes, backends, update policies, intersectors and layouts.
 
+mod auto;
+mod compare;
 mod text;
 
 use crate::args::{BenchArgs, MethodArgs, PolicyArgs};
@@ -11,7 +13,7 @@ use crate::trial::Run;
 use crate::{choose, frames, info, record, talk, threads};
 use backend::{Query, Rays, Seek};
 use pipeline::Frame;
-use report::{FrameStats, Summary, Time};
+use report::{FrameStats, Summary, Taken, Time};
 use scene::Scene;
 use serde::Serialize;
 
@@ -27,6 +29,9 @@ struct Report {
     cores: usize,
     size: [u32; 2],
     rows: Vec<Row>,
+    /// How `auto` fared, where that was asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    with_auto: Vec<auto::Check>,
 }
 
 /// One run. Times are medians over its frames, in milliseconds.
@@ -61,6 +66,11 @@ pub(crate) struct Row {
     trees: usize,
     tree_age_frames: Option<f64>,
     sah_ratio: Option<f64>,
+    /// What was left to `auto`.
+    auto: Vec<Taken>,
+    /// Intersectors that are known to meet the tolerance.
+    #[serde(skip)]
+    meets: Vec<&'static str>,
     /// Every frame, as in the statistics of `render`.
     pub(crate) per_frame: Vec<FrameStats>,
 }
@@ -71,15 +81,36 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     if let Some(file) = &args.json {
         report::check_writable(file).map_err(Stop::bad)?;
     }
+    if !args.compare.is_empty() {
+        return compare::run(args);
+    }
     let tolerance = args.tolerance.of(&args.intersector)?;
     let combinations = combinations(args);
     let total = args.scenes.len() * combinations.len();
-    let mut rows = Vec::new();
+    let (mut rows, mut with_auto) = (Vec::new(), Vec::new());
     let mut progress = None;
     for spec in &args.scenes {
         let scene = scene::open(spec, &args.source.options())?;
         let keys = scene.animation.keys().len();
         let frames = frames::list(Some(args.frames), args.time_range, keys, false)?;
+        if args.with_auto {
+            let place = auto::Place {
+                args,
+                tolerance,
+                spec,
+                scene: &scene,
+                frames: &frames,
+            };
+            let progress = progress.get_or_insert_with(|| Progress::new(0, args.quiet));
+            for &backend in &args.backend {
+                for &intersector in &args.intersector {
+                    let (check, runs) = place.check((backend, intersector), progress)?;
+                    with_auto.push(check);
+                    rows.extend(runs);
+                }
+            }
+            continue;
+        }
         for &(ref backend, policy, method) in &combinations {
             let ask = Ask {
                 backend: *backend,
@@ -109,6 +140,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
         cores: threads::cores(),
         size: args.size,
         rows,
+        with_auto,
     };
     if let Some(file) = &args.json {
         report::write_json(file, &report)?;
@@ -209,6 +241,8 @@ fn row(
         trees: frames.iter().filter(|f| f.adopted).count(),
         tree_age_frames: median(|f| Some(f.tree_age_frames as f64)),
         sah_ratio: median(|f| f.sah_ratio),
+        auto: session.taken.clone(),
+        meets: session.meets.iter().map(|i| i.name()).collect(),
         per_frame: frames,
     }
 }

@@ -36,6 +36,15 @@ impl Progress {
         Self::Bar(bar)
     }
 
+    /// There are more steps than was known.
+    pub(crate) fn lengthen(&mut self, by: u64) {
+        match self {
+            Self::Bar(bar) => bar.inc_length(by),
+            Self::Lines { total, .. } => *total += by,
+            Self::Quiet => {}
+        }
+    }
+
     /// One step is done; `line` says which.
     pub(crate) fn step(&mut self, line: &str) {
         match self {

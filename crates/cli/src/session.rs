@@ -6,7 +6,7 @@ use crate::open::{self, Want};
 use crate::stop::Stop;
 use crate::threads::{self, Threads};
 use crate::trial::{self, Run, Settled, Stand};
-use backend::{Backend, Device, DeviceKind, Method};
+use backend::{Backend, Device, DeviceKind, Intersector, Method};
 use geom::Animation;
 use pipeline::{Driver, Update};
 use report::Taken;
@@ -45,6 +45,8 @@ pub(crate) struct Session {
     pub(crate) update: Update,
     /// How cores are shared.
     pub(crate) threads: Threads,
+    /// Intersectors that are known to meet the tolerance.
+    pub(crate) meets: Vec<Intersector>,
     /// What `auto` took and why.
     pub(crate) taken: Vec<Taken>,
     /// Likewise, for people: one remark each.
@@ -70,6 +72,7 @@ pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session
         threads,
         method: settled.method,
         update: settled.update,
+        meets: settled.meets,
         remarks: taken.iter().map(ToString::to_string).collect(),
         taken,
     })

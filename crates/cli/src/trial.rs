@@ -53,6 +53,8 @@ pub(crate) struct Settled {
     pub(crate) method: Method,
     /// How trees follow the motion.
     pub(crate) update: Update,
+    /// Intersectors that are known to meet the tolerance.
+    pub(crate) meets: Vec<Intersector>,
     /// Why this update policy.
     pub(crate) why_update: Option<String>,
     /// Why this intersector.
@@ -70,6 +72,7 @@ impl Settled {
         Self {
             method: choose::method(ask.method),
             update: ask.update.value,
+            meets: vec![intersector.value],
             why_update: owned(ask.update.why),
             why_intersector: owned(intersector.why),
             why_layout: owned(layout.why),
@@ -172,6 +175,7 @@ fn take_method(
         .filter(|u| u.ms <= noise(METHOD_FRAMES) * fastest.ms)
         .unwrap_or(&fastest);
     settled.method = taken.method;
+    settled.meets = fit.iter().map(|t| t.method.intersector).collect();
     let told = judge.told.join(", ");
     settled.explain(timed, &told);
     Ok(taken)

@@ -142,6 +142,24 @@ pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Per cent, not below 0.
+pub(crate) fn percent(text: &str) -> Result<f64, String> {
+    let percent: f64 = finite(text)?;
+    if percent >= 0.0 {
+        Ok(percent)
+    } else {
+        Err("per cent are a number from 0".to_owned())
+    }
+}
+
+/// How often something is done.
+pub(crate) fn rounds(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n @ 1..=1000) => Ok(n),
+        _ => Err("a number of rounds is a whole number from 1 to 1000".to_owned()),
+    }
+}
+
 /// A number of threads.
 pub(crate) fn threads(text: &str) -> Result<usize, String> {
     match text.parse() {

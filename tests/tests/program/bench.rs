@@ -10,6 +10,14 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("bench::the_file_holds_every_frame_and_the_machine", file),
         trial("bench::the_table_has_all_columns", table),
         trial("bench::an_absent_adapter_is_refused", adapter),
+        trial(
+            "bench::auto_stands_beside_all_that_it_could_take",
+            with_auto,
+        ),
+        trial(
+            "bench::two_files_are_compared_and_a_slower_one_can_fail",
+            compare,
+        ),
     ]
 }
 
@@ -73,4 +81,66 @@ fn table(sandbox: &Sandbox) -> Result<(), Failed> {
 fn adapter(sandbox: &Sandbox) -> Result<(), Failed> {
     let words = format!("{SMALL} --adapter nothing-like-it");
     sandbox.run(&words).fails(2, &["nothing-like-it"])
+}
+
+fn with_auto(sandbox: &Sandbox) -> Result<(), Failed> {
+    let words = "--frames 16 --with-auto --rounds 2 --json b.json";
+    let run = sandbox.run(&format!("{SMALL} {words}")).succeeds()?;
+    ensure(run.stdout.contains("over the best"), || run.stdout)?;
+    let json: Value = serde_json::from_slice(&sandbox.read("b.json"))?;
+    let check = &json["with_auto"][0];
+    let fixed = check["fixed"].as_array().ok_or("no fixed choices")?;
+    let choices: Vec<_> = fixed.iter().filter_map(|f| f["choice"].as_str()).collect();
+    for update in ["rebuild", "refit", "async"] {
+        let choice = format!("{update} watertight bvh2");
+        ensure(choices.contains(&choice.as_str()), || {
+            format!("{choices:?}")
+        })?;
+    }
+    let takes = check["takes"].as_array().ok_or("auto took nothing")?;
+    let known = |t: &Value| t.as_str().is_some_and(|t| choices.contains(&t));
+    ensure(takes.len() == 2 && takes.iter().all(known), || {
+        check.to_string()
+    })?;
+    let ratio = check["ratio"].as_f64().ok_or("no ratio")?;
+    ensure(ratio >= 1.0, || format!("better than the best: {ratio}"))?;
+    ensure(
+        json["rows"].as_array().map(Vec::len) == Some(1 + fixed.len()),
+        || "a row is missing".into(),
+    )
+}
+
+fn compare(sandbox: &Sandbox) -> Result<(), Failed> {
+    let frames = |ms: [f64; 4]| {
+        let frame = |(time, ms)| serde_json::json!({ "time": time, "wall_ms": ms });
+        (0..).zip(ms).map(frame).collect::<Vec<Value>>()
+    };
+    let file = |ms| {
+        let row = serde_json::json!({
+            "scene": "s", "backend": "cpu", "update": "refit", "per_frame": frames(ms)
+        });
+        serde_json::json!({ "rows": [row] }).to_string()
+    };
+    sandbox.write("old.json", file([9.0, 1.0, 2.0, 3.0]));
+    sandbox.write("new.json", file([9.0, 1.5, 3.0, 4.5]));
+    sandbox.write("else.json", "{}");
+    let words = "bench --compare old.json new.json";
+    let run = sandbox.run(words).succeeds()?;
+    ensure(
+        run.stdout.contains("1.500") && run.stdout.contains("SLOWER"),
+        || run.stdout,
+    )?;
+    sandbox
+        .run(&format!("{words} --fail-above 60"))
+        .succeeds()?;
+    let slower = sandbox.run(&format!("{words} --fail-above 40 --json c.json"));
+    slower.fails(1, &["slower by more than 40 %", "s cpu refit wall_ms"])?;
+    let json: Value = serde_json::from_slice(&sandbox.read("c.json"))?;
+    ensure(json["changes"][0]["beyond_noise"] == true, || {
+        json.to_string()
+    })?;
+    let missing = sandbox.run("bench --compare old.json nowhere.json");
+    missing.fails(2, &["nowhere.json"])?;
+    let other = sandbox.run("bench --compare old.json else.json");
+    other.fails(2, &["else.json", "neither"])
 }

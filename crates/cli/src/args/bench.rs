@@ -49,6 +49,13 @@ pub(crate) struct BenchArgs {
     pub(crate) layout: Vec<LayoutName>,
     #[command(flatten)]
     pub(crate) tolerance: ToleranceArgs,
+    /// Compare what auto takes with every choice it has: all update policies and layouts, and all intersectors where
+    /// that is left to auto too
+    #[arg(long, conflicts_with_all = ["update", "layout"])]
+    pub(crate) with_auto: bool,
+    /// With --with-auto: how often every choice has its turn
+    #[arg(long, value_name = "N", default_value = "1", value_parser = values::rounds, requires = "with_auto")]
+    pub(crate) rounds: usize,
     /// Pixels of a frame
     #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = values::size)]
     pub(crate) size: [u32; 2],
@@ -67,6 +74,13 @@ pub(crate) struct BenchArgs {
     /// Threads that build trees
     #[arg(long, value_name = "N", value_parser = values::threads)]
     pub(crate) builder_threads: Option<usize>,
+    /// Instead, compare two files of results (of bench, or of render --stats): medians, ratios, and whether
+    /// they differ by more than noise
+    #[arg(long, num_args = 2, value_names = ["OLD.json", "NEW.json"])]
+    pub(crate) compare: Vec<PathBuf>,
+    /// With --compare: exit with 1 if a frame takes longer by more than so many per cent, noise apart
+    #[arg(long, value_name = "PCT", requires = "compare", value_parser = values::percent)]
+    pub(crate) fail_above: Option<f64>,
     /// File for the results
     #[arg(long, value_name = "FILE")]
     pub(crate) json: Option<PathBuf>,

@@ -1,6 +1,6 @@
 //! Results of a bench for people.
 
-use super::{Report, Row};
+use super::{Report, Row, auto};
 use crate::table::{ms, table};
 
 const HEAD: [&str; 18] = [
@@ -13,11 +13,15 @@ pub(super) fn text(report: &Report) -> String {
     let rows: Vec<_> = report.rows.iter().map(cells).collect();
     let [width, height] = report.size;
     let cpu = report.cpu.as_deref().unwrap_or("unknown cpu");
-    format!(
+    let mut text = format!(
         "medians in ms at {width}x{height} on {cpu}\n{}{}",
         table(&HEAD, &rows, 4),
         adapters(&report.rows)
-    )
+    );
+    if !report.with_auto.is_empty() {
+        text += &auto::text(&report.with_auto);
+    }
+    text
 }
 
 fn cells(r: &Row) -> Vec<String> {

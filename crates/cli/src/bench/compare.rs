@@ -1,0 +1,297 @@
+//! Two files of results side by side: what changed, and what of that is more than noise.
+
+use crate::args::BenchArgs;
+use crate::stop::Stop;
+use crate::table::{ms, table};
+use crate::talk;
+use report::Summary;
+use serde::Serialize;
+use serde_json::Value;
+use std::path::Path;
+
+/// What is compared of every run.
+const QUANTITIES: [&str; 8] = [
+    "device_ms",
+    "wall_ms",
+    "interpolate_ms",
+    "preprocess_ms",
+    "refit_ms",
+    "trace_primary_ms",
+    "trace_shadow_ms",
+    "build_ms",
+];
+/// Of those, the ones that make a run slower as a whole.
+const WHOLE: usize = 2;
+/// What tells runs apart.
+const NAMES: [&str; 6] = [
+    "scene",
+    "backend",
+    "update",
+    "predict",
+    "intersector",
+    "layout",
+];
+/// Standard errors beyond which a change is no noise.
+const SIGMAS: f64 = 3.0;
+/// Changes below this share are taken for noise, for machines drift.
+const DRIFT: f64 = 0.02;
+/// Standard error of a median of `n`, over the median absolute deviation and the root of `n`, of normal noise.
+const ERROR_OF_MEDIAN: f64 = 1.4826 * 1.2533;
+
+/// A run: its name, and its frames.
+struct Run {
+    name: String,
+    frames: Vec<Value>,
+}
+
+/// One quantity of one run, in both files.
+#[derive(Debug, Serialize)]
+struct Change {
+    run: String,
+    quantity: &'static str,
+    old_ms: f64,
+    new_ms: f64,
+    /// New over old: the median over frames of equal times, else of medians.
+    ratio: f64,
+    /// Half the width of what noise explains, as a share.
+    noise: f64,
+    beyond_noise: bool,
+}
+
+#[derive(Serialize)]
+struct Comparison {
+    schema: u32,
+    old: String,
+    new: String,
+    changes: Vec<Change>,
+    only_in_old: Vec<String>,
+    only_in_new: Vec<String>,
+}
+
+/// Compares two files.
+pub(super) fn run(args: &BenchArgs) -> Result<(), Stop> {
+    let [old_file, new_file] = args.compare.as_slice() else {
+        return Err(Stop::bad("--compare takes two files"));
+    };
+    let (mut old, mut new) = (read(old_file)?, read(new_file)?);
+    let mut comparison = Comparison {
+        schema: 1,
+        old: old_file.display().to_string(),
+        new: new_file.display().to_string(),
+        changes: Vec::new(),
+        only_in_old: Vec::new(),
+        only_in_new: Vec::new(),
+    };
+    for before in old.drain(..) {
+        match new.iter().position(|r| r.name == before.name) {
+            Some(i) => comparison.changes.extend(changes(&before, &new.remove(i))),
+            None => comparison.only_in_old.push(before.name),
+        }
+    }
+    comparison.only_in_new = new.into_iter().map(|r| r.name).collect();
+    if let Some(file) = &args.json {
+        report::write_json(file, &comparison)?;
+    }
+    talk::print(&text(&comparison))?;
+    match args.fail_above {
+        Some(percent) => refuse_slower(&comparison.changes, percent),
+        None => Ok(()),
+    }
+}
+
+fn refuse_slower(changes: &[Change], percent: f64) -> Result<(), Stop> {
+    let is_whole = |c: &&Change| QUANTITIES[..WHOLE].contains(&c.quantity);
+    let limit = 1.0 + percent / 100.0;
+    let slower = changes.iter().filter(is_whole);
+    let slower: Vec<_> = slower
+        .filter(|c| c.beyond_noise && c.ratio > limit)
+        .map(|c| format!("{} {} {:.3} times", c.run, c.quantity, c.ratio))
+        .collect();
+    if slower.is_empty() {
+        return Ok(());
+    }
+    let slower = slower.join("; ");
+    Err(Stop::failed(format!(
+        "slower by more than {percent} %: {slower}"
+    )))
+}
+
+/// The runs of a file of `bench` or of `render --stats`.
+fn read(file: &Path) -> Result<Vec<Run>, Stop> {
+    let at = |e: &dyn std::fmt::Display| Stop::bad(format!("{}: {e}", file.display()));
+    let bytes = std::fs::read(file).map_err(|e| at(&e))?;
+    let json: Value = serde_json::from_slice(&bytes).map_err(|e| at(&e))?;
+    let list = |v: &Value| v.as_array().cloned();
+    if let Some(rows) = list(&json["rows"]) {
+        let run = |row: &Value| {
+            Some(Run {
+                name: name(row),
+                frames: list(&row["per_frame"])?,
+            })
+        };
+        let runs: Option<Vec<_>> = rows.iter().map(run).collect();
+        return runs.ok_or_else(|| at(&"a row has no frames"));
+    }
+    let frames = list(&json["frames"]);
+    let frames = frames.ok_or_else(|| at(&"neither results of bench nor statistics of render"))?;
+    let name = name(&json);
+    Ok(vec![Run { name, frames }])
+}
+
+fn name(row: &Value) -> String {
+    let word = |key: &&str| match &row[*key] {
+        Value::String(s) => Some(s.clone()),
+        Value::Bool(false) => Some(format!("no {key}")),
+        Value::Object(scene) => Some(scene.get("name")?.as_str()?.to_owned()),
+        _ => None,
+    };
+    NAMES.iter().filter_map(word).collect::<Vec<_>>().join(" ")
+}
+
+fn changes(old: &Run, new: &Run) -> Vec<Change> {
+    let change = |&quantity: &&'static str| change(old, new, quantity);
+    QUANTITIES.iter().filter_map(change).collect()
+}
+
+/// What became of one quantity; `None` if a file does not know it.
+fn change(old: &Run, new: &Run, quantity: &'static str) -> Option<Change> {
+    let (a, b) = (series(old, quantity), series(new, quantity));
+    let values = |s: &[(f64, f64)]| s.iter().map(|p| p.1).collect::<Vec<_>>();
+    let (old_values, new_values) = (values(&a), values(&b));
+    let (old_ms, new_ms) = (median(&old_values)?, median(&new_values)?);
+    if old_ms <= 0.0 || new_ms <= 0.0 {
+        return None;
+    }
+    let paired = a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| a.0 == b.0);
+    let (log, error) = if paired {
+        let logs: Vec<f64> = a.iter().zip(&b).map(|(a, b)| (b.1 / a.1).ln()).collect();
+        (median(&logs)?, error(&logs)?)
+    } else {
+        let (x, y) = (error(&old_values)? / old_ms, error(&new_values)? / new_ms);
+        ((new_ms / old_ms).ln(), x.hypot(y))
+    };
+    let noise = DRIFT.max(SIGMAS * error);
+    Some(Change {
+        run: old.name.clone(),
+        quantity,
+        old_ms,
+        new_ms,
+        ratio: log.exp(),
+        noise,
+        beyond_noise: log.abs() > noise,
+    })
+}
+
+/// Time and value of every frame that knows a quantity, but the first frame, which builds the first tree.
+fn series(run: &Run, quantity: &str) -> Vec<(f64, f64)> {
+    let frames = run.frames.iter().skip(usize::from(run.frames.len() > 1));
+    let known = frames.filter_map(|f| Some((f["time"].as_f64()?, f[quantity].as_f64()?)));
+    known.filter(|p| p.1 > 0.0).collect()
+}
+
+fn median(values: &[f64]) -> Option<f64> {
+    Summary::of(values.iter().copied()).map(|s| s.median)
+}
+
+/// Standard error of the median.
+fn error(values: &[f64]) -> Option<f64> {
+    let middle = median(values)?;
+    let off: Vec<f64> = values.iter().map(|v| (v - middle).abs()).collect();
+    Some(ERROR_OF_MEDIAN * median(&off)? / (values.len() as f64).sqrt())
+}
+
+fn text(c: &Comparison) -> String {
+    let row = |c: &Change| {
+        let mark = match (c.beyond_noise, c.ratio < 1.0) {
+            (false, _) => "",
+            (true, true) => "faster",
+            (true, false) => "SLOWER",
+        };
+        vec![
+            c.run.clone(),
+            c.quantity.trim_end_matches("_ms").replace('_', " "),
+            ms(c.old_ms),
+            ms(c.new_ms),
+            format!("{:.3}", c.ratio),
+            format!("{:.1} %", 100.0 * c.noise),
+            mark.to_owned(),
+        ]
+    };
+    let rows: Vec<_> = c.changes.iter().map(row).collect();
+    let head = ["run", "what", "old ms", "new ms", "new / old", "noise", ""];
+    let mut text = format!(
+        "medians of {} and {}\n{}",
+        c.old,
+        c.new,
+        table(&head, &rows, 2)
+    );
+    for (file, runs) in [(&c.old, &c.only_in_old), (&c.new, &c.only_in_new)] {
+        for run in runs {
+            text += &format!("only in {file}: {run}\n");
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(times: &[f64], ms: impl Fn(f64) -> f64) -> Run {
+        let frame = |&t: &f64| serde_json::json!({ "time": t, "wall_ms": ms(t) });
+        Run {
+            name: "a b".to_owned(),
+            frames: times.iter().map(frame).collect(),
+        }
+    }
+
+    fn times() -> Vec<f64> {
+        (0..41).map(f64::from).collect()
+    }
+
+    /// A frame's own load, and noise that frames share with no other run.
+    fn load(t: f64, seed: f64) -> f64 {
+        (10.0 + t) * (1.0 + 0.01 * (t * seed).sin())
+    }
+
+    #[test]
+    fn what_differs_from_frame_to_frame_hides_no_change() {
+        let old = run(&times(), |t| load(t, 3.1));
+        let slower = run(&times(), |t| 1.05 * load(t, 7.7));
+        let c = change(&old, &slower, "wall_ms").unwrap();
+        assert!(c.beyond_noise && (c.ratio - 1.05).abs() < 0.01, "{c:?}");
+        let same = run(&times(), |t| load(t, 5.3));
+        let c = change(&old, &same, "wall_ms").unwrap();
+        assert!(!c.beyond_noise, "{c:?}");
+        // Other frames: the load hides as little a change as that, but not one of a half.
+        let other: Vec<f64> = (0..61).map(|i| f64::from(i) * 0.6).collect();
+        let c = change(&old, &run(&other, |t| 1.05 * load(t, 7.7)), "wall_ms").unwrap();
+        assert!(!c.beyond_noise, "{c:?}");
+        let c = change(&old, &run(&other, |t| 2.5 * load(t, 7.7)), "wall_ms").unwrap();
+        assert!(c.beyond_noise, "{c:?}");
+        assert!(change(&old, &same, "refit_ms").is_none());
+    }
+
+    #[test]
+    fn only_a_slower_whole_is_refused() {
+        let change = |quantity, ratio, beyond_noise| Change {
+            run: "r".to_owned(),
+            quantity,
+            old_ms: 1.0,
+            new_ms: ratio,
+            ratio,
+            noise: 0.02,
+            beyond_noise,
+        };
+        let slower = [change("wall_ms", 1.2, true)];
+        assert!(refuse_slower(&slower, 25.0).is_ok());
+        let why = refuse_slower(&slower, 10.0).unwrap_err();
+        assert!(matches!(&why, Stop::Failed(_)) && why.text().contains("r wall_ms 1.200"));
+        let fine = [
+            change("wall_ms", 1.2, false),
+            change("wall_ms", 0.5, true),
+            change("refit_ms", 3.0, true),
+        ];
+        assert!(refuse_slower(&fine, 10.0).is_ok());
+    }
+}
