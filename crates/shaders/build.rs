@@ -2,6 +2,8 @@
 
 #[path = "build/harden.rs"]
 mod harden;
+#[path = "build/rays.rs"]
+mod rays;
 #[path = "build/reflect.rs"]
 mod reflect;
 #[path = "build/slots.rs"]
@@ -21,18 +23,29 @@ fn main() -> Result<()> {
     println!("cargo::rerun-if-changed=wgsl");
     println!("cargo::rerun-if-changed=build");
     let out = std::env::var("OUT_DIR").context("cargo sets OUT_DIR")?;
-    let mut table = String::from("/// Every kernel.\npub const KERNELS: &[Kernel] = &[\n");
-    for stem in stitch::kernels(Path::new("wgsl"))? {
-        let entries = compile(&stem).with_context(|| format!("wgsl/{stem}.wgsl"))?;
-        table.push_str(&entries);
+    let kernels = table("Every kernel.", "KERNELS", Path::new("wgsl"))?;
+    let rays = Path::new("wgsl/rays");
+    let beside = "Kernels beside [`RAYS`], for those who have a driver make trees.";
+    let beside = table(beside, "RAY_KERNELS", rays)?;
+    let pipeline = rays::compile(rays).context("wgsl/rays/pipeline.wgsl")?;
+    let all = [kernels, beside, pipeline].concat();
+    std::fs::write(Path::new(&out).join("kernels.rs"), all).context("kernels.rs")
+}
+
+/// All kernels of a folder as a Rust constant.
+fn table(about: &str, constant: &str, folder: &Path) -> Result<String> {
+    let mut table = format!("/// {about}\npub const {constant}: &[Kernel] = &[\n");
+    for stem in stitch::kernels(folder)? {
+        let path = || folder.join(&stem).display().to_string();
+        table.push_str(&compile(folder, &stem).with_context(path)?);
     }
     table.push_str("];\n");
-    std::fs::write(Path::new(&out).join("kernels.rs"), table).context("kernels.rs")
+    Ok(table)
 }
 
 /// All variants of a kernel as Rust expressions.
-fn compile(stem: &str) -> Result<String> {
-    let source = Source::read(stem)?;
+fn compile(folder: &Path, stem: &str) -> Result<String> {
+    let source = Source::read(folder, stem)?;
     let fillings = source.fillings();
     let each = fillings.iter().map(|f| compile_variant(&source, f));
     each.collect()
@@ -43,10 +56,10 @@ fn compile_variant(source: &Source, filling: &Filling) -> Result<String> {
     let name: Vec<_> = [source.stem.as_str()].into_iter().chain(values).collect();
     let name = name.join(".");
     let opaque = source.stitch(filling, Arithmetic::Opaque)?;
-    parse(&opaque).with_context(|| name.clone())?;
+    parse(&opaque, Capabilities::empty()).with_context(|| name.clone())?;
     let plain = source.stitch(filling, Arithmetic::Plain)?;
-    let (module, info) = parse(&plain).with_context(|| name.clone())?;
-    let words = spv::write_vec(&module, &info, &options(), None)?;
+    let (module, info) = parse(&plain, Capabilities::empty()).with_context(|| name.clone())?;
+    let words = spv::write_vec(&module, &info, &options((1, 3)), None)?;
     let spirv = harden::harden(&words)?;
     let entry = &source.stem;
     let workgroup = reflect::workgroup(&module, entry)?;
@@ -61,20 +74,20 @@ fn compile_variant(source: &Source, filling: &Filling) -> Result<String> {
     Ok(text)
 }
 
-fn parse(source: &str) -> Result<(naga::Module, ModuleInfo)> {
+fn parse(source: &str, capabilities: Capabilities) -> Result<(naga::Module, ModuleInfo)> {
     let module = naga::front::wgsl::parse_str(source)
         .map_err(|e| anyhow!("{}", e.emit_to_string(source)))?;
-    let info = Validator::new(ValidationFlags::all(), Capabilities::empty())
+    let info = Validator::new(ValidationFlags::all(), capabilities)
         .validate(&module)
         .map_err(|e| anyhow!("{}", e.emit_to_string(source)))?;
     Ok((module, info))
 }
 
 /// Every option by name: nothing is left to a default that may change.
-fn options() -> spv::Options<'static> {
+fn options(lang_version: (u8, u8)) -> spv::Options<'static> {
     let unchecked = BoundsCheckPolicy::Unchecked;
     spv::Options {
-        lang_version: (1, 3),
+        lang_version,
         flags: spv::WriterFlags::empty(),
         binding_map: spv::BindingMap::default(),
         capabilities: None,
@@ -87,6 +100,7 @@ fn options() -> spv::Options<'static> {
         zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
         force_loop_bounding: false,
         ray_query_initialization_tracking: false,
+        trace_ray_argument_validation: false,
         use_storage_input_output_16: false,
         fake_missing_bindings: true,
         debug_info: None,

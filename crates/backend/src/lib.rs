@@ -30,6 +30,12 @@
 //! the old. Generations strictly rise. The tree must hold exactly the
 //! animation's live triangles ([`geom::Animation::is_live`]).
 //!
+//! **Own trees.** Where [`Backend::makes_own_trees`] says so, nobody hands in
+//! trees: a frame is `interpolate`, `rebuild` (in the first frame, and in each
+//! that is to have a new tree), `preprocess`, `refit`, `trace`. `refit` brings
+//! the last tree to the frame's positions; after `rebuild` nothing is left to do.
+//! What a ray hits is then for whoever makes the tree to say.
+//!
 //! **Positions.** [`Backend::request_positions`] records a copy of the
 //! interpolated vertices back to the host; [`Backend::take_positions`] polls
 //! for it and never blocks. A submission holds one request at most; requests of
@@ -72,6 +78,12 @@ pub trait Backend: Send {
     /// The method is not supported, or the scene does not fit the device.
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()>;
 
+    /// Whether the backend makes its trees itself: then [`Backend::rebuild`] stands where
+    /// [`Backend::adopt`] stands elsewhere, which it refuses.
+    fn makes_own_trees(&self) -> bool {
+        false
+    }
+
     /// Makes `tree` current for all that is recorded from now on.
     ///
     /// # Errors
@@ -84,6 +96,18 @@ pub trait Backend: Send {
     /// # Errors
     /// See [`BackendError`]; likewise for the other stages.
     fn interpolate(&mut self, pose: Pose) -> Result<()>;
+
+    /// Records: positions to a tree made on the device, current from then on.
+    /// `preprocess` and `refit` follow as after [`Backend::adopt`].
+    ///
+    /// # Errors
+    /// [`BackendError::Unsupported`] where trees are made by the host alone.
+    fn rebuild(&mut self, _generation: Generation) -> Result<()> {
+        Err(BackendError::Unsupported {
+            backend: self.device().backend,
+            what: "trees made on the device".to_owned(),
+        })
+    }
 
     /// Records: positions to triangle records and boxes of leaves.
     ///

@@ -129,11 +129,35 @@ pub(crate) const COPIES: Reach = Reach {
 };
 
 /// Both.
-pub(crate) const ALL: Reach = Reach {
-    stages: vk::PipelineStageFlags::from_raw(KERNELS.stages.as_raw() | COPIES.stages.as_raw()),
-    reads: vk::AccessFlags::from_raw(KERNELS.reads.as_raw() | COPIES.reads.as_raw()),
-    writes: vk::AccessFlags::from_raw(KERNELS.writes.as_raw() | COPIES.writes.as_raw()),
+pub(crate) const ALL: Reach = KERNELS.and(COPIES);
+
+/// The driver's work on its own trees, and the vertices that it reads.
+pub(crate) const BUILDS: Reach = Reach {
+    stages: vk::PipelineStageFlags::ACCELERATION_STRUCTURE_BUILD_KHR,
+    reads: vk::AccessFlags::from_raw(
+        vk::AccessFlags::SHADER_READ.as_raw()
+            | vk::AccessFlags::ACCELERATION_STRUCTURE_READ_KHR.as_raw(),
+    ),
+    writes: vk::AccessFlags::ACCELERATION_STRUCTURE_WRITE_KHR,
 };
+
+/// Rays through the driver's own trees.
+pub(crate) const RAYS: Reach = Reach {
+    stages: vk::PipelineStageFlags::RAY_TRACING_SHADER_KHR,
+    reads: BUILDS.reads,
+    writes: vk::AccessFlags::SHADER_WRITE,
+};
+
+impl Reach {
+    /// Both.
+    pub(crate) const fn and(self, other: Self) -> Self {
+        Self {
+            stages: vk::PipelineStageFlags::from_raw(self.stages.as_raw() | other.stages.as_raw()),
+            reads: vk::AccessFlags::from_raw(self.reads.as_raw() | other.reads.as_raw()),
+            writes: vk::AccessFlags::from_raw(self.writes.as_raw() | other.writes.as_raw()),
+        }
+    }
+}
 
 /// The host, which reads mapped memory.
 pub(crate) const HOST: Reach = Reach {

@@ -1,11 +1,13 @@
 //! The logical device and its queues.
 
 use crate::adapters::{Adapter, all};
+use crate::commands::{ALL, BUILDS, RAYS, Reach};
 use crate::errors::failed;
 use crate::instance::Host;
 use crate::limits::Limits;
 use crate::memory::Memory;
 use crate::queues::{Place, Queues};
+use crate::rt::{self, RayTracing};
 use ash::vk;
 use backend::{BackendError, DeviceKind, Result, choose_adapter};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -25,7 +27,18 @@ pub(crate) struct Gpu {
     pub(crate) limits: Limits,
     /// Bits of a timestamp that count; 0 without a clock.
     pub(crate) timestamp_bits: u32,
+    /// What it takes to have the driver make trees; `None` if nobody asked for it.
+    pub(crate) rays: Option<RayTracing>,
     pub(crate) host: Arc<Host>,
+}
+
+/// What a device is opened for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Needs {
+    /// Kernels alone.
+    Kernels,
+    /// Trees that the driver makes, too.
+    RayTracing,
 }
 
 /// Held while a device is made or destroyed or its kernels are compiled: one
@@ -43,15 +56,18 @@ pub(crate) struct Queue {
 
 impl Gpu {
     /// Opens the adapter asked for: see [`choose_adapter`].
-    pub(crate) fn open(host: Arc<Host>, wanted: Option<&str>) -> Result<Arc<Self>> {
-        let list = all(&host)?;
+    pub(crate) fn open(host: Arc<Host>, wanted: Option<&str>, needs: Needs) -> Result<Arc<Self>> {
+        let list = match needs {
+            Needs::Kernels => all(&host)?,
+            Needs::RayTracing => rt::able(&host, wanted)?,
+        };
         let names: Vec<_> = list.iter().map(|a| (a.name.as_str(), a.kind)).collect();
         let adapter = list[choose_adapter(&names, wanted)?].clone();
         let physical = host.physical_devices()?[adapter.index];
         let limits = Limits::of(&host, physical);
         limits.admit_kernels()?;
         let queues = Queues::find(&host, physical)?;
-        let vk = create(&host, physical, &queues)?;
+        let vk = create(&host, physical, &queues, needs)?;
         let queue = |place: Place| Queue {
             // SAFETY: the family was asked for at creation with as many queues.
             queue: unsafe { vk.get_device_queue(place.family, place.index) },
@@ -62,13 +78,17 @@ impl Gpu {
             queue(queues.upload),
             queue(queues.readback),
         );
-        let memory = match Memory::new(&host, physical, &vk) {
+        let memory = match Memory::new(&host, physical, &vk, needs == Needs::RayTracing) {
             Ok(memory) => memory,
             Err(e) => {
                 // SAFETY: nothing was made from the device yet.
                 unsafe { vk.destroy_device(None) };
                 return Err(e);
             }
+        };
+        let rays = match needs {
+            Needs::Kernels => None,
+            Needs::RayTracing => Some(RayTracing::of(&host, physical, &vk)),
         };
         Ok(Arc::new(Self {
             vk,
@@ -80,6 +100,7 @@ impl Gpu {
             adapter,
             limits,
             timestamp_bits: queues.timestamp_bits,
+            rays,
             host,
         }))
     }
@@ -87,6 +108,26 @@ impl Gpu {
     /// Whether a driver on the host's cores does the work.
     pub(crate) fn is_software(&self) -> bool {
         self.adapter.kind == DeviceKind::Software
+    }
+
+    /// All that submissions do.
+    pub(crate) fn reach(&self) -> Reach {
+        match self.rays {
+            None => ALL,
+            Some(_) => ALL.and(BUILDS).and(RAYS),
+        }
+    }
+
+    /// What buffers may be used for.
+    pub(crate) fn buffer_usage(&self) -> vk::BufferUsageFlags {
+        let kernels = vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::UNIFORM_BUFFER
+            | vk::BufferUsageFlags::TRANSFER_SRC
+            | vk::BufferUsageFlags::TRANSFER_DST;
+        match self.rays {
+            None => kernels,
+            Some(_) => kernels | rt::BUFFER_USAGE,
+        }
     }
 
     /// Waits until the device has nothing left to do.
@@ -107,7 +148,12 @@ impl Drop for Gpu {
     }
 }
 
-fn create(host: &Host, device: vk::PhysicalDevice, queues: &Queues) -> Result<ash::Device> {
+fn create(
+    host: &Host,
+    device: vk::PhysicalDevice,
+    queues: &Queues,
+    needs: Needs,
+) -> Result<ash::Device> {
     let mut have12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut have12);
     // SAFETY: the device belongs to the instance, which is alive.
@@ -130,10 +176,24 @@ fn create(host: &Host, device: vk::PhysicalDevice, queues: &Queues) -> Result<as
                 .queue_priorities(&priorities[..count as usize])
         })
         .collect();
-    let mut want = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
-    let info = vk::DeviceCreateInfo::default()
+    let traces = needs == Needs::RayTracing;
+    let mut want = vk::PhysicalDeviceVulkan12Features::default()
+        .timeline_semaphore(true)
+        .buffer_device_address(traces);
+    let mut structures =
+        vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(true);
+    let mut pipelines =
+        vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default().ray_tracing_pipeline(true);
+    let extensions = rt::EXTENSIONS.map(std::ffi::CStr::as_ptr);
+    let mut info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&asked)
         .push_next(&mut want);
+    if traces {
+        info = info
+            .enabled_extension_names(&extensions)
+            .push_next(&mut structures)
+            .push_next(&mut pipelines);
+    }
     let _door = one_at_a_time();
     // SAFETY: every pointer in `info` outlives the call; the features asked for are there.
     unsafe { host.instance.create_device(device, &info, None) }

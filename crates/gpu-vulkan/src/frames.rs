@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// One slot more than may be under way, so that recording never waits.
-const SLOTS: usize = FRAMES_IN_FLIGHT + 1;
+pub(crate) const SLOTS: usize = FRAMES_IN_FLIGHT + 1;
 
 /// The slots, in a ring, and what became of their submissions.
 pub(crate) struct Frames {
@@ -69,9 +69,15 @@ impl Frames {
         self.recording
     }
 
+    /// Which of so many [`SLOTS`] the recording takes, or the next one will.
+    pub(crate) fn place(&self) -> usize {
+        self.submitted as usize % SLOTS
+    }
+
     /// The slot being recorded, begun if need be.
     pub(crate) fn record(&mut self) -> Result<&mut Slot> {
-        let slot = &mut self.slots[self.submitted as usize % SLOTS];
+        let place = self.place();
+        let slot = &mut self.slots[place];
         if !self.recording {
             slot.begin()?;
             self.recording = true;
@@ -108,7 +114,8 @@ impl Frames {
 
     /// Sends the recording's parts; others may wait for the first one alone.
     fn send(&mut self, after: &[Moment], ticket: Ticket) -> Result<()> {
-        let slot = &mut self.slots[self.submitted as usize % SLOTS];
+        let place = self.place();
+        let slot = &mut self.slots[place];
         slot.sent = Some(Instant::now());
         let parts = slot.end()?;
         let batch = |(i, &commands)| Batch {

@@ -23,6 +23,7 @@ mod memory;
 mod pages;
 mod pipelines;
 mod queues;
+mod rt;
 mod scene;
 mod selftest;
 mod slot;
@@ -38,6 +39,7 @@ mod validation;
 mod vulkan;
 
 pub use adapters::{Adapter, Options, adapters};
+pub use rt::{DriverTreeBackend, Prefer, ray_adapters};
 pub use shaders::supports;
 pub use validation::Validation;
 pub use vulkan::VulkanBackend;

@@ -28,6 +28,7 @@ impl Memory {
         host: &Host,
         physical: vk::PhysicalDevice,
         device: &ash::Device,
+        addressed: bool,
     ) -> Result<Self> {
         // Blocks begin small for small scenes and double as more are needed.
         let sizes = AllocationSizes::new(16 << 20, 16 << 20)
@@ -38,7 +39,7 @@ impl Memory {
             device: device.clone(),
             physical_device: physical,
             debug_settings: AllocatorDebugSettings::default(),
-            buffer_device_address: false,
+            buffer_device_address: addressed,
             allocation_sizes: sizes,
         })
         .map_err(|e| BackendError::NoDevice(format!("no memory allocator: {e}")))?;
@@ -151,11 +152,9 @@ impl Buffer {
     pub(crate) fn new(gpu: &Arc<Gpu>, what: &str, bytes: u64, place: Place) -> Result<Self> {
         let bytes = bytes.max(16).next_multiple_of(16);
         gpu.limits.admit(what, bytes)?;
-        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
-            | vk::BufferUsageFlags::UNIFORM_BUFFER
-            | vk::BufferUsageFlags::TRANSFER_SRC
-            | vk::BufferUsageFlags::TRANSFER_DST;
-        let mut info = vk::BufferCreateInfo::default().size(bytes).usage(usage);
+        let mut info = vk::BufferCreateInfo::default()
+            .size(bytes)
+            .usage(gpu.buffer_usage());
         if gpu.families.len() > 1 {
             info = info
                 .sharing_mode(vk::SharingMode::CONCURRENT)
@@ -185,6 +184,13 @@ impl Buffer {
         unsafe { gpu.vk.bind_buffer_memory(buffer, memory, offset) }
             .map_err(failed_for(what, bytes))?;
         Ok(made)
+    }
+
+    /// Where the device finds it, if it was opened for [`crate::device::Needs::RayTracing`].
+    pub(crate) fn address(&self) -> vk::DeviceAddress {
+        let info = vk::BufferDeviceAddressInfo::default().buffer(self.vk);
+        // SAFETY: the buffer has memory; buffers of such a device may be asked for their address.
+        unsafe { self.gpu.vk.get_buffer_device_address(&info) }
     }
 
     /// `spare` if it holds as many bytes, else a new one.

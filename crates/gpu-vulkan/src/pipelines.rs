@@ -27,6 +27,16 @@ impl Pipelines {
         Ok(made)
     }
 
+    /// These alone.
+    pub(crate) fn of(
+        gpu: &Arc<Gpu>,
+        kernels: impl IntoIterator<Item = &'static Kernel>,
+    ) -> Result<Self> {
+        let _door = one_at_a_time();
+        let all = kernels.into_iter().map(|kernel| Pipeline::new(gpu, kernel));
+        all.collect::<Result<_>>().map(Self)
+    }
+
     /// Makes what `method` needs and is not there yet.
     pub(crate) fn prepare(&mut self, gpu: &Arc<Gpu>, method: Method) -> Result<()> {
         self.make(gpu, |k| k.serves(method))

@@ -62,7 +62,8 @@ impl Slot {
         self.pages.reset()?;
         self.commands.reset()?;
         self.commands.begin()?;
-        self.commands.barrier(ALL, ALL);
+        let all = self.gpu.reach();
+        self.commands.barrier(all, all);
         self.clear_counts(COUNTS);
         self.marks.mark(self.commands.vk())
     }
@@ -93,6 +94,13 @@ impl Slot {
             self.clear_counts(LEAF_COUNTS);
         }
         self.dispatch(pipelines, work, find)?;
+        self.stages.push(stage);
+        self.marks.mark(self.commands.vk())
+    }
+
+    /// Records a stage that is no list of kernels.
+    pub(crate) fn record_as(&mut self, stage: Stage, record: impl FnOnce(&Commands)) -> Result<()> {
+        record(&self.commands);
         self.stages.push(stage);
         self.marks.mark(self.commands.vk())
     }

@@ -20,9 +20,9 @@ pub(crate) struct Traces {
 pub(crate) struct Trace {
     ticket: Ticket,
     pub(crate) count: usize,
-    seek: Seek,
+    pub(crate) seek: Seek,
     /// Whether there was a tree to trace. Without one every ray misses.
-    has_tree: bool,
+    pub(crate) has_tree: bool,
     /// Each is there if a query ever needed it.
     pub(crate) hits: Option<Buffer>,
     pub(crate) blocked: Option<Buffer>,

@@ -1,7 +1,7 @@
 //! The backend's state: opened, submitted, abandoned.
 
 use crate::adapters::Options;
-use crate::device::Gpu;
+use crate::device::{Gpu, Needs};
 use crate::frames::Frames;
 use crate::instance::Host;
 use crate::pipelines::Pipelines;
@@ -60,7 +60,7 @@ impl VulkanBackend {
     /// [`backend::BackendError::Limit`] with what the device lacks for any scene.
     pub fn new(options: &Options) -> Result<Self> {
         let host = Host::new(options.validation)?;
-        let gpu = Gpu::open(host, options.adapter.as_deref())?;
+        let gpu = Gpu::open(host, options.adapter.as_deref(), Needs::Kernels)?;
         let mut made = Self {
             device: Device {
                 backend: "vulkan",

@@ -8,9 +8,13 @@ use std::collections::HashSet;
 
 pub(crate) fn harden(words: &[u32]) -> Result<Vec<u32>> {
     let mut module = load_words(words).map_err(|e| anyhow!("{e}"))?;
-    forbid_contraction(&mut module);
-    drop_null_initialisers(&mut module);
+    harden_module(&mut module);
     Ok(module.assemble())
+}
+
+pub(crate) fn harden_module(module: &mut Module) {
+    forbid_contraction(module);
+    drop_null_initialisers(module);
 }
 
 /// naga emits no NoContraction; without it both known drivers fuse and regroup.

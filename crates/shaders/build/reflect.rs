@@ -10,7 +10,21 @@ pub(crate) fn workgroup(module: &naga::Module, name: &str) -> Result<[u32; 3]> {
         .workgroup_size)
 }
 
-/// The bindings of group 0 as Rust expressions, by number.
+fn is_tree(module: &naga::Module, variable: &naga::GlobalVariable) -> bool {
+    let inner = &module.types[variable.ty].inner;
+    matches!(inner, naga::TypeInner::AccelerationStructure { .. })
+}
+
+/// Where the driver's tree is bound.
+pub(crate) fn scene(module: &naga::Module) -> Result<u32> {
+    let mut all = module.global_variables.iter().map(|(_, v)| v);
+    let tree = all
+        .find(|v| is_tree(module, v))
+        .and_then(|v| v.binding.as_ref());
+    Ok(tree.context("a tree of the driver's")?.binding)
+}
+
+/// The bindings of group 0 as Rust expressions, by number; a driver's tree is left out.
 pub(crate) fn bindings(module: &naga::Module) -> Result<String> {
     let mut found = Vec::new();
     for (_, variable) in module.global_variables.iter() {
@@ -26,6 +40,7 @@ pub(crate) fn bindings(module: &naga::Module) -> Result<String> {
                 "ReadWrite"
             }
             AddressSpace::Storage { .. } => "Read",
+            AddressSpace::Handle if is_tree(module, variable) => continue,
             other => bail!("unexpected address space {other:?}"),
         };
         found.push((

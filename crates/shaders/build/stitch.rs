@@ -25,7 +25,7 @@ pub(crate) struct Source {
 /// The slots of a kernel, each with what fills it.
 pub(crate) type Filling = Vec<(&'static Slot, &'static Value)>;
 
-/// The stems of all kernels, sorted.
+/// The stems of all kernels, sorted. What holds the stages of a pipeline is none.
 pub(crate) fn kernels(folder: &Path) -> Result<Vec<String>> {
     let mut names = Vec::new();
     for entry in folder.read_dir().context("wgsl")? {
@@ -35,13 +35,14 @@ pub(crate) fn kernels(folder: &Path) -> Result<Vec<String>> {
             names.push(stem.to_string_lossy().into_owned());
         }
     }
+    names.retain(|name| name != crate::rays::FILE);
     names.sort();
     Ok(names)
 }
 
 impl Source {
-    pub(crate) fn read(stem: &str) -> Result<Self> {
-        let text = read_to_string(format!("wgsl/{stem}.wgsl"))?;
+    pub(crate) fn read(folder: &Path, stem: &str) -> Result<Self> {
+        let text = read_to_string(folder.join(format!("{stem}.wgsl")))?;
         let (head, body) = text.split_once('\n').context("a kernel has a body")?;
         let uses = head
             .strip_prefix("//! use ")

@@ -75,6 +75,23 @@ pub enum Kind {
     ReadWrite,
 }
 
+/// The stages of a ray-tracing pipeline, in one module of SPIR-V 1.4 with NoContraction.
+#[derive(Clone, Copy, Debug)]
+pub struct RayStages {
+    /// The module.
+    pub spirv: &'static [u32],
+    /// Where the driver's tree is bound in group 0.
+    pub scene: u32,
+    /// What else the stages read and write, by number, all in group 0.
+    pub bindings: &'static [Binding],
+    /// Entry points that make rays, by name.
+    pub generate: &'static [&'static str],
+    /// The entry point for rays that hit.
+    pub closest_hit: &'static str,
+    /// The entry point for rays that miss.
+    pub miss: &'static str,
+}
+
 include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
 
 impl Kernel {
@@ -98,10 +115,12 @@ pub fn kernel(entry: &str, method: Method) -> &'static Kernel {
         .unwrap_or_else(|| panic!("no kernel {entry} for {method:?}"))
 }
 
-/// The kernel with that entry point, which every method shares.
+/// The kernel with that entry point, which every method shares; also one of [`RAY_KERNELS`].
 ///
 /// # Panics
 /// As [`kernel`].
-pub(crate) fn common(entry: &str) -> &'static Kernel {
-    kernel(entry, Method::default())
+#[must_use]
+pub fn common(entry: &str) -> &'static Kernel {
+    let beside = RAY_KERNELS.iter().find(|k| k.entry == entry);
+    beside.unwrap_or_else(|| kernel(entry, Method::default()))
 }

@@ -1,5 +1,9 @@
 //! Each stage as a list of dispatches. A dispatch reads what those before it wrote, so a barrier goes between any two.
 
+mod rays;
+
+pub use rays::{cleanse, count_any, count_blocked, count_hits, count_triangles, rays};
+
 use crate::{Kernel, Params, Shape, common, kernel};
 use backend::Method;
 use geom::{Camera, Point};

@@ -1,4 +1,4 @@
-//! use params ieee divide units degenerate {record.write}
+//! use params ieee divide units degenerate flat {record.write}
 // Positions to triangle records and boxes of leaves, in the tree's leaf order.
 
 @group(0) @binding(1) var<storage, read> topology: array<u32>;
@@ -17,16 +17,6 @@ fn corner(triangle: u32, which: u32) -> vec3<u32> {
     return vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]);
 }
 
-fn is_finite(v: vec3<u32>) -> bool {
-    return all((v & vec3<u32>(0x7f800000u)) != vec3<u32>(0x7f800000u));
-}
-
-// Whether scaling made a zero of a coordinate that was none.
-fn lost_a_coordinate(before: vec3<u32>, after: vec3<f32>) -> bool {
-    let was_zero = (before & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u);
-    return any((after == vec3<f32>(0.0)) != was_zero);
-}
-
 @compute @workgroup_size(128)
 fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let leaf = element(id, groups, 128u);
@@ -43,10 +33,7 @@ fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
 
     let finite = is_finite(given_a) && is_finite(given_b) && is_finite(given_c);
     var hit = finite;
-    if finite {
-        let lost = lost_a_coordinate(given_a, a) || lost_a_coordinate(given_b, b) || lost_a_coordinate(given_c, c);
-        if lost || !has_area(a, b, c) { hit = !is_degenerate(given_a, given_b, given_c); }
-    }
+    if finite { hit = !is_flat(given_a, given_b, given_c, a, b, c); }
     var low = vec3<u32>(0x7f800000u);
     var high = vec3<u32>(0xff800000u);
     if hit {

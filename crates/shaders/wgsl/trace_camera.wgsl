@@ -1,26 +1,16 @@
-//! use params ieee divide exact units ray {intersector.test} {intersector.closest} closest pixels
-// The closest hit of each pixel's ray, made here: geom::Camera::ray.
+//! use params ieee divide exact units ray {intersector.test} {intersector.closest} closest pixels camera
+// The closest hit of each pixel's ray, made here.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> records: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> hits: array<vec4<u32>>;
 @group(0) @binding(4) var<storage, read_write> counts: array<atomic<u32>>;
 
-fn along(corner: f32, across: f32, down: f32, x: f32, y: f32) -> f32 {
-    return add(add(corner, mul(x, across)), mul(y, down));
-}
-
 @compute @workgroup_size(128)
 fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>) {
     let pixel = pixel_of(local, group);
     if pixel.x >= params.width || pixel.y >= params.height { return; }
-    let x = add(f32(pixel.x), 0.5);
-    let y = add(f32(pixel.y), 0.5);
-    let direction = vec3<f32>(
-        along(params.corner.x, params.across.x, params.down.x, x, y),
-        along(params.corner.y, params.across.y, params.down.y, x, y),
-        along(params.corner.z, params.across.z, params.down.z, x, y),
-    );
+    let direction = through_pixel(pixel);
     let i = pixel.y * params.width + pixel.x;
     let origin = scaled_point(bitcast<vec3<u32>>(params.eye));
     let is_zero = all((bitcast<vec3<u32>>(direction) & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));

@@ -1,0 +1,208 @@
+//! The driver's tree of a scene: one structure of all triangles, and above it one of that alone,
+//! since rays are traced through no other.
+
+use super::structure::Structure;
+use super::{Prefer, rays_of};
+use crate::commands::{BUILDS, Commands, KERNELS, RAYS};
+use crate::device::Gpu;
+use crate::memory::{Buffer, Place};
+use crate::scene::SceneBuffers;
+use crate::transfer::{Loader, Transfer};
+use ash::vk;
+use backend::{BackendError, Result};
+use std::sync::Arc;
+
+type Flags = vk::BuildAccelerationStructureFlagsKHR;
+type Mode = vk::BuildAccelerationStructureModeKHR;
+
+/// Both structures, made anew or updated in place.
+pub(super) struct DriverTree {
+    bottom: Structure,
+    top: Structure,
+    /// The one instance of `bottom`, as the driver reads it.
+    instance: Buffer,
+    prefer: Prefer,
+    triangles: u32,
+    vertices: u32,
+    made: Option<Made>,
+}
+
+/// How the tree was made last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Made {
+    /// So that it can be updated.
+    Updatable,
+    /// For once.
+    Fixed,
+}
+
+/// An instance as Vulkan lays it out: a matrix of three rows, a mask above an index, flags above an offset, an address.
+const INSTANCE_WORDS: usize = 16;
+
+impl DriverTree {
+    /// Room for a tree of the scene.
+    pub(super) fn new(
+        gpu: &Arc<Gpu>,
+        road: &mut Transfer,
+        scene: &SceneBuffers,
+        prefer: Prefer,
+    ) -> Result<Self> {
+        let animation = &scene.animation;
+        let (need, limit) = (
+            animation.triangle_count() as u64,
+            rays_of(gpu).bounds.triangles,
+        );
+        if need > limit {
+            let what = "the driver's tree (triangles, maxPrimitiveCount)".to_owned();
+            return Err(BackendError::Limit { what, need, limit });
+        }
+        let (triangles, vertices) = (need as u32, animation.vertex_count() as u32);
+        let geometry = [triangles_of(scene, &scene.positions[0], vertices)];
+        let flags = [flags(prefer, Made::Updatable), flags(prefer, Made::Fixed)];
+        let about = info(vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL).geometries(&geometry);
+        let bottom = Structure::new(gpu, "the driver's tree", about, &flags, triangles)?;
+        let instance = Buffer::new(gpu, "the tree's instance", 64, Place::Device)?;
+        Loader::new(gpu, road, 64)?.send(&instance_of(&bottom), &instance)?;
+        let geometry = [instances_of(&instance)];
+        let about = info(vk::AccelerationStructureTypeKHR::TOP_LEVEL).geometries(&geometry);
+        Ok(Self {
+            bottom,
+            top: Structure::new(gpu, "the tree above it", about, &flags, 1)?,
+            instance,
+            prefer,
+            triangles,
+            vertices,
+            made: None,
+        })
+    }
+
+    /// What rays are traced through.
+    pub(super) fn top(&self) -> vk::AccelerationStructureKHR {
+        self.top.vk
+    }
+
+    /// What was recorded last never ran.
+    pub(super) fn forget(&mut self) {
+        self.made = None;
+    }
+
+    /// Records a new tree of `positions`. Trees made one after the other are made for once, which
+    /// suits the driver; the first, and one made after an update, can be updated.
+    pub(super) fn rebuild(
+        &mut self,
+        commands: &Commands,
+        scene: &SceneBuffers,
+        positions: &Buffer,
+    ) {
+        let made = match self.made {
+            None => Made::Updatable,
+            Some(_) => Made::Fixed,
+        };
+        self.make(commands, scene, positions, made);
+    }
+
+    /// Records an update of the tree to `positions`; where it cannot be updated, a new one that can.
+    pub(super) fn update(&mut self, commands: &Commands, scene: &SceneBuffers, positions: &Buffer) {
+        if self.made == Some(Made::Updatable) {
+            self.record(commands, scene, positions, (Made::Updatable, Mode::UPDATE));
+        } else {
+            self.make(commands, scene, positions, Made::Updatable);
+        }
+    }
+
+    fn make(&mut self, commands: &Commands, scene: &SceneBuffers, positions: &Buffer, made: Made) {
+        self.record(commands, scene, positions, (made, Mode::BUILD));
+        self.made = Some(made);
+    }
+
+    fn record(
+        &self,
+        commands: &Commands,
+        scene: &SceneBuffers,
+        positions: &Buffer,
+        (made, mode): (Made, Mode),
+    ) {
+        let flags = flags(self.prefer, made);
+        let geometry = [triangles_of(scene, positions, self.vertices)];
+        let about = |ty| info(ty).flags(flags).mode(mode);
+        commands.barrier(KERNELS, BUILDS);
+        let bottom = about(vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL).geometries(&geometry);
+        self.bottom.record(commands.vk(), bottom, self.triangles);
+        commands.barrier(BUILDS, BUILDS);
+        let geometry = [instances_of(&self.instance)];
+        let top = about(vk::AccelerationStructureTypeKHR::TOP_LEVEL).geometries(&geometry);
+        self.top.record(commands.vk(), top, 1);
+        commands.barrier(BUILDS, RAYS);
+    }
+}
+
+fn flags(prefer: Prefer, made: Made) -> Flags {
+    let speed = match prefer {
+        Prefer::FastBuild => Flags::PREFER_FAST_BUILD,
+        Prefer::FastTrace => Flags::PREFER_FAST_TRACE,
+    };
+    match made {
+        Made::Updatable => speed | Flags::ALLOW_UPDATE,
+        Made::Fixed => speed,
+    }
+}
+
+fn info<'a>(
+    ty: vk::AccelerationStructureTypeKHR,
+) -> vk::AccelerationStructureBuildGeometryInfoKHR<'a> {
+    vk::AccelerationStructureBuildGeometryInfoKHR::default().ty(ty)
+}
+
+/// Opaque, so that no hit asks a shader whether it counts.
+fn geometry<'a>(
+    kind: vk::GeometryTypeKHR,
+    data: vk::AccelerationStructureGeometryDataKHR<'a>,
+) -> vk::AccelerationStructureGeometryKHR<'a> {
+    vk::AccelerationStructureGeometryKHR::default()
+        .geometry_type(kind)
+        .geometry(data)
+        .flags(vk::GeometryFlagsKHR::OPAQUE)
+}
+
+fn triangles_of<'a>(
+    scene: &SceneBuffers,
+    positions: &Buffer,
+    vertices: u32,
+) -> vk::AccelerationStructureGeometryKHR<'a> {
+    let at = |buffer: &Buffer| vk::DeviceOrHostAddressConstKHR {
+        device_address: buffer.address(),
+    };
+    let triangles = vk::AccelerationStructureGeometryTrianglesDataKHR::default()
+        .vertex_format(vk::Format::R32G32B32_SFLOAT)
+        .vertex_data(at(positions))
+        .vertex_stride(12)
+        .max_vertex(vertices.saturating_sub(1))
+        .index_type(vk::IndexType::UINT32)
+        .index_data(at(&scene.triangles));
+    let data = vk::AccelerationStructureGeometryDataKHR { triangles };
+    geometry(vk::GeometryTypeKHR::TRIANGLES, data)
+}
+
+fn instances_of<'a>(instance: &Buffer) -> vk::AccelerationStructureGeometryKHR<'a> {
+    let at = vk::DeviceOrHostAddressConstKHR {
+        device_address: instance.address(),
+    };
+    let instances = vk::AccelerationStructureGeometryInstancesDataKHR::default().data(at);
+    let data = vk::AccelerationStructureGeometryDataKHR { instances };
+    geometry(vk::GeometryTypeKHR::INSTANCES, data)
+}
+
+/// As it stands, seen by all rays, from both sides.
+fn instance_of(bottom: &Structure) -> [u32; INSTANCE_WORDS] {
+    let mut words = [0; INSTANCE_WORDS];
+    for diagonal in [0, 5, 10] {
+        words[diagonal] = 1_f32.to_bits();
+    }
+    let flags = vk::GeometryInstanceFlagsKHR::TRIANGLE_FACING_CULL_DISABLE
+        | vk::GeometryInstanceFlagsKHR::FORCE_OPAQUE;
+    words[12] = 0xff << 24;
+    words[13] = flags.as_raw() << 24;
+    let address = bottom.address();
+    (words[14], words[15]) = (address as u32, (address >> 32) as u32);
+    words
+}

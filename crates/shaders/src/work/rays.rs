@@ -1,0 +1,78 @@
+//! What goes with a tree of the driver's: kernels that cleanse and count, and the parameters of rays.
+
+use super::Work;
+use crate::{Params, common};
+use backend::{Query, Rays, Seek};
+
+/// Where in [`crate::Counts`] a count lies, in words.
+const HITS: u32 = 2;
+const BLOCKED: u32 = 3;
+
+/// So many positions to positions without what is not finite.
+#[must_use]
+pub fn cleanse(params: Params, vertices: u32) -> Work {
+    Work::linear(common("cleanse"), params, vertices)
+}
+
+/// Inactive and degenerate ones among so many triangles.
+#[must_use]
+pub fn count_triangles(params: Params, triangles: u32) -> Work {
+    Work::linear(common("count_triangles"), params, triangles)
+}
+
+/// Hits among so many closest hits.
+#[must_use]
+pub fn count_hits(params: Params, rays: u32) -> Work {
+    Work::linear(common("count_hits"), params, rays)
+}
+
+/// Those among so many rays that met anything.
+#[must_use]
+pub fn count_any(params: Params, rays: u32) -> Work {
+    let params = Params {
+        first: HITS,
+        ..params
+    };
+    Work::linear(common("count_blocked"), params, rays)
+}
+
+/// Those among so many hits that lie in shadow.
+#[must_use]
+pub fn count_blocked(params: Params, rays: u32) -> Work {
+    let params = Params {
+        first: BLOCKED,
+        ..params
+    };
+    Work::linear(common("count_blocked"), params, rays)
+}
+
+/// The parameters of a query's rays, which are `given` one by one or made by the shaders.
+#[must_use]
+pub fn rays(params: Params, query: &Query<'_>, given: bool) -> Params {
+    let mut params = match query.rays {
+        Rays::Camera(camera) if !given => params.through(camera),
+        _ => params,
+    };
+    params.count = query.rays.count() as u32;
+    if let Seek::ClosestAndShadow { light } = query.seek {
+        params.light = light;
+    }
+    params
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Counts;
+    use std::mem::offset_of;
+
+    #[test]
+    fn counts_go_to_their_places() {
+        let word = |offset: usize| (offset / 4) as u32;
+        assert_eq!(HITS, word(offset_of!(Counts, hits)));
+        assert_eq!(BLOCKED, word(offset_of!(Counts, blocked)));
+        let of = |work: Work| (work.params.first, work.params.count);
+        assert_eq!(of(count_any(Params::default(), 7)), (HITS, 7));
+        assert_eq!(of(count_blocked(Params::default(), 7)), (BLOCKED, 7));
+    }
+}
