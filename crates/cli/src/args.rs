@@ -281,6 +281,12 @@ pub(crate) enum BackendName {
     Wgpu,
     /// A graphics processor through Vulkan
     Vulkan,
+    /// Trees that the Vulkan driver makes and traces, quickly built: the rival to measure against
+    #[value(name = "vulkan-rt")]
+    VulkanRt,
+    /// The same, built to be traced quickly
+    #[value(name = "vulkan-rt:fast-trace")]
+    VulkanRtFastTrace,
 }
 
 /// Update policies by name.

@@ -4,7 +4,7 @@ mod auto;
 mod compare;
 mod text;
 
-use crate::args::{BenchArgs, MethodArgs, PolicyArgs};
+use crate::args::{BenchArgs, IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName};
 use crate::progress::Progress;
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
@@ -12,6 +12,7 @@ use crate::table::mrays;
 use crate::trial::Run;
 use crate::{choose, frames, info, record, talk, threads};
 use backend::{Query, Rays, Seek};
+use clap::ValueEnum;
 use pipeline::Frame;
 use report::{FrameStats, Summary, Taken, Time};
 use scene::Scene;
@@ -85,7 +86,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
         return compare::run(args);
     }
     let tolerance = args.tolerance.of(&args.intersector)?;
-    let combinations = combinations(args);
+    let (combinations, skipped) = combinations(args);
     let total = args.scenes.len() * combinations.len();
     let (mut rows, mut with_auto) = (Vec::new(), Vec::new());
     let mut progress = None;
@@ -123,7 +124,11 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
                 run: None,
             };
             let row = measure(args.size, (spec, &scene), &frames, &ask)?;
-            let progress = progress.get_or_insert_with(|| Progress::new(total as u64, args.quiet));
+            let progress = progress.get_or_insert_with(|| {
+                let progress = Progress::new(total as u64, args.quiet);
+                skipped.iter().for_each(|s| progress.say(s));
+                progress
+            });
             progress.step(&format!(
                 "{spec} {} {} {}",
                 row.backend, row.update, row.intersector
@@ -150,8 +155,38 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
 
 type Combination = (crate::args::BackendName, PolicyArgs, MethodArgs);
 
+/// Everything with everything that makes sense, and remarks on what does not.
+fn combinations(args: &BenchArgs) -> (Vec<Combination>, Vec<String>) {
+    let all = everything(args).into_iter();
+    let (sound, senseless): (Vec<_>, Vec<_>) = all.partition(|c| nonsense(c).is_none());
+    let mut skipped: Vec<String> = senseless.iter().filter_map(nonsense).collect();
+    skipped.dedup();
+    (sound, skipped)
+}
+
+/// What is wrong with a combination.
+fn nonsense(&(backend, policy, method): &Combination) -> Option<String> {
+    if !crate::open::has_own_trees(backend) {
+        return None;
+    }
+    let backend = backend.to_possible_value()?;
+    let backend = backend.get_name();
+    if policy.update == UpdateName::Async {
+        return Some(format!(
+            "{backend} with async is left out: it makes its trees itself, within each frame"
+        ));
+    }
+    let auto = MethodArgs {
+        intersector: IntersectorName::Auto,
+        layout: LayoutName::Auto,
+    };
+    (method != auto).then(|| {
+        format!("{backend} is left out but with the driver's own intersector and layout, which auto takes")
+    })
+}
+
 /// Everything with everything.
-fn combinations(args: &BenchArgs) -> Vec<Combination> {
+fn everything(args: &BenchArgs) -> Vec<Combination> {
     let mut all = Vec::new();
     for &backend in &args.backend {
         for &update in &args.update {
@@ -222,8 +257,8 @@ fn row(
         threads: session.threads.render,
         builder_threads: session.threads.build,
         update: choose::update_name(session.update),
-        intersector: session.method.intersector.name(),
-        layout: session.method.layout.name(),
+        intersector: session.method[0],
+        layout: session.method[1],
         frames: frames.len(),
         interpolate_ms: median(|f| f.interpolate_ms),
         preprocess_ms: median(|f| f.preprocess_ms),

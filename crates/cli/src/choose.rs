@@ -98,6 +98,21 @@ pub(crate) fn update(
     Ok(choice)
 }
 
+/// The same for a backend that makes its trees itself, within each frame.
+pub(crate) fn within_frames(choice: Choice<Update>) -> Choice<Update> {
+    match choice {
+        Choice {
+            value: Update::Async(_),
+            why: Some(_),
+            ..
+        } => auto(
+            Update::Rebuild,
+            "the backend makes its trees itself, within each frame",
+        ),
+        asked => asked,
+    }
+}
+
 /// Key frames from one frame to the next, in the mean.
 fn step(frames: &[Frame]) -> f64 {
     match frames {

@@ -138,6 +138,7 @@ mod tests {
             adapters,
             intersectors: vec!["woop"],
             layouts: vec!["bvh2"],
+            own_trees: false,
         };
         let info = Info {
             schema: SCHEMA,

@@ -21,6 +21,8 @@ struct Known {
     kinds: &'static [DeviceKind],
     covered_by: Option<&'static str>,
     supports: fn(Method) -> bool,
+    /// Whether it makes and traces trees in ways of its own. `auto` takes none of these.
+    own_trees: bool,
     list: fn() -> backend::Result<Vec<Adapter>>,
     open: OpenAdapter,
 }
@@ -31,7 +33,7 @@ const ON_DRIVERS: &[DeviceKind] = &[DeviceKind::Gpu, DeviceKind::Software];
 const WGPU_IS_VULKAN: bool = cfg!(not(any(windows, target_vendor = "apple")));
 
 /// All there are. Among backends that offer the same kind of device, `auto` tries them in this order.
-const KNOWN: [Known; 3] = [
+const KNOWN: [Known; 5] = [
     Known {
         name: BackendName::Vulkan,
         text: "vulkan",
@@ -39,6 +41,7 @@ const KNOWN: [Known; 3] = [
         kinds: ON_DRIVERS,
         covered_by: None,
         supports: gpu_vulkan::supports,
+        own_trees: false,
         list: each::list_vulkan,
         open: each::open_vulkan,
     },
@@ -49,6 +52,7 @@ const KNOWN: [Known; 3] = [
         kinds: ON_DRIVERS,
         covered_by: if WGPU_IS_VULKAN { Some("vulkan") } else { None },
         supports: gpu_wgpu::supports,
+        own_trees: false,
         list: each::list_wgpu,
         open: each::open_wgpu,
     },
@@ -59,10 +63,36 @@ const KNOWN: [Known; 3] = [
         kinds: &[DeviceKind::Cpu],
         covered_by: None,
         supports: each::cpu_supports,
+        own_trees: false,
         list: each::list_cpu,
         open: each::open_cpu,
     },
+    Known {
+        name: BackendName::VulkanRt,
+        text: "vulkan-rt",
+        place: RIVAL,
+        kinds: ON_DRIVERS,
+        covered_by: None,
+        supports: gpu_vulkan::supports,
+        own_trees: true,
+        list: each::list_vulkan_rt,
+        open: each::open_vulkan_rt,
+    },
+    Known {
+        name: BackendName::VulkanRtFastTrace,
+        text: "vulkan-rt:fast-trace",
+        place: RIVAL,
+        kinds: ON_DRIVERS,
+        covered_by: None,
+        supports: gpu_vulkan::supports,
+        own_trees: true,
+        list: each::list_vulkan_rt,
+        open: each::open_vulkan_rt_fast_trace,
+    },
 ];
+
+/// Why `auto` does not take what the driver makes, though it may be the fastest where hardware traces.
+const RIVAL: &str = "it is there to be measured against";
 
 /// What is to be opened.
 #[derive(Clone, Copy, Debug)]
@@ -99,7 +129,8 @@ pub(crate) fn open<T>(
         let value = ready(known.open_named(want)?)?;
         return Ok(Opened { value, why: None });
     }
-    let rivals = KNOWN.each_ref().map(|k| k.rival(want, &ready));
+    let ours = KNOWN.iter().filter(|k| !k.own_trees);
+    let rivals: Vec<_> = ours.map(|k| k.rival(want, &ready)).collect();
     let (value, why) = auto::take(&rivals, want.adapter)?;
     let why = Some(why);
     Ok(Opened { value, why })
@@ -149,6 +180,9 @@ impl Known {
     }
 
     fn intersectors(&self) -> Vec<&'static str> {
+        if self.own_trees {
+            return vec![DRIVERS];
+        }
         let with = |intersector| Method {
             intersector,
             ..Method::default()
@@ -160,6 +194,9 @@ impl Known {
     }
 
     fn layouts(&self) -> Vec<&'static str> {
+        if self.own_trees {
+            return vec![DRIVERS];
+        }
         let with = |layout| Method {
             layout,
             ..Method::default()
@@ -184,6 +221,8 @@ pub(crate) struct Presence {
     pub(crate) intersectors: Vec<&'static str>,
     /// The layouts it knows.
     pub(crate) layouts: Vec<&'static str>,
+    /// Whether it makes and traces trees in ways of its own.
+    pub(crate) own_trees: bool,
 }
 
 /// All backends, present or absent, in the order in which `auto` looks at them.
@@ -196,6 +235,7 @@ pub(crate) fn presences() -> Vec<Presence> {
             adapters: found.unwrap_or_default(),
             intersectors: known.intersectors(),
             layouts: known.layouts(),
+            own_trees: known.own_trees,
         }
     };
     KNOWN.iter().map(presence).collect()
@@ -206,6 +246,14 @@ pub(crate) fn lacks(backend: BackendName, method: Method) -> Option<String> {
     let known = KNOWN.iter().find(|k| k.name == backend)?;
     known.lacks(method)
 }
+
+/// Whether a backend makes and traces trees in ways of its own. It need not be present.
+pub(crate) fn has_own_trees(backend: BackendName) -> bool {
+    KNOWN.iter().any(|k| k.name == backend && k.own_trees)
+}
+
+/// What stands for the intersector and the layout of such a backend.
+pub(crate) const DRIVERS: &str = "driver";
 
 /// wgpu with kernels that it translates even where it need not: for laws, not for work.
 pub(crate) fn open_wgsl(want: &Want<'_>) -> Result<Box<dyn Backend>, Stop> {

@@ -1,6 +1,6 @@
 //! A driver set up as asked, ready for its first frame.
 
-use crate::args::{BackendName, IntersectorName, MethodArgs};
+use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
 use crate::choose::{self, Choice};
 use crate::open::{self, Want};
 use crate::stop::Stop;
@@ -39,8 +39,8 @@ pub(crate) struct Session {
     pub(crate) driver: Driver,
     /// Who is at work.
     pub(crate) device: Device,
-    /// How rays are traced.
-    pub(crate) method: Method,
+    /// How rays are traced and how trees lie in memory, by name.
+    pub(crate) method: [&'static str; 2],
     /// How trees follow the motion.
     pub(crate) update: Update,
     /// How cores are shared.
@@ -55,6 +55,7 @@ pub(crate) struct Session {
 
 /// Opens the backend, settles what is left to `auto`, and loads the scene.
 pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session, Stop> {
+    let ask = &for_backend(ask)?;
     let want = want(ask);
     let opened = open::open(&want, |backend: Box<dyn Backend>| {
         let device = backend.device().clone();
@@ -65,12 +66,13 @@ pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session
         Ok((driver, device, settled, threads))
     })?;
     let (mut driver, device, settled, threads) = opened.value;
-    let taken = taken(&device, opened.why.as_deref(), &settled);
+    let names = method_names(ask, &settled);
+    let taken = taken((&device, opened.why.as_deref()), &settled, names);
     Ok(Session {
         device: driver.backend().device().clone(),
         driver,
         threads,
-        method: settled.method,
+        method: names,
         update: settled.update,
         meets: settled.meets,
         remarks: taken.iter().map(ToString::to_string).collect(),
@@ -95,22 +97,58 @@ fn want<'a>(ask: &Ask<'a>) -> Want<'a> {
     }
 }
 
-/// What `auto` took and why.
-fn taken(device: &Device, why: Option<&str>, settled: &Settled) -> Vec<Taken> {
-    let Method {
+/// What is asked of a backend that makes its trees itself: nothing is left to try there, and no
+/// method can be asked for by name.
+fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
+    if !open::has_own_trees(ask.backend) {
+        return Ok(*ask);
+    }
+    let MethodArgs {
         intersector,
         layout,
-    } = settled.method;
+    } = ask.method;
+    let what = match (intersector, layout) {
+        (IntersectorName::Auto, LayoutName::Auto) => {
+            return Ok(Ask {
+                update: choose::within_frames(ask.update),
+                run: None,
+                ..*ask
+            });
+        }
+        (IntersectorName::Auto, _) => "layout",
+        _ => "intersector",
+    };
+    Err(Stop::bad(format!(
+        "a driver that makes its own trees has its own {what}: --{what} takes auto alone"
+    )))
+}
+
+/// Names of the intersector and the layout.
+fn method_names(ask: &Ask<'_>, settled: &Settled) -> [&'static str; 2] {
+    match open::has_own_trees(ask.backend) {
+        true => [open::DRIVERS; 2],
+        false => [
+            settled.method.intersector.name(),
+            settled.method.layout.name(),
+        ],
+    }
+}
+
+/// What `auto` took and why.
+fn taken(
+    (device, why): (&Device, Option<&str>),
+    settled: &Settled,
+    [intersector, layout]: [&'static str; 2],
+) -> Vec<Taken> {
     let update = choose::update_name(settled.update);
+    let own = (intersector == open::DRIVERS).then_some("the driver has its own");
+    let why_intersector = own.or(settled.why_intersector.as_deref());
+    let why_layout = own.or(settled.why_layout.as_deref());
     let all = [
         choose::taken("backend", device.backend, why),
         choose::taken("update", update, settled.why_update.as_deref()),
-        choose::taken(
-            "intersector",
-            intersector.name(),
-            settled.why_intersector.as_deref(),
-        ),
-        choose::taken("layout", layout.name(), settled.why_layout.as_deref()),
+        choose::taken("intersector", intersector, why_intersector),
+        choose::taken("layout", layout, why_layout),
     ];
     all.into_iter().flatten().collect()
 }
@@ -130,8 +168,8 @@ impl Session {
             self.device.adapter,
             self.threads.build,
             choose::update_name(self.update),
-            self.method.intersector,
-            self.method.layout,
+            self.method[0],
+            self.method[1],
         )
     }
 }

@@ -1,5 +1,6 @@
 //! The frame loop: carries out what the schedule says, and never waits for the builder.
 
+mod own;
 mod pending;
 mod trees;
 
@@ -48,6 +49,7 @@ impl Driver {
         animation: Arc<Animation>,
         options: Options,
     ) -> Result<Self, PipelineError> {
+        own::admit(backend.as_ref(), options.update)?;
         backend.load(Arc::clone(&animation), options.method)?;
         let toolroom = Arc::new(Toolroom::new(options.builder_threads)?);
         let workshop = {
@@ -101,7 +103,8 @@ impl Driver {
     ) -> Result<(), E> {
         let mut hits = Hits::default();
         // A frame that waits for its own tree takes two submissions, so none may be left open before it.
-        let under_way = if self.schedule.waits_at_once() {
+        let own = self.backend.makes_own_trees();
+        let under_way = if self.schedule.waits_at_once() && !own {
             1
         } else {
             FRAMES_IN_FLIGHT
@@ -131,15 +134,13 @@ impl Driver {
         self.beginning = Beginning::default();
         let pose = self.animation.pose(frame.time);
         self.hear_from_builder()?;
-        match &self.tree {
-            None => self.first_tree(pose)?,
-            Some(tree) => {
-                let outdated = tree.pose != pose;
-                let plan = self.schedule.begin_frame(self.frames, outdated);
-                self.follow(plan, pose)?;
-            }
-        }
-        if self.record_geometry(pose)? {
+        let stale = if self.backend.makes_own_trees() {
+            self.record_own_tree(pose)?
+        } else {
+            self.bring_tree(pose)?;
+            self.record_geometry(pose)?
+        };
+        if stale {
             self.backend.preprocess()?;
             self.backend.refit()?;
         }
@@ -187,6 +188,16 @@ impl Driver {
             device_bytes,
             ..pending.done(report, [waited, seen, read])
         }))
+    }
+
+    /// Has a tree for the frame: the one in use, or what the schedule says.
+    fn bring_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
+        let Some(tree) = &self.tree else {
+            return self.first_tree(pose);
+        };
+        let outdated = tree.pose != pose;
+        let plan = self.schedule.begin_frame(self.frames, outdated);
+        self.follow(plan, pose)
     }
 
     /// Brings positions to `pose`; says whether records and boxes must follow.

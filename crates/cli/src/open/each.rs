@@ -5,19 +5,49 @@ use crate::threads;
 use backend::{Backend, Method};
 use cpu_ref::CpuBackend;
 use geom::Animation;
-use gpu_vulkan::VulkanBackend;
+use gpu_vulkan::{DriverTreeBackend, Prefer, VulkanBackend};
 use gpu_wgpu::WgpuBackend;
 use std::sync::Arc;
 
 pub(super) fn list_vulkan() -> backend::Result<Vec<Adapter>> {
-    let adapter = |a: gpu_vulkan::Adapter| Adapter {
-        index: a.index,
-        limits: limits(a.limits),
-        name: a.name,
-        driver: a.driver.trim().to_owned(),
-        kind: a.kind,
+    Ok(gpu_vulkan::adapters()?.into_iter().map(vulkan).collect())
+}
+
+fn vulkan(adapter: gpu_vulkan::Adapter) -> Adapter {
+    Adapter {
+        index: adapter.index,
+        limits: limits(adapter.limits),
+        name: adapter.name,
+        driver: adapter.driver.trim().to_owned(),
+        kind: adapter.kind,
+    }
+}
+
+pub(super) fn list_vulkan_rt() -> backend::Result<Vec<Adapter>> {
+    let able = gpu_vulkan::ray_adapters()?;
+    Ok(able.into_iter().map(vulkan).collect())
+}
+
+pub(super) fn open_vulkan_rt(
+    adapter: Option<&Adapter>,
+    _: usize,
+) -> backend::Result<Box<dyn Backend>> {
+    driver_trees(adapter, Prefer::FastBuild)
+}
+
+pub(super) fn open_vulkan_rt_fast_trace(
+    adapter: Option<&Adapter>,
+    _: usize,
+) -> backend::Result<Box<dyn Backend>> {
+    driver_trees(adapter, Prefer::FastTrace)
+}
+
+fn driver_trees(adapter: Option<&Adapter>, prefer: Prefer) -> backend::Result<Box<dyn Backend>> {
+    let options = gpu_vulkan::Options {
+        adapter: adapter.map(|a| a.index.to_string()),
+        ..Default::default()
     };
-    Ok(gpu_vulkan::adapters()?.into_iter().map(adapter).collect())
+    Ok(Box::new(DriverTreeBackend::new(&options, prefer)?))
 }
 
 pub(super) fn open_vulkan(

@@ -1,0 +1,44 @@
+//! Frames of a backend that makes its trees itself: nobody builds beside them.
+
+use super::Driver;
+use super::trees::{FIRST, Tree};
+use crate::options::PipelineError;
+use crate::schedule::Update;
+use backend::{Backend, BackendError, Generation};
+use geom::Pose;
+
+/// Refuses what has no meaning for such a backend.
+pub(super) fn admit(backend: &dyn Backend, update: Update) -> Result<(), BackendError> {
+    match update {
+        Update::Async(_) if backend.makes_own_trees() => Err(BackendError::Unsupported {
+            backend: backend.device().backend,
+            what: "update policy 'async': it makes its trees itself, within each frame, and takes none that \
+                   were built meanwhile; rebuild and refit it does"
+                .to_owned(),
+        }),
+        _ => Ok(()),
+    }
+}
+
+impl Driver {
+    /// Records positions at `pose` and, in the first frame and wherever all are to be rebuilt, a
+    /// tree of them; says whether a refit must follow.
+    pub(super) fn record_own_tree(&mut self, pose: Pose) -> Result<bool, PipelineError> {
+        let moved = self.record_geometry(pose)?;
+        let generation = match &self.tree {
+            None => FIRST,
+            Some(tree) if moved && self.schedule.waits_at_once() => {
+                Generation(tree.generation.0 + 1)
+            }
+            Some(_) => return Ok(moved),
+        };
+        self.backend.rebuild(generation)?;
+        self.tree = Some(Tree {
+            generation,
+            frame: self.frames,
+            pose,
+            cost: 0.0,
+        });
+        Ok(true)
+    }
+}
