@@ -16,6 +16,9 @@ mod support;
 mod tree;
 
 pub use support::ray_adapters;
+
+#[cfg(test)]
+pub(crate) use scene::tests;
 pub(crate) use support::{BUFFER_USAGE, EXTENSIONS, RayTracing, able};
 
 use crate::adapters::Options;

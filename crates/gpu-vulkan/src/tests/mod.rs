@@ -7,6 +7,7 @@ mod frames;
 mod geometry;
 mod limits;
 mod roads;
+mod rt;
 mod scenes;
 
 use crate::{clock, errors, queues, snapshots, transfer};
@@ -31,6 +32,7 @@ const PLAIN: &[(&str, Test)] = named![
     crate::limits::tests::a_refused_dispatch_names_its_groups_and_how_many_there_may_be,
     crate::limits::tests::a_device_with_too_few_buffers_is_refused_by_the_kernels_name,
     queues::tests::copies_go_to_copy_engines_else_to_spare_queues_else_to_the_one_there_is,
+    crate::rt::tests::a_tree_is_updated_only_where_the_same_vertices_are_lost_in_every_key_frame,
     snapshots::tests::positions_are_written_where_nobody_reads_or_where_reading_ends_first,
     transfer::tests::pieces_lie_side_by_side_and_none_is_large,
 ];
@@ -53,6 +55,15 @@ const ON_DEVICE: &[(&str, Test)] = named![
     roads::a_snapshot_outlives_the_backend,
 ];
 
+/// Tests that need a device whose driver makes and traces trees.
+const ON_DRIVERS_TREES: &[(&str, Test)] = named![
+    rt::the_drivers_trees_are_hit_where_the_references_are,
+    rt::what_the_driver_does_not_tell_is_counted_as_by_the_reference,
+    rt::the_drivers_work_is_timed_and_counting_is_not,
+    rt::a_scene_without_live_triangles_is_hit_by_nothing,
+    rt::trees_of_others_are_refused,
+];
+
 /// Tests that need a device whose copies up and down each have a queue of their own.
 const ON_THREE_QUEUES: &[(&str, Test)] = named![
     roads::positions_on_their_way_are_not_written_over,
@@ -73,10 +84,14 @@ pub(crate) fn run() -> ExitCode {
     };
     drop(device);
     let required = std::env::var("ABVH_REQUIRE_BACKENDS").unwrap_or_default();
-    let excused = !required.split(',').any(|name| name.trim() == "vulkan");
+    let is_excused = |backend| !required.split(',').any(|name| name.trim() == backend);
+    let excused = is_excused("vulkan");
+    let no_rays = rt::find().err().filter(|_| is_excused("vulkan-rt"));
     let mut trials: Vec<_> = PLAIN.iter().map(|t| trial(t, None)).collect();
     let why = absent.filter(|_| excused);
     trials.extend(ON_DEVICE.iter().map(|t| trial(t, why.as_deref())));
+    let with_rays = ON_DRIVERS_TREES.iter();
+    trials.extend(with_rays.map(|t| trial(t, no_rays.as_deref())));
     trials.extend(ON_THREE_QUEUES.iter().map(|t| trial(t, queues.as_deref())));
     trials.extend(
         ON_SMALL_BUFFERS
