@@ -150,7 +150,7 @@ fn absent(name: &str, why: &str, required: bool) -> Vec<Trial> {
 }
 
 fn cases() -> u32 {
-    u32::try_from(number("ABVH_CASES", 33)).unwrap_or(u32::MAX)
+    u32::try_from(number("ABVH_CASES", 36)).unwrap_or(u32::MAX)
 }
 
 fn number(variable: &str, default: u64) -> u64 {

@@ -26,6 +26,13 @@ pub fn check_tree(tree: &Topology, animation: &Animation) -> Result<()> {
             return Err(BackendError::WrongTree(why));
         }
     }
+    if let Some(moving) = tree.moving() {
+        let (found, expected) = (moving.leaves().len(), animation.moving_count());
+        if found != expected {
+            let why = format!("its lists have {found} moving leaves, the scene {expected}");
+            return Err(BackendError::WrongTree(why));
+        }
+    }
     if animation.live_count() == animation.triangle_count() {
         return Ok(());
     }

@@ -96,7 +96,10 @@ impl Converter {
         );
         pack(&self.leaf_children, bits);
         rank(bits, ranks);
-        Topology { words }
+        Topology {
+            words,
+            moving: None,
+        }
     }
 
     /// Fills the tallies.

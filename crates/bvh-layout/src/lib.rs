@@ -15,6 +15,7 @@ mod error;
 mod fuzz;
 mod header;
 mod lists;
+mod moving;
 mod record;
 mod segments;
 #[cfg(test)]
@@ -26,4 +27,5 @@ mod walk;
 pub use convert::Converter;
 pub use error::RecordError;
 pub use lists::Lists;
+pub use moving::Moving;
 pub use record::{Level, Topology};

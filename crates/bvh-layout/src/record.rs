@@ -1,7 +1,8 @@
 //! The record that is handed over, and how to read it.
 
-use crate::RecordError;
 use crate::header::Header;
+use crate::{Moving, RecordError};
+use geom::StaticParts;
 use std::ops::Range;
 
 /// A tree's shape in breadth-first order: which nodes are leaves, and whose.
@@ -33,9 +34,13 @@ use std::ops::Range;
 /// limit and at most 8 from 100 triangles on. Two nodes of 32 bytes a triangle
 /// (a box and two indices each) take 64: the paper's cut of 87.5 % is 8 of 64,
 /// this record's is 93 %.
+///
+/// Beside the record may stand lists of what moves, for scenes with static
+/// parts; whoever adopts the tree may use them or not. See [`Moving`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topology {
     pub(crate) words: Vec<u32>,
+    pub(crate) moving: Option<Moving>,
 }
 
 /// The nodes of one depth, as ranges into the node order and both lists.
@@ -63,7 +68,8 @@ impl Topology {
     /// See [`RecordError`]: each says what is wrong and where.
     pub fn from_words(words: Vec<u32>) -> Result<Self, RecordError> {
         crate::validate::validate(&words)?;
-        Ok(Self { words })
+        let moving = None;
+        Ok(Self { words, moving })
     }
 
     /// Takes a record from bytes, such as a file's.
@@ -93,16 +99,33 @@ impl Topology {
         &self.words
     }
 
+    /// The same tree with lists of what moves, where they pay; in parallel.
+    ///
+    /// # Panics
+    /// If `parts` are not those of the tree's scene.
+    #[must_use]
+    pub fn with_moving(self, parts: &StaticParts) -> Self {
+        let moving = Moving::of(&self, parts);
+        Self { moving, ..self }
+    }
+
+    /// What must be done again when the scene moves; `None` if all of it.
+    #[must_use]
+    pub fn moving(&self) -> Option<&Moving> {
+        self.moving.as_ref()
+    }
+
     /// Gives the record's memory back, to be filled again by [`crate::Converter`].
     #[must_use]
     pub fn into_words(self) -> Vec<u32> {
         self.words
     }
 
-    /// Bytes handed over.
+    /// Bytes handed over: the record, and lists of what moves.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        self.words.len() * 4
+        let lists = self.moving.as_ref().map_or(0, |m| m.words().len());
+        (self.words.len() + lists) * 4
     }
 
     /// Triangles in the scene, those left out of the tree included.
@@ -214,6 +237,7 @@ impl Default for Topology {
     fn default() -> Self {
         Self {
             words: Header::default().words().to_vec(),
+            moving: None,
         }
     }
 }

@@ -42,9 +42,12 @@ pub(crate) fn place() -> impl Strategy<Value = Place> {
 }
 
 impl Place {
-    /// Where a point of the unit scene comes to stand.
+    /// Where a point of the unit scene comes to stand. A zero keeps its sign where nothing is added to it.
     pub(crate) fn put(self, p: Point) -> Point {
-        p.map(|x| (x + self.offset) * self.scale)
+        match self.offset {
+            0.0 => p.map(|x| x * self.scale),
+            offset => p.map(|x| (x + offset) * self.scale),
+        }
     }
 
     /// A point in the scene's neighbourhood, `reach` times its size.

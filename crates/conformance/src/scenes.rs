@@ -33,11 +33,13 @@ pub enum Kind {
     Zeros,
     /// Each triangle half the size of the one before, so that trees are deep.
     Ladder,
+    /// Much or all of it never moves: free triangles, some of them joined to what moves, of no area or inactive.
+    Resting,
 }
 
 impl Kind {
     /// All there are.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Soup,
         Self::Sheet,
         Self::Body,
@@ -49,6 +51,7 @@ impl Kind {
         Self::Grown,
         Self::Zeros,
         Self::Ladder,
+        Self::Resting,
     ];
 }
 
@@ -135,6 +138,13 @@ fn mesh(kind: Kind) -> BoxedStrategy<Mesh> {
             .boxed(),
         Kind::Zeros => zeros().boxed(),
         Kind::Ladder => soup(1.0, 20..70).prop_map(ladder).boxed(),
+        Kind::Resting => (
+            soup(1.0, 8..200),
+            prop::collection::vec(any::<u32>(), 16),
+            0_usize..4,
+        )
+            .prop_map(|(m, picks, share)| resting(m, &picks, share))
+            .boxed(),
     }
 }
 
@@ -218,6 +228,32 @@ fn grown(((mut keys, triangles), exponents): (Mesh, [i32; 3])) -> Mesh {
     for (key, e) in keys.iter_mut().zip(exponents) {
         for x in key.iter_mut().flatten() {
             *x *= 2.0_f32.powi(e);
+        }
+    }
+    (keys, triangles)
+}
+
+/// Only the first few triangles move, `share` of sixteen; the rest stands as in
+/// the first key frame. Some of the rest is odd: see the arms.
+fn resting((mut keys, mut triangles): Mesh, picks: &[u32], share: usize) -> Mesh {
+    let moving = triangles.len() * share / 16;
+    let still = 3 * moving..keys[0].len();
+    let (first, later) = keys.split_at_mut(1);
+    for key in later {
+        key[still.clone()].copy_from_slice(&first[0][still.clone()]);
+    }
+    for (n, &pick) in picks.iter().enumerate() {
+        let vertex = still.start + pick as usize % still.len();
+        let all = keys.iter_mut().map(|key| &mut key[vertex]);
+        match n % 8 {
+            // Between key frames, this zero has another sign.
+            0 => all.for_each(|p| p[n % 3] = -0.0),
+            1 => all.for_each(|p| p[n % 3] = 0.0),
+            2 if pick % 3 == 0 => all.for_each(|p| p[n % 3] = f32::NAN),
+            3 if pick % 3 == 0 => all.for_each(|p| *p = [f32::INFINITY; 3]),
+            4 => triangles.push([vertex as u32; 3]),
+            5 => triangles.push([pick % 3, vertex as u32, vertex as u32 / 2]),
+            _ => {}
         }
     }
     (keys, triangles)

@@ -21,7 +21,7 @@ pub(crate) fn vertices(animation: &Animation, time: f64) -> Vec<Point> {
         .collect()
 }
 
-/// A tree built for the scene as it stands at `time`.
+/// A tree built for the scene as it stands at `time`, with lists of what moves where they pay.
 pub(crate) fn tree_at(animation: &Animation, time: f64) -> Topology {
     let vertices = vertices(animation, time);
     let mut tree = BinaryTree::default();
@@ -29,7 +29,9 @@ pub(crate) fn tree_at(animation: &Animation, time: f64) -> Topology {
     Builder::new()
         .build(&boxes, &Cancel::new(), &mut tree)
         .expect("nobody cancels");
-    Converter::new().convert(&tree, animation.triangle_count(), Vec::new())
+    Converter::new()
+        .convert(&tree, animation.triangle_count(), Vec::new())
+        .with_moving(animation.static_parts())
 }
 
 /// Loads the scene and adopts a first tree, built at `time`.

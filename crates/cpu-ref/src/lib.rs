@@ -15,6 +15,9 @@ mod law;
 #[cfg(test)]
 mod misuse_tests;
 mod moller_trumbore;
+mod moving;
+#[cfg(test)]
+mod moving_tests;
 mod nodes;
 mod preprocess;
 mod ray;

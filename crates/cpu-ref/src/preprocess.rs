@@ -1,6 +1,6 @@
 //! Positions to triangle records and boxes of leaves.
 
-use crate::nodes::{Nodes, Pair};
+use crate::nodes::{Leaf, Nodes, Pair};
 use crate::scale::Scale;
 use crate::triangle_test::{Record, TriangleTest};
 use geom::{Point, Triangle, is_active, is_degenerate};
@@ -101,6 +101,93 @@ fn split<T: TriangleTest>(geometry: Geometry<'_>, nodes: &Nodes, run: Run<'_>) -
     );
     sum += right;
     sum
+}
+
+/// Likewise for the leaves of a list alone: others keep records and boxes.
+pub(crate) fn preprocess_moving<T: TriangleTest>(
+    geometry: Geometry<'_>,
+    nodes: &mut Nodes,
+    (list, records): (&[u32], &mut [Record]),
+) -> Unhittable {
+    let mut pairs = std::mem::take(&mut nodes.pairs);
+    let chosen = Chosen {
+        list,
+        pairs: &mut pairs,
+        records,
+        first_pair: 0,
+        first_leaf: 0,
+    };
+    let unhittable = split_list::<T>(geometry, &nodes.leaves, chosen);
+    nodes.pairs = pairs;
+    unhittable
+}
+
+/// Leaves of a list, and slices that hold their pairs and records.
+struct Chosen<'a> {
+    list: &'a [u32],
+    pairs: &'a mut [Pair],
+    records: &'a mut [Record],
+    first_pair: usize,
+    first_leaf: usize,
+}
+
+/// Halves a list until it is short, never between two leaves of one pair.
+fn split_list<T: TriangleTest>(
+    geometry: Geometry<'_>,
+    leaves: &[Leaf],
+    chosen: Chosen<'_>,
+) -> Unhittable {
+    let pair = |i: usize| leaves[chosen.list[i] as usize].slot as usize / 2;
+    let half = chosen.list.len() / 2;
+    if chosen.list.len() <= Nodes::RUN {
+        return prepare_list::<T>(geometry, leaves, chosen);
+    }
+    let cut = half + usize::from(pair(half) == pair(half - 1));
+    let (middle_pair, middle_leaf) = (pair(cut), chosen.list[cut] as usize);
+    let (left_list, right_list) = chosen.list.split_at(cut);
+    let (left_pairs, right_pairs) = chosen.pairs.split_at_mut(middle_pair - chosen.first_pair);
+    let (left_records, right_records) = chosen.records.split_at_mut(middle_leaf - chosen.first_leaf);
+    let left = Chosen {
+        list: left_list,
+        pairs: left_pairs,
+        records: left_records,
+        ..chosen
+    };
+    let right = Chosen {
+        list: right_list,
+        pairs: right_pairs,
+        records: right_records,
+        first_pair: middle_pair,
+        first_leaf: middle_leaf,
+    };
+    let (mut sum, right) = rayon::join(
+        || split_list::<T>(geometry, leaves, left),
+        || split_list::<T>(geometry, leaves, right),
+    );
+    sum += right;
+    sum
+}
+
+fn prepare_list<T: TriangleTest>(
+    geometry: Geometry<'_>,
+    leaves: &[Leaf],
+    chosen: Chosen<'_>,
+) -> Unhittable {
+    let mut corners = [[[0.0; 3]; 3]; BATCH];
+    let mut unhittable = Unhittable::default();
+    for list in chosen.list.chunks(BATCH) {
+        let leaf = |rank: u32| &leaves[rank as usize];
+        for (corners, &rank) in corners.iter_mut().zip(list) {
+            *corners = leaf(rank).vertices.map(|v| geometry.positions[v as usize]);
+        }
+        for (corners, &rank) in corners.iter().zip(list) {
+            let record = &mut chosen.records[rank as usize - chosen.first_leaf];
+            let [min, max] = prepare::<T>(geometry.scale, corners, record, &mut unhittable);
+            let slot = leaf(rank).slot as usize;
+            chosen.pairs[slot / 2 - chosen.first_pair].set_bounds(slot % 2, min, max);
+        }
+    }
+    unhittable
 }
 
 /// Corners are fetched for a batch of leaves first: they lie scattered, and so their fetches overlap.

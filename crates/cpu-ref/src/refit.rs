@@ -1,5 +1,6 @@
 //! Boxes of leaves to boxes of inner nodes, level by level, deepest first.
 
+use crate::moving::MovingNodes;
 use crate::nodes::{Nodes, Pair};
 use rayon::prelude::*;
 
@@ -10,11 +11,9 @@ const RUN: usize = 2048;
 
 /// Gives every inner node the least box round its children. Only minima and maxima: nothing rounds.
 ///
-/// Returns the tree's cost by the surface area heuristic: the sum of all nodes'
-/// areas over the root's (MacDonald, Booth 1990); `None` if the root has no
-/// area. `sums` is memory for partial sums, one a run, so that the cost has the
-/// same bits for every number of threads.
-pub(crate) fn refit(nodes: &mut Nodes, sums: &mut Vec<f64>) -> Option<f64> {
+/// Returns the sum of all nodes' half areas. `sums` is memory for partial sums,
+/// one a run, so that the sum has the same bits for every number of threads.
+pub(crate) fn refit(nodes: &mut Nodes, sums: &mut Vec<f64>) -> f64 {
     let mut total = 0.0;
     for level in nodes.levels.iter().rev() {
         let (upper, below) = nodes.pairs.split_at_mut(level.end);
@@ -34,8 +33,45 @@ pub(crate) fn refit(nodes: &mut Nodes, sums: &mut Vec<f64>) -> Option<f64> {
         }
         total += sums.iter().sum::<f64>();
     }
-    let root = nodes.root().half_area();
-    (root > 0.0).then(|| total / root)
+    total
+}
+
+/// The same for pairs that move alone. Returns the sum of their nodes' half
+/// areas, with the same bits for every number of threads.
+pub(crate) fn refit_moving(nodes: &mut Nodes, moving: &MovingNodes) -> f64 {
+    let mut total = 0.0;
+    for level in moving.levels.iter().rev() {
+        let list = &moving.pairs[level.clone()];
+        // Children lie on a later level, so behind every pair of this one.
+        let end = list.last().map_or(0, |&last| last as usize + 1);
+        let (pairs, below) = nodes.pairs.split_at_mut(end);
+        total += refit_list(list, (pairs, 0), (below, end));
+    }
+    total
+}
+
+/// Halves a list until it is short; slices come with the pair they begin with.
+fn refit_list(
+    list: &[u32],
+    (pairs, first): (&mut [Pair], usize),
+    (below, end): (&[Pair], usize),
+) -> f64 {
+    if list.len() <= RUN {
+        let mut sum = 0.0;
+        for &p in list {
+            let at = p as usize - first;
+            sum += refit_run(&mut pairs[at..=at], below, end);
+        }
+        return sum;
+    }
+    let (left, right) = list.split_at(list.len() / 2);
+    let middle = right[0] as usize;
+    let (left_pairs, right_pairs) = pairs.split_at_mut(middle - first);
+    let (left, right) = rayon::join(
+        || refit_list(left, (left_pairs, first), (below, end)),
+        || refit_list(right, (right_pairs, middle), (below, end)),
+    );
+    left + right
 }
 
 /// Refits neighbouring pairs of one level; `below` begins with pair `first`. Returns the sum of half areas.

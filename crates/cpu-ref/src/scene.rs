@@ -1,11 +1,12 @@
 //! What is current: an animation, a tree, and everything computed from them.
 
 use crate::exact::Exact;
-use crate::interpolate::interpolate;
+use crate::interpolate::{copy, interpolate, interpolate_moving};
 use crate::moller_trumbore::MollerTrumbore;
+use crate::moving::MovingNodes;
 use crate::nodes::Nodes;
-use crate::preprocess::{Geometry, Unhittable, preprocess};
-use crate::refit::refit;
+use crate::preprocess::{Geometry, Unhittable, preprocess, preprocess_moving};
+use crate::refit::{refit, refit_moving};
 use crate::scale::Scale;
 use crate::trace::Tracer;
 use crate::traverse::Target;
@@ -16,9 +17,13 @@ use crate::{NAME, reserve};
 use backend::{BackendError, Intersector, Layout, Method, Rays, Result, check_tree};
 use bvh_build::MAX_DEPTH;
 use bvh_layout::Topology;
-use geom::{Aabb, Animation, Hit, Point, Pose};
+use geom::{Aabb, Animation, Hit, Point, Pose, StaticParts};
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
+
+/// Static vertices between two runs of moving ones: fewer are written again, for a run costs more.
+const GAP: usize = 64;
 
 /// An animation with its tree and the state of one moment.
 pub(crate) struct Scene {
@@ -26,6 +31,14 @@ pub(crate) struct Scene {
     intersector: Intersector,
     scale: Scale,
     positions: Vec<Point>,
+    /// Runs of vertices that hold all that move; `None` where static ones are too few to be passed over.
+    runs: Option<Vec<Range<usize>>>,
+    /// What of the tree moves; `None` likewise.
+    moving: Option<MovingNodes>,
+    /// Whether every leaf of the tree was preprocessed since it was adopted.
+    leaves_done: bool,
+    /// Half areas of nodes beside which nothing moves, once every box of the tree was refitted.
+    still_areas: Option<f64>,
     nodes: Nodes,
     records: Vec<Record>,
     sums: Vec<f64>,
@@ -62,11 +75,20 @@ impl Scene {
         let mut positions = Vec::new();
         reserve(&mut positions, animation.vertex_count(), "positions")?;
         positions.resize(animation.vertex_count(), [0.0; 3]);
+        // Static vertices stand from the start.
+        copy(&animation.keys()[0], &mut positions);
+        let parts = animation.static_parts();
+        let (still, all) = (parts.vertex_count(), animation.vertex_count());
+        let runs = StaticParts::pays(all - still, all).then(|| parts.moving_runs(GAP));
         Ok(Self {
             scale: Scale::of(&animation),
             animation,
             intersector: method.intersector,
             positions,
+            runs,
+            moving: None,
+            leaves_done: false,
+            still_areas: None,
             nodes: Nodes::default(),
             records: Vec::new(),
             sums: Vec::new(),
@@ -92,11 +114,21 @@ impl Scene {
         reserve(&mut self.records, leaves, "triangle records")?;
         self.nodes.expand(tree, self.animation.triangles());
         self.records.resize(leaves, Record::default());
+        (self.leaves_done, self.still_areas) = (false, None);
+        let mut lists = self.moving.take().unwrap_or_default();
+        self.moving = tree.moving().map(|moving| {
+            lists.fill(moving);
+            lists
+        });
         Ok(())
     }
 
     pub(crate) fn interpolate(&mut self, pose: Pose) {
-        interpolate(&self.animation, pose, &mut self.positions);
+        let to = &mut self.positions;
+        match &self.runs {
+            Some(runs) => interpolate_moving(&self.animation, pose, (runs, to)),
+            None => interpolate(&self.animation, pose, to),
+        }
     }
 
     pub(crate) fn preprocess(&mut self) {
@@ -110,13 +142,36 @@ impl Scene {
             triangles: self.animation.triangles(),
             scale: self.scale,
         };
+        self.unhittable = match self.moving.as_ref().filter(|_| self.leaves_done) {
+            Some(moving) => {
+                let chosen = (&moving.leaves[..], &mut self.records[..]);
+                let mut found = preprocess_moving::<T>(geometry, &mut self.nodes, chosen);
+                // A static triangle with a leaf is active.
+                found.degenerate += self.animation.static_parts().degenerate as u64;
+                found
+            }
+            None => preprocess::<T>(geometry, &mut self.nodes, &mut self.records),
+        };
+        self.leaves_done = true;
         let without_leaf = self.animation.triangle_count() - self.animation.live_count();
-        self.unhittable = preprocess::<T>(geometry, &mut self.nodes, &mut self.records);
         self.unhittable.inactive += without_leaf as u64;
     }
 
+    /// Brings boxes up to date, and the tree's cost by the surface area heuristic:
+    /// the sum of all nodes' areas over the root's (MacDonald, Booth 1990); `None` if the root has no area.
     pub(crate) fn refit(&mut self) {
-        self.sah_cost = refit(&mut self.nodes, &mut self.sums);
+        let nodes = &mut self.nodes;
+        let total = match (&self.moving, self.still_areas) {
+            (Some(moving), Some(still)) => still + refit_moving(nodes, moving),
+            (Some(moving), None) => {
+                let total = refit(nodes, &mut self.sums);
+                self.still_areas = Some(total - refit_moving(nodes, moving));
+                total
+            }
+            (None, _) => refit(nodes, &mut self.sums),
+        };
+        let root = self.nodes.root().half_area();
+        self.sah_cost = (root > 0.0).then(|| total / root);
     }
 
     /// See [`Tracer::closest`].

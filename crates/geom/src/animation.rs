@@ -1,6 +1,7 @@
 //! Key-framed triangles: the part of a scene that decides what rays hit.
 
-use crate::{Aabb, Point, Pose, Triangle, is_active};
+use crate::{Aabb, Point, Pose, StaticParts, Triangle, is_active};
+use std::sync::OnceLock;
 
 /// N >= 1 key frames over one list of triangles.
 #[derive(Clone, Debug)]
@@ -9,6 +10,8 @@ pub struct Animation {
     triangles: Vec<[u32; 3]>,
     stand_ins: Vec<StandIn>,
     never_active: u32,
+    /// Found when first asked for.
+    static_parts: OnceLock<StaticParts>,
 }
 
 /// Where a triangle that is inactive in some key frames stands when it is active.
@@ -93,6 +96,7 @@ impl Animation {
             triangles,
             stand_ins,
             never_active,
+            static_parts: OnceLock::new(),
         })
     }
 
@@ -124,6 +128,22 @@ impl Animation {
     #[must_use]
     pub fn live_count(&self) -> usize {
         self.triangles.len() - self.never_active as usize
+    }
+
+    /// What never moves. Looks at every key frame when first called.
+    #[must_use]
+    pub fn static_parts(&self) -> &StaticParts {
+        self.static_parts.get_or_init(|| StaticParts::of(self))
+    }
+
+    /// Live triangles that move: those whose leaves every frame must preprocess.
+    #[must_use]
+    pub fn moving_count(&self) -> usize {
+        match self.keys.as_slice() {
+            [_] => 0,
+            // A static triangle is finite in all key frames, and so live.
+            _ => self.live_count() - self.static_parts().triangle_count(),
+        }
     }
 
     /// The last time there is, in key frames.

@@ -1,40 +1,53 @@
 //! Which parts of an animation never move.
 
-use crate::{Animation, Point};
+use crate::{Animation, Point, is_active, is_degenerate};
+use std::ops::Range;
 
-/// Two classes of motion: what is the same in all key frames, and the rest.
+/// Two classes of motion: what stands at the same bits at every pose, and the rest.
 ///
-/// *The same* means equal bits, not finite ones included. Between key frames a
-/// static vertex is equal (`==`) to itself in them, save that `-0` becomes `+0`
-/// and an infinite coordinate stays not finite without staying infinite.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// A vertex is *static* if it has the same bits in all key frames and blending
+/// gives those bits back. Where there are several key frames, that leaves out
+/// vertices with a coordinate of `-0` (between key frames it is `+0`) and those
+/// that are not finite (an infinity becomes a NaN). What is not static *moves*.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct StaticParts {
-    /// For each vertex, whether it has the same bits in all key frames.
+    /// For each vertex, whether it is static.
     pub vertices: Vec<bool>,
     /// For each triangle, whether all three of its vertices are static. Its box, its area and what rays find of it are, too.
     pub triangles: Vec<bool>,
+    /// Static triangles that are active and of zero area.
+    pub degenerate: usize,
 }
 
 impl StaticParts {
     /// Compares every key frame with the first. All is static where there is one alone.
     #[must_use]
     pub fn of(animation: &Animation) -> Self {
-        let bits = |p: &Point| p.map(f32::to_bits);
         let keys = animation.keys();
-        let mut vertices = vec![true; animation.vertex_count()];
-        for key in &keys[1..] {
+        let mut vertices: Vec<bool> = match keys {
+            [_] => vec![true; animation.vertex_count()],
+            [first, ..] => first.iter().map(keeps_its_bits).collect(),
+            [] => Vec::new(),
+        };
+        for key in keys.iter().skip(1) {
             let pairs = keys[0].iter().zip(key);
             for (is_static, (a, b)) in vertices.iter_mut().zip(pairs) {
-                *is_static &= bits(a) == bits(b);
+                *is_static = *is_static && bits(a) == bits(b);
             }
         }
         let corners = animation.triangles().iter();
-        let triangles = corners
+        let triangles: Vec<bool> = corners
             .map(|t| t.iter().all(|&v| vertices[v as usize]))
             .collect();
+        let still = (0..).zip(&triangles).filter(|(_, is_static)| **is_static);
+        let degenerate = still
+            .map(|(triangle, _)| animation.corners(animation.pose(0.0), triangle))
+            .filter(|corners| is_active(corners) && is_degenerate(corners))
+            .count();
         Self {
             vertices,
             triangles,
+            degenerate,
         }
     }
 
@@ -49,6 +62,47 @@ impl StaticParts {
     pub fn triangle_count(&self) -> usize {
         count(&self.triangles)
     }
+
+    /// How many triangles move.
+    #[must_use]
+    pub fn moving_triangles(&self) -> usize {
+        self.triangles.len() - self.triangle_count()
+    }
+
+    /// Runs of vertices that hold all that move, in order. Static vertices
+    /// between two runs are at least `gap`; where they are fewer, one run holds both.
+    #[must_use]
+    pub fn moving_runs(&self, gap: usize) -> Vec<Range<usize>> {
+        let mut runs: Vec<Range<usize>> = Vec::new();
+        let moving = self.vertices.iter().enumerate().filter(|(_, s)| !**s);
+        for (v, _) in moving {
+            match runs.last_mut() {
+                Some(last) if v - last.end < gap.max(1) => last.end = v + 1,
+                _ => runs.push(v..v + 1),
+            }
+        }
+        runs
+    }
+
+    /// Whether it is worth while to list what moves and to pass over the rest.
+    ///
+    /// An entry of a list is four bytes more to carry and a read that others
+    /// wait for; so up to one half of all things may be listed, which never
+    /// costs more than it saves.
+    #[must_use]
+    pub fn pays(moving: usize, all: usize) -> bool {
+        moving <= all / 2
+    }
+}
+
+fn bits(p: &Point) -> [u32; 3] {
+    p.map(f32::to_bits)
+}
+
+/// Whether a vertex that stands still has its own bits between key frames: see [`crate::Pose::blend`].
+fn keeps_its_bits(p: &Point) -> bool {
+    p.iter()
+        .all(|x| x.is_finite() && x.to_bits() != (-0.0_f32).to_bits())
 }
 
 fn count(of: &[bool]) -> usize {
@@ -65,15 +119,16 @@ mod tests {
 
     #[test]
     fn a_triangle_is_static_if_all_its_vertices_are() {
-        let rest = vec![[0.5; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [f32::NAN; 3]];
+        let rest = vec![[0.5; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [3.0; 3]];
         for axis in 0..3 {
             for key in 0..3 {
                 let mut keys = vec![rest.clone(); 3];
                 keys[key][1][axis] += 1e-7;
-                let found = parts(keys, vec![[0, 2, 3], [0, 1, 2], [1, 0, 0], [0, 0, 1]]);
+                let found = parts(keys, vec![[0, 2, 3], [0, 1, 2], [1, 0, 0], [0, 0, 2]]);
                 assert_eq!(found.vertices, [true, false, true, true]);
-                assert_eq!(found.triangles, [true, false, false, false]);
-                assert_eq!((found.vertex_count(), found.triangle_count()), (3, 1));
+                assert_eq!(found.triangles, [true, false, false, true]);
+                assert_eq!((found.vertex_count(), found.triangle_count()), (3, 2));
+                assert_eq!((found.moving_triangles(), found.degenerate), (2, 1));
             }
         }
         assert_eq!(parts(vec![rest], vec![[0, 1, 2]]).triangle_count(), 1);
@@ -88,13 +143,47 @@ mod tests {
     }
 
     #[test]
-    fn a_static_vertex_is_where_it_was_at_every_pose() {
-        let still = [-0.0, 1e-40, 7.3e30];
+    fn what_blending_would_change_moves_unless_it_is_never_blended() {
+        let odd = vec![
+            [-0.0, 1.0, 2.0],
+            [f32::NAN; 3],
+            [1.0, 2.0, f32::INFINITY],
+            [0.0, 1e-45, f32::MAX],
+        ];
+        let found = parts(vec![odd.clone(); 3], vec![[0, 0, 0], [3, 3, 3], [1, 2, 3]]);
+        assert_eq!(found.vertices, [false, false, false, true]);
+        assert_eq!((found.triangle_count(), found.degenerate), (1, 1));
+        let alone = parts(vec![odd], vec![[0, 0, 0], [3, 3, 3], [1, 2, 3]]);
+        assert_eq!((alone.vertex_count(), alone.degenerate), (4, 2));
+    }
+
+    #[test]
+    fn a_static_vertex_has_its_bits_at_every_pose() {
+        let still = [0.0, 1e-40, -7.3e30];
         let keys: Vec<_> = (0..3).map(|k| vec![still, [k as f32; 3]]).collect();
         let animation = Animation::new(keys, vec![]).unwrap();
-        assert_eq!(StaticParts::of(&animation).vertices, [true, false]);
+        assert_eq!(animation.static_parts().vertices, [true, false]);
         for time in [0.0, 0.3, 1.0, 1.999] {
-            assert_eq!(animation.vertex(animation.pose(time), 0), still);
+            assert_eq!(
+                bits(&animation.vertex(animation.pose(time), 0)),
+                bits(&still)
+            );
         }
+    }
+
+    #[test]
+    fn runs_hold_all_that_moves_and_few_others() {
+        let parts = StaticParts {
+            vertices: [1, 0, 0, 1, 0, 1, 1, 1, 0].map(|s| s == 1).to_vec(),
+            ..StaticParts::default()
+        };
+        for gap in [0, 1] {
+            assert_eq!(parts.moving_runs(gap), [1..3, 4..5, 8..9]);
+        }
+        for gap in [2, 3] {
+            assert_eq!(parts.moving_runs(gap), [1..5, 8..9]);
+        }
+        assert_eq!(parts.moving_runs(4), [1..9]);
+        assert_eq!(StaticParts::default().moving_runs(9), []);
     }
 }

@@ -14,7 +14,7 @@ pub struct Built {
     pub cost: f64,
     /// Milliseconds from vertices to binary tree.
     pub build_ms: f64,
-    /// Milliseconds from binary tree to record.
+    /// Milliseconds from binary tree to record, and to lists of what moves.
     pub convert_ms: f64,
     /// When all of that was.
     pub moments: BuildMoments,
@@ -64,7 +64,8 @@ impl Workbench {
         let built = Instant::now();
         let topology = self
             .converter
-            .convert(&self.tree, animation.triangle_count(), Vec::new());
+            .convert(&self.tree, animation.triangle_count(), Vec::new())
+            .with_moving(animation.static_parts());
         let converted = Instant::now();
         let cost = sah_cost(&self.tree, &boxes);
         Ok(Built {

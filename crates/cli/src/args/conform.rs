@@ -23,7 +23,7 @@ pub(crate) struct ConformArgs {
     #[arg(long, value_name = "S", default_value = "1")]
     pub(crate) seed: u64,
     /// Cases that each law sees, after those that failed once; with 0, no law is tried
-    #[arg(long, value_name = "N", default_value = "33")]
+    #[arg(long, value_name = "N", default_value = "36")]
     pub(crate) cases: u32,
     /// Only these laws
     #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true,

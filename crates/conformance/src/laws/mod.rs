@@ -5,6 +5,7 @@ mod closed;
 mod geometry;
 mod lifecycle;
 mod reports;
+mod still;
 mod trees;
 
 use crate::Case;
@@ -41,6 +42,7 @@ pub const LAWS: &[Law] = &[
     law("tree_age_does_not_change_hits", trees::age),
     law("tree_shape_does_not_change_hits", trees::shape),
     law("a_swap_does_not_change_hits", trees::swap),
+    law("what_never_moves_may_be_passed_over", still::passed_over),
     law("a_wrong_tree_is_refused", trees::wrong),
     law("a_damaged_tree_is_refused", trees::damaged),
     law(

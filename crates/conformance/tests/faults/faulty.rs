@@ -38,6 +38,7 @@ pub(crate) enum Fault {
     AnswersLostWithoutATrace,
     SecondTraceMisses,
     EveryThirdSceneIsEmpty,
+    WhatMovesIsPassedOver,
     PositionsOutliveTheirScene,
     Panics,
 }
@@ -46,6 +47,7 @@ pub(crate) enum Fault {
 pub(crate) struct Faulty {
     inner: CpuBackend,
     fault: Fault,
+    animation: Option<Arc<Animation>>,
     first_leaf: Option<u32>,
     /// Answers by ticket, as they were when submitted.
     kept: Vec<(Ticket, Hits)>,
@@ -62,6 +64,7 @@ impl Faulty {
         Self {
             inner: CpuBackend::new(Some(1)).unwrap(),
             fault,
+            animation: None,
             first_leaf: None,
             kept: Vec::new(),
             rays: Vec::new(),
@@ -127,6 +130,17 @@ impl Faulty {
     }
 }
 
+/// The tree with lists in which a triangle that moves and one that does not have changed places.
+fn mislisted(tree: &Topology, animation: &Animation) -> Topology {
+    let mut parts = animation.static_parts().clone();
+    let leaves = tree.leaf_triangles().iter().map(|&t| t as usize);
+    let mut both = [false, true].map(|kind| leaves.clone().find(|&t| parts.triangles[t] == kind));
+    if let [Some(moving), Some(still)] = &mut both {
+        parts.triangles.swap(*moving, *still);
+    }
+    tree.clone().with_moving(&parts)
+}
+
 impl Backend for Faulty {
     fn device(&self) -> &Device {
         self.inner.device()
@@ -138,11 +152,17 @@ impl Backend for Faulty {
         if !self.is(Fault::PositionsOutliveTheirScene) {
             self.old_copy = None;
         }
+        self.animation = Some(Arc::clone(&animation));
         self.inner.load(animation, method)
     }
 
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
-        let adopted = self.inner.adopt(tree, generation);
+        let adopted = match &self.animation {
+            Some(animation) if self.is(Fault::WhatMovesIsPassedOver) => {
+                self.inner.adopt(&mislisted(tree, animation), generation)
+            }
+            _ => self.inner.adopt(tree, generation),
+        };
         match (self.fault, &adopted) {
             (Fault::AnyTreeIsTaken, Err(_)) => return Ok(()),
             (_, Ok(())) => self.first_leaf = tree.leaf_triangles().first().copied(),

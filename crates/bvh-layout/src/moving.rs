@@ -1,0 +1,230 @@
+//! What of a tree must be done again when its scene moves: lists beside the record.
+
+use crate::Topology;
+use geom::StaticParts;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Nodes that one task looks at.
+const CHUNK: usize = 1 << 13;
+
+/// Leaves whose triangle moves, and inner nodes with such a leaf below.
+///
+/// All other nodes have the same box at every pose. Both lists rise.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Moving {
+    /// Leaves by rank, then inner nodes by their number among inner nodes.
+    words: Vec<u32>,
+    leaves: usize,
+    levels: Vec<Range<usize>>,
+}
+
+impl Moving {
+    /// The lists for a scene's tree. `None` where nothing is static or lists do
+    /// not pay: more than half of all nodes move; see [`StaticParts::pays`].
+    #[must_use]
+    pub fn of(tree: &Topology, parts: &StaticParts) -> Option<Self> {
+        let is_static = &parts.triangles;
+        assert_eq!(is_static.len(), tree.triangle_count(), "another scene");
+        let leaves = tree.leaf_triangles().par_iter().with_min_len(CHUNK);
+        let moving = leaves.filter(|&&t| !is_static[t as usize]).count();
+        if !StaticParts::pays(moving, tree.leaf_count()) {
+            return None;
+        }
+        let moves = flags(tree, is_static);
+        let [mut words, inner] = lists(tree, &moves);
+        let leaves = words.len();
+        words.extend(inner);
+        StaticParts::pays(words.len(), tree.node_count()).then(|| Self {
+            levels: levels(tree, &words[leaves..]),
+            words,
+            leaves,
+        })
+    }
+
+    /// The most words that lists of a tree of so many leaves may have.
+    #[must_use]
+    pub fn most_words(leaves: usize) -> usize {
+        (2 * leaves).saturating_sub(1) / 2
+    }
+
+    /// Both lists as they are handed over: [`Moving::leaves`], then [`Moving::inner`].
+    #[must_use]
+    pub fn words(&self) -> &[u32] {
+        &self.words
+    }
+
+    /// Leaves whose triangle moves, by their place in [`Topology::leaf_triangles`].
+    #[must_use]
+    pub fn leaves(&self) -> &[u32] {
+        &self.words[..self.leaves]
+    }
+
+    /// Inner nodes with a moving leaf below, by their place among inner nodes.
+    #[must_use]
+    pub fn inner(&self) -> &[u32] {
+        &self.words[self.leaves..]
+    }
+
+    /// For each level that has moving inner nodes, root first, where they lie in [`Moving::inner`].
+    #[must_use]
+    pub fn levels(&self) -> &[Range<usize>] {
+        &self.levels
+    }
+}
+
+/// For each node, whether it moves. From the deepest level up, since children tell.
+fn flags(tree: &Topology, is_static: &[bool]) -> Vec<bool> {
+    let mut flags = vec![false; tree.node_count()];
+    let triangles = tree.leaf_triangles();
+    let levels: Vec<Range<u32>> = tree.levels().map(|level| level.nodes).collect();
+    for level in levels.iter().rev() {
+        let (upper, below) = flags.split_at_mut(level.end as usize);
+        let level_flags = &mut upper[level.start as usize..];
+        let chunks = level_flags.par_chunks_mut(CHUNK).enumerate();
+        chunks.for_each(|(chunk, flags)| {
+            let first = level.start + (chunk * CHUNK) as u32;
+            for (flag, place) in flags.iter_mut().zip(places(tree, first)) {
+                *flag = match place {
+                    Place::Leaf(rank) => !is_static[triangles[rank as usize] as usize],
+                    Place::Inner(k) => Topology::children_of_inner(k)
+                        .iter()
+                        .any(|c| below[(c - level.end) as usize]),
+                };
+            }
+        });
+    }
+    flags
+}
+
+/// A node's place among its like.
+enum Place {
+    Leaf(u32),
+    Inner(u32),
+}
+
+/// The places of all nodes from `first` on.
+fn places(tree: &Topology, first: u32) -> impl Iterator<Item = Place> + '_ {
+    let mut rank = tree.leaf_rank(first);
+    (first..).map(move |node| {
+        if tree.is_leaf(node) {
+            rank += 1;
+            Place::Leaf(rank - 1)
+        } else {
+            Place::Inner(node - rank)
+        }
+    })
+}
+
+/// Leaves by rank and inner nodes by number, of those that move.
+fn lists(tree: &Topology, moves: &[bool]) -> [Vec<u32>; 2] {
+    let chunks = moves.par_chunks(CHUNK).enumerate();
+    let found: Vec<[Vec<u32>; 2]> = chunks
+        .map(|(chunk, moves)| {
+            let mut lists = [Vec::new(), Vec::new()];
+            let places = moves.iter().zip(places(tree, (chunk * CHUNK) as u32));
+            for (_, place) in places.filter(|(moves, _)| **moves) {
+                match place {
+                    Place::Leaf(rank) => lists[0].push(rank),
+                    Place::Inner(k) => lists[1].push(k),
+                }
+            }
+            lists
+        })
+        .collect();
+    [0, 1].map(|kind| found.iter().flat_map(|f| &f[kind]).copied().collect())
+}
+
+/// Cuts a rising list of inner nodes where levels end.
+fn levels(tree: &Topology, inner: &[u32]) -> Vec<Range<usize>> {
+    let place = |end: u32| inner.partition_point(|&k| k < end);
+    tree.levels()
+        .map(|level| place(level.inner.start)..place(level.inner.end))
+        .filter(|range| !range.is_empty())
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Converter;
+    use crate::tests::{random_tree, shapes};
+
+    /// Classes of `all` triangles.
+    fn parts(all: usize, moves: impl Fn(usize) -> bool) -> StaticParts {
+        StaticParts {
+            triangles: (0..all).map(|t| !moves(t)).collect(),
+            ..StaticParts::default()
+        }
+    }
+
+    /// Word for word what the lists mean: a node moves if a leaf below it does.
+    fn check(tree: &Topology, parts: &StaticParts) {
+        let mut moves = vec![false; tree.node_count()];
+        let (mut leaves, mut inner) = (Vec::new(), Vec::new());
+        for node in (0..tree.node_count() as u32).rev() {
+            let rank = tree.leaf_rank(node);
+            if tree.is_leaf(node) {
+                let triangle = tree.leaf_triangles()[rank as usize];
+                moves[node as usize] = !parts.triangles[triangle as usize];
+                leaves.extend(moves[node as usize].then_some(rank));
+            } else {
+                let children = Topology::children_of_inner(node - rank);
+                moves[node as usize] = children.iter().any(|&c| moves[c as usize]);
+                inner.extend(moves[node as usize].then_some(node - rank));
+            }
+        }
+        leaves.reverse();
+        inner.reverse();
+        let found = Moving::of(tree, parts);
+        if 2 * leaves.len() > tree.leaf_count() || leaves.len() + inner.len() >= tree.leaf_count() {
+            assert!(found.is_none() || tree.leaf_count() == 0);
+            return;
+        }
+        let found = found.unwrap();
+        assert_eq!((found.leaves(), found.inner()), (&leaves[..], &inner[..]));
+        assert_eq!(found.words(), [leaves, inner].concat());
+        let mut end = 0;
+        for level in found.levels() {
+            assert!(level.start == end && !level.is_empty());
+            let nodes = &found.inner()[level.clone()];
+            let holds = |l: &crate::Level| nodes.iter().all(|k| l.inner.contains(k));
+            assert!(tree.levels().any(|l| holds(&l)));
+            end = level.end;
+        }
+        assert_eq!(end, found.inner().len());
+    }
+
+    fn record(tree: &crate::tests::Tree) -> Topology {
+        Converter::new().convert_shape(tree.shape(), tree.scene(), vec![])
+    }
+
+    #[test]
+    fn lists_hold_what_moves_and_its_ancestors() {
+        for tree in shapes() {
+            let record = record(&tree);
+            for every in [1, 2, 3, 7, 1000] {
+                check(&record, &parts(tree.scene(), |t| t % every == 1));
+            }
+        }
+        let tree = random_tree(3 * CHUNK, 8);
+        let record = record(&tree);
+        check(&record, &parts(tree.scene(), |t| t % 5 == 0));
+        check(&record, &parts(tree.scene(), |t| t < 300));
+        check(&record, &parts(tree.scene(), |t| t == tree.scene() - 1));
+    }
+
+    #[test]
+    fn where_all_stands_still_lists_are_empty_and_where_most_moves_there_are_none() {
+        let tree = random_tree(1_000, 2);
+        let record = record(&tree);
+        let of = |moves: fn(usize) -> bool| Moving::of(&record, &parts(tree.scene(), moves));
+        let none = of(|_| false).unwrap();
+        assert!(none.words().is_empty() && none.levels().is_empty());
+        assert_eq!(of(|_| true), None);
+        assert_eq!(of(|t| t % 3 != 0), None);
+        let most = of(|t| t % 50 == 0).unwrap();
+        assert!(most.words().len() <= Moving::most_words(1_000));
+        assert!(most.levels().len() > 3);
+    }
+}
