@@ -146,7 +146,8 @@ fn split_list<T: TriangleTest>(
     let (middle_pair, middle_leaf) = (pair(cut), chosen.list[cut] as usize);
     let (left_list, right_list) = chosen.list.split_at(cut);
     let (left_pairs, right_pairs) = chosen.pairs.split_at_mut(middle_pair - chosen.first_pair);
-    let (left_records, right_records) = chosen.records.split_at_mut(middle_leaf - chosen.first_leaf);
+    let (left_records, right_records) =
+        chosen.records.split_at_mut(middle_leaf - chosen.first_leaf);
     let left = Chosen {
         list: left_list,
         pairs: left_pairs,

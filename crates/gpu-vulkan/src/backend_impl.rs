@@ -13,7 +13,7 @@ use backend::{
 };
 use bvh_layout::Topology;
 use geom::{Animation, Pose};
-use shaders::work;
+use shaders::work::{self, Progress};
 use std::sync::Arc;
 
 impl Backend for VulkanBackend {
@@ -44,7 +44,7 @@ impl Backend for VulkanBackend {
         assert!(generation > current.generation, "generations rise");
         let road = (&mut self.upload, &self.frames);
         current.adopt(&self.gpu, road, (tree, generation))?;
-        self.expanded = false;
+        self.progress = Progress::default();
         self.stale = self.stale.min(Stale::Records);
         Ok(())
     }
@@ -55,7 +55,7 @@ impl Backend for VulkanBackend {
             .position_to_write(self.position, &self.readback.done)?;
         self.position = position;
         self.overwritten = self.overwritten.max(busy_until);
-        let vertices = self.scene().animation.vertex_count();
+        let vertices = self.scene().vertices();
         let work = [work::interpolate(self.params(), vertices, pose.alpha)];
         self.run(Stage::Interpolate, &work, Also::key(pose.key))?;
         self.stale = Stale::Records;
@@ -65,22 +65,22 @@ impl Backend for VulkanBackend {
     fn preprocess(&mut self) -> Result<()> {
         assert!(self.stale >= Stale::Records, "positions come first");
         assert!(self.tree().generation > Generation(0), "a tree comes first");
-        let params = self.params();
-        let work = [
-            work::expand(params),
-            work::preprocess(self.method, params, &self.tree().shape),
-        ];
-        let work = if self.expanded { &work[1..] } else { &work };
-        self.run(Stage::Preprocess, work, Also::default())?;
-        self.expanded = true;
+        let (work, extent) =
+            self.progress
+                .preprocess(self.method, self.params(), &self.tree().shape);
+        self.run(Stage::Preprocess, &work, Also::default())?;
+        self.frames.record()?.extents.leaves = Some(extent);
+        self.progress.preprocessed();
         self.stale = Stale::Boxes;
         Ok(())
     }
 
     fn refit(&mut self) -> Result<()> {
         assert!(self.stale >= Stale::Boxes, "boxes of leaves come first");
-        let work = work::refit(self.params(), &self.tree().shape);
+        let (work, extent) = self.progress.refit(self.params(), &self.tree().shape);
         self.run(Stage::Refit, &work, Also::default())?;
+        self.frames.record()?.extents.refitted(extent);
+        self.progress.refitted();
         self.stale = Stale::Fresh;
         Ok(())
     }

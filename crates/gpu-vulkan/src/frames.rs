@@ -1,10 +1,11 @@
 //! Submissions under way, and the reports of those that are done.
 
-use crate::clock::{Clock, Stage};
+use crate::clock::Clock;
 use crate::device::Gpu;
 use crate::slot::Slot;
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use backend::{FRAMES_IN_FLIGHT, FrameReport, Result, Ticket};
+use shaders::{Standing, Uncounted};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
@@ -22,7 +23,7 @@ pub(crate) struct Frames {
     /// From the oldest that is remembered to the newest.
     ledger: VecDeque<Entry>,
     /// What preprocess and refit said last.
-    last: Geometry,
+    last: Standing,
     clock: Clock,
     /// Reaches a ticket's number when its submission is done.
     done: Timeline,
@@ -35,18 +36,9 @@ struct Entry {
     ticket: Ticket,
     /// Submissions with a trace, up to and including this one.
     traces: u64,
-    /// Triangles that no tree holds.
-    never_active: u64,
+    beside: Uncounted,
     /// `None` while it is under way.
     report: Option<FrameReport>,
-}
-
-/// What is known of the records and boxes in use.
-#[derive(Clone, Copy, Default)]
-struct Geometry {
-    inactive: u64,
-    degenerate: u64,
-    sah_cost: Option<f64>,
 }
 
 impl Frames {
@@ -57,7 +49,7 @@ impl Frames {
             submitted: 0,
             traces: 0,
             ledger: VecDeque::new(),
-            last: Geometry::default(),
+            last: Standing::default(),
             clock: Clock::new(gpu.timestamp_bits, gpu.limits.tick_ns),
             done: Timeline::new(gpu)?,
             first_part: Timeline::new(gpu)?,
@@ -91,7 +83,7 @@ impl Frames {
         &mut self,
         after: &[Moment],
         traced: bool,
-        never_active: u64,
+        beside: Uncounted,
     ) -> Result<Ticket> {
         while self.under_way().count() >= FRAMES_IN_FLIGHT {
             let oldest = self.under_way().next();
@@ -105,7 +97,7 @@ impl Frames {
         self.ledger.push_back(Entry {
             ticket,
             traces: self.traces,
-            never_active,
+            beside,
             report: None,
         });
         self.forget_the_old();
@@ -167,7 +159,7 @@ impl Frames {
             }
             self.done.wait(entry.ticket.0)?;
             let slot = &self.slots[(entry.ticket.0 - 1) as usize % SLOTS];
-            let report = report(slot, &mut self.clock, &mut self.last, entry.never_active)?;
+            let report = report(slot, &mut self.clock, &mut self.last, entry.beside)?;
             entry.report = Some(report);
         }
         let found = self.ledger.iter().find(|e| e.ticket == ticket);
@@ -184,7 +176,7 @@ impl Frames {
     pub(crate) fn forget(&mut self) {
         self.recording = false;
         self.ledger.clear();
-        self.last = Geometry::default();
+        self.last = Standing::default();
     }
 }
 
@@ -192,8 +184,8 @@ impl Frames {
 fn report(
     slot: &Slot,
     clock: &mut Clock,
-    last: &mut Geometry,
-    never_active: u64,
+    last: &mut Standing,
+    beside: Uncounted,
 ) -> Result<FrameReport> {
     let done = slot.done()?;
     let mut times = clock.times(done.stages, &done.marks);
@@ -203,21 +195,13 @@ fn report(
         times.device_ms = since * 1e3;
     }
     let counts = done.counts;
-    if done.stages.contains(&Stage::Preprocess) {
-        last.inactive = u64::from(counts.inactive) + never_active;
-        last.degenerate = u64::from(counts.degenerate);
-    }
-    if done.stages.contains(&Stage::Refit) {
-        last.sah_cost = counts.sah_cost();
-    }
-    Ok(FrameReport {
+    let mut report = FrameReport {
         times,
         hits: u64::from(counts.hits),
         blocked: u64::from(counts.blocked),
-        inactive: last.inactive,
-        degenerate: last.degenerate,
-        sah_cost: last.sah_cost,
         readback_bytes: slot.readback_bytes,
         ..FrameReport::default()
-    })
+    };
+    last.complete(&mut report, (&counts, slot.extents), beside);
+    Ok(report)
 }

@@ -5,6 +5,8 @@ use crate::memory::{Buffer, Place};
 use crate::transfer::{Loader, Transfer};
 use backend::Result;
 use geom::Animation;
+use shaders::Uncounted;
+use shaders::work::Vertices;
 use std::sync::Arc;
 
 /// Key frames, triangles, positions.
@@ -14,9 +16,14 @@ pub(crate) struct SceneBuffers {
     keys: Vec<Buffer>,
     pub(crate) triangles: Buffer,
     /// Two, so that one can go back to the host while the next frame fills the other.
+    /// Where rows are listed, static vertices stand in both from the start.
     pub(crate) positions: [Buffer; 2],
+    /// Rows of positions in which anything moves, and how many, where that pays; else a buffer to bind.
+    pub(crate) moving_rows: Buffer,
+    moving_row_count: Option<usize>,
     /// `k` of "What a hit is" in ARCHITECTURE.md.
     pub(crate) scale_exponent: i32,
+    pub(crate) uncounted: Uncounted,
 }
 
 impl SceneBuffers {
@@ -33,7 +40,16 @@ impl SceneBuffers {
             device("positions", key_bytes)?,
             device("positions", key_bytes)?,
         ];
+        let rows = shaders::moving_rows(&animation);
+        let row_bytes = rows.as_ref().map_or(0, |rows| rows.len() as u64 * 4);
+        let moving_rows = device("rows that move", row_bytes)?;
         let mut loader = Loader::new(gpu, road, key_bytes.max(triangle_bytes))?;
+        if let Some(rows) = &rows {
+            loader.send(rows, &moving_rows)?;
+            for buffer in &positions {
+                loader.send(&animation.keys()[0], buffer)?;
+            }
+        }
         loader.send(animation.triangles(), &triangles)?;
         let mut keys = Vec::with_capacity(animation.keys().len());
         for key in animation.keys() {
@@ -45,6 +61,9 @@ impl SceneBuffers {
             keys,
             triangles,
             positions,
+            moving_rows,
+            moving_row_count: rows.map(|rows| rows.len()),
+            uncounted: Uncounted::of(&animation),
             scale_exponent: animation.scale_exponent(),
             animation,
         })
@@ -60,8 +79,9 @@ impl SceneBuffers {
         self.animation.vertex_count() as u64 * 12
     }
 
-    /// Triangles that are inactive in every key frame, and so in no tree.
-    pub(crate) fn never_active(&self) -> u64 {
-        (self.animation.triangle_count() - self.animation.live_count()) as u64
+    /// What has to be interpolated.
+    pub(crate) fn vertices(&self) -> Vertices {
+        let all = Vertices::All(self.animation.vertex_count());
+        self.moving_row_count.map_or(all, Vertices::Rows)
     }
 }

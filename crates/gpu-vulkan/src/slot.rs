@@ -8,8 +8,8 @@ use crate::pages::{Bound, Pages};
 use crate::pipelines::{Pipeline, Pipelines};
 use ash::vk;
 use backend::Result;
-use shaders::Counts;
 use shaders::work::Work;
+use shaders::{Counts, Extents};
 use std::mem::offset_of;
 use std::sync::Arc;
 use std::time::Instant;
@@ -23,6 +23,7 @@ pub(crate) struct Slot {
     counts: Buffer,
     counts_back: Buffer,
     pub(crate) readback_bytes: u64,
+    pub(crate) extents: Extents,
     /// When the recording was submitted.
     pub(crate) sent: Option<Instant>,
     gpu: Arc<Gpu>,
@@ -49,6 +50,7 @@ impl Slot {
             counts: Buffer::new(gpu, "counts", COUNTS, Place::Device)?,
             counts_back: Buffer::new(gpu, "counts", COUNTS, Place::Readback)?,
             readback_bytes: 0,
+            extents: Extents::default(),
             sent: None,
             gpu: Arc::clone(gpu),
         })
@@ -59,6 +61,7 @@ impl Slot {
         self.stages.clear();
         self.marks.reset();
         (self.readback_bytes, self.sent) = (0, None);
+        self.extents = Extents::default();
         self.pages.reset()?;
         self.commands.reset()?;
         self.commands.begin()?;

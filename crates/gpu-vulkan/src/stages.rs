@@ -23,6 +23,7 @@ impl VulkanBackend {
             "earlier" => scene.key(also.key),
             "later" => scene.key(also.key.saturating_add(1)),
             "positions" => &scene.positions[position],
+            "moving_rows" => &scene.moving_rows,
             "triangles" => &scene.triangles,
             "topology" => tree.topology(),
             "leaf_nodes" => &tree.leaf_nodes,

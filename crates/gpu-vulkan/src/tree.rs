@@ -5,8 +5,8 @@ use crate::frames::Frames;
 use crate::memory::{Buffer, Place};
 use crate::transfer::{Copy, Transfer};
 use backend::{FRAMES_IN_FLIGHT, Generation, Result, Ticket, check_tree};
-use bvh_layout::Topology;
-use geom::Animation;
+use bvh_layout::{Moving, Topology};
+use geom::{Animation, StaticParts};
 use shaders::Shape;
 use std::sync::Arc;
 
@@ -47,7 +47,15 @@ impl TreeBuffers {
     pub(crate) fn new(gpu: &Arc<Gpu>, animation: &Arc<Animation>) -> Result<Self> {
         let leaves = animation.live_count() as u64;
         let nodes = (2 * leaves).saturating_sub(1);
-        let words = Topology::HEADER_WORDS as u64 + LEVELS + 2 * nodes.div_ceil(32) + leaves;
+        let record = Topology::HEADER_WORDS as u64 + LEVELS + 2 * nodes.div_ceil(32) + leaves;
+        // Lists of what moves come along only where that pays.
+        let lists = StaticParts::pays(animation.moving_count(), animation.live_count());
+        let words = record
+            + if lists {
+                Moving::most_words(leaves as usize) as u64
+            } else {
+                0
+            };
         let device = |what, bytes| Buffer::new(gpu, what, bytes, Place::Device);
         Ok(Self {
             records: Vec::new(),
@@ -93,6 +101,11 @@ impl TreeBuffers {
         let free = self.free_record(gpu, road, frames)?;
         let record = &mut self.records[free];
         record.host.write(0, tree.words());
+        if let Some(moving) = tree.moving() {
+            record
+                .host
+                .write(tree.words().len() as u64 * 4, moving.words());
+        }
         let copy = Copy {
             from: &record.host,
             to: &record.device,

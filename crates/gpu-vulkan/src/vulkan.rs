@@ -13,6 +13,7 @@ use crate::traces::Traces;
 use crate::transfer::{Transfer, Window};
 use crate::tree::TreeBuffers;
 use backend::{Device, Method, Result, Ticket};
+use shaders::work::Progress;
 use std::sync::Arc;
 
 /// The backend that computes through Vulkan.
@@ -37,8 +38,8 @@ pub struct VulkanBackend {
     /// The copy (by [`Transfer::done`]) that reads what the recording overwrites.
     pub(crate) overwritten: Option<u64>,
     pub(crate) stale: Stale,
-    /// Whether the lists of the tree in use are filled.
-    pub(crate) expanded: bool,
+    /// Which parts of the tree in use stand.
+    pub(crate) progress: Progress,
     pub(crate) pipelines: Pipelines,
     pub(crate) gpu: Arc<Gpu>,
 }
@@ -81,7 +82,7 @@ impl VulkanBackend {
             position: 0,
             overwritten: None,
             stale: Stale::Positions,
-            expanded: false,
+            progress: Progress::default(),
             pipelines: Pipelines::new(&gpu)?,
             gpu,
         };
@@ -120,7 +121,7 @@ impl VulkanBackend {
         let unread = self.overwritten.map(|value| self.readback.done.at(value));
         let after: Vec<Moment> = arrived.into_iter().chain(unread).collect();
         let traced = self.traces.pending.is_some();
-        let ticket = self.frames.submit(&after, traced, scene.never_active())?;
+        let ticket = self.frames.submit(&after, traced, scene.uncounted)?;
         self.overwritten = None;
         self.traces.submitted(ticket);
         tree.submitted(ticket);
@@ -135,7 +136,7 @@ impl VulkanBackend {
         self.frames.abandon();
         self.snapshots.abandon();
         (self.traces.pending, self.overwritten) = (None, None);
-        (self.stale, self.expanded) = (Stale::Positions, false);
+        (self.stale, self.progress) = (Stale::Positions, Progress::default());
     }
 }
 

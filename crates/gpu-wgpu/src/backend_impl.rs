@@ -21,7 +21,7 @@ use backend::{
 };
 use bvh_layout::Topology;
 use geom::{Animation, Camera, Pose, Ray};
-use shaders::work;
+use shaders::work::{self, Progress};
 use std::sync::Arc;
 
 /// The backend that computes through wgpu.
@@ -42,8 +42,8 @@ pub struct WgpuBackend {
     /// Which of the two position buffers is current.
     pub(crate) position: usize,
     stale: Stale,
-    /// Whether the lists of the tree in use are filled.
-    expanded: bool,
+    /// Which parts of the tree in use stand.
+    progress: Progress,
     pub(crate) pipelines: Pipelines,
     pub(crate) gpu: Gpu,
     validation: bool,
@@ -106,7 +106,7 @@ impl WgpuBackend {
             method: Method::default(),
             position: 0,
             stale: Stale::Positions,
-            expanded: false,
+            progress: Progress::default(),
             pipelines,
             gpu,
             validation,
@@ -143,7 +143,7 @@ impl WgpuBackend {
             .snapshots
             .record(&self.gpu, encoder, &scene.positions, bytes)?;
         slot.readback_bytes = begun.as_ref().map_or(0, |_| bytes);
-        let ticket = self.frames.submit(&self.gpu, scene.never_active())?;
+        let ticket = self.frames.submit(&self.gpu, scene.uncounted)?;
         let traced = self.traces.submitted(ticket);
         self.frames.remember(ticket, traced);
         if let Some(begun) = begun {
@@ -156,7 +156,7 @@ impl WgpuBackend {
     fn abandon(&mut self) {
         self.frames.abandon();
         self.traces.pending = None;
-        (self.stale, self.expanded) = (Stale::Positions, false);
+        (self.stale, self.progress) = (Stale::Positions, Progress::default());
     }
 
     pub(crate) fn scene(&self) -> &SceneBuffers {
@@ -180,7 +180,8 @@ impl Backend for WgpuBackend {
         self.snapshots.forget();
         self.traces = Traces::default();
         (self.scene, self.tree) = (None, None);
-        (self.position, self.stale, self.expanded) = (0, Stale::Positions, false);
+        (self.position, self.stale) = (0, Stale::Positions);
+        self.progress = Progress::default();
         self.tree = Some(TreeBuffers::new(&self.gpu, &animation)?);
         self.scene = Some(SceneBuffers::new(&self.gpu, animation)?);
         self.method = method;
@@ -195,14 +196,14 @@ impl Backend for WgpuBackend {
         );
         let current = self.tree.as_mut().expect("a scene was loaded");
         current.adopt(&self.gpu, tree, generation)?;
-        self.expanded = false;
+        self.progress = Progress::default();
         self.stale = self.stale.min(Stale::Records);
         Ok(())
     }
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         self.position = self.snapshots.free_position(self.position);
-        let vertices = self.scene().animation.vertex_count();
+        let vertices = self.scene().vertices();
         let work = [work::interpolate(self.params(), vertices, pose.alpha)];
         self.run(Stage::Interpolate, &work, Also::key(pose.key))?;
         self.stale = Stale::Records;
@@ -212,20 +213,22 @@ impl Backend for WgpuBackend {
     fn preprocess(&mut self) -> Result<()> {
         assert!(self.stale >= Stale::Records, "positions come first");
         assert!(self.tree().generation > Generation(0), "a tree comes first");
-        let params = self.params();
-        let expand = (!self.expanded).then(|| work::expand(params));
-        let preprocess = work::preprocess(self.method, params, &self.tree().shape);
-        let work: Vec<_> = expand.into_iter().chain([preprocess]).collect();
+        let (work, extent) =
+            self.progress
+                .preprocess(self.method, self.params(), &self.tree().shape);
         self.run(Stage::Preprocess, &work, Also::default())?;
-        self.expanded = true;
+        self.frames.record(&self.gpu)?.extents.leaves = Some(extent);
+        self.progress.preprocessed();
         self.stale = Stale::Boxes;
         Ok(())
     }
 
     fn refit(&mut self) -> Result<()> {
         assert!(self.stale >= Stale::Boxes, "boxes of leaves come first");
-        let work = work::refit(self.params(), &self.tree().shape);
+        let (work, extent) = self.progress.refit(self.params(), &self.tree().shape);
         self.run(Stage::Refit, &work, Also::default())?;
+        self.frames.record(&self.gpu)?.extents.refitted(extent);
+        self.progress.refitted();
         self.stale = Stale::Fresh;
         Ok(())
     }
@@ -274,8 +277,8 @@ impl Backend for WgpuBackend {
     }
 
     fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
-        let never_active = self.scene().never_active();
-        self.frames.retire(&self.gpu, ticket, never_active)
+        let beside = self.scene().uncounted;
+        self.frames.retire(&self.gpu, ticket, beside)
     }
 
     fn hits(&mut self, ticket: Ticket, out: &mut Hits) -> Result<()> {

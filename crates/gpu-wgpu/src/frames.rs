@@ -3,6 +3,7 @@
 use crate::device::Gpu;
 use crate::slot::Slot;
 use backend::{FRAMES_IN_FLIGHT, FrameReport, Result, Ticket};
+use shaders::{Standing, Uncounted};
 use std::collections::VecDeque;
 
 /// One slot more than may be under way, so that recording never waits.
@@ -18,15 +19,6 @@ pub(crate) struct Frames {
     /// From the oldest that is remembered to the newest.
     ledger: VecDeque<Entry>,
     standing: Standing,
-}
-
-/// What holds until a stage runs again.
-#[derive(Clone, Copy, Default)]
-struct Standing {
-    /// Inactive and degenerate triangles at the last preprocess.
-    counts: (u64, u64),
-    /// Of the last refit.
-    sah_cost: Option<f64>,
 }
 
 struct Entry {
@@ -69,11 +61,11 @@ impl Frames {
     }
 
     /// Submits the recording; waits for the oldest submission if too many are under way.
-    pub(crate) fn submit(&mut self, gpu: &Gpu, never_active: u64) -> Result<Ticket> {
+    pub(crate) fn submit(&mut self, gpu: &Gpu, beside: Uncounted) -> Result<Ticket> {
         let under_way = self.ledger.iter().filter(|e| e.report.is_none());
         if under_way.clone().count() >= FRAMES_IN_FLIGHT {
             let oldest = under_way.map(|e| e.ticket).next();
-            self.retire(gpu, oldest.expect("counted just now"), never_active)?;
+            self.retire(gpu, oldest.expect("counted just now"), beside)?;
         }
         self.recording = false;
         self.slots[self.submitted as usize % SLOTS].submit(gpu)?;
@@ -106,7 +98,7 @@ impl Frames {
         &mut self,
         gpu: &Gpu,
         ticket: Ticket,
-        never_active: u64,
+        beside: Uncounted,
     ) -> Result<FrameReport> {
         for entry in self.ledger.iter_mut().filter(|e| e.ticket <= ticket) {
             if entry.report.is_some() {
@@ -114,16 +106,8 @@ impl Frames {
             }
             let slot = &mut self.slots[(entry.ticket.0 - 1) as usize % SLOTS];
             let mut done = slot.finish(gpu)?;
-            let (standing, found) = (&mut self.standing, done.counts);
-            if done.preprocessed {
-                let inactive = u64::from(found.inactive) + never_active;
-                standing.counts = (inactive, u64::from(found.degenerate));
-            }
-            if done.refitted {
-                standing.sah_cost = found.sah_cost();
-            }
-            (done.report.inactive, done.report.degenerate) = standing.counts;
-            done.report.sah_cost = standing.sah_cost;
+            let counted = (&done.counts, slot.extents);
+            self.standing.complete(&mut done.report, counted, beside);
             entry.report = Some(done.report);
         }
         let found = self.ledger.iter().find(|e| e.ticket == ticket);
@@ -134,7 +118,7 @@ impl Frames {
     /// Waits for all submissions and forgets them: another scene is loaded.
     pub(crate) fn forget(&mut self, gpu: &Gpu) -> Result<()> {
         if let Some(last) = self.ledger.back().map(|e| e.ticket) {
-            self.retire(gpu, last, 0)?;
+            self.retire(gpu, last, Uncounted::default())?;
         }
         self.recording = false;
         self.ledger.clear();

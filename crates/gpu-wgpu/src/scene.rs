@@ -4,6 +4,8 @@ use crate::buffers::{Loader, storage};
 use crate::device::Gpu;
 use backend::Result;
 use geom::Animation;
+use shaders::Uncounted;
+use shaders::work::Vertices;
 use std::sync::Arc;
 use wgpu::Buffer;
 
@@ -14,9 +16,14 @@ pub(crate) struct SceneBuffers {
     keys: Vec<Buffer>,
     pub(crate) triangles: Buffer,
     /// Two, so that one can go back to the host while the next frame fills the other.
+    /// Where rows are listed, static vertices stand in both from the start.
     pub(crate) positions: [Buffer; 2],
+    /// Rows of positions in which anything moves, and how many, where that pays; else a buffer to bind.
+    pub(crate) moving_rows: Buffer,
+    moving_row_count: Option<usize>,
     /// `k` of "What a hit is" in ARCHITECTURE.md.
     pub(crate) scale_exponent: i32,
+    pub(crate) uncounted: Uncounted,
 }
 
 impl SceneBuffers {
@@ -34,12 +41,25 @@ impl SceneBuffers {
         }
         let triangles = storage(gpu, "triangles", triangle_bytes)?;
         loader.send(animation.triangles(), &triangles)?;
-        loader.flush()?;
         let position = || storage(gpu, "positions", key_bytes);
+        let positions = [position()?, position()?];
+        let rows = shaders::moving_rows(&animation);
+        let row_bytes = rows.as_ref().map_or(0, |rows| rows.len() as u64 * 4);
+        let moving_rows = storage(gpu, "rows that move", row_bytes)?;
+        if let Some(rows) = &rows {
+            loader.send(rows, &moving_rows)?;
+            for buffer in &positions {
+                loader.send(&animation.keys()[0], buffer)?;
+            }
+        }
+        loader.flush()?;
         Ok(Self {
             keys,
             triangles,
-            positions: [position()?, position()?],
+            positions,
+            moving_rows,
+            moving_row_count: rows.map(|rows| rows.len()),
+            uncounted: Uncounted::of(&animation),
             scale_exponent: animation.scale_exponent(),
             animation,
         })
@@ -53,11 +73,13 @@ impl SceneBuffers {
     /// Bytes of device memory.
     pub(crate) fn bytes(&self) -> u64 {
         let all = self.keys.iter().chain(&self.positions);
-        all.map(Buffer::size).sum::<u64>() + self.triangles.size()
+        let all = all.chain([&self.triangles, &self.moving_rows]);
+        all.map(Buffer::size).sum()
     }
 
-    /// Triangles that are inactive in every key frame, and so in no tree.
-    pub(crate) fn never_active(&self) -> u64 {
-        (self.animation.triangle_count() - self.animation.live_count()) as u64
+    /// What has to be interpolated.
+    pub(crate) fn vertices(&self) -> Vertices {
+        let all = Vertices::All(self.animation.vertex_count());
+        self.moving_row_count.map_or(all, Vertices::Rows)
     }
 }

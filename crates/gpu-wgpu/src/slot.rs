@@ -8,13 +8,16 @@ use crate::pipelines::Pipelines;
 use crate::queries::{self, Clock, Stage};
 use backend::{FrameReport, Result, StageTimes};
 use shaders::work::Work;
-use shaders::{Counts, Params};
+use shaders::{Counts, Extents, Params};
+use std::mem::offset_of;
 use std::time::Instant;
 use wgpu::{BindGroup, Buffer, BufferUsages, CommandEncoder, SubmissionIndex};
 
 /// Rows of parameters in one buffer; more dispatches take more buffers.
 const ROWS: usize = 64;
 const COUNTS: u64 = size_of::<Counts>() as u64;
+/// Bytes of what `preprocess` counts.
+const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
 
 /// Used by one submission at a time.
 pub(crate) struct Slot {
@@ -31,6 +34,7 @@ pub(crate) struct Slot {
     stages: Vec<Stage>,
     sent: Option<Sent>,
     pub(crate) readback_bytes: u64,
+    pub(crate) extents: Extents,
 }
 
 struct Sent {
@@ -43,8 +47,6 @@ struct Sent {
 pub(crate) struct Done {
     pub(crate) report: FrameReport,
     pub(crate) counts: Counts,
-    pub(crate) preprocessed: bool,
-    pub(crate) refitted: bool,
 }
 
 impl Slot {
@@ -61,6 +63,7 @@ impl Slot {
             stages: Vec::new(),
             sent: None,
             readback_bytes: 0,
+            extents: Extents::default(),
         })
     }
 
@@ -84,6 +87,7 @@ impl Slot {
         self.rows.clear();
         self.stages.clear();
         self.readback_bytes = 0;
+        self.extents = Extents::default();
         let mut encoder = gpu.encoder("a frame")?;
         gpu.guard("recording", 0, || {
             encoder.clear_buffer(&self.counts, 0, None);
@@ -101,6 +105,14 @@ impl Slot {
         work: &[Work],
         find: impl Fn(&'static str) -> &'a Buffer,
     ) -> Result<()> {
+        if stage == Stage::Preprocess && self.stages.contains(&stage) {
+            // It may run more than once a submission: the last one counts.
+            let (counts, encoder) = (&self.counts, self.encoder.as_mut());
+            let encoder = encoder.expect("a recording was begun");
+            gpu.guard("recording", 0, || {
+                encoder.clear_buffer(counts, 0, Some(LEAF_COUNTS));
+            })?;
+        }
         let first = self.rows.len() / self.stride;
         work.iter().for_each(|w| self.push(&w.params));
         self.make_pages(gpu)?;
@@ -232,11 +244,6 @@ impl Slot {
             readback_bytes: self.readback_bytes,
             ..FrameReport::default()
         };
-        Ok(Done {
-            report,
-            counts,
-            preprocessed: self.stages.contains(&Stage::Preprocess),
-            refitted: self.stages.contains(&Stage::Refit),
-        })
+        Ok(Done { report, counts })
     }
 }

@@ -70,6 +70,9 @@ impl TreeBuffers {
             None => storage(gpu, "the tree's record", bytes)?,
         };
         write(gpu, &record, 0, tree.words())?;
+        if let Some(moving) = tree.moving() {
+            write(gpu, &record, tree.words().len() as u64 * 4, moving.words())?;
+        }
         self.records_of[spare] = Some(record);
         self.current = spare;
         self.generation = generation;

@@ -17,22 +17,28 @@
 //! - [`supports`] and [`check_method`]: which methods the kernels know, and
 //!   [`Kernel::serves`]: which kernels a method needs. Those without slots are all methods' own;
 //!   a host makes the others when it loads a scene;
-//! - [`Counts`]: the buffer `counts`, cleared before the first stage and read back after the last.
+//! - [`Counts`]: the buffer `counts`, cleared before the first stage and read back after the last;
+//! - [`Standing`]: what counts say of records and boxes, until they are made anew;
+//! - [`work::Progress`]: which stages must go over all of a tree, and which over what moves.
 //!
 //! Both `gpu-wgpu` and `gpu-vulkan` are written so.
 
 pub mod arithmetic;
 mod method;
+mod moving;
 mod params;
 mod shape;
+mod standing;
 mod variant;
 pub mod work;
 
 use backend::Method;
 
 pub use method::{check_method, supports};
+pub use moving::{MovingShape, moving_rows};
 pub use params::{Counts, Params};
 pub use shape::Shape;
+pub use standing::{Extent, Extents, Standing, Uncounted};
 
 /// A compute kernel.
 #[derive(Clone, Copy, Debug)]

@@ -30,6 +30,9 @@ pub struct Params {
     pub leaf_triangles_at: u32,
     pub node_count: u32,
     pub zero: u32,
+    pub listed: u32,
+    /// A uniform's size is a multiple of 16.
+    pub unused: [u32; 3],
 }
 
 impl Params {
@@ -74,37 +77,18 @@ pub struct Counts {
     pub hits: u32,
     /// Hits in shadow, by `shadow_*`.
     pub blocked: u32,
-    /// Half areas of all nodes but the root, in scaled units, by `sum_costs`.
+    /// Half areas of all nodes that are neither the root nor a child of a node
+    /// marked as moving, in scaled units, by `sum_costs` after a refit of the whole tree.
     pub areas: f32,
     /// The root's half area, in scaled units, by `sum_costs`.
     pub root_area: f32,
-}
-
-impl Counts {
-    /// The tree's cost by the surface area heuristic (traversal 1, intersection
-    /// 1): all nodes' areas over the root's. `None` if the root has no area.
-    #[must_use]
-    pub fn sah_cost(&self) -> Option<f64> {
-        let (areas, root) = (f64::from(self.areas), f64::from(self.root_area));
-        (root > 0.0).then(|| (areas + root) / root)
-    }
+    /// Half areas of the children of nodes marked as moving, by `sum_costs` after any refit.
+    pub moving_areas: f32,
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_cost_counts_the_root_and_needs_one() {
-        let counts = |areas, root_area| Counts {
-            areas,
-            root_area,
-            ..Counts::default()
-        };
-        assert_eq!(counts(6.0, 2.0).sah_cost(), Some(4.0));
-        assert_eq!(counts(0.0, 2.0).sah_cost(), Some(1.0));
-        assert_eq!(counts(0.0, 0.0).sah_cost(), None);
-    }
 
     #[test]
     fn the_scale_is_a_power_of_two_for_every_exponent() {

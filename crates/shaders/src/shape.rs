@@ -1,6 +1,6 @@
 //! What a host must know of a tree's record to run kernels over it.
 
-use crate::common;
+use crate::{MovingShape, common};
 use bvh_layout::Topology;
 use std::ops::Range;
 
@@ -19,6 +19,8 @@ pub struct Shape {
     pub node_count: u32,
     /// Inner nodes of each level that has any, as numbers among the inner nodes, root first.
     pub levels: Vec<Range<u32>>,
+    /// What moves, where the tree came with lists of it.
+    pub moving: Option<MovingShape>,
 }
 
 impl Shape {
@@ -35,6 +37,7 @@ impl Shape {
             leaf_count: tree.leaf_count() as u32,
             node_count: tree.node_count() as u32,
             levels: levels.filter(|inner| !inner.is_empty()).collect(),
+            moving: tree.moving().map(|m| MovingShape::of(tree, m)),
         }
     }
 

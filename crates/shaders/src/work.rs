@@ -1,10 +1,12 @@
 //! Each stage as a list of dispatches. A dispatch reads what those before it wrote, so a barrier goes between any two.
 
 mod rays;
+mod tree;
 
 pub use rays::{cleanse, count_any, count_blocked, count_hits, count_triangles, rays};
+pub use tree::Progress;
 
-use crate::{Kernel, Params, Shape, common, kernel};
+use crate::{Kernel, Params, common, kernel};
 use backend::Method;
 use geom::{Camera, Point};
 
@@ -44,6 +46,15 @@ pub enum Rays<'a> {
     Given(u32),
     /// One a pixel, made by the kernel.
     Camera(&'a Camera),
+}
+
+/// Which positions are interpolated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Vertices {
+    /// So many, which are all.
+    All(usize),
+    /// So many rows of four floats, given in the buffer `moving_rows`: see [`crate::moving_rows`].
+    Rows(usize),
 }
 
 impl Work {
@@ -99,59 +110,19 @@ pub fn arithmetic(operands: usize) -> Work {
     Work::linear(common("arithmetic"), Params::default(), operands as u32)
 }
 
-/// Key frames to so many positions, the later weighing `alpha`.
+/// Key frames to positions, the later weighing `alpha`.
 #[must_use]
-pub fn interpolate(params: Params, vertices: usize, alpha: f32) -> Work {
-    let rows = (vertices * 3).div_ceil(4) as u32;
-    Work::linear(common("interpolate"), Params { alpha, ..params }, rows)
-}
-
-/// A tree just adopted to its lists of nodes: once, before its first [`preprocess`].
-#[must_use]
-pub fn expand(params: Params) -> Work {
-    Work {
-        kernel: common("expand"),
-        params,
-        groups: Groups::Linear(params.node_count),
-    }
-}
-
-/// Positions to records and boxes of leaves.
-#[must_use]
-pub fn preprocess(method: Method, params: Params, tree: &Shape) -> Work {
-    Work::linear(kernel("preprocess", method), params, tree.leaf_count)
-}
-
-/// Boxes of leaves to boxes of inner nodes, level by level, and to the tree's cost.
-#[must_use]
-pub fn refit(params: Params, tree: &Shape) -> Vec<Work> {
-    if tree.leaf_count == 0 {
-        return Vec::new();
-    }
-    let refit = common("refit");
-    let group = refit.workgroup[0];
-    let mut work = Vec::with_capacity(tree.levels.len() + 1);
-    let mut first_group = 0;
-    for inner in tree.levels.iter().rev() {
-        let count = inner.len() as u32;
-        let params = Params {
-            first: inner.start,
-            first_group,
-            ..params
-        };
-        work.push(Work::linear(refit, params, count));
-        first_group += count.div_ceil(group);
-    }
+pub fn interpolate(params: Params, vertices: Vertices, alpha: f32) -> Work {
+    let (rows, listed) = match vertices {
+        Vertices::All(count) => ((count * 3).div_ceil(4), 0),
+        Vertices::Rows(rows) => (rows, 1),
+    };
     let params = Params {
-        count: first_group,
+        alpha,
+        listed,
         ..params
     };
-    work.push(Work {
-        kernel: common("sum_costs"),
-        params,
-        groups: Groups::Linear(1),
-    });
-    work
+    Work::linear(common("interpolate"), params, rows as u32)
 }
 
 /// Records and boxes to closest hits.
@@ -196,34 +167,5 @@ mod tests {
         let (need, limit) = (70_000, 65535);
         let tall = Groups::Pixels(16, 8 * need).counts(128, limit);
         assert_eq!(tall, Err(TooManyGroups { need, limit }));
-    }
-
-    #[test]
-    fn each_level_has_its_own_slots_of_costs_and_the_sum_takes_them_all() {
-        let levels = vec![0..1, 1..3, 3..200, 200..500];
-        let tree = Shape {
-            leaf_count: 501,
-            levels,
-            ..Shape::default()
-        };
-        let work = refit(Params::default(), &tree);
-        let slots = work.iter().map(|w| (w.params.first, w.params.first_group));
-        let expected = [(200, 0), (3, 3), (1, 5), (0, 6), (0, 0)];
-        assert_eq!(slots.collect::<Vec<_>>(), expected);
-        let last = work.last().unwrap();
-        assert_eq!((last.kernel.name, last.params.count), ("sum_costs", 7));
-        assert!(Shape::cost_bytes(501) >= 7 * 4);
-    }
-
-    #[test]
-    fn a_lone_leaf_has_a_cost_and_no_leaf_has_no_work() {
-        let lone = Shape {
-            leaf_count: 1,
-            node_count: 1,
-            ..Shape::default()
-        };
-        let work = refit(Params::default(), &lone);
-        assert_eq!((work.len(), work[0].params.count), (1, 0));
-        assert!(refit(Params::default(), &Shape::default()).is_empty());
     }
 }

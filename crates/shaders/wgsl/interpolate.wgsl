@@ -1,9 +1,10 @@
 //! use params ieee divide exact soft
-// Key frames to positions: geom::Pose::blend, four numbers at a time.
+// Key frames to positions: geom::Pose::blend, four numbers at a time; of all rows or of those in which anything moves.
 
 @group(0) @binding(1) var<storage, read> earlier: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> later: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> positions: array<vec4<u32>>;
+@group(0) @binding(4) var<storage, read> moving_rows: array<u32>;
 
 fn blend(a: u32, b: u32) -> u32 {
     let x = bitcast<f32>(a);
@@ -29,8 +30,9 @@ fn is_finite_bits(x: u32) -> bool { return (x & 0x7f800000u) != 0x7f800000u; }
 
 @compute @workgroup_size(128)
 fn interpolate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let i = element(id, groups, 128u);
+    var i = element(id, groups, 128u);
     if i >= params.count { return; }
+    if params.listed == 1u { i = moving_rows[i]; }
     let a = earlier[i];
     // At a key frame the bits are copied and the later frame is not read.
     if bitcast<u32>(params.alpha) == 0u {

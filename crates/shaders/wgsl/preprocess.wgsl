@@ -1,5 +1,5 @@
 //! use params ieee divide units degenerate flat {record.write}
-// Positions to triangle records and boxes of leaves, in the tree's leaf order.
+// Positions to triangle records and boxes of leaves, in the tree's leaf order; of all leaves or of those that move.
 
 @group(0) @binding(1) var<storage, read> topology: array<u32>;
 @group(0) @binding(2) var<storage, read> leaf_nodes: array<u32>;
@@ -19,8 +19,9 @@ fn corner(triangle: u32, which: u32) -> vec3<u32> {
 
 @compute @workgroup_size(128)
 fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let leaf = element(id, groups, 128u);
+    var leaf = element(id, groups, 128u);
     if leaf >= params.count { return; }
+    if params.listed == 1u { leaf = topology[params.first + leaf]; }
     let triangle = topology[params.leaf_triangles_at + leaf];
     let node = leaf_nodes[leaf];
     let given_a = corner(triangle, 0u);

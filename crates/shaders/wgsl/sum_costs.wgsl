@@ -4,7 +4,7 @@
 // Four at a time; those beyond the count are left out.
 @group(0) @binding(1) var<storage, read> costs: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> nodes: array<vec4<u32>>;
-// Words 4 and 5: the half areas of all nodes but the root, and of the root, as f32.
+// Word `first`: the sum; word 5: the half area of the root; as f32.
 @group(0) @binding(3) var<storage, read_write> counts: array<u32>;
 
 @compute @workgroup_size(128)
@@ -16,7 +16,7 @@ fn sum_costs(@builtin(local_invocation_index) local: u32) {
     }
     let sum = sum_of_group(local, (sums.x + sums.y) + (sums.z + sums.w));
     if local == 0u {
-        counts[4] = bitcast<u32>(sum);
+        counts[params.first] = bitcast<u32>(sum);
         counts[5] = bitcast<u32>(half_area(nodes[0], nodes[1]));
     }
 }

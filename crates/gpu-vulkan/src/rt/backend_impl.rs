@@ -14,7 +14,7 @@ use backend::{
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};
 use shaders::work::{self, Work};
-use shaders::{Params, Shape};
+use shaders::{Extent, Params, Shape};
 use std::sync::Arc;
 
 impl Backend for DriverTreeBackend {
@@ -54,11 +54,15 @@ impl Backend for DriverTreeBackend {
         self.overwritten = self.overwritten.max(busy_until);
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let buffers = &scene.buffers;
-        let vertices = buffers.animation.vertex_count();
-        let work = [work::interpolate(params(scene), vertices, pose.alpha)];
+        let work = [work::interpolate(
+            params(scene),
+            buffers.vertices(),
+            pose.alpha,
+        )];
         let find = |name| match name {
             "earlier" => buffers.key(pose.key),
             "later" => buffers.key(pose.key.saturating_add(1)),
+            "moving_rows" => &buffers.moving_rows,
             _ => &buffers.positions[position],
         };
         let slot = self.frames.record()?;
@@ -84,6 +88,7 @@ impl Backend for DriverTreeBackend {
         };
         let slot = self.frames.record()?;
         slot.record(&self.kernels, Stage::Preprocess, work.as_slice(), find)?;
+        slot.extents.leaves = Some(Extent::Whole);
         (self.stale, self.uncounted) = (Stale::Tree, true);
         Ok(())
     }

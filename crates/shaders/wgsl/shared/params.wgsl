@@ -27,6 +27,8 @@ struct Params {
     node_count: u32,
     // Always 0, which the compiler must not know.
     zero: u32,
+    // 1 if the elements of this dispatch are named by a list that begins at word `first`.
+    listed: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

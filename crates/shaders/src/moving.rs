@@ -1,0 +1,78 @@
+//! What moves, as kernels are told of it.
+
+use bvh_layout::{Moving, Topology};
+use geom::{Animation, StaticParts};
+use std::ops::Range;
+
+/// Rows of four floats of all positions, laid end to end, in which any vertex
+/// moves: what `interpolate` may write in place of all. They rise. `None` where
+/// so many move that lists do not pay ([`StaticParts::pays`]).
+///
+/// Whoever writes only these must have the first key frame in the positions before.
+#[must_use]
+pub fn moving_rows(animation: &Animation) -> Option<Vec<u32>> {
+    let is_static = &animation.static_parts().vertices;
+    let all = (3 * is_static.len()).div_ceil(4);
+    let mut rows: Vec<u32> = Vec::new();
+    for (v, _) in is_static.iter().enumerate().filter(|(_, s)| !**s) {
+        for row in [3 * v / 4, (3 * v + 2) / 4] {
+            if rows.last().is_none_or(|&last| (last as usize) < row) {
+                rows.push(row as u32);
+            }
+        }
+    }
+    StaticParts::pays(rows.len(), all).then_some(rows)
+}
+
+/// Where a tree's lists of what moves lie; see [`Moving`].
+///
+/// They are uploaded behind the tree's record, word for word.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MovingShape {
+    /// Where leaves' ranks begin, in words of the record.
+    pub leaves_at: u32,
+    /// How many.
+    pub leaf_count: u32,
+    /// Likewise, inner nodes by their number among inner nodes.
+    pub inner_at: u32,
+    /// How many.
+    pub inner_count: u32,
+    /// For each level that has moving inner nodes, root first, where they lie among them.
+    pub levels: Vec<Range<u32>>,
+}
+
+impl MovingShape {
+    pub(crate) fn of(tree: &Topology, moving: &Moving) -> Self {
+        let leaves_at = tree.words().len();
+        let levels = moving.levels().iter();
+        Self {
+            leaves_at: leaves_at as u32,
+            leaf_count: moving.leaves().len() as u32,
+            inner_at: (leaves_at + moving.leaves().len()) as u32,
+            inner_count: moving.inner().len() as u32,
+            levels: levels.map(|l| l.start as u32..l.end as u32).collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows(moves: &[usize], vertices: usize) -> Option<Vec<u32>> {
+        let mut keys = vec![vec![[1.0; 3]; vertices]; 2];
+        moves.iter().for_each(|&v| keys[1][v][2] = 2.0);
+        moving_rows(&Animation::new(keys, vec![]).unwrap())
+    }
+
+    #[test]
+    fn rows_hold_every_float_of_what_moves() {
+        assert_eq!(rows(&[], 9), Some(vec![]));
+        assert_eq!(rows(&[0], 9), Some(vec![0]));
+        assert_eq!(rows(&[1], 9), Some(vec![0, 1]));
+        assert_eq!(rows(&[1, 2], 9), Some(vec![0, 1, 2]));
+        assert_eq!(rows(&[3, 8], 9), Some(vec![2, 6]));
+        assert_eq!(rows(&[0, 3, 6, 8], 9), None);
+        assert_eq!(rows(&[], 0), Some(vec![]));
+    }
+}

@@ -1,0 +1,274 @@
+//! The stages that follow a tree: records, and boxes level by level.
+
+use super::{Groups, Work};
+use crate::{Extent, MovingShape, Params, Shape, common, kernel};
+use backend::Method;
+use std::mem::offset_of;
+
+/// Which parts of the tree in use stand on the device since it was adopted.
+///
+/// What comes first goes over all of the tree; what comes later, over what
+/// moves, if the tree came with lists of it. The host says when work was
+/// recorded, and starts anew with each tree, or when recorded work came to nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Progress {
+    has_lists: bool,
+    has_records: bool,
+    has_boxes: bool,
+}
+
+impl Progress {
+    /// Positions to records and boxes of leaves, after the tree's lists of nodes if need be.
+    #[must_use]
+    pub fn preprocess(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, Extent) {
+        let preprocess = kernel("preprocess", method);
+        let mut work = Vec::with_capacity(3);
+        if !self.has_lists {
+            work.push(expand(params));
+            work.extend(tree.moving.as_ref().map(|moving| mark(params, moving)));
+        }
+        let moving = tree.moving.as_ref().filter(|_| self.has_records);
+        let (leaves, extent) = match moving {
+            Some(moving) => {
+                let params = Params {
+                    first: moving.leaves_at,
+                    listed: 1,
+                    ..params
+                };
+                let work = Work::linear(preprocess, params, moving.leaf_count);
+                (work, Extent::Moving)
+            }
+            None => {
+                let work = Work::linear(preprocess, params, tree.leaf_count);
+                (work, Extent::Whole)
+            }
+        };
+        work.push(leaves);
+        (work, extent)
+    }
+
+    /// That work was recorded.
+    pub fn preprocessed(&mut self) {
+        (self.has_lists, self.has_records) = (true, true);
+    }
+
+    /// Boxes of leaves to boxes of inner nodes, level by level, and to the tree's cost.
+    #[must_use]
+    pub fn refit(&self, params: Params, tree: &Shape) -> (Vec<Work>, Extent) {
+        let moving = tree.moving.as_ref();
+        match moving.filter(|_| self.has_boxes && tree.leaf_count > 0) {
+            Some(moving) => (refit_moving(params, moving), Extent::Moving),
+            None => (refit_whole(params, tree), Extent::Whole),
+        }
+    }
+
+    /// That work was recorded.
+    pub fn refitted(&mut self) {
+        self.has_boxes = true;
+    }
+}
+
+/// A tree just adopted to its lists of nodes.
+fn expand(params: Params) -> Work {
+    Work {
+        kernel: common("expand"),
+        params,
+        groups: Groups::Linear(params.node_count),
+    }
+}
+
+/// Which inner nodes move, into their list.
+fn mark(params: Params, moving: &MovingShape) -> Work {
+    let first = moving.inner_at;
+    Work::linear(
+        common("mark_moving"),
+        Params { first, ..params },
+        moving.inner_count,
+    )
+}
+
+fn refit_whole(params: Params, tree: &Shape) -> Vec<Work> {
+    if tree.leaf_count == 0 {
+        return Vec::new();
+    }
+    let levels = tree.levels.iter().map(|l| (l.start, l.len() as u32));
+    let mut work = refit_levels(params, levels.rev());
+    work.push(sum(
+        params,
+        groups_of(&work),
+        offset_of!(crate::Counts, areas),
+    ));
+    if let Some(moving) = &tree.moving {
+        let params = Params {
+            first: moving.inner_at,
+            ..params
+        };
+        let areas = Work::linear(common("areas_moving"), params, moving.inner_count);
+        let groups = moving.inner_count.div_ceil(areas.kernel.workgroup[0]);
+        work.extend([areas, sum(params, groups, MOVING_AREAS)]);
+    }
+    work
+}
+
+fn refit_moving(params: Params, moving: &MovingShape) -> Vec<Work> {
+    let params = Params {
+        listed: 1,
+        ..params
+    };
+    let levels = moving.levels.iter();
+    let levels = levels.map(|l| (moving.inner_at + l.start, l.len() as u32));
+    let mut work = refit_levels(params, levels.rev());
+    work.push(sum(params, groups_of(&work), MOVING_AREAS));
+    work
+}
+
+/// One dispatch a level, each with the first of its nodes and how many they are.
+fn refit_levels(params: Params, levels: impl Iterator<Item = (u32, u32)>) -> Vec<Work> {
+    let refit = common("refit");
+    let group = refit.workgroup[0];
+    let mut first_group = 0;
+    let level = |(first, count): (u32, u32)| {
+        let params = Params {
+            first,
+            first_group,
+            ..params
+        };
+        first_group += count.div_ceil(group);
+        Work::linear(refit, params, count)
+    };
+    levels.map(level).collect()
+}
+
+/// Workgroups of all levels.
+fn groups_of(levels: &[Work]) -> u32 {
+    let last = levels.last();
+    last.map_or(0, |w| {
+        w.params.first_group + w.params.count.div_ceil(w.kernel.workgroup[0])
+    })
+}
+
+const MOVING_AREAS: usize = offset_of!(crate::Counts, moving_areas);
+
+/// Adds up the sums of so many workgroups, into a member of [`crate::Counts`].
+fn sum(params: Params, groups: u32, member: usize) -> Work {
+    let params = Params {
+        count: groups,
+        first: (member / size_of::<u32>()) as u32,
+        ..params
+    };
+    Work {
+        kernel: common("sum_costs"),
+        params,
+        groups: Groups::Linear(1),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tree() -> Shape {
+        Shape {
+            leaf_count: 501,
+            node_count: 1001,
+            levels: vec![0..1, 1..3, 3..200, 200..500],
+            ..Shape::default()
+        }
+    }
+
+    fn with_lists() -> Shape {
+        Shape {
+            moving: Some(MovingShape {
+                leaves_at: 2_000,
+                leaf_count: 9,
+                inner_at: 2_009,
+                inner_count: 142,
+                levels: vec![0..1, 1..2, 2..140, 140..142],
+            }),
+            ..tree()
+        }
+    }
+
+    /// Kernel, first element, count, first group, whether listed.
+    fn told(work: &[Work]) -> Vec<(&str, u32, u32, u32, u32)> {
+        let told = |w: &Work| {
+            let p = &w.params;
+            (w.kernel.entry, p.first, p.count, p.first_group, p.listed)
+        };
+        work.iter().map(told).collect()
+    }
+
+    #[test]
+    fn each_level_has_its_own_slots_of_costs_and_the_sum_takes_them_all() {
+        let (work, extent) = Progress::default().refit(Params::default(), &tree());
+        assert_eq!(extent, Extent::Whole);
+        let expected = [
+            ("refit", 200, 300, 0, 0),
+            ("refit", 3, 197, 3, 0),
+            ("refit", 1, 2, 5, 0),
+            ("refit", 0, 1, 6, 0),
+            ("sum_costs", 4, 7, 0, 0),
+        ];
+        assert_eq!(told(&work), expected);
+        assert!(Shape::cost_bytes(501) >= 7 * 4);
+    }
+
+    #[test]
+    fn a_tree_is_done_whole_first_and_then_what_moves() {
+        let (mut progress, params, tree) = (Progress::default(), Params::default(), with_lists());
+        let (work, extent) = progress.preprocess(Method::default(), params, &tree);
+        assert_eq!(extent, Extent::Whole);
+        let expected = [
+            ("expand", 0, 0, 0, 0),
+            ("mark_moving", 2_009, 142, 0, 0),
+            ("preprocess", 0, 501, 0, 0),
+        ];
+        assert_eq!(told(&work), expected);
+        progress.preprocessed();
+        let (work, extent) = progress.preprocess(Method::default(), params, &tree);
+        assert_eq!(extent, Extent::Moving);
+        assert_eq!(told(&work), [("preprocess", 2_000, 9, 0, 1)]);
+        let (work, extent) = progress.refit(params, &tree);
+        assert_eq!(extent, Extent::Whole);
+        let expected = [
+            ("areas_moving", 2_009, 142, 0, 0),
+            ("sum_costs", 6, 2, 0, 0),
+        ];
+        assert_eq!(told(&work[5..]), expected);
+        progress.refitted();
+        let (work, extent) = progress.refit(params, &tree);
+        assert_eq!(extent, Extent::Moving);
+        let expected = [
+            ("refit", 2_149, 2, 0, 1),
+            ("refit", 2_011, 138, 1, 1),
+            ("refit", 2_010, 1, 3, 1),
+            ("refit", 2_009, 1, 4, 1),
+            ("sum_costs", 6, 5, 0, 1),
+        ];
+        assert_eq!(told(&work), expected);
+    }
+
+    #[test]
+    fn a_tree_without_lists_is_done_whole_each_time() {
+        let mut progress = Progress::default();
+        progress.preprocessed();
+        progress.refitted();
+        let (work, extent) = progress.preprocess(Method::default(), Params::default(), &tree());
+        assert_eq!((work.len(), extent), (1, Extent::Whole));
+        let (_, extent) = progress.refit(Params::default(), &tree());
+        assert_eq!(extent, Extent::Whole);
+    }
+
+    #[test]
+    fn a_lone_leaf_has_a_cost_and_no_leaf_has_no_work() {
+        let lone = Shape {
+            leaf_count: 1,
+            node_count: 1,
+            ..Shape::default()
+        };
+        let (work, _) = Progress::default().refit(Params::default(), &lone);
+        assert_eq!((work.len(), work[0].params.count), (1, 0));
+        let (work, _) = Progress::default().refit(Params::default(), &Shape::default());
+        assert!(work.is_empty());
+    }
+}
