@@ -88,7 +88,8 @@ fn options(lang_version: (u8, u8)) -> spv::Options<'static> {
     let unchecked = BoundsCheckPolicy::Unchecked;
     spv::Options {
         lang_version,
-        flags: spv::WriterFlags::empty(),
+        // Names tell `harden` which functions are loose; it drops them.
+        flags: spv::WriterFlags::DEBUG,
         binding_map: spv::BindingMap::default(),
         capabilities: None,
         bounds_check_policies: BoundsCheckPolicies {

@@ -2,7 +2,7 @@
 
 use anyhow::{Result, anyhow};
 use rspirv::binary::Assemble;
-use rspirv::dr::{Instruction, Module, Operand, load_words};
+use rspirv::dr::{Function, Instruction, Module, Operand, load_words};
 use rspirv::spirv::{Decoration, Op};
 use std::collections::HashSet;
 
@@ -15,12 +15,19 @@ pub(crate) fn harden(words: &[u32]) -> Result<Vec<u32>> {
 pub(crate) fn harden_module(module: &mut Module) {
     forbid_contraction(module);
     drop_null_initialisers(module);
+    module.debug_names.clear();
 }
 
 /// naga emits no NoContraction; without it both known drivers fuse and regroup.
+/// Functions named `loose_…` decide nothing and may be fused.
 fn forbid_contraction(module: &mut Module) {
+    let loose = loose_functions(module);
+    let is_strict = |f: &&Function| !f.def_id().is_some_and(|id| loose.contains(&id));
     let decorations: Vec<_> = module
-        .all_inst_iter()
+        .functions
+        .iter()
+        .filter(is_strict)
+        .flat_map(Function::all_inst_iter)
         .filter(|i| matches!(i.class.opcode, Op::FAdd | Op::FSub | Op::FMul))
         .filter_map(|i| i.result_id)
         .map(|id| {
@@ -32,6 +39,20 @@ fn forbid_contraction(module: &mut Module) {
         })
         .collect();
     module.annotations.extend(decorations);
+}
+
+fn loose_functions(module: &Module) -> HashSet<u32> {
+    let named = module
+        .debug_names
+        .iter()
+        .filter(|i| i.class.opcode == Op::Name);
+    let loose = named.filter_map(|i| match &i.operands[..] {
+        [Operand::IdRef(id), Operand::LiteralString(name)] => {
+            name.starts_with("loose_").then_some(*id)
+        }
+        _ => None,
+    });
+    loose.collect()
 }
 
 /// naga clears every function variable; a traversal stack needs none of it.

@@ -5,7 +5,7 @@ const LEAF: u32 = 0x80000000u;
 const NONE: u32 = 0xffffffffu;
 
 fn meets_box(ray: Prepared, low: vec4<u32>, high: vec4<u32>) -> bool {
-    let s = slab(ray, bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz));
+    let s = loose_slab(ray, bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz));
     return s.x <= s.y && s.x <= ray.t_max && s.y >= ray.t_min;
 }
 

@@ -12,8 +12,8 @@ fn descend_closest(ray: Prepared, at: u32, best: f32) -> Descent {
     let l1 = nodes[2u * at + 1u];
     let r0 = nodes[2u * at + 2u];
     let r1 = nodes[2u * at + 3u];
-    let l = slab(ray, bitcast<vec3<f32>>(l0.xyz), bitcast<vec3<f32>>(l1.xyz));
-    let r = slab(ray, bitcast<vec3<f32>>(r0.xyz), bitcast<vec3<f32>>(r1.xyz));
+    let l = loose_slab(ray, bitcast<vec3<f32>>(l0.xyz), bitcast<vec3<f32>>(l1.xyz));
+    let r = loose_slab(ray, bitcast<vec3<f32>>(r0.xyz), bitcast<vec3<f32>>(r1.xyz));
     let meets_l = l.x <= l.y && l.x <= best && l.y >= ray.t_min;
     let meets_r = r.x <= r.y && r.x <= best && r.y >= ray.t_min;
     if meets_l && meets_r {
@@ -30,7 +30,7 @@ fn find_closest(ray: Prepared) -> Found {
     var stack: array<u32, 64>;
     var depth = 0u;
     var at = nodes[0].w;
-    let root = slab(ray, bitcast<vec3<f32>>(nodes[0].xyz), bitcast<vec3<f32>>(nodes[1].xyz));
+    let root = loose_slab(ray, bitcast<vec3<f32>>(nodes[0].xyz), bitcast<vec3<f32>>(nodes[1].xyz));
     if !(root.x <= root.y) || root.x > limit(best) || root.y < ray.t_min { return best; }
     loop {
         for (var i = 0u; i < 2u && (at & LEAF) == 0u; i += 1u) {

@@ -4,9 +4,12 @@ struct Prepared {
     origin: vec3<f32>,
     t_min: f32,
     t_max: f32,
-    // 1 / d per axis, pushed away from zero, and the padding.
+    // 1 / d per axis, pushed away from zero; the padding is slack * |inverse|.
     inverse: vec3<f32>,
-    pad: vec3<f32>,
+    slack: f32,
+    // What near and far planes times the inverse need added, for loose_slab.
+    to_near: vec3<f32>,
+    to_far: vec3<f32>,
     // The axis of the largest |d|, and the shear along it.
     axis: u32,
     shear_x: f32,
@@ -74,13 +77,27 @@ fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u
     let to_low = vec3<f32>(sub(low.x, origin.x), sub(low.y, origin.y), sub(low.z, origin.z));
     let to_high = vec3<f32>(sub(high.x, origin.x), sub(high.y, origin.y), sub(high.z, origin.z));
     let far = max(abs(to_low), abs(to_high));
+    let reach = max(far.x, max(far.y, far.z));
     // 17 * 2^-24 * D, and D is at most 2^80.
-    let slack = mul(1.01327896118164062e-6, min(max(far.x, max(far.y, far.z)), 1.2089258196146292e24));
+    ray.slack = mul(1.01327896118164062e-6, min(reach, 1.2089258196146292e24));
     // Along the main axis, which is far from zero, it is the shear's.
     let x = divide_normal(1.0, divisor(push_from_zero(k.x)));
     let y = divide_normal(1.0, divisor(push_from_zero(k.y)));
     ray.inverse = unpermute(vec3<f32>(x, y, ray.shear_z), axis);
-    ray.pad = vec3<f32>(mul(slack, abs(ray.inverse.x)), mul(slack, abs(ray.inverse.y)), mul(slack, abs(ray.inverse.z)));
+    return loosely(ray, reach);
+}
+
+// Adds what loose_slab needs: see "Inner boxes" in ARCHITECTURE.md.
+fn loosely(given: Prepared, reach: f32) -> Prepared {
+    var ray = given;
+    // 24 * 2^-24 * D and 4 * 2^-24 * |o|; from beyond 2^80, D was cut and |o| has to do.
+    let of_origin = select(2.384185791015625e-7, 1.6689300537109375e-6, reach >= 1.2089258196146292e24);
+    let pad = abs(ray.inverse) * (1.430511474609375e-6 * min(reach, 1.2089258196146292e24) + of_origin * abs(ray.origin));
+    let start = ray.origin * ray.inverse;
+    // Beyond 2^100 an axis tells nothing.
+    let tells = abs(start) < vec3<f32>(1.2676506002282294e30);
+    ray.to_near = select(vec3<f32>(-8.507059173023462e37), -start - pad, tells);
+    ray.to_far = select(vec3<f32>(8.507059173023462e37), pad - start, tells);
     return ray;
 }
 
@@ -90,20 +107,29 @@ fn component(bits: u32, e: i32) -> f32 {
     return select(x, 0.0, abs(x) < 7.275957614183426e-12);
 }
 
+// Entry no later and exit no earlier than slab finds for any box within: for nodes, which decide no
+// hit. The driver may fuse these operations as it likes.
+fn loose_slab(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
+    let negative = (bitcast<vec3<u32>>(ray.inverse) >> vec3<u32>(31u)) == vec3<u32>(1u);
+    let n = select(low, high, negative) * ray.inverse + ray.to_near;
+    let f = select(high, low, negative) * ray.inverse + ray.to_far;
+    return vec2<f32>(max(n.x, max(n.y, n.z)), min(f.x, min(f.y, f.z)));
+}
+
 // Entry and exit of the padded box; met if x <= y.
 fn slab(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
     let negative = (bitcast<vec3<u32>>(ray.inverse) >> vec3<u32>(31u)) == vec3<u32>(1u);
     let near = select(low, high, negative);
     let far = select(high, low, negative);
     let n = vec3<f32>(
-        sub(mul(sub(near.x, ray.origin.x), ray.inverse.x), ray.pad.x),
-        sub(mul(sub(near.y, ray.origin.y), ray.inverse.y), ray.pad.y),
-        sub(mul(sub(near.z, ray.origin.z), ray.inverse.z), ray.pad.z),
+        sub(mul(sub(near.x, ray.origin.x), ray.inverse.x), mul(ray.slack, abs(ray.inverse.x))),
+        sub(mul(sub(near.y, ray.origin.y), ray.inverse.y), mul(ray.slack, abs(ray.inverse.y))),
+        sub(mul(sub(near.z, ray.origin.z), ray.inverse.z), mul(ray.slack, abs(ray.inverse.z))),
     );
     let f = vec3<f32>(
-        add(mul(sub(far.x, ray.origin.x), ray.inverse.x), ray.pad.x),
-        add(mul(sub(far.y, ray.origin.y), ray.inverse.y), ray.pad.y),
-        add(mul(sub(far.z, ray.origin.z), ray.inverse.z), ray.pad.z),
+        add(mul(sub(far.x, ray.origin.x), ray.inverse.x), mul(ray.slack, abs(ray.inverse.x))),
+        add(mul(sub(far.y, ray.origin.y), ray.inverse.y), mul(ray.slack, abs(ray.inverse.y))),
+        add(mul(sub(far.z, ray.origin.z), ray.inverse.z), mul(ray.slack, abs(ray.inverse.z))),
     );
     return vec2<f32>(max(n.x, max(n.y, n.z)), min(f.x, min(f.y, f.z)));
 }

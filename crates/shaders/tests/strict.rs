@@ -1,0 +1,35 @@
+//! Which operations of the SPIR-V a driver may fuse.
+
+use rspirv::dr::{Module, Operand, load_words};
+use rspirv::spirv::{Decoration, Op};
+use shaders::KERNELS;
+use std::collections::HashSet;
+
+/// Additions, subtractions and multiplications that are not decorated NoContraction.
+fn loose_operations(module: &Module) -> usize {
+    let strict: HashSet<_> = module
+        .annotations
+        .iter()
+        .filter(|i| i.operands.get(1) == Some(&Operand::Decoration(Decoration::NoContraction)))
+        .map(|i| i.operands[0].clone())
+        .collect();
+    module
+        .all_inst_iter()
+        .filter(|i| matches!(i.class.opcode, Op::FAdd | Op::FSub | Op::FMul))
+        .filter_map(|i| i.result_id)
+        .filter(|&id| !strict.contains(&Operand::IdRef(id)))
+        .count()
+}
+
+#[test]
+fn only_the_test_of_inner_boxes_may_be_fused_and_no_name_is_left() {
+    for kernel in KERNELS {
+        let module = load_words(kernel.spirv).unwrap();
+        // Two products and two sums of vectors, in kernels that trace.
+        let traces = kernel.bindings.iter().any(|b| b.name == "records")
+            && kernel.bindings.iter().all(|b| b.name != "topology");
+        let expected = if traces { 4 } else { 0 };
+        assert_eq!(loose_operations(&module), expected, "{}", kernel.name);
+        assert!(module.debug_names.is_empty(), "{}", kernel.name);
+    }
+}
