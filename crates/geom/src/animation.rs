@@ -184,20 +184,20 @@ impl Animation {
     /// whoever comes back must already have a leaf.
     #[must_use]
     pub fn stand_in(&self, triangle: u32) -> Aabb {
-        self.stand_ins
-            .binary_search_by_key(&triangle, |s| s.triangle)
-            .map_or(Aabb::EMPTY, |i| self.stand_ins[i].bounds)
+        if let Ok(i) = (self.stand_ins).binary_search_by_key(&triangle, |s| s.triangle) {
+            return self.stand_ins[i].bounds;
+        }
+        active_box(&corners_in(
+            &self.keys[0],
+            self.triangles[triangle as usize],
+        ))
+        .unwrap_or(Aabb::EMPTY)
     }
 
     /// Whether a tree must hold `triangle`: some key frame has it active.
     #[must_use]
     pub fn is_live(&self, triangle: u32) -> bool {
-        self.never_active == 0
-            || is_active(&corners_in(
-                &self.keys[0],
-                self.triangles[triangle as usize],
-            ))
-            || !self.stand_in(triangle).is_empty()
+        self.never_active == 0 || !self.stand_in(triangle).is_empty()
     }
 
     /// The box a tree is built over for `triangle`, given all vertices at the
@@ -207,11 +207,14 @@ impl Animation {
     #[inline]
     pub fn build_box(&self, positions: &[Point], triangle: u32) -> Aabb {
         let corners = corners_in(positions, self.triangles[triangle as usize]);
-        if is_active(&corners) {
-            Aabb::of_triangle(&corners)
-        } else {
-            self.stand_in(triangle)
-        }
+        active_box(&corners).unwrap_or_else(|| self.stand_in(triangle))
+    }
+
+    /// [`Self::build_box`] at `pose`.
+    #[must_use]
+    #[inline]
+    pub fn build_box_at(&self, pose: Pose, triangle: u32) -> Aabb {
+        active_box(&self.corners(pose, triangle)).unwrap_or_else(|| self.stand_in(triangle))
     }
 
     /// `k`, such that `2^-k` brings the scene to a size whose products neither
@@ -245,6 +248,11 @@ impl Animation {
 #[inline]
 fn corners_in(frame: &[Point], triangle: [u32; 3]) -> Triangle {
     triangle.map(|v| frame[v as usize])
+}
+
+#[inline]
+fn active_box(corners: &Triangle) -> Option<Aabb> {
+    is_active(corners).then(|| Aabb::of_triangle(corners))
 }
 
 /// Stand-ins, by triangle, for those inactive in some key frame but not in all; and how many are inactive in all.
@@ -297,6 +305,19 @@ mod tests {
         assert_eq!(always.live_count(), 1);
         assert!(always.is_live(0) && !always.is_live(1));
         assert!(always.build_box(&broken, 1).is_empty());
+    }
+
+    #[test]
+    fn a_triangle_whose_blend_overflows_is_built_over_where_it_is_first_active() {
+        let far = |x: f32| vec![[x, 0.0, 0.0], [x, 1.0, 0.0], [x, 0.0, 1.0]];
+        let a = Animation::new(vec![far(3e38), far(-3e38)], vec![[0, 1, 2]]).unwrap();
+        let pose = a.pose(0.5);
+        let positions: Vec<Point> = (0..3).map(|v| a.vertex(pose, v)).collect();
+        assert!(a.is_live(0) && !is_active(&a.corners(pose, 0)));
+        let first = Aabb::of_triangle(&a.corners(a.pose(0.0), 0));
+        assert_eq!(a.build_box(&positions, 0), first);
+        assert_eq!(a.build_box_at(pose, 0), first);
+        assert_eq!(a.build_box_at(a.pose(1.0), 0).min[0], -3e38);
     }
 
     #[test]
