@@ -1,6 +1,6 @@
 //! Where a builder's boxes come from.
 
-use geom::{Aabb, Animation, Point};
+use geom::{Aabb, Animation, Point, Pose};
 
 /// One box a triangle. An empty box (or one with a NaN) leaves its triangle out of the tree.
 pub trait Boxes: Sync {
@@ -36,5 +36,17 @@ impl Boxes for (&Animation, &[Point]) {
     #[inline]
     fn get(&self, triangle: u32) -> Aabb {
         self.0.build_box(self.1, triangle)
+    }
+}
+
+/// An animation at a pose, blended anew for each triangle asked for.
+impl Boxes for (&Animation, Pose) {
+    fn len(&self) -> usize {
+        self.0.triangle_count()
+    }
+
+    #[inline]
+    fn get(&self, triangle: u32) -> Aabb {
+        self.0.build_box_at(self.1, triangle)
     }
 }

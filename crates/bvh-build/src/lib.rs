@@ -4,7 +4,8 @@
 //! SAH-based Bounding Volume Hierarchies*, 2007) down to exactly one triangle a
 //! leaf. The tree depends on the boxes alone, not on the number of threads, and
 //! its depth is at most [`MAX_DEPTH`] whatever the input. Parallel work runs in
-//! the rayon pool that the caller installed.
+//! the rayon pool that the caller installed. [`Builder`] builds for one moment,
+//! [`TemporalBuilder`] for several at once.
 
 mod bins;
 mod boxes;
@@ -16,6 +17,7 @@ mod node;
 mod partition;
 mod prim;
 mod small;
+mod temporal;
 mod tiny;
 mod tree;
 
@@ -23,6 +25,7 @@ pub use boxes::Boxes;
 pub use builder::{BuildError, Builder};
 pub use cancel::Cancel;
 pub use cost::sah_cost;
+pub use temporal::{MAX_MOMENTS, Moment, TemporalBuilder, temporal_cost};
 pub use tree::{BinaryTree, Subtree};
 
 /// No leaf lies deeper than this (the root has depth 0), so a traversal stack

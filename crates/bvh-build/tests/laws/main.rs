@@ -1,6 +1,8 @@
 //! What holds for the tree of any soup: a permutation of the active triangles, consistent counts,
 //! bounded depth, and the same bits for every number of threads and every history of the workspace.
 
+mod temporal;
+
 use bvh_build::{BinaryTree, Builder, Cancel, MAX_DEPTH, Subtree, sah_cost};
 use geom::Aabb;
 use proptest::prelude::*;
@@ -45,11 +47,14 @@ fn depth_of(tree: &BinaryTree) -> u32 {
 }
 
 fn check(boxes: &[Aabb], tree: &BinaryTree) {
+    let active = (0..boxes.len() as u32).filter(|&i| is_usable(&boxes[i as usize]));
+    check_holds(active.collect(), tree);
+}
+
+/// Each of `active` once, in a tree that is consistent and not deep.
+fn check_holds(active: Vec<u32>, tree: &BinaryTree) {
     let mut order = tree.order().to_vec();
     order.sort_unstable();
-    let active: Vec<u32> = (0..boxes.len() as u32)
-        .filter(|&i| is_usable(&boxes[i as usize]))
-        .collect();
     assert_eq!(order, active);
     assert_eq!(tree.left_leaves().len(), active.len().saturating_sub(1));
     assert!(depth_of(tree) <= MAX_DEPTH);

@@ -1,0 +1,126 @@
+//! A box at every moment: one lane a moment, so that loops over lanes become vector code.
+
+/// Moments at most.
+pub(super) const LANES: usize = 8;
+
+/// One number a moment.
+pub(super) type Lanes = [f32; LANES];
+
+/// A box at every moment. Six rows: the lower corner negated, then the upper
+/// one; so that a box grows by the greater of two numbers everywhere.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(32))]
+pub(super) struct Boxes {
+    pub(super) rows: [Lanes; 6],
+}
+
+impl Default for Boxes {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
+impl Boxes {
+    pub(super) const EMPTY: Self = Self {
+        rows: [[f32::NEG_INFINITY; LANES]; 6],
+    };
+
+    /// Grows to hold `other` at every moment. There is no NaN in either.
+    #[inline]
+    pub(super) fn grow(&mut self, other: &Self) {
+        for (row, other) in self.rows.iter_mut().zip(&other.rows) {
+            for (a, &b) in row.iter_mut().zip(other) {
+                *a = if b > *a { b } else { *a };
+            }
+        }
+    }
+
+    /// Twice the centre along `axis` at every moment.
+    #[inline]
+    pub(super) fn centers(&self, axis: usize) -> Lanes {
+        std::array::from_fn(|l| self.rows[axis + 3][l] - self.rows[axis][l])
+    }
+
+    /// Likewise at one moment.
+    #[inline]
+    pub(super) fn center(&self, axis: usize, lane: usize) -> f32 {
+        self.rows[axis + 3][lane] - self.rows[axis][lane]
+    }
+}
+
+/// Measures surface areas inside one node, in units of its longest edge at any
+/// moment, so that nothing underflows in small nodes.
+///
+/// Every edge is lengthened by 2^-20 of that, so that boxes of no area are
+/// still told apart by their length.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ruler<'a> {
+    weights: &'a Lanes,
+    scale: f32,
+}
+
+impl<'a> Ruler<'a> {
+    const PAD: f32 = 1.0 / (1 << 20) as f32;
+    /// Edges below this are none. Coordinates are at most about 1.
+    const LEAST: f32 = 1.0 / (1_u64 << 60) as f32;
+
+    /// `weights` are what an area of one root's edge squared costs at each moment.
+    pub(super) fn new(node: &Boxes, weights: &'a Lanes) -> Self {
+        let edges = (0..3).flat_map(|axis| (0..LANES).map(move |l| (axis, l)));
+        let longest = edges
+            .map(|(axis, l)| node.rows[axis][l] + node.rows[axis + 3][l])
+            .fold(Self::LEAST, f32::max);
+        Self {
+            weights,
+            scale: 1.0 / longest,
+        }
+    }
+
+    /// Half the surface area, averaged over the moments by their weights.
+    #[inline]
+    pub(super) fn half_area(&self, b: &Boxes) -> f32 {
+        let edge = |axis: usize, l: usize| {
+            (b.rows[axis][l] + b.rows[axis + 3][l]) * self.scale + Self::PAD
+        };
+        let mut areas = [0.0; LANES];
+        for (l, area) in areas.iter_mut().enumerate() {
+            let (x, y, z) = (edge(0, l), edge(1, l), edge(2, l));
+            *area = (x * y + (x + y) * z) * self.weights[l];
+        }
+        areas.iter().sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cube(edge: impl Fn(usize) -> f32) -> Boxes {
+        let mut b = Boxes::EMPTY;
+        for l in 0..LANES {
+            for axis in 0..3 {
+                (b.rows[axis][l], b.rows[axis + 3][l]) = (0.0, edge(l));
+            }
+        }
+        b
+    }
+
+    #[test]
+    fn areas_are_averaged_by_weight() {
+        let mut weights = [0.0; LANES];
+        (weights[1], weights[3]) = (0.25, 0.75);
+        let b = cube(|l| (l + 1) as f32);
+        // Edges 2 and 4 of at most 8: half areas 3 * 4 / 64 and 3 * 16 / 64.
+        let expected = 0.25 * 12.0 / 64.0 + 0.75 * 48.0 / 64.0;
+        let area = Ruler::new(&b, &weights).half_area(&b);
+        assert!((area - expected).abs() < 1e-5, "{area} {expected}");
+    }
+
+    #[test]
+    fn a_box_grows_at_each_moment_by_itself() {
+        let mut a = cube(|l| l as f32);
+        a.grow(&cube(|l| 3.0 - l as f32));
+        assert_eq!(a.rows[4], [3.0, 2.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        assert_eq!(a.center(1, 5), 5.0);
+    }
+}
