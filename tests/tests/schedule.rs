@@ -27,11 +27,21 @@ fn times(animation: &Animation) -> Vec<f64> {
 
 /// Renders all frames under `update`; gives each frame's record and hits.
 fn render(animation: &Arc<Animation>, update: Update) -> Vec<(FrameRecord, Hits)> {
+    render_by(animation, update, true)
+}
+
+fn render_by(
+    animation: &Arc<Animation>,
+    update: Update,
+    predict: bool,
+) -> Vec<(FrameRecord, Hits)> {
     let backend = cpu_ref::CpuBackend::new(Some(2)).expect("threads can be had");
     let options = Options {
         method: Method::default(),
         update,
         builder_threads: 1,
+        time_range: [0.0, animation.end()],
+        predict,
     };
     let mut driver =
         Driver::new(Box::new(backend), Arc::clone(animation), options).expect("the scene fits");
@@ -78,15 +88,19 @@ fn no_frame_is_ever_traced_with_stale_positions_whatever_the_policy() {
     for update in [
         Update::Rebuild,
         Update::Refit,
+        Update::TSah,
         Update::Async(Pace::Free),
         Update::Async(Pace::Lockstep(0)),
         Update::Async(Pace::Lockstep(1)),
         Update::Async(Pace::Lockstep(5)),
     ] {
-        let done = render(&animation, update);
-        assert_eq!(done.len(), expected.len());
-        for ((record, hits), expected) in done.iter().zip(&expected) {
-            assert!(hits == expected, "{update:?}: {:?}", record.frame);
+        for predict in [true, false] {
+            let done = render_by(&animation, update, predict);
+            assert_eq!(done.len(), expected.len());
+            for ((record, hits), expected) in done.iter().zip(&expected) {
+                let frame = record.frame;
+                assert!(hits == expected, "{update:?} {predict}: {frame:?}");
+            }
         }
     }
 }

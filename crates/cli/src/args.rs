@@ -82,6 +82,10 @@ pub(crate) struct RenderArgs {
     pub(crate) tolerance: ToleranceArgs,
     #[command(flatten)]
     pub(crate) policy: PolicyArgs,
+    /// With async: whether each tree is built for the middle of the time it is going to be used, from key frames,
+    /// or for the frame that asks for it, from vertices read back
+    #[arg(long, value_name = "on|off", default_value = "on")]
+    pub(crate) predict: Switch,
     /// Frames: N spread evenly over the time range, both ends included, or those at key times A..B
     /// (B left out). Files are numbered from 0000 [default: 48 for a demo, else one a key frame up to 96]
     #[arg(long, value_name = "N|A..B", value_parser = values::frames)]
@@ -145,7 +149,7 @@ pub(crate) struct TraceArgs {
     pub(crate) method: MethodArgs,
     #[command(flatten)]
     pub(crate) tolerance: ToleranceArgs,
-    /// How the tree comes about: built at the moment, or built at --tree-time and refitted
+    /// How the tree comes about: built at the moment, or built at --tree-time or for all times and refitted
     #[arg(long, value_name = "POLICY", default_value = "auto")]
     pub(crate) update: UpdateName,
     /// The moment the tree is built from, with --update refit
@@ -300,6 +304,17 @@ pub(crate) enum UpdateName {
     Refit,
     /// The newest finished tree, refitted, while the next one is built
     Async,
+    /// One tree built for the whole time range, refitted (Bittner, Meister 2015)
+    TSah,
+}
+
+/// Something that is done or left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Switch {
+    /// Done
+    On,
+    /// Left
+    Off,
 }
 
 /// Intersectors by name.

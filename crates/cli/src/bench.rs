@@ -4,7 +4,10 @@ mod auto;
 mod compare;
 mod text;
 
-use crate::args::{BenchArgs, IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName};
+use crate::ahead::Ahead;
+use crate::args::{
+    BenchArgs, IntersectorName, LayoutName, MethodArgs, PolicyArgs, Switch, UpdateName,
+};
 use crate::progress::Progress;
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
@@ -46,6 +49,8 @@ pub(crate) struct Row {
     threads: usize,
     builder_threads: usize,
     pub(crate) update: &'static str,
+    /// With `async`: whether trees are built for what comes.
+    predict: Option<bool>,
     pub(crate) intersector: &'static str,
     pub(crate) layout: &'static str,
     frames: usize,
@@ -65,8 +70,11 @@ pub(crate) struct Row {
     build_ns_per_triangle: Option<f64>,
     convert_ns_per_triangle: Option<f64>,
     trees: usize,
+    /// Trees that were no better than the one in use.
+    rejected: usize,
     tree_age_frames: Option<f64>,
     sah_ratio: Option<f64>,
+    sah_cost: Option<f64>,
     /// What was left to `auto`.
     auto: Vec<Taken>,
     /// Intersectors that are known to meet the tolerance.
@@ -112,7 +120,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
             }
             continue;
         }
-        for &(ref backend, policy, method) in &combinations {
+        for &(ref backend, (policy, predict), method) in &combinations {
             let ask = Ask {
                 backend: *backend,
                 adapter: args.adapter.as_deref(),
@@ -122,6 +130,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
                 update: choose::update(policy, &scene.animation, &frames)?,
                 tolerance,
                 run: None,
+                ahead: Ahead::of(&frames, predict),
             };
             let row = measure(args.size, (spec, &scene), &frames, &ask)?;
             let progress = progress.get_or_insert_with(|| {
@@ -153,7 +162,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     talk::print(&text::text(&report))
 }
 
-type Combination = (crate::args::BackendName, PolicyArgs, MethodArgs);
+type Combination = (crate::args::BackendName, (PolicyArgs, Switch), MethodArgs);
 
 /// Everything with everything that makes sense, and remarks on what does not.
 fn combinations(args: &BenchArgs) -> (Vec<Combination>, Vec<String>) {
@@ -165,15 +174,17 @@ fn combinations(args: &BenchArgs) -> (Vec<Combination>, Vec<String>) {
 }
 
 /// What is wrong with a combination.
-fn nonsense(&(backend, policy, method): &Combination) -> Option<String> {
+fn nonsense(&(backend, (policy, _), method): &Combination) -> Option<String> {
     if !crate::open::has_own_trees(backend) {
         return None;
     }
     let backend = backend.to_possible_value()?;
     let backend = backend.get_name();
-    if policy.update == UpdateName::Async {
+    if let UpdateName::Async | UpdateName::TSah = policy.update {
+        let update = policy.update.to_possible_value()?;
         return Some(format!(
-            "{backend} with async is left out: it makes its trees itself, within each frame"
+            "{backend} with {} is left out: it makes its trees itself, within each frame",
+            update.get_name()
         ));
     }
     let auto = MethodArgs {
@@ -189,7 +200,7 @@ fn nonsense(&(backend, policy, method): &Combination) -> Option<String> {
 fn everything(args: &BenchArgs) -> Vec<Combination> {
     let mut all = Vec::new();
     for &backend in &args.backend {
-        for &update in &args.update {
+        for (update, predict) in policies(args) {
             let policy = PolicyArgs {
                 update,
                 lockstep: None,
@@ -200,10 +211,19 @@ fn everything(args: &BenchArgs) -> Vec<Combination> {
                     layout,
                 })
             });
-            all.extend(methods.map(|method| (backend, policy, method)));
+            all.extend(methods.map(|method| (backend, (policy, predict), method)));
         }
     }
     all
+}
+
+/// Each update policy, with and without prediction where that makes a difference.
+fn policies(args: &BenchArgs) -> impl Iterator<Item = (UpdateName, Switch)> {
+    args.update.iter().flat_map(|&update| {
+        let differ = matches!(update, UpdateName::Async | UpdateName::Auto);
+        let take = if differ { args.predict.len() } else { 1 };
+        args.predict.iter().take(take).map(move |&p| (update, p))
+    })
 }
 
 /// One run over `frames`.
@@ -257,6 +277,7 @@ fn row(
         threads: session.threads.render,
         builder_threads: session.threads.build,
         update: choose::update_name(session.update),
+        predict: session.predict,
         intersector: session.method[0],
         layout: session.method[1],
         frames: frames.len(),
@@ -274,8 +295,10 @@ fn row(
         build_ns_per_triangle: per_triangle(|f| f.build_ms),
         convert_ns_per_triangle: per_triangle(|f| f.convert_ms),
         trees: frames.iter().filter(|f| f.adopted).count(),
+        rejected: frames.iter().filter(|f| f.rejected).count(),
         tree_age_frames: median(|f| Some(f.tree_age_frames as f64)),
         sah_ratio: median(|f| f.sah_ratio),
+        sah_cost: median(|f| f.sah_cost),
         auto: session.taken.clone(),
         meets: session.meets.iter().map(|i| i.name()).collect(),
         per_frame: frames,

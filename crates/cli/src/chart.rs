@@ -15,6 +15,7 @@ mod questions;
 mod text;
 mod truth;
 
+use crate::ahead::Ahead;
 use crate::args::{ChartArgs, PolicyArgs};
 use crate::bench::{self, Row};
 use crate::choose::Choice;
@@ -261,6 +262,7 @@ impl Way {
             update,
             tolerance: 0.0,
             run: None,
+            ahead: Ahead::default(),
         }
     }
 }

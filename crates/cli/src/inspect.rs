@@ -1,7 +1,9 @@
 //! `abvh inspect`: a scene's size and motion, how refitting decays, and what `auto` takes.
 
+use crate::ahead::Ahead;
 use crate::args::{
-    BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName,
+    BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, PolicyArgs, Switch,
+    UpdateName,
 };
 use crate::bench::FOV;
 use crate::decay::{self, Decay};
@@ -103,6 +105,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         update: choose::update(policy, animation, &frames)?,
         tolerance: args.tolerance.tolerance.unwrap_or(0.0),
         run,
+        ahead: Ahead::of(&frames, Switch::On),
     };
     Ok(session::start(animation, &ask)?.taken)
 }

@@ -4,6 +4,7 @@
 //! backends, `stop` turns whatever went wrong into one line and an exit code.
 
 mod adapters;
+mod ahead;
 mod args;
 mod auto;
 mod bench;

@@ -1,5 +1,6 @@
 //! `abvh render`: an animation to pictures, hits and statistics.
 
+use crate::ahead::Ahead;
 use crate::args::RenderArgs;
 use crate::outputs::Outputs;
 use crate::progress::Progress;
@@ -39,6 +40,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
                 frames: &frames,
                 query: query(&camera, &view),
             }),
+            ahead: Ahead::of(&frames, args.predict),
         },
     )?;
     let mut outputs = Outputs::prepare(args)?;
@@ -185,6 +187,7 @@ fn stats(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats
         builder_threads: session.threads.build,
         update: choose::update_name(session.update).to_owned(),
         lockstep: choose::lockstep(session.update),
+        predict: session.predict,
         intersector: session.method[0].to_owned(),
         layout: session.method[1].to_owned(),
         auto: session.taken.clone(),

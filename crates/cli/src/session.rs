@@ -1,5 +1,6 @@
 //! A driver set up as asked, ready for its first frame.
 
+use crate::ahead::Ahead;
 use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
 use crate::choose::{self, Choice};
 use crate::open::{self, Want};
@@ -31,6 +32,8 @@ pub(crate) struct Ask<'a> {
     pub(crate) tolerance: f64,
     /// What will be done, to try out what is left to `auto`; without it, rules decide.
     pub(crate) run: Option<Run<'a>>,
+    /// What trees may be built for.
+    pub(crate) ahead: Ahead,
 }
 
 /// A driver, and what it was made from.
@@ -43,6 +46,8 @@ pub(crate) struct Session {
     pub(crate) method: [&'static str; 2],
     /// How trees follow the motion.
     pub(crate) update: Update,
+    /// With `async`: whether trees are built for what comes.
+    pub(crate) predict: Option<bool>,
     /// How cores are shared.
     pub(crate) threads: Threads,
     /// Intersectors that are known to meet the tolerance.
@@ -75,6 +80,7 @@ pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session
         method: names,
         update: settled.update,
         meets: settled.meets,
+        predict: matches!(settled.update, Update::Async(_)).then_some(ask.ahead.predict),
         remarks: taken.iter().map(ToString::to_string).collect(),
         taken,
     })
@@ -158,12 +164,16 @@ impl Session {
     pub(crate) fn caption(&self) -> String {
         let lockstep =
             choose::lockstep(self.update).map_or(String::new(), |k| format!(" lockstep {k}"));
+        let predict = match self.predict {
+            Some(false) => " without prediction",
+            _ => "",
+        };
         let render = match self.device.threads {
             0 => String::new(),
             n => format!("{n} threads render, "),
         };
         format!(
-            "{} ({}; {render}{} threads build), {}{lockstep}, {}, {}",
+            "{} ({}; {render}{} threads build), {}{lockstep}{predict}, {}, {}",
             self.device.backend,
             self.device.adapter,
             self.threads.build,
@@ -181,7 +191,7 @@ mod tests {
     use backend::{Hits, Query, Rays, Seek};
     use pipeline::{Frame, Pace};
 
-    fn frames(scene: &scene::Scene, update: Update, threads: usize) -> Vec<Hits> {
+    fn frames(scene: &scene::Scene, update: Update, threads: usize, ahead: Ahead) -> Vec<Hits> {
         let ask = Ask {
             backend: BackendName::Cpu,
             adapter: None,
@@ -194,6 +204,7 @@ mod tests {
             update: choose::asked(update),
             tolerance: 0.0,
             run: None,
+            ahead,
         };
         let mut session = start(&scene.animation, &ask).unwrap();
         let view = picture::frame_scene(&scene.animation, 40.0, [48, 27]);
@@ -221,7 +232,7 @@ mod tests {
     #[test]
     fn no_policy_and_no_number_of_threads_changes_what_is_hit() {
         let scene = scene::open("demo:collide:600", &scene::Options::default()).unwrap();
-        let want = frames(&scene, Update::Rebuild, 1);
+        let want = frames(&scene, Update::Rebuild, 1, Ahead::default());
         assert!(want.iter().all(|h| h.closest.iter().any(geom::Hit::is_hit)));
         assert!(want[0] != want[5]);
         let paces = [
@@ -230,9 +241,17 @@ mod tests {
             Pace::Lockstep(1),
             Pace::Lockstep(3),
         ];
-        let policies = paces.map(Update::Async).into_iter().chain([Update::Refit]);
-        for update in policies {
-            assert!(frames(&scene, update, 2) == want, "{update:?}");
+        let once = [Update::Refit, Update::TSah];
+        for update in paces.map(Update::Async).into_iter().chain(once) {
+            for predict in [true, false] {
+                let time_range = [0.0, 8.5];
+                let ahead = Ahead {
+                    time_range,
+                    predict,
+                };
+                let found = frames(&scene, update, 2, ahead);
+                assert!(found == want, "{update:?} {predict}");
+            }
         }
     }
 }

@@ -35,7 +35,9 @@ pub(crate) fn trees(frames: &[FrameStats]) -> String {
     let newest = frames.iter().map(|f| f.tree_generation).max().unwrap_or(0);
     let ages = Summary::of(frames.iter().map(|f| f.tree_age_frames as f64));
     let ratios = Summary::of(frames.iter().filter_map(|f| f.sah_ratio));
-    let mut text = format!("trees: {adopted} adopted, newest generation {newest}");
+    let rejected = frames.iter().filter(|f| f.rejected).count();
+    let mut text =
+        format!("trees: {adopted} adopted, {rejected} rejected, newest generation {newest}");
     if let Some(s) = ages {
         text += &format!("; age in frames: median {}, worst {}", s.median, s.worst);
     }

@@ -157,14 +157,15 @@ impl Chart {
         let built = json!({ "generation": generation, "triangles": tree.triangles });
         let moved = |bytes: u64| json!({ "generation": generation, "bytes": bytes });
         let builder = self.tracks.builder;
-        self.span(
-            self.tracks.readback,
-            "vertices",
-            [m.asked, m.arrived],
-            &moved(tree.snapshot_bytes),
-        );
+        if tree.snapshot_bytes > 0 {
+            let vertices = moved(tree.snapshot_bytes);
+            let way = [m.asked, m.arrived];
+            self.span(self.tracks.readback, "vertices", way, &vertices);
+        }
         self.span(builder, "build", [build.begun, build.built], &built);
-        self.span(builder, "convert", [build.built, build.converted], &built);
+        self.span(builder, "compare", [build.built, build.compared], &built);
+        let convert = [build.compared, build.converted];
+        self.span(builder, "convert", convert, &built);
         self.span(builder, "cost", [build.converted, build.ended], &built);
         self.span(
             self.tracks.upload,

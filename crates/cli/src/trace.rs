@@ -1,5 +1,6 @@
 //! `abvh trace`: given rays at one moment.
 
+use crate::ahead::Ahead;
 use crate::args::{PolicyArgs, TraceArgs, UpdateName};
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
@@ -16,10 +17,10 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     let scene = scene::open(&args.scene, &args.source.options())?;
     let animation = &scene.animation;
     let moments = moments(args, animation)?;
-    let update = if moments.len() > 1 {
-        UpdateName::Refit
-    } else {
-        UpdateName::Rebuild
+    let update = match args.update {
+        UpdateName::TSah => UpdateName::TSah,
+        _ if moments.len() > 1 => UpdateName::Refit,
+        _ => UpdateName::Rebuild,
     };
     let policy = PolicyArgs {
         update,
@@ -36,6 +37,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
             update: choose::update(policy, animation, &[])?,
             tolerance: args.tolerance.of(&[args.method.intersector])?,
             run: None,
+            ahead: Ahead::default(),
         },
     )?;
     report::check_writable(&args.out).map_err(Stop::bad)?;
@@ -74,7 +76,7 @@ fn moments(args: &TraceArgs, animation: &Animation) -> Result<Vec<f64>, Stop> {
     let time = frames::moment("--time", args.time, keys)?;
     match (args.update, args.tree_time) {
         (UpdateName::Async, _) => Err(Stop::bad(
-            "--update async needs more than one moment; trace takes rebuild or refit",
+            "--update async needs more than one moment; trace takes rebuild, refit or t-sah",
         )),
         (UpdateName::Refit, tree_time) => {
             let tree_time = frames::moment("--tree-time", tree_time.unwrap_or(0.0), keys)?;

@@ -4,11 +4,12 @@ mod own;
 mod pending;
 mod trees;
 
+use crate::foresight::Foresight;
 use crate::frame::{Frame, FrameRecord};
 use crate::options::{Options, PipelineError};
-use crate::schedule::Schedule;
+use crate::schedule::{Pace, Schedule, Update};
 use crate::toolroom::Toolroom;
-use crate::workbench::Built;
+use crate::workbench::Made;
 use crate::workshop::Workshop;
 use backend::{Backend, FRAMES_IN_FLIGHT, Hits, Query};
 use geom::{Animation, Pose};
@@ -22,15 +23,19 @@ use trees::{FIRST, Flight, Tree};
 pub struct Driver {
     backend: Box<dyn Backend>,
     animation: Arc<Animation>,
+    options: Options,
     schedule: Schedule,
+    foresight: Foresight,
     toolroom: Arc<Toolroom>,
     workshop: Workshop,
     /// The tree in use; none before the first frame.
     tree: Option<Tree>,
     /// The build in flight.
     flight: Option<Flight>,
-    /// The last finished tree that waits for its boundary.
-    finished: Option<Built>,
+    /// What came of the last build, until its boundary.
+    finished: Option<Made>,
+    /// The last adopted record's memory, for the next one.
+    spare: Vec<u32>,
     /// The pose of the backend's positions.
     pose: Option<Pose>,
     /// What has happened to trees since the frame at hand began.
@@ -54,17 +59,24 @@ impl Driver {
         let toolroom = Arc::new(Toolroom::new(options.builder_threads)?);
         let workshop = {
             let (toolroom, animation) = (Arc::clone(&toolroom), Arc::clone(&animation));
-            Workshop::new(move |job, cancel| toolroom.build(&animation, &job.positions, cancel))
+            Workshop::new(move |job, cancel| toolroom.do_job(&animation, job, cancel))
+        };
+        let agreed = match options.update {
+            Update::Async(Pace::Lockstep(k)) => Some(k),
+            _ => None,
         };
         Ok(Self {
             backend,
             animation,
+            options,
             schedule: Schedule::new(options.update, FIRST),
+            foresight: Foresight::new(options.time_range, agreed),
             toolroom,
             workshop,
             tree: None,
             flight: None,
             finished: None,
+            spare: Vec::new(),
             pose: None,
             beginning: Beginning::default(),
             pending: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
@@ -133,6 +145,7 @@ impl Driver {
         let begun = Instant::now();
         self.beginning = Beginning::default();
         let pose = self.animation.pose(frame.time);
+        self.foresight.frame(frame.time);
         self.hear_from_builder()?;
         let stale = if self.backend.makes_own_trees() {
             self.record_own_tree(pose)?
@@ -195,9 +208,10 @@ impl Driver {
         let Some(tree) = &self.tree else {
             return self.first_tree(pose);
         };
-        let outdated = tree.pose != pose;
-        let plan = self.schedule.begin_frame(self.frames, outdated);
-        self.follow(plan, pose)
+        let wanted = self.wanted(pose);
+        let newest = self.flight.as_ref().map_or(tree.pose, |f| f.pose);
+        let plan = self.schedule.begin_frame(self.frames, newest != wanted);
+        self.follow(plan, wanted)
     }
 
     /// Brings positions to `pose`; says whether records and boxes must follow.

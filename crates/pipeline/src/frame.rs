@@ -28,14 +28,19 @@ pub struct FrameRecord {
     pub build_wait_ms: f64,
     /// The tree it was traced with.
     pub tree_generation: Generation,
-    /// Frames since the one whose vertices the tree was built from.
+    /// Frames since the one that asked for the tree; it was built from that
+    /// frame's vertices, unless [`Options::predict`](crate::Options::predict) looked ahead.
     pub tree_age_frames: u64,
     /// The tree this frame asked for, if it did.
     pub asked: Option<Generation>,
     /// The tree this frame swapped to, if it did.
     pub adopted: Option<Adopted>,
+    /// The tree this frame could have swapped to, but for its cost: it was no
+    /// better than the one in use.
+    pub rejected: Option<Generation>,
     /// Refitted cost over the cost of a fresh tree at the same time where that
-    /// is known, else over the cost when it was built. `None` where the backend measures no cost.
+    /// is known, else over the cost when it was built (with
+    /// [`Update::TSah`](crate::Update::TSah), over that of a fresh tree at the first frame). `None` where the backend measures no cost.
     pub sah_ratio: Option<f64>,
     /// Bytes of device memory the backend held when the frame was done, where it can tell.
     pub device_bytes: Option<u64>,
@@ -83,7 +88,7 @@ pub struct Adopted {
     pub convert_ms: f64,
     /// Bytes of the record.
     pub upload_bytes: u64,
-    /// Bytes of the vertices it was built from.
+    /// Bytes of the vertices that were read back for it.
     pub snapshot_bytes: u64,
     /// Triangles it holds.
     pub triangles: usize,
@@ -96,7 +101,7 @@ pub struct Adopted {
 pub struct TreeMoments {
     /// A frame asked for it.
     pub asked: Instant,
-    /// Its vertices were seen on the host.
+    /// Its vertices were seen on the host; if it was built from key frames, right away.
     pub arrived: Instant,
     /// It was built.
     pub build: BuildMoments,

@@ -11,8 +11,10 @@
 
 mod device_clock;
 mod driver;
+mod foresight;
 mod frame;
 mod options;
+mod sampling;
 mod schedule;
 mod toolroom;
 mod workbench;
@@ -23,5 +25,5 @@ pub use driver::Driver;
 pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments};
 pub use options::{Options, PipelineError};
 pub use schedule::{Pace, Plan, Schedule, Swap, Update};
-pub use workbench::{BuildMoments, Built, Workbench};
+pub use workbench::{BuildMoments, Built, Made, Vertices, Workbench};
 pub use workshop::{BuildFailed, Job, Workshop};

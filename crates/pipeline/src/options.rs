@@ -18,7 +18,7 @@ pub enum PipelineError {
 }
 
 /// What a driver is to do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// How the backend traces.
     pub method: Method,
@@ -26,4 +26,11 @@ pub struct Options {
     pub update: Update,
     /// Threads a build may use, beside the backend's own.
     pub builder_threads: usize,
+    /// First and last time that will be rendered, in key frames: what
+    /// [`Update::TSah`] builds its tree for, and what no prediction goes beyond.
+    pub time_range: [f64; 2],
+    /// With [`Update::Async`]: build each tree for the middle of the time it is
+    /// going to be used, from key frames, instead of for the frame that asks,
+    /// from the backend's vertices.
+    pub predict: bool,
 }

@@ -11,6 +11,8 @@ pub enum Update {
     Refit,
     /// The newest finished tree, refitted, while the next one is built.
     Async(Pace),
+    /// One tree built for the whole time that is rendered, refitted.
+    TSah,
 }
 
 /// When a tree that was asked for is swapped in.
@@ -125,7 +127,8 @@ impl Schedule {
     }
 
     fn ask(&mut self, frame: u64) -> Option<Generation> {
-        if self.flight.is_some() || self.update == Update::Refit {
+        let once = matches!(self.update, Update::Refit | Update::TSah);
+        if self.flight.is_some() || once {
             return None;
         }
         self.newest = Generation(self.newest.0 + 1);
@@ -198,9 +201,11 @@ mod tests {
     }
 
     #[test]
-    fn refit_never_asks() {
-        let mut s = Schedule::new(Update::Refit, FIRST);
-        assert!((0..9).all(|f| s.begin_frame(f, true) == Plan::default()));
+    fn one_tree_for_all_is_never_followed_by_another() {
+        for update in [Update::Refit, Update::TSah] {
+            let mut s = Schedule::new(update, FIRST);
+            assert!((0..9).all(|f| s.begin_frame(f, true) == Plan::default()));
+        }
     }
 
     #[test]

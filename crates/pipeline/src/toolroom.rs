@@ -1,10 +1,11 @@
 //! The one workbench of a driver, with a thread pool of its own.
 
 use crate::options::PipelineError;
-use crate::workbench::{Built, Workbench};
-use crate::workshop::BuildFailed;
-use bvh_build::Cancel;
-use geom::{Animation, Point};
+use crate::sampling::Sample;
+use crate::workbench::{Built, Made, Workbench};
+use crate::workshop::{BuildFailed, Job};
+use bvh_build::{BuildError, Cancel};
+use geom::{Animation, Point, Pose};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The tools of the first build, of `rebuild` and of the workshop.
@@ -32,16 +33,55 @@ impl Toolroom {
         &self,
         animation: &Animation,
         positions: &[Point],
-        cancel: &Cancel,
+        spare: Vec<u32>,
     ) -> Result<Built, BuildFailed> {
+        self.work(|tools| {
+            tools.reuse(spare);
+            tools.build(animation, positions, &Cancel::new())
+        })
+    }
+
+    /// See [`Workbench::build_for_all`]. The caller waits.
+    pub(crate) fn build_for_all(
+        &self,
+        animation: &Animation,
+        samples: &[Sample],
+        first: Pose,
+    ) -> Result<Built, BuildFailed> {
+        self.work(|tools| tools.build_for_all(animation, samples, first, &Cancel::new()))
+    }
+
+    /// See [`Workbench::build_better`]. The caller waits.
+    pub(crate) fn do_job(
+        &self,
+        animation: &Animation,
+        job: Job,
+        cancel: &Cancel,
+    ) -> Result<Made, BuildFailed> {
+        let Job {
+            vertices,
+            rival_at,
+            spare,
+            ..
+        } = job;
+        self.work(|tools| {
+            tools.reuse(spare);
+            tools.build_better(animation, &vertices, rival_at, cancel)
+        })
+    }
+
+    fn work<T: Send>(
+        &self,
+        build: impl FnOnce(&mut Workbench) -> Result<T, BuildError> + Send,
+    ) -> Result<T, BuildFailed> {
         self.pool
-            .install(|| self.tools().build(animation, positions, cancel))
+            .install(|| build(&mut self.tools()))
             .map_err(|e| BuildFailed {
                 reason: e.to_string(),
             })
     }
 
-    /// The tools hold no state between builds but memory, so a panic in one leaves nothing broken.
+    /// Whatever a panic left of the tools is written over by the next build.
     fn tools(&self) -> MutexGuard<'_, Workbench> {
         self.tools.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -1,8 +1,9 @@
 //! A builder on a thread of its own, with a door that holds one job.
 
-use crate::Built;
-use backend::{Generation, Snapshot};
+use crate::{Made, Vertices};
+use backend::Generation;
 use bvh_build::Cancel;
+use geom::Pose;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
@@ -12,8 +13,12 @@ use std::thread::JoinHandle;
 pub struct Job {
     /// Which tree it will be.
     pub generation: Generation,
-    /// The vertices, as the backend interpolated them.
-    pub positions: Snapshot,
+    /// What it is built from.
+    pub vertices: Vertices,
+    /// Where it must be cheaper than the tree in use; `None` if it is wanted in any case.
+    pub rival_at: Option<Pose>,
+    /// An old record's memory, or nothing.
+    pub spare: Vec<u32>,
 }
 
 /// A build that came to nothing.
@@ -24,9 +29,9 @@ pub struct BuildFailed {
 }
 
 /// How a job becomes a tree.
-type Craft = dyn FnMut(&Job, &Cancel) -> Result<Built, BuildFailed> + Send;
+type Craft = dyn FnMut(Job, &Cancel) -> Result<Made, BuildFailed> + Send;
 
-type Delivery = (Generation, Result<Built, BuildFailed>);
+type Delivery = (Generation, Result<Made, BuildFailed>);
 
 /// One builder thread, started with the first job. Dropping it cancels what it is at.
 pub struct Workshop {
@@ -44,7 +49,7 @@ struct Open {
 impl Workshop {
     /// A workshop that knows its craft; no thread yet.
     pub fn new(
-        craft: impl FnMut(&Job, &Cancel) -> Result<Built, BuildFailed> + Send + 'static,
+        craft: impl FnMut(Job, &Cancel) -> Result<Made, BuildFailed> + Send + 'static,
     ) -> Self {
         Self {
             craft: Some(Box::new(craft)),
@@ -111,13 +116,14 @@ impl Open {
         let (outbox, trees) = sync_channel(1);
         let work = move || {
             while let Ok(job) = inbox.recv() {
-                let result = catch_unwind(AssertUnwindSafe(|| craft(&job, &cancel)))
-                    .unwrap_or_else(|_| {
+                let generation = job.generation;
+                let result =
+                    catch_unwind(AssertUnwindSafe(|| craft(job, &cancel))).unwrap_or_else(|_| {
                         Err(BuildFailed {
                             reason: "the builder panicked".into(),
                         })
                     });
-                if outbox.send((job.generation, result)).is_err() {
+                if outbox.send((generation, result)).is_err() {
                     return;
                 }
             }
@@ -149,13 +155,15 @@ mod tests {
     fn job(n: u64) -> Job {
         Job {
             generation: Generation(n),
-            positions: Box::new(vec![[0.0; 3]]),
+            vertices: Vertices::ReadBack(Box::new(vec![[0.0; 3]])),
+            rival_at: None,
+            spare: Vec::new(),
         }
     }
 
     #[test]
     fn a_panic_in_the_craft_is_a_failed_build_and_the_next_job_goes_on() {
-        let mut w = Workshop::new(|job: &Job, _: &Cancel| {
+        let mut w = Workshop::new(|job: Job, _: &Cancel| {
             assert!(job.generation.0 != 1, "planted");
             Err(BuildFailed {
                 reason: "planted".into(),
@@ -175,7 +183,7 @@ mod tests {
     #[test]
     fn dropping_the_workshop_cancels_the_build() {
         let (said, hear) = std::sync::mpsc::channel();
-        let mut w = Workshop::new(move |_: &Job, cancel: &Cancel| {
+        let mut w = Workshop::new(move |_: Job, cancel: &Cancel| {
             while !cancel.is_cancelled() {
                 std::thread::yield_now();
             }

@@ -33,6 +33,8 @@ pub struct Stats {
     pub update: String,
     /// Frames between asking for a tree and taking it up, where fixed.
     pub lockstep: Option<u64>,
+    /// With `async`: whether trees are built for what comes.
+    pub predict: Option<bool>,
     /// Intersector.
     pub intersector: String,
     /// Layout of the tree.
@@ -93,6 +95,8 @@ pub struct FrameStats {
     pub tree_generation: u64,
     pub tree_age_frames: u64,
     pub adopted: bool,
+    /// A finished tree was no better than the one in use.
+    pub rejected: bool,
     #[serde(serialize_with = "maybe_rounded")]
     pub build_ms: Option<f64>,
     #[serde(serialize_with = "maybe_rounded")]
@@ -101,6 +105,8 @@ pub struct FrameStats {
     pub readback_bytes: u64,
     #[serde(serialize_with = "maybe_rounded")]
     pub sah_ratio: Option<f64>,
+    #[serde(serialize_with = "maybe_rounded")]
+    pub sah_cost: Option<f64>,
     pub hits: u64,
     pub blocked: u64,
     pub inactive: u64,

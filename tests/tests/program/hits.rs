@@ -27,10 +27,13 @@ pub(crate) fn trials() -> Vec<Trial> {
     trials
 }
 
-const POLICIES: [&str; 7] = [
+const POLICIES: [&str; 10] = [
     "rebuild",
     "refit",
+    "t-sah",
     "async",
+    "async --predict off",
+    "async --predict off --lockstep 3",
     "async --lockstep 0",
     "async --lockstep 1",
     "async --lockstep 3",

@@ -26,7 +26,7 @@ const TOP: [&str; 9] = [
     "summary",
 ];
 
-pub(crate) const FRAME: [&str; 25] = [
+pub(crate) const FRAME: [&str; 27] = [
     "frame",
     "time",
     "interpolate_ms",
@@ -40,11 +40,13 @@ pub(crate) const FRAME: [&str; 25] = [
     "tree_generation",
     "tree_age_frames",
     "adopted",
+    "rejected",
     "build_ms",
     "convert_ms",
     "upload_bytes",
     "readback_bytes",
     "sah_ratio",
+    "sah_cost",
     "hits",
     "blocked",
     "inactive",
@@ -134,7 +136,13 @@ fn rebuilt(sandbox: &Sandbox) -> Result<(), Failed> {
 }
 
 fn build_waits(sandbox: &Sandbox) -> Result<(), Failed> {
-    for (policy, waits) in [("rebuild", true), ("refit", false), ("async", false)] {
+    let policies = [
+        ("rebuild", true),
+        ("refit", false),
+        ("t-sah", false),
+        ("async", false),
+    ];
+    for (policy, waits) in policies {
         let stats = stats(sandbox, &format!("--frames 8 --update {policy}"))?;
         let waited = column(&stats, "build_wait_ms");
         ensure(waited[0] > Some(0.0), || format!("{policy}: {waited:?}"))?;

@@ -1,6 +1,8 @@
 //! What may be asked of `bench`.
 
-use super::{BackendName, IntersectorName, LayoutName, SourceArgs, ToleranceArgs, UpdateName};
+use super::{
+    BackendName, IntersectorName, LayoutName, SourceArgs, Switch, ToleranceArgs, UpdateName,
+};
 use crate::values::{self, Frames, TimeRange};
 use clap::Args;
 use clap::builder::ArgPredicate;
@@ -30,6 +32,9 @@ pub(crate) struct BenchArgs {
         default_value = "rebuild,refit,async"
     )]
     pub(crate) update: Vec<UpdateName>,
+    /// With async: as for render
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "on")]
+    pub(crate) predict: Vec<Switch>,
     /// Intersectors [with --tolerance: auto]
     #[arg(
         long,

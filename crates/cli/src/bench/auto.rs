@@ -1,8 +1,9 @@
 //! What `auto` takes, against every fixed choice it has: same scene, same backend, turn by turn.
 
 use super::{Row, measure};
+use crate::ahead::Ahead;
 use crate::args::{
-    BackendName, BenchArgs, IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName,
+    BackendName, BenchArgs, IntersectorName, LayoutName, MethodArgs, PolicyArgs, Switch, UpdateName,
 };
 use crate::progress::Progress;
 use crate::session::Ask;
@@ -116,6 +117,7 @@ impl Place<'_> {
             update: choose::update(policy, &self.scene.animation, self.frames)?,
             tolerance: self.tolerance,
             run: None,
+            ahead: Ahead::of(self.frames, Switch::On),
         };
         measure(args.size, (self.spec, self.scene), self.frames, &ask)
     }

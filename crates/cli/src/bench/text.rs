@@ -3,9 +3,9 @@
 use super::{Report, Row, auto};
 use crate::table::{ms, table};
 
-const HEAD: [&str; 18] = [
+const HEAD: [&str; 19] = [
     "scene", "backend", "update", "method", "interp", "preproc", "refit", "geometry", "primary",
-    "shadow", "device", "wall", "Mrays/s", "build", "ns/tri", "trees", "age", "SAH",
+    "shadow", "device", "wall", "Mrays/s", "build", "ns/tri", "trees", "age", "SAH", "SAH cost",
 ];
 
 /// One row a run, and which device each backend ran on.
@@ -30,7 +30,7 @@ fn cells(r: &Row) -> Vec<String> {
     vec![
         r.scene.clone(),
         r.backend.to_owned(),
-        r.update.to_owned(),
+        update(r),
         format!("{} {}", r.intersector, r.layout),
         time(r.interpolate_ms),
         time(r.preprocess_ms),
@@ -46,7 +46,18 @@ fn cells(r: &Row) -> Vec<String> {
         r.trees.to_string(),
         r.tree_age_frames.map_or("-".to_owned(), |x| format!("{x}")),
         short(r.sah_ratio),
+        short(r.sah_cost),
     ]
+}
+
+/// The policy, and whether it goes without prediction.
+fn update(r: &Row) -> String {
+    let without = if r.predict == Some(false) {
+        ", unpredicted"
+    } else {
+        ""
+    };
+    format!("{}{without}", r.update)
 }
 
 /// Which device each backend ran on, one line each.

@@ -1,6 +1,7 @@
 //! What the answers are.
 
 use super::questions::{Questions, moments};
+use crate::ahead::Ahead;
 use crate::args::{BackendName, ChartArgs, IntersectorName, LayoutName, MethodArgs};
 use crate::bench;
 use crate::choose;
@@ -120,5 +121,6 @@ fn reference() -> Ask<'static> {
         update: choose::asked(Update::Rebuild),
         tolerance: 0.0,
         run: None,
+        ahead: Ahead::default(),
     }
 }

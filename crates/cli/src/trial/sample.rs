@@ -149,6 +149,8 @@ fn on_host(stand: &Stand<'_>, method: Method) -> Result<Driver, Stop> {
         method,
         update: Update::Refit,
         builder_threads: threads,
+        time_range: [0.0, stand.animation.end()],
+        predict: false,
     };
     let backend = open::open(&want, Ok)?.value;
     Ok(Driver::new(backend, Arc::clone(stand.animation), options)?)

@@ -63,6 +63,8 @@ impl<'a> Stand<'a> {
             method,
             update,
             builder_threads: threads.build,
+            time_range: self.ask.ahead.time_range,
+            predict: self.ask.ahead.predict,
         };
         let backend = self.take(method, threads.render)?;
         Ok(Driver::new(backend, Arc::clone(self.animation), options)?)

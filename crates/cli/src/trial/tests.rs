@@ -1,7 +1,8 @@
 //! Whole trials, over a small scene on the host.
 
 use super::*;
-use crate::args::{BackendName, MethodArgs, PolicyArgs};
+use crate::ahead::Ahead;
+use crate::args::{BackendName, MethodArgs, PolicyArgs, Switch};
 use crate::open::{self, Want};
 use crate::session;
 use backend::{Hits, Rays, Seek};
@@ -35,6 +36,7 @@ fn ask<'a>(scene: &Scene, frames: &[Frame], named: IntersectorName, tolerance: f
         update: choose::update(policy, &scene.animation, frames).unwrap(),
         tolerance,
         run: None,
+        ahead: Ahead::of(frames, Switch::On),
     }
 }
 

@@ -9,15 +9,19 @@ use geom::Pose;
 
 /// Refuses what has no meaning for such a backend.
 pub(super) fn admit(backend: &dyn Backend, update: Update) -> Result<(), BackendError> {
-    match update {
-        Update::Async(_) if backend.makes_own_trees() => Err(BackendError::Unsupported {
-            backend: backend.device().backend,
-            what: "update policy 'async': it makes its trees itself, within each frame, and takes none that \
-                   were built meanwhile; rebuild and refit it does"
-                .to_owned(),
-        }),
-        _ => Ok(()),
-    }
+    let policy = match update {
+        _ if !backend.makes_own_trees() => return Ok(()),
+        Update::Rebuild | Update::Refit => return Ok(()),
+        Update::Async(_) => "async",
+        Update::TSah => "t-sah",
+    };
+    Err(BackendError::Unsupported {
+        backend: backend.device().backend,
+        what: format!(
+            "update policy '{policy}': it makes its trees itself, within each frame, and takes none that \
+             others built; rebuild and refit it does"
+        ),
+    })
 }
 
 impl Driver {

@@ -11,6 +11,8 @@ pub(super) struct Beginning {
     pub(super) asked: Option<Generation>,
     /// The tree swapped to.
     pub(super) adopted: Option<Adopted>,
+    /// The finished tree that was no better than the one in use.
+    pub(super) rejected: Option<Generation>,
     /// What the submission that fetched vertices for the frame's own tree did.
     pub(super) fetched: Option<(Submission, FrameReport)>,
     /// How long the driver was blocked until a tree was built.
@@ -61,6 +63,7 @@ impl Pending {
             tree_age_frames: self.tree_age_frames,
             asked: self.beginning.asked,
             adopted: self.beginning.adopted,
+            rejected: self.beginning.rejected,
             sah_ratio,
             device_bytes: None,
             moments: FrameMoments {

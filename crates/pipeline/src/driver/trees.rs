@@ -3,11 +3,11 @@
 use super::Driver;
 use crate::frame::{Adopted, Submission, TreeMoments};
 use crate::options::PipelineError;
-use crate::schedule::{Plan, Swap};
-use crate::workbench::Built;
+use crate::sampling;
+use crate::schedule::{Pace, Plan, Swap, Update};
+use crate::workbench::{Built, Made, Vertices};
 use crate::workshop::{BuildFailed, Job};
-use backend::{Generation, Snapshot};
-use bvh_build::Cancel;
+use backend::Generation;
 use geom::{Point, Pose};
 use std::time::Instant;
 
@@ -17,8 +17,9 @@ pub(super) const FIRST: Generation = Generation(1);
 /// The tree in use.
 pub(super) struct Tree {
     pub(super) generation: Generation,
-    /// Count of frames begun when its vertices were interpolated.
+    /// Count of frames begun when it was asked for.
     pub(super) frame: u64,
+    /// What it was built for.
     pub(super) pose: Pose,
     pub(super) cost: f64,
 }
@@ -29,6 +30,8 @@ pub(super) struct Flight {
     pub(super) frame: u64,
     pub(super) pose: Pose,
     asked: Instant,
+    /// Where it must be cheaper than the tree in use.
+    rival_at: Option<Pose>,
     /// When its vertices were seen on the host and how many bytes they took; none before.
     pub(super) arrived: Option<(Instant, u64)>,
 }
@@ -39,7 +42,8 @@ impl Driver {
         if self.flight.as_ref().is_some_and(|f| f.arrived.is_none())
             && let Some((_, positions)) = self.backend.take_positions()?
         {
-            self.start_build(positions);
+            let read = bytes(self.animation.vertex_count());
+            self.start_build(Vertices::ReadBack(positions), read);
         }
         if let Some((generation, result)) = self.workshop.try_take() {
             self.file(generation, result);
@@ -47,7 +51,20 @@ impl Driver {
         Ok(())
     }
 
-    /// Does what the plan says before the frame is traced.
+    /// The pose that a tree asked for now should be built for, at a frame that stands at `pose`.
+    pub(super) fn wanted(&self, pose: Pose) -> Pose {
+        if self.looks_ahead() {
+            self.animation.pose(self.foresight.middle_of_use())
+        } else {
+            pose
+        }
+    }
+
+    fn looks_ahead(&self) -> bool {
+        self.options.predict && !self.schedule.waits_at_once()
+    }
+
+    /// Does what the plan says before the frame is traced; a tree asked for is built for `pose`.
     pub(super) fn follow(&mut self, plan: Plan, pose: Pose) -> Result<(), PipelineError> {
         if let Some(swap) = plan.swap {
             self.swap(swap)?;
@@ -60,10 +77,13 @@ impl Driver {
             let built = self.build_now(flight)?;
             self.schedule.swapped_at_once(generation);
             if let Ok((built, flight)) = built {
-                self.adopt(&built, &flight)?;
+                self.adopt(built, &flight)?;
             }
         } else {
             self.flight = Some(flight);
+            if self.looks_ahead() {
+                self.start_build(Vertices::KeyFrames(pose), 0);
+            }
         }
         Ok(())
     }
@@ -71,47 +91,52 @@ impl Driver {
     /// Builds the first tree, while the first frame waits.
     pub(super) fn first_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
         let flight = self.ask(FIRST, pose);
-        let (built, flight) = self
-            .build_now(flight)?
-            .map_err(|e| PipelineError::FirstTree(e.reason))?;
-        self.adopt(&built, &flight)
+        let made = if self.options.update == Update::TSah {
+            self.build_for_all(flight)
+        } else {
+            self.build_now(flight)?
+        };
+        let (built, flight) = made.map_err(|e| PipelineError::FirstTree(e.reason))?;
+        self.adopt(built, &flight)
     }
 
     fn ask(&mut self, generation: Generation, pose: Pose) -> Flight {
         self.beginning.asked = Some(generation);
+        // In lockstep each tree is swapped in, whatever its cost.
+        let may_reject = self.options.update == Update::Async(Pace::Free);
         Flight {
             generation,
             frame: self.frames,
             pose,
             asked: Instant::now(),
+            rival_at: may_reject.then(|| self.animation.pose(self.foresight.swap())),
             arrived: None,
         }
     }
 
-    fn start_build(&mut self, positions: Snapshot) {
+    fn start_build(&mut self, vertices: Vertices, read_back: u64) {
         let Some(flight) = self.flight.as_mut() else {
             return;
         };
-        // The snapshot itself is the builder's to look into: that may cost its first reader.
-        flight.arrived = Some((Instant::now(), bytes(self.animation.vertex_count())));
+        // Vertices are the builder's to look into: that may cost their first reader.
+        flight.arrived = Some((Instant::now(), read_back));
         let generation = flight.generation;
-        if self
-            .workshop
-            .start(Job {
-                generation,
-                positions,
-            })
-            .is_err()
-        {
+        let job = Job {
+            generation,
+            vertices,
+            rival_at: flight.rival_at,
+            spare: std::mem::take(&mut self.spare),
+        };
+        if self.workshop.start(job).is_err() {
             self.give_up(generation);
         }
     }
 
     /// Puts a finished tree aside for its boundary, or forgets a failed one.
-    fn file(&mut self, generation: Generation, result: Result<Built, BuildFailed>) {
+    fn file(&mut self, generation: Generation, result: Result<Made, BuildFailed>) {
         match result {
-            Ok(built) => {
-                self.finished = Some(built);
+            Ok(made) => {
+                self.finished = Some(made);
                 self.schedule.finished(generation);
             }
             Err(_) => self.give_up(generation),
@@ -130,9 +155,16 @@ impl Driver {
             self.wait_for_builder(swap.generation)?;
             self.beginning.build_wait += start.elapsed();
         }
-        match (self.finished.take(), self.flight.take()) {
-            (Some(built), Some(flight)) => self.adopt(&built, &flight),
-            _ => Ok(()),
+        let (Some(made), Some(flight)) = (self.finished.take(), self.flight.take()) else {
+            return Ok(());
+        };
+        self.foresight.came_after(self.frames - flight.frame);
+        match made {
+            Made::Tree(built) => self.adopt(built, &flight),
+            Made::NoBetter => {
+                self.beginning.rejected = Some(flight.generation);
+                Ok(())
+            }
         }
     }
 
@@ -178,14 +210,25 @@ impl Driver {
         };
         let arrived = Instant::now();
         flight.arrived = Some((arrived, bytes(positions.len())));
-        let built = self
-            .toolroom
-            .build(&self.animation, &positions, &Cancel::new());
+        let spare = std::mem::take(&mut self.spare);
+        let built = self.toolroom.build(&self.animation, &positions, spare);
         self.beginning.build_wait += arrived.elapsed();
         Ok(built.map(|built| (built, flight)))
     }
 
-    fn adopt(&mut self, built: &Built, flight: &Flight) -> Result<(), PipelineError> {
+    /// Builds one tree for the whole time to come while the frame waits.
+    fn build_for_all(&mut self, mut flight: Flight) -> Result<(Built, Flight), BuildFailed> {
+        let begun = Instant::now();
+        flight.arrived = Some((begun, 0));
+        let samples = sampling::samples(&self.animation, self.options.time_range);
+        let built = self
+            .toolroom
+            .build_for_all(&self.animation, &samples, flight.pose);
+        self.beginning.build_wait += begun.elapsed();
+        built.map(|built| (built, flight))
+    }
+
+    fn adopt(&mut self, built: Built, flight: &Flight) -> Result<(), PipelineError> {
         let taken = Instant::now();
         self.backend.adopt(&built.topology, flight.generation)?;
         let adopted = Instant::now();
@@ -210,6 +253,7 @@ impl Driver {
                 adopted,
             },
         });
+        self.spare = built.topology.into_words();
         Ok(())
     }
 }

@@ -80,6 +80,8 @@ pub(crate) struct Log {
     pub(crate) refitted: usize,
     pub(crate) traced: Vec<(Generation, Pose)>,
     pub(crate) adopted: Vec<Generation>,
+    pub(crate) trees: Vec<Vec<u32>>,
+    pub(crate) requested: usize,
 }
 
 /// Checks the order of calls; positions reach the host after some polls, or never.
@@ -138,7 +140,9 @@ impl Backend for Fake {
         assert_eq!(tree.leaf_count(), live);
         self.generation = generation;
         self.fresh = (false, false);
-        self.log.lock().unwrap().adopted.push(generation);
+        let mut log = self.log.lock().unwrap();
+        log.adopted.push(generation);
+        log.trees.push(tree.words().to_vec());
         Ok(())
     }
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
@@ -170,6 +174,7 @@ impl Backend for Fake {
     fn request_positions(&mut self) -> Result<()> {
         assert!(self.requested.is_none(), "one request at a time");
         self.record_request = true;
+        self.log.lock().unwrap().requested += 1;
         Ok(())
     }
     fn submit(&mut self) -> Result<Ticket> {

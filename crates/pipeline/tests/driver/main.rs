@@ -1,5 +1,6 @@
 //! The driver against a backend that does nothing but check the contract.
 
+mod ahead;
 mod fake;
 mod moments;
 
@@ -21,13 +22,22 @@ fn drifting(keys: usize) -> Arc<Animation> {
 }
 
 fn run(keys: usize, frames: u64, update: Update, polls: Option<u32>) -> Run {
-    run_gated(keys, frames, update, (polls, None))
+    run_gated(keys, frames, (update, false), (polls, None))
 }
 
 fn run_gated(
     keys: usize,
     frames: u64,
-    update: Update,
+    by: (Update, bool),
+    backend: (Option<u32>, Option<Arc<Gate>>),
+) -> Run {
+    run_scene(&drifting(keys), frames, by, backend)
+}
+
+fn run_scene(
+    animation: &Arc<Animation>,
+    frames: u64,
+    (update, predict): (Update, bool),
     (polls, gate): (Option<u32>, Option<Arc<Gate>>),
 ) -> Run {
     let (fake, log) = Fake::new(polls, gate.clone());
@@ -35,15 +45,17 @@ fn run_gated(
         method: Method::default(),
         update,
         builder_threads: 1,
+        time_range: [0.0, animation.end()],
+        predict,
     };
-    let mut driver = Driver::new(Box::new(fake), drifting(keys), options).unwrap();
+    let mut driver = Driver::new(Box::new(fake), Arc::clone(animation), options).unwrap();
     let camera = Camera::look_at([0.0, 0.0, 9.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0, [2, 2]).unwrap();
     let query = Query {
         rays: Rays::Camera(&camera),
         seek: Seek::Closest,
     };
     let mut records = Vec::new();
-    let step = (keys - 1) as f64 / frames as f64;
+    let step = animation.end() / frames as f64;
     let list = (0..frames).map(|index| Frame {
         index,
         time: index as f64 * step,

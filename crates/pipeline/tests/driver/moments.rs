@@ -9,7 +9,7 @@ use std::sync::Arc;
 fn beside_a_slow_builder(frames: u64, held: u64) -> Vec<FrameRecord> {
     let gate = Some(Arc::new(Gate::new(held)));
     let update = Update::Async(Pace::Free);
-    run_gated(200, frames, update, (Some(1), gate)).records
+    run_gated(200, frames, (update, false), (Some(1), gate)).records
 }
 
 /// If a frame waited for the builder, each would wait for the other, and trees adopted later would be young.
@@ -77,6 +77,7 @@ fn moments_come_in_order_and_each_tree_adopted_was_asked_for() {
                 t.arrived,
                 b.begun,
                 b.built,
+                b.compared,
                 b.converted,
                 b.ended,
                 t.taken,

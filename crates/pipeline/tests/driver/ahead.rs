@@ -1,0 +1,111 @@
+//! Trees for what comes: built ahead, built for all times, and left where they are no better.
+
+use crate::{Run, drifting, run_scene};
+use backend::Generation;
+use bvh_build::Cancel;
+use geom::{Animation, Point};
+use pipeline::{Pace, Update, Workbench};
+use std::sync::Arc;
+
+/// Triangles in a row whose order is another in every key frame.
+fn shuffled(keys: u32) -> Arc<Animation> {
+    const N: u32 = 64;
+    let triangle = |place: u32| {
+        let x = place as f32;
+        [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]]
+    };
+    let odd = |k: u32| 2 * (k * k * 7 % 29) + 1;
+    let key = |k: u32| (0..N).flat_map(|i| triangle(i * odd(k) % N)).collect();
+    let triangles = (0..N).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    Arc::new(Animation::new((0..keys).map(key).collect(), triangles).unwrap())
+}
+
+fn positions(animation: &Animation, time: f64) -> Vec<Point> {
+    let pose = animation.pose(time);
+    let vertices = 0..animation.vertex_count() as u32;
+    vertices.map(|v| animation.vertex(pose, v)).collect()
+}
+
+/// Positions never arrive, and nobody asks for them but the first frame.
+fn foreseen(update: Update) -> Run {
+    let run = run_scene(&drifting(60), 50, (update, true), (None, None));
+    assert_eq!(run.log.requested, 1);
+    run
+}
+
+#[test]
+fn trees_built_ahead_read_nothing_back() {
+    let run = foreseen(Update::Async(Pace::Free));
+    assert!(run.built && run.log.adopted.len() > 3);
+    let trees = || run.records.iter().filter_map(|r| r.adopted);
+    assert!(trees().skip(1).all(|t| t.snapshot_bytes == 0));
+    let run = foreseen(Update::Async(Pace::Lockstep(4)));
+    assert_eq!(run.log.adopted.len(), 13);
+}
+
+#[test]
+fn in_lockstep_a_tree_is_built_for_the_middle_of_its_use() {
+    let animation = shuffled(30);
+    let run = run_scene(
+        &animation,
+        29,
+        (Update::Async(Pace::Lockstep(3)), true),
+        (None, None),
+    );
+    let tree_at = |time: f64| {
+        let positions = positions(&animation, time);
+        let built = Workbench::new().build(&animation, &positions, &Cancel::new());
+        built.unwrap().topology.into_words()
+    };
+    // Asked for at frames 1, 4 and so on, each tree is used from the 3rd to the 5th frame after.
+    for (i, words) in run.log.trees[1..].iter().enumerate() {
+        let middle = (1 + 3 * i + 4) as f64;
+        assert!(*words == tree_at(middle), "tree {i}");
+        assert!(*words != tree_at(middle - 4.0));
+    }
+    assert!(run.log.trees.len() > 8);
+}
+
+#[test]
+fn a_tree_that_is_no_better_is_left_and_its_number_not_used_again() {
+    let run = run_scene(
+        &shuffled(200),
+        199,
+        (Update::Async(Pace::Free), false),
+        (Some(1), None),
+    );
+    let rejected: Vec<Generation> = run.records.iter().filter_map(|r| r.rejected).collect();
+    assert!(!rejected.is_empty() && rejected.is_sorted());
+    assert!(rejected.iter().all(|g| !run.log.adopted.contains(g)));
+    assert!(run.log.adopted.len() > 1);
+    for record in &run.records {
+        assert!(record.rejected.is_none() || record.adopted.is_none());
+        assert!(!rejected.contains(&record.tree_generation));
+    }
+}
+
+#[test]
+fn in_lockstep_every_tree_is_taken() {
+    let run = run_scene(
+        &shuffled(60),
+        59,
+        (Update::Async(Pace::Lockstep(2)), false),
+        (Some(1), None),
+    );
+    assert!(run.records.iter().all(|r| r.rejected.is_none()));
+    assert_eq!(run.log.adopted.len(), 29);
+}
+
+#[test]
+fn a_tree_for_all_times_is_built_once_without_the_device() {
+    let animation = shuffled(8);
+    let run = run_scene(&animation, 20, (Update::TSah, true), (None, None));
+    assert!(!run.built && run.log.requested == 0);
+    assert_eq!(run.log.adopted, [Generation(1)]);
+    assert_eq!((run.log.interpolated, run.log.refitted), (20, 20));
+    let tree = run.records[0].adopted.unwrap();
+    assert_eq!((tree.triangles, tree.snapshot_bytes), (64, 0));
+    assert!(run.records[0].build_wait_ms > 0.0 && run.records[19].tree_age_frames == 19);
+    let refitted = run_scene(&animation, 20, (Update::Refit, true), (Some(0), None));
+    assert_ne!(run.log.trees, refitted.log.trees);
+}
