@@ -90,6 +90,15 @@ impl Tracer {
             intersector,
             ..Method::default()
         };
+        Self::with(mesh, method, threads)
+    }
+
+    /// Likewise, by any method.
+    ///
+    /// # Panics
+    /// See [`Tracer::new`].
+    #[must_use]
+    pub fn with(mesh: &Mesh, method: Method, threads: usize) -> Self {
         let mut backend = CpuBackend::new(Some(threads)).expect("threads can start");
         let loaded = backend.load(mesh.animation.clone(), method);
         loaded.expect("the mesh fits the machine");
@@ -146,9 +155,16 @@ impl Tracer {
     #[must_use]
     pub fn list(&mut self, rays: &[Ray], seek: Seek) -> Hits {
         let rays = Rays::List(rays);
-        self.backend
-            .trace(Query { rays, seek })
-            .expect("a stage is recorded");
+        self.hits(Query { rays, seek })
+    }
+
+    /// Traces any rays and fetches what they hit.
+    ///
+    /// # Panics
+    /// See [`Tracer::new`].
+    #[must_use]
+    pub fn hits(&mut self, query: Query<'_>) -> Hits {
+        self.backend.trace(query).expect("a stage is recorded");
         let ticket = self.backend.submit().expect("work is submitted");
         let mut hits = Hits::default();
         self.backend.hits(ticket, &mut hits).expect("work is done");

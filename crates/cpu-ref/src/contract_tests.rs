@@ -1,8 +1,12 @@
 //! The seam's prose contract, sentence by sentence.
 
 use crate::CpuBackend;
-use crate::testing::{bits, moving, ready, rng, senseless_tree, soup, still, trace, tree_at};
-use backend::{Backend, Hits, Intersector, Query, Rays, Seek, Ticket};
+use crate::simd::Level;
+use crate::testing::{
+    bits, kinds, moving, ready, rng, senseless_tree, soup, still, still_of, trace, tree_at,
+};
+use backend::{Backend, Hits, Intersector, Layout, Query, Rays, Seek, Ticket};
+use bvh_layout::Topology;
 use geom::{Aabb, Animation, Camera, Hit, Point, Ray};
 use proptest::prelude::RngExt;
 
@@ -21,16 +25,17 @@ fn deform(backend: &mut CpuBackend, animation: &Animation, time: f64) {
 #[test]
 fn a_refitted_tree_has_the_boxes_of_one_made_from_scratch() {
     let animation = moving();
-    let tree = tree_at(&animation, animation.pose(0.0));
-    let mut backend = ready(
-        &animation,
-        Intersector::Watertight,
-        &tree,
-        animation.pose(0.0),
-        2,
-    );
+    let pose = animation.pose(0.0);
+    let trees = [tree_at(&animation, pose), senseless_tree(&animation)];
+    for (kind, tree) in kinds().into_iter().zip(trees.iter().cycle()) {
+        let method = (Intersector::Watertight, kind);
+        check_boxes(&animation, tree, ready(&animation, method, tree, pose, 2));
+    }
+}
+
+fn check_boxes(animation: &Animation, tree: &Topology, mut backend: CpuBackend) {
     for time in [0.0, 0.4, 1.0, 1.7, 2.0] {
-        deform(&mut backend, &animation, time);
+        deform(&mut backend, animation, time);
         let ticket = backend.submit().unwrap();
         let cost = backend.wait(ticket).unwrap().sah_cost.unwrap();
         let found = backend.inspect().boxes().unwrap();
@@ -68,18 +73,23 @@ fn answers_do_not_depend_on_the_tree_its_age_or_the_threads() {
     let light = [3.0, 8.0, 2.0];
     for intersector in [
         Intersector::Watertight,
+        Intersector::Exact,
         Intersector::MollerTrumbore,
         Intersector::Woop,
     ] {
         let mut answers = Vec::new();
-        for (tree, threads) in [
+        let trees = [
             (tree_at(&animation, pose), 1),
             (tree_at(&animation, pose), 2),
             (tree_at(&animation, animation.pose(0.0)), 2),
             (tree_at(&animation, animation.pose(2.0)), 1),
             (senseless_tree(&animation), 2),
-        ] {
-            let mut backend = ready(&animation, intersector, &tree, pose, threads);
+        ];
+        for ((tree, threads), kind) in trees
+            .iter()
+            .flat_map(|t| kinds().into_iter().map(move |k| (t, k)))
+        {
+            let mut backend = ready(&animation, (intersector, kind), tree, pose, *threads);
             let hits = trace(
                 &mut backend,
                 Rays::Camera(&camera),
@@ -97,7 +107,6 @@ fn answers_do_not_depend_on_the_tree_its_age_or_the_threads() {
 #[test]
 fn a_camera_is_the_list_of_its_rays() {
     let animation = moving();
-    let mut backend = still(&animation, Intersector::Watertight);
     let camera = camera(&animation);
     let rays: Vec<Ray> = (0..camera.height)
         .flat_map(|y| (0..camera.width).map(move |x| (x, y)))
@@ -106,9 +115,12 @@ fn a_camera_is_the_list_of_its_rays() {
     let seek = Seek::ClosestAndShadow {
         light: [0.0, 9.0, 0.0],
     };
-    let one = trace(&mut backend, Rays::Camera(&camera), seek);
-    let other = trace(&mut backend, Rays::List(&rays), seek);
-    assert_eq!(one, other);
+    for kind in kinds() {
+        let mut backend = still_of(&animation, (Intersector::Watertight, kind));
+        let one = trace(&mut backend, Rays::Camera(&camera), seek);
+        let other = trace(&mut backend, Rays::List(&rays), seek);
+        assert_eq!(one, other, "{kind:?}");
+    }
 }
 
 #[test]
@@ -199,7 +211,12 @@ fn the_last_two_submissions_with_a_trace_are_kept() {
 #[test]
 fn a_tree_of_nothing_is_all_misses() {
     let animation = soup(&[[[f32::NAN; 3]; 3]; 4]);
-    let mut backend = still(&animation, Intersector::Watertight);
+    for kind in kinds() {
+        check_nothing(still_of(&animation, (Intersector::Watertight, kind)));
+    }
+}
+
+fn check_nothing(mut backend: CpuBackend) {
     let ray = Ray::new([0.0; 3], [1.0, 0.0, 0.0]);
     let hits = trace(
         &mut backend,
@@ -217,18 +234,18 @@ fn a_tree_of_nothing_is_all_misses() {
 #[test]
 fn a_lone_triangle_is_a_tree() {
     let animation = soup(&[[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]]);
-    let mut backend = still(&animation, Intersector::Watertight);
     let ray = Ray::new([0.25, 0.25, 3.0], [0.0, 0.0, -2.0]);
-    let hits = trace(&mut backend, Rays::List(&[ray]), Seek::Closest).closest;
-    assert_eq!(
-        hits,
-        [Hit {
-            t: 1.5,
-            u: 0.25,
-            v: 0.25,
-            triangle: 0
-        }]
-    );
+    let expected = Hit {
+        t: 1.5,
+        u: 0.25,
+        v: 0.25,
+        triangle: 0,
+    };
+    for kind in kinds() {
+        let mut backend = still_of(&animation, (Intersector::Watertight, kind));
+        let hits = trace(&mut backend, Rays::List(&[ray]), Seek::Closest).closest;
+        assert_eq!(hits, [expected], "{kind:?}");
+    }
 }
 
 #[test]
@@ -239,8 +256,15 @@ fn a_big_tree_is_refitted_by_many_tasks_alike() {
     let animation = soup(&triangles);
     let pose = animation.pose(0.0);
     let tree = senseless_tree(&animation);
-    let [a, b] = [1, 2].map(|threads| {
-        let mut backend = ready(&animation, Intersector::Woop, &tree, pose, threads);
+    let layouts = [
+        (Layout::Bvh2, 1),
+        (Layout::Bvh2, 2),
+        (Layout::Fast, 1),
+        (Layout::Fast, 2),
+    ];
+    let [a, b, c, d] = layouts.map(|(layout, threads)| {
+        let method = (Intersector::Woop, (layout, Level::best()));
+        let mut backend = ready(&animation, method, &tree, pose, threads);
         let cost = backend.wait(Ticket(0)).unwrap().sah_cost;
         let rays: Vec<Ray> = triangles
             .iter()
@@ -254,6 +278,7 @@ fn a_big_tree_is_refitted_by_many_tasks_alike() {
             bits(&hits),
         )
     });
-    assert!(a == b);
+    assert!(a == b && c == d);
+    assert!((&a.0, &a.2) == (&c.0, &c.2));
     assert_eq!(a.0[0], animation.bounds());
 }

@@ -7,7 +7,7 @@ use crate::ray::PreparedRay;
 use crate::scale::{LEAST, flushed};
 use crate::search::{Asked, Search};
 use crate::slab::is_far;
-use crate::traverse::{Entry, Stack, Walk};
+use crate::traverse::{Leaf, Stack, Tree, Walk};
 use crate::triangle_test::Meeting;
 use crate::watertight::{Watertight, solve};
 use exact::{Crossing, Line};
@@ -22,7 +22,8 @@ pub(crate) struct Exact;
 /// A triangle that error bounds do not exclude.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
-    leaf: usize,
+    /// Where the tree keeps it.
+    place: usize,
     /// Whether it is surely hit, within the ray's limits.
     sure: bool,
     /// The exact `t`, if it is hit, lies in `low..=high`.
@@ -38,15 +39,15 @@ const DEPTH: f32 = 32.0 / 16_777_216.0;
 /// What counting small numbers as zero may change, `2^-60`.
 const SMALL: f32 = f32::from_bits((127 - 60) << 23);
 
-impl Search for Exact {
-    fn closest(asked: &Asked<'_>, stack: &mut Stack) -> Option<Hit> {
+impl<N: Tree> Search<N> for Exact {
+    fn closest(asked: &Asked<'_, N>, stack: &mut Stack) -> Option<Hit> {
         let Some(ray) = prepared(asked) else {
             return nearest_of_all(asked);
         };
-        let walk = Walk::<Watertight>::new(asked.target, &ray);
+        let walk = Walk::<N, Watertight>::new(asked.tree, &ray);
         let mut found = std::mem::take(&mut stack.candidates);
         found.clear();
-        walk.visit(stack, |leaf, bound| {
+        asked.tree.visit(&ray, stack, |leaf, bound| {
             let candidate = judge(&walk, leaf).filter(|c| c.low <= bound);
             found.extend(candidate);
             Some(
@@ -60,22 +61,22 @@ impl Search for Exact {
         hit
     }
 
-    fn any(asked: &Asked<'_>, skipped: Option<u32>, stack: &mut Stack) -> bool {
-        let other = |leaf: usize| Some(asked.target.nodes.triangles[leaf]) != skipped;
+    fn any(asked: &Asked<'_, N>, skipped: Option<u32>, stack: &mut Stack) -> bool {
+        let other = |place: usize| skipped.is_none() || asked.tree.triangle(place) != skipped;
         let Some(ray) = prepared(asked) else {
-            return all_leaves(asked).any(|leaf| other(leaf) && meet(asked, leaf).is_some());
+            return all_places(asked).any(|place| other(place) && meet(asked, place).is_some());
         };
-        let walk = Walk::<Watertight>::new(asked.target, &ray);
+        let walk = Walk::<N, Watertight>::new(asked.tree, &ray);
         let mut open = std::mem::take(&mut stack.candidates);
         open.clear();
-        let mut blocked = walk.visit(stack, |leaf, bound| {
-            let candidate = judge(&walk, leaf).filter(|c| other(c.leaf));
+        let mut blocked = asked.tree.visit(&ray, stack, |leaf, bound| {
+            let candidate = judge(&walk, leaf).filter(|c| other(c.place));
             open.extend(candidate);
             (!candidate.is_some_and(|c| c.sure)).then_some(bound)
         });
         if !blocked && !open.is_empty() {
             asked.settled.fetch_add(1, Relaxed);
-            blocked = open.iter().any(|c| meet(asked, c.leaf).is_some());
+            blocked = open.iter().any(|c| meet(asked, c.place).is_some());
         }
         stack.candidates = open;
         blocked
@@ -84,16 +85,15 @@ impl Search for Exact {
 
 /// `None` for a ray of which rounded arithmetic says nothing.
 #[inline]
-fn prepared(asked: &Asked<'_>) -> Option<PreparedRay> {
+fn prepared<N: Tree>(asked: &Asked<'_, N>) -> Option<PreparedRay> {
     let ray = PreparedRay::new(&asked.ray, asked.scale);
-    ray.filter(|ray| !is_far(ray, &asked.target.nodes.root()))
+    ray.filter(|ray| !is_far(ray, &asked.tree.root()))
 }
 
 /// What can be said of a leaf's triangle by rounded arithmetic; `None` if it is surely missed.
 #[inline(always)]
-fn judge(walk: &Walk<'_, Watertight>, leaf: &Entry) -> Option<Candidate> {
-    let index = leaf.link.index();
-    let sheared = walk.test.apply(&walk.target.records[index]);
+fn judge<N: Tree>(walk: &Walk<'_, N, Watertight>, leaf: &Leaf) -> Option<Candidate> {
+    let sheared = walk.test.apply(&walk.tree.record::<Watertight>(leaf.place));
     let edges = sheared.edges();
     let largest = |v: Vec4| v.abs().truncate().max_element();
     let wide = largest(sheared.x).max(largest(sheared.y));
@@ -112,7 +112,7 @@ fn judge(walk: &Walk<'_, Watertight>, leaf: &Entry) -> Option<Candidate> {
     let [low, high] = span(leaf, meeting.t, (edges, depths), certain.then_some(doubt));
     let within_limits = low > walk.ray.t_min && high < walk.ray.t_max;
     Some(Candidate {
-        leaf: index,
+        place: leaf.place,
         sure: certain && within_limits,
         low,
         high,
@@ -132,7 +132,7 @@ fn weight(x: f32) -> f32 {
 
 /// Where the exact `t` lies: within the triangle's own box, and near the rounded `t` if the triangle is surely hit.
 #[inline(always)]
-fn span(leaf: &Entry, t: f32, (edges, depths): (Vec4, Vec4), doubt: Option<f32>) -> [f32; 2] {
+fn span(leaf: &Leaf, t: f32, (edges, depths): (Vec4, Vec4), doubt: Option<f32>) -> [f32; 2] {
     let own_box = [leaf.entry, leaf.exit];
     let Some(doubt) = doubt else {
         return own_box;
@@ -151,7 +151,11 @@ fn span(leaf: &Entry, t: f32, (edges, depths): (Vec4, Vec4), doubt: Option<f32>)
 }
 
 /// The closest of the candidates, with `t` in the ray's own units.
-fn nearest(asked: &Asked<'_>, ray: &PreparedRay, found: &mut Vec<Candidate>) -> Option<Hit> {
+fn nearest<N: Tree>(
+    asked: &Asked<'_, N>,
+    ray: &PreparedRay,
+    found: &mut Vec<Candidate>,
+) -> Option<Hit> {
     let surely = found.iter().filter(|c| c.sure).map(|c| c.high);
     let bound = surely.fold(ray.t_max, f32::min);
     found.retain(|c| c.low <= bound);
@@ -162,9 +166,9 @@ fn nearest(asked: &Asked<'_>, ray: &PreparedRay, found: &mut Vec<Candidate>) -> 
             asked.settled.fetch_add(1, Relaxed);
             let crossings = found
                 .iter()
-                .filter_map(|c| Some((c.leaf, meet(asked, c.leaf)?)));
-            let (leaf, _) = first(asked, crossings)?;
-            *found.iter().find(|c| c.leaf == leaf)?
+                .filter_map(|c| Some((c.place, meet(asked, c.place)?)));
+            let (place, _) = first(asked, crossings)?;
+            *found.iter().find(|c| c.place == place)?
         }
     };
     let Meeting { t, u, v } = chosen.meeting;
@@ -172,47 +176,47 @@ fn nearest(asked: &Asked<'_>, ray: &PreparedRay, found: &mut Vec<Candidate>) -> 
         t: ray.unscaled(t),
         u,
         v,
-        triangle: asked.target.nodes.triangles[chosen.leaf],
+        triangle: asked.tree.triangle(chosen.place)?,
     })
 }
 
 /// The closest of all triangles, by exact arithmetic alone, for rays from very far away.
 #[cold]
-fn nearest_of_all(asked: &Asked<'_>) -> Option<Hit> {
-    let crossings = all_leaves(asked).filter_map(|leaf| Some((leaf, meet(asked, leaf)?)));
-    let (leaf, crossing) = first(asked, crossings)?;
+fn nearest_of_all<N: Tree>(asked: &Asked<'_, N>) -> Option<Hit> {
+    let crossings = all_places(asked).filter_map(|place| Some((place, meet(asked, place)?)));
+    let (place, crossing) = first(asked, crossings)?;
     Some(Hit {
         t: crossing.t(),
         u: 0.0,
         v: 0.0,
-        triangle: asked.target.nodes.triangles[leaf],
+        triangle: asked.tree.triangle(place)?,
     })
 }
 
-/// Every leaf, if the ray can hit anything.
-fn all_leaves(asked: &Asked<'_>) -> std::ops::Range<usize> {
+/// Every place, if the ray can hit anything.
+fn all_places<N: Tree>(asked: &Asked<'_, N>) -> std::ops::Range<usize> {
     if !asked.ray.is_valid() {
         return 0..0;
     }
     asked.settled.fetch_add(1, Relaxed);
-    0..asked.target.records.len()
+    0..asked.tree.places()
 }
 
 /// Least exact `t`, then least index.
-fn first(
-    asked: &Asked<'_>,
+fn first<N: Tree>(
+    asked: &Asked<'_, N>,
     crossings: impl Iterator<Item = (usize, Crossing)>,
 ) -> Option<(usize, Crossing)> {
-    let triangle = |leaf: usize| asked.target.nodes.triangles[leaf];
+    let triangle = |place: usize| asked.tree.triangle(place);
     crossings.reduce(|a, b| {
         let order = a.1.order(&b.1).then(triangle(a.0).cmp(&triangle(b.0)));
         if order.is_gt() { b } else { a }
     })
 }
 
-/// The exact crossing with a leaf's triangle.
-fn meet(asked: &Asked<'_>, leaf: usize) -> Option<Crossing> {
-    let corners = asked.geometry.corners(asked.target.nodes.triangles[leaf]);
+/// The exact crossing with the triangle in a place.
+fn meet<N: Tree>(asked: &Asked<'_, N>, place: usize) -> Option<Crossing> {
+    let corners = asked.geometry.corners(asked.tree.triangle(place)?);
     if !is_active(&corners) || is_degenerate(&corners) {
         return None;
     }

@@ -29,6 +29,7 @@ mod search;
 mod shadow;
 #[cfg(test)]
 mod shadow_tests;
+mod simd;
 mod slab;
 mod snapshots;
 mod submission;
@@ -43,6 +44,7 @@ mod triangle_test;
 mod watertight;
 #[cfg(test)]
 mod watertight_tests;
+mod wide;
 mod woop;
 
 use backend::{
@@ -54,6 +56,7 @@ use geom::{Aabb, Animation, Point, Pose};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use recording::Recording;
 use scene::Scene;
+use simd::Level;
 use snapshots::Snapshots;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -67,6 +70,8 @@ const NAME: &str = "cpu";
 pub struct CpuBackend {
     device: Device,
     pool: ThreadPool,
+    /// The instructions that layout `fast` is traced with.
+    level: Level,
     scene: Option<Scene>,
     generation: Option<Generation>,
     recording: Recording,
@@ -109,6 +114,7 @@ impl CpuBackend {
         Ok(Self {
             device,
             pool,
+            level: Level::best(),
             scene: None,
             generation: None,
             recording: Recording::default(),
@@ -180,7 +186,8 @@ impl Backend for CpuBackend {
         self.submissions.clear();
         self.next = Submission::default();
         self.snapshots = Snapshots::default();
-        self.scene = Some(self.pool.install(|| Scene::new(animation, method))?);
+        let level = self.level;
+        self.scene = Some(self.pool.install(|| Scene::new(animation, method, level))?);
         Ok(())
     }
 

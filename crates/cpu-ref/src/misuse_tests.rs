@@ -2,20 +2,11 @@
 
 use crate::CpuBackend;
 use crate::testing::{moving, senseless_tree, soup, still, trace, tree_at, tree_over};
-use backend::{Backend, BackendError, Generation, Intersector, Layout, Method, Rays, Seek, Ticket};
+use backend::{Backend, BackendError, Generation, Intersector, Rays, Seek, Ticket};
 use geom::{Aabb, Ray};
-use std::sync::Arc;
 
 #[test]
 fn what_cannot_be_done_is_refused() {
-    let animation = moving();
-    let mut backend = CpuBackend::new(Some(1)).unwrap();
-    let method = Method {
-        layout: Layout::Fast,
-        ..Method::default()
-    };
-    let refused = backend.load(Arc::clone(&animation), method);
-    assert!(matches!(refused, Err(BackendError::Unsupported { .. })));
     assert!(CpuBackend::new(Some(0)).is_err());
 }
 

@@ -1,8 +1,9 @@
 //! What never moves is passed over, and nobody can tell.
 
 use crate::CpuBackend;
-use crate::testing::{ready, rng, tree_at};
-use backend::{Backend, Intersector, Ticket};
+use crate::simd::Level;
+use crate::testing::{Kind, ready, rng, tree_at};
+use backend::{Backend, Intersector, Layout, Ticket};
 use geom::{Aabb, Animation, Point};
 use proptest::prelude::RngExt;
 use std::sync::Arc;
@@ -28,6 +29,11 @@ fn scene(moving: usize, all: usize) -> Arc<Animation> {
     Arc::new(Animation::new(keys, triangles.collect()).unwrap())
 }
 
+/// Only the binary tree knows what moves.
+fn method() -> (Intersector, Kind) {
+    (Intersector::Watertight, (Layout::Bvh2, Level::best()))
+}
+
 fn seen(backend: &mut CpuBackend, animation: &Animation, time: f64) -> (Vec<Aabb>, f64) {
     backend.interpolate(animation.pose(time)).unwrap();
     backend.preprocess().unwrap();
@@ -44,7 +50,7 @@ fn many_tasks_over_lists_do_what_one_over_everything_does() {
     let plain = tree_at(&animation, start);
     let listed = plain.clone().with_moving(animation.static_parts());
     assert!(listed.moving().is_some());
-    let open = |tree, threads| ready(&animation, Intersector::Watertight, tree, start, threads);
+    let open = |tree, threads| ready(&animation, method(), tree, start, threads);
     let (mut whole, mut one, mut many) = (open(&plain, 2), open(&listed, 1), open(&listed, 3));
     for time in [0.4, 1.0, 2.0, 0.0] {
         let (boxes, cost) = seen(&mut whole, &animation, time);
@@ -60,13 +66,7 @@ fn many_tasks_over_lists_do_what_one_over_everything_does() {
 fn a_scene_that_stands_still_has_a_cost_all_the_same() {
     let animation = scene(0, 3_000);
     let tree = tree_at(&animation, animation.pose(0.0)).with_moving(animation.static_parts());
-    let mut backend = ready(
-        &animation,
-        Intersector::Watertight,
-        &tree,
-        animation.pose(0.0),
-        2,
-    );
+    let mut backend = ready(&animation, method(), &tree, animation.pose(0.0), 2);
     let first = seen(&mut backend, &animation, 0.0);
     assert!(first.1 > 1.0 && first == seen(&mut backend, &animation, 1.5));
 }

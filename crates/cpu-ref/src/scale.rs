@@ -19,12 +19,20 @@ pub(crate) struct Scale {
 impl Scale {
     /// Already in scaled units.
     pub(crate) const ONE: Self = Self { k: 0 };
+    /// Scaled coordinates below this count as zero.
+    pub(crate) const LEAST: f32 = LEAST_COORDINATE;
 
     /// Chosen by the largest finite coordinate of all key frames.
     pub(crate) fn of(animation: &Animation) -> Self {
         Self {
             k: animation.scale_exponent(),
         }
+    }
+
+    /// What vertices are multiplied by, `2^-k`.
+    #[inline]
+    pub(crate) fn factor(self) -> f32 {
+        power(-self.k)
     }
 
     /// The exponent `k`.
@@ -35,7 +43,7 @@ impl Scale {
     /// Scene units to scaled units. What is then below `2^-64` becomes zero.
     #[inline]
     pub(crate) fn apply(self, p: Point) -> Point {
-        p.map(|x| without(LEAST_COORDINATE, x * power(-self.k)))
+        p.map(|x| without(LEAST_COORDINATE, x * self.factor()))
     }
 
     /// Scaled units to scene units.

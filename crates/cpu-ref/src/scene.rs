@@ -7,13 +7,15 @@ use crate::moving::MovingNodes;
 use crate::nodes::Nodes;
 use crate::preprocess::{Geometry, Unhittable, preprocess, preprocess_moving};
 use crate::refit::{refit, refit_moving};
+use crate::reserve;
 use crate::scale::Scale;
+use crate::simd::Level;
 use crate::trace::Tracer;
 use crate::traverse::Target;
 use crate::triangle_test::{Record, TriangleTest};
 use crate::watertight::Watertight;
+use crate::wide::{Wide, WideTracer};
 use crate::woop::Woop;
-use crate::{NAME, reserve};
 use backend::{BackendError, Intersector, Layout, Method, Rays, Result, check_tree};
 use bvh_build::MAX_DEPTH;
 use bvh_layout::Topology;
@@ -41,6 +43,8 @@ pub(crate) struct Scene {
     still_areas: Option<f64>,
     nodes: Nodes,
     records: Vec<Record>,
+    /// In the place of nodes and records if the layout is `fast`.
+    wide: Option<Wide>,
     sums: Vec<f64>,
     /// As of the last preprocess, triangles without a leaf included.
     pub(crate) unhittable: Unhittable,
@@ -61,17 +65,29 @@ macro_rules! with_test {
     };
 }
 
+/// Calls a method of the tracer that the layout and the intersector ask for.
+macro_rules! with_tracer {
+    ($scene:expr, $rays:expr, $method:ident ( $($argument:expr),* )) => {{
+        let (scene, rays) = ($scene, $rays);
+        match &scene.wide {
+            Some(tree) if scene.intersector == Intersector::Watertight => {
+                WideTracer { rays, tree, geometry: scene.geometry() }.$method($($argument),*)
+            }
+            Some(tree) => {
+                with_test!(scene.intersector, Exact, scene.tracer(rays, tree), $method($($argument),*))
+            }
+            None => {
+                let tree = scene.target();
+                with_test!(scene.intersector, Exact, scene.tracer(rays, tree), $method($($argument),*))
+            }
+        }
+    }};
+}
+
 impl Scene {
     /// # Errors
-    /// The method is not supported, or memory does not suffice.
-    pub(crate) fn new(animation: Arc<Animation>, method: Method) -> Result<Self> {
-        let unsupported = |what: String| BackendError::Unsupported {
-            backend: NAME,
-            what,
-        };
-        if method.layout != Layout::Bvh2 {
-            return Err(unsupported(format!("layout '{}'", method.layout)));
-        }
+    /// Memory does not suffice.
+    pub(crate) fn new(animation: Arc<Animation>, method: Method, level: Level) -> Result<Self> {
         let mut positions = Vec::new();
         reserve(&mut positions, animation.vertex_count(), "positions")?;
         positions.resize(animation.vertex_count(), [0.0; 3]);
@@ -91,6 +107,7 @@ impl Scene {
             still_areas: None,
             nodes: Nodes::default(),
             records: Vec::new(),
+            wide: (method.layout == Layout::Fast).then(|| Wide::new(level)),
             sums: Vec::new(),
             unhittable: Unhittable::default(),
             sah_cost: None,
@@ -106,6 +123,9 @@ impl Scene {
             let (levels, limit) = (tree.level_count(), MAX_DEPTH + 1);
             let why = format!("it has {levels} levels, the limit is {limit}");
             return Err(BackendError::WrongTree(why));
+        }
+        if let Some(wide) = &mut self.wide {
+            return wide.collapse(tree, self.animation.triangles());
         }
         let leaves = tree.leaf_count();
         reserve(&mut self.nodes.pairs, leaves + 1, "nodes")?;
@@ -142,18 +162,26 @@ impl Scene {
             triangles: self.animation.triangles(),
             scale: self.scale,
         };
-        self.unhittable = match self.moving.as_ref().filter(|_| self.leaves_done) {
-            Some(moving) => {
+        let without_leaf = self.animation.triangle_count() - self.animation.live_count();
+        self.unhittable = match (&mut self.wide, &self.moving) {
+            (Some(wide), _) => {
+                let unhittable = wide.preprocess(geometry);
+                match self.intersector {
+                    Intersector::Woop | Intersector::MollerTrumbore => wide.make_records::<T>(),
+                    Intersector::Watertight | Intersector::Exact => {}
+                }
+                unhittable
+            }
+            (None, Some(moving)) if self.leaves_done => {
                 let chosen = (&moving.leaves[..], &mut self.records[..]);
                 let mut found = preprocess_moving::<T>(geometry, &mut self.nodes, chosen);
                 // A static triangle with a leaf is active.
                 found.degenerate += self.animation.static_parts().degenerate as u64;
                 found
             }
-            None => preprocess::<T>(geometry, &mut self.nodes, &mut self.records),
+            (None, _) => preprocess::<T>(geometry, &mut self.nodes, &mut self.records),
         };
         self.leaves_done = true;
-        let without_leaf = self.animation.triangle_count() - self.animation.live_count();
         self.unhittable.inactive += without_leaf as u64;
     }
 
@@ -161,37 +189,41 @@ impl Scene {
     /// the sum of all nodes' areas over the root's (MacDonald, Booth 1990); `None` if the root has no area.
     pub(crate) fn refit(&mut self) {
         let nodes = &mut self.nodes;
-        let total = match (&self.moving, self.still_areas) {
-            (Some(moving), Some(still)) => still + refit_moving(nodes, moving),
-            (Some(moving), None) => {
+        let total = match (&mut self.wide, &self.moving, self.still_areas) {
+            (Some(wide), ..) => wide.refit(&mut self.sums),
+            (None, Some(moving), Some(still)) => still + refit_moving(nodes, moving),
+            (None, Some(moving), None) => {
                 let total = refit(nodes, &mut self.sums);
                 self.still_areas = Some(total - refit_moving(nodes, moving));
                 total
             }
-            (None, _) => refit(nodes, &mut self.sums),
+            (None, None, _) => refit(nodes, &mut self.sums),
         };
-        let root = self.nodes.root().half_area();
+        let root = self.root().half_area();
         self.sah_cost = (root > 0.0).then(|| total / root);
+    }
+
+    /// The box of the whole tree, in scaled units.
+    fn root(&self) -> Aabb {
+        match &self.wide {
+            Some(wide) => wide.root,
+            None => self.nodes.root(),
+        }
     }
 
     /// See [`Tracer::closest`].
     pub(crate) fn closest(&self, rays: Rays<'_>, out: &mut [Hit]) -> u64 {
-        with_test!(self.intersector, Exact, self.tracer(rays), closest(out))
+        with_tracer!(self, rays, closest(out))
     }
 
     /// See [`Tracer::any`].
     pub(crate) fn any(&self, rays: Rays<'_>, out: &mut [u8]) -> u64 {
-        with_test!(self.intersector, Exact, self.tracer(rays), any(out))
+        with_tracer!(self, rays, any(out))
     }
 
     /// See [`Tracer::shadow`].
     pub(crate) fn shadow(&self, rays: Rays<'_>, hits: &[Hit], light: Point, out: &mut [u8]) -> u64 {
-        with_test!(
-            self.intersector,
-            Exact,
-            self.tracer(rays),
-            shadow(hits, light, out)
-        )
+        with_tracer!(self, rays, shadow(hits, light, out))
     }
 
     /// Boxes and records, to trace through.
@@ -202,16 +234,20 @@ impl Scene {
         }
     }
 
-    fn tracer<'a>(&'a self, rays: Rays<'a>) -> Tracer<'a> {
+    fn tracer<'a, N>(&'a self, rays: Rays<'a>, tree: N) -> Tracer<'a, N> {
         Tracer {
             rays,
-            target: self.target(),
-            geometry: Geometry {
-                positions: &self.positions,
-                triangles: self.animation.triangles(),
-                scale: self.scale,
-            },
+            tree,
+            geometry: self.geometry(),
             settled: &self.settled,
+        }
+    }
+
+    fn geometry(&self) -> Geometry<'_> {
+        Geometry {
+            positions: &self.positions,
+            triangles: self.animation.triangles(),
+            scale: self.scale,
         }
     }
 
@@ -226,6 +262,20 @@ impl Scene {
 
     /// Boxes in node order, in the scene's units.
     pub(crate) fn boxes(&self) -> Vec<Aabb> {
-        self.nodes.boxes().map(|b| self.scale.undo(b)).collect()
+        let undo = |b: Aabb| self.scale.undo(b);
+        match &self.wide {
+            None => self.nodes.boxes().map(undo).collect(),
+            Some(wide) => self.binary_nodes(wide).boxes().map(undo).collect(),
+        }
+    }
+
+    /// The binary tree that a wide one stands for, with the boxes that it would have.
+    fn binary_nodes(&self, wide: &Wide) -> Nodes {
+        let (mut nodes, mut records) = (Nodes::default(), Vec::new());
+        nodes.expand(&wide.binary, self.animation.triangles());
+        records.resize(wide.binary.leaf_count(), Record::default());
+        preprocess::<Watertight>(self.geometry(), &mut nodes, &mut records);
+        refit(&mut nodes, &mut Vec::new());
+        nodes
     }
 }

@@ -3,16 +3,16 @@
 use crate::preprocess::Geometry;
 use crate::ray::PreparedRay;
 use crate::scale::Scale;
-use crate::traverse::{Stack, Target, any, closest};
+use crate::traverse::{Stack, Tree, any, closest};
 use crate::triangle_test::TriangleTest;
 use geom::{Hit, Ray};
 use std::sync::atomic::AtomicU64;
 
 /// A ray and all it can meet.
 #[derive(Clone, Copy)]
-pub(crate) struct Asked<'a> {
-    /// Boxes and records.
-    pub(crate) target: Target<'a>,
+pub(crate) struct Asked<'a, N> {
+    /// Boxes and triangles.
+    pub(crate) tree: N,
     /// Where triangles are.
     pub(crate) geometry: Geometry<'a>,
     /// The ray, in units of the scene divided by `scale`.
@@ -24,26 +24,26 @@ pub(crate) struct Asked<'a> {
 }
 
 /// An intersector as the tracer sees it.
-pub(crate) trait Search {
+pub(crate) trait Search<N> {
     /// The closest hit, `t` in the ray's own units.
-    fn closest(asked: &Asked<'_>, stack: &mut Stack) -> Option<Hit>;
+    fn closest(asked: &Asked<'_, N>, stack: &mut Stack) -> Option<Hit>;
 
     /// Whether the ray hits any triangle but `skipped`.
-    fn any(asked: &Asked<'_>, skipped: Option<u32>, stack: &mut Stack) -> bool;
+    fn any(asked: &Asked<'_, N>, skipped: Option<u32>, stack: &mut Stack) -> bool;
 }
 
-impl<T: TriangleTest> Search for T {
+impl<N: Tree, T: TriangleTest> Search<N> for T {
     #[inline]
-    fn closest(asked: &Asked<'_>, stack: &mut Stack) -> Option<Hit> {
+    fn closest(asked: &Asked<'_, N>, stack: &mut Stack) -> Option<Hit> {
         let ray = PreparedRay::new(&asked.ray, asked.scale)?;
-        let hit = closest::<T>(asked.target, &ray, stack)?;
+        let hit = closest::<N, T>(asked.tree, &ray, stack)?;
         let t = ray.unscaled(hit.t);
         Some(Hit { t, ..hit })
     }
 
     #[inline]
-    fn any(asked: &Asked<'_>, skipped: Option<u32>, stack: &mut Stack) -> bool {
+    fn any(asked: &Asked<'_, N>, skipped: Option<u32>, stack: &mut Stack) -> bool {
         PreparedRay::new(&asked.ray, asked.scale)
-            .is_some_and(|ray| any::<T>(asked.target, &ray, skipped, stack))
+            .is_some_and(|ray| any::<N, T>(asked.tree, &ray, skipped, stack))
     }
 }

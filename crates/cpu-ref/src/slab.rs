@@ -12,6 +12,41 @@ const PAD: f32 = 17.0 / 16_777_216.0;
 /// Bounds `D`, so that no product below is infinite, `2^80`.
 const FARTHEST: f32 = f32::from_bits((127 + 80) << 23);
 
+/// Distances up to here leave every product of the watertight test finite, `2^60`.
+const CALM: f32 = f32::from_bits((127 + 60) << 23);
+
+/// What a ray and the root box alone decide of the box test.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reach {
+    /// `|r|` on each axis.
+    pub(crate) inverse: [f32; 3],
+    /// `q` on each axis.
+    pub(crate) pad: [f32; 3],
+    /// `D`.
+    farthest: f32,
+}
+
+impl Reach {
+    #[inline]
+    pub(crate) fn new(ray: &PreparedRay, root: &Aabb) -> Self {
+        let farthest = farthest(ray, root);
+        let direction = Vec3A::from_array(ray.direction);
+        let inverse = Vec3A::ONE / direction.abs().max(Vec3A::splat(SMALLEST));
+        let pad = inverse * (PAD * farthest);
+        Self {
+            inverse: inverse.to_array(),
+            pad: pad.to_array(),
+            farthest,
+        }
+    }
+
+    /// Whether the ray starts so near that no edge function overflows.
+    #[inline]
+    pub(crate) fn is_calm(&self) -> bool {
+        self.farthest < CALM
+    }
+}
+
 /// What the box test needs of a ray.
 ///
 /// Lanes are those of a [`Pair`]: both lower planes, both upper planes. With
@@ -58,13 +93,11 @@ impl Slab {
     #[inline]
     pub(crate) fn new(ray: &PreparedRay, root: &Aabb) -> Self {
         let halves = |x: f32| Vec4::new(x, x, -x, -x);
-        let direction = Vec3A::from_array(ray.direction);
-        let inverse = Vec3A::ONE / direction.abs().max(Vec3A::splat(SMALLEST));
-        let pad = inverse * (PAD * farthest(ray, root));
+        let reach = Reach::new(ray, root);
         Self {
             origin: ray.origin.map(Vec4::splat),
-            inverse: inverse.to_array().map(halves),
-            pad: pad.to_array().map(Vec4::splat),
+            inverse: reach.inverse.map(halves),
+            pad: reach.pad.map(Vec4::splat),
             turned: ray.direction.map(f32::is_sign_negative),
             floor: Vec4::new(ray.t_min, ray.t_min, f32::NEG_INFINITY, f32::NEG_INFINITY),
         }

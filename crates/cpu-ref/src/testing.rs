@@ -1,7 +1,8 @@
 //! Scenes, trees and rays for tests.
 
 use crate::CpuBackend;
-use backend::{Backend, Generation, Hits, Intersector, Method, Query, Rays, Seek};
+use crate::simd::Level;
+use backend::{Backend, Generation, Hits, Intersector, Layout, Method, Query, Rays, Seek};
 use bvh_build::{BinaryTree, Boxes, Builder, Cancel};
 use bvh_layout::{Converter, Topology};
 use geom::{Aabb, Animation, Point, Pose, Ray, Triangle};
@@ -58,15 +59,16 @@ pub(crate) fn senseless_tree(animation: &Animation) -> Topology {
 /// A backend that has interpolated, preprocessed and refitted.
 pub(crate) fn ready(
     animation: &Arc<Animation>,
-    intersector: Intersector,
+    (intersector, (layout, level)): (Intersector, Kind),
     tree: &Topology,
     pose: Pose,
     threads: usize,
 ) -> CpuBackend {
     let mut backend = CpuBackend::new(Some(threads)).unwrap();
+    backend.level = level;
     let method = Method {
         intersector,
-        ..Method::default()
+        layout,
     };
     backend.load(Arc::clone(animation), method).unwrap();
     backend.adopt(tree, Generation(1)).unwrap();
@@ -77,10 +79,26 @@ pub(crate) fn ready(
     backend
 }
 
+/// A layout, and the instructions that trace it.
+pub(crate) type Kind = (Layout, Level);
+
+/// Every layout, `fast` with every instruction set that this machine has.
+pub(crate) fn kinds() -> Vec<Kind> {
+    let fast = Level::all().into_iter().map(|level| (Layout::Fast, level));
+    std::iter::once((Layout::Bvh2, Level::best()))
+        .chain(fast)
+        .collect()
+}
+
 /// A backend that traces a still scene by a good tree.
 pub(crate) fn still(animation: &Arc<Animation>, intersector: Intersector) -> CpuBackend {
+    still_of(animation, (intersector, (Layout::Bvh2, Level::best())))
+}
+
+/// Likewise, of any kind.
+pub(crate) fn still_of(animation: &Arc<Animation>, method: (Intersector, Kind)) -> CpuBackend {
     let pose = animation.pose(0.0);
-    ready(animation, intersector, &tree_at(animation, pose), pose, 1)
+    ready(animation, method, &tree_at(animation, pose), pose, 1)
 }
 
 pub(crate) fn trace(backend: &mut CpuBackend, rays: Rays<'_>, seek: Seek) -> Hits {

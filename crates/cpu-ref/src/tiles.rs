@@ -9,58 +9,34 @@ const TILES: usize = 8;
 /// Entries of a list that one task handles.
 const RUN: usize = 256;
 
-/// Sets every entry of a list to `make(index)` and counts those that `counted` accepts.
-///
-/// `state` makes what one task keeps from entry to entry.
-pub(crate) fn fill_list<T: Send, S>(
+/// Hands `task` neighbouring entries of a list and the index of the first, until it saw all. Sums what it returns.
+pub(crate) fn fill_list<T: Send>(
     out: &mut [T],
-    state: impl Fn() -> S + Sync,
-    make: impl Fn(&mut S, usize) -> T + Sync,
-    counted: impl Fn(&T) -> bool + Sync,
+    task: impl Fn(usize, &mut [T]) -> u64 + Sync,
 ) -> u64 {
     let runs = out.par_chunks_mut(RUN).enumerate();
-    runs.map(|(run, out)| {
-        let mut state = state();
-        let mut count = 0;
-        for (i, entry) in out.iter_mut().enumerate() {
-            *entry = make(&mut state, run * RUN + i);
-            count += u64::from(counted(entry));
-        }
-        count
-    })
-    .sum()
+    runs.map(|(run, out)| task(run * RUN, out)).sum()
 }
 
-/// As [`fill_list`], for a picture of rows `width` entries wide, in square tiles.
-pub(crate) fn fill_picture<T: Send, S>(
+/// As [`fill_list`], for a picture of rows `width` entries wide, in neighbouring tiles.
+pub(crate) fn fill_picture<T: Send>(
     out: &mut [T],
     width: usize,
-    state: impl Fn() -> S + Sync,
-    make: impl Fn(&mut S, usize) -> T + Sync,
-    counted: impl Fn(&T) -> bool + Sync,
+    task: impl Fn(Tiles<'_, T>) -> u64 + Sync,
 ) -> u64 {
-    let fill = |tiles: Tiles<'_, T>| {
-        let mut state = state();
-        let mut count = 0;
-        tiles.for_each(|index, entry| {
-            *entry = make(&mut state, index);
-            count += u64::from(counted(entry));
-        });
-        count
-    };
     let bands = out.par_chunks_mut(TILE * width).enumerate();
     bands
         .map(|(band, out)| {
             let mut rows = out.chunks_mut(width);
             let rows = std::array::from_fn(|_| rows.next().unwrap_or_default());
             let first = band * TILE * width;
-            split(Tiles { rows, first, width }, &fill)
+            split(Tiles { rows, first, width }, &task)
         })
         .sum()
 }
 
 /// A band of rows or a part of it.
-struct Tiles<'a, T> {
+pub(crate) struct Tiles<'a, T> {
     rows: [&'a mut [T]; TILE],
     /// Index in the picture of the first entry of the first row.
     first: usize,
@@ -69,8 +45,20 @@ struct Tiles<'a, T> {
 }
 
 impl<T> Tiles<'_, T> {
-    fn columns(&self) -> usize {
+    pub(crate) fn columns(&self) -> usize {
         self.rows[0].len()
+    }
+
+    /// Rows that reach into the picture.
+    #[inline]
+    pub(crate) fn height(&self) -> usize {
+        self.rows.iter().filter(|row| !row.is_empty()).count()
+    }
+
+    /// An entry with its index.
+    #[inline]
+    pub(crate) fn entry(&mut self, x: usize, y: usize) -> (usize, &mut T) {
+        (self.first + y * self.width + x, &mut self.rows[y][x])
     }
 
     /// Cuts off the columns from `column` on.
@@ -92,7 +80,8 @@ impl<T> Tiles<'_, T> {
     }
 
     /// Visits every entry with its index, tile after tile.
-    fn for_each(mut self, mut visit: impl FnMut(usize, &mut T)) {
+    #[inline]
+    pub(crate) fn for_each(mut self, mut visit: impl FnMut(usize, &mut T)) {
         for column in (0..self.columns()).step_by(TILE) {
             for (y, row) in self.rows.iter_mut().enumerate() {
                 let tile = row.iter_mut().enumerate().skip(column).take(TILE);
@@ -123,15 +112,27 @@ mod tests {
     fn every_entry_is_made_from_its_own_index() {
         for (width, height) in [(1, 1), (7, 3), (64, 8), (65, 9), (1000, 17)] {
             let mut out = vec![usize::MAX; width * height];
-            let odd = |i: &usize| i % 2 == 1;
-            let count = fill_picture(&mut out, width, || (), |(), i| i, odd);
+            let count = fill_picture(&mut out, width, |tiles| {
+                let mut odd = 0;
+                tiles.for_each(|i, entry| {
+                    *entry = i;
+                    odd += (i % 2) as u64;
+                });
+                odd
+            });
             assert!(
                 out.iter().enumerate().all(|(i, &o)| i == o),
                 "{width}x{height}"
             );
             assert_eq!(count, (width * height / 2) as u64);
             out.fill(usize::MAX);
-            assert_eq!(fill_list(&mut out, || (), |(), i| i, odd), count);
+            let made = fill_list(&mut out, |first, out| {
+                (first..)
+                    .zip(out.iter_mut())
+                    .for_each(|(i, entry)| *entry = i);
+                (first..first + out.len()).filter(|i| i % 2 == 1).count() as u64
+            });
+            assert_eq!(made, count);
             assert!(out.iter().enumerate().all(|(i, &o)| i == o));
         }
     }

@@ -5,27 +5,27 @@ use crate::scale::Scale;
 use crate::search::{Asked, Search};
 use crate::shadow::Light;
 use crate::tiles::{fill_list, fill_picture};
-use crate::traverse::{Stack, Target};
+use crate::traverse::{Stack, Tree};
 use backend::Rays;
 use geom::{Hit, Point, Ray};
 use std::sync::atomic::AtomicU64;
 
 /// Rays, and all they can meet.
 #[derive(Clone, Copy)]
-pub(crate) struct Tracer<'a> {
+pub(crate) struct Tracer<'a, N> {
     /// The rays.
     pub(crate) rays: Rays<'a>,
     /// What they are traced through.
-    pub(crate) target: Target<'a>,
+    pub(crate) tree: N,
     /// Where triangles are.
     pub(crate) geometry: Geometry<'a>,
     /// Counts rays that exact arithmetic settled.
     pub(crate) settled: &'a AtomicU64,
 }
 
-impl Tracer<'_> {
+impl<N: Tree> Tracer<'_, N> {
     /// Closest hits, in the rays' order; returns how many rays hit.
-    pub(crate) fn closest<S: Search>(&self, out: &mut [Hit]) -> u64 {
+    pub(crate) fn closest<S: Search<N>>(&self, out: &mut [Hit]) -> u64 {
         let one = |stack: &mut Stack, index: usize| {
             let asked = self.asked(self.ray(index), self.geometry.scale);
             S::closest(&asked, stack).unwrap_or(Hit::MISS)
@@ -34,7 +34,7 @@ impl Tracer<'_> {
     }
 
     /// 1 for each ray that hits anything; returns how many do.
-    pub(crate) fn any<S: Search>(&self, out: &mut [u8]) -> u64 {
+    pub(crate) fn any<S: Search<N>>(&self, out: &mut [u8]) -> u64 {
         let one = |stack: &mut Stack, index: usize| {
             let asked = self.asked(self.ray(index), self.geometry.scale);
             u8::from(S::any(&asked, None, stack))
@@ -43,9 +43,9 @@ impl Tracer<'_> {
     }
 
     /// 1 for each of `hits` that the light does not reach; returns how many.
-    pub(crate) fn shadow<S: Search>(&self, hits: &[Hit], light: Point, out: &mut [u8]) -> u64 {
+    pub(crate) fn shadow<S: Search<N>>(&self, hits: &[Hit], light: Point, out: &mut [u8]) -> u64 {
         let scale = self.geometry.scale;
-        let light = Light::new(light, scale, &self.target.nodes.root());
+        let light = Light::new(light, scale, &self.tree.root());
         let one = |stack: &mut Stack, index: usize| {
             let hit = &hits[index];
             if !hit.is_hit() {
@@ -60,9 +60,9 @@ impl Tracer<'_> {
     }
 
     #[inline]
-    fn asked(&self, ray: Ray, scale: Scale) -> Asked<'_> {
+    fn asked(&self, ray: Ray, scale: Scale) -> Asked<'_, N> {
         Asked {
-            target: self.target,
+            tree: self.tree,
             geometry: self.geometry,
             ray,
             scale,
@@ -70,15 +70,8 @@ impl Tracer<'_> {
         }
     }
 
-    #[inline]
     fn ray(&self, index: usize) -> Ray {
-        match self.rays {
-            Rays::List(rays) => rays[index],
-            Rays::Camera(camera) => {
-                let width = camera.width as usize;
-                camera.ray((index % width) as u32, (index / width) as u32)
-            }
-        }
+        ray(self.rays, index)
     }
 
     fn fill<T: Send>(
@@ -89,9 +82,35 @@ impl Tracer<'_> {
     ) -> u64 {
         match self.rays {
             Rays::Camera(camera) if !out.is_empty() => {
-                fill_picture(out, camera.width as usize, Stack::new, one, counted)
+                fill_picture(out, camera.width as usize, |tiles| {
+                    let (mut stack, mut count) = (Stack::new(), 0);
+                    tiles.for_each(|index, entry| {
+                        *entry = one(&mut stack, index);
+                        count += u64::from(counted(entry));
+                    });
+                    count
+                })
             }
-            _ => fill_list(out, Stack::new, one, counted),
+            _ => fill_list(out, |first, out| {
+                let (mut stack, mut count) = (Stack::new(), 0);
+                for (index, entry) in (first..).zip(out) {
+                    *entry = one(&mut stack, index);
+                    count += u64::from(counted(entry));
+                }
+                count
+            }),
+        }
+    }
+}
+
+/// The ray of that index.
+#[inline]
+pub(crate) fn ray(rays: Rays<'_>, index: usize) -> Ray {
+    match rays {
+        Rays::List(rays) => rays[index],
+        Rays::Camera(camera) => {
+            let width = camera.width as usize;
+            camera.ray((index % width) as u32, (index / width) as u32)
         }
     }
 }

@@ -4,7 +4,7 @@ use crate::law::{Test, World, test_of, watertight};
 use crate::moller_trumbore::MollerTrumbore;
 use crate::preprocess::Geometry;
 use crate::scale::Scale;
-use crate::testing::{bits, closest, ready, rng, senseless_tree, soup, trace, tree_at};
+use crate::testing::{bits, closest, kinds, ready, rng, senseless_tree, soup, trace, tree_at};
 use crate::woop::Woop;
 use backend::{Intersector, Rays, Seek};
 use geom::{Animation, Hit, Point, Ray, Triangle};
@@ -166,18 +166,21 @@ fn check_against_the_law(
             .map(|(r, h)| world.blocked(r, h, light, test).into())
             .collect();
         for tree in [tree_at(animation, pose), senseless_tree(animation)] {
-            let mut backend = ready(animation, intersector, &tree, pose, 1);
-            let found = closest(&mut backend, rays);
-            prop_assert_eq!(bits(&found), bits(&expected), "{}", intersector);
-            let shadow = trace(
-                &mut backend,
-                Rays::List(rays),
-                Seek::ClosestAndShadow { light },
-            );
-            prop_assert_eq!(bits(&shadow.closest), bits(&expected), "{}", intersector);
-            prop_assert_eq!(&shadow.blocked, &shadows, "{}", intersector);
-            let any = trace(&mut backend, Rays::List(rays), Seek::Any).blocked;
-            prop_assert_eq!(&any, &blocked, "{}", intersector);
+            for kind in kinds() {
+                let method = (intersector, kind);
+                let mut backend = ready(animation, method, &tree, pose, 1);
+                let found = closest(&mut backend, rays);
+                prop_assert_eq!(bits(&found), bits(&expected), "{:?}", method);
+                let shadow = trace(
+                    &mut backend,
+                    Rays::List(rays),
+                    Seek::ClosestAndShadow { light },
+                );
+                prop_assert_eq!(bits(&shadow.closest), bits(&expected), "{:?}", method);
+                prop_assert_eq!(&shadow.blocked, &shadows, "{:?}", method);
+                let any = trace(&mut backend, Rays::List(rays), Seek::Any).blocked;
+                prop_assert_eq!(&any, &blocked, "{:?}", method);
+            }
         }
     }
     Ok(())

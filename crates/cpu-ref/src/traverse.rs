@@ -1,4 +1,4 @@
-//! One ray through the tree, nearest child first.
+//! One ray through a tree, nearest child first.
 
 use crate::exact::Candidate;
 use crate::nodes::{Link, Nodes};
@@ -7,9 +7,43 @@ use crate::scale::flushed;
 use crate::slab::Slab;
 use crate::triangle_test::{Meeting, Record, TriangleTest};
 use bvh_build::MAX_DEPTH;
-use geom::Hit;
+use geom::{Aabb, Hit};
 
-/// What rays are traced through: boxes and records of one moment.
+/// A tree with the boxes and triangles of one moment, whatever its layout.
+pub(crate) trait Tree: Copy + Sync {
+    /// The box of the whole tree, in scaled units.
+    fn root(&self) -> Aabb;
+
+    /// Places of triangles; some may be empty.
+    fn places(&self) -> usize;
+
+    /// The triangle in a place, if there is one.
+    fn triangle(&self, place: usize) -> Option<u32>;
+
+    /// What `T` keeps of the triangle in a place.
+    fn record<T: TriangleTest>(&self, place: usize) -> Record;
+
+    /// Hands `see` every leaf whose box the ray meets before the bound that `see`
+    /// returned last, at first `t_max`; where it returns none, the visit ends with `true`.
+    fn visit(
+        &self,
+        ray: &PreparedRay,
+        stack: &mut Stack,
+        see: impl FnMut(&Leaf, f32) -> Option<f32>,
+    ) -> bool;
+}
+
+/// A triangle whose own box the ray meets, and the span of the ray within it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Leaf {
+    /// Where the tree keeps the triangle.
+    pub(crate) place: usize,
+    /// The later of entry and `t_min`.
+    pub(crate) entry: f32,
+    pub(crate) exit: f32,
+}
+
+/// The binary tree.
 #[derive(Clone, Copy)]
 pub(crate) struct Target<'a> {
     /// Boxes and links.
@@ -20,17 +54,30 @@ pub(crate) struct Target<'a> {
 
 /// A node still to visit, and the span of the ray within its box.
 #[derive(Clone, Copy)]
-pub(crate) struct Entry {
-    pub(crate) link: Link,
+struct Entry {
+    link: Link,
     /// The later of entry and `t_min`.
-    pub(crate) entry: f32,
-    pub(crate) exit: f32,
+    entry: f32,
+    exit: f32,
+}
+
+impl Entry {
+    #[inline(always)]
+    fn leaf(&self) -> Leaf {
+        Leaf {
+            place: self.link.index(),
+            entry: self.entry,
+            exit: self.exit,
+        }
+    }
 }
 
 /// Nodes still to visit. Each level leaves at most one behind, so it cannot overflow.
 pub(crate) struct Stack {
     entries: [Entry; MAX_DEPTH as usize],
     len: usize,
+    /// The wide tree's own.
+    pub(crate) wide: crate::wide::Stack,
     /// What the exact test keeps of a ray.
     pub(crate) candidates: Vec<Candidate>,
 }
@@ -46,6 +93,7 @@ impl Stack {
         Self {
             entries: [unused; MAX_DEPTH as usize],
             len: 0,
+            wide: crate::wide::Stack::new(),
             candidates: Vec::new(),
         }
     }
@@ -71,44 +119,13 @@ impl Stack {
     }
 }
 
-/// One ray on its way.
-pub(crate) struct Walk<'a, T: TriangleTest> {
-    pub(crate) target: Target<'a>,
-    pub(crate) ray: &'a PreparedRay,
-    slab: Slab,
-    pub(crate) test: T::Ray,
-}
-
-impl<'a, T: TriangleTest> Walk<'a, T> {
-    #[inline(always)]
-    pub(crate) fn new(target: Target<'a>, ray: &'a PreparedRay) -> Self {
-        Self {
-            target,
-            ray,
-            slab: Slab::new(ray, &target.nodes.root()),
-            test: T::prepare(ray),
-        }
-    }
-
-    /// Where the ray meets the triangle of a leaf within its limits, `t` clamped to the leaf's box.
-    #[inline(always)]
-    fn meet_leaf(&self, leaf: &Entry) -> Option<Meeting> {
-        let mut meeting = T::meet(&self.test, &self.target.records[leaf.link.index()])?;
-        if meeting.t < leaf.entry {
-            meeting.t = leaf.entry;
-        } else if meeting.t > leaf.exit {
-            meeting.t = leaf.exit;
-        }
-        meeting.t = flushed(meeting.t);
-        (meeting.t > self.ray.t_min && meeting.t < self.ray.t_max).then_some(meeting)
-    }
-
+impl Target<'_> {
     /// Goes down from `link`, which is no leaf, by nearer children to a leaf; `None` where none is met.
     #[inline(always)]
-    fn descend(&self, mut link: Link, best: f32, stack: &mut Stack) -> Option<Entry> {
+    fn descend(&self, slab: &Slab, mut link: Link, best: f32, stack: &mut Stack) -> Option<Entry> {
         loop {
-            let pair = &self.target.nodes.pairs[link.index()];
-            let met = self.slab.meet(pair, best);
+            let pair = &self.nodes.pairs[link.index()];
+            let met = slab.meet(pair, best);
             let child = |lane: usize| Entry {
                 link: pair.links[lane],
                 entry: met.entry(lane),
@@ -134,21 +151,42 @@ impl<'a, T: TriangleTest> Walk<'a, T> {
             link = next.link;
         }
     }
+}
 
-    /// Hands `see` every leaf whose box the ray meets before the bound that `see`
-    /// returned last, at first `t_max`; where it returns none, the visit ends with `true`.
+impl Tree for Target<'_> {
+    #[inline]
+    fn root(&self) -> Aabb {
+        self.nodes.root()
+    }
+
+    fn places(&self) -> usize {
+        self.records.len()
+    }
+
     #[inline(always)]
-    pub(crate) fn visit(
+    fn triangle(&self, place: usize) -> Option<u32> {
+        Some(self.nodes.triangles[place])
+    }
+
+    #[inline(always)]
+    fn record<T: TriangleTest>(&self, place: usize) -> Record {
+        self.records[place]
+    }
+
+    #[inline(always)]
+    fn visit(
         &self,
+        ray: &PreparedRay,
         stack: &mut Stack,
-        mut see: impl FnMut(&Entry, f32) -> Option<f32>,
+        mut see: impl FnMut(&Leaf, f32) -> Option<f32>,
     ) -> bool {
-        let mut bound = self.ray.t_max;
+        let slab = Slab::new(ray, &self.root());
+        let mut bound = ray.t_max;
         stack.len = 0;
-        let mut next = self.descend(Link::ROOT, bound, stack);
+        let mut next = self.descend(&slab, Link::ROOT, bound, stack);
         loop {
-            if let Some(leaf) = next {
-                match see(&leaf, bound) {
+            if let Some(entry) = next {
+                match see(&entry.leaf(), bound) {
                     Some(tighter) => bound = tighter,
                     None => return true,
                 }
@@ -159,28 +197,56 @@ impl<'a, T: TriangleTest> Walk<'a, T> {
             next = if entry.link.is_leaf() {
                 Some(entry)
             } else {
-                self.descend(entry.link, bound, stack)
+                self.descend(&slab, entry.link, bound, stack)
             };
         }
     }
 }
 
+/// One ray on its way.
+pub(crate) struct Walk<'a, N, T: TriangleTest> {
+    pub(crate) tree: N,
+    pub(crate) ray: &'a PreparedRay,
+    pub(crate) test: T::Ray,
+}
+
+impl<'a, N: Tree, T: TriangleTest> Walk<'a, N, T> {
+    #[inline(always)]
+    pub(crate) fn new(tree: N, ray: &'a PreparedRay) -> Self {
+        let test = T::prepare(ray);
+        Self { tree, ray, test }
+    }
+
+    /// Where the ray meets the triangle of a leaf within its limits, `t` clamped to the leaf's box.
+    #[inline(always)]
+    fn meet_leaf(&self, leaf: &Leaf) -> Option<Meeting> {
+        let mut meeting = T::meet(&self.test, &self.tree.record::<T>(leaf.place))?;
+        if meeting.t < leaf.entry {
+            meeting.t = leaf.entry;
+        } else if meeting.t > leaf.exit {
+            meeting.t = leaf.exit;
+        }
+        meeting.t = flushed(meeting.t);
+        (meeting.t > self.ray.t_min && meeting.t < self.ray.t_max).then_some(meeting)
+    }
+}
+
 /// The closest hit, its `t` in scaled units.
-pub(crate) fn closest<T: TriangleTest>(
-    target: Target<'_>,
+pub(crate) fn closest<N: Tree, T: TriangleTest>(
+    tree: N,
     ray: &PreparedRay,
     stack: &mut Stack,
 ) -> Option<Hit> {
-    let walk = Walk::<T>::new(target, ray);
+    let walk = Walk::<N, T>::new(tree, ray);
     let mut best = Hit {
         t: ray.t_max,
         ..Hit::MISS
     };
-    walk.visit(stack, |leaf, _| {
+    tree.visit(ray, stack, |leaf, _| {
         if let Some(Meeting { t, u, v }) = walk.meet_leaf(leaf)
             && t <= best.t
         {
-            let triangle = target.nodes.triangles[leaf.link.index()];
+            let triangle = tree.triangle(leaf.place).unwrap_or(best.triangle);
             let hit = Hit { t, u, v, triangle };
             if hit.is_before(&best) {
                 best = hit;
@@ -192,16 +258,16 @@ pub(crate) fn closest<T: TriangleTest>(
 }
 
 /// Whether the ray hits any triangle but `skipped`.
-pub(crate) fn any<T: TriangleTest>(
-    target: Target<'_>,
+pub(crate) fn any<N: Tree, T: TriangleTest>(
+    tree: N,
     ray: &PreparedRay,
     skipped: Option<u32>,
     stack: &mut Stack,
 ) -> bool {
-    let walk = Walk::<T>::new(target, ray);
-    walk.visit(stack, |leaf, bound| {
+    let walk = Walk::<N, T>::new(tree, ray);
+    tree.visit(ray, stack, |leaf, bound| {
         let hit = walk.meet_leaf(leaf).is_some()
-            && Some(target.nodes.triangles[leaf.link.index()]) != skipped;
+            && (skipped.is_none() || tree.triangle(leaf.place) != skipped);
         (!hit).then_some(bound)
     })
 }

@@ -35,21 +35,11 @@ impl TriangleTest for Watertight {
 
     #[inline]
     fn prepare(ray: &PreparedRay) -> Shear {
-        let d = ray.direction;
-        let [x, y, z] = d.map(f32::abs);
-        let kz = if x >= y && x >= z {
-            0
-        } else if y >= z {
-            1
-        } else {
-            2
-        };
-        let axes = [(kz + 1) % 3, (kz + 2) % 3, kz];
-        let [dx, dy, dz] = axes.map(|k| d[k]);
+        let (axes, shear) = Shear::factors(ray);
         Shear {
             axes,
             origin: axes.map(|k| Vec4::splat(ray.origin[k])),
-            shear: [dx / dz, dy / dz, 1.0 / dz].map(Vec4::splat),
+            shear: shear.map(Vec4::splat),
         }
     }
 
@@ -79,6 +69,23 @@ pub(crate) struct Sheared {
 }
 
 impl Shear {
+    /// Axes in the order `kx, ky, kz`, and `Sx`, `Sy`, `Sz`.
+    #[inline]
+    pub(crate) fn factors(ray: &PreparedRay) -> ([usize; 3], [f32; 3]) {
+        let d = ray.direction;
+        let [x, y, z] = d.map(f32::abs);
+        let kz = if x >= y && x >= z {
+            0
+        } else if y >= z {
+            1
+        } else {
+            2
+        };
+        let axes = [(kz + 1) % 3, (kz + 2) % 3, kz];
+        let [dx, dy, dz] = axes.map(|k| d[k]);
+        (axes, [dx / dz, dy / dz, 1.0 / dz])
+    }
+
     #[inline(always)]
     pub(crate) fn apply(&self, record: &Record) -> Sheared {
         let [kx, ky, kz] = self.axes;
@@ -127,7 +134,7 @@ pub(crate) fn solve(edges: Vec4, depths: Vec4) -> Meeting {
 /// Whether all three edge functions have one sign, where rounding left that open for some.
 #[cold]
 #[inline(never)]
-fn has_equal_signs(edges: Vec4, x: Vec4, y: Vec4) -> bool {
+pub(crate) fn has_equal_signs(edges: Vec4, x: Vec4, y: Vec4) -> bool {
     let sign = |e: f32, p: usize, q: usize| {
         let rounded = order(&e, &0.0);
         if rounded == 0 {

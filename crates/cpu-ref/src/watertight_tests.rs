@@ -56,10 +56,10 @@ fn leaks_and_double_hits(offset: f32) -> (usize, usize) {
     for i in 0..RAYS {
         let ray = aimed(&animation, centre, i, &mut rng);
         let ray = PreparedRay::new(&ray, Scale::ONE).unwrap();
-        match closest::<Watertight>(target, &ray, &mut stack) {
+        match closest::<_, Watertight>(target, &ray, &mut stack) {
             None => leaks += 1,
             Some(hit) => {
-                let twice = any::<Watertight>(target, &ray, Some(hit.triangle), &mut stack);
+                let twice = any::<_, Watertight>(target, &ray, Some(hit.triangle), &mut stack);
                 doubles += usize::from(twice);
             }
         }

@@ -1,0 +1,132 @@
+//! A few numbers at once: one interface, and the widths that this machine has.
+//!
+//! Code written against [`Isa`] is compiled once for each instruction set; [`Level::run`]
+//! enters the one that the machine was found to have. Every operation is a single IEEE one,
+//! lane by lane, so all sets give the same bits. Whatever runs inside must be
+//! `#[inline(always)]`, or else it is compiled without the instructions.
+
+mod plain;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+use plain::Plain;
+
+/// A vector of single-precision numbers.
+///
+/// Where a number is not one, `min` and `max` return their second operand.
+pub(crate) trait Lanes: Copy {
+    /// The same numbers in memory.
+    type Array: Copy + AsRef<[f32]> + AsMut<[f32]>;
+    /// One truth value a lane.
+    type Mask: Copy;
+
+    fn splat(x: f32) -> Self;
+    fn load(from: &Self::Array) -> Self;
+    fn store(self) -> Self::Array;
+    fn add(self, other: Self) -> Self;
+    fn sub(self, other: Self) -> Self;
+    fn mul(self, other: Self) -> Self;
+    fn div(self, other: Self) -> Self;
+    fn min(self, other: Self) -> Self;
+    fn max(self, other: Self) -> Self;
+    fn abs(self) -> Self;
+    fn neg(self) -> Self;
+    /// `self < other`.
+    fn less(self, other: Self) -> Self::Mask;
+    /// `self <= other`.
+    fn at_most(self, other: Self) -> Self::Mask;
+    /// `other` where `mask` is set, else `self`.
+    fn replace(self, mask: Self::Mask, other: Self) -> Self;
+    fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    fn either(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Bit `i` is lane `i`.
+    fn bits(mask: Self::Mask) -> u32;
+    /// The reverse of [`Lanes::bits`].
+    fn mask(bits: u32) -> Self::Mask;
+}
+
+/// Sixteen numbers as two halves of eight.
+pub(crate) trait Halves: Lanes<Array = [f32; 16]> {
+    /// Eight of them.
+    type Half: Lanes<Array = [f32; 8]>;
+
+    /// Both halves, exchanged if `turn`.
+    fn turned(self, turn: bool) -> Self;
+    fn low(self) -> Self::Half;
+    fn high(self) -> Self::Half;
+}
+
+/// The vectors that an instruction set is best at.
+pub(crate) trait Isa: 'static {
+    /// As many lanes as a node has children and a block triangles.
+    type Eight: Lanes<Array = [f32; 8]>;
+    /// Lower and upper planes of eight boxes.
+    type Planes: Halves<Half = Self::Eight>;
+}
+
+/// Something to be done with vectors.
+pub(crate) trait Work {
+    /// What comes of it.
+    type Out;
+
+    /// Does it. Must be `#[inline(always)]`, like all that it calls.
+    fn run<I: Isa>(self) -> Self::Out;
+}
+
+/// No instructions but those that every machine of this kind has.
+struct Portable;
+
+impl Isa for Portable {
+    type Eight = Plain<8>;
+    type Planes = Plain<16>;
+}
+
+/// An instruction set that this machine was found to have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Level(Set);
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Set {
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+impl Level {
+    /// All that this machine has, the best last.
+    pub(crate) fn all() -> Vec<Self> {
+        #[cfg_attr(
+            not(target_arch = "x86_64"),
+            expect(unused_mut, reason = "nothing to add")
+        )]
+        let mut all = vec![Self(Set::Portable)];
+        #[cfg(target_arch = "x86_64")]
+        {
+            all.extend(x86::has_avx2().then_some(Self(Set::Avx2)));
+            all.extend(x86::has_avx512().then_some(Self(Set::Avx512)));
+        }
+        all
+    }
+
+    /// The best that this machine has.
+    pub(crate) fn best() -> Self {
+        Self::all().pop().unwrap_or(Self(Set::Portable))
+    }
+
+    /// Does `work` with this set's instructions.
+    #[inline]
+    pub(crate) fn run<W: Work>(self, work: W) -> W::Out {
+        match self.0 {
+            Set::Portable => work.run::<Portable>(),
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx2 => x86::run_avx2(work),
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx512 => x86::run_avx512(work),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

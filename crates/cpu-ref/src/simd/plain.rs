@@ -1,0 +1,111 @@
+//! Lanes as a plain array, which the compiler may turn into whatever vectors there are.
+
+use super::{Halves, Lanes};
+use std::array::from_fn;
+
+/// `N` numbers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plain<const N: usize>([f32; N]);
+
+impl<const N: usize> Plain<N> {
+    #[inline(always)]
+    fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
+        Self(from_fn(|i| f(self.0[i], other.0[i])))
+    }
+}
+
+impl<const N: usize> Lanes for Plain<N> {
+    type Array = [f32; N];
+    type Mask = [bool; N];
+
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        Self([x; N])
+    }
+    #[inline(always)]
+    fn load(from: &[f32; N]) -> Self {
+        Self(*from)
+    }
+    #[inline(always)]
+    fn store(self) -> [f32; N] {
+        self.0
+    }
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.zip(other, |a, b| a + b)
+    }
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.zip(other, |a, b| a - b)
+    }
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.zip(other, |a, b| a * b)
+    }
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        self.zip(other, |a, b| a / b)
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a < b { a } else { b })
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a > b { a } else { b })
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self(self.0.map(f32::abs))
+    }
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self(self.0.map(|x| -x))
+    }
+    #[inline(always)]
+    fn less(self, other: Self) -> [bool; N] {
+        from_fn(|i| self.0[i] < other.0[i])
+    }
+    #[inline(always)]
+    fn at_most(self, other: Self) -> [bool; N] {
+        from_fn(|i| self.0[i] <= other.0[i])
+    }
+    #[inline(always)]
+    fn replace(self, mask: [bool; N], other: Self) -> Self {
+        Self(from_fn(|i| if mask[i] { other.0[i] } else { self.0[i] }))
+    }
+    #[inline(always)]
+    fn both(a: [bool; N], b: [bool; N]) -> [bool; N] {
+        from_fn(|i| a[i] & b[i])
+    }
+    #[inline(always)]
+    fn either(a: [bool; N], b: [bool; N]) -> [bool; N] {
+        from_fn(|i| a[i] | b[i])
+    }
+    #[inline(always)]
+    fn bits(mask: [bool; N]) -> u32 {
+        (0..N).fold(0, |bits, i| bits | u32::from(mask[i]) << i)
+    }
+    #[inline(always)]
+    fn mask(bits: u32) -> [bool; N] {
+        from_fn(|i| bits >> i & 1 == 1)
+    }
+}
+
+impl Halves for Plain<16> {
+    type Half = Plain<8>;
+
+    #[inline(always)]
+    fn turned(self, turn: bool) -> Self {
+        let by = if turn { 8 } else { 0 };
+        Self(from_fn(|i| self.0[i ^ by]))
+    }
+    #[inline(always)]
+    fn low(self) -> Plain<8> {
+        Plain(from_fn(|i| self.0[i]))
+    }
+    #[inline(always)]
+    fn high(self) -> Plain<8> {
+        Plain(from_fn(|i| self.0[i + 8]))
+    }
+}

@@ -1,0 +1,262 @@
+//! Lanes as AVX2 and AVX-512 registers.
+//!
+//! `Avx2` and `Avx512` are named by [`run_avx2`] and [`run_avx512`] alone, which only a
+//! [`super::Level`] found on this machine leads to: whoever holds one of their vectors may use them.
+
+#![expect(
+    unsafe_code,
+    reason = "vector instructions that the machine was found to have"
+)]
+
+use super::{Halves, Isa, Lanes, Work};
+use std::arch::is_x86_feature_detected as has;
+use std::arch::x86_64::*;
+
+/// 256-bit registers.
+pub(super) struct Avx2;
+/// 512-bit registers, and masks for the shorter ones too.
+pub(super) struct Avx512;
+
+impl Isa for Avx2 {
+    type Eight = Ymm;
+    type Planes = YmmPair;
+}
+
+impl Isa for Avx512 {
+    type Eight = MaskedYmm;
+    type Planes = Zmm;
+}
+
+pub(super) fn has_avx2() -> bool {
+    has!("avx2") && has!("bmi1") && has!("bmi2") && has!("lzcnt") && has!("popcnt")
+}
+
+pub(super) fn has_avx512() -> bool {
+    has_avx2() && has!("avx512f") && has!("avx512vl") && has!("avx512dq") && has!("avx512bw")
+}
+
+#[inline]
+pub(super) fn run_avx2<W: Work>(work: W) -> W::Out {
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    fn inside<W: Work>(work: W) -> W::Out {
+        work.run::<Avx2>()
+    }
+    // SAFETY: a `Level` for this set exists only where `has_avx2` held.
+    unsafe { inside(work) }
+}
+
+#[inline]
+pub(super) fn run_avx512<W: Work>(work: W) -> W::Out {
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,bmi1,bmi2,lzcnt,popcnt")]
+    fn inside<W: Work>(work: W) -> W::Out {
+        work.run::<Avx512>()
+    }
+    // SAFETY: a `Level` for this set exists only where `has_avx512` held.
+    unsafe { inside(work) }
+}
+
+/// One lane operation, a single instruction.
+macro_rules! operation {
+    ($( $name:ident ( $($arguments:tt)* ) -> $result:ty = $body:expr; )*) => { $(
+        #[inline(always)]
+        fn $name($($arguments)*) -> $result {
+            #[allow(unused_unsafe, reason = "some need no instruction of the set")]
+            // SAFETY: the set's vectors exist only within `run_avx2` or `run_avx512`;
+            // arrays are as long as the vectors, and unaligned access is asked for.
+            unsafe { $body }
+        }
+    )* };
+}
+
+/// A vector type: its register, its length, its masks and its instructions.
+macro_rules! vector {
+    ($(#[$doc:meta])* $name:ident = $register:ty, $count:literal, $mask:ty;
+     $load:ident $store:ident $splat:ident $add:ident $sub:ident $mul:ident $div:ident $min:ident $max:ident
+     $and:ident $xor:ident; $($rest:tt)*) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy)]
+        pub(crate) struct $name($register);
+
+        impl Lanes for $name {
+            type Array = [f32; $count];
+            type Mask = $mask;
+            operation! {
+                splat(x: f32) -> Self = Self($splat(x));
+                load(from: &[f32; $count]) -> Self = Self($load(from.as_ptr()));
+                add(self, b: Self) -> Self = Self($add(self.0, b.0));
+                sub(self, b: Self) -> Self = Self($sub(self.0, b.0));
+                mul(self, b: Self) -> Self = Self($mul(self.0, b.0));
+                div(self, b: Self) -> Self = Self($div(self.0, b.0));
+                min(self, b: Self) -> Self = Self($min(self.0, b.0));
+                max(self, b: Self) -> Self = Self($max(self.0, b.0));
+                abs(self) -> Self = Self($and(self.0, $splat(f32::from_bits(0x7fff_ffff))));
+                neg(self) -> Self = Self($xor(self.0, $splat(-0.0)));
+                store(self) -> [f32; $count] = {
+                    let mut to = [0.0; $count];
+                    $store(to.as_mut_ptr(), self.0);
+                    to
+                };
+            }
+            operation! { $($rest)* }
+        }
+    };
+}
+
+vector! {
+    /// Eight numbers; masks are vectors.
+    Ymm = __m256, 8, __m256;
+    _mm256_loadu_ps _mm256_storeu_ps _mm256_set1_ps _mm256_add_ps _mm256_sub_ps _mm256_mul_ps _mm256_div_ps
+    _mm256_min_ps _mm256_max_ps _mm256_and_ps _mm256_xor_ps;
+    less(self, b: Self) -> __m256 = _mm256_cmp_ps::<_CMP_LT_OQ>(self.0, b.0);
+    at_most(self, b: Self) -> __m256 = _mm256_cmp_ps::<_CMP_LE_OQ>(self.0, b.0);
+    replace(self, mask: __m256, b: Self) -> Self = Self(_mm256_blendv_ps(self.0, b.0, mask));
+    both(a: __m256, b: __m256) -> __m256 = _mm256_and_ps(a, b);
+    either(a: __m256, b: __m256) -> __m256 = _mm256_or_ps(a, b);
+    bits(mask: __m256) -> u32 = _mm256_movemask_ps(mask) as u32;
+    mask(bits: u32) -> __m256 = {
+        let each = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+        let set = _mm256_and_si256(_mm256_set1_epi32(bits as i32), each);
+        _mm256_castsi256_ps(_mm256_cmpeq_epi32(set, each))
+    };
+}
+
+vector! {
+    /// Eight numbers; masks are bits.
+    MaskedYmm = __m256, 8, __mmask8;
+    _mm256_loadu_ps _mm256_storeu_ps _mm256_set1_ps _mm256_add_ps _mm256_sub_ps _mm256_mul_ps _mm256_div_ps
+    _mm256_min_ps _mm256_max_ps _mm256_and_ps _mm256_xor_ps;
+    less(self, b: Self) -> __mmask8 = _mm256_cmp_ps_mask::<_CMP_LT_OQ>(self.0, b.0);
+    at_most(self, b: Self) -> __mmask8 = _mm256_cmp_ps_mask::<_CMP_LE_OQ>(self.0, b.0);
+    replace(self, mask: __mmask8, b: Self) -> Self = Self(_mm256_mask_blend_ps(mask, self.0, b.0));
+    both(a: __mmask8, b: __mmask8) -> __mmask8 = a & b;
+    either(a: __mmask8, b: __mmask8) -> __mmask8 = a | b;
+    bits(mask: __mmask8) -> u32 = u32::from(mask);
+    mask(bits: u32) -> __mmask8 = bits as u8;
+}
+
+vector! {
+    /// Sixteen numbers; masks are bits.
+    Zmm = __m512, 16, __mmask16;
+    _mm512_loadu_ps _mm512_storeu_ps _mm512_set1_ps _mm512_add_ps _mm512_sub_ps _mm512_mul_ps _mm512_div_ps
+    _mm512_min_ps _mm512_max_ps _mm512_and_ps _mm512_xor_ps;
+    less(self, b: Self) -> __mmask16 = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(self.0, b.0);
+    at_most(self, b: Self) -> __mmask16 = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(self.0, b.0);
+    replace(self, mask: __mmask16, b: Self) -> Self = Self(_mm512_mask_blend_ps(mask, self.0, b.0));
+    both(a: __mmask16, b: __mmask16) -> __mmask16 = a & b;
+    either(a: __mmask16, b: __mmask16) -> __mmask16 = a | b;
+    bits(mask: __mmask16) -> u32 = u32::from(mask);
+    mask(bits: u32) -> __mmask16 = bits as u16;
+}
+
+impl Halves for Zmm {
+    type Half = MaskedYmm;
+    operation! {
+        turned(self, turn: bool) -> Self = {
+            let half = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+            let by = _mm512_set1_epi32(if turn { 8 } else { 0 });
+            Self(_mm512_permutexvar_ps(_mm512_xor_si512(half, by), self.0))
+        };
+        low(self) -> MaskedYmm = MaskedYmm(_mm512_castps512_ps256(self.0));
+        high(self) -> MaskedYmm = MaskedYmm(_mm512_extractf32x8_ps::<1>(self.0));
+    }
+}
+
+/// Sixteen numbers in two registers.
+#[derive(Clone, Copy)]
+pub(crate) struct YmmPair(Ymm, Ymm);
+
+/// Does the same in both registers.
+macro_rules! twice {
+    ($($name:ident),*) => { $(
+        #[inline(always)]
+        fn $name(self, other: Self) -> Self {
+            Self(self.0.$name(other.0), self.1.$name(other.1))
+        }
+    )* };
+}
+
+impl Lanes for YmmPair {
+    type Array = [f32; 16];
+    type Mask = [__m256; 2];
+    twice!(add, sub, mul, div, min, max);
+
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        Self(Ymm::splat(x), Ymm::splat(x))
+    }
+    #[inline(always)]
+    fn load(from: &[f32; 16]) -> Self {
+        let [low, high] = halves(from);
+        Self(Ymm::load(low), Ymm::load(high))
+    }
+    #[inline(always)]
+    fn store(self) -> [f32; 16] {
+        let mut all = [0.0; 16];
+        all[..8].copy_from_slice(&self.0.store());
+        all[8..].copy_from_slice(&self.1.store());
+        all
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self(self.0.abs(), self.1.abs())
+    }
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self(self.0.neg(), self.1.neg())
+    }
+    #[inline(always)]
+    fn less(self, other: Self) -> [__m256; 2] {
+        [self.0.less(other.0), self.1.less(other.1)]
+    }
+    #[inline(always)]
+    fn at_most(self, other: Self) -> [__m256; 2] {
+        [self.0.at_most(other.0), self.1.at_most(other.1)]
+    }
+    #[inline(always)]
+    fn replace(self, mask: [__m256; 2], other: Self) -> Self {
+        Self(
+            self.0.replace(mask[0], other.0),
+            self.1.replace(mask[1], other.1),
+        )
+    }
+    #[inline(always)]
+    fn both(a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
+        [Ymm::both(a[0], b[0]), Ymm::both(a[1], b[1])]
+    }
+    #[inline(always)]
+    fn either(a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
+        [Ymm::either(a[0], b[0]), Ymm::either(a[1], b[1])]
+    }
+    #[inline(always)]
+    fn bits(mask: [__m256; 2]) -> u32 {
+        Ymm::bits(mask[0]) | Ymm::bits(mask[1]) << 8
+    }
+    #[inline(always)]
+    fn mask(bits: u32) -> [__m256; 2] {
+        [Ymm::mask(bits), Ymm::mask(bits >> 8)]
+    }
+}
+
+#[inline(always)]
+fn halves(all: &[f32; 16]) -> [&[f32; 8]; 2] {
+    let (parts, _) = all.as_chunks::<8>();
+    [&parts[0], &parts[1]]
+}
+
+impl Halves for YmmPair {
+    type Half = Ymm;
+
+    #[inline(always)]
+    fn turned(self, turn: bool) -> Self {
+        let mask = Ymm::mask(if turn { 255 } else { 0 });
+        Self(self.0.replace(mask, self.1), self.1.replace(mask, self.0))
+    }
+    #[inline(always)]
+    fn low(self) -> Ymm {
+        self.0
+    }
+    #[inline(always)]
+    fn high(self) -> Ymm {
+        self.1
+    }
+}

@@ -1,0 +1,20 @@
+//! The layout `fast`: nodes of eight boxes over blocks of eight triangles, tested eight at a time.
+//!
+//! The adopted binary tree is collapsed: a subtree of at most eight triangles becomes a
+//! *block*, whose triangles are tested together; above it, nodes take up to eight subtrees each
+//! (Wald, Benthin, Boulos 2008). Boxes of single triangles are not kept: whoever needs one has its
+//! corners at hand. What a hit is does not change, nor does one bit of it.
+
+mod collapse;
+mod fit;
+mod fold;
+mod leaf;
+mod search;
+mod trace;
+mod tree;
+mod visit;
+mod walk;
+
+pub(crate) use trace::WideTracer;
+pub(crate) use tree::Wide;
+pub(crate) use walk::Stack;

@@ -1,0 +1,106 @@
+//! The wide tree for tests that take one triangle at a time.
+
+use super::leaf::BlockRay;
+use super::tree::{LANES, Wide};
+use super::walk::{NodeRay, Visitor, walk};
+use crate::ray::PreparedRay;
+use crate::simd::{Isa, Lanes, Work};
+use crate::slab::Reach;
+use crate::traverse::{Leaf, Stack, Tree};
+use crate::triangle_test::{Record, TriangleTest};
+use geom::{Aabb, Hit};
+
+impl Tree for &Wide {
+    fn root(&self) -> Aabb {
+        self.root
+    }
+
+    fn places(&self) -> usize {
+        self.blocks.len() * LANES
+    }
+
+    #[inline]
+    fn triangle(&self, place: usize) -> Option<u32> {
+        let triangle = self.blocks[place / LANES].triangles[place % LANES];
+        (triangle != Hit::MISS.triangle).then_some(triangle)
+    }
+
+    #[inline]
+    fn record<T: TriangleTest>(&self, place: usize) -> Record {
+        match self.records.get(place) {
+            Some(record) => *record,
+            None => T::record(&self.blocks[place / LANES].triangle(place % LANES)),
+        }
+    }
+
+    #[inline]
+    fn visit(
+        &self,
+        ray: &PreparedRay,
+        stack: &mut Stack,
+        see: impl FnMut(&Leaf, f32) -> Option<f32>,
+    ) -> bool {
+        self.level.run(Visit {
+            tree: self,
+            ray,
+            stack,
+            see,
+        })
+    }
+}
+
+struct Visit<'a, F> {
+    tree: &'a Wide,
+    ray: &'a PreparedRay,
+    stack: &'a mut Stack,
+    see: F,
+}
+
+impl<F: FnMut(&Leaf, f32) -> Option<f32>> Work for Visit<'_, F> {
+    type Out = bool;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> bool {
+        let reach = Reach::new(self.ray, &self.tree.root);
+        let mut each = EachTriangle {
+            tree: self.tree,
+            ray: BlockRay::<I::Eight>::new(self.ray, &reach),
+            see: self.see,
+        };
+        let ray = NodeRay::new(self.ray, &reach);
+        walk::<I>(&self.tree.nodes, &ray, &mut self.stack.wide, &mut each)
+    }
+}
+
+/// Shows each triangle of a block whose own box the ray meets.
+struct EachTriangle<'a, L, F> {
+    tree: &'a Wide,
+    ray: BlockRay<L>,
+    see: F,
+}
+
+impl<L, F> Visitor for EachTriangle<'_, L, F>
+where
+    L: Lanes<Array = [f32; LANES]>,
+    F: FnMut(&Leaf, f32) -> Option<f32>,
+{
+    #[inline(always)]
+    fn block(&mut self, block: usize, mut bound: f32) -> Option<f32> {
+        let spans = self.ray.spans(&self.tree.blocks[block], bound);
+        let (entry, exit) = (spans.entry.store(), spans.exit.store());
+        let mut lanes = spans.lanes;
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize % LANES;
+            lanes &= lanes - 1;
+            let leaf = Leaf {
+                place: block * LANES + lane,
+                entry: entry[lane],
+                exit: exit[lane],
+            };
+            if leaf.entry <= bound {
+                bound = (self.see)(&leaf, bound)?;
+            }
+        }
+        Some(bound)
+    }
+}
