@@ -63,13 +63,15 @@ fn compile_variant(source: &Source, filling: &Filling) -> Result<String> {
     let spirv = harden::harden(&words)?;
     let entry = &source.stem;
     let workgroup = reflect::workgroup(&module, entry)?;
+    let shared = reflect::shared_bytes(&module);
     let bindings = reflect::bindings(&module)?;
     let slots: Vec<_> = filling.iter().map(|(s, v)| (s.name, v.name)).collect();
     let mut text = String::new();
     writeln!(
         text,
         "Kernel {{ name: {name:?}, entry: {entry:?}, slots: &{slots:?}, wgsl: {opaque:?}, \
-         spirv: &{spirv:?}, workgroup: {workgroup:?}, bindings: &[{bindings}] }},"
+         spirv: &{spirv:?}, workgroup: {workgroup:?}, \
+         shared_bytes: {shared}, bindings: &[{bindings}] }},"
     )?;
     Ok(text)
 }

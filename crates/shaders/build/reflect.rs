@@ -24,6 +24,14 @@ pub(crate) fn scene(module: &naga::Module) -> Result<u32> {
     Ok(tree.context("a tree of the driver's")?.binding)
 }
 
+/// Bytes that a workgroup shares, each variable in whole rows of 16.
+pub(crate) fn shared_bytes(module: &naga::Module) -> u32 {
+    let shared = module.global_variables.iter().map(|(_, v)| v);
+    let shared = shared.filter(|v| v.space == AddressSpace::WorkGroup);
+    let bytes = shared.map(|v| module.types[v.ty].inner.size(module.to_ctx()));
+    bytes.map(|b| b.next_multiple_of(16)).sum()
+}
+
 /// The bindings of group 0 as Rust expressions, by number; a driver's tree is left out.
 pub(crate) fn bindings(module: &naga::Module) -> Result<String> {
     let mut found = Vec::new();

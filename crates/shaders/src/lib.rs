@@ -17,6 +17,7 @@
 //! - [`supports`] and [`check_method`]: which methods the kernels know, and
 //!   [`Kernel::serves`]: which kernels a method needs. Those without slots are all methods' own;
 //!   a host makes the others when it loads a scene;
+//! - [`rebuild`]: likewise for a tree made on the device, the room that it takes, and how to read it back;
 //! - [`Counts`]: the buffer `counts`, cleared before the first stage and read back after the last;
 //! - [`Standing`]: what counts say of records and boxes, until they are made anew;
 //! - [`work::Progress`]: which stages must go over all of a tree, and which over what moves.
@@ -27,6 +28,7 @@ pub mod arithmetic;
 mod method;
 mod moving;
 mod params;
+pub mod rebuild;
 mod shape;
 mod standing;
 mod variant;
@@ -55,6 +57,8 @@ pub struct Kernel {
     pub spirv: &'static [u32],
     /// Invocations of a workgroup.
     pub workgroup: [u32; 3],
+    /// Bytes that a workgroup shares.
+    pub shared_bytes: u32,
     /// What it reads and writes, by number, all in group 0.
     pub bindings: &'static [Binding],
 }
@@ -106,6 +110,12 @@ impl Kernel {
     pub fn serves(&self, method: Method) -> bool {
         let fits = |&(slot, value): &(_, _)| variant::value(slot, method) == value;
         self.slots.iter().all(fits)
+    }
+
+    /// Whether it is of use to [`rebuild`] alone; a host makes those when it first makes a tree.
+    #[must_use]
+    pub fn makes_trees(&self) -> bool {
+        rebuild::KERNELS.contains(&self.entry)
     }
 }
 

@@ -31,6 +31,10 @@ pub struct Params {
     pub node_count: u32,
     pub zero: u32,
     pub listed: u32,
+    pub destination: u32,
+    pub shift: u32,
+    pub goal: u32,
+    pub rounds: u32,
     /// A uniform's size is a multiple of 16.
     pub unused: [u32; 3],
 }

@@ -41,6 +41,17 @@ impl Shape {
         }
     }
 
+    /// Of a tree of so many leaves that the device makes: the leaves' triangles
+    /// are the buffer `sorted`, from its start. It has no levels, as it needs no refit.
+    #[must_use]
+    pub fn made_on_device(leaves: u32) -> Self {
+        Self {
+            leaf_count: leaves,
+            node_count: (2 * leaves).saturating_sub(1),
+            ..Self::default()
+        }
+    }
+
     /// Bytes of the buffer `costs` that suffice for every tree of so many
     /// leaves: one f32 for each workgroup of each level, in whole rows of 16 bytes.
     #[must_use]

@@ -4,7 +4,8 @@ mod rays;
 mod tree;
 
 pub use rays::{cleanse, count_any, count_blocked, count_hits, count_triangles, rays};
-pub use tree::Progress;
+pub(crate) use tree::sum;
+pub use tree::{Progress, leaves};
 
 use crate::{Kernel, Params, common, kernel};
 use backend::Method;
@@ -58,7 +59,7 @@ pub enum Vertices {
 }
 
 impl Work {
-    fn linear(kernel: &'static Kernel, params: Params, count: u32) -> Self {
+    pub(crate) fn linear(kernel: &'static Kernel, params: Params, count: u32) -> Self {
         Self {
             kernel,
             params: Params { count, ..params },

@@ -26,8 +26,9 @@ fn params_lie_as_the_kernels_read_them() {
             assert_eq!(offset(stringify!($field)), offset_of!(Params, $field), "{}", stringify!($field));
         )* } }
         same!(eye width corner height across first_group down alpha light scale scale_exponent
-              count first leaf_bits_at leaf_ranks_at leaf_triangles_at node_count zero listed);
-        assert_eq!(members.len(), 19);
+              count first leaf_bits_at leaf_ranks_at leaf_triangles_at node_count zero listed
+              destination shift goal rounds);
+        assert_eq!(members.len(), 23);
         assert_eq!(*span as usize, size_of::<Params>(), "{}", kernel.name);
     }
 }

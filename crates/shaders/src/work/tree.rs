@@ -21,7 +21,6 @@ impl Progress {
     /// Positions to records and boxes of leaves, after the tree's lists of nodes if need be.
     #[must_use]
     pub fn preprocess(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, Extent) {
-        let preprocess = kernel("preprocess", method);
         let mut work = Vec::with_capacity(3);
         if !self.has_lists {
             work.push(expand(params));
@@ -35,13 +34,11 @@ impl Progress {
                     listed: 1,
                     ..params
                 };
+                let preprocess = kernel("preprocess", method);
                 let work = Work::linear(preprocess, params, moving.leaf_count);
                 (work, Extent::Moving)
             }
-            None => {
-                let work = Work::linear(preprocess, params, tree.leaf_count);
-                (work, Extent::Whole)
-            }
+            None => (leaves(method, params, tree), Extent::Whole),
         };
         work.push(leaves);
         (work, extent)
@@ -66,6 +63,12 @@ impl Progress {
     pub fn refitted(&mut self) {
         self.has_boxes = true;
     }
+}
+
+/// Positions to records and boxes of all leaves.
+#[must_use]
+pub fn leaves(method: Method, params: Params, tree: &Shape) -> Work {
+    Work::linear(kernel("preprocess", method), params, tree.leaf_count)
 }
 
 /// A tree just adopted to its lists of nodes.
@@ -150,7 +153,7 @@ fn groups_of(levels: &[Work]) -> u32 {
 const MOVING_AREAS: usize = offset_of!(crate::Counts, moving_areas);
 
 /// Adds up the sums of so many workgroups, into a member of [`crate::Counts`].
-fn sum(params: Params, groups: u32, member: usize) -> Work {
+pub(crate) fn sum(params: Params, groups: u32, member: usize) -> Work {
     let params = Params {
         count: groups,
         first: (member / size_of::<u32>()) as u32,

@@ -29,6 +29,14 @@ struct Params {
     zero: u32,
     // 1 if the elements of this dispatch are named by a list that begins at word `first`.
     listed: u32,
+    // Where the elements of this dispatch go.
+    destination: u32,
+    // Bits of a key below its digit; clusters by which tiles begin early.
+    shift: u32,
+    // Clusters that a tile leaves.
+    goal: u32,
+    // Rounds that seek nearest neighbours.
+    rounds: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

@@ -1,0 +1,167 @@
+//! A tree made on the device from the positions at hand.
+//!
+//! Three steps, each a list of dispatches of which no number depends on what the device finds:
+//!
+//! 1. [`sort`]: the live triangles along a space-filling curve (Lauterbach,
+//!    Garland, Sengupta, Luebke, Manocha: *Fast BVH Construction on GPUs*, 2009),
+//!    by a stable radix sort of 8 bits a pass;
+//! 2. [`crate::work::leaves`], with leaves in that order: the buffer `sorted`
+//!    in place of `topology`, the numbers from 0 on in place of `leaf_nodes`, and
+//!    `clusters` in place of `nodes`;
+//! 3. [`cluster`]: neighbours merge bottom-up into `nodes`, boxes and all.
+//!
+//! What comes of it can be traced as it is: neither `expand` nor `refit` is needed.
+
+mod phases;
+mod room;
+mod walk;
+
+pub use room::Room;
+pub use walk::{BrokenTree, Found, read};
+
+use crate::Counts;
+use crate::Params;
+use crate::Shape;
+use crate::common;
+use crate::work::sum;
+use crate::work::{Groups, Work};
+use std::mem::offset_of;
+
+/// Entry points of the kernels that nothing else needs.
+pub(crate) const KERNELS: [&str; 6] = [
+    "bounds",
+    "morton",
+    "sort_count",
+    "sort_scan",
+    "sort_scatter",
+    "cluster",
+];
+/// Elements that one workgroup sorts: see scan.wgsl.
+const SORT_TILE: u32 = 2048;
+/// Values of a digit.
+const DIGITS: u32 = 256;
+/// Bits of a digit. There are four digits, so that elements end where they began.
+const DIGIT_BITS: usize = 8;
+/// Parts that the box round the scene is made of: see bounds.wgsl.
+const PARTS: u32 = 128;
+
+/// So many positions to `tree`'s triangles along a curve, in `sorted`.
+#[must_use]
+pub fn sort(params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
+    let count = tree.leaf_count;
+    if count == 0 {
+        return Vec::new();
+    }
+    let bounds = Params {
+        count: vertices as u32,
+        ..params
+    };
+    let mut work = vec![
+        dispatch("bounds", bounds, Groups::Linear(PARTS * 256)),
+        Work::linear(common("morton"), params, count),
+    ];
+    let tiles = Groups::Linear(count.div_ceil(SORT_TILE) * 256);
+    for (pass, shift) in (0..32).step_by(DIGIT_BITS).enumerate() {
+        let odd = pass as u32 % 2;
+        let params = Params {
+            count,
+            shift,
+            first: odd * count,
+            destination: (1 - odd) * count,
+            ..params
+        };
+        work.push(dispatch("sort_count", params, tiles));
+        work.push(dispatch("sort_scan", params, Groups::Linear(DIGITS * 256)));
+        work.push(dispatch("sort_scatter", params, tiles));
+    }
+    work
+}
+
+fn dispatch(entry: &str, params: Params, groups: Groups) -> Work {
+    Work {
+        kernel: common(entry),
+        params,
+        groups,
+    }
+}
+
+/// Leaves in `clusters` to `tree`'s nodes, and to its cost.
+#[must_use]
+pub fn cluster(params: Params, tree: &Shape) -> Vec<Work> {
+    if tree.leaf_count == 0 {
+        return Vec::new();
+    }
+    let mut work = Vec::new();
+    let mut first_group = 0;
+    for phase in phases::of(tree.leaf_count) {
+        let params = Params {
+            count: phase.count,
+            first: phase.first,
+            destination: phase.destination,
+            shift: phase.shift,
+            goal: phase.goal,
+            rounds: phase.rounds,
+            first_group,
+            ..params
+        };
+        let groups = Groups::Linear(phase.tiles() * 256);
+        work.push(dispatch("cluster", params, groups));
+        first_group += phase.tiles();
+    }
+    work.push(sum(params, first_group, offset_of!(Counts, areas)));
+    work
+}
+
+/// Takes back what a refit before, in the same submission, said of areas that move.
+#[must_use]
+pub fn forget_refit(params: Params) -> Work {
+    sum(params, 0, offset_of!(Counts, moving_areas))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sorted_elements_end_where_they_began() {
+        let work = sort(Params::default(), 30, &Shape::made_on_device(10));
+        let passes: Vec<_> = work
+            .iter()
+            .filter(|w| w.kernel.name == "sort_scatter")
+            .map(|w| (w.params.first, w.params.destination, w.params.shift))
+            .collect();
+        let expected = [(0, 10, 0), (10, 0, 8), (0, 10, 16), (10, 0, 24)];
+        assert_eq!(passes, expected);
+    }
+
+    #[test]
+    fn no_triangles_are_no_work() {
+        let none = Shape::made_on_device(0);
+        assert!(sort(Params::default(), 3, &none).is_empty());
+        assert!(cluster(Params::default(), &none).is_empty());
+    }
+
+    #[test]
+    fn costs_have_a_slot_for_each_tile() {
+        for leaves in [1, 2, 511, 513, 100_000, 1 << 24] {
+            let work = cluster(Params::default(), &Shape::made_on_device(leaves));
+            let last = work.last().map_or(0, |w| w.params.count);
+            assert!(u64::from(last) * 4 <= Shape::cost_bytes(u64::from(leaves)));
+        }
+    }
+
+    #[test]
+    fn the_hosts_numbers_are_the_kernels() {
+        let has = |kernel: &str, text: &str| {
+            let found = common(kernel).wgsl.contains(text);
+            assert!(found, "{kernel} lacks {text}");
+        };
+        has("cluster", &format!("const TILE: u32 = {}u;", phases::TILE));
+        for kernel in ["sort_count", "sort_scan", "sort_scatter"] {
+            has(kernel, &format!("const TILE: u32 = {SORT_TILE}u;"));
+        }
+        for kernel in KERNELS {
+            assert_eq!(common(kernel).workgroup, [256, 1, 1], "{kernel}");
+        }
+    }
+}
