@@ -47,6 +47,8 @@ pub struct StageTimes {
     pub interpolate_ms: Option<f64>,
     /// Positions to records and boxes of leaves.
     pub preprocess_ms: Option<f64>,
+    /// Positions to a tree made on the device, but for records and boxes of leaves.
+    pub rebuild_ms: Option<f64>,
     /// Boxes of leaves to boxes of inner nodes.
     pub refit_ms: Option<f64>,
     /// Primary or given rays.

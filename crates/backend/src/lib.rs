@@ -30,6 +30,13 @@
 //! the old. Generations strictly rise. The tree must hold exactly the
 //! animation's live triangles ([`geom::Animation::is_live`]).
 //!
+//! **Trees made on the device.** Where [`Backend::check_rebuild`] allows it,
+//! [`Backend::rebuild`] stands for `adopt`: it makes a tree of the positions at
+//! hand, is recorded like a stage, and its generation rises like that of an adopted
+//! tree. `preprocess` and `refit` may follow, and find nothing left to do. Once
+//! positions are others, the tree is made anew or another adopted; to preprocess it
+//! panics, but for those that make their trees themselves.
+//!
 //! **Own trees.** Where [`Backend::makes_own_trees`] says so, nobody hands in
 //! trees: a frame is `interpolate`, `rebuild` (in the first frame, and in each
 //! that is to have a new tree), `preprocess`, `refit`, `trace`. `refit` brings
@@ -97,16 +104,26 @@ pub trait Backend: Send {
     /// See [`BackendError`]; likewise for the other stages.
     fn interpolate(&mut self, pose: Pose) -> Result<()>;
 
-    /// Records: positions to a tree made on the device, current from then on.
-    /// `preprocess` and `refit` follow as after [`Backend::adopt`].
+    /// Whether the backend makes trees on its device for the method loaded.
     ///
     /// # Errors
-    /// [`BackendError::Unsupported`] where trees are made by the host alone.
+    /// [`BackendError::Unsupported`] where trees are made by the host alone, or
+    /// [`BackendError::Limit`] with what the device lacks.
+    fn check_rebuild(&self) -> Result<()> {
+        match self.makes_own_trees() {
+            true => Ok(()),
+            false => Err(no_trees(self.device().backend)),
+        }
+    }
+
+    /// Records: positions to a tree made on the device, current from then on.
+    /// `preprocess` and `refit` may follow as after [`Backend::adopt`]. The first
+    /// tree takes room on the device, which is kept until another scene is loaded.
+    ///
+    /// # Errors
+    /// Those of [`Backend::check_rebuild`]; else see [`BackendError`].
     fn rebuild(&mut self, _generation: Generation) -> Result<()> {
-        Err(BackendError::Unsupported {
-            backend: self.device().backend,
-            what: "trees made on the device".to_owned(),
-        })
+        Err(no_trees(self.device().backend))
     }
 
     /// Records: positions to triangle records and boxes of leaves.
@@ -185,4 +202,21 @@ pub trait Inspect {
     /// # Errors
     /// See [`BackendError`].
     fn boxes(&mut self) -> Result<Vec<Aabb>>;
+
+    /// The tree that the last [`Backend::rebuild`] made, read back as a record
+    /// and checked like any other. [`Inspect::boxes`] follows its node order.
+    ///
+    /// # Errors
+    /// [`BackendError::WrongTree`] if what the device made is no tree over the
+    /// live triangles; [`BackendError::Unsupported`] where it makes none.
+    fn rebuilt(&mut self) -> Result<Topology> {
+        Err(no_trees("the backend"))
+    }
+}
+
+fn no_trees(backend: &'static str) -> BackendError {
+    BackendError::Unsupported {
+        backend,
+        what: "trees made on the device".into(),
+    }
 }

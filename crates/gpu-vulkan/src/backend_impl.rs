@@ -13,6 +13,7 @@ use backend::{
 };
 use bvh_layout::Topology;
 use geom::{Animation, Pose};
+use shaders::Kernel;
 use shaders::work::{self, Progress};
 use std::sync::Arc;
 
@@ -65,6 +66,9 @@ impl Backend for VulkanBackend {
     fn preprocess(&mut self) -> Result<()> {
         assert!(self.stale >= Stale::Records, "positions come first");
         assert!(self.tree().generation > Generation(0), "a tree comes first");
+        if self.is_made_whole() {
+            return Ok(());
+        }
         let (work, extent) =
             self.progress
                 .preprocess(self.method, self.params(), &self.tree().shape);
@@ -77,10 +81,27 @@ impl Backend for VulkanBackend {
 
     fn refit(&mut self) -> Result<()> {
         assert!(self.stale >= Stale::Boxes, "boxes of leaves come first");
+        if self.is_made_whole() {
+            return Ok(());
+        }
         let (work, extent) = self.progress.refit(self.params(), &self.tree().shape);
         self.run(Stage::Refit, &work, Also::default())?;
         self.frames.record()?.extents.refitted(extent);
         self.progress.refitted();
+        self.stale = Stale::Fresh;
+        Ok(())
+    }
+
+    fn check_rebuild(&self) -> Result<()> {
+        self.gpu.limits.admit_kernels(Kernel::makes_trees)
+    }
+
+    fn rebuild(&mut self, generation: Generation) -> Result<()> {
+        assert!(self.stale >= Stale::Records, "positions come first");
+        assert!(generation > self.tree().generation, "generations rise");
+        self.check_rebuild()?;
+        self.stale = self.stale.min(Stale::Records);
+        self.make_tree(generation)?;
         self.stale = Stale::Fresh;
         Ok(())
     }

@@ -14,6 +14,7 @@ const MARKS: usize = 16;
 pub(crate) enum Stage {
     Interpolate,
     Preprocess,
+    Rebuild,
     Refit,
     TracePrimary,
     TraceShadow,
@@ -130,6 +131,7 @@ impl Clock {
             let total = match stage {
                 Stage::Interpolate => &mut times.interpolate_ms,
                 Stage::Preprocess => &mut times.preprocess_ms,
+                Stage::Rebuild => &mut times.rebuild_ms,
                 Stage::Refit => &mut times.refit_ms,
                 Stage::TracePrimary => &mut times.trace_primary_ms,
                 Stage::TraceShadow => &mut times.trace_shadow_ms,

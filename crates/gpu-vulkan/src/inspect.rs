@@ -2,6 +2,7 @@
 
 use crate::VulkanBackend;
 use backend::{Inspect, Result};
+use bvh_layout::Topology;
 use geom::{Aabb, Point};
 
 impl Inspect for VulkanBackend {
@@ -21,6 +22,7 @@ impl Inspect for VulkanBackend {
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let tree = self.tree.as_ref().expect("a scene was loaded");
         let count = tree.shape.node_count as usize;
+        let made_here = tree.made_here;
         let (gpu, road) = (&self.gpu, &mut self.readback);
         let nodes: &[[f32; 8]] = self.window.look(gpu, road, &tree.nodes, count)?;
         let unscale = f64::from(scene.scale_exponent).exp2() as f32;
@@ -29,6 +31,15 @@ impl Inspect for VulkanBackend {
             min: point(&n[..3]),
             max: point(&n[4..7]),
         };
-        Ok(nodes.iter().map(unpacked).collect())
+        let boxes: Vec<_> = nodes.iter().map(unpacked).collect();
+        match made_here {
+            true => Ok(self.read_tree()?.in_order(&boxes)),
+            false => Ok(boxes),
+        }
+    }
+
+    fn rebuilt(&mut self) -> Result<Topology> {
+        self.gpu.wait_idle()?;
+        Ok(self.read_tree()?.topology)
     }
 }

@@ -23,6 +23,7 @@ mod memory;
 mod pages;
 mod pipelines;
 mod queues;
+mod rebuild;
 mod rt;
 mod scene;
 mod selftest;

@@ -69,9 +69,9 @@ impl Limits {
         )
     }
 
-    /// Refuses a device that some kernel does not fit.
-    pub(crate) fn admit_kernels(&self) -> Result<()> {
-        for kernel in KERNELS {
+    /// Refuses a device that one of the kernels asked for does not fit.
+    pub(crate) fn admit_kernels(&self, asked: impl Fn(&Kernel) -> bool) -> Result<()> {
+        for kernel in KERNELS.iter().filter(|k| asked(k)) {
             let about = |limit: &str| format!("kernel {} ({limit})", kernel.name);
             refuse_above(
                 about("maxPerStageDescriptorStorageBuffers"),
@@ -177,13 +177,17 @@ pub(crate) mod tests {
     }
 
     pub(crate) fn a_device_with_too_few_buffers_is_refused_by_the_kernels_name() {
-        assert_eq!(LIMITS.admit_kernels(), Ok(()));
+        let always = |k: &Kernel| !k.makes_trees();
+        assert_eq!(LIMITS.admit_kernels(always), Ok(()));
         let poor = Limits {
             storage_buffers: 3,
             ..LIMITS
         };
-        let refused = poor.admit_kernels().unwrap_err().to_string();
+        let refused = poor.admit_kernels(always).unwrap_err().to_string();
         assert!(refused.starts_with("kernel "), "{refused}");
         assert!(refused.ends_with("the limit is 3"), "{refused}");
+        let trees = LIMITS.admit_kernels(Kernel::makes_trees).unwrap_err();
+        let expected = "maxComputeWorkGroupInvocations) needs 256, the limit is 128";
+        assert!(trees.to_string().ends_with(expected), "{trees}");
     }
 }

@@ -1,4 +1,4 @@
-//! One pipeline a kernel, its layout read from the kernel's own bindings; made when a method first needs it.
+//! One pipeline a kernel, its layout read from the kernel's own bindings; made when a method or a tree to be made first needs it.
 
 use crate::device::{Gpu, one_at_a_time};
 use crate::errors::{failed, refused};
@@ -23,7 +23,7 @@ impl Pipelines {
     /// Those that all methods share.
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
         let mut made = Self(Vec::new());
-        made.make(gpu, |k| k.slots.is_empty())?;
+        made.make(gpu, |k| k.slots.is_empty() && !k.makes_trees())?;
         Ok(made)
     }
 
@@ -39,7 +39,12 @@ impl Pipelines {
 
     /// Makes what `method` needs and is not there yet.
     pub(crate) fn prepare(&mut self, gpu: &Arc<Gpu>, method: Method) -> Result<()> {
-        self.make(gpu, |k| k.serves(method))
+        self.make(gpu, |k| k.serves(method) && !k.makes_trees())
+    }
+
+    /// Makes what makes trees, if it is not there yet.
+    pub(crate) fn prepare_trees(&mut self, gpu: &Arc<Gpu>) -> Result<()> {
+        self.make(gpu, Kernel::makes_trees)
     }
 
     fn make(&mut self, gpu: &Arc<Gpu>, wanted: impl Fn(&Kernel) -> bool) -> Result<()> {

@@ -19,7 +19,10 @@ impl VulkanBackend {
         let tree = self.tree.as_ref().expect("a scene was loaded");
         let position = self.position;
         let trace = || also.trace.expect("a trace");
+        let build = tree.build.as_ref();
+        let instead = build.filter(|_| also.clusters);
         let find = |name: &'static str| match name {
+            name if let Some(buffer) = instead.and_then(|b| b.instead_of(name)) => buffer,
             "earlier" => scene.key(also.key),
             "later" => scene.key(also.key.saturating_add(1)),
             "positions" => &scene.positions[position],
@@ -34,7 +37,9 @@ impl VulkanBackend {
             "hits" => trace().hits.as_ref().expect("room for hits"),
             "blocked" => trace().blocked.as_ref().expect("room for shadows"),
             "rays" => trace().rays.as_ref().expect("given rays"),
-            other => panic!("no buffer named {other}"),
+            other => build
+                .and_then(|b| b.find(other))
+                .unwrap_or_else(|| panic!("no buffer named {other}")),
         };
         let slot = self.frames.record()?;
         slot.record(&self.pipelines, stage, work, find)
@@ -72,17 +77,29 @@ pub(crate) struct Also<'a> {
     trace: Option<&'a Trace>,
     /// The earlier key frame.
     key: u32,
+    /// Whether leaves go to clusters of a tree to be made, not to nodes.
+    clusters: bool,
 }
 
 impl<'a> Also<'a> {
     pub(crate) fn key(key: u32) -> Self {
-        Self { trace: None, key }
+        Self {
+            key,
+            ..Self::default()
+        }
+    }
+
+    pub(crate) fn clusters() -> Self {
+        Self {
+            clusters: true,
+            ..Self::default()
+        }
     }
 
     fn trace(trace: &'a Trace) -> Self {
         Self {
             trace: Some(trace),
-            key: 0,
+            ..Self::default()
         }
     }
 }

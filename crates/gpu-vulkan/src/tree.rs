@@ -3,6 +3,7 @@
 use crate::device::Gpu;
 use crate::frames::Frames;
 use crate::memory::{Buffer, Place};
+use crate::rebuild::BuildBuffers;
 use crate::transfer::{Copy, Transfer};
 use backend::{FRAMES_IN_FLIGHT, Generation, Result, Ticket, check_tree};
 use bvh_layout::{Moving, Topology};
@@ -27,6 +28,10 @@ pub(crate) struct TreeBuffers {
     pub(crate) costs: Buffer,
     pub(crate) generation: Generation,
     pub(crate) shape: Shape,
+    /// What making trees here takes; none before the first.
+    pub(crate) build: Option<BuildBuffers>,
+    /// Whether the tree in use was made here.
+    pub(crate) made_here: bool,
     /// The upload that the next submission has to wait for.
     pub(crate) arriving: Option<u64>,
     record_bytes: u64,
@@ -67,6 +72,8 @@ impl TreeBuffers {
             costs: device("the tree's areas", Shape::cost_bytes(leaves))?,
             generation: Generation(0),
             shape: Shape::default(),
+            build: None,
+            made_here: false,
             arriving: None,
             record_bytes: words * 4,
             animation: Arc::clone(animation),
@@ -118,7 +125,13 @@ impl TreeBuffers {
         self.current = free;
         self.generation = generation;
         self.shape = Shape::of(tree);
+        self.made_here = false;
         Ok(())
+    }
+
+    /// The tree that was recorded to be made here is the one in use.
+    pub(crate) fn made(&mut self, generation: Generation, shape: Shape) {
+        (self.generation, self.shape, self.made_here) = (generation, shape, true);
     }
 
     /// A record that nobody reads nor fills, made if there is none yet.

@@ -5,6 +5,7 @@ use crate::buffers::Window;
 use crate::device::Gpu;
 use crate::faults::layer_messages;
 use crate::frames::Frames;
+use crate::limits::check_trees;
 use crate::modules::Modules;
 use crate::pipelines::Pipelines;
 use crate::queries::Stage;
@@ -41,7 +42,7 @@ pub struct WgpuBackend {
     pub(crate) method: Method,
     /// Which of the two position buffers is current.
     pub(crate) position: usize,
-    stale: Stale,
+    pub(crate) stale: Stale,
     /// Which parts of the tree in use stand.
     progress: Progress,
     pub(crate) pipelines: Pipelines,
@@ -51,7 +52,7 @@ pub struct WgpuBackend {
 
 /// What must run before a trace.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Stale {
+pub(crate) enum Stale {
     Positions,
     Records,
     Boxes,
@@ -213,6 +214,9 @@ impl Backend for WgpuBackend {
     fn preprocess(&mut self) -> Result<()> {
         assert!(self.stale >= Stale::Records, "positions come first");
         assert!(self.tree().generation > Generation(0), "a tree comes first");
+        if self.is_made_whole() {
+            return Ok(());
+        }
         let (work, extent) =
             self.progress
                 .preprocess(self.method, self.params(), &self.tree().shape);
@@ -225,10 +229,27 @@ impl Backend for WgpuBackend {
 
     fn refit(&mut self) -> Result<()> {
         assert!(self.stale >= Stale::Boxes, "boxes of leaves come first");
+        if self.is_made_whole() {
+            return Ok(());
+        }
         let (work, extent) = self.progress.refit(self.params(), &self.tree().shape);
         self.run(Stage::Refit, &work, Also::default())?;
         self.frames.record(&self.gpu)?.extents.refitted(extent);
         self.progress.refitted();
+        self.stale = Stale::Fresh;
+        Ok(())
+    }
+
+    fn check_rebuild(&self) -> Result<()> {
+        check_trees(&self.gpu.limits)
+    }
+
+    fn rebuild(&mut self, generation: Generation) -> Result<()> {
+        assert!(self.stale >= Stale::Records, "positions come first");
+        assert!(generation > self.tree().generation, "generations rise");
+        self.check_rebuild()?;
+        self.stale = self.stale.min(Stale::Records);
+        self.make_tree(generation)?;
         self.stale = Stale::Fresh;
         Ok(())
     }

@@ -2,6 +2,7 @@
 
 use crate::WgpuBackend;
 use backend::{Inspect, Result};
+use bvh_layout::Topology;
 use geom::{Aabb, Point};
 
 impl Inspect for WgpuBackend {
@@ -24,6 +25,14 @@ impl Inspect for WgpuBackend {
             min: point(&n[..3]),
             max: point(&n[4..7]),
         };
-        Ok(nodes.iter().map(unpacked).collect())
+        let boxes: Vec<_> = nodes.iter().map(unpacked).collect();
+        match tree.made_here {
+            true => Ok(self.read_tree()?.in_order(&boxes)),
+            false => Ok(boxes),
+        }
+    }
+
+    fn rebuilt(&mut self) -> Result<Topology> {
+        Ok(self.read_tree()?.topology)
     }
 }

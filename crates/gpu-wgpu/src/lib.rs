@@ -25,6 +25,7 @@ mod limits;
 mod modules;
 mod pipelines;
 mod queries;
+mod rebuild;
 mod scene;
 mod selftest;
 mod slot;

@@ -3,7 +3,7 @@
 use backend::{BackendError, Result};
 use geom::Animation;
 use shaders::work::Work;
-use shaders::{KERNELS, Kind, Params};
+use shaders::{KERNELS, Kernel, Kind, Params};
 use wgpu::{Features, Limits};
 
 /// Features without which [`crate::WgpuBackend::from_device`] refuses a device: none.
@@ -69,9 +69,20 @@ pub(crate) fn generous(adapter: &Limits) -> Limits {
 
 /// Refuses a device that no scene fits.
 pub(crate) fn check(limits: &Limits) -> Result<()> {
+    check_for(limits, |k| !k.makes_trees())
+}
+
+/// Refuses a device on which no tree can be made.
+pub(crate) fn check_trees(limits: &Limits) -> Result<()> {
+    check_for(limits, Kernel::makes_trees)
+}
+
+fn check_for(limits: &Limits, asked: fn(&Kernel) -> bool) -> Result<()> {
+    let kernels = || KERNELS.iter().filter(|k| asked(k));
     let need = least();
-    let group = KERNELS.iter().map(|k| k.workgroup[0]).max().unwrap_or(1);
-    let bindings = KERNELS.iter().map(|k| k.bindings.len()).max();
+    let group = kernels().map(|k| k.workgroup[0]).max().unwrap_or(1);
+    let bindings = kernels().map(|k| k.bindings.len()).max();
+    let shared = kernels().map(|k| k.shared_bytes);
     let all = [
         (
             "max_bindings_per_bind_group",
@@ -79,9 +90,8 @@ pub(crate) fn check(limits: &Limits) -> Result<()> {
             limits.max_bindings_per_bind_group,
         ),
         (
-            // Sums over a workgroup: one f32 an invocation.
             "max_compute_workgroup_storage_size",
-            4 * group,
+            shared.max().unwrap_or(0),
             limits.max_compute_workgroup_storage_size,
         ),
         (
@@ -189,6 +199,13 @@ mod tests {
         let expected =
             "the device's max_compute_workgroup_storage_size needs 512, the limit is 256";
         assert_eq!(refused, expected);
+        assert_eq!(check_trees(&least()), Ok(()));
+        let cramped = Limits {
+            max_compute_workgroup_storage_size: 8192,
+            ..least()
+        };
+        assert_eq!(check(&cramped), Ok(()));
+        assert!(check_trees(&cramped).is_err());
     }
 
     #[test]

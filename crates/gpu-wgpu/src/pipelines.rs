@@ -24,13 +24,18 @@ impl Pipelines {
     pub(crate) fn new(gpu: &Gpu, modules: Modules) -> Result<Self> {
         let made = Vec::new();
         let mut pipelines = Self { made, modules };
-        pipelines.make(gpu, |k| k.slots.is_empty())?;
+        pipelines.make(gpu, |k| k.slots.is_empty() && !k.makes_trees())?;
         Ok(pipelines)
     }
 
     /// Makes what `method` needs and is not there yet.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, method: Method) -> Result<()> {
-        self.make(gpu, |k| k.serves(method))
+        self.make(gpu, |k| k.serves(method) && !k.makes_trees())
+    }
+
+    /// Makes what makes trees, if it is not there yet.
+    pub(crate) fn prepare_trees(&mut self, gpu: &Gpu) -> Result<()> {
+        self.make(gpu, Kernel::makes_trees)
     }
 
     fn make(&mut self, gpu: &Gpu, wanted: impl Fn(&Kernel) -> bool) -> Result<()> {

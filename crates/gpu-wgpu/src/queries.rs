@@ -15,6 +15,7 @@ pub(crate) const BYTES: u64 = PASSES as u64 * 16;
 pub(crate) enum Stage {
     Interpolate,
     Preprocess,
+    Rebuild,
     Refit,
     TracePrimary,
     TraceShadow,
@@ -25,6 +26,7 @@ impl Stage {
         match self {
             Self::Interpolate => "interpolate",
             Self::Preprocess => "preprocess",
+            Self::Rebuild => "rebuild",
             Self::Refit => "refit",
             Self::TracePrimary => "trace",
             Self::TraceShadow => "trace shadows",
@@ -96,6 +98,7 @@ pub(crate) fn times(stages: &[Stage], ticks: &[u64], tick_ns: f64) -> StageTimes
         let total = match stage {
             Stage::Interpolate => &mut times.interpolate_ms,
             Stage::Preprocess => &mut times.preprocess_ms,
+            Stage::Rebuild => &mut times.rebuild_ms,
             Stage::Refit => &mut times.refit_ms,
             Stage::TracePrimary => &mut times.trace_primary_ms,
             Stage::TraceShadow => &mut times.trace_shadow_ms,

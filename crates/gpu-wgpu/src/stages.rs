@@ -18,7 +18,10 @@ impl WgpuBackend {
         let tree = self.tree.as_ref().expect("a scene was loaded");
         let position = self.position;
         let trace = || also.trace.expect("a trace");
+        let build = tree.build.as_ref();
+        let instead = build.filter(|_| also.clusters);
         let find = |name: &'static str| match name {
+            name if let Some(buffer) = instead.and_then(|b| b.instead_of(name)) => buffer,
             "earlier" => scene.key(also.key),
             "later" => scene.key(also.key.saturating_add(1)),
             "positions" => &scene.positions[position],
@@ -33,7 +36,9 @@ impl WgpuBackend {
             "hits" => &trace().hits,
             "blocked" => &trace().blocked,
             "rays" => trace().rays.as_ref().expect("given rays"),
-            other => panic!("no buffer named {other}"),
+            other => build
+                .and_then(|b| b.find(other))
+                .unwrap_or_else(|| panic!("no buffer named {other}")),
         };
         let slot = self.frames.record(&self.gpu)?;
         slot.record(&self.gpu, &self.pipelines, stage, work, find)
@@ -79,18 +84,30 @@ pub(crate) struct Also<'a> {
     trace: Option<&'a Trace>,
     /// The earlier key frame.
     key: u32,
+    /// Whether leaves go to clusters of a tree to be made, not to nodes.
+    clusters: bool,
 }
 
 impl<'a> Also<'a> {
     pub(crate) fn key(key: u32) -> Self {
-        Self { trace: None, key }
+        Self {
+            key,
+            ..Self::default()
+        }
+    }
+
+    pub(crate) fn clusters() -> Self {
+        Self {
+            clusters: true,
+            ..Self::default()
+        }
     }
 
     /// The output of a trace.
     fn trace(trace: &'a Trace) -> Self {
         Self {
             trace: Some(trace),
-            key: 0,
+            ..Self::default()
         }
     }
 }

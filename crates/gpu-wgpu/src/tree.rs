@@ -2,6 +2,7 @@
 
 use crate::buffers::{storage, write};
 use crate::device::Gpu;
+use crate::rebuild::BuildBuffers;
 use backend::{Generation, Result, check_tree};
 use bvh_layout::Topology;
 use geom::Animation;
@@ -21,6 +22,10 @@ pub(crate) struct TreeBuffers {
     pub(crate) costs: Buffer,
     pub(crate) generation: Generation,
     pub(crate) shape: Shape,
+    /// What making trees here takes; none before the first.
+    pub(crate) build: Option<BuildBuffers>,
+    /// Whether the tree in use was made here.
+    pub(crate) made_here: bool,
     animation: Arc<Animation>,
 }
 
@@ -41,6 +46,8 @@ impl TreeBuffers {
             costs: storage(gpu, "the tree's areas", Shape::cost_bytes(leaves))?,
             generation: Generation(0),
             shape: Shape::default(),
+            build: None,
+            made_here: false,
             animation: Arc::clone(animation),
         })
     }
@@ -77,15 +84,21 @@ impl TreeBuffers {
         self.current = spare;
         self.generation = generation;
         self.shape = Shape::of(tree);
+        self.made_here = false;
         Ok(())
+    }
+
+    /// The tree that was recorded to be made here is the one in use.
+    pub(crate) fn made(&mut self, generation: Generation, shape: Shape) {
+        (self.generation, self.shape, self.made_here) = (generation, shape, true);
     }
 
     /// Bytes of device memory.
     pub(crate) fn bytes(&self) -> u64 {
         let lists = [&self.leaf_nodes, &self.inner_nodes, &self.triangles];
         let all = lists.into_iter().chain([&self.nodes, &self.costs]);
-        all.chain(self.records_of.iter().flatten())
-            .map(Buffer::size)
-            .sum()
+        let all = all.chain(self.records_of.iter().flatten());
+        let build = self.build.as_ref().map_or(0, BuildBuffers::bytes);
+        all.map(Buffer::size).sum::<u64>() + build
     }
 }

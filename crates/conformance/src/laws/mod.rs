@@ -4,6 +4,7 @@ mod answers;
 mod closed;
 mod geometry;
 mod lifecycle;
+mod made;
 mod reports;
 mod still;
 mod trees;
@@ -43,6 +44,11 @@ pub const LAWS: &[Law] = &[
     law("tree_shape_does_not_change_hits", trees::shape),
     law("a_swap_does_not_change_hits", trees::swap),
     law("what_never_moves_may_be_passed_over", still::passed_over),
+    law("a_tree_made_on_the_device_is_whole", made::whole),
+    law(
+        "a_tree_made_on_the_device_does_not_change_hits",
+        made::same_hits,
+    ),
     law("a_wrong_tree_is_refused", trees::wrong),
     law("a_damaged_tree_is_refused", trees::damaged),
     law(

@@ -4,7 +4,8 @@ use backend::{
     Backend, Device, FrameReport, Generation, Hits, Inspect, Method, Query, Rays, Result, Seek,
     Snapshot, Ticket,
 };
-use bvh_layout::Topology;
+use bvh_build::{BinaryTree, Builder, Cancel};
+use bvh_layout::{Converter, Topology};
 use cpu_ref::CpuBackend;
 use geom::{Aabb, Animation, Hit, Point, Pose, Ray};
 use std::sync::Arc;
@@ -40,6 +41,8 @@ pub(crate) enum Fault {
     EveryThirdSceneIsEmpty,
     WhatMovesIsPassedOver,
     PositionsOutliveTheirScene,
+    MadeTreeIsNotTheOneInUse,
+    MadeTreeMissesSometimes,
     Panics,
 }
 
@@ -57,6 +60,9 @@ pub(crate) struct Faulty {
     loads: u32,
     taken: Option<Vec<Point>>,
     old_copy: Option<Vec<Point>>,
+    pose: Option<Pose>,
+    /// The tree that was made last.
+    made: Option<Topology>,
 }
 
 impl Faulty {
@@ -73,6 +79,8 @@ impl Faulty {
             loads: 0,
             taken: None,
             old_copy: None,
+            pose: None,
+            made: None,
         }
     }
 
@@ -94,6 +102,9 @@ impl Faulty {
             Fault::EdgesHitTwice => {
                 let near = |h: &&mut Hit| h.u.min(h.v) == 0.0;
                 found.filter(near).for_each(|h| h.t = h.t.next_down());
+            }
+            Fault::MadeTreeMissesSometimes if self.made.is_some() => {
+                found.skip(1).for_each(miss);
             }
             Fault::FirstLeafIsNeverHit | Fault::NewTreeAnswersForOldFrames => {
                 let first = self.first_leaf;
@@ -152,11 +163,12 @@ impl Backend for Faulty {
         if !self.is(Fault::PositionsOutliveTheirScene) {
             self.old_copy = None;
         }
-        self.animation = Some(Arc::clone(&animation));
+        (self.animation, self.made) = (Some(Arc::clone(&animation)), None);
         self.inner.load(animation, method)
     }
 
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
+        self.made = None;
         let adopted = match &self.animation {
             Some(animation) if self.is(Fault::WhatMovesIsPassedOver) => {
                 self.inner.adopt(&mislisted(tree, animation), generation)
@@ -173,6 +185,7 @@ impl Backend for Faulty {
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         assert!(!self.is(Fault::Panics), "this backend panics");
+        self.pose = Some(pose);
         self.inner.interpolate(pose)
     }
 
@@ -183,6 +196,22 @@ impl Backend for Faulty {
     fn refit(&mut self) -> Result<()> {
         self.traces_since_refit = 0;
         self.inner.refit()
+    }
+
+    /// Made on the host, between submissions.
+    fn rebuild(&mut self, generation: Generation) -> Result<()> {
+        self.inner.submit()?;
+        let animation = self.animation.clone().expect("a scene");
+        let pose = self.pose.expect("positions");
+        let all = 0..animation.vertex_count() as u32;
+        let mut positions: Vec<_> = all.map(|v| animation.vertex(pose, v)).collect();
+        self.adopt(&tree_over(&animation, &positions), generation)?;
+        if self.is(Fault::MadeTreeIsNotTheOneInUse) {
+            positions.reverse();
+        }
+        self.made = Some(tree_over(&animation, &positions));
+        self.inner.preprocess()?;
+        self.refit()
     }
 
     fn trace(&mut self, query: Query<'_>) -> Result<()> {
@@ -286,7 +315,19 @@ impl Backend for Faulty {
     }
 }
 
+fn tree_over(animation: &Animation, positions: &[Point]) -> Topology {
+    let mut tree = BinaryTree::default();
+    let boxes = (animation, positions);
+    let built = Builder::new().build(&boxes, &Cancel::new(), &mut tree);
+    built.expect("nobody cancels");
+    Converter::new().convert(&tree, animation.triangle_count(), Vec::new())
+}
+
 impl Inspect for Faulty {
+    fn rebuilt(&mut self) -> Result<Topology> {
+        Ok(self.made.clone().expect("a tree was made"))
+    }
+
     fn positions(&mut self) -> Result<Vec<Point>> {
         let mut all = self.inner.inspect().positions()?;
         if self.is(Fault::PositionsOneUlpOff)

@@ -82,6 +82,14 @@ const NOTICED: &[(Fault, &[&str])] = &[
         Fault::NewTreeAnswersForOldFrames,
         &["a_swap_does_not_change_hits"],
     ),
+    (
+        Fault::MadeTreeIsNotTheOneInUse,
+        &["a_tree_made_on_the_device_is_whole"],
+    ),
+    (
+        Fault::MadeTreeMissesSometimes,
+        &["a_tree_made_on_the_device_does_not_change_hits"],
+    ),
     (Fault::AnyTreeIsTaken, &["a_wrong_tree_is_refused"]),
     (
         Fault::AnswersOfTheNewestFrame,

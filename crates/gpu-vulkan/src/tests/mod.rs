@@ -6,6 +6,7 @@
 mod frames;
 mod geometry;
 mod limits;
+mod rebuild;
 mod roads;
 mod rt;
 mod scenes;
@@ -51,6 +52,12 @@ const ON_DEVICE: &[(&str, Test)] = named![
     geometry::the_cost_of_a_tree_is_the_references,
     geometry::a_cameras_rays_meet_anything_as_the_list_of_them_does,
     limits::a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once,
+    rebuild::trees_of_any_size_are_whole,
+    rebuild::boxes_are_those_that_a_refit_of_the_same_tree_finds,
+    rebuild::no_tree_is_too_deep_for_the_traversal,
+    rebuild::equal_triangles_make_a_tree_without_long_paths,
+    rebuild::triangles_lie_along_the_curve_whatever_order_they_came_in,
+    rebuild::a_tree_made_here_costs_hardly_more_than_the_hosts,
     roads::requests_of_several_submissions_are_answered_in_their_order,
     roads::a_snapshot_outlives_the_backend,
 ];

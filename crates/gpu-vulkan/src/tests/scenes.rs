@@ -49,7 +49,7 @@ pub(super) fn device() -> Watched {
 }
 
 /// Numbers in -1..1 that are the same everywhere (SplitMix64).
-fn numbers(seed: u64) -> impl FnMut() -> f32 {
+pub(super) fn numbers(seed: u64) -> impl FnMut() -> f32 {
     let mut state = seed;
     move || {
         state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);

@@ -25,7 +25,7 @@ impl Room {
     pub fn of(leaves: u32) -> Self {
         let count = u64::from(leaves);
         let tiles = count.div_ceil(u64::from(SORT_TILE));
-        let survivors = phases::of(leaves)[0].left();
+        let survivors = phases::of(leaves.max(1))[0].left();
         Self {
             live: count * 4,
             keys: count * 8,

@@ -13,6 +13,14 @@ pub struct Found {
     pub places: Vec<u32>,
 }
 
+impl Found {
+    /// What the device's nodes have, in the record's node order.
+    #[must_use]
+    pub fn in_order<T: Copy>(&self, of_nodes: &[T]) -> Vec<T> {
+        self.places.iter().map(|&i| of_nodes[i as usize]).collect()
+    }
+}
+
 /// What is wrong with a device's tree.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BrokenTree {

@@ -1,0 +1,123 @@
+//! Trees made on the device: whole, not deep, and good.
+
+use super::scenes::{device, numbers, positions, stand, swarm, tree_at};
+use crate::VulkanBackend;
+use backend::{Backend, Generation, Method, check_tree};
+use bvh_layout::Topology;
+use cpu_ref::CpuBackend;
+use geom::{Animation, Point};
+use std::sync::Arc;
+
+/// Small triangles at these points.
+fn at_points(points: impl Iterator<Item = Point>, size: f32) -> Arc<Animation> {
+    let corners = |p: Point| [p, [p[0] + size, p[1], p[2]], [p[0], p[1] + size, p[2]]];
+    let key: Vec<Point> = points.flat_map(corners).collect();
+    let triangles = (0..key.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
+    let triangles = triangles.collect();
+    Arc::new(Animation::new(vec![key], triangles).unwrap())
+}
+
+/// Makes a tree of the scene as it stands at `time`; it must have every property of a record.
+fn made(backend: &mut VulkanBackend, animation: &Arc<Animation>, time: f64) -> (Topology, f64) {
+    let scene = Arc::clone(animation);
+    backend.load(scene, Method::default()).unwrap();
+    backend.interpolate(animation.pose(time)).unwrap();
+    backend.rebuild(Generation(1)).unwrap();
+    let ticket = backend.submit().unwrap();
+    let cost = backend.wait(ticket).unwrap().sah_cost;
+    let tree = backend.inspect().rebuilt().unwrap();
+    check_tree(&tree, animation).unwrap();
+    (tree, cost.unwrap_or(0.0))
+}
+
+pub(super) fn trees_of_any_size_are_whole() {
+    let mut backend = device();
+    for triangles in [0, 1, 2, 3, 128, 129, 511, 512, 513, 769, 2048, 2049, 9000] {
+        let animation = swarm(triangles);
+        for time in [0.0, 1.3] {
+            made(&mut backend, &animation, time);
+        }
+    }
+}
+
+pub(super) fn boxes_are_those_that_a_refit_of_the_same_tree_finds() {
+    let (mut backend, mut reference) = (device(), CpuBackend::new(Some(2)).unwrap());
+    for triangles in [1, 700, 9000] {
+        let animation = swarm(triangles);
+        let (tree, cost) = made(&mut backend, &animation, 0.6);
+        reference
+            .load(Arc::clone(&animation), Method::default())
+            .unwrap();
+        reference.adopt(&tree, Generation(1)).unwrap();
+        stand(&mut reference, &animation, 0.6);
+        let ticket = reference.submit().unwrap();
+        let expected = reference.wait(ticket).unwrap().sah_cost.unwrap();
+        assert!(
+            (cost - expected).abs() < 1e-4 * expected,
+            "{cost} {expected}"
+        );
+        let expected = reference.inspect().boxes().unwrap();
+        assert_eq!(backend.inspect().boxes().unwrap(), expected);
+    }
+}
+
+/// Scenes that make merging as slow as it gets: each neighbour farther than the one before.
+pub(super) fn no_tree_is_too_deep_for_the_traversal() {
+    let mut backend = device();
+    let growing = |i: u32| {
+        let x = (1.0 + 1e-3 * f64::from(i)).powi(i as i32 / 8) as f32;
+        [x, 0.5 * x, 0.0]
+    };
+    let equal = |_: u32| [0.25; 3];
+    let far = |i: u32| [i as f32 * 1e34, -1e38, 1e37];
+    let scenes: [(&dyn Fn(u32) -> Point, f32); 4] = [
+        (&growing, 1e-6),
+        (&equal, 1.0),
+        (&far, 1e30),
+        (&|i| [0.0, 0.0, i as f32], 0.5),
+    ];
+    for (point, size) in scenes {
+        for count in [600, 3000] {
+            let animation = at_points((0..count).map(point), size);
+            let (tree, _) = made(&mut backend, &animation, 0.0);
+            assert!(tree.level_count() <= 65);
+        }
+    }
+}
+
+pub(super) fn equal_triangles_make_a_tree_without_long_paths() {
+    let mut backend = device();
+    let animation = at_points((0..4096).map(|_| [1.0, 2.0, 3.0]), 1.0);
+    let (tree, _) = made(&mut backend, &animation, 0.0);
+    // The lowest there could be has 13 levels; tiles that begin early cost one.
+    assert!(tree.level_count() <= 14, "{}", tree.level_count());
+}
+
+pub(super) fn triangles_lie_along_the_curve_whatever_order_they_came_in() {
+    let mut backend = device();
+    let mut number = numbers(3);
+    let points: Vec<Point> = (0..5000).map(|_| [number(), number(), 0.0]).collect();
+    let mut turned = points.clone();
+    turned.reverse();
+    let costs = [points, turned].map(|points| {
+        let animation = at_points(points.into_iter(), 1e-3);
+        made(&mut backend, &animation, 0.0).1
+    });
+    let [a, b] = costs;
+    assert!((a - b).abs() < 0.01 * a, "{costs:?}");
+}
+
+/// The yardstick is the host's tree over the same vertices.
+pub(super) fn a_tree_made_here_costs_hardly_more_than_the_hosts() {
+    let mut backend = device();
+    let animation = swarm(20_000);
+    let (_, cost) = made(&mut backend, &animation, 0.3);
+    let vertices = positions(&animation, 0.3);
+    assert_eq!(vertices.len(), 60_000);
+    let tree = tree_at(&animation, 0.3);
+    backend.adopt(&tree, Generation(2)).unwrap();
+    stand(&mut *backend, &animation, 0.3);
+    let ticket = backend.submit().unwrap();
+    let host = backend.wait(ticket).unwrap().sah_cost.unwrap();
+    assert!(cost < 1.15 * host, "{cost} {host}");
+}
