@@ -14,6 +14,29 @@ pub enum SceneError {
         /// The name asked for.
         name: String,
     },
+    /// What follows `@` is no place.
+    #[error("bad place {text:?} for {input}: give @x,y,z or @x,y,z*scale, with a scale above 0")]
+    BadPlace {
+        /// The input to be placed.
+        input: String,
+        /// What was given for a place.
+        text: String,
+    },
+    /// Inputs of one scene move through different numbers of key frames.
+    #[error(
+        "{first} has {expected} key frames and {other} {found}: inputs that move must have equally many; \
+         one with a single key frame is repeated"
+    )]
+    OtherKeys {
+        /// The first input that moves.
+        first: String,
+        /// Its key frames.
+        expected: usize,
+        /// The input that differs.
+        other: String,
+        /// Its key frames.
+        found: usize,
+    },
     /// The number after a demo's name is none.
     #[error(
         "bad triangle count {text:?} for demo:{demo}: give a whole number in 1..={}",

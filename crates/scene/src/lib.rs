@@ -2,13 +2,16 @@
 //!
 //! A scene is named by one word: `demo:NAME[:TRIANGLES]`, a directory or a
 //! glob of `.obj` or `.ply` files (one key frame each, in natural order), or
-//! one `.obj`, `.ply`, `.gltf` or `.glb` file. Whatever is wrong with it comes
+//! one `.obj`, `.ply`, `.gltf` or `.glb` file; or by several such words with `+`
+//! between them, each with its place after an `@` if it is to stand elsewhere
+//! (`@x,y,z` or `@x,y,z*scale`). Whatever is wrong with it comes
 //! back as one clear line; no input makes this crate panic.
 
 mod clip;
 mod colour;
 mod demo;
 mod error;
+mod join;
 mod mesh;
 mod obj;
 mod ply;
@@ -40,7 +43,7 @@ pub struct Scene {
 /// Where a scene came from and what was noticed on the way.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Facts {
-    /// `demo`, `obj`, `ply`, `gltf` or `glb`.
+    /// `demo`, `obj`, `ply`, `gltf` or `glb`; of several inputs, theirs with `+` between them.
     pub format: String,
     /// The files read as key frames, in order; buffers and materials beside them are not listed.
     pub files: Vec<PathBuf>,

@@ -1,5 +1,6 @@
 //! From the word that names a scene to the files that make it.
 
+use crate::join::{self, Input};
 use crate::sequence::Format;
 use crate::{Options, Scene, SceneError, clip, demo, sequence};
 use std::fs;
@@ -7,6 +8,27 @@ use std::path::{Path, PathBuf};
 
 /// See [`crate::open`].
 pub(crate) fn open(spec: &str, options: &Options) -> Result<Scene, SceneError> {
+    match join::inputs(spec, &exists)?.as_slice() {
+        [Input { spec, place: None }] => open_one(spec, options),
+        inputs => join::open(spec, inputs, options),
+    }
+}
+
+/// Whether `spec` names an input by itself.
+fn exists(spec: &str) -> bool {
+    let matches = || glob::glob(spec).is_ok_and(|mut all| all.next().is_some());
+    let is_pattern = spec.contains(['*', '?', '[']);
+    let is_demo = spec.starts_with("demo:") && !spec.contains(['+', '@']);
+    is_demo || Path::new(spec).exists() || is_pattern && matches()
+}
+
+/// Whether what `spec` names may have clips to choose from.
+pub(crate) fn has_clips(spec: &str) -> bool {
+    is_gltf(Path::new(spec))
+}
+
+/// Opens one input.
+pub(crate) fn open_one(spec: &str, options: &Options) -> Result<Scene, SceneError> {
     if let Some(name) = spec.strip_prefix("demo:") {
         refuse_clip(spec, options)?;
         return demo::open(name);
@@ -21,7 +43,7 @@ pub(crate) fn open(spec: &str, options: &Options) -> Result<Scene, SceneError> {
 }
 
 /// Refuses options that name a clip, for a source without clips.
-fn refuse_clip(place: &str, options: &Options) -> Result<(), SceneError> {
+pub(crate) fn refuse_clip(place: &str, options: &Options) -> Result<(), SceneError> {
     match options.clip.clone() {
         Some(asked) => Err(SceneError::NoClips {
             place: place.to_owned(),

@@ -9,6 +9,7 @@ mod collide;
 mod figure;
 mod flight;
 mod grove;
+mod hall;
 mod shapes;
 mod shatter;
 mod stage;
@@ -22,7 +23,7 @@ use std::sync::Arc;
 pub const MAX_DEMO_TRIANGLES: usize = 100_000_000;
 
 /// Names of the demos there are.
-pub const DEMOS: [&str; 4] = ["grove", "collide", "shatter", "twist"];
+pub const DEMOS: [&str; 5] = ["grove", "collide", "shatter", "twist", "hall"];
 
 type Build = fn(usize) -> Result<(Animation, Vec<Rgb>), AnimationError>;
 
@@ -37,6 +38,7 @@ pub(crate) fn open(name: &str) -> Result<Scene, SceneError> {
         "collide" => (collide::build, collide::TRIANGLES),
         "shatter" => (shatter::build, shatter::TRIANGLES),
         "twist" => (twist::build, twist::TRIANGLES),
+        "hall" => (hall::build, hall::TRIANGLES),
         _ => {
             return Err(SceneError::UnknownDemo {
                 name: name.to_owned(),
@@ -103,6 +105,7 @@ mod tests {
             0xc493_56bd_380c_c46b,
             0x1984_eaf7_8c05_dbd1,
             0xaaef_99e7_06b9_92e9,
+            0x8b4c_4df4_e037_8ea0,
         ];
         assert_eq!(found, expected, "{found:#x?}");
     }

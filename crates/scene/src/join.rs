@@ -1,0 +1,202 @@
+//! Several inputs as one scene: `hall.obj+figure.glb@2,0,-1*0.5`.
+//!
+//! Inputs stand in the order of their names, so the first one's triangles come
+//! first. Inputs that move must have equally many key frames; one with a single
+//! key frame stands still and is repeated.
+
+use crate::{Facts, Options, Scene, SceneError, source};
+use geom::{Animation, Point};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Between two inputs.
+const AND: char = '+';
+/// Between an input and where it stands.
+const AT: char = '@';
+
+/// One input and where it stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Input<'a> {
+    /// What names it alone.
+    pub(crate) spec: &'a str,
+    /// `None` if it stands as it is.
+    pub(crate) place: Option<Place>,
+}
+
+/// A point `p` comes to stand at `p * scale + at`, each operation rounded once.
+/// So a zero is a positive one, even where an input stands as it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Place {
+    at: Point,
+    scale: f32,
+}
+
+const AS_IT_IS: Place = Place {
+    at: [0.0; 3],
+    scale: 1.0,
+};
+
+/// The inputs that a scene's name is made of. A name that `exists` as it is, is one input whatever it contains.
+///
+/// # Errors
+/// [`SceneError::BadPlace`].
+pub(crate) fn inputs<'a>(
+    spec: &'a str,
+    exists: &dyn Fn(&str) -> bool,
+) -> Result<Vec<Input<'a>>, SceneError> {
+    let mut inputs = Vec::new();
+    let mut rest = spec;
+    loop {
+        let (first, after) = first_input(rest, exists);
+        inputs.push(input(first, exists)?);
+        match after {
+            Some(after) => rest = after,
+            None => return Ok(inputs),
+        }
+    }
+}
+
+/// The longest beginning that names something, up to a `+` or the end; else what is before the first `+`.
+fn first_input<'a>(spec: &'a str, exists: &dyn Fn(&str) -> bool) -> (&'a str, Option<&'a str>) {
+    let cuts = spec.rmatch_indices(AND).map(|(at, _)| at);
+    let ends = std::iter::once(spec.len()).chain(cuts);
+    let names = |end: &usize| input(&spec[..*end], exists).is_ok_and(|i| exists(i.spec));
+    let end = ends.into_iter().find(names);
+    let end = end.or_else(|| spec.find(AND)).unwrap_or(spec.len());
+    (&spec[..end], spec.get(end + 1..))
+}
+
+fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>, SceneError> {
+    let whole = Input {
+        spec: text,
+        place: None,
+    };
+    match text.rsplit_once(AT).filter(|_| !exists(text)) {
+        None => Ok(whole),
+        Some((spec, place)) => match parse(place) {
+            Some(place) => Ok(Input {
+                spec,
+                place: Some(place),
+            }),
+            None if exists(spec) => Err(SceneError::BadPlace {
+                input: spec.to_owned(),
+                text: place.to_owned(),
+            }),
+            None => Ok(whole),
+        },
+    }
+}
+
+/// `x,y,z` or `x,y,z*scale`.
+fn parse(text: &str) -> Option<Place> {
+    let number = |t: &str| t.parse::<f32>().ok().filter(|x| x.is_finite());
+    let (at, scale) = text.split_once('*').unwrap_or((text, "1"));
+    let numbers: Vec<f32> = at.split(',').map(number).collect::<Option<_>>()?;
+    Some(Place {
+        at: numbers.try_into().ok()?,
+        scale: number(scale).filter(|&s| s > 0.0)?,
+    })
+}
+
+/// Opens every input and joins them.
+///
+/// # Errors
+/// Those of each, and [`SceneError::OtherKeys`].
+pub(crate) fn open(
+    spec: &str,
+    inputs: &[Input<'_>],
+    options: &Options,
+) -> Result<Scene, SceneError> {
+    if !inputs.iter().any(|i| source::has_clips(i.spec)) {
+        source::refuse_clip(spec, options)?;
+    }
+    let still = Options {
+        clip: None,
+        ..options.clone()
+    };
+    let open = |input: &Input<'_>| -> Result<(Scene, Place), SceneError> {
+        let has_clips = source::has_clips(input.spec);
+        let scene = source::open_one(input.spec, if has_clips { options } else { &still })?;
+        Ok((scene, input.place.unwrap_or(AS_IT_IS)))
+    };
+    let opened = inputs.iter().map(open).collect::<Result<Vec<_>, _>>()?;
+    join(spec, opened)
+}
+
+fn join(spec: &str, parts: Vec<(Scene, Place)>) -> Result<Scene, SceneError> {
+    let keys = key_count(&parts)?;
+    let vertices = parts.iter().map(|(s, _)| s.animation.vertex_count()).sum();
+    crate::mesh::within(spec.as_ref(), "vertices", vertices, u32::MAX as usize)?;
+    let frame = |key: usize| {
+        let mut all = Vec::with_capacity(vertices);
+        for (scene, place) in &parts {
+            let keys = scene.animation.keys();
+            all.extend(keys[key.min(keys.len() - 1)].iter().map(|&p| place.put(p)));
+        }
+        all
+    };
+    let frames = (0..keys).into_par_iter().map(frame).collect();
+    let mut triangles = Vec::new();
+    let mut first = 0;
+    for (scene, _) in &parts {
+        let own = scene.animation.triangles().iter();
+        triangles.extend(own.map(|t| t.map(|v| v + first)));
+        first += scene.animation.vertex_count() as u32;
+    }
+    let scenes: Vec<Scene> = parts.into_iter().map(|(scene, _)| scene).collect();
+    Ok(Scene {
+        name: joined(scenes.iter().map(|s| s.name.as_str())),
+        animation: Arc::new(Animation::new(frames, triangles)?),
+        facts: facts(&scenes),
+        colours: scenes.into_iter().flat_map(|s| s.colours).collect(),
+    })
+}
+
+/// Key frames of all: those of any input that has more than one.
+fn key_count(parts: &[(Scene, Place)]) -> Result<usize, SceneError> {
+    let count = |scene: &Scene| scene.animation.keys().len();
+    let mut moving = parts.iter().map(|(s, _)| s).filter(|s| count(s) > 1);
+    let Some(first) = moving.next() else {
+        return Ok(1);
+    };
+    match moving.find(|s| count(s) != count(first)) {
+        None => Ok(count(first)),
+        Some(other) => Err(SceneError::OtherKeys {
+            first: first.name.clone(),
+            expected: count(first),
+            other: other.name.clone(),
+            found: count(other),
+        }),
+    }
+}
+
+impl Place {
+    fn put(self, p: Point) -> Point {
+        std::array::from_fn(|i| p[i] * self.scale + self.at[i])
+    }
+}
+
+fn facts(scenes: &[Scene]) -> Facts {
+    let mut formats: Vec<&str> = scenes.iter().map(|s| s.facts.format.as_str()).collect();
+    formats.dedup();
+    let facts = || scenes.iter().map(|s| &s.facts);
+    let clips: Vec<&str> = facts().filter_map(|f| f.clip.as_deref()).collect();
+    let note = |s: &Scene| {
+        let told = |n: &String| format!("{}: {n}", s.name);
+        s.facts.notes.iter().map(told).collect::<Vec<_>>()
+    };
+    Facts {
+        format: joined(formats.iter().copied()),
+        files: facts().flat_map(|f| f.files.clone()).collect(),
+        clip: (!clips.is_empty()).then(|| joined(clips.iter().copied())),
+        seconds_per_key: facts().find_map(|f| f.seconds_per_key),
+        notes: scenes.iter().flat_map(note).collect(),
+    }
+}
+
+fn joined<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    names.collect::<Vec<_>>().join("+")
+}
+
+#[cfg(test)]
+mod tests;
