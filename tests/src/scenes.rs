@@ -23,11 +23,12 @@ pub struct Source {
 }
 
 /// Every demo, small.
-pub const DEMOS: [Source; 4] = [
+pub const DEMOS: [Source; 5] = [
     demo("grove", "demo:grove:4000"),
     demo("collide", "demo:collide:4000"),
     demo("shatter", "demo:shatter:6000"),
     demo("twist", "demo:twist:4000"),
+    demo("hall", "demo:hall:4000"),
 ];
 
 /// Real scenes that move.

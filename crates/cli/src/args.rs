@@ -68,8 +68,10 @@ fn refused(e: clap::Error) -> Stop {
 /// Options of `render`.
 #[derive(Args, Debug)]
 pub(crate) struct RenderArgs {
-    /// Scene: demo:NAME or demo:NAME:TRIANGLES (grove, collide, shatter, twist), a directory or glob of .obj or
-    /// .ply key frames, or one .obj, .ply, .gltf or .glb file
+    /// Scene: demo:NAME or demo:NAME:TRIANGLES (grove, collide, shatter, twist, hall), a directory or glob of .obj or
+    /// .ply key frames, or one .obj, .ply, .gltf or .glb file. Several are joined by '+', each placed by '@x,y,z' or
+    /// '@x,y,z*scale': hall.obj+figure.glb@2,0,-1*0.5. What exists under its whole name is one input. Inputs that
+    /// move need equally many key frames; one with a single key frame stands still
     #[arg(default_value = "demo:grove")]
     pub(crate) scene: String,
     #[command(flatten)]

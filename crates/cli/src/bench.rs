@@ -43,6 +43,8 @@ struct Report {
 pub(crate) struct Row {
     scene: String,
     pub(crate) triangles: usize,
+    /// Triangles that move.
+    moving: usize,
     pub(crate) backend: &'static str,
     pub(crate) adapter: String,
     pub(crate) driver: Option<String>,
@@ -271,6 +273,7 @@ fn row(
     Row {
         scene: spec.to_owned(),
         triangles: scene.animation.triangle_count(),
+        moving: scene.animation.moving_count(),
         backend: device.backend,
         adapter: device.adapter.clone(),
         driver: (!device.driver.is_empty()).then(|| device.driver.clone()),

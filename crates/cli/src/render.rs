@@ -154,9 +154,10 @@ fn trace_all(
 fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats]) -> String {
     let [width, height] = args.size;
     let mut text = format!(
-        "{}: {} triangles, {} key frames; {} frames of {width}x{height}\n{}\n",
+        "{}: {} triangles ({} moving), {} key frames; {} frames of {width}x{height}\n{}\n",
         scene.name,
         table::grouped(scene.animation.triangle_count()),
+        table::grouped(scene.animation.moving_count()),
         scene.animation.keys().len(),
         rows.len(),
         session.caption(),
@@ -206,6 +207,7 @@ pub(crate) fn scene_facts(scene: &Scene) -> SceneFacts {
         vertices: animation.vertex_count(),
         triangles: animation.triangle_count(),
         live: animation.live_count(),
+        moving: animation.moving_count(),
         facts: serde_json::json!({
             "format": facts.format,
             "files": facts.files.iter().map(|f| f.to_string_lossy()).collect::<Vec<_>>(),

@@ -62,6 +62,8 @@ pub struct SceneFacts {
     pub triangles: usize,
     /// Triangles active in some key frame.
     pub live: usize,
+    /// Live triangles that move. Those that never do are interpolated, preprocessed and refitted once.
+    pub moving: usize,
     /// What else its source told.
     pub facts: serde_json::Value,
 }

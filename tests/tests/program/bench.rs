@@ -8,6 +8,7 @@ use serde_json::Value;
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
         trial("bench::the_file_holds_every_frame_and_the_machine", file),
+        trial("bench::what_moves_is_counted_in_every_input", moving),
         trial("bench::the_table_has_all_columns", table),
         trial("bench::an_absent_adapter_is_refused", adapter),
         trial(
@@ -19,6 +20,27 @@ pub(crate) fn trials() -> Vec<Trial> {
             compare,
         ),
     ]
+}
+
+/// A scene of two halls has twice the triangles, and twice those that move.
+fn moving(sandbox: &Sandbox) -> Result<(), Failed> {
+    let counts = |scene: &str| {
+        let words = "--backend cpu --update refit --frames 2 --size 8x8 --quiet --json m.json";
+        sandbox.run(&format!("bench {scene} {words}")).succeeds()?;
+        let json: Value = serde_json::from_slice(&sandbox.read("m.json"))?;
+        let row = &json["rows"][0];
+        let counts = [&row["moving"], &row["triangles"]].map(Value::as_u64);
+        counts
+            .map(|c| c.ok_or(Failed::from("no count")))
+            .into_iter()
+            .collect::<Result<Vec<_>, _>>()
+    };
+    let one = counts("demo:hall:2000")?;
+    let two = counts("demo:hall:2000+demo:hall:2000@0,0,9.5*0.5")?;
+    let few = one[0] > 0 && one[0] * 10 < one[1];
+    ensure(few && two == [2 * one[0], 2 * one[1]], || {
+        format!("{one:?} {two:?}")
+    })
 }
 
 const SMALL: &str = "bench demo:twist:500 --backend cpu --size 16x12 --quiet";

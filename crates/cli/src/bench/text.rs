@@ -1,11 +1,12 @@
 //! Results of a bench for people.
 
 use super::{Report, Row, auto};
-use crate::table::{ms, table};
+use crate::table::{grouped, ms, table};
 
-const HEAD: [&str; 19] = [
-    "scene", "backend", "update", "method", "interp", "preproc", "refit", "geometry", "primary",
-    "shadow", "device", "wall", "Mrays/s", "build", "ns/tri", "trees", "age", "SAH", "SAH cost",
+const HEAD: [&str; 20] = [
+    "scene", "backend", "update", "method", "moving", "interp", "preproc", "refit", "geometry",
+    "primary", "shadow", "device", "wall", "Mrays/s", "build", "ns/tri", "trees", "age", "SAH",
+    "SAH cost",
 ];
 
 /// One row a run, and which device each backend ran on.
@@ -32,6 +33,7 @@ fn cells(r: &Row) -> Vec<String> {
         r.backend.to_owned(),
         update(r),
         format!("{} {}", r.intersector, r.layout),
+        grouped(r.moving),
         time(r.interpolate_ms),
         time(r.preprocess_ms),
         time(r.refit_ms),

@@ -6,7 +6,10 @@ use tempfile::TempDir;
 
 const THERE: [&str; 6] = ["a.obj", "b.glb", "a+b.obj", "b@1,2,3", "c+", "demo:hall"];
 
-fn told(spec: &str) -> Vec<(&str, Option<([f32; 3], f32)>)> {
+/// An input, and where it stands with its scale.
+type Told<'a> = (&'a str, Option<(Point, f32)>);
+
+fn told(spec: &str) -> Vec<Told<'_>> {
     let exists = |name: &str| THERE.contains(&name);
     let inputs = inputs(spec, &exists).unwrap();
     let place = |p: Place| (p.at, p.scale);
