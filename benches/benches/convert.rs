@@ -19,7 +19,7 @@ fn main() {
         bench_flatten(&mut group, &mesh);
         group.finish();
     }
-    let header = ["mesh", "bytes a triangle", "of 64"];
+    let header = ["mesh", "bytes a triangle", "of 64", "as treelets"];
     print_table("records", &header, sizes);
     criterion.final_summary();
 }
@@ -29,6 +29,9 @@ fn bench_record(group: &mut BenchmarkGroup<'_, WallTime>, mesh: &Mesh, threads: 
     let mut ours = built(mesh, &pool);
     group.bench_function(BenchmarkId::new("convert", threads), |b| {
         pool.install(|| b.iter(|| ours.convert(mesh).bytes()));
+    });
+    group.bench_function(BenchmarkId::new("treelets", threads), |b| {
+        pool.install(|| b.iter_with_large_drop(|| ours.treelets()));
     });
     let mut lists = Lists::default();
     group.bench_function(BenchmarkId::new("lists", threads), |b| {
@@ -41,12 +44,14 @@ fn bench_record(group: &mut BenchmarkGroup<'_, WallTime>, mesh: &Mesh, threads: 
 }
 
 fn size(mesh: &Mesh) -> Vec<String> {
-    let record_bytes = built(mesh, &pool(1)).record().bytes();
-    let bytes = record_bytes as f64 / mesh.triangle_count() as f64;
+    let built = built(mesh, &pool(1));
+    let each = |bytes: usize| bytes as f64 / mesh.triangle_count() as f64;
+    let (record, treelets) = (each(built.record().bytes()), each(built.treelets().bytes()));
     vec![
         mesh.label.clone(),
-        format!("{bytes:.3}"),
-        format!("{:.1} %", bytes / 0.64),
+        format!("{record:.3}"),
+        format!("{:.1} %", record / 0.64),
+        format!("{treelets:.3}"),
     ]
 }
 

@@ -3,7 +3,7 @@
 use crate::{Mesh, Node};
 use backend::{Backend, Generation, Hits, Intersector, Method, Query, Rays, Seek};
 use bvh_build::{BinaryTree, Boxes, Builder, Cancel};
-use bvh_layout::{Converter, Lists, Topology};
+use bvh_layout::{Converter, Lists, Topology, Treelets};
 use cpu_ref::CpuBackend;
 use geom::{Aabb, Point, Ray};
 use rayon::ThreadPool;
@@ -34,6 +34,12 @@ impl Ours {
         let triangles = mesh.triangle_count();
         self.record = self.converter.convert(&self.tree, triangles, words);
         &self.record
+    }
+
+    /// The tree last built, as treelets, in the caller's pool.
+    #[must_use]
+    pub fn treelets(&self) -> Treelets {
+        Treelets::of_tree(&self.tree)
     }
 
     /// The tree last built.

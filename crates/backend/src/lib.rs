@@ -98,6 +98,13 @@ pub trait Backend: Send {
     /// not fit the device. The old tree is then still current.
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()>;
 
+    /// Whether [`Backend::adopt`] reads a tree's treelets
+    /// ([`Topology::treelets`]) by the method loaded. Whoever builds trees then
+    /// adds them in good time; a tree without them is adopted too, but slowly.
+    fn wants_treelets(&self) -> bool {
+        false
+    }
+
     /// Records: key frames to positions.
     ///
     /// # Errors

@@ -96,10 +96,7 @@ impl Converter {
         );
         pack(&self.leaf_children, bits);
         rank(bits, ranks);
-        Topology {
-            words,
-            moving: None,
-        }
+        Topology::of_words(words)
     }
 
     /// Fills the tallies.

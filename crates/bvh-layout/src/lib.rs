@@ -7,6 +7,9 @@
 //! `2k + 2`, and one bit a node (leaf or not) with a rank directory (Jacobson
 //! 1989) holds all of it: about 4.5 bytes a triangle, where nodes with boxes
 //! take 64.
+//!
+//! A record may carry the same tree as [`Treelets`] too, for devices that refit
+//! it in the memory of workgroups.
 
 mod bits;
 mod convert;
@@ -20,6 +23,7 @@ mod record;
 mod segments;
 #[cfg(test)]
 mod tests;
+mod treelets;
 mod triangles;
 mod validate;
 mod walk;
@@ -29,3 +33,4 @@ pub use error::RecordError;
 pub use lists::Lists;
 pub use moving::Moving;
 pub use record::{Level, Topology};
+pub use treelets::{Treelet, Treelets};

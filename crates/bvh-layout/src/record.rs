@@ -1,7 +1,8 @@
 //! The record that is handed over, and how to read it.
 
 use crate::header::Header;
-use crate::{Moving, RecordError};
+use crate::{Moving, RecordError, Treelets};
+use bvh_build::BinaryTree;
 use geom::StaticParts;
 use std::ops::Range;
 
@@ -36,11 +37,14 @@ use std::ops::Range;
 /// this record's is 93 %.
 ///
 /// Beside the record may stand lists of what moves, for scenes with static
-/// parts; whoever adopts the tree may use them or not. See [`Moving`].
+/// parts; whoever adopts the tree may use them or not. See [`Moving`]. So may
+/// the same tree as [`Treelets`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topology {
     pub(crate) words: Vec<u32>,
     pub(crate) moving: Option<Moving>,
+    /// The same tree once more, if somebody asked for it.
+    pub(crate) treelets: Option<Box<Treelets>>,
 }
 
 /// The nodes of one depth, as ranges into the node order and both lists.
@@ -68,8 +72,16 @@ impl Topology {
     /// See [`RecordError`]: each says what is wrong and where.
     pub fn from_words(words: Vec<u32>) -> Result<Self, RecordError> {
         crate::validate::validate(&words)?;
-        let moving = None;
-        Ok(Self { words, moving })
+        Ok(Self::of_words(words))
+    }
+
+    /// A record alone.
+    pub(crate) fn of_words(words: Vec<u32>) -> Self {
+        Self {
+            words,
+            moving: None,
+            treelets: None,
+        }
     }
 
     /// Takes a record from bytes, such as a file's.
@@ -121,11 +133,34 @@ impl Topology {
         self.words
     }
 
+    /// The same tree with treelets: `tree`, whose record this is; in parallel.
+    ///
+    /// # Panics
+    /// If they do not have as many leaves.
+    #[must_use]
+    pub fn with_treelets(self, tree: &BinaryTree) -> Self {
+        assert_eq!(tree.leaf_count(), self.leaf_count(), "another tree");
+        let treelets = Some(Box::new(Treelets::of_tree(tree)));
+        Self { treelets, ..self }
+    }
+
+    /// The same tree as treelets, if they were made; they do not travel with the words.
+    #[must_use]
+    pub fn treelets(&self) -> Option<&Treelets> {
+        self.treelets.as_deref()
+    }
+
     /// Bytes handed over: the record, and lists of what moves.
     #[must_use]
     pub fn bytes(&self) -> usize {
         let lists = self.moving.as_ref().map_or(0, |m| m.words().len());
         (self.words.len() + lists) * 4
+    }
+
+    /// Bytes that go to a device: the treelets', where there are some.
+    #[must_use]
+    pub fn upload_bytes(&self) -> usize {
+        self.treelets().map_or(self.bytes(), Treelets::bytes)
     }
 
     /// Triangles in the scene, those left out of the tree included.
@@ -235,10 +270,7 @@ impl Topology {
 /// The record of no triangle.
 impl Default for Topology {
     fn default() -> Self {
-        Self {
-            words: Header::default().words().to_vec(),
-            moving: None,
-        }
+        Self::of_words(Header::default().words().to_vec())
     }
 }
 

@@ -13,6 +13,7 @@ pub mod leaks;
 mod places;
 mod rays;
 mod regressions;
+mod relaid;
 mod scenes;
 mod shapes;
 mod stage;
@@ -24,9 +25,10 @@ pub use rays::Family;
 pub use regressions::{REGRESSIONS, Regression};
 pub use scenes::{Kind, case};
 
-use backend::Backend;
+use backend::{Backend, Layout};
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
+use relaid::{Relaid, lays};
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -94,7 +96,7 @@ pub fn hold(
     Ok(held)
 }
 
-/// Holds `subject` to one law over one case. A backend that panics disagrees.
+/// Holds `subject` to one law over one case, with each layout that it has. A backend that panics disagrees.
 ///
 /// # Errors
 /// The disagreement.
@@ -115,12 +117,7 @@ pub fn hold_one(
             found.expect("regressions go by their names").case()
         }
     };
-    let check = || (law.check)(&case, subject, reference);
-    let found = catch_unwind(AssertUnwindSafe(check)).unwrap_or_else(|panic| {
-        let text = panic.downcast_ref::<String>().map(String::as_str);
-        let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
-        Err(format!("the backend panicked: {}", text.unwrap_or("?")))
-    });
+    let found = check(law, &case, subject, reference);
     found.map_err(|what| Disagreement {
         law: law.name,
         seed,
@@ -128,6 +125,40 @@ pub fn hold_one(
         what,
         about: case.to_string(),
         held: 0,
+    })
+}
+
+/// Tries the law on the usual layout, and on each other that the subject has and the law does not choose itself.
+fn check(
+    law: &Law,
+    case: &Case,
+    subject: &mut dyn Backend,
+    reference: &mut dyn Backend,
+) -> Result<(), String> {
+    calmly(|| (law.check)(case, subject, reference))?;
+    let others = Layout::ALL.into_iter().filter(|&l| l != Layout::Bvh2);
+    for layout in others.filter(|_| !law.chooses_layouts) {
+        let mut attempt = || {
+            if !lays(subject, &case.animation, layout) {
+                return Ok(());
+            }
+            let mut relaid = Relaid {
+                inner: &mut *subject,
+                layout,
+            };
+            (law.check)(case, &mut relaid, reference)
+        };
+        calmly(&mut attempt).map_err(|what| format!("layout {layout}: {what}"))?;
+    }
+    Ok(())
+}
+
+/// A panic is a disagreement.
+fn calmly(attempt: impl FnOnce() -> Result<(), String>) -> Result<(), String> {
+    catch_unwind(AssertUnwindSafe(attempt)).unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<String>().map(String::as_str);
+        let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
+        Err(format!("the backend panicked: {}", text.unwrap_or("?")))
     })
 }
 

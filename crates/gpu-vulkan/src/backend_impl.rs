@@ -8,8 +8,8 @@ use crate::traces::Traces;
 use crate::tree::TreeBuffers;
 use crate::vulkan::Stale;
 use backend::{
-    Backend, Device, FrameReport, Generation, Hits, Inspect, Method, Query, Result, Snapshot,
-    Ticket,
+    Backend, Device, FrameReport, Generation, Hits, Inspect, Layout, Method, Query, Result,
+    Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Animation, Pose};
@@ -32,7 +32,7 @@ impl Backend for VulkanBackend {
         self.snapshots.forget();
         self.traces = Traces::default();
         (self.scene, self.tree, self.position) = (None, None, 0);
-        let tree = TreeBuffers::new(&self.gpu, &animation)?;
+        let tree = TreeBuffers::new(&self.gpu, &animation, method.layout)?;
         let scene = SceneBuffers::new(&self.gpu, &mut self.upload, animation)?;
         (self.scene, self.tree, self.method) = (Some(scene), Some(tree), method);
         Ok(())
@@ -48,6 +48,10 @@ impl Backend for VulkanBackend {
         self.progress = Progress::default();
         self.stale = self.stale.min(Stale::Records);
         Ok(())
+    }
+
+    fn wants_treelets(&self) -> bool {
+        self.method.layout == Layout::Fast
     }
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
@@ -84,7 +88,9 @@ impl Backend for VulkanBackend {
         if self.is_made_whole() {
             return Ok(());
         }
-        let (work, extent) = self.progress.refit(self.params(), &self.tree().shape);
+        let (work, extent) = self
+            .progress
+            .refit(self.method, self.params(), &self.tree().shape);
         self.run(Stage::Refit, &work, Also::default())?;
         self.frames.record()?.extents.refitted(extent);
         self.progress.refitted();
@@ -93,6 +99,7 @@ impl Backend for VulkanBackend {
     }
 
     fn check_rebuild(&self) -> Result<()> {
+        shaders::check_rebuild("vulkan", self.method)?;
         self.gpu.limits.admit_kernels(Kernel::makes_trees)
     }
 

@@ -1,7 +1,7 @@
 //! Views into the output of a stage.
 
 use crate::VulkanBackend;
-use backend::{Inspect, Result};
+use backend::{Inspect, Layout, Result};
 use bvh_layout::Topology;
 use geom::{Aabb, Point};
 
@@ -19,6 +19,20 @@ impl Inspect for VulkanBackend {
 
     fn boxes(&mut self) -> Result<Vec<Aabb>> {
         self.gpu.wait_idle()?;
+        match self.tree().shape.layout {
+            Layout::Bvh2 => self.boxes_of_nodes(),
+            Layout::Fast => self.boxes_unfolded(),
+        }
+    }
+
+    fn rebuilt(&mut self) -> Result<Topology> {
+        self.gpu.wait_idle()?;
+        Ok(self.read_tree()?.topology)
+    }
+}
+
+impl VulkanBackend {
+    fn boxes_of_nodes(&mut self) -> Result<Vec<Aabb>> {
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let tree = self.tree.as_ref().expect("a scene was loaded");
         let count = tree.shape.node_count as usize;
@@ -38,8 +52,19 @@ impl Inspect for VulkanBackend {
         }
     }
 
-    fn rebuilt(&mut self) -> Result<Topology> {
-        self.gpu.wait_idle()?;
-        Ok(self.read_tree()?.topology)
+    fn boxes_unfolded(&mut self) -> Result<Vec<Aabb>> {
+        let positions = self.positions()?;
+        let scene = self.scene.as_ref().expect("a scene was loaded");
+        let tree = self.tree.as_ref().expect("a scene was loaded");
+        let shape = &tree.shape;
+        let (gpu, road) = (&self.gpu, &mut self.readback);
+        let (at, leaves) = (shape.leaf_triangles_at, shape.leaf_count);
+        let words: &[u32] = self
+            .window
+            .look(gpu, road, tree.topology(), (at + leaves) as usize)?;
+        let words = words[at as usize..].to_vec();
+        let rows = shape.node_rows as usize;
+        let nodes: &[[f32; 4]] = self.window.look(gpu, road, &tree.nodes, rows)?;
+        Ok(shaders::unfold(nodes, &words, &scene.animation, &positions))
     }
 }

@@ -137,7 +137,7 @@ pub(crate) mod tests {
         storage_range: 1 << 27,
         allocation: 1 << 30,
         groups: 65535,
-        workgroup: 128,
+        workgroup: 256,
         storage_buffers: 8,
         uniform_alignment: 64,
         tick_ns: 1.0,
@@ -171,7 +171,7 @@ pub(crate) mod tests {
             LIMITS.groups(&work[0])
         };
         assert_eq!(groups(9), Ok([2, 2]));
-        let expected = "kernel trace_camera.watertight (workgroups along an axis, maxComputeWorkGroupCount) \
+        let expected = "kernel trace_camera.watertight.bvh2 (workgroups along an axis, maxComputeWorkGroupCount) \
                         needs 70000, the limit is 65535";
         assert_eq!(groups(8 * 70_000).unwrap_err().to_string(), expected);
     }

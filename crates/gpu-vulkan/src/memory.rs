@@ -140,6 +140,8 @@ pub(crate) enum Place {
     Device,
     /// Written by the host, read by the device.
     Upload,
+    /// Written by the host, copied to the device: in the host's own memory.
+    Staging,
     /// Written by the device, read by the host.
     Readback,
 }
@@ -174,7 +176,7 @@ impl Buffer {
         let location = match place {
             Place::Device => MemoryLocation::GpuOnly,
             Place::Upload => MemoryLocation::CpuToGpu,
-            Place::Readback => MemoryLocation::GpuToCpu,
+            Place::Staging | Place::Readback => MemoryLocation::GpuToCpu,
         };
         let allocation = gpu.memory.allocate(what, requirements, location)?;
         // SAFETY: the allocation is not freed before the buffer is destroyed.
@@ -214,7 +216,7 @@ impl Buffer {
         bytemuck::cast_slice(&bytes[..count * size_of::<T>()])
     }
 
-    /// What the device will read, for buffers of [`Place::Upload`].
+    /// What the device will read, for buffers of [`Place::Upload`] and [`Place::Staging`].
     pub(crate) fn view_mut<T: Pod>(&mut self) -> &mut [T] {
         let bytes = self
             .allocation
@@ -225,7 +227,7 @@ impl Buffer {
         bytemuck::cast_slice_mut(&mut bytes[..whole])
     }
 
-    /// Writes at a byte offset, for buffers of [`Place::Upload`].
+    /// Writes at a byte offset, for buffers of [`Place::Upload`] and [`Place::Staging`].
     pub(crate) fn write<T: Pod>(&mut self, at: u64, data: &[T]) {
         let data: &[u8] = bytemuck::cast_slice(data);
         self.view_mut()[at as usize..][..data.len()].copy_from_slice(data);

@@ -5,27 +5,33 @@ use crate::frames::Frames;
 use crate::memory::{Buffer, Place};
 use crate::rebuild::BuildBuffers;
 use crate::transfer::{Copy, Transfer};
-use backend::{FRAMES_IN_FLIGHT, Generation, Result, Ticket, check_tree};
-use bvh_layout::{Moving, Topology};
-use geom::{Animation, StaticParts};
+use backend::{FRAMES_IN_FLIGHT, Generation, Layout, Result, Ticket, check_tree};
+use bvh_layout::{Moving, Topology, Treelets};
+use geom::Animation;
 use shaders::Shape;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// With as many, one is free for the next tree whatever is under way. Most of the time two will do.
 const RECORDS: usize = FRAMES_IN_FLIGHT + 1;
 
-/// Levels that a record may have at most: see `Topology::from_words`.
-const LEVELS: u64 = 65;
+const NODES: &str = "the tree's nodes";
+const COSTS: &str = "the tree's areas";
 
 pub(crate) struct TreeBuffers {
     records: Vec<Record>,
     current: usize,
+    /// Empty with layout `fast`, as is the other list.
     pub(crate) leaf_nodes: Buffer,
     pub(crate) inner_nodes: Buffer,
     pub(crate) triangles: Buffer,
+    /// With layout `fast` as large as the trees so far asked for, as is `costs`.
     pub(crate) nodes: Buffer,
     /// Partial sums of areas: see refit.wgsl.
     pub(crate) costs: Buffer,
+    /// Buffers that were too small, with the last submission that uses them.
+    outgrown: Vec<(Ticket, Buffer)>,
+    last_use: Option<Ticket>,
     pub(crate) generation: Generation,
     pub(crate) shape: Shape,
     /// What making trees here takes; none before the first.
@@ -34,7 +40,6 @@ pub(crate) struct TreeBuffers {
     pub(crate) made_here: bool,
     /// The upload that the next submission has to wait for.
     pub(crate) arriving: Option<u64>,
-    record_bytes: u64,
     animation: Arc<Animation>,
 }
 
@@ -48,34 +53,36 @@ struct Record {
 }
 
 impl TreeBuffers {
-    /// Room for every tree over the animation's live triangles.
-    pub(crate) fn new(gpu: &Arc<Gpu>, animation: &Arc<Animation>) -> Result<Self> {
+    /// Room for every tree over the animation's live triangles; with layout `fast`, [`TreeBuffers::adopt`] makes more of it.
+    pub(crate) fn new(gpu: &Arc<Gpu>, animation: &Arc<Animation>, layout: Layout) -> Result<Self> {
         let leaves = animation.live_count() as u64;
-        let nodes = (2 * leaves).saturating_sub(1);
-        let record = Topology::HEADER_WORDS as u64 + LEVELS + 2 * nodes.div_ceil(32) + leaves;
-        // Lists of what moves come along only where that pays.
-        let lists = StaticParts::pays(animation.moving_count(), animation.live_count());
-        let words = record
-            + if lists {
-                Moving::most_words(leaves as usize) as u64
-            } else {
-                0
-            };
         let device = |what, bytes| Buffer::new(gpu, what, bytes, Place::Device);
+        let (list_bytes, node_bytes, cost_bytes) = match layout {
+            Layout::Bvh2 => (
+                leaves * 4,
+                (2 * leaves).saturating_sub(1) * 32,
+                Shape::cost_bytes(leaves),
+            ),
+            Layout::Fast => (0, 0, 0),
+        };
         Ok(Self {
             records: Vec::new(),
             current: 0,
-            leaf_nodes: device("the list of leaves", leaves * 4)?,
-            inner_nodes: device("the list of inner nodes", leaves * 4)?,
+            leaf_nodes: device("the list of leaves", list_bytes)?,
+            inner_nodes: device("the list of inner nodes", list_bytes)?,
             triangles: device("the triangles' records", leaves * 48)?,
-            nodes: device("the tree's nodes", nodes * 32)?,
-            costs: device("the tree's areas", Shape::cost_bytes(leaves))?,
+            nodes: device(NODES, node_bytes)?,
+            costs: device(COSTS, cost_bytes)?,
+            outgrown: Vec::new(),
+            last_use: None,
             generation: Generation(0),
-            shape: Shape::default(),
+            shape: Shape {
+                layout,
+                ..Shape::default()
+            },
             build: None,
             made_here: false,
             arriving: None,
-            record_bytes: words * 4,
             animation: Arc::clone(animation),
         })
     }
@@ -92,6 +99,7 @@ impl TreeBuffers {
     /// Notes that `ticket`, which waited for what was arriving, may read the record in use.
     pub(crate) fn submitted(&mut self, ticket: Ticket) {
         self.arriving = None;
+        self.last_use = Some(ticket);
         if let Some(record) = self.records.get_mut(self.current) {
             record.used_by = Some(ticket);
         }
@@ -105,26 +113,74 @@ impl TreeBuffers {
         (tree, generation): (&Topology, Generation),
     ) -> Result<()> {
         check_tree(tree, &self.animation)?;
-        let free = self.free_record(gpu, road, frames)?;
+        match self.shape.layout {
+            Layout::Bvh2 => {
+                let lists = tree.moving().map_or(&[][..], Moving::words);
+                self.send(gpu, (road, frames), &[tree.words(), lists])?;
+                self.shape = Shape::of(tree);
+            }
+            Layout::Fast => {
+                let made = || Cow::Owned(Treelets::of(tree));
+                let treelets = tree.treelets().map_or_else(made, Cow::Borrowed);
+                let shape = Shape::of_treelets(&treelets);
+                self.grow(gpu, frames, &shape)?;
+                self.send(gpu, (road, frames), &[treelets.words()])?;
+                self.shape = shape;
+            }
+        }
+        self.generation = generation;
+        Ok(())
+    }
+
+    /// Makes room for nodes and costs, with some to spare for the trees to come.
+    fn grow(&mut self, gpu: &Arc<Gpu>, frames: &Frames, shape: &Shape) -> Result<()> {
+        let mut kept = Vec::new();
+        for (ticket, buffer) in self.outgrown.drain(..) {
+            if !frames.is_done(ticket)? {
+                kept.push((ticket, buffer));
+            }
+        }
+        self.outgrown = kept;
+        let needs = [
+            (&mut self.nodes, NODES, shape.node_rows * 16),
+            (&mut self.costs, COSTS, shape.treelet_cost_bytes()),
+        ];
+        for (buffer, what, bytes) in needs {
+            if buffer.bytes < bytes {
+                let larger = Buffer::new(gpu, what, bytes + bytes / 32, Place::Device)?;
+                let old = std::mem::replace(buffer, larger);
+                self.outgrown
+                    .extend(self.last_use.map(|ticket| (ticket, old)));
+            }
+        }
+        Ok(())
+    }
+
+    /// Sends a record, part by part, on its way and makes it the current one.
+    fn send(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        (road, frames): (&mut Transfer, &Frames),
+        parts: &[&[u32]],
+    ) -> Result<()> {
+        let bytes = parts.iter().map(|p| size_of_val(*p) as u64).sum();
+        let free = self.free_record(gpu, (road, frames), bytes)?;
         let record = &mut self.records[free];
-        record.host.write(0, tree.words());
-        if let Some(moving) = tree.moving() {
-            record
-                .host
-                .write(tree.words().len() as u64 * 4, moving.words());
+        let mut at = 0;
+        for words in parts {
+            record.host.write(at, words);
+            at += size_of_val(*words) as u64;
         }
         let copy = Copy {
             from: &record.host,
             to: &record.device,
             to_at: 0,
-            bytes: tree.bytes() as u64,
+            bytes,
         };
         record.filled_at = road.start(copy, None)?;
         record.used_by = None;
         self.arriving = Some(record.filled_at);
         self.current = free;
-        self.generation = generation;
-        self.shape = Shape::of(tree);
         self.made_here = false;
         Ok(())
     }
@@ -134,8 +190,27 @@ impl TreeBuffers {
         (self.generation, self.shape, self.made_here) = (generation, shape, true);
     }
 
+    /// A record of so many bytes that nobody reads nor fills.
+    fn free_record(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        (road, frames): (&Transfer, &Frames),
+        bytes: u64,
+    ) -> Result<usize> {
+        let free = self.unused_record(gpu, (road, frames), bytes)?;
+        if self.records[free].device.bytes < bytes {
+            self.records[free] = Record::new(gpu, bytes)?;
+        }
+        Ok(free)
+    }
+
     /// A record that nobody reads nor fills, made if there is none yet.
-    fn free_record(&mut self, gpu: &Arc<Gpu>, road: &Transfer, frames: &Frames) -> Result<usize> {
+    fn unused_record(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        (road, frames): (&Transfer, &Frames),
+        bytes: u64,
+    ) -> Result<usize> {
         let others = (0..self.records.len()).filter(|&i| i != self.current);
         for i in others.clone() {
             if self.records[i].is_free(road, frames)? {
@@ -143,7 +218,7 @@ impl TreeBuffers {
             }
         }
         if self.records.len() < RECORDS {
-            self.records.push(Record::new(gpu, self.record_bytes)?);
+            self.records.push(Record::new(gpu, bytes)?);
             return Ok(self.records.len() - 1);
         }
         // Trees adopted one after the other without a frame between.
@@ -155,10 +230,11 @@ impl TreeBuffers {
 }
 
 impl Record {
+    /// Somewhat larger than asked for: records of one scene differ little.
     fn new(gpu: &Arc<Gpu>, bytes: u64) -> Result<Self> {
-        let what = "the tree's record";
+        let (what, bytes) = ("the tree's record", bytes + bytes / 32);
         Ok(Self {
-            host: Buffer::new(gpu, what, bytes, Place::Upload)?,
+            host: Buffer::new(gpu, what, bytes, Place::Staging)?,
             device: Buffer::new(gpu, what, bytes, Place::Device)?,
             used_by: None,
             filled_at: 0,

@@ -17,8 +17,8 @@ use crate::tally::Tally;
 use crate::traces::Traces;
 use crate::tree::TreeBuffers;
 use backend::{
-    Backend, Device, FrameReport, Generation, Hits, Inspect, Method, Query, Rays, Result, Seek,
-    Snapshot, Ticket,
+    Backend, Device, FrameReport, Generation, Hits, Inspect, Layout, Method, Query, Rays, Result,
+    Seek, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Animation, Camera, Pose, Ray};
@@ -183,7 +183,7 @@ impl Backend for WgpuBackend {
         (self.scene, self.tree) = (None, None);
         (self.position, self.stale) = (0, Stale::Positions);
         self.progress = Progress::default();
-        self.tree = Some(TreeBuffers::new(&self.gpu, &animation)?);
+        self.tree = Some(TreeBuffers::new(&self.gpu, &animation, method.layout)?);
         self.scene = Some(SceneBuffers::new(&self.gpu, animation)?);
         self.method = method;
         Ok(())
@@ -200,6 +200,10 @@ impl Backend for WgpuBackend {
         self.progress = Progress::default();
         self.stale = self.stale.min(Stale::Records);
         Ok(())
+    }
+
+    fn wants_treelets(&self) -> bool {
+        self.method.layout == Layout::Fast
     }
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
@@ -232,7 +236,9 @@ impl Backend for WgpuBackend {
         if self.is_made_whole() {
             return Ok(());
         }
-        let (work, extent) = self.progress.refit(self.params(), &self.tree().shape);
+        let (work, extent) = self
+            .progress
+            .refit(self.method, self.params(), &self.tree().shape);
         self.run(Stage::Refit, &work, Also::default())?;
         self.frames.record(&self.gpu)?.extents.refitted(extent);
         self.progress.refitted();
@@ -241,6 +247,7 @@ impl Backend for WgpuBackend {
     }
 
     fn check_rebuild(&self) -> Result<()> {
+        shaders::check_rebuild("wgpu", self.method)?;
         check_trees(&self.gpu.limits)
     }
 

@@ -1,7 +1,7 @@
 //! Views into the output of a stage.
 
 use crate::WgpuBackend;
-use backend::{Inspect, Result};
+use backend::{Inspect, Layout, Result};
 use bvh_layout::Topology;
 use geom::{Aabb, Point};
 
@@ -14,6 +14,19 @@ impl Inspect for WgpuBackend {
     }
 
     fn boxes(&mut self) -> Result<Vec<Aabb>> {
+        match self.tree().shape.layout {
+            Layout::Bvh2 => self.boxes_of_nodes(),
+            Layout::Fast => self.boxes_unfolded(),
+        }
+    }
+
+    fn rebuilt(&mut self) -> Result<Topology> {
+        Ok(self.read_tree()?.topology)
+    }
+}
+
+impl WgpuBackend {
+    fn boxes_of_nodes(&mut self) -> Result<Vec<Aabb>> {
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let tree = self.tree.as_ref().expect("a scene was loaded");
         let nodes: Vec<[f32; 8]> =
@@ -32,7 +45,16 @@ impl Inspect for WgpuBackend {
         }
     }
 
-    fn rebuilt(&mut self) -> Result<Topology> {
-        Ok(self.read_tree()?.topology)
+    fn boxes_unfolded(&mut self) -> Result<Vec<Aabb>> {
+        let positions = self.positions()?;
+        let scene = self.scene.as_ref().expect("a scene was loaded");
+        let tree = self.tree.as_ref().expect("a scene was loaded");
+        let shape = &tree.shape;
+        let (at, leaves) = (shape.leaf_triangles_at as usize, shape.leaf_count as usize);
+        let words: Vec<u32> = self.window.read(&self.gpu, tree.topology(), at + leaves)?;
+        let rows = shape.node_rows as usize;
+        let nodes: Vec<[f32; 4]> = self.window.read(&self.gpu, &tree.nodes, rows)?;
+        let (words, animation) = (&words[at..], &scene.animation);
+        Ok(shaders::unfold(&nodes, words, animation, &positions))
     }
 }

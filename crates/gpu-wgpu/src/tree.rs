@@ -3,20 +3,27 @@
 use crate::buffers::{storage, write};
 use crate::device::Gpu;
 use crate::rebuild::BuildBuffers;
-use backend::{Generation, Result, check_tree};
-use bvh_layout::Topology;
+use backend::{Generation, Layout, Result, check_tree};
+use bvh_layout::{Moving, Topology, Treelets};
 use geom::Animation;
 use shaders::Shape;
+use std::borrow::Cow;
 use std::sync::Arc;
 use wgpu::Buffer;
+
+const RECORD: &str = "the tree's record";
+const NODES: &str = "the tree's nodes";
+const COSTS: &str = "the tree's areas";
 
 pub(crate) struct TreeBuffers {
     /// Two, so that a tree can arrive while frames before it still read the old one.
     records_of: [Option<Buffer>; 2],
     current: usize,
+    /// Empty with layout `fast`, as is the other list.
     pub(crate) leaf_nodes: Buffer,
     pub(crate) inner_nodes: Buffer,
     pub(crate) triangles: Buffer,
+    /// With layout `fast` as large as the trees so far asked for, as is `costs`.
     pub(crate) nodes: Buffer,
     /// Partial sums of areas: see refit.wgsl.
     pub(crate) costs: Buffer,
@@ -30,22 +37,32 @@ pub(crate) struct TreeBuffers {
 }
 
 impl TreeBuffers {
-    /// Room for every tree over the animation's live triangles.
-    pub(crate) fn new(gpu: &Gpu, animation: &Arc<Animation>) -> Result<Self> {
+    /// Room for every tree over the animation's live triangles; with layout `fast`, [`TreeBuffers::adopt`] makes more of it.
+    pub(crate) fn new(gpu: &Gpu, animation: &Arc<Animation>, layout: Layout) -> Result<Self> {
         let leaves = animation.live_count() as u64;
-        let nodes = (2 * leaves).saturating_sub(1);
-        gpu.within("the tree's nodes", nodes * 32)?;
+        let (list_bytes, node_bytes, cost_bytes) = match layout {
+            Layout::Bvh2 => (
+                leaves * 4,
+                (2 * leaves).saturating_sub(1) * 32,
+                Shape::cost_bytes(leaves),
+            ),
+            Layout::Fast => (0, 0, 0),
+        };
+        gpu.within(NODES, node_bytes)?;
         gpu.within("the triangles' records", leaves * 48)?;
         Ok(Self {
             records_of: [None, None],
             current: 0,
-            leaf_nodes: storage(gpu, "the list of leaves", leaves * 4)?,
-            inner_nodes: storage(gpu, "the list of inner nodes", leaves * 4)?,
+            leaf_nodes: storage(gpu, "the list of leaves", list_bytes)?,
+            inner_nodes: storage(gpu, "the list of inner nodes", list_bytes)?,
             triangles: storage(gpu, "the triangles' records", leaves * 48)?,
-            nodes: storage(gpu, "the tree's nodes", nodes * 32)?,
-            costs: storage(gpu, "the tree's areas", Shape::cost_bytes(leaves))?,
+            nodes: storage(gpu, NODES, node_bytes)?,
+            costs: storage(gpu, COSTS, cost_bytes)?,
             generation: Generation(0),
-            shape: Shape::default(),
+            shape: Shape {
+                layout,
+                ..Shape::default()
+            },
             build: None,
             made_here: false,
             animation: Arc::clone(animation),
@@ -69,21 +86,42 @@ impl TreeBuffers {
         generation: Generation,
     ) -> Result<()> {
         check_tree(tree, &self.animation)?;
-        let bytes = tree.bytes() as u64;
-        gpu.within("the tree's record", bytes)?;
+        match self.shape.layout {
+            Layout::Bvh2 => {
+                let lists = tree.moving().map_or(&[][..], Moving::words);
+                self.send(gpu, &[tree.words(), lists])?;
+                self.shape = Shape::of(tree);
+            }
+            Layout::Fast => {
+                let made = || Cow::Owned(Treelets::of(tree));
+                let treelets = tree.treelets().map_or_else(made, Cow::Borrowed);
+                let shape = Shape::of_treelets(&treelets);
+                grow(gpu, &mut self.nodes, NODES, shape.node_rows * 16)?;
+                grow(gpu, &mut self.costs, COSTS, shape.treelet_cost_bytes())?;
+                self.send(gpu, &[treelets.words()])?;
+                self.shape = shape;
+            }
+        }
+        self.generation = generation;
+        Ok(())
+    }
+
+    /// Makes a record, part by part, the current one.
+    fn send(&mut self, gpu: &Gpu, parts: &[&[u32]]) -> Result<()> {
+        let bytes = parts.iter().map(|p| size_of_val(*p) as u64).sum();
+        gpu.within(RECORD, bytes)?;
         let spare = 1 - self.current;
         let record = match self.records_of[spare].take().filter(|r| r.size() >= bytes) {
             Some(record) => record,
-            None => storage(gpu, "the tree's record", bytes)?,
+            None => storage(gpu, RECORD, with_some_to_spare(bytes))?,
         };
-        write(gpu, &record, 0, tree.words())?;
-        if let Some(moving) = tree.moving() {
-            write(gpu, &record, tree.words().len() as u64 * 4, moving.words())?;
+        let mut at = 0;
+        for words in parts.iter().filter(|p| !p.is_empty()) {
+            write(gpu, &record, at, words)?;
+            at += size_of_val(*words) as u64;
         }
         self.records_of[spare] = Some(record);
         self.current = spare;
-        self.generation = generation;
-        self.shape = Shape::of(tree);
         self.made_here = false;
         Ok(())
     }
@@ -101,4 +139,18 @@ impl TreeBuffers {
         let build = self.build.as_ref().map_or(0, BuildBuffers::bytes);
         all.map(Buffer::size).sum::<u64>() + build
     }
+}
+
+/// A larger buffer where this one is too small. Submissions that use the old one keep it alive.
+fn grow(gpu: &Gpu, buffer: &mut Buffer, what: &str, bytes: u64) -> Result<()> {
+    gpu.within(what, bytes)?;
+    if buffer.size() < bytes {
+        *buffer = storage(gpu, what, with_some_to_spare(bytes))?;
+    }
+    Ok(())
+}
+
+/// Trees of one scene differ little in size.
+fn with_some_to_spare(bytes: u64) -> u64 {
+    bytes + bytes / 32
 }

@@ -56,7 +56,10 @@ impl Driver {
     ) -> Result<Self, PipelineError> {
         own::admit(backend.as_ref(), options.update)?;
         backend.load(Arc::clone(&animation), options.method)?;
-        let toolroom = Arc::new(Toolroom::new(options.builder_threads)?);
+        let toolroom = Arc::new(Toolroom::new(
+            options.builder_threads,
+            backend.wants_treelets(),
+        )?);
         let workshop = {
             let (toolroom, animation) = (Arc::clone(&toolroom), Arc::clone(&animation));
             Workshop::new(move |job, cancel| toolroom.do_job(&animation, job, cancel))

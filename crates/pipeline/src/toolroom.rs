@@ -15,8 +15,8 @@ pub(crate) struct Toolroom {
 }
 
 impl Toolroom {
-    /// A pool of `threads`, at least one.
-    pub(crate) fn new(threads: usize) -> Result<Self, PipelineError> {
+    /// A pool of `threads`, at least one; `treelets` as in [`Workbench::with_treelets`].
+    pub(crate) fn new(threads: usize, treelets: bool) -> Result<Self, PipelineError> {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads.max(1))
             .thread_name(|i| format!("abvh-build-{i}"))
@@ -24,7 +24,7 @@ impl Toolroom {
             .map_err(|e| PipelineError::Threads(e.to_string()))?;
         Ok(Self {
             pool,
-            tools: Mutex::default(),
+            tools: Mutex::new(Workbench::with_treelets(treelets)),
         })
     }
 

@@ -69,6 +69,8 @@ pub struct Workbench {
     converter: Converter,
     positions: Vec<Point>,
     spare: Vec<u32>,
+    /// Whether records carry treelets.
+    treelets: bool,
 }
 
 impl Workbench {
@@ -76,6 +78,15 @@ impl Workbench {
     #[must_use]
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// Likewise; with `treelets`, records carry them, for backends that [ask](backend::Backend::wants_treelets).
+    #[must_use]
+    pub fn with_treelets(treelets: bool) -> Self {
+        Self {
+            treelets,
+            ..Self::default()
+        }
     }
 
     /// Takes an old record's memory for the next one.
@@ -191,6 +202,10 @@ impl Workbench {
             .converter
             .convert(&self.tree, triangles, spare)
             .with_moving(animation.static_parts());
+        let topology = match self.treelets {
+            true => topology.with_treelets(&self.tree),
+            false => topology,
+        };
         let converted = Instant::now();
         let cost = cost(&self.tree);
         std::mem::swap(&mut self.tree, &mut self.in_use);

@@ -33,6 +33,27 @@ pub(crate) const SLOTS: &[Slot] = &[
             faces: &[("write", &["record_corners"])],
         }],
     },
+    Slot {
+        name: "layout",
+        values: &[
+            Value {
+                name: "bvh2",
+                faces: &[("nodes", &["nodes_bvh2"])],
+            },
+            Value {
+                name: "fast",
+                faces: &[("nodes", &["nodes_fast"])],
+            },
+        ],
+    },
+    // Kernels that only layout `fast` has.
+    Slot {
+        name: "treelets",
+        values: &[Value {
+            name: "fast",
+            faces: &[("refit", &["treelet", "area"])],
+        }],
+    },
 ];
 
 impl Value {

@@ -31,16 +31,18 @@ mod params;
 pub mod rebuild;
 mod shape;
 mod standing;
+mod unfold;
 mod variant;
 pub mod work;
 
 use backend::Method;
 
-pub use method::{check_method, supports};
+pub use method::{check_method, check_rebuild, supports};
 pub use moving::{MovingShape, moving_rows};
 pub use params::{Counts, Params};
 pub use shape::Shape;
 pub use standing::{Extent, Extents, Standing, Uncounted};
+pub use unfold::unfold;
 
 /// A compute kernel.
 #[derive(Clone, Copy, Debug)]

@@ -11,16 +11,28 @@ pub fn supports(method: Method) -> bool {
 /// Refuses, in the name of `backend`, what no kernel does.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] with the intersector or the layout.
+/// [`BackendError::Unsupported`] with the intersector.
 pub fn check_method(backend: &'static str, method: Method) -> Result<()> {
     let what = if method.intersector != Intersector::Watertight {
         format!("intersector '{}'", method.intersector)
-    } else if method.layout != Layout::Bvh2 {
-        format!("layout '{}'", method.layout)
     } else {
         return Ok(());
     };
     Err(BackendError::Unsupported { backend, what })
+}
+
+/// Refuses, in the name of `backend`, to make trees on the device for what needs treelets.
+///
+/// # Errors
+/// [`BackendError::Unsupported`] with the layout.
+pub fn check_rebuild(backend: &'static str, method: Method) -> Result<()> {
+    match method.layout {
+        Layout::Bvh2 => Ok(()),
+        Layout::Fast => {
+            let what = format!("trees made on the device with layout '{}'", method.layout);
+            Err(BackendError::Unsupported { backend, what })
+        }
+    }
 }
 
 #[cfg(test)]
@@ -28,20 +40,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_method_is_supported_and_the_others_are_refused_by_name() {
-        assert!(supports(Method::default()));
-        let woop = Method {
-            intersector: Intersector::Woop,
-            ..Method::default()
-        };
+    fn methods_are_supported_with_both_layouts_or_refused_by_name() {
+        for layout in Layout::ALL {
+            assert!(supports(Method {
+                layout,
+                ..Method::default()
+            }));
+        }
         let fast = Method {
             layout: Layout::Fast,
             ..Method::default()
         };
-        for (method, name) in [(woop, "'woop'"), (fast, "'fast'")] {
-            assert!(!supports(method));
-            let refused = check_method("wgpu", method).unwrap_err().to_string();
-            assert!(refused.contains(name));
-        }
+        let refused = check_rebuild("wgpu", fast).unwrap_err().to_string();
+        assert!(refused.contains("'fast'"));
+        assert_eq!(check_rebuild("wgpu", Method::default()), Ok(()));
+        let woop = Method {
+            intersector: Intersector::Woop,
+            ..Method::default()
+        };
+        assert!(!supports(woop));
+        let refused = check_method("wgpu", woop).unwrap_err().to_string();
+        assert!(refused.contains("'woop'"));
     }
 }

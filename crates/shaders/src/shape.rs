@@ -1,12 +1,15 @@
 //! What a host must know of a tree's record to run kernels over it.
 
 use crate::{MovingShape, common};
-use bvh_layout::Topology;
+use backend::Layout;
+use bvh_layout::{Topology, Treelets};
 use std::ops::Range;
 
 /// A tree's parts and levels.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shape {
+    /// How its nodes lie. The record is the [`Topology`]'s words, or the [`Treelets`]' with layout `fast`.
+    pub layout: Layout,
     /// Where the bits that tell leaves begin, in words of the record.
     pub leaf_bits_at: u32,
     /// Where the counts of leaves before each word of bits begin.
@@ -21,6 +24,16 @@ pub struct Shape {
     pub levels: Vec<Range<u32>>,
     /// What moves, where the tree came with lists of it.
     pub moving: Option<MovingShape>,
+    /// With layout `fast`: each level's treelets, those of triangles first.
+    pub treelets: Vec<Range<u32>>,
+    /// Rows of 16 bytes in the buffer `nodes`.
+    pub node_rows: u64,
+}
+
+impl Default for Shape {
+    fn default() -> Self {
+        Self::of(&Topology::default())
+    }
 }
 
 impl Shape {
@@ -31,6 +44,7 @@ impl Shape {
         let words = tree.leaf_bits().len();
         let levels = tree.levels().map(|level| level.inner);
         Self {
+            layout: Layout::Bvh2,
             leaf_bits_at: bits as u32,
             leaf_ranks_at: (bits + words) as u32,
             leaf_triangles_at: (bits + 2 * words) as u32,
@@ -38,6 +52,8 @@ impl Shape {
             node_count: tree.node_count() as u32,
             levels: levels.filter(|inner| !inner.is_empty()).collect(),
             moving: tree.moving().map(|m| MovingShape::of(tree, m)),
+            treelets: Vec::new(),
+            node_rows: 2 * tree.node_count() as u64,
         }
     }
 
@@ -52,12 +68,41 @@ impl Shape {
         }
     }
 
+    /// Of the same tree with layout `fast`.
+    #[must_use]
+    pub fn of_treelets(tree: &Treelets) -> Self {
+        Self {
+            layout: Layout::Fast,
+            leaf_bits_at: 0,
+            leaf_ranks_at: 0,
+            leaf_triangles_at: tree.triangles_at() as u32,
+            leaf_count: tree.leaf_count() as u32,
+            node_count: (2 * tree.leaf_count()).saturating_sub(1) as u32,
+            levels: Vec::new(),
+            moving: None,
+            treelets: tree.levels().to_vec(),
+            node_rows: tree.rows() as u64,
+        }
+    }
+
+    /// Treelets of all levels.
+    #[must_use]
+    pub fn treelet_count(&self) -> u32 {
+        self.treelets.last().map_or(0, |level| level.end)
+    }
+
     /// Bytes of the buffer `costs` that suffice for every tree of so many
-    /// leaves: one f32 for each workgroup of each level, in whole rows of 16 bytes.
+    /// leaves with layout `bvh2`: one f32 for each workgroup of each level, in whole rows of 16 bytes.
     #[must_use]
     pub fn cost_bytes(leaves: u64) -> u64 {
         let group = u64::from(common("refit").workgroup[0]);
         let groups = leaves.div_ceil(group) + u64::from(bvh_build::MAX_DEPTH) + 1;
         (groups * 4).next_multiple_of(16)
+    }
+
+    /// Bytes of the buffer `costs` that this tree needs with layout `fast`: one f32 a treelet, in whole rows.
+    #[must_use]
+    pub fn treelet_cost_bytes(&self) -> u64 {
+        (u64::from(self.treelet_count()) * 4).next_multiple_of(16)
     }
 }

@@ -10,6 +10,7 @@ pub(crate) fn value(slot: &str, method: Method) -> &'static str {
         ("intersector", Intersector::Watertight) => "watertight",
         ("intersector", Intersector::Exact) => "exact",
         ("record", _) => "corners",
+        ("layout" | "treelets", _) => method.layout.name(),
         (slot, _) => panic!("no slot is named {slot}"),
     }
 }

@@ -2,6 +2,7 @@
 
 mod rays;
 mod tree;
+mod treelets;
 
 pub use rays::{cleanse, count_any, count_blocked, count_hits, count_triangles, rays};
 pub(crate) use tree::sum;
@@ -27,6 +28,8 @@ pub struct Work {
 pub enum Groups {
     /// Enough for so many invocations, in as many rows as it takes.
     Linear(u32),
+    /// So many, in as many rows as it takes.
+    Each(u32),
     /// One for each block of 16 x 8 pixels.
     Pixels(u32, u32),
 }
@@ -90,11 +93,8 @@ impl Work {
 impl Groups {
     fn counts(self, workgroup: u32, limit: u32) -> Result<[u32; 2], TooManyGroups> {
         let [x, y] = match self {
-            Self::Linear(count) => {
-                let all = count.div_ceil(workgroup);
-                let rows = all.div_ceil(limit).max(1);
-                [all.div_ceil(rows), rows]
-            }
+            Self::Linear(count) => in_rows(count.div_ceil(workgroup), limit),
+            Self::Each(count) => in_rows(count, limit),
             Self::Pixels(width, height) => [width.div_ceil(16), height.div_ceil(8)],
         };
         let need = x.max(y);
@@ -103,6 +103,11 @@ impl Groups {
             false => Ok([x, y]),
         }
     }
+}
+
+fn in_rows(all: u32, limit: u32) -> [u32; 2] {
+    let rows = all.div_ceil(limit).max(1);
+    [all.div_ceil(rows), rows]
 }
 
 /// The test of a device's arithmetic, on so many [`crate::arithmetic::operands`].

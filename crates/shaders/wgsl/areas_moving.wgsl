@@ -1,6 +1,8 @@
 //! use params area children
 // Half areas of the children of inner nodes that move, one partial sum a workgroup, as refit writes them.
 
+const GROUP: u32 = 128u;
+
 @group(0) @binding(1) var<storage, read> topology: array<u32>;
 @group(0) @binding(2) var<storage, read> nodes: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> costs: array<f32>;

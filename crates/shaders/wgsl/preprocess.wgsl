@@ -1,4 +1,4 @@
-//! use params ieee divide units degenerate flat {record.write}
+//! use params ieee divide units degenerate flat standing {record.write}
 // Positions to triangle records and boxes of leaves, in the tree's leaf order; of all leaves or of those that move.
 
 @group(0) @binding(1) var<storage, read> topology: array<u32>;
@@ -11,11 +11,6 @@
 @group(0) @binding(7) var<storage, read_write> counts: array<atomic<u32>>;
 
 const LEAF: u32 = 0x80000000u;
-
-fn corner(triangle: u32, which: u32) -> vec3<u32> {
-    let at = 3u * triangles[3u * triangle + which];
-    return vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]);
-}
 
 @compute @workgroup_size(128)
 fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
@@ -30,17 +25,18 @@ fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     let a = scaled_point(given_a);
     let b = scaled_point(given_b);
     let c = scaled_point(given_c);
-    write_record(leaf, node, triangle, a, b, c);
+    let record = record_of(triangle, node, a, b, c);
+    records[3u * leaf] = record.first;
+    records[3u * leaf + 1u] = record.second;
+    records[3u * leaf + 2u] = record.third;
 
-    let finite = is_finite(given_a) && is_finite(given_b) && is_finite(given_c);
-    var hit = finite;
-    if finite { hit = !is_flat(given_a, given_b, given_c, a, b, c); }
+    let stands = standing(given_a, given_b, given_c, a, b, c);
     var low = vec3<u32>(0x7f800000u);
     var high = vec3<u32>(0xff800000u);
-    if hit {
+    if stands == SOUND {
         low = bitcast<vec3<u32>>(min(min(a, b), c));
         high = bitcast<vec3<u32>>(max(max(a, b), c));
-    } else if finite {
+    } else if stands == DEGENERATE {
         atomicAdd(&counts[1], 1u);
     } else {
         atomicAdd(&counts[0], 1u);

@@ -17,6 +17,8 @@
 // under those that are marked as moving: `areas_moving` adds those up. So what
 // lies still is summed once a tree, and what moves every frame.
 
+const GROUP: u32 = 128u;
+
 @group(0) @binding(1) var<storage, read> inner_nodes: array<u32>;
 @group(0) @binding(2) var<storage, read_write> nodes: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> costs: array<f32>;

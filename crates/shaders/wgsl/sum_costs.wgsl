@@ -1,6 +1,8 @@
 //! use params area
 // What refit's workgroups found, added up by one workgroup: params.count partial sums.
 
+const GROUP: u32 = 128u;
+
 // Four at a time; those beyond the count are left out.
 @group(0) @binding(1) var<storage, read> costs: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> nodes: array<vec4<u32>>;

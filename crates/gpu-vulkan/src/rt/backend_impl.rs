@@ -8,8 +8,8 @@ use crate::memory::Buffer;
 use crate::traces::{Trace, Traces, are_given};
 use ash::vk;
 use backend::{
-    Backend, BackendError, Device, FrameReport, Generation, Hits, Inspect, Method, Query, Rays,
-    Result, Seek, Snapshot, Ticket,
+    Backend, BackendError, Device, FrameReport, Generation, Hits, Inspect, Layout, Method, Query,
+    Rays, Result, Seek, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};
@@ -28,6 +28,12 @@ impl Backend for DriverTreeBackend {
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
         shaders::check_method(self.device.backend, method)?;
+        if method.layout != Layout::Bvh2 {
+            return Err(BackendError::Unsupported {
+                backend: self.device.backend,
+                what: format!("layout '{}': its trees are the driver's", method.layout),
+            });
+        }
         self.gpu.wait_idle()?;
         self.abandon();
         self.frames.forget();

@@ -1,7 +1,9 @@
 //! Submissions: how many may be under way, how long they are remembered, when they ran.
 
-use super::scenes::{SHADOWED, camera, device, go, hits, open, rays, stand, swarm, tree_at};
-use backend::{Backend, FRAMES_IN_FLIGHT, Generation, Rays, Seek, Ticket};
+use super::scenes::{
+    SHADOWED, camera, device, go, hits, open, open_laid, rays, stand, swarm, tree_at,
+};
+use backend::{Backend, FRAMES_IN_FLIGHT, Generation, Layout, Rays, Seek, Ticket};
 
 pub(super) fn no_more_submissions_are_under_way_than_may_be() {
     let mut backend = device();
@@ -105,9 +107,13 @@ pub(super) fn another_scene_forgets_the_first() {
 }
 
 pub(super) fn steady_frames_make_no_buffers() {
+    Layout::ALL.into_iter().for_each(buffers_of_steady_frames);
+}
+
+fn buffers_of_steady_frames(layout: Layout) {
     let mut backend = device();
     let (animation, camera) = (swarm(1000), camera());
-    open(&mut *backend, &animation);
+    open_laid(&mut *backend, &animation, layout);
     let trees = [0.0, 0.7, 1.5].map(|time| tree_at(&animation, time));
     let mut made = 0;
     for frame in 0..30_u64 {

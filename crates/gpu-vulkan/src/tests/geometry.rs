@@ -1,8 +1,10 @@
 //! Trees as deep as they may be, stages run twice, costs: beside the reference.
 
-use super::scenes::{SHADOWED, camera, device, go, hits, open, stand, swarm, tree_at};
+use super::scenes::{
+    SHADOWED, camera, device, go, hits, laid, open, open_laid, stand, swarm, tree_at,
+};
 use crate::VulkanBackend;
-use backend::{Backend, Generation, Method, Query, Rays, Seek};
+use backend::{Backend, Generation, Layout, Method, Query, Rays, Seek};
 use bvh_layout::Topology;
 use cpu_ref::CpuBackend;
 use geom::{Animation, Ray};
@@ -54,12 +56,17 @@ pub(super) fn the_deepest_tree_is_refitted_and_traced_from_either_end() {
         })
         .collect();
     let mut reference = CpuBackend::new(Some(1)).unwrap();
-    for tree in [chain(0..LEAVES), chain((0..LEAVES).rev())] {
+    let trees = [chain(0..LEAVES), chain((0..LEAVES).rev())];
+    let pairs = Layout::ALL.map(|layout| [(layout, &trees[0]), (layout, &trees[1])]);
+    for (layout, tree) in pairs.into_iter().flatten() {
         let mut answers = Vec::new();
-        for backend in [&mut *backend as &mut dyn Backend, &mut reference] {
-            let method = Method::default();
-            backend.load(Arc::clone(&animation), method).unwrap();
-            backend.adopt(&tree, Generation(1)).unwrap();
+        let both = [
+            (&mut *backend as &mut dyn Backend, layout),
+            (&mut reference, Layout::Bvh2),
+        ];
+        for (backend, layout) in both {
+            backend.load(Arc::clone(&animation), laid(layout)).unwrap();
+            backend.adopt(tree, Generation(1)).unwrap();
             stand(backend, &animation, 0.0);
             let ticket = go(backend, Rays::List(&rays), SHADOWED);
             let closest = hits(backend, ticket);
@@ -67,7 +74,7 @@ pub(super) fn the_deepest_tree_is_refitted_and_traced_from_either_end() {
             let any = hits(backend, ticket);
             answers.push((closest, any, backend.inspect().boxes().unwrap()));
         }
-        assert!(answers[0] == answers[1]);
+        assert!(answers[0] == answers[1], "{layout}");
         let met = answers[0].1.blocked.iter().filter(|&&b| b == 1).count();
         assert!(met > 100, "{met}");
     }
@@ -119,9 +126,12 @@ pub(super) fn triangles_are_counted_at_the_last_positions_alone() {
 }
 
 /// Costs of the tree at some times, as refit says.
-fn costs(backend: &mut dyn Backend, animation: &Arc<Animation>, tree: &Topology) -> Vec<f64> {
-    let method = Method::default();
-    backend.load(Arc::clone(animation), method).unwrap();
+fn costs(
+    backend: &mut dyn Backend,
+    layout: Layout,
+    (animation, tree): &(Arc<Animation>, Topology),
+) -> Vec<f64> {
+    backend.load(Arc::clone(animation), laid(layout)).unwrap();
     backend.adopt(tree, Generation(1)).unwrap();
     let cost = |time| {
         stand(backend, animation, time);
@@ -140,13 +150,38 @@ pub(super) fn the_cost_of_a_tree_is_the_references() {
         let tree = tree_at(&animation, 0.0);
         (animation, tree)
     });
-    for (animation, tree) in swarms.iter().chain([&deep]) {
-        let found = costs(&mut *backend, animation, tree);
-        let expected = costs(&mut reference, animation, tree);
-        for (found, expected) in found.iter().zip(&expected) {
-            let error = (found - expected).abs() / expected;
-            assert!(error < 1e-4, "{found} {expected}");
+    for scene in swarms.iter().chain([&deep]) {
+        let expected = costs(&mut reference, Layout::Bvh2, scene);
+        for layout in Layout::ALL {
+            let found = costs(&mut *backend, layout, scene);
+            for (found, expected) in found.iter().zip(&expected) {
+                let error = (found - expected).abs() / expected;
+                assert!(error < 1e-4, "{layout}: {found} {expected}");
+            }
         }
+    }
+}
+
+/// Three levels of treelets, and trees so different that nodes need more room.
+pub(super) fn layouts_differ_in_memory_alone() {
+    let (animation, camera) = (swarm(60_000), camera());
+    let trees = [0.0, 2.0].map(|time| tree_at(&animation, time));
+    let mut backend = device();
+    let mut seen = Vec::new();
+    for layout in Layout::ALL {
+        open_laid(&mut *backend, &animation, layout);
+        for (tree, generation) in trees.iter().zip(2..) {
+            backend.adopt(tree, Generation(generation)).unwrap();
+            stand(&mut *backend, &animation, 0.3);
+            let ticket = go(&mut *backend, Rays::Camera(&camera), SHADOWED);
+            let boxes = backend.inspect().boxes().unwrap();
+            let bytes = backend.device_bytes().unwrap();
+            seen.push((hits(&mut *backend, ticket), boxes, bytes));
+        }
+    }
+    for (usual, fast) in seen[..2].iter().zip(&seen[2..]) {
+        assert!(usual.0 == fast.0 && usual.1 == fast.1);
+        assert!(usual.2 > fast.2, "{} {}", usual.2, fast.2);
     }
 }
 

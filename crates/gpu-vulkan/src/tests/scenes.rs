@@ -1,7 +1,7 @@
 //! Small scenes and the few sentences in which tests are written.
 
 use crate::{Options, Validation, VulkanBackend};
-use backend::{Backend, Generation, Hits, Method, Query, Rays, Seek, Snapshot, Ticket};
+use backend::{Backend, Generation, Hits, Layout, Method, Query, Rays, Seek, Snapshot, Ticket};
 use bvh_build::{BinaryTree, Builder, Cancel};
 use bvh_layout::{Converter, Topology};
 use geom::{Animation, Camera, Point, Ray};
@@ -121,10 +121,21 @@ pub(super) const SHADOWED: Seek = Seek::ClosestAndShadow {
 
 /// Loads the scene with a tree of its first frame.
 pub(super) fn open(backend: &mut dyn Backend, animation: &Arc<Animation>) {
-    let method = Method::default();
-    backend.load(Arc::clone(animation), method).unwrap();
+    open_laid(backend, animation, Layout::Bvh2);
+}
+
+pub(super) fn open_laid(backend: &mut dyn Backend, animation: &Arc<Animation>, layout: Layout) {
+    backend.load(Arc::clone(animation), laid(layout)).unwrap();
     let tree = tree_at(animation, 0.0);
     backend.adopt(&tree, Generation(1)).unwrap();
+}
+
+/// The usual method with that layout.
+pub(super) fn laid(layout: Layout) -> Method {
+    Method {
+        layout,
+        ..Method::default()
+    }
 }
 
 /// Records all that comes before a trace.

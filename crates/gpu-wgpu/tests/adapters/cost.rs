@@ -1,8 +1,8 @@
 //! The tree's cost as refit measures it, beside the host's.
 
-use crate::scenes::{go, open, rays, stand, swarm};
+use crate::scenes::{go, open, open_laid, rays, stand, swarm};
 use crate::twins::variants;
-use backend::{Backend, Rays, Seek};
+use backend::{Backend, Layout, Rays, Seek};
 use cpu_ref::CpuBackend;
 use geom::Animation;
 use gpu_wgpu::{Options, WgpuBackend};
@@ -27,10 +27,10 @@ fn triangles(corners: &[[f32; 3]]) -> Arc<Animation> {
 }
 
 /// Levels of one group and of many, a lone leaf, no leaf, no area.
-fn scenes() -> Vec<Arc<Animation>> {
+fn scenes() -> [Arc<Animation>; 7] {
     let corner = [[1.0, 2.0, 3.0], [2.0, 2.0, 3.5], [1.0, 3.0, 3.0]];
     let on_a_line = [[0.0; 3], [1.0, 0.0, 0.0], [3.0, 0.0, 0.0]];
-    vec![
+    [
         swarm(20_000),
         swarm(600),
         swarm(2),
@@ -45,9 +45,11 @@ pub(crate) fn refit_measures_what_the_tree_costs() -> Result<(), Failed> {
     let mut host = CpuBackend::new(Some(2)).map_err(|e| e.to_string())?;
     for (name, options) in variants() {
         let mut backend = WgpuBackend::new(&options)?;
-        for (i, animation) in scenes().iter().enumerate() {
+        let laid = Layout::ALL.map(|layout| scenes().map(|scene| (layout, scene)));
+        for (i, (layout, animation)) in laid.iter().flatten().enumerate() {
+            let layout = *layout;
             open(&mut host, animation)?;
-            open(&mut backend, animation)?;
+            open_laid(&mut backend, animation, layout)?;
             // The tree is that of time 0: it gets old.
             for time in [0.0, 0.4, 1.7] {
                 let expected = cost(&mut host, animation, time)?;

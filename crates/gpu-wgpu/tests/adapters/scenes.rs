@@ -1,6 +1,6 @@
 //! Small scenes and the few sentences in which trials are written.
 
-use backend::{Backend, Generation, Hits, Method, Query, Rays, Result, Seek, Ticket};
+use backend::{Backend, Generation, Hits, Layout, Method, Query, Rays, Result, Seek, Ticket};
 use bvh_build::{BinaryTree, Builder, Cancel};
 use bvh_layout::{Converter, Topology};
 use geom::{Animation, Camera, Point, Ray};
@@ -81,7 +81,19 @@ pub(crate) const SHADOWED: Seek = Seek::ClosestAndShadow {
 
 /// Loads the scene and adopts a tree built at its start.
 pub(crate) fn open(backend: &mut dyn Backend, animation: &Arc<Animation>) -> Result<()> {
-    backend.load(Arc::clone(animation), Method::default())?;
+    open_laid(backend, animation, Layout::Bvh2)
+}
+
+pub(crate) fn open_laid(
+    backend: &mut dyn Backend,
+    animation: &Arc<Animation>,
+    layout: Layout,
+) -> Result<()> {
+    let method = Method {
+        layout,
+        ..Method::default()
+    };
+    backend.load(Arc::clone(animation), method)?;
     backend.adopt(&tree_at(animation, 0.0), Generation(1))
 }
 

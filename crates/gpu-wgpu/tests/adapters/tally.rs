@@ -1,7 +1,8 @@
 //! What a frame asks of wgpu, in counts that are the same on every machine.
 
-use crate::scenes::{SHADOWED, camera, go, open, stand, swarm, tree_at};
-use backend::{Backend, Generation, Method, Rays};
+use crate::scenes::{SHADOWED, camera, go, open, open_laid, stand, swarm, tree_at};
+use backend::{Backend, Generation, Layout, Method, Rays};
+use bvh_layout::{Topology, Treelets};
 use gpu_wgpu::{Options, Tally, WgpuBackend};
 use libtest_mimic::Failed;
 
@@ -22,9 +23,22 @@ fn frame(backend: &mut WgpuBackend, animation: &geom::Animation, i: u32) -> Resu
 }
 
 pub(crate) fn a_steady_frame_makes_no_buffer_and_no_bind_group() -> Result<(), Failed> {
+    Layout::ALL.into_iter().try_for_each(tally_of_steady_frames)
+}
+
+/// Dispatches of a refit but for the sum of costs.
+fn levels(tree: &Topology, layout: Layout) -> u64 {
+    match layout {
+        Layout::Bvh2 => tree.levels().filter(|l| !l.inner.is_empty()).count() as u64,
+        // The level of triangles is refitted as it is preprocessed.
+        Layout::Fast => Treelets::of(tree).levels().len() as u64 - 1,
+    }
+}
+
+fn tally_of_steady_frames(layout: Layout) -> Result<(), Failed> {
     let animation = swarm(3000);
     let mut backend = WgpuBackend::new(&Options::default())?;
-    open(&mut backend, &animation)?;
+    open_laid(&mut backend, &animation, layout)?;
     // Both places of a record, all slots, all buffers for traces and positions.
     let mut generation = 1;
     for i in 0..24 {
@@ -34,32 +48,25 @@ pub(crate) fn a_steady_frame_makes_no_buffer_and_no_bind_group() -> Result<(), F
         }
         frame(&mut backend, &animation, i)?;
     }
-    let levels = tree_at(&animation, 0.0)
-        .levels()
-        .filter(|l| !l.inner.is_empty())
-        .count() as u64;
     let expected = Tally {
         buffers: 0,
         bind_groups: 0,
         uploads: 1,
         passes: 5,
         // interpolate, preprocess, a level each, their sum, trace, shadows
-        dispatches: 2 + levels + 1 + 2,
+        dispatches: 2 + levels(&tree_at(&animation, 0.0), layout) + 1 + 2,
         submissions: 1,
     };
     for i in 24..48 {
         assert_eq!(frame(&mut backend, &animation, i)?, expected, "frame {i}");
     }
-    // A new tree costs its upload and one dispatch, no more.
-    let before = backend.tally();
-    backend.adopt(&tree_at(&animation, 0.3), Generation(generation + 1))?;
+    // A new tree costs its upload and one dispatch (none with layout `fast`), no more.
+    let (before, tree) = (backend.tally(), tree_at(&animation, 0.3));
+    backend.adopt(&tree, Generation(generation + 1))?;
     assert_eq!((backend.tally() - before).uploads, 1);
-    let levels = tree_at(&animation, 0.3)
-        .levels()
-        .filter(|l| !l.inner.is_empty())
-        .count() as u64;
     let spent = frame(&mut backend, &animation, 48)?;
-    assert_eq!(spent.dispatches, 3 + levels + 1 + 2);
+    let expand = u64::from(layout == Layout::Bvh2);
+    assert_eq!(spent.dispatches, 2 + expand + levels(&tree, layout) + 1 + 2);
     assert_eq!((spent.buffers, spent.submissions), (0, 1));
     Ok(())
 }

@@ -1,7 +1,9 @@
 //! The same bits from every variant, from `gpu-vulkan` on the same driver, and from the host.
 
-use crate::scenes::{SHADOWED, answers, camera, go, hits, open, rays, stand, swarm, tree_at};
-use backend::{Backend, Generation, Rays, Seek};
+use crate::scenes::{
+    SHADOWED, answers, camera, go, hits, open, open_laid, rays, stand, swarm, tree_at,
+};
+use backend::{Backend, Generation, Layout, Rays, Seek};
 use cpu_ref::CpuBackend;
 use geom::{Animation, Hit};
 use gpu_vulkan::VulkanBackend;
@@ -57,8 +59,12 @@ pub(crate) fn every_variant_answers_as_its_twins_do() -> Result<(), Failed> {
         (Rays::List(&list), Seek::Any),
     ];
     let mut all = backends()?;
-    for (_, backend) in &mut all {
-        open(backend.as_mut(), &animation)?;
+    // The host first, then all others, in the one layout and then in the other.
+    all.extend(backends()?.into_iter().skip(1));
+    let usual = all.len().div_ceil(2);
+    for (i, (_, backend)) in all.iter_mut().enumerate() {
+        let layout = Layout::ALL[usize::from(i >= usual)];
+        open_laid(backend.as_mut(), &animation, layout)?;
     }
     for (i, (rays, seek)) in queries.into_iter().enumerate() {
         let time = [0.0, 0.37, 1.0, 1.75, 2.0][i];

@@ -242,7 +242,7 @@ impl Driver {
         self.beginning.adopted = Some(Adopted {
             build_ms: built.build_ms,
             convert_ms: built.convert_ms,
-            upload_bytes: built.topology.bytes() as u64,
+            upload_bytes: built.topology.upload_bytes() as u64,
             snapshot_bytes,
             triangles: built.topology.leaf_count(),
             moments: TreeMoments {

@@ -1,8 +1,8 @@
 //! The stages that follow a tree: records, and boxes level by level.
 
-use super::{Groups, Work};
+use super::{Groups, Work, treelets};
 use crate::{Extent, MovingShape, Params, Shape, common, kernel};
-use backend::Method;
+use backend::{Layout, Method};
 use std::mem::offset_of;
 
 /// Which parts of the tree in use stand on the device since it was adopted.
@@ -18,9 +18,14 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Positions to records and boxes of leaves, after the tree's lists of nodes if need be.
+    /// Positions to records and boxes of leaves, after the tree's lists of nodes if need be;
+    /// with layout `fast` also to boxes of all nodes in treelets of triangles.
     #[must_use]
     pub fn preprocess(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, Extent) {
+        if tree.layout == Layout::Fast {
+            let work = treelets::preprocess(method, params, tree);
+            return (vec![work], Extent::Whole);
+        }
         let mut work = Vec::with_capacity(3);
         if !self.has_lists {
             work.push(expand(params));
@@ -51,7 +56,12 @@ impl Progress {
 
     /// Boxes of leaves to boxes of inner nodes, level by level, and to the tree's cost.
     #[must_use]
-    pub fn refit(&self, params: Params, tree: &Shape) -> (Vec<Work>, Extent) {
+    pub fn refit(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, Extent) {
+        if tree.layout == Layout::Fast && tree.leaf_count > 0 {
+            let mut work = treelets::refit(method, params, tree);
+            work.push(sum(params, tree.treelet_count(), AREAS));
+            return (work, Extent::Whole);
+        }
         let moving = tree.moving.as_ref();
         match moving.filter(|_| self.has_boxes && tree.leaf_count > 0) {
             Some(moving) => (refit_moving(params, moving), Extent::Moving),
@@ -96,11 +106,7 @@ fn refit_whole(params: Params, tree: &Shape) -> Vec<Work> {
     }
     let levels = tree.levels.iter().map(|l| (l.start, l.len() as u32));
     let mut work = refit_levels(params, levels.rev());
-    work.push(sum(
-        params,
-        groups_of(&work),
-        offset_of!(crate::Counts, areas),
-    ));
+    work.push(sum(params, groups_of(&work), AREAS));
     if let Some(moving) = &tree.moving {
         let params = Params {
             first: moving.inner_at,
@@ -150,6 +156,7 @@ fn groups_of(levels: &[Work]) -> u32 {
     })
 }
 
+const AREAS: usize = offset_of!(crate::Counts, areas);
 const MOVING_AREAS: usize = offset_of!(crate::Counts, moving_areas);
 
 /// Adds up the sums of so many workgroups, into a member of [`crate::Counts`].
@@ -203,7 +210,8 @@ mod tests {
 
     #[test]
     fn each_level_has_its_own_slots_of_costs_and_the_sum_takes_them_all() {
-        let (work, extent) = Progress::default().refit(Params::default(), &tree());
+        let (work, extent) =
+            Progress::default().refit(Method::default(), Params::default(), &tree());
         assert_eq!(extent, Extent::Whole);
         let expected = [
             ("refit", 200, 300, 0, 0),
@@ -231,7 +239,7 @@ mod tests {
         let (work, extent) = progress.preprocess(Method::default(), params, &tree);
         assert_eq!(extent, Extent::Moving);
         assert_eq!(told(&work), [("preprocess", 2_000, 9, 0, 1)]);
-        let (work, extent) = progress.refit(params, &tree);
+        let (work, extent) = progress.refit(Method::default(), params, &tree);
         assert_eq!(extent, Extent::Whole);
         let expected = [
             ("areas_moving", 2_009, 142, 0, 0),
@@ -239,7 +247,7 @@ mod tests {
         ];
         assert_eq!(told(&work[5..]), expected);
         progress.refitted();
-        let (work, extent) = progress.refit(params, &tree);
+        let (work, extent) = progress.refit(Method::default(), params, &tree);
         assert_eq!(extent, Extent::Moving);
         let expected = [
             ("refit", 2_149, 2, 0, 1),
@@ -258,7 +266,7 @@ mod tests {
         progress.refitted();
         let (work, extent) = progress.preprocess(Method::default(), Params::default(), &tree());
         assert_eq!((work.len(), extent), (1, Extent::Whole));
-        let (_, extent) = progress.refit(Params::default(), &tree());
+        let (_, extent) = progress.refit(Method::default(), Params::default(), &tree());
         assert_eq!(extent, Extent::Whole);
     }
 
@@ -269,9 +277,10 @@ mod tests {
             node_count: 1,
             ..Shape::default()
         };
-        let (work, _) = Progress::default().refit(Params::default(), &lone);
+        let (work, _) = Progress::default().refit(Method::default(), Params::default(), &lone);
         assert_eq!((work.len(), work[0].params.count), (1, 0));
-        let (work, _) = Progress::default().refit(Params::default(), &Shape::default());
+        let (work, _) =
+            Progress::default().refit(Method::default(), Params::default(), &Shape::default());
         assert!(work.is_empty());
     }
 }

@@ -1,9 +1,5 @@
 // Whether a ray meets anything but one triangle: the first hit ends the search.
 
-const LEAF: u32 = 0x80000000u;
-// No node at all; as a leaf it would be beyond all others.
-const NONE: u32 = 0xffffffffu;
-
 fn meets_box(ray: Prepared, low: vec4<u32>, high: vec4<u32>) -> bool {
     let s = loose_slab(ray, bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz));
     return s.x <= s.y && s.x <= ray.t_max && s.y >= ray.t_min;
@@ -16,10 +12,11 @@ fn find_any(ray: Prepared, ignore: u32) -> bool {
     if !meets_box(ray, nodes[0], nodes[1]) { return false; }
     loop {
         for (var i = 0u; i < 2u && (at & LEAF) == 0u; i += 1u) {
-            let l0 = nodes[2u * at];
-            let r0 = nodes[2u * at + 2u];
-            let meets_l = meets_box(ray, l0, nodes[2u * at + 1u]);
-            let meets_r = meets_box(ray, r0, nodes[2u * at + 3u]);
+            let row = children_of(at);
+            let l0 = nodes[row];
+            let r0 = nodes[row + 2u];
+            let meets_l = meets_box(ray, l0, nodes[row + 1u]);
+            let meets_r = meets_box(ray, r0, nodes[row + 3u]);
             if meets_l && meets_r {
                 stack[depth] = r0.w;
                 depth += 1u;
@@ -27,10 +24,15 @@ fn find_any(ray: Prepared, ignore: u32) -> bool {
             at = select(select(NONE, r0.w, meets_r), l0.w, meets_l);
         }
         if (at & LEAF) != 0u {
-            if at != NONE && see_any(ray, at & 0x7fffffffu, ignore) { return true; }
-            if depth == 0u { break; }
-            depth -= 1u;
-            at = stack[depth];
+            if at != NONE {
+                if see_any(ray, first_of(at), ignore) { return true; }
+                at = others_of(at);
+            }
+            if at == NONE {
+                if depth == 0u { break; }
+                depth -= 1u;
+                at = stack[depth];
+            }
         }
     }
     return false;

@@ -1,6 +1,6 @@
-// Areas of boxes, and sums over a workgroup of 128.
+// Areas of boxes, and sums over a workgroup of GROUP invocations, which the kernel defines: 128 or 256.
 
-var<workgroup> partial_sums: array<f32, 128>;
+var<workgroup> partial_sums: array<f32, GROUP>;
 
 // Half the surface of a box; 0 if it is empty.
 fn half_area(low: vec4<u32>, high: vec4<u32>) -> f32 {
@@ -9,13 +9,13 @@ fn half_area(low: vec4<u32>, high: vec4<u32>) -> f32 {
 }
 
 // The sum of `x` over the workgroup, for invocation 0 alone, always taken in the same order.
-// Every invocation must call it, in uniform control flow. Two barriers: 128 to 16 to 1.
+// Every invocation must call it, in uniform control flow. Two barriers: all to 16 to 1.
 fn sum_of_group(local: u32, x: f32) -> f32 {
     partial_sums[local] = x;
     workgroupBarrier();
     var sum = 0.0;
     if local < 16u {
-        for (var k = 0u; k < 8u; k += 1u) { sum += partial_sums[local + 16u * k]; }
+        for (var k = 0u; k < GROUP / 16u; k += 1u) { sum += partial_sums[local + 16u * k]; }
         partial_sums[local] = sum;
     }
     workgroupBarrier();

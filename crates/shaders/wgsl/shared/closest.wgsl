@@ -1,17 +1,14 @@
 // Closest hit; the intersector says what it keeps of the leaves it sees.
 
-const LEAF: u32 = 0x80000000u;
-// No node at all; as a leaf it would be beyond all others.
-const NONE: u32 = 0xffffffffu;
-
 // The child to go to, where any is met; the farther of two is left on the stack.
 struct Descent { next: u32, later: u32 }
 
 fn descend_closest(ray: Prepared, at: u32, best: f32) -> Descent {
-    let l0 = nodes[2u * at];
-    let l1 = nodes[2u * at + 1u];
-    let r0 = nodes[2u * at + 2u];
-    let r1 = nodes[2u * at + 3u];
+    let row = children_of(at);
+    let l0 = nodes[row];
+    let l1 = nodes[row + 1u];
+    let r0 = nodes[row + 2u];
+    let r1 = nodes[row + 3u];
     let l = loose_slab(ray, bitcast<vec3<f32>>(l0.xyz), bitcast<vec3<f32>>(l1.xyz));
     let r = loose_slab(ray, bitcast<vec3<f32>>(r0.xyz), bitcast<vec3<f32>>(r1.xyz));
     let meets_l = l.x <= l.y && l.x <= best && l.y >= ray.t_min;
@@ -42,10 +39,15 @@ fn find_closest(ray: Prepared) -> Found {
             }
         }
         if (at & LEAF) != 0u {
-            if at != NONE { best = see_closest(ray, at & 0x7fffffffu, best); }
-            if depth == 0u { break; }
-            depth -= 1u;
-            at = stack[depth];
+            if at != NONE {
+                best = see_closest(ray, first_of(at), best);
+                at = others_of(at);
+            }
+            if at == NONE {
+                if depth == 0u { break; }
+                depth -= 1u;
+                at = stack[depth];
+            }
         }
     }
     return best;

@@ -1,0 +1,101 @@
+//! Where to cut: the largest subtrees that fit a treelet, and neighbours that fit one together.
+
+use super::Treelets;
+use crate::walk::Shape;
+use bvh_build::Subtree;
+use std::ops::Range;
+
+/// One level of treelets.
+#[derive(Debug)]
+pub(super) struct Cut {
+    /// The subtrees that are kept whole, left to right.
+    pub(super) roots: Vec<Subtree>,
+    /// Each treelet's share of them.
+    pub(super) treelets: Vec<Range<usize>>,
+    /// What lies above, whose leaves the roots are: for each inner node in preorder, the roots to its left.
+    pub(super) above: Vec<u32>,
+}
+
+impl Cut {
+    /// All levels, that of the triangles first.
+    ///
+    /// Each has at most a quarter of the roots of the one below, and one to spare: an inner node
+    /// that is cut through has more than 256 leaves; of such nodes without such children
+    /// there are fewer than a 256th of the leaves, and each has at most 64 nodes above.
+    pub(super) fn all(shape: Shape<'_>) -> Vec<Self> {
+        let mut levels = vec![Self::new(shape.left_leaves)];
+        while let Some(last) = levels.last()
+            && !last.above.is_empty()
+        {
+            let next = Self::new(&last.above);
+            levels.push(next);
+        }
+        levels
+    }
+
+    fn new(left_leaves: &[u32]) -> Self {
+        let (mut roots, mut above) = (Vec::new(), Vec::new());
+        let root = Subtree {
+            inner: 0,
+            first_leaf: 0,
+            leaves: left_leaves.len() as u32 + 1,
+        };
+        let mut waiting = vec![(root, None)];
+        while let Some((node, right_of)) = waiting.pop() {
+            if let Some(parent) = right_of {
+                // Until its left side was done, the parent's entry held the roots before it.
+                let before: &mut u32 = &mut above[parent];
+                *before = roots.len() as u32 - *before;
+            }
+            if node.leaves as usize <= Treelets::LEAVES {
+                roots.push(node);
+                continue;
+            }
+            let [left, right] = children(left_leaves, node);
+            waiting.extend([(right, Some(above.len())), (left, None)]);
+            above.push(roots.len() as u32);
+        }
+        Self {
+            treelets: pack(&roots),
+            roots,
+            above,
+        }
+    }
+
+    /// Leaves of a treelet.
+    pub(super) fn leaves(&self, treelet: &Range<usize>) -> Range<usize> {
+        let (first, last) = (self.roots[treelet.start], self.roots[treelet.end - 1]);
+        first.first_leaf as usize..(last.first_leaf + last.leaves) as usize
+    }
+}
+
+/// As many neighbours as fit into each treelet.
+fn pack(roots: &[Subtree]) -> Vec<Range<usize>> {
+    let (mut treelets, mut start, mut leaves) = (Vec::new(), 0, 0);
+    for (i, root) in roots.iter().enumerate() {
+        if leaves + root.leaves as usize > Treelets::LEAVES {
+            treelets.push(start..i);
+            (start, leaves) = (i, 0);
+        }
+        leaves += root.leaves as usize;
+    }
+    treelets.push(start..roots.len());
+    treelets
+}
+
+/// See [`bvh_build::BinaryTree::children`].
+pub(super) fn children(left_leaves: &[u32], node: Subtree) -> [Subtree; 2] {
+    let left = left_leaves[node.inner as usize];
+    [
+        Subtree {
+            inner: node.inner + 1,
+            leaves: left,
+            ..node
+        },
+        Subtree {
+            inner: node.inner + left,
+            first_leaf: node.first_leaf + left,
+            leaves: node.leaves - left,
+        },
+    ]
+}

@@ -1,0 +1,100 @@
+// A treelet in the memory of one workgroup: see bvh_layout::Treelets.
+
+const GROUP: u32 = 256u;
+// A reference within a treelet, below 512, is also a node's place here.
+const PLACES: u32 = 512u;
+const LEAVES: u32 = 256u;
+
+struct Treelet {
+    first_leaf: u32,
+    leaf_count: u32,
+    inner_at: u32,
+    inner_count: u32,
+    inner_row: u32,
+    roots_at: u32,
+    root_count: u32,
+    root_row: u32,
+    height: u32,
+}
+
+fn treelet(number: u32) -> Treelet {
+    let at = 9u * number;
+    return Treelet(
+        topology[at], topology[at + 1u], topology[at + 2u], topology[at + 3u], topology[at + 4u],
+        topology[at + 5u], topology[at + 6u], topology[at + 7u], topology[at + 8u],
+    );
+}
+
+// Boxes of all nodes, coordinate by coordinate, then what traversal calls each leaf. Before that, records on their way.
+var<workgroup> kept: array<u32, 3328>;
+
+fn low_of(place: u32) -> vec4<u32> {
+    return vec4<u32>(kept[place], kept[place + PLACES], kept[place + 2u * PLACES], 0u);
+}
+
+fn high_of(place: u32) -> vec4<u32> {
+    return vec4<u32>(kept[place + 3u * PLACES], kept[place + 4u * PLACES], kept[place + 5u * PLACES], 0u);
+}
+
+fn keep_box(place: u32, low: vec3<u32>, high: vec3<u32>) {
+    kept[place] = low.x;
+    kept[place + PLACES] = low.y;
+    kept[place + 2u * PLACES] = low.z;
+    kept[place + 3u * PLACES] = high.x;
+    kept[place + 4u * PLACES] = high.y;
+    kept[place + 5u * PLACES] = high.z;
+}
+
+fn keep_leaf(leaf: u32, name: u32) {
+    kept[6u * PLACES + leaf] = name;
+}
+
+fn name_of_leaf(leaf: u32) -> u32 {
+    return kept[6u * PLACES + leaf];
+}
+
+// Makes the box at `place` from two others; returns their half areas.
+fn join(place: u32, left: u32, right: u32) -> f32 {
+    let left_low = low_of(left);
+    let left_high = high_of(left);
+    let right_low = low_of(right);
+    let right_high = high_of(right);
+    let low = min(bitcast<vec3<f32>>(left_low.xyz), bitcast<vec3<f32>>(right_low.xyz));
+    let high = max(bitcast<vec3<f32>>(left_high.xyz), bitcast<vec3<f32>>(right_high.xyz));
+    keep_box(place, bitcast<vec3<u32>>(low), bitcast<vec3<u32>>(high));
+    return half_area(left_low, left_high) + half_area(right_low, right_high);
+}
+
+// Boxes of inner nodes from those of leaves; returns the half areas of the children that this invocation
+// read. Every invocation must call it, in uniform control flow, the leaves being kept.
+fn refit_treelet(t: Treelet, local: u32) -> f32 {
+    var word = 0u;
+    if local < t.inner_count { word = topology[t.inner_at + local]; }
+    var area = 0.0;
+    for (var height = 1u; height <= t.height; height += 1u) {
+        if word >> 18u == height { area = join(local, word & 511u, (word >> 9u) & 511u); }
+        workgroupBarrier();
+    }
+    return area;
+}
+
+// One of the two rows of a node's box; the first tells traversal how to go on.
+fn row_of(t: Treelet, place: u32, high: bool) -> vec4<u32> {
+    if high { return high_of(place); }
+    var name = (t.inner_row >> 2u) + place;
+    if place >= LEAVES { name = name_of_leaf(place - LEAVES); }
+    return vec4<u32>(low_of(place).xyz, name);
+}
+
+// Writes inner nodes and roots, neighbouring rows by neighbouring invocations.
+fn write_treelet(t: Treelet, local: u32) {
+    for (var row = local; row < 4u * t.inner_count; row += GROUP) {
+        let word = topology[t.inner_at + (row >> 2u)];
+        let child = select(word, word >> 9u, (row & 2u) != 0u) & 511u;
+        nodes[t.inner_row + row] = row_of(t, child, (row & 1u) != 0u);
+    }
+    for (var row = local; row < 2u * t.root_count; row += GROUP) {
+        let root = topology[t.roots_at + (row >> 1u)];
+        nodes[t.root_row + row] = row_of(t, root, (row & 1u) != 0u);
+    }
+}
