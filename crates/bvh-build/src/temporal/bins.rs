@@ -5,21 +5,25 @@ use super::prims::Prims;
 
 /// The most bins along each axis.
 const BINS: usize = 16;
+/// A node has a bin for so many triangles, but no fewer than half the most.
+const PER_BIN: usize = 8;
 /// Extents of centres below this are none.
 const LEAST: f32 = 1.0 / (1_u64 << 60) as f32;
 
 /// Boxes of a node's triangles, and boxes of their centres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Extents {
-    pub(super) boxes: Boxes,
+    boxes: Boxes,
     centers: Boxes,
+    bins: usize,
 }
 
 impl Extents {
-    pub(super) fn of<'a>(ids: impl Iterator<Item = &'a u32>, prims: &Prims) -> Self {
+    pub(super) fn of<'a>(ids: impl ExactSizeIterator<Item = &'a u32>, prims: &Prims) -> Self {
         let mut all = Self {
             boxes: Boxes::EMPTY,
             centers: Boxes::EMPTY,
+            bins: (ids.len() / PER_BIN).clamp(BINS / 2, BINS),
         };
         for &id in ids {
             let b = prims.get(id);
@@ -53,6 +57,7 @@ impl Plane {
 /// From a centre to its bin.
 #[derive(Clone, Copy, Debug)]
 struct Grid {
+    bins: usize,
     base: f32,
     scale: f32,
 }
@@ -63,15 +68,16 @@ impl Grid {
         let base = -extents.centers.rows[axis][lane];
         let extent = extents.centers.rows[axis + 3][lane] - base;
         (extent > LEAST).then(|| Self {
+            bins: extents.bins,
             base,
-            scale: BINS as f32 / extent,
+            scale: extents.bins as f32 / extent,
         })
     }
 
     /// Centres beyond the extents fall into the outermost bins.
     #[inline]
     fn bin(self, center: f32) -> usize {
-        (((center - self.base) * self.scale) as usize).min(BINS - 1)
+        (((center - self.base) * self.scale) as usize).min(self.bins - 1)
     }
 }
 
@@ -88,17 +94,17 @@ impl Bins {
     };
 
     /// The least cost of a plane, and its bin. Every bin's side holds something, for the outermost are not empty.
-    fn best(&self, ruler: Ruler<'_>) -> (f32, usize) {
+    fn best(&self, bins: usize, ruler: Ruler<'_>) -> (f32, usize) {
         let mut right = [0.0; BINS];
         let (mut b, mut count) = (Boxes::EMPTY, 0);
-        for bin in (1..BINS).rev() {
+        for bin in (1..bins).rev() {
             b.grow(&self.boxes[bin]);
             count += self.counts[bin];
             right[bin] = ruler.half_area(&b) * count as f32;
         }
         let mut best = (f32::INFINITY, 0);
         (b, count) = (Boxes::EMPTY, 0);
-        for (bin, right) in right.iter().enumerate().skip(1) {
+        for (bin, right) in right[..bins].iter().enumerate().skip(1) {
             b.grow(&self.boxes[bin - 1]);
             count += self.counts[bin - 1];
             let cost = ruler.half_area(&b) * count as f32 + right;
@@ -134,7 +140,7 @@ pub(super) fn best_plane<'a>(
     let mut best: Option<(f32, Plane)> = None;
     for (axis, (bins, grid)) in bins.iter().zip(grids).enumerate() {
         let Some(grid) = grid else { continue };
-        let (cost, bin) = bins.best(ruler);
+        let (cost, bin) = bins.best(grid.bins, ruler);
         if best.is_none_or(|(least, _)| cost < least) {
             let plane = Plane {
                 lane,

@@ -87,7 +87,9 @@ impl<'a> Ruler<'a> {
             let (x, y, z) = (edge(0, l), edge(1, l), edge(2, l));
             *area = (x * y + (x + y) * z) * self.weights[l];
         }
-        areas.iter().sum()
+        // Pairwise, so that additions need not wait for each other.
+        let [a, b, c, d, e, f, g, h] = areas;
+        ((a + e) + (c + g)) + ((b + f) + (d + h))
     }
 }
 

@@ -10,7 +10,7 @@ use rayon::join;
 /// Nodes of more triangles than this build their children in parallel and ask whether to go on.
 const PARALLEL: usize = 1024;
 /// A plane is chosen by so many triangles of a larger node, evenly taken from all.
-const SAMPLE: usize = 1 << 14;
+const SAMPLE: usize = 1 << 12;
 
 /// A node to build: its triangles, room of the same size, and where its part of the tree goes.
 pub(super) struct Node<'a> {
@@ -45,7 +45,7 @@ pub(super) fn build(prims: &Prims, node: Node<'_>, cancel: &Cancel) -> Result<()
 fn divide<'a>(prims: &Prims, node: Node<'a>) -> [Node<'a>; 2] {
     let n = node.order.len();
     let left = if n <= sweep::MOST {
-        sweep::cut(node.order, prims, 0..prims.moments)
+        sweep::cut(node.order, prims)
     } else {
         match find_plane(prims, node.order) {
             Some(plane) => partition(prims, node.order, node.room, &plane),
@@ -57,11 +57,12 @@ fn divide<'a>(prims: &Prims, node: Node<'a>) -> [Node<'a>; 2] {
     cut(node, if fit { left } else { n / 2 })
 }
 
-/// The best plane of all moments, or none if at every moment all centres coincide.
+/// The best plane of the moments that are tried, or none if at each of them all centres coincide.
 fn find_plane(prims: &Prims, order: &[u32]) -> Option<Plane> {
     let some = || order.iter().step_by(order.len().div_ceil(SAMPLE));
     let extents = Extents::of(some(), prims);
-    let planes = (0..prims.moments).filter_map(|lane| best_plane(some(), prims, &extents, lane));
+    let plane = |lane| best_plane(some(), prims, &extents, lane);
+    let planes = prims.tried.iter().filter_map(|&lane| plane(lane));
     let best = planes.reduce(|a, b| if b.0 < a.0 { b } else { a })?;
     Some(best.1)
 }

@@ -14,8 +14,10 @@ pub(super) struct Prims {
     boxes: Vec<Lanes8>,
     /// What an area costs at each moment: its share of the time over the root's area.
     pub(super) weights: Lanes,
-    /// Moments there are; the lanes beyond have no weight.
-    pub(super) moments: usize,
+    /// The moments at which planes are tried, all different: the first, the middle one and the last.
+    ///
+    /// More of them took longer and made trees no better. The cost of a plane is that of all moments.
+    pub(super) tried: Vec<usize>,
 }
 
 impl Prims {
@@ -32,7 +34,10 @@ impl Prims {
         assert!(u32::try_from(n).is_ok(), "{n} triangles cannot be numbered");
         let alike = moments.iter().all(|m| m.boxes.len() == n);
         assert!(alike, "every moment has the same triangles");
-        self.moments = moments.len();
+        let last = moments.len() - 1;
+        self.tried.clear();
+        self.tried.extend([0, last / 2, last]);
+        self.tried.dedup();
         self.boxes.resize(n, Lanes8::EMPTY);
         let roots = self
             .boxes

@@ -11,7 +11,7 @@ const NEARLY: f32 = 1.0 + 1e-5;
 
 /// Puts `ids` (2 to [`MOST`]) in the order of the best plane, and gives how many of them go left.
 #[inline(never)]
-pub(super) fn cut(ids: &mut [u32], prims: &Prims, lanes: impl Iterator<Item = usize>) -> usize {
+pub(super) fn cut(ids: &mut [u32], prims: &Prims) -> usize {
     let n = ids.len();
     if n == 2 {
         return 1;
@@ -24,13 +24,19 @@ pub(super) fn cut(ids: &mut [u32], prims: &Prims, lanes: impl Iterator<Item = us
     let mut best = (f32::INFINITY, n / 2);
     let mut best_order = [0; MOST];
     best_order[..n].copy_from_slice(ids);
-    for lane in lanes {
-        for axis in 0..3 {
+    for axis in 0..3 {
+        let mut last = [u32::MAX; MOST];
+        for &lane in &prims.tried {
             let order = sorted(ids, |id| prims.get(id).center(axis, lane));
+            // Neighbours mostly move alike, and then one moment says it all.
+            if order == last {
+                continue;
+            }
             let found = best_cut(&order[..n], prims, ruler);
             if found.0 < best.0 {
                 (best, best_order) = (found, order);
             }
+            last = order;
         }
     }
     ids.copy_from_slice(&best_order[..n]);
