@@ -163,10 +163,8 @@ impl Chart {
             self.span(self.tracks.readback, "vertices", way, &vertices);
         }
         self.span(builder, "build", [build.begun, build.built], &built);
-        self.span(builder, "compare", [build.built, build.compared], &built);
-        let convert = [build.compared, build.converted];
-        self.span(builder, "convert", convert, &built);
-        self.span(builder, "cost", [build.converted, build.ended], &built);
+        self.span(builder, "cost", [build.built, build.weighed], &built);
+        self.span(builder, "convert", [build.weighed, build.ended], &built);
         self.span(
             self.tracks.upload,
             "tree",

@@ -51,18 +51,10 @@ impl Foresight {
         }
     }
 
-    /// When a tree asked for now will be swapped in.
-    pub(crate) fn swap(&self) -> f64 {
-        self.after(self.latency)
-    }
-
     /// The middle of the frames traced with a tree asked for now: the next one
     /// will be asked for when it is swapped in, and take as long.
     pub(crate) fn middle_of_use(&self) -> f64 {
-        self.after(self.latency + (self.latency - 1.0).max(0.0) / 2.0)
-    }
-
-    fn after(&self, frames: f64) -> f64 {
+        let frames = self.latency + (self.latency - 1.0).max(0.0) / 2.0;
         let [first, last] = self.range;
         let time = self.time + self.step * frames;
         // A frame outside the range is its own best guess.
@@ -83,32 +75,33 @@ mod tests {
     #[test]
     fn a_steady_motion_is_continued_to_the_middle_of_the_trees_use() {
         let mut f = watching([0.0, 100.0], None, &[0.0, 0.5, 1.0]);
-        assert_eq!((f.swap(), f.middle_of_use()), (1.0, 1.0));
+        assert_eq!(f.middle_of_use(), 1.0);
         f.came_after(4);
         // Swapped in 4 frames on, used for frames 4 to 7 from now.
-        assert_eq!((f.swap(), f.middle_of_use()), (3.0, 1.0 + 5.5 * 0.5));
+        assert_eq!(f.middle_of_use(), 1.0 + 5.5 * 0.5);
+        // The mean of both is 6: used for frames 6 to 11.
         f.came_after(8);
-        assert_eq!(f.swap(), 4.0);
+        assert_eq!(f.middle_of_use(), 1.0 + 8.5 * 0.5);
     }
 
     #[test]
     fn an_agreed_latency_is_not_learned() {
         let mut f = watching([0.0, 100.0], Some(3), &[0.0, 1.0]);
         f.came_after(50);
-        assert_eq!((f.swap(), f.middle_of_use()), (4.0, 5.0));
+        assert_eq!(f.middle_of_use(), 5.0);
         let f = watching([0.0, 100.0], Some(0), &[0.0, 1.0]);
-        assert_eq!((f.swap(), f.middle_of_use()), (1.0, 1.0));
+        assert_eq!(f.middle_of_use(), 1.0);
     }
 
     #[test]
     fn no_guess_leaves_the_range_but_for_a_frame_outside_it() {
         let f = watching([2.0, 9.0], Some(10), &[3.0, 4.0]);
-        assert_eq!(f.swap(), 9.0);
+        assert_eq!(f.middle_of_use(), 9.0);
         let back = watching([2.0, 9.0], Some(10), &[4.0, 3.0]);
-        assert_eq!(back.swap(), 2.0);
+        assert_eq!(back.middle_of_use(), 2.0);
         let outside = watching([2.0, 9.0], Some(10), &[10.0, 11.0]);
-        assert_eq!(outside.swap(), 11.0);
+        assert_eq!(outside.middle_of_use(), 11.0);
         let first = watching([2.0, 9.0], Some(10), &[3.0]);
-        assert_eq!(first.swap(), 3.0);
+        assert_eq!(first.middle_of_use(), 3.0);
     }
 }

@@ -66,7 +66,7 @@ impl Toolroom {
         } = job;
         self.work(|tools| {
             tools.reuse(spare);
-            tools.build_better(animation, &vertices, rival_at, cancel)
+            tools.build_better(animation, vertices, rival_at, cancel)
         })
     }
 

@@ -3,10 +3,11 @@
 use crate::sampling::Sample;
 use backend::Snapshot;
 use bvh_build::{
-    BinaryTree, BuildError, Builder, Cancel, Moment, TemporalBuilder, sah_cost, temporal_cost,
+    BinaryTree, Boxes, BuildError, Builder, Cancel, Moment, TemporalBuilder, sah_cost,
+    temporal_cost,
 };
 use bvh_layout::{Converter, Topology};
-use geom::{Animation, Point, Pose};
+use geom::{Aabb, Animation, Point, Pose};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -50,11 +51,9 @@ pub struct BuildMoments {
     pub begun: Instant,
     /// The binary tree stood.
     pub built: Instant,
-    /// It was found better than the tree in use, where that was asked.
-    pub compared: Instant,
-    /// The record was written.
-    pub converted: Instant,
-    /// The cost was known, and the tree finished.
+    /// Its cost was known, and where it was asked, that of the tree in use.
+    pub weighed: Instant,
+    /// The record was written, and the tree finished.
     pub ended: Instant,
 }
 
@@ -68,6 +67,7 @@ pub struct Workbench {
     in_use: BinaryTree,
     converter: Converter,
     positions: Vec<Point>,
+    boxes: Vec<Aabb>,
     spare: Vec<u32>,
     /// Whether records carry treelets.
     treelets: bool,
@@ -106,12 +106,13 @@ impl Workbench {
         positions: &[Point],
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
-        let boxes = (animation, positions);
         let begun = Instant::now();
-        self.builder.build(&boxes, cancel, &mut self.tree)?;
+        fill(&mut self.boxes, &(animation, positions));
+        self.builder
+            .build(&self.boxes[..], cancel, &mut self.tree)?;
         let built = Instant::now();
-        let cost = |tree: &BinaryTree| sah_cost(tree, &boxes);
-        Ok(self.hand_over(animation, [begun, built, built], cost))
+        let cost = sah_cost(&self.tree, &self.boxes[..]);
+        Ok(self.hand_over(animation, [begun, built], cost))
     }
 
     /// Builds a tree from `vertices` and converts it, if it is cheaper at
@@ -122,31 +123,43 @@ impl Workbench {
     pub fn build_better(
         &mut self,
         animation: &Animation,
-        vertices: &Vertices,
+        vertices: Vertices,
         rival_at: Option<Pose>,
         cancel: &Cancel,
     ) -> Result<Made, BuildError> {
         let begun = Instant::now();
-        let mut blended = std::mem::take(&mut self.positions);
-        let positions = match vertices {
-            Vertices::ReadBack(snapshot) => snapshot,
+        let blended_at = self.take_in(animation, vertices);
+        self.builder
+            .build(&self.boxes[..], cancel, &mut self.tree)?;
+        let built = Instant::now();
+        let cost = sah_cost(&self.tree, &self.boxes[..]);
+        if let Some(at) = rival_at {
+            let mut rival = cost;
+            if blended_at != rival_at {
+                fill(&mut self.boxes, &(animation, at));
+                rival = sah_cost(&self.tree, &self.boxes[..]);
+            }
+            let alike = self.in_use.leaf_count() == self.tree.leaf_count();
+            if alike && rival > sah_cost(&self.in_use, &self.boxes[..]) {
+                return Ok(Made::NoBetter);
+            }
+        }
+        Ok(Made::Tree(self.hand_over(animation, [begun, built], cost)))
+    }
+
+    /// Brings boxes to `vertices`; gives their pose if they were blended here.
+    fn take_in(&mut self, animation: &Animation, vertices: Vertices) -> Option<Pose> {
+        match vertices {
+            Vertices::ReadBack(snapshot) => {
+                fill(&mut self.boxes, &(animation, &snapshot[..]));
+                None
+            }
             Vertices::KeyFrames(pose) => {
-                blend(animation, *pose, &mut blended);
-                &blended[..]
+                blend(animation, pose, &mut self.positions);
+                fill(&mut self.boxes, &(animation, &self.positions[..]));
+                Some(pose)
             }
-        };
-        let boxes = (animation, positions);
-        let built = self.builder.build(&boxes, cancel, &mut self.tree);
-        let made = built.map(|()| {
-            let built = Instant::now();
-            if rival_at.is_some_and(|pose| !self.is_better(animation, pose)) {
-                return Made::NoBetter;
-            }
-            let moments = [begun, built, Instant::now()];
-            Made::Tree(self.hand_over(animation, moments, |tree| sah_cost(tree, &boxes)))
-        });
-        self.positions = blended;
-        made
+        }
     }
 
     /// Builds and converts one tree for all of `samples`, with `first` for its own cost.
@@ -179,50 +192,50 @@ impl Workbench {
             }
         }
         let built = Instant::now();
-        Ok(self.hand_over(animation, [begun, built, built], |_| cost))
-    }
-
-    /// Whether the tree just built is no more costly at `pose` than the last one handed over.
-    fn is_better(&self, animation: &Animation, pose: Pose) -> bool {
-        let boxes = (animation, pose);
-        self.in_use.leaf_count() != self.tree.leaf_count()
-            || sah_cost(&self.tree, &boxes) <= sah_cost(&self.in_use, &boxes)
+        Ok(self.hand_over(animation, [begun, built], cost))
     }
 
     /// Converts the tree just built, which then counts as in use.
     fn hand_over(
         &mut self,
         animation: &Animation,
-        [begun, built, compared]: [Instant; 3],
-        cost: impl FnOnce(&BinaryTree) -> f64,
+        [begun, built]: [Instant; 2],
+        cost: f64,
     ) -> Built {
+        let weighed = Instant::now();
         let spare = std::mem::take(&mut self.spare);
-        let triangles = animation.triangle_count();
         let topology = self
             .converter
-            .convert(&self.tree, triangles, spare)
+            .convert(&self.tree, animation.triangle_count(), spare)
             .with_moving(animation.static_parts());
         let topology = match self.treelets {
             true => topology.with_treelets(&self.tree),
             false => topology,
         };
-        let converted = Instant::now();
-        let cost = cost(&self.tree);
         std::mem::swap(&mut self.tree, &mut self.in_use);
+        let ended = Instant::now();
         Built {
             topology,
             cost,
             build_ms: (built - begun).as_secs_f64() * 1e3,
-            convert_ms: (converted - compared).as_secs_f64() * 1e3,
+            convert_ms: (ended - weighed).as_secs_f64() * 1e3,
             moments: BuildMoments {
                 begun,
                 built,
-                compared,
-                converted,
-                ended: Instant::now(),
+                weighed,
+                ended,
             },
         }
     }
+}
+
+/// One box a triangle, in its order.
+fn fill<B: Boxes>(boxes: &mut Vec<Aabb>, from: &B) {
+    (0..from.len() as u32)
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .map(|triangle| from.get(triangle))
+        .collect_into_vec(boxes);
 }
 
 /// All vertices at `pose`.
@@ -262,10 +275,10 @@ mod tests {
         let (a, cancel) = (shuffled(), Cancel::new());
         let mut bench = Workbench::new();
         bench.build(&a, &a.keys()[0], &cancel).unwrap();
-        let other = Vertices::KeyFrames(a.pose(1.0));
+        let other = || Vertices::KeyFrames(a.pose(1.0));
         let mut made_for = |rival_at: Option<f64>| {
             let at = rival_at.map(|t| a.pose(t));
-            tree(bench.build_better(&a, &other, at, &cancel).unwrap())
+            tree(bench.build_better(&a, other(), at, &cancel).unwrap())
         };
         assert!(made_for(Some(0.0)).is_none() && made_for(Some(2.0)).is_none());
         // What was not handed over is no rival: this one still meets the first.
@@ -282,7 +295,7 @@ mod tests {
         let positions: Vec<Point> = (0..192).map(|v| a.vertex(pose, v)).collect();
         let read_back = Vertices::ReadBack(Box::new(positions));
         let [x, y] = [Vertices::KeyFrames(pose), read_back].map(|vertices| {
-            let made = Workbench::new().build_better(&a, &vertices, None, &cancel);
+            let made = Workbench::new().build_better(&a, vertices, None, &cancel);
             tree(made.unwrap()).unwrap()
         });
         assert_eq!((x.topology.words(), x.cost), (y.topology.words(), y.cost));

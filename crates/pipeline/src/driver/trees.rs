@@ -109,7 +109,7 @@ impl Driver {
             frame: self.frames,
             pose,
             asked: Instant::now(),
-            rival_at: may_reject.then(|| self.animation.pose(self.foresight.swap())),
+            rival_at: may_reject.then(|| self.animation.pose(self.foresight.middle_of_use())),
             arrived: None,
         }
     }
