@@ -30,9 +30,21 @@ pub struct Shape {
     pub node_rows: u64,
 }
 
+/// No leaf; every part begins at word 0.
 impl Default for Shape {
     fn default() -> Self {
-        Self::of(&Topology::default())
+        Self {
+            layout: Layout::Bvh2,
+            leaf_bits_at: 0,
+            leaf_ranks_at: 0,
+            leaf_triangles_at: 0,
+            leaf_count: 0,
+            node_count: 0,
+            levels: Vec::new(),
+            moving: None,
+            treelets: Vec::new(),
+            node_rows: 0,
+        }
     }
 }
 
@@ -64,6 +76,7 @@ impl Shape {
         Self {
             leaf_count: leaves,
             node_count: (2 * leaves).saturating_sub(1),
+            node_rows: 2 * u64::from((2 * leaves).saturating_sub(1)),
             ..Self::default()
         }
     }
@@ -73,15 +86,12 @@ impl Shape {
     pub fn of_treelets(tree: &Treelets) -> Self {
         Self {
             layout: Layout::Fast,
-            leaf_bits_at: 0,
-            leaf_ranks_at: 0,
             leaf_triangles_at: tree.triangles_at() as u32,
             leaf_count: tree.leaf_count() as u32,
             node_count: (2 * tree.leaf_count()).saturating_sub(1) as u32,
-            levels: Vec::new(),
-            moving: None,
             treelets: tree.levels().to_vec(),
             node_rows: tree.rows() as u64,
+            ..Self::default()
         }
     }
 
