@@ -308,6 +308,8 @@ pub(crate) enum UpdateName {
     Async,
     /// One tree built for the whole time range, refitted (Bittner, Meister 2015)
     TSah,
+    /// A new tree for every frame, made on the graphics processor (PLOC: Meister, Bittner 2018)
+    DeviceRebuild,
 }
 
 /// Something that is done or left.

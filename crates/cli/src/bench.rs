@@ -58,8 +58,9 @@ pub(crate) struct Row {
     frames: usize,
     interpolate_ms: Option<f64>,
     preprocess_ms: Option<f64>,
+    rebuild_ms: Option<f64>,
     refit_ms: Option<f64>,
-    /// All that comes before rays: the three above.
+    /// All that comes before rays: the four above.
     geometry_ms: Option<f64>,
     trace_primary_ms: Option<f64>,
     trace_shadow_ms: Option<f64>,
@@ -177,11 +178,17 @@ fn combinations(args: &BenchArgs) -> (Vec<Combination>, Vec<String>) {
 
 /// What is wrong with a combination.
 fn nonsense(&(backend, (policy, _), method): &Combination) -> Option<String> {
+    let value = backend.to_possible_value()?;
+    let name = value.get_name();
+    if policy.update == UpdateName::DeviceRebuild && !crate::open::makes_trees(backend) {
+        return Some(format!(
+            "{name} with device-rebuild is left out: it makes no trees"
+        ));
+    }
     if !crate::open::has_own_trees(backend) {
         return None;
     }
-    let backend = backend.to_possible_value()?;
-    let backend = backend.get_name();
+    let backend = name;
     if let UpdateName::Async | UpdateName::TSah = policy.update {
         let update = policy.update.to_possible_value()?;
         return Some(format!(
@@ -286,6 +293,7 @@ fn row(
         frames: frames.len(),
         interpolate_ms: median(|f| f.interpolate_ms),
         preprocess_ms: median(|f| f.preprocess_ms),
+        rebuild_ms: median(|f| f.rebuild_ms),
         refit_ms: median(|f| f.refit_ms),
         geometry_ms: median(geometry),
         trace_primary_ms: median(|f| f.trace_primary_ms),
@@ -310,7 +318,12 @@ fn row(
 
 /// Milliseconds of a frame's stages before rays; `None` if it left all of them out.
 fn geometry(frame: &FrameStats) -> Option<f64> {
-    let stages = [frame.interpolate_ms, frame.preprocess_ms, frame.refit_ms];
+    let stages = [
+        frame.interpolate_ms,
+        frame.preprocess_ms,
+        frame.rebuild_ms,
+        frame.refit_ms,
+    ];
     stages.into_iter().flatten().reduce(|a, b| a + b)
 }
 

@@ -72,12 +72,16 @@ pub(crate) fn update(
 ) -> Result<Choice<Update>, Stop> {
     let pace = policy.lockstep.map_or(Pace::Free, Pace::Lockstep);
     let choice = match (policy.update, policy.lockstep) {
-        (UpdateName::Rebuild | UpdateName::Refit | UpdateName::TSah, Some(_)) => {
+        (
+            UpdateName::Rebuild | UpdateName::Refit | UpdateName::TSah | UpdateName::DeviceRebuild,
+            Some(_),
+        ) => {
             return Err(Stop::bad("--lockstep goes only with --update async"));
         }
         (UpdateName::Rebuild, None) => asked(Update::Rebuild),
         (UpdateName::Refit, None) => asked(Update::Refit),
         (UpdateName::TSah, None) => asked(Update::TSah),
+        (UpdateName::DeviceRebuild, None) => asked(Update::DeviceRebuild),
         (UpdateName::Async, _) => asked(Update::Async(pace)),
         (UpdateName::Auto, Some(_)) => auto(Update::Async(pace), "--lockstep asks for it"),
         (UpdateName::Auto, None) if motion::is_static(animation) => auto(
@@ -160,6 +164,7 @@ pub(crate) fn update_name(update: Update) -> &'static str {
         Update::Refit => "refit",
         Update::Async(_) => "async",
         Update::TSah => "t-sah",
+        Update::DeviceRebuild => "device-rebuild",
     }
 }
 
@@ -216,6 +221,7 @@ mod tests {
         assert_eq!(choose(UpdateName::Rebuild, Some(1), 0.5), None);
         assert_eq!(choose(UpdateName::Refit, Some(0), 0.5), None);
         assert_eq!(choose(UpdateName::TSah, Some(1), 0.5), None);
+        assert_eq!(choose(UpdateName::DeviceRebuild, Some(1), 0.5), None);
         assert_eq!(choose(UpdateName::TSah, None, 0.5), Some(Update::TSah));
         let three = Some(Update::Async(Pace::Lockstep(3)));
         assert_eq!(choose(UpdateName::Async, Some(3), 0.5), three);

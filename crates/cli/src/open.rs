@@ -23,6 +23,8 @@ struct Known {
     supports: fn(Method) -> bool,
     /// Whether it makes and traces trees in ways of its own. `auto` takes none of these.
     own_trees: bool,
+    /// Whether it can make a tree in each frame.
+    makes_trees: bool,
     list: fn() -> backend::Result<Vec<Adapter>>,
     open: OpenAdapter,
 }
@@ -42,6 +44,7 @@ const KNOWN: [Known; 5] = [
         covered_by: None,
         supports: gpu_vulkan::supports,
         own_trees: false,
+        makes_trees: true,
         list: each::list_vulkan,
         open: each::open_vulkan,
     },
@@ -53,6 +56,7 @@ const KNOWN: [Known; 5] = [
         covered_by: if WGPU_IS_VULKAN { Some("vulkan") } else { None },
         supports: gpu_wgpu::supports,
         own_trees: false,
+        makes_trees: true,
         list: each::list_wgpu,
         open: each::open_wgpu,
     },
@@ -64,6 +68,7 @@ const KNOWN: [Known; 5] = [
         covered_by: None,
         supports: each::cpu_supports,
         own_trees: false,
+        makes_trees: false,
         list: each::list_cpu,
         open: each::open_cpu,
     },
@@ -75,6 +80,7 @@ const KNOWN: [Known; 5] = [
         covered_by: None,
         supports: gpu_vulkan::supports,
         own_trees: true,
+        makes_trees: true,
         list: each::list_vulkan_rt,
         open: each::open_vulkan_rt,
     },
@@ -86,6 +92,7 @@ const KNOWN: [Known; 5] = [
         covered_by: None,
         supports: gpu_vulkan::supports,
         own_trees: true,
+        makes_trees: true,
         list: each::list_vulkan_rt,
         open: each::open_vulkan_rt_fast_trace,
     },
@@ -250,6 +257,12 @@ pub(crate) fn lacks(backend: BackendName, method: Method) -> Option<String> {
 /// Whether a backend makes and traces trees in ways of its own. It need not be present.
 pub(crate) fn has_own_trees(backend: BackendName) -> bool {
     KNOWN.iter().any(|k| k.name == backend && k.own_trees)
+}
+
+/// Whether a backend can make a tree in each frame, as far as is known while it is not open.
+pub(crate) fn makes_trees(backend: BackendName) -> bool {
+    let found = KNOWN.iter().find(|k| k.name == backend);
+    found.is_none_or(|k| k.makes_trees)
 }
 
 /// What stands for the intersector and the layout of such a backend.

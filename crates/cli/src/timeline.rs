@@ -196,9 +196,10 @@ impl Chart {
     }
 }
 
-fn stages(times: &StageTimes) -> [(&'static str, Option<f64>); 5] {
+fn stages(times: &StageTimes) -> [(&'static str, Option<f64>); 6] {
     [
         ("interpolate", times.interpolate_ms),
+        ("rebuild", times.rebuild_ms),
         ("preprocess", times.preprocess_ms),
         ("refit", times.refit_ms),
         ("trace primary", times.trace_primary_ms),

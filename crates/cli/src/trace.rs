@@ -18,7 +18,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     let animation = &scene.animation;
     let moments = moments(args, animation)?;
     let update = match args.update {
-        UpdateName::TSah => UpdateName::TSah,
+        UpdateName::TSah | UpdateName::DeviceRebuild => args.update,
         _ if moments.len() > 1 => UpdateName::Refit,
         _ => UpdateName::Rebuild,
     };
@@ -76,7 +76,7 @@ fn moments(args: &TraceArgs, animation: &Animation) -> Result<Vec<f64>, Stop> {
     let time = frames::moment("--time", args.time, keys)?;
     match (args.update, args.tree_time) {
         (UpdateName::Async, _) => Err(Stop::bad(
-            "--update async needs more than one moment; trace takes rebuild, refit or t-sah",
+            "--update async needs more than one moment; trace takes rebuild, refit, t-sah or device-rebuild",
         )),
         (UpdateName::Refit, tree_time) => {
             let tree_time = frames::moment("--tree-time", tree_time.unwrap_or(0.0), keys)?;

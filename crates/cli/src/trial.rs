@@ -240,7 +240,8 @@ fn take_update(
     guess: Guess,
     settled: &mut Settled,
 ) -> Result<(), Stop> {
-    let candidates = updates(stand.animation(), run.frames);
+    let mut candidates = updates(stand.animation(), run.frames);
+    candidates.retain(|&u| u != Update::DeviceRebuild || stand.makes_trees());
     let allowance = LEAST_MS.max(SHARE * guess.frames as f64 * guess.frame_ms);
     let Some(plan) = Plan::within(allowance, candidates.len(), guess) else {
         if let Some(why) = &mut settled.why_update {

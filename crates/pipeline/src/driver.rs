@@ -56,6 +56,9 @@ impl Driver {
     ) -> Result<Self, PipelineError> {
         own::admit(backend.as_ref(), options.update)?;
         backend.load(Arc::clone(&animation), options.method)?;
+        if options.update == Update::DeviceRebuild {
+            backend.check_rebuild()?;
+        }
         let toolroom = Arc::new(Toolroom::new(
             options.builder_threads,
             backend.wants_treelets(),
@@ -118,7 +121,7 @@ impl Driver {
     ) -> Result<(), E> {
         let mut hits = Hits::default();
         // A frame that waits for its own tree takes two submissions, so none may be left open before it.
-        let own = self.backend.makes_own_trees();
+        let own = self.makes_trees();
         let under_way = if self.schedule.waits_at_once() && !own {
             1
         } else {
@@ -150,7 +153,7 @@ impl Driver {
         let pose = self.animation.pose(frame.time);
         self.foresight.frame(frame.time);
         self.hear_from_builder()?;
-        let stale = if self.backend.makes_own_trees() {
+        let stale = if self.makes_trees() {
             self.record_own_tree(pose)?
         } else {
             self.bring_tree(pose)?;

@@ -35,6 +35,8 @@ pub struct FrameRecord {
     pub asked: Option<Generation>,
     /// The tree this frame swapped to, if it did.
     pub adopted: Option<Adopted>,
+    /// Whether the backend made the tree within this frame.
+    pub made: bool,
     /// The tree this frame could have swapped to, but for its cost: it was no
     /// better than the one in use.
     pub rejected: Option<Generation>,

@@ -13,6 +13,8 @@ pub enum Update {
     Async(Pace),
     /// One tree built for the whole time that is rendered, refitted.
     TSah,
+    /// A new tree made on the device in each frame, from its own vertices.
+    DeviceRebuild,
 }
 
 /// When a tree that was asked for is swapped in.
@@ -127,8 +129,11 @@ impl Schedule {
     }
 
     fn ask(&mut self, frame: u64) -> Option<Generation> {
-        let once = matches!(self.update, Update::Refit | Update::TSah);
-        if self.flight.is_some() || once {
+        let nobody = matches!(
+            self.update,
+            Update::Refit | Update::TSah | Update::DeviceRebuild
+        );
+        if self.flight.is_some() || nobody {
             return None;
         }
         self.newest = Generation(self.newest.0 + 1);

@@ -83,6 +83,8 @@ pub struct FrameStats {
     #[serde(serialize_with = "maybe_rounded")]
     pub preprocess_ms: Option<f64>,
     #[serde(serialize_with = "maybe_rounded")]
+    pub rebuild_ms: Option<f64>,
+    #[serde(serialize_with = "maybe_rounded")]
     pub refit_ms: Option<f64>,
     #[serde(serialize_with = "maybe_rounded")]
     pub trace_primary_ms: Option<f64>,

@@ -77,9 +77,10 @@ impl Course {
 pub type Time = fn(&FrameStats) -> Option<f64>;
 
 /// The times that are summed up, in the order of the stages.
-pub const TIMES: [(&str, Time); 10] = [
+pub const TIMES: [(&str, Time); 11] = [
     ("interpolate_ms", |f| f.interpolate_ms),
     ("preprocess_ms", |f| f.preprocess_ms),
+    ("rebuild_ms", |f| f.rebuild_ms),
     ("refit_ms", |f| f.refit_ms),
     ("trace_primary_ms", |f| f.trace_primary_ms),
     ("trace_shadow_ms", |f| f.trace_shadow_ms),

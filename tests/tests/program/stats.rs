@@ -26,11 +26,12 @@ const TOP: [&str; 9] = [
     "summary",
 ];
 
-pub(crate) const FRAME: [&str; 27] = [
+pub(crate) const FRAME: [&str; 28] = [
     "frame",
     "time",
     "interpolate_ms",
     "preprocess_ms",
+    "rebuild_ms",
     "refit_ms",
     "trace_primary_ms",
     "trace_shadow_ms",
@@ -56,9 +57,10 @@ pub(crate) const FRAME: [&str; 27] = [
     "device_bytes",
 ];
 
-const TIMES: [&str; 10] = [
+const TIMES: [&str; 11] = [
     "interpolate_ms",
     "preprocess_ms",
+    "rebuild_ms",
     "refit_ms",
     "trace_primary_ms",
     "trace_shadow_ms",

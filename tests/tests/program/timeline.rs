@@ -204,6 +204,7 @@ fn asked_before_adopted(timeline: &Timeline) -> Result<(), Failed> {
 fn device_times(timeline: &Timeline, frames: &[Value]) -> Result<(), Failed> {
     let stages = [
         ("interpolate", "interpolate_ms"),
+        ("rebuild", "rebuild_ms"),
         ("preprocess", "preprocess_ms"),
         ("refit", "refit_ms"),
         ("trace primary", "trace_primary_ms"),

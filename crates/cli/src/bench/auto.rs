@@ -205,9 +205,12 @@ fn fixed(
         |m: &MethodArgs| m.intersector != IntersectorName::Auto && m.layout != LayoutName::Auto;
     let methods = all.into_iter().filter(is_fixed);
     let methods = methods.filter(move |&m| open::lacks(backend, choose::method(m)).is_none());
-    methods.flat_map(|method| {
+    let makes_trees = open::makes_trees(backend);
+    methods.flat_map(move |method| {
         let named = UpdateName::value_variants().iter();
-        let named = named.filter(|&&u| u != UpdateName::Auto);
+        let named = named.filter(move |&&u| {
+            u != UpdateName::Auto && (u != UpdateName::DeviceRebuild || makes_trees)
+        });
         named.map(move |&update| (policy(update), method))
     })
 }
@@ -285,7 +288,8 @@ mod tests {
     #[test]
     fn every_choice_of_the_command_line_is_fixed_once() {
         let all: Vec<_> = fixed(BackendName::Cpu, IntersectorName::Auto).collect();
-        let updates = UpdateName::value_variants().len() - 1;
+        // Neither auto nor device-rebuild.
+        let updates = UpdateName::value_variants().len() - 2;
         let methods = all.len() / updates;
         assert!(
             methods >= 4 && all.len() == methods * updates,

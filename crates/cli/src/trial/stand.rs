@@ -92,6 +92,11 @@ impl<'a> Stand<'a> {
         Ok(open::open(&want, Ok)?.value)
     }
 
+    /// Whether the backend can make a tree in each frame.
+    pub(super) fn makes_trees(&self) -> bool {
+        self.name().is_some_and(open::makes_trees)
+    }
+
     fn name(&self) -> Option<BackendName> {
         BackendName::from_str(self.device.backend, true).ok()
     }

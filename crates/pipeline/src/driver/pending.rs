@@ -13,6 +13,8 @@ pub(super) struct Beginning {
     pub(super) adopted: Option<Adopted>,
     /// The finished tree that was no better than the one in use.
     pub(super) rejected: Option<Generation>,
+    /// Whether the backend makes a tree within the frame.
+    pub(super) made: bool,
     /// What the submission that fetched vertices for the frame's own tree did.
     pub(super) fetched: Option<(Submission, FrameReport)>,
     /// How long the driver was blocked until a tree was built.
@@ -63,6 +65,7 @@ impl Pending {
             tree_age_frames: self.tree_age_frames,
             asked: self.beginning.asked,
             adopted: self.beginning.adopted,
+            made: self.beginning.made,
             rejected: self.beginning.rejected,
             sah_ratio,
             device_bytes: None,

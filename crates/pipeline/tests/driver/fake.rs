@@ -81,6 +81,7 @@ pub(crate) struct Log {
     pub(crate) traced: Vec<(Generation, Pose)>,
     pub(crate) adopted: Vec<Generation>,
     pub(crate) trees: Vec<Vec<u32>>,
+    pub(crate) made: Vec<Generation>,
     pub(crate) requested: usize,
 }
 
@@ -160,6 +161,17 @@ impl Backend for Fake {
         assert!(self.fresh.0, "boxes of leaves come first");
         self.fresh.1 = true;
         self.log.lock().unwrap().refitted += 1;
+        Ok(())
+    }
+    fn check_rebuild(&self) -> Result<()> {
+        Ok(())
+    }
+    fn rebuild(&mut self, generation: Generation) -> Result<()> {
+        assert!(generation > self.generation, "generations rise");
+        assert!(self.pose.is_some(), "positions come first");
+        self.generation = generation;
+        self.fresh = (false, false);
+        self.log.lock().unwrap().made.push(generation);
         Ok(())
     }
     fn trace(&mut self, _: Query<'_>) -> Result<()> {

@@ -118,6 +118,19 @@ fn rebuild_traces_each_frame_with_its_own_tree() {
 }
 
 #[test]
+fn device_rebuild_has_each_frame_make_its_own_tree_and_nobody_builds() {
+    let r = run(9, 8, Update::DeviceRebuild, Some(0));
+    assert!(!r.built && r.log.adopted.is_empty() && r.log.requested == 0);
+    assert_eq!(r.log.made, (1..9).map(Generation).collect::<Vec<_>>());
+    assert_eq!(r.log.interpolated, 8);
+    let own = |f: &FrameRecord| f.made && f.tree_age_frames == 0 && f.sah_ratio == Some(1.0);
+    assert!(r.records.iter().all(own));
+    let r = run(1, 5, Update::DeviceRebuild, Some(0));
+    assert_eq!((r.log.made.len(), r.log.interpolated), (1, 1));
+    assert!(r.records[0].made && !r.records[1].made);
+}
+
+#[test]
 fn refit_keeps_the_first_tree() {
     let r = run(9, 8, Update::Refit, Some(0));
     assert!(!r.built && r.log.adopted == [Generation(1)]);
