@@ -186,7 +186,10 @@ fn nonsense(&(backend, (policy, _), method): &Combination) -> Option<String> {
         ));
     }
     if !crate::open::has_own_trees(backend) {
-        return None;
+        let treelets = method.layout == LayoutName::Fast;
+        return (policy.update == UpdateName::DeviceRebuild && treelets).then(|| {
+            "device-rebuild is left out with layout fast: it makes bvh2 alone".to_owned()
+        });
     }
     let backend = name;
     if let UpdateName::Async | UpdateName::TSah = policy.update {

@@ -80,7 +80,33 @@ pub(crate) fn trials() -> Vec<Trial> {
         trials.push(of("adapters_are_found_or_listed", adapters));
         trials.push(of("rays_that_are_none_miss", invalid_rays));
     }
+    for backend in BACKENDS {
+        let name = format!("devices::{}::trees_made_on_it_change_no_hit", backend.name);
+        trials.push(backend.trial(&name, move |s| trees_made_there(s, backend.name)));
+    }
+    trials.push(trial("devices::the_host_makes_no_trees_on_a_device", |s| {
+        let run = s.run(&format!("{RENDER} --backend cpu --update device-rebuild"));
+        run.fails(2, &["cpu does not support trees made on the device"])
+    }));
     trials
+}
+
+/// The same files as with trees of the host's, and a time for each tree.
+fn trees_made_there(sandbox: &Sandbox, backend: &str) -> Result<(), Failed> {
+    let words = "render demo:collide:2000 --frames 4 --size 40x30 --no-images --quiet";
+    let with = |options: &str| sandbox.run(&format!("{words} {options}")).succeeds();
+    with("--backend cpu --update rebuild --hits host")?;
+    let made = "--update device-rebuild --hits made --stats s.json";
+    with(&format!("--backend {backend} {made}"))?;
+    for frame in 0..4 {
+        let [a, b] = ["host", "made"].map(|d| sandbox.read(&format!("{d}/hits_{frame:04}.npz")));
+        ensure(a == b, || format!("frame {frame} differs"))?;
+    }
+    let stats: Value = serde_json::from_slice(&sandbox.read("s.json"))?;
+    let frames = stats["frames"].as_array().ok_or("no frames")?;
+    let made = |f: &&Value| f["adopted"] == true && f["tree_age_frames"] == 0;
+    let count = frames.iter().filter(made).count();
+    ensure(count == 4, || format!("{count} trees"))
 }
 
 const RENDER: &str = "render demo:twist:100 --frames 1 --size 8x8 --no-images";

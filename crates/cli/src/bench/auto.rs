@@ -209,7 +209,8 @@ fn fixed(
     methods.flat_map(move |method| {
         let named = UpdateName::value_variants().iter();
         let named = named.filter(move |&&u| {
-            u != UpdateName::Auto && (u != UpdateName::DeviceRebuild || makes_trees)
+            let made = makes_trees && method.layout == LayoutName::Bvh2;
+            u != UpdateName::Auto && (u != UpdateName::DeviceRebuild || made)
         });
         named.map(move |&update| (policy(update), method))
     })
