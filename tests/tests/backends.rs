@@ -8,9 +8,9 @@
 //! `ABVH_SEED` choose how many cases a law sees and which.
 
 use backend::Backend;
-use conformance::{LAWS, Law, hold};
+use conformance::{LAWS, Law, OWN_TREE_LAWS, hold, laws_of};
 use cpu_ref::CpuBackend;
-use gpu_vulkan::{Validation, VulkanBackend};
+use gpu_vulkan::{DriverTreeBackend, Prefer, Validation, VulkanBackend};
 use gpu_wgpu::WgpuBackend;
 use libtest_mimic::{Arguments, Failed, Trial};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -40,6 +40,15 @@ impl Subject for VulkanBackend {
     }
 }
 
+impl Subject for DriverTreeBackend {
+    fn backend(&mut self) -> &mut dyn Backend {
+        self
+    }
+    fn complaints(&self) -> Vec<String> {
+        self.validation_messages()
+    }
+}
+
 impl Subject for WgpuBackend {
     fn backend(&mut self) -> &mut dyn Backend {
         self
@@ -56,6 +65,20 @@ const BACKENDS: &[(&str, &str, Open)] = &[
     ("cpu", "cpu", || Ok(Box::new(CpuBackend::new(Some(2))?))),
     ("vulkan", "vulkan", || {
         Ok(Box::new(VulkanBackend::new(&vulkan())?))
+    }),
+    ("vulkan-rt", "vulkan-rt", || {
+        let options = vulkan();
+        Ok(Box::new(DriverTreeBackend::new(
+            &options,
+            Prefer::FastBuild,
+        )?))
+    }),
+    ("vulkan-rt:fast-trace", "vulkan-rt", || {
+        let options = vulkan();
+        Ok(Box::new(DriverTreeBackend::new(
+            &options,
+            Prefer::FastTrace,
+        )?))
     }),
     ("wgpu", "wgpu", || {
         Ok(Box::new(WgpuBackend::new(&wgpu(false))?))
@@ -92,7 +115,7 @@ fn main() {
     let mut trials = Vec::new();
     for &(name, requirement, open) in BACKENDS {
         match open() {
-            Ok(subject) => trials.extend(laws_of(name, subject)),
+            Ok(subject) => trials.extend(trials_of(name, subject)),
             Err(e) => trials.extend(absent(name, &e.to_string(), is_required(requirement))),
         }
     }
@@ -108,7 +131,8 @@ fn is_required(name: &str) -> bool {
 /// A backend with the number of complaints that a trial has shown already.
 type Heard = (Box<dyn Subject>, usize);
 
-fn laws_of(name: &'static str, subject: Box<dyn Subject>) -> Vec<Trial> {
+fn trials_of(name: &'static str, mut subject: Box<dyn Subject>) -> Vec<Trial> {
+    let laws = laws_of(subject.backend());
     // What was said while the backend was opened counts too.
     let subject = Arc::new(Mutex::new((subject, 0)));
     let trial = |law: &'static Law| {
@@ -118,7 +142,7 @@ fn laws_of(name: &'static str, subject: Box<dyn Subject>) -> Vec<Trial> {
             check(law, &mut subject)
         })
     };
-    LAWS.iter().map(trial).collect()
+    laws.iter().map(trial).collect()
 }
 
 fn check(law: &Law, (subject, heard): &mut Heard) -> Result<(), Failed> {
@@ -144,7 +168,9 @@ fn absent(name: &str, why: &str, required: bool) -> Vec<Trial> {
         })
     };
     let kind = format!("absent: {why}");
-    LAWS.iter()
+    let own_trees = name.starts_with("vulkan-rt");
+    let laws = if own_trees { OWN_TREE_LAWS } else { LAWS };
+    laws.iter()
         .map(|l| trial(l).with_kind(&kind).with_ignored_flag(!required))
         .collect()
 }

@@ -2,7 +2,7 @@
 //!
 //! A [`Law`] takes a subject and a reference, both by the seam's trait, and a
 //! [`Case`] that a seed made; it says `Err` with the first disagreement. The
-//! test suite crosses [`LAWS`] with the backends by data, and so does
+//! test suite crosses [`LAWS`] (or [`OWN_TREE_LAWS`], for backends whose drivers decide what a ray hits) with the backends by data, and so does
 //! `abvh conform` on the user's own machine. [`leaks`] asks closed bodies many
 //! more questions than a law can.
 
@@ -14,13 +14,14 @@ mod places;
 mod rays;
 mod regressions;
 mod relaid;
+mod rounding;
 mod scenes;
 mod shapes;
 mod stage;
 mod topologies;
 
 pub use case::Case;
-pub use laws::{LAWS, Law};
+pub use laws::{LAWS, Law, OWN_TREE_LAWS, laws_of};
 pub use rays::Family;
 pub use regressions::{REGRESSIONS, Regression};
 pub use scenes::{Kind, case};

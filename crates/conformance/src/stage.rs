@@ -34,7 +34,7 @@ pub(crate) fn tree_at(animation: &Animation, time: f64) -> Topology {
         .with_moving(animation.static_parts())
 }
 
-/// Loads the scene and adopts a first tree, built at `time`.
+/// Loads the scene and adopts a first tree, built at `time`, unless the backend makes its own.
 pub(crate) fn open(
     backend: &mut dyn Backend,
     animation: &Arc<Animation>,
@@ -51,6 +51,9 @@ pub(crate) fn open_with(
     method: Method,
 ) -> backend::Result<()> {
     backend.load(Arc::clone(animation), method)?;
+    if backend.makes_own_trees() {
+        return Ok(());
+    }
     backend.adopt(&tree_at(animation, time), Generation(1))
 }
 
@@ -79,8 +82,21 @@ pub(crate) fn methods(
     Err("the backend does not support the usual method".to_owned())
 }
 
-/// Records everything up to the boxes at `time`.
+/// Records everything up to the boxes at `time`; a backend that makes its own trees makes one.
 pub(crate) fn stand(
+    backend: &mut dyn Backend,
+    animation: &Animation,
+    time: f64,
+) -> Result<(), String> {
+    backend.interpolate(animation.pose(time)).map_err(plainly)?;
+    if backend.makes_own_trees() {
+        backend.rebuild(Generation(1)).map_err(plainly)?;
+    }
+    boxes_anew(backend)
+}
+
+/// Likewise, with the last tree whoever made it.
+pub(crate) fn stand_on(
     backend: &mut dyn Backend,
     animation: &Animation,
     time: f64,

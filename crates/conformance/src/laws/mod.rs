@@ -8,6 +8,7 @@ mod made;
 mod reports;
 mod still;
 mod trees;
+mod within;
 
 use crate::Case;
 use backend::Backend;
@@ -40,7 +41,7 @@ const fn law_of_methods(name: &'static str, check: Check) -> Law {
     }
 }
 
-/// Every law.
+/// Every law of backends that trace our trees.
 pub const LAWS: &[Law] = &[
     law("positions_equal_the_formula", geometry::positions),
     law("boxes_equal_the_reference", geometry::boxes),
@@ -74,3 +75,24 @@ pub const LAWS: &[Law] = &[
     ),
     law("loading_again_starts_afresh", lifecycle::reload),
 ];
+
+/// Every law of backends that make their trees themselves and leave what a ray hits to a driver.
+pub const OWN_TREE_LAWS: &[Law] = &[
+    law("positions_equal_the_formula", geometry::positions),
+    law("reports_name_what_was_done", reports::stages),
+    law("positions_come_back_as_they_were", geometry::read_back),
+    law("a_camera_is_its_rays", answers::camera_is_rays),
+    law("closest_hits_lie_within_rounding", within::closest),
+    law("any_hits_lie_within_rounding", within::any),
+    law("pictures_and_shadows_lie_within_rounding", within::picture),
+    law("counts_equal_what_is_there", within::counts),
+];
+
+/// The laws that `backend` is to keep.
+#[must_use]
+pub fn laws_of(backend: &dyn Backend) -> &'static [Law] {
+    match backend.makes_own_trees() {
+        true => OWN_TREE_LAWS,
+        false => LAWS,
+    }
+}

@@ -2,7 +2,7 @@
 
 mod faulty;
 
-use conformance::{Disagreement, LAWS, hold};
+use conformance::{Disagreement, LAWS, Law, OWN_TREE_LAWS, hold};
 use cpu_ref::CpuBackend;
 use faulty::{Fault, Faulty};
 
@@ -124,11 +124,47 @@ const NOTICED: &[(Fault, &[&str])] = &[
     ),
 ];
 
+/// Likewise for the laws of backends that leave what is hit to a driver; the reference keeps those too.
+const NOTICED_WITHIN: &[(Fault, &[&str])] = &[
+    (Fault::PositionsOneUlpOff, &["positions_equal_the_formula"]),
+    (Fault::TimesOfStagesLeftOut, &["reports_name_what_was_done"]),
+    (
+        Fault::CopiesComeTwice,
+        &["positions_come_back_as_they_were"],
+    ),
+    (Fault::PixelsSampledAtCorners, &["a_camera_is_its_rays"]),
+    (Fault::InactiveMiscounted, &["counts_equal_what_is_there"]),
+    (Fault::HitsMiscounted, &["counts_equal_what_is_there"]),
+    (
+        Fault::WeightsSwapped,
+        &[
+            "closest_hits_lie_within_rounding",
+            "pictures_and_shadows_lie_within_rounding",
+        ],
+    ),
+    (
+        Fault::FirstLeafIsNeverHit,
+        &["closest_hits_lie_within_rounding"],
+    ),
+    (
+        Fault::AnyHitForgetsTheLastRay,
+        &["any_hits_lie_within_rounding"],
+    ),
+    (
+        Fault::ShadowsInverted,
+        &["pictures_and_shadows_lie_within_rounding"],
+    ),
+];
+
 /// Cases that each law sees, as the test suite has it.
 const CASES: u32 = 36;
 
 fn verdict(fault: Fault, law: &str) -> Result<u32, Disagreement> {
-    let law = LAWS.iter().find(|l| l.name == law).expect(law);
+    verdict_of(LAWS, fault, law)
+}
+
+fn verdict_of(laws: &[Law], fault: Fault, law: &str) -> Result<u32, Disagreement> {
+    let law = laws.iter().find(|l| l.name == law).expect(law);
     let mut reference = CpuBackend::new(Some(1)).unwrap();
     hold(law, &mut Faulty::new(fault), &mut reference, 1, CASES)
 }
@@ -164,6 +200,31 @@ fn a_backend_without_a_fault_keeps_every_law() {
     for law in LAWS {
         verdict(Fault::None, law.name).unwrap();
     }
+}
+
+#[test]
+fn rounding_explains_all_of_the_reference_and_no_fault() {
+    for law in OWN_TREE_LAWS {
+        verdict_of(OWN_TREE_LAWS, Fault::None, law.name).unwrap();
+        let mut all = NOTICED_WITHIN.iter();
+        assert!(
+            all.any(|(_, laws)| laws.contains(&law.name)),
+            "{}",
+            law.name
+        );
+    }
+    for (fault, laws) in NOTICED_WITHIN {
+        for law in *laws {
+            let found = verdict_of(OWN_TREE_LAWS, *fault, law);
+            assert!(found.is_err(), "{fault:?} passes {law}");
+        }
+    }
+    let tolerated = verdict_of(
+        OWN_TREE_LAWS,
+        Fault::DistancesOneUlpOff,
+        "closest_hits_lie_within_rounding",
+    );
+    tolerated.unwrap();
 }
 
 #[test]

@@ -1,0 +1,100 @@
+use super::*;
+
+/// Two squares of two triangles each, at `z = 0` and `z = -1`, moved along all axes.
+fn squares(by: f32) -> Judge {
+    let square = |z: f32| [[0.0, 0.0, z], [4.0, 0.0, z], [4.0, 4.0, z], [0.0, 4.0, z]];
+    let corners = [square(0.0), square(-1.0)].concat();
+    let key = corners.iter().map(|p| p.map(|x| x + by)).collect();
+    let triangles = vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+    Judge::new(&Animation::new(vec![key], triangles).unwrap(), 0.0)
+}
+
+fn down(x: f32, y: f32, by: f32) -> Ray {
+    Ray::new([x + by, y + by, 2.0 + by], [0.0, 0.0, -1.0])
+}
+
+fn hit(triangle: u32, t: f32, u: f32, v: f32) -> Hit {
+    Hit { t, u, v, triangle }
+}
+
+#[test]
+fn what_is_hit_clearly_allows_one_answer_alone() {
+    let judge = squares(0.0);
+    let ray = down(3.0, 1.0, 0.0);
+    let right = hit(0, 2.0, 0.5, 0.25);
+    assert!(judge.admits(&ray));
+    assert_eq!(judge.refutes(&ray, &right), None);
+    let close = hit(0, 2.0 + 4e-6, 0.5, 0.25);
+    assert_eq!(judge.refutes(&ray, &close), None);
+    for wrong in [
+        Hit::MISS,
+        hit(0, 2.0001, 0.5, 0.25),
+        hit(0, 2.0, 0.5, 0.2501),
+        hit(0, 2.0, 0.25, 0.5),
+        hit(1, 2.0, 0.5, 0.25),
+        hit(2, 3.0, 0.5, 0.25),
+        hit(9, 2.0, 0.5, 0.25),
+    ] {
+        assert!(judge.refutes(&ray, &wrong).is_some(), "{wrong:?}");
+    }
+    assert_eq!(judge.refutes(&down(5.0, 1.0, 0.0), &Hit::MISS), None);
+    assert!(judge.refutes(&down(5.0, 1.0, 0.0), &right).is_some());
+}
+
+#[test]
+fn beside_an_edge_either_neighbour_is_right_but_not_what_lies_behind() {
+    let judge = squares(0.0);
+    let ray = down(2.000_001, 2.0, 0.0);
+    assert_eq!(judge.refutes(&ray, &hit(0, 2.0, 0.0, 0.5)), None);
+    assert_eq!(judge.refutes(&ray, &hit(1, 2.0, 0.5, 0.0)), None);
+    // Neither is surely hit there, but what lies behind is not either.
+    assert_eq!(judge.refutes(&ray, &Hit::MISS), None);
+    let rim = down(4.000_001, 1.0, 0.0);
+    assert_eq!(judge.refutes(&rim, &Hit::MISS), None);
+    assert_eq!(judge.refutes(&rim, &hit(0, 2.0, 0.75, 0.25)), None);
+}
+
+#[test]
+fn the_margin_grows_with_the_coordinates() {
+    let near = |by: f32| {
+        let ray = down(3.0, 1.0, by);
+        squares(by).refutes(&ray, &hit(0, 2.01, 0.5, 0.25))
+    };
+    assert!(near(0.0).is_some() && near(100.0).is_some());
+    assert_eq!(near(10_000.0), None);
+}
+
+#[test]
+fn intervals_are_kept_and_shadows_follow_the_way_to_the_light() {
+    let judge = squares(0.0);
+    let until = |t_max| Ray {
+        t_max,
+        ..down(3.0, 1.0, 0.0)
+    };
+    assert_eq!(judge.refutes_any(&until(1.9), false), None);
+    assert!(judge.refutes_any(&until(1.9), true).is_some());
+    assert_eq!(judge.refutes_any(&until(2.1), true), None);
+    assert!(judge.refutes_any(&until(2.1), false).is_some());
+    let below = hit(2, 3.0, 0.5, 0.25);
+    let (light, far) = ([3.0, 1.0, 5.0], [3.0, 1.0, -0.5]);
+    assert_eq!(judge.refutes_shadow(&below, light, 4.0, true), None);
+    assert!(judge.refutes_shadow(&below, light, 4.0, false).is_some());
+    assert_eq!(judge.refutes_shadow(&below, far, 4.0, false), None);
+    assert!(judge.refutes_shadow(&below, far, 4.0, true).is_some());
+    assert!(judge.refutes_shadow(&Hit::MISS, far, 4.0, true).is_some());
+}
+
+#[test]
+fn nothing_is_asked_of_single_precision_where_it_overflows_or_vanishes() {
+    let judge = squares(0.0);
+    let ray = down(1.0, 1.0, 0.0);
+    let short = Ray {
+        direction: [0.0, 0.0, -1e-30],
+        ..ray
+    };
+    let away = Ray {
+        origin: [1e30, 0.0, 0.0],
+        ..ray
+    };
+    assert!(judge.admits(&ray) && !judge.admits(&short) && !judge.admits(&away));
+}
