@@ -1,6 +1,7 @@
 //! The seam, carried out by the driver.
 
-use super::scene::{RtScene, Vertices};
+use super::scene::RtScene;
+use super::tree::triangles_of;
 use super::{DriverTreeBackend, Stale, rays_of};
 use crate::clock::Stage;
 use crate::commands::{KERNELS, RAYS};
@@ -85,11 +86,12 @@ impl Backend for DriverTreeBackend {
         }
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let positions = &scene.buffers.positions[self.position];
-        let vertices = scene.buffers.animation.vertex_count() as u32;
+        let triangles = scene.buffers.animation.triangle_count() as u32;
         let cleanse = scene.cleansed.as_ref();
-        let work = cleanse.map(|_| work::cleanse(params(scene), vertices));
+        let work = cleanse.map(|_| work::cleanse(params(scene), triangles, scene.centre));
         let find = |name| match name {
             "cleansed" => cleanse.expect("there is something to cleanse"),
+            "triangles" => &scene.buffers.triangles,
             _ => positions,
         };
         let slot = self.frames.record()?;
@@ -110,8 +112,7 @@ impl Backend for DriverTreeBackend {
         if self.stale == Stale::Fresh {
             return Ok(());
         }
-        let changing = self.scene().vertices == Vertices::Changing;
-        self.make_tree(changing)
+        self.make_tree(false)
     }
 
     fn trace(&mut self, query: Query<'_>) -> Result<()> {
@@ -196,13 +197,13 @@ impl DriverTreeBackend {
     /// Records the driver's work on its tree: made anew, or updated.
     fn make_tree(&mut self, anew: bool) -> Result<()> {
         let scene = self.scene.as_mut().expect("a scene was loaded");
-        let given = &scene.buffers.positions[self.position];
-        let positions = scene.cleansed.as_ref().unwrap_or(given);
-        let (tree, buffers) = (&mut scene.tree, &scene.buffers);
+        let positions = &scene.buffers.positions[self.position];
+        let from = triangles_of(&scene.buffers, positions, scene.cleansed.as_ref());
+        let tree = &mut scene.tree;
         let slot = self.frames.record()?;
         slot.record_as(Stage::Refit, |commands| match anew {
-            true => tree.rebuild(commands, buffers, positions),
-            false => tree.update(commands, buffers, positions),
+            true => tree.rebuild(commands, from),
+            false => tree.update(commands, from),
         })?;
         self.stale = Stale::Fresh;
         Ok(())

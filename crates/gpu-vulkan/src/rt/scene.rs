@@ -14,26 +14,16 @@ use std::sync::Arc;
 /// Coordinates from here on may overflow when they are blended.
 const HUGE: f32 = f32::MAX / 4.0;
 
-/// What the driver must be spared.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Vertices {
-    /// Nothing: all are finite, always.
-    Finite,
-    /// The same vertices are not finite in every key frame.
-    Steady,
-    /// Triangles come and go. A tree may not be updated across that.
-    Changing,
-}
-
 /// A loaded scene.
 pub(super) struct RtScene {
     pub(super) buffers: SceneBuffers,
     pub(super) tree: DriverTree,
     /// The box of all key frames, in scaled units, as the two rows of a tree's root.
     pub(super) root: Buffer,
-    pub(super) vertices: Vertices,
-    /// Positions without what is not finite; `None` where all are finite.
+    /// Three vertices a triangle, all finite; `None` where positions are, always.
     pub(super) cleansed: Option<Buffer>,
+    /// Where triangles are drawn together that are not to be hit.
+    pub(super) centre: Point,
 }
 
 impl RtScene {
@@ -43,26 +33,26 @@ impl RtScene {
         animation: Arc<Animation>,
         prefer: Prefer,
     ) -> Result<Self> {
-        let vertices = Vertices::of(animation.keys());
-        let bytes = animation.vertex_count() as u64 * 12;
-        let cleansed = match vertices {
-            Vertices::Finite => None,
-            _ => Some(Buffer::new(
+        let bytes = animation.triangle_count() as u64 * 36;
+        let cleansed = match are_tame(animation.keys()) {
+            true => None,
+            false => Some(Buffer::new(
                 gpu,
-                "cleansed positions",
+                "cleansed triangles",
                 bytes,
                 Place::Device,
             )?),
         };
         let root = Buffer::new(gpu, "the scene's box", 32, Place::Device)?;
         Loader::new(gpu, road, 32)?.send(&root_of(&animation), &root)?;
+        let centre = centre_of(&animation);
         let buffers = SceneBuffers::new(gpu, road, animation)?;
         Ok(Self {
-            tree: DriverTree::new(gpu, road, &buffers, prefer)?,
+            tree: DriverTree::new(gpu, road, (&buffers, cleansed.as_ref()), prefer)?,
             buffers,
             root,
-            vertices,
             cleansed,
+            centre,
         })
     }
 }
@@ -75,39 +65,32 @@ fn root_of(animation: &Animation) -> [f32; 8] {
     [a, b, c, 0.0, d, e, f, 0.0]
 }
 
-impl Vertices {
-    fn of(keys: &[Vec<Point>]) -> Self {
-        let tame = |p: &Point| p.iter().all(|x| x.abs() < HUGE);
-        let lost = |p: &Point| p.iter().any(|x| !x.is_finite());
-        let first = &keys[0];
-        let same = |key: &Vec<Point>| {
-            let mut pairs = key.iter().zip(first);
-            pairs.all(|(p, q)| tame(p) && tame(q) || lost(p) && lost(q))
-        };
-        if keys.iter().flatten().all(tame) {
-            Self::Finite
-        } else if keys.iter().all(same) {
-            Self::Steady
-        } else {
-            Self::Changing
-        }
+/// Amid all key frames; the origin if there is nothing.
+fn centre_of(animation: &Animation) -> Point {
+    let bounds = animation.bounds();
+    let middle = |i: usize| f32::midpoint(bounds.min[i], bounds.max[i]);
+    let middle = [middle(0), middle(1), middle(2)];
+    match middle.iter().all(|x| x.is_finite()) {
+        true => middle,
+        false => [0.0; 3],
     }
+}
+
+/// Whether all vertices are finite and stay so when they are blended.
+fn are_tame(keys: &[Vec<Point>]) -> bool {
+    let tame = |p: &Point| p.iter().all(|x| x.abs() < HUGE);
+    keys.iter().flatten().all(tame)
 }
 
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
 
-    pub(crate) fn a_tree_is_updated_only_where_the_same_vertices_are_lost_in_every_key_frame() {
-        let key = |x: f32, y: f32| vec![[x, 0.0, 0.0], [0.0, y, 1.0]];
-        let of = |keys: &[Vec<Point>]| Vertices::of(keys);
-        assert_eq!(of(&[key(1.0, 2.0), key(3.0, 4.0)]), Vertices::Finite);
-        let nan = f32::NAN;
-        assert_eq!(of(&[key(nan, 2.0), key(nan, 4.0)]), Vertices::Steady);
-        assert_eq!(of(&[key(nan, 2.0), key(3.0, 4.0)]), Vertices::Changing);
-        assert_eq!(of(&[key(3.0, 2.0), key(3.0, nan)]), Vertices::Changing);
-        // Blends of these overflow on the way.
-        let big = f32::MAX;
-        assert_eq!(of(&[key(big, 2.0), key(-big, 4.0)]), Vertices::Changing);
+    pub(crate) fn triangles_are_cleansed_where_a_vertex_is_or_may_become_infinite_or_no_number() {
+        let of = |x: f32| are_tame(&[vec![[1.0; 3]], vec![[0.0, x, 1.0]]]);
+        assert!(of(2.0) && of(-1e30));
+        for bad in [f32::NAN, f32::INFINITY, f32::MIN] {
+            assert!(!of(bad), "{bad}");
+        }
     }
 }

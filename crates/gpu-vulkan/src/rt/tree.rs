@@ -12,6 +12,8 @@ use ash::vk;
 use backend::{BackendError, Result};
 use std::sync::Arc;
 
+/// What a structure is built from.
+pub(super) type Geometry<'a> = vk::AccelerationStructureGeometryKHR<'a>;
 type Flags = vk::BuildAccelerationStructureFlagsKHR;
 type Mode = vk::BuildAccelerationStructureModeKHR;
 
@@ -23,7 +25,6 @@ pub(super) struct DriverTree {
     instance: Buffer,
     prefer: Prefer,
     triangles: u32,
-    vertices: u32,
     made: Option<Made>,
 }
 
@@ -44,7 +45,7 @@ impl DriverTree {
     pub(super) fn new(
         gpu: &Arc<Gpu>,
         road: &mut Transfer,
-        scene: &SceneBuffers,
+        (scene, cleansed): (&SceneBuffers, Option<&Buffer>),
         prefer: Prefer,
     ) -> Result<Self> {
         let animation = &scene.animation;
@@ -56,8 +57,8 @@ impl DriverTree {
             let what = "the driver's tree (triangles, maxPrimitiveCount)".to_owned();
             return Err(BackendError::Limit { what, need, limit });
         }
-        let (triangles, vertices) = (need as u32, animation.vertex_count() as u32);
-        let geometry = [triangles_of(scene, &scene.positions[0], vertices)];
+        let triangles = need as u32;
+        let geometry = [triangles_of(scene, &scene.positions[0], cleansed)];
         let flags = [flags(prefer, Made::Updatable), flags(prefer, Made::Fixed)];
         let about = info(vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL).geometries(&geometry);
         let bottom = Structure::new(gpu, "the driver's tree", about, &flags, triangles)?;
@@ -71,7 +72,6 @@ impl DriverTree {
             instance,
             prefer,
             triangles,
-            vertices,
             made: None,
         })
     }
@@ -86,44 +86,33 @@ impl DriverTree {
         self.made = None;
     }
 
-    /// Records a new tree of `positions`. Trees made one after the other are made for once, which
-    /// suits the driver; the first, and one made after an update, can be updated.
-    pub(super) fn rebuild(
-        &mut self,
-        commands: &Commands,
-        scene: &SceneBuffers,
-        positions: &Buffer,
-    ) {
+    /// Records a new tree. The first can be updated; those that follow it are made for once, which
+    /// may suit the driver.
+    pub(super) fn rebuild(&mut self, commands: &Commands, from: Geometry<'_>) {
         let made = match self.made {
             None => Made::Updatable,
             Some(_) => Made::Fixed,
         };
-        self.make(commands, scene, positions, made);
+        self.make(commands, from, made);
     }
 
-    /// Records an update of the tree to `positions`; where it cannot be updated, a new one that can.
-    pub(super) fn update(&mut self, commands: &Commands, scene: &SceneBuffers, positions: &Buffer) {
+    /// Records an update of the tree to vertices elsewhere; where it cannot be updated, a new one that can.
+    pub(super) fn update(&mut self, commands: &Commands, from: Geometry<'_>) {
         if self.made == Some(Made::Updatable) {
-            self.record(commands, scene, positions, (Made::Updatable, Mode::UPDATE));
+            self.record(commands, from, (Made::Updatable, Mode::UPDATE));
         } else {
-            self.make(commands, scene, positions, Made::Updatable);
+            self.make(commands, from, Made::Updatable);
         }
     }
 
-    fn make(&mut self, commands: &Commands, scene: &SceneBuffers, positions: &Buffer, made: Made) {
-        self.record(commands, scene, positions, (made, Mode::BUILD));
+    fn make(&mut self, commands: &Commands, from: Geometry<'_>, made: Made) {
+        self.record(commands, from, (made, Mode::BUILD));
         self.made = Some(made);
     }
 
-    fn record(
-        &self,
-        commands: &Commands,
-        scene: &SceneBuffers,
-        positions: &Buffer,
-        (made, mode): (Made, Mode),
-    ) {
+    fn record(&self, commands: &Commands, from: Geometry<'_>, (made, mode): (Made, Mode)) {
         let flags = flags(self.prefer, made);
-        let geometry = [triangles_of(scene, positions, self.vertices)];
+        let geometry = [from];
         let about = |ty| info(ty).flags(flags).mode(mode);
         commands.barrier(KERNELS, BUILDS);
         let bottom = about(vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL).geometries(&geometry);
@@ -164,21 +153,30 @@ fn geometry<'a>(
         .flags(vk::GeometryFlagsKHR::OPAQUE)
 }
 
-fn triangles_of<'a>(
+/// The scene's triangles over positions; or those `cleansed`, with vertices of their own.
+pub(super) fn triangles_of<'a>(
     scene: &SceneBuffers,
     positions: &Buffer,
-    vertices: u32,
-) -> vk::AccelerationStructureGeometryKHR<'a> {
+    cleansed: Option<&Buffer>,
+) -> Geometry<'a> {
     let at = |buffer: &Buffer| vk::DeviceOrHostAddressConstKHR {
         device_address: buffer.address(),
     };
+    let vertices = match cleansed {
+        None => scene.animation.vertex_count(),
+        Some(_) => 3 * scene.animation.triangle_count(),
+    };
     let triangles = vk::AccelerationStructureGeometryTrianglesDataKHR::default()
         .vertex_format(vk::Format::R32G32B32_SFLOAT)
-        .vertex_data(at(positions))
+        .vertex_data(at(cleansed.unwrap_or(positions)))
         .vertex_stride(12)
-        .max_vertex(vertices.saturating_sub(1))
-        .index_type(vk::IndexType::UINT32)
-        .index_data(at(&scene.triangles));
+        .max_vertex((vertices as u32).saturating_sub(1));
+    let triangles = match cleansed {
+        None => triangles
+            .index_type(vk::IndexType::UINT32)
+            .index_data(at(&scene.triangles)),
+        Some(_) => triangles.index_type(vk::IndexType::NONE_KHR),
+    };
     let data = vk::AccelerationStructureGeometryDataKHR { triangles };
     geometry(vk::GeometryTypeKHR::TRIANGLES, data)
 }

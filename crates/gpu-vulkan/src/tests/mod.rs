@@ -33,7 +33,7 @@ const PLAIN: &[(&str, Test)] = named![
     crate::limits::tests::a_refused_dispatch_names_its_groups_and_how_many_there_may_be,
     crate::limits::tests::a_device_with_too_few_buffers_is_refused_by_the_kernels_name,
     queues::tests::copies_go_to_copy_engines_else_to_spare_queues_else_to_the_one_there_is,
-    crate::rt::tests::a_tree_is_updated_only_where_the_same_vertices_are_lost_in_every_key_frame,
+    crate::rt::tests::triangles_are_cleansed_where_a_vertex_is_or_may_become_infinite_or_no_number,
     snapshots::tests::positions_are_written_where_nobody_reads_or_where_reading_ends_first,
     transfer::tests::pieces_lie_side_by_side_and_none_is_large,
 ];

@@ -3,15 +3,20 @@
 use super::Work;
 use crate::{Params, common};
 use backend::{Query, Rays, Seek};
+use geom::Point;
 
 /// Where in [`crate::Counts`] a count lies, in words.
 const HITS: u32 = 2;
 const BLOCKED: u32 = 3;
 
-/// So many positions to positions without what is not finite.
+/// So many triangles to vertices of their own, three each; those not to be hit are drawn together to a point.
 #[must_use]
-pub fn cleanse(params: Params, vertices: u32) -> Work {
-    Work::linear(common("cleanse"), params, vertices)
+pub fn cleanse(params: Params, triangles: u32, point: Point) -> Work {
+    let params = Params {
+        eye: point,
+        ..params
+    };
+    Work::linear(common("cleanse"), params, triangles)
 }
 
 /// Inactive and degenerate ones among so many triangles.
