@@ -98,6 +98,7 @@ pub(crate) struct Fake {
     record_request: bool,
     polls: Option<u32>,
     gate: Option<Arc<Gate>>,
+    pub(crate) own_trees: bool,
 }
 
 impl Fake {
@@ -122,6 +123,7 @@ impl Fake {
             record_request: false,
             polls,
             gate,
+            own_trees: false,
         };
         (fake, log)
     }
@@ -135,7 +137,11 @@ impl Backend for Fake {
         self.animation = Some(animation);
         Ok(())
     }
+    fn makes_own_trees(&self) -> bool {
+        self.own_trees
+    }
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
+        assert!(!self.own_trees, "it makes its own");
         assert!(generation > self.generation, "generations rise");
         let live = self.animation.as_ref().unwrap().live_count();
         assert_eq!(tree.leaf_count(), live);

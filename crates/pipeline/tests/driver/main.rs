@@ -3,6 +3,7 @@
 mod ahead;
 mod fake;
 mod moments;
+mod own;
 
 use backend::{Generation, Method, Query, Rays, Seek};
 use fake::{Fake, Gate, Log};
