@@ -5,9 +5,7 @@ mod compare;
 mod text;
 
 use crate::ahead::Ahead;
-use crate::args::{
-    BenchArgs, IntersectorName, LayoutName, MethodArgs, PolicyArgs, Switch, UpdateName,
-};
+use crate::args::{BenchArgs, LayoutName, MethodArgs, PolicyArgs, Switch, UpdateName};
 use crate::progress::Progress;
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
@@ -199,13 +197,8 @@ fn nonsense(&(backend, (policy, _), method): &Combination) -> Option<String> {
             update.get_name()
         ));
     }
-    let auto = MethodArgs {
-        intersector: IntersectorName::Auto,
-        layout: LayoutName::Auto,
-    };
-    (method != auto).then(|| {
-        format!("{backend} is left out but with the driver's own intersector and layout, which auto takes")
-    })
+    choose::beyond_drivers(method)
+        .map(|what| format!("{backend} with {what} is left out: it has its own"))
 }
 
 /// Everything with everything.

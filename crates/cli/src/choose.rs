@@ -103,6 +103,24 @@ pub(crate) fn update(
     Ok(choice)
 }
 
+/// What a method names that a driver with trees of its own does not have. The usual intersector, which nobody need
+/// name, stands for the driver's own.
+pub(crate) fn beyond_drivers(method: MethodArgs) -> Option<String> {
+    let MethodArgs {
+        intersector,
+        layout,
+    } = method;
+    if !matches!(
+        intersector,
+        IntersectorName::Auto | IntersectorName::Watertight
+    ) {
+        let name = self::intersector(intersector).value;
+        return Some(format!("intersector '{name}'"));
+    }
+    let name = self::layout(layout).value;
+    (layout != LayoutName::Auto).then(|| format!("layout '{name}'"))
+}
+
 /// The same for a backend that makes its trees itself, within each frame.
 pub(crate) fn within_frames(choice: Choice<Update>) -> Choice<Update> {
     match choice {
@@ -225,5 +243,32 @@ mod tests {
         assert_eq!(choose(UpdateName::TSah, None, 0.5), Some(Update::TSah));
         let three = Some(Update::Async(Pace::Lockstep(3)));
         assert_eq!(choose(UpdateName::Async, Some(3), 0.5), three);
+    }
+
+    #[test]
+    fn a_drivers_own_intersector_stands_for_the_usual_one_alone() {
+        use IntersectorName as I;
+        use LayoutName as L;
+        let beyond = |intersector, layout| {
+            beyond_drivers(MethodArgs {
+                intersector,
+                layout,
+            })
+        };
+        assert_eq!(beyond(I::Auto, L::Auto), None);
+        assert_eq!(beyond(I::Watertight, L::Auto), None);
+        let named = beyond(I::Woop, L::Auto).unwrap();
+        assert_eq!(named, "intersector 'woop'");
+        assert_eq!(beyond(I::Auto, L::Bvh2).unwrap(), "layout 'bvh2'");
+    }
+
+    #[test]
+    fn a_driver_rebuilds_where_nobody_asked_for_more() {
+        let free = auto(Update::Async(Pace::Free), "because");
+        assert_eq!(within_frames(free).value, Update::Rebuild);
+        assert_eq!(within_frames(guess(free.value, "")).value, Update::Rebuild);
+        assert_eq!(within_frames(asked(free.value)), asked(free.value));
+        let refit = auto(Update::Refit, "it stands still");
+        assert_eq!(within_frames(refit), refit);
     }
 }

@@ -10,7 +10,7 @@ use crate::subjects::{self, Examined, Machine, Subject};
 use crate::talk;
 use backend::{Backend, Method};
 use conformance::leaks::{self, Plan};
-use conformance::{Disagreement, LAWS, Law, hold, hold_one};
+use conformance::{Disagreement, Law, hold, hold_one, laws_of};
 use results::{LeakRow, Report, Row};
 use std::time::Instant;
 
@@ -22,7 +22,7 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
     if let Some(file) = &args.json {
         report::check_writable(file).map_err(Stop::bad)?;
     }
-    let (mut subjects, absent) = subjects::open_all(&args.backend, args.adapter.as_deref())?;
+    let (mut subjects, absent) = subjects::open_all(&args.backend, true, args.adapter.as_deref())?;
     let mut report = Report {
         schema: report::SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
@@ -56,7 +56,8 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
 /// Every law on every subject, against the host on one thread.
 fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<Row>, Stop> {
     let named = |l: &&Law| args.law.is_empty() || args.law.iter().any(|n| n == l.name);
-    let laws: Vec<&Law> = LAWS.iter().filter(named).collect();
+    let laws = |s: &Subject| laws_of(s.backend.as_ref()).iter().filter(named);
+    let total: usize = subjects.iter().map(|s| laws(s).count()).sum();
     if args.cases == 0 && args.case.is_none() {
         return Ok(Vec::new());
     }
@@ -67,10 +68,10 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<Row>, Stop> 
         threads: 1,
     };
     let mut reference = open::open(&want, Ok)?.value;
-    let mut progress = Progress::new((laws.len() * subjects.len()) as u64, args.quiet);
+    let mut progress = Progress::new(total as u64, args.quiet);
     let mut rows = Vec::new();
-    for law in laws {
-        for subject in &mut *subjects {
+    for subject in &mut *subjects {
+        for law in laws(subject) {
             let begun = Instant::now();
             let held = hold_to(args, law, subject.backend.as_mut(), reference.as_mut());
             let seconds = begun.elapsed().as_secs_f64();

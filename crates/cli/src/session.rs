@@ -103,30 +103,25 @@ fn want<'a>(ask: &Ask<'a>) -> Want<'a> {
     }
 }
 
-/// What is asked of a backend that makes its trees itself: nothing is left to try there, and no
-/// method can be asked for by name.
+/// What is asked of a backend that makes its trees itself: nothing is left to try there.
 fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
     if !open::has_own_trees(ask.backend) {
         return Ok(*ask);
     }
-    let MethodArgs {
-        intersector,
-        layout,
-    } = ask.method;
-    let what = match (intersector, layout) {
-        (IntersectorName::Auto, LayoutName::Auto) => {
-            return Ok(Ask {
-                update: choose::within_frames(ask.update),
-                run: None,
-                ..*ask
-            });
-        }
-        (IntersectorName::Auto, _) => "layout",
-        _ => "intersector",
-    };
-    Err(Stop::bad(format!(
-        "a driver that makes its own trees has its own {what}: --{what} takes auto alone"
-    )))
+    if let Some(what) = choose::beyond_drivers(ask.method) {
+        return Err(Stop::bad(format!(
+            "a driver that makes its own trees has its own intersector and layout: it does not know {what}"
+        )));
+    }
+    Ok(Ask {
+        update: choose::within_frames(ask.update),
+        run: None,
+        method: MethodArgs {
+            intersector: IntersectorName::Watertight,
+            layout: LayoutName::Auto,
+        },
+        ..*ask
+    })
 }
 
 /// Trees made on the device have one layout: none is left to try out.

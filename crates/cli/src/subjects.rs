@@ -82,8 +82,10 @@ pub(crate) fn roll(present: &[Examined], absent: &[Absent]) -> String {
 }
 
 /// Opens what was named, or whatever is present.
+/// Those that leave to a driver what a ray hits are asked for by name, or with all others where `drivers` says so.
 pub(crate) fn open_all(
     names: &[SubjectName],
+    drivers: bool,
     adapter: Option<&str>,
 ) -> Result<(Vec<Subject>, Vec<Absent>), Stop> {
     use SubjectName as S;
@@ -91,13 +93,16 @@ pub(crate) fn open_all(
     let all = [
         (S::Cpu, "cpu"),
         (S::Vulkan, "vulkan"),
+        (S::VulkanRt, "vulkan-rt"),
+        (S::VulkanRtFastTrace, "vulkan-rt:fast-trace"),
         (S::Wgpu, "wgpu"),
         (S::WgpuWgsl, "wgpu-wgsl"),
     ];
     let (mut subjects, mut absent) = (Vec::new(), Vec::new());
     for (subject, name) in all {
         let named = names.contains(&subject);
-        if !named && !auto {
+        let among = auto && (drivers || !open::has_own_trees(backend_of(subject)));
+        if !named && !among {
             continue;
         }
         match open_one(subject, adapter) {
@@ -116,14 +121,24 @@ pub(crate) fn open_all(
     Ok((subjects, absent))
 }
 
-fn open_one(subject: SubjectName, adapter: Option<&str>) -> Result<Box<dyn Backend>, Stop> {
-    let backend = match subject {
+fn backend_of(subject: SubjectName) -> BackendName {
+    match subject {
         SubjectName::Cpu | SubjectName::Auto => BackendName::Cpu,
         SubjectName::Vulkan => BackendName::Vulkan,
+        SubjectName::VulkanRt => BackendName::VulkanRt,
+        SubjectName::VulkanRtFastTrace => BackendName::VulkanRtFastTrace,
         SubjectName::Wgpu | SubjectName::WgpuWgsl => BackendName::Wgpu,
-    };
+    }
+}
+
+/// Whether it is one of those that leave to a driver what a ray hits.
+pub(crate) fn is_driver(subject: SubjectName) -> bool {
+    open::has_own_trees(backend_of(subject))
+}
+
+fn open_one(subject: SubjectName, adapter: Option<&str>) -> Result<Box<dyn Backend>, Stop> {
     let want = Want {
-        backend,
+        backend: backend_of(subject),
         adapter,
         method: Method::default(),
         threads: threads::cores(),

@@ -2,7 +2,8 @@
 
 use clap::builder::PossibleValuesParser;
 use clap::{Args, ValueEnum};
-use conformance::{LAWS, REGRESSIONS, Trial};
+use conformance::{LAWS, OWN_TREE_LAWS, REGRESSIONS, Trial};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 /// Options of `conform`.
@@ -27,7 +28,7 @@ pub(crate) struct ConformArgs {
     pub(crate) cases: u32,
     /// Only these laws
     #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true,
-        value_parser = PossibleValuesParser::new(LAWS.iter().map(|l| l.name)))]
+        value_parser = PossibleValuesParser::new(law_names()))]
     pub(crate) law: Vec<String>,
     /// Only this case, by number or by the name of one that failed once
     #[arg(long, value_name = "N|NAME", value_parser = trial)]
@@ -56,10 +57,22 @@ pub(crate) enum SubjectName {
     Cpu,
     /// A graphics processor through Vulkan
     Vulkan,
+    /// Trees that the Vulkan driver makes and traces, within rounding
+    #[value(name = "vulkan-rt")]
+    VulkanRt,
+    /// The same, built to be traced quickly
+    #[value(name = "vulkan-rt:fast-trace")]
+    VulkanRtFastTrace,
     /// A graphics processor through wgpu
     Wgpu,
     /// The same, with kernels that wgpu translates
     WgpuWgsl,
+}
+
+/// All laws, of whatever backend.
+fn law_names() -> BTreeSet<&'static str> {
+    let all = LAWS.iter().chain(OWN_TREE_LAWS);
+    all.map(|l| l.name).collect()
 }
 
 /// A number of a case, or the name of one that is kept.

@@ -66,16 +66,21 @@ impl Plan {
 fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<(BackendName, bool)> {
     let named = |name| args.backend.contains(&name);
     if !named(BackendName::Auto) {
-        return unique(&args.backend)
+        let (drivers, ours): (Vec<_>, Vec<_>) = unique(&args.backend)
             .into_iter()
-            .map(|b| (b, true))
-            .collect();
+            .partition(|&b| open::has_own_trees(b));
+        skipped.extend(drivers.into_iter().map(|b| left_to_driver(&word(b))));
+        return ours.into_iter().map(|b| (b, true)).collect();
     }
     let mut found = Vec::new();
     for presence in open::presences().into_iter().rev() {
         let Ok(name) = BackendName::from_str(presence.backend, true) else {
             continue;
         };
+        if presence.own_trees {
+            skipped.push(left_to_driver(presence.backend));
+            continue;
+        }
         let fits = presence
             .adapters
             .iter()
@@ -91,6 +96,10 @@ fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<(BackendName, bo
         skipped.push(format!("{} is left out: {why}", presence.backend));
     }
     found
+}
+
+fn left_to_driver(backend: &str) -> String {
+    format!("{backend} is left out: what its rays hit is the driver's affair, not an intersector's")
 }
 
 /// Every intersector asked for with every layout there is, as far as the backend has them.
