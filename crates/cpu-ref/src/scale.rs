@@ -6,7 +6,7 @@ use glam::Vec4;
 /// Coordinates below this many scaled units count as zero, `2^-64`.
 const LEAST_COORDINATE: f32 = power(-64);
 /// Components of a direction below this count as zero, `2^-37`, the largest being in `[1, 2)`.
-const LEAST_COMPONENT: f32 = power(-37);
+pub(crate) const LEAST_COMPONENT: f32 = power(-37);
 /// Products, weights and distances below this count as zero, `2^-100`.
 pub(crate) const LEAST: f32 = power(-100);
 
@@ -33,6 +33,12 @@ impl Scale {
     #[inline]
     pub(crate) fn factor(self) -> f32 {
         power(-self.k)
+    }
+
+    /// What scaled units are multiplied by, `2^k`, unless that is close to the end of the normal range.
+    #[inline]
+    pub(crate) fn usual_inverse(self) -> Option<f32> {
+        (self.k.abs() <= 60).then(|| power(self.k))
     }
 
     /// The exponent `k`.
@@ -93,7 +99,7 @@ pub(crate) fn exponent(x: f32) -> i32 {
 
 /// `2^m` for `m` in `-126..=127`.
 #[inline]
-const fn power(m: i32) -> f32 {
+pub(crate) const fn power(m: i32) -> f32 {
     f32::from_bits(((m + 127) as u32) << 23)
 }
 

@@ -6,14 +6,14 @@ use geom::Aabb;
 use glam::{Vec3A, Vec4};
 
 /// Components of the direction are pushed away from zero to this, `2^-60`.
-const SMALLEST: f32 = f32::from_bits((127 - 60) << 23);
+pub(crate) const SMALLEST: f32 = f32::from_bits((127 - 60) << 23);
 /// `17 * 2^-24`: what the watertight test may be off by, and the rounding here, in units of `D`.
-const PAD: f32 = 17.0 / 16_777_216.0;
+pub(crate) const PAD: f32 = 17.0 / 16_777_216.0;
 /// Bounds `D`, so that no product below is infinite, `2^80`.
 const FARTHEST: f32 = f32::from_bits((127 + 80) << 23);
 
 /// Distances up to here leave every product of the watertight test finite, `2^60`.
-const CALM: f32 = f32::from_bits((127 + 60) << 23);
+pub(crate) const CALM: f32 = f32::from_bits((127 + 60) << 23);
 
 /// What a ray and the root box alone decide of the box test.
 #[derive(Clone, Copy, Debug)]

@@ -55,10 +55,21 @@ impl<T> Tiles<'_, T> {
         self.rows.iter().filter(|row| !row.is_empty()).count()
     }
 
-    /// An entry with its index.
+    /// Columns of the whole picture.
     #[inline]
-    pub(crate) fn entry(&mut self, x: usize, y: usize) -> (usize, &mut T) {
-        (self.first + y * self.width + x, &mut self.rows[y][x])
+    pub(crate) fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Where an entry lies in the picture.
+    #[inline]
+    pub(crate) fn index(&self, x: usize, y: usize) -> usize {
+        self.first + y * self.width + x
+    }
+
+    #[inline]
+    pub(crate) fn entry(&mut self, x: usize, y: usize) -> &mut T {
+        &mut self.rows[y][x]
     }
 
     /// Cuts off the columns from `column` on.

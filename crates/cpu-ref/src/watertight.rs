@@ -8,7 +8,7 @@
 use crate::ray::PreparedRay;
 use crate::scale::flushed4;
 use crate::triangle_test::{Meeting, Record, TriangleTest};
-use geom::Triangle;
+use geom::{Point, Triangle};
 use glam::{Vec4, Vec4Swizzles};
 
 /// Woop, Benthin, Wald 2013. A record holds, for each axis, the coordinate of all three vertices.
@@ -35,11 +35,14 @@ impl TriangleTest for Watertight {
 
     #[inline]
     fn prepare(ray: &PreparedRay) -> Shear {
-        let (axes, shear) = Shear::factors(ray);
+        let d = ray.direction;
+        let kz = main_axis(d);
+        let axes = [(kz + 1) % 3, (kz + 2) % 3, kz];
+        let [dx, dy, dz] = axes.map(|k| d[k]);
         Shear {
             axes,
             origin: axes.map(|k| Vec4::splat(ray.origin[k])),
-            shear: shear.map(Vec4::splat),
+            shear: [dx / dz, dy / dz, 1.0 / dz].map(Vec4::splat),
         }
     }
 
@@ -59,6 +62,19 @@ impl TriangleTest for Watertight {
     }
 }
 
+/// `kz`: the axis of the largest component, the first of equals.
+#[inline]
+pub(crate) fn main_axis(direction: Point) -> usize {
+    let [x, y, z] = direction.map(f32::abs);
+    if x >= y && x >= z {
+        0
+    } else if y >= z {
+        1
+    } else {
+        2
+    }
+}
+
 /// A triangle's vertices in the space where the ray is the axis `kz`, one in each lane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sheared {
@@ -69,23 +85,6 @@ pub(crate) struct Sheared {
 }
 
 impl Shear {
-    /// Axes in the order `kx, ky, kz`, and `Sx`, `Sy`, `Sz`.
-    #[inline]
-    pub(crate) fn factors(ray: &PreparedRay) -> ([usize; 3], [f32; 3]) {
-        let d = ray.direction;
-        let [x, y, z] = d.map(f32::abs);
-        let kz = if x >= y && x >= z {
-            0
-        } else if y >= z {
-            1
-        } else {
-            2
-        };
-        let axes = [(kz + 1) % 3, (kz + 2) % 3, kz];
-        let [dx, dy, dz] = axes.map(|k| d[k]);
-        (axes, [dx / dz, dy / dz, 1.0 / dz])
-    }
-
     #[inline(always)]
     pub(crate) fn apply(&self, record: &Record) -> Sheared {
         let [kx, ky, kz] = self.axes;

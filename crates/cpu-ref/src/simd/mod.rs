@@ -11,6 +11,28 @@ mod x86;
 
 use plain::Plain;
 
+/// An expression for each of three axes or corners. Closures are compiled on their own, and so without the
+/// instructions; expressions are part of the function that they stand in.
+macro_rules! each {
+    ($i:ident => $value:expr) => {
+        [
+            {
+                let $i = 0;
+                $value
+            },
+            {
+                let $i = 1;
+                $value
+            },
+            {
+                let $i = 2;
+                $value
+            },
+        ]
+    };
+}
+pub(crate) use each;
+
 /// A vector of single-precision numbers.
 ///
 /// Where a number is not one, `min` and `max` return their second operand.
@@ -19,6 +41,8 @@ pub(crate) trait Lanes: Copy {
     type Array: Copy + AsRef<[f32]> + AsMut<[f32]>;
     /// One truth value a lane.
     type Mask: Copy;
+    /// Bits of a mask that is set in every lane.
+    const ALL: u32;
 
     fn splat(x: f32) -> Self;
     fn load(from: &Self::Array) -> Self;
@@ -43,6 +67,10 @@ pub(crate) trait Lanes: Copy {
     fn bits(mask: Self::Mask) -> u32;
     /// The reverse of [`Lanes::bits`].
     fn mask(bits: u32) -> Self::Mask;
+    /// The least number of all lanes, which must be numbers.
+    fn least(self) -> f32;
+    /// The greatest number of all lanes, which must be numbers.
+    fn most(self) -> f32;
 }
 
 /// Sixteen numbers as two halves of eight.
@@ -54,6 +82,7 @@ pub(crate) trait Halves: Lanes<Array = [f32; 16]> {
     fn turned(self, turn: bool) -> Self;
     fn low(self) -> Self::Half;
     fn high(self) -> Self::Half;
+    fn join(low: Self::Half, high: Self::Half) -> Self;
 }
 
 /// The vectors that an instruction set is best at.
@@ -62,6 +91,8 @@ pub(crate) trait Isa: 'static {
     type Eight: Lanes<Array = [f32; 8]>;
     /// Lower and upper planes of eight boxes.
     type Planes: Halves<Half = Self::Eight>;
+    /// One number of each ray of a packet.
+    type Packet: Lanes;
 }
 
 /// Something to be done with vectors.
@@ -79,6 +110,7 @@ struct Portable;
 impl Isa for Portable {
     type Eight = Plain<8>;
     type Planes = Plain<16>;
+    type Packet = Plain<8>;
 }
 
 /// An instruction set that this machine was found to have.

@@ -17,6 +17,7 @@ impl<const N: usize> Plain<N> {
 impl<const N: usize> Lanes for Plain<N> {
     type Array = [f32; N];
     type Mask = [bool; N];
+    const ALL: u32 = (1 << N) - 1;
 
     #[inline(always)]
     fn splat(x: f32) -> Self {
@@ -90,6 +91,18 @@ impl<const N: usize> Lanes for Plain<N> {
     fn mask(bits: u32) -> [bool; N] {
         from_fn(|i| bits >> i & 1 == 1)
     }
+    #[inline(always)]
+    fn least(self) -> f32 {
+        self.0
+            .iter()
+            .fold(f32::INFINITY, |a, &b| if a < b { a } else { b })
+    }
+    #[inline(always)]
+    fn most(self) -> f32 {
+        self.0
+            .iter()
+            .fold(f32::NEG_INFINITY, |a, &b| if a > b { a } else { b })
+    }
 }
 
 impl Halves for Plain<16> {
@@ -107,5 +120,9 @@ impl Halves for Plain<16> {
     #[inline(always)]
     fn high(self) -> Plain<8> {
         Plain(from_fn(|i| self.0[i + 8]))
+    }
+    #[inline(always)]
+    fn join(low: Plain<8>, high: Plain<8>) -> Self {
+        Self(from_fn(|i| if i < 8 { low.0[i] } else { high.0[i - 8] }))
     }
 }

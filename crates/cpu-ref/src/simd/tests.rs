@@ -34,6 +34,17 @@ impl Work for Everything {
             operations(a, b, &mut all);
             operations(a.low(), b.high(), &mut all);
             operations(a.turned(shift % 2 == 0).high(), b.low(), &mut all);
+            let joined = I::Planes::join(a.high(), b.low()).store();
+            all.extend(joined.map(|x| if x.is_nan() { 0 } else { x.to_bits() }));
+            let whole: [f32; 16] = std::array::from_fn(|i| (i * 7 % 16) as f32 - shift as f32);
+            let whole = I::Planes::load(&whole);
+            let ends = [
+                whole.least(),
+                whole.most(),
+                whole.low().least(),
+                whole.high().most(),
+            ];
+            all.extend(ends.map(f32::to_bits));
         }
         all
     }

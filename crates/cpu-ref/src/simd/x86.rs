@@ -20,11 +20,13 @@ pub(super) struct Avx512;
 impl Isa for Avx2 {
     type Eight = Ymm;
     type Planes = YmmPair;
+    type Packet = Ymm;
 }
 
 impl Isa for Avx512 {
     type Eight = MaskedYmm;
     type Planes = Zmm;
+    type Packet = Zmm;
 }
 
 pub(super) fn has_avx2() -> bool {
@@ -80,6 +82,7 @@ macro_rules! vector {
         impl Lanes for $name {
             type Array = [f32; $count];
             type Mask = $mask;
+            const ALL: u32 = (1 << $count) - 1;
             operation! {
                 splat(x: f32) -> Self = Self($splat(x));
                 load(from: &[f32; $count]) -> Self = Self($load(from.as_ptr()));
@@ -102,6 +105,15 @@ macro_rules! vector {
     };
 }
 
+/// The least of eight numbers.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn least(x: __m256) -> f32 {
+    let x = _mm_min_ps(_mm256_castps256_ps128(x), _mm256_extractf128_ps::<1>(x));
+    let x = _mm_min_ps(x, _mm_movehl_ps(x, x));
+    _mm_cvtss_f32(_mm_min_ss(x, _mm_movehdup_ps(x)))
+}
+
 vector! {
     /// Eight numbers; masks are vectors.
     Ymm = __m256, 8, __m256;
@@ -118,6 +130,8 @@ vector! {
         let set = _mm256_and_si256(_mm256_set1_epi32(bits as i32), each);
         _mm256_castsi256_ps(_mm256_cmpeq_epi32(set, each))
     };
+    least(self) -> f32 = least(self.0);
+    most(self) -> f32 = -least(_mm256_xor_ps(self.0, _mm256_set1_ps(-0.0)));
 }
 
 vector! {
@@ -132,6 +146,8 @@ vector! {
     either(a: __mmask8, b: __mmask8) -> __mmask8 = a | b;
     bits(mask: __mmask8) -> u32 = u32::from(mask);
     mask(bits: u32) -> __mmask8 = bits as u8;
+    least(self) -> f32 = least(self.0);
+    most(self) -> f32 = -least(_mm256_xor_ps(self.0, _mm256_set1_ps(-0.0)));
 }
 
 vector! {
@@ -146,6 +162,8 @@ vector! {
     either(a: __mmask16, b: __mmask16) -> __mmask16 = a | b;
     bits(mask: __mmask16) -> u32 = u32::from(mask);
     mask(bits: u32) -> __mmask16 = bits as u16;
+    least(self) -> f32 = _mm512_reduce_min_ps(self.0);
+    most(self) -> f32 = _mm512_reduce_max_ps(self.0);
 }
 
 impl Halves for Zmm {
@@ -158,6 +176,8 @@ impl Halves for Zmm {
         };
         low(self) -> MaskedYmm = MaskedYmm(_mm512_castps512_ps256(self.0));
         high(self) -> MaskedYmm = MaskedYmm(_mm512_extractf32x8_ps::<1>(self.0));
+        join(low: MaskedYmm, high: MaskedYmm) -> Self =
+            Self(_mm512_insertf32x8::<1>(_mm512_castps256_ps512(low.0), high.0));
     }
 }
 
@@ -178,6 +198,7 @@ macro_rules! twice {
 impl Lanes for YmmPair {
     type Array = [f32; 16];
     type Mask = [__m256; 2];
+    const ALL: u32 = (1 << 16) - 1;
     twice!(add, sub, mul, div, min, max);
 
     #[inline(always)]
@@ -235,6 +256,14 @@ impl Lanes for YmmPair {
     fn mask(bits: u32) -> [__m256; 2] {
         [Ymm::mask(bits), Ymm::mask(bits >> 8)]
     }
+    #[inline(always)]
+    fn least(self) -> f32 {
+        self.0.min(self.1).least()
+    }
+    #[inline(always)]
+    fn most(self) -> f32 {
+        self.0.max(self.1).most()
+    }
 }
 
 #[inline(always)]
@@ -258,5 +287,9 @@ impl Halves for YmmPair {
     #[inline(always)]
     fn high(self) -> Ymm {
         self.1
+    }
+    #[inline(always)]
+    fn join(low: Ymm, high: Ymm) -> Self {
+        Self(low, high)
     }
 }

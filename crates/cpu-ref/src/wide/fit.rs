@@ -4,7 +4,7 @@ use super::fold::{fold, lane_areas, set_bounds};
 use super::tree::{Block, EMPTY, LANES, Link, Node, Planes, Source, Wide};
 use crate::preprocess::{Geometry, Unhittable};
 use crate::scale::Scale;
-use crate::simd::{Isa, Lanes, Level, Work};
+use crate::simd::{Isa, Lanes, Level, Work, each};
 use crate::triangle_test::{Record, TriangleTest};
 use geom::{Triangle, is_active, is_degenerate};
 use rayon::prelude::*;
@@ -164,14 +164,17 @@ fn fill<I: Isa>(
     let hittable = hittable::<I::Eight>(&corners, source.count, unhittable);
     let mut planes = EMPTY;
     for axis in 0..3 {
-        let scaled = |corner: usize| scaled::<I::Eight>(geometry.scale, &corners[axis][corner]);
-        let [a, b, c] = [scaled(0), scaled(1), scaled(2)];
+        let [a, b, c] = each!(i => scaled::<I::Eight>(geometry.scale, &corners[axis][i]));
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         let mask = I::Eight::mask(hittable);
-        let keep = |other: f32, x: I::Eight| I::Eight::splat(other).replace(mask, x).store();
-        planes[axis][..LANES].copy_from_slice(&keep(f32::INFINITY, low));
-        planes[axis][LANES..].copy_from_slice(&keep(f32::NEG_INFINITY, high));
-        block.corners[axis] = [keep(f32::NAN, a), keep(f32::NAN, b), keep(f32::NAN, c)];
+        let (none, on) = (
+            I::Eight::splat(f32::INFINITY),
+            I::Eight::splat(f32::NEG_INFINITY),
+        );
+        planes[axis][..LANES].copy_from_slice(&none.replace(mask, low).store());
+        planes[axis][LANES..].copy_from_slice(&on.replace(mask, high).store());
+        let unhittable = I::Eight::splat(f32::NAN);
+        block.corners[axis] = each!(i => unhittable.replace(mask, [a, b, c][i]).store());
     }
     planes
 }

@@ -1,25 +1,38 @@
-//! One ray against the eight triangles of a block.
+//! The watertight test in lanes: one ray and eight triangles, or many rays and one.
 
 use super::tree::{Block, LANES};
 use crate::ray::PreparedRay;
 use crate::scale::LEAST;
-use crate::simd::Lanes;
+use crate::simd::{Lanes, each};
 use crate::slab::Reach;
-use crate::watertight::{Shear, has_equal_signs};
+use crate::watertight::{has_equal_signs, main_axis};
 use glam::Vec4;
 
-/// What blocks need of a ray, in every lane: axes in the order `kx, ky, kz`.
+/// What triangles need of rays, in every lane: of one ray for eight triangles, or of many rays for one.
+/// Axes in the order `kx, ky, kz`, the same for all, as are the signs of directions.
 #[derive(Clone, Copy)]
-pub(crate) struct BlockRay<L> {
+pub(crate) struct TriangleRay<L> {
     axes: [usize; 3],
     origin: [L; 3],
     shear: [L; 3],
-    /// `|r|` and `q`, for the triangles' own boxes.
+    /// `r` and `q`, for the triangles' own boxes.
     inverse: [L; 3],
     pad: [L; 3],
-    sign: [f32; 3],
     t_min: L,
     t_max: L,
+}
+
+/// What a [`TriangleRay`] is made of. Axes in their own order.
+pub(crate) struct Prepared<L> {
+    pub(crate) origin: [L; 3],
+    pub(crate) direction: [L; 3],
+    /// `|r|` and `q`.
+    pub(crate) inverse: [L; 3],
+    pub(crate) pad: [L; 3],
+    /// `kz`.
+    pub(crate) main: usize,
+    pub(crate) t_min: L,
+    pub(crate) t_max: L,
 }
 
 /// Where a ray meets triangles of a block.
@@ -43,33 +56,22 @@ pub(crate) struct Spans<L: Lanes> {
 /// Corners relative to the ray's start, by axis (in the ray's order) and corner.
 type Relative<L> = [[L; 3]; 3];
 
-impl<L: Lanes<Array = [f32; LANES]>> BlockRay<L> {
+impl<L: Lanes> TriangleRay<L> {
     #[inline(always)]
-    pub(crate) fn new(ray: &PreparedRay, reach: &Reach) -> Self {
-        let (axes, shear) = Shear::factors(ray);
-        let splat = |x: [f32; 3]| [L::splat(x[0]), L::splat(x[1]), L::splat(x[2])];
-        let turned = |x: [f32; 3]| [x[axes[0]], x[axes[1]], x[axes[2]]];
-        let d = turned(ray.direction);
+    pub(crate) fn new(rays: &Prepared<L>) -> Self {
+        let kz = rays.main;
+        let axes = [(kz + 1) % 3, (kz + 2) % 3, kz];
+        let d = each!(i => rays.direction[axes[i]]);
+        let r = each!(i => rays.inverse[axes[i]]);
         Self {
             axes,
-            origin: splat(turned(ray.origin)),
-            shear: splat(shear),
-            inverse: splat(turned(reach.inverse)),
-            pad: splat(turned(reach.pad)),
-            sign: [sign(d[0]), sign(d[1]), sign(d[2])],
-            t_min: L::splat(ray.t_min),
-            t_max: L::splat(ray.t_max),
+            origin: each!(i => rays.origin[axes[i]]),
+            shear: [d[0].div(d[2]), d[1].div(d[2]), L::splat(1.0).div(d[2])],
+            inverse: each!(i => r[i].replace(d[i].less(L::splat(0.0)), r[i].neg())),
+            pad: each!(i => rays.pad[axes[i]]),
+            t_min: rays.t_min,
+            t_max: rays.t_max,
         }
-    }
-
-    #[inline(always)]
-    fn relative(&self, block: &Block) -> Relative<L> {
-        let axis = |i: usize| {
-            let [a, b, c] = &block.corners[self.axes[i]];
-            let o = self.origin[i];
-            [L::load(a).sub(o), L::load(b).sub(o), L::load(c).sub(o)]
-        };
-        [axis(0), axis(1), axis(2)]
     }
 
     /// The ray's span in each triangle's own box, as far as it begins no later than `best`.
@@ -78,7 +80,7 @@ impl<L: Lanes<Array = [f32; LANES]>> BlockRay<L> {
         let (mut entry, mut exit) = (self.t_min, L::splat(f32::INFINITY));
         for (i, &[a, b, c]) in corners.iter().enumerate() {
             // With the ray's sign in r, the nearer plane is the one with the lesser product: rounding is monotone.
-            let r = self.inverse[i].mul(L::splat(self.sign[i]));
+            let r = self.inverse[i];
             let (p, q) = (a.min(b).min(c).mul(r), a.max(b).max(c).mul(r));
             entry = entry.max(p.min(q).sub(self.pad[i]));
             exit = exit.min(p.max(q).add(self.pad[i]));
@@ -87,71 +89,99 @@ impl<L: Lanes<Array = [f32; LANES]>> BlockRay<L> {
         Spans { lanes, entry, exit }
     }
 
+    /// The watertight test of each lane's ray with each lane's triangle. `t` is clamped, and no later than `best`.
+    ///
+    /// Rays must be [calm](crate::slab::Reach::is_calm): no edge function may overflow.
+    #[inline(always)]
+    fn meet_corners(&self, corners: &Relative<L>, best: L) -> Option<Meetings<L>> {
+        let [x, y, along] = shear(corners, &self.shear);
+        let edges = edges(&x, &y);
+        let open = L::bits(without_conflict(&edges));
+        if open == 0 {
+            return None;
+        }
+        let spans = self.spans_of(corners, best);
+        let mut lanes = open & spans.lanes;
+        if lanes == 0 {
+            return None;
+        }
+        lanes = settle(lanes, &edges, &x, &y);
+        let depths = each!(i => self.shear[2].mul(along[i]));
+        let [t, u, v] = solve(&edges, &depths);
+        let t = t
+            .replace(t.less(spans.entry), spans.entry)
+            .replace(spans.exit.less(t), spans.exit);
+        let t = flushed(t);
+        let within = L::both(self.t_min.less(t), t.less(self.t_max));
+        lanes &= L::bits(L::both(within, t.at_most(best)));
+        (lanes != 0).then_some(Meetings { lanes, t, u, v })
+    }
+
+    /// Many rays and the triangle in one lane of a block.
+    #[inline(always)]
+    pub(crate) fn meet_one(&self, block: &Block, lane: usize, best: L) -> Option<Meetings<L>> {
+        let corners = each!(i => {
+            let of = &block.corners[self.axes[i]];
+            each!(c => L::splat(of[c][lane]).sub(self.origin[i]))
+        });
+        self.meet_corners(&corners, best)
+    }
+}
+
+/// One ray and eight triangles.
+impl<L: Lanes<Array = [f32; LANES]>> TriangleRay<L> {
+    #[inline(always)]
+    pub(crate) fn single(ray: &PreparedRay, reach: &Reach) -> Self {
+        Self::new(&Prepared {
+            origin: each!(i => L::splat(ray.origin[i])),
+            direction: each!(i => L::splat(ray.direction[i])),
+            inverse: each!(i => L::splat(reach.inverse[i])),
+            pad: each!(i => L::splat(reach.pad[i])),
+            main: main_axis(ray.direction),
+            t_min: L::splat(ray.t_min),
+            t_max: L::splat(ray.t_max),
+        })
+    }
+
+    #[inline(always)]
+    fn relative(&self, block: &Block) -> Relative<L> {
+        each!(i => {
+            let of = &block.corners[self.axes[i]];
+            each!(c => L::load(&of[c]).sub(self.origin[i]))
+        })
+    }
+
     /// [`Spans`] of a whole block.
     #[inline(always)]
     pub(crate) fn spans(&self, block: &Block, best: f32) -> Spans<L> {
         self.spans_of(&self.relative(block), L::splat(best))
     }
 
-    /// The watertight test, on all triangles of a block. `t` is clamped, and no later than `best`.
-    ///
-    /// The ray must not be [far](Reach::is_calm): no edge function may overflow.
+    /// The watertight test on all triangles of a block.
     #[inline(always)]
     pub(crate) fn meet(&self, block: &Block, best: f32) -> Option<Meetings<L>> {
-        let corners = self.relative(block);
-        let [x, y, along] = shear(&corners, &self.shear);
-        let edges = edges(&x, &y);
-        let open = without_conflict(&edges);
-        if L::bits(open) == 0 {
-            return None;
-        }
-        let spans = self.spans_of(&corners, L::splat(best));
-        let mut lanes = L::bits(open) & spans.lanes;
-        if lanes == 0 {
-            return None;
-        }
-        lanes = settle(lanes, &edges, &x, &y);
-        let depths = [
-            self.shear[2].mul(along[0]),
-            self.shear[2].mul(along[1]),
-            self.shear[2].mul(along[2]),
-        ];
-        let [t, u, v] = solve(&edges, &depths);
-        let t = flushed(
-            t.replace(t.less(spans.entry), spans.entry)
-                .replace(spans.exit.less(t), spans.exit),
-        );
-        let within = L::both(self.t_min.less(t), t.less(self.t_max));
-        lanes &= L::bits(L::both(within, t.at_most(L::splat(best))));
-        (lanes != 0).then_some(Meetings { lanes, t, u, v })
+        self.meet_corners(&self.relative(block), L::splat(best))
     }
-}
-
-/// 1 or -1; a zero has a sign too.
-#[inline(always)]
-fn sign(x: f32) -> f32 {
-    1.0_f32.copysign(x)
 }
 
 /// Sheared `x`, `y`, and depths along the ray's axis, not scaled; for each corner.
 #[inline(always)]
 fn shear<L: Lanes>(corners: &Relative<L>, shear: &[L; 3]) -> [[L; 3]; 3] {
     let [from_x, from_y, along] = corners;
-    let sheared = |from: &[L; 3], s: L| {
-        [
-            from[0].sub(s.mul(along[0])),
-            from[1].sub(s.mul(along[1])),
-            from[2].sub(s.mul(along[2])),
-        ]
-    };
-    [sheared(from_x, shear[0]), sheared(from_y, shear[1]), *along]
+    [
+        each!(c => from_x[c].sub(shear[0].mul(along[c]))),
+        each!(c => from_y[c].sub(shear[1].mul(along[c]))),
+        *along,
+    ]
 }
 
 /// `U`, `V`, `W`.
 #[inline(always)]
 fn edges<L: Lanes>(x: &[L; 3], y: &[L; 3]) -> [L; 3] {
-    let edge = |p: usize, q: usize| x[p].mul(y[q]).sub(y[p].mul(x[q]));
-    [edge(2, 1), edge(0, 2), edge(1, 0)]
+    each!(i => {
+        let (p, q) = ([2, 0, 1][i], [1, 2, 0][i]);
+        x[p].mul(y[q]).sub(y[p].mul(x[q]))
+    })
 }
 
 /// Lanes where no two edge functions have opposite signs. Numbers that are none conflict.
@@ -164,12 +194,7 @@ fn without_conflict<L: Lanes>([u, v, w]: &[L; 3]) -> L::Mask {
 
 /// Takes from `lanes`, which have no conflict, those that are missed when signs of zeros are taken exactly.
 #[inline(always)]
-fn settle<L: Lanes<Array = [f32; LANES]>>(
-    lanes: u32,
-    edges: &[L; 3],
-    x: &[L; 3],
-    y: &[L; 3],
-) -> u32 {
+fn settle<L: Lanes>(lanes: u32, edges: &[L; 3], x: &[L; 3], y: &[L; 3]) -> u32 {
     let zero = L::splat(0.0);
     let [u, v, w] = edges;
     let (least, most) = (u.min(*v).min(*w), u.max(*v).max(*w));
@@ -177,22 +202,29 @@ fn settle<L: Lanes<Array = [f32; LANES]>>(
     if lanes & !sure == 0 {
         return lanes;
     }
-    let stored = |of: &[L; 3]| [of[0].store(), of[1].store(), of[2].store()];
-    lanes & (sure | settle_exactly(lanes & !sure, &[stored(edges), stored(x), stored(y)]))
+    let stored = [
+        each!(i => edges[i].store()),
+        each!(i => x[i].store()),
+        each!(i => y[i].store()),
+    ];
+    lanes & (sure | settle_exactly::<L>(lanes & !sure, &stored))
 }
 
 /// Which of `lanes` are hit.
 #[cold]
 #[inline(never)]
-fn settle_exactly(lanes: u32, [edges, x, y]: &[[[f32; LANES]; 3]; 3]) -> u32 {
-    let at =
-        |of: &[[f32; LANES]; 3], lane: usize| Vec4::new(of[0][lane], of[1][lane], of[2][lane], 0.0);
-    let hit = |&lane: &usize| {
-        lanes >> lane & 1 == 1 && has_equal_signs(at(edges, lane), at(x, lane), at(y, lane))
-    };
-    (0..LANES)
-        .filter(hit)
-        .fold(0, |bits, lane| bits | 1 << lane)
+fn settle_exactly<L: Lanes>(mut lanes: u32, [edges, x, y]: &[[L::Array; 3]; 3]) -> u32 {
+    let mut hit = 0;
+    while lanes != 0 {
+        let lane = lanes.trailing_zeros() as usize;
+        lanes &= lanes - 1;
+        let at = |of: &[L::Array; 3]| {
+            let [a, b, c] = of.each_ref().map(|x| x.as_ref()[lane]);
+            Vec4::new(a, b, c, 0.0)
+        };
+        hit |= u32::from(has_equal_signs(at(edges), at(x), at(y))) << lane;
+    }
+    hit
 }
 
 /// Zero where below `2^-100`.

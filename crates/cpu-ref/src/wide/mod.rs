@@ -5,11 +5,18 @@
 //! (Wald, Benthin, Boulos 2008). Boxes of single triangles are not kept: whoever needs one has its
 //! corners at hand. What a hit is does not change, nor does one bit of it.
 
+mod bundle;
+mod cell;
 mod collapse;
 mod fit;
 mod fold;
+mod jobs;
 mod leaf;
+mod packet;
 mod search;
+#[cfg(test)]
+mod tests;
+mod together;
 mod trace;
 mod tree;
 mod visit;

@@ -1,6 +1,6 @@
 //! The watertight test by the wide tree, one ray at a time.
 
-use super::leaf::{BlockRay, Meetings};
+use super::leaf::{Meetings, TriangleRay};
 use super::tree::{Block, LANES, Wide};
 use super::walk::{NodeRay, Stack, Visitor, walk};
 use crate::ray::PreparedRay;
@@ -11,7 +11,7 @@ use geom::Hit;
 /// The closest hit so far.
 struct Closest<'a, L> {
     blocks: &'a [Block],
-    ray: BlockRay<L>,
+    ray: TriangleRay<L>,
     best: Hit,
 }
 
@@ -48,7 +48,7 @@ fn take_best<L: Lanes<Array = [f32; LANES]>>(best: &mut Hit, block: &Block, met:
 /// Ends at the first hit.
 struct Any<'a, L> {
     blocks: &'a [Block],
-    ray: BlockRay<L>,
+    ray: TriangleRay<L>,
     skipped: u32,
 }
 
@@ -77,14 +77,14 @@ pub(crate) fn closest<I: Isa>(
 ) -> Option<Hit> {
     let mut closest = Closest {
         blocks: &tree.blocks,
-        ray: BlockRay::<I::Eight>::new(ray, reach),
+        ray: TriangleRay::<I::Eight>::single(ray, reach),
         best: Hit {
             t: ray.t_max,
             ..Hit::MISS
         },
     };
     let node_ray = NodeRay::new(ray, reach);
-    walk::<I>(&tree.nodes, &node_ray, stack, &mut closest);
+    walk::<I>(&tree.nodes, (&node_ray, ray.t_max), stack, &mut closest);
     closest.best.is_hit().then_some(closest.best)
 }
 
@@ -99,10 +99,10 @@ pub(crate) fn any<I: Isa>(
 ) -> bool {
     let mut any = Any {
         blocks: &tree.blocks,
-        ray: BlockRay::<I::Eight>::new(ray, reach),
+        ray: TriangleRay::<I::Eight>::single(ray, reach),
         // No triangle has the index of a miss.
         skipped: skipped.unwrap_or(Hit::MISS.triangle),
     };
     let node_ray = NodeRay::new(ray, reach);
-    walk::<I>(&tree.nodes, &node_ray, stack, &mut any)
+    walk::<I>(&tree.nodes, (&node_ray, ray.t_max), stack, &mut any)
 }

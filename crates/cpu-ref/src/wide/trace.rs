@@ -1,15 +1,17 @@
 //! Rays to hits by the wide tree, task by task.
 
+use super::cell::{COLUMNS, Cell};
+use super::jobs::{Any, Closest, Shadow};
 use super::search::{any, closest};
+use super::together::MOST_RAYS;
 use super::tree::Wide;
 use crate::preprocess::Geometry;
 use crate::ray::PreparedRay;
 use crate::scale::Scale;
 use crate::shadow::Light;
-use crate::simd::{Isa, Work};
+use crate::simd::{Isa, Lanes, Work};
 use crate::slab::Reach;
 use crate::tiles::{Tiles, fill_list, fill_picture};
-use crate::trace::ray;
 use crate::traverse::{self, Stack};
 use crate::watertight::Watertight;
 use backend::Rays;
@@ -58,7 +60,7 @@ impl WideTracer<'_> {
     }
 
     #[inline(always)]
-    fn closest_of<I: Isa>(&self, ray: &Ray, scale: Scale, stack: &mut Stack) -> Hit {
+    pub(super) fn closest_of<I: Isa>(&self, ray: &Ray, scale: Scale, stack: &mut Stack) -> Hit {
         let Some(ray) = PreparedRay::new(ray, scale) else {
             return Hit::MISS;
         };
@@ -78,7 +80,7 @@ impl WideTracer<'_> {
     }
 
     #[inline(always)]
-    fn any_of<I: Isa>(
+    pub(super) fn any_of<I: Isa>(
         &self,
         ray: &Ray,
         scale: Scale,
@@ -98,61 +100,42 @@ impl WideTracer<'_> {
 }
 
 /// One question for every ray.
-trait Job: Sync {
-    type Answer: Send;
+pub(super) trait Job: Sync {
+    type Answer: Copy + Send;
+    /// For a ray that was not asked.
+    const NONE: Self::Answer;
 
-    fn one<I: Isa>(&self, index: usize, stack: &mut Stack) -> (Self::Answer, bool);
-}
+    /// The answer for one ray. Must be `#[inline(always)]`, like the next.
+    fn one<I: Isa>(&self, index: usize, stack: &mut Stack) -> Self::Answer;
 
-struct Closest<'a>(WideTracer<'a>);
+    /// The answers for the rays of a cell, one a lane; `None` where they cannot run together.
+    fn together<I: Isa>(&self, cell: &Cell, stack: &mut Stack)
+    -> Option<[Self::Answer; MOST_RAYS]>;
 
-impl Job for Closest<'_> {
-    type Answer = Hit;
-
+    /// Flags of rays that hit and, one by one, of those that are left.
     #[inline(always)]
-    fn one<I: Isa>(&self, index: usize, stack: &mut Stack) -> (Hit, bool) {
-        let ray = ray(self.0.rays, index);
-        let hit = self.0.closest_of::<I>(&ray, self.0.geometry.scale, stack);
-        (hit, hit.is_hit())
-    }
-}
-
-struct Any<'a>(WideTracer<'a>);
-
-impl Job for Any<'_> {
-    type Answer = u8;
-
-    #[inline(always)]
-    fn one<I: Isa>(&self, index: usize, stack: &mut Stack) -> (u8, bool) {
-        let ray = ray(self.0.rays, index);
-        let hit = self.0.any_of::<I>(&ray, self.0.geometry.scale, None, stack);
-        (u8::from(hit), hit)
-    }
-}
-
-struct Shadow<'a> {
-    tracer: WideTracer<'a>,
-    hits: &'a [Hit],
-    light: Light,
-}
-
-impl Job for Shadow<'_> {
-    type Answer = u8;
-
-    #[inline(always)]
-    fn one<I: Isa>(&self, index: usize, stack: &mut Stack) -> (u8, bool) {
-        let hit = &self.hits[index];
-        if !hit.is_hit() {
-            return (0, false);
+    fn flags<I: Isa>(
+        &self,
+        cell: &Cell,
+        [hit, left]: [u32; 2],
+        stack: &mut Stack,
+    ) -> [Self::Answer; MOST_RAYS]
+    where
+        Self::Answer: From<bool>,
+    {
+        let mut flags = [Self::NONE; MOST_RAYS];
+        for (lane, flag) in flags.iter_mut().enumerate() {
+            if left >> lane & 1 == 1 {
+                *flag = self.one::<I>(cell.index(lane), stack);
+            } else {
+                *flag = (hit >> lane & 1 == 1).into();
+            }
         }
-        let geometry = &self.tracer.geometry;
-        let eye = geometry.scale.apply(ray(self.tracer.rays, index).origin);
-        let corners = geometry.scaled_corners(hit.triangle);
-        let ray = self.light.ray(hit, &corners, eye);
-        let skipped = Some(hit.triangle);
-        let blocked = self.tracer.any_of::<I>(&ray, Scale::ONE, skipped, stack);
-        (u8::from(blocked), blocked)
+        flags
     }
+
+    /// Whether an answer is counted.
+    fn counts(answer: &Self::Answer) -> bool;
 }
 
 struct ListTask<'a, J: Job> {
@@ -168,9 +151,8 @@ impl<J: Job> Work for ListTask<'_, J> {
     fn run<I: Isa>(self) -> u64 {
         let (mut stack, mut count) = (Stack::new(), 0);
         for (index, entry) in (self.first..).zip(self.out) {
-            let (answer, counts) = self.job.one::<I>(index, &mut stack);
-            *entry = answer;
-            count += u64::from(counts);
+            *entry = self.job.one::<I>(index, &mut stack);
+            count += u64::from(J::counts(entry));
         }
         count
     }
@@ -187,17 +169,46 @@ impl<J: Job> Work for PictureTask<'_, J> {
     #[inline(always)]
     fn run<I: Isa>(mut self) -> u64 {
         let (mut stack, mut count) = (Stack::new(), 0);
-        let (width, height) = (self.tiles.columns(), self.tiles.height());
-        for tile in (0..width).step_by(8) {
-            for y in 0..height {
-                for x in tile..width.min(tile + 8) {
-                    let (index, entry) = self.tiles.entry(x, y);
-                    let (answer, counts) = self.job.one::<I>(index, &mut stack);
-                    *entry = answer;
-                    count += u64::from(counts);
-                }
+        let size = [self.tiles.columns(), self.tiles.height()];
+        let rows = I::Packet::ALL.count_ones() as usize / COLUMNS;
+        for x in (0..size[0]).step_by(COLUMNS) {
+            for y in (0..size[1]).step_by(rows) {
+                count += self.fill_cell::<I>([x, y], [COLUMNS, rows], &mut stack);
             }
         }
         count
     }
+}
+
+impl<J: Job> PictureTask<'_, J> {
+    /// Returns how many of the answers count.
+    #[inline(always)]
+    fn fill_cell<I: Isa>(&mut self, at: [usize; 2], size: [usize; 2], stack: &mut Stack) -> u64 {
+        let cell = Cell::new(&self.tiles, at, size);
+        let answers = match self.job.together::<I>(&cell, stack) {
+            Some(answers) => answers,
+            None => one_by_one::<I, J>(self.job, &cell, stack),
+        };
+        let mut count = 0;
+        for (lane, answer) in answers.iter().enumerate() {
+            if cell.asked >> lane & 1 == 1 {
+                let (x, y) = (at[0] + lane % size[0], at[1] + lane / size[0]);
+                *self.tiles.entry(x, y) = *answer;
+                count += u64::from(J::counts(answer));
+            }
+        }
+        count
+    }
+}
+
+/// The answers of a cell's rays, each on its own.
+#[inline(always)]
+fn one_by_one<I: Isa, J: Job>(job: &J, cell: &Cell, stack: &mut Stack) -> [J::Answer; MOST_RAYS] {
+    let mut answers = [J::NONE; MOST_RAYS];
+    for (lane, answer) in answers.iter_mut().enumerate() {
+        if cell.asked >> lane & 1 == 1 {
+            *answer = job.one::<I>(cell.index(lane), stack);
+        }
+    }
+    answers
 }

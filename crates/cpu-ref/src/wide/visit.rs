@@ -1,6 +1,6 @@
 //! The wide tree for tests that take one triangle at a time.
 
-use super::leaf::BlockRay;
+use super::leaf::TriangleRay;
 use super::tree::{LANES, Wide};
 use super::walk::{NodeRay, Visitor, walk};
 use crate::ray::PreparedRay;
@@ -64,18 +64,19 @@ impl<F: FnMut(&Leaf, f32) -> Option<f32>> Work for Visit<'_, F> {
         let reach = Reach::new(self.ray, &self.tree.root);
         let mut each = EachTriangle {
             tree: self.tree,
-            ray: BlockRay::<I::Eight>::new(self.ray, &reach),
+            ray: TriangleRay::<I::Eight>::single(self.ray, &reach),
             see: self.see,
         };
         let ray = NodeRay::new(self.ray, &reach);
-        walk::<I>(&self.tree.nodes, &ray, &mut self.stack.wide, &mut each)
+        let rays = (&ray, self.ray.t_max);
+        walk::<I>(&self.tree.nodes, rays, &mut self.stack.wide, &mut each)
     }
 }
 
 /// Shows each triangle of a block whose own box the ray meets.
 struct EachTriangle<'a, L, F> {
     tree: &'a Wide,
-    ray: BlockRay<L>,
+    ray: TriangleRay<L>,
     see: F,
 }
 

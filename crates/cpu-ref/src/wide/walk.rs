@@ -2,7 +2,7 @@
 
 use super::tree::{LANES, Link, Node};
 use crate::ray::PreparedRay;
-use crate::simd::{Halves, Isa, Lanes};
+use crate::simd::{Halves, Isa, Lanes, each};
 use crate::slab::Reach;
 use bvh_build::MAX_DEPTH;
 
@@ -71,59 +71,57 @@ pub(crate) struct NodeRay<P> {
     pad: [P; 3],
     turned: [bool; 3],
     floor: P,
-    t_max: f32,
 }
 
 impl<P: Halves> NodeRay<P> {
     #[inline(always)]
     pub(crate) fn new(ray: &PreparedRay, reach: &Reach) -> Self {
-        let splat = |x: [f32; 3]| [P::splat(x[0]), P::splat(x[1]), P::splat(x[2])];
-        let halves = |low: f32, high: f32| {
-            let mut all = [low; 2 * LANES];
-            all[LANES..].fill(high);
-            P::load(&all)
-        };
-        let [rx, ry, rz] = reach.inverse;
-        let d = ray.direction;
         Self {
-            origin: splat(ray.origin),
-            inverse: [halves(rx, -rx), halves(ry, -ry), halves(rz, -rz)],
-            pad: splat(reach.pad),
-            turned: [
-                d[0].is_sign_negative(),
-                d[1].is_sign_negative(),
-                d[2].is_sign_negative(),
-            ],
+            origin: each!(i => P::splat(ray.origin[i])),
+            inverse: each!(i => halves(reach.inverse[i], -reach.inverse[i])),
+            pad: each!(i => P::splat(reach.pad[i])),
+            turned: each!(i => ray.direction[i].is_sign_negative()),
             floor: halves(ray.t_min, f32::NEG_INFINITY),
-            t_max: ray.t_max,
         }
     }
+}
 
-    /// Which boxes of a node cannot be skipped, and where the ray enters them.
+/// `low` for lower planes, `high` for upper ones.
+#[inline(always)]
+pub(crate) fn halves<P: Halves>(low: f32, high: f32) -> P {
+    P::join(P::Half::splat(low), P::Half::splat(high))
+}
+
+/// Something that boxes are tested against.
+pub(crate) trait BoxTest<P: Halves> {
+    /// Which of eight boxes cannot be skipped, and where they are entered. Must be `#[inline(always)]`.
+    fn meet(&self, planes: &[P; 3], best: f32) -> (u32, P::Half);
+}
+
+impl<P: Halves> BoxTest<P> for NodeRay<P> {
     #[inline(always)]
-    fn meet(&self, node: &Node, best: f32) -> (u32, P::Half) {
-        let side = |axis: usize| {
-            P::load(&node.planes[axis])
+    fn meet(&self, planes: &[P; 3], best: f32) -> (u32, P::Half) {
+        let [x, y, z] = each!(axis => {
+            planes[axis]
                 .sub(self.origin[axis])
                 .mul(self.inverse[axis])
                 .sub(self.pad[axis])
                 .turned(self.turned[axis])
-        };
-        let spans = self.floor.max(side(0)).max(side(1)).max(side(2));
+        });
+        let spans = self.floor.max(x).max(y).max(z);
         let exit = spans.high().neg().min(P::Half::splat(best));
         (P::Half::bits(spans.low().at_most(exit)), spans.low())
     }
 }
 
-/// Shows `visitor` the blocks that a ray may hit, roughly in its order; whether it ended the walk.
+/// Shows `visitor` the blocks that rays may hit, roughly in their order; whether it ended the walk.
 #[inline(always)]
 pub(crate) fn walk<I: Isa>(
     nodes: &[Node],
-    ray: &NodeRay<I::Planes>,
+    (rays, mut bound): (&impl BoxTest<I::Planes>, f32),
     stack: &mut Stack,
     visitor: &mut impl Visitor,
 ) -> bool {
-    let mut bound = ray.t_max;
     stack.len = 0;
     let mut link = Link::ROOT;
     loop {
@@ -134,7 +132,8 @@ pub(crate) fn walk<I: Isa>(
             }
         } else {
             let node = &nodes[link.index()];
-            let (lanes, entry) = ray.meet(node, bound);
+            let planes = each!(axis => I::Planes::load(&node.planes[axis]));
+            let (lanes, entry) = rays.meet(&planes, bound);
             if let Some(next) = nearest(node, lanes, entry, stack) {
                 link = next;
                 continue;
@@ -164,14 +163,10 @@ fn nearest<L: Lanes<Array = [f32; LANES]>>(
         return Some(node.links[first % LANES]);
     }
     let entries = entry.store();
-    let waiting = |lane: usize| Waiting {
-        link: node.links[lane % LANES],
-        entry: entries[lane % LANES],
-    };
     let base = stack.len;
-    stack.push(waiting(first));
+    stack.push(waiting(node, &entries, first));
     while rest != 0 {
-        let next = waiting(rest.trailing_zeros() as usize);
+        let next = waiting(node, &entries, rest.trailing_zeros() as usize);
         rest &= rest - 1;
         let mut place = stack.len;
         stack.len += 1;
@@ -183,4 +178,12 @@ fn nearest<L: Lanes<Array = [f32; LANES]>>(
     }
     stack.len -= 1;
     Some(stack.waiting[stack.len].link)
+}
+
+#[inline(always)]
+fn waiting(node: &Node, entries: &[f32; LANES], lane: usize) -> Waiting {
+    Waiting {
+        link: node.links[lane % LANES],
+        entry: entries[lane % LANES],
+    }
 }

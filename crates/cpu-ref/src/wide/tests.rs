@@ -1,0 +1,83 @@
+//! Rays that run together against the same rays one by one.
+
+use crate::testing::{icosphere, kinds, moving, ready, senseless_tree, trace, tree_at};
+use backend::{Intersector, Rays, Seek};
+use geom::{Animation, Camera, Point, Ray};
+use proptest::prelude::*;
+use std::sync::Arc;
+
+fn near(reach: f32) -> impl Strategy<Value = Point> {
+    [-reach..reach, -reach..reach, -reach..reach]
+}
+
+/// Cameras inside and outside, of every angle, some along an axis; directions of any length.
+fn cameras() -> impl Strategy<Value = Camera> {
+    let eye = prop_oneof![3 => near(4.0), 1 => near(0.9), 1 => near(60.0)];
+    let at = prop_oneof![3 => near(1.0), 1 => Just([0.0; 3])];
+    let fov = prop_oneof![2.0_f32..20.0, 20.0_f32..175.0];
+    let length =
+        prop_oneof![2 => Just(1.0_f32), 1 => 0.1_f32..30.0, 1 => Just(1e25), 1 => Just(1e-25)];
+    (eye, at, fov, length, [1_u32..70, 1_u32..40]).prop_map(|(eye, at, fov, length, size)| {
+        let up = [0.1, 1.0, 0.2];
+        let camera = Camera::look_at(eye, at, up, fov, size);
+        let camera = camera.unwrap_or_else(|| {
+            Camera::look_at([0.0, 0.0, 5.0], [0.0; 3], up, fov, size).expect("it sees")
+        });
+        Camera {
+            corner: camera.corner.map(|x| x * length),
+            across: camera.across.map(|x| x * length),
+            down: camera.down.map(|x| x * length),
+            ..camera
+        }
+    })
+}
+
+fn list(camera: &Camera) -> Vec<Ray> {
+    let rows = 0..camera.height;
+    rows.flat_map(|y| (0..camera.width).map(move |x| camera.ray(x, y)))
+        .collect()
+}
+
+fn check(animation: &Arc<Animation>, camera: &Camera, light: Point) -> Result<(), TestCaseError> {
+    let pose = animation.pose(0.7 * animation.end());
+    let rays = list(camera);
+    let trees = [tree_at(animation, pose), senseless_tree(animation)];
+    let mut expected = None;
+    for (kind, tree) in kinds().into_iter().zip(trees.iter().cycle()) {
+        let mut backend = ready(animation, (Intersector::Watertight, kind), tree, pose, 1);
+        for rays in [Rays::List(&rays), Rays::Camera(camera)] {
+            let shadow = trace(&mut backend, rays, Seek::ClosestAndShadow { light });
+            let any = trace(&mut backend, rays, Seek::Any);
+            let found = (shadow, any);
+            let expected = expected.get_or_insert_with(|| found.clone());
+            prop_assert_eq!(&found, expected, "{:?}", kind);
+        }
+    }
+    Ok(())
+}
+
+/// A ball of many triangles in scaled units that are not the scene's.
+fn far_from_one(size: f32) -> Arc<Animation> {
+    let ball = icosphere(3, 1.0, [0.0; 3]);
+    let keys = ball.keys().iter().map(|key| {
+        let scaled = key.iter().map(|p| p.map(|x| x * size));
+        scaled.collect::<Vec<_>>()
+    });
+    Arc::new(Animation::new(keys.collect(), ball.triangles().to_vec()).expect("a ball"))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    #[test]
+    fn neighbours_together_hit_what_each_hits_alone(camera in cameras(), light in near(9.0)) {
+        check(&moving(), &camera, light)?;
+    }
+
+    #[test]
+    fn so_they_do_where_units_are_scaled(camera in cameras(), light in near(9.0), exponent in -30_i32..30) {
+        let size = 2.0_f32.powi(4 * exponent);
+        let camera = Camera { eye: camera.eye.map(|x| x * size), ..camera };
+        check(&far_from_one(size), &camera, light.map(|x| x * size))?;
+    }
+}

@@ -1,0 +1,165 @@
+//! A packet of rays through the wide tree: one walk for all.
+
+use super::packet::Packet;
+use super::tree::{Block, LANES, Wide};
+use super::walk::{BoxTest, Stack, Visitor, walk};
+use crate::simd::{Halves, Isa, Lanes, each};
+use geom::Hit;
+
+/// Closest hits so far, one a lane.
+pub(crate) struct Found<L: Lanes> {
+    /// In units of the prepared directions.
+    pub(crate) t: L,
+    pub(crate) u: L,
+    pub(crate) v: L,
+    pub(crate) triangles: [u32; MOST_RAYS],
+}
+
+/// Rays of the widest packet.
+pub(crate) const MOST_RAYS: usize = 16;
+
+/// The closest hits of a packet.
+#[inline(always)]
+pub(crate) fn closest<I: Isa>(
+    tree: &Wide,
+    packet: &Packet<I::Packet, I::Planes>,
+    stack: &mut Stack,
+) -> Found<I::Packet> {
+    let mut closest = Closest {
+        blocks: &tree.blocks,
+        packet,
+        found: Found {
+            t: packet.t_max,
+            u: I::Packet::splat(0.0),
+            v: I::Packet::splat(0.0),
+            triangles: [Hit::MISS.triangle; MOST_RAYS],
+        },
+    };
+    let bound = packet.t_max.mul(packet.level).most();
+    walk::<I>(&tree.nodes, (&packet.bundle, bound), stack, &mut closest);
+    closest.found
+}
+
+/// Blocks that a packet sees before its rays go on one by one: some packets are wide, as where hits lie far apart.
+const PATIENCE: u32 = 32;
+
+/// Which lanes of `asked` hit any triangle but the one in `skipped`; and which are still to be asked.
+#[inline(always)]
+pub(crate) fn any<I: Isa>(
+    tree: &Wide,
+    packet: &Packet<I::Packet, I::Planes>,
+    (asked, skipped): (u32, &[u32; MOST_RAYS]),
+    stack: &mut Stack,
+) -> [u32; 2] {
+    let mut any = Any {
+        blocks: &tree.blocks,
+        packet,
+        skipped,
+        left: asked,
+        patience: PATIENCE,
+    };
+    let bound = packet.t_max.mul(packet.level).most();
+    let ended = walk::<I>(&tree.nodes, (&packet.bundle, bound), stack, &mut any);
+    [asked & !any.left, if ended { any.left } else { 0 }]
+}
+
+/// Triangles of a block whose own boxes some ray may meet.
+#[inline(always)]
+fn within_reach<P: Halves>(block: &Block, rays: &impl BoxTest<P>, bound: f32) -> u32 {
+    let planes = each!(axis => {
+        let [a, b, c] = &block.corners[axis];
+        let (a, b, c) = (P::Half::load(a), P::Half::load(b), P::Half::load(c));
+        P::join(a.min(b).min(c), a.max(b).max(c))
+    });
+    rays.meet(&planes, bound).0
+}
+
+struct Closest<'a, L: Lanes, P> {
+    blocks: &'a [Block],
+    packet: &'a Packet<L, P>,
+    found: Found<L>,
+}
+
+impl<L: Lanes, P: Halves> Visitor for Closest<'_, L, P> {
+    #[inline(always)]
+    fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
+        let block = &self.blocks[block];
+        let mut lanes = within_reach(block, &self.packet.bundle, bound);
+        let mut changed = false;
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize % LANES;
+            lanes &= lanes - 1;
+            let triangle = block.triangles[lane];
+            changed |= self.triangle(block, lane, triangle);
+        }
+        if changed {
+            return Some(self.found.t.mul(self.packet.level).most());
+        }
+        Some(bound)
+    }
+}
+
+impl<L: Lanes, P> Closest<'_, L, P> {
+    #[inline(always)]
+    fn triangle(&mut self, block: &Block, lane: usize, triangle: u32) -> bool {
+        let found = &mut self.found;
+        let Some(met) = self.packet.rays.meet_one(block, lane, found.t) else {
+            return false;
+        };
+        let nearer = L::bits(met.t.less(found.t)) & met.lanes;
+        let mut better = nearer;
+        let mut rest = met.lanes;
+        while rest != 0 {
+            let ray = rest.trailing_zeros() as usize % MOST_RAYS;
+            rest &= rest - 1;
+            // As near as the one before: the lower index wins.
+            if nearer >> ray & 1 == 1 || triangle < found.triangles[ray] {
+                better |= 1 << ray;
+                found.triangles[ray] = triangle;
+            }
+        }
+        let mask = L::mask(better);
+        found.t = found.t.replace(mask, met.t);
+        found.u = found.u.replace(mask, met.u);
+        found.v = found.v.replace(mask, met.v);
+        better != 0
+    }
+}
+
+struct Any<'a, L, P> {
+    blocks: &'a [Block],
+    packet: &'a Packet<L, P>,
+    skipped: &'a [u32; MOST_RAYS],
+    /// Rays that hit nothing yet.
+    left: u32,
+    /// Blocks that may still be seen.
+    patience: u32,
+}
+
+impl<L: Lanes, P: Halves> Visitor for Any<'_, L, P> {
+    #[inline(always)]
+    fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
+        self.patience = self.patience.checked_sub(1)?;
+        let block = &self.blocks[block];
+        let mut lanes = within_reach(block, &self.packet.bundle, bound);
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize % LANES;
+            lanes &= lanes - 1;
+            let Some(met) = self.packet.rays.meet_one(block, lane, self.packet.t_max) else {
+                continue;
+            };
+            let mut hit = met.lanes & self.left;
+            while hit != 0 {
+                let ray = hit.trailing_zeros() as usize % MOST_RAYS;
+                hit &= hit - 1;
+                if self.skipped[ray] != block.triangles[lane] {
+                    self.left &= !(1 << ray);
+                }
+            }
+            if self.left == 0 {
+                return None;
+            }
+        }
+        Some(bound)
+    }
+}
