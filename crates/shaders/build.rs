@@ -64,6 +64,7 @@ fn compile_variant(source: &Source, filling: &Filling) -> Result<String> {
     let entry = &source.stem;
     let workgroup = reflect::workgroup(&module, entry)?;
     let shared = reflect::shared_bytes(&module);
+    reflect::refuse_gaps(&module)?;
     let bindings = reflect::bindings(&module)?;
     let slots: Vec<_> = filling.iter().map(|(s, v)| (s.name, v.name)).collect();
     let mut text = String::new();

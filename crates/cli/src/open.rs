@@ -78,7 +78,7 @@ const KNOWN: [Known; 5] = [
         place: RIVAL,
         kinds: ON_DRIVERS,
         covered_by: None,
-        supports: gpu_vulkan::supports,
+        supports: gpu_vulkan::driver_tree_supports,
         own_trees: true,
         makes_trees: true,
         list: each::list_vulkan_rt,
@@ -90,7 +90,7 @@ const KNOWN: [Known; 5] = [
         place: RIVAL,
         kinds: ON_DRIVERS,
         covered_by: None,
-        supports: gpu_vulkan::supports,
+        supports: gpu_vulkan::driver_tree_supports,
         own_trees: true,
         makes_trees: true,
         list: each::list_vulkan_rt,
@@ -301,20 +301,19 @@ mod tests {
     }
 
     #[test]
-    fn what_the_host_alone_can_do_is_left_to_it_with_the_reason() {
-        let woop = Want {
-            method: Method {
-                intersector: Intersector::Woop,
-                ..Method::default()
-            },
-            ..want(BackendName::Auto, None)
-        };
-        let opened = open(&woop, Ok).unwrap();
-        assert_eq!(opened.value.device().kind, DeviceKind::Cpu);
-        assert_eq!(
-            opened.why.unwrap(),
-            "vulkan does not support intersector 'woop'; wgpu does not support intersector 'woop'"
-        );
+    fn every_backend_has_every_intersector_but_that_of_the_drivers_own_trees() {
+        for known in &KNOWN {
+            for intersector in Intersector::ALL {
+                let lacks = known.lacks(Method {
+                    intersector,
+                    ..Method::default()
+                });
+                let usual = intersector == Intersector::Watertight;
+                let expected =
+                    (known.own_trees && !usual).then(|| format!("intersector '{intersector}'"));
+                assert_eq!(lacks, expected, "{}", known.text);
+            }
+        }
     }
 
     #[test]

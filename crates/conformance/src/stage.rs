@@ -1,5 +1,6 @@
 //! The few sentences in which laws are written.
 
+use crate::Case;
 use backend::{
     Backend, BackendError, Generation, Hits, Intersector, Layout, Method, Query, Rays, Seek, Ticket,
 };
@@ -80,6 +81,22 @@ pub(crate) fn methods(
         return Ok(methods);
     }
     Err("the backend does not support the usual method".to_owned())
+}
+
+/// The subject's methods whose answers are the same everywhere, each with the reference's that gives them.
+pub(crate) fn robust_methods(
+    case: &Case,
+    [subject, reference]: [&mut dyn Backend; 2],
+) -> Result<Vec<[Method; 2]>, String> {
+    let known = methods(reference, &case.animation)?;
+    let robust = |m: &Method| matches!(m.intersector, Intersector::Watertight | Intersector::Exact);
+    let pair = |method: Method| {
+        let layout = Layout::Bvh2;
+        let usual = Method { layout, ..method };
+        known.contains(&usual).then_some([method, usual])
+    };
+    let all = methods(subject, &case.animation)?;
+    Ok(all.into_iter().filter(robust).filter_map(pair).collect())
 }
 
 /// Records everything up to the boxes at `time`; a backend that makes its own trees makes one.

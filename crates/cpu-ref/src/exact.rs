@@ -195,7 +195,7 @@ fn nearest_of_all<N: Tree>(asked: &Asked<'_, N>) -> Option<Hit> {
 
 /// Every place, if the ray can hit anything.
 fn all_places<N: Tree>(asked: &Asked<'_, N>) -> std::ops::Range<usize> {
-    if !asked.ray.is_valid() {
+    if !asked.ray.is_valid() || asked.tree.places() == 0 {
         return 0..0;
     }
     asked.settled.fetch_add(1, Relaxed);

@@ -2,7 +2,7 @@
 
 use crate::integers::{Vector, cross, dot, minus, unit, whole};
 use geom::{Ray, Triangle};
-use num_bigint::{BigInt, Sign};
+use num_bigint::{BigInt, BigUint, Sign};
 use num_traits::ToPrimitive;
 use std::cmp::Ordering;
 
@@ -103,14 +103,22 @@ impl Crossing {
         }
     }
 
-    /// `t`, within one unit in its last place; infinite where it is too large.
+    /// `t`, rounded once; infinite where it is too large.
     #[must_use]
     pub fn t(&self) -> f32 {
-        let up = 64 + self.d.bits() as i64 - self.n.bits() as i64;
+        let up = 32 + self.d.bits() as i64 - self.n.bits() as i64;
         let down = up.min(0).unsigned_abs();
-        let quotient = (&self.n << up.max(0).unsigned_abs()) / (&self.d << down);
-        // 64 or 65 bits, of which a double keeps 53 and a float 24.
-        let bits = quotient.to_f64().unwrap_or(f64::INFINITY);
+        let (n, d) = (&self.n << up.max(0).unsigned_abs(), &self.d << down);
+        // 32 or 33 bits, the last of them set for all that fell off, so that it is the float that rounds.
+        let quotient = n.magnitude() / d.magnitude();
+        let rest = quotient.clone() * d.magnitude() != *n.magnitude();
+        let size = (quotient | BigUint::from(u8::from(rest))).to_f64();
+        let bits = size.unwrap_or(f64::INFINITY);
+        let bits = if self.n.sign() == Sign::Minus {
+            -bits
+        } else {
+            bits
+        };
         let e = i64::from(self.e) - up;
         let half = e / 2;
         (bits * (half as f64).exp2() * ((e - half) as f64).exp2()) as f32

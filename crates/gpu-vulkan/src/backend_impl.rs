@@ -23,7 +23,6 @@ impl Backend for VulkanBackend {
     }
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
-        shaders::check_method("vulkan", method)?;
         self.pipelines.prepare(&self.gpu, method)?;
         // What is under way or recorded belongs to the scene before.
         self.gpu.wait_idle()?;
@@ -32,7 +31,7 @@ impl Backend for VulkanBackend {
         self.snapshots.forget();
         self.traces = Traces::default();
         (self.scene, self.tree, self.position) = (None, None, 0);
-        let tree = TreeBuffers::new(&self.gpu, &animation, method.layout)?;
+        let tree = TreeBuffers::new(&self.gpu, &animation, method)?;
         let scene = SceneBuffers::new(&self.gpu, &mut self.upload, animation)?;
         (self.scene, self.tree, self.method) = (Some(scene), Some(tree), method);
         Ok(())
@@ -118,7 +117,9 @@ impl Backend for VulkanBackend {
         assert!(fresh, "a stale tree must not be traced");
         assert!(self.traces.pending.is_none(), "one trace a submission");
         let has_tree = self.tree().shape.leaf_count > 0;
-        let trace = self.traces.make(&self.gpu, &query, has_tree)?;
+        let trace = self
+            .traces
+            .make(&self.gpu, &query, self.method.intersector, has_tree)?;
         self.trace_stages(&query, &trace)?;
         self.traces.pending = Some(trace);
         Ok(())

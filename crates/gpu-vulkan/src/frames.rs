@@ -199,6 +199,7 @@ fn report(
         times,
         hits: u64::from(counts.hits),
         blocked: u64::from(counts.blocked),
+        settled: counts.settled(),
         readback_bytes: slot.readback_bytes,
         ..FrameReport::default()
     };

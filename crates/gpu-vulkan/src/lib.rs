@@ -40,7 +40,7 @@ mod validation;
 mod vulkan;
 
 pub use adapters::{Adapter, Options, adapters};
-pub use rt::{DriverTreeBackend, Prefer, ray_adapters};
+pub use rt::{DriverTreeBackend, Prefer, driver_tree_supports, ray_adapters};
 pub use shaders::supports;
 pub use validation::Validation;
 pub use vulkan::VulkanBackend;

@@ -3,7 +3,7 @@
 use crate::device::Gpu;
 use crate::memory::{Buffer, Place};
 use crate::transfer::{Transfer, Window};
-use backend::{FRAMES_IN_FLIGHT, Hits, Query, Rays, Result, Seek, Ticket};
+use backend::{FRAMES_IN_FLIGHT, Hits, Intersector, Query, Rays, Result, Seek, Ticket};
 use geom::{Camera, Hit, Ray};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -36,6 +36,7 @@ impl Traces {
         &mut self,
         gpu: &Arc<Gpu>,
         query: &Query<'_>,
+        intersector: Intersector,
         has_tree: bool,
     ) -> Result<Trace> {
         let old = match self.kept.len() > FRAMES_IN_FLIGHT {
@@ -53,14 +54,16 @@ impl Traces {
         if let Some(rays) = rays.as_mut().filter(|_| given && has_tree) {
             upload(query.rays, rays);
         }
-        let (closest, any) = (seek != Seek::Any, seek != Seek::Closest);
+        let closest = seek != Seek::Any;
+        let any = seek != Seek::Closest || intersector == Intersector::Exact;
+        let words = shaders::blocked_words(intersector, count as u64) as usize;
         Ok(Trace {
             ticket: Ticket(0),
             count,
             seek,
             has_tree,
             hits: fit("hits", count * 16, closest, Place::Device, hits)?,
-            blocked: fit("shadows", count * 4, any, Place::Device, blocked)?,
+            blocked: fit("shadows", words * 4, any, Place::Device, blocked)?,
             rays,
         })
     }

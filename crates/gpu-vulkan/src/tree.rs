@@ -5,7 +5,7 @@ use crate::frames::Frames;
 use crate::memory::{Buffer, Place};
 use crate::rebuild::BuildBuffers;
 use crate::transfer::{Copy, Transfer};
-use backend::{FRAMES_IN_FLIGHT, Generation, Layout, Result, Ticket, check_tree};
+use backend::{FRAMES_IN_FLIGHT, Generation, Layout, Method, Result, Ticket, check_tree};
 use bvh_layout::{Moving, Topology, Treelets};
 use geom::Animation;
 use shaders::Shape;
@@ -54,8 +54,10 @@ struct Record {
 
 impl TreeBuffers {
     /// Room for every tree over the animation's live triangles; with layout `fast`, [`TreeBuffers::adopt`] makes more of it.
-    pub(crate) fn new(gpu: &Arc<Gpu>, animation: &Arc<Animation>, layout: Layout) -> Result<Self> {
+    pub(crate) fn new(gpu: &Arc<Gpu>, animation: &Arc<Animation>, method: Method) -> Result<Self> {
         let leaves = animation.live_count() as u64;
+        let layout = method.layout;
+        let records = shaders::record_bytes(method.intersector, leaves);
         let device = |what, bytes| Buffer::new(gpu, what, bytes, Place::Device);
         let (list_bytes, node_bytes, cost_bytes) = match layout {
             Layout::Bvh2 => (
@@ -70,7 +72,7 @@ impl TreeBuffers {
             current: 0,
             leaf_nodes: device("the list of leaves", list_bytes)?,
             inner_nodes: device("the list of inner nodes", list_bytes)?,
-            triangles: device("the triangles' records", leaves * 48)?,
+            triangles: device("the triangles' records", records)?,
             nodes: device(NODES, node_bytes)?,
             costs: device(COSTS, cost_bytes)?,
             outgrown: Vec::new(),

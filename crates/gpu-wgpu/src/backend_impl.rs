@@ -175,7 +175,6 @@ impl Backend for WgpuBackend {
     }
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
-        shaders::check_method("wgpu", method)?;
         self.pipelines.prepare(&self.gpu, method)?;
         self.frames.forget(&self.gpu)?;
         self.snapshots.forget();
@@ -183,7 +182,7 @@ impl Backend for WgpuBackend {
         (self.scene, self.tree) = (None, None);
         (self.position, self.stale) = (0, Stale::Positions);
         self.progress = Progress::default();
-        self.tree = Some(TreeBuffers::new(&self.gpu, &animation, method.layout)?);
+        self.tree = Some(TreeBuffers::new(&self.gpu, &animation, method)?);
         self.scene = Some(SceneBuffers::new(&self.gpu, animation)?);
         self.method = method;
         Ok(())
@@ -281,9 +280,8 @@ impl Backend for WgpuBackend {
             Rays::List(list) => Some(list),
             Rays::Camera(_) => None,
         };
-        let trace = self
-            .traces
-            .make(&self.gpu, rays.count(), query.seek, list)?;
+        let seek = (query.seek, self.method.intersector);
+        let trace = self.traces.make(&self.gpu, rays.count(), seek, list)?;
         self.trace_stages(&Query { rays, ..query }, &trace)?;
         self.traces.pending = Some(trace);
         Ok(())

@@ -241,6 +241,7 @@ impl Slot {
             times,
             hits: u64::from(counts.hits),
             blocked: u64::from(counts.blocked),
+            settled: counts.settled(),
             readback_bytes: self.readback_bytes,
             ..FrameReport::default()
         };

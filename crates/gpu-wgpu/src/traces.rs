@@ -2,7 +2,7 @@
 
 use crate::buffers::{Window, storage, write};
 use crate::device::Gpu;
-use backend::{FRAMES_IN_FLIGHT, Hits, Result, Seek, Ticket};
+use backend::{FRAMES_IN_FLIGHT, Hits, Intersector, Result, Seek, Ticket};
 use geom::{Hit, Ray};
 use std::collections::VecDeque;
 use wgpu::Buffer;
@@ -31,7 +31,7 @@ impl Traces {
         &mut self,
         gpu: &Gpu,
         count: usize,
-        seek: Seek,
+        (seek, intersector): (Seek, Intersector),
         rays: Option<&[Ray]>,
     ) -> Result<Trace> {
         gpu.within("the hits", count as u64 * 16)?;
@@ -45,12 +45,13 @@ impl Traces {
             (Some(o.hits), Some(o.blocked), o.rays)
         });
         let rays = rays.map(|rays| upload(gpu, rays, spare)).transpose()?;
+        let words = shaders::blocked_words(intersector, count as u64);
         Ok(Trace {
             ticket: Ticket(0),
             count,
             seek,
             hits: fitting(gpu, "hits", count as u64 * 16, hits)?,
-            blocked: fitting(gpu, "shadows", count as u64 * 4, blocked)?,
+            blocked: fitting(gpu, "shadows", words * 4, blocked)?,
             rays,
         })
     }

@@ -3,7 +3,7 @@
 use crate::buffers::{storage, write};
 use crate::device::Gpu;
 use crate::rebuild::BuildBuffers;
-use backend::{Generation, Layout, Result, check_tree};
+use backend::{Generation, Layout, Method, Result, check_tree};
 use bvh_layout::{Moving, Topology, Treelets};
 use geom::Animation;
 use shaders::Shape;
@@ -38,8 +38,10 @@ pub(crate) struct TreeBuffers {
 
 impl TreeBuffers {
     /// Room for every tree over the animation's live triangles; with layout `fast`, [`TreeBuffers::adopt`] makes more of it.
-    pub(crate) fn new(gpu: &Gpu, animation: &Arc<Animation>, layout: Layout) -> Result<Self> {
+    pub(crate) fn new(gpu: &Gpu, animation: &Arc<Animation>, method: Method) -> Result<Self> {
         let leaves = animation.live_count() as u64;
+        let layout = method.layout;
+        let records = shaders::record_bytes(method.intersector, leaves);
         let (list_bytes, node_bytes, cost_bytes) = match layout {
             Layout::Bvh2 => (
                 leaves * 4,
@@ -49,13 +51,13 @@ impl TreeBuffers {
             Layout::Fast => (0, 0, 0),
         };
         gpu.within(NODES, node_bytes)?;
-        gpu.within("the triangles' records", leaves * 48)?;
+        gpu.within("the triangles' records", records)?;
         Ok(Self {
             records_of: [None, None],
             current: 0,
             leaf_nodes: storage(gpu, "the list of leaves", list_bytes)?,
             inner_nodes: storage(gpu, "the list of inner nodes", list_bytes)?,
-            triangles: storage(gpu, "the triangles' records", leaves * 48)?,
+            triangles: storage(gpu, "the triangles' records", records)?,
             nodes: storage(gpu, NODES, node_bytes)?,
             costs: storage(gpu, COSTS, cost_bytes)?,
             generation: Generation(0),

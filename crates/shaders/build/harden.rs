@@ -55,7 +55,7 @@ fn loose_functions(module: &Module) -> HashSet<u32> {
     loose.collect()
 }
 
-/// naga clears every function variable; a traversal stack needs none of it.
+/// naga clears every variable; stacks and the room for whole numbers need none of it.
 fn drop_null_initialisers(module: &mut Module) {
     let nulls: HashSet<u32> = module
         .types_global_values
@@ -71,7 +71,8 @@ fn drop_null_initialisers(module: &mut Module) {
         .filter_map(|i| i.result_id)
         .collect();
     let blocks = module.functions.iter_mut().flat_map(|f| &mut f.blocks);
-    for i in blocks.flat_map(|b| &mut b.instructions) {
+    let inside = blocks.flat_map(|b| &mut b.instructions);
+    for i in inside.chain(&mut module.types_global_values) {
         let stack =
             i.class.opcode == Op::Variable && i.result_type.is_some_and(|t| arrays.contains(&t));
         let cleared = matches!(i.operands.get(1), Some(Operand::IdRef(id)) if nulls.contains(id));

@@ -65,3 +65,16 @@ pub(crate) fn bindings(module: &naga::Module) -> Result<String> {
         })
         .collect())
 }
+
+/// wgpu numbers a kernel's buffers anew, without gaps, and changes no SPIR-V that is passed through:
+/// so there may be no gaps.
+pub(crate) fn refuse_gaps(module: &naga::Module) -> Result<()> {
+    let variables = module.global_variables.iter().map(|(_, v)| v);
+    let bindings = variables.filter_map(|v| v.binding.as_ref());
+    let mut numbers: Vec<u32> = bindings.map(|b| b.binding).collect();
+    numbers.sort_unstable();
+    if numbers.iter().zip(0..).any(|(&number, i)| number != i) {
+        bail!("bindings are not numbered from 0 on without gaps");
+    }
+    Ok(())
+}

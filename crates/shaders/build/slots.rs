@@ -17,21 +17,61 @@ pub(crate) struct Value {
 pub(crate) const SLOTS: &[Slot] = &[
     Slot {
         name: "intersector",
-        values: &[Value {
-            name: "watertight",
-            faces: &[
-                ("test", &["watertight"]),
-                ("closest", &["watertight_closest"]),
-                ("any", &["watertight_any"]),
-            ],
-        }],
+        values: &[
+            Value {
+                name: "moller_trumbore",
+                faces: &[
+                    ("test", &["near", "textbook", "moller_trumbore"]),
+                    ("bind", &[]),
+                    ("closest", &["textbook_closest"]),
+                    ("any", &["textbook_any", "keep_any"]),
+                ],
+            },
+            Value {
+                name: "woop",
+                faces: &[
+                    ("test", &["near", "textbook", "points", "woop"]),
+                    ("bind", &["bind_corners"]),
+                    ("closest", &["textbook_closest"]),
+                    ("any", &["textbook_any", "keep_any"]),
+                ],
+            },
+            Value {
+                name: "watertight",
+                faces: &[
+                    ("test", &["near", "watertight"]),
+                    ("bind", &[]),
+                    ("closest", &["watertight_closest"]),
+                    ("any", &["watertight_any", "keep_any"]),
+                ],
+            },
+            Value {
+                name: "exact",
+                faces: &[
+                    ("test", &["watertight", "filter"]),
+                    ("bind", &[]),
+                    ("closest", &["sure_closest"]),
+                    ("any", &["sure_any"]),
+                    (
+                        "settle",
+                        &["watertight", "filter", "whole", "points", "line", "far"],
+                    ),
+                ],
+            },
+        ],
     },
     Slot {
         name: "record",
-        values: &[Value {
-            name: "corners",
-            faces: &[("write", &["record_corners"])],
-        }],
+        values: &[
+            Value {
+                name: "corners",
+                faces: &[("write", &["record_corners"])],
+            },
+            Value {
+                name: "rows",
+                faces: &[("write", &["record_woop"])],
+            },
+        ],
     },
     Slot {
         name: "layout",

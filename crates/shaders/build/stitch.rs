@@ -54,19 +54,23 @@ impl Source {
         })
     }
 
-    /// Every way to fill the slots.
+    /// The faces of a slot that the head names.
+    fn faces_of(&self, slot: &Slot) -> impl Iterator<Item = &str> {
+        let places = self.uses.split_whitespace().filter_map(place);
+        places.filter_map(|(name, face)| (name == slot.name).then_some(face))
+    }
+
+    /// Every way to fill the slots. A value that lacks a face has no use for the kernel.
     pub(crate) fn fillings(&self) -> Vec<Filling> {
-        let named = |slot: &&Slot| {
-            let places = self.uses.split_whitespace().filter_map(place);
-            places.into_iter().any(|(name, _)| name == slot.name)
-        };
+        let named = |slot: &&Slot| self.faces_of(slot).next().is_some();
         let mut all = vec![Filling::new()];
         for slot in SLOTS.iter().filter(named) {
+            let fits = |value: &&Value| self.faces_of(slot).all(|f| value.face(f).is_some());
             let with = |filling: &Filling, value| {
                 let filled = filling.iter().copied();
                 filled.chain([(slot, value)]).collect()
             };
-            let more = |f| slot.values.iter().map(move |v| with(f, v));
+            let more = |f| slot.values.iter().filter(fits).map(move |v| with(f, v));
             all = all.iter().flat_map(more).collect();
         }
         all
@@ -84,8 +88,21 @@ impl Source {
                 append(&mut source, part, arithmetic)?;
             }
         }
-        Ok(source + &self.body)
+        Ok(number_bindings(&(source + &self.body)))
     }
+}
+
+/// Gives a shared file's `@binding(next)` the number after those of the kernel.
+fn number_bindings(source: &str) -> String {
+    let taken = source.matches("var<storage").count() - source.matches("@binding(next)").count();
+    let mut parts = source.split("@binding(next)");
+    let mut numbered = parts.next().unwrap_or_default().to_owned();
+    for (i, part) in parts.enumerate() {
+        // The parameters have number 0.
+        numbered.push_str(&format!("@binding({})", taken + i + 1));
+        numbered.push_str(part);
+    }
+    numbered
 }
 
 /// What fills a place.

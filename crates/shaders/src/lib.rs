@@ -14,7 +14,7 @@
 //!   parameters and its number of workgroups. The host binds buffers by the
 //!   names in [`Kernel::bindings`], dispatches [`work::Work::group_counts`], and puts a
 //!   barrier after each;
-//! - [`supports`] and [`check_method`]: which methods the kernels know, and
+//! - [`supports`]: which methods the kernels know, and
 //!   [`Kernel::serves`]: which kernels a method needs. Those without slots are all methods' own;
 //!   a host makes the others when it loads a scene;
 //! - [`rebuild`]: likewise for a tree made on the device, the room that it takes, and how to read it back;
@@ -37,7 +37,7 @@ pub mod work;
 
 use backend::Method;
 
-pub use method::{check_method, check_rebuild, supports};
+pub use method::{blocked_words, check_rebuild, record_bytes, supports};
 pub use moving::{MovingShape, moving_rows};
 pub use params::{Counts, Params};
 pub use shape::Shape;
@@ -124,7 +124,7 @@ impl Kernel {
 /// The kernel with that entry point that serves `method`.
 ///
 /// # Panics
-/// If there is none: entry points are known when the program is written, methods are checked by [`check_method`].
+/// If there is none: entry points are known when the program is written, and every method has them all.
 #[must_use]
 pub fn kernel(entry: &str, method: Method) -> &'static Kernel {
     let mut found = KERNELS.iter().filter(|k| k.entry == entry);

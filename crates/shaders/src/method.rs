@@ -1,24 +1,11 @@
-//! Which methods the kernels know.
+//! Which methods the kernels know, and what room they take.
 
 use backend::{BackendError, Intersector, Layout, Method, Result};
 
-/// Whether a scene can be loaded to be traced by `method`. Asks no device.
+/// Whether a scene can be loaded to be traced by `method`: by any. Asks no device.
 #[must_use]
-pub fn supports(method: Method) -> bool {
-    check_method("", method).is_ok()
-}
-
-/// Refuses, in the name of `backend`, what no kernel does.
-///
-/// # Errors
-/// [`BackendError::Unsupported`] with the intersector.
-pub fn check_method(backend: &'static str, method: Method) -> Result<()> {
-    let what = if method.intersector != Intersector::Watertight {
-        format!("intersector '{}'", method.intersector)
-    } else {
-        return Ok(());
-    };
-    Err(BackendError::Unsupported { backend, what })
+pub fn supports(_: Method) -> bool {
+    true
 }
 
 /// Refuses, in the name of `backend`, to make trees on the device for what needs treelets.
@@ -35,18 +22,32 @@ pub fn check_rebuild(backend: &'static str, method: Method) -> Result<()> {
     }
 }
 
+/// Bytes of the buffer `records` for so many leaves, in whole rows of 16 bytes.
+///
+/// 48 a leaf, and for `woop`, whose transform fills them all, 4 more behind all of those: the triangle's index.
+#[must_use]
+pub fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
+    match intersector {
+        Intersector::Woop => leaves * 48 + (leaves * 4).next_multiple_of(16),
+        _ => leaves * 48,
+    }
+}
+
+/// Words of the buffer `blocked` for so many rays: one each, and for `exact` the list of those left open.
+#[must_use]
+pub fn blocked_words(intersector: Intersector, rays: u64) -> u64 {
+    match intersector {
+        Intersector::Exact => 2 * rays,
+        _ => rays,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn methods_are_supported_with_both_layouts_or_refused_by_name() {
-        for layout in Layout::ALL {
-            assert!(supports(Method {
-                layout,
-                ..Method::default()
-            }));
-        }
+    fn trees_are_made_on_the_device_for_one_layout() {
         let fast = Method {
             layout: Layout::Fast,
             ..Method::default()
@@ -54,12 +55,12 @@ mod tests {
         let refused = check_rebuild("wgpu", fast).unwrap_err().to_string();
         assert!(refused.contains("'fast'"));
         assert_eq!(check_rebuild("wgpu", Method::default()), Ok(()));
-        let woop = Method {
-            intersector: Intersector::Woop,
-            ..Method::default()
-        };
-        assert!(!supports(woop));
-        let refused = check_method("wgpu", woop).unwrap_err().to_string();
-        assert!(refused.contains("'woop'"));
+    }
+
+    #[test]
+    fn woop_names_its_triangles_behind_the_rows() {
+        for (leaves, rows) in [(1, 4), (4, 13), (5, 17)] {
+            assert_eq!(record_bytes(Intersector::Woop, leaves), 16 * rows);
+        }
     }
 }

@@ -88,6 +88,18 @@ pub struct Counts {
     pub root_area: f32,
     /// Half areas of the children of nodes marked as moving, by `sum_costs` after any refit.
     pub moving_areas: f32,
+    /// Rays that `trace_*` and `any_*` left to `settle_*`, for `exact`.
+    pub open: u32,
+    /// Shadows that `shadow_*` left to `settle_*`, for `exact`.
+    pub open_shadows: u32,
+}
+
+impl Counts {
+    /// Rays, shadows included, that whole numbers settled.
+    #[must_use]
+    pub fn settled(&self) -> u64 {
+        u64::from(self.open) + u64::from(self.open_shadows)
+    }
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ pub(crate) fn value(slot: &str, method: Method) -> &'static str {
         ("intersector", Intersector::Woop) => "woop",
         ("intersector", Intersector::Watertight) => "watertight",
         ("intersector", Intersector::Exact) => "exact",
+        ("record", Intersector::Woop) => "rows",
         ("record", _) => "corners",
         ("layout" | "treelets", _) => method.layout.name(),
         (slot, _) => panic!("no slot is named {slot}"),

@@ -9,7 +9,7 @@ pub(crate) use tree::sum;
 pub use tree::{Progress, leaves};
 
 use crate::{Kernel, Params, common, kernel};
-use backend::Method;
+use backend::{Intersector, Method};
 use geom::{Camera, Point};
 
 /// A kernel to run. Its buffers are found by their names in [`Kernel::bindings`].
@@ -59,6 +59,18 @@ pub enum Vertices {
     All(usize),
     /// So many rows of four floats, given in the buffer `moving_rows`: see [`crate::moving_rows`].
     Rows(usize),
+}
+
+/// Invocations that share the list of rays to settle: enough to fill any device, though most find nothing to do.
+const SETTLERS: u32 = 1 << 15;
+
+impl Rays<'_> {
+    fn count(self) -> u32 {
+        match self {
+            Self::Given(count) => count,
+            Self::Camera(camera) => camera.width * camera.height,
+        }
+    }
 }
 
 impl Work {
@@ -134,30 +146,56 @@ pub fn interpolate(params: Params, vertices: Vertices, alpha: f32) -> Work {
 /// Records and boxes to closest hits.
 #[must_use]
 pub fn closest(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
-    vec![Work::over(
+    let kernels = ["trace_rays", "trace_camera"];
+    with_settling(
         method,
-        rays,
         params,
-        ["trace_rays", "trace_camera"],
-    )]
+        rays,
+        kernels,
+        ["settle_rays", "settle_camera"],
+    )
 }
 
 /// Records and boxes to whether each of so many given rays meets anything.
 #[must_use]
 pub fn any(method: Method, params: Params, rays: u32) -> Vec<Work> {
-    vec![Work::linear(kernel("any_rays", method), params, rays)]
+    let rays = Rays::Given(rays);
+    with_settling(
+        method,
+        params,
+        rays,
+        ["any_rays"; 2],
+        ["settle_any_rays"; 2],
+    )
 }
 
 /// Closest hits to whether the way from each to the light is blocked.
 #[must_use]
 pub fn shadow(method: Method, params: Params, rays: Rays<'_>, light: Point) -> Vec<Work> {
     let params = Params { light, ..params };
-    vec![Work::over(
-        method,
-        rays,
-        params,
-        ["shadow_rays", "shadow_camera"],
-    )]
+    let kernels = ["shadow_rays", "shadow_camera"];
+    let settling = ["settle_shadow_rays", "settle_shadow_camera"];
+    with_settling(method, params, rays, kernels, settling)
+}
+
+/// A search over all rays, and for `exact` another one over those that it listed behind one word a ray.
+fn with_settling(
+    method: Method,
+    params: Params,
+    rays: Rays<'_>,
+    kernels: [&str; 2],
+    settling: [&str; 2],
+) -> Vec<Work> {
+    let first = rays.count();
+    let params = Params { first, ..params };
+    let mut work = vec![Work::over(method, rays, params, kernels)];
+    if method.intersector == Intersector::Exact {
+        work.push(Work {
+            groups: Groups::Linear(first.min(SETTLERS)),
+            ..Work::over(method, rays, params, settling)
+        });
+    }
+    work
 }
 
 #[cfg(test)]

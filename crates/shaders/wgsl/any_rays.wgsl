@@ -1,4 +1,4 @@
-//! use params ieee divide exact units ray {intersector.test} {intersector.any} {layout.nodes} any given
+//! use params ieee divide exact units ray {intersector.test} {intersector.bind} {intersector.any} {layout.nodes} any given
 // Whether each given ray meets anything.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -12,6 +12,6 @@ fn any_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroup
     let i = element(id, groups, 128u);
     if i >= params.count { return; }
     var met = false;
-    if !is_void(i) { met = find_any(given_ray(i), 0xffffffffu); }
+    if !is_void(i) { met = ask_any(given_ray(i), 0xffffffffu); }
     keep_any(i, met, 2u);
 }

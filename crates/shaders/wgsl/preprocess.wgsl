@@ -26,6 +26,7 @@ fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     let b = scaled_point(given_b);
     let c = scaled_point(given_c);
     let record = record_of(triangle, node, a, b, c);
+    keep_index(leaf, triangle);
     records[3u * leaf] = record.first;
     records[3u * leaf + 1u] = record.second;
     records[3u * leaf + 2u] = record.third;

@@ -84,6 +84,7 @@ fn preprocess_treelets(
     let leaf = t.first_leaf + local;
     if local < t.leaf_count {
         word = topology[params.leaf_triangles_at + leaf];
+        keep_index(leaf, word & ~SHARED);
         own = stand(local, word & ~SHARED);
     }
     workgroupBarrier();

@@ -1,4 +1,4 @@
-//! use params ieee divide exact units ray {intersector.test} {intersector.closest} {layout.nodes} closest pixels camera
+//! use params ieee divide exact units ray {intersector.test} {intersector.bind} {intersector.closest} {layout.nodes} closest pixels camera seen
 // The closest hit of each pixel's ray, made here.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -14,12 +14,10 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
     let i = pixel.y * params.width + pixel.x;
     let origin = scaled_point(bitcast<vec3<u32>>(params.eye));
     let is_zero = all((bitcast<vec3<u32>>(direction) & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
-    if is_zero || !is_finite_point(direction) || !is_finite_point(origin) {
+    if is_zero || !is_finite_point(direction) || (!TAKES_FAR && !is_finite_point(origin)) {
         hits[i] = MISS;
         return;
     }
-    let low = bitcast<vec3<f32>>(nodes[0].xyz);
-    let high = bitcast<vec3<f32>>(nodes[1].xyz);
-    let ray = prepare(origin, bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, low, high);
+    let ray = camera_ray(direction, origin);
     keep_closest(i, ray, find_closest(ray));
 }

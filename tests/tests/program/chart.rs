@@ -133,8 +133,8 @@ fn refused(sandbox: &Sandbox) -> Result<(), Failed> {
         ("--frames 0", &["--frames"]),
         ("--out file/below", &["file"]),
         (
-            "--backend vulkan --intersector woop",
-            &["vulkan", "'woop'", "nothing to chart"],
+            "--backend vulkan-rt --intersector woop",
+            &["vulkan-rt", "nothing to chart"],
         ),
     ];
     for (words, says) in cases {

@@ -61,10 +61,6 @@ pub(crate) fn trials() -> Vec<Trial> {
     let mut trials = vec![
         trial("devices::info_keeps_its_schema", info),
         trial("devices::auto_says_what_it_took_and_why", says_why),
-        trial(
-            "devices::auto_leaves_to_the_host_what_no_gpu_can_do",
-            left_to_the_host,
-        ),
         trial("devices::adapters_of_no_backend_are_refused", no_adapter),
         trial("devices::without_a_driver", |s| lacking(s, &NO_DRIVER)),
     ];
@@ -174,15 +170,6 @@ fn says_why(sandbox: &Sandbox) -> Result<(), Failed> {
         entry(&inspected["auto"], "what", "backend")? == taken,
         || inspected.to_string(),
     )
-}
-
-fn left_to_the_host(sandbox: &Sandbox) -> Result<(), Failed> {
-    let run = sandbox
-        .run(&format!("{RENDER} --intersector woop"))
-        .succeeds()?;
-    let remark =
-        "backend auto takes cpu: vulkan does not support intersector 'woop'; wgpu does not";
-    ensure(run.stderr.contains(remark), || run.stderr)
 }
 
 fn no_adapter(sandbox: &Sandbox) -> Result<(), Failed> {

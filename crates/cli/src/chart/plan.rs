@@ -200,17 +200,17 @@ mod tests {
         ];
         assert_eq!(ways, expected);
         assert_eq!(plan.scenes, ["a", "b"]);
-        assert_eq!(plan.steps(), 2 * (2 * 8 + 2) + 2);
+        assert_eq!(plan.steps(), 2 * (2 * 8 + 2) + 4);
         assert!(plan.skipped.is_empty(), "{:?}", plan.skipped);
     }
 
     #[test]
     fn a_plan_without_a_way_says_what_is_missing() {
         let none = ChartArgs {
-            backend: vec![BackendName::Vulkan],
+            backend: vec![BackendName::VulkanRt],
             ..args(&[IntersectorName::Woop])
         };
         let why = Plan::of(&none).err().unwrap().text();
-        assert!(why.contains("vulkan with intersector 'woop'"), "{why}");
+        assert!(why.contains("vulkan-rt is left out"), "{why}");
     }
 }

@@ -2,17 +2,17 @@
 
 use crate::Case;
 use crate::compare::{answers, named_ray};
-use crate::stage::{ask, methods, open, open_with, plainly, stand};
-use backend::{Backend, Hits, Intersector, Rays, Seek};
+use crate::stage::{ask, methods, open_with, plainly, robust_methods, stand};
+use backend::{Backend, Hits, Method, Rays, Seek};
 use geom::Ray;
 
 fn at(
     case: &Case,
     backend: &mut dyn Backend,
-    rays: Rays<'_>,
-    seek: Seek,
+    method: Method,
+    (rays, seek): (Rays<'_>, Seek),
 ) -> Result<Vec<Hits>, String> {
-    open(backend, &case.animation, case.times[0])?;
+    open_with(backend, &case.animation, case.times[0], method).map_err(plainly)?;
     let mut all = Vec::new();
     for &time in &case.times {
         stand(backend, &case.animation, time)?;
@@ -21,16 +21,19 @@ fn at(
     Ok(all)
 }
 
+/// By every method whose answers are the same everywhere.
 fn same(
     case: &Case,
     [subject, reference]: [&mut dyn Backend; 2],
     rays: Rays<'_>,
     seek: Seek,
 ) -> Result<(), String> {
-    let seen = at(case, subject, rays, seek)?;
-    let expected = at(case, reference, rays, seek)?;
-    for (i, (s, r)) in seen.iter().zip(&expected).enumerate() {
-        answers(case, case.times[i], rays, s, r)?;
+    for [method, usual] in robust_methods(case, [&mut *subject, &mut *reference])? {
+        let seen = at(case, subject, method, (rays, seek))?;
+        let expected = at(case, reference, usual, (rays, seek))?;
+        for (i, (s, r)) in seen.iter().zip(&expected).enumerate() {
+            answers(case, case.times[i], rays, s, r).map_err(|e| format!("{method:?}: {e}"))?;
+        }
     }
     Ok(())
 }
@@ -42,25 +45,7 @@ pub(crate) fn closest(
     reference: &mut dyn Backend,
 ) -> Result<(), String> {
     let rays = Rays::List(&case.rays);
-    same(case, [&mut *subject, &mut *reference], rays, Seek::Closest)?;
-    exactly(case, [subject, reference])
-}
-
-/// The exact intersector must agree too, where both have it.
-fn exactly(case: &Case, both: [&mut dyn Backend; 2]) -> Result<(), String> {
-    let (rays, now) = (Rays::List(&case.rays), case.times[1]);
-    let mut seen = Vec::new();
-    for backend in both {
-        let methods = methods(backend, &case.animation)?;
-        let exact = methods.iter().find(|m| m.intersector == Intersector::Exact);
-        let Some(&exact) = exact else {
-            return Ok(());
-        };
-        open_with(backend, &case.animation, case.times[0], exact).map_err(plainly)?;
-        stand(backend, &case.animation, now)?;
-        seen.push(ask(backend, rays, Seek::Closest)?);
-    }
-    answers(case, now, rays, &seen[0], &seen[1]).map_err(|e| format!("exact: {e}"))
+    same(case, [subject, reference], rays, Seek::Closest)
 }
 
 /// Whether anything is hit.
@@ -85,7 +70,7 @@ pub(crate) fn picture(
     same(case, [subject, reference], Rays::List(&case.rays), seek)
 }
 
-/// A camera's rays made on the device answer as the same rays given one by one.
+/// A camera's rays made on the device answer as the same rays given one by one, whatever the method.
 pub(crate) fn camera_is_rays(
     case: &Case,
     subject: &mut dyn Backend,
@@ -94,13 +79,16 @@ pub(crate) fn camera_is_rays(
     let (camera, now) = (&case.camera, case.times[1]);
     let rows = (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| (x, y)));
     let rays: Vec<Ray> = rows.map(|(x, y)| camera.ray(x, y)).collect();
-    open(subject, &case.animation, case.times[0])?;
-    stand(subject, &case.animation, now)?;
     let light = case.light;
-    for seek in [Seek::Closest, Seek::Any, Seek::ClosestAndShadow { light }] {
-        let given = ask(subject, Rays::List(&rays), seek)?;
-        let made = ask(subject, Rays::Camera(camera), seek)?;
-        answers(case, now, Rays::Camera(camera), &made, &given)?;
+    for method in methods(subject, &case.animation)? {
+        open_with(subject, &case.animation, case.times[0], method).map_err(plainly)?;
+        stand(subject, &case.animation, now)?;
+        for seek in [Seek::Closest, Seek::Any, Seek::ClosestAndShadow { light }] {
+            let given = ask(subject, Rays::List(&rays), seek)?;
+            let made = ask(subject, Rays::Camera(camera), seek)?;
+            let same = answers(case, now, Rays::Camera(camera), &made, &given);
+            same.map_err(|e| format!("{method:?}: {e}"))?;
+        }
     }
     Ok(())
 }

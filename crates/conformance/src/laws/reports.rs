@@ -1,10 +1,10 @@
 //! What a backend says of its own work.
 
 use crate::Case;
-use crate::stage::{open, plainly, stand, start};
-use backend::{Backend, FrameReport, Rays, Seek};
+use crate::stage::{open, open_with, plainly, robust_methods, stand, start};
+use backend::{Backend, FrameReport, Method, Rays, Seek};
 
-/// Inactive and degenerate triangles, hits and blocked hits are counted alike.
+/// Inactive and degenerate triangles, hits, blocked hits and rays settled exactly are counted alike.
 pub(crate) fn counts(
     case: &Case,
     subject: &mut dyn Backend,
@@ -13,15 +13,16 @@ pub(crate) fn counts(
     let list = Rays::List(&case.rays);
     let shadow = Seek::ClosestAndShadow { light: case.light };
     let camera = Rays::Camera(&case.camera);
-    for (rays, seek) in [(camera, shadow), (list, Seek::Closest), (list, Seek::Any)] {
-        let (seen, expected) = (
-            counted(case, subject, rays, seek)?,
-            counted(case, reference, rays, seek)?,
-        );
-        if seen != expected {
-            return Err(format!(
-                "inactive, degenerate, hits, blocked are {seen:?} for {seek:?}, expected {expected:?}"
-            ));
+    for [method, usual] in robust_methods(case, [&mut *subject, &mut *reference])? {
+        for query in [(camera, shadow), (list, Seek::Closest), (list, Seek::Any)] {
+            let seen = counted(case, subject, method, query)?;
+            let expected = counted(case, reference, usual, query)?;
+            if seen != expected {
+                let seek = query.1;
+                return Err(format!(
+                    "inactive, degenerate, hits, blocked, settled are {seen:?} for {seek:?} by {method:?}, expected {expected:?}"
+                ));
+            }
         }
     }
     Ok(())
@@ -30,16 +31,16 @@ pub(crate) fn counts(
 fn counted(
     case: &Case,
     backend: &mut dyn Backend,
-    rays: Rays<'_>,
-    seek: Seek,
-) -> Result<Vec<[u64; 4]>, String> {
-    open(backend, &case.animation, case.times[0])?;
+    method: Method,
+    (rays, seek): (Rays<'_>, Seek),
+) -> Result<Vec<[u64; 5]>, String> {
+    open_with(backend, &case.animation, case.times[0], method).map_err(plainly)?;
     let mut all = Vec::new();
     for &time in &case.times {
         stand(backend, &case.animation, time)?;
         let ticket = start(backend, rays, seek)?;
         let r = backend.wait(ticket).map_err(plainly)?;
-        all.push([r.inactive, r.degenerate, r.hits, r.blocked]);
+        all.push([r.inactive, r.degenerate, r.hits, r.blocked, r.settled]);
     }
     Ok(all)
 }

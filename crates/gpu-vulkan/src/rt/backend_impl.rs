@@ -9,8 +9,8 @@ use crate::memory::Buffer;
 use crate::traces::{Trace, Traces, are_given};
 use ash::vk;
 use backend::{
-    Backend, BackendError, Device, FrameReport, Generation, Hits, Inspect, Layout, Method, Query,
-    Rays, Result, Seek, Snapshot, Ticket,
+    Backend, BackendError, Device, FrameReport, Generation, Hits, Inspect, Intersector, Method,
+    Query, Rays, Result, Seek, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};
@@ -28,13 +28,7 @@ impl Backend for DriverTreeBackend {
     }
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
-        shaders::check_method(self.device.backend, method)?;
-        if method.layout != Layout::Bvh2 {
-            return Err(BackendError::Unsupported {
-                backend: self.device.backend,
-                what: format!("layout '{}': its trees are the driver's", method.layout),
-            });
-        }
+        super::method::check(self.device.backend, method)?;
         self.gpu.wait_idle()?;
         self.abandon();
         self.frames.forget();
@@ -121,7 +115,9 @@ impl Backend for DriverTreeBackend {
         assert!(self.traces.pending.is_none(), "one trace a submission");
         let launch = self.launch_size(&query)?;
         let has_tree = self.scene().buffers.animation.live_count() > 0;
-        let trace = self.traces.make(&self.gpu, &query, has_tree)?;
+        let trace = self
+            .traces
+            .make(&self.gpu, &query, Intersector::Watertight, has_tree)?;
         self.launch(&query, &trace, launch, has_tree)?;
         self.traces.pending = Some(trace);
         Ok(())

@@ -8,6 +8,7 @@
 //! end, so that counting, which the picture does not need, is not charged to the driver.
 
 mod backend_impl;
+mod method;
 mod pipeline;
 mod scene;
 mod sets;
@@ -15,6 +16,7 @@ mod structure;
 mod support;
 mod tree;
 
+pub use method::driver_tree_supports;
 pub use support::ray_adapters;
 
 #[cfg(test)]

@@ -12,5 +12,5 @@ fn given_ray(i: u32) -> Prepared {
 // The host marks rays that can hit nothing by a direction of zero; an origin may be too far for the scene's scale.
 fn is_void(i: u32) -> bool {
     let marked = all((rays[2u * i + 1u].xyz & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
-    return marked || !is_finite_point(scaled_point(rays[2u * i].xyz));
+    return marked || (!TAKES_FAR && !is_finite_point(scaled_point(rays[2u * i].xyz)));
 }

@@ -2,6 +2,7 @@
 
 struct Prepared {
     origin: vec3<f32>,
+    direction: vec3<f32>,
     t_min: f32,
     t_max: f32,
     // 1 / d per axis, pushed away from zero; the padding is slack * |inverse|.
@@ -17,6 +18,8 @@ struct Prepared {
     shear_z: f32,
     // t in the ray's own units is t * 2^-exponent.
     exponent: i32,
+    // Whether D reaches 2^80.
+    far: bool,
 }
 
 // To (kx, ky, kz) order, kz being the axis.
@@ -57,6 +60,9 @@ fn prepare_scaled(origin: vec3<f32>, direction: vec3<f32>, low: vec3<f32>, high:
     return prepare_shifted(origin, bitcast<vec3<u32>>(direction), 0u, 0x3f800000u, low, high, 0);
 }
 
+// 2^80.
+const FARTHEST: f32 = 1.2089258196146292e24;
+
 fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u32, low: vec3<f32>, high: vec3<f32>, shift: i32) -> Prepared {
     var ray: Prepared;
     let sizes = direction & vec3<u32>(0x7fffffffu);
@@ -65,6 +71,7 @@ fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u
     let axis = main_axis(d);
     let k = permute(d, axis);
     ray.origin = origin;
+    ray.direction = d;
     ray.axis = axis;
     let by = divisor(k.z);
     ray.shear_x = slope(k.x, by);
@@ -76,10 +83,11 @@ fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u
 
     let to_low = vec3<f32>(sub(low.x, origin.x), sub(low.y, origin.y), sub(low.z, origin.z));
     let to_high = vec3<f32>(sub(high.x, origin.x), sub(high.y, origin.y), sub(high.z, origin.z));
-    let far = max(abs(to_low), abs(to_high));
-    let reach = max(far.x, max(far.y, far.z));
+    let away = max(abs(to_low), abs(to_high));
+    let reach = max(away.x, max(away.y, away.z));
+    ray.far = reach >= FARTHEST;
     // 17 * 2^-24 * D, and D is at most 2^80.
-    ray.slack = mul(1.01327896118164062e-6, min(reach, 1.2089258196146292e24));
+    ray.slack = mul(1.01327896118164062e-6, min(reach, FARTHEST));
     // Along the main axis, which is far from zero, it is the shear's.
     let x = divide_normal(1.0, divisor(push_from_zero(k.x)));
     let y = divide_normal(1.0, divisor(push_from_zero(k.y)));

@@ -22,6 +22,7 @@ fn move_off(p: f32, normal: f32, side: f32, delta: f32) -> f32 {
 }
 
 // From beside a hit to the light, over t in (0, 1). Where `traced` is false, there is nothing between.
+// The origin may have coordinates that are too small to count.
 struct ToLight { origin: vec3<f32>, direction: vec3<f32>, traced: bool }
 
 // All in scaled units: `eye` is where the ray came from, `low` and `high` are the corners of the root box.
@@ -56,5 +57,5 @@ fn to_light(hit: vec4<u32>, eye: vec3<f32>, low: vec3<f32>, high: vec3<f32>) -> 
     );
     let direction = sub3(light, p);
     let traced = any(direction != vec3<f32>(0.0)) && is_finite_point(direction) && is_finite_point(p);
-    return ToLight(snapped3(p), direction, traced);
+    return ToLight(p, direction, traced);
 }

@@ -2,6 +2,12 @@
 // see "Scale" and "Small numbers" in ARCHITECTURE.md. Powers of two are applied
 // to bits, since a device may flush subnormal operands.
 
+// t in the ray's own units, as bits; a zero is a positive one.
+fn in_ray_units(t: f32, exponent: i32) -> u32 {
+    let bits = bitcast<u32>(scale_bits(bitcast<u32>(t), -exponent));
+    return select(bits, 0u, bits == 0x80000000u);
+}
+
 // x * 2^m, rounded once; subnormal numbers, infinities and NaNs as IEEE has them.
 fn scale_bits(bits: u32, m: i32) -> f32 {
     let magnitude = bits & 0x7fffffffu;

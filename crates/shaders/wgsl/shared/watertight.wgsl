@@ -5,7 +5,8 @@ struct Candidate { hit: bool, t: f32, v: f32, w: f32, det: f32 }
 
 struct Corners { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32 }
 
-struct Sheared { x: f32, y: f32, z: f32 }
+// x, y, the depth, and the distance along the axis that it comes from.
+struct Sheared { x: f32, y: f32, z: f32, along: f32 }
 
 fn corners_of(leaf: u32) -> Corners {
     let first = records[3u * leaf];
@@ -21,7 +22,7 @@ fn own_span(ray: Prepared, k: Corners) -> vec2<f32> {
 
 fn shear(ray: Prepared, vertex: vec3<f32>) -> Sheared {
     let a = permute(vec3<f32>(sub(vertex.x, ray.origin.x), sub(vertex.y, ray.origin.y), sub(vertex.z, ray.origin.z)), ray.axis);
-    return Sheared(sub(a.x, mul(ray.shear_x, a.z)), sub(a.y, mul(ray.shear_y, a.z)), mul(ray.shear_z, a.z));
+    return Sheared(sub(a.x, mul(ray.shear_x, a.z)), sub(a.y, mul(ray.shear_y, a.z)), mul(ray.shear_z, a.z), a.z);
 }
 
 fn edge(p: Sheared, q: Sheared) -> f32 {

@@ -12,9 +12,3 @@ fn see_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     let t = clamped(divide(c.t, c.det), own);
     return t > ray.t_min && t < ray.t_max;
 }
-
-// Writes whether a ray met anything, and counts it as word `count` of `counts`.
-fn keep_any(i: u32, met: bool, count: u32) {
-    blocked[i] = select(0u, 1u, met);
-    if met { atomicAdd(&counts[count], 1u); }
-}

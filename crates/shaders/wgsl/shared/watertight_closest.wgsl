@@ -30,10 +30,10 @@ fn keep_closest(i: u32, ray: Prepared, best: Found) {
         hits[i] = MISS;
         return;
     }
-    let t = scale_bits(bitcast<u32>(best.t), -ray.exponent);
+    let t = in_ray_units(best.t, ray.exponent);
     let by = divisor(best.det);
     let u = divide_by(best.v, by);
     let v = divide_by(best.w, by);
-    hits[i] = vec4<u32>(bitcast<u32>(t), bitcast<u32>(u), bitcast<u32>(v), best.triangle);
+    hits[i] = vec4<u32>(t, bitcast<u32>(u), bitcast<u32>(v), best.triangle);
     atomicAdd(&counts[2], 1u);
 }

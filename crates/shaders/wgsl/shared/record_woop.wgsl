@@ -1,0 +1,27 @@
+// A triangle's record: the rows of Woop's transform, and behind all rows the triangle's index.
+// The third row is the unit normal rather than the normal over its squared length, which loses small triangles.
+
+struct Record { first: vec4<u32>, second: vec4<u32>, third: vec4<u32> }
+
+fn keep_index(leaf: u32, triangle: u32) {
+    records[3u * ((params.node_count + 1u) / 2u) + leaf / 4u][leaf & 3u] = triangle;
+}
+
+fn row(vector: vec3<f32>, corner: vec3<f32>) -> vec4<u32> {
+    return bitcast<vec4<u32>>(vec4<f32>(vector, -dot(vector, corner)));
+}
+
+fn record_of(triangle: u32, node: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> Record {
+    let e1 = b - a;
+    let e2 = c - a;
+    let normal = cross(e1, e2);
+    let size = abs(normal);
+    let largest = max(size.x, max(size.y, size.z));
+    // Rounded away though not zero, or not finite: a record of zeros is never met.
+    if !(largest > 0.0 && largest < 1e38) { return Record(vec4<u32>(0u), vec4<u32>(0u), vec4<u32>(0u)); }
+    let shape = normal / largest;
+    let length = sqrt(dot(shape, shape));
+    let unit = shape / length;
+    let area = length * largest;
+    return Record(row(cross(e2, unit) / area, a), row(cross(unit, e1) / area, a), row(unit, a));
+}

@@ -1,0 +1,133 @@
+// Whole numbers as long as any f32 can ask for, in limbs of 32 bits.
+//
+// A number is a word for its sign (1 if negative), then its magnitude, the least limb first. While it is being
+// added up it has no sign word yet and is a two's complement of the length in use. That length is counted from the
+// exponents at hand, so that ordinary numbers take few limbs; the room suffices for all.
+//
+// How long they get: coordinates from the ray's start are differences of multiples of one unit. Of two f32 they are
+// below 2^278 units; of a shadow's start and an unscaled corner below 2^281 (the start lies within the scene's scaled
+// size, at most 2^4, or 2^32 where the scale is 1, and in its own last place a scene's coordinate scaled by 2^-126 has
+// 2^-275). With B bits, a difference of two products has 2B + 1, and a sum of three products of it with
+// another coordinate, or with a direction of at most 277 bits, 3B + 3; the sum of three such 2 more, and a sign: 849 bits,
+// 27 limbs. Two of those multiplied take 54.
+
+const COORDINATE: u32 = 10u;
+const CORNERS: u32 = 0u;
+const DIRECTION: u32 = 90u;
+const CROSS: u32 = 120u;
+// Two crossings' numerators and denominators, 28 words each.
+const CROSSINGS: u32 = 140u;
+const LIMIT: u32 = 252u;
+const ONE: u32 = 254u;
+const PRODUCTS: u32 = 256u;
+const PRODUCT: u32 = 55u;
+
+var<private> words: array<u32, 366>;
+
+fn clear(at: u32, len: u32) {
+    for (var i = 0u; i <= len; i += 1u) { words[at + i] = 0u; }
+}
+
+fn multiply_32(a: u32, b: u32) -> vec2<u32> {
+    let low = (a & 0xffffu) * (b & 0xffffu);
+    let one = (a >> 16u) * (b & 0xffffu) + (low >> 16u);
+    let two = (a & 0xffffu) * (b >> 16u) + (one & 0xffffu);
+    return vec2<u32>((two << 16u) | (low & 0xffffu), (a >> 16u) * (b >> 16u) + (one >> 16u) + (two >> 16u));
+}
+
+// Adds a * b, or subtracts it: not(not(x) + y) is x - y, so the one loop does both.
+fn accumulate(at: u32, len: u32, a: u32, a_len: u32, b: u32, b_len: u32, flip: u32) {
+    let mask = 0u - (words[a] ^ words[b] ^ flip);
+    for (var i = 0u; i < a_len; i += 1u) {
+        let x = words[a + 1u + i];
+        if x == 0u { continue; }
+        var carry = 0u;
+        for (var j = 0u; i + j < len && (j < b_len || carry != 0u); j += 1u) {
+            var product = vec2<u32>(0u);
+            if j < b_len { product = multiply_32(x, words[b + 1u + j]); }
+            let to = at + 1u + i + j;
+            let first = product.x + (words[to] ^ mask);
+            let sum = first + carry;
+            carry = product.y + select(0u, 1u, first < product.x) + select(0u, 1u, sum < carry);
+            words[to] = sum ^ mask;
+        }
+    }
+}
+
+// Adds a mantissa times 2^shift, or subtracts it.
+fn add_shifted(at: u32, len: u32, mantissa: u32, shift: u32, negative: bool) {
+    let mask = select(0u, 0xffffffffu, negative);
+    let within = shift & 31u;
+    var rest = vec2<u32>(mantissa << within, select(mantissa >> ((32u - within) & 31u), 0u, within == 0u));
+    var carry = 0u;
+    for (var i = shift >> 5u; i < len && (rest.x | rest.y | carry) != 0u; i += 1u) {
+        let first = rest.x + (words[at + 1u + i] ^ mask);
+        let sum = first + carry;
+        carry = select(0u, 1u, first < rest.x || sum < carry);
+        words[at + 1u + i] = sum ^ mask;
+        rest = vec2<u32>(rest.y, 0u);
+    }
+}
+
+// From a two's complement to sign and magnitude.
+fn finish(at: u32, len: u32) {
+    let negative = (words[at + len] >> 31u) == 1u;
+    words[at] = select(0u, 1u, negative);
+    if !negative { return; }
+    var carry = 1u;
+    for (var i = at + 1u; i <= at + len; i += 1u) {
+        let x = ~words[i] + carry;
+        carry = select(0u, carry, x == 0u);
+        words[i] = x;
+    }
+}
+
+// Bits of the magnitude; 0 for zero.
+fn bit_length(at: u32, len: u32) -> i32 {
+    for (var i = len; i > 0u; i -= 1u) {
+        let x = words[at + i];
+        if x != 0u { return i32(32u * i - countLeadingZeros(x)); }
+    }
+    return 0;
+}
+
+fn sign_of_number(at: u32, len: u32) -> i32 {
+    if bit_length(at, len) == 0 { return 0; }
+    return select(1, -1, words[at] == 1u);
+}
+
+// 32 bits of the magnitude from bit `low` on, which may lie below the first.
+fn bits_from(at: u32, len: u32, low: i32) -> u32 {
+    if low <= -32 || low >= 32 * i32(len) { return 0u; }
+    if low < 0 { return words[at + 1u] << u32(-low); }
+    let i = at + 1u + (u32(low) >> 5u);
+    let within = u32(low) & 31u;
+    var bits = words[i] >> within;
+    if within > 0u && i < at + len { bits |= words[i + 1u] << (32u - within); }
+    return bits;
+}
+
+// Compares |a| * 2^a_exponent with |b| * 2^b_exponent: -1, 0 or 1.
+fn compare_sizes(a: u32, a_len: u32, a_exponent: i32, b: u32, b_len: u32, b_exponent: i32) -> i32 {
+    let bits_a = bit_length(a, a_len);
+    let bits_b = bit_length(b, b_len);
+    if bits_a == 0 || bits_b == 0 || bits_a + a_exponent != bits_b + b_exponent {
+        let size_a = select(bits_a + a_exponent, -100000, bits_a == 0);
+        let size_b = select(bits_b + b_exponent, -100000, bits_b == 0);
+        return sign(size_a - size_b);
+    }
+    // The first bits of both have one weight.
+    for (var down = 32; down < max(bits_a, bits_b) + 32; down += 32) {
+        let x = bits_from(a, a_len, bits_a - down);
+        let y = bits_from(b, b_len, bits_b - down);
+        if x != y { return select(-1, 1, x > y); }
+    }
+    return 0;
+}
+
+// A finite number is mantissa_of * 2^unit_of, as it is written.
+fn unit_of(bits: u32) -> i32 { return max(i32((bits >> 23u) & 255u), 1) - 150; }
+
+fn mantissa_of(bits: u32) -> u32 {
+    return (bits & 0x7fffffu) | select(0x800000u, 0u, ((bits >> 23u) & 255u) == 0u);
+}
