@@ -23,6 +23,8 @@ impl Backend for VulkanBackend {
     }
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
+        let limits = &self.gpu.limits;
+        limits.admit_kernels(|k| !k.makes_trees() && k.serves(method))?;
         self.pipelines.prepare(&self.gpu, method)?;
         // What is under way or recorded belongs to the scene before.
         self.gpu.wait_idle()?;

@@ -65,7 +65,7 @@ impl Gpu {
         let adapter = list[choose_adapter(&names, wanted)?].clone();
         let physical = host.physical_devices()?[adapter.index];
         let limits = Limits::of(&host, physical);
-        limits.admit_kernels(|k| !k.makes_trees())?;
+        limits.admit_kernels(|k| !k.makes_trees() && !k.refits_treelets())?;
         let queues = Queues::find(&host, physical)?;
         let vk = create(&host, physical, &queues, needs)?;
         let queue = |place: Place| Queue {

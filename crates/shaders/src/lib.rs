@@ -119,6 +119,12 @@ impl Kernel {
     pub fn makes_trees(&self) -> bool {
         rebuild::KERNELS.contains(&self.entry)
     }
+
+    /// Whether it is of use to layout `fast` alone.
+    #[must_use]
+    pub fn refits_treelets(&self) -> bool {
+        self.slots.iter().any(|&(slot, _)| slot == "treelets")
+    }
 }
 
 /// The kernel with that entry point that serves `method`.
