@@ -128,7 +128,10 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
         seed: args.seed,
         rays: args.leak_rays,
         offsets: args.offsets.clone(),
-        method: Method::default(),
+        method: Method {
+            intersector: args.intersector,
+            ..Method::default()
+        },
     };
     let mut progress = Progress::new(STEPS, args.quiet);
     let mut told = 0;
@@ -143,12 +146,13 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
     report.leaks.extend(rows);
     let offsets: Vec<String> = args.offsets.iter().map(ToString::to_string).collect();
     let command = format!(
-        "abvh conform --backend {}{} --seed {} --cases 0 --leak-rays {} --offsets {}",
+        "abvh conform --backend {}{} --seed {} --cases 0 --leak-rays {} --offsets {} --intersector {}",
         subject.name,
         adapter_option(args),
         args.seed,
         args.leak_rays,
-        offsets.join(",")
+        offsets.join(","),
+        args.intersector
     );
     let examples = found.first.iter();
     report

@@ -1,6 +1,7 @@
 //! What may be asked of `conform`.
 
-use clap::builder::PossibleValuesParser;
+use backend::Intersector;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use conformance::{LAWS, OWN_TREE_LAWS, REGRESSIONS, Trial};
 use std::collections::BTreeSet;
@@ -40,6 +41,10 @@ pub(crate) struct ConformArgs {
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "0,10,1000,100000",
         value_parser = offset, allow_hyphen_values = true)]
     pub(crate) offsets: Vec<f32>,
+    /// How those rays are traced
+    #[arg(long, value_name = "INTERSECTOR", default_value = "watertight",
+        value_parser = PossibleValuesParser::new(["watertight", "exact"]).map(|name| intersector(&name)))]
+    pub(crate) intersector: Intersector,
     /// File for the results
     #[arg(long, value_name = "FILE")]
     pub(crate) json: Option<PathBuf>,
@@ -85,6 +90,14 @@ fn trial(text: &str) -> Result<Trial, String> {
         let names: Vec<_> = REGRESSIONS.iter().map(|r| r.name).collect();
         format!("a case is a number or one of {}", names.join(", "))
     })
+}
+
+/// Those that leak nowhere.
+fn intersector(name: &str) -> Intersector {
+    match name {
+        "exact" => Intersector::Exact,
+        _ => Intersector::Watertight,
+    }
 }
 
 /// Bodies of about unit size still have a shape there.
