@@ -101,7 +101,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     let mut progress = None;
     for spec in &args.scenes {
         let scene = scene::open(spec, &args.source.options())?;
-        let keys = scene.animation.keys().len();
+        let keys = scene.animation.whole_times();
         let frames = frames::list(Some(args.frames), args.time_range, keys, false)?;
         if args.with_auto {
             let place = auto::Place {

@@ -28,6 +28,7 @@ use pipeline::{Frame, Update};
 use plan::{Plan, Way};
 use report::{FrameStats, Summary};
 use scene::Scene;
+use std::sync::Arc;
 
 /// A point, and the way it stands for.
 struct Measured {
@@ -93,7 +94,7 @@ impl Work<'_> {
         if self.chart.scenes.is_empty() {
             report::prepare_dir(&self.args.out).map_err(Stop::bad)?;
         }
-        let keys = scene.animation.keys().len();
+        let keys = scene.animation.whole_times();
         let frames = frames::list(Some(self.args.frames), None, keys, false)?;
         let name = self.name(spec, &scene);
         self.chart.scenes.push(chart::Scene {
@@ -123,6 +124,37 @@ impl Work<'_> {
             }
         }
         Ok(points)
+    }
+
+    /// How many key frames a scene needs, and what a frame takes with so many, by the first way that was charted.
+    fn key_frames(
+        &self,
+        name: String,
+        (spec, scene): (&str, Scene),
+        by: Option<Ask<'_>>,
+    ) -> Result<KeyFrames, Stop> {
+        let animation = Arc::clone(&scene.animation);
+        let reduce::Curve { diagonal, points } = reduce::curve(&animation)?;
+        let frames = frames::list(Some(self.args.frames), None, animation.whole_times(), false)?;
+        let mut scene = scene;
+        let mut last: Option<(Vec<usize>, Option<f64>)> = None;
+        let mut steps = Vec::new();
+        for (point, kept) in points {
+            let known = last.take().filter(|(of, _)| *of == kept).map(|(_, ms)| ms);
+            let ms = match (known, &by) {
+                (Some(ms), _) => ms,
+                (None, None) => None,
+                (None, Some(ask)) => {
+                    scene.animation = Arc::new(reduce::left(&animation, &kept)?);
+                    let row = bench::measure(self.args.size, (spec, &scene), &frames, ask)?;
+                    timed(&name, &row, String::new()).ms_per_frame.median
+                }
+            };
+            last = Some((kept, ms));
+            steps.push(step(point, diagonal, ms));
+        }
+        let scene = name;
+        Ok(KeyFrames { scene, steps })
     }
 
     /// What the chart calls a scene: its own name, or what it was asked for by, where that alone is unique.
@@ -171,18 +203,29 @@ impl Work<'_> {
         let exam = truth::Exam::of(&scene.animation, self.args)?;
         self.progress
             .step(&format!("{name} exact answers of {} rays", exam.rays()));
-        for Measured { way, update, point } in points {
+        for Measured { way, update, point } in points.iter_mut() {
             let tally = accuracy::judge(&scene, &way.ask(*update), &exam)?;
             tally.enter(point);
             self.progress.step(&format!("{name} judged {way}"));
         }
-        let curve = key_frames(name, &scene)?;
-        self.progress.step(&format!("{} key frames", curve.scene));
-        if scene.animation.keys().len() > 1 {
+        let line = format!("{name} key frames");
+        if scene.animation.keys().len() > 1 && scene.animation.times().is_none() {
+            let by = points.first().map(|m| m.way.ask(m.update));
+            let curve = self.key_frames(name, (spec, scene), by)?;
             let Companions { key_frames } = &mut self.chart.companions;
             key_frames.push(curve);
         }
+        self.progress.step(&line);
         Ok(())
+    }
+}
+
+fn step(point: reduce::CurvePoint, diagonal: f64, ms: Option<f64>) -> KeyFrameStep {
+    KeyFrameStep {
+        tolerance: Some(point.share),
+        key_frames: point.keys as u64,
+        max_error: Some(point.max_error / diagonal),
+        ms,
     }
 }
 
@@ -219,18 +262,6 @@ fn timed(scene: &str, row: &Row, command: String) -> Point {
 /// What the device took, after what the frame waited for its tree.
 fn frame_ms(frame: &FrameStats) -> Option<f64> {
     Some(frame.device_ms? + frame.build_wait_ms.unwrap_or(0.0))
-}
-
-fn key_frames(scene: String, of: &Scene) -> Result<KeyFrames, Stop> {
-    let (diagonal, curve) = reduce::curve(&of.animation)?;
-    let step = |p: reduce::CurvePoint| KeyFrameStep {
-        tolerance: Some(p.share),
-        key_frames: p.keys as u64,
-        max_error: Some(p.max_error / diagonal),
-        ms: None,
-    };
-    let steps = curve.into_iter().map(step).collect();
-    Ok(KeyFrames { scene, steps })
 }
 
 impl Measured {

@@ -79,7 +79,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         lockstep: None,
     };
     let is_demo = args.scene.starts_with(frames::DEMO);
-    let frames = frames::list(None, None, animation.keys().len(), is_demo)?;
+    let frames = frames::list(None, None, animation.whole_times(), is_demo)?;
     let view = picture::frame_scene(animation, FOV, SIZE);
     let camera = view.camera(SIZE);
     let run = camera.as_ref().map(|camera| Run {

@@ -1,6 +1,6 @@
 //! How a scene moves and what in it cannot be hit.
 
-use geom::{Animation, Point, is_active, is_degenerate};
+use geom::{Animation, Point, Pose, is_active, is_degenerate};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -94,7 +94,8 @@ pub(crate) fn unhittable(animation: &Animation) -> (Spread, Spread) {
     let counts: Vec<(usize, usize)> = (0..animation.keys().len())
         .into_par_iter()
         .map(|key| {
-            let pose = animation.pose(key as f64);
+            let (key, alpha) = (key as u32, 0.0);
+            let pose = Pose { key, alpha };
             (0..animation.triangle_count() as u32)
                 .into_par_iter()
                 .map(|t| {

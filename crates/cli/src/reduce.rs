@@ -86,6 +86,10 @@ pub(crate) struct CurvePoint {
 /// Reduces, says so, and writes what is left if asked to.
 pub(crate) fn run(args: &InspectArgs, tolerance: Tolerance) -> Result<(), Stop> {
     let scene = scene::open(&args.scene, &args.source.options())?;
+    if scene.animation.times().is_some() {
+        let what = "its key frames have been reduced already: reduce those that they are left of";
+        return Err(Stop::bad(format!("{}: {what}", args.scene)));
+    }
     if let Some(dir) = &args.reduced_out {
         prepare(dir)?;
     }
@@ -161,17 +165,38 @@ impl CurvePoint {
     }
 }
 
-/// The curve alone, and the diagonal that its shares are of.
-pub(crate) fn curve(animation: &Animation) -> Result<(f64, Vec<CurvePoint>), Stop> {
+/// The curve alone.
+pub(crate) struct Curve {
+    /// What its shares are of.
+    pub(crate) diagonal: f64,
+    /// Its points, and the frames kept at each.
+    pub(crate) points: Vec<(CurvePoint, Vec<usize>)>,
+}
+
+/// Finds it.
+pub(crate) fn curve(animation: &Animation) -> Result<Curve, Stop> {
     let diagonal = diagonal(animation);
     let mut reducer = Reducer::new(animation);
     let point = |share: f64| {
         let tolerance = share * diagonal;
         let (kept, fit) = verified(animation, &mut reducer, tolerance)?;
-        Ok(CurvePoint::new(animation, share, tolerance, (&kept, &fit)))
+        let point = CurvePoint::new(animation, share, tolerance, (&kept, &fit));
+        Ok((point, kept))
     };
-    let curve: Result<_, Stop> = CURVE.into_iter().map(point).collect();
-    Ok((diagonal, curve?))
+    let points: Result<_, Stop> = CURVE.into_iter().map(point).collect();
+    Ok(Curve {
+        diagonal,
+        points: points?,
+    })
+}
+
+/// What is left of an animation if so many frames are kept, at the times they had.
+pub(crate) fn left(animation: &Animation, kept: &[usize]) -> Result<Animation, Stop> {
+    let keys = kept.iter().map(|&k| animation.keys()[k].clone()).collect();
+    let times = kept.iter().map(|&k| k as f64).collect();
+    let left = Animation::new(keys, animation.triangles().to_vec());
+    let timed = left.and_then(|left| left.timed(times, animation.end()));
+    timed.map_err(Stop::failed)
 }
 
 /// The frames to keep, played once more and measured against all of the original.

@@ -21,7 +21,7 @@ use std::time::Instant;
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     crate::threads::limit(args.device.threads);
     let scene = scene::open(&args.scene, &args.source.options())?;
-    let keys = scene.animation.keys().len();
+    let keys = scene.animation.whole_times();
     let is_demo = args.scene.starts_with(frames::DEMO);
     let frames = frames::list(args.frames, args.time_range, keys, is_demo)?;
     let view = view(args, &scene);

@@ -72,7 +72,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
 
 /// The moment of the tree, if it is another, and the moment to trace.
 fn moments(args: &TraceArgs, animation: &Animation) -> Result<Vec<f64>, Stop> {
-    let keys = animation.keys().len();
+    let keys = animation.whole_times();
     let time = frames::moment("--time", args.time, keys)?;
     match (args.update, args.tree_time) {
         (UpdateName::Async, _) => Err(Stop::bad(

@@ -12,6 +12,14 @@ pub struct Animation {
     never_active: u32,
     /// Found when first asked for.
     static_parts: OnceLock<StaticParts>,
+    times: Option<Times>,
+}
+
+/// Where key frames stand in time, if not at 0, 1, 2 and so on.
+#[derive(Clone, Debug)]
+struct Times {
+    keys: Vec<f64>,
+    end: f64,
 }
 
 /// Where a triangle that is inactive in some key frames stands when it is active.
@@ -47,6 +55,9 @@ pub enum AnimationError {
         /// Vertices there are.
         vertices: usize,
     },
+    /// Times do not suit the key frames.
+    #[error("key frames need one time each, rising from 0 on and none of them after the end")]
+    Times,
     /// More triangles than a record can number.
     #[error("{triangles} triangles are more than the limit of {limit}")]
     TooLarge {
@@ -97,7 +108,35 @@ impl Animation {
             stand_ins,
             never_active,
             static_parts: OnceLock::new(),
+            times: None,
         })
+    }
+
+    /// Plays key frames at times of their own, from 0 to `end`: as what is left of an animation with more of them, in whose
+    /// key frames time is still measured. Before the first and after the last of them nothing moves.
+    ///
+    /// # Errors
+    /// [`AnimationError::Times`].
+    pub fn timed(self, keys: Vec<f64>, end: f64) -> Result<Self, AnimationError> {
+        let rising = keys.is_sorted_by(|a, b| a < b);
+        let within = keys.iter().all(|t| (0.0..=end).contains(t));
+        if keys.len() != self.keys.len() || !rising || !within || !end.is_finite() {
+            return Err(AnimationError::Times);
+        }
+        let times = Some(Times { keys, end });
+        Ok(Self { times, ..self })
+    }
+
+    /// The times of key frames, if they are not 0, 1, 2 and so on.
+    #[must_use]
+    pub fn times(&self) -> Option<&[f64]> {
+        self.times.as_ref().map(|t| &t.keys[..])
+    }
+
+    /// Whole times from 0 to the end: as many as there are key frames, unless these have times of their own.
+    #[must_use]
+    pub fn whole_times(&self) -> usize {
+        self.end() as usize + 1
     }
 
     /// The key frames, each with one position a vertex.
@@ -149,13 +188,17 @@ impl Animation {
     /// The last time there is, in key frames.
     #[must_use]
     pub fn end(&self) -> f64 {
-        (self.keys.len() - 1) as f64
+        let equal = (self.keys.len() - 1) as f64;
+        self.times.as_ref().map_or(equal, |t| t.end)
     }
 
-    /// The pose at `time`; see [`Pose::at`].
+    /// The pose at `time`; see [`Pose::at`] and [`Pose::among`].
     #[must_use]
     pub fn pose(&self, time: f64) -> Pose {
-        Pose::at(time, self.keys.len())
+        match &self.times {
+            Some(times) => Pose::among(time, &times.keys),
+            None => Pose::at(time, self.keys.len()),
+        }
     }
 
     /// One vertex at `pose`: the same bits as every backend's.

@@ -36,6 +36,33 @@ impl Pose {
         }
     }
 
+    /// The pose at `time` of key frames that stand at `times`, which rise: the blend of the two around it, with the
+    /// share of the way from one to the other for a weight, found in double precision and rounded once.
+    ///
+    /// # Panics
+    /// If there are no `times` or `time` is not a number.
+    #[must_use]
+    pub fn among(time: f64, times: &[f64]) -> Self {
+        assert!(!times.is_empty(), "an animation has at least one key frame");
+        assert!(!time.is_nan(), "time must be a number");
+        let key = times.partition_point(|&t| t <= time).saturating_sub(1);
+        let from = times[key];
+        let alpha = match times.get(key + 1) {
+            Some(to) if time > from => ((time - from) / (to - from)) as f32,
+            _ => 0.0,
+        };
+        if alpha >= 1.0 {
+            return Self {
+                key: key as u32 + 1,
+                alpha: 0.0,
+            };
+        }
+        Self {
+            key: key as u32,
+            alpha,
+        }
+    }
+
     /// The position of a vertex that stands at `a` in frame `key` and at `b` in frame `key + 1`.
     ///
     /// `a + (b - a) * alpha`, each operation rounded once (never fused), and
@@ -69,6 +96,26 @@ mod tests {
                 alpha: 0.25
             }
         );
+    }
+
+    #[test]
+    fn key_frames_may_stand_at_times_of_their_own() {
+        let at = |time| {
+            let pose = Pose::among(time, &[0.0, 3.0, 4.0, 8.0]);
+            (pose.key, pose.alpha)
+        };
+        assert_eq!(at(0.0), (0, 0.0));
+        assert_eq!(at(1.0), (0, (1.0_f64 / 3.0) as f32));
+        assert_eq!(at(3.0), (1, 0.0));
+        assert_eq!(at(5.0), (2, 0.25));
+        assert_eq!(at(8.0), (3, 0.0));
+        assert_eq!(at(9.0), (3, 0.0));
+        assert_eq!(at(3.0 - 1e-12), (1, 0.0));
+        assert_eq!(Pose::among(1.0, &[2.0, 3.0]), Pose { key: 0, alpha: 0.0 });
+        // Equal spacing is no exception.
+        for time in [0.0, 0.3, 1.0, 1.999, 2.0, 7.0] {
+            assert_eq!(Pose::among(time, &[0.0, 1.0, 2.0]), Pose::at(time, 3));
+        }
     }
 
     #[test]

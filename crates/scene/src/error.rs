@@ -57,6 +57,14 @@ pub enum SceneError {
         /// The rate asked for.
         fps: f64,
     },
+    /// The file that says when key frames are does not suit them.
+    #[error("{}: {cause}", path.display())]
+    BadTimes {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        cause: String,
+    },
     /// There is neither such a file nor such a directory.
     #[error("{}: no such file or directory", path.display())]
     NotFound {

@@ -17,6 +17,7 @@ mod obj;
 mod ply;
 mod sequence;
 mod source;
+mod times;
 
 pub use demo::{DEMOS, MAX_DEMO_TRIANGLES};
 pub use error::{Place, SceneError};

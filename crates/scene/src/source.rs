@@ -2,7 +2,7 @@
 
 use crate::join::{self, Input};
 use crate::sequence::Format;
-use crate::{Options, Scene, SceneError, clip, demo, sequence};
+use crate::{Options, Scene, SceneError, clip, demo, sequence, times};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -117,12 +117,13 @@ fn directory(path: &Path, options: &Options) -> Result<Scene, SceneError> {
         .file_name()
         .unwrap_or(path.as_os_str())
         .to_string_lossy();
-    frames(
+    let scene = frames(
         name.into_owned(),
         &path.display().to_string(),
         files,
         options,
-    )
+    )?;
+    times::apply(path, scene)
 }
 
 fn pattern(spec: &str, options: &Options) -> Result<Scene, SceneError> {
@@ -293,6 +294,43 @@ mod tests {
             assert!(both && !message.contains('\n'), "{message}");
         }
         assert!(with(obj(2, "f 1 2 3 4\n")).contains("has 1"));
+    }
+
+    #[test]
+    fn times_beside_key_frames_are_kept() {
+        let with = |times: &str| {
+            let files = [
+                ("1.obj", obj(0, TRIANGLE)),
+                ("2.obj", obj(4, TRIANGLE)),
+                ("times.json", times.to_owned()),
+            ];
+            open_in(&folder(&files), "")
+        };
+        let frames = |a: &str, second: &str, end: &str| {
+            let frames = format!(r#"[{{"file":"1.obj","time":{a}}},{{"file":{second}}}]"#);
+            format!(r#"{{"schema":1,"end":{end},"seconds_per_key":0.5,"frames":{frames}}}"#)
+        };
+        let scene = with(&frames("1", r#""2.obj","time":5"#, "8")).unwrap();
+        let animation = &scene.animation;
+        let first = |time| animation.vertex(animation.pose(time), 0)[0];
+        assert_eq!(
+            [0.0, 1.0, 2.0, 5.0, 8.0].map(first),
+            [0.0, 0.0, 1.0, 4.0, 4.0]
+        );
+        assert_eq!((animation.end(), animation.whole_times()), (8.0, 9));
+        assert_eq!(scene.facts.seconds_per_key, Some(0.5));
+        for (times, says) in [
+            (frames("1", r#""2.obj","time":1"#, "8"), "rising"),
+            (frames("1", r#""2.obj","time":9"#, "8"), "after the end"),
+            (frames("-1", r#""2.obj","time":5"#, "8"), "rising from 0"),
+            (frames("1", r#""3.obj","time":5"#, "8"), "files beside it"),
+            ("{}".to_owned(), "missing field"),
+            (r#"{"end":"#.to_owned(), "EOF"),
+        ] {
+            let message = with(&times).unwrap_err();
+            assert!(message.contains(says), "{message}");
+            assert!(message.contains("times.json"), "{message}");
+        }
     }
 
     #[test]

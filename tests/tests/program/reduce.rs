@@ -139,17 +139,39 @@ fn written(source: Source) -> Result<(), Failed> {
     for (place, &key) in kept.iter().enumerate() {
         let time = times["frames"][place]["time"].as_u64();
         ensure(time == Some(key as u64), || format!("{time:?}, not {key}"))?;
-        let pose = |a: &geom::Animation, key: usize| a.pose(key as f64);
+        let pose = |a: &geom::Animation| a.pose(key as f64);
+        ensure(pose(&few.animation).key as usize == place, || {
+            format!("key frame {place} is not played at {key}")
+        })?;
         for t in 0..scene.animation.triangle_count() as u32 {
-            let old = scene.animation.corners(pose(&scene.animation, key), t);
-            let new = few.animation.corners(pose(&few.animation, place), t);
+            let old = scene.animation.corners(pose(&scene.animation), t);
+            let new = few.animation.corners(pose(&few.animation), t);
             let bits = |t: geom::Triangle| t.map(|p| p.map(f32::to_bits));
             ensure(bits(old) == bits(new), || {
                 format!("triangle {t} of key frame {key}: {old:?} became {new:?}")
             })?;
         }
     }
+    ensure(few.animation.end() == scene.animation.end(), || {
+        format!("it ends at {}", few.animation.end())
+    })?;
+    for frame in 0..scene.animation.keys().len() {
+        let off = played_off(&scene.animation, &few.animation, frame as f64);
+        ensure(off <= tolerance, || {
+            format!("played {off} off at {frame}, not within {tolerance}")
+        })?;
+    }
     Ok(())
+}
+
+/// The largest distance of a corner of one animation from that of the other, at the same time.
+fn played_off(a: &geom::Animation, b: &geom::Animation, time: f64) -> f64 {
+    let corners = |a: &geom::Animation, t| a.corners(a.pose(time), t);
+    let off = |t| {
+        let pairs = corners(a, t).into_iter().zip(corners(b, t));
+        pairs.map(|(p, q)| distance(p, q)).fold(0.0, f64::max)
+    };
+    (0..a.triangle_count() as u32).map(off).fold(0.0, f64::max)
 }
 
 fn refused(sandbox: &Sandbox) -> Result<(), Failed> {
