@@ -2,17 +2,19 @@
 
 mod auto;
 mod compare;
+mod floor;
+mod rivals;
 mod text;
 
 use crate::ahead::Ahead;
-use crate::args::{BenchArgs, LayoutName, MethodArgs, PolicyArgs, Switch, UpdateName};
+use crate::args::{BackendName, BenchArgs, LayoutName, MethodArgs, PolicyArgs, Switch, UpdateName};
 use crate::progress::Progress;
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
 use crate::table::mrays;
 use crate::trial::Run;
 use crate::{choose, frames, info, record, talk, threads};
-use backend::{Query, Rays, Seek};
+use backend::{Intersector, Query, Rays, Seek};
 use clap::ValueEnum;
 use pipeline::Frame;
 use report::{FrameStats, Summary, Taken, Time};
@@ -31,6 +33,11 @@ struct Report {
     cores: usize,
     size: [u32; 2],
     rows: Vec<Row>,
+    /// Every run over every other of its scene.
+    ratios: Vec<rivals::Ratio>,
+    /// The byte floor of every run, where that was asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    floors: Vec<floor::Floor>,
     /// How `auto` fared, where that was asked for.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     with_auto: Vec<auto::Check>,
@@ -76,6 +83,8 @@ pub(crate) struct Row {
     tree_age_frames: Option<f64>,
     sah_ratio: Option<f64>,
     sah_cost: Option<f64>,
+    /// What a frame has to move at least.
+    bytes: floor::Bytes,
     /// What was left to `auto`.
     auto: Vec<Taken>,
     /// Intersectors that are known to meet the tolerance.
@@ -147,7 +156,14 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
         }
     }
     drop(progress);
+    rivals::check(&rows, args.against.as_deref())?;
+    let mut bandwidths = floor::Bandwidths::default();
+    let adapter = args.adapter.as_deref();
+    let floored = rows.iter().filter(|_| args.floor);
+    let floors: Result<_, Stop> = floored.map(|r| bandwidths.floor(r, adapter)).collect();
     let report = Report {
+        ratios: rivals::ratios(&rows),
+        floors: floors?,
         schema: 1,
         version: env!("CARGO_PKG_VERSION"),
         command_line: record::command_line(),
@@ -160,10 +176,10 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     if let Some(file) = &args.json {
         report::write_json(file, &report)?;
     }
-    talk::print(&text::text(&report))
+    talk::print(&text::text(&report, args.against.as_deref()))
 }
 
-type Combination = (crate::args::BackendName, (PolicyArgs, Switch), MethodArgs);
+type Combination = (BackendName, (PolicyArgs, Switch), MethodArgs);
 
 /// Everything with everything that makes sense, and remarks on what does not.
 fn combinations(args: &BenchArgs) -> (Vec<Combination>, Vec<String>) {
@@ -210,16 +226,21 @@ fn everything(args: &BenchArgs) -> Vec<Combination> {
                 update,
                 lockstep: None,
             };
-            let methods = args.intersector.iter().flat_map(|&intersector| {
-                args.layout.iter().map(move |&layout| MethodArgs {
-                    intersector,
-                    layout,
-                })
-            });
-            all.extend(methods.map(|method| (backend, (policy, predict), method)));
+            all.extend(methods(args).map(|method| (backend, (policy, predict), method)));
         }
     }
     all
+}
+
+/// Every intersector with every layout.
+fn methods(args: &BenchArgs) -> impl Iterator<Item = MethodArgs> {
+    args.intersector.iter().flat_map(|&intersector| {
+        let layouts = args.layout.iter();
+        layouts.map(move |&layout| MethodArgs {
+            intersector,
+            layout,
+        })
+    })
 }
 
 /// Each update policy, with and without prediction where that makes a difference.
@@ -306,6 +327,11 @@ fn row(
         tree_age_frames: median(|f| Some(f.tree_age_frames as f64)),
         sah_ratio: median(|f| f.sah_ratio),
         sah_cost: median(|f| f.sah_cost),
+        bytes: floor::Bytes::of(
+            &scene.animation,
+            session.method[0].parse().unwrap_or(Intersector::Watertight),
+            pixels,
+        ),
         auto: session.taken.clone(),
         meets: session.meets.iter().map(|i| i.name()).collect(),
         per_frame: frames,

@@ -54,6 +54,13 @@ pub(crate) struct BenchArgs {
     pub(crate) layout: Vec<LayoutName>,
     #[command(flatten)]
     pub(crate) tolerance: ToleranceArgs,
+    /// The run that others are set against, by words of it in order, such as 'vulkan-rt refit' [default: the first of each scene]
+    #[arg(long, value_name = "WORDS")]
+    pub(crate) against: Option<String>,
+    /// Set stages beside the byte floor: what a frame must move through memory, over the bandwidth of a plain
+    /// copy, which is measured once for each backend (on devices, of interpolating 8 million vertices)
+    #[arg(long)]
+    pub(crate) floor: bool,
     /// Compare what auto takes with every choice it has: all update policies and layouts, and all intersectors where
     /// that is left to auto too
     #[arg(long, conflicts_with_all = ["update", "layout"])]

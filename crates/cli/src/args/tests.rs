@@ -63,3 +63,17 @@ fn what_cannot_be_is_refused_by_name() {
     assert!(refused("trace demo:twist").contains("--rays"));
     assert!(refused("paint").contains("paint"));
 }
+
+#[test]
+fn the_intersector_is_watertight_but_where_it_is_left_to_auto() {
+    let intersector = |words: &str| {
+        let words = format!("abvh render demo:twist {words}");
+        match parse_from(words.split(' ').map(Into::into)) {
+            Ok(Command::Render(args)) => args.method.intersector,
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(intersector("--quiet"), IntersectorName::Watertight);
+    assert_eq!(intersector("--tolerance 3"), IntersectorName::Auto);
+    assert_eq!(intersector("--backend cpu"), IntersectorName::Watertight);
+}

@@ -1,6 +1,6 @@
 //! Results of a bench for people.
 
-use super::{Report, Row, auto};
+use super::{Report, Row, auto, floor, rivals};
 use crate::table::{grouped, ms, table};
 
 const HEAD: [&str; 20] = [
@@ -10,7 +10,7 @@ const HEAD: [&str; 20] = [
 ];
 
 /// One row a run, and which device each backend ran on.
-pub(super) fn text(report: &Report) -> String {
+pub(super) fn text(report: &Report, against: Option<&str>) -> String {
     let rows: Vec<_> = report.rows.iter().map(cells).collect();
     let [width, height] = report.size;
     let cpu = report.cpu.as_deref().unwrap_or("unknown cpu");
@@ -19,7 +19,12 @@ pub(super) fn text(report: &Report) -> String {
         table(&HEAD, &rows, 4),
         adapters(&report.rows)
     );
-    if !report.with_auto.is_empty() {
+    if !report.floors.is_empty() {
+        text += &floor::text(&report.floors);
+    }
+    if report.with_auto.is_empty() {
+        text += &rivals::text(&report.rows, against);
+    } else {
         text += &auto::text(&report.with_auto);
     }
     text
