@@ -103,80 +103,127 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     if !args.compare.is_empty() {
         return compare::run(args);
     }
-    let tolerance = args.tolerance.of(&args.intersector)?;
-    let (combinations, skipped) = combinations(args);
-    let total = args.scenes.len() * combinations.len();
-    let (mut rows, mut with_auto) = (Vec::new(), Vec::new());
-    let mut progress = None;
+    let mut bench = Bench::new(args)?;
     for spec in &args.scenes {
         let scene = scene::open(spec, &args.source.options())?;
         let keys = scene.animation.whole_times();
         let frames = frames::list(Some(args.frames), args.time_range, keys, false)?;
+        let place = (&spec[..], &scene, &frames[..]);
         if args.with_auto {
-            let place = auto::Place {
-                args,
-                tolerance,
-                spec,
-                scene: &scene,
-                frames: &frames,
-            };
-            let progress = progress.get_or_insert_with(|| Progress::new(0, args.quiet));
-            for &backend in &args.backend {
-                for &intersector in &args.intersector {
-                    let (check, runs) = place.check((backend, intersector), progress)?;
-                    with_auto.push(check);
-                    rows.extend(runs);
-                }
-            }
-            continue;
-        }
-        for &(ref backend, (policy, predict), method) in &combinations {
-            let ask = Ask {
-                backend: *backend,
-                adapter: args.adapter.as_deref(),
-                threads: args.threads,
-                builder_threads: args.builder_threads,
-                method,
-                update: choose::update(policy, &scene.animation, &frames)?,
-                tolerance,
-                run: None,
-                ahead: Ahead::of(&frames, predict),
-            };
-            let row = measure(args.size, (spec, &scene), &frames, &ask)?;
-            let progress = progress.get_or_insert_with(|| {
-                let progress = Progress::new(total as u64, args.quiet);
-                skipped.iter().for_each(|s| progress.say(s));
-                progress
-            });
-            progress.step(&format!(
-                "{spec} {} {} {}",
-                row.backend, row.update, row.intersector
-            ));
-            rows.push(row);
+            bench.with_auto(place)?;
+        } else {
+            let rows = bench.all(place, args.builder_threads)?;
+            bench.rows.extend(rows);
         }
     }
-    drop(progress);
-    rivals::check(&rows, args.against.as_deref())?;
-    let mut bandwidths = floor::Bandwidths::default();
-    let adapter = args.adapter.as_deref();
-    let floored = rows.iter().filter(|_| args.floor);
-    let floors: Result<_, Stop> = floored.map(|r| bandwidths.floor(r, adapter)).collect();
-    let report = Report {
-        ratios: rivals::ratios(&rows),
-        floors: floors?,
-        schema: 1,
-        version: env!("CARGO_PKG_VERSION"),
-        command_line: record::command_line(),
-        cpu: info::cpu_model(),
-        cores: threads::cores(),
-        size: args.size,
-        rows,
-        with_auto,
-    };
+    let report = bench.report()?;
     if let Some(file) = &args.json {
         report::write_json(file, &report)?;
     }
     talk::print(&text::text(&report, args.against.as_deref()))
+}
+
+/// All that is under way.
+struct Bench<'a> {
+    args: &'a BenchArgs,
+    tolerance: f64,
+    combinations: Vec<Combination>,
+    progress: Progress,
+    rows: Vec<Row>,
+    checks: Vec<auto::Check>,
+}
+
+/// A scene by its name, and the frames to run.
+type Place<'a> = (&'a str, &'a Scene, &'a [Frame]);
+
+impl<'a> Bench<'a> {
+    fn new(args: &'a BenchArgs) -> Result<Self, Stop> {
+        let (combinations, skipped) = combinations(args);
+        let progress = Progress::new(0, args.quiet);
+        if !args.with_auto {
+            skipped.iter().for_each(|s| progress.say(s));
+        }
+        Ok(Self {
+            args,
+            tolerance: args.tolerance.of(&args.intersector)?,
+            combinations,
+            progress,
+            rows: Vec::new(),
+            checks: Vec::new(),
+        })
+    }
+
+    /// Every combination over one scene.
+    fn all(
+        &mut self,
+        (spec, scene, frames): Place<'_>,
+        builder_threads: Option<usize>,
+    ) -> Result<Vec<Row>, Stop> {
+        let args = self.args;
+        self.progress.lengthen(self.combinations.len() as u64);
+        let mut rows = Vec::with_capacity(self.combinations.len());
+        for &(backend, (policy, predict), method) in &self.combinations {
+            let ask = Ask {
+                backend,
+                adapter: args.adapter.as_deref(),
+                threads: args.threads,
+                builder_threads,
+                method,
+                update: choose::update(policy, &scene.animation, frames)?,
+                tolerance: self.tolerance,
+                run: None,
+                ahead: Ahead::of(frames, predict),
+            };
+            let row = measure(args.size, (spec, scene), frames, &ask)?;
+            let words = [spec, row.backend, row.update, row.intersector];
+            self.progress.step(&words.join(" "));
+            rows.push(row);
+        }
+        Ok(rows)
+    }
+
+    /// What `auto` takes beside all it could take.
+    fn with_auto(&mut self, (spec, scene, frames): Place<'_>) -> Result<(), Stop> {
+        let (args, tolerance) = (self.args, self.tolerance);
+        let place = auto::Place {
+            args,
+            tolerance,
+            spec,
+            scene,
+            frames,
+        };
+        for &backend in &args.backend {
+            for &intersector in &args.intersector {
+                let (check, runs) = place.check((backend, intersector), &mut self.progress)?;
+                self.checks.push(check);
+                self.rows.extend(runs);
+            }
+        }
+        Ok(())
+    }
+
+    fn report(self) -> Result<Report, Stop> {
+        let Self {
+            args, rows, checks, ..
+        } = self;
+        rivals::check(&rows, args.against.as_deref())?;
+        let mut bandwidths = floor::Bandwidths::default();
+        let adapter = args.adapter.as_deref();
+        let floored = rows.iter().filter(|_| args.floor);
+        let floors: Result<_, Stop> = floored.map(|r| bandwidths.floor(r, adapter)).collect();
+        Ok(Report {
+            schema: 1,
+            version: env!("CARGO_PKG_VERSION"),
+            command_line: record::command_line(),
+            cpu: info::cpu_model(),
+            cores: threads::cores(),
+            size: args.size,
+            ratios: rivals::ratios(&rows),
+            floors: floors?,
+            rows,
+            with_auto: checks,
+        })
+    }
 }
 
 type Combination = (BackendName, (PolicyArgs, Switch), MethodArgs);

@@ -123,6 +123,32 @@ pub(crate) fn open(
     join(spec, opened)
 }
 
+/// With the times that the key frames of all inputs that move have in common, if they have times of their own.
+fn timed(spec: &str, joined: Animation, scenes: &[Scene]) -> Result<Animation, SceneError> {
+    let moving = || {
+        scenes
+            .iter()
+            .map(|s| &s.animation)
+            .filter(|a| a.keys().len() > 1)
+    };
+    let Some(first) = moving().find(|a| a.times().is_some()) else {
+        return Ok(joined);
+    };
+    let same = |a: &Arc<Animation>| a.times() == first.times() && a.end() == first.end();
+    let bad = |cause: String| SceneError::BadTimes {
+        path: spec.into(),
+        cause,
+    };
+    if !moving().all(same) {
+        let cause = "the key frames of one input are at other times than those of another";
+        return Err(bad(cause.to_owned()));
+    }
+    let times = first.times().unwrap_or_default().to_vec();
+    joined
+        .timed(times, first.end())
+        .map_err(|e| bad(e.to_string()))
+}
+
 fn join(spec: &str, parts: Vec<(Scene, Place)>) -> Result<Scene, SceneError> {
     let keys = key_count(&parts)?;
     let vertices = parts.iter().map(|(s, _)| s.animation.vertex_count()).sum();
@@ -144,9 +170,10 @@ fn join(spec: &str, parts: Vec<(Scene, Place)>) -> Result<Scene, SceneError> {
         first += scene.animation.vertex_count() as u32;
     }
     let scenes: Vec<Scene> = parts.into_iter().map(|(scene, _)| scene).collect();
+    let animation = timed(spec, Animation::new(frames, triangles)?, &scenes)?;
     Ok(Scene {
         name: joined(scenes.iter().map(|s| s.name.as_str())),
-        animation: Arc::new(Animation::new(frames, triangles)?),
+        animation: Arc::new(animation),
         facts: facts(&scenes),
         colours: scenes.into_iter().flat_map(|s| s.colours).collect(),
     })

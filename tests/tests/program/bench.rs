@@ -12,6 +12,10 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("bench::the_table_has_all_columns", table),
         trial("bench::an_absent_adapter_is_refused", adapter),
         trial(
+            "bench::runs_are_set_against_each_other_and_the_floor",
+            rivals,
+        ),
+        trial(
             "bench::auto_stands_beside_all_that_it_could_take",
             with_auto,
         ),
@@ -165,4 +169,33 @@ fn compare(sandbox: &Sandbox) -> Result<(), Failed> {
     missing.fails(2, &["nowhere.json"])?;
     let other = sandbox.run("bench --compare old.json else.json");
     other.fails(2, &["else.json", "neither"])
+}
+
+fn rivals(sandbox: &Sandbox) -> Result<(), Failed> {
+    let words = "--frames 4 --update refit,rebuild --floor --json b.json";
+    let run = sandbox
+        .run(&format!("{SMALL} {words} --against rebuild"))
+        .succeeds()?;
+    ensure(
+        run.stdout.contains("times over those of cpu rebuild"),
+        || run.stdout.clone(),
+    )?;
+    ensure(run.stdout.contains("the least a frame must move"), || {
+        run.stdout
+    })?;
+    let json: Value = serde_json::from_slice(&sandbox.read("b.json"))?;
+    let wall = |run: usize| json["rows"][run]["wall_ms"].as_f64().unwrap_or(f64::NAN);
+    let ratio = json["ratios"][0]["wall"].as_f64().ok_or("no ratio")?;
+    ensure((ratio - wall(0) / wall(1)).abs() < 1e-9, || {
+        format!("{ratio} of {} and {}", wall(0), wall(1))
+    })?;
+    let floor = &json["floors"][0];
+    let number = |of: &Value| of.as_f64().unwrap_or(f64::NAN);
+    let bytes = number(&floor["bytes"]["interpolate"]);
+    let ms = 1e3 * bytes / number(&floor["copy_bytes_per_s"]);
+    ensure((number(&floor["interpolate_ms"]) - ms).abs() < 1e-9, || {
+        floor.to_string()
+    })?;
+    let other = sandbox.run(&format!("{SMALL} --frames 2 --against vulkan-rt"));
+    other.fails(2, &["vulkan-rt", "cpu refit watertight bvh2"])
 }

@@ -117,3 +117,27 @@ fn a_clip_is_asked_of_inputs_that_have_clips_alone() {
     let message = open_in(&folder, "still.obj+gone.glb", &options).unwrap_err();
     assert!(message.contains("gone.glb: no such file"), "{message}");
 }
+
+#[test]
+fn times_of_inputs_that_move_are_kept_if_they_are_the_same() {
+    let folder = folder();
+    let times = |of: &str, second: f64| {
+        let text = format!(
+            r#"{{"end":9,"frames":[{{"file":"1.obj","time":0}},{{"file":"2.obj","time":{second}}}]}}"#
+        );
+        fs::write(folder.path().join(of).join("times.json"), text).unwrap();
+    };
+    times("two", 6.0);
+    let alone = open_in(&folder, "still.obj+two", &Options::default()).unwrap();
+    assert_eq!(alone.animation.times(), Some(&[0.0, 6.0][..]));
+    assert_eq!(alone.animation.end(), 9.0);
+    fs::create_dir(folder.path().join("too")).unwrap();
+    for file in ["1.obj", "2.obj"] {
+        let from = folder.path().join("two").join(file);
+        fs::copy(from, folder.path().join("too").join(file)).unwrap();
+    }
+    let message = open_in(&folder, "two+too", &Options::default()).unwrap_err();
+    assert!(message.contains("other times"), "{message}");
+    times("too", 6.0);
+    open_in(&folder, "two+too", &Options::default()).unwrap();
+}
