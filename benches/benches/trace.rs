@@ -2,7 +2,7 @@
 //!
 //! A table of hits follows each group: trees that answer differently do not do the same work.
 
-use backend::{Intersector, Query, Rays, Seek};
+use backend::{Intersector, Layout, Method, Query, Rays, Seek};
 use benches::{
     Bvh, Mesh, Obvhs, Parry, Rival, Tracer, built, camera, criterion, meshes, pool, primary_rays,
     print_table, shadow_rays, thread_counts,
@@ -14,6 +14,13 @@ use rayon::prelude::*;
 
 /// Rays that one task of a rival traces.
 const TASK: usize = 512;
+
+/// Our own ways. A camera's rays run together where the layout can; a list's run one by one.
+const OURS: [(Intersector, Layout); 3] = [
+    (Intersector::Watertight, Layout::Fast),
+    (Intersector::Watertight, Layout::Bvh2),
+    (Intersector::MollerTrumbore, Layout::Bvh2),
+];
 
 /// What one group traces.
 struct Work<'a> {
@@ -28,7 +35,7 @@ fn main() {
     let threads = thread_counts().pop().unwrap_or(1);
     for mesh in meshes() {
         let camera = camera(&mesh);
-        let mut watertight = ready(&mesh, Intersector::Watertight, threads);
+        let mut watertight = ready(&mesh, Method::default(), threads);
         let primary = primary_rays(&camera);
         let shadow = shadow_rays(&mesh, &primary, &mut watertight);
         drop(watertight);
@@ -52,9 +59,18 @@ fn bench_all(criterion: &mut Criterion, kind: &str, work: &Work<'_>, camera: Ray
     let list = Rays::List(work.rays);
     let rays = if work.any { list } else { camera };
     let mut hits = Vec::new();
-    for intersector in [Intersector::Watertight, Intersector::MollerTrumbore] {
-        hits.push(bench_ours(&mut group, work, intersector, rays));
+    for (intersector, layout) in OURS {
+        let method = Method {
+            intersector,
+            layout,
+        };
+        hits.push(bench_ours(&mut group, work, method, rays));
+        if layout == Layout::Fast && !work.any {
+            hits.push(bench_ours(&mut group, work, method, list));
+        }
     }
+    #[cfg(feature = "embree")]
+    hits.push(bench_rival::<benches::Embree>(&mut group, work));
     hits.push(bench_rival::<Obvhs<false>>(&mut group, work));
     hits.push(bench_rival::<Obvhs<true>>(&mut group, work));
     hits.push(bench_rival::<Bvh>(&mut group, work));
@@ -64,9 +80,9 @@ fn bench_all(criterion: &mut Criterion, kind: &str, work: &Work<'_>, camera: Ray
 }
 
 /// A backend with a fresh tree.
-fn ready(mesh: &Mesh, intersector: Intersector, threads: usize) -> Tracer {
+fn ready(mesh: &Mesh, method: Method, threads: usize) -> Tracer {
     let ours = built(mesh, &pool(threads));
-    let mut tracer = Tracer::new(mesh, intersector, threads);
+    let mut tracer = Tracer::with(mesh, method, threads);
     tracer.adopt(ours.record());
     tracer.refit();
     tracer
@@ -75,12 +91,16 @@ fn ready(mesh: &Mesh, intersector: Intersector, threads: usize) -> Tracer {
 fn bench_ours(
     group: &mut BenchmarkGroup<'_, WallTime>,
     work: &Work<'_>,
-    intersector: Intersector,
+    method: Method,
     rays: Rays<'_>,
 ) -> Vec<String> {
     let seek = if work.any { Seek::Any } else { Seek::Closest };
-    let mut tracer = ready(work.mesh, intersector, work.threads);
-    let name = format!("abvh {intersector}");
+    let mut tracer = ready(work.mesh, method, work.threads);
+    let from = match rays {
+        Rays::Camera(_) => "a camera",
+        Rays::List(_) => "a list",
+    };
+    let name = format!("abvh {} {}, {from}", method.layout, method.intersector);
     group.bench_function(&name, |b| b.iter(|| tracer.trace(Query { rays, seek })));
     row(&name, work, tracer.trace(Query { rays, seek }))
 }
