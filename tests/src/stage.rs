@@ -22,8 +22,21 @@ impl Stage {
     #[must_use]
     pub fn new(animation: &Arc<Animation>, intersector: Intersector, threads: usize) -> Self {
         let backend = cpu_ref::CpuBackend::new(Some(threads)).expect("threads can be had");
+        Self::over(Box::new(backend), animation, intersector)
+    }
+
+    /// Any backend.
+    ///
+    /// # Panics
+    /// If it refuses the scene.
+    #[must_use]
+    pub fn over(
+        backend: Box<dyn Backend>,
+        animation: &Arc<Animation>,
+        intersector: Intersector,
+    ) -> Self {
         let mut stage = Self {
-            backend: Box::new(backend),
+            backend,
             animation: Arc::clone(animation),
             tools: Workbench::new(),
             generation: Generation(0),
@@ -38,6 +51,12 @@ impl Stage {
             .load(Arc::clone(animation), method)
             .expect("the scene fits");
         stage
+    }
+
+    /// The backend, for another scene.
+    #[must_use]
+    pub fn into_backend(self) -> Box<dyn Backend> {
+        self.backend
     }
 
     /// Adopts a tree built from the vertices at `time`.

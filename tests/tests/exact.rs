@@ -1,6 +1,6 @@
 //! `exact` against the oracle, which shares no code with it: every ray, without exception.
 
-use backend::{Hits, Intersector, Query, Rays, Seek};
+use backend::{Backend, Hits, Intersector, Query, Rays, Seek};
 use conformance::nth_case;
 use geom::{Animation, Hit, Point, Ray, Triangle};
 use integration::rays::{Target, aimed, camera, light, of_camera};
@@ -19,6 +19,7 @@ fn main() -> ExitCode {
     trials.extend(
         (0..7).map(|k| Trial::test(format!("odd_scenes_of_kind_{k}"), move || odd_scenes(k))),
     );
+    trials.extend([Device::Vulkan, Device::Wgpu].map(Device::trial));
     libtest_mimic::run(&arguments, trials).exit_code()
 }
 
@@ -144,10 +145,55 @@ fn odd_scenes(kind: u32) -> Result<(), Failed> {
     Ok(())
 }
 
+/// Likewise on a device.
+fn odd_scenes_on(device: Device) -> Result<(), Failed> {
+    let mut backend = device.open()?;
+    for i in 0..28 {
+        let case = nth_case(11, i);
+        let mut stage = Stage::over(backend, &case.animation, Intersector::Exact);
+        check_on(&mut stage, &case.animation, case.times[1], &case.rays)
+            .map_err(|e| format!("case {i}: {}", e.message().unwrap_or_default()))?;
+        backend = stage.into_backend();
+    }
+    Ok(())
+}
+
+/// Whose kernels settle rays.
+#[derive(Clone, Copy, Debug)]
+enum Device {
+    Vulkan,
+    Wgpu,
+}
+
+impl Device {
+    fn open(self) -> backend::Result<Box<dyn Backend>> {
+        Ok(match self {
+            Self::Vulkan => Box::new(gpu_vulkan::VulkanBackend::new(&Default::default())?),
+            Self::Wgpu => Box::new(gpu_wgpu::WgpuBackend::new(&Default::default())?),
+        })
+    }
+
+    /// Ignored where there is no device.
+    fn trial(self) -> Trial {
+        let name = format!("odd_scenes_on_{self:?}").to_lowercase();
+        let there = self.open().is_ok();
+        Trial::test(name, move || odd_scenes_on(self)).with_ignored_flag(!there)
+    }
+}
+
 /// Closest hits and any hits of all rays, each against the oracle.
 fn check(animation: &Arc<Animation>, time: f64, rays: &[Ray]) -> Result<(), Failed> {
-    let oracle = Oracle::at(animation, animation.pose(time));
     let mut stage = Stage::new(animation, Intersector::Exact, 2);
+    check_on(&mut stage, animation, time, rays)
+}
+
+fn check_on(
+    stage: &mut Stage,
+    animation: &Animation,
+    time: f64,
+    rays: &[Ray],
+) -> Result<(), Failed> {
+    let oracle = Oracle::at(animation, animation.pose(time));
     stage.plant(time);
     let mut ask = |seek| {
         stage.trace(
