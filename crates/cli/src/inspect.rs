@@ -72,7 +72,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
     }
 }
 
-/// What `render` would take with the same tolerance, found out as it would.
+/// What `render` would take if all were left to `auto`, found out as it would.
 fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec<Taken>, Stop> {
     let policy = PolicyArgs {
         update: UpdateName::Auto,
@@ -90,10 +90,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         },
     });
     let method = MethodArgs {
-        intersector: match args.tolerance.tolerance {
-            Some(_) => IntersectorName::Auto,
-            None => IntersectorName::Watertight,
-        },
+        intersector: IntersectorName::Auto,
         layout: LayoutName::Auto,
     };
     let ask = Ask {
