@@ -9,7 +9,7 @@ mod plain;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-use plain::Plain;
+pub(crate) use plain::Plain;
 
 /// An expression for each of three axes or corners. Closures are compiled on their own, and so without the
 /// instructions; expressions are part of the function that they stand in.
