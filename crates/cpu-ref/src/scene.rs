@@ -14,7 +14,7 @@ use crate::trace::Tracer;
 use crate::traverse::Target;
 use crate::triangle_test::{Record, TriangleTest};
 use crate::watertight::Watertight;
-use crate::wide::{Wide, WideTracer};
+use crate::wide::{Moving, Wide, WideTracer};
 use crate::woop::Woop;
 use backend::{BackendError, Intersector, Layout, Method, Rays, Result, check_tree};
 use bvh_build::MAX_DEPTH;
@@ -125,7 +125,10 @@ impl Scene {
             return Err(BackendError::WrongTree(why));
         }
         if let Some(wide) = &mut self.wide {
-            return wide.collapse(tree, self.animation.triangles());
+            wide.collapse(tree, self.animation.triangles())?;
+            let parts = self.animation.static_parts();
+            wide.moving = tree.moving().map(|_| Moving::of(wide, &parts.triangles));
+            return Ok(());
         }
         let leaves = tree.leaf_count();
         reserve(&mut self.nodes.pairs, leaves + 1, "nodes")?;

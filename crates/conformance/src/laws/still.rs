@@ -2,26 +2,45 @@
 
 use crate::Case;
 use crate::compare::{answers, lists, same_box, same_point};
-use crate::stage::{boxes_anew, open, plainly, stand, start, tree_at, vertices};
+use crate::stage::{
+    boxes_anew, methods, open, open_with, plainly, stand, start, tree_at, vertices,
+};
 use crate::topologies::{Split, live, record};
-use backend::{Backend, Generation, Hits, Rays, Seek};
+use backend::{Backend, Generation, Hits, Method, Rays, Seek};
 use bvh_layout::Topology;
 use geom::Aabb;
 
 /// Frames that are looked at.
 const FRAMES: u64 = 7;
+/// By how much, relatively, costs of trees may differ: sums in single precision, taken in any order.
+const COST_TOLERANCE: f64 = 1e-4;
 
-/// A tree that comes with lists of what moves gives the positions, boxes, counts
-/// and hits of one that comes without, frame after frame and tree after tree,
-/// whichever stages were done before.
+/// A tree that comes with lists of what moves gives the positions, boxes, counts,
+/// cost and hits of one that comes without, frame after frame and tree after tree,
+/// whichever stages were done before, in every layout.
 pub(crate) fn passed_over(
+    case: &Case,
+    subject: &mut dyn Backend,
+    reference: &mut dyn Backend,
+) -> Result<(), String> {
+    for method in methods(subject, &case.animation)? {
+        if method.intersector == Method::default().intersector {
+            passed_over_by(method, case, subject, reference)
+                .map_err(|e| format!("{method:?}: {e}"))?;
+        }
+    }
+    Ok(())
+}
+
+fn passed_over_by(
+    method: Method,
     case: &Case,
     subject: &mut dyn Backend,
     reference: &mut dyn Backend,
 ) -> Result<(), String> {
     let mut rng = fastrand::Rng::with_seed(case.chance);
     let mut tree = tree_at(&case.animation, case.times[0]);
-    open(subject, &case.animation, case.times[0])?;
+    open_with(subject, &case.animation, case.times[0], method).map_err(plainly)?;
     let mut now = case.times[0];
     stand(subject, &case.animation, now)?;
     for frame in 0..FRAMES {
@@ -83,6 +102,7 @@ fn sound(words: Vec<u32>) -> Topology {
 struct View {
     boxes: Vec<Aabb>,
     counts: [u64; 3],
+    cost: Option<f64>,
     hits: Hits,
 }
 
@@ -99,6 +119,7 @@ fn look(case: &Case, backend: &mut dyn Backend, now: f64) -> Result<View, String
     Ok(View {
         boxes: backend.inspect().boxes().map_err(plainly)?,
         counts: [report.inactive, report.degenerate, report.hits],
+        cost: report.sah_cost,
         hits,
     })
 }
@@ -124,11 +145,19 @@ fn same(case: &Case, now: f64, seen: &View, expected: &View) -> Result<(), Strin
             "inactive, degenerate, hits are {seen:?}, expected {expected:?}"
         ));
     }
-    answers(
-        case,
-        now,
-        Rays::List(&case.rays),
-        &seen.hits,
-        &expected.hits,
-    )
+    same_cost(case, seen, expected)?;
+    let rays = Rays::List(&case.rays);
+    answers(case, now, rays, &seen.hits, &expected.hits)
+}
+
+/// Costs agree, where there are any and areas neither overflow nor vanish in single precision.
+fn same_cost(case: &Case, seen: &View, expected: &View) -> Result<(), String> {
+    let (Some(seen), Some(expected)) = (seen.cost, expected.cost) else {
+        return Ok(());
+    };
+    let ordinary = case.animation.scale_exponent() == 0;
+    if ordinary && (seen / expected - 1.0).abs() > COST_TOLERANCE {
+        return Err(format!("the tree's cost is {seen}, expected {expected}"));
+    }
+    Ok(())
 }

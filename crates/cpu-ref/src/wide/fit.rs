@@ -13,17 +13,15 @@ use rayon::prelude::*;
 const RUN: usize = 128;
 
 impl Wide {
-    /// Sets the corners of all blocks, and the boxes of nodes that stand for blocks.
-    pub(crate) fn preprocess(&mut self, geometry: Geometry<'_>) -> Unhittable {
+    /// Sets the corners of all blocks, and the boxes of nodes that stand for blocks. Returns the areas within blocks, too.
+    pub(super) fn preprocess_whole(&mut self, geometry: Geometry<'_>) -> (Unhittable, f64) {
         let part = Part {
             nodes: &mut self.nodes,
             blocks: &mut self.blocks,
             sources: &self.sources,
             first_blocks: &self.first_blocks,
         };
-        let (unhittable, areas) = part.preprocess(geometry, self.level);
-        self.block_areas = areas;
-        unhittable
+        part.preprocess(geometry, self.level)
     }
 
     /// Makes the record of each lane for tests that ask for one. Comes after [`Wide::preprocess`].
@@ -43,10 +41,9 @@ impl Wide {
         });
     }
 
-    /// Sets the boxes of inner nodes, deepest first. Returns the half areas of all
-    /// boxes of the binary tree, as [`crate::refit::refit`] does.
-    pub(crate) fn refit(&mut self, sums: &mut Vec<f64>) -> f64 {
-        let mut total = self.block_areas;
+    /// Sets the boxes of inner nodes, deepest first. Returns the half areas of boxes between those.
+    pub(super) fn refit_whole(&mut self, sums: &mut Vec<f64>) -> f64 {
+        let mut total = 0.0;
         for level in self.levels.iter().rev() {
             let (upper, below) = self.nodes.split_at_mut(level.end);
             let (first, nodes) = (level.end, &mut upper[level.clone()]);
@@ -62,9 +59,14 @@ impl Wide {
             });
             total += sums.iter().sum::<f64>();
         }
+        total
+    }
+
+    /// Takes the tree's own box, after a refit that found `between`. Returns the areas of all boxes.
+    pub(super) fn total_areas(&mut self, between: f64) -> f64 {
         let (root, areas) = fold(&self.nodes[0].planes, &self.nodes[0].ranges);
         self.root = root;
-        total + areas
+        self.block_areas + between + areas
     }
 }
 
@@ -134,14 +136,34 @@ impl Work for PreprocessRun<'_> {
                 }
                 let at = link.index() - base;
                 let (block, source) = (&mut part.blocks[at], &part.sources[at]);
-                let planes = fill::<I>(&self.geometry, source, block, &mut unhittable);
-                let (whole, between) = fold(&planes, &source.ranges);
-                set_bounds(&mut node.planes, lane, &whole);
-                areas += between + lane_areas(&planes);
+                let to = (&mut *node, lane, block);
+                areas += fit_block::<I>(&self.geometry, source, to, &mut unhittable);
             }
         }
         (unhittable, areas)
     }
+}
+
+/// Sets a block's corners and its box in its node's lane. Returns the areas within.
+#[inline(always)]
+pub(super) fn fit_block<I: Isa>(
+    geometry: &Geometry<'_>,
+    source: &Source,
+    (node, lane, block): (&mut Node, usize, &mut Block),
+    unhittable: &mut Unhittable,
+) -> f64 {
+    let planes = fill::<I>(geometry, source, block, unhittable);
+    let (whole, between) = fold(&planes, &source.ranges);
+    set_bounds(&mut node.planes, lane, &whole);
+    between + lane_areas(&planes)
+}
+
+/// Sets an inner child's box in its node's lane. Returns the areas between its own children.
+#[inline(always)]
+pub(super) fn fit_child(node: &mut Node, lane: usize, child: &Node) -> f64 {
+    let (whole, between) = fold(&child.planes, &child.ranges);
+    set_bounds(&mut node.planes, lane, &whole);
+    between
 }
 
 /// Sets a block's corners and returns its triangles' boxes.
@@ -274,10 +296,7 @@ impl Work for RefitRun<'_> {
                 if link.is_block() || link == Link::ROOT {
                     continue;
                 }
-                let child = &self.below[link.index() - self.first];
-                let (whole, between) = fold(&child.planes, &child.ranges);
-                set_bounds(&mut node.planes, lane, &whole);
-                sum += between;
+                sum += fit_child(node, lane, &self.below[link.index() - self.first]);
             }
         }
         sum

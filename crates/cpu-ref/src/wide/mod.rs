@@ -12,6 +12,7 @@ mod fit;
 mod fold;
 mod jobs;
 mod leaf;
+mod moving;
 mod packet;
 mod search;
 #[cfg(test)]
@@ -22,6 +23,7 @@ mod tree;
 mod visit;
 mod walk;
 
+pub(crate) use moving::Moving;
 pub(crate) use trace::WideTracer;
 pub(crate) use tree::Wide;
 pub(crate) use walk::Stack;

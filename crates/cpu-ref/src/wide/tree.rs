@@ -2,6 +2,7 @@
 
 use super::collapse::Memory;
 use super::fold::Ranges;
+use super::moving::Moving;
 use crate::simd::Level;
 use crate::triangle_test::Record;
 use bvh_layout::Topology;
@@ -131,6 +132,8 @@ pub(crate) struct Wide {
     /// The binary tree, for whoever asks for its boxes.
     pub(crate) binary: Topology,
     pub(crate) memory: Memory,
+    /// What moves, if the binary tree came with lists of it.
+    pub(crate) moving: Option<Moving>,
 }
 
 impl Wide {
@@ -148,6 +151,7 @@ impl Wide {
             level,
             binary: Topology::default(),
             memory: Memory::default(),
+            moving: None,
         }
     }
 }
