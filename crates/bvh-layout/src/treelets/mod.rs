@@ -91,7 +91,7 @@ impl Treelets {
     /// The same tree as a record's.
     ///
     /// One thread, about 40 ns a triangle: whoever has the binary tree asks for
-    /// [`Topology::add_treelets`] instead.
+    /// [`Topology::with_treelets`] instead.
     #[must_use]
     pub fn of(topology: &Topology) -> Self {
         let (left_leaves, order) = depth_first::arrays(topology);
