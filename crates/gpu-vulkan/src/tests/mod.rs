@@ -56,6 +56,7 @@ const ON_DEVICE: &[(&str, Test)] = named![
     rebuild::trees_of_any_size_are_whole,
     rebuild::boxes_are_those_that_a_refit_of_the_same_tree_finds,
     rebuild::no_tree_is_too_deep_for_the_traversal,
+    rebuild::extreme_coordinates_make_a_tree,
     rebuild::equal_triangles_make_a_tree_without_long_paths,
     rebuild::triangles_are_sorted_by_their_keys_and_equal_keys_keep_their_order,
     rebuild::a_tree_made_here_costs_hardly_more_than_the_hosts,

@@ -61,27 +61,32 @@ pub(super) fn boxes_are_those_that_a_refit_of_the_same_tree_finds() {
     }
 }
 
-/// Scenes that make merging as slow as it gets: each neighbour farther than the one before.
+/// One within the other: each round but the last ones merges only the innermost two.
 pub(super) fn no_tree_is_too_deep_for_the_traversal() {
     let mut backend = device();
-    let growing = |i: u32| {
-        let x = (1.0 + 1e-3 * f64::from(i)).powi(i as i32 / 8) as f32;
-        [x, 0.5 * x, 0.0]
-    };
-    let equal = |_: u32| [0.25; 3];
+    for count in [300, 3000] {
+        let corners = |i: u32| {
+            let s = 1.1_f32.powi(i as i32 % 300);
+            [[-s, -s, 0.0], [s, -s, 0.0], [0.0, s, 0.0]]
+        };
+        let key: Vec<Point> = (0..count).flat_map(corners).collect();
+        let triangles = (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
+        let animation = Animation::new(vec![key], triangles.collect()).unwrap();
+        let (tree, _) = made(&mut backend, &Arc::new(animation), 0.0);
+        let levels = tree.level_count();
+        assert!((40..=65).contains(&levels), "{count}: {levels}");
+    }
+}
+
+pub(super) fn extreme_coordinates_make_a_tree() {
+    let mut backend = device();
     let far = |i: u32| [i as f32 * 1e34, -1e38, 1e37];
-    let scenes: [(&dyn Fn(u32) -> Point, f32); 4] = [
-        (&growing, 1e-6),
-        (&equal, 1.0),
-        (&far, 1e30),
-        (&|i| [0.0, 0.0, i as f32], 0.5),
-    ];
+    let line = |i: u32| [0.0, 0.0, i as f32];
+    let near = |i: u32| [1e-30 * i as f32, 0.0, 0.0];
+    let scenes: [(&dyn Fn(u32) -> Point, f32); 3] = [(&far, 1e30), (&line, 0.5), (&near, 1e-32)];
     for (point, size) in scenes {
-        for count in [600, 3000] {
-            let animation = at_points((0..count).map(point), size);
-            let (tree, _) = made(&mut backend, &animation, 0.0);
-            assert!(tree.level_count() <= 65);
-        }
+        let animation = at_points((0..3000).map(point), size);
+        made(&mut backend, &animation, 0.0);
     }
 }
 
