@@ -34,7 +34,7 @@ fn main() -> Result<()> {
 
 /// All kernels of a folder as a Rust constant.
 fn table(about: &str, constant: &str, folder: &Path) -> Result<String> {
-    let mut table = format!("/// {about}\npub const {constant}: &[Kernel] = &[\n");
+    let mut table = format!("/// {about}\npub static {constant}: &[Kernel] = &[\n");
     for stem in stitch::kernels(folder)? {
         let path = || folder.join(&stem).display().to_string();
         table.push_str(&compile(folder, &stem).with_context(path)?);

@@ -201,7 +201,7 @@ mod tests {
         assert_eq!(refused, expected);
         assert_eq!(check_trees(&least()), Ok(()));
         let cramped = Limits {
-            max_compute_workgroup_storage_size: 8192,
+            max_compute_workgroup_storage_size: 14336,
             ..least()
         };
         assert_eq!(check(&cramped), Ok(()));
