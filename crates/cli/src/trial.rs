@@ -1,8 +1,12 @@
 //! What `auto` takes, found out by trying: a few frames of the run itself, on the backend that will do it.
 //!
 //! First every method left open (intersector, layout) is timed; then the cheapest that meets the
-//! tolerance is taken, and with it every update policy is timed over stretches of the run. Lists of methods and
-//! policies are those of the command line, so that whatever is added there is tried here.
+//! tolerance is taken, and with it every update policy is timed over all parts of the run. Lists of methods and
+//! policies are those of the command line, so that whatever is added there is tried here. Where there is no time for
+//! that, a rule decides by how the first tree decays over a sample of triangles.
+//!
+//! **Time.** Policies are tried for at most [`LEAST_MS`] or [`SHARE`] of the run, and the one under way is not cut short;
+//! methods before that take some frames each.
 //!
 //! **Tolerance 0 is not measured but proven:** no sample shows that a rate is zero, and by definition
 //! (`ARCHITECTURE.md`, "What a hit is") `exact` alone is free of wrong answers. A tolerance above 0 is shown by a
@@ -11,7 +15,9 @@
 //! What is hit does not depend on policy and layout, so that what they were chosen by cannot show in
 //! any answer. The intersector can; it is therefore left to `auto` only by name.
 
+mod facts;
 mod methods;
+mod plan;
 mod policies;
 mod sample;
 mod stand;
@@ -22,20 +28,22 @@ use crate::session::Ask;
 use crate::stop::Stop;
 use backend::{Intersector, Layout, Method, Query};
 use clap::ValueEnum;
+use facts::Facts;
 use geom::Animation;
 use pipeline::{Frame, Update};
-use policies::{Guess, Plan};
+use plan::Guess;
+use policies::{Outcome, Timed, Trial};
 use sample::{Sample, Wrong};
 pub(crate) use stand::Stand;
 
 /// Fewer frames are not worth a trial.
 const FEW: usize = 16;
 /// Milliseconds that a trial of update policies may take, however short the run.
-const LEAST_MS: f64 = 1500.0;
+const LEAST_MS: f64 = 3000.0;
 /// Share of the run that it may take if that is longer.
 const SHARE: f64 = 0.05;
-/// Frames whose device times stand behind a method.
-const METHOD_FRAMES: usize = 2 * methods::FRAMES;
+/// A method this many times slower is as fast: each has the least device time of [`methods::FRAMES`] frames, twice.
+const METHOD_NOISE: f64 = 1.03;
 
 /// The run that something is chosen for.
 #[derive(Clone, Copy, Debug)]
@@ -79,6 +87,27 @@ impl Settled {
         }
     }
 
+    /// Decides by how the first tree decays, where nothing is measured.
+    fn by_facts(&mut self, facts: &Facts, update_is_open: bool) {
+        let rule = match &mut self.why_update {
+            Some(why) if update_is_open => why,
+            _ => return,
+        };
+        if matches!(self.update, Update::Async(_)) && facts.tree_lasts() {
+            self.update = Update::Refit;
+            "the first tree stays as good as a fresh one".clone_into(rule);
+        }
+        *rule = format!("{rule}; {facts}");
+    }
+
+    /// Takes another layout than was measured to be the best, for a policy that goes with it.
+    fn take_layout(&mut self, method: Method) {
+        if let (Some(why), true) = (&mut self.why_layout, method != self.method) {
+            *why += "; but the update policy goes with this one";
+        }
+        self.method = method;
+    }
+
     /// Gives what was measured for reasons, where there was something to choose from.
     fn explain(&mut self, timed: &[methods::Timed], told: &str) {
         let taken = self.method;
@@ -111,11 +140,13 @@ impl Settled {
 pub(crate) fn settle(stand: &mut Stand<'_>, ask: &Ask<'_>) -> Result<Settled, Stop> {
     let mut settled = Settled::by_rule(ask);
     let candidates = candidates(stand, ask);
-    let run = match ask.run {
-        Some(run) if run.frames.len() >= FEW => run,
-        _ => return Ok(settled),
+    let open = candidates.len() > 1 || ask.update.is_open;
+    let Some(run) = ask.run.filter(|run| open && !run.frames.is_empty()) else {
+        return Ok(settled);
     };
-    if candidates.len() < 2 && !ask.update.is_open {
+    let facts = Facts::of(stand.animation(), &run)?;
+    if run.frames.len() < FEW {
+        settled.by_facts(&facts, ask.update.is_open);
         return Ok(settled);
     }
     let timed = methods::time(stand, &candidates, &run)?;
@@ -126,9 +157,19 @@ pub(crate) fn settle(stand: &mut Stand<'_>, ask: &Ask<'_>) -> Result<Settled, St
             frame_ms: taken.ms,
             build_ms: taken.build_ms,
         };
-        take_update(stand, &run, guess, &mut settled)?;
+        let layouts = layouts(&candidates, taken.method);
+        take_update(stand, (&run, &facts, guess), &layouts, &mut settled)?;
+    } else if let (Some(why), true) = (&mut settled.why_intersector, candidates.len() > 1) {
+        *why = format!("{why}; {facts}");
     }
     Ok(settled)
+}
+
+/// Candidates that differ from a method in layout alone, itself included.
+fn layouts(candidates: &[Method], taken: Method) -> Vec<Method> {
+    let same = candidates.iter().copied();
+    same.filter(|m| m.intersector == taken.intersector)
+        .collect()
 }
 
 /// The methods left open, as far as the backend has them.
@@ -172,7 +213,7 @@ fn take_method(
     };
     let usual = fit.iter().find(|t| t.method == settled.method);
     let taken = *usual
-        .filter(|u| u.ms <= noise(METHOD_FRAMES) * fastest.ms)
+        .filter(|u| u.ms <= METHOD_NOISE * fastest.ms)
         .unwrap_or(&fastest);
     settled.method = taken.method;
     settled.meets = fit.iter().map(|t| t.method.intersector).collect();
@@ -233,34 +274,77 @@ fn tell(intersector: Intersector, w: Wrong) -> String {
     format!("{intersector} {wrong} of {rays} rays wrong, at most {most:.1} a million")
 }
 
-/// The fastest policy over stretches of the run, if there is time to find out.
+/// The fastest policy over the run, if there is time to find out.
 fn take_update(
     stand: &mut Stand<'_>,
-    run: &Run<'_>,
-    guess: Guess,
+    (run, facts, guess): (&Run<'_>, &Facts, Guess),
+    layouts: &[Method],
     settled: &mut Settled,
 ) -> Result<(), Stop> {
-    let mut candidates = updates(stand.animation(), run.frames);
-    candidates.retain(|&u| u != Update::DeviceRebuild || stand.makes_trees());
+    let updates = updates(stand.animation(), run.frames);
+    let with = |update| match update {
+        // It may not have the layout that is best for the others.
+        Update::DeviceRebuild if !stand.makes_trees() => Vec::new(),
+        Update::DeviceRebuild => layouts.iter().map(|&method| (update, method)).collect(),
+        _ => vec![(update, settled.method)],
+    };
+    let candidates: Vec<_> = updates.into_iter().flat_map(with).collect();
     let allowance = LEAST_MS.max(SHARE * guess.frames as f64 * guess.frame_ms);
-    let Some(plan) = Plan::within(allowance, candidates.len(), guess) else {
+    let Some(trial) = Trial::within(allowance, candidates.len(), guess, (run, facts)) else {
+        settled.by_facts(facts, true);
         if let Some(why) = &mut settled.why_update {
             *why += "; trying out would take too long for this run";
         }
         return Ok(());
     };
-    let timed = policies::time(stand, settled.method, &candidates, (run, plan))?;
-    let pairs: Vec<_> = timed.iter().map(|t| (t.update, t.ms)).collect();
-    let frames = plan.stretches * plan.timed;
-    settled.update = fastest(&pairs, settled.update, noise(frames));
-    let names = timed
-        .iter()
-        .map(|t| (choose::update_name(t.update).to_owned(), t.ms));
+    let outcome = trial.time(stand, candidates)?;
+    if let Some(taken) = outcome.fastest((settled.update, settled.method)) {
+        settled.update = taken.update;
+        settled.take_layout(taken.method);
+    }
+    let seconds = trial.elapsed_ms() * 1e-3;
     settled.why_update = Some(format!(
-        "measured over {frames} frames, ms each: {}",
-        listed(names)
+        "{}; found out in {seconds:.1} s; {facts}",
+        measured(&outcome, settled.update)
     ));
     Ok(())
+}
+
+/// What a trial found, the fastest first.
+fn measured(outcome: &Outcome, taken: Update) -> String {
+    let mut all: Vec<&Timed> = outcome.timed.iter().collect();
+    all.sort_by(|a, b| a.ms.total_cmp(&b.ms));
+    let layouts = outcome.timed.iter().map(|t| t.method.layout);
+    let differ = layouts
+        .clone()
+        .any(|l| layouts.clone().any(|other| l != other));
+    let word = |t: &&Timed| {
+        let over = if t.at_least { " over" } else { "" };
+        let layout = if differ && t.update == Update::DeviceRebuild {
+            format!(" {}", t.method.layout)
+        } else {
+            String::new()
+        };
+        format!(
+            "{}{layout}{over} {:.2}",
+            choose::update_name(t.update),
+            t.ms
+        )
+    };
+    let words: Vec<_> = all.iter().map(word).collect();
+    let mut text = format!(
+        "measured over {} frames, ms each: {}",
+        outcome.frames,
+        words.join(", ")
+    );
+    outcome
+        .left_out
+        .iter()
+        .for_each(|why| text += &format!("; {why}"));
+    if let (Update::TSah, Some(t)) = (taken, all.iter().find(|t| t.update == taken)) {
+        text += &format!("; its first frame takes {:.0} ms", t.first_ms);
+    }
+    text
 }
 
 /// All update policies but those that are refused unseen.
@@ -278,18 +362,6 @@ fn updates(animation: &Animation, frames: &[Frame]) -> Vec<Update> {
 /// How many times slower is as fast, measured over so many frames: 3 % with 48 of them, 12 % with 3.
 fn noise(frames: usize) -> f64 {
     1.0 + 0.2 / (frames as f64).sqrt()
-}
-
-/// The one with the least time; `usual` if that is as fast but for noise.
-fn fastest<T: Copy + PartialEq>(timed: &[(T, f64)], usual: T, noise: f64) -> T {
-    let ms = |of: T| timed.iter().find(|t| t.0 == of).map(|t| t.1);
-    let Some(&(best, least)) = timed.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else {
-        return usual;
-    };
-    match ms(usual) {
-        Some(ms) if ms <= noise * least => usual,
-        _ => best,
-    }
 }
 
 /// Names with times, the least first.

@@ -8,7 +8,7 @@ use geom::Camera;
 use pipeline::{Driver, Frame, FrameRecord, Update};
 
 /// Frames that are timed each time a method has its turn, after one that warms up.
-pub(super) const FRAMES: usize = 3;
+pub(super) const FRAMES: usize = 6;
 /// The most pixels of a frame that host cores trace for this; the rest is multiplied.
 const PIXELS_ON_HOST: usize = 1 << 16;
 

@@ -1,173 +1,341 @@
-//! How long a frame takes under each update policy, on the host's clock: stretches of the run itself.
+//! How long a frame takes under each update policy, on the host's clock: frames of the run itself.
+//!
+//! What is estimated is the mean frame of the whole run but the first, which waits for the first tree under every
+//! policy and is start-up, like reading the scene. The tree of `t-sah` takes many times as long as another, and so
+//! does its start-up; it is tried only if it can be built in what is left of the trial's time, so that who takes it
+//! waits no longer than that.
 
-use super::Run;
+use super::facts::Facts;
+use super::plan::{Guess, Plan};
 use super::stand::Stand;
+use super::{Run, noise};
+use crate::choose;
 use crate::stop::Stop;
 use backend::Method;
-use pipeline::{Driver, Frame, Update};
-use report::Summary;
-use std::ops::Range;
+use pipeline::{Driver, Frame, PipelineError, Update};
+use std::time::Instant;
 
-/// A policy and the milliseconds of a frame.
+/// A policy, the method it goes with, and the milliseconds of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Timed {
     pub(super) update: Update,
+    pub(super) method: Method,
     pub(super) ms: f64,
+    /// Those of its first frame, which builds the first tree.
+    pub(super) first_ms: f64,
+    /// Whether that is but the least it can be: it was given up.
+    pub(super) at_least: bool,
 }
 
-/// Stretches of frames that stand for the run: so many, each with frames that warm up before those that are timed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Plan {
-    pub(super) stretches: usize,
-    pub(super) warm: usize,
-    pub(super) timed: usize,
-}
-
-/// What is known beforehand.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Guess {
-    /// Frames of the run.
+/// What came of a trial.
+#[derive(Debug, Default)]
+pub(super) struct Outcome {
+    pub(super) timed: Vec<Timed>,
+    /// Who was not tried, and why.
+    pub(super) left_out: Vec<String>,
+    /// Frames that stand behind a time.
     pub(super) frames: usize,
-    /// Milliseconds of one.
-    pub(super) frame_ms: f64,
-    /// Milliseconds of a build.
-    pub(super) build_ms: f64,
 }
 
-/// Stretches and frames of each, the most telling first.
-const PLANS: [(usize, usize); 5] = [(3, 16), (3, 8), (2, 6), (1, 6), (1, 3)];
-/// The longest that a stretch warms up, in milliseconds.
-const WARM_MS: f64 = 100.0;
-/// A policy that is so many times slower than another in its first stretch is given up.
+/// A run to try policies over.
+pub(super) struct Trial<'a> {
+    run: &'a Run<'a>,
+    facts: &'a Facts,
+    guess: Guess,
+    begun: Instant,
+    allowance_ms: f64,
+    /// Where a frame's time depends on its moment alone.
+    spread: Plan,
+    /// Where it depends on what came before.
+    stretches: Plan,
+}
+
+/// A policy that must be so many times slower than another is given up.
 const HOPELESS: f64 = 1.5;
+/// The first tree, refitted, may cost so many times a fresh one before nobody tries it.
+const DECAYED: f64 = 8.0;
+/// A first build takes so many times as long as one in the middle of a run, at most.
+const COLD: f64 = 3.0;
+/// A tree for the whole time range takes so many times as long as a first one: 9 to 15 were seen.
+const FOR_ALL: f64 = 14.0;
+/// Share of the trial's time that is for frames, and of that, for those of one policy.
+const SHARES: [f64; 2] = [0.5, 0.25];
 
-impl Plan {
-    /// The most telling that fits into `allowance` milliseconds with so many policies; `None` if none does.
-    pub(super) fn within(allowance: f64, policies: usize, guess: Guess) -> Option<Self> {
-        let Guess {
-            frames,
-            frame_ms,
-            build_ms,
-        } = guess;
-        // Two builds, so that trees come from the stretch itself.
-        let warm = (2.0 * build_ms).min(WARM_MS) / frame_ms.max(1e-3);
-        let plans = PLANS.map(|(stretches, timed)| Self {
-            stretches,
-            warm: (warm.ceil() as usize).clamp(1, 4 * timed),
-            timed,
-        });
-        plans.into_iter().find(|p| {
-            let all = p.stretches * (p.warm + p.timed);
-            let one = build_ms + frame_ms + all as f64 * frame_ms;
-            // One of them waits for a build each frame, until it is given up.
-            let ms = policies as f64 * one + (p.warm + p.timed) as f64 * build_ms;
-            all <= frames && ms <= allowance
+impl<'a> Trial<'a> {
+    /// A trial of so many policies in so many milliseconds; `None` if there is no time for it.
+    pub(super) fn within(
+        allowance_ms: f64,
+        policies: usize,
+        guess: Guess,
+        (run, facts): (&'a Run<'a>, &'a Facts),
+    ) -> Option<Self> {
+        let [all, one] = SHARES.map(|share| share * allowance_ms);
+        Some(Self {
+            run,
+            facts,
+            guess,
+            begun: Instant::now(),
+            allowance_ms,
+            spread: Plan::spread(all, policies, guess)?,
+            // Frames may well be slower than guessed.
+            stretches: Plan::stretches(0.5 * one, guess),
         })
     }
 
-    /// Frames of each stretch, in the middle of equal parts of the run.
-    fn ranges(self, frames: usize) -> impl Iterator<Item = Range<usize>> {
-        let long = self.warm + self.timed;
-        (0..self.stretches).map(move |i| {
-            let middle = (2 * i + 1) * frames / (2 * self.stretches);
-            let start = middle
-                .saturating_sub(long / 2)
-                .min(frames.saturating_sub(long));
-            start..(start + long).min(frames)
+    /// Milliseconds since it began.
+    pub(super) fn elapsed_ms(&self) -> f64 {
+        self.begun.elapsed().as_secs_f64() * 1e3
+    }
+
+    /// Times `candidates`; those that the backend refuses are left out, and so are those that cannot win.
+    ///
+    /// # Errors
+    /// Nothing could be timed.
+    pub(super) fn time(
+        &self,
+        stand: &mut Stand<'_>,
+        mut candidates: Vec<(Update, Method)>,
+    ) -> Result<Outcome, Stop> {
+        candidates.sort_by_key(|&(update, _)| turn(update));
+        let mut outcome = Outcome {
+            frames: self.spread.timed(),
+            ..Outcome::default()
+        };
+        let mut refused = None;
+        for (update, method) in candidates {
+            let best = outcome.best();
+            if let Some(why) = self.hopeless(update, best) {
+                let name = choose::update_name(update);
+                outcome.left_out.push(format!("{name} left out, {why}"));
+                continue;
+            }
+            match self.policy(stand, (update, method), best) {
+                Ok(timed) => outcome.timed.push(timed),
+                Err(stop) => refused = Some(stop),
+            }
+        }
+        match refused {
+            Some(stop) if outcome.timed.is_empty() => Err(stop),
+            _ => Ok(outcome),
+        }
+    }
+
+    /// Why a policy need not be tried.
+    fn hopeless(&self, update: Update, best: f64) -> Option<String> {
+        let left_ms = self.allowance_ms - self.elapsed_ms();
+        let build_ms = self.guess.build_ms;
+        match update {
+            _ if left_ms < 0.0 => Some("the time for trying out was up".to_owned()),
+            Update::Rebuild if build_ms / COLD > HOPELESS * best => Some(format!(
+                "each frame would wait for a build ({build_ms:.0} ms the first)"
+            )),
+            Update::Refit if self.facts.usual_decay() > DECAYED => Some(format!(
+                "its tree would mostly cost {:.0} times a fresh one",
+                self.facts.usual_decay()
+            )),
+            Update::TSah if FOR_ALL * build_ms > left_ms => Some(format!(
+                "its tree would take about {:.1} s to build",
+                FOR_ALL * build_ms * 1e-3
+            )),
+            _ => None,
+        }
+    }
+
+    fn policy(
+        &self,
+        stand: &mut Stand<'_>,
+        (update, method): (Update, Method),
+        best: f64,
+    ) -> Result<Timed, Stop> {
+        let plan = match update {
+            Update::Async(_) => &self.stretches,
+            _ => &self.spread,
+        };
+        let mut driver = stand.driver(method, update)?;
+        // The first tree is that of the run's first frame.
+        let first = walls(&mut driver, self.run, &self.run.frames[..1], f64::INFINITY)?;
+        let (ms, at_least) = mean(&mut driver, self.run, plan, best)?;
+        stand.put_back(driver);
+        Ok(Timed {
+            update,
+            method,
+            ms,
+            first_ms: first.map_or(0.0, |walls| walls.iter().sum()),
+            at_least,
         })
     }
 }
 
-/// Times `candidates`, in order; those that the backend refuses are left out.
-///
-/// # Errors
-/// Nothing could be timed.
-pub(super) fn time(
-    stand: &mut Stand<'_>,
-    method: Method,
-    candidates: &[Update],
-    (run, plan): (&Run<'_>, Plan),
-) -> Result<Vec<Timed>, Stop> {
-    let mut all: Vec<Timed> = Vec::new();
-    let mut refused = None;
-    for &update in candidates {
-        let best = all.iter().map(|t| t.ms).fold(f64::INFINITY, f64::min);
-        let timed = stand.driver(method, update).and_then(|mut driver| {
-            let ms = stretches(&mut driver, run, plan, best)?;
-            stand.put_back(driver);
-            Ok(Timed { update, ms })
-        });
-        match timed {
-            Ok(timed) => all.push(timed),
-            Err(stop) => refused = Some(stop),
-        }
+impl Outcome {
+    /// Milliseconds of the fastest so far.
+    fn best(&self) -> f64 {
+        self.timed
+            .iter()
+            .map(|t| t.ms)
+            .fold(f64::INFINITY, f64::min)
     }
-    match refused {
-        Some(stop) if all.is_empty() => Err(stop),
-        _ => Ok(all),
+
+    /// The fastest; `usual` if that is as fast but for noise.
+    pub(super) fn fastest(&self, usual: (Update, Method)) -> Option<Timed> {
+        let whole = || self.timed.iter().filter(|t| !t.at_least);
+        let best = whole().min_by(|a, b| a.ms.total_cmp(&b.ms))?;
+        let usual = whole().find(|t| (t.update, t.method) == usual);
+        let usual = usual.filter(|t| t.ms <= noise(self.frames) * best.ms);
+        Some(*usual.unwrap_or(best))
     }
 }
 
-/// The mean of the stretches' medians.
-fn stretches(driver: &mut Driver, run: &Run<'_>, plan: Plan, best: f64) -> Result<f64, Stop> {
-    // The first tree is that of the run's first frame.
-    walls(driver, run, &run.frames[..1])?;
-    let mut medians = Vec::new();
-    for range in plan.ranges(run.frames.len()) {
-        let walls = walls(driver, run, &run.frames[range])?;
-        let timed = walls.into_iter().skip(plan.warm);
-        let median = Summary::of(timed).map_or(f64::INFINITY, |s| s.median);
-        medians.push(median);
-        if median > HOPELESS * best {
-            break;
-        }
+/// Cheap ones first, and those that show the others to be hopeless.
+fn turn(update: Update) -> usize {
+    match update {
+        Update::Async(_) => 0,
+        Update::DeviceRebuild => 1,
+        Update::Refit => 2,
+        Update::Rebuild => 3,
+        Update::TSah => 4,
     }
-    Ok(medians.iter().sum::<f64>() / medians.len() as f64)
 }
 
-/// What each frame took on the host's clock.
-fn walls(driver: &mut Driver, run: &Run<'_>, frames: &[Frame]) -> Result<Vec<f64>, Stop> {
-    let mut walls = Vec::with_capacity(frames.len());
+/// The mean of the medians at all places, or the least it can be once that is hopeless beside `best`.
+fn mean(driver: &mut Driver, run: &Run<'_>, plan: &Plan, best: f64) -> Result<(f64, bool), Stop> {
+    let parts = plan.medians() as f64;
+    // Were every other part for nothing, this would be too much.
+    let limit = HOPELESS * best * parts;
+    let mut medians: Vec<f64> = Vec::new();
+    for place in &plan.places {
+        let Some(walls) = walls(driver, run, &run.frames[place.clone()], limit)? else {
+            return Ok((limit / parts, true));
+        };
+        medians.extend(plan.sum_up(&walls));
+        let least = medians.iter().sum::<f64>() / parts;
+        if least > HOPELESS * best {
+            return Ok((least, true));
+        }
+    }
+    Ok((medians.iter().sum::<f64>() / parts, false))
+}
+
+/// Why frames end early.
+enum Halt {
+    Stop(Stop),
+    Hopeless,
+}
+
+impl From<PipelineError> for Halt {
+    fn from(e: PipelineError) -> Self {
+        Self::Stop(e.into())
+    }
+}
+
+/// What each frame took on the host's clock; `None` if two in a row took longer than `limit`.
+fn walls(
+    driver: &mut Driver,
+    run: &Run<'_>,
+    frames: &[Frame],
+    limit: f64,
+) -> Result<Option<Vec<f64>>, Stop> {
+    let mut walls: Vec<f64> = Vec::with_capacity(frames.len());
     let frames = frames.iter().copied();
-    driver.run::<Stop>(frames, run.query, false, |record, _| {
+    let done = driver.run(frames, run.query, false, |record, _| {
+        let before = walls.last().copied().unwrap_or(0.0);
         walls.push(record.wall_ms);
-        Ok(())
-    })?;
-    Ok(walls)
+        match before.min(record.wall_ms) > limit {
+            true => Err(Halt::Hopeless),
+            false => Ok(()),
+        }
+    });
+    match done {
+        Ok(()) => Ok(Some(walls)),
+        Err(Halt::Stop(stop)) => Err(stop),
+        Err(Halt::Hopeless) => {
+            while driver.finish(None)?.is_some() {}
+            Ok(None)
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use backend::{Query, Rays, Seek};
+    use pipeline::Pace;
 
-    fn guess(frames: usize, frame_ms: f64, build_ms: f64) -> Guess {
-        Guess {
-            frames,
-            frame_ms,
-            build_ms,
+    const ASYNC: Update = Update::Async(Pace::Free);
+
+    fn outcome(all: &[(Update, f64, bool)]) -> Outcome {
+        let timed = all.iter().map(|&(update, ms, at_least)| Timed {
+            update,
+            method: Method::default(),
+            ms,
+            first_ms: 0.0,
+            at_least,
+        });
+        Outcome {
+            timed: timed.collect(),
+            left_out: Vec::new(),
+            frames: 48,
         }
     }
 
-    #[test]
-    fn a_plan_fits_the_time_and_the_run_or_there_is_none() {
-        let all = Plan::within(1500.0, 3, guess(200, 1.0, 5.0)).unwrap();
-        assert_eq!((all.stretches, all.timed, all.warm), (3, 16, 10));
-        let few = Plan::within(1500.0, 3, guess(48, 50.0, 10.0)).unwrap();
-        assert_eq!((few.stretches, few.timed, few.warm), (1, 6, 1));
-        assert_eq!(Plan::within(1500.0, 3, guess(48, 500.0, 200.0)), None);
-        assert_eq!(Plan::within(1500.0, 3, guess(3, 1.0, 1.0)), None);
+    fn taken(all: &[(Update, f64, bool)], usual: Update) -> Option<Update> {
+        let usual = (usual, Method::default());
+        outcome(all).fastest(usual).map(|t| t.update)
     }
 
     #[test]
-    fn stretches_lie_apart_within_the_run() {
-        let plan = Plan {
-            stretches: 3,
-            warm: 2,
-            timed: 4,
+    fn the_usual_is_kept_where_nothing_is_faster_beyond_noise() {
+        let all = [
+            (ASYNC, 10.2, false),
+            (Update::TSah, 10.0, false),
+            (Update::Refit, 30.0, false),
+        ];
+        assert_eq!(taken(&all, ASYNC), Some(ASYNC));
+        assert_eq!(taken(&all, Update::Refit), Some(Update::TSah));
+        assert_eq!(taken(&all, Update::Rebuild), Some(Update::TSah));
+        assert_eq!(taken(&[], ASYNC), None);
+        let slower = [(ASYNC, 10.4, false), (Update::TSah, 10.0, false)];
+        assert_eq!(taken(&slower, ASYNC), Some(Update::TSah));
+    }
+
+    #[test]
+    fn who_was_given_up_is_not_taken() {
+        let all = [(ASYNC, 3.0, false), (Update::Refit, 1.0, true)];
+        assert_eq!(taken(&all, Update::Refit), Some(ASYNC));
+    }
+
+    /// A run of 100 frames of 1 ms on a scene whose first tree decays so much.
+    fn hopeless(update: Update, decay: f64, build_ms: f64, best: f64) -> Option<String> {
+        let facts = Facts::decayed(decay);
+        let run = Run {
+            frames: &[],
+            query: Query {
+                rays: Rays::List(&[]),
+                seek: Seek::Closest,
+            },
         };
-        let ranges = |frames| plan.ranges(frames).collect::<Vec<_>>();
-        assert_eq!(ranges(60), [7..13, 27..33, 47..53]);
-        assert_eq!(ranges(18), [0..6, 6..12, 12..18]);
-        assert_eq!(ranges(4), [0..4, 0..4, 0..4]);
+        let guess = Guess {
+            frames: 100,
+            frame_ms: 1.0,
+            build_ms,
+        };
+        let trial = Trial::within(3000.0, 5, guess, (&run, &facts)).unwrap();
+        trial.hopeless(update, best)
+    }
+
+    #[test]
+    fn who_cannot_win_is_left_out_and_the_reason_named() {
+        let tried =
+            |update, decay, build_ms, best| hopeless(update, decay, build_ms, best).is_none();
+        assert!(tried(Update::Refit, 2.0, 10.0, 1.0));
+        assert!(!tried(Update::Refit, 30.0, 10.0, 1.0));
+        assert!(tried(Update::Rebuild, 1.0, 10.0, 20.0));
+        assert!(!tried(Update::Rebuild, 1.0, 10.0, 1.0));
+        assert!(
+            tried(Update::TSah, 300.0, 90.0, 1.0),
+            "a tree for all takes 1.3 s"
+        );
+        let why = hopeless(Update::TSah, 1.0, 250.0, 1.0).unwrap();
+        assert!(why.contains("3.5 s"), "{why}");
+        assert!(tried(ASYNC, 300.0, 90.0, f64::INFINITY));
     }
 }

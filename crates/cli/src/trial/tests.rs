@@ -10,7 +10,7 @@ use scene::Scene;
 
 const SIZE: [u32; 2] = [64, 36];
 
-fn frames(n: u64) -> Vec<Frame> {
+pub(super) fn frames(n: u64) -> Vec<Frame> {
     let time = |index| index as f64 / 8.0;
     let frame = |index| Frame {
         index,
@@ -40,31 +40,32 @@ fn ask<'a>(scene: &Scene, frames: &[Frame], named: IntersectorName, tolerance: f
     }
 }
 
-/// Has everything settled for a run of so many frames.
-fn settled(scene: &Scene, count: u64, named: IntersectorName, tolerance: f64) -> Settled {
-    let frames = frames(count);
-    let view = picture::frame_scene(&scene.animation, 40.0, SIZE);
+/// Hands a run of these frames to `with`.
+pub(super) fn with_run<T>(
+    animation: &Animation,
+    frames: &[Frame],
+    with: impl FnOnce(&Run<'_>) -> T,
+) -> T {
+    let view = picture::frame_scene(animation, 40.0, SIZE);
     let camera = view.camera(SIZE).unwrap();
     let query = Query {
         rays: Rays::Camera(&camera),
         seek: Seek::ClosestAndShadow { light: view.light },
     };
-    let run = Some(Run {
-        frames: &frames,
-        query,
-    });
-    let ask = Ask {
-        run,
-        ..ask(scene, &frames, named, tolerance)
-    };
-    let want = Want {
-        backend: BackendName::Cpu,
-        adapter: None,
-        method: choose::method(ask.method),
-        threads: 2,
-    };
-    let backend = open::open(&want, Ok).unwrap().value;
-    settle(&mut Stand::new(backend, &scene.animation, &ask), &ask).unwrap()
+    with(&Run { frames, query })
+}
+
+/// Has everything settled for a run of so many frames.
+fn settled(scene: &Scene, count: u64, named: IntersectorName, tolerance: f64) -> Settled {
+    let frames = frames(count);
+    with_run(&scene.animation, &frames, |&run| {
+        let ask = Ask {
+            run: Some(run),
+            ..ask(scene, &frames, named, tolerance)
+        };
+        let backend = session_backend(&ask);
+        settle(&mut Stand::new(backend, &scene.animation, &ask), &ask).unwrap()
+    })
 }
 
 fn demo(name: &str) -> Scene {
@@ -81,9 +82,29 @@ fn a_long_run_is_tried_out_and_a_short_one_goes_by_rule() {
         assert!(why.contains(name), "{why}");
     }
     assert_eq!(long.why_intersector, None, "it was asked for by name");
+    for fact in [
+        "motion",
+        "refit decay",
+        "degenerate",
+        "offset",
+        "found out in",
+    ] {
+        assert!(why.contains(fact), "{why}");
+    }
     let short = settled(&scene, 8, IntersectorName::Watertight, 0.0);
-    assert_eq!(short.update, Update::Async(pipeline::Pace::Free));
     assert!(!short.why_update.unwrap().contains("measured"));
+}
+
+#[test]
+fn without_a_trial_the_decay_of_the_first_tree_decides() {
+    let scene = demo("demo:collide:400");
+    let mut settled = Settled::by_rule(&ask(&scene, &frames(8), IntersectorName::Auto, 0.0));
+    settled.by_facts(&Facts::decayed(1.3), true);
+    assert_eq!(settled.update, Update::Async(pipeline::Pace::Free));
+    settled.by_facts(&Facts::decayed(1.01), true);
+    assert_eq!(settled.update, Update::Refit);
+    let why = settled.why_update.unwrap();
+    assert!(why.contains("as good as a fresh one"), "{why}");
 }
 
 #[test]
@@ -190,15 +211,4 @@ fn a_trial_leaves_no_trace_in_the_hits() {
             .iter()
             .any(|h| h.closest.iter().any(geom::Hit::is_hit))
     );
-}
-
-#[test]
-fn the_usual_is_kept_where_nothing_is_faster_beyond_noise() {
-    let timed = [("a", 10.2), ("b", 10.0), ("c", 30.0)];
-    assert_eq!(fastest(&timed, "a", 1.03), "a");
-    assert_eq!(fastest(&timed, "a", 1.01), "b");
-    assert_eq!(fastest(&timed, "c", 1.5), "b");
-    assert_eq!(fastest(&timed, "absent", 1.5), "b");
-    assert_eq!(fastest(&[], "x", 1.5), "x");
-    assert!(noise(48) < 1.03 && noise(3) > 1.1);
 }
