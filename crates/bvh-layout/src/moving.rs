@@ -17,6 +17,7 @@ pub struct Moving {
     words: Vec<u32>,
     leaves: usize,
     levels: Vec<Range<usize>>,
+    degenerate_elsewhere: u32,
 }
 
 impl Moving {
@@ -39,6 +40,7 @@ impl Moving {
             levels: levels(tree, &words[leaves..]),
             words,
             leaves,
+            degenerate_elsewhere: parts.degenerate.len() as u32,
         })
     }
 
@@ -64,6 +66,12 @@ impl Moving {
     #[must_use]
     pub fn inner(&self) -> &[u32] {
         &self.words[self.leaves..]
+    }
+
+    /// Active triangles of zero area among the leaves that do not move: all static ones.
+    #[must_use]
+    pub fn degenerate_elsewhere(&self) -> u32 {
+        self.degenerate_elsewhere
     }
 
     /// For each level that has moving inner nodes, root first, where they lie in [`Moving::inner`].

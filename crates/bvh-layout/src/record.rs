@@ -4,6 +4,7 @@ use crate::header::Header;
 use crate::{Moving, RecordError, Treelets};
 use bvh_build::BinaryTree;
 use geom::StaticParts;
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// A tree's shape in breadth-first order: which nodes are leaves, and whose.
@@ -112,16 +113,24 @@ impl Topology {
     }
 
     /// The same tree with lists of what moves, where they pay; in parallel.
+    /// If it comes with treelets, those are listed and not its nodes.
     ///
     /// # Panics
     /// If `parts` are not those of the tree's scene.
     #[must_use]
-    pub fn with_moving(self, parts: &StaticParts) -> Self {
-        let moving = Moving::of(&self, parts);
-        Self { moving, ..self }
+    pub fn with_moving(mut self, parts: &StaticParts) -> Self {
+        match self.treelets.take() {
+            Some(treelets) => {
+                assert_eq!(parts.triangles.len(), self.triangle_count());
+                self.treelets = Some(Box::new(treelets.with_moving(parts)));
+            }
+            None => self.moving = Moving::of(&self, parts),
+        }
+        self
     }
 
-    /// What must be done again when the scene moves; `None` if all of it.
+    /// Which nodes must be done again when the scene moves; `None` if all of them,
+    /// or if treelets are listed: see [`Treelets::moving`].
     #[must_use]
     pub fn moving(&self) -> Option<&Moving> {
         self.moving.as_ref()
@@ -148,6 +157,19 @@ impl Topology {
     #[must_use]
     pub fn treelets(&self) -> Option<&Treelets> {
         self.treelets.as_deref()
+    }
+
+    /// The treelets that the tree came with, or else made now ([`Treelets::of`]), with lists if the tree has lists.
+    ///
+    /// # Panics
+    /// If `parts` are not those of the tree's scene.
+    #[must_use]
+    pub fn to_treelets(&self, parts: &StaticParts) -> Cow<'_, Treelets> {
+        match (self.treelets(), &self.moving) {
+            (Some(treelets), _) => Cow::Borrowed(treelets),
+            (None, None) => Cow::Owned(Treelets::of(self)),
+            (None, Some(_)) => Cow::Owned(Treelets::of(self).with_moving(parts)),
+        }
     }
 
     /// Bytes handed over: the record, and lists of what moves.

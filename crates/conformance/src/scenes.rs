@@ -35,11 +35,13 @@ pub enum Kind {
     Ladder,
     /// Much or all of it never moves: free triangles, some of them joined to what moves, of no area or inactive.
     Resting,
+    /// A body that moves over a large sheet that does not, so that few of many treelets move.
+    Hall,
 }
 
 impl Kind {
     /// All there are.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Soup,
         Self::Sheet,
         Self::Body,
@@ -52,6 +54,7 @@ impl Kind {
         Self::Zeros,
         Self::Ladder,
         Self::Resting,
+        Self::Hall,
     ];
 }
 
@@ -144,6 +147,14 @@ fn mesh(kind: Kind) -> BoxedStrategy<Mesh> {
             0_usize..4,
         )
             .prop_map(|(m, picks, share)| resting(m, &picks, share))
+            .boxed(),
+        Kind::Hall => (
+            18_usize..34,
+            0_u32..3,
+            drift(),
+            prop::collection::vec(any::<u32>(), 6),
+        )
+            .prop_map(|(n, level, drift, picks)| hall(n, (octahedron(level), &drift), &picks))
             .boxed(),
     }
 }
@@ -255,6 +266,25 @@ fn resting((mut keys, mut triangles): Mesh, picks: &[u32], share: usize) -> Mesh
             5 => triangles.push([pick % 3, vertex as u32, vertex as u32 / 2]),
             _ => {}
         }
+    }
+    (keys, triangles)
+}
+
+/// A sheet of `2 n^2` triangles that stands still, a small body above it, and triangles of no area on both.
+fn hall(n: usize, (body, drift): (Shape, &[Point; 3]), picks: &[u32]) -> Mesh {
+    let (floor, mut triangles) = sheet(n);
+    let small = |p: &Point| p.map(|x| 0.1 * x + 0.3);
+    let body = (body.0.iter().map(small).collect(), body.1);
+    let (mut keys, body_triangles) = animate(body, drift);
+    let before = floor.len() as u32;
+    for key in &mut keys {
+        key.splice(0..0, floor.iter().copied());
+    }
+    triangles.extend(body_triangles.iter().map(|t| t.map(|v| before + v)));
+    let vertices = keys[0].len() as u32;
+    for &pick in picks {
+        let (a, b) = (pick % vertices, pick / 7 % before);
+        triangles.push([a, b, a]);
     }
     (keys, triangles)
 }

@@ -179,7 +179,7 @@ impl Scene {
                 let chosen = (&moving.leaves[..], &mut self.records[..]);
                 let mut found = preprocess_moving::<T>(geometry, &mut self.nodes, chosen);
                 // A static triangle with a leaf is active.
-                found.degenerate += self.animation.static_parts().degenerate as u64;
+                found.degenerate += self.animation.static_parts().degenerate.len() as u64;
                 found
             }
             (None, _) => preprocess::<T>(geometry, &mut self.nodes, &mut self.records),

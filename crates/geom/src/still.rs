@@ -15,8 +15,8 @@ pub struct StaticParts {
     pub vertices: Vec<bool>,
     /// For each triangle, whether all three of its vertices are static. Its box, its area and what rays find of it are, too.
     pub triangles: Vec<bool>,
-    /// Static triangles that are active and of zero area.
-    pub degenerate: usize,
+    /// Static triangles that are active and of zero area, in order.
+    pub degenerate: Vec<u32>,
 }
 
 impl StaticParts {
@@ -40,10 +40,12 @@ impl StaticParts {
             .map(|t| t.iter().all(|&v| vertices[v as usize]))
             .collect();
         let still = (0..).zip(&triangles).filter(|(_, is_static)| **is_static);
+        let corners = |triangle| animation.corners(animation.pose(0.0), triangle);
         let degenerate = still
-            .map(|(triangle, _)| animation.corners(animation.pose(0.0), triangle))
-            .filter(|corners| is_active(corners) && is_degenerate(corners))
-            .count();
+            .map(|(triangle, _)| (triangle, corners(triangle)))
+            .filter(|(_, corners)| is_active(corners) && is_degenerate(corners))
+            .map(|(triangle, _)| triangle)
+            .collect();
         Self {
             vertices,
             triangles,
@@ -128,7 +130,7 @@ mod tests {
                 assert_eq!(found.vertices, [true, false, true, true]);
                 assert_eq!(found.triangles, [true, false, false, true]);
                 assert_eq!((found.vertex_count(), found.triangle_count()), (3, 2));
-                assert_eq!((found.moving_triangles(), found.degenerate), (2, 1));
+                assert_eq!((found.moving_triangles(), found.degenerate), (2, vec![3]));
             }
         }
         assert_eq!(parts(vec![rest], vec![[0, 1, 2]]).triangle_count(), 1);
@@ -152,9 +154,9 @@ mod tests {
         ];
         let found = parts(vec![odd.clone(); 3], vec![[0, 0, 0], [3, 3, 3], [1, 2, 3]]);
         assert_eq!(found.vertices, [false, false, false, true]);
-        assert_eq!((found.triangle_count(), found.degenerate), (1, 1));
+        assert_eq!((found.triangle_count(), found.degenerate), (1, vec![1]));
         let alone = parts(vec![odd], vec![[0, 0, 0], [3, 3, 3], [1, 2, 3]]);
-        assert_eq!((alone.vertex_count(), alone.degenerate), (4, 2));
+        assert_eq!((alone.vertex_count(), alone.degenerate.len()), (4, 2));
     }
 
     #[test]

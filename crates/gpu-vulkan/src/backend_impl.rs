@@ -74,11 +74,11 @@ impl Backend for VulkanBackend {
         if self.is_made_whole() {
             return Ok(());
         }
-        let (work, extent) =
+        let (work, uncounted) =
             self.progress
                 .preprocess(self.method, self.params(), &self.tree().shape);
         self.run(Stage::Preprocess, &work, Also::default())?;
-        self.frames.record()?.extents.leaves = Some(extent);
+        self.frames.record()?.extents.uncounted = Some(uncounted);
         self.progress.preprocessed();
         self.stale = Stale::Boxes;
         Ok(())

@@ -5,7 +5,7 @@ use crate::device::Gpu;
 use crate::slot::Slot;
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use backend::{FRAMES_IN_FLIGHT, FrameReport, Result, Ticket};
-use shaders::{Standing, Uncounted};
+use shaders::Standing;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
@@ -36,7 +36,7 @@ struct Entry {
     ticket: Ticket,
     /// Submissions with a trace, up to and including this one.
     traces: u64,
-    beside: Uncounted,
+    never_active: u64,
     /// `None` while it is under way.
     report: Option<FrameReport>,
 }
@@ -83,7 +83,7 @@ impl Frames {
         &mut self,
         after: &[Moment],
         traced: bool,
-        beside: Uncounted,
+        never_active: u64,
     ) -> Result<Ticket> {
         while self.under_way().count() >= FRAMES_IN_FLIGHT {
             let oldest = self.under_way().next();
@@ -97,7 +97,7 @@ impl Frames {
         self.ledger.push_back(Entry {
             ticket,
             traces: self.traces,
-            beside,
+            never_active,
             report: None,
         });
         self.forget_the_old();
@@ -159,7 +159,7 @@ impl Frames {
             }
             self.done.wait(entry.ticket.0)?;
             let slot = &self.slots[(entry.ticket.0 - 1) as usize % SLOTS];
-            let report = report(slot, &mut self.clock, &mut self.last, entry.beside)?;
+            let report = report(slot, &mut self.clock, &mut self.last, entry.never_active)?;
             entry.report = Some(report);
         }
         let found = self.ledger.iter().find(|e| e.ticket == ticket);
@@ -185,7 +185,7 @@ fn report(
     slot: &Slot,
     clock: &mut Clock,
     last: &mut Standing,
-    beside: Uncounted,
+    never_active: u64,
 ) -> Result<FrameReport> {
     let done = slot.done()?;
     let mut times = clock.times(done.stages, &done.marks);
@@ -203,6 +203,6 @@ fn report(
         readback_bytes: slot.readback_bytes,
         ..FrameReport::default()
     };
-    last.complete(&mut report, (&counts, slot.extents), beside);
+    last.complete(&mut report, (&counts, slot.extents), never_active);
     Ok(report)
 }

@@ -5,7 +5,6 @@ use crate::memory::{Buffer, Place};
 use crate::transfer::{Loader, Transfer};
 use backend::Result;
 use geom::Animation;
-use shaders::Uncounted;
 use shaders::work::Vertices;
 use std::sync::Arc;
 
@@ -23,7 +22,8 @@ pub(crate) struct SceneBuffers {
     moving_row_count: Option<usize>,
     /// `k` of "What a hit is" in ARCHITECTURE.md.
     pub(crate) scale_exponent: i32,
-    pub(crate) uncounted: Uncounted,
+    /// Triangles that are inactive in every key frame, and so in no tree.
+    pub(crate) never_active: u64,
 }
 
 impl SceneBuffers {
@@ -63,7 +63,7 @@ impl SceneBuffers {
             positions,
             moving_rows,
             moving_row_count: rows.map(|rows| rows.len()),
-            uncounted: Uncounted::of(&animation),
+            never_active: (animation.triangle_count() - animation.live_count()) as u64,
             scale_exponent: animation.scale_exponent(),
             animation,
         })

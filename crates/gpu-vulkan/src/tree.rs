@@ -6,10 +6,9 @@ use crate::memory::{Buffer, Place};
 use crate::rebuild::BuildBuffers;
 use crate::transfer::{Copy, Transfer};
 use backend::{FRAMES_IN_FLIGHT, Generation, Layout, Method, Result, Ticket, check_tree};
-use bvh_layout::{Moving, Topology, Treelets};
+use bvh_layout::{Moving, MovingTreelets, Topology};
 use geom::Animation;
 use shaders::Shape;
-use std::borrow::Cow;
 use std::sync::Arc;
 
 /// With as many, one is free for the next tree whatever is under way. Most of the time two will do.
@@ -122,11 +121,11 @@ impl TreeBuffers {
                 self.shape = Shape::of(tree);
             }
             Layout::Fast => {
-                let made = || Cow::Owned(Treelets::of(tree));
-                let treelets = tree.treelets().map_or_else(made, Cow::Borrowed);
+                let treelets = tree.to_treelets(self.animation.static_parts());
+                let lists = treelets.moving().map_or(&[][..], MovingTreelets::words);
                 let shape = Shape::of_treelets(&treelets);
                 self.grow(gpu, frames, &shape)?;
-                self.send(gpu, (road, frames), &[treelets.words()])?;
+                self.send(gpu, (road, frames), &[treelets.words(), lists])?;
                 self.shape = shape;
             }
         }

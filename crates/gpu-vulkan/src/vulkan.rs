@@ -121,7 +121,7 @@ impl VulkanBackend {
         let unread = self.overwritten.map(|value| self.readback.done.at(value));
         let after: Vec<Moment> = arrived.into_iter().chain(unread).collect();
         let traced = self.traces.pending.is_some();
-        let ticket = self.frames.submit(&after, traced, scene.uncounted)?;
+        let ticket = self.frames.submit(&after, traced, scene.never_active)?;
         self.overwritten = None;
         self.traces.submitted(ticket);
         tree.submitted(ticket);

@@ -144,7 +144,7 @@ impl WgpuBackend {
             .snapshots
             .record(&self.gpu, encoder, &scene.positions, bytes)?;
         slot.readback_bytes = begun.as_ref().map_or(0, |_| bytes);
-        let ticket = self.frames.submit(&self.gpu, scene.uncounted)?;
+        let ticket = self.frames.submit(&self.gpu, scene.never_active)?;
         let traced = self.traces.submitted(ticket);
         self.frames.remember(ticket, traced);
         if let Some(begun) = begun {
@@ -220,11 +220,11 @@ impl Backend for WgpuBackend {
         if self.is_made_whole() {
             return Ok(());
         }
-        let (work, extent) =
+        let (work, uncounted) =
             self.progress
                 .preprocess(self.method, self.params(), &self.tree().shape);
         self.run(Stage::Preprocess, &work, Also::default())?;
-        self.frames.record(&self.gpu)?.extents.leaves = Some(extent);
+        self.frames.record(&self.gpu)?.extents.uncounted = Some(uncounted);
         self.progress.preprocessed();
         self.stale = Stale::Boxes;
         Ok(())
@@ -303,8 +303,8 @@ impl Backend for WgpuBackend {
     }
 
     fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
-        let beside = self.scene().uncounted;
-        self.frames.retire(&self.gpu, ticket, beside)
+        let never_active = self.scene().never_active;
+        self.frames.retire(&self.gpu, ticket, never_active)
     }
 
     fn hits(&mut self, ticket: Ticket, out: &mut Hits) -> Result<()> {

@@ -3,7 +3,7 @@
 use crate::device::Gpu;
 use crate::slot::Slot;
 use backend::{FRAMES_IN_FLIGHT, FrameReport, Result, Ticket};
-use shaders::{Standing, Uncounted};
+use shaders::Standing;
 use std::collections::VecDeque;
 
 /// One slot more than may be under way, so that recording never waits.
@@ -61,11 +61,11 @@ impl Frames {
     }
 
     /// Submits the recording; waits for the oldest submission if too many are under way.
-    pub(crate) fn submit(&mut self, gpu: &Gpu, beside: Uncounted) -> Result<Ticket> {
+    pub(crate) fn submit(&mut self, gpu: &Gpu, never_active: u64) -> Result<Ticket> {
         let under_way = self.ledger.iter().filter(|e| e.report.is_none());
         if under_way.clone().count() >= FRAMES_IN_FLIGHT {
             let oldest = under_way.map(|e| e.ticket).next();
-            self.retire(gpu, oldest.expect("counted just now"), beside)?;
+            self.retire(gpu, oldest.expect("counted just now"), never_active)?;
         }
         self.recording = false;
         self.slots[self.submitted as usize % SLOTS].submit(gpu)?;
@@ -98,7 +98,7 @@ impl Frames {
         &mut self,
         gpu: &Gpu,
         ticket: Ticket,
-        beside: Uncounted,
+        never_active: u64,
     ) -> Result<FrameReport> {
         for entry in self.ledger.iter_mut().filter(|e| e.ticket <= ticket) {
             if entry.report.is_some() {
@@ -107,7 +107,8 @@ impl Frames {
             let slot = &mut self.slots[(entry.ticket.0 - 1) as usize % SLOTS];
             let mut done = slot.finish(gpu)?;
             let counted = (&done.counts, slot.extents);
-            self.standing.complete(&mut done.report, counted, beside);
+            self.standing
+                .complete(&mut done.report, counted, never_active);
             entry.report = Some(done.report);
         }
         let found = self.ledger.iter().find(|e| e.ticket == ticket);
@@ -118,7 +119,7 @@ impl Frames {
     /// Waits for all submissions and forgets them: another scene is loaded.
     pub(crate) fn forget(&mut self, gpu: &Gpu) -> Result<()> {
         if let Some(last) = self.ledger.back().map(|e| e.ticket) {
-            self.retire(gpu, last, Uncounted::default())?;
+            self.retire(gpu, last, 0)?;
         }
         self.recording = false;
         self.ledger.clear();

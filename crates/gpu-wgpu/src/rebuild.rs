@@ -111,7 +111,7 @@ impl WgpuBackend {
         if extents.boxes.is_some() {
             cluster.push(rebuild::forget_refit(params));
         }
-        extents.leaves = Some(Extent::Whole);
+        extents.uncounted = Some(0);
         extents.refitted(Extent::Whole);
         self.run(Stage::Rebuild, &cluster, Also::default())?;
         let tree = self.tree.as_mut().expect("a scene was loaded");

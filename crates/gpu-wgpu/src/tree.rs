@@ -4,10 +4,9 @@ use crate::buffers::{storage, write};
 use crate::device::Gpu;
 use crate::rebuild::BuildBuffers;
 use backend::{Generation, Layout, Method, Result, check_tree};
-use bvh_layout::{Moving, Topology, Treelets};
+use bvh_layout::{Moving, MovingTreelets, Topology};
 use geom::Animation;
 use shaders::Shape;
-use std::borrow::Cow;
 use std::sync::Arc;
 use wgpu::Buffer;
 
@@ -95,12 +94,12 @@ impl TreeBuffers {
                 self.shape = Shape::of(tree);
             }
             Layout::Fast => {
-                let made = || Cow::Owned(Treelets::of(tree));
-                let treelets = tree.treelets().map_or_else(made, Cow::Borrowed);
+                let treelets = tree.to_treelets(self.animation.static_parts());
+                let lists = treelets.moving().map_or(&[][..], MovingTreelets::words);
                 let shape = Shape::of_treelets(&treelets);
                 grow(gpu, &mut self.nodes, NODES, shape.node_rows * 16)?;
                 grow(gpu, &mut self.costs, COSTS, shape.treelet_cost_bytes())?;
-                self.send(gpu, &[treelets.words()])?;
+                self.send(gpu, &[treelets.words(), lists])?;
                 self.shape = shape;
             }
         }

@@ -206,12 +206,12 @@ impl Workbench {
         let spare = std::mem::take(&mut self.spare);
         let topology = self
             .converter
-            .convert(&self.tree, animation.triangle_count(), spare)
-            .with_moving(animation.static_parts());
+            .convert(&self.tree, animation.triangle_count(), spare);
         let topology = match self.treelets {
             true => topology.with_treelets(&self.tree),
             false => topology,
         };
+        let topology = topology.with_moving(animation.static_parts());
         std::mem::swap(&mut self.tree, &mut self.in_use);
         let ended = Instant::now();
         Built {

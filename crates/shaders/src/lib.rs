@@ -38,10 +38,10 @@ pub mod work;
 use backend::Method;
 
 pub use method::{blocked_words, check_rebuild, record_bytes, supports};
-pub use moving::{MovingShape, moving_rows};
+pub use moving::{MovingShape, MovingTreeletShape, moving_rows};
 pub use params::{Counts, Params};
 pub use shape::Shape;
-pub use standing::{Extent, Extents, Standing, Uncounted};
+pub use standing::{Extent, Extents, Standing};
 pub use unfold::unfold;
 
 /// A compute kernel.

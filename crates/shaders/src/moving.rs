@@ -1,6 +1,6 @@
 //! What moves, as kernels are told of it.
 
-use bvh_layout::{Moving, Topology};
+use bvh_layout::{Moving, MovingTreelets, Topology, Treelets};
 use geom::{Animation, StaticParts};
 use std::ops::Range;
 
@@ -24,7 +24,7 @@ pub fn moving_rows(animation: &Animation) -> Option<Vec<u32>> {
     StaticParts::pays(rows.len(), all).then_some(rows)
 }
 
-/// Where a tree's lists of what moves lie; see [`Moving`].
+/// Where a tree's lists of what moves lie with layout `bvh2`; see [`Moving`].
 ///
 /// They are uploaded behind the tree's record, word for word.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -39,6 +39,30 @@ pub struct MovingShape {
     pub inner_count: u32,
     /// For each level that has moving inner nodes, root first, where they lie among them.
     pub levels: Vec<Range<u32>>,
+    /// Triangles of zero area among the leaves that are not listed.
+    pub degenerate_elsewhere: u32,
+}
+
+/// Likewise with layout `fast`; see [`MovingTreelets`].
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MovingTreeletShape {
+    /// For each level, that of the triangles first, where the numbers of its moving treelets lie, in words of the record.
+    pub levels: Vec<Range<u32>>,
+    /// Triangles of zero area in the treelets that are not listed.
+    pub degenerate_elsewhere: u32,
+}
+
+impl MovingTreeletShape {
+    pub(crate) fn of(tree: &Treelets, moving: &MovingTreelets) -> Self {
+        let at = tree.words().len() as u32;
+        let levels = moving.levels().iter();
+        Self {
+            levels: levels
+                .map(|l| at + l.start as u32..at + l.end as u32)
+                .collect(),
+            degenerate_elsewhere: moving.degenerate_elsewhere(),
+        }
+    }
 }
 
 impl MovingShape {
@@ -51,6 +75,7 @@ impl MovingShape {
             inner_at: (leaves_at + moving.leaves().len()) as u32,
             inner_count: moving.inner().len() as u32,
             levels: levels.map(|l| l.start as u32..l.end as u32).collect(),
+            degenerate_elsewhere: moving.degenerate_elsewhere(),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What a host must know of a tree's record to run kernels over it.
 
-use crate::{MovingShape, common};
+use crate::{MovingShape, MovingTreeletShape, common};
 use backend::Layout;
 use bvh_layout::{Topology, Treelets};
 use std::ops::Range;
@@ -26,6 +26,8 @@ pub struct Shape {
     pub moving: Option<MovingShape>,
     /// With layout `fast`: each level's treelets, those of triangles first.
     pub treelets: Vec<Range<u32>>,
+    /// With layout `fast`: those that move, where the tree came with lists of them.
+    pub moving_treelets: Option<MovingTreeletShape>,
     /// Rows of 16 bytes in the buffer `nodes`.
     pub node_rows: u64,
 }
@@ -43,6 +45,7 @@ impl Default for Shape {
             levels: Vec::new(),
             moving: None,
             treelets: Vec::new(),
+            moving_treelets: None,
             node_rows: 0,
         }
     }
@@ -56,7 +59,6 @@ impl Shape {
         let words = tree.leaf_bits().len();
         let levels = tree.levels().map(|level| level.inner);
         Self {
-            layout: Layout::Bvh2,
             leaf_bits_at: bits as u32,
             leaf_ranks_at: (bits + words) as u32,
             leaf_triangles_at: (bits + 2 * words) as u32,
@@ -64,8 +66,8 @@ impl Shape {
             node_count: tree.node_count() as u32,
             levels: levels.filter(|inner| !inner.is_empty()).collect(),
             moving: tree.moving().map(|m| MovingShape::of(tree, m)),
-            treelets: Vec::new(),
             node_rows: 2 * tree.node_count() as u64,
+            ..Self::default()
         }
     }
 
@@ -90,6 +92,7 @@ impl Shape {
             leaf_count: tree.leaf_count() as u32,
             node_count: (2 * tree.leaf_count()).saturating_sub(1) as u32,
             treelets: tree.levels().to_vec(),
+            moving_treelets: tree.moving().map(|m| MovingTreeletShape::of(tree, m)),
             node_rows: tree.rows() as u64,
             ..Self::default()
         }

@@ -2,22 +2,21 @@
 
 use crate::Counts;
 use backend::FrameReport;
-use geom::Animation;
 
-/// What a stage of a submission went over.
+/// Whose areas a refit added up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
-    /// All of the tree.
+    /// All nodes'.
     Whole,
-    /// What moves alone: the rest had been done before.
+    /// Those of what moves alone: the others had been added up before.
     Moving,
 }
 
 /// What preprocess and refit of one submission went over; `None` for a stage left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Extents {
-    /// Leaves, by the last preprocess.
-    pub leaves: Option<Extent>,
+    /// Triangles of zero area that the last preprocess did not count, as it passed over them.
+    pub uncounted: Option<u32>,
     /// Boxes, by any refit: whole if one of them was.
     pub boxes: Option<Extent>,
 }
@@ -27,26 +26,6 @@ impl Extents {
     pub fn refitted(&mut self, extent: Extent) {
         if self.boxes != Some(Extent::Whole) {
             self.boxes = Some(extent);
-        }
-    }
-}
-
-/// Triangles of a scene that no kernel counts in some frames, or in any.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Uncounted {
-    /// Inactive in every key frame, and so in no tree.
-    pub never_active: u64,
-    /// Of zero area, active and static: not counted where only what moves is preprocessed.
-    pub static_degenerate: u64,
-}
-
-impl Uncounted {
-    /// Of a scene.
-    #[must_use]
-    pub fn of(animation: &Animation) -> Self {
-        Self {
-            never_active: (animation.triangle_count() - animation.live_count()) as u64,
-            static_degenerate: animation.static_parts().degenerate as u64,
         }
     }
 }
@@ -63,18 +42,16 @@ pub struct Standing {
 
 impl Standing {
     /// Takes in what a submission counted and completes its report. Submissions come in order.
+    /// `never_active` triangles of the scene are in no tree, as they are inactive in every key frame.
     pub fn complete(
         &mut self,
         report: &mut FrameReport,
         (counts, extents): (&Counts, Extents),
-        beside: Uncounted,
+        never_active: u64,
     ) {
-        if let Some(leaves) = extents.leaves {
-            self.inactive = u64::from(counts.inactive) + beside.never_active;
-            self.degenerate = u64::from(counts.degenerate);
-            if leaves == Extent::Moving {
-                self.degenerate += beside.static_degenerate;
-            }
+        if let Some(uncounted) = extents.uncounted {
+            self.inactive = u64::from(counts.inactive) + never_active;
+            self.degenerate = u64::from(counts.degenerate) + u64::from(uncounted);
         }
         if let Some(boxes) = extents.boxes {
             if boxes == Extent::Whole {
@@ -112,26 +89,25 @@ mod tests {
 
     #[test]
     fn what_lies_still_is_added_to_what_moves() {
-        let beside = Uncounted {
-            never_active: 10,
-            static_degenerate: 5,
-        };
         let mut standing = Standing::default();
-        let mut told = |counts: &Counts, leaves, boxes| {
+        let mut told = |counts: &Counts, uncounted, boxes| {
             let mut report = FrameReport::default();
-            let extents = Extents { leaves, boxes };
-            standing.complete(&mut report, (counts, extents), beside);
+            let extents = Extents { uncounted, boxes };
+            standing.complete(&mut report, (counts, extents), 10);
             (report.inactive, report.degenerate, report.sah_cost)
         };
         let (whole, moving) = (Some(Extent::Whole), Some(Extent::Moving));
         let first = counts(7, [6.0, 2.0, 2.0]);
-        assert_eq!(told(&first, whole, whole), (11, 7, Some(5.0)));
+        assert_eq!(told(&first, Some(0), whole), (11, 7, Some(5.0)));
         let later = counts(2, [0.0, 4.0, 2.0]);
-        assert_eq!(told(&later, moving, moving), (11, 7, Some(6.0)));
+        assert_eq!(told(&later, Some(5), moving), (11, 7, Some(6.0)));
         assert_eq!(told(&counts(0, [0.0; 3]), None, None), (11, 7, Some(6.0)));
-        assert_eq!(told(&counts(1, [0.0; 3]), moving, None), (11, 6, Some(6.0)));
+        assert_eq!(
+            told(&counts(1, [0.0; 3]), Some(5), None),
+            (11, 6, Some(6.0))
+        );
         let gone = counts(0, [0.0; 3]);
-        assert_eq!(told(&gone, whole, whole), (11, 0, None));
+        assert_eq!(told(&gone, Some(0), whole), (11, 0, None));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! use params ieee divide units degenerate flat standing {record.write} {treelets.refit}
-// Positions to triangle records, boxes of leaves, and boxes of all nodes within treelets of triangles.
+// Positions to triangle records, boxes of leaves, and boxes of all nodes within treelets of triangles;
+// of all those treelets or of those that move.
 //
 // A workgroup a treelet, an invocation a triangle. Stores go through the workgroup's memory, so that
 // neighbours write neighbouring rows. Areas are added up as `refit` does, one partial sum a treelet.
@@ -76,9 +77,10 @@ fn preprocess_treelets(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    let number = group.x + group.y * groups.x;
-    if number >= params.count { return; }
-    let t = treelet(params.first + number);
+    let place = group.x + group.y * groups.x;
+    if place >= params.count { return; }
+    let number = treelet_at(place);
+    let t = treelet(number);
     var word = 0u;
     var own: Box;
     let leaf = t.first_leaf + local;
@@ -101,5 +103,5 @@ fn preprocess_treelets(
     area += refit_treelet(t, local);
     write_treelet(t, local);
     let sum = sum_of_group(local, area);
-    if local == 0u { costs[params.first + number] = sum; }
+    if local == 0u { costs[number] = sum; }
 }

@@ -40,6 +40,7 @@ pub(super) fn fill(shape: Shape<'_>, cuts: &[Cut]) -> Treelets {
         leaf_count: leaves as u32,
         inner_count,
         root_count: roots as u32,
+        moving: None,
     };
     made.finish(cuts, &found, inner_at);
     made

@@ -3,6 +3,7 @@
 mod cut;
 mod depth_first;
 mod fill;
+mod moving;
 #[cfg(test)]
 mod tests;
 
@@ -10,6 +11,8 @@ use crate::Topology;
 use crate::walk::Shape;
 use bvh_build::BinaryTree;
 use cut::Cut;
+use geom::StaticParts;
+pub use moving::MovingTreelets;
 use std::ops::Range;
 
 /// A tree in depth-first leaf order, cut into treelets.
@@ -55,6 +58,7 @@ pub struct Treelets {
     leaf_count: u32,
     inner_count: u32,
     root_count: u32,
+    moving: Option<MovingTreelets>,
 }
 
 /// A treelet's entry in the table: nine words, in this order.
@@ -121,10 +125,27 @@ impl Treelets {
         &self.words
     }
 
-    /// Bytes handed over.
+    /// The same treelets with lists of those that move, where they pay; in parallel.
+    ///
+    /// # Panics
+    /// If `parts` are of a scene that has not all the triangles.
+    #[must_use]
+    pub fn with_moving(self, parts: &StaticParts) -> Self {
+        let moving = MovingTreelets::of(&self, parts);
+        Self { moving, ..self }
+    }
+
+    /// What must be done again when the scene moves; `None` if all of it.
+    #[must_use]
+    pub fn moving(&self) -> Option<&MovingTreelets> {
+        self.moving.as_ref()
+    }
+
+    /// Bytes handed over: the words, and lists of what moves.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        self.words.len() * 4
+        let lists = self.moving.as_ref().map_or(0, |m| m.words().len());
+        (self.words.len() + lists) * 4
     }
 
     /// The numbers of each level's treelets, the level of the triangles first.
@@ -160,6 +181,13 @@ impl Treelets {
     #[must_use]
     pub fn inner_count(&self) -> usize {
         self.inner_count as usize
+    }
+
+    /// The triangles of a treelet of the lowest level, each with [`Treelets::SHARED`] or without.
+    pub(crate) fn triangles(&self, number: usize) -> &[u32] {
+        let entry = self.treelet(number);
+        let at = self.triangles_at() + entry.first_leaf as usize;
+        &self.words[at..][..entry.leaf_count as usize]
     }
 
     /// Where the triangles begin, in words.

@@ -15,7 +15,7 @@ use backend::{
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};
 use shaders::work::{self, Work};
-use shaders::{Extent, Params, Shape};
+use shaders::{Params, Shape};
 use std::sync::Arc;
 
 impl Backend for DriverTreeBackend {
@@ -90,7 +90,7 @@ impl Backend for DriverTreeBackend {
         };
         let slot = self.frames.record()?;
         slot.record(&self.kernels, Stage::Preprocess, work.as_slice(), find)?;
-        slot.extents.leaves = Some(Extent::Whole);
+        slot.extents.uncounted = Some(0);
         (self.stale, self.uncounted) = (Stale::Tree, true);
         Ok(())
     }

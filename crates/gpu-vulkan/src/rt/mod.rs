@@ -37,7 +37,7 @@ use backend::{Device, Result, Ticket};
 use pipeline::RayPipeline;
 use scene::RtScene;
 use sets::RaySets;
-use shaders::{RAY_KERNELS, Uncounted, common};
+use shaders::{RAY_KERNELS, common};
 use std::sync::Arc;
 
 /// What the driver is to prefer when it builds.
@@ -172,7 +172,7 @@ impl DriverTreeBackend {
         let after: Vec<Moment> = unread.into_iter().collect();
         let traced = self.traces.pending.is_some();
         // The kernel that counts sees every triangle, those that are never active too.
-        let ticket = self.frames.submit(&after, traced, Uncounted::default())?;
+        let ticket = self.frames.submit(&after, traced, 0)?;
         self.overwritten = None;
         self.traces.submitted(ticket);
         let ready = (ticket, self.frames.first_part(ticket));

@@ -162,6 +162,53 @@ pub(super) fn the_cost_of_a_tree_is_the_references() {
     }
 }
 
+/// The swarm as it stands at first, but for a few of its triangles, which stand close together.
+fn resting() -> Arc<Animation> {
+    let swarm = swarm(30_000);
+    let mut keys = vec![swarm.keys()[0].clone(); 3];
+    for (k, key) in keys.iter_mut().enumerate() {
+        for (v, p) in key.iter_mut().take(90).enumerate() {
+            *p = [
+                0.3 + 0.01 * (v % 3) as f32,
+                0.01 * k as f32,
+                0.001 * v as f32,
+            ];
+        }
+    }
+    let triangles = swarm.triangles().to_vec();
+    Arc::new(Animation::new(keys, triangles).unwrap())
+}
+
+pub(super) fn treelets_that_stand_still_are_passed_over_to_the_last_bit() {
+    let mut backend = device();
+    let animation = resting();
+    let plain = tree_at(&animation, 0.0);
+    let listed = plain.clone().with_moving(animation.static_parts());
+    let treelets = listed.to_treelets(animation.static_parts());
+    let moving = treelets.moving().unwrap().words().len();
+    assert!(
+        moving > 2 && moving < treelets.treelet_count() / 4,
+        "{moving}"
+    );
+    let mut seen = Vec::new();
+    for tree in [plain, listed] {
+        let method = laid(Layout::Fast);
+        backend.load(Arc::clone(&animation), method).unwrap();
+        backend.adopt(&tree, Generation(1)).unwrap();
+        for time in [0.0, 0.7, 2.0, 1.0] {
+            stand(&mut *backend, &animation, time);
+            let ticket = go(&mut *backend, Rays::Camera(&camera()), SHADOWED);
+            let report = backend.wait(ticket).unwrap();
+            let cost = report.sah_cost.unwrap().to_bits();
+            let counts = [report.inactive, report.degenerate, cost];
+            let boxes = backend.inspect().boxes().unwrap();
+            seen.push((counts, hits(&mut *backend, ticket), boxes));
+        }
+    }
+    assert!(seen[..4] == seen[4..]);
+    assert!(seen[0].0[1] > 100 && seen[0].0[2] != seen[1].0[2]);
+}
+
 /// Three levels of treelets, and trees so different that nodes need more room.
 pub(super) fn layouts_differ_in_memory_alone() {
     let (animation, camera) = (swarm(60_000), camera());

@@ -50,6 +50,7 @@ const ON_DEVICE: &[(&str, Test)] = named![
     geometry::a_submission_may_hold_any_number_of_stages,
     geometry::triangles_are_counted_at_the_last_positions_alone,
     geometry::the_cost_of_a_tree_is_the_references,
+    geometry::treelets_that_stand_still_are_passed_over_to_the_last_bit,
     geometry::layouts_differ_in_memory_alone,
     geometry::a_cameras_rays_meet_anything_as_the_list_of_them_does,
     limits::a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once,

@@ -20,11 +20,12 @@ pub struct Progress {
 impl Progress {
     /// Positions to records and boxes of leaves, after the tree's lists of nodes if need be;
     /// with layout `fast` also to boxes of all nodes in treelets of triangles.
+    /// Also for [`crate::Extents::uncounted`] how many triangles of zero area it passes over.
     #[must_use]
-    pub fn preprocess(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, Extent) {
+    pub fn preprocess(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, u32) {
         if tree.layout == Layout::Fast {
-            let work = treelets::preprocess(method, params, tree);
-            return (vec![work], Extent::Whole);
+            let (work, uncounted) = treelets::preprocess(method, params, tree, self.has_records);
+            return (vec![work], uncounted);
         }
         let mut work = Vec::with_capacity(3);
         if !self.has_lists {
@@ -32,7 +33,7 @@ impl Progress {
             work.extend(tree.moving.as_ref().map(|moving| mark(params, moving)));
         }
         let moving = tree.moving.as_ref().filter(|_| self.has_records);
-        let (leaves, extent) = match moving {
+        let (leaves, uncounted) = match moving {
             Some(moving) => {
                 let params = Params {
                     first: moving.leaves_at,
@@ -41,12 +42,12 @@ impl Progress {
                 };
                 let preprocess = kernel("preprocess", method);
                 let work = Work::linear(preprocess, params, moving.leaf_count);
-                (work, Extent::Moving)
+                (work, moving.degenerate_elsewhere)
             }
-            None => (leaves(method, params, tree), Extent::Whole),
+            None => (leaves(method, params, tree), 0),
         };
         work.push(leaves);
-        (work, extent)
+        (work, uncounted)
     }
 
     /// That work was recorded.
@@ -58,7 +59,8 @@ impl Progress {
     #[must_use]
     pub fn refit(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, Extent) {
         if tree.layout == Layout::Fast && tree.leaf_count > 0 {
-            let mut work = treelets::refit(method, params, tree);
+            let mut work = treelets::refit(method, params, tree, self.has_boxes);
+            // What was passed over kept its sums.
             work.push(sum(params, tree.treelet_count(), AREAS));
             return (work, Extent::Whole);
         }
@@ -194,6 +196,7 @@ mod tests {
                 inner_at: 2_009,
                 inner_count: 142,
                 levels: vec![0..1, 1..2, 2..140, 140..142],
+                degenerate_elsewhere: 3,
             }),
             ..tree()
         }
@@ -227,8 +230,8 @@ mod tests {
     #[test]
     fn a_tree_is_done_whole_first_and_then_what_moves() {
         let (mut progress, params, tree) = (Progress::default(), Params::default(), with_lists());
-        let (work, extent) = progress.preprocess(Method::default(), params, &tree);
-        assert_eq!(extent, Extent::Whole);
+        let (work, uncounted) = progress.preprocess(Method::default(), params, &tree);
+        assert_eq!(uncounted, 0);
         let expected = [
             ("expand", 0, 0, 0, 0),
             ("mark_moving", 2_009, 142, 0, 0),
@@ -236,8 +239,8 @@ mod tests {
         ];
         assert_eq!(told(&work), expected);
         progress.preprocessed();
-        let (work, extent) = progress.preprocess(Method::default(), params, &tree);
-        assert_eq!(extent, Extent::Moving);
+        let (work, uncounted) = progress.preprocess(Method::default(), params, &tree);
+        assert_eq!(uncounted, 3);
         assert_eq!(told(&work), [("preprocess", 2_000, 9, 0, 1)]);
         let (work, extent) = progress.refit(Method::default(), params, &tree);
         assert_eq!(extent, Extent::Whole);
@@ -264,8 +267,8 @@ mod tests {
         let mut progress = Progress::default();
         progress.preprocessed();
         progress.refitted();
-        let (work, extent) = progress.preprocess(Method::default(), Params::default(), &tree());
-        assert_eq!((work.len(), extent), (1, Extent::Whole));
+        let (work, uncounted) = progress.preprocess(Method::default(), Params::default(), &tree());
+        assert_eq!((work.len(), uncounted), (1, 0));
         let (_, extent) = progress.refit(Method::default(), Params::default(), &tree());
         assert_eq!(extent, Extent::Whole);
     }

@@ -17,6 +17,13 @@ struct Treelet {
     height: u32,
 }
 
+// The number of a dispatch's treelet.
+fn treelet_at(place: u32) -> u32 {
+    let at = params.first + place;
+    if params.listed == 1u { return topology[at]; }
+    return at;
+}
+
 fn treelet(number: u32) -> Treelet {
     let at = 9u * number;
     return Treelet(
