@@ -25,7 +25,7 @@ pub(crate) enum Command {
     /// Trace given rays at one moment
     Trace(TraceArgs),
     /// Measure every stage over scenes, backends, update policies and intersectors
-    Bench(BenchArgs),
+    Bench(Box<BenchArgs>),
     /// Chart speed against accuracy: every backend, intersector and update policy against exact arithmetic
     Chart(ChartArgs),
     /// Hold backends to the laws that all of them keep
@@ -348,7 +348,7 @@ pub(crate) enum LayoutName {
 }
 
 mod bench;
-pub(crate) use bench::BenchArgs;
+pub(crate) use bench::{BenchArgs, RaysName};
 
 mod chart;
 pub(crate) use chart::ChartArgs;

@@ -3,21 +3,20 @@
 mod auto;
 mod compare;
 mod floor;
+mod rays;
 mod rivals;
+mod row;
 mod text;
 
 use crate::ahead::Ahead;
 use crate::args::{BackendName, BenchArgs, LayoutName, MethodArgs, PolicyArgs, Switch, UpdateName};
 use crate::progress::Progress;
-use crate::session::{self, Ask, Session};
+use crate::session::Ask;
 use crate::stop::Stop;
-use crate::table::mrays;
-use crate::trial::Run;
 use crate::{choose, frames, info, record, talk, threads};
-use backend::{Intersector, Query, Rays, Seek};
 use clap::ValueEnum;
 use pipeline::Frame;
-use report::{FrameStats, Summary, Taken, Time};
+pub(crate) use row::{Row, measure};
 use scene::Scene;
 use serde::Serialize;
 
@@ -41,57 +40,6 @@ struct Report {
     /// How `auto` fared, where that was asked for.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     with_auto: Vec<auto::Check>,
-}
-
-/// One run. Times are medians over its frames, in milliseconds.
-#[derive(Serialize)]
-pub(crate) struct Row {
-    scene: String,
-    pub(crate) triangles: usize,
-    /// Triangles that move.
-    moving: usize,
-    pub(crate) backend: &'static str,
-    pub(crate) adapter: String,
-    pub(crate) driver: Option<String>,
-    threads: usize,
-    builder_threads: usize,
-    pub(crate) update: &'static str,
-    /// With `async`: whether trees are built for what comes.
-    predict: Option<bool>,
-    pub(crate) intersector: &'static str,
-    pub(crate) layout: &'static str,
-    frames: usize,
-    interpolate_ms: Option<f64>,
-    preprocess_ms: Option<f64>,
-    rebuild_ms: Option<f64>,
-    refit_ms: Option<f64>,
-    /// All that comes before rays: the four above.
-    geometry_ms: Option<f64>,
-    trace_primary_ms: Option<f64>,
-    trace_shadow_ms: Option<f64>,
-    device_ms: Option<f64>,
-    wall_ms: Option<f64>,
-    /// Primary and shadow rays in the time of both.
-    pub(crate) mrays_per_s: Option<f64>,
-    build_ms: Option<f64>,
-    convert_ms: Option<f64>,
-    build_ns_per_triangle: Option<f64>,
-    convert_ns_per_triangle: Option<f64>,
-    trees: usize,
-    /// Trees that were no better than the one in use.
-    rejected: usize,
-    tree_age_frames: Option<f64>,
-    sah_ratio: Option<f64>,
-    sah_cost: Option<f64>,
-    /// What a frame has to move at least.
-    bytes: floor::Bytes,
-    /// What was left to `auto`.
-    auto: Vec<Taken>,
-    /// Intersectors that are known to meet the tolerance.
-    #[serde(skip)]
-    meets: Vec<&'static str>,
-    /// Every frame, as in the statistics of `render`.
-    pub(crate) per_frame: Vec<FrameStats>,
 }
 
 /// Measures.
@@ -160,9 +108,14 @@ impl<'a> Bench<'a> {
         builder_threads: Option<usize>,
     ) -> Result<Vec<Row>, Stop> {
         let args = self.args;
-        self.progress.lengthen(self.combinations.len() as u64);
-        let mut rows = Vec::with_capacity(self.combinations.len());
-        for &(backend, (policy, predict), method) in &self.combinations {
+        let runs = args.rays.iter().flat_map(|&rays| {
+            let all = self.combinations.iter();
+            all.map(move |&combination| (rays, combination))
+        });
+        let runs: Vec<_> = runs.collect();
+        self.progress.lengthen(runs.len() as u64);
+        let mut rows = Vec::with_capacity(runs.len());
+        for (rays, (backend, (policy, predict), method)) in runs {
             let ask = Ask {
                 backend,
                 adapter: args.adapter.as_deref(),
@@ -174,7 +127,7 @@ impl<'a> Bench<'a> {
                 run: None,
                 ahead: Ahead::of(frames, predict),
             };
-            let row = measure(args.size, (spec, scene), frames, &ask)?;
+            let row = row::measure_rays((rays, args.size), (spec, scene), frames, &ask)?;
             let words = [spec, row.backend, row.update, row.intersector];
             self.progress.step(&words.join(" "));
             rows.push(row);
@@ -297,115 +250,4 @@ fn policies(args: &BenchArgs) -> impl Iterator<Item = (UpdateName, Switch)> {
         let take = if differ { args.predict.len() } else { 1 };
         args.predict.iter().take(take).map(move |&p| (update, p))
     })
-}
-
-/// One run over `frames`.
-pub(crate) fn measure(
-    size: [u32; 2],
-    (spec, scene): (&str, &Scene),
-    frames: &[Frame],
-    ask: &Ask<'_>,
-) -> Result<Row, Stop> {
-    let view = picture::frame_scene(&scene.animation, FOV, size);
-    let camera = view
-        .camera(size)
-        .ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
-    let query = Query {
-        rays: Rays::Camera(&camera),
-        seek: Seek::ClosestAndShadow { light: view.light },
-    };
-    let run = Some(Run { frames, query });
-    let mut session = session::start(&scene.animation, &Ask { run, ..*ask })?;
-    let mut stats = Vec::new();
-    session
-        .driver
-        .run::<Stop>(frames.iter().copied(), query, false, |frame, _| {
-            stats.push(record::row(frame));
-            Ok(())
-        })?;
-    Ok(row(spec, scene, &session, stats, camera.pixels()))
-}
-
-fn row(
-    spec: &str,
-    scene: &Scene,
-    session: &Session,
-    frames: Vec<FrameStats>,
-    pixels: usize,
-) -> Row {
-    let median = |time: Time| Summary::of(frames.iter().filter_map(time)).map(|s| s.median);
-    let triangles = scene.animation.live_count();
-    let per_triangle = |time: Time| median(time).map(|ms| ms * 1e6 / triangles.max(1) as f64);
-    let rates = frames.iter().filter_map(|f| {
-        let ms = f.trace_primary_ms? + f.trace_shadow_ms.unwrap_or(0.0);
-        mrays(pixels as f64 + f.hits as f64, ms)
-    });
-    let device = &session.device;
-    Row {
-        scene: spec.to_owned(),
-        triangles: scene.animation.triangle_count(),
-        moving: scene.animation.moving_count(),
-        backend: device.backend,
-        adapter: device.adapter.clone(),
-        driver: (!device.driver.is_empty()).then(|| device.driver.clone()),
-        threads: session.threads.render,
-        builder_threads: session.threads.build,
-        update: choose::update_name(session.update),
-        predict: session.predict,
-        intersector: session.method[0],
-        layout: session.method[1],
-        frames: frames.len(),
-        interpolate_ms: median(|f| f.interpolate_ms),
-        preprocess_ms: median(|f| f.preprocess_ms),
-        rebuild_ms: median(|f| f.rebuild_ms),
-        refit_ms: median(|f| f.refit_ms),
-        geometry_ms: median(geometry),
-        trace_primary_ms: median(|f| f.trace_primary_ms),
-        trace_shadow_ms: median(|f| f.trace_shadow_ms),
-        device_ms: median(|f| f.device_ms),
-        wall_ms: median(|f| f.wall_ms),
-        mrays_per_s: Summary::of(rates).map(|s| s.median),
-        build_ms: median(|f| f.build_ms),
-        convert_ms: median(|f| f.convert_ms),
-        build_ns_per_triangle: per_triangle(|f| f.build_ms),
-        convert_ns_per_triangle: per_triangle(|f| f.convert_ms),
-        trees: frames.iter().filter(|f| f.adopted).count(),
-        rejected: frames.iter().filter(|f| f.rejected).count(),
-        tree_age_frames: median(|f| Some(f.tree_age_frames as f64)),
-        sah_ratio: median(|f| f.sah_ratio),
-        sah_cost: median(|f| f.sah_cost),
-        bytes: floor::Bytes::of(
-            &scene.animation,
-            session.method[0].parse().unwrap_or(Intersector::Watertight),
-            pixels,
-        ),
-        auto: session.taken.clone(),
-        meets: session.meets.iter().map(|i| i.name()).collect(),
-        per_frame: frames,
-    }
-}
-
-/// Milliseconds of a frame's stages before rays; `None` if it left all of them out.
-fn geometry(frame: &FrameStats) -> Option<f64> {
-    let stages = [
-        frame.interpolate_ms,
-        frame.preprocess_ms,
-        frame.rebuild_ms,
-        frame.refit_ms,
-    ];
-    stages.into_iter().flatten().reduce(|a, b| a + b)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn geometry_is_what_is_known_of_its_stages() {
-        let mut frame = FrameStats::default();
-        assert_eq!(geometry(&frame), None);
-        frame.refit_ms = Some(2.0);
-        frame.preprocess_ms = Some(0.5);
-        assert_eq!(geometry(&frame), Some(2.5));
-    }
 }

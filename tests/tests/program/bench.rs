@@ -19,6 +19,7 @@ pub(crate) fn trials() -> Vec<Trial> {
             "bench::auto_stands_beside_all_that_it_could_take",
             with_auto,
         ),
+        trial("bench::rays_at_random_have_rows_of_their_own", random_rays),
         trial(
             "bench::two_files_are_compared_and_a_slower_one_can_fail",
             compare,
@@ -133,6 +134,34 @@ fn with_auto(sandbox: &Sandbox) -> Result<(), Failed> {
     ensure(
         json["rows"].as_array().map(Vec::len) == Some(1 + fixed.len()),
         || "a row is missing".into(),
+    )
+}
+
+fn random_rays(sandbox: &Sandbox) -> Result<(), Failed> {
+    let words = "--frames 17 --update refit,auto --layout bvh2 --rays camera,random --json b.json";
+    let run = sandbox.run(&format!("{SMALL} {words}")).succeeds()?;
+    ensure(run.stdout.contains("bvh2, random rays"), || run.stdout)?;
+    let json: Value = serde_json::from_slice(&sandbox.read("b.json"))?;
+    let rows = json["rows"].as_array().ok_or("no rows")?;
+    let kinds: Vec<_> = rows.iter().map(|r| r["rays"].as_str()).collect();
+    let random = Some("random");
+    ensure(kinds == [None, None, random, random], || {
+        format!("{kinds:?}")
+    })?;
+    for row in &rows[2..] {
+        let hits = row["per_frame"][3]["hits"].as_u64();
+        ensure(hits.is_some_and(|h| h > 0 && h < 16 * 12), || {
+            format!("{hits:?} of 192 rays hit")
+        })?;
+        let only = row["trace_shadow_ms"].is_null() && row["mrays_per_s"].is_number();
+        ensure(only, || "rays to the light were traced".into())?;
+    }
+    let ratios = json["ratios"].as_array().ok_or("no ratios")?;
+    let is_random = |name: &Value| name.as_str().is_some_and(|n| n.contains("random"));
+    let mixed = |r: &&Value| is_random(&r["run"]) != is_random(&r["over"]);
+    ensure(
+        ratios.len() == 4 && !ratios.iter().any(|r| mixed(&r)),
+        || format!("{ratios:?}"),
     )
 }
 

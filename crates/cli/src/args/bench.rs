@@ -4,8 +4,8 @@ use super::{
     BackendName, IntersectorName, LayoutName, SourceArgs, Switch, ToleranceArgs, UpdateName,
 };
 use crate::values::{self, Frames, TimeRange};
-use clap::Args;
 use clap::builder::ArgPredicate;
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
 /// Options of `bench`.
@@ -68,6 +68,16 @@ pub(crate) struct BenchArgs {
     /// With --with-auto: how often every choice has its turn
     #[arg(long, value_name = "N", default_value = "1", value_parser = values::rounds, requires = "with_auto")]
     pub(crate) rounds: usize,
+    /// Rays: a camera's with their shadows, or as many from anywhere in the scene's box in any direction (the closest
+    /// hit of each, no shadow), the same in every frame
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "camera",
+        conflicts_with = "with_auto"
+    )]
+    pub(crate) rays: Vec<RaysName>,
     /// Pixels of a frame
     #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = values::size)]
     pub(crate) size: [u32; 2],
@@ -99,4 +109,13 @@ pub(crate) struct BenchArgs {
     /// No progress
     #[arg(long, short)]
     pub(crate) quiet: bool,
+}
+
+/// Kinds of rays by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum RaysName {
+    /// Through each pixel, and from there to the light
+    Camera,
+    /// From anywhere in the scene's box in any direction
+    Random,
 }

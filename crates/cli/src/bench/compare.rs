@@ -23,13 +23,14 @@ const QUANTITIES: [&str; 8] = [
 /// Of those, the ones that make a run slower as a whole.
 const WHOLE: usize = 2;
 /// What tells runs apart.
-const NAMES: [&str; 6] = [
+const NAMES: [&str; 7] = [
     "scene",
     "backend",
     "update",
     "predict",
     "intersector",
     "layout",
+    "rays",
 ];
 /// Standard errors beyond which a change is no noise.
 const SIGMAS: f64 = 3.0;

@@ -29,7 +29,13 @@ pub(super) fn name(r: &Row) -> String {
         ""
     };
     let words = [r.backend, r.update, r.intersector, r.layout];
-    format!("{}{without}", words.join(" "))
+    let rays = r.rays.map_or(String::new(), |rays| format!(" {rays} rays"));
+    format!("{}{without}{rays}", words.join(" "))
+}
+
+/// Whether two runs did the same work.
+fn comparable(a: &Row, b: &Row) -> bool {
+    (&a.scene, a.rays) == (&b.scene, b.rays)
 }
 
 /// Median of what the device took and what the frame waited for its tree.
@@ -46,7 +52,7 @@ pub(super) fn ratios(rows: &[Row]) -> Vec<Ratio> {
     let mut all = Vec::new();
     for (i, run) in rows.iter().enumerate() {
         for (j, rival) in rows.iter().enumerate() {
-            if i == j || run.scene != rival.scene {
+            if i == j || !comparable(run, rival) {
                 continue;
             }
             all.push(Ratio {
@@ -93,14 +99,16 @@ pub(super) fn check(rows: &[Row], against: Option<&str>) -> Result<(), Stop> {
 /// A table a scene: every run over the baseline, and over every other where they are few.
 pub(super) fn text(rows: &[Row], against: Option<&str>) -> String {
     let mut text = String::new();
-    let mut scenes: Vec<&str> = rows.iter().map(|r| r.scene.as_str()).collect();
-    scenes.dedup();
-    for scene in scenes {
-        let of: Vec<&Row> = rows.iter().filter(|r| r.scene == scene).collect();
+    for of in rows.chunk_by(comparable) {
+        let of: Vec<&Row> = of.iter().collect();
         if of.len() > 1
             && let Some(baseline) = baseline(&of, against)
         {
-            text += &format!("{scene}: times over those of {}\n", name(baseline));
+            text += &format!(
+                "{}: times over those of {}\n",
+                baseline.scene,
+                name(baseline)
+            );
             text += &matrix(&of, baseline);
         }
     }

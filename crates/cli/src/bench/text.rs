@@ -37,7 +37,7 @@ fn cells(r: &Row) -> Vec<String> {
         r.scene.clone(),
         r.backend.to_owned(),
         update(r),
-        format!("{} {}", r.intersector, r.layout),
+        method(r),
         grouped(r.moving),
         time(r.interpolate_ms),
         time(r.preprocess_ms),
@@ -55,6 +55,14 @@ fn cells(r: &Row) -> Vec<String> {
         short(r.sah_ratio),
         short(r.sah_cost),
     ]
+}
+
+/// Intersector and layout, and which rays if not a camera's.
+fn method(r: &Row) -> String {
+    let rays = r
+        .rays
+        .map_or(String::new(), |rays| format!(", {rays} rays"));
+    format!("{} {}{rays}", r.intersector, r.layout)
 }
 
 /// The policy, and whether it goes without prediction.

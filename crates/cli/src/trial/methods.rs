@@ -4,7 +4,7 @@ use super::Run;
 use super::stand::{Stand, frame};
 use crate::stop::Stop;
 use backend::{DeviceKind, Method, Query, Rays};
-use geom::Camera;
+use geom::{Camera, Ray};
 use pipeline::{Driver, Frame, FrameRecord, Update};
 
 /// Frames that are timed each time a method has its turn, after one that warms up.
@@ -54,15 +54,9 @@ pub(super) fn time(
 /// One turn of one method: the least time of a few frames.
 fn turn(stand: &mut Stand<'_>, method: Method, run: &Run<'_>) -> Result<Timed, Stop> {
     let on_host = stand.device.kind != DeviceKind::Gpu;
-    let (camera, share) = match run.query.rays {
-        Rays::Camera(camera) if on_host => thinned(camera, PIXELS_ON_HOST),
-        Rays::Camera(camera) => (*camera, 1.0),
-        Rays::List(_) => return Err(Stop::failed("only a camera's rays are timed")),
-    };
-    let query = Query {
-        rays: Rays::Camera(&camera),
-        ..run.query
-    };
+    let fewer = on_host.then(|| Fewer::of(run.query.rays, PIXELS_ON_HOST));
+    let (rays, share) = fewer.as_ref().map_or((run.query.rays, 1.0), Fewer::rays);
+    let query = Query { rays, ..run.query };
     let mut driver = stand.driver(method, Update::Refit)?;
     let timed = least(&mut driver, run, query, share);
     stand.put_back(driver);
@@ -106,6 +100,36 @@ fn whole(record: &FrameRecord, share: f64) -> f64 {
     times.device_ms + rays * (share - 1.0)
 }
 
+/// Rays that stand for more, and how many times fewer they are.
+enum Fewer {
+    Camera(Box<Camera>, f64),
+    List(Vec<Ray>, f64),
+}
+
+impl Fewer {
+    fn of(rays: Rays<'_>, most: usize) -> Self {
+        match rays {
+            Rays::Camera(camera) => {
+                let (thin, share) = thinned(camera, most);
+                Self::Camera(Box::new(thin), share)
+            }
+            Rays::List(list) => {
+                let step = list.len().div_ceil(most).max(1);
+                let some: Vec<Ray> = list.iter().copied().step_by(step).collect();
+                let share = list.len() as f64 / some.len().max(1) as f64;
+                Self::List(some, share)
+            }
+        }
+    }
+
+    fn rays(&self) -> (Rays<'_>, f64) {
+        match self {
+            Self::Camera(camera, share) => (Rays::Camera(camera), *share),
+            Self::List(list, share) => (Rays::List(list), *share),
+        }
+    }
+}
+
 /// A camera with the same view and fewer pixels, at most `most`; and how many times fewer they are.
 fn thinned(camera: &Camera, most: usize) -> (Camera, f64) {
     let by = (camera.pixels() as f64 / most as f64)
@@ -143,6 +167,10 @@ mod tests {
         };
         let [a, b] = [far(&whole), far(&thin)];
         assert!((0..3).all(|i| (a[i] - b[i]).abs() < 1e-4), "{a:?} {b:?}");
+        let (list, times) = (vec![Ray::new([0.0; 3], [1.0; 3]); 1000], 1000.0 / 91.0);
+        let fewer = Fewer::of(Rays::List(&list), 99);
+        let (rays, share) = fewer.rays();
+        assert_eq!((rays.count(), share), (91, times));
         let small = look([10, 10]);
         assert_eq!(thinned(&small, 10_000), (small, 1.0));
     }

@@ -1,0 +1,187 @@
+//! One run of a bench: what it is made of, and how it is measured.
+
+use super::floor;
+use super::rays::Bundle;
+use crate::args::RaysName;
+use crate::session::{self, Ask, Session};
+use crate::stop::Stop;
+use crate::table::mrays;
+use crate::trial::Run;
+use crate::{choose, record};
+use backend::Intersector;
+use pipeline::Frame;
+use report::{FrameStats, Summary, Taken, Time};
+use scene::Scene;
+use serde::Serialize;
+
+/// One run. Times are medians over its frames, in milliseconds.
+#[derive(Serialize)]
+pub(crate) struct Row {
+    pub(super) scene: String,
+    pub(crate) triangles: usize,
+    /// Triangles that move.
+    pub(super) moving: usize,
+    pub(crate) backend: &'static str,
+    pub(crate) adapter: String,
+    pub(crate) driver: Option<String>,
+    pub(super) threads: usize,
+    builder_threads: usize,
+    pub(crate) update: &'static str,
+    /// With `async`: whether trees are built for what comes.
+    pub(super) predict: Option<bool>,
+    pub(crate) intersector: &'static str,
+    pub(crate) layout: &'static str,
+    /// What kind of rays, if not a camera's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) rays: Option<&'static str>,
+    frames: usize,
+    pub(super) interpolate_ms: Option<f64>,
+    pub(super) preprocess_ms: Option<f64>,
+    rebuild_ms: Option<f64>,
+    pub(super) refit_ms: Option<f64>,
+    /// All that comes before rays: the four above.
+    pub(super) geometry_ms: Option<f64>,
+    pub(super) trace_primary_ms: Option<f64>,
+    pub(super) trace_shadow_ms: Option<f64>,
+    pub(super) device_ms: Option<f64>,
+    pub(super) wall_ms: Option<f64>,
+    /// Primary and shadow rays in the time of both.
+    pub(crate) mrays_per_s: Option<f64>,
+    pub(super) build_ms: Option<f64>,
+    convert_ms: Option<f64>,
+    pub(super) build_ns_per_triangle: Option<f64>,
+    convert_ns_per_triangle: Option<f64>,
+    pub(super) trees: usize,
+    /// Trees that were no better than the one in use.
+    rejected: usize,
+    pub(super) tree_age_frames: Option<f64>,
+    pub(super) sah_ratio: Option<f64>,
+    pub(super) sah_cost: Option<f64>,
+    /// What a frame has to move at least.
+    pub(super) bytes: floor::Bytes,
+    /// What was left to `auto`.
+    pub(super) auto: Vec<Taken>,
+    /// Intersectors that are known to meet the tolerance.
+    #[serde(skip)]
+    pub(super) meets: Vec<&'static str>,
+    /// Every frame, as in the statistics of `render`.
+    pub(crate) per_frame: Vec<FrameStats>,
+}
+
+/// One run over `frames`, of a camera's rays.
+pub(crate) fn measure(
+    size: [u32; 2],
+    place: (&str, &Scene),
+    frames: &[Frame],
+    ask: &Ask<'_>,
+) -> Result<Row, Stop> {
+    measure_rays((RaysName::Camera, size), place, frames, ask)
+}
+
+/// One run over `frames`, of rays of one kind, one a pixel.
+pub(super) fn measure_rays(
+    (kind, size): (RaysName, [u32; 2]),
+    (spec, scene): (&str, &Scene),
+    frames: &[Frame],
+    ask: &Ask<'_>,
+) -> Result<Row, Stop> {
+    let bundle = Bundle::of(kind, (spec, &scene.animation), size)?;
+    let query = bundle.query();
+    let run = Some(Run { frames, query });
+    let mut session = session::start(&scene.animation, &Ask { run, ..*ask })?;
+    let mut stats = Vec::new();
+    session
+        .driver
+        .run::<Stop>(frames.iter().copied(), query, false, |frame, _| {
+            stats.push(record::row(frame));
+            Ok(())
+        })?;
+    let rays = (kind != RaysName::Camera).then_some("random");
+    let row = row(spec, scene, &session, stats, &bundle);
+    Ok(Row { rays, ..row })
+}
+
+fn row(
+    spec: &str,
+    scene: &Scene,
+    session: &Session,
+    frames: Vec<FrameStats>,
+    bundle: &Bundle,
+) -> Row {
+    let median = |time: Time| Summary::of(frames.iter().filter_map(time)).map(|s| s.median);
+    let triangles = scene.animation.live_count();
+    let per_triangle = |time: Time| median(time).map(|ms| ms * 1e6 / triangles.max(1) as f64);
+    let rates = frames.iter().filter_map(|f| {
+        let ms = f.trace_primary_ms? + f.trace_shadow_ms.unwrap_or(0.0);
+        mrays(bundle.count(f.hits), ms)
+    });
+    let device = &session.device;
+    Row {
+        scene: spec.to_owned(),
+        triangles: scene.animation.triangle_count(),
+        moving: scene.animation.moving_count(),
+        backend: device.backend,
+        adapter: device.adapter.clone(),
+        driver: (!device.driver.is_empty()).then(|| device.driver.clone()),
+        threads: session.threads.render,
+        builder_threads: session.threads.build,
+        update: choose::update_name(session.update),
+        predict: session.predict,
+        intersector: session.method[0],
+        layout: session.method[1],
+        rays: None,
+        frames: frames.len(),
+        interpolate_ms: median(|f| f.interpolate_ms),
+        preprocess_ms: median(|f| f.preprocess_ms),
+        rebuild_ms: median(|f| f.rebuild_ms),
+        refit_ms: median(|f| f.refit_ms),
+        geometry_ms: median(geometry),
+        trace_primary_ms: median(|f| f.trace_primary_ms),
+        trace_shadow_ms: median(|f| f.trace_shadow_ms),
+        device_ms: median(|f| f.device_ms),
+        wall_ms: median(|f| f.wall_ms),
+        mrays_per_s: Summary::of(rates).map(|s| s.median),
+        build_ms: median(|f| f.build_ms),
+        convert_ms: median(|f| f.convert_ms),
+        build_ns_per_triangle: per_triangle(|f| f.build_ms),
+        convert_ns_per_triangle: per_triangle(|f| f.convert_ms),
+        trees: frames.iter().filter(|f| f.adopted).count(),
+        rejected: frames.iter().filter(|f| f.rejected).count(),
+        tree_age_frames: median(|f| Some(f.tree_age_frames as f64)),
+        sah_ratio: median(|f| f.sah_ratio),
+        sah_cost: median(|f| f.sah_cost),
+        bytes: floor::Bytes::of(
+            &scene.animation,
+            session.method[0].parse().unwrap_or(Intersector::Watertight),
+            bundle.query().rays.count(),
+        ),
+        auto: session.taken.clone(),
+        meets: session.meets.iter().map(|i| i.name()).collect(),
+        per_frame: frames,
+    }
+}
+
+/// Milliseconds of a frame's stages before rays; `None` if it left all of them out.
+fn geometry(frame: &FrameStats) -> Option<f64> {
+    let stages = [
+        frame.interpolate_ms,
+        frame.preprocess_ms,
+        frame.rebuild_ms,
+        frame.refit_ms,
+    ];
+    stages.into_iter().flatten().reduce(|a, b| a + b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn geometry_is_what_is_known_of_its_stages() {
+        let mut frame = FrameStats::default();
+        assert_eq!(geometry(&frame), None);
+        frame.refit_ms = Some(2.0);
+        frame.preprocess_ms = Some(0.5);
+        assert_eq!(geometry(&frame), Some(2.5));
+    }
+}
