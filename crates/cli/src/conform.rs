@@ -1,5 +1,6 @@
 //! `abvh conform`: every law on every backend, on the user's own machine.
 
+mod oracle;
 mod results;
 
 use crate::args::{BackendName, ConformArgs};
@@ -8,7 +9,7 @@ use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::subjects::{self, Examined, Machine, Subject};
 use crate::talk;
-use backend::{Backend, Method};
+use backend::{Backend, Intersector, Method};
 use conformance::leaks::{self, Plan};
 use conformance::{Disagreement, Law, hold, hold_one, laws_of};
 use results::{LeakRow, Report, Row};
@@ -22,6 +23,7 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
     if let Some(file) = &args.json {
         report::check_writable(file).map_err(Stop::bad)?;
     }
+    let given = oracle::open(args)?;
     let (mut subjects, absent) = subjects::open_all(&args.backend, true, args.adapter.as_deref())?;
     let mut report = Report {
         schema: report::SCHEMA,
@@ -36,10 +38,14 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
         rows: laws(args, &mut subjects)?,
         leaks: Vec::new(),
         leak_examples: Vec::new(),
+        oracle_rays: args.oracle_rays,
+        oracle: Vec::new(),
+        oracle_examples: Vec::new(),
     };
     for subject in &mut subjects {
         fire(args, subject, &mut report)?;
     }
+    oracle::hold(args, given, &mut subjects, &mut report)?;
     if let Some(file) = &args.json {
         report::write_json(file, &report)?;
     }
@@ -124,12 +130,13 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
     if args.leak_rays == 0 {
         return Ok(());
     }
+    let intersector = args.intersector.unwrap_or(Intersector::Watertight);
     let plan = Plan {
         seed: args.seed,
         rays: args.leak_rays,
         offsets: args.offsets.clone(),
         method: Method {
-            intersector: args.intersector,
+            intersector,
             ..Method::default()
         },
     };
@@ -146,13 +153,12 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
     report.leaks.extend(rows);
     let offsets: Vec<String> = args.offsets.iter().map(ToString::to_string).collect();
     let command = format!(
-        "abvh conform --backend {}{} --seed {} --cases 0 --leak-rays {} --offsets {} --intersector {}",
+        "abvh conform --backend {}{} --seed {} --cases 0 --leak-rays {} --offsets {} --intersector {intersector}",
         subject.name,
         adapter_option(args),
         args.seed,
         args.leak_rays,
-        offsets.join(","),
-        args.intersector
+        offsets.join(",")
     );
     let examples = found.first.iter();
     report

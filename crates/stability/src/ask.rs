@@ -34,12 +34,19 @@ pub(crate) fn stand(
     subject.refit()
 }
 
-/// What rays find in the scene that stands.
+/// What rays hit first in the scene that stands.
 pub(crate) fn trace(subject: &mut dyn Backend, rays: &[Ray]) -> Result<(Hits, FrameReport)> {
-    subject.trace(Query {
-        rays: Rays::List(rays),
-        seek: Seek::Closest,
-    })?;
+    seek(subject, rays, Seek::Closest)
+}
+
+/// What rays find in the scene that stands.
+pub(crate) fn seek(
+    subject: &mut dyn Backend,
+    rays: &[Ray],
+    seek: Seek,
+) -> Result<(Hits, FrameReport)> {
+    let rays = Rays::List(rays);
+    subject.trace(Query { rays, seek })?;
     let ticket = subject.submit()?;
     let report = subject.wait(ticket)?;
     let mut hits = Hits::default();

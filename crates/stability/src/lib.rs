@@ -5,8 +5,11 @@
 //! leaks and double hits. [`bounds`] says which rates are to be expected: none at all of robust
 //! intersectors, of others what was measured ([`baseline`]), with slack for chance. A rate above its bound is a
 //! fault; so is one below, for then something is not what it is called.
+//!
+//! An [`audit::Audit`] asks rays by the million of scenes of all kinds, of which `exact` may get none wrong.
 
 mod ask;
+pub mod audit;
 pub mod baseline;
 pub mod bounds;
 mod cell;

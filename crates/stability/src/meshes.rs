@@ -134,3 +134,44 @@ pub(crate) fn zeros(n: usize, rng: &mut Rng) -> Vec<Triangle> {
     let one = |()| [(); 3].map(|()| [(); 3].map(|()| number()));
     std::iter::repeat_n((), n).map(one).collect()
 }
+
+/// A grid of quads in one plane, every point exact, with larger triangles upon it here and there.
+pub(crate) fn plane(rng: &mut Rng) -> Mesh {
+    let n = rng.u32(2..17);
+    let tilt = [(); 2].map(|()| grid(4, rng));
+    let turn = rng.usize(..3);
+    let point = |i: u32, j: u32| {
+        let [x, y] = [i, j].map(|k| k as f32 / 8.0 - 1.0);
+        let p = [x, y, tilt[0] * x + tilt[1] * y];
+        [p[turn], p[(turn + 1) % 3], p[(turn + 2) % 3]]
+    };
+    let points = (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j)));
+    let at = |i, j| j * (n + 1) + i;
+    let mut triangles = Vec::new();
+    for (i, j) in (0..n).flat_map(|j| (0..n).map(move |i| (i, j))) {
+        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+        let quad = match rng.bool() {
+            true => [[a, b, c], [a, c, d]],
+            false => [[b, d, a], [d, b, c]],
+        };
+        triangles.extend(quad);
+    }
+    for _ in 0..n {
+        triangles.push([(); 3].map(|()| at(rng.u32(..=n), rng.u32(..=n))));
+    }
+    rng.shuffle(&mut triangles);
+    (points.map(|(i, j)| point(i, j)).collect(), triangles)
+}
+
+/// Triangles round one vertex, closed, its rim uneven.
+pub(crate) fn fan(rng: &mut Rng) -> Mesh {
+    let n = rng.u32(3..300);
+    let mut points = vec![[grid(8, rng), grid(8, rng), grid(8, rng)]];
+    points.extend((0..n).map(|i| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / f64::from(n)).sin_cos();
+        [cos as f32, sin as f32, grid(8, rng) * 0.125]
+    }));
+    let mut triangles: Vec<_> = (0..n).map(|i| [0, i + 1, (i + 1) % n + 1]).collect();
+    rng.shuffle(&mut triangles);
+    (points, triangles)
+}

@@ -4,6 +4,9 @@ use crate::meshes::{point, unit};
 use fastrand::Rng;
 use geom::{Point, Ray, Triangle};
 
+/// The bits of an exponent.
+const EXPONENT: u64 = 0x7ff << 52;
+
 /// Where on a triangle to aim.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Target {
@@ -37,6 +40,11 @@ impl Aims {
                 .fold(0.0, f64::max),
             corners,
         }
+    }
+
+    /// Whether there is nothing to aim at.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.corners.is_empty()
     }
 
     fn triangle(&self, rng: &mut Rng) -> [[f64; 3]; 3] {
@@ -88,11 +96,84 @@ impl Aims {
         direction[axis] = sign as f32 * [1.0, 0.3, 1e-3][rng.usize(..3)];
         Ray::new(from.map(|x| x as f32), direction)
     }
+
+    /// Through the scene, at nothing in particular.
+    pub(crate) fn random(&self, rng: &mut Rng) -> Ray {
+        let mut anywhere = || {
+            let p = point(rng);
+            std::array::from_fn(|i| self.centre[i] + 1.5 * self.radius * p[i])
+        };
+        towards(anywhere(), anywhere())
+    }
+
+    /// The nearest multiple of a power of two between a 32nd and a 16th of the scene's size.
+    fn snapped(&self, x: f64) -> f64 {
+        let step = f64::from_bits((self.radius / 16.0).to_bits() & EXPONENT);
+        if step > 0.0 {
+            (x / step).round() * step
+        } else {
+            x
+        }
+    }
+
+    /// From a point whose coordinates are multiples of a power of two to a vertex or the middle of an edge: where
+    /// vertices are such points too, the ray passes exactly through what it is aimed at.
+    pub(crate) fn aimed_exactly(&self, target: Target, rng: &mut Rng) -> Ray {
+        let triangle = self.triangle(rng);
+        let at = within(triangle, halves(target, rng));
+        let from = point(rng).map(|x| 2.0 * self.radius * x);
+        let from = std::array::from_fn(|i| self.snapped(self.centre[i] + from[i]));
+        towards(from, at)
+    }
+
+    /// Along a face, from a corner of its parallelogram or beyond to a corner or the middle of an edge.
+    pub(crate) fn in_plane_exactly(&self, rng: &mut Rng) -> Ray {
+        let triangle = self.triangle(rng);
+        let weights = [(); 2].map(|()| f64::from(rng.i32(-4..=4)));
+        let target = [Target::Edge, Target::Vertex][rng.usize(..2)];
+        let at = within(triangle, halves(target, rng));
+        towards(within(triangle, weights), at)
+    }
+
+    /// From a vertex or an edge of one triangle to another triangle.
+    pub(crate) fn between(&self, target: Target, rng: &mut Rng) -> Ray {
+        let start = [Target::Edge, Target::Vertex][rng.usize(..2)];
+        let from = within(self.triangle(rng), halves(start, rng));
+        towards(from, self.target(target, rng))
+    }
+
+    /// From so many times the scene's size away.
+    pub(crate) fn beyond(&self, target: Target, times: f64, rng: &mut Rng) -> Ray {
+        let (from, at) = (point(rng), self.target(target, rng));
+        towards(
+            std::array::from_fn(|i| at[i] + times * self.radius * from[i]),
+            at,
+        )
+    }
+
+    /// Along an edge, from before it, from its end or from within it.
+    pub(crate) fn along_edge(&self, rng: &mut Rng) -> Ray {
+        let [a, b, _] = self.triangle(rng);
+        let start = [-1.0, 0.0, 0.5][rng.usize(..3)];
+        let from = std::array::from_fn(|i| a[i] + start * (b[i] - a[i]));
+        towards(from, b)
+    }
 }
 
 /// The point of a triangle with these weights of its second and third vertex.
 fn within([a, b, c]: [[f64; 3]; 3], [v, w]: [f64; 2]) -> [f64; 3] {
     std::array::from_fn(|i| a[i] + v * (b[i] - a[i]) + w * (c[i] - a[i]))
+}
+
+/// Weights of the second and third vertex: a vertex, the middle of an edge or a point well inside.
+fn halves(target: Target, rng: &mut Rng) -> [f64; 2] {
+    let vertices = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
+    let edges = [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]];
+    match target {
+        Target::Vertex => vertices[rng.usize(..3)],
+        Target::Edge => edges[rng.usize(..3)],
+        Target::Inside => [0.25, 0.25],
+    }
 }
 
 fn towards(from: [f64; 3], at: [f64; 3]) -> Ray {

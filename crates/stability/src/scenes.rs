@@ -120,7 +120,7 @@ fn asked(mut scene: Scene, rays: usize, mut ray: impl FnMut(&Aims, usize) -> Ray
     scene
 }
 
-fn still((points, triangles): Mesh) -> Scene {
+pub(crate) fn still((points, triangles): Mesh) -> Scene {
     let animation = Animation::new(vec![points], triangles);
     Scene {
         animation: Arc::new(animation.expect("meshes name their own vertices")),
@@ -132,7 +132,7 @@ fn still((points, triangles): Mesh) -> Scene {
 }
 
 /// Free triangles in motion.
-fn moving(keys: Vec<Vec<Point>>, built: f64, time: f64) -> Scene {
+pub(crate) fn moving(keys: Vec<Vec<Point>>, built: f64, time: f64) -> Scene {
     let count = keys[0].len() as u32 / 3;
     let triangles = (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
     let animation = Animation::new(keys, triangles.collect());
@@ -157,7 +157,7 @@ fn extreme(small: Vec<Triangle>, large: Vec<Triangle>, rng: &mut Rng) -> Scene {
 }
 
 /// A quarter of the triangles has a vertex that is not finite in the first key frame, the second or both.
-fn broken(triangles: &[Triangle], rng: &mut Rng) -> Scene {
+pub(crate) fn broken(triangles: &[Triangle], rng: &mut Rng) -> Scene {
     let mut keys = vec![triangles.concat(); 2];
     for t in 0..triangles.len() / 4 {
         let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][rng.usize(..3)];

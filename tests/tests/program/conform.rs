@@ -8,6 +8,8 @@ pub(crate) fn trials() -> Vec<Trial> {
     vec![
         trial("conform::the_host_keeps_every_law", keeps),
         trial("conform::nothing_leaks", leaks),
+        trial("conform::exact_is_held_to_the_oracle", oracle),
+        trial("conform::wrong_answers_of_watertight_are_counted", counted),
         trial("conform::one_case_can_be_asked_for", one_case),
         trial("conform::what_cannot_be_is_refused", refused),
     ]
@@ -55,6 +57,51 @@ fn leaks(sandbox: &Sandbox) -> Result<(), Failed> {
     })
 }
 
+fn rows_of(json: &Value) -> Result<&Vec<Value>, Failed> {
+    json["oracle"].as_array().ok_or_else(|| "no rows".into())
+}
+
+fn sum(rows: &[Value], what: &str) -> u64 {
+    rows.iter().filter_map(|r| r[what].as_u64()).sum()
+}
+
+fn oracle(sandbox: &Sandbox) -> Result<(), Failed> {
+    let words = "conform demo:collide:300 --backend cpu --cases 0 --oracle-rays 6500 --json c.json";
+    let run = sandbox.run(words).succeeds()?;
+    let json = json(sandbox)?;
+    let rows = rows_of(&json)?;
+    ensure(rows.len() == 13, || json.to_string())?;
+    let all_of = |r: &Value| r["rays"] == 500 && r["intersector"] == "exact";
+    ensure(rows.iter().all(all_of), || json.to_string())?;
+    let given = |r: &Value| r["mesh"] == "demo:collide:300" && r["hits"].as_u64() > Some(100);
+    ensure(rows.iter().any(given), || json.to_string())?;
+    let wrong = sum(rows, "wrong") + sum(rows, "wrong_any");
+    ensure(wrong == 0, || run.stdout.clone())?;
+    for seen in ["ties", "edges", "degenerate", "inactive", "settled"] {
+        ensure(sum(rows, seen) > 10, || format!("{seen}: {json}"))?;
+    }
+    ensure(run.stdout.contains("exact wrong"), || run.stdout.clone())?;
+    ensure(run.stderr.lines().count() == 1, || run.stderr.clone())
+}
+
+fn counted(sandbox: &Sandbox) -> Result<(), Failed> {
+    let words = "conform --backend cpu --cases 0 --oracle-rays 8000 --intersector watertight --quiet --json c.json";
+    sandbox.run(words).succeeds()?;
+    let all = json(sandbox)?;
+    ensure(sum(rows_of(&all)?, "wrong") > 100, || all.to_string())?;
+    sandbox
+        .run(&format!("{words} --oracle-batch 3"))
+        .succeeds()?;
+    let one = json(sandbox)?;
+    let rows = rows_of(&one)?;
+    ensure(rows.len() == 1 && rows[0]["scenes"] == 1, || {
+        one.to_string()
+    })?;
+    let same =
+        |r: &Value| r["mesh"] == rows[0]["mesh"] && r["rays"].as_u64() > rows[0]["rays"].as_u64();
+    ensure(rows_of(&all)?.iter().any(same), || all.to_string())
+}
+
 fn one_case(sandbox: &Sandbox) -> Result<(), Failed> {
     for case in ["7", "sliver-far-away"] {
         let words = format!(
@@ -69,13 +116,22 @@ fn one_case(sandbox: &Sandbox) -> Result<(), Failed> {
 }
 
 fn refused(sandbox: &Sandbox) -> Result<(), Failed> {
-    let cases: [(&str, &[&str]); 6] = [
+    let cases: [(&str, &[&str]); 9] = [
         ("--backend cpu --adapter nowhere", &["cpu", "nowhere"]),
         ("--backend opengl", &["opengl"]),
         ("--backend cpu --law gravity", &["gravity"]),
         ("--backend cpu --case first", &["first", "sliver-far-away"]),
         ("--backend cpu --offsets 1e9", &["1e9"]),
         ("--backend cpu --json no/such/file", &["no/such/file"]),
+        ("--backend cpu demo:collide:300", &["--oracle-rays"]),
+        (
+            "--backend cpu --oracle-rays 9 no/such/scene",
+            &["no/such/scene"],
+        ),
+        (
+            "--backend cpu --cases 0 --oracle-rays 9 --oracle-batch 999",
+            &["999"],
+        ),
     ];
     for (words, says) in cases {
         sandbox

@@ -10,6 +10,9 @@ use std::path::PathBuf;
 /// Options of `conform`.
 #[derive(Args, Debug)]
 pub(crate) struct ConformArgs {
+    /// Scenes that rays of --oracle-rays are aimed at, beside the meshes made from the seed
+    #[arg(value_name = "SCENE", requires = "oracle_rays")]
+    pub(crate) scene: Vec<String>,
     /// Backends; auto is all that are present
     #[arg(
         long,
@@ -41,10 +44,18 @@ pub(crate) struct ConformArgs {
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "0,10,1000,100000",
         value_parser = offset, allow_hyphen_values = true)]
     pub(crate) offsets: Vec<f32>,
-    /// How those rays are traced
-    #[arg(long, value_name = "INTERSECTOR", default_value = "watertight",
+    /// Also holds so many rays, in all, to the exact answers: meshes of many kinds near and far, huge and tiny; rays at
+    /// insides, edges and vertices, in planes, along axes and edges, from surfaces and from afar. A wrong answer of exact
+    /// is a disagreement, one of watertight is counted
+    #[arg(long, value_name = "N", default_value = "0")]
+    pub(crate) oracle_rays: u64,
+    /// Of those rays, only the batch of this number
+    #[arg(long, value_name = "B", requires = "oracle_rays")]
+    pub(crate) oracle_batch: Option<u64>,
+    /// How those rays are traced [default: exact for --oracle-rays, watertight for --leak-rays]
+    #[arg(long, value_name = "INTERSECTOR",
         value_parser = PossibleValuesParser::new(["watertight", "exact"]).map(|name| intersector(&name)))]
-    pub(crate) intersector: Intersector,
+    pub(crate) intersector: Option<Intersector>,
     /// File for the results
     #[arg(long, value_name = "FILE")]
     pub(crate) json: Option<PathBuf>,

@@ -1,5 +1,6 @@
 //! What `conform` found, as JSON and for people.
 
+use super::oracle::{self, OracleRow};
 use crate::subjects::{Absent, Examined, Machine, roll};
 use crate::table::{grouped, table};
 use conformance::leaks;
@@ -21,6 +22,10 @@ pub(super) struct Report {
     pub(super) leaks: Vec<LeakRow>,
     /// The first rays that were wrong, each with the command that finds them again.
     pub(super) leak_examples: Vec<String>,
+    pub(super) oracle_rays: u64,
+    pub(super) oracle: Vec<OracleRow>,
+    /// Likewise, rays whose answers are not the oracle's.
+    pub(super) oracle_examples: Vec<String>,
 }
 
 /// One law on one backend.
@@ -71,11 +76,12 @@ impl LeakRow {
 }
 
 impl Report {
-    /// Laws broken, and sorts of rays that leak.
+    /// Laws broken, sorts of rays that leak, and kinds of meshes of which the oracle says otherwise.
     pub(super) fn failures(&self) -> usize {
         let broken = self.rows.iter().filter(|r| r.disagreement.is_some());
         let leaky = self.leaks.iter().filter(|r| r.leaks + r.miscounts > 0);
-        broken.count() + leaky.count()
+        let unlike = self.oracle.iter().filter(|r| r.is_failure());
+        broken.count() + leaky.count() + unlike.count()
     }
 
     pub(super) fn text(&self) -> String {
@@ -86,12 +92,13 @@ impl Report {
         if !self.leaks.is_empty() {
             text += &self.leak_table();
         }
+        text += &oracle::text(&self.oracle);
         for row in &self.rows {
             if let (Some(what), Some(command)) = (&row.disagreement, &row.reproduce) {
                 text += &format!("{}: {what}\n    {command}\n", row.backend);
             }
         }
-        for example in &self.leak_examples {
+        for example in self.leak_examples.iter().chain(&self.oracle_examples) {
             text += &format!("{example}\n");
         }
         text
@@ -187,6 +194,9 @@ mod tests {
             rows: vec![row("x", None), row("y", disagreement)],
             leaks: Vec::new(),
             leak_examples: Vec::new(),
+            oracle_rays: 0,
+            oracle: Vec::new(),
+            oracle_examples: Vec::new(),
         }
     }
 

@@ -1,0 +1,193 @@
+//! A lot with its exact answers, and what backends make of it.
+
+use super::Lot;
+use crate::ask::{seek, stand};
+use crate::scenes::Scene;
+use backend::{Backend, Method, Result, Seek};
+use geom::{Hit, Ray};
+use oracle::{ExactHit, Oracle};
+use rayon::prelude::*;
+use serde::Serialize;
+use std::fmt;
+use std::ops::AddAssign;
+
+/// Wrong rays of a batch that are kept in full.
+const KEPT: usize = 4;
+
+/// A scene with rays and what they hit.
+#[derive(Clone, Debug)]
+pub struct Batch {
+    /// Which.
+    pub lot: Lot,
+    scene: Scene,
+    exact: Vec<Option<ExactHit>>,
+    about: Tally,
+}
+
+/// What was counted.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Tally {
+    /// Rays asked, once for the closest hit and once for any.
+    pub rays: u64,
+    /// Of those, rays that hit.
+    pub hits: u64,
+    /// Of those, rays that hit another triangle at exactly the same distance.
+    pub ties: u64,
+    /// Rays whose closest hit lies exactly on an edge or a vertex.
+    pub edges: u64,
+    /// Triangles of all scenes.
+    pub triangles: u64,
+    /// Of those, triangles of no area.
+    pub degenerate: u64,
+    /// Of those, triangles with a vertex that is not finite.
+    pub inactive: u64,
+    /// Rays that the backend did not decide by rounded arithmetic.
+    pub settled: u64,
+    /// Rays whose triangle or miss is not the exact one's.
+    pub wrong: u64,
+    /// Rays that hit anything where nothing is, or nothing where something is.
+    pub wrong_any: u64,
+    /// The first that are wrong in either way.
+    #[serde(skip)]
+    pub first: Vec<Wrong>,
+}
+
+/// A ray with a wrong answer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wrong {
+    /// The lot's number.
+    pub lot: u64,
+    /// The ray's number within the lot.
+    pub number: usize,
+    /// The ray.
+    pub ray: Ray,
+    /// The exact answer.
+    pub expected: Option<ExactHit>,
+    /// The answer given.
+    pub found: Hit,
+    /// Whether anything was hit, by the same backend asked for that alone.
+    pub any: bool,
+    /// Corners of the triangle expected and of the one found.
+    pub corners: [Option<geom::Triangle>; 2],
+}
+
+impl Batch {
+    pub(super) fn new(lot: Lot, scene: Scene) -> Self {
+        let pose = scene.animation.pose(scene.time);
+        let oracle = Oracle::at(&scene.animation, pose);
+        let rays = scene.rays.par_iter();
+        let exact: Vec<_> = rays.map(|ray| oracle.closest(ray)).collect();
+        let count = |f: &dyn Fn(&ExactHit) -> bool| exact.iter().flatten().filter(|e| f(e)).count();
+        let corners = |t| scene.animation.corners(pose, t);
+        let triangles = 0..scene.animation.triangle_count() as u32;
+        let (active, inactive): (Vec<u32>, Vec<u32>) =
+            triangles.partition(|&t| geom::is_active(&corners(t)));
+        let degenerate = active.iter().filter(|&&t| geom::is_degenerate(&corners(t)));
+        let about = Tally {
+            rays: scene.rays.len() as u64,
+            hits: count(&|_| true) as u64,
+            ties: count(&|e| e.tie) as u64,
+            edges: count(&|e| e.edge) as u64,
+            triangles: (active.len() + inactive.len()) as u64,
+            degenerate: degenerate.count() as u64,
+            inactive: inactive.len() as u64,
+            ..Tally::default()
+        };
+        Self {
+            lot,
+            exact,
+            about,
+            scene,
+        }
+    }
+
+    /// Asks a backend all rays, for the closest hit and for any.
+    ///
+    /// # Errors
+    /// The subject failed, or does not know the method.
+    pub fn ask(&self, subject: &mut dyn Backend, method: Method) -> Result<Tally> {
+        let rays = &self.scene.rays;
+        stand(subject, &self.scene, method, self.scene.built)?;
+        let (closest, report) = seek(subject, rays, Seek::Closest)?;
+        let (any, _) = seek(subject, rays, Seek::Any)?;
+        let mut tally = Tally {
+            settled: report.settled,
+            ..self.about.clone()
+        };
+        let found = closest.closest.iter().zip(&any.blocked);
+        for (number, (expected, (hit, &any))) in self.exact.iter().zip(found).enumerate() {
+            let wrong = hit.triangle != expected.map_or(Hit::MISS.triangle, |e| e.triangle);
+            let wrong_any = (any == 1) != expected.is_some();
+            tally.wrong += u64::from(wrong);
+            tally.wrong_any += u64::from(wrong_any);
+            if (wrong || wrong_any) && tally.first.len() < KEPT {
+                tally.first.push(self.wrong(number, *hit, any == 1));
+            }
+        }
+        Ok(tally)
+    }
+
+    fn wrong(&self, number: usize, found: Hit, any: bool) -> Wrong {
+        let expected = self.exact[number];
+        let animation = &self.scene.animation;
+        let named = [
+            expected.map(|e| e.triangle),
+            found.is_hit().then_some(found.triangle),
+        ];
+        let there = |t: u32| (t as usize) < animation.triangle_count();
+        let corners = |t| animation.corners(animation.pose(self.scene.time), t);
+        Wrong {
+            lot: self.lot.number,
+            number,
+            ray: self.scene.rays[number],
+            expected,
+            found,
+            any,
+            corners: named.map(|t| t.filter(|&t| there(t)).map(corners)),
+        }
+    }
+}
+
+impl AddAssign for Tally {
+    fn add_assign(&mut self, other: Self) {
+        self.rays += other.rays;
+        self.hits += other.hits;
+        self.ties += other.ties;
+        self.edges += other.edges;
+        self.triangles += other.triangles;
+        self.degenerate += other.degenerate;
+        self.inactive += other.inactive;
+        self.settled += other.settled;
+        self.wrong += other.wrong;
+        self.wrong_any += other.wrong_any;
+        let room = KEPT.saturating_sub(self.first.len());
+        self.first.extend(other.first.into_iter().take(room));
+    }
+}
+
+impl fmt::Display for Wrong {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Ray {
+            origin,
+            direction,
+            t_min,
+            t_max,
+        } = self.ray;
+        let name = |t: Option<u32>, corners: &Option<geom::Triangle>| match (t, corners) {
+            (Some(t), Some(c)) => format!("triangle {t} {c:?}"),
+            (Some(t), None) => format!("triangle {t}, which is not there"),
+            (None, _) => "nothing".to_owned(),
+        };
+        let [exact, given] = &self.corners;
+        let found = self.found.is_hit().then_some(self.found.triangle);
+        write!(
+            f,
+            "ray {} of batch {}, origin {origin:?}, direction {direction:?}, t in ({t_min:?}, {t_max:?}): hits {} (any: {}), exactly {}",
+            self.number,
+            self.lot,
+            name(found, given),
+            self.any,
+            name(self.expected.map(|e| e.triangle), exact),
+        )
+    }
+}

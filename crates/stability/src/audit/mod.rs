@@ -1,0 +1,178 @@
+//! Rays by the million against the oracle: every one of them, on meshes of many kinds and places.
+//!
+//! An [`Audit`] shares its rays out among [`Lot`]s, each a scene at one moment with rays of every sort. Scene and
+//! rays of a lot depend on the seed and its number alone, so that any can be made again without the others. A
+//! [`Batch`] is a lot with the oracle's answers, found once and held against any number of backends.
+
+mod aim;
+mod batch;
+mod kind;
+mod place;
+#[cfg(test)]
+mod tests;
+
+use crate::scenes::Scene;
+use aim::rays;
+use fastrand::Rng;
+use geom::Animation;
+use kind::Kind;
+use place::Place;
+use std::sync::Arc;
+
+pub use batch::{Batch, Tally, Wrong};
+
+/// Rays of a scene made here: few, so that many rays see many scenes.
+const MOST: u64 = 1 << 14;
+/// Rays of a scene that was given, whose trees take longer.
+const MOST_GIVEN: u64 = 1 << 18;
+/// A given scene is asked at so many moments at least.
+const MOMENTS: u64 = 3;
+/// Triangles of the cloth.
+const CLOTH: &str = "demo:twist:1500";
+
+/// What to ask.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Plan {
+    /// Decides scenes and rays.
+    pub seed: u64,
+    /// Rays in all.
+    pub rays: u64,
+}
+
+/// A scene that somebody gave.
+#[derive(Clone, Debug)]
+pub struct Given {
+    /// Its name.
+    pub name: String,
+    /// What rays hit.
+    pub animation: Arc<Animation>,
+}
+
+/// Where a lot's scene comes from.
+#[derive(Clone, Copy, Debug)]
+enum Source {
+    Made(Kind, Place),
+    /// By its place among those given.
+    Given(usize),
+}
+
+/// One scene at one moment, and how many rays it is asked.
+#[derive(Clone, Copy, Debug)]
+pub struct Lot {
+    /// Its number among all lots of the audit.
+    pub number: u64,
+    /// Rays it is asked.
+    pub rays: u64,
+    source: Source,
+}
+
+/// A plan with all that its scenes are made from.
+#[derive(Debug)]
+pub struct Audit {
+    plan: Plan,
+    given: Vec<Given>,
+    cloth: Arc<Animation>,
+}
+
+impl Audit {
+    /// An audit over meshes of every kind made from the plan's seed, and over the scenes given.
+    ///
+    /// # Panics
+    /// Never: the one demo it opens needs no file.
+    #[must_use]
+    pub fn new(plan: Plan, given: Vec<Given>) -> Self {
+        let cloth = scene::open(CLOTH, &scene::Options::default());
+        Self {
+            plan,
+            given,
+            cloth: cloth.expect("demos need no file").animation,
+        }
+    }
+
+    /// All lots that have rays. Each kind of mesh gets as many rays as the next, and as many as each scene given.
+    #[must_use]
+    pub fn lots(&self) -> Vec<Lot> {
+        let sorts = Kind::ALL.len() + self.given.len();
+        let [made, given] = [Kind::ALL.len(), 1].map(|n| self.plan.rays * n as u64 / sorts as u64);
+        let mut lots = Vec::new();
+        let made = made + self.plan.rays - made - given * self.given.len() as u64;
+        let combinations = (Kind::ALL.len() * Place::ALL.len()) as u64;
+        self.share(made, [combinations, MOST], &mut lots, |i| {
+            let (kind, place) = (i % Kind::ALL.len(), i / Kind::ALL.len());
+            Source::Made(Kind::ALL[kind], Place::ALL[place % Place::ALL.len()])
+        });
+        for i in 0..self.given.len() {
+            self.share(given, [MOMENTS, MOST_GIVEN], &mut lots, |_| {
+                Source::Given(i)
+            });
+        }
+        lots.retain(|lot| lot.rays > 0);
+        lots
+    }
+
+    /// Shares rays out among so many lots at least, of so many rays at most.
+    fn share(
+        &self,
+        rays: u64,
+        [least, most]: [u64; 2],
+        lots: &mut Vec<Lot>,
+        source: impl Fn(usize) -> Source,
+    ) {
+        let count = rays.div_ceil(most).max(least);
+        let first = lots.len() as u64;
+        lots.extend((0..count).map(|i| Lot {
+            number: first + i,
+            rays: rays / count + u64::from(i < rays % count),
+            source: source(i as usize),
+        }));
+    }
+
+    /// What a lot's scene is called: the kind of mesh or the name given.
+    #[must_use]
+    pub fn name(&self, lot: &Lot) -> &str {
+        match lot.source {
+            Source::Made(kind, _) => kind.name(),
+            Source::Given(i) => &self.given[i].name,
+        }
+    }
+
+    /// What a lot is made of, for messages.
+    #[must_use]
+    pub fn about(&self, lot: &Lot) -> String {
+        match lot.source {
+            Source::Made(kind, place) => format!("{}, {}", kind.name(), place.name()),
+            Source::Given(i) => self.given[i].name.clone(),
+        }
+    }
+
+    /// Makes a lot's scene and rays, and finds the exact answers, on as many threads as there are.
+    #[must_use]
+    pub fn batch(&self, lot: &Lot) -> Batch {
+        let seed = mixed(mixed(self.plan.seed) ^ lot.number);
+        let rng = &mut Rng::with_seed(seed);
+        let mut scene = match lot.source {
+            Source::Made(kind, place) => place.put(kind.scene(&self.cloth, rng), rng),
+            Source::Given(i) => moment(&self.given[i].animation, rng),
+        };
+        scene.rays = rays(&scene, lot.rays, seed);
+        Batch::new(*lot, scene)
+    }
+}
+
+/// A scene at a key frame or between two, on a tree of its beginning or of the moment.
+fn moment(animation: &Arc<Animation>, rng: &mut Rng) -> Scene {
+    let time = animation.end() * rng.f64();
+    let time = if rng.bool() { time } else { time.round() };
+    Scene {
+        built: if rng.bool() { time } else { 0.0 },
+        time,
+        animation: Arc::clone(animation),
+        rays: Vec::new(),
+        inside: None,
+    }
+}
+
+/// A number at random that depends on `x` alone.
+fn mixed(x: u64) -> u64 {
+    Rng::with_seed(x).u64(..)
+}

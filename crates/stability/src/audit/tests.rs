@@ -1,0 +1,106 @@
+//! What an audit asks, and whether it finds what is wrong.
+
+use super::*;
+use backend::{Backend, Intersector, Method};
+use cpu_ref::CpuBackend;
+
+fn audit(rays: u64) -> Audit {
+    Audit::new(Plan { seed: 4, rays }, Vec::new())
+}
+
+fn given() -> Vec<Given> {
+    let scene = scene::open("demo:collide:300", &scene::Options::default()).unwrap();
+    let name = "bodies".to_owned();
+    let animation = scene.animation;
+    vec![Given { name, animation }]
+}
+
+fn method(intersector: Intersector) -> Method {
+    Method {
+        intersector,
+        ..Method::default()
+    }
+}
+
+/// Everything that an audit counts of the host.
+fn sum(audit: &Audit, by: Intersector) -> Tally {
+    let mut cpu = CpuBackend::new(Some(2)).unwrap();
+    let mut tally = Tally::default();
+    for lot in audit.lots() {
+        tally += audit.batch(&lot).ask(&mut cpu, method(by)).unwrap();
+    }
+    tally
+}
+
+#[test]
+fn lots_share_out_every_ray_among_all_meshes_places_and_scenes() {
+    for rays in [1, 100, 6000, 3_000_000] {
+        for given in [Vec::new(), given()] {
+            let sorts = (Kind::ALL.len() + given.len()) as u64;
+            let audit = Audit::new(Plan { seed: 4, rays }, given);
+            let lots = audit.lots();
+            assert_eq!(lots.iter().map(|l| l.rays).sum::<u64>(), rays);
+            let of = |name: &str| {
+                let same = lots.iter().filter(|l| audit.name(l) == name);
+                same.map(|l| l.rays).sum::<u64>()
+            };
+            let names = Kind::ALL.iter().map(|k| k.name().to_owned());
+            let names = names.chain(audit.given.iter().map(|g| g.name.clone()));
+            for name in names {
+                let few = rays < 6000 || of(&name).abs_diff(rays / sorts) <= MOST;
+                assert!(few, "{name}: {} of {rays}", of(&name));
+            }
+            let numbers = lots.iter().map(|l| l.number);
+            assert!(numbers.clone().zip(numbers.skip(1)).all(|(a, b)| a < b));
+        }
+    }
+}
+
+#[test]
+fn a_lot_can_be_made_again_alone_and_other_seeds_make_others() {
+    let [all, other] = [4, 5].map(|seed| Audit::new(Plan { seed, rays: 20_000 }, given()));
+    let lots = all.lots();
+    for lot in [&lots[3], &lots[lots.len() - 1]] {
+        let rays = |audit: &Audit| format!("{:?}", audit.batch(lot));
+        assert_eq!(rays(&all), rays(&all));
+        assert_ne!(rays(&all), rays(&other));
+    }
+}
+
+#[test]
+fn rays_meet_ties_edges_and_triangles_that_are_none_and_exact_is_right_about_all() {
+    let tally = sum(&audit(40_000), Intersector::Exact);
+    assert_eq!((tally.wrong, tally.wrong_any), (0, 0), "{:?}", tally.first);
+    assert_eq!(tally.rays, 40_000);
+    let Tally {
+        hits, ties, edges, ..
+    } = tally;
+    assert!(hits > 16_000 && ties > 4000 && edges > 4000, "{tally:?}");
+    assert!(tally.degenerate > 100 && tally.inactive > 50, "{tally:?}");
+    assert!(tally.settled > 4000, "{tally:?}");
+}
+
+#[test]
+fn whoever_rounds_is_found_out_with_the_ray_and_both_answers() {
+    let tally = sum(&audit(20_000), Intersector::Watertight);
+    assert!(tally.wrong > 500 && tally.wrong_any > 50, "{tally:?}");
+    let wrong = tally.first[0].to_string();
+    assert!(
+        wrong.contains("exactly") && wrong.contains("origin"),
+        "{wrong}"
+    );
+}
+
+#[test]
+fn a_scene_of_which_nothing_can_be_aimed_at_is_asked_all_the_same() {
+    let points = vec![[f32::NAN; 3]; 3];
+    let animation = Arc::new(Animation::new(vec![points], vec![[0, 1, 2]]).unwrap());
+    let name = "gone".to_owned();
+    let plan = Plan { seed: 4, rays: 260 };
+    let audit = Audit::new(plan, vec![Given { name, animation }]);
+    let mut cpu = CpuBackend::new(Some(1)).unwrap();
+    let lots = audit.lots();
+    let last = audit.batch(&lots[lots.len() - 1]);
+    let tally = last.ask(&mut cpu as &mut dyn Backend, method(Intersector::Exact));
+    assert_eq!(tally.unwrap().hits, 0);
+}
