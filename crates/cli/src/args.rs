@@ -26,6 +26,8 @@ pub(crate) enum Command {
     Trace(TraceArgs),
     /// Measure every stage over scenes, backends, update policies and intersectors
     Bench(Box<BenchArgs>),
+    /// Tell where async pays and where another update policy does: size, speed of the motion, builder threads
+    Crossover(Box<CrossoverArgs>),
     /// Chart speed against accuracy: every backend, intersector and update policy against exact arithmetic
     Chart(ChartArgs),
     /// Hold backends to the laws that all of them keep
@@ -355,6 +357,9 @@ pub(crate) use chart::ChartArgs;
 
 mod conform;
 pub(crate) use conform::{ConformArgs, SubjectName};
+
+mod crossover;
+pub(crate) use crossover::{CrossoverArgs, TimingArgs};
 
 mod stability;
 pub(crate) use stability::StabilityArgs;

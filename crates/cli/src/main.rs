@@ -11,6 +11,7 @@ mod bench;
 mod chart;
 mod choose;
 mod conform;
+mod crossover;
 mod decay;
 mod frames;
 mod info;
@@ -31,6 +32,7 @@ mod table;
 mod talk;
 mod threads;
 mod timeline;
+mod timing;
 mod trace;
 mod trial;
 mod values;
@@ -51,6 +53,7 @@ fn run(command: Command) -> Result<(), Stop> {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Crossover(args) => crossover::run(&args),
         Command::Chart(args) => chart::run(&args),
         Command::Conform(args) => conform::run(&args),
         Command::Stability(args) => stability::run(&args),

@@ -168,6 +168,69 @@ pub(crate) fn threads(text: &str) -> Result<usize, String> {
     }
 }
 
+/// A number of frames, one to warm up and one to time at least.
+pub(crate) fn count(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n @ 2..=MAX_FRAMES) => Ok(n),
+        _ => Err(format!(
+            "a number of frames is a whole number from 2 to {MAX_FRAMES}"
+        )),
+    }
+}
+
+/// A number of triangles, such as `1600000`, `250K` or `1.6M`.
+pub(crate) fn amount(text: &str) -> Result<usize, String> {
+    let (digits, times) = match text
+        .trim()
+        .split_at_checked(text.trim().len().saturating_sub(1))
+    {
+        Some((digits, "K" | "k")) => (digits, 1e3),
+        Some((digits, "M" | "m")) => (digits, 1e6),
+        _ => (text, 1.0),
+    };
+    let amount = (finite::<f64>(digits)? * times).round();
+    if (1.0..=scene::MAX_DEMO_TRIANGLES as f64).contains(&amount) {
+        Ok(amount as usize)
+    } else {
+        Err(format!(
+            "a number of triangles, such as 250K or 1.6M, lies between 1 and {}",
+            scene::MAX_DEMO_TRIANGLES
+        ))
+    }
+}
+
+/// The name of a demo without a number of triangles.
+pub(crate) fn demo(text: &str) -> Result<String, String> {
+    let name = text.strip_prefix(crate::frames::DEMO);
+    match name {
+        Some(name) if scene::DEMOS.contains(&name) => Ok(text.to_owned()),
+        _ => Err(format!(
+            "'{text}' is no demo that comes in any size: there are demo:{}",
+            scene::DEMOS.join(", demo:")
+        )),
+    }
+}
+
+/// Key frames a frame, above 0.
+pub(crate) fn speed(text: &str) -> Result<f64, String> {
+    let speed: f64 = finite(text)?;
+    if speed > 0.0 {
+        Ok(speed)
+    } else {
+        Err("a speed is a number of key frames a frame above 0".to_owned())
+    }
+}
+
+/// A stretch of seconds, up to a day.
+pub(crate) fn seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = finite(text)?;
+    if (0.0..=86_400.0).contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err("seconds are a number from 0 to 86400".to_owned())
+    }
+}
+
 /// A number of rays.
 pub(crate) fn rays(text: &str) -> Result<usize, String> {
     match text.parse() {
@@ -203,6 +266,18 @@ mod tests {
         ] {
             point(bad).unwrap_err();
         }
+    }
+
+    #[test]
+    fn amounts_have_thousands_and_millions() {
+        let all = ["250K", "1.6M", "70000", "20m", " 1k"].map(amount);
+        assert_eq!(all, [250_000, 1_600_000, 70_000, 20_000_000, 1_000].map(Ok));
+        for bad in ["", "K", "0", "1e3K0", "-5K", "999M", "1.6G", "é"] {
+            amount(bad).unwrap_err();
+        }
+        assert!(demo("demo:twist").is_ok() && speed("0.5").is_ok() && seconds("0").is_ok());
+        assert!(demo("demo:twist:500").is_err() && demo("horse/").is_err());
+        assert!(speed("0").is_err() && seconds("-1").is_err() && count("1").is_err());
     }
 
     #[test]

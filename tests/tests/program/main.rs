@@ -5,6 +5,7 @@ mod bad_scenes;
 mod bench;
 mod chart;
 mod conform;
+mod crossover;
 mod devices;
 mod disk;
 mod files;
@@ -27,6 +28,7 @@ fn main() -> ExitCode {
         bench::trials(),
         chart::trials(),
         conform::trials(),
+        crossover::trials(),
         devices::trials(),
         disk::trials(),
         files::trials(),

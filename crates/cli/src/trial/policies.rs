@@ -11,6 +11,7 @@ use super::stand::Stand;
 use super::{Run, noise};
 use crate::choose;
 use crate::stop::Stop;
+use crate::timing::FOR_ALL;
 use backend::Method;
 use pipeline::{Driver, Frame, PipelineError, Update};
 use std::time::Instant;
@@ -56,8 +57,6 @@ const HOPELESS: f64 = 1.5;
 const DECAYED: f64 = 8.0;
 /// A first build takes so many times as long as one in the middle of a run, at most.
 const COLD: f64 = 3.0;
-/// A tree for the whole time range takes so many times as long as a first one: 9 to 15 were seen.
-const FOR_ALL: f64 = 14.0;
 /// Share of the trial's time that is for frames, and of that, for those of one policy.
 const SHARES: [f64; 2] = [0.5, 0.25];
 

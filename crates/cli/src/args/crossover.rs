@@ -1,0 +1,70 @@
+//! What may be asked of `crossover`.
+
+use super::{BackendName, LayoutName, UpdateName};
+use crate::values;
+use clap::Args;
+use std::path::PathBuf;
+
+/// Options of `crossover`.
+#[derive(Args, Debug)]
+pub(crate) struct CrossoverArgs {
+    /// Demos, without a number of triangles
+    #[arg(default_values = ["demo:collide", "demo:shatter"], value_parser = values::demo)]
+    pub(crate) scenes: Vec<String>,
+    /// Triangles, about so many
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "10K,70K,250K,1.6M", value_parser = values::amount)]
+    pub(crate) triangles: Vec<usize>,
+    /// Speeds of the motion, in key frames a frame
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "0.0125,0.125,0.5", value_parser = values::speed)]
+    pub(crate) speeds: Vec<f64>,
+    /// Threads that build trees for async [default: 2,4,16, as far as the machine has them]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::threads)]
+    pub(crate) threads: Vec<usize>,
+    /// Update policies that async is set against
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "device-rebuild,t-sah,refit"
+    )]
+    pub(crate) against: Vec<UpdateName>,
+    /// Layouts; each policy has the one that is fastest with it
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "bvh2,fast"
+    )]
+    pub(crate) layout: Vec<LayoutName>,
+    #[command(flatten)]
+    pub(crate) timing: TimingArgs,
+    /// File for the results
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+}
+
+/// What commands share that set policies beside each other.
+#[derive(Args, Debug)]
+pub(crate) struct TimingArgs {
+    /// Backend
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    pub(crate) backend: BackendName,
+    /// Adapter of the backend, by index or by part of its name
+    #[arg(long, value_name = "INDEX|NAME-PART")]
+    pub(crate) adapter: Option<String>,
+    /// Frames of each run, to and fro through the motion; the first warms up
+    #[arg(long, value_name = "N", default_value = "96", value_parser = values::count)]
+    pub(crate) frames: usize,
+    /// Pixels of a frame
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = values::size)]
+    pub(crate) size: [u32; 2],
+    /// No run goes on for longer than this, once it has two frames beside the first; its time is then marked
+    #[arg(long, value_name = "SECONDS", default_value = "3", value_parser = values::seconds)]
+    pub(crate) patience: f64,
+    /// What would first build a tree for longer than this is left out, with a remark
+    #[arg(long, value_name = "SECONDS", default_value = "20", value_parser = values::seconds)]
+    pub(crate) longest_build: f64,
+    /// No progress
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
