@@ -1,6 +1,7 @@
 //! What a backend says of itself and of its work.
 
 use geom::Point;
+use std::fmt;
 use std::ops::Deref;
 
 /// A point in one backend's order of submissions. Tickets finish in order.
@@ -25,6 +26,34 @@ pub enum DeviceKind {
     Software,
 }
 
+/// How a device computes where nobody tells it how to round, as the textbook intersectors do not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Arithmetic {
+    /// Whether a quotient is the nearest number to the exact one.
+    pub rounds_division: bool,
+    /// Whether products are added up without being rounded first, anywhere.
+    pub fuses: bool,
+}
+
+impl Arithmetic {
+    /// Every operation rounded once, as IEEE 754 has it: the host's.
+    pub const IEEE: Self = Self {
+        rounds_division: true,
+        fuses: false,
+    };
+}
+
+impl fmt::Display for Arithmetic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match (self.rounds_division, self.fuses) {
+            (true, false) => "every operation rounded once",
+            (true, true) => "quotients rounded once, products fused",
+            (false, false) => "quotients approximate, products rounded once",
+            (false, true) => "quotients approximate, products fused",
+        })
+    }
+}
+
 /// Who is at work.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Device {
@@ -38,6 +67,8 @@ pub struct Device {
     pub kind: DeviceKind,
     /// Host threads the backend computes on; 0 if its device does.
     pub threads: usize,
+    /// How it computes where nobody tells it how to round.
+    pub arithmetic: Arithmetic,
 }
 
 /// Milliseconds of each stage; `None` for a stage that the submission left out.

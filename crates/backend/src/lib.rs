@@ -65,7 +65,9 @@ mod tree;
 
 pub use adapter::choose_adapter;
 pub use error::{BackendError, Result};
-pub use frame::{Device, DeviceKind, FrameReport, Generation, Snapshot, StageTimes, Ticket};
+pub use frame::{
+    Arithmetic, Device, DeviceKind, FrameReport, Generation, Snapshot, StageTimes, Ticket,
+};
 pub use method::{Intersector, Layout, Method, UnknownName};
 pub use query::{Hits, Query, Rays, Seek};
 pub use tree::check_tree;

@@ -293,6 +293,7 @@ mod tests {
             driver: String::new(),
             kind: DeviceKind::Cpu,
             threads: 1,
+            arithmetic: backend::Arithmetic::IEEE,
         };
         Run {
             update,

@@ -9,12 +9,13 @@ use crate::subjects::{self, Examined, Machine, Subject};
 use crate::talk;
 use backend::Intersector;
 use results::{Report, Row, Unsupported};
-use stability::{Cell, Exam, Family, Plan};
+use stability::{Cell, Exam, Family, Plan, baseline};
+use std::path::Path;
 use std::time::Instant;
 
 /// Asks everything of all.
 pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
-    if let Some(file) = &args.json {
+    for file in args.json.iter().chain(&args.record) {
         report::check_writable(file).map_err(Stop::bad)?;
     }
     if args.backend.iter().any(|&s| subjects::is_driver(s)) {
@@ -22,6 +23,9 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
         return Err(Stop::bad(why));
     }
     let (mut subjects, absent) = subjects::open_all(&args.backend, false, args.adapter.as_deref())?;
+    if let Some(file) = &args.record {
+        return record(args, &mut subjects, file);
+    }
     let mut report = Report {
         schema: report::SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
@@ -48,6 +52,24 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
     }
 }
 
+/// Measures what is to be expected of the one backend.
+fn record(args: &StabilityArgs, subjects: &mut [Subject], file: &Path) -> Result<(), Stop> {
+    let [subject] = subjects else {
+        let names: Vec<_> = subjects.iter().map(|s| s.name).collect();
+        return Err(Stop::bad(format!(
+            "--record measures one backend, but there are {}; name one with --backend",
+            names.join(", ")
+        )));
+    };
+    let mut progress = Progress::new(Family::ALL.len() as u64, args.quiet);
+    let found = baseline::record(subject.backend.as_mut(), args.seeds, &mut |family| {
+        progress.step(&format!("{} {family}", subject.name));
+    })?;
+    report::write_json(file, &found)?;
+    let rates = found.entries.len();
+    talk::print(&format!("{rates} rates of {}\n", found.ground))
+}
+
 /// Every family, by every intersector, of every backend.
 fn ask(args: &StabilityArgs, subjects: &mut [Subject], report: &mut Report) -> Result<(), Stop> {
     let plan = Plan {
@@ -72,10 +94,11 @@ fn ask(args: &StabilityArgs, subjects: &mut [Subject], report: &mut Report) -> R
 /// One cell; `None` if the backend does not support the intersector.
 fn answer(exam: &Exam, subject: &mut Subject, by: Intersector) -> Result<Option<Row>, Stop> {
     let begun = Instant::now();
+    let arithmetic = subject.backend.device().arithmetic;
     let tally = exam.ask(subject.backend.as_mut(), by)?;
     let seconds = begun.elapsed().as_secs_f64();
     Ok(tally.map(|tally| {
-        let cell = Cell::new(exam.family(), by, &tally);
+        let cell = Cell::new(exam.family(), by, &tally, arithmetic);
         Row::new(subject.name, cell, seconds)
     }))
 }

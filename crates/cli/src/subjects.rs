@@ -29,6 +29,8 @@ pub(crate) struct Examined {
     pub(crate) driver: String,
     pub(crate) kind: &'static str,
     pub(crate) threads: usize,
+    /// How it computes where nobody tells it how to round.
+    pub(crate) arithmetic: String,
 }
 
 /// A backend that was not, because it cannot run here.
@@ -61,6 +63,7 @@ impl Examined {
                 DeviceKind::Software => "software",
             },
             threads: device.threads,
+            arithmetic: device.arithmetic.to_string(),
         }
     }
 }
@@ -73,7 +76,8 @@ pub(crate) fn roll(present: &[Examined], absent: &[Absent]) -> String {
             "" => String::new(),
             driver => format!(" ({driver})"),
         };
-        text += &format!("{}: {}{driver}\n", b.backend, b.adapter);
+        let (backend, adapter, own) = (b.backend, &b.adapter, &b.arithmetic);
+        text += &format!("{backend}: {adapter}{driver}; by itself: {own}\n");
     }
     for a in absent {
         text += &format!("{}: absent; {}\n", a.backend, a.reason);

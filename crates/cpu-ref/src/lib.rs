@@ -48,8 +48,8 @@ mod wide;
 mod woop;
 
 use backend::{
-    Backend, BackendError, Device, DeviceKind, FRAMES_IN_FLIGHT, FrameReport, Generation, Hits,
-    Inspect, Method, Query, Rays, Result, Seek, Snapshot, Ticket,
+    Arithmetic, Backend, BackendError, Device, DeviceKind, FRAMES_IN_FLIGHT, FrameReport,
+    Generation, Hits, Inspect, Method, Query, Rays, Result, Seek, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};
@@ -110,6 +110,7 @@ impl CpuBackend {
             driver: String::new(),
             kind: DeviceKind::Cpu,
             threads: pool.current_num_threads(),
+            arithmetic: Arithmetic::IEEE,
         };
         Ok(Self {
             device,

@@ -12,7 +12,7 @@ use crate::timeline::Moment;
 use crate::traces::Traces;
 use crate::transfer::{Transfer, Window};
 use crate::tree::TreeBuffers;
-use backend::{Device, Method, Result, Ticket};
+use backend::{Arithmetic, Device, Method, Result, Ticket};
 use shaders::work::Progress;
 use std::sync::Arc;
 
@@ -69,6 +69,7 @@ impl VulkanBackend {
                 driver: gpu.adapter.driver.clone(),
                 kind: gpu.adapter.kind,
                 threads: 0,
+                arithmetic: Arithmetic::IEEE,
             },
             frames: Frames::new(&gpu)?,
             traces: Traces::default(),
@@ -87,7 +88,7 @@ impl VulkanBackend {
             gpu,
         };
         let road = (&mut made.readback, &mut made.window);
-        selftest::run(&made.gpu, &mut made.frames, &made.pipelines, road)?;
+        made.device.arithmetic = selftest::run(&made.gpu, &mut made.frames, &made.pipelines, road)?;
         Ok(made)
     }
 

@@ -89,7 +89,7 @@ impl WgpuBackend {
     fn over(gpu: Gpu, modules: Modules, validation: bool) -> Result<Self> {
         let pipelines = Pipelines::new(&gpu, modules)?;
         let mut window = Window::default();
-        selftest::run(&gpu, &pipelines, &mut window)?;
+        let arithmetic = selftest::run(&gpu, &pipelines, &mut window)?;
         Ok(Self {
             device: Device {
                 backend: "wgpu",
@@ -97,6 +97,7 @@ impl WgpuBackend {
                 driver: driver(&gpu.info),
                 kind: kind(&gpu.info),
                 threads: 0,
+                arithmetic,
             },
             frames: Frames::new(&gpu)?,
             traces: Traces::default(),

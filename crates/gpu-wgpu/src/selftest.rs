@@ -5,16 +5,16 @@ use crate::device::Gpu;
 use crate::groups::Groups;
 use crate::limits::group_counts;
 use crate::pipelines::Pipelines;
-use backend::{BackendError, Result};
+use backend::{Arithmetic, BackendError, Result};
 use shaders::{Params, arithmetic, work};
 use wgpu::BufferUsages;
 
-/// Runs the kernel `arithmetic` and refuses the device if one bit is wrong.
-pub(crate) fn run(gpu: &Gpu, pipelines: &Pipelines, window: &mut Window) -> Result<()> {
+/// Runs the kernel `arithmetic` and refuses the device if one bit is wrong; else says how it computes by itself.
+pub(crate) fn run(gpu: &Gpu, pipelines: &Pipelines, window: &mut Window) -> Result<Arithmetic> {
     let all = arithmetic::operands();
     let bytes = size_of_val(all.as_slice()) as u64;
     let operands = storage(gpu, "operands", bytes)?;
-    let results = storage(gpu, "results", bytes)?;
+    let results = storage(gpu, "results", 2 * bytes)?;
     let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
     let params = make(gpu, "parameters", size_of::<Params>() as u64, usage)?;
     let work = work::arithmetic(all.len());
@@ -36,7 +36,7 @@ pub(crate) fn run(gpu: &Gpu, pipelines: &Pipelines, window: &mut Window) -> Resu
         pass.dispatch_workgroups(x, y, 1);
     })?;
     gpu.submit(encoder)?;
-    let found: Vec<[u32; 4]> = window.read(gpu, &results, all.len())?;
+    let found: Vec<[[u32; 4]; 2]> = window.read(gpu, &results, all.len())?;
     arithmetic::verify(&all, &found)
         .map_err(|e| BackendError::NoDevice(format!("{}: {e}", gpu.info.name)))
 }

@@ -5,8 +5,8 @@
 #![expect(unsafe_code, reason = "an allocator that counts")]
 
 use backend::{
-    Backend, Device, DeviceKind, FrameReport, Generation, Hits, Inspect, Method, Query, Rays,
-    Result, Seek, Snapshot, Ticket,
+    Arithmetic, Backend, Device, DeviceKind, FrameReport, Generation, Hits, Inspect, Method, Query,
+    Rays, Result, Seek, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Camera, Point, Pose};
@@ -62,6 +62,7 @@ impl Idle {
             driver: String::new(),
             kind: DeviceKind::Cpu,
             threads: 1,
+            arithmetic: Arithmetic::IEEE,
         };
         let snapshot = |_| Box::new(animation.keys()[0].clone()) as Snapshot;
         Self {

@@ -3,7 +3,10 @@
 //! Backends run the kernel `arithmetic` on [`operands`] when they open a
 //! device, and refuse one that [`verify`] finds wrong: equality across devices
 //! rests on single rounding, no fusing, no regrouping, and on the integer
-//! arithmetic of `divide.wgsl` and `exact.wgsl`.
+//! arithmetic of `divide.wgsl` and `exact.wgsl`. The same kernel shows how the device
+//! divides and adds up products where it may do as it likes.
+
+use backend::Arithmetic;
 
 /// A device that does not compute as every kernel needs it to.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,18 +75,25 @@ pub fn operands() -> Vec<[f32; 4]> {
         .collect()
 }
 
-/// Compares what the kernel wrote with what IEEE 754 has.
+/// Compares what the kernel wrote with what IEEE 754 has, and says how the device computes where it may choose.
+///
+/// `results` holds a pair for each of `operands`: what must be right, then what the device made of a quotient and
+/// of a sum of products.
 ///
 /// # Errors
 /// The first operation that is wrong.
-pub fn verify(operands: &[[f32; 4]], results: &[[u32; 4]]) -> Result<(), WrongArithmetic> {
+pub fn verify(
+    operands: &[[f32; 4]],
+    results: &[[[u32; 4]; 2]],
+) -> Result<Arithmetic, WrongArithmetic> {
     const NAMES: [&str; 4] = [
         "a * b + c * d",
         "(a + b) - a",
         "a / b",
         "the sign of a * b - c * d",
     ];
-    for (x, found) in operands.iter().zip(results) {
+    let mut own = Arithmetic::IEEE;
+    for (x, [found, free]) in operands.iter().zip(results) {
         let expected = expect(*x);
         if let Some(i) = (0..4).find(|&i| found[i] != expected[i]) {
             return Err(WrongArithmetic {
@@ -93,8 +103,11 @@ pub fn verify(operands: &[[f32; 4]], results: &[[u32; 4]]) -> Result<(), WrongAr
                 expected: expected[i],
             });
         }
+        let [sum, _, quotient, _] = expected;
+        own.rounds_division &= free[0] == quotient;
+        own.fuses |= free[1] != sum;
     }
-    Ok(())
+    Ok(own)
 }
 
 fn expect([a, b, c, d]: [f32; 4]) -> [u32; 4] {
@@ -113,15 +126,40 @@ fn expect([a, b, c, d]: [f32; 4]) -> [u32; 4] {
 mod tests {
     use super::*;
 
+    /// What a device gives that rounds every operation once.
+    fn right(all: &[[f32; 4]]) -> Vec<[[u32; 4]; 2]> {
+        let of = |x: &[f32; 4]| {
+            let [sum, back, quotient, sign] = expect(*x);
+            [[sum, back, quotient, sign], [quotient, sum, 0, 0]]
+        };
+        all.iter().map(of).collect()
+    }
+
+    #[test]
+    fn a_device_that_divides_or_adds_as_it_likes_is_known_for_it() {
+        let all = operands();
+        let with = |i: usize, f: fn([f32; 4]) -> f32| {
+            let mut free = right(&all);
+            for (r, x) in free.iter_mut().zip(&all) {
+                r[1][i] = f(*x).to_bits();
+            }
+            verify(&all, &free).unwrap()
+        };
+        let divides = with(0, |[a, b, ..]| a * (1.0 / b));
+        assert!(!divides.rounds_division && !divides.fuses);
+        let fuses = with(1, |[a, b, c, d]| a.mul_add(b, c * d));
+        assert!(fuses.rounds_division && fuses.fuses);
+    }
+
     #[test]
     fn fusing_and_regrouping_would_be_seen() {
         let all = operands();
-        let right: Vec<_> = all.iter().map(|x| expect(*x)).collect();
-        assert!(verify(&all, &right).is_ok());
+        let right = right(&all);
+        assert_eq!(verify(&all, &right), Ok(Arithmetic::IEEE));
         let with = |i: usize, f: fn([f32; 4]) -> u32| {
             let mut wrong = right.clone();
             for (w, x) in wrong.iter_mut().zip(&all) {
-                w[i] = f(*x);
+                w[0][i] = f(*x);
             }
             verify(&all, &wrong)
         };

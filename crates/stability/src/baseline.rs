@@ -1,13 +1,33 @@
-//! The rates that were measured, one an intersector, a family and a thing counted.
+//! The rates that were measured: one an intersector, a family and a thing counted, for each kind of arithmetic.
 //!
-//! `baseline.json` is written by `cargo run --release -p stability --example baseline` from the host's answers to many
-//! seeds at the usual number of rays. Nothing is in it of what may never happen: see [`known`].
+//! Textbook intersectors compute as a device likes, so their rates are those of the device's [`Arithmetic`]; of all others
+//! the host's rates hold everywhere, since their answers do. A file of `baselines` holds what was measured of one kind, with
+//! its ground. `abvh stability --record FILE` writes one from the answers of a device to many seeds; to make it known, put it beside the
+//! others and name it in `FILES`. Nothing is in it of what may never happen: see [`is_never`].
 
 use crate::bounds::Known;
-use crate::{Family, Measure};
-use backend::Intersector;
+use crate::{Cell, Exam, Family, Measure, Measured, Plan};
+use backend::{Arithmetic, Backend, Intersector, Result};
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
+
+/// One kind of arithmetic each.
+const FILES: [&str; 2] = [
+    include_str!("baselines/host.json"),
+    include_str!("baselines/nvidia.json"),
+];
+
+/// What was measured with one kind of arithmetic.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Baseline {
+    /// Which.
+    #[serde(with = "OwnArithmetic")]
+    pub arithmetic: Arithmetic,
+    /// On what device and how.
+    pub ground: String,
+    /// The rates.
+    pub entries: Vec<Entry>,
+}
 
 /// A rate over many seeds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,9 +46,24 @@ pub struct Entry {
     pub spread: f64,
 }
 
-static ENTRIES: LazyLock<Vec<Entry>> = LazyLock::new(|| {
-    serde_json::from_str(include_str!("baseline.json")).expect("the baseline is sound JSON")
+/// [`Arithmetic`] in files.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Arithmetic")]
+struct OwnArithmetic {
+    rounds_division: bool,
+    fuses: bool,
+}
+
+static BASELINES: LazyLock<Vec<Baseline>> = LazyLock::new(|| {
+    let read = |text| serde_json::from_str(text).expect("baselines are sound JSON");
+    FILES.into_iter().map(read).collect()
 });
+
+/// All that were measured.
+#[must_use]
+pub fn baselines() -> &'static [Baseline] {
+    &BASELINES
+}
 
 /// Whether something may never happen, by the intersector's own definition: `exact` errs nowhere,
 /// `watertight` neither leaks nor hits twice, and no answer depends on a tree.
@@ -42,15 +77,112 @@ pub fn is_never(intersector: Intersector, measure: Measure) -> bool {
     }
 }
 
-/// What is known of a cell; `None` if nobody measured it.
+/// Whose arithmetic decides what an intersector answers on a device.
+fn decisive(by: Intersector, device: Arithmetic) -> Arithmetic {
+    match by {
+        Intersector::Woop | Intersector::MollerTrumbore => device,
+        Intersector::Watertight | Intersector::Exact => Arithmetic::IEEE,
+    }
+}
+
+/// What is known of a cell on a device of that arithmetic; `None` if nobody measured it.
 #[must_use]
-pub fn known(family: Family, intersector: Intersector, measure: Measure) -> Option<Known> {
-    let names = (family.name(), intersector.name(), measure.name());
+pub fn known(
+    family: Family,
+    by: Intersector,
+    measure: Measure,
+    device: Arithmetic,
+) -> Option<Known> {
+    let arithmetic = decisive(by, device);
+    let names = (family.name(), by.name(), measure.name());
+    let mut of_kind = BASELINES.iter().filter(|b| b.arithmetic == arithmetic);
     let this = |e: &&Entry| (&*e.family, &*e.intersector, &*e.measure) == names;
-    let entry = ENTRIES.iter().find(this)?;
+    let entry = of_kind.find_map(|b| b.entries.iter().find(this))?;
     Some(Known {
         rate: entry.count as f64 / entry.of.max(1) as f64,
         of: entry.of as f64,
         spread: entry.spread,
     })
 }
+
+/// Measures a device anew: every family at the usual number of rays, of seeds from 1 to `seeds`. What no arithmetic
+/// of the device's own decides is measured on devices alone that round every operation once.
+///
+/// `progress` hears of each family.
+///
+/// # Errors
+/// The subject failed.
+pub fn record(
+    subject: &mut dyn Backend,
+    seeds: u64,
+    progress: &mut dyn FnMut(Family),
+) -> Result<Baseline> {
+    let device = subject.device().clone();
+    let arithmetic = device.arithmetic;
+    let decides = |by: &Intersector| decisive(*by, arithmetic) == arithmetic;
+    let all: Vec<_> = Intersector::ALL.into_iter().filter(decides).collect();
+    let mut entries = Vec::new();
+    for family in Family::ALL {
+        let mut cells: Vec<Vec<Cell>> = vec![Vec::new(); all.len()];
+        for seed in 1..=seeds {
+            let plan = Plan {
+                seed,
+                ..Plan::default()
+            };
+            let exam = Exam::new(family, &plan);
+            for (&by, cells) in all.iter().zip(&mut cells) {
+                let tally = exam.ask(subject, by)?;
+                cells.extend(tally.map(|t| Cell::new(family, by, &t, arithmetic)));
+            }
+        }
+        entries.extend(cells.iter().flat_map(|c| of_cells(c)));
+        progress(family);
+    }
+    let (rays, backend) = (Plan::default().rays, device.backend);
+    let driver = device.driver.trim();
+    Ok(Baseline {
+        arithmetic,
+        ground: format!(
+            "{}, {driver}, backend {backend}, {rays} rays a family of each of the seeds 1 to {seeds}",
+            device.adapter
+        ),
+        entries,
+    })
+}
+
+/// One entry for each thing counted in the same cell of all seeds, but for what may never happen.
+fn of_cells(cells: &[Cell]) -> Vec<Entry> {
+    let Some(first) = cells.first() else {
+        return Vec::new();
+    };
+    let numbered = first.measured.iter().enumerate();
+    let free = numbered.filter(|(_, m)| !is_never(first.intersector, m.measure));
+    free.map(|(i, m)| {
+        let all: Vec<&Measured> = cells.iter().map(|c| &c.measured[i]).collect();
+        let count = all.iter().map(|m| m.count).sum();
+        let of = all.iter().map(|m| m.of).sum();
+        Entry {
+            family: first.family.name().to_owned(),
+            intersector: first.intersector.name().to_owned(),
+            measure: m.measure.name().to_owned(),
+            count,
+            of,
+            spread: spread(&all, count as f64 / of as f64),
+        }
+    })
+    .collect()
+}
+
+/// Variance of the rate among seeds over that of independent rays, at least 1.
+fn spread(all: &[&Measured], mean: f64) -> f64 {
+    let squares: f64 = all.iter().map(|m| (m.rate() - mean).powi(2)).sum();
+    let independent = mean * (1.0 - mean) / all[0].of as f64;
+    if independent == 0.0 || all.len() < 2 {
+        return 1.0;
+    }
+    let spread = squares / (all.len() - 1) as f64 / independent;
+    (spread.max(1.0) * 100.0).ceil() / 100.0
+}
+
+#[cfg(test)]
+mod tests;

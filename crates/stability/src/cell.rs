@@ -3,7 +3,7 @@
 use crate::baseline::{is_never, known};
 use crate::bounds::interval;
 use crate::{Family, Tally};
-use backend::Intersector;
+use backend::{Arithmetic, Intersector};
 
 /// What is counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,9 +73,14 @@ impl Measured {
 }
 
 impl Cell {
-    /// Holds a tally against what is expected of an intersector.
+    /// Holds a tally against what is expected of an intersector on a device of that arithmetic.
     #[must_use]
-    pub fn new(family: Family, intersector: Intersector, tally: &Tally) -> Self {
+    pub fn new(
+        family: Family,
+        intersector: Intersector,
+        tally: &Tally,
+        arithmetic: Arithmetic,
+    ) -> Self {
         let mut counts = vec![(Measure::Wrong, tally.wrong, tally.rays)];
         if let Some(c) = tally.closed {
             counts.push((Measure::Leaks, c.leaks, c.inside));
@@ -88,7 +93,7 @@ impl Cell {
             measure,
             count,
             of,
-            bound: bound(family, intersector, measure, of),
+            bound: bound((family, intersector, measure), of, arithmetic),
         });
         Self {
             family,
@@ -117,9 +122,13 @@ impl Cell {
     }
 }
 
-fn bound(family: Family, by: Intersector, measure: Measure, of: u64) -> Option<[f64; 2]> {
+fn bound(
+    (family, by, measure): (Family, Intersector, Measure),
+    of: u64,
+    arithmetic: Arithmetic,
+) -> Option<[f64; 2]> {
     if is_never(by, measure) {
         return Some([0.0; 2]);
     }
-    known(family, by, measure).map(|k| interval(k, of))
+    known(family, by, measure, arithmetic).map(|k| interval(k, of))
 }

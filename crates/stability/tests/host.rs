@@ -1,6 +1,6 @@
 //! The host's answers against their bounds, and a host that is not what it says.
 
-use backend::{Backend, Intersector};
+use backend::{Arithmetic, Backend, Intersector};
 use cpu_ref::CpuBackend;
 use stability::{Cell, Exam, Family, Plan};
 
@@ -9,7 +9,7 @@ fn cells(plan: &Plan, asked: Intersector, named: Intersector) -> Vec<Cell> {
     let mut cpu = CpuBackend::new(Some(2)).unwrap();
     let cell = |family| {
         let tally = Exam::new(family, plan).ask(&mut cpu as &mut dyn Backend, asked);
-        Cell::new(family, named, &tally.unwrap().unwrap())
+        Cell::new(family, named, &tally.unwrap().unwrap(), Arithmetic::IEEE)
     };
     Family::ALL.into_iter().map(cell).collect()
 }

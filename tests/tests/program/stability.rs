@@ -11,6 +11,10 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("stability::the_host_errs_as_often_as_expected", expected),
         trial("stability::robust_intersectors_never_leak", robust),
         trial("stability::one_seed_says_one_thing", repeatable),
+        trial(
+            "stability::what_is_to_be_expected_can_be_measured_anew",
+            recorded,
+        ),
         trial("stability::what_cannot_be_is_refused", refused),
     ]
 }
@@ -88,8 +92,27 @@ fn repeatable(sandbox: &Sandbox) -> Result<(), Failed> {
     ensure(first != of_seed(5)?, || first.clone())
 }
 
+fn recorded(sandbox: &Sandbox) -> Result<(), Failed> {
+    let run = sandbox
+        .run("stability --backend cpu --record b.json --seeds 1 --quiet")
+        .succeeds()?;
+    let json: Value = serde_json::from_slice(&sandbox.read("b.json"))?;
+    ensure(json["arithmetic"]["rounds_division"] == true, || {
+        json.to_string()
+    })?;
+    let ground = json["ground"].as_str().unwrap_or_default();
+    ensure(
+        ground.contains("8192 rays a family") && run.stdout.contains(ground),
+        || run.stdout.clone(),
+    )?;
+    let entries = json["entries"].as_array().ok_or("no entries")?;
+    let of = |name: &str| entries.iter().filter(|e| e["intersector"] == name).count();
+    let counts = ["woop", "moller-trumbore", "watertight", "exact"].map(of);
+    ensure(counts == [30, 30, 20, 0], || format!("{counts:?}"))
+}
+
 fn refused(sandbox: &Sandbox) -> Result<(), Failed> {
-    let cases: [(&str, &[&str]); 5] = [
+    let cases: [(&str, &[&str]); 8] = [
         ("--backend cpu --adapter nowhere", &["cpu", "nowhere"]),
         ("--backend opengl", &["opengl"]),
         (
@@ -98,6 +121,9 @@ fn refused(sandbox: &Sandbox) -> Result<(), Failed> {
         ),
         ("--backend cpu --rays 0", &["0"]),
         ("--backend cpu --json no/such/file", &["no/such/file"]),
+        ("--backend cpu --record no/such/file", &["no/such/file"]),
+        ("--backend cpu --record b.json --seed 2", &["--seed"]),
+        ("--backend cpu --seeds 2", &["--record"]),
     ];
     for (words, says) in cases {
         sandbox

@@ -173,6 +173,7 @@ mod tests {
             driver: String::new(),
             kind: "cpu",
             threads: 1,
+            arithmetic: String::new(),
         };
         Report {
             schema: 1,

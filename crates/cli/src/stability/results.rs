@@ -175,7 +175,7 @@ impl Report {
                 let expected = match m.bound {
                     Some([_, 0.0]) => "none".to_owned(),
                     Some([low, high]) => format!("{} to {}", percent(low), percent(high)),
-                    None => "nobody knows what".to_owned(),
+                    None => "nobody knows what; abvh stability --record measures it".to_owned(),
                 };
                 format!(
                     "{} {} of {} ({}), expected {expected}",
@@ -217,6 +217,7 @@ fn percent(rate: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use backend::Arithmetic;
     use stability::{Closed, Tally};
 
     fn report(wrong: u64, leaks: u64, by: Intersector) -> Report {
@@ -232,7 +233,7 @@ mod tests {
             closed: Some(closed),
             rearranged: None,
         };
-        let cell = Cell::new(Family::Edges, by, &tally);
+        let cell = Cell::new(Family::Edges, by, &tally, Arithmetic::IEEE);
         Report {
             schema: 1,
             version: "0",

@@ -118,7 +118,7 @@ impl DriverTreeBackend {
         let mut window = Window::default();
         let kernels = Pipelines::of(&gpu, shared.into_iter().chain(RAY_KERNELS))?;
         let road = (&mut readback, &mut window);
-        selftest::run(&gpu, &mut frames, &kernels, road)?;
+        let arithmetic = selftest::run(&gpu, &mut frames, &kernels, road)?;
         let rays = RayPipeline::new(&gpu, &mut upload)?;
         Ok(Self {
             device: Device {
@@ -127,6 +127,7 @@ impl DriverTreeBackend {
                 driver: gpu.adapter.driver.clone(),
                 kind: gpu.adapter.kind,
                 threads: 0,
+                arithmetic,
             },
             prefer,
             frames,

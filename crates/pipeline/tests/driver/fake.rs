@@ -1,8 +1,8 @@
 //! A backend that does nothing but check the contract, and vertices that keep a builder waiting.
 
 use backend::{
-    Backend, Device, DeviceKind, FrameReport, Generation, Hits, Inspect, Method, Query, Result,
-    Snapshot, Ticket,
+    Arithmetic, Backend, Device, DeviceKind, FrameReport, Generation, Hits, Inspect, Method, Query,
+    Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};
@@ -110,6 +110,7 @@ impl Fake {
             driver: String::new(),
             kind: DeviceKind::Cpu,
             threads: 1,
+            arithmetic: Arithmetic::IEEE,
         };
         let fake = Self {
             device,

@@ -1,0 +1,104 @@
+//! Whose bounds hold where.
+
+use super::*;
+use crate::Tally;
+use cpu_ref::CpuBackend;
+
+const LOOSE: Arithmetic = Arithmetic {
+    rounds_division: false,
+    fuses: true,
+};
+
+/// A cell of rays at edges of closed bodies, of which so many answers are wrong, leak or hit twice.
+fn edges(by: Intersector, [wrong, leaks, doubles]: [u64; 3], device: Arithmetic) -> Cell {
+    let closed = crate::Closed {
+        inside: 4096,
+        leaks,
+        counted: 8192,
+        doubles,
+    };
+    let tally = Tally {
+        rays: 8192,
+        wrong,
+        closed: Some(closed),
+        rearranged: None,
+    };
+    Cell::new(Family::Edges, by, &tally, device)
+}
+
+#[test]
+fn a_device_is_held_to_what_was_measured_with_its_own_arithmetic() {
+    let by = Intersector::MollerTrumbore;
+    let [of_host, of_gpu] = [[1983, 186, 3828], [2056, 412, 2990]];
+    assert!(edges(by, of_host, Arithmetic::IEEE).is_ok());
+    assert!(edges(by, of_gpu, LOOSE).is_ok());
+    assert!(!edges(by, of_gpu, Arithmetic::IEEE).is_ok());
+    assert!(!edges(by, of_host, LOOSE).is_ok());
+}
+
+#[test]
+fn success_that_nobody_expects_is_a_fault_whatever_the_arithmetic() {
+    for device in [Arithmetic::IEEE, LOOSE] {
+        for by in [Intersector::MollerTrumbore, Intersector::Woop] {
+            assert!(!edges(by, [2056, 0, 3500], device).is_ok(), "{by}");
+            assert!(!edges(by, [0, 300, 3500], device).is_ok(), "{by}");
+        }
+    }
+}
+
+#[test]
+fn answers_that_are_equal_everywhere_have_one_bound_and_unknown_arithmetic_has_none_of_its_own() {
+    let strange = Arithmetic {
+        rounds_division: false,
+        fuses: false,
+    };
+    for device in [Arithmetic::IEEE, LOOSE, strange] {
+        let of = |by| known(Family::Edges, by, Measure::Wrong, device);
+        let everywhere = known(
+            Family::Edges,
+            Intersector::Watertight,
+            Measure::Wrong,
+            Arithmetic::IEEE,
+        );
+        assert_eq!(of(Intersector::Watertight), everywhere);
+        assert_eq!(of(Intersector::Woop).is_some(), device != strange);
+        assert!(edges(Intersector::Exact, [0; 3], device).is_ok());
+        assert!(!edges(Intersector::Exact, [1, 0, 0], device).is_ok());
+    }
+}
+
+#[test]
+fn every_baseline_has_every_cell_once_and_says_where_it_comes_from() {
+    for baseline in baselines() {
+        let of = |by: Intersector| decisive(by, baseline.arithmetic) == baseline.arithmetic;
+        let all = Intersector::ALL.into_iter().filter(|&by| of(by));
+        for (family, by) in all.flat_map(|by| Family::ALL.map(|f| (f, by))) {
+            let this = |e: &&Entry| e.family == family.name() && e.intersector == by.name();
+            let mut found: Vec<_> = baseline.entries.iter().filter(this).collect();
+            found.retain(|e| e.measure == Measure::Wrong.name());
+            let none = by == Intersector::Exact;
+            assert_eq!(found.len(), usize::from(!none), "{family} {by}");
+        }
+        assert!(baseline.ground.contains("seed"), "{}", baseline.ground);
+    }
+}
+
+#[test]
+fn a_record_of_the_host_is_the_hosts_baseline() {
+    let mut cpu = CpuBackend::new(Some(2)).unwrap();
+    let mut families = 0;
+    let found = record(&mut cpu, 2, &mut |_| families += 1).unwrap();
+    assert_eq!((found.arithmetic, families), (Arithmetic::IEEE, 20));
+    let host = &baselines()[0];
+    assert_eq!(found.entries.len(), host.entries.len());
+    for (now, then) in found.entries.iter().zip(&host.entries) {
+        let cell = |e: &Entry| (e.family.clone(), e.intersector.clone(), e.measure.clone());
+        assert_eq!(cell(now), cell(then));
+        assert!(
+            now.count <= then.count && now.of < then.of && now.spread >= 1.0,
+            "{now:?}"
+        );
+    }
+    let text = serde_json::to_string(&found).unwrap();
+    assert_eq!(serde_json::from_str::<Baseline>(&text).unwrap(), found);
+}
