@@ -95,6 +95,16 @@ pub(crate) trait Isa: 'static {
     type Packet: Lanes;
 }
 
+/// Asks for the first cache lines of what will soon be read; it must be aligned to them. Does nothing where that
+/// cannot be asked.
+#[inline(always)]
+pub(crate) fn prefetch<T>(of: &[T], index: usize) {
+    #[cfg(target_arch = "x86_64")]
+    x86::prefetch(of, index);
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (of, index);
+}
+
 /// Something to be done with vectors.
 pub(crate) trait Work {
     /// What comes of it.

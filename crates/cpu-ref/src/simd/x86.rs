@@ -57,6 +57,19 @@ pub(super) fn run_avx512<W: Work>(work: W) -> W::Out {
     unsafe { inside(work) }
 }
 
+/// The size of a cache line.
+const LINE: usize = 64;
+
+/// See [`super::prefetch`].
+#[inline(always)]
+pub(super) fn prefetch<T>(of: &[T], index: usize) {
+    let at = of.as_ptr().wrapping_add(index).cast::<i8>();
+    for line in 0..size_of::<T>() / LINE {
+        // SAFETY: whatever the address, a prefetch reads nothing that the program could see.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(line * LINE)) };
+    }
+}
+
 /// One lane operation, a single instruction.
 macro_rules! operation {
     ($( $name:ident ( $($arguments:tt)* ) -> $result:ty = $body:expr; )*) => { $(

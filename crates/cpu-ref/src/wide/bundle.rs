@@ -3,7 +3,8 @@
 //! Every operation of the box test is monotone in the ray's start, in `|r|` and in `q`, rounding included. So from
 //! their bounds come bounds of every ray's entry and exit; what these exclude, each ray's own test excludes too.
 
-use super::walk::{BoxTest, halves};
+use super::tree::Planes;
+use super::walk::BoxTest;
 use crate::simd::{Halves, Lanes, each};
 
 /// The bounds of a packet's rays: halves as in a node, lower planes first.
@@ -43,9 +44,10 @@ impl<P: Halves> Bundle<P> {
     }
 }
 
-impl<P: Halves> BoxTest<P> for Bundle<P> {
+impl<P: Halves> Bundle<P> {
+    /// [`BoxTest::meet`], for planes at hand: lower ones, then upper ones.
     #[inline(always)]
-    fn meet(&self, planes: &[P; 3], best: f32) -> (u32, P::Half) {
+    pub(crate) fn meet_planes(&self, planes: &[P; 3], best: f32) -> (u32, P::Half) {
         let [x, y, z] = each!(axis => {
             let from = planes[axis].sub(self.origin[axis]);
             let [least, most] = self.inverse[axis];
@@ -58,4 +60,18 @@ impl<P: Halves> BoxTest<P> for Bundle<P> {
         let exit = spans.high().neg().min(P::Half::splat(best));
         (P::Half::bits(spans.low().at_most(exit)), spans.low())
     }
+}
+
+impl<P: Halves> BoxTest<P::Half> for Bundle<P> {
+    #[inline(always)]
+    fn meet(&self, planes: &Planes, best: f32) -> (u32, P::Half) {
+        let planes = each!(axis => P::load(&planes[axis]));
+        self.meet_planes(&planes, best)
+    }
+}
+
+/// `low` for lower planes, `high` for upper ones.
+#[inline(always)]
+fn halves<P: Halves>(low: f32, high: f32) -> P {
+    P::join(P::Half::splat(low), P::Half::splat(high))
 }

@@ -2,6 +2,8 @@
 
 use super::cell::Cell;
 use super::packet::{self, Packet};
+use super::search;
+use super::single::InGroup;
 use super::together::{self, MOST_RAYS};
 use super::trace::{Job, WideTracer};
 use crate::scale::Scale;
@@ -10,7 +12,7 @@ use crate::simd::{Isa, Lanes, each};
 use crate::trace::ray;
 use crate::traverse::Stack;
 use backend::Rays;
-use geom::{Camera, Hit, Ray};
+use geom::{Aabb, Camera, Hit, Ray};
 
 /// The closest hit of each ray.
 pub(super) struct Closest<'a>(pub(super) WideTracer<'a>);
@@ -23,6 +25,33 @@ impl Job for Closest<'_> {
     fn one<I: Isa>(&self, index: usize, stack: &mut Stack) -> Hit {
         let ray = ray(self.0.rays, index);
         self.0.closest_of::<I>(&ray, self.0.geometry.scale, stack)
+    }
+
+    #[inline(always)]
+    fn ray(&self, index: usize) -> Option<Ray> {
+        Some(ray(self.0.rays, index))
+    }
+
+    #[inline(always)]
+    fn scale(&self) -> Scale {
+        self.0.geometry.scale
+    }
+
+    #[inline(always)]
+    fn root(&self) -> &Aabb {
+        &self.0.tree.root
+    }
+
+    #[inline(always)]
+    fn prepared<I: Isa>(&self, _: usize, ray: InGroup<'_, I::Packet>, stack: &mut Stack) -> Hit {
+        let found = search::closest::<I>(self.0.tree, &ray, &mut stack.wide);
+        match found {
+            Some(hit) => Hit {
+                t: ray.unscaled(hit.t),
+                ..hit
+            },
+            None => Hit::MISS,
+        }
     }
 
     #[inline(always)]
@@ -92,6 +121,26 @@ impl Job for Any<'_> {
     }
 
     #[inline(always)]
+    fn ray(&self, index: usize) -> Option<Ray> {
+        Some(ray(self.0.rays, index))
+    }
+
+    #[inline(always)]
+    fn scale(&self) -> Scale {
+        self.0.geometry.scale
+    }
+
+    #[inline(always)]
+    fn root(&self) -> &Aabb {
+        &self.0.tree.root
+    }
+
+    #[inline(always)]
+    fn prepared<I: Isa>(&self, _: usize, ray: InGroup<'_, I::Packet>, stack: &mut Stack) -> u8 {
+        u8::from(search::any::<I>(self.0.tree, &ray, None, &mut stack.wide))
+    }
+
+    #[inline(always)]
     fn together<I: Isa>(&self, cell: &Cell, stack: &mut Stack) -> Option<[u8; MOST_RAYS]> {
         let Rays::Camera(camera) = self.0.rays else {
             return None;
@@ -121,7 +170,7 @@ const FEW: u32 = 4;
 impl Shadow<'_> {
     /// The ray from a hit to the light, in scaled units.
     #[inline(always)]
-    fn ray(&self, index: usize, hit: &Hit) -> Ray {
+    fn ray_from(&self, index: usize, hit: &Hit) -> Ray {
         let geometry = &self.tracer.geometry;
         let eye = geometry.scale.apply(ray(self.tracer.rays, index).origin);
         let corners = geometry.scaled_corners(hit.triangle);
@@ -139,10 +188,33 @@ impl Job for Shadow<'_> {
         if !hit.is_hit() {
             return 0;
         }
-        let ray = self.ray(index, hit);
+        let ray = self.ray_from(index, hit);
         let skipped = Some(hit.triangle);
         let blocked = self.tracer.any_of::<I>(&ray, Scale::ONE, skipped, stack);
         u8::from(blocked)
+    }
+
+    #[inline(always)]
+    fn ray(&self, index: usize) -> Option<Ray> {
+        let hit = &self.hits[index];
+        hit.is_hit().then(|| self.ray_from(index, hit))
+    }
+
+    #[inline(always)]
+    fn scale(&self) -> Scale {
+        Scale::ONE
+    }
+
+    #[inline(always)]
+    fn root(&self) -> &Aabb {
+        &self.tracer.tree.root
+    }
+
+    #[inline(always)]
+    fn prepared<I: Isa>(&self, index: usize, ray: InGroup<'_, I::Packet>, stack: &mut Stack) -> u8 {
+        let skipped = Some(self.hits[index].triangle);
+        let tree = self.tracer.tree;
+        u8::from(search::any::<I>(tree, &ray, skipped, &mut stack.wide))
     }
 
     #[inline(always)]
@@ -164,7 +236,7 @@ impl Job for Shadow<'_> {
         for at in 0..cell.lanes {
             let lane = if asked >> at & 1 == 1 { at } else { first };
             let index = cell.index(lane);
-            let ray = self.ray(index, &self.hits[index]);
+            let ray = self.ray_from(index, &self.hits[index]);
             let start = Scale::ONE.apply(ray.origin);
             for axis in 0..3 {
                 origin[axis].as_mut()[at] = start[axis];

@@ -1,11 +1,10 @@
 //! The watertight test in lanes: one ray and eight triangles, or many rays and one.
 
+use super::single::OneRay;
 use super::tree::{Block, LANES};
-use crate::ray::PreparedRay;
 use crate::scale::LEAST;
 use crate::simd::{Lanes, each};
-use crate::slab::Reach;
-use crate::watertight::{has_equal_signs, main_axis};
+use crate::watertight::has_equal_signs;
 use glam::Vec4;
 
 /// What triangles need of rays, in every lane: of one ray for eight triangles, or of many rays for one.
@@ -21,6 +20,9 @@ pub(crate) struct TriangleRay<L> {
     t_min: L,
     t_max: L,
 }
+
+/// `kx, ky, kz` by `kz`.
+const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
 
 /// What a [`TriangleRay`] is made of. Axes in their own order.
 pub(crate) struct Prepared<L> {
@@ -131,16 +133,17 @@ impl<L: Lanes> TriangleRay<L> {
 /// One ray and eight triangles.
 impl<L: Lanes<Array = [f32; LANES]>> TriangleRay<L> {
     #[inline(always)]
-    pub(crate) fn single(ray: &PreparedRay, reach: &Reach) -> Self {
-        Self::new(&Prepared {
-            origin: each!(i => L::splat(ray.origin[i])),
-            direction: each!(i => L::splat(ray.direction[i])),
-            inverse: each!(i => L::splat(reach.inverse[i])),
-            pad: each!(i => L::splat(reach.pad[i])),
-            main: main_axis(ray.direction),
-            t_min: L::splat(ray.t_min),
-            t_max: L::splat(ray.t_max),
-        })
+    pub(crate) fn single(ray: &impl OneRay) -> Self {
+        let axes = AXES[ray.main()];
+        Self {
+            axes,
+            origin: each!(i => L::splat(ray.origin(axes[i]))),
+            shear: each!(i => L::splat(ray.shear(i))),
+            inverse: each!(i => L::splat(ray.inverse(axes[i]))),
+            pad: each!(i => L::splat(ray.pad(axes[i]))),
+            t_min: L::splat(ray.t_min()),
+            t_max: L::splat(ray.t_max()),
+        }
     }
 
     #[inline(always)]
@@ -229,7 +232,7 @@ fn settle_exactly<L: Lanes>(mut lanes: u32, [edges, x, y]: &[[L::Array; 3]; 3]) 
 
 /// Zero where below `2^-100`.
 #[inline(always)]
-fn flushed<L: Lanes>(x: L) -> L {
+pub(crate) fn flushed<L: Lanes>(x: L) -> L {
     x.replace(x.abs().less(L::splat(LEAST)), L::splat(0.0))
 }
 

@@ -15,6 +15,7 @@ mod leaf;
 mod moving;
 mod packet;
 mod search;
+mod single;
 #[cfg(test)]
 mod tests;
 mod together;

@@ -98,7 +98,7 @@ fn factors<L: Lanes>(longest: L) -> Option<(L, L)> {
 
 /// `D` of each lane.
 #[inline(always)]
-fn farthest<L: Lanes>(origin: &[L; 3], root: &Aabb) -> L {
+pub(crate) fn farthest<L: Lanes>(origin: &[L; 3], root: &Aabb) -> L {
     let mut farthest = L::splat(0.0);
     for (axis, &o) in origin.iter().enumerate() {
         for plane in [root.min[axis], root.max[axis]] {

@@ -1,25 +1,28 @@
 //! The watertight test by the wide tree, one ray at a time.
 
 use super::leaf::{Meetings, TriangleRay};
+use super::single::OneRay;
 use super::tree::{Block, LANES, Wide};
 use super::walk::{NodeRay, Stack, Visitor, walk};
-use crate::ray::PreparedRay;
 use crate::simd::{Isa, Lanes};
-use crate::slab::Reach;
 use geom::Hit;
+use std::marker::PhantomData;
 
 /// The closest hit so far.
-struct Closest<'a, L> {
+struct Closest<'a, R, L> {
     blocks: &'a [Block],
-    ray: TriangleRay<L>,
+    ray: &'a R,
     best: Hit,
+    lanes: PhantomData<L>,
 }
 
-impl<L: Lanes<Array = [f32; LANES]>> Visitor for Closest<'_, L> {
+impl<R: OneRay, L: Lanes<Array = [f32; LANES]>> Visitor for Closest<'_, R, L> {
+    const ORDERED: bool = true;
+
     #[inline(always)]
     fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
         let block = &self.blocks[block];
-        if let Some(met) = self.ray.meet(block, bound) {
+        if let Some(met) = TriangleRay::<L>::single(self.ray).meet(block, bound) {
             take_best(&mut self.best, block, &met);
         }
         Some(self.best.t)
@@ -46,17 +49,20 @@ fn take_best<L: Lanes<Array = [f32; LANES]>>(best: &mut Hit, block: &Block, met:
 }
 
 /// Ends at the first hit.
-struct Any<'a, L> {
+struct Any<'a, R, L> {
     blocks: &'a [Block],
-    ray: TriangleRay<L>,
+    ray: &'a R,
     skipped: u32,
+    lanes: PhantomData<L>,
 }
 
-impl<L: Lanes<Array = [f32; LANES]>> Visitor for Any<'_, L> {
+impl<R: OneRay, L: Lanes<Array = [f32; LANES]>> Visitor for Any<'_, R, L> {
+    const ORDERED: bool = false;
+
     #[inline(always)]
     fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
         let block = &self.blocks[block];
-        let Some(met) = self.ray.meet(block, bound) else {
+        let Some(met) = TriangleRay::<L>::single(self.ray).meet(block, bound) else {
             return Some(bound);
         };
         let mut others = 0;
@@ -69,22 +75,18 @@ impl<L: Lanes<Array = [f32; LANES]>> Visitor for Any<'_, L> {
 
 /// The closest hit, its `t` in scaled units.
 #[inline(always)]
-pub(crate) fn closest<I: Isa>(
-    tree: &Wide,
-    ray: &PreparedRay,
-    reach: &Reach,
-    stack: &mut Stack,
-) -> Option<Hit> {
+pub(crate) fn closest<I: Isa>(tree: &Wide, ray: &impl OneRay, stack: &mut Stack) -> Option<Hit> {
     let mut closest = Closest {
         blocks: &tree.blocks,
-        ray: TriangleRay::<I::Eight>::single(ray, reach),
+        ray,
+        lanes: PhantomData::<I::Eight>,
         best: Hit {
-            t: ray.t_max,
+            t: ray.t_max(),
             ..Hit::MISS
         },
     };
-    let node_ray = NodeRay::new(ray, reach);
-    walk::<I>(&tree.nodes, (&node_ray, ray.t_max), stack, &mut closest);
+    let node_ray = NodeRay::<I::Eight>::new(ray);
+    walk::<I, _>(tree, (&node_ray, ray.t_max()), stack, &mut closest);
     closest.best.is_hit().then_some(closest.best)
 }
 
@@ -92,17 +94,17 @@ pub(crate) fn closest<I: Isa>(
 #[inline(always)]
 pub(crate) fn any<I: Isa>(
     tree: &Wide,
-    ray: &PreparedRay,
-    reach: &Reach,
+    ray: &impl OneRay,
     skipped: Option<u32>,
     stack: &mut Stack,
 ) -> bool {
     let mut any = Any {
         blocks: &tree.blocks,
-        ray: TriangleRay::<I::Eight>::single(ray, reach),
+        ray,
+        lanes: PhantomData::<I::Eight>,
         // No triangle has the index of a miss.
         skipped: skipped.unwrap_or(Hit::MISS.triangle),
     };
-    let node_ray = NodeRay::new(ray, reach);
-    walk::<I>(&tree.nodes, (&node_ray, ray.t_max), stack, &mut any)
+    let node_ray = NodeRay::<I::Eight>::new(ray);
+    walk::<I, _>(tree, (&node_ray, ray.t_max()), stack, &mut any)
 }

@@ -1,6 +1,6 @@
 //! Rays that run together against the same rays one by one.
 
-use crate::testing::{icosphere, kinds, moving, ready, senseless_tree, trace, tree_at};
+use crate::testing::{bits, icosphere, kinds, moving, ready, senseless_tree, trace, tree_at};
 use backend::{Intersector, Rays, Seek};
 use geom::{Animation, Camera, Point, Ray};
 use proptest::prelude::*;
@@ -56,6 +56,62 @@ fn check(animation: &Arc<Animation>, camera: &Camera, light: Point) -> Result<()
     Ok(())
 }
 
+/// A number of any size and sign, some of them none.
+fn any_number() -> impl Strategy<Value = f32> {
+    let odd = [
+        0.0,
+        -0.0,
+        1e-45,
+        -1e-39,
+        1e-30,
+        3e38,
+        f32::INFINITY,
+        f32::NAN,
+        1e19,
+        -2e-19,
+    ];
+    prop_oneof![8 => -3.0_f32..3.0, 1 => prop::sample::select(odd.to_vec())]
+}
+
+/// Rays that have nothing in common: every direction and length, some with limits, some that mean nothing.
+fn strangers() -> impl Strategy<Value = Vec<Ray>> {
+    let three = || [any_number(), any_number(), any_number()];
+    let length =
+        prop_oneof![4 => Just(1.0_f32), 1 => Just(1e-19), 1 => Just(1e22), 1 => 0.01_f32..100.0];
+    let t_min = prop_oneof![4 => Just(0.0_f32), 1 => -3.0_f32..3.0, 1 => any_number()];
+    let t_max = prop_oneof![4 => Just(f32::INFINITY), 1 => 0.0_f32..4.0, 1 => any_number()];
+    let ray = (three(), three(), length, t_min, t_max).prop_map(
+        |(origin, direction, length, t_min, t_max)| Ray {
+            origin,
+            t_min: t_min / length,
+            direction: direction.map(|x| x * length),
+            t_max: t_max / length,
+        },
+    );
+    prop::collection::vec(ray, 1..400)
+}
+
+fn check_list(animation: &Arc<Animation>, rays: &[Ray], light: Point) -> Result<(), TestCaseError> {
+    let tree = tree_at(animation, animation.pose(0.0));
+    let mut expected = None;
+    for kind in kinds() {
+        let mut backend = ready(
+            animation,
+            (Intersector::Watertight, kind),
+            &tree,
+            animation.pose(0.0),
+            1,
+        );
+        let rays = Rays::List(rays);
+        let shadow = trace(&mut backend, rays, Seek::ClosestAndShadow { light });
+        let any = trace(&mut backend, rays, Seek::Any).blocked;
+        let found = (bits(&shadow.closest), shadow.blocked, any);
+        let expected = expected.get_or_insert_with(|| found.clone());
+        prop_assert_eq!(&found, expected, "{:?}", kind);
+    }
+    Ok(())
+}
+
 /// A ball of many triangles in scaled units that are not the scene's.
 fn far_from_one(size: f32) -> Arc<Animation> {
     let ball = icosphere(3, 1.0, [0.0; 3]);
@@ -79,5 +135,18 @@ proptest! {
         let size = 2.0_f32.powi(4 * exponent);
         let camera = Camera { eye: camera.eye.map(|x| x * size), ..camera };
         check(&far_from_one(size), &camera, light.map(|x| x * size))?;
+    }
+
+    #[test]
+    fn strangers_hit_with_vectors_what_they_hit_without(rays in strangers(), light in near(9.0)) {
+        check_list(&moving(), &rays, light)?;
+    }
+
+    #[test]
+    fn so_do_strangers_where_units_are_scaled(rays in strangers(), light in near(9.0), exponent in -18_i32..18) {
+        let size = 2.0_f32.powi(4 * exponent);
+        let larger = |ray: &Ray| Ray { origin: ray.origin.map(|x| x * size), t_min: ray.t_min * size, t_max: ray.t_max * size, ..*ray };
+        let rays: Vec<_> = rays.iter().map(larger).collect();
+        check_list(&far_from_one(size), &rays, light.map(|x| x * size))?;
     }
 }

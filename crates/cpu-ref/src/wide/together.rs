@@ -1,8 +1,9 @@
 //! A packet of rays through the wide tree: one walk for all.
 
+use super::bundle::Bundle;
 use super::packet::Packet;
 use super::tree::{Block, LANES, Wide};
-use super::walk::{BoxTest, Stack, Visitor, walk};
+use super::walk::{Stack, Visitor, walk};
 use crate::simd::{Halves, Isa, Lanes, each};
 use geom::Hit;
 
@@ -36,7 +37,7 @@ pub(crate) fn closest<I: Isa>(
         },
     };
     let bound = packet.t_max.mul(packet.level).most();
-    walk::<I>(&tree.nodes, (&packet.bundle, bound), stack, &mut closest);
+    walk::<I, _>(tree, (&packet.bundle, bound), stack, &mut closest);
     closest.found
 }
 
@@ -59,19 +60,19 @@ pub(crate) fn any<I: Isa>(
         patience: PATIENCE,
     };
     let bound = packet.t_max.mul(packet.level).most();
-    let ended = walk::<I>(&tree.nodes, (&packet.bundle, bound), stack, &mut any);
+    let ended = walk::<I, _>(tree, (&packet.bundle, bound), stack, &mut any);
     [asked & !any.left, if ended { any.left } else { 0 }]
 }
 
 /// Triangles of a block whose own boxes some ray may meet.
 #[inline(always)]
-fn within_reach<P: Halves>(block: &Block, rays: &impl BoxTest<P>, bound: f32) -> u32 {
+fn within_reach<P: Halves>(block: &Block, rays: &Bundle<P>, bound: f32) -> u32 {
     let planes = each!(axis => {
         let [a, b, c] = &block.corners[axis];
         let (a, b, c) = (P::Half::load(a), P::Half::load(b), P::Half::load(c));
         P::join(a.min(b).min(c), a.max(b).max(c))
     });
-    rays.meet(&planes, bound).0
+    rays.meet_planes(&planes, bound).0
 }
 
 struct Closest<'a, L: Lanes, P> {
@@ -81,6 +82,8 @@ struct Closest<'a, L: Lanes, P> {
 }
 
 impl<L: Lanes, P: Halves> Visitor for Closest<'_, L, P> {
+    const ORDERED: bool = true;
+
     #[inline(always)]
     fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
         let block = &self.blocks[block];
@@ -137,6 +140,8 @@ struct Any<'a, L, P> {
 }
 
 impl<L: Lanes, P: Halves> Visitor for Any<'_, L, P> {
+    const ORDERED: bool = true;
+
     #[inline(always)]
     fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
         self.patience = self.patience.checked_sub(1)?;

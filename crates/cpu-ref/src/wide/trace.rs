@@ -3,6 +3,7 @@
 use super::cell::{COLUMNS, Cell};
 use super::jobs::{Any, Closest, Shadow};
 use super::search::{any, closest};
+use super::single::{Group, InGroup, SingleRay};
 use super::together::MOST_RAYS;
 use super::tree::Wide;
 use crate::preprocess::Geometry;
@@ -15,7 +16,7 @@ use crate::tiles::{Tiles, fill_list, fill_picture};
 use crate::traverse::{self, Stack};
 use crate::watertight::Watertight;
 use backend::Rays;
-use geom::{Hit, Point, Ray};
+use geom::{Aabb, Hit, Point, Ray};
 
 /// Rays, and what they are traced through.
 #[derive(Clone, Copy)]
@@ -66,7 +67,8 @@ impl WideTracer<'_> {
         };
         let reach = Reach::new(&ray, &self.tree.root);
         let hit = if reach.is_calm() {
-            closest::<I>(self.tree, &ray, &reach, &mut stack.wide)
+            let single = SingleRay::new(&ray, &reach);
+            closest::<I>(self.tree, &single, &mut stack.wide)
         } else {
             traverse::closest::<_, Watertight>(self.tree, &ray, stack)
         };
@@ -92,7 +94,8 @@ impl WideTracer<'_> {
         };
         let reach = Reach::new(&ray, &self.tree.root);
         if reach.is_calm() {
-            any::<I>(self.tree, &ray, &reach, skipped, &mut stack.wide)
+            let single = SingleRay::new(&ray, &reach);
+            any::<I>(self.tree, &single, skipped, &mut stack.wide)
         } else {
             traverse::any::<_, Watertight>(self.tree, &ray, skipped, stack)
         }
@@ -107,6 +110,21 @@ pub(super) trait Job: Sync {
 
     /// The answer for one ray. Must be `#[inline(always)]`, like the next.
     fn one<I: Isa>(&self, index: usize, stack: &mut Stack) -> Self::Answer;
+
+    /// The ray of that index, in the units of [`Job::scale`]; `None` if it is not asked.
+    fn ray(&self, index: usize) -> Option<Ray>;
+
+    /// What rays are scaled by, and the box of the whole tree.
+    fn scale(&self) -> Scale;
+    fn root(&self) -> &Aabb;
+
+    /// The answer for a ray prepared in a lane of a group.
+    fn prepared<I: Isa>(
+        &self,
+        index: usize,
+        ray: InGroup<'_, I::Packet>,
+        stack: &mut Stack,
+    ) -> Self::Answer;
 
     /// The answers for the rays of a cell, one a lane; `None` where they cannot run together.
     fn together<I: Isa>(&self, cell: &Cell, stack: &mut Stack)
@@ -150,13 +168,49 @@ impl<J: Job> Work for ListTask<'_, J> {
     #[inline(always)]
     fn run<I: Isa>(self) -> u64 {
         let (mut stack, mut count) = (Stack::new(), 0);
-        for (index, entry) in (self.first..).zip(self.out) {
-            *entry = self.job.one::<I>(index, &mut stack);
-            count += u64::from(J::counts(entry));
+        let lanes = I::Packet::ALL.count_ones() as usize;
+        let mut first = self.first;
+        for out in self.out.chunks_mut(lanes) {
+            fill_run::<I, J>(self.job, first, out, &mut stack);
+            first += lanes;
+            for answer in &*out {
+                count += u64::from(J::counts(answer));
+            }
         }
         count
     }
 }
+
+/// The answers of neighbouring rays of a list, prepared together and traced one by one.
+#[inline(always)]
+fn fill_run<I: Isa, J: Job>(job: &J, first: usize, out: &mut [J::Answer], stack: &mut Stack) {
+    let mut rays = [NO_RAY; MOST_RAYS];
+    for (lane, ray) in rays.iter_mut().enumerate().take(out.len()) {
+        if let Some(asked) = job.ray(first + lane) {
+            *ray = asked;
+        }
+    }
+    let group = Group::<I::Packet>::new(&rays, job.scale(), job.root());
+    for (lane, answer) in out.iter_mut().enumerate() {
+        *answer = if group.ready >> lane & 1 == 1 {
+            let ray = InGroup {
+                group: &group,
+                lane,
+            };
+            job.prepared::<I>(first + lane, ray, stack)
+        } else {
+            job.one::<I>(first + lane, stack)
+        };
+    }
+}
+
+/// Cannot hit anything.
+const NO_RAY: Ray = Ray {
+    origin: [0.0; 3],
+    t_min: 0.0,
+    direction: [0.0; 3],
+    t_max: 0.0,
+};
 
 struct PictureTask<'a, J: Job> {
     tiles: Tiles<'a, J::Answer>,

@@ -1,6 +1,7 @@
 //! The wide tree for tests that take one triangle at a time.
 
 use super::leaf::TriangleRay;
+use super::single::SingleRay;
 use super::tree::{LANES, Wide};
 use super::walk::{NodeRay, Visitor, walk};
 use crate::ray::PreparedRay;
@@ -61,15 +62,15 @@ impl<F: FnMut(&Leaf, f32) -> Option<f32>> Work for Visit<'_, F> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> bool {
-        let reach = Reach::new(self.ray, &self.tree.root);
+        let ray = SingleRay::new(self.ray, &Reach::new(self.ray, &self.tree.root));
         let mut each = EachTriangle {
             tree: self.tree,
-            ray: TriangleRay::<I::Eight>::single(self.ray, &reach),
+            ray: TriangleRay::<I::Eight>::single(&ray),
             see: self.see,
         };
-        let ray = NodeRay::new(self.ray, &reach);
+        let ray = NodeRay::<I::Eight>::new(&ray);
         let rays = (&ray, self.ray.t_max);
-        walk::<I>(&self.tree.nodes, rays, &mut self.stack.wide, &mut each)
+        walk::<I, _>(self.tree, rays, &mut self.stack.wide, &mut each)
     }
 }
 
@@ -85,6 +86,8 @@ where
     L: Lanes<Array = [f32; LANES]>,
     F: FnMut(&Leaf, f32) -> Option<f32>,
 {
+    const ORDERED: bool = true;
+
     #[inline(always)]
     fn block(&mut self, block: usize, mut bound: f32) -> Option<f32> {
         let spans = self.ray.spans(&self.tree.blocks[block], bound);

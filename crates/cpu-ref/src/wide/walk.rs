@@ -1,9 +1,8 @@
 //! One ray through the nodes, nearest child first, eight boxes at a time.
 
-use super::tree::{LANES, Link, Node};
-use crate::ray::PreparedRay;
-use crate::simd::{Halves, Isa, Lanes, each};
-use crate::slab::Reach;
+use super::single::OneRay;
+use super::tree::{LANES, Link, Node, Planes, Wide};
+use crate::simd::{Isa, Lanes, each, prefetch};
 use bvh_build::MAX_DEPTH;
 
 /// A node or block still to visit.
@@ -14,12 +13,11 @@ struct Waiting {
 }
 
 /// Each level of the binary tree leaves at most one behind, and one more node may be split up.
-const DEEPEST: usize = (LANES - 1) * (MAX_DEPTH as usize + 1);
+const DEEPEST: usize = ((LANES - 1) * (MAX_DEPTH as usize + 1)).next_power_of_two();
 
 /// Nodes and blocks still to visit, the next one last.
 pub(crate) struct Stack {
     waiting: [Waiting; DEEPEST],
-    len: usize,
 }
 
 impl Stack {
@@ -31,98 +29,79 @@ impl Stack {
         };
         Self {
             waiting: [unused; DEEPEST],
-            len: 0,
         }
-    }
-
-    #[inline(always)]
-    fn push(&mut self, next: Waiting) {
-        self.waiting[self.len] = next;
-        self.len += 1;
-    }
-
-    /// The last one that the ray enters no later than `best`.
-    #[inline(always)]
-    fn pop(&mut self, best: f32) -> Option<Link> {
-        while self.len > 0 {
-            self.len -= 1;
-            let next = self.waiting[self.len];
-            // Equal entries stay: a hit at the same distance may have a lower index.
-            if next.entry <= best {
-                return Some(next.link);
-            }
-        }
-        None
     }
 }
 
 /// What is to be done with the blocks that a ray comes to.
 pub(crate) trait Visitor {
+    /// Whether nearer boxes come first: not worth their sorting where any hit will do.
+    const ORDERED: bool;
+
     /// Sees a block whose box the ray meets before `bound`, and returns the next bound; none ends the walk.
     /// Must be `#[inline(always)]`.
     fn block(&mut self, block: usize, bound: f32) -> Option<f32>;
 }
 
-/// What the box test needs of a ray: see [`crate::slab::Slab`].
-#[derive(Clone, Copy)]
-pub(crate) struct NodeRay<P> {
-    origin: [P; 3],
-    inverse: [P; 3],
-    pad: [P; 3],
-    turned: [bool; 3],
-    floor: P,
+/// Something that boxes are tested against.
+pub(crate) trait BoxTest<L> {
+    /// Which of eight boxes cannot be skipped, and where they are entered. Must be `#[inline(always)]`.
+    fn meet(&self, planes: &Planes, best: f32) -> (u32, L);
 }
 
-impl<P: Halves> NodeRay<P> {
+/// What the box test needs of a ray: see [`crate::slab::Slab`].
+#[derive(Clone, Copy)]
+pub(crate) struct NodeRay<L> {
+    origin: [L; 3],
+    inverse: [L; 3],
+    pad: [L; 3],
+    /// Which planes are nearer: 0 for the lower ones.
+    near: [usize; 3],
+    t_min: L,
+}
+
+impl<L: Lanes> NodeRay<L> {
     #[inline(always)]
-    pub(crate) fn new(ray: &PreparedRay, reach: &Reach) -> Self {
+    pub(crate) fn new(ray: &impl OneRay) -> Self {
         Self {
-            origin: each!(i => P::splat(ray.origin[i])),
-            inverse: each!(i => halves(reach.inverse[i], -reach.inverse[i])),
-            pad: each!(i => P::splat(reach.pad[i])),
-            turned: each!(i => ray.direction[i].is_sign_negative()),
-            floor: halves(ray.t_min, f32::NEG_INFINITY),
+            origin: each!(i => L::splat(ray.origin(i))),
+            inverse: each!(i => L::splat(ray.inverse(i))),
+            pad: each!(i => L::splat(ray.pad(i))),
+            near: each!(i => usize::from(ray.inverse(i).is_sign_negative())),
+            t_min: L::splat(ray.t_min()),
         }
     }
 }
 
-/// `low` for lower planes, `high` for upper ones.
-#[inline(always)]
-pub(crate) fn halves<P: Halves>(low: f32, high: f32) -> P {
-    P::join(P::Half::splat(low), P::Half::splat(high))
-}
-
-/// Something that boxes are tested against.
-pub(crate) trait BoxTest<P: Halves> {
-    /// Which of eight boxes cannot be skipped, and where they are entered. Must be `#[inline(always)]`.
-    fn meet(&self, planes: &[P; 3], best: f32) -> (u32, P::Half);
-}
-
-impl<P: Halves> BoxTest<P> for NodeRay<P> {
+impl<L: Lanes<Array = [f32; LANES]>> BoxTest<L> for NodeRay<L> {
     #[inline(always)]
-    fn meet(&self, planes: &[P; 3], best: f32) -> (u32, P::Half) {
-        let [x, y, z] = each!(axis => {
-            planes[axis]
-                .sub(self.origin[axis])
-                .mul(self.inverse[axis])
-                .sub(self.pad[axis])
-                .turned(self.turned[axis])
+    fn meet(&self, planes: &Planes, best: f32) -> (u32, L) {
+        let at = each!(axis => {
+            let (sides, _) = planes[axis].as_chunks::<LANES>();
+            let near = self.near[axis];
+            [L::load(&sides[near % 2]), L::load(&sides[(near + 1) % 2])]
         });
-        let spans = self.floor.max(x).max(y).max(z);
-        let exit = spans.high().neg().min(P::Half::splat(best));
-        (P::Half::bits(spans.low().at_most(exit)), spans.low())
+        let [n, f] = [0, 1];
+        let t = each!(axis => {
+            let [near, far] = [at[axis][n].sub(self.origin[axis]), at[axis][f].sub(self.origin[axis])];
+            let [near, far] = [near.mul(self.inverse[axis]), far.mul(self.inverse[axis])];
+            [near.sub(self.pad[axis]), far.add(self.pad[axis])]
+        });
+        let entry = self.t_min.max(t[0][n]).max(t[1][n].max(t[2][n]));
+        let exit = L::splat(best).min(t[0][f]).min(t[1][f].min(t[2][f]));
+        (L::bits(entry.at_most(exit)), entry)
     }
 }
 
 /// Shows `visitor` the blocks that rays may hit, roughly in their order; whether it ended the walk.
 #[inline(always)]
-pub(crate) fn walk<I: Isa>(
-    nodes: &[Node],
-    (rays, mut bound): (&impl BoxTest<I::Planes>, f32),
+pub(crate) fn walk<I: Isa, V: Visitor>(
+    tree: &Wide,
+    (rays, mut bound): (&impl BoxTest<I::Eight>, f32),
     stack: &mut Stack,
-    visitor: &mut impl Visitor,
+    visitor: &mut V,
 ) -> bool {
-    stack.len = 0;
+    let mut len = 0;
     let mut link = Link::ROOT;
     loop {
         if link.is_block() {
@@ -131,59 +110,98 @@ pub(crate) fn walk<I: Isa>(
                 None => return true,
             }
         } else {
-            let node = &nodes[link.index()];
-            let planes = each!(axis => I::Planes::load(&node.planes[axis]));
-            let (lanes, entry) = rays.meet(&planes, bound);
-            if let Some(next) = nearest(node, lanes, entry, stack) {
-                link = next;
+            let node = &tree.nodes[link.index()];
+            let (lanes, entry) = rays.meet(&node.planes, bound);
+            if lanes != 0 {
+                link = if lanes & (lanes - 1) == 0 {
+                    node.links[lanes.trailing_zeros() as usize % LANES]
+                } else if V::ORDERED {
+                    nearest(tree, node, (lanes, entry), (stack, &mut len))
+                } else {
+                    first(tree, node, lanes, (stack, &mut len))
+                };
                 continue;
             }
         }
-        match stack.pop(bound) {
-            Some(next) => link = next,
-            None => return false,
+        // Equal entries stay: a hit at the same distance may have a lower index.
+        loop {
+            if len == 0 {
+                return false;
+            }
+            len -= 1;
+            let next = stack.waiting[len % DEEPEST];
+            if !V::ORDERED || next.entry <= bound {
+                link = next.link;
+                break;
+            }
         }
     }
 }
 
-/// The nearest of `lanes`; the others wait, farthest first.
+/// The nearest of `lanes`, of which there are some; the others wait, farthest first.
 #[inline(always)]
 fn nearest<L: Lanes<Array = [f32; LANES]>>(
+    tree: &Wide,
     node: &Node,
-    lanes: u32,
-    entry: L,
-    stack: &mut Stack,
-) -> Option<Link> {
-    if lanes == 0 {
-        return None;
-    }
-    let first = lanes.trailing_zeros() as usize;
-    let mut rest = lanes & (lanes - 1);
-    if rest == 0 {
-        return Some(node.links[first % LANES]);
-    }
+    (lanes, entry): (u32, L),
+    (stack, len): (&mut Stack, &mut usize),
+) -> Link {
     let entries = entry.store();
-    let base = stack.len;
-    stack.push(waiting(node, &entries, first));
+    let waiting = &mut stack.waiting;
+    let base = *len;
+    let mut next = node.waiting(lanes.trailing_zeros(), &entries);
+    tree.prefetch(next.link);
+    let mut rest = lanes & (lanes - 1);
     while rest != 0 {
-        let next = waiting(node, &entries, rest.trailing_zeros() as usize);
+        let mut other = node.waiting(rest.trailing_zeros(), &entries);
+        tree.prefetch(other.link);
         rest &= rest - 1;
-        let mut place = stack.len;
-        stack.len += 1;
-        while place > base && stack.waiting[place - 1].entry < next.entry {
-            stack.waiting[place] = stack.waiting[place - 1];
+        if other.entry < next.entry {
+            std::mem::swap(&mut other, &mut next);
+        }
+        let mut place = *len;
+        *len += 1;
+        while place > base && waiting[(place - 1) % DEEPEST].entry < other.entry {
+            waiting[place % DEEPEST] = waiting[(place - 1) % DEEPEST];
             place -= 1;
         }
-        stack.waiting[place] = next;
+        waiting[place % DEEPEST] = other;
     }
-    stack.len -= 1;
-    Some(stack.waiting[stack.len].link)
+    next.link
 }
 
+/// One of `lanes`, of which there are some; the others wait.
 #[inline(always)]
-fn waiting(node: &Node, entries: &[f32; LANES], lane: usize) -> Waiting {
-    Waiting {
-        link: node.links[lane % LANES],
-        entry: entries[lane % LANES],
+fn first(tree: &Wide, node: &Node, lanes: u32, (stack, len): (&mut Stack, &mut usize)) -> Link {
+    let next = node.links[lanes.trailing_zeros() as usize % LANES];
+    let mut rest = lanes & (lanes - 1);
+    while rest != 0 {
+        let other = node.waiting(rest.trailing_zeros(), &[0.0; LANES]);
+        rest &= rest - 1;
+        tree.prefetch(other.link);
+        stack.waiting[*len % DEEPEST] = other;
+        *len += 1;
+    }
+    next
+}
+
+impl Node {
+    #[inline(always)]
+    fn waiting(&self, lane: u32, entries: &[f32; LANES]) -> Waiting {
+        Waiting {
+            link: self.links[lane as usize % LANES],
+            entry: entries[lane as usize % LANES],
+        }
+    }
+}
+
+impl Wide {
+    #[inline(always)]
+    fn prefetch(&self, link: Link) {
+        if link.is_block() {
+            prefetch(&self.blocks, link.index());
+        } else {
+            prefetch(&self.nodes, link.index());
+        }
     }
 }

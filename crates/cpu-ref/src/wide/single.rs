@@ -1,0 +1,279 @@
+//! Rays that go through the wide tree each on its own, prepared one by one or as many at once as fit in a vector.
+
+use super::leaf::flushed;
+use super::packet::farthest;
+use super::together::MOST_RAYS;
+use crate::ray::PreparedRay;
+use crate::scale::{LEAST_COMPONENT, Scale};
+use crate::simd::{Lanes, each};
+use crate::slab::{CALM, PAD, Reach, SMALLEST};
+use crate::watertight::main_axis;
+use geom::{Aabb, Ray};
+
+/// What the tests need of one ray, in scaled units. Axes in their own order. All must be `#[inline(always)]`.
+pub(crate) trait OneRay {
+    fn origin(&self, axis: usize) -> f32;
+    /// `r`, with the direction's sign.
+    fn inverse(&self, axis: usize) -> f32;
+    /// `q`.
+    fn pad(&self, axis: usize) -> f32;
+    /// `kz`.
+    fn main(&self) -> usize;
+    /// `d[kx] / d[kz]`, `d[ky] / d[kz]`, `1 / d[kz]`.
+    fn shear(&self, i: usize) -> f32;
+    fn t_min(&self) -> f32;
+    fn t_max(&self) -> f32;
+}
+
+/// A ray prepared alone.
+#[derive(Clone, Copy)]
+pub(crate) struct SingleRay {
+    origin: [f32; 3],
+    inverse: [f32; 3],
+    pad: [f32; 3],
+    main: usize,
+    shear: [f32; 3],
+    limits: [f32; 2],
+}
+
+impl SingleRay {
+    #[inline]
+    pub(crate) fn new(ray: &PreparedRay, reach: &Reach) -> Self {
+        let d = ray.direction;
+        let kz = main_axis(d);
+        let (kx, ky) = ((kz + 1) % 3, (kz + 2) % 3);
+        Self {
+            origin: ray.origin,
+            inverse: each!(i => reach.inverse[i].copysign(d[i])),
+            pad: reach.pad,
+            main: kz,
+            shear: [d[kx] / d[kz], d[ky] / d[kz], 1.0 / d[kz]],
+            limits: [ray.t_min, ray.t_max],
+        }
+    }
+}
+
+impl OneRay for SingleRay {
+    #[inline(always)]
+    fn origin(&self, axis: usize) -> f32 {
+        self.origin[axis]
+    }
+    #[inline(always)]
+    fn inverse(&self, axis: usize) -> f32 {
+        self.inverse[axis]
+    }
+    #[inline(always)]
+    fn pad(&self, axis: usize) -> f32 {
+        self.pad[axis]
+    }
+    #[inline(always)]
+    fn main(&self) -> usize {
+        self.main
+    }
+    #[inline(always)]
+    fn shear(&self, i: usize) -> f32 {
+        self.shear[i]
+    }
+    #[inline(always)]
+    fn t_min(&self) -> f32 {
+        self.limits[0]
+    }
+    #[inline(always)]
+    fn t_max(&self) -> f32 {
+        self.limits[1]
+    }
+}
+
+/// Biased exponents of directions that are prepared here; the rest is left to [`PreparedRay`].
+const USUAL: std::ops::RangeInclusive<u32> = 127 - 60..=127 + 60;
+
+/// As many rays as `L` has lanes, prepared just as [`PreparedRay`] and [`Reach`] do.
+pub(crate) struct Group<L: Lanes> {
+    /// Lanes that hold a prepared ray. The others hold one that misses, or is unusual.
+    pub(crate) ready: u32,
+    origin: [L::Array; 3],
+    inverse: [L::Array; 3],
+    pad: [L::Array; 3],
+    shear: [L::Array; 3],
+    main: [u8; MOST_RAYS],
+    limits: [L::Array; 2],
+    /// Brings distances to the units of the given ray.
+    back: L::Array,
+}
+
+/// Rays lane by lane, as they were given.
+struct Given<L> {
+    origin: [L; 3],
+    direction: [L; 3],
+    limits: [L; 2],
+}
+
+impl<L: Lanes> Given<L> {
+    #[inline(always)]
+    fn new(rays: &[Ray; MOST_RAYS]) -> Self {
+        let spare = L::splat(0.0).store();
+        let (mut origin, mut direction, mut limits) = ([spare; 3], [spare; 3], [spare; 2]);
+        let lanes = L::ALL.count_ones() as usize;
+        for (lane, ray) in rays.iter().enumerate().take(lanes) {
+            for axis in 0..3 {
+                origin[axis].as_mut()[lane] = ray.origin[axis];
+                direction[axis].as_mut()[lane] = ray.direction[axis];
+            }
+            limits[0].as_mut()[lane] = ray.t_min;
+            limits[1].as_mut()[lane] = ray.t_max;
+        }
+        Self {
+            origin: each!(i => L::load(&origin[i])),
+            direction: each!(i => L::load(&direction[i])),
+            limits: [L::load(&limits[0]), L::load(&limits[1])],
+        }
+    }
+
+    /// Lanes whose numbers are finite, but for the limits, and in order.
+    #[inline(always)]
+    fn sound(&self) -> u32 {
+        let mut size = L::splat(0.0);
+        for axis in 0..3 {
+            size = size
+                .add(self.origin[axis].abs())
+                .add(self.direction[axis].abs());
+        }
+        let finite = size.less(L::splat(f32::INFINITY));
+        L::bits(L::both(finite, self.limits[0].less(self.limits[1])))
+    }
+}
+
+/// Powers of two by the exponent `e` of each lane's longest component.
+struct Powers<L> {
+    /// `2^e`.
+    up: L,
+    /// `2^-e`.
+    down: L,
+    /// Lanes whose exponent is usual.
+    usual: u32,
+}
+
+impl<L: Lanes> Powers<L> {
+    #[inline(always)]
+    fn of([x, y, z]: &[L; 3]) -> Self {
+        let mut up = x.abs().max(y.abs()).max(z.abs()).store();
+        let (mut down, mut usual) = (up, 0);
+        let both = up.as_mut().iter_mut().zip(down.as_mut());
+        for (lane, (up, down)) in both.enumerate() {
+            let biased = up.to_bits() >> 23;
+            usual |= u32::from(USUAL.contains(&biased)) << lane;
+            *up = f32::from_bits(biased << 23);
+            *down = f32::from_bits(254_u32.wrapping_sub(biased) << 23);
+        }
+        Self {
+            up: L::load(&up),
+            down: L::load(&down),
+            usual,
+        }
+    }
+}
+
+impl<L: Lanes> Group<L> {
+    /// Rays over the first lanes of `L`; those beyond are left alone. The tree's whole box is `root`.
+    #[inline(always)]
+    pub(crate) fn new(rays: &[Ray; MOST_RAYS], scale: Scale, root: &Aabb) -> Self {
+        let given = Given::<L>::new(rays);
+        let powers = Powers::of(&given.direction);
+        let origin = each!(i => {
+            let x = given.origin[i].mul(L::splat(scale.factor()));
+            x.replace(x.abs().less(L::splat(Scale::LEAST)), L::splat(0.0))
+        });
+        let d = each!(i => {
+            let d = given.direction[i].mul(powers.down);
+            d.replace(d.abs().less(L::splat(LEAST_COMPONENT)), L::splat(0.0))
+        });
+        let farthest = farthest(&origin, root);
+        let calm = L::bits(farthest.less(L::splat(CALM)));
+        let padding = L::splat(PAD).mul(farthest);
+        let inverse = each!(i => L::splat(1.0).div(d[i].abs().max(L::splat(SMALLEST))));
+        let pad = each!(i => inverse[i].mul(padding));
+        let negative = each!(i => d[i].less(L::splat(0.0)));
+        let up = powers.up.mul(L::splat(scale.factor()));
+        let limits = given.limits;
+        let (main, shear) = turned(&d);
+        let unscaled = scale.usual_inverse();
+        let back = powers.down.mul(L::splat(unscaled.unwrap_or(1.0)));
+        let ready = given.sound() & powers.usual & calm;
+        Self {
+            ready: if unscaled.is_some() { ready } else { 0 },
+            origin: each!(i => origin[i].store()),
+            inverse: each!(i => inverse[i].replace(negative[i], inverse[i].neg()).store()),
+            pad: each!(i => pad[i].store()),
+            shear: each!(i => shear[i].store()),
+            main,
+            limits: [
+                flushed(limits[0].mul(up)).store(),
+                flushed(limits[1].mul(up)).store(),
+            ],
+            back: back.store(),
+        }
+    }
+}
+
+/// The ray in one lane of a group.
+pub(crate) struct InGroup<'a, L: Lanes> {
+    pub(crate) group: &'a Group<L>,
+    pub(crate) lane: usize,
+}
+
+impl<L: Lanes> OneRay for InGroup<'_, L> {
+    #[inline(always)]
+    fn origin(&self, axis: usize) -> f32 {
+        self.group.origin[axis].as_ref()[self.lane]
+    }
+    #[inline(always)]
+    fn inverse(&self, axis: usize) -> f32 {
+        self.group.inverse[axis].as_ref()[self.lane]
+    }
+    #[inline(always)]
+    fn pad(&self, axis: usize) -> f32 {
+        self.group.pad[axis].as_ref()[self.lane]
+    }
+    #[inline(always)]
+    fn main(&self) -> usize {
+        usize::from(self.group.main[self.lane])
+    }
+    #[inline(always)]
+    fn shear(&self, i: usize) -> f32 {
+        self.group.shear[i].as_ref()[self.lane]
+    }
+    #[inline(always)]
+    fn t_min(&self) -> f32 {
+        self.group.limits[0].as_ref()[self.lane]
+    }
+    #[inline(always)]
+    fn t_max(&self) -> f32 {
+        self.group.limits[1].as_ref()[self.lane]
+    }
+}
+
+impl<L: Lanes> InGroup<'_, L> {
+    /// A distance in units of the given ray's direction. A zero is a positive one.
+    #[inline(always)]
+    pub(crate) fn unscaled(&self, t: f32) -> f32 {
+        let t = t * self.group.back.as_ref()[self.lane];
+        if t == 0.0 { 0.0 } else { t }
+    }
+}
+
+/// `kz` and the shear of each lane.
+#[inline(always)]
+fn turned<L: Lanes>(d: &[L; 3]) -> ([u8; MOST_RAYS], [L; 3]) {
+    let [x, y, z] = each!(i => d[i].abs());
+    let is_x = L::bits(L::both(y.at_most(x), z.at_most(x)));
+    let is_y = L::bits(z.at_most(y)) & !is_x;
+    let (along_x, along_y) = (L::mask(is_x), L::mask(is_y));
+    let of = each!(i => d[(i + 3) % 3].replace(along_x, d[(i + 1) % 3]).replace(along_y, d[(i + 2) % 3]));
+    let mut main = [0; MOST_RAYS];
+    for (lane, main) in main.iter_mut().enumerate() {
+        let is_z = !(is_x | is_y) >> lane & 1;
+        *main = (2 * is_z + (is_y >> lane & 1)) as u8;
+    }
+    let shear = [of[0].div(of[2]), of[1].div(of[2]), L::splat(1.0).div(of[2])];
+    (main, shear)
+}
