@@ -68,6 +68,20 @@ impl Legend {
         legend
     }
 
+    /// Rows of marks, each with a heading.
+    pub(crate) fn of_marks(rows: Vec<(&str, Vec<(Look, String)>)>, left: i32, right: i32) -> Self {
+        let mut legend = Self {
+            entries: Vec::new(),
+            height: 0,
+        };
+        for (name, marks) in rows {
+            let marks = marks.into_iter();
+            let entries = marks.map(|(look, words)| (Sign::Mark(look), words));
+            legend.row(name, entries.collect(), left, right);
+        }
+        legend
+    }
+
     /// One line, and more where it is full.
     fn row(&mut self, name: &str, entries: Vec<(Sign, String)>, left: i32, right: i32) {
         if entries.is_empty() {

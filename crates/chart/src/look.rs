@@ -73,6 +73,36 @@ const FILLS: Choice<Fill> = Choice {
     spare: &[Fill::Crossed, Fill::Barred],
 };
 
+/// Where colours stand for policies.
+const POLICIES: Choice<(RGBColor, Shape)> = Choice {
+    known: &[
+        ("async", (BLUE, Shape::Circle)),
+        ("t-sah", (GREEN, Shape::Diamond)),
+        ("refit", (ORANGE, Shape::Square)),
+        ("device-rebuild", (PURPLE, Shape::Up)),
+        ("rebuild", (BLACK, Shape::Down)),
+    ],
+    spare: &[(VERMILLION, Shape::Pentagon), (SKY, Shape::Plus)],
+};
+const LAYOUTS: Choice<Fill> = Choice {
+    known: &[("fast", Fill::Solid), ("bvh2", Fill::Open)],
+    spare: &[Fill::Dotted, Fill::Crossed, Fill::Barred],
+};
+
+/// Update policies as a legend lists them, where their colours mean no backend.
+pub(crate) fn policies<'a>(
+    names: impl Iterator<Item = &'a str> + Clone,
+) -> Vec<(String, (RGBColor, Shape))> {
+    POLICIES.assign(names)
+}
+
+/// Layouts as a legend lists them, where their fills mean no policy.
+pub(crate) fn layout_fills<'a>(
+    names: impl Iterator<Item = &'a str> + Clone,
+) -> Vec<(String, Fill)> {
+    LAYOUTS.assign(names)
+}
+
 struct Choice<T: 'static> {
     known: &'static [(&'static str, T)],
     spare: &'static [T],

@@ -1,6 +1,6 @@
 //! The whole picture: heading, legend, one panel a scene, companions in two columns.
 
-use crate::data::{Chart, Scene};
+use crate::data::{Chart, Machine, Scene};
 use crate::error::Result;
 use crate::keys::{Keys, Quantity};
 use crate::legend::Legend;
@@ -17,13 +17,13 @@ use std::collections::BTreeSet;
 
 /// Pixels across the picture.
 pub(crate) const WIDTH: i32 = 1000;
-const LEFT: i32 = 16;
-const RIGHT: i32 = WIDTH - 16;
+pub(crate) const LEFT: i32 = 16;
+pub(crate) const RIGHT: i32 = WIDTH - 16;
 /// Between panels.
-const GAP: i32 = 22;
+pub(crate) const GAP: i32 = 22;
 /// Height of a main panel: alone on the page, and one of several.
 const PLANE: [i32; 2] = [604, 524];
-const LINE: i32 = 24;
+pub(crate) const LINE: i32 = 24;
 
 /// A picture as `plotters` wrote it, and where its points are.
 pub(crate) struct Drawn {
@@ -71,7 +71,7 @@ struct Plan {
 
 impl Plan {
     fn new(chart: &Chart, looks: &Looks) -> Self {
-        let head = head(chart);
+        let head = head(&chart.machine);
         let legend = Legend::new(looks, LEFT, RIGHT);
         let legend_top = 64 + LINE * head.len() as i32;
         let mut top = legend_top + legend.height + GAP;
@@ -154,8 +154,7 @@ pub(crate) fn dots(chart: &Chart) -> Vec<Dot<'_>> {
 }
 
 /// Lines under the title: what did the work.
-fn head(chart: &Chart) -> Vec<String> {
-    let machine = &chart.machine;
+pub(crate) fn head(machine: &Machine) -> Vec<String> {
     let first = [
         machine.cpu.clone().unwrap_or_default(),
         if machine.version.is_empty() {
@@ -183,7 +182,8 @@ fn join(parts: &[String], between: &str) -> String {
     parts.join(between)
 }
 
-fn draw_head(sheet: &Sheet<'_>, title: &str, lines: &[String]) -> Result<()> {
+/// The title, and words under it.
+pub(crate) fn draw_head(sheet: &Sheet<'_>, title: &str, lines: &[String]) -> Result<()> {
     let title = fit(title, 28, RIGHT - LEFT);
     text(sheet, (LEFT, 32), &title, Font::new(26).bold().colour(INK))?;
     for (i, words) in (0..).zip(lines) {

@@ -93,7 +93,7 @@ pub fn csv(chart: &Chart) -> Result<String> {
     String::from_utf8(bytes).map_err(|e| ChartError::Csv(e.to_string()))
 }
 
-fn failed(e: csv::Error) -> ChartError {
+pub(crate) fn failed(e: csv::Error) -> ChartError {
     ChartError::Csv(e.to_string())
 }
 
@@ -187,6 +187,6 @@ fn edges(point: &Point, offsets: &[f64]) -> impl Iterator<Item = String> {
 }
 
 /// The shortest digits that read back as the same number.
-fn plain(x: Option<f64>) -> String {
+pub(crate) fn plain(x: Option<f64>) -> String {
     known(x).map_or_else(String::new, |x| x.to_string())
 }

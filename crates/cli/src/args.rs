@@ -28,6 +28,8 @@ pub(crate) enum Command {
     Bench(Box<BenchArgs>),
     /// Tell where async pays and where another update policy does: size, speed of the motion, builder threads
     Crossover(Box<CrossoverArgs>),
+    /// Chart how time, memory and start-up grow with the number of triangles
+    Growth(Box<GrowthArgs>),
     /// Chart speed against accuracy: every backend, intersector and update policy against exact arithmetic
     Chart(ChartArgs),
     /// Hold backends to the laws that all of them keep
@@ -360,6 +362,9 @@ pub(crate) use conform::{ConformArgs, SubjectName};
 
 mod crossover;
 pub(crate) use crossover::{CrossoverArgs, TimingArgs};
+
+mod growth;
+pub(crate) use growth::GrowthArgs;
 
 mod stability;
 pub(crate) use stability::StabilityArgs;

@@ -2,16 +2,14 @@
 
 mod text;
 
-use crate::args::{CrossoverArgs, LayoutName, TimingArgs, UpdateName};
+use crate::args::{CrossoverArgs, LayoutName, UpdateName};
 use crate::progress::Progress;
 use crate::stop::Stop;
-use crate::timing::{self, FOR_ALL, NOISE, Setting, Timing, Way};
+use crate::timing::{self, FOR_ALL, NOISE, Setting, Timing, Way, layout_name, name};
 use crate::{info, record, talk, threads};
-use clap::ValueEnum;
 use pipeline::Frame;
 use scene::Scene;
 use serde::Serialize;
-use std::time::Duration;
 
 /// Builder threads of a table unless asked otherwise, as far as the machine has them.
 const THREADS: [usize; 3] = [2, 4, 16];
@@ -107,18 +105,6 @@ struct Table<'a> {
     progress: Progress,
     cells: Vec<Cell>,
     left_out: Vec<String>,
-}
-
-impl TimingArgs {
-    /// What all runs share.
-    pub(crate) fn setting(&self) -> Setting<'_> {
-        Setting {
-            backend: self.backend,
-            adapter: self.adapter.as_deref(),
-            size: self.size,
-            patience: Duration::from_secs_f64(self.patience),
-        }
-    }
 }
 
 impl<'a> Table<'a> {
@@ -268,17 +254,6 @@ fn builder_threads(asked: &[usize], cores: usize) -> Vec<usize> {
         true => vec![cores],
         false => usual,
     }
-}
-
-/// A policy's name on the command line.
-fn name(update: UpdateName) -> &'static str {
-    timing::update(update).map_or("auto", crate::choose::update_name)
-}
-
-/// A layout's name on the command line.
-fn layout_name(layout: LayoutName) -> String {
-    let value = layout.to_possible_value();
-    value.map_or(String::new(), |v| v.get_name().to_owned())
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ mod conform;
 mod crossover;
 mod decay;
 mod frames;
+mod growth;
 mod info;
 mod inspect;
 mod memory;
@@ -54,6 +55,7 @@ fn run(command: Command) -> Result<(), Stop> {
         Command::Trace(args) => trace::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Crossover(args) => crossover::run(&args),
+        Command::Growth(args) => growth::run(&args),
         Command::Chart(args) => chart::run(&args),
         Command::Conform(args) => conform::run(&args),
         Command::Stability(args) => stability::run(&args),

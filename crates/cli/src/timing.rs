@@ -2,12 +2,15 @@
 //! is patience.
 
 use crate::ahead::Ahead;
-use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs, Switch, UpdateName};
+use crate::args::{
+    BackendName, IntersectorName, LayoutName, MethodArgs, Switch, TimingArgs, UpdateName,
+};
 use crate::bench::FOV;
 use crate::choose;
 use crate::session::{self, Ask};
 use crate::stop::Stop;
 use backend::{Device, Query, Rays, Seek};
+use clap::ValueEnum;
 use geom::Animation;
 use pipeline::{Driver, Frame, FrameRecord, PipelineError, Update};
 use report::Summary;
@@ -39,6 +42,18 @@ pub(crate) struct Setting<'a> {
     pub(crate) size: [u32; 2],
     /// No frame is begun after so long, once there are two.
     pub(crate) patience: Duration,
+}
+
+impl TimingArgs {
+    /// What all runs share.
+    pub(crate) fn setting(&self) -> Setting<'_> {
+        Setting {
+            backend: self.backend,
+            adapter: self.adapter.as_deref(),
+            size: self.size,
+            patience: Duration::from_secs_f64(self.patience),
+        }
+    }
 }
 
 /// Milliseconds of a frame, and what else was seen.
@@ -102,7 +117,7 @@ pub(crate) fn time(
             intersector: IntersectorName::Watertight,
             layout: way.layout,
         },
-        update: choose::asked(update(way.update)?),
+        update: choose::asked(policy(way.update)?),
         tolerance: 0.0,
         run: None,
         ahead: Ahead::of(frames, Switch::On),
@@ -118,7 +133,7 @@ pub(crate) fn time(
 ///
 /// # Errors
 /// `auto` is none.
-pub(crate) fn update(name: UpdateName) -> Result<Update, Stop> {
+fn policy(name: UpdateName) -> Result<Update, Stop> {
     Ok(match name {
         UpdateName::Rebuild => Update::Rebuild,
         UpdateName::Refit => Update::Refit,
@@ -127,6 +142,17 @@ pub(crate) fn update(name: UpdateName) -> Result<Update, Stop> {
         UpdateName::DeviceRebuild => Update::DeviceRebuild,
         UpdateName::Auto => return Err(Stop::bad("auto is no policy to compare with others")),
     })
+}
+
+/// A policy's name on the command line.
+pub(crate) fn name(update: UpdateName) -> &'static str {
+    policy(update).map_or("auto", choose::update_name)
+}
+
+/// A layout's name on the command line.
+pub(crate) fn layout_name(layout: LayoutName) -> String {
+    let value = layout.to_possible_value();
+    value.map_or(String::new(), |v| v.get_name().to_owned())
 }
 
 /// What was seen of frames so far.

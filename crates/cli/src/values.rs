@@ -199,6 +199,29 @@ pub(crate) fn amount(text: &str) -> Result<usize, String> {
     }
 }
 
+/// Numbers of triangles, in ascending order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Sizes(pub(crate) Vec<usize>);
+
+/// `N,N,…` or `A..B`, which stands for both ends and 1, 2 and 5 times each power of ten between.
+pub(crate) fn sizes(text: &str) -> Result<Sizes, String> {
+    let mut all = match text.split_once("..") {
+        None => text.split(',').map(amount).collect::<Result<Vec<_>, _>>()?,
+        Some((a, b)) => {
+            let (a, b) = (amount(a)?, amount(b)?);
+            if a > b {
+                return Err(format!("the range is reversed; did you mean {b}..{a}?"));
+            }
+            let round = (0..9).flat_map(|e| [1, 2, 5].map(|d| d * 10_usize.pow(e)));
+            let within = round.filter(|n| (a..=b).contains(n));
+            within.chain([a, b]).collect()
+        }
+    };
+    all.sort_unstable();
+    all.dedup();
+    Ok(Sizes(all))
+}
+
 /// The name of a demo without a number of triangles.
 pub(crate) fn demo(text: &str) -> Result<String, String> {
     let name = text.strip_prefix(crate::frames::DEMO);
@@ -275,6 +298,10 @@ mod tests {
         for bad in ["", "K", "0", "1e3K0", "-5K", "999M", "1.6G", "é"] {
             amount(bad).unwrap_err();
         }
+        let some = |text| sizes(text).map(|s| s.0);
+        assert_eq!(some("3K..20K"), Ok(vec![3_000, 5_000, 10_000, 20_000]));
+        assert_eq!(some("2M,10K,2M"), Ok(vec![10_000, 2_000_000]));
+        assert!(sizes("20K..3K").is_err() && sizes("..").is_err() && sizes("1,").is_err());
         assert!(demo("demo:twist").is_ok() && speed("0.5").is_ok() && seconds("0").is_ok());
         assert!(demo("demo:twist:500").is_err() && demo("horse/").is_err());
         assert!(speed("0").is_err() && seconds("-1").is_err() && count("1").is_err());

@@ -9,6 +9,7 @@ mod crossover;
 mod devices;
 mod disk;
 mod files;
+mod growth;
 mod hits;
 mod inactive;
 mod killed;
@@ -32,6 +33,7 @@ fn main() -> ExitCode {
         devices::trials(),
         disk::trials(),
         files::trials(),
+        growth::trials(),
         hits::trials(),
         inactive::trials(),
         killed::trials(),
