@@ -107,6 +107,11 @@ pub trait Backend: Send {
         false
     }
 
+    /// Likewise for the eight-wide form ([`Topology::blocks`]).
+    fn wants_blocks(&self) -> bool {
+        false
+    }
+
     /// Records: key frames to positions.
     ///
     /// # Errors

@@ -9,9 +9,10 @@
 //! take 64.
 //!
 //! A record may carry the same tree as [`Treelets`] too, for devices that refit
-//! it in the memory of workgroups.
+//! it in the memory of workgroups, and as a [`BlockTree`] for machines that test eight boxes at once.
 
 mod bits;
+mod blocks;
 mod convert;
 mod error;
 #[cfg(test)]
@@ -28,6 +29,7 @@ mod triangles;
 mod validate;
 mod walk;
 
+pub use blocks::{Block, BlockTree, LANES, Link, Ranges, WideNode};
 pub use convert::Converter;
 pub use error::RecordError;
 pub use lists::Lists;

@@ -1,11 +1,12 @@
 //! The record that is handed over, and how to read it.
 
 use crate::header::Header;
-use crate::{Moving, RecordError, Treelets};
+use crate::{BlockTree, Moving, RecordError, Treelets};
 use bvh_build::BinaryTree;
 use geom::StaticParts;
 use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// A tree's shape in breadth-first order: which nodes are leaves, and whose.
 ///
@@ -39,13 +40,15 @@ use std::ops::Range;
 ///
 /// Beside the record may stand lists of what moves, for scenes with static
 /// parts; whoever adopts the tree may use them or not. See [`Moving`]. So may
-/// the same tree as [`Treelets`].
+/// the same tree as [`Treelets`] or as a [`BlockTree`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topology {
     pub(crate) words: Vec<u32>,
     pub(crate) moving: Option<Moving>,
     /// The same tree once more, if somebody asked for it.
     pub(crate) treelets: Option<Box<Treelets>>,
+    /// Likewise; shared, since whoever adopts the tree goes on using them.
+    pub(crate) blocks: Option<Arc<BlockTree>>,
 }
 
 /// The nodes of one depth, as ranges into the node order and both lists.
@@ -82,6 +85,7 @@ impl Topology {
             words,
             moving: None,
             treelets: None,
+            blocks: None,
         }
     }
 
@@ -170,6 +174,30 @@ impl Topology {
             (None, None) => Cow::Owned(Treelets::of(self)),
             (None, Some(_)) => Cow::Owned(Treelets::of(self).with_moving(parts)),
         }
+    }
+
+    /// The same tree with its eight-wide form, for a scene of these triangles; in parallel.
+    ///
+    /// # Panics
+    /// If the record is not one of these triangles.
+    #[must_use]
+    pub fn with_blocks(self, triangles: &[[u32; 3]]) -> Self {
+        let blocks = Some(Arc::new(BlockTree::of(&self, triangles)));
+        Self { blocks, ..self }
+    }
+
+    /// The same tree in its eight-wide form, if it was made; it does not travel with the words.
+    #[must_use]
+    pub fn blocks(&self) -> Option<&Arc<BlockTree>> {
+        self.blocks.as_ref()
+    }
+
+    /// Becomes `other` without what may stand beside the record, and keeps its own memory.
+    pub fn copy_record(&mut self, other: &Self) {
+        let mut words = std::mem::take(&mut self.words);
+        words.clear();
+        words.extend_from_slice(&other.words);
+        *self = Self::of_words(words);
     }
 
     /// Bytes handed over: the record, and lists of what moves.

@@ -57,6 +57,10 @@ impl Backend for Relaid<'_> {
         self.inner.wants_treelets()
     }
 
+    fn wants_blocks(&self) -> bool {
+        self.inner.wants_blocks()
+    }
+
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         self.inner.interpolate(pose)
     }

@@ -207,6 +207,10 @@ impl Backend for CpuBackend {
         Ok(())
     }
 
+    fn wants_blocks(&self) -> bool {
+        self.scene.as_ref().is_some_and(Scene::is_wide)
+    }
+
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         self.scene();
         self.recording.interpolate(pose);

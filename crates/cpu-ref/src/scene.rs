@@ -14,7 +14,7 @@ use crate::trace::Tracer;
 use crate::traverse::Target;
 use crate::triangle_test::{Record, TriangleTest};
 use crate::watertight::Watertight;
-use crate::wide::{Moving, Wide, WideTracer};
+use crate::wide::{Wide, WideTracer};
 use crate::woop::Woop;
 use backend::{BackendError, Intersector, Layout, Method, Rays, Result, check_tree};
 use bvh_build::MAX_DEPTH;
@@ -125,10 +125,8 @@ impl Scene {
             return Err(BackendError::WrongTree(why));
         }
         if let Some(wide) = &mut self.wide {
-            wide.collapse(tree, self.animation.triangles())?;
-            let parts = self.animation.static_parts();
-            wide.moving = tree.moving().map(|_| Moving::of(wide, &parts.triangles));
-            return Ok(());
+            let animation = &self.animation;
+            return wide.adopt(tree, animation.triangles(), animation.static_parts());
         }
         let leaves = tree.leaf_count();
         reserve(&mut self.nodes.pairs, leaves + 1, "nodes")?;
@@ -144,6 +142,11 @@ impl Scene {
             lists
         });
         Ok(())
+    }
+
+    /// Whether trees are used in their eight-wide form.
+    pub(crate) fn is_wide(&self) -> bool {
+        self.wide.is_some()
     }
 
     pub(crate) fn interpolate(&mut self, pose: Pose) {

@@ -9,7 +9,7 @@ use crate::frame::{Frame, FrameRecord};
 use crate::options::{Options, PipelineError};
 use crate::schedule::{Pace, Schedule, Update};
 use crate::toolroom::Toolroom;
-use crate::workbench::Made;
+use crate::workbench::{Forms, Made};
 use crate::workshop::Workshop;
 use backend::{Backend, FRAMES_IN_FLIGHT, Hits, Query};
 use geom::{Animation, Pose};
@@ -61,7 +61,7 @@ impl Driver {
         }
         let toolroom = Arc::new(Toolroom::new(
             options.builder_threads,
-            backend.wants_treelets(),
+            Forms::wanted_by(backend.as_ref()),
         )?);
         let workshop = {
             let (toolroom, animation) = (Arc::clone(&toolroom), Arc::clone(&animation));

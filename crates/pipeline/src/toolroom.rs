@@ -2,7 +2,7 @@
 
 use crate::options::PipelineError;
 use crate::sampling::Sample;
-use crate::workbench::{Built, Made, Workbench};
+use crate::workbench::{Built, Forms, Made, Workbench};
 use crate::workshop::{BuildFailed, Job};
 use bvh_build::{BuildError, Cancel};
 use geom::{Animation, Point, Pose};
@@ -15,8 +15,8 @@ pub(crate) struct Toolroom {
 }
 
 impl Toolroom {
-    /// A pool of `threads`, at least one; `treelets` as in [`Workbench::with_treelets`].
-    pub(crate) fn new(threads: usize, treelets: bool) -> Result<Self, PipelineError> {
+    /// A pool of `threads`, at least one; `forms` as in [`Workbench::with_forms`].
+    pub(crate) fn new(threads: usize, forms: Forms) -> Result<Self, PipelineError> {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads.max(1))
             .thread_name(|i| format!("abvh-build-{i}"))
@@ -24,7 +24,7 @@ impl Toolroom {
             .map_err(|e| PipelineError::Threads(e.to_string()))?;
         Ok(Self {
             pool,
-            tools: Mutex::new(Workbench::with_treelets(treelets)),
+            tools: Mutex::new(Workbench::with_forms(forms)),
         })
     }
 

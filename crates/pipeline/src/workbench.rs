@@ -1,7 +1,7 @@
 //! Vertices in, record out, in the rayon pool of whoever calls.
 
 use crate::sampling::Sample;
-use backend::Snapshot;
+use backend::{Backend, Snapshot};
 use bvh_build::{
     BinaryTree, Boxes, BuildError, Builder, Cancel, Moment, TemporalBuilder, sah_cost,
     temporal_cost,
@@ -57,6 +57,26 @@ pub struct BuildMoments {
     pub ended: Instant,
 }
 
+/// What a record carries beside itself, so that adopting it costs a frame little.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Forms {
+    /// [`Topology::treelets`].
+    pub treelets: bool,
+    /// [`Topology::blocks`].
+    pub blocks: bool,
+}
+
+impl Forms {
+    /// What `backend` reads by the method loaded.
+    #[must_use]
+    pub fn wanted_by(backend: &dyn Backend) -> Self {
+        Self {
+            treelets: backend.wants_treelets(),
+            blocks: backend.wants_blocks(),
+        }
+    }
+}
+
 /// The builder's tools and their memory, used again and again.
 #[derive(Debug, Default)]
 pub struct Workbench {
@@ -69,8 +89,7 @@ pub struct Workbench {
     positions: Vec<Point>,
     boxes: Vec<Aabb>,
     spare: Vec<u32>,
-    /// Whether records carry treelets.
-    treelets: bool,
+    forms: Forms,
 }
 
 impl Workbench {
@@ -80,11 +99,11 @@ impl Workbench {
         Self::default()
     }
 
-    /// Likewise; with `treelets`, records carry them, for backends that [ask](backend::Backend::wants_treelets).
+    /// Likewise; records carry trees in these forms too.
     #[must_use]
-    pub fn with_treelets(treelets: bool) -> Self {
+    pub fn with_forms(forms: Forms) -> Self {
         Self {
-            treelets,
+            forms,
             ..Self::default()
         }
     }
@@ -207,10 +226,7 @@ impl Workbench {
         let topology = self
             .converter
             .convert(&self.tree, animation.triangle_count(), spare);
-        let topology = match self.treelets {
-            true => topology.with_treelets(&self.tree),
-            false => topology,
-        };
+        let topology = self.in_all_forms(topology, animation);
         let topology = topology.with_moving(animation.static_parts());
         std::mem::swap(&mut self.tree, &mut self.in_use);
         let ended = Instant::now();
@@ -226,6 +242,19 @@ impl Workbench {
                 ended,
             },
         }
+    }
+}
+
+impl Workbench {
+    /// Adds the forms that were asked for to the record of the tree just built.
+    fn in_all_forms(&self, mut topology: Topology, animation: &Animation) -> Topology {
+        if self.forms.treelets {
+            topology = topology.with_treelets(&self.tree);
+        }
+        if self.forms.blocks {
+            topology = topology.with_blocks(animation.triangles());
+        }
+        topology
     }
 }
 
@@ -316,6 +345,17 @@ mod tests {
         rarely[1..].iter_mut().for_each(|s| s.weight *= 1e-9);
         let for_first = bench.build_for_all(&a, &rarely, first, &cancel).unwrap();
         assert_eq!(for_first.topology.words(), own.topology.words());
+    }
+
+    #[test]
+    fn records_carry_the_forms_that_were_asked_for() {
+        let (a, cancel) = (shuffled(), Cancel::new());
+        for (treelets, blocks) in [(false, false), (true, false), (false, true)] {
+            let mut bench = Workbench::with_forms(Forms { treelets, blocks });
+            let tree = bench.build(&a, &a.keys()[0], &cancel).unwrap().topology;
+            let carried = (tree.treelets().is_some(), tree.blocks().is_some());
+            assert_eq!(carried, (treelets, blocks));
+        }
     }
 
     #[test]

@@ -1,11 +1,12 @@
 //! Positions to corners and boxes: preprocess for blocks, refit for nodes.
 
 use super::fold::{fold, lane_areas, set_bounds};
-use super::tree::{Block, EMPTY, LANES, Link, Node, Planes, Source, Wide};
+use super::tree::{Block, EMPTY, LANES, Link, Node, Planes, Wide};
 use crate::preprocess::{Geometry, Unhittable};
 use crate::scale::Scale;
 use crate::simd::{Isa, Lanes, Level, Work, each};
 use crate::triangle_test::{Record, TriangleTest};
+use bvh_layout::{Block as Source, WideNode};
 use geom::{Triangle, is_active, is_degenerate};
 use rayon::prelude::*;
 
@@ -18,8 +19,10 @@ impl Wide {
         let part = Part {
             nodes: &mut self.nodes,
             blocks: &mut self.blocks,
-            sources: &self.sources,
-            first_blocks: &self.first_blocks,
+            shapes: &self.shape.nodes,
+            sources: &self.shape.blocks,
+            first_blocks: &self.shape.first_blocks,
+            stale: std::mem::take(&mut self.stale),
         };
         part.preprocess(geometry, self.level)
     }
@@ -44,7 +47,7 @@ impl Wide {
     /// Sets the boxes of inner nodes, deepest first. Returns the half areas of boxes between those.
     pub(super) fn refit_whole(&mut self, sums: &mut Vec<f64>) -> f64 {
         let mut total = 0.0;
-        for level in self.levels.iter().rev() {
+        for level in self.shape.levels.iter().rev() {
             let (upper, below) = self.nodes.split_at_mut(level.end);
             let (first, nodes) = (level.end, &mut upper[level.clone()]);
             sums.clear();
@@ -74,9 +77,12 @@ impl Wide {
 struct Part<'a> {
     nodes: &'a mut [Node],
     blocks: &'a mut [Block],
+    shapes: &'a [WideNode],
     sources: &'a [Source],
     /// One more than nodes; as in the whole tree.
     first_blocks: &'a [u32],
+    /// Whether nodes and blocks are still another tree's.
+    stale: bool,
 }
 
 impl Part<'_> {
@@ -94,17 +100,22 @@ impl Part<'_> {
         let (left_nodes, right_nodes) = self.nodes.split_at_mut(half);
         let (left_blocks, right_blocks) = self.blocks.split_at_mut(cut);
         let (left_sources, right_sources) = self.sources.split_at(cut);
+        let (left_shapes, right_shapes) = self.shapes.split_at(half);
         let left = Part {
             nodes: left_nodes,
             blocks: left_blocks,
+            shapes: left_shapes,
             sources: left_sources,
             first_blocks: &self.first_blocks[..=half],
+            stale: self.stale,
         };
         let right = Part {
             nodes: right_nodes,
             blocks: right_blocks,
+            shapes: right_shapes,
             sources: right_sources,
             first_blocks: &self.first_blocks[half..],
+            stale: self.stale,
         };
         let (mut sum, right) = rayon::join(
             || left.preprocess(geometry, level),
@@ -128,7 +139,14 @@ impl Work for PreprocessRun<'_> {
         let part = self.part;
         let base = part.first_blocks[0] as usize;
         let (mut unhittable, mut areas) = (Unhittable::default(), 0.0);
-        for node in part.nodes {
+        for (node, shape) in part.nodes.iter_mut().zip(part.shapes) {
+            if part.stale {
+                *node = Node {
+                    planes: EMPTY,
+                    links: shape.links,
+                    ranges: shape.ranges,
+                };
+            }
             for lane in 0..LANES {
                 let link = node.links[lane];
                 if !link.is_block() {
@@ -136,6 +154,9 @@ impl Work for PreprocessRun<'_> {
                 }
                 let at = link.index() - base;
                 let (block, source) = (&mut part.blocks[at], &part.sources[at]);
+                if part.stale {
+                    block.triangles = source.triangles;
+                }
                 let to = (&mut *node, lane, block);
                 areas += fit_block::<I>(&self.geometry, source, to, &mut unhittable);
             }
@@ -183,7 +204,7 @@ fn fill<I: Isa>(
             corners[2][corner][lane] = p[2];
         }
     }
-    let hittable = hittable::<I::Eight>(&corners, source.count, unhittable);
+    let hittable = hittable::<I::Eight>(&corners, u32::from(source.count), unhittable);
     let mut planes = EMPTY;
     for axis in 0..3 {
         let [a, b, c] = each!(i => scaled::<I::Eight>(geometry.scale, &corners[axis][i]));

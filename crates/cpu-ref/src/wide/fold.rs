@@ -1,36 +1,8 @@
 //! Eight boxes to the box of all, and to the areas of the binary nodes between.
 
 use super::tree::{LANES, Planes};
+use bvh_layout::Ranges;
 use geom::Aabb;
-
-/// The binary nodes that a node or block stands for, each a range of neighbouring lanes.
-///
-/// The box of a range is the union of two that may overlap, of two or of four lanes:
-/// as in a sparse table for range minima (Bender, Farach-Colton 2000).
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Ranges {
-    count: u8,
-    /// Places in the table of twos, then of fours.
-    places: [[u8; 2]; LANES - 1],
-}
-
-impl Ranges {
-    pub(crate) const NONE: Self = Self {
-        count: 0,
-        places: [[0; 2]; LANES - 1],
-    };
-
-    /// Takes a range of at least two lanes.
-    pub(crate) fn push(&mut self, first: u8, end: u8) {
-        let (table, size) = if end - first < 4 {
-            (0, 2)
-        } else {
-            (LANES as u8, 4)
-        };
-        self.places[usize::from(self.count)] = [table + first, table + end - size];
-        self.count += 1;
-    }
-}
 
 /// One plane of every range of two, then of four lanes, and of all lanes.
 #[inline(always)]
@@ -57,7 +29,7 @@ pub(crate) fn fold(planes: &Planes, ranges: &Ranges) -> (Aabb, f64) {
         (upper[axis], whole.max[axis]) = table(high, |a, b| if a > b { a } else { b });
     }
     let mut sum = 0.0;
-    for &[a, b] in &ranges.places[..usize::from(ranges.count)] {
+    for &[a, b] in ranges.places() {
         let (a, b) = (usize::from(a) % (2 * LANES), usize::from(b) % (2 * LANES));
         let mut range = Aabb::EMPTY;
         for axis in 0..3 {

@@ -7,7 +7,6 @@
 
 mod bundle;
 mod cell;
-mod collapse;
 mod fit;
 mod fold;
 mod jobs;
@@ -24,7 +23,6 @@ mod tree;
 mod visit;
 mod walk;
 
-pub(crate) use moving::Moving;
 pub(crate) use trace::WideTracer;
 pub(crate) use tree::Wide;
 pub(crate) use walk::Stack;

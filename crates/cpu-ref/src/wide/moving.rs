@@ -1,9 +1,10 @@
 //! What of the wide tree moves: preprocess and refit pass over the rest once it was done.
 
 use super::fit::{fit_block, fit_child};
-use super::tree::{Block, LANES, Link, Node, Source, Wide};
+use super::tree::{Block, LANES, Link, Node, Wide};
 use crate::preprocess::{Geometry, Unhittable};
 use crate::simd::{Isa, Level, Work};
+use bvh_layout::{Block as Source, BlockTree};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -28,18 +29,18 @@ pub(crate) struct Moving {
 
 impl Moving {
     /// Lists what moves of a tree just adopted.
-    pub(crate) fn of(wide: &Wide, is_static: &[bool]) -> Self {
-        let lanes = moving_lanes(wide, is_static);
+    pub(crate) fn of(shape: &BlockTree, is_static: &[bool]) -> Self {
+        let lanes = moving_lanes(shape, is_static);
         let having = |block: bool| -> Vec<u32> {
             let holds = |n: &u32| {
-                let (links, lanes) = (&wide.nodes[*n as usize].links, lanes[*n as usize]);
+                let (links, lanes) = (&shape.nodes[*n as usize].links, lanes[*n as usize]);
                 chosen(lanes).any(|lane| links[lane].is_block() == block)
             };
             (0..lanes.len() as u32).filter(holds).collect()
         };
         let inner_nodes = having(false);
         let place = |n: usize| inner_nodes.partition_point(|&i| (i as usize) < n);
-        let levels = wide.levels.iter();
+        let levels = shape.levels.iter();
         Self {
             block_nodes: having(true),
             levels: levels.map(|l| place(l.start)..place(l.end)).collect(),
@@ -52,21 +53,21 @@ impl Moving {
 }
 
 /// For each node, a bit for each lane with a moving triangle below, deepest level first.
-fn moving_lanes(wide: &Wide, is_static: &[bool]) -> Vec<u8> {
-    let mut lanes = vec![0; wide.nodes.len()];
-    let moves = |block: &Block| {
+fn moving_lanes(shape: &BlockTree, is_static: &[bool]) -> Vec<u8> {
+    let mut lanes = vec![0; shape.nodes.len()];
+    let moves = |block: &Source| {
         let triangles = block.triangles.iter().filter(|&&t| t != u32::MAX);
         triangles.into_iter().any(|&t| !is_static[t as usize])
     };
-    for level in wide.levels.iter().rev() {
+    for level in shape.levels.iter().rev() {
         let (upper, below) = lanes.split_at_mut(level.end);
         let nodes = upper[level.clone()].par_iter_mut();
-        let nodes = nodes.zip(&wide.nodes[level.clone()]).with_min_len(RUN);
+        let nodes = nodes.zip(&shape.nodes[level.clone()]).with_min_len(RUN);
         nodes.for_each(|(bits, node)| {
             for (lane, &link) in node.links.iter().enumerate() {
                 let moves = match link {
                     Link::ROOT => false,
-                    block if block.is_block() => moves(&wide.blocks[block.index()]),
+                    block if block.is_block() => moves(&shape.blocks[block.index()]),
                     child => below[child.index() - level.end] != 0,
                 };
                 *bits |= u8::from(moves) << lane;
@@ -132,8 +133,8 @@ impl Wide {
     fn preprocess_moving(&mut self, moving: &Moving, geometry: Geometry<'_>) -> (Unhittable, f64) {
         let whole = Whole {
             geometry,
-            sources: &self.sources,
-            first_blocks: &self.first_blocks,
+            sources: &self.shape.blocks,
+            first_blocks: &self.shape.first_blocks,
             lanes: &moving.lanes,
             level: self.level,
         };
@@ -149,7 +150,7 @@ impl Wide {
 
     fn refit_moving(&mut self, moving: &Moving) -> f64 {
         let mut total = 0.0;
-        for (range, level) in moving.levels.iter().zip(&self.levels).rev() {
+        for (range, level) in moving.levels.iter().zip(&self.shape.levels).rev() {
             let (upper, below) = self.nodes.split_at_mut(level.end);
             let run = RefitList {
                 list: &moving.inner_nodes[range.clone()],

@@ -1,8 +1,10 @@
 //! Rays that run together against the same rays one by one.
 
+use crate::CpuBackend;
 use crate::testing::{bits, icosphere, kinds, moving, ready, senseless_tree, trace, tree_at};
-use backend::{Intersector, Rays, Seek};
-use geom::{Animation, Camera, Point, Ray};
+use backend::{Backend, Generation, Intersector, Rays, Seek};
+use bvh_layout::Topology;
+use geom::{Aabb, Animation, Camera, Point, Pose, Ray};
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -89,6 +91,48 @@ fn strangers() -> impl Strategy<Value = Vec<Ray>> {
         },
     );
     prop::collection::vec(ray, 1..400)
+}
+
+/// Boxes and hits after a tree is adopted in another's place.
+fn after(
+    backend: &mut CpuBackend,
+    tree: &Topology,
+    pose: Pose,
+    rays: &[Ray],
+) -> (Vec<[u32; 6]>, Vec<[u32; 4]>) {
+    backend.adopt(tree, Generation(2)).unwrap();
+    backend.interpolate(pose).unwrap();
+    backend.preprocess().unwrap();
+    backend.refit().unwrap();
+    let hits = trace(backend, Rays::List(rays), Seek::Closest).closest;
+    let boxes = backend.inspect().boxes().unwrap();
+    let corners = |b: &Aabb| [b.min, b.max].concat().try_into().unwrap();
+    let boxes = boxes.iter().map(|b| {
+        let six: [f32; 6] = corners(b);
+        six.map(f32::to_bits)
+    });
+    (boxes.collect(), bits(&hits))
+}
+
+#[test]
+fn a_tree_that_brings_its_blocks_is_adopted_as_one_that_does_not() {
+    let animation = moving();
+    let (first, pose) = (animation.pose(0.0), animation.pose(1.3));
+    let [good, bad] = [tree_at(&animation, pose), senseless_tree(&animation)];
+    let camera = Camera::look_at([3.0, 2.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 50.0, [40, 30]);
+    let rays = list(&camera.unwrap());
+    for (old, new) in [(&good, &bad), (&bad, &good)] {
+        let mut found = kinds().into_iter().flat_map(|kind| {
+            let with = new.clone().with_blocks(animation.triangles());
+            let method = (Intersector::Watertight, kind);
+            [with, new.clone()].map(|new| {
+                let mut backend = ready(&animation, method, old, first, 1);
+                after(&mut backend, &new, pose, &rays)
+            })
+        });
+        let expected = found.next().unwrap();
+        assert!(found.all(|other| other == expected));
+    }
 }
 
 fn check_list(animation: &Arc<Animation>, rays: &[Ray], light: Point) -> Result<(), TestCaseError> {

@@ -1,16 +1,15 @@
 //! How the tree of layout `fast` lies in memory.
 
-use super::collapse::Memory;
-use super::fold::Ranges;
 use super::moving::Moving;
+use crate::reserve;
 use crate::simd::Level;
 use crate::triangle_test::Record;
-use bvh_layout::Topology;
-use geom::Aabb;
-use std::ops::Range;
+use backend::Result;
+use bvh_layout::{BlockTree, Ranges, Topology};
+use geom::{Aabb, StaticParts};
+use std::sync::Arc;
 
-/// Children of a node, and triangles of a block.
-pub(crate) const LANES: usize = 8;
+pub(crate) use bvh_layout::{LANES, Link};
 
 /// Up to eight boxes and where they lead: four cache lines.
 #[derive(Clone, Copy, Debug)]
@@ -34,35 +33,6 @@ pub(crate) const EMPTY: Planes = {
         no, no, no, no, no, no, no, no, on, on, on, on, on, on, on, on,
     ]; 3]
 };
-
-/// A node or (flagged) a block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Link(u32);
-
-impl Link {
-    const BLOCK: u32 = 1 << 31;
-    /// The first node.
-    pub(crate) const ROOT: Self = Self(0);
-
-    pub(crate) fn node(index: usize) -> Self {
-        Self(index as u32)
-    }
-
-    pub(crate) fn block(index: usize) -> Self {
-        Self(index as u32 | Self::BLOCK)
-    }
-
-    #[inline(always)]
-    pub(crate) fn is_block(self) -> bool {
-        self.0 & Self::BLOCK != 0
-    }
-
-    /// Of the node or of the block.
-    #[inline(always)]
-    pub(crate) fn index(self) -> usize {
-        (self.0 & !Self::BLOCK) as usize
-    }
-}
 
 /// Up to eight triangles in scaled units. Whatever cannot be hit now has corners that are not numbers.
 #[derive(Clone, Copy, Debug)]
@@ -89,38 +59,17 @@ impl Block {
     };
 }
 
-/// Where a block's triangles come from.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Source {
-    /// Vertices of each lane's triangle, for each corner.
-    pub(crate) vertices: [[u32; LANES]; 3],
-    /// The binary nodes that the block stands for.
-    pub(crate) ranges: Ranges,
-    /// Lanes with a triangle come first.
-    pub(crate) count: u32,
-}
-
-impl Source {
-    pub(crate) const UNUSED: Self = Self {
-        vertices: [[0; LANES]; 3],
-        ranges: Ranges::NONE,
-        count: 0,
-    };
-}
-
 /// A tree with the boxes and triangles of one moment.
 #[derive(Debug)]
 pub(crate) struct Wide {
-    /// Level by level; there is always a root.
+    /// Which triangles and subtrees lie where.
+    pub(crate) shape: Arc<BlockTree>,
+    /// As in `shape`, from the first preprocess on.
     pub(crate) nodes: Vec<Node>,
-    /// In the order of their nodes and lanes.
+    /// Likewise.
     pub(crate) blocks: Vec<Block>,
-    /// One a block.
-    pub(crate) sources: Vec<Source>,
-    /// Nodes of each level, root first.
-    pub(crate) levels: Vec<Range<usize>>,
-    /// For each node, the first of its blocks; the next entry ends them.
-    pub(crate) first_blocks: Vec<u32>,
+    /// Whether nodes and blocks are still another tree's.
+    pub(crate) stale: bool,
     /// One a lane of a block, for tests other than the watertight one; else empty.
     pub(crate) records: Vec<Record>,
     /// The box of the whole tree, in scaled units.
@@ -131,7 +80,6 @@ pub(crate) struct Wide {
     pub(crate) level: Level,
     /// The binary tree, for whoever asks for its boxes.
     pub(crate) binary: Topology,
-    pub(crate) memory: Memory,
     /// What moves, if the binary tree came with lists of it.
     pub(crate) moving: Option<Moving>,
 }
@@ -142,16 +90,43 @@ impl Wide {
         Self {
             nodes: vec![Node::UNUSED],
             blocks: Vec::new(),
-            sources: Vec::new(),
-            levels: Vec::new(),
-            first_blocks: vec![0, 0],
+            shape: Arc::default(),
+            stale: true,
             records: Vec::new(),
             root: Aabb::EMPTY,
             block_areas: 0.0,
             level,
             binary: Topology::default(),
-            memory: Memory::default(),
             moving: None,
         }
+    }
+
+    /// Takes over a record's shape. Boxes and corners are left stale.
+    ///
+    /// `triangles` are the scene's, three vertices each. Costs little if the record brings its [`BlockTree`] along.
+    ///
+    /// # Errors
+    /// Memory does not suffice; the old tree is then still current.
+    pub(crate) fn adopt(
+        &mut self,
+        tree: &Topology,
+        triangles: &[[u32; 3]],
+        parts: &StaticParts,
+    ) -> Result<()> {
+        let shape = match tree.blocks() {
+            Some(shape) => Arc::clone(shape),
+            None => Arc::new(BlockTree::of(tree, triangles)),
+        };
+        reserve(&mut self.nodes, shape.nodes.len(), "nodes")?;
+        reserve(&mut self.blocks, shape.blocks.len(), "blocks of triangles")?;
+        self.nodes.resize(shape.nodes.len(), Node::UNUSED);
+        self.blocks.resize(shape.blocks.len(), Block::UNUSED);
+        self.stale = true;
+        self.moving = tree.moving().map(|_| Moving::of(&shape, &parts.triangles));
+        self.binary.copy_record(tree);
+        let old = std::mem::replace(&mut self.shape, shape);
+        // Giving much memory back takes a while.
+        rayon::spawn(move || drop(old));
+        Ok(())
     }
 }

@@ -1,0 +1,131 @@
+//! Neighbouring subtrees of the binary tree, and what becomes of them.
+
+use super::{LANES, Ranges};
+use crate::Topology;
+
+/// A binary node: the rank of a leaf (flagged) or of an inner node, among their kind.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Binary(pub(super) u32);
+
+impl Binary {
+    pub(super) const LEAF: u32 = 1 << 31;
+
+    #[inline]
+    pub(super) fn leaf(self) -> Option<u32> {
+        (self.0 & Self::LEAF != 0).then_some(self.0 & !Self::LEAF)
+    }
+}
+
+/// Neighbouring subtrees that together make one node or block.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Opened {
+    lanes: [Binary; LANES],
+    pub(super) count: usize,
+    /// First lane and end of each binary node opened; one less than lanes.
+    ranges: [[u8; 2]; LANES - 1],
+}
+
+impl Opened {
+    fn of(root: Binary) -> Self {
+        let mut opened = Self::default();
+        opened.lanes[0] = root;
+        opened.count = 1;
+        opened
+    }
+
+    /// Puts the children of the inner node in `lane` in its place.
+    fn open(&mut self, lane: usize, [left, right]: [Binary; 2]) {
+        self.lanes.copy_within(lane + 1..self.count, lane + 2);
+        self.lanes[lane] = left;
+        self.lanes[lane + 1] = right;
+        let lane = lane as u8;
+        for [first, end] in &mut self.ranges[..self.count - 1] {
+            *first += u8::from(*first > lane);
+            *end += u8::from(*end > lane);
+        }
+        self.ranges[self.count - 1] = [lane, lane + 2];
+        self.count += 1;
+    }
+
+    pub(super) fn ranges(&self) -> Ranges {
+        let mut ranges = Ranges::NONE;
+        for &[first, end] in &self.ranges[..self.count - 1] {
+            ranges.push(first, end);
+        }
+        ranges
+    }
+
+    pub(super) fn lanes(&self) -> &[Binary] {
+        &self.lanes[..self.count]
+    }
+}
+
+/// A binary record with the size of each subtree.
+#[derive(Clone, Copy)]
+pub(super) struct Shape<'a> {
+    pub(super) bits: &'a [u32],
+    pub(super) ranks: &'a [u32],
+    pub(super) sizes: &'a [u32],
+}
+
+impl Shape<'_> {
+    #[inline]
+    pub(super) fn node(&self, node: u32) -> Binary {
+        let (word, bit) = (node as usize / 32, node % 32);
+        let before = self.ranks[word] + (self.bits[word] & ((1 << bit) - 1)).count_ones();
+        if self.bits[word] >> bit & 1 == 1 {
+            Binary(before | Binary::LEAF)
+        } else {
+            Binary(node - before)
+        }
+    }
+
+    #[inline]
+    pub(super) fn children(&self, inner: Binary) -> [Binary; 2] {
+        Topology::children_of_inner(inner.0).map(|node| self.node(node))
+    }
+
+    /// Leaves below; `deeper` begins with inner node `first`.
+    #[inline]
+    pub(super) fn size_among(&self, node: Binary, deeper: &[u32], first: usize) -> u32 {
+        match node.leaf() {
+            Some(_) => 1,
+            None => deeper[node.0 as usize - first],
+        }
+    }
+
+    #[inline]
+    pub(super) fn size(&self, node: Binary) -> u32 {
+        self.size_among(node, self.sizes, 0)
+    }
+
+    /// The subtrees of one node: the largest is opened until there are enough.
+    pub(super) fn open_node(&self, root: Binary) -> Opened {
+        let mut opened = Opened::of(root);
+        while opened.count < LANES {
+            let size = |lane: &usize| self.size(opened.lanes[*lane]);
+            let Some(largest) = (0..opened.count).max_by_key(size) else {
+                break;
+            };
+            if size(&largest) as usize <= LANES {
+                break;
+            }
+            opened.open(largest, self.children(opened.lanes[largest]));
+        }
+        opened
+    }
+
+    /// The leaves of one block.
+    pub(super) fn open_block(&self, root: Binary) -> Opened {
+        let mut opened = Opened::of(root);
+        let mut lane = 0;
+        while lane < opened.count {
+            if opened.lanes[lane].leaf().is_some() {
+                lane += 1;
+            } else {
+                opened.open(lane, self.children(opened.lanes[lane]));
+            }
+        }
+        opened
+    }
+}
