@@ -9,7 +9,7 @@ mod row;
 mod text;
 
 use crate::ahead::Ahead;
-use crate::args::{BackendName, BenchArgs, LayoutName, MethodArgs, PolicyArgs, Switch, UpdateName};
+use crate::args::{BackendName, BenchArgs, MethodArgs, PolicyArgs, Switch, UpdateName};
 use crate::progress::Progress;
 use crate::session::Ask;
 use crate::stop::Stop;
@@ -200,10 +200,7 @@ fn nonsense(&(backend, (policy, _), method): &Combination) -> Option<String> {
         ));
     }
     if !crate::open::has_own_trees(backend) {
-        let treelets = method.layout == LayoutName::Fast;
-        return (policy.update == UpdateName::DeviceRebuild && treelets).then(|| {
-            "device-rebuild is left out with layout fast: it makes bvh2 alone".to_owned()
-        });
+        return None;
     }
     let backend = name;
     if let UpdateName::Async | UpdateName::TSah = policy.update {

@@ -60,7 +60,7 @@ pub(crate) struct Session {
 
 /// Opens the backend, settles what is left to `auto`, and loads the scene.
 pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session, Stop> {
-    let ask = &for_policy(for_backend(ask)?);
+    let ask = &for_backend(ask)?;
     let want = want(ask);
     let opened = open::open(&want, |backend: Box<dyn Backend>| {
         let device = backend.device().clone();
@@ -122,15 +122,6 @@ fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
         },
         ..*ask
     })
-}
-
-/// Trees made on the device have one layout: none is left to try out.
-fn for_policy(mut ask: Ask<'_>) -> Ask<'_> {
-    let open = ask.method.layout == LayoutName::Auto && !open::has_own_trees(ask.backend);
-    if open && ask.update.value == Update::DeviceRebuild {
-        ask.method.layout = LayoutName::Bvh2;
-    }
-    ask
 }
 
 /// Names of the intersector and the layout.

@@ -100,7 +100,6 @@ impl Backend for VulkanBackend {
     }
 
     fn check_rebuild(&self) -> Result<()> {
-        shaders::check_rebuild("vulkan", self.method)?;
         self.gpu.limits.admit_kernels(Kernel::makes_trees)
     }
 

@@ -66,6 +66,11 @@ impl Frames {
         self.submitted as usize % SLOTS
     }
 
+    /// The ticket that the recording gets, or the next one.
+    pub(crate) fn next(&self) -> Ticket {
+        Ticket(self.submitted + 1)
+    }
+
     /// The slot being recorded, begun if need be.
     pub(crate) fn record(&mut self) -> Result<&mut Slot> {
         let place = self.place();
@@ -89,7 +94,7 @@ impl Frames {
             let oldest = self.under_way().next();
             self.retire(oldest.expect("counted just now"))?;
         }
-        let ticket = Ticket(self.submitted + 1);
+        let ticket = self.next();
         self.send(after, ticket)?;
         self.recording = false;
         self.submitted = ticket.0;

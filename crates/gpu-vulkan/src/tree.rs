@@ -3,12 +3,12 @@
 use crate::device::Gpu;
 use crate::frames::Frames;
 use crate::memory::{Buffer, Place};
-use crate::rebuild::BuildBuffers;
 use crate::transfer::{Copy, Transfer};
 use backend::{FRAMES_IN_FLIGHT, Generation, Layout, Method, Result, Ticket, check_tree};
 use bvh_layout::{Moving, MovingTreelets, Topology};
 use geom::Animation;
 use shaders::Shape;
+use shaders::rebuild::Buffers;
 use std::sync::Arc;
 
 /// With as many, one is free for the next tree whatever is under way. Most of the time two will do.
@@ -28,13 +28,12 @@ pub(crate) struct TreeBuffers {
     pub(crate) nodes: Buffer,
     /// Partial sums of areas: see refit.wgsl.
     pub(crate) costs: Buffer,
-    /// Buffers that were too small, with the last submission that uses them.
+    /// Buffers that were too small, with the last submission that may use them.
     outgrown: Vec<(Ticket, Buffer)>,
-    last_use: Option<Ticket>,
     pub(crate) generation: Generation,
     pub(crate) shape: Shape,
     /// What making trees here takes; none before the first.
-    pub(crate) build: Option<BuildBuffers>,
+    pub(crate) build: Option<Buffers<Buffer>>,
     /// Whether the tree in use was made here.
     pub(crate) made_here: bool,
     /// The upload that the next submission has to wait for.
@@ -75,7 +74,6 @@ impl TreeBuffers {
             nodes: device(NODES, node_bytes)?,
             costs: device(COSTS, cost_bytes)?,
             outgrown: Vec::new(),
-            last_use: None,
             generation: Generation(0),
             shape: Shape {
                 layout,
@@ -100,7 +98,6 @@ impl TreeBuffers {
     /// Notes that `ticket`, which waited for what was arriving, may read the record in use.
     pub(crate) fn submitted(&mut self, ticket: Ticket) {
         self.arriving = None;
-        self.last_use = Some(ticket);
         if let Some(record) = self.records.get_mut(self.current) {
             record.used_by = Some(ticket);
         }
@@ -134,7 +131,7 @@ impl TreeBuffers {
     }
 
     /// Makes room for nodes and costs, with some to spare for the trees to come.
-    fn grow(&mut self, gpu: &Arc<Gpu>, frames: &Frames, shape: &Shape) -> Result<()> {
+    pub(crate) fn grow(&mut self, gpu: &Arc<Gpu>, frames: &Frames, shape: &Shape) -> Result<()> {
         let mut kept = Vec::new();
         for (ticket, buffer) in self.outgrown.drain(..) {
             if !frames.is_done(ticket)? {
@@ -144,14 +141,13 @@ impl TreeBuffers {
         self.outgrown = kept;
         let needs = [
             (&mut self.nodes, NODES, shape.node_rows * 16),
-            (&mut self.costs, COSTS, shape.treelet_cost_bytes()),
+            (&mut self.costs, COSTS, shape.own_cost_bytes()),
         ];
         for (buffer, what, bytes) in needs {
             if buffer.bytes < bytes {
                 let larger = Buffer::new(gpu, what, bytes + bytes / 32, Place::Device)?;
                 let old = std::mem::replace(buffer, larger);
-                self.outgrown
-                    .extend(self.last_use.map(|ticket| (ticket, old)));
+                self.outgrown.push((frames.next(), old));
             }
         }
         Ok(())

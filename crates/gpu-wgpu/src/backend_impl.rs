@@ -247,7 +247,6 @@ impl Backend for WgpuBackend {
     }
 
     fn check_rebuild(&self) -> Result<()> {
-        shaders::check_rebuild("wgpu", self.method)?;
         check_trees(&self.gpu.limits)
     }
 

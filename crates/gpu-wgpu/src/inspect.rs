@@ -1,9 +1,11 @@
 //! Views into the output of a stage.
 
 use crate::WgpuBackend;
-use backend::{Inspect, Layout, Result};
+use backend::{BackendError, Inspect, Result};
 use bvh_layout::Topology;
 use geom::{Aabb, Point};
+use shaders::View;
+use shaders::rebuild::BrokenTree;
 
 impl Inspect for WgpuBackend {
     fn positions(&mut self) -> Result<Vec<Point>> {
@@ -14,47 +16,39 @@ impl Inspect for WgpuBackend {
     }
 
     fn boxes(&mut self) -> Result<Vec<Aabb>> {
-        match self.tree().shape.layout {
-            Layout::Bvh2 => self.boxes_of_nodes(),
-            Layout::Fast => self.boxes_unfolded(),
-        }
+        let positions = self.positions()?;
+        self.view(|tree| tree.boxes(&positions))
     }
 
     fn rebuilt(&mut self) -> Result<Topology> {
-        Ok(self.read_tree()?.topology)
+        let made_here = self.tree().made_here;
+        assert!(made_here, "the tree in use was made on the host");
+        self.view(|tree| tree.topology())
     }
 }
 
 impl WgpuBackend {
-    fn boxes_of_nodes(&mut self) -> Result<Vec<Aabb>> {
+    /// Looks at the tree in use, after all that was submitted.
+    fn view<T>(&mut self, look: impl Fn(&View<'_>) -> Looked<T>) -> Result<T> {
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let tree = self.tree.as_ref().expect("a scene was loaded");
-        let nodes: Vec<[f32; 8]> =
-            self.window
-                .read(&self.gpu, &tree.nodes, tree.shape.node_count as usize)?;
-        let unscale = f64::from(scene.scale_exponent).exp2() as f32;
-        let point = |p: &[f32]| [p[0] * unscale, p[1] * unscale, p[2] * unscale];
-        let unpacked = |n: &[f32; 8]| Aabb {
-            min: point(&n[..3]),
-            max: point(&n[4..7]),
+        let (at, leaves) = (tree.shape.leaf_triangles_at, tree.shape.leaf_count);
+        let (from, at) = match tree.build.as_ref().filter(|_| tree.made_here) {
+            Some(build) => (build.sorted(), 0),
+            None => (tree.topology(), at as usize),
         };
-        let boxes: Vec<_> = nodes.iter().map(unpacked).collect();
-        match tree.made_here {
-            true => Ok(self.read_tree()?.in_order(&boxes)),
-            false => Ok(boxes),
-        }
-    }
-
-    fn boxes_unfolded(&mut self) -> Result<Vec<Aabb>> {
-        let positions = self.positions()?;
-        let scene = self.scene.as_ref().expect("a scene was loaded");
-        let tree = self.tree.as_ref().expect("a scene was loaded");
-        let shape = &tree.shape;
-        let (at, leaves) = (shape.leaf_triangles_at as usize, shape.leaf_count as usize);
-        let words: Vec<u32> = self.window.read(&self.gpu, tree.topology(), at + leaves)?;
-        let rows = shape.node_rows as usize;
-        let nodes: Vec<[f32; 4]> = self.window.read(&self.gpu, &tree.nodes, rows)?;
-        let (words, animation) = (&words[at..], &scene.animation);
-        Ok(shaders::unfold(&nodes, words, animation, &positions))
+        let words: Vec<u32> = self.window.read(&self.gpu, from, at + leaves as usize)?;
+        let rows = tree.shape.node_rows as usize;
+        let rows: Vec<[u32; 4]> = self.window.read(&self.gpu, &tree.nodes, rows)?;
+        let seen = look(&View {
+            shape: &tree.shape,
+            made_on_device: tree.made_here,
+            rows: &rows,
+            triangles: &words[at..],
+            animation: &scene.animation,
+        });
+        seen.map_err(|e| BackendError::WrongTree(e.to_string()))
     }
 }
+
+type Looked<T> = std::result::Result<T, BrokenTree>;

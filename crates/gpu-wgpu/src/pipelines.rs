@@ -33,9 +33,9 @@ impl Pipelines {
         self.make(gpu, |k| k.serves(method) && !k.makes_trees())
     }
 
-    /// Makes what makes trees, if it is not there yet.
-    pub(crate) fn prepare_trees(&mut self, gpu: &Gpu) -> Result<()> {
-        self.make(gpu, Kernel::makes_trees)
+    /// Makes what makes trees for `method`, if it is not there yet.
+    pub(crate) fn prepare_trees(&mut self, gpu: &Gpu, method: Method) -> Result<()> {
+        self.make(gpu, |k| k.makes_trees() && k.serves(method))
     }
 
     fn make(&mut self, gpu: &Gpu, wanted: impl Fn(&Kernel) -> bool) -> Result<()> {

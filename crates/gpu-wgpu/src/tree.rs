@@ -2,11 +2,11 @@
 
 use crate::buffers::{storage, write};
 use crate::device::Gpu;
-use crate::rebuild::BuildBuffers;
 use backend::{Generation, Layout, Method, Result, check_tree};
 use bvh_layout::{Moving, MovingTreelets, Topology};
 use geom::Animation;
 use shaders::Shape;
+use shaders::rebuild::Buffers;
 use std::sync::Arc;
 use wgpu::Buffer;
 
@@ -29,7 +29,7 @@ pub(crate) struct TreeBuffers {
     pub(crate) generation: Generation,
     pub(crate) shape: Shape,
     /// What making trees here takes; none before the first.
-    pub(crate) build: Option<BuildBuffers>,
+    pub(crate) build: Option<Buffers<Buffer>>,
     /// Whether the tree in use was made here.
     pub(crate) made_here: bool,
     animation: Arc<Animation>,
@@ -97,14 +97,19 @@ impl TreeBuffers {
                 let treelets = tree.to_treelets(self.animation.static_parts());
                 let lists = treelets.moving().map_or(&[][..], MovingTreelets::words);
                 let shape = Shape::of_treelets(&treelets);
-                grow(gpu, &mut self.nodes, NODES, shape.node_rows * 16)?;
-                grow(gpu, &mut self.costs, COSTS, shape.treelet_cost_bytes())?;
+                self.grow(gpu, &shape)?;
                 self.send(gpu, &[treelets.words(), lists])?;
                 self.shape = shape;
             }
         }
         self.generation = generation;
         Ok(())
+    }
+
+    /// Makes room for nodes and costs, with some to spare for the trees to come.
+    pub(crate) fn grow(&mut self, gpu: &Gpu, shape: &Shape) -> Result<()> {
+        grow(gpu, &mut self.nodes, NODES, shape.node_rows * 16)?;
+        grow(gpu, &mut self.costs, COSTS, shape.own_cost_bytes())
     }
 
     /// Makes a record, part by part, the current one.
@@ -137,8 +142,8 @@ impl TreeBuffers {
         let lists = [&self.leaf_nodes, &self.inner_nodes, &self.triangles];
         let all = lists.into_iter().chain([&self.nodes, &self.costs]);
         let all = all.chain(self.records_of.iter().flatten());
-        let build = self.build.as_ref().map_or(0, BuildBuffers::bytes);
-        all.map(Buffer::size).sum::<u64>() + build
+        let build = self.build.iter().flat_map(Buffers::all);
+        all.chain(build).map(Buffer::size).sum()
     }
 }
 

@@ -78,11 +78,11 @@ pub(crate) const SLOTS: &[Slot] = &[
         values: &[
             Value {
                 name: "bvh2",
-                faces: &[("nodes", &["nodes_bvh2"])],
+                faces: &[("nodes", &["nodes_bvh2"]), ("link", &["link_bvh2"])],
             },
             Value {
                 name: "fast",
-                faces: &[("nodes", &["nodes_fast"])],
+                faces: &[("nodes", &["nodes_fast"]), ("link", &["link_fast"])],
             },
         ],
     },

@@ -33,16 +33,17 @@ mod shape;
 mod standing;
 mod unfold;
 mod variant;
+mod view;
 pub mod work;
 
 use backend::Method;
 
-pub use method::{blocked_words, check_rebuild, record_bytes, supports};
+pub use method::{blocked_words, record_bytes, supports};
 pub use moving::{MovingShape, MovingTreeletShape, moving_rows};
 pub use params::{Counts, Params};
 pub use shape::Shape;
 pub use standing::{Extent, Extents, Standing};
-pub use unfold::unfold;
+pub use view::View;
 
 /// A compute kernel.
 #[derive(Clone, Copy, Debug)]

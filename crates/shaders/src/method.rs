@@ -1,25 +1,11 @@
 //! Which methods the kernels know, and what room they take.
 
-use backend::{BackendError, Intersector, Layout, Method, Result};
+use backend::{Intersector, Method};
 
 /// Whether a scene can be loaded to be traced by `method`: by any. Asks no device.
 #[must_use]
 pub fn supports(_: Method) -> bool {
     true
-}
-
-/// Refuses, in the name of `backend`, to make trees on the device for what needs treelets.
-///
-/// # Errors
-/// [`BackendError::Unsupported`] with the layout.
-pub fn check_rebuild(backend: &'static str, method: Method) -> Result<()> {
-    match method.layout {
-        Layout::Bvh2 => Ok(()),
-        Layout::Fast => {
-            let what = format!("trees made on the device with layout '{}'", method.layout);
-            Err(BackendError::Unsupported { backend, what })
-        }
-    }
 }
 
 /// Bytes of the buffer `records` for so many leaves, in whole rows of 16 bytes.
@@ -45,17 +31,6 @@ pub fn blocked_words(intersector: Intersector, rays: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn trees_are_made_on_the_device_for_one_layout() {
-        let fast = Method {
-            layout: Layout::Fast,
-            ..Method::default()
-        };
-        let refused = check_rebuild("wgpu", fast).unwrap_err().to_string();
-        assert!(refused.contains("'fast'"));
-        assert_eq!(check_rebuild("wgpu", Method::default()), Ok(()));
-    }
 
     #[test]
     fn woop_names_its_triangles_behind_the_rows() {

@@ -11,21 +11,58 @@
 //! 3. [`cluster`]: neighbours merge bottom-up into `nodes`, boxes and all.
 //!
 //! What comes of it can be traced as it is: neither `expand` nor `refit` is needed.
+//! Of layout `fast` only the 64 bytes of an inner node and the leaves of two are
+//! made: leaves stay in the order of the curve, and there are no treelets.
 
+mod buffers;
 mod phases;
 mod room;
 mod walk;
 
+pub use buffers::Buffers;
 pub use room::Room;
-pub use walk::{BrokenTree, Found, read};
+pub use walk::{BrokenTree, Found};
+pub(crate) use walk::{links_of_rows, read};
 
-use crate::Counts;
-use crate::Params;
-use crate::Shape;
-use crate::common;
-use crate::work::sum;
-use crate::work::{Groups, Work};
+use crate::work::{Groups, Work, leaves, sum};
+use crate::{Counts, Params, Shape, common, kernel};
+use backend::Method;
 use std::mem::offset_of;
+
+/// A tree's making, in three parts that follow one another.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// [`sort`].
+    pub sort: Vec<Work>,
+    /// Leaves, with [`Buffers::instead_of`] in place of a tree's buffers.
+    pub leaves: Work,
+    /// [`cluster`].
+    pub cluster: Vec<Work>,
+}
+
+impl Plan {
+    /// Of a tree of this shape over so many vertices, for a scene scaled by `2^-scale_exponent`.
+    /// `again` says that boxes were refitted or made before in the same submission.
+    #[must_use]
+    pub fn new(
+        method: Method,
+        (scale_exponent, vertices): (i32, usize),
+        tree: &Shape,
+        again: bool,
+    ) -> Self {
+        let params = Params::of(scale_exponent, tree);
+        let mut cluster = cluster(method, params, tree);
+        if again {
+            // Takes back what a refit before said of areas that move.
+            cluster.push(sum(params, 0, offset_of!(Counts, moving_areas)));
+        }
+        Self {
+            sort: sort(params, vertices, tree),
+            leaves: leaves(method, params, tree),
+            cluster,
+        }
+    }
+}
 
 /// Entry points of the kernels that nothing else needs.
 pub(crate) const KERNELS: [&str; 6] = [
@@ -46,8 +83,7 @@ const DIGIT_BITS: usize = 8;
 const PARTS: u32 = 128;
 
 /// So many positions to `tree`'s triangles along a curve, in `sorted`.
-#[must_use]
-pub fn sort(params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
+fn sort(params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
     let count = tree.leaf_count;
     if count == 0 {
         return Vec::new();
@@ -86,8 +122,7 @@ fn dispatch(entry: &str, params: Params, groups: Groups) -> Work {
 }
 
 /// Leaves in `clusters` to `tree`'s nodes, and to its cost.
-#[must_use]
-pub fn cluster(params: Params, tree: &Shape) -> Vec<Work> {
+fn cluster(method: Method, params: Params, tree: &Shape) -> Vec<Work> {
     if tree.leaf_count == 0 {
         return Vec::new();
     }
@@ -104,27 +139,29 @@ pub fn cluster(params: Params, tree: &Shape) -> Vec<Work> {
             first_group,
             ..params
         };
-        let groups = Groups::Linear(phase.tiles() * 256);
-        work.push(dispatch("cluster", params, groups));
+        work.push(Work {
+            kernel: kernel("cluster", method),
+            params,
+            groups: Groups::Linear(phase.tiles() * 256),
+        });
         first_group += phase.tiles();
     }
     work.push(sum(params, first_group, offset_of!(Counts, areas)));
     work
 }
 
-/// Takes back what a refit before, in the same submission, said of areas that move.
-#[must_use]
-pub fn forget_refit(params: Params) -> Work {
-    sum(params, 0, offset_of!(Counts, moving_areas))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use backend::Layout;
+
+    fn shape(leaves: u32) -> Shape {
+        Shape::made_on_device(Layout::Bvh2, leaves)
+    }
 
     #[test]
     fn sorted_elements_end_where_they_began() {
-        let work = sort(Params::default(), 30, &Shape::made_on_device(10));
+        let work = sort(Params::default(), 30, &shape(10));
         let passes: Vec<_> = work
             .iter()
             .filter(|w| w.kernel.name == "sort_scatter")
@@ -136,15 +173,15 @@ mod tests {
 
     #[test]
     fn no_triangles_are_no_work() {
-        let none = Shape::made_on_device(0);
+        let none = shape(0);
         assert!(sort(Params::default(), 3, &none).is_empty());
-        assert!(cluster(Params::default(), &none).is_empty());
+        assert!(cluster(Method::default(), Params::default(), &none).is_empty());
     }
 
     #[test]
     fn costs_have_a_slot_for_each_tile() {
         for leaves in [1, 2, 511, 513, 100_000, 1 << 24] {
-            let work = cluster(Params::default(), &Shape::made_on_device(leaves));
+            let work = cluster(Method::default(), Params::default(), &shape(leaves));
             let last = work.last().map_or(0, |w| w.params.count);
             assert!(u64::from(last) * 4 <= Shape::cost_bytes(u64::from(leaves)));
         }

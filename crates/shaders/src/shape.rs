@@ -74,11 +74,16 @@ impl Shape {
     /// Of a tree of so many leaves that the device makes: the leaves' triangles
     /// are the buffer `sorted`, from its start. It has no levels, as it needs no refit.
     #[must_use]
-    pub fn made_on_device(leaves: u32) -> Self {
+    pub fn made_on_device(layout: Layout, leaves: u32) -> Self {
+        let node_count = (2 * leaves).saturating_sub(1);
         Self {
+            layout,
             leaf_count: leaves,
-            node_count: (2 * leaves).saturating_sub(1),
-            node_rows: 2 * u64::from((2 * leaves).saturating_sub(1)),
+            node_count,
+            node_rows: match layout {
+                Layout::Bvh2 => 2 * u64::from(node_count),
+                Layout::Fast => 4 * u64::from(leaves),
+            },
             ..Self::default()
         }
     }
@@ -113,9 +118,12 @@ impl Shape {
         (groups * 4).next_multiple_of(16)
     }
 
-    /// Bytes of the buffer `costs` that this tree needs with layout `fast`: one f32 a treelet, in whole rows.
+    /// Bytes of the buffer `costs` that suffice for this tree: one f32 a treelet, in whole rows, where it has treelets.
     #[must_use]
-    pub fn treelet_cost_bytes(&self) -> u64 {
-        (u64::from(self.treelet_count()) * 4).next_multiple_of(16)
+    pub fn own_cost_bytes(&self) -> u64 {
+        match self.treelet_count() {
+            0 => Self::cost_bytes(u64::from(self.leaf_count)),
+            treelets => (u64::from(treelets) * 4).next_multiple_of(16),
+        }
     }
 }

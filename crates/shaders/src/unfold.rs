@@ -10,10 +10,9 @@ const TWO: u32 = 1 << 30;
 
 /// One box a node in breadth-first order and in the scene's units, as [`backend::Inspect::boxes`] gives them.
 ///
-/// `nodes` are the buffer's rows; `words` are those of the [`Treelets`] from the triangles on.
+/// `nodes` are the buffer's rows; `words` are those of the [`Treelets`] from the triangles on, or the triangles of a tree made on the device.
 /// Boxes of triangles that share a leaf stand nowhere: they are made anew from `positions`.
-#[must_use]
-pub fn unfold(
+pub(crate) fn unfold(
     nodes: &[[f32; 4]],
     words: &[u32],
     animation: &Animation,

@@ -1,4 +1,4 @@
-//! use params
+//! use params {layout.nodes} {layout.link}
 // Clusters to fewer clusters, along the curve they are sorted by: each merge makes an inner node.
 //
 // Parallel locally-ordered clustering (Meister, Bittner 2018): two neighbours
@@ -10,8 +10,8 @@
 // counted, no workgroup waits for another, and no place is handed out twice.
 //
 // The m-th merge of all makes inner node n - 2 - m of n leaves, and its two
-// clusters become nodes 2k + 1 and 2k + 2: siblings side by side, the last merge
-// at the root. A cluster is a node without a place: its box and its link.
+// clusters become its children, side by side, the last merge
+// at the root. A cluster is a node without a place: its box and its link, by which traversal goes on.
 //
 // Each round raises the tree by one level at most, and the host sets how many
 // rounds there may be: after params.rounds of them neighbours merge two by two.
@@ -105,12 +105,15 @@ fn pack_low(c: Cluster) -> vec4<u32> { return vec4<u32>(bitcast<vec3<u32>>(c.low
 fn pack_high(c: Cluster) -> vec4<u32> { return vec4<u32>(bitcast<vec3<u32>>(c.high), 0u); }
 
 fn merge(a: Cluster, b: Cluster, inner: u32) -> Cluster {
-    let child = 2u * inner + 1u;
-    nodes[2u * child] = pack_low(a);
-    nodes[2u * child + 1u] = pack_high(a);
-    nodes[2u * child + 2u] = pack_low(b);
-    nodes[2u * child + 3u] = pack_high(b);
-    return Cluster(min(a.low, b.low), max(a.high, b.high), child);
+    let link = link_of(a, b, inner);
+    if (link & LEAF) == 0u {
+        let row = children_of(link);
+        nodes[row] = pack_low(a);
+        nodes[row + 1u] = pack_high(a);
+        nodes[row + 2u] = pack_low(b);
+        nodes[row + 3u] = pack_high(b);
+    }
+    return Cluster(min(a.low, b.low), max(a.high, b.high), link);
 }
 
 // A cluster after a round, where it goes (beyond the tile if it was taken), and the half areas of what it is made of.

@@ -92,11 +92,14 @@ fn trees_made_there(sandbox: &Sandbox, backend: &str) -> Result<(), Failed> {
     let words = "render demo:collide:2000 --frames 4 --size 40x30 --no-images --quiet";
     let with = |options: &str| sandbox.run(&format!("{words} {options}")).succeeds();
     with("--backend cpu --update rebuild --hits host")?;
-    let made = "--update device-rebuild --hits made --stats s.json";
-    with(&format!("--backend {backend} {made}"))?;
-    for frame in 0..4 {
-        let [a, b] = ["host", "made"].map(|d| sandbox.read(&format!("{d}/hits_{frame:04}.npz")));
-        ensure(a == b, || format!("frame {frame} differs"))?;
+    for layout in ["bvh2", "fast"] {
+        let made = format!("--update device-rebuild --layout {layout} --hits {layout}");
+        with(&format!("--backend {backend} {made} --stats s.json"))?;
+        for frame in 0..4 {
+            let [a, b] =
+                ["host", layout].map(|d| sandbox.read(&format!("{d}/hits_{frame:04}.npz")));
+            ensure(a == b, || format!("frame {frame} differs with {layout}"))?;
+        }
     }
     let stats: Value = serde_json::from_slice(&sandbox.read("s.json"))?;
     let frames = stats["frames"].as_array().ok_or("no frames")?;

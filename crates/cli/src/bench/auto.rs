@@ -220,8 +220,7 @@ fn fixed(
     methods.flat_map(move |method| {
         let named = UpdateName::value_variants().iter();
         let named = named.filter(move |&&u| {
-            let made = makes_trees && method.layout == LayoutName::Bvh2;
-            u != UpdateName::Auto && (u != UpdateName::DeviceRebuild || made)
+            u != UpdateName::Auto && (u != UpdateName::DeviceRebuild || makes_trees)
         });
         named.map(move |&update| (policy(update), method))
     })

@@ -56,6 +56,7 @@ const ON_DEVICE: &[(&str, Test)] = named![
     limits::a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once,
     rebuild::trees_of_any_size_are_whole,
     rebuild::boxes_are_those_that_a_refit_of_the_same_tree_finds,
+    rebuild::two_triangles_in_a_row_share_a_leaf_if_a_ray_can_hit_both,
     rebuild::no_tree_is_too_deep_for_the_traversal,
     rebuild::extreme_coordinates_make_a_tree,
     rebuild::equal_triangles_make_a_tree_without_long_paths,

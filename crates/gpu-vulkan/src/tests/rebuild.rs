@@ -1,8 +1,8 @@
 //! Trees made on the device: whole, not deep, and good.
 
-use super::scenes::{device, numbers, positions, stand, swarm, tree_at};
+use super::scenes::{device, laid, numbers, positions, stand, swarm, tree_at};
 use crate::VulkanBackend;
-use backend::{Backend, Generation, Method, check_tree};
+use backend::{Backend, Generation, Layout, Method, check_tree};
 use bvh_layout::Topology;
 use cpu_ref::CpuBackend;
 use geom::{Animation, Point};
@@ -19,8 +19,17 @@ fn at_points(points: impl Iterator<Item = Point>, size: f32) -> Arc<Animation> {
 
 /// Makes a tree of the scene as it stands at `time`; it must have every property of a record.
 fn made(backend: &mut VulkanBackend, animation: &Arc<Animation>, time: f64) -> (Topology, f64) {
+    made_in(Layout::Bvh2, backend, animation, time)
+}
+
+fn made_in(
+    layout: Layout,
+    backend: &mut VulkanBackend,
+    animation: &Arc<Animation>,
+    time: f64,
+) -> (Topology, f64) {
     let scene = Arc::clone(animation);
-    backend.load(scene, Method::default()).unwrap();
+    backend.load(scene, laid(layout)).unwrap();
     backend.interpolate(animation.pose(time)).unwrap();
     backend.rebuild(Generation(1)).unwrap();
     let ticket = backend.submit().unwrap();
@@ -35,7 +44,9 @@ pub(super) fn trees_of_any_size_are_whole() {
     for triangles in [0, 1, 2, 3, 128, 129, 511, 512, 513, 769, 2048, 2049, 9000] {
         let animation = swarm(triangles);
         for time in [0.0, 1.3] {
-            made(&mut backend, &animation, time);
+            let (usual, cost) = made(&mut backend, &animation, time);
+            let (fast, same) = made_in(Layout::Fast, &mut backend, &animation, time);
+            assert!(usual == fast && cost.to_bits() == same.to_bits());
         }
     }
 }
@@ -45,6 +56,9 @@ pub(super) fn boxes_are_those_that_a_refit_of_the_same_tree_finds() {
     for triangles in [1, 700, 9000] {
         let animation = swarm(triangles);
         let (tree, cost) = made(&mut backend, &animation, 0.6);
+        let boxes = backend.inspect().boxes().unwrap();
+        made_in(Layout::Fast, &mut backend, &animation, 0.6);
+        assert_eq!(backend.inspect().boxes().unwrap(), boxes);
         reference
             .load(Arc::clone(&animation), Method::default())
             .unwrap();
@@ -57,7 +71,51 @@ pub(super) fn boxes_are_those_that_a_refit_of_the_same_tree_finds() {
             "{cost} {expected}"
         );
         let expected = reference.inspect().boxes().unwrap();
-        assert_eq!(backend.inspect().boxes().unwrap(), expected);
+        assert_eq!(boxes, expected);
+    }
+}
+
+/// Words that tell how traversal goes on, of all rows of layout `fast` that it may reach.
+fn names(backend: &mut VulkanBackend) -> Vec<u32> {
+    let tree = backend.tree.as_ref().unwrap();
+    let rows = tree.shape.node_rows as usize;
+    let (gpu, road) = (&backend.gpu, &mut backend.readback);
+    let rows: &[[u32; 4]] = backend.window.look(gpu, road, &tree.nodes, rows).unwrap();
+    let (mut found, mut waiting) = (Vec::new(), vec![rows[0][3]]);
+    while let Some(name) = waiting.pop() {
+        found.push(name);
+        if name >> 31 == 0 {
+            let row = 4 * name as usize;
+            waiting.extend([rows[row][3], rows[row + 2][3]]);
+        }
+    }
+    found
+}
+
+pub(super) fn two_triangles_in_a_row_share_a_leaf_if_a_ray_can_hit_both() {
+    let mut backend = device();
+    // Pairs far from one another.
+    let at = |i: u32| [(i / 2) as f32 * 10.0 + 0.1 * (i % 2) as f32, 0.0, 0.0];
+    let scene = at_points((0..600).map(at), 1.0);
+    made_in(Layout::Fast, &mut backend, &scene, 0.0);
+    let all = names(&mut backend);
+    let leaves_of = |names: &[u32], kind| names.iter().filter(|&&n| n >> 30 == kind).count();
+    assert_eq!((leaves_of(&all, 3), leaves_of(&all, 2)), (300, 0));
+    // Of every third pair, one triangle is flat.
+    let mut triangles = scene.triangles().to_vec();
+    for flat in triangles.iter_mut().step_by(6) {
+        flat[2] = flat[1];
+    }
+    let animation = Animation::new(scene.keys().to_vec(), triangles).unwrap();
+    made_in(Layout::Fast, &mut backend, &Arc::new(animation), 0.0);
+    let all = names(&mut backend);
+    let (two, one) = (leaves_of(&all, 3), leaves_of(&all, 2));
+    assert!(two > 150 && 2 * two + one == 600, "{two} {one}");
+    let triangles = words(&mut backend, "sorted", 600);
+    for name in all.iter().filter(|&&name| name >> 30 == 3) {
+        let first = (name & 0x3fff_ffff) as usize;
+        let flat = triangles[first..first + 2].iter().any(|t| t % 6 == 0);
+        assert!(!flat, "leaf {first}");
     }
 }
 

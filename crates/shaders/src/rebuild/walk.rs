@@ -3,6 +3,7 @@
 use bvh_layout::{RecordError, Topology};
 
 const LEAF: u32 = 1 << 31;
+const TWO: u32 = 1 << 30;
 
 /// A tree as its nodes show it.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,13 +46,13 @@ impl std::fmt::Display for BrokenTree {
     }
 }
 
-/// The record of a tree whose `nodes` the device made, over leaves of these
-/// `triangles`, in a scene of so many. Word 3 of a node is its link (see cluster.wgsl).
+/// The record of a tree that the device made, over leaves of these `triangles`, in a scene of so many.
+/// `links` are its nodes' by their places with layout `bvh2` (see cluster.wgsl): the left child's place, or a leaf.
 ///
 /// # Errors
 /// The nodes make no tree over all the leaves.
-pub fn read(
-    nodes: &[[u32; 8]],
+pub(crate) fn read(
+    links: &[u32],
     triangles: &[u32],
     scene_triangles: u32,
 ) -> Result<Found, BrokenTree> {
@@ -59,12 +60,12 @@ pub fn read(
         places,
         inner,
         levels,
-    } = order(nodes)?;
+    } = order(links)?;
     let is_inner = |i: &usize| inner.binary_search(i).is_ok();
     let leaves: Vec<usize> = (0..places.len()).filter(|i| !is_inner(i)).collect();
     let mut named = Vec::with_capacity(leaves.len());
     for &i in &leaves {
-        let leaf = nodes[places[i] as usize][3] & !LEAF;
+        let leaf = links[places[i] as usize] & !LEAF;
         let triangle = triangles.get(leaf as usize);
         named.push(*triangle.ok_or(BrokenTree::Leaf(leaf))?);
     }
@@ -72,6 +73,33 @@ pub fn read(
     let words = words(&levels, &leaves, &named, counts);
     let topology = Topology::from_words(words).map_err(BrokenTree::Record)?;
     Ok(Found { topology, places })
+}
+
+/// Links as [`read`] takes them, in breadth-first order, of the `rows` of layout `fast` over so many leaves.
+///
+/// # Errors
+/// A row lies beyond all, or more nodes hang together than there are.
+pub(crate) fn links_of_rows(rows: &[[u32; 4]], leaves: usize) -> Result<Vec<u32>, BrokenTree> {
+    let mut names: Vec<u32> = rows.iter().take(1).map(|row| row[3]).collect();
+    names.truncate(leaves);
+    let mut links = Vec::with_capacity(2 * leaves);
+    while let Some(&name) = names.get(links.len()) {
+        let children = match (name & LEAF, name & TWO) {
+            (0, _) => {
+                let at = 4 * name as usize;
+                let row = |i| rows.get(i).ok_or(BrokenTree::Child(name));
+                Some([row(at)?[3], row(at + 2)?[3]])
+            }
+            (_, 0) => None,
+            _ => Some([name & !TWO, (name & !TWO) + 1]),
+        };
+        links.push(children.map_or(name, |_| names.len() as u32));
+        names.extend(children.into_iter().flatten());
+        if names.len() > 2 * leaves {
+            return Err(BrokenTree::Endless);
+        }
+    }
+    Ok(links)
 }
 
 /// Nodes level by level.
@@ -84,24 +112,24 @@ struct Order {
     levels: Vec<u32>,
 }
 
-fn order(nodes: &[[u32; 8]]) -> Result<Order, BrokenTree> {
-    let mut places = Vec::with_capacity(nodes.len());
+fn order(links: &[u32]) -> Result<Order, BrokenTree> {
+    let mut places = Vec::with_capacity(links.len());
     let (mut inner, mut levels) = (Vec::new(), Vec::new());
-    places.extend((!nodes.is_empty()).then_some(0));
+    places.extend((!links.is_empty()).then_some(0));
     let mut begin = 0;
     while begin < places.len() {
         let (end, before) = (places.len(), inner.len());
         for i in begin..end {
-            let link = nodes[places[i] as usize][3];
+            let link = links[places[i] as usize];
             if link & LEAF == 0 {
-                if link as usize + 1 >= nodes.len() {
+                if link as usize + 1 >= links.len() {
                     return Err(BrokenTree::Child(link));
                 }
                 inner.push(i);
                 places.extend([link, link + 1]);
             }
         }
-        if places.len() > nodes.len() {
+        if places.len() > links.len() {
             return Err(BrokenTree::Endless);
         }
         levels.push((inner.len() - before) as u32);
@@ -148,13 +176,30 @@ fn words(levels: &[u32], leaves: &[usize], named: &[u32], [scene, count]: [u32; 
 mod tests {
     use super::*;
 
-    fn node(link: u32) -> [u32; 8] {
-        [0, 0, 0, link, 0, 0, 0, 0]
+    /// The root's left child is leaf 1, its right child holds leaves 0 and 2.
+    fn three() -> Vec<u32> {
+        vec![1, LEAF | 1, 3, LEAF, LEAF | 2]
     }
 
-    /// The root's left child is leaf 1, its right child holds leaves 0 and 2.
-    fn three() -> Vec<[u32; 8]> {
-        [1, LEAF | 1, 3, LEAF, LEAF | 2].map(node).to_vec()
+    /// Rows of layout `fast` with these words, each the first of two.
+    fn rows(names: &[u32]) -> Vec<[u32; 4]> {
+        let both = names.iter().map(|&name| [[0, 0, 0, name], [0; 4]]);
+        both.flatten().collect()
+    }
+
+    #[test]
+    fn rows_become_links_level_by_level() {
+        let of = |names: &[u32], leaves| links_of_rows(&rows(names), leaves);
+        // Inner node 1 is the root, 2 its right child, and its left one a leaf of two.
+        let two = LEAF | TWO | 1;
+        let names = [1, 0, two, 2, LEAF, LEAF | 3];
+        let links = vec![1, 3, 5, LEAF | 1, LEAF | 2, LEAF, LEAF | 3];
+        assert_eq!(of(&names, 4), Ok(links.clone()));
+        assert!(read(&links, &[4, 5, 6, 7], 8).is_ok());
+        assert_eq!(of(&[LEAF, 0], 1), Ok(vec![LEAF]));
+        assert_eq!(of(&[0, 0], 0), Ok(vec![]));
+        assert_eq!(of(&[1, 0, two, 3, LEAF, 0], 4), Err(BrokenTree::Child(3)));
+        assert_eq!(of(&[1, 0, two, 1, LEAF, 0], 4), Err(BrokenTree::Endless));
     }
 
     #[test]
@@ -173,7 +218,7 @@ mod tests {
     #[test]
     fn no_leaf_and_one_leaf_are_trees() {
         assert_eq!(read(&[], &[], 3).unwrap().topology.leaf_count(), 0);
-        let lone = read(&[node(LEAF)], &[2], 3).unwrap();
+        let lone = read(&[LEAF], &[2], 3).unwrap();
         assert_eq!(lone.topology.leaf_triangles(), [2]);
     }
 
@@ -181,7 +226,7 @@ mod tests {
     fn what_is_no_tree_is_refused() {
         let broken = |at: usize, link| {
             let mut nodes = three();
-            nodes[at][3] = link;
+            nodes[at] = link;
             read(&nodes, &[7, 8, 9], 10).unwrap_err()
         };
         assert_eq!(broken(2, 4), BrokenTree::Child(4));
