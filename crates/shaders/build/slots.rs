@@ -48,13 +48,23 @@ pub(crate) const SLOTS: &[Slot] = &[
             Value {
                 name: "exact",
                 faces: &[
-                    ("test", &["watertight", "filter"]),
+                    ("test", &["watertight", "filter", "notes", "take_note"]),
                     ("bind", &[]),
                     ("closest", &["sure_closest"]),
                     ("any", &["sure_any"]),
                     (
                         "settle",
-                        &["watertight", "filter", "whole", "points", "line", "far"],
+                        &[
+                            "watertight",
+                            "filter",
+                            "notes",
+                            "whole",
+                            "fixed",
+                            "points",
+                            "line",
+                            "decide",
+                            "far",
+                        ],
                     ),
                 ],
             },

@@ -92,6 +92,10 @@ pub struct Counts {
     pub open: u32,
     /// Shadows that `shadow_*` left to `settle_*`, for `exact`.
     pub open_shadows: u32,
+    /// Notes of triangles that `trace_*` left to `settle_*`.
+    pub notes: u32,
+    /// Notes of triangles that `shadow_*` and `any_*` left to `settle_*`.
+    pub notes_any: u32,
 }
 
 impl Counts {

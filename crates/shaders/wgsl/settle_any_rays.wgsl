@@ -15,6 +15,6 @@ fn settle_any_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wo
     for (var k = element(id, groups, 64u); k < open; k += groups.x * groups.y * 64u) {
         let i = blocked[params.first + k];
         set_given_line(i);
-        keep_any(i, ask_any(given_ray(i), 0xffffffffu), 2u);
+        settle_any(i, given_ray(i), 0xffffffffu, 2u);
     }
 }

@@ -18,6 +18,6 @@ fn settle_shadow_camera(@builtin(global_invocation_id) id: vec3<u32>, @builtin(n
         let way = way_to_light(hit, scaled_point(bitcast<vec3<u32>>(params.eye)));
         // The way is in scaled units, and the corners are not.
         set_line(bitcast<vec3<u32>>(way.origin), bitcast<vec3<u32>>(way.direction), 0u, 0x3f800000u, params.scale_exponent);
-        keep_any(i, ask_any(ray_to_light(way), hit.w), 3u);
+        settle_any(i, ray_to_light(way), hit.w, 3u);
     }
 }

@@ -1,73 +1,127 @@
-// What rounded arithmetic says of a triangle, and what it leaves open: "Filter" and "Span" of `exact` in ARCHITECTURE.md.
+// What rounded arithmetic says of a triangle, and what it leaves open: "On GPUs" of `exact` in ARCHITECTURE.md.
 
 // Rays from beyond 2^80 scaled units are asked too, in whole numbers alone.
 const TAKES_FAR: bool = true;
 
-// A triangle that is not surely missed; its exact t, if it is hit, lies in low ..= high.
+// A triangle that may be hit; its exact t, if it is, lies in low ..= high.
 struct Judged { possible: bool, sure: bool, low: f32, high: f32 }
 
-// Of f32's unit, 2^-24: 9.5 for a sheared coordinate, 32 for a depth.
-const SHEAR_ERROR: f32 = 5.662441253662109e-7;
-const DEPTH_ERROR: f32 = 1.9073486328125e-6;
-// 2^-60 and 2^-100: what counting small numbers as zero may change.
+const OUT: Judged = Judged(false, false, 0.0, 0.0);
+
+// 2^-60: what counting small numbers as zero may change. Twice the largest depth that is trusted.
 const SMALL: f32 = 8.673617379884035e-19;
-const LEAST: f32 = 7.888609052210118e-31;
+const DEEP: f32 = 1.2676506002282294e30;
 
-// The triangle where the ray is the axis, and its edge functions.
-struct Seen { a: Sheared, b: Sheared, c: Sheared, u: f32, v: f32, w: f32 }
+// The two directions that a triangle is seen along, the error of a sheared coordinate
+// a unit of depth, and the most it can be in this scene.
+struct View { across: vec3<f32>, up: vec3<f32>, doubts: vec2<f32>, most: vec2<f32> }
 
-fn look(ray: Prepared, corners: Corners) -> Seen {
-    let a = shear(ray, corners.a);
-    let b = shear(ray, corners.b);
-    let c = shear(ray, corners.c);
-    return Seen(a, b, c, edge(c, b), edge(a, c), edge(b, a));
+var<private> view: View;
+
+fn set_view(ray: Prepared) {
+    view.across = unpermute(vec3<f32>(1.0, 0.0, -ray.shear_x), ray.axis);
+    view.up = unpermute(vec3<f32>(0.0, 1.0, -ray.shear_y), ray.axis);
+    // 4.01 * 2^-24 of what the shear takes away, and 2^-37, below which a direction's component was zero.
+    view.doubts = 2.3901462554931640625e-7 * abs(vec2<f32>(ray.shear_x, ray.shear_y)) + 7.3e-12;
+    // The slack is 17 * 2^-24 * D.
+    view.most = view.doubts * (986896.0 * ray.slack) + SMALL;
 }
+
+// A triangle from the ray's start, its greatest sheared coordinates, and its edge functions.
+struct Seen { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, wide: vec2<f32>, u: f32, v: f32, w: f32 }
+
+fn from_start(ray: Prepared, p: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(sub(p.x, ray.origin.x), sub(p.y, ray.origin.y), sub(p.z, ray.origin.z));
+}
+
+fn look(ray: Prepared, k: Corners) -> Seen {
+    let a = from_start(ray, k.a);
+    let b = from_start(ray, k.b);
+    let c = from_start(ray, k.c);
+    let x = vec3<f32>(loose_along(view.across, a), loose_along(view.across, b), loose_along(view.across, c));
+    let y = vec3<f32>(loose_along(view.up, a), loose_along(view.up, b), loose_along(view.up, c));
+    let wide = vec2<f32>(max(abs(x.x), max(abs(x.y), abs(x.z))), max(abs(y.x), max(abs(y.y), abs(y.z))));
+    return Seen(a, b, c, wide, loose_edge(x.z, y.z, x.y, y.y), loose_edge(x.x, y.x, x.z, y.z), loose_edge(x.y, y.y, x.x, y.x));
+}
+
+// One factor is 1, another 0, so two roundings at most, fused or not.
+fn loose_along(direction: vec3<f32>, p: vec3<f32>) -> f32 {
+    return direction.x * p.x + direction.y * p.y + direction.z * p.z;
+}
+
+fn loose_edge(px: f32, py: f32, qx: f32, qy: f32) -> f32 { return px * qy - py * qx; }
+
+// How far an edge function may be off, where the shear may be by `most`.
+fn loose_doubt(wide: vec2<f32>, most: vec2<f32>) -> f32 {
+    // 3.01 * 2^-24
+    let r = 1.7940998077392578e-7 * wide + most;
+    return 2.0 * (r.x * (wide.y + r.y) + r.y * wide.x);
+}
+
+fn least_of(s: Seen) -> f32 { return min(s.u, min(s.v, s.w)); }
+fn most_of(s: Seen) -> f32 { return max(s.u, max(s.v, s.w)); }
+
+fn surely_out(s: Seen, doubt: f32) -> bool { return least_of(s) < -doubt && most_of(s) > doubt; }
+fn surely_in(s: Seen, doubt: f32) -> bool { return least_of(s) > doubt || most_of(s) < -doubt; }
 
 fn judge(ray: Prepared, corners: Corners) -> Judged {
     let s = look(ray, corners);
-    let wide_x = max(abs(s.a.x), max(abs(s.b.x), abs(s.c.x)));
-    let wide_y = max(abs(s.a.y), max(abs(s.b.y), abs(s.c.y)));
-    let wide = max(wide_x, wide_y);
-    let along = max(abs(s.a.along), max(abs(s.b.along), abs(s.c.along)));
-    let slack = add(mul(SHEAR_ERROR, add(wide, mul(2.0, along))), SMALL);
-    let doubt = mul(slack, add(mul(4.0, wide), mul(2.0, slack)));
-    let least = min(s.u, min(s.v, s.w));
-    let most = max(s.u, max(s.v, s.w));
-    if least < -doubt && most > doubt { return Judged(false, false, 0.0, 0.0); }
-    let own = own_span(ray, corners);
-    var span = vec2<f32>(max(own.x, ray.t_min), own.y);
-    // The tree's boxes are met more often than the triangle's own.
-    if !(own.x <= own.y && span.x <= span.y && span.x <= ray.t_max) { return Judged(false, false, 0.0, 0.0); }
-    let finite = max(most, -least) <= 3.4028234663852886e38;
-    let certain = (least > doubt || most < -doubt) && finite;
-    if certain { span = narrowed(s, doubt, span); }
+    if surely_out(s, loose_doubt(s.wide, view.most)) { return OUT; }
+    return judge_near(ray, corners, s);
+}
+
+// The distances along the axis.
+fn depths_of(s: Seen, axis: u32) -> vec3<f32> {
+    return select(select(vec3<f32>(s.a.x, s.b.x, s.c.x), vec3<f32>(s.a.y, s.b.y, s.c.y), axis == 1u), vec3<f32>(s.a.z, s.b.z, s.c.z), axis == 2u);
+}
+
+// The doubt by the triangle's own depth.
+fn closer_doubt(s: Seen, depths: vec3<f32>) -> f32 {
+    let deepest = max(abs(depths.x), max(abs(depths.y), abs(depths.z)));
+    return loose_doubt(s.wide, view.doubts * deepest + SMALL);
+}
+
+fn judge_near(ray: Prepared, corners: Corners, s: Seen) -> Judged {
+    let depths = depths_of(s, ray.axis);
+    var doubt = loose_doubt(s.wide, view.most);
+    var certain = surely_in(s, doubt);
+    if !certain {
+        doubt = closer_doubt(s, depths);
+        if surely_out(s, doubt) { return OUT; }
+        certain = surely_in(s, doubt);
+    }
+    // A NaN that a minimum hides shows in the sum.
+    let det = add(add(s.u, s.v), s.w);
+    let size = abs(det);
+    let tells = size > 8.0 * doubt && size < DEEP && size > 7.888609052210118e-31;
+    var span = vec2<f32>(DEEP, -DEEP);
+    if tells { span = loose_span(s, depths * ray.shear_z, det, doubt); }
+    if !(abs(span.x) < DEEP && abs(span.y) < DEEP) {
+        certain = certain && size <= 3.4028234663852886e38;
+        span = own_span(ray, corners);
+        if !(span.x <= span.y) { return OUT; }
+    }
+    if span.y <= ray.t_min || span.x >= ray.t_max { return OUT; }
     return Judged(true, certain && span.x > ray.t_min && span.y < ray.t_max, span.x, span.y);
 }
 
-// The part of the box's span that is near the rounded t of a triangle that is surely hit.
-fn narrowed(s: Seen, doubt: f32, span: vec2<f32>) -> vec2<f32> {
-    let least_det = sub(abs(add(add(s.u, s.v), s.w)), mul(4.0, doubt));
-    if !(least_det > mul(4.0, doubt)) { return span; }
-    let depths = vec3<f32>(s.a.z, s.b.z, s.c.z);
-    let spread = sub(max(depths.x, max(depths.y, depths.z)), min(depths.x, min(depths.y, depths.z)));
-    let size = max(abs(depths.x), max(abs(depths.y), abs(depths.z)));
-    let of_weights = divide(mul(3.0, add(mul(doubt, spread), mul(LEAST, add(1.0, size)))), least_det);
-    let error = add(add(of_weights, mul(DEPTH_ERROR, size)), SMALL);
-    let c = solved(s);
-    let t = divide(c.t, c.det);
-    let low = sub(t, error);
-    let high = add(t, error);
-    let near = vec2<f32>(select(span.x, low, low > span.x), select(span.y, high, high < span.y));
-    return select(span, near, near.x <= near.y);
-}
-
-fn solved(s: Seen) -> Candidate {
-    return solve(flushed(s.u), flushed(s.v), flushed(s.w), s.a.z, s.b.z, s.c.z);
+// Where the exact t of a hit lies, by the rounded one.
+fn loose_span(s: Seen, z: vec3<f32>, det: f32, doubt: f32) -> vec2<f32> {
+    let inverse = 1.0 / det;
+    let t = (s.u * z.x + s.v * z.y + s.w * z.z) * inverse;
+    let spread = max(z.x, max(z.y, z.z)) - min(z.x, min(z.y, z.z));
+    let size = max(abs(z.x), max(abs(z.y), abs(z.z)));
+    // 24 * 2^-24
+    let error = 3.02 * doubt * spread * abs(inverse) + (1.430511474609375e-6 * size + SMALL);
+    return vec2<f32>(t - error, t + error);
 }
 
 // What is written for a triangle that is hit: t as the watertight test has it, clamped to the box and t_min, weights to [0, 1].
 fn reported(ray: Prepared, corners: Corners) -> vec4<u32> {
-    let c = solved(look(ray, corners));
+    let p = shear(ray, corners.a);
+    let q = shear(ray, corners.b);
+    let r = shear(ray, corners.c);
+    let c = solve(flushed(edge(r, q)), flushed(edge(p, r)), flushed(edge(q, p)), p.z, q.z, r.z);
     let own = own_span(ray, corners);
     let entry = max(own.x, ray.t_min);
     let t = divide(c.t, c.det);

@@ -1,7 +1,7 @@
 // Where a ray meets a triangle, in whole numbers: the crate `exact`.
 
 // Corners are multiplied by 2^-shift before they meet the ray.
-struct Line { origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32, unit: i32, bits: i32, len: u32 }
+struct Line { origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32, unit: i32, bits: i32, len: u32, made: bool }
 
 // t = numerator / denominator * 2^exponent; the denominator is positive.
 struct Crossing { met: bool, numerator: u32, denominator: u32, len: u32, exponent: i32 }
@@ -27,20 +27,31 @@ fn with_units(range: vec2<i32>, point: vec3<u32>, shift: i32) -> vec2<i32> {
 // Limbs that so many bits take.
 fn limbs(bits: i32) -> u32 { return u32(bits + 31) >> 5u; }
 
-// Makes the line, whose direction is not zero.
+// The line to be met, whose direction is not zero.
 fn set_line(origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32) {
     let units = with_units(ALL_BITS, direction, 0);
     let bits = units.y - units.x + 24;
-    line = Line(origin, direction, t_min, t_max, shift, units.x, bits, limbs(bits));
+    line = Line(origin, direction, t_min, t_max, shift, units.x, bits, limbs(bits), false);
+}
+
+// Its direction, where numbers of any length lie.
+fn make_line() {
+    if line.made { return; }
+    line.made = true;
     for (var i = 0u; i < 3u; i += 1u) {
         let at = DIRECTION + COORDINATE * i;
         clear(at, line.len);
-        let x = direction[i];
-        if (x & 0x7fffffffu) != 0u { add_shifted(at, line.len, mantissa_of(x), u32(unit_of(x) - units.x), false); }
+        let x = line.direction[i];
+        if (x & 0x7fffffffu) != 0u { add_shifted(at, line.len, mantissa_of(x), u32(unit_of(x) - line.unit), false); }
         words[at] = x >> 31u;
     }
-    clear(ONE, 1u);
-    words[ONE + 1u] = 1u;
+}
+
+// The least and the greatest unit of a triangle's coordinates and the ray's start.
+fn units_of(points: array<vec3<u32>, 3>) -> vec2<i32> {
+    var units = with_units(ALL_BITS, line.origin, line.shift);
+    units = with_units(with_units(with_units(units, points[0], 0), points[1], 0), points[2], 0);
+    return select(units, vec2<i32>(0), units.x > units.y);
 }
 
 // A coordinate from the ray's start, in units of 2^unit.
@@ -78,10 +89,10 @@ fn triple(at: u32, x: u32, x_len: u32, p: u32, q: u32, len: Lengths) {
 
 // The crossing of the line with a closed triangle within the ray's limits, kept in place `slot` of two.
 fn meet_exactly(corners: array<vec3<u32>, 3>, slot: u32) -> Crossing {
+    make_line();
+    put_one();
     var points = corners;
-    var units = with_units(ALL_BITS, line.origin, line.shift);
-    for (var v = 0u; v < 3u; v += 1u) { units = with_units(units, points[v], 0); }
-    units = select(units, vec2<i32>(0), units.x > units.y);
+    let units = units_of(points);
     let bits = units.y - units.x + 25;
     let len = Lengths(limbs(bits + 1), limbs(2 * bits + 2), limbs(2 * bits + max(bits, line.bits) + 6));
     for (var v = 0u; v < 9u; v += 1u) {
@@ -119,7 +130,13 @@ fn cross_planes(made: Crossing, len: Lengths) -> bool {
     return sign_of_number(made.denominator, len.triple) != 0;
 }
 
+fn put_one() {
+    words[ONE] = 0u;
+    words[ONE + 1u] = 1u;
+}
+
 fn is_within(c: Crossing) -> bool {
+    put_one();
     for (var i = 0u; i < 2u; i += 1u) {
         let limit = select(line.t_min, line.t_max, i == 1u);
         if (limit & 0x7fffffffu) == 0x7f800000u { continue; }

@@ -11,9 +11,3 @@ fn ray_to_light(way: ToLight) -> Prepared {
     // Origin and direction are both in scaled units already.
     return prepare_scaled(snapped3(way.origin), way.direction, low, high);
 }
-
-fn is_blocked(hit: vec4<u32>, eye: vec3<f32>) -> bool {
-    let way = way_to_light(hit, eye);
-    if !way.traced { return false; }
-    return ask_any(ray_to_light(way), hit.w);
-}

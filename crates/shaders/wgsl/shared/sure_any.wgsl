@@ -1,28 +1,32 @@
 // Whether a ray surely meets a leaf's triangle. Where none is surely met but some may be, the ray is left to the
-// kernels `settle_*`, in a list behind the words of all rays.
+// kernels `settle_*`, with notes of the triangles in question.
 
-var<private> left_open: bool;
+var<private> notes: u32 = NO_NOTE;
 
 fn see_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     let corners = corners_of(leaf);
     if corners.triangle == ignore { return false; }
     let j = judge(ray, corners);
-    left_open = left_open || j.possible;
+    if j.possible && !j.sure { notes = with_note(notes, leaf, 10u); }
     return j.sure;
 }
 
 fn ask_any(ray: Prepared, ignore: u32) -> bool {
-    left_open = ray.far;
+    notes = select(NO_NOTE, TOO_MANY, ray.far);
     if ray.far { return false; }
+    set_view(ray);
     return find_any(ray, ignore);
 }
 
-// Writes whether a ray met anything, and counts it as word `count` of `counts`; lists it by `count + 5` if nobody knows yet.
+// Writes whether a ray met anything, and counts it as word `count` of `counts`; lists it by `count + 5`, with its notes, if nobody knows yet.
 fn keep_any(i: u32, met: bool, count: u32) {
-    blocked[i] = select(0u, 1u, met);
     if met {
+        blocked[i] = 1u;
         atomicAdd(&counts[count], 1u);
-    } else if left_open {
+    } else if notes != NO_NOTE {
+        blocked[i] = notes;
         blocked[params.first + atomicAdd(&counts[count + 5u], 1u)] = i;
+    } else {
+        blocked[i] = 0u;
     }
 }

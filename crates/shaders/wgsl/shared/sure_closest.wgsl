@@ -1,18 +1,18 @@
 // What a search for the exact closest hit keeps of the leaves it sees. Most rays are decided by it; the others it
-// leaves to the kernels `settle_*`, in a list behind the words that shadows take.
+// leaves to the kernels `settle_*`, with notes of the triangles in question.
 
 @group(0) @binding(next) var<storage, read_write> blocked: array<u32>;
 
 // No candidate begins so late.
 const NEVER: f32 = 3.4028234663852886e38;
-const NO_LEAF: u32 = 0xffffffffu;
 
 // `bound` is the least high end of sure hits, `leaf` has it and begins at `low`; `other` is where the first of all others begins.
-struct Found { bound: f32, low: f32, other: f32, leaf: u32 }
+struct Found { bound: f32, low: f32, other: f32, leaf: u32, notes: u32 }
 
 // Rays from very far away see nothing.
 fn nothing_found(ray: Prepared) -> Found {
-    return Found(select(ray.t_max, -NEVER, ray.far), NEVER, NEVER, NO_LEAF);
+    set_view(ray);
+    return Found(select(ray.t_max, -NEVER, ray.far), NEVER, NEVER, NO_LEAF, NO_NOTE);
 }
 
 // Nodes entered beyond this need no visit.
@@ -21,16 +21,18 @@ fn limit(found: Found) -> f32 { return found.bound; }
 fn see_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
     let j = judge(ray, corners_of(leaf));
     if !j.possible || !(j.low <= found.bound) { return found; }
-    if j.sure && j.high < found.bound {
-        return Found(j.high, j.low, min(found.other, found.low), leaf);
+    if !(j.sure && j.high < found.bound) {
+        return Found(found.bound, found.low, min(found.other, j.low), found.leaf, with_note(found.notes, leaf, 9u));
     }
-    return Found(found.bound, found.low, min(found.other, j.low), found.leaf);
+    // The best so far begins no later than the new one ends.
+    if found.leaf == NO_LEAF || found.low > j.high { return Found(j.high, j.low, found.other, leaf, found.notes); }
+    return Found(j.high, j.low, min(found.other, found.low), leaf, with_note(found.notes, found.leaf, 9u));
 }
 
-// Writes a ray's hit, or the bound for whoever settles it.
+// Writes a ray's hit, or what is known for whoever settles it.
 fn keep_closest(i: u32, ray: Prepared, found: Found) {
     if ray.far || (found.other < NEVER && found.other <= found.bound) {
-        hits[i] = vec4<u32>(bitcast<u32>(found.bound), 0u, 0u, 0u);
+        hits[i] = vec4<u32>(bitcast<u32>(found.bound), bitcast<u32>(found.low), found.leaf, found.notes);
         blocked[params.first + atomicAdd(&counts[7], 1u)] = i;
         return;
     }

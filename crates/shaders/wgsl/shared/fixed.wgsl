@@ -1,0 +1,107 @@
+// Whole numbers of 64, 128 and 192 bits, in two's complement and in registers: enough for the coordinates of nearly
+// every triangle and ray (lab notes of others: 42 to 45 bits for real models).
+
+// The least words first.
+struct Whole192 { low: vec3<u32>, high: vec3<u32> }
+struct Vector64 { x: vec2<u32>, y: vec2<u32>, z: vec2<u32> }
+
+// a * b + c + d, which fits in 64 bits.
+fn multiply_add(a: u32, b: u32, c: u32, d: u32) -> vec2<u32> {
+    let p = multiply_32(a, b);
+    let one = p.x + c;
+    let two = one + d;
+    return vec2<u32>(two, p.y + select(0u, 1u, one < c) + select(0u, 1u, two < d));
+}
+
+fn add_64(a: vec2<u32>, b: vec2<u32>) -> vec2<u32> {
+    let low = a.x + b.x;
+    return vec2<u32>(low, a.y + b.y + select(0u, 1u, low < a.x));
+}
+
+fn negated_64(a: vec2<u32>) -> vec2<u32> { return add_64(~a, vec2<u32>(1u, 0u)); }
+
+fn sub_64(a: vec2<u32>, b: vec2<u32>) -> vec2<u32> { return add_64(a, negated_64(b)); }
+
+// All ones if a number whose highest word this is is negative.
+fn sign_mask(high: u32) -> u32 { return 0u - (high >> 31u); }
+
+fn multiply_64(a: vec2<u32>, b: vec2<u32>) -> vec4<u32> {
+    let p = multiply_add(a.x, b.x, 0u, 0u);
+    let q = multiply_add(a.x, b.y, p.y, 0u);
+    let r = multiply_add(a.y, b.x, q.x, 0u);
+    let s = multiply_add(a.y, b.y, q.y, r.y);
+    // A negative factor stands for itself plus 2^64.
+    let excess = add_64(b & vec2<u32>(sign_mask(a.y)), a & vec2<u32>(sign_mask(b.y)));
+    let high = sub_64(s, excess);
+    return vec4<u32>(p.x, r.x, high.x, high.y);
+}
+
+// a * d - b * c
+fn minor_64(a: vec2<u32>, b: vec2<u32>, c: vec2<u32>, d: vec2<u32>) -> vec4<u32> {
+    let p = multiply_64(a, d);
+    let q = multiply_64(b, c);
+    let low = sub_64(p.xy, q.xy);
+    let borrow = p.y < q.y || (p.y == q.y && p.x < q.x);
+    let high = sub_64(sub_64(p.zw, q.zw), vec2<u32>(select(0u, 1u, borrow), 0u));
+    return vec4<u32>(low.x, low.y, high.x, high.y);
+}
+
+fn multiply_128(m: vec4<u32>, d: vec2<u32>) -> Whole192 {
+    let p0 = multiply_add(d.x, m.x, 0u, 0u);
+    let p1 = multiply_add(d.x, m.y, p0.y, 0u);
+    let p2 = multiply_add(d.x, m.z, p1.y, 0u);
+    let p3 = multiply_add(d.x, m.w, p2.y, 0u);
+    let q0 = multiply_add(d.y, m.x, p1.x, 0u);
+    let q1 = multiply_add(d.y, m.y, p2.x, q0.y);
+    let q2 = multiply_add(d.y, m.z, p3.x, q1.y);
+    let q3 = multiply_add(d.y, m.w, p3.y, q2.y);
+    let whole = Whole192(vec3<u32>(p0.x, q0.x, q1.x), vec3<u32>(q2.x, q3.x, q3.y));
+    let of_m = d & vec2<u32>(sign_mask(m.w));
+    let of_d = m & vec4<u32>(sign_mask(d.y));
+    let excess = add_192(Whole192(vec3<u32>(0u), vec3<u32>(0u, of_m)), Whole192(vec3<u32>(0u, 0u, of_d.x), of_d.yzw));
+    return add_192(whole, negated_192(excess));
+}
+
+fn add_192(a: Whole192, b: Whole192) -> Whole192 {
+    let s0 = a.low.x + b.low.x;
+    let s1 = add_carry(a.low.y, b.low.y, select(0u, 1u, s0 < a.low.x));
+    let s2 = add_carry(a.low.z, b.low.z, s1.y);
+    let s3 = add_carry(a.high.x, b.high.x, s2.y);
+    let s4 = add_carry(a.high.y, b.high.y, s3.y);
+    let s5 = add_carry(a.high.z, b.high.z, s4.y);
+    return Whole192(vec3<u32>(s0, s1.x, s2.x), vec3<u32>(s3.x, s4.x, s5.x));
+}
+
+fn add_carry(a: u32, b: u32, carry: u32) -> vec2<u32> {
+    let one = a + b;
+    let two = one + carry;
+    return vec2<u32>(two, select(0u, 1u, one < a) + select(0u, 1u, two < one));
+}
+
+fn negated_192(a: Whole192) -> Whole192 {
+    return add_192(Whole192(~a.low, ~a.high), Whole192(vec3<u32>(1u, 0u, 0u), vec3<u32>(0u)));
+}
+
+fn sign_192(a: Whole192) -> i32 {
+    if any(a.low != vec3<u32>(0u)) || any(a.high != vec3<u32>(0u)) { return select(1, -1, (a.high.z >> 31u) == 1u); }
+    return 0;
+}
+
+// x . (p x q). Of coordinates below 2^62 it is below 2^189.
+fn triple_192(x: Vector64, p: Vector64, q: Vector64) -> Whole192 {
+    let first = multiply_128(minor_64(p.y, p.z, q.y, q.z), x.x);
+    let second = multiply_128(minor_64(p.z, p.x, q.z, q.x), x.y);
+    return add_192(add_192(first, second), multiply_128(minor_64(p.x, p.y, q.x, q.y), x.z));
+}
+
+// A finite number in units of 2^unit, which divide it and do not exceed its own by 2^38.
+fn in_units(bits: u32, unit: i32) -> vec2<u32> {
+    let mantissa = mantissa_of(bits);
+    if mantissa == 0u { return vec2<u32>(0u); }
+    let shift = u32(unit_of(bits) - unit);
+    let within = shift & 31u;
+    let low = mantissa << within;
+    let size = select(vec2<u32>(low, select(mantissa >> ((32u - within) & 31u), 0u, within == 0u)), vec2<u32>(0u, low), shift >= 32u);
+    if (bits >> 31u) == 1u { return negated_64(size); }
+    return size;
+}
