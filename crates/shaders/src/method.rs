@@ -19,7 +19,8 @@ pub fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
     }
 }
 
-/// Words of the buffer `blocked` for so many rays: one each, and for `exact` the list of those left open and as many notes of two words as there are rays.
+/// Words of the buffer `blocked` for so many rays: one each, and for `exact` the list of those left open and as many notes
+/// of two words (`wgsl/shared/notes.wgsl`).
 #[must_use]
 pub fn blocked_words(intersector: Intersector, rays: u64) -> u64 {
     match intersector {

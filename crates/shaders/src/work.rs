@@ -61,8 +61,8 @@ pub enum Vertices {
     Rows(usize),
 }
 
-/// Invocations that share the list of rays to settle: enough to fill any device, though most find nothing to do.
-const SETTLERS: u32 = 1 << 15;
+/// Invocations that share the list of rays to settle, 16 a ray: enough to fill any device, though most find nothing to do.
+const SETTLERS: u32 = 1 << 16;
 
 impl Rays<'_> {
     fn count(self) -> u32 {
@@ -178,7 +178,7 @@ pub fn shadow(method: Method, params: Params, rays: Rays<'_>, light: Point) -> V
     with_settling(method, params, rays, kernels, settling)
 }
 
-/// A search over all rays, and for `exact` another one over those that it listed behind one word a ray.
+/// A search over all rays, and for `exact` what settles those that it left open.
 fn with_settling(
     method: Method,
     params: Params,
@@ -191,7 +191,7 @@ fn with_settling(
     let mut work = vec![Work::over(method, rays, params, kernels)];
     if method.intersector == Intersector::Exact {
         work.push(Work {
-            groups: Groups::Linear(first.min(SETTLERS)),
+            groups: Groups::Linear(SETTLERS.min(first.saturating_mul(16))),
             ..Work::over(method, rays, params, settling)
         });
     }

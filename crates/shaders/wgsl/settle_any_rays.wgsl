@@ -10,11 +10,18 @@
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 
 @compute @workgroup_size(64)
-fn settle_any_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let open = atomicLoad(&counts[7]);
-    for (var k = element(id, groups, 64u); k < open; k += groups.x * groups.y * 64u) {
-        let i = blocked[params.first + k];
-        set_given_line(i);
-        settle_any(i, given_ray(i), 0xffffffffu, 2u);
+fn settle_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let open = count_open(local, 7u);
+    for (var first = RAYS * (group.x + group.y * groups.x); first < open; first += RAYS * groups.x * groups.y) {
+        let k = first + local / 16u;
+        var i = 0u;
+        var list = NO_NOTE;
+        if k < open {
+            i = blocked[params.first + k];
+            list = listed(blocked[i]);
+            set_given_line(i);
+        }
+        let said = said_by_notes(list, local);
+        if k < open && local % 16u == 0u { settle_any(i, given_ray(i), NO_LEAF, 2u, said); }
     }
 }

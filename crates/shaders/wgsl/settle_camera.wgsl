@@ -10,13 +10,20 @@
 @group(0) @binding(5) var<storage, read> blocked: array<u32>;
 
 @compute @workgroup_size(64)
-fn settle_camera(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let open = atomicLoad(&counts[7]);
-    let eye = bitcast<vec3<u32>>(params.eye);
-    for (var k = element(id, groups, 64u); k < open; k += groups.x * groups.y * 64u) {
-        let i = blocked[params.first + k];
-        let direction = through_pixel(vec2<u32>(i % params.width, i / params.width));
-        set_line(eye, bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, 0);
-        settle_closest(i, camera_ray(direction, scaled_point(eye)));
+fn settle_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let open = count_open(local, 7u);
+    for (var first = RAYS * (group.x + group.y * groups.x); first < open; first += RAYS * groups.x * groups.y) {
+        let k = first + local / 16u;
+        var i = 0u;
+        var list = NO_NOTE;
+        var direction = vec3<f32>(0.0);
+        if k < open {
+            i = blocked[params.first + k];
+            list = listed(hits[i].y);
+            direction = through_pixel(vec2<u32>(i % params.width, i / params.width));
+            set_line(bitcast<vec3<u32>>(params.eye), bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, 0);
+        }
+        let leaf = first_of_notes(list, local);
+        if k < open && local % 16u == 0u { settle_closest(i, camera_ray(direction, scaled_point(bitcast<vec3<u32>>(params.eye))), leaf); }
     }
 }

@@ -1,4 +1,4 @@
-//! use params ieee divide exact units ray {intersector.settle} settle_any {layout.nodes} any to_light shade
+//! use params ieee divide exact units ray {intersector.settle} settle_any {layout.nodes} any to_light way shade
 // The shadows that `shadow_rays` left open.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -11,14 +11,21 @@
 @group(0) @binding(8) var<storage, read> rays: array<vec4<u32>>;
 
 @compute @workgroup_size(64)
-fn settle_shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let open = atomicLoad(&counts[8]);
-    for (var k = element(id, groups, 64u); k < open; k += groups.x * groups.y * 64u) {
-        let i = blocked[params.first + k];
-        let hit = hits[i];
-        let way = way_to_light(hit, scaled_point(rays[2u * i].xyz));
-        // The way is in scaled units, and the corners are not.
-        set_line(bitcast<vec3<u32>>(way.origin), bitcast<vec3<u32>>(way.direction), 0u, 0x3f800000u, params.scale_exponent);
-        settle_any(i, ray_to_light(way), hit.w, 3u);
+fn settle_shadow_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let open = count_open(local, 8u);
+    for (var first = RAYS * (group.x + group.y * groups.x); first < open; first += RAYS * groups.x * groups.y) {
+        let k = first + local / 16u;
+        var i = 0u;
+        var list = NO_NOTE;
+        var way = ToLight();
+        if k < open {
+            i = blocked[params.first + k];
+            list = listed(blocked[i]);
+            way = way_to_light(hits[i], scaled_point(rays[2u * i].xyz));
+            // The way is in scaled units, and the corners are not.
+            set_line(bitcast<vec3<u32>>(way.origin), bitcast<vec3<u32>>(way.direction), 0u, 0x3f800000u, params.scale_exponent);
+        }
+        let said = said_by_notes(list, local);
+        if k < open && local % 16u == 0u { settle_any(i, ray_to_light(way), hits[i].w, 3u, said); }
     }
 }

@@ -1,20 +1,35 @@
-// Whether a ray meets a triangle, by whole numbers in registers where they fit, and of any length where not.
+// Whether and where rays meet the triangles of their notes, by whole numbers in registers. A workgroup of 64 takes four
+// rays at a time and four notes of each; four invocations share a note, one for each of the determinants U, V, W and N.
+
+const RAYS: u32 = 4u;
+
+// By invocation: a determinant. Then by note: D, and in the third place after it N, where the ray meets the triangle
+// at t = N / D * 2^exponent.
+var<workgroup> determinants: array<Whole192, 64>;
+var<workgroup> decided: array<Decided, 16>;
+// Open rays of this submission, and whether a ray of this round has more notes.
+var<workgroup> open_rays: u32;
+var<workgroup> has_more: u32;
+
+// Whether the triangle is met, or takes longer numbers to know; about t.
+struct Decided { met: u32, hard: u32, leaf: u32, exponent: i32, about: About }
 
 struct Fixed { fits: bool, unit: i32, a: Vector64, b: Vector64, c: Vector64 }
 
-fn fixed_point(p: vec3<u32>, unit: i32) -> Vector64 {
-    let o = unit - line.shift;
-    return Vector64(
-        sub_64(in_units(p.x, unit), in_units(line.origin.x, o)),
-        sub_64(in_units(p.y, unit), in_units(line.origin.y, o)),
-        sub_64(in_units(p.z, unit), in_units(line.origin.z, o)),
-    );
+// A coordinate from the ray's start.
+fn fixed_from(x: u32, origin: u32, unit: i32) -> vec2<u32> {
+    return sub_64(in_units(x, unit), in_units(origin, unit - line.shift));
 }
 
-// Corners from the ray's start, if they and the direction have 62 bits at most.
+fn fixed_point(p: vec3<u32>, unit: i32) -> Vector64 {
+    let o = line.origin;
+    return Vector64(fixed_from(p.x, o.x, unit), fixed_from(p.y, o.y, unit), fixed_from(p.z, o.z, unit));
+}
+
+// Corners from the ray's start, if they and the direction have 62 bits at most, and the ray begins at 0.
 fn fixed(points: array<vec3<u32>, 3>) -> Fixed {
     let units = units_of(points);
-    if units.y - units.x + 25 > 62 || line.bits > 62 { return Fixed(); }
+    if units.y - units.x + 25 > 62 || line.bits > 62 || line.t_min != 0u { return Fixed(); }
     return Fixed(true, units.x, fixed_point(points[0], units.x), fixed_point(points[1], units.x), fixed_point(points[2], units.x));
 }
 
@@ -23,92 +38,94 @@ fn fixed_direction() -> Vector64 {
     return Vector64(in_units(d.x, line.unit), in_units(d.y, line.unit), in_units(d.z, line.unit));
 }
 
-// The determinant whose sign says on which side of an edge the line passes: c x b, a x c, b x a.
-fn side(f: Fixed, x: Vector64, edge: u32) -> Whole192 {
+// d . (c x b), d . (a x c), d . (b x a) and a . (c x b).
+fn determinant(f: Fixed, side: u32) -> Whole192 {
+    var x = fixed_direction();
     var p = f.c;
     var q = f.b;
-    if edge == 1u { p = f.a; q = f.c; }
-    if edge == 2u { p = f.b; q = f.a; }
+    if side == 1u { p = f.a; q = f.c; }
+    if side == 2u { p = f.b; q = f.a; }
+    if side == 3u { x = f.a; }
     return triple_192(x, p, q);
 }
 
-// Whether the line passes within a triangle: signs that rounding leaves open are taken exactly. Distances are not asked for.
-fn passes_within(ray: Prepared, f: Fixed, s: Seen, doubt: f32) -> bool {
-    let d = fixed_direction();
-    let values = vec3<f32>(s.u, s.v, s.w);
-    var positive = false;
-    var negative = false;
-    for (var i = 0u; i < 3u; i += 1u) {
-        var sign = 0;
-        if abs(values[i]) > doubt {
-            sign = select(-1, 1, (values[i] > 0.0) == (ray.shear_z > 0.0));
-        } else {
-            sign = sign_192(side(f, d, i));
-        }
-        positive = positive || sign > 0;
-        negative = negative || sign < 0;
-    }
-    return positive != negative;
+// Rays left open, the same for all of a workgroup.
+fn count_open(local: u32, count: u32) -> u32 {
+    if local == 0u { open_rays = atomicLoad(&counts[count]); }
+    return workgroupUniformLoad(&open_rays);
 }
 
-// Puts a number where those of any length lie.
-fn put_192(at: u32, given: Whole192) {
-    let negative = sign_192(given) < 0;
-    words[at] = select(0u, 1u, negative);
-    var n = given;
-    if negative { n = negated_192(given); }
-    for (var i = 0u; i < 3u; i += 1u) {
-        words[at + 1u + i] = n.low[i];
-        words[at + 4u + i] = n.high[i];
-    }
+// The note so many places on.
+fn note_after(list: u32, places: u32) -> u32 {
+    var note = list;
+    for (var i = 0u; i < places && note != NO_NOTE; i += 1u) { note = blocked[note_at(note) + 1u]; }
+    return note;
 }
 
-// The crossing of the line with a closed triangle within the ray's limits, kept in place `slot` of two.
-fn cross_exactly(points: array<vec3<u32>, 3>, slot: u32) -> Crossing {
-    let f = fixed(points);
-    if !f.fits { return meet_exactly(points, slot); }
-    let made = Crossing(true, CROSSINGS + 56u * slot, CROSSINGS + 56u * slot + 28u, 6u, f.unit - line.shift - line.unit);
-    if !cross_fixed(f, made) || !is_within(made) { return NOT_MET; }
+// Decides up to four notes of a ray whose line is set, from `list` on; what comes of them stands in `decided`. All of a workgroup call it.
+fn decide_notes(list: u32, local: u32) {
+    let note = note_after(list, (local / 4u) % 4u);
+    var made = Decided();
+    var f = Fixed();
+    if note != NO_NOTE {
+        made.leaf = blocked[note_at(note)];
+        let triangle = records[3u * made.leaf].w;
+        f = fixed(points_of(triangle));
+        if f.fits { determinants[local] = determinant(f, local & 3u); }
+        made.hard = select(1u, 0u, f.fits);
+        made.exponent = f.unit - line.shift - line.unit;
+    }
+    workgroupBarrier();
+    if (local & 3u) == 0u {
+        if f.fits { made = conclude(made, local); }
+        decided[local / 4u] = made;
+    }
+    workgroupBarrier();
+}
+
+// D, N and what they say, from the four determinants.
+fn conclude(given: Decided, local: u32) -> Decided {
+    var made = given;
+    let u = determinants[local];
+    let v = determinants[local + 1u];
+    let w = determinants[local + 2u];
+    var n = determinants[local + 3u];
+    let signs = vec3<i32>(sign_192(u), sign_192(v), sign_192(w));
+    let negative = any(signs < vec3<i32>(0));
+    if negative && any(signs > vec3<i32>(0)) { return made; }
+    var d = add_192(add_192(u, v), w);
+    if negative {
+        d = negated_192(d);
+        n = negated_192(n);
+    }
+    // In the triangle's plane, or behind the start.
+    if all(signs == vec3<i32>(0)) || sign_192(n) <= 0 { return made; }
+    determinants[local] = d;
+    determinants[local + 3u] = n;
+    made.about = quotient_about(about_192(n), about_192(d), made.exponent);
+    let order = order_of_limit(made.about);
+    made.met = select(0u, 1u, order < 0);
+    made.hard = select(0u, 1u, order == 0);
     return made;
 }
 
-fn cross_fixed(f: Fixed, made: Crossing) -> bool {
-    let d = fixed_direction();
-    var positive = false;
-    var negative = false;
-    var sum = Whole192();
-    for (var i = 0u; i < 4u; i += 1u) {
-        var x = d;
-        if i == 3u { x = f.a; }
-        let n = side(f, x, i);
-        if i == 3u {
-            put_192(made.numerator, n);
-            break;
-        }
-        let sign = sign_192(n);
-        positive = positive || sign > 0;
-        negative = negative || sign < 0;
-        if positive && negative { return false; }
-        sum = add_192(sum, n);
-    }
-    put_192(made.denominator, sum);
-    words[made.numerator] ^= words[made.denominator];
-    words[made.denominator] = 0u;
-    return positive || negative;
+// -1 before the ray's end, 1 beyond it, 0 if near.
+fn order_of_limit(about: About) -> i32 {
+    if (line.t_max & 0x7fffffffu) == 0x7f800000u { return -1; }
+    // Subnormal limits are rare.
+    if (line.t_max >> 23u) - 1u >= 254u { return 0; }
+    let limit = About(bitcast<f32>((line.t_max & 0x7fffffu) | 0x3f800000u), i32(line.t_max >> 23u) - 127);
+    return compare_about(about, limit);
 }
 
-// What whole numbers say of a triangle that may be hit; the crossing was made only where its place matters.
-struct Decided { met: bool, crossing: Crossing }
+// The notes after the next four; `all_done` tells whether no ray of the workgroup has any. All of a workgroup call it.
+struct Rest { list: u32, all_done: bool }
 
-fn decide(ray: Prepared, corners: Corners, j: Judged, slot: u32) -> Decided {
-    let points = points_of(corners.triangle);
-    if j.low > ray.t_min && j.high < ray.t_max {
-        let f = fixed(points);
-        if f.fits {
-            let s = look(ray, corners);
-            return Decided(passes_within(ray, f, s, closer_doubt(s, depths_of(s, ray.axis))), NOT_MET);
-        }
-    }
-    let c = cross_exactly(points, slot);
-    return Decided(c.met, c);
+fn rest_of(list: u32, local: u32) -> Rest {
+    if local == 0u { has_more = 0u; }
+    workgroupBarrier();
+    let next = note_after(list, 4u);
+    if next != NO_NOTE { has_more = 1u; }
+    workgroupBarrier();
+    return Rest(next, workgroupUniformLoad(&has_more) == 0u);
 }

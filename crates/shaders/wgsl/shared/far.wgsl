@@ -43,8 +43,6 @@ fn put_side(at: u32, len: u32, x: u32, origin: u32, unit: i32, up: bool) {
 
 // Shows every leaf whose box the line passes through, until one says that it is enough.
 fn walk_far() -> bool {
-    make_line();
-    put_one();
     if !passes(nodes[0].xyz, nodes[1].xyz) { return false; }
     var stack: array<u32, 64>;
     var depth = 0u;

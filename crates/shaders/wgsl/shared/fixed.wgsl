@@ -87,11 +87,19 @@ fn sign_192(a: Whole192) -> i32 {
     return 0;
 }
 
-// x . (p x q). Of coordinates below 2^62 it is below 2^189.
-fn triple_192(x: Vector64, p: Vector64, q: Vector64) -> Whole192 {
-    let first = multiply_128(minor_64(p.y, p.z, q.y, q.z), x.x);
-    let second = multiply_128(minor_64(p.z, p.x, q.z, q.x), x.y);
-    return add_192(add_192(first, second), multiply_128(minor_64(p.x, p.y, q.x, q.y), x.z));
+// x . (p x q). Of coordinates below 2^62 it is below 2^189. A loop, since instructions have to be fetched too.
+fn triple_192(given_x: Vector64, given_p: Vector64, given_q: Vector64) -> Whole192 {
+    var x = given_x;
+    var p = given_p;
+    var q = given_q;
+    var sum = Whole192();
+    for (var i = 0u; i < 3u; i += 1u) {
+        sum = add_192(sum, multiply_128(minor_64(p.y, p.z, q.y, q.z), x.x));
+        x = Vector64(x.y, x.z, x.x);
+        p = Vector64(p.y, p.z, p.x);
+        q = Vector64(q.y, q.z, q.x);
+    }
+    return sum;
 }
 
 // A finite number in units of 2^unit, which divide it and do not exceed its own by 2^38.
@@ -104,4 +112,41 @@ fn in_units(bits: u32, unit: i32) -> vec2<u32> {
     let size = select(vec2<u32>(low, select(mantissa >> ((32u - within) & 31u), 0u, within == 0u)), vec2<u32>(0u, low), shift >= 32u);
     if (bits >> 31u) == 1u { return negated_64(size); }
     return size;
+}
+
+// About a positive number: mantissa * 2^exponent, the mantissa in [1, 2), off by less than 2^-23 of it.
+struct About { mantissa: f32, exponent: i32 }
+
+fn about_192(n: Whole192) -> About {
+    var high = n.low.x;
+    var next = 0u;
+    var place = 0;
+    if n.low.y != 0u { high = n.low.y; next = n.low.x; place = 32; }
+    if n.low.z != 0u { high = n.low.z; next = n.low.y; place = 64; }
+    if n.high.x != 0u { high = n.high.x; next = n.low.z; place = 96; }
+    if n.high.y != 0u { high = n.high.y; next = n.high.x; place = 128; }
+    if n.high.z != 0u { high = n.high.z; next = n.high.y; place = 160; }
+    let shift = countLeadingZeros(high);
+    let rest = select(next >> ((32u - shift) & 31u), 0u, shift == 0u);
+    // 24 bits are exact in f32.
+    return About(f32(((high << shift) | rest) >> 8u) * 1.1920928955078125e-7, place + 31 - i32(shift));
+}
+
+// a / b * 2^exponent, off by less than 2^-20 of it.
+fn quotient_about(a: About, b: About, exponent: i32) -> About {
+    let m = a.mantissa / b.mantissa;
+    let e = a.exponent - b.exponent + exponent;
+    if m < 1.0 { return About(m * 2.0, e - 1); }
+    return About(min(m, 1.99999988), e);
+}
+
+// -1 or 1 where two differ enough to tell, else 0.
+fn compare_about(a: About, b: About) -> i32 {
+    let apart = a.exponent - b.exponent;
+    if abs(apart) > 1 { return sign(apart); }
+    let x = select(a.mantissa, 2.0 * a.mantissa, apart == 1);
+    let y = select(b.mantissa, 2.0 * b.mantissa, apart == -1);
+    // Near each other they are at most 2 and a little, and each off by 2^-20 of that at most.
+    if abs(x - y) < 7.62939453125e-6 { return 0; }
+    return select(-1, 1, x > y);
 }

@@ -1,7 +1,7 @@
 // Where a ray meets a triangle, in whole numbers: the crate `exact`.
 
 // Corners are multiplied by 2^-shift before they meet the ray.
-struct Line { origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32, unit: i32, bits: i32, len: u32, made: bool }
+struct Line { origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32, unit: i32, bits: i32, len: u32 }
 
 // t = numerator / denominator * 2^exponent; the denominator is positive.
 struct Crossing { met: bool, numerator: u32, denominator: u32, len: u32, exponent: i32 }
@@ -31,13 +31,13 @@ fn limbs(bits: i32) -> u32 { return u32(bits + 31) >> 5u; }
 fn set_line(origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32) {
     let units = with_units(ALL_BITS, direction, 0);
     let bits = units.y - units.x + 24;
-    line = Line(origin, direction, t_min, t_max, shift, units.x, bits, limbs(bits), false);
+    line = Line(origin, direction, t_min, t_max, shift, units.x, bits, limbs(bits));
 }
 
-// Its direction, where numbers of any length lie.
+// Puts its direction where numbers of any length lie, for all functions but those above.
 fn make_line() {
-    if line.made { return; }
-    line.made = true;
+    words[ONE] = 0u;
+    words[ONE + 1u] = 1u;
     for (var i = 0u; i < 3u; i += 1u) {
         let at = DIRECTION + COORDINATE * i;
         clear(at, line.len);
@@ -89,8 +89,6 @@ fn triple(at: u32, x: u32, x_len: u32, p: u32, q: u32, len: Lengths) {
 
 // The crossing of the line with a closed triangle within the ray's limits, kept in place `slot` of two.
 fn meet_exactly(corners: array<vec3<u32>, 3>, slot: u32) -> Crossing {
-    make_line();
-    put_one();
     var points = corners;
     let units = units_of(points);
     let bits = units.y - units.x + 25;
@@ -130,13 +128,7 @@ fn cross_planes(made: Crossing, len: Lengths) -> bool {
     return sign_of_number(made.denominator, len.triple) != 0;
 }
 
-fn put_one() {
-    words[ONE] = 0u;
-    words[ONE + 1u] = 1u;
-}
-
 fn is_within(c: Crossing) -> bool {
-    put_one();
     for (var i = 0u; i < 2u; i += 1u) {
         let limit = select(line.t_min, line.t_max, i == 1u);
         if (limit & 0x7fffffffu) == 0x7f800000u { continue; }

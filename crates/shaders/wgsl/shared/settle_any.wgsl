@@ -1,35 +1,50 @@
-// Settles whether a ray meets one of the triangles it has notes of, or one that another search finds.
+// Settles whether a ray meets anything: by its notes, or by another search and whole numbers of any length.
 
 // The triangle that a shadow's ray leaves.
 var<private> left_out: u32;
 
 fn see_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     let corners = corners_of(leaf);
-    if corners.triangle == ignore { return false; }
-    let j = judge(ray, corners);
-    return j.possible && (j.sure || decide(ray, corners, j, 0u).met);
+    if corners.triangle == ignore || !judge(ray, corners).possible { return false; }
+    return meet_exactly(points_of(corners.triangle), 0u).met;
 }
 
 fn see_far(leaf: u32) -> bool {
     let triangle = records[3u * leaf].w;
-    return triangle != left_out && cross_exactly(points_of(triangle), 0u).met;
+    return triangle != left_out && meet_exactly(points_of(triangle), 0u).met;
 }
 
-// The ray's line is set.
-fn meets_any(ray: Prepared, ignore: u32, notes: u32) -> bool {
+fn search_again(ray: Prepared, ignore: u32) -> bool {
+    make_line();
     left_out = ignore;
     if ray.far { return walk_far(); }
     set_view(ray);
-    if notes == TOO_MANY { return find_any(ray, ignore); }
-    for (var note = notes; note != NO_NOTE; note = blocked[note_at(note) + 1u]) {
-        if see_any(ray, blocked[note_at(note)], ignore) { return true; }
-    }
-    return false;
+    return find_any(ray, ignore);
 }
 
-// Settles one ray, and counts it as word `count` of `counts` if it meets anything.
-fn settle_any(i: u32, ray: Prepared, ignore: u32, count: u32) {
-    let met = meets_any(ray, ignore, blocked[i]);
+// What the notes of a ray say, for the ray's first invocation. All of a workgroup call it.
+struct Said { met: bool, hard: bool }
+
+fn said_by_notes(list: u32, local: u32) -> Said {
+    var said = Said();
+    var rest = Rest(list, false);
+    while !rest.all_done {
+        decide_notes(rest.list, local);
+        if local % 16u == 0u {
+            for (var k = local / 4u; k < local / 4u + 4u; k += 1u) {
+                said.met = said.met || decided[k].met == 1u;
+                said.hard = said.hard || decided[k].hard == 1u;
+            }
+        }
+        rest = rest_of(rest.list, local);
+    }
+    return said;
+}
+
+// Writes whether one ray, whose line is set, meets anything, and counts it as word `count` of `counts` if it does.
+fn settle_any(i: u32, ray: Prepared, ignore: u32, count: u32, said: Said) {
+    var met = said.met;
+    if !met && (said.hard || ray.far || blocked[i] == TOO_MANY) { met = search_again(ray, ignore); }
     blocked[i] = select(0u, 1u, met);
     if met { atomicAdd(&counts[count], 1u); }
 }

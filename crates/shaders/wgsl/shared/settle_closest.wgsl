@@ -1,13 +1,11 @@
-// Settles which of a ray's candidates is first: those it has notes of, or those that another search finds.
+// Settles which of a ray's candidates is first: by its notes, or by another search and whole numbers of any length.
 
 struct Found { bound: f32, leaf: u32 }
 
-// Of the candidates so far: where its t lies, and the crossing, if one was made, in place `first_slot`.
+// Of the candidates so far.
+var<private> first: Crossing;
 var<private> first_leaf: u32;
 var<private> first_triangle: u32;
-var<private> first_span: vec2<f32>;
-var<private> first_crossing: Crossing;
-var<private> first_slot: u32;
 // As the search before had it.
 var<private> last_bound: f32;
 
@@ -16,80 +14,123 @@ fn nothing_found(ray: Prepared) -> Found { return Found(last_bound, NO_LEAF); }
 fn limit(found: Found) -> f32 { return found.bound; }
 
 fn see_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
-    consider(ray, leaf);
+    let j = judge(ray, corners_of(leaf));
+    if j.possible && j.low <= found.bound { consider(leaf); }
     return found;
 }
 
 fn see_far(leaf: u32) -> bool {
-    let triangle = records[3u * leaf].w;
-    let c = cross_exactly(points_of(triangle), 1u - first_slot);
-    if c.met { offer(leaf, triangle, vec2<f32>(-DEEP, DEEP), c); }
+    consider(leaf);
     return false;
 }
 
-fn consider(ray: Prepared, leaf: u32) {
-    let corners = corners_of(leaf);
-    let j = judge(ray, corners);
-    if !j.possible || !(j.low <= last_bound) { return; }
-    var c = NOT_MET;
-    if !j.sure {
-        let decided = decide(ray, corners, j, 1u - first_slot);
-        if !decided.met { return; }
-        c = decided.crossing;
+// Keeps a leaf if its triangle is met before all others: least t, then least index.
+fn consider(leaf: u32) {
+    let triangle = records[3u * leaf].w;
+    let is_first = first_leaf == NO_LEAF;
+    let c = meet_exactly(points_of(triangle), select(0u, 1u, !is_first && first.numerator == CROSSINGS));
+    if !c.met { return; }
+    if !is_first {
+        let order = order_crossings(c, first);
+        if order > 0 || (order == 0 && triangle > first_triangle) { return; }
     }
-    offer(leaf, corners.triangle, vec2<f32>(j.low, j.high), c);
-}
-
-// Takes a triangle that is hit if it is met before the first so far: least t, then least index. `c` may be unmade.
-fn offer(leaf: u32, triangle: u32, span: vec2<f32>, made: Crossing) {
-    var c = made;
-    if first_leaf != NO_LEAF && !(span.y < first_span.x) {
-        if span.x > first_span.y { return; }
-        if !first_crossing.met { first_crossing = cross_exactly(points_of(first_triangle), first_slot); }
-        if !c.met { c = cross_exactly(points_of(triangle), 1u - first_slot); }
-        let order = order_crossings(c, first_crossing);
-        if order > 0 || (order == 0 && triangle >= first_triangle) { return; }
-    }
-    if c.met { first_slot = 1u - first_slot; }
+    first = c;
     first_leaf = leaf;
     first_triangle = triangle;
-    first_span = span;
-    first_crossing = c;
 }
 
-// Begins with what the search before was sure of.
-fn begin(known: vec4<u32>) {
-    last_bound = bitcast<f32>(known.x);
-    first_leaf = known.z;
-    first_span = vec2<f32>(bitcast<f32>(known.y), last_bound);
-    first_crossing = NOT_MET;
-    first_slot = 0u;
-    if first_leaf != NO_LEAF { first_triangle = records[3u * first_leaf].w; }
+// In place of a leaf: notes do not tell.
+const UNTOLD: u32 = 0xfffffffeu;
+
+// The first of the triangles that are met: least t, then least index.
+struct First { leaf: u32, triangle: u32, made: Decided }
+
+const NO_FIRST: First = First(NO_LEAF, NO_LEAF, Decided());
+// As many limbs as six words have.
+const LIMBS: u32 = 6u;
+
+// Looks over four notes that are decided, the first of which stands in place `at`.
+fn resolve(so_far: First, at: u32) -> First {
+    var first = so_far;
+    for (var k = at; k < at + 4u; k += 1u) {
+        let made = decided[k];
+        if made.hard == 1u { first.leaf = UNTOLD; }
+        if made.met == 0u || first.leaf == UNTOLD { continue; }
+        let triangle = records[3u * made.leaf].w;
+        var order = -1;
+        if first.leaf != NO_LEAF {
+            order = compare_about(made.about, first.made.about);
+            if order == 0 { order = order_exactly(made, k, first.made); }
+        }
+        if order > 0 || (order == 0 && triangle >= first.triangle) { continue; }
+        first = First(made.leaf, triangle, made);
+        put_first(k);
+    }
+    return first;
 }
 
-// Settles the hit of one ray, whose line is set.
-fn settle_closest(i: u32, ray: Prepared) {
-    begin(hits[i]);
-    set_view(ray);
-    var note = hits[i].w;
-    if ray.far {
-        _ = walk_far();
-    } else if note == TOO_MANY {
-        _ = find_closest(ray);
-    } else {
-        while note != NO_NOTE {
-            consider(ray, blocked[note_at(note)]);
-            note = blocked[note_at(note) + 1u];
+// The first so far keeps its numbers in place 0 of two.
+fn put_first(k: u32) {
+    put_192(CROSSINGS, determinants[4u * k + 3u]);
+    put_192(CROSSINGS + 28u, determinants[4u * k]);
+}
+
+fn order_exactly(made: Decided, k: u32, other: Decided) -> i32 {
+    put_192(CROSSINGS + 56u, determinants[4u * k + 3u]);
+    put_192(CROSSINGS + 84u, determinants[4u * k]);
+    let a = Crossing(true, CROSSINGS + 56u, CROSSINGS + 84u, LIMBS, made.exponent);
+    return order_crossings(a, Crossing(true, CROSSINGS, CROSSINGS + 28u, LIMBS, other.exponent));
+}
+
+// Puts a number that is not negative where those of any length lie.
+fn put_192(at: u32, n: Whole192) {
+    words[at] = 0u;
+    for (var i = 0u; i < 3u; i += 1u) {
+        words[at + 1u + i] = n.low[i];
+        words[at + 4u + i] = n.high[i];
+    }
+}
+
+// The leaf of the first of a ray's notes, for the ray's first invocation, or UNTOLD. All of a workgroup call it.
+fn first_of_notes(list: u32, local: u32) -> u32 {
+    var first = NO_FIRST;
+    var rest = Rest(list, false);
+    while !rest.all_done {
+        decide_notes(rest.list, local);
+        if local % 16u == 0u { first = resolve(first, local / 4u); }
+        rest = rest_of(rest.list, local);
+    }
+    return first.leaf;
+}
+
+// Writes the hit of one ray, whose line is set.
+fn settle_closest(i: u32, ray: Prepared, told: u32) {
+    var leaf = told;
+    if leaf == UNTOLD || ray.far || hits[i].y == TOO_MANY {
+        leaf = search_again(i, ray);
+        if leaf != NO_LEAF && ray.far {
+            hits[i] = vec4<u32>(rounded_t(first), 0u, 0u, first_triangle);
+            atomicAdd(&counts[2], 1u);
+            return;
         }
     }
-    if first_leaf == NO_LEAF {
+    if leaf == NO_LEAF {
         hits[i] = MISS;
         return;
     }
-    if ray.far {
-        hits[i] = vec4<u32>(rounded_t(first_crossing), 0u, 0u, first_triangle);
-    } else {
-        hits[i] = reported(ray, corners_of(first_leaf));
-    }
+    hits[i] = reported(ray, corners_of(leaf));
     atomicAdd(&counts[2], 1u);
+}
+
+fn search_again(i: u32, ray: Prepared) -> u32 {
+    make_line();
+    last_bound = bitcast<f32>(hits[i].x);
+    first_leaf = NO_LEAF;
+    if ray.far {
+        _ = walk_far();
+    } else {
+        set_view(ray);
+        _ = find_closest(ray);
+    }
+    return first_leaf;
 }

@@ -32,7 +32,9 @@ fn see_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
 // Writes a ray's hit, or what is known for whoever settles it.
 fn keep_closest(i: u32, ray: Prepared, found: Found) {
     if ray.far || (found.other < NEVER && found.other <= found.bound) {
-        hits[i] = vec4<u32>(bitcast<u32>(found.bound), bitcast<u32>(found.low), found.leaf, found.notes);
+        var notes = found.notes;
+        if found.leaf != NO_LEAF { notes = with_note(notes, found.leaf, 9u); }
+        hits[i] = vec4<u32>(bitcast<u32>(found.bound), notes, 0u, 0u);
         blocked[params.first + atomicAdd(&counts[7], 1u)] = i;
         return;
     }
