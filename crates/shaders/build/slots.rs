@@ -48,7 +48,7 @@ pub(crate) const SLOTS: &[Slot] = &[
             Value {
                 name: "exact",
                 faces: &[
-                    ("test", &["watertight", "filter", "notes", "take_note"]),
+                    ("test", &["watertight", "view", "filter", "notes", "take_note"]),
                     ("bind", &[]),
                     ("closest", &["sure_closest"]),
                     ("any", &["sure_any"]),
@@ -56,6 +56,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                         "settle",
                         &[
                             "watertight",
+                            "view",
                             "filter",
                             "notes",
                             "whole",
