@@ -48,7 +48,10 @@ pub(crate) const SLOTS: &[Slot] = &[
             Value {
                 name: "exact",
                 faces: &[
-                    ("test", &["watertight", "view", "filter", "notes", "take_note"]),
+                    (
+                        "test",
+                        &["watertight", "view", "filter", "notes", "take_note"],
+                    ),
                     ("bind", &[]),
                     ("closest", &["sure_closest"]),
                     ("any", &["sure_any"]),
