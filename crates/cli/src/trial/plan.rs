@@ -35,12 +35,12 @@ const WARM_MS: f64 = 100.0;
 const PARTS: usize = 8;
 
 impl Plan {
-    /// Moments spread over the run, for so many policies in `allowance` milliseconds; `None` if there is no time.
+    /// Moments spread over the run, for so many policies in `allowance` milliseconds, if there is time for two first
+    /// trees too; `None` if there is not. Who has no time left is left out later.
     pub(super) fn spread(allowance: f64, policies: usize, guess: Guess) -> Option<Self> {
         let fits = SPREAD.iter().find(|(places, timed)| {
-            let frames = 1 + places * (1 + timed);
-            let one = guess.build_ms + frames as f64 * guess.frame_ms;
-            policies as f64 * one <= allowance
+            let frames = policies * (1 + places * (1 + timed));
+            2.0 * guess.build_ms + frames as f64 * guess.frame_ms <= allowance
         });
         let &(places, timed) = fits?;
         Some(Self::lay(guess.frames, places, 1, timed))
