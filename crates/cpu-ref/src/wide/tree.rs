@@ -7,6 +7,7 @@ use crate::triangle_test::Record;
 use backend::Result;
 use bvh_layout::{BlockTree, Ranges, Topology};
 use geom::{Aabb, StaticParts};
+use rayon::iter::IndexedParallelIterator;
 use std::sync::Arc;
 
 pub(crate) use bvh_layout::{LANES, Link};
@@ -117,16 +118,43 @@ impl Wide {
             Some(shape) => Arc::clone(shape),
             None => Arc::new(BlockTree::of(tree, triangles)),
         };
-        reserve(&mut self.nodes, shape.nodes.len(), "nodes")?;
-        reserve(&mut self.blocks, shape.blocks.len(), "blocks of triangles")?;
-        self.nodes.resize(shape.nodes.len(), Node::UNUSED);
-        self.blocks.resize(shape.blocks.len(), Block::UNUSED);
+        let nodes = larger(&self.nodes, shape.nodes.len(), "nodes")?;
+        let blocks = larger(&self.blocks, shape.blocks.len(), "blocks of triangles")?;
+        let outgrown = (
+            fill(&mut self.nodes, nodes, shape.nodes.len(), Node::UNUSED),
+            fill(&mut self.blocks, blocks, shape.blocks.len(), Block::UNUSED),
+        );
         self.stale = true;
         self.moving = tree.moving().map(|_| Moving::of(&shape, &parts.triangles));
         self.binary.copy_record(tree);
         let old = std::mem::replace(&mut self.shape, shape);
         // Giving much memory back takes a while.
-        rayon::spawn(move || drop(old));
+        rayon::spawn(move || drop((old, outgrown)));
         Ok(())
     }
+}
+
+/// Memory in the place of `old` if that is too small, and more than is asked: the next tree may have a few more.
+fn larger<T>(old: &Vec<T>, count: usize, what: &str) -> Result<Option<Vec<T>>> {
+    if old.capacity() >= count {
+        return Ok(None);
+    }
+    let mut new = Vec::new();
+    reserve(&mut new, count + count / 4, what)?;
+    Ok(Some(new))
+}
+
+/// Makes `memory` so long, in `larger` if there is any; returns what it outgrew.
+fn fill<T: Copy + Send + Sync>(
+    memory: &mut Vec<T>,
+    larger: Option<Vec<T>>,
+    count: usize,
+    with: T,
+) -> Option<Vec<T>> {
+    let Some(mut larger) = larger else {
+        memory.resize(count, with);
+        return None;
+    };
+    rayon::iter::repeat_n(with, count).collect_into_vec(&mut larger);
+    Some(std::mem::replace(memory, larger))
 }
