@@ -81,9 +81,11 @@ fn bench_all(criterion: &mut Criterion, kind: &str, work: &Work<'_>, camera: Ray
 
 /// A backend with a fresh tree.
 fn ready(mesh: &Mesh, method: Method, threads: usize) -> Tracer {
-    let ours = built(mesh, &pool(threads));
+    let pool = pool(threads);
+    let ours = built(mesh, &pool);
+    let positions = mesh.positions(mesh.start());
     let mut tracer = Tracer::with(mesh, method, threads);
-    tracer.adopt(ours.record());
+    tracer.adopt(&pool.install(|| ours.record_with_blocks(mesh, &positions)));
     tracer.refit();
     tracer
 }

@@ -54,6 +54,17 @@ impl Ours {
         &self.record
     }
 
+    /// The record with its eight-wide form, as a builder hands it to layout `fast`; in the caller's pool.
+    #[must_use]
+    pub fn record_with_blocks(&self, mesh: &Mesh, positions: &[Point]) -> Topology {
+        let boxes = (&*mesh.animation, positions);
+        let boxes: Vec<_> = (0..mesh.triangle_count() as u32)
+            .map(|triangle| boxes.get(triangle))
+            .collect();
+        let triangles = mesh.animation.triangles();
+        self.record.clone().with_blocks(triangles, &boxes)
+    }
+
     /// The record's nodes, with boxes over `positions`.
     #[must_use]
     pub fn nodes(&self, mesh: &Mesh, positions: &[Point]) -> Vec<Node> {

@@ -3,7 +3,7 @@
 use crate::header::Header;
 use crate::{BlockTree, Moving, RecordError, Treelets};
 use bvh_build::BinaryTree;
-use geom::StaticParts;
+use geom::{Aabb, StaticParts};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
@@ -176,13 +176,13 @@ impl Topology {
         }
     }
 
-    /// The same tree with its eight-wide form, for a scene of these triangles; in parallel.
+    /// The same tree with its eight-wide form, for a scene of these triangles; in parallel. See [`BlockTree::of`].
     ///
     /// # Panics
     /// If the record is not one of these triangles.
     #[must_use]
-    pub fn with_blocks(self, triangles: &[[u32; 3]]) -> Self {
-        let blocks = Some(Arc::new(BlockTree::of(&self, triangles)));
+    pub fn with_blocks(self, triangles: &[[u32; 3]], boxes: &[Aabb]) -> Self {
+        let blocks = Some(Arc::new(BlockTree::of(&self, triangles, boxes)));
         Self { blocks, ..self }
     }
 

@@ -252,7 +252,7 @@ impl Workbench {
             topology = topology.with_treelets(&self.tree);
         }
         if self.forms.blocks {
-            topology = topology.with_blocks(animation.triangles());
+            topology = topology.with_blocks(animation.triangles(), &self.boxes);
         }
         topology
     }

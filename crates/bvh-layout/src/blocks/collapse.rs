@@ -3,6 +3,7 @@
 use super::opened::{Binary, Opened, Shape};
 use super::{Block, BlockTree, LANES, Link, WideNode};
 use crate::Topology;
+use geom::Aabb;
 use rayon::prelude::*;
 
 /// Binary nodes, wide nodes or blocks that one task handles.
@@ -11,15 +12,20 @@ const RUN: usize = 2048;
 impl BlockTree {
     /// Of a record, in the rayon pool that the caller installed; `triangles` are the scene's, three vertices each.
     ///
+    /// With a box for each triangle in `boxes`, the subtree of the largest area is opened first, else (if there are
+    /// none) the one of most triangles.
+    ///
     /// # Panics
     /// If the record is not one of these triangles.
     #[must_use]
-    pub fn of(tree: &Topology, triangles: &[[u32; 3]]) -> Self {
+    pub fn of(tree: &Topology, triangles: &[[u32; 3]], boxes: &[Aabb]) -> Self {
         let sizes = sizes(tree);
+        let areas = areas(tree, boxes);
         let shape = Shape {
             bits: tree.leaf_bits(),
             ranks: tree.leaf_ranks(),
             sizes: &sizes,
+            areas: areas.as_deref(),
         };
         let (mut all, roots) = Self::nodes_of(shape);
         let leaves = tree.leaf_triangles();
@@ -88,6 +94,7 @@ fn sizes(tree: &Topology) -> Vec<u32> {
         bits: tree.leaf_bits(),
         ranks: tree.leaf_ranks(),
         sizes: &[],
+        areas: None,
     };
     let levels: Vec<_> = tree.levels().collect();
     for level in levels.iter().rev() {
@@ -104,6 +111,40 @@ fn sizes(tree: &Topology) -> Vec<u32> {
         sizes.with_min_len(RUN).for_each(count);
     }
     sizes
+}
+
+/// Half areas of all inner nodes, if there is a box for each triangle.
+fn areas(tree: &Topology, boxes: &[Aabb]) -> Option<Vec<f32>> {
+    if boxes.len() != tree.triangle_count() {
+        return None;
+    }
+    let shape = Shape {
+        bits: tree.leaf_bits(),
+        ranks: tree.leaf_ranks(),
+        sizes: &[],
+        areas: None,
+    };
+    let triangles = tree.leaf_triangles();
+    let mut inner = vec![Aabb::EMPTY; tree.leaf_count().saturating_sub(1)];
+    let levels: Vec<_> = tree.levels().collect();
+    for level in levels.iter().rev() {
+        let [start, end] = [level.inner.start, level.inner.end].map(|i| i as usize);
+        let (upper, deeper) = inner.split_at_mut(end);
+        let unite = |(i, bounds): (usize, &mut Aabb)| {
+            let [a, b] =
+                shape
+                    .children(Binary((start + i) as u32))
+                    .map(|child| match child.leaf() {
+                        Some(rank) => boxes[triangles[rank as usize] as usize],
+                        None => deeper[child.0 as usize - end],
+                    });
+            *bounds = a.union(b);
+        };
+        let nodes = upper[start..].par_iter_mut().enumerate();
+        nodes.with_min_len(RUN).for_each(unite);
+    }
+    let areas = inner.par_iter().with_min_len(RUN);
+    Some(areas.map(|b| b.half_area() as f32).collect())
 }
 
 fn of_leaves(leaves: &Opened, leaf_triangles: &[u32], triangles: &[[u32; 3]]) -> Block {

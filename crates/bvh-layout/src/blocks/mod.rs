@@ -12,8 +12,8 @@ pub const LANES: usize = 8;
 
 /// The binary tree collapsed, for machines that test eight boxes or triangles at once (Wald, Benthin, Boulos 2008).
 ///
-/// A subtree of at most eight triangles is a *block*; above, a node holds up to eight subtrees, the largest being
-/// opened first. There is always a root, and it is a node.
+/// A subtree of at most eight triangles is a *block*; above, a node holds up to eight subtrees, that of the largest
+/// area being opened first. There is always a root, and it is a node.
 ///
 /// # What it costs
 ///

@@ -66,6 +66,8 @@ pub(super) struct Shape<'a> {
     pub(super) bits: &'a [u32],
     pub(super) ranks: &'a [u32],
     pub(super) sizes: &'a [u32],
+    /// Half areas of inner nodes, if boxes are known.
+    pub(super) areas: Option<&'a [f32]>,
 }
 
 impl Shape<'_> {
@@ -103,16 +105,24 @@ impl Shape<'_> {
     pub(super) fn open_node(&self, root: Binary) -> Opened {
         let mut opened = Opened::of(root);
         while opened.count < LANES {
-            let size = |lane: &usize| self.size(opened.lanes[*lane]);
-            let Some(largest) = (0..opened.count).max_by_key(size) else {
+            let lanes = opened.lanes().iter().enumerate();
+            let large = lanes.filter(|(_, node)| self.size(**node) as usize > LANES);
+            let Some((largest, _)) =
+                large.max_by(|a, b| self.extent(*a.1).total_cmp(&self.extent(*b.1)))
+            else {
                 break;
             };
-            if size(&largest) as usize <= LANES {
-                break;
-            }
             opened.open(largest, self.children(opened.lanes[largest]));
         }
         opened
+    }
+
+    /// What subtrees are compared by: their area, else their leaves.
+    fn extent(&self, node: Binary) -> f32 {
+        match (self.areas, node.leaf()) {
+            (Some(areas), None) => areas[node.0 as usize],
+            _ => self.size(node) as f32,
+        }
     }
 
     /// The leaves of one block.

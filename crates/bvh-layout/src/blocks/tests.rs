@@ -67,7 +67,7 @@ fn depth_first(tree: &Topology, node: u32, out: &mut Vec<u32>) {
 }
 
 fn check(topology: &Topology) {
-    let tree = BlockTree::of(topology, &triangles(topology.triangle_count()));
+    let tree = BlockTree::of(topology, &triangles(topology.triangle_count()), &[]);
     let (mut found, mut expected) = (Vec::new(), Vec::new());
     let mut seen = vec![0; tree.nodes.len()];
     if topology.leaf_count() > 0 {
@@ -103,12 +103,46 @@ fn each_triangle_and_each_inner_node_has_one_place() {
 fn full_subtrees_make_full_nodes() {
     let tree = &random_tree(20_000, 5);
     let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
-    let wide = BlockTree::of(&record, &triangles(tree.scene()));
+    let wide = BlockTree::of(&record, &triangles(tree.scene()), &[]);
     let upper = &wide.nodes[wide.levels[1].clone()];
     assert!(upper.iter().all(|node| !node.links.contains(&Link::ROOT)));
     assert!(
         wide.blocks.len() * 4 < 20_000,
         "{} blocks",
         wide.blocks.len()
+    );
+}
+
+#[test]
+fn the_subtree_of_the_largest_area_is_opened_first() {
+    // All subtrees are alike but those above one large triangle.
+    let tree = &random_tree(20_000, 5);
+    let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
+    let corners = triangles(tree.scene());
+    let large = record.leaf_triangles()[7];
+    let boxes: Vec<_> = (0..tree.scene() as u32)
+        .map(|t| {
+            let size = if t == large { 100.0 } else { 1.0 };
+            geom::Aabb {
+                min: [0.0; 3],
+                max: [size; 3],
+            }
+        })
+        .collect();
+    let depth = |wide: &BlockTree| {
+        let is_there = |block: &Block| block.triangles.contains(&large);
+        let block = wide.blocks.iter().position(is_there).unwrap() as u32;
+        let node = wide.first_blocks.partition_point(|&first| first <= block) - 1;
+        wide.levels
+            .iter()
+            .position(|level| level.contains(&node))
+            .unwrap()
+    };
+    let [by_size, by_area] = [&[][..], &boxes].map(|b| BlockTree::of(&record, &corners, b));
+    assert!(
+        depth(&by_area) < depth(&by_size),
+        "{} {}",
+        depth(&by_area),
+        depth(&by_size)
     );
 }

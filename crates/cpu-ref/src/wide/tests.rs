@@ -123,7 +123,7 @@ fn a_tree_that_brings_its_blocks_is_adopted_as_one_that_does_not() {
     let rays = list(&camera.unwrap());
     for (old, new) in [(&good, &bad), (&bad, &good)] {
         let mut found = kinds().into_iter().flat_map(|kind| {
-            let with = new.clone().with_blocks(animation.triangles());
+            let with = new.clone().with_blocks(animation.triangles(), &[]);
             let method = (Intersector::Watertight, kind);
             [with, new.clone()].map(|new| {
                 let mut backend = ready(&animation, method, old, first, 1);

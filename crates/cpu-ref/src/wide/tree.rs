@@ -116,7 +116,7 @@ impl Wide {
     ) -> Result<()> {
         let shape = match tree.blocks() {
             Some(shape) => Arc::clone(shape),
-            None => Arc::new(BlockTree::of(tree, triangles)),
+            None => Arc::new(BlockTree::of(tree, triangles, &[])),
         };
         let nodes = larger(&self.nodes, shape.nodes.len(), "nodes")?;
         let blocks = larger(&self.blocks, shape.blocks.len(), "blocks of triangles")?;
