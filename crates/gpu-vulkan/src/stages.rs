@@ -31,6 +31,7 @@ impl VulkanBackend {
             "topology" => tree.topology(),
             "leaf_nodes" => &tree.leaf_nodes,
             "inner_nodes" => &tree.inner_nodes,
+            "leaf_corners" => &tree.leaf_corners,
             "records" => &tree.triangles,
             "nodes" => &tree.nodes,
             "costs" => &tree.costs,

@@ -23,6 +23,8 @@ pub(crate) struct TreeBuffers {
     /// Empty with layout `fast`, as is the other list.
     pub(crate) leaf_nodes: Buffer,
     pub(crate) inner_nodes: Buffer,
+    /// Three vertices a leaf with layout `fast`, else empty.
+    pub(crate) leaf_corners: Buffer,
     pub(crate) triangles: Buffer,
     /// With layout `fast` as large as the trees so far asked for, as is `costs`.
     pub(crate) nodes: Buffer,
@@ -57,19 +59,21 @@ impl TreeBuffers {
         let layout = method.layout;
         let records = shaders::record_bytes(method.intersector, leaves);
         let device = |what, bytes| Buffer::new(gpu, what, bytes, Place::Device);
-        let (list_bytes, node_bytes, cost_bytes) = match layout {
+        let (list_bytes, corner_bytes, node_bytes, cost_bytes) = match layout {
             Layout::Bvh2 => (
                 leaves * 4,
+                0,
                 (2 * leaves).saturating_sub(1) * 32,
                 Shape::cost_bytes(leaves),
             ),
-            Layout::Fast => (0, 0, 0),
+            Layout::Fast => (0, leaves * 12, 0, 0),
         };
         Ok(Self {
             records: Vec::new(),
             current: 0,
             leaf_nodes: device("the list of leaves", list_bytes)?,
             inner_nodes: device("the list of inner nodes", list_bytes)?,
+            leaf_corners: device("the leaves' vertices", corner_bytes)?,
             triangles: device("the triangles' records", records)?,
             nodes: device(NODES, node_bytes)?,
             costs: device(COSTS, cost_bytes)?,

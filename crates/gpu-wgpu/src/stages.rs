@@ -30,6 +30,7 @@ impl WgpuBackend {
             "topology" => tree.topology(),
             "leaf_nodes" => &tree.leaf_nodes,
             "inner_nodes" => &tree.inner_nodes,
+            "leaf_corners" => &tree.leaf_corners,
             "records" => &tree.triangles,
             "nodes" => &tree.nodes,
             "costs" => &tree.costs,

@@ -21,6 +21,8 @@ pub(crate) struct TreeBuffers {
     /// Empty with layout `fast`, as is the other list.
     pub(crate) leaf_nodes: Buffer,
     pub(crate) inner_nodes: Buffer,
+    /// Three vertices a leaf with layout `fast`, else empty.
+    pub(crate) leaf_corners: Buffer,
     pub(crate) triangles: Buffer,
     /// With layout `fast` as large as the trees so far asked for, as is `costs`.
     pub(crate) nodes: Buffer,
@@ -41,13 +43,14 @@ impl TreeBuffers {
         let leaves = animation.live_count() as u64;
         let layout = method.layout;
         let records = shaders::record_bytes(method.intersector, leaves);
-        let (list_bytes, node_bytes, cost_bytes) = match layout {
+        let (list_bytes, corner_bytes, node_bytes, cost_bytes) = match layout {
             Layout::Bvh2 => (
                 leaves * 4,
+                0,
                 (2 * leaves).saturating_sub(1) * 32,
                 Shape::cost_bytes(leaves),
             ),
-            Layout::Fast => (0, 0, 0),
+            Layout::Fast => (0, leaves * 12, 0, 0),
         };
         gpu.within(NODES, node_bytes)?;
         gpu.within("the triangles' records", records)?;
@@ -56,6 +59,7 @@ impl TreeBuffers {
             current: 0,
             leaf_nodes: storage(gpu, "the list of leaves", list_bytes)?,
             inner_nodes: storage(gpu, "the list of inner nodes", list_bytes)?,
+            leaf_corners: storage(gpu, "the leaves' vertices", corner_bytes)?,
             triangles: storage(gpu, "the triangles' records", records)?,
             nodes: storage(gpu, NODES, node_bytes)?,
             costs: storage(gpu, COSTS, cost_bytes)?,
@@ -140,7 +144,8 @@ impl TreeBuffers {
     /// Bytes of device memory.
     pub(crate) fn bytes(&self) -> u64 {
         let lists = [&self.leaf_nodes, &self.inner_nodes, &self.triangles];
-        let all = lists.into_iter().chain([&self.nodes, &self.costs]);
+        let all = lists.into_iter().chain([&self.leaf_corners]);
+        let all = all.chain([&self.nodes, &self.costs]);
         let all = all.chain(self.records_of.iter().flatten());
         let build = self.build.iter().flat_map(Buffers::all);
         all.chain(build).map(Buffer::size).sum()

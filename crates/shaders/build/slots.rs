@@ -105,7 +105,7 @@ pub(crate) const SLOTS: &[Slot] = &[
         name: "treelets",
         values: &[Value {
             name: "fast",
-            faces: &[("refit", &["treelet", "area"])],
+            faces: &[("adopt", &[]), ("refit", &["treelet", "area"])],
         }],
     },
 ];

@@ -12,6 +12,11 @@
 
 const LEAF: u32 = 0x80000000u;
 
+fn corner(triangle: u32, which: u32) -> vec3<u32> {
+    let at = 3u * triangles[3u * triangle + which];
+    return vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]);
+}
+
 @compute @workgroup_size(128)
 fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     var leaf = element(id, groups, 128u);

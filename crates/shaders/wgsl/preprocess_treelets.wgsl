@@ -6,7 +6,8 @@
 // neighbours write neighbouring rows. Areas are added up as `refit` does, one partial sum a treelet.
 
 @group(0) @binding(1) var<storage, read> topology: array<u32>;
-@group(0) @binding(2) var<storage, read> triangles: array<u32>;
+// Three vertices a triangle, in leaf order: see gather_corners.wgsl.
+@group(0) @binding(2) var<storage, read> leaf_corners: array<u32>;
 @group(0) @binding(3) var<storage, read> positions: array<u32>;
 @group(0) @binding(4) var<storage, read_write> records: array<vec4<u32>>;
 @group(0) @binding(5) var<storage, read_write> nodes: array<vec4<u32>>;
@@ -40,11 +41,16 @@ fn write_records(t: Treelet, local: u32) {
     }
 }
 
+fn corner(leaf: u32, which: u32) -> vec3<u32> {
+    let at = 3u * leaf_corners[3u * leaf + which];
+    return vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]);
+}
+
 // Stages a triangle's record and returns its box.
-fn stand(local: u32, triangle: u32) -> Box {
-    let given_a = corner(triangle, 0u);
-    let given_b = corner(triangle, 1u);
-    let given_c = corner(triangle, 2u);
+fn stand(local: u32, leaf: u32, triangle: u32) -> Box {
+    let given_a = corner(leaf, 0u);
+    let given_b = corner(leaf, 1u);
+    let given_c = corner(leaf, 2u);
     let a = scaled_point(given_a);
     let b = scaled_point(given_b);
     let c = scaled_point(given_c);
@@ -87,7 +93,7 @@ fn preprocess_treelets(
     if local < t.leaf_count {
         word = topology[params.leaf_triangles_at + leaf];
         keep_index(leaf, word & ~SHARED);
-        own = stand(local, word & ~SHARED);
+        own = stand(local, leaf, word & ~SHARED);
     }
     workgroupBarrier();
     write_records(t, local);

@@ -19,13 +19,14 @@ pub struct Progress {
 
 impl Progress {
     /// Positions to records and boxes of leaves, after the tree's lists of nodes if need be;
-    /// with layout `fast` also to boxes of all nodes in treelets of triangles.
+    /// with layout `fast`, after the leaves' vertices, also to boxes of all nodes in treelets of triangles.
     /// Also for [`crate::Extents::uncounted`] how many triangles of zero area it passes over.
     #[must_use]
     pub fn preprocess(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, u32) {
         if tree.layout == Layout::Fast {
+            let adopt = (!self.has_lists).then(|| treelets::adopt(method, params, tree));
             let (work, uncounted) = treelets::preprocess(method, params, tree, self.has_records);
-            return (vec![work], uncounted);
+            return (adopt.into_iter().chain([work]).collect(), uncounted);
         }
         let mut work = Vec::with_capacity(3);
         if !self.has_lists {

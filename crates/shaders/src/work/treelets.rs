@@ -5,6 +5,15 @@ use crate::{Kernel, MovingTreeletShape, Params, Shape, kernel};
 use backend::Method;
 use std::ops::Range;
 
+/// A tree just adopted to its leaves' vertices.
+pub(super) fn adopt(method: Method, params: Params, tree: &Shape) -> Work {
+    Work::linear(
+        kernel("gather_corners", method),
+        params,
+        3 * tree.leaf_count,
+    )
+}
+
 /// Positions to records, and to boxes of all nodes in treelets of triangles; if records stand, only where anything moves.
 /// Also how many triangles of zero area that passes over.
 pub(super) fn preprocess(method: Method, params: Params, tree: &Shape, stand: bool) -> (Work, u32) {
@@ -92,10 +101,11 @@ mod tests {
             ..Method::default()
         };
         let (work, uncounted) = progress.preprocess(method, params, &tree);
-        assert_eq!(
-            (told(&work), uncounted),
-            (vec![("preprocess_treelets", 0, 90, 0)], 0)
-        );
+        let whole = vec![
+            ("gather_corners", 0, 60_000, 0),
+            ("preprocess_treelets", 0, 90, 0),
+        ];
+        assert_eq!((told(&work), uncounted), (whole, 0));
         progress.preprocessed();
         let (work, uncounted) = progress.preprocess(method, params, &tree);
         let listed = vec![("preprocess_treelets", 500, 7, 1)];

@@ -4,11 +4,6 @@ const SOUND: u32 = 0u;
 const INACTIVE: u32 = 1u;
 const DEGENERATE: u32 = 2u;
 
-fn corner(triangle: u32, which: u32) -> vec3<u32> {
-    let at = 3u * triangles[3u * triangle + which];
-    return vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]);
-}
-
 // Of a triangle's corners as they are given, and in scaled units.
 fn standing(given_a: vec3<u32>, given_b: vec3<u32>, given_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> u32 {
     if !(is_finite(given_a) && is_finite(given_b) && is_finite(given_c)) { return INACTIVE; }
