@@ -28,21 +28,29 @@ impl Boxes {
         self.nodes[0]
     }
 
-    /// Calls `visit` with every triangle that a valid ray may hit.
-    pub(crate) fn near(&self, ray: &Ray, mut visit: impl FnMut(u32)) {
+    /// Calls `visit` with every triangle that a valid ray may hit, those in nearer boxes about first. It returns a `t`
+    /// beyond which nothing matters any more: what is hit no nearer than that may be left out.
+    pub(crate) fn near(&self, ray: &Ray, mut visit: impl FnMut(u32) -> f64) {
+        let enter = |node: usize| entry(ray, &self.nodes[node]);
+        let mut bound = f64::INFINITY;
+        let mut stack = Vec::with_capacity(64);
         let groups = self.nodes.len().div_ceil(2);
-        let mut stack = vec![(0, groups, &self.order[..])];
-        while let Some((node, groups, order)) = stack.pop() {
-            if !may_meet(ray, &self.nodes[node]) {
+        stack.extend(enter(0).map(|t| (t, 0, groups, &self.order[..])));
+        while let Some((t, node, groups, order)) = stack.pop() {
+            if t > bound {
                 continue;
             }
             if groups == 1 {
-                order.iter().for_each(|&i| visit(i));
+                bound = order.iter().map(|&i| visit(i)).fold(bound, f64::min);
                 continue;
             }
             let (left, right) = order.split_at(order.len() / 2);
-            stack.push((2 * node + 2, groups / 2, right));
-            stack.push((2 * node + 1, groups / 2, left));
+            let below = |node, order| enter(node).map(|t| (t, node, groups / 2, order));
+            let mut both = [below(2 * node + 1, left), below(2 * node + 2, right)];
+            if both[0].map(|b| b.0) < both[1].map(|b| b.0) {
+                both.swap(0, 1);
+            }
+            stack.extend(both.into_iter().flatten());
         }
     }
 }
@@ -74,21 +82,21 @@ fn split(corners: &[Triangle], order: &mut [u32], nodes: &mut [Aabb], node: usiz
     split(corners, right, nodes, 2 * node + 2, groups / 2);
 }
 
-/// `false` only if the ray meets no point of the box within its interval.
+/// A `t` that is at most that of every point of the box on the ray, within its interval; `None` only if there is no such point.
 ///
 /// A quotient of a difference rounds twice, by less than `4 * 2^-53` of itself,
 /// and neither overflows nor underflows for `f32` input. So each slab's exact
 /// interval lies within the widened one.
-fn may_meet(ray: &Ray, bounds: &Aabb) -> bool {
+fn entry(ray: &Ray, bounds: &Aabb) -> Option<f64> {
     if bounds.is_empty() {
-        return false;
+        return None;
     }
     let (mut low, mut high) = (f64::from(ray.t_min), f64::from(ray.t_max));
     for i in 0..3 {
         let (o, d) = (ray.origin[i], ray.direction[i]);
         if d == 0.0 {
             if o < bounds.min[i] || o > bounds.max[i] {
-                return false;
+                return None;
             }
             continue;
         }
@@ -98,12 +106,37 @@ fn may_meet(ray: &Ray, bounds: &Aabb) -> bool {
         low = low.max(near - 2.0 * f64::EPSILON * near.abs());
         high = high.min(far + 2.0 * f64::EPSILON * far.abs());
     }
-    low <= high
+    (low <= high).then_some(low)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn may_meet(ray: &Ray, bounds: &Aabb) -> bool {
+        entry(ray, bounds).is_some()
+    }
+
+    #[test]
+    fn what_begins_beyond_the_bound_is_left_out_and_what_begins_at_it_is_not() {
+        let wall = |x: f32| [[x, 0.0, 0.0], [x, 1.0, 0.0], [x, 0.0, 1.0]];
+        // Walls at 0, 1, 2 and so on, each eight times, in whatever order.
+        let corners: Vec<Triangle> = (0..256).map(|i| wall((i * 7 % 32) as f32)).collect();
+        let boxes = Boxes::new(&corners, (0..256).collect());
+        for direction in [1.0, -1.0] {
+            let origin = [if direction > 0.0 { -1.0 } else { 32.0 }, 0.1, 0.1];
+            let ray = Ray::new(origin, [direction, 0.0, 0.0]);
+            let at = |i: u32| f64::from((corners[i as usize][0][0] - origin[0]) * direction);
+            let mut seen = Vec::new();
+            boxes.near(&ray, |i| {
+                seen.push(i);
+                3.0_f64.max(at(i))
+            });
+            let near = (0..256).filter(|&i| at(i) <= 3.0).count();
+            assert_eq!(seen.iter().filter(|&&i| at(i) <= 3.0).count(), near);
+            assert!(seen.len() < 2 * near, "{} of {near}", seen.len());
+        }
+    }
 
     #[test]
     fn a_ray_along_a_face_of_a_flat_box_meets_it() {
@@ -154,7 +187,8 @@ mod tests {
             let boxes = Boxes::new(&corners, (0..n).collect());
             let mut seen = Vec::new();
             boxes.near(&Ray::new([-1.0, 0.1, 0.1], [1.0, 0.0, 0.0]), |i| {
-                seen.push(i)
+                seen.push(i);
+                f64::INFINITY
             });
             seen.sort_unstable();
             assert_eq!(seen, (0..n).collect::<Vec<_>>());

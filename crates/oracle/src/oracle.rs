@@ -48,13 +48,16 @@ impl Oracle {
     pub fn closest(&self, ray: &Ray) -> Option<ExactHit> {
         let mut bound = f64::INFINITY;
         let mut maybe = Vec::new();
-        self.judged(ray, |triangle, verdict| match verdict {
-            Verdict::Miss => {}
-            Verdict::Maybe(span) => maybe.push((triangle, span.low)),
-            Verdict::Hit(span) => {
-                bound = bound.min(span.high);
-                maybe.push((triangle, span.low));
+        self.judged(ray, |triangle, verdict| {
+            match verdict {
+                Verdict::Miss => {}
+                Verdict::Maybe(span) => maybe.push((triangle, span.low)),
+                Verdict::Hit(span) => {
+                    bound = bound.min(span.high);
+                    maybe.push((triangle, span.low));
+                }
             }
+            bound
         });
         maybe.retain(|&(_, low)| low <= bound);
         let hits = self.settle(ray, maybe.into_iter().map(|m| m.0));
@@ -69,6 +72,7 @@ impl Oracle {
             if verdict != Verdict::Miss {
                 maybe.push(triangle);
             }
+            f64::INFINITY
         });
         self.settle(ray, maybe.into_iter())
     }
@@ -109,8 +113,9 @@ impl Oracle {
         edge_distance(ray, &self.corners[triangle as usize]) <= margin
     }
 
-    /// Every triangle whose box the ray may meet, with what double precision says of it.
-    fn judged(&self, ray: &Ray, mut visit: impl FnMut(u32, Verdict)) {
+    /// Every triangle whose box the ray may meet, with what double precision says of it, as far as `visit` asks
+    /// (see [`Boxes::near`]).
+    fn judged(&self, ray: &Ray, mut visit: impl FnMut(u32, Verdict) -> f64) {
         if ray.is_valid() {
             let corners = &self.corners;
             self.boxes

@@ -42,9 +42,9 @@ impl Aims {
         }
     }
 
-    /// Whether there is nothing to aim at.
-    pub(crate) fn is_empty(&self) -> bool {
-        self.corners.is_empty()
+    /// Triangles there are to aim at.
+    pub(crate) fn count(&self) -> usize {
+        self.corners.len()
     }
 
     fn triangle(&self, rng: &mut Rng) -> [[f64; 3]; 3] {

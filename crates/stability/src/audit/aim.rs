@@ -9,6 +9,8 @@ use rayon::prelude::*;
 
 /// Sorts of rays, which take turns.
 const SORTS: u64 = 16;
+/// Triangles of which each may be asked by a single ray.
+const FEW: usize = 4096;
 
 /// The first `count` rays of a scene; each depends on the scene, the seed and its number alone.
 pub(super) fn rays(scene: &Scene, count: u64, seed: u64) -> Vec<Ray> {
@@ -20,7 +22,7 @@ pub(super) fn rays(scene: &Scene, count: u64, seed: u64) -> Vec<Ray> {
 }
 
 fn ray(aims: &Aims, i: u64, rng: &mut Rng) -> Ray {
-    if aims.is_empty() {
+    if aims.count() == 0 {
         return Ray::new([0.0; 3], [(); 3].map(|()| rng.f32() - 0.5));
     }
     let target = [Target::Inside, Target::Edge, Target::Vertex][rng.usize(..3)];
@@ -36,7 +38,7 @@ fn ray(aims: &Aims, i: u64, rng: &mut Rng) -> Ray {
         10 => aims.along_axis(target, rng),
         11 => aims.on_surface(rng),
         12 => aims.between(target, rng),
-        13 => aims.beyond(target, far(i, rng), rng),
+        13 => aims.beyond(target, far(i, aims.count(), rng), rng),
         14 => limited(aims.aimed_exactly(target, rng), rng),
         _ => aims.along_edge(rng),
     };
@@ -48,10 +50,10 @@ fn ray(aims: &Aims, i: u64, rng: &mut Rng) -> Ray {
     }
 }
 
-/// How many times the scene's size; hardly ever so far that only whole numbers tell what is hit.
-fn far(i: u64, rng: &mut Rng) -> f64 {
+/// How many times the scene's size; hardly ever so far that only whole numbers tell what is hit, of every triangle.
+fn far(i: u64, triangles: usize, rng: &mut Rng) -> f64 {
     match i / SORTS % 64 {
-        31 => 2.0_f64.powi(rng.i32(70..90)),
+        31 if triangles <= FEW => 2.0_f64.powi(rng.i32(70..90)),
         _ => 2.0_f64.powi(rng.i32(4..30)),
     }
 }
