@@ -10,7 +10,7 @@ mod line;
 mod vectors;
 
 use geom::{Animation, Hit, Point, Ray, is_active};
-use line::{Line, Verdict};
+use line::{Line, Verdict, distance_to_triangle};
 use vectors::{Vector, length, sub, wide};
 
 /// Units in the last place (`2^-24` of the largest coordinate). The transform by an instance, the shift to the ray's
@@ -110,6 +110,10 @@ impl Judge {
     }
 
     /// Likewise for the way from a hit to a light, without the triangle that was hit, which leaves the surface by what ARCHITECTURE.md's "Shadow" says.
+    ///
+    /// The driver is asked of that triangle too. Both ends of the way lie on one side of its plane or in it, so the
+    /// way cannot cross it, and the start is off the surface. But where the light lies on the triangle, the way ends there,
+    /// at `t = 1` exactly, and rounding may bring that into the open interval.
     pub(crate) fn refutes_shadow(
         &self,
         hit: &Hit,
@@ -123,13 +127,17 @@ impl Judge {
         let (_, corners) = self.triangles.iter().find(|(i, _)| *i == hit.triangle)?;
         let (origin, light) = (weigh(corners, hit), wide(light));
         let reach = light.iter().fold(self.size, |m, x| m.max(x.abs()));
+        let margin = ULPS * ulp(reach);
+        if blocked && distance_to_triangle(light, corners) <= margin {
+            return None;
+        }
         let off_surface = 8.0 * ulp(reach) + 64.0 * ulp(extent);
         let line = Line {
             origin,
             direction: sub(light, origin),
             t_min: 0.0,
             t_max: 1.0,
-            margin: ULPS * ulp(reach) + off_surface,
+            margin: margin + off_surface,
         };
         self.refutes_line(&line, blocked, Some(hit.triangle))
     }

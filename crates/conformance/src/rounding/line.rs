@@ -91,6 +91,29 @@ impl Line {
     }
 }
 
+/// From a point to a closed triangle.
+pub(super) fn distance_to_triangle(p: Vector, corners: &[Vector; 3]) -> f64 {
+    let [a, b, c] = corners.map(|q| sub(q, p));
+    let normal = cross(sub(b, a), sub(c, a));
+    let edges = [[a, b], [b, c], [c, a]];
+    // Whether the point lies above the inside, seen from either side of the plane.
+    let above = |[q, r]: [Vector; 2]| dot(cross(q, r), normal) > 0.0;
+    if edges.into_iter().all(above) {
+        return dot(a, unit(normal)).abs();
+    }
+    let to_edge = edges.map(|[q, r]| {
+        let way = sub(r, q);
+        let square = dot(way, way);
+        let s = match square > 0.0 {
+            true => (-dot(q, way) / square).clamp(0.0, 1.0),
+            false => 0.0,
+        };
+        let nearest: Vector = std::array::from_fn(|i| q[i] + s * way[i]);
+        dot(nearest, nearest).sqrt()
+    });
+    to_edge.into_iter().fold(f64::INFINITY, f64::min)
+}
+
 /// From the origin to a segment.
 fn to_segment(p: [f64; 2], q: [f64; 2]) -> f64 {
     let way = sub2(q, p);

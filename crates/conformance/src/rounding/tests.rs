@@ -98,3 +98,43 @@ fn nothing_is_asked_of_single_precision_where_it_overflows_or_vanishes() {
     };
     assert!(judge.admits(&ray) && !judge.admits(&short) && !judge.admits(&away));
 }
+
+/// The one triangle of a case whose light was one of its corners: the way from an edge ends exactly there, and no other
+/// triangle is near.
+#[test]
+fn a_way_that_ends_on_the_triangle_it_began_on_may_be_blocked_by_it_and_by_nothing_else() {
+    let corners = [
+        [11.84, 9.324, 9.539],
+        [11.6004, 9.56, 9.8362],
+        [11.8096, 9.2804, 9.2642],
+    ];
+    let animation = Animation::new(vec![corners.to_vec()], vec![[0, 1, 2]]).unwrap();
+    let judge = Judge::new(&animation, 0.0);
+    let found = hit(0, 0.999_999_64, 0.256_004_63, 3.488_469e-6);
+    let shadow = |light, blocked| judge.refutes_shadow(&found, light, 3.96, blocked);
+    for on_it in [corners[0], corners[2], [11.7202, 9.442, 9.6876]] {
+        assert_eq!(shadow(on_it, true), None, "{on_it:?}");
+        assert_eq!(shadow(on_it, false), None, "{on_it:?}");
+    }
+    let beyond = [12.0796, 9.088, 9.2418];
+    let above = [11.84, 9.324, 9.5391];
+    for beside in [beyond, above, [20.0, 0.0, 3.0]] {
+        assert!(shadow(beside, true).is_some(), "{beside:?}");
+        assert_eq!(shadow(beside, false), None, "{beside:?}");
+    }
+}
+
+#[test]
+fn a_triangle_is_as_far_away_as_its_nearest_point() {
+    let corners = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]];
+    for (p, far) in [
+        ([1.0, 1.0, -3.0], 3.0),
+        ([1.0, 1.0, 0.0], 0.0),
+        ([-3.0, -4.0, 0.0], 5.0),
+        ([3.0, 3.0, 0.0], 2.0_f64.sqrt()),
+        ([2.0, -3.0, 4.0], 5.0),
+    ] {
+        let found = line::distance_to_triangle(p, &corners);
+        assert!((found - far).abs() < 1e-12, "{p:?}: {found}");
+    }
+}
