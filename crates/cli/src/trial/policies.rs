@@ -104,8 +104,7 @@ impl<'a> Trial<'a> {
         for (update, method) in candidates {
             let best = outcome.best();
             if let Some(why) = self.hopeless(update, best) {
-                let name = choose::update_name(update);
-                outcome.left_out.push(format!("{name} left out, {why}"));
+                outcome.leave_out(update, &why);
                 continue;
             }
             match self.policy(stand, (update, method), best) {
@@ -166,6 +165,14 @@ impl<'a> Trial<'a> {
 }
 
 impl Outcome {
+    /// Says so once, whatever the layout.
+    fn leave_out(&mut self, update: Update, why: &str) {
+        let told = format!("{} left out, {why}", choose::update_name(update));
+        if !self.left_out.contains(&told) {
+            self.left_out.push(told);
+        }
+    }
+
     /// Milliseconds of the fastest so far.
     fn best(&self) -> f64 {
         self.timed
@@ -184,14 +191,14 @@ impl Outcome {
     }
 }
 
-/// Cheap ones first, and those that show the others to be hopeless.
+/// Those first that win most often, for time may run out.
 fn turn(update: Update) -> usize {
     match update {
         Update::Async(_) => 0,
-        Update::DeviceRebuild => 1,
-        Update::Refit => 2,
-        Update::Rebuild => 3,
-        Update::TSah => 4,
+        Update::Refit => 1,
+        Update::TSah => 2,
+        Update::DeviceRebuild => 3,
+        Update::Rebuild => 4,
     }
 }
 
