@@ -60,7 +60,7 @@ impl Job for Closest<'_> {
             return None;
         };
         let (packet, back) = camera_packet::<I>(camera, cell, &self.0)?;
-        let found = together::closest::<I>(self.0.tree, &packet, &mut stack.wide);
+        let found = together::closest::<I>(self.0.tree, &packet, &mut stack.wide)?;
         let t = found.t.mul(back).store();
         let (u, v) = (found.u.store(), found.v.store());
         let mut hits = [Hit::MISS; MOST_RAYS];

@@ -19,14 +19,18 @@ pub(crate) struct Found<L: Lanes> {
 /// Rays of the widest packet.
 pub(crate) const MOST_RAYS: usize = 16;
 
-/// The closest hits of a packet.
+/// Triangles that a packet tests before its rays go one by one, as where each hits another triangle.
+const TRIANGLES: u32 = 256;
+
+/// The closest hits of a packet; `None` if its rays go better one by one.
 #[inline(always)]
 pub(crate) fn closest<I: Isa>(
     tree: &Wide,
     packet: &Packet<I::Packet, I::Planes>,
     stack: &mut Stack,
-) -> Found<I::Packet> {
+) -> Option<Found<I::Packet>> {
     let mut closest = Closest {
+        patience: TRIANGLES,
         blocks: &tree.blocks,
         packet,
         found: Found {
@@ -37,8 +41,8 @@ pub(crate) fn closest<I: Isa>(
         },
     };
     let bound = packet.t_max.mul(packet.level).most();
-    walk::<I, _>(tree, (&packet.bundle, bound), stack, &mut closest);
-    closest.found
+    let gave_up = walk::<I, _>(tree, (&packet.bundle, bound), stack, &mut closest);
+    (!gave_up).then_some(closest.found)
 }
 
 /// Blocks that a packet sees before its rays go on one by one: some packets are wide, as where hits lie far apart.
@@ -79,6 +83,8 @@ struct Closest<'a, L: Lanes, P> {
     blocks: &'a [Block],
     packet: &'a Packet<L, P>,
     found: Found<L>,
+    /// Triangles that may still be tested.
+    patience: u32,
 }
 
 impl<L: Lanes, P: Halves> Visitor for Closest<'_, L, P> {
@@ -88,6 +94,7 @@ impl<L: Lanes, P: Halves> Visitor for Closest<'_, L, P> {
     fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
         let block = &self.blocks[block];
         let mut lanes = within_reach(block, &self.packet.bundle, bound);
+        self.patience = self.patience.checked_sub(lanes.count_ones())?;
         let mut changed = false;
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize % LANES;

@@ -171,46 +171,17 @@ impl<J: Job> Work for ListTask<'_, J> {
         let lanes = I::Packet::ALL.count_ones() as usize;
         let mut first = self.first;
         for out in self.out.chunks_mut(lanes) {
-            fill_run::<I, J>(self.job, first, out, &mut stack);
+            let few = Few::row(first, out.len());
+            let answers = one_by_one::<I, J>(self.job, &few, &mut stack);
             first += lanes;
-            for answer in &*out {
+            for (to, answer) in out.iter_mut().zip(&answers) {
+                *to = *answer;
                 count += u64::from(J::counts(answer));
             }
         }
         count
     }
 }
-
-/// The answers of neighbouring rays of a list, prepared together and traced one by one.
-#[inline(always)]
-fn fill_run<I: Isa, J: Job>(job: &J, first: usize, out: &mut [J::Answer], stack: &mut Stack) {
-    let mut rays = [NO_RAY; MOST_RAYS];
-    for (lane, ray) in rays.iter_mut().enumerate().take(out.len()) {
-        if let Some(asked) = job.ray(first + lane) {
-            *ray = asked;
-        }
-    }
-    let group = Group::<I::Packet>::new(&rays, job.scale(), job.root());
-    for (lane, answer) in out.iter_mut().enumerate() {
-        *answer = if group.ready >> lane & 1 == 1 {
-            let ray = InGroup {
-                group: &group,
-                lane,
-            };
-            job.prepared::<I>(first + lane, ray, stack)
-        } else {
-            job.one::<I>(first + lane, stack)
-        };
-    }
-}
-
-/// Cannot hit anything.
-const NO_RAY: Ray = Ray {
-    origin: [0.0; 3],
-    t_min: 0.0,
-    direction: [0.0; 3],
-    t_max: 0.0,
-};
 
 struct PictureTask<'a, J: Job> {
     tiles: Tiles<'a, J::Answer>,
@@ -225,23 +196,61 @@ impl<J: Job> Work for PictureTask<'_, J> {
         let (mut stack, mut count) = (Stack::new(), 0);
         let size = [self.tiles.columns(), self.tiles.height()];
         let rows = I::Packet::ALL.count_ones() as usize / COLUMNS;
+        let mut trust = Trust::default();
         for x in (0..size[0]).step_by(COLUMNS) {
             for y in (0..size[1]).step_by(rows) {
-                count += self.fill_cell::<I>([x, y], [COLUMNS, rows], &mut stack);
+                let at = ([x, y], [COLUMNS, rows]);
+                count += self.fill_cell::<I>(at, &mut trust, &mut stack);
             }
         }
         count
     }
 }
 
+/// Whether packets of late were worth it.
+#[derive(Default)]
+struct Trust {
+    failed: u32,
+    /// Cells that go one by one before the next packet is tried.
+    pause: u32,
+}
+
+/// The longest pause.
+const PAUSE: u32 = 7;
+
+impl Trust {
+    #[inline(always)]
+    fn tries(&mut self) -> bool {
+        let tries = self.pause == 0;
+        self.pause = self.pause.saturating_sub(1);
+        tries
+    }
+
+    #[inline(always)]
+    fn saw(&mut self, worth: bool) {
+        self.failed = if worth { 0 } else { self.failed + 1 };
+        self.pause = ((1 << self.failed.min(8)) - 1).min(PAUSE);
+    }
+}
+
 impl<J: Job> PictureTask<'_, J> {
     /// Returns how many of the answers count.
     #[inline(always)]
-    fn fill_cell<I: Isa>(&mut self, at: [usize; 2], size: [usize; 2], stack: &mut Stack) -> u64 {
+    fn fill_cell<I: Isa>(
+        &mut self,
+        (at, size): ([usize; 2], [usize; 2]),
+        trust: &mut Trust,
+        stack: &mut Stack,
+    ) -> u64 {
         let cell = Cell::new(&self.tiles, at, size);
-        let answers = match self.job.together::<I>(&cell, stack) {
+        let mut together = None;
+        if trust.tries() {
+            together = self.job.together::<I>(&cell, stack);
+            trust.saw(together.is_some());
+        }
+        let answers = match together {
             Some(answers) => answers,
-            None => one_by_one::<I, J>(self.job, &cell, stack),
+            None => one_by_one::<I, J>(self.job, &Few::of(&cell), stack),
         };
         let mut count = 0;
         for (lane, answer) in answers.iter().enumerate() {
@@ -255,13 +264,65 @@ impl<J: Job> PictureTask<'_, J> {
     }
 }
 
-/// The answers of a cell's rays, each on its own.
+/// Some rays by their numbers, no more than a packet holds.
+struct Few {
+    indices: [usize; MOST_RAYS],
+    asked: u32,
+}
+
+impl Few {
+    #[inline(always)]
+    fn row(first: usize, count: usize) -> Self {
+        let mut indices = [0; MOST_RAYS];
+        for (lane, index) in indices.iter_mut().enumerate() {
+            *index = first + lane;
+        }
+        let asked = (1 << count) - 1;
+        Self { indices, asked }
+    }
+
+    #[inline(always)]
+    fn of(cell: &Cell) -> Self {
+        let mut indices = [0; MOST_RAYS];
+        for (lane, index) in indices.iter_mut().enumerate().take(cell.lanes) {
+            *index = cell.index(lane);
+        }
+        let asked = cell.asked;
+        Self { indices, asked }
+    }
+}
+
+/// Cannot hit anything.
+const NO_RAY: Ray = Ray {
+    origin: [0.0; 3],
+    t_min: 0.0,
+    direction: [0.0; 3],
+    t_max: 0.0,
+};
+
+/// The answers of a few rays, prepared together and traced each on its own.
 #[inline(always)]
-fn one_by_one<I: Isa, J: Job>(job: &J, cell: &Cell, stack: &mut Stack) -> [J::Answer; MOST_RAYS] {
+fn one_by_one<I: Isa, J: Job>(job: &J, few: &Few, stack: &mut Stack) -> [J::Answer; MOST_RAYS] {
+    let mut rays = [NO_RAY; MOST_RAYS];
+    for (lane, ray) in rays.iter_mut().enumerate() {
+        if few.asked >> lane & 1 == 1
+            && let Some(asked) = job.ray(few.indices[lane])
+        {
+            *ray = asked;
+        }
+    }
+    let group = Group::<I::Packet>::new(&rays, job.scale(), job.root());
     let mut answers = [J::NONE; MOST_RAYS];
     for (lane, answer) in answers.iter_mut().enumerate() {
-        if cell.asked >> lane & 1 == 1 {
-            *answer = job.one::<I>(cell.index(lane), stack);
+        let index = few.indices[lane];
+        if group.ready >> lane & 1 == 1 {
+            let ray = InGroup {
+                group: &group,
+                lane,
+            };
+            *answer = job.prepared::<I>(index, ray, stack);
+        } else if few.asked >> lane & 1 == 1 {
+            *answer = job.one::<I>(index, stack);
         }
     }
     answers
