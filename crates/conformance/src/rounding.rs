@@ -128,6 +128,10 @@ impl Judge {
         let (origin, light) = (weigh(corners, hit), wide(light));
         let reach = light.iter().fold(self.size, |m, x| m.max(x.abs()));
         let margin = ULPS * ulp(reach);
+        // On a way no longer than rounding nothing is sure.
+        if length(sub(light, origin)) <= margin {
+            return None;
+        }
         if blocked && distance_to_triangle(light, corners) <= margin {
             return None;
         }

@@ -125,6 +125,23 @@ fn a_way_that_ends_on_the_triangle_it_began_on_may_be_blocked_by_it_and_by_nothi
 }
 
 #[test]
+fn a_light_where_the_hit_is_may_be_seen_from_there_or_not() {
+    let judge = squares(0.0);
+    let found = hit(0, 2.0, 0.5, 0.25);
+    for blocked in [false, true] {
+        assert_eq!(
+            judge.refutes_shadow(&found, [3.0, 1.0, 0.0], 4.0, blocked),
+            None
+        );
+    }
+    assert!(
+        judge
+            .refutes_shadow(&found, [3.0, 1.0, 0.01], 4.0, true)
+            .is_some()
+    );
+}
+
+#[test]
 fn a_triangle_is_as_far_away_as_its_nearest_point() {
     let corners = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]];
     for (p, far) in [
