@@ -49,7 +49,7 @@ impl VulkanBackend {
         let seen = look(&View {
             shape: &tree.shape,
             made_on_device: tree.made_here,
-            rows: self.window.look(gpu, road, &tree.nodes, rows)?,
+            rows: self.window.look(gpu, road, &tree.buffers.nodes, rows)?,
             triangles: &triangles,
             animation: &scene.animation,
         });

@@ -29,17 +29,11 @@ impl VulkanBackend {
             "moving_rows" => &scene.moving_rows,
             "triangles" => &scene.triangles,
             "topology" => tree.topology(),
-            "leaf_nodes" => &tree.leaf_nodes,
-            "inner_nodes" => &tree.inner_nodes,
-            "leaf_corners" => &tree.leaf_corners,
-            "records" => &tree.triangles,
-            "nodes" => &tree.nodes,
-            "costs" => &tree.costs,
             "hits" => trace().hits.as_ref().expect("room for hits"),
             "blocked" => trace().blocked.as_ref().expect("room for shadows"),
             "rays" => trace().rays.as_ref().expect("given rays"),
-            other => build
-                .and_then(|b| b.find(other))
+            other => (tree.buffers.find(other))
+                .or_else(|| build.and_then(|b| b.find(other)))
                 .unwrap_or_else(|| panic!("no buffer named {other}")),
         };
         let slot = self.frames.record()?;

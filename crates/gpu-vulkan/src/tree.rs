@@ -7,29 +7,18 @@ use crate::transfer::{Copy, Transfer};
 use backend::{FRAMES_IN_FLIGHT, Generation, Layout, Method, Result, Ticket, check_tree};
 use bvh_layout::{Moving, MovingTreelets, Topology};
 use geom::Animation;
-use shaders::Shape;
 use shaders::rebuild::Buffers;
+use shaders::{COSTS, NODES, Shape, TreeBuffers as Room};
 use std::sync::Arc;
 
 /// With as many, one is free for the next tree whatever is under way. Most of the time two will do.
 const RECORDS: usize = FRAMES_IN_FLIGHT + 1;
 
-const NODES: &str = "the tree's nodes";
-const COSTS: &str = "the tree's areas";
-
 pub(crate) struct TreeBuffers {
     records: Vec<Record>,
     current: usize,
-    /// Empty with layout `fast`, as is the other list.
-    pub(crate) leaf_nodes: Buffer,
-    pub(crate) inner_nodes: Buffer,
-    /// Three vertices a leaf with layout `fast`, else empty.
-    pub(crate) leaf_corners: Buffer,
-    pub(crate) triangles: Buffer,
-    /// With layout `fast` as large as the trees so far asked for, as is `costs`.
-    pub(crate) nodes: Buffer,
-    /// Partial sums of areas: see refit.wgsl.
-    pub(crate) costs: Buffer,
+    /// Nodes and costs are as large as the trees so far asked for.
+    pub(crate) buffers: Room<Buffer>,
     /// Buffers that were too small, with the last submission that may use them.
     outgrown: Vec<(Ticket, Buffer)>,
     pub(crate) generation: Generation,
@@ -56,31 +45,17 @@ impl TreeBuffers {
     /// Room for every tree over the animation's live triangles; with layout `fast`, [`TreeBuffers::adopt`] makes more of it.
     pub(crate) fn new(gpu: &Arc<Gpu>, animation: &Arc<Animation>, method: Method) -> Result<Self> {
         let leaves = animation.live_count() as u64;
-        let layout = method.layout;
-        let records = shaders::record_bytes(method.intersector, leaves);
-        let device = |what, bytes| Buffer::new(gpu, what, bytes, Place::Device);
-        let (list_bytes, corner_bytes, node_bytes, cost_bytes) = match layout {
-            Layout::Bvh2 => (
-                leaves * 4,
-                0,
-                (2 * leaves).saturating_sub(1) * 32,
-                Shape::cost_bytes(leaves),
-            ),
-            Layout::Fast => (0, leaves * 12, 0, 0),
-        };
+        let buffers = Room::new(method, leaves, |what, bytes| {
+            Buffer::new(gpu, what, bytes, Place::Device)
+        })?;
         Ok(Self {
             records: Vec::new(),
             current: 0,
-            leaf_nodes: device("the list of leaves", list_bytes)?,
-            inner_nodes: device("the list of inner nodes", list_bytes)?,
-            leaf_corners: device("the leaves' vertices", corner_bytes)?,
-            triangles: device("the triangles' records", records)?,
-            nodes: device(NODES, node_bytes)?,
-            costs: device(COSTS, cost_bytes)?,
+            buffers,
             outgrown: Vec::new(),
             generation: Generation(0),
             shape: Shape {
-                layout,
+                layout: method.layout,
                 ..Shape::default()
             },
             build: None,
@@ -143,9 +118,10 @@ impl TreeBuffers {
             }
         }
         self.outgrown = kept;
+        let buffers = &mut self.buffers;
         let needs = [
-            (&mut self.nodes, NODES, shape.node_rows * 16),
-            (&mut self.costs, COSTS, shape.own_cost_bytes()),
+            (&mut buffers.nodes, NODES, shape.node_rows * 16),
+            (&mut buffers.costs, COSTS, shape.own_cost_bytes()),
         ];
         for (buffer, what, bytes) in needs {
             if buffer.bytes < bytes {

@@ -39,7 +39,7 @@ impl WgpuBackend {
         };
         let words: Vec<u32> = self.window.read(&self.gpu, from, at + leaves as usize)?;
         let rows = tree.shape.node_rows as usize;
-        let rows: Vec<[u32; 4]> = self.window.read(&self.gpu, &tree.nodes, rows)?;
+        let rows: Vec<[u32; 4]> = self.window.read(&self.gpu, &tree.buffers.nodes, rows)?;
         let seen = look(&View {
             shape: &tree.shape,
             made_on_device: tree.made_here,

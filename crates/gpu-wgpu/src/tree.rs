@@ -5,29 +5,19 @@ use crate::device::Gpu;
 use backend::{Generation, Layout, Method, Result, check_tree};
 use bvh_layout::{Moving, MovingTreelets, Topology};
 use geom::Animation;
-use shaders::Shape;
 use shaders::rebuild::Buffers;
+use shaders::{COSTS, NODES, Shape, TreeBuffers as Room};
 use std::sync::Arc;
 use wgpu::Buffer;
 
 const RECORD: &str = "the tree's record";
-const NODES: &str = "the tree's nodes";
-const COSTS: &str = "the tree's areas";
 
 pub(crate) struct TreeBuffers {
     /// Two, so that a tree can arrive while frames before it still read the old one.
     records_of: [Option<Buffer>; 2],
     current: usize,
-    /// Empty with layout `fast`, as is the other list.
-    pub(crate) leaf_nodes: Buffer,
-    pub(crate) inner_nodes: Buffer,
-    /// Three vertices a leaf with layout `fast`, else empty.
-    pub(crate) leaf_corners: Buffer,
-    pub(crate) triangles: Buffer,
-    /// With layout `fast` as large as the trees so far asked for, as is `costs`.
-    pub(crate) nodes: Buffer,
-    /// Partial sums of areas: see refit.wgsl.
-    pub(crate) costs: Buffer,
+    /// Nodes and costs are as large as the trees so far asked for.
+    pub(crate) buffers: Room<Buffer>,
     pub(crate) generation: Generation,
     pub(crate) shape: Shape,
     /// What making trees here takes; none before the first.
@@ -41,31 +31,17 @@ impl TreeBuffers {
     /// Room for every tree over the animation's live triangles; with layout `fast`, [`TreeBuffers::adopt`] makes more of it.
     pub(crate) fn new(gpu: &Gpu, animation: &Arc<Animation>, method: Method) -> Result<Self> {
         let leaves = animation.live_count() as u64;
-        let layout = method.layout;
-        let records = shaders::record_bytes(method.intersector, leaves);
-        let (list_bytes, corner_bytes, node_bytes, cost_bytes) = match layout {
-            Layout::Bvh2 => (
-                leaves * 4,
-                0,
-                (2 * leaves).saturating_sub(1) * 32,
-                Shape::cost_bytes(leaves),
-            ),
-            Layout::Fast => (0, leaves * 12, 0, 0),
-        };
-        gpu.within(NODES, node_bytes)?;
-        gpu.within("the triangles' records", records)?;
+        let buffers = Room::new(method, leaves, |what, bytes| {
+            gpu.within(what, bytes)?;
+            storage(gpu, what, bytes)
+        })?;
         Ok(Self {
             records_of: [None, None],
             current: 0,
-            leaf_nodes: storage(gpu, "the list of leaves", list_bytes)?,
-            inner_nodes: storage(gpu, "the list of inner nodes", list_bytes)?,
-            leaf_corners: storage(gpu, "the leaves' vertices", corner_bytes)?,
-            triangles: storage(gpu, "the triangles' records", records)?,
-            nodes: storage(gpu, NODES, node_bytes)?,
-            costs: storage(gpu, COSTS, cost_bytes)?,
+            buffers,
             generation: Generation(0),
             shape: Shape {
-                layout,
+                layout: method.layout,
                 ..Shape::default()
             },
             build: None,
@@ -112,8 +88,9 @@ impl TreeBuffers {
 
     /// Makes room for nodes and costs, with some to spare for the trees to come.
     pub(crate) fn grow(&mut self, gpu: &Gpu, shape: &Shape) -> Result<()> {
-        grow(gpu, &mut self.nodes, NODES, shape.node_rows * 16)?;
-        grow(gpu, &mut self.costs, COSTS, shape.own_cost_bytes())
+        let buffers = &mut self.buffers;
+        grow(gpu, &mut buffers.nodes, NODES, shape.node_rows * 16)?;
+        grow(gpu, &mut buffers.costs, COSTS, shape.own_cost_bytes())
     }
 
     /// Makes a record, part by part, the current one.
@@ -143,9 +120,7 @@ impl TreeBuffers {
 
     /// Bytes of device memory.
     pub(crate) fn bytes(&self) -> u64 {
-        let lists = [&self.leaf_nodes, &self.inner_nodes, &self.triangles];
-        let all = lists.into_iter().chain([&self.leaf_corners]);
-        let all = all.chain([&self.nodes, &self.costs]);
+        let all = self.buffers.all();
         let all = all.chain(self.records_of.iter().flatten());
         let build = self.build.iter().flat_map(Buffers::all);
         all.chain(build).map(Buffer::size).sum()

@@ -31,6 +31,7 @@ mod params;
 pub mod rebuild;
 mod shape;
 mod standing;
+mod tree_buffers;
 mod unfold;
 mod variant;
 mod view;
@@ -43,6 +44,7 @@ pub use moving::{MovingShape, MovingTreeletShape, moving_rows};
 pub use params::{Counts, Params};
 pub use shape::Shape;
 pub use standing::{Extent, Extents, Standing};
+pub use tree_buffers::{COSTS, NODES, TreeBuffers};
 pub use view::View;
 
 /// A compute kernel.

@@ -80,7 +80,10 @@ fn names(backend: &mut VulkanBackend) -> Vec<u32> {
     let tree = backend.tree.as_ref().unwrap();
     let rows = tree.shape.node_rows as usize;
     let (gpu, road) = (&backend.gpu, &mut backend.readback);
-    let rows: &[[u32; 4]] = backend.window.look(gpu, road, &tree.nodes, rows).unwrap();
+    let rows: &[[u32; 4]] = backend
+        .window
+        .look(gpu, road, &tree.buffers.nodes, rows)
+        .unwrap();
     let (mut found, mut waiting) = (Vec::new(), vec![rows[0][3]]);
     while let Some(name) = waiting.pop() {
         found.push(name);
