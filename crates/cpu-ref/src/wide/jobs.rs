@@ -107,6 +107,16 @@ fn splat<I: Isa>(x: f32) -> I::Packet {
     I::Packet::splat(x)
 }
 
+/// 1 for each lane that is set.
+#[inline(always)]
+fn flags(lanes: u32) -> [u8; MOST_RAYS] {
+    let mut flags = [0; MOST_RAYS];
+    for (lane, flag) in flags.iter_mut().enumerate() {
+        *flag = (lanes >> lane & 1) as u8;
+    }
+    flags
+}
+
 /// Whether each ray hits anything.
 pub(super) struct Any<'a>(pub(super) WideTracer<'a>);
 
@@ -147,8 +157,8 @@ impl Job for Any<'_> {
         };
         let (packet, _) = camera_packet::<I>(camera, cell, &self.0)?;
         let asked = (cell.asked, &[Hit::MISS.triangle; MOST_RAYS]);
-        let answer = together::any::<I>(self.0.tree, &packet, asked, &mut stack.wide);
-        Some(self.flags::<I>(cell, answer, stack))
+        let hit = together::any::<I>(self.0.tree, &packet, asked, &mut stack.wide)?;
+        Some(flags(hit))
     }
 
     #[inline(always)]
@@ -250,8 +260,8 @@ impl Job for Shadow<'_> {
         };
         let packet = Packet::new(&rays, &self.tracer.tree.root)?;
         let asked = (asked, &skipped);
-        let answer = together::any::<I>(self.tracer.tree, &packet, asked, &mut stack.wide);
-        Some(self.flags::<I>(cell, answer, stack))
+        let hit = together::any::<I>(self.tracer.tree, &packet, asked, &mut stack.wide)?;
+        Some(flags(hit))
     }
 
     #[inline(always)]

@@ -45,17 +45,17 @@ pub(crate) fn closest<I: Isa>(
     (!gave_up).then_some(closest.found)
 }
 
-/// Blocks that a packet sees before its rays go on one by one: some packets are wide, as where hits lie far apart.
-const PATIENCE: u32 = 32;
+/// Blocks that a packet sees before its rays go one by one: some packets are wide, as where hits lie far apart.
+const PATIENCE: u32 = 4;
 
-/// Which lanes of `asked` hit any triangle but the one in `skipped`; and which are still to be asked.
+/// Which lanes of `asked` hit any triangle but the one in `skipped`; `None` if the rays go better one by one.
 #[inline(always)]
 pub(crate) fn any<I: Isa>(
     tree: &Wide,
     packet: &Packet<I::Packet, I::Planes>,
     (asked, skipped): (u32, &[u32; MOST_RAYS]),
     stack: &mut Stack,
-) -> [u32; 2] {
+) -> Option<u32> {
     let mut any = Any {
         blocks: &tree.blocks,
         packet,
@@ -65,7 +65,7 @@ pub(crate) fn any<I: Isa>(
     };
     let bound = packet.t_max.mul(packet.level).most();
     let ended = walk::<I, _>(tree, (&packet.bundle, bound), stack, &mut any);
-    [asked & !any.left, if ended { any.left } else { 0 }]
+    (!ended || any.left == 0).then_some(asked & !any.left)
 }
 
 /// Triangles of a block whose own boxes some ray may meet.

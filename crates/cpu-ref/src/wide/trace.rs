@@ -130,28 +130,6 @@ pub(super) trait Job: Sync {
     fn together<I: Isa>(&self, cell: &Cell, stack: &mut Stack)
     -> Option<[Self::Answer; MOST_RAYS]>;
 
-    /// Flags of rays that hit and, one by one, of those that are left.
-    #[inline(always)]
-    fn flags<I: Isa>(
-        &self,
-        cell: &Cell,
-        [hit, left]: [u32; 2],
-        stack: &mut Stack,
-    ) -> [Self::Answer; MOST_RAYS]
-    where
-        Self::Answer: From<bool>,
-    {
-        let mut flags = [Self::NONE; MOST_RAYS];
-        for (lane, flag) in flags.iter_mut().enumerate() {
-            if left >> lane & 1 == 1 {
-                *flag = self.one::<I>(cell.index(lane), stack);
-            } else {
-                *flag = (hit >> lane & 1 == 1).into();
-            }
-        }
-        flags
-    }
-
     /// Whether an answer is counted.
     fn counts(answer: &Self::Answer) -> bool;
 }
