@@ -77,36 +77,77 @@ fn decide_notes(list: u32, local: u32) {
     }
     workgroupBarrier();
     if (local & 3u) == 0u {
-        if f.fits { made = conclude(made, local); }
+        if f.fits {
+            let all = Four(determinants[local], determinants[local + 1u], determinants[local + 2u], determinants[local + 3u]);
+            let c = conclude(made, all);
+            made = c.made;
+            determinants[local] = c.d;
+            determinants[local + 3u] = c.n;
+        }
         decided[local / 4u] = made;
     }
     workgroupBarrier();
 }
 
+struct Four { u: Whole192, v: Whole192, w: Whole192, n: Whole192 }
+struct Concluded { made: Decided, d: Whole192, n: Whole192 }
+
 // D, N and what they say, from the four determinants.
-fn conclude(given: Decided, local: u32) -> Decided {
-    var made = given;
-    let u = determinants[local];
-    let v = determinants[local + 1u];
-    let w = determinants[local + 2u];
-    var n = determinants[local + 3u];
-    let signs = vec3<i32>(sign_192(u), sign_192(v), sign_192(w));
+fn conclude(given: Decided, f: Four) -> Concluded {
+    var c = Concluded(given, f.u, f.n);
+    let signs = vec3<i32>(sign_192(f.u), sign_192(f.v), sign_192(f.w));
     let negative = any(signs < vec3<i32>(0));
-    if negative && any(signs > vec3<i32>(0)) { return made; }
-    var d = add_192(add_192(u, v), w);
+    if negative && any(signs > vec3<i32>(0)) { return c; }
+    c.d = add_192(add_192(f.u, f.v), f.w);
     if negative {
-        d = negated_192(d);
-        n = negated_192(n);
+        c.d = negated_192(c.d);
+        c.n = negated_192(c.n);
     }
     // In the triangle's plane, or behind the start.
-    if all(signs == vec3<i32>(0)) || sign_192(n) <= 0 { return made; }
-    determinants[local] = d;
-    determinants[local + 3u] = n;
-    made.about = quotient_about(about_192(n), about_192(d), made.exponent);
-    let order = order_of_limit(made.about);
-    made.met = select(0u, 1u, order < 0);
-    made.hard = select(0u, 1u, order == 0);
-    return made;
+    if all(signs == vec3<i32>(0)) || sign_192(c.n) <= 0 { return c; }
+    c.made.about = quotient_about(about_192(c.n), about_192(c.d), c.made.exponent);
+    let order = order_of_limit(c.made.about);
+    c.made.met = select(0u, 1u, order < 0);
+    c.made.hard = select(0u, 1u, order == 0);
+    return c;
+}
+
+// The same for one invocation alone.
+fn decide_alone(leaf: u32, points: array<vec3<u32>, 3>) -> Concluded {
+    let f = fixed(points);
+    var made = Decided();
+    made.leaf = leaf;
+    made.hard = select(1u, 0u, f.fits);
+    made.exponent = f.unit - line.shift - line.unit;
+    var all = Four();
+    if !f.fits { return Concluded(made, all.u, all.n); }
+    for (var side = 0u; side < 4u; side += 1u) {
+        let n = determinant(f, side);
+        if side == 0u { all.u = n; }
+        if side == 1u { all.v = n; }
+        if side == 2u { all.w = n; }
+        if side == 3u { all.n = n; }
+    }
+    return conclude(made, all);
+}
+
+// Where a crossing's numbers lie, in one of two places.
+fn crossing_in(slot: u32, exponent: i32) -> Crossing {
+    return Crossing(true, CROSSINGS + 56u * slot, CROSSINGS + 56u * slot + 28u, LIMBS, exponent);
+}
+
+// As many limbs as six words have.
+const LIMBS: u32 = 6u;
+
+// Puts a number that is not negative where those of any length lie.
+fn put_192(at: u32, n: Whole192) {
+    words[at] = 0u;
+    words[at + 1u] = n.low.x;
+    words[at + 2u] = n.low.y;
+    words[at + 3u] = n.low.z;
+    words[at + 4u] = n.high.x;
+    words[at + 5u] = n.high.y;
+    words[at + 6u] = n.high.z;
 }
 
 // -1 before the ray's end, 1 beyond it, 0 if near.

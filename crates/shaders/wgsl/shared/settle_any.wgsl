@@ -6,12 +6,19 @@ var<private> left_out: u32;
 fn see_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     let corners = corners_of(leaf);
     if corners.triangle == ignore || !judge(ray, corners).possible { return false; }
-    return meet_exactly(points_of(corners.triangle), 0u).met;
+    return meets(leaf, corners.triangle);
+}
+
+fn meets(leaf: u32, triangle: u32) -> bool {
+    let points = points_of(triangle);
+    let made = decide_alone(leaf, points).made;
+    if made.hard == 0u { return made.met == 1u; }
+    return meet_exactly(points, 0u).met;
 }
 
 fn see_far(leaf: u32) -> bool {
     let triangle = records[3u * leaf].w;
-    return triangle != left_out && meet_exactly(points_of(triangle), 0u).met;
+    return triangle != left_out && meets(leaf, triangle);
 }
 
 fn search_again(ray: Prepared, ignore: u32) -> bool {

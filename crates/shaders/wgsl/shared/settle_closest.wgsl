@@ -2,8 +2,10 @@
 
 struct Found { bound: f32, leaf: u32 }
 
-// Of the candidates so far.
+// Of the candidates that another search has found so far, and how far away it is, if that is known.
 var<private> first: Crossing;
+var<private> first_about: About;
+var<private> first_told: bool;
 var<private> first_leaf: u32;
 var<private> first_triangle: u32;
 // As the search before had it.
@@ -27,14 +29,29 @@ fn see_far(leaf: u32) -> bool {
 // Keeps a leaf if its triangle is met before all others: least t, then least index.
 fn consider(leaf: u32) {
     let triangle = records[3u * leaf].w;
+    let points = points_of(triangle);
     let is_first = first_leaf == NO_LEAF;
-    let c = meet_exactly(points_of(triangle), select(0u, 1u, !is_first && first.numerator == CROSSINGS));
+    let slot = select(0u, 1u, !is_first && first.numerator == CROSSINGS);
+    let alone = decide_alone(leaf, points);
+    let told = alone.made.hard == 0u;
+    if told && alone.made.met == 0u { return; }
+    var c = crossing_in(slot, alone.made.exponent);
+    if told {
+        put_192(c.numerator, alone.n);
+        put_192(c.denominator, alone.d);
+    } else {
+        c = meet_exactly(points, slot);
+    }
     if !c.met { return; }
     if !is_first {
-        let order = order_crossings(c, first);
+        var order = 0;
+        if told && first_told { order = compare_about(alone.made.about, first_about); }
+        if order == 0 { order = order_crossings(c, first); }
         if order > 0 || (order == 0 && triangle > first_triangle) { return; }
     }
     first = c;
+    first_about = alone.made.about;
+    first_told = told;
     first_leaf = leaf;
     first_triangle = triangle;
 }
@@ -46,9 +63,6 @@ const UNTOLD: u32 = 0xfffffffeu;
 struct First { leaf: u32, triangle: u32, made: Decided }
 
 const NO_FIRST: First = First(NO_LEAF, NO_LEAF, Decided());
-// As many limbs as six words have.
-const LIMBS: u32 = 6u;
-
 // Looks over four notes that are decided, the first of which stands in place `at`.
 fn resolve(so_far: First, at: u32) -> First {
     var first = so_far;
@@ -78,17 +92,7 @@ fn put_first(k: u32) {
 fn order_exactly(made: Decided, k: u32, other: Decided) -> i32 {
     put_192(CROSSINGS + 56u, determinants[4u * k + 3u]);
     put_192(CROSSINGS + 84u, determinants[4u * k]);
-    let a = Crossing(true, CROSSINGS + 56u, CROSSINGS + 84u, LIMBS, made.exponent);
-    return order_crossings(a, Crossing(true, CROSSINGS, CROSSINGS + 28u, LIMBS, other.exponent));
-}
-
-// Puts a number that is not negative where those of any length lie.
-fn put_192(at: u32, n: Whole192) {
-    words[at] = 0u;
-    for (var i = 0u; i < 3u; i += 1u) {
-        words[at + 1u + i] = n.low[i];
-        words[at + 4u + i] = n.high[i];
-    }
+    return order_crossings(crossing_in(1u, made.exponent), crossing_in(0u, other.exponent));
 }
 
 // The leaf of the first of a ray's notes, for the ray's first invocation, or UNTOLD. All of a workgroup call it.
