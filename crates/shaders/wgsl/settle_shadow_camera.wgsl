@@ -1,4 +1,4 @@
-//! use params ieee divide exact units ray {intersector.settle} settle_any {layout.nodes} any to_light way shade
+//! use params ieee divide exact units ray {intersector.settle} settle_any {layout.nodes} any to_light way shade line_to_light
 // The shadows that `shadow_camera` left open.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -21,8 +21,7 @@ fn settle_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin(wo
             i = blocked[params.first + k];
             list = listed(blocked[i]);
             way = way_to_light(hits[i], scaled_point(bitcast<vec3<u32>>(params.eye)));
-            // The way is in scaled units, and the corners are not.
-            set_line(bitcast<vec3<u32>>(way.origin), bitcast<vec3<u32>>(way.direction), 0u, 0x3f800000u, params.scale_exponent);
+            set_line_along(way);
         }
         let said = said_by_notes(list, local);
         if k < open && local % 16u == 0u { settle_any(i, ray_to_light(way), hits[i].w, 3u, said); }

@@ -159,9 +159,10 @@ fn order_of_limit(about: About) -> i32 {
     return compare_about(about, limit);
 }
 
-// The notes after the next four; `all_done` tells whether no ray of the workgroup has any. All of a workgroup call it.
+// What is left of a list, and whether nothing is left to any ray of the workgroup.
 struct Rest { list: u32, all_done: bool }
 
+// The notes after the next four. All of a workgroup call it.
 fn rest_of(list: u32, local: u32) -> Rest {
     if local == 0u { has_more = 0u; }
     workgroupBarrier();

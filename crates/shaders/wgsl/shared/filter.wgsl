@@ -8,7 +8,7 @@ struct Judged { possible: bool, sure: bool, low: f32, high: f32 }
 
 const OUT: Judged = Judged(false, false, 0.0, 0.0);
 
-// Twice the largest depth that is trusted.
+// 2^100: of greater determinants and distances, rounded arithmetic says nothing.
 const DEEP: f32 = 1.2676506002282294e30;
 
 fn judge(ray: Prepared, corners: Corners) -> Judged {

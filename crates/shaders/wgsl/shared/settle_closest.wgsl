@@ -2,7 +2,7 @@
 
 struct Found { bound: f32, leaf: u32 }
 
-// Of the candidates that another search has found so far, and how far away it is, if that is known.
+// Of the candidates so far: where it is met, and about how far away, if that is known.
 var<private> first: Crossing;
 var<private> first_about: About;
 var<private> first_told: bool;
@@ -26,85 +26,73 @@ fn see_far(leaf: u32) -> bool {
     return false;
 }
 
-// Keeps a leaf if its triangle is met before all others: least t, then least index.
+// Settles a leaf's triangle by itself.
 fn consider(leaf: u32) {
     let triangle = records[3u * leaf].w;
     let points = points_of(triangle);
-    let is_first = first_leaf == NO_LEAF;
-    let slot = select(0u, 1u, !is_first && first.numerator == CROSSINGS);
     let alone = decide_alone(leaf, points);
     let told = alone.made.hard == 0u;
-    if told && alone.made.met == 0u { return; }
-    var c = crossing_in(slot, alone.made.exponent);
     if told {
-        put_192(c.numerator, alone.n);
-        put_192(c.denominator, alone.d);
-    } else {
-        c = meet_exactly(points, slot);
+        if alone.made.met == 1u { offer(alone.made, triangle, put_crossing(alone.made.exponent, alone.n, alone.d), true); }
+        return;
     }
-    if !c.met { return; }
-    if !is_first {
+    let c = meet_exactly(points, free_slot());
+    if c.met { offer(alone.made, triangle, c, false); }
+}
+
+// The place that the first so far does not take.
+fn free_slot() -> u32 { return select(0u, 1u, first_leaf != NO_LEAF && first.numerator == CROSSINGS); }
+
+fn put_crossing(exponent: i32, n: Whole192, d: Whole192) -> Crossing {
+    let c = crossing_in(free_slot(), exponent);
+    put_192(c.numerator, n);
+    put_192(c.denominator, d);
+    return c;
+}
+
+// Keeps a triangle that is met at `c` if that is before all others: least t, then least index. `told` says whether
+// it is known about where.
+fn offer(made: Decided, triangle: u32, c: Crossing, told: bool) {
+    if first_leaf != NO_LEAF {
         var order = 0;
-        if told && first_told { order = compare_about(alone.made.about, first_about); }
+        if told && first_told { order = compare_about(made.about, first_about); }
         if order == 0 { order = order_crossings(c, first); }
         if order > 0 || (order == 0 && triangle > first_triangle) { return; }
     }
     first = c;
-    first_about = alone.made.about;
+    first_about = made.about;
     first_told = told;
-    first_leaf = leaf;
+    first_leaf = made.leaf;
     first_triangle = triangle;
 }
 
 // In place of a leaf: notes do not tell.
 const UNTOLD: u32 = 0xfffffffeu;
 
-// The first of the triangles that are met: least t, then least index.
-struct First { leaf: u32, triangle: u32, made: Decided }
-
-const NO_FIRST: First = First(NO_LEAF, NO_LEAF, Decided());
-// Looks over four notes that are decided, the first of which stands in place `at`.
-fn resolve(so_far: First, at: u32) -> First {
-    var first = so_far;
+// Looks over four notes that are decided, the first of which stands in place `at`; whether they all tell.
+fn resolve(at: u32) -> bool {
     for (var k = at; k < at + 4u; k += 1u) {
         let made = decided[k];
-        if made.hard == 1u { first.leaf = UNTOLD; }
-        if made.met == 0u || first.leaf == UNTOLD { continue; }
-        let triangle = records[3u * made.leaf].w;
-        var order = -1;
-        if first.leaf != NO_LEAF {
-            order = compare_about(made.about, first.made.about);
-            if order == 0 { order = order_exactly(made, k, first.made); }
+        if made.hard == 1u { return false; }
+        if made.met == 1u {
+            let c = put_crossing(made.exponent, determinants[4u * k + 3u], determinants[4u * k]);
+            offer(made, records[3u * made.leaf].w, c, true);
         }
-        if order > 0 || (order == 0 && triangle >= first.triangle) { continue; }
-        first = First(made.leaf, triangle, made);
-        put_first(k);
     }
-    return first;
-}
-
-// The first so far keeps its numbers in place 0 of two.
-fn put_first(k: u32) {
-    put_192(CROSSINGS, determinants[4u * k + 3u]);
-    put_192(CROSSINGS + 28u, determinants[4u * k]);
-}
-
-fn order_exactly(made: Decided, k: u32, other: Decided) -> i32 {
-    put_192(CROSSINGS + 56u, determinants[4u * k + 3u]);
-    put_192(CROSSINGS + 84u, determinants[4u * k]);
-    return order_crossings(crossing_in(1u, made.exponent), crossing_in(0u, other.exponent));
+    return true;
 }
 
 // The leaf of the first of a ray's notes, for the ray's first invocation, or UNTOLD. All of a workgroup call it.
 fn first_of_notes(list: u32, local: u32) -> u32 {
-    var first = NO_FIRST;
+    first_leaf = NO_LEAF;
+    var tells = true;
     var rest = Rest(list, false);
     while !rest.all_done {
         decide_notes(rest.list, local);
-        if local % 16u == 0u { first = resolve(first, local / 4u); }
+        if local % 16u == 0u { tells = resolve(local / 4u) && tells; }
         rest = rest_of(rest.list, local);
     }
-    return first.leaf;
+    return select(UNTOLD, first_leaf, tells);
 }
 
 // Writes the hit of one ray, whose line is set.
