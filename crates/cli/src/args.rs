@@ -99,9 +99,8 @@ pub(crate) struct RenderArgs {
     /// Stretch of time, in key frames [default: all of it]
     #[arg(long, value_name = "T0..T1", value_parser = values::time_range, allow_hyphen_values = true)]
     pub(crate) time_range: Option<TimeRange>,
-    /// Pixels of a frame
-    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = values::size)]
-    pub(crate) size: [u32; 2],
+    #[command(flatten)]
+    pub(crate) size: SizeArgs,
     #[command(flatten)]
     pub(crate) camera: CameraArgs,
     /// Directory for pictures: frame_0000.png and so on
@@ -365,6 +364,9 @@ pub(crate) use crossover::{CrossoverArgs, TimingArgs};
 
 mod growth;
 pub(crate) use growth::GrowthArgs;
+
+mod lists;
+pub(crate) use lists::{LayoutsArgs, PoliciesArgs, SizeArgs, TrianglesArgs, WarmUpArgs};
 
 mod stability;
 pub(crate) use stability::StabilityArgs;

@@ -16,7 +16,7 @@ use crate::stop::Stop;
 use crate::{choose, frames, info, record, talk, threads};
 use clap::ValueEnum;
 use pipeline::Frame;
-pub(crate) use row::{Row, measure};
+pub(crate) use row::{Row, Run, measure};
 use scene::Scene;
 use serde::Serialize;
 
@@ -127,7 +127,12 @@ impl<'a> Bench<'a> {
                 run: None,
                 ahead: Ahead::of(frames, predict),
             };
-            let row = row::measure_rays((rays, args.size), (spec, scene), frames, &ask)?;
+            let run = Run {
+                rays,
+                size: args.size.size,
+                warm_up: args.warm_up.warm_up(),
+            };
+            let row = measure(run, (spec, scene), frames, &ask)?;
             let words = [spec, row.backend, row.update, row.intersector];
             self.progress.step(&words.join(" "));
             rows.push(row);
@@ -170,7 +175,7 @@ impl<'a> Bench<'a> {
             command_line: record::command_line(),
             cpu: info::cpu_model(),
             cores: threads::cores(),
-            size: args.size,
+            size: args.size.size,
             ratios: rivals::ratios(&rows),
             floors: floors?,
             rows,
@@ -232,7 +237,7 @@ fn everything(args: &BenchArgs) -> Vec<Combination> {
 /// Every intersector with every layout.
 fn methods(args: &BenchArgs) -> impl Iterator<Item = MethodArgs> {
     args.intersector.iter().flat_map(|&intersector| {
-        let layouts = args.layout.iter();
+        let layouts = args.layouts.layout.iter();
         layouts.map(move |&layout| MethodArgs {
             intersector,
             layout,
@@ -242,7 +247,7 @@ fn methods(args: &BenchArgs) -> impl Iterator<Item = MethodArgs> {
 
 /// Each update policy, with and without prediction where that makes a difference.
 fn policies(args: &BenchArgs) -> impl Iterator<Item = (UpdateName, Switch)> {
-    args.update.iter().flat_map(|&update| {
+    args.policies.update.iter().flat_map(|&update| {
         let differ = matches!(update, UpdateName::Async | UpdateName::Auto);
         let take = if differ { args.predict.len() } else { 1 };
         args.predict.iter().take(take).map(move |&p| (update, p))

@@ -16,7 +16,7 @@ mod text;
 mod truth;
 
 use crate::ahead::Ahead;
-use crate::args::{ChartArgs, PolicyArgs};
+use crate::args::{ChartArgs, PolicyArgs, RaysName};
 use crate::bench::{self, Row};
 use crate::choose::Choice;
 use crate::progress::Progress;
@@ -100,7 +100,7 @@ impl Work<'_> {
         self.chart.scenes.push(chart::Scene {
             name: name.clone(),
             triangles: scene.animation.triangle_count() as u64,
-            size: self.args.size,
+            size: self.args.size.size,
             frames: frames.len() as u64,
         });
         let mut points = Vec::new();
@@ -110,7 +110,7 @@ impl Work<'_> {
                 continue;
             }
             let ask = way.ask(update);
-            let row = bench::measure(self.args.size, (spec, &scene), &frames, &ask);
+            let row = bench::measure(self.run(), (spec, &scene), &frames, &ask);
             self.progress.step(&format!("{name} timed {way}"));
             match row {
                 Ok(row) => {
@@ -146,7 +146,7 @@ impl Work<'_> {
                 (None, None) => None,
                 (None, Some(ask)) => {
                     scene.animation = Arc::new(reduce::left(&animation, &kept)?);
-                    let row = bench::measure(self.args.size, (spec, &scene), &frames, ask)?;
+                    let row = bench::measure(self.run(), (spec, &scene), &frames, ask)?;
                     timed(&name, &row, String::new()).ms_per_frame.median
                 }
             };
@@ -155,6 +155,15 @@ impl Work<'_> {
         }
         let scene = name;
         Ok(KeyFrames { scene, steps })
+    }
+
+    /// What all runs share.
+    fn run(&self) -> bench::Run {
+        bench::Run {
+            rays: RaysName::Camera,
+            size: self.args.size.size,
+            warm_up: self.args.warm_up.warm_up(),
+        }
     }
 
     /// What the chart calls a scene: its own name, or what it was asked for by, where that alone is unique.

@@ -62,7 +62,7 @@ pub(crate) fn run(args: &CrossoverArgs) -> Result<(), Stop> {
     }
     let mut table = Table::new(args);
     for scene in &args.scenes {
-        for &triangles in &args.triangles {
+        for &triangles in &args.triangles.triangles.0 {
             let spec = format!("{scene}:{triangles}");
             let scene = scene::open(&spec, &scene::Options::default())?;
             for &speed in &args.speeds {
@@ -86,7 +86,7 @@ pub(crate) fn run(args: &CrossoverArgs) -> Result<(), Stop> {
         command_line: record::command_line(),
         cpu: info::cpu_model(),
         cores: threads::cores(),
-        size: args.timing.size,
+        size: args.timing.size.size,
         speeds: args.speeds.clone(),
         cells,
         left_out,
@@ -110,8 +110,8 @@ struct Table<'a> {
 impl<'a> Table<'a> {
     fn new(args: &'a CrossoverArgs) -> Self {
         let threads = builder_threads(&args.threads, threads::cores());
-        let places = args.scenes.len() * args.triangles.len() * args.speeds.len();
-        let runs = (threads.len() + args.against.len()) * args.layout.len();
+        let places = args.scenes.len() * args.triangles.triangles.0.len() * args.speeds.len();
+        let runs = (threads.len() + args.against.len()) * args.layouts.layout.len();
         Self {
             args,
             setting: args.timing.setting(),
@@ -170,7 +170,7 @@ impl<'a> Table<'a> {
             return Ok(None);
         }
         let mut best: Option<Run> = None;
-        for &layout in &self.args.layout.clone() {
+        for &layout in &self.args.layouts.layout.clone() {
             let way = Way {
                 update,
                 layout,
@@ -283,6 +283,7 @@ mod tests {
                 first_ms: 5.0,
                 build_ms: None,
                 device_bytes: None,
+                warm_up: None,
                 frames: 9,
                 cut_short,
             },

@@ -18,7 +18,7 @@ use std::time::Instant;
 pub(crate) fn run(args: &GrowthArgs) -> Result<(), Stop> {
     report::prepare_dir(&args.out).map_err(Stop::bad)?;
     let mut work = Work::new(args);
-    for &triangles in &args.triangles.0 {
+    for &triangles in &args.triangles.triangles.0 {
         let begun = Instant::now();
         let spec = format!("{}:{triangles}", args.scene);
         let scene = scene::open(&spec, &scene::Options::default())?;
@@ -51,7 +51,9 @@ struct Work<'a> {
 
 impl<'a> Work<'a> {
     fn new(args: &'a GrowthArgs) -> Self {
-        let runs = args.triangles.0.len() * args.update.len() * args.layout.len();
+        let runs = args.triangles.triangles.0.len()
+            * args.policies.update.len()
+            * args.layouts.layout.len();
         Self {
             args,
             setting: args.timing.setting(),
@@ -65,7 +67,7 @@ impl<'a> Work<'a> {
                     adapters: Vec::new(),
                 },
                 scene: args.scene.clone(),
-                size: args.timing.size,
+                size: args.timing.size.size,
                 speed: args.speed,
                 ..Growth::default()
             },
@@ -77,11 +79,11 @@ impl<'a> Work<'a> {
     /// be too much for a device, which says nothing of the others.
     fn size(&mut self, spec: &str, scene: &Scene) {
         let mut build_ms: f64 = 0.0;
-        let mut updates = self.args.update.clone();
+        let mut updates = self.args.policies.update.clone();
         // By then it is known how long a first tree takes.
         updates.sort_by_key(|&u| u == UpdateName::TSah);
         for update in updates {
-            for &layout in &self.args.layout {
+            for &layout in &self.args.layouts.layout {
                 let what = format!("{spec} {} {}", name(update), layout_name(layout));
                 match self.time(scene, update, layout, build_ms) {
                     Ok(timing) => {

@@ -37,6 +37,7 @@ mod timing;
 mod trace;
 mod trial;
 mod values;
+mod warm_up;
 
 use args::Command;
 use std::process::ExitCode;

@@ -25,7 +25,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     let is_demo = args.scene.starts_with(frames::DEMO);
     let frames = frames::list(args.frames, args.time_range, keys, is_demo)?;
     let view = view(args, &scene);
-    let camera = camera(&view, args.size)?;
+    let camera = camera(&view, args.size.size)?;
     let mut session = session::start(
         &scene.animation,
         &Ask {
@@ -68,7 +68,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
 /// The view that frames the motion, with what was asked for in its place.
 fn view(args: &RenderArgs, scene: &Scene) -> View {
     let asked = &args.camera;
-    let framed = picture::frame_scene(&scene.animation, asked.fov, args.size);
+    let framed = picture::frame_scene(&scene.animation, asked.fov, args.size.size);
     View {
         eye: asked.eye.unwrap_or(framed.eye),
         look_at: asked.look_at.unwrap_or(framed.look_at),
@@ -152,7 +152,7 @@ fn trace_all(
 }
 
 fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats]) -> String {
-    let [width, height] = args.size;
+    let [width, height] = args.size.size;
     let mut text = format!(
         "{}: {} triangles ({} moving), {} key frames; {} frames of {width}x{height}\n{}\n",
         scene.name,
@@ -192,7 +192,7 @@ fn stats(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats
         intersector: session.method[0].to_owned(),
         layout: session.method[1].to_owned(),
         auto: session.taken.clone(),
-        size: args.size,
+        size: args.size.size,
         frames: rows.to_vec(),
         summary: report::overview(rows),
     }

@@ -9,6 +9,7 @@ use crate::bench::FOV;
 use crate::choose;
 use crate::session::{self, Ask};
 use crate::stop::Stop;
+use crate::warm_up::{WarmUp, Warmed};
 use backend::{Device, Query, Rays, Seek};
 use clap::ValueEnum;
 use geom::Animation;
@@ -41,6 +42,8 @@ pub(crate) struct Setting<'a> {
     pub(crate) backend: BackendName,
     pub(crate) adapter: Option<&'a str>,
     pub(crate) size: [u32; 2],
+    /// How the device is got ready.
+    pub(crate) warm_up: WarmUp,
     /// No frame is begun after so long, once there are two.
     pub(crate) patience: Duration,
 }
@@ -51,7 +54,8 @@ impl TimingArgs {
         Setting {
             backend: self.backend,
             adapter: self.adapter.as_deref(),
-            size: self.size,
+            size: self.size.size,
+            warm_up: self.warm_up.warm_up(),
             patience: Duration::from_secs_f64(self.patience),
         }
     }
@@ -74,6 +78,9 @@ pub(crate) struct Timing {
     /// Of the first tree, on the host.
     pub(crate) build_ms: Option<f64>,
     pub(crate) device_bytes: Option<u64>,
+    /// What the device did uncounted after the first frame, where it was warmed up.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) warm_up: Option<Warmed>,
     pub(crate) frames: usize,
     /// Whether patience ran out before the frames did: where a tree ages, `frame_ms` is then too small.
     pub(crate) cut_short: bool,
@@ -125,7 +132,7 @@ pub(crate) fn time(
     };
     let mut session = session::start(animation, &ask)?;
     let mut seen = Seen::default();
-    seen.run(&mut session.driver, frames, query, setting.patience)?;
+    seen.run(&mut session.driver, frames, query, setting)?;
     let builder_threads = session.threads.build;
     Ok(seen.sum_up(session.device, builder_threads))
 }
@@ -164,6 +171,7 @@ struct Seen {
     trace: Vec<f64>,
     build_ms: Option<f64>,
     device_bytes: Option<u64>,
+    warm_up: Option<Warmed>,
     cut_short: bool,
 }
 
@@ -185,15 +193,20 @@ impl Seen {
         driver: &mut Driver,
         frames: &[Frame],
         query: Query<'_>,
-        patience: Duration,
+        setting: &Setting<'_>,
     ) -> Result<(), Stop> {
+        let first = |record: &FrameRecord| {
+            self.note(record);
+            Ok::<(), Stop>(())
+        };
+        let (warm_up, rest) = setting.warm_up.begin(driver, frames, query, first)?;
+        self.warm_up = warm_up;
         let mut begun = None;
-        let all = frames.iter().copied();
-        let done = driver.run(all, query, false, |record, _| {
+        let done = driver.run(rest.iter().copied(), query, false, |record, _| {
             self.note(record);
             // The first frame's build has a limit of its own.
             let begun = begun.get_or_insert_with(Instant::now);
-            match self.walls.len() > 2 && begun.elapsed() > patience {
+            match self.walls.len() > 2 && begun.elapsed() > setting.patience {
                 true => Err(Halt::Enough),
                 false => Ok(()),
             }
@@ -237,6 +250,7 @@ impl Seen {
             first_ms,
             build_ms: self.build_ms,
             device_bytes: self.device_bytes,
+            warm_up: self.warm_up,
             frames: self.walls.len(),
             cut_short: self.cut_short,
         }
@@ -292,6 +306,7 @@ mod tests {
                 backend: BackendName::Cpu,
                 adapter: None,
                 size: [16, 9],
+                warm_up: WarmUp::NONE,
                 patience,
             };
             let way = Way {

@@ -254,6 +254,16 @@ pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Seconds of a warm-up, which nobody wants to last for more than a minute.
+pub(crate) fn warm_up(text: &str) -> Result<f64, String> {
+    let seconds: f64 = finite(text)?;
+    if (0.0..=60.0).contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err("a warm-up lasts from 0 to 60 seconds".to_owned())
+    }
+}
+
 /// A number of rays.
 pub(crate) fn rays(text: &str) -> Result<usize, String> {
     match text.parse() {
@@ -305,6 +315,7 @@ mod tests {
         assert!(demo("demo:twist").is_ok() && speed("0.5").is_ok() && seconds("0").is_ok());
         assert!(demo("demo:twist:500").is_err() && demo("horse/").is_err());
         assert!(speed("0").is_err() && seconds("-1").is_err() && count("1").is_err());
+        assert!(warm_up("0").is_ok() && warm_up("-1").is_err() && warm_up("61").is_err());
     }
 
     #[test]

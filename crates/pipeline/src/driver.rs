@@ -2,6 +2,7 @@
 
 mod own;
 mod pending;
+mod rehearse;
 mod trees;
 
 use crate::foresight::Foresight;

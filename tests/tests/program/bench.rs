@@ -1,12 +1,17 @@
 //! `bench`: a table for people, and every frame of every run for programs.
 
+use crate::devices::{BACKENDS, HOST};
 use crate::sandbox::{Sandbox, ensure, trial};
 use crate::stats::FRAME;
 use libtest_mimic::{Failed, Trial};
 use serde_json::Value;
 
 pub(crate) fn trials() -> Vec<Trial> {
-    vec![
+    let warm = BACKENDS.into_iter().chain([HOST]).map(|backend| {
+        let name = format!("bench::{}::a_warm_up_shows_in_no_frame", backend.name);
+        backend.trial(&name, move |s| warm_up(s, backend.name))
+    });
+    let others = vec![
         trial("bench::the_file_holds_every_frame_and_the_machine", file),
         trial("bench::what_moves_is_counted_in_every_input", moving),
         trial("bench::the_table_has_all_columns", table),
@@ -24,7 +29,53 @@ pub(crate) fn trials() -> Vec<Trial> {
             "bench::two_files_are_compared_and_a_slower_one_can_fail",
             compare,
         ),
-    ]
+    ];
+    warm.chain(others).collect()
+}
+
+/// Whatever the device did between the first frame and the others, they are the same.
+fn warm_up(sandbox: &Sandbox, backend: &str) -> Result<(), Failed> {
+    let updates = match backend {
+        "cpu" => "refit",
+        _ => "refit,device-rebuild",
+    };
+    let rows = |seconds: &str| -> Result<Vec<Value>, Failed> {
+        let what = format!("bench demo:collide:600 --backend {backend} --update {updates}");
+        let how = format!("--frames 4 --size 16x12 --layout bvh2 --warm-up {seconds}");
+        sandbox
+            .run(&format!("{what} {how} --quiet --json w.json"))
+            .succeeds()?;
+        let mut json: Value = serde_json::from_slice(&sandbox.read("w.json"))?;
+        let rows = json["rows"].as_array_mut().ok_or("no rows")?;
+        Ok(std::mem::take(rows))
+    };
+    let facts = |row: &Value| -> Vec<Vec<Value>> {
+        let names = [
+            "time",
+            "hits",
+            "blocked",
+            "tree_generation",
+            "tree_age_frames",
+            "adopted",
+        ];
+        let frames = row["per_frame"].as_array().map_or(&[][..], Vec::as_slice);
+        let of = |f: &Value| names.map(|n| f[n].clone()).to_vec();
+        frames.iter().map(of).collect()
+    };
+    let (cold, warm) = (rows("0")?, rows("0.2")?);
+    for (cold, warm) in cold.iter().zip(&warm) {
+        let same = facts(cold) == facts(warm) && facts(warm).len() == 4;
+        ensure(same, || format!("{cold:#} {warm:#}"))?;
+        ensure(cold.get("warm_up").is_none(), || "unasked".into())?;
+        let told = &warm["warm_up"];
+        let (seconds, frames) = (told["seconds"].as_f64(), told["frames"].as_u64());
+        let right = match backend {
+            "cpu" => told.is_null(),
+            _ => seconds >= Some(0.2) && frames >= Some(2) && told["steady"].is_boolean(),
+        };
+        ensure(right, || told.to_string())?;
+    }
+    Ok(())
 }
 
 /// A scene of two halls has twice the triangles, and twice those that move.

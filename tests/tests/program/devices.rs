@@ -29,7 +29,7 @@ pub(crate) const BACKENDS: [Subject; 2] = [
     },
 ];
 
-const HOST: Subject = Subject {
+pub(crate) const HOST: Subject = Subject {
     name: "cpu",
     absent: &NOT_ABSENT,
 };

@@ -1,7 +1,8 @@
 //! What may be asked of `bench`.
 
 use super::{
-    BackendName, IntersectorName, LayoutName, SourceArgs, Switch, ToleranceArgs, UpdateName,
+    BackendName, IntersectorName, LayoutsArgs, PoliciesArgs, SizeArgs, SourceArgs, Switch,
+    ToleranceArgs, WarmUpArgs,
 };
 use crate::values::{self, Frames, TimeRange};
 use clap::builder::ArgPredicate;
@@ -10,6 +11,9 @@ use std::path::PathBuf;
 
 /// Options of `bench`.
 #[derive(Args, Debug)]
+#[command(mut_arg("update", |arg| arg.default_value("rebuild,refit,async")))]
+#[command(mut_arg("layout", |arg| arg.default_value("auto")))]
+#[command(mut_arg("size", |arg| arg.default_value("640x360")))]
 pub(crate) struct BenchArgs {
     /// Scenes, as for render
     #[arg(default_values = ["demo:grove", "demo:collide"])]
@@ -24,14 +28,8 @@ pub(crate) struct BenchArgs {
         default_value = "auto"
     )]
     pub(crate) backend: Vec<BackendName>,
-    /// Update policies
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "rebuild,refit,async"
-    )]
-    pub(crate) update: Vec<UpdateName>,
+    #[command(flatten)]
+    pub(crate) policies: PoliciesArgs,
     /// With async: as for render
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "on")]
     pub(crate) predict: Vec<Switch>,
@@ -44,14 +42,8 @@ pub(crate) struct BenchArgs {
         default_value_if("tolerance", ArgPredicate::IsPresent, "auto")
     )]
     pub(crate) intersector: Vec<IntersectorName>,
-    /// Layouts of the tree
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "auto"
-    )]
-    pub(crate) layout: Vec<LayoutName>,
+    #[command(flatten)]
+    pub(crate) layouts: LayoutsArgs,
     #[command(flatten)]
     pub(crate) tolerance: ToleranceArgs,
     /// The run that others are set against, by words of it in order, such as 'vulkan-rt refit' [default: the first of each scene]
@@ -78,15 +70,16 @@ pub(crate) struct BenchArgs {
         conflicts_with = "with_auto"
     )]
     pub(crate) rays: Vec<RaysName>,
-    /// Pixels of a frame
-    #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = values::size)]
-    pub(crate) size: [u32; 2],
+    #[command(flatten)]
+    pub(crate) size: SizeArgs,
     /// Frames of each run: N spread evenly over the time range, or those at key times A..B
     #[arg(long, value_name = "N|A..B", default_value = "24", value_parser = values::frames)]
     pub(crate) frames: Frames,
     /// Stretch of time, in key frames [default: all of it]
     #[arg(long, value_name = "T0..T1", value_parser = values::time_range, allow_hyphen_values = true)]
     pub(crate) time_range: Option<TimeRange>,
+    #[command(flatten)]
+    pub(crate) warm_up: WarmUpArgs,
     /// Adapter of the backends, by index or by part of its name
     #[arg(long, value_name = "INDEX|NAME-PART")]
     pub(crate) adapter: Option<String>,

@@ -1,12 +1,14 @@
 //! What may be asked of `chart`.
 
-use super::{BackendName, IntersectorName, SourceArgs, UpdateName};
+use super::{BackendName, IntersectorName, PoliciesArgs, SizeArgs, SourceArgs, WarmUpArgs};
 use crate::values::{self, Frames};
 use clap::Args;
 use std::path::PathBuf;
 
 /// Options of `chart`.
 #[derive(Args, Debug)]
+#[command(mut_arg("update", |arg| arg.default_value("rebuild,refit,async")))]
+#[command(mut_arg("size", |arg| arg.default_value("640x400")))]
 pub(crate) struct ChartArgs {
     /// Scenes, as for render
     #[arg(default_value = "demo:collide")]
@@ -32,20 +34,16 @@ pub(crate) struct ChartArgs {
         default_value = "moller-trumbore,woop,watertight,exact"
     )]
     pub(crate) intersector: Vec<IntersectorName>,
-    /// Update policies
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "rebuild,refit,async"
-    )]
-    pub(crate) update: Vec<UpdateName>,
-    /// Frames that are timed: N spread evenly over the motion, or those at key times A..B. The first warms up
+    #[command(flatten)]
+    pub(crate) policies: PoliciesArgs,
+    /// Frames that are timed: N spread evenly over the motion, or those at key times A..B. The first, which makes the first
+    /// tree, does not count
     #[arg(long, value_name = "N|A..B", default_value = "12", value_parser = values::frames)]
     pub(crate) frames: Frames,
-    /// Pixels of a frame that is timed
-    #[arg(long, value_name = "WxH", default_value = "640x400", value_parser = values::size)]
-    pub(crate) size: [u32; 2],
+    #[command(flatten)]
+    pub(crate) size: SizeArgs,
+    #[command(flatten)]
+    pub(crate) warm_up: WarmUpArgs,
     /// Rays of each scene whose answers are compared with exact arithmetic: half of them a camera's, half at
     /// random; beside them, a quarter as many aimed at edges and vertices
     #[arg(long, value_name = "N", default_value = "2000000", value_parser = values::rays)]

@@ -1,19 +1,20 @@
 //! What may be asked of `crossover`.
 
-use super::{BackendName, LayoutName, UpdateName};
+use super::{BackendName, LayoutsArgs, SizeArgs, TrianglesArgs, UpdateName, WarmUpArgs};
 use crate::values;
 use clap::Args;
 use std::path::PathBuf;
 
 /// Options of `crossover`.
 #[derive(Args, Debug)]
+#[command(mut_arg("triangles", |arg| arg.default_value("10K,70K,250K,1.6M")))]
+#[command(mut_arg("layout", |arg| arg.default_value("bvh2,fast")))]
 pub(crate) struct CrossoverArgs {
     /// Demos, without a number of triangles
     #[arg(default_values = ["demo:collide", "demo:shatter"], value_parser = values::demo)]
     pub(crate) scenes: Vec<String>,
-    /// Triangles, about so many
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "10K,70K,250K,1.6M", value_parser = values::amount)]
-    pub(crate) triangles: Vec<usize>,
+    #[command(flatten)]
+    pub(crate) triangles: TrianglesArgs,
     /// Speeds of the motion, in key frames a frame
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "0.0125,0.125,0.5", value_parser = values::speed)]
     pub(crate) speeds: Vec<f64>,
@@ -28,14 +29,8 @@ pub(crate) struct CrossoverArgs {
         default_value = "device-rebuild,t-sah,refit"
     )]
     pub(crate) against: Vec<UpdateName>,
-    /// Layouts; each policy has the one that is fastest with it
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "bvh2,fast"
-    )]
-    pub(crate) layout: Vec<LayoutName>,
+    #[command(flatten)]
+    pub(crate) layouts: LayoutsArgs,
     #[command(flatten)]
     pub(crate) timing: TimingArgs,
     /// File for the results
@@ -52,12 +47,13 @@ pub(crate) struct TimingArgs {
     /// Adapter of the backend, by index or by part of its name
     #[arg(long, value_name = "INDEX|NAME-PART")]
     pub(crate) adapter: Option<String>,
-    /// Frames of each run, to and fro through the motion; the first warms up
+    /// Frames of each run, to and fro through the motion; the first, which makes the first tree, does not count
     #[arg(long, value_name = "N", default_value = "96", value_parser = values::count)]
     pub(crate) frames: usize,
-    /// Pixels of a frame
-    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = values::size)]
-    pub(crate) size: [u32; 2],
+    #[command(flatten)]
+    pub(crate) size: SizeArgs,
+    #[command(flatten)]
+    pub(crate) warm_up: WarmUpArgs,
     /// No run goes on for longer than this, once it has two frames beside the first; its time is then marked
     #[arg(long, value_name = "SECONDS", default_value = "3", value_parser = values::seconds)]
     pub(crate) patience: f64,

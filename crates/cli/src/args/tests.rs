@@ -30,7 +30,7 @@ fn no_argument_renders_the_grove() {
         panic!("no arguments must mean render");
     };
     assert_eq!(args.scene, "demo:grove");
-    assert_eq!(args.size, [1280, 720]);
+    assert_eq!(args.size.size, [1280, 720]);
     assert_eq!(args.out, PathBuf::from("abvh-out"));
 }
 
@@ -48,14 +48,79 @@ fn lists_are_parted_by_commas() {
     let Ok(Command::Bench(args)) = parse("bench demo:twist --update refit,async --frames 3") else {
         panic!("lists must be taken");
     };
-    assert_eq!(args.update, [UpdateName::Refit, UpdateName::Async]);
+    assert_eq!(args.policies.update, [UpdateName::Refit, UpdateName::Async]);
     assert_eq!(args.scenes, ["demo:twist"]);
     assert_eq!(args.frames, Frames::Count(3));
 }
 
 #[test]
+fn what_commands_share_has_one_help_text() {
+    let cli = Cli::command();
+    let all = |option: &str| -> Vec<String> {
+        let commands = cli.get_subcommands();
+        let found = commands.flat_map(|c| c.get_arguments().filter(|a| a.get_id() == option));
+        found
+            .map(|a| {
+                let help = a.get_long_help().or(a.get_help());
+                format!("{:?} {help:?}", a.get_value_names())
+            })
+            .collect()
+    };
+    // Not `update`, `layout` and `intersector`: single ones belong to one run, lists to many.
+    for (option, commands) in [("size", 5), ("triangles", 2), ("warm_up", 4)] {
+        let mut texts = all(option);
+        assert_eq!(texts.len(), commands, "{option}");
+        texts.dedup();
+        assert_eq!(texts.len(), 1, "{option}: {texts:?}");
+    }
+    for (option, commands) in [("update", 3), ("layout", 3)] {
+        let texts = all(option);
+        let lists = texts.iter().filter(|t| t.contains("LIST"));
+        let mut lists: Vec<_> = lists.collect();
+        assert_eq!(lists.len(), commands, "{option}");
+        lists.dedup();
+        assert_eq!(lists.len(), 1, "{option}: {lists:?}");
+    }
+}
+
+#[test]
+fn each_command_has_defaults_of_its_own() {
+    let (Ok(Command::Bench(bench)), Ok(Command::Growth(growth)), Ok(Command::Crossover(cross))) =
+        (parse("bench"), parse("growth"), parse("crossover"))
+    else {
+        panic!("commands go without options");
+    };
+    assert_eq!(bench.size.size, [640, 360]);
+    assert_eq!(bench.layouts.layout, [LayoutName::Auto]);
+    assert_eq!(
+        growth.layouts.layout,
+        [LayoutName::Bvh2, LayoutName::Fast],
+        "a list"
+    );
+    assert_eq!(
+        (bench.policies.update.len(), growth.policies.update.len()),
+        (3, 4)
+    );
+    assert_eq!(growth.timing.size.size, [1280, 720]);
+    assert_eq!(
+        cross.triangles.triangles.0,
+        [10_000, 70_000, 250_000, 1_600_000]
+    );
+    let some = parse("bench demo:twist --layout fast --size 8x8 --warm-up 0");
+    let Ok(Command::Bench(some)) = some else {
+        panic!("options must be taken");
+    };
+    assert_eq!(some.layouts.layout, [LayoutName::Fast]);
+    assert_eq!(
+        (some.size.size, &*some.warm_up.words()),
+        ([8, 8], " --warm-up 0")
+    );
+}
+
+#[test]
 fn what_cannot_be_is_refused_by_name() {
     assert!(refused("render --size 0x5").contains("--size"));
+    assert!(refused("bench --warm-up 99").contains("60 seconds"));
     assert!(refused("render --frames 0").contains("--frames"));
     assert!(refused("render --eye 1,2,nan").contains("nan"));
     assert!(refused("render --intersector perfect").contains("watertight"));

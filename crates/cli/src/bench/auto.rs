@@ -1,9 +1,10 @@
 //! What `auto` takes, against every fixed choice it has: same scene, same backend, turn by turn.
 
-use super::{Row, measure};
+use super::{Row, Run, measure};
 use crate::ahead::Ahead;
 use crate::args::{
-    BackendName, BenchArgs, IntersectorName, LayoutName, MethodArgs, PolicyArgs, Switch, UpdateName,
+    BackendName, BenchArgs, IntersectorName, LayoutName, MethodArgs, PolicyArgs, RaysName, Switch,
+    UpdateName,
 };
 use crate::progress::Progress;
 use crate::session::Ask;
@@ -126,7 +127,12 @@ impl Place<'_> {
             run: None,
             ahead: Ahead::of(self.frames, Switch::On),
         };
-        measure(args.size, (self.spec, self.scene), self.frames, &ask)
+        let run = Run {
+            rays: RaysName::Camera,
+            size: args.size.size,
+            warm_up: args.warm_up.warm_up(),
+        };
+        measure(run, (self.spec, self.scene), self.frames, &ask)
     }
 
     fn judge(&self, own: &[Row], pools: &[Pool], tolerance: Option<f64>) -> Result<Check, Stop> {

@@ -6,10 +6,11 @@ use crate::args::RaysName;
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
 use crate::table::mrays;
-use crate::trial::Run;
+use crate::trial;
+use crate::warm_up::{WarmUp, Warmed};
 use crate::{choose, record};
 use backend::Intersector;
-use pipeline::Frame;
+use pipeline::{Frame, FrameRecord};
 use report::{FrameStats, Summary, Taken, Time};
 use scene::Scene;
 use serde::Serialize;
@@ -35,6 +36,9 @@ pub(crate) struct Row {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) rays: Option<&'static str>,
     frames: usize,
+    /// What the device did uncounted after the first frame, where it was warmed up.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    warm_up: Option<Warmed>,
     pub(super) interpolate_ms: Option<f64>,
     pub(super) preprocess_ms: Option<f64>,
     rebuild_ms: Option<f64>,
@@ -68,37 +72,46 @@ pub(crate) struct Row {
     pub(crate) per_frame: Vec<FrameStats>,
 }
 
-/// One run over `frames`, of a camera's rays.
-pub(crate) fn measure(
-    size: [u32; 2],
-    place: (&str, &Scene),
-    frames: &[Frame],
-    ask: &Ask<'_>,
-) -> Result<Row, Stop> {
-    measure_rays((RaysName::Camera, size), place, frames, ask)
+/// What a run is like, beside what is asked of a session.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Run {
+    /// What kind of rays, one a pixel.
+    pub(crate) rays: RaysName,
+    /// Pixels of a frame.
+    pub(crate) size: [u32; 2],
+    /// How the device is got ready.
+    pub(crate) warm_up: WarmUp,
 }
 
-/// One run over `frames`, of rays of one kind, one a pixel.
-pub(super) fn measure_rays(
-    (kind, size): (RaysName, [u32; 2]),
+/// One run over `frames`.
+pub(crate) fn measure(
+    run: Run,
     (spec, scene): (&str, &Scene),
     frames: &[Frame],
     ask: &Ask<'_>,
 ) -> Result<Row, Stop> {
-    let bundle = Bundle::of(kind, (spec, &scene.animation), size)?;
+    let bundle = Bundle::of(run.rays, (spec, &scene.animation), run.size)?;
     let query = bundle.query();
-    let run = Some(Run { frames, query });
-    let mut session = session::start(&scene.animation, &Ask { run, ..*ask })?;
+    let to_try = Some(trial::Run { frames, query });
+    let ask = Ask {
+        run: to_try,
+        ..*ask
+    };
+    let mut session = session::start(&scene.animation, &ask)?;
     let mut stats = Vec::new();
-    session
-        .driver
-        .run::<Stop>(frames.iter().copied(), query, false, |frame, _| {
-            stats.push(record::row(frame));
-            Ok(())
-        })?;
-    let rays = (kind != RaysName::Camera).then_some("random");
+    let mut keep = |frame: &FrameRecord| {
+        stats.push(record::row(frame));
+        Ok::<(), Stop>(())
+    };
+    let driver = &mut session.driver;
+    let (warm_up, rest) = run.warm_up.begin(driver, frames, query, &mut keep)?;
+    driver.run(rest.iter().copied(), query, false, |frame, _| keep(frame))?;
     let row = row(spec, scene, &session, stats, &bundle);
-    Ok(Row { rays, ..row })
+    Ok(Row {
+        rays: (run.rays != RaysName::Camera).then_some("random"),
+        warm_up,
+        ..row
+    })
 }
 
 fn row(
@@ -130,6 +143,7 @@ fn row(
         intersector: session.method[0],
         layout: session.method[1],
         rays: None,
+        warm_up: None,
         frames: frames.len(),
         interpolate_ms: median(|f| f.interpolate_ms),
         preprocess_ms: median(|f| f.preprocess_ms),

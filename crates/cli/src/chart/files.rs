@@ -27,19 +27,20 @@ pub(super) fn write(dir: &Path, chart: &Chart) -> Result<Vec<PathBuf>, Stop> {
 
 /// What measures a point's times again.
 pub(super) fn command(args: &ChartArgs, spec: &str, row: &Row) -> String {
-    let [width, height] = args.size;
+    let [width, height] = args.size.size;
     let frames = match args.frames {
         Frames::Count(n) => n.to_string(),
         Frames::Keys { from, to } => format!("{from}..{to}"),
     };
     let source = source(args);
     format!(
-        "abvh bench {}{source} --backend {} --update {} --intersector {} --layout {} --size {width}x{height} --frames {frames}",
+        "abvh bench {}{source} --backend {} --update {} --intersector {} --layout {} --size {width}x{height} --frames {frames}{}",
         quoted(spec),
         row.backend,
         row.update,
         row.intersector,
         row.layout,
+        args.warm_up.words(),
     )
 }
 

@@ -38,7 +38,7 @@ impl Plan {
                     method,
                     update,
                 };
-                ways.extend(unique(&args.update).iter().map(way));
+                ways.extend(unique(&args.policies.update).iter().map(way));
             }
         }
         if ways.is_empty() {
@@ -162,6 +162,7 @@ impl fmt::Display for Way {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::args::{PoliciesArgs, SizeArgs, WarmUpArgs};
     use crate::values::Frames;
     use std::path::PathBuf;
 
@@ -175,9 +176,12 @@ mod tests {
             out: PathBuf::new(),
             backend: vec![BackendName::Cpu],
             intersector: intersector.to_vec(),
-            update: vec![UpdateName::Refit, UpdateName::Async, UpdateName::Refit],
+            policies: PoliciesArgs {
+                update: vec![UpdateName::Refit, UpdateName::Async, UpdateName::Refit],
+            },
             frames: Frames::Count(1),
-            size: [1, 1],
+            size: SizeArgs { size: [1, 1] },
+            warm_up: WarmUpArgs::default(),
             rays: 1,
             quiet: true,
         }

@@ -3,11 +3,13 @@
 use super::Run;
 use super::stand::{Stand, frame};
 use crate::stop::Stop;
+use crate::warm_up;
 use backend::{DeviceKind, Method, Query, Rays};
 use geom::{Camera, Ray};
 use pipeline::{Driver, Frame, FrameRecord, Update};
+use std::time::Instant;
 
-/// Frames that are timed each time a method has its turn, after one that warms up.
+/// Frames that are timed each time a method has its turn, after one that makes the tree.
 pub(super) const FRAMES: usize = 6;
 /// The most pixels of a frame that host cores trace for this; the rest is multiplied.
 const PIXELS_ON_HOST: usize = 1 << 16;
@@ -57,8 +59,9 @@ fn turn(stand: &mut Stand<'_>, method: Method, run: &Run<'_>) -> Result<Timed, S
     let fewer = on_host.then(|| Fewer::of(run.query.rays, PIXELS_ON_HOST));
     let (rays, share) = fewer.as_ref().map_or((run.query.rays, 1.0), Fewer::rays);
     let query = Query { rays, ..run.query };
+    let idle = Instant::now();
     let mut driver = stand.driver(method, Update::Refit)?;
-    let timed = least(&mut driver, run, query, share);
+    let timed = least(&mut driver, run, (query, share), idle);
     stand.put_back(driver);
     let (ms, build_ms) = timed?;
     Ok(Timed {
@@ -71,8 +74,8 @@ fn turn(stand: &mut Stand<'_>, method: Method, run: &Run<'_>) -> Result<Timed, S
 fn least(
     driver: &mut Driver,
     run: &Run<'_>,
-    query: Query<'_>,
-    share: f64,
+    (query, share): (Query<'_>, f64),
+    idle: Instant,
 ) -> Result<(f64, f64), Stop> {
     let middle = run.frames.len() / 2;
     let mut ms = f64::INFINITY;
@@ -86,6 +89,7 @@ fn least(
         let record = frame(driver, Frame { index, ..at }, query, None)?;
         if let Some(adopted) = record.adopted {
             build_ms = adopted.build_ms + adopted.convert_ms;
+            warm_up::after_idling(driver, query, idle.elapsed())?;
         } else {
             ms = ms.min(whole(&record, share));
         }

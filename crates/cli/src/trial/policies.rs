@@ -12,6 +12,7 @@ use super::{Run, noise};
 use crate::choose;
 use crate::stop::Stop;
 use crate::timing::FOR_ALL;
+use crate::warm_up;
 use backend::Method;
 use pipeline::{Driver, Frame, PipelineError, Update};
 use std::time::Instant;
@@ -149,9 +150,11 @@ impl<'a> Trial<'a> {
             Update::Async(_) => &self.stretches,
             _ => &self.spread,
         };
+        let idle = Instant::now();
         let mut driver = stand.driver(method, update)?;
         // The first tree is that of the run's first frame.
         let first = walls(&mut driver, self.run, &self.run.frames[..1], f64::INFINITY)?;
+        warm_up::after_idling(&mut driver, self.run.query, idle.elapsed())?;
         let (ms, at_least) = mean(&mut driver, self.run, plan, best)?;
         stand.put_back(driver);
         Ok(Timed {

@@ -4,6 +4,7 @@ mod ahead;
 mod fake;
 mod moments;
 mod own;
+mod rehearse;
 
 use backend::{Generation, Method, Query, Rays, Seek};
 use fake::{Fake, Gate, Log};

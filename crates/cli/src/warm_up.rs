@@ -1,0 +1,214 @@
+//! Work for a device before it is measured: one that had nothing to do runs at a low clock, and takes long to leave it.
+//!
+//! Opening a device, compiling kernels and building a first tree leave it idle for milliseconds to seconds. So a run's
+//! first frame, which waits for all of that, is followed by traces of it that nobody counts, for a while and until they
+//! take as long as they did before. The scene does not move on, and no tree ages ([`pipeline::Driver::rehearse`]).
+
+use backend::{DeviceKind, FrameReport, Query};
+use pipeline::{Driver, Frame, FrameRecord, PipelineError};
+use report::Summary;
+use serde::Serialize;
+use std::time::{Duration, Instant};
+
+/// Seconds that a graphics processor is warmed up unless asked otherwise. On an H200 that had waited ten seconds for its
+/// kernels, 60 frames of a quarter of a second in all were still four times too slow.
+pub(crate) const USUAL: Duration = Duration::from_millis(700);
+/// Seconds over which two medians are compared, one window after the other.
+const WINDOW: f64 = 0.1;
+/// Frames in a window at least.
+const FEWEST: usize = 3;
+/// Medians that differ by less than this share agree.
+const AGREE: f64 = 0.03;
+/// Seconds that go on in vain until medians agree.
+const PATIENCE: f64 = 0.5;
+/// The most seconds that a device works after it idled, before something is timed in a hurry.
+const BRIEF: f64 = 0.5;
+
+/// How long a device is warmed up, in seconds, if somebody said so.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct WarmUp(Option<f64>);
+
+/// What became of it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(crate) struct Warmed {
+    /// By the host's clock.
+    seconds: f64,
+    /// Traces of the first frame.
+    frames: usize,
+    /// Whether they took the same time in the end.
+    steady: bool,
+}
+
+impl WarmUp {
+    /// None at all.
+    #[cfg(test)]
+    pub(crate) const NONE: Self = Self(Some(0.0));
+
+    /// So long as somebody asked for.
+    pub(crate) fn asked(seconds: f64) -> Self {
+        Self(Some(seconds))
+    }
+
+    /// Seconds for a device; the host's cores have no use for it, and a driver that runs there only if it is asked for.
+    fn seconds(self, kind: DeviceKind) -> f64 {
+        match (kind, self.0) {
+            (DeviceKind::Cpu, _) => 0.0,
+            (_, Some(seconds)) => seconds,
+            (DeviceKind::Gpu, None) => USUAL.as_secs_f64(),
+            (DeviceKind::Software, None) => 0.0,
+        }
+    }
+
+    /// Runs the first frame and warms the device up after it, if it needs that. Hands back the frames that are left.
+    ///
+    /// # Errors
+    /// The backend's, or whatever `on_frame` returns.
+    pub(crate) fn begin<'a, E: From<PipelineError>>(
+        self,
+        driver: &mut Driver,
+        frames: &'a [Frame],
+        query: Query<'_>,
+        mut on_frame: impl FnMut(&FrameRecord) -> Result<(), E>,
+    ) -> Result<(Option<Warmed>, &'a [Frame]), E> {
+        let seconds = self.seconds(driver.backend().device().kind);
+        // Nothing comes after a single frame that could gain by it.
+        if seconds <= 0.0 || frames.len() < 2 {
+            return Ok((None, frames));
+        }
+        let (first, rest) = frames.split_at(1);
+        driver.run(first.iter().copied(), query, false, |record, _| {
+            on_frame(record)
+        })?;
+        let warmed = warm(driver, query, [seconds, seconds + PATIENCE])?;
+        Ok((Some(warmed), rest))
+    }
+}
+
+/// Has a graphics processor that idled for so long, up to its first frame's end, work for half of that time, or half a
+/// second if that is less: for what is timed in a hurry.
+///
+/// # Errors
+/// The backend's.
+pub(crate) fn after_idling(
+    driver: &mut Driver,
+    query: Query<'_>,
+    idle: Duration,
+) -> Result<(), PipelineError> {
+    let seconds = brief(driver.backend().device().kind, idle);
+    if seconds > 0.0 {
+        warm(driver, query, [seconds, seconds])?;
+    }
+    Ok(())
+}
+
+fn brief(kind: DeviceKind, idle: Duration) -> f64 {
+    match kind {
+        DeviceKind::Gpu => (0.5 * idle.as_secs_f64()).min(BRIEF),
+        DeviceKind::Cpu | DeviceKind::Software => 0.0,
+    }
+}
+
+/// For so many seconds at least, and then as long as frames differ, up to so many.
+fn warm(
+    driver: &mut Driver,
+    query: Query<'_>,
+    [least, most]: [f64; 2],
+) -> Result<Warmed, PipelineError> {
+    let begun = Instant::now();
+    let mut seen = Seen::default();
+    driver.rehearse(query, |report: &FrameReport| {
+        let now = begun.elapsed().as_secs_f64();
+        seen.note(now, report.times.device_ms);
+        now < least || (now < most && !seen.is_steady())
+    })?;
+    Ok(Warmed {
+        seconds: begun.elapsed().as_secs_f64(),
+        frames: seen.0.len(),
+        steady: seen.is_steady(),
+    })
+}
+
+/// When a frame was done, in seconds, and the device's milliseconds for it.
+type Moment = (f64, f64);
+
+/// Frames so far.
+#[derive(Debug, Default)]
+struct Seen(Vec<Moment>);
+
+impl Seen {
+    fn note(&mut self, at: f64, ms: f64) {
+        self.0.push((at, ms));
+    }
+
+    /// Whether the last window's frames took as long as those of the window before. A clock rises in steps, so that
+    /// neighbours always agree.
+    fn is_steady(&self) -> bool {
+        let (earlier, last) = window(&self.0);
+        let (_, before) = window(earlier);
+        let median = |of: &[Moment]| Summary::of(of.iter().map(|&(_, ms)| ms));
+        match (median(before), median(last)) {
+            (Some(a), Some(b)) if before.len() >= FEWEST && last.len() >= FEWEST => {
+                (a.median - b.median).abs() <= AGREE * a.median.max(b.median)
+            }
+            _ => false,
+        }
+    }
+}
+
+/// Parts off the last frames that fill a window.
+fn window(all: &[Moment]) -> (&[Moment], &[Moment]) {
+    let end = all.last().map_or(0.0, |&(at, _)| at);
+    let within = all.iter().rev().take_while(|(at, _)| end - at < WINDOW);
+    let count = within.count().max(FEWEST).min(all.len());
+    all.split_at(all.len() - count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames of so many milliseconds each, one after the other.
+    fn seen(ms: impl IntoIterator<Item = f64>) -> Seen {
+        let mut seen = Seen::default();
+        let mut now = 0.0;
+        for ms in ms {
+            now += ms * 1e-3;
+            seen.note(now, ms);
+        }
+        seen
+    }
+
+    #[test]
+    fn frames_are_steady_once_two_windows_agree() {
+        assert!(seen(vec![1.0; 250]).is_steady());
+        assert!(!seen(vec![1.0; 90]).is_steady(), "one window alone");
+        // A clock that rose at the end of the window before.
+        let rising = [vec![4.0; 30], vec![1.0; 110]].concat();
+        assert!(!seen(rising.clone()).is_steady());
+        assert!(seen([rising, vec![1.0; 100]].concat()).is_steady());
+        // One frame that something else held up counts for nothing.
+        let mut held_up = vec![1.0; 250];
+        held_up[240] = 30.0;
+        assert!(seen(held_up).is_steady());
+    }
+
+    #[test]
+    fn slow_frames_need_three_a_window() {
+        assert!(!seen(vec![400.0; 5]).is_steady());
+        assert!(seen(vec![400.0; 6]).is_steady());
+        assert!(!seen([400.0, 400.0, 400.0, 300.0, 300.0, 300.0]).is_steady());
+        assert!(!seen([]).is_steady());
+    }
+
+    #[test]
+    fn only_devices_are_warmed_up_and_software_if_it_is_asked_for() {
+        use DeviceKind::{Cpu, Gpu, Software};
+        let of = |w: WarmUp| [Gpu, Software, Cpu].map(|kind| w.seconds(kind));
+        assert_eq!(of(WarmUp::default()), [0.7, 0.0, 0.0]);
+        assert_eq!(of(WarmUp::asked(2.0)), [2.0, 2.0, 0.0]);
+        assert_eq!(of(WarmUp::NONE), [0.0; 3]);
+        let after = |ms| move |kind| brief(kind, Duration::from_millis(ms));
+        assert_eq!([Gpu, Software, Cpu].map(after(400)), [0.2, 0.0, 0.0]);
+        assert_eq!(after(9000)(Gpu), BRIEF);
+    }
+}
