@@ -90,6 +90,7 @@ fn preprocess_treelets(
     var word = 0u;
     var own: Box;
     let leaf = t.first_leaf + local;
+    let inner = inner_word(t, local);
     if local < t.leaf_count {
         word = topology[params.leaf_triangles_at + leaf];
         keep_index(leaf, word & ~SHARED);
@@ -106,7 +107,7 @@ fn preprocess_treelets(
     var area = 0.0;
     if (word & SHARED) != 0u { area = share(local, leaf); }
     workgroupBarrier();
-    area += refit_treelet(t, local);
+    area += refit_treelet(t, local, inner);
     write_treelet(t, local);
     let sum = sum_of_group(local, area);
     if local == 0u { costs[number] = sum; }

@@ -1,9 +1,31 @@
 //! use params {treelets.refit}
 // Boxes of one level of treelets from the roots of the level below; of all treelets or of those that move.
+// The last level, which is one treelet, also adds up the areas of all, as `sum_costs` does.
 
 @group(0) @binding(1) var<storage, read> topology: array<u32>;
 @group(0) @binding(2) var<storage, read_write> nodes: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> costs: array<f32>;
+// Word `destination`: the sum; word 5: the half area of the root; as f32.
+@group(0) @binding(4) var<storage, read_write> counts: array<u32>;
+
+// An invocation's share of the sums of all treelets but one; there are `first_group`, none before the last level.
+fn others(local: u32, number: u32) -> f32 {
+    var sum = 0.0;
+    for (var i = local; i < params.first_group; i += GROUP) {
+        if i != number { sum += costs[i]; }
+    }
+    return sum;
+}
+
+// Writes what the tree costs; `own` is this treelet's sum, for invocation 0.
+fn write_cost(t: Treelet, local: u32, own: f32, share: f32) {
+    workgroupBarrier();
+    let rest = sum_of_group(local, share);
+    if local != 0u { return; }
+    let root = topology[t.roots_at];
+    counts[params.destination] = bitcast<u32>(own + rest);
+    counts[5] = bitcast<u32>(half_area(low_of(root), high_of(root)));
+}
 
 @compute @workgroup_size(256)
 fn refit_treelets(
@@ -15,6 +37,8 @@ fn refit_treelets(
     if place >= params.count { return; }
     let number = treelet_at(place);
     let t = treelet(number);
+    let inner = inner_word(t, local);
+    let share = others(local, number);
     if local < t.leaf_count {
         let low = nodes[t.first_leaf + 2u * local];
         let high = nodes[t.first_leaf + 2u * local + 1u];
@@ -22,8 +46,9 @@ fn refit_treelets(
         keep_leaf(local, low.w);
     }
     workgroupBarrier();
-    let area = refit_treelet(t, local);
+    let area = refit_treelet(t, local, inner);
     write_treelet(t, local);
     let sum = sum_of_group(local, area);
     if local == 0u { costs[number] = sum; }
+    if params.first_group > 0u { write_cost(t, local, sum, share); }
 }

@@ -60,9 +60,7 @@ impl Progress {
     #[must_use]
     pub fn refit(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, Extent) {
         if tree.layout == Layout::Fast && tree.leaf_count > 0 {
-            let mut work = treelets::refit(method, params, tree, self.has_boxes);
-            // What was passed over kept its sums.
-            work.push(sum(params, tree.treelet_count(), AREAS));
+            let work = treelets::refit(method, params, tree, self.has_boxes);
             return (work, Extent::Whole);
         }
         let moving = tree.moving.as_ref();
@@ -159,14 +157,19 @@ fn groups_of(levels: &[Work]) -> u32 {
     })
 }
 
-const AREAS: usize = offset_of!(crate::Counts, areas);
+pub(super) const AREAS: usize = offset_of!(crate::Counts, areas);
 const MOVING_AREAS: usize = offset_of!(crate::Counts, moving_areas);
+
+/// Where a member of [`crate::Counts`] lies, in words.
+pub(super) fn word_of(member: usize) -> u32 {
+    (member / size_of::<u32>()) as u32
+}
 
 /// Adds up the sums of so many workgroups, into a member of [`crate::Counts`].
 pub(crate) fn sum(params: Params, groups: u32, member: usize) -> Work {
     let params = Params {
         count: groups,
-        first: (member / size_of::<u32>()) as u32,
+        first: word_of(member),
         ..params
     };
     Work {

@@ -1,5 +1,6 @@
 //! The stages that follow a tree with layout `fast`: treelet by treelet, level by level.
 
+use super::tree::{AREAS, sum, word_of};
 use super::{Groups, Work};
 use crate::{Kernel, MovingTreeletShape, Params, Shape, kernel};
 use backend::Method;
@@ -25,14 +26,22 @@ pub(super) fn preprocess(method: Method, params: Params, tree: &Shape, stand: bo
 }
 
 /// Boxes of treelets' roots to those of all nodes above; if boxes stand, only where anything moves.
-/// Each treelet has a sum of areas of its own, as those of triangles have.
+/// Each treelet has a sum of areas of its own, as those of triangles have; whoever makes the root's box adds up all
+/// of them. What was passed over kept its sum.
 pub(super) fn refit(method: Method, params: Params, tree: &Shape, stand: bool) -> Vec<Work> {
     let refit = kernel("refit_treelets", method);
-    let (params, levels) = levels(params, tree, stand);
+    let (of_levels, levels) = levels(params, tree, stand);
     let above = levels.iter().skip(1);
-    above
-        .map(|level| over(refit, params, level.clone()))
-        .collect()
+    let above = above.map(|level| over(refit, of_levels, level.clone()));
+    let mut work: Vec<_> = above.collect();
+    match work.last_mut() {
+        Some(last) => {
+            last.params.first_group = tree.treelet_count();
+            last.params.destination = word_of(AREAS);
+        }
+        None => work.push(sum(params, tree.treelet_count(), AREAS)),
+    }
+    work
 }
 
 /// The lists to go by, if there are some.
@@ -112,14 +121,29 @@ mod tests {
         assert_eq!((told(&work), uncounted), (listed, 4));
         let (work, _) = progress.refit(method, params, &tree);
         let whole = [("refit_treelets", 90, 3, 0), ("refit_treelets", 93, 1, 0)];
-        assert_eq!(told(&work)[..2], whole);
+        assert_eq!(told(&work), whole);
+        let sums = work.iter().map(|w| w.params.first_group);
+        assert_eq!(sums.collect::<Vec<_>>(), [0, 94]);
         progress.refitted();
         let (work, _) = progress.refit(method, params, &tree);
-        let expected = [
-            ("refit_treelets", 507, 1, 1),
-            ("refit_treelets", 508, 1, 1),
-            ("sum_costs", 4, 94, 0),
-        ];
+        let expected = [("refit_treelets", 507, 1, 1), ("refit_treelets", 508, 1, 1)];
         assert_eq!(told(&work), expected);
+        assert_eq!(work[1].params.first_group, 94);
+    }
+    #[test]
+    fn a_tree_of_one_treelet_has_its_areas_added_up_by_themselves() {
+        let layout = Layout::Fast;
+        let mut tree = Shape {
+            layout,
+            leaf_count: 9,
+            ..Shape::default()
+        };
+        tree.treelets.push(0..1);
+        let method = Method {
+            layout,
+            ..Method::default()
+        };
+        let (work, _) = Progress::default().refit(method, Params::default(), &tree);
+        assert_eq!(told(&work), [("sum_costs", 4, 1, 0)]);
     }
 }

@@ -7,7 +7,7 @@ struct Params {
     corner: vec3<f32>,
     height: u32,
     across: vec3<f32>,
-    // Workgroups of the levels that refit did before this one.
+    // Workgroups of the levels that refit did before this one; for the last of treelets, how many there are in all.
     first_group: u32,
     down: vec3<f32>,
     // Weight of the later key frame.

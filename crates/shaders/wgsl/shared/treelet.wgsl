@@ -72,11 +72,19 @@ fn join(place: u32, left: u32, right: u32) -> f32 {
     return half_area(left_low, left_high) + half_area(right_low, right_high);
 }
 
+// What each inner node is made of, as `topology` has it.
+var<workgroup> kept_words: array<u32, GROUP>;
+
+// The word of this invocation's inner node, to be read early: it takes a while to come.
+fn inner_word(t: Treelet, local: u32) -> u32 {
+    if local < t.inner_count { return topology[t.inner_at + local]; }
+    return 0u;
+}
+
 // Boxes of inner nodes from those of leaves; returns the half areas of the children that this invocation
-// read. Every invocation must call it, in uniform control flow, the leaves being kept.
-fn refit_treelet(t: Treelet, local: u32) -> f32 {
-    var word = 0u;
-    if local < t.inner_count { word = topology[t.inner_at + local]; }
+// read. Every invocation must call it with its word, in uniform control flow, the leaves being kept.
+fn refit_treelet(t: Treelet, local: u32, word: u32) -> f32 {
+    kept_words[local] = word;
     var area = 0.0;
     for (var height = 1u; height <= t.height; height += 1u) {
         if word >> 18u == height { area = join(local, word & 511u, (word >> 9u) & 511u); }
@@ -96,7 +104,7 @@ fn row_of(t: Treelet, place: u32, high: bool) -> vec4<u32> {
 // Writes inner nodes and roots, neighbouring rows by neighbouring invocations.
 fn write_treelet(t: Treelet, local: u32) {
     for (var row = local; row < 4u * t.inner_count; row += GROUP) {
-        let word = topology[t.inner_at + (row >> 2u)];
+        let word = kept_words[row >> 2u];
         let child = select(word, word >> 9u, (row & 2u) != 0u) & 511u;
         nodes[t.inner_row + row] = row_of(t, child, (row & 1u) != 0u);
     }
