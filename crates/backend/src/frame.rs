@@ -82,9 +82,9 @@ pub struct StageTimes {
     pub rebuild_ms: Option<f64>,
     /// Boxes of leaves to boxes of inner nodes.
     pub refit_ms: Option<f64>,
-    /// Primary or given rays.
+    /// Primary or given rays; their shadow rays too, where one kernel traces both.
     pub trace_primary_ms: Option<f64>,
-    /// Shadow rays.
+    /// Shadow rays; `None` also where the primary rays' time holds theirs.
     pub trace_shadow_ms: Option<f64>,
     /// From the first stage's start to the last one's end, by the device's clock.
     pub device_ms: f64,

@@ -86,9 +86,16 @@ pub(crate) fn rates(frames: &[FrameStats], pixels: usize) -> String {
         let rays = timed().map(|(f, _)| count(f, pixels)).sum();
         mrays(rays, timed().map(|(_, ms)| ms).sum())
     };
+    let show = |r: Option<f64>| r.map_or("-".to_owned(), |r| format!("{r:.2}"));
     let primary = rate(|_, pixels| pixels as f64, |f| f.trace_primary_ms);
     let shadow = rate(|f, _| f.hits as f64, |f| f.trace_shadow_ms);
-    let show = |r: Option<f64>| r.map_or("-".to_owned(), |r| format!("{r:.2}"));
+    if shadow.is_none() && frames.iter().any(|f| f.blocked > 0) {
+        let both = rate(
+            |f, pixels| (pixels as u64 + f.hits) as f64,
+            |f| f.trace_primary_ms,
+        );
+        return format!("rays: {} M/s, primary and shadow together\n", show(both));
+    }
     format!(
         "rays: {} M/s primary, {} M/s shadow\n",
         show(primary),
@@ -163,5 +170,14 @@ mod tests {
         };
         let text = rates(&[frame(1.0, 500), frame(3.0, 0)], 4000);
         assert_eq!(text, "rays: 2.00 M/s primary, 0.50 M/s shadow\n");
+        let together = |blocked| FrameStats {
+            trace_shadow_ms: None,
+            blocked,
+            ..frame(2.0, 1000)
+        };
+        let text = rates(&[together(7)], 4000);
+        assert_eq!(text, "rays: 2.50 M/s, primary and shadow together\n");
+        let text = rates(&[together(0)], 4000);
+        assert_eq!(text, "rays: 2.00 M/s primary, - M/s shadow\n");
     }
 }

@@ -129,7 +129,7 @@ fn refuse_above(what: String, need: u64, limit: u64) -> Result<()> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use backend::Method;
+    use backend::{Method, Seek};
     use geom::Camera;
     use shaders::{Params, work};
 
@@ -167,8 +167,8 @@ pub(crate) mod tests {
         let groups = |height| {
             let camera = camera(height);
             let rays = work::Rays::Camera(&camera);
-            let work = work::closest(Method::default(), Params::default(), rays);
-            LIMITS.groups(&work[0])
+            let trace = work::trace(Method::default(), Params::default(), rays, Seek::Closest);
+            LIMITS.groups(&trace.primary[0])
         };
         assert_eq!(groups(9), Ok([2, 2]));
         let expected = "kernel trace_camera.watertight.bvh2 (workgroups along an axis, maxComputeWorkGroupCount) \

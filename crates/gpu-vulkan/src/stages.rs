@@ -3,7 +3,7 @@
 use crate::VulkanBackend;
 use crate::clock::Stage;
 use crate::traces::{Trace, are_given};
-use backend::{Query, Rays, Result, Seek};
+use backend::{Query, Rays, Result};
 use shaders::Params;
 use shaders::work::{self, Work};
 
@@ -47,22 +47,17 @@ impl VulkanBackend {
             Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
             _ => work::Rays::Given(count),
         };
-        let (method, params) = (self.method, self.params());
         let has_tree = self.tree().shape.leaf_count > 0;
-        let primary = match query.seek {
-            Seek::Any => work::any(method, params, count),
-            Seek::Closest | Seek::ClosestAndShadow { .. } => work::closest(method, params, rays),
-        };
+        let tracing = work::trace(self.method, self.params(), rays, query.seek);
         let mut run = |stage, work: Vec<Work>| {
             let work = if has_tree { &work[..] } else { &[] };
             self.run(stage, work, Also::trace(trace))
         };
-        run(Stage::TracePrimary, primary)?;
-        if let Seek::ClosestAndShadow { light } = query.seek {
-            let shadow = work::shadow(method, params, rays, light);
-            run(Stage::TraceShadow, shadow)?;
+        run(Stage::TracePrimary, tracing.primary)?;
+        match tracing.shadow {
+            Some(shadow) => run(Stage::TraceShadow, shadow),
+            None => Ok(()),
         }
-        Ok(())
     }
 }
 

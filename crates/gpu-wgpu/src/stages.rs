@@ -3,7 +3,7 @@
 use crate::WgpuBackend;
 use crate::queries::Stage;
 use crate::traces::Trace;
-use backend::{Query, Rays, Result, Seek};
+use backend::{Query, Rays, Result};
 use shaders::Params;
 use shaders::work::{self, Work};
 
@@ -40,34 +40,22 @@ impl WgpuBackend {
     }
 
     pub(crate) fn trace_stages(&mut self, query: &Query<'_>, trace: &Trace) -> Result<()> {
-        let light = match query.seek {
-            Seek::ClosestAndShadow { light } => Some(light),
-            Seek::Closest | Seek::Any => None,
+        let rays = match query.rays {
+            Rays::List(_) => work::Rays::Given(trace.count as u32),
+            Rays::Camera(camera) => work::Rays::Camera(camera),
         };
-        let (mut primary, mut shadow) = (Vec::new(), Vec::new());
-        if self.tree().shape.leaf_count == 0 {
+        let has_tree = self.tree().shape.leaf_count > 0;
+        if !has_tree {
             trace.fill_misses(&self.gpu)?;
-        } else {
-            let (method, params) = (self.method, self.params());
-            let count = trace.count as u32;
-            let rays = match query.rays {
-                Rays::List(_) => work::Rays::Given(count),
-                Rays::Camera(camera) => work::Rays::Camera(camera),
-            };
-            primary = match query.seek {
-                Seek::Any => work::any(method, params, count),
-                Seek::Closest | Seek::ClosestAndShadow { .. } => {
-                    work::closest(method, params, rays)
-                }
-            };
-            if let Some(light) = light {
-                shadow = work::shadow(method, params, rays, light);
-            }
         }
-        let also = Also::trace(trace);
-        self.run(Stage::TracePrimary, &primary, also)?;
-        match light {
-            Some(_) => self.run(Stage::TraceShadow, &shadow, also),
+        let tracing = work::trace(self.method, self.params(), rays, query.seek);
+        let mut run = |stage, work: Vec<Work>| {
+            let work = if has_tree { &work[..] } else { &[] };
+            self.run(stage, work, Also::trace(trace))
+        };
+        run(Stage::TracePrimary, tracing.primary)?;
+        match tracing.shadow {
+            Some(shadow) => run(Stage::TraceShadow, shadow),
             None => Ok(()),
         }
     }

@@ -25,6 +25,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                     ("bind", &[]),
                     ("closest", &["textbook_closest"]),
                     ("any", &["textbook_any", "keep_any"]),
+                    ("shadow", &["textbook_any", "keep_any"]),
                 ],
             },
             Value {
@@ -34,6 +35,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                     ("bind", &["bind_corners"]),
                     ("closest", &["textbook_closest"]),
                     ("any", &["textbook_any", "keep_any"]),
+                    ("shadow", &["textbook_any", "keep_any"]),
                 ],
             },
             Value {
@@ -43,6 +45,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                     ("bind", &[]),
                     ("closest", &["watertight_closest"]),
                     ("any", &["watertight_any", "keep_any"]),
+                    ("shadow", &["watertight_any", "keep_any"]),
                 ],
             },
             Value {

@@ -9,8 +9,8 @@ pub(crate) use tree::sum;
 pub use tree::{Progress, leaves};
 
 use crate::{Kernel, Params, common, kernel};
-use backend::{Intersector, Method};
-use geom::{Camera, Point};
+use backend::{Intersector, Method, Seek};
+use geom::Camera;
 
 /// A kernel to run. Its buffers are found by their names in [`Kernel::bindings`].
 #[derive(Clone, Copy, Debug)]
@@ -143,22 +143,46 @@ pub fn interpolate(params: Params, vertices: Vertices, alpha: f32) -> Work {
     Work::linear(common("interpolate"), params, rows as u32)
 }
 
-/// Records and boxes to closest hits.
-#[must_use]
-pub fn closest(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
-    let kernels = ["trace_rays", "trace_camera"];
-    with_settling(
-        method,
-        params,
-        rays,
-        kernels,
-        ["settle_rays", "settle_camera"],
-    )
+/// What a trace dispatches.
+#[derive(Clone, Debug, Default)]
+pub struct Trace {
+    /// Records and boxes to hits, or to whether there are any.
+    pub primary: Vec<Work>,
+    /// Hits to shadows, where `primary` does not find them too.
+    pub shadow: Option<Vec<Work>>,
 }
 
-/// Records and boxes to whether each of so many given rays meets anything.
+/// Records and boxes to what is sought.
 #[must_use]
-pub fn any(method: Method, params: Params, rays: u32) -> Vec<Work> {
+pub fn trace(method: Method, params: Params, rays: Rays<'_>, seek: Seek) -> Trace {
+    let primary = |primary| Trace {
+        primary,
+        shadow: None,
+    };
+    match seek {
+        Seek::Any => primary(any(method, params, rays.count())),
+        Seek::Closest => primary(closest(method, params, rays)),
+        Seek::ClosestAndShadow { light } => {
+            let params = Params { light, ..params };
+            match (method.intersector, rays) {
+                (Intersector::Exact, _) | (_, Rays::Given(_)) => Trace {
+                    primary: closest(method, params, rays),
+                    shadow: Some(shadow(method, params, rays)),
+                },
+                (_, Rays::Camera(_)) => primary(together(method, params, rays)),
+            }
+        }
+    }
+}
+
+fn closest(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
+    let kernels = ["trace_rays", "trace_camera"];
+    let settling = ["settle_rays", "settle_camera"];
+    with_settling(method, params, rays, kernels, settling)
+}
+
+/// Whether each of so many given rays meets anything.
+fn any(method: Method, params: Params, rays: u32) -> Vec<Work> {
     let rays = Rays::Given(rays);
     with_settling(
         method,
@@ -170,12 +194,20 @@ pub fn any(method: Method, params: Params, rays: u32) -> Vec<Work> {
 }
 
 /// Closest hits to whether the way from each to the light is blocked.
-#[must_use]
-pub fn shadow(method: Method, params: Params, rays: Rays<'_>, light: Point) -> Vec<Work> {
-    let params = Params { light, ..params };
+fn shadow(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
     let kernels = ["shadow_rays", "shadow_camera"];
     let settling = ["settle_shadow_rays", "settle_shadow_camera"];
     with_settling(method, params, rays, kernels, settling)
+}
+
+/// A camera's closest hits and their shadows by one kernel.
+fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
+    vec![Work::over(
+        method,
+        rays,
+        params,
+        ["trace_and_shadow_camera"; 2],
+    )]
 }
 
 /// A search over all rays, and for `exact` what settles those that it left open.

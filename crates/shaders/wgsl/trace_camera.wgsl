@@ -13,8 +13,7 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
     let direction = through_pixel(pixel);
     let i = pixel.y * params.width + pixel.x;
     let origin = scaled_point(bitcast<vec3<u32>>(params.eye));
-    let is_zero = all((bitcast<vec3<u32>>(direction) & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
-    if is_zero || !is_finite_point(direction) || (!TAKES_FAR && !is_finite_point(origin)) {
+    if is_void_way(direction, origin) {
         hits[i] = MISS;
         return;
     }
