@@ -8,13 +8,20 @@
 // Word `destination`: the sum; word 5: the half area of the root; as f32.
 @group(0) @binding(4) var<storage, read_write> counts: array<u32>;
 
-// An invocation's share of the sums of all treelets but one; there are `first_group`, none before the last level.
+// Eight at a time, for each takes a while to come.
 fn others(local: u32, number: u32) -> f32 {
-    var sum = 0.0;
-    for (var i = local; i < params.first_group; i += GROUP) {
-        if i != number { sum += costs[i]; }
+    var sums = vec4<f32>(0.0);
+    for (var i = local; i < params.first_group; i += 8u * GROUP) {
+        sums += costs_of_others(i, number) + costs_of_others(i + 4u * GROUP, number);
     }
-    return sum;
+    return (sums.x + sums.y) + (sums.z + sums.w);
+}
+
+fn costs_of_others(first: u32, number: u32) -> vec4<f32> {
+    let i = first + vec4<u32>(0u, GROUP, 2u * GROUP, 3u * GROUP);
+    let at = min(i, vec4<u32>(params.first_group - 1u));
+    let all = vec4<f32>(costs[at.x], costs[at.y], costs[at.z], costs[at.w]);
+    return select(vec4<f32>(0.0), all, (i == at) & (i != vec4<u32>(number)));
 }
 
 // Writes what the tree costs; `own` is this treelet's sum, for invocation 0.
