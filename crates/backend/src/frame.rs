@@ -71,6 +71,28 @@ pub struct Device {
     pub arithmetic: Arithmetic,
 }
 
+/// Bytes of device memory by what they hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DeviceBytes {
+    /// The tree and the triangles' records: all that is there to be traced or refitted. Where a tree is handed over while
+    /// frames read another, both.
+    pub tree: u64,
+    /// Room in which trees are made, or wait to be sent.
+    pub scratch: u64,
+    /// The scene itself: key frames, positions, which vertices are a triangle's.
+    pub scene: u64,
+    /// What frames need and leave: rays, hits, shadows, counts, parameters.
+    pub frames: u64,
+}
+
+impl DeviceBytes {
+    /// All of it.
+    #[must_use]
+    pub fn total(self) -> u64 {
+        self.tree + self.scratch + self.scene + self.frames
+    }
+}
+
 /// Milliseconds of each stage; `None` for a stage that the submission left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageTimes {

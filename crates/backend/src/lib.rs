@@ -66,7 +66,8 @@ mod tree;
 pub use adapter::choose_adapter;
 pub use error::{BackendError, Result};
 pub use frame::{
-    Arithmetic, Device, DeviceKind, FrameReport, Generation, Snapshot, StageTimes, Ticket,
+    Arithmetic, Device, DeviceBytes, DeviceKind, FrameReport, Generation, Snapshot, StageTimes,
+    Ticket,
 };
 pub use method::{Intersector, Layout, Method, UnknownName};
 pub use query::{Hits, Query, Rays, Seek};
@@ -191,7 +192,7 @@ pub trait Backend: Send {
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>>;
 
     /// Bytes of device memory that the backend holds, where it can tell.
-    fn device_bytes(&self) -> Option<u64> {
+    fn device_bytes(&self) -> Option<DeviceBytes> {
         None
     }
 

@@ -12,6 +12,10 @@ use std::cell::OnceCell;
 /// Better kinds first.
 const PREFERENCE: [DeviceKind; 3] = [DeviceKind::Gpu, DeviceKind::Cpu, DeviceKind::Software];
 
+/// What is said of a GPU whose driver answers ray queries. It is never taken unasked, for `auto` must not change a hit.
+const BY_NAME: &str = "its driver traces too: where hardware does that, --backend vulkan-rt is the faster choice, to be \
+     asked for by name since what it hits is the driver's affair";
+
 /// Lists a backend's adapters.
 pub(crate) type List<'a> = Box<dyn Fn() -> backend::Result<Vec<Adapter>> + 'a>;
 /// Opens an adapter and readies it for the scene.
@@ -29,6 +33,8 @@ pub(crate) struct Rival<'a, T> {
     pub(crate) covered_by: Option<&'static str>,
     /// What it lacks of the method asked for.
     pub(crate) lacks: Option<String>,
+    /// Whether an adapter's driver answers ray queries, which hardware may do.
+    pub(crate) answers_rays: Box<dyn Fn(&Adapter) -> bool + 'a>,
     /// What it offers.
     pub(crate) list: List<'a>,
     /// Makes use of an offer.
@@ -152,8 +158,10 @@ impl<T> Search<'_, '_, T> {
             (None, _) if self.passed.is_empty() => Some(rival.place.to_owned()),
             (None, _) => None,
         };
-        let all: Vec<_> = because.iter().chain(&self.passed).cloned().collect();
-        all.join("; ")
+        let by_name = adapter.kind == DeviceKind::Gpu && (rival.answers_rays)(adapter);
+        let by_name = by_name.then(|| BY_NAME.to_owned());
+        let all: Vec<_> = because.into_iter().chain(by_name).collect();
+        [all, self.passed.clone()].concat().join("; ")
     }
 
     /// Why nothing was taken.

@@ -8,7 +8,9 @@ use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::table::{grouped, markdown};
 use crate::timing::{self, FOR_ALL, Setting, Timing, Way, layout_name, name};
+use crate::warm_up::Warmed;
 use crate::{info, talk};
+use backend::DeviceBytes;
 use chart::{Adapter, Growth, GrowthPoint, Machine};
 use scene::Scene;
 use std::path::PathBuf;
@@ -132,6 +134,7 @@ impl<'a> Work<'a> {
                 driver: device.driver.clone(),
             });
         }
+        let part = |of: fn(DeviceBytes) -> u64| timing.device_bytes.map(of);
         self.growth.points.push(GrowthPoint {
             triangles: scene.animation.triangle_count() as u64,
             update: name(update).to_owned(),
@@ -141,7 +144,12 @@ impl<'a> Work<'a> {
             trace_ms: timing.trace_ms,
             first_ms: Some(timing.first_ms),
             build_ms: timing.build_ms,
-            device_bytes: timing.device_bytes,
+            device_bytes: part(DeviceBytes::total),
+            tree_bytes: part(|b| b.tree),
+            scratch_bytes: part(|b| b.scratch),
+            scene_bytes: part(|b| b.scene),
+            frame_bytes: part(|b| b.frames),
+            warm_up_s: timing.warm_up.map(Warmed::seconds),
             frames: timing.frames as u64,
             cut_short: timing.cut_short,
         });
@@ -171,9 +179,12 @@ fn text(growth: &Growth, made: &[(usize, f64)], files: &[PathBuf]) -> String {
         let more = if p.cut_short { "> " } else { "" };
         p.frame_ms.map(|ms| format!("{more}{ms:.3}"))
     });
-    text += "\nBytes of device memory a triangle\n\n";
+    text += "\nBytes of device memory a triangle: tree and records + room to make trees + key frames and positions + rays, hits and the like\n\n";
     text += &curves(growth, made, |p| {
-        p.bytes_per_triangle().map(|b| format!("{b:.1}"))
+        let parts = [p.tree_bytes, p.scratch_bytes, p.scene_bytes, p.frame_bytes];
+        let parts = parts.map(|part| p.a_triangle(part));
+        let told: Vec<_> = parts.iter().flatten().map(|b| format!("{b:.1}")).collect();
+        (!told.is_empty()).then(|| told.join(" + "))
     });
     text += "\nWhat takes long: seconds until the first frame is there (its tree), and of generating the scene\n\n";
     text += &curves(growth, made, |p| {
@@ -237,7 +248,11 @@ mod tests {
             layout: "fast".to_owned(),
             frame_ms: Some(frame_ms),
             first_ms: Some(1500.0),
-            device_bytes: Some(80 * triangles),
+            device_bytes: Some(90 * triangles),
+            tree_bytes: Some(60 * triangles),
+            scratch_bytes: Some(0),
+            scene_bytes: Some(20 * triangles),
+            frame_bytes: Some(10 * triangles),
             cut_short,
             ..GrowthPoint::default()
         };
@@ -260,7 +275,7 @@ mod tests {
             "| triangles | scene, s | async fast | t-sah fast |",
             "| 1,000 | 0.0 | 1.000 | > 2.000 |",
             "| 50,000 | 3.0 | 4.000 | - |",
-            "| 50,000 | 3.0 | 80.0 | - |",
+            "| 50,000 | 3.0 | 60.0 + 0.0 + 20.0 + 10.0 | - |",
             "| 50,000 | 3.0 | 1.50 | - |",
             "- t-sah at 50000: too long",
         ] {

@@ -1,4 +1,61 @@
-//! How much memory this process holds.
+//! How much memory this process and its device hold.
+
+use backend::DeviceBytes;
+use serde::{Serialize, Serializer};
+
+/// Memory of a device by what it holds, where that was most.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(crate) struct DeviceMemory {
+    bytes: Parts<u64>,
+    bytes_per_triangle: Parts<f64>,
+}
+
+/// The same as [`DeviceBytes`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+struct Parts<T> {
+    tree: T,
+    scratch: T,
+    scene: T,
+    frames: T,
+}
+
+impl DeviceMemory {
+    /// Of a scene of so many triangles.
+    pub(crate) fn of(bytes: DeviceBytes, triangles: usize) -> Self {
+        let DeviceBytes {
+            tree,
+            scratch,
+            scene,
+            frames,
+        } = bytes;
+        let each = |bytes: u64| bytes as f64 / triangles.max(1) as f64;
+        Self {
+            bytes: Parts {
+                tree,
+                scratch,
+                scene,
+                frames,
+            },
+            bytes_per_triangle: Parts {
+                tree: each(tree),
+                scratch: each(scratch),
+                scene: each(scene),
+                frames: each(frames),
+            },
+        }
+    }
+}
+
+/// The larger of two, as far as they are known.
+pub(crate) fn larger(a: Option<DeviceBytes>, b: Option<DeviceBytes>) -> Option<DeviceBytes> {
+    a.into_iter().chain(b).max_by_key(|bytes| bytes.total())
+}
+
+/// Writes a device's memory as one number.
+#[expect(clippy::ref_option, reason = "serde's signature")]
+pub(crate) fn in_all<S: Serializer>(bytes: &Option<DeviceBytes>, s: S) -> Result<S::Ok, S::Error> {
+    bytes.map(DeviceBytes::total).serialize(s)
+}
 
 /// Bytes that are resident, where the system tells.
 #[cfg(target_os = "linux")]
@@ -14,10 +71,29 @@ pub(crate) fn resident_bytes() -> Option<u64> {
     None
 }
 
-#[cfg(all(test, target_os = "linux"))]
+#[cfg(test)]
 mod tests {
     use super::*;
 
+    #[test]
+    fn parts_are_told_whole_and_a_triangle() {
+        let bytes = DeviceBytes {
+            tree: 100,
+            scratch: 8,
+            scene: 30,
+            frames: 6,
+        };
+        let json = serde_json::to_value(DeviceMemory::of(bytes, 4)).unwrap();
+        assert_eq!(json["bytes"]["scene"], 30);
+        assert_eq!(json["bytes_per_triangle"]["scratch"], 2.0);
+        assert_eq!(json["bytes_per_triangle"]["tree"], 25.0);
+        assert_eq!(json["bytes_per_triangle"]["frames"], 1.5);
+        let less = DeviceBytes { tree: 99, ..bytes };
+        assert_eq!(larger(Some(bytes), Some(less)), Some(bytes));
+        assert_eq!(larger(None, Some(less)), Some(less));
+    }
+
+    #[cfg(target_os = "linux")]
     #[test]
     fn memory_in_use_is_counted() {
         let before = resident_bytes().unwrap();

@@ -98,7 +98,7 @@ const KNOWN: [Known; 5] = [
     },
 ];
 
-/// Why `auto` does not take what the driver makes, though it may be the fastest where hardware traces.
+/// Why `auto` does not take what the driver makes, though it may be the fastest where hardware traces: it only says so.
 const RIVAL: &str = "it is there to be measured against";
 
 /// What is to be opened.
@@ -167,6 +167,9 @@ impl Known {
             kinds: self.kinds,
             covered_by: self.covered_by,
             lacks: self.lacks(want.method),
+            answers_rays: Box::new(|adapter| {
+                each::list_vulkan_rt().is_ok_and(|able| answers_rays(&able, adapter))
+            }),
             list: Box::new(self.list),
             open: Box::new(move |adapter| ready((self.open)(Some(adapter), threads)?)),
         }
@@ -265,6 +268,16 @@ pub(crate) fn makes_trees(backend: BackendName) -> bool {
     found.is_none_or(|k| k.makes_trees)
 }
 
+/// Whether an adapter is among those `able` to trace by their driver's trees, and answers ray queries beside.
+fn answers_rays(able: &[Adapter], adapter: &Adapter) -> bool {
+    let same = |a: &&Adapter| (&a.name, a.kind) == (&adapter.name, adapter.kind);
+    let found = able.iter().find(same);
+    found.is_some_and(|a| {
+        let mut limits = a.limits.iter();
+        limits.any(|l| l.name == "ray queries" && l.value == "yes")
+    })
+}
+
 /// What stands for the intersector and the layout of such a backend.
 pub(crate) const DRIVERS: &str = "driver";
 
@@ -298,6 +311,23 @@ mod tests {
             let opened = open(&want(name, Some("no such adapter")), Ok);
             assert!(matches!(opened, Err(Stop::Bad(_))));
         }
+    }
+
+    #[test]
+    fn a_driver_answers_rays_if_it_lists_the_adapter_with_ray_queries() {
+        let card = || adapters::named(&[("card", DeviceKind::Gpu)]);
+        let able = |queries: &str| {
+            let mut able = card();
+            let value = queries.to_owned();
+            let name = "ray queries";
+            able[0].limits.push(adapters::Limit { name, value });
+            able
+        };
+        assert!(answers_rays(&able("yes"), &card()[0]));
+        assert!(!answers_rays(&able("no"), &card()[0]));
+        assert!(!answers_rays(&card(), &card()[0]));
+        let other = adapters::named(&[("other", DeviceKind::Gpu)]);
+        assert!(!answers_rays(&able("yes"), &other[0]));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! What the pipeline says of a frame, as a row of the statistics file.
 
 use crate::memory;
+use backend::DeviceBytes;
 use pipeline::FrameRecord;
 use report::FrameStats;
 
@@ -43,6 +44,6 @@ pub(crate) fn row(record: &FrameRecord) -> FrameStats {
         degenerate: report.degenerate,
         settled: report.settled,
         host_bytes: memory::resident_bytes(),
-        device_bytes: record.device_bytes,
+        device_bytes: record.device_bytes.map(DeviceBytes::total),
     }
 }

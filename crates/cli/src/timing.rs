@@ -7,10 +7,11 @@ use crate::args::{
 };
 use crate::bench::FOV;
 use crate::choose;
+use crate::memory;
 use crate::session::{self, Ask};
 use crate::stop::Stop;
 use crate::warm_up::{WarmUp, Warmed};
-use backend::{Device, Query, Rays, Seek};
+use backend::{Device, DeviceBytes, Query, Rays, Seek};
 use clap::ValueEnum;
 use geom::Animation;
 use pipeline::{Driver, Frame, FrameRecord, PipelineError, Update};
@@ -77,7 +78,8 @@ pub(crate) struct Timing {
     pub(crate) first_ms: f64,
     /// Of the first tree, on the host.
     pub(crate) build_ms: Option<f64>,
-    pub(crate) device_bytes: Option<u64>,
+    #[serde(serialize_with = "memory::in_all")]
+    pub(crate) device_bytes: Option<DeviceBytes>,
     /// What the device did uncounted after the first frame, where it was warmed up.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) warm_up: Option<Warmed>,
@@ -170,7 +172,7 @@ struct Seen {
     geometry: Vec<f64>,
     trace: Vec<f64>,
     build_ms: Option<f64>,
-    device_bytes: Option<u64>,
+    device_bytes: Option<DeviceBytes>,
     warm_up: Option<Warmed>,
     cut_short: bool,
 }
@@ -234,7 +236,7 @@ impl Seen {
                 .extend(sum(&[t.trace_primary_ms, t.trace_shadow_ms]));
         }
         self.walls.push(record.wall_ms);
-        self.device_bytes = self.device_bytes.max(record.device_bytes);
+        self.device_bytes = memory::larger(self.device_bytes, record.device_bytes);
     }
 
     fn sum_up(&self, device: Device, builder_threads: usize) -> Timing {

@@ -39,6 +39,13 @@ pub(crate) struct Warmed {
     steady: bool,
 }
 
+impl Warmed {
+    /// By the host's clock.
+    pub(crate) fn seconds(self) -> f64 {
+        self.seconds
+    }
+}
+
 impl WarmUp {
     /// None at all.
     #[cfg(test)]

@@ -1,8 +1,8 @@
 //! A backend that takes another layout for the usual one, so that every law is tried on it.
 
 use backend::{
-    Backend, BackendError, Device, FrameReport, Generation, Hits, Inspect, Layout, Method, Query,
-    Result, Snapshot, Ticket,
+    Backend, BackendError, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Layout,
+    Method, Query, Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Animation, Pose};
@@ -97,7 +97,7 @@ impl Backend for Relaid<'_> {
         self.inner.take_positions()
     }
 
-    fn device_bytes(&self) -> Option<u64> {
+    fn device_bytes(&self) -> Option<DeviceBytes> {
         self.inner.device_bytes()
     }
 

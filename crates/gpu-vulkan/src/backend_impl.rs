@@ -8,8 +8,8 @@ use crate::traces::Traces;
 use crate::tree::TreeBuffers;
 use crate::vulkan::Stale;
 use backend::{
-    Backend, Device, FrameReport, Generation, Hits, Inspect, Layout, Method, Query, Result,
-    Snapshot, Ticket,
+    Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Layout, Method, Query,
+    Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Animation, Pose};
@@ -157,8 +157,10 @@ impl Backend for VulkanBackend {
         self.snapshots.take(&self.readback.done, vertices)
     }
 
-    fn device_bytes(&self) -> Option<u64> {
-        Some(self.gpu.memory.held())
+    fn device_bytes(&self) -> Option<DeviceBytes> {
+        let tree = self.tree.as_ref().map_or([0; 2], TreeBuffers::held);
+        let scene = self.scene.as_ref().map_or(0, SceneBuffers::held);
+        Some(self.gpu.memory.parts(tree, scene))
     }
 
     fn inspect(&mut self) -> &mut dyn Inspect {

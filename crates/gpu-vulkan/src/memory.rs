@@ -4,7 +4,7 @@ use crate::device::Gpu;
 use crate::errors::failed_for;
 use crate::instance::Host;
 use ash::vk;
-use backend::{BackendError, Result};
+use backend::{BackendError, DeviceBytes, Result};
 use bytemuck::Pod;
 use gpu_allocator::vulkan::{
     Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
@@ -58,6 +58,17 @@ impl Memory {
     /// Bytes of device memory that buffers hold.
     pub(crate) fn held(&self) -> u64 {
         self.held.load(Ordering::Relaxed)
+    }
+
+    /// What they hold, if so much is the tree's and the scene's.
+    pub(crate) fn parts(&self, [tree, scratch]: [u64; 2], scene: u64) -> DeviceBytes {
+        let frames = self.held().saturating_sub(tree + scratch + scene);
+        DeviceBytes {
+            tree,
+            scratch,
+            scene,
+            frames,
+        }
     }
 
     /// Buffers made since the device was opened.
@@ -186,6 +197,11 @@ impl Buffer {
         unsafe { gpu.vk.bind_buffer_memory(buffer, memory, offset) }
             .map_err(failed_for(what, bytes))?;
         Ok(made)
+    }
+
+    /// Bytes that it takes of the device's own memory.
+    pub(crate) fn held(&self) -> u64 {
+        self.allocation.as_ref().map_or(0, device_bytes)
     }
 
     /// Where the device finds it, if it was opened for [`crate::device::Needs::RayTracing`].

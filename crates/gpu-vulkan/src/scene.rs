@@ -74,6 +74,13 @@ impl SceneBuffers {
         &self.keys[(key as usize).min(self.keys.len() - 1)]
     }
 
+    /// Bytes of device memory.
+    pub(crate) fn held(&self) -> u64 {
+        let all = self.keys.iter().chain(&self.positions);
+        let all = all.chain([&self.triangles, &self.moving_rows]);
+        all.map(Buffer::held).sum()
+    }
+
     /// Bytes of all positions.
     pub(crate) fn position_bytes(&self) -> u64 {
         self.animation.vertex_count() as u64 * 12

@@ -74,6 +74,17 @@ impl TreeBuffers {
         &record.expect("a tree was adopted").device
     }
 
+    /// Bytes of device memory, and of room to bring or to make the next tree.
+    pub(crate) fn held(&self) -> [u64; 2] {
+        let records = self.records.iter().map(|r| &r.device);
+        let staged = self.records.iter().map(|r| &r.host);
+        let outgrown = self.outgrown.iter().map(|(_, buffer)| buffer);
+        let build = self.build.iter().flat_map(Buffers::all);
+        let tree = self.buffers.all().chain(records).map(Buffer::held).sum();
+        let scratch = staged.chain(outgrown).chain(build).map(Buffer::held).sum();
+        [tree, scratch]
+    }
+
     /// Notes that `ticket`, which waited for what was arriving, may read the record in use.
     pub(crate) fn submitted(&mut self, ticket: Ticket) {
         self.arriving = None;

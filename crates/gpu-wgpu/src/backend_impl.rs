@@ -17,8 +17,8 @@ use crate::tally::Tally;
 use crate::traces::Traces;
 use crate::tree::TreeBuffers;
 use backend::{
-    Backend, Device, FrameReport, Generation, Hits, Inspect, Layout, Method, Query, Rays, Result,
-    Seek, Snapshot, Ticket,
+    Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Layout, Method, Query,
+    Rays, Result, Seek, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Animation, Camera, Pose, Ray};
@@ -320,10 +320,14 @@ impl Backend for WgpuBackend {
     }
 
     /// Of buffers that kernels use: an engine's own on a lent device do not count, nor does memory of the host.
-    fn device_bytes(&self) -> Option<u64> {
-        let scene = self.scene.as_ref().map_or(0, SceneBuffers::bytes);
-        let tree = self.tree.as_ref().map_or(0, TreeBuffers::bytes);
-        Some(scene + tree + self.traces.bytes() + self.frames.bytes())
+    fn device_bytes(&self) -> Option<DeviceBytes> {
+        let [tree, scratch] = self.tree.as_ref().map_or([0; 2], TreeBuffers::bytes);
+        Some(DeviceBytes {
+            tree,
+            scratch,
+            scene: self.scene.as_ref().map_or(0, SceneBuffers::bytes),
+            frames: self.traces.bytes() + self.frames.bytes(),
+        })
     }
 
     fn inspect(&mut self) -> &mut dyn Inspect {

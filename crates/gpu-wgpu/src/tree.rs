@@ -118,12 +118,12 @@ impl TreeBuffers {
         (self.generation, self.shape, self.made_here) = (generation, shape, true);
     }
 
-    /// Bytes of device memory.
-    pub(crate) fn bytes(&self) -> u64 {
+    /// Bytes of device memory, and of room to make trees.
+    pub(crate) fn bytes(&self) -> [u64; 2] {
         let all = self.buffers.all();
         let all = all.chain(self.records_of.iter().flatten());
         let build = self.build.iter().flat_map(Buffers::all);
-        all.chain(build).map(Buffer::size).sum()
+        [all.map(Buffer::size).sum(), build.map(Buffer::size).sum()]
     }
 }
 

@@ -1,7 +1,7 @@
 //! One frame: what is asked for, and what came of it.
 
 use crate::workbench::BuildMoments;
-use backend::{FrameReport, Generation, StageTimes};
+use backend::{DeviceBytes, FrameReport, Generation, StageTimes};
 use std::time::Instant;
 
 /// A frame to render.
@@ -45,7 +45,7 @@ pub struct FrameRecord {
     /// [`Update::TSah`](crate::Update::TSah), over that of a fresh tree at the first frame). `None` where the backend measures no cost.
     pub sah_ratio: Option<f64>,
     /// Bytes of device memory the backend held when the frame was done, where it can tell.
-    pub device_bytes: Option<u64>,
+    pub device_bytes: Option<DeviceBytes>,
     /// When the driver did what.
     pub moments: FrameMoments,
     /// The submission that fetched vertices for the frame's own tree, where there was one.

@@ -30,7 +30,11 @@ pub(crate) fn trials() -> Vec<Trial> {
             compare,
         ),
     ];
-    warm.chain(others).collect()
+    let memory = BACKENDS.into_iter().map(|backend| {
+        let name = format!("bench::{}::memory_is_told_by_what_it_holds", backend.name);
+        backend.trial(&name, move |s| memory(s, backend.name))
+    });
+    warm.chain(memory).chain(others).collect()
 }
 
 /// Whatever the device did between the first frame and the others, they are the same.
@@ -74,6 +78,31 @@ fn warm_up(sandbox: &Sandbox, backend: &str) -> Result<(), Failed> {
             _ => seconds >= Some(0.2) && frames >= Some(2) && told["steady"].is_boolean(),
         };
         ensure(right, || told.to_string())?;
+    }
+    Ok(())
+}
+
+/// A tree with its records takes at most 160 bytes a triangle, whoever makes it.
+fn memory(sandbox: &Sandbox, backend: &str) -> Result<(), Failed> {
+    let words = "--update refit,device-rebuild --layout fast --frames 3 --size 16x12 --quiet";
+    let what = format!("bench demo:twist:20000 --backend {backend} --json m.json {words}");
+    sandbox.run(&what).succeeds()?;
+    let json: Value = serde_json::from_slice(&sandbox.read("m.json"))?;
+    let part = |row: usize, name: &str| {
+        let each = &json["rows"][row]["memory"]["bytes_per_triangle"];
+        each[name].as_f64().unwrap_or(f64::NAN)
+    };
+    for (row, scratch) in [(0, 0.0..20.0), (1, 40.0..80.0)] {
+        let known = [
+            (80.0..160.0).contains(&part(row, "tree")),
+            scratch.contains(&part(row, "scratch")),
+            // Vertices are half as many as triangles: so many key frames, and two buffers of positions.
+            (100.0..200.0).contains(&part(row, "scene")),
+            (0.0..100.0).contains(&part(row, "frames")),
+        ];
+        ensure(known == [true; 4], || {
+            json["rows"][row]["memory"].to_string()
+        })?;
     }
     Ok(())
 }

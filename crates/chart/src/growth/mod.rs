@@ -52,6 +52,21 @@ pub struct GrowthPoint {
     pub build_ms: Option<f64>,
     /// Memory on the device.
     pub device_bytes: Option<u64>,
+    /// Of that, the tree and the triangles' records.
+    #[serde(default)]
+    pub tree_bytes: Option<u64>,
+    /// Of that, room in which trees are made or wait to be sent.
+    #[serde(default)]
+    pub scratch_bytes: Option<u64>,
+    /// Of that, the scene itself: key frames, positions, which vertices are a triangle's.
+    #[serde(default)]
+    pub scene_bytes: Option<u64>,
+    /// Of that, rays, hits and what else a frame needs.
+    #[serde(default)]
+    pub frame_bytes: Option<u64>,
+    /// Seconds that the device was warmed up before the second frame.
+    #[serde(default)]
+    pub warm_up_s: Option<f64>,
     /// Frames that were timed, the first included.
     pub frames: u64,
     /// Whether the run was ended before all its frames were done.
@@ -62,7 +77,12 @@ impl GrowthPoint {
     /// Bytes of device memory a triangle.
     #[must_use]
     pub fn bytes_per_triangle(&self) -> Option<f64> {
-        let bytes = self.device_bytes? as f64;
-        known(Some(bytes / self.triangles as f64))
+        self.a_triangle(self.device_bytes)
+    }
+
+    /// So many bytes of it a triangle.
+    #[must_use]
+    pub fn a_triangle(&self, bytes: Option<u64>) -> Option<f64> {
+        known(Some(bytes? as f64 / self.triangles as f64))
     }
 }

@@ -5,7 +5,7 @@ use crate::error::{ChartError, Result};
 use crate::table::{SCHEMA, failed, plain};
 use serde::Serialize;
 
-const COLUMNS: [&str; 15] = [
+const COLUMNS: [&str; 20] = [
     "scene",
     "triangles",
     "update",
@@ -21,6 +21,11 @@ const COLUMNS: [&str; 15] = [
     "cut_short",
     "cpu",
     "version",
+    "tree_bytes",
+    "scratch_bytes",
+    "scene_bytes",
+    "frame_bytes",
+    "warm_up_s",
 ];
 
 #[derive(Serialize)]
@@ -57,7 +62,11 @@ pub fn growth_csv(growth: &Growth) -> Result<String> {
     String::from_utf8(bytes).map_err(|e| ChartError::Csv(e.to_string()))
 }
 
-fn row(growth: &Growth, p: &GrowthPoint) -> [String; 15] {
+fn whole(bytes: Option<u64>) -> String {
+    bytes.map_or_else(String::new, |b| b.to_string())
+}
+
+fn row(growth: &Growth, p: &GrowthPoint) -> [String; 20] {
     [
         growth.scene.clone(),
         p.triangles.to_string(),
@@ -68,11 +77,16 @@ fn row(growth: &Growth, p: &GrowthPoint) -> [String; 15] {
         plain(p.trace_ms),
         plain(p.first_ms),
         plain(p.build_ms),
-        p.device_bytes.map_or_else(String::new, |b| b.to_string()),
+        whole(p.device_bytes),
         plain(p.bytes_per_triangle()),
         p.frames.to_string(),
         u8::from(p.cut_short).to_string(),
         growth.machine.cpu.clone().unwrap_or_default(),
         growth.machine.version.clone(),
+        whole(p.tree_bytes),
+        whole(p.scratch_bytes),
+        whole(p.scene_bytes),
+        whole(p.frame_bytes),
+        plain(p.warm_up_s),
     ]
 }

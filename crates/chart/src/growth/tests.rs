@@ -10,6 +10,10 @@ fn point(triangles: u64, update: &str, layout: &str, ms: f64) -> GrowthPoint {
         frame_ms: Some(ms),
         first_ms: Some(30.0 * ms),
         device_bytes: Some(90_u64.saturating_mul(triangles)),
+        tree_bytes: Some(60_u64.saturating_mul(triangles)),
+        scene_bytes: Some(20_u64.saturating_mul(triangles)),
+        frame_bytes: Some(10_u64.saturating_mul(triangles)),
+        warm_up_s: Some(0.75),
         frames: 96,
         ..GrowthPoint::default()
     }
@@ -101,9 +105,9 @@ fn the_files_hold_all_that_was_measured() {
         point(20_000, "t-sah", "bvh2", 0.5),
     ]);
     let csv = growth_csv(&growth).unwrap();
-    assert!(csv.lines().all(|l| l.split(',').count() == 15), "{csv}");
+    assert!(csv.lines().all(|l| l.split(',').count() == 20), "{csv}");
     assert!(
-        csv.contains("demo:twist,20000,t-sah,bvh2,0.5,,,15,,1800000,90,96,0,a cpu,1"),
+        csv.contains("demo:twist,20000,t-sah,bvh2,0.5,,,15,,1800000,90,96,0,a cpu,1,1200000,,400000,200000,0.75\n"),
         "{csv}"
     );
     let json = growth_json(&growth).unwrap();

@@ -13,6 +13,7 @@ struct Fake {
     breaks: Option<fn() -> Stop>,
     lacks: Option<&'static str>,
     covered_by: Option<&'static str>,
+    answers_rays: bool,
 }
 
 fn fake(name: &'static str, offers: &[(&'static str, DeviceKind)]) -> Fake {
@@ -22,6 +23,7 @@ fn fake(name: &'static str, offers: &[(&'static str, DeviceKind)]) -> Fake {
         breaks: None,
         lacks: None,
         covered_by: None,
+        answers_rays: false,
     }
 }
 
@@ -47,6 +49,7 @@ fn choose(fakes: &[Fake], asked: Option<&str>) -> (Result<(Value, String), Stop>
             },
             covered_by: fake.covered_by,
             lacks: fake.lacks.map(str::to_owned),
+            answers_rays: Box::new(|_| fake.answers_rays),
             list: Box::new(|| {
                 log.borrow_mut().push(format!("list {}", fake.name));
                 let no = |e: &&str| BackendError::NoDevice((*e).to_owned());
@@ -95,6 +98,27 @@ fn the_first_backend_with_a_gpu_is_taken_and_nothing_else_is_touched() {
     assert_eq!(value, ("a", "card".to_owned()));
     assert_eq!(why, "card is a GPU; it stands where it stands");
     assert_eq!(log, ["list a", "open a card"]);
+}
+
+#[test]
+fn a_driver_that_traces_is_named_where_hardware_may_do_it_and_never_taken() {
+    let able = |offers| Fake {
+        answers_rays: true,
+        ..fake("a", offers)
+    };
+    let rt = fake("vulkan-rt", &[("card", Gpu)]);
+    let (backend, why) = taken(&[able(&[("card", Gpu)]), rt, host()], None);
+    assert_eq!(backend, "a");
+    assert!(
+        why.contains("--backend vulkan-rt is the faster choice"),
+        "{why}"
+    );
+    assert_eq!(why.matches("vulkan-rt").count(), 1, "{why}");
+    // Nor where the card was meant by name, nor on the host's cores.
+    let (_, why) = taken(&[able(&[("card", Gpu)]), host()], Some("card"));
+    assert!(why.ends_with("the driver's affair"), "{why}");
+    let (_, why) = taken(&[able(&[("soft", Software)]), host()], None);
+    assert!(!why.contains("vulkan-rt"), "{why}");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use super::floor;
 use super::rays::Bundle;
 use crate::args::RaysName;
+use crate::memory::{self, DeviceMemory};
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
 use crate::table::mrays;
@@ -68,6 +69,8 @@ pub(crate) struct Row {
     /// Intersectors that are known to meet the tolerance.
     #[serde(skip)]
     pub(super) meets: Vec<&'static str>,
+    /// The device's memory, where it can tell.
+    memory: Option<DeviceMemory>,
     /// Every frame, as in the statistics of `render`.
     pub(crate) per_frame: Vec<FrameStats>,
 }
@@ -99,8 +102,10 @@ pub(crate) fn measure(
     };
     let mut session = session::start(&scene.animation, &ask)?;
     let mut stats = Vec::new();
+    let mut held = None;
     let mut keep = |frame: &FrameRecord| {
         stats.push(record::row(frame));
+        held = memory::larger(held, frame.device_bytes);
         Ok::<(), Stop>(())
     };
     let driver = &mut session.driver;
@@ -110,6 +115,7 @@ pub(crate) fn measure(
     Ok(Row {
         rays: (run.rays != RaysName::Camera).then_some("random"),
         warm_up,
+        memory: held.map(|bytes| DeviceMemory::of(bytes, row.triangles)),
         ..row
     })
 }
@@ -171,6 +177,7 @@ fn row(
         ),
         auto: session.taken.clone(),
         meets: session.meets.iter().map(|i| i.name()).collect(),
+        memory: None,
         per_frame: frames,
     }
 }

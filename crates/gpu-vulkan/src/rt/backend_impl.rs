@@ -9,8 +9,8 @@ use crate::memory::Buffer;
 use crate::traces::{Trace, Traces, are_given};
 use ash::vk;
 use backend::{
-    Backend, BackendError, Device, FrameReport, Generation, Hits, Inspect, Intersector, Method,
-    Query, Rays, Result, Seek, Snapshot, Ticket,
+    Backend, BackendError, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect,
+    Intersector, Method, Query, Rays, Result, Seek, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};
@@ -153,8 +153,11 @@ impl Backend for DriverTreeBackend {
         self.snapshots.take(&self.readback.done, vertices)
     }
 
-    fn device_bytes(&self) -> Option<u64> {
-        Some(self.gpu.memory.held())
+    fn device_bytes(&self) -> Option<DeviceBytes> {
+        let scene = self.scene.as_ref();
+        let tree = scene.map_or([0; 2], RtScene::tree_held);
+        let scene = scene.map_or(0, |s| s.buffers.held());
+        Some(self.gpu.memory.parts(tree, scene))
     }
 
     fn inspect(&mut self) -> &mut dyn Inspect {

@@ -57,6 +57,15 @@ impl RtScene {
     }
 }
 
+impl RtScene {
+    /// Bytes of device memory that the tree takes, and the room to make it, with what it is made from beside positions.
+    pub(super) fn tree_held(&self) -> [u64; 2] {
+        let cleansed = self.cleansed.as_ref().map_or(0, Buffer::held);
+        let [tree, scratch] = self.tree.held();
+        [tree + self.root.held(), scratch + cleansed]
+    }
+}
+
 fn root_of(animation: &Animation) -> [f32; 8] {
     let bounds = animation.bounds();
     let scale = (-f64::from(animation.scale_exponent())).exp2();

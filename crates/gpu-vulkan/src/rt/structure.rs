@@ -15,7 +15,7 @@ pub(super) struct Structure {
     /// Room for a build or an update.
     scratch: Buffer,
     /// Dropped after the structure that lies in it.
-    _storage: Buffer,
+    storage: Buffer,
 }
 
 impl Structure {
@@ -59,8 +59,13 @@ impl Structure {
             vk,
             gpu: Arc::clone(gpu),
             scratch,
-            _storage: storage,
+            storage,
         })
+    }
+
+    /// Bytes of device memory, and of the room to make it.
+    pub(super) fn held(&self) -> [u64; 2] {
+        [self.storage.held(), self.scratch.held()]
     }
 
     /// Where the device finds it.

@@ -76,6 +76,12 @@ impl DriverTree {
         })
     }
 
+    /// Bytes of device memory of both structures, and of the room to make them.
+    pub(super) fn held(&self) -> [u64; 2] {
+        let ([bottom, room], [top, more]) = (self.bottom.held(), self.top.held());
+        [bottom + top + self.instance.held(), room + more]
+    }
+
     /// What rays are traced through.
     pub(super) fn top(&self) -> vk::AccelerationStructureKHR {
         self.top.vk

@@ -87,7 +87,7 @@ pub(super) fn another_scene_forgets_the_first() {
     let mut held = Vec::new();
     for animation in [&second, &first, &second, &first] {
         open(&mut *backend, animation);
-        held.push(backend.device_bytes().unwrap());
+        held.push(backend.device_bytes().unwrap().total());
         assert!(backend.take_positions().unwrap().is_none());
         stand(&mut *backend, animation, 0.5);
         let ticket = go(&mut *backend, Rays::List(&rays(64)), Seek::Closest);

@@ -222,7 +222,7 @@ pub(super) fn layouts_differ_in_memory_alone() {
             stand(&mut *backend, &animation, 0.3);
             let ticket = go(&mut *backend, Rays::Camera(&camera), SHADOWED);
             let boxes = backend.inspect().boxes().unwrap();
-            let bytes = backend.device_bytes().unwrap();
+            let bytes = backend.device_bytes().unwrap().total();
             seen.push((hits(&mut *backend, ticket), boxes, bytes));
         }
     }

@@ -1,7 +1,7 @@
 //! What a frame asks of wgpu, in counts that are the same on every machine.
 
 use crate::scenes::{SHADOWED, camera, go, open, open_laid, stand, swarm, tree_at};
-use backend::{Backend, Generation, Layout, Method, Rays};
+use backend::{Backend, DeviceBytes, Generation, Layout, Method, Rays};
 use bvh_layout::{Topology, Treelets};
 use gpu_wgpu::{Options, Tally, WgpuBackend};
 use libtest_mimic::Failed;
@@ -74,25 +74,31 @@ fn tally_of_steady_frames(layout: Layout) -> Result<(), Failed> {
 pub(crate) fn device_memory_is_counted_and_given_back() -> Result<(), Failed> {
     let (large, small) = (swarm(20_000), swarm(20));
     let mut backend = WgpuBackend::new(&Options::default())?;
-    let mut bytes = |animation| -> Result<u64, Failed> {
+    let mut bytes = |animation| -> Result<DeviceBytes, Failed> {
         backend.load(std::sync::Arc::clone(animation), Method::default())?;
         backend.device_bytes().ok_or_else(|| "it knows".into())
     };
     let [before, with] = [bytes(&small)?, bytes(&large)?];
     // Three keys and two positions of 36 bytes, corners, records, nodes, lists.
-    let least = 20_000 * (5 * 36 + 12) + large.live_count() as u64 * (48 + 64 + 8);
-    assert!(
-        with > least && with < least + least / 10,
-        "{with} of {least}"
+    let (scene, tree) = (
+        20_000 * (5 * 36 + 12),
+        large.live_count() as u64 * (48 + 64 + 8),
     );
-    assert!(before < 1 << 20);
+    for (bytes, least) in [(with.scene, scene), (with.tree, tree)] {
+        let about = bytes >= least && bytes < least + least / 10;
+        assert!(about, "{with:?}: {bytes} of {least}");
+    }
+    assert!(before.total() < 1 << 20 && with.scratch == 0);
     assert_eq!(bytes(&small)?, before);
     open(&mut backend, &small)?;
     stand(&mut backend, &small, 0.5)?;
     let without = backend.device_bytes();
     go(&mut backend, Rays::Camera(&camera()), SHADOWED)?;
     let rays = camera().pixels() as u64;
-    let grown = backend.device_bytes().zip(without).map(|(a, b)| a - b);
+    let grown = backend.device_bytes().zip(without).map(|(a, b)| {
+        assert_eq!((a.tree, a.scene), (b.tree, b.scene));
+        a.frames - b.frames
+    });
     assert!(
         grown.is_some_and(|g| g >= 20 * rays && g < 20 * rays + 64),
         "{grown:?}"
