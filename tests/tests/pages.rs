@@ -1,0 +1,115 @@
+//! What readers of the pages meet: links that lead somewhere, and the two commands.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// Every page of the repository: not those of hidden folders, nor of what is built.
+fn pages(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("folders can be read") {
+        let path = entry.expect("folders can be read").path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if path.is_dir() && !name.starts_with('.') && name != "target" {
+            pages(&path, found);
+        } else if path.extension().is_some_and(|e| e == "md") {
+            found.push(path);
+        }
+    }
+}
+
+/// The lines of a page that are no code.
+fn prose(page: &str) -> impl Iterator<Item = &str> {
+    let mut code = false;
+    page.lines().filter(move |line| {
+        let fence = line.trim_start().starts_with("```");
+        code ^= fence;
+        !code && !fence
+    })
+}
+
+/// Where links of a page lead within the repository, in order.
+fn links(page: &str) -> Vec<&str> {
+    let of_line = |line| {
+        let after = str::split(line, "](").skip(1);
+        after.filter_map(|rest: &str| rest.split_once(')').map(|(link, _)| link))
+    };
+    let all = prose(page).flat_map(of_line);
+    all.filter(|link| !link.contains("://")).collect()
+}
+
+/// A heading as the name of its place: lower case, blanks as dashes, nothing else but letters and digits.
+fn anchor(heading: &str) -> String {
+    let lower = heading.trim_start_matches('#').trim().to_lowercase();
+    let kept = lower.chars().filter_map(|c| match c {
+        ' ' => Some('-'),
+        c if c.is_alphanumeric() || "-_".contains(c) => Some(c),
+        _ => None,
+    });
+    kept.collect()
+}
+
+fn has_anchor(page: &str, name: &str) -> bool {
+    let mut headings = prose(page).filter(|line| line.starts_with('#'));
+    headings.any(|heading| anchor(heading) == name)
+}
+
+/// Whether a link of a page leads somewhere.
+fn leads(from: &Path, link: &str) -> bool {
+    let (path, place) = link.split_once('#').unwrap_or((link, ""));
+    let to = match path {
+        "" => from.to_owned(),
+        path => from.with_file_name(path),
+    };
+    to.exists() && (place.is_empty() || has_anchor(&read(&to), place))
+}
+
+#[test]
+fn every_link_within_the_repository_leads_somewhere() {
+    let mut found = Vec::new();
+    pages(&root(), &mut found);
+    let mut count = 0;
+    let mut dead = Vec::new();
+    for page in &found {
+        let text = read(page);
+        for link in links(&text) {
+            count += 1;
+            if !leads(page, link) {
+                dead.push(format!("{}: {link}", page.display()));
+            }
+        }
+    }
+    assert!(dead.is_empty(), "{dead:#?}");
+    assert!(found.len() > 5 && count > 20, "{count} links in {found:?}");
+}
+
+#[test]
+fn a_dead_link_is_seen() {
+    let readme = root().join("README.md");
+    assert!(leads(&readme, "ARCHITECTURE.md#what-a-hit-is"));
+    assert!(!leads(&readme, "ARCHITECTURE.md#what-a-miss-is"));
+    assert!(!leads(&readme, "docs/nowhere.md"));
+    let page = "[a](b.md) ![c](d.png)\n```\n[no](code)\n```\n[e](https://f.org) [g](#h)";
+    assert_eq!(links(page), ["b.md", "d.png", "#h"]);
+    assert_eq!(anchor("## `auto`, and *why*"), "auto-and-why");
+}
+
+/// Whoever clones the repository needs these two.
+#[test]
+fn the_readme_begins_with_the_two_commands() {
+    let readme = read(&root().join("README.md"));
+    let lines: Vec<&str> = readme.lines().take(16).collect();
+    let command = |words: &str| lines.iter().any(|l| l.split("  ").next() == Some(words));
+    assert!(
+        command("cargo run --release") && command("cargo test"),
+        "{lines:#?}"
+    );
+    assert!(lines.iter().any(|l| l.starts_with("![")), "a picture");
+    assert!(readme.lines().count() < 150, "a manual belongs into docs/");
+}
