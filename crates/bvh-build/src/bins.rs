@@ -1,8 +1,12 @@
 //! Sorts a node's triangles into bins along each axis, and finds the best plane between two bins.
 
+use crate::hull::Hull;
 use crate::prim::{Bounds, Prim, Ruler};
 use glam::{BVec4A, Vec4};
 use rayon::join;
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 
 /// The most bins along each axis; a power of two.
 pub(crate) const BINS: usize = 64;
@@ -94,23 +98,32 @@ impl Plane {
 /// What fell into each bin.
 #[derive(Clone, Debug)]
 pub(crate) struct Bins {
-    boxes: [[Bounds; BINS]; 3],
+    hulls: [[Hull; BINS]; 3],
     pub(crate) counts: Counts,
 }
 
 impl Bins {
     pub(crate) const NO_COUNTS: Counts = [[0; BINS]; 3];
     pub(crate) const EMPTY: Self = Self {
-        boxes: [[Bounds::EMPTY; BINS]; 3],
+        hulls: [[Hull::EMPTY; BINS]; 3],
         counts: Self::NO_COUNTS,
     };
 
     /// Bins `prims` one after the other, adding to what is there.
     #[inline(never)]
     pub(crate) fn add(&mut self, prims: &[Prim], grid: &Grid) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(add) = avx2::add() {
+            return add(self, prims, grid);
+        }
+        self.add_each(prims, grid);
+    }
+
+    fn add_each(&mut self, prims: &[Prim], grid: &Grid) {
         for prim in prims {
+            let hull = Hull::of(prim);
             for (axis, bin) in grid.bins_of(prim).into_iter().enumerate() {
-                self.boxes[axis][bin].grow(prim.lo, prim.hi);
+                self.hulls[axis][bin].grow(&hull);
                 self.counts[axis][bin] += 1;
             }
         }
@@ -139,8 +152,7 @@ impl Bins {
     fn merge(&mut self, other: &Self) {
         for axis in 0..3 {
             for bin in 0..BINS {
-                let b = other.boxes[axis][bin];
-                self.boxes[axis][bin].grow(b.lo, b.hi);
+                self.hulls[axis][bin].grow(&other.hulls[axis][bin]);
                 self.counts[axis][bin] += other.counts[axis][bin];
             }
         }
@@ -148,7 +160,7 @@ impl Bins {
 
     fn column(&self, bin: usize) -> ([Bounds; 3], Vec4) {
         let count = |axis: usize| self.counts[axis][bin] as f32;
-        let boxes = [0, 1, 2].map(|axis| self.boxes[axis][bin]);
+        let boxes = [0, 1, 2].map(|axis| self.hulls[axis][bin].bounds());
         (boxes, Vec4::new(count(0), count(1), count(2), 0.0))
     }
 
@@ -183,8 +195,14 @@ impl Bins {
 
     /// The boxes on both sides of a plane.
     pub(crate) fn sides(&self, plane: &Plane) -> [Bounds; 2] {
-        let (left, right) = self.boxes[plane.axis].split_at(plane.bin);
-        [left, right].map(|side| side.iter().fold(Bounds::EMPTY, |b, &c| b.union(c)))
+        let (left, right) = self.hulls[plane.axis].split_at(plane.bin);
+        [left, right].map(|side| {
+            let all = side.iter().fold(Hull::EMPTY, |mut all, hull| {
+                all.grow(hull);
+                all
+            });
+            all.bounds()
+        })
     }
 }
 

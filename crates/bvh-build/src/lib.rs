@@ -13,6 +13,7 @@ mod builder;
 mod cancel;
 mod cost;
 mod gather;
+mod hull;
 mod node;
 mod partition;
 mod prim;

@@ -1,0 +1,83 @@
+//! Binning with vectors of eight lanes, which hold a whole box. The same minima of the same numbers: the same bits.
+
+#![expect(
+    unsafe_code,
+    reason = "vector instructions that the machine was found to have"
+)]
+
+use super::{Bins, Grid};
+use crate::hull::Hull;
+use crate::prim::Prim;
+use std::arch::x86_64::*;
+
+/// [`Bins::add`], if the machine has the vectors.
+#[inline]
+pub(super) fn add() -> Option<fn(&mut Bins, &[Prim], &Grid)> {
+    // SAFETY: the machine has them.
+    let add = |bins: &mut Bins, prims: &[Prim], grid: &Grid| unsafe { add_wide(bins, prims, grid) };
+    std::arch::is_x86_feature_detected!("avx2").then_some(add)
+}
+
+#[target_feature(enable = "avx2")]
+fn add_wide(bins: &mut Bins, prims: &[Prim], grid: &Grid) {
+    let negate = _mm256_set_m128(_mm_set1_ps(-0.0), _mm_setzero_ps());
+    for prim in prims {
+        let hull = _mm256_xor_ps(joined(prim.lo.into(), prim.hi.into()), negate);
+        for (axis, bin) in grid.bins_of(prim).into_iter().enumerate() {
+            grow(&mut bins.hulls[axis][bin], hull);
+            bins.counts[axis][bin] += 1;
+        }
+    }
+}
+
+#[inline]
+#[target_feature(enable = "avx2")]
+fn grow(mine: &mut Hull, hull: __m256) {
+    let grown = _mm256_min_ps(joined(mine.lo.into(), mine.up.into()), hull);
+    mine.lo = _mm256_castps256_ps128(grown).into();
+    mine.up = _mm256_extractf128_ps::<1>(grown).into();
+}
+
+#[inline]
+#[target_feature(enable = "avx2")]
+fn joined(low: __m128, high: __m128) -> __m256 {
+    _mm256_set_m128(high, low)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prim::Extents;
+    use geom::Aabb;
+
+    #[test]
+    fn wide_bins_hold_the_same_bits() {
+        let Some(add) = add() else { return };
+        let mut random = fastrand::Rng::with_seed(9);
+        let mut corner = |size: f32| [0; 3].map(|_| size * (random.f32() - 0.5));
+        let prims: Vec<_> = (0..3000)
+            .map(|i| {
+                let (min, edge) = (corner(100.0), corner(4.0));
+                let max = [0, 1, 2].map(|k| min[k] + edge[k].max(0.0));
+                // Zeros of either sign, and points.
+                let (min, max) = match i % 5 {
+                    0 => ([0.0; 3], [-0.0; 3]),
+                    1 => (min, min),
+                    _ => (min, max),
+                };
+                Prim::new(&Aabb { min, max }, i)
+            })
+            .collect();
+        let grid = Grid::new(&Extents::of(&prims).centers, prims.len());
+        let (mut wide, mut narrow) = (Bins::EMPTY, Bins::EMPTY);
+        add(&mut wide, &prims, &grid);
+        narrow.add_each(&prims, &grid);
+        assert_eq!(wide.counts, narrow.counts);
+        let bits = |bins: &Bins| {
+            let hulls = bins.hulls.as_flattened().iter();
+            let corners = hulls.flat_map(|h| [h.lo, h.up].map(|v| v.truncate().to_array()));
+            corners.map(|c| c.map(f32::to_bits)).collect::<Vec<_>>()
+        };
+        assert!(bits(&wide) == bits(&narrow));
+    }
+}
