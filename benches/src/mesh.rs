@@ -65,18 +65,35 @@ impl Mesh {
 /// in `ABVH_MESHES` that `abvh` can open: a mesh file, or a directory of key frames.
 #[must_use]
 pub fn meshes() -> Vec<Mesh> {
-    let demos = DEMOS.iter().map(|demo| (*demo).to_owned());
-    let files = entries().into_iter().map(|path| path.display().to_string());
-    demos
-        .chain(files)
-        .filter_map(|spec| match Mesh::open(&spec) {
-            Ok(mesh) => Some(mesh),
-            Err(error) => {
-                say(&format!("left out: {error}"));
-                None
-            }
-        })
-        .collect()
+    demos().chain(files()).filter_map(opened).collect()
+}
+
+/// The entries of the folder in `ABVH_MESHES` alone; the demos if there is none.
+#[must_use]
+pub fn folder_or_demos() -> Vec<Mesh> {
+    let meshes: Vec<Mesh> = files().filter_map(opened).collect();
+    if meshes.is_empty() {
+        return demos().filter_map(opened).collect();
+    }
+    meshes
+}
+
+fn demos() -> impl Iterator<Item = String> {
+    DEMOS.iter().map(|demo| (*demo).to_owned())
+}
+
+fn files() -> impl Iterator<Item = String> {
+    entries().into_iter().map(|path| path.display().to_string())
+}
+
+fn opened(spec: String) -> Option<Mesh> {
+    match Mesh::open(&spec) {
+        Ok(mesh) => Some(mesh),
+        Err(error) => {
+            say(&format!("left out: {error}"));
+            None
+        }
+    }
 }
 
 fn entries() -> Vec<PathBuf> {

@@ -7,6 +7,7 @@ use bvh_layout::{Converter, Lists, Topology, Treelets};
 use cpu_ref::CpuBackend;
 use geom::{Aabb, Point, Ray};
 use rayon::ThreadPool;
+use rayon::prelude::*;
 
 /// From positions to a record, in memory that is reused.
 #[derive(Default)]
@@ -57,12 +58,22 @@ impl Ours {
     /// The record with its eight-wide form, as a builder hands it to layout `fast`; in the caller's pool.
     #[must_use]
     pub fn record_with_blocks(&self, mesh: &Mesh, positions: &[Point]) -> Topology {
+        self.record
+            .clone()
+            .with_blocks(mesh.animation.triangles(), &self.boxes(mesh, positions))
+    }
+
+    /// Likewise, and leaves no record behind.
+    #[must_use]
+    pub fn take_record_with_blocks(&mut self, mesh: &Mesh, positions: &[Point]) -> Topology {
+        let record = std::mem::take(&mut self.record);
+        record.with_blocks(mesh.animation.triangles(), &self.boxes(mesh, positions))
+    }
+
+    fn boxes(&self, mesh: &Mesh, positions: &[Point]) -> Vec<Aabb> {
         let boxes = (&*mesh.animation, positions);
-        let boxes: Vec<_> = (0..mesh.triangle_count() as u32)
-            .map(|triangle| boxes.get(triangle))
-            .collect();
-        let triangles = mesh.animation.triangles();
-        self.record.clone().with_blocks(triangles, &boxes)
+        let triangles = (0..mesh.triangle_count() as u32).into_par_iter();
+        triangles.map(|triangle| boxes.get(triangle)).collect()
     }
 
     /// The record's nodes, with boxes over `positions`.

@@ -29,16 +29,49 @@ pub fn primary_rays(camera: &Camera) -> Vec<Ray> {
         .collect()
 }
 
-/// A ray over `(0, 1)` from each hit of `primary` nearly up to a light high above the mesh.
+/// A ray over `(0, 1)` from nearly each hit of `primary` up to [`light`].
 #[must_use]
 pub fn shadow_rays(mesh: &Mesh, primary: &[Ray], tracer: &mut Tracer) -> Vec<Ray> {
-    let (centre, radius) = sphere(mesh);
-    let light = offset(centre, radius, [-1.0, 3.0, 0.7]);
+    let light = light(mesh);
     let hits = tracer.list(primary, Seek::Closest);
     let rays = primary.iter().zip(&hits.closest);
     rays.filter(|(_, hit)| hit.is_hit())
         .map(|(ray, hit)| to_light(ray, hit.t, light))
         .collect()
+}
+
+/// Where a light stands high above the mesh.
+#[must_use]
+pub fn light(mesh: &Mesh) -> Point {
+    let (centre, radius) = sphere(mesh);
+    offset(centre, radius, [-1.0, 3.0, 0.7])
+}
+
+/// How many rays [`random_rays`] makes.
+const RANDOM: usize = 1 << 17;
+
+/// Rays from anywhere on the sphere round the mesh at its start to anywhere else on it, always the same ones.
+#[must_use]
+pub fn random_rays(mesh: &Mesh) -> Vec<Ray> {
+    let (centre, radius) = sphere(mesh);
+    let mut state = 1_u64;
+    let mut next = || {
+        // Knuth's generator; its upper bits are good enough.
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f32 / (1 << 24) as f32
+    };
+    let mut point = || {
+        let (z, angle) = (2.0 * next() - 1.0, std::f32::consts::TAU * next());
+        let (across, (y, x)) = ((1.0 - z * z).sqrt(), angle.sin_cos());
+        offset(centre, radius, [across * x, across * y, z])
+    };
+    let mut ray = || {
+        let (from, to) = (point(), point());
+        Ray::new(from, std::array::from_fn(|i| to[i] - from[i]))
+    };
+    (0..RANDOM).map(|_| ray()).collect()
 }
 
 fn to_light(ray: &Ray, t: f32, light: Point) -> Ray {

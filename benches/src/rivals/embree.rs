@@ -1,32 +1,33 @@
 //! Embree 3 (Wald, Woop, Benthin, Johnson, Ernst 2014), by its C interface: the feature `embree` links it.
 //!
-//! Scenes of medium quality (binned SAH), asked ray by ray. Debian has it as `libembree-dev`.
+//! Scenes of medium quality (binned SAH), asked ray by ray or by packets of sixteen. Debian has it as `libembree-dev`.
 
 #![expect(unsafe_code, reason = "a C library")]
 
 use crate::{Node, Rival};
 use geom::{Ray, Triangle};
-use std::ffi::{c_char, c_void};
-use std::ptr::{NonNull, null, null_mut};
+use std::ffi::{CString, c_char, c_void};
+use std::ptr::{NonNull, null_mut};
 
 /// A scene of Embree's.
 #[derive(Default)]
 pub struct Embree {
-    scene: Option<Scene>,
+    scene: Option<EmbreeScene>,
 }
 
 type Handle = *mut c_void;
 
 /// Owns a device and a committed scene of one mesh.
-struct Scene {
+pub struct EmbreeScene {
     device: NonNull<c_void>,
     scene: NonNull<c_void>,
+    geometry: NonNull<c_void>,
 }
 
 // SAFETY: a committed scene may be asked from any thread at once, says Embree's manual.
-unsafe impl Send for Scene {}
+unsafe impl Send for EmbreeScene {}
 // SAFETY: likewise.
-unsafe impl Sync for Scene {}
+unsafe impl Sync for EmbreeScene {}
 
 /// `RTCRayHit`.
 #[derive(Clone, Copy)]
@@ -56,6 +57,83 @@ struct Context {
     least_width: f32,
 }
 
+impl Context {
+    fn new(coherent: bool) -> Self {
+        Self {
+            flags: u32::from(coherent),
+            filter: null_mut(),
+            instance: NONE,
+            least_width: 0.0,
+        }
+    }
+}
+
+/// `RTCRayHit16`.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+struct RayHit16 {
+    origin: [[f32; 16]; 3],
+    t_min: [f32; 16],
+    direction: [[f32; 16]; 3],
+    time: [f32; 16],
+    t_max: [f32; 16],
+    mask: [u32; 16],
+    id: [u32; 16],
+    flags: [u32; 16],
+    normal: [[f32; 16]; 3],
+    uv: [[f32; 16]; 2],
+    primitive: [u32; 16],
+    geometry: [u32; 16],
+    instance: [u32; 16],
+}
+
+/// Up to sixteen rays in the form that Embree asks for.
+#[derive(Clone, Copy)]
+pub struct Packet16 {
+    rays: RayHit16,
+    valid: Valid,
+}
+
+/// -1 for each lane that holds a ray.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+struct Valid([i32; 16]);
+
+impl Packet16 {
+    /// Packs rays, of which there are at most sixteen.
+    #[must_use]
+    pub fn new(rays: &[Ray]) -> Self {
+        let mut packet = Self {
+            rays: RayHit16 {
+                origin: [[0.0; 16]; 3],
+                t_min: [0.0; 16],
+                direction: [[0.0; 16]; 3],
+                time: [0.0; 16],
+                t_max: [0.0; 16],
+                mask: [NONE; 16],
+                id: [0; 16],
+                flags: [0; 16],
+                normal: [[0.0; 16]; 3],
+                uv: [[0.0; 16]; 2],
+                primitive: [NONE; 16],
+                geometry: [NONE; 16],
+                instance: [NONE; 16],
+            },
+            valid: Valid([0; 16]),
+        };
+        for (lane, ray) in rays.iter().enumerate() {
+            for axis in 0..3 {
+                packet.rays.origin[axis][lane] = ray.origin[axis];
+                packet.rays.direction[axis][lane] = ray.direction[axis];
+            }
+            packet.rays.t_min[lane] = ray.t_min;
+            packet.rays.t_max[lane] = ray.t_max;
+            packet.valid.0[lane] = -1;
+        }
+        packet
+    }
+}
+
 const NONE: u32 = u32::MAX;
 /// `RTC_BUFFER_TYPE_INDEX` and `RTC_FORMAT_UINT3`.
 const INDICES: [u32; 2] = [0, 0x5003];
@@ -65,6 +143,8 @@ const VERTICES: [u32; 2] = [1, 0x9003];
 const TRIANGLES: u32 = 0;
 /// `RTC_BUILD_QUALITY_MEDIUM`.
 const MEDIUM: u32 = 1;
+/// `RTC_SCENE_FLAG_ROBUST`.
+const ROBUST: u32 = 1 << 2;
 
 #[link(name = "embree3")]
 unsafe extern "C" {
@@ -73,6 +153,8 @@ unsafe extern "C" {
     fn rtcNewScene(device: Handle) -> Handle;
     fn rtcReleaseScene(scene: Handle);
     fn rtcSetSceneBuildQuality(scene: Handle, quality: u32);
+    fn rtcSetSceneFlags(scene: Handle, flags: u32);
+    fn rtcUpdateGeometryBuffer(geometry: Handle, kind: u32, slot: u32);
     fn rtcNewGeometry(device: Handle, kind: u32) -> Handle;
     fn rtcReleaseGeometry(geometry: Handle);
     fn rtcSetNewGeometryBuffer(
@@ -88,31 +170,92 @@ unsafe extern "C" {
     fn rtcCommitScene(scene: Handle);
     fn rtcIntersect1(scene: Handle, context: *mut Context, ray: *mut RayHit);
     fn rtcOccluded1(scene: Handle, context: *mut Context, ray: *mut RayHit);
+    fn rtcIntersect16(valid: *const i32, scene: Handle, context: *mut Context, rays: *mut RayHit16);
+    /// Asks for the rays alone, which come first in `RayHit16`.
+    fn rtcOccluded16(valid: *const i32, scene: Handle, context: *mut Context, rays: *mut RayHit16);
 }
 
-impl Scene {
-    fn new(triangles: &[Triangle]) -> Self {
-        // SAFETY: a null configuration is the default one.
-        let device = NonNull::new(unsafe { rtcNewDevice(null()) }).expect("Embree has a device");
+impl EmbreeScene {
+    /// Builds over `triangles`, on as many threads (0: on all). All scenes alive at a time share the largest
+    /// number. With `robust`, rays pass between no neighbours.
+    ///
+    /// # Panics
+    /// If there is no memory.
+    #[must_use]
+    pub fn new(triangles: &[Triangle], threads: usize, robust: bool) -> Self {
+        let config = CString::new(format!("threads={threads}")).expect("no zero byte within");
+        // SAFETY: the configuration is a string that ends with a zero byte.
+        let device = NonNull::new(unsafe { rtcNewDevice(config.as_ptr()) });
+        let device = device.expect("Embree has a device");
+        let corners: Vec<[u32; 3]> = (0..triangles.len() as u32)
+            .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
+            .collect();
         // SAFETY: the device exists, and so do all that is made of it here. A new buffer holds as many
         // elements as were asked for, and numbers and indices are written to it in the stated format.
-        let scene = unsafe {
+        let (scene, geometry) = unsafe {
             let scene = rtcNewScene(device.as_ptr());
             rtcSetSceneBuildQuality(scene, MEDIUM);
+            rtcSetSceneFlags(scene, if robust { ROBUST } else { 0 });
             let geometry = rtcNewGeometry(device.as_ptr(), TRIANGLES);
             fill(geometry, VERTICES, triangles.as_flattened());
-            let corners: Vec<[u32; 3]> = (0..triangles.len() as u32)
-                .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
-                .collect();
             fill(geometry, INDICES, &corners);
             rtcCommitGeometry(geometry);
             rtcAttachGeometry(scene, geometry);
-            rtcReleaseGeometry(geometry);
             rtcCommitScene(scene);
-            scene
+            (scene, geometry)
         };
-        let scene = NonNull::new(scene).expect("Embree has memory");
-        Self { device, scene }
+        Self {
+            device,
+            scene: NonNull::new(scene).expect("Embree has memory"),
+            geometry: NonNull::new(geometry).expect("Embree has memory"),
+        }
+    }
+
+    /// Builds anew over the same triangles, in the memory at hand.
+    pub fn rebuild(&mut self) {
+        // SAFETY: both exist, and nobody else asks the scene meanwhile.
+        unsafe {
+            rtcUpdateGeometryBuffer(self.geometry.as_ptr(), VERTICES[0], 0);
+            rtcCommitGeometry(self.geometry.as_ptr());
+            rtcCommitScene(self.scene.as_ptr());
+        }
+    }
+
+    /// Whether a ray hits, its closest triangle sought.
+    #[must_use]
+    pub fn hits(&self, ray: &Ray) -> bool {
+        self.ask(ray, rtcIntersect1).primitive != NONE
+    }
+
+    /// Whether a ray hits anything.
+    #[must_use]
+    pub fn is_blocked(&self, ray: &Ray) -> bool {
+        // Embree's sign for a ray that met something.
+        self.ask(ray, rtcOccluded1).t_max < 0.0
+    }
+
+    /// How many of a packet's rays hit, their closest triangles sought or, with `any`, anything.
+    #[must_use]
+    pub fn packet_hits(&self, packet: &Packet16, any: bool, coherent: bool) -> u32 {
+        let mut context = Context::new(coherent);
+        let mut found = *packet;
+        // SAFETY: the scene is committed; rays, their marks and the context live as long as the call.
+        unsafe {
+            let valid = found.valid.0.as_ptr();
+            let (scene, rays) = (self.scene.as_ptr(), &raw mut found.rays);
+            if any {
+                rtcOccluded16(valid, scene, &raw mut context, rays);
+            } else {
+                rtcIntersect16(valid, scene, &raw mut context, rays);
+            }
+        }
+        let hit = |lane: usize| match any {
+            true => found.rays.t_max[lane] < 0.0,
+            false => found.rays.primitive[lane] != NONE,
+        };
+        (0..16)
+            .filter(|&lane| packet.valid.0[lane] != 0 && hit(lane))
+            .count() as u32
     }
 
     fn ask(
@@ -120,12 +263,7 @@ impl Scene {
         ray: &Ray,
         ask: unsafe extern "C" fn(Handle, *mut Context, *mut RayHit),
     ) -> RayHit {
-        let mut context = Context {
-            flags: 0,
-            filter: null_mut(),
-            instance: NONE,
-            least_width: 0.0,
-        };
+        let mut context = Context::new(false);
         let mut found = RayHit {
             origin: ray.origin,
             t_min: ray.t_min,
@@ -161,10 +299,11 @@ unsafe fn fill<T: Copy>(geometry: Handle, [kind, format]: [u32; 2], elements: &[
     }
 }
 
-impl Drop for Scene {
+impl Drop for EmbreeScene {
     fn drop(&mut self) {
-        // SAFETY: both exist until here.
+        // SAFETY: all exist until here.
         unsafe {
+            rtcReleaseGeometry(self.geometry.as_ptr());
             rtcReleaseScene(self.scene.as_ptr());
             rtcReleaseDevice(self.device.as_ptr());
         }
@@ -182,7 +321,7 @@ impl Rival for Embree {
     }
 
     fn build(&mut self, soup: &mut Self::Soup) {
-        self.scene = Some(Scene::new(soup));
+        self.scene = Some(EmbreeScene::new(soup, 0, false));
     }
 
     fn refit(&mut self, _: &Self::Soup) {}
@@ -194,8 +333,7 @@ impl Rival for Embree {
 
     fn blocked(&self, _: &Self::Soup, ray: &Ray) -> bool {
         let scene = self.scene.as_ref();
-        // Embree's sign for a ray that met something.
-        scene.is_some_and(|scene| scene.ask(ray, rtcOccluded1).t_max < 0.0)
+        scene.is_some_and(|scene| scene.is_blocked(ray))
     }
 
     /// None: Embree keeps its nodes to itself.

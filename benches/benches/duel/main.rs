@@ -1,0 +1,113 @@
+//! This program and Embree in turn, sample by sample: builds with one thread and with all, and rays.
+//!
+//! `cargo bench -p benches --features embree,tinybvh --bench duel [-- FILE.json]`. Both sides share each change of
+//! the machine's load: ratios are medians over rounds, by time passed and by processor time, and the least times
+//! come as near to a quiet machine as the run did.
+
+mod build;
+mod machine;
+mod trace;
+
+use backend::{Intersector, Layout, Method};
+use benches::{Samples, folder_or_demos, least, median, print_table};
+use serde_json::{Value, json};
+
+fn main() {
+    let file = std::env::args().skip(1).find(|arg| !arg.starts_with('-'));
+    let mut groups = Vec::new();
+    let before = machine::load();
+    for mesh in folder_or_demos() {
+        groups.extend(build::all(&mesh));
+        groups.extend(trace::all(&mesh));
+    }
+    let report = json!({
+        "machine": machine::name(),
+        "commit": machine::commit(),
+        "load_before_and_after": [before, machine::load()],
+        "groups": groups,
+    });
+    if let Some(file) = file {
+        let text = serde_json::to_string_pretty(&report).expect("numbers and names");
+        std::fs::write(&file, text + "\n").unwrap_or_else(|why| panic!("{file}: {why}"));
+    }
+}
+
+/// Ours: the fastest here that lets no ray through an edge.
+const METHOD: Method = Method {
+    intersector: Intersector::Watertight,
+    layout: Layout::Fast,
+};
+
+/// How a time becomes a figure.
+#[derive(Clone, Copy)]
+enum Unit {
+    /// Nanoseconds for each of so many triangles.
+    NsEach(usize),
+    /// Million a second of so many rays.
+    MillionsOf(usize),
+}
+
+impl Unit {
+    fn of(self, ms: f64) -> f64 {
+        match self {
+            Self::NsEach(triangles) => ms * 1e6 / triangles as f64,
+            Self::MillionsOf(rays) => rays as f64 / (ms * 1e3),
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::NsEach(_) => "ns a triangle",
+            Self::MillionsOf(_) => "million rays a second",
+        }
+    }
+}
+
+/// Prints one group and makes JSON of it. All are compared with the contender at `baseline`.
+fn report(title: &str, unit: Unit, samples: &[Samples], baseline: usize) -> Value {
+    let header = [
+        unit.name(),
+        "threads",
+        "best",
+        "median",
+        "by processor time",
+        "time over the baseline's",
+        "processor time over it",
+        "hits",
+    ];
+    let rows = samples.iter().map(|one| {
+        let [wall, processor] = one.over(&samples[baseline]);
+        vec![
+            one.name.clone(),
+            one.threads.to_string(),
+            format!("{:.1}", unit.of(least(&one.wall))),
+            format!("{:.1}", unit.of(median(&one.wall))),
+            format!("{:.1}", unit.of(median(&one.processor))),
+            format!("{wall:.3}"),
+            format!("{processor:.3}"),
+            one.hits.to_string(),
+        ]
+    });
+    print_table(title, &header, rows.collect());
+    let contenders = samples.iter().map(|one| {
+        let [wall, processor] = one.over(&samples[baseline]);
+        json!({
+            "name": one.name,
+            "threads": one.threads,
+            "best": unit.of(least(&one.wall)),
+            "median": unit.of(median(&one.wall)),
+            "by_processor_time": unit.of(median(&one.processor)),
+            "wall_over_baseline": wall,
+            "processor_over_baseline": processor,
+            "wall_ms": one.wall,
+            "processor_ms": one.processor,
+            "hits": one.hits,
+        })
+    });
+    json!({
+        "title": title,
+        "unit": unit.name(),
+        "baseline": samples[baseline].name,
+        "contenders": contenders.collect::<Vec<_>>(),
+    })
+}

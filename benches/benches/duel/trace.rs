@@ -1,0 +1,186 @@
+//! Rays to hits, on all threads.
+
+use crate::{METHOD, Unit, report};
+use backend::{Query, Rays, Seek};
+use benches::{
+    Contender, EmbreeScene, Mesh, Packet16, Tracer, built, camera, in_turn, light, pool,
+    primary_rays, random_rays, shadow_rays, thread_counts,
+};
+use geom::{Camera, Ray};
+use rayon::ThreadPool;
+use rayon::prelude::*;
+use serde_json::Value;
+
+const ROUNDS: usize = 31;
+/// Rays that one task of Embree's traces, a multiple of a packet's.
+const TASK: usize = 512;
+
+/// What contenders are made of.
+struct Stage<'a> {
+    mesh: &'a Mesh,
+    threads: usize,
+    pool: &'a ThreadPool,
+    /// Embree's: fast, and robust.
+    scenes: [&'a EmbreeScene; 2],
+}
+
+/// Rays, and what is asked of them.
+struct Asked<'a> {
+    rays: &'a [Ray],
+    packets: &'a [Packet16],
+    any: bool,
+    coherent: bool,
+}
+
+/// All of a mesh.
+pub(crate) fn all(mesh: &Mesh) -> Vec<Value> {
+    let threads = thread_counts().pop().unwrap_or(1);
+    let pool = pool(threads);
+    let triangles = mesh.triangles(mesh.start());
+    let scenes = [false, true].map(|robust| EmbreeScene::new(&triangles, threads, robust));
+    let stage = Stage {
+        mesh,
+        threads,
+        pool: &pool,
+        scenes: scenes.each_ref(),
+    };
+    let camera = camera(mesh);
+    let primary = primary_rays(&camera);
+    let shadow = shadow_rays(mesh, &primary, &mut stage.tracer());
+    let random = random_rays(mesh);
+    let asked = |rays, packets, any, coherent| Asked {
+        rays,
+        packets,
+        any,
+        coherent,
+    };
+    let (squares, packets) = (squares(&primary, &camera), in_order(&shadow));
+    let primary = asked(&primary, &squares, false, true);
+    let shadow = asked(&shadow, &packets, true, true);
+    let packets = in_order(&random);
+    let closest = asked(&random, &packets, false, false);
+    let any = asked(&random, &packets, true, false);
+    let light = light(mesh);
+    let seen = |seek| Some((&camera, seek));
+    vec![
+        stage.measure("primary", &[&primary], seen(Seek::Closest)),
+        stage.measure("shadow", &[&shadow], None),
+        stage.measure(
+            "primary and shadow",
+            &[&primary, &shadow],
+            seen(Seek::ClosestAndShadow { light }),
+        ),
+        stage.measure("random", &[&closest], None),
+        stage.measure("random any-hit", &[&any], None),
+    ]
+}
+
+impl Stage<'_> {
+    /// Our own backend with a fresh tree.
+    fn tracer(&self) -> Tracer {
+        let ours = built(self.mesh, self.pool);
+        let positions = self.mesh.positions(self.mesh.start());
+        let mut tracer = Tracer::with(self.mesh, METHOD, self.threads);
+        let record = || ours.record_with_blocks(self.mesh, &positions);
+        tracer.adopt(&self.pool.install(record));
+        tracer.refit();
+        tracer
+    }
+
+    /// All contenders trace all of `asked`; ours a camera's rays too, if there is one that sees the same.
+    fn measure(&self, what: &str, asked: &[&Asked<'_>], camera: Option<(&Camera, Seek)>) -> Value {
+        let [fast, robust] = self.scenes;
+        let mut contenders = vec![
+            self.singly("Embree 3, single rays", fast, asked),
+            self.singly("Embree 3 robust, single rays", robust, asked),
+            self.together("Embree 3, packets of 16", fast, asked),
+            self.together("Embree 3 robust, packets of 16", robust, asked),
+            self.listed(asked),
+        ];
+        contenders.extend(camera.map(|(camera, seek)| self.seen(camera, seek)));
+        let samples = in_turn(contenders, ROUNDS);
+        let rays = asked.iter().map(|asked| asked.rays.len()).sum();
+        let title = format!("{}: {what} rays", self.mesh.label);
+        report(&title, Unit::MillionsOf(rays), &samples, 0)
+    }
+
+    fn listed<'b>(&self, asked: &'b [&Asked<'b>]) -> Contender<'b> {
+        let mut tracer = self.tracer();
+        let mut trace = move |asked: &Asked<'_>| {
+            let rays = Rays::List(asked.rays);
+            let seek = if asked.any { Seek::Any } else { Seek::Closest };
+            tracer.trace(Query { rays, seek })
+        };
+        Contender::new("abvh, lists", self.threads, move || {
+            asked.iter().map(|asked| trace(asked)).sum()
+        })
+    }
+
+    fn seen<'b>(&self, camera: &'b Camera, seek: Seek) -> Contender<'b> {
+        let mut tracer = self.tracer();
+        let rays = Rays::Camera(camera);
+        Contender::new("abvh, a camera", self.threads, move || {
+            tracer.trace(Query { rays, seek })
+        })
+    }
+
+    fn singly<'b>(
+        &'b self,
+        name: &str,
+        scene: &'b EmbreeScene,
+        asked: &'b [&Asked<'b>],
+    ) -> Contender<'b> {
+        let count = |task: &[Ray], any: bool| {
+            let hits = |ray: &&Ray| match any {
+                true => scene.is_blocked(ray),
+                false => scene.hits(ray),
+            };
+            task.iter().filter(hits).count() as u64
+        };
+        let trace = move |asked: &Asked<'_>| -> u64 {
+            let tasks = asked.rays.par_chunks(TASK);
+            tasks.map(|task| count(task, asked.any)).sum()
+        };
+        Contender::new(name, self.threads, move || {
+            let all = || asked.iter().map(|asked| trace(asked)).sum();
+            self.pool.install(all)
+        })
+    }
+
+    fn together<'b>(
+        &'b self,
+        name: &str,
+        scene: &'b EmbreeScene,
+        asked: &'b [&Asked<'b>],
+    ) -> Contender<'b> {
+        let trace = move |asked: &Asked<'_>| -> u64 {
+            let hits = |p: &Packet16| u64::from(scene.packet_hits(p, asked.any, asked.coherent));
+            let tasks = asked.packets.par_chunks(TASK / 16);
+            tasks.map(|task| task.iter().map(hits).sum::<u64>()).sum()
+        };
+        Contender::new(name, self.threads, move || {
+            let all = || asked.iter().map(|asked| trace(asked)).sum();
+            self.pool.install(all)
+        })
+    }
+}
+
+fn in_order(rays: &[Ray]) -> Vec<Packet16> {
+    rays.chunks(16).map(Packet16::new).collect()
+}
+
+/// Packets of four by four pixels of a camera's rays.
+fn squares(rays: &[Ray], camera: &Camera) -> Vec<Packet16> {
+    let (width, height) = (camera.width as usize, camera.height as usize);
+    let square = |[x, y]: [usize; 2]| {
+        let rows = y..(y + 4).min(height);
+        let rays: Vec<Ray> = rows
+            .flat_map(|y| &rays[y * width + x..y * width + (x + 4).min(width)])
+            .copied()
+            .collect();
+        Packet16::new(&rays)
+    };
+    let rows = (0..height).step_by(4);
+    let corners = rows.flat_map(|y| (0..width).step_by(4).map(move |x| [x, y]));
+    corners.map(square).collect()
+}
