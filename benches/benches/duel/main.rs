@@ -1,6 +1,7 @@
 //! This program and Embree in turn, sample by sample: builds with one thread and with all, and rays.
 //!
-//! `cargo bench -p benches --features embree,tinybvh --bench duel [-- FILE.json]`. Both sides share each change of
+//! `cargo bench -p benches --features embree,tinybvh --bench duel [-- FILE.json [GROUP]...]`, a group being `build`, `primary`
+//! or another kind of rays. Both sides share each change of
 //! the machine's load: ratios are medians over rounds, by time passed and by processor time, and the least times
 //! come as near to a quiet machine as the run did.
 
@@ -13,12 +14,16 @@ use benches::{Samples, folder_or_demos, least, median, print_table};
 use serde_json::{Value, json};
 
 fn main() {
-    let file = std::env::args().skip(1).find(|arg| !arg.starts_with('-'));
+    let mut words = std::env::args().skip(1).filter(|arg| !arg.starts_with('-'));
+    let file = words.next();
+    let only: Vec<String> = words.collect();
     let mut groups = Vec::new();
     let before = machine::load();
     for mesh in folder_or_demos() {
-        groups.extend(build::all(&mesh));
-        groups.extend(trace::all(&mesh));
+        if is_asked(&only, "build") {
+            groups.extend(build::all(&mesh));
+        }
+        groups.extend(trace::all(&mesh, &|what| is_asked(&only, what)));
     }
     let report = json!({
         "machine": machine::name(),
@@ -37,6 +42,11 @@ const METHOD: Method = Method {
     intersector: Intersector::Watertight,
     layout: Layout::Fast,
 };
+
+/// Whether a group is among those named, or none is.
+fn is_asked(only: &[String], what: &str) -> bool {
+    only.is_empty() || only.iter().any(|word| word == what)
+}
 
 /// How a time becomes a figure.
 #[derive(Clone, Copy)]

@@ -29,11 +29,10 @@ struct Asked<'a> {
     rays: &'a [Ray],
     packets: &'a [Packet16],
     any: bool,
-    coherent: bool,
 }
 
-/// All of a mesh.
-pub(crate) fn all(mesh: &Mesh) -> Vec<Value> {
+/// The groups of a mesh that are asked for.
+pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
     let threads = thread_counts().pop().unwrap_or(1);
     let pool = pool(threads);
     let triangles = mesh.triangles(mesh.start());
@@ -48,32 +47,29 @@ pub(crate) fn all(mesh: &Mesh) -> Vec<Value> {
     let primary = primary_rays(&camera);
     let shadow = shadow_rays(mesh, &primary, &mut stage.tracer());
     let random = random_rays(mesh);
-    let asked = |rays, packets, any, coherent| Asked {
-        rays,
-        packets,
-        any,
-        coherent,
-    };
-    let (squares, packets) = (squares(&primary, &camera), in_order(&shadow));
-    let primary = asked(&primary, &squares, false, true);
-    let shadow = asked(&shadow, &packets, true, true);
-    let packets = in_order(&random);
-    let closest = asked(&random, &packets, false, false);
-    let any = asked(&random, &packets, true, false);
-    let light = light(mesh);
-    let seen = |seek| Some((&camera, seek));
-    vec![
-        stage.measure("primary", &[&primary], seen(Seek::Closest)),
-        stage.measure("shadow", &[&shadow], None),
-        stage.measure(
-            "primary and shadow",
-            &[&primary, &shadow],
-            seen(Seek::ClosestAndShadow { light }),
-        ),
-        stage.measure("random", &[&closest], None),
-        stage.measure("random any-hit", &[&any], None),
-    ]
+    let asked = |rays, packets, any| Asked { rays, packets, any };
+    let (squares, packets) = (squares(&primary, &camera), in_order(&shadow, true));
+    let primary = asked(&primary, &squares, false);
+    let shadow = asked(&shadow, &packets, true);
+    let packets = in_order(&random, false);
+    let closest = asked(&random, &packets, false);
+    let any = asked(&random, &packets, true);
+    let both = Seek::ClosestAndShadow { light: light(mesh) };
+    let groups: [Group<'_>; 5] = [
+        ("primary", &[&primary], Some(Seek::Closest)),
+        ("shadow", &[&shadow], None),
+        ("primary-and-shadow", &[&primary, &shadow], Some(both)),
+        ("random", &[&closest], None),
+        ("random-any", &[&any], None),
+    ];
+    let groups = groups.iter().filter(|(what, ..)| is_asked(what));
+    groups
+        .map(|(what, asked, seen)| stage.measure(what, asked, seen.map(|seek| (&camera, seek))))
+        .collect()
 }
+
+/// Name, rays, and what is asked of the camera that makes the same ones.
+type Group<'a> = (&'a str, &'a [&'a Asked<'a>], Option<Seek>);
 
 impl Stage<'_> {
     /// Our own backend with a fresh tree.
@@ -154,7 +150,7 @@ impl Stage<'_> {
         asked: &'b [&Asked<'b>],
     ) -> Contender<'b> {
         let trace = move |asked: &Asked<'_>| -> u64 {
-            let hits = |p: &Packet16| u64::from(scene.packet_hits(p, asked.any, asked.coherent));
+            let hits = |p: &Packet16| u64::from(scene.packet_hits(p, asked.any));
             let tasks = asked.packets.par_chunks(TASK / 16);
             tasks.map(|task| task.iter().map(hits).sum::<u64>()).sum()
         };
@@ -165,8 +161,9 @@ impl Stage<'_> {
     }
 }
 
-fn in_order(rays: &[Ray]) -> Vec<Packet16> {
-    rays.chunks(16).map(Packet16::new).collect()
+fn in_order(rays: &[Ray], coherent: bool) -> Vec<Packet16> {
+    let packets = rays.chunks(16);
+    packets.map(|rays| Packet16::new(rays, coherent)).collect()
 }
 
 /// Packets of four by four pixels of a camera's rays.
@@ -178,7 +175,7 @@ fn squares(rays: &[Ray], camera: &Camera) -> Vec<Packet16> {
             .flat_map(|y| &rays[y * width + x..y * width + (x + 4).min(width)])
             .copied()
             .collect();
-        Packet16::new(&rays)
+        Packet16::new(&rays, true)
     };
     let rows = (0..height).step_by(4);
     let corners = rows.flat_map(|y| (0..width).step_by(4).map(move |x| [x, y]));

@@ -92,6 +92,8 @@ struct RayHit16 {
 pub struct Packet16 {
     rays: RayHit16,
     valid: Valid,
+    /// What Embree is told of them.
+    coherent: bool,
 }
 
 /// -1 for each lane that holds a ray.
@@ -100,9 +102,9 @@ pub struct Packet16 {
 struct Valid([i32; 16]);
 
 impl Packet16 {
-    /// Packs rays, of which there are at most sixteen.
+    /// Packs rays, of which there are at most sixteen. Those that are `coherent` lie close together.
     #[must_use]
-    pub fn new(rays: &[Ray]) -> Self {
+    pub fn new(rays: &[Ray], coherent: bool) -> Self {
         let mut packet = Self {
             rays: RayHit16 {
                 origin: [[0.0; 16]; 3],
@@ -120,6 +122,7 @@ impl Packet16 {
                 instance: [NONE; 16],
             },
             valid: Valid([0; 16]),
+            coherent,
         };
         for (lane, ray) in rays.iter().enumerate() {
             for axis in 0..3 {
@@ -236,8 +239,8 @@ impl EmbreeScene {
 
     /// How many of a packet's rays hit, their closest triangles sought or, with `any`, anything.
     #[must_use]
-    pub fn packet_hits(&self, packet: &Packet16, any: bool, coherent: bool) -> u32 {
-        let mut context = Context::new(coherent);
+    pub fn packet_hits(&self, packet: &Packet16, any: bool) -> u32 {
+        let mut context = Context::new(packet.coherent);
         let mut found = *packet;
         // SAFETY: the scene is committed; rays, their marks and the context live as long as the call.
         unsafe {
