@@ -12,7 +12,7 @@ use crate::simd::{Isa, Lanes, each};
 use crate::trace::ray;
 use crate::traverse::Stack;
 use backend::Rays;
-use geom::{Aabb, Camera, Hit, Ray};
+use geom::{Camera, Hit, Ray};
 
 /// The closest hit of each ray.
 pub(super) struct Closest<'a>(pub(super) WideTracer<'a>);
@@ -28,18 +28,8 @@ impl Job for Closest<'_> {
     }
 
     #[inline(always)]
-    fn ray(&self, index: usize) -> Option<Ray> {
-        Some(ray(self.0.rays, index))
-    }
-
-    #[inline(always)]
-    fn scale(&self) -> Scale {
-        self.0.geometry.scale
-    }
-
-    #[inline(always)]
-    fn root(&self) -> &Aabb {
-        &self.0.tree.root
+    fn tracer(&self) -> &WideTracer<'_> {
+        &self.0
     }
 
     #[inline(always)]
@@ -131,18 +121,8 @@ impl Job for Any<'_> {
     }
 
     #[inline(always)]
-    fn ray(&self, index: usize) -> Option<Ray> {
-        Some(ray(self.0.rays, index))
-    }
-
-    #[inline(always)]
-    fn scale(&self) -> Scale {
-        self.0.geometry.scale
-    }
-
-    #[inline(always)]
-    fn root(&self) -> &Aabb {
-        &self.0.tree.root
+    fn tracer(&self) -> &WideTracer<'_> {
+        &self.0
     }
 
     #[inline(always)]
@@ -216,8 +196,8 @@ impl Job for Shadow<'_> {
     }
 
     #[inline(always)]
-    fn root(&self) -> &Aabb {
-        &self.tracer.tree.root
+    fn tracer(&self) -> &WideTracer<'_> {
+        &self.tracer
     }
 
     #[inline(always)]

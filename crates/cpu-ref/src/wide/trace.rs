@@ -13,10 +13,11 @@ use crate::shadow::Light;
 use crate::simd::{Isa, Lanes, Work};
 use crate::slab::Reach;
 use crate::tiles::{Tiles, fill_list, fill_picture};
+use crate::trace::ray;
 use crate::traverse::{self, Stack};
 use crate::watertight::Watertight;
 use backend::Rays;
-use geom::{Aabb, Hit, Point, Ray};
+use geom::{Hit, Point, Ray};
 
 /// Rays, and what they are traced through.
 #[derive(Clone, Copy)]
@@ -108,15 +109,23 @@ pub(super) trait Job: Sync {
     /// For a ray that was not asked.
     const NONE: Self::Answer;
 
-    /// The answer for one ray. Must be `#[inline(always)]`, like the next.
+    /// The answer for one ray. Must be `#[inline(always)]`, like all others.
     fn one<I: Isa>(&self, index: usize, stack: &mut Stack) -> Self::Answer;
 
-    /// The ray of that index, in the units of [`Job::scale`]; `None` if it is not asked.
-    fn ray(&self, index: usize) -> Option<Ray>;
+    /// What is traced through.
+    fn tracer(&self) -> &WideTracer<'_>;
 
-    /// What rays are scaled by, and the box of the whole tree.
-    fn scale(&self) -> Scale;
-    fn root(&self) -> &Aabb;
+    /// The ray of that index, in the units of [`Job::scale`]; `None` if it is not asked.
+    #[inline(always)]
+    fn ray(&self, index: usize) -> Option<Ray> {
+        Some(ray(self.tracer().rays, index))
+    }
+
+    /// What rays are scaled by.
+    #[inline(always)]
+    fn scale(&self) -> Scale {
+        self.tracer().geometry.scale
+    }
 
     /// The answer for a ray prepared in a lane of a group.
     fn prepared<I: Isa>(
@@ -289,7 +298,7 @@ fn one_by_one<I: Isa, J: Job>(job: &J, few: &Few, stack: &mut Stack) -> [J::Answ
             *ray = asked;
         }
     }
-    let group = Group::<I::Packet>::new(&rays, job.scale(), job.root());
+    let group = Group::<I::Packet>::new(&rays, job.scale(), &job.tracer().tree.root);
     let mut answers = [J::NONE; MOST_RAYS];
     for (lane, answer) in answers.iter_mut().enumerate() {
         let index = few.indices[lane];
