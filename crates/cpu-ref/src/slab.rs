@@ -15,6 +15,10 @@ const FARTHEST: f32 = f32::from_bits((127 + 80) << 23);
 /// Distances up to here leave every product of the watertight test finite, `2^60`.
 pub(crate) const CALM: f32 = f32::from_bits((127 + 60) << 23);
 
+/// `24` and `4` times `2^-24`: what boxes of inner nodes are widened by, in units of `D` and of `|o'|`, where they are
+/// tested with `plane * r - o' * r` (ARCHITECTURE.md, "Inner boxes").
+pub(crate) const INNER: [f32; 2] = [24.0 / 16_777_216.0, 4.0 / 16_777_216.0];
+
 /// What a ray and the root box alone decide of the box test.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reach {
@@ -38,6 +42,17 @@ impl Reach {
             pad: pad.to_array(),
             farthest,
         }
+    }
+
+    /// What is added to the products of `r` with a box's near and far plane of an inner node.
+    ///
+    /// Infinite only where the box test's products are: a start so far away is its own distance to any plane.
+    #[inline]
+    pub(crate) fn starts(&self, axis: usize, origin: f32, negative: bool) -> [f32; 2] {
+        let r = self.inverse[axis];
+        let from = origin * if negative { -r } else { r };
+        let pad = r * (INNER[0] * self.farthest + INNER[1] * origin.abs());
+        [-from - pad, -from + pad]
     }
 
     /// Whether the ray starts so near that no edge function overflows.

@@ -72,6 +72,7 @@ impl Block {
 
 /// A node or (flagged) a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(transparent)]
 pub struct Link(u32);
 
 impl Link {

@@ -93,7 +93,31 @@ pub(crate) trait Isa: 'static {
     type Planes: Halves<Half = Self::Eight>;
     /// One number of each ray of a packet.
     type Packet: Lanes;
+
+    /// Those of `lanes` before anything else, in their order. What comes after them means nothing.
+    ///
+    /// Without a branch for each: which lanes they are is hard to foresee.
+    #[inline(always)]
+    fn packed<T: Word>(of: &[T; 8], lanes: u32) -> [T; 8] {
+        let (mut to, mut count) = (*of, 0);
+        for (lane, &word) in of.iter().enumerate() {
+            to[count % 8] = word;
+            count += (lanes >> lane & 1) as usize;
+        }
+        to
+    }
 }
+
+/// Four bytes that may be moved about as a number.
+///
+/// # Safety
+/// The type has the size of a `u32`, and no byte of it is ever uninitialised.
+#[expect(unsafe_code, reason = "vector instructions copy such words")]
+pub(crate) unsafe trait Word: Copy {}
+
+// SAFETY: it is one.
+#[expect(unsafe_code, reason = "see above")]
+unsafe impl Word for u32 {}
 
 /// Asks for the first cache lines of what will soon be read; it must be aligned to them. Does nothing where that
 /// cannot be asked.

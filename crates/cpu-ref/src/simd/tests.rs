@@ -46,6 +46,10 @@ impl Work for Everything {
             ];
             all.extend(ends.map(f32::to_bits));
         }
+        for lanes in 0..256_u32 {
+            let packed = I::packed(&[10, 11, 12, 13, 14, 15, 16, 17], lanes);
+            all.extend(&packed[..lanes.count_ones() as usize]);
+        }
         all
     }
 }
@@ -88,6 +92,12 @@ fn every_instruction_set_gives_the_same_bits() {
     for level in Level::all() {
         assert_eq!(level.run(Everything), expected, "{level:?}");
     }
+}
+
+#[test]
+fn words_are_packed_in_the_order_of_lanes() {
+    let packed = Portable::packed(&[10, 11, 12, 13, 14, 15, 16, 17], 0b1010_0110);
+    assert_eq!(packed[..4], [11, 12, 15, 17]);
 }
 
 #[test]

@@ -8,7 +8,7 @@
     reason = "vector instructions that the machine was found to have"
 )]
 
-use super::{Halves, Isa, Lanes, Work};
+use super::{Halves, Isa, Lanes, Word, Work};
 use std::arch::is_x86_feature_detected as has;
 use std::arch::x86_64::*;
 
@@ -27,6 +27,19 @@ impl Isa for Avx512 {
     type Eight = MaskedYmm;
     type Planes = Zmm;
     type Packet = Zmm;
+
+    #[inline(always)]
+    fn packed<T: Word>(of: &[T; 8], lanes: u32) -> [T; 8] {
+        let mut to = *of;
+        // SAFETY: both are eight words of four bytes each, which may be read and written as numbers; the
+        // instructions are there where this set is used.
+        unsafe {
+            let words = _mm256_loadu_si256(of.as_ptr().cast());
+            let packed = _mm256_maskz_compress_epi32(lanes as u8, words);
+            _mm256_storeu_si256(to.as_mut_ptr().cast(), packed);
+        }
+        to
+    }
 }
 
 pub(super) fn has_avx2() -> bool {

@@ -22,6 +22,8 @@ mod trace;
 mod tree;
 mod visit;
 mod walk;
+#[cfg(test)]
+mod walk_tests;
 
 pub(crate) use trace::WideTracer;
 pub(crate) use tree::Wide;

@@ -3,7 +3,7 @@
 use super::leaf::{Meetings, TriangleRay};
 use super::single::OneRay;
 use super::tree::{Block, LANES, Wide};
-use super::walk::{NodeRay, Stack, Visitor, walk};
+use super::walk::{AnyVisitor, NodeRay, Stack, Visitor, walk, walk_any};
 use crate::simd::{Isa, Lanes};
 use geom::Hit;
 use std::marker::PhantomData;
@@ -17,8 +17,6 @@ struct Closest<'a, R, L> {
 }
 
 impl<R: OneRay, L: Lanes<Array = [f32; LANES]>> Visitor for Closest<'_, R, L> {
-    const ORDERED: bool = true;
-
     #[inline(always)]
     fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
         let block = &self.blocks[block];
@@ -56,20 +54,18 @@ struct Any<'a, R, L> {
     lanes: PhantomData<L>,
 }
 
-impl<R: OneRay, L: Lanes<Array = [f32; LANES]>> Visitor for Any<'_, R, L> {
-    const ORDERED: bool = false;
-
+impl<R: OneRay, L: Lanes<Array = [f32; LANES]>> AnyVisitor for Any<'_, R, L> {
     #[inline(always)]
-    fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
+    fn hits(&mut self, block: usize) -> bool {
         let block = &self.blocks[block];
-        let Some(met) = TriangleRay::<L>::single(self.ray).meet(block, bound) else {
-            return Some(bound);
+        let Some(met) = TriangleRay::<L>::single(self.ray).meet(block, self.ray.t_max()) else {
+            return false;
         };
         let mut others = 0;
         for lane in 0..LANES {
             others |= u32::from(block.triangles[lane] != self.skipped) << lane;
         }
-        (met.lanes & others == 0).then_some(bound)
+        met.lanes & others != 0
     }
 }
 
@@ -106,5 +102,5 @@ pub(crate) fn any<I: Isa>(
         skipped: skipped.unwrap_or(Hit::MISS.triangle),
     };
     let node_ray = NodeRay::<I::Eight>::new(ray);
-    walk::<I, _>(tree, (&node_ray, ray.t_max()), stack, &mut any)
+    walk_any::<I>(tree, (&node_ray, ray.t_max()), stack, &mut any)
 }

@@ -6,7 +6,7 @@ use super::together::MOST_RAYS;
 use crate::ray::PreparedRay;
 use crate::scale::{LEAST_COMPONENT, Scale};
 use crate::simd::{Lanes, each};
-use crate::slab::{CALM, PAD, Reach, SMALLEST};
+use crate::slab::{CALM, INNER, PAD, Reach, SMALLEST};
 use crate::watertight::main_axis;
 use geom::{Aabb, Ray};
 
@@ -17,6 +17,8 @@ pub(crate) trait OneRay {
     fn inverse(&self, axis: usize) -> f32;
     /// `q`.
     fn pad(&self, axis: usize) -> f32;
+    /// What is added to `near * r` and `far * r` of inner boxes: [`Reach::starts`].
+    fn starts(&self, axis: usize) -> [f32; 2];
     /// `kz`.
     fn main(&self) -> usize;
     /// `d[kx] / d[kz]`, `d[ky] / d[kz]`, `1 / d[kz]`.
@@ -31,6 +33,7 @@ pub(crate) struct SingleRay {
     origin: [f32; 3],
     inverse: [f32; 3],
     pad: [f32; 3],
+    starts: [[f32; 2]; 3],
     main: usize,
     shear: [f32; 3],
     limits: [f32; 2],
@@ -46,6 +49,7 @@ impl SingleRay {
             origin: ray.origin,
             inverse: each!(i => reach.inverse[i].copysign(d[i])),
             pad: reach.pad,
+            starts: each!(i => reach.starts(i, ray.origin[i], d[i].is_sign_negative())),
             main: kz,
             shear: [d[kx] / d[kz], d[ky] / d[kz], 1.0 / d[kz]],
             limits: [ray.t_min, ray.t_max],
@@ -65,6 +69,10 @@ impl OneRay for SingleRay {
     #[inline(always)]
     fn pad(&self, axis: usize) -> f32 {
         self.pad[axis]
+    }
+    #[inline(always)]
+    fn starts(&self, axis: usize) -> [f32; 2] {
+        self.starts[axis]
     }
     #[inline(always)]
     fn main(&self) -> usize {
@@ -94,6 +102,8 @@ pub(crate) struct Group<L: Lanes> {
     origin: [L::Array; 3],
     inverse: [L::Array; 3],
     pad: [L::Array; 3],
+    /// For near planes, for far ones.
+    starts: [[L::Array; 2]; 3],
     shear: [L::Array; 3],
     main: [u8; MOST_RAYS],
     limits: [L::Array; 2],
@@ -193,6 +203,13 @@ impl<L: Lanes> Group<L> {
         let inverse = each!(i => L::splat(1.0).div(d[i].abs().max(L::splat(SMALLEST))));
         let pad = each!(i => inverse[i].mul(padding));
         let negative = each!(i => d[i].less(L::splat(0.0)));
+        let signed = each!(i => inverse[i].replace(negative[i], inverse[i].neg()));
+        let starts = each!(i => {
+            let from = origin[i].mul(signed[i]).neg();
+            let wide = L::splat(INNER[0]).mul(farthest).add(L::splat(INNER[1]).mul(origin[i].abs()));
+            let wide = inverse[i].mul(wide);
+            [from.sub(wide).store(), from.add(wide).store()]
+        });
         let up = powers.up.mul(L::splat(scale.factor()));
         let limits = given.limits;
         let (main, shear) = turned(&d);
@@ -202,8 +219,9 @@ impl<L: Lanes> Group<L> {
         Self {
             ready: if unscaled.is_some() { ready } else { 0 },
             origin: each!(i => origin[i].store()),
-            inverse: each!(i => inverse[i].replace(negative[i], inverse[i].neg()).store()),
+            inverse: each!(i => signed[i].store()),
             pad: each!(i => pad[i].store()),
+            starts,
             shear: each!(i => shear[i].store()),
             main,
             limits: [
@@ -233,6 +251,11 @@ impl<L: Lanes> OneRay for InGroup<'_, L> {
     #[inline(always)]
     fn pad(&self, axis: usize) -> f32 {
         self.group.pad[axis].as_ref()[self.lane]
+    }
+    #[inline(always)]
+    fn starts(&self, axis: usize) -> [f32; 2] {
+        let [near, far] = &self.group.starts[axis];
+        [near.as_ref()[self.lane], far.as_ref()[self.lane]]
     }
     #[inline(always)]
     fn main(&self) -> usize {

@@ -88,8 +88,6 @@ struct Closest<'a, L: Lanes, P> {
 }
 
 impl<L: Lanes, P: Halves> Visitor for Closest<'_, L, P> {
-    const ORDERED: bool = true;
-
     #[inline(always)]
     fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
         let block = &self.blocks[block];
@@ -147,8 +145,6 @@ struct Any<'a, L, P> {
 }
 
 impl<L: Lanes, P: Halves> Visitor for Any<'_, L, P> {
-    const ORDERED: bool = true;
-
     #[inline(always)]
     fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
         self.patience = self.patience.checked_sub(1)?;

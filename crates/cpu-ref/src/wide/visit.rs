@@ -86,8 +86,6 @@ where
     L: Lanes<Array = [f32; LANES]>,
     F: FnMut(&Leaf, f32) -> Option<f32>,
 {
-    const ORDERED: bool = true;
-
     #[inline(always)]
     fn block(&mut self, block: usize, mut bound: f32) -> Option<f32> {
         let spans = self.ray.spans(&self.tree.blocks[block], bound);

@@ -2,7 +2,7 @@
 
 use super::single::OneRay;
 use super::tree::{LANES, Link, Node, Planes, Wide};
-use crate::simd::{Isa, Lanes, each, prefetch};
+use crate::simd::{Isa, Lanes, Word, each, prefetch};
 use bvh_build::MAX_DEPTH;
 
 /// A node or block still to visit.
@@ -18,7 +18,13 @@ const DEEPEST: usize = ((LANES - 1) * (MAX_DEPTH as usize + 1)).next_power_of_tw
 /// Nodes and blocks still to visit, the next one last.
 pub(crate) struct Stack {
     waiting: [Waiting; DEEPEST],
+    /// Where their order does not matter; room for all lanes of one node more.
+    links: [Link; DEEPEST + LANES],
 }
+
+// SAFETY: a link is a `u32` and nothing else.
+#[expect(unsafe_code, reason = "links are moved about by vector instructions")]
+unsafe impl Word for Link {}
 
 impl Stack {
     #[inline]
@@ -29,18 +35,22 @@ impl Stack {
         };
         Self {
             waiting: [unused; DEEPEST],
+            links: [Link::ROOT; DEEPEST + LANES],
         }
     }
 }
 
-/// What is to be done with the blocks that a ray comes to.
+/// What is to be done with the blocks that a ray comes to, nearer ones first.
 pub(crate) trait Visitor {
-    /// Whether nearer boxes come first: not worth their sorting where any hit will do.
-    const ORDERED: bool;
-
     /// Sees a block whose box the ray meets before `bound`, and returns the next bound; none ends the walk.
     /// Must be `#[inline(always)]`.
     fn block(&mut self, block: usize, bound: f32) -> Option<f32>;
+}
+
+/// Likewise where any hit will do.
+pub(crate) trait AnyVisitor {
+    /// Whether a block whose box the ray meets has a hit that counts. Must be `#[inline(always)]`.
+    fn hits(&mut self, block: usize) -> bool;
 }
 
 /// Something that boxes are tested against.
@@ -49,12 +59,13 @@ pub(crate) trait BoxTest<L> {
     fn meet(&self, planes: &Planes, best: f32) -> (u32, L);
 }
 
-/// What the box test needs of a ray: see [`crate::slab::Slab`].
+/// What boxes of inner nodes are tested against: wider than [`crate::slab::Slab`] has them, with fewer operations.
+/// They decide no hit.
 #[derive(Clone, Copy)]
 pub(crate) struct NodeRay<L> {
-    origin: [L; 3],
     inverse: [L; 3],
-    pad: [L; 3],
+    /// Added to the products with near planes, with far planes.
+    starts: [[L; 2]; 3],
     /// Which planes are nearer: 0 for the lower ones.
     near: [usize; 3],
     t_min: L,
@@ -64,9 +75,11 @@ impl<L: Lanes> NodeRay<L> {
     #[inline(always)]
     pub(crate) fn new(ray: &impl OneRay) -> Self {
         Self {
-            origin: each!(i => L::splat(ray.origin(i))),
             inverse: each!(i => L::splat(ray.inverse(i))),
-            pad: each!(i => L::splat(ray.pad(i))),
+            starts: each!(i => {
+                let [near, far] = ray.starts(i);
+                [L::splat(near), L::splat(far)]
+            }),
             near: each!(i => usize::from(ray.inverse(i).is_sign_negative())),
             t_min: L::splat(ray.t_min()),
         }
@@ -83,9 +96,9 @@ impl<L: Lanes<Array = [f32; LANES]>> BoxTest<L> for NodeRay<L> {
         });
         let [n, f] = [0, 1];
         let t = each!(axis => {
-            let [near, far] = [at[axis][n].sub(self.origin[axis]), at[axis][f].sub(self.origin[axis])];
-            let [near, far] = [near.mul(self.inverse[axis]), far.mul(self.inverse[axis])];
-            [near.sub(self.pad[axis]), far.add(self.pad[axis])]
+            let ([near, far], r) = (at[axis], self.inverse[axis]);
+            let starts = self.starts[axis];
+            [near.mul(r).add(starts[n]), far.mul(r).add(starts[f])]
         });
         let entry = self.t_min.max(t[0][n]).max(t[1][n].max(t[2][n]));
         let exit = L::splat(best).min(t[0][f]).min(t[1][f].min(t[2][f]));
@@ -115,10 +128,8 @@ pub(crate) fn walk<I: Isa, V: Visitor>(
             if lanes != 0 {
                 link = if lanes & (lanes - 1) == 0 {
                     node.links[lanes.trailing_zeros() as usize % LANES]
-                } else if V::ORDERED {
-                    nearest(tree, node, (lanes, entry), (stack, &mut len))
                 } else {
-                    first(tree, node, lanes, (stack, &mut len))
+                    nearest(tree, node, (lanes, entry), (stack, &mut len))
                 };
                 continue;
             }
@@ -130,7 +141,7 @@ pub(crate) fn walk<I: Isa, V: Visitor>(
             }
             len -= 1;
             let next = stack.waiting[len % DEEPEST];
-            if !V::ORDERED || next.entry <= bound {
+            if next.entry <= bound {
                 link = next.link;
                 break;
             }
@@ -170,19 +181,41 @@ fn nearest<L: Lanes<Array = [f32; LANES]>>(
     next.link
 }
 
-/// One of `lanes`, of which there are some; the others wait.
+/// Shows `visitor` the blocks that a ray may hit before `bound`, a node's first child first, until it sees a hit; whether it did.
 #[inline(always)]
-fn first(tree: &Wide, node: &Node, lanes: u32, (stack, len): (&mut Stack, &mut usize)) -> Link {
-    let next = node.links[lanes.trailing_zeros() as usize % LANES];
-    let mut rest = lanes & (lanes - 1);
-    while rest != 0 {
-        let other = node.waiting(rest.trailing_zeros(), &[0.0; LANES]);
-        rest &= rest - 1;
-        tree.prefetch(other.link);
-        stack.waiting[*len % DEEPEST] = other;
-        *len += 1;
+pub(crate) fn walk_any<I: Isa>(
+    tree: &Wide,
+    (ray, bound): (&NodeRay<I::Eight>, f32),
+    stack: &mut Stack,
+    visitor: &mut impl AnyVisitor,
+) -> bool {
+    let links = &mut stack.links;
+    let (mut len, mut link) = (0, Link::ROOT);
+    loop {
+        if link.is_block() {
+            if visitor.hits(link.index()) {
+                return true;
+            }
+        } else {
+            let node = &tree.nodes[link.index()];
+            let (lanes, _) = ray.meet(&node.planes, bound);
+            if lanes != 0 {
+                let rest = lanes & (lanes - 1);
+                let place = len % DEEPEST;
+                links[place..place + LANES].copy_from_slice(&I::packed(&node.links, rest));
+                len += rest.count_ones() as usize;
+                link = node.links[lanes.trailing_zeros() as usize % LANES];
+                continue;
+            }
+        }
+        if len == 0 {
+            return false;
+        }
+        len -= 1;
+        link = links[len % DEEPEST];
+        // The one after it.
+        tree.prefetch(links[len.saturating_sub(1) % DEEPEST]);
     }
-    next
 }
 
 impl Node {

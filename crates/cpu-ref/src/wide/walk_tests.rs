@@ -1,0 +1,106 @@
+//! Boxes of inner nodes against the box test that decides hits.
+
+use super::single::{Group, InGroup, OneRay, SingleRay};
+use super::together::MOST_RAYS;
+use super::tree::{EMPTY, LANES, Planes};
+use super::walk::{BoxTest, NodeRay};
+use crate::ray::PreparedRay;
+use crate::scale::Scale;
+use crate::simd::{Lanes, Plain};
+use crate::slab::Reach;
+use geom::{Aabb, Point, Ray};
+use proptest::prelude::*;
+
+fn near(reach: f32) -> impl Strategy<Value = Point> {
+    [-reach..reach, -reach..reach, -reach..reach]
+}
+
+/// A box of all triangles, far from the origin or not, and one within.
+fn boxes() -> impl Strategy<Value = [Aabb; 2]> {
+    let middle = prop_oneof![near(1.0), near(1e3), near(1e6)];
+    (middle, near(1.0), near(1.0)).prop_map(|(middle, a, b)| {
+        let corners = [a, b].map(|p| std::array::from_fn(|i| middle[i] + p[i]));
+        let unit = |side: f32| std::array::from_fn(|i| middle[i] + side);
+        let around = |points: [Point; 2]| {
+            let all = points.iter();
+            all.fold(Aabb::EMPTY, |bounds, &p| bounds.with_point(p))
+        };
+        [around([unit(-1.0), unit(1.0)]), around(corners)]
+    })
+}
+
+/// Towards a corner of a box, an edge or a face, from near or far; some along an axis.
+fn ray_to(bounds: Aabb) -> impl Strategy<Value = Ray> {
+    let away = prop_oneof![4 => near(3.0), 2 => near(1e4), 1 => near(1e38)];
+    let on = prop::array::uniform3(prop_oneof![Just(0.0_f32), Just(1.0), 0.0_f32..1.0]);
+    let axes =
+        prop::array::uniform3(prop_oneof![6 => Just(1.0_f32), 1 => Just(0.0), 1 => Just(1e-15)]);
+    (away, on, axes).prop_map(move |(away, on, axes)| {
+        let at: Point = std::array::from_fn(|i| bounds.min[i] + on[i] * bounds.extent()[i]);
+        let from: Point = std::array::from_fn(|i| at[i] + axes[i] * away[i]);
+        let t_min = if away[0] < 0.0 {
+            f32::NEG_INFINITY
+        } else {
+            0.0
+        };
+        Ray {
+            t_min,
+            ..Ray::new(from, std::array::from_fn(|i| at[i] - from[i]))
+        }
+    })
+}
+
+/// Entry and exit by the box test.
+fn strict(ray: &impl OneRay, bounds: &Aabb) -> [f32; 2] {
+    let mut span = [ray.t_min(), f32::INFINITY];
+    for axis in 0..3 {
+        let (o, r, q) = (ray.origin(axis), ray.inverse(axis), ray.pad(axis));
+        let mut planes = [bounds.min[axis], bounds.max[axis]];
+        if r.is_sign_negative() {
+            planes.reverse();
+        }
+        span[0] = span[0].max((planes[0] - o) * r - q);
+        span[1] = span[1].min((planes[1] - o) * r + q);
+    }
+    span
+}
+
+/// The box in one lane of a node, others being empty.
+fn in_lane(bounds: &Aabb, lane: usize) -> Planes {
+    let mut planes = EMPTY;
+    for (axis, planes) in planes.iter_mut().enumerate() {
+        (planes[lane], planes[lane + LANES]) = (bounds.min[axis], bounds.max[axis]);
+    }
+    planes
+}
+
+fn check(ray: &impl OneRay, bounds: &Aabb) -> Result<(), TestCaseError> {
+    let [entry, exit] = strict(ray, bounds);
+    let lane = 5;
+    let node_ray = NodeRay::<Plain<8>>::new(ray);
+    let (lanes, entries) = node_ray.meet(&in_lane(bounds, lane), f32::INFINITY);
+    prop_assert_eq!(lanes & !(1 << lane), 0, "empty lanes are never met");
+    if entry <= exit {
+        prop_assert_eq!(lanes, 1 << lane, "{} {}", entry, exit);
+        prop_assert!(entries.store()[lane] <= entry);
+    }
+    Ok(())
+}
+
+proptest! {
+    #[test]
+    fn what_the_box_test_meets_is_visited(
+        (boxes, ray) in boxes().prop_flat_map(|boxes| (Just(boxes), ray_to(boxes[1]))),
+    ) {
+        let [root, bounds] = boxes;
+        let Some(prepared) = PreparedRay::new(&ray, Scale::ONE) else {
+            return Ok(());
+        };
+        let reach = Reach::new(&prepared, &root);
+        check(&SingleRay::new(&prepared, &reach), &bounds)?;
+        let group = Group::<Plain<8>>::new(&[ray; MOST_RAYS], Scale::ONE, &root);
+        if group.ready & 1 == 1 {
+            check(&InGroup { group: &group, lane: 0 }, &bounds)?;
+        }
+    }
+}
