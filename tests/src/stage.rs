@@ -1,6 +1,6 @@
 //! A backend with one scene on it, and a tree of any age.
 
-use backend::{Backend, Generation, Hits, Intersector, Layout, Method, Query};
+use backend::{Backend, Generation, Hits, Intersector, Layout, Method, Query, Result};
 use bvh_build::Cancel;
 use geom::{Animation, Point, Pose};
 use pipeline::Workbench;
@@ -80,18 +80,23 @@ impl Stage {
     /// # Panics
     /// If a stage fails.
     pub fn trace(&mut self, time: f64, query: Query<'_>) -> Hits {
+        self.try_trace(time, query).expect("every stage runs")
+    }
+
+    /// Likewise.
+    ///
+    /// # Errors
+    /// A stage fails.
+    pub fn try_trace(&mut self, time: f64, query: Query<'_>) -> Result<Hits> {
         let mut hits = Hits::default();
-        let mut stages = || {
-            self.backend.interpolate(self.animation.pose(time))?;
-            self.backend.preprocess()?;
-            self.backend.refit()?;
-            self.backend.trace(query)?;
-            let ticket = self.backend.submit()?;
-            self.backend.wait(ticket)?;
-            self.backend.hits(ticket, &mut hits)
-        };
-        stages().expect("every stage runs");
-        hits
+        self.backend.interpolate(self.animation.pose(time))?;
+        self.backend.preprocess()?;
+        self.backend.refit()?;
+        self.backend.trace(query)?;
+        let ticket = self.backend.submit()?;
+        self.backend.wait(ticket)?;
+        self.backend.hits(ticket, &mut hits)?;
+        Ok(hits)
     }
 }
 

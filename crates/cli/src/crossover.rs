@@ -269,6 +269,7 @@ mod tests {
             kind: DeviceKind::Cpu,
             threads: 1,
             arithmetic: backend::Arithmetic::IEEE,
+            loop_turns: None,
         };
         Run {
             update,

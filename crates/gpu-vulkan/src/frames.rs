@@ -2,10 +2,11 @@
 
 use crate::clock::Clock;
 use crate::device::Gpu;
-use crate::slot::Slot;
+use crate::slot::{Part, Slot};
 use crate::timeline::{Batch, Moment, Timeline, submit};
+use ash::vk;
 use backend::{FRAMES_IN_FLIGHT, FrameReport, Result, Ticket};
-use shaders::Standing;
+use shaders::{Counts, Standing};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
@@ -27,8 +28,11 @@ pub(crate) struct Frames {
     clock: Clock,
     /// Reaches a ticket's number when its submission is done.
     done: Timeline,
-    /// Likewise, when the first of two parts is.
+    /// Likewise, when the part of it is that somebody waits for alone.
     first_part: Timeline,
+    /// Rises with every part that is sent alone.
+    step: Timeline,
+    steps: u64,
     gpu: Arc<Gpu>,
 }
 
@@ -38,7 +42,7 @@ struct Entry {
     traces: u64,
     never_active: u64,
     /// `None` while it is under way.
-    report: Option<FrameReport>,
+    report: Option<Result<FrameReport>>,
 }
 
 impl Frames {
@@ -53,6 +57,8 @@ impl Frames {
             clock: Clock::new(gpu.timestamp_bits, gpu.limits.tick_ns),
             done: Timeline::new(gpu)?,
             first_part: Timeline::new(gpu)?,
+            step: Timeline::new(gpu)?,
+            steps: 0,
             gpu: Arc::clone(gpu),
         })
     }
@@ -92,7 +98,7 @@ impl Frames {
     ) -> Result<Ticket> {
         while self.under_way().count() >= FRAMES_IN_FLIGHT {
             let oldest = self.under_way().next();
-            self.retire(oldest.expect("counted just now"))?;
+            self.finish(oldest.expect("counted just now"))?;
         }
         let ticket = self.next();
         self.send(after, ticket)?;
@@ -109,22 +115,66 @@ impl Frames {
         Ok(ticket)
     }
 
-    /// Sends the recording's parts; others may wait for the first one alone.
+    /// Sends the recording's parts; others may wait for one of them alone.
     fn send(&mut self, after: &[Moment], ticket: Ticket) -> Result<()> {
         let place = self.place();
         let slot = &mut self.slots[place];
         slot.sent = Some(Instant::now());
-        let parts = slot.end()?;
-        let batch = |(i, &commands)| Batch {
+        slot.end()?;
+        let parts: Vec<_> = slot.parts().collect();
+        if parts.iter().any(|&(_, why)| why == Some(Part::Again)) {
+            return self.send_one_by_one(&parts, after, ticket);
+        }
+        let batch = |(i, &(commands, why))| Batch {
             commands,
             after: if i == 0 { after } else { &[] },
-            done: match i + 1 == parts.len() {
-                true => self.done.at(ticket.0),
-                false => self.first_part.at(ticket.0),
-            },
+            done: self.end_of(why, ticket),
         };
         let batches: Vec<_> = parts.iter().enumerate().map(batch).collect();
         submit(&self.gpu, self.gpu.compute, &batches)
+    }
+
+    /// What becomes of a part's end.
+    fn end_of(&self, why: Option<Part>, ticket: Ticket) -> Moment {
+        match why {
+            None => self.done.at(ticket.0),
+            Some(Part::Positions) => self.first_part.at(ticket.0),
+            Some(Part::Before | Part::Again) => self.step.at(self.steps),
+        }
+    }
+
+    /// Sends each part when the one before is done, some of them until they leave nothing to do or do nothing any more.
+    fn send_one_by_one(
+        &mut self,
+        parts: &[(vk::CommandBuffer, Option<Part>)],
+        after: &[Moment],
+        ticket: Ticket,
+    ) -> Result<()> {
+        let place = self.place();
+        for (i, &(commands, why)) in parts.iter().enumerate() {
+            let mut after = if i == 0 { after } else { &[] };
+            let mut before = None;
+            loop {
+                self.steps += 1;
+                let done = self.end_of(why, ticket);
+                let batch = Batch {
+                    commands,
+                    after,
+                    done,
+                };
+                submit(&self.gpu, self.gpu.compute, &[batch])?;
+                if why != Some(Part::Again) {
+                    break;
+                }
+                self.step.wait(self.steps)?;
+                let counts = self.slots[place].counts();
+                if counts.is_finished() || before == Some(counts.steps) {
+                    break;
+                }
+                (before, after) = (Some(counts.steps), &[]);
+            }
+        }
+        Ok(())
     }
 
     /// Submissions that were not seen to be done.
@@ -156,20 +206,27 @@ impl Frames {
         self.done.wait(ticket.0)
     }
 
-    /// Waits for a submission, and so for all before it, and says what it did.
-    pub(crate) fn retire(&mut self, ticket: Ticket) -> Result<FrameReport> {
+    /// Waits for a submission, and so for all before it.
+    fn finish(&mut self, ticket: Ticket) -> Result<()> {
         for entry in self.ledger.iter_mut().filter(|e| e.ticket <= ticket) {
             if entry.report.is_some() {
                 continue;
             }
             self.done.wait(entry.ticket.0)?;
             let slot = &self.slots[(entry.ticket.0 - 1) as usize % SLOTS];
-            let report = report(slot, &mut self.clock, &mut self.last, entry.never_active)?;
-            entry.report = Some(report);
+            let (report, counts) =
+                report(slot, &mut self.clock, &mut self.last, entry.never_active)?;
+            entry.report = Some(counts.check().map(|()| report));
         }
+        Ok(())
+    }
+
+    /// Waits for a submission, and so for all before it, and says what it did.
+    pub(crate) fn retire(&mut self, ticket: Ticket) -> Result<FrameReport> {
+        self.finish(ticket)?;
         let found = self.ledger.iter().find(|e| e.ticket == ticket);
         let report = found.and_then(|e| e.report.clone());
-        Ok(report.expect("this ticket was never given, or was given too long ago"))
+        report.expect("this ticket was never given, or was given too long ago")
     }
 
     /// Drops the recording, if there is one.
@@ -191,7 +248,7 @@ fn report(
     clock: &mut Clock,
     last: &mut Standing,
     never_active: u64,
-) -> Result<FrameReport> {
+) -> Result<(FrameReport, Counts)> {
     let done = slot.done()?;
     let mut times = clock.times(done.stages, &done.marks);
     if done.marks.is_empty() {
@@ -209,5 +266,5 @@ fn report(
         ..FrameReport::default()
     };
     last.complete(&mut report, (&counts, slot.extents), never_active);
-    Ok(report)
+    Ok((report, counts))
 }

@@ -5,17 +5,18 @@ use crate::frames::Frames;
 use crate::memory::{Buffer, Place};
 use crate::pipelines::Pipelines;
 use crate::transfer::{Transfer, Window};
-use backend::{Arithmetic, BackendError, Result};
+use backend::{BackendError, Result};
+use shaders::arithmetic::Findings;
 use shaders::{arithmetic, work};
 use std::sync::Arc;
 
-/// Runs the kernel `arithmetic` and refuses the device if one bit is wrong; else says how it computes by itself.
+/// Runs the kernel `arithmetic` and refuses the device if one bit is wrong; else says what it found.
 pub(crate) fn run(
     gpu: &Arc<Gpu>,
     frames: &mut Frames,
     pipelines: &Pipelines,
     (road, window): (&mut Transfer, &mut Window),
-) -> Result<Arithmetic> {
+) -> Result<Findings> {
     let all = arithmetic::operands();
     let bytes = (all.len() * 16) as u64;
     let mut operands = Buffer::new(gpu, "operands", bytes, Place::Upload)?;

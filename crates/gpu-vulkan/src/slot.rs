@@ -1,7 +1,7 @@
 //! What one submission needs for itself: commands, parameters, marks of time, counts.
 
 use crate::clock::{Marks, Stage};
-use crate::commands::{ALL, COPIES, Commands, HOST, KERNELS};
+use crate::commands::{ALL, COPIES, Commands, HOST, KERNELS, Usage};
 use crate::device::Gpu;
 use crate::memory::{Buffer, Place};
 use crate::pages::{Bound, Pages};
@@ -20,6 +20,8 @@ pub(crate) struct Slot {
     pages: Pages,
     marks: Marks,
     stages: Vec<Stage>,
+    /// Those that are recorded to their end.
+    parts: Vec<Part>,
     counts: Buffer,
     counts_back: Buffer,
     pub(crate) readback_bytes: u64,
@@ -27,6 +29,17 @@ pub(crate) struct Slot {
     /// When the recording was submitted.
     pub(crate) sent: Option<Instant>,
     gpu: Arc<Gpu>,
+}
+
+/// Why the recording is split after a part of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// Somebody waits for it alone.
+    Positions,
+    /// The next one is submitted again.
+    Before,
+    /// It is submitted until it leaves no ray open: see [`Work::until_finished`].
+    Again,
 }
 
 /// What a finished submission left behind.
@@ -47,6 +60,7 @@ impl Slot {
             pages: Pages::new(gpu),
             marks: Marks::new(gpu),
             stages: Vec::new(),
+            parts: Vec::new(),
             counts: Buffer::new(gpu, "counts", COUNTS, Place::Device)?,
             counts_back: Buffer::new(gpu, "counts", COUNTS, Place::Readback)?,
             readback_bytes: 0,
@@ -59,12 +73,13 @@ impl Slot {
     /// Starts a new recording. The slot's last submission must be finished.
     pub(crate) fn begin(&mut self) -> Result<()> {
         self.stages.clear();
+        self.parts.clear();
         self.marks.reset();
         (self.readback_bytes, self.sent) = (0, None);
         self.extents = Extents::default();
         self.pages.reset()?;
         self.commands.reset()?;
-        self.commands.begin()?;
+        self.commands.begin(Usage::Once)?;
         let all = self.gpu.reach();
         self.commands.barrier(all, all);
         self.clear_counts(COUNTS);
@@ -126,7 +141,14 @@ impl Slot {
                 other => find(other),
             };
             let bound = self.pages.bind(pipeline, row, last, find)?;
+            if work.until_finished() {
+                self.split(Part::Before)?;
+            }
             self.launch(pipeline, bound.set, row.offset, groups);
+            if work.until_finished() {
+                self.copy_counts();
+                self.split(Part::Again)?;
+            }
             last = Some(bound);
         }
         Ok(())
@@ -144,14 +166,29 @@ impl Slot {
         self.commands.barrier(KERNELS, KERNELS);
     }
 
-    /// Ends the first part of the recording, so that somebody may wait for it alone.
-    pub(crate) fn split(&mut self) -> Result<()> {
+    /// Ends a part of the recording and begins the next.
+    pub(crate) fn split(&mut self, part: Part) -> Result<()> {
         self.commands.end()?;
-        self.commands.begin()
+        self.parts.push(part);
+        self.commands.begin(match part {
+            Part::Before => Usage::Again,
+            Part::Positions | Part::Again => Usage::Once,
+        })
     }
 
-    /// Ends the recording and gives its parts, in order.
-    pub(crate) fn end(&mut self) -> Result<&[vk::CommandBuffer]> {
+    /// Ends the recording.
+    pub(crate) fn end(&mut self) -> Result<()> {
+        self.copy_counts();
+        self.commands.end()
+    }
+
+    /// The parts of the recording, in order, and why it was split after each but the last.
+    pub(crate) fn parts(&self) -> impl Iterator<Item = (vk::CommandBuffer, Option<Part>)> + '_ {
+        let why = self.parts.iter().map(|&part| Some(part)).chain([None]);
+        self.commands.all().iter().copied().zip(why)
+    }
+
+    fn copy_counts(&self) {
         self.commands.barrier(ALL, COPIES);
         let copy = [vk::BufferCopy::default().size(COUNTS)];
         // SAFETY: the command buffer is being recorded; both buffers belong to the slot.
@@ -164,8 +201,11 @@ impl Slot {
             );
         }
         self.commands.barrier(COPIES, HOST);
-        self.commands.end()?;
-        Ok(self.commands.all())
+    }
+
+    /// What was counted when counts were copied last, by a part that is done.
+    pub(crate) fn counts(&self) -> Counts {
+        self.counts_back.read::<Counts>(1)[0]
     }
 
     /// What the finished submission left behind.
@@ -173,7 +213,7 @@ impl Slot {
         Ok(Done {
             stages: &self.stages,
             marks: self.marks.read()?,
-            counts: self.counts_back.read::<Counts>(1)[0],
+            counts: self.counts(),
         })
     }
 }

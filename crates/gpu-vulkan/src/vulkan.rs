@@ -70,6 +70,7 @@ impl VulkanBackend {
                 kind: gpu.adapter.kind,
                 threads: 0,
                 arithmetic: Arithmetic::IEEE,
+                loop_turns: None,
             },
             frames: Frames::new(&gpu)?,
             traces: Traces::default(),
@@ -88,7 +89,9 @@ impl VulkanBackend {
             gpu,
         };
         let road = (&mut made.readback, &mut made.window);
-        made.device.arithmetic = selftest::run(&made.gpu, &mut made.frames, &made.pipelines, road)?;
+        let found = selftest::run(&made.gpu, &mut made.frames, &made.pipelines, road)?;
+        made.device.arithmetic = found.arithmetic;
+        made.device.loop_turns = found.loop_turns;
         Ok(made)
     }
 

@@ -31,7 +31,7 @@ use std::sync::Arc;
 /// none, each stage's time is `None` and `device_ms` is the host's, from the
 /// submission to the moment its end was seen.
 pub struct WgpuBackend {
-    device: Device,
+    pub(crate) device: Device,
     pub(crate) frames: Frames,
     traces: Traces,
     snapshots: Snapshots,
@@ -89,7 +89,7 @@ impl WgpuBackend {
     fn over(gpu: Gpu, modules: Modules, validation: bool) -> Result<Self> {
         let pipelines = Pipelines::new(&gpu, modules)?;
         let mut window = Window::default();
-        let arithmetic = selftest::run(&gpu, &pipelines, &mut window)?;
+        let found = selftest::run(&gpu, &pipelines, &mut window)?;
         Ok(Self {
             device: Device {
                 backend: "wgpu",
@@ -97,7 +97,8 @@ impl WgpuBackend {
                 driver: driver(&gpu.info),
                 kind: kind(&gpu.info),
                 threads: 0,
-                arithmetic,
+                arithmetic: found.arithmetic,
+                loop_turns: found.loop_turns,
             },
             frames: Frames::new(&gpu)?,
             traces: Traces::default(),

@@ -26,7 +26,7 @@ struct Entry {
     /// Submissions with a trace, up to and including this one.
     traces: u64,
     /// `None` while it is under way.
-    report: Option<FrameReport>,
+    report: Option<Result<FrameReport>>,
 }
 
 impl Frames {
@@ -65,7 +65,7 @@ impl Frames {
         let under_way = self.ledger.iter().filter(|e| e.report.is_none());
         if under_way.clone().count() >= FRAMES_IN_FLIGHT {
             let oldest = under_way.map(|e| e.ticket).next();
-            self.retire(gpu, oldest.expect("counted just now"), never_active)?;
+            self.finish(gpu, oldest.expect("counted just now"), never_active)?;
         }
         self.recording = false;
         self.slots[self.submitted as usize % SLOTS].submit(gpu)?;
@@ -93,13 +93,8 @@ impl Frames {
         }
     }
 
-    /// Waits for a submission, and so for all before it, and says what it did.
-    pub(crate) fn retire(
-        &mut self,
-        gpu: &Gpu,
-        ticket: Ticket,
-        never_active: u64,
-    ) -> Result<FrameReport> {
+    /// Waits for a submission, and so for all before it.
+    fn finish(&mut self, gpu: &Gpu, ticket: Ticket, never_active: u64) -> Result<()> {
         for entry in self.ledger.iter_mut().filter(|e| e.ticket <= ticket) {
             if entry.report.is_some() {
                 continue;
@@ -109,17 +104,28 @@ impl Frames {
             let counted = (&done.counts, slot.extents);
             self.standing
                 .complete(&mut done.report, counted, never_active);
-            entry.report = Some(done.report);
+            entry.report = Some(done.counts.check().map(|()| done.report));
         }
+        Ok(())
+    }
+
+    /// Waits for a submission, and so for all before it, and says what it did.
+    pub(crate) fn retire(
+        &mut self,
+        gpu: &Gpu,
+        ticket: Ticket,
+        never_active: u64,
+    ) -> Result<FrameReport> {
+        self.finish(gpu, ticket, never_active)?;
         let found = self.ledger.iter().find(|e| e.ticket == ticket);
         let report = found.and_then(|e| e.report.clone());
-        Ok(report.expect("this ticket was never given, or was given too long ago"))
+        report.expect("this ticket was never given, or was given too long ago")
     }
 
     /// Waits for all submissions and forgets them: another scene is loaded.
     pub(crate) fn forget(&mut self, gpu: &Gpu) -> Result<()> {
         if let Some(last) = self.ledger.back().map(|e| e.ticket) {
-            self.retire(gpu, last, 0)?;
+            self.finish(gpu, last, 0)?;
         }
         self.recording = false;
         self.ledger.clear();

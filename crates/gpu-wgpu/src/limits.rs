@@ -1,6 +1,6 @@
 //! What the backend needs of a device, and what a scene needs of it.
 
-use backend::{BackendError, Result};
+use backend::{BackendError, Intersector, Result};
 use geom::Animation;
 use shaders::work::Work;
 use shaders::{KERNELS, Kernel, Kind, Params};
@@ -33,6 +33,7 @@ pub fn required_limits(animation: &Animation, rays: usize) -> Limits {
         // Nodes, of layout `fast` at the worst, and so records of triangles: see `tree.rs`.
         leaves * 80 + 64,
         rays as u64 * 32,
+        shaders::blocked_words(Intersector::Exact, rays as u64) * 4,
     ];
     let bytes = largest.into_iter().fold(1 << 20, u64::max);
     let bytes = bytes.next_multiple_of(16);

@@ -5,12 +5,13 @@ use crate::device::Gpu;
 use crate::groups::Groups;
 use crate::limits::group_counts;
 use crate::pipelines::Pipelines;
-use backend::{Arithmetic, BackendError, Result};
+use backend::{BackendError, Result};
+use shaders::arithmetic::Findings;
 use shaders::{Params, arithmetic, work};
 use wgpu::BufferUsages;
 
-/// Runs the kernel `arithmetic` and refuses the device if one bit is wrong; else says how it computes by itself.
-pub(crate) fn run(gpu: &Gpu, pipelines: &Pipelines, window: &mut Window) -> Result<Arithmetic> {
+/// Runs the kernel `arithmetic` and refuses the device if one bit is wrong; else says what it found.
+pub(crate) fn run(gpu: &Gpu, pipelines: &Pipelines, window: &mut Window) -> Result<Findings> {
     let all = arithmetic::operands();
     let bytes = size_of_val(all.as_slice()) as u64;
     let operands = storage(gpu, "operands", bytes)?;

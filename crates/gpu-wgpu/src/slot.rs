@@ -4,14 +4,14 @@ use crate::buffers::{Mapping, make, readback, storage, unmap, unreadable, write}
 use crate::device::Gpu;
 use crate::groups::Groups;
 use crate::limits::{group_counts, params_stride};
-use crate::pipelines::Pipelines;
+use crate::pipelines::{Pipeline, Pipelines};
 use crate::queries::{self, Clock, Stage};
 use backend::{FrameReport, Result, StageTimes};
 use shaders::work::Work;
 use shaders::{Counts, Extents, Params};
 use std::mem::offset_of;
 use std::time::Instant;
-use wgpu::{BindGroup, Buffer, BufferUsages, CommandEncoder, SubmissionIndex};
+use wgpu::{BindGroup, Buffer, BufferUsages, CommandEncoder, ComputePass, SubmissionIndex};
 
 /// Rows of parameters in one buffer; more dispatches take more buffers.
 const ROWS: usize = 64;
@@ -120,6 +120,7 @@ impl Slot {
         let groups = work.iter().map(|w| group_counts(w, &gpu.limits));
         let groups = groups.collect::<Result<Vec<_>>>()?;
         gpu.count(|t| (t.passes, t.dispatches) = (t.passes + 1, t.dispatches + work.len() as u64));
+        let again = work.iter().position(Work::until_finished);
         let encoder = self.encoder.as_mut().expect("a recording was begun");
         let desc = wgpu::ComputePassDescriptor {
             label: Some(stage.name()),
@@ -130,14 +131,60 @@ impl Slot {
         };
         gpu.guard(stage.name(), 0, || {
             let mut pass = encoder.begin_compute_pass(&desc);
-            for ((w, (group, offset)), [x, y]) in work.iter().zip(&bound).zip(groups) {
-                pass.set_pipeline(&pipelines.get(w.kernel).wgpu);
-                pass.set_bind_group(0, group, &[*offset]);
-                pass.dispatch_workgroups(x, y, 1);
+            let once = again.unwrap_or(work.len());
+            for ((w, bound), groups) in work[..once].iter().zip(&bound).zip(&groups) {
+                dispatch(&mut pass, pipelines.get(w.kernel), bound, *groups);
             }
         })?;
         self.stages.push(stage);
-        Ok(())
+        let Some(last) = again else { return Ok(()) };
+        let pipeline = pipelines.get(work[last].kernel);
+        self.run_until_finished(gpu, |pass| {
+            dispatch(pass, pipeline, &bound[last], groups[last]);
+        })
+    }
+
+    /// Runs what was recorded, and then `work` until it leaves no ray open or does nothing any more.
+    fn run_until_finished(&mut self, gpu: &Gpu, work: impl Fn(&mut ComputePass<'_>)) -> Result<()> {
+        self.write_pages(gpu)?;
+        let mut before = None;
+        loop {
+            let mut encoder = self.encoder.take().expect("a recording was begun");
+            gpu.guard("finishing rays", 0, || {
+                work(&mut encoder.begin_compute_pass(&Default::default()));
+                encoder.copy_buffer_to_buffer(&self.counts, 0, &self.back, 0, COUNTS);
+            })?;
+            let submission = gpu.submit(encoder)?;
+            let mapping = Mapping::ask(gpu, &self.back)?;
+            gpu.wait_for(submission)?;
+            let counts = self.read_back(gpu, &mapping)?.0;
+            self.encoder = Some(gpu.encoder("the rest of a frame")?);
+            if counts.is_finished() || before == Some(counts.steps) {
+                return Ok(());
+            }
+            before = Some(counts.steps);
+        }
+    }
+
+    /// Counts and timestamps that have come back.
+    fn read_back(&self, gpu: &Gpu, mapping: &Mapping) -> Result<(Counts, Vec<u64>)> {
+        mapping.expect(gpu)?;
+        let view = self.back.get_mapped_range(..).map_err(unreadable)?;
+        let (counts, ticks) = view.split_at(COUNTS as usize);
+        let counts: Counts = bytemuck::pod_read_unaligned(counts);
+        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(ticks);
+        drop(view);
+        if !unmap(&gpu.device, &self.back) {
+            return Err(gpu.faults.lose("it took a report with it".into()));
+        }
+        Ok((counts, ticks))
+    }
+
+    fn write_pages(&self, gpu: &Gpu) -> Result<()> {
+        let pages = self.pages.iter().zip(self.rows.chunks(ROWS * self.stride));
+        pages
+            .into_iter()
+            .try_for_each(|(page, rows)| write(gpu, page, 0, rows))
     }
 
     fn push(&mut self, params: &Params) {
@@ -193,9 +240,7 @@ impl Slot {
 
     /// Ends the recording and submits it.
     pub(crate) fn submit(&mut self, gpu: &Gpu) -> Result<()> {
-        for (page, rows) in self.pages.iter().zip(self.rows.chunks(ROWS * self.stride)) {
-            write(gpu, page, 0, rows)?;
-        }
+        self.write_pages(gpu)?;
         let mut encoder = self.encoder.take().expect("a recording was begun");
         gpu.guard("the report of a frame", 0, || {
             encoder.copy_buffer_to_buffer(&self.counts, 0, &self.back, 0, COUNTS);
@@ -221,15 +266,7 @@ impl Slot {
         let sent = self.sent.take().ok_or_else(lost)?;
         gpu.wait_for(sent.submission)?;
         let wall_ms = sent.at.elapsed().as_secs_f64() * 1e3;
-        sent.mapping.expect(gpu)?;
-        let view = self.back.get_mapped_range(..).map_err(unreadable)?;
-        let (counts, ticks) = view.split_at(COUNTS as usize);
-        let counts: Counts = bytemuck::pod_read_unaligned(counts);
-        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(ticks);
-        drop(view);
-        if !unmap(&gpu.device, &self.back) {
-            return Err(gpu.faults.lose("it took a report with it".into()));
-        }
+        let (counts, ticks) = self.read_back(gpu, &sent.mapping)?;
         let times = match &self.clock {
             Some(_) => queries::times(&self.stages, &ticks, gpu.tick_ns),
             None => StageTimes {
@@ -247,4 +284,15 @@ impl Slot {
         };
         Ok(Done { report, counts })
     }
+}
+
+fn dispatch(
+    pass: &mut ComputePass<'_>,
+    pipeline: &Pipeline,
+    (group, offset): &(BindGroup, u32),
+    [x, y]: [u32; 2],
+) {
+    pass.set_pipeline(&pipeline.wgpu);
+    pass.set_bind_group(0, group, &[*offset]);
+    pass.dispatch_workgroups(x, y, 1);
 }

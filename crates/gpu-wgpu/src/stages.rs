@@ -9,7 +9,10 @@ use shaders::work::{self, Work};
 
 impl WgpuBackend {
     pub(crate) fn params(&self) -> Params {
-        Params::of(self.scene().scale_exponent, &self.tree().shape)
+        Params {
+            bounded_loops: u32::from(self.device.loop_turns.is_some()),
+            ..Params::of(self.scene().scale_exponent, &self.tree().shape)
+        }
     }
 
     /// Records a stage; buffers are found by their names in the kernels.

@@ -4,7 +4,7 @@
 //! device, and refuse one that [`verify`] finds wrong: equality across devices
 //! rests on single rounding, no fusing, no regrouping, and on the integer
 //! arithmetic of `divide.wgsl` and `exact.wgsl`. The same kernel shows how the device
-//! divides and adds up products where it may do as it likes.
+//! divides and adds up products where it may do as it likes, and whether its driver ends long loops early.
 
 use backend::Arithmetic;
 
@@ -35,6 +35,18 @@ impl std::fmt::Display for WrongArithmetic {
         )
     }
 }
+
+/// What the test of a device shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Findings {
+    /// How it computes where it may do as it likes.
+    pub arithmetic: Arithmetic,
+    /// After how many turns its driver ends loops, if it does.
+    pub loop_turns: Option<u32>,
+}
+
+/// How often the loop of the test ought to turn.
+const TURNS: u32 = 100_000;
 
 /// Operand quadruples: moderate exponents, near cancellation, halfway mantissas, exponents far apart, equal products.
 #[must_use]
@@ -78,14 +90,14 @@ pub fn operands() -> Vec<[f32; 4]> {
 /// Compares what the kernel wrote with what IEEE 754 has, and says how the device computes where it may choose.
 ///
 /// `results` holds a pair for each of `operands`: what must be right, then what the device made of a quotient and
-/// of a sum of products.
+/// of a sum of products, and in the first place how often a loop turned.
 ///
 /// # Errors
 /// The first operation that is wrong.
 pub fn verify(
     operands: &[[f32; 4]],
     results: &[[[u32; 4]; 2]],
-) -> Result<Arithmetic, WrongArithmetic> {
+) -> Result<Findings, WrongArithmetic> {
     const NAMES: [&str; 4] = [
         "a * b + c * d",
         "(a + b) - a",
@@ -93,6 +105,7 @@ pub fn verify(
         "the sign of a * b - c * d",
     ];
     let mut own = Arithmetic::IEEE;
+    let turns = results.first().map_or(TURNS, |r| r[1][2]);
     for (x, [found, free]) in operands.iter().zip(results) {
         let expected = expect(*x);
         if let Some(i) = (0..4).find(|&i| found[i] != expected[i]) {
@@ -107,7 +120,10 @@ pub fn verify(
         own.rounds_division &= free[0] == quotient;
         own.fuses |= free[1] != sum;
     }
-    Ok(own)
+    Ok(Findings {
+        arithmetic: own,
+        loop_turns: (turns != TURNS).then_some(turns),
+    })
 }
 
 fn expect([a, b, c, d]: [f32; 4]) -> [u32; 4] {
@@ -132,7 +148,18 @@ mod tests {
             let [sum, back, quotient, sign] = expect(*x);
             [[sum, back, quotient, sign], [quotient, sum, 0, 0]]
         };
-        all.iter().map(of).collect()
+        let mut all: Vec<_> = all.iter().map(of).collect();
+        all[0][1][2] = TURNS;
+        all
+    }
+
+    #[test]
+    fn a_driver_that_ends_a_loop_early_is_known_for_it() {
+        let all = operands();
+        let mut results = right(&all);
+        assert_eq!(verify(&all, &results).unwrap().loop_turns, None);
+        results[0][1][2] = 65_535;
+        assert_eq!(verify(&all, &results).unwrap().loop_turns, Some(65_535));
     }
 
     #[test]
@@ -143,7 +170,7 @@ mod tests {
             for (r, x) in free.iter_mut().zip(&all) {
                 r[1][i] = f(*x).to_bits();
             }
-            verify(&all, &free).unwrap()
+            verify(&all, &free).unwrap().arithmetic
         };
         let divides = with(0, |[a, b, ..]| a * (1.0 / b));
         assert!(!divides.rounds_division && !divides.fuses);
@@ -155,7 +182,8 @@ mod tests {
     fn fusing_and_regrouping_would_be_seen() {
         let all = operands();
         let right = right(&all);
-        assert_eq!(verify(&all, &right), Ok(Arithmetic::IEEE));
+        let found = verify(&all, &right).unwrap();
+        assert_eq!(found.arithmetic, Arithmetic::IEEE);
         let with = |i: usize, f: fn([f32; 4]) -> u32| {
             let mut wrong = right.clone();
             for (w, x) in wrong.iter_mut().zip(&all) {

@@ -19,19 +19,54 @@ pub fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
     }
 }
 
-/// Words of the buffer `blocked` for so many rays: one each, and for `exact` the list of those left open and as many notes
-/// of two words (`wgsl/shared/notes.wgsl`).
+/// Words of the buffer `blocked` for so many rays: one each, and for `exact` the list of those left open, notes
+/// of two words (`wgsl/shared/notes.wgsl`), and places at which rays are settled one by one (`pool.wgsl`).
 #[must_use]
 pub fn blocked_words(intersector: Intersector, rays: u64) -> u64 {
     match intersector {
-        Intersector::Exact => 4 * rays,
+        Intersector::Exact => 2 * (rays + notes(rays)) + PLACE * u64::from(places(rays)),
         _ => rays,
     }
+}
+
+/// Words of a place.
+const PLACE: u64 = 68;
+/// Enough places to fill any device.
+const PLACES: u32 = 4096;
+
+/// Notes for few rays, of which each may be a hard one.
+const NOTES: u64 = 1 << 16;
+
+/// How many notes there is room for: as many as rays, unless those are few.
+pub(crate) fn notes(rays: u64) -> u64 {
+    rays.max(NOTES)
+}
+
+/// How many places there are for so many rays.
+pub(crate) fn places(rays: u64) -> u32 {
+    rays.min(PLACES.into()) as u32
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kernel;
+    use backend::{Layout, Method};
+
+    #[test]
+    fn a_place_has_room_for_a_stack_as_deep_as_the_searchs() {
+        let method = Method {
+            intersector: Intersector::Exact,
+            layout: Layout::Bvh2,
+        };
+        let says = |entry: &str, what: &str| assert!(kernel(entry, method).wgsl.contains(what));
+        says("finish_rays", &format!("const PLACE: u32 = {PLACE}u;"));
+        says(
+            "finish_rays",
+            &format!("const STACK: u32 = {}u;", PLACE - 64),
+        );
+        says("trace_rays", "var stack: array<u32, 64>;");
+    }
 
     #[test]
     fn woop_names_its_triangles_behind_the_rows() {

@@ -1,6 +1,7 @@
 //! The host's twins of `wgsl/shared/params.wgsl` and of the buffer `counts`; a test compares the former by reflection.
 
 use crate::Shape;
+use backend::BackendError;
 use bytemuck::{Pod, Zeroable};
 use geom::Camera;
 
@@ -35,8 +36,9 @@ pub struct Params {
     pub shift: u32,
     pub goal: u32,
     pub rounds: u32,
-    /// A uniform's size is a multiple of 16.
-    pub unused: [u32; 3],
+    pub bounded_loops: u32,
+    pub places: u32,
+    pub notes: u32,
 }
 
 impl Params {
@@ -96,6 +98,18 @@ pub struct Counts {
     pub notes: u32,
     /// Notes of triangles that `shadow_*` and `any_*` left to `settle_*`.
     pub notes_any: u32,
+    /// Rays that `settle_*` left to `finish_*`, for `exact`; one more where nobody can be sure that there is none.
+    pub hard: u32,
+    /// Likewise shadows.
+    pub hard_shadows: u32,
+    /// Places of `finish_*` that are not done with the list of open rays.
+    pub left: u32,
+    /// Likewise of open shadows.
+    pub left_shadows: u32,
+    /// What `finish_*` did: it rises as long as they come on.
+    pub steps: u32,
+    /// Rays whose search the driver ended before it was done.
+    pub cut_short: u32,
 }
 
 impl Counts {
@@ -103,6 +117,24 @@ impl Counts {
     #[must_use]
     pub fn settled(&self) -> u64 {
         u64::from(self.open) + u64::from(self.open_shadows)
+    }
+
+    /// Whether `finish_*` left no ray open.
+    #[must_use]
+    pub fn is_finished(&self) -> bool {
+        let is_done = |hard, left| hard == 0 || left == 0;
+        is_done(self.hard, self.left) && is_done(self.hard_shadows, self.left_shadows)
+    }
+
+    /// That every ray has its answer.
+    ///
+    /// # Errors
+    /// [`BackendError::Unanswered`], if the driver ended loops before they were done and that could not be made good.
+    pub fn check(&self) -> backend::Result<()> {
+        if self.cut_short == 0 && self.is_finished() {
+            return Ok(());
+        }
+        Err(BackendError::Unanswered)
     }
 }
 

@@ -8,7 +8,7 @@ pub use rays::{cleanse, count_any, count_blocked, count_hits, count_triangles, r
 pub(crate) use tree::sum;
 pub use tree::{Progress, leaves};
 
-use crate::{Kernel, Params, common, kernel};
+use crate::{Kernel, Params, common, kernel, notes, places};
 use backend::{Intersector, Method, Seek};
 use geom::Camera;
 
@@ -63,6 +63,8 @@ pub enum Vertices {
 
 /// Invocations that share the list of rays to settle, 16 a ray: enough to fill any device, though most find nothing to do.
 const SETTLERS: u32 = 1 << 16;
+/// Likewise where loops are bounded, so that each gets few rays.
+const BOUNDED_SETTLERS: u32 = 1 << 22;
 
 impl Rays<'_> {
     fn count(self) -> u32 {
@@ -91,6 +93,12 @@ impl Work {
                 groups: Groups::Pixels(c.width, c.height),
             },
         }
+    }
+
+    /// Whether to run it again until [`crate::Counts::is_finished`], because loops may end early here.
+    #[must_use]
+    pub fn until_finished(&self) -> bool {
+        self.params.bounded_loops != 0 && self.kernel.entry.starts_with("finish_")
     }
 
     /// Workgroups along both axes, where one axis may have no more than `limit`.
@@ -178,26 +186,23 @@ pub fn trace(method: Method, params: Params, rays: Rays<'_>, seek: Seek) -> Trac
 fn closest(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
     let kernels = ["trace_rays", "trace_camera"];
     let settling = ["settle_rays", "settle_camera"];
-    with_settling(method, params, rays, kernels, settling)
+    let finishing = ["finish_rays", "finish_camera"];
+    with_settling(method, params, rays, [kernels, settling, finishing])
 }
 
 /// Whether each of so many given rays meets anything.
 fn any(method: Method, params: Params, rays: u32) -> Vec<Work> {
     let rays = Rays::Given(rays);
-    with_settling(
-        method,
-        params,
-        rays,
-        ["any_rays"; 2],
-        ["settle_any_rays"; 2],
-    )
+    let stages = ["any_rays", "settle_any_rays", "finish_any_rays"];
+    with_settling(method, params, rays, stages.map(|s| [s; 2]))
 }
 
 /// Closest hits to whether the way from each to the light is blocked.
 fn shadow(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
     let kernels = ["shadow_rays", "shadow_camera"];
     let settling = ["settle_shadow_rays", "settle_shadow_camera"];
-    with_settling(method, params, rays, kernels, settling)
+    let finishing = ["finish_shadow_rays", "finish_shadow_camera"];
+    with_settling(method, params, rays, [kernels, settling, finishing])
 }
 
 /// A camera's closest hits and their shadows by one kernel.
@@ -210,21 +215,34 @@ fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
     )]
 }
 
-/// A search over all rays, and for `exact` what settles those that it left open.
+/// A search over all rays, and for `exact` what settles those that it left open: most by notes, the rest one by one.
 fn with_settling(
     method: Method,
     params: Params,
     rays: Rays<'_>,
-    kernels: [&str; 2],
-    settling: [&str; 2],
+    [kernels, settling, finishing]: [[&str; 2]; 3],
 ) -> Vec<Work> {
     let first = rays.count();
-    let params = Params { first, ..params };
+    let places = places(first.into());
+    let params = Params {
+        first,
+        places,
+        notes: notes(first.into()) as u32,
+        ..params
+    };
     let mut work = vec![Work::over(method, rays, params, kernels)];
     if method.intersector == Intersector::Exact {
+        let settlers = match params.bounded_loops {
+            0 => SETTLERS,
+            _ => BOUNDED_SETTLERS,
+        };
         work.push(Work {
-            groups: Groups::Linear(SETTLERS.min(first.saturating_mul(16))),
+            groups: Groups::Linear(settlers.min(first.saturating_mul(16))),
             ..Work::over(method, rays, params, settling)
+        });
+        work.push(Work {
+            groups: Groups::Linear(16 * places),
+            ..Work::over(method, rays, params, finishing)
         });
     }
     work

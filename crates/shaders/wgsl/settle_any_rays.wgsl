@@ -1,4 +1,4 @@
-//! use params ieee divide exact units ray {intersector.settle} settle_any {layout.nodes} any given line_of
+//! use params ieee divide exact units ray {intersector.settle} settle_any given line_of
 // Whether given rays that `any_rays` left open meet anything.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -11,8 +11,10 @@
 
 @compute @workgroup_size(64)
 fn settle_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let open = count_open(local, 7u);
-    for (var first = RAYS * (group.x + group.y * groups.x); first < open; first += RAYS * groups.x * groups.y) {
+    let number = group.x + group.y * groups.x;
+    let open = begin_settling(local, number, OPEN_RAYS);
+    var round = 0u;
+    for (var first = RAYS * number; first < open; first += RAYS * groups.x * groups.y) {
         let k = first + local / 16u;
         var i = 0u;
         var list = NO_NOTE;
@@ -22,6 +24,8 @@ fn settle_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workgro
             set_given_line(i);
         }
         let said = said_by_notes(list, local);
-        if k < open && local % 16u == 0u { settle_any(i, given_ray(i), NO_LEAF, 2u, said); }
+        round += 1u;
+        let whole = all_loops_turn(round);
+        if whole && k < open && local % 16u == 0u { settle_any(i, 2u, said); }
     }
 }

@@ -1,4 +1,4 @@
-//! use params ieee divide exact units ray {intersector.settle} settle_closest {layout.nodes} closest camera seen
+//! use params ieee divide exact units ray {intersector.settle} first settle_closest camera seen
 // The closest hits of pixels' rays that `trace_camera` left open: as many invocations as there may be share the list.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -7,12 +7,14 @@
 @group(0) @binding(4) var<storage, read_write> counts: array<atomic<u32>>;
 @group(0) @binding(6) var<storage, read> triangles: array<u32>;
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
-@group(0) @binding(5) var<storage, read> blocked: array<u32>;
+@group(0) @binding(5) var<storage, read_write> blocked: array<u32>;
 
 @compute @workgroup_size(64)
 fn settle_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let open = count_open(local, 7u);
-    for (var first = RAYS * (group.x + group.y * groups.x); first < open; first += RAYS * groups.x * groups.y) {
+    let number = group.x + group.y * groups.x;
+    let open = begin_settling(local, number, OPEN_RAYS);
+    var round = 0u;
+    for (var first = RAYS * number; first < open; first += RAYS * groups.x * groups.y) {
         let k = first + local / 16u;
         var i = 0u;
         var list = NO_NOTE;
@@ -24,6 +26,8 @@ fn settle_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup
             set_line(bitcast<vec3<u32>>(params.eye), bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, 0);
         }
         let leaf = first_of_notes(list, local);
-        if k < open && local % 16u == 0u { settle_closest(i, camera_ray(direction, scaled_point(bitcast<vec3<u32>>(params.eye))), leaf); }
+        round += 1u;
+        let whole = all_loops_turn(round);
+        if whole && k < open && local % 16u == 0u { settle_closest(i, camera_ray(direction, scaled_point(bitcast<vec3<u32>>(params.eye))), leaf); }
     }
 }

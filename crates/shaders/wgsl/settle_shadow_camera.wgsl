@@ -1,4 +1,4 @@
-//! use params ieee divide exact units ray {intersector.settle} settle_any {layout.nodes} any to_light way shade line_to_light
+//! use params ieee divide exact units ray {intersector.settle} settle_any to_light way shade line_to_light
 // The shadows that `shadow_camera` left open.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -11,19 +11,22 @@
 
 @compute @workgroup_size(64)
 fn settle_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let open = count_open(local, 8u);
-    for (var first = RAYS * (group.x + group.y * groups.x); first < open; first += RAYS * groups.x * groups.y) {
+    let number = group.x + group.y * groups.x;
+    let open = begin_settling(local, number, OPEN_SHADOWS);
+    var round = 0u;
+    for (var first = RAYS * number; first < open; first += RAYS * groups.x * groups.y) {
         let k = first + local / 16u;
         var i = 0u;
         var list = NO_NOTE;
-        var way = ToLight();
         if k < open {
             i = blocked[params.first + k];
             list = listed(blocked[i]);
-            way = way_to_light(hits[i], scaled_point(bitcast<vec3<u32>>(params.eye)));
+            let way = way_to_light(hits[i], scaled_point(bitcast<vec3<u32>>(params.eye)));
             set_line_along(way);
         }
         let said = said_by_notes(list, local);
-        if k < open && local % 16u == 0u { settle_any(i, ray_to_light(way), hits[i].w, 3u, said); }
+        round += 1u;
+        let whole = all_loops_turn(round);
+        if whole && k < open && local % 16u == 0u { settle_any(i, 3u, said); }
     }
 }

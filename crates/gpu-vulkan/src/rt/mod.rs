@@ -118,7 +118,7 @@ impl DriverTreeBackend {
         let mut window = Window::default();
         let kernels = Pipelines::of(&gpu, shared.into_iter().chain(RAY_KERNELS))?;
         let road = (&mut readback, &mut window);
-        let arithmetic = selftest::run(&gpu, &mut frames, &kernels, road)?;
+        let found = selftest::run(&gpu, &mut frames, &kernels, road)?;
         let rays = RayPipeline::new(&gpu, &mut upload)?;
         Ok(Self {
             device: Device {
@@ -127,7 +127,8 @@ impl DriverTreeBackend {
                 driver: gpu.adapter.driver.clone(),
                 kind: gpu.adapter.kind,
                 threads: 0,
-                arithmetic,
+                arithmetic: found.arithmetic,
+                loop_turns: found.loop_turns,
             },
             prefer,
             frames,

@@ -1,4 +1,4 @@
-// Rays from so far away that rounded arithmetic says nothing of them: a walk down the tree by whole numbers alone.
+// Rays from so far away that rounded arithmetic says nothing of them: boxes and distances by whole numbers alone.
 
 // Whether the line passes through a box in scaled units, widened by 2^-64: a coordinate below that became zero.
 fn passes(low: vec3<u32>, high: vec3<u32>) -> bool {
@@ -39,38 +39,6 @@ fn put_side(at: u32, len: u32, x: u32, origin: u32, unit: i32, up: bool) {
     }
     add_shifted(at, len, 1u, u32(-64 - unit), !up);
     finish(at, len);
-}
-
-// Shows every leaf whose box the line passes through, until one says that it is enough.
-fn walk_far() -> bool {
-    if !passes(nodes[0].xyz, nodes[1].xyz) { return false; }
-    var stack: array<u32, 64>;
-    var depth = 0u;
-    var at = nodes[0].w;
-    loop {
-        var next = NONE;
-        if (at & LEAF) != 0u {
-            if see_far(first_of(at)) { return true; }
-            next = others_of(at);
-        } else {
-            let row = children_of(at);
-            for (var child = row; child < row + 4u; child += 2u) {
-                if !passes(nodes[child].xyz, nodes[child + 1u].xyz) { continue; }
-                if next != NONE {
-                    stack[depth] = next;
-                    depth += 1u;
-                }
-                next = nodes[child].w;
-            }
-        }
-        if next == NONE {
-            if depth == 0u { break; }
-            depth -= 1u;
-            next = stack[depth];
-        }
-        at = next;
-    }
-    return false;
 }
 
 // t, rounded once.

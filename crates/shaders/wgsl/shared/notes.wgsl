@@ -1,12 +1,23 @@
-// Notes of triangles that a search leaves to `settle_*`, as lists: one a ray, of two words a note, which are a leaf and
-// the next note. They lie in `blocked` behind a word a ray and the list of open rays; there may be as many as rays.
+// Rays that a search leaves open, and its notes of triangles for whoever settles them, as lists: one a ray, of two words a
+// note, which are a leaf and the next note. In `blocked` there lie a word a ray, the list of open rays, and the notes;
+// then what `pool.wgsl` says.
 
 const NO_LEAF: u32 = 0xffffffffu;
+// An open ray has the number of its first note in place of an answer to any-hit queries, which is 0 or 1.
+const FIRST_NOTE: u32 = 2u;
 const NO_NOTE: u32 = 0xffffffffu;
-// In place of the first note: there was no room for them all.
+// In place of the first note: there was no room for them all, or they say nothing.
 const TOO_MANY: u32 = 0xfffffffeu;
+// In place of the first weight in the hit of an open ray: no weight has such bits.
+const OPEN: u32 = 0xffffffffu;
 
-fn note_at(note: u32) -> u32 { return 2u * (params.first + note); }
+// Words of `counts`: rays that are open, and from there on those that notes do not settle, and the places that are not done.
+const OPEN_RAYS: u32 = 7u;
+const OPEN_SHADOWS: u32 = 8u;
+const HARD: u32 = 4u;
+const LEFT: u32 = 6u;
+
+fn note_at(note: u32) -> u32 { return 2u * (params.first + note - FIRST_NOTE); }
 
 // A list to go through: empty where there was no room.
 fn listed(list: u32) -> u32 { return select(list, NO_NOTE, list == TOO_MANY); }

@@ -37,6 +37,12 @@ struct Params {
     goal: u32,
     // Rounds that seek nearest neighbours.
     rounds: u32,
+    // 1 if this device may end loops early: see turns.wgsl.
+    bounded_loops: u32,
+    // Places at which rays are settled one by one: see pool.wgsl.
+    places: u32,
+    // How many notes there is room for: see notes.wgsl.
+    notes: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

@@ -15,7 +15,12 @@ fn ask_any(ray: Prepared, ignore: u32) -> bool {
     notes = select(NO_NOTE, TOO_MANY, ray.far);
     if ray.far { return false; }
     set_view(ray);
-    return find_any(ray, ignore);
+    let met = find_any(ray, ignore);
+    if was_cut_short() {
+        notes = TOO_MANY;
+        return false;
+    }
+    return met;
 }
 
 // Writes whether a ray met anything, and counts it as word `count` of `counts`; lists it by `count + 5`, with its notes, if nobody knows yet.

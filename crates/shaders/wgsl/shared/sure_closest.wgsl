@@ -31,11 +31,14 @@ fn see_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
 
 // Writes a ray's hit, or what is known for whoever settles it.
 fn keep_closest(i: u32, ray: Prepared, found: Found) {
-    if ray.far || (found.other < NEVER && found.other <= found.bound) {
+    if ray.far || was_cut_short() {
+        leave_open(i, ray.t_max, TOO_MANY);
+        return;
+    }
+    if found.other < NEVER && found.other <= found.bound {
         var notes = found.notes;
         if found.leaf != NO_LEAF { notes = with_note(notes, found.leaf, 9u); }
-        hits[i] = vec4<u32>(bitcast<u32>(found.bound), notes, 0u, 0u);
-        blocked[params.first + atomicAdd(&counts[7], 1u)] = i;
+        leave_open(i, found.bound, notes);
         return;
     }
     if found.leaf == NO_LEAF {
@@ -44,4 +47,10 @@ fn keep_closest(i: u32, ray: Prepared, found: Found) {
     }
     hits[i] = reported(ray, corners_of(found.leaf));
     atomicAdd(&counts[2], 1u);
+}
+
+// Nothing beyond `bound` is sought.
+fn leave_open(i: u32, bound: f32, list: u32) {
+    hits[i] = vec4<u32>(bitcast<u32>(bound), list, OPEN, 0u);
+    blocked[params.first + atomicAdd(&counts[OPEN_RAYS], 1u)] = i;
 }

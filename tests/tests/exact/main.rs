@@ -1,5 +1,7 @@
 //! `exact` against the oracle, which shares no code with it: every ray, without exception.
 
+mod hard;
+
 use backend::{Backend, Hits, Intersector, Query, Rays, Seek};
 use conformance::nth_case;
 use geom::{Animation, Hit, Point, Ray, Triangle};
@@ -19,7 +21,10 @@ fn main() -> ExitCode {
     trials.extend(
         (0..7).map(|k| Trial::test(format!("odd_scenes_of_kind_{k}"), move || odd_scenes(k))),
     );
-    trials.extend([Device::Vulkan, Device::Wgpu].map(Device::trial));
+    for device in [Device::Vulkan, Device::Wgpu] {
+        trials.push(device.trial("odd_scenes", odd_scenes_on));
+        trials.extend(hard::trials(device));
+    }
     libtest_mimic::run(&arguments, trials).exit_code()
 }
 
@@ -174,10 +179,10 @@ impl Device {
     }
 
     /// Ignored where there is no device.
-    fn trial(self) -> Trial {
-        let name = format!("odd_scenes_on_{self:?}").to_lowercase();
+    fn trial(self, what: &str, test: fn(Self) -> Result<(), Failed>) -> Trial {
+        let name = format!("{what}_on_{self:?}").to_lowercase();
         let there = self.open().is_ok();
-        Trial::test(name, move || odd_scenes_on(self)).with_ignored_flag(!there)
+        Trial::test(name, move || test(self)).with_ignored_flag(!there)
     }
 }
 

@@ -1,0 +1,24 @@
+//! use params ieee divide exact units ray {intersector.finish} {layout.nodes} walk finish_any given line_of
+// Whether given rays that `settle_any_rays` left open meet anything.
+
+@group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read> records: array<vec4<u32>>;
+@group(0) @binding(3) var<storage, read_write> blocked: array<u32>;
+@group(0) @binding(4) var<storage, read_write> counts: array<atomic<u32>>;
+@group(0) @binding(5) var<storage, read> rays: array<vec4<u32>>;
+@group(0) @binding(6) var<storage, read> triangles: array<u32>;
+@group(0) @binding(7) var<storage, read> positions: array<u32>;
+
+@compute @workgroup_size(64)
+fn finish_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let place = 4u * (group.x + group.y * groups.x) + local / 16u;
+    if !has_place(local, place, OPEN_RAYS) { return; }
+    loop {
+        let i = ray_at(place, OPEN_RAYS);
+        if i == NO_RAY { break; }
+        set_given_line(i);
+        if !finish_any(place, i, given_ray(i), NO_LEAF, 2u) { break; }
+        leave(place);
+    }
+    report_steps();
+}

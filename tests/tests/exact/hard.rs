@@ -1,0 +1,147 @@
+//! Rays that take more work than old software drivers do at a time: such drivers end loops early, and answers must not suffer.
+
+use crate::{Device, check_on};
+use backend::{BackendError, Hits, Intersector, Query, Rays, Seek};
+use geom::{Animation, Camera, Ray};
+use integration::rays::{Target, aimed};
+use integration::stage::Stage;
+use libtest_mimic::{Failed, Trial};
+use std::f32::consts::TAU;
+use std::sync::Arc;
+
+pub(crate) fn trials(device: Device) -> [Trial; 5] {
+    [
+        device.trial("rays_from_far_away", far_rays),
+        device.trial("rays_through_a_hub", hubs),
+        device.trial("rays_through_a_stack", stacks),
+        device.trial("pictures_from_far_away", pictures),
+        device.trial("watertight_is_not_wrong_without_a_word", watertight),
+    ]
+}
+
+fn cloth() -> Result<Arc<Animation>, Failed> {
+    let opened = scene::open("demo:twist:1500", &scene::Options::default());
+    Ok(opened.map_err(|e| e.to_string())?.animation)
+}
+
+/// From where every triangle is a candidate, and from where rounded arithmetic says nothing at all.
+fn far_rays(device: Device) -> Result<(), Failed> {
+    let animation = cloth()?;
+    let mut stage = Stage::over(device.open()?, &animation, Intersector::Exact);
+    for distance in [1e6, 1e22, 1e25] {
+        let rays = aimed(
+            &animation,
+            animation.pose(0.0),
+            Target::Vertex,
+            distance,
+            60,
+        );
+        check_on(&mut stage, &animation, 0.0, &rays)?;
+    }
+    Ok(())
+}
+
+/// So many triangles round one corner, and another corner of each on a circle.
+fn hub(triangles: u32) -> Arc<Animation> {
+    let spoke = |i: u32| {
+        let (y, x) = (i as f32 * TAU / triangles as f32).sin_cos();
+        [x, y, 0.25 * (i % 3) as f32]
+    };
+    let points = [[0.0, 0.0, 0.5]]
+        .into_iter()
+        .chain((0..triangles).map(spoke));
+    let ring = (0..triangles).map(|i| [0, 1 + i, 1 + (i + 1) % triangles]);
+    Arc::new(Animation::new(vec![points.collect()], ring.collect()).expect("a scene"))
+}
+
+/// Rays through the hub, that begin before themselves, too: those are left to numbers of any length.
+fn hubs(device: Device) -> Result<(), Failed> {
+    let animation = hub(500);
+    let mut stage = Stage::over(device.open()?, &animation, Intersector::Exact);
+    let from = |x: f32, y: f32, t_min: f32| Ray {
+        t_min,
+        ..Ray::new([x, y, 3.0], [-x, -y, -2.5])
+    };
+    let places = (0..12).map(|i| [0.5 * (i % 4) as f32 - 0.75, 0.5 * (i / 4) as f32 - 0.5]);
+    let rays: Vec<_> = places
+        .flat_map(|[x, y]| [0.0, 0.5, 1.0, -1.0, f32::NEG_INFINITY].map(|t| from(x, y, t)))
+        .collect();
+    check_on(&mut stage, &animation, 0.0, &rays)
+}
+
+/// So many triangles in one place.
+fn stack(triangles: usize) -> Arc<Animation> {
+    let points = vec![[0.0, 0.0, 1.0], [3.0, 0.0, 1.0], [0.0, 3.0, 1.0]];
+    let all = vec![[0, 1, 2]; triangles];
+    Arc::new(Animation::new(vec![points], all).expect("a scene"))
+}
+
+/// The search itself takes more turns than there are.
+const TALL: usize = 30_000;
+/// The search does not, but going through its notes does.
+const LOWER: usize = 12_000;
+
+fn down(x: f32) -> Ray {
+    Ray::new([x, 0.5, 4.0], [0.25, 0.125, -3.0])
+}
+
+fn stacks(device: Device) -> Result<(), Failed> {
+    for triangles in [TALL, LOWER] {
+        let animation = stack(triangles);
+        let mut stage = Stage::over(device.open()?, &animation, Intersector::Exact);
+        check_on(&mut stage, &animation, 0.0, &[down(0.5), down(9.0)])?;
+    }
+    Ok(())
+}
+
+/// Right, or refused.
+fn watertight(device: Device) -> Result<(), Failed> {
+    let animation = stack(TALL);
+    let backend = device.open()?;
+    let is_bounded = backend.device().loop_turns.is_some();
+    let mut stage = Stage::over(backend, &animation, Intersector::Watertight);
+    stage.plant(0.0);
+    let rays = [down(0.5), down(9.0)];
+    let rays = Rays::List(&rays);
+    let query = Query {
+        rays,
+        seek: Seek::Closest,
+    };
+    match stage.try_trace(0.0, query) {
+        Ok(hits) if hits.closest[0].triangle == 0 && !hits.closest[1].is_hit() => Ok(()),
+        Err(BackendError::Unanswered) if is_bounded => Ok(()),
+        other => Err(format!("{other:?}").into()),
+    }
+}
+
+/// A camera's rays and their shadows, which kernels make by themselves, are those of the host, bit for bit.
+fn pictures(device: Device) -> Result<(), Failed> {
+    let animation = cloth()?;
+    let mut host = Stage::new(&animation, Intersector::Exact, 2);
+    let mut stage = Stage::over(device.open()?, &animation, Intersector::Exact);
+    host.plant(0.0);
+    stage.plant(0.0);
+    for (distance, light) in [(3.0, 1e6), (1e6, 3.0), (1e25, 1e7)] {
+        let camera = camera_at(distance, &animation);
+        let query = Query {
+            rays: Rays::Camera(&camera),
+            seek: Seek::ClosestAndShadow {
+                light: [0.3 * light, light, 0.2 * light],
+            },
+        };
+        let [expected, found]: [Hits; 2] = [&mut host, &mut stage].map(|s| s.trace(0.0, query));
+        let hits = expected.closest.iter().filter(|h| h.is_hit()).count();
+        if hits == 0 || expected != found {
+            return Err(format!("from {distance}: {hits} hits, and others").into());
+        }
+    }
+    Ok(())
+}
+
+/// As far away as that along an axis, with the scene in the middle of the picture.
+fn camera_at(distance: f32, animation: &Animation) -> Camera {
+    let size = animation.bounds().extent().into_iter().fold(0.0, f32::max);
+    let angle = (size / distance).min(1.0).to_degrees();
+    let (eye, up) = ([0.0, distance, 0.0], [0.0, 0.0, 1.0]);
+    Camera::look_at(eye, [0.0; 3], up, angle, [16, 12]).expect("a picture")
+}
