@@ -92,6 +92,9 @@ pub struct Point {
     pub memory_bytes: Option<u64>,
     /// Frames that were timed.
     pub samples: u64,
+    /// Seconds that the device was warmed up before them.
+    #[serde(default)]
+    pub warm_up_s: Option<f64>,
     /// The command that measures this point again.
     pub command: String,
 }

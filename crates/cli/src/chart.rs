@@ -22,6 +22,7 @@ use crate::choose::Choice;
 use crate::progress::Progress;
 use crate::session::Ask;
 use crate::stop::Stop;
+use crate::warm_up::Warmed;
 use crate::{choose, frames, info, reduce, talk};
 use chart::{Adapter, Chart, Companions, KeyFrameStep, KeyFrames, Machine, Point, Spread};
 use pipeline::{Frame, Update};
@@ -263,6 +264,7 @@ fn timed(scene: &str, row: &Row, command: String) -> Point {
         mrays_per_s: row.mrays_per_s,
         memory_bytes: most(|f| f.device_bytes).or(on_host.flatten()),
         samples: frames.len() as u64,
+        warm_up_s: row.warm_up.map(Warmed::seconds),
         command,
         ..Point::default()
     }

@@ -44,6 +44,14 @@ impl Warmed {
     pub(crate) fn seconds(self) -> f64 {
         self.seconds
     }
+
+    /// What to say of a run that began too early.
+    pub(crate) fn warning(self) -> Option<String> {
+        let seconds = self.seconds;
+        (!self.steady).then(|| {
+            format!("not to be relied on: after {seconds:.1} s of warm-up frames still changed")
+        })
+    }
 }
 
 impl WarmUp {
@@ -197,6 +205,18 @@ mod tests {
         let mut held_up = vec![1.0; 250];
         held_up[240] = 30.0;
         assert!(seen(held_up).is_steady());
+    }
+
+    #[test]
+    fn a_run_that_began_too_early_is_told() {
+        let of = |steady| Warmed {
+            seconds: 1.23,
+            frames: 9,
+            steady,
+        };
+        assert_eq!(of(true).warning(), None);
+        let warning = of(false).warning().unwrap();
+        assert!(warning.contains("after 1.2 s"), "{warning}");
     }
 
     #[test]

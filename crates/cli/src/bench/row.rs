@@ -39,7 +39,7 @@ pub(crate) struct Row {
     frames: usize,
     /// What the device did uncounted after the first frame, where it was warmed up.
     #[serde(skip_serializing_if = "Option::is_none")]
-    warm_up: Option<Warmed>,
+    pub(crate) warm_up: Option<Warmed>,
     pub(super) interpolate_ms: Option<f64>,
     pub(super) preprocess_ms: Option<f64>,
     rebuild_ms: Option<f64>,

@@ -19,6 +19,7 @@ pub(super) fn text(report: &Report, against: Option<&str>) -> String {
         table(&HEAD, &rows, 4),
         adapters(&report.rows)
     );
+    text += &unsteady(&report.rows);
     if !report.floors.is_empty() {
         text += &floor::text(&report.floors);
     }
@@ -73,6 +74,15 @@ fn update(r: &Row) -> String {
         ""
     };
     format!("{}{without}", r.update)
+}
+
+/// Runs that began before their device was steady, one line each.
+fn unsteady(rows: &[Row]) -> String {
+    let lines = rows.iter().filter_map(|r| {
+        let warning = r.warm_up?.warning()?;
+        Some(format!("{} {}: {warning}\n", r.scene, rivals::name(r)))
+    });
+    lines.collect()
 }
 
 /// Which device each backend ran on, one line each.
