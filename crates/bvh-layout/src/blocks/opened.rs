@@ -112,9 +112,26 @@ impl Shape<'_> {
             else {
                 break;
             };
-            opened.open(largest, self.children(opened.lanes[largest]));
+            opened.open(largest, self.larger_first(opened.lanes[largest]));
         }
         opened
+    }
+
+    /// The children of an inner node. Where areas are known, the larger comes first, a leaf last: it is the likelier to
+    /// end a ray for which any hit will do.
+    fn larger_first(&self, inner: Binary) -> [Binary; 2] {
+        let [left, right] = self.children(inner);
+        match (self.area(left), self.area(right)) {
+            (Some(a), Some(b)) if b > a => [right, left],
+            // A leaf's area is not at hand.
+            (None, Some(_)) => [right, left],
+            _ => [left, right],
+        }
+    }
+
+    fn area(&self, node: Binary) -> Option<f32> {
+        let areas = self.areas?;
+        node.leaf().is_none().then(|| areas[node.0 as usize])
     }
 
     /// What subtrees are compared by: their area, else their leaves.

@@ -146,3 +146,26 @@ fn the_subtree_of_the_largest_area_is_opened_first() {
         depth(&by_size)
     );
 }
+
+#[test]
+fn of_two_subtrees_the_larger_comes_first() {
+    let tree = &random_tree(20_000, 5);
+    let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
+    let mut order = Vec::new();
+    depth_first(&record, 0, &mut order);
+    for large in [order[0], order[9_000], order[19_999]] {
+        let boxes: Vec<_> = (0..tree.scene() as u32)
+            .map(|t| geom::Aabb {
+                min: [0.0; 3],
+                max: [if t == large { 100.0 } else { 1.0 }; 3],
+            })
+            .collect();
+        let wide = BlockTree::of(&record, &triangles(tree.scene()), &boxes);
+        let mut first = Link::ROOT;
+        while !first.is_block() {
+            first = wide.nodes[first.index()].links[0];
+        }
+        let block = &wide.blocks[first.index()];
+        assert!(block.triangles.contains(&large), "{large}");
+    }
+}
