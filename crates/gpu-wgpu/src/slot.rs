@@ -120,28 +120,46 @@ impl Slot {
         let groups = work.iter().map(|w| group_counts(w, &gpu.limits));
         let groups = groups.collect::<Result<Vec<_>>>()?;
         gpu.count(|t| (t.passes, t.dispatches) = (t.passes + 1, t.dispatches + work.len() as u64));
-        let again = work.iter().position(Work::until_finished);
-        let encoder = self.encoder.as_mut().expect("a recording was begun");
+        let launch = |pass: &mut ComputePass<'_>, i: usize| {
+            dispatch(pass, pipelines.get(work[i].kernel), &bound[i], groups[i]);
+        };
+        let mut from = 0;
+        loop {
+            let again = (from..work.len()).find(|&i| work[i].until_finished());
+            let once = from..again.unwrap_or(work.len());
+            self.pass(gpu, stage, from == 0, |pass| {
+                once.for_each(|i| launch(pass, i));
+            })?;
+            let Some(last) = again else { return Ok(()) };
+            self.run_until_finished(gpu, |pass| launch(pass, last))?;
+            from = last + 1;
+            if from == work.len() {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Records a pass; that which begins a stage is timed.
+    fn pass(
+        &mut self,
+        gpu: &Gpu,
+        stage: Stage,
+        begins: bool,
+        work: impl FnOnce(&mut ComputePass<'_>),
+    ) -> Result<()> {
+        let clock = self.clock.as_ref().filter(|_| begins);
         let desc = wgpu::ComputePassDescriptor {
             label: Some(stage.name()),
-            timestamp_writes: self
-                .clock
-                .as_ref()
-                .and_then(|c| c.writes(self.stages.len())),
+            timestamp_writes: clock.and_then(|c| c.writes(self.stages.len())),
         };
+        let encoder = self.encoder.as_mut().expect("a recording was begun");
         gpu.guard(stage.name(), 0, || {
-            let mut pass = encoder.begin_compute_pass(&desc);
-            let once = again.unwrap_or(work.len());
-            for ((w, bound), groups) in work[..once].iter().zip(&bound).zip(&groups) {
-                dispatch(&mut pass, pipelines.get(w.kernel), bound, *groups);
-            }
+            work(&mut encoder.begin_compute_pass(&desc));
         })?;
-        self.stages.push(stage);
-        let Some(last) = again else { return Ok(()) };
-        let pipeline = pipelines.get(work[last].kernel);
-        self.run_until_finished(gpu, |pass| {
-            dispatch(pass, pipeline, &bound[last], groups[last]);
-        })
+        if begins {
+            self.stages.push(stage);
+        }
+        Ok(())
     }
 
     /// Runs what was recorded, and then `work` until it leaves no ray open or does nothing any more.

@@ -25,7 +25,16 @@ pub(crate) const SLOTS: &[Slot] = &[
                     ("bind", &[]),
                     ("closest", &["turns", "cut", "textbook_closest"]),
                     ("any", &["turns", "cut", "textbook_any", "keep_any"]),
-                    ("shadow", &["textbook_any", "keep_any"]),
+                    (
+                        "together",
+                        &[
+                            "turns",
+                            "cut",
+                            "textbook_closest",
+                            "textbook_any",
+                            "keep_any",
+                        ],
+                    ),
                 ],
             },
             Value {
@@ -35,7 +44,16 @@ pub(crate) const SLOTS: &[Slot] = &[
                     ("bind", &["bind_corners"]),
                     ("closest", &["turns", "cut", "textbook_closest"]),
                     ("any", &["turns", "cut", "textbook_any", "keep_any"]),
-                    ("shadow", &["textbook_any", "keep_any"]),
+                    (
+                        "together",
+                        &[
+                            "turns",
+                            "cut",
+                            "textbook_closest",
+                            "textbook_any",
+                            "keep_any",
+                        ],
+                    ),
                 ],
             },
             Value {
@@ -45,7 +63,16 @@ pub(crate) const SLOTS: &[Slot] = &[
                     ("bind", &[]),
                     ("closest", &["turns", "cut", "watertight_closest"]),
                     ("any", &["turns", "cut", "watertight_any", "keep_any"]),
-                    ("shadow", &["watertight_any", "keep_any"]),
+                    (
+                        "together",
+                        &[
+                            "turns",
+                            "cut",
+                            "watertight_closest",
+                            "watertight_any",
+                            "keep_any",
+                        ],
+                    ),
                 ],
             },
             Value {
@@ -63,8 +90,21 @@ pub(crate) const SLOTS: &[Slot] = &[
                         ],
                     ),
                     ("bind", &[]),
-                    ("closest", &["sure_closest"]),
+                    ("closest", &["bind_blocked", "sure_closest"]),
                     ("any", &["sure_any"]),
+                    ("together", &["sure_closest", "sure_any"]),
+                    (
+                        "left",
+                        &[
+                            "watertight",
+                            "view",
+                            "filter",
+                            "notes",
+                            "turns",
+                            "take_note",
+                            "sure_any",
+                        ],
+                    ),
                     (
                         "settle",
                         &[

@@ -40,7 +40,7 @@ pub mod work;
 use backend::Method;
 
 pub use method::{blocked_words, record_bytes, supports};
-pub(crate) use method::{notes, places};
+pub(crate) use method::{notes, open_shadows_at, places};
 pub use moving::{MovingShape, MovingTreeletShape, moving_rows};
 pub use params::{Counts, Params};
 pub use shape::Shape;

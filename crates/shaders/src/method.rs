@@ -24,9 +24,14 @@ pub fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
 #[must_use]
 pub fn blocked_words(intersector: Intersector, rays: u64) -> u64 {
     match intersector {
-        Intersector::Exact => 2 * (rays + notes(rays)) + PLACE * u64::from(places(rays)),
+        Intersector::Exact => open_shadows_at(rays) + rays,
         _ => rays,
     }
+}
+
+/// Where the list of open shadows begins in `blocked`, while that of open rays is in use too.
+pub(crate) fn open_shadows_at(rays: u64) -> u64 {
+    2 * (rays + notes(rays)) + PLACE * u64::from(places(rays))
 }
 
 /// Words of a place.

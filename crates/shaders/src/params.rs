@@ -94,10 +94,10 @@ pub struct Counts {
     pub open: u32,
     /// Shadows that `shadow_*` left to `settle_*`, for `exact`.
     pub open_shadows: u32,
-    /// Notes of triangles that `trace_*` left to `settle_*`.
+    /// Notes of triangles for `settle_*`.
     pub notes: u32,
-    /// Notes of triangles that `shadow_*` and `any_*` left to `settle_*`.
-    pub notes_any: u32,
+    /// Rays whose search the driver ended before it was done.
+    pub cut_short: u32,
     /// Rays that `settle_*` left to `finish_*`, for `exact`; one more where nobody can be sure that there is none.
     pub hard: u32,
     /// Likewise shadows.
@@ -108,8 +108,6 @@ pub struct Counts {
     pub left_shadows: u32,
     /// What `finish_*` did: it rises as long as they come on.
     pub steps: u32,
-    /// Rays whose search the driver ended before it was done.
-    pub cut_short: u32,
 }
 
 impl Counts {

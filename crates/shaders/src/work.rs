@@ -8,7 +8,7 @@ pub use rays::{cleanse, count_any, count_blocked, count_hits, count_triangles, r
 pub(crate) use tree::sum;
 pub use tree::{Progress, leaves};
 
-use crate::{Kernel, Params, common, kernel, notes, places};
+use crate::{Kernel, Params, common, kernel, notes, open_shadows_at, places};
 use backend::{Intersector, Method, Seek};
 use geom::Camera;
 
@@ -172,80 +172,121 @@ pub fn trace(method: Method, params: Params, rays: Rays<'_>, seek: Seek) -> Trac
         Seek::Closest => primary(closest(method, params, rays)),
         Seek::ClosestAndShadow { light } => {
             let params = Params { light, ..params };
-            match (method.intersector, rays) {
-                (Intersector::Exact, _) | (_, Rays::Given(_)) => Trace {
+            match rays {
+                Rays::Given(_) => Trace {
                     primary: closest(method, params, rays),
                     shadow: Some(shadow(method, params, rays)),
                 },
-                (_, Rays::Camera(_)) => primary(together(method, params, rays)),
+                Rays::Camera(_) => primary(together(method, params, rays)),
             }
         }
     }
 }
 
 fn closest(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
-    let kernels = ["trace_rays", "trace_camera"];
+    let search = ["trace_rays", "trace_camera"];
     let settling = ["settle_rays", "settle_camera"];
     let finishing = ["finish_rays", "finish_camera"];
-    with_settling(method, params, rays, [kernels, settling, finishing])
+    let params = searching(params, rays);
+    let mut work = vec![Work::over(method, rays, params, search)];
+    work.extend(settle(method, params, rays, [settling, finishing]));
+    work
 }
 
 /// Whether each of so many given rays meets anything.
 fn any(method: Method, params: Params, rays: u32) -> Vec<Work> {
     let rays = Rays::Given(rays);
-    let stages = ["any_rays", "settle_any_rays", "finish_any_rays"];
-    with_settling(method, params, rays, stages.map(|s| [s; 2]))
+    let params = searching(params, rays);
+    let mut work = vec![Work::over(method, rays, params, ["any_rays"; 2])];
+    let stages = ["settle_any_rays", "finish_any_rays"].map(|s| [s; 2]);
+    work.extend(settle(method, params, rays, stages));
+    work
 }
 
 /// Closest hits to whether the way from each to the light is blocked.
 fn shadow(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
-    let kernels = ["shadow_rays", "shadow_camera"];
-    let settling = ["settle_shadow_rays", "settle_shadow_camera"];
-    let finishing = ["finish_shadow_rays", "finish_shadow_camera"];
-    with_settling(method, params, rays, [kernels, settling, finishing])
+    let params = searching(params, rays);
+    let mut work = vec![Work::over(method, rays, params, ["shadow_rays"; 2])];
+    work.extend(settle(method, params, rays, SHADOWS));
+    work
 }
 
-/// A camera's closest hits and their shadows by one kernel.
+/// A camera's closest hits and their shadows by one kernel; for `exact` then the shadows of the hits that had to be settled.
 fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
-    vec![Work::over(
-        method,
-        rays,
-        params,
-        ["trace_and_shadow_camera"; 2],
-    )]
+    let searching = searching(params, rays);
+    // Both lists of open rays are in use at once.
+    let params = Params {
+        destination: open_shadows_at(searching.first.into()) as u32,
+        ..searching
+    };
+    let all = ["trace_and_shadow_camera"; 2];
+    let mut work = vec![Work::over(method, rays, params, all)];
+    let hits = [
+        ["settle_rays", "settle_camera"],
+        ["finish_rays", "finish_camera"],
+    ];
+    work.extend(settle(method, params, rays, hits));
+    if method.intersector == Intersector::Exact {
+        work.push(Work {
+            groups: Groups::Linear(one_by_one(&params)),
+            ..Work::over(method, rays, params, ["shadow_left"; 2])
+        });
+    }
+    work.extend(settle(method, params, rays, SHADOWS));
+    work
 }
 
-/// A search over all rays, and for `exact` what settles those that it left open: most by notes, the rest one by one.
-fn with_settling(
+const SHADOWS: [[&str; 2]; 2] = [
+    ["settle_shadow_rays", "settle_shadow_camera"],
+    ["finish_shadow_rays", "finish_shadow_camera"],
+];
+
+/// What a search over all rays is told, and those who settle what it leaves open.
+fn searching(params: Params, rays: Rays<'_>) -> Params {
+    let first = rays.count();
+    Params {
+        first,
+        destination: first,
+        places: places(first.into()),
+        notes: notes(first.into()) as u32,
+        ..params
+    }
+}
+
+fn settlers(params: &Params) -> u32 {
+    match params.bounded_loops {
+        0 => SETTLERS,
+        _ => BOUNDED_SETTLERS,
+    }
+}
+
+/// Invocations that share a list of rays to search with; where loops are bounded, none takes a second one.
+fn one_by_one(params: &Params) -> u32 {
+    match params.bounded_loops {
+        0 => SETTLERS.min(params.first),
+        _ => params.first,
+    }
+}
+
+/// For `exact`, what settles the rays that a search left open: most by notes, the rest one by one.
+fn settle(
     method: Method,
     params: Params,
     rays: Rays<'_>,
-    [kernels, settling, finishing]: [[&str; 2]; 3],
+    [settling, finishing]: [[&str; 2]; 2],
 ) -> Vec<Work> {
-    let first = rays.count();
-    let places = places(first.into());
-    let params = Params {
-        first,
-        places,
-        notes: notes(first.into()) as u32,
-        ..params
-    };
-    let mut work = vec![Work::over(method, rays, params, kernels)];
-    if method.intersector == Intersector::Exact {
-        let settlers = match params.bounded_loops {
-            0 => SETTLERS,
-            _ => BOUNDED_SETTLERS,
-        };
-        work.push(Work {
-            groups: Groups::Linear(settlers.min(first.saturating_mul(16))),
-            ..Work::over(method, rays, params, settling)
-        });
-        work.push(Work {
-            groups: Groups::Linear(16 * places),
-            ..Work::over(method, rays, params, finishing)
-        });
+    if method.intersector != Intersector::Exact {
+        return Vec::new();
     }
-    work
+    let settlers = settlers(&params).min(params.first.saturating_mul(16));
+    let over = |groups, kernels| Work {
+        groups: Groups::Linear(groups),
+        ..Work::over(method, rays, params, kernels)
+    };
+    vec![
+        over(settlers, settling),
+        over(16 * params.places, finishing),
+    ]
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ fn settle_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workgro
         var i = 0u;
         var list = NO_NOTE;
         if k < open {
-            i = blocked[params.first + k];
+            i = blocked[params.destination + k];
             list = listed(blocked[i]);
             set_given_line(i);
         }

@@ -1,5 +1,5 @@
 //! use params ieee divide exact units ray {intersector.settle} settle_any to_light way shade line_to_light
-// The shadows that `shadow_camera` left open.
+// The shadows that `trace_and_shadow_camera` and `shadow_left` left open.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> records: array<vec4<u32>>;
@@ -19,7 +19,7 @@ fn settle_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin(wo
         var i = 0u;
         var list = NO_NOTE;
         if k < open {
-            i = blocked[params.first + k];
+            i = blocked[params.destination + k];
             list = listed(blocked[i]);
             let way = way_to_light(hits[i], scaled_point(bitcast<vec3<u32>>(params.eye)));
             set_line_along(way);

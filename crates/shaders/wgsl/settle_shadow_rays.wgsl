@@ -20,7 +20,7 @@ fn settle_shadow_rays(@builtin(local_invocation_index) local: u32, @builtin(work
         var i = 0u;
         var list = NO_NOTE;
         if k < open {
-            i = blocked[params.first + k];
+            i = blocked[params.destination + k];
             list = listed(blocked[i]);
             let way = way_to_light(hits[i], scaled_point(rays[2u * i].xyz));
             set_line_along(way);

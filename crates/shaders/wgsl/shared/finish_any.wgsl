@@ -4,6 +4,9 @@
 var<private> left_out: u32;
 var<private> met_leaf: u32;
 
+// Where the list of open rays begins.
+fn list_at() -> u32 { return params.destination; }
+
 fn is_open(i: u32) -> bool { return blocked[i] >= FIRST_NOTE; }
 
 fn is_candidate(ray: Prepared, leaf: u32, bound: f32) -> bool {

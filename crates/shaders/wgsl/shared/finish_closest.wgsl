@@ -1,5 +1,8 @@
 // Settles rays whose notes do not tell which of their candidates is first.
 
+// Where the list of open rays begins.
+fn list_at() -> u32 { return params.first; }
+
 fn is_open(i: u32) -> bool { return hits[i].z == OPEN; }
 
 fn is_candidate(ray: Prepared, leaf: u32, bound: f32) -> bool {

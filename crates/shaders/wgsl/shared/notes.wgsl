@@ -1,6 +1,7 @@
 // Rays that a search leaves open, and its notes of triangles for whoever settles them, as lists: one a ray, of two words a
 // note, which are a leaf and the next note. In `blocked` there lie a word a ray, the list of open rays, and the notes;
-// then what `pool.wgsl` says.
+// then what `pool.wgsl` says, and a second list, of open shadows, for kernels that need both at once. Where the list of rays
+// begins that a search for any hit leaves open, says `destination`.
 
 const NO_LEAF: u32 = 0xffffffffu;
 // An open ray has the number of its first note in place of an answer to any-hit queries, which is 0 or 1.

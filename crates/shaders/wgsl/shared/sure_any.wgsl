@@ -7,9 +7,12 @@ fn see_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     let corners = corners_of(leaf);
     if corners.triangle == ignore { return false; }
     let j = judge(ray, corners);
-    if j.possible && !j.sure { notes = with_note(notes, leaf, 10u); }
+    if j.possible && !j.sure { notes = with_note(notes, leaf, 9u); }
     return j.sure;
 }
+
+// No ray has been asked yet, or the next one is not.
+fn forget_notes() { notes = NO_NOTE; }
 
 fn ask_any(ray: Prepared, ignore: u32) -> bool {
     notes = select(NO_NOTE, TOO_MANY, ray.far);
@@ -23,14 +26,15 @@ fn ask_any(ray: Prepared, ignore: u32) -> bool {
     return met;
 }
 
-// Writes whether a ray met anything, and counts it as word `count` of `counts`; lists it by `count + 5`, with its notes, if nobody knows yet.
+// Writes whether a ray met anything, and counts it as word `count` of `counts`; lists it by `count + 5` from word
+// `destination` on, with its notes, if nobody knows yet.
 fn keep_any(i: u32, met: bool, count: u32) {
     if met {
         blocked[i] = 1u;
         atomicAdd(&counts[count], 1u);
     } else if notes != NO_NOTE {
         blocked[i] = notes;
-        blocked[params.first + atomicAdd(&counts[count + 5u], 1u)] = i;
+        blocked[params.destination + atomicAdd(&counts[count + 5u], 1u)] = i;
     } else {
         blocked[i] = 0u;
     }

@@ -1,8 +1,6 @@
 // What a search for the exact closest hit keeps of the leaves it sees. Most rays are decided by it; the others it
 // leaves to the kernels `settle_*`, with notes of the triangles in question.
 
-@group(0) @binding(next) var<storage, read_write> blocked: array<u32>;
-
 // No candidate begins so late.
 const NEVER: f32 = 3.4028234663852886e38;
 
@@ -54,3 +52,6 @@ fn leave_open(i: u32, bound: f32, list: u32) {
     hits[i] = vec4<u32>(bitcast<u32>(bound), list, OPEN, 0u);
     blocked[params.first + atomicAdd(&counts[OPEN_RAYS], 1u)] = i;
 }
+
+// Whether a hit is none yet.
+fn is_left_open(hit: vec4<u32>) -> bool { return hit.z == OPEN; }

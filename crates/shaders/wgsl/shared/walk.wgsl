@@ -14,11 +14,11 @@ fn ray_at(place: u32, word: u32) -> u32 {
     let base = place_at(place);
     var k = blocked[base];
     if k == DONE { return NO_RAY; }
-    if blocked[base + 2u] != UNBEGUN { return blocked[params.first + k]; }
+    if blocked[base + 2u] != UNBEGUN { return blocked[list_at() + k]; }
     let open = atomicLoad(&counts[word]);
     var found = NO_RAY;
     while k < open {
-        let i = blocked[params.first + k];
+        let i = blocked[list_at() + k];
         if is_open(i) {
             found = i;
             break;

@@ -38,3 +38,6 @@ fn keep_closest(i: u32, ray: Prepared, best: Found) {
     hits[i] = vec4<u32>(t, bitcast<u32>(u), bitcast<u32>(v), best.triangle);
     atomicAdd(&counts[2], 1u);
 }
+
+// Every hit stands.
+fn is_left_open(hit: vec4<u32>) -> bool { return false; }
