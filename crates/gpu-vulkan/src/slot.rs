@@ -123,17 +123,17 @@ impl Slot {
         self.marks.mark(self.commands.vk())
     }
 
-    /// Records kernels, each after what the one before wrote.
+    /// Records kernels, each after what those before wrote, unless it reads none of that.
     pub(crate) fn dispatch<'a>(
         &mut self,
         pipelines: &Pipelines,
-        work: &[Work],
+        all: &[Work],
         find: impl Fn(&'static str) -> &'a Buffer,
     ) -> Result<()> {
-        let groups = work.iter().map(|w| self.gpu.limits.groups(w));
+        let groups = all.iter().map(|w| self.gpu.limits.groups(w));
         let groups = groups.collect::<Result<Vec<_>>>()?;
         let mut last: Option<Bound> = None;
-        for (work, groups) in work.iter().zip(groups) {
+        for (i, (work, groups)) in all.iter().zip(groups).enumerate() {
             let pipeline = pipelines.get(work.kernel);
             let row = self.pages.row(&work.params)?;
             let find = |name| match name {
@@ -145,6 +145,9 @@ impl Slot {
                 self.split(Part::Before)?;
             }
             self.launch(pipeline, bound.set, row.offset, groups);
+            if !all.get(i + 1).is_some_and(|next| next.alongside) {
+                self.commands.barrier(KERNELS, KERNELS);
+            }
             if work.until_finished() {
                 self.copy_counts();
                 self.split(Part::Again)?;
@@ -163,7 +166,6 @@ impl Slot {
             vk.cmd_bind_descriptor_sets(commands, point, pipeline.layout, 0, &[set], &[row]);
             vk.cmd_dispatch(commands, x, y, 1);
         }
-        self.commands.barrier(KERNELS, KERNELS);
     }
 
     /// Ends a part of the recording and begins the next.

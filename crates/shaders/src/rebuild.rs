@@ -118,6 +118,7 @@ fn dispatch(entry: &str, params: Params, groups: Groups) -> Work {
         kernel: common(entry),
         params,
         groups,
+        alongside: false,
     }
 }
 
@@ -143,6 +144,7 @@ fn cluster(method: Method, params: Params, tree: &Shape) -> Vec<Work> {
             kernel: kernel("cluster", method),
             params,
             groups: Groups::Linear(phase.tiles() * 256),
+            alongside: false,
         });
         first_group += phase.tiles();
     }

@@ -21,6 +21,8 @@ pub struct Work {
     pub params: Params,
     /// Over what.
     pub groups: Groups,
+    /// Whether it reads nothing that the one before it writes, so that both may run at once.
+    pub alongside: bool,
 }
 
 /// How many workgroups a dispatch has.
@@ -63,7 +65,9 @@ pub enum Vertices {
 
 /// Invocations that share the list of rays to settle, 16 a ray: enough to fill any device, though most find nothing to do.
 const SETTLERS: u32 = 1 << 16;
-/// Likewise where loops are bounded, so that each gets few rays.
+/// Workgroups that share the list of hits whose shadows are sought, one a ray; at least as many as have places to empty.
+const SEARCHERS: u32 = 1 << 10;
+/// Settlers where loops are bounded, so that each gets few rays.
 const BOUNDED_SETTLERS: u32 = 1 << 22;
 
 impl Rays<'_> {
@@ -81,6 +85,7 @@ impl Work {
             kernel,
             params: Params { count, ..params },
             groups: Groups::Linear(count),
+            alongside: false,
         }
     }
 
@@ -91,6 +96,7 @@ impl Work {
                 kernel: kernel(camera, method),
                 params: params.through(c),
                 groups: Groups::Pixels(c.width, c.height),
+                alongside: false,
             },
         }
     }
@@ -184,34 +190,28 @@ pub fn trace(method: Method, params: Params, rays: Rays<'_>, seek: Seek) -> Trac
 }
 
 fn closest(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
-    let search = ["trace_rays", "trace_camera"];
-    let settling = ["settle_rays", "settle_camera"];
-    let finishing = ["finish_rays", "finish_camera"];
-    let params = searching(params, rays);
-    let mut work = vec![Work::over(method, rays, params, search)];
-    work.extend(settle(method, params, rays, [settling, finishing]));
-    work
+    let kernels = ["trace_rays", "trace_camera"];
+    let search = Work::over(method, rays, searching(params, rays), kernels);
+    settled(method, search, rays, HITS)
 }
 
 /// Whether each of so many given rays meets anything.
 fn any(method: Method, params: Params, rays: u32) -> Vec<Work> {
     let rays = Rays::Given(rays);
-    let params = searching(params, rays);
-    let mut work = vec![Work::over(method, rays, params, ["any_rays"; 2])];
+    let search = Work::over(method, rays, searching(params, rays), ["any_rays"; 2]);
     let stages = ["settle_any_rays", "finish_any_rays"].map(|s| [s; 2]);
-    work.extend(settle(method, params, rays, stages));
-    work
+    settled(method, search, rays, stages)
 }
 
-/// Closest hits to whether the way from each to the light is blocked.
+/// Closest hits of given rays to whether the way from each to the light is blocked.
 fn shadow(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
-    let params = searching(params, rays);
-    let mut work = vec![Work::over(method, rays, params, ["shadow_rays"; 2])];
-    work.extend(settle(method, params, rays, SHADOWS));
-    work
+    let search = Work::over(method, rays, searching(params, rays), ["shadow_rays"; 2]);
+    settled(method, search, rays, SHADOWS)
 }
 
-/// A camera's closest hits and their shadows by one kernel; for `exact` then the shadows of the hits that had to be settled.
+/// A camera's closest hits and their shadows by one kernel.
+///
+/// For `exact` that leaves hits and shadows open. Both are settled at once; then shadows are sought of the hits that were open.
 fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
     let searching = searching(params, rays);
     // Both lists of open rays are in use at once.
@@ -219,22 +219,39 @@ fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
         destination: open_shadows_at(searching.first.into()) as u32,
         ..searching
     };
-    let all = ["trace_and_shadow_camera"; 2];
-    let mut work = vec![Work::over(method, rays, params, all)];
-    let hits = [
-        ["settle_rays", "settle_camera"],
-        ["finish_rays", "finish_camera"],
-    ];
-    work.extend(settle(method, params, rays, hits));
-    if method.intersector == Intersector::Exact {
-        work.push(Work {
-            groups: Groups::Linear(one_by_one(&params)),
-            ..Work::over(method, rays, params, ["shadow_left"; 2])
-        });
+    let all = Work::over(method, rays, params, ["trace_and_shadow_camera"; 2]);
+    if method.intersector != Intersector::Exact {
+        return vec![all];
     }
-    work.extend(settle(method, params, rays, SHADOWS));
-    work
+    let [settle_hits, finish_hits] = settling(method, params, rays, HITS);
+    let [settle_shadows, finish_shadows] = settling(method, params, rays, SHADOWS);
+    // The places are the hits' until `shadow_left` empties them again.
+    let settle_shadows = Work {
+        params: Params {
+            places: 0,
+            ..settle_shadows.params
+        },
+        alongside: true,
+        ..settle_shadows
+    };
+    let left = Work {
+        groups: Groups::Each(SEARCHERS.min(params.first)),
+        ..Work::over(method, rays, params, ["shadow_left"; 2])
+    };
+    vec![
+        all,
+        settle_hits,
+        settle_shadows,
+        finish_hits,
+        left,
+        finish_shadows,
+    ]
 }
+
+const HITS: [[&str; 2]; 2] = [
+    ["settle_rays", "settle_camera"],
+    ["finish_rays", "finish_camera"],
+];
 
 const SHADOWS: [[&str; 2]; 2] = [
     ["settle_shadow_rays", "settle_shadow_camera"],
@@ -260,33 +277,31 @@ fn settlers(params: &Params) -> u32 {
     }
 }
 
-/// Invocations that share a list of rays to search with; where loops are bounded, none takes a second one.
-fn one_by_one(params: &Params) -> u32 {
-    match params.bounded_loops {
-        0 => SETTLERS.min(params.first),
-        _ => params.first,
-    }
-}
-
-/// For `exact`, what settles the rays that a search left open: most by notes, the rest one by one.
-fn settle(
+/// What settles the rays that a search left open: most by notes, the rest one by one.
+fn settling(
     method: Method,
     params: Params,
     rays: Rays<'_>,
     [settling, finishing]: [[&str; 2]; 2],
-) -> Vec<Work> {
-    if method.intersector != Intersector::Exact {
-        return Vec::new();
-    }
+) -> [Work; 2] {
     let settlers = settlers(&params).min(params.first.saturating_mul(16));
     let over = |groups, kernels| Work {
         groups: Groups::Linear(groups),
         ..Work::over(method, rays, params, kernels)
     };
-    vec![
+    [
         over(settlers, settling),
         over(16 * params.places, finishing),
     ]
+}
+
+/// The same after a search, for `exact`.
+fn settled(method: Method, search: Work, rays: Rays<'_>, stages: [[&str; 2]; 2]) -> Vec<Work> {
+    let mut work = vec![search];
+    if method.intersector == Intersector::Exact {
+        work.extend(settling(method, search.params, rays, stages));
+    }
+    work
 }
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
-//! use params ieee divide exact units ray {intersector.left} {layout.nodes} any to_light way shade is_blocked
-// The shadows of the hits that `trace_and_shadow_camera` left open, now that they are settled.
+//! use params ieee divide exact units ray {intersector.left} {layout.nodes} search_together settle_any to_light way shade line_to_light
+// The shadows of the hits that `trace_and_shadow_camera` left open, now that they are settled: a workgroup a ray.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> records: array<vec4<u32>>;
@@ -9,15 +9,35 @@
 @group(0) @binding(6) var<storage, read> triangles: array<u32>;
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 
+// Writes what a search found, or lists the ray as open.
+fn keep(i: u32, found: u32, said: Said) {
+    if found == MET || found == NO_NOTE {
+        blocked[i] = select(0u, 1u, found == MET);
+        if found == MET { atomicAdd(&counts[3], 1u); }
+        return;
+    }
+    blocked[i] = found;
+    blocked[params.destination + atomicAdd(&counts[OPEN_SHADOWS], 1u)] = i;
+    settle_any(i, 3u, said);
+}
+
 @compute @workgroup_size(64)
-fn shadow_left(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let open = atomicLoad(&counts[OPEN_RAYS]);
-    for (var k = element(id, groups, 64u); k < open; k += 64u * groups.x * groups.y) {
+fn shadow_left(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let number = group.x + group.y * groups.x;
+    if 64u * number + local < params.places { empty_place(64u * number + local); }
+    if local == 0u {
+        open_rays = atomicLoad(&counts[OPEN_RAYS]);
+        if number == 0u { atomicStore(&counts[OPEN_SHADOWS + LEFT], params.places); }
+    }
+    let open = workgroupUniformLoad(&open_rays);
+    for (var k = number; k < open; k += groups.x * groups.y) {
         let i = blocked[params.first + k];
         let hit = hits[i];
-        forget_notes();
-        var dark = false;
-        if hit.w != 0xffffffffu { dark = is_blocked(hit, scaled_point(bitcast<vec3<u32>>(params.eye))); }
-        keep_any(i, dark, 3u);
+        if hit.w == 0xffffffffu { continue; }
+        let way = way_to_light(hit, scaled_point(bitcast<vec3<u32>>(params.eye)));
+        set_line_along(way);
+        let found = search_together(way.traced, ray_to_light(way), hit.w, local);
+        let said = said_by_notes(select(NO_NOTE, listed(found), local < 16u && found != MET), local);
+        if local == 0u { keep(i, found, said); }
     }
 }

@@ -88,6 +88,7 @@ fn expand(params: Params) -> Work {
         kernel: common("expand"),
         params,
         groups: Groups::Linear(params.node_count),
+        alongside: false,
     }
 }
 
@@ -176,6 +177,7 @@ pub(crate) fn sum(params: Params, groups: u32, member: usize) -> Work {
         kernel: common("sum_costs"),
         params,
         groups: Groups::Linear(1),
+        alongside: false,
     }
 }
 

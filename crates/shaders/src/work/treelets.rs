@@ -73,6 +73,7 @@ fn over(kernel: &'static Kernel, params: Params, level: Range<u32>) -> Work {
             ..params
         },
         groups: Groups::Each(count),
+        alongside: false,
     }
 }
 

@@ -11,9 +11,6 @@ fn see_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     return j.sure;
 }
 
-// No ray has been asked yet, or the next one is not.
-fn forget_notes() { notes = NO_NOTE; }
-
 fn ask_any(ray: Prepared, ignore: u32) -> bool {
     notes = select(NO_NOTE, TOO_MANY, ray.far);
     if ray.far { return false; }
