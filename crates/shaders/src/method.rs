@@ -37,7 +37,7 @@ pub(crate) fn open_shadows_at(rays: u64) -> u64 {
 /// Words of a place.
 const PLACE: u64 = 68;
 /// Enough places to fill any device.
-const PLACES: u32 = 4096;
+const PLACES: u32 = 2048;
 
 /// Notes for few rays, of which each may be a hard one.
 const NOTES: u64 = 1 << 16;

@@ -64,7 +64,7 @@ pub enum Vertices {
 }
 
 /// Invocations that share the list of rays to settle, 16 a ray: enough to fill any device, though most find nothing to do.
-const SETTLERS: u32 = 1 << 16;
+const SETTLERS: u32 = 1 << 15;
 /// Workgroups that share the list of hits whose shadows are sought, one a ray; at least as many as have places to empty.
 const SEARCHERS: u32 = 1 << 10;
 /// Settlers where loops are bounded, so that each gets few rays.
