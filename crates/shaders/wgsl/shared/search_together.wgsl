@@ -99,7 +99,7 @@ fn search_together(traced: bool, ray: Prepared, ignore: u32, local: u32) -> u32 
         spent += 1u;
     }
     storageBarrier();
-    if local == 0u { outcome = outcome_of(ray, stand.y == 2u); }
+    if local == 0u { outcome = select(NO_NOTE, outcome_of(ray, stand.y == 2u), traced); }
     return workgroupUniformLoad(&outcome);
 }
 
