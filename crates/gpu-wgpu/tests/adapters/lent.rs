@@ -57,7 +57,7 @@ pub(crate) fn a_lent_device_without_features_gives_the_same_hits() -> Result<(),
 pub(crate) fn a_scene_too_large_is_refused_by_its_limit() -> Result<(), Failed> {
     let (device, queue, info) = device(required_limits(&swarm(10), 10))?;
     let mut backend = WgpuBackend::from_device(device, queue, info)?;
-    let refused = backend.load(swarm(40_000), Method::default()).unwrap_err();
+    let refused = backend.load(swarm(20_000), Method::default()).unwrap_err();
     let said = refused.to_string();
     let nodes = 2 * swarm(20_000).live_count() - 1;
     let expected = format!(
@@ -122,7 +122,7 @@ pub(crate) fn a_lent_device_with_features_is_timed_and_keeps_its_handlers() -> R
     let timed = device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
     let mut backend = WgpuBackend::from_device(device.clone(), queue, info)?;
     // Refused, then one that fits: neither reaches the engine.
-    assert!(backend.load(swarm(40_000), Method::default()).is_err());
+    assert!(backend.load(swarm(20_000), Method::default()).is_err());
     open(&mut backend, &animation)?;
     stand(&mut backend, &animation, 0.5)?;
     backend.request_positions()?;
