@@ -1,6 +1,7 @@
 //! `exact` against the oracle, which shares no code with it: every ray, without exception.
 
 mod hard;
+mod open;
 
 use backend::{Backend, Hits, Intersector, Query, Rays, Seek};
 use conformance::nth_case;
@@ -24,6 +25,7 @@ fn main() -> ExitCode {
     for device in [Device::Vulkan, Device::Wgpu] {
         trials.push(device.trial("odd_scenes", odd_scenes_on));
         trials.extend(hard::trials(device));
+        trials.push(open::trial(device));
     }
     libtest_mimic::run(&arguments, trials).exit_code()
 }
