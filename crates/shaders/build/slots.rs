@@ -23,13 +23,14 @@ pub(crate) const SLOTS: &[Slot] = &[
                 faces: &[
                     ("test", &["near", "textbook", "moller_trumbore"]),
                     ("bind", &[]),
-                    ("closest", &["turns", "cut", "textbook_closest"]),
-                    ("any", &["turns", "cut", "textbook_any", "keep_any"]),
+                    ("closest", &["cut_closest", "textbook_closest"]),
+                    ("any", &["turns", "cut_any", "textbook_any", "keep_any"]),
                     (
                         "together",
                         &[
                             "turns",
-                            "cut",
+                            "cut_closest",
+                            "cut_any",
                             "textbook_closest",
                             "textbook_any",
                             "keep_any",
@@ -42,13 +43,14 @@ pub(crate) const SLOTS: &[Slot] = &[
                 faces: &[
                     ("test", &["near", "textbook", "points", "woop"]),
                     ("bind", &["bind_corners"]),
-                    ("closest", &["turns", "cut", "textbook_closest"]),
-                    ("any", &["turns", "cut", "textbook_any", "keep_any"]),
+                    ("closest", &["cut_closest", "textbook_closest"]),
+                    ("any", &["turns", "cut_any", "textbook_any", "keep_any"]),
                     (
                         "together",
                         &[
                             "turns",
-                            "cut",
+                            "cut_closest",
+                            "cut_any",
                             "textbook_closest",
                             "textbook_any",
                             "keep_any",
@@ -61,13 +63,14 @@ pub(crate) const SLOTS: &[Slot] = &[
                 faces: &[
                     ("test", &["near", "watertight"]),
                     ("bind", &[]),
-                    ("closest", &["turns", "cut", "watertight_closest"]),
-                    ("any", &["turns", "cut", "watertight_any", "keep_any"]),
+                    ("closest", &["cut_closest", "watertight_closest"]),
+                    ("any", &["turns", "cut_any", "watertight_any", "keep_any"]),
                     (
                         "together",
                         &[
                             "turns",
-                            "cut",
+                            "cut_closest",
+                            "cut_any",
                             "watertight_closest",
                             "watertight_any",
                             "keep_any",
@@ -101,7 +104,6 @@ pub(crate) const SLOTS: &[Slot] = &[
                             "filter",
                             "notes",
                             "pool",
-                            "turns",
                             "whole",
                             "points",
                             "line",
@@ -118,7 +120,6 @@ pub(crate) const SLOTS: &[Slot] = &[
                             "filter",
                             "notes",
                             "pool",
-                            "turns",
                             "whole",
                             "points",
                             "line",

@@ -35,7 +35,7 @@ pub(crate) fn open_shadows_at(rays: u64) -> u64 {
 }
 
 /// Words of a place.
-const PLACE: u64 = 68;
+const PLACE: u64 = 69;
 /// Enough places to fill any device.
 const PLACES: u32 = 2048;
 

@@ -67,8 +67,8 @@ pub enum Vertices {
 const SETTLERS: u32 = 1 << 15;
 /// Workgroups that share the list of hits whose shadows are sought, one a ray; at least as many as have places to empty.
 const SEARCHERS: u32 = 1 << 10;
-/// Settlers where loops are bounded, so that each gets few rays.
-const BOUNDED_SETTLERS: u32 = 1 << 22;
+/// Rays of such a workgroup at most, where loops are bounded.
+const BOUNDED_SHARE: u32 = 64;
 
 impl Rays<'_> {
     fn count(self) -> u32 {
@@ -235,7 +235,7 @@ fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
         ..settle_shadows
     };
     let left = Work {
-        groups: Groups::Each(SEARCHERS.min(params.first)),
+        groups: Groups::Each(searchers(&params).min(params.first)),
         ..Work::over(method, rays, params, ["shadow_left"; 2])
     };
     vec![
@@ -270,10 +270,18 @@ fn searching(params: Params, rays: Rays<'_>) -> Params {
     }
 }
 
+/// Where loops are bounded, a workgroup takes four rays once.
 fn settlers(params: &Params) -> u32 {
     match params.bounded_loops {
         0 => SETTLERS,
-        _ => BOUNDED_SETTLERS,
+        _ => u32::MAX,
+    }
+}
+
+fn searchers(params: &Params) -> u32 {
+    match params.bounded_loops {
+        0 => SEARCHERS,
+        _ => SEARCHERS.max(params.first.div_ceil(BOUNDED_SHARE)),
     }
 }
 

@@ -20,5 +20,4 @@ fn finish_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workgro
         if !finish_any(place, i, given_ray(i), NO_LEAF, 2u) { break; }
         leave(place);
     }
-    report_steps();
 }

@@ -21,5 +21,4 @@ fn finish_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup
         if !finish_closest(place, i, camera_ray(direction, scaled_point(bitcast<vec3<u32>>(params.eye)))) { break; }
         leave(place);
     }
-    report_steps();
 }

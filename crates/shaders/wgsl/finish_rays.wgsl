@@ -21,5 +21,4 @@ fn finish_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_i
         if !finish_closest(place, i, given_ray(i)) { break; }
         leave(place);
     }
-    report_steps();
 }

@@ -21,5 +21,4 @@ fn finish_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin(wo
         if !finish_any(place, i, ray_to_light(way), hits[i].w, 3u) { break; }
         leave(place);
     }
-    report_steps();
 }

@@ -22,5 +22,4 @@ fn finish_shadow_rays(@builtin(local_invocation_index) local: u32, @builtin(work
         if !finish_any(place, i, ray_to_light(way), hits[i].w, 3u) { break; }
         leave(place);
     }
-    report_steps();
 }

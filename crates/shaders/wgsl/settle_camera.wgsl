@@ -27,7 +27,7 @@ fn settle_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup
         }
         let leaf = first_of_notes(list, local);
         round += 1u;
-        let whole = all_loops_turn(round);
+        let whole = all_loops_turn(local, round);
         if whole && k < open && local % 16u == 0u { settle_closest(i, camera_ray(direction, scaled_point(bitcast<vec3<u32>>(params.eye))), leaf); }
     }
 }

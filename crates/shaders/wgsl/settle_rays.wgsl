@@ -26,7 +26,7 @@ fn settle_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_i
         }
         let leaf = first_of_notes(list, local);
         round += 1u;
-        let whole = all_loops_turn(round);
+        let whole = all_loops_turn(local, round);
         if whole && k < open && local % 16u == 0u { settle_closest(i, given_ray(i), leaf); }
     }
 }

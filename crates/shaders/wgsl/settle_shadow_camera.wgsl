@@ -26,7 +26,7 @@ fn settle_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin(wo
         }
         let said = said_by_notes(list, local);
         round += 1u;
-        let whole = all_loops_turn(round);
+        let whole = all_loops_turn(local, round);
         if whole && k < open && local % 16u == 0u { settle_any(i, 3u, said); }
     }
 }

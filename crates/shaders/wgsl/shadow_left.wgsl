@@ -10,7 +10,8 @@
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 
 // Writes what a search found, or lists the ray as open.
-fn keep(i: u32, found: u32, said: Said) {
+fn keep(i: u32, sought: u32, whole: bool, said: Said) {
+    let found = select(TOO_MANY, sought, whole);
     if found == MET || found == NO_NOTE {
         blocked[i] = select(0u, 1u, found == MET);
         if found == MET { atomicAdd(&counts[3], 1u); }
@@ -18,7 +19,7 @@ fn keep(i: u32, found: u32, said: Said) {
     }
     blocked[i] = found;
     blocked[params.destination + atomicAdd(&counts[OPEN_SHADOWS], 1u)] = i;
-    settle_any(i, 3u, said);
+    if whole { settle_any(i, 3u, said); } else { atomicAdd(&counts[OPEN_SHADOWS + HARD], 1u); }
 }
 
 @compute @workgroup_size(64)
@@ -27,9 +28,11 @@ fn shadow_left(@builtin(local_invocation_index) local: u32, @builtin(workgroup_i
     if 64u * number + local < params.places { empty_place(64u * number + local); }
     if local == 0u {
         open_rays = atomicLoad(&counts[OPEN_RAYS]);
+        atomicStore(&whole_so_far, 0u);
         if number == 0u { atomicStore(&counts[OPEN_SHADOWS + LEFT], params.places); }
     }
     let open = workgroupUniformLoad(&open_rays);
+    var round = 0u;
     for (var k = number; k < open; k += groups.x * groups.y) {
         let i = blocked[params.first + k];
         let hit = hits[i];
@@ -38,6 +41,8 @@ fn shadow_left(@builtin(local_invocation_index) local: u32, @builtin(workgroup_i
         set_line_along(way);
         let found = search_together(way.traced, ray_to_light(way), hit.w, local);
         let said = said_by_notes(select(NO_NOTE, listed(found), local < 16u && found != MET), local);
-        if local == 0u { keep(i, found, said); }
+        round += 1u;
+        let whole = all_loops_turn(local, round);
+        if local == 0u { keep(i, found, whole, said); }
     }
 }

@@ -13,7 +13,7 @@ use libtest_mimic::{Arguments, Failed, Trial};
 use oracle::Oracle;
 use rayon::prelude::*;
 use std::process::ExitCode;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 fn main() -> ExitCode {
     let arguments = Arguments::from_args();
@@ -165,6 +165,9 @@ fn odd_scenes_on(device: Device) -> Result<(), Failed> {
     Ok(())
 }
 
+/// One device at a time: software drivers of old fall over when two loaders compile kernels at once.
+static DOOR: Mutex<()> = Mutex::new(());
+
 /// Whose kernels settle rays.
 #[derive(Clone, Copy, Debug)]
 enum Device {
@@ -184,7 +187,11 @@ impl Device {
     fn trial(self, what: &str, test: fn(Self) -> Result<(), Failed>) -> Trial {
         let name = format!("{what}_on_{self:?}").to_lowercase();
         let there = self.open().is_ok();
-        Trial::test(name, move || test(self)).with_ignored_flag(!there)
+        let alone = move || {
+            let _door = DOOR.lock().unwrap_or_else(PoisonError::into_inner);
+            test(self)
+        };
+        Trial::test(name, alone).with_ignored_flag(!there)
     }
 }
 

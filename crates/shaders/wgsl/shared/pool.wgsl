@@ -3,18 +3,16 @@
 // dispatch can go on where a driver ended the loops of this one.
 //
 // A place's words lie in `blocked` behind the notes: its position in the list, then where the walk down the tree of that ray
-// stands, as in `Stand`, then the walk's stack.
+// stands, as in `Stand`, then a word for `turns.wgsl`, then the walk's stack.
 
-const PLACE: u32 = 68u;
-const STACK: u32 = 4u;
+const PLACE: u32 = 69u;
+const TURNS: u32 = 4u;
+const STACK: u32 = 5u;
 const NO_RAY: u32 = 0xffffffffu;
 // In place of a position: the list is done.
 const DONE: u32 = 0xffffffffu;
 // In place of a depth: the walk of the ray there has not begun.
 const UNBEGUN: u32 = 0xffffffffu;
-
-// What came of this dispatch: nodes and triangles seen, rays passed over and done.
-var<private> steps: u32;
 
 fn place_at(place: u32) -> u32 { return 2u * (params.first + params.notes) + PLACE * place; }
 

@@ -15,17 +15,17 @@ fn ask_any(ray: Prepared, ignore: u32) -> bool {
     notes = select(NO_NOTE, TOO_MANY, ray.far);
     if ray.far { return false; }
     set_view(ray);
-    let met = find_any(ray, ignore);
-    if was_cut_short() {
-        notes = TOO_MANY;
-        return false;
-    }
-    return met;
+    return find_any(ray, ignore);
 }
 
 // Writes whether a ray met anything, and counts it as word `count` of `counts`; lists it by `count + 5` from word
 // `destination` on, with its notes, if nobody knows yet.
-fn keep_any(i: u32, met: bool, count: u32) {
+fn keep_any(i: u32, said: bool, count: u32) {
+    var met = said;
+    if was_cut_short(i) {
+        met = false;
+        notes = TOO_MANY;
+    }
     if met {
         blocked[i] = 1u;
         atomicAdd(&counts[count], 1u);

@@ -29,7 +29,7 @@ fn see_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
 
 // Writes a ray's hit, or what is known for whoever settles it.
 fn keep_closest(i: u32, ray: Prepared, found: Found) {
-    if ray.far || was_cut_short() {
+    if ray.far || was_cut_short(i) {
         leave_open(i, ray.t_max, TOO_MANY);
         return;
     }

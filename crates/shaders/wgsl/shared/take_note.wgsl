@@ -9,5 +9,5 @@ fn with_note(list: u32, leaf: u32, count: u32) -> u32 {
     return note;
 }
 
-// Whether a driver may have ended the search before it was done.
-fn was_cut_short() -> bool { return params.bounded_loops != 0u && !loops_turn(); }
+// Whether a driver may have ended the search of a ray before it was done.
+fn was_cut_short(i: u32) -> bool { return params.bounded_loops != 0u && !loops_turn(i); }

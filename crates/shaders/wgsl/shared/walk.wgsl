@@ -24,33 +24,37 @@ fn ray_at(place: u32, word: u32) -> u32 {
             break;
         }
         k += params.places;
-        steps += 1u;
     }
-    blocked[base] = k;
+    if !loops_turn(base + TURNS) { return NO_RAY; }
     if found != NO_RAY {
+        blocked[base] = k;
         keep_stand(base, Stand(nodes[0].w, 0u, NO_LEAF));
-    } else if k >= open {
-        blocked[base] = DONE;
-        atomicSub(&counts[word + LEFT], 1u);
+        return found;
     }
-    return found;
+    blocked[base] = DONE;
+    atomicSub(&counts[word + LEFT], 1u);
+    count_step();
+    return NO_RAY;
 }
 
 fn keep_stand(base: u32, s: Stand) {
     blocked[base + 1u] = s.at;
     blocked[base + 2u] = s.depth;
     blocked[base + 3u] = s.best;
+    count_step();
 }
 
 // The ray at a place is done.
 fn leave(place: u32) {
     blocked[place_at(place)] += params.places;
     blocked[place_at(place) + 2u] = UNBEGUN;
-    steps += 1u;
+    count_step();
 }
 
-// Says what came of this dispatch.
-fn report_steps() { atomicAdd(&counts[15], steps); }
+// Something came of this dispatch.
+fn count_step() {
+    if params.bounded_loops != 0u { atomicAdd(&counts[15], 1u); }
+}
 
 fn may_meet(ray: Prepared, row: u32, bound: f32) -> bool {
     if ray.far { return passes(nodes[row].xyz, nodes[row + 1u].xyz); }
@@ -58,32 +62,32 @@ fn may_meet(ray: Prepared, row: u32, bound: f32) -> bool {
     return s.x <= s.y && s.x <= bound && s.y >= ray.t_min;
 }
 
-// Goes on with the walk at a place, and keeps how far it came; whether all is seen. What it finds stands where `recall` puts it.
+// Goes on with the walk at a place, and keeps how far it came; whether all is seen. What it finds stands where `recall` puts
+// it. Nothing is kept, nor any value of a loop used after it, before loops have been seen to be whole.
 fn walk_on(place: u32, ray: Prepared, bound: f32) -> bool {
     let base = place_at(place);
     var s = Stand(blocked[base + 1u], blocked[base + 2u], blocked[base + 3u]);
     recall(s.best);
     loop {
-        let sought = next_candidate(ray, bound, base + STACK, s);
+        let sought = next_candidate(ray, bound, base, s);
         s = sought.stand;
         if !sought.found { break; }
         let enough = see(first_of(s.at));
-        if !loops_turn() { break; }
+        if !loops_turn(base + TURNS) { break; }
         s = Stand(select(others_of(s.at), NONE, enough), select(s.depth, 0u, enough), best_leaf());
-        steps += 1u;
+        keep_stand(base, s);
     }
-    keep_stand(base, s);
-    return s.at == NONE && s.depth == 0u;
+    return loops_turn(base + TURNS) && s.at == NONE && s.depth == 0u;
 }
 
-// Goes down to the next leaf that is a candidate. Where loops end early, so does this, at a node that was not looked into.
-fn next_candidate(ray: Prepared, bound: f32, stack: u32, begun: Stand) -> Sought {
+// Goes down to the next leaf that is a candidate, and keeps how far it came.
+fn next_candidate(ray: Prepared, bound: f32, base: u32, begun: Stand) -> Sought {
     var s = begun;
     loop {
         if s.at == NONE {
             if s.depth == 0u { break; }
             s.depth -= 1u;
-            s.at = blocked[stack + s.depth];
+            s.at = blocked[base + STACK + s.depth];
         }
         if (s.at & LEAF) != 0u {
             if is_candidate(ray, first_of(s.at), bound) { return Sought(s, true); }
@@ -92,14 +96,14 @@ fn next_candidate(ray: Prepared, bound: f32, stack: u32, begun: Stand) -> Sought
             let row = children_of(s.at);
             let left = may_meet(ray, row, bound);
             let right = may_meet(ray, row + 2u, bound);
-            if !loops_turn() { break; }
+            if !loops_turn(base + TURNS) { break; }
             if left && right {
-                blocked[stack + s.depth] = nodes[row + 2u].w;
+                blocked[base + STACK + s.depth] = nodes[row + 2u].w;
                 s.depth += 1u;
             }
             s.at = select(select(NONE, nodes[row + 2u].w, right), nodes[row].w, left);
+            keep_stand(base, s);
         }
-        steps += 1u;
     }
     return Sought(s, false);
 }

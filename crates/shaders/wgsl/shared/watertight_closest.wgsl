@@ -26,7 +26,7 @@ fn see_closest(ray: Prepared, leaf: u32, best: Found) -> Found {
 
 // Writes a ray's hit, t in the ray's own units.
 fn keep_closest(i: u32, ray: Prepared, best: Found) {
-    count_if_cut_short();
+    count_if_cut_short(i);
     if best.triangle == 0xffffffffu {
         hits[i] = MISS;
         return;
