@@ -23,19 +23,9 @@ pub(crate) const SLOTS: &[Slot] = &[
                 faces: &[
                     ("test", &["near", "textbook", "moller_trumbore"]),
                     ("bind", &[]),
+                    ("open", &[]),
                     ("closest", &["cut_closest", "textbook_closest"]),
                     ("any", &["turns", "cut_any", "textbook_any", "keep_any"]),
-                    (
-                        "together",
-                        &[
-                            "turns",
-                            "cut_closest",
-                            "cut_any",
-                            "textbook_closest",
-                            "textbook_any",
-                            "keep_any",
-                        ],
-                    ),
                 ],
             },
             Value {
@@ -43,19 +33,9 @@ pub(crate) const SLOTS: &[Slot] = &[
                 faces: &[
                     ("test", &["near", "textbook", "points", "woop"]),
                     ("bind", &["bind_corners"]),
+                    ("open", &[]),
                     ("closest", &["cut_closest", "textbook_closest"]),
                     ("any", &["turns", "cut_any", "textbook_any", "keep_any"]),
-                    (
-                        "together",
-                        &[
-                            "turns",
-                            "cut_closest",
-                            "cut_any",
-                            "textbook_closest",
-                            "textbook_any",
-                            "keep_any",
-                        ],
-                    ),
                 ],
             },
             Value {
@@ -63,19 +43,9 @@ pub(crate) const SLOTS: &[Slot] = &[
                 faces: &[
                     ("test", &["near", "watertight"]),
                     ("bind", &[]),
+                    ("open", &[]),
                     ("closest", &["cut_closest", "watertight_closest"]),
                     ("any", &["turns", "cut_any", "watertight_any", "keep_any"]),
-                    (
-                        "together",
-                        &[
-                            "turns",
-                            "cut_closest",
-                            "cut_any",
-                            "watertight_closest",
-                            "watertight_any",
-                            "keep_any",
-                        ],
-                    ),
                 ],
             },
             Value {
@@ -93,25 +63,9 @@ pub(crate) const SLOTS: &[Slot] = &[
                         ],
                     ),
                     ("bind", &[]),
-                    ("closest", &["bind_blocked", "sure_closest"]),
+                    ("open", &["bind_blocked"]),
+                    ("closest", &["sure_closest"]),
                     ("any", &["sure_any"]),
-                    ("together", &["sure_closest", "sure_any"]),
-                    (
-                        "left",
-                        &[
-                            "watertight",
-                            "view",
-                            "filter",
-                            "notes",
-                            "pool",
-                            "whole",
-                            "points",
-                            "line",
-                            "fixed",
-                            "determinants",
-                            "decide",
-                        ],
-                    ),
                     (
                         "settle",
                         &[

@@ -10,15 +10,12 @@
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 @group(0) @binding(8) var<storage, read_write> blocked: array<u32>;
 
+fn finish_ray(place: u32, i: u32) -> bool {
+    set_given_line(i);
+    return finish_closest(place, i, given_ray(i));
+}
+
 @compute @workgroup_size(64)
 fn finish_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let place = 4u * (group.x + group.y * groups.x) + local / 16u;
-    if !has_place(local, place, OPEN_RAYS) { return; }
-    loop {
-        let i = ray_at(place, OPEN_RAYS);
-        if i == NO_RAY { break; }
-        set_given_line(i);
-        if !finish_closest(place, i, given_ray(i)) { break; }
-        leave(place);
-    }
+    finish_open(local, group.x + group.y * groups.x, OPEN_RAYS);
 }

@@ -10,16 +10,13 @@
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 @group(0) @binding(8) var<storage, read> rays: array<vec4<u32>>;
 
+fn finish_ray(place: u32, i: u32) -> bool {
+    let way = way_to_light(hits[i], scaled_point(rays[2u * i].xyz));
+    set_line_along(way);
+    return finish_any(place, i, ray_to_light(way), hits[i].w, 3u);
+}
+
 @compute @workgroup_size(64)
 fn finish_shadow_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let place = 4u * (group.x + group.y * groups.x) + local / 16u;
-    if !has_place(local, place, OPEN_SHADOWS) { return; }
-    loop {
-        let i = ray_at(place, OPEN_SHADOWS);
-        if i == NO_RAY { break; }
-        let way = way_to_light(hits[i], scaled_point(rays[2u * i].xyz));
-        set_line_along(way);
-        if !finish_any(place, i, ray_to_light(way), hits[i].w, 3u) { break; }
-        leave(place);
-    }
+    finish_open(local, group.x + group.y * groups.x, OPEN_SHADOWS);
 }

@@ -1,22 +1,17 @@
 // Whether a ray meets anything but one triangle: the first hit ends the search.
 
-fn meets_box(ray: Prepared, low: vec4<u32>, high: vec4<u32>) -> bool {
-    let s = loose_slab(ray, bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz));
-    return s.x <= s.y && s.x <= ray.t_max && s.y >= ray.t_min;
-}
-
 fn find_any(ray: Prepared, ignore: u32) -> bool {
     var stack: array<u32, 64>;
     var depth = 0u;
     var at = nodes[0].w;
-    if !meets_box(ray, nodes[0], nodes[1]) { return false; }
+    if !meets_box(ray, nodes[0], nodes[1], ray.t_max) { return false; }
     loop {
         for (var i = 0u; i < 2u && (at & LEAF) == 0u; i += 1u) {
             let row = children_of(at);
             let l0 = nodes[row];
             let r0 = nodes[row + 2u];
-            let meets_l = meets_box(ray, l0, nodes[row + 1u]);
-            let meets_r = meets_box(ray, r0, nodes[row + 3u]);
+            let meets_l = meets_box(ray, l0, nodes[row + 1u], ray.t_max);
+            let meets_r = meets_box(ray, r0, nodes[row + 3u], ray.t_max);
             if meets_l && meets_r {
                 stack[depth] = r0.w;
                 depth += 1u;

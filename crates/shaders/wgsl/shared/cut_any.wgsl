@@ -1,4 +1,4 @@
 // Counts a ray whose search a driver ended before it was done. Its answer is still to be written.
 fn count_if_any_cut_short(i: u32) {
-    if params.bounded_loops != 0u && !loops_turn(i) { atomicAdd(&counts[10], 1u); }
+    if !loops_turn(i) { atomicAdd(&counts[10], 1u); }
 }

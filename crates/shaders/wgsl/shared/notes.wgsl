@@ -12,13 +12,22 @@ const TOO_MANY: u32 = 0xfffffffeu;
 // In place of the first weight in the hit of an open ray: no weight has such bits.
 const OPEN: u32 = 0xffffffffu;
 
-// Words of `counts`: rays that are open, and from there on those that notes do not settle, and the places that are not done.
+// Words of `counts`: rays that are open, and notes; from the former on, rays that notes do not settle, and places that are not done.
 const OPEN_RAYS: u32 = 7u;
 const OPEN_SHADOWS: u32 = 8u;
+const NOTES: u32 = 9u;
 const HARD: u32 = 4u;
 const LEFT: u32 = 6u;
 
 fn note_at(note: u32) -> u32 { return 2u * (params.first + note - FIRST_NOTE); }
+
+// A note of a leaf, in no list yet, or TOO_MANY if there is no room.
+fn new_note(leaf: u32) -> u32 {
+    let place = atomicAdd(&counts[NOTES], 1u);
+    if place >= params.notes { return TOO_MANY; }
+    blocked[note_at(place + FIRST_NOTE)] = leaf;
+    return place + FIRST_NOTE;
+}
 
 // A list to go through: empty where there was no room.
 fn listed(list: u32) -> u32 { return select(list, NO_NOTE, list == TOO_MANY); }

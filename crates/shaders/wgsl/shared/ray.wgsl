@@ -124,6 +124,12 @@ fn loose_slab(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(max(n.x, max(n.y, n.z)), min(f.x, min(f.y, f.z)));
 }
 
+// Whether a node's box is met before `bound`; its corners are the first three words of two rows.
+fn meets_box(ray: Prepared, low: vec4<u32>, high: vec4<u32>, bound: f32) -> bool {
+    let s = loose_slab(ray, bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz));
+    return s.x <= s.y && s.x <= bound && s.y >= ray.t_min;
+}
+
 // Entry and exit of the padded box; met if x <= y.
 fn slab(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
     let negative = (bitcast<vec3<u32>>(ray.inverse) >> vec3<u32>(31u)) == vec3<u32>(1u);

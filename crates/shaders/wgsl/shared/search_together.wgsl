@@ -23,18 +23,10 @@ var<private> spent: u32;
 
 fn wait(node: u32) { waiting[atomicAdd(&waiting_count, 1u)] = node; }
 
-fn may_block(ray: Prepared, row: u32) -> bool {
-    let s = loose_slab(ray, bitcast<vec3<f32>>(nodes[row].xyz), bitcast<vec3<f32>>(nodes[row + 1u].xyz));
-    return s.x <= s.y && s.x <= ray.t_max && s.y >= ray.t_min;
-}
-
 fn take_note_together(leaf: u32) {
     atomicAdd(&note_count, 1u);
-    let place = atomicAdd(&counts[9], 1u);
-    if place >= params.notes { return; }
-    let note = place + FIRST_NOTE;
-    blocked[note_at(note)] = leaf;
-    blocked[note_at(note) + 1u] = atomicExchange(&first_note, note);
+    let note = new_note(leaf);
+    if note != TOO_MANY { blocked[note_at(note) + 1u] = atomicExchange(&first_note, note); }
 }
 
 fn see_together(ray: Prepared, leaf: u32, ignore: u32) {
@@ -48,8 +40,8 @@ fn see_together(ray: Prepared, leaf: u32, ignore: u32) {
 fn visit(ray: Prepared, node: u32, ignore: u32) {
     if (node & LEAF) == 0u {
         let row = children_of(node);
-        if may_block(ray, row) { wait(nodes[row].w); }
-        if may_block(ray, row + 2u) { wait(nodes[row + 2u].w); }
+        if meets_box(ray, nodes[row], nodes[row + 1u], ray.t_max) { wait(nodes[row].w); }
+        if meets_box(ray, nodes[row + 2u], nodes[row + 3u], ray.t_max) { wait(nodes[row + 2u].w); }
         return;
     }
     see_together(ray, first_of(node), ignore);
@@ -59,7 +51,7 @@ fn visit(ray: Prepared, node: u32, ignore: u32) {
 
 fn begin_search(traced: bool, ray: Prepared, local: u32) {
     if local != 0u { return; }
-    let begins = traced && !ray.far && may_block(ray, 0u);
+    let begins = traced && !ray.far && meets_box(ray, nodes[0], nodes[1], ray.t_max);
     waiting[0] = nodes[0].w;
     atomicStore(&waiting_count, select(0u, 1u, begins));
     atomicStore(&first_note, NO_NOTE);
@@ -107,6 +99,6 @@ fn outcome_of(ray: Prepared, gave_up: bool) -> u32 {
     let notes = atomicLoad(&note_count);
     spent += select(0u, notes, params.bounded_loops != 0u);
     if atomicLoad(&surely_met) == 1u { return MET; }
-    let lost = atomicLoad(&counts[9]) > params.notes && notes > 0u;
+    let lost = atomicLoad(&counts[NOTES]) > params.notes && notes > 0u;
     return select(atomicLoad(&first_note), TOO_MANY, ray.far || gave_up || lost);
 }

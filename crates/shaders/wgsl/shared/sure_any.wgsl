@@ -7,7 +7,7 @@ fn see_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     let corners = corners_of(leaf);
     if corners.triangle == ignore { return false; }
     let j = judge(ray, corners);
-    if j.possible && !j.sure { notes = with_note(notes, leaf, 9u); }
+    if j.possible && !j.sure { notes = with_note(notes, leaf); }
     return j.sure;
 }
 

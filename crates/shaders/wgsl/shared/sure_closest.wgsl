@@ -20,11 +20,11 @@ fn see_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
     let j = judge(ray, corners_of(leaf));
     if !j.possible || !(j.low <= found.bound) { return found; }
     if !(j.sure && j.high < found.bound) {
-        return Found(found.bound, found.low, min(found.other, j.low), found.leaf, with_note(found.notes, leaf, 9u));
+        return Found(found.bound, found.low, min(found.other, j.low), found.leaf, with_note(found.notes, leaf));
     }
     // The best so far begins no later than the new one ends.
     if found.leaf == NO_LEAF || found.low > j.high { return Found(j.high, j.low, found.other, leaf, found.notes); }
-    return Found(j.high, j.low, min(found.other, found.low), leaf, with_note(found.notes, found.leaf, 9u));
+    return Found(j.high, j.low, min(found.other, found.low), leaf, with_note(found.notes, found.leaf));
 }
 
 // Writes a ray's hit, or what is known for whoever settles it.
@@ -35,7 +35,7 @@ fn keep_closest(i: u32, ray: Prepared, found: Found) {
     }
     if found.other < NEVER && found.other <= found.bound {
         var notes = found.notes;
-        if found.leaf != NO_LEAF { notes = with_note(notes, found.leaf, 9u); }
+        if found.leaf != NO_LEAF { notes = with_note(notes, found.leaf); }
         leave_open(i, found.bound, notes);
         return;
     }

@@ -56,10 +56,20 @@ fn count_step() {
     if params.bounded_loops != 0u { atomicAdd(&counts[15], 1u); }
 }
 
+// Settles rays at a place, one after another, until none is open or loops end; the kernel says how, by `finish_ray`.
+fn finish_open(local: u32, group: u32, word: u32) {
+    let place = 4u * group + local / 16u;
+    if !has_place(local, place, word) { return; }
+    loop {
+        let i = ray_at(place, word);
+        if i == NO_RAY || !finish_ray(place, i) { break; }
+        leave(place);
+    }
+}
+
 fn may_meet(ray: Prepared, row: u32, bound: f32) -> bool {
     if ray.far { return passes(nodes[row].xyz, nodes[row + 1u].xyz); }
-    let s = loose_slab(ray, bitcast<vec3<f32>>(nodes[row].xyz), bitcast<vec3<f32>>(nodes[row + 1u].xyz));
-    return s.x <= s.y && s.x <= bound && s.y >= ray.t_min;
+    return meets_box(ray, nodes[row], nodes[row + 1u], bound);
 }
 
 // Goes on with the walk at a place, and keeps how far it came; whether all is seen. What it finds stands where `recall` puts
