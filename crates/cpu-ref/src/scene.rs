@@ -10,7 +10,7 @@ use crate::refit::{refit, refit_moving};
 use crate::reserve;
 use crate::scale::Scale;
 use crate::simd::Level;
-use crate::trace::Tracer;
+use crate::trace::{Counts, Tracer};
 use crate::traverse::Target;
 use crate::triangle_test::{Record, TriangleTest};
 use crate::watertight::Watertight;
@@ -218,18 +218,23 @@ impl Scene {
     }
 
     /// See [`Tracer::closest`].
-    pub(crate) fn closest(&self, rays: Rays<'_>, out: &mut [Hit]) -> u64 {
+    pub(crate) fn closest(&self, rays: Rays<'_>, out: &mut [Hit]) -> Counts {
         with_tracer!(self, rays, closest(out))
     }
 
     /// See [`Tracer::any`].
-    pub(crate) fn any(&self, rays: Rays<'_>, out: &mut [u8]) -> u64 {
+    pub(crate) fn any(&self, rays: Rays<'_>, out: &mut [u8]) -> Counts {
         with_tracer!(self, rays, any(out))
     }
 
-    /// See [`Tracer::shadow`].
-    pub(crate) fn shadow(&self, rays: Rays<'_>, hits: &[Hit], light: Point, out: &mut [u8]) -> u64 {
-        with_tracer!(self, rays, shadow(hits, light, out))
+    /// See [`Tracer::closest_and_shadow`].
+    pub(crate) fn closest_and_shadow(
+        &self,
+        rays: Rays<'_>,
+        light: Point,
+        out: (&mut [Hit], &mut [u8]),
+    ) -> Counts {
+        with_tracer!(self, rays, closest_and_shadow(light, out))
     }
 
     /// Boxes and records, to trace through.

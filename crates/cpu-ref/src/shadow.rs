@@ -4,14 +4,14 @@ use crate::scale::{Scale, flushed};
 use geom::{Aabb, Hit, Point, Ray, Triangle};
 
 /// One unit in the last place of numbers in `[1, 2)`, halved.
-const ROUNDING: f32 = 1.0 / 16_777_216.0;
+pub(crate) const ROUNDING: f32 = 1.0 / 16_777_216.0;
 
 /// What all shadow rays of a picture share, in scaled units.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Light {
-    at: Point,
+    pub(crate) at: Point,
     /// `32 * 2^-24 * E`, with `E` the root box's longest edge.
-    clearance: f32,
+    pub(crate) clearance: f32,
 }
 
 impl Light {

@@ -54,12 +54,6 @@ impl Reach {
         let pad = r * (INNER[0] * self.farthest + INNER[1] * origin.abs());
         [-from - pad, -from + pad]
     }
-
-    /// Whether the ray starts so near that no edge function overflows.
-    #[inline]
-    pub(crate) fn is_calm(&self) -> bool {
-        self.farthest < CALM
-    }
 }
 
 /// What the box test needs of a ray.

@@ -3,7 +3,8 @@
 use crate::recording::Command;
 use crate::scene::Scene;
 use crate::snapshots::Snapshots;
-use backend::{FrameReport, Hits, Rays, Seek, StageTimes, Ticket};
+use crate::trace::Counts;
+use backend::{FrameReport, Hits, Rays, Seek, Ticket};
 use geom::{Hit, Ray};
 use std::time::Instant;
 
@@ -55,29 +56,27 @@ impl Submission {
         self.report.settled = scene.take_settled();
     }
 
+    /// A ray's hit and its shadow are one task's, so there is one time for both.
     fn trace(&mut self, scene: &Scene, rays: Rays<'_>, seek: Seek) {
         let Hits { closest, blocked } = &mut self.hits;
-        let report = &mut self.report;
-        let StageTimes {
-            trace_primary_ms,
-            trace_shadow_ms,
-            ..
-        } = &mut report.times;
-        timed(trace_primary_ms, || {
-            report.hits = if seek == Seek::Any {
-                blocked.resize(rays.count(), 0);
-                scene.any(rays, blocked)
-            } else {
+        let mut counts = Counts::default();
+        timed(&mut self.report.times.trace_primary_ms, || {
+            if seek != Seek::Any {
                 closest.resize(rays.count(), Hit::MISS);
-                scene.closest(rays, closest)
+            }
+            if seek != Seek::Closest {
+                blocked.resize(rays.count(), 0);
+            }
+            counts = match seek {
+                Seek::Any => scene.any(rays, blocked),
+                Seek::Closest => scene.closest(rays, closest),
+                Seek::ClosestAndShadow { light } => {
+                    scene.closest_and_shadow(rays, light, (closest, blocked))
+                }
             };
         });
-        if let Seek::ClosestAndShadow { light } = seek {
-            timed(trace_shadow_ms, || {
-                blocked.resize(rays.count(), 0);
-                report.blocked = scene.shadow(rays, closest, light, blocked);
-            });
-        }
+        self.report.hits = counts.hits;
+        self.report.blocked = counts.blocked;
     }
 
     fn copy_positions(&mut self, ticket: Ticket, scene: &Scene, snapshots: &mut Snapshots) {

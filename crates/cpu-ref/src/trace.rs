@@ -4,10 +4,11 @@ use crate::preprocess::Geometry;
 use crate::scale::Scale;
 use crate::search::{Asked, Search};
 use crate::shadow::Light;
-use crate::tiles::{fill_list, fill_picture};
+use crate::tiles::{Sink, fill_list, fill_picture};
 use crate::traverse::{Stack, Tree};
 use backend::Rays;
 use geom::{Hit, Point, Ray};
+use std::ops::Add;
 use std::sync::atomic::AtomicU64;
 
 /// Rays, and all they can meet.
@@ -23,40 +24,101 @@ pub(crate) struct Tracer<'a, N> {
     pub(crate) settled: &'a AtomicU64,
 }
 
+/// What some rays came to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Counts {
+    /// Rays that hit something.
+    pub(crate) hits: u64,
+    /// Hits that the light does not reach.
+    pub(crate) blocked: u64,
+}
+
+impl Add for Counts {
+    type Output = Self;
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self {
+            hits: self.hits + other.hits,
+            blocked: self.blocked + other.blocked,
+        }
+    }
+}
+
+/// What is found of one ray.
+pub(crate) trait Answer: Copy + Send {
+    /// What is counted of it.
+    fn counts(&self) -> Counts;
+}
+
+/// A closest hit.
+impl Answer for Hit {
+    #[inline(always)]
+    fn counts(&self) -> Counts {
+        let hits = u64::from(self.is_hit());
+        Counts { hits, blocked: 0 }
+    }
+}
+
+/// 1 for a ray that hits something.
+impl Answer for u8 {
+    #[inline(always)]
+    fn counts(&self) -> Counts {
+        let hits = u64::from(*self);
+        Counts { hits, blocked: 0 }
+    }
+}
+
+/// A closest hit, and 1 where the light does not reach it.
+impl Answer for (Hit, u8) {
+    #[inline(always)]
+    fn counts(&self) -> Counts {
+        let blocked = u64::from(self.1);
+        Counts {
+            blocked,
+            ..self.0.counts()
+        }
+    }
+}
+
 impl<N: Tree> Tracer<'_, N> {
-    /// Closest hits, in the rays' order; returns how many rays hit.
-    pub(crate) fn closest<S: Search<N>>(&self, out: &mut [Hit]) -> u64 {
-        let one = |stack: &mut Stack, index: usize| {
-            let asked = self.asked(self.ray(index), self.geometry.scale);
-            S::closest(&asked, stack).unwrap_or(Hit::MISS)
-        };
-        self.fill(out, one, Hit::is_hit)
+    /// Closest hits, in the rays' order.
+    pub(crate) fn closest<S: Search<N>>(&self, out: &mut [Hit]) -> Counts {
+        self.fill(out, |stack, index| self.closest_of::<S>(index, stack))
     }
 
-    /// 1 for each ray that hits anything; returns how many do.
-    pub(crate) fn any<S: Search<N>>(&self, out: &mut [u8]) -> u64 {
-        let one = |stack: &mut Stack, index: usize| {
-            let asked = self.asked(self.ray(index), self.geometry.scale);
+    /// 1 for each ray that hits anything.
+    pub(crate) fn any<S: Search<N>>(&self, out: &mut [u8]) -> Counts {
+        self.fill(out, |stack, index| {
+            let asked = self.asked(ray(self.rays, index), self.geometry.scale);
             u8::from(S::any(&asked, None, stack))
-        };
-        self.fill(out, one, is_set)
+        })
     }
 
-    /// 1 for each of `hits` that the light does not reach; returns how many.
-    pub(crate) fn shadow<S: Search<N>>(&self, hits: &[Hit], light: Point, out: &mut [u8]) -> u64 {
+    /// Closest hits, and 1 for each that the light does not reach.
+    pub(crate) fn closest_and_shadow<S: Search<N>>(
+        &self,
+        light: Point,
+        out: (&mut [Hit], &mut [u8]),
+    ) -> Counts {
         let scale = self.geometry.scale;
         let light = Light::new(light, scale, &self.tree.root());
-        let one = |stack: &mut Stack, index: usize| {
-            let hit = &hits[index];
+        self.fill(out, |stack, index| {
+            let hit = self.closest_of::<S>(index, stack);
             if !hit.is_hit() {
-                return 0;
+                return (hit, 0);
             }
-            let eye = scale.apply(self.ray(index).origin);
+            let eye = scale.apply(ray(self.rays, index).origin);
             let corners = self.geometry.scaled_corners(hit.triangle);
-            let asked = self.asked(light.ray(hit, &corners, eye), Scale::ONE);
-            u8::from(S::any(&asked, Some(hit.triangle), stack))
-        };
-        self.fill(out, one, is_set)
+            let asked = self.asked(light.ray(&hit, &corners, eye), Scale::ONE);
+            (hit, u8::from(S::any(&asked, Some(hit.triangle), stack)))
+        })
+    }
+
+    #[inline]
+    fn closest_of<S: Search<N>>(&self, index: usize, stack: &mut Stack) -> Hit {
+        let asked = self.asked(ray(self.rays, index), self.geometry.scale);
+        S::closest(&asked, stack).unwrap_or(Hit::MISS)
     }
 
     #[inline]
@@ -70,37 +132,34 @@ impl<N: Tree> Tracer<'_, N> {
         }
     }
 
-    fn ray(&self, index: usize) -> Ray {
-        ray(self.rays, index)
-    }
-
-    fn fill<T: Send>(
+    fn fill<O: Sink<Entry: Answer>>(
         &self,
-        out: &mut [T],
-        one: impl Fn(&mut Stack, usize) -> T + Sync,
-        counted: impl Fn(&T) -> bool + Sync,
-    ) -> u64 {
+        out: O,
+        one: impl Fn(&mut Stack, usize) -> O::Entry + Sync,
+    ) -> Counts {
         match self.rays {
-            Rays::Camera(camera) if !out.is_empty() => {
+            Rays::Camera(camera) if out.size() > 0 => {
                 fill_picture(out, camera.width as usize, |tiles| {
-                    let (mut stack, mut count) = (Stack::new(), 0);
-                    tiles.for_each(|index, entry| {
-                        *entry = one(&mut stack, index);
-                        count += u64::from(counted(entry));
-                    });
-                    count
+                    let (mut stack, mut sum) = (Stack::new(), Counts::default());
+                    tiles.fill(|index| counted(one(&mut stack, index), &mut sum));
+                    sum
                 })
             }
-            _ => fill_list(out, |first, out| {
-                let (mut stack, mut count) = (Stack::new(), 0);
-                for (index, entry) in (first..).zip(out) {
-                    *entry = one(&mut stack, index);
-                    count += u64::from(counted(entry));
+            _ => fill_list(out, |first, mut out| {
+                let (mut stack, mut sum) = (Stack::new(), Counts::default());
+                for at in 0..out.size() {
+                    out.set(at, counted(one(&mut stack, first + at), &mut sum));
                 }
-                count
+                sum
             }),
         }
     }
+}
+
+#[inline(always)]
+fn counted<A: Answer>(answer: A, sum: &mut Counts) -> A {
+    *sum = *sum + answer.counts();
+    answer
 }
 
 /// The ray of that index.
@@ -113,8 +172,4 @@ pub(crate) fn ray(rays: Rays<'_>, index: usize) -> Ray {
             camera.ray((index % width) as u32, (index / width) as u32)
         }
     }
-}
-
-fn is_set(flag: &u8) -> bool {
-    *flag != 0
 }

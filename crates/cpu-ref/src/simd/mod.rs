@@ -71,6 +71,8 @@ pub(crate) trait Lanes: Copy {
     fn least(self) -> f32;
     /// The greatest number of all lanes, which must be numbers.
     fn most(self) -> f32;
+    /// Writes `word` to the places of the lanes that are set.
+    fn put(words: &mut [u32; 16], mask: Self::Mask, word: u32);
 }
 
 /// Sixteen numbers as two halves of eight.

@@ -103,6 +103,12 @@ impl<const N: usize> Lanes for Plain<N> {
             .iter()
             .fold(f32::NEG_INFINITY, |a, &b| if a > b { a } else { b })
     }
+    #[inline(always)]
+    fn put(words: &mut [u32; 16], mask: [bool; N], word: u32) {
+        for (to, set) in words.iter_mut().zip(mask) {
+            *to = if set { word } else { *to };
+        }
+    }
 }
 
 impl Halves for Plain<16> {

@@ -73,6 +73,10 @@ fn operations<L: Lanes>(a: L, b: L, all: &mut Vec<u32>) {
         let number = |x: &f32| if x.is_nan() { u32::MAX } else { x.to_bits() };
         all.extend(r.store().as_ref().iter().map(number));
     }
+    let mut words = std::array::from_fn(|i| i as u32);
+    L::put(&mut words, a.less(b), 99);
+    L::put(&mut words, L::mask(0x0481), 88);
+    all.extend(words);
     let (less, at_most) = (a.less(b), a.at_most(b));
     all.extend(
         [

@@ -158,6 +158,10 @@ vector! {
     };
     least(self) -> f32 = least(self.0);
     most(self) -> f32 = -least(_mm256_xor_ps(self.0, _mm256_set1_ps(-0.0)));
+    put(words: &mut [u32; 16], mask: __m256, word: u32) -> () = {
+        let (word, mask) = (_mm256_set1_epi32(word as i32), _mm256_castps_si256(mask));
+        _mm256_maskstore_epi32(words.as_mut_ptr().cast(), mask, word);
+    };
 }
 
 vector! {
@@ -174,6 +178,8 @@ vector! {
     mask(bits: u32) -> __mmask8 = bits as u8;
     least(self) -> f32 = least(self.0);
     most(self) -> f32 = -least(_mm256_xor_ps(self.0, _mm256_set1_ps(-0.0)));
+    put(words: &mut [u32; 16], mask: __mmask8, word: u32) -> () =
+        _mm256_mask_storeu_epi32(words.as_mut_ptr().cast(), mask, _mm256_set1_epi32(word as i32));
 }
 
 vector! {
@@ -190,6 +196,8 @@ vector! {
     mask(bits: u32) -> __mmask16 = bits as u16;
     least(self) -> f32 = _mm512_reduce_min_ps(self.0);
     most(self) -> f32 = _mm512_reduce_max_ps(self.0);
+    put(words: &mut [u32; 16], mask: __mmask16, word: u32) -> () =
+        _mm512_mask_storeu_epi32(words.as_mut_ptr().cast(), mask, _mm512_set1_epi32(word as i32));
 }
 
 impl Halves for Zmm {
@@ -289,6 +297,13 @@ impl Lanes for YmmPair {
     #[inline(always)]
     fn most(self) -> f32 {
         self.0.max(self.1).most()
+    }
+    #[inline(always)]
+    fn put(words: &mut [u32; 16], mask: [__m256; 2], word: u32) {
+        let bits = Self::bits(mask);
+        for (lane, to) in words.iter_mut().enumerate() {
+            *to = if bits >> lane & 1 == 1 { word } else { *to };
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Neighbouring pixels, as many as a packet has lanes.
 
 use crate::simd::{Lanes, each};
-use crate::tiles::Tiles;
+use crate::tiles::{Sink, Tiles};
 use geom::Camera;
 
 /// Columns of a cell; its rows follow from the lanes.
@@ -23,7 +23,7 @@ pub(crate) struct Cell {
 impl Cell {
     /// The cell whose upper left entry among those of `tiles` is `at`.
     #[inline(always)]
-    pub(crate) fn new<T>(tiles: &Tiles<'_, T>, at: [usize; 2], size: [usize; 2]) -> Self {
+    pub(crate) fn new<O: Sink>(tiles: &Tiles<O>, at: [usize; 2], size: [usize; 2]) -> Self {
         let (index, width) = (tiles.index(at[0], at[1]), tiles.width());
         let corner = [index % width, index / width];
         let columns = size[0].min(tiles.columns() - at[0]);

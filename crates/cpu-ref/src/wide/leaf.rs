@@ -93,7 +93,7 @@ impl<L: Lanes> TriangleRay<L> {
 
     /// The watertight test of each lane's ray with each lane's triangle. `t` is clamped, and no later than `best`.
     ///
-    /// Rays must be [calm](crate::slab::Reach::is_calm): no edge function may overflow.
+    /// Rays must start within [`crate::slab::CALM`]: no edge function may overflow.
     #[inline(always)]
     fn meet_corners(&self, corners: &Relative<L>, best: L) -> Option<Meetings<L>> {
         let [x, y, along] = shear(corners, &self.shear);

@@ -5,13 +5,18 @@
 //! (Wald, Benthin, Boulos 2008). Boxes of single triangles are not kept: whoever needs one has its
 //! corners at hand. What a hit is does not change, nor does one bit of it.
 
+mod alone;
 mod bundle;
 mod cell;
+mod few;
 mod fit;
 mod fold;
+mod found;
 mod jobs;
 mod leaf;
+mod light;
 mod moving;
+mod neighbours;
 mod packet;
 mod search;
 mod single;
@@ -20,6 +25,7 @@ mod tests;
 mod together;
 mod trace;
 mod tree;
+mod trust;
 mod visit;
 mod walk;
 #[cfg(test)]

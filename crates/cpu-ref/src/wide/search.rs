@@ -2,33 +2,44 @@
 
 use super::leaf::{Meetings, TriangleRay};
 use super::single::OneRay;
-use super::tree::{Block, LANES, Wide};
+use super::tree::{Block, LANES, NOWHERE, Wide, place};
 use super::walk::{AnyVisitor, NodeRay, Stack, Visitor, walk, walk_any};
 use crate::simd::{Isa, Lanes};
 use geom::Hit;
 use std::marker::PhantomData;
 
+/// A hit, and where its triangle lies in the tree: the block's number times [`LANES`], and the lane.
+#[derive(Clone, Copy)]
+pub(crate) struct Placed {
+    pub(crate) hit: Hit,
+    pub(crate) place: u32,
+}
+
 /// The closest hit so far.
 struct Closest<'a, R, L> {
     blocks: &'a [Block],
     ray: &'a R,
-    best: Hit,
+    best: Placed,
     lanes: PhantomData<L>,
 }
 
 impl<R: OneRay, L: Lanes<Array = [f32; LANES]>> Visitor for Closest<'_, R, L> {
     #[inline(always)]
-    fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
-        let block = &self.blocks[block];
+    fn block(&mut self, index: usize, bound: f32) -> Option<f32> {
+        let block = &self.blocks[index];
         if let Some(met) = TriangleRay::<L>::single(self.ray).meet(block, bound) {
-            take_best(&mut self.best, block, &met);
+            take_best(&mut self.best, (block, index), &met);
         }
-        Some(self.best.t)
+        Some(self.best.hit.t)
     }
 }
 
 #[inline(always)]
-fn take_best<L: Lanes<Array = [f32; LANES]>>(best: &mut Hit, block: &Block, met: &Meetings<L>) {
+fn take_best<L: Lanes<Array = [f32; LANES]>>(
+    best: &mut Placed,
+    (block, index): (&Block, usize),
+    met: &Meetings<L>,
+) {
     let (t, u, v) = (met.t.store(), met.u.store(), met.v.store());
     let mut lanes = met.lanes;
     while lanes != 0 {
@@ -40,8 +51,9 @@ fn take_best<L: Lanes<Array = [f32; LANES]>>(best: &mut Hit, block: &Block, met:
             v: v[lane],
             triangle: block.triangles[lane],
         };
-        if hit.is_before(best) {
-            *best = hit;
+        if hit.is_before(&best.hit) {
+            let place = place(index, lane);
+            *best = Placed { hit, place };
         }
     }
 }
@@ -69,37 +81,34 @@ impl<R: OneRay, L: Lanes<Array = [f32; LANES]>> AnyVisitor for Any<'_, R, L> {
     }
 }
 
-/// The closest hit, its `t` in scaled units.
+/// The closest hit, its `t` in scaled units; a miss has no place.
 #[inline(always)]
-pub(crate) fn closest<I: Isa>(tree: &Wide, ray: &impl OneRay, stack: &mut Stack) -> Option<Hit> {
+pub(crate) fn closest<I: Isa>(tree: &Wide, ray: &impl OneRay, stack: &mut Stack) -> Placed {
     let mut closest = Closest {
         blocks: &tree.blocks,
         ray,
         lanes: PhantomData::<I::Eight>,
-        best: Hit {
-            t: ray.t_max(),
-            ..Hit::MISS
+        best: Placed {
+            hit: Hit {
+                t: ray.t_max(),
+                ..Hit::MISS
+            },
+            place: NOWHERE,
         },
     };
     let node_ray = NodeRay::<I::Eight>::new(ray);
     walk::<I, _>(tree, (&node_ray, ray.t_max()), stack, &mut closest);
-    closest.best.is_hit().then_some(closest.best)
+    closest.best
 }
 
-/// Whether the ray hits any triangle but `skipped`.
+/// Whether the ray hits any triangle but `skipped`, which may be none: that of a miss.
 #[inline(always)]
-pub(crate) fn any<I: Isa>(
-    tree: &Wide,
-    ray: &impl OneRay,
-    skipped: Option<u32>,
-    stack: &mut Stack,
-) -> bool {
+pub(crate) fn any<I: Isa>(tree: &Wide, ray: &impl OneRay, skipped: u32, stack: &mut Stack) -> bool {
     let mut any = Any {
         blocks: &tree.blocks,
         ray,
         lanes: PhantomData::<I::Eight>,
-        // No triangle has the index of a miss.
-        skipped: skipped.unwrap_or(Hit::MISS.triangle),
+        skipped,
     };
     let node_ray = NodeRay::<I::Eight>::new(ray);
     walk_any::<I>(tree, (&node_ray, ray.t_max()), stack, &mut any)

@@ -112,15 +112,16 @@ pub(crate) struct Group<L: Lanes> {
 }
 
 /// Rays lane by lane, as they were given.
-struct Given<L> {
-    origin: [L; 3],
-    direction: [L; 3],
-    limits: [L; 2],
+pub(crate) struct Given<L> {
+    pub(crate) origin: [L; 3],
+    pub(crate) direction: [L; 3],
+    /// `t_min` and `t_max`.
+    pub(crate) limits: [L; 2],
 }
 
 impl<L: Lanes> Given<L> {
     #[inline(always)]
-    fn new(rays: &[Ray; MOST_RAYS]) -> Self {
+    pub(crate) fn of(rays: &[Ray; MOST_RAYS]) -> Self {
         let spare = L::splat(0.0).store();
         let (mut origin, mut direction, mut limits) = ([spare; 3], [spare; 3], [spare; 2]);
         let lanes = L::ALL.count_ones() as usize;
@@ -137,6 +138,27 @@ impl<L: Lanes> Given<L> {
             direction: each!(i => L::load(&direction[i])),
             limits: [L::load(&limits[0]), L::load(&limits[1])],
         }
+    }
+
+    /// The ray in one lane.
+    #[cold]
+    pub(crate) fn ray(&self, lane: usize) -> Ray {
+        let at = |x: L| x.store().as_ref()[lane];
+        Ray {
+            origin: self.origin.map(at),
+            t_min: at(self.limits[0]),
+            direction: self.direction.map(at),
+            t_max: at(self.limits[1]),
+        }
+    }
+
+    /// [`Scale::apply`] of all starts.
+    #[inline(always)]
+    pub(crate) fn scaled_origin(&self, scale: Scale) -> [L; 3] {
+        each!(i => {
+            let x = self.origin[i].mul(L::splat(scale.factor()));
+            x.replace(x.abs().less(L::splat(Scale::LEAST)), L::splat(0.0))
+        })
     }
 
     /// Lanes whose numbers are finite, but for the limits, and in order.
@@ -186,13 +208,9 @@ impl<L: Lanes> Powers<L> {
 impl<L: Lanes> Group<L> {
     /// Rays over the first lanes of `L`; those beyond are left alone. The tree's whole box is `root`.
     #[inline(always)]
-    pub(crate) fn new(rays: &[Ray; MOST_RAYS], scale: Scale, root: &Aabb) -> Self {
-        let given = Given::<L>::new(rays);
+    pub(crate) fn new(given: &Given<L>, scale: Scale, root: &Aabb) -> Self {
         let powers = Powers::of(&given.direction);
-        let origin = each!(i => {
-            let x = given.origin[i].mul(L::splat(scale.factor()));
-            x.replace(x.abs().less(L::splat(Scale::LEAST)), L::splat(0.0))
-        });
+        let origin = given.scaled_origin(scale);
         let d = each!(i => {
             let d = given.direction[i].mul(powers.down);
             d.replace(d.abs().less(L::splat(LEAST_COMPONENT)), L::splat(0.0))

@@ -2,7 +2,7 @@
 
 use super::bundle::Bundle;
 use super::packet::Packet;
-use super::tree::{Block, LANES, Wide};
+use super::tree::{Block, LANES, NOWHERE, Wide, place};
 use super::walk::{Stack, Visitor, walk};
 use crate::simd::{Halves, Isa, Lanes, each};
 use geom::Hit;
@@ -13,11 +13,15 @@ pub(crate) struct Found<L: Lanes> {
     pub(crate) t: L,
     pub(crate) u: L,
     pub(crate) v: L,
-    pub(crate) triangles: [u32; MOST_RAYS],
+    /// Where the triangles lie.
+    pub(crate) places: [u32; MOST_RAYS],
 }
 
 /// Rays of the widest packet.
 pub(crate) const MOST_RAYS: usize = 16;
+
+/// No ray leaves a triangle out.
+pub(crate) const NONE: [u32; MOST_RAYS] = [Hit::MISS.triangle; MOST_RAYS];
 
 /// Triangles that a packet tests before its rays go one by one, as where each hits another triangle.
 const TRIANGLES: u32 = 256;
@@ -31,13 +35,13 @@ pub(crate) fn closest<I: Isa>(
 ) -> Option<Found<I::Packet>> {
     let mut closest = Closest {
         patience: TRIANGLES,
-        blocks: &tree.blocks,
+        tree,
         packet,
         found: Found {
             t: packet.t_max,
             u: I::Packet::splat(0.0),
             v: I::Packet::splat(0.0),
-            triangles: [Hit::MISS.triangle; MOST_RAYS],
+            places: [NOWHERE; MOST_RAYS],
         },
     };
     let bound = packet.t_max.mul(packet.level).most();
@@ -80,7 +84,7 @@ fn within_reach<P: Halves>(block: &Block, rays: &Bundle<P>, bound: f32) -> u32 {
 }
 
 struct Closest<'a, L: Lanes, P> {
-    blocks: &'a [Block],
+    tree: &'a Wide,
     packet: &'a Packet<L, P>,
     found: Found<L>,
     /// Triangles that may still be tested.
@@ -89,16 +93,15 @@ struct Closest<'a, L: Lanes, P> {
 
 impl<L: Lanes, P: Halves> Visitor for Closest<'_, L, P> {
     #[inline(always)]
-    fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
-        let block = &self.blocks[block];
+    fn block(&mut self, index: usize, bound: f32) -> Option<f32> {
+        let block = &self.tree.blocks[index];
         let mut lanes = within_reach(block, &self.packet.bundle, bound);
         self.patience = self.patience.checked_sub(lanes.count_ones())?;
         let mut changed = false;
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize % LANES;
             lanes &= lanes - 1;
-            let triangle = block.triangles[lane];
-            changed |= self.triangle(block, lane, triangle);
+            changed |= self.triangle(block, (lane, place(index, lane)));
         }
         if changed {
             return Some(self.found.t.mul(self.packet.level).most());
@@ -109,27 +112,27 @@ impl<L: Lanes, P: Halves> Visitor for Closest<'_, L, P> {
 
 impl<L: Lanes, P> Closest<'_, L, P> {
     #[inline(always)]
-    fn triangle(&mut self, block: &Block, lane: usize, triangle: u32) -> bool {
+    fn triangle(&mut self, block: &Block, (lane, place): (usize, u32)) -> bool {
         let found = &mut self.found;
         let Some(met) = self.packet.rays.meet_one(block, lane, found.t) else {
             return false;
         };
-        let nearer = L::bits(met.t.less(found.t)) & met.lanes;
-        let mut better = nearer;
-        let mut rest = met.lanes;
-        while rest != 0 {
-            let ray = rest.trailing_zeros() as usize % MOST_RAYS;
-            rest &= rest - 1;
-            // As near as the one before: the lower index wins.
-            if nearer >> ray & 1 == 1 || triangle < found.triangles[ray] {
+        let mut better = L::bits(met.t.less(found.t)) & met.lanes;
+        let mut as_near = met.lanes & !better;
+        while as_near != 0 {
+            let ray = as_near.trailing_zeros() as usize % MOST_RAYS;
+            as_near &= as_near - 1;
+            // The lower index wins.
+            let other = found.places[ray];
+            if other == NOWHERE || block.triangles[lane] < self.tree.triangle_at(other) {
                 better |= 1 << ray;
-                found.triangles[ray] = triangle;
             }
         }
         let mask = L::mask(better);
         found.t = found.t.replace(mask, met.t);
         found.u = found.u.replace(mask, met.u);
         found.v = found.v.replace(mask, met.v);
+        L::put(&mut found.places, mask, place);
         better != 0
     }
 }

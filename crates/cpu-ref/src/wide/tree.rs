@@ -4,9 +4,9 @@ use super::moving::Moving;
 use crate::reserve;
 use crate::simd::Level;
 use crate::triangle_test::Record;
-use backend::Result;
+use backend::{BackendError, Result};
 use bvh_layout::{BlockTree, Ranges, Topology};
-use geom::{Aabb, StaticParts};
+use geom::{Aabb, StaticParts, Triangle};
 use rayon::iter::IndexedParallelIterator;
 use std::sync::Arc;
 
@@ -44,6 +44,18 @@ pub(crate) struct Block {
     /// Index in the scene; `u32::MAX` in lanes without a triangle.
     pub(crate) triangles: [u32; LANES],
 }
+
+/// Where a triangle lies: in a lane of a block.
+#[inline(always)]
+pub(crate) fn place(block: usize, lane: usize) -> u32 {
+    (block * LANES + lane) as u32
+}
+
+/// No triangle's place.
+pub(crate) const NOWHERE: u32 = u32::MAX;
+
+/// More have places that are no 32-bit numbers. They would take 170 GB.
+const MOST_BLOCKS: usize = NOWHERE as usize / LANES;
 
 impl Node {
     pub(crate) const UNUSED: Self = Self {
@@ -118,6 +130,12 @@ impl Wide {
             Some(shape) => Arc::clone(shape),
             None => Arc::new(BlockTree::of(tree, triangles, &[])),
         };
+        if shape.blocks.len() > MOST_BLOCKS {
+            return Err(BackendError::OutOfMemory {
+                what: "blocks of triangles".to_owned(),
+                bytes: size_of_val(&shape.blocks[..]) as u64,
+            });
+        }
         let nodes = larger(&self.nodes, shape.nodes.len(), "nodes")?;
         let blocks = larger(&self.blocks, shape.blocks.len(), "blocks of triangles")?;
         let outgrown = (
@@ -131,6 +149,20 @@ impl Wide {
         // Giving much memory back takes a while.
         rayon::spawn(move || drop((old, outgrown)));
         Ok(())
+    }
+}
+
+impl Wide {
+    /// The triangle in a place.
+    #[inline(always)]
+    pub(crate) fn triangle_at(&self, place: u32) -> u32 {
+        self.blocks[place as usize / LANES].triangles[place as usize % LANES]
+    }
+
+    /// Its corners, in scaled units.
+    #[inline(always)]
+    pub(crate) fn corners_at(&self, place: u32) -> Triangle {
+        self.blocks[place as usize / LANES].triangle(place as usize % LANES)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Boxes of inner nodes against the box test that decides hits.
 
-use super::single::{Group, InGroup, OneRay, SingleRay};
+use super::single::{Given, Group, InGroup, OneRay, SingleRay};
 use super::together::MOST_RAYS;
 use super::tree::{EMPTY, LANES, Planes};
 use super::walk::{BoxTest, NodeRay};
@@ -98,7 +98,7 @@ proptest! {
         };
         let reach = Reach::new(&prepared, &root);
         check(&SingleRay::new(&prepared, &reach), &bounds)?;
-        let group = Group::<Plain<8>>::new(&[ray; MOST_RAYS], Scale::ONE, &root);
+        let group = Group::<Plain<8>>::new(&Given::of(&[ray; MOST_RAYS]), Scale::ONE, &root);
         if group.ready & 1 == 1 {
             check(&InGroup { group: &group, lane: 0 }, &bounds)?;
         }
