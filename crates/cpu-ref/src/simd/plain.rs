@@ -48,6 +48,10 @@ impl<const N: usize> Lanes for Plain<N> {
         self.zip(other, |a, b| a / b)
     }
     #[inline(always)]
+    fn about(self, by: Self, plus: Self) -> Self {
+        self.mul(by).add(plus)
+    }
+    #[inline(always)]
     fn min(self, other: Self) -> Self {
         self.zip(other, |a, b| if a < b { a } else { b })
     }

@@ -43,7 +43,7 @@ impl Isa for Avx512 {
 }
 
 pub(super) fn has_avx2() -> bool {
-    has!("avx2") && has!("bmi1") && has!("bmi2") && has!("lzcnt") && has!("popcnt")
+    has!("avx2") && has!("fma") && has!("bmi1") && has!("bmi2") && has!("lzcnt") && has!("popcnt")
 }
 
 pub(super) fn has_avx512() -> bool {
@@ -52,7 +52,7 @@ pub(super) fn has_avx512() -> bool {
 
 #[inline]
 pub(super) fn run_avx2<W: Work>(work: W) -> W::Out {
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     fn inside<W: Work>(work: W) -> W::Out {
         work.run::<Avx2>()
     }
@@ -62,7 +62,7 @@ pub(super) fn run_avx2<W: Work>(work: W) -> W::Out {
 
 #[inline]
 pub(super) fn run_avx512<W: Work>(work: W) -> W::Out {
-    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,bmi1,bmi2,lzcnt,popcnt")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     fn inside<W: Work>(work: W) -> W::Out {
         work.run::<Avx512>()
     }
@@ -99,7 +99,7 @@ macro_rules! operation {
 /// A vector type: its register, its length, its masks and its instructions.
 macro_rules! vector {
     ($(#[$doc:meta])* $name:ident = $register:ty, $count:literal, $mask:ty;
-     $load:ident $store:ident $splat:ident $add:ident $sub:ident $mul:ident $div:ident $min:ident $max:ident
+     $load:ident $store:ident $splat:ident $add:ident $sub:ident $mul:ident $div:ident $fma:ident $min:ident $max:ident
      $and:ident $xor:ident; $($rest:tt)*) => {
         $(#[$doc])*
         #[derive(Clone, Copy)]
@@ -116,6 +116,7 @@ macro_rules! vector {
                 sub(self, b: Self) -> Self = Self($sub(self.0, b.0));
                 mul(self, b: Self) -> Self = Self($mul(self.0, b.0));
                 div(self, b: Self) -> Self = Self($div(self.0, b.0));
+                about(self, by: Self, plus: Self) -> Self = Self($fma(self.0, by.0, plus.0));
                 min(self, b: Self) -> Self = Self($min(self.0, b.0));
                 max(self, b: Self) -> Self = Self($max(self.0, b.0));
                 abs(self) -> Self = Self($and(self.0, $splat(f32::from_bits(0x7fff_ffff))));
@@ -144,7 +145,7 @@ vector! {
     /// Eight numbers; masks are vectors.
     Ymm = __m256, 8, __m256;
     _mm256_loadu_ps _mm256_storeu_ps _mm256_set1_ps _mm256_add_ps _mm256_sub_ps _mm256_mul_ps _mm256_div_ps
-    _mm256_min_ps _mm256_max_ps _mm256_and_ps _mm256_xor_ps;
+    _mm256_fmadd_ps _mm256_min_ps _mm256_max_ps _mm256_and_ps _mm256_xor_ps;
     less(self, b: Self) -> __m256 = _mm256_cmp_ps::<_CMP_LT_OQ>(self.0, b.0);
     at_most(self, b: Self) -> __m256 = _mm256_cmp_ps::<_CMP_LE_OQ>(self.0, b.0);
     replace(self, mask: __m256, b: Self) -> Self = Self(_mm256_blendv_ps(self.0, b.0, mask));
@@ -168,7 +169,7 @@ vector! {
     /// Eight numbers; masks are bits.
     MaskedYmm = __m256, 8, __mmask8;
     _mm256_loadu_ps _mm256_storeu_ps _mm256_set1_ps _mm256_add_ps _mm256_sub_ps _mm256_mul_ps _mm256_div_ps
-    _mm256_min_ps _mm256_max_ps _mm256_and_ps _mm256_xor_ps;
+    _mm256_fmadd_ps _mm256_min_ps _mm256_max_ps _mm256_and_ps _mm256_xor_ps;
     less(self, b: Self) -> __mmask8 = _mm256_cmp_ps_mask::<_CMP_LT_OQ>(self.0, b.0);
     at_most(self, b: Self) -> __mmask8 = _mm256_cmp_ps_mask::<_CMP_LE_OQ>(self.0, b.0);
     replace(self, mask: __mmask8, b: Self) -> Self = Self(_mm256_mask_blend_ps(mask, self.0, b.0));
@@ -186,7 +187,7 @@ vector! {
     /// Sixteen numbers; masks are bits.
     Zmm = __m512, 16, __mmask16;
     _mm512_loadu_ps _mm512_storeu_ps _mm512_set1_ps _mm512_add_ps _mm512_sub_ps _mm512_mul_ps _mm512_div_ps
-    _mm512_min_ps _mm512_max_ps _mm512_and_ps _mm512_xor_ps;
+    _mm512_fmadd_ps _mm512_min_ps _mm512_max_ps _mm512_and_ps _mm512_xor_ps;
     less(self, b: Self) -> __mmask16 = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(self.0, b.0);
     at_most(self, b: Self) -> __mmask16 = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(self.0, b.0);
     replace(self, mask: __mmask16, b: Self) -> Self = Self(_mm512_mask_blend_ps(mask, self.0, b.0));
@@ -238,6 +239,10 @@ impl Lanes for YmmPair {
     #[inline(always)]
     fn splat(x: f32) -> Self {
         Self(Ymm::splat(x), Ymm::splat(x))
+    }
+    #[inline(always)]
+    fn about(self, by: Self, plus: Self) -> Self {
+        Self(self.0.about(by.0, plus.0), self.1.about(by.1, plus.1))
     }
     #[inline(always)]
     fn load(from: &[f32; 16]) -> Self {

@@ -98,7 +98,7 @@ impl<L: Lanes<Array = [f32; LANES]>> BoxTest<L> for NodeRay<L> {
         let t = each!(axis => {
             let ([near, far], r) = (at[axis], self.inverse[axis]);
             let starts = self.starts[axis];
-            [near.mul(r).add(starts[n]), far.mul(r).add(starts[f])]
+            [near.about(r, starts[n]), far.about(r, starts[f])]
         });
         let entry = self.t_min.max(t[0][n]).max(t[1][n].max(t[2][n]));
         let exit = L::splat(best).min(t[0][f]).min(t[1][f].min(t[2][f]));

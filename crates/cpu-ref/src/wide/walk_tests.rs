@@ -6,7 +6,7 @@ use super::tree::{EMPTY, LANES, Planes};
 use super::walk::{BoxTest, NodeRay};
 use crate::ray::PreparedRay;
 use crate::scale::Scale;
-use crate::simd::{Lanes, Plain};
+use crate::simd::{Isa, Lanes, Level, Plain, Work};
 use crate::slab::Reach;
 use geom::{Aabb, Point, Ray};
 use proptest::prelude::*;
@@ -74,15 +74,34 @@ fn in_lane(bounds: &Aabb, lane: usize) -> Planes {
     planes
 }
 
+/// The lanes of `planes` that a ray meets, and where it enters each.
+struct Meet<'a, R> {
+    ray: &'a R,
+    planes: Planes,
+}
+
+impl<R: OneRay> Work for Meet<'_, R> {
+    type Out = (u32, [f32; LANES]);
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> (u32, [f32; LANES]) {
+        let node_ray = NodeRay::<I::Eight>::new(self.ray);
+        let (lanes, entries) = node_ray.meet(&self.planes, f32::INFINITY);
+        (lanes, entries.store())
+    }
+}
+
 fn check(ray: &impl OneRay, bounds: &Aabb) -> Result<(), TestCaseError> {
     let [entry, exit] = strict(ray, bounds);
     let lane = 5;
-    let node_ray = NodeRay::<Plain<8>>::new(ray);
-    let (lanes, entries) = node_ray.meet(&in_lane(bounds, lane), f32::INFINITY);
-    prop_assert_eq!(lanes & !(1 << lane), 0, "empty lanes are never met");
-    if entry <= exit {
-        prop_assert_eq!(lanes, 1 << lane, "{} {}", entry, exit);
-        prop_assert!(entries.store()[lane] <= entry);
+    for level in Level::all() {
+        let planes = in_lane(bounds, lane);
+        let (lanes, entries) = level.run(Meet { ray, planes });
+        prop_assert_eq!(lanes & !(1 << lane), 0, "empty lanes are never met");
+        if entry <= exit {
+            prop_assert_eq!(lanes, 1 << lane, "{:?}: {} {}", level, entry, exit);
+            prop_assert!(entries[lane] <= entry, "{:?}", level);
+        }
     }
     Ok(())
 }
