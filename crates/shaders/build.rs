@@ -17,7 +17,7 @@ use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use std::fmt::Write;
 use std::path::Path;
-use stitch::{Arithmetic, Filling, Source};
+use stitch::{Arithmetic, Filling, Loops, Source};
 
 fn main() -> Result<()> {
     println!("cargo::rerun-if-changed=wgsl");
@@ -55,12 +55,12 @@ fn compile_variant(source: &Source, filling: &Filling) -> Result<String> {
     let values = filling.iter().map(|(_, value)| value.name);
     let name: Vec<_> = [source.stem.as_str()].into_iter().chain(values).collect();
     let name = name.join(".");
-    let opaque = source.stitch(filling, Arithmetic::Opaque)?;
-    parse(&opaque, Capabilities::empty()).with_context(|| name.clone())?;
-    let plain = source.stitch(filling, Arithmetic::Plain)?;
-    let (module, info) = parse(&plain, Capabilities::empty()).with_context(|| name.clone())?;
-    let words = spv::write_vec(&module, &info, &options((1, 3)), None)?;
-    let spirv = harden::harden(&words)?;
+    let (code, module) = code(source, filling, Loops::Whole).with_context(|| name.clone())?;
+    let mut bounded = "None".to_owned();
+    if source.has_loops() {
+        let (code, _) = self::code(source, filling, Loops::Bounded)?;
+        bounded = format!("Some({code})");
+    }
     let entry = &source.stem;
     let workgroup = reflect::workgroup(&module, entry)?;
     let shared = reflect::shared_bytes(&module);
@@ -70,11 +70,23 @@ fn compile_variant(source: &Source, filling: &Filling) -> Result<String> {
     let mut text = String::new();
     writeln!(
         text,
-        "Kernel {{ name: {name:?}, entry: {entry:?}, slots: &{slots:?}, wgsl: {opaque:?}, \
-         spirv: &{spirv:?}, workgroup: {workgroup:?}, \
+        "Kernel {{ name: {name:?}, entry: {entry:?}, slots: &{slots:?}, code: {code}, \
+         bounded: {bounded}, workgroup: {workgroup:?}, \
          shared_bytes: {shared}, bindings: &[{bindings}] }},"
     )?;
     Ok(text)
+}
+
+/// WGSL and SPIR-V as a Rust expression, and the module.
+fn code(source: &Source, filling: &Filling, loops: Loops) -> Result<(String, naga::Module)> {
+    let opaque = source.stitch(filling, Arithmetic::Opaque, loops)?;
+    parse(&opaque, Capabilities::empty())?;
+    let plain = source.stitch(filling, Arithmetic::Plain, loops)?;
+    let (module, info) = parse(&plain, Capabilities::empty())?;
+    let words = spv::write_vec(&module, &info, &options((1, 3)), None)?;
+    let spirv = harden::harden(&words)?;
+    let code = format!("Code {{ wgsl: {opaque:?}, spirv: &{spirv:?} }}");
+    Ok((code, module))
 }
 
 fn parse(source: &str, capabilities: Capabilities) -> Result<(naga::Module, ModuleInfo)> {

@@ -8,7 +8,11 @@ use shaders::{KERNELS, Kernel, Kind};
 use std::sync::Arc;
 
 /// Kernels ready to be bound: those that all methods share, and those of every method loaded so far.
-pub(crate) struct Pipelines(Vec<Pipeline>);
+pub(crate) struct Pipelines {
+    made: Vec<Pipeline>,
+    /// Whether kernels must not trust their loops; known once the first of them has run.
+    pub(crate) loops_may_end: bool,
+}
 
 pub(crate) struct Pipeline {
     pub(crate) kernel: &'static Kernel,
@@ -22,9 +26,9 @@ pub(crate) struct Pipeline {
 impl Pipelines {
     /// Those that all methods share.
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
-        let mut made = Self(Vec::new());
-        made.make(gpu, |k| k.slots.is_empty() && !k.makes_trees())?;
-        Ok(made)
+        let mut all = Self::from(Vec::new());
+        all.make(gpu, |k| k.slots.is_empty() && !k.makes_trees())?;
+        Ok(all)
     }
 
     /// These alone.
@@ -33,8 +37,10 @@ impl Pipelines {
         kernels: impl IntoIterator<Item = &'static Kernel>,
     ) -> Result<Self> {
         let _door = one_at_a_time();
-        let all = kernels.into_iter().map(|kernel| Pipeline::new(gpu, kernel));
-        all.collect::<Result<_>>().map(Self)
+        let all = kernels
+            .into_iter()
+            .map(|k| Pipeline::new(gpu, k, k.code.spirv));
+        all.collect::<Result<Vec<_>>>().map(Self::from)
     }
 
     /// Makes what `method` needs and is not there yet.
@@ -51,14 +57,15 @@ impl Pipelines {
         let _door = one_at_a_time();
         for kernel in KERNELS.iter().filter(|k| wanted(k)) {
             if self.find(kernel).is_none() {
-                self.0.push(Pipeline::new(gpu, kernel)?);
+                let code = kernel.code_for(self.loops_may_end);
+                self.made.push(Pipeline::new(gpu, kernel, code.spirv)?);
             }
         }
         Ok(())
     }
 
     fn find(&self, kernel: &Kernel) -> Option<&Pipeline> {
-        self.0.iter().find(|p| p.kernel.name == kernel.name)
+        self.made.iter().find(|p| p.kernel.name == kernel.name)
     }
 
     pub(crate) fn get(&self, kernel: &Kernel) -> &Pipeline {
@@ -67,8 +74,17 @@ impl Pipelines {
     }
 }
 
+impl From<Vec<Pipeline>> for Pipelines {
+    fn from(made: Vec<Pipeline>) -> Self {
+        Self {
+            made,
+            loops_may_end: false,
+        }
+    }
+}
+
 impl Pipeline {
-    fn new(gpu: &Arc<Gpu>, kernel: &'static Kernel) -> Result<Self> {
+    fn new(gpu: &Arc<Gpu>, kernel: &'static Kernel, spirv: &[u32]) -> Result<Self> {
         let mut made = Self {
             kernel,
             vk: vk::Pipeline::null(),
@@ -96,13 +112,18 @@ impl Pipeline {
         // SAFETY: as above.
         made.layout =
             unsafe { gpu.vk.create_pipeline_layout(&info, None) }.map_err(failed(kernel.name))?;
-        made.vk = compile(gpu, kernel, made.layout)?;
+        made.vk = compile(gpu, kernel, spirv, made.layout)?;
         Ok(made)
     }
 }
 
-fn compile(gpu: &Gpu, kernel: &Kernel, layout: vk::PipelineLayout) -> Result<vk::Pipeline> {
-    let info = vk::ShaderModuleCreateInfo::default().code(kernel.spirv);
+fn compile(
+    gpu: &Gpu,
+    kernel: &Kernel,
+    spirv: &[u32],
+    layout: vk::PipelineLayout,
+) -> Result<vk::Pipeline> {
+    let info = vk::ShaderModuleCreateInfo::default().code(spirv);
     // SAFETY: the words are SPIR-V that the build validated.
     let module =
         unsafe { gpu.vk.create_shader_module(&info, None) }.map_err(refused(kernel.name))?;

@@ -87,9 +87,10 @@ impl WgpuBackend {
     }
 
     fn over(gpu: Gpu, modules: Modules, validation: bool) -> Result<Self> {
-        let pipelines = Pipelines::new(&gpu, modules)?;
+        let mut pipelines = Pipelines::new(&gpu, modules)?;
         let mut window = Window::default();
         let found = selftest::run(&gpu, &pipelines, &mut window)?;
+        pipelines.loops_may_end = found.loop_turns.is_some();
         Ok(Self {
             device: Device {
                 backend: "wgpu",

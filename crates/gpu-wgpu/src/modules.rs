@@ -6,7 +6,7 @@
 
 use crate::device::Gpu;
 use backend::Result;
-use shaders::Kernel;
+use shaders::{Code, Kernel};
 use wgpu::{ShaderModule, ShaderModuleDescriptor, ShaderRuntimeChecks, ShaderSource};
 
 /// In which form kernels go in.
@@ -21,25 +21,25 @@ pub(crate) enum Modules {
 }
 
 impl Modules {
-    pub(crate) fn load(self, gpu: &Gpu, kernel: &Kernel) -> Result<ShaderModule> {
+    pub(crate) fn load(self, gpu: &Gpu, kernel: &Kernel, code: Code) -> Result<ShaderModule> {
         let load = || match self {
-            Self::Best if gpu.takes_spirv() => pass_through(&gpu.device, kernel),
-            Self::Best | Self::TrustedWgsl => trusted(&gpu.device, kernel),
-            Self::CheckedWgsl => gpu.device.create_shader_module(wgsl(kernel)),
+            Self::Best if gpu.takes_spirv() => pass_through(&gpu.device, kernel, code),
+            Self::Best | Self::TrustedWgsl => trusted(&gpu.device, kernel, code),
+            Self::CheckedWgsl => gpu.device.create_shader_module(wgsl(kernel, code)),
         };
         gpu.guard(kernel.name, 0, load)
     }
 }
 
-fn wgsl(kernel: &Kernel) -> ShaderModuleDescriptor<'_> {
+fn wgsl(kernel: &Kernel, code: Code) -> ShaderModuleDescriptor<'_> {
     ShaderModuleDescriptor {
         label: Some(kernel.name),
-        source: ShaderSource::Wgsl(kernel.wgsl.into()),
+        source: ShaderSource::Wgsl(code.wgsl.into()),
     }
 }
 
 /// The very words that `gpu-vulkan` loads.
-fn pass_through(device: &wgpu::Device, kernel: &Kernel) -> ShaderModule {
+fn pass_through(device: &wgpu::Device, kernel: &Kernel, code: Code) -> ShaderModule {
     let [x, y, z] = kernel.workgroup;
     let entry = wgpu::PassthroughShaderEntryPoint {
         name: kernel.entry.into(),
@@ -48,14 +48,14 @@ fn pass_through(device: &wgpu::Device, kernel: &Kernel) -> ShaderModule {
     let desc = wgpu::ShaderModuleDescriptorPassthrough {
         label: Some(kernel.name),
         entry_points: vec![entry].into(),
-        spirv: Some(kernel.spirv.into()),
+        spirv: Some(code.spirv.into()),
         ..Default::default()
     };
     // SAFETY: the words were validated by the build that made them; their bindings are those of the layout.
     unsafe { device.create_shader_module_passthrough(desc) }
 }
 
-fn trusted(device: &wgpu::Device, kernel: &Kernel) -> ShaderModule {
+fn trusted(device: &wgpu::Device, kernel: &Kernel, code: Code) -> ShaderModule {
     // Every check by name: nothing is left to a default that may change.
     let checks = ShaderRuntimeChecks {
         bounds_checks: false,
@@ -67,5 +67,5 @@ fn trusted(device: &wgpu::Device, kernel: &Kernel) -> ShaderModule {
     };
     // SAFETY: kernels stay within buffers whose sizes follow from a checked record of the tree and a
     // checked animation, their loops pop a finite stack, and they divide no integers by what may be zero.
-    unsafe { device.create_shader_module_trusted(wgsl(kernel), checks) }
+    unsafe { device.create_shader_module_trusted(wgsl(kernel, code), checks) }
 }

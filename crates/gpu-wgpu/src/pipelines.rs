@@ -5,12 +5,14 @@ use crate::modules::Modules;
 use backend::{Method, Result};
 use shaders::{Binding, KERNELS, Kernel, Kind, Params};
 use std::num::NonZeroU64;
-use wgpu::{BindGroupLayout, BufferBindingType, ComputePipeline};
+use wgpu::{BindGroupLayout, BufferBindingType, ComputePipeline, ShaderModule};
 
 /// Kernels ready to be bound: those that all methods share, and those of every method loaded so far.
 pub(crate) struct Pipelines {
     made: Vec<Pipeline>,
     modules: Modules,
+    /// Whether kernels must not trust their loops; known once the first of them has run.
+    pub(crate) loops_may_end: bool,
 }
 
 pub(crate) struct Pipeline {
@@ -22,8 +24,11 @@ pub(crate) struct Pipeline {
 impl Pipelines {
     /// Those that all methods share.
     pub(crate) fn new(gpu: &Gpu, modules: Modules) -> Result<Self> {
-        let made = Vec::new();
-        let mut pipelines = Self { made, modules };
+        let mut pipelines = Self {
+            made: Vec::new(),
+            modules,
+            loops_may_end: false,
+        };
         pipelines.make(gpu, |k| k.slots.is_empty() && !k.makes_trees())?;
         Ok(pipelines)
     }
@@ -41,7 +46,9 @@ impl Pipelines {
     fn make(&mut self, gpu: &Gpu, wanted: impl Fn(&Kernel) -> bool) -> Result<()> {
         for kernel in KERNELS.iter().filter(|k| wanted(k)) {
             if self.find(kernel).is_none() {
-                self.made.push(Pipeline::new(gpu, kernel, self.modules)?);
+                let code = kernel.code_for(self.loops_may_end);
+                let module = self.modules.load(gpu, kernel, code)?;
+                self.made.push(Pipeline::new(gpu, kernel, &module)?);
             }
         }
         Ok(())
@@ -58,13 +65,12 @@ impl Pipelines {
 }
 
 impl Pipeline {
-    fn new(gpu: &Gpu, kernel: &'static Kernel, modules: Modules) -> Result<Self> {
-        let module = modules.load(gpu, kernel)?;
+    fn new(gpu: &Gpu, kernel: &'static Kernel, module: &ShaderModule) -> Result<Self> {
         gpu.guard(kernel.name, 0, || {
             let layout = bind_group_layout(gpu, kernel);
             Self {
                 kernel,
-                wgpu: compute_pipeline(gpu, kernel, &module, &layout),
+                wgpu: compute_pipeline(gpu, kernel, module, &layout),
                 layout,
             }
         })

@@ -14,6 +14,15 @@ pub(crate) enum Arithmetic {
     Opaque,
 }
 
+/// What loops are trusted to do.
+#[derive(Clone, Copy)]
+pub(crate) enum Loops {
+    /// To turn as often as they should.
+    Whole,
+    /// To end early, if the parameters say so.
+    Bounded,
+}
+
 /// A kernel's file, its slots not yet filled.
 pub(crate) struct Source {
     /// The file's stem, which is the entry point's name.
@@ -76,8 +85,18 @@ impl Source {
         all
     }
 
+    /// Whether its loops may be trusted or not.
+    pub(crate) fn has_loops(&self) -> bool {
+        self.uses.split_whitespace().any(|word| word == "loops")
+    }
+
     /// The whole text.
-    pub(crate) fn stitch(&self, filling: &Filling, arithmetic: Arithmetic) -> Result<String> {
+    pub(crate) fn stitch(
+        &self,
+        filling: &Filling,
+        arithmetic: Arithmetic,
+        loops: Loops,
+    ) -> Result<String> {
         let mut source = String::new();
         for word in self.uses.split_whitespace() {
             let parts = match place(word) {
@@ -85,7 +104,7 @@ impl Source {
                 None => std::slice::from_ref(&word),
             };
             for part in parts {
-                append(&mut source, part, arithmetic)?;
+                append(&mut source, part, arithmetic, loops)?;
             }
         }
         Ok(number_bindings(&(source + &self.body)))
@@ -111,10 +130,12 @@ fn filler(filling: &Filling, (name, face): (&str, &str)) -> Option<&'static [&'s
     value.face(face)
 }
 
-fn append(source: &mut String, part: &str, arithmetic: Arithmetic) -> Result<()> {
-    let part = match (part, arithmetic) {
-        ("ieee", Arithmetic::Plain) => "ieee_plain",
-        ("ieee", Arithmetic::Opaque) => "ieee_opaque",
+fn append(source: &mut String, part: &str, arithmetic: Arithmetic, loops: Loops) -> Result<()> {
+    let part = match (part, arithmetic, loops) {
+        ("ieee", Arithmetic::Plain, _) => "ieee_plain",
+        ("ieee", Arithmetic::Opaque, _) => "ieee_opaque",
+        ("loops", _, Loops::Whole) => "loops_whole",
+        ("loops", _, Loops::Bounded) => "loops_bounded",
         _ => part,
     };
     let path = format!("wgsl/shared/{part}.wgsl");

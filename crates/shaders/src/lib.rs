@@ -57,16 +57,25 @@ pub struct Kernel {
     pub entry: &'static str,
     /// Its slots, each with what fills it; none for kernels that every method shares.
     pub slots: &'static [(&'static str, &'static str)],
-    /// WGSL with opaque arithmetic.
-    pub wgsl: &'static str,
-    /// SPIR-V 1.3 with NoContraction.
-    pub spirv: &'static [u32],
+    /// The kernel itself.
+    pub code: Code,
+    /// The same for devices that may end loops early ([`backend::Device::loop_turns`]), of kernels that take heed of it: to do so costs others time.
+    pub bounded: Option<Code>,
     /// Invocations of a workgroup.
     pub workgroup: [u32; 3],
     /// Bytes that a workgroup shares.
     pub shared_bytes: u32,
     /// What it reads and writes, by number, all in group 0.
     pub bindings: &'static [Binding],
+}
+
+/// A kernel as hosts load it, in two forms that give the same bits.
+#[derive(Clone, Copy, Debug)]
+pub struct Code {
+    /// WGSL with opaque arithmetic.
+    pub wgsl: &'static str,
+    /// SPIR-V 1.3 with NoContraction.
+    pub spirv: &'static [u32],
 }
 
 /// A buffer that a kernel asks for.
@@ -116,6 +125,13 @@ impl Kernel {
     pub fn serves(&self, method: Method) -> bool {
         let fits = |&(slot, value): &(_, _)| variant::value(slot, method) == value;
         self.slots.iter().all(fits)
+    }
+
+    /// What to load on a device whose loops may end early or not.
+    #[must_use]
+    pub fn code_for(&self, loops_may_end: bool) -> Code {
+        let bounded = self.bounded.filter(|_| loops_may_end);
+        bounded.unwrap_or(self.code)
     }
 
     /// Whether it is of use to [`rebuild`] alone; a host makes those when it first makes a tree.

@@ -64,7 +64,8 @@ mod tests {
             intersector: Intersector::Exact,
             layout: Layout::Bvh2,
         };
-        let says = |entry: &str, what: &str| assert!(kernel(entry, method).wgsl.contains(what));
+        let says =
+            |entry: &str, what: &str| assert!(kernel(entry, method).code.wgsl.contains(what));
         says("finish_rays", &format!("const PLACE: u32 = {PLACE}u;"));
         says(
             "finish_rays",

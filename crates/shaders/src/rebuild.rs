@@ -192,7 +192,7 @@ mod tests {
     #[test]
     fn the_hosts_numbers_are_the_kernels() {
         let has = |kernel: &str, text: &str| {
-            let found = common(kernel).wgsl.contains(text);
+            let found = common(kernel).code.wgsl.contains(text);
             assert!(found, "{kernel} lacks {text}");
         };
         has("cluster", &format!("const TILE: u32 = {}u;", phases::TILE));

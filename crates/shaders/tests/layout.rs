@@ -6,7 +6,7 @@ use std::mem::{offset_of, size_of};
 #[test]
 fn params_lie_as_the_kernels_read_them() {
     for kernel in KERNELS {
-        let module = naga::front::wgsl::parse_str(kernel.wgsl).unwrap();
+        let module = naga::front::wgsl::parse_str(kernel.code.wgsl).unwrap();
         let (_, ty) = module
             .types
             .iter()

@@ -2,7 +2,7 @@
 
 use rspirv::dr::{Module, Operand, load_words};
 use rspirv::spirv::{Decoration, Op};
-use shaders::KERNELS;
+use shaders::{KERNELS, Kernel};
 use std::collections::HashSet;
 
 /// Additions, subtractions and multiplications in `loose_*` of wgsl/shared/filter.wgsl.
@@ -26,8 +26,9 @@ fn loose_operations(module: &Module) -> usize {
 
 #[test]
 fn only_inner_boxes_and_the_filter_of_exact_may_be_fused_and_no_name_is_left() {
-    for kernel in KERNELS {
-        let module = load_words(kernel.spirv).unwrap();
+    let codes = |k: &'static Kernel| [Some(k.code), k.bounded].into_iter().flatten();
+    for (kernel, code) in KERNELS.iter().flat_map(|k| codes(k).map(move |c| (k, c))) {
+        let module = load_words(code.spirv).unwrap();
         let traces = kernel.bindings.iter().any(|b| b.name == "records")
             && kernel.bindings.iter().all(|b| b.name != "topology");
         // Two products and two sums of vectors for boxes.

@@ -1,4 +1,4 @@
-//! use params ieee divide exact units ray {intersector.settle} first settle_closest given line_of
+//! use params loops ieee divide exact units ray {intersector.settle} first settle_closest given line_of
 // The closest hits of given rays that `trace_rays` left open: as many invocations as there may be share the list.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

@@ -1,4 +1,4 @@
-//! use params ieee divide exact units ray {intersector.settle} settle_any to_light way shade line_to_light
+//! use params loops ieee divide exact units ray {intersector.settle} settle_any to_light way shade line_to_light
 // The shadows that `trace_and_shadow_camera` and `shadow_left` left open.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

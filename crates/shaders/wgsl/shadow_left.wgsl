@@ -1,4 +1,4 @@
-//! use params ieee divide exact units ray {intersector.settle} {layout.nodes} search_together settle_any to_light way shade line_to_light
+//! use params loops ieee divide exact units ray {intersector.settle} {layout.nodes} search_together settle_any to_light way shade line_to_light
 // The shadows of the hits that `trace_and_shadow_camera` left open, now that they are settled: a workgroup a ray.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

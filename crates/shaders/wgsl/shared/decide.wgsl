@@ -29,12 +29,12 @@ fn begin_settling(local: u32, group: u32, word: u32) -> u32 {
 // Where loops may end early, those that it happens to say nothing.
 fn expect_hard_rays(word: u32) {
     atomicStore(&counts[word + LEFT], params.places);
-    if params.bounded_loops != 0u && open_rays > 0u { atomicAdd(&counts[word + HARD], 1u); }
+    if loops_may_end() && open_rays > 0u { atomicAdd(&counts[word + HARD], 1u); }
 }
 
 // Whether the loops of all of a workgroup were whole, in this round and those before, counted from 1. All of it call it.
 fn all_loops_turn(local: u32, round: u32) -> bool {
-    if params.bounded_loops == 0u { return true; }
+    if !loops_may_end() { return true; }
     // One that fell out of step is missed here, and ever after.
     turns[local] = 0u;
     for (var i = params.zero; i < 2u; i += 1u) { turns[local] += 1u; }
@@ -79,7 +79,7 @@ fn decide_notes(list: u32, local: u32) {
 
 // How often a workgroup goes on to the next notes of its rays. Where loops may end early, no vector may be ended alone: it
 // would be missed at barriers. A turn here is at most 1100 of all loops: two notes are compared by numbers of 12 limbs.
-fn most_turns() -> u32 { return select(0xffffffffu, 48u, params.bounded_loops != 0u); }
+fn most_turns() -> u32 { return select(0xffffffffu, 48u, loops_may_end()); }
 
 // What is left of a list, and whether nothing is left to any ray of the workgroup.
 struct Rest { list: u32, all_done: bool }

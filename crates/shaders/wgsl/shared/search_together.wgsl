@@ -60,7 +60,7 @@ fn begin_search(traced: bool, ray: Prepared, local: u32) {
 }
 
 fn is_too_long(waits: u32) -> bool {
-    return waits + 64u > ROOM || (params.bounded_loops != 0u && spent + atomicLoad(&note_count) > BUDGET);
+    return waits + 64u > ROOM || (loops_may_end() && spent + atomicLoad(&note_count) > BUDGET);
 }
 
 // How many nodes wait, and whether to end: 1 if there is an answer, 2 if there will be none.
@@ -97,7 +97,7 @@ fn search_together(traced: bool, ray: Prepared, ignore: u32, local: u32) -> u32 
 
 fn outcome_of(ray: Prepared, gave_up: bool) -> u32 {
     let notes = atomicLoad(&note_count);
-    spent += select(0u, notes, params.bounded_loops != 0u);
+    spent += select(0u, notes, loops_may_end());
     if atomicLoad(&surely_met) == 1u { return MET; }
     let lost = atomicLoad(&counts[NOTES]) > params.notes && notes > 0u;
     return select(atomicLoad(&first_note), TOO_MANY, ray.far || gave_up || lost);

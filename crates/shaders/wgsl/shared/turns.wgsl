@@ -6,7 +6,7 @@
 // stands in memory is sure. So the turns are counted there, in a word of this invocation's own.
 
 fn loops_turn(word: u32) -> bool {
-    if params.bounded_loops == 0u { return true; }
+    if !loops_may_end() { return true; }
     blocked[word] = 0u;
     // Twice, which the compiler must not know.
     for (var i = params.zero; i < 2u; i += 1u) { blocked[word] += 1u; }

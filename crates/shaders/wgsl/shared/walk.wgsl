@@ -53,7 +53,7 @@ fn leave(place: u32) {
 
 // Something came of this dispatch.
 fn count_step() {
-    if params.bounded_loops != 0u { atomicAdd(&counts[15], 1u); }
+    if loops_may_end() { atomicAdd(&counts[15], 1u); }
 }
 
 // Settles rays at a place, one after another, until none is open or loops end; the kernel says how, by `finish_ray`.
