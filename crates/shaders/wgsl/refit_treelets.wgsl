@@ -24,14 +24,31 @@ fn costs_of_others(first: u32, number: u32) -> vec4<f32> {
     return select(vec4<f32>(0.0), all, (i == at) & (i != vec4<u32>(number)));
 }
 
-// Writes what the tree costs; `own` is this treelet's sum, for invocation 0.
-fn write_cost(t: Treelet, local: u32, own: f32, share: f32) {
+// Sixteen sums of what all invocations stored, for the first sixteen.
+fn sixteenth(local: u32) -> f32 {
+    var sum = 0.0;
+    if local < 16u {
+        for (var k = 0u; k < GROUP / 16u; k += 1u) { sum += partial_sums[local + 16u * k]; }
+    }
+    return sum;
+}
+
+// For invocation 0 the sum of `x` over the workgroup, and that of the first sixteen's `part`. As `sum_of_group`.
+fn both_sums(local: u32, x: f32, part: f32) -> vec2<f32> {
+    partial_sums[local] = x;
     workgroupBarrier();
-    let rest = sum_of_group(local, share);
-    if local != 0u { return; }
-    let root = topology[t.roots_at];
-    counts[params.destination] = bitcast<u32>(own + rest);
-    counts[5] = bitcast<u32>(half_area(low_of(root), high_of(root)));
+    let sum = sixteenth(local);
+    // Nobody else reads these two.
+    if local < 16u {
+        partial_sums[local] = sum;
+        partial_sums[local + 16u] = part;
+    }
+    workgroupBarrier();
+    var both = vec2<f32>(0.0);
+    if local == 0u {
+        for (var k = 0u; k < 16u; k += 1u) { both += vec2<f32>(partial_sums[k], partial_sums[k + 16u]); }
+    }
+    return both;
 }
 
 @compute @workgroup_size(256)
@@ -44,18 +61,28 @@ fn refit_treelets(
     if place >= params.count { return; }
     let number = treelet_at(place);
     let t = treelet(number);
-    let inner = inner_word(t, local);
-    let share = others(local, number);
+    let inner = inner_word(number, local);
+    let root = topology[t.roots_at];
+    // All that is read is asked for before any of it is waited for.
+    let leaf = t.first_leaf + 2u * min(local, t.leaf_count - 1u);
+    let low = nodes[leaf];
+    let high = nodes[leaf + 1u];
+    partial_sums[local] = others(local, number);
     if local < t.leaf_count {
-        let low = nodes[t.first_leaf + 2u * local];
-        let high = nodes[t.first_leaf + 2u * local + 1u];
         keep_box(LEAVES + local, low.xyz, high.xyz);
         keep_leaf(local, low.w);
     }
     workgroupBarrier();
-    let area = refit_treelet(t, local, inner);
+    // Whoever adds up what all cost has an inner node, so there is a barrier before these are overwritten.
+    var part = 0.0;
+    if params.first_group > 0u { part = sixteenth(local); }
+    let area = refit_treelet(t, inner);
     write_treelet(t, local);
-    let sum = sum_of_group(local, area);
-    if local == 0u { costs[number] = sum; }
-    if params.first_group > 0u { write_cost(t, local, sum, share); }
+    let sums = both_sums(local, area, part);
+    if local != 0u { return; }
+    costs[number] = sums.x;
+    if params.first_group > 0u {
+        counts[params.destination] = bitcast<u32>(sums.x + sums.y);
+        counts[5] = bitcast<u32>(half_area(low_of(root), high_of(root)));
+    }
 }

@@ -82,7 +82,7 @@ fn take<'a>(from: &mut &'a mut [u32], count: usize) -> &'a mut [u32] {
 }
 
 impl Task<'_> {
-    /// Returns its inner nodes and its height.
+    /// Returns how many inner nodes it has and its height. Their words are sorted: those of a height are neighbours.
     fn run(mut self) -> (u32, u32) {
         let own = self.triangles.len();
         self.triangles.copy_from_slice(&self.order[..own]);
@@ -92,6 +92,7 @@ impl Task<'_> {
             self.root_words[i] = reference;
             height = its_height.max(height);
         }
+        self.inner[..inner as usize].sort_unstable_by_key(|word| word >> 18);
         (inner, height)
     }
 
@@ -111,7 +112,7 @@ impl Task<'_> {
         let (left, left_height) = self.enter(left, inner);
         let (right, right_height) = self.enter(right, inner);
         let height = 1 + left_height.max(right_height);
-        self.inner[own as usize] = left | right << 9 | height << 18;
+        self.inner[own as usize] = left | right << 9 | own << 18 | (height - 1) << 26;
         (own, height)
     }
 }

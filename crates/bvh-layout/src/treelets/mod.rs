@@ -33,17 +33,19 @@ use std::ops::Range;
 /// | `9 T` | treelets, level by level from the triangles up; see [`Treelet`] |
 /// | `R` | roots, treelet by treelet: a reference each |
 /// | `n` | triangles, depth first; bit 31 is 1 if the next one shares the leaf |
-/// | `I` | inner nodes, treelet by treelet, each subtree in preorder |
+/// | `I` | inner nodes, treelet by treelet, by height |
 ///
 /// A *reference* has 9 bits and names a node of the same treelet: the inner node
 /// of that number, or with bit 8 the leaf that begins with the triangle (on
 /// higher levels: with the root of the level below) of that number.
-/// An inner node's word is the left child's reference, the right one's from bit
-/// 9, and its height from bit 18: 1 if both children are leaves.
+/// Inner nodes are numbered in preorder, subtree by subtree. An inner node's word is the left
+/// child's reference, the right one's from bit 9, its own number from bit 18, and from bit 26 how many
+/// inner nodes lie at most below it, one below the other: 0 if both children are leaves. They
+/// stand in the order of their heights, so that a device's vectors make one height at a time.
 ///
 /// # Where a device keeps the nodes
 ///
-/// In rows of 16 bytes: inner node `i` (of all, from 0) has the rows `4 (i + 1) ..`, two
+/// In rows of 16 bytes: inner node `i` (of all by their numbers, treelet by treelet, from 0) has the rows `4 (i + 1) ..`, two
 /// for the box of each child. Roots have two rows each, after the last inner node, level by
 /// level; that of the whole tree, which is the last, has rows 0 and 1.
 ///

@@ -67,11 +67,14 @@ impl Reader<'_> {
             return (leaf(number), 0);
         }
         assert!(number < entry.inner_count);
-        let word = self.word(entry.inner_at + number);
+        let words = (0..entry.inner_count).map(|i| self.word(entry.inner_at + i));
+        let word = words.clone().find(|word| word >> 18 & 255 == number);
+        let word = word.expect("every inner node has a word");
+        assert!(words.is_sorted_by_key(|word| word >> 26));
         let (left, left_height) = self.node(entry, word & 511, leaf);
         let (right, right_height) = self.node(entry, word >> 9 & 511, leaf);
         let height = 1 + left_height.max(right_height);
-        assert_eq!(word >> 18, height);
+        assert_eq!((word >> 26) + 1, height);
         assert!(height <= entry.height);
         (Found::over(left, right), height)
     }

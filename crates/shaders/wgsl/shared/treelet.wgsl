@@ -32,7 +32,8 @@ fn treelet(number: u32) -> Treelet {
     );
 }
 
-// Boxes of all nodes, coordinate by coordinate, then what traversal calls each leaf. Before that, records on their way.
+// Boxes of all nodes, coordinate by coordinate, then what traversal calls each leaf. Upper corners lie half a row
+// of banks away from lower ones, as both are read at once.
 var<workgroup> kept: array<u32, 3328>;
 
 fn low_of(place: u32) -> vec4<u32> {
@@ -40,16 +41,16 @@ fn low_of(place: u32) -> vec4<u32> {
 }
 
 fn high_of(place: u32) -> vec4<u32> {
-    return vec4<u32>(kept[place + 3u * PLACES], kept[place + 4u * PLACES], kept[place + 5u * PLACES], 0u);
+    return vec4<u32>(kept[(place ^ 16u) + 3u * PLACES], kept[(place ^ 16u) + 4u * PLACES], kept[(place ^ 16u) + 5u * PLACES], 0u);
 }
 
 fn keep_box(place: u32, low: vec3<u32>, high: vec3<u32>) {
     kept[place] = low.x;
     kept[place + PLACES] = low.y;
     kept[place + 2u * PLACES] = low.z;
-    kept[place + 3u * PLACES] = high.x;
-    kept[place + 4u * PLACES] = high.y;
-    kept[place + 5u * PLACES] = high.z;
+    kept[(place ^ 16u) + 3u * PLACES] = high.x;
+    kept[(place ^ 16u) + 4u * PLACES] = high.y;
+    kept[(place ^ 16u) + 5u * PLACES] = high.z;
 }
 
 fn keep_leaf(leaf: u32, name: u32) {
@@ -75,19 +76,21 @@ fn join(place: u32, left: u32, right: u32) -> f32 {
 // What each inner node is made of, as `topology` has it.
 var<workgroup> kept_words: array<u32, GROUP>;
 
-// The word of this invocation's inner node, to be read early: it takes a while to come.
-fn inner_word(t: Treelet, local: u32) -> u32 {
-    if local < t.inner_count { return topology[t.inner_at + local]; }
+// The word of this invocation's inner node, 0 if it has none; to be read early: it takes a while to come.
+fn inner_word(number: u32, local: u32) -> u32 {
+    if local < topology[9u * number + 3u] { return topology[topology[9u * number + 2u] + local]; }
     return 0u;
 }
 
 // Boxes of inner nodes from those of leaves; returns the half areas of the children that this invocation
 // read. Every invocation must call it with its word, in uniform control flow, the leaves being kept.
-fn refit_treelet(t: Treelet, local: u32, word: u32) -> f32 {
-    kept_words[local] = word;
+fn refit_treelet(t: Treelet, word: u32) -> f32 {
+    let own = (word >> 18u) & 255u;
+    let own_height = select((word >> 26u) + 1u, 0u, word == 0u);
+    if word != 0u { kept_words[own] = word; }
     var area = 0.0;
     for (var height = 1u; height <= t.height; height += 1u) {
-        if word >> 18u == height { area = join(local, word & 511u, (word >> 9u) & 511u); }
+        if own_height == height { area = join(own, word & 511u, (word >> 9u) & 511u); }
         workgroupBarrier();
     }
     return area;

@@ -1,0 +1,79 @@
+// A workgroup of 256 makes all of a treelet of triangles, an invocation a triangle. Areas are added up as `refit` does,
+// one partial sum a treelet. How many workgroups a device has in flight depends on registers: what is not needed
+// while corners are at hand is read later, and what is rarely needed, again.
+
+const LEAF: u32 = 0x80000000u;
+const TWO: u32 = 0x40000000u;
+const SHARED: u32 = 0x80000000u;
+const EMPTY_LOW: u32 = 0x7f800000u;
+const EMPTY_HIGH: u32 = 0xff800000u;
+
+struct Box { low: vec3<u32>, high: vec3<u32> }
+
+fn vertices_of(leaf: u32) -> vec3<u32> {
+    return vec3<u32>(leaf_corners[3u * leaf], leaf_corners[3u * leaf + 1u], leaf_corners[3u * leaf + 2u]);
+}
+
+// Whether a triangle that is not seen to have an area has none. The compiler must not know that its corners are at hand.
+fn has_none(leaf: u32) -> bool {
+    let given = corners_again(vertices_of(leaf + params.zero));
+    return is_degenerate(given.a, given.b, given.c);
+}
+
+fn empty_box(count: u32) -> Box {
+    atomicAdd(&counts[count], 1u);
+    return Box(vec3<u32>(EMPTY_LOW), vec3<u32>(EMPTY_HIGH));
+}
+
+// Writes a triangle's record and returns its box.
+fn stand(leaf: u32, triangle: u32) -> Box {
+    let given = corners_of(vertices_of(leaf));
+    let a = scaled_point(given.a);
+    let b = scaled_point(given.b);
+    let c = scaled_point(given.c);
+    let record = record_of(triangle, 0u, a, b, c);
+    records[3u * leaf] = record.first;
+    records[3u * leaf + 1u] = record.second;
+    records[3u * leaf + 2u] = record.third;
+    if !(is_finite(given.a) && is_finite(given.b) && is_finite(given.c)) { return empty_box(0u); }
+    let box = Box(bitcast<vec3<u32>>(min(min(a, b), c)), bitcast<vec3<u32>>(max(max(a, b), c)));
+    if seen_to_have_area(given.a, given.b, given.c, a, b, c) { return box; }
+    if has_none(leaf) { return empty_box(1u); }
+    return box;
+}
+
+// Joins a triangle's leaf with the next one's; traversal is told of those alone that a ray can hit.
+fn share(local: u32, leaf: u32) -> f32 {
+    let first = LEAVES + local;
+    if kept[first] == EMPTY_LOW {
+        keep_leaf(local, select(LEAF | (leaf + 1u), LEAF | leaf, kept[first + 1u] == EMPTY_LOW));
+    } else if kept[first + 1u] != EMPTY_LOW {
+        keep_leaf(local, LEAF | TWO | leaf);
+    }
+    return join(first, first, first + 1u);
+}
+
+// Every invocation must call it, in uniform control flow.
+fn make_treelet(local: u32, place: u32) {
+    let number = treelet_at(place);
+    let leaf = topology[9u * number] + local;
+    let is_there = local < topology[9u * number + 1u];
+    let inner = inner_word(number, local);
+    var word = 0u;
+    if is_there {
+        word = topology[params.leaf_triangles_at + leaf];
+        keep_index(leaf, word & ~SHARED);
+        let own = stand(leaf, word & ~SHARED);
+        keep_box(LEAVES + local, own.low, own.high);
+        keep_leaf(local, LEAF | leaf);
+    }
+    let t = treelet(number);
+    workgroupBarrier();
+    var area = 0.0;
+    if (word & SHARED) != 0u { area = share(local, leaf); }
+    workgroupBarrier();
+    area += refit_treelet(t, inner);
+    write_treelet(t, local);
+    let sum = sum_of_group(local, area);
+    if local == 0u { costs[number] = sum; }
+}
