@@ -99,9 +99,9 @@ impl DeviceBytes {
 /// Milliseconds of each stage; `None` for a stage that the submission left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageTimes {
-    /// Key frames to positions.
+    /// Key frames to positions; `None` also where they ran beside `preprocess`, whose time then holds both.
     pub interpolate_ms: Option<f64>,
-    /// Positions to records and boxes of leaves.
+    /// Positions to records and boxes of leaves, or key frames to these and to positions.
     pub preprocess_ms: Option<f64>,
     /// Positions to a tree made on the device, but for records and boxes of leaves.
     pub rebuild_ms: Option<f64>,

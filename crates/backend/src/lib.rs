@@ -16,9 +16,10 @@
 //! until `FRAMES_IN_FLIGHT` further submissions with a trace were made, and may
 //! be asked for any number of times until then.
 //!
-//! **Order within a frame.** `interpolate` writes positions. `preprocess` reads
-//! them and writes one record and one box a leaf (positions alone would not
-//! do: leaves stand in the tree's order, so it needs a tree). `refit` reads the
+//! **Order within a frame.** `interpolate` writes positions. `preprocess` writes
+//! one record and one box a leaf, of the positions interpolated last (these alone
+//! would not do: leaves stand in the tree's order, so it needs a tree); it may blend
+//! them from the key frames once more, to the same bits, so as not to wait for them. `refit` reads the
 //! boxes of leaves and writes those of inner nodes. `trace` reads records and
 //! boxes. Stages whose input did not change may be left out: a static scene
 //! runs the first three once. But a tree is traced only after `preprocess` and

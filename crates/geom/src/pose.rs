@@ -3,7 +3,7 @@
 use crate::Point;
 
 /// The blend of key frames `key` and `key + 1` that stands for one moment.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pose {
     /// Index of the earlier key frame.
     pub key: u32,

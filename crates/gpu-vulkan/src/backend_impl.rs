@@ -63,8 +63,9 @@ impl Backend for VulkanBackend {
         self.position = position;
         self.overwritten = self.overwritten.max(busy_until);
         let vertices = self.scene().vertices();
-        let work = [work::interpolate(self.params(), vertices, pose.alpha)];
-        self.run(Stage::Interpolate, &work, Also::key(pose.key))?;
+        self.pose = pose;
+        let work = [work::interpolate(self.params(), vertices)];
+        self.run(Stage::Interpolate, &work, Also::default())?;
         self.stale = Stale::Records;
         Ok(())
     }

@@ -20,6 +20,8 @@ pub(crate) struct Slot {
     pages: Pages,
     marks: Marks,
     stages: Vec<Stage>,
+    /// Whether `interpolate` was recorded last, and has no end yet: `preprocess` may run beside it.
+    open: bool,
     /// Those that are recorded to their end.
     parts: Vec<Part>,
     counts: Buffer,
@@ -60,6 +62,7 @@ impl Slot {
             pages: Pages::new(gpu),
             marks: Marks::new(gpu),
             stages: Vec::new(),
+            open: false,
             parts: Vec::new(),
             counts: Buffer::new(gpu, "counts", COUNTS, Place::Device)?,
             counts_back: Buffer::new(gpu, "counts", COUNTS, Place::Readback)?,
@@ -75,7 +78,7 @@ impl Slot {
         self.stages.clear();
         self.parts.clear();
         self.marks.reset();
-        (self.readback_bytes, self.sent) = (0, None);
+        (self.readback_bytes, self.sent, self.open) = (0, None, false);
         self.extents = Extents::default();
         self.pages.reset()?;
         self.commands.reset()?;
@@ -99,7 +102,8 @@ impl Slot {
     }
 
     /// Records a stage; `find` gives buffers by their names in the kernels.
-    /// What cannot be recorded is refused before anything is.
+    /// What cannot be recorded is refused before anything is. `interpolate` stays open for what may run beside it,
+    /// and is then timed with that.
     pub(crate) fn record<'a>(
         &mut self,
         pipelines: &Pipelines,
@@ -107,24 +111,59 @@ impl Slot {
         work: &[Work],
         find: impl Fn(&'static str) -> &'a Buffer,
     ) -> Result<()> {
+        if !work.first().is_some_and(|w| w.alongside) {
+            self.close()?;
+        }
         if stage == Stage::Preprocess && self.stages.contains(&stage) {
             self.commands.barrier(KERNELS, COPIES);
             self.clear_counts(LEAF_COUNTS);
         }
-        self.dispatch(pipelines, work, find)?;
-        self.stages.push(stage);
-        self.marks.mark(self.commands.vk())
+        self.launch_all(pipelines, work, find)?;
+        self.open = stage == Stage::Interpolate;
+        match self.open {
+            true => Ok(()),
+            false => self.end_stage(stage),
+        }
     }
 
     /// Records a stage that is no list of kernels.
     pub(crate) fn record_as(&mut self, stage: Stage, record: impl FnOnce(&Commands)) -> Result<()> {
+        self.close()?;
         record(&self.commands);
         self.stages.push(stage);
         self.marks.mark(self.commands.vk())
     }
 
-    /// Records kernels, each after what those before wrote, unless it reads none of that.
+    /// Ends `interpolate`, if it is open: what follows is not to run beside it.
+    fn close(&mut self) -> Result<()> {
+        match std::mem::take(&mut self.open) {
+            true => self.end_stage(Stage::Interpolate),
+            false => Ok(()),
+        }
+    }
+
+    /// Ends a stage of kernels: what follows reads what they wrote.
+    fn end_stage(&mut self, stage: Stage) -> Result<()> {
+        self.commands.barrier(KERNELS, KERNELS);
+        self.stages.push(stage);
+        self.marks.mark(self.commands.vk())
+    }
+
+    /// Records kernels that belong to no stage, and a barrier behind them.
     pub(crate) fn dispatch<'a>(
+        &mut self,
+        pipelines: &Pipelines,
+        all: &[Work],
+        find: impl Fn(&'static str) -> &'a Buffer,
+    ) -> Result<()> {
+        self.close()?;
+        self.launch_all(pipelines, all, find)?;
+        self.commands.barrier(KERNELS, KERNELS);
+        Ok(())
+    }
+
+    /// Records kernels, each after what those before wrote, unless it reads none of that; but no barrier behind all.
+    fn launch_all<'a>(
         &mut self,
         pipelines: &Pipelines,
         all: &[Work],
@@ -145,7 +184,8 @@ impl Slot {
                 self.split(Part::Before)?;
             }
             self.launch(pipeline, bound.set, row.offset, groups);
-            if !all.get(i + 1).is_some_and(|next| next.alongside) {
+            let next = all.get(i + 1);
+            if work.until_finished() || next.is_some_and(|next| !next.alongside) {
                 self.commands.barrier(KERNELS, KERNELS);
             }
             if work.until_finished() {
@@ -170,6 +210,7 @@ impl Slot {
 
     /// Ends a part of the recording and begins the next.
     pub(crate) fn split(&mut self, part: Part) -> Result<()> {
+        self.close()?;
         self.commands.end()?;
         self.parts.push(part);
         self.commands.begin(match part {
@@ -180,6 +221,7 @@ impl Slot {
 
     /// Ends the recording.
     pub(crate) fn end(&mut self) -> Result<()> {
+        self.close()?;
         self.copy_counts();
         self.commands.end()
     }

@@ -11,6 +11,7 @@ impl VulkanBackend {
     /// What all dispatches share.
     pub(crate) fn params(&self) -> Params {
         Params {
+            alpha: self.pose.alpha,
             bounded_loops: u32::from(self.device.loop_turns.is_some()),
             ..Params::of(self.scene().scale_exponent, &self.tree().shape)
         }
@@ -20,14 +21,14 @@ impl VulkanBackend {
     pub(crate) fn run(&mut self, stage: Stage, work: &[Work], also: Also<'_>) -> Result<()> {
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let tree = self.tree.as_ref().expect("a scene was loaded");
-        let position = self.position;
+        let (position, key) = (self.position, self.pose.key);
         let trace = || also.trace.expect("a trace");
         let build = tree.build.as_ref();
         let instead = build.filter(|_| also.clusters);
         let find = |name: &'static str| match name {
             name if let Some(buffer) = instead.and_then(|b| b.instead_of(name)) => buffer,
-            "earlier" => scene.key(also.key),
-            "later" => scene.key(also.key.saturating_add(1)),
+            "earlier" => scene.key(key),
+            "later" => scene.key(key.saturating_add(1)),
             "positions" => &scene.positions[position],
             "moving_rows" => &scene.moving_rows,
             "triangles" => &scene.triangles,
@@ -68,20 +69,11 @@ impl VulkanBackend {
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Also<'a> {
     trace: Option<&'a Trace>,
-    /// The earlier key frame.
-    key: u32,
     /// Whether leaves go to clusters of a tree to be made, not to nodes.
     clusters: bool,
 }
 
 impl<'a> Also<'a> {
-    pub(crate) fn key(key: u32) -> Self {
-        Self {
-            key,
-            ..Self::default()
-        }
-    }
-
     pub(crate) fn clusters() -> Self {
         Self {
             clusters: true,

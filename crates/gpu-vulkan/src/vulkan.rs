@@ -13,6 +13,7 @@ use crate::traces::Traces;
 use crate::transfer::{Transfer, Window};
 use crate::tree::TreeBuffers;
 use backend::{Arithmetic, Device, Method, Result, Ticket};
+use geom::Pose;
 use shaders::work::Progress;
 use std::sync::Arc;
 
@@ -35,6 +36,8 @@ pub struct VulkanBackend {
     pub(crate) method: Method,
     /// Which of the two position buffers is current.
     pub(crate) position: usize,
+    /// The moment that positions were last interpolated at: `preprocess` reads the key frames of it.
+    pub(crate) pose: Pose,
     /// The copy (by [`Transfer::done`]) that reads what the recording overwrites.
     pub(crate) overwritten: Option<u64>,
     pub(crate) stale: Stale,
@@ -82,6 +85,7 @@ impl VulkanBackend {
             tree: None,
             method: Method::default(),
             position: 0,
+            pose: Pose::default(),
             overwritten: None,
             stale: Stale::Positions,
             progress: Progress::default(),

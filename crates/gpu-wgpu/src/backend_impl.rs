@@ -42,6 +42,8 @@ pub struct WgpuBackend {
     pub(crate) method: Method,
     /// Which of the two position buffers is current.
     pub(crate) position: usize,
+    /// The moment that positions were last interpolated at: `preprocess` reads the key frames of it.
+    pub(crate) pose: Pose,
     pub(crate) stale: Stale,
     /// Which parts of the tree in use stand.
     progress: Progress,
@@ -109,6 +111,7 @@ impl WgpuBackend {
             tree: None,
             method: Method::default(),
             position: 0,
+            pose: Pose::default(),
             stale: Stale::Positions,
             progress: Progress::default(),
             pipelines,
@@ -142,7 +145,7 @@ impl WgpuBackend {
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let bytes = scene.animation.vertex_count() as u64 * 12;
         let slot = self.frames.record(&self.gpu)?;
-        let encoder = slot.encoder();
+        let encoder = slot.encoder(&self.gpu)?;
         let begun = self
             .snapshots
             .record(&self.gpu, encoder, &scene.positions, bytes)?;
@@ -211,8 +214,9 @@ impl Backend for WgpuBackend {
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         self.position = self.snapshots.free_position(self.position);
         let vertices = self.scene().vertices();
-        let work = [work::interpolate(self.params(), vertices, pose.alpha)];
-        self.run(Stage::Interpolate, &work, Also::key(pose.key))?;
+        self.pose = pose;
+        let work = [work::interpolate(self.params(), vertices)];
+        self.run(Stage::Interpolate, &work, Also::default())?;
         self.stale = Stale::Records;
         Ok(())
     }

@@ -1,20 +1,17 @@
 //! What one submission needs for itself: commands, parameters, counts, timestamps.
 
-use crate::buffers::{Mapping, make, readback, storage, unmap, unreadable, write};
+use crate::buffers::{Mapping, readback, storage, unmap, unreadable};
 use crate::device::Gpu;
-use crate::groups::Groups;
-use crate::limits::{group_counts, params_stride};
-use crate::pipelines::{Pipeline, Pipelines};
+use crate::launches::{Launch, Launches};
+use crate::pipelines::Pipelines;
 use crate::queries::{self, Clock, Stage};
 use backend::{FrameReport, Result, StageTimes};
 use shaders::work::Work;
-use shaders::{Counts, Extents, Params};
+use shaders::{Counts, Extents};
 use std::mem::offset_of;
 use std::time::Instant;
-use wgpu::{BindGroup, Buffer, BufferUsages, CommandEncoder, ComputePass, SubmissionIndex};
+use wgpu::{Buffer, CommandEncoder, SubmissionIndex};
 
-/// Rows of parameters in one buffer; more dispatches take more buffers.
-const ROWS: usize = 64;
 const COUNTS: u64 = size_of::<Counts>() as u64;
 /// Bytes of what `preprocess` counts.
 const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
@@ -25,13 +22,11 @@ pub(crate) struct Slot {
     clock: Option<Clock>,
     /// Counts and timestamps on their way to the host.
     back: Buffer,
-    pages: Vec<Buffer>,
-    groups: Groups,
-    stride: usize,
-    /// Parameters of the recording, as they will lie in the pages.
-    rows: Vec<u8>,
+    launches: Launches,
     encoder: Option<CommandEncoder>,
     stages: Vec<Stage>,
+    /// `interpolate`, until it is known whether `preprocess` shares its pass and so runs beside it.
+    held: Vec<Launch>,
     sent: Option<Sent>,
     pub(crate) readback_bytes: u64,
     pub(crate) extents: Extents,
@@ -55,12 +50,10 @@ impl Slot {
             counts: storage(gpu, "counts", COUNTS)?,
             clock: Clock::new(gpu)?,
             back: readback(gpu, "a report", COUNTS + queries::BYTES)?,
-            pages: Vec::new(),
-            groups: Groups::default(),
-            stride: params_stride(&gpu.limits) as usize,
-            rows: Vec::new(),
+            launches: Launches::new(gpu),
             encoder: None,
             stages: Vec::new(),
+            held: Vec::new(),
             sent: None,
             readback_bytes: 0,
             extents: Extents::default(),
@@ -70,22 +63,22 @@ impl Slot {
     /// Bytes of device memory.
     pub(crate) fn bytes(&self) -> u64 {
         let clock = self.clock.as_ref().map_or(0, Clock::bytes);
-        let pages = self.pages.iter().map(Buffer::size).sum::<u64>();
-        self.counts.size() + pages + clock
+        self.counts.size() + self.launches.bytes() + clock
     }
 
     /// Lets go of the buffers of a scene.
     pub(crate) fn forget(&mut self) {
-        self.groups.clear();
+        self.launches.forget();
+        self.held.clear();
         self.encoder = None;
     }
 
     /// Starts a new recording. The slot's last submission must have been reported.
     pub(crate) fn begin(&mut self, gpu: &Gpu) -> Result<()> {
         assert!(self.sent.is_none(), "a slot holds one submission at a time");
-        self.groups.refresh(gpu);
-        self.rows.clear();
+        self.launches.begin(gpu);
         self.stages.clear();
+        self.held.clear();
         self.readback_bytes = 0;
         self.extents = Extents::default();
         let mut encoder = gpu.encoder("a frame")?;
@@ -96,7 +89,8 @@ impl Slot {
         Ok(())
     }
 
-    /// Records a stage; `find` gives buffers by their names in the kernels.
+    /// Records a stage; `find` gives buffers by their names in the kernels. `interpolate` shares the pass of what may
+    /// run beside it, and is then timed with that.
     pub(crate) fn record<'a>(
         &mut self,
         gpu: &Gpu,
@@ -105,6 +99,9 @@ impl Slot {
         work: &[Work],
         find: impl Fn(&'static str) -> &'a Buffer,
     ) -> Result<()> {
+        if !work.first().is_some_and(|w| w.alongside) {
+            self.release(gpu)?;
+        }
         if stage == Stage::Preprocess && self.stages.contains(&stage) {
             // It may run more than once a submission: the last one counts.
             let (counts, encoder) = (&self.counts, self.encoder.as_mut());
@@ -113,40 +110,43 @@ impl Slot {
                 encoder.clear_buffer(counts, 0, Some(LEAF_COUNTS));
             })?;
         }
-        let first = self.rows.len() / self.stride;
-        work.iter().for_each(|w| self.push(&w.params));
-        self.make_pages(gpu)?;
-        let bound = self.bind_all(gpu, pipelines, first, work, find)?;
-        let groups = work.iter().map(|w| group_counts(w, &gpu.limits));
-        let groups = groups.collect::<Result<Vec<_>>>()?;
-        gpu.count(|t| (t.passes, t.dispatches) = (t.passes + 1, t.dispatches + work.len() as u64));
-        let launch = |pass: &mut ComputePass<'_>, i: usize| {
-            dispatch(pass, pipelines.get(work[i].kernel), &bound[i], groups[i]);
-        };
-        let mut from = 0;
+        let launches = self
+            .launches
+            .make(gpu, pipelines, &self.counts, work, find)?;
+        gpu.count(|t| t.dispatches += work.len() as u64);
+        if stage == Stage::Interpolate {
+            self.held = launches;
+            return Ok(());
+        }
+        let mut beside = std::mem::take(&mut self.held);
+        let mut begins = true;
+        let mut all = launches.into_iter().zip(work).peekable();
         loop {
-            let again = (from..work.len()).find(|&i| work[i].until_finished());
-            let once = from..again.unwrap_or(work.len());
-            self.pass(gpu, stage, from == 0, |pass| {
-                once.for_each(|i| launch(pass, i));
-            })?;
-            let Some(last) = again else { return Ok(()) };
-            self.run_until_finished(gpu, |pass| launch(pass, last))?;
-            from = last + 1;
-            if from == work.len() {
+            let once = std::iter::from_fn(|| all.next_if(|(_, w)| !w.until_finished()));
+            beside.extend(once.map(|(launch, _)| launch));
+            self.pass(gpu, stage, begins, &beside)?;
+            beside.clear();
+            begins = false;
+            let Some((again, _)) = all.next() else {
+                return Ok(());
+            };
+            self.run_until_finished(gpu, &again)?;
+            if all.peek().is_none() {
                 return Ok(());
             }
         }
     }
 
+    /// Records `interpolate` as a stage of its own, if it is held.
+    fn release(&mut self, gpu: &Gpu) -> Result<()> {
+        match std::mem::take(&mut self.held) {
+            none if none.is_empty() => Ok(()),
+            held => self.pass(gpu, Stage::Interpolate, true, &held),
+        }
+    }
+
     /// Records a pass; that which begins a stage is timed.
-    fn pass(
-        &mut self,
-        gpu: &Gpu,
-        stage: Stage,
-        begins: bool,
-        work: impl FnOnce(&mut ComputePass<'_>),
-    ) -> Result<()> {
+    fn pass(&mut self, gpu: &Gpu, stage: Stage, begins: bool, launches: &[Launch]) -> Result<()> {
         let clock = self.clock.as_ref().filter(|_| begins);
         let desc = wgpu::ComputePassDescriptor {
             label: Some(stage.name()),
@@ -154,22 +154,24 @@ impl Slot {
         };
         let encoder = self.encoder.as_mut().expect("a recording was begun");
         gpu.guard(stage.name(), 0, || {
-            work(&mut encoder.begin_compute_pass(&desc));
+            let mut pass = encoder.begin_compute_pass(&desc);
+            launches.iter().for_each(|launch| launch.go(&mut pass));
         })?;
         if begins {
+            gpu.count(|t| t.passes += 1);
             self.stages.push(stage);
         }
         Ok(())
     }
 
-    /// Runs what was recorded, and then `work` until it leaves no ray open or does nothing any more.
-    fn run_until_finished(&mut self, gpu: &Gpu, work: impl Fn(&mut ComputePass<'_>)) -> Result<()> {
-        self.write_pages(gpu)?;
+    /// Runs what was recorded, and then `again` until it leaves no ray open or does nothing any more.
+    fn run_until_finished(&mut self, gpu: &Gpu, again: &Launch) -> Result<()> {
+        self.launches.write(gpu)?;
         let mut before = None;
         loop {
             let mut encoder = self.encoder.take().expect("a recording was begun");
             gpu.guard("finishing rays", 0, || {
-                work(&mut encoder.begin_compute_pass(&Default::default()));
+                again.go(&mut encoder.begin_compute_pass(&Default::default()));
                 encoder.copy_buffer_to_buffer(&self.counts, 0, &self.back, 0, COUNTS);
             })?;
             let submission = gpu.submit(encoder)?;
@@ -198,67 +200,16 @@ impl Slot {
         Ok((counts, ticks))
     }
 
-    fn write_pages(&self, gpu: &Gpu) -> Result<()> {
-        let pages = self.pages.iter().zip(self.rows.chunks(ROWS * self.stride));
-        pages
-            .into_iter()
-            .try_for_each(|(page, rows)| write(gpu, page, 0, rows))
-    }
-
-    fn push(&mut self, params: &Params) {
-        let at = self.rows.len();
-        self.rows.extend_from_slice(bytemuck::bytes_of(params));
-        self.rows.resize(at + self.stride, 0);
-    }
-
-    fn make_pages(&mut self, gpu: &Gpu) -> Result<()> {
-        let page = ROWS * self.stride;
-        while self.pages.len() * page < self.rows.len() {
-            let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-            self.pages
-                .push(make(gpu, "parameters", page as u64, usage)?);
-        }
-        Ok(())
-    }
-
-    /// A group and an offset for each piece of work; neighbours that differ in the offset alone share a group.
-    fn bind_all<'a>(
-        &mut self,
-        gpu: &Gpu,
-        pipelines: &Pipelines,
-        first: usize,
-        work: &[Work],
-        find: impl Fn(&'static str) -> &'a Buffer,
-    ) -> Result<Vec<(BindGroup, u32)>> {
-        let mut bound: Vec<(BindGroup, u32)> = Vec::with_capacity(work.len());
-        for (i, w) in work.iter().enumerate() {
-            let (page, row) = ((first + i) / ROWS, (first + i) % ROWS);
-            let shared = i > 0 && row > 0 && work[i - 1].kernel.name == w.kernel.name;
-            let group = match bound.last().filter(|_| shared) {
-                Some((group, _)) => group.clone(),
-                None => {
-                    let (params, counts) = (&self.pages[page], &self.counts);
-                    let pipeline = pipelines.get(w.kernel);
-                    self.groups.get(gpu, pipeline, |name| match name {
-                        "params" => params,
-                        "counts" => counts,
-                        other => find(other),
-                    })?
-                }
-            };
-            bound.push((group, (row * self.stride) as u32));
-        }
-        Ok(bound)
-    }
-
-    /// The recording's commands, for copies.
-    pub(crate) fn encoder(&mut self) -> &mut CommandEncoder {
-        self.encoder.as_mut().expect("a recording was begun")
+    /// The recording's commands, for copies of what was made so far.
+    pub(crate) fn encoder(&mut self, gpu: &Gpu) -> Result<&mut CommandEncoder> {
+        self.release(gpu)?;
+        Ok(self.encoder.as_mut().expect("a recording was begun"))
     }
 
     /// Ends the recording and submits it.
     pub(crate) fn submit(&mut self, gpu: &Gpu) -> Result<()> {
-        self.write_pages(gpu)?;
+        self.release(gpu)?;
+        self.launches.write(gpu)?;
         let mut encoder = self.encoder.take().expect("a recording was begun");
         gpu.guard("the report of a frame", 0, || {
             encoder.copy_buffer_to_buffer(&self.counts, 0, &self.back, 0, COUNTS);
@@ -302,15 +253,4 @@ impl Slot {
         };
         Ok(Done { report, counts })
     }
-}
-
-fn dispatch(
-    pass: &mut ComputePass<'_>,
-    pipeline: &Pipeline,
-    (group, offset): &(BindGroup, u32),
-    [x, y]: [u32; 2],
-) {
-    pass.set_pipeline(&pipeline.wgpu);
-    pass.set_bind_group(0, group, &[*offset]);
-    pass.dispatch_workgroups(x, y, 1);
 }

@@ -21,7 +21,8 @@ pub struct Work {
     pub params: Params,
     /// Over what.
     pub groups: Groups,
-    /// Whether it reads nothing that the one before it writes, so that both may run at once.
+    /// Whether it reads nothing that the one before it writes, so that both may run at once. Of a stage's first:
+    /// whether it may run beside `interpolate`, where that comes just before.
     pub alongside: bool,
 }
 
@@ -142,18 +143,14 @@ pub fn arithmetic(operands: usize) -> Work {
     Work::linear(common("arithmetic"), Params::default(), operands as u32)
 }
 
-/// Key frames to positions, the later weighing `alpha`.
+/// Key frames to positions, the later weighing [`Params::alpha`].
 #[must_use]
-pub fn interpolate(params: Params, vertices: Vertices, alpha: f32) -> Work {
+pub fn interpolate(params: Params, vertices: Vertices) -> Work {
     let (rows, listed) = match vertices {
         Vertices::All(count) => ((count * 3).div_ceil(4), 0),
         Vertices::Rows(rows) => (rows, 1),
     };
-    let params = Params {
-        alpha,
-        listed,
-        ..params
-    };
+    let params = Params { listed, ..params };
     Work::linear(common("interpolate"), params, rows as u32)
 }
 

@@ -1,32 +1,10 @@
-//! use params ieee divide exact soft
-// Key frames to positions: geom::Pose::blend, four numbers at a time; of all rows or of those in which anything moves.
+//! use params ieee divide exact soft blend
+// Key frames to positions, four numbers at a time; of all rows or of those in which anything moves.
 
 @group(0) @binding(1) var<storage, read> earlier: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> later: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> positions: array<vec4<u32>>;
 @group(0) @binding(4) var<storage, read> moving_rows: array<u32>;
-
-fn blend(a: u32, b: u32) -> u32 {
-    let x = bitcast<f32>(a);
-    let native = bitcast<u32>(add(x, mul(sub(bitcast<f32>(b), x), params.alpha)));
-    // From 2^-100 up, what a device may flush on the way is beneath rounding, unless the weight itself is.
-    let small = (native & 0x7fffffffu) < 0x0d800000u || params.alpha < 1.1754943508222875e-38;
-    if small && ((a | b) & 0x7fffffffu) != 0u { return blend_small(a, b); }
-    return native;
-}
-
-fn blend_small(a: u32, b: u32) -> u32 {
-    if !is_finite_bits(a) || !is_finite_bits(b) {
-        let x = bitcast<f32>(a);
-        return bitcast<u32>(add(x, sub(bitcast<f32>(b), x)));
-    }
-    let way = soft_add(b, a ^ 0x80000000u);
-    // Beyond the largest number, a weight changes nothing.
-    if !is_finite_bits(way) { return way; }
-    return soft_add(a, soft_multiply(way, bitcast<u32>(params.alpha)));
-}
-
-fn is_finite_bits(x: u32) -> bool { return (x & 0x7f800000u) != 0x7f800000u; }
 
 @compute @workgroup_size(128)
 fn interpolate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {

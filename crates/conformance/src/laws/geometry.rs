@@ -59,8 +59,13 @@ pub(crate) fn read_back(
 ) -> Result<(), String> {
     open(subject, &case.animation, case.times[0])?;
     let mut asked = Vec::new();
-    for &time in &case.times[1..3] {
-        stand(subject, &case.animation, time)?;
+    // The second time nothing is made of them.
+    for (&time, made) in case.times[1..3].iter().zip([true, false]) {
+        let pose = case.animation.pose(time);
+        match made {
+            true => stand(subject, &case.animation, time)?,
+            false => subject.interpolate(pose).map_err(plainly)?,
+        }
         subject.request_positions().map_err(plainly)?;
         asked.push((subject.submit().map_err(plainly)?, time));
     }

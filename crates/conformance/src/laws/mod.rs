@@ -5,6 +5,7 @@ mod closed;
 mod geometry;
 mod lifecycle;
 mod made;
+mod moments;
 mod reports;
 mod still;
 mod trees;
@@ -45,6 +46,7 @@ const fn law_of_methods(name: &'static str, check: Check) -> Law {
 pub const LAWS: &[Law] = &[
     law("positions_equal_the_formula", geometry::positions),
     law("boxes_equal_the_reference", geometry::boxes),
+    law("boxes_are_of_the_moment_interpolated_last", moments::last),
     law("counts_equal_the_reference", reports::counts),
     law("reports_name_what_was_done", reports::stages),
     law("positions_come_back_as_they_were", geometry::read_back),

@@ -79,7 +79,8 @@ pub(crate) fn stages(
     }
 }
 
-/// A backend without a clock may leave all times out, but none that tells may tell of what was not done.
+/// A backend without a clock may leave all times out, but none that tells may tell of what was not done. What both
+/// `interpolate` and `preprocess` took may be told as the latter's.
 fn same_stages(what: &str, report: &FrameReport, done: [bool; 5]) -> Result<(), String> {
     let t = &report.times;
     let told = [
@@ -90,6 +91,8 @@ fn same_stages(what: &str, report: &FrameReport, done: [bool; 5]) -> Result<(), 
         t.trace_shadow_ms,
     ];
     let timed = told.iter().any(Option::is_some);
+    let together = done[1] && t.interpolate_ms.is_none() && t.preprocess_ms.is_some();
+    let done = [done[0] && !together, done[1], done[2], done[3], done[4]];
     let fits = |(ms, done): (&Option<f64>, bool)| ms.is_some() == (done && timed);
     let sound = |ms: f64| ms.is_finite() && ms >= 0.0;
     let all = told.iter().flatten().chain([&t.device_ms]);

@@ -56,11 +56,11 @@ impl Backend for DriverTreeBackend {
         self.overwritten = self.overwritten.max(busy_until);
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let buffers = &scene.buffers;
-        let work = [work::interpolate(
-            params(scene),
-            buffers.vertices(),
-            pose.alpha,
-        )];
+        let params = Params {
+            alpha: pose.alpha,
+            ..params(scene)
+        };
+        let work = [work::interpolate(params, buffers.vertices())];
         let find = |name| match name {
             "earlier" => buffers.key(pose.key),
             "later" => buffers.key(pose.key.saturating_add(1)),

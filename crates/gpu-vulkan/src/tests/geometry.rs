@@ -257,3 +257,42 @@ pub(super) fn a_cameras_rays_meet_anything_as_the_list_of_them_does() {
     assert_eq!((met as u64, found.0.len()), (found.1, camera.pixels()));
     assert!(met > 100);
 }
+
+pub(super) fn a_flat_triangle_is_counted_at_a_key_frame_though_it_vanishes_after_it() {
+    let sound = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let flat = [[0.0, 0.0, 2.0], [1.0, 1.0, 2.0], [3.0, 3.0, 2.0]];
+    let nan = f32::NAN;
+    let gone = [[nan, 5.0, 1.0], [7.0, nan, 2.0], [1.0, 3.0, nan]];
+    let keys = [flat, gone].map(|other| [sound, other].concat());
+    let animation = Animation::new(keys.to_vec(), vec![[0, 1, 2], [3, 4, 5]]);
+    let animation = Arc::new(animation.unwrap());
+    let mut backend = device();
+    for layout in Layout::ALL {
+        open_laid(&mut *backend, &animation, layout);
+        let counts = [0.0, 0.5].map(|time| {
+            stand(&mut *backend, &animation, time);
+            let ticket = backend.submit().unwrap();
+            let report = backend.wait(ticket).unwrap();
+            (report.inactive, report.degenerate)
+        });
+        assert_eq!(counts, [(0, 1), (1, 0)], "{layout}");
+    }
+}
+
+/// So large that `preprocess` of layout `fast` waits for positions.
+pub(super) fn large_trees_have_the_same_boxes_in_either_layout() {
+    let animation = swarm(600_000);
+    let tree = tree_at(&animation, 0.4);
+    let mut backend = device();
+    let [usual, fast] = Layout::ALL.map(|layout| {
+        backend.load(Arc::clone(&animation), laid(layout)).unwrap();
+        backend.adopt(&tree, Generation(1)).unwrap();
+        stand(&mut *backend, &animation, 0.7);
+        let ticket = backend.submit().unwrap();
+        let report = backend.wait(ticket).unwrap();
+        assert!(report.times.interpolate_ms.is_some(), "{layout}");
+        let boxes = backend.inspect().boxes().unwrap();
+        (report.inactive, report.degenerate, boxes)
+    });
+    assert!(usual == fast);
+}

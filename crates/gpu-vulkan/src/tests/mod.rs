@@ -52,6 +52,8 @@ const ON_DEVICE: &[(&str, Test)] = named![
     geometry::the_cost_of_a_tree_is_the_references,
     geometry::treelets_that_stand_still_are_passed_over_to_the_last_bit,
     geometry::layouts_differ_in_memory_alone,
+    geometry::a_flat_triangle_is_counted_at_a_key_frame_though_it_vanishes_after_it,
+    geometry::large_trees_have_the_same_boxes_in_either_layout,
     geometry::a_cameras_rays_meet_anything_as_the_list_of_them_does,
     limits::a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once,
     rebuild::trees_of_any_size_are_whole,

@@ -1,7 +1,9 @@
 //! Frames, snapshots, scenes: what may be under way, and how it ends.
 
-use crate::scenes::{self, SHADOWED, camera, go, hits, open, rays, stand, swarm, tree_at};
-use backend::{Backend, BackendError, Generation, Inspect, Rays, Seek, Snapshot, Ticket};
+use crate::scenes::{
+    self, SHADOWED, camera, go, hits, open, open_laid, rays, stand, swarm, tree_at,
+};
+use backend::{Backend, BackendError, Generation, Inspect, Layout, Rays, Seek, Snapshot, Ticket};
 use geom::Point;
 use gpu_vulkan::VulkanBackend;
 use gpu_wgpu::{Options, WgpuBackend};
@@ -145,18 +147,21 @@ fn forgets(backend: &mut dyn Backend) -> Result<(), Failed> {
 }
 
 pub(crate) fn stages_are_timed() -> Result<(), Failed> {
+    Layout::ALL.into_iter().try_for_each(stages_of_layout)
+}
+
+fn stages_of_layout(layout: Layout) -> Result<(), Failed> {
     let animation = swarm(2000);
     let mut backend = WgpuBackend::new(&Options::default())?;
-    open(&mut backend, &animation)?;
+    open_laid(&mut backend, &animation, layout)?;
     stand(&mut backend, &animation, 0.5)?;
     let ticket = go(&mut backend, Rays::Camera(&camera()), SHADOWED)?;
     let times = backend.wait(ticket)?.times;
-    let stages = [
-        times.interpolate_ms,
-        times.preprocess_ms,
-        times.refit_ms,
-        times.trace_primary_ms,
-    ];
+    let mut stages = vec![times.preprocess_ms, times.refit_ms, times.trace_primary_ms];
+    match layout {
+        Layout::Bvh2 => stages.push(times.interpolate_ms),
+        Layout::Fast => assert_eq!(times.interpolate_ms, None, "it ran beside preprocess"),
+    }
     assert_eq!(times.trace_shadow_ms, None, "both are traced together");
     if gpu_wgpu::adapters()?.iter().any(|a| a.has_timestamps) {
         let sum: f64 = stages.iter().map(|t| t.unwrap_or(f64::NAN)).sum();

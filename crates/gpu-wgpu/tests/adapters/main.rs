@@ -43,6 +43,10 @@ const TRIALS: &[(&str, Body)] = &[
         twins::every_variant_answers_as_its_twins_do,
     ),
     (
+        "large_trees_have_the_same_boxes_everywhere",
+        twins::large_trees_have_the_same_boxes_everywhere,
+    ),
+    (
         "an_old_tree_and_a_new_one_give_the_same_hits",
         twins::an_old_tree_and_a_new_one_give_the_same_hits,
     ),

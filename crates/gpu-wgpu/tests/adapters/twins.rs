@@ -49,6 +49,28 @@ fn backends() -> Result<Vec<Named>, Failed> {
     Ok(all)
 }
 
+/// So large that `preprocess` of layout `fast` waits for positions.
+pub(crate) fn large_trees_have_the_same_boxes_everywhere() -> Result<(), Failed> {
+    let animation = swarm(600_000);
+    let mut expected = Vec::new();
+    for (name, mut backend) in backends()? {
+        open_laid(&mut *backend, &animation, Layout::Fast)?;
+        stand(&mut *backend, &animation, 0.7)?;
+        let ticket = backend.submit()?;
+        let times = backend.wait(ticket)?.times;
+        if times.interpolate_ms.is_none() && times.preprocess_ms.is_some() {
+            return Err(format!("{name} did not wait").into());
+        }
+        let boxes = backend.inspect().boxes()?;
+        if expected.is_empty() {
+            expected = boxes;
+        } else if boxes != expected {
+            return Err(format!("{name} has other boxes").into());
+        }
+    }
+    Ok(())
+}
+
 pub(crate) fn every_variant_answers_as_its_twins_do() -> Result<(), Failed> {
     let (animation, camera, list) = (swarm(600), camera(), rays(1500));
     let queries = [

@@ -21,12 +21,16 @@ impl Progress {
     /// Positions to records and boxes of leaves, after the tree's lists of nodes if need be;
     /// with layout `fast`, after the leaves' vertices, also to boxes of all nodes in treelets of triangles.
     /// Also for [`crate::Extents::uncounted`] how many triangles of zero area it passes over.
+    /// Of a small tree with layout `fast` it reads key frames, the later weighing [`Params::alpha`], and no positions,
+    /// so that it may run beside `interpolate`.
     #[must_use]
     pub fn preprocess(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, u32) {
         if tree.layout == Layout::Fast {
             let adopt = (!self.has_lists).then(|| treelets::adopt(method, params, tree));
             let (work, uncounted) = treelets::preprocess(method, params, tree, self.has_records);
-            return (adopt.into_iter().chain([work]).collect(), uncounted);
+            let mut work: Vec<_> = adopt.into_iter().chain([work]).collect();
+            work[0].alongside = treelets::reads_keys(tree);
+            return (work, uncounted);
         }
         let mut work = Vec::with_capacity(3);
         if !self.has_lists {

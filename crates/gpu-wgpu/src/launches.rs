@@ -1,0 +1,131 @@
+//! Dispatches with all that they are bound to, their parameters on pages of their own.
+
+use crate::buffers::{make, write};
+use crate::device::Gpu;
+use crate::groups::Groups;
+use crate::limits::{group_counts, params_stride};
+use crate::pipelines::Pipelines;
+use backend::Result;
+use shaders::Params;
+use shaders::work::Work;
+use wgpu::{BindGroup, Buffer, BufferUsages, ComputePass, ComputePipeline};
+
+/// Rows of parameters in one buffer; more dispatches take more buffers.
+const ROWS: usize = 64;
+
+/// A dispatch, ready to go.
+pub(crate) struct Launch {
+    pipeline: ComputePipeline,
+    group: BindGroup,
+    /// Of its parameters.
+    offset: u32,
+    groups: [u32; 2],
+}
+
+/// What the dispatches of one recording are bound to.
+pub(crate) struct Launches {
+    pages: Vec<Buffer>,
+    groups: Groups,
+    stride: usize,
+    /// Parameters, as they will lie in the pages.
+    rows: Vec<u8>,
+}
+
+impl Launch {
+    pub(crate) fn go(&self, pass: &mut ComputePass<'_>) {
+        let [x, y] = self.groups;
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.group, &[self.offset]);
+        pass.dispatch_workgroups(x, y, 1);
+    }
+}
+
+impl Launches {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        Self {
+            pages: Vec::new(),
+            groups: Groups::default(),
+            stride: params_stride(&gpu.limits) as usize,
+            rows: Vec::new(),
+        }
+    }
+
+    /// Bytes of device memory.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.pages.iter().map(Buffer::size).sum()
+    }
+
+    /// Lets go of the buffers of a scene.
+    pub(crate) fn forget(&mut self) {
+        self.groups.clear();
+    }
+
+    /// Starts a new recording.
+    pub(crate) fn begin(&mut self, gpu: &Gpu) {
+        self.groups.refresh(gpu);
+        self.rows.clear();
+    }
+
+    /// Binds work to its buffers; `find` gives them by their names in the kernels, but for the slot's `counts`.
+    pub(crate) fn make<'a>(
+        &mut self,
+        gpu: &Gpu,
+        pipelines: &Pipelines,
+        counts: &Buffer,
+        work: &[Work],
+        find: impl Fn(&'static str) -> &'a Buffer,
+    ) -> Result<Vec<Launch>> {
+        let first = self.rows.len() / self.stride;
+        work.iter().for_each(|w| self.push(&w.params));
+        self.make_pages(gpu)?;
+        let mut made: Vec<Launch> = Vec::with_capacity(work.len());
+        for (i, w) in work.iter().enumerate() {
+            let (page, row) = ((first + i) / ROWS, (first + i) % ROWS);
+            let pipeline = pipelines.get(w.kernel);
+            // Neighbours that differ in the offset alone share a group.
+            let shared = i > 0 && row > 0 && work[i - 1].kernel.name == w.kernel.name;
+            let group = match made.last().filter(|_| shared) {
+                Some(last) => last.group.clone(),
+                None => {
+                    let params = &self.pages[page];
+                    self.groups.get(gpu, pipeline, |name| match name {
+                        "params" => params,
+                        "counts" => counts,
+                        other => find(other),
+                    })?
+                }
+            };
+            made.push(Launch {
+                pipeline: pipeline.wgpu.clone(),
+                group,
+                offset: (row * self.stride) as u32,
+                groups: group_counts(w, &gpu.limits)?,
+            });
+        }
+        Ok(made)
+    }
+
+    /// Sends all parameters so far on their way.
+    pub(crate) fn write(&self, gpu: &Gpu) -> Result<()> {
+        let pages = self.pages.iter().zip(self.rows.chunks(ROWS * self.stride));
+        pages
+            .into_iter()
+            .try_for_each(|(page, rows)| write(gpu, page, 0, rows))
+    }
+
+    fn push(&mut self, params: &Params) {
+        let at = self.rows.len();
+        self.rows.extend_from_slice(bytemuck::bytes_of(params));
+        self.rows.resize(at + self.stride, 0);
+    }
+
+    fn make_pages(&mut self, gpu: &Gpu) -> Result<()> {
+        let page = ROWS * self.stride;
+        while self.pages.len() * page < self.rows.len() {
+            let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+            self.pages
+                .push(make(gpu, "parameters", page as u64, usage)?);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,31 @@
+// geom::Pose::blend, number by number, as bits.
+
+fn blend(a: u32, b: u32) -> u32 {
+    let native = blend_native(a, b);
+    if is_rare(a, b, native) { return blend_rare(a, b); }
+    return native;
+}
+
+fn blend_native(a: u32, b: u32) -> u32 {
+    let x = bitcast<f32>(a);
+    return bitcast<u32>(add(x, mul(sub(bitcast<f32>(b), x), params.alpha)));
+}
+
+// From 2^-100 up, what a device may flush on the way is beneath rounding, unless the weight itself is.
+fn is_rare(a: u32, b: u32, native: u32) -> bool {
+    let small = (native & 0x7fffffffu) < 0x0d800000u || params.alpha < 1.1754943508222875e-38;
+    return small && ((a | b) & 0x7fffffffu) != 0u;
+}
+
+fn blend_rare(a: u32, b: u32) -> u32 {
+    if !is_finite_bits(a) || !is_finite_bits(b) {
+        let x = bitcast<f32>(a);
+        return bitcast<u32>(add(x, sub(bitcast<f32>(b), x)));
+    }
+    let way = soft_add(b, a ^ 0x80000000u);
+    // Beyond the largest number, a weight changes nothing.
+    if !is_finite_bits(way) { return way; }
+    return soft_add(a, soft_multiply(way, bitcast<u32>(params.alpha)));
+}
+
+fn is_finite_bits(x: u32) -> bool { return (x & 0x7f800000u) != 0x7f800000u; }
