@@ -196,7 +196,7 @@ impl Scene {
     pub(crate) fn refit(&mut self) {
         let nodes = &mut self.nodes;
         let total = match (&mut self.wide, &self.moving, self.still_areas) {
-            (Some(wide), ..) => wide.refit(&mut self.sums),
+            (Some(wide), ..) => wide.refit(),
             (None, Some(moving), Some(still)) => still + refit_moving(nodes, moving),
             (None, Some(moving), None) => {
                 let total = refit(nodes, &mut self.sums);

@@ -18,6 +18,7 @@ mod light;
 mod moving;
 mod neighbours;
 mod packet;
+mod pass;
 mod search;
 mod single;
 #[cfg(test)]
