@@ -6,7 +6,7 @@ use super::found::Found;
 use super::single::Given;
 use super::together::MOST_RAYS;
 use super::trace::WideTracer;
-use super::trust::Trusts;
+use super::trust::Trust;
 use crate::scale::Scale;
 use crate::shadow::Light;
 use crate::simd::{Isa, Lanes, each};
@@ -26,7 +26,7 @@ pub(super) trait Job: Sync {
     fn cell<I: Isa>(
         &self,
         cell: &Cell,
-        trusts: &mut Trusts,
+        trust: &mut Trust,
         stack: &mut Stack,
     ) -> [Self::Answer; MOST_RAYS];
 }
@@ -43,13 +43,8 @@ impl Job for Closest<'_> {
     }
 
     #[inline(always)]
-    fn cell<I: Isa>(
-        &self,
-        cell: &Cell,
-        trusts: &mut Trusts,
-        stack: &mut Stack,
-    ) -> [Hit; MOST_RAYS] {
-        self.0.closest_of::<I>(cell, &mut trusts.camera, stack).hits
+    fn cell<I: Isa>(&self, cell: &Cell, trust: &mut Trust, stack: &mut Stack) -> [Hit; MOST_RAYS] {
+        self.0.closest_of::<I>(cell, trust, stack).hits
     }
 }
 
@@ -65,8 +60,8 @@ impl Job for Any<'_> {
     }
 
     #[inline(always)]
-    fn cell<I: Isa>(&self, cell: &Cell, trusts: &mut Trusts, stack: &mut Stack) -> [u8; MOST_RAYS] {
-        flags(self.0.any_of::<I>(cell, &mut trusts.camera, stack))
+    fn cell<I: Isa>(&self, cell: &Cell, trust: &mut Trust, stack: &mut Stack) -> [u8; MOST_RAYS] {
+        flags(self.0.any_of::<I>(cell, trust, stack))
     }
 }
 
@@ -94,51 +89,52 @@ impl Job for ClosestAndShadow<'_> {
     fn few<I: Isa>(&self, few: &Few, stack: &mut Stack) -> [(Hit, u8); MOST_RAYS] {
         let tracer = &self.tracer;
         let found = tracer.closest_each::<I>(few, stack);
-        let asked = (found.lanes() & few.asked, &found.triangles());
-        if asked.0 == 0 {
-            return found.with(0);
-        }
         let given = Given::<I::Packet>::of(&few.rays(tracer.rays));
         let eyes = given.scaled_origin(tracer.geometry.scale);
-        let rays = self.rays::<I>(&found, &eyes);
-        let blocked = tracer.any_each::<I>((&rays, Scale::ONE), asked, stack);
-        found.with(blocked)
+        self.with_shadows::<I>(&found, few.asked, &eyes, stack)
     }
 
     #[inline(always)]
     fn cell<I: Isa>(
         &self,
         cell: &Cell,
-        trusts: &mut Trusts,
+        trust: &mut Trust,
         stack: &mut Stack,
     ) -> [(Hit, u8); MOST_RAYS] {
         let tracer = &self.tracer;
         let Rays::Camera(camera) = tracer.rays else {
             return self.few::<I>(&Few::of(cell), stack);
         };
-        let found = tracer.closest_of::<I>(cell, &mut trusts.camera, stack);
-        let asked = (found.lanes() & cell.asked, &found.triangles());
-        if asked.0 == 0 {
-            return found.with(0);
-        }
+        let found = tracer.closest_of::<I>(cell, trust, stack);
         let eye = tracer.geometry.scale.apply(camera.eye);
         let eyes = each!(i => I::Packet::splat(eye[i]));
-        let rays = self.rays::<I>(&found, &eyes);
-        let blocked = tracer.blocked_of::<I>(&rays, asked, &mut trusts.light, stack);
-        found.with(blocked)
+        self.with_shadows::<I>(&found, cell.asked, &eyes, stack)
     }
 }
 
 impl ClosestAndShadow<'_> {
-    /// The rays from what was found to the light, in scaled units.
+    /// What was found of the rays of `asked`, which started from `eyes`, and whether the light does not reach it.
     #[inline(always)]
-    fn rays<I: Isa>(&self, found: &Found, eyes: &[I::Packet; 3]) -> Given<I::Packet> {
+    fn with_shadows<I: Isa>(
+        &self,
+        found: &Found,
+        asked: u32,
+        eyes: &[I::Packet; 3],
+        stack: &mut Stack,
+    ) -> [(Hit, u8); MOST_RAYS] {
+        let asked = asked & found.lanes();
+        if asked == 0 {
+            return found.with(0);
+        }
         let corners = found.corners::<I>(&self.tracer);
         let [origin, direction] = self.light.rays(&corners, found.weights::<I>(), eyes);
-        Given {
+        let rays = Given {
             origin,
             direction,
             limits: [I::Packet::splat(0.0), I::Packet::splat(1.0)],
-        }
+        };
+        let asked = (asked, &found.triangles());
+        let blocked = self.tracer.any_each::<I>((&rays, Scale::ONE), asked, stack);
+        found.with(blocked)
     }
 }

@@ -1,22 +1,17 @@
-//! Rays of neighbouring pixels, and from what they hit to the light: together, where that is worth it.
+//! Rays of neighbouring pixels: together, where that is worth it.
 
 use super::cell::Cell;
 use super::few::Few;
 use super::found::Found;
 use super::packet::{self, Packet};
-use super::single::Given;
 use super::together::{self, MOST_RAYS, NONE};
 use super::trace::WideTracer;
 use super::tree::NOWHERE;
 use super::trust::Trust;
-use crate::scale::Scale;
 use crate::simd::{Isa, Lanes, each};
 use crate::traverse::Stack;
 use backend::Rays;
 use geom::Hit;
-
-/// Fewer shadow rays are faster one by one.
-const FEW: u32 = 4;
 
 type PacketOf<I> = Packet<<I as Isa>::Packet, <I as Isa>::Planes>;
 
@@ -58,28 +53,6 @@ impl WideTracer<'_> {
         self.any_each_of::<I>(&Few::of(cell), stack)
     }
 
-    /// Which of the rays from a cell's hits to the light hit anything but the triangles that they start from.
-    #[inline(always)]
-    pub(super) fn blocked_of<I: Isa>(
-        &self,
-        rays: &Given<I::Packet>,
-        asked: (u32, &[u32; MOST_RAYS]),
-        trust: &mut Trust,
-        stack: &mut Stack,
-    ) -> u32 {
-        if asked.0.count_ones() >= FEW && trust.tries() {
-            let blocked = match self.light_packet::<I>(rays, asked.0) {
-                Some(packet) => together::any::<I>(self.tree, &packet, asked, &mut stack.wide),
-                None => None,
-            };
-            trust.saw(blocked.is_some());
-            if let Some(blocked) = blocked {
-                return blocked;
-            }
-        }
-        self.any_each::<I>((rays, Scale::ONE), asked, stack)
-    }
-
     /// Closest hits of a cell's rays, if they can run together.
     #[inline(always)]
     fn closest_together<I: Isa>(&self, cell: &Cell, stack: &mut Stack) -> Option<Found> {
@@ -117,20 +90,5 @@ impl WideTracer<'_> {
         let back = I::Packet::splat(scale.usual_inverse()?);
         let back = packet.factor.mul(back);
         Some((packet, back))
-    }
-
-    /// The rays of `asked` over `(0, 1)`, if they can run together; in the other lanes the first of them again.
-    #[inline(always)]
-    fn light_packet<I: Isa>(&self, rays: &Given<I::Packet>, asked: u32) -> Option<PacketOf<I>> {
-        let (first, asked) = (asked.trailing_zeros() as usize, I::Packet::mask(asked));
-        let origin = rays.scaled_origin(Scale::ONE);
-        let from = each!(i => I::Packet::splat(origin[i].store().as_ref()[first]));
-        let to = each!(i => I::Packet::splat(rays.direction[i].store().as_ref()[first]));
-        let rays = packet::Rays {
-            origin: each!(i => from[i].replace(asked, origin[i])),
-            direction: each!(i => to[i].replace(asked, rays.direction[i])),
-            t_max: I::Packet::splat(1.0),
-        };
-        Packet::new(&rays, &self.tree.root)
     }
 }

@@ -4,7 +4,7 @@ use super::cell::{COLUMNS, Cell};
 use super::few::Few;
 use super::jobs::{Any, Closest, ClosestAndShadow, Job};
 use super::tree::Wide;
-use super::trust::Trusts;
+use super::trust::Trust;
 use crate::preprocess::Geometry;
 use crate::shadow::Light;
 use crate::simd::{Isa, Lanes, Work};
@@ -99,11 +99,11 @@ impl<J: Job, O: Sink<Entry = J::Answer>> Work for PictureTask<'_, O, J> {
         let (mut stack, mut sum) = (Stack::new(), Counts::default());
         let size = [self.tiles.columns(), self.tiles.height()];
         let rows = I::Packet::ALL.count_ones() as usize / COLUMNS;
-        let mut trusts = Trusts::default();
+        let mut trust = Trust::default();
         for x in (0..size[0]).step_by(COLUMNS) {
             for y in (0..size[1]).step_by(rows) {
                 let cell = Cell::new(&self.tiles, [x, y], [COLUMNS, rows]);
-                let answers = self.job.cell::<I>(&cell, &mut trusts, &mut stack);
+                let answers = self.job.cell::<I>(&cell, &mut trust, &mut stack);
                 sum = sum + self.write(&cell, [x, y], &answers);
             }
         }

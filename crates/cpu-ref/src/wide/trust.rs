@@ -8,15 +8,6 @@ pub(super) struct Trust {
     pause: u32,
 }
 
-/// Likewise for each kind of packet.
-#[derive(Default)]
-pub(super) struct Trusts {
-    /// From the camera.
-    pub(super) camera: Trust,
-    /// To the light.
-    pub(super) light: Trust,
-}
-
 /// The longest pause.
 const PAUSE: u32 = 7;
 
