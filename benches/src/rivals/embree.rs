@@ -4,18 +4,19 @@
 
 #![expect(unsafe_code, reason = "a C library")]
 
+mod raw;
+
 use crate::{Node, Rival};
 use geom::{Ray, Triangle};
-use std::ffi::{CString, c_char, c_void};
-use std::ptr::{NonNull, null_mut};
+use raw::*;
+use std::ffi::{CString, c_void};
+use std::ptr::NonNull;
 
 /// A scene of Embree's.
 #[derive(Default)]
 pub struct Embree {
     scene: Option<EmbreeScene>,
 }
-
-type Handle = *mut c_void;
 
 /// Owns a device and a committed scene of one mesh.
 pub struct EmbreeScene {
@@ -28,64 +29,6 @@ pub struct EmbreeScene {
 unsafe impl Send for EmbreeScene {}
 // SAFETY: likewise.
 unsafe impl Sync for EmbreeScene {}
-
-/// `RTCRayHit`.
-#[derive(Clone, Copy)]
-#[repr(C, align(16))]
-struct RayHit {
-    origin: [f32; 3],
-    t_min: f32,
-    direction: [f32; 3],
-    time: f32,
-    t_max: f32,
-    mask: u32,
-    id: u32,
-    flags: u32,
-    normal: [f32; 3],
-    uv: [f32; 2],
-    primitive: u32,
-    geometry: u32,
-    instance: u32,
-}
-
-/// `RTCIntersectContext`, as `rtcInitIntersectContext` makes it, with room for a member that some builds have.
-#[repr(C)]
-struct Context {
-    flags: u32,
-    filter: Handle,
-    instance: u32,
-    least_width: f32,
-}
-
-impl Context {
-    fn new(coherent: bool) -> Self {
-        Self {
-            flags: u32::from(coherent),
-            filter: null_mut(),
-            instance: NONE,
-            least_width: 0.0,
-        }
-    }
-}
-
-/// `RTCRayHit16`.
-#[derive(Clone, Copy)]
-#[repr(C, align(64))]
-struct RayHit16 {
-    origin: [[f32; 16]; 3],
-    t_min: [f32; 16],
-    direction: [[f32; 16]; 3],
-    time: [f32; 16],
-    t_max: [f32; 16],
-    mask: [u32; 16],
-    id: [u32; 16],
-    flags: [u32; 16],
-    normal: [[f32; 16]; 3],
-    uv: [[f32; 16]; 2],
-    primitive: [u32; 16],
-    geometry: [u32; 16],
-    instance: [u32; 16],
-}
 
 /// Up to sixteen rays in the form that Embree asks for.
 #[derive(Clone, Copy)]
@@ -135,47 +78,6 @@ impl Packet16 {
         }
         packet
     }
-}
-
-const NONE: u32 = u32::MAX;
-/// `RTC_BUFFER_TYPE_INDEX` and `RTC_FORMAT_UINT3`.
-const INDICES: [u32; 2] = [0, 0x5003];
-/// `RTC_BUFFER_TYPE_VERTEX` and `RTC_FORMAT_FLOAT3`.
-const VERTICES: [u32; 2] = [1, 0x9003];
-/// `RTC_GEOMETRY_TYPE_TRIANGLE`.
-const TRIANGLES: u32 = 0;
-/// `RTC_BUILD_QUALITY_MEDIUM`.
-const MEDIUM: u32 = 1;
-/// `RTC_SCENE_FLAG_ROBUST`.
-const ROBUST: u32 = 1 << 2;
-
-#[link(name = "embree3")]
-unsafe extern "C" {
-    fn rtcNewDevice(config: *const c_char) -> Handle;
-    fn rtcReleaseDevice(device: Handle);
-    fn rtcNewScene(device: Handle) -> Handle;
-    fn rtcReleaseScene(scene: Handle);
-    fn rtcSetSceneBuildQuality(scene: Handle, quality: u32);
-    fn rtcSetSceneFlags(scene: Handle, flags: u32);
-    fn rtcUpdateGeometryBuffer(geometry: Handle, kind: u32, slot: u32);
-    fn rtcNewGeometry(device: Handle, kind: u32) -> Handle;
-    fn rtcReleaseGeometry(geometry: Handle);
-    fn rtcSetNewGeometryBuffer(
-        geometry: Handle,
-        kind: u32,
-        slot: u32,
-        format: u32,
-        stride: usize,
-        count: usize,
-    ) -> Handle;
-    fn rtcCommitGeometry(geometry: Handle);
-    fn rtcAttachGeometry(scene: Handle, geometry: Handle) -> u32;
-    fn rtcCommitScene(scene: Handle);
-    fn rtcIntersect1(scene: Handle, context: *mut Context, ray: *mut RayHit);
-    fn rtcOccluded1(scene: Handle, context: *mut Context, ray: *mut RayHit);
-    fn rtcIntersect16(valid: *const i32, scene: Handle, context: *mut Context, rays: *mut RayHit16);
-    /// Asks for the rays alone, which come first in `RayHit16`.
-    fn rtcOccluded16(valid: *const i32, scene: Handle, context: *mut Context, rays: *mut RayHit16);
 }
 
 impl EmbreeScene {
