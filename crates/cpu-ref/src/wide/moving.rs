@@ -1,8 +1,8 @@
 //! What of the wide tree moves: preprocess and refit pass over the rest once it was done.
 
 use super::fold::fold;
-use super::pass::{Which, chosen};
-use super::tree::{Link, Wide};
+use super::pass::Which;
+use super::tree::{LANES, Link, Wide};
 use crate::preprocess::{Geometry, Unhittable};
 use bvh_layout::{Block as Source, BlockTree};
 use rayon::prelude::*;
@@ -76,6 +76,11 @@ fn moving_lanes(shape: &BlockTree, is_static: &[bool]) -> Vec<u8> {
         });
     }
     lanes
+}
+
+/// The lanes whose bits are set.
+fn chosen(lanes: u8) -> impl Iterator<Item = usize> {
+    (0..LANES).filter(move |lane| lanes >> lane & 1 == 1)
 }
 
 impl Moving {

@@ -56,11 +56,6 @@ impl Which<'_> {
     }
 }
 
-/// The lanes whose bits are set.
-pub(super) fn chosen(lanes: u8) -> impl Iterator<Item = usize> {
-    (0..LANES).filter(move |lane| lanes >> lane & 1 == 1)
-}
-
 impl Wide {
     /// Sets corners of blocks, and their boxes in nodes. Returns the areas within those blocks, too.
     pub(super) fn fit_blocks(
@@ -176,9 +171,9 @@ impl Work for FitBlocks<'_> {
                     ranges: shape.ranges,
                 };
             }
-            for lane in chosen(lanes) {
+            for lane in 0..LANES {
                 let link = node.links[lane];
-                if !link.is_block() {
+                if lanes >> lane & 1 == 0 || !link.is_block() {
                     continue;
                 }
                 let block = &mut part.blocks[link.index() - part.first_block];
@@ -237,9 +232,10 @@ impl Work for Inner<'_> {
         for place in 0..self.which.count() {
             let (n, lanes) = self.which.at(place);
             let node = &mut self.nodes[n - self.first_node];
-            for lane in chosen(lanes) {
+            for lane in 0..LANES {
                 let link = node.links[lane];
-                if !link.is_block() && link != Link::ROOT {
+                let is_inner = !link.is_block() && link != Link::ROOT;
+                if is_inner && lanes >> lane & 1 == 1 {
                     sum += fit_child(node, lane, &below[link.index() - end]);
                 }
             }
