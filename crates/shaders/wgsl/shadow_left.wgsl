@@ -38,9 +38,12 @@ fn shadow_left(@builtin(local_invocation_index) local: u32, @builtin(workgroup_i
         let hit = hits[i];
         if hit.w == 0xffffffffu { continue; }
         let way = way_to_light(hit, scaled_point(bitcast<vec3<u32>>(params.eye)));
-        set_line_along(way);
         let found = search_together(way.traced, ray_to_light(way), hit.w, local);
-        let said = said_by_notes(select(NO_NOTE, listed(found), local < 16u && found != MET), local);
+        var said = Said();
+        if found != MET && found != NO_NOTE {
+            set_line_along(way);
+            said = said_by_notes(select(NO_NOTE, listed(found), local < 16u), local);
+        }
         round += 1u;
         let whole = all_loops_turn(local, round);
         if local == 0u { keep(i, found, whole, said); }
