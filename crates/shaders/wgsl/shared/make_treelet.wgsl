@@ -8,8 +8,6 @@ const SHARED: u32 = 0x80000000u;
 const EMPTY_LOW: u32 = 0x7f800000u;
 const EMPTY_HIGH: u32 = 0xff800000u;
 
-struct Box { low: vec3<u32>, high: vec3<u32> }
-
 fn vertices_of(leaf: u32) -> vec3<u32> {
     return vec3<u32>(leaf_corners[3u * leaf], leaf_corners[3u * leaf + 1u], leaf_corners[3u * leaf + 2u]);
 }
@@ -20,13 +18,14 @@ fn has_none(leaf: u32) -> bool {
     return is_degenerate(given.a, given.b, given.c);
 }
 
-fn empty_box(count: u32) -> Box {
+// Keeps an empty box for a triangle that no ray can hit, and counts it.
+fn keep_empty(local: u32, count: u32) {
     atomicAdd(&counts[count], 1u);
-    return Box(vec3<u32>(EMPTY_LOW), vec3<u32>(EMPTY_HIGH));
+    keep_box(LEAVES + local, vec3<u32>(EMPTY_LOW), vec3<u32>(EMPTY_HIGH));
 }
 
-// Writes a triangle's record and returns its box.
-fn stand(leaf: u32, triangle: u32) -> Box {
+// Writes a triangle's record and keeps its box; returns whether it may yet have no area.
+fn stand(local: u32, leaf: u32, triangle: u32) -> bool {
     let given = corners_of(vertices_of(leaf));
     let a = scaled_point(given.a);
     let b = scaled_point(given.b);
@@ -35,11 +34,13 @@ fn stand(leaf: u32, triangle: u32) -> Box {
     records[3u * leaf] = record.first;
     records[3u * leaf + 1u] = record.second;
     records[3u * leaf + 2u] = record.third;
-    if !(is_finite(given.a) && is_finite(given.b) && is_finite(given.c)) { return empty_box(0u); }
-    let box = Box(bitcast<vec3<u32>>(min(min(a, b), c)), bitcast<vec3<u32>>(max(max(a, b), c)));
-    if seen_to_have_area(given.a, given.b, given.c, a, b, c) { return box; }
-    if has_none(leaf) { return empty_box(1u); }
-    return box;
+    keep_leaf(local, LEAF | leaf);
+    if !(is_finite(given.a) && is_finite(given.b) && is_finite(given.c)) {
+        keep_empty(local, 0u);
+        return false;
+    }
+    keep_box(LEAVES + local, bitcast<vec3<u32>>(min(min(a, b), c)), bitcast<vec3<u32>>(max(max(a, b), c)));
+    return !seen_to_have_area(given.a, given.b, given.c, a, b, c);
 }
 
 // Joins a triangle's leaf with the next one's; traversal is told of those alone that a ray can hit.
@@ -63,9 +64,7 @@ fn make_treelet(local: u32, place: u32) {
     if is_there {
         word = topology[params.leaf_triangles_at + leaf];
         keep_index(leaf, word & ~SHARED);
-        let own = stand(leaf, word & ~SHARED);
-        keep_box(LEAVES + local, own.low, own.high);
-        keep_leaf(local, LEAF | leaf);
+        if stand(local, leaf, word & ~SHARED) && has_none(leaf) { keep_empty(local, 1u); }
     }
     let t = treelet(number);
     workgroupBarrier();
