@@ -16,6 +16,7 @@ pub(crate) enum Fault {
     None,
     PositionsOneUlpOff,
     LastBoxTooLarge,
+    BoxesOfTheMomentBefore,
     InactiveMiscounted,
     HitsMiscounted,
     TimesOfStagesLeftOut,
@@ -61,6 +62,8 @@ pub(crate) struct Faulty {
     taken: Option<Vec<Point>>,
     old_copy: Option<Vec<Point>>,
     pose: Option<Pose>,
+    /// The one before, of this scene.
+    pose_before: Option<Pose>,
     /// The tree that was made last.
     made: Option<Topology>,
 }
@@ -80,6 +83,7 @@ impl Faulty {
             taken: None,
             old_copy: None,
             pose: None,
+            pose_before: None,
             made: None,
         }
     }
@@ -164,6 +168,7 @@ impl Backend for Faulty {
             self.old_copy = None;
         }
         (self.animation, self.made) = (Some(Arc::clone(&animation)), None);
+        (self.pose, self.pose_before) = (None, None);
         self.inner.load(animation, method)
     }
 
@@ -185,12 +190,21 @@ impl Backend for Faulty {
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         assert!(!self.is(Fault::Panics), "this backend panics");
-        self.pose = Some(pose);
+        (self.pose_before, self.pose) = (self.pose, Some(pose));
         self.inner.interpolate(pose)
     }
 
     fn preprocess(&mut self) -> Result<()> {
-        self.inner.preprocess()
+        match self
+            .pose_before
+            .filter(|_| self.is(Fault::BoxesOfTheMomentBefore))
+        {
+            Some(before) => {
+                self.inner.interpolate(before)?;
+                self.inner.preprocess()
+            }
+            None => self.inner.preprocess(),
+        }
     }
 
     fn refit(&mut self) -> Result<()> {

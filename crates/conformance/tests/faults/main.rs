@@ -10,6 +10,10 @@ use faulty::{Fault, Faulty};
 const NOTICED: &[(Fault, &[&str])] = &[
     (Fault::PositionsOneUlpOff, &["positions_equal_the_formula"]),
     (Fault::LastBoxTooLarge, &["boxes_equal_the_reference"]),
+    (
+        Fault::BoxesOfTheMomentBefore,
+        &["boxes_are_of_the_moment_interpolated_last"],
+    ),
     (Fault::InactiveMiscounted, &["counts_equal_the_reference"]),
     (Fault::HitsMiscounted, &["counts_equal_the_reference"]),
     (Fault::TimesOfStagesLeftOut, &["reports_name_what_was_done"]),
