@@ -31,7 +31,7 @@ pub(crate) const SLOTS: &[Slot] = &[
             Value {
                 name: "woop",
                 faces: &[
-                    ("test", &["near", "textbook", "points", "woop"]),
+                    ("test", &["near", "textbook", "point", "points", "woop"]),
                     ("bind", &["bind_corners"]),
                     ("open", &[]),
                     ("closest", &["cut_closest", "textbook_closest"]),
@@ -75,6 +75,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                             "notes",
                             "pool",
                             "whole",
+                            "point",
                             "points",
                             "line",
                             "fixed",
@@ -92,6 +93,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                             "pool",
                             "turns",
                             "whole",
+                            "point",
                             "points",
                             "line",
                             "far",

@@ -1,4 +1,4 @@
-//! use params ieee divide units box_of_group
+//! use params ieee divide units box_of_group point corner
 // A place on a space-filling curve for each live triangle: its key, to sort by.
 //
 // The curve halves whichever side of the cell is the longest (Vinkler, Bittner,
@@ -12,11 +12,6 @@
 @group(0) @binding(4) var<storage, read> boxes: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> keys: array<u32>;
 @group(0) @binding(6) var<storage, read_write> sorted: array<u32>;
-
-fn corner(triangle: u32, which: u32) -> vec3<u32> {
-    let at = 3u * triangles[3u * triangle + which];
-    return vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]);
-}
 
 // `at` lies within the cell from 0 to `cell`.
 fn key_of(at: vec3<f32>, cell: vec3<f32>) -> u32 {

@@ -1,4 +1,4 @@
-//! use params ieee divide units degenerate flat standing {record.write}
+//! use params ieee divide units degenerate flat standing point corner {record.write}
 // Positions to triangle records and boxes of leaves, in the tree's leaf order; of all leaves or of those that move.
 
 @group(0) @binding(1) var<storage, read> topology: array<u32>;
@@ -11,11 +11,6 @@
 @group(0) @binding(7) var<storage, read_write> counts: array<atomic<u32>>;
 
 const LEAF: u32 = 0x80000000u;
-
-fn corner(triangle: u32, which: u32) -> vec3<u32> {
-    let at = 3u * triangles[3u * triangle + which];
-    return vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]);
-}
 
 @compute @workgroup_size(128)
 fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {

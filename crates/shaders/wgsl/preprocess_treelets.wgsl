@@ -1,16 +1,6 @@
-//! use params ieee divide units degenerate flat {record.write} {treelets.refit} corners make_treelet
+//! use params ieee divide units degenerate flat {record.write} {treelets.refit} point corners make_treelet
 // Positions to triangle records, boxes of leaves, and boxes of all nodes within treelets of triangles;
 // of all those treelets or of those that move.
-
-@group(0) @binding(1) var<storage, read> topology: array<u32>;
-// Three vertices a triangle, in leaf order: see gather_corners.wgsl.
-@group(0) @binding(2) var<storage, read> leaf_corners: array<u32>;
-@group(0) @binding(3) var<storage, read> positions: array<u32>;
-@group(0) @binding(4) var<storage, read_write> records: array<vec4<u32>>;
-@group(0) @binding(5) var<storage, read_write> nodes: array<vec4<u32>>;
-@group(0) @binding(6) var<storage, read_write> costs: array<f32>;
-// Inactive and degenerate leaves.
-@group(0) @binding(7) var<storage, read_write> counts: array<atomic<u32>>;
 
 @compute @workgroup_size(256)
 fn preprocess_treelets(

@@ -105,22 +105,30 @@ mod tests {
         work.iter().map(told).collect()
     }
 
+    fn fast() -> (Method, Shape) {
+        let layout = Layout::Fast;
+        let method = Method {
+            layout,
+            ..Method::default()
+        };
+        let shape = Shape {
+            layout,
+            ..Shape::default()
+        };
+        (method, shape)
+    }
+
     fn beside(work: &[Work]) -> Vec<bool> {
         work.iter().map(|w| w.alongside).collect()
     }
 
     #[test]
     fn large_trees_wait_for_positions() {
-        let layout = Layout::Fast;
+        let (method, shape) = fast();
         let tree = Shape {
-            layout,
             leaf_count: 600_000,
             treelets: vec![0..3_000, 3_000..3_006, 3_006..3_007],
-            ..Shape::default()
-        };
-        let method = Method {
-            layout,
-            ..Method::default()
+            ..shape
         };
         let (work, _) = Progress::default().preprocess(method, Params::default(), &tree);
         assert_eq!(told(&work)[1], ("preprocess_treelets", 0, 3_000, 0));
@@ -129,22 +137,17 @@ mod tests {
 
     #[test]
     fn treelets_are_done_whole_first_and_then_where_anything_moves() {
-        let layout = Layout::Fast;
+        let (method, shape) = fast();
         let tree = Shape {
-            layout,
             leaf_count: 20_000,
             treelets: vec![0..90, 90..93, 93..94],
             moving_treelets: Some(MovingTreeletShape {
                 levels: vec![500..507, 507..508, 508..509],
                 degenerate_elsewhere: 4,
             }),
-            ..Shape::default()
+            ..shape
         };
         let (mut progress, params) = (Progress::default(), Params::default());
-        let method = Method {
-            layout,
-            ..Method::default()
-        };
         let (work, uncounted) = progress.preprocess(method, params, &tree);
         let whole = vec![
             ("gather_corners", 0, 60_000, 0),
@@ -168,19 +171,12 @@ mod tests {
         assert_eq!(told(&work), expected);
         assert_eq!(work[1].params.first_group, 94);
     }
+
     #[test]
     fn a_tree_of_one_treelet_has_its_areas_added_up_by_themselves() {
-        let layout = Layout::Fast;
-        let mut tree = Shape {
-            layout,
-            leaf_count: 9,
-            ..Shape::default()
-        };
+        let (method, mut tree) = fast();
+        tree.leaf_count = 9;
         tree.treelets.push(0..1);
-        let method = Method {
-            layout,
-            ..Method::default()
-        };
         let (work, _) = Progress::default().refit(method, Params::default(), &tree);
         assert_eq!(told(&work), [("sum_costs", 4, 1, 0)]);
     }

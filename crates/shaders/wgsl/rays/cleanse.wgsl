@@ -1,4 +1,4 @@
-//! use params
+//! use params point corner
 // Triangles as a driver's tree takes them, three vertices each: one with a corner that is not finite is drawn
 // together to a point (`eye`), where no ray hits it. Drivers know inactive triangles too, but a tree cannot be updated
 // when they change, and one driver (Mesa 25.0) loses others beside them.
@@ -6,11 +6,6 @@
 @group(0) @binding(1) var<storage, read> triangles: array<u32>;
 @group(0) @binding(2) var<storage, read> positions: array<u32>;
 @group(0) @binding(3) var<storage, read_write> cleansed: array<u32>;
-
-fn corner(triangle: u32, which: u32) -> vec3<u32> {
-    let at = 3u * triangles[3u * triangle + which];
-    return vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]);
-}
 
 fn is_finite(v: vec3<u32>) -> bool {
     return all((v & vec3<u32>(0x7f800000u)) != vec3<u32>(0x7f800000u));

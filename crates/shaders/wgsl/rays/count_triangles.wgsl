@@ -1,14 +1,9 @@
-//! use params ieee divide units degenerate flat
+//! use params ieee divide units degenerate flat point corner
 // How many triangles are inactive and how many degenerate, which a driver does not tell.
 
 @group(0) @binding(1) var<storage, read> triangles: array<u32>;
 @group(0) @binding(2) var<storage, read> positions: array<u32>;
 @group(0) @binding(3) var<storage, read_write> counts: array<atomic<u32>>;
-
-fn corner(triangle: u32, which: u32) -> vec3<u32> {
-    let at = 3u * triangles[3u * triangle + which];
-    return vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]);
-}
 
 @compute @workgroup_size(128)
 fn count_triangles(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {

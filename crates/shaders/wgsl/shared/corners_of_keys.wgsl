@@ -1,5 +1,8 @@
 // A triangle's corners, blended from two key frames: bit for bit what `interpolate` writes.
 
+@group(0) @binding(next) var<storage, read> earlier: array<u32>;
+@group(0) @binding(next) var<storage, read> later: array<u32>;
+
 struct Corners { a: vec3<u32>, b: vec3<u32>, c: vec3<u32> }
 
 fn earlier_point(vertex: u32) -> vec3<u32> {

@@ -2,6 +2,15 @@
 // one partial sum a treelet. How many workgroups a device has in flight depends on registers: what is not needed
 // while corners are at hand is read later, and what is rarely needed, again.
 
+@group(0) @binding(next) var<storage, read> topology: array<u32>;
+// Three vertices a triangle, in leaf order: see gather_corners.wgsl.
+@group(0) @binding(next) var<storage, read> leaf_corners: array<u32>;
+@group(0) @binding(next) var<storage, read_write> records: array<vec4<u32>>;
+@group(0) @binding(next) var<storage, read_write> nodes: array<vec4<u32>>;
+@group(0) @binding(next) var<storage, read_write> costs: array<f32>;
+// Inactive and degenerate leaves.
+@group(0) @binding(next) var<storage, read_write> counts: array<atomic<u32>>;
+
 const LEAF: u32 = 0x80000000u;
 const TWO: u32 = 0x40000000u;
 const SHARED: u32 = 0x80000000u;

@@ -7,7 +7,3 @@ fn points_of(triangle: u32) -> array<vec3<u32>, 3> {
         point_of(triangles[3u * triangle + 2u]),
     );
 }
-
-fn point_of(vertex: u32) -> vec3<u32> {
-    return vec3<u32>(positions[3u * vertex], positions[3u * vertex + 1u], positions[3u * vertex + 2u]);
-}
