@@ -10,6 +10,8 @@ mod reflect;
 mod slots;
 #[path = "build/stitch.rs"]
 mod stitch;
+#[path = "build/wide.rs"]
+mod wide;
 
 use anyhow::{Context, Result, anyhow};
 use naga::back::spv;

@@ -1,4 +1,4 @@
-//! SPIR-V whose arithmetic no driver may fuse, and whose stacks no driver need clear.
+//! SPIR-V whose arithmetic no driver may fuse, whose whole numbers are wide, and whose stacks no driver need clear.
 
 use anyhow::{Result, anyhow};
 use rspirv::binary::Assemble;
@@ -8,6 +8,7 @@ use std::collections::HashSet;
 
 pub(crate) fn harden(words: &[u32]) -> Result<Vec<u32>> {
     let mut module = load_words(words).map_err(|e| anyhow!("{e}"))?;
+    crate::wide::widen(&mut module)?;
     harden_module(&mut module);
     Ok(module.assemble())
 }

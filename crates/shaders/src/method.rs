@@ -20,7 +20,7 @@ pub fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
 }
 
 /// Words of the buffer `blocked` for so many rays: one each, and for `exact` the list of those left open, notes
-/// of two words (`wgsl/shared/notes.wgsl`), and places at which rays are settled one by one (`pool.wgsl`).
+/// of three words (`wgsl/shared/notes.wgsl`), and places at which rays are settled one by one (`pool.wgsl`).
 #[must_use]
 pub fn blocked_words(intersector: Intersector, rays: u64) -> u64 {
     match intersector {
@@ -31,7 +31,7 @@ pub fn blocked_words(intersector: Intersector, rays: u64) -> u64 {
 
 /// Where the list of open shadows begins in `blocked`, while that of open rays is in use too.
 pub(crate) fn open_shadows_at(rays: u64) -> u64 {
-    2 * (rays + notes(rays)) + PLACE * u64::from(places(rays))
+    2 * rays + 3 * notes(rays) + PLACE * u64::from(places(rays))
 }
 
 /// Words of a place.

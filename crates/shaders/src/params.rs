@@ -52,6 +52,8 @@ impl Params {
             leaf_ranks_at: tree.leaf_ranks_at,
             leaf_triangles_at: tree.leaf_triangles_at,
             node_count: tree.node_count,
+            goal: tree.begin.0,
+            count: tree.begin.1,
             ..Self::default()
         }
     }

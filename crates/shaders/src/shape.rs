@@ -30,9 +30,14 @@ pub struct Shape {
     pub moving_treelets: Option<MovingTreeletShape>,
     /// Rows of 16 bytes in the buffer `nodes`.
     pub node_rows: u64,
+    /// Boxes that a search by many invocations begins at: the first one's row, and how many lie there, two rows each.
+    pub begin: (u32, u32),
 }
 
-/// No leaf; every part begins at word 0.
+/// Boxes that 64 invocations ask at once in less time than they take to go down to them.
+const MANY: u32 = 2048;
+
+/// No leaf; every part begins at word 0, a search at the root.
 impl Default for Shape {
     fn default() -> Self {
         Self {
@@ -47,6 +52,7 @@ impl Default for Shape {
             treelets: Vec::new(),
             moving_treelets: None,
             node_rows: 0,
+            begin: (0, 1),
         }
     }
 }
@@ -99,6 +105,7 @@ impl Shape {
             treelets: tree.levels().to_vec(),
             moving_treelets: tree.moving().map(|m| MovingTreeletShape::of(tree, m)),
             node_rows: tree.rows() as u64,
+            begin: tree.few_roots(MANY),
             ..Self::default()
         }
     }

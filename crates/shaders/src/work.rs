@@ -68,6 +68,8 @@ pub enum Vertices {
 const SETTLERS: u32 = 1 << 15;
 /// Workgroups that share the list of hits whose shadows are sought, one a ray; at least as many as have places to empty.
 const SEARCHERS: u32 = 1 << 10;
+/// Candidates of a ray that such workgroups take at once: see `candidates.wgsl`.
+const ABREAST: u32 = 4;
 /// Rays of such a workgroup at most, where loops are bounded.
 const BOUNDED_SHARE: u32 = 64;
 
@@ -208,7 +210,8 @@ fn shadow(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
 
 /// A camera's closest hits and their shadows by one kernel.
 ///
-/// For `exact` that leaves hits and shadows open. Both are settled at once; then shadows are sought of the hits that were open.
+/// For `exact` that leaves hits and shadows open. Both are settled at once, beside which the shadows of all candidates are
+/// sought; then those of hits that were not settled so.
 fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
     let searching = searching(params, rays);
     // Both lists of open rays are in use at once.
@@ -220,28 +223,24 @@ fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
     if method.intersector != Intersector::Exact {
         return vec![all];
     }
-    let [settle_hits, finish_hits] = settling(method, params, rays, HITS);
-    let [settle_shadows, finish_shadows] = settling(method, params, rays, SHADOWS);
+    let sharers = settlers(&params).div_ceil(64);
+    let searchers = searchers(&params);
+    let each = |groups, params, kernel| Work {
+        groups: Groups::Each(groups),
+        ..Work::over(method, rays, params, [kernel; 2])
+    };
+    let shared = Params {
+        first_group: sharers,
+        ..params
+    };
+    let settle = 2 * sharers + ABREAST * searchers;
     // The places are the hits' until `shadow_left` empties them again.
-    let settle_shadows = Work {
-        params: Params {
-            places: 0,
-            ..settle_shadows.params
-        },
-        alongside: true,
-        ..settle_shadows
-    };
-    let left = Work {
-        groups: Groups::Each(searchers(&params).min(params.first)),
-        ..Work::over(method, rays, params, ["shadow_left"; 2])
-    };
     vec![
         all,
-        settle_hits,
-        settle_shadows,
-        finish_hits,
-        left,
-        finish_shadows,
+        each(settle, shared, "settle_together_camera"),
+        finishing(method, params, rays, HITS[1]),
+        each(searchers, params, "shadow_left"),
+        finishing(method, params, rays, SHADOWS[1]),
     ]
 }
 
@@ -251,7 +250,7 @@ const HITS: [[&str; 2]; 2] = [
 ];
 
 const SHADOWS: [[&str; 2]; 2] = [
-    ["settle_shadow_rays", "settle_shadow_camera"],
+    ["settle_shadow_rays"; 2],
     ["finish_shadow_rays", "finish_shadow_camera"],
 ];
 
@@ -269,44 +268,49 @@ fn searching(params: Params, rays: Rays<'_>) -> Params {
 
 /// Where loops are bounded, a workgroup takes four rays once.
 fn settlers(params: &Params) -> u32 {
+    let most = params.first.saturating_mul(16);
     match params.bounded_loops {
-        0 => SETTLERS,
-        _ => u32::MAX,
+        0 => SETTLERS.min(most),
+        _ => most,
     }
 }
 
 fn searchers(params: &Params) -> u32 {
     match params.bounded_loops {
-        0 => SEARCHERS,
-        _ => SEARCHERS.max(params.first.div_ceil(BOUNDED_SHARE)),
+        0 => SEARCHERS.min(params.first),
+        _ => SEARCHERS
+            .max(params.first.div_ceil(BOUNDED_SHARE))
+            .min(params.first),
     }
 }
 
-/// What settles the rays that a search left open: most by notes, the rest one by one.
-fn settling(
-    method: Method,
-    params: Params,
-    rays: Rays<'_>,
-    [settling, finishing]: [[&str; 2]; 2],
-) -> [Work; 2] {
-    let settlers = settlers(&params).min(params.first.saturating_mul(16));
-    let over = |groups, kernels| Work {
-        groups: Groups::Linear(groups),
+/// What settles by notes most of the rays that a search left open.
+fn settling(method: Method, params: Params, rays: Rays<'_>, kernels: [&str; 2]) -> Work {
+    Work {
+        groups: Groups::Linear(settlers(&params)),
         ..Work::over(method, rays, params, kernels)
-    };
-    [
-        over(settlers, settling),
-        over(16 * params.places, finishing),
-    ]
+    }
+}
+
+/// What settles the rest one by one.
+fn finishing(method: Method, params: Params, rays: Rays<'_>, kernels: [&str; 2]) -> Work {
+    Work {
+        groups: Groups::Linear(16 * params.places),
+        ..Work::over(method, rays, params, kernels)
+    }
 }
 
 /// The same after a search, for `exact`.
 fn settled(method: Method, search: Work, rays: Rays<'_>, stages: [[&str; 2]; 2]) -> Vec<Work> {
-    let mut work = vec![search];
-    if method.intersector == Intersector::Exact {
-        work.extend(settling(method, search.params, rays, stages));
+    let [settle, finish] = stages;
+    match method.intersector {
+        Intersector::Exact => vec![
+            search,
+            settling(method, search.params, rays, settle),
+            finishing(method, search.params, rays, finish),
+        ],
+        _ => vec![search],
     }
-    work
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
-//! use params loops ieee divide exact units ray {intersector.settle} {layout.nodes} search_together settle_any to_light way shade line_to_light
-// The shadows of the hits that `trace_and_shadow_camera` left open, now that they are settled: a workgroup a ray.
+//! use params loops ieee divide exact units ray {intersector.settle} {layout.nodes} search_together settle_any to_light way shade line_to_light candidates
+// The shadows of the hits that `trace_and_shadow_camera` left open, now that they are settled: what `settle_together_camera`
+// found of those that were candidates; of others, sought by a workgroup a ray.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> records: array<vec4<u32>>;
@@ -9,12 +10,16 @@
 @group(0) @binding(6) var<storage, read> triangles: array<u32>;
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 
+fn keep_known(i: u32, met: u32) {
+    blocked[i] = met;
+    if met == 1u { atomicAdd(&counts[3], 1u); }
+}
+
 // Writes what a search found, or lists the ray as open.
 fn keep(i: u32, sought: u32, whole: bool, said: Said) {
     let found = select(TOO_MANY, sought, whole);
     if found == MET || found == NO_NOTE {
-        blocked[i] = select(0u, 1u, found == MET);
-        if found == MET { atomicAdd(&counts[3], 1u); }
+        keep_known(i, select(0u, 1u, found == MET));
         return;
     }
     blocked[i] = found;
@@ -36,7 +41,12 @@ fn shadow_left(@builtin(local_invocation_index) local: u32, @builtin(workgroup_i
     for (var k = number; k < open; k += groups.x * groups.y) {
         let i = blocked[params.first + k];
         let hit = hits[i];
-        if hit.w == 0xffffffffu { continue; }
+        if local == 0u { outcome = known_shadow(i, hit); }
+        let told = workgroupUniformLoad(&outcome);
+        if told != TOO_MANY {
+            if local == 0u { keep_known(i, told); }
+            continue;
+        }
         let way = way_to_light(hit, scaled_point(bitcast<vec3<u32>>(params.eye)));
         let found = search_together(way.traced, ray_to_light(way), hit.w, local);
         var said = Said();

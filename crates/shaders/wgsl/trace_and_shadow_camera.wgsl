@@ -26,7 +26,8 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
     keep_closest(i, ray, find_closest(ray));
     let hit = hits[i];
     if is_left_open(hit) {
-        blocked[i] = 0u;
+        // Its notes, for `settle_together_camera`.
+        blocked[i] = hit.y;
         return;
     }
     var dark = false;

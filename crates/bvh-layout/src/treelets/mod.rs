@@ -173,6 +173,19 @@ impl Treelets {
         Treelet::from_words(entry)
     }
 
+    /// The roots of the lowest level that has at most so many: the row of the first, and how many.
+    /// Every triangle lies below one of them.
+    #[must_use]
+    pub fn few_roots(&self, most: u32) -> (u32, u32) {
+        let roots = self.levels.iter().map(|level| {
+            let each = level.clone().map(|t| self.treelet(t as usize).root_count);
+            let first = self.treelet(level.start as usize).root_row;
+            (first, each.sum())
+        });
+        let mut few = roots.filter(|&(_, count)| count <= most);
+        few.next().unwrap_or((0, 1))
+    }
+
     /// Triangles.
     #[must_use]
     pub fn leaf_count(&self) -> usize {

@@ -26,8 +26,8 @@ impl Found {
 }
 
 impl Reader<'_> {
-    /// Reads the whole tree, each root from its row.
-    fn tree(&self) -> Found {
+    /// Reads the whole tree, each root from its row; also what lies below each.
+    fn tree(&self) -> (Found, HashMap<u32, Found>) {
         let mut rows = HashMap::<u32, Found>::new();
         let mut inner_rows = BTreeSet::new();
         for (number, level) in (0..).zip(self.0.levels()) {
@@ -56,7 +56,7 @@ impl Reader<'_> {
                 .into_iter()
                 .eq((1..=self.0.inner_count() as u32).map(|i| 4 * i))
         );
-        rows.remove(&0).unwrap_or_default()
+        (rows.get(&0).cloned().unwrap_or_default(), rows)
     }
 
     fn node(&self, entry: Treelet, reference: u32, leaf: &dyn Fn(u32) -> Found) -> (Found, u32) {
@@ -99,8 +99,17 @@ impl Reader<'_> {
 
 fn check(tree: &Tree) -> Treelets {
     let treelets = Treelets::of_shape(tree.shape());
-    let found = Reader(&treelets).tree();
+    let (found, rows) = Reader(&treelets).tree();
     assert_eq!(found.order, tree.order);
+    for most in [1, 3, 40, 2_000, u32::MAX] {
+        let (first, count) = treelets.few_roots(most);
+        if tree.order.is_empty() {
+            break;
+        }
+        let below = (0..count).map(|i| &rows[&(first + 2 * i)].order);
+        let all = below.flatten().copied().collect::<Vec<_>>();
+        assert!(count <= most && all == tree.order, "{count} of {most}");
+    }
     assert_eq!(found.left_leaves, tree.left_leaves);
     for number in 0..treelets.treelet_count() {
         let entry = treelets.treelet(number);
@@ -124,6 +133,8 @@ fn large_trees_take_several_levels_and_are_the_tree_still() {
     for (leaves, levels) in [(257, 2), (20_000, 2), (150_000, 3)] {
         let treelets = check(&random_tree(leaves, 9));
         assert_eq!(treelets.levels().len(), levels, "{leaves} leaves");
+        let (least, most) = (treelets.few_roots(1), treelets.few_roots(u32::MAX));
+        assert!(least == (0, 1) && most.1 > leaves as u32 / 256, "{most:?}");
     }
     let deepest = check(&chain(40_000));
     assert!(deepest.levels().len() > 2);

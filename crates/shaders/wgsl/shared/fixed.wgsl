@@ -8,14 +8,14 @@ struct Vector64 { x: vec2<u32>, y: vec2<u32>, z: vec2<u32> }
 // a * b + c + d, which fits in 64 bits.
 fn multiply_add(a: u32, b: u32, c: u32, d: u32) -> vec2<u32> {
     let p = multiply_32(a, b);
-    let one = p.x + c;
-    let two = one + d;
-    return vec2<u32>(two, p.y + select(0u, 1u, one < c) + select(0u, 1u, two < d));
+    let one = add_32(p.x, c);
+    let two = add_32(one.x, d);
+    return vec2<u32>(two.x, p.y + one.y + two.y);
 }
 
 fn add_64(a: vec2<u32>, b: vec2<u32>) -> vec2<u32> {
-    let low = a.x + b.x;
-    return vec2<u32>(low, a.y + b.y + select(0u, 1u, low < a.x));
+    let low = add_32(a.x, b.x);
+    return vec2<u32>(low.x, a.y + b.y + low.y);
 }
 
 fn negated_64(a: vec2<u32>) -> vec2<u32> { return add_64(~a, vec2<u32>(1u, 0u)); }
@@ -63,19 +63,19 @@ fn multiply_128(m: vec4<u32>, d: vec2<u32>) -> Whole192 {
 }
 
 fn add_192(a: Whole192, b: Whole192) -> Whole192 {
-    let s0 = a.low.x + b.low.x;
-    let s1 = add_carry(a.low.y, b.low.y, select(0u, 1u, s0 < a.low.x));
+    let s0 = add_32(a.low.x, b.low.x);
+    let s1 = add_carry(a.low.y, b.low.y, s0.y);
     let s2 = add_carry(a.low.z, b.low.z, s1.y);
     let s3 = add_carry(a.high.x, b.high.x, s2.y);
     let s4 = add_carry(a.high.y, b.high.y, s3.y);
     let s5 = add_carry(a.high.z, b.high.z, s4.y);
-    return Whole192(vec3<u32>(s0, s1.x, s2.x), vec3<u32>(s3.x, s4.x, s5.x));
+    return Whole192(vec3<u32>(s0.x, s1.x, s2.x), vec3<u32>(s3.x, s4.x, s5.x));
 }
 
 fn add_carry(a: u32, b: u32, carry: u32) -> vec2<u32> {
-    let one = a + b;
-    let two = one + carry;
-    return vec2<u32>(two, select(0u, 1u, one < a) + select(0u, 1u, two < one));
+    let one = add_32(a, b);
+    let two = add_32(one.x, carry);
+    return vec2<u32>(two.x, one.y + two.y);
 }
 
 fn negated_192(a: Whole192) -> Whole192 {

@@ -1,5 +1,5 @@
-// Rays that a search leaves open, and its notes of triangles for whoever settles them, as lists: one a ray, of two words a
-// note, which are a leaf and the next note. In `blocked` there lie a word a ray, the list of open rays, and the notes;
+// Rays that a search leaves open, and its notes of triangles for whoever settles them, as lists: one a ray, of three words a
+// note, which are a leaf, the next note, and what is known of the shadow if that leaf is hit (candidates.wgsl). In `blocked` there lie a word a ray, the list of open rays, and the notes;
 // then what `pool.wgsl` says, and a second list, of open shadows, for kernels that need both at once. Where the list of rays
 // begins that a search for any hit leaves open, says `destination`.
 
@@ -19,13 +19,17 @@ const NOTES: u32 = 9u;
 const HARD: u32 = 4u;
 const LEFT: u32 = 6u;
 
-fn note_at(note: u32) -> u32 { return 2u * (params.first + note - FIRST_NOTE); }
+fn note_at(note: u32) -> u32 { return 2u * params.first + 3u * (note - FIRST_NOTE); }
+
+// Where it is noted whether the way from a note's leaf to the light is blocked: 0, 1, or TOO_MANY if nobody knows.
+fn shadow_of(note: u32) -> u32 { return note_at(note) + 2u; }
 
 // A note of a leaf, in no list yet, or TOO_MANY if there is no room.
 fn new_note(leaf: u32) -> u32 {
     let place = atomicAdd(&counts[NOTES], 1u);
     if place >= params.notes { return TOO_MANY; }
     blocked[note_at(place + FIRST_NOTE)] = leaf;
+    blocked[shadow_of(place + FIRST_NOTE)] = TOO_MANY;
     return place + FIRST_NOTE;
 }
 

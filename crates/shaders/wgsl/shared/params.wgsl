@@ -8,6 +8,7 @@ struct Params {
     height: u32,
     across: vec3<f32>,
     // Workgroups of the levels that refit did before this one; for the last of treelets, how many there are in all.
+    // Of `settle_together_camera`, those that share each of the two lists.
     first_group: u32,
     down: vec3<f32>,
     // Weight of the later key frame.
@@ -17,7 +18,7 @@ struct Params {
     scale: f32,
     // k, as a whole number.
     scale_exponent: i32,
-    // Elements of this dispatch, and the first of them.
+    // Elements of this dispatch, or boxes that a search by many begins at; and the first of the elements.
     count: u32,
     first: u32,
     // Where the topology's parts begin, in words.
@@ -33,7 +34,7 @@ struct Params {
     destination: u32,
     // Bits of a key below its digit; clusters by which tiles begin early.
     shift: u32,
-    // Clusters that a tile leaves.
+    // Clusters that a tile leaves; or the row of the first of those boxes.
     goal: u32,
     // Rounds that seek nearest neighbours.
     rounds: u32,

@@ -14,7 +14,7 @@ const DONE: u32 = 0xffffffffu;
 // In place of a depth: the walk of the ray there has not begun.
 const UNBEGUN: u32 = 0xffffffffu;
 
-fn place_at(place: u32) -> u32 { return 2u * (params.first + params.notes) + PLACE * place; }
+fn place_at(place: u32) -> u32 { return 2u * params.first + 3u * params.notes + PLACE * place; }
 
 fn empty_place(place: u32) {
     blocked[place_at(place)] = place;

@@ -49,14 +49,21 @@ fn visit(ray: Prepared, node: u32, ignore: u32) {
     if others != NONE { see_together(ray, first_of(others), ignore); }
 }
 
+// Goes to all boxes of a level at once, which saves the rounds down to it.
 fn begin_search(traced: bool, ray: Prepared, local: u32) {
-    if local != 0u { return; }
-    let begins = traced && !ray.far && meets_box(ray, nodes[0], nodes[1], ray.t_max);
-    waiting[0] = nodes[0].w;
-    atomicStore(&waiting_count, select(0u, 1u, begins));
-    atomicStore(&first_note, NO_NOTE);
-    atomicStore(&note_count, 0u);
-    atomicStore(&surely_met, 0u);
+    if local == 0u {
+        atomicStore(&waiting_count, 0u);
+        atomicStore(&first_note, NO_NOTE);
+        atomicStore(&note_count, 0u);
+        atomicStore(&surely_met, 0u);
+    }
+    workgroupBarrier();
+    if !traced || ray.far { return; }
+    for (var k = local; k < params.count; k += 64u) {
+        let row = params.goal + 2u * k;
+        if meets_box(ray, nodes[row], nodes[row + 1u], ray.t_max) { wait(nodes[row].w); }
+        spent += 1u;
+    }
 }
 
 fn is_too_long(waits: u32) -> bool {
