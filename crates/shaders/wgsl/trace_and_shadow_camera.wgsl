@@ -17,7 +17,7 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
     let i = pixel.y * params.width + pixel.x;
     let direction = through_pixel(pixel);
     let origin = scaled_point(bitcast<vec3<u32>>(params.eye));
-    if is_void_way(direction, origin) {
+    if is_void_way(direction, origin) || passes_by(direction, origin) {
         hits[i] = MISS;
         keep_any(i, false, 3u);
         return;

@@ -13,7 +13,7 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
     let direction = through_pixel(pixel);
     let i = pixel.y * params.width + pixel.x;
     let origin = scaled_point(bitcast<vec3<u32>>(params.eye));
-    if is_void_way(direction, origin) {
+    if is_void_way(direction, origin) || passes_by(direction, origin) {
         hits[i] = MISS;
         return;
     }
