@@ -81,7 +81,8 @@ impl Backend for VulkanBackend {
                 .preprocess(self.method, self.params(), &self.tree().shape);
         self.run(Stage::Preprocess, &work, Also::default())?;
         self.frames.record()?.extents.uncounted = Some(uncounted);
-        self.progress.preprocessed();
+        self.progress
+            .preprocessed(&self.tree.as_ref().expect("a scene was loaded").shape);
         self.stale = Stale::Boxes;
         Ok(())
     }

@@ -118,6 +118,9 @@ impl Slot {
             self.commands.barrier(KERNELS, COPIES);
             self.clear_counts(LEAF_COUNTS);
         }
+        if work.is_empty() {
+            return self.mark(stage);
+        }
         self.launch_all(pipelines, work, find)?;
         self.open = stage == Stage::Interpolate;
         match self.open {
@@ -130,8 +133,7 @@ impl Slot {
     pub(crate) fn record_as(&mut self, stage: Stage, record: impl FnOnce(&Commands)) -> Result<()> {
         self.close()?;
         record(&self.commands);
-        self.stages.push(stage);
-        self.marks.mark(self.commands.vk())
+        self.mark(stage)
     }
 
     /// Ends `interpolate`, if it is open: what follows is not to run beside it.
@@ -145,6 +147,10 @@ impl Slot {
     /// Ends a stage of kernels: what follows reads what they wrote.
     fn end_stage(&mut self, stage: Stage) -> Result<()> {
         self.commands.barrier(KERNELS, KERNELS);
+        self.mark(stage)
+    }
+
+    fn mark(&mut self, stage: Stage) -> Result<()> {
         self.stages.push(stage);
         self.marks.mark(self.commands.vk())
     }

@@ -131,6 +131,7 @@ impl VulkanBackend {
         let after: Vec<Moment> = arrived.into_iter().chain(unread).collect();
         let traced = self.traces.pending.is_some();
         let ticket = self.frames.submit(&after, traced, scene.never_active)?;
+        self.progress.submitted();
         self.overwritten = None;
         self.traces.submitted(ticket);
         tree.submitted(ticket);

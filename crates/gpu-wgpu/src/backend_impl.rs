@@ -151,6 +151,7 @@ impl WgpuBackend {
             .record(&self.gpu, encoder, &scene.positions, bytes)?;
         slot.readback_bytes = begun.as_ref().map_or(0, |_| bytes);
         let ticket = self.frames.submit(&self.gpu, scene.never_active)?;
+        self.progress.submitted();
         let traced = self.traces.submitted(ticket);
         self.frames.remember(ticket, traced);
         if let Some(begun) = begun {
@@ -232,7 +233,8 @@ impl Backend for WgpuBackend {
                 .preprocess(self.method, self.params(), &self.tree().shape);
         self.run(Stage::Preprocess, &work, Also::default())?;
         self.frames.record(&self.gpu)?.extents.uncounted = Some(uncounted);
-        self.progress.preprocessed();
+        self.progress
+            .preprocessed(&self.tree.as_ref().expect("a scene was loaded").shape);
         self.stale = Stale::Boxes;
         Ok(())
     }

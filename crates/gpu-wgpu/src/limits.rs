@@ -198,11 +198,11 @@ mod tests {
         };
         let refused = check(&cramped).unwrap_err().to_string();
         let expected =
-            "the device's max_compute_workgroup_storage_size needs 15360, the limit is 256";
+            "the device's max_compute_workgroup_storage_size needs 15376, the limit is 256";
         assert_eq!(refused, expected);
         assert_eq!(check_trees(&least()), Ok(()));
         let cramped = Limits {
-            max_compute_workgroup_storage_size: 15360,
+            max_compute_workgroup_storage_size: 15376,
             ..least()
         };
         assert_eq!(check(&cramped), Ok(()));

@@ -32,6 +32,17 @@ impl Stage {
             Self::TraceShadow => "trace shadows",
         }
     }
+
+    fn of(self, times: &mut StageTimes) -> &mut Option<f64> {
+        match self {
+            Self::Interpolate => &mut times.interpolate_ms,
+            Self::Preprocess => &mut times.preprocess_ms,
+            Self::Rebuild => &mut times.rebuild_ms,
+            Self::Refit => &mut times.refit_ms,
+            Self::TracePrimary => &mut times.trace_primary_ms,
+            Self::TraceShadow => &mut times.trace_shadow_ms,
+        }
+    }
 }
 
 /// Two timestamps a pass.
@@ -89,21 +100,17 @@ impl Clock {
     }
 }
 
-/// Times of stages from their timestamps, of `tick_ns` nanoseconds each. A stage run twice counts twice.
-pub(crate) fn times(stages: &[Stage], ticks: &[u64], tick_ns: f64) -> StageTimes {
+/// Times of stages from their timestamps, of `tick_ns` nanoseconds each. A stage run twice counts twice; those that had
+/// nothing to do took no time.
+pub(crate) fn times(stages: &[Stage], idle: &[Stage], ticks: &[u64], tick_ns: f64) -> StageTimes {
     let ms = |from: u64, to: u64| to.saturating_sub(from) as f64 * tick_ns * 1e-6;
     let mut times = StageTimes::default();
     let marks: Vec<_> = ticks.chunks_exact(2).take(stages.len()).collect();
     for (stage, mark) in stages.iter().zip(&marks) {
-        let total = match stage {
-            Stage::Interpolate => &mut times.interpolate_ms,
-            Stage::Preprocess => &mut times.preprocess_ms,
-            Stage::Rebuild => &mut times.rebuild_ms,
-            Stage::Refit => &mut times.refit_ms,
-            Stage::TracePrimary => &mut times.trace_primary_ms,
-            Stage::TraceShadow => &mut times.trace_shadow_ms,
-        };
-        *total = Some(total.unwrap_or(0.0) + ms(mark[0], mark[1]));
+        *stage.of(&mut times).get_or_insert(0.0) += ms(mark[0], mark[1]);
+    }
+    for stage in idle {
+        stage.of(&mut times).get_or_insert(0.0);
     }
     if let (Some(first), Some(last)) = (marks.first(), marks.last()) {
         times.device_ms = ms(first[0], last[1]);
@@ -118,12 +125,13 @@ mod tests {
 
     #[test]
     fn stages_are_timed_each_and_all_together() {
-        let stages = [Stage::Interpolate, Stage::Refit];
+        let (stages, idle) = ([Stage::Interpolate, Stage::Refit], [Stage::TracePrimary]);
         let ticks = [1_000_000, 2_000_000, 5_000_000, 9_000_000, 7, 7];
-        let times = times(&stages, &ticks, 0.5);
+        let times = times(&stages, &idle, &ticks, 0.5);
         assert_eq!(times.interpolate_ms, Some(0.5));
         assert_eq!(times.refit_ms, Some(2.0));
         assert_eq!(times.preprocess_ms, None);
+        assert_eq!(times.trace_primary_ms, Some(0.0));
         assert!((times.device_ms - 4.0).abs() < 1e-12);
         assert_eq!(times.begun_ms, Some(0.5));
     }

@@ -24,7 +24,9 @@ pub(crate) struct Slot {
     back: Buffer,
     launches: Launches,
     encoder: Option<CommandEncoder>,
+    /// Those with a pass of their own, and those that had nothing to do.
     stages: Vec<Stage>,
+    idle: Vec<Stage>,
     /// `interpolate`, until it is known whether `preprocess` shares its pass and so runs beside it.
     held: Vec<Launch>,
     sent: Option<Sent>,
@@ -53,6 +55,7 @@ impl Slot {
             launches: Launches::new(gpu),
             encoder: None,
             stages: Vec::new(),
+            idle: Vec::new(),
             held: Vec::new(),
             sent: None,
             readback_bytes: 0,
@@ -78,6 +81,7 @@ impl Slot {
         assert!(self.sent.is_none(), "a slot holds one submission at a time");
         self.launches.begin(gpu);
         self.stages.clear();
+        self.idle.clear();
         self.held.clear();
         self.readback_bytes = 0;
         self.extents = Extents::default();
@@ -101,6 +105,10 @@ impl Slot {
     ) -> Result<()> {
         if !work.first().is_some_and(|w| w.alongside) {
             self.release(gpu)?;
+        }
+        if work.is_empty() {
+            self.idle.push(stage);
+            return Ok(());
         }
         if stage == Stage::Preprocess && self.stages.contains(&stage) {
             // It may run more than once a submission: the last one counts.
@@ -237,7 +245,7 @@ impl Slot {
         let wall_ms = sent.at.elapsed().as_secs_f64() * 1e3;
         let (counts, ticks) = self.read_back(gpu, &sent.mapping)?;
         let times = match &self.clock {
-            Some(_) => queries::times(&self.stages, &ticks, gpu.tick_ns),
+            Some(_) => queries::times(&self.stages, &self.idle, &ticks, gpu.tick_ns),
             None => StageTimes {
                 device_ms: wall_ms,
                 ..StageTimes::default()

@@ -30,6 +30,8 @@ pub struct Shape {
     pub moving_treelets: Option<MovingTreeletShape>,
     /// Rows of 16 bytes in the buffer `nodes`.
     pub node_rows: u64,
+    /// With layout `fast`: roots of treelets.
+    pub root_count: u32,
     /// Boxes that a search by many invocations begins at: the first one's row, and how many lie there, two rows each.
     pub begin: (u32, u32),
 }
@@ -52,6 +54,7 @@ impl Default for Shape {
             treelets: Vec::new(),
             moving_treelets: None,
             node_rows: 0,
+            root_count: 0,
             begin: (0, 1),
         }
     }
@@ -105,6 +108,7 @@ impl Shape {
             treelets: tree.levels().to_vec(),
             moving_treelets: tree.moving().map(|m| MovingTreeletShape::of(tree, m)),
             node_rows: tree.rows() as u64,
+            root_count: tree.root_count() as u32,
             begin: tree.few_roots(MANY),
             ..Self::default()
         }
@@ -125,12 +129,15 @@ impl Shape {
         (groups * 4).next_multiple_of(16)
     }
 
-    /// Bytes of the buffer `costs` that suffice for this tree: one f32 a treelet, in whole rows, where it has treelets.
+    /// Bytes of the buffer `costs` that suffice for this tree, in whole rows: where it has treelets, two words for each
+    /// and eight for each root, as `climb.wgsl` lays them out.
     #[must_use]
     pub fn own_cost_bytes(&self) -> u64 {
         match self.treelet_count() {
             0 => Self::cost_bytes(u64::from(self.leaf_count)),
-            treelets => (u64::from(treelets) * 4).next_multiple_of(16),
+            treelets => {
+                (u64::from(treelets) * 8 + u64::from(self.root_count) * 32).next_multiple_of(16)
+            }
         }
     }
 }

@@ -30,6 +30,13 @@ impl Cut {
             let next = Self::new(&last.above);
             levels.push(next);
         }
+        // From the top down: roots go into one treelet only if they stand below one treelet.
+        let mut starts = Vec::new();
+        for level in levels.iter_mut().rev() {
+            level.treelets = pack(&level.roots, &starts);
+            let treelets = level.treelets.iter();
+            starts = treelets.map(|t| level.leaves(t).start).collect();
+        }
         levels
     }
 
@@ -56,7 +63,7 @@ impl Cut {
             above.push(roots.len() as u32);
         }
         Self {
-            treelets: pack(&roots),
+            treelets: Vec::new(),
             roots,
             above,
         }
@@ -69,11 +76,13 @@ impl Cut {
     }
 }
 
-/// As many neighbours as fit into each treelet.
-fn pack(roots: &[Subtree]) -> Vec<Range<usize>> {
+/// As many neighbours as fit into each treelet; another begins at each of `starts`, which rise.
+fn pack(roots: &[Subtree], starts: &[usize]) -> Vec<Range<usize>> {
     let (mut treelets, mut start, mut leaves) = (Vec::new(), 0, 0);
+    let mut starts = starts.iter().copied().filter(|&at| at > 0).peekable();
     for (i, root) in roots.iter().enumerate() {
-        if leaves + root.leaves as usize > Treelets::LEAVES {
+        let starts_here = starts.next_if_eq(&i).is_some();
+        if starts_here || leaves + root.leaves as usize > Treelets::LEAVES {
             treelets.push(start..i);
             (start, leaves) = (i, 0);
         }

@@ -6,6 +6,10 @@ use crate::walk::Shape;
 use bvh_build::Subtree;
 use rayon::prelude::*;
 
+/// Words of an entry.
+const PARENT: usize = 9;
+const CHILDREN: usize = 10;
+
 /// Bit 8 of a reference: a leaf.
 const LEAF: u32 = 1 << 8;
 
@@ -125,6 +129,7 @@ impl Treelets {
             inner_row: 4,
             roots_at: (found.len() * Self::ENTRY_WORDS) as u32,
             root_row: 4 * (1 + self.inner_count),
+            parent: Treelet::NONE,
             ..Treelet::default()
         };
         let (mut number, mut room_at, mut rows_below) = (0, inner_at, None);
@@ -160,7 +165,25 @@ impl Treelets {
             self.levels.push(first as u32..number as u32);
             rows_below = Some(rows_here);
         }
+        self.name_parents();
         self.words.truncate(inner_at + self.inner_count());
+    }
+
+    /// The treelets of a level stand, in order, on the roots of those of the level below.
+    fn name_parents(&mut self) {
+        let levels = self.levels.clone();
+        for pair in levels.windows(2) {
+            let mut below = pair[0].clone().peekable();
+            for parent in pair[1].clone() {
+                let mut left = self.treelet(parent as usize).leaf_count;
+                while let Some(child) = below.next_if(|_| left > 0) {
+                    left -= self.treelet(child as usize).root_count;
+                    let own = child as usize * Self::ENTRY_WORDS;
+                    self.words[own + PARENT] = parent;
+                    self.words[parent as usize * Self::ENTRY_WORDS + CHILDREN] += 1;
+                }
+            }
+        }
     }
 
     fn write(&mut self, number: usize, entry: Treelet, room_at: usize) {

@@ -21,8 +21,10 @@ use std::ops::Range;
 /// 256 neighbouring triangles that holds whole subtrees, as few and as large as
 /// may be. What lies above those subtrees is a tree again, whose leaves they
 /// are, and is cut the same way, until one root is left: some three levels for
-/// a million triangles. So a device refits a level of treelets in one dispatch,
-/// each in the memory of one workgroup.
+/// a million triangles. All roots of a treelet stand below one treelet of the next
+/// level, its *parent*. So a device refits a level of treelets in one dispatch,
+/// each in the memory of one workgroup; or all of them, where the workgroup that comes
+/// last to a parent goes on with it.
 ///
 /// # Layout
 ///
@@ -30,7 +32,7 @@ use std::ops::Range;
 ///
 /// | words | holds |
 /// |---|---|
-/// | `9 T` | treelets, level by level from the triangles up; see [`Treelet`] |
+/// | `11 T` | treelets, level by level from the triangles up; see [`Treelet`] |
 /// | `R` | roots, treelet by treelet: a reference each |
 /// | `n` | triangles, depth first; bit 31 is 1 if the next one shares the leaf |
 /// | `I` | inner nodes, treelet by treelet, by height |
@@ -51,7 +53,7 @@ use std::ops::Range;
 ///
 /// # What it costs
 ///
-/// `4 n` bytes, 4 for each inner node (`0.6 n` or so, as most leaves are shared), 36 a treelet:
+/// `4 n` bytes, 4 for each inner node (`0.6 n` or so, as most leaves are shared), 44 a treelet:
 /// about 6.6 bytes a triangle.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Treelets {
@@ -63,7 +65,7 @@ pub struct Treelets {
     moving: Option<MovingTreelets>,
 }
 
-/// A treelet's entry in the table: nine words, in this order.
+/// A treelet's entry in the table: eleven words, in this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Treelet {
     /// Its first triangle in depth-first order; on higher levels the row of the first root that it stands on.
@@ -84,6 +86,10 @@ pub struct Treelet {
     pub root_row: u32,
     /// The greatest height among its inner nodes; 0 if there is none.
     pub height: u32,
+    /// The treelet of the next level that stands on its roots; [`Treelet::NONE`] for the last.
+    pub parent: u32,
+    /// How many treelets have this one as their parent.
+    pub children: u32,
 }
 
 impl Treelets {
@@ -92,7 +98,7 @@ impl Treelets {
     /// Set in a triangle's word if the next triangle shares its leaf.
     pub const SHARED: u32 = 1 << 31;
     /// Words of a treelet's entry.
-    pub const ENTRY_WORDS: usize = 9;
+    pub const ENTRY_WORDS: usize = 11;
 
     /// The same tree as a record's.
     ///
@@ -192,6 +198,12 @@ impl Treelets {
         self.leaf_count as usize
     }
 
+    /// Roots of all treelets.
+    #[must_use]
+    pub fn root_count(&self) -> usize {
+        self.root_count as usize
+    }
+
     /// Inner nodes.
     #[must_use]
     pub fn inner_count(&self) -> usize {
@@ -220,6 +232,9 @@ impl Treelets {
 }
 
 impl Treelet {
+    /// In place of a parent.
+    pub const NONE: u32 = u32::MAX;
+
     fn words(self) -> [u32; Treelets::ENTRY_WORDS] {
         [
             self.first_leaf,
@@ -231,6 +246,8 @@ impl Treelet {
             self.root_count,
             self.root_row,
             self.height,
+            self.parent,
+            self.children,
         ]
     }
 
@@ -245,6 +262,8 @@ impl Treelet {
             root_count: words[6],
             root_row: words[7],
             height: words[8],
+            parent: words[9],
+            children: words[10],
         }
     }
 }

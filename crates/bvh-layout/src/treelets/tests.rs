@@ -116,9 +116,30 @@ fn check(tree: &Tree) -> Treelets {
         assert!((1..=Treelets::LEAVES as u32).contains(&entry.leaf_count));
         assert!(entry.inner_count < entry.leaf_count);
     }
+    each_treelet_stands_below_one(&treelets);
     let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
     assert_eq!(Treelets::of(&record), treelets);
     treelets
+}
+
+/// The rows that a treelet's leaves stand on are all roots of its children and no others.
+fn each_treelet_stands_below_one(treelets: &Treelets) {
+    let all = (0..treelets.treelet_count() as u32).map(|t| (t, treelets.treelet(t as usize)));
+    let levels = treelets.levels();
+    for (number, parent) in all.clone().skip(levels.first().map_or(0, |l| l.len())) {
+        let children = all.clone().filter(|(_, child)| child.parent == number);
+        let rows: Vec<_> = children
+            .clone()
+            .flat_map(|(_, c)| (0..c.root_count).map(move |r| c.root_row + 2 * r))
+            .collect();
+        let below: Vec<_> = (0..parent.leaf_count)
+            .map(|i| parent.first_leaf + 2 * i)
+            .collect();
+        assert_eq!(rows, below, "treelet {number}");
+        assert_eq!(parent.children as usize, children.count());
+    }
+    let orphans = all.filter(|(_, t)| t.parent == Treelet::NONE).count();
+    assert_eq!(orphans, usize::from(treelets.treelet_count() > 0));
 }
 
 #[test]

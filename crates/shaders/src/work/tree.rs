@@ -15,6 +15,8 @@ pub struct Progress {
     has_lists: bool,
     has_records: bool,
     has_boxes: bool,
+    /// Whether `preprocess` made all boxes in this recording.
+    has_climbed: bool,
 }
 
 impl Progress {
@@ -55,14 +57,18 @@ impl Progress {
         (work, uncounted)
     }
 
-    /// That work was recorded.
-    pub fn preprocessed(&mut self) {
+    /// That work was recorded, over such a tree.
+    pub fn preprocessed(&mut self, tree: &Shape) {
+        self.has_climbed = tree.layout == Layout::Fast && treelets::climbs(tree, self.has_records);
         (self.has_lists, self.has_records) = (true, true);
     }
 
-    /// Boxes of leaves to boxes of inner nodes, level by level, and to the tree's cost.
+    /// Boxes of leaves to boxes of inner nodes, level by level, and to the tree's cost; nothing where `preprocess` has done so.
     #[must_use]
     pub fn refit(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, Extent) {
+        if self.has_climbed {
+            return (Vec::new(), Extent::Whole);
+        }
         if tree.layout == Layout::Fast && tree.leaf_count > 0 {
             let work = treelets::refit(method, params, tree, self.has_boxes);
             return (work, Extent::Whole);
@@ -77,6 +83,11 @@ impl Progress {
     /// That work was recorded.
     pub fn refitted(&mut self) {
         self.has_boxes = true;
+    }
+
+    /// That the recording was submitted: what comes next is counted anew.
+    pub fn submitted(&mut self) {
+        self.has_climbed = false;
     }
 }
 
@@ -248,7 +259,7 @@ mod tests {
             ("preprocess", 0, 501, 0, 0),
         ];
         assert_eq!(told(&work), expected);
-        progress.preprocessed();
+        progress.preprocessed(&tree);
         let (work, uncounted) = progress.preprocess(Method::default(), params, &tree);
         assert_eq!(uncounted, 3);
         assert_eq!(told(&work), [("preprocess", 2_000, 9, 0, 1)]);
@@ -275,7 +286,7 @@ mod tests {
     #[test]
     fn a_tree_without_lists_is_done_whole_each_time() {
         let mut progress = Progress::default();
-        progress.preprocessed();
+        progress.preprocessed(&tree());
         progress.refitted();
         let (work, uncounted) = progress.preprocess(Method::default(), Params::default(), &tree());
         assert_eq!((work.len(), uncounted), (1, 0));

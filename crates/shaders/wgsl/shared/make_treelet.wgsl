@@ -7,7 +7,6 @@
 @group(0) @binding(next) var<storage, read> leaf_corners: array<u32>;
 @group(0) @binding(next) var<storage, read_write> records: array<vec4<u32>>;
 @group(0) @binding(next) var<storage, read_write> nodes: array<vec4<u32>>;
-@group(0) @binding(next) var<storage, read_write> costs: array<f32>;
 // Inactive and degenerate leaves.
 @group(0) @binding(next) var<storage, read_write> counts: array<atomic<u32>>;
 
@@ -66,9 +65,10 @@ fn share(local: u32, leaf: u32) -> f32 {
 // Every invocation must call it, in uniform control flow.
 fn make_treelet(local: u32, place: u32) {
     let number = treelet_at(place);
-    let leaf = topology[9u * number] + local;
-    let is_there = local < topology[9u * number + 1u];
+    let leaf = topology[ENTRY * number] + local;
+    let is_there = local < topology[ENTRY * number + 1u];
     let inner = inner_word(number, local);
+    look_ahead(number);
     var word = 0u;
     if is_there {
         word = topology[params.leaf_triangles_at + leaf];
@@ -81,7 +81,5 @@ fn make_treelet(local: u32, place: u32) {
     if (word & SHARED) != 0u { area = share(local, leaf); }
     workgroupBarrier();
     area += refit_treelet(t, inner);
-    write_treelet(t, local);
-    let sum = sum_of_group(local, area);
-    if local == 0u { costs[number] = sum; }
+    leave(number, local, area);
 }

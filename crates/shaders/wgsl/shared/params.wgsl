@@ -7,7 +7,7 @@ struct Params {
     corner: vec3<f32>,
     height: u32,
     across: vec3<f32>,
-    // Workgroups of the levels that refit did before this one; for the last of treelets, how many there are in all.
+    // Workgroups of the levels that refit did before this one; for the last of treelets, and for those that climb, how many there are in all.
     // Of `settle_together_camera`, those that share each of the two lists.
     first_group: u32,
     down: vec3<f32>,

@@ -1,6 +1,8 @@
 // A treelet in the memory of one workgroup: see bvh_layout::Treelets.
 
 const GROUP: u32 = 256u;
+// Words of a treelet's entry.
+const ENTRY: u32 = 11u;
 // A reference within a treelet, below 512, is also a node's place here.
 const PLACES: u32 = 512u;
 const LEAVES: u32 = 256u;
@@ -25,7 +27,7 @@ fn treelet_at(place: u32) -> u32 {
 }
 
 fn treelet(number: u32) -> Treelet {
-    let at = 9u * number;
+    let at = ENTRY * number;
     return Treelet(
         topology[at], topology[at + 1u], topology[at + 2u], topology[at + 3u], topology[at + 4u],
         topology[at + 5u], topology[at + 6u], topology[at + 7u], topology[at + 8u],
@@ -78,7 +80,7 @@ var<workgroup> kept_words: array<u32, GROUP>;
 
 // The word of this invocation's inner node, 0 if it has none; to be read early: it takes a while to come.
 fn inner_word(number: u32, local: u32) -> u32 {
-    if local < topology[9u * number + 3u] { return topology[topology[9u * number + 2u] + local]; }
+    if local < topology[ENTRY * number + 3u] { return topology[topology[ENTRY * number + 2u] + local]; }
     return 0u;
 }
 
