@@ -65,8 +65,8 @@ fn replace(module: &mut Module, at: usize, op: Op) -> Result<()> {
 
 /// The type of a function's two parameters, and them.
 fn parameters(function: &Function) -> Result<(u32, Vec<Operand>)> {
-    let types = function.parameters.iter().filter_map(|p| p.result_type);
-    let word = types.last().context("parameters")?;
+    let mut types = function.parameters.iter().filter_map(|p| p.result_type);
+    let word = types.next().context("parameters")?;
     let ids = function.parameters.iter().filter_map(|p| p.result_id);
     let operands: Vec<_> = ids.map(Operand::IdRef).collect();
     anyhow::ensure!(operands.len() == 2, "two parameters");
