@@ -35,16 +35,25 @@ impl Stage {
         animation: &Arc<Animation>,
         intersector: Intersector,
     ) -> Self {
+        let layout = Layout::Bvh2;
+        let method = Method {
+            intersector,
+            layout,
+        };
+        Self::by(backend, animation, method)
+    }
+
+    /// Any backend, by any method.
+    ///
+    /// # Panics
+    /// If it refuses the scene.
+    #[must_use]
+    pub fn by(backend: Box<dyn Backend>, animation: &Arc<Animation>, method: Method) -> Self {
         let mut stage = Self {
             backend,
             animation: Arc::clone(animation),
             tools: Workbench::new(),
             generation: Generation(0),
-        };
-        let layout = Layout::Bvh2;
-        let method = Method {
-            intersector,
-            layout,
         };
         stage
             .backend

@@ -41,21 +41,12 @@ fn only_inner_boxes_and_the_filter_of_exact_may_be_fused_and_no_name_is_left() {
 }
 
 #[test]
-fn products_and_sums_that_carry_take_one_instruction() {
+fn products_of_two_words_take_one_instruction() {
     for kernel in KERNELS {
         let module = load_words(kernel.code.spirv).unwrap();
-        let count = |op| {
-            module
-                .all_inst_iter()
-                .filter(|i| i.class.opcode == op)
-                .count()
-        };
-        for (function, op) in [
-            ("fn multiply_32(", Op::UMulExtended),
-            ("fn add_32(", Op::IAddCarry),
-        ] {
-            let has = usize::from(kernel.code.wgsl.contains(function));
-            assert_eq!(count(op), has, "{function} of {}", kernel.name);
-        }
+        let products = module.all_inst_iter();
+        let products = products.filter(|i| i.class.opcode == Op::UMulExtended);
+        let has = kernel.code.wgsl.contains("fn multiply_32(");
+        assert_eq!(products.count(), usize::from(has), "{}", kernel.name);
     }
 }

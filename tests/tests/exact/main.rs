@@ -2,6 +2,7 @@
 
 mod hard;
 mod open;
+mod ridges;
 
 use backend::{Backend, Hits, Intersector, Query, Rays, Seek};
 use conformance::nth_case;
@@ -26,6 +27,7 @@ fn main() -> ExitCode {
         trials.push(device.trial("odd_scenes", odd_scenes_on));
         trials.extend(hard::trials(device));
         trials.push(open::trial(device));
+        trials.push(ridges::trial(device));
     }
     libtest_mimic::run(&arguments, trials).exit_code()
 }

@@ -36,7 +36,7 @@ fn multiply_32(a: u32, b: u32) -> vec2<u32> {
     return vec2<u32>((two << 16u) | (low & 0xffffu), (a >> 16u) * (b >> 16u) + (one >> 16u) + (two >> 16u));
 }
 
-// The sum and what it carries; likewise one instruction.
+// The sum and what it carries.
 fn add_32(a: u32, b: u32) -> vec2<u32> {
     let sum = a + b;
     return vec2<u32>(sum, select(0u, 1u, sum < a));

@@ -1,0 +1,107 @@
+//! Pictures of ridges, with rays along every crest: both slopes are candidates for the hit, the lower index is it, and
+//! the one slope lies in shadow there and the other in the light. So few hits are open that a device seeks the
+//! shadows of their candidates before it knows which of them it is.
+
+use crate::Device;
+use backend::{Backend, Hits, Intersector, Layout, Method, Query, Rays, Seek};
+use geom::{Animation, Camera, Point};
+use integration::stage::Stage;
+use libtest_mimic::{Failed, Trial};
+use std::sync::Arc;
+
+/// Ridges, and stretches of each.
+const RIDGES: i16 = 16;
+const STRETCHES: i16 = 40;
+/// Rows of pixels, none of which meets the end of a stretch.
+const ROWS: u32 = 12;
+
+pub(crate) fn trial(device: Device) -> Trial {
+    device.trial("shadows_of_the_candidates_of_few_open_hits", |device| {
+        let layouts = [Layout::Bvh2, Layout::Fast];
+        layouts
+            .into_iter()
+            .try_for_each(|l| along_crests(device, l))
+    })
+}
+
+/// Steep on the left, gentle on the right; of every other ridge the left slope comes first.
+fn ridges() -> Result<Arc<Animation>, Failed> {
+    let (mut points, mut triangles) = (Vec::<Point>::new(), Vec::new());
+    for ridge in 0..RIDGES {
+        let crest = f32::from(2 * (ridge - RIDGES / 2));
+        for stretch in 0..STRETCHES {
+            let y = f32::from(stretch - STRETCHES / 2);
+            let at = points.len() as u32;
+            for (x, z) in [(crest - 0.25, -1.0), (crest, 0.0), (crest + 1.75, -1.0)] {
+                points.extend([[x, y, z], [x, y + 1.0, z]]);
+            }
+            let slope = |v: u32| [[v, v + 2, v + 1], [v + 2, v + 3, v + 1]];
+            let (left, right) = (slope(at), slope(at + 2));
+            let both = if ridge % 2 == 0 {
+                [left, right]
+            } else {
+                [right, left]
+            };
+            triangles.extend(both.concat());
+        }
+    }
+    let still = Animation::new(vec![points.clone(), points], triangles);
+    Ok(Arc::new(still.map_err(|e| e.to_string())?))
+}
+
+/// One column of pixels for each crest and one between, seen from above.
+fn camera() -> Camera {
+    Camera {
+        eye: [0.0, 0.0, 16.0],
+        width: 2 * RIDGES as u32,
+        corner: [f32::from(-RIDGES) - 0.5, ROWS as f32 / 2.0 + 0.75, -16.0],
+        height: ROWS,
+        across: [1.0, 0.0, 0.0],
+        pad0: 0,
+        down: [0.0, -1.0, 0.0],
+        pad1: 0,
+    }
+}
+
+fn along_crests(device: Device, layout: Layout) -> Result<(), Failed> {
+    let animation = ridges()?;
+    let expected = ask(
+        Box::new(cpu_ref::CpuBackend::new(Some(2))?),
+        &animation,
+        layout,
+    )?;
+    let found = ask(device.open()?, &animation, layout)?;
+    let crest = |i: usize| i % 2 == 0;
+    let on_crests = |dark: u8| {
+        let blocked = expected.blocked.iter().enumerate();
+        blocked.filter(|&(i, &b)| crest(i) && b == dark).count()
+    };
+    let [lit, dark] = [on_crests(0), on_crests(1)];
+    if lit < 60 || dark < 60 {
+        return Err(format!("{lit} crests lit, {dark} dark: too few to tell").into());
+    }
+    let all = expected.closest.iter().zip(&expected.blocked);
+    let others = found.closest.iter().zip(&found.blocked);
+    match all.zip(others).enumerate().find(|(_, (a, b))| a != b) {
+        Some((i, (a, b))) => Err(format!("{layout:?}, pixel {i}: {b:?}, not {a:?}").into()),
+        None => Ok(()),
+    }
+}
+
+fn ask(
+    backend: Box<dyn Backend>,
+    animation: &Arc<Animation>,
+    layout: Layout,
+) -> Result<Hits, Failed> {
+    let method = Method {
+        intersector: Intersector::Exact,
+        layout,
+    };
+    let mut stage = Stage::by(backend, animation, method);
+    stage.plant(0.0);
+    let seek = Seek::ClosestAndShadow {
+        light: [40.0, 0.3, 6.0],
+    };
+    let rays = Rays::Camera(&camera());
+    Ok(stage.try_trace(0.0, Query { rays, seek })?)
+}
