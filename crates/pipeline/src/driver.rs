@@ -152,7 +152,7 @@ impl Driver {
         let begun = Instant::now();
         self.beginning = Beginning::default();
         let pose = self.animation.pose(frame.time);
-        self.foresight.frame(frame.time);
+        self.foresight.frame(frame.time, begun);
         self.hear_from_builder()?;
         let stale = if self.makes_trees() {
             self.record_own_tree(pose)?
@@ -215,9 +215,11 @@ impl Driver {
         let Some(tree) = &self.tree else {
             return self.first_tree(pose);
         };
-        let wanted = self.wanted(pose);
         let newest = self.flight.as_ref().map_or(tree.pose, |f| f.pose);
-        let plan = self.schedule.begin_frame(self.frames, newest != wanted);
+        self.learn_latency();
+        let wanted = self.wanted(pose);
+        let outdated = newest != wanted && self.may_ask();
+        let plan = self.schedule.begin_frame(self.frames, outdated);
         self.follow(plan, wanted)
     }
 

@@ -3,7 +3,16 @@
 //! Key frames are known before they are reached. So a tree may be built for
 //! the moment it is used instead of the one it is asked for, if somebody
 //! guesses when that is. The guess: frames go on by the last step of time, and
-//! trees take as long as the last ones did.
+//! trees take as many frames as the last ones did. Before one has come, the
+//! first build and the pace of the first frames must do.
+
+use std::time::{Duration, Instant};
+
+/// Frames that say nothing of the pace: the first waits for its tree, others
+/// may come before the queue of frames under way is full.
+const UNSETTLED: u32 = 2;
+/// A later build takes about so much of the first one's time, as it finds its memory ready.
+const LATER_BUILD: f64 = 0.5;
 
 /// Watches frames go by and trees come; guesses what comes next.
 #[derive(Clone, Debug)]
@@ -11,10 +20,16 @@ pub(crate) struct Foresight {
     range: [f64; 2],
     time: f64,
     step: f64,
-    /// Frames between asking for a tree and swapping to it; 0 as long as none came.
-    latency: f64,
-    /// Whether that is so by agreement.
+    /// Frames between asking for a tree and swapping to it, as seen or agreed.
+    latency: Option<f64>,
+    /// Whether it is so by agreement.
     agreed: bool,
+    /// What it is taken for as long as none was seen.
+    guess: Option<f64>,
+    first_build: Option<Duration>,
+    /// Frames begun, and when the pace began to count.
+    frames: u32,
+    settled: Option<Instant>,
 }
 
 impl Foresight {
@@ -24,37 +39,64 @@ impl Foresight {
             range,
             time: f64::NAN,
             step: 0.0,
-            latency: agreed.map_or(0.0, f64::from),
+            latency: agreed.map(f64::from),
             agreed: agreed.is_some(),
+            guess: None,
+            first_build: None,
+            frames: 0,
+            settled: None,
         }
     }
 
-    /// The next frame is at `time`.
-    pub(crate) fn frame(&mut self, time: f64) {
+    /// The next frame is at `time`; it begins `now`.
+    pub(crate) fn frame(&mut self, time: f64, now: Instant) {
         self.step = if self.time.is_nan() {
             0.0
         } else {
             time - self.time
         };
         self.time = time;
+        self.watch_pace(now);
+    }
+
+    fn watch_pace(&mut self, now: Instant) {
+        let counted = self.frames.saturating_sub(UNSETTLED);
+        self.frames = self.frames.saturating_add(1);
+        let Some(settled) = self.settled else {
+            self.settled = (self.frames > UNSETTLED).then_some(now);
+            return;
+        };
+        if let Some(build) = self.first_build {
+            let elapsed = now.saturating_duration_since(settled).as_secs_f64();
+            let pace = (elapsed / f64::from(counted)).max(1e-6);
+            self.guess = Some((LATER_BUILD * build.as_secs_f64() / pace).max(1.0));
+        }
+    }
+
+    /// The first tree, which a frame waited for, took so long.
+    pub(crate) fn first_took(&mut self, build: Duration) {
+        self.first_build = Some(build);
+    }
+
+    /// Whether there is any ground for a guess.
+    pub(crate) fn has_ground(&self) -> bool {
+        self.latency.or(self.guess).is_some()
     }
 
     /// A tree came so many frames after it was asked for.
     pub(crate) fn came_after(&mut self, frames: u64) {
         if !self.agreed {
             let seen = frames as f64;
-            self.latency = if self.latency > 0.0 {
-                f64::midpoint(self.latency, seen)
-            } else {
-                seen
-            };
+            let mean = |latency| f64::midpoint(latency, seen);
+            self.latency = Some(self.latency.map_or(seen, mean));
         }
     }
 
     /// The middle of the frames traced with a tree asked for now: the next one
     /// will be asked for when it is swapped in, and take as long.
     pub(crate) fn middle_of_use(&self) -> f64 {
-        let frames = self.latency + (self.latency - 1.0).max(0.0) / 2.0;
+        let latency = self.latency.or(self.guess).unwrap_or(0.0);
+        let frames = latency + (latency - 1.0).max(0.0) / 2.0;
         let [first, last] = self.range;
         let time = self.time + self.step * frames;
         // A frame outside the range is its own best guess.
@@ -68,7 +110,7 @@ mod tests {
 
     fn watching(range: [f64; 2], agreed: Option<u32>, times: &[f64]) -> Foresight {
         let mut f = Foresight::new(range, agreed);
-        times.iter().for_each(|&t| f.frame(t));
+        times.iter().for_each(|&t| f.frame(t, Instant::now()));
         f
     }
 
@@ -87,10 +129,45 @@ mod tests {
     #[test]
     fn an_agreed_latency_is_not_learned() {
         let mut f = watching([0.0, 100.0], Some(3), &[0.0, 1.0]);
+        assert!(f.has_ground());
         f.came_after(50);
         assert_eq!(f.middle_of_use(), 5.0);
         let f = watching([0.0, 100.0], Some(0), &[0.0, 1.0]);
         assert_eq!(f.middle_of_use(), 1.0);
+    }
+
+    #[test]
+    fn before_a_tree_has_come_the_first_build_and_the_pace_tell() {
+        let ms = Duration::from_millis;
+        let start = Instant::now();
+        let mut f = Foresight::new([0.0, 1000.0], None);
+        f.frame(0.0, start);
+        f.first_took(ms(160));
+        // Neither the wait for the first tree nor a frame handed in at once is the pace.
+        f.frame(1.0, start + ms(900));
+        f.frame(2.0, start + ms(901));
+        assert!(!f.has_ground());
+        assert_eq!(f.middle_of_use(), 2.0);
+        // A frame in 10 ms, half the first build: in use 8 to 15 frames on.
+        f.frame(3.0, start + ms(911));
+        assert!(f.has_ground());
+        assert!((f.middle_of_use() - (3.0 + 11.5)).abs() < 1e-9);
+        // The mean of frames of 10 and 22 ms: 5 frames.
+        f.frame(4.0, start + ms(933));
+        assert!((f.middle_of_use() - (4.0 + 7.0)).abs() < 1e-9);
+        // What was seen takes its place.
+        f.came_after(3);
+        f.frame(5.0, start + ms(940));
+        assert_eq!(f.middle_of_use(), 5.0 + 4.0);
+    }
+
+    #[test]
+    fn a_tree_takes_a_frame_at_least_however_fast_it_is_built() {
+        let start = Instant::now();
+        let mut f = Foresight::new([0.0, 1000.0], None);
+        f.first_took(Duration::ZERO);
+        (0..4).for_each(|i| f.frame(f64::from(i), start));
+        assert_eq!(f.middle_of_use(), 4.0);
     }
 
     #[test]

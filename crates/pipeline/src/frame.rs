@@ -2,6 +2,7 @@
 
 use crate::workbench::BuildMoments;
 use backend::{DeviceBytes, FrameReport, Generation, StageTimes};
+use geom::Pose;
 use std::time::Instant;
 
 /// A frame to render.
@@ -94,6 +95,8 @@ pub struct Adopted {
     pub snapshot_bytes: u64,
     /// Triangles it holds.
     pub triangles: usize,
+    /// Where the motion stands that it was built for: of [`Update::TSah`](crate::Update::TSah), the first frame.
+    pub built_for: Pose,
     /// How it came about.
     pub moments: TreeMoments,
 }

@@ -60,6 +60,23 @@ impl Driver {
         }
     }
 
+    /// Has the foresight know how long the tree took that is swapped to now.
+    pub(super) fn learn_latency(&mut self) {
+        if let (Some(_), Some(flight)) = (&self.finished, &self.flight) {
+            self.foresight.came_after(self.frames - flight.frame);
+        }
+    }
+
+    /// Whether it is known when a tree asked for now would be in use, or of no account.
+    pub(super) fn may_ask(&self) -> bool {
+        self.foresight.has_ground() || !self.may_reject()
+    }
+
+    /// In lockstep each tree is swapped in, whatever its cost.
+    fn may_reject(&self) -> bool {
+        self.options.update == Update::Async(Pace::Free)
+    }
+
     fn looks_ahead(&self) -> bool {
         self.options.predict && !self.schedule.waits_at_once()
     }
@@ -97,13 +114,14 @@ impl Driver {
             self.build_now(flight)?
         };
         let (built, flight) = made.map_err(|e| PipelineError::FirstTree(e.reason))?;
+        let moments = &built.moments;
+        self.foresight.first_took(moments.ended - moments.begun);
         self.adopt(built, &flight)
     }
 
     fn ask(&mut self, generation: Generation, pose: Pose) -> Flight {
         self.beginning.asked = Some(generation);
-        // In lockstep each tree is swapped in, whatever its cost.
-        let may_reject = self.options.update == Update::Async(Pace::Free);
+        let may_reject = self.may_reject();
         Flight {
             generation,
             frame: self.frames,
@@ -158,7 +176,6 @@ impl Driver {
         let (Some(made), Some(flight)) = (self.finished.take(), self.flight.take()) else {
             return Ok(());
         };
-        self.foresight.came_after(self.frames - flight.frame);
         match made {
             Made::Tree(built) => self.adopt(built, &flight),
             Made::NoBetter => {
@@ -245,6 +262,7 @@ impl Driver {
             upload_bytes: built.topology.upload_bytes() as u64,
             snapshot_bytes,
             triangles: built.topology.leaf_count(),
+            built_for: flight.pose,
             moments: TreeMoments {
                 asked: flight.asked,
                 arrived,

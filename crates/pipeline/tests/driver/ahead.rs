@@ -4,19 +4,23 @@ use crate::{Run, drifting, run_scene};
 use backend::Generation;
 use bvh_build::Cancel;
 use geom::{Animation, Point};
-use pipeline::{Pace, Update, Workbench};
+use pipeline::{FrameRecord, Pace, Update, Workbench};
 use std::sync::Arc;
 
 /// Triangles in a row whose order is another in every key frame.
 fn shuffled(keys: u32) -> Arc<Animation> {
-    const N: u32 = 64;
+    many_shuffled(keys, 64)
+}
+
+/// Likewise, a power of two of them.
+fn many_shuffled(keys: u32, n: u32) -> Arc<Animation> {
     let triangle = |place: u32| {
         let x = place as f32;
         [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]]
     };
     let odd = |k: u32| 2 * (k * k * 7 % 29) + 1;
-    let key = |k: u32| (0..N).flat_map(|i| triangle(i * odd(k) % N)).collect();
-    let triangles = (0..N).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let key = |k: u32| (0..n).flat_map(|i| triangle(i * odd(k) % n)).collect();
+    let triangles = (0..n).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     Arc::new(Animation::new((0..keys).map(key).collect(), triangles).unwrap())
 }
 
@@ -64,6 +68,53 @@ fn in_lockstep_a_tree_is_built_for_the_middle_of_its_use() {
         assert!(*words != tree_at(middle - 4.0));
     }
     assert!(run.log.trees.len() > 8);
+}
+
+/// Frames at every half key, which come faster than trees.
+fn steady() -> (Arc<Animation>, Run) {
+    let animation = many_shuffled(65, 1 << 13);
+    let run = run_scene(&animation, 128, FREE, (None, None));
+    (animation, run)
+}
+
+const FREE: (Update, bool) = (Update::Async(Pace::Free), true);
+
+#[test]
+fn a_tree_is_built_for_the_middle_of_its_use_as_the_trees_before_it_foretell() {
+    let (animation, run) = steady();
+    let (mut latency, mut asked, mut checked) = (None::<f64>, (0, None), 0);
+    for (i, record) in (0_u32..).zip(&run.records).skip(1) {
+        if let (Some(adopted), Some(expected)) = (record.adopted, asked.1) {
+            assert_eq!(adopted.built_for, expected, "{:?}", record.frame);
+            checked += 1;
+        }
+        if record.adopted.is_some() || record.rejected.is_some() {
+            let seen = f64::from(i - asked.0);
+            latency = Some(latency.map_or(seen, |l| f64::midpoint(l, seen)));
+        }
+        if record.asked.is_some() {
+            let time = |l: f64| record.frame.time + 0.5 * (l + (l - 1.0) / 2.0);
+            let pose = |l| animation.pose(f64::min(time(l), animation.end()));
+            asked = (i, latency.map(pose));
+        }
+    }
+    assert!(checked > 2, "{checked} trees");
+}
+
+#[test]
+fn the_second_tree_is_asked_for_once_the_pace_is_known_and_built_ahead() {
+    let (_, run) = steady();
+    let asked = run.records[1..].iter().find(|r| r.asked.is_some()).unwrap();
+    assert_eq!(asked.frame.index, 3);
+    let second = |r: &&FrameRecord| r.tree_generation == Generation(2);
+    // It may have been rejected.
+    if let Some(tree) = run.records.iter().find(second).and_then(|r| r.adopted) {
+        let built_for = f64::from(tree.built_for.key) + f64::from(tree.built_for.alpha);
+        assert!(built_for >= asked.frame.time + 0.5, "{built_for}");
+    }
+    let lockstep = (Update::Async(Pace::Lockstep(3)), true);
+    let run = run_scene(&shuffled(30), 29, lockstep, (None, None));
+    assert!(run.records[1].asked.is_some());
 }
 
 #[test]
