@@ -95,8 +95,23 @@ impl Foresight {
     /// The middle of the frames traced with a tree asked for now: the next one
     /// will be asked for when it is swapped in, and take as long.
     pub(crate) fn middle_of_use(&self) -> f64 {
-        let latency = self.latency.or(self.guess).unwrap_or(0.0);
-        let frames = latency + (latency - 1.0).max(0.0) / 2.0;
+        let latency = self.expected();
+        self.ahead(latency + (latency - 1.0).max(0.0) / 2.0)
+    }
+
+    /// The middles of both halves of that use.
+    pub(crate) fn halves_of_use(&self) -> [f64; 2] {
+        let latency = self.expected();
+        let rest = (latency - 1.0).max(0.0);
+        [0.25, 0.75].map(|share| self.ahead(latency + share * rest))
+    }
+
+    fn expected(&self) -> f64 {
+        self.latency.or(self.guess).unwrap_or(0.0)
+    }
+
+    /// The time so many frames from now.
+    fn ahead(&self, frames: f64) -> f64 {
         let [first, last] = self.range;
         let time = self.time + self.step * frames;
         // A frame outside the range is its own best guess.
@@ -121,6 +136,7 @@ mod tests {
         f.came_after(4);
         // Swapped in 4 frames on, used for frames 4 to 7 from now.
         assert_eq!(f.middle_of_use(), 1.0 + 5.5 * 0.5);
+        assert_eq!(f.halves_of_use(), [1.0 + 4.75 * 0.5, 1.0 + 6.25 * 0.5]);
         // The mean of both is 6: used for frames 6 to 11.
         f.came_after(8);
         assert_eq!(f.middle_of_use(), 1.0 + 8.5 * 0.5);
@@ -176,6 +192,7 @@ mod tests {
         assert_eq!(f.middle_of_use(), 9.0);
         let back = watching([2.0, 9.0], Some(10), &[4.0, 3.0]);
         assert_eq!(back.middle_of_use(), 2.0);
+        assert_eq!(back.halves_of_use(), [2.0; 2]);
         let outside = watching([2.0, 9.0], Some(10), &[10.0, 11.0]);
         assert_eq!(outside.middle_of_use(), 11.0);
         let first = watching([2.0, 9.0], Some(10), &[3.0]);

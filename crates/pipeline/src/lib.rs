@@ -13,6 +13,7 @@ mod device_clock;
 mod driver;
 mod foresight;
 mod frame;
+mod gathering;
 mod options;
 mod sampling;
 mod schedule;

@@ -60,13 +60,14 @@ impl Toolroom {
     ) -> Result<Made, BuildFailed> {
         let Job {
             vertices,
+            halves,
             rival_at,
             spare,
             ..
         } = job;
         self.work(|tools| {
             tools.reuse(spare);
-            tools.build_better(animation, vertices, rival_at, cancel)
+            tools.build_better(animation, (vertices, halves), rival_at, cancel)
         })
     }
 

@@ -1,14 +1,13 @@
 //! Vertices in, record out, in the rayon pool of whoever calls.
 
+use crate::gathering::{Swept, blend, fill};
 use crate::sampling::Sample;
 use backend::{Backend, Snapshot};
 use bvh_build::{
-    BinaryTree, Boxes, BuildError, Builder, Cancel, Moment, TemporalBuilder, sah_cost,
-    temporal_cost,
+    BinaryTree, BuildError, Builder, Cancel, Moment, TemporalBuilder, sah_cost, temporal_cost,
 };
 use bvh_layout::{Converter, Topology};
 use geom::{Aabb, Animation, Point, Pose};
-use rayon::prelude::*;
 use std::time::Instant;
 
 /// What a tree is built from.
@@ -90,7 +89,12 @@ pub struct Workbench {
     boxes: Vec<Aabb>,
     spare: Vec<u32>,
     forms: Forms,
+    /// Whether the last tree had become much worse where the next one was to be used.
+    fades: bool,
 }
+
+/// A tree fades if it comes to cost so many times what the next one does, where that is used.
+const FADED: f64 = 1.2;
 
 impl Workbench {
     /// No memory yet.
@@ -137,19 +141,31 @@ impl Workbench {
     /// Builds a tree from `vertices` and converts it, if it is cheaper at
     /// `rival_at` than the last one handed over, or if nobody asks.
     ///
+    /// Where trees fade, it is built from each triangle's boxes at both of
+    /// `halves`, as one: what parts within the time of use is then parted by the
+    /// tree, too.
+    ///
     /// # Errors
     /// [`BuildError::Cancelled`].
     pub fn build_better(
         &mut self,
         animation: &Animation,
-        vertices: Vertices,
+        (vertices, halves): (Vertices, Option<[Pose; 2]>),
         rival_at: Option<Pose>,
         cancel: &Cancel,
     ) -> Result<Made, BuildError> {
         let begun = Instant::now();
+        let swept = halves.filter(|_| self.fades);
+        if let Some(halves) = swept {
+            fill(&mut self.boxes, &Swept { animation, halves });
+            self.builder
+                .build(&self.boxes[..], cancel, &mut self.tree)?;
+        }
         let blended_at = self.take_in(animation, vertices);
-        self.builder
-            .build(&self.boxes[..], cancel, &mut self.tree)?;
+        if swept.is_none() {
+            self.builder
+                .build(&self.boxes[..], cancel, &mut self.tree)?;
+        }
         let built = Instant::now();
         let cost = sah_cost(&self.tree, &self.boxes[..]);
         if let Some(at) = rival_at {
@@ -158,12 +174,22 @@ impl Workbench {
                 fill(&mut self.boxes, &(animation, at));
                 rival = sah_cost(&self.tree, &self.boxes[..]);
             }
-            let alike = self.in_use.leaf_count() == self.tree.leaf_count();
-            if alike && rival > sah_cost(&self.in_use, &self.boxes[..]) {
+            if self.is_worse_than_in_use(rival) {
                 return Ok(Made::NoBetter);
             }
         }
         Ok(Made::Tree(self.hand_over(animation, [begun, built], cost)))
+    }
+
+    /// Whether the tree in use costs less with the boxes at hand than the new
+    /// one, which comes to `cost` there; notes whether it has faded.
+    fn is_worse_than_in_use(&mut self, cost: f64) -> bool {
+        if self.in_use.leaf_count() != self.tree.leaf_count() {
+            return false;
+        }
+        let in_use = sah_cost(&self.in_use, &self.boxes[..]);
+        self.fades = in_use > FADED * cost;
+        cost > in_use
     }
 
     /// Brings boxes to `vertices`; gives their pose if they were blended here.
@@ -258,118 +284,5 @@ impl Workbench {
     }
 }
 
-/// One box a triangle, in its order.
-fn fill<B: Boxes>(boxes: &mut Vec<Aabb>, from: &B) {
-    (0..from.len() as u32)
-        .into_par_iter()
-        .with_min_len(1 << 12)
-        .map(|triangle| from.get(triangle))
-        .collect_into_vec(boxes);
-}
-
-/// All vertices at `pose`.
-fn blend(animation: &Animation, pose: Pose, positions: &mut Vec<Point>) {
-    (0..animation.vertex_count() as u32)
-        .into_par_iter()
-        .with_min_len(1 << 12)
-        .map(|v| animation.vertex(pose, v))
-        .collect_into_vec(positions);
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::sampling::samples;
-
-    /// Triangles in a row: in order, and with every seventh beside the first.
-    fn shuffled() -> Animation {
-        let row = |place: fn(u32) -> u32| -> Vec<Point> {
-            let corner = |x: f32| [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]];
-            (0..64).flat_map(|i| corner(place(i) as f32)).collect()
-        };
-        let triangles = (0..64).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-        let keys = vec![row(|i| i), row(|i| i * 37 % 64), row(|i| i)];
-        Animation::new(keys, triangles).unwrap()
-    }
-
-    fn tree(made: Made) -> Option<Built> {
-        match made {
-            Made::Tree(built) => Some(built),
-            Made::NoBetter => None,
-        }
-    }
-
-    #[test]
-    fn only_a_tree_that_is_cheaper_where_it_will_be_used_is_handed_over() {
-        let (a, cancel) = (shuffled(), Cancel::new());
-        let mut bench = Workbench::new();
-        bench.build(&a, &a.keys()[0], &cancel).unwrap();
-        let other = || Vertices::KeyFrames(a.pose(1.0));
-        let mut made_for = |rival_at: Option<f64>| {
-            let at = rival_at.map(|t| a.pose(t));
-            tree(bench.build_better(&a, other(), at, &cancel).unwrap())
-        };
-        assert!(made_for(Some(0.0)).is_none() && made_for(Some(2.0)).is_none());
-        // What was not handed over is no rival: this one still meets the first.
-        assert!(made_for(Some(1.0)).is_some());
-        // Its equal is taken, even where another would be better.
-        assert!(made_for(Some(0.0)).is_some());
-        assert!(made_for(None).is_some());
-    }
-
-    #[test]
-    fn key_frames_make_the_same_tree_as_the_vertices_read_back() {
-        let (a, cancel) = (shuffled(), Cancel::new());
-        let pose = a.pose(0.3);
-        let positions: Vec<Point> = (0..192).map(|v| a.vertex(pose, v)).collect();
-        let read_back = Vertices::ReadBack(Box::new(positions));
-        let [x, y] = [Vertices::KeyFrames(pose), read_back].map(|vertices| {
-            let made = Workbench::new().build_better(&a, vertices, None, &cancel);
-            tree(made.unwrap()).unwrap()
-        });
-        assert_eq!((x.topology.words(), x.cost), (y.topology.words(), y.cost));
-    }
-
-    #[test]
-    fn a_tree_for_all_times_is_never_worse_over_them_than_the_first_frames() {
-        let (a, cancel) = (shuffled(), Cancel::new());
-        let samples = samples(&a, [0.0, 2.0]);
-        let mut bench = Workbench::new();
-        let first = a.pose(0.0);
-        let for_all = bench.build_for_all(&a, &samples, first, &cancel).unwrap();
-        let own = bench.build(&a, &a.keys()[0], &cancel).unwrap();
-        assert_eq!(for_all.cost, own.cost);
-        assert_ne!(for_all.topology.words(), own.topology.words());
-        // Where hardly anything but the first frame counts, its own tree is taken.
-        let mut rarely = samples;
-        rarely[1..].iter_mut().for_each(|s| s.weight *= 1e-9);
-        let for_first = bench.build_for_all(&a, &rarely, first, &cancel).unwrap();
-        assert_eq!(for_first.topology.words(), own.topology.words());
-    }
-
-    #[test]
-    fn records_carry_the_forms_that_were_asked_for() {
-        let (a, cancel) = (shuffled(), Cancel::new());
-        for (treelets, blocks) in [(false, false), (true, false), (false, true)] {
-            let mut bench = Workbench::with_forms(Forms { treelets, blocks });
-            let tree = bench.build(&a, &a.keys()[0], &cancel).unwrap().topology;
-            let carried = (tree.treelets().is_some(), tree.blocks().is_some());
-            assert_eq!(carried, (treelets, blocks));
-        }
-    }
-
-    #[test]
-    fn an_old_records_memory_is_used_again() {
-        let (a, cancel) = (shuffled(), Cancel::new());
-        let mut bench = Workbench::new();
-        let words = bench
-            .build(&a, &a.keys()[0], &cancel)
-            .unwrap()
-            .topology
-            .into_words();
-        let memory = words.as_ptr();
-        bench.reuse(words);
-        let again = bench.build(&a, &a.keys()[1], &cancel).unwrap().topology;
-        assert_eq!(again.words().as_ptr(), memory);
-    }
-}
+mod tests;

@@ -15,6 +15,8 @@ pub struct Job {
     pub generation: Generation,
     /// What it is built from.
     pub vertices: Vertices,
+    /// Poses early and late in the time it will be used, if that is known.
+    pub halves: Option<[Pose; 2]>,
     /// Where it must be cheaper than the tree in use; `None` if it is wanted in any case.
     pub rival_at: Option<Pose>,
     /// An old record's memory, or nothing.
@@ -156,6 +158,7 @@ mod tests {
         Job {
             generation: Generation(n),
             vertices: Vertices::ReadBack(Box::new(vec![[0.0; 3]])),
+            halves: None,
             rival_at: None,
             spare: Vec::new(),
         }

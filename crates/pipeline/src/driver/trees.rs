@@ -30,6 +30,8 @@ pub(super) struct Flight {
     pub(super) frame: u64,
     pub(super) pose: Pose,
     asked: Instant,
+    /// Poses early and late in its use.
+    halves: Option<[Pose; 2]>,
     /// Where it must be cheaper than the tree in use.
     rival_at: Option<Pose>,
     /// When its vertices were seen on the host and how many bytes they took; none before.
@@ -58,6 +60,11 @@ impl Driver {
         } else {
             pose
         }
+    }
+
+    fn halves(&self) -> [Pose; 2] {
+        let halves = self.foresight.halves_of_use();
+        halves.map(|time| self.animation.pose(time))
     }
 
     /// Has the foresight know how long the tree took that is swapped to now.
@@ -127,6 +134,7 @@ impl Driver {
             frame: self.frames,
             pose,
             asked: Instant::now(),
+            halves: self.looks_ahead().then(|| self.halves()),
             rival_at: may_reject.then(|| self.animation.pose(self.foresight.middle_of_use())),
             arrived: None,
         }
@@ -142,6 +150,7 @@ impl Driver {
         let job = Job {
             generation,
             vertices,
+            halves: flight.halves,
             rival_at: flight.rival_at,
             spare: std::mem::take(&mut self.spare),
         };

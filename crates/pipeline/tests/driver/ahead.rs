@@ -30,6 +30,13 @@ fn positions(animation: &Animation, time: f64) -> Vec<Point> {
     vertices.map(|v| animation.vertex(pose, v)).collect()
 }
 
+/// The record of a tree for one moment.
+fn tree_at(animation: &Animation, time: f64) -> Vec<u32> {
+    let positions = positions(animation, time);
+    let built = Workbench::new().build(animation, &positions, &Cancel::new());
+    built.unwrap().topology.into_words()
+}
+
 /// Positions never arrive, and nobody asks for them but the first frame.
 fn foreseen(update: Update) -> Run {
     let run = run_scene(&drifting(60), 50, (update, true), (None, None));
@@ -56,11 +63,7 @@ fn in_lockstep_a_tree_is_built_for_the_middle_of_its_use() {
         (Update::Async(Pace::Lockstep(3)), true),
         (None, None),
     );
-    let tree_at = |time: f64| {
-        let positions = positions(&animation, time);
-        let built = Workbench::new().build(&animation, &positions, &Cancel::new());
-        built.unwrap().topology.into_words()
-    };
+    let tree_at = |time| tree_at(&animation, time);
     // Asked for at frames 1, 4 and so on, each tree is used from the 3rd to the 5th frame after.
     for (i, words) in run.log.trees[1..].iter().enumerate() {
         let middle = (1 + 3 * i + 4) as f64;
@@ -99,6 +102,17 @@ fn a_tree_is_built_for_the_middle_of_its_use_as_the_trees_before_it_foretell() {
         }
     }
     assert!(checked > 2, "{checked} trees");
+}
+
+#[test]
+fn trees_that_fade_are_followed_by_trees_for_more_than_the_middle_of_their_use() {
+    let (animation, run) = steady();
+    let trees = run.records.iter().filter_map(|r| r.adopted);
+    let for_more = trees.zip(&run.log.trees).filter(|(tree, words)| {
+        let middle = f64::from(tree.built_for.key) + f64::from(tree.built_for.alpha);
+        *words != &tree_at(&animation, middle)
+    });
+    assert!(for_more.count() > 1);
 }
 
 #[test]
