@@ -71,7 +71,7 @@ fn along_crests(device: Device, layout: Layout) -> Result<(), Failed> {
         layout,
     )?;
     let found = ask(device.open()?, &animation, layout)?;
-    let crest = |i: usize| i % 2 == 0;
+    let crest = |i: usize| i.is_multiple_of(2);
     let on_crests = |dark: u8| {
         let blocked = expected.blocked.iter().enumerate();
         blocked.filter(|&(i, &b)| crest(i) && b == dark).count()
