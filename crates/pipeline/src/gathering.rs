@@ -1,26 +1,16 @@
-//! The boxes of all triangles at one moment, or on their way between two.
+//! The boxes of all triangles, at one moment or at several.
 
 use bvh_build::Boxes;
 use geom::{Aabb, Animation, Point, Pose};
 use rayon::prelude::*;
 
-/// Each triangle's boxes at two poses as one, which holds its way between them but for its turning.
-pub(crate) struct Swept<'a> {
-    pub(crate) animation: &'a Animation,
-    pub(crate) halves: [Pose; 2],
-}
-
-impl Boxes for Swept<'_> {
-    fn len(&self) -> usize {
-        self.animation.triangle_count()
-    }
-
-    fn get(&self, triangle: u32) -> Aabb {
-        let [a, b] = self
-            .halves
-            .map(|pose| self.animation.build_box_at(pose, triangle));
-        a.union(b)
-    }
+/// Grows the box of each triangle to hold that from `from`, too.
+pub(crate) fn grow<B: Boxes>(boxes: &mut [Aabb], from: &B) {
+    boxes
+        .par_iter_mut()
+        .with_min_len(1 << 12)
+        .zip(0..from.len() as u32)
+        .for_each(|(to, triangle)| *to = to.union(from.get(triangle)));
 }
 
 /// One box a triangle, in its order.

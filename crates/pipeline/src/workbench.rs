@@ -1,6 +1,6 @@
 //! Vertices in, record out, in the rayon pool of whoever calls.
 
-use crate::gathering::{Swept, blend, fill};
+use crate::gathering::{blend, fill, grow};
 use crate::sampling::Sample;
 use backend::{Backend, Snapshot};
 use bvh_build::{
@@ -157,7 +157,7 @@ impl Workbench {
         let begun = Instant::now();
         let swept = halves.filter(|_| self.fades);
         if let Some(halves) = swept {
-            fill(&mut self.boxes, &Swept { animation, halves });
+            self.sweep(animation, halves);
             self.builder
                 .build(&self.boxes[..], cancel, &mut self.tree)?;
         }
@@ -190,6 +190,14 @@ impl Workbench {
         let in_use = sah_cost(&self.in_use, &self.boxes[..]);
         self.fades = in_use > FADED * cost;
         cost > in_use
+    }
+
+    /// Brings boxes to hold each triangle at both poses.
+    fn sweep(&mut self, animation: &Animation, [a, b]: [Pose; 2]) {
+        blend(animation, a, &mut self.positions);
+        fill(&mut self.boxes, &(animation, &self.positions[..]));
+        blend(animation, b, &mut self.positions);
+        grow(&mut self.boxes, &(animation, &self.positions[..]));
     }
 
     /// Brings boxes to `vertices`; gives their pose if they were blended here.
