@@ -106,7 +106,8 @@ impl Slot {
         if !work.first().is_some_and(|w| w.alongside) {
             self.release(gpu)?;
         }
-        if work.is_empty() {
+        // The first pass has the clock.
+        if work.is_empty() && !self.stages.is_empty() {
             self.idle.push(stage);
             return Ok(());
         }

@@ -45,16 +45,20 @@ fn ridges() -> Result<Arc<Animation>, Failed> {
             triangles.extend(both.concat());
         }
     }
+    // In a plane with the eye and the first column of pixels, whose rays so miss it.
+    let at = points.len() as u32;
+    points.extend([[-18.0, -8.0, 0.0], [-18.0, 8.0, 0.0], [-9.0, 0.0, 8.0]]);
+    triangles.push([at, at + 1, at + 2]);
     let still = Animation::new(vec![points.clone(), points], triangles);
     Ok(Arc::new(still.map_err(|e| e.to_string())?))
 }
 
-/// One column of pixels for each crest and one between, seen from above.
+/// One column of pixels for each crest and one between, seen from above, and two beside the ridges.
 fn camera() -> Camera {
     Camera {
         eye: [0.0, 0.0, 16.0],
-        width: 2 * RIDGES as u32,
-        corner: [f32::from(-RIDGES) - 0.5, ROWS as f32 / 2.0 + 0.75, -16.0],
+        width: 2 * RIDGES as u32 + 2,
+        corner: [f32::from(-RIDGES) - 2.5, ROWS as f32 / 2.0 + 0.75, -16.0],
         height: ROWS,
         across: [1.0, 0.0, 0.0],
         pad0: 0,
@@ -71,10 +75,9 @@ fn along_crests(device: Device, layout: Layout) -> Result<(), Failed> {
         layout,
     )?;
     let found = ask(device.open()?, &animation, layout)?;
-    let crest = |i: usize| i.is_multiple_of(2);
     let on_crests = |dark: u8| {
-        let blocked = expected.blocked.iter().enumerate();
-        blocked.filter(|&(i, &b)| crest(i) && b == dark).count()
+        let all = expected.closest.iter().zip(&expected.blocked).step_by(2);
+        all.filter(|&(hit, &b)| hit.is_hit() && b == dark).count()
     };
     let [lit, dark] = [on_crests(0), on_crests(1)];
     if lit < 60 || dark < 60 {
