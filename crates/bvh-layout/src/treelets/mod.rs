@@ -32,7 +32,7 @@ use std::ops::Range;
 ///
 /// | words | holds |
 /// |---|---|
-/// | `11 T` | treelets, level by level from the triangles up; see [`Treelet`] |
+/// | `12 T` | treelets, level by level from the triangles up; see [`Treelet`] |
 /// | `R` | roots, treelet by treelet: a reference each |
 /// | `n` | triangles, depth first; bit 31 is 1 if the next one shares the leaf |
 /// | `I` | inner nodes, treelet by treelet, by height |
@@ -53,7 +53,7 @@ use std::ops::Range;
 ///
 /// # What it costs
 ///
-/// `4 n` bytes, 4 for each inner node (`0.6 n` or so, as most leaves are shared), 44 a treelet:
+/// `4 n` bytes, 4 for each inner node (`0.6 n` or so, as most leaves are shared), 48 a treelet:
 /// about 6.6 bytes a triangle.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Treelets {
@@ -65,7 +65,10 @@ pub struct Treelets {
     moving: Option<MovingTreelets>,
 }
 
-/// A treelet's entry in the table: eleven words, in this order.
+/// Where its moving children stand in a treelet's entry.
+const MOVING_CHILDREN: usize = 11;
+
+/// A treelet's entry in the table: twelve words, in this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Treelet {
     /// Its first triangle in depth-first order; on higher levels the row of the first root that it stands on.
@@ -90,6 +93,8 @@ pub struct Treelet {
     pub parent: u32,
     /// How many treelets have this one as their parent.
     pub children: u32,
+    /// How many of them are listed as moving.
+    pub moving_children: u32,
 }
 
 impl Treelets {
@@ -98,7 +103,7 @@ impl Treelets {
     /// Set in a triangle's word if the next triangle shares its leaf.
     pub const SHARED: u32 = 1 << 31;
     /// Words of a treelet's entry.
-    pub const ENTRY_WORDS: usize = 11;
+    pub const ENTRY_WORDS: usize = 12;
 
     /// The same tree as a record's.
     ///
@@ -138,9 +143,15 @@ impl Treelets {
     /// # Panics
     /// If `parts` are of a scene that has not all the triangles.
     #[must_use]
-    pub fn with_moving(self, parts: &StaticParts) -> Self {
-        let moving = MovingTreelets::of(&self, parts);
-        Self { moving, ..self }
+    pub fn with_moving(mut self, parts: &StaticParts) -> Self {
+        self.moving = MovingTreelets::of(&self, parts);
+        for number in self.moving.iter().flat_map(MovingTreelets::words) {
+            let parent = self.treelet(*number as usize).parent;
+            if parent != Treelet::NONE {
+                self.words[parent as usize * Self::ENTRY_WORDS + MOVING_CHILDREN] += 1;
+            }
+        }
+        self
     }
 
     /// What must be done again when the scene moves; `None` if all of it.
@@ -248,6 +259,7 @@ impl Treelet {
             self.height,
             self.parent,
             self.children,
+            self.moving_children,
         ]
     }
 
@@ -264,6 +276,7 @@ impl Treelet {
             height: words[8],
             parent: words[9],
             children: words[10],
+            moving_children: words[11],
         }
     }
 }

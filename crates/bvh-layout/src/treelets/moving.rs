@@ -150,6 +150,14 @@ mod tests {
                     lists.collect::<Vec<_>>()
                 });
                 let many = 2 * expected.concat().len() > treelets.treelet_count();
+                let moving = expected.concat();
+                let parents = moving.iter().map(|&t| listed.treelet(t as usize).parent);
+                let parents: Vec<_> = parents.collect();
+                for number in 0..listed.treelet_count() {
+                    let below = parents.iter().filter(|&&p| p == number as u32).count();
+                    let told = listed.treelet(number).moving_children as usize;
+                    assert_eq!(told, if many { 0 } else { below }, "treelet {number}");
+                }
                 assert_eq!(found, (!many).then_some(expected));
                 assert_eq!(listed.bytes() - treelets.bytes(), {
                     listed.moving().map_or(0, |m| 4 * m.words().len())

@@ -122,7 +122,7 @@ pub(crate) fn a_lent_device_with_features_is_timed_and_keeps_its_handlers() -> R
     let timed = device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
     let mut backend = WgpuBackend::from_device(device.clone(), queue, info)?;
     // Refused, then one that fits: neither reaches the engine.
-    assert!(backend.load(swarm(20_000), Method::default()).is_err());
+    assert!(backend.load(swarm(40_000), Method::default()).is_err());
     open(&mut backend, &animation)?;
     stand(&mut backend, &animation, 0.5)?;
     backend.request_positions()?;

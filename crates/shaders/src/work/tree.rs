@@ -59,7 +59,7 @@ impl Progress {
 
     /// That work was recorded, over such a tree.
     pub fn preprocessed(&mut self, tree: &Shape) {
-        self.has_climbed = tree.layout == Layout::Fast && treelets::climbs(tree, self.has_records);
+        self.has_climbed = tree.layout == Layout::Fast && treelets::climbs(tree);
         (self.has_lists, self.has_records) = (true, true);
     }
 

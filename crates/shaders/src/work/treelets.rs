@@ -28,11 +28,11 @@ pub(super) fn reads_keys(tree: &Shape) -> bool {
     tree.leaf_count <= FROM_KEYS
 }
 
-/// Whether `preprocess` goes on to the boxes of all other treelets: if it goes over all of the tree, and there are others.
-/// That saves the wait for one level after the other; but of large trees it takes longer (an H200: 3 us less at 70K triangles,
+/// Whether `preprocess` goes on to the boxes of all other treelets, if there are others. Roots of those that it passes over
+/// stand where they were left when it went over all. That saves the wait for one level after the other; but of large trees it takes longer (an H200: 3 us less at 70K triangles,
 /// none at 250K, 20 more at 1.6M).
-pub(super) fn climbs(tree: &Shape, stand: bool) -> bool {
-    reads_keys(tree) && listed(tree, stand).is_none() && tree.treelet_count() > 1
+pub(super) fn climbs(tree: &Shape) -> bool {
+    reads_keys(tree) && tree.treelet_count() > 1
 }
 
 /// Positions, or key frames, to records, and to boxes of all nodes in treelets of triangles, or in all; if records stand, only where anything moves.
@@ -44,7 +44,7 @@ pub(super) fn preprocess(method: Method, params: Params, tree: &Shape, stand: bo
     };
     let preprocess = kernel(entry, method);
     let (mut params, levels) = levels(params, tree, stand);
-    if climbs(tree, stand) {
+    if climbs(tree) {
         params.first_group = tree.treelet_count();
         params.destination = word_of(AREAS);
     }
@@ -180,8 +180,7 @@ mod tests {
         let listed = vec![("preprocess_treelets_of_keys", 500, 7, 1)];
         assert_eq!((told(&work), uncounted), (listed, 4));
         assert_eq!(beside(&work), [true]);
-        assert_eq!(climbs(&work[0]), (0, 0));
-        progress.preprocessed(&tree);
+        assert_eq!(climbs(&work[0]), (94, 4));
         let (work, _) = progress.refit(method, params, &tree);
         let whole = [("refit_treelets", 90, 3, 0), ("refit_treelets", 93, 1, 0)];
         assert_eq!(told(&work), whole);

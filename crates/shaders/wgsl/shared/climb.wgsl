@@ -27,14 +27,14 @@ fn high_below(row: u32) -> vec3<u32> {
     return vec3<u32>(atomicLoad(&costs[at]), atomicLoad(&costs[at + 1u]), atomicLoad(&costs[at + 2u]));
 }
 
-// The parent of a treelet, and how many children that has; read early, since it takes a while to come.
+// The parent of a treelet, and how many children that has which come here; read early, since it takes a while to come.
 var<private> parent: u32;
 var<private> siblings: u32;
 
 fn look_ahead(number: u32) {
     parent = topology[ENTRY * number + 9u];
     siblings = 0u;
-    if parent != NO_PARENT { siblings = topology[ENTRY * parent + 10u]; }
+    if parent != NO_PARENT { siblings = topology[ENTRY * parent + 10u + params.listed]; }
 }
 
 // Leaves a treelet's roots to its parent.

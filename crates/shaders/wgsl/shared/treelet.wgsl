@@ -2,7 +2,7 @@
 
 const GROUP: u32 = 256u;
 // Words of a treelet's entry.
-const ENTRY: u32 = 11u;
+const ENTRY: u32 = 12u;
 // A reference within a treelet, below 512, is also a node's place here.
 const PLACES: u32 = 512u;
 const LEAVES: u32 = 256u;
