@@ -156,7 +156,7 @@ mod tests {
                 for number in 0..listed.treelet_count() {
                     let below = parents.iter().filter(|&&p| p == number as u32).count();
                     let told = listed.treelet(number).moving_children as usize;
-                    assert_eq!(told, if many { 0 } else { below }, "treelet {number}");
+                    assert_eq!(told, below * usize::from(!many), "treelet {number}");
                 }
                 assert_eq!(found, (!many).then_some(expected));
                 assert_eq!(listed.bytes() - treelets.bytes(), {
