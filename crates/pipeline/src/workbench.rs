@@ -131,8 +131,7 @@ impl Workbench {
     ) -> Result<Built, BuildError> {
         let begun = Instant::now();
         fill(&mut self.boxes, &(animation, positions));
-        self.builder
-            .build(&self.boxes[..], cancel, &mut self.tree)?;
+        self.build_over_boxes(cancel)?;
         let built = Instant::now();
         let cost = sah_cost(&self.tree, &self.boxes[..]);
         Ok(self.hand_over(animation, [begun, built], cost))
@@ -158,13 +157,11 @@ impl Workbench {
         let swept = halves.filter(|_| self.fades);
         if let Some(halves) = swept {
             self.sweep(animation, halves);
-            self.builder
-                .build(&self.boxes[..], cancel, &mut self.tree)?;
+            self.build_over_boxes(cancel)?;
         }
         let blended_at = self.take_in(animation, vertices);
         if swept.is_none() {
-            self.builder
-                .build(&self.boxes[..], cancel, &mut self.tree)?;
+            self.build_over_boxes(cancel)?;
         }
         let built = Instant::now();
         let cost = sah_cost(&self.tree, &self.boxes[..]);
@@ -194,8 +191,7 @@ impl Workbench {
 
     /// Brings boxes to hold each triangle at both poses.
     fn sweep(&mut self, animation: &Animation, [a, b]: [Pose; 2]) {
-        blend(animation, a, &mut self.positions);
-        fill(&mut self.boxes, &(animation, &self.positions[..]));
+        self.take_in_blended(animation, a);
         blend(animation, b, &mut self.positions);
         grow(&mut self.boxes, &(animation, &self.positions[..]));
     }
@@ -208,11 +204,19 @@ impl Workbench {
                 None
             }
             Vertices::KeyFrames(pose) => {
-                blend(animation, pose, &mut self.positions);
-                fill(&mut self.boxes, &(animation, &self.positions[..]));
+                self.take_in_blended(animation, pose);
                 Some(pose)
             }
         }
+    }
+
+    fn take_in_blended(&mut self, animation: &Animation, pose: Pose) {
+        blend(animation, pose, &mut self.positions);
+        fill(&mut self.boxes, &(animation, &self.positions[..]));
+    }
+
+    fn build_over_boxes(&mut self, cancel: &Cancel) -> Result<(), BuildError> {
+        self.builder.build(&self.boxes[..], cancel, &mut self.tree)
     }
 
     /// Builds and converts one tree for all of `samples`, with `first` for its own cost.

@@ -75,6 +75,17 @@ mod tests {
     }
 
     #[test]
+    fn the_host_counts_on_as_many_candidates_at_once_as_kernels_take() {
+        let method = Method {
+            intersector: Intersector::Exact,
+            layout: Layout::Bvh2,
+        };
+        let wgsl = kernel("settle_together_camera", method).code.wgsl;
+        let abreast = crate::work::ABREAST;
+        assert!(wgsl.contains(&format!("const ABREAST: u32 = {abreast}u;")));
+    }
+
+    #[test]
     fn woop_names_its_triangles_behind_the_rows() {
         for (leaves, rows) in [(1, 4), (4, 13), (5, 17)] {
             assert_eq!(record_bytes(Intersector::Woop, leaves), 16 * rows);

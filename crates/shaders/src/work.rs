@@ -69,7 +69,7 @@ const SETTLERS: u32 = 1 << 15;
 /// Workgroups that share the list of hits whose shadows are sought, one a ray; at least as many as have places to empty.
 const SEARCHERS: u32 = 1 << 10;
 /// Candidates of a ray that such workgroups take at once: see `candidates.wgsl`.
-const ABREAST: u32 = 4;
+pub(crate) const ABREAST: u32 = 4;
 /// Rays of such a workgroup at most, where loops are bounded.
 const BOUNDED_SHARE: u32 = 64;
 
@@ -276,12 +276,11 @@ fn settlers(params: &Params) -> u32 {
 }
 
 fn searchers(params: &Params) -> u32 {
-    match params.bounded_loops {
-        0 => SEARCHERS.min(params.first),
-        _ => SEARCHERS
-            .max(params.first.div_ceil(BOUNDED_SHARE))
-            .min(params.first),
-    }
+    let least = match params.bounded_loops {
+        0 => 0,
+        _ => params.first.div_ceil(BOUNDED_SHARE),
+    };
+    SEARCHERS.max(least).min(params.first)
 }
 
 /// What settles by notes most of the rays that a search left open.

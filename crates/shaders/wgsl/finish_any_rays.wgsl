@@ -10,8 +10,8 @@
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 
 fn finish_ray(place: u32, i: u32) -> bool {
-    set_given_line(i);
-    return finish_any(place, i, given_ray(i), NO_LEAF, 2u);
+    set_line_of(i);
+    return finish_any(place, i, ray_of(i), NO_LEAF, 2u);
 }
 
 @compute @workgroup_size(64)

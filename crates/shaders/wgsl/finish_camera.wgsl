@@ -1,4 +1,4 @@
-//! use params loops ieee divide exact units ray {intersector.finish} first {layout.nodes} walk finish_closest camera seen
+//! use params loops ieee divide exact units ray {intersector.finish} first {layout.nodes} walk finish_closest camera eye seen pixel_line
 // The closest hits of pixels' rays that `settle_camera` left open.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -10,9 +10,8 @@
 @group(0) @binding(5) var<storage, read_write> blocked: array<u32>;
 
 fn finish_ray(place: u32, i: u32) -> bool {
-    let direction = through_pixel(vec2<u32>(i % params.width, i / params.width));
-    set_line(bitcast<vec3<u32>>(params.eye), bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, 0);
-    return finish_closest(place, i, camera_ray(direction, scaled_point(bitcast<vec3<u32>>(params.eye))));
+    set_line_of(i);
+    return finish_closest(place, i, ray_of(i));
 }
 
 @compute @workgroup_size(64)

@@ -11,8 +11,8 @@
 @group(0) @binding(8) var<storage, read_write> blocked: array<u32>;
 
 fn finish_ray(place: u32, i: u32) -> bool {
-    set_given_line(i);
-    return finish_closest(place, i, given_ray(i));
+    set_line_of(i);
+    return finish_closest(place, i, ray_of(i));
 }
 
 @compute @workgroup_size(64)

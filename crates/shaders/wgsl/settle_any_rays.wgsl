@@ -1,4 +1,4 @@
-//! use params loops ieee divide exact units ray {intersector.settle} settle_any given line_of
+//! use params loops ieee divide exact units ray {intersector.settle} settle_any given line_of share_any
 // Whether given rays that `any_rays` left open meet anything.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -9,23 +9,10 @@
 @group(0) @binding(6) var<storage, read> triangles: array<u32>;
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 
+fn set_line_asked(i: u32) { set_line_of(i); }
+
 @compute @workgroup_size(64)
 fn settle_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let number = group.x + group.y * groups.x;
-    let open = begin_settling(local, number, OPEN_RAYS);
-    var round = 0u;
-    for (var first = RAYS * number; first < open; first += RAYS * groups.x * groups.y) {
-        let k = first + local / 16u;
-        var i = 0u;
-        var list = NO_NOTE;
-        if k < open {
-            i = blocked[params.destination + k];
-            list = listed(blocked[i]);
-            set_given_line(i);
-        }
-        let said = said_by_notes(list, local);
-        round += 1u;
-        let whole = all_loops_turn(local, round);
-        if whole && k < open && local % 16u == 0u { settle_any(i, 2u, said); }
-    }
+    settle_queries(local, number, groups.x * groups.y, 2u);
 }

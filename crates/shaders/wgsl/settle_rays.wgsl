@@ -1,4 +1,4 @@
-//! use params loops ieee divide exact units ray {intersector.settle} first settle_closest given line_of
+//! use params loops ieee divide exact units ray {intersector.settle} first settle_closest given line_of share_hits
 // The closest hits of given rays that `trace_rays` left open: as many invocations as there may be share the list.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -13,20 +13,5 @@
 @compute @workgroup_size(64)
 fn settle_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let number = group.x + group.y * groups.x;
-    let open = begin_settling(local, number, OPEN_RAYS);
-    var round = 0u;
-    for (var first = RAYS * number; first < open; first += RAYS * groups.x * groups.y) {
-        let k = first + local / 16u;
-        var i = 0u;
-        var list = NO_NOTE;
-        if k < open {
-            i = blocked[params.first + k];
-            list = listed(hits[i].y);
-            set_given_line(i);
-        }
-        let leaf = first_of_notes(list, local);
-        round += 1u;
-        let whole = all_loops_turn(local, round);
-        if whole && k < open && local % 16u == 0u { settle_closest(i, given_ray(i), leaf); }
-    }
+    settle_hits(local, number, groups.x * groups.y);
 }

@@ -1,4 +1,4 @@
-//! use params loops ieee divide exact units ray {intersector.settle} settle_any to_light way shade line_to_light
+//! use params loops ieee divide exact units ray {intersector.settle} settle_any to_light way shade line_to_light share_any
 // The shadows that `shadow_rays` left open.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -10,24 +10,10 @@
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 @group(0) @binding(8) var<storage, read> rays: array<vec4<u32>>;
 
+fn set_line_asked(i: u32) { set_line_along(way_to_light(hits[i], scaled_point(rays[2u * i].xyz))); }
+
 @compute @workgroup_size(64)
 fn settle_shadow_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let number = group.x + group.y * groups.x;
-    let open = begin_settling(local, number, OPEN_SHADOWS);
-    var round = 0u;
-    for (var first = RAYS * number; first < open; first += RAYS * groups.x * groups.y) {
-        let k = first + local / 16u;
-        var i = 0u;
-        var list = NO_NOTE;
-        if k < open {
-            i = blocked[params.destination + k];
-            list = listed(blocked[i]);
-            let way = way_to_light(hits[i], scaled_point(rays[2u * i].xyz));
-            set_line_along(way);
-        }
-        let said = said_by_notes(list, local);
-        round += 1u;
-        let whole = all_loops_turn(local, round);
-        if whole && k < open && local % 16u == 0u { settle_any(i, 3u, said); }
-    }
+    settle_queries(local, number, groups.x * groups.y, 3u);
 }

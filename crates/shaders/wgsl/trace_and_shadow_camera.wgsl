@@ -1,4 +1,4 @@
-//! use params loops ieee divide exact units ray {intersector.test} {intersector.closest} {intersector.any} {layout.nodes} closest pixels camera seen any to_light way shade is_blocked
+//! use params loops ieee divide exact units ray {intersector.test} {intersector.closest} {intersector.any} {layout.nodes} closest pixels camera eye seen any to_light way shade is_blocked
 // The closest hit of each pixel's ray, made here, and its shadow. Both in one go, which takes three quarters of the time
 // that two kernels took on some scenes: warps that are done with the one go on to the other.
 
@@ -16,8 +16,8 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
     if pixel.x >= params.width || pixel.y >= params.height { return; }
     let i = pixel.y * params.width + pixel.x;
     let direction = through_pixel(pixel);
-    let origin = scaled_point(bitcast<vec3<u32>>(params.eye));
-    if is_void_way(direction, origin) || passes_by(direction, origin) {
+    let origin = eye();
+    if leads_nowhere(direction, origin) {
         hits[i] = MISS;
         keep_any(i, false, 3u);
         return;

@@ -1,4 +1,4 @@
-//! use params loops ieee divide exact units ray {intersector.test} {intersector.bind} {intersector.open} {intersector.closest} {layout.nodes} closest pixels camera seen
+//! use params loops ieee divide exact units ray {intersector.test} {intersector.bind} {intersector.open} {intersector.closest} {layout.nodes} closest pixels camera eye seen
 // The closest hit of each pixel's ray, made here.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -12,8 +12,8 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
     if pixel.x >= params.width || pixel.y >= params.height { return; }
     let direction = through_pixel(pixel);
     let i = pixel.y * params.width + pixel.x;
-    let origin = scaled_point(bitcast<vec3<u32>>(params.eye));
-    if is_void_way(direction, origin) || passes_by(direction, origin) {
+    let origin = eye();
+    if leads_nowhere(direction, origin) {
         hits[i] = MISS;
         return;
     }

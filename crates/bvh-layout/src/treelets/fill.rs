@@ -1,14 +1,10 @@
 //! From cuts to words: each treelet by itself, in parallel.
 
 use super::cut::{Cut, children};
-use super::{Treelet, Treelets};
+use super::{CHILDREN, PARENT, Treelet, Treelets};
 use crate::walk::Shape;
 use bvh_build::Subtree;
 use rayon::prelude::*;
-
-/// Words of an entry.
-const PARENT: usize = 9;
-const CHILDREN: usize = 10;
 
 /// Bit 8 of a reference: a leaf.
 const LEAF: u32 = 1 << 8;
@@ -178,9 +174,8 @@ impl Treelets {
                 let mut left = self.treelet(parent as usize).leaf_count;
                 while let Some(child) = below.next_if(|_| left > 0) {
                     left -= self.treelet(child as usize).root_count;
-                    let own = child as usize * Self::ENTRY_WORDS;
-                    self.words[own + PARENT] = parent;
-                    self.words[parent as usize * Self::ENTRY_WORDS + CHILDREN] += 1;
+                    *self.entry_word(child, PARENT) = parent;
+                    *self.entry_word(parent, CHILDREN) += 1;
                 }
             }
         }

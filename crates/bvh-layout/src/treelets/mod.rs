@@ -65,7 +65,9 @@ pub struct Treelets {
     moving: Option<MovingTreelets>,
 }
 
-/// Where its moving children stand in a treelet's entry.
+/// Where its last words stand in a treelet's entry.
+const PARENT: usize = 9;
+const CHILDREN: usize = 10;
 const MOVING_CHILDREN: usize = 11;
 
 /// A treelet's entry in the table: twelve words, in this order.
@@ -145,13 +147,17 @@ impl Treelets {
     #[must_use]
     pub fn with_moving(mut self, parts: &StaticParts) -> Self {
         self.moving = MovingTreelets::of(&self, parts);
-        for number in self.moving.iter().flat_map(MovingTreelets::words) {
-            let parent = self.treelet(*number as usize).parent;
-            if parent != Treelet::NONE {
-                self.words[parent as usize * Self::ENTRY_WORDS + MOVING_CHILDREN] += 1;
-            }
+        let listed = self.moving.iter().flat_map(MovingTreelets::words);
+        let parents = listed.map(|&number| self.treelet(number as usize).parent);
+        let parents: Vec<_> = parents.filter(|&p| p != Treelet::NONE).collect();
+        for parent in parents {
+            *self.entry_word(parent, MOVING_CHILDREN) += 1;
         }
         self
+    }
+
+    fn entry_word(&mut self, number: u32, word: usize) -> &mut u32 {
+        &mut self.words[number as usize * Self::ENTRY_WORDS + word]
     }
 
     /// What must be done again when the scene moves; `None` if all of it.

@@ -29,13 +29,14 @@ pub(super) fn reads_keys(tree: &Shape) -> bool {
 }
 
 /// Whether `preprocess` goes on to the boxes of all other treelets, if there are others. Roots of those that it passes over
-/// stand where they were left when it went over all. That saves the wait for one level after the other; but of large trees it takes longer (an H200: 3 us less at 70K triangles,
-/// none at 250K, 20 more at 1.6M).
+/// stand where they were left when it went over all. That saves the wait for one level after the other; but of large trees
+/// it takes longer (an H200: 2 us less at 70K and 250K triangles, 20 more at 1.6M).
 pub(super) fn climbs(tree: &Shape) -> bool {
     reads_keys(tree) && tree.treelet_count() > 1
 }
 
-/// Positions, or key frames, to records, and to boxes of all nodes in treelets of triangles, or in all; if records stand, only where anything moves.
+/// Positions, or key frames, to records, and to boxes of all nodes in treelets of triangles, or in all; if records stand, only
+/// where anything moves.
 /// Also how many triangles of zero area that passes over.
 pub(super) fn preprocess(method: Method, params: Params, tree: &Shape, stand: bool) -> (Work, u32) {
     let entry = match reads_keys(tree) {

@@ -14,22 +14,28 @@ var<workgroup> has_more: u32;
 var<workgroup> whole_so_far: atomic<u32>;
 var<workgroup> turns: array<u32, 64>;
 
-// Rays left open, the same for all of a workgroup. Makes ready for those that notes do not settle.
-fn begin_settling(local: u32, group: u32, word: u32) -> u32 {
-    let id = 64u * group + local;
-    if id < params.places { empty_place(id); }
+// Rays left open, the same for all of a workgroup, whose rounds begin.
+fn begin_rounds(local: u32, word: u32) -> u32 {
     if local == 0u {
         open_rays = atomicLoad(&counts[word]);
         atomicStore(&whole_so_far, 0u);
-        if group == 0u { expect_hard_rays(word); }
     }
     return workgroupUniformLoad(&open_rays);
 }
 
+// The same. Makes ready for those that notes do not settle.
+fn begin_settling(local: u32, group: u32, word: u32) -> u32 {
+    let id = 64u * group + local;
+    if id < params.places { empty_place(id); }
+    let open = begin_rounds(local, word);
+    if id == 0u { expect_hard_rays(word, open); }
+    return open;
+}
+
 // Where loops may end early, those that it happens to say nothing.
-fn expect_hard_rays(word: u32) {
+fn expect_hard_rays(word: u32, open: u32) {
     atomicStore(&counts[word + LEFT], params.places);
-    if loops_may_end() && open_rays > 0u { atomicAdd(&counts[word + HARD], 1u); }
+    if loops_may_end() && open > 0u { atomicAdd(&counts[word + HARD], 1u); }
 }
 
 // Whether the loops of all of a workgroup were whole, in this round and those before, counted from 1. All of it call it.

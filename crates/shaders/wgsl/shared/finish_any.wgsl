@@ -36,8 +36,6 @@ fn finish_any(place: u32, i: u32, ray: Prepared, ignore: u32, count: u32) -> boo
     make_line();
     set_view(ray);
     if !walk_on(place, ray, ray.t_max) { return false; }
-    let met = met_leaf != NO_LEAF;
-    blocked[i] = select(0u, 1u, met);
-    if met { atomicAdd(&counts[count], 1u); }
+    answer_any(i, met_leaf != NO_LEAF, count);
     return true;
 }

@@ -33,5 +33,11 @@ fn new_note(leaf: u32) -> u32 {
     return place + FIRST_NOTE;
 }
 
+// Writes whether a ray meets anything, and counts it as word `count` of `counts` if it does.
+fn answer_any(i: u32, met: bool, count: u32) {
+    blocked[i] = select(0u, 1u, met);
+    if met { atomicAdd(&counts[count], 1u); }
+}
+
 // A list to go through: empty where there was no room.
 fn listed(list: u32) -> u32 { return select(list, NO_NOTE, list == TOO_MANY); }

@@ -24,7 +24,11 @@ fn passes_by(d: vec3<f32>, origin: vec3<f32>) -> bool {
     return any(tells & (apart > near)) && reach < FARTHEST;
 }
 
-// Whether a pixel's ray leads nowhere.
+// Whether a pixel's ray surely hits nothing.
+fn leads_nowhere(direction: vec3<f32>, origin: vec3<f32>) -> bool {
+    return is_void_way(direction, origin) || passes_by(direction, origin);
+}
+
 fn is_void_way(direction: vec3<f32>, origin: vec3<f32>) -> bool {
     let is_zero = all((bitcast<vec3<u32>>(direction) & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
     return is_zero || !is_finite_point(direction) || (!TAKES_FAR && !is_finite_point(origin));

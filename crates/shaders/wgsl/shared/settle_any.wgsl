@@ -26,6 +26,5 @@ fn settle_any(i: u32, count: u32, said: Said) {
         atomicAdd(&counts[count + 5u + HARD], 1u);
         return;
     }
-    blocked[i] = select(0u, 1u, said.met);
-    if said.met { atomicAdd(&counts[count], 1u); }
+    answer_any(i, said.met, count);
 }
