@@ -2,7 +2,9 @@
 
 mod auto;
 mod compare;
+mod dwell;
 mod floor;
+mod fresh;
 mod rays;
 mod rivals;
 mod row;
@@ -15,6 +17,7 @@ use crate::session::Ask;
 use crate::stop::Stop;
 use crate::{choose, frames, info, record, talk, threads};
 use clap::ValueEnum;
+pub(crate) use dwell::Dwell;
 use pipeline::Frame;
 pub(crate) use row::{Row, Run, measure};
 use scene::Scene;
@@ -131,12 +134,14 @@ impl<'a> Bench<'a> {
                 rays,
                 size: args.size.size,
                 warm_up: args.warm_up.warm_up(),
+                dwell: args.dwell(),
             };
             let row = measure(run, (spec, scene), frames, &ask)?;
             let words = [spec, row.backend, row.update, row.intersector];
             self.progress.step(&words.join(" "));
             rows.push(row);
         }
+        fresh::note(&mut rows);
         Ok(rows)
     }
 

@@ -164,6 +164,7 @@ impl Work<'_> {
             rays: RaysName::Camera,
             size: self.args.size.size,
             warm_up: self.args.warm_up.warm_up(),
+            dwell: None,
         }
     }
 

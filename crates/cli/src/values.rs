@@ -152,6 +152,14 @@ pub(crate) fn percent(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A stride.
+pub(crate) fn every(text: &str) -> Result<usize, String> {
+    let n: usize = text.parse().unwrap_or(0);
+    (n > 0)
+        .then_some(n)
+        .ok_or_else(|| "a stride is a whole number from 1".to_owned())
+}
+
 /// How often something is done.
 pub(crate) fn rounds(text: &str) -> Result<usize, String> {
     match text.parse() {

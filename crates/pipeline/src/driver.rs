@@ -160,11 +160,7 @@ impl Driver {
             self.bring_tree(pose)?;
             self.record_geometry(pose)?
         };
-        if stale {
-            self.backend.preprocess()?;
-            self.backend.refit()?;
-        }
-        self.backend.trace(query)?;
+        self.record_stages(stale, query)?;
         let handed_in = Instant::now();
         let ticket = self.backend.submit()?;
         self.hear_from_builder()?;
@@ -208,6 +204,15 @@ impl Driver {
             device_bytes,
             ..pending.done(report, [waited, seen, read])
         }))
+    }
+
+    /// Records what follows positions and a tree.
+    fn record_stages(&mut self, stale: bool, query: Query<'_>) -> Result<(), PipelineError> {
+        if stale {
+            self.backend.preprocess()?;
+            self.backend.refit()?;
+        }
+        Ok(self.backend.trace(query)?)
     }
 
     /// Has a tree for the frame: the one in use, or what the schedule says.

@@ -11,6 +11,13 @@ pub(crate) fn trials() -> Vec<Trial> {
         let name = format!("bench::{}::a_warm_up_shows_in_no_frame", backend.name);
         backend.trial(&name, move |s| warm_up(s, backend.name))
     });
+    let dwell = BACKENDS.into_iter().chain([HOST]).map(|backend| {
+        let name = format!(
+            "bench::{}::rays_stand_beside_those_with_a_fresh_tree",
+            backend.name
+        );
+        backend.trial(&name, move |s| dwell(s, backend.name))
+    });
     let others = vec![
         trial("bench::the_file_holds_every_frame_and_the_machine", file),
         trial("bench::what_moves_is_counted_in_every_input", moving),
@@ -34,7 +41,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         let name = format!("bench::{}::memory_is_told_by_what_it_holds", backend.name);
         backend.trial(&name, move |s| memory(s, backend.name))
     });
-    warm.chain(memory).chain(others).collect()
+    warm.chain(dwell).chain(memory).chain(others).collect()
 }
 
 /// Whatever the device did between the first frame and the others, they are the same.
@@ -80,6 +87,62 @@ fn warm_up(sandbox: &Sandbox, backend: &str) -> Result<(), Failed> {
         ensure(right, || told.to_string())?;
     }
     Ok(())
+}
+
+/// Frames that are dwelt on are those of any run, and others are set beside them, moment by moment.
+fn dwell(sandbox: &Sandbox, backend: &str) -> Result<(), Failed> {
+    let what = format!("bench demo:collide:600 --backend {backend} --update async,rebuild");
+    let how = "--frames 9 --size 16x12 --layout bvh2 --quiet --json";
+    let dwell = "--dwell 0.02 --dwell-every 2";
+    sandbox
+        .run(&format!("{what} {how} plain.json"))
+        .succeeds()?;
+    let run = sandbox
+        .run(&format!("{what} {how} dwelt.json {dwell}"))
+        .succeeds()?;
+    ensure(run.stdout.contains("with a fresh tree"), || run.stdout)?;
+    let read = |file: &str| serde_json::from_slice::<Value>(&sandbox.read(file));
+    let (plain, dwelt) = (read("plain.json")?, read("dwelt.json")?);
+    let facts = |json: &Value, row: usize| -> Vec<Vec<Value>> {
+        let frames = json["rows"][row]["per_frame"].as_array();
+        let of = |f: &Value| {
+            ["frame", "time", "hits", "blocked"]
+                .map(|n| f[n].clone())
+                .to_vec()
+        };
+        frames.map_or(Vec::new(), |all| all.iter().map(of).collect())
+    };
+    ensure(facts(&dwelt, 0) == facts(&plain, 0), || "async".into())?;
+    let every_other: Vec<_> = facts(&plain, 1).into_iter().step_by(2).collect();
+    ensure(
+        facts(&dwelt, 1) == every_other && every_other.len() == 5,
+        || dwelt["rows"][1].to_string(),
+    )?;
+    let (used, fresh) = (&dwelt["rows"][0], &dwelt["rows"][1]);
+    let repeats = fresh["dwell"]["repeats"].as_u64();
+    ensure(repeats >= Some(5 * 2), || fresh["dwell"].to_string())?;
+    let rays = |f: &Value| {
+        let ms = |name: &str| f[name].as_f64().unwrap_or(0.0);
+        ms("trace_primary_ms") + ms("trace_shadow_ms")
+    };
+    let ratio = |i: usize| rays(&used["per_frame"][2 * i]) / rays(&fresh["per_frame"][i]);
+    let mean = (1..5).map(ratio).sum::<f64>() / 4.0;
+    let told = &used["over_fresh"];
+    let off = told["mean"].as_f64().map(|m| (m / mean - 1.0).abs());
+    // Times in the file have six places.
+    ensure(off < Some(0.02) && told["pairs"] == 4, || {
+        format!("{told} but {mean}")
+    })?;
+    let alone = [
+        &used["dwell"],
+        &fresh["over_fresh"],
+        &plain["rows"][0]["over_fresh"],
+    ];
+    ensure(alone.iter().all(|v| v.is_null()), || format!("{alone:?}"))?;
+    let run = sandbox
+        .run("bench --compare plain.json dwelt.json")
+        .succeeds()?;
+    ensure(run.stdout.contains("only in dwelt.json"), || run.stdout)
 }
 
 /// A tree with its records takes at most 160 bytes a triangle, whoever makes it.

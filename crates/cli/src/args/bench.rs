@@ -4,6 +4,7 @@ use super::{
     BackendName, IntersectorName, LayoutsArgs, PoliciesArgs, SizeArgs, SourceArgs, Switch,
     ToleranceArgs, WarmUpArgs,
 };
+use crate::bench::Dwell;
 use crate::values::{self, Frames, TimeRange};
 use clap::builder::ArgPredicate;
 use clap::{Args, ValueEnum};
@@ -80,6 +81,15 @@ pub(crate) struct BenchArgs {
     pub(crate) time_range: Option<TimeRange>,
     #[command(flatten)]
     pub(crate) warm_up: WarmUpArgs,
+    /// Seconds for which each frame is done over and over with the tree that it has, uncounted, before the next one: the
+    /// device's times of the frame are then the medians of the last half, and rays of other runs are set beside those
+    /// of rebuild, whose tree is fresh, at the same moments. At most twice so long, until times agree. Runs with async
+    /// go on as without it, since there trees age meanwhile
+    #[arg(long, value_name = "SECONDS", value_parser = values::seconds, conflicts_with = "with_auto")]
+    dwell: Option<f64>,
+    /// With --dwell: runs that are dwelt on leave out all frames but the first of every N
+    #[arg(long, value_name = "N", default_value = "1", value_parser = values::every, requires = "dwell")]
+    dwell_every: usize,
     /// Adapter of the backends, by index or by part of its name
     #[arg(long, value_name = "INDEX|NAME-PART")]
     pub(crate) adapter: Option<String>,
@@ -102,6 +112,13 @@ pub(crate) struct BenchArgs {
     /// No progress
     #[arg(long, short)]
     pub(crate) quiet: bool,
+}
+
+impl BenchArgs {
+    /// How frames are dwelt on, if they are.
+    pub(crate) fn dwell(&self) -> Option<Dwell> {
+        Dwell::asked(self.dwell?, self.dwell_every)
+    }
 }
 
 /// Kinds of rays by name.

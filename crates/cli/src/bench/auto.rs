@@ -131,6 +131,7 @@ impl Place<'_> {
             rays: RaysName::Camera,
             size: args.size.size,
             warm_up: args.warm_up.warm_up(),
+            dwell: None,
         };
         measure(run, (self.spec, self.scene), self.frames, &ask)
     }

@@ -23,7 +23,7 @@ const QUANTITIES: [&str; 8] = [
 /// Of those, the ones that make a run slower as a whole.
 const WHOLE: usize = 2;
 /// What tells runs apart.
-const NAMES: [&str; 7] = [
+const NAMES: [&str; 8] = [
     "scene",
     "backend",
     "update",
@@ -31,6 +31,7 @@ const NAMES: [&str; 7] = [
     "intersector",
     "layout",
     "rays",
+    "dwell",
 ];
 /// Standard errors beyond which a change is no noise.
 const SIGMAS: f64 = 3.0;
@@ -143,7 +144,8 @@ fn name(row: &Value) -> String {
     let word = |key: &&str| match &row[*key] {
         Value::String(s) => Some(s.clone()),
         Value::Bool(false) => Some(format!("no {key}")),
-        Value::Object(scene) => Some(scene.get("name")?.as_str()?.to_owned()),
+        Value::Object(scene) if *key == "scene" => Some(scene.get("name")?.as_str()?.to_owned()),
+        Value::Object(_) => Some((*key).to_owned()),
         _ => None,
     };
     NAMES.iter().filter_map(word).collect::<Vec<_>>().join(" ")

@@ -1,6 +1,8 @@
 //! One run of a bench: what it is made of, and how it is measured.
 
+use super::dwell::{Dwell, Dwelt};
 use super::floor;
+use super::fresh::OverFresh;
 use super::rays::Bundle;
 use crate::args::RaysName;
 use crate::memory::{self, DeviceMemory};
@@ -10,8 +12,8 @@ use crate::table::mrays;
 use crate::trial;
 use crate::warm_up::{WarmUp, Warmed};
 use crate::{choose, record};
-use backend::Intersector;
-use pipeline::{Frame, FrameRecord};
+use backend::{DeviceBytes, Intersector, Query};
+use pipeline::{Driver, Frame, FrameRecord};
 use report::{FrameStats, Summary, Taken, Time};
 use scene::Scene;
 use serde::Serialize;
@@ -40,6 +42,12 @@ pub(crate) struct Row {
     /// What the device did uncounted after the first frame, where it was warmed up.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) warm_up: Option<Warmed>,
+    /// How its frames were done over and over, where somebody asked for that.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) dwell: Option<Dwelt>,
+    /// Rays beside those with a fresh tree in each frame, where somebody dwelt on those.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) over_fresh: Option<OverFresh>,
     pub(super) interpolate_ms: Option<f64>,
     pub(super) preprocess_ms: Option<f64>,
     rebuild_ms: Option<f64>,
@@ -84,6 +92,48 @@ pub(crate) struct Run {
     pub(crate) size: [u32; 2],
     /// How the device is got ready.
     pub(crate) warm_up: WarmUp,
+    /// How long its frames are done over and over, where trees stay what they are meanwhile.
+    pub(crate) dwell: Option<Dwell>,
+}
+
+/// What is kept of frames.
+#[derive(Default)]
+struct Kept {
+    stats: Vec<FrameStats>,
+    held: Option<DeviceBytes>,
+    dwelt: Option<Dwelt>,
+}
+
+impl Kept {
+    fn note(&mut self, frame: &FrameRecord) {
+        self.stats.push(record::row(frame));
+        self.held = memory::larger(self.held, frame.device_bytes);
+    }
+
+    /// Runs frames; where they are dwelt on, one by one.
+    fn run(&mut self, driver: &mut Driver, frames: &[Frame], query: Query<'_>) -> Result<(), Stop> {
+        let Some(mut dwelt) = self.dwelt else {
+            return driver.run(frames.iter().copied(), query, false, |frame, _| {
+                self.note(frame);
+                Ok(())
+            });
+        };
+        // One that was warmed up for is there already.
+        if let Some(first) = self.stats.last_mut() {
+            dwelt.at(driver, query, first)?;
+        }
+        for &frame in frames {
+            driver.run([frame], query, false, |frame, _| {
+                self.note(frame);
+                Ok::<(), Stop>(())
+            })?;
+            if let Some(row) = self.stats.last_mut() {
+                dwelt.at(driver, query, row)?;
+            }
+        }
+        self.dwelt = Some(dwelt);
+        Ok(())
+    }
 }
 
 /// One run over `frames`.
@@ -101,21 +151,27 @@ pub(crate) fn measure(
         ..*ask
     };
     let mut session = session::start(&scene.animation, &ask)?;
-    let mut stats = Vec::new();
-    let mut held = None;
-    let mut keep = |frame: &FrameRecord| {
-        stats.push(record::row(frame));
-        held = memory::larger(held, frame.device_bytes);
-        Ok::<(), Stop>(())
+    let dwell = run.dwell.and_then(|dwell| dwell.fits(session.update));
+    let fewer = dwell.map(|dwell| dwell.frames(frames));
+    let frames = fewer.as_deref().unwrap_or(frames);
+    let mut kept = Kept {
+        dwelt: dwell.map(Dwell::begin),
+        ..Kept::default()
     };
     let driver = &mut session.driver;
-    let (warm_up, rest) = run.warm_up.begin(driver, frames, query, &mut keep)?;
-    driver.run(rest.iter().copied(), query, false, |frame, _| keep(frame))?;
-    let row = row(spec, scene, &session, stats, &bundle);
+    let (warm_up, rest) = run.warm_up.begin(driver, frames, query, |frame| {
+        kept.note(frame);
+        Ok::<(), Stop>(())
+    })?;
+    kept.run(driver, rest, query)?;
+    let row = row(spec, scene, &session, kept.stats, &bundle);
     Ok(Row {
         rays: (run.rays != RaysName::Camera).then_some("random"),
         warm_up,
-        memory: held.map(|bytes| DeviceMemory::of(bytes, row.triangles)),
+        dwell: kept.dwelt,
+        memory: kept
+            .held
+            .map(|bytes| DeviceMemory::of(bytes, row.triangles)),
         ..row
     })
 }
@@ -150,6 +206,8 @@ fn row(
         layout: session.method[1],
         rays: None,
         warm_up: None,
+        dwell: None,
+        over_fresh: None,
         frames: frames.len(),
         interpolate_ms: median(|f| f.interpolate_ms),
         preprocess_ms: median(|f| f.preprocess_ms),

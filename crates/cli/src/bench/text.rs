@@ -1,7 +1,9 @@
 //! Results of a bench for people.
 
-use super::{Report, Row, auto, floor, rivals};
+use super::dwell::Dwelt;
+use super::{Report, Row, auto, floor, fresh, rivals};
 use crate::table::{grouped, ms, table};
+use crate::warm_up::Warmed;
 
 const HEAD: [&str; 20] = [
     "scene", "backend", "update", "method", "moving", "interp", "preproc", "refit", "geometry",
@@ -20,6 +22,7 @@ pub(super) fn text(report: &Report, against: Option<&str>) -> String {
         adapters(&report.rows)
     );
     text += &unsteady(&report.rows);
+    text += &fresh::text(&report.rows);
     if !report.floors.is_empty() {
         text += &floor::text(&report.floors);
     }
@@ -76,11 +79,13 @@ fn update(r: &Row) -> String {
     format!("{}{without}", r.update)
 }
 
-/// Runs that began before their device was steady, one line each.
+/// Runs whose device was not steady when they began, or when a frame was done, one line each.
 fn unsteady(rows: &[Row]) -> String {
-    let lines = rows.iter().filter_map(|r| {
-        let warning = r.warm_up?.warning()?;
-        Some(format!("{} {}: {warning}\n", r.scene, rivals::name(r)))
+    let lines = rows.iter().flat_map(|r| {
+        let began = r.warm_up.and_then(Warmed::warning);
+        let dwelt = r.dwell.and_then(Dwelt::warning);
+        let warnings = [began, dwelt].into_iter().flatten();
+        warnings.map(|w| format!("{} {}: {w}\n", r.scene, rivals::name(r)))
     });
     lines.collect()
 }

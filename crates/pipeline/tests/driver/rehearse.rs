@@ -1,7 +1,7 @@
-//! What is rehearsed leaves no trace in the frames that count.
+//! What is rehearsed or repeated leaves no trace in the frames that count.
 
 use crate::drifting;
-use crate::fake::Fake;
+use crate::fake::{Fake, Log};
 use backend::{Generation, Method, Query, Rays, Seek};
 use geom::Camera;
 use pipeline::{Driver, Frame, FrameRecord, Options, Pace, PipelineError, Update};
@@ -19,12 +19,17 @@ fn facts(r: &FrameRecord) -> (Frame, Generation, u64, Option<Generation>, [bool;
     )
 }
 
-/// Runs frames, `rehearsals` traces after the first of them.
-fn run(
-    update: Update,
-    predict: bool,
-    rehearsals: usize,
-) -> (Vec<FrameRecord>, Vec<Vec<u32>>, usize) {
+/// What is done uncounted after the first frame.
+#[derive(Clone, Copy)]
+enum Uncounted {
+    /// Traces.
+    Rehearse(usize),
+    /// Frames.
+    Repeat(usize),
+}
+
+/// Runs frames, and something uncounted after the first of them.
+fn run(update: Update, predict: bool, uncounted: Uncounted) -> (Vec<FrameRecord>, Log) {
     let animation = drifting(30);
     let (fake, log) = Fake::new(Some(0), None);
     let options = Options {
@@ -53,37 +58,73 @@ fn run(
             Ok::<(), PipelineError>(())
         });
         done.unwrap();
-        let mut left = if i == 0 { rehearsals } else { 0 };
-        if left > 0 {
+        let (Uncounted::Rehearse(mut left) | Uncounted::Repeat(mut left)) = uncounted;
+        if i == 0 && left > 0 {
             let again = |_: &_| {
                 left -= 1;
                 left > 0
             };
-            driver.rehearse(query, again).unwrap();
+            let done = match uncounted {
+                Uncounted::Rehearse(_) => driver.rehearse(query, again),
+                Uncounted::Repeat(_) => driver.repeat(query, again),
+            };
+            done.unwrap();
         }
     }
     drop(driver);
-    let log = Arc::into_inner(log).unwrap().into_inner().unwrap();
-    (records, log.trees, log.traced.len())
+    (records, Arc::into_inner(log).unwrap().into_inner().unwrap())
 }
+
+const LOCKSTEP: Update = Update::Async(Pace::Lockstep(3));
+const ALL: [(Update, bool); 6] = [
+    (LOCKSTEP, true),
+    (LOCKSTEP, false),
+    (Update::Rebuild, false),
+    (Update::Refit, false),
+    (Update::TSah, false),
+    (Update::DeviceRebuild, false),
+];
+const NOTHING: Uncounted = Uncounted::Rehearse(0);
+// One more is under way when there are enough.
+const ASKED: usize = 50;
+const DONE: usize = ASKED + 1;
 
 #[test]
 fn frames_are_the_same_whatever_was_rehearsed() {
-    let lockstep = Update::Async(Pace::Lockstep(3));
-    for (update, predict) in [
-        (lockstep, true),
-        (lockstep, false),
-        (Update::Rebuild, false),
-        (Update::Refit, false),
-        (Update::TSah, false),
-        (Update::DeviceRebuild, false),
-    ] {
-        let (plain, trees, traced) = run(update, predict, 0);
-        let (rehearsed, same_trees, traced_more) = run(update, predict, 50);
+    for (update, predict) in ALL {
+        let (plain, log) = run(update, predict, NOTHING);
+        let (rehearsed, more) = run(update, predict, Uncounted::Rehearse(ASKED));
         let of = |all: &[FrameRecord]| all.iter().map(facts).collect::<Vec<_>>();
         assert_eq!(of(&plain), of(&rehearsed), "{update:?}");
-        assert_eq!(trees, same_trees, "{update:?}");
-        // One more is under way when there are enough.
-        assert_eq!(traced_more, traced + 51, "{update:?}");
+        assert_eq!(log.trees, more.trees, "{update:?}");
+        assert_eq!(more.traced.len(), log.traced.len() + DONE, "{update:?}");
+        assert_eq!(more.interpolated, log.interpolated, "{update:?}");
+    }
+}
+
+#[test]
+fn a_frame_is_repeated_with_its_own_tree_and_all_its_stages() {
+    for (update, predict) in ALL {
+        let (plain, log) = run(update, predict, NOTHING);
+        let (after, more) = run(update, predict, Uncounted::Repeat(ASKED));
+        // A tree that the device makes again has a number of its own.
+        let made = usize::from(update == Update::DeviceRebuild) * DONE;
+        let of = |all: &[FrameRecord], earlier: usize| {
+            let all = all.iter().map(facts);
+            let numbered = all.map(|(frame, tree, age, asked, flags)| {
+                (frame, tree.0 - earlier as u64, age, asked, flags)
+            });
+            numbered.collect::<Vec<_>>()
+        };
+        assert_eq!(of(&plain, 0)[0], of(&after, 0)[0], "{update:?}");
+        assert_eq!(of(&plain, 0)[1..], of(&after[1..], made), "{update:?}");
+        assert_eq!(more.made.len(), log.made.len() + made, "{update:?}");
+        assert_eq!(log.trees, more.trees, "{update:?}");
+        assert_eq!(more.interpolated, log.interpolated + DONE, "{update:?}");
+        assert_eq!(more.refitted, log.refitted + DONE, "{update:?}");
+        let again = &more.traced[1..=DONE];
+        let first = more.traced[0];
+        assert!(again.iter().all(|t| t.1 == first.1), "{update:?}");
+        assert!(made > 0 || again.iter().all(|t| t.0 == first.0));
     }
 }
