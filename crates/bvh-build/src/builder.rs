@@ -42,7 +42,18 @@ impl Builder {
         cancel: &Cancel,
         tree: &mut BinaryTree,
     ) -> Result<(), BuildError> {
-        let built = self.build_into(boxes, cancel, tree);
+        self.build_below(0, boxes, cancel, tree)
+    }
+
+    /// Likewise, as if the root lay at `depth`: so many levels fewer.
+    pub(crate) fn build_below<B: Boxes + ?Sized>(
+        &mut self,
+        depth: u32,
+        boxes: &B,
+        cancel: &Cancel,
+        tree: &mut BinaryTree,
+    ) -> Result<(), BuildError> {
+        let built = self.build_into(depth, boxes, cancel, tree);
         if built.is_err() {
             tree.left_leaves.clear();
             tree.order.clear();
@@ -52,6 +63,7 @@ impl Builder {
 
     fn build_into<B: Boxes + ?Sized>(
         &mut self,
+        depth: u32,
         boxes: &B,
         cancel: &Cancel,
         tree: &mut BinaryTree,
@@ -77,7 +89,7 @@ impl Builder {
             left_leaves: &mut tree.left_leaves,
             order: &mut tree.order,
             extents,
-            depth: 0,
+            depth,
         };
         node::build(root, cancel)
     }

@@ -5,7 +5,7 @@
 //! leaf. The tree depends on the boxes alone, not on the number of threads, and
 //! its depth is at most [`MAX_DEPTH`] whatever the input. Parallel work runs in
 //! the rayon pool that the caller installed. [`Builder`] builds for one moment,
-//! [`TemporalBuilder`] for several at once.
+//! [`TemporalBuilder`] for several at once, [`Regrouper`] from an earlier tree.
 
 mod bins;
 mod boxes;
@@ -17,6 +17,7 @@ mod hull;
 mod node;
 mod partition;
 mod prim;
+mod regroup;
 mod small;
 mod temporal;
 mod tiny;
@@ -26,6 +27,7 @@ pub use boxes::Boxes;
 pub use builder::{BuildError, Builder};
 pub use cancel::Cancel;
 pub use cost::sah_cost;
+pub use regroup::{Costs, Regrouper};
 pub use temporal::{MAX_MOMENTS, Moment, TemporalBuilder, temporal_cost};
 pub use tree::{BinaryTree, Subtree};
 

@@ -1,0 +1,144 @@
+//! The next tree from the last one: small groups of triangles that still lie together stay, all above is built anew.
+//!
+//! What moves, moves as a whole where one looks closely: after some frames most small subtrees are nearly as good as new,
+//! and it is the levels above that have to change. So small subtrees of the last tree are the primitives of a much
+//! smaller build and keep their insides; those that came apart are taken to pieces first. (Building in two levels, from
+//! scratch: Ganestam, Barringer, Doggett, Akenine-Möller, *Bonsai*, 2015. Taking down only what motion spoiled: Yoon,
+//! Curtis, Manocha, *Ray Tracing Dynamic Scenes using Selective Restructuring*, 2007.)
+
+mod groups;
+
+use crate::{BinaryTree, Boxes, BuildError, Builder, Cancel, Subtree, sah_cost};
+use groups::{Groups, LEVELS};
+use rayon::prelude::*;
+
+/// Nodes over more groups than this are written in parallel.
+const PARALLEL: u32 = 1024;
+
+/// Makes trees from trees; keeps its memory.
+#[derive(Debug, Default)]
+pub struct Regrouper {
+    builder: Builder,
+    /// Subtrees of the last tree.
+    groups: Groups,
+    /// The tree of groups.
+    above: BinaryTree,
+    /// For each leaf of `above`, how many triangles lie to the left of its group; then that of all.
+    starts: Vec<u32>,
+}
+
+/// Costs of both trees as of [`sah_cost`], but for rounding.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Costs {
+    /// Of the last tree with the new boxes.
+    pub last: f64,
+    /// Of the new one.
+    pub new: f64,
+}
+
+impl Regrouper {
+    /// No memory yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Builds over `boxes` into `tree`, from groups of `last`. The tree depends on these two alone.
+    ///
+    /// # Errors
+    /// [`BuildError::Cancelled`]; `tree` is then empty.
+    ///
+    /// # Panics
+    /// If `last` holds a triangle whose box is not usable now. One that it does not hold has no part in the new tree.
+    pub fn build<B: Boxes + ?Sized>(
+        &mut self,
+        last: &BinaryTree,
+        boxes: &B,
+        cancel: &Cancel,
+        tree: &mut BinaryTree,
+    ) -> Result<Costs, BuildError> {
+        let built = self.build_into(last, boxes, cancel, tree);
+        if built.is_err() {
+            tree.order.clear();
+            tree.left_leaves.clear();
+        }
+        built
+    }
+
+    fn build_into<B: Boxes + ?Sized>(
+        &mut self,
+        last: &BinaryTree,
+        boxes: &B,
+        cancel: &Cancel,
+        tree: &mut BinaryTree,
+    ) -> Result<Costs, BuildError> {
+        let areas = self.groups.find(last, boxes);
+        assert_eq!(
+            areas.lost, 0,
+            "a triangle of the last tree has no usable box"
+        );
+        self.builder
+            .build_below(LEVELS, &self.groups.boxes[..], cancel, &mut self.above)?;
+        self.count();
+        tree.order.resize(last.order.len(), 0);
+        tree.left_leaves.resize(last.left_leaves.len(), 0);
+        if let Some(root) = self.above.root() {
+            self.unfold(last, root, &mut tree.order, &mut tree.left_leaves);
+        }
+        let over_root = |sum: f64| {
+            if areas.root > 0.0 {
+                sum / areas.root
+            } else {
+                0.0
+            }
+        };
+        Ok(Costs {
+            last: over_root(areas.all),
+            new: over_root(areas.within_groups) + sah_cost(&self.above, &self.groups.boxes[..]),
+        })
+    }
+
+    fn count(&mut self) {
+        let leaves = |&group: &u32| self.groups.nodes[group as usize].leaves;
+        let order = self.above.order.par_iter();
+        order.map(leaves).collect_into_vec(&mut self.starts);
+        let mut sum = 0;
+        for start in &mut self.starts {
+            sum += std::mem::replace(start, sum);
+        }
+        self.starts.push(sum);
+    }
+
+    /// Triangles below a node of `above`.
+    fn leaves(&self, node: Subtree) -> usize {
+        let start = |leaf: u32| self.starts[leaf as usize] as usize;
+        start(node.first_leaf + node.leaves) - start(node.first_leaf)
+    }
+
+    /// Writes the subtree below a node of `above`.
+    fn unfold(&self, last: &BinaryTree, node: Subtree, order: &mut [u32], left_leaves: &mut [u32]) {
+        if node.leaves == 1 {
+            let group = self.groups.nodes[self.above.order[node.first_leaf as usize] as usize];
+            order.copy_from_slice(&last.order[group.first_leaf as usize..][..order.len()]);
+            let inner = &last.left_leaves[group.inner as usize..];
+            left_leaves.copy_from_slice(&inner[..left_leaves.len()]);
+            return;
+        }
+        let [a, b] = self.above.children(node);
+        let left = self.leaves(a);
+        left_leaves[0] = left as u32;
+        let (inner_a, inner_b) = left_leaves[1..].split_at_mut(left - 1);
+        let (order_a, order_b) = order.split_at_mut(left);
+        let mut write_a = || self.unfold(last, a, order_a, inner_a);
+        let mut write_b = || self.unfold(last, b, order_b, inner_b);
+        if node.leaves > PARALLEL {
+            rayon::join(write_a, write_b);
+        } else {
+            write_a();
+            write_b();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,173 @@
+//! Rows of triangles in clumps that part, turn round or stay.
+
+use super::groups::MOST;
+use super::*;
+use crate::MAX_DEPTH;
+use geom::Aabb;
+use proptest::prelude::*;
+
+/// Clumps of seven boxes; where each clump and each box in it lies.
+fn clumps(n: u32, clump: impl Fn(u32) -> f32, part: f32) -> Vec<Aabb> {
+    let bounds = |i: u32| {
+        let x = clump(i / 7) + (i % 7) as f32 * part;
+        let min = [x, ((i / 7) % 5) as f32, (i % 7) as f32 * 0.1];
+        Aabb {
+            min,
+            max: min.map(|x| x + 1.0),
+        }
+    };
+    (0..n).map(bounds).collect()
+}
+
+fn build(boxes: &[Aabb]) -> BinaryTree {
+    let mut tree = BinaryTree::default();
+    let built = Builder::new().build(boxes, &Cancel::new(), &mut tree);
+    built.map(|()| tree).unwrap()
+}
+
+fn regroup(last: &BinaryTree, boxes: &[Aabb]) -> (BinaryTree, Costs, Regrouper) {
+    let (mut regrouper, mut tree) = (Regrouper::new(), BinaryTree::default());
+    let costs = regrouper.build(last, boxes, &Cancel::new(), &mut tree);
+    (tree, costs.unwrap(), regrouper)
+}
+
+fn depth(tree: &BinaryTree, node: Subtree) -> u32 {
+    if node.leaves == 1 {
+        return 0;
+    }
+    let below = tree.children(node).map(|child| depth(tree, child));
+    1 + below[0].max(below[1])
+}
+
+fn is_about(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-9 * b.abs()
+}
+
+#[test]
+fn clumps_that_change_places_stay_whole_and_the_tree_is_as_good_as_new() {
+    let n = 7 * 3000;
+    let before = clumps(n, |c| (c * 2) as f32, 0.05);
+    let after = clumps(n, |c| (c * 1231 % 3000 * 2) as f32, 0.05);
+    let last = build(&before);
+    let (tree, costs, regrouper) = regroup(&last, &after);
+    assert!(
+        regrouper.groups.nodes.len() < 6000,
+        "{}",
+        regrouper.groups.nodes.len()
+    );
+    let fresh = sah_cost(&build(&after), &after[..]);
+    let cost = sah_cost(&tree, &after[..]);
+    assert!(cost < 1.1 * fresh, "{cost} {fresh}");
+    assert!(costs.last > 3.0 * cost, "{costs:?}");
+    assert!(is_about(costs.new, cost) && is_about(costs.last, sah_cost(&last, &after[..])));
+}
+
+#[test]
+fn clumps_that_part_are_taken_to_pieces() {
+    let n = 7 * 300;
+    let last = build(&clumps(n, |c| (c * 2) as f32, 0.05));
+    // Each box of a clump is now somewhere else, among strangers.
+    let apart = clumps(n, |c| c as f32, 400.0);
+    let (tree, _, regrouper) = regroup(&last, &apart);
+    assert_eq!(regrouper.groups.nodes.len(), n as usize);
+    assert_eq!(tree, build(&apart));
+}
+
+#[test]
+fn a_tree_of_none_or_one_stays_so() {
+    for n in [0, 1] {
+        let boxes = clumps(n, |_| 0.0, 1.0);
+        let last = build(&boxes);
+        assert_eq!(regroup(&last, &boxes).0, last);
+    }
+}
+
+#[test]
+fn a_cancelled_build_leaves_an_empty_tree() {
+    let boxes = clumps(70, |c| c as f32, 0.1);
+    let last = build(&boxes);
+    let (mut tree, cancel) = (last.clone(), Cancel::new());
+    cancel.cancel();
+    let built = Regrouper::new().build(&last, &boxes[..], &cancel, &mut tree);
+    assert_eq!((built, tree.root()), (Err(BuildError::Cancelled), None));
+    assert!(tree.left_leaves().is_empty());
+}
+
+#[test]
+#[should_panic(expected = "no usable box")]
+fn a_box_that_vanished_is_refused() {
+    let mut boxes = clumps(70, |c| c as f32, 0.1);
+    let last = build(&boxes);
+    boxes[3] = Aabb::EMPTY;
+    regroup(&last, &boxes);
+}
+
+#[test]
+fn the_tree_does_not_depend_on_the_number_of_threads() {
+    let n = 7 * 4000;
+    let last = build(&clumps(n, |c| c as f32, 0.2));
+    let after = clumps(n, |c| (c * 37 % 4000) as f32, 0.9);
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let (tree, costs, _) = pool.unwrap().install(|| regroup(&last, &after));
+        (tree, costs)
+    };
+    assert_eq!(on(1), on(4));
+}
+
+#[test]
+fn no_leaf_lies_too_deep() {
+    let cube = |min: [f32; 3], size: f32| Aabb {
+        min,
+        max: min.map(|x| x + size),
+    };
+    // Each plane takes one away: every cube lies 64 times as far out as the next.
+    let mut boxes = Vec::new();
+    for i in 0..78 {
+        let (mut at, far) = ([0.0; 3], 2.0_f32.powi(58 - 6 * (i / 3) as i32));
+        at[i % 3] = far;
+        boxes.push(cube(at, far * 2.0_f32.powi(-18)));
+    }
+    // And at the end come groups.
+    for i in 0..160 {
+        let size = 2.0_f32.powi(-60 - i / 5);
+        boxes.push(cube([size; 3], size / 4.0));
+    }
+    let last = build(&boxes);
+    let (tree, _, regrouper) = regroup(&last, &boxes);
+    assert!(
+        regrouper.groups.nodes.len() < 78 + 80,
+        "{}",
+        regrouper.groups.nodes.len()
+    );
+    assert!(depth(&tree, tree.root().unwrap()) <= MAX_DEPTH);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    /// Whatever moved where: every triangle is in it once, and costs are those of the trees.
+    #[test]
+    fn trees_stay_whole(
+        from in proptest::collection::vec(([-9.0_f32..9.0, -9.0_f32..9.0, -9.0_f32..9.0], 0.0_f32..3.0), 1..300),
+        shift in 0.0_f32..20.0,
+    ) {
+        let at = |shift: f32| -> Vec<Aabb> {
+            let moved = |(i, (p, r)): (usize, &([f32; 3], f32))| {
+                let min = [p[0] + shift * (i % 3) as f32, p[1], p[2] - shift * (i % 2) as f32];
+                Aabb { min, max: min.map(|x| x + r) }
+            };
+            from.iter().enumerate().map(moved).collect()
+        };
+        let after = at(shift);
+        let last = build(&at(0.0));
+        let (tree, costs, regrouper) = regroup(&last, &after);
+        let mut order = tree.order().to_vec();
+        order.sort_unstable();
+        prop_assert!(order.iter().copied().eq(0..from.len() as u32));
+        prop_assert!(regrouper.groups.nodes.iter().all(|g| g.leaves <= MOST));
+        prop_assert!(depth(&tree, tree.root().unwrap()) <= MAX_DEPTH);
+        prop_assert!(is_about(costs.new, sah_cost(&tree, &after[..])), "{:?}", costs);
+        prop_assert!(is_about(costs.last, sah_cost(&last, &after[..])), "{:?}", costs);
+    }
+}
