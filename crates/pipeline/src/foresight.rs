@@ -13,6 +13,8 @@ use std::time::{Duration, Instant};
 const UNSETTLED: u32 = 2;
 /// A later build takes about so much of the first one's time, as it finds its memory ready.
 const LATER_BUILD: f64 = 0.5;
+/// A tree that took less than this share of the time of those before it was made in another way, and so will the next be.
+const SOONER: f64 = 0.75;
 
 /// Watches frames go by and trees come; guesses what comes next.
 #[derive(Clone, Debug)]
@@ -87,8 +89,11 @@ impl Foresight {
     pub(crate) fn came_after(&mut self, frames: u64) {
         if !self.agreed {
             let seen = frames as f64;
-            let mean = |latency| f64::midpoint(latency, seen);
-            self.latency = Some(self.latency.map_or(seen, mean));
+            let next = |latency| match seen < SOONER * latency {
+                true => seen,
+                false => f64::midpoint(latency, seen),
+            };
+            self.latency = Some(self.latency.map_or(seen, next));
         }
     }
 
@@ -140,6 +145,19 @@ mod tests {
         // The mean of both is 6: used for frames 6 to 11.
         f.came_after(8);
         assert_eq!(f.middle_of_use(), 1.0 + 8.5 * 0.5);
+    }
+
+    #[test]
+    fn a_tree_that_came_much_sooner_is_believed_at_once_and_a_late_one_by_half() {
+        let mut f = watching([0.0, 1000.0], None, &[0.0, 1.0]);
+        let mut after = |frames| {
+            f.came_after(frames);
+            f.middle_of_use()
+        };
+        assert_eq!(after(40), 1.0 + 40.0 + 19.5);
+        assert_eq!(after(20), 1.0 + 20.0 + 9.5);
+        assert_eq!(after(16), 1.0 + 18.0 + 8.5);
+        assert_eq!(after(42), 1.0 + 30.0 + 14.5);
     }
 
     #[test]

@@ -4,7 +4,8 @@ use crate::gathering::{blend, fill, grow};
 use crate::sampling::Sample;
 use backend::{Backend, Snapshot};
 use bvh_build::{
-    BinaryTree, BuildError, Builder, Cancel, Moment, TemporalBuilder, sah_cost, temporal_cost,
+    BinaryTree, BuildError, Builder, Cancel, Costs, Moment, Regrouper, TemporalBuilder, sah_cost,
+    temporal_cost,
 };
 use bvh_layout::{Converter, Topology};
 use geom::{Aabb, Animation, Point, Pose};
@@ -80,6 +81,7 @@ impl Forms {
 #[derive(Debug, Default)]
 pub struct Workbench {
     builder: Builder,
+    regrouper: Regrouper,
     /// The tree being built.
     tree: BinaryTree,
     /// The last one that was handed over.
@@ -89,12 +91,34 @@ pub struct Workbench {
     boxes: Vec<Aabb>,
     spare: Vec<u32>,
     forms: Forms,
-    /// Whether the last tree had become much worse where the next one was to be used.
-    fades: bool,
+    fading: Fading,
 }
 
-/// A tree fades if it comes to cost so many times what the next one does, where that is used.
-const FADED: f64 = 1.2;
+/// How trees age: what the one in use came to cost, over the next one's cost where that is used.
+#[derive(Debug, Default)]
+struct Fading {
+    /// Whether so much that the next one is built for more than the middle of its use, though that takes longer.
+    parts: bool,
+    /// Whether so little that the next one may take its time.
+    holds: bool,
+}
+
+impl Fading {
+    const PARTS: f64 = 1.5;
+    /// Trees that hold do so until one costs so many times what the next one does.
+    const FADED: f64 = 1.2;
+    /// Such trees would do for twice as long, since cost grows with the square of time.
+    const HOLDS: f64 = 1.05;
+
+    fn note(&mut self, costs: Costs) {
+        let over = |times: f64| costs.last > times * costs.new;
+        self.parts = over(Self::PARTS);
+        self.holds = !over(Self::FADED) && (self.holds || !over(Self::HOLDS));
+    }
+}
+
+/// Costs that differ by less than this share are one, however they were added up.
+const ROUNDING: f64 = 1e-9;
 
 impl Workbench {
     /// No memory yet.
@@ -131,16 +155,19 @@ impl Workbench {
     ) -> Result<Built, BuildError> {
         let begun = Instant::now();
         fill(&mut self.boxes, &(animation, positions));
-        self.build_over_boxes(cancel)?;
+        self.build_over_boxes(false, cancel)?;
         let built = Instant::now();
         let cost = sah_cost(&self.tree, &self.boxes[..]);
         Ok(self.hand_over(animation, [begun, built], cost))
     }
 
-    /// Builds a tree from `vertices` and converts it, if it is cheaper at
+    /// Makes a tree from `vertices` and converts it, if it is cheaper at
     /// `rival_at` than the last one handed over, or if nobody asks.
     ///
-    /// Where trees fade, it is built from each triangle's boxes at both of
+    /// Where somebody asks, it is made of groups of that last one, for that is
+    /// soon done; but built from scratch where trees hold so long that it need not be.
+    ///
+    /// Where trees fade fast, it is built from each triangle's boxes at both of
     /// `halves`, as one: what parts within the time of use is then parted by the
     /// tree, too.
     ///
@@ -154,39 +181,41 @@ impl Workbench {
         cancel: &Cancel,
     ) -> Result<Made, BuildError> {
         let begun = Instant::now();
-        let swept = halves.filter(|_| self.fades);
-        if let Some(halves) = swept {
+        let rival = self.in_use.leaf_count() > 0
+            && self.in_use.leaf_count() == animation.live_count()
+            && rival_at.is_some();
+        let regroups = rival && !self.fading.holds;
+        let (blended_at, costs);
+        if let Some(halves) = halves.filter(|_| self.fading.parts) {
             self.sweep(animation, halves);
-            self.build_over_boxes(cancel)?;
-        }
-        let blended_at = self.take_in(animation, vertices);
-        if swept.is_none() {
-            self.build_over_boxes(cancel)?;
+            self.build_over_boxes(regroups, cancel)?;
+            (blended_at, costs) = (self.take_in(animation, vertices), None);
+        } else {
+            blended_at = self.take_in(animation, vertices);
+            costs = self.build_over_boxes(regroups, cancel)?;
         }
         let built = Instant::now();
-        let cost = sah_cost(&self.tree, &self.boxes[..]);
-        if let Some(at) = rival_at {
-            let mut rival = cost;
-            if blended_at != rival_at {
-                fill(&mut self.boxes, &(animation, at));
-                rival = sah_cost(&self.tree, &self.boxes[..]);
-            }
-            if self.is_worse_than_in_use(rival) {
+        let cost = costs.map_or_else(|| sah_cost(&self.tree, &self.boxes[..]), |c| c.new);
+        if let Some(at) = rival_at.filter(|_| rival) {
+            let costs = costs.filter(|_| blended_at == rival_at);
+            let costs = costs.unwrap_or_else(|| {
+                if blended_at != rival_at {
+                    fill(&mut self.boxes, &(animation, at));
+                }
+                self.costs()
+            });
+            self.fading.note(costs);
+            if costs.new > costs.last * (1.0 + ROUNDING) {
                 return Ok(Made::NoBetter);
             }
         }
         Ok(Made::Tree(self.hand_over(animation, [begun, built], cost)))
     }
 
-    /// Whether the tree in use costs less with the boxes at hand than the new
-    /// one, which comes to `cost` there; notes whether it has faded.
-    fn is_worse_than_in_use(&mut self, cost: f64) -> bool {
-        if self.in_use.leaf_count() != self.tree.leaf_count() {
-            return false;
-        }
-        let in_use = sah_cost(&self.in_use, &self.boxes[..]);
-        self.fades = in_use > FADED * cost;
-        cost > in_use
+    /// What the tree in use and the new one cost with the boxes at hand.
+    fn costs(&self) -> Costs {
+        let [last, new] = [&self.in_use, &self.tree].map(|tree| sah_cost(tree, &self.boxes[..]));
+        Costs { last, new }
     }
 
     /// Brings boxes to hold each triangle at both poses.
@@ -215,8 +244,19 @@ impl Workbench {
         fill(&mut self.boxes, &(animation, &self.positions[..]));
     }
 
-    fn build_over_boxes(&mut self, cancel: &Cancel) -> Result<(), BuildError> {
-        self.builder.build(&self.boxes[..], cancel, &mut self.tree)
+    /// Makes a tree for the boxes at hand, of groups of the last one or from scratch.
+    fn build_over_boxes(
+        &mut self,
+        regroups: bool,
+        cancel: &Cancel,
+    ) -> Result<Option<Costs>, BuildError> {
+        let (boxes, tree) = (&self.boxes[..], &mut self.tree);
+        if regroups {
+            let costs = self.regrouper.build(&self.in_use, boxes, cancel, tree)?;
+            return Ok(Some(costs));
+        }
+        self.builder.build(boxes, cancel, tree)?;
+        Ok(None)
     }
 
     /// Builds and converts one tree for all of `samples`, with `first` for its own cost.

@@ -43,31 +43,127 @@ fn only_a_tree_that_is_cheaper_where_it_will_be_used_is_handed_over() {
     assert!(made_for(None).is_some());
 }
 
+/// Clumps of four triangles that change places between key frames, each turned round in every other one.
+fn clumps() -> Animation {
+    let key = |k: u32| -> Vec<Point> {
+        let odd = [1, 37, 11, 53][k as usize];
+        let at = |i: u32| {
+            let within = if k.is_multiple_of(2) {
+                i % 4
+            } else {
+                3 - i % 4
+            };
+            ((i / 4 * odd % 64) * 16) as f32 + within as f32 * 0.25
+        };
+        let corner = |x: f32| [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]];
+        (0..256).flat_map(|i| corner(at(i))).collect()
+    };
+    let triangles = (0..256).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    Animation::new((0..4).map(key).collect(), triangles).unwrap()
+}
+
+/// Boxes of each triangle at both poses.
+fn swept(a: &Animation, times: [f64; 2]) -> Vec<Aabb> {
+    let [x, y] = times.map(|time| a.pose(time));
+    let both = |t| a.build_box_at(x, t).union(a.build_box_at(y, t));
+    (0..a.triangle_count() as u32).map(both).collect()
+}
+
+fn from_scratch(boxes: &[Aabb]) -> BinaryTree {
+    let mut tree = BinaryTree::default();
+    let built = Builder::new().build(boxes, &Cancel::new(), &mut tree);
+    built.map(|()| tree).unwrap()
+}
+
+fn of_groups(last: &BinaryTree, boxes: &[Aabb]) -> BinaryTree {
+    let mut tree = BinaryTree::default();
+    let built = Regrouper::new().build(last, boxes, &Cancel::new(), &mut tree);
+    built.map(|_| tree).unwrap()
+}
+
+/// A workbench with a tree for the first key frame, and how the next ones come.
+struct Course {
+    animation: Animation,
+    bench: Workbench,
+}
+
+impl Course {
+    fn new() -> Self {
+        let (animation, mut bench) = (clumps(), Workbench::new());
+        let first = bench.build(&animation, &animation.keys()[0], &Cancel::new());
+        first.unwrap();
+        Self { animation, bench }
+    }
+
+    /// The tree before and the tree for a moment, used from a third of a key frame before it.
+    fn next(&mut self, time: f64) -> [BinaryTree; 2] {
+        let (a, last) = (&self.animation, self.bench.in_use.clone());
+        let [from, at] = [time - 0.375, time].map(|t| a.pose(t));
+        let what = (Vertices::KeyFrames(at), Some([from, at]));
+        let made = self.bench.build_better(a, what, Some(at), &Cancel::new());
+        made.unwrap();
+        [last, self.bench.in_use.clone()]
+    }
+
+    fn boxes(&self, time: f64) -> Vec<Aabb> {
+        swept(&self.animation, [time; 2])
+    }
+}
+
+#[test]
+fn a_tree_is_made_of_groups_of_the_last_one_until_trees_hold() {
+    let mut course = Course::new();
+    let [last, tree] = course.next(1.0);
+    assert_eq!(tree, of_groups(&last, &course.boxes(1.0)));
+    assert_ne!(tree, from_scratch(&course.boxes(1.0)));
+    // Twice the same moment: the tree that it finds could have been kept.
+    course.next(1.0);
+    course.next(1.0);
+    let [_, tree] = course.next(1.0);
+    assert_eq!(tree, from_scratch(&course.boxes(1.0)));
+    // That holds until one has faded.
+    let [_, tree] = course.next(2.0);
+    assert_eq!(tree, from_scratch(&course.boxes(2.0)));
+    let [last, tree] = course.next(3.0);
+    let boxes = swept(&course.animation, [2.625, 3.0]);
+    assert_eq!(tree, of_groups(&last, &boxes));
+    assert_ne!(tree, from_scratch(&boxes));
+}
+
 #[test]
 fn where_trees_fade_the_next_is_built_for_both_halves_of_its_use() {
-    let (a, cancel) = (shuffled(), Cancel::new());
-    let mut bench = Workbench::new();
-    bench.build(&a, &a.keys()[0], &cancel).unwrap();
-    let mut next = |time: f64| {
-        let from = Vertices::KeyFrames(a.pose(time));
-        let halves = [time - 0.375, time].map(|t| a.pose(t));
-        let made = bench.build_better(&a, (from, Some(halves)), Some(a.pose(time)), &cancel);
-        tree(made.unwrap()).unwrap()
-    };
-    let own = |time: f64| {
-        let built = Workbench::new().build(&a, &positions(&a, time), &cancel);
-        built.unwrap()
-    };
-    let swept = built_over(&a, [1.625, 2.0].map(|t| a.pose(t)));
-    assert_ne!(own(2.0).topology.words(), swept.words());
-    // At 1 the first frame's tree has faded, at 2 its successor, then none any more.
-    let trees = [1.0, 2.0, 2.0, 2.0].map(&mut next);
-    let expected = [&own(1.0).topology, &swept, &swept, &own(2.0).topology];
-    for (found, expected) in trees.iter().zip(expected) {
-        assert_eq!(found.topology.words(), expected.words());
+    let mut course = Course::new();
+    course.next(1.0);
+    let [last, tree] = course.next(2.0);
+    let boxes = swept(&course.animation, [1.625, 2.0]);
+    assert_eq!(tree, of_groups(&last, &boxes));
+    assert_ne!(tree, of_groups(&last, &course.boxes(2.0)));
+}
+
+#[test]
+fn what_a_tree_costs_is_said_of_the_middle_whatever_it_was_built_for() {
+    let mut course = Course::new();
+    let a = &course.animation;
+    for time in [1.0, 2.0] {
+        let [from, at] = [time - 0.375, time].map(|t| a.pose(t));
+        let what = (Vertices::KeyFrames(at), Some([from, at]));
+        let made = course.bench.build_better(a, what, Some(at), &Cancel::new());
+        let cost = tree(made.unwrap()).unwrap().cost;
+        let found = sah_cost(&course.bench.in_use, &swept(a, [time; 2])[..]);
+        assert!((cost / found - 1.0).abs() < 1e-9, "{cost} {found}");
     }
-    // What a tree costs is said of the middle, whatever it was built for.
-    assert!(trees[1].cost > trees[3].cost && trees[3].cost == own(2.0).cost);
+}
+
+#[test]
+fn a_tree_equal_to_the_one_in_use_is_taken() {
+    let mut course = Course::new();
+    let a = &course.animation;
+    for _ in 0..9 {
+        let what = (Vertices::KeyFrames(a.pose(1.0)), None);
+        let at = Some(a.pose(1.0));
+        let made = course.bench.build_better(a, what, at, &Cancel::new());
+        assert!(tree(made.unwrap()).is_some());
+    }
 }
 
 #[test]
@@ -83,25 +179,6 @@ fn a_tree_that_nobody_weighs_does_not_count_as_faded() {
         let found = tree(made.unwrap()).unwrap();
         assert_eq!(found.topology.words(), own.topology.words());
     }
-}
-
-fn positions(a: &Animation, time: f64) -> Vec<Point> {
-    let pose = a.pose(time);
-    let vertices = 0..a.vertex_count() as u32;
-    vertices.map(|v| a.vertex(pose, v)).collect()
-}
-
-/// The record of a tree over each triangle's boxes at both poses.
-fn built_over(a: &Animation, halves: [Pose; 2]) -> Topology {
-    let both = |t| {
-        let [b, c] = halves.map(|pose| a.build_box_at(pose, t));
-        b.union(c)
-    };
-    let boxes: Vec<Aabb> = (0..a.triangle_count() as u32).map(both).collect();
-    let mut tree = BinaryTree::default();
-    let built = Builder::new().build(&boxes[..], &Cancel::new(), &mut tree);
-    built.unwrap();
-    Converter::default().convert(&tree, boxes.len(), Vec::new())
 }
 
 #[test]

@@ -3,8 +3,8 @@
 use crate::{Run, drifting, run_scene};
 use backend::Generation;
 use bvh_build::Cancel;
-use geom::{Animation, Point};
-use pipeline::{FrameRecord, Pace, Update, Workbench};
+use geom::{Animation, Point, Pose};
+use pipeline::{FrameRecord, Made, Pace, Update, Vertices, Workbench};
 use std::sync::Arc;
 
 /// Triangles in a row whose order is another in every key frame.
@@ -93,7 +93,7 @@ fn a_tree_is_built_for_the_middle_of_its_use_as_the_trees_before_it_foretell() {
         }
         if record.adopted.is_some() || record.rejected.is_some() {
             let seen = f64::from(i - asked.0);
-            latency = Some(latency.map_or(seen, |l| f64::midpoint(l, seen)));
+            latency = Some(learned(latency, seen));
         }
         if record.asked.is_some() {
             let time = |l: f64| record.frame.time + 0.5 * (l + (l - 1.0) / 2.0);
@@ -104,15 +104,56 @@ fn a_tree_is_built_for_the_middle_of_its_use_as_the_trees_before_it_foretell() {
     assert!(checked > 2, "{checked} trees");
 }
 
+/// The trees after the first that come of what a driver was to tell its builder in `run`, with the halves of their use or
+/// without; `None` if the second one was rejected, so that nobody knows what it was built for.
+fn foretold(animation: &Animation, run: &Run, with_halves: bool) -> Option<Vec<Vec<u32>>> {
+    let (mut bench, cancel) = (Workbench::new(), Cancel::new());
+    let first = bench.build(animation, &positions(animation, 0.0), &cancel);
+    first.unwrap();
+    let (mut latency, mut asked, mut trees) = (None::<f64>, (0, None), Vec::new());
+    for (i, record) in (0_u32..).zip(&run.records).skip(1) {
+        if record.adopted.is_some() || record.rejected.is_some() {
+            let told = asked.1.or(record.adopted.map(|tree| [tree.built_for; 3]));
+            let [early, middle, late]: [Pose; 3] = told?;
+            let halves = with_halves.then_some([early, late]);
+            let what = (Vertices::KeyFrames(middle), halves);
+            let made = bench.build_better(animation, what, Some(middle), &cancel);
+            if let Made::Tree(tree) = made.unwrap() {
+                trees.push(tree.topology.into_words());
+            }
+            latency = Some(learned(latency, f64::from(i - asked.0)));
+        }
+        if record.asked.is_some() {
+            let time = |l: f64, share: f64| record.frame.time + 0.5 * (l + share * (l - 1.0));
+            let pose = |l, share| animation.pose(f64::min(time(l, share), animation.end()));
+            asked = (
+                i,
+                latency.map(|l| [0.25, 0.5, 0.75].map(|share| pose(l, share))),
+            );
+        }
+    }
+    Some(trees)
+}
+
+/// What is expected after a tree that took so many frames.
+fn learned(latency: Option<f64>, seen: f64) -> f64 {
+    match latency {
+        None => seen,
+        Some(l) if seen < 0.75 * l => seen,
+        Some(l) => f64::midpoint(l, seen),
+    }
+}
+
 #[test]
-fn trees_that_fade_are_followed_by_trees_for_more_than_the_middle_of_their_use() {
-    let (animation, run) = steady();
-    let trees = run.records.iter().filter_map(|r| r.adopted);
-    let for_more = trees.zip(&run.log.trees).filter(|(tree, words)| {
-        let middle = f64::from(tree.built_for.key) + f64::from(tree.built_for.alpha);
-        *words != &tree_at(&animation, middle)
+fn the_builder_is_told_the_halves_of_a_trees_use() {
+    let known = (0..9).find_map(|_| {
+        let (animation, run) = steady();
+        let trees = foretold(&animation, &run, true)?;
+        Some((trees, foretold(&animation, &run, false)?, run))
     });
-    assert!(for_more.count() > 1);
+    let (trees, without, run) = known.expect("second trees are taken");
+    assert!(trees.len() > 2 && trees == run.log.trees[1..]);
+    assert!(trees != without, "no tree faded");
 }
 
 #[test]
