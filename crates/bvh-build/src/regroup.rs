@@ -18,7 +18,6 @@ const PARALLEL: u32 = 1024;
 /// Makes trees from trees; keeps its memory.
 #[derive(Debug, Default)]
 pub struct Regrouper {
-    builder: Builder,
     /// Subtrees of the last tree.
     groups: Groups,
     /// The tree of groups.
@@ -43,7 +42,8 @@ impl Regrouper {
         Self::default()
     }
 
-    /// Builds over `boxes` into `tree`, from groups of `last`. The tree depends on these two alone.
+    /// Builds over `boxes` into `tree`, from groups of `last`. The tree depends on these two alone; the builder lends
+    /// its memory.
     ///
     /// # Errors
     /// [`BuildError::Cancelled`]; `tree` is then empty.
@@ -52,12 +52,12 @@ impl Regrouper {
     /// If `last` holds a triangle whose box is not usable now. One that it does not hold has no part in the new tree.
     pub fn build<B: Boxes + ?Sized>(
         &mut self,
-        last: &BinaryTree,
-        boxes: &B,
+        builder: &mut Builder,
+        (last, boxes): (&BinaryTree, &B),
         cancel: &Cancel,
         tree: &mut BinaryTree,
     ) -> Result<Costs, BuildError> {
-        let built = self.build_into(last, boxes, cancel, tree);
+        let built = self.build_into(builder, (last, boxes), cancel, tree);
         if built.is_err() {
             tree.order.clear();
             tree.left_leaves.clear();
@@ -67,8 +67,8 @@ impl Regrouper {
 
     fn build_into<B: Boxes + ?Sized>(
         &mut self,
-        last: &BinaryTree,
-        boxes: &B,
+        builder: &mut Builder,
+        (last, boxes): (&BinaryTree, &B),
         cancel: &Cancel,
         tree: &mut BinaryTree,
     ) -> Result<Costs, BuildError> {
@@ -77,8 +77,7 @@ impl Regrouper {
             areas.lost, 0,
             "a triangle of the last tree has no usable box"
         );
-        self.builder
-            .build_below(LEVELS, &self.groups.boxes[..], cancel, &mut self.above)?;
+        builder.build_below(LEVELS, &self.groups.boxes[..], cancel, &mut self.above)?;
         self.count();
         tree.order.resize(last.order.len(), 0);
         tree.left_leaves.resize(last.left_leaves.len(), 0);

@@ -190,6 +190,8 @@ impl Workbench {
             self.sweep(animation, halves);
             self.build_over_boxes(regroups, cancel)?;
             (blended_at, costs) = (self.take_in(animation, vertices), None);
+        } else if regroups && !self.forms.blocks {
+            (blended_at, costs) = self.regroup_at(animation, vertices, cancel)?;
         } else {
             blended_at = self.take_in(animation, vertices);
             costs = self.build_over_boxes(regroups, cancel)?;
@@ -210,6 +212,27 @@ impl Workbench {
             }
         }
         Ok(Made::Tree(self.hand_over(animation, [begun, built], cost)))
+    }
+
+    /// Makes a tree of groups of the last one, which ask for boxes in their own order, each once: so none are kept.
+    fn regroup_at(
+        &mut self,
+        animation: &Animation,
+        vertices: Vertices,
+        cancel: &Cancel,
+    ) -> Result<(Option<Pose>, Option<Costs>), BuildError> {
+        let (pose, positions) = match &vertices {
+            Vertices::ReadBack(snapshot) => (None, &snapshot[..]),
+            Vertices::KeyFrames(pose) => {
+                blend(animation, *pose, &mut self.positions);
+                (Some(*pose), &self.positions[..])
+            }
+        };
+        let from = (&self.in_use, &(animation, positions));
+        let costs = self
+            .regrouper
+            .build(&mut self.builder, from, cancel, &mut self.tree)?;
+        Ok((pose, Some(costs)))
     }
 
     /// What the tree in use and the new one cost with the boxes at hand.
@@ -252,7 +275,10 @@ impl Workbench {
     ) -> Result<Option<Costs>, BuildError> {
         let (boxes, tree) = (&self.boxes[..], &mut self.tree);
         if regroups {
-            let costs = self.regrouper.build(&self.in_use, boxes, cancel, tree)?;
+            let from = (&self.in_use, boxes);
+            let costs = self
+                .regrouper
+                .build(&mut self.builder, from, cancel, tree)?;
             return Ok(Some(costs));
         }
         self.builder.build(boxes, cancel, tree)?;

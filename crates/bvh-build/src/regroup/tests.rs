@@ -27,7 +27,8 @@ fn build(boxes: &[Aabb]) -> BinaryTree {
 
 fn regroup(last: &BinaryTree, boxes: &[Aabb]) -> (BinaryTree, Costs, Regrouper) {
     let (mut regrouper, mut tree) = (Regrouper::new(), BinaryTree::default());
-    let costs = regrouper.build(last, boxes, &Cancel::new(), &mut tree);
+    let mut builder = Builder::new();
+    let costs = regrouper.build(&mut builder, (last, boxes), &Cancel::new(), &mut tree);
     (tree, costs.unwrap(), regrouper)
 }
 
@@ -88,7 +89,8 @@ fn a_cancelled_build_leaves_an_empty_tree() {
     let last = build(&boxes);
     let (mut tree, cancel) = (last.clone(), Cancel::new());
     cancel.cancel();
-    let built = Regrouper::new().build(&last, &boxes[..], &cancel, &mut tree);
+    let built =
+        Regrouper::new().build(&mut Builder::new(), (&last, &boxes[..]), &cancel, &mut tree);
     assert_eq!((built, tree.root()), (Err(BuildError::Cancelled), None));
     assert!(tree.left_leaves().is_empty());
 }

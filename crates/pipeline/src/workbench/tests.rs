@@ -77,7 +77,12 @@ fn from_scratch(boxes: &[Aabb]) -> BinaryTree {
 
 fn of_groups(last: &BinaryTree, boxes: &[Aabb]) -> BinaryTree {
     let mut tree = BinaryTree::default();
-    let built = Regrouper::new().build(last, boxes, &Cancel::new(), &mut tree);
+    let built = Regrouper::new().build(
+        &mut Builder::new(),
+        (last, boxes),
+        &Cancel::new(),
+        &mut tree,
+    );
     built.map(|_| tree).unwrap()
 }
 
@@ -89,7 +94,11 @@ struct Course {
 
 impl Course {
     fn new() -> Self {
-        let (animation, mut bench) = (clumps(), Workbench::new());
+        Self::with_forms(Forms::default())
+    }
+
+    fn with_forms(forms: Forms) -> Self {
+        let (animation, mut bench) = (clumps(), Workbench::with_forms(forms));
         let first = bench.build(&animation, &animation.keys()[0], &Cancel::new());
         first.unwrap();
         Self { animation, bench }
@@ -138,6 +147,20 @@ fn where_trees_fade_the_next_is_built_for_both_halves_of_its_use() {
     let boxes = swept(&course.animation, [1.625, 2.0]);
     assert_eq!(tree, of_groups(&last, &boxes));
     assert_ne!(tree, of_groups(&last, &course.boxes(2.0)));
+}
+
+#[test]
+fn what_records_carry_changes_no_tree() {
+    let forms = Forms {
+        treelets: true,
+        blocks: true,
+    };
+    let [mut plain, mut carrying] = [Forms::default(), forms].map(Course::with_forms);
+    for time in [1.0, 2.0, 2.0, 3.0] {
+        assert_eq!(plain.next(time), carrying.next(time));
+        let boxes = &carrying.bench.boxes;
+        assert_eq!(boxes[..], carrying.boxes(time)[..], "blocks are filled");
+    }
 }
 
 #[test]
