@@ -13,6 +13,8 @@ use std::time::{Duration, Instant};
 const UNSETTLED: u32 = 2;
 /// A later build takes about so much of the first one's time, as it finds its memory ready.
 const LATER_BUILD: f64 = 0.5;
+/// Key frames that a first tree is built for: within so many, motion is about straight.
+const FIRST_USE: f64 = 1.0;
 /// A tree that took less than this share of the time of those before it was made in another way, and so will the next be.
 const SOONER: f64 = 0.75;
 
@@ -111,6 +113,13 @@ impl Foresight {
         [0.25, 0.75].map(|share| self.ahead(latency + share * rest))
     }
 
+    /// The middles of both halves of the time that a first tree is built for, as long as nobody knows how long it will
+    /// be used; `None` at the end of the range.
+    pub(crate) fn halves_of_first_use(&self) -> Option<[f64; 2]> {
+        let left = FIRST_USE.min(self.range[1] - self.time);
+        (left > 0.0).then(|| [0.25, 0.75].map(|share| self.time + share * left))
+    }
+
     fn expected(&self) -> f64 {
         self.latency.or(self.guess).unwrap_or(0.0)
     }
@@ -168,6 +177,17 @@ mod tests {
         assert_eq!(f.middle_of_use(), 5.0);
         let f = watching([0.0, 100.0], Some(0), &[0.0, 1.0]);
         assert_eq!(f.middle_of_use(), 1.0);
+    }
+
+    #[test]
+    fn a_first_tree_is_built_for_a_key_frame_or_what_is_left() {
+        let at = |time| watching([0.0, 9.0], None, &[time]).halves_of_first_use();
+        assert_eq!(at(2.0), Some([2.25, 2.75]));
+        assert_eq!(
+            at(8.8),
+            Some([8.8 + 0.25 * (9.0 - 8.8), 8.8 + 0.75 * (9.0 - 8.8)])
+        );
+        assert_eq!((at(9.0), at(9.5)), (None, None));
     }
 
     #[test]

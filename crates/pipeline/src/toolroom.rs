@@ -28,16 +28,19 @@ impl Toolroom {
         })
     }
 
-    /// See [`Workbench::build`]. The caller waits.
+    /// See [`Workbench::build`], and with halves of its use [`Workbench::build_swept`]. The caller waits.
     pub(crate) fn build(
         &self,
         animation: &Animation,
-        positions: &[Point],
+        (positions, halves): (&[Point], Option<[Pose; 2]>),
         spare: Vec<u32>,
     ) -> Result<Built, BuildFailed> {
         self.work(|tools| {
             tools.reuse(spare);
-            tools.build(animation, positions, &Cancel::new())
+            match halves {
+                Some(halves) => tools.build_swept(animation, (positions, halves), &Cancel::new()),
+                None => tools.build(animation, positions, &Cancel::new()),
+            }
         })
     }
 

@@ -161,6 +161,25 @@ impl Workbench {
         Ok(self.hand_over(animation, [begun, built], cost))
     }
 
+    /// Likewise, over each triangle's boxes at both of `halves`, as one. What it costs is still said of `positions`.
+    ///
+    /// # Errors
+    /// [`BuildError::Cancelled`].
+    pub fn build_swept(
+        &mut self,
+        animation: &Animation,
+        (positions, halves): (&[Point], [Pose; 2]),
+        cancel: &Cancel,
+    ) -> Result<Built, BuildError> {
+        let begun = Instant::now();
+        self.sweep(animation, halves);
+        self.build_over_boxes(false, cancel)?;
+        fill(&mut self.boxes, &(animation, positions));
+        let built = Instant::now();
+        let cost = sah_cost(&self.tree, &self.boxes[..]);
+        Ok(self.hand_over(animation, [begun, built], cost))
+    }
+
     /// Makes a tree from `vertices` and converts it, if it is cheaper at
     /// `rival_at` than the last one handed over, or if nobody asks.
     ///

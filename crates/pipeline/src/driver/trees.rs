@@ -98,7 +98,7 @@ impl Driver {
         };
         let flight = self.ask(generation, pose);
         if plan.at_once {
-            let built = self.build_now(flight)?;
+            let built = self.build_now(flight, None)?;
             self.schedule.swapped_at_once(generation);
             if let Ok((built, flight)) = built {
                 self.adopt(built, &flight)?;
@@ -118,7 +118,7 @@ impl Driver {
         let made = if self.options.update == Update::TSah {
             self.build_for_all(flight)
         } else {
-            self.build_now(flight)?
+            self.build_now(flight, self.first_halves())?
         };
         let (built, flight) = made.map_err(|e| PipelineError::FirstTree(e.reason))?;
         let moments = &built.moments;
@@ -211,10 +211,18 @@ impl Driver {
         Ok(())
     }
 
-    /// Builds from the backend's vertices at the flight's pose while the frame waits.
+    /// Poses early and late in the time that the first tree is built for, if it is more than the frame.
+    fn first_halves(&self) -> Option<[Pose; 2]> {
+        let ahead = self.looks_ahead() && self.may_reject();
+        let times = ahead.then(|| self.foresight.halves_of_first_use())?;
+        times.map(|times| times.map(|time| self.animation.pose(time)))
+    }
+
+    /// Builds from the backend's vertices at the flight's pose while the frame waits, or from what lies between `halves`.
     fn build_now(
         &mut self,
         mut flight: Flight,
+        halves: Option<[Pose; 2]>,
     ) -> Result<Result<(Built, Flight), BuildFailed>, PipelineError> {
         self.backend.interpolate(flight.pose)?;
         self.pose = Some(flight.pose);
@@ -237,7 +245,8 @@ impl Driver {
         let arrived = Instant::now();
         flight.arrived = Some((arrived, bytes(positions.len())));
         let spare = std::mem::take(&mut self.spare);
-        let built = self.toolroom.build(&self.animation, &positions, spare);
+        let from = (&positions[..], halves);
+        let built = self.toolroom.build(&self.animation, from, spare);
         self.beginning.build_wait += arrived.elapsed();
         Ok(built.map(|built| (built, flight)))
     }

@@ -164,6 +164,19 @@ fn what_records_carry_changes_no_tree() {
 }
 
 #[test]
+fn a_first_tree_for_more_than_a_moment_costs_what_it_does_at_that_moment() {
+    let a = clumps();
+    let (mut bench, halves) = (Workbench::new(), [0.25, 0.75]);
+    let from = (&a.keys()[0][..], halves.map(|time| a.pose(time)));
+    let built = bench.build_swept(&a, from, &Cancel::new()).unwrap();
+    assert_eq!(bench.in_use, from_scratch(&swept(&a, halves)));
+    assert_eq!(
+        built.cost,
+        sah_cost(&bench.in_use, &swept(&a, [0.0; 2])[..])
+    );
+}
+
+#[test]
 fn what_a_tree_costs_is_said_of_the_middle_whatever_it_was_built_for() {
     let mut course = Course::new();
     let a = &course.animation;

@@ -108,7 +108,8 @@ fn a_tree_is_built_for_the_middle_of_its_use_as_the_trees_before_it_foretell() {
 /// without; `None` if the second one was rejected, so that nobody knows what it was built for.
 fn foretold(animation: &Animation, run: &Run, with_halves: bool) -> Option<Vec<Vec<u32>>> {
     let (mut bench, cancel) = (Workbench::new(), Cancel::new());
-    let first = bench.build(animation, &positions(animation, 0.0), &cancel);
+    let halves = [0.25, 0.75].map(|time| animation.pose(time));
+    let first = bench.build_swept(animation, (&positions(animation, 0.0), halves), &cancel);
     first.unwrap();
     let (mut latency, mut asked, mut trees) = (None::<f64>, (0, None), Vec::new());
     for (i, record) in (0_u32..).zip(&run.records).skip(1) {
@@ -154,6 +155,29 @@ fn the_builder_is_told_the_halves_of_a_trees_use() {
     let (trees, without, run) = known.expect("second trees are taken");
     assert!(trees.len() > 2 && trees == run.log.trees[1..]);
     assert!(trees != without, "no tree faded");
+}
+
+#[test]
+fn a_first_tree_that_is_used_for_nobody_knows_how_long_is_built_for_a_key_frame() {
+    let animation = shuffled(30);
+    let halves = [0.25, 0.75].map(|time| animation.pose(time));
+    let own = positions(&animation, 0.0);
+    let swept = Workbench::new().build_swept(&animation, (&own, halves), &Cancel::new());
+    let (swept, plain) = (
+        swept.unwrap().topology.into_words(),
+        tree_at(&animation, 0.0),
+    );
+    assert_ne!(swept, plain);
+    let first = |policy| run_scene(&animation, 5, policy, (Some(1), None)).log.trees[0].clone();
+    assert_eq!(first(FREE), swept);
+    for policy in [
+        (Update::Async(Pace::Free), false),
+        (Update::Async(Pace::Lockstep(2)), true),
+        (Update::Rebuild, true),
+        (Update::Refit, true),
+    ] {
+        assert_eq!(first(policy), plain, "{policy:?}");
+    }
 }
 
 #[test]
