@@ -221,7 +221,7 @@ impl Driver {
             return self.first_tree(pose);
         };
         let newest = self.flight.as_ref().map_or(tree.pose, |f| f.pose);
-        self.learn_latency();
+        self.weigh_finished();
         let wanted = self.wanted(pose);
         let outdated = newest != wanted && self.may_ask();
         let plan = self.schedule.begin_frame(self.frames, outdated);

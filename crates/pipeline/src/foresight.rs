@@ -3,9 +3,10 @@
 //! Key frames are known before they are reached. So a tree may be built for
 //! the moment it is used instead of the one it is asked for, if somebody
 //! guesses when that is. The guess: frames go on by the last step of time, and
-//! trees take as many frames as the last ones did. Before one has come, the
-//! first build and the pace of the first frames must do.
+//! trees take as many frames as the last ones did that were made in the same
+//! manner. Before one has come, the first build and the pace of the first frames must do.
 
+use crate::workbench::Manner;
 use std::time::{Duration, Instant};
 
 /// Frames that say nothing of the pace: the first waits for its tree, others
@@ -15,8 +16,8 @@ const UNSETTLED: u32 = 2;
 const LATER_BUILD: f64 = 0.5;
 /// Key frames that a first tree is built for: within so many, motion is about straight.
 const FIRST_USE: f64 = 1.0;
-/// A tree that took less than this share of the time of those before it was made in another way, and so will the next be.
-const SOONER: f64 = 0.75;
+/// A tree made of groups of the last one takes about so much of the time of one from scratch.
+const GROUPS: f64 = 0.5;
 
 /// Watches frames go by and trees come; guesses what comes next.
 #[derive(Clone, Debug)]
@@ -24,10 +25,12 @@ pub(crate) struct Foresight {
     range: [f64; 2],
     time: f64,
     step: f64,
-    /// Frames between asking for a tree and swapping to it, as seen or agreed.
-    latency: Option<f64>,
-    /// Whether it is so by agreement.
-    agreed: bool,
+    /// Frames between asking for a tree and swapping to it, by agreement.
+    agreed: Option<f64>,
+    /// The same as seen, of trees from scratch and of trees of groups.
+    seen: [Option<f64>; 2],
+    /// How the next tree will be made.
+    next: Manner,
     /// What it is taken for as long as none was seen.
     guess: Option<f64>,
     first_build: Option<Duration>,
@@ -43,8 +46,9 @@ impl Foresight {
             range,
             time: f64::NAN,
             step: 0.0,
-            latency: agreed.map(f64::from),
-            agreed: agreed.is_some(),
+            agreed: agreed.map(f64::from),
+            seen: [None; 2],
+            next: Manner::Scratch,
             guess: None,
             first_build: None,
             frames: 0,
@@ -84,19 +88,26 @@ impl Foresight {
 
     /// Whether there is any ground for a guess.
     pub(crate) fn has_ground(&self) -> bool {
-        self.latency.or(self.guess).is_some()
+        self.latency().or(self.guess).is_some()
     }
 
-    /// A tree came so many frames after it was asked for.
-    pub(crate) fn came_after(&mut self, frames: u64) {
-        if !self.agreed {
-            let seen = frames as f64;
-            let next = |latency| match seen < SOONER * latency {
-                true => seen,
-                false => f64::midpoint(latency, seen),
-            };
-            self.latency = Some(self.latency.map_or(seen, next));
-        }
+    /// A tree made in one manner came so many frames after it was asked for.
+    pub(crate) fn came_after(&mut self, frames: u64, manner: Manner) {
+        let seen = &mut self.seen[manner as usize];
+        let frames = frames as f64;
+        *seen = Some(seen.map_or(frames, |before| f64::midpoint(before, frames)));
+    }
+
+    /// How the next tree will be made.
+    pub(crate) fn next_is(&mut self, manner: Manner) {
+        self.next = manner;
+    }
+
+    /// Whether a tree for the moment `new` is to be used from now on, instead of one for `last`: when its moment is the
+    /// nearer one, or comes no nearer.
+    pub(crate) fn is_ripe(&self, last: f64, new: f64) -> bool {
+        let comes_nearer = (new - self.time) * self.step > 0.0;
+        !comes_nearer || (new - self.time).abs() <= (last - self.time).abs()
     }
 
     /// The middle of the frames traced with a tree asked for now: the next one
@@ -121,7 +132,17 @@ impl Foresight {
     }
 
     fn expected(&self) -> f64 {
-        self.latency.or(self.guess).unwrap_or(0.0)
+        self.latency().or(self.guess).unwrap_or(0.0)
+    }
+
+    /// Of the next tree, where any was seen or agreed.
+    fn latency(&self) -> Option<f64> {
+        let [scratch, groups] = self.seen;
+        let seen = match self.next {
+            Manner::Scratch => scratch.or(groups.map(|frames| frames / GROUPS)),
+            Manner::Groups => groups.or(scratch.map(|frames| (frames * GROUPS).max(1.0))),
+        };
+        self.agreed.or(seen)
     }
 
     /// The time so many frames from now.
@@ -147,33 +168,50 @@ mod tests {
     fn a_steady_motion_is_continued_to_the_middle_of_the_trees_use() {
         let mut f = watching([0.0, 100.0], None, &[0.0, 0.5, 1.0]);
         assert_eq!(f.middle_of_use(), 1.0);
-        f.came_after(4);
+        f.came_after(4, Manner::Scratch);
         // Swapped in 4 frames on, used for frames 4 to 7 from now.
         assert_eq!(f.middle_of_use(), 1.0 + 5.5 * 0.5);
         assert_eq!(f.halves_of_use(), [1.0 + 4.75 * 0.5, 1.0 + 6.25 * 0.5]);
         // The mean of both is 6: used for frames 6 to 11.
-        f.came_after(8);
+        f.came_after(8, Manner::Scratch);
         assert_eq!(f.middle_of_use(), 1.0 + 8.5 * 0.5);
     }
 
     #[test]
-    fn a_tree_that_came_much_sooner_is_believed_at_once_and_a_late_one_by_half() {
+    fn trees_of_groups_and_trees_from_scratch_are_told_apart() {
         let mut f = watching([0.0, 1000.0], None, &[0.0, 1.0]);
-        let mut after = |frames| {
-            f.came_after(frames);
-            f.middle_of_use()
-        };
-        assert_eq!(after(40), 1.0 + 40.0 + 19.5);
-        assert_eq!(after(20), 1.0 + 20.0 + 9.5);
-        assert_eq!(after(16), 1.0 + 18.0 + 8.5);
-        assert_eq!(after(42), 1.0 + 30.0 + 14.5);
+        f.came_after(40, Manner::Scratch);
+        assert_eq!(f.middle_of_use(), 1.0 + 40.0 + 19.5);
+        // Nobody saw one of groups yet.
+        f.next_is(Manner::Groups);
+        assert_eq!(f.middle_of_use(), 1.0 + 20.0 + 9.5);
+        f.came_after(10, Manner::Groups);
+        assert_eq!(f.middle_of_use(), 1.0 + 10.0 + 4.5);
+        f.came_after(20, Manner::Groups);
+        assert_eq!(f.middle_of_use(), 1.0 + 15.0 + 7.0);
+        f.next_is(Manner::Scratch);
+        assert_eq!(f.middle_of_use(), 1.0 + 40.0 + 19.5);
+    }
+
+    #[test]
+    fn a_tree_is_ripe_when_its_moment_is_nearer_than_the_last_ones() {
+        let at = |times: &[f64]| watching([0.0, 100.0], None, times);
+        assert!(!at(&[1.0, 2.0]).is_ripe(1.5, 4.0));
+        assert!(at(&[2.0, 3.0]).is_ripe(1.5, 4.0));
+        // Nothing moves; time runs away from it, or ran past it.
+        assert!(at(&[2.0, 2.0]).is_ripe(1.5, 4.0));
+        assert!(at(&[2.0, 1.9]).is_ripe(1.5, 4.0));
+        assert!(at(&[2.0, 5.0]).is_ripe(4.9, 4.0));
+        // Backwards.
+        assert!(!at(&[9.0, 8.0]).is_ripe(8.5, 6.0));
+        assert!(at(&[8.0, 7.0]).is_ripe(8.5, 6.0));
     }
 
     #[test]
     fn an_agreed_latency_is_not_learned() {
         let mut f = watching([0.0, 100.0], Some(3), &[0.0, 1.0]);
         assert!(f.has_ground());
-        f.came_after(50);
+        f.came_after(50, Manner::Scratch);
         assert_eq!(f.middle_of_use(), 5.0);
         let f = watching([0.0, 100.0], Some(0), &[0.0, 1.0]);
         assert_eq!(f.middle_of_use(), 1.0);
@@ -210,7 +248,7 @@ mod tests {
         f.frame(4.0, start + ms(933));
         assert!((f.middle_of_use() - (4.0 + 7.0)).abs() < 1e-9);
         // What was seen takes its place.
-        f.came_after(3);
+        f.came_after(3, Manner::Scratch);
         f.frame(5.0, start + ms(940));
         assert_eq!(f.middle_of_use(), 5.0 + 4.0);
     }

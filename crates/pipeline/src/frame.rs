@@ -85,6 +85,8 @@ pub struct Submission {
 /// A tree on the day it was swapped in.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Adopted {
+    /// Frames from the one that asked for it to the one that found it finished; it may have waited for its moment since.
+    pub latency_frames: u64,
     /// Milliseconds from vertices to binary tree.
     pub build_ms: f64,
     /// Milliseconds from binary tree to record.

@@ -26,5 +26,5 @@ pub use driver::Driver;
 pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments};
 pub use options::{Options, PipelineError};
 pub use schedule::{Pace, Plan, Schedule, Swap, Update};
-pub use workbench::{BuildMoments, Built, Forms, Made, Vertices, Workbench};
+pub use workbench::{BuildMoments, Built, Forms, Made, Manner, Vertices, Workbench};
 pub use workshop::{BuildFailed, Job, Workshop};

@@ -28,6 +28,16 @@ pub enum Made {
     NoBetter,
 }
 
+/// How a tree is made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Manner {
+    /// Of its triangles alone.
+    #[default]
+    Scratch,
+    /// Of groups of the last tree, which is sooner done.
+    Groups,
+}
+
 /// A finished tree.
 #[derive(Debug)]
 pub struct Built {
@@ -40,6 +50,10 @@ pub struct Built {
     pub build_ms: f64,
     /// Milliseconds from binary tree to record, and to lists of what moves.
     pub convert_ms: f64,
+    /// How it was made.
+    pub manner: Manner,
+    /// How the next one will be made.
+    pub next: Manner,
     /// When all of that was.
     pub moments: BuildMoments,
 }
@@ -92,6 +106,8 @@ pub struct Workbench {
     spare: Vec<u32>,
     forms: Forms,
     fading: Fading,
+    /// How the tree being built is made.
+    manner: Manner,
 }
 
 /// How trees age: what the one in use came to cost, over the next one's cost where that is used.
@@ -108,7 +124,15 @@ impl Fading {
     /// Trees that hold do so until one costs so many times what the next one does.
     const FADED: f64 = 1.2;
     /// Such trees would do for twice as long, since cost grows with the square of time.
-    const HOLDS: f64 = 1.05;
+    const HOLDS: f64 = 1.01;
+
+    /// How a tree is made that has a rival.
+    fn manner(&self) -> Manner {
+        match self.holds {
+            true => Manner::Scratch,
+            false => Manner::Groups,
+        }
+    }
 
     fn note(&mut self, costs: Costs) {
         let over = |times: f64| costs.last > times * costs.new;
@@ -203,7 +227,11 @@ impl Workbench {
         let rival = self.in_use.leaf_count() > 0
             && self.in_use.leaf_count() == animation.live_count()
             && rival_at.is_some();
-        let regroups = rival && !self.fading.holds;
+        let regroups = rival && self.fading.manner() == Manner::Groups;
+        self.manner = match regroups {
+            true => Manner::Groups,
+            false => Manner::Scratch,
+        };
         let (blended_at, costs);
         if let Some(halves) = halves.filter(|_| self.fading.parts) {
             self.sweep(animation, halves);
@@ -358,6 +386,8 @@ impl Workbench {
             cost,
             build_ms: (built - begun).as_secs_f64() * 1e3,
             convert_ms: (ended - weighed).as_secs_f64() * 1e3,
+            manner: self.manner,
+            next: self.fading.manner(),
             moments: BuildMoments {
                 begun,
                 built,

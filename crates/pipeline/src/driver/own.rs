@@ -47,6 +47,7 @@ impl Driver {
             generation,
             frame: self.frames,
             pose,
+            middle: f64::NAN,
             cost: 0.0,
         });
         Ok(true)

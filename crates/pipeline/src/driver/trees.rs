@@ -21,6 +21,8 @@ pub(super) struct Tree {
     pub(super) frame: u64,
     /// What it was built for.
     pub(super) pose: Pose,
+    /// The moment that it is best used at.
+    pub(super) middle: f64,
     pub(super) cost: f64,
 }
 
@@ -29,7 +31,11 @@ pub(super) struct Flight {
     pub(super) generation: Generation,
     pub(super) frame: u64,
     pub(super) pose: Pose,
+    /// The moment that it is best used at.
+    middle: f64,
     asked: Instant,
+    /// How many frames it took, once it is finished.
+    latency: Option<u64>,
     /// Poses early and late in its use.
     halves: Option<[Pose; 2]>,
     /// Where it must be cheaper than the tree in use.
@@ -67,10 +73,25 @@ impl Driver {
         halves.map(|time| self.animation.pose(time))
     }
 
-    /// Has the foresight know how long the tree took that is swapped to now.
-    pub(super) fn learn_latency(&mut self) {
-        if let (Some(_), Some(flight)) = (&self.finished, &self.flight) {
-            self.foresight.came_after(self.frames - flight.frame);
+    /// Has the foresight know how long a finished tree took, and the schedule when to swap to it: at once, but for trees
+    /// that were built for a moment to come, if the last one's is nearer still.
+    pub(super) fn weigh_finished(&mut self) {
+        let ahead = self.looks_ahead() && self.may_reject();
+        let (Some(made), Some(flight)) = (&self.finished, &mut self.flight) else {
+            return;
+        };
+        if flight.latency.is_none() {
+            let frames = self.frames - flight.frame;
+            flight.latency = Some(frames);
+            if let Made::Tree(built) = made {
+                self.foresight.came_after(frames, built.manner);
+                self.foresight.next_is(built.next);
+            }
+        }
+        let last = self.tree.as_ref().map_or(f64::NAN, |tree| tree.middle);
+        let is_ripe = matches!(made, Made::NoBetter) || self.foresight.is_ripe(last, flight.middle);
+        if is_ripe || !ahead {
+            self.schedule.finished(flight.generation);
         }
     }
 
@@ -114,11 +135,14 @@ impl Driver {
 
     /// Builds the first tree, while the first frame waits.
     pub(super) fn first_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
-        let flight = self.ask(FIRST, pose);
+        let mut flight = self.ask(FIRST, pose);
         let made = if self.options.update == Update::TSah {
             self.build_for_all(flight)
         } else {
-            self.build_now(flight, self.first_halves())?
+            let halves = self.first_halves();
+            flight.middle = halves.map_or(flight.middle, |[a, b]| f64::midpoint(a, b));
+            let poses = halves.map(|times| times.map(|time| self.animation.pose(time)));
+            self.build_now(flight, poses)?
         };
         let (built, flight) = made.map_err(|e| PipelineError::FirstTree(e.reason))?;
         let moments = &built.moments;
@@ -133,7 +157,9 @@ impl Driver {
             generation,
             frame: self.frames,
             pose,
+            middle: self.foresight.middle_of_use(),
             asked: Instant::now(),
+            latency: None,
             halves: self.looks_ahead().then(|| self.halves()),
             rival_at: may_reject.then(|| self.animation.pose(self.foresight.middle_of_use())),
             arrived: None,
@@ -162,10 +188,7 @@ impl Driver {
     /// Puts a finished tree aside for its boundary, or forgets a failed one.
     fn file(&mut self, generation: Generation, result: Result<Made, BuildFailed>) {
         match result {
-            Ok(made) => {
-                self.finished = Some(made);
-                self.schedule.finished(generation);
-            }
+            Ok(made) => self.finished = Some(made),
             Err(_) => self.give_up(generation),
         }
     }
@@ -211,11 +234,10 @@ impl Driver {
         Ok(())
     }
 
-    /// Poses early and late in the time that the first tree is built for, if it is more than the frame.
-    fn first_halves(&self) -> Option<[Pose; 2]> {
+    /// Moments early and late in the time that the first tree is built for, if it is more than the frame.
+    fn first_halves(&self) -> Option<[f64; 2]> {
         let ahead = self.looks_ahead() && self.may_reject();
-        let times = ahead.then(|| self.foresight.halves_of_first_use())?;
-        times.map(|times| times.map(|time| self.animation.pose(time)))
+        ahead.then(|| self.foresight.halves_of_first_use())?
     }
 
     /// Builds from the backend's vertices at the flight's pose while the frame waits, or from what lies between `halves`.
@@ -271,10 +293,12 @@ impl Driver {
             generation: flight.generation,
             frame: flight.frame,
             pose: flight.pose,
+            middle: flight.middle,
             cost: built.cost,
         });
         let (arrived, snapshot_bytes) = flight.arrived.expect("a tree is built from vertices");
         self.beginning.adopted = Some(Adopted {
+            latency_frames: flight.latency.unwrap_or(0),
             build_ms: built.build_ms,
             convert_ms: built.convert_ms,
             upload_bytes: built.topology.upload_bytes() as u64,

@@ -4,7 +4,7 @@ use crate::{Run, drifting, run_scene};
 use backend::Generation;
 use bvh_build::Cancel;
 use geom::{Animation, Point, Pose};
-use pipeline::{FrameRecord, Made, Pace, Update, Vertices, Workbench};
+use pipeline::{FrameRecord, Made, Manner, Pace, Update, Vertices, Workbench};
 use std::sync::Arc;
 
 /// Triangles in a row whose order is another in every key frame.
@@ -82,79 +82,98 @@ fn steady() -> (Arc<Animation>, Run) {
 
 const FREE: (Update, bool) = (Update::Async(Pace::Free), true);
 
-#[test]
-fn a_tree_is_built_for_the_middle_of_its_use_as_the_trees_before_it_foretell() {
-    let (animation, run) = steady();
-    let (mut latency, mut asked, mut checked) = (None::<f64>, (0, None), 0);
-    for (i, record) in (0_u32..).zip(&run.records).skip(1) {
-        if let (Some(adopted), Some(expected)) = (record.adopted, asked.1) {
-            assert_eq!(adopted.built_for, expected, "{:?}", record.frame);
-            checked += 1;
-        }
-        if record.adopted.is_some() || record.rejected.is_some() {
-            let seen = f64::from(i - asked.0);
-            latency = Some(learned(latency, seen));
-        }
-        if record.asked.is_some() {
-            let time = |l: f64| record.frame.time + 0.5 * (l + (l - 1.0) / 2.0);
-            let pose = |l| animation.pose(f64::min(time(l), animation.end()));
-            asked = (i, latency.map(pose));
-        }
-    }
-    assert!(checked > 2, "{checked} trees");
+/// What a driver was to tell its builder of a tree, and when.
+#[derive(Clone, Copy)]
+struct Told {
+    frame: u32,
+    /// Early in its use, in the middle, and late; `None` if only the driver's clock knew.
+    poses: Option<[Pose; 3]>,
 }
 
 /// The trees after the first that come of what a driver was to tell its builder in `run`, with the halves of their use or
-/// without; `None` if the second one was rejected, so that nobody knows what it was built for.
-fn foretold(animation: &Animation, run: &Run, with_halves: bool) -> Option<Vec<Vec<u32>>> {
+/// without, and what they were to be built for; `None` if the second one was rejected, so that nobody knows that.
+fn foretold(
+    animation: &Animation,
+    run: &Run,
+    with_halves: bool,
+) -> Option<Vec<(Option<Pose>, Vec<u32>)>> {
     let (mut bench, cancel) = (Workbench::new(), Cancel::new());
     let halves = [0.25, 0.75].map(|time| animation.pose(time));
     let first = bench.build_swept(animation, (&positions(animation, 0.0), halves), &cancel);
     first.unwrap();
-    let (mut latency, mut asked, mut trees) = (None::<f64>, (0, None), Vec::new());
+    let (mut seen, mut next) = ([None::<f64>; 2], Manner::Scratch);
+    let (mut told, mut trees) = (None::<Told>, Vec::new());
     for (i, record) in (0_u32..).zip(&run.records).skip(1) {
         if record.adopted.is_some() || record.rejected.is_some() {
-            let told = asked.1.or(record.adopted.map(|tree| [tree.built_for; 3]));
-            let [early, middle, late]: [Pose; 3] = told?;
+            let poses = told?.poses;
+            let used = poses.or(record.adopted.map(|tree| [tree.built_for; 3]));
+            let [early, middle, late]: [Pose; 3] = used?;
             let halves = with_halves.then_some([early, late]);
             let what = (Vertices::KeyFrames(middle), halves);
             let made = bench.build_better(animation, what, Some(middle), &cancel);
-            if let Made::Tree(tree) = made.unwrap() {
-                trees.push(tree.topology.into_words());
+            if let (Made::Tree(tree), Some(adopted)) = (made.unwrap(), record.adopted) {
+                let took = adopted.latency_frames as f64;
+                assert!(took <= f64::from(i - told?.frame));
+                let known = &mut seen[tree.manner as usize];
+                *known = Some(known.map_or(took, |before| f64::midpoint(before, took)));
+                next = tree.next;
+                trees.push((poses.map(|p| p[1]), tree.topology.into_words()));
             }
-            latency = Some(learned(latency, f64::from(i - asked.0)));
         }
         if record.asked.is_some() {
             let time = |l: f64, share: f64| record.frame.time + 0.5 * (l + share * (l - 1.0));
             let pose = |l, share| animation.pose(f64::min(time(l, share), animation.end()));
-            asked = (
-                i,
-                latency.map(|l| [0.25, 0.5, 0.75].map(|share| pose(l, share))),
-            );
+            let poses = expected(seen, next).map(|l| [0.25, 0.5, 0.75].map(|share| pose(l, share)));
+            told = Some(Told { frame: i, poses });
         }
     }
     Some(trees)
 }
 
-/// What is expected after a tree that took so many frames.
-fn learned(latency: Option<f64>, seen: f64) -> f64 {
-    match latency {
-        None => seen,
-        Some(l) if seen < 0.75 * l => seen,
-        Some(l) => f64::midpoint(l, seen),
+/// How many frames the next tree is expected to take.
+fn expected([scratch, groups]: [Option<f64>; 2], next: Manner) -> Option<f64> {
+    match next {
+        Manner::Scratch => scratch.or(groups.map(|l| 2.0 * l)),
+        Manner::Groups => groups.or(scratch.map(|l| (0.5 * l).max(1.0))),
     }
 }
 
 #[test]
-fn the_builder_is_told_the_halves_of_a_trees_use() {
+fn a_tree_is_built_for_the_middle_of_its_use_and_the_builder_is_told_the_halves() {
     let known = (0..9).find_map(|_| {
         let (animation, run) = steady();
         let trees = foretold(&animation, &run, true)?;
         Some((trees, foretold(&animation, &run, false)?, run))
     });
     let (trees, without, run) = known.expect("second trees are taken");
-    assert!(trees.len() > 2 && trees == run.log.trees[1..]);
-    assert!(trees != without, "no tree faded");
+    let adopted = run.records.iter().filter_map(|r| r.adopted).skip(1);
+    for (adopted, (expected, _)) in adopted.zip(&trees) {
+        assert_eq!(adopted.built_for, expected.unwrap_or(adopted.built_for));
+    }
+    assert!(trees.iter().filter(|t| t.0.is_some()).count() > 2);
+    let words = |trees: Vec<(_, Vec<u32>)>| trees.into_iter().map(|t| t.1).collect::<Vec<_>>();
+    let trees = words(trees);
+    assert!(trees == run.log.trees[1..]);
+    assert!(trees != words(without), "no tree faded");
+}
+
+#[test]
+fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
+    let (_, run) = steady();
+    let time = |pose: Pose| f64::from(pose.key) + f64::from(pose.alpha);
+    let mut last = None::<f64>;
+    for record in &run.records {
+        let Some(adopted) = record.adopted else {
+            continue;
+        };
+        let (now, new) = (record.frame.time, time(adopted.built_for));
+        if let Some(last) = last.filter(|_| new > now) {
+            assert!(new - now <= (now - last).abs() + 1e-6, "{last} {now} {new}");
+        }
+        // The first is built for the key frame to come.
+        last = Some(last.map_or(0.5, |_| new));
+    }
+    assert!(last.is_some_and(|last| last > 1.0));
 }
 
 #[test]
