@@ -123,7 +123,7 @@ impl Fading {
     const PARTS: f64 = 1.5;
     /// Trees that hold do so until one costs so many times what the next one does.
     const FADED: f64 = 1.2;
-    /// Such trees would do for twice as long, since cost grows with the square of time.
+    /// Such trees would do for more than twice as long, since cost grows with the square of time, and made from scratch cost less.
     const HOLDS: f64 = 1.01;
 
     /// How a tree is made that has a rival.
