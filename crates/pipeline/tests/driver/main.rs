@@ -39,6 +39,17 @@ fn run_gated(
 fn run_scene(
     animation: &Arc<Animation>,
     frames: u64,
+    by: (Update, bool),
+    backend: (Option<u32>, Option<Arc<Gate>>),
+) -> Run {
+    // The builder is a real thread: give it time to be heard.
+    run_paced(animation, (frames, |_| 1), by, backend)
+}
+
+/// Each frame is followed by a rest of so many milliseconds.
+fn run_paced(
+    animation: &Arc<Animation>,
+    (frames, rest): (u64, fn(u64) -> u64),
     (update, predict): (Update, bool),
     (polls, gate): (Option<u32>, Option<Arc<Gate>>),
 ) -> Run {
@@ -66,8 +77,7 @@ fn run_scene(
         .run(list, query, true, |record, _| {
             records.push(record.clone());
             gate.iter().for_each(|g| g.step());
-            // The builder is a real thread: give it time to be heard.
-            std::thread::sleep(std::time::Duration::from_millis(1));
+            std::thread::sleep(std::time::Duration::from_millis(rest(record.frame.index)));
             Ok::<(), PipelineError>(())
         })
         .unwrap();
