@@ -1,5 +1,7 @@
 //! Vertices in, record out, in the rayon pool of whoever calls.
 
+mod fading;
+
 use crate::gathering::{blend, fill, grow};
 use crate::sampling::Sample;
 use backend::{Backend, Snapshot};
@@ -8,6 +10,8 @@ use bvh_build::{
     temporal_cost,
 };
 use bvh_layout::{Converter, Topology};
+use fading::Fading;
+pub use fading::Manner;
 use geom::{Aabb, Animation, Point, Pose};
 use std::time::Instant;
 
@@ -26,16 +30,6 @@ pub enum Made {
     Tree(Built),
     /// A tree that costs more than the one in use.
     NoBetter,
-}
-
-/// How a tree is made.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Manner {
-    /// Of its triangles alone.
-    #[default]
-    Scratch,
-    /// Of groups of the last tree, which is sooner done.
-    Groups,
 }
 
 /// A finished tree.
@@ -106,39 +100,6 @@ pub struct Workbench {
     spare: Vec<u32>,
     forms: Forms,
     fading: Fading,
-    /// How the tree being built is made.
-    manner: Manner,
-}
-
-/// How trees age: what the one in use came to cost, over the next one's cost where that is used.
-#[derive(Debug, Default)]
-struct Fading {
-    /// Whether so much that the next one is built for more than the middle of its use, though that takes longer.
-    parts: bool,
-    /// Whether so little that the next one may take its time.
-    holds: bool,
-}
-
-impl Fading {
-    const PARTS: f64 = 1.5;
-    /// Trees that hold do so until one costs so many times what the next one does.
-    const FADED: f64 = 1.2;
-    /// Such trees would do for more than twice as long, since cost grows with the square of time, and made from scratch cost less.
-    const HOLDS: f64 = 1.01;
-
-    /// How a tree is made that has a rival.
-    fn manner(&self) -> Manner {
-        match self.holds {
-            true => Manner::Scratch,
-            false => Manner::Groups,
-        }
-    }
-
-    fn note(&mut self, costs: Costs) {
-        let over = |times: f64| costs.last > times * costs.new;
-        self.parts = over(Self::PARTS);
-        self.holds = !over(Self::FADED) && (self.holds || !over(Self::HOLDS));
-    }
 }
 
 /// Costs that differ by less than this share are one, however they were added up.
@@ -179,10 +140,8 @@ impl Workbench {
     ) -> Result<Built, BuildError> {
         let begun = Instant::now();
         fill(&mut self.boxes, &(animation, positions));
-        self.build_over_boxes(false, cancel)?;
-        let built = Instant::now();
-        let cost = sah_cost(&self.tree, &self.boxes[..]);
-        Ok(self.hand_over(animation, [begun, built], cost))
+        self.build_over_boxes(Manner::Scratch, cancel)?;
+        Ok(self.weigh_and_hand_over(animation, begun))
     }
 
     /// Likewise, over each triangle's boxes at both of `halves`, as one. What it costs is still said of `positions`.
@@ -197,11 +156,9 @@ impl Workbench {
     ) -> Result<Built, BuildError> {
         let begun = Instant::now();
         self.sweep(animation, halves);
-        self.build_over_boxes(false, cancel)?;
+        self.build_over_boxes(Manner::Scratch, cancel)?;
         fill(&mut self.boxes, &(animation, positions));
-        let built = Instant::now();
-        let cost = sah_cost(&self.tree, &self.boxes[..]);
-        Ok(self.hand_over(animation, [begun, built], cost))
+        Ok(self.weigh_and_hand_over(animation, begun))
     }
 
     /// Makes a tree from `vertices` and converts it, if it is cheaper at
@@ -227,21 +184,20 @@ impl Workbench {
         let rival = self.in_use.leaf_count() > 0
             && self.in_use.leaf_count() == animation.live_count()
             && rival_at.is_some();
-        let regroups = rival && self.fading.manner() == Manner::Groups;
-        self.manner = match regroups {
-            true => Manner::Groups,
+        let manner = match rival {
+            true => self.fading.manner(),
             false => Manner::Scratch,
         };
         let (blended_at, costs);
         if let Some(halves) = halves.filter(|_| self.fading.parts) {
             self.sweep(animation, halves);
-            self.build_over_boxes(regroups, cancel)?;
+            self.build_over_boxes(manner, cancel)?;
             (blended_at, costs) = (self.take_in(animation, vertices), None);
-        } else if regroups && !self.forms.blocks {
+        } else if manner == Manner::Groups && !self.forms.blocks {
             (blended_at, costs) = self.regroup_at(animation, vertices, cancel)?;
         } else {
             blended_at = self.take_in(animation, vertices);
-            costs = self.build_over_boxes(regroups, cancel)?;
+            costs = self.build_over_boxes(manner, cancel)?;
         }
         let built = Instant::now();
         let cost = costs.map_or_else(|| sah_cost(&self.tree, &self.boxes[..]), |c| c.new);
@@ -258,7 +214,12 @@ impl Workbench {
                 return Ok(Made::NoBetter);
             }
         }
-        Ok(Made::Tree(self.hand_over(animation, [begun, built], cost)))
+        Ok(Made::Tree(self.hand_over(
+            animation,
+            [begun, built],
+            cost,
+            manner,
+        )))
     }
 
     /// Makes a tree of groups of the last one, which ask for boxes in their own order, each once: so none are kept.
@@ -317,11 +278,11 @@ impl Workbench {
     /// Makes a tree for the boxes at hand, of groups of the last one or from scratch.
     fn build_over_boxes(
         &mut self,
-        regroups: bool,
+        manner: Manner,
         cancel: &Cancel,
     ) -> Result<Option<Costs>, BuildError> {
         let (boxes, tree) = (&self.boxes[..], &mut self.tree);
-        if regroups {
+        if manner == Manner::Groups {
             let from = (&self.in_use, boxes);
             let costs = self
                 .regrouper
@@ -362,7 +323,14 @@ impl Workbench {
             }
         }
         let built = Instant::now();
-        Ok(self.hand_over(animation, [begun, built], cost))
+        Ok(self.hand_over(animation, [begun, built], cost, Manner::Scratch))
+    }
+
+    /// Hands the tree just built from scratch over, at its cost with the boxes at hand.
+    fn weigh_and_hand_over(&mut self, animation: &Animation, begun: Instant) -> Built {
+        let built = Instant::now();
+        let cost = sah_cost(&self.tree, &self.boxes[..]);
+        self.hand_over(animation, [begun, built], cost, Manner::Scratch)
     }
 
     /// Converts the tree just built, which then counts as in use.
@@ -371,6 +339,7 @@ impl Workbench {
         animation: &Animation,
         [begun, built]: [Instant; 2],
         cost: f64,
+        manner: Manner,
     ) -> Built {
         let weighed = Instant::now();
         let spare = std::mem::take(&mut self.spare);
@@ -386,7 +355,7 @@ impl Workbench {
             cost,
             build_ms: (built - begun).as_secs_f64() * 1e3,
             convert_ms: (ended - weighed).as_secs_f64() * 1e3,
-            manner: self.manner,
+            manner,
             next: self.fading.manner(),
             moments: BuildMoments {
                 begun,
@@ -396,9 +365,7 @@ impl Workbench {
             },
         }
     }
-}
 
-impl Workbench {
     /// Adds the forms that were asked for to the record of the tree just built.
     fn in_all_forms(&self, mut topology: Topology, animation: &Animation) -> Topology {
         if self.forms.treelets {

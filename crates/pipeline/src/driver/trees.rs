@@ -69,8 +69,11 @@ impl Driver {
     }
 
     fn halves(&self) -> [Pose; 2] {
-        let halves = self.foresight.halves_of_use();
-        halves.map(|time| self.animation.pose(time))
+        self.poses(self.foresight.halves_of_use())
+    }
+
+    fn poses(&self, times: [f64; 2]) -> [Pose; 2] {
+        times.map(|time| self.animation.pose(time))
     }
 
     /// Has the foresight know how long a finished tree took, and the schedule when to swap to it: at once, but for trees
@@ -141,8 +144,7 @@ impl Driver {
         } else {
             let halves = self.first_halves();
             flight.middle = halves.map_or(flight.middle, |[a, b]| f64::midpoint(a, b));
-            let poses = halves.map(|times| times.map(|time| self.animation.pose(time)));
-            self.build_now(flight, poses)?
+            self.build_now(flight, halves.map(|times| self.poses(times)))?
         };
         let (built, flight) = made.map_err(|e| PipelineError::FirstTree(e.reason))?;
         let moments = &built.moments;
@@ -153,15 +155,16 @@ impl Driver {
     fn ask(&mut self, generation: Generation, pose: Pose) -> Flight {
         self.beginning.asked = Some(generation);
         let may_reject = self.may_reject();
+        let middle = self.foresight.middle_of_use();
         Flight {
             generation,
             frame: self.frames,
             pose,
-            middle: self.foresight.middle_of_use(),
+            middle,
             asked: Instant::now(),
             latency: None,
             halves: self.looks_ahead().then(|| self.halves()),
-            rival_at: may_reject.then(|| self.animation.pose(self.foresight.middle_of_use())),
+            rival_at: may_reject.then(|| self.animation.pose(middle)),
             arrived: None,
         }
     }
