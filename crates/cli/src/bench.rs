@@ -258,3 +258,9 @@ fn policies(args: &BenchArgs) -> impl Iterator<Item = (UpdateName, Switch)> {
         args.predict.iter().take(take).map(move |&p| (update, p))
     })
 }
+
+/// The mean; `None` of nothing.
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
+    (count > 0.0).then(|| sum / count)
+}

@@ -154,10 +154,10 @@ pub(crate) fn percent(text: &str) -> Result<f64, String> {
 
 /// A stride.
 pub(crate) fn every(text: &str) -> Result<usize, String> {
-    let n: usize = text.parse().unwrap_or(0);
-    (n > 0)
-        .then_some(n)
-        .ok_or_else(|| "a stride is a whole number from 1".to_owned())
+    match text.parse() {
+        Ok(n @ 1..) => Ok(n),
+        _ => Err("a stride is a whole number from 1".to_owned()),
+    }
 }
 
 /// How often something is done.

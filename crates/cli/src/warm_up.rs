@@ -160,13 +160,19 @@ impl Seen {
     fn is_steady(&self) -> bool {
         let (earlier, last) = window(&self.0);
         let (_, before) = window(earlier);
-        let median = |of: &[Moment]| Summary::of(of.iter().map(|&(_, ms)| ms));
-        match (median(before), median(last)) {
-            (Some(a), Some(b)) if before.len() >= FEWEST && last.len() >= FEWEST => {
-                (a.median - b.median).abs() <= AGREE * a.median.max(b.median)
-            }
-            _ => false,
+        let ms = |of: &[Moment]| of.iter().map(|&(_, ms)| ms).collect::<Vec<_>>();
+        agree(&ms(before), &ms(last))
+    }
+}
+
+/// Whether frames took as long as those before them: enough of both, and their medians agree.
+pub(crate) fn agree(before: &[f64], last: &[f64]) -> bool {
+    let median = |of: &[f64]| Summary::of(of.iter().copied()).map(|s| s.median);
+    match (median(before), median(last)) {
+        (Some(a), Some(b)) if before.len().min(last.len()) >= FEWEST => {
+            (a - b).abs() <= AGREE * a.max(b)
         }
+        _ => false,
     }
 }
 

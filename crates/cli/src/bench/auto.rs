@@ -1,6 +1,6 @@
 //! What `auto` takes, against every fixed choice it has: same scene, same backend, turn by turn.
 
-use super::{Row, Run, measure};
+use super::{Row, Run, mean, measure};
 use crate::ahead::Ahead;
 use crate::args::{
     BackendName, BenchArgs, IntersectorName, LayoutName, MethodArgs, PolicyArgs, RaysName, Switch,
@@ -247,18 +247,13 @@ fn wall_ms(rows: &[Row]) -> f64 {
 /// Their mean.
 fn mean_ms(rows: &[Row]) -> f64 {
     let all = rows.iter().flat_map(|r| r.per_frame.iter().skip(1));
-    mean(all.filter_map(|f| f.wall_ms))
+    mean(all.filter_map(|f| f.wall_ms)).unwrap_or(f64::NAN)
 }
 
 /// The mean of first frames.
 fn first_ms(rows: &[Row]) -> f64 {
     let first = rows.iter().filter_map(|r| r.per_frame.first());
-    mean(first.filter_map(|f| f.wall_ms))
-}
-
-fn mean(all: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = all.fold((0.0, 0), |(sum, n), ms| (sum + ms, n + 1));
-    sum / f64::from(count)
+    mean(first.filter_map(|f| f.wall_ms)).unwrap_or(f64::NAN)
 }
 
 fn device_ms(rows: &[Row]) -> f64 {

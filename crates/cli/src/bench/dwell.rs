@@ -4,18 +4,15 @@
 //! says little of the tree. So that very frame is done over and over ([`pipeline::Driver::repeat`]) until its times are
 //! those of a device at work.
 
+use crate::warm_up::agree;
 use backend::{FrameReport, Query, StageTimes};
 use pipeline::{Driver, Frame, Pace, PipelineError, Update};
 use report::{FrameStats, Summary};
 use serde::Serialize;
 use std::time::Instant;
 
-/// Medians that differ by less than this share agree.
-const AGREE: f64 = 0.03;
 /// Times of the stretch asked for after which a frame is left, whether its times agree or not.
 const PATIENCE: f64 = 2.0;
-/// Frames in a quarter of the stretch at least, if it is to say anything.
-const FEWEST: usize = 3;
 
 /// How long each frame is done again, and which frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,13 +109,8 @@ impl Seen {
     fn is_steady(&self) -> bool {
         let (half, last) = (self.after(0.5), self.after(0.75));
         let before = &half[..half.len() - last.len()];
-        let median = |of: &[(f64, StageTimes)]| Summary::of(of.iter().map(|(_, t)| t.device_ms));
-        match (median(before), median(last)) {
-            (Some(a), Some(b)) if before.len().min(last.len()) >= FEWEST => {
-                (a.median - b.median).abs() <= AGREE * a.median.max(b.median)
-            }
-            _ => false,
-        }
+        let ms = |of: &[(f64, StageTimes)]| of.iter().map(|(_, t)| t.device_ms).collect::<Vec<_>>();
+        agree(&ms(before), &ms(last))
     }
 
     /// Medians of the last half stand for the frame.

@@ -1,6 +1,6 @@
 //! Rays through a tree in use beside rays through a fresh one at the very same moments.
 
-use super::{Row, rivals};
+use super::{Row, mean, rivals};
 use crate::table::table;
 use report::{FrameStats, Summary};
 use serde::Serialize;
@@ -72,11 +72,6 @@ fn key(frame: &FrameStats) -> (usize, u64) {
 /// Milliseconds of all rays of a frame.
 fn rays(frame: &FrameStats) -> Option<f64> {
     Some(frame.trace_primary_ms? + frame.trace_shadow_ms.unwrap_or(0.0))
-}
-
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
-    (count > 0.0).then(|| sum / count)
 }
 
 /// A line for every run that stands beside a fresh tree.
