@@ -280,9 +280,9 @@ impl Treelet {
             root_count: words[6],
             root_row: words[7],
             height: words[8],
-            parent: words[9],
-            children: words[10],
-            moving_children: words[11],
+            parent: words[PARENT],
+            children: words[CHILDREN],
+            moving_children: words[MOVING_CHILDREN],
         }
     }
 }
