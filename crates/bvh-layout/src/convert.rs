@@ -6,11 +6,11 @@
 //! write memory as streams, at most one for each level, and both split into
 //! chunks of the preorder, whose shares of every level are known by counting.
 
-use crate::Topology;
 use crate::bits::{pack, rank};
 use crate::header::Header;
 use crate::segments::segments;
 use crate::walk::{Shape, Walk};
+use crate::{Topology, Treelets};
 use bvh_build::{BinaryTree, MAX_DEPTH};
 use geom::Animation;
 use rayon::prelude::*;
@@ -27,6 +27,29 @@ pub struct Converter {
     tallies: Vec<Tally>,
     /// One entry an inner node in breadth-first order: which children are leaves.
     leaf_children: Vec<u8>,
+    /// Where treelets are made.
+    room: Vec<u32>,
+}
+
+/// The memory of an old record, and of its treelets: see [`Topology::into_spare`].
+#[derive(Debug, Default)]
+pub struct Spare {
+    pub(crate) words: Vec<u32>,
+    pub(crate) treelets: Vec<u32>,
+}
+
+impl Spare {
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.words.capacity() == 0 && self.treelets.capacity() == 0
+    }
+
+    /// The record's alone.
+    #[must_use]
+    pub fn into_words(self) -> Vec<u32> {
+        self.words
+    }
 }
 
 /// What one chunk adds to each level.
@@ -62,6 +85,36 @@ impl Converter {
         reuse: Vec<u32>,
     ) -> Topology {
         self.convert_shape(tree.into(), triangle_count, reuse)
+    }
+
+    /// Likewise, and the same tree as treelets meanwhile: see [`Topology::treelets`]. Needs 5 bytes a triangle beside them.
+    ///
+    /// # Panics
+    /// As [`Converter::convert`].
+    #[must_use]
+    pub fn convert_with_treelets(
+        &mut self,
+        tree: &BinaryTree,
+        triangle_count: usize,
+        reuse: Spare,
+    ) -> Topology {
+        self.convert_shape_with_treelets(tree.into(), triangle_count, reuse)
+    }
+
+    pub(crate) fn convert_shape_with_treelets(
+        &mut self,
+        shape: Shape<'_>,
+        triangle_count: usize,
+        reuse: Spare,
+    ) -> Topology {
+        let mut room = std::mem::take(&mut self.room);
+        let (mut record, treelets) = rayon::join(
+            || self.convert_shape(shape, triangle_count, reuse.words),
+            || Treelets::of_shape_in(shape, &mut room, reuse.treelets),
+        );
+        self.room = room;
+        record.treelets = Some(Box::new(treelets));
+        record
     }
 
     pub(crate) fn convert_shape(
@@ -203,7 +256,7 @@ mod tests {
     #[test]
     fn memory_reused_leaves_no_trace() {
         let mut converter = Converter::new();
-        let mut words = vec![u32::MAX; 5_000];
+        let (mut words, mut spare) = (vec![u32::MAX; 5_000], Spare::default());
         let (up, down) = (shapes().into_iter(), shapes().into_iter().rev());
         for tree in up.chain(down) {
             let fresh = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
@@ -211,6 +264,13 @@ mod tests {
             assert_eq!(reused, fresh);
             words = reused.into_words();
             words.fill(u32::MAX);
+            let both = converter.convert_shape_with_treelets(tree.shape(), tree.scene(), spare);
+            assert_eq!(both.words(), fresh.words());
+            assert_eq!(both.treelets(), Some(&Treelets::of(&fresh)));
+            spare = both.into_spare();
+            spare.words.fill(u32::MAX);
+            spare.treelets.fill(u32::MAX);
+            converter.room.fill(u32::MAX);
         }
     }
 

@@ -30,7 +30,7 @@ mod validate;
 mod walk;
 
 pub use blocks::{Block, BlockTree, LANES, Link, Ranges, WideNode};
-pub use convert::Converter;
+pub use convert::{Converter, Spare};
 pub use error::RecordError;
 pub use lists::Lists;
 pub use moving::Moving;

@@ -1,8 +1,7 @@
 //! The record that is handed over, and how to read it.
 
 use crate::header::Header;
-use crate::{BlockTree, Moving, RecordError, Treelets};
-use bvh_build::BinaryTree;
+use crate::{BlockTree, Moving, RecordError, Spare, Treelets};
 use geom::{Aabb, StaticParts};
 use std::borrow::Cow;
 use std::ops::Range;
@@ -146,15 +145,13 @@ impl Topology {
         self.words
     }
 
-    /// The same tree with treelets: `tree`, whose record this is; in parallel.
-    ///
-    /// # Panics
-    /// If they do not have as many leaves.
+    /// Likewise, for [`crate::Converter::convert_with_treelets`].
     #[must_use]
-    pub fn with_treelets(self, tree: &BinaryTree) -> Self {
-        assert_eq!(tree.leaf_count(), self.leaf_count(), "another tree");
-        let treelets = Some(Box::new(Treelets::of_tree(tree)));
-        Self { treelets, ..self }
+    pub fn into_spare(self) -> Spare {
+        Spare {
+            words: self.words,
+            treelets: self.treelets.map_or_else(Vec::new, |t| t.into_words()),
+        }
     }
 
     /// The same tree as treelets, if they were made; they do not travel with the words.

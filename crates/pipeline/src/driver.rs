@@ -13,6 +13,7 @@ use crate::toolroom::Toolroom;
 use crate::workbench::{Forms, Made};
 use crate::workshop::Workshop;
 use backend::{Backend, FRAMES_IN_FLIGHT, Hits, Query};
+use bvh_layout::Spare;
 use geom::{Animation, Pose};
 use pending::{Beginning, Pending};
 use std::collections::VecDeque;
@@ -36,7 +37,7 @@ pub struct Driver {
     /// What came of the last build, until its boundary.
     finished: Option<Made>,
     /// The last adopted record's memory, for the next one.
-    spare: Vec<u32>,
+    spare: Spare,
     /// The pose of the backend's positions.
     pose: Option<Pose>,
     /// What has happened to trees since the frame at hand began.
@@ -83,7 +84,7 @@ impl Driver {
             tree: None,
             flight: None,
             finished: None,
-            spare: Vec::new(),
+            spare: Spare::default(),
             pose: None,
             beginning: Beginning::default(),
             pending: VecDeque::with_capacity(FRAMES_IN_FLIGHT),

@@ -5,6 +5,7 @@ use crate::sampling::Sample;
 use crate::workbench::{Built, Forms, Made, Workbench};
 use crate::workshop::{BuildFailed, Job};
 use bvh_build::{BuildError, Cancel};
+use bvh_layout::Spare;
 use geom::{Animation, Point, Pose};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -33,7 +34,7 @@ impl Toolroom {
         &self,
         animation: &Animation,
         (positions, halves): (&[Point], Option<[Pose; 2]>),
-        spare: Vec<u32>,
+        spare: Spare,
     ) -> Result<Built, BuildFailed> {
         self.work(|tools| {
             tools.reuse(spare);

@@ -9,7 +9,7 @@ use bvh_build::{
     BinaryTree, BuildError, Builder, Cancel, Costs, Moment, Regrouper, TemporalBuilder, sah_cost,
     temporal_cost,
 };
-use bvh_layout::{Converter, Topology};
+use bvh_layout::{Converter, Spare, Topology};
 use fading::Fading;
 pub use fading::Manner;
 use geom::{Aabb, Animation, Point, Pose};
@@ -97,7 +97,7 @@ pub struct Workbench {
     converter: Converter,
     positions: Vec<Point>,
     boxes: Vec<Aabb>,
-    spare: Vec<u32>,
+    spare: Spare,
     forms: Forms,
     fading: Fading,
 }
@@ -122,8 +122,8 @@ impl Workbench {
     }
 
     /// Takes an old record's memory for the next one.
-    pub fn reuse(&mut self, spare: Vec<u32>) {
-        if spare.capacity() > self.spare.capacity() {
+    pub fn reuse(&mut self, spare: Spare) {
+        if !spare.is_empty() {
             self.spare = spare;
         }
     }
@@ -342,12 +342,7 @@ impl Workbench {
         manner: Manner,
     ) -> Built {
         let weighed = Instant::now();
-        let spare = std::mem::take(&mut self.spare);
-        let topology = self
-            .converter
-            .convert(&self.tree, animation.triangle_count(), spare);
-        let topology = self.in_all_forms(topology, animation);
-        let topology = topology.with_moving(animation.static_parts());
+        let topology = self.convert(animation);
         std::mem::swap(&mut self.tree, &mut self.in_use);
         let ended = Instant::now();
         Built {
@@ -366,15 +361,21 @@ impl Workbench {
         }
     }
 
-    /// Adds the forms that were asked for to the record of the tree just built.
-    fn in_all_forms(&self, mut topology: Topology, animation: &Animation) -> Topology {
-        if self.forms.treelets {
-            topology = topology.with_treelets(&self.tree);
-        }
+    /// The tree just built as a record, in the forms that were asked for, with lists of what moves.
+    fn convert(&mut self, animation: &Animation) -> Topology {
+        let spare = std::mem::take(&mut self.spare);
+        let triangles = animation.triangle_count();
+        let mut topology = if self.forms.treelets {
+            self.converter
+                .convert_with_treelets(&self.tree, triangles, spare)
+        } else {
+            let words = spare.into_words();
+            self.converter.convert(&self.tree, triangles, words)
+        };
         if self.forms.blocks {
             topology = topology.with_blocks(animation.triangles(), &self.boxes);
         }
-        topology
+        topology.with_moving(animation.static_parts())
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::{Made, Vertices};
 use backend::Generation;
 use bvh_build::Cancel;
+use bvh_layout::Spare;
 use geom::Pose;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -20,7 +21,7 @@ pub struct Job {
     /// Where it must be cheaper than the tree in use; `None` if it is wanted in any case.
     pub rival_at: Option<Pose>,
     /// An old record's memory, or nothing.
-    pub spare: Vec<u32>,
+    pub spare: Spare,
 }
 
 /// A build that came to nothing.
@@ -160,7 +161,7 @@ mod tests {
             vertices: Vertices::ReadBack(Box::new(vec![[0.0; 3]])),
             halves: None,
             rival_at: None,
-            spare: Vec::new(),
+            spare: Spare::default(),
         }
     }
 

@@ -3,11 +3,13 @@
 use super::cut::{Cut, children};
 use super::{CHILDREN, PARENT, Treelet, Treelets};
 use crate::walk::Shape;
-use bvh_build::Subtree;
+use bvh_build::{MAX_DEPTH, Subtree};
 use rayon::prelude::*;
 
 /// Bit 8 of a reference: a leaf.
 const LEAF: u32 = 1 << 8;
+/// The first bit of an inner node's height, in its word.
+const HEIGHT_AT: u32 = 26;
 
 /// A treelet on its way: what it is made of, and its own part of the words.
 struct Task<'a> {
@@ -21,19 +23,30 @@ struct Task<'a> {
     inner: &'a mut [u32],
 }
 
-pub(super) fn fill(shape: Shape<'_>, cuts: &[Cut]) -> Treelets {
+/// `room` and `words` lend their memory; what is in them does not matter.
+pub(super) fn fill(
+    shape: Shape<'_>,
+    cuts: &[Cut],
+    room: &mut Vec<u32>,
+    mut words: Vec<u32>,
+) -> Treelets {
     let count = |of: fn(&Cut) -> usize| cuts.iter().map(of).sum::<usize>();
     let (treelets, roots) = (count(|c| c.treelets.len()), count(|c| c.roots.len()));
     let leaves = shape.order.len();
-    let room = count(|c| c.roots.iter().map(|r| r.leaves as usize).sum());
+    room.resize(
+        count(|c| c.roots.iter().map(|r| r.leaves as usize).sum()),
+        0,
+    );
     let inner_at = treelets * Treelets::ENTRY_WORDS + roots + leaves;
-    let mut words = vec![0; inner_at + room];
-    let found: Vec<(u32, u32)> = {
-        let body = &mut words[treelets * Treelets::ENTRY_WORDS..];
-        let tasks = tasks(shape, cuts, body, roots);
-        tasks.into_par_iter().map(Task::run).collect()
-    };
-    let inner_count: u32 = found.iter().map(|&(inner, _)| inner).sum();
+    // Every word is written below, so none is cleared.
+    words.reserve((inner_at + room.len()).saturating_sub(words.len()));
+    words.resize(inner_at, 0);
+    let body = &mut words[treelets * Treelets::ENTRY_WORDS..];
+    let tasks = tasks(shape, cuts, body.split_at_mut(roots), room);
+    let found: Vec<(u32, u32)> = tasks.into_par_iter().map(Task::run).collect();
+    let inner_count = found.iter().map(|&(inner, _)| inner).sum();
+    words.resize(inner_at + inner_count as usize, 0);
+    close_up(room, leaves_of_each(cuts), &found, &mut words[inner_at..]);
     let mut made = Treelets {
         words,
         levels: Vec::new(),
@@ -46,15 +59,35 @@ pub(super) fn fill(shape: Shape<'_>, cuts: &[Cut]) -> Treelets {
     made
 }
 
-/// Cuts the words after the table into every treelet's own parts.
+fn leaves_of_each(cuts: &[Cut]) -> impl Iterator<Item = usize> {
+    cuts.iter()
+        .flat_map(|cut| cut.treelets.iter().map(|t| cut.leaves(t).len()))
+}
+
+/// Copies every treelet's inner nodes from its room, which has a place for each leaf, to where they follow one another.
+fn close_up(
+    mut room: &[u32],
+    leaves: impl Iterator<Item = usize>,
+    found: &[(u32, u32)],
+    mut inner: &mut [u32],
+) {
+    let mut moves = Vec::with_capacity(found.len());
+    for (&(count, _), leaves) in found.iter().zip(leaves) {
+        let (from, rest) = room.split_at(leaves);
+        moves.push((take(&mut inner, count as usize), from));
+        room = rest;
+    }
+    let each = moves.into_par_iter().with_min_len(64);
+    each.for_each(|(to, from)| to.copy_from_slice(&from[..to.len()]));
+}
+
+/// Cuts words for roots and triangles, and the room for inner nodes, into every treelet's own parts.
 fn tasks<'a>(
     shape: Shape<'a>,
     cuts: &'a [Cut],
-    body: &'a mut [u32],
-    roots: usize,
+    (mut root_words, mut triangles): (&'a mut [u32], &'a mut [u32]),
+    mut inner: &'a mut [u32],
 ) -> Vec<Task<'a>> {
-    let (mut root_words, body) = body.split_at_mut(roots);
-    let (mut triangles, mut inner) = body.split_at_mut(shape.order.len());
     let mut left_leaves = shape.left_leaves;
     let mut tasks = Vec::new();
     for cut in cuts {
@@ -81,23 +114,36 @@ fn take<'a>(from: &mut &'a mut [u32], count: usize) -> &'a mut [u32] {
     part
 }
 
+/// Inner nodes of a treelet as they are met.
+struct Inner {
+    words: [u32; Treelets::LEAVES],
+    count: u32,
+    /// How many there are of each height, less one.
+    of_height: [u32; MAX_DEPTH as usize],
+}
+
 impl Task<'_> {
     /// Returns how many inner nodes it has and its height. Their words are sorted: those of a height are neighbours.
     fn run(mut self) -> (u32, u32) {
         let own = self.triangles.len();
         self.triangles.copy_from_slice(&self.order[..own]);
-        let (mut inner, mut height) = (0, 0);
+        let mut inner = Inner {
+            words: [0; Treelets::LEAVES],
+            count: 0,
+            of_height: [0; MAX_DEPTH as usize],
+        };
+        let mut height = 0;
         for (i, &root) in self.roots.iter().enumerate() {
             let (reference, its_height) = self.enter(root, &mut inner);
             self.root_words[i] = reference;
             height = its_height.max(height);
         }
-        self.inner[..inner as usize].sort_unstable_by_key(|word| word >> 18);
-        (inner, height)
+        inner.sort_into(self.inner);
+        (inner.count, height)
     }
 
     /// Writes a subtree; returns its reference and height. Trees are at most 64 levels deep.
-    fn enter(&mut self, node: Subtree, inner: &mut u32) -> (u32, u32) {
+    fn enter(&mut self, node: Subtree, inner: &mut Inner) -> (u32, u32) {
         let leaf = node.first_leaf - self.roots[0].first_leaf;
         let shared = node.leaves == 2 && !self.triangles.is_empty();
         if shared {
@@ -106,19 +152,36 @@ impl Task<'_> {
         if shared || node.leaves == 1 {
             return (LEAF | leaf, 0);
         }
-        let own = *inner;
-        *inner += 1;
+        let own = inner.count;
+        inner.count += 1;
         let [left, right] = children(self.left_leaves, node);
         let (left, left_height) = self.enter(left, inner);
         let (right, right_height) = self.enter(right, inner);
-        let height = 1 + left_height.max(right_height);
-        self.inner[own as usize] = left | right << 9 | own << 18 | (height - 1) << 26;
-        (own, height)
+        let below = left_height.max(right_height);
+        inner.of_height[below as usize] += 1;
+        inner.words[own as usize] = left | right << 9 | own << 18 | below << HEIGHT_AT;
+        (own, 1 + below)
+    }
+}
+
+impl Inner {
+    /// The least height first; of one height as they were met.
+    fn sort_into(&mut self, to: &mut [u32]) {
+        let mut ends = self.of_height;
+        let mut sum = 0;
+        for end in &mut ends {
+            sum += std::mem::replace(end, sum);
+        }
+        for &word in &self.words[..self.count as usize] {
+            let end = &mut ends[(word >> HEIGHT_AT) as usize];
+            to[*end as usize] = word;
+            *end += 1;
+        }
     }
 }
 
 impl Treelets {
-    /// Closes the gaps between the treelets' inner nodes, and writes the table.
+    /// Writes the table.
     fn finish(&mut self, cuts: &[Cut], found: &[(u32, u32)], inner_at: usize) {
         let mut next = Treelet {
             inner_at: inner_at as u32,
@@ -128,7 +191,7 @@ impl Treelets {
             parent: Treelet::NONE,
             ..Treelet::default()
         };
-        let (mut number, mut room_at, mut rows_below) = (0, inner_at, None);
+        let (mut number, mut rows_below) = (0, None);
         for cut in cuts {
             let first = number;
             let rows_here = next.root_row;
@@ -150,8 +213,8 @@ impl Treelets {
                     height,
                     ..next
                 };
-                self.write(number, entry, room_at);
-                room_at += leaves.len();
+                let at = number * Self::ENTRY_WORDS;
+                self.words[at..][..Self::ENTRY_WORDS].copy_from_slice(&entry.words());
                 number += 1;
                 next.inner_at += inner_count;
                 next.inner_row += 4 * inner_count;
@@ -162,7 +225,6 @@ impl Treelets {
             rows_below = Some(rows_here);
         }
         self.name_parents();
-        self.words.truncate(inner_at + self.inner_count());
     }
 
     /// The treelets of a level stand, in order, on the roots of those of the level below.
@@ -179,12 +241,5 @@ impl Treelets {
                 }
             }
         }
-    }
-
-    fn write(&mut self, number: usize, entry: Treelet, room_at: usize) {
-        let inner = room_at..room_at + entry.inner_count as usize;
-        self.words.copy_within(inner, entry.inner_at as usize);
-        let at = number * Self::ENTRY_WORDS;
-        self.words[at..][..Self::ENTRY_WORDS].copy_from_slice(&entry.words());
     }
 }

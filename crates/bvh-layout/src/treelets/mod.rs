@@ -110,7 +110,7 @@ impl Treelets {
     /// The same tree as a record's.
     ///
     /// One thread, about 40 ns a triangle: whoever has the binary tree asks for
-    /// [`Topology::with_treelets`] instead.
+    /// [`crate::Converter::convert_with_treelets`] instead.
     #[must_use]
     pub fn of(topology: &Topology) -> Self {
         let (left_leaves, order) = depth_first::arrays(topology);
@@ -127,11 +127,20 @@ impl Treelets {
     }
 
     pub(crate) fn of_shape(shape: Shape<'_>) -> Self {
+        Self::of_shape_in(shape, &mut Vec::new(), Vec::new())
+    }
+
+    /// Likewise, in the memory of old ones' words; `room`, a word a triangle, is for whoever makes several.
+    pub(crate) fn of_shape_in(shape: Shape<'_>, room: &mut Vec<u32>, words: Vec<u32>) -> Self {
         if shape.order.is_empty() {
             return Self::default();
         }
         let cuts = Cut::all(shape);
-        fill::fill(shape, &cuts)
+        fill::fill(shape, &cuts, room, words)
+    }
+
+    pub(crate) fn into_words(self) -> Vec<u32> {
+        self.words
     }
 
     /// What is handed over.

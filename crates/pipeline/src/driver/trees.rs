@@ -316,7 +316,7 @@ impl Driver {
                 adopted,
             },
         });
-        self.spare = built.topology.into_words();
+        self.spare = built.topology.into_spare();
         Ok(())
     }
 }

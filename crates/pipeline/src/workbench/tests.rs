@@ -261,14 +261,21 @@ fn records_carry_the_forms_that_were_asked_for() {
 #[test]
 fn an_old_records_memory_is_used_again() {
     let (a, cancel) = (shuffled(), Cancel::new());
-    let mut bench = Workbench::new();
-    let words = bench
-        .build(&a, &a.keys()[0], &cancel)
-        .unwrap()
-        .topology
-        .into_words();
-    let memory = words.as_ptr();
-    bench.reuse(words);
-    let again = bench.build(&a, &a.keys()[1], &cancel).unwrap().topology;
-    assert_eq!(again.words().as_ptr(), memory);
+    for treelets in [false, true] {
+        let mut bench = Workbench::with_forms(Forms {
+            treelets,
+            blocks: false,
+        });
+        let memory = |tree: &Topology| {
+            let treelets = tree.treelets().map(|t| t.words().as_ptr());
+            (tree.words().as_ptr(), treelets)
+        };
+        let first = bench.build(&a, &a.keys()[0], &cancel).unwrap().topology;
+        let before = memory(&first);
+        bench.reuse(first.into_spare());
+        bench.reuse(Spare::default());
+        let again = bench.build(&a, &a.keys()[1], &cancel).unwrap().topology;
+        assert_eq!(memory(&again), before);
+        assert_eq!(before.1.is_some(), treelets);
+    }
 }
