@@ -112,6 +112,8 @@ fn join<T: Copy + Send + Sync>(
 /// What one thread found at a time.
 #[derive(Debug)]
 struct Part {
+    /// Of all triangles, from left to right.
+    leaves: Vec<Aabb>,
     nodes: Vec<Subtree>,
     boxes: Vec<Aabb>,
     areas: Areas,
@@ -121,6 +123,7 @@ struct Part {
 impl Default for Part {
     fn default() -> Self {
         Self {
+            leaves: Vec::new(),
             nodes: Vec::new(),
             boxes: Vec::new(),
             areas: Areas::default(),
@@ -143,16 +146,20 @@ impl Part {
         self.nodes.clear();
         self.boxes.clear();
         self.areas = Areas::default();
-        let seen = self.see(tree, boxes, task);
+        // Triangles lie scattered in memory: asked for in a row, many are on their way at once.
+        let triangles = &tree.order[task.first_leaf as usize..][..task.leaves as usize];
+        self.leaves.clear();
+        self.leaves.extend(triangles.iter().map(|&t| boxes.get(t)));
+        let seen = self.see(tree, task, task.first_leaf);
         self.areas.within_groups += seen.within.unwrap_or(0.0);
         self.bounds = seen.bounds;
     }
 
-    /// Adds the groups below `node`.
-    fn see<B: Boxes + ?Sized>(&mut self, tree: &BinaryTree, boxes: &B, node: Subtree) -> Seen {
+    /// Adds the groups below `node`; the task's own leaves begin with `first`.
+    fn see(&mut self, tree: &BinaryTree, node: Subtree, first: u32) -> Seen {
         let before = self.nodes.len();
         let seen = if node.leaves == 1 {
-            let bounds = boxes.get(tree.order[node.first_leaf as usize]);
+            let bounds = self.leaves[(node.first_leaf - first) as usize];
             self.areas.lost += usize::from(!is_usable(&bounds));
             let area = bounds.half_area();
             let within = Some(0.0);
@@ -162,7 +169,7 @@ impl Part {
                 within,
             }
         } else {
-            let children = tree.children(node).map(|c| self.see(tree, boxes, c));
+            let children = tree.children(node).map(|c| self.see(tree, c, first));
             let seen = both(children, node.leaves);
             if seen.within.is_none() {
                 let within = children.iter().filter_map(|c| c.within);
