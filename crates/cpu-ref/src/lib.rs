@@ -240,7 +240,10 @@ impl Backend for CpuBackend {
         if let Rays::List(rays) = query.rays {
             reserve(&mut self.recording.rays, rays.len(), "rays")?;
         }
-        self.recording.trace(query);
+        match query.rays {
+            Rays::Camera(_) => self.recording.trace(query),
+            Rays::List(_) => self.pool.install(|| self.recording.trace(query)),
+        }
         Ok(())
     }
 

@@ -2,6 +2,10 @@
 
 use backend::{Query, Rays, Seek};
 use geom::{Camera, Pose, Ray};
+use rayon::prelude::*;
+
+/// Rays that one task copies.
+const COPY: usize = 1 << 14;
 
 /// One recorded stage.
 #[derive(Clone, Copy, Debug)]
@@ -86,6 +90,7 @@ impl Recording {
         self.commands.push(Command::Refit);
     }
 
+    /// Copies a list of rays in the rayon pool that the caller installed.
     pub(crate) fn trace(&mut self, query: Query<'_>) {
         assert!(
             self.boxes_fresh,
@@ -95,8 +100,7 @@ impl Recording {
         let camera = match query.rays {
             Rays::Camera(camera) => Some(*camera),
             Rays::List(rays) => {
-                self.rays.clear();
-                self.rays.extend_from_slice(rays);
+                copy_list(rays, &mut self.rays);
                 None
             }
         };
@@ -115,4 +119,9 @@ impl Recording {
         );
         self.commands.push(Command::CopyPositions);
     }
+}
+
+fn copy_list(from: &[Ray], to: &mut Vec<Ray>) {
+    let all = from.par_iter().with_min_len(COPY);
+    all.copied().collect_into_vec(to);
 }
