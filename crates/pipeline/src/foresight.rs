@@ -91,11 +91,13 @@ impl Foresight {
         self.latency().or(self.guess).is_some()
     }
 
-    /// A tree made in one manner came so many frames after it was asked for.
+    /// A tree made in one manner came so many frames after it was asked for. That it comes sooner than the ones before is
+    /// believed at once, for the first ones had to find their memory; that it comes later, by half.
     pub(crate) fn came_after(&mut self, frames: u64, manner: Manner) {
         let seen = &mut self.seen[manner as usize];
         let frames = frames as f64;
-        *seen = Some(seen.map_or(frames, |before| f64::midpoint(before, frames)));
+        let mean = |before| f64::midpoint(before, frames);
+        *seen = Some(seen.map_or(frames, |before| mean(before).min(frames)));
     }
 
     /// How the next tree will be made.
@@ -189,6 +191,8 @@ mod tests {
         assert_eq!(f.middle_of_use(), 1.0 + 10.0 + 4.5);
         f.came_after(20, Manner::Groups);
         assert_eq!(f.middle_of_use(), 1.0 + 15.0 + 7.0);
+        f.came_after(8, Manner::Groups);
+        assert_eq!(f.middle_of_use(), 1.0 + 8.0 + 3.5);
         f.next_is(Manner::Scratch);
         assert_eq!(f.middle_of_use(), 1.0 + 40.0 + 19.5);
     }

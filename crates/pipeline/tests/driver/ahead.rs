@@ -115,7 +115,7 @@ fn foretold(
                 let took = adopted.latency_frames as f64;
                 assert!(took <= f64::from(i - told?.frame));
                 let known = &mut seen[tree.manner as usize];
-                *known = Some(known.map_or(took, |before| f64::midpoint(before, took)));
+                *known = Some(known.map_or(took, |before| f64::midpoint(before, took).min(took)));
                 next = tree.next;
                 trees.push((poses.map(|p| p[1]), tree.topology.into_words()));
             }
