@@ -282,3 +282,47 @@ fn a_big_tree_is_refitted_by_many_tasks_alike() {
     assert!((&a.0, &a.2) == (&c.0, &c.2));
     assert_eq!(a.0[0], animation.bounds());
 }
+
+#[test]
+fn a_list_is_traced_once_in_its_place_and_reported_with_the_rest() {
+    let animation = moving();
+    let [early, late] = [0.3, 1.7].map(|time| animation.pose(time));
+    let eye = [0.3, 0.2, 9.0];
+    let through = |v: &[f32; 3]| Ray::new(eye, std::array::from_fn(|i| v[i] - eye[i]));
+    let vertices = (0..animation.vertex_count() as u32).map(|v| animation.vertex(early, v));
+    let rays: Vec<Ray> = vertices.map(|v| through(&v)).collect();
+    let tree = tree_at(&animation, early);
+    for kind in kinds() {
+        let method = (Intersector::Exact, kind);
+        let fresh = |pose| ready(&animation, method, &tree, pose, 1);
+        let expected = trace(&mut fresh(early), Rays::List(&rays), Seek::Closest);
+        let mut backend = fresh(late);
+        backend.interpolate(early).unwrap();
+        backend.preprocess().unwrap();
+        backend.refit().unwrap();
+        let (rays, seek) = (Rays::List(&rays), Seek::Closest);
+        backend.trace(Query { rays, seek }).unwrap();
+        backend.interpolate(late).unwrap();
+        let ticket = backend.submit().unwrap();
+        let report = backend.wait(ticket).unwrap();
+        let mut hits = Hits::default();
+        backend.hits(ticket, &mut hits).unwrap();
+        assert_eq!(hits, expected);
+        let found = expected.closest.iter().filter(|hit| hit.is_hit()).count();
+        assert_eq!(report.hits, found as u64);
+        assert!(report.settled > 0, "rays through vertices are open");
+        let times = report.times;
+        let stages = [times.interpolate_ms, times.preprocess_ms, times.refit_ms];
+        let stages = stages.into_iter().chain([times.trace_primary_ms]);
+        let sum: f64 = stages.map(|ms| ms.expect("each was timed")).sum();
+        assert!(sum <= times.device_ms);
+        let [found, expected] = [backend, fresh(late)].map(|mut backend| {
+            let positions = backend.inspect().positions().unwrap();
+            positions
+                .iter()
+                .map(|p| p.map(f32::to_bits))
+                .collect::<Vec<_>>()
+        });
+        assert!(found == expected);
+    }
+}

@@ -4,7 +4,8 @@
 //! backends are held against it bit for bit. One room a stage, by the stage's
 //! name: `interpolate`, `preprocess`, `refit`, `trace`; one room a
 //! triangle test. Work runs in a pool of the backend's own when it is
-//! submitted, so `wait` never blocks.
+//! submitted, so `wait` never blocks; and where a list of rays is to be traced, before that call returns, so that no
+//! copy of the list is kept.
 
 #[cfg(test)]
 mod contract_tests;
@@ -52,7 +53,7 @@ use backend::{
     Generation, Hits, Inspect, Method, Query, Rays, Result, Seek, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
-use geom::{Aabb, Animation, Point, Pose};
+use geom::{Aabb, Animation, Point, Pose, Ray};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use recording::Recording;
 use scene::Scene;
@@ -131,6 +132,16 @@ impl CpuBackend {
 
     fn scene(&mut self) -> &mut Scene {
         loaded(&mut self.scene)
+    }
+
+    /// Does what was recorded and not done yet, a trace of a list with `rays`.
+    fn carry_out(&mut self, rays: &[Ray]) {
+        let at = (Ticket(self.submitted), self.epoch);
+        let submission = &mut self.next;
+        let (scene, snapshots) = (loaded(&mut self.scene), &mut self.snapshots);
+        let recorded = (self.recording.take_new(), rays);
+        self.pool
+            .install(|| submission.run(at, recorded, scene, snapshots));
     }
 
     /// Keeps what was submitted until enough with a trace came after it.
@@ -237,12 +248,9 @@ impl Backend for CpuBackend {
         if query.seek != Seek::Closest {
             reserve(&mut hits.blocked, count, "hits")?;
         }
+        self.recording.trace(query);
         if let Rays::List(rays) = query.rays {
-            reserve(&mut self.recording.rays, rays.len(), "rays")?;
-        }
-        match query.rays {
-            Rays::Camera(_) => self.recording.trace(query),
-            Rays::List(_) => self.pool.install(|| self.recording.trace(query)),
+            self.carry_out(rays);
         }
         Ok(())
     }
@@ -253,15 +261,10 @@ impl Backend for CpuBackend {
     }
 
     fn submit(&mut self) -> Result<Ticket> {
+        self.carry_out(&[]);
         let ticket = Ticket(self.submitted);
-        let epoch = self.epoch;
-        let submission = &mut self.next;
-        let (scene, snapshots) = (loaded(&mut self.scene), &mut self.snapshots);
-        let recorded = (&self.recording.commands[..], &self.recording.rays[..]);
-        self.pool
-            .install(|| submission.run((ticket, epoch), recorded, scene, snapshots));
         self.traces += u64::from(self.recording.has_trace());
-        self.recording.commands.clear();
+        self.recording.clear();
         self.submitted += 1;
         self.keep();
         Ok(ticket)

@@ -1,11 +1,7 @@
 //! What was recorded since the last submission, and what would be stale by now.
 
 use backend::{Query, Rays, Seek};
-use geom::{Camera, Pose, Ray};
-use rayon::prelude::*;
-
-/// Rays that one task copies.
-const COPY: usize = 1 << 14;
+use geom::{Camera, Pose};
 
 /// One recorded stage.
 #[derive(Clone, Copy, Debug)]
@@ -13,7 +9,7 @@ pub(crate) enum Command {
     Interpolate(Pose),
     Preprocess,
     Refit,
-    /// Traces a camera's rays, or those of [`Recording::rays`].
+    /// Traces a camera's rays, or those that come with the command.
     Trace(Option<Camera>, Seek),
     CopyPositions,
 }
@@ -21,10 +17,10 @@ pub(crate) enum Command {
 /// Commands in order, and how far the state they lead to is in step.
 #[derive(Debug, Default)]
 pub(crate) struct Recording {
-    /// What [`backend::Backend::submit`] is to carry out.
-    pub(crate) commands: Vec<Command>,
-    /// Rays of the trace, if it was given a list.
-    pub(crate) rays: Vec<Ray>,
+    /// Since the last submission.
+    commands: Vec<Command>,
+    /// How many of them were carried out.
+    done: usize,
     has_tree: bool,
     has_positions: bool,
     records_fresh: bool,
@@ -36,7 +32,6 @@ impl Recording {
     pub(crate) fn reset(&mut self) {
         *self = Self {
             commands: std::mem::take(&mut self.commands),
-            rays: std::mem::take(&mut self.rays),
             ..Self::default()
         };
         self.commands.clear();
@@ -90,7 +85,6 @@ impl Recording {
         self.commands.push(Command::Refit);
     }
 
-    /// Copies a list of rays in the rayon pool that the caller installed.
     pub(crate) fn trace(&mut self, query: Query<'_>) {
         assert!(
             self.boxes_fresh,
@@ -99,12 +93,21 @@ impl Recording {
         assert!(!self.has_trace(), "one submission holds at most one trace");
         let camera = match query.rays {
             Rays::Camera(camera) => Some(*camera),
-            Rays::List(rays) => {
-                copy_list(rays, &mut self.rays);
-                None
-            }
+            Rays::List(_) => None,
         };
         self.commands.push(Command::Trace(camera, query.seek));
+    }
+
+    /// What is still to be carried out, by the caller and now.
+    pub(crate) fn take_new(&mut self) -> &[Command] {
+        let from = std::mem::replace(&mut self.done, self.commands.len());
+        &self.commands[from..]
+    }
+
+    /// All of it was submitted.
+    pub(crate) fn clear(&mut self) {
+        self.commands.clear();
+        self.done = 0;
     }
 
     pub(crate) fn has_trace(&self) -> bool {
@@ -119,9 +122,4 @@ impl Recording {
         );
         self.commands.push(Command::CopyPositions);
     }
-}
-
-fn copy_list(from: &[Ray], to: &mut Vec<Ray>) {
-    let all = from.par_iter().with_min_len(COPY);
-    all.copied().collect_into_vec(to);
 }

@@ -20,7 +20,8 @@ pub(crate) struct Submission {
 }
 
 impl Submission {
-    /// Runs `commands` in the rayon pool that the caller installed. The device's clock began at `epoch`.
+    /// Runs `commands` in the rayon pool that the caller installed, after those that ran under the same ticket. The device's
+    /// clock began at `epoch`.
     pub(crate) fn run(
         &mut self,
         (ticket, epoch): (Ticket, Instant),
@@ -28,12 +29,10 @@ impl Submission {
         scene: &mut Scene,
         snapshots: &mut Snapshots,
     ) {
-        self.ticket = Some(ticket);
-        self.report = FrameReport::default();
-        self.hits.closest.clear();
-        self.hits.blocked.clear();
         let start = Instant::now();
-        self.report.times.begun_ms = Some((start - epoch).as_secs_f64() * 1e3);
+        if self.ticket != Some(ticket) {
+            self.begin(ticket, (start - epoch).as_secs_f64() * 1e3);
+        }
         for &command in commands {
             let times = &mut self.report.times;
             match command {
@@ -49,11 +48,19 @@ impl Submission {
                 Command::CopyPositions => self.copy_positions(ticket, scene, snapshots),
             }
         }
-        self.report.times.device_ms = ms_since(start);
+        self.report.times.device_ms += ms_since(start);
         self.report.inactive = scene.unhittable.inactive;
         self.report.degenerate = scene.unhittable.degenerate;
         self.report.sah_cost = scene.sah_cost;
-        self.report.settled = scene.take_settled();
+        self.report.settled += scene.take_settled();
+    }
+
+    fn begin(&mut self, ticket: Ticket, begun_ms: f64) {
+        self.ticket = Some(ticket);
+        self.report = FrameReport::default();
+        self.report.times.begun_ms = Some(begun_ms);
+        self.hits.closest.clear();
+        self.hits.blocked.clear();
     }
 
     /// A ray's hit and its shadow are one task's, so there is one time for both.
