@@ -38,6 +38,8 @@ pub struct Driver {
     finished: Option<Made>,
     /// The last adopted record's memory, for the next one.
     spare: Spare,
+    /// Whether the builder's last tree was never used, which it does not know yet.
+    left_last: bool,
     /// The pose of the backend's positions.
     pose: Option<Pose>,
     /// What has happened to trees since the frame at hand began.
@@ -85,6 +87,7 @@ impl Driver {
             flight: None,
             finished: None,
             spare: Spare::default(),
+            left_last: false,
             pose: None,
             beginning: Beginning::default(),
             pending: VecDeque::with_capacity(FRAMES_IN_FLIGHT),

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 /// may come before the queue of frames under way is full.
 const UNSETTLED: u32 = 2;
 /// A later build takes about so much of the first one's time, as it finds its memory ready.
-const LATER_BUILD: f64 = 0.5;
+const LATER_BUILD: f64 = 0.4;
 /// Key frames that a first tree is built for: within so many, motion is about straight.
 const FIRST_USE: f64 = 1.0;
 /// A tree made of groups of the last one takes about so much of the time of one from scratch.
@@ -110,6 +110,12 @@ impl Foresight {
     pub(crate) fn is_ripe(&self, last: f64, new: f64) -> bool {
         let comes_nearer = (new - self.time) * self.step > 0.0;
         !comes_nearer || (new - self.time).abs() <= (last - self.time).abs()
+    }
+
+    /// Whether a tree asked for now would be there before one for the moment `new` is ripe, which came much too early.
+    pub(crate) fn another_comes_first(&self, last: f64, new: f64) -> bool {
+        let ripe = f64::midpoint(last, new);
+        (ripe - self.time) / self.step > self.expected()
     }
 
     /// The middle of the frames traced with a tree asked for now: the next one
@@ -212,6 +218,23 @@ mod tests {
     }
 
     #[test]
+    fn a_tree_that_comes_long_before_its_moment_gives_way_to_one_that_comes_sooner() {
+        let at = |times: &[f64], latency| {
+            let mut f = watching([0.0, 100.0], None, times);
+            f.came_after(latency, Manner::Scratch);
+            f.another_comes_first(1.0, 41.0)
+        };
+        // Ripe at 21: in 19 frames, or in 38.
+        assert!(at(&[1.0, 2.0], 18));
+        assert!(!at(&[1.0, 2.0], 19));
+        assert!(at(&[1.5, 2.0], 37));
+        assert!(!at(&[1.5, 2.0], 38));
+        // Backwards, from 40 to 21.
+        assert!(at(&[41.0, 40.0], 18));
+        assert!(!at(&[41.0, 40.0], 19));
+    }
+
+    #[test]
     fn an_agreed_latency_is_not_learned() {
         let mut f = watching([0.0, 100.0], Some(3), &[0.0, 1.0]);
         assert!(f.has_ground());
@@ -238,13 +261,13 @@ mod tests {
         let start = Instant::now();
         let mut f = Foresight::new([0.0, 1000.0], None);
         f.frame(0.0, start);
-        f.first_took(ms(160));
+        f.first_took(ms(200));
         // Neither the wait for the first tree nor a frame handed in at once is the pace.
         f.frame(1.0, start + ms(900));
         f.frame(2.0, start + ms(901));
         assert!(!f.has_ground());
         assert_eq!(f.middle_of_use(), 2.0);
-        // A frame in 10 ms, half the first build: in use 8 to 15 frames on.
+        // A frame in 10 ms, two fifths of the first build: in use 8 to 15 frames on.
         f.frame(3.0, start + ms(911));
         assert!(f.has_ground());
         assert!((f.middle_of_use() - (3.0 + 11.5)).abs() < 1e-9);

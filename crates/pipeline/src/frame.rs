@@ -38,8 +38,8 @@ pub struct FrameRecord {
     pub adopted: Option<Adopted>,
     /// Whether the backend made the tree within this frame.
     pub made: bool,
-    /// The tree this frame could have swapped to, but for its cost: it was no
-    /// better than the one in use.
+    /// The tree this frame could have swapped to, but that it was no better than the one in use, or built for a moment
+    /// that is further off than the next tree.
     pub rejected: Option<Generation>,
     /// Refitted cost over the cost of a fresh tree at the same time where that
     /// is known, else over the cost when it was built (with

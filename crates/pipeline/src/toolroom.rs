@@ -67,10 +67,14 @@ impl Toolroom {
             halves,
             rival_at,
             spare,
+            left_last,
             ..
         } = job;
         self.work(|tools| {
             tools.reuse(spare);
+            if left_last {
+                tools.take_back();
+            }
             tools.build_better(animation, (vertices, halves), rival_at, cancel)
         })
     }

@@ -90,7 +90,7 @@ impl Forms {
 pub struct Workbench {
     builder: Builder,
     regrouper: Regrouper,
-    /// The tree being built.
+    /// The tree being built; until then the one before the last that was handed over.
     tree: BinaryTree,
     /// The last one that was handed over.
     in_use: BinaryTree,
@@ -126,6 +126,11 @@ impl Workbench {
         if !spare.is_empty() {
             self.spare = spare;
         }
+    }
+
+    /// The last tree that was handed over was never used: the one before it still is.
+    pub fn take_back(&mut self) {
+        std::mem::swap(&mut self.tree, &mut self.in_use);
     }
 
     /// Builds and converts a tree over `animation` standing at `positions`.

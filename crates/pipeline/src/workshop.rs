@@ -22,6 +22,8 @@ pub struct Job {
     pub rival_at: Option<Pose>,
     /// An old record's memory, or nothing.
     pub spare: Spare,
+    /// Whether the last tree that was handed over was never used.
+    pub left_last: bool,
 }
 
 /// A build that came to nothing.
@@ -162,6 +164,7 @@ mod tests {
             halves: None,
             rival_at: None,
             spare: Spare::default(),
+            left_last: false,
         }
     }
 

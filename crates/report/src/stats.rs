@@ -99,7 +99,7 @@ pub struct FrameStats {
     pub tree_generation: u64,
     pub tree_age_frames: u64,
     pub adopted: bool,
-    /// A finished tree was no better than the one in use.
+    /// A finished tree was no better than the one in use, or its moment too far off.
     pub rejected: bool,
     #[serde(serialize_with = "maybe_rounded")]
     pub build_ms: Option<f64>,

@@ -77,7 +77,7 @@ impl Driver {
     }
 
     /// Has the foresight know how long a finished tree took, and the schedule when to swap to it: at once, but for trees
-    /// that were built for a moment to come, if the last one's is nearer still.
+    /// that were built for a moment to come, if the last one's is nearer still. One whose moment is too far off is left.
     pub(super) fn weigh_finished(&mut self) {
         let ahead = self.looks_ahead() && self.may_reject();
         let (Some(made), Some(flight)) = (&self.finished, &mut self.flight) else {
@@ -93,8 +93,21 @@ impl Driver {
         }
         let last = self.tree.as_ref().map_or(f64::NAN, |tree| tree.middle);
         let is_ripe = matches!(made, Made::NoBetter) || self.foresight.is_ripe(last, flight.middle);
-        if is_ripe || !ahead {
-            self.schedule.finished(flight.generation);
+        let generation = flight.generation;
+        if ahead && !is_ripe {
+            if !self.foresight.another_comes_first(last, flight.middle) {
+                return;
+            }
+            self.leave_finished();
+        }
+        self.schedule.finished(generation);
+    }
+
+    /// Has a finished tree never be used.
+    fn leave_finished(&mut self) {
+        if let Some(Made::Tree(built)) = self.finished.replace(Made::NoBetter) {
+            self.spare = built.topology.into_spare();
+            self.left_last = true;
         }
     }
 
@@ -182,6 +195,7 @@ impl Driver {
             halves: flight.halves,
             rival_at: flight.rival_at,
             spare: std::mem::take(&mut self.spare),
+            left_last: std::mem::take(&mut self.left_last),
         };
         if self.workshop.start(job).is_err() {
             self.give_up(generation);

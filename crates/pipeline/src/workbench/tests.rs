@@ -259,6 +259,32 @@ fn records_carry_the_forms_that_were_asked_for() {
 }
 
 #[test]
+fn a_tree_that_was_never_used_is_taken_back() {
+    let (a, cancel) = (shuffled(), Cancel::new());
+    let at = |time| a.pose(time);
+    let from = |bench: &mut Workbench, time| {
+        let what = (Vertices::KeyFrames(at(time)), None);
+        tree(
+            bench
+                .build_better(&a, what, Some(at(time)), &cancel)
+                .unwrap(),
+        )
+    };
+    let mut bench = Workbench::new();
+    bench.build(&a, &a.keys()[0], &cancel).unwrap();
+    let used = bench.in_use.clone();
+    from(&mut bench, 1.0).expect("another order, another tree");
+    assert_ne!(bench.in_use, used);
+    bench.take_back();
+    assert_eq!(bench.in_use, used);
+    // The next one is set against the one in use.
+    let mut other = Workbench::new();
+    other.build(&a, &a.keys()[0], &cancel).unwrap();
+    let [one, other] = [&mut bench, &mut other].map(|b| from(b, 0.7).map(|t| t.topology));
+    assert_eq!(one, other);
+}
+
+#[test]
 fn an_old_records_memory_is_used_again() {
     let (a, cancel) = (shuffled(), Cancel::new());
     for treelets in [false, true] {

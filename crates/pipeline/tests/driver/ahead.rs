@@ -4,7 +4,7 @@ use crate::{Run, drifting, run_paced, run_scene};
 use backend::Generation;
 use bvh_build::Cancel;
 use geom::{Animation, Point, Pose};
-use pipeline::{FrameRecord, Made, Manner, Pace, Update, Vertices, Workbench};
+use pipeline::{Adopted, FrameRecord, Made, Manner, Pace, Update, Vertices, Workbench};
 use std::sync::Arc;
 
 /// Triangles in a row whose order is another in every key frame.
@@ -111,7 +111,9 @@ fn foretold(
             let halves = with_halves.then_some([early, late]);
             let what = (Vertices::KeyFrames(middle), halves);
             let made = bench.build_better(animation, what, Some(middle), &cancel);
-            if let (Made::Tree(tree), Some(adopted)) = (made.unwrap(), record.adopted) {
+            if let Made::Tree(tree) = made.unwrap() {
+                // Left, for its moment was too far off, if it is not adopted.
+                let adopted = record.adopted?;
                 let took = adopted.latency_frames as f64;
                 assert!(took <= f64::from(i - told?.frame));
                 let known = &mut seen[tree.manner as usize];
@@ -140,7 +142,7 @@ fn expected([scratch, groups]: [Option<f64>; 2], next: Manner) -> Option<f64> {
 
 #[test]
 fn a_tree_is_built_for_the_middle_of_its_use_and_the_builder_is_told_the_halves() {
-    let known = (0..9).find_map(|_| {
+    let known = (0..40).find_map(|_| {
         let (animation, run) = steady();
         let trees = foretold(&animation, &run, true)?;
         Some((trees, foretold(&animation, &run, false)?, run))
@@ -157,21 +159,30 @@ fn a_tree_is_built_for_the_middle_of_its_use_and_the_builder_is_told_the_halves(
     assert!(trees != words(without), "no tree faded");
 }
 
-/// The first frames come so fast that trees seem to take hundreds of frames. Then they are there in a frame or two.
-fn early() -> Run {
-    let rest = |frame| if frame < 4 { 0 } else { 3 };
-    run_paced(&many_shuffled(65, 1 << 13), (128, rest), FREE, (None, None))
+/// The first frames come faster than others, so trees come before their time.
+fn early(triangles: u32, rest: fn(u64) -> u64) -> Run {
+    run_paced(
+        &many_shuffled(65, triangles),
+        (128, rest),
+        FREE,
+        (None, None),
+    )
+}
+
+/// The moment that a tree was built for.
+fn moment(adopted: &Adopted) -> f64 {
+    f64::from(adopted.built_for.key) + f64::from(adopted.built_for.alpha)
 }
 
 #[test]
 fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
-    let time = |pose: Pose| f64::from(pose.key) + f64::from(pose.alpha);
-    let waited = (0..9).any(|_| {
+    let waited = (0..40).any(|_| {
         // The first is built for the key frame to come.
         let (mut last, mut asked, mut waited) = (0.5, 0, false);
-        for record in &early().records[1..] {
+        let run = early(1 << 16, |frame| if frame < 4 { 1 } else { 2 });
+        for record in &run.records[1..] {
             if let Some(adopted) = record.adopted {
-                let (now, new) = (record.frame.time, time(adopted.built_for));
+                let (now, new) = (record.frame.time, moment(&adopted));
                 if new > now {
                     assert!(new - now <= (now - last).abs() + 1e-6, "{last} {now} {new}");
                 }
@@ -185,6 +196,52 @@ fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
         waited
     });
     assert!(waited, "no tree came before its time");
+}
+
+/// The tree asked for in the frame that `left` the second one, which nobody used: of groups of the first.
+fn made_after(left: &FrameRecord) -> Vec<u32> {
+    let animation = many_shuffled(65, 1 << 13);
+    let (mut bench, cancel) = (Workbench::new(), Cancel::new());
+    let pose = |time| animation.pose(time);
+    let own = positions(&animation, 0.0);
+    let first = bench.build_swept(&animation, (&own, [0.25, 0.75].map(pose)), &cancel);
+    first.unwrap();
+    let far = pose(30.0);
+    let what = (Vertices::KeyFrames(far), None);
+    bench
+        .build_better(&animation, what, Some(far), &cancel)
+        .unwrap();
+    bench.take_back();
+    // Asked for in the fourth frame, it told how long trees take.
+    let took = left.frame.index as f64 - 3.0;
+    let at = |share: f64| pose(left.frame.time + 0.5 * (took + share * (took - 1.0)));
+    let what = (Vertices::KeyFrames(at(0.5)), Some([0.25, 0.75].map(at)));
+    let next = bench.build_better(&animation, what, Some(at(0.5)), &cancel);
+    match next.unwrap() {
+        Made::Tree(tree) => tree.topology.into_words(),
+        Made::NoBetter => Vec::new(),
+    }
+}
+
+#[test]
+fn a_tree_whose_moment_is_far_off_gives_way_to_one_that_is_asked_for_at_once() {
+    let gave_way = (0..40).any(|_| {
+        // After the first ones a frame takes as long as a tree, where a hundred seemed to go by.
+        let run = early(1 << 13, |frame| if frame < 4 { 0 } else { 3 });
+        let mut left = run.records.iter().filter(|r| r.rejected.is_some());
+        let Some(left) = left.next().filter(|r| r.frame.index < 12) else {
+            return false;
+        };
+        assert!(left.asked.is_some() && left.adopted.is_none());
+        let rest = &run.records[left.frame.index as usize + 1..];
+        let next = rest.iter().find_map(|r| Some((r.frame, r.adopted?)));
+        next.is_some_and(|(frame, tree)| {
+            let soon = frame.index < left.frame.index + 8;
+            let near = (moment(&tree) - frame.time).abs() < 4.0;
+            soon && near && run.log.trees[1] == made_after(left)
+        })
+    });
+    assert!(gave_way, "no tree came far too early");
 }
 
 #[test]

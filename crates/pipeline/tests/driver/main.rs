@@ -77,7 +77,11 @@ fn run_paced(
         .run(list, query, true, |record, _| {
             records.push(record.clone());
             gate.iter().for_each(|g| g.step());
-            std::thread::sleep(std::time::Duration::from_millis(rest(record.frame.index)));
+            let rest = std::time::Duration::from_millis(rest(record.frame.index));
+            // Not even for nothing: who sleeps is woken late.
+            if !rest.is_zero() {
+                std::thread::sleep(rest);
+            }
             Ok::<(), PipelineError>(())
         })
         .unwrap();
