@@ -18,8 +18,8 @@ use std::ops::Range;
 /// A tree in depth-first leaf order, cut into treelets.
 ///
 /// Two triangles under one parent share a leaf. A *treelet* is a run of at most
-/// 256 neighbouring triangles that holds whole subtrees, as few and as large as
-/// may be. What lies above those subtrees is a tree again, whose leaves they
+/// 256 neighbouring triangles that holds whole subtrees; of large trees several, so that treelets are full,
+/// of others as few and as large as may be. What lies above those subtrees is a tree again, whose leaves they
 /// are, and is cut the same way, until one root is left: some three levels for
 /// a million triangles. All roots of a treelet stand below one treelet of the next
 /// level, its *parent*. So a device refits a level of treelets in one dispatch,

@@ -157,8 +157,10 @@ fn large_trees_take_several_levels_and_are_the_tree_still() {
         let (least, most) = (treelets.few_roots(1), treelets.few_roots(u32::MAX));
         assert!(least == (0, 1) && most.1 > leaves as u32 / 256, "{most:?}");
     }
-    let deepest = check(&chain(40_000));
-    assert!(deepest.levels().len() > 2);
+    for leaves in [40_000, 140_000] {
+        let deepest = check(&chain(leaves));
+        assert!(deepest.levels().len() > 2);
+    }
 }
 
 #[test]
@@ -172,8 +174,11 @@ fn no_triangle_makes_no_treelet_and_one_makes_one() {
 
 #[test]
 fn a_triangle_takes_at_most_8_bytes_and_treelets_are_mostly_full() {
-    let treelets = check(&random_tree(100_000, 4));
-    let bytes = treelets.bytes() as f64 / 1e5;
-    assert!(bytes < 8.0, "{bytes}");
-    assert!(treelets.levels()[0].len() < 2 * 100_000 / Treelets::LEAVES);
+    for (leaves, least) in [(100_000, 0.5), (150_000, 0.85)] {
+        let treelets = check(&random_tree(leaves, 4));
+        let bytes = treelets.bytes() as f64 / leaves as f64;
+        assert!(bytes < 8.0, "{bytes}");
+        let full = leaves as f64 / (Treelets::LEAVES * treelets.levels()[0].len()) as f64;
+        assert!(full > least, "{full}");
+    }
 }
