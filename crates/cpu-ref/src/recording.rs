@@ -104,6 +104,11 @@ impl Recording {
         &self.commands[from..]
     }
 
+    /// Whether there was something, and all of it was carried out.
+    pub(crate) fn is_done(&self) -> bool {
+        self.done > 0 && self.done == self.commands.len()
+    }
+
     /// All of it was submitted.
     pub(crate) fn clear(&mut self) {
         self.commands.clear();
