@@ -26,6 +26,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                     ("open", &[]),
                     ("closest", &["cut_closest", "textbook_closest"]),
                     ("any", &["turns", "cut_any", "textbook_any", "keep_any"]),
+                    ("way", &["way_by_triangle"]),
                 ],
             },
             Value {
@@ -36,16 +37,18 @@ pub(crate) const SLOTS: &[Slot] = &[
                     ("open", &[]),
                     ("closest", &["cut_closest", "textbook_closest"]),
                     ("any", &["turns", "cut_any", "textbook_any", "keep_any"]),
+                    ("way", &["way_by_triangle"]),
                 ],
             },
             Value {
                 name: "watertight",
                 faces: &[
-                    ("test", &["near", "watertight"]),
+                    ("test", &["near", "sheared", "own_box", "watertight"]),
                     ("bind", &[]),
                     ("open", &[]),
                     ("closest", &["cut_closest", "watertight_closest"]),
                     ("any", &["turns", "cut_any", "watertight_any", "keep_any"]),
+                    ("way", &["way_by_leaf"]),
                 ],
             },
             Value {
@@ -54,7 +57,8 @@ pub(crate) const SLOTS: &[Slot] = &[
                     (
                         "test",
                         &[
-                            "watertight",
+                            "sheared",
+                            "own_box",
                             "view",
                             "filter",
                             "notes",
@@ -66,10 +70,12 @@ pub(crate) const SLOTS: &[Slot] = &[
                     ("open", &["bind_blocked"]),
                     ("closest", &["sure_closest"]),
                     ("any", &["sure_any"]),
+                    ("way", &["way_by_leaf"]),
                     (
                         "settle",
                         &[
-                            "watertight",
+                            "sheared",
+                            "own_box",
                             "view",
                             "filter",
                             "notes",
@@ -86,7 +92,8 @@ pub(crate) const SLOTS: &[Slot] = &[
                     (
                         "finish",
                         &[
-                            "watertight",
+                            "sheared",
+                            "own_box",
                             "view",
                             "filter",
                             "notes",

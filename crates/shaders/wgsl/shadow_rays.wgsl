@@ -17,6 +17,6 @@ fn shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgr
     if i >= params.count { return; }
     let hit = hits[i];
     var dark = false;
-    if hit.w != 0xffffffffu { dark = is_blocked(hit, scaled_point(rays[2u * i].xyz)); }
+    if hit.w != 0xffffffffu { dark = is_blocked(way_to_light(hit, scaled_point(rays[2u * i].xyz)), hit.w); }
     keep_any(i, dark, 3u);
 }

@@ -1,4 +1,4 @@
-//! use params loops ieee divide exact units ray {intersector.test} {intersector.closest} {intersector.any} {layout.nodes} closest pixels camera eye seen any to_light way shade is_blocked
+//! use params loops ieee divide exact units ray {intersector.test} {intersector.closest} {intersector.any} {layout.nodes} closest pixels camera eye seen any to_light way {intersector.way} shade is_blocked
 // The closest hit of each pixel's ray, made here, and its shadow. Both in one go, which takes three quarters of the time
 // that two kernels took on some scenes: warps that are done with the one go on to the other.
 
@@ -23,14 +23,14 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
         return;
     }
     let ray = camera_ray(direction, origin);
-    keep_closest(i, ray, find_closest(ray));
-    let hit = hits[i];
+    let found = find_closest(ray);
+    let hit = keep_closest(i, ray, found);
     if is_left_open(hit) {
         // Its notes, for `settle_together_camera`.
         blocked[i] = hit.y;
         return;
     }
     var dark = false;
-    if hit.w != 0xffffffffu { dark = is_blocked(hit, origin); }
+    if hit.w != 0xffffffffu { dark = is_blocked(way_from(found, hit, origin), hit.w); }
     keep_any(i, dark, 3u);
 }

@@ -1,6 +1,5 @@
 // Correctly rounded division, whatever the device's own division does: its
-// inverse of the divisor's mantissa gives only a guess, and the exact integer
-// remainder puts it right. Zeros, infinities, NaNs and subnormals as IEEE has them.
+// inverse of the divisor gives only a guess, and the exact remainder puts it right. Zeros, infinities, NaNs and subnormals as IEEE has them.
 
 struct Parts { mantissa: u32, exponent: i32 }
 
@@ -15,36 +14,42 @@ fn parts(bits: u32) -> Parts {
     return Parts(fraction << shift, 1 - i32(shift));
 }
 
-// A number to divide by, several times perhaps.
-struct Divisor { bits: u32, mantissa: u32, inverse: f32 }
+// A number to divide by, several times perhaps: its upper and its lower twelve bits, and a guess at its inverse.
+struct Divisor { value: f32, high: f32, low: f32, inverse: f32 }
+
+fn upper_half(x: f32) -> f32 { return bitcast<f32>(bitcast<u32>(x) & 0xfffff000u); }
 
 fn divisor(b: f32) -> Divisor {
-    let bits = bitcast<u32>(b);
-    let mantissa = (bits & 0x7fffffu) | 0x800000u;
-    return Divisor(bits, mantissa, 1.0 / f32(mantissa));
+    let high = upper_half(b);
+    return Divisor(b, high, sub(b, high), 1.0 / b);
 }
 
 fn divide(a: f32, b: f32) -> f32 { return divide_by(a, divisor(b)); }
 
 fn divide_by(a: f32, by: Divisor) -> f32 {
-    let ua = bitcast<u32>(a);
-    let ea = (ua >> 23u) & 255u;
-    let eb = (by.bits >> 23u) & 255u;
-    let exponent = i32(ea) - i32(eb) + 126;
-    if ea - 1u < 254u && eb - 1u < 254u && u32(exponent - 1) < 252u { return divide_normal(a, by); }
-    return divide_rarely(ua, by.bits);
+    let ea = (bitcast<u32>(a) >> 23u) & 255u;
+    let eb = (bitcast<u32>(by.value) >> 23u) & 255u;
+    // Between 2^-60 and 2^61.
+    if ea - 67u <= 120u && eb - 67u <= 120u { return divide_normal(a, by); }
+    return divide_rarely(bitcast<u32>(a), bitcast<u32>(by.value));
 }
 
-// Likewise where both numbers and the quotient are normal.
+// a - q * b. Products of halves are exact, and so is each difference if q is a / b but for a place or less (Dekker 1971).
+fn rest_of_division(a: f32, q: f32, by: Divisor) -> f32 {
+    let high = upper_half(q);
+    let low = sub(q, high);
+    return sub(sub(sub(sub(a, mul(high, by.high)), mul(high, by.low)), mul(low, by.high)), mul(low, by.low));
+}
+
+// Likewise where both numbers are within that range. The guess is put right once, so that the quotient is one of the two numbers
+// that a / b lies between; an exact rest tells which, for no quotient lies half way between two numbers.
 fn divide_normal(a: f32, by: Divisor) -> f32 {
-    let ua = bitcast<u32>(a);
-    let mantissa = (ua & 0x7fffffu) | 0x800000u;
-    let below = mantissa < by.mantissa;
-    let exponent = ((ua >> 23u) & 255u) + select(127u, 126u, below) - ((by.bits >> 23u) & 255u);
-    let q = quotient_of(mantissa, select(24u, 25u, below), by.mantissa, by.inverse);
-    let up = (q.value & 1u) & (select(0u, 1u, q.sticky) | (q.value >> 1u));
-    let rounded = (q.value >> 1u) + ((exponent - 1u) << 23u) + up;
-    return bitcast<f32>(((ua ^ by.bits) & 0x80000000u) | rounded);
+    let guess = mul(a, by.inverse);
+    let q = add(guess, mul(rest_of_division(a, guess, by), by.inverse));
+    let rest = rest_of_division(a, q, by);
+    let grows = ((bitcast<u32>(rest) ^ bitcast<u32>(by.value) ^ bitcast<u32>(q)) >> 31u) == 0u;
+    let other = bitcast<f32>(bitcast<u32>(q) + select(0xffffffffu, 1u, grows));
+    return select(q, other, 2.0 * abs(rest) > abs(mul(sub(other, q), by.value)));
 }
 
 struct Quotient { value: u32, sticky: bool }

@@ -45,11 +45,16 @@ fn judge_near(ray: Prepared, corners: Corners, s: Seen) -> Judged {
     if tells { span = loose_span(s, depths * ray.shear_z, det, doubt); }
     if !(abs(span.x) < DEEP && abs(span.y) < DEEP) {
         certain = certain && size <= 3.4028234663852886e38;
-        span = own_span(ray, corners);
-        if !(span.x <= span.y) { return OUT; }
+        span = depth_span(ray, depths);
     }
     if span.y <= ray.t_min || span.x >= ray.t_max { return OUT; }
     return Judged(true, certain && span.x > ray.t_min && span.y < ray.t_max, span.x, span.y);
+}
+
+// Where the exact t of a hit lies, by the nearest and the farthest corner; anywhere if one is beyond what numbers hold.
+fn depth_span(ray: Prepared, depths: vec3<f32>) -> vec2<f32> {
+    let z = vec3<f32>(mul(depths.x, ray.shear_z), mul(depths.y, ray.shear_z), mul(depths.z, ray.shear_z));
+    return vec2<f32>(sub(min(z.x, min(z.y, z.z)), ray.pad), add(max(z.x, max(z.y, z.z)), ray.pad));
 }
 
 // Where the exact t of a hit lies, by the rounded one.
@@ -65,17 +70,19 @@ fn loose_span(s: Seen, z: vec3<f32>, det: f32, doubt: f32) -> vec2<f32> {
 
 // What is written for a triangle that is hit: t as the watertight test has it, clamped to the box and t_min, weights to [0, 1].
 fn reported(ray: Prepared, corners: Corners) -> vec4<u32> {
-    let p = shear(ray, corners.a);
-    let q = shear(ray, corners.b);
-    let r = shear(ray, corners.c);
-    let c = solve(flushed(edge(r, q)), flushed(edge(p, r)), flushed(edge(q, p)), p.z, q.z, r.z);
-    let own = own_span(ray, corners);
-    let entry = max(own.x, ray.t_min);
-    let t = divide(c.t, c.det);
-    let later = select(entry, t, t > entry);
-    let clamped = flushed(select(own.y, later, later < own.y));
+    let c = crossing(ray, corners);
     let by = divisor(c.det);
-    return vec4<u32>(in_ray_units(clamped, ray.exponent), weight(divide_by(c.v, by)), weight(divide_by(c.w, by)), corners.triangle);
+    let t = reported_distance(ray, corners, divide_by(c.t, by));
+    return vec4<u32>(in_ray_units(t, ray.exponent), weight(divide_by(c.v, by)), weight(divide_by(c.w, by)), corners.triangle);
+}
+
+fn reported_distance(ray: Prepared, k: Corners, t: f32) -> f32 {
+    let own = own_box(k);
+    if t > ray.t_min && loose_within(ray, own, t) { return flushed(t); }
+    let span = slab(ray, inverse_of(ray), own.low, own.high);
+    let entry = max(span.x, ray.t_min);
+    let later = select(entry, t, t > entry);
+    return flushed(select(span.y, later, later < span.y));
 }
 
 // A weight within [0, 1], 0 for what is not a number; by bits, since it may be subnormal.

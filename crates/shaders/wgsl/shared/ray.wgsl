@@ -5,8 +5,9 @@ struct Prepared {
     direction: vec3<f32>,
     t_min: f32,
     t_max: f32,
-    // 1 / d per axis, pushed away from zero; the padding is slack * |inverse|.
+    // 1 / d per axis, d pushed away from zero: as the device divides where no hit is decided by it.
     inverse: vec3<f32>,
+    // Boxes are padded by slack * |1 / d|: 17 * 2^-24 * D.
     slack: f32,
     // What near and far planes times the inverse need added, for loose_slab.
     to_near: vec3<f32>,
@@ -16,6 +17,8 @@ struct Prepared {
     shear_x: f32,
     shear_y: f32,
     shear_z: f32,
+    // The padding along the axis. Infinite if D reaches 2^80.
+    pad: f32,
     // t in the ray's own units is t * 2^-exponent.
     exponent: i32,
     // Whether D reaches 2^80.
@@ -46,7 +49,7 @@ fn push_from_zero(x: f32) -> f32 {
 
 // A component over the main one, which keeps the sign of a zero.
 fn slope(component: f32, by: Divisor) -> f32 {
-    let zero = bitcast<f32>(by.bits & 0x80000000u);
+    let zero = bitcast<f32>(bitcast<u32>(by.value) & 0x80000000u);
     return select(divide_normal(component, by), zero, component == 0.0);
 }
 
@@ -67,7 +70,7 @@ fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u
     var ray: Prepared;
     let sizes = direction & vec3<u32>(0x7fffffffu);
     let e = parts(max(sizes.x, max(sizes.y, sizes.z))).exponent - 127;
-    let d = vec3<f32>(component(direction.x, e), component(direction.y, e), component(direction.z, e));
+    let d = components(direction, e);
     let axis = main_axis(d);
     let k = permute(d, axis);
     ray.origin = origin;
@@ -88,19 +91,17 @@ fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u
     ray.far = reach >= FARTHEST;
     // 17 * 2^-24 * D, and D is at most 2^80.
     ray.slack = mul(1.01327896118164062e-6, min(reach, FARTHEST));
-    // Along the main axis, which is far from zero, it is the shear's.
-    let x = divide_normal(1.0, divisor(push_from_zero(k.x)));
-    let y = divide_normal(1.0, divisor(push_from_zero(k.y)));
-    ray.inverse = unpermute(vec3<f32>(x, y, ray.shear_z), axis);
+    ray.pad = select(mul(ray.slack, abs(ray.shear_z)), bitcast<f32>(0x7f800000u | params.zero), ray.far);
+    ray.inverse = inverse_for(ray);
     return loosely(ray, reach);
 }
 
 // Adds what loose_slab needs: see "Inner boxes" in ARCHITECTURE.md.
 fn loosely(given: Prepared, reach: f32) -> Prepared {
     var ray = given;
-    // 24 * 2^-24 * D and 4 * 2^-24 * |o|; from beyond 2^80, D was cut and |o| has to do.
-    let of_origin = select(2.384185791015625e-7, 1.6689300537109375e-6, reach >= 1.2089258196146292e24);
-    let pad = abs(ray.inverse) * (1.430511474609375e-6 * min(reach, 1.2089258196146292e24) + of_origin * abs(ray.origin));
+    // 32 * 2^-24 * D and 4 * 2^-24 * |o|; from beyond 2^80, D was cut and |o| has to do.
+    let of_origin = select(2.384185791015625e-7, 2.384185791015625e-6, reach >= FARTHEST);
+    let pad = abs(ray.inverse) * (1.9073486328125e-6 * min(reach, FARTHEST) + of_origin * abs(ray.origin));
     let start = ray.origin * ray.inverse;
     // Beyond 2^100 an axis tells nothing.
     let tells = abs(start) < vec3<f32>(1.2676506002282294e30);
@@ -109,7 +110,17 @@ fn loosely(given: Prepared, reach: f32) -> Prepared {
     return ray;
 }
 
-// x * 2^-e for the components of a direction; below 2^-37 it is zero.
+// x * 2^-e for the components of a direction, the largest of which lies in [1, 2) then; below 2^-37 they are zero.
+fn components(direction: vec3<u32>, e: i32) -> vec3<f32> {
+    let exponents = vec3<i32>((direction >> vec3<u32>(23u)) & vec3<u32>(255u)) - e;
+    if e > -80 {
+        // What is subnormal is zero then.
+        let scaled = bitcast<vec3<f32>>(direction - vec3<u32>(bitcast<u32>(e) << 23u));
+        return select(scaled, vec3<f32>(0.0), exponents < vec3<i32>(90));
+    }
+    return vec3<f32>(component(direction.x, e), component(direction.y, e), component(direction.z, e));
+}
+
 fn component(bits: u32, e: i32) -> f32 {
     let x = scale_bits(bits, -e);
     return select(x, 0.0, abs(x) < 7.275957614183426e-12);
@@ -130,30 +141,33 @@ fn meets_box(ray: Prepared, low: vec4<u32>, high: vec4<u32>, bound: f32) -> bool
     return s.x <= s.y && s.x <= bound && s.y >= ray.t_min;
 }
 
+fn pushed_from_zero(d: vec3<f32>) -> vec3<f32> { return vec3<f32>(push_from_zero(d.x), push_from_zero(d.y), push_from_zero(d.z)); }
+
+// 1 / d per axis, rounded once.
+fn inverse_of(ray: Prepared) -> vec3<f32> {
+    let k = permute(ray.direction, ray.axis);
+    let x = divide_normal(1.0, divisor(push_from_zero(k.x)));
+    let y = divide_normal(1.0, divisor(push_from_zero(k.y)));
+    // Along the main axis, which is far from zero, it is the shear's.
+    return unpermute(vec3<f32>(x, y, ray.shear_z), ray.axis);
+}
+
 // Entry and exit of the padded box; met if x <= y.
-fn slab(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
-    let negative = (bitcast<vec3<u32>>(ray.inverse) >> vec3<u32>(31u)) == vec3<u32>(1u);
+fn slab(ray: Prepared, inverse: vec3<f32>, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
+    let negative = (bitcast<vec3<u32>>(inverse) >> vec3<u32>(31u)) == vec3<u32>(1u);
     let near = select(low, high, negative);
     let far = select(high, low, negative);
     let n = vec3<f32>(
-        sub(mul(sub(near.x, ray.origin.x), ray.inverse.x), mul(ray.slack, abs(ray.inverse.x))),
-        sub(mul(sub(near.y, ray.origin.y), ray.inverse.y), mul(ray.slack, abs(ray.inverse.y))),
-        sub(mul(sub(near.z, ray.origin.z), ray.inverse.z), mul(ray.slack, abs(ray.inverse.z))),
+        sub(mul(sub(near.x, ray.origin.x), inverse.x), mul(ray.slack, abs(inverse.x))),
+        sub(mul(sub(near.y, ray.origin.y), inverse.y), mul(ray.slack, abs(inverse.y))),
+        sub(mul(sub(near.z, ray.origin.z), inverse.z), mul(ray.slack, abs(inverse.z))),
     );
     let f = vec3<f32>(
-        add(mul(sub(far.x, ray.origin.x), ray.inverse.x), mul(ray.slack, abs(ray.inverse.x))),
-        add(mul(sub(far.y, ray.origin.y), ray.inverse.y), mul(ray.slack, abs(ray.inverse.y))),
-        add(mul(sub(far.z, ray.origin.z), ray.inverse.z), mul(ray.slack, abs(ray.inverse.z))),
+        add(mul(sub(far.x, ray.origin.x), inverse.x), mul(ray.slack, abs(inverse.x))),
+        add(mul(sub(far.y, ray.origin.y), inverse.y), mul(ray.slack, abs(inverse.y))),
+        add(mul(sub(far.z, ray.origin.z), inverse.z), mul(ray.slack, abs(inverse.z))),
     );
     return vec2<f32>(max(n.x, max(n.y, n.z)), min(f.x, min(f.y, f.z)));
-}
-
-// A distance as a quotient that is not computed yet, and a span that surely holds it: the device's
-// own division is off by a few units in the last place, and of divisors near the largest it says nothing.
-fn rough_span(t: f32, det: f32) -> vec2<f32> {
-    let rough = t / det;
-    let margin = select(bitcast<f32>(0x7f800000u | params.zero), abs(rough) * 1.52587890625e-5, abs(det) < 1.329227995784916e36);
-    return vec2<f32>(rough - margin, rough + margin);
 }
 
 // t within the box's span; a NaN stays one. Below 2^-100 it is zero.

@@ -28,29 +28,28 @@ fn see_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
 }
 
 // Writes a ray's hit, or what is known for whoever settles it.
-fn keep_closest(i: u32, ray: Prepared, found: Found) {
-    if ray.far || was_cut_short(i) {
-        leave_open(i, ray.t_max, TOO_MANY);
-        return;
-    }
+fn keep_closest(i: u32, ray: Prepared, found: Found) -> vec4<u32> {
+    let hit = told(i, ray, found);
+    hits[i] = hit;
+    return hit;
+}
+
+fn told(i: u32, ray: Prepared, found: Found) -> vec4<u32> {
+    if ray.far || was_cut_short(i) { return left_open(i, ray.t_max, TOO_MANY); }
     if found.other < NEVER && found.other <= found.bound {
         var notes = found.notes;
         if found.leaf != NO_LEAF { notes = with_note(notes, found.leaf); }
-        leave_open(i, found.bound, notes);
-        return;
+        return left_open(i, found.bound, notes);
     }
-    if found.leaf == NO_LEAF {
-        hits[i] = MISS;
-        return;
-    }
-    hits[i] = reported(ray, corners_of(found.leaf));
+    if found.leaf == NO_LEAF { return MISS; }
     atomicAdd(&counts[2], 1u);
+    return reported(ray, corners_of(found.leaf));
 }
 
-// Nothing beyond `bound` is sought.
-fn leave_open(i: u32, bound: f32, list: u32) {
-    hits[i] = vec4<u32>(bitcast<u32>(bound), list, OPEN, 0u);
+// Lists a ray. Nothing beyond `bound` is sought.
+fn left_open(i: u32, bound: f32, list: u32) -> vec4<u32> {
     blocked[params.first + atomicAdd(&counts[OPEN_RAYS], 1u)] = i;
+    return vec4<u32>(bitcast<u32>(bound), list, OPEN, 0u);
 }
 
 // Whether a hit is none yet.

@@ -28,8 +28,15 @@ struct ToLight { origin: vec3<f32>, direction: vec3<f32>, traced: bool }
 // All in scaled units: `eye` is where the ray came from, `low` and `high` are the corners of the root box.
 fn to_light(hit: vec4<u32>, eye: vec3<f32>, low: vec3<f32>, high: vec3<f32>) -> ToLight {
     let v0 = scaled(triangles[3u * hit.w]);
-    let e1 = sub3(scaled(triangles[3u * hit.w + 1u]), v0);
-    let e2 = sub3(scaled(triangles[3u * hit.w + 2u]), v0);
+    let v1 = scaled(triangles[3u * hit.w + 1u]);
+    let v2 = scaled(triangles[3u * hit.w + 2u]);
+    return from_triangle(v0, v1, v2, hit, eye, low, high);
+}
+
+// Likewise, with the corners of the triangle that was hit.
+fn from_triangle(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, eye: vec3<f32>, low: vec3<f32>, high: vec3<f32>) -> ToLight {
+    let e1 = sub3(v1, v0);
+    let e2 = sub3(v2, v0);
     let u = bitcast<f32>(hit.y);
     let v = bitcast<f32>(hit.z);
     var p = vec3<f32>(
