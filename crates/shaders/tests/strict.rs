@@ -36,7 +36,11 @@ fn only_what_decides_no_hit_may_be_fused_and_no_name_is_left() {
         let traces = kernel.bindings.iter().any(|b| b.name == "records")
             && kernel.bindings.iter().all(|b| b.name != "topology");
         let tests = |name| kernel.slots.contains(&("intersector", name));
-        let own = if tests("watertight") || tests("exact") { OWN_BOXES } else { 0 };
+        let own = if tests("watertight") || tests("exact") {
+            OWN_BOXES
+        } else {
+            0
+        };
         let filter = if tests("exact") { FILTER } else { 0 };
         let expected = if traces { BOXES + own + filter } else { 0 };
         assert_eq!(loose_operations(&module), expected, "{}", kernel.name);

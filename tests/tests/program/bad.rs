@@ -37,7 +37,13 @@ pub(crate) fn npy_of(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
     file
 }
 
-const USAGE: [Case; 24] = [
+const USAGE: [Case; 25] = [
+    (
+        "nothing_left_to_measure",
+        nothing,
+        "bench demo:twist:500 --backend vulkan-rt --update rebuild --layout fast",
+        &["nothing is left to measure", "vulkan-rt", "fast"],
+    ),
     (
         "unknown_demo",
         nothing,

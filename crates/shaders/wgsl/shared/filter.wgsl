@@ -70,7 +70,7 @@ fn loose_span(s: Seen, z: vec3<f32>, det: f32, doubt: f32) -> vec2<f32> {
 
 // What is written for a triangle that is hit: t as the watertight test has it, clamped to the box and t_min, weights to [0, 1].
 fn reported(ray: Prepared, corners: Corners) -> vec4<u32> {
-    let c = crossing(ray, corners);
+    let c = crossing(edges_of(ray, corners));
     let by = divisor(c.det);
     let t = reported_distance(ray, corners, divide_by(c.t, by));
     return vec4<u32>(in_ray_units(t, ray.exponent), weight(divide_by(c.v, by)), weight(divide_by(c.w, by)), corners.triangle);

@@ -35,10 +35,17 @@ fn solve(u: f32, v: f32, w: f32, az: f32, bz: f32, cz: f32) -> Candidate {
     return Candidate(t, v, w, det);
 }
 
-// A triangle that is hit, whatever its signs.
-fn crossing(ray: Prepared, corners: Corners) -> Candidate {
+// A triangle's sheared corners, and its edge functions.
+struct Edges { a: Sheared, b: Sheared, c: Sheared, u: f32, v: f32, w: f32 }
+
+fn edges_of(ray: Prepared, corners: Corners) -> Edges {
     let a = shear(ray, corners.a);
     let b = shear(ray, corners.b);
     let c = shear(ray, corners.c);
-    return solve(flushed(edge(c, b)), flushed(edge(a, c)), flushed(edge(b, a)), a.z, b.z, c.z);
+    return Edges(a, b, c, edge(c, b), edge(a, c), edge(b, a));
+}
+
+// Where a triangle is crossed that is hit, whatever its signs.
+fn crossing(e: Edges) -> Candidate {
+    return solve(flushed(e.u), flushed(e.v), flushed(e.w), e.a.z, e.b.z, e.c.z);
 }

@@ -12,43 +12,29 @@ fn edge_sign(value: f32, p: Sheared, q: Sheared) -> i32 {
     return select(0, 1, q.x > p.x) - select(0, 1, q.x < p.x);
 }
 
-// What a first look at a triangle tells: whether the ray surely passes by it or surely goes through; if it does,
-// t lies in low ..= high, between its nearest and its farthest corner.
-struct Glance { passes: bool, sure: bool, low: f32, high: f32 }
-
-fn glance(ray: Prepared, corners: Corners) -> Glance {
-    let a = shear(ray, corners.a);
-    let b = shear(ray, corners.b);
-    let c = shear(ray, corners.c);
-    let u = edge(c, b);
-    let v = edge(a, c);
-    let w = edge(b, a);
-    let passes = min(u, min(v, w)) < 0.0 && max(u, max(v, w)) > 0.0;
-    let low = sub(min(a.z, min(b.z, c.z)), ray.pad);
-    let high = add(max(a.z, max(b.z, c.z)), ray.pad);
-    return Glance(passes, signs_stand(u, v, w), low, high);
+fn surely_passes(e: Edges) -> bool {
+    return min(e.u, min(e.v, e.w)) < 0.0 && max(e.u, max(e.v, e.w)) > 0.0;
 }
 
 // Whether the edge functions' signs are those of the exact ones.
-fn signs_stand(u: f32, v: f32, w: f32) -> bool {
-    let least = min(abs(u), min(abs(v), abs(w)));
-    let sum = bitcast<u32>(add(add(u, v), w)) & 0x7fffffffu;
+fn signs_stand(e: Edges) -> bool {
+    let least = min(abs(e.u), min(abs(e.v), abs(e.w)));
+    let sum = bitcast<u32>(add(add(e.u, e.v), e.w)) & 0x7fffffffu;
     // 2^-100: what is smaller may have lost its sign to flushing. Minima may hide a NaN, a sum does not.
     return least >= 7.888609052210118e-31 && sum < 0x7f000000u;
 }
 
+// Between its nearest and its farthest corner a triangle is met, if at all.
+fn span_of(ray: Prepared, e: Edges) -> vec2<f32> {
+    return vec2<f32>(sub(min(e.a.z, min(e.b.z, e.c.z)), ray.pad), add(max(e.a.z, max(e.b.z, e.c.z)), ray.pad));
+}
+
 // Where the ray meets a triangle that it does not surely pass by, within its own box; infinite if nowhere.
-fn distance_to(ray: Prepared, corners: Corners) -> f32 {
-    let a = shear(ray, corners.a);
-    let b = shear(ray, corners.b);
-    let c = shear(ray, corners.c);
-    let u = edge(c, b);
-    let v = edge(a, c);
-    let w = edge(b, a);
-    if !signs_stand(u, v, w) {
-        let side = edge_sign(u, c, b);
-        if side == 0 || side != edge_sign(v, a, c) || side != edge_sign(w, b, a) { return bitcast<f32>(0x7f800000u | params.zero); }
+fn distance_to(ray: Prepared, corners: Corners, e: Edges) -> f32 {
+    if !signs_stand(e) {
+        let side = edge_sign(e.u, e.c, e.b);
+        if side == 0 || side != edge_sign(e.v, e.a, e.c) || side != edge_sign(e.w, e.b, e.a) { return bitcast<f32>(0x7f800000u | params.zero); }
     }
-    let found = solve(flushed(u), flushed(v), flushed(w), a.z, b.z, c.z);
-    return within_own(ray, corners, divide(found.t, found.det));
+    let c = crossing(e);
+    return within_own(ray, corners, divide(c.t, c.det));
 }

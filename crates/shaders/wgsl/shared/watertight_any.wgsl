@@ -2,10 +2,12 @@
 
 fn see_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     let corners = corners_of(leaf);
-    let g = glance(ray, corners);
-    if g.passes || corners.triangle == ignore || g.low >= ray.t_max || g.high <= ray.t_min { return false; }
+    let e = edges_of(ray, corners);
+    if surely_passes(e) || corners.triangle == ignore { return false; }
+    let span = span_of(ray, e);
+    if span.x >= ray.t_max || span.y <= ray.t_min { return false; }
     // 2^-100: a t below that is zero.
-    if g.sure && g.low > max(ray.t_min, 7.888609052210118e-31) && g.high < ray.t_max { return true; }
-    let t = distance_to(ray, corners_of(leaf));
+    if signs_stand(e) && span.x > max(ray.t_min, 7.888609052210118e-31) && span.y < ray.t_max { return true; }
+    let t = distance_to(ray, corners, e);
     return t > ray.t_min && t < ray.t_max;
 }

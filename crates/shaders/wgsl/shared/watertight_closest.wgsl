@@ -13,27 +13,21 @@ fn limit(found: Found) -> f32 { return found.high; }
 
 // Keeps the leaf's triangle if it is the least by t, then by index.
 fn see_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
-    let g = glance(ray, corners_of(leaf));
-    if g.passes || g.low > found.high || g.high <= ray.t_min { return found; }
-    // 2^-100: a t below that is zero. Corners far apart would let the search go on for long behind the hit.
-    let begins = g.low > max(ray.t_min, 7.888609052210118e-31);
-    let is_thin = g.high - g.low < 0.03125 * g.high;
-    if g.sure && begins && is_thin && g.high < found.low { return Found(g.low, g.high, leaf); }
-    return weigh(ray, leaf, found);
-}
-
-// Likewise, by distances: of this triangle, and then of the best so far, where that may be as near.
-fn weigh(ray: Prepared, leaf: u32, found: Found) -> Found {
-    var mine = 0.0;
-    // A loop, so that there is but one copy of all that; how often it turns the compiler must not know.
-    for (var turn = params.zero; turn < 2u; turn += 1u) {
-        let t = distance_to(ray, corners_of(select(leaf, found.leaf, turn == 1u)));
-        if turn == 1u { return earlier(mine, leaf, t, found.leaf); }
-        if !(t > ray.t_min && t < ray.t_max) || t > found.high { return found; }
-        if found.leaf == NO_LEAF || t < found.low { return Found(t, t, leaf); }
-        mine = t;
-    }
-    return found;
+    let corners = corners_of(leaf);
+    let e = edges_of(ray, corners);
+    if surely_passes(e) { return found; }
+    let span = span_of(ray, e);
+    if span.x > found.high || span.y <= ray.t_min { return found; }
+    // 2^-100: a t below that is zero.
+    let begins = span.x > max(ray.t_min, 7.888609052210118e-31);
+    // Corners far apart would let the search go on for long behind the hit. 8192 pads are 0.008 D.
+    let is_thin = span.y - span.x < max(0.125 * span.y, 8192.0 * ray.pad);
+    if signs_stand(e) && begins && is_thin && span.y < found.low { return Found(span.x, span.y, leaf); }
+    let t = distance_to(ray, corners, e);
+    if !(t > ray.t_min && t < ray.t_max) || t > found.high { return found; }
+    if found.leaf == NO_LEAF || t < found.low { return Found(t, t, leaf); }
+    let others = corners_of(found.leaf);
+    return earlier(t, leaf, distance_to(ray, others, edges_of(ray, others)), found.leaf);
 }
 
 // Of two hits the one that is less by t, then by index.
@@ -47,7 +41,7 @@ fn keep_closest(i: u32, ray: Prepared, found: Found) -> vec4<u32> {
     var hit = MISS;
     if !count_if_cut_short(i) && found.leaf != NO_LEAF {
         let corners = corners_of(found.leaf);
-        let c = crossing(ray, corners);
+        let c = crossing(edges_of(ray, corners));
         let by = divisor(c.det);
         let t = within_own(ray, corners, divide_by(c.t, by));
         let weights = vec2<f32>(divide_by(c.v, by), divide_by(c.w, by));
