@@ -90,12 +90,12 @@ type Place<'a> = (&'a str, &'a Scene, &'a [Frame]);
 impl<'a> Bench<'a> {
     fn new(args: &'a BenchArgs) -> Result<Self, Stop> {
         let (combinations, skipped) = combinations(args);
-        if combinations.is_empty() && !args.with_auto {
-            let why = skipped.join("; ");
-            return Err(Stop::bad(format!("nothing is left to measure: {why}")));
-        }
         let progress = Progress::new(0, args.quiet);
         if !args.with_auto {
+            if combinations.is_empty() {
+                let why = skipped.join("; ");
+                return Err(Stop::bad(format!("nothing is left to measure: {why}")));
+            }
             skipped.iter().for_each(|s| progress.say(s));
         }
         Ok(Self {

@@ -24,7 +24,8 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
     }
     let ray = camera_ray(direction, origin);
     let found = find_closest(ray);
-    let hit = keep_closest(i, ray, found);
+    let hit = hit_of(i, ray, found);
+    hits[i] = hit;
     if is_left_open(hit) {
         // Its notes, for `settle_together_camera`.
         blocked[i] = hit.y;

@@ -18,5 +18,5 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
         return;
     }
     let ray = camera_ray(direction, origin);
-    keep_closest(i, ray, find_closest(ray));
+    hits[i] = hit_of(i, ray, find_closest(ray));
 }

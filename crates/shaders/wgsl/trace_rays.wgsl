@@ -16,5 +16,5 @@ fn trace_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
         return;
     }
     let ray = given_ray(i);
-    keep_closest(i, ray, find_closest(ray));
+    hits[i] = hit_of(i, ray, find_closest(ray));
 }

@@ -56,7 +56,8 @@ struct Quotient { value: u32, sticky: bool }
 
 // The quotient of a * 2^shift and b in whole numbers, in [2^24, 2^25), from a guess at 1 / b
 // that is off by a few units in the last place.
-fn quotient_of(a: u32, shift: u32, b: u32, inverse: f32) -> Quotient {
+fn quotient_of(a: u32, shift: u32, b: u32) -> Quotient {
+    let inverse = 1.0 / f32(b);
     var value = u32(f32(a) * inverse * select(16777216.0, 33554432.0, shift == 25u));
     // |remainder| stays far below 2^31, so wrapping arithmetic gives it exactly.
     var remainder = bitcast<i32>((a << shift) - value * b);
@@ -82,7 +83,7 @@ fn divide_rarely(ua: u32, ub: u32) -> f32 {
     let pb = parts(xb);
     let below = pa.mantissa < pb.mantissa;
     let exponent = pa.exponent - pb.exponent + select(127, 126, below);
-    let q = quotient_of(pa.mantissa, select(24u, 25u, below), pb.mantissa, 1.0 / f32(pb.mantissa));
+    let q = quotient_of(pa.mantissa, select(24u, 25u, below), pb.mantissa);
     return bitcast<f32>(sign | round_quotient(q.value, q.sticky, exponent));
 }
 

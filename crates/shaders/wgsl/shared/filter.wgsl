@@ -45,16 +45,10 @@ fn judge_near(ray: Prepared, corners: Corners, s: Seen) -> Judged {
     if tells { span = loose_span(s, depths * ray.shear_z, det, doubt); }
     if !(abs(span.x) < DEEP && abs(span.y) < DEEP) {
         certain = certain && size <= 3.4028234663852886e38;
-        span = depth_span(ray, depths);
+        span = span_of_depths(ray, mul(depths.x, ray.shear_z), mul(depths.y, ray.shear_z), mul(depths.z, ray.shear_z));
     }
     if span.y <= ray.t_min || span.x >= ray.t_max { return OUT; }
     return Judged(true, certain && span.x > ray.t_min && span.y < ray.t_max, span.x, span.y);
-}
-
-// Where the exact t of a hit lies, by the nearest and the farthest corner; anywhere if one is beyond what numbers hold.
-fn depth_span(ray: Prepared, depths: vec3<f32>) -> vec2<f32> {
-    let z = vec3<f32>(mul(depths.x, ray.shear_z), mul(depths.y, ray.shear_z), mul(depths.z, ray.shear_z));
-    return vec2<f32>(sub(min(z.x, min(z.y, z.z)), ray.pad), add(max(z.x, max(z.y, z.z)), ray.pad));
 }
 
 // Where the exact t of a hit lies, by the rounded one.
@@ -79,7 +73,7 @@ fn reported(ray: Prepared, corners: Corners) -> vec4<u32> {
 fn reported_distance(ray: Prepared, k: Corners, t: f32) -> f32 {
     let own = own_box(k);
     if t > ray.t_min && loose_within(ray, own, t) { return flushed(t); }
-    let span = slab(ray, inverse_of(ray), own.low, own.high);
+    let span = own_span(ray, own);
     let entry = max(span.x, ray.t_min);
     let later = select(entry, t, t > entry);
     return flushed(select(span.y, later, later < span.y));

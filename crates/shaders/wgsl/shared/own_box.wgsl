@@ -9,7 +9,7 @@ fn own_box(k: Corners) -> Box { return Box(min(min(k.a, k.b), k.c), max(max(k.a,
 
 // Whether t surely lies within a padded box, so that slab need not be asked.
 fn loose_within(ray: Prepared, own: Box, t: f32) -> bool {
-    let negative = (bitcast<vec3<u32>>(ray.inverse) >> vec3<u32>(31u)) == vec3<u32>(1u);
+    let negative = are_negative(ray.inverse);
     let pad = 0.25 * ray.slack * abs(ray.inverse);
     let n = (select(own.low, own.high, negative) - ray.origin) * ray.inverse - pad;
     let f = (select(own.high, own.low, negative) - ray.origin) * ray.inverse + pad;
@@ -17,11 +17,13 @@ fn loose_within(ray: Prepared, own: Box, t: f32) -> bool {
     return !ray.far && abs(t) < 1.2676506002282294e30 && t >= max(n.x, max(n.y, n.z)) && t <= min(f.x, min(f.y, f.z));
 }
 
+fn own_span(ray: Prepared, own: Box) -> vec2<f32> { return slab(ray, inverse_of(ray), own.low, own.high); }
+
 // t within a triangle's own box, so that no tree can change it; infinite if the ray passes by that.
 fn within_own(ray: Prepared, k: Corners, t: f32) -> f32 {
     let own = own_box(k);
     if loose_within(ray, own, t) { return flushed(t); }
-    let span = slab(ray, inverse_of(ray), own.low, own.high);
+    let span = own_span(ray, own);
     if !(span.x <= span.y) { return bitcast<f32>(0x7f800000u | params.zero); }
     return clamped(t, span);
 }

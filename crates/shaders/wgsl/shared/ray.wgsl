@@ -112,8 +112,8 @@ fn loosely(given: Prepared, reach: f32) -> Prepared {
 
 // x * 2^-e for the components of a direction, the largest of which lies in [1, 2) then; below 2^-37 they are zero.
 fn components(direction: vec3<u32>, e: i32) -> vec3<f32> {
-    let exponents = vec3<i32>((direction >> vec3<u32>(23u)) & vec3<u32>(255u)) - e;
     if e > -80 {
+        let exponents = vec3<i32>((direction >> vec3<u32>(23u)) & vec3<u32>(255u)) - e;
         // What is subnormal is zero then.
         let scaled = bitcast<vec3<f32>>(direction - vec3<u32>(bitcast<u32>(e) << 23u));
         return select(scaled, vec3<f32>(0.0), exponents < vec3<i32>(90));
@@ -126,10 +126,12 @@ fn component(bits: u32, e: i32) -> f32 {
     return select(x, 0.0, abs(x) < 7.275957614183426e-12);
 }
 
+fn are_negative(v: vec3<f32>) -> vec3<bool> { return (bitcast<vec3<u32>>(v) >> vec3<u32>(31u)) == vec3<u32>(1u); }
+
 // Entry no later and exit no earlier than slab finds for any box within: for nodes, which decide no
 // hit. The driver may fuse these operations as it likes.
 fn loose_slab(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
-    let negative = (bitcast<vec3<u32>>(ray.inverse) >> vec3<u32>(31u)) == vec3<u32>(1u);
+    let negative = are_negative(ray.inverse);
     let n = select(low, high, negative) * ray.inverse + ray.to_near;
     let f = select(high, low, negative) * ray.inverse + ray.to_far;
     return vec2<f32>(max(n.x, max(n.y, n.z)), min(f.x, min(f.y, f.z)));
@@ -154,7 +156,7 @@ fn inverse_of(ray: Prepared) -> vec3<f32> {
 
 // Entry and exit of the padded box; met if x <= y.
 fn slab(ray: Prepared, inverse: vec3<f32>, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
-    let negative = (bitcast<vec3<u32>>(inverse) >> vec3<u32>(31u)) == vec3<u32>(1u);
+    let negative = are_negative(inverse);
     let near = select(low, high, negative);
     let far = select(high, low, negative);
     let n = vec3<f32>(

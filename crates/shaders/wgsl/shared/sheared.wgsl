@@ -35,6 +35,11 @@ fn solve(u: f32, v: f32, w: f32, az: f32, bz: f32, cz: f32) -> Candidate {
     return Candidate(t, v, w, det);
 }
 
+// Between its nearest and its farthest corner a triangle is met, if at all: less and more the padding. Anywhere, from beyond 2^80.
+fn span_of_depths(ray: Prepared, a: f32, b: f32, c: f32) -> vec2<f32> {
+    return vec2<f32>(sub(min(a, min(b, c)), ray.pad), add(max(a, max(b, c)), ray.pad));
+}
+
 // A triangle's sheared corners, and its edge functions.
 struct Edges { a: Sheared, b: Sheared, c: Sheared, u: f32, v: f32, w: f32 }
 

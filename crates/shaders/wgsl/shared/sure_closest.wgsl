@@ -27,14 +27,8 @@ fn see_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
     return Found(j.high, j.low, min(found.other, found.low), leaf, with_note(found.notes, found.leaf));
 }
 
-// Writes a ray's hit, or what is known for whoever settles it.
-fn keep_closest(i: u32, ray: Prepared, found: Found) -> vec4<u32> {
-    let hit = told(i, ray, found);
-    hits[i] = hit;
-    return hit;
-}
-
-fn told(i: u32, ray: Prepared, found: Found) -> vec4<u32> {
+// What is written for a ray: its hit, or what is known for whoever settles it.
+fn hit_of(i: u32, ray: Prepared, found: Found) -> vec4<u32> {
     if ray.far || was_cut_short(i) { return left_open(i, ray.t_max, TOO_MANY); }
     if found.other < NEVER && found.other <= found.bound {
         var notes = found.notes;

@@ -16,16 +16,12 @@ fn see_closest(ray: Prepared, leaf: u32, best: Found) -> Found {
     return best;
 }
 
-// Writes a ray's hit, t in the ray's own units.
-fn keep_closest(i: u32, ray: Prepared, best: Found) -> vec4<u32> {
-    var hit = MISS;
-    if !count_if_cut_short(i) && best.triangle != 0xffffffffu {
-        let t = in_ray_units(best.t, ray.exponent);
-        hit = vec4<u32>(t, bitcast<u32>(best.u), bitcast<u32>(best.v), best.triangle);
-        atomicAdd(&counts[2], 1u);
-    }
-    hits[i] = hit;
-    return hit;
+// What is written for a ray, t in the ray's own units.
+fn hit_of(i: u32, ray: Prepared, best: Found) -> vec4<u32> {
+    if count_if_cut_short(i) || best.triangle == 0xffffffffu { return MISS; }
+    atomicAdd(&counts[2], 1u);
+    let t = in_ray_units(best.t, ray.exponent);
+    return vec4<u32>(t, bitcast<u32>(best.u), bitcast<u32>(best.v), best.triangle);
 }
 
 // Every hit stands.

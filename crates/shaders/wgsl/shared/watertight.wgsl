@@ -24,10 +24,10 @@ fn signs_stand(e: Edges) -> bool {
     return least >= 7.888609052210118e-31 && sum < 0x7f000000u;
 }
 
-// Between its nearest and its farthest corner a triangle is met, if at all.
-fn span_of(ray: Prepared, e: Edges) -> vec2<f32> {
-    return vec2<f32>(sub(min(e.a.z, min(e.b.z, e.c.z)), ray.pad), add(max(e.a.z, max(e.b.z, e.c.z)), ray.pad));
-}
+fn span_of(ray: Prepared, e: Edges) -> vec2<f32> { return span_of_depths(ray, e.a.z, e.b.z, e.c.z); }
+
+// Whether a span that begins at `low` surely lies behind t_min. 2^-100: a t below that is zero.
+fn begins_within(ray: Prepared, low: f32) -> bool { return low > max(ray.t_min, 7.888609052210118e-31); }
 
 // Where the ray meets a triangle that it does not surely pass by, within its own box; infinite if nowhere.
 fn distance_to(ray: Prepared, corners: Corners, e: Edges) -> f32 {

@@ -6,8 +6,7 @@ fn see_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     if surely_passes(e) || corners.triangle == ignore { return false; }
     let span = span_of(ray, e);
     if span.x >= ray.t_max || span.y <= ray.t_min { return false; }
-    // 2^-100: a t below that is zero.
-    if signs_stand(e) && span.x > max(ray.t_min, 7.888609052210118e-31) && span.y < ray.t_max { return true; }
+    if signs_stand(e) && begins_within(ray, span.x) && span.y < ray.t_max { return true; }
     let t = distance_to(ray, corners, e);
     return t > ray.t_min && t < ray.t_max;
 }

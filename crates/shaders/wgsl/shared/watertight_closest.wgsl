@@ -18,11 +18,9 @@ fn see_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
     if surely_passes(e) { return found; }
     let span = span_of(ray, e);
     if span.x > found.high || span.y <= ray.t_min { return found; }
-    // 2^-100: a t below that is zero.
-    let begins = span.x > max(ray.t_min, 7.888609052210118e-31);
     // Corners far apart would let the search go on for long behind the hit. 8192 pads are 0.008 D.
     let is_thin = span.y - span.x < max(0.125 * span.y, 8192.0 * ray.pad);
-    if signs_stand(e) && begins && is_thin && span.y < found.low { return Found(span.x, span.y, leaf); }
+    if signs_stand(e) && begins_within(ray, span.x) && is_thin && span.y < found.low { return Found(span.x, span.y, leaf); }
     let t = distance_to(ray, corners, e);
     if !(t > ray.t_min && t < ray.t_max) || t > found.high { return found; }
     if found.leaf == NO_LEAF || t < found.low { return Found(t, t, leaf); }
@@ -36,20 +34,16 @@ fn earlier(t: f32, leaf: u32, other_t: f32, other: u32) -> Found {
     return Found(other_t, other_t, other);
 }
 
-// Writes a ray's hit, t in the ray's own units.
-fn keep_closest(i: u32, ray: Prepared, found: Found) -> vec4<u32> {
-    var hit = MISS;
-    if !count_if_cut_short(i) && found.leaf != NO_LEAF {
-        let corners = corners_of(found.leaf);
-        let c = crossing(edges_of(ray, corners));
-        let by = divisor(c.det);
-        let t = within_own(ray, corners, divide_by(c.t, by));
-        let weights = vec2<f32>(divide_by(c.v, by), divide_by(c.w, by));
-        hit = vec4<u32>(in_ray_units(t, ray.exponent), bitcast<vec2<u32>>(weights), corners.triangle);
-        atomicAdd(&counts[2], 1u);
-    }
-    hits[i] = hit;
-    return hit;
+// What is written for a ray, t in the ray's own units.
+fn hit_of(i: u32, ray: Prepared, found: Found) -> vec4<u32> {
+    if count_if_cut_short(i) || found.leaf == NO_LEAF { return MISS; }
+    atomicAdd(&counts[2], 1u);
+    let corners = corners_of(found.leaf);
+    let c = crossing(edges_of(ray, corners));
+    let by = divisor(c.det);
+    let t = within_own(ray, corners, divide_by(c.t, by));
+    let weights = vec2<f32>(divide_by(c.v, by), divide_by(c.w, by));
+    return vec4<u32>(in_ray_units(t, ray.exponent), bitcast<vec2<u32>>(weights), corners.triangle);
 }
 
 // Every hit stands.
