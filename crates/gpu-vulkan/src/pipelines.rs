@@ -132,9 +132,18 @@ fn compile(
         .stage(vk::ShaderStageFlags::COMPUTE)
         .module(module)
         .name(&name);
-    let info = vk::ComputePipelineCreateInfo::default()
+    let trust = vk::PipelineRobustnessBufferBehaviorEXT::DISABLED;
+    let mut robustness = vk::PipelineRobustnessCreateInfoEXT::default()
+        .storage_buffers(trust)
+        .uniform_buffers(trust)
+        .vertex_inputs(trust)
+        .images(vk::PipelineRobustnessImageBehaviorEXT::DISABLED);
+    let mut info = vk::ComputePipelineCreateInfo::default()
         .stage(stage)
         .layout(layout);
+    if gpu.trusts_kernels {
+        info = info.push_next(&mut robustness);
+    }
     let cache = vk::PipelineCache::null();
     // SAFETY: module and layout belong to the device; all pointers outlive the call. Pipelines do
     // not need their module once made.
