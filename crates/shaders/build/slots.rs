@@ -21,7 +21,7 @@ pub(crate) const SLOTS: &[Slot] = &[
             Value {
                 name: "moller_trumbore",
                 faces: &[
-                    ("test", &["near", "textbook", "moller_trumbore"]),
+                    ("test", &["near", "record", "textbook", "moller_trumbore"]),
                     ("bind", &[]),
                     ("open", &[]),
                     ("closest", &["cut_closest", "textbook_closest"]),
@@ -43,7 +43,10 @@ pub(crate) const SLOTS: &[Slot] = &[
             Value {
                 name: "watertight",
                 faces: &[
-                    ("test", &["near", "sheared", "own_box", "watertight"]),
+                    (
+                        "test",
+                        &["near", "record", "sheared", "own_box", "watertight"],
+                    ),
                     ("bind", &[]),
                     ("open", &[]),
                     ("closest", &["cut_closest", "watertight_closest"]),
@@ -57,6 +60,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                     (
                         "test",
                         &[
+                            "record",
                             "sheared",
                             "own_box",
                             "view",
@@ -74,6 +78,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                     (
                         "settle",
                         &[
+                            "record",
                             "sheared",
                             "own_box",
                             "view",
@@ -92,6 +97,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                     (
                         "finish",
                         &[
+                            "record",
                             "sheared",
                             "own_box",
                             "view",

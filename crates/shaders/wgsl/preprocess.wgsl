@@ -25,7 +25,7 @@ fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     let a = scaled_point(given_a);
     let b = scaled_point(given_b);
     let c = scaled_point(given_c);
-    let record = record_of(triangle, node, a, b, c);
+    let record = record_of(triangle, a, b, c);
     keep_index(leaf, triangle);
     records[3u * leaf] = record.first;
     records[3u * leaf + 1u] = record.second;

@@ -14,7 +14,7 @@ fn set_line_asked(i: u32) { set_line_along(way_to_light(hits[i], eye())); }
 
 // Whether the way from a candidate to the light is blocked, as its note will say.
 fn seek_shadow(i: u32, note: u32, local: u32, round: u32) {
-    let hit = reported(ray_of(i), corners_of(blocked[note_at(note)]));
+    let hit = reported(ray_of(i), blocked[note_at(note)]);
     let sought = seek_along(way_to_light(hit, eye()), hit.w, local);
     let whole = all_loops_turn(local, round);
     if whole && local == 0u { blocked[shadow_of(note)] = known(sought); }

@@ -9,15 +9,25 @@ fn descend_closest(ray: Prepared, at: u32, best: f32) -> Descent {
     let l1 = nodes[row + 1u];
     let r0 = nodes[row + 2u];
     let r1 = nodes[row + 3u];
-    let l = loose_slab(ray, bitcast<vec3<f32>>(l0.xyz), bitcast<vec3<f32>>(l1.xyz));
-    let r = loose_slab(ray, bitcast<vec3<f32>>(r0.xyz), bitcast<vec3<f32>>(r1.xyz));
-    let meets_l = l.x <= l.y && l.x <= best && l.y >= ray.t_min;
-    let meets_r = r.x <= r.y && r.x <= best && r.y >= ray.t_min;
+    let l = stretch(ray, l0, l1, best);
+    let r = stretch(ray, r0, r1, best);
+    let meets_l = l.x <= l.y;
+    let meets_r = r.x <= r.y;
     if meets_l && meets_r {
         let right_first = r.x < l.x;
         return Descent(select(l0.w, r0.w, right_first), select(r0.w, l0.w, right_first));
     }
     return Descent(select(select(NONE, r0.w, meets_r), l0.w, meets_l), NONE);
+}
+
+// Goes a node down; the farther child waits, if both are met.
+fn go_down(ray: Prepared, at: u32, best: f32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
+    let found = descend_closest(ray, at, best);
+    if found.later != NONE {
+        (*stack)[*depth] = found.later;
+        *depth += 1u;
+    }
+    return found.next;
 }
 
 // One loop, each turn of which takes two nodes and a triangle at most. Turns of one kind of work
@@ -30,13 +40,9 @@ fn find_closest(ray: Prepared) -> Found {
     let root = loose_slab(ray, bitcast<vec3<f32>>(nodes[0].xyz), bitcast<vec3<f32>>(nodes[1].xyz));
     if !(root.x <= root.y) || root.x > limit(best) || root.y < ray.t_min { return best; }
     loop {
-        for (var i = 0u; i < 2u && (at & LEAF) == 0u; i += 1u) {
-            let found = descend_closest(ray, at, limit(best));
-            at = found.next;
-            if found.later != NONE {
-                stack[depth] = found.later;
-                depth += 1u;
-            }
+        if (at & LEAF) == 0u {
+            at = go_down(ray, at, limit(best), &stack, &depth);
+            if (at & LEAF) == 0u { at = go_down(ray, at, limit(best), &stack, &depth); }
         }
         if (at & LEAF) != 0u {
             if at != NONE {

@@ -63,15 +63,16 @@ fn loose_span(s: Seen, z: vec3<f32>, det: f32, doubt: f32) -> vec2<f32> {
 }
 
 // What is written for a triangle that is hit: t as the watertight test has it, clamped to the box and t_min, weights to [0, 1].
-fn reported(ray: Prepared, corners: Corners) -> vec4<u32> {
+fn reported(ray: Prepared, leaf: u32) -> vec4<u32> {
+    let corners = turned_corners(ray, leaf);
     let c = crossing(edges_of(ray, corners));
     let by = divisor(c.det);
     let t = reported_distance(ray, corners, divide_by(c.t, by));
     return vec4<u32>(in_ray_units(t, ray.exponent), weight(divide_by(c.v, by)), weight(divide_by(c.w, by)), corners.triangle);
 }
 
-fn reported_distance(ray: Prepared, k: Corners, t: f32) -> f32 {
-    let own = own_box(k);
+fn reported_distance(ray: Prepared, k: Turned, t: f32) -> f32 {
+    let own = own_box(ray, k);
     if t > ray.t_min && loose_within(ray, own, t) { return flushed(t); }
     let span = own_span(ray, own);
     let entry = max(span.x, ray.t_min);

@@ -45,7 +45,7 @@ fn finish_closest(place: u32, i: u32, ray: Prepared) -> bool {
     if !walk_on(place, ray, bitcast<f32>(hits[i].x)) { return false; }
     var hit = MISS;
     if first_leaf != NO_LEAF {
-        if ray.far { hit = vec4<u32>(rounded_t(first), 0u, 0u, first_triangle); } else { hit = reported(ray, corners_of(first_leaf)); }
+        if ray.far { hit = vec4<u32>(rounded_t(first), 0u, 0u, first_triangle); } else { hit = reported(ray, first_leaf); }
     }
     if !loops_turn(place_at(place) + TURNS) { return false; }
     hits[i] = hit;

@@ -38,7 +38,7 @@ fn stand(local: u32, leaf: u32, triangle: u32) -> bool {
     let a = scaled_point(given.a);
     let b = scaled_point(given.b);
     let c = scaled_point(given.c);
-    let record = record_of(triangle, 0u, a, b, c);
+    let record = record_of(triangle, a, b, c);
     records[3u * leaf] = record.first;
     records[3u * leaf + 1u] = record.second;
     records[3u * leaf + 2u] = record.third;

@@ -3,19 +3,16 @@
 
 // Where the ray meets the leaf's triangle within its own box.
 fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
-    let first = records[3u * leaf];
-    let v0 = bitcast<vec3<f32>>(first.xyz);
-    let v1 = bitcast<vec3<f32>>(records[3u * leaf + 1u].xyz);
-    let v2 = bitcast<vec3<f32>>(records[3u * leaf + 2u].xyz);
-    let e1 = v1 - v0;
-    let e2 = v2 - v0;
+    let k = corners_of(leaf);
+    let e1 = k.b - k.a;
+    let e2 = k.c - k.a;
     let p = cross(ray.direction, e2);
     let inverse = 1.0 / dot(e1, p);
-    let s = ray.origin - v0;
+    let s = ray.origin - k.a;
     let u = dot(s, p) * inverse;
     let q = cross(s, e1);
     let v = dot(ray.direction, q) * inverse;
     // A determinant of zero makes u or v infinite or not a number: no hit.
     if !(u >= 0.0 && v >= 0.0 && u + v <= 1.0) { return NO_MEETING; }
-    return within_box(ray, v0, v1, v2, dot(e2, q) * inverse, u, v, first.w);
+    return within_box(ray, k.a, k.b, k.c, dot(e2, q) * inverse, u, v, k.triangle);
 }

@@ -5,7 +5,14 @@ fn inverse_for(ray: Prepared) -> vec3<f32> { return 1.0 / pushed_from_zero(ray.d
 
 struct Box { low: vec3<f32>, high: vec3<f32> }
 
-fn own_box(k: Corners) -> Box { return Box(min(min(k.a, k.b), k.c), max(max(k.a, k.b), k.c)); }
+fn own_box(ray: Prepared, k: Turned) -> Box {
+    let low = vec3<f32>(least_of(k.x), least_of(k.y), least_of(k.z));
+    let high = vec3<f32>(most_of(k.x), most_of(k.y), most_of(k.z));
+    return Box(unpermute(low, ray.axis), unpermute(high, ray.axis));
+}
+
+fn least_of(v: vec3<f32>) -> f32 { return min(min(v.x, v.y), v.z); }
+fn most_of(v: vec3<f32>) -> f32 { return max(max(v.x, v.y), v.z); }
 
 // Whether t surely lies within a padded box, so that slab need not be asked.
 fn loose_within(ray: Prepared, own: Box, t: f32) -> bool {
@@ -20,8 +27,8 @@ fn loose_within(ray: Prepared, own: Box, t: f32) -> bool {
 fn own_span(ray: Prepared, own: Box) -> vec2<f32> { return slab(ray, inverse_of(ray), own.low, own.high); }
 
 // t within a triangle's own box, so that no tree can change it; infinite if the ray passes by that.
-fn within_own(ray: Prepared, k: Corners, t: f32) -> f32 {
-    let own = own_box(k);
+fn within_own(ray: Prepared, k: Turned, t: f32) -> f32 {
+    let own = own_box(ray, k);
     if loose_within(ray, own, t) { return flushed(t); }
     let span = own_span(ray, own);
     if !(span.x <= span.y) { return bitcast<f32>(0x7f800000u | params.zero); }

@@ -9,11 +9,14 @@ struct Prepared {
     inverse: vec3<f32>,
     // Boxes are padded by slack * |1 / d|: 17 * 2^-24 * D.
     slack: f32,
-    // What near and far planes times the inverse need added, for loose_slab.
+    // What near and far planes times the inverse need added, for loose_planes.
     to_near: vec3<f32>,
     to_far: vec3<f32>,
     // The axis of the largest |d|, and the shear along it.
     axis: u32,
+    // The axes in the order (kx, ky, kz), and the origin in that order.
+    rows: vec3<u32>,
+    start: vec3<f32>,
     shear_x: f32,
     shear_y: f32,
     shear_z: f32,
@@ -28,6 +31,11 @@ struct Prepared {
 // To (kx, ky, kz) order, kz being the axis.
 fn permute(v: vec3<f32>, axis: u32) -> vec3<f32> {
     return select(select(v.yzx, v.zxy, axis == 1u), v, axis == 2u);
+}
+
+// The axes in that order.
+fn rows_along(axis: u32) -> vec3<u32> {
+    return select(select(vec3<u32>(1u, 2u, 0u), vec3<u32>(2u, 0u, 1u), axis == 1u), vec3<u32>(0u, 1u, 2u), axis == 2u);
 }
 
 // And back.
@@ -76,6 +84,8 @@ fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u
     ray.origin = origin;
     ray.direction = d;
     ray.axis = axis;
+    ray.rows = rows_along(axis);
+    ray.start = permute(origin, axis);
     let by = divisor(k.z);
     ray.shear_x = slope(k.x, by);
     ray.shear_y = slope(k.y, by);
@@ -96,7 +106,7 @@ fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u
     return loosely(ray, reach);
 }
 
-// Adds what loose_slab needs: see "Inner boxes" in ARCHITECTURE.md.
+// Adds what loose_planes needs: see "Inner boxes" in ARCHITECTURE.md.
 fn loosely(given: Prepared, reach: f32) -> Prepared {
     var ray = given;
     // 32 * 2^-24 * D and 4 * 2^-24 * |o|; from beyond 2^80, D was cut and |o| has to do.
@@ -128,12 +138,21 @@ fn component(bits: u32, e: i32) -> f32 {
 
 fn are_negative(v: vec3<f32>) -> vec3<bool> { return (bitcast<vec3<u32>>(v) >> vec3<u32>(31u)) == vec3<u32>(1u); }
 
+// Where a ray enters and leaves a box along each axis.
+struct Planes { near: vec3<f32>, far: vec3<f32> }
+
 // Entry no later and exit no earlier than slab finds for any box within: for nodes, which decide no
 // hit. The driver may fuse these operations as it likes.
-fn loose_slab(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
+fn loose_planes(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> Planes {
     let negative = are_negative(ray.inverse);
-    let n = select(low, high, negative) * ray.inverse + ray.to_near;
-    let f = select(high, low, negative) * ray.inverse + ray.to_far;
+    let near = select(low, high, negative) * ray.inverse + ray.to_near;
+    return Planes(near, select(high, low, negative) * ray.inverse + ray.to_far);
+}
+
+fn loose_slab(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
+    let planes = loose_planes(ray, low, high);
+    let n = planes.near;
+    let f = planes.far;
     return vec2<f32>(max(n.x, max(n.y, n.z)), min(f.x, min(f.y, f.z)));
 }
 

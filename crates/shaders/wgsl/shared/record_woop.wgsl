@@ -11,7 +11,7 @@ fn row(vector: vec3<f32>, corner: vec3<f32>) -> vec4<u32> {
     return bitcast<vec4<u32>>(vec4<f32>(vector, -dot(vector, corner)));
 }
 
-fn record_of(triangle: u32, node: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> Record {
+fn record_of(triangle: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> Record {
     let e1 = b - a;
     let e2 = c - a;
     let normal = cross(e1, e2);

@@ -3,21 +3,23 @@
 // A hit at t / det with weights v / det and w / det, divided only where it matters.
 struct Candidate { t: f32, v: f32, w: f32, det: f32 }
 
-struct Corners { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32 }
+// A triangle's corners along a ray's axes (kx, ky, kz), the coordinates of all three along one axis together.
+struct Turned { x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, triangle: u32 }
 
 // x, y, the depth, and the distance along the axis that it comes from.
 struct Sheared { x: f32, y: f32, z: f32, along: f32 }
 
-fn corners_of(leaf: u32) -> Corners {
-    let first = records[3u * leaf];
-    let b = bitcast<vec3<f32>>(records[3u * leaf + 1u].xyz);
-    let c = bitcast<vec3<f32>>(records[3u * leaf + 2u].xyz);
-    return Corners(bitcast<vec3<f32>>(first.xyz), b, c, first.w);
+// No selects: the record's rows are read in the ray's order.
+fn turned_corners(ray: Prepared, leaf: u32) -> Turned {
+    let x = records[3u * leaf + ray.rows.x];
+    let y = records[3u * leaf + ray.rows.y];
+    let z = records[3u * leaf + ray.rows.z];
+    return Turned(bitcast<vec3<f32>>(x.xyz), bitcast<vec3<f32>>(y.xyz), bitcast<vec3<f32>>(z.xyz), x.w);
 }
 
-fn shear(ray: Prepared, vertex: vec3<f32>) -> Sheared {
-    let a = permute(vec3<f32>(sub(vertex.x, ray.origin.x), sub(vertex.y, ray.origin.y), sub(vertex.z, ray.origin.z)), ray.axis);
-    return Sheared(sub(a.x, mul(ray.shear_x, a.z)), sub(a.y, mul(ray.shear_y, a.z)), mul(ray.shear_z, a.z), a.z);
+fn shear(ray: Prepared, x: f32, y: f32, z: f32) -> Sheared {
+    let along = sub(z, ray.start.z);
+    return Sheared(sub(sub(x, ray.start.x), mul(ray.shear_x, along)), sub(sub(y, ray.start.y), mul(ray.shear_y, along)), mul(ray.shear_z, along), along);
 }
 
 fn edge(p: Sheared, q: Sheared) -> f32 {
@@ -43,10 +45,10 @@ fn span_of_depths(ray: Prepared, a: f32, b: f32, c: f32) -> vec2<f32> {
 // A triangle's sheared corners, and its edge functions.
 struct Edges { a: Sheared, b: Sheared, c: Sheared, u: f32, v: f32, w: f32 }
 
-fn edges_of(ray: Prepared, corners: Corners) -> Edges {
-    let a = shear(ray, corners.a);
-    let b = shear(ray, corners.b);
-    let c = shear(ray, corners.c);
+fn edges_of(ray: Prepared, k: Turned) -> Edges {
+    let a = shear(ray, k.x.x, k.y.x, k.z.x);
+    let b = shear(ray, k.x.y, k.y.y, k.z.y);
+    let c = shear(ray, k.x.z, k.y.z, k.z.z);
     return Edges(a, b, c, edge(c, b), edge(a, c), edge(b, a));
 }
 

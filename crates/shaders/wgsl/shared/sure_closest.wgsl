@@ -37,7 +37,7 @@ fn hit_of(i: u32, ray: Prepared, found: Found) -> vec4<u32> {
     }
     if found.leaf == NO_LEAF { return MISS; }
     atomicAdd(&counts[2], 1u);
-    return reported(ray, corners_of(found.leaf));
+    return reported(ray, found.leaf);
 }
 
 // Lists a ray. Nothing beyond `bound` is sought.

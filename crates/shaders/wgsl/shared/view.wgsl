@@ -49,8 +49,8 @@ fn loose_doubt(wide: vec2<f32>, most: vec2<f32>) -> f32 {
     return 2.0 * (r.x * (wide.y + r.y) + r.y * wide.x);
 }
 
-fn least_of(s: Seen) -> f32 { return min(s.u, min(s.v, s.w)); }
-fn most_of(s: Seen) -> f32 { return max(s.u, max(s.v, s.w)); }
+fn least_edge(s: Seen) -> f32 { return min(s.u, min(s.v, s.w)); }
+fn most_edge(s: Seen) -> f32 { return max(s.u, max(s.v, s.w)); }
 
-fn surely_out(s: Seen, doubt: f32) -> bool { return least_of(s) < -doubt && most_of(s) > doubt; }
-fn surely_in(s: Seen, doubt: f32) -> bool { return least_of(s) > doubt || most_of(s) < -doubt; }
+fn surely_out(s: Seen, doubt: f32) -> bool { return least_edge(s) < -doubt && most_edge(s) > doubt; }
+fn surely_in(s: Seen, doubt: f32) -> bool { return least_edge(s) > doubt || most_edge(s) < -doubt; }

@@ -30,7 +30,7 @@ fn span_of(ray: Prepared, e: Edges) -> vec2<f32> { return span_of_depths(ray, e.
 fn begins_within(ray: Prepared, low: f32) -> bool { return low > max(ray.t_min, 7.888609052210118e-31); }
 
 // Where the ray meets a triangle that it does not surely pass by, within its own box; infinite if nowhere.
-fn distance_to(ray: Prepared, corners: Corners, e: Edges) -> f32 {
+fn distance_to(ray: Prepared, corners: Turned, e: Edges) -> f32 {
     if !signs_stand(e) {
         let side = edge_sign(e.u, e.c, e.b);
         if side == 0 || side != edge_sign(e.v, e.a, e.c) || side != edge_sign(e.w, e.b, e.a) { return bitcast<f32>(0x7f800000u | params.zero); }

@@ -1,7 +1,7 @@
 // Whether the watertight test meets a leaf's triangle.
 
 fn see_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
-    let corners = corners_of(leaf);
+    let corners = turned_corners(ray, leaf);
     let e = edges_of(ray, corners);
     if surely_passes(e) || corners.triangle == ignore { return false; }
     let span = span_of(ray, e);

@@ -13,7 +13,7 @@ fn limit(found: Found) -> f32 { return found.high; }
 
 // Keeps the leaf's triangle if it is the least by t, then by index.
 fn see_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
-    let corners = corners_of(leaf);
+    let corners = turned_corners(ray, leaf);
     let e = edges_of(ray, corners);
     if surely_passes(e) { return found; }
     let span = span_of(ray, e);
@@ -24,7 +24,7 @@ fn see_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
     let t = distance_to(ray, corners, e);
     if !(t > ray.t_min && t < ray.t_max) || t > found.high { return found; }
     if found.leaf == NO_LEAF || t < found.low { return Found(t, t, leaf); }
-    let others = corners_of(found.leaf);
+    let others = turned_corners(ray, found.leaf);
     return earlier(t, leaf, distance_to(ray, others, edges_of(ray, others)), found.leaf);
 }
 
@@ -38,7 +38,7 @@ fn earlier(t: f32, leaf: u32, other_t: f32, other: u32) -> Found {
 fn hit_of(i: u32, ray: Prepared, found: Found) -> vec4<u32> {
     if count_if_cut_short(i) || found.leaf == NO_LEAF { return MISS; }
     atomicAdd(&counts[2], 1u);
-    let corners = corners_of(found.leaf);
+    let corners = turned_corners(ray, found.leaf);
     let c = crossing(edges_of(ray, corners));
     let by = divisor(c.det);
     let t = within_own(ray, corners, divide_by(c.t, by));
