@@ -55,6 +55,11 @@ impl Toolroom {
         self.work(|tools| tools.build_for_all(animation, samples, first, &Cancel::new()))
     }
 
+    /// See [`Workbench::practise`]. The caller waits.
+    pub(crate) fn practise(&self, animation: &Animation, pose: Pose) -> Result<(), BuildFailed> {
+        self.work(|tools| tools.practise(animation, pose, &Cancel::new()))
+    }
+
     /// See [`Workbench::build_better`]. The caller waits.
     pub(crate) fn do_job(
         &self,

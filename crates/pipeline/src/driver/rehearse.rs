@@ -2,6 +2,7 @@
 
 use super::Driver;
 use crate::options::PipelineError;
+use crate::schedule::{Pace, Update};
 use backend::{FRAMES_IN_FLIGHT, FrameReport, Query};
 use std::collections::VecDeque;
 
@@ -11,7 +12,8 @@ impl Driver {
     /// never waits for the host.
     ///
     /// No tree ages, no time goes on, nobody is asked for a tree: the frames to come are what they would have been.
-    /// (A build in flight goes on meanwhile; there is none yet after the first frame.)
+    /// (A build in flight goes on meanwhile; there is none yet after the first frame.) A builder that runs free first
+    /// makes a tree in practice, so that those to come find their memory: see [`crate::Workbench::practise`].
     ///
     /// # Errors
     /// The backend's.
@@ -23,7 +25,17 @@ impl Driver {
         query: Query<'_>,
         again: impl FnMut(&FrameReport) -> bool,
     ) -> Result<(), PipelineError> {
+        self.practise();
         self.over_and_over(|driver| Ok(driver.backend.trace(query)?), again)
+    }
+
+    /// Has the builder practise, if one is to run free and has nothing to do.
+    fn practise(&self) {
+        let runs_free = self.options.update == Update::Async(Pace::Free);
+        if let Some(pose) = self.pose.filter(|_| runs_free && self.flight.is_none()) {
+            // Nothing comes of it either way; the first tree that counts will tell what is wrong.
+            let _ = self.toolroom.practise(&self.animation, pose);
+        }
     }
 
     /// Likewise, with all that comes before the rays: the last frame as a whole, with the tree that it had. Where the

@@ -140,6 +140,35 @@ fn a_tree_is_made_of_groups_of_the_last_one_until_trees_hold() {
 }
 
 #[test]
+fn practice_changes_no_tree_to_come_and_finds_its_memory() {
+    let (a, cancel) = (clumps(), Cancel::new());
+    let forms = Forms {
+        treelets: true,
+        blocks: false,
+    };
+    let next = |practises: bool| {
+        let mut bench = Workbench::with_forms(forms);
+        bench.practise(&a, a.pose(0.0), &cancel).unwrap();
+        assert!(bench.spare.is_empty(), "there is no tree to begin with");
+        bench.build(&a, &a.keys()[0], &cancel).unwrap();
+        if practises {
+            bench.practise(&a, a.pose(2.0), &cancel).unwrap();
+            assert!(!bench.spare.is_empty());
+        }
+        let vertices = Vertices::KeyFrames(a.pose(1.0));
+        let made = bench.build_better(&a, (vertices, None), Some(a.pose(1.0)), &cancel);
+        tree(made.unwrap()).unwrap()
+    };
+    let [plain, practised] = [false, true].map(next);
+    assert_eq!(plain.topology.words(), practised.topology.words());
+    assert_eq!(plain.manner, Manner::Groups);
+    assert_eq!(
+        (plain.cost, plain.manner, plain.next),
+        (practised.cost, practised.manner, practised.next)
+    );
+}
+
+#[test]
 fn where_trees_fade_the_next_is_built_for_both_halves_of_its_use() {
     let mut course = Course::new();
     course.next(1.0);
