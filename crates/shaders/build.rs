@@ -19,7 +19,7 @@ use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use std::fmt::Write;
 use std::path::Path;
-use stitch::{Arithmetic, Filling, Loops, Source};
+use stitch::{Arithmetic, Filling, Form, Loops, Rests, Source};
 
 fn main() -> Result<()> {
     println!("cargo::rerun-if-changed=wgsl");
@@ -57,12 +57,17 @@ fn compile_variant(source: &Source, filling: &Filling) -> Result<String> {
     let values = filling.iter().map(|(_, value)| value.name);
     let name: Vec<_> = [source.stem.as_str()].into_iter().chain(values).collect();
     let name = name.join(".");
-    let (code, module) = code(source, filling, Loops::Whole).with_context(|| name.clone())?;
-    let mut bounded = "None".to_owned();
-    if source.has_loops() {
-        let (code, _) = self::code(source, filling, Loops::Bounded)?;
-        bounded = format!("Some({code})");
-    }
+    let usual = (Loops::Whole, Rests::Halves);
+    let (code, module) = code(source, filling, usual).with_context(|| name.clone())?;
+    let other = |form, wanted: bool| -> Result<String> {
+        if !wanted {
+            return Ok("None".to_owned());
+        }
+        let (code, _) = self::code(source, filling, form)?;
+        Ok(format!("Some({code})"))
+    };
+    let bounded = other((Loops::Bounded, Rests::Halves), source.has_loops())?;
+    let fused = other((Loops::Whole, Rests::Fused), source.searches())?;
     let entry = &source.stem;
     let workgroup = reflect::workgroup(&module, entry)?;
     let shared = reflect::shared_bytes(&module);
@@ -73,17 +78,17 @@ fn compile_variant(source: &Source, filling: &Filling) -> Result<String> {
     writeln!(
         text,
         "Kernel {{ name: {name:?}, entry: {entry:?}, slots: &{slots:?}, code: {code}, \
-         bounded: {bounded}, workgroup: {workgroup:?}, \
+         bounded: {bounded}, fused: {fused}, workgroup: {workgroup:?}, \
          shared_bytes: {shared}, bindings: &[{bindings}] }},"
     )?;
     Ok(text)
 }
 
 /// WGSL and SPIR-V as a Rust expression, and the module.
-fn code(source: &Source, filling: &Filling, loops: Loops) -> Result<(String, naga::Module)> {
-    let opaque = source.stitch(filling, Arithmetic::Opaque, loops)?;
+fn code(source: &Source, filling: &Filling, form: Form) -> Result<(String, naga::Module)> {
+    let opaque = source.stitch(filling, Arithmetic::Opaque, form)?;
     parse(&opaque, Capabilities::empty())?;
-    let plain = source.stitch(filling, Arithmetic::Plain, loops)?;
+    let plain = source.stitch(filling, Arithmetic::Plain, form)?;
     let (module, info) = parse(&plain, Capabilities::empty())?;
     let words = spv::write_vec(&module, &info, &options((1, 3)), None)?;
     let spirv = harden::harden(&words)?;

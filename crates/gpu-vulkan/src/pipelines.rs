@@ -4,14 +4,14 @@ use crate::device::{Gpu, one_at_a_time};
 use crate::errors::{failed, refused};
 use ash::vk;
 use backend::{Method, Result};
-use shaders::{KERNELS, Kernel, Kind};
+use shaders::{KERNELS, Kernel, Kind, Traits};
 use std::sync::Arc;
 
 /// Kernels ready to be bound: those that all methods share, and those of every method loaded so far.
 pub(crate) struct Pipelines {
     made: Vec<Pipeline>,
-    /// Whether kernels must not trust their loops; known once the first of them has run.
-    pub(crate) loops_may_end: bool,
+    /// Which forms of kernels the device takes; known once the first of them has run.
+    pub(crate) traits: Traits,
 }
 
 pub(crate) struct Pipeline {
@@ -57,7 +57,7 @@ impl Pipelines {
         let _door = one_at_a_time();
         for kernel in KERNELS.iter().filter(|k| wanted(k)) {
             if self.find(kernel).is_none() {
-                let code = kernel.code_for(self.loops_may_end);
+                let code = kernel.code_for(self.traits);
                 self.made.push(Pipeline::new(gpu, kernel, code.spirv)?);
             }
         }
@@ -78,7 +78,7 @@ impl From<Vec<Pipeline>> for Pipelines {
     fn from(made: Vec<Pipeline>) -> Self {
         Self {
             made,
-            loops_may_end: false,
+            traits: Traits::default(),
         }
     }
 }

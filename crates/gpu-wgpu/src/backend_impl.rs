@@ -92,7 +92,7 @@ impl WgpuBackend {
         let mut pipelines = Pipelines::new(&gpu, modules)?;
         let mut window = Window::default();
         let found = selftest::run(&gpu, &pipelines, &mut window)?;
-        pipelines.loops_may_end = found.loop_turns.is_some();
+        pipelines.traits = found.traits();
         Ok(Self {
             device: Device {
                 backend: "wgpu",

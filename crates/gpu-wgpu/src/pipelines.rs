@@ -3,7 +3,7 @@
 use crate::device::Gpu;
 use crate::modules::Modules;
 use backend::{Method, Result};
-use shaders::{Binding, KERNELS, Kernel, Kind, Params};
+use shaders::{Binding, KERNELS, Kernel, Kind, Params, Traits};
 use std::num::NonZeroU64;
 use wgpu::{BindGroupLayout, BufferBindingType, ComputePipeline, ShaderModule};
 
@@ -11,8 +11,8 @@ use wgpu::{BindGroupLayout, BufferBindingType, ComputePipeline, ShaderModule};
 pub(crate) struct Pipelines {
     made: Vec<Pipeline>,
     modules: Modules,
-    /// Whether kernels must not trust their loops; known once the first of them has run.
-    pub(crate) loops_may_end: bool,
+    /// Which forms of kernels the device takes; known once the first of them has run.
+    pub(crate) traits: Traits,
 }
 
 pub(crate) struct Pipeline {
@@ -27,7 +27,7 @@ impl Pipelines {
         let mut pipelines = Self {
             made: Vec::new(),
             modules,
-            loops_may_end: false,
+            traits: Traits::default(),
         };
         pipelines.make(gpu, |k| k.slots.is_empty() && !k.makes_trees())?;
         Ok(pipelines)
@@ -46,7 +46,7 @@ impl Pipelines {
     fn make(&mut self, gpu: &Gpu, wanted: impl Fn(&Kernel) -> bool) -> Result<()> {
         for kernel in KERNELS.iter().filter(|k| wanted(k)) {
             if self.find(kernel).is_none() {
-                let code = kernel.code_for(self.loops_may_end);
+                let code = kernel.code_for(self.traits);
                 let module = self.modules.load(gpu, kernel, code)?;
                 self.made.push(Pipeline::new(gpu, kernel, &module)?);
             }

@@ -23,6 +23,15 @@ pub(crate) enum Loops {
     Bounded,
 }
 
+/// How what a quotient leaves is found.
+#[derive(Clone, Copy)]
+pub(crate) enum Rests {
+    /// By products of halves.
+    Halves,
+    /// By a fused product and sum.
+    Fused,
+}
+
 /// A kernel's file, its slots not yet filled.
 pub(crate) struct Source {
     /// The file's stem, which is the entry point's name.
@@ -30,6 +39,9 @@ pub(crate) struct Source {
     uses: String,
     body: String,
 }
+
+/// What a kernel makes of a device.
+pub(crate) type Form = (Loops, Rests);
 
 /// The slots of a kernel, each with what fills it.
 pub(crate) type Filling = Vec<(&'static Slot, &'static Value)>;
@@ -90,12 +102,19 @@ impl Source {
         self.uses.split_whitespace().any(|word| word == "loops")
     }
 
+    /// Whether it goes down a tree for each of many rays.
+    pub(crate) fn searches(&self) -> bool {
+        self.uses
+            .split_whitespace()
+            .any(|word| word.starts_with("stretch_"))
+    }
+
     /// The whole text.
     pub(crate) fn stitch(
         &self,
         filling: &Filling,
         arithmetic: Arithmetic,
-        loops: Loops,
+        form: Form,
     ) -> Result<String> {
         let mut source = String::new();
         for word in self.uses.split_whitespace() {
@@ -104,7 +123,7 @@ impl Source {
                 None => std::slice::from_ref(&word),
             };
             for part in parts {
-                append(&mut source, part, arithmetic, loops)?;
+                append(&mut source, part, arithmetic, form)?;
             }
         }
         Ok(number_bindings(&(source + &self.body)))
@@ -130,12 +149,21 @@ fn filler(filling: &Filling, (name, face): (&str, &str)) -> Option<&'static [&'s
     value.face(face)
 }
 
-fn append(source: &mut String, part: &str, arithmetic: Arithmetic, loops: Loops) -> Result<()> {
-    let part = match (part, arithmetic, loops) {
-        ("ieee", Arithmetic::Plain, _) => "ieee_plain",
-        ("ieee", Arithmetic::Opaque, _) => "ieee_opaque",
-        ("loops", _, Loops::Whole) => "loops_whole",
-        ("loops", _, Loops::Bounded) => "loops_bounded",
+fn append(source: &mut String, part: &str, arithmetic: Arithmetic, form: Form) -> Result<()> {
+    let (loops, rests) = form;
+    let part = match part {
+        "ieee" => match arithmetic {
+            Arithmetic::Plain => "ieee_plain",
+            Arithmetic::Opaque => "ieee_opaque",
+        },
+        "loops" => match loops {
+            Loops::Whole => "loops_whole",
+            Loops::Bounded => "loops_bounded",
+        },
+        "rest" => match rests {
+            Rests::Halves => "rest_halves",
+            Rests::Fused => "rest_fused",
+        },
         _ => part,
     };
     let path = format!("wgsl/shared/{part}.wgsl");

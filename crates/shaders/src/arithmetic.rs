@@ -43,6 +43,28 @@ pub struct Findings {
     pub arithmetic: Arithmetic,
     /// After how many turns its driver ends loops, if it does.
     pub loop_turns: Option<u32>,
+    /// Whether a fused product and sum, where a kernel asks for it, is rounded once.
+    pub fuses_once: bool,
+}
+
+/// What decides which form of a kernel a device takes; before its test nobody relies on anything but single operations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traits {
+    /// See [`Findings::loop_turns`].
+    pub loops_may_end: bool,
+    /// See [`Findings::fuses_once`].
+    pub fuses_once: bool,
+}
+
+impl Findings {
+    /// Which forms of kernels the device takes.
+    #[must_use]
+    pub fn traits(&self) -> Traits {
+        Traits {
+            loops_may_end: self.loop_turns.is_some(),
+            fuses_once: self.fuses_once,
+        }
+    }
 }
 
 /// How often the loop of the test ought to turn.
@@ -90,7 +112,8 @@ pub fn operands() -> Vec<[f32; 4]> {
 /// Compares what the kernel wrote with what IEEE 754 has, and says how the device computes where it may choose.
 ///
 /// `results` holds a pair for each of `operands`: what must be right, then what the device made of a quotient and
-/// of a sum of products, and in the first place how often a loop turned.
+/// of a sum of products, in the first place how often a loop turned, and last what a fused product and sum takes for
+/// the part of `a * b` that rounding loses.
 ///
 /// # Errors
 /// The first operation that is wrong.
@@ -105,6 +128,7 @@ pub fn verify(
         "the sign of a * b - c * d",
     ];
     let mut own = Arithmetic::IEEE;
+    let mut fuses_once = !operands.is_empty();
     let turns = results.first().map_or(TURNS, |r| r[1][2]);
     for (x, [found, free]) in operands.iter().zip(results) {
         let expected = expect(*x);
@@ -119,11 +143,17 @@ pub fn verify(
         let [sum, _, quotient, _] = expected;
         own.rounds_division &= free[0] == quotient;
         own.fuses |= free[1] != sum;
+        fuses_once &= free[3] == lost_by_rounding(*x).to_bits();
     }
     Ok(Findings {
         arithmetic: own,
         loop_turns: (turns != TURNS).then_some(turns),
+        fuses_once,
     })
+}
+
+fn lost_by_rounding([a, b, ..]: [f32; 4]) -> f32 {
+    a.mul_add(b, -(a * b))
 }
 
 fn expect([a, b, c, d]: [f32; 4]) -> [u32; 4] {
@@ -160,6 +190,25 @@ mod tests {
         assert_eq!(verify(&all, &results).unwrap().loop_turns, None);
         results[0][1][2] = 65_535;
         assert_eq!(verify(&all, &results).unwrap().loop_turns, Some(65_535));
+    }
+
+    #[test]
+    fn a_device_that_rounds_what_it_fuses_once_is_known_for_it() {
+        let all = operands();
+        let with = |f: fn([f32; 4]) -> f32| {
+            let mut found = right(&all);
+            for (r, x) in found.iter_mut().zip(&all) {
+                r[1][3] = f(*x).to_bits();
+            }
+            verify(&all, &found).unwrap().traits()
+        };
+        assert!(with(lost_by_rounding).fuses_once);
+        assert!(!with(|[a, b, ..]| a * b - a * b).fuses_once);
+        let in_fewer_places = |[a, b, ..]: [f32; 4]| {
+            let lost = f64::from(a) * f64::from(b) - f64::from(a * b);
+            (lost * (1.0 + 1e-6)) as f32
+        };
+        assert!(!with(in_fewer_places).fuses_once);
     }
 
     #[test]

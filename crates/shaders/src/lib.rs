@@ -39,6 +39,7 @@ pub mod work;
 
 use backend::Method;
 
+pub use arithmetic::Traits;
 pub use method::{blocked_words, record_bytes, supports};
 pub(crate) use method::{notes, open_shadows_at, places};
 pub use moving::{MovingShape, MovingTreeletShape, moving_rows};
@@ -61,6 +62,8 @@ pub struct Kernel {
     pub code: Code,
     /// The same for devices that may end loops early ([`backend::Device::loop_turns`]), of kernels that take heed of it: to do so costs others time.
     pub bounded: Option<Code>,
+    /// The same for devices that round a fused product and sum once, of kernels that divide for each of many rays.
+    pub fused: Option<Code>,
     /// Invocations of a workgroup.
     pub workgroup: [u32; 3],
     /// Bytes that a workgroup shares.
@@ -127,11 +130,12 @@ impl Kernel {
         self.slots.iter().all(fits)
     }
 
-    /// What to load on a device whose loops may end early or not.
+    /// What to load on a device.
     #[must_use]
-    pub fn code_for(&self, loops_may_end: bool) -> Code {
-        let bounded = self.bounded.filter(|_| loops_may_end);
-        bounded.unwrap_or(self.code)
+    pub fn code_for(&self, traits: Traits) -> Code {
+        let bounded = self.bounded.filter(|_| traits.loops_may_end);
+        let fused = self.fused.filter(|_| traits.fuses_once);
+        bounded.or(fused).unwrap_or(self.code)
     }
 
     /// Whether it is of use to [`rebuild`] alone; a host makes those when it first makes a tree.

@@ -3,7 +3,7 @@
 use crate::Shape;
 use backend::BackendError;
 use bytemuck::{Pod, Zeroable};
-use geom::Camera;
+use geom::{Camera, Point};
 
 /// What changes from one dispatch to the next. See the WGSL for the meaning of each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -39,6 +39,10 @@ pub struct Params {
     pub bounded_loops: u32,
     pub places: u32,
     pub notes: u32,
+    pub scaled_eye: [f32; 3],
+    pub no_use: u32,
+    pub scaled_light: [f32; 3],
+    pub no_use_either: u32,
 }
 
 impl Params {
@@ -67,8 +71,29 @@ impl Params {
             down: camera.down,
             width: camera.width,
             height: camera.height,
+            scaled_eye: self.scaled(camera.eye),
             ..self
         }
+    }
+
+    /// The same, with a light.
+    pub(crate) fn lit(self, light: Point) -> Self {
+        Self {
+            light,
+            scaled_light: self.scaled(light),
+            ..self
+        }
+    }
+
+    /// To scaled units, as `scaled_point` in units.wgsl.
+    fn scaled(&self, point: Point) -> Point {
+        let least = (-64_f32).exp2();
+        point
+            .map(|x| x * self.scale)
+            .map(|x| match x.abs() < least {
+                true => 0.0,
+                false => x,
+            })
     }
 }
 
@@ -141,6 +166,30 @@ impl Counts {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn points_are_scaled_and_small_coordinates_are_zero() {
+        let point = [3.0e-3, f32::MIN_POSITIVE, -2.0e-39];
+        let least = (-64_f32).exp2();
+        for k in [-126, -63, 0, 40, 126] {
+            let params = Params::of(k, &Shape::default()).lit(point);
+            let exact = point.map(|x| f64::from(x) * (-f64::from(k)).exp2());
+            let snapped = exact.map(|x| {
+                if x.abs() < f64::from(least) {
+                    0.0
+                } else {
+                    x as f32
+                }
+            });
+            assert_eq!(
+                params.scaled_light.map(f32::to_bits),
+                snapped.map(f32::to_bits),
+                "{k}"
+            );
+        }
+        let none = Params::of(3, &Shape::default()).lit([f32::NAN, f32::INFINITY, 0.0]);
+        assert!(none.scaled_light[0].is_nan() && none.scaled_light[1] == f32::INFINITY);
+    }
 
     #[test]
     fn the_scale_is_a_power_of_two_for_every_exponent() {

@@ -176,7 +176,7 @@ pub fn trace(method: Method, params: Params, rays: Rays<'_>, seek: Seek) -> Trac
         Seek::Any => primary(any(method, params, rays.count())),
         Seek::Closest => primary(closest(method, params, rays)),
         Seek::ClosestAndShadow { light } => {
-            let params = Params { light, ..params };
+            let params = params.lit(light);
             match rays {
                 Rays::Given(_) => Trace {
                     primary: closest(method, params, rays),

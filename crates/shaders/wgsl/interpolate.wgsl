@@ -1,4 +1,4 @@
-//! use params ieee divide exact soft blend
+//! use params ieee rest divide exact soft blend
 // Key frames to positions, four numbers at a time; of all rows or of those in which anything moves.
 
 @group(0) @binding(1) var<storage, read> earlier: array<vec4<u32>>;

@@ -1,4 +1,4 @@
-//! use params loops ieee divide exact units ray {intersector.test} {intersector.closest} {intersector.any} {layout.nodes} stretch_ahead closest pixels camera eye seen any to_light way {intersector.way} shade is_blocked
+//! use params loops ieee rest divide exact units ray {intersector.test} {intersector.closest} {intersector.any} {layout.nodes} stretch_ahead closest pixels camera eye seen any to_light way {intersector.way} shade is_blocked
 // The closest hit of each pixel's ray, made here, and its shadow. Both in one go, which takes three quarters of the time
 // that two kernels took on some scenes: warps that are done with the one go on to the other.
 
@@ -17,12 +17,13 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
     let i = pixel.y * params.width + pixel.x;
     let direction = through_pixel(pixel);
     let origin = eye();
-    if leads_nowhere(direction, origin) {
+    let root = seen_root(origin);
+    if leads_nowhere(direction, origin, root) {
         hits[i] = MISS;
         keep_any(i, false, 3u);
         return;
     }
-    let ray = camera_ray(direction, origin);
+    let ray = camera_ray(direction, origin, root);
     let found = find_closest(ray);
     let hit = hit_of(i, ray, found);
     hits[i] = hit;

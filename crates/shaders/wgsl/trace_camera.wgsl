@@ -1,4 +1,4 @@
-//! use params loops ieee divide exact units ray {intersector.test} {intersector.bind} {intersector.open} {intersector.closest} {layout.nodes} stretch_ahead closest pixels camera eye seen
+//! use params loops ieee rest divide exact units ray {intersector.test} {intersector.bind} {intersector.open} {intersector.closest} {layout.nodes} stretch_ahead closest pixels camera eye seen
 // The closest hit of each pixel's ray, made here.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -13,10 +13,11 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
     let direction = through_pixel(pixel);
     let i = pixel.y * params.width + pixel.x;
     let origin = eye();
-    if leads_nowhere(direction, origin) {
+    let root = seen_root(origin);
+    if leads_nowhere(direction, origin, root) {
         hits[i] = MISS;
         return;
     }
-    let ray = camera_ray(direction, origin);
+    let ray = camera_ray(direction, origin, root);
     hits[i] = hit_of(i, ray, find_closest(ray));
 }

@@ -60,7 +60,7 @@ pub fn rays(params: Params, query: &Query<'_>, given: bool) -> Params {
     };
     params.count = query.rays.count() as u32;
     if let Seek::ClosestAndShadow { light } = query.seek {
-        params.light = light;
+        params = params.lit(light);
     }
     params
 }

@@ -34,14 +34,7 @@ fn divide_by(a: f32, by: Divisor) -> f32 {
     return divide_rarely(bitcast<u32>(a), bitcast<u32>(by.value));
 }
 
-// a - q * b. Products of halves are exact, and so is each difference if q is a / b but for a place or less (Dekker 1971).
-fn rest_of_division(a: f32, q: f32, by: Divisor) -> f32 {
-    let high = upper_half(q);
-    let low = sub(q, high);
-    return sub(sub(sub(sub(a, mul(high, by.high)), mul(high, by.low)), mul(low, by.high)), mul(low, by.low));
-}
-
-// Likewise where both numbers are within that range. The guess is put right once, so that the quotient is one of the two numbers
+// Where both numbers are within that range. The guess is put right once, so that the quotient is one of the two numbers
 // that a / b lies between; an exact rest tells which, for no quotient lies half way between two numbers.
 fn divide_normal(a: f32, by: Divisor) -> f32 {
     let guess = mul(a, by.inverse);

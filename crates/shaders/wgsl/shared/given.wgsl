@@ -4,9 +4,8 @@ fn given_ray(i: u32) -> Prepared {
     let a = rays[2u * i];
     let b = rays[2u * i + 1u];
     let origin = scaled_point(a.xyz);
-    let low = bitcast<vec3<f32>>(nodes[0].xyz);
-    let high = bitcast<vec3<f32>>(nodes[1].xyz);
-    return prepare(origin, b.xyz, a.w, b.w, low, high);
+    let root = root_from(origin, bitcast<vec3<f32>>(nodes[0].xyz), bitcast<vec3<f32>>(nodes[1].xyz));
+    return prepare(origin, b.xyz, a.w, b.w, root);
 }
 
 // The host marks rays that can hit nothing by a direction of zero; an origin may be too far for the scene's scale.

@@ -44,6 +44,11 @@ struct Params {
     places: u32,
     // How many notes there is room for: see notes.wgsl.
     notes: u32,
+    // The eye and the light in scaled units.
+    scaled_eye: vec3<f32>,
+    no_use: u32,
+    scaled_light: vec3<f32>,
+    no_use_either: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

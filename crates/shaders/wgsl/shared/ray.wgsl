@@ -61,20 +61,30 @@ fn slope(component: f32, by: Divisor) -> f32 {
     return select(divide_normal(component, by), zero, component == 0.0);
 }
 
-// The direction is finite and not zero. The origin and the root's corners are in scaled units; the direction and (t_min, t_max) are the ray's own, as bits.
-fn prepare(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u32, low: vec3<f32>, high: vec3<f32>) -> Prepared {
-    return prepare_shifted(origin, direction, t_min, t_max, low, high, params.scale_exponent);
+// The corners of the root's box from a ray's start, and the greatest of their coordinates: D.
+struct Root { low: vec3<f32>, high: vec3<f32>, reach: f32 }
+
+fn root_from(origin: vec3<f32>, low: vec3<f32>, high: vec3<f32>) -> Root {
+    let to_low = vec3<f32>(sub(low.x, origin.x), sub(low.y, origin.y), sub(low.z, origin.z));
+    let to_high = vec3<f32>(sub(high.x, origin.x), sub(high.y, origin.y), sub(high.z, origin.z));
+    let away = max(abs(to_low), abs(to_high));
+    return Root(to_low, to_high, max(away.x, max(away.y, away.z)));
+}
+
+// The direction is finite and not zero. The origin is in scaled units; the direction and (t_min, t_max) are the ray's own, as bits.
+fn prepare(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u32, root: Root) -> Prepared {
+    return prepare_shifted(origin, direction, t_min, t_max, root, params.scale_exponent);
 }
 
 // Likewise, with the direction in scaled units.
-fn prepare_scaled(origin: vec3<f32>, direction: vec3<f32>, low: vec3<f32>, high: vec3<f32>) -> Prepared {
-    return prepare_shifted(origin, bitcast<vec3<u32>>(direction), 0u, 0x3f800000u, low, high, 0);
+fn prepare_scaled(origin: vec3<f32>, direction: vec3<f32>, root: Root) -> Prepared {
+    return prepare_shifted(origin, bitcast<vec3<u32>>(direction), 0u, 0x3f800000u, root, 0);
 }
 
 // 2^80.
 const FARTHEST: f32 = 1.2089258196146292e24;
 
-fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u32, low: vec3<f32>, high: vec3<f32>, shift: i32) -> Prepared {
+fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u32, root: Root, shift: i32) -> Prepared {
     var ray: Prepared;
     let sizes = direction & vec3<u32>(0x7fffffffu);
     let e = parts(max(sizes.x, max(sizes.y, sizes.z))).exponent - 127;
@@ -94,10 +104,7 @@ fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u
     ray.t_min = flushed(scale_bits(t_min, ray.exponent));
     ray.t_max = flushed(scale_bits(t_max, ray.exponent));
 
-    let to_low = vec3<f32>(sub(low.x, origin.x), sub(low.y, origin.y), sub(low.z, origin.z));
-    let to_high = vec3<f32>(sub(high.x, origin.x), sub(high.y, origin.y), sub(high.z, origin.z));
-    let away = max(abs(to_low), abs(to_high));
-    let reach = max(away.x, max(away.y, away.z));
+    let reach = root.reach;
     ray.far = reach >= FARTHEST;
     // 17 * 2^-24 * D, and D is at most 2^80.
     ray.slack = mul(1.01327896118164062e-6, min(reach, FARTHEST));

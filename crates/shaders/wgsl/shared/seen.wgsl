@@ -1,32 +1,30 @@
 // A camera's rays made ready.
 
-fn camera_ray(direction: vec3<f32>, origin: vec3<f32>) -> Prepared {
-    let low = bitcast<vec3<f32>>(nodes[0].xyz);
-    let high = bitcast<vec3<f32>>(nodes[1].xyz);
-    return prepare(origin, bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, low, high);
+fn seen_root(origin: vec3<f32>) -> Root {
+    return root_from(origin, bitcast<vec3<f32>>(nodes[0].xyz), bitcast<vec3<f32>>(nodes[1].xyz));
+}
+
+fn camera_ray(direction: vec3<f32>, origin: vec3<f32>, root: Root) -> Prepared {
+    return prepare(origin, bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, root);
 }
 
 // Whether a ray's line surely passes by the root's box, before anything is made ready: see "Rays that pass by" in ARCHITECTURE.md.
-fn passes_by(d: vec3<f32>, origin: vec3<f32>) -> bool {
-    let low = bitcast<vec3<f32>>(nodes[0].xyz) - origin;
-    let high = bitcast<vec3<f32>>(nodes[1].xyz) - origin;
-    let away = max(abs(low), abs(high));
-    let reach = max(away.x, max(away.y, away.z));
-    let c = (low + high) * 0.5;
+fn passes_by(d: vec3<f32>, root: Root) -> bool {
+    let c = (root.low + root.high) * 0.5;
     // 2^-16 * D and 2^-60.
-    let h = (high - low) * 0.5 + vec3<f32>(1.52587890625e-5 * reach + 8.673617379884035e-19);
+    let h = (root.high - root.low) * 0.5 + vec3<f32>(1.52587890625e-5 * root.reach + 8.673617379884035e-19);
     let size = abs(d);
     let apart = abs(d.yzx * c.zxy - d.zxy * c.yzx);
     // 2^-100: what a device flushes is less.
     let near = size.yzx * h.zxy + size.zxy * h.yzx + vec3<f32>(7.888609052210118e-31);
     // Products beyond range tell nothing.
     let tells = apart < vec3<f32>(3.0e38);
-    return any(tells & (apart > near)) && reach < FARTHEST;
+    return any(tells & (apart > near)) && root.reach < FARTHEST;
 }
 
 // Whether a pixel's ray surely hits nothing.
-fn leads_nowhere(direction: vec3<f32>, origin: vec3<f32>) -> bool {
-    return is_void_way(direction, origin) || passes_by(direction, origin);
+fn leads_nowhere(direction: vec3<f32>, origin: vec3<f32>, root: Root) -> bool {
+    return is_void_way(direction, origin) || passes_by(direction, root);
 }
 
 fn is_void_way(direction: vec3<f32>, origin: vec3<f32>) -> bool {
