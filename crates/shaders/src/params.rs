@@ -40,9 +40,7 @@ pub struct Params {
     pub places: u32,
     pub notes: u32,
     pub scaled_eye: [f32; 3],
-    pub no_use: u32,
-    pub scaled_light: [f32; 3],
-    pub no_use_either: u32,
+    pub pad: u32,
 }
 
 impl Params {
@@ -79,8 +77,7 @@ impl Params {
     /// The same, with a light.
     pub(crate) fn lit(self, light: Point) -> Self {
         Self {
-            light,
-            scaled_light: self.scaled(light),
+            light: self.scaled(light),
             ..self
         }
     }
@@ -182,13 +179,13 @@ mod tests {
                 }
             });
             assert_eq!(
-                params.scaled_light.map(f32::to_bits),
+                params.light.map(f32::to_bits),
                 snapped.map(f32::to_bits),
                 "{k}"
             );
         }
         let none = Params::of(3, &Shape::default()).lit([f32::NAN, f32::INFINITY, 0.0]);
-        assert!(none.scaled_light[0].is_nan() && none.scaled_light[1] == f32::INFINITY);
+        assert!(none.light[0].is_nan() && none.light[1] == f32::INFINITY);
     }
 
     #[test]

@@ -13,6 +13,7 @@ struct Params {
     down: vec3<f32>,
     // Weight of the later key frame.
     alpha: f32,
+    // In scaled units.
     light: vec3<f32>,
     // 2^-k, by which vertices and origins are scaled.
     scale: f32,
@@ -44,11 +45,10 @@ struct Params {
     places: u32,
     // How many notes there is room for: see notes.wgsl.
     notes: u32,
-    // The eye and the light in scaled units.
+    // The eye in scaled units.
     scaled_eye: vec3<f32>,
-    no_use: u32,
-    scaled_light: vec3<f32>,
-    no_use_either: u32,
+    // Fills the last row of 16 bytes.
+    pad: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

@@ -50,7 +50,7 @@ fn from_triangle(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, ey
         flushed(sub(mul(e1.z, e2.x), mul(e1.x, e2.z))),
         flushed(sub(mul(e1.x, e2.y), mul(e1.y, e2.x))),
     );
-    let light = params.scaled_light;
+    let light = params.light;
     var side = sign_of(dot3(normal, sub3(light, p)));
     if side == 0.0 { side = sign_of(dot3(normal, sub3(eye, p))); }
     let extent = sub3(high, low);
