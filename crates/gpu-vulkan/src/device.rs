@@ -157,16 +157,15 @@ impl Drop for Gpu {
 /// Whether a pipeline can be made without checks of each address. NVIDIA's driver checks them even where nobody asks
 /// for robust access: a sixth of the instructions at a tree's node, 4 % of a frame's rays (580, an H200).
 fn can_trust_kernels(host: &Host, device: vk::PhysicalDevice) -> bool {
-    // SAFETY: the device belongs to the instance, which is alive; likewise below.
-    let extensions = unsafe { host.instance.enumerate_device_extension_properties(device) };
-    let is_it =
-        |e: &vk::ExtensionProperties| e.extension_name_as_c_str() == Ok(pipeline_robustness::NAME);
-    if !extensions.is_ok_and(|all| all.iter().any(is_it)) {
+    if !host
+        .extensions(device)
+        .contains(&pipeline_robustness::NAME.to_owned())
+    {
         return false;
     }
     let mut robustness = vk::PhysicalDevicePipelineRobustnessFeaturesEXT::default();
     let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut robustness);
-    // SAFETY: as above.
+    // SAFETY: the device belongs to the instance, which is alive, and knows the structure of its extension.
     unsafe {
         host.instance
             .get_physical_device_features2(device, &mut have)

@@ -3,6 +3,7 @@
 use crate::validation::{EXTENSIONS, Ear, LAYER, Validation};
 use ash::{Entry, Instance, vk};
 use backend::{BackendError, Result};
+use std::ffi::CString;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// An instance and, if asked for, the ear for its validation layer.
@@ -81,6 +82,16 @@ impl Host {
             return Err(BackendError::NoDevice("Vulkan has no driver here".into()));
         }
         Ok(devices)
+    }
+
+    /// Names of all extensions that a device offers.
+    pub(crate) fn extensions(&self, device: vk::PhysicalDevice) -> Vec<CString> {
+        // SAFETY: the device belongs to the instance, which is alive.
+        let offered = unsafe { self.instance.enumerate_device_extension_properties(device) };
+        let names = offered.unwrap_or_default();
+        let name =
+            |e: &vk::ExtensionProperties| e.extension_name_as_c_str().ok().map(ToOwned::to_owned);
+        names.iter().filter_map(name).collect()
     }
 }
 

@@ -135,9 +135,7 @@ fn compile(
     let trust = vk::PipelineRobustnessBufferBehaviorEXT::DISABLED;
     let mut robustness = vk::PipelineRobustnessCreateInfoEXT::default()
         .storage_buffers(trust)
-        .uniform_buffers(trust)
-        .vertex_inputs(trust)
-        .images(vk::PipelineRobustnessImageBehaviorEXT::DISABLED);
+        .uniform_buffers(trust);
     let mut info = vk::ComputePipelineCreateInfo::default()
         .stage(stage)
         .layout(layout);

@@ -1,6 +1,7 @@
 //! Vertices in, record out, in the rayon pool of whoever calls.
 
 mod fading;
+mod practice;
 
 use crate::gathering::{blend, fill, grow};
 use crate::sampling::Sample;
@@ -102,9 +103,6 @@ pub struct Workbench {
     fading: Fading,
 }
 
-/// So often the next tree is made in practice: once to find memory, once more to write to what conversion gives back.
-const ROUNDS: usize = 2;
-
 /// Costs that differ by less than this share are one, however they were added up.
 const ROUNDING: f64 = 1e-9;
 
@@ -134,29 +132,6 @@ impl Workbench {
     /// The last tree that was handed over was never used: the one before it still is.
     pub fn take_back(&mut self) {
         std::mem::swap(&mut self.tree, &mut self.in_use);
-    }
-
-    /// Makes the next tree, if it will be one of groups, to no end but to find memory for it: in demo:shatter (1.6M
-    /// triangles) the first such tree took 120 ms, the second 43, later ones 20. Nothing is handed over.
-    ///
-    /// # Errors
-    /// [`BuildError::Cancelled`].
-    pub fn practise(
-        &mut self,
-        animation: &Animation,
-        pose: Pose,
-        cancel: &Cancel,
-    ) -> Result<(), BuildError> {
-        let begins = self.in_use.leaf_count() == animation.live_count();
-        if !begins || self.forms.blocks || self.fading.manner() != Manner::Groups {
-            return Ok(());
-        }
-        for _ in 0..ROUNDS {
-            self.regroup_at(animation, Vertices::KeyFrames(pose), cancel)?;
-            let record = self.convert(animation);
-            self.reuse(record.into_spare());
-        }
-        Ok(())
     }
 
     /// Builds and converts a tree over `animation` standing at `positions`.
@@ -212,9 +187,7 @@ impl Workbench {
         cancel: &Cancel,
     ) -> Result<Made, BuildError> {
         let begun = Instant::now();
-        let rival = self.in_use.leaf_count() > 0
-            && self.in_use.leaf_count() == animation.live_count()
-            && rival_at.is_some();
+        let rival = self.holds_all_of(animation) && rival_at.is_some();
         let manner = match rival {
             true => self.fading.manner(),
             false => Manner::Scratch,
@@ -251,6 +224,12 @@ impl Workbench {
             cost,
             manner,
         )))
+    }
+
+    /// Whether a tree was handed over that holds all of an animation, so that the next one may be made of it.
+    fn holds_all_of(&self, animation: &Animation) -> bool {
+        let leaves = self.in_use.leaf_count();
+        leaves > 0 && leaves == animation.live_count()
     }
 
     /// Makes a tree of groups of the last one, which ask for boxes in their own order, each once: so none are kept.

@@ -33,6 +33,7 @@ mod shape;
 mod standing;
 mod tree_buffers;
 mod unfold;
+mod units;
 mod variant;
 mod view;
 pub mod work;

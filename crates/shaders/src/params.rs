@@ -1,6 +1,7 @@
 //! The host's twins of `wgsl/shared/params.wgsl` and of the buffer `counts`; a test compares the former by reflection.
 
 use crate::Shape;
+use crate::units::{self, scaled_point};
 use backend::BackendError;
 use bytemuck::{Pod, Zeroable};
 use geom::{Camera, Point};
@@ -48,7 +49,7 @@ impl Params {
     #[must_use]
     pub fn of(scale_exponent: i32, tree: &Shape) -> Self {
         Self {
-            scale: f32::from_bits(((127 - scale_exponent) as u32) << 23),
+            scale: units::scale(scale_exponent),
             scale_exponent,
             leaf_bits_at: tree.leaf_bits_at,
             leaf_ranks_at: tree.leaf_ranks_at,
@@ -69,7 +70,7 @@ impl Params {
             down: camera.down,
             width: camera.width,
             height: camera.height,
-            scaled_eye: self.scaled(camera.eye),
+            scaled_eye: scaled_point(camera.eye, self.scale_exponent),
             ..self
         }
     }
@@ -77,20 +78,9 @@ impl Params {
     /// The same, with a light.
     pub(crate) fn lit(self, light: Point) -> Self {
         Self {
-            light: self.scaled(light),
+            light: scaled_point(light, self.scale_exponent),
             ..self
         }
-    }
-
-    /// To scaled units, as `scaled_point` in units.wgsl.
-    fn scaled(&self, point: Point) -> Point {
-        let least = (-64_f32).exp2();
-        point
-            .map(|x| x * self.scale)
-            .map(|x| match x.abs() < least {
-                true => 0.0,
-                false => x,
-            })
     }
 }
 

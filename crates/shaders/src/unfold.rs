@@ -1,5 +1,6 @@
 //! Nodes of layout `fast`, as a device keeps them, back to one box a node in breadth-first order.
 
+use crate::units::{scale, scaled_point};
 use bvh_layout::Treelets;
 use geom::{Aabb, Animation, Point};
 use std::collections::VecDeque;
@@ -23,7 +24,7 @@ pub(crate) fn unfold(
         words,
         animation,
         positions,
-        scale: f64::from(animation.scale_exponent()).exp2(),
+        exponent: animation.scale_exponent(),
     };
     let leaves = animation.live_count();
     let mut boxes = Vec::with_capacity((2 * leaves).saturating_sub(1));
@@ -40,7 +41,7 @@ struct Tree<'a> {
     words: &'a [u32],
     animation: &'a Animation,
     positions: &'a [Point],
-    scale: f64,
+    exponent: i32,
 }
 
 #[derive(Clone, Copy)]
@@ -98,7 +99,7 @@ impl Tree<'_> {
     fn triangle(&self, leaf: usize) -> Aabb {
         let triangle = self.words[leaf] & !Treelets::SHARED;
         let corners = self.animation.triangles()[triangle as usize];
-        let corners = corners.map(|v| self.positions[v as usize].map(|x| self.scaled(x)));
+        let corners = corners.map(|v| scaled_point(self.positions[v as usize], self.exponent));
         let least = |i| corners.iter().map(|c| c[i]).fold(f32::INFINITY, f32::min);
         let most = |i| {
             corners
@@ -112,18 +113,8 @@ impl Tree<'_> {
         }
     }
 
-    /// "Scale" of "What a hit is" in ARCHITECTURE.md.
-    fn scaled(&self, x: f32) -> f32 {
-        let scaled = (f64::from(x) / self.scale) as f32;
-        if scaled.abs() < 2.0_f32.powi(-64) {
-            0.0
-        } else {
-            scaled
-        }
-    }
-
     fn unscaled(&self, b: Aabb) -> Aabb {
-        let point = |p: Point| p.map(|x| x * self.scale as f32);
+        let point = |p: Point| p.map(|x| x * scale(-self.exponent));
         Aabb {
             min: point(b.min),
             max: point(b.max),

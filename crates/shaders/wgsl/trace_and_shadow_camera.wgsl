@@ -17,7 +17,7 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
     let i = pixel.y * params.width + pixel.x;
     let direction = through_pixel(pixel);
     let origin = eye();
-    let root = seen_root(origin);
+    let root = root_from(origin);
     if leads_nowhere(direction, origin, root) {
         hits[i] = MISS;
         keep_any(i, false, 3u);

@@ -13,7 +13,7 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
     let direction = through_pixel(pixel);
     let i = pixel.y * params.width + pixel.x;
     let origin = eye();
-    let root = seen_root(origin);
+    let root = root_from(origin);
     if leads_nowhere(direction, origin, root) {
         hits[i] = MISS;
         return;

@@ -114,7 +114,9 @@ pub(crate) fn able(host: &Host, wanted: Option<&str>) -> Result<Vec<Adapter>> {
             Some(what) => reasons.push(format!("{} lacks {what}", adapter.name)),
             None => {
                 adapter.limits.extend(Bounds::of(host, device).named());
-                let queries = offers(host, device).contains(&khr::ray_query::NAME.to_owned());
+                let queries = host
+                    .extensions(device)
+                    .contains(&khr::ray_query::NAME.to_owned());
                 let queries = if queries { "yes" } else { "no" };
                 adapter.limits.push(("ray queries", queries.to_owned()));
                 able.push(adapter);
@@ -136,19 +138,9 @@ impl Bounds {
     }
 }
 
-/// Names of all extensions that a device offers.
-fn offers(host: &Host, device: vk::PhysicalDevice) -> Vec<std::ffi::CString> {
-    // SAFETY: the device belongs to the instance, which is alive.
-    let offered = unsafe { host.instance.enumerate_device_extension_properties(device) };
-    let names = offered.unwrap_or_default();
-    let name =
-        |e: &vk::ExtensionProperties| e.extension_name_as_c_str().ok().map(ToOwned::to_owned);
-    names.iter().filter_map(name).collect()
-}
-
 /// What a device lacks of extensions and features; `None` if it is able.
 fn lacks(host: &Host, device: vk::PhysicalDevice) -> Option<String> {
-    let offered = offers(host, device);
+    let offered = host.extensions(device);
     let missing = EXTENSIONS
         .into_iter()
         .find(|&name| !offered.iter().any(|o| o.as_c_str() == name));
@@ -162,7 +154,7 @@ fn lacks(host: &Host, device: vk::PhysicalDevice) -> Option<String> {
         .push_next(&mut core)
         .push_next(&mut structures)
         .push_next(&mut pipelines);
-    // SAFETY: as above; the device knows all structures of the chain.
+    // SAFETY: the device belongs to the instance, which is alive, and knows all structures of the chain.
     unsafe {
         host.instance
             .get_physical_device_features2(device, &mut all)

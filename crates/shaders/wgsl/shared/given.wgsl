@@ -4,8 +4,7 @@ fn given_ray(i: u32) -> Prepared {
     let a = rays[2u * i];
     let b = rays[2u * i + 1u];
     let origin = scaled_point(a.xyz);
-    let root = root_from(origin, bitcast<vec3<f32>>(nodes[0].xyz), bitcast<vec3<f32>>(nodes[1].xyz));
-    return prepare(origin, b.xyz, a.w, b.w, root);
+    return prepare(origin, b.xyz, a.w, b.w, root_from(origin));
 }
 
 // The host marks rays that can hit nothing by a direction of zero; an origin may be too far for the scene's scale.

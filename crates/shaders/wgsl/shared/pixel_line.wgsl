@@ -6,4 +6,4 @@ fn set_line_of(i: u32) {
     set_line(bitcast<vec3<u32>>(params.eye), bitcast<vec3<u32>>(way_through(i)), 0u, 0x7f800000u, 0);
 }
 
-fn ray_of(i: u32) -> Prepared { return camera_ray(way_through(i), eye(), seen_root(eye())); }
+fn ray_of(i: u32) -> Prepared { return camera_ray(way_through(i), eye(), root_from(eye())); }

@@ -1,9 +1,5 @@
 // A camera's rays made ready.
 
-fn seen_root(origin: vec3<f32>) -> Root {
-    return root_from(origin, bitcast<vec3<f32>>(nodes[0].xyz), bitcast<vec3<f32>>(nodes[1].xyz));
-}
-
 fn camera_ray(direction: vec3<f32>, origin: vec3<f32>, root: Root) -> Prepared {
     return prepare(origin, bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, root);
 }

@@ -2,7 +2,6 @@
 
 fn ray_to_light(way: ToLight) -> Prepared {
     let origin = snapped3(way.origin);
-    let root = root_from(origin, bitcast<vec3<f32>>(nodes[0].xyz), bitcast<vec3<f32>>(nodes[1].xyz));
     // Origin and direction are both in scaled units already.
-    return prepare_scaled(origin, way.direction, root);
+    return prepare_scaled(origin, way.direction, root_from(origin));
 }
