@@ -112,14 +112,23 @@ fn wgpu(force_wgsl: bool) -> gpu_wgpu::Options {
 
 fn main() {
     let arguments = Arguments::from_args();
-    let mut trials = Vec::new();
-    for &(name, requirement, open) in BACKENDS {
-        match open() {
-            Ok(subject) => trials.extend(trials_of(name, subject)),
-            Err(e) => trials.extend(absent(name, &e.to_string(), is_required(requirement))),
-        }
-    }
-    libtest_mimic::run(&arguments, trials).exit();
+    let trials = BACKENDS
+        .iter()
+        .map(|&(name, requirement, open)| match open() {
+            Ok(subject) => trials_of(name, subject),
+            Err(e) => absent(name, &e.to_string(), is_required(requirement)),
+        });
+    libtest_mimic::run(&arguments, in_turn(trials.collect())).exit();
+}
+
+/// The first of each backend, then the second of each: trials of one backend wait for each other, those of others do not.
+fn in_turn(all: Vec<Vec<Trial>>) -> Vec<Trial> {
+    let numbered = all
+        .into_iter()
+        .flat_map(|of_one| of_one.into_iter().enumerate());
+    let mut numbered: Vec<_> = numbered.collect();
+    numbered.sort_by_key(|&(n, _)| n);
+    numbered.into_iter().map(|(_, trial)| trial).collect()
 }
 
 /// Whether absence is a failure.
