@@ -81,7 +81,10 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<Row>, Stop> 
             let begun = Instant::now();
             let held = hold_to(args, law, subject.backend.as_mut(), reference.as_mut());
             let seconds = begun.elapsed().as_secs_f64();
-            progress.step(&format!("{} {}", subject.name, law.name));
+            progress.step(&told(subject.name, law, &held, seconds));
+            if let Err(found) = &held {
+                progress.say(&found.to_string());
+            }
             rows.push(Row {
                 law: law.name,
                 backend: subject.name,
@@ -96,6 +99,15 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<Row>, Stop> 
         }
     }
     Ok(rows)
+}
+
+/// What came of a law, in one line.
+fn told(backend: &str, law: &Law, held: &Result<u32, Disagreement>, seconds: f64) -> String {
+    let outcome = match held {
+        Ok(cases) => format!("held in {cases} cases"),
+        Err(found) => format!("failed after {} cases", found.held),
+    };
+    format!("{backend} {}: {outcome}, {seconds:.1} s", law.name)
 }
 
 fn hold_to(

@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units ray {intersector.finish} {layout.nodes} walk finish_any eye to_light way shade line_to_light
+//! use params loops ieee rest divide exact units ray {intersector.finish} {layout.nodes} walk finish_any eye to_light shade line_to_light
 // The shadows that `settle_shadow_camera` left open.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -10,7 +10,7 @@
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 
 fn finish_ray(place: u32, i: u32) -> bool {
-    let way = way_to_light(hits[i], eye());
+    let way = to_light(hits[i], eye());
     set_line_along(way);
     return finish_any(place, i, ray_to_light(way), hits[i].w, 3u);
 }

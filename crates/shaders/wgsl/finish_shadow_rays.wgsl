@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units ray {intersector.finish} {layout.nodes} walk finish_any to_light way shade line_to_light
+//! use params loops ieee rest divide exact units ray {intersector.finish} {layout.nodes} walk finish_any to_light shade line_to_light
 // The shadows that `settle_shadow_rays` left open.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -11,7 +11,7 @@
 @group(0) @binding(8) var<storage, read> rays: array<vec4<u32>>;
 
 fn finish_ray(place: u32, i: u32) -> bool {
-    let way = way_to_light(hits[i], scaled_point(rays[2u * i].xyz));
+    let way = to_light(hits[i], scaled_point(rays[2u * i].xyz));
     set_line_along(way);
     return finish_any(place, i, ray_to_light(way), hits[i].w, 3u);
 }

@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units ray {intersector.settle} settle_any to_light way shade line_to_light share_any
+//! use params loops ieee rest divide exact units ray {intersector.settle} settle_any to_light shade line_to_light share_any
 // The shadows that `shadow_rays` left open.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -10,7 +10,7 @@
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 @group(0) @binding(8) var<storage, read> rays: array<vec4<u32>>;
 
-fn set_line_asked(i: u32) { set_line_along(way_to_light(hits[i], scaled_point(rays[2u * i].xyz))); }
+fn set_line_asked(i: u32) { set_line_along(to_light(hits[i], scaled_point(rays[2u * i].xyz))); }
 
 @compute @workgroup_size(64)
 fn settle_shadow_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {

@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units ray {intersector.settle} {layout.nodes} search_together settle_any eye to_light way shade line_to_light candidates
+//! use params loops ieee rest divide exact units ray {intersector.settle} {layout.nodes} search_together settle_any eye to_light shade line_to_light candidates
 // The shadows of the hits that `trace_and_shadow_camera` left open, now that they are settled: what `settle_together_camera`
 // found of those that were candidates; of others, sought by a workgroup a ray.
 
@@ -38,7 +38,7 @@ fn shadow_left(@builtin(local_invocation_index) local: u32, @builtin(workgroup_i
             if local == 0u { answer_any(i, told == 1u, 3u); }
             continue;
         }
-        let sought = seek_along(way_to_light(hit, eye()), hit.w, local);
+        let sought = seek_along(to_light(hit, eye()), hit.w, local);
         round += 1u;
         let whole = all_loops_turn(local, round);
         if local == 0u { keep(i, sought, whole); }

@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units ray {intersector.test} {intersector.any} {layout.nodes} stretch_ahead any to_light way shade is_blocked
+//! use params loops ieee rest divide exact units ray {intersector.test} {intersector.any} {layout.nodes} stretch_ahead any to_light shade is_blocked
 // The shadow of each given ray's hit.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -17,6 +17,6 @@ fn shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgr
     if i >= params.count { return; }
     let hit = hits[i];
     var dark = false;
-    if hit.w != 0xffffffffu { dark = is_blocked(way_to_light(hit, scaled_point(rays[2u * i].xyz)), hit.w); }
+    if hit.w != 0xffffffffu { dark = is_blocked(to_light(hit, scaled_point(rays[2u * i].xyz)), hit.w); }
     keep_any(i, dark, 3u);
 }

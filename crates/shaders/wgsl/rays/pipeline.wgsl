@@ -58,7 +58,7 @@ fn unscaled(v: vec3<f32>) -> vec3<f32> {
 // `eye` is where the ray came from, in the scene's units, as bits.
 fn shade(hit: vec4<u32>, eye: vec3<u32>) -> u32 {
     if hit.w == NOTHING { return 0u; }
-    let ray = to_light(hit, scaled_point(eye), bitcast<vec3<f32>>(nodes[0].xyz), bitcast<vec3<f32>>(nodes[1].xyz));
+    let ray = to_light(hit, scaled_point(eye));
     if !ray.traced { return 0u; }
     return select(0u, 1u, finds_any(unscaled(snapped3(ray.origin)), unscaled(ray.direction), 0.0, 1.0));
 }

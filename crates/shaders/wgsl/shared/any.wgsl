@@ -20,7 +20,8 @@ fn find_any(ray: Prepared, ignore: u32) -> bool {
     var stack: array<u32, 64>;
     var depth = 0u;
     var at = nodes[0].w;
-    if !meets_box(ray, nodes[0], nodes[1], ray.t_max) { return false; }
+    let root = stretch(ray, nodes[0], nodes[1], ray.t_max);
+    if !(root.x <= root.y) { return false; }
     loop {
         if (at & LEAF) == 0u {
             at = go_on(ray, at, &stack, &depth);

@@ -1,33 +1,21 @@
 // Closest hit; the intersector says what it keeps of the leaves it sees.
 
-// The child to go to, where any is met; the farther of two is left on the stack.
-struct Descent { next: u32, later: u32 }
-
-fn descend_closest(ray: Prepared, at: u32, best: f32) -> Descent {
+// Goes a node down; if both children are met, the farther waits.
+fn go_down(ray: Prepared, at: u32, best: f32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
     let row = children_of(at);
     let l0 = nodes[row];
-    let l1 = nodes[row + 1u];
     let r0 = nodes[row + 2u];
-    let r1 = nodes[row + 3u];
-    let l = stretch(ray, l0, l1, best);
-    let r = stretch(ray, r0, r1, best);
+    let l = stretch(ray, l0, nodes[row + 1u], best);
+    let r = stretch(ray, r0, nodes[row + 3u], best);
     let meets_l = l.x <= l.y;
     let meets_r = r.x <= r.y;
     if meets_l && meets_r {
         let right_first = r.x < l.x;
-        return Descent(select(l0.w, r0.w, right_first), select(r0.w, l0.w, right_first));
-    }
-    return Descent(select(select(NONE, r0.w, meets_r), l0.w, meets_l), NONE);
-}
-
-// Goes a node down; the farther child waits, if both are met.
-fn go_down(ray: Prepared, at: u32, best: f32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
-    let found = descend_closest(ray, at, best);
-    if found.later != NONE {
-        (*stack)[*depth] = found.later;
+        (*stack)[*depth] = select(r0.w, l0.w, right_first);
         *depth += 1u;
+        return select(l0.w, r0.w, right_first);
     }
-    return found.next;
+    return select(select(NONE, r0.w, meets_r), l0.w, meets_l);
 }
 
 // One loop, each turn of which takes two nodes and a triangle at most. Turns of one kind of work
@@ -37,8 +25,8 @@ fn find_closest(ray: Prepared) -> Found {
     var stack: array<u32, 64>;
     var depth = 0u;
     var at = nodes[0].w;
-    let root = loose_slab(ray, bitcast<vec3<f32>>(nodes[0].xyz), bitcast<vec3<f32>>(nodes[1].xyz));
-    if !(root.x <= root.y) || root.x > limit(best) || root.y < ray.t_min { return best; }
+    let root = stretch(ray, nodes[0], nodes[1], limit(best));
+    if !(root.x <= root.y) { return best; }
     loop {
         if (at & LEAF) == 0u {
             at = go_down(ray, at, limit(best), &stack, &depth);

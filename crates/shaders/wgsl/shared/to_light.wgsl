@@ -1,4 +1,4 @@
-// The ray from a hit to the light: see "Shadow" in ARCHITECTURE.md.
+// The ray from a hit to the light: see "Shadow" in ARCHITECTURE.md. Who uses it declares `nodes`, `triangles` and `positions`.
 
 fn scaled(vertex: u32) -> vec3<f32> {
     let at = 3u * vertex;
@@ -25,16 +25,16 @@ fn move_off(p: f32, normal: f32, side: f32, delta: f32) -> f32 {
 // The origin may have coordinates that are too small to count.
 struct ToLight { origin: vec3<f32>, direction: vec3<f32>, traced: bool }
 
-// All in scaled units: `eye` is where the ray came from, `low` and `high` are the corners of the root box.
-fn to_light(hit: vec4<u32>, eye: vec3<f32>, low: vec3<f32>, high: vec3<f32>) -> ToLight {
+// `eye` is where the ray that hit came from, in scaled units.
+fn to_light(hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
     let v0 = scaled(triangles[3u * hit.w]);
     let v1 = scaled(triangles[3u * hit.w + 1u]);
     let v2 = scaled(triangles[3u * hit.w + 2u]);
-    return from_triangle(v0, v1, v2, hit, eye, low, high);
+    return from_triangle(v0, v1, v2, hit, eye);
 }
 
 // Likewise, with the corners of the triangle that was hit.
-fn from_triangle(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, eye: vec3<f32>, low: vec3<f32>, high: vec3<f32>) -> ToLight {
+fn from_triangle(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
     let e1 = sub3(v1, v0);
     let e2 = sub3(v2, v0);
     let u = bitcast<f32>(hit.y);
@@ -53,7 +53,7 @@ fn from_triangle(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, ey
     let light = params.light;
     var side = sign_of(dot3(normal, sub3(light, p)));
     if side == 0.0 { side = sign_of(dot3(normal, sub3(eye, p))); }
-    let extent = sub3(high, low);
+    let extent = sub3(bitcast<vec3<f32>>(nodes[1].xyz), bitcast<vec3<f32>>(nodes[0].xyz));
     let reach = max(abs(p.x), max(abs(p.y), abs(p.z)));
     // 4 * 2^-24 and 32 * 2^-24
     let delta = add(mul(2.384185791015625e-7, reach), mul(1.9073486328125e-6, max(extent.x, max(extent.y, extent.z))));

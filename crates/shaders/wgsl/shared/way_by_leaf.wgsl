@@ -2,5 +2,5 @@
 
 fn way_from(found: Found, hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
     let k = corners_of(found.leaf);
-    return from_triangle(k.a, k.b, k.c, hit, eye, bitcast<vec3<f32>>(nodes[0].xyz), bitcast<vec3<f32>>(nodes[1].xyz));
+    return from_triangle(k.a, k.b, k.c, hit, eye);
 }
