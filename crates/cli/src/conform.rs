@@ -81,11 +81,7 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<Row>, Stop> 
             let begun = Instant::now();
             let held = hold_to(args, law, subject.backend.as_mut(), reference.as_mut());
             let seconds = begun.elapsed().as_secs_f64();
-            progress.step(&told(subject.name, law, &held, seconds));
-            if let Err(found) = &held {
-                progress.say(&found.to_string());
-            }
-            rows.push(Row {
+            let row = Row {
                 law: law.name,
                 backend: subject.name,
                 held: *held.as_ref().unwrap_or_else(|e| &e.held),
@@ -95,19 +91,27 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<Row>, Stop> 
                     .err()
                     .map(|e| reproduce(args, subject.name, e)),
                 disagreement: held.err().map(|e| e.to_string()),
-            });
+            };
+            progress.step(&outcome(&row));
+            if let Some(what) = &row.disagreement {
+                progress.say(what);
+            }
+            rows.push(row);
         }
     }
     Ok(rows)
 }
 
 /// What came of a law, in one line.
-fn told(backend: &str, law: &Law, held: &Result<u32, Disagreement>, seconds: f64) -> String {
-    let outcome = match held {
-        Ok(cases) => format!("held in {cases} cases"),
-        Err(found) => format!("failed after {} cases", found.held),
+fn outcome(row: &Row) -> String {
+    let so = match row.disagreement {
+        None => "held in",
+        Some(_) => "failed after",
     };
-    format!("{backend} {}: {outcome}, {seconds:.1} s", law.name)
+    format!(
+        "{} {}: {so} {} cases, {:.1} s",
+        row.backend, row.law, row.held, row.seconds
+    )
 }
 
 fn hold_to(

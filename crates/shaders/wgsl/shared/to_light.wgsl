@@ -25,7 +25,7 @@ fn move_off(p: f32, normal: f32, side: f32, delta: f32) -> f32 {
 // The origin may have coordinates that are too small to count.
 struct ToLight { origin: vec3<f32>, direction: vec3<f32>, traced: bool }
 
-// `eye` is where the ray that hit came from, in scaled units.
+// All in scaled units: `eye` is where the ray that hit came from.
 fn to_light(hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
     let v0 = scaled(triangles[3u * hit.w]);
     let v1 = scaled(triangles[3u * hit.w + 1u]);
