@@ -16,7 +16,9 @@ mod wide;
 use anyhow::{Context, Result, anyhow};
 use naga::back::spv;
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
-use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+use naga::valid::{
+    Capabilities, ModuleInfo, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator,
+};
 use std::fmt::Write;
 use std::path::Path;
 use stitch::{Arithmetic, Filling, Form, Loops, Rests, Source};
@@ -87,9 +89,9 @@ fn compile_variant(source: &Source, filling: &Filling) -> Result<String> {
 /// WGSL and SPIR-V as a Rust expression, and the module.
 fn code(source: &Source, filling: &Filling, form: Form) -> Result<(String, naga::Module)> {
     let opaque = source.stitch(filling, Arithmetic::Opaque, form)?;
-    parse(&opaque, Capabilities::empty())?;
+    parse(&opaque, Capabilities::SUBGROUP)?;
     let plain = source.stitch(filling, Arithmetic::Plain, form)?;
-    let (module, info) = parse(&plain, Capabilities::empty())?;
+    let (module, info) = parse(&plain, Capabilities::SUBGROUP)?;
     let words = spv::write_vec(&module, &info, &options((1, 3)), None)?;
     let spirv = harden::harden(&words)?;
     let code = format!("Code {{ wgsl: {opaque:?}, spirv: &{spirv:?} }}");
@@ -100,6 +102,8 @@ fn parse(source: &str, capabilities: Capabilities) -> Result<(naga::Module, Modu
     let module = naga::front::wgsl::parse_str(source)
         .map_err(|e| anyhow!("{}", e.emit_to_string(source)))?;
     let info = Validator::new(ValidationFlags::all(), capabilities)
+        .subgroup_stages(ShaderStages::COMPUTE)
+        .subgroup_operations(SubgroupOperationSet::all())
         .validate(&module)
         .map_err(|e| anyhow!("{}", e.emit_to_string(source)))?;
     Ok((module, info))

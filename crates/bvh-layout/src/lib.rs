@@ -35,4 +35,4 @@ pub use error::RecordError;
 pub use lists::Lists;
 pub use moving::Moving;
 pub use record::{Level, Topology};
-pub use treelets::{MovingTreelets, Treelet, Treelets};
+pub use treelets::{MovingTreelets, Treelet, Treelets, WideTree};

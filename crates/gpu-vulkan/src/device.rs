@@ -11,6 +11,7 @@ use crate::rt::{self, RayTracing};
 use ash::ext::pipeline_robustness;
 use ash::vk;
 use backend::{BackendError, DeviceKind, Result, choose_adapter};
+use shaders::Tiles;
 use std::ffi::CStr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -31,6 +32,8 @@ pub(crate) struct Gpu {
     pub(crate) timestamp_bits: u32,
     /// Whether pipelines may say that their kernels stay within their buffers.
     pub(crate) trusts_kernels: bool,
+    /// Invocations of a subgroup, where kernels may have them tell each other what they find.
+    subgroups: Option<u32>,
     /// What it takes to have the driver make trees; `None` if nobody asked for it.
     pub(crate) rays: Option<RayTracing>,
     pub(crate) host: Arc<Host>,
@@ -106,6 +109,7 @@ impl Gpu {
             limits,
             timestamp_bits: queues.timestamp_bits,
             trusts_kernels,
+            subgroups: subgroups(&host, physical),
             rays,
             host,
         }))
@@ -114,6 +118,11 @@ impl Gpu {
     /// Whether a driver on the host's cores does the work.
     pub(crate) fn is_software(&self) -> bool {
         self.adapter.kind == DeviceKind::Software
+    }
+
+    /// How invocations search together here.
+    pub(crate) fn tiles(&self) -> Option<Tiles> {
+        Tiles::for_device(self.subgroups.map(|size| (size, size)), self.is_software())
     }
 
     /// All that submissions do.
@@ -171,6 +180,27 @@ fn can_trust_kernels(host: &Host, device: vk::PhysicalDevice) -> bool {
             .get_physical_device_features2(device, &mut have)
     };
     robustness.pipeline_robustness == vk::TRUE
+}
+
+/// Invocations of a subgroup, which are as many in every kernel that does not ask for other sizes;
+/// `None` if they cannot do all that kernels ask.
+fn subgroups(host: &Host, device: vk::PhysicalDevice) -> Option<u32> {
+    let mut found = vk::PhysicalDeviceSubgroupProperties::default();
+    let mut all = vk::PhysicalDeviceProperties2::default().push_next(&mut found);
+    // SAFETY: the device belongs to the instance, which is alive; the structure is of Vulkan 1.1.
+    unsafe {
+        host.instance
+            .get_physical_device_properties2(device, &mut all)
+    };
+    let needed = vk::SubgroupFeatureFlags::BASIC
+        | vk::SubgroupFeatureFlags::VOTE
+        | vk::SubgroupFeatureFlags::ARITHMETIC
+        | vk::SubgroupFeatureFlags::SHUFFLE;
+    let suffices = found
+        .supported_stages
+        .contains(vk::ShaderStageFlags::COMPUTE)
+        && found.supported_operations.contains(needed);
+    suffices.then_some(found.subgroup_size)
 }
 
 fn create(

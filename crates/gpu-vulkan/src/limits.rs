@@ -167,7 +167,13 @@ pub(crate) mod tests {
         let groups = |height| {
             let camera = camera(height);
             let rays = work::Rays::Camera(&camera);
-            let trace = work::trace(Method::default(), Params::default(), rays, Seek::Closest);
+            let trace = work::trace(
+                Method::default(),
+                Params::default(),
+                rays,
+                Seek::Closest,
+                None,
+            );
             LIMITS.groups(&trace.primary[0])
         };
         assert_eq!(groups(9), Ok([2, 2]));

@@ -55,7 +55,7 @@ impl Pipelines {
 
     fn make(&mut self, gpu: &Arc<Gpu>, wanted: impl Fn(&Kernel) -> bool) -> Result<()> {
         let _door = one_at_a_time();
-        for kernel in KERNELS.iter().filter(|k| wanted(k)) {
+        for kernel in KERNELS.iter().filter(|k| wanted(k) && k.suits(self.traits)) {
             if self.find(kernel).is_none() {
                 let code = kernel.code_for(self.traits);
                 self.made.push(Pipeline::new(gpu, kernel, code.spirv)?);

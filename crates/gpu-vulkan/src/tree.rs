@@ -5,10 +5,10 @@ use crate::frames::Frames;
 use crate::memory::{Buffer, Place};
 use crate::transfer::{Copy, Transfer};
 use backend::{FRAMES_IN_FLIGHT, Generation, Layout, Method, Result, Ticket, check_tree};
-use bvh_layout::{Moving, MovingTreelets, Topology};
+use bvh_layout::{Moving, Topology};
 use geom::Animation;
 use shaders::rebuild::Buffers;
-use shaders::{COSTS, NODES, Shape, TreeBuffers as Room};
+use shaders::{COSTS, COVERS, NODES, Shape, TreeBuffers as Room};
 use std::sync::Arc;
 
 /// With as many, one is free for the next tree whatever is under way. Most of the time two will do.
@@ -109,10 +109,9 @@ impl TreeBuffers {
             }
             Layout::Fast => {
                 let treelets = tree.to_treelets(self.animation.static_parts());
-                let lists = treelets.moving().map_or(&[][..], MovingTreelets::words);
                 let shape = Shape::of_treelets(&treelets);
                 self.grow(gpu, frames, &shape)?;
-                self.send(gpu, (road, frames), &[treelets.words(), lists])?;
+                self.send(gpu, (road, frames), &treelets.parts())?;
                 self.shape = shape;
             }
         }
@@ -135,12 +134,21 @@ impl TreeBuffers {
             (&mut buffers.costs, COSTS, shape.own_cost_bytes()),
         ];
         for (buffer, what, bytes) in needs {
-            if buffer.bytes < bytes {
-                let larger = Buffer::new(gpu, what, bytes + bytes / 32, Place::Device)?;
-                let old = std::mem::replace(buffer, larger);
-                self.outgrown.push((frames.next(), old));
-            }
+            let old = enlarge(gpu, buffer, what, bytes)?;
+            self.outgrown.extend(old.map(|old| (frames.next(), old)));
         }
+        Ok(())
+    }
+
+    /// Makes room for what is covered of a picture.
+    pub(crate) fn grow_covers(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        frames: &Frames,
+        bytes: u64,
+    ) -> Result<()> {
+        let old = enlarge(gpu, &mut self.buffers.covers, COVERS, bytes)?;
+        self.outgrown.extend(old.map(|old| (frames.next(), old)));
         Ok(())
     }
 
@@ -215,6 +223,20 @@ impl TreeBuffers {
         self.records[first].wait(road, frames)?;
         Ok(first)
     }
+}
+
+/// Puts a larger buffer, with some to spare, in the place of one that is too small, and returns that.
+fn enlarge(
+    gpu: &Arc<Gpu>,
+    buffer: &mut Buffer,
+    what: &'static str,
+    bytes: u64,
+) -> Result<Option<Buffer>> {
+    if buffer.bytes >= bytes {
+        return Ok(None);
+    }
+    let larger = Buffer::new(gpu, what, bytes + bytes / 32, Place::Device)?;
+    Ok(Some(std::mem::replace(buffer, larger)))
 }
 
 impl Record {

@@ -92,7 +92,7 @@ impl WgpuBackend {
         let mut pipelines = Pipelines::new(&gpu, modules)?;
         let mut window = Window::default();
         let found = selftest::run(&gpu, &pipelines, &mut window)?;
-        pipelines.traits = found.traits();
+        pipelines.traits = found.traits(gpu.tiles(modules));
         Ok(Self {
             device: Device {
                 backend: "wgpu",

@@ -1,11 +1,13 @@
 //! The device and its queue; every call to them that can fail passes through here.
 
-use crate::adapters::{describe, enumerate, instance, takes_spirv};
+use crate::adapters::{describe, enumerate, instance, kind, takes_spirv};
 use crate::buffers::{readback, unmap};
 use crate::faults::Faults;
 use crate::limits::{check, generous, span, useful_features};
+use crate::modules::Modules;
 use crate::tally::Tally;
-use backend::{BackendError, Result, choose_adapter};
+use backend::{BackendError, DeviceKind, Result, choose_adapter};
+use shaders::Tiles;
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -92,6 +94,16 @@ impl Gpu {
 
     pub(crate) fn takes_spirv(&self) -> bool {
         takes_spirv(&self.info, self.features)
+    }
+
+    /// How invocations search together here, given kernels in that form.
+    pub(crate) fn tiles(&self, modules: Modules) -> Option<Tiles> {
+        let sizes = (self.info.subgroup_min_size, self.info.subgroup_max_size);
+        let has_subgroups = modules == Modules::Best
+            && self.takes_spirv()
+            && self.features.contains(Features::SUBGROUP);
+        let is_software = kind(&self.info) == DeviceKind::Software;
+        Tiles::for_device(has_subgroups.then_some(sizes), is_software)
     }
 
     pub(crate) fn has_timestamps(&self) -> bool {

@@ -13,11 +13,11 @@ pub fn required_features() -> Features {
 }
 
 /// Features that an engine should ask for where its adapter has them:
-/// timestamps, without which stages are not timed, and shaders passed through,
-/// which spares the kernels some arithmetic on Vulkan.
+/// timestamps, without which stages are not timed, shaders passed through,
+/// which spares the kernels some arithmetic on Vulkan, and subgroups, by which rays search together.
 #[must_use]
 pub fn useful_features() -> Features {
-    Features::TIMESTAMP_QUERY | Features::PASSTHROUGH_SHADERS
+    Features::TIMESTAMP_QUERY | Features::PASSTHROUGH_SHADERS | Features::SUBGROUP
 }
 
 /// The limits that an engine's device needs for `animation`, traced by up to `rays` rays at a time.

@@ -44,7 +44,7 @@ impl Pipelines {
     }
 
     fn make(&mut self, gpu: &Gpu, wanted: impl Fn(&Kernel) -> bool) -> Result<()> {
-        for kernel in KERNELS.iter().filter(|k| wanted(k)) {
+        for kernel in KERNELS.iter().filter(|k| wanted(k) && k.suits(self.traits)) {
             if self.find(kernel).is_none() {
                 let code = kernel.code_for(self.traits);
                 let module = self.modules.load(gpu, kernel, code)?;

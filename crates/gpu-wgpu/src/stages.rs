@@ -52,7 +52,10 @@ impl WgpuBackend {
         if !has_tree {
             trace.fill_misses(&self.gpu)?;
         }
-        let tracing = work::trace(self.method, self.params(), rays, query.seek);
+        let tiles = self.pipelines.traits.tiles;
+        let tracing = work::trace(self.method, self.params(), rays, query.seek, tiles);
+        let tree = self.tree.as_mut().expect("a scene was loaded");
+        tree.grow_covers(&self.gpu, tracing.cover_bytes)?;
         let mut run = |stage, work: Vec<Work>| {
             let work = if has_tree { &work[..] } else { &[] };
             self.run(stage, work, Also::trace(trace))

@@ -3,10 +3,10 @@
 use crate::buffers::{storage, write};
 use crate::device::Gpu;
 use backend::{Generation, Layout, Method, Result, check_tree};
-use bvh_layout::{Moving, MovingTreelets, Topology};
+use bvh_layout::{Moving, Topology};
 use geom::Animation;
 use shaders::rebuild::Buffers;
-use shaders::{COSTS, NODES, Shape, TreeBuffers as Room};
+use shaders::{COSTS, COVERS, NODES, Shape, TreeBuffers as Room};
 use std::sync::Arc;
 use wgpu::Buffer;
 
@@ -75,10 +75,9 @@ impl TreeBuffers {
             }
             Layout::Fast => {
                 let treelets = tree.to_treelets(self.animation.static_parts());
-                let lists = treelets.moving().map_or(&[][..], MovingTreelets::words);
                 let shape = Shape::of_treelets(&treelets);
                 self.grow(gpu, &shape)?;
-                self.send(gpu, &[treelets.words(), lists])?;
+                self.send(gpu, &treelets.parts())?;
                 self.shape = shape;
             }
         }
@@ -91,6 +90,11 @@ impl TreeBuffers {
         let buffers = &mut self.buffers;
         grow(gpu, &mut buffers.nodes, NODES, shape.node_rows * 16)?;
         grow(gpu, &mut buffers.costs, COSTS, shape.own_cost_bytes())
+    }
+
+    /// Makes room for what is covered of a picture.
+    pub(crate) fn grow_covers(&mut self, gpu: &Gpu, bytes: u64) -> Result<()> {
+        grow(gpu, &mut self.buffers.covers, COVERS, bytes)
     }
 
     /// Makes a record, part by part, the current one.

@@ -52,6 +52,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                     ("closest", &["cut_closest", "watertight_closest"]),
                     ("any", &["turns", "cut_any", "watertight_any", "keep_any"]),
                     ("way", &["way_by_leaf"]),
+                    ("tiles", &[]),
                 ],
             },
             Value {

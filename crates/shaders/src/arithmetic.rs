@@ -6,6 +6,7 @@
 //! arithmetic of `divide.wgsl` and `exact.wgsl`. The same kernel shows how the device
 //! divides and adds up products where it may do as it likes, and whether its driver ends long loops early.
 
+use crate::Tiles;
 use backend::Arithmetic;
 
 /// A device that does not compute as every kernel needs it to.
@@ -54,15 +55,18 @@ pub struct Traits {
     pub loops_may_end: bool,
     /// See [`Findings::fuses_once`].
     pub fuses_once: bool,
+    /// How invocations search together, if they do.
+    pub tiles: Option<Tiles>,
 }
 
 impl Findings {
     /// Which forms of kernels the device takes.
     #[must_use]
-    pub fn traits(&self) -> Traits {
+    pub fn traits(&self, tiles: Option<Tiles>) -> Traits {
         Traits {
             loops_may_end: self.loop_turns.is_some(),
             fuses_once: self.fuses_once,
+            tiles,
         }
     }
 }
@@ -200,7 +204,7 @@ mod tests {
             for (r, x) in found.iter_mut().zip(&all) {
                 r[1][3] = f(*x).to_bits();
             }
-            verify(&all, &found).unwrap().traits()
+            verify(&all, &found).unwrap().traits(None)
         };
         assert!(with(lost_by_rounding).fuses_once);
         assert!(!with(|[a, b, ..]| a * b - a * b).fuses_once);

@@ -31,6 +31,7 @@ mod params;
 pub mod rebuild;
 mod shape;
 mod standing;
+mod tiles;
 mod tree_buffers;
 mod unfold;
 mod units;
@@ -45,9 +46,10 @@ pub use method::{blocked_words, record_bytes, supports};
 pub(crate) use method::{notes, open_shadows_at, places};
 pub use moving::{MovingShape, MovingTreeletShape, moving_rows};
 pub use params::{Counts, Params};
-pub use shape::Shape;
+pub use shape::{Shape, WideShape};
 pub use standing::{Extent, Extents, Standing};
-pub use tree_buffers::{COSTS, NODES, TreeBuffers};
+pub use tiles::Tiles;
+pub use tree_buffers::{COSTS, COVERS, NODES, TreeBuffers};
 pub use view::View;
 
 /// A compute kernel.
@@ -137,6 +139,12 @@ impl Kernel {
         let bounded = self.bounded.filter(|_| traits.loops_may_end);
         let fused = self.fused.filter(|_| traits.fuses_once);
         bounded.or(fused).unwrap_or(self.code)
+    }
+
+    /// Whether a device with these traits takes it at all.
+    #[must_use]
+    pub fn suits(&self, traits: Traits) -> bool {
+        Tiles::of_kernel(self.entry).is_none_or(|tiles| traits.tiles == Some(tiles))
     }
 
     /// Whether it is of use to [`rebuild`] alone; a host makes those when it first makes a tree.

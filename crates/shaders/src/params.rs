@@ -1,6 +1,7 @@
 //! The host's twins of `wgsl/shared/params.wgsl` and of the buffer `counts`; a test compares the former by reflection.
 
 use crate::Shape;
+use crate::tiles;
 use crate::units::{self, scaled_point};
 use backend::BackendError;
 use bytemuck::{Pod, Zeroable};
@@ -41,7 +42,17 @@ pub struct Params {
     pub places: u32,
     pub notes: u32,
     pub scaled_eye: [f32; 3],
-    pub pad: u32,
+    pub depth_exponent: i32,
+    pub column: [f32; 3],
+    pub wide_at: u32,
+    pub row: [f32; 3],
+    pub wide_lanes: u32,
+    pub depth: [f32; 3],
+    pub wide_root: u32,
+    pub pixel_margin: f32,
+    pub pad_a: u32,
+    pub pad_b: u32,
+    pub pad_c: u32,
 }
 
 impl Params {
@@ -57,13 +68,16 @@ impl Params {
             node_count: tree.node_count,
             goal: tree.begin.0,
             count: tree.begin.1,
+            wide_at: tree.wide.at,
+            wide_lanes: tree.wide.lanes,
+            wide_root: tree.wide.root,
             ..Self::default()
         }
     }
 
     /// The same, seen through a camera.
     pub(crate) fn through(self, camera: &Camera) -> Self {
-        Self {
+        let params = Self {
             eye: camera.eye,
             corner: camera.corner,
             across: camera.across,
@@ -72,7 +86,8 @@ impl Params {
             height: camera.height,
             scaled_eye: scaled_point(camera.eye, self.scale_exponent),
             ..self
-        }
+        };
+        tiles::projected(params, camera)
     }
 
     /// The same, with a light.

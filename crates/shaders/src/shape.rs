@@ -34,6 +34,30 @@ pub struct Shape {
     pub root_count: u32,
     /// Boxes that a search by many invocations begins at: the first one's row, and how many lie there, two rows each.
     pub begin: (u32, u32),
+    /// The wide tree, where the record has one.
+    pub wide: WideShape,
+}
+
+/// Where a record keeps its [`bvh_layout::WideTree`]; all 0 if it has none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WideShape {
+    /// Its first word.
+    pub at: u32,
+    /// Lanes of all nodes.
+    pub lanes: u32,
+    /// The root's lanes, as the tree names them.
+    pub root: u32,
+}
+
+impl WideShape {
+    fn of(tree: &Treelets) -> Self {
+        let [words, lists, _] = tree.parts();
+        tree.wide().map_or_else(Self::default, |wide| Self {
+            at: (words.len() + lists.len()) as u32,
+            lanes: wide.lane_count() as u32,
+            root: wide.root(),
+        })
+    }
 }
 
 /// Boxes that 64 invocations ask at once in less time than they take to go down to them.
@@ -56,6 +80,7 @@ impl Default for Shape {
             node_rows: 0,
             root_count: 0,
             begin: (0, 1),
+            wide: WideShape::default(),
         }
     }
 }
@@ -110,6 +135,7 @@ impl Shape {
             node_rows: tree.rows() as u64,
             root_count: tree.root_count() as u32,
             begin: tree.few_roots(MANY),
+            wide: WideShape::of(tree),
             ..Self::default()
         }
     }

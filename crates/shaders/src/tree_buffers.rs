@@ -7,6 +7,8 @@ use backend::{Layout, Method};
 pub const NODES: &str = "the tree's nodes";
 /// What messages call the buffer `costs`.
 pub const COSTS: &str = "the tree's areas";
+/// What messages call the buffer `covers`.
+pub const COVERS: &str = "what triangles cover of the picture";
 
 /// Buffers by the kernels' names.
 #[derive(Debug)]
@@ -21,6 +23,8 @@ pub struct TreeBuffers<B> {
     pub nodes: B,
     /// Partial sums of areas: see refit.wgsl. See [`Shape::own_cost_bytes`].
     pub costs: B,
+    /// Empty until a trace says how much it takes: see [`crate::work::Trace::cover_bytes`].
+    pub covers: B,
 }
 
 impl<B> TreeBuffers<B> {
@@ -46,6 +50,7 @@ impl<B> TreeBuffers<B> {
             records: make("the triangles' records", records)?,
             nodes: make(NODES, usual((2 * leaves).saturating_sub(1) * 32))?,
             costs: make(COSTS, usual(Shape::cost_bytes(leaves)))?,
+            covers: make(COVERS, 0)?,
         })
     }
 
@@ -58,6 +63,7 @@ impl<B> TreeBuffers<B> {
             "records" => &self.records,
             "nodes" => &self.nodes,
             "costs" => &self.costs,
+            "covers" => &self.covers,
             _ => return None,
         })
     }
@@ -67,7 +73,7 @@ impl<B> TreeBuffers<B> {
         let lists = [&self.leaf_nodes, &self.inner_nodes, &self.leaf_corners];
         lists
             .into_iter()
-            .chain([&self.records, &self.nodes, &self.costs])
+            .chain([&self.records, &self.nodes, &self.costs, &self.covers])
     }
 }
 

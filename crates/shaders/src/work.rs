@@ -8,7 +8,7 @@ pub use rays::{cleanse, count_any, count_blocked, count_hits, count_triangles, r
 pub(crate) use tree::sum;
 pub use tree::{Progress, leaves};
 
-use crate::{Kernel, Params, common, kernel, notes, open_shadows_at, places};
+use crate::{Kernel, Params, Tiles, common, kernel, notes, open_shadows_at, places, tiles};
 use backend::{Intersector, Method, Seek};
 use geom::Camera;
 
@@ -35,6 +35,8 @@ pub enum Groups {
     Each(u32),
     /// One for each block of 16 x 8 pixels.
     Pixels(u32, u32),
+    /// Enough for the tiles of so many pixels, so many tiles each along both axes.
+    Tiles(u32, u32, [u32; 2]),
 }
 
 /// A dispatch that no device of this kind takes.
@@ -125,6 +127,7 @@ impl Groups {
             Self::Linear(count) => in_rows(count.div_ceil(workgroup), limit),
             Self::Each(count) => in_rows(count, limit),
             Self::Pixels(width, height) => [width.div_ceil(16), height.div_ceil(8)],
+            Self::Tiles(width, height, [x, y]) => [width.div_ceil(8 * x), height.div_ceil(4 * y)],
         };
         let need = x.max(y);
         match need > limit {
@@ -163,14 +166,22 @@ pub struct Trace {
     pub primary: Vec<Work>,
     /// Hits to shadows, where `primary` does not find them too.
     pub shadow: Option<Vec<Work>>,
+    /// Bytes that the buffer `covers` must have.
+    pub cover_bytes: u64,
 }
 
-/// Records and boxes to what is sought.
+/// Records and boxes to what is sought; `tiles` says how the device takes tiles, if it does.
 #[must_use]
-pub fn trace(method: Method, params: Params, rays: Rays<'_>, seek: Seek) -> Trace {
+pub fn trace(
+    method: Method,
+    params: Params,
+    rays: Rays<'_>,
+    seek: Seek,
+    tiles: Option<Tiles>,
+) -> Trace {
     let primary = |primary| Trace {
         primary,
-        shadow: None,
+        ..Trace::default()
     };
     match seek {
         Seek::Any => primary(any(method, params, rays.count())),
@@ -181,8 +192,12 @@ pub fn trace(method: Method, params: Params, rays: Rays<'_>, seek: Seek) -> Trac
                 Rays::Given(_) => Trace {
                     primary: closest(method, params, rays),
                     shadow: Some(shadow(method, params, rays)),
+                    ..Trace::default()
                 },
-                Rays::Camera(_) => primary(together(method, params, rays)),
+                Rays::Camera(camera) => {
+                    let by_tiles = tiles.and_then(|t| by_tiles(method, params, camera, t));
+                    by_tiles.unwrap_or_else(|| primary(together(method, params, rays)))
+                }
             }
         }
     }
@@ -206,6 +221,29 @@ fn any(method: Method, params: Params, rays: u32) -> Vec<Work> {
 fn shadow(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
     let search = Work::over(method, rays, searching(params, rays), ["shadow_rays"; 2]);
     settled(method, search, rays, SHADOWS)
+}
+
+/// A camera's closest hits and their shadows tile by tile, where that pays.
+fn by_tiles(method: Method, params: Params, camera: &Camera, how: Tiles) -> Option<Trace> {
+    let params = params.through(camera);
+    if !tiles::pay(method, &params, how) {
+        return None;
+    }
+    let triangles = params.node_count.div_ceil(2);
+    let trace = Work {
+        kernel: kernel(how.kernel(), method),
+        params,
+        groups: Groups::Tiles(camera.width, camera.height, how.of_group()),
+        alongside: false,
+    };
+    let things = params.wide_lanes + triangles;
+    let project = Work::linear(kernel("project", method), params, things);
+    Some(Trace {
+        primary: vec![project, trace],
+        // A row of 16 bytes for each lane, two for each triangle.
+        cover_bytes: 16 * u64::from(things + triangles),
+        ..Trace::default()
+    })
 }
 
 /// A camera's closest hits and their shadows by one kernel.

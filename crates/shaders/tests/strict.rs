@@ -11,6 +11,8 @@ const BOXES: usize = 4;
 const OWN_BOXES: usize = 7;
 /// Likewise in wgsl/shared/view.wgsl and filter.wgsl.
 const FILTER: usize = 29;
+/// Likewise in wgsl/project.wgsl.
+const PROJECTION: usize = 46;
 
 /// Additions, subtractions and multiplications that are not decorated NoContraction.
 fn loose_operations(module: &Module) -> usize {
@@ -42,7 +44,11 @@ fn only_what_decides_no_hit_may_be_fused_and_no_name_is_left() {
             0
         };
         let filter = if tests("exact") { FILTER } else { 0 };
-        let expected = if traces { BOXES + own + filter } else { 0 };
+        let expected = match kernel.entry {
+            "project" => PROJECTION,
+            _ if traces => BOXES + own + filter,
+            _ => 0,
+        };
         assert_eq!(loose_operations(&module), expected, "{}", kernel.name);
         assert!(module.debug_names.is_empty(), "{}", kernel.name);
     }

@@ -54,6 +54,7 @@ pub(super) fn fill(
         inner_count,
         root_count: roots as u32,
         moving: None,
+        wide: None,
     };
     made.finish(cuts, &found, inner_at);
     made

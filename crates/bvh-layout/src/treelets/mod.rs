@@ -6,6 +6,7 @@ mod fill;
 mod moving;
 #[cfg(test)]
 mod tests;
+mod wide;
 
 use crate::Topology;
 use crate::walk::Shape;
@@ -63,6 +64,55 @@ pub struct Treelets {
     inner_count: u32,
     root_count: u32,
     moving: Option<MovingTreelets>,
+    wide: Option<WideTree>,
+}
+
+/// The same tree with up to 32 children a node, over blocks of up to 32 neighbouring triangles, for searches in which
+/// each invocation of a subgroup asks one child: names only, since the boxes are those of the binary nodes.
+///
+/// # Layout
+///
+/// Little-endian `u32` words. The children of all nodes, level by level, are its *lanes*: for each lane the row of the
+/// child's box, then for each where it leads: to a node's lanes or, with bit 31, to a block's triangles in depth-first
+/// order. The first of these begins at bit 6, below that stands how many there are. The root's lanes come first.
+///
+/// # What it costs
+///
+/// 8 bytes a lane: half a byte a triangle or so.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WideTree {
+    words: Vec<u32>,
+    lanes: usize,
+    root: u32,
+}
+
+impl WideTree {
+    /// Children of a node, and triangles of a block, at most.
+    pub const LANES: usize = 32;
+    /// Levels of nodes, at most.
+    pub const MOST_LEVELS: usize = 16;
+    /// Trees of more triangles have no such form: what it serves does not pay there.
+    pub const MOST_TRIANGLES: usize = 1 << 20;
+    const BLOCK: u32 = 1 << 31;
+    const FIRST_AT: u32 = 6;
+
+    /// What is handed over.
+    #[must_use]
+    pub fn words(&self) -> &[u32] {
+        &self.words
+    }
+
+    /// Lanes of all nodes.
+    #[must_use]
+    pub fn lane_count(&self) -> usize {
+        self.lanes
+    }
+
+    /// Where a lane would lead that leads to the root.
+    #[must_use]
+    pub fn root(&self) -> u32 {
+        self.root
+    }
 }
 
 /// Where its last words stand in a treelet's entry.
@@ -136,7 +186,9 @@ impl Treelets {
             return Self::default();
         }
         let cuts = Cut::all(shape);
-        fill::fill(shape, &cuts, room, words)
+        let mut made = fill::fill(shape, &cuts, room, words);
+        made.wide = WideTree::of(&made);
+        made
     }
 
     pub(crate) fn into_words(self) -> Vec<u32> {
@@ -175,11 +227,24 @@ impl Treelets {
         self.moving.as_ref()
     }
 
-    /// Bytes handed over: the words, and lists of what moves.
+    /// The same tree with 32 children a node, if it has that form.
+    #[must_use]
+    pub fn wide(&self) -> Option<&WideTree> {
+        self.wide.as_ref()
+    }
+
+    /// All that is handed over, in this order: the words, lists of what moves, the wide tree.
+    #[must_use]
+    pub fn parts(&self) -> [&[u32]; 3] {
+        let lists = self.moving.as_ref().map_or(&[][..], MovingTreelets::words);
+        let wide = self.wide.as_ref().map_or(&[][..], WideTree::words);
+        [&self.words, lists, wide]
+    }
+
+    /// Bytes handed over.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        let lists = self.moving.as_ref().map_or(0, |m| m.words().len());
-        (self.words.len() + lists) * 4
+        self.parts().iter().map(|part| size_of_val(*part)).sum()
     }
 
     /// The numbers of each level's treelets, the level of the triangles first.

@@ -26,9 +26,11 @@ fn has_none(leaf: u32) -> bool {
     return is_degenerate(given.a, given.b, given.c);
 }
 
-// Keeps an empty box for a triangle that no ray can hit, and counts it.
-fn keep_empty(local: u32, count: u32) {
+// Keeps an empty box for a triangle that no ray can hit, and counts it. Its record names no triangle: who comes to it by
+// other ways than its box is warned.
+fn keep_empty(local: u32, leaf: u32, count: u32) {
     atomicAdd(&counts[count], 1u);
+    records[3u * leaf].w = 0xffffffffu;
     keep_box(LEAVES + local, vec3<u32>(EMPTY_LOW), vec3<u32>(EMPTY_HIGH));
 }
 
@@ -44,7 +46,7 @@ fn stand(local: u32, leaf: u32, triangle: u32) -> bool {
     records[3u * leaf + 2u] = record.third;
     keep_leaf(local, LEAF | leaf);
     if !(is_finite(given.a) && is_finite(given.b) && is_finite(given.c)) {
-        keep_empty(local, 0u);
+        keep_empty(local, leaf, 0u);
         return false;
     }
     keep_box(LEAVES + local, bitcast<vec3<u32>>(min(min(a, b), c)), bitcast<vec3<u32>>(max(max(a, b), c)));
@@ -73,7 +75,7 @@ fn make_treelet(local: u32, place: u32) {
     if is_there {
         word = topology[params.leaf_triangles_at + leaf];
         keep_index(leaf, word & ~SHARED);
-        if stand(local, leaf, word & ~SHARED) && has_none(leaf) { keep_empty(local, 1u); }
+        if stand(local, leaf, word & ~SHARED) && has_none(leaf) { keep_empty(local, leaf, 1u); }
     }
     let t = treelet(number);
     workgroupBarrier();

@@ -47,8 +47,24 @@ struct Params {
     notes: u32,
     // The eye in scaled units.
     scaled_eye: vec3<f32>,
-    // Fills the last row of 16 bytes.
-    pad: u32,
+    // What depth is scaled by, as a power of two: see "Tiles" in ARCHITECTURE.md.
+    depth_exponent: i32,
+    // A point p from the eye is seen in column dot(column, p) / dot(depth, p), likewise in its row.
+    column: vec3<f32>,
+    // Where the wide tree begins in `topology`, in words.
+    wide_at: u32,
+    row: vec3<f32>,
+    // Lanes of all its nodes.
+    wide_lanes: u32,
+    depth: vec3<f32>,
+    // Its root's lanes; 0 if there is no wide tree, or nothing that it could serve.
+    wide_root: u32,
+    // How far a pixel's ray may lie from its middle, in pixels, and a bit.
+    pixel_margin: f32,
+    // Fill the last row of 16 bytes.
+    pad_a: u32,
+    pad_b: u32,
+    pad_c: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

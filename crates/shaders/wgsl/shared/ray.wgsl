@@ -61,19 +61,6 @@ fn slope(component: f32, by: Divisor) -> f32 {
     return select(divide_normal(component, by), zero, component == 0.0);
 }
 
-// The corners of the root's box from a ray's start, and the greatest of their coordinates: D.
-struct Root { low: vec3<f32>, high: vec3<f32>, reach: f32 }
-
-// Who uses it declares `nodes`.
-fn root_from(origin: vec3<f32>) -> Root {
-    let low = bitcast<vec3<f32>>(nodes[0].xyz);
-    let high = bitcast<vec3<f32>>(nodes[1].xyz);
-    let to_low = vec3<f32>(sub(low.x, origin.x), sub(low.y, origin.y), sub(low.z, origin.z));
-    let to_high = vec3<f32>(sub(high.x, origin.x), sub(high.y, origin.y), sub(high.z, origin.z));
-    let away = max(abs(to_low), abs(to_high));
-    return Root(to_low, to_high, max(away.x, max(away.y, away.z)));
-}
-
 // The direction is finite and not zero. The origin is in scaled units; the direction and (t_min, t_max) are the ray's own, as bits.
 fn prepare(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u32, root: Root) -> Prepared {
     return prepare_shifted(origin, direction, t_min, t_max, root, params.scale_exponent);
@@ -83,9 +70,6 @@ fn prepare(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u32, root
 fn prepare_scaled(origin: vec3<f32>, direction: vec3<f32>, root: Root) -> Prepared {
     return prepare_shifted(origin, bitcast<vec3<u32>>(direction), 0u, 0x3f800000u, root, 0);
 }
-
-// 2^80.
-const FARTHEST: f32 = 1.2089258196146292e24;
 
 fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u32, root: Root, shift: i32) -> Prepared {
     var ray: Prepared;

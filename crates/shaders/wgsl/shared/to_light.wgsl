@@ -1,29 +1,9 @@
-// The ray from a hit to the light: see "Shadow" in ARCHITECTURE.md. Who uses it declares `nodes`, `triangles` and `positions`.
+// The way from a hit to the light, by the triangle's own vertices. Who uses it declares `triangles` and `positions`.
 
 fn scaled(vertex: u32) -> vec3<f32> {
     let at = 3u * vertex;
     return scaled_point(vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]));
 }
-
-fn sub3(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
-    return vec3<f32>(sub(a.x, b.x), sub(a.y, b.y), sub(a.z, b.z));
-}
-
-fn dot3(a: vec3<f32>, b: vec3<f32>) -> f32 {
-    return add(add(flushed(mul(a.x, b.x)), flushed(mul(a.y, b.y))), flushed(mul(a.z, b.z)));
-}
-
-fn sign_of(x: f32) -> f32 {
-    return select(0.0, 1.0, x > 0.0) - select(0.0, 1.0, x < 0.0);
-}
-
-fn move_off(p: f32, normal: f32, side: f32, delta: f32) -> f32 {
-    return add(p, mul(mul(sign_of(normal), side), delta));
-}
-
-// From beside a hit to the light, over t in (0, 1). Where `traced` is false, there is nothing between.
-// The origin may have coordinates that are too small to count.
-struct ToLight { origin: vec3<f32>, direction: vec3<f32>, traced: bool }
 
 // All in scaled units: `eye` is where the ray that hit came from.
 fn to_light(hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
@@ -31,38 +11,4 @@ fn to_light(hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
     let v1 = scaled(triangles[3u * hit.w + 1u]);
     let v2 = scaled(triangles[3u * hit.w + 2u]);
     return from_triangle(v0, v1, v2, hit, eye);
-}
-
-// Likewise, with the corners of the triangle that was hit.
-fn from_triangle(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
-    let e1 = sub3(v1, v0);
-    let e2 = sub3(v2, v0);
-    let u = bitcast<f32>(hit.y);
-    let v = bitcast<f32>(hit.z);
-    var p = vec3<f32>(
-        add(v0.x, add(mul(u, e1.x), mul(v, e2.x))),
-        add(v0.y, add(mul(u, e1.y), mul(v, e2.y))),
-        add(v0.z, add(mul(u, e1.z), mul(v, e2.z))),
-    );
-    p = snapped3(p);
-    let normal = vec3<f32>(
-        flushed(sub(mul(e1.y, e2.z), mul(e1.z, e2.y))),
-        flushed(sub(mul(e1.z, e2.x), mul(e1.x, e2.z))),
-        flushed(sub(mul(e1.x, e2.y), mul(e1.y, e2.x))),
-    );
-    let light = params.light;
-    var side = sign_of(dot3(normal, sub3(light, p)));
-    if side == 0.0 { side = sign_of(dot3(normal, sub3(eye, p))); }
-    let extent = sub3(bitcast<vec3<f32>>(nodes[1].xyz), bitcast<vec3<f32>>(nodes[0].xyz));
-    let reach = max(abs(p.x), max(abs(p.y), abs(p.z)));
-    // 4 * 2^-24 and 32 * 2^-24
-    let delta = add(mul(2.384185791015625e-7, reach), mul(1.9073486328125e-6, max(extent.x, max(extent.y, extent.z))));
-    p = vec3<f32>(
-        move_off(p.x, normal.x, side, delta),
-        move_off(p.y, normal.y, side, delta),
-        move_off(p.z, normal.z, side, delta),
-    );
-    let direction = sub3(light, p);
-    let traced = any(direction != vec3<f32>(0.0)) && is_finite_point(direction) && is_finite_point(p);
-    return ToLight(p, direction, traced);
 }

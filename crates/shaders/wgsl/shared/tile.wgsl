@@ -1,0 +1,149 @@
+// A tile of 8 x 4 pixels, whose rays, an invocation each, go down the wide tree together: see "Tiles" in ARCHITECTURE.md.
+// What is covered decides who is asked, never what is hit. All 32 invocations call these functions together.
+
+// In place of a lane that leads nowhere any more; beyond all depths.
+const DONE: u32 = 0xffffffffu;
+
+// Whether what is covered meets the tile before a depth, as bits.
+fn meets_tile(c: vec4<u32>, corner: vec2<u32>, depth: u32) -> bool {
+    let first = c.xy & vec2<u32>(0xffffu);
+    let last = c.xy >> vec2<u32>(16u);
+    return all(first <= corner + vec2<u32>(7u, 3u)) && all(last >= corner) && c.z <= depth;
+}
+
+// A lane's place in the order in which they are visited: how near it begins, and in the lowest five bits which it is.
+fn place_of(c: vec4<u32>, is_there: bool, corner: vec2<u32>, depth: u32, lane: u32) -> u32 {
+    return select(DONE, (c.z & 0x7fffffe0u) | lane, is_there && meets_tile(c, corner, depth));
+}
+
+// The tile's pixels within what is covered, a bit each, row by row.
+fn pixels_within(c: vec4<u32>, corner: vec2<u32>) -> u32 {
+    let first = max(c.xy & vec2<u32>(0xffffu), corner) - corner;
+    let last = min((c.xy >> vec2<u32>(16u)) - corner, vec2<u32>(7u, 3u));
+    let columns = ((2u << last.x) - (1u << first.x)) * 0x01010101u;
+    return columns & (0xffffffffu << (8u * first.y)) & (0xffffffffu >> (24u - 8u * last.y));
+}
+
+// Those between a triangle's lines: see `Line` in project.wgsl.
+fn pixels_between(c: vec4<u32>, lines: vec4<u32>, corner: vec2<u32>) -> u32 {
+    let down = bitcast<i32>(corner.y - (c.y & 0xffffu));
+    let left = bitcast<i32>(corner.x << 8u);
+    let slope = vec3<i32>(bitcast<i32>(lines.z << 16u), bitcast<i32>(lines.z), bitcast<i32>(lines.w << 16u)) >> vec3<u32>(16u);
+    let at = vec3<i32>(bitcast<i32>(lines.x), bitcast<i32>(lines.y), bitcast<i32>(c.w)) + slope * down - left;
+    let side = bitcast<i32>(lines.w) >> 16u;
+    // The third line stands on one of the sides.
+    var begin = vec2<i32>(at.x, select(-BOUNDLESS, at.z, side == -1));
+    var end = vec2<i32>(at.y, select(BOUNDLESS, at.z, side == 1));
+    let begin_slope = vec2<i32>(slope.x, select(0, slope.z, side == -1));
+    let end_slope = vec2<i32>(slope.y, select(0, slope.z, side == 1));
+    var pixels = 0u;
+    for (var row = 0u; row < 32u; row += 8u) {
+        let first = clamp(max(begin.x, begin.y) >> 8u, 0, 8);
+        let last = clamp(min(end.x, end.y) >> 8u, -1, 7);
+        pixels |= ((0xffu << u32(first)) & (0xffu >> u32(7 - last))) << row;
+        begin += begin_slope;
+        end += end_slope;
+    }
+    return pixels;
+}
+
+// The tile's pixels that a triangle may cover before a depth.
+fn pixels_of(leaf: u32, corner: vec2<u32>, depth: u32) -> u32 {
+    let c = covers[params.wide_lanes + 2u * leaf];
+    if !meets_tile(c, corner, depth) { return 0u; }
+    return pixels_within(c, corner) & pixels_between(c, covers[params.wide_lanes + 2u * leaf + 1u], corner);
+}
+
+// What a ray's t is in depths of the picture; infinite where that cannot be told.
+fn depth_a_unit(ray: Prepared) -> f32 {
+    let shift = params.depth_exponent - params.scale_exponent - ray.exponent;
+    if shift < 0 || shift > 100 { return bitcast<f32>(0x7f800000u | params.zero); }
+    return bitcast<f32>(u32(127 + shift) << 23u);
+}
+
+// Closest hits; rays that are not `sought` find nothing.
+fn find_together(corner: vec2<u32>, lane: u32, sought: bool, ray: Prepared) -> Found {
+    let depth_of_t = depth_a_unit(ray);
+    var best = nothing_found(ray);
+    // Where the search goes on above: places of lanes, and nodes.
+    var places: array<u32, 16>;
+    var nodes_above: array<u32, 16>;
+    var level = 0u;
+    var node = params.wide_root;
+    var depth = 0x7f800000u;
+    var child = covers[(node >> 6u) + min(lane, (node & 63u) - 1u)];
+    var place = place_of(child, lane < (node & 63u), corner, depth, lane);
+    var goal = child.w;
+    loop {
+        let least = least_of_all(place, lane);
+        if (least & 0x7fffffe0u) > depth {
+            if level == 0u { break; }
+            level -= 1u;
+            place = places[level];
+            node = nodes_above[level];
+            goal = covers[(node >> 6u) + min(lane, (node & 63u) - 1u)].w;
+            continue;
+        }
+        if place == least { place = DONE; }
+        let next = of_lane(goal, least & 31u, lane);
+        let first = (next & ~BLOCK) >> 6u;
+        let is_there = lane < (next & 63u);
+        if (next & BLOCK) == 0u {
+            places[level] = place;
+            nodes_above[level] = node;
+            level += 1u;
+            node = next;
+            child = covers[first + min(lane, (next & 63u) - 1u)];
+            place = place_of(child, is_there, corner, depth, lane);
+            goal = child.w;
+            continue;
+        }
+        var pixels = 0u;
+        if is_there { pixels = pixels_of(first + lane, corner, depth); }
+        if !any_of_all(pixels != 0u, lane) { continue; }
+        var left = transposed(pixels, lane);
+        if !sought { left = 0u; }
+        while left != 0u {
+            best = see_closest(ray, first + firstTrailingBit(left), best);
+            left &= left - 1u;
+        }
+        depth = most_of_all(select(0u, bitcast<u32>(limit(best) * depth_of_t), sought), lane);
+    }
+    return best;
+}
+
+// Which pixel of a tile an invocation stands for.
+fn pixel_in(lane: u32) -> vec2<u32> { return vec2<u32>(lane & 7u, lane >> 3u); }
+
+// What `trace_and_shadow_camera` does, for a tile.
+fn trace_tile(tile: vec2<u32>, lane: u32) {
+    let corner = tile * vec2<u32>(8u, 4u);
+    let pixel = corner + pixel_in(lane);
+    let is_there = pixel.x < params.width && pixel.y < params.height;
+    let i = pixel.y * params.width + pixel.x;
+    let direction = through_pixel(pixel);
+    let origin = eye();
+    let root = root_from(origin);
+    let sought = is_there && !leads_nowhere(direction, origin, root);
+    if !any_of_all(sought, lane) {
+        if is_there { miss(i); }
+        return;
+    }
+    let ray = camera_ray(direction, origin, root);
+    let found = find_together(corner, lane, sought, ray);
+    if !is_there { return; }
+    if found.leaf == NO_LEAF {
+        miss(i);
+        return;
+    }
+    let hit = hit_of(i, ray, found);
+    hits[i] = hit;
+    var dark = false;
+    if hit.w != 0xffffffffu { dark = is_blocked(way_from(found, hit, origin), hit.w); }
+    keep_any(i, dark, 3u);
+}
+
+fn miss(i: u32) {
+    hits[i] = MISS;
+    keep_any(i, false, 3u);
+}
