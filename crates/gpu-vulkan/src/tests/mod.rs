@@ -10,6 +10,7 @@ mod rebuild;
 mod roads;
 mod rt;
 mod scenes;
+mod tiles;
 
 use crate::{clock, errors, queues, snapshots, transfer};
 use libtest_mimic::{Arguments, Trial};
@@ -66,6 +67,7 @@ const ON_DEVICE: &[(&str, Test)] = named![
     rebuild::a_tree_made_here_costs_hardly_more_than_the_hosts,
     roads::requests_of_several_submissions_are_answered_in_their_order,
     roads::a_snapshot_outlives_the_backend,
+    tiles::rays_together_find_what_each_finds_by_itself,
 ];
 
 /// Tests that need a device whose driver makes and traces trees.
