@@ -1,7 +1,8 @@
 //! Rays that go down a tree together find what each finds by itself.
 
-use super::scenes::{SHADOWED, device, go, hits, laid, positions, stand, swarm, tree_at};
+use super::scenes::{SHADOWED, device, go, hits, laid, numbers, positions, stand, swarm, tree_at};
 use backend::{Backend, Generation, Layout, Rays};
+use bvh_layout::Topology;
 use geom::{Animation, Camera, Point, Ray};
 use std::sync::Arc;
 
@@ -22,14 +23,62 @@ fn cameras() -> [Camera; 5] {
 
 /// Small triangles before and behind a few that cover much of the picture.
 fn layers() -> Arc<Animation> {
-    let swarm = swarm(3900);
+    let swarm = swarm(3800);
     let mut corners = positions(&swarm, 0.0);
     for (sheet, z) in [0.9_f32, 0.4, -0.2, -0.8].into_iter().enumerate() {
         let edge = 0.3 * (1 + sheet) as f32;
         corners.extend([[-edge, -edge, z], [edge, -edge, z], [0.0, edge, z]]);
     }
+    // Without area, though rounding may see some.
+    let mut number = numbers(3);
+    let mut whole = || std::array::from_fn::<_, 3, _>(|_| (256.0 * number()).round() / 256.0);
+    for _ in 0..60 {
+        let (at, d): (Point, Point) = (whole(), whole());
+        corners.extend([0.0_f32, 1.0, 3.0].map(|k| std::array::from_fn(|i| at[i] + k * d[i])));
+    }
     let triangles = (0..corners.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
     Arc::new(Animation::new(vec![corners], triangles.collect()).unwrap())
+}
+
+/// Forty leaves one below the other, and below them all others, halved again and again: wide nodes at three levels.
+fn comb(animation: &Animation) -> Topology {
+    let order = tree_at(animation, 0.0).leaf_triangles().to_vec();
+    let n = order.len() as u32;
+    let mut words = vec![Topology::MAGIC, Topology::VERSION];
+    words.extend([animation.triangle_count() as u32, n]);
+    let (mut inner, mut is_leaf) = (Vec::new(), Vec::new());
+    // Where leaves begin and end, level by level.
+    let (mut leaves, mut level) = (Vec::new(), vec![(0, n)]);
+    while !level.is_empty() {
+        let depth = inner.len();
+        let (ends, open): (Vec<_>, Vec<_>) = level.iter().partition(|(a, b)| b - a == 1);
+        is_leaf.extend(level.iter().map(|(a, b)| b - a == 1));
+        leaves.extend(ends.iter().map(|&(a, _): &(u32, u32)| order[a as usize]));
+        inner.push(open.len() as u32);
+        let split = |(a, b): (u32, u32)| if depth < 40 { a + 1 } else { a.midpoint(b) };
+        level = open
+            .into_iter()
+            .flat_map(|(a, b)| [(a, split((a, b))), (split((a, b)), b)])
+            .collect();
+    }
+    words.extend([inner.len() as u32, 0, 0, 0]);
+    words.extend(inner);
+    let bits: Vec<u32> = is_leaf
+        .chunks(32)
+        .map(|part| {
+            part.iter()
+                .rev()
+                .fold(0, |set, &leaf| set << 1 | u32::from(leaf))
+        })
+        .collect();
+    let ranks = bits.iter().scan(0, |sum, set| {
+        Some(std::mem::replace(sum, *sum + set.count_ones()))
+    });
+    let ranks: Vec<u32> = ranks.collect();
+    words.extend(bits);
+    words.extend(ranks);
+    words.extend(leaves);
+    Topology::from_words(words).unwrap()
 }
 
 pub(super) fn rays_together_find_what_each_finds_by_itself() {
@@ -39,7 +88,10 @@ pub(super) fn rays_together_find_what_each_finds_by_itself() {
             .load(Arc::clone(&animation), laid(Layout::Fast))
             .unwrap();
         for (time, generation) in [(0.0, 1), (0.3, 2), (1.0, 3)] {
-            let tree = tree_at(&animation, time);
+            let tree = match generation {
+                2 => comb(&animation),
+                _ => tree_at(&animation, time),
+            };
             backend.adopt(&tree, Generation(generation)).unwrap();
             let before = backend.device_bytes().unwrap().tree;
             for camera in cameras() {
