@@ -76,6 +76,12 @@ impl Camera {
         Ray::new(self.eye, direction)
     }
 
+    /// The rays through all pixels, row by row.
+    pub fn rays(&self) -> impl Iterator<Item = Ray> + '_ {
+        let row = move |y| (0..self.width).map(move |x| self.ray(x, y));
+        (0..self.height).flat_map(row)
+    }
+
     /// Pixels in the picture.
     #[must_use]
     pub fn pixels(&self) -> usize {

@@ -4,7 +4,7 @@ use crate::device::Gpu;
 use crate::memory::{Buffer, Place};
 use crate::transfer::{Transfer, Window};
 use backend::{FRAMES_IN_FLIGHT, Hits, Intersector, Query, Rays, Result, Seek, Ticket};
-use geom::{Camera, Hit, Ray};
+use geom::{Hit, Ray};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -94,14 +94,8 @@ pub(crate) fn are_given(query: &Query<'_>) -> bool {
 fn upload(rays: Rays<'_>, to: &mut Buffer) {
     match rays {
         Rays::List(list) => write(to, list.iter().copied()),
-        Rays::Camera(camera) => write(to, all_rays(camera)),
+        Rays::Camera(camera) => write(to, camera.rays()),
     }
-}
-
-/// A camera's rays, row by row.
-fn all_rays(camera: &Camera) -> impl Iterator<Item = Ray> + '_ {
-    let row = move |y| (0..camera.width).map(move |x| camera.ray(x, y));
-    (0..camera.height).flat_map(row)
 }
 
 fn write(to: &mut Buffer, rays: impl Iterator<Item = Ray>) {

@@ -128,16 +128,9 @@ impl TreeBuffers {
             }
         }
         self.outgrown = kept;
-        let buffers = &mut self.buffers;
-        let needs = [
-            (&mut buffers.nodes, NODES, shape.node_rows * 16),
-            (&mut buffers.costs, COSTS, shape.own_cost_bytes()),
-        ];
-        for (buffer, what, bytes) in needs {
-            let old = enlarge(gpu, buffer, what, bytes)?;
-            self.outgrown.extend(old.map(|old| (frames.next(), old)));
-        }
-        Ok(())
+        let [nodes, costs] = [shape.node_rows * 16, shape.own_cost_bytes()];
+        self.enlarge(gpu, frames, |b| &mut b.nodes, (NODES, nodes))?;
+        self.enlarge(gpu, frames, |b| &mut b.costs, (COSTS, costs))
     }
 
     /// Makes room for what is covered of a picture.
@@ -147,8 +140,23 @@ impl TreeBuffers {
         frames: &Frames,
         bytes: u64,
     ) -> Result<()> {
-        let old = enlarge(gpu, &mut self.buffers.covers, COVERS, bytes)?;
-        self.outgrown.extend(old.map(|old| (frames.next(), old)));
+        self.enlarge(gpu, frames, |b| &mut b.covers, (COVERS, bytes))
+    }
+
+    /// Puts a larger buffer, with some to spare, in the place of one that is too small.
+    fn enlarge(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        frames: &Frames,
+        which: fn(&mut Room<Buffer>) -> &mut Buffer,
+        (what, bytes): (&'static str, u64),
+    ) -> Result<()> {
+        let buffer = which(&mut self.buffers);
+        if buffer.bytes < bytes {
+            let larger = Buffer::new(gpu, what, bytes + bytes / 32, Place::Device)?;
+            let old = std::mem::replace(buffer, larger);
+            self.outgrown.push((frames.next(), old));
+        }
         Ok(())
     }
 
@@ -223,20 +231,6 @@ impl TreeBuffers {
         self.records[first].wait(road, frames)?;
         Ok(first)
     }
-}
-
-/// Puts a larger buffer, with some to spare, in the place of one that is too small, and returns that.
-fn enlarge(
-    gpu: &Arc<Gpu>,
-    buffer: &mut Buffer,
-    what: &'static str,
-    bytes: u64,
-) -> Result<Option<Buffer>> {
-    if buffer.bytes >= bytes {
-        return Ok(None);
-    }
-    let larger = Buffer::new(gpu, what, bytes + bytes / 32, Place::Device)?;
-    Ok(Some(std::mem::replace(buffer, larger)))
 }
 
 impl Record {

@@ -21,7 +21,7 @@ use backend::{
     Rays, Result, Seek, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
-use geom::{Animation, Camera, Pose, Ray};
+use geom::{Animation, Pose, Ray};
 use shaders::work::{self, Progress};
 use std::sync::Arc;
 
@@ -279,7 +279,7 @@ impl Backend for WgpuBackend {
         let rays = match (query.rays, query.seek) {
             (Rays::Camera(camera), Seek::Any) => {
                 self.gpu.within("the rays", camera.pixels() as u64 * 32)?;
-                made = all_rays(camera);
+                made = camera.rays().collect();
                 Rays::List(&made)
             }
             (rays, _) => rays,
@@ -341,10 +341,4 @@ impl Backend for WgpuBackend {
     fn inspect(&mut self) -> &mut dyn Inspect {
         self
     }
-}
-
-/// A camera's rays, row by row.
-fn all_rays(camera: &Camera) -> Vec<Ray> {
-    let row = |y| (0..camera.width).map(move |x| camera.ray(x, y));
-    (0..camera.height).flat_map(row).collect()
 }

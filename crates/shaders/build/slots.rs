@@ -45,7 +45,14 @@ pub(crate) const SLOTS: &[Slot] = &[
                 faces: &[
                     (
                         "test",
-                        &["near", "record", "sheared", "own_box", "watertight"],
+                        &[
+                            "near",
+                            "record",
+                            "sheared",
+                            "extremes",
+                            "own_box",
+                            "watertight",
+                        ],
                     ),
                     ("bind", &[]),
                     ("open", &[]),
@@ -63,6 +70,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                         &[
                             "record",
                             "sheared",
+                            "extremes",
                             "own_box",
                             "view",
                             "filter",
@@ -81,6 +89,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                         &[
                             "record",
                             "sheared",
+                            "extremes",
                             "own_box",
                             "view",
                             "filter",
@@ -100,6 +109,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                         &[
                             "record",
                             "sheared",
+                            "extremes",
                             "own_box",
                             "view",
                             "filter",
@@ -151,7 +161,11 @@ pub(crate) const SLOTS: &[Slot] = &[
         name: "treelets",
         values: &[Value {
             name: "fast",
-            faces: &[("adopt", &[]), ("refit", &["treelet", "area"])],
+            faces: &[
+                ("adopt", &[]),
+                ("nodes", &["nodes_fast"]),
+                ("refit", &["treelet", "area"]),
+            ],
         }],
     },
 ];

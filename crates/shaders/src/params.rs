@@ -1,7 +1,6 @@
 //! The host's twins of `wgsl/shared/params.wgsl` and of the buffer `counts`; a test compares the former by reflection.
 
 use crate::Shape;
-use crate::tiles;
 use crate::units::{self, scaled_point};
 use backend::BackendError;
 use bytemuck::{Pod, Zeroable};
@@ -77,7 +76,7 @@ impl Params {
 
     /// The same, seen through a camera.
     pub(crate) fn through(self, camera: &Camera) -> Self {
-        let params = Self {
+        Self {
             eye: camera.eye,
             corner: camera.corner,
             across: camera.across,
@@ -86,8 +85,7 @@ impl Params {
             height: camera.height,
             scaled_eye: scaled_point(camera.eye, self.scale_exponent),
             ..self
-        };
-        tiles::projected(params, camera)
+        }
     }
 
     /// The same, with a light.

@@ -48,11 +48,11 @@ impl Tiles {
         all.into_iter().find(|tiles| tiles.kernel() == entry)
     }
 
-    /// Tiles of a workgroup, along both axes.
-    pub(crate) fn of_group(self) -> [u32; 2] {
+    /// Pixels of a workgroup's tiles, along both axes.
+    pub(crate) fn block(self) -> [u32; 2] {
         match self {
-            Self::BySubgroups => [2, 2],
-            Self::ByGroups => [1, 1],
+            Self::BySubgroups => [16, 8],
+            Self::ByGroups => [8, 4],
         }
     }
 }
@@ -69,22 +69,16 @@ pub(crate) fn pay(method: Method, params: &Params, how: Tiles) -> bool {
         && (params.bounded_loops == 0 || triangles <= MOST_WHERE_LOOPS_END)
 }
 
-/// The parameters with the picture's projection; without a wide tree where none can be told well enough.
-pub(crate) fn projected(params: Params, camera: &Camera) -> Params {
-    match Projection::of(camera).filter(|_| params.wide_root != 0) {
-        Some(p) => Params {
-            column: p.column,
-            row: p.row,
-            depth: p.depth,
-            depth_exponent: p.exponent,
-            pixel_margin: p.margin,
-            ..params
-        },
-        None => Params {
-            wide_root: 0,
-            ..params
-        },
-    }
+/// The parameters with the picture's projection, if that can be told well enough.
+pub(crate) fn projected(params: Params, camera: &Camera) -> Option<Params> {
+    Projection::of(camera).map(|p| Params {
+        column: p.column,
+        row: p.row,
+        depth: p.depth,
+        depth_exponent: p.exponent,
+        pixel_margin: p.margin,
+        ..params
+    })
 }
 
 /// The inverse of a camera's matrix, `2^exponent` times.

@@ -33,10 +33,8 @@ pub enum Groups {
     Linear(u32),
     /// So many, in as many rows as it takes.
     Each(u32),
-    /// One for each block of 16 x 8 pixels.
-    Pixels(u32, u32),
-    /// Enough for the tiles of so many pixels, so many tiles each along both axes.
-    Tiles(u32, u32, [u32; 2]),
+    /// One for each block of so many pixels of a picture, along both axes.
+    Pixels([u32; 2], [u32; 2]),
 }
 
 /// A dispatch that no device of this kind takes.
@@ -100,7 +98,7 @@ impl Work {
             Rays::Camera(c) => Self {
                 kernel: kernel(camera, method),
                 params: params.through(c),
-                groups: Groups::Pixels(c.width, c.height),
+                groups: Groups::Pixels([c.width, c.height], [16, 8]),
                 alongside: false,
             },
         }
@@ -126,8 +124,7 @@ impl Groups {
         let [x, y] = match self {
             Self::Linear(count) => in_rows(count.div_ceil(workgroup), limit),
             Self::Each(count) => in_rows(count, limit),
-            Self::Pixels(width, height) => [width.div_ceil(16), height.div_ceil(8)],
-            Self::Tiles(width, height, [x, y]) => [width.div_ceil(8 * x), height.div_ceil(4 * y)],
+            Self::Pixels([width, height], [x, y]) => [width.div_ceil(x), height.div_ceil(y)],
         };
         let need = x.max(y);
         match need > limit {
@@ -225,15 +222,16 @@ fn shadow(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
 
 /// A camera's closest hits and their shadows tile by tile, where that pays.
 fn by_tiles(method: Method, params: Params, camera: &Camera, how: Tiles) -> Option<Trace> {
-    let params = params.through(camera);
-    if !tiles::pay(method, &params, how) {
+    let seen = params.through(camera);
+    if !tiles::pay(method, &seen, how) {
         return None;
     }
+    let params = tiles::projected(seen, camera)?;
     let triangles = params.node_count.div_ceil(2);
     let trace = Work {
         kernel: kernel(how.kernel(), method),
         params,
-        groups: Groups::Tiles(camera.width, camera.height, how.of_group()),
+        groups: Groups::Pixels([camera.width, camera.height], how.block()),
         alongside: false,
     };
     let things = params.wide_lanes + triangles;
@@ -361,7 +359,7 @@ mod tests {
         let [x, y] = Groups::Linear(128 * 100_000).counts(128, 65535).unwrap();
         assert!(y == 2 && x * y >= 100_000 && x <= 65535);
         let (need, limit) = (70_000, 65535);
-        let tall = Groups::Pixels(16, 8 * need).counts(128, limit);
+        let tall = Groups::Pixels([16, 8 * need], [16, 8]).counts(128, limit);
         assert_eq!(tall, Err(TooManyGroups { need, limit }));
     }
 }

@@ -1,4 +1,4 @@
-//! use params root {treelets.adopt} {intersector.tiles} ieee eye cover
+//! use params root {treelets.adopt} {intersector.tiles} ieee eye extremes cover
 // What each triangle covers of the picture, and each box of the wide tree: see "Tiles" in ARCHITECTURE.md.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -11,8 +11,6 @@ const DOUBT: f32 = 9.5367431640625e-7;
 const OUTER: f32 = 16384.0;
 
 fn size_of(v: vec3<f32>) -> f32 { return abs(v.x) + abs(v.y) + abs(v.z); }
-fn least_of(v: vec3<f32>) -> f32 { return min(min(v.x, v.y), v.z); }
-fn most_of(v: vec3<f32>) -> f32 { return max(max(v.x, v.y), v.z); }
 
 // Where points are seen along one axis of the picture, and how far each may be off.
 struct Places { at: vec3<f32>, doubt: vec3<f32> }

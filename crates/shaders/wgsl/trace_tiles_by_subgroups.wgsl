@@ -1,12 +1,5 @@
-//! use params loops ieee rest divide exact units root ray {intersector.test} {intersector.closest} {intersector.any} {treelets.adopt} {layout.nodes} stretch_ahead camera eye seen any from_triangle {intersector.way} shade is_blocked {intersector.tiles} lanes_subgroup cover tile
+//! use params loops ieee rest divide exact units root ray {intersector.test} {intersector.closest} {intersector.any} {treelets.nodes} stretch_ahead camera eye seen any from_triangle {intersector.way} shade is_blocked {intersector.tiles} lanes_subgroup cover tile
 // Closest hits of a camera's rays and their shadows, tile by tile: a subgroup of 32 each, four of them two by two.
-
-@group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
-@group(0) @binding(2) var<storage, read> records: array<vec4<u32>>;
-@group(0) @binding(3) var<storage, read_write> hits: array<vec4<u32>>;
-@group(0) @binding(4) var<storage, read_write> counts: array<atomic<u32>>;
-@group(0) @binding(5) var<storage, read_write> blocked: array<u32>;
-@group(0) @binding(6) var<storage, read> covers: array<vec4<u32>>;
 
 @compute @workgroup_size(128)
 fn trace_tiles_by_subgroups(@builtin(subgroup_invocation_id) lane: u32, @builtin(subgroup_id) tile: u32, @builtin(workgroup_id) group: vec3<u32>) {

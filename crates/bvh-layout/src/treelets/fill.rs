@@ -7,7 +7,7 @@ use bvh_build::{MAX_DEPTH, Subtree};
 use rayon::prelude::*;
 
 /// Bit 8 of a reference: a leaf.
-const LEAF: u32 = 1 << 8;
+pub(super) const LEAF: u32 = 1 << 8;
 /// The first bit of an inner node's height, in its word.
 const HEIGHT_AT: u32 = 26;
 

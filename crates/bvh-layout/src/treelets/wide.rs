@@ -1,12 +1,11 @@
 //! The tree once more, wide: for searches in which the invocations of a subgroup ask a child each.
 
-use super::{Treelets, WideTree};
+use super::fill::LEAF as LEAF_OF_TREELET;
+use super::{Treelet, Treelets, WideTree};
 
 /// A binary node: an inner one by its number, or the leaf that begins with a triangle.
 type Node = u32;
 const LEAF: u32 = 1 << 31;
-/// Bit 8 of a reference within a treelet: a leaf.
-const LEAF_OF_TREELET: u32 = 1 << 8;
 
 /// The binary tree that treelets hold.
 struct Binary<'a> {
@@ -28,26 +27,25 @@ impl<'a> Binary<'a> {
             spans: vec![[0; 2]; tree.inner_count()],
             root: 0,
         };
-        let mut below = Vec::new();
+        let (mut first_row, mut below) = (0, Vec::new());
         for level in tree.levels() {
-            below = level
-                .clone()
-                .flat_map(|t| binary.read(t as usize, &below))
-                .collect();
+            let treelets = level.clone().map(|t| tree.treelet(t as usize));
+            let roots = treelets.flat_map(|t| {
+                let place = (t.first_leaf.wrapping_sub(first_row) / 2) as usize;
+                binary.read(t, below.get(place..).unwrap_or_default())
+            });
+            below = roots.collect();
+            first_row = tree.treelet(level.start as usize).root_row;
         }
         binary.root = below[0];
         binary
     }
 
     /// Reads a treelet's inner nodes, which stand in the order of their heights; returns its roots.
-    /// `below` are the roots of the level below, none for treelets of triangles.
-    fn read(&mut self, number: usize, below: &[Node]) -> Vec<Node> {
-        let (tree, t) = (self.tree, self.tree.treelet(number));
+    /// `below` are the roots that it stands on, and those after them; none for treelets of triangles.
+    fn read(&mut self, t: Treelet, below: &[Node]) -> Vec<Node> {
+        let tree = self.tree;
         let first = t.inner_row / 4 - 1;
-        let below = match below {
-            [] => below,
-            all => &all[self.place_of_root(t.first_leaf)..],
-        };
         let node = |reference: u32| match (reference & LEAF_OF_TREELET, below) {
             (0, _) => first + reference,
             (_, []) => LEAF | (t.first_leaf + (reference & 255)),
@@ -61,17 +59,6 @@ impl<'a> Binary<'a> {
         }
         let roots = &tree.words[t.roots_at as usize..][..t.root_count as usize];
         roots.iter().map(|&root| node(root)).collect()
-    }
-
-    /// Which root of its level has a row.
-    fn place_of_root(&self, row: u32) -> usize {
-        let starts = self.tree.levels().iter().map(|level| {
-            let first = self.tree.treelet(level.start as usize);
-            first.root_row
-        });
-        // Rows of roots follow each other level by level, but for the last root's, which is row 0.
-        let start = starts.filter(|&start| start <= row).max();
-        ((row - start.unwrap_or(row)) / 2) as usize
     }
 
     fn span(&self, node: Node) -> [u32; 2] {

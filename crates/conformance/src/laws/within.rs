@@ -118,10 +118,7 @@ fn refutes(
 fn listed(rays: Rays<'_>) -> Vec<Ray> {
     match rays {
         Rays::List(list) => list.to_vec(),
-        Rays::Camera(camera) => {
-            let row = |y| (0..camera.width).map(move |x| camera.ray(x, y));
-            (0..camera.height).flat_map(row).collect()
-        }
+        Rays::Camera(camera) => camera.rays().collect(),
     }
 }
 

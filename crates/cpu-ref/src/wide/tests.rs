@@ -35,9 +35,7 @@ fn cameras() -> impl Strategy<Value = Camera> {
 }
 
 fn list(camera: &Camera) -> Vec<Ray> {
-    let rows = 0..camera.height;
-    rows.flat_map(|y| (0..camera.width).map(move |x| camera.ray(x, y)))
-        .collect()
+    camera.rays().collect()
 }
 
 fn check(animation: &Arc<Animation>, camera: &Camera, light: Point) -> Result<(), TestCaseError> {

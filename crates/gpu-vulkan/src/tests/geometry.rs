@@ -1,7 +1,7 @@
 //! Trees as deep as they may be, stages run twice, costs: beside the reference.
 
 use super::scenes::{
-    SHADOWED, camera, device, go, hits, laid, open, open_laid, stand, swarm, tree_at,
+    SHADOWED, camera, device, go, hits, laid, open, open_laid, stand, swarm, tree_at, tree_of,
 };
 use crate::VulkanBackend;
 use backend::{Backend, Generation, Layout, Method, Query, Rays, Seek};
@@ -26,23 +26,8 @@ fn stack() -> Arc<Animation> {
 
 /// Each inner node has one leaf, to the left, and the next inner node; leaves in the given order.
 fn chain(order: impl Iterator<Item = u32>) -> Topology {
-    let n = LEAVES;
-    let mut words = vec![Topology::MAGIC, Topology::VERSION, n, n, n, 0, 0, 0];
-    words.extend((0..n).map(|level| u32::from(level + 1 < n)));
-    let (mut bits, mut ranks) = (Vec::new(), Vec::new());
-    let is_leaf = |node: u32| node < 2 * n - 1 && (node % 2 == 1 || node == 2 * n - 2);
-    let mut leaves = 0;
-    for word in 0..(2 * n - 1).div_ceil(32) {
-        let all = (0..32).filter(|bit| is_leaf(32 * word + bit));
-        let bit_set = all.fold(0_u32, |set, bit| set | 1 << bit);
-        bits.push(bit_set);
-        ranks.push(leaves);
-        leaves += bit_set.count_ones();
-    }
-    words.extend(bits);
-    words.extend(ranks);
-    words.extend(order);
-    Topology::from_words(words).unwrap()
+    let order: Vec<_> = order.collect();
+    tree_of(LEAVES, &order, |_, first, _| first + 1)
 }
 
 pub(super) fn the_deepest_tree_is_refitted_and_traced_from_either_end() {
@@ -263,9 +248,7 @@ pub(super) fn a_cameras_rays_meet_anything_as_the_list_of_them_does() {
         assert!(hits.closest.is_empty());
         (hits.blocked, backend.wait(ticket).unwrap().hits)
     };
-    let list: Vec<_> = (0..camera.height)
-        .flat_map(|y| (0..camera.width).map(move |x| camera.ray(x, y)))
-        .collect();
+    let list: Vec<_> = camera.rays().collect();
     let found = any(&mut backend, Rays::Camera(&camera));
     assert_eq!(found, any(&mut backend, Rays::List(&list)));
     let met = found.0.iter().filter(|&&b| b == 1).count();

@@ -92,6 +92,56 @@ pub(super) fn tree_at(animation: &Animation, time: f64) -> Topology {
     Converter::new().convert(&tree, animation.triangle_count(), Vec::new())
 }
 
+/// A tree by hand, over a scene of so many triangles and leaves in this order: `split` says, by depth, where among a node's
+/// leaves, the first and the end, its right child begins.
+pub(super) fn tree_of(
+    triangles: u32,
+    order: &[u32],
+    split: impl Fn(usize, u32, u32) -> u32,
+) -> Topology {
+    let n = order.len() as u32;
+    let (mut inner_counts, mut is_leaf, mut leaves) = (Vec::new(), Vec::new(), Vec::new());
+    let mut level = vec![(0, n)];
+    while !level.is_empty() {
+        let mut next = Vec::new();
+        for &(first, end) in &level {
+            is_leaf.push(end - first == 1);
+            if end - first == 1 {
+                leaves.push(order[first as usize]);
+                continue;
+            }
+            let middle = split(inner_counts.len(), first, end);
+            next.extend([(first, middle), (middle, end)]);
+        }
+        inner_counts.push(next.len() as u32 / 2);
+        level = next;
+    }
+    let levels = inner_counts.len() as u32;
+    let mut words = vec![
+        Topology::MAGIC,
+        Topology::VERSION,
+        triangles,
+        n,
+        levels,
+        0,
+        0,
+        0,
+    ];
+    words.extend(inner_counts);
+    let (mut bits, mut ranks, mut before) = (Vec::new(), Vec::new(), 0);
+    for part in is_leaf.chunks(32) {
+        let all = part.iter().zip(0..);
+        let set = all.fold(0_u32, |set, (&leaf, bit)| set | u32::from(leaf) << bit);
+        bits.push(set);
+        ranks.push(before);
+        before += set.count_ones();
+    }
+    words.extend(bits);
+    words.extend(ranks);
+    words.extend(leaves);
+    Topology::from_words(words).unwrap()
+}
+
 /// Every vertex as it stands at `time`.
 pub(super) fn positions(animation: &Animation, time: f64) -> Vec<Point> {
     let pose = animation.pose(time);

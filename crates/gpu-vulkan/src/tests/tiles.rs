@@ -1,9 +1,11 @@
 //! Rays that go down a tree together find what each finds by itself.
 
-use super::scenes::{SHADOWED, device, go, hits, laid, numbers, positions, stand, swarm, tree_at};
+use super::scenes::{
+    SHADOWED, device, go, hits, laid, numbers, positions, stand, swarm, tree_at, tree_of,
+};
 use backend::{Backend, Generation, Layout, Rays};
 use bvh_layout::Topology;
-use geom::{Animation, Camera, Point, Ray};
+use geom::{Animation, Camera, Point};
 use std::sync::Arc;
 
 fn look(eye: Point, target: Point, fov: f32) -> Camera {
@@ -43,42 +45,11 @@ fn layers() -> Arc<Animation> {
 /// Forty leaves one below the other, and below them all others, halved again and again: wide nodes at three levels.
 fn comb(animation: &Animation) -> Topology {
     let order = tree_at(animation, 0.0).leaf_triangles().to_vec();
-    let n = order.len() as u32;
-    let mut words = vec![Topology::MAGIC, Topology::VERSION];
-    words.extend([animation.triangle_count() as u32, n]);
-    let (mut inner, mut is_leaf) = (Vec::new(), Vec::new());
-    // Where leaves begin and end, level by level.
-    let (mut leaves, mut level) = (Vec::new(), vec![(0, n)]);
-    while !level.is_empty() {
-        let depth = inner.len();
-        let (ends, open): (Vec<_>, Vec<_>) = level.iter().partition(|(a, b)| b - a == 1);
-        is_leaf.extend(level.iter().map(|(a, b)| b - a == 1));
-        leaves.extend(ends.iter().map(|&(a, _): &(u32, u32)| order[a as usize]));
-        inner.push(open.len() as u32);
-        let split = |(a, b): (u32, u32)| if depth < 40 { a + 1 } else { a.midpoint(b) };
-        level = open
-            .into_iter()
-            .flat_map(|(a, b)| [(a, split((a, b))), (split((a, b)), b)])
-            .collect();
-    }
-    words.extend([inner.len() as u32, 0, 0, 0]);
-    words.extend(inner);
-    let bits: Vec<u32> = is_leaf
-        .chunks(32)
-        .map(|part| {
-            part.iter()
-                .rev()
-                .fold(0, |set, &leaf| set << 1 | u32::from(leaf))
-        })
-        .collect();
-    let ranks = bits.iter().scan(0, |sum, set| {
-        Some(std::mem::replace(sum, *sum + set.count_ones()))
-    });
-    let ranks: Vec<u32> = ranks.collect();
-    words.extend(bits);
-    words.extend(ranks);
-    words.extend(leaves);
-    Topology::from_words(words).unwrap()
+    let triangles = animation.triangle_count() as u32;
+    tree_of(triangles, &order, |depth, first, end| match depth {
+        0..40 => first + 1,
+        _ => first.midpoint(end),
+    })
 }
 
 pub(super) fn rays_together_find_what_each_finds_by_itself() {
@@ -108,8 +79,7 @@ fn check(backend: &mut dyn Backend, (animation, time): (&Animation, f64), camera
     stand(backend, animation, time);
     let ticket = go(backend, Rays::Camera(camera), SHADOWED);
     let together = hits(backend, ticket);
-    let row = |y| (0..camera.width).map(move |x| camera.ray(x, y));
-    let rays: Vec<Ray> = (0..camera.height).flat_map(row).collect();
+    let rays: Vec<_> = camera.rays().collect();
     stand(backend, animation, time);
     let ticket = go(backend, Rays::List(&rays), SHADOWED);
     assert!(together == hits(backend, ticket), "{camera:?} at {time}");

@@ -114,8 +114,7 @@ pub(crate) fn every_variant_answers_as_its_twins_do() -> Result<(), Failed> {
 
 pub(crate) fn any_hit_of_camera_rays_is_that_of_the_rays_one_by_one() -> Result<(), Failed> {
     let (animation, camera) = (swarm(600), camera());
-    let row = |y| (0..camera.width).map(move |x| camera.ray(x, y));
-    let list: Vec<_> = (0..camera.height).flat_map(row).collect();
+    let list: Vec<_> = camera.rays().collect();
     for (name, options) in variants() {
         let mut backend = WgpuBackend::new(&options)?;
         open(&mut backend, &animation)?;

@@ -1,6 +1,7 @@
-// What a triangle or a box covers of the picture, in 16 bytes: first and last column, first and last row (16 bits each), and
-// how near it begins. Row 2 i + `wide_lanes` of `covers` is triangle i's, which ends with where the row of its third line begins;
-// the row behind it holds the other lines: see project.wgsl. The first rows are those of the wide tree's lanes, which end with where they lead.
+// What the buffer `covers` holds, in rows of 16 bytes that begin alike: first and last column, first and last row (16 bits each),
+// and how near the thing begins, as a float's bits. First come the lanes of the wide tree, a row each, which ends with where the lane leads;
+// from row `wide_lanes` on triangles in leaf order, two rows each: the first ends with where the third of its lines begins, the
+// second has the others and all slopes (see `Line` in project.wgsl).
 
 // First behind last: covers nothing.
 const NOWHERE: u32 = 0x0000ffffu;

@@ -11,9 +11,6 @@ fn own_box(ray: Prepared, k: Turned) -> Box {
     return Box(unpermute(low, ray.axis), unpermute(high, ray.axis));
 }
 
-fn least_of(v: vec3<f32>) -> f32 { return min(min(v.x, v.y), v.z); }
-fn most_of(v: vec3<f32>) -> f32 { return max(max(v.x, v.y), v.z); }
-
 // Whether t surely lies within a padded box, so that slab need not be asked.
 fn loose_within(ray: Prepared, own: Box, t: f32) -> bool {
     let negative = are_negative(ray.inverse);

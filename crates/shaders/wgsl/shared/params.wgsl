@@ -57,7 +57,7 @@ struct Params {
     // Lanes of all its nodes.
     wide_lanes: u32,
     depth: vec3<f32>,
-    // Its root's lanes; 0 if there is no wide tree, or nothing that it could serve.
+    // Its root's lanes; 0 if there is no wide tree.
     wide_root: u32,
     // How far a pixel's ray may lie from its middle, in pixels, and a bit.
     pixel_margin: f32,

@@ -1,6 +1,13 @@
 // A tile of 8 x 4 pixels, whose rays, an invocation each, go down the wide tree together: see "Tiles" in ARCHITECTURE.md.
 // What is covered decides who is asked, never what is hit. All 32 invocations call these functions together.
 
+@group(0) @binding(next) var<storage, read> nodes: array<vec4<u32>>;
+@group(0) @binding(next) var<storage, read> records: array<vec4<u32>>;
+@group(0) @binding(next) var<storage, read_write> hits: array<vec4<u32>>;
+@group(0) @binding(next) var<storage, read_write> counts: array<atomic<u32>>;
+@group(0) @binding(next) var<storage, read_write> blocked: array<u32>;
+@group(0) @binding(next) var<storage, read> covers: array<vec4<u32>>;
+
 // In place of a lane that leads nowhere any more; beyond all depths.
 const DONE: u32 = 0xffffffffu;
 
