@@ -10,6 +10,8 @@
 
 // In place of a lane that leads nowhere any more; beyond all depths.
 const DONE: u32 = 0xffffffffu;
+// Behind everything.
+const FARTHEST_DEPTH: u32 = 0x7f800000u;
 
 // Whether what is covered meets the tile before a depth, as bits.
 fn meets_tile(c: vec4<u32>, corner: vec2<u32>, depth: u32) -> bool {
@@ -68,45 +70,48 @@ fn depth_a_unit(ray: Prepared) -> f32 {
     return bitcast<f32>(u32(127 + shift) << 23u);
 }
 
-// Closest hits; rays that are not `sought` find nothing.
-fn find_together(corner: vec2<u32>, lane: u32, sought: bool, ray: Prepared) -> Found {
+// Where a search stands: at a wide node; where the lane of this invocation leads, and its place among the others.
+struct Lanes { node: u32, goal: u32, place: u32 }
+
+fn row_of_lane(node: u32, lane: u32) -> u32 { return (node >> 6u) + min(lane, (node & 63u) - 1u); }
+
+fn lanes_of(node: u32, corner: vec2<u32>, depth: u32, lane: u32) -> Lanes {
+    let child = covers[row_of_lane(node, lane)];
+    return Lanes(node, child.w, place_of(child, lane < (node & 63u), corner, depth, lane));
+}
+
+// Closest hits, from the root's lanes on; rays that are not `sought` find nothing.
+fn find_together(root: Lanes, corner: vec2<u32>, lane: u32, sought: bool, ray: Prepared) -> Found {
     let depth_of_t = depth_a_unit(ray);
     var best = nothing_found(ray);
     // Where the search goes on above: places of lanes, and nodes.
     var places: array<u32, 16>;
     var nodes_above: array<u32, 16>;
     var level = 0u;
-    var node = params.wide_root;
-    var depth = 0x7f800000u;
-    var child = covers[(node >> 6u) + min(lane, (node & 63u) - 1u)];
-    var place = place_of(child, lane < (node & 63u), corner, depth, lane);
-    var goal = child.w;
+    var at = root;
+    var depth = FARTHEST_DEPTH;
     loop {
-        let least = least_of_all(place, lane);
+        let least = least_of_all(at.place, lane);
         if (least & 0x7fffffe0u) > depth {
             if level == 0u { break; }
             level -= 1u;
-            place = places[level];
-            node = nodes_above[level];
-            goal = covers[(node >> 6u) + min(lane, (node & 63u) - 1u)].w;
+            at.node = nodes_above[level];
+            at.place = places[level];
+            at.goal = covers[row_of_lane(at.node, lane)].w;
             continue;
         }
-        if place == least { place = DONE; }
-        let next = of_lane(goal, least & 31u, lane);
-        let first = (next & ~BLOCK) >> 6u;
-        let is_there = lane < (next & 63u);
+        if at.place == least { at.place = DONE; }
+        let next = of_lane(at.goal, least & 31u, lane);
         if (next & BLOCK) == 0u {
-            places[level] = place;
-            nodes_above[level] = node;
+            places[level] = at.place;
+            nodes_above[level] = at.node;
             level += 1u;
-            node = next;
-            child = covers[first + min(lane, (next & 63u) - 1u)];
-            place = place_of(child, is_there, corner, depth, lane);
-            goal = child.w;
+            at = lanes_of(next, corner, depth, lane);
             continue;
         }
+        let first = (next & ~BLOCK) >> 6u;
         var pixels = 0u;
-        if is_there { pixels = pixels_of(first + lane, corner, depth); }
+        if lane < (next & 63u) { pixels = pixels_of(first + lane, corner, depth); }
         if !any_of_all(pixels != 0u, lane) { continue; }
         var left = transposed(pixels, lane);
         if !sought { left = 0u; }
@@ -128,26 +133,23 @@ fn trace_tile(tile: vec2<u32>, lane: u32) {
     let pixel = corner + pixel_in(lane);
     let is_there = pixel.x < params.width && pixel.y < params.height;
     let i = pixel.y * params.width + pixel.x;
-    let direction = through_pixel(pixel);
-    let origin = eye();
-    let root = root_from(origin);
-    let sought = is_there && !leads_nowhere(direction, origin, root);
-    if !any_of_all(sought, lane) {
+    // Tells most tiles that see nothing, before their rays are made.
+    let root = lanes_of(params.wide_root, corner, FARTHEST_DEPTH, lane);
+    if !any_of_all(root.place != DONE, lane) {
         if is_there { miss(i); }
         return;
     }
-    let ray = camera_ray(direction, origin, root);
-    let found = find_together(corner, lane, sought, ray);
+    let direction = through_pixel(pixel);
+    let origin = eye();
+    let sought = is_there && !is_void_way(direction, origin);
+    let ray = camera_ray(direction, origin, root_from(origin));
+    let found = find_together(root, corner, lane, sought, ray);
     if !is_there { return; }
-    if found.leaf == NO_LEAF {
-        miss(i);
-        return;
-    }
     let hit = hit_of(i, ray, found);
     hits[i] = hit;
-    var dark = false;
-    if hit.w != 0xffffffffu { dark = is_blocked(way_from(found, hit, origin), hit.w); }
-    keep_any(i, dark, 3u);
+    var is_dark = false;
+    if hit.w != 0xffffffffu { is_dark = is_blocked(way_from(found, hit, origin), hit.w); }
+    keep_any(i, is_dark, 3u);
 }
 
 fn miss(i: u32) {
