@@ -4,8 +4,8 @@
 
 use backend::{Intersector, Layout, Method, Query, Rays, Seek};
 use benches::{
-    Bvh, Mesh, Obvhs, Parry, Rival, Tracer, built, camera, criterion, meshes, pool, primary_rays,
-    print_table, shadow_rays, thread_counts,
+    Bvh, Mesh, Obvhs, Parry, Rival, Tracer, built, camera, criterion, meshes, pool, print_table,
+    shadow_rays, thread_counts,
 };
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, Throughput};
@@ -36,7 +36,7 @@ fn main() {
     for mesh in meshes() {
         let camera = camera(&mesh);
         let mut watertight = ready(&mesh, Method::default(), threads);
-        let primary = primary_rays(&camera);
+        let primary = camera.rays().collect::<Vec<_>>();
         let shadow = shadow_rays(&mesh, &primary, &mut watertight);
         drop(watertight);
         for (kind, rays, any) in [("primary", &primary, false), ("shadow", &shadow, true)] {

@@ -18,7 +18,7 @@ mod table;
 
 pub use mesh::{Mesh, folder_or_demos, meshes};
 pub use ours::{Ours, Tracer, built};
-pub use rays::{camera, light, primary_rays, random_rays, shadow_rays};
+pub use rays::{camera, light, random_rays, shadow_rays};
 pub use rival::{Node, Rival, sah_cost};
 #[cfg(feature = "tinybvh")]
 pub use rivals::TinyBvh;

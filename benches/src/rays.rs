@@ -21,14 +21,6 @@ pub fn camera(mesh: &Mesh) -> Camera {
     camera.expect("a mesh has some extent")
 }
 
-/// The camera's rays, row by row.
-#[must_use]
-pub fn primary_rays(camera: &Camera) -> Vec<Ray> {
-    let rows = 0..camera.height;
-    rows.flat_map(|y| (0..camera.width).map(move |x| camera.ray(x, y)))
-        .collect()
-}
-
 /// A ray over `(0, 1)` from nearly each hit of `primary` up to [`light`].
 #[must_use]
 pub fn shadow_rays(mesh: &Mesh, primary: &[Ray], tracer: &mut Tracer) -> Vec<Ray> {

@@ -56,7 +56,7 @@ pub fn sah_cost(nodes: &[Node]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Bvh, Mesh, Obvhs, Parry, built, camera, pool, primary_rays, shadow_rays};
+    use crate::{Bvh, Mesh, Obvhs, Parry, built, camera, pool, shadow_rays};
     use backend::Intersector;
 
     fn mesh() -> Mesh {
@@ -79,7 +79,7 @@ mod tests {
         let mut tracer = crate::Tracer::new(mesh, Intersector::MollerTrumbore, 1);
         tracer.adopt(ours.record());
         tracer.refit();
-        let primary = primary_rays(&camera(mesh));
+        let primary = camera(mesh).rays().collect::<Vec<_>>();
         let shadow = shadow_rays(mesh, &primary, &mut tracer);
         let mut tree = R::default();
         let mut start = R::soup(&mesh.triangles(mesh.start()));

@@ -20,13 +20,6 @@ pub fn light(animation: &Animation) -> Point {
     picture::frame_scene(animation, 40.0, [64, 64]).light
 }
 
-/// All rays of a camera, row by row.
-#[must_use]
-pub fn of_camera(camera: &Camera) -> Vec<Ray> {
-    let row = |y| (0..camera.width).map(move |x| camera.ray(x, y));
-    (0..camera.height).flat_map(row).collect()
-}
-
 /// Where on a triangle to aim.
 #[derive(Clone, Copy, Debug)]
 pub enum Target {

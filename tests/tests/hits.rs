@@ -2,7 +2,7 @@
 
 use backend::{Hits, Intersector, Query, Rays, Seek};
 use geom::{Animation, Ray};
-use integration::rays::{Target, aimed, camera, light, of_camera};
+use integration::rays::{Target, aimed, camera, light};
 use integration::scenes::{DEMOS, REAL, Source};
 use integration::stage::{Stage, telling_times};
 use libtest_mimic::{Arguments, Failed, Trial};
@@ -110,7 +110,7 @@ fn limits_cut_where_hits_are(
     let time = 0.5 * animation.end();
     let mut stage = Stage::new(animation, intersector, 2);
     stage.plant(time);
-    let mut rays = of_camera(&camera(animation, [64, 48]));
+    let mut rays = camera(animation, [64, 48]).rays().collect::<Vec<_>>();
     rays.extend(hard_rays(animation, time, 2000));
     let mut trace = |rays: &[Ray], seek| {
         let rays = Rays::List(rays);

@@ -4,7 +4,7 @@ use crate::{METHOD, Unit, report};
 use backend::{Query, Rays, Seek};
 use benches::{
     Contender, EmbreeScene, Mesh, Packet16, Tracer, built, camera, in_turn, light, pool,
-    primary_rays, random_rays, shadow_rays, thread_counts,
+    random_rays, shadow_rays, thread_counts,
 };
 use geom::{Camera, Ray};
 use rayon::ThreadPool;
@@ -44,7 +44,7 @@ pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
         scenes: scenes.each_ref(),
     };
     let camera = camera(mesh);
-    let primary = primary_rays(&camera);
+    let primary = camera.rays().collect::<Vec<_>>();
     let shadow = shadow_rays(mesh, &primary, &mut stage.tracer());
     let random = random_rays(mesh);
     let asked = |rays, packets, any| Asked { rays, packets, any };

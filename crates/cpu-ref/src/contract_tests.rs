@@ -108,10 +108,7 @@ fn answers_do_not_depend_on_the_tree_its_age_or_the_threads() {
 fn a_camera_is_the_list_of_its_rays() {
     let animation = moving();
     let camera = camera(&animation);
-    let rays: Vec<Ray> = (0..camera.height)
-        .flat_map(|y| (0..camera.width).map(move |x| (x, y)))
-        .map(|(x, y)| camera.ray(x, y))
-        .collect();
+    let rays: Vec<Ray> = camera.rays().collect();
     let seek = Seek::ClosestAndShadow {
         light: [0.0, 9.0, 0.0],
     };

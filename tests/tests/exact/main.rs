@@ -7,7 +7,7 @@ mod ridges;
 use backend::{Backend, Hits, Intersector, Query, Rays, Seek};
 use conformance::nth_case;
 use geom::{Animation, Hit, Point, Ray, Triangle};
-use integration::rays::{Target, aimed, camera, light, of_camera};
+use integration::rays::{Target, aimed, camera, light};
 use integration::scenes::{DEMOS, REAL, Source};
 use integration::stage::Stage;
 use libtest_mimic::{Arguments, Failed, Trial};
@@ -42,7 +42,7 @@ fn of_scene(source: Source) -> [Trial; 3] {
 
 fn pixels(source: Source) -> Result<(), Failed> {
     let animation = source.open()?.animation;
-    let rays = of_camera(&camera(&animation, [240, 160]));
+    let rays = camera(&animation, [240, 160]).rays().collect::<Vec<_>>();
     let times = [0.0, 0.618 * animation.end()];
     times
         .iter()
@@ -55,7 +55,7 @@ fn shadows(source: Source) -> Result<(), Failed> {
     if animation.scale_exponent() != 0 {
         return Err("the oracle knows no scaled units".into());
     }
-    let rays = of_camera(&camera(&animation, [120, 80]));
+    let rays = camera(&animation, [120, 80]).rays().collect::<Vec<_>>();
     let light = light(&animation);
     let time = 0.618 * animation.end();
     let oracle = Oracle::at(&animation, animation.pose(time));

@@ -5,7 +5,7 @@ mod soup;
 
 use backend::{Hits, Intersector, Query, Rays, Seek};
 use geom::{Animation, Ray};
-use integration::rays::{Target, aimed, camera, of_camera};
+use integration::rays::{Target, aimed, camera};
 use integration::scenes::{DEMOS, REAL, Source};
 use integration::stage::Stage;
 use judge::{Judge, Verdict};
@@ -76,7 +76,7 @@ fn judge_at(animation: &Animation, time: f64) -> Judge {
 /// hardly ever two of these 38,400.
 fn pictures(source: Source) -> Result<(), Failed> {
     let animation = source.open()?.animation;
-    let rays = of_camera(&camera(&animation, [240, 160]));
+    let rays = camera(&animation, [240, 160]).rays().collect::<Vec<_>>();
     for time in [0.0, 0.618 * animation.end()] {
         let hits = trace(&animation, time, &rays);
         let tally = tally(&judge_at(&animation, time), &rays, &hits)?;

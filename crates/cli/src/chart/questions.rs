@@ -1,7 +1,7 @@
 //! Rays to ask: a camera's, some at random, and some aimed with care.
 
 use fastrand::Rng;
-use geom::{Aabb, Animation, Camera, Point, Pose, Ray, is_active};
+use geom::{Aabb, Animation, Point, Pose, Ray, is_active};
 use picture::View;
 
 /// Where rays begin, in sizes of the scene's box.
@@ -47,9 +47,8 @@ impl Questions {
 fn of_camera(view: &View, count: usize) -> Vec<Ray> {
     let width = (count as f64 * 1.6).sqrt().ceil().max(1.0) as u32;
     let height = count.div_ceil(width as usize).max(1) as u32;
-    let ray = |camera: &Camera, i: usize| camera.ray(i as u32 % width, i as u32 / width);
     let camera = view.camera([width, height]);
-    camera.map_or_else(Vec::new, |c| (0..count).map(|i| ray(&c, i)).collect())
+    camera.map_or_else(Vec::new, |c| c.rays().take(count).collect())
 }
 
 /// From somewhere around the box to somewhere in it.

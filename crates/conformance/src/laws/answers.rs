@@ -77,8 +77,7 @@ pub(crate) fn camera_is_rays(
     _: &mut dyn Backend,
 ) -> Result<(), String> {
     let (camera, now) = (&case.camera, case.times[1]);
-    let rows = (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| (x, y)));
-    let rays: Vec<Ray> = rows.map(|(x, y)| camera.ray(x, y)).collect();
+    let rays: Vec<Ray> = camera.rays().collect();
     let light = case.light;
     for method in methods(subject, &case.animation)? {
         open_with(subject, &case.animation, case.times[0], method).map_err(plainly)?;

@@ -34,13 +34,9 @@ fn cameras() -> impl Strategy<Value = Camera> {
     })
 }
 
-fn list(camera: &Camera) -> Vec<Ray> {
-    camera.rays().collect()
-}
-
 fn check(animation: &Arc<Animation>, camera: &Camera, light: Point) -> Result<(), TestCaseError> {
     let pose = animation.pose(0.7 * animation.end());
-    let rays = list(camera);
+    let rays: Vec<Ray> = camera.rays().collect();
     let trees = [tree_at(animation, pose), senseless_tree(animation)];
     let mut expected = None;
     for (kind, tree) in kinds().into_iter().zip(trees.iter().cycle()) {
@@ -118,7 +114,7 @@ fn a_tree_that_brings_its_blocks_is_adopted_as_one_that_does_not() {
     let (first, pose) = (animation.pose(0.0), animation.pose(1.3));
     let [good, bad] = [tree_at(&animation, pose), senseless_tree(&animation)];
     let camera = Camera::look_at([3.0, 2.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 50.0, [40, 30]);
-    let rays = list(&camera.unwrap());
+    let rays: Vec<Ray> = camera.unwrap().rays().collect();
     for (old, new) in [(&good, &bad), (&bad, &good)] {
         let mut found = kinds().into_iter().flat_map(|kind| {
             let with = new.clone().with_blocks(animation.triangles(), &[]);
