@@ -36,6 +36,17 @@ pub enum Seek {
     },
 }
 
+impl Seek {
+    /// The light that ways are asked for, if any are.
+    #[must_use]
+    pub fn light(self) -> Option<Point> {
+        match self {
+            Self::ClosestAndShadow { light } => Some(light),
+            Self::Closest | Self::Any => None,
+        }
+    }
+}
+
 /// What to trace.
 #[derive(Clone, Copy, Debug)]
 pub struct Query<'a> {

@@ -1,9 +1,10 @@
 //! The builder: a reusable workspace round the recursion.
 
-use crate::gather::gather;
-use crate::node::{self, Node};
+use crate::gather::{Gathered, gather};
+use crate::node::{self, Errand, Node};
 use crate::prim::Prim;
 use crate::{BinaryTree, Boxes, Cancel};
+use geom::Point;
 
 /// Why there is no tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -20,6 +21,7 @@ pub enum BuildError {
 pub struct Builder {
     prims: Vec<Prim>,
     room: Vec<Prim>,
+    toward: Option<Point>,
 }
 
 impl Builder {
@@ -27,6 +29,13 @@ impl Builder {
     #[must_use]
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// From now on puts first, of two children that a plane parts, the one that lies nearer to a point, as
+    /// [`crate::face`] does, which costs nothing here. So rays to that point find sooner what blocks them. The trees are
+    /// the same otherwise.
+    pub fn face(&mut self, toward: Option<Point>) {
+        self.toward = toward;
     }
 
     /// Builds over all boxes that are not empty, into `tree`, whose memory is reused.
@@ -77,7 +86,11 @@ impl Builder {
             self.prims.resize(n, Prim::default());
             self.room.resize(n, Prim::default());
         }
-        let (leaves, extents) = gather(boxes, &mut self.prims[..n]);
+        let Gathered {
+            leaves,
+            extents,
+            factor,
+        } = gather(boxes, &mut self.prims[..n]);
         tree.order.resize(leaves, 0);
         tree.left_leaves.resize(leaves.saturating_sub(1), 0);
         if leaves == 0 {
@@ -91,7 +104,8 @@ impl Builder {
             extents,
             depth,
         };
-        node::build(root, cancel)
+        let toward = self.toward.map(|point| point.map(|x| x * factor));
+        node::build(root, Errand { cancel, toward })
     }
 }
 

@@ -1,9 +1,11 @@
 //! The recursion: one node, its plane, its two children.
 
 use crate::bins::{Bins, CHUNK, Counts, Grid, Plane};
+use crate::facing::reach;
 use crate::partition::{partition, partition_parallel};
 use crate::prim::{Bounds, Extents, Prim};
 use crate::{BuildError, Cancel, MAX_DEPTH, small};
+use geom::Point;
 use rayon::join;
 
 /// Nodes of more triangles than this bin and move them in parallel.
@@ -29,29 +31,50 @@ struct Split {
     chunks: Vec<Counts>,
 }
 
+/// What all nodes of a build have in common.
+#[derive(Clone, Copy)]
+pub(crate) struct Errand<'a> {
+    pub(crate) cancel: &'a Cancel,
+    /// Where rays go for which the order of children counts.
+    pub(crate) toward: Option<Point>,
+}
+
+impl Errand<'_> {
+    /// Whether what lies right of a plane comes first.
+    fn right_first(self, sides: [Bounds; 2]) -> bool {
+        self.toward.is_some_and(|point| {
+            let [left, right] = sides.map(|b| {
+                let [lo, hi] = [b.lo, b.hi].map(|v| v.truncate().to_array());
+                reach(lo, hi, point)
+            });
+            right < left
+        })
+    }
+}
+
 /// Builds the subtree of `node`.
-pub(crate) fn build(node: Node<'_>, cancel: &Cancel) -> Result<(), BuildError> {
+pub(crate) fn build(node: Node<'_>, errand: Errand<'_>) -> Result<(), BuildError> {
     let leaves = node.prims.len();
     if leaves <= small::MOST {
         small::build(node.prims, node.left_leaves, node.order, node.depth);
         return Ok(());
     }
     if leaves <= PARALLEL_CHILDREN {
-        let [left, right] = divide(node);
-        build(left, cancel)?;
-        return build(right, cancel);
+        let [first, second] = divide(node, errand);
+        build(first, errand)?;
+        return build(second, errand);
     }
-    if cancel.is_cancelled() {
+    if errand.cancel.is_cancelled() {
         return Err(BuildError::Cancelled);
     }
-    let [left, right] = divide(node);
-    let (a, b) = join(|| build(left, cancel), || build(right, cancel));
+    let [first, second] = divide(node, errand);
+    let (a, b) = join(|| build(first, errand), || build(second, errand));
     a.and(b)
 }
 
-fn divide(node: Node<'_>) -> [Node<'_>; 2] {
+fn divide<'a>(node: Node<'a>, errand: Errand<'_>) -> [Node<'a>; 2] {
     match find_split(&node) {
-        Some(split) => divide_by(node, &split),
+        Some(split) => divide_by(node, &split, errand.right_first(split.boxes)),
         None => halve(node),
     }
 }
@@ -83,14 +106,22 @@ pub(crate) fn fits(leaves: usize, depth: u32) -> bool {
     depth + leaves.next_power_of_two().trailing_zeros() <= MAX_DEPTH
 }
 
-fn divide_by<'a>(node: Node<'a>, split: &Split) -> [Node<'a>; 2] {
-    let (left, right) = node.room.split_at_mut(split.left);
+/// Both sides of a plane, the right one first or second.
+fn divide_by<'a>(node: Node<'a>, split: &Split, right_first: bool) -> [Node<'a>; 2] {
+    let first = if right_first {
+        node.prims.len() - split.left
+    } else {
+        split.left
+    };
+    let (a, b) = node.room.split_at_mut(first);
+    let (left, right) = if right_first { (b, a) } else { (a, b) };
     let centers = if split.chunks.is_empty() {
         partition(node.prims, &split.plane, left, right)
     } else {
         partition_parallel(node.prims, &split.plane, &split.chunks, left, right)
     };
-    let [left, right] = [0, 1].map(|side| Extents {
+    let order = if right_first { [1, 0] } else { [0, 1] };
+    let sides = order.map(|side| Extents {
         boxes: split.boxes[side],
         centers: centers[side],
     });
@@ -99,7 +130,7 @@ fn divide_by<'a>(node: Node<'a>, split: &Split) -> [Node<'a>; 2] {
         room: node.prims,
         ..node
     };
-    cut(moved, split.left, [left, right])
+    cut(moved, first, sides)
 }
 
 /// Extents of `prims`, by chunks in parallel.

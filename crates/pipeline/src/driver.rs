@@ -14,7 +14,7 @@ use crate::workbench::{Forms, Made};
 use crate::workshop::Workshop;
 use backend::{Backend, FRAMES_IN_FLIGHT, Hits, Query};
 use bvh_layout::Spare;
-use geom::{Animation, Pose};
+use geom::{Animation, Point, Pose};
 use pending::{Beginning, Pending};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -42,6 +42,8 @@ pub struct Driver {
     left_last: bool,
     /// The pose of the backend's positions.
     pose: Option<Pose>,
+    /// Where the last frame's shadow rays go, which trees are made for.
+    light: Option<Point>,
     /// What has happened to trees since the frame at hand began.
     beginning: Beginning,
     pending: VecDeque<Pending>,
@@ -89,6 +91,7 @@ impl Driver {
             spare: Spare::default(),
             left_last: false,
             pose: None,
+            light: None,
             beginning: Beginning::default(),
             pending: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
             frames: 0,
@@ -156,6 +159,7 @@ impl Driver {
         let begun = Instant::now();
         self.beginning = Beginning::default();
         let pose = self.animation.pose(frame.time);
+        self.light = query.seek.light();
         self.foresight.frame(frame.time, begun);
         self.hear_from_builder()?;
         let stale = if self.makes_trees() {

@@ -34,9 +34,10 @@ impl Toolroom {
         &self,
         animation: &Animation,
         (positions, halves): (&[Point], Option<[Pose; 2]>),
-        spare: Spare,
+        (toward, spare): (Option<Point>, Spare),
     ) -> Result<Built, BuildFailed> {
         self.work(|tools| {
+            tools.face(toward);
             tools.reuse(spare);
             match halves {
                 Some(halves) => tools.build_swept(animation, (positions, halves), &Cancel::new()),
@@ -50,9 +51,12 @@ impl Toolroom {
         &self,
         animation: &Animation,
         samples: &[Sample],
-        first: Pose,
+        (first, toward): (Pose, Option<Point>),
     ) -> Result<Built, BuildFailed> {
-        self.work(|tools| tools.build_for_all(animation, samples, first, &Cancel::new()))
+        self.work(|tools| {
+            tools.face(toward);
+            tools.build_for_all(animation, samples, first, &Cancel::new())
+        })
     }
 
     /// See [`Workbench::practise`]. The caller waits.
@@ -71,11 +75,13 @@ impl Toolroom {
             vertices,
             halves,
             rival_at,
+            toward,
             spare,
             left_last,
             ..
         } = job;
         self.work(|tools| {
+            tools.face(toward);
             tools.reuse(spare);
             if left_last {
                 tools.take_back();

@@ -7,8 +7,8 @@ use crate::gathering::{blend, fill, grow};
 use crate::sampling::Sample;
 use backend::{Backend, Snapshot};
 use bvh_build::{
-    BinaryTree, BuildError, Builder, Cancel, Costs, Moment, Regrouper, TemporalBuilder, sah_cost,
-    temporal_cost,
+    BinaryTree, BuildError, Builder, Cancel, Costs, Moment, Regrouper, TemporalBuilder, face,
+    sah_cost, temporal_cost,
 };
 use bvh_layout::{Converter, Spare, Topology};
 use fading::Fading;
@@ -101,6 +101,7 @@ pub struct Workbench {
     spare: Spare,
     forms: Forms,
     fading: Fading,
+    toward: Option<Point>,
 }
 
 /// Costs that differ by less than this share are one, however they were added up.
@@ -127,6 +128,12 @@ impl Workbench {
         if !spare.is_empty() {
             self.spare = spare;
         }
+    }
+
+    /// From now on trees are made for rays that end at a point: see [`face`].
+    pub fn face(&mut self, toward: Option<Point>) {
+        self.toward = toward;
+        self.builder.face(toward);
     }
 
     /// The last tree that was handed over was never used: the one before it still is.
@@ -330,6 +337,9 @@ impl Workbench {
             TemporalBuilder::new().build(&moments, cancel, &mut for_all)?;
             if temporal_cost(&for_all, &moments) < temporal_cost(&self.tree, &moments) {
                 self.tree = for_all;
+                if let Some(point) = self.toward {
+                    face(&mut self.tree, &boxes, point);
+                }
             }
         }
         let built = Instant::now();

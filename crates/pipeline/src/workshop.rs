@@ -4,7 +4,7 @@ use crate::{Made, Vertices};
 use backend::Generation;
 use bvh_build::Cancel;
 use bvh_layout::Spare;
-use geom::Pose;
+use geom::{Point, Pose};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
@@ -20,6 +20,8 @@ pub struct Job {
     pub halves: Option<[Pose; 2]>,
     /// Where it must be cheaper than the tree in use; `None` if it is wanted in any case.
     pub rival_at: Option<Pose>,
+    /// Where rays end that ask for any hit, if they end in one place.
+    pub toward: Option<Point>,
     /// An old record's memory, or nothing.
     pub spare: Spare,
     /// Whether the last tree that was handed over was never used.
@@ -163,6 +165,7 @@ mod tests {
             vertices: Vertices::ReadBack(Box::new(vec![[0.0; 3]])),
             halves: None,
             rival_at: None,
+            toward: None,
             spare: Spare::default(),
             left_last: false,
         }

@@ -194,6 +194,7 @@ impl Driver {
             vertices,
             halves: flight.halves,
             rival_at: flight.rival_at,
+            toward: self.light,
             spare: std::mem::take(&mut self.spare),
             left_last: std::mem::take(&mut self.left_last),
         };
@@ -283,9 +284,9 @@ impl Driver {
         };
         let arrived = Instant::now();
         flight.arrived = Some((arrived, bytes(positions.len())));
-        let spare = std::mem::take(&mut self.spare);
+        let with = (self.light, std::mem::take(&mut self.spare));
         let from = (&positions[..], halves);
-        let built = self.toolroom.build(&self.animation, from, spare);
+        let built = self.toolroom.build(&self.animation, from, with);
         self.beginning.build_wait += arrived.elapsed();
         Ok(built.map(|built| (built, flight)))
     }
@@ -295,9 +296,9 @@ impl Driver {
         let begun = Instant::now();
         flight.arrived = Some((begun, 0));
         let samples = sampling::samples(&self.animation, self.options.time_range);
-        let built = self
-            .toolroom
-            .build_for_all(&self.animation, &samples, flight.pose);
+        let built =
+            self.toolroom
+                .build_for_all(&self.animation, &samples, (flight.pose, self.light));
         self.beginning.build_wait += begun.elapsed();
         built.map(|built| (built, flight))
     }

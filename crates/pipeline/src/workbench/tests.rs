@@ -334,3 +334,20 @@ fn an_old_records_memory_is_used_again() {
         assert_eq!(before.1.is_some(), treelets);
     }
 }
+
+#[test]
+fn a_tree_for_all_times_faces_the_light_too() {
+    let (a, light) = (clumps(), [900.0, 5.0, 1.0]);
+    let tree = |toward| {
+        let mut bench = Workbench::new();
+        bench.face(toward);
+        let all = samples(&a, [0.0, 3.0]);
+        let built = bench.build_for_all(&a, &all, a.pose(0.0), &Cancel::new());
+        built.map(|_| bench.in_use).unwrap()
+    };
+    let plain = tree(None);
+    let mut turned = plain.clone();
+    face(&mut turned, &(&a, a.pose(0.0)), light);
+    assert_ne!(turned, plain);
+    assert_eq!(tree(Some(light)), turned);
+}

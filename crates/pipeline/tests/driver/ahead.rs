@@ -13,7 +13,7 @@ fn shuffled(keys: u32) -> Arc<Animation> {
 }
 
 /// Likewise, a power of two of them.
-fn many_shuffled(keys: u32, n: u32) -> Arc<Animation> {
+pub(crate) fn many_shuffled(keys: u32, n: u32) -> Arc<Animation> {
     let triangle = |place: u32| {
         let x = place as f32;
         [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]]
@@ -24,7 +24,7 @@ fn many_shuffled(keys: u32, n: u32) -> Arc<Animation> {
     Arc::new(Animation::new((0..keys).map(key).collect(), triangles).unwrap())
 }
 
-fn positions(animation: &Animation, time: f64) -> Vec<Point> {
+pub(crate) fn positions(animation: &Animation, time: f64) -> Vec<Point> {
     let pose = animation.pose(time);
     let vertices = 0..animation.vertex_count() as u32;
     vertices.map(|v| animation.vertex(pose, v)).collect()

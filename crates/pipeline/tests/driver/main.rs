@@ -1,6 +1,7 @@
 //! The driver against a backend that does nothing but check the contract.
 
 mod ahead;
+mod facing;
 mod fake;
 mod moments;
 mod own;

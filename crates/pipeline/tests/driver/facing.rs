@@ -1,0 +1,77 @@
+//! Trees for shadow rays: made to face the light of the frame that asks for them.
+
+use crate::ahead::{many_shuffled, positions};
+use crate::fake::Fake;
+use backend::{Method, Query, Rays, Seek};
+use bvh_build::Cancel;
+use geom::{Camera, Point};
+use pipeline::{Driver, Frame, Options, Pace, Update, Workbench};
+use std::sync::Arc;
+
+/// Records of all trees adopted in frames at times 0 to 5, by what each seeks.
+fn trees(update: Update, predict: bool, seek: impl Fn(u64) -> Seek) -> Vec<Vec<u32>> {
+    let animation = many_shuffled(6, 256);
+    let (fake, log) = Fake::new(Some(0), None);
+    let options = Options {
+        method: Method::default(),
+        update,
+        builder_threads: 1,
+        time_range: [0.0, animation.end()],
+        predict,
+    };
+    let mut driver = Driver::new(Box::new(fake), animation, options).unwrap();
+    let camera = Camera::look_at([0.0, 0.0, 9.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0, [2, 2]).unwrap();
+    for index in 0..6 {
+        let time = index as f64;
+        let query = Query {
+            rays: Rays::Camera(&camera),
+            seek: seek(index),
+        };
+        driver.begin(Frame { index, time }, query).unwrap();
+        driver.finish(None).unwrap();
+    }
+    drop(driver);
+    let log = Arc::into_inner(log).unwrap().into_inner().unwrap();
+    log.trees
+}
+
+/// The record of a tree for one moment.
+fn tree_at(time: f64, toward: Option<Point>) -> Vec<u32> {
+    let animation = many_shuffled(6, 256);
+    let mut bench = Workbench::new();
+    bench.face(toward);
+    let built = bench.build(&animation, &positions(&animation, time), &Cancel::new());
+    built.unwrap().topology.into_words()
+}
+
+#[test]
+fn every_tree_faces_the_light_of_the_frame_that_asks() {
+    // One light and, from frame 3 on, another, at either end of the row.
+    let lights = [[300.0, 40.0, 10.0], [-40.0, 40.0, 10.0]];
+    let light = |index: u64| lights[usize::from(index >= 3)];
+    let facing = |time: u64, of: u64| tree_at(time as f64, Some(light(of)));
+    assert_ne!(facing(0, 0), tree_at(0.0, None));
+    assert_ne!(facing(5, 5), facing(5, 0));
+    let seek = |index| Seek::ClosestAndShadow {
+        light: light(index),
+    };
+    let rebuilt = trees(Update::Rebuild, false, seek);
+    assert_eq!((&rebuilt[0], &rebuilt[5]), (&facing(0, 0), &facing(5, 5)));
+    assert_eq!(trees(Update::Refit, false, seek), [facing(0, 0)]);
+    // Asked for in one frame, such a tree is in use from the next one on; foreseen, it is built for that one.
+    for (predict, ahead) in [(false, 0), (true, 1)] {
+        let found = trees(Update::Async(Pace::Lockstep(1)), predict, seek);
+        for (tree, asked) in found[1..].iter().zip(1..) {
+            assert_eq!(*tree, facing(asked + ahead, asked), "{predict} {asked}");
+        }
+        assert!(found.len() > 4, "{}", found.len());
+    }
+}
+
+#[test]
+fn trees_for_other_rays_face_nothing() {
+    for seek in [Seek::Closest, Seek::Any] {
+        let found = trees(Update::Rebuild, false, |_| seek);
+        assert_eq!(found[3], tree_at(3.0, None));
+    }
+}
