@@ -64,7 +64,7 @@ fn turn<B: Boxes + ?Sized>(
 mod tests {
     use super::*;
     use crate::small::MOST;
-    use crate::{Builder, Cancel, Subtree};
+    use crate::{Builder, Cancel, Subtree, tiny};
     use proptest::prelude::*;
 
     fn boxes() -> impl Strategy<Value = Vec<Aabb>> {
@@ -136,6 +136,24 @@ mod tests {
         assert!(in_order && sets == plain);
         let tiny = 2.0_f32.powi(-60);
         assert!(built(&row(tiny), Some(point.map(|x| x * tiny))) == facing);
+    }
+
+    #[test]
+    fn few_triangles_in_a_row_face_either_end() {
+        let bounds = |i: usize| Aabb {
+            min: [2.0 * i as f32, 0.0, 0.0],
+            max: [2.0 * i as f32 + 1.0, 1.0, 1.0],
+        };
+        let few: Vec<_> = (0..MOST).map(bounds).collect();
+        let plain = built(&few, None);
+        for x in [-9.0, 99.0] {
+            let point = [x, 3.0, 5.0];
+            let facing = built(&few, Some(point));
+            let (sets, in_order) = nodes(&facing, &few, (point, tiny::MOST as u32));
+            assert!(in_order, "{x}");
+            assert_eq!(sets, nodes(&plain, &few, (point, 0)).0);
+            assert_eq!(facing.order()[0] < 16, x < 0.0);
+        }
     }
 
     proptest! {

@@ -56,7 +56,8 @@ impl Errand<'_> {
 pub(crate) fn build(node: Node<'_>, errand: Errand<'_>) -> Result<(), BuildError> {
     let leaves = node.prims.len();
     if leaves <= small::MOST {
-        small::build(node.prims, node.left_leaves, node.order, node.depth);
+        let at = (node.depth, errand.toward);
+        small::build(node.prims, node.left_leaves, node.order, at);
         return Ok(());
     }
     if leaves <= PARALLEL_CHILDREN {

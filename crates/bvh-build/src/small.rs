@@ -4,6 +4,7 @@ use crate::bins::least_axis;
 use crate::node::fits;
 use crate::prim::{Bounds, Prim, Ruler};
 use crate::tiny;
+use geom::Point;
 use glam::Vec4;
 
 /// The most triangles of a subtree built here.
@@ -16,22 +17,28 @@ const NEARLY: f32 = 1.0 + 1e-5;
 struct Sorted {
     prims: [Prim; MOST],
     order: [[u8; MOST]; 3],
+    toward: Option<Point>,
 }
 
-/// Builds a subtree of 1 to [`MOST`] triangles whose root has the given depth.
+/// Builds a subtree of 1 to [`MOST`] triangles whose root has the given depth, for rays that end at a point.
 #[inline(never)]
-pub(crate) fn build(prims: &[Prim], left_leaves: &mut [u32], order: &mut [u32], depth: u32) {
+pub(crate) fn build(
+    prims: &[Prim],
+    left_leaves: &mut [u32],
+    order: &mut [u32],
+    (depth, toward): (u32, Option<Point>),
+) {
     if prims.len() <= tiny::MOST {
         tiny::build(prims, left_leaves, order, depth);
         return;
     }
-    let mut sorted = Sorted::new(prims);
+    let mut sorted = Sorted::new(prims, toward);
     sorted.build([0, prims.len()], left_leaves, order, depth);
 }
 
 impl Sorted {
     #[inline(never)]
-    fn new(from: &[Prim]) -> Self {
+    fn new(from: &[Prim], toward: Option<Point>) -> Self {
         let mut prims = [Prim::default(); MOST];
         let mut centers = [[f32::INFINITY; MOST]; 3];
         for (i, prim) in from.iter().enumerate() {
@@ -45,6 +52,7 @@ impl Sorted {
         Self {
             prims,
             order: centers.map(|c| sort(&c, n)),
+            toward,
         }
     }
 
@@ -69,12 +77,28 @@ impl Sorted {
             left = n / 2;
         }
         self.divide(range, axis, left);
-        left_leaves[0] = left as u32;
-        let (inner_a, inner_b) = left_leaves[1..].split_at_mut(left - 1);
-        let (order_a, order_b) = order.split_at_mut(left);
         let middle = start + left;
-        self.build([start, middle], inner_a, order_a, depth + 1);
-        self.build([middle, end], inner_b, order_b, depth + 1);
+        let mut sides = [[start, middle], [middle, end]];
+        if self.right_first(axis, middle) {
+            sides.reverse();
+        }
+        let [first, second] = sides;
+        let leaves = first[1] - first[0];
+        left_leaves[0] = leaves as u32;
+        let (inner_a, inner_b) = left_leaves[1..].split_at_mut(leaves - 1);
+        let (order_a, order_b) = order.split_at_mut(leaves);
+        self.build(first, inner_a, order_a, depth + 1);
+        self.build(second, inner_b, order_b, depth + 1);
+    }
+
+    /// Whether the point that rays end at lies right of a cut: so close together, sides are as near as centres are.
+    fn right_first(&self, axis: usize, middle: usize) -> bool {
+        self.toward.is_some_and(|point| {
+            // Twice the centres.
+            let [left, right] =
+                [middle - 1, middle].map(|place| self.at(axis, place).center()[axis]);
+            4.0 * point[axis] > left + right
+        })
     }
 
     /// The axis and the number of triangles on the left of the plane of least
@@ -184,7 +208,7 @@ mod tests {
             corners in prop::collection::vec(prop::array::uniform6(0_u8..50), 5..=MOST),
         ) {
             let prims: Vec<_> = corners.iter().zip(0..).map(|(c, i)| prim(c, i)).collect();
-            let sorted = Sorted::new(&prims);
+            let sorted = Sorted::new(&prims, None);
             let n = prims.len();
             let cost = |axis: usize, left: usize| {
                 let area = |places: std::ops::Range<usize>| {
