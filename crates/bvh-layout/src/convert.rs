@@ -9,6 +9,7 @@
 use crate::bits::{pack, rank};
 use crate::header::Header;
 use crate::segments::segments;
+use crate::treelets::Room;
 use crate::walk::{Shape, Walk};
 use crate::{Topology, Treelets};
 use bvh_build::{BinaryTree, MAX_DEPTH};
@@ -28,7 +29,7 @@ pub struct Converter {
     /// One entry an inner node in breadth-first order: which children are leaves.
     leaf_children: Vec<u8>,
     /// Where treelets are made.
-    room: Vec<u32>,
+    room: Room,
 }
 
 /// The memory of an old record, and of its treelets: see [`Topology::into_spare`].
@@ -270,7 +271,7 @@ mod tests {
             spare = both.into_spare();
             spare.words.fill(u32::MAX);
             spare.treelets.fill(u32::MAX);
-            converter.room.fill(u32::MAX);
+            converter.room.spoil();
         }
     }
 

@@ -115,6 +115,22 @@ impl WideTree {
     }
 }
 
+/// Memory that treelets are made in: a word a triangle, and some three more where they are made wide.
+#[derive(Debug, Default)]
+pub(crate) struct Room {
+    inner: Vec<u32>,
+    wide: wide::Room,
+}
+
+#[cfg(test)]
+impl Room {
+    /// Writes over all that is in it.
+    pub(crate) fn spoil(&mut self) {
+        self.inner.fill(u32::MAX);
+        self.wide.spoil();
+    }
+}
+
 /// Where its last words stand in a treelet's entry.
 const PARENT: usize = 9;
 const CHILDREN: usize = 10;
@@ -177,17 +193,17 @@ impl Treelets {
     }
 
     pub(crate) fn of_shape(shape: Shape<'_>) -> Self {
-        Self::of_shape_in(shape, &mut Vec::new(), Vec::new())
+        Self::of_shape_in(shape, &mut Room::default(), Vec::new())
     }
 
-    /// Likewise, in the memory of old ones' words; `room`, a word a triangle, is for whoever makes several.
-    pub(crate) fn of_shape_in(shape: Shape<'_>, room: &mut Vec<u32>, words: Vec<u32>) -> Self {
+    /// Likewise, in the memory of old ones' words; `room` is for whoever makes several.
+    pub(crate) fn of_shape_in(shape: Shape<'_>, room: &mut Room, words: Vec<u32>) -> Self {
         if shape.order.is_empty() {
             return Self::default();
         }
         let cuts = Cut::all(shape);
-        let mut made = fill::fill(shape, &cuts, room, words);
-        made.wide = WideTree::of(&made);
+        let mut made = fill::fill(shape, &cuts, &mut room.inner, words);
+        made.wide = WideTree::of(&made, &mut room.wide);
         made
     }
 
@@ -306,6 +322,11 @@ impl Treelets {
         let entry = self.treelet(number);
         let at = self.triangles_at() + entry.first_leaf as usize;
         &self.words[at..][..entry.leaf_count as usize]
+    }
+
+    /// Those of all, in depth-first order.
+    fn depth_first_triangles(&self) -> &[u32] {
+        &self.words[self.triangles_at()..][..self.leaf_count()]
     }
 
     /// Where the triangles begin, in words.

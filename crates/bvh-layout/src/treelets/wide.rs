@@ -2,49 +2,39 @@
 
 use super::fill::LEAF as LEAF_OF_TREELET;
 use super::{Treelet, Treelets, WideTree};
+use rayon::prelude::*;
+
+/// Wide nodes that one task makes at least.
+const RUN: usize = 16;
 
 /// A binary node: an inner one by its number, or the leaf that begins with a triangle.
 type Node = u32;
 const LEAF: u32 = 1 << 31;
 
-/// The binary tree that treelets hold.
-struct Binary<'a> {
-    tree: &'a Treelets,
-    triangles: &'a [u32],
-    /// Of each inner node, by its number.
-    children: Vec<[Node; 2]>,
-    /// First triangle and how many, likewise.
-    spans: Vec<[u32; 2]>,
-    root: Node,
+/// First triangle, and how many.
+type Span = [u32; 2];
+
+/// That of a leaf.
+fn span_of_leaf(triangles: &[u32], leaf: Node) -> Span {
+    let first = leaf & !LEAF;
+    let shares = triangles[first as usize] & Treelets::SHARED != 0;
+    [first, 1 + u32::from(shares)]
 }
 
-impl<'a> Binary<'a> {
-    fn of(tree: &'a Treelets) -> Self {
-        let mut binary = Self {
-            tree,
-            triangles: &tree.words[tree.triangles_at()..][..tree.leaf_count()],
-            children: vec![[0; 2]; tree.inner_count()],
-            spans: vec![[0; 2]; tree.inner_count()],
-            root: 0,
-        };
-        let (mut first_row, mut below) = (0, Vec::new());
-        for level in tree.levels() {
-            let treelets = level.clone().map(|t| tree.treelet(t as usize));
-            let roots = treelets.flat_map(|t| {
-                let place = (t.first_leaf.wrapping_sub(first_row) / 2) as usize;
-                binary.read(t, below.get(place..).unwrap_or_default())
-            });
-            below = roots.collect();
-            first_row = tree.treelet(level.start as usize).root_row;
-        }
-        binary.root = below[0];
-        binary
-    }
+/// A treelet's inner nodes, as they are read.
+struct Nodes<'a> {
+    triangles: &'a [u32],
+    /// Of the inner nodes of the levels below.
+    lower: &'a [Span],
+    /// Of its own.
+    children: &'a mut [[Node; 2]],
+    spans: &'a mut [Span],
+}
 
-    /// Reads a treelet's inner nodes, which stand in the order of their heights; returns its roots.
-    /// `below` are the roots that it stands on, and those after them; none for treelets of triangles.
-    fn read(&mut self, t: Treelet, below: &[Node]) -> Vec<Node> {
-        let tree = self.tree;
+impl Nodes<'_> {
+    /// Reads all, which stand in the order of their heights; returns the roots. `below` are the roots that the treelet stands
+    /// on, and those after them; none for treelets of triangles.
+    fn read(self, tree: &Treelets, t: &Treelet, below: &[Node]) -> Vec<Node> {
         let first = t.inner_row / 4 - 1;
         let node = |reference: u32| match (reference & LEAF_OF_TREELET, below) {
             (0, _) => first + reference,
@@ -52,51 +42,156 @@ impl<'a> Binary<'a> {
             (_, all) => all[(reference & 255) as usize],
         };
         for &word in &tree.words[t.inner_at as usize..][..t.inner_count as usize] {
-            let own = (first + (word >> 18 & 255)) as usize;
+            let own = (word >> 18 & 255) as usize;
             self.children[own] = [word & 511, word >> 9 & 511].map(node);
-            let [left, right] = self.children[own].map(|child| self.span(child));
+            let [left, right] = self.children[own].map(|child| self.span(child, first));
             self.spans[own] = [left[0], left[1] + right[1]];
         }
         let roots = &tree.words[t.roots_at as usize..][..t.root_count as usize];
         roots.iter().map(|&root| node(root)).collect()
     }
 
-    fn span(&self, node: Node) -> [u32; 2] {
-        if node & LEAF == 0 {
-            return self.spans[node as usize];
+    fn span(&self, node: Node, first: u32) -> Span {
+        match node {
+            leaf if leaf & LEAF != 0 => span_of_leaf(self.triangles, leaf),
+            own if own >= first => self.spans[(own - first) as usize],
+            lower => self.lower[lower as usize],
         }
-        let first = node & !LEAF;
-        let shares = self.triangles[first as usize] & Treelets::SHARED != 0;
-        [first, 1 + u32::from(shares)]
+    }
+}
+
+/// Memory for the binary tree; what is in it does not matter.
+#[derive(Debug, Default)]
+pub(super) struct Room {
+    children: Vec<[Node; 2]>,
+    spans: Vec<Span>,
+}
+
+#[cfg(test)]
+impl Room {
+    pub(super) fn spoil(&mut self) {
+        self.children.fill([Node::MAX; 2]);
+        self.spans.fill([u32::MAX; 2]);
+    }
+}
+
+/// The binary tree that treelets hold.
+struct Binary<'a> {
+    triangles: &'a [u32],
+    /// Of each inner node, by its number.
+    children: &'a mut [[Node; 2]],
+    /// Likewise.
+    spans: &'a mut [Span],
+    root: Node,
+}
+
+/// A child of a wide node: what it stands for, and the row of its box.
+#[derive(Clone, Copy)]
+struct Lane {
+    node: Node,
+    row: u32,
+    span: Span,
+}
+
+impl Lane {
+    fn is_block(&self) -> bool {
+        self.span[1] <= WideTree::LANES as u32
     }
 
-    fn is_block(&self, node: Node) -> bool {
-        self.span(node)[1] <= WideTree::LANES as u32
-    }
-
-    fn block(&self, node: Node) -> u32 {
-        let [first, count] = self.span(node);
+    fn block(&self) -> u32 {
+        let [first, count] = self.span;
         WideTree::BLOCK | goal(first, count)
     }
+}
 
-    /// The children of an inner node, each with the row of its box.
-    fn open(&self, node: Node) -> [(Node, u32); 2] {
+impl<'a> Binary<'a> {
+    fn of(tree: &'a Treelets, room: &'a mut Room) -> Self {
+        // Every entry is written below, so none is cleared.
+        room.children.resize(tree.inner_count(), [0; 2]);
+        room.spans.resize(tree.inner_count(), [0; 2]);
+        let mut binary = Self {
+            triangles: tree.depth_first_triangles(),
+            children: &mut room.children,
+            spans: &mut room.spans,
+            root: 0,
+        };
+        let (mut first_row, mut below) = (0, Vec::new());
+        for level in tree.levels() {
+            let treelets: Vec<_> = level.clone().map(|t| tree.treelet(t as usize)).collect();
+            below = binary.read_level(tree, &treelets, (first_row, &below));
+            first_row = treelets[0].root_row;
+        }
+        binary.root = below[0];
+        binary
+    }
+
+    /// Reads a level's inner nodes, a treelet a task; returns its roots. Those that it stands on are in rows from `first_row` on.
+    fn read_level(
+        &mut self,
+        tree: &Treelets,
+        treelets: &[Treelet],
+        (first_row, below): (u32, &[Node]),
+    ) -> Vec<Node> {
+        // Levels are numbered from the triangles up.
+        let first = (treelets[0].inner_row / 4 - 1) as usize;
+        let (lower, mut spans) = self.spans.split_at_mut(first);
+        let mut children = &mut self.children[first..];
+        let mut tasks = Vec::with_capacity(treelets.len());
+        for t in treelets {
+            let own = (
+                children.split_off_mut(..t.inner_count as usize),
+                spans.split_off_mut(..t.inner_count as usize),
+            );
+            let place = (t.first_leaf.wrapping_sub(first_row) / 2) as usize;
+            tasks.push((t, below.get(place..).unwrap_or_default(), own));
+        }
+        let (triangles, lower) = (self.triangles, &*lower);
+        let read = |(t, below, (children, spans)): (&Treelet, &[Node], (Option<_>, Option<_>))| {
+            let nodes = Nodes {
+                triangles,
+                lower,
+                children: children.unwrap_or_default(),
+                spans: spans.unwrap_or_default(),
+            };
+            nodes.read(tree, t, below)
+        };
+        let roots: Vec<_> = tasks.into_par_iter().map(read).collect();
+        roots.concat()
+    }
+
+    fn span(&self, node: Node) -> Span {
+        if node & LEAF == 0 {
+            self.spans[node as usize]
+        } else {
+            span_of_leaf(self.triangles, node)
+        }
+    }
+
+    fn lane(&self, node: Node, row: u32) -> Lane {
+        let span = self.span(node);
+        Lane { node, row, span }
+    }
+
+    /// The children of an inner node.
+    fn open(&self, node: Node) -> [Lane; 2] {
         let row = 4 * (node + 1);
         let [left, right] = self.children[node as usize];
-        [(left, row), (right, row + 2)]
+        [self.lane(left, row), self.lane(right, row + 2)]
     }
 
     /// The subtrees that stand for an inner node: the largest is opened first.
-    fn open_wide(&self, node: Node) -> Vec<(Node, u32)> {
+    fn open_wide(&self, node: Node) -> Vec<Lane> {
         let mut lanes = Vec::with_capacity(WideTree::LANES);
         lanes.extend(self.open(node));
         while lanes.len() < WideTree::LANES {
-            let nodes = lanes.iter().map(|&(node, _)| node).enumerate();
-            let open = nodes.filter(|&(_, node)| !self.is_block(node));
-            let Some((at, node)) = open.max_by_key(|&(_, node)| self.span(node)[1]) else {
+            let large = lanes
+                .iter()
+                .enumerate()
+                .filter(|(_, lane)| !lane.is_block());
+            let Some((at, lane)) = large.max_by_key(|(_, lane)| lane.span[1]) else {
                 break;
             };
-            let [left, right] = self.open(node);
+            let [left, right] = self.open(lane.node);
             lanes[at] = left;
             lanes.push(right);
         }
@@ -113,18 +208,18 @@ struct Lanes {
 
 impl Lanes {
     /// Adds a node's and tells where it begins, and which of its lanes lead to nodes yet to be made.
-    fn add_node(&mut self, tree: &Binary<'_>, node: Node, next: &mut Vec<(Node, usize)>) -> u32 {
+    fn add_node(&mut self, lanes: &[Lane], next: &mut Vec<(Node, usize)>) -> u32 {
         let first = self.goals.len();
-        for (child, row) in tree.open_wide(node) {
-            self.rows.push(row);
-            if tree.is_block(child) {
-                self.goals.push(tree.block(child));
+        for lane in lanes {
+            self.rows.push(lane.row);
+            if lane.is_block() {
+                self.goals.push(lane.block());
             } else {
-                next.push((child, self.goals.len()));
+                next.push((lane.node, self.goals.len()));
                 self.goals.push(0);
             }
         }
-        goal(first as u32, (self.goals.len() - first) as u32)
+        goal(first as u32, lanes.len() as u32)
     }
 
     fn into_tree(mut self, root: u32) -> WideTree {
@@ -139,25 +234,27 @@ impl Lanes {
 }
 
 impl WideTree {
-    /// Of treelets; `None` if they are of no triangle, of too many, or too deep.
-    pub(super) fn of(tree: &Treelets) -> Option<Self> {
+    /// Of treelets, in the rayon pool that the caller installed; `None` if they are of no triangle, of too many, or too deep.
+    pub(super) fn of(tree: &Treelets, room: &mut Room) -> Option<Self> {
         if !(1..=Self::MOST_TRIANGLES).contains(&tree.leaf_count()) {
             return None;
         }
-        let tree = Binary::of(tree);
+        let tree = Binary::of(tree, room);
         let mut lanes = Lanes::default();
-        if tree.is_block(tree.root) {
-            // Rows 0 and 1 are the box of all.
-            lanes.rows.push(0);
-            lanes.goals.push(tree.block(tree.root));
+        // Rows 0 and 1 are the box of all.
+        let all = tree.lane(tree.root, 0);
+        if all.is_block() {
+            lanes.add_node(&[all], &mut Vec::new());
             return Some(lanes.into_tree(goal(0, 1)));
         }
         let mut level = Vec::new();
-        let root = lanes.add_node(&tree, tree.root, &mut level);
+        let root = lanes.add_node(&tree.open_wide(tree.root), &mut level);
         for _ in 1..Self::MOST_LEVELS {
+            let opened = level.par_iter().with_min_len(RUN);
+            let opened: Vec<_> = opened.map(|&(node, _)| tree.open_wide(node)).collect();
             let mut next = Vec::new();
-            for (node, lane) in level {
-                lanes.goals[lane] = lanes.add_node(&tree, node, &mut next);
+            for (&(_, lane), children) in level.iter().zip(&opened) {
+                lanes.goals[lane] = lanes.add_node(children, &mut next);
             }
             level = next;
         }
@@ -223,14 +320,15 @@ mod tests {
         let tree = random_tree(5000, 2);
         let treelets = Treelets::of_shape(tree.shape());
         let wide = treelets.wide().expect("a wide tree");
-        let binary = Binary::of(&treelets);
+        let mut room = Room::default();
+        let binary = Binary::of(&treelets, &mut room);
         for lane in 0..wide.lane_count() {
             let row = wide.words[lane];
             let [left, right] = binary.children[(row / 4 - 1) as usize];
             let node = if row.is_multiple_of(4) { left } else { right };
             let goal = wide.words[wide.lane_count() + lane];
             if goal & WideTree::BLOCK != 0 {
-                assert_eq!(goal, binary.block(node));
+                assert_eq!(goal, binary.lane(node, row).block());
             } else {
                 let mut found = Vec::new();
                 below(wide, goal, &mut found);
