@@ -3,7 +3,7 @@
 use crate::{Mesh, Node};
 use backend::{Backend, Generation, Hits, Intersector, Method, Query, Rays, Seek};
 use bvh_build::{BinaryTree, Boxes, Builder, Cancel};
-use bvh_layout::{Converter, Lists, Topology, Treelets};
+use bvh_layout::{Converter, First, Lists, Topology, Treelets};
 use cpu_ref::CpuBackend;
 use geom::{Aabb, Point, Ray};
 use rayon::ThreadPool;
@@ -58,16 +58,20 @@ impl Ours {
     /// The record with its eight-wide form, as a builder hands it to layout `fast`; in the caller's pool.
     #[must_use]
     pub fn record_with_blocks(&self, mesh: &Mesh, positions: &[Point]) -> Topology {
-        self.record
-            .clone()
-            .with_blocks(mesh.animation.triangles(), &self.boxes(mesh, positions))
+        self.record.clone().with_blocks(
+            mesh.animation.triangles(),
+            (&self.boxes(mesh, positions), First::Larger),
+        )
     }
 
     /// Likewise, and leaves no record behind.
     #[must_use]
     pub fn take_record_with_blocks(&mut self, mesh: &Mesh, positions: &[Point]) -> Topology {
         let record = std::mem::take(&mut self.record);
-        record.with_blocks(mesh.animation.triangles(), &self.boxes(mesh, positions))
+        record.with_blocks(
+            mesh.animation.triangles(),
+            (&self.boxes(mesh, positions), First::Larger),
+        )
     }
 
     fn boxes(&self, mesh: &Mesh, positions: &[Point]) -> Vec<Aabb> {

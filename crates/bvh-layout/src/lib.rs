@@ -29,7 +29,7 @@ mod triangles;
 mod validate;
 mod walk;
 
-pub use blocks::{Block, BlockTree, LANES, Link, Ranges, WideNode};
+pub use blocks::{Block, BlockTree, First, LANES, Link, Ranges, WideNode};
 pub use convert::{Converter, Spare};
 pub use error::RecordError;
 pub use lists::Lists;

@@ -1,7 +1,7 @@
 //! The record that is handed over, and how to read it.
 
 use crate::header::Header;
-use crate::{BlockTree, Moving, RecordError, Spare, Treelets};
+use crate::{BlockTree, First, Moving, RecordError, Spare, Treelets};
 use geom::{Aabb, StaticParts};
 use std::borrow::Cow;
 use std::ops::Range;
@@ -178,8 +178,8 @@ impl Topology {
     /// # Panics
     /// If the record is not one of these triangles.
     #[must_use]
-    pub fn with_blocks(self, triangles: &[[u32; 3]], boxes: &[Aabb]) -> Self {
-        let blocks = Some(Arc::new(BlockTree::of(&self, triangles, boxes)));
+    pub fn with_blocks(self, triangles: &[[u32; 3]], by: (&[Aabb], First)) -> Self {
+        let blocks = Some(Arc::new(BlockTree::of(&self, triangles, by)));
         Self { blocks, ..self }
     }
 

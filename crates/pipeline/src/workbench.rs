@@ -10,7 +10,7 @@ use bvh_build::{
     BinaryTree, BuildError, Builder, Cancel, Costs, Moment, Regrouper, TemporalBuilder, face,
     sah_cost, temporal_cost,
 };
-use bvh_layout::{Converter, Spare, Topology};
+use bvh_layout::{Converter, First, Spare, Topology};
 use fading::Fading;
 pub use fading::Manner;
 use geom::{Aabb, Animation, Point, Pose};
@@ -393,7 +393,8 @@ impl Workbench {
             self.converter.convert(&self.tree, triangles, words)
         };
         if self.forms.blocks {
-            topology = topology.with_blocks(animation.triangles(), &self.boxes);
+            let first = self.toward.map_or(First::Larger, |_| First::Left);
+            topology = topology.with_blocks(animation.triangles(), (&self.boxes, first));
         }
         topology.with_moving(animation.static_parts())
     }

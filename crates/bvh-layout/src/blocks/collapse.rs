@@ -1,7 +1,7 @@
 //! Binary record in, shape of the wide tree out: in parallel, level by level.
 
 use super::opened::{Binary, Opened, Shape};
-use super::{Block, BlockTree, LANES, Link, WideNode};
+use super::{Block, BlockTree, First, LANES, Link, WideNode};
 use crate::Topology;
 use geom::Aabb;
 use rayon::prelude::*;
@@ -13,12 +13,12 @@ impl BlockTree {
     /// Of a record, in the rayon pool that the caller installed; `triangles` are the scene's, three vertices each.
     ///
     /// With a box for each triangle in `boxes`, the subtree of the largest area is opened first, else (if there are
-    /// none) the one of most triangles.
+    /// none) the one of most triangles. `first` says which of two is asked first where any hit will do.
     ///
     /// # Panics
     /// If the record is not one of these triangles.
     #[must_use]
-    pub fn of(tree: &Topology, triangles: &[[u32; 3]], boxes: &[Aabb]) -> Self {
+    pub fn of(tree: &Topology, triangles: &[[u32; 3]], (boxes, first): (&[Aabb], First)) -> Self {
         let sizes = sizes(tree);
         let areas = areas(tree, boxes);
         let shape = Shape {
@@ -26,6 +26,7 @@ impl BlockTree {
             ranks: tree.leaf_ranks(),
             sizes: &sizes,
             areas: areas.as_deref(),
+            first,
         };
         let (mut all, roots) = Self::nodes_of(shape);
         let leaves = tree.leaf_triangles();
@@ -95,6 +96,7 @@ fn sizes(tree: &Topology) -> Vec<u32> {
         ranks: tree.leaf_ranks(),
         sizes: &[],
         areas: None,
+        first: First::Left,
     };
     let levels: Vec<_> = tree.levels().collect();
     for level in levels.iter().rev() {
@@ -123,6 +125,7 @@ fn areas(tree: &Topology, boxes: &[Aabb]) -> Option<Vec<f32>> {
         ranks: tree.leaf_ranks(),
         sizes: &[],
         areas: None,
+        first: First::Left,
     };
     let triangles = tree.leaf_triangles();
     let mut inner = vec![Aabb::EMPTY; tree.leaf_count().saturating_sub(1)];

@@ -10,6 +10,15 @@ use std::ops::Range;
 /// Children of a node, and triangles of a block.
 pub const LANES: usize = 8;
 
+/// Which of two subtrees a search asks first that any hit ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum First {
+    /// That of the larger area, where boxes are known: it is the likelier to end a ray. A leaf comes after.
+    Larger,
+    /// The left one, as of trees that face the rays' end.
+    Left,
+}
+
 /// The binary tree collapsed, for machines that test eight boxes or triangles at once (Wald, Benthin, Boulos 2008).
 ///
 /// A subtree of at most eight triangles is a *block*; above, a node holds up to eight subtrees, that of the largest
@@ -33,7 +42,7 @@ pub struct BlockTree {
 /// Where a node's lanes lead.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WideNode {
-    /// [`Link::ROOT`] in lanes without a child, which come last.
+    /// [`Link::ROOT`] in lanes without a child, which come last. Of the others the last one is to be asked first.
     pub links: [Link; LANES],
     /// The binary nodes that it stands for.
     pub ranges: Ranges,

@@ -1,6 +1,6 @@
 //! Neighbouring subtrees of the binary tree, and what becomes of them.
 
-use super::{LANES, Ranges};
+use super::{First, LANES, Ranges};
 use crate::Topology;
 
 /// A binary node: the rank of a leaf (flagged) or of an inner node, among their kind.
@@ -68,6 +68,8 @@ pub(super) struct Shape<'a> {
     pub(super) sizes: &'a [u32],
     /// Half areas of inner nodes, if boxes are known.
     pub(super) areas: Option<&'a [f32]>,
+    /// Which of two children is asked first.
+    pub(super) first: First,
 }
 
 impl Shape<'_> {
@@ -112,20 +114,18 @@ impl Shape<'_> {
             else {
                 break;
             };
-            opened.open(largest, self.larger_first(opened.lanes[largest]));
+            opened.open(largest, self.first_last(opened.lanes[largest]));
         }
         opened
     }
 
-    /// The children of an inner node. Where areas are known, the larger comes first, a leaf last: it is the likelier to
-    /// end a ray for which any hit will do.
-    fn larger_first(&self, inner: Binary) -> [Binary; 2] {
+    /// The children of an inner node, that which is asked first in the later lane.
+    fn first_last(&self, inner: Binary) -> [Binary; 2] {
         let [left, right] = self.children(inner);
-        match (self.area(left), self.area(right)) {
-            (Some(a), Some(b)) if b > a => [right, left],
-            // A leaf's area is not at hand.
-            (None, Some(_)) => [right, left],
-            _ => [left, right],
+        // A leaf's area is not at hand: none is less than any.
+        match self.first == First::Larger && self.area(left) < self.area(right) {
+            true => [left, right],
+            false => [right, left],
         }
     }
 

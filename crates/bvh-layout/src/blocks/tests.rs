@@ -22,14 +22,17 @@ fn below(tree: &BlockTree, node: usize, depth: usize, seen: &mut [u32], out: &mu
     let links = tree.nodes[node].links;
     let children = links.iter().filter(|&&link| link != Link::ROOT).count();
     assert!(links[children..].iter().all(|&link| link == Link::ROOT));
-    for link in &links[..children] {
+    for link in links[..children].iter().filter(|link| link.is_block()) {
+        assert_eq!(
+            link.index(),
+            next_block as usize,
+            "blocks lie in the order of lanes"
+        );
+        next_block += 1;
+    }
+    // The left subtree is asked first, so it is in the last lane.
+    for link in links[..children].iter().rev() {
         if link.is_block() {
-            assert_eq!(
-                link.index(),
-                next_block as usize,
-                "blocks lie in the order of lanes"
-            );
-            next_block += 1;
             let block = &tree.blocks[link.index()];
             let count = usize::from(block.count);
             assert!((1..=LANES).contains(&count) && block.ranges.places().len() == count - 1);
@@ -67,7 +70,11 @@ fn depth_first(tree: &Topology, node: u32, out: &mut Vec<u32>) {
 }
 
 fn check(topology: &Topology) {
-    let tree = BlockTree::of(topology, &triangles(topology.triangle_count()), &[]);
+    let tree = BlockTree::of(
+        topology,
+        &triangles(topology.triangle_count()),
+        (&[], First::Left),
+    );
     let (mut found, mut expected) = (Vec::new(), Vec::new());
     let mut seen = vec![0; tree.nodes.len()];
     if topology.leaf_count() > 0 {
@@ -103,7 +110,7 @@ fn each_triangle_and_each_inner_node_has_one_place() {
 fn full_subtrees_make_full_nodes() {
     let tree = &random_tree(20_000, 5);
     let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
-    let wide = BlockTree::of(&record, &triangles(tree.scene()), &[]);
+    let wide = BlockTree::of(&record, &triangles(tree.scene()), (&[], First::Left));
     let upper = &wide.nodes[wide.levels[1].clone()];
     assert!(upper.iter().all(|node| !node.links.contains(&Link::ROOT)));
     assert!(
@@ -138,7 +145,8 @@ fn the_subtree_of_the_largest_area_is_opened_first() {
             .position(|level| level.contains(&node))
             .unwrap()
     };
-    let [by_size, by_area] = [&[][..], &boxes].map(|b| BlockTree::of(&record, &corners, b));
+    let [by_size, by_area] =
+        [&[][..], &boxes].map(|b| BlockTree::of(&record, &corners, (b, First::Larger)));
     assert!(
         depth(&by_area) < depth(&by_size),
         "{} {}",
@@ -147,8 +155,18 @@ fn the_subtree_of_the_largest_area_is_opened_first() {
     );
 }
 
+/// The block that a search comes to that asks the last lane of each node first.
+fn asked_first(wide: &BlockTree) -> &Block {
+    let mut link = Link::ROOT;
+    while !link.is_block() {
+        let links = &wide.nodes[link.index()].links;
+        link = *links.iter().rfind(|&&l| l != Link::ROOT).unwrap();
+    }
+    &wide.blocks[link.index()]
+}
+
 #[test]
-fn of_two_subtrees_the_larger_comes_first() {
+fn of_two_subtrees_the_larger_is_asked_first_or_the_left_one() {
     let tree = &random_tree(20_000, 5);
     let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
     let mut order = Vec::new();
@@ -160,12 +178,13 @@ fn of_two_subtrees_the_larger_comes_first() {
                 max: [if t == large { 100.0 } else { 1.0 }; 3],
             })
             .collect();
-        let wide = BlockTree::of(&record, &triangles(tree.scene()), &boxes);
-        let mut first = Link::ROOT;
-        while !first.is_block() {
-            first = wide.nodes[first.index()].links[0];
+        let corners = triangles(tree.scene());
+        for (first, found) in [(First::Larger, large), (First::Left, order[0])] {
+            let wide = BlockTree::of(&record, &corners, (&boxes, first));
+            assert!(
+                asked_first(&wide).triangles.contains(&found),
+                "{large} {first:?}"
+            );
         }
-        let block = &wide.blocks[first.index()];
-        assert!(block.triangles.contains(&large), "{large}");
     }
 }

@@ -3,7 +3,7 @@
 use crate::CpuBackend;
 use crate::testing::{bits, icosphere, kinds, moving, ready, senseless_tree, trace, tree_at};
 use backend::{Backend, Generation, Intersector, Rays, Seek};
-use bvh_layout::Topology;
+use bvh_layout::{First, Topology};
 use geom::{Aabb, Animation, Camera, Point, Pose, Ray};
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -117,7 +117,9 @@ fn a_tree_that_brings_its_blocks_is_adopted_as_one_that_does_not() {
     let rays: Vec<Ray> = camera.unwrap().rays().collect();
     for (old, new) in [(&good, &bad), (&bad, &good)] {
         let mut found = kinds().into_iter().flat_map(|kind| {
-            let with = new.clone().with_blocks(animation.triangles(), &[]);
+            let with = new
+                .clone()
+                .with_blocks(animation.triangles(), (&[], First::Left));
             let method = (Intersector::Watertight, kind);
             [with, new.clone()].map(|new| {
                 let mut backend = ready(&animation, method, old, first, 1);

@@ -5,7 +5,7 @@ use crate::reserve;
 use crate::simd::Level;
 use crate::triangle_test::Record;
 use backend::{BackendError, Result};
-use bvh_layout::{BlockTree, Ranges, Topology};
+use bvh_layout::{BlockTree, First, Ranges, Topology};
 use geom::{Aabb, StaticParts, Triangle};
 use rayon::iter::IndexedParallelIterator;
 use std::sync::Arc;
@@ -128,7 +128,7 @@ impl Wide {
     ) -> Result<()> {
         let shape = match tree.blocks() {
             Some(shape) => Arc::clone(shape),
-            None => Arc::new(BlockTree::of(tree, triangles, &[])),
+            None => Arc::new(BlockTree::of(tree, triangles, (&[], First::Left))),
         };
         if shape.blocks.len() > MOST_BLOCKS {
             return Err(BackendError::OutOfMemory {

@@ -181,7 +181,7 @@ fn nearest<L: Lanes<Array = [f32; LANES]>>(
     next.link
 }
 
-/// Shows `visitor` the blocks that a ray may hit before `bound`, a node's first child first, until it sees a hit; whether it did.
+/// Shows `visitor` the blocks that a ray may hit before `bound`, a node's last child first, until it sees a hit; whether it did.
 #[inline(always)]
 pub(crate) fn walk_any<I: Isa>(
     tree: &Wide,
@@ -200,11 +200,12 @@ pub(crate) fn walk_any<I: Isa>(
             let node = &tree.nodes[link.index()];
             let (lanes, _) = ray.meet(&node.planes, bound);
             if lanes != 0 {
-                let rest = lanes & (lanes - 1);
+                let first = 31 - lanes.leading_zeros();
+                let rest = lanes & !(1 << first);
                 let place = len % DEEPEST;
                 links[place..place + LANES].copy_from_slice(&I::packed(&node.links, rest));
                 len += rest.count_ones() as usize;
-                link = node.links[lanes.trailing_zeros() as usize % LANES];
+                link = node.links[first as usize % LANES];
                 continue;
             }
         }

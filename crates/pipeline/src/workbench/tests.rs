@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::sampling::samples;
+use bvh_layout::BlockTree;
 
 /// Triangles in a row: in order, and with every seventh beside the first.
 fn shuffled() -> Animation {
@@ -350,4 +351,29 @@ fn a_tree_for_all_times_faces_the_light_too() {
     face(&mut turned, &(&a, a.pose(0.0)), light);
     assert_ne!(turned, plain);
     assert_eq!(tree(Some(light)), turned);
+}
+
+#[test]
+fn blocks_of_a_tree_that_faces_the_light_are_asked_in_its_order() {
+    // The larger, the farther from the light.
+    let corner = |i: u32| {
+        let (x, size) = ((4 * i) as f32, 1.0 + i as f32 / 99.0);
+        [[x, 0.0, 0.0], [x + size, 0.0, 0.0], [x, size, size]]
+    };
+    let vertices = (0..256).flat_map(corner).collect();
+    let triangles = (0..256).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let a = Animation::new(vec![vertices], triangles).unwrap();
+    let cancel = Cancel::new();
+    let forms = Forms {
+        treelets: false,
+        blocks: true,
+    };
+    for (toward, first) in [(None, First::Larger), (Some([-9.0, 5.0, 1.0]), First::Left)] {
+        let mut bench = Workbench::with_forms(forms);
+        bench.face(toward);
+        let tree = bench.build(&a, &a.keys()[0], &cancel).unwrap().topology;
+        let of = |first| BlockTree::of(&tree, a.triangles(), (&bench.boxes[..], first));
+        assert!(of(First::Larger) != of(First::Left));
+        assert!(**tree.blocks().unwrap() == of(first), "{first:?}");
+    }
 }
