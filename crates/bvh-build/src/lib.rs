@@ -2,8 +2,8 @@
 //!
 //! Binned surface-area-heuristic builds (Wald, *On fast Construction of
 //! SAH-based Bounding Volume Hierarchies*, 2007) down to exactly one triangle a
-//! leaf. The tree depends on the boxes alone, not on the number of threads, and
-//! its depth is at most [`MAX_DEPTH`] whatever the input. Parallel work runs in
+//! leaf. The tree depends on the boxes and the point that it is to face, not on the number of
+//! threads, and its depth is at most [`MAX_DEPTH`] whatever the input. Parallel work runs in
 //! the rayon pool that the caller installed. [`Builder`] builds for one moment,
 //! [`TemporalBuilder`] for several at once, [`Regrouper`] from an earlier tree.
 

@@ -42,8 +42,8 @@ impl Regrouper {
         Self::default()
     }
 
-    /// Builds over `boxes` into `tree`, from groups of `last`. The tree depends on these two alone; the builder lends
-    /// its memory.
+    /// Builds over `boxes` into `tree`, from groups of `last`. The tree depends on these two and the point that the builder
+    /// faces; the builder lends its memory.
     ///
     /// # Errors
     /// [`BuildError::Cancelled`]; `tree` is then empty.

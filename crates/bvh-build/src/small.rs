@@ -91,7 +91,7 @@ impl Sorted {
         self.build(second, inner_b, order_b, depth + 1);
     }
 
-    /// Whether the point that rays end at lies right of a cut: so close together, sides are as near as centres are.
+    /// Whether the point that rays end at lies right of a cut: among so few, centres tell which side is nearer.
     fn right_first(&self, axis: usize, middle: usize) -> bool {
         self.toward.is_some_and(|point| {
             // Twice the centres.

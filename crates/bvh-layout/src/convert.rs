@@ -88,7 +88,8 @@ impl Converter {
         self.convert_shape(tree.into(), triangle_count, reuse)
     }
 
-    /// Likewise, and the same tree as treelets meanwhile: see [`Topology::treelets`]. Needs 5 bytes a triangle beside them.
+    /// Likewise, and the same tree as treelets meanwhile: see [`Topology::treelets`]. Needs 5 bytes a triangle beside them, and
+    /// 10 more where they are made wide.
     ///
     /// # Panics
     /// As [`Converter::convert`].

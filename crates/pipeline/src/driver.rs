@@ -42,7 +42,7 @@ pub struct Driver {
     left_last: bool,
     /// The pose of the backend's positions.
     pose: Option<Pose>,
-    /// Where the last frame's shadow rays go, which trees are made for.
+    /// Where shadow rays of the frame at hand go; trees are made to face it.
     light: Option<Point>,
     /// What has happened to trees since the frame at hand began.
     beginning: Beginning,

@@ -115,7 +115,7 @@ impl WideTree {
     }
 }
 
-/// Memory that treelets are made in: a word a triangle, and some three more where they are made wide.
+/// Memory that treelets are made in: a word a triangle, and 10 bytes more where they are made wide.
 #[derive(Debug, Default)]
 pub(crate) struct Room {
     inner: Vec<u32>,
