@@ -58,20 +58,19 @@ impl Ours {
     /// The record with its eight-wide form, as a builder hands it to layout `fast`; in the caller's pool.
     #[must_use]
     pub fn record_with_blocks(&self, mesh: &Mesh, positions: &[Point]) -> Topology {
-        self.record.clone().with_blocks(
-            mesh.animation.triangles(),
-            (&self.boxes(mesh, positions), First::Larger),
-        )
+        self.with_blocks(self.record.clone(), mesh, positions)
     }
 
     /// Likewise, and leaves no record behind.
     #[must_use]
     pub fn take_record_with_blocks(&mut self, mesh: &Mesh, positions: &[Point]) -> Topology {
         let record = std::mem::take(&mut self.record);
-        record.with_blocks(
-            mesh.animation.triangles(),
-            (&self.boxes(mesh, positions), First::Larger),
-        )
+        self.with_blocks(record, mesh, positions)
+    }
+
+    fn with_blocks(&self, record: Topology, mesh: &Mesh, positions: &[Point]) -> Topology {
+        let boxes = self.boxes(mesh, positions);
+        record.with_blocks(mesh.animation.triangles(), (&boxes, First::Larger))
     }
 
     fn boxes(&self, mesh: &Mesh, positions: &[Point]) -> Vec<Aabb> {

@@ -38,6 +38,12 @@ impl Builder {
         self.toward = toward;
     }
 
+    /// The point that trees face, if any.
+    #[must_use]
+    pub fn facing(&self) -> Option<Point> {
+        self.toward
+    }
+
     /// Builds over all boxes that are not empty, into `tree`, whose memory is reused.
     ///
     /// # Errors

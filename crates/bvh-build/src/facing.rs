@@ -42,9 +42,9 @@ fn turn<B: Boxes + ?Sized>(
         return boxes.get(order[0]);
     };
     let left = *left_count as usize;
+    let is_large = order.len() > PARALLEL;
     let (order_a, order_b) = order.split_at_mut(left);
     let (below_a, below_b) = below.split_at_mut(left - 1);
-    let is_large = order_a.len() + order_b.len() > PARALLEL;
     let mut turn_a = || turn(order_a, below_a, boxes, point);
     let mut turn_b = || turn(order_b, below_b, boxes, point);
     let (a, b) = if is_large {

@@ -1,15 +1,12 @@
 //! Vertices in, record out, in the rayon pool of whoever calls.
 
 mod fading;
+mod for_all;
 mod practice;
 
 use crate::gathering::{blend, fill, grow};
-use crate::sampling::Sample;
 use backend::{Backend, Snapshot};
-use bvh_build::{
-    BinaryTree, BuildError, Builder, Cancel, Costs, Moment, Regrouper, TemporalBuilder, face,
-    sah_cost, temporal_cost,
-};
+use bvh_build::{BinaryTree, BuildError, Builder, Cancel, Costs, Regrouper, sah_cost};
 use bvh_layout::{Converter, First, Spare, Topology};
 use fading::Fading;
 pub use fading::Manner;
@@ -101,7 +98,6 @@ pub struct Workbench {
     spare: Spare,
     forms: Forms,
     fading: Fading,
-    toward: Option<Point>,
 }
 
 /// Costs that differ by less than this share are one, however they were added up.
@@ -130,9 +126,8 @@ impl Workbench {
         }
     }
 
-    /// From now on trees are made for rays that end at a point: see [`face`].
+    /// From now on trees are made for rays that end at a point: see [`bvh_build::face`].
     pub fn face(&mut self, toward: Option<Point>) {
-        self.toward = toward;
         self.builder.face(toward);
     }
 
@@ -310,42 +305,6 @@ impl Workbench {
         Ok(None)
     }
 
-    /// Builds and converts one tree for all of `samples`, with `first` for its own cost.
-    ///
-    /// # Errors
-    /// [`BuildError::Cancelled`].
-    pub(crate) fn build_for_all(
-        &mut self,
-        animation: &Animation,
-        samples: &[Sample],
-        first: Pose,
-        cancel: &Cancel,
-    ) -> Result<Built, BuildError> {
-        let begun = Instant::now();
-        let boxes = (animation, first);
-        self.builder.build(&boxes, cancel, &mut self.tree)?;
-        let cost = sah_cost(&self.tree, &boxes);
-        let moments: Vec<_> = samples
-            .iter()
-            .map(|s| Moment {
-                boxes: (animation, s.pose),
-                weight: s.weight,
-            })
-            .collect();
-        if moments.len() > 1 {
-            let mut for_all = BinaryTree::default();
-            TemporalBuilder::new().build(&moments, cancel, &mut for_all)?;
-            if temporal_cost(&for_all, &moments) < temporal_cost(&self.tree, &moments) {
-                self.tree = for_all;
-                if let Some(point) = self.toward {
-                    face(&mut self.tree, &boxes, point);
-                }
-            }
-        }
-        let built = Instant::now();
-        Ok(self.hand_over(animation, [begun, built], cost, Manner::Scratch))
-    }
-
     /// Hands the tree just built from scratch over, at its cost with the boxes at hand.
     fn weigh_and_hand_over(&mut self, animation: &Animation, begun: Instant) -> Built {
         let built = Instant::now();
@@ -393,7 +352,7 @@ impl Workbench {
             self.converter.convert(&self.tree, triangles, words)
         };
         if self.forms.blocks {
-            let first = self.toward.map_or(First::Larger, |_| First::Left);
+            let first = (self.builder.facing()).map_or(First::Larger, |_| First::Left);
             topology = topology.with_blocks(animation.triangles(), (&self.boxes, first));
         }
         topology.with_moving(animation.static_parts())

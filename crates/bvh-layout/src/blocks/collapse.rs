@@ -22,11 +22,10 @@ impl BlockTree {
         let sizes = sizes(tree);
         let areas = areas(tree, boxes);
         let shape = Shape {
-            bits: tree.leaf_bits(),
-            ranks: tree.leaf_ranks(),
             sizes: &sizes,
             areas: areas.as_deref(),
             first,
+            ..Shape::of(tree)
         };
         let (mut all, roots) = Self::nodes_of(shape);
         let leaves = tree.leaf_triangles();
@@ -91,13 +90,7 @@ impl BlockTree {
 /// Leaves below every inner node, counted from the deepest level up.
 fn sizes(tree: &Topology) -> Vec<u32> {
     let mut sizes = vec![0; tree.leaf_count().saturating_sub(1)];
-    let shape = Shape {
-        bits: tree.leaf_bits(),
-        ranks: tree.leaf_ranks(),
-        sizes: &[],
-        areas: None,
-        first: First::Left,
-    };
+    let shape = Shape::of(tree);
     let levels: Vec<_> = tree.levels().collect();
     for level in levels.iter().rev() {
         let [start, end] = [level.inner.start, level.inner.end].map(|i| i as usize);
@@ -120,13 +113,7 @@ fn areas(tree: &Topology, boxes: &[Aabb]) -> Option<Vec<f32>> {
     if boxes.len() != tree.triangle_count() {
         return None;
     }
-    let shape = Shape {
-        bits: tree.leaf_bits(),
-        ranks: tree.leaf_ranks(),
-        sizes: &[],
-        areas: None,
-        first: First::Left,
-    };
+    let shape = Shape::of(tree);
     let triangles = tree.leaf_triangles();
     let mut inner = vec![Aabb::EMPTY; tree.leaf_count().saturating_sub(1)];
     let levels: Vec<_> = tree.levels().collect();

@@ -72,7 +72,18 @@ pub(super) struct Shape<'a> {
     pub(super) first: First,
 }
 
-impl Shape<'_> {
+impl<'a> Shape<'a> {
+    /// With no sizes and no areas.
+    pub(super) fn of(tree: &'a Topology) -> Self {
+        Self {
+            bits: tree.leaf_bits(),
+            ranks: tree.leaf_ranks(),
+            sizes: &[],
+            areas: None,
+            first: First::Left,
+        }
+    }
+
     #[inline]
     pub(super) fn node(&self, node: u32) -> Binary {
         let (word, bit) = (node as usize / 32, node % 32);

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::sampling::samples;
+use bvh_build::face;
 use bvh_layout::BlockTree;
 
 /// Triangles in a row: in order, and with every seventh beside the first.

@@ -2,25 +2,18 @@
 
 use crate::ahead::{many_shuffled, positions};
 use crate::fake::Fake;
-use backend::{Method, Query, Rays, Seek};
+use crate::{camera, driver, read};
+use backend::{Query, Rays, Seek};
 use bvh_build::Cancel;
-use geom::{Camera, Point};
-use pipeline::{Driver, Frame, Options, Pace, Update, Workbench};
-use std::sync::Arc;
+use geom::Point;
+use pipeline::{Frame, Pace, Update, Workbench};
 
 /// Records of all trees adopted in frames at times 0 to 5, by what each seeks.
 fn trees(update: Update, predict: bool, seek: impl Fn(u64) -> Seek) -> Vec<Vec<u32>> {
     let animation = many_shuffled(6, 256);
     let (fake, log) = Fake::new(Some(0), None);
-    let options = Options {
-        method: Method::default(),
-        update,
-        builder_threads: 1,
-        time_range: [0.0, animation.end()],
-        predict,
-    };
-    let mut driver = Driver::new(Box::new(fake), animation, options).unwrap();
-    let camera = Camera::look_at([0.0, 0.0, 9.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0, [2, 2]).unwrap();
+    let mut driver = driver(fake, &animation, (update, predict)).unwrap();
+    let camera = camera();
     for index in 0..6 {
         let time = index as f64;
         let query = Query {
@@ -31,8 +24,7 @@ fn trees(update: Update, predict: bool, seek: impl Fn(u64) -> Seek) -> Vec<Vec<u
         driver.finish(None).unwrap();
     }
     drop(driver);
-    let log = Arc::into_inner(log).unwrap().into_inner().unwrap();
-    log.trees
+    read(log).trees
 }
 
 /// The record of a tree for one moment.

@@ -11,7 +11,7 @@ use backend::{Generation, Method, Query, Rays, Seek};
 use fake::{Fake, Gate, Log};
 use geom::{Animation, Camera};
 use pipeline::{Driver, Frame, FrameRecord, Options, Pace, PipelineError, Update};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// Two triangles that drift apart over `keys` key frames.
 fn drifting(keys: usize) -> Arc<Animation> {
@@ -22,6 +22,32 @@ fn drifting(keys: usize) -> Arc<Animation> {
     };
     let triangles = vec![[0, 1, 2], [3, 4, 5]];
     Arc::new(Animation::new((0..keys).map(frame).collect(), triangles).unwrap())
+}
+
+/// A driver of `animation` by the fake, with one thread that builds.
+fn driver(
+    fake: Fake,
+    animation: &Arc<Animation>,
+    (update, predict): (Update, bool),
+) -> Result<Driver, PipelineError> {
+    let options = Options {
+        method: Method::default(),
+        update,
+        builder_threads: 1,
+        time_range: [0.0, animation.end()],
+        predict,
+    };
+    Driver::new(Box::new(fake), Arc::clone(animation), options)
+}
+
+/// Four pixels: what they see, the fake makes up.
+fn camera() -> Camera {
+    Camera::look_at([0.0, 0.0, 9.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0, [2, 2]).unwrap()
+}
+
+/// What a fake wrote that is gone with its driver.
+fn read(log: Arc<Mutex<Log>>) -> Log {
+    Arc::into_inner(log).unwrap().into_inner().unwrap()
 }
 
 fn run(keys: usize, frames: u64, update: Update, polls: Option<u32>) -> Run {
@@ -55,15 +81,8 @@ fn run_paced(
     (polls, gate): (Option<u32>, Option<Arc<Gate>>),
 ) -> Run {
     let (fake, log) = Fake::new(polls, gate.clone());
-    let options = Options {
-        method: Method::default(),
-        update,
-        builder_threads: 1,
-        time_range: [0.0, animation.end()],
-        predict,
-    };
-    let mut driver = Driver::new(Box::new(fake), Arc::clone(animation), options).unwrap();
-    let camera = Camera::look_at([0.0, 0.0, 9.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0, [2, 2]).unwrap();
+    let mut driver = driver(fake, animation, (update, predict)).unwrap();
+    let camera = camera();
     let query = Query {
         rays: Rays::Camera(&camera),
         seek: Seek::Closest,
@@ -89,7 +108,7 @@ fn run_paced(
     let built = driver.has_builder();
     gate.iter().for_each(|g| g.open());
     drop(driver);
-    let log = Arc::into_inner(log).unwrap().into_inner().unwrap();
+    let log = read(log);
     Run {
         records,
         log,

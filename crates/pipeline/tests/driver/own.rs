@@ -1,31 +1,23 @@
 //! A backend that makes its trees itself: nobody builds beside it, and nothing is read back.
 
-use super::drifting;
 use crate::fake::{Fake, Log};
-use backend::{Generation, Method, Query, Rays, Seek};
-use geom::Camera;
-use pipeline::{Driver, Frame, Options, Pace, PipelineError, Update};
+use crate::{camera, drifting, read};
+use backend::{Generation, Query, Rays, Seek};
+use pipeline::{Driver, Frame, Pace, PipelineError, Update};
 use std::sync::{Arc, Mutex};
 
 fn driver(update: Update) -> (Result<Driver, PipelineError>, Arc<Mutex<Log>>) {
     let (mut fake, log) = Fake::new(Some(0), None);
     fake.own_trees = true;
     let animation = drifting(5);
-    let options = Options {
-        method: Method::default(),
-        update,
-        builder_threads: 1,
-        time_range: [0.0, animation.end()],
-        predict: false,
-    };
-    (Driver::new(Box::new(fake), animation, options), log)
+    (crate::driver(fake, &animation, (update, false)), log)
 }
 
 /// Generations of the trees made over six frames, the third of which stands where the second did.
 fn rebuilt(update: Update) -> Vec<u64> {
     let (driver, log) = driver(update);
     let mut driver = driver.unwrap();
-    let camera = Camera::look_at([0.0, 0.0, 9.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0, [2, 2]).unwrap();
+    let camera = camera();
     let query = Query {
         rays: Rays::Camera(&camera),
         seek: Seek::Closest,
@@ -42,7 +34,7 @@ fn rebuilt(update: Update) -> Vec<u64> {
         .unwrap();
     assert!(!driver.has_builder());
     drop(driver);
-    let log = Arc::into_inner(log).unwrap().into_inner().unwrap();
+    let log = read(log);
     assert_eq!((log.requested, log.adopted.len()), (0, 0));
     assert_eq!((log.interpolated, log.refitted), (5, 5));
     assert_eq!(log.traced.len(), ages.len());

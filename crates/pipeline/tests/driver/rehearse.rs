@@ -1,11 +1,9 @@
 //! What is rehearsed or repeated leaves no trace in the frames that count.
 
-use crate::drifting;
 use crate::fake::{Fake, Log};
-use backend::{Generation, Method, Query, Rays, Seek};
-use geom::Camera;
-use pipeline::{Driver, Frame, FrameRecord, Options, Pace, PipelineError, Update};
-use std::sync::Arc;
+use crate::{camera, drifting, driver, read};
+use backend::{Generation, Query, Rays, Seek};
+use pipeline::{Frame, FrameRecord, Pace, PipelineError, Update};
 
 /// What a frame says that no clock decides.
 fn facts(r: &FrameRecord) -> (Frame, Generation, u64, Option<Generation>, [bool; 3]) {
@@ -32,15 +30,8 @@ enum Uncounted {
 fn run(update: Update, predict: bool, uncounted: Uncounted) -> (Vec<FrameRecord>, Log) {
     let animation = drifting(30);
     let (fake, log) = Fake::new(Some(0), None);
-    let options = Options {
-        method: Method::default(),
-        update,
-        builder_threads: 1,
-        time_range: [0.0, animation.end()],
-        predict,
-    };
-    let mut driver = Driver::new(Box::new(fake), Arc::clone(&animation), options).unwrap();
-    let camera = Camera::look_at([0.0, 0.0, 9.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0, [2, 2]).unwrap();
+    let mut driver = driver(fake, &animation, (update, predict)).unwrap();
+    let camera = camera();
     let query = Query {
         rays: Rays::Camera(&camera),
         seek: Seek::Closest,
@@ -72,7 +63,7 @@ fn run(update: Update, predict: bool, uncounted: Uncounted) -> (Vec<FrameRecord>
         }
     }
     drop(driver);
-    (records, Arc::into_inner(log).unwrap().into_inner().unwrap())
+    (records, read(log))
 }
 
 const LOCKSTEP: Update = Update::Async(Pace::Lockstep(3));
