@@ -89,14 +89,19 @@ fn compile_variant(source: &Source, filling: &Filling) -> Result<String> {
 /// WGSL and SPIR-V as a Rust expression, and the module.
 fn code(source: &Source, filling: &Filling, form: Form) -> Result<(String, naga::Module)> {
     let opaque = source.stitch(filling, Arithmetic::Opaque, form)?;
-    parse(&opaque, Capabilities::SUBGROUP)?;
+    parse(&opaque, CAPABILITIES)?;
     let plain = source.stitch(filling, Arithmetic::Plain, form)?;
-    let (module, info) = parse(&plain, Capabilities::SUBGROUP)?;
+    let (module, info) = parse(&plain, CAPABILITIES)?;
     let words = spv::write_vec(&module, &info, &options((1, 3)), None)?;
     let spirv = harden::harden(&words)?;
     let code = format!("Code {{ wgsl: {opaque:?}, spirv: &{spirv:?} }}");
     Ok((code, module))
 }
+
+/// What kernels may ask of a device; hosts load those that ask for more than all have where it is there.
+const CAPABILITIES: Capabilities = Capabilities::SUBGROUP
+    .union(Capabilities::SHADER_INT64)
+    .union(Capabilities::SHADER_INT64_ATOMIC_MIN_MAX);
 
 fn parse(source: &str, capabilities: Capabilities) -> Result<(naga::Module, ModuleInfo)> {
     let module = naga::front::wgsl::parse_str(source)

@@ -3,6 +3,7 @@
 use crate::adapters::{Adapter, all};
 use crate::commands::{ALL, BUILDS, RAYS, Reach};
 use crate::errors::failed;
+use crate::extras::Extras;
 use crate::instance::Host;
 use crate::limits::Limits;
 use crate::memory::Memory;
@@ -11,7 +12,7 @@ use crate::rt::{self, RayTracing};
 use ash::ext::pipeline_robustness;
 use ash::vk;
 use backend::{BackendError, DeviceKind, Result, choose_adapter};
-use shaders::Tiles;
+use shaders::{Rasters, Tiles};
 use std::ffi::CStr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -30,10 +31,7 @@ pub(crate) struct Gpu {
     pub(crate) limits: Limits,
     /// Bits of a timestamp that count; 0 without a clock.
     pub(crate) timestamp_bits: u32,
-    /// Whether pipelines may say that their kernels stay within their buffers.
-    pub(crate) trusts_kernels: bool,
-    /// Invocations of a subgroup, where kernels may have them tell each other what they find.
-    subgroups: Option<u32>,
+    pub(crate) extras: Extras,
     /// What it takes to have the driver make trees; `None` if nobody asked for it.
     pub(crate) rays: Option<RayTracing>,
     pub(crate) host: Arc<Host>,
@@ -74,8 +72,8 @@ impl Gpu {
         let limits = Limits::of(&host, physical);
         limits.admit_kernels(|k| !k.makes_trees() && !k.refits_treelets())?;
         let queues = Queues::find(&host, physical)?;
-        let trusts_kernels = can_trust_kernels(&host, physical);
-        let vk = create(&host, physical, &queues, (needs, trusts_kernels))?;
+        let extras = Extras::of(&host, physical);
+        let vk = create(&host, physical, &queues, (needs, extras))?;
         let queue = |place: Place| Queue {
             // SAFETY: the family was asked for at creation with as many queues.
             queue: unsafe { vk.get_device_queue(place.family, place.index) },
@@ -108,8 +106,7 @@ impl Gpu {
             adapter,
             limits,
             timestamp_bits: queues.timestamp_bits,
-            trusts_kernels,
-            subgroups: subgroups(&host, physical),
+            extras,
             rays,
             host,
         }))
@@ -122,7 +119,14 @@ impl Gpu {
 
     /// How invocations search together here.
     pub(crate) fn tiles(&self) -> Option<Tiles> {
-        Tiles::for_device(self.subgroups.map(|size| (size, size)), self.is_software())
+        let subgroups = self.extras.subgroups.map(|size| (size, size));
+        Tiles::for_device(subgroups, self.is_software())
+    }
+
+    /// Which pictures are made triangle by triangle here.
+    pub(crate) fn rasters(&self) -> Option<Rasters> {
+        let can = self.extras.has_least_of_64_bits;
+        can.then(|| Rasters::for_device(self.is_software()))
     }
 
     /// All that submissions do.
@@ -163,51 +167,11 @@ impl Drop for Gpu {
     }
 }
 
-/// Whether a pipeline can be made without checks of each address. NVIDIA's driver checks them even where nobody asks
-/// for robust access: a sixth of the instructions at a tree's node, 4 % of a frame's rays (580, an H200).
-fn can_trust_kernels(host: &Host, device: vk::PhysicalDevice) -> bool {
-    if !host
-        .extensions(device)
-        .contains(&pipeline_robustness::NAME.to_owned())
-    {
-        return false;
-    }
-    let mut robustness = vk::PhysicalDevicePipelineRobustnessFeaturesEXT::default();
-    let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut robustness);
-    // SAFETY: the device belongs to the instance, which is alive, and knows the structure of its extension.
-    unsafe {
-        host.instance
-            .get_physical_device_features2(device, &mut have)
-    };
-    robustness.pipeline_robustness == vk::TRUE
-}
-
-/// Invocations of a subgroup, which are as many in every kernel that does not ask for other sizes;
-/// `None` if they cannot do all that kernels ask.
-fn subgroups(host: &Host, device: vk::PhysicalDevice) -> Option<u32> {
-    let mut found = vk::PhysicalDeviceSubgroupProperties::default();
-    let mut all = vk::PhysicalDeviceProperties2::default().push_next(&mut found);
-    // SAFETY: the device belongs to the instance, which is alive; the structure is of Vulkan 1.1.
-    unsafe {
-        host.instance
-            .get_physical_device_properties2(device, &mut all)
-    };
-    let needed = vk::SubgroupFeatureFlags::BASIC
-        | vk::SubgroupFeatureFlags::VOTE
-        | vk::SubgroupFeatureFlags::ARITHMETIC
-        | vk::SubgroupFeatureFlags::SHUFFLE;
-    let suffices = found
-        .supported_stages
-        .contains(vk::ShaderStageFlags::COMPUTE)
-        && found.supported_operations.contains(needed);
-    suffices.then_some(found.subgroup_size)
-}
-
 fn create(
     host: &Host,
     device: vk::PhysicalDevice,
     queues: &Queues,
-    (needs, trusts_kernels): (Needs, bool),
+    (needs, extras): (Needs, Extras),
 ) -> Result<ash::Device> {
     let mut have12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut have12);
@@ -234,7 +198,9 @@ fn create(
     let traces = needs == Needs::RayTracing;
     let mut want = vk::PhysicalDeviceVulkan12Features::default()
         .timeline_semaphore(true)
+        .shader_buffer_int64_atomics(extras.has_least_of_64_bits)
         .buffer_device_address(traces);
+    let usual = vk::PhysicalDeviceFeatures::default().shader_int64(extras.has_least_of_64_bits);
     let mut structures =
         vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(true);
     let mut pipelines =
@@ -245,17 +211,18 @@ fn create(
     if traces {
         extensions.extend(rt::EXTENSIONS.map(CStr::as_ptr));
     }
-    if trusts_kernels {
+    if extras.trusts_kernels {
         extensions.push(pipeline_robustness::NAME.as_ptr());
     }
     let mut info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&asked)
         .enabled_extension_names(&extensions)
+        .enabled_features(&usual)
         .push_next(&mut want);
     if traces {
         info = info.push_next(&mut structures).push_next(&mut pipelines);
     }
-    if trusts_kernels {
+    if extras.trusts_kernels {
         info = info.push_next(&mut robustness);
     }
     let _door = one_at_a_time();

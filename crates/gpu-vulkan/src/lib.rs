@@ -15,6 +15,7 @@ mod clock;
 mod commands;
 mod device;
 mod errors;
+mod extras;
 mod frames;
 mod inspect;
 mod instance;

@@ -131,7 +131,7 @@ pub(crate) mod tests {
     use super::*;
     use backend::{Method, Seek};
     use geom::Camera;
-    use shaders::{Params, work};
+    use shaders::{Params, Traits, work};
 
     const LIMITS: Limits = Limits {
         storage_range: 1 << 27,
@@ -172,7 +172,7 @@ pub(crate) mod tests {
                 Params::default(),
                 rays,
                 Seek::Closest,
-                None,
+                Traits::default(),
             );
             LIMITS.groups(&trace.primary[0])
         };

@@ -139,7 +139,7 @@ fn compile(
     let mut info = vk::ComputePipelineCreateInfo::default()
         .stage(stage)
         .layout(layout);
-    if gpu.trusts_kernels {
+    if gpu.extras.trusts_kernels {
         info = info.push_next(&mut robustness);
     }
     let cache = vk::PipelineCache::null();

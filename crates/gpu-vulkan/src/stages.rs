@@ -52,10 +52,10 @@ impl VulkanBackend {
             _ => work::Rays::Given(count),
         };
         let has_tree = self.tree().shape.leaf_count > 0;
-        let tiles = self.pipelines.traits.tiles;
-        let tracing = work::trace(self.method, self.params(), rays, query.seek, tiles);
+        let traits = self.pipelines.traits;
+        let tracing = work::trace(self.method, self.params(), rays, query.seek, traits);
         let tree = self.tree.as_mut().expect("a scene was loaded");
-        tree.grow_covers(&self.gpu, &self.frames, tracing.cover_bytes)?;
+        tree.grow_picture(&self.gpu, &self.frames, &tracing)?;
         let mut run = |stage, work: Vec<Work>| {
             let work = if has_tree { &work[..] } else { &[] };
             self.run(stage, work, Also::trace(trace))

@@ -8,7 +8,8 @@ use backend::{FRAMES_IN_FLIGHT, Generation, Layout, Method, Result, Ticket, chec
 use bvh_layout::{Moving, Topology};
 use geom::Animation;
 use shaders::rebuild::Buffers;
-use shaders::{COSTS, COVERS, NODES, Shape, TreeBuffers as Room};
+use shaders::work::Trace;
+use shaders::{COSTS, COVERS, NODES, Shape, TreeBuffers as Room, VISIBILITY};
 use std::sync::Arc;
 
 /// With as many, one is free for the next tree whatever is under way. Most of the time two will do.
@@ -133,14 +134,17 @@ impl TreeBuffers {
         self.enlarge(gpu, frames, |b| &mut b.costs, (COSTS, costs))
     }
 
-    /// Makes room for what is covered of a picture.
-    pub(crate) fn grow_covers(
+    /// Makes room for what is covered and what is seen of a picture.
+    pub(crate) fn grow_picture(
         &mut self,
         gpu: &Arc<Gpu>,
         frames: &Frames,
-        bytes: u64,
+        tracing: &Trace,
     ) -> Result<()> {
-        self.enlarge(gpu, frames, |b| &mut b.covers, (COVERS, bytes))
+        let covers = (COVERS, tracing.cover_bytes);
+        self.enlarge(gpu, frames, |b| &mut b.covers, covers)?;
+        let visibility = (VISIBILITY, tracing.visibility_bytes);
+        self.enlarge(gpu, frames, |b| &mut b.visibility, visibility)
     }
 
     /// Puts a larger buffer, with some to spare, in the place of one that is too small.

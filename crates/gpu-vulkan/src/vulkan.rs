@@ -96,7 +96,7 @@ impl VulkanBackend {
         let found = selftest::run(&made.gpu, &mut made.frames, &made.pipelines, road)?;
         made.device.arithmetic = found.arithmetic;
         made.device.loop_turns = found.loop_turns;
-        made.pipelines.traits = found.traits(made.gpu.tiles());
+        made.pipelines.traits = found.traits(made.gpu.tiles(), made.gpu.rasters());
         Ok(made)
     }
 

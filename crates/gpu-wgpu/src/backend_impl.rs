@@ -92,7 +92,7 @@ impl WgpuBackend {
         let mut pipelines = Pipelines::new(&gpu, modules)?;
         let mut window = Window::default();
         let found = selftest::run(&gpu, &pipelines, &mut window)?;
-        pipelines.traits = found.traits(gpu.tiles(modules));
+        pipelines.traits = found.traits(gpu.tiles(modules), gpu.rasters(modules));
         Ok(Self {
             device: Device {
                 backend: "wgpu",
@@ -329,12 +329,12 @@ impl Backend for WgpuBackend {
 
     /// Of buffers that kernels use: an engine's own on a lent device do not count, nor does memory of the host.
     fn device_bytes(&self) -> Option<DeviceBytes> {
-        let [tree, scratch] = self.tree.as_ref().map_or([0; 2], TreeBuffers::bytes);
+        let held = |part: fn(&TreeBuffers) -> u64| self.tree.as_ref().map_or(0, part);
         Some(DeviceBytes {
-            tree,
-            scratch,
+            tree: held(TreeBuffers::tree_bytes),
+            scratch: held(TreeBuffers::scratch_bytes),
             scene: self.scene.as_ref().map_or(0, SceneBuffers::bytes),
-            frames: self.traces.bytes() + self.frames.bytes(),
+            frames: self.traces.bytes() + self.frames.bytes() + held(TreeBuffers::picture_bytes),
         })
     }
 

@@ -3,11 +3,11 @@
 use crate::adapters::{describe, enumerate, instance, kind, takes_spirv};
 use crate::buffers::{readback, unmap};
 use crate::faults::Faults;
-use crate::limits::{check, generous, span, useful_features};
+use crate::limits::{LEAST_OF_64_BITS, check, generous, span, useful_features};
 use crate::modules::Modules;
 use crate::tally::Tally;
 use backend::{BackendError, DeviceKind, Result, choose_adapter};
-use shaders::Tiles;
+use shaders::{Rasters, Tiles};
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -102,8 +102,19 @@ impl Gpu {
         let has_subgroups = modules == Modules::Best
             && self.takes_spirv()
             && self.features.contains(Features::SUBGROUP);
-        let is_software = kind(&self.info) == DeviceKind::Software;
-        Tiles::for_device(has_subgroups.then_some(sizes), is_software)
+        Tiles::for_device(has_subgroups.then_some(sizes), self.is_software())
+    }
+
+    /// Which pictures are made triangle by triangle here, given kernels in that form.
+    pub(crate) fn rasters(&self, modules: Modules) -> Option<Rasters> {
+        let has_kernels = modules == Modules::Best && self.takes_spirv();
+        let has_least = self.features.contains(LEAST_OF_64_BITS);
+        let can = has_kernels && has_least;
+        can.then(|| Rasters::for_device(self.is_software()))
+    }
+
+    fn is_software(&self) -> bool {
+        kind(&self.info) == DeviceKind::Software
     }
 
     pub(crate) fn has_timestamps(&self) -> bool {

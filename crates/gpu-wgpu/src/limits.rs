@@ -14,11 +14,19 @@ pub fn required_features() -> Features {
 
 /// Features that an engine should ask for where its adapter has them:
 /// timestamps, without which stages are not timed, shaders passed through,
-/// which spares the kernels some arithmetic on Vulkan, and subgroups, by which rays search together.
+/// which spares the kernels some arithmetic on Vulkan, subgroups, by which rays search together,
+/// and the least of numbers of 64 bits, by which the first hits of large scenes are found triangle by triangle.
 #[must_use]
 pub fn useful_features() -> Features {
-    Features::TIMESTAMP_QUERY | Features::PASSTHROUGH_SHADERS | Features::SUBGROUP
+    Features::TIMESTAMP_QUERY
+        | Features::PASSTHROUGH_SHADERS
+        | Features::SUBGROUP
+        | LEAST_OF_64_BITS
 }
+
+/// What kernels of rasters ask for.
+pub(crate) const LEAST_OF_64_BITS: Features =
+    Features::SHADER_INT64.union(Features::SHADER_INT64_ATOMIC_MIN_MAX);
 
 /// The limits that an engine's device needs for `animation`, traced by up to `rays` rays at a time.
 ///

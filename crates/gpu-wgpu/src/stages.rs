@@ -52,10 +52,10 @@ impl WgpuBackend {
         if !has_tree {
             trace.fill_misses(&self.gpu)?;
         }
-        let tiles = self.pipelines.traits.tiles;
-        let tracing = work::trace(self.method, self.params(), rays, query.seek, tiles);
+        let traits = self.pipelines.traits;
+        let tracing = work::trace(self.method, self.params(), rays, query.seek, traits);
         let tree = self.tree.as_mut().expect("a scene was loaded");
-        tree.grow_covers(&self.gpu, tracing.cover_bytes)?;
+        tree.grow_picture(&self.gpu, &tracing)?;
         let mut run = |stage, work: Vec<Work>| {
             let work = if has_tree { &work[..] } else { &[] };
             self.run(stage, work, Also::trace(trace))

@@ -6,7 +6,8 @@ use backend::{Generation, Layout, Method, Result, check_tree};
 use bvh_layout::{Moving, Topology};
 use geom::Animation;
 use shaders::rebuild::Buffers;
-use shaders::{COSTS, COVERS, NODES, Shape, TreeBuffers as Room};
+use shaders::work::Trace;
+use shaders::{COSTS, COVERS, NODES, Shape, TreeBuffers as Room, VISIBILITY};
 use std::sync::Arc;
 use wgpu::Buffer;
 
@@ -92,9 +93,12 @@ impl TreeBuffers {
         grow(gpu, &mut buffers.costs, COSTS, shape.own_cost_bytes())
     }
 
-    /// Makes room for what is covered of a picture.
-    pub(crate) fn grow_covers(&mut self, gpu: &Gpu, bytes: u64) -> Result<()> {
-        grow(gpu, &mut self.buffers.covers, COVERS, bytes)
+    /// Makes room for what is covered and what is seen of a picture.
+    pub(crate) fn grow_picture(&mut self, gpu: &Gpu, tracing: &Trace) -> Result<()> {
+        let buffers = &mut self.buffers;
+        grow(gpu, &mut buffers.covers, COVERS, tracing.cover_bytes)?;
+        let bytes = tracing.visibility_bytes;
+        grow(gpu, &mut buffers.visibility, VISIBILITY, bytes)
     }
 
     /// Makes a record, part by part, the current one.
@@ -122,12 +126,22 @@ impl TreeBuffers {
         (self.generation, self.shape, self.made_here) = (generation, shape, true);
     }
 
-    /// Bytes of device memory, and of room to make trees.
-    pub(crate) fn bytes(&self) -> [u64; 2] {
+    /// Bytes of device memory.
+    pub(crate) fn tree_bytes(&self) -> u64 {
         let all = self.buffers.all();
         let all = all.chain(self.records_of.iter().flatten());
+        all.map(Buffer::size).sum()
+    }
+
+    /// Those of room to make trees.
+    pub(crate) fn scratch_bytes(&self) -> u64 {
         let build = self.build.iter().flat_map(Buffers::all);
-        [all.map(Buffer::size).sum(), build.map(Buffer::size).sum()]
+        build.map(Buffer::size).sum()
+    }
+
+    /// Those of what is seen of a picture.
+    pub(crate) fn picture_bytes(&self) -> u64 {
+        self.buffers.visibility.size()
     }
 }
 

@@ -102,11 +102,11 @@ impl Source {
         self.uses.split_whitespace().any(|word| word == "loops")
     }
 
-    /// Whether it goes down a tree for each of many rays.
+    /// Whether it tests triangles for each of many rays.
     pub(crate) fn searches(&self) -> bool {
         self.uses
             .split_whitespace()
-            .any(|word| word.starts_with("stretch_"))
+            .any(|word| word.starts_with("stretch_") || word == "seen")
     }
 
     /// The whole text.

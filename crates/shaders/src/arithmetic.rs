@@ -6,7 +6,7 @@
 //! arithmetic of `divide.wgsl` and `exact.wgsl`. The same kernel shows how the device
 //! divides and adds up products where it may do as it likes, and whether its driver ends long loops early.
 
-use crate::Tiles;
+use crate::{Rasters, Tiles};
 use backend::Arithmetic;
 
 /// A device that does not compute as every kernel needs it to.
@@ -57,16 +57,19 @@ pub struct Traits {
     pub fuses_once: bool,
     /// How invocations search together, if they do.
     pub tiles: Option<Tiles>,
+    /// Which pictures are made triangle by triangle, if any.
+    pub rasters: Option<Rasters>,
 }
 
 impl Findings {
     /// Which forms of kernels the device takes.
     #[must_use]
-    pub fn traits(&self, tiles: Option<Tiles>) -> Traits {
+    pub fn traits(&self, tiles: Option<Tiles>, rasters: Option<Rasters>) -> Traits {
         Traits {
             loops_may_end: self.loop_turns.is_some(),
             fuses_once: self.fuses_once,
             tiles,
+            rasters,
         }
     }
 }
@@ -204,7 +207,7 @@ mod tests {
             for (r, x) in found.iter_mut().zip(&all) {
                 r[1][3] = f(*x).to_bits();
             }
-            verify(&all, &found).unwrap().traits(None)
+            verify(&all, &found).unwrap().traits(None, None)
         };
         assert!(with(lost_by_rounding).fuses_once);
         assert!(!with(|[a, b, ..]| a * b - a * b).fuses_once);

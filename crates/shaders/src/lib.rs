@@ -28,6 +28,8 @@ pub mod arithmetic;
 mod method;
 mod moving;
 mod params;
+mod projection;
+mod rasters;
 pub mod rebuild;
 mod shape;
 mod standing;
@@ -46,10 +48,11 @@ pub use method::{blocked_words, record_bytes, supports};
 pub(crate) use method::{notes, open_shadows_at, places};
 pub use moving::{MovingShape, MovingTreeletShape, moving_rows};
 pub use params::{Counts, Params};
+pub use rasters::Rasters;
 pub use shape::{Shape, WideShape};
 pub use standing::{Extent, Extents, Standing};
 pub use tiles::Tiles;
-pub use tree_buffers::{COSTS, COVERS, NODES, TreeBuffers};
+pub use tree_buffers::{COSTS, COVERS, NODES, TreeBuffers, VISIBILITY};
 pub use view::View;
 
 /// A compute kernel.
@@ -144,7 +147,9 @@ impl Kernel {
     /// Whether a device with these traits takes it at all.
     #[must_use]
     pub fn suits(&self, traits: Traits) -> bool {
-        Tiles::of_kernel(self.entry).is_none_or(|tiles| traits.tiles == Some(tiles))
+        let by_tiles = Tiles::of_kernel(self.entry);
+        by_tiles.is_none_or(|tiles| traits.tiles == Some(tiles))
+            && (traits.rasters.is_some() || !Rasters::need(self.entry))
     }
 
     /// Whether it is of use to [`rebuild`] alone; a host makes those when it first makes a tree.

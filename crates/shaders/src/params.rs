@@ -135,6 +135,12 @@ pub struct Counts {
     pub left_shadows: u32,
     /// What `finish_*` did: it rises as long as they come on.
     pub steps: u32,
+    /// Stamps, by `stamp` and `stamp_large`.
+    pub stamps: u32,
+    /// Triangles that were too large for `stamp`.
+    pub large: u32,
+    /// Pixels of all stamps, each a test to be made by `rasterize`.
+    pub stamped: u32,
 }
 
 impl Counts {

@@ -1,8 +1,7 @@
-//! Tiles of a picture, whose rays go down a tree together: who can, when it pays, and how the picture lies before the eye.
+//! Tiles of a picture, whose rays go down a tree together: who can, and when it pays.
 
 use crate::Params;
 use backend::{Intersector, Layout, Method};
-use geom::{Camera, Point};
 
 /// How the 32 invocations of a tile tell each other what they find.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,15 +13,12 @@ pub enum Tiles {
 }
 
 /// Pixels that a picture must have for each triangle: what all triangles cover is looked at before any ray is.
-const PIXELS_A_TRIANGLE: u64 = 4;
+pub(crate) const PIXELS_A_TRIANGLE: u64 = 4;
 /// Where a driver ends long loops, a tile whose invocations wait for each other must not come so far.
-const MOST_WHERE_LOOPS_END: u32 = 1 << 14;
-/// Where a software driver goes by tiles, which is for their laws alone to be tried there too: each ray by itself is faster.
-const MOST_PIXELS_IN_GROUPS: u64 = 1 << 14;
-/// Columns and rows are written in 16 bits.
-const LONGEST: u32 = 1 << 16;
-/// A little more than 0, for rounding in the picture.
-const LEAST_MARGIN: f64 = 1.0 / 128.0;
+pub(crate) const MOST_WHERE_LOOPS_END: u32 = 1 << 14;
+/// Pixels up to which a software driver goes by tiles, which is for their laws alone to be tried there too: each ray by itself is
+/// faster.
+pub(crate) const SMALL_PICTURE: u64 = 1 << 14;
 
 impl Tiles {
     /// What a device with subgroups of this size, least and most, or one that is software, takes.
@@ -65,128 +61,14 @@ pub(crate) fn pay(method: Method, params: &Params, how: Tiles) -> bool {
         && method.layout == Layout::Fast
         && params.wide_root != 0
         && pixels >= PIXELS_A_TRIANGLE * u64::from(triangles)
-        && (how == Tiles::BySubgroups || pixels <= MOST_PIXELS_IN_GROUPS)
+        && (how == Tiles::BySubgroups || pixels <= SMALL_PICTURE)
         && (params.bounded_loops == 0 || triangles <= MOST_WHERE_LOOPS_END)
-}
-
-/// The parameters with the picture's projection, if that can be told well enough.
-pub(crate) fn projected(params: Params, camera: &Camera) -> Option<Params> {
-    Projection::of(camera).map(|p| Params {
-        column: p.column,
-        row: p.row,
-        depth: p.depth,
-        depth_exponent: p.exponent,
-        pixel_margin: p.margin,
-        ..params
-    })
-}
-
-/// The inverse of a camera's matrix, `2^exponent` times.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Projection {
-    column: [f32; 3],
-    row: [f32; 3],
-    depth: [f32; 3],
-    /// That of the largest component of any ray's direction.
-    exponent: i32,
-    /// How far from a pixel's middle its ray may pass, in pixels.
-    margin: f32,
-}
-
-impl Projection {
-    fn of(camera: &Camera) -> Option<Self> {
-        let [across, down, corner] = [camera.across, camera.down, camera.corner].map(wide);
-        let [width, height] = [camera.width, camera.height].map(f64::from);
-        let reach = |i: usize| corner[i].abs() + width * across[i].abs() + height * down[i].abs();
-        let largest = (0..3).map(reach).fold(0.0, f64::max);
-        let exponent = largest.log2().floor();
-        let volume = dot(across, cross(down, corner));
-        let rows = [
-            cross(down, corner),
-            cross(corner, across),
-            cross(across, down),
-        ];
-        let [column, row, depth] = rows.map(|row| row.map(|x| x / volume));
-        // A direction is rounded three times, and so is what is made of it.
-        let doubt = |axis, pixels| largest * (size(axis) + pixels * size(depth)) * (-22_f64).exp2();
-        let margin = doubt(column, width).max(doubt(row, height));
-        let scaled = [column, row, depth].map(|row| row.map(|x| (x * exponent.exp2()) as f32));
-        let is_usual = exponent.abs() < 64.0 && margin < 0.25;
-        let is_seen = scaled.as_flattened().iter().all(|x| x.abs() < 1.0e9);
-        let is_small = camera.width.max(camera.height) <= LONGEST;
-        (is_usual && is_seen && is_small).then_some(Self {
-            column: scaled[0],
-            row: scaled[1],
-            depth: scaled[2],
-            exponent: exponent as i32,
-            margin: (LEAST_MARGIN + margin) as f32,
-        })
-    }
-}
-
-fn wide(p: Point) -> [f64; 3] {
-    p.map(f64::from)
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [0, 1, 2].map(|i| {
-        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-        a[j] * b[k] - a[k] * b[j]
-    })
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn size(a: [f64; 3]) -> f64 {
-    a.iter().map(|x| x.abs()).sum()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::{Shape, WideShape};
-
-    fn camera(eye: Point, target: Point, fov: f32) -> Camera {
-        Camera::look_at(eye, target, [0.0, 1.0, 0.0], fov, [64, 48]).unwrap()
-    }
-
-    #[test]
-    fn a_point_on_a_pixels_ray_is_seen_in_its_middle() {
-        let scenes = [
-            camera([3.0, 1.0, -2.0], [0.0; 3], 45.0),
-            camera([1e4, 1e4, 1e4], [1e4, 1e4, 1e4 - 7.0], 100.0),
-            camera([0.0, 2.0, 0.0], [0.1, 0.0, 0.0], 3.0),
-        ];
-        for camera in scenes {
-            let p = Projection::of(&camera).expect("a usual camera");
-            for (x, y) in [(0, 0), (63, 0), (17, 40), (63, 47)] {
-                let d = wide(camera.ray(x, y).direction);
-                let [c, r, w] = [p.column, p.row, p.depth].map(|row| dot(wide(row), d));
-                let off = |seen: f64, pixel: u32| (seen / w - f64::from(pixel) - 0.5).abs();
-                assert!(off(c, x).max(off(r, y)) < f64::from(p.margin));
-                // Depth is t, but for a power of two.
-                assert!((w / f64::from(p.exponent).exp2() - 1.0).abs() < 1e-5);
-            }
-        }
-    }
-
-    #[test]
-    fn a_camera_that_tells_no_pixels_apart_has_none() {
-        let flat = Camera {
-            across: [0.0; 3],
-            ..camera([0.0; 3], [0.0, 0.0, 1.0], 45.0)
-        };
-        assert_eq!(Projection::of(&flat), None);
-        let narrow = camera([0.0; 3], [0.0, 0.0, 1.0], 45.0);
-        let narrow = Camera {
-            across: narrow.across.map(|x| x * 1e-6),
-            down: narrow.down.map(|x| x * 1e-6),
-            ..narrow
-        };
-        assert_eq!(Projection::of(&narrow), None);
-    }
 
     #[test]
     fn devices_take_tiles_by_what_they_have() {
@@ -216,7 +98,11 @@ mod tests {
                 },
                 ..Shape::default()
             };
-            Params::of(0, &shape).through(&camera([3.0, 1.0, -2.0], [0.0; 3], 45.0))
+            Params {
+                width: 64,
+                height: 48,
+                ..Params::of(0, &shape)
+            }
         };
         let most = 64 * 48 / 4;
         for how in [Tiles::BySubgroups, Tiles::ByGroups] {

@@ -9,6 +9,8 @@ pub const NODES: &str = "the tree's nodes";
 pub const COSTS: &str = "the tree's areas";
 /// What messages call the buffer `covers`.
 pub const COVERS: &str = "what triangles cover of the picture";
+/// What messages call the buffer `visibility`.
+pub const VISIBILITY: &str = "the visibility buffer";
 
 /// Buffers by the kernels' names.
 #[derive(Debug)]
@@ -25,6 +27,8 @@ pub struct TreeBuffers<B> {
     pub costs: B,
     /// Empty until a trace says how much it takes: see [`crate::work::Trace::cover_bytes`].
     pub covers: B,
+    /// Likewise: see [`crate::work::Trace::visibility_bytes`]. It grows with the picture, not with the tree.
+    pub visibility: B,
 }
 
 impl<B> TreeBuffers<B> {
@@ -51,6 +55,7 @@ impl<B> TreeBuffers<B> {
             nodes: make(NODES, usual((2 * leaves).saturating_sub(1) * 32))?,
             costs: make(COSTS, usual(Shape::cost_bytes(leaves)))?,
             covers: make(COVERS, 0)?,
+            visibility: make(VISIBILITY, 0)?,
         })
     }
 
@@ -64,11 +69,12 @@ impl<B> TreeBuffers<B> {
             "nodes" => &self.nodes,
             "costs" => &self.costs,
             "covers" => &self.covers,
+            "visibility" => &self.visibility,
             _ => return None,
         })
     }
 
-    /// All of them.
+    /// All but `visibility`, which is a picture's.
     pub fn all(&self) -> impl Iterator<Item = &B> {
         let lists = [&self.leaf_nodes, &self.inner_nodes, &self.leaf_corners];
         lists

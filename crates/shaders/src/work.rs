@@ -1,5 +1,6 @@
 //! Each stage as a list of dispatches. A dispatch reads what those before it wrote, so a barrier goes between any two.
 
+mod pictures;
 mod rays;
 mod tree;
 mod treelets;
@@ -8,7 +9,7 @@ pub use rays::{cleanse, count_any, count_blocked, count_hits, count_triangles, r
 pub(crate) use tree::sum;
 pub use tree::{Progress, leaves};
 
-use crate::{Kernel, Params, Tiles, common, kernel, notes, open_shadows_at, places, tiles};
+use crate::{Kernel, Params, Traits, common, kernel, notes, open_shadows_at, places};
 use backend::{Intersector, Method, Seek};
 use geom::Camera;
 
@@ -165,17 +166,13 @@ pub struct Trace {
     pub shadow: Option<Vec<Work>>,
     /// Bytes that the buffer `covers` must have.
     pub cover_bytes: u64,
+    /// Likewise the buffer `visibility`.
+    pub visibility_bytes: u64,
 }
 
-/// Records and boxes to what is sought; `tiles` says how the device takes tiles, if it does.
+/// Records and boxes to what is sought, on a device with these traits.
 #[must_use]
-pub fn trace(
-    method: Method,
-    params: Params,
-    rays: Rays<'_>,
-    seek: Seek,
-    tiles: Option<Tiles>,
-) -> Trace {
+pub fn trace(method: Method, params: Params, rays: Rays<'_>, seek: Seek, traits: Traits) -> Trace {
     let primary = |primary| Trace {
         primary,
         ..Trace::default()
@@ -191,10 +188,9 @@ pub fn trace(
                     shadow: Some(shadow(method, params, rays)),
                     ..Trace::default()
                 },
-                Rays::Camera(camera) => {
-                    let by_tiles = tiles.and_then(|t| by_tiles(method, params, camera, t));
-                    by_tiles.unwrap_or_else(|| primary(together(method, params, rays)))
-                }
+                Rays::Camera(camera) => pictures::by_tiles(method, params, camera, traits)
+                    .or_else(|| pictures::by_rasters(method, params, camera, traits))
+                    .unwrap_or_else(|| primary(together(method, params, rays))),
             }
         }
     }
@@ -218,30 +214,6 @@ fn any(method: Method, params: Params, rays: u32) -> Vec<Work> {
 fn shadow(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
     let search = Work::over(method, rays, searching(params, rays), ["shadow_rays"; 2]);
     settled(method, search, rays, SHADOWS)
-}
-
-/// A camera's closest hits and their shadows tile by tile, where that pays.
-fn by_tiles(method: Method, params: Params, camera: &Camera, how: Tiles) -> Option<Trace> {
-    let seen = params.through(camera);
-    if !tiles::pay(method, &seen, how) {
-        return None;
-    }
-    let params = tiles::projected(seen, camera)?;
-    let triangles = params.node_count.div_ceil(2);
-    let trace = Work {
-        kernel: kernel(how.kernel(), method),
-        params,
-        groups: Groups::Pixels([camera.width, camera.height], how.block()),
-        alongside: false,
-    };
-    let things = params.wide_lanes + triangles;
-    let project = Work::linear(kernel("project", method), params, things);
-    Some(Trace {
-        primary: vec![project, trace],
-        // A row of 16 bytes for each lane, two for each triangle.
-        cover_bytes: 16 * u64::from(things + triangles),
-        ..Trace::default()
-    })
 }
 
 /// A camera's closest hits and their shadows by one kernel.

@@ -6,6 +6,7 @@
 mod frames;
 mod geometry;
 mod limits;
+mod rasters;
 mod rebuild;
 mod roads;
 mod rt;
@@ -57,6 +58,8 @@ const ON_DEVICE: &[(&str, Test)] = named![
     geometry::large_trees_have_the_same_boxes_in_either_layout,
     geometry::a_cameras_rays_meet_anything_as_the_list_of_them_does,
     limits::a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once,
+    rasters::triangles_find_the_rays_that_find_them,
+    rasters::each_ray_goes_by_itself_where_triangles_cover_too_much,
     rebuild::trees_of_any_size_are_whole,
     rebuild::boxes_are_those_that_a_refit_of_the_same_tree_finds,
     rebuild::two_triangles_in_a_row_share_a_leaf_if_a_ray_can_hit_both,

@@ -43,7 +43,7 @@ struct Params {
     bounded_loops: u32,
     // Places at which rays are settled one by one: see pool.wgsl.
     places: u32,
-    // How many notes there is room for: see notes.wgsl.
+    // How many notes there is room for: see notes.wgsl; or stamps: see stamps.wgsl.
     notes: u32,
     // The eye in scaled units.
     scaled_eye: vec3<f32>,

@@ -1,0 +1,123 @@
+//! Rasters: first hits of a camera's rays found triangle by triangle; who can, and when it pays.
+
+use crate::Params;
+use crate::tiles::{MOST_WHERE_LOOPS_END, PIXELS_A_TRIANGLE, SMALL_PICTURE};
+use backend::{Intersector, Layout, Method};
+
+/// Which pictures a device makes by rasters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rasters {
+    /// Small ones, on which laws are tried, and those that it makes faster so.
+    Fast,
+    /// Small ones alone: software drivers.
+    Small,
+}
+
+/// Kernels of use to rasters alone.
+const KERNELS: [&str; 5] = [
+    "clear_visibility",
+    "stamp",
+    "stamp_large",
+    "rasterize",
+    "resolve",
+];
+/// How far it was measured: see "Rasters" in ARCHITECTURE.md. Five kernels one after the other take their time of small pictures;
+/// of many triangles most cover no pixel, but each is looked at.
+const LEAST_PIXELS: u64 = 1 << 20;
+const MOST_TRIANGLES: u32 = 1 << 21;
+
+impl Rasters {
+    /// What a device makes so that knows the least of numbers of 64 bits.
+    #[must_use]
+    pub fn for_device(is_software: bool) -> Self {
+        match is_software {
+            true => Self::Small,
+            false => Self::Fast,
+        }
+    }
+
+    pub(crate) fn need(entry: &str) -> bool {
+        KERNELS.contains(&entry)
+    }
+}
+
+/// Whether a camera's rays, with parameters made for it, go by rasters: where tiles do not pay.
+pub(crate) fn pay(method: Method, params: &Params, how: Rasters) -> bool {
+    let triangles = params.node_count.div_ceil(2);
+    let pixels = u64::from(params.width) * u64::from(params.height);
+    let is_fast = how == Rasters::Fast && pixels >= LEAST_PIXELS && triangles <= MOST_TRIANGLES;
+    method.intersector == Intersector::Watertight
+        && method.layout == Layout::Fast
+        && pixels < PIXELS_A_TRIANGLE * u64::from(triangles)
+        && (is_fast || pixels <= SMALL_PICTURE)
+        && (params.bounded_loops == 0 || triangles <= MOST_WHERE_LOOPS_END)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Shape;
+
+    const METHOD: Method = Method {
+        intersector: Intersector::Watertight,
+        layout: Layout::Fast,
+    };
+
+    fn params(triangles: u32, [width, height]: [u32; 2]) -> Params {
+        let shape = Shape {
+            node_count: 2 * triangles - 1,
+            ..Shape::default()
+        };
+        Params {
+            width,
+            height,
+            ..Params::of(0, &shape)
+        }
+    }
+
+    #[test]
+    fn rasters_pay_where_tiles_do_not_as_far_as_that_was_measured() {
+        let large = [1920, 1200];
+        for (triangles, size, how, pays) in [
+            (1_600_000, large, Rasters::Fast, true),
+            (576_000, large, Rasters::Fast, false),
+            (576_001, large, Rasters::Fast, true),
+            (1_600_000, large, Rasters::Small, false),
+            (MOST_TRIANGLES + 1, large, Rasters::Fast, false),
+            (1_600_000, [800, 600], Rasters::Fast, false),
+            (10_000, [128, 128], Rasters::Fast, true),
+            (10_000, [128, 128], Rasters::Small, true),
+            (4096, [128, 128], Rasters::Small, false),
+        ] {
+            let about = format!("{triangles} triangles, {size:?}, {how:?}");
+            assert_eq!(pay(METHOD, &params(triangles, size), how), pays, "{about}");
+        }
+    }
+
+    #[test]
+    fn other_methods_and_long_loops_that_end_go_without() {
+        let usual = params(1_600_000, [1920, 1200]);
+        for method in [
+            Method {
+                intersector: Intersector::Exact,
+                ..METHOD
+            },
+            Method {
+                layout: Layout::Bvh2,
+                ..METHOD
+            },
+        ] {
+            assert!(!pay(method, &usual, Rasters::Fast));
+        }
+        let bounded = |triangles| Params {
+            bounded_loops: 1,
+            ..params(triangles, [128, 128])
+        };
+        assert!(pay(METHOD, &bounded(MOST_WHERE_LOOPS_END), Rasters::Small));
+        assert!(!pay(
+            METHOD,
+            &bounded(MOST_WHERE_LOOPS_END + 1),
+            Rasters::Small
+        ));
+    }
+}

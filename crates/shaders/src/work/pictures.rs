@@ -1,0 +1,102 @@
+//! Pictures for which the order matters in which rays and triangles are brought together: by tiles, by rasters.
+
+use super::{Groups, Trace, Work};
+use crate::projection::projected;
+use crate::{Params, Rasters, Traits, common, kernel, rasters, tiles};
+use backend::Method;
+use geom::Camera;
+
+/// Rows of the buffer `covers` before the stamps: see stamps.wgsl.
+const LISTED: u32 = 4096;
+/// Workgroups that share the large triangles, and the stamps: eight and sixteen a multiprocessor of an H200, of which some wait
+/// while others compute.
+const SHARERS: u32 = 1056;
+const RASTERIZERS: u32 = 2112;
+
+/// A camera's closest hits and their shadows tile by tile, where that pays.
+pub(super) fn by_tiles(
+    method: Method,
+    params: Params,
+    camera: &Camera,
+    traits: Traits,
+) -> Option<Trace> {
+    let how = traits.tiles?;
+    let seen = params.through(camera);
+    if !tiles::pay(method, &seen, how) {
+        return None;
+    }
+    let params = projected(seen, camera)?;
+    let triangles = params.node_count.div_ceil(2);
+    let trace = over_blocks(how.kernel(), method, params, how.block());
+    let things = params.wide_lanes + triangles;
+    let project = Work::linear(kernel("project", method), params, things);
+    Some(Trace {
+        primary: vec![project, trace],
+        // A row of 16 bytes for each lane, two for each triangle.
+        cover_bytes: 16 * u64::from(things + triangles),
+        ..Trace::default()
+    })
+}
+
+/// A camera's closest hits triangle by triangle, and then their shadows, where that pays.
+pub(super) fn by_rasters(
+    method: Method,
+    params: Params,
+    camera: &Camera,
+    traits: Traits,
+) -> Option<Trace> {
+    let how: Rasters = traits.rasters?;
+    let seen = params.through(camera);
+    if !rasters::pay(method, &seen, how) {
+        return None;
+    }
+    let pixels = camera.width * camera.height;
+    let triangles = params.node_count.div_ceil(2);
+    let stamps = triangles + pixels / 4;
+    let params = Params {
+        notes: stamps,
+        ..projected(seen, camera)?
+    };
+    // One more, for whether rasters have told all.
+    let pairs = pixels / 2 + 1;
+    let each = |entry, groups| Work {
+        groups: Groups::Each(groups),
+        ..Work::linear(kernel(entry, method), params, 0)
+    };
+    Some(Trace {
+        primary: vec![
+            Work::linear(common("clear_visibility"), params, pairs),
+            Work {
+                alongside: true,
+                ..Work::linear(kernel("stamp", method), params, triangles)
+            },
+            each("stamp_large", SHARERS),
+            each("rasterize", RASTERIZERS.min(stamps.div_ceil(64))),
+            over_blocks("resolve", method, params, [16, 8]),
+        ],
+        cover_bytes: 16 * u64::from(LISTED + stamps),
+        visibility_bytes: 16 * u64::from(pairs),
+        ..Trace::default()
+    })
+}
+
+/// Over a picture, so many pixels a workgroup.
+fn over_blocks(entry: &str, method: Method, params: Params, block: [u32; 2]) -> Work {
+    Work {
+        kernel: kernel(entry, method),
+        params,
+        groups: Groups::Pixels([params.width, params.height], block),
+        alongside: false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kernels_keep_stamps_where_the_host_makes_room() {
+        let wgsl = include_str!("../../wgsl/shared/stamps.wgsl");
+        assert!(wgsl.contains(&format!("const LISTED: u32 = {LISTED}u;")));
+    }
+}

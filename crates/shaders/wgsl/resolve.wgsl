@@ -1,0 +1,71 @@
+//! use params loops ieee rest divide exact units root ray {intersector.test} {intersector.closest} {intersector.any} {treelets.nodes} stretch_ahead closest pixels camera eye seen any from_triangle shade is_blocked {intersector.tiles} to_light
+// What each pixel's ray hits, by the visibility buffer, and its shadow: see "Rasters" in ARCHITECTURE.md. Where that does not tell
+// all, each ray goes down the tree, as in `trace_and_shadow_camera`.
+
+@group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read> records: array<vec4<u32>>;
+@group(0) @binding(3) var<storage, read_write> hits: array<vec4<u32>>;
+@group(0) @binding(4) var<storage, read_write> counts: array<atomic<u32>>;
+@group(0) @binding(5) var<storage, read_write> blocked: array<u32>;
+@group(0) @binding(6) var<storage, read> triangles: array<u32>;
+@group(0) @binding(7) var<storage, read> positions: array<u32>;
+@group(0) @binding(8) var<storage, read> visibility: array<vec2<u32>>;
+
+const NOT_SEEN: vec2<u32> = vec2<u32>(0xffffffffu);
+
+fn miss(i: u32) {
+    hits[i] = MISS;
+    keep_any(i, false, 3u);
+}
+
+// What a search down the tree finds, as the visibility buffer would have it.
+fn search(i: u32, ray: Prepared) -> vec2<u32> {
+    let found = find_closest(ray);
+    if count_if_cut_short(i) || found.leaf == NO_LEAF { return NOT_SEEN; }
+    let corners = turned_corners(ray, found.leaf);
+    return vec2<u32>(corners.triangle, bitcast<u32>(distance_to(ray, corners, edges_of(ray, corners))));
+}
+
+fn turn(ray: Prepared, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32) -> Turned {
+    let p = permute(a, ray.axis);
+    let q = permute(b, ray.axis);
+    let r = permute(c, ray.axis);
+    return Turned(vec3<f32>(p.x, q.x, r.x), vec3<f32>(p.y, q.y, r.y), vec3<f32>(p.z, q.z, r.z), triangle);
+}
+
+// What `hit_of` makes of a triangle that is hit at a known t.
+fn hit_at(ray: Prepared, corners: Turned, t: u32) -> vec4<u32> {
+    let c = crossing(edges_of(ray, corners));
+    let by = divisor(c.det);
+    let weights = vec2<f32>(divide_by(c.v, by), divide_by(c.w, by));
+    return vec4<u32>(in_ray_units(bitcast<f32>(t), ray.exponent), bitcast<vec2<u32>>(weights), corners.triangle);
+}
+
+@compute @workgroup_size(128)
+fn resolve(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>) {
+    let pixel = pixel_of(local, group);
+    if pixel.x >= params.width || pixel.y >= params.height { return; }
+    let i = pixel.y * params.width + pixel.x;
+    var seen = visibility[i];
+    let tells = visibility[params.width * params.height].y == NOT_SEEN.y;
+    let direction = through_pixel(pixel);
+    let origin = eye();
+    if (tells && seen.y == NOT_SEEN.y) || is_void_way(direction, origin) {
+        miss(i);
+        return;
+    }
+    let ray = camera_ray(direction, origin, root_from(origin));
+    if !tells { seen = search(i, ray); }
+    if seen.y == NOT_SEEN.y {
+        miss(i);
+        return;
+    }
+    atomicAdd(&counts[2], 1u);
+    let triangle = seen.x;
+    let a = scaled(triangles[3u * triangle]);
+    let b = scaled(triangles[3u * triangle + 1u]);
+    let c = scaled(triangles[3u * triangle + 2u]);
+    let hit = hit_at(ray, turn(ray, a, b, c, triangle), seen.y);
+    hits[i] = hit;
+    keep_any(i, is_blocked(from_triangle(a, b, c, hit, origin), triangle), 3u);
+}

@@ -1,0 +1,83 @@
+// A triangle as it is seen in the picture, a little larger: see "Rasters" in ARCHITECTURE.md. Who uses it declares `records`.
+
+// Its rectangle of pixels, whose first lies behind its last if it covers none. Its edges bound each row of pixels: in the first
+// row at `at`, and `slope` more each row; those on side -1 where covered pixels begin, those on side 1 where they end.
+struct Outline { first: vec2<i32>, last: vec2<i32>, at: vec3<f32>, slope: vec3<f32>, side: vec3<f32> }
+
+fn without_edges(first: vec2<i32>, last: vec2<i32>) -> Outline {
+    return Outline(first, last, vec3<f32>(0.0), vec3<f32>(0.0), vec3<f32>(0.0));
+}
+
+fn loose_first(p: Places) -> i32 { return i32(max(ceil(least_of(p.at - p.doubt) - params.pixel_margin), 0.0)); }
+
+fn loose_last(p: Places, size: u32) -> i32 {
+    return i32(clamp(floor(most_of(p.at + p.doubt) + params.pixel_margin), -1.0, f32(size) - 1.0));
+}
+
+// Corners that move by the doubt, and pixels by the margin, move what is within by no more than both. Rows tell nothing of edges
+// that are nearly level, nor does an area that may be none of how a triangle turns.
+fn loose_edges(given: Outline, across: Places, down: Places) -> Outline {
+    var o = given;
+    let x = across.at;
+    let y = down.at;
+    let dx = x.yzx - x;
+    let dy = y.yzx - y;
+    let size = vec2<f32>(abs(dx.x) + abs(dx.y) + abs(dx.z), abs(dy.x) + abs(dy.y) + abs(dy.z));
+    let area = dx.x * dy.y - dy.x * dx.y;
+    // 2^-21
+    if !(abs(area) > 4.76837158203125e-7 * size.x * size.y) { return o; }
+    let slope = dx / dy;
+    let way = slope * (f32(o.first.y) - y);
+    let margin = max(most_of(across.doubt), most_of(down.doubt)) + params.pixel_margin;
+    let apart = margin * (abs(slope) + 1.0) + 4.0e-6 * (abs(way) + abs(slope) * size.y + abs(x) + 1.0);
+    let side = sign(area) * sign(dy);
+    o.side = select(vec3<f32>(0.0), side, abs(slope) < vec3<f32>(100.0));
+    o.slope = slope;
+    o.at = x + way + side * apart;
+    return o;
+}
+
+// Whether a triangle surely lies beyond one side of the picture, which is told also of corners behind the eye: what is seen there is
+// seen nowhere, and of a column times its depth the sign tells on which side it is.
+fn is_beside(axis: vec3<f32>, size: u32, x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32>, reach: f32) -> bool {
+    let at = axis.x * x + axis.y * y + axis.z * z;
+    let doubt = DOUBT * reach * (size_of(axis) + f32(size) * size_of(params.depth));
+    return reach < FARTHEST && (most_of(at) < -doubt || least_of(at - f32(size) * depths) > doubt);
+}
+
+fn outline_of(leaf: u32, origin: vec3<f32>, reach: f32) -> Outline {
+    let first = records[3u * leaf];
+    let x = bitcast<vec3<f32>>(first.xyz) - origin.x;
+    let y = bitcast<vec3<f32>>(records[3u * leaf + 1u].xyz) - origin.y;
+    let z = bitcast<vec3<f32>>(records[3u * leaf + 2u].xyz) - origin.z;
+    let depths = params.depth.x * x + params.depth.y * y + params.depth.z * z;
+    let is_behind = most_of(depths) < -too_near(reach) && reach < FARTHEST;
+    if first.w == NO_TRIANGLE || is_behind { return without_edges(vec2<i32>(0), vec2<i32>(-1)); }
+    let inverse = 1.0 / depths;
+    let across = loose_places(params.column, x, y, z, inverse, reach);
+    let down = loose_places(params.row, x, y, z, inverse, reach);
+    if !(least_of(depths) > too_near(reach) && is_near(across) && is_near(down)) {
+        let beside = is_beside(params.column, params.width, x, y, z, depths, reach) || is_beside(params.row, params.height, x, y, z, depths, reach);
+        return without_edges(vec2<i32>(0), select(vec2<i32>(i32(params.width), i32(params.height)) - 1, vec2<i32>(-1), beside));
+    }
+    let corner = vec2<i32>(loose_first(across), loose_first(down));
+    let o = without_edges(corner, vec2<i32>(loose_last(across, params.width), loose_last(down, params.height)));
+    if any(o.first > o.last) { return o; }
+    return loose_edges(o, across, down);
+}
+
+// The pixels of 8 x 4 that may be covered, a bit each, row by row.
+fn loose_stamp(o: Outline, corner: vec2<i32>) -> u32 {
+    var pixels = 0u;
+    for (var row = 0; row < 4; row += 1) {
+        let y = corner.y + row;
+        let at = o.at + o.slope * f32(y - o.first.y);
+        let low = select(vec3<f32>(-1.0e9), at, o.side < vec3<f32>(0.0));
+        let high = select(vec3<f32>(1.0e9), at, o.side > vec3<f32>(0.0));
+        let first = clamp(max(i32(ceil(most_of(low))), o.first.x) - corner.x, 0, 8);
+        let last = clamp(min(i32(floor(least_of(high))), o.last.x) - corner.x, -1, 7);
+        let bits = (0xffu << u32(first)) & (0xffu >> u32(7 - last));
+        pixels |= select(0u, bits << u32(8 * row), y <= o.last.y);
+    }
+    return pixels;
+}

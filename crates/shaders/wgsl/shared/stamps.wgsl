@@ -1,0 +1,11 @@
+// What the buffer `covers` holds for rasters, in rows of 16 bytes: first leaves of triangles that were too large for `stamp`, one a
+// row; then stamps: a leaf, the first of 8 x 4 pixels (column and row, 16 bits each), and which of those it may cover, a bit each,
+// row by row.
+
+// How many triangles may be too large.
+const LISTED: u32 = 4096u;
+const SIDES: vec2<i32> = vec2<i32>(8, 4);
+// Where stamps, large triangles and pixels of stamps are counted.
+const STAMP_COUNT: u32 = 16u;
+const LARGE_COUNT: u32 = 17u;
+const STAMPED_COUNT: u32 = 18u;
