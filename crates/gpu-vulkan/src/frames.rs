@@ -6,7 +6,7 @@ use crate::slot::{Part, Slot};
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use ash::vk;
 use backend::{FRAMES_IN_FLIGHT, FrameReport, Result, Ticket};
-use shaders::{Counts, Standing};
+use shaders::{Counts, Patience, Standing};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
@@ -25,6 +25,8 @@ pub(crate) struct Frames {
     ledger: VecDeque<Entry>,
     /// What preprocess and refit said last.
     last: Standing,
+    /// What traces by rasters said last.
+    pub(crate) patience: Patience,
     clock: Clock,
     /// Reaches a ticket's number when its submission is done.
     done: Timeline,
@@ -54,6 +56,7 @@ impl Frames {
             traces: 0,
             ledger: VecDeque::new(),
             last: Standing::default(),
+            patience: Patience::default(),
             clock: Clock::new(gpu.timestamp_bits, gpu.limits.tick_ns),
             done: Timeline::new(gpu)?,
             first_part: Timeline::new(gpu)?,
@@ -216,6 +219,7 @@ impl Frames {
             let slot = &self.slots[(entry.ticket.0 - 1) as usize % SLOTS];
             let (report, counts) =
                 report(slot, &mut self.clock, &mut self.last, entry.never_active)?;
+            self.patience.note(&counts);
             entry.report = Some(counts.check().map(|()| report));
         }
         Ok(())
@@ -239,6 +243,7 @@ impl Frames {
         self.recording = false;
         self.ledger.clear();
         self.last = Standing::default();
+        self.patience = Patience::default();
     }
 }
 

@@ -52,7 +52,8 @@ impl VulkanBackend {
             _ => work::Rays::Given(count),
         };
         let has_tree = self.tree().shape.leaf_count > 0;
-        let traits = self.pipelines.traits;
+        let mut traits = self.pipelines.traits;
+        traits.rasters = self.frames.patience.allow(traits.rasters);
         let tracing = work::trace(self.method, self.params(), rays, query.seek, traits);
         let tree = self.tree.as_mut().expect("a scene was loaded");
         tree.grow_picture(&self.gpu, &self.frames, &tracing)?;

@@ -3,7 +3,7 @@
 use crate::device::Gpu;
 use crate::slot::Slot;
 use backend::{FRAMES_IN_FLIGHT, FrameReport, Result, Ticket};
-use shaders::Standing;
+use shaders::{Patience, Standing};
 use std::collections::VecDeque;
 
 /// One slot more than may be under way, so that recording never waits.
@@ -19,6 +19,8 @@ pub(crate) struct Frames {
     /// From the oldest that is remembered to the newest.
     ledger: VecDeque<Entry>,
     standing: Standing,
+    /// What traces by rasters said last.
+    pub(crate) patience: Patience,
 }
 
 struct Entry {
@@ -38,6 +40,7 @@ impl Frames {
             traces: 0,
             ledger: VecDeque::new(),
             standing: Standing::default(),
+            patience: Patience::default(),
         })
     }
 
@@ -104,6 +107,7 @@ impl Frames {
             let counted = (&done.counts, slot.extents);
             self.standing
                 .complete(&mut done.report, counted, never_active);
+            self.patience.note(&done.counts);
             entry.report = Some(done.counts.check().map(|()| done.report));
         }
         Ok(())
@@ -130,6 +134,7 @@ impl Frames {
         self.recording = false;
         self.ledger.clear();
         self.standing = Standing::default();
+        self.patience = Patience::default();
         self.slots.iter_mut().for_each(Slot::forget);
         Ok(())
     }

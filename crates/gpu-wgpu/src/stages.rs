@@ -52,7 +52,8 @@ impl WgpuBackend {
         if !has_tree {
             trace.fill_misses(&self.gpu)?;
         }
-        let traits = self.pipelines.traits;
+        let mut traits = self.pipelines.traits;
+        traits.rasters = self.frames.patience.allow(traits.rasters);
         let tracing = work::trace(self.method, self.params(), rays, query.seek, traits);
         let tree = self.tree.as_mut().expect("a scene was loaded");
         tree.grow_picture(&self.gpu, &tracing)?;

@@ -48,7 +48,7 @@ pub use method::{blocked_words, record_bytes, supports};
 pub(crate) use method::{notes, open_shadows_at, places};
 pub use moving::{MovingShape, MovingTreeletShape, moving_rows};
 pub use params::{Counts, Params};
-pub use rasters::Rasters;
+pub use rasters::{Patience, Rasters};
 pub use shape::{Shape, WideShape};
 pub use standing::{Extent, Extents, Standing};
 pub use tiles::Tiles;

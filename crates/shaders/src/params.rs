@@ -141,6 +141,8 @@ pub struct Counts {
     pub large: u32,
     /// Pixels of all stamps, each a test to be made by `rasterize`.
     pub stamped: u32,
+    /// 1 if `rasterize` left it to `resolve` to find hits: see [`crate::Patience`].
+    pub untold: u32,
 }
 
 impl Counts {

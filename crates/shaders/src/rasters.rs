@@ -1,7 +1,7 @@
 //! Rasters: first hits of a camera's rays found triangle by triangle; who can, and when it pays.
 
-use crate::Params;
 use crate::tiles::{MOST_WHERE_LOOPS_END, PIXELS_A_TRIANGLE, SMALL_PICTURE};
+use crate::{Counts, Params};
 use backend::{Intersector, Layout, Method};
 
 /// Which pictures a device makes by rasters.
@@ -25,6 +25,31 @@ const KERNELS: [&str; 5] = [
 /// of many triangles most cover no pixel, but each is looked at.
 const LEAST_PIXELS: u64 = 1 << 20;
 const MOST_TRIANGLES: u32 = 1 << 21;
+
+/// Traces that go without rasters after one that those told too little of: to find that out takes about a tenth of a trace.
+const REST: u32 = 64;
+
+/// Whether to try rasters: not for a while where they told too little, as they will where many triangles lie behind each other.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Patience {
+    rest: u32,
+}
+
+impl Patience {
+    /// Takes in what a submission counted.
+    pub fn note(&mut self, counts: &Counts) {
+        if counts.untold != 0 {
+            self.rest = REST;
+        }
+    }
+
+    /// What the next trace may take of what the device does.
+    pub fn allow(&mut self, rasters: Option<Rasters>) -> Option<Rasters> {
+        let rests = self.rest > 0;
+        self.rest = self.rest.saturating_sub(1);
+        rasters.filter(|_| !rests)
+    }
+}
 
 impl Rasters {
     /// What a device makes so that knows the least of numbers of 64 bits.
@@ -92,6 +117,26 @@ mod tests {
             let about = format!("{triangles} triangles, {size:?}, {how:?}");
             assert_eq!(pay(METHOD, &params(triangles, size), how), pays, "{about}");
         }
+    }
+
+    #[test]
+    fn rasters_rest_after_they_told_too_little_and_are_tried_again() {
+        let mut patience = Patience::default();
+        let counts = |untold| Counts {
+            untold,
+            ..Counts::default()
+        };
+        let tried = |patience: &mut Patience| patience.allow(Some(Rasters::Fast)).is_some();
+        patience.note(&counts(0));
+        assert!(tried(&mut patience) && tried(&mut patience));
+        patience.note(&counts(1));
+        // What else was under way says the same a little later, or nothing.
+        assert!(!tried(&mut patience));
+        patience.note(&counts(1));
+        patience.note(&counts(0));
+        let rested = (0..1000).position(|_| tried(&mut patience));
+        assert_eq!(rested, Some(REST as usize));
+        assert!(patience.allow(None).is_none());
     }
 
     #[test]

@@ -58,8 +58,12 @@ fn count_stamps(local: u32, group: u32) -> u32 {
     if local == 0u {
         let stamps = atomicLoad(&counts[STAMP_COUNT]);
         let pixels = params.width * params.height;
-        stamp_count = 0u;
-        if tell_all(stamps, pixels) { stamp_count = stamps; } else if group == 0u { atomicMin(&visibility[pixels], u64(0u)); }
+        let tells = tell_all(stamps, pixels);
+        stamp_count = select(0u, stamps, tells);
+        if !tells && group == 0u {
+            atomicStore(&counts[UNTOLD], 1u);
+            atomicMin(&visibility[pixels], u64(0u));
+        }
     }
     return workgroupUniformLoad(&stamp_count);
 }

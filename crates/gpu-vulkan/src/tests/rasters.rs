@@ -144,7 +144,16 @@ pub(super) fn each_ray_goes_by_itself_where_triangles_cover_too_much() {
         let triangles = animation.triangle_count();
         assert!(!told_all(&mut backend), "{triangles} triangles");
     }
-    // And as before once there is less to cover.
+    // They are tried again after a while, and then there is less to cover.
+    let away = look([0.0, 0.0, 3.0], [0.0, 0.0, 9.0], 50.0);
+    let mut tried = (0..1000).map(|_| {
+        let ticket = go(&mut *backend, Rays::Camera(&away), SHADOWED);
+        hits(&mut *backend, ticket);
+        told_all(&mut backend)
+    });
+    assert_eq!(tried.position(|told| told), Some(63));
+    drop(tried);
+    // Of another scene, at once.
     let dust = dust();
     open(&mut backend, &dust);
     check(&mut backend, (&dust, 0.0), &outside());
