@@ -97,7 +97,8 @@ fn project_triangle(leaf: u32, origin: vec3<f32>, reach: f32) {
     let down = loose_places(params.row, x, y, z, inverse, reach);
     let begin = begins_at(least_of(depths), reach);
     if !(least_of(depths) > too_near(reach) && is_near(across) && is_near(down)) {
-        write_triangle(leaf, EVERYWHERE, EVERYWHERE, select(0.0, begin, reach < FARTHEST), no_lines());
+        let all = select(EVERYWHERE, NOWHERE, is_triangle_beside(x, y, z, depths, reach));
+        write_triangle(leaf, all, all, select(0.0, begin, reach < FARTHEST), no_lines());
         return;
     }
     let columns = loose_span(least_of(across.at - across.doubt), most_of(across.at + across.doubt));
@@ -138,7 +139,8 @@ fn project_lane(lane: u32, origin: vec3<f32>, reach: f32) {
     } else if tells && nearest > too_near(reach) {
         covers[lane] = vec4<u32>(loose_span(least.x, most.x), loose_span(least.y, most.y), begin, goal);
     } else {
-        covers[lane] = vec4<u32>(EVERYWHERE, EVERYWHERE, begin, goal);
+        let all = select(EVERYWHERE, NOWHERE, is_box_beside(low, high, reach));
+        covers[lane] = vec4<u32>(all, all, begin, goal);
     }
 }
 

@@ -71,6 +71,7 @@ const ON_DEVICE: &[(&str, Test)] = named![
     roads::requests_of_several_submissions_are_answered_in_their_order,
     roads::a_snapshot_outlives_the_backend,
     tiles::rays_together_find_what_each_finds_by_itself,
+    tiles::what_lies_beside_the_picture_covers_none_of_it,
 ];
 
 /// Tests that need a device whose driver makes and traces trees.

@@ -1,7 +1,7 @@
 //! Rays that go down a tree together find what each finds by itself.
 
 use super::scenes::{
-    SHADOWED, device, go, hits, laid, numbers, positions, stand, swarm, tree_at, tree_of,
+    SHADOWED, Watched, device, go, hits, laid, numbers, positions, stand, swarm, tree_at, tree_of,
 };
 use backend::{Backend, Generation, Layout, Rays};
 use bvh_layout::Topology;
@@ -73,6 +73,60 @@ pub(super) fn rays_together_find_what_each_finds_by_itself() {
             assert!(generation > 1 || grown >= 32 * animation.live_count() as u64);
         }
     }
+}
+
+/// Columns and rows of what covers all of the picture: see cover.wgsl.
+const EVERYWHERE: u32 = 0xffff_0000;
+
+/// How many lanes of the wide tree, and how many triangles, cover all of the last picture.
+fn everywhere(backend: &mut Watched) -> [usize; 2] {
+    let backend = &mut **backend;
+    let tree = backend.tree.as_ref().expect("a scene was loaded");
+    let lanes = tree.shape.wide.lanes as usize;
+    let rows = lanes + 2 * tree.shape.leaf_count as usize;
+    let (gpu, road, covers) = (&backend.gpu, &mut backend.readback, &tree.buffers.covers);
+    let rows: &[[u32; 4]] = backend.window.look(gpu, road, covers, rows).unwrap();
+    let count = |rows: &[[u32; 4]], step| {
+        let first = rows.iter().step_by(step);
+        first
+            .filter(|row| row[0] == EVERYWHERE && row[1] == EVERYWHERE)
+            .count()
+    };
+    [count(&rows[..lanes], 1), count(&rows[lanes..], 2)]
+}
+
+pub(super) fn what_lies_beside_the_picture_covers_none_of_it() {
+    let mut backend = device();
+    let animation = swarm(4000);
+    let tree = tree_at(&animation, 0.0);
+    backend
+        .load(Arc::clone(&animation), laid(Layout::Fast))
+        .unwrap();
+    backend.adopt(&tree, Generation(1)).unwrap();
+    // A few of those astride the eye's plane reach into what is seen from amid; past all of them none does.
+    let amid = cameras()[1];
+    let past = look([0.0, 3.0, 0.0], [0.0, 3.0, -5.0], 40.0);
+    check(&mut *backend, (&animation, 0.0), &amid);
+    let [_, triangles] = everywhere(&mut backend);
+    assert!((1..astride(&animation, &amid) / 8).contains(&triangles));
+    check(&mut *backend, (&animation, 0.0), &past);
+    assert!(astride(&animation, &past) > 100);
+    assert_eq!(everywhere(&mut backend), [0, 0]);
+}
+
+/// Triangles with corners before and behind the eye.
+fn astride(animation: &Animation, camera: &Camera) -> usize {
+    let vertices = positions(animation, 0.0);
+    let ahead = camera.ray(camera.width / 2, camera.height / 2).direction;
+    let depth = |v: &u32| -> f32 {
+        let p = vertices[*v as usize];
+        (0..3).map(|i| (p[i] - camera.eye[i]) * ahead[i]).sum()
+    };
+    let is_astride = |corners: &&[u32; 3]| {
+        let depths = corners.each_ref().map(depth);
+        depths.iter().any(|&d| d < 0.0) && depths.iter().any(|&d| d > 0.0)
+    };
+    animation.triangles().iter().filter(is_astride).count()
 }
 
 fn check(backend: &mut dyn Backend, (animation, time): (&Animation, f64), camera: &Camera) {

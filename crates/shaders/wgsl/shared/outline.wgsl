@@ -37,14 +37,6 @@ fn loose_edges(given: Outline, across: Places, down: Places) -> Outline {
     return o;
 }
 
-// Whether a triangle surely lies beyond one side of the picture, which is told also of corners behind the eye: what is seen there is
-// seen nowhere, and of a column times its depth the sign tells on which side it is.
-fn is_beside(axis: vec3<f32>, size: u32, x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32>, reach: f32) -> bool {
-    let at = axis.x * x + axis.y * y + axis.z * z;
-    let doubt = DOUBT * reach * (size_of(axis) + f32(size) * size_of(params.depth));
-    return reach < FARTHEST && (most_of(at) < -doubt || least_of(at - f32(size) * depths) > doubt);
-}
-
 fn outline_of(leaf: u32, origin: vec3<f32>, reach: f32) -> Outline {
     let first = records[3u * leaf];
     let x = bitcast<vec3<f32>>(first.xyz) - origin.x;
@@ -57,8 +49,8 @@ fn outline_of(leaf: u32, origin: vec3<f32>, reach: f32) -> Outline {
     let across = loose_places(params.column, x, y, z, inverse, reach);
     let down = loose_places(params.row, x, y, z, inverse, reach);
     if !(least_of(depths) > too_near(reach) && is_near(across) && is_near(down)) {
-        let beside = is_beside(params.column, params.width, x, y, z, depths, reach) || is_beside(params.row, params.height, x, y, z, depths, reach);
-        return without_edges(vec2<i32>(0), select(vec2<i32>(i32(params.width), i32(params.height)) - 1, vec2<i32>(-1), beside));
+        let last = vec2<i32>(i32(params.width), i32(params.height)) - 1;
+        return without_edges(vec2<i32>(0), select(last, vec2<i32>(-1), is_triangle_beside(x, y, z, depths, reach)));
     }
     let corner = vec2<i32>(loose_first(across), loose_first(down));
     let o = without_edges(corner, vec2<i32>(loose_last(across, params.width), loose_last(down, params.height)));
