@@ -84,7 +84,7 @@ pub struct DeviceBytes {
     pub scratch: u64,
     /// The scene itself: key frames, positions, which vertices are a triangle's.
     pub scene: u64,
-    /// What frames need and leave: rays, hits, shadows, counts, parameters.
+    /// What frames need and leave: rays, hits, shadows, what is seen of a picture, counts, parameters.
     pub frames: u64,
 }
 

@@ -20,6 +20,7 @@
 //! - [`rebuild`]: likewise for a tree made on the device, the room that it takes, and how to read it back;
 //! - [`Counts`]: the buffer `counts`, cleared before the first stage and read back after the last;
 //! - [`Standing`]: what counts say of records and boxes, until they are made anew;
+//! - [`Patience`]: what counts say of rasters, for traces to come;
 //! - [`work::Progress`]: which stages must go over all of a tree, and which over what moves.
 //!
 //! Both `gpu-wgpu` and `gpu-vulkan` are written so.
