@@ -11,8 +11,10 @@ const BOXES: usize = 4;
 const OWN_BOXES: usize = 7;
 /// Likewise in wgsl/shared/view.wgsl and filter.wgsl.
 const FILTER: usize = 29;
-/// Likewise in wgsl/project.wgsl.
+/// Likewise in wgsl/project.wgsl and wgsl/shared/places.wgsl.
 const PROJECTION: usize = 46;
+/// Likewise in wgsl/shared/places.wgsl and outline.wgsl.
+const OUTLINES: usize = 35;
 
 /// Additions, subtractions and multiplications that are not decorated NoContraction.
 fn loose_operations(module: &Module) -> usize {
@@ -46,6 +48,7 @@ fn only_what_decides_no_hit_may_be_fused_and_no_name_is_left() {
         let filter = if tests("exact") { FILTER } else { 0 };
         let expected = match kernel.entry {
             "project" => PROJECTION,
+            "stamp" | "stamp_large" => OUTLINES,
             _ if traces => BOXES + own + filter,
             _ => 0,
         };
