@@ -4,6 +4,7 @@ use crate::device::{Gpu, one_at_a_time};
 use crate::errors::{failed, refused};
 use ash::vk;
 use backend::{Method, Result};
+use shaders::work::Work;
 use shaders::{KERNELS, Kernel, Kind, Traits};
 use std::sync::Arc;
 
@@ -27,7 +28,7 @@ impl Pipelines {
     /// Those that all methods share.
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
         let mut all = Self::from(Vec::new());
-        all.make(gpu, |k| k.slots.is_empty() && !k.makes_trees())?;
+        all.make(gpu, |k| k.slots.is_empty() && is_usual(k))?;
         Ok(all)
     }
 
@@ -45,12 +46,22 @@ impl Pipelines {
 
     /// Makes what `method` needs and is not there yet.
     pub(crate) fn prepare(&mut self, gpu: &Arc<Gpu>, method: Method) -> Result<()> {
-        self.make(gpu, |k| k.serves(method) && !k.makes_trees())
+        self.make(gpu, |k| k.serves(method) && is_usual(k))
     }
 
     /// Makes what makes trees for `method`, if it is not there yet.
     pub(crate) fn prepare_trees(&mut self, gpu: &Arc<Gpu>, method: Method) -> Result<()> {
         self.make(gpu, |k| k.makes_trees() && k.serves(method))
+    }
+
+    /// Makes what this work needs and is not there yet.
+    pub(crate) fn prepare_work(&mut self, gpu: &Arc<Gpu>, work: &[Work]) -> Result<()> {
+        for kernel in work.iter().map(|w| w.kernel) {
+            if self.find(kernel).is_none() {
+                self.make(gpu, |k| k.name == kernel.name)?;
+            }
+        }
+        Ok(())
     }
 
     fn make(&mut self, gpu: &Arc<Gpu>, wanted: impl Fn(&Kernel) -> bool) -> Result<()> {
@@ -72,6 +83,11 @@ impl Pipelines {
         let found = self.find(kernel);
         found.expect("pipelines are made when a method is loaded")
     }
+}
+
+/// Whether a kernel is made with the method that it serves.
+fn is_usual(kernel: &Kernel) -> bool {
+    !kernel.makes_trees() && !kernel.makes_rasters()
 }
 
 impl From<Vec<Pipeline>> for Pipelines {

@@ -55,6 +55,7 @@ impl VulkanBackend {
         let mut traits = self.pipelines.traits;
         traits.rasters = self.frames.patience.allow(traits.rasters);
         let tracing = work::trace(self.method, self.params(), rays, query.seek, traits);
+        self.pipelines.prepare_work(&self.gpu, &tracing.primary)?;
         let tree = self.tree.as_mut().expect("a scene was loaded");
         tree.grow_picture(&self.gpu, &self.frames, &tracing)?;
         let mut run = |stage, work: Vec<Work>| {

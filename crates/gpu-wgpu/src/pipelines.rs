@@ -3,6 +3,7 @@
 use crate::device::Gpu;
 use crate::modules::Modules;
 use backend::{Method, Result};
+use shaders::work::Work;
 use shaders::{Binding, KERNELS, Kernel, Kind, Params, Traits};
 use std::num::NonZeroU64;
 use wgpu::{BindGroupLayout, BufferBindingType, ComputePipeline, ShaderModule};
@@ -29,18 +30,28 @@ impl Pipelines {
             modules,
             traits: Traits::default(),
         };
-        pipelines.make(gpu, |k| k.slots.is_empty() && !k.makes_trees())?;
+        pipelines.make(gpu, |k| k.slots.is_empty() && is_usual(k))?;
         Ok(pipelines)
     }
 
     /// Makes what `method` needs and is not there yet.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, method: Method) -> Result<()> {
-        self.make(gpu, |k| k.serves(method) && !k.makes_trees())
+        self.make(gpu, |k| k.serves(method) && is_usual(k))
     }
 
     /// Makes what makes trees for `method`, if it is not there yet.
     pub(crate) fn prepare_trees(&mut self, gpu: &Gpu, method: Method) -> Result<()> {
         self.make(gpu, |k| k.makes_trees() && k.serves(method))
+    }
+
+    /// Makes what this work needs and is not there yet.
+    pub(crate) fn prepare_work(&mut self, gpu: &Gpu, work: &[Work]) -> Result<()> {
+        for kernel in work.iter().map(|w| w.kernel) {
+            if self.find(kernel).is_none() {
+                self.make(gpu, |k| k.name == kernel.name)?;
+            }
+        }
+        Ok(())
     }
 
     fn make(&mut self, gpu: &Gpu, wanted: impl Fn(&Kernel) -> bool) -> Result<()> {
@@ -62,6 +73,11 @@ impl Pipelines {
         let found = self.find(kernel);
         found.expect("pipelines are made when a method is loaded")
     }
+}
+
+/// Whether a kernel is made with the method that it serves.
+fn is_usual(kernel: &Kernel) -> bool {
+    !kernel.makes_trees() && !kernel.makes_rasters()
 }
 
 impl Pipeline {

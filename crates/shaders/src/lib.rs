@@ -148,15 +148,19 @@ impl Kernel {
     /// Whether a device with these traits takes it at all.
     #[must_use]
     pub fn suits(&self, traits: Traits) -> bool {
-        let by_tiles = Tiles::of_kernel(self.entry);
-        by_tiles.is_none_or(|tiles| traits.tiles == Some(tiles))
-            && (traits.rasters.is_some() || !Rasters::need(self.entry))
+        Tiles::of_kernel(self.entry).is_none_or(|tiles| traits.tiles == Some(tiles))
     }
 
     /// Whether it is of use to [`rebuild`] alone; a host makes those when it first makes a tree.
     #[must_use]
     pub fn makes_trees(&self) -> bool {
         rebuild::KERNELS.contains(&self.entry)
+    }
+
+    /// Whether it is of use to rasters alone, which few pictures go by; a host makes those when a trace first asks for them.
+    #[must_use]
+    pub fn makes_rasters(&self) -> bool {
+        Rasters::need(self.entry)
     }
 
     /// Whether it is of use to layout `fast` alone.

@@ -24,6 +24,8 @@ const KERNELS: [&str; 5] = [
 /// How far it was measured: see "Rasters" in ARCHITECTURE.md. Five kernels one after the other take their time of small pictures;
 /// of many triangles most cover no pixel, but each is looked at.
 const LEAST_PIXELS: u64 = 1 << 20;
+/// What is hardly a picture is not worth the time that drivers take to make five kernels.
+const LEAST_PIXELS_AT_ALL: u64 = 1 << 8;
 const MOST_TRIANGLES: u32 = 1 << 21;
 
 /// Traces that go without rasters after one that those told too little of: to find that out takes about a tenth of a trace.
@@ -74,7 +76,7 @@ pub(crate) fn pay(method: Method, params: &Params, how: Rasters) -> bool {
     method.intersector == Intersector::Watertight
         && method.layout == Layout::Fast
         && pixels < PIXELS_A_TRIANGLE * u64::from(triangles)
-        && (is_fast || pixels <= SMALL_PICTURE)
+        && (is_fast || (LEAST_PIXELS_AT_ALL..=SMALL_PICTURE).contains(&pixels))
         && (params.bounded_loops == 0 || triangles <= MOST_WHERE_LOOPS_END)
 }
 
@@ -113,6 +115,8 @@ mod tests {
             (10_000, [128, 128], Rasters::Fast, true),
             (10_000, [128, 128], Rasters::Small, true),
             (4096, [128, 128], Rasters::Small, false),
+            (100, [16, 16], Rasters::Small, true),
+            (100, [16, 15], Rasters::Small, false),
         ] {
             let about = format!("{triangles} triangles, {size:?}, {how:?}");
             assert_eq!(pay(METHOD, &params(triangles, size), how), pays, "{about}");
