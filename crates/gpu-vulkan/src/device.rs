@@ -125,8 +125,8 @@ impl Gpu {
 
     /// Which pictures are made triangle by triangle here.
     pub(crate) fn rasters(&self) -> Option<Rasters> {
-        let can = self.extras.has_least_of_64_bits;
-        can.then(|| Rasters::for_device(self.is_software()))
+        let tiles = self.tiles();
+        Rasters::for_device(tiles.filter(|_| self.extras.has_least_of_64_bits))
     }
 
     /// All that submissions do.

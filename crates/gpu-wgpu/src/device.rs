@@ -107,10 +107,8 @@ impl Gpu {
 
     /// Which pictures are made triangle by triangle here, given kernels in that form.
     pub(crate) fn rasters(&self, modules: Modules) -> Option<Rasters> {
-        let has_kernels = modules == Modules::Best && self.takes_spirv();
-        let has_least = self.features.contains(LEAST_OF_64_BITS);
-        let can = has_kernels && has_least;
-        can.then(|| Rasters::for_device(self.is_software()))
+        let tiles = self.tiles(modules);
+        Rasters::for_device(tiles.filter(|_| self.features.contains(LEAST_OF_64_BITS)))
     }
 
     fn is_software(&self) -> bool {

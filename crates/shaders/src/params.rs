@@ -139,9 +139,9 @@ pub struct Counts {
     pub stamps: u32,
     /// Triangles that were too large for `stamp`.
     pub large: u32,
-    /// Pixels of all stamps, each a test to be made by `rasterize`.
-    pub stamped: u32,
-    /// 1 if `rasterize` left it to `resolve` to find hits: see [`crate::Patience`].
+    /// About how many tests of a ray and a triangle they take, in `rasterize`.
+    pub tests: u32,
+    /// 1 if that left it to `resolve` to find hits: see [`crate::Patience`].
     pub untold: u32,
 }
 

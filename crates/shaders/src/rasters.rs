@@ -1,24 +1,25 @@
 //! Rasters: first hits of a camera's rays found triangle by triangle; who can, and when it pays.
 
 use crate::tiles::{MOST_WHERE_LOOPS_END, PIXELS_A_TRIANGLE, SMALL_PICTURE};
-use crate::{Counts, Params};
+use crate::{Counts, Params, Tiles};
 use backend::{Intersector, Layout, Method};
 
-/// Which pictures a device makes by rasters.
+/// How the 32 invocations that share tests tell each other of them, as for tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rasters {
-    /// Small ones, on which laws are tried, and those that it makes faster so.
-    Fast,
-    /// Small ones alone: software drivers.
-    Small,
+    /// As a subgroup.
+    BySubgroups,
+    /// Through the memory of a workgroup: software drivers, for small pictures alone, on which laws are tried.
+    ByGroups,
 }
 
 /// Kernels of use to rasters alone.
-const KERNELS: [&str; 5] = [
+const KERNELS: [&str; 6] = [
     "clear_visibility",
     "stamp",
     "stamp_large",
     "rasterize",
+    "rasterize_by_subgroups",
     "resolve",
 ];
 /// How far it was measured: see "Rasters" in ARCHITECTURE.md. Five kernels one after the other take their time of small pictures;
@@ -54,12 +55,20 @@ impl Patience {
 }
 
 impl Rasters {
-    /// What a device makes so that knows the least of numbers of 64 bits.
+    /// What a device takes that knows the least of numbers of 64 bits and goes by these tiles.
     #[must_use]
-    pub fn for_device(is_software: bool) -> Self {
-        match is_software {
-            true => Self::Small,
-            false => Self::Fast,
+    pub fn for_device(tiles: Option<Tiles>) -> Option<Self> {
+        tiles.map(|tiles| match tiles {
+            Tiles::BySubgroups => Self::BySubgroups,
+            Tiles::ByGroups => Self::ByGroups,
+        })
+    }
+
+    /// The kernel that tests what stamps may cover.
+    pub(crate) fn kernel(self) -> &'static str {
+        match self {
+            Self::BySubgroups => "rasterize_by_subgroups",
+            Self::ByGroups => "rasterize",
         }
     }
 
@@ -72,7 +81,7 @@ impl Rasters {
 pub(crate) fn pay(method: Method, params: &Params, how: Rasters) -> bool {
     let triangles = params.node_count.div_ceil(2);
     let pixels = u64::from(params.width) * u64::from(params.height);
-    let is_fast = how == Rasters::Fast && pixels >= LEAST_PIXELS && triangles <= MOST_TRIANGLES;
+    let is_fast = how == Rasters::BySubgroups && pixels >= LEAST_PIXELS && triangles <= MOST_TRIANGLES;
     method.intersector == Intersector::Watertight
         && method.layout == Layout::Fast
         && pixels < PIXELS_A_TRIANGLE * u64::from(triangles)
@@ -106,17 +115,17 @@ mod tests {
     fn rasters_pay_where_tiles_do_not_as_far_as_that_was_measured() {
         let large = [1920, 1200];
         for (triangles, size, how, pays) in [
-            (1_600_000, large, Rasters::Fast, true),
-            (576_000, large, Rasters::Fast, false),
-            (576_001, large, Rasters::Fast, true),
-            (1_600_000, large, Rasters::Small, false),
-            (MOST_TRIANGLES + 1, large, Rasters::Fast, false),
-            (1_600_000, [800, 600], Rasters::Fast, false),
-            (10_000, [128, 128], Rasters::Fast, true),
-            (10_000, [128, 128], Rasters::Small, true),
-            (4096, [128, 128], Rasters::Small, false),
-            (100, [16, 16], Rasters::Small, true),
-            (100, [16, 15], Rasters::Small, false),
+            (1_600_000, large, Rasters::BySubgroups, true),
+            (576_000, large, Rasters::BySubgroups, false),
+            (576_001, large, Rasters::BySubgroups, true),
+            (1_600_000, large, Rasters::ByGroups, false),
+            (MOST_TRIANGLES + 1, large, Rasters::BySubgroups, false),
+            (1_600_000, [800, 600], Rasters::BySubgroups, false),
+            (10_000, [128, 128], Rasters::BySubgroups, true),
+            (10_000, [128, 128], Rasters::ByGroups, true),
+            (4096, [128, 128], Rasters::ByGroups, false),
+            (100, [16, 16], Rasters::ByGroups, true),
+            (100, [16, 15], Rasters::ByGroups, false),
         ] {
             let about = format!("{triangles} triangles, {size:?}, {how:?}");
             assert_eq!(pay(METHOD, &params(triangles, size), how), pays, "{about}");
@@ -130,7 +139,7 @@ mod tests {
             untold,
             ..Counts::default()
         };
-        let tried = |patience: &mut Patience| patience.allow(Some(Rasters::Fast)).is_some();
+        let tried = |patience: &mut Patience| patience.allow(Some(Rasters::BySubgroups)).is_some();
         patience.note(&counts(0));
         assert!(tried(&mut patience) && tried(&mut patience));
         patience.note(&counts(1));
@@ -156,17 +165,17 @@ mod tests {
                 ..METHOD
             },
         ] {
-            assert!(!pay(method, &usual, Rasters::Fast));
+            assert!(!pay(method, &usual, Rasters::BySubgroups));
         }
         let bounded = |triangles| Params {
             bounded_loops: 1,
             ..params(triangles, [128, 128])
         };
-        assert!(pay(METHOD, &bounded(MOST_WHERE_LOOPS_END), Rasters::Small));
+        assert!(pay(METHOD, &bounded(MOST_WHERE_LOOPS_END), Rasters::ByGroups));
         assert!(!pay(
             METHOD,
             &bounded(MOST_WHERE_LOOPS_END + 1),
-            Rasters::Small
+            Rasters::ByGroups
         ));
     }
 }

@@ -9,29 +9,34 @@
 // How many stamps of a triangle one invocation makes, at most.
 const MOST: i32 = 32;
 
-// How many stamps an outline takes; of one that takes too many, none, but it is listed.
-fn stamps_of(o: Outline, leaf: u32) -> u32 {
-    if any(o.first > o.last) { return 0u; }
-    let blocks = (o.last - o.first + SIDES) / SIDES;
-    if blocks.x * blocks.y <= MOST { return u32(blocks.x * blocks.y); }
+// How many stamps an outline takes, and about how many tests; the pixels of a single one, which is kept only if it has any.
+struct Own { stamps: u32, tests: u32, pixels: u32 }
+
+const NONE: Own = Own(0u, 0u, 0u);
+
+// Of an outline that takes too many, none, but it is listed.
+fn own_of(o: Outline, leaf: u32) -> Own {
+    if any(o.first > o.last) { return NONE; }
+    let size = o.last - o.first + 1;
+    let blocks = (size + SIDES - 1) / SIDES;
+    if all(blocks == vec2<i32>(1)) {
+        let pixels = loose_stamp(o, o.first);
+        return Own(min(pixels, 1u), countOneBits(pixels), pixels);
+    }
+    if blocks.x * blocks.y <= MOST { return Own(u32(blocks.x * blocks.y), u32(o.covered), 0u); }
     let place = atomicAdd(&counts[LARGE_COUNT], 1u);
     if place < LISTED { covers[place].x = leaf; }
-    return 0u;
+    return NONE;
 }
 
-// Makes an outline's stamps, and says how many pixels they have.
-fn stamp_small(o: Outline, leaf: u32, first: u32) -> u32 {
+fn keep_several(o: Outline, leaf: u32, first: u32) {
     var at = first;
-    var sum = 0u;
     for (var y = o.first.y; y <= o.last.y; y += SIDES.y) {
         for (var x = o.first.x; x <= o.last.x; x += SIDES.x) {
-            let pixels = loose_stamp(o, vec2<i32>(x, y));
-            keep_stamp(at, leaf, vec2<i32>(x, y), pixels);
-            sum += countOneBits(pixels);
+            keep_stamp(at, leaf, vec2<i32>(x, y), loose_stamp(o, vec2<i32>(x, y)));
             at += 1u;
         }
     }
-    return sum;
 }
 
 @compute @workgroup_size(256)
@@ -40,9 +45,8 @@ fn stamp(@builtin(local_invocation_index) local: u32, @builtin(global_invocation
     let origin = eye();
     var o = without_edges(vec2<i32>(0), vec2<i32>(-1));
     if leaf < params.count { o = outline_of(leaf, origin, root_from(origin).reach); }
-    let own = stamps_of(o, leaf);
-    let at = place_stamps(own, local).own;
-    var pixels = 0u;
-    if own > 0u && at + own <= params.notes { pixels = stamp_small(o, leaf, at); }
-    count_stamped(pixels, local);
+    let own = own_of(o, leaf);
+    let at = place_stamps(own.stamps, own.tests, local).own;
+    if own.stamps == 0u || at + own.stamps > params.notes { return; }
+    if own.stamps == 1u { keep_stamp(at, leaf, o.first, own.pixels); } else { keep_several(o, leaf, at); }
 }

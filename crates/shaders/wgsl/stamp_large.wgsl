@@ -9,23 +9,20 @@
 // Pixels that a workgroup's stamps span, along both axes of the picture.
 const STRIDE: vec2<i32> = vec2<i32>(128, 32);
 
-// Stamps of a large triangle that one of those who share it makes. Says how many pixels they have.
-fn stamp_share(leaf: u32, local: u32, first: i32, sharers: i32) -> u32 {
+// Stamps of a large triangle that one of those who share it makes.
+fn stamp_share(leaf: u32, local: u32, first: i32, sharers: i32) {
     let origin = eye();
     let o = outline_of(leaf, origin, root_from(origin).reach);
     let parts = (o.last - o.first + STRIDE) / STRIDE;
-    var sum = 0u;
     for (var k = first; k < parts.x * parts.y; k += sharers) {
         let corner = o.first + STRIDE * vec2<i32>(k % parts.x, k / parts.x) + vec2<i32>(8 * i32(local & 15u), 4 * i32(local >> 4u));
         var pixels = 0u;
         if all(corner <= o.last) { pixels = loose_stamp(o, corner); }
-        let place = place_stamps(select(0u, 1u, pixels != 0u), local);
+        let place = place_stamps(min(pixels, 1u), countOneBits(pixels), local);
         // Then nobody need go on.
         if place.first > params.notes { break; }
         if pixels != 0u && place.own < params.notes { keep_stamp(place.own, leaf, corner, pixels); }
-        sum += countOneBits(pixels);
     }
-    return sum;
 }
 
 @compute @workgroup_size(128)
@@ -34,9 +31,7 @@ fn stamp_large(@builtin(local_invocation_index) local: u32, @builtin(workgroup_i
     if count == 0u || count > LISTED { return; }
     let sharers = max(groups.x / count, 1u);
     let abreast = groups.x / sharers;
-    var pixels = 0u;
     for (var k = group.x / sharers; k < count; k += abreast) {
-        pixels += stamp_share(covers[k].x, local, i32(group.x % sharers), i32(sharers));
+        stamp_share(covers[k].x, local, i32(group.x % sharers), i32(sharers));
     }
-    count_stamped(pixels, local);
 }

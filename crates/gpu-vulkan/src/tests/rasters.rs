@@ -70,6 +70,17 @@ fn splinters(count: u32) -> Arc<Animation> {
     scene(corners)
 }
 
+/// Dust, and so many triangles of a size that face the eye.
+fn panes(count: u32, size: f32) -> Arc<Animation> {
+    let mut number = numbers(23);
+    let mut corners = positions(&dust(), 0.0);
+    for _ in 0..count {
+        let [x, y, z] = [number(), number(), number()];
+        corners.extend([[x, y, z], [x + size, y, z], [x, y + size, z]]);
+    }
+    scene(corners)
+}
+
 /// Dust before and behind so many sheets, each across most of the picture.
 fn sheets(count: u32) -> Arc<Animation> {
     let mut corners = positions(&dust(), 0.0);
@@ -137,8 +148,10 @@ pub(super) fn triangles_find_the_rays_that_find_them() {
 
 pub(super) fn each_ray_goes_by_itself_where_triangles_cover_too_much() {
     let mut backend = device();
-    // More tests than it takes to go down the tree; more stamps than there is room for; more large triangles than are listed.
-    for animation in [sheets(4), splinters(800), sheets(5000)] {
+    let too_many_tests = [sheets(4), panes(500, 0.4), panes(9000, 0.08)];
+    let too_many_stamps = splinters(800);
+    let too_many_large = sheets(5000);
+    for animation in too_many_tests.into_iter().chain([too_many_stamps, too_many_large]) {
         open(&mut backend, &animation);
         check(&mut backend, (&animation, 0.0), &outside());
         let triangles = animation.triangle_count();

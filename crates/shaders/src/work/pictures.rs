@@ -8,10 +8,10 @@ use geom::Camera;
 
 /// Rows of the buffer `covers` before the stamps: see stamps.wgsl.
 const LISTED: u32 = 4096;
-/// Workgroups that share the large triangles, and the stamps: eight and sixteen a multiprocessor of an H200, of which some wait
-/// while others compute.
+/// Workgroups that share the large triangles, and the stamps: eight and 32 a multiprocessor of an H200, of which some wait while
+/// others compute.
 const SHARERS: u32 = 1056;
-const RASTERIZERS: u32 = 2112;
+const RASTERIZERS: u32 = 4224;
 
 /// A camera's closest hits and their shadows tile by tile, where that pays.
 pub(super) fn by_tiles(
@@ -59,10 +59,12 @@ pub(super) fn by_rasters(
     };
     // One more, for whether rasters have told all.
     let pairs = pixels / 2 + 1;
-    let each = |entry, groups| Work {
+    let each = |kernel, groups| Work {
         groups: Groups::Each(groups),
-        ..Work::linear(kernel(entry, method), params, 0)
+        ..Work::linear(kernel, params, 0)
     };
+    let rasterize = kernel(how.kernel(), method);
+    let rasterizers = stamps.div_ceil(rasterize.workgroup[0]).min(RASTERIZERS);
     Some(Trace {
         primary: vec![
             Work::linear(common("clear_visibility"), params, pairs),
@@ -70,8 +72,8 @@ pub(super) fn by_rasters(
                 alongside: true,
                 ..Work::linear(kernel("stamp", method), params, triangles)
             },
-            each("stamp_large", SHARERS),
-            each("rasterize", RASTERIZERS.min(stamps.div_ceil(64))),
+            each(kernel("stamp_large", method), SHARERS),
+            each(rasterize, rasterizers),
             over_blocks("resolve", method, params, [16, 8]),
         ],
         cover_bytes: 16 * u64::from(LISTED + stamps),

@@ -39,3 +39,32 @@ fn bits_of(neighbours: u32, k: u32) -> u32 {
     let bits = ((told[neighbours] >> vec4<u32>(k)) & vec4<u32>(1u)) << vec4<u32>(0u, 1u, 2u, 3u);
     return (bits.x | bits.y | bits.z | bits.w) << (4u * neighbours);
 }
+
+// The sum of those up to one's own.
+fn sum_up_to(x: u32, lane: u32) -> u32 {
+    tell(x, lane);
+    let sum = sum_of(0u, lane) + sum_of(1u, lane) + sum_of(2u, lane) + sum_of(3u, lane)
+        + sum_of(4u, lane) + sum_of(5u, lane) + sum_of(6u, lane) + sum_of(7u, lane);
+    workgroupBarrier();
+    return sum;
+}
+
+// Of four neighbours, those up to one's own.
+fn sum_of(neighbours: u32, lane: u32) -> u32 {
+    let is_up_to = vec4<u32>(4u * neighbours) + vec4<u32>(0u, 1u, 2u, 3u) <= vec4<u32>(lane);
+    let x = select(vec4<u32>(0u), told[neighbours], is_up_to);
+    return x.x + x.y + x.z + x.w;
+}
+
+// Of the first 31 numbers, which do not fall, how many are no greater than k.
+fn count_up_to(k: u32, x: u32, lane: u32) -> u32 {
+    tell(x, lane);
+    let count = step_up(step_up(step_up(step_up(step_up(0u, 16u, k), 8u, k), 4u, k), 2u, k), 1u, k);
+    workgroupBarrier();
+    return count;
+}
+
+fn step_up(count: u32, half: u32, k: u32) -> u32 {
+    let i = count + half - 1u;
+    return count + select(0u, half, told[i >> 2u][i & 3u] <= k);
+}

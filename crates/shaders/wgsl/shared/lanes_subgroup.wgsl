@@ -19,3 +19,15 @@ fn swapped(x: u32, distance: u32, mask: u32, lane: u32) -> u32 {
     let lower = (x & mask) | ((other & mask) << distance);
     return select(lower, (x & ~mask) | ((other >> distance) & mask), (lane & distance) != 0u);
 }
+
+// The sum of those up to one's own.
+fn sum_up_to(x: u32, lane: u32) -> u32 { return subgroupInclusiveAdd(x); }
+
+// Of the first 31 numbers, which do not fall, how many are no greater than k.
+fn count_up_to(k: u32, x: u32, lane: u32) -> u32 {
+    var count = 0u;
+    for (var half = 16u; half > 0u; half >>= 1u) {
+        count += select(0u, half, subgroupShuffle(x, count + half - 1u) <= k);
+    }
+    return count;
+}

@@ -1,11 +1,13 @@
 // A triangle as it is seen in the picture, a little larger: see "Rasters" in ARCHITECTURE.md. Who uses it declares `records`.
 
 // Its rectangle of pixels, whose first lies behind its last if it covers none. Its edges bound each row of pixels: in the first
-// row at `at`, and `slope` more each row; those on side -1 where covered pixels begin, those on side 1 where they end.
-struct Outline { first: vec2<i32>, last: vec2<i32>, at: vec3<f32>, slope: vec3<f32>, side: vec3<f32> }
+// row at `at`, and `slope` more each row; those on side -1 where covered pixels begin, those on side 1 where they end. About so
+// many pixels of the rectangle are covered.
+struct Outline { first: vec2<i32>, last: vec2<i32>, at: vec3<f32>, slope: vec3<f32>, side: vec3<f32>, covered: f32 }
 
 fn without_edges(first: vec2<i32>, last: vec2<i32>) -> Outline {
-    return Outline(first, last, vec3<f32>(0.0), vec3<f32>(0.0), vec3<f32>(0.0));
+    let size = vec2<f32>(last - first + 1);
+    return Outline(first, last, vec3<f32>(0.0), vec3<f32>(0.0), vec3<f32>(0.0), size.x * size.y);
 }
 
 fn loose_first(p: Places) -> i32 { return i32(max(ceil(least_of(p.at - p.doubt) - params.pixel_margin), 0.0)); }
@@ -34,6 +36,7 @@ fn loose_edges(given: Outline, across: Places, down: Places) -> Outline {
     o.side = select(vec3<f32>(0.0), side, abs(slope) < vec3<f32>(100.0));
     o.slope = slope;
     o.at = x + way + side * apart;
+    o.covered = min(o.covered, 0.5 * abs(area));
     return o;
 }
 

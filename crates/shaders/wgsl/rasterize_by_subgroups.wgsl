@@ -1,0 +1,7 @@
+//! use params loops ieee rest divide exact units root ray {intersector.test} {intersector.tiles} {treelets.adopt} camera eye seen stamps lanes_subgroup test_stamps
+// First hits triangle by triangle: a subgroup is a team.
+
+@compute @workgroup_size(128)
+fn rasterize_by_subgroups(@builtin(local_invocation_index) local: u32, @builtin(subgroup_invocation_id) lane: u32, @builtin(subgroup_id) team: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    test_share(4u * group.x + team, 4u * groups.x, count_stamps(local, group.x), lane);
+}
