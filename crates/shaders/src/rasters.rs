@@ -72,6 +72,14 @@ impl Rasters {
         }
     }
 
+    /// Workgroups that share all stamps: 32 a multiprocessor of an H200, of which some wait while others compute.
+    pub(crate) fn sharers(self) -> u32 {
+        match self {
+            Self::BySubgroups => 4224,
+            Self::ByGroups => 64,
+        }
+    }
+
     pub(crate) fn need(entry: &str) -> bool {
         KERNELS.contains(&entry)
     }
@@ -81,7 +89,8 @@ impl Rasters {
 pub(crate) fn pay(method: Method, params: &Params, how: Rasters) -> bool {
     let triangles = params.node_count.div_ceil(2);
     let pixels = u64::from(params.width) * u64::from(params.height);
-    let is_fast = how == Rasters::BySubgroups && pixels >= LEAST_PIXELS && triangles <= MOST_TRIANGLES;
+    let is_fast =
+        how == Rasters::BySubgroups && pixels >= LEAST_PIXELS && triangles <= MOST_TRIANGLES;
     method.intersector == Intersector::Watertight
         && method.layout == Layout::Fast
         && pixels < PIXELS_A_TRIANGLE * u64::from(triangles)
@@ -171,7 +180,11 @@ mod tests {
             bounded_loops: 1,
             ..params(triangles, [128, 128])
         };
-        assert!(pay(METHOD, &bounded(MOST_WHERE_LOOPS_END), Rasters::ByGroups));
+        assert!(pay(
+            METHOD,
+            &bounded(MOST_WHERE_LOOPS_END),
+            Rasters::ByGroups
+        ));
         assert!(!pay(
             METHOD,
             &bounded(MOST_WHERE_LOOPS_END + 1),

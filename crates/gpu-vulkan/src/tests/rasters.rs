@@ -148,10 +148,11 @@ pub(super) fn triangles_find_the_rays_that_find_them() {
 
 pub(super) fn each_ray_goes_by_itself_where_triangles_cover_too_much() {
     let mut backend = device();
-    let too_many_tests = [sheets(4), panes(500, 0.4), panes(9000, 0.08)];
-    let too_many_stamps = splinters(800);
-    let too_many_large = sheets(5000);
-    for animation in too_many_tests.into_iter().chain([too_many_stamps, too_many_large]) {
+    // More tests than it takes to go down the tree, of large triangles, others, and small ones; more stamps than there is room
+    // for; more large triangles than are listed.
+    let tests = [sheets(4), panes(500, 0.4), panes(9000, 0.08)];
+    let others = [splinters(800), sheets(5000)];
+    for animation in tests.into_iter().chain(others) {
         open(&mut backend, &animation);
         check(&mut backend, (&animation, 0.0), &outside());
         let triangles = animation.triangle_count();

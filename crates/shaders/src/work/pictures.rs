@@ -8,10 +8,8 @@ use geom::Camera;
 
 /// Rows of the buffer `covers` before the stamps: see stamps.wgsl.
 const LISTED: u32 = 4096;
-/// Workgroups that share the large triangles, and the stamps: eight and 32 a multiprocessor of an H200, of which some wait while
-/// others compute.
+/// Workgroups that share the large triangles: eight a multiprocessor of an H200, of which some wait while others compute.
 const SHARERS: u32 = 1056;
-const RASTERIZERS: u32 = 4224;
 
 /// A camera's closest hits and their shadows tile by tile, where that pays.
 pub(super) fn by_tiles(
@@ -64,7 +62,7 @@ pub(super) fn by_rasters(
         ..Work::linear(kernel, params, 0)
     };
     let rasterize = kernel(how.kernel(), method);
-    let rasterizers = stamps.div_ceil(rasterize.workgroup[0]).min(RASTERIZERS);
+    let rasterizers = stamps.div_ceil(rasterize.workgroup[0]).min(how.sharers());
     Some(Trace {
         primary: vec![
             Work::linear(common("clear_visibility"), params, pairs),
