@@ -14,7 +14,7 @@ const FILTER: usize = 29;
 /// Likewise in wgsl/project.wgsl and wgsl/shared/places.wgsl.
 const PROJECTION: usize = 46;
 /// Likewise in wgsl/shared/places.wgsl and outline.wgsl.
-const OUTLINES: usize = 35;
+const OUTLINES: usize = 36;
 
 /// Additions, subtractions and multiplications that are not decorated NoContraction.
 fn loose_operations(module: &Module) -> usize {
