@@ -160,6 +160,10 @@ fn append(source: &mut String, part: &str, arithmetic: Arithmetic, form: Form) -
             Loops::Whole => "loops_whole",
             Loops::Bounded => "loops_bounded",
         },
+        "unforeseen" => match loops {
+            Loops::Whole => "unforeseen_usual",
+            Loops::Bounded => "unforeseen_software",
+        },
         "rest" => match rests {
             Rests::Halves => "rest_halves",
             Rests::Fused => "rest_fused",

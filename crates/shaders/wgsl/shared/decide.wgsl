@@ -43,7 +43,7 @@ fn all_loops_turn(local: u32, round: u32) -> bool {
     if !loops_may_end() { return true; }
     // One that fell out of step is missed here, and ever after.
     turns[local] = 0u;
-    for (var i = params.zero; i < 2u; i += 1u) { turns[local] += 1u; }
+    for (var i = unforeseen(local); i < 2u; i += 1u) { turns[local] += 1u; }
     if turns[local] == 2u { atomicAdd(&whole_so_far, 1u); }
     workgroupBarrier();
     return atomicLoad(&whole_so_far) == 64u * round;

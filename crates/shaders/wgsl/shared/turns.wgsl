@@ -9,6 +9,6 @@ fn loops_turn(word: u32) -> bool {
     if !loops_may_end() { return true; }
     blocked[word] = 0u;
     // Twice, which the compiler must not know.
-    for (var i = params.zero; i < 2u; i += 1u) { blocked[word] += 1u; }
+    for (var i = unforeseen(word); i < 2u; i += 1u) { blocked[word] += 1u; }
     return blocked[word] == 2u;
 }
