@@ -160,16 +160,22 @@ fn append(source: &mut String, part: &str, arithmetic: Arithmetic, form: Form) -
             Loops::Whole => "loops_whole",
             Loops::Bounded => "loops_bounded",
         },
-        "unforeseen" => match loops {
-            Loops::Whole => "unforeseen_usual",
-            Loops::Bounded => "unforeseen_software",
-        },
         "rest" => match rests {
             Rests::Halves => "rest_halves",
             Rests::Fused => "rest_fused",
         },
         _ => part,
     };
+    append_file(source, part)?;
+    // What a driver foresees comes of the parameters: any kernel may hide it.
+    match (part, loops) {
+        ("params", Loops::Whole) => append_file(source, "unforeseen_usual"),
+        ("params", Loops::Bounded) => append_file(source, "unforeseen_software"),
+        _ => Ok(()),
+    }
+}
+
+fn append_file(source: &mut String, part: &str) -> Result<()> {
     let path = format!("wgsl/shared/{part}.wgsl");
     source.push_str(&read_to_string(&path).context(path)?);
     source.push('\n');

@@ -1,4 +1,4 @@
-//! use params unforeseen ieee rest divide units box_of_group
+//! use params ieee rest divide units box_of_group
 // The box round all finite positions, in scaled units: one part a workgroup, of which there are 128.
 
 @group(0) @binding(1) var<storage, read> positions: array<u32>;

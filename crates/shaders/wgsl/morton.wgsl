@@ -1,4 +1,4 @@
-//! use params unforeseen ieee rest divide units box_of_group point corner
+//! use params ieee rest divide units box_of_group point corner
 // A place on a space-filling curve for each live triangle: its key, to sort by.
 //
 // The curve halves whichever side of the cell is the longest (Vinkler, Bittner,

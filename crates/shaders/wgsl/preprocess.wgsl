@@ -1,4 +1,4 @@
-//! use params unforeseen ieee rest divide units degenerate flat standing point corner {record.write}
+//! use params ieee rest divide units degenerate flat standing point corner {record.write}
 // Positions to triangle records and boxes of leaves, in the tree's leaf order; of all leaves or of those that move.
 
 @group(0) @binding(1) var<storage, read> topology: array<u32>;

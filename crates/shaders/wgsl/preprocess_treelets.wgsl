@@ -1,4 +1,4 @@
-//! use params unforeseen ieee rest divide units degenerate flat {record.write} {treelets.refit} stay point corners make_treelet
+//! use params ieee rest divide units degenerate flat {record.write} {treelets.refit} stay point corners make_treelet
 // Positions to triangle records, boxes of leaves, and boxes of all nodes within treelets of triangles;
 // of all those treelets or of those that move.
 

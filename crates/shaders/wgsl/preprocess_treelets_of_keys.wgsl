@@ -1,4 +1,4 @@
-//! use params unforeseen ieee rest divide exact soft blend units degenerate flat {record.write} {treelets.refit} above climb corners_of_keys make_treelet
+//! use params ieee rest divide exact soft blend units degenerate flat {record.write} {treelets.refit} above climb corners_of_keys make_treelet
 // As `preprocess_treelets`, but from the two key frames about a moment: need not wait for `interpolate`.
 
 @compute @workgroup_size(256)

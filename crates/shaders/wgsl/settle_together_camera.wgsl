@@ -1,4 +1,4 @@
-//! use params unforeseen loops ieee rest divide exact units root ray {intersector.settle} {layout.nodes} first settle_closest settle_any search_together camera eye seen pixel_line share_hits from_triangle to_light shade line_to_light share_any candidates
+//! use params loops ieee rest divide exact units root ray {intersector.settle} {layout.nodes} first settle_closest settle_any search_together camera eye seen pixel_line share_hits from_triangle to_light shade line_to_light share_any candidates
 // All that `trace_and_shadow_camera` left open, at once: workgroups share the hits, as many share the shadows, and where open
 // hits are few all others seek the shadows that they will have, a workgroup a candidate, so as not to wait for the hits.
 

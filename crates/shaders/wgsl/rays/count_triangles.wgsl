@@ -1,4 +1,4 @@
-//! use params unforeseen ieee rest divide units degenerate flat point corner
+//! use params ieee rest divide units degenerate flat point corner
 // How many triangles are inactive and how many degenerate, which a driver does not tell.
 
 @group(0) @binding(1) var<storage, read> triangles: array<u32>;

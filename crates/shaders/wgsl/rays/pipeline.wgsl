@@ -1,4 +1,4 @@
-//! use params unforeseen ieee rest divide exact units from_triangle to_light camera
+//! use params ieee rest divide exact units from_triangle to_light camera
 // Rays through the driver's own tree: the stages of a ray-tracing pipeline.
 
 // What a ray met. Shadow rays and those that seek anything never run a hit's shader: whatever stands in `triangle`
