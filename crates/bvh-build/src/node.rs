@@ -7,9 +7,13 @@ use crate::prim::{Bounds, Extents, Prim};
 use crate::{BuildError, Cancel, MAX_DEPTH, small};
 use geom::Point;
 use rayon::join;
+use rayon::prelude::*;
+use std::cmp::Reverse;
 
-/// Nodes of more triangles than this bin and move them in parallel.
+/// Nodes of more triangles than this bin and move them in parallel, while few nodes are.
 const PARALLEL_NODE: usize = 2 * CHUNK;
+/// So many subtrees a thread, or more, are built side by side, so that their different sizes even out.
+const SUBTREES_A_THREAD: usize = 8;
 /// Nodes of more triangles than this build their children in parallel and ask whether to go on.
 const PARALLEL_CHILDREN: usize = 2048;
 
@@ -52,8 +56,30 @@ impl Errand<'_> {
     }
 }
 
+/// Builds the tree below `root`: divides what is large, wave by wave, then builds what is left side by side.
+///
+/// Were subtrees built while large nodes are still to be divided, a thread that waits for the rest of such a node would
+/// meanwhile take up a subtree, and all that the node leads to would wait for that.
+pub(crate) fn build(root: Node<'_>, errand: Errand<'_>) -> Result<(), BuildError> {
+    let share = root.prims.len() / (SUBTREES_A_THREAD * rayon::current_num_threads());
+    let is_large = |node: &Node<'_>| node.prims.len() > share.max(PARALLEL_NODE);
+    let (mut wave, mut subtrees) = (vec![root], Vec::new());
+    while !wave.is_empty() {
+        if errand.cancel.is_cancelled() {
+            return Err(BuildError::Cancelled);
+        }
+        let (large, small): (Vec<_>, Vec<_>) = wave.into_iter().partition(is_large);
+        subtrees.extend(small);
+        let halves = large.into_par_iter().flat_map_iter(|n| divide(n, errand));
+        wave = halves.collect();
+    }
+    subtrees.sort_by_key(|node| Reverse(node.prims.len()));
+    let each = subtrees.into_par_iter().with_max_len(1);
+    each.try_for_each(|node| build_subtree(node, errand))
+}
+
 /// Builds the subtree of `node`.
-pub(crate) fn build(node: Node<'_>, errand: Errand<'_>) -> Result<(), BuildError> {
+fn build_subtree(node: Node<'_>, errand: Errand<'_>) -> Result<(), BuildError> {
     let leaves = node.prims.len();
     if leaves <= small::MOST {
         let at = (node.depth, errand.toward);
@@ -62,14 +88,17 @@ pub(crate) fn build(node: Node<'_>, errand: Errand<'_>) -> Result<(), BuildError
     }
     if leaves <= PARALLEL_CHILDREN {
         let [first, second] = divide(node, errand);
-        build(first, errand)?;
-        return build(second, errand);
+        build_subtree(first, errand)?;
+        return build_subtree(second, errand);
     }
     if errand.cancel.is_cancelled() {
         return Err(BuildError::Cancelled);
     }
     let [first, second] = divide(node, errand);
-    let (a, b) = join(|| build(first, errand), || build(second, errand));
+    let (a, b) = join(
+        || build_subtree(first, errand),
+        || build_subtree(second, errand),
+    );
     a.and(b)
 }
 
