@@ -115,10 +115,6 @@ impl Gpu {
         kind(&self.info) == DeviceKind::Software
     }
 
-    pub(crate) fn has_timestamps(&self) -> bool {
-        self.features.contains(Features::TIMESTAMP_QUERY)
-    }
-
     /// Counts a call.
     pub(crate) fn count(&self, add: impl FnOnce(&mut Tally)) {
         let mut tally = self.tally.get();

@@ -1,5 +1,6 @@
 //! What the backend needs of a device, and what a scene needs of it.
 
+use crate::queries::WITHIN_PASSES;
 use backend::{BackendError, Intersector, Result};
 use geom::Animation;
 use shaders::work::Work;
@@ -13,12 +14,14 @@ pub fn required_features() -> Features {
 }
 
 /// Features that an engine should ask for where its adapter has them:
-/// timestamps, without which stages are not timed, shaders passed through,
+/// timestamps, without which stages are not timed, such within passes, without which each stage takes a pass of its own
+/// (between two of which some time passes), shaders passed through,
 /// which spares the kernels some arithmetic on Vulkan, subgroups, by which rays search together,
 /// and the least of numbers of 64 bits, by which the first hits of large scenes are found triangle by triangle.
 #[must_use]
 pub fn useful_features() -> Features {
     Features::TIMESTAMP_QUERY
+        | WITHIN_PASSES
         | Features::PASSTHROUGH_SHADERS
         | Features::SUBGROUP
         | LEAST_OF_64_BITS

@@ -3,14 +3,20 @@
 use crate::buffers::make;
 use crate::device::Gpu;
 use backend::{Result, StageTimes};
-use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePassTimestampWrites, QuerySet};
+use wgpu::{
+    Buffer, BufferUsages, CommandEncoder, ComputePass, ComputePassTimestampWrites, Features,
+    QuerySet,
+};
 
-/// Passes of one submission that are timed; those beyond are not.
-const PASSES: u32 = 16;
+/// Timestamps of one submission; what comes after the last of them is not timed.
+const MARKS: usize = 32;
 /// Bytes of all timestamps.
-pub(crate) const BYTES: u64 = PASSES as u64 * 16;
+pub(crate) const BYTES: u64 = MARKS as u64 * 8;
 
-/// A stage of a frame, in order; each is one compute pass.
+/// What lets stages share a pass and still be timed each.
+pub(crate) const WITHIN_PASSES: Features = Features::TIMESTAMP_QUERY_INSIDE_PASSES;
+
+/// A stage of a frame, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Stage {
     Interpolate,
@@ -45,38 +51,33 @@ impl Stage {
     }
 }
 
-/// Two timestamps a pass.
+/// Timestamps, and what runs from each of them on.
 pub(crate) struct Clock {
     set: QuerySet,
     resolved: Buffer,
+    /// Whether passes take timestamps between their dispatches, so that stages can share a pass.
+    within: bool,
+    marks: Vec<Option<Stage>>,
 }
 
 impl Clock {
     /// `None` where the device has no timestamps.
     pub(crate) fn new(gpu: &Gpu) -> Result<Option<Self>> {
-        if !gpu.has_timestamps() {
+        if !gpu.features.contains(Features::TIMESTAMP_QUERY) {
             return Ok(None);
         }
         let desc = wgpu::QuerySetDescriptor {
             label: Some("timestamps"),
             ty: wgpu::QueryType::Timestamp,
-            count: 2 * PASSES,
+            count: MARKS as u32,
         };
         let usage = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
         Ok(Some(Self {
             set: gpu.guard("timestamps", 0, || gpu.device.create_query_set(&desc))?,
             resolved: make(gpu, "timestamps", BYTES, usage)?,
+            within: gpu.features.contains(WITHIN_PASSES),
+            marks: Vec::with_capacity(MARKS),
         }))
-    }
-
-    /// What the `pass`-th pass of a submission writes.
-    pub(crate) fn writes(&self, pass: usize) -> Option<ComputePassTimestampWrites<'_>> {
-        let pass = u32::try_from(pass).ok().filter(|&p| p < PASSES)?;
-        Some(ComputePassTimestampWrites {
-            query_set: &self.set,
-            beginning_of_pass_write_index: Some(2 * pass),
-            end_of_pass_write_index: Some(2 * pass + 1),
-        })
     }
 
     /// Bytes of device memory.
@@ -84,37 +85,72 @@ impl Clock {
         self.resolved.size()
     }
 
-    /// Records that the timestamps of the first `passes` go to `back`, from byte `at` on.
-    pub(crate) fn resolve(
-        &self,
-        encoder: &mut CommandEncoder,
-        passes: usize,
-        back: &Buffer,
-        at: u64,
-    ) {
-        let marks = 2 * PASSES.min(passes as u32);
+    /// Whether stages can share a pass.
+    pub(crate) fn marks_within(&self) -> bool {
+        self.within
+    }
+
+    /// Forgets what was timed.
+    pub(crate) fn begin(&mut self) {
+        self.marks.clear();
+    }
+
+    /// What the pass of a stage writes where stages cannot share one.
+    pub(crate) fn around(&mut self, stage: Stage) -> Option<ComputePassTimestampWrites<'_>> {
+        let (begin, end) = (self.push(Some(stage)), self.push(None));
+        begin.map(|_| ComputePassTimestampWrites {
+            query_set: &self.set,
+            beginning_of_pass_write_index: begin,
+            end_of_pass_write_index: end,
+        })
+    }
+
+    /// Writes within a pass that from here on a stage runs, or none.
+    pub(crate) fn mark(&mut self, pass: &mut ComputePass<'_>, stage: Option<Stage>) {
+        if let Some(mark) = self.push(stage) {
+            pass.write_timestamp(&self.set, mark);
+        }
+    }
+
+    fn push(&mut self, stage: Option<Stage>) -> Option<u32> {
+        let mark = self.marks.len();
+        (mark < MARKS).then(|| {
+            self.marks.push(stage);
+            mark as u32
+        })
+    }
+
+    /// Records that the timestamps go to `back`, from byte `at` on.
+    pub(crate) fn resolve(&self, encoder: &mut CommandEncoder, back: &Buffer, at: u64) {
+        let marks = self.marks.len() as u32;
         if marks > 0 {
             encoder.resolve_query_set(&self.set, 0..marks, &self.resolved, 0);
             encoder.copy_buffer_to_buffer(&self.resolved, 0, back, at, u64::from(marks) * 8);
         }
     }
+
+    /// Times of stages from the timestamps that came back, of `tick_ns` nanoseconds each; `idle` had nothing to do.
+    pub(crate) fn times(&self, idle: &[Stage], ticks: &[u64], tick_ns: f64) -> StageTimes {
+        times((&self.marks, idle), ticks, tick_ns)
+    }
 }
 
-/// Times of stages from their timestamps, of `tick_ns` nanoseconds each. A stage run twice counts twice; those that had
-/// nothing to do took no time.
-pub(crate) fn times(stages: &[Stage], idle: &[Stage], ticks: &[u64], tick_ns: f64) -> StageTimes {
+/// A stage that ran twice counts twice; those that had nothing to do took no time.
+fn times((marks, idle): (&[Option<Stage>], &[Stage]), ticks: &[u64], tick_ns: f64) -> StageTimes {
     let ms = |from: u64, to: u64| to.saturating_sub(from) as f64 * tick_ns * 1e-6;
     let mut times = StageTimes::default();
-    let marks: Vec<_> = ticks.chunks_exact(2).take(stages.len()).collect();
-    for (stage, mark) in stages.iter().zip(&marks) {
-        *stage.of(&mut times).get_or_insert(0.0) += ms(mark[0], mark[1]);
+    let ticks = &ticks[..marks.len()];
+    for (stage, span) in marks.iter().zip(ticks.windows(2)) {
+        if let Some(stage) = stage {
+            *stage.of(&mut times).get_or_insert(0.0) += ms(span[0], span[1]);
+        }
     }
     for stage in idle {
         stage.of(&mut times).get_or_insert(0.0);
     }
-    if let (Some(first), Some(last)) = (marks.first(), marks.last()) {
-        times.device_ms = ms(first[0], last[1]);
-        times.begun_ms = Some(ms(0, first[0]));
+    if let (Some(&first), Some(&last)) = (ticks.first(), ticks.last()) {
+        times.device_ms = ms(first, last);
+        times.begun_ms = Some(ms(0, first));
     }
     times
 }
@@ -125,14 +161,22 @@ mod tests {
 
     #[test]
     fn stages_are_timed_each_and_all_together() {
-        let (stages, idle) = ([Stage::Interpolate, Stage::Refit], [Stage::TracePrimary]);
+        let idle = [Stage::TracePrimary];
+        let check = |marks: &[Option<Stage>], ticks: &[u64]| {
+            let times = times((marks, &idle), ticks, 0.5);
+            assert_eq!(times.interpolate_ms, Some(0.5));
+            assert_eq!(times.refit_ms, Some(2.0));
+            assert_eq!(times.preprocess_ms, None);
+            assert_eq!(times.trace_primary_ms, Some(0.0));
+            assert_eq!(times.begun_ms, Some(0.5));
+            times.device_ms
+        };
+        let [interpolate, refit] = [Stage::Interpolate, Stage::Refit].map(Some);
+        // A pass each, with something between them; one pass, in which one stage follows the other.
+        let apart = [interpolate, None, refit, None];
         let ticks = [1_000_000, 2_000_000, 5_000_000, 9_000_000, 7, 7];
-        let times = times(&stages, &idle, &ticks, 0.5);
-        assert_eq!(times.interpolate_ms, Some(0.5));
-        assert_eq!(times.refit_ms, Some(2.0));
-        assert_eq!(times.preprocess_ms, None);
-        assert_eq!(times.trace_primary_ms, Some(0.0));
-        assert!((times.device_ms - 4.0).abs() < 1e-12);
-        assert_eq!(times.begun_ms, Some(0.5));
+        assert!((check(&apart, &ticks) - 4.0).abs() < 1e-12);
+        let ticks = [1_000_000, 2_000_000, 6_000_000, 7];
+        assert!((check(&[interpolate, refit, None], &ticks) - 2.5).abs() < 1e-12);
     }
 }

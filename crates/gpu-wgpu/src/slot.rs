@@ -10,7 +10,7 @@ use shaders::work::Work;
 use shaders::{Counts, Extents};
 use std::mem::offset_of;
 use std::time::Instant;
-use wgpu::{Buffer, CommandEncoder, SubmissionIndex};
+use wgpu::{Buffer, CommandEncoder, ComputePassDescriptor, SubmissionIndex};
 
 const COUNTS: u64 = size_of::<Counts>() as u64;
 /// Bytes of what `preprocess` counts.
@@ -24,11 +24,13 @@ pub(crate) struct Slot {
     back: Buffer,
     launches: Launches,
     encoder: Option<CommandEncoder>,
-    /// Those with a pass of their own, and those that had nothing to do.
+    /// Those that run, and those that had nothing to do.
     stages: Vec<Stage>,
     idle: Vec<Stage>,
-    /// `interpolate`, until it is known whether `preprocess` shares its pass and so runs beside it.
+    /// `interpolate`, until it is known whether `preprocess` runs beside it.
     held: Vec<Launch>,
+    /// What the next pass is to hold.
+    parts: Vec<(Stage, Vec<Launch>)>,
     sent: Option<Sent>,
     pub(crate) readback_bytes: u64,
     pub(crate) extents: Extents,
@@ -57,6 +59,7 @@ impl Slot {
             stages: Vec::new(),
             idle: Vec::new(),
             held: Vec::new(),
+            parts: Vec::new(),
             sent: None,
             readback_bytes: 0,
             extents: Extents::default(),
@@ -73,6 +76,7 @@ impl Slot {
     pub(crate) fn forget(&mut self) {
         self.launches.forget();
         self.held.clear();
+        self.parts.clear();
         self.encoder = None;
     }
 
@@ -83,6 +87,10 @@ impl Slot {
         self.stages.clear();
         self.idle.clear();
         self.held.clear();
+        self.parts.clear();
+        if let Some(clock) = &mut self.clock {
+            clock.begin();
+        }
         self.readback_bytes = 0;
         self.extents = Extents::default();
         let mut encoder = gpu.encoder("a frame")?;
@@ -93,8 +101,8 @@ impl Slot {
         Ok(())
     }
 
-    /// Records a stage; `find` gives buffers by their names in the kernels. `interpolate` shares the pass of what may
-    /// run beside it, and is then timed with that.
+    /// Records a stage; `find` gives buffers by their names in the kernels. `interpolate` is timed with what may run
+    /// beside it.
     pub(crate) fn record<'a>(
         &mut self,
         gpu: &Gpu,
@@ -104,20 +112,19 @@ impl Slot {
         find: impl Fn(&'static str) -> &'a Buffer,
     ) -> Result<()> {
         if !work.first().is_some_and(|w| w.alongside) {
-            self.release(gpu)?;
+            self.release();
         }
-        // The first pass has the clock.
+        // In a pass with rays the wait for their barrier would count as geometry's.
+        if stage == Stage::TracePrimary {
+            self.flush(gpu)?;
+        }
+        // The first stage begins the frame's time.
         if work.is_empty() && !self.stages.is_empty() {
             self.idle.push(stage);
             return Ok(());
         }
         if stage == Stage::Preprocess && self.stages.contains(&stage) {
-            // It may run more than once a submission: the last one counts.
-            let (counts, encoder) = (&self.counts, self.encoder.as_mut());
-            let encoder = encoder.expect("a recording was begun");
-            gpu.guard("recording", 0, || {
-                encoder.clear_buffer(counts, 0, Some(LEAF_COUNTS));
-            })?;
+            self.forget_leaves(gpu)?;
         }
         let launches = self
             .launches
@@ -127,54 +134,87 @@ impl Slot {
             self.held = launches;
             return Ok(());
         }
-        let mut beside = std::mem::take(&mut self.held);
-        let mut begins = true;
-        let mut all = launches.into_iter().zip(work).peekable();
-        loop {
-            let once = std::iter::from_fn(|| all.next_if(|(_, w)| !w.until_finished()));
-            beside.extend(once.map(|(launch, _)| launch));
-            self.pass(gpu, stage, begins, &beside)?;
-            beside.clear();
-            begins = false;
-            let Some((again, _)) = all.next() else {
-                return Ok(());
-            };
-            self.run_until_finished(gpu, &again)?;
-            if all.peek().is_none() {
-                return Ok(());
+        let beside = std::mem::take(&mut self.held);
+        self.stages.push(stage);
+        self.parts.push((stage, beside));
+        for (launch, w) in launches.into_iter().zip(work) {
+            match w.until_finished() {
+                true => self.run_until_finished(gpu, &launch)?,
+                false => self.go_on(stage, launch),
             }
-        }
-    }
-
-    /// Records `interpolate` as a stage of its own, if it is held.
-    fn release(&mut self, gpu: &Gpu) -> Result<()> {
-        match std::mem::take(&mut self.held) {
-            none if none.is_empty() => Ok(()),
-            held => self.pass(gpu, Stage::Interpolate, true, &held),
-        }
-    }
-
-    /// Records a pass; that which begins a stage is timed.
-    fn pass(&mut self, gpu: &Gpu, stage: Stage, begins: bool, launches: &[Launch]) -> Result<()> {
-        let clock = self.clock.as_ref().filter(|_| begins);
-        let desc = wgpu::ComputePassDescriptor {
-            label: Some(stage.name()),
-            timestamp_writes: clock.and_then(|c| c.writes(self.stages.len())),
-        };
-        let encoder = self.encoder.as_mut().expect("a recording was begun");
-        gpu.guard(stage.name(), 0, || {
-            let mut pass = encoder.begin_compute_pass(&desc);
-            launches.iter().for_each(|launch| launch.go(&mut pass));
-        })?;
-        if begins {
-            gpu.count(|t| t.passes += 1);
-            self.stages.push(stage);
         }
         Ok(())
     }
 
+    /// Adds to a stage.
+    fn go_on(&mut self, stage: Stage, launch: Launch) {
+        match self.parts.last_mut() {
+            Some((_, launches)) => launches.push(launch),
+            None => self.parts.push((stage, vec![launch])),
+        }
+    }
+
+    /// Stands `interpolate` by itself, if it is held.
+    fn release(&mut self) {
+        let held = std::mem::take(&mut self.held);
+        if !held.is_empty() {
+            self.stages.push(Stage::Interpolate);
+            self.parts.push((Stage::Interpolate, held));
+        }
+    }
+
+    /// `preprocess` may run more than once a submission: the last one counts.
+    fn forget_leaves(&mut self, gpu: &Gpu) -> Result<()> {
+        self.flush(gpu)?;
+        let (counts, encoder) = (&self.counts, self.encoder.as_mut());
+        let encoder = encoder.expect("a recording was begun");
+        gpu.guard("recording", 0, || {
+            encoder.clear_buffer(counts, 0, Some(LEAF_COUNTS));
+        })
+    }
+
+    /// Records passes of all stages that wait: one, if they can be timed in it.
+    fn flush(&mut self, gpu: &Gpu) -> Result<()> {
+        let parts = std::mem::take(&mut self.parts);
+        let is_one = self.clock.as_ref().is_none_or(Clock::marks_within);
+        let most = if is_one { parts.len() } else { 1 };
+        parts
+            .chunks(most.max(1))
+            .try_for_each(|parts| self.pass(gpu, parts))
+    }
+
+    fn pass(&mut self, gpu: &Gpu, parts: &[(Stage, Vec<Launch>)]) -> Result<()> {
+        let encoder = self.encoder.as_mut().expect("a recording was begun");
+        let (mut within, around) = match self.clock.as_mut() {
+            Some(clock) if clock.marks_within() => (Some(clock), None),
+            clock => (None, clock),
+        };
+        gpu.count(|t| t.passes += 1);
+        let label = match parts {
+            [(stage, _)] => stage.name(),
+            _ => "stages of a frame",
+        };
+        gpu.guard(label, 0, || {
+            let desc = ComputePassDescriptor {
+                label: Some(label),
+                timestamp_writes: around.and_then(|c| c.around(parts[0].0)),
+            };
+            let mut pass = encoder.begin_compute_pass(&desc);
+            for (stage, launches) in parts {
+                if let Some(clock) = &mut within {
+                    clock.mark(&mut pass, Some(*stage));
+                }
+                launches.iter().for_each(|launch| launch.go(&mut pass));
+            }
+            if let Some(clock) = &mut within {
+                clock.mark(&mut pass, None);
+            }
+        })
+    }
+
     /// Runs what was recorded, and then `again` until it leaves no ray open or does nothing any more.
     fn run_until_finished(&mut self, gpu: &Gpu, again: &Launch) -> Result<()> {
+        self.flush(gpu)?;
         self.launches.write(gpu)?;
         let mut before = None;
         loop {
@@ -211,19 +251,21 @@ impl Slot {
 
     /// The recording's commands, for copies of what was made so far.
     pub(crate) fn encoder(&mut self, gpu: &Gpu) -> Result<&mut CommandEncoder> {
-        self.release(gpu)?;
+        self.release();
+        self.flush(gpu)?;
         Ok(self.encoder.as_mut().expect("a recording was begun"))
     }
 
     /// Ends the recording and submits it.
     pub(crate) fn submit(&mut self, gpu: &Gpu) -> Result<()> {
-        self.release(gpu)?;
+        self.release();
+        self.flush(gpu)?;
         self.launches.write(gpu)?;
         let mut encoder = self.encoder.take().expect("a recording was begun");
         gpu.guard("the report of a frame", 0, || {
             encoder.copy_buffer_to_buffer(&self.counts, 0, &self.back, 0, COUNTS);
             if let Some(clock) = &self.clock {
-                clock.resolve(&mut encoder, self.stages.len(), &self.back, COUNTS);
+                clock.resolve(&mut encoder, &self.back, COUNTS);
             }
         })?;
         let at = Instant::now();
@@ -246,7 +288,7 @@ impl Slot {
         let wall_ms = sent.at.elapsed().as_secs_f64() * 1e3;
         let (counts, ticks) = self.read_back(gpu, &sent.mapping)?;
         let times = match &self.clock {
-            Some(_) => queries::times(&self.stages, &self.idle, &ticks, gpu.tick_ns),
+            Some(clock) => clock.times(&self.idle, &ticks, gpu.tick_ns),
             None => StageTimes {
                 device_ms: wall_ms,
                 ..StageTimes::default()

@@ -1,8 +1,10 @@
 //! Devices that somebody else opened, with less than one would like, or lost on the way.
 
 use crate::life::arrive;
-use crate::scenes::{SHADOWED, answers, camera, go, hits, open, rays, stand, swarm, tree_at};
-use backend::{Backend, BackendError, Generation, Method, Rays, Seek};
+use crate::scenes::{
+    SHADOWED, answers, camera, go, hits, open, open_laid, rays, stand, swarm, tree_at,
+};
+use backend::{Backend, BackendError, Generation, Layout, Method, Rays, Seek};
 use geom::{Animation, Ray};
 use gpu_wgpu::{Options, WgpuBackend, required_features, required_limits, useful_features};
 use libtest_mimic::Failed;
@@ -137,6 +139,36 @@ pub(crate) fn a_lent_device_with_features_is_timed_and_keeps_its_handlers() -> R
     drop(backend);
     let heard = [heard.load(Ordering::Relaxed), lost.load(Ordering::Relaxed)];
     assert_eq!(heard, [0, 1], "errors and losses the engine heard of");
+    Ok(())
+}
+
+pub(crate) fn stages_are_timed_each_whether_they_share_a_pass_or_not() -> Result<(), Failed> {
+    let (animation, camera) = (swarm(300), camera());
+    let within = wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES;
+    for features in [useful_features(), useful_features() - within] {
+        let limits = required_limits(&animation, camera.pixels());
+        let (device, queue, info) = device_with(features, limits)?;
+        let features = device.features();
+        let mut backend = WgpuBackend::from_device(device, queue, info)?;
+        open_laid(&mut backend, &animation, Layout::Bvh2)?;
+        let before = backend.tally();
+        stand(&mut backend, &animation, 0.7)?;
+        let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED)?;
+        let (times, spent) = (backend.wait(ticket)?.times, backend.tally() - before);
+        let stages = [
+            times.interpolate_ms,
+            times.preprocess_ms,
+            times.refit_ms,
+            times.trace_primary_ms,
+        ];
+        let is_timed = features.contains(wgpu::Features::TIMESTAMP_QUERY);
+        let is_right = |ms: &Option<f64>| ms.map_or(!is_timed, |ms| is_timed && ms > 0.0);
+        assert!(stages.iter().all(is_right), "{times:?}");
+        let all: f64 = stages.iter().flatten().sum();
+        assert!(all <= times.device_ms, "{times:?}");
+        let shares = !is_timed || features.contains(within);
+        assert_eq!(spent.passes, if shares { 2 } else { 4 });
+    }
     Ok(())
 }
 

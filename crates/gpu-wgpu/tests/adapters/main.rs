@@ -96,6 +96,10 @@ const TRIALS: &[(&str, Body)] = &[
         lent::a_lent_device_with_features_is_timed_and_keeps_its_handlers,
     ),
     (
+        "stages_are_timed_each_whether_they_share_a_pass_or_not",
+        lent::stages_are_timed_each_whether_they_share_a_pass_or_not,
+    ),
+    (
         "every_verb_after_a_loss_is_an_error_and_no_panic",
         lent::every_verb_after_a_loss_is_an_error_and_no_panic,
     ),

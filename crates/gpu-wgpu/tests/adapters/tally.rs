@@ -60,11 +60,8 @@ fn tally_of_steady_frames(layout: Layout) -> Result<(), Failed> {
         buffers: 0,
         bind_groups: 0,
         uploads: 1,
-        // With layout `fast`, interpolate and preprocess share one, and refit has nothing left to do.
-        passes: match layout {
-            Layout::Bvh2 => 4,
-            Layout::Fast => 2,
-        },
+        // Geometry's and that of rays.
+        passes: 2,
         // interpolate, preprocess, refit, rays
         dispatches: 2 + refits_now + rays,
         submissions: 1,
