@@ -22,12 +22,14 @@ const KERNELS: [&str; 6] = [
     "rasterize_by_subgroups",
     "resolve",
 ];
-/// How far it was measured: see "Rasters" in ARCHITECTURE.md. Five kernels one after the other take their time of small pictures;
-/// of many triangles most cover no pixel, but each is looked at.
+/// How far it was measured: see "Rasters" in ARCHITECTURE.md. Five kernels one after the other take their time of small pictures,
+/// where trees are small too; of many triangles most cover no pixel, but each is looked at.
 const LEAST_PIXELS: u64 = 1 << 20;
+const MANY_TRIANGLES: u32 = 450_000;
+const LEAST_PIXELS_OF_MANY: u64 = 1 << 18;
+const MOST_TRIANGLES: u32 = 1 << 23;
 /// What is hardly a picture is not worth the time that drivers take to make five kernels.
 const LEAST_PIXELS_AT_ALL: u64 = 1 << 8;
-const MOST_TRIANGLES: u32 = 1 << 21;
 
 /// Traces that go without rasters after one that those told too little of: to find that out takes about a tenth of a trace.
 const REST: u32 = 64;
@@ -85,16 +87,20 @@ impl Rasters {
     }
 }
 
-/// Whether a camera's rays, with parameters made for it, go by rasters: where tiles do not pay.
+/// Whether a camera's rays, with parameters made for it, that do not go by tiles go by rasters.
 pub(crate) fn pay(method: Method, params: &Params, how: Rasters) -> bool {
     let triangles = params.node_count.div_ceil(2);
     let pixels = u64::from(params.width) * u64::from(params.height);
-    let is_fast =
-        how == Rasters::BySubgroups && pixels >= LEAST_PIXELS && triangles <= MOST_TRIANGLES;
+    let are_dense = pixels < PIXELS_A_TRIANGLE * u64::from(triangles);
+    let is_fast = how == Rasters::BySubgroups
+        && triangles <= MOST_TRIANGLES
+        && ((are_dense && pixels >= LEAST_PIXELS)
+            || (triangles >= MANY_TRIANGLES && pixels >= LEAST_PIXELS_OF_MANY));
+    // So that laws are tried.
+    let is_small = are_dense && (LEAST_PIXELS_AT_ALL..=SMALL_PICTURE).contains(&pixels);
     method.intersector == Intersector::Watertight
         && method.layout == Layout::Fast
-        && pixels < PIXELS_A_TRIANGLE * u64::from(triangles)
-        && (is_fast || (LEAST_PIXELS_AT_ALL..=SMALL_PICTURE).contains(&pixels))
+        && (is_fast || is_small)
         && (params.bounded_loops == 0 || triangles <= MOST_WHERE_LOOPS_END)
 }
 
@@ -121,15 +127,19 @@ mod tests {
     }
 
     #[test]
-    fn rasters_pay_where_tiles_do_not_as_far_as_that_was_measured() {
-        let large = [1920, 1200];
+    fn rasters_pay_as_far_as_that_was_measured() {
+        let (large, larger) = ([1920, 1200], [3840, 2160]);
         for (triangles, size, how, pays) in [
             (1_600_000, large, Rasters::BySubgroups, true),
-            (576_000, large, Rasters::BySubgroups, false),
-            (576_001, large, Rasters::BySubgroups, true),
             (1_600_000, large, Rasters::ByGroups, false),
             (MOST_TRIANGLES + 1, large, Rasters::BySubgroups, false),
-            (1_600_000, [800, 600], Rasters::BySubgroups, false),
+            (1_600_000, [800, 600], Rasters::BySubgroups, true),
+            (1_600_000, [512, 511], Rasters::BySubgroups, false),
+            (1_600_000, larger, Rasters::BySubgroups, true),
+            (MANY_TRIANGLES, larger, Rasters::BySubgroups, true),
+            (MANY_TRIANGLES - 1, larger, Rasters::BySubgroups, false),
+            (MANY_TRIANGLES - 1, [1280, 820], Rasters::BySubgroups, true),
+            (MANY_TRIANGLES - 1, [1280, 800], Rasters::BySubgroups, false),
             (10_000, [128, 128], Rasters::BySubgroups, true),
             (10_000, [128, 128], Rasters::ByGroups, true),
             (4096, [128, 128], Rasters::ByGroups, false),
