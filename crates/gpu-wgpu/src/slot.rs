@@ -114,7 +114,7 @@ impl Slot {
         if !work.first().is_some_and(|w| w.alongside) {
             self.release();
         }
-        // In a pass with rays the wait for their barrier would count as geometry's.
+        // Geometry and rays each have a pass: a timestamp within one would lengthen what it ends.
         if stage == Stage::TracePrimary {
             self.flush(gpu)?;
         }
@@ -185,10 +185,9 @@ impl Slot {
 
     fn pass(&mut self, gpu: &Gpu, parts: &[(Stage, Vec<Launch>)]) -> Result<()> {
         let encoder = self.encoder.as_mut().expect("a recording was begun");
-        let (mut within, around) = match self.clock.as_mut() {
-            Some(clock) if clock.marks_within() => (Some(clock), None),
-            clock => (None, clock),
-        };
+        let stages = parts.iter().map(|(stage, _)| *stage);
+        let first = self.clock.as_mut().and_then(|clock| clock.take(stages));
+        let timed = self.clock.as_ref().zip(first);
         gpu.count(|t| t.passes += 1);
         let label = match parts {
             [(stage, _)] => stage.name(),
@@ -197,17 +196,14 @@ impl Slot {
         gpu.guard(label, 0, || {
             let desc = ComputePassDescriptor {
                 label: Some(label),
-                timestamp_writes: around.and_then(|c| c.around(parts[0].0)),
+                timestamp_writes: timed.map(|(clock, first)| clock.around(first, parts.len())),
             };
             let mut pass = encoder.begin_compute_pass(&desc);
-            for (stage, launches) in parts {
-                if let Some(clock) = &mut within {
-                    clock.mark(&mut pass, Some(*stage));
+            for (i, (_, launches)) in parts.iter().enumerate() {
+                if let Some((clock, first)) = timed {
+                    clock.mark(&mut pass, first, i);
                 }
                 launches.iter().for_each(|launch| launch.go(&mut pass));
-            }
-            if let Some(clock) = &mut within {
-                clock.mark(&mut pass, None);
             }
         })
     }
