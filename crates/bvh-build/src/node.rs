@@ -12,7 +12,7 @@ use std::cmp::Reverse;
 
 /// Nodes of more triangles than this bin and move them in parallel, while few nodes are.
 const PARALLEL_NODE: usize = 2 * CHUNK;
-/// So many subtrees a thread, or more, are built side by side, so that their different sizes even out.
+/// So many subtrees for each thread but the first, or more, are built side by side, so that their different sizes even out.
 const SUBTREES_A_THREAD: usize = 8;
 /// Nodes of more triangles than this build their children in parallel and ask whether to go on.
 const PARALLEL_CHILDREN: usize = 2048;
@@ -61,7 +61,8 @@ impl Errand<'_> {
 /// Were subtrees built while large nodes are still to be divided, a thread that waits for the rest of such a node would
 /// meanwhile take up a subtree, and all that the node leads to would wait for that.
 pub(crate) fn build(root: Node<'_>, errand: Errand<'_>) -> Result<(), BuildError> {
-    let share = root.prims.len() / (SUBTREES_A_THREAD * rayon::current_num_threads());
+    let others = rayon::current_num_threads() - 1;
+    let share = root.prims.len() / (SUBTREES_A_THREAD * others).max(1);
     let is_large = |node: &Node<'_>| node.prims.len() > share.max(PARALLEL_NODE);
     let (mut wave, mut subtrees) = (vec![root], Vec::new());
     while !wave.is_empty() {
