@@ -10,7 +10,7 @@ use rayon::join;
 use rayon::prelude::*;
 use std::cmp::Reverse;
 
-/// Nodes of more triangles than this bin and move them in parallel, while few nodes are.
+/// Nodes of more triangles than this bin and move them in parallel.
 const PARALLEL_NODE: usize = 2 * CHUNK;
 /// So many subtrees for each thread but the first, or more, are built side by side, so that their different sizes even out.
 const SUBTREES_A_THREAD: usize = 8;

@@ -14,9 +14,9 @@ pub fn required_features() -> Features {
 }
 
 /// Features that an engine should ask for where its adapter has them:
-/// timestamps, without which stages are not timed, such within passes, without which each stage takes a pass of its own
-/// (between two of which some time passes), shaders passed through,
-/// which spares the kernels some arithmetic on Vulkan, subgroups, by which rays search together,
+/// timestamps, without which stages are not timed; timestamps within passes, without which each stage takes a pass of its
+/// own, and so some microseconds more; shaders passed through,
+/// which spares the kernels some arithmetic on Vulkan; subgroups, by which rays search together;
 /// and the least of numbers of 64 bits, by which the first hits of large scenes are found triangle by triangle.
 #[must_use]
 pub fn useful_features() -> Features {

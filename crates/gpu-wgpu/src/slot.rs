@@ -175,12 +175,15 @@ impl Slot {
 
     /// Records passes of all stages that wait: one, if they can be timed in it.
     fn flush(&mut self, gpu: &Gpu) -> Result<()> {
-        let parts = std::mem::take(&mut self.parts);
+        let mut parts = std::mem::take(&mut self.parts);
         let is_one = self.clock.as_ref().is_none_or(Clock::marks_within);
         let most = if is_one { parts.len() } else { 1 };
-        parts
-            .chunks(most.max(1))
-            .try_for_each(|parts| self.pass(gpu, parts))
+        let mut passes = parts.chunks(most.max(1));
+        let recorded = passes.try_for_each(|parts| self.pass(gpu, parts));
+        // Its memory is kept.
+        parts.clear();
+        self.parts = parts;
+        recorded
     }
 
     fn pass(&mut self, gpu: &Gpu, parts: &[(Stage, Vec<Launch>)]) -> Result<()> {

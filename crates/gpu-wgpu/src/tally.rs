@@ -4,7 +4,8 @@
 ///
 /// A steady frame makes no buffer and no bind group, uploads one page of
 /// parameters (64 dispatches; rays given one by one are a second upload), and
-/// is one submission. It has a pass for geometry and one for rays (one a stage where passes take no timestamps between dispatches), and one dispatch a kernel but
+/// is one submission. It has a pass for geometry and one for rays (one a stage
+/// where passes take no timestamps between dispatches), and one dispatch a kernel but
 /// for refit, which has one a level (of treelets, with layout `fast`) and one for the tree's cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {

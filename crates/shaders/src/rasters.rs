@@ -28,6 +28,7 @@ const LEAST_PIXELS: u64 = 1 << 20;
 const MANY_TRIANGLES: u32 = 450_000;
 const LEAST_PIXELS_OF_MANY: u64 = 1 << 18;
 const MOST_TRIANGLES: u32 = 1 << 23;
+const MOST_PIXELS: u64 = 1 << 24;
 /// What is hardly a picture is not worth the time that drivers take to make five kernels.
 const LEAST_PIXELS_AT_ALL: u64 = 1 << 8;
 
@@ -94,6 +95,7 @@ pub(crate) fn pay(method: Method, params: &Params, how: Rasters) -> bool {
     let are_dense = pixels < PIXELS_A_TRIANGLE * u64::from(triangles);
     let is_fast = how == Rasters::BySubgroups
         && triangles <= MOST_TRIANGLES
+        && pixels <= MOST_PIXELS
         && ((are_dense && pixels >= LEAST_PIXELS)
             || (triangles >= MANY_TRIANGLES && pixels >= LEAST_PIXELS_OF_MANY));
     // So that laws are tried.
@@ -136,6 +138,7 @@ mod tests {
             (1_600_000, [800, 600], Rasters::BySubgroups, true),
             (1_600_000, [512, 511], Rasters::BySubgroups, false),
             (1_600_000, larger, Rasters::BySubgroups, true),
+            (1_600_000, [4097, 4096], Rasters::BySubgroups, false),
             (MANY_TRIANGLES, larger, Rasters::BySubgroups, true),
             (MANY_TRIANGLES - 1, larger, Rasters::BySubgroups, false),
             (MANY_TRIANGLES - 1, [1280, 820], Rasters::BySubgroups, true),
