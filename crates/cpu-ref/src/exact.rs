@@ -3,10 +3,10 @@
 //! A filter in the sense of Shewchuk (1997) over the watertight test's own
 //! numbers. The bounds and their proof stand in `ARCHITECTURE.md`.
 
+use crate::extreme::Rule;
 use crate::ray::PreparedRay;
 use crate::scale::{LEAST, flushed};
 use crate::search::{Asked, Search};
-use crate::slab::is_far;
 use crate::traverse::{Leaf, Stack, Tree, Walk};
 use crate::triangle_test::Meeting;
 use crate::watertight::{Watertight, solve};
@@ -40,10 +40,10 @@ const DEPTH: f32 = 32.0 / 16_777_216.0;
 const SMALL: f32 = f32::from_bits((127 - 60) << 23);
 
 impl<N: Tree> Search<N> for Exact {
+    const EXTREMES: Option<Rule> = Some(Rule::Closed);
+
     fn closest(asked: &Asked<'_, N>, stack: &mut Stack) -> Option<Hit> {
-        let Some(ray) = prepared(asked) else {
-            return nearest_of_all(asked);
-        };
+        let ray = PreparedRay::new(&asked.ray, asked.scale)?;
         let walk = Walk::<N, Watertight>::new(asked.tree, &ray);
         let mut found = std::mem::take(&mut stack.candidates);
         found.clear();
@@ -63,8 +63,8 @@ impl<N: Tree> Search<N> for Exact {
 
     fn any(asked: &Asked<'_, N>, skipped: Option<u32>, stack: &mut Stack) -> bool {
         let other = |place: usize| skipped.is_none() || asked.tree.triangle(place) != skipped;
-        let Some(ray) = prepared(asked) else {
-            return all_places(asked).any(|place| other(place) && meet(asked, place).is_some());
+        let Some(ray) = PreparedRay::new(&asked.ray, asked.scale) else {
+            return false;
         };
         let walk = Walk::<N, Watertight>::new(asked.tree, &ray);
         let mut open = std::mem::take(&mut stack.candidates);
@@ -81,13 +81,6 @@ impl<N: Tree> Search<N> for Exact {
         stack.candidates = open;
         blocked
     }
-}
-
-/// `None` for a ray of which rounded arithmetic says nothing.
-#[inline]
-fn prepared<N: Tree>(asked: &Asked<'_, N>) -> Option<PreparedRay> {
-    let ray = PreparedRay::new(&asked.ray, asked.scale);
-    ray.filter(|ray| !is_far(ray, &asked.tree.root()))
 }
 
 /// What can be said of a leaf's triangle by rounded arithmetic; `None` if it is surely missed.
@@ -173,33 +166,11 @@ fn nearest<N: Tree>(
     };
     let Meeting { t, u, v } = chosen.meeting;
     Some(Hit {
-        t: ray.unscaled(t),
+        t: asked.ray.nearest_within(ray.unscaled(t)),
         u,
         v,
         triangle: asked.tree.triangle(chosen.place)?,
     })
-}
-
-/// The closest of all triangles, by exact arithmetic alone, for rays from very far away.
-#[cold]
-fn nearest_of_all<N: Tree>(asked: &Asked<'_, N>) -> Option<Hit> {
-    let crossings = all_places(asked).filter_map(|place| Some((place, meet(asked, place)?)));
-    let (place, crossing) = first(asked, crossings)?;
-    Some(Hit {
-        t: crossing.t(),
-        u: 0.0,
-        v: 0.0,
-        triangle: asked.tree.triangle(place)?,
-    })
-}
-
-/// Every place, if the ray can hit anything.
-fn all_places<N: Tree>(asked: &Asked<'_, N>) -> std::ops::Range<usize> {
-    if !asked.ray.is_valid() || asked.tree.places() == 0 {
-        return 0..0;
-    }
-    asked.settled.fetch_add(1, Relaxed);
-    0..asked.tree.places()
 }
 
 /// Least exact `t`, then least index.

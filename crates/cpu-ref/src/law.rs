@@ -1,17 +1,34 @@
 //! What a hit is, written out from `ARCHITECTURE.md` word by word: one ray, every triangle, no tree.
 
+use crate::extreme::{Rule, shadow_ray};
 use crate::preprocess::Geometry;
 use crate::ray::PreparedRay;
 use crate::scale::Scale;
 use crate::triangle_test::{Meeting, TriangleTest};
-use geom::{Aabb, Hit, Point, Ray, Triangle, is_active, is_degenerate};
+use exact::Line;
+use geom::{Aabb, Hit, Point, Range, Ray, Triangle, is_active, is_degenerate};
 
-/// A ray-triangle test as a plain function.
-pub(crate) type Test = fn(&PreparedRay, &Triangle) -> Option<Meeting>;
+/// A ray-triangle test as a plain function, and how it answers extreme rays.
+#[derive(Clone, Copy)]
+pub(crate) struct Test {
+    meet: fn(&PreparedRay, &Triangle) -> Option<Meeting>,
+    extremes: Option<Rule>,
+}
 
-/// One of the crate's own tests as a plain function.
-pub(crate) fn test_of<T: TriangleTest>(ray: &PreparedRay, corners: &Triangle) -> Option<Meeting> {
-    T::meet(&T::prepare(ray), &T::record(corners))
+impl Test {
+    /// The watertight test, written out below.
+    pub(crate) const WATERTIGHT: Self = Self {
+        meet: watertight,
+        extremes: Some(Rule::Moved),
+    };
+
+    /// One of the crate's own tests.
+    pub(crate) const fn of<T: TriangleTest>() -> Self {
+        Self {
+            meet: |ray, corners| T::meet(&T::prepare(ray), &T::record(corners)),
+            extremes: T::EXTREMES,
+        }
+    }
 }
 
 /// All triangles that can be hit, scaled, and the box of all.
@@ -19,6 +36,9 @@ pub(crate) struct World {
     scale: Scale,
     triangles: Vec<(u32, Triangle)>,
     root: Aabb,
+    /// All triangles, in the scene's units.
+    given: Vec<Triangle>,
+    range: Range,
 }
 
 impl World {
@@ -35,12 +55,17 @@ impl World {
         let boxes = triangles.iter().map(|(_, t)| Aabb::of_triangle(t));
         Self {
             scale: geometry.scale,
+            range: geometry.range,
+            given: (0..geometry.triangles.len() as u32).map(|i| geometry.corners(i)).collect(),
             root: boxes.fold(Aabb::EMPTY, Aabb::union),
             triangles,
         }
     }
 
     pub(crate) fn closest(&self, ray: &Ray, test: Test) -> Hit {
+        if let Some(rule) = self.rule(ray, test) {
+            return self.extreme(ray, rule, None);
+        }
         let Some(ray) = PreparedRay::new(ray, self.scale) else {
             return Hit::MISS;
         };
@@ -70,6 +95,10 @@ impl World {
         else {
             return false;
         };
+        if let Some(rule) = self.rule(ray, test) {
+            let way = shadow_ray(ray, hit, &self.given[hit.triangle as usize], light);
+            return self.extreme(&way, rule, Some(hit.triangle)).is_hit();
+        }
         let [eye, light] = [ray.origin, light].map(|p| self.scale.apply(p));
         let unit = 2.0_f32.powi(-24);
         let [e1, e2]: [Point; 2] = [v1, v2].map(|v| std::array::from_fn(|i| v[i] - v0[i]));
@@ -95,7 +124,9 @@ impl World {
         let edges: Point = std::array::from_fn(|i| self.root.max[i] - self.root.min[i]);
         let longest = edges.into_iter().fold(0.0, f32::max);
         let largest = p.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
-        let delta = 4.0 * unit * largest + 32.0 * unit * longest;
+        let own = e1.iter().chain(&e2).fold(0.0_f32, |m, x| m.max(x.abs()));
+        let counted = longest.min(own.max(self.range.clearance * self.scale.factor()));
+        let delta = 4.0 * unit * largest + 32.0 * unit * counted;
         let mut origin = p;
         for i in 0..3 {
             let up = i32::from(normal[i] > 0.0) - i32::from(normal[i] < 0.0);
@@ -120,13 +151,38 @@ impl World {
             .any(|(_, corners)| self.hit(&ray, corners, test).is_some())
     }
 
+    /// How a ray is answered that is beyond what rounded tests can tell.
+    fn rule(&self, ray: &Ray, test: Test) -> Option<Rule> {
+        let is_extreme = self.range.is_extreme(self.scale.apply(ray.origin));
+        test.extremes.filter(|_| is_extreme)
+    }
+
+    /// The closest hit of such a ray.
+    fn extreme(&self, ray: &Ray, rule: Rule, but: Option<u32>) -> Hit {
+        if !ray.is_valid() {
+            return Hit::MISS;
+        }
+        assert_eq!(rule, Rule::Moved, "exact arithmetic has an oracle of its own");
+        let line = Line { ray: *ray, shift: 0 };
+        let others = self.triangles.iter().filter(|(i, _)| Some(*i) != but);
+        let hits = others.filter_map(|(triangle, _)| {
+            let corners = &self.given[*triangle as usize];
+            let t = line.meet_moved(corners)?.t() + 0.0;
+            let [u, v] = line.weights(corners);
+            let hit = Hit { t, u, v, triangle: *triangle };
+            (ray.t_min < t && t < ray.t_max).then_some(hit)
+        });
+        let best = hits.reduce(|a, b| if b.is_before(&a) { b } else { a });
+        best.unwrap_or(Hit::MISS)
+    }
+
     /// Triangles that a test hits ahead of the ray's start though the box test misses their box.
     pub(crate) fn lost_by_boxes(&self, ray: &Ray, test: Test) -> usize {
         let Some(ray) = PreparedRay::new(ray, self.scale) else {
             return 0;
         };
         let lost = |corners: &Triangle| {
-            test(&ray, corners).is_some_and(|m| m.t > 0.0)
+            (test.meet)(&ray, corners).is_some_and(|m| m.t > 0.0)
                 && self.box_test(&ray, &Aabb::of_triangle(corners)).is_none()
         };
         self.triangles.iter().filter(|(_, t)| lost(t)).count()
@@ -134,7 +190,7 @@ impl World {
 
     fn hit(&self, ray: &PreparedRay, corners: &Triangle, test: Test) -> Option<Meeting> {
         let (n, f) = self.box_test(ray, &Aabb::of_triangle(corners))?;
-        let mut m = test(ray, corners)?;
+        let mut m = (test.meet)(ray, corners)?;
         if m.t < n {
             m.t = n;
         }
@@ -172,7 +228,7 @@ impl World {
 }
 
 /// The watertight test, one number at a time.
-pub(crate) fn watertight(ray: &PreparedRay, corners: &Triangle) -> Option<Meeting> {
+fn watertight(ray: &PreparedRay, corners: &Triangle) -> Option<Meeting> {
     let d = ray.direction;
     let mut kz = 0;
     for k in 1..3 {

@@ -10,6 +10,7 @@
 #[cfg(test)]
 mod contract_tests;
 mod exact;
+mod extreme;
 mod interpolate;
 #[cfg(test)]
 mod law;

@@ -3,7 +3,7 @@
 use crate::nodes::{Leaf, Nodes, Pair};
 use crate::scale::Scale;
 use crate::triangle_test::{Record, TriangleTest};
-use geom::{Point, Triangle, is_active, is_degenerate};
+use geom::{Point, Range, Ray, Triangle, is_active, is_degenerate};
 use glam::Vec3A;
 use std::ops::AddAssign;
 
@@ -35,6 +35,8 @@ pub(crate) struct Geometry<'a> {
     pub(crate) triangles: &'a [[u32; 3]],
     /// To scaled units.
     pub(crate) scale: Scale,
+    /// How far coordinates reach at this moment.
+    pub(crate) range: Range,
 }
 
 impl Geometry<'_> {
@@ -42,6 +44,12 @@ impl Geometry<'_> {
     #[inline]
     pub(crate) fn corners(&self, triangle: u32) -> Triangle {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
+    }
+
+    /// Whether the ray is beyond what rounded tests can tell.
+    #[inline]
+    pub(crate) fn is_extreme(&self, ray: &Ray) -> bool {
+        self.range.is_extreme(self.scale.apply(ray.origin))
     }
 
     /// A triangle's corners in scaled units.

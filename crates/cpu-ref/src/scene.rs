@@ -19,7 +19,7 @@ use crate::woop::Woop;
 use backend::{BackendError, Intersector, Layout, Method, Rays, Result, check_tree};
 use bvh_build::MAX_DEPTH;
 use bvh_layout::Topology;
-use geom::{Aabb, Animation, Hit, Point, Pose, StaticParts};
+use geom::{Aabb, Animation, Camera, Hit, Point, Pose, StaticParts};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -32,6 +32,8 @@ pub(crate) struct Scene {
     animation: Arc<Animation>,
     intersector: Intersector,
     scale: Scale,
+    /// Of the moment that was interpolated last.
+    range: geom::Range,
     positions: Vec<Point>,
     /// Runs of vertices that hold all that move; `None` where static ones are too few to be passed over.
     runs: Option<Vec<Range<usize>>>,
@@ -70,8 +72,9 @@ macro_rules! with_tracer {
     ($scene:expr, $rays:expr, $method:ident ( $($argument:expr),* )) => {{
         let (scene, rays) = ($scene, $rays);
         match &scene.wide {
-            Some(tree) if scene.intersector == Intersector::Watertight => {
-                WideTracer { rays, tree, geometry: scene.geometry() }.$method($($argument),*)
+            Some(tree) if scene.intersector == Intersector::Watertight && !scene.is_extreme(rays) => {
+                let (geometry, settled) = (scene.geometry(), &scene.settled);
+                WideTracer { rays, tree, geometry, settled }.$method($($argument),*)
             }
             Some(tree) => {
                 with_test!(scene.intersector, Exact, scene.tracer(rays, tree), $method($($argument),*))
@@ -98,6 +101,7 @@ impl Scene {
         let runs = StaticParts::pays(all - still, all).then(|| parts.moving_runs(GAP));
         Ok(Self {
             scale: Scale::of(&animation),
+            range: geom::Range::ORDINARY,
             animation,
             intersector: method.intersector,
             positions,
@@ -150,6 +154,7 @@ impl Scene {
     }
 
     pub(crate) fn interpolate(&mut self, pose: Pose) {
+        self.range = self.animation.range(pose);
         let to = &mut self.positions;
         match &self.runs {
             Some(runs) => interpolate_moving(&self.animation, pose, (runs, to)),
@@ -167,6 +172,7 @@ impl Scene {
             positions: &self.positions,
             triangles: self.animation.triangles(),
             scale: self.scale,
+            range: self.range,
         };
         let without_leaf = self.animation.triangle_count() - self.animation.live_count();
         self.unhittable = match (&mut self.wide, &self.moving) {
@@ -245,6 +251,12 @@ impl Scene {
         }
     }
 
+    /// Whether all of these rays are beyond what rounded tests can tell.
+    fn is_extreme(&self, rays: Rays<'_>) -> bool {
+        let by_eye = |camera: &Camera| self.range.is_extreme(self.scale.apply(camera.eye));
+        self.range.extreme || matches!(rays, Rays::Camera(camera) if by_eye(camera))
+    }
+
     fn tracer<'a, N>(&'a self, rays: Rays<'a>, tree: N) -> Tracer<'a, N> {
         Tracer {
             rays,
@@ -259,6 +271,7 @@ impl Scene {
             positions: &self.positions,
             triangles: self.animation.triangles(),
             scale: self.scale,
+            range: self.range,
         }
     }
 

@@ -1,5 +1,6 @@
 //! What it means to ask one ray, whatever the intersector.
 
+use crate::extreme::Rule;
 use crate::preprocess::Geometry;
 use crate::ray::PreparedRay;
 use crate::scale::Scale;
@@ -25,6 +26,9 @@ pub(crate) struct Asked<'a, N> {
 
 /// An intersector as the tracer sees it.
 pub(crate) trait Search<N> {
+    /// How extreme rays are answered, if in exact arithmetic.
+    const EXTREMES: Option<Rule>;
+
     /// The closest hit, `t` in the ray's own units.
     fn closest(asked: &Asked<'_, N>, stack: &mut Stack) -> Option<Hit>;
 
@@ -33,6 +37,8 @@ pub(crate) trait Search<N> {
 }
 
 impl<N: Tree, T: TriangleTest> Search<N> for T {
+    const EXTREMES: Option<Rule> = T::EXTREMES;
+
     #[inline]
     fn closest(asked: &Asked<'_, N>, stack: &mut Stack) -> Option<Hit> {
         let ray = PreparedRay::new(&asked.ray, asked.scale)?;

@@ -1,5 +1,6 @@
 //! The ray from a hit to a light.
 
+use crate::preprocess::Geometry;
 use crate::scale::{Scale, flushed};
 use geom::{Aabb, Hit, Point, Ray, Triangle};
 
@@ -10,17 +11,25 @@ pub(crate) const ROUNDING: f32 = 1.0 / 16_777_216.0;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Light {
     pub(crate) at: Point,
-    /// `32 * 2^-24 * E`, with `E` the root box's longest edge.
-    pub(crate) clearance: f32,
+    /// In the scene's units.
+    pub(crate) given: Point,
+    /// The root box's longest edge.
+    pub(crate) extent: f32,
+    /// As much of it counts for every hit; more for those of larger triangles.
+    pub(crate) counted: f32,
 }
 
 impl Light {
-    /// A light for the tree whose whole box is `root`, in scaled units.
-    pub(crate) fn new(at: Point, scale: Scale, root: &Aabb) -> Self {
+    /// A light, given in the scene's units, for the tree whose whole box is `root`, in scaled units.
+    pub(crate) fn new(given: Point, geometry: &Geometry<'_>, root: &Aabb) -> Self {
         let [x, y, z] = root.extent();
+        let extent = x.max(y).max(z);
+        let limit = geometry.range.clearance * geometry.scale.factor();
         Self {
-            at: scale.apply(at),
-            clearance: 32.0 * ROUNDING * x.max(y).max(z),
+            at: geometry.scale.apply(given),
+            given,
+            extent,
+            counted: extent.min(limit),
         }
     }
 
@@ -38,7 +47,9 @@ impl Light {
             side => side,
         };
         let largest = p[0].abs().max(p[1].abs()).max(p[2].abs());
-        let delta = 4.0 * ROUNDING * largest + self.clearance;
+        let longest = e1.iter().chain(&e2).fold(0.0_f32, |m, x| m.max(x.abs()));
+        let extent = self.counted.max(longest).min(self.extent);
+        let delta = 4.0 * ROUNDING * largest + 32.0 * ROUNDING * extent;
         let origin = std::array::from_fn(|i| p[i] + side * sign(normal[i]) * delta);
         Ray {
             t_max: 1.0,

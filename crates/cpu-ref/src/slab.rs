@@ -131,12 +131,6 @@ impl Slab {
     }
 }
 
-/// Whether the ray starts so far away that the padding does not cover the rounding of the box test.
-#[inline]
-pub(crate) fn is_far(ray: &PreparedRay, root: &Aabb) -> bool {
-    farthest(ray, root) >= FARTHEST
-}
-
 /// `D`: the largest distance on one axis from the ray's start to a corner of the root box.
 #[inline]
 fn farthest(ray: &PreparedRay, root: &Aabb) -> f32 {

@@ -1,5 +1,6 @@
 //! Rays to hits: many rays at once, each on its own.
 
+use crate::extreme::{self, Rule};
 use crate::preprocess::Geometry;
 use crate::scale::Scale;
 use crate::search::{Asked, Search};
@@ -84,15 +85,12 @@ impl Answer for (Hit, u8) {
 impl<N: Tree> Tracer<'_, N> {
     /// Closest hits, in the rays' order.
     pub(crate) fn closest<S: Search<N>>(&self, out: &mut [Hit]) -> Counts {
-        self.fill(out, |stack, index| self.closest_of::<S>(index, stack))
+        self.fill(out, |stack, index| self.closest_at::<S>(index, stack))
     }
 
     /// 1 for each ray that hits anything.
     pub(crate) fn any<S: Search<N>>(&self, out: &mut [u8]) -> Counts {
-        self.fill(out, |stack, index| {
-            let asked = self.asked(ray(self.rays, index), self.geometry.scale);
-            u8::from(S::any(&asked, None, stack))
-        })
+        self.fill(out, |stack, index| self.any_at::<S>(index, stack))
     }
 
     /// Closest hits, and 1 for each that the light does not reach.
@@ -101,24 +99,61 @@ impl<N: Tree> Tracer<'_, N> {
         light: Point,
         out: (&mut [Hit], &mut [u8]),
     ) -> Counts {
-        let scale = self.geometry.scale;
-        let light = Light::new(light, scale, &self.tree.root());
+        let light = Light::new(light, &self.geometry, &self.tree.root());
         self.fill(out, |stack, index| {
-            let hit = self.closest_of::<S>(index, stack);
-            if !hit.is_hit() {
-                return (hit, 0);
-            }
-            let eye = scale.apply(ray(self.rays, index).origin);
+            let hit = self.closest_at::<S>(index, stack);
+            (hit, self.blocked_at::<S>((index, &hit), &light, stack))
+        })
+    }
+
+    /// The closest hit of one ray.
+    #[inline]
+    pub(crate) fn closest_at<S: Search<N>>(&self, index: usize, stack: &mut Stack) -> Hit {
+        let asked = self.asked(ray(self.rays, index), self.geometry.scale);
+        let found = match self.rule::<S>(&asked.ray) {
+            Some(rule) => extreme::closest(&asked, rule),
+            None => S::closest(&asked, stack),
+        };
+        found.unwrap_or(Hit::MISS)
+    }
+
+    /// 1 if that ray hits anything.
+    #[inline]
+    pub(crate) fn any_at<S: Search<N>>(&self, index: usize, stack: &mut Stack) -> u8 {
+        let asked = self.asked(ray(self.rays, index), self.geometry.scale);
+        u8::from(match self.rule::<S>(&asked.ray) {
+            Some(rule) => extreme::any(&asked, rule, None),
+            None => S::any(&asked, None, stack),
+        })
+    }
+
+    /// 1 if the light does not reach the hit of that ray.
+    #[inline]
+    pub(crate) fn blocked_at<S: Search<N>>(
+        &self,
+        (index, hit): (usize, &Hit),
+        light: &Light,
+        stack: &mut Stack,
+    ) -> u8 {
+        if !hit.is_hit() {
+            return 0;
+        }
+        let ray = ray(self.rays, index);
+        let but = Some(hit.triangle);
+        u8::from(if let Some(rule) = self.rule::<S>(&ray) {
+            let corners = self.geometry.corners(hit.triangle);
+            let ray = extreme::shadow_ray(&ray, hit, &corners, light.given);
+            extreme::any(&self.asked(ray, self.geometry.scale), rule, but)
+        } else {
             let corners = self.geometry.scaled_corners(hit.triangle);
-            let asked = self.asked(light.ray(&hit, &corners, eye), Scale::ONE);
-            (hit, u8::from(S::any(&asked, Some(hit.triangle), stack)))
+            let ray = light.ray(hit, &corners, self.geometry.scale.apply(ray.origin));
+            S::any(&self.asked(ray, Scale::ONE), but, stack)
         })
     }
 
     #[inline]
-    fn closest_of<S: Search<N>>(&self, index: usize, stack: &mut Stack) -> Hit {
-        let asked = self.asked(ray(self.rays, index), self.geometry.scale);
-        S::closest(&asked, stack).unwrap_or(Hit::MISS)
+    fn rule<S: Search<N>>(&self, ray: &Ray) -> Option<Rule> {
+        S::EXTREMES.filter(|_| self.geometry.is_extreme(ray))
     }
 
     #[inline]

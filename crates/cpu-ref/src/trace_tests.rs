@@ -1,6 +1,6 @@
 //! Tracing by a tree against the law's own loop over all triangles, over soups made to be awkward.
 
-use crate::law::{Test, World, test_of, watertight};
+use crate::law::{Test, World};
 use crate::moller_trumbore::MollerTrumbore;
 use crate::preprocess::Geometry;
 use crate::scale::Scale;
@@ -12,9 +12,9 @@ use proptest::prelude::*;
 use std::sync::Arc;
 
 const TESTS: [(Intersector, Test); 3] = [
-    (Intersector::Watertight, watertight),
-    (Intersector::MollerTrumbore, test_of::<MollerTrumbore>),
-    (Intersector::Woop, test_of::<Woop>),
+    (Intersector::Watertight, Test::WATERTIGHT),
+    (Intersector::MollerTrumbore, Test::of::<MollerTrumbore>()),
+    (Intersector::Woop, Test::of::<Woop>()),
 ];
 
 /// Small integers and halves meet each other's edges; other numbers do not.
@@ -148,6 +148,7 @@ fn world(animation: &Animation) -> World {
         positions: &animation.keys()[0],
         triangles: animation.triangles(),
         scale: Scale::of(animation),
+        range: animation.range(animation.pose(0.0)),
     })
 }
 

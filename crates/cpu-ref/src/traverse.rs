@@ -14,14 +14,14 @@ pub(crate) trait Tree: Copy + Sync {
     /// The box of the whole tree, in scaled units.
     fn root(&self) -> Aabb;
 
-    /// Places of triangles; some may be empty.
-    fn places(&self) -> usize;
-
     /// The triangle in a place, if there is one.
     fn triangle(&self, place: usize) -> Option<u32>;
 
     /// What `T` keeps of the triangle in a place.
     fn record<T: TriangleTest>(&self, place: usize) -> Record;
+
+    /// Shows what lies right below a node, with its box; the root is below [`Below::ROOT`].
+    fn children(&self, node: u32, each: impl FnMut(&Aabb, Below));
 
     /// Hands `see` every leaf whose box the ray meets before the bound that `see`
     /// returned last, at first `t_max`; where it returns none, the visit ends with `true`.
@@ -31,6 +31,20 @@ pub(crate) trait Tree: Copy + Sync {
         stack: &mut Stack,
         see: impl FnMut(&Leaf, f32) -> Option<f32>,
     ) -> bool;
+}
+
+/// What lies below a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Below {
+    /// Another node.
+    Node(u32),
+    /// Triangles, by their places.
+    Places { first: usize, count: usize },
+}
+
+impl Below {
+    /// Where every tree begins.
+    pub(crate) const ROOT: Self = Self::Node(0);
 }
 
 /// A triangle whose own box the ray meets, and the span of the ray within it.
@@ -159,10 +173,6 @@ impl Tree for Target<'_> {
         self.nodes.root()
     }
 
-    fn places(&self) -> usize {
-        self.records.len()
-    }
-
     #[inline(always)]
     fn triangle(&self, place: usize) -> Option<u32> {
         Some(self.nodes.triangles[place])
@@ -171,6 +181,20 @@ impl Tree for Target<'_> {
     #[inline(always)]
     fn record<T: TriangleTest>(&self, place: usize) -> Record {
         self.records[place]
+    }
+
+    fn children(&self, node: u32, mut each: impl FnMut(&Aabb, Below)) {
+        let pair = &self.nodes.pairs[node as usize];
+        for (lane, link) in pair.links.into_iter().enumerate() {
+            let below = match link.is_leaf() {
+                true => Below::Places {
+                    first: link.index(),
+                    count: 1,
+                },
+                false => Below::Node(link.index() as u32),
+            };
+            each(&pair.bounds(lane), below);
+        }
     }
 
     #[inline(always)]

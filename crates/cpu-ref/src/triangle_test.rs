@@ -1,5 +1,6 @@
 //! What every ray-triangle test has in common.
 
+use crate::extreme::Rule;
 use crate::ray::PreparedRay;
 use geom::Triangle;
 
@@ -21,6 +22,9 @@ pub(crate) struct Meeting {
 
 /// A ray-triangle test, chosen when the program is compiled: loops are made once for each.
 pub(crate) trait TriangleTest {
+    /// How extreme rays are answered, if in exact arithmetic.
+    const EXTREMES: Option<Rule> = None;
+
     /// What the test needs of a ray.
     type Ray: Copy;
 

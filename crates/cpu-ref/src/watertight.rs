@@ -5,6 +5,7 @@
 //! of its double-precision fallback: a shared edge is decided as for one
 //! generic point. All three vertices are sheared at once, one in each lane.
 
+use crate::extreme::Rule;
 use crate::ray::PreparedRay;
 use crate::scale::flushed4;
 use crate::triangle_test::{Meeting, Record, TriangleTest};
@@ -26,6 +27,8 @@ pub(crate) struct Shear {
 const VERTICES: u32 = 0b111;
 
 impl TriangleTest for Watertight {
+    const EXTREMES: Option<Rule> = Some(Rule::Moved);
+
     type Ray = Shear;
 
     #[inline]

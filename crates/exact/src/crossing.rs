@@ -31,6 +31,27 @@ impl Line {
     /// The ray must be [valid](Ray::is_valid) and the corners finite.
     #[must_use]
     pub fn meet(&self, corners: &Triangle) -> Option<Crossing> {
+        let crossing = self.cross(corners, passes_within)?;
+        let (t_min, t_max) = (self.ray.t_min, self.ray.t_max);
+        let ahead = t_min == f32::NEG_INFINITY || crossing.order(&Crossing::at(t_min)).is_gt();
+        let before = t_max == f32::INFINITY || crossing.order(&Crossing::at(t_max)).is_lt();
+        (ahead && before).then_some(crossing)
+    }
+
+    /// Where the line, moved by an infinitely small way that is the same for all triangles, passes through the triangle, at
+    /// any `t`: through an edge or a vertex of a closed surface it passes as often as through the inside of a triangle.
+    ///
+    /// The ray's origin is moved by `(e, e^2, e^3)` (simulation of simplicity: Edelsbrunner, Mücke 1990).
+    #[must_use]
+    pub fn meet_moved(&self, corners: &Triangle) -> Option<Crossing> {
+        self.cross(corners, moved_passes_within)
+    }
+
+    fn cross(
+        &self,
+        corners: &Triangle,
+        within: impl Fn(&Vector, [&Vector; 3]) -> bool,
+    ) -> Option<Crossing> {
         if surely_misses(self, corners) {
             return None;
         }
@@ -39,7 +60,7 @@ impl Line {
         let position_unit = unit(corners).min(unit(&[self.ray.origin]) + self.shift);
         let origin = whole(self.ray.origin, position_unit - self.shift);
         let [a, b, c] = corners.map(|p| minus(&whole(p, position_unit), &origin));
-        if !passes_within(&direction, [&a, &b, &c]) {
+        if !within(&direction, [&a, &b, &c]) {
             return None;
         }
         let normal = cross(&minus(&b, &a), &minus(&c, &a));
@@ -50,11 +71,21 @@ impl Line {
             Sign::Plus => {}
         }
         let e = position_unit - self.shift - direction_unit;
-        let crossing = Crossing { n, d, e };
-        let (t_min, t_max) = (self.ray.t_min, self.ray.t_max);
-        let ahead = t_min == f32::NEG_INFINITY || crossing.order(&Crossing::at(t_min)).is_gt();
-        let before = t_max == f32::INFINITY || crossing.order(&Crossing::at(t_max)).is_lt();
-        (ahead && before).then_some(crossing)
+        Some(Crossing { n, d, e })
+    }
+
+    /// The weights of the second and the third corner where the line passes through a triangle that it
+    /// [meets](Self::meet), each rounded once.
+    #[must_use]
+    pub fn weights(&self, corners: &Triangle) -> [f32; 2] {
+        let direction = whole(self.ray.direction, unit(&[self.ray.direction]));
+        let position_unit = unit(corners).min(unit(&[self.ray.origin]) + self.shift);
+        let origin = whole(self.ray.origin, position_unit - self.shift);
+        let [a, b, c] = corners.map(|p| minus(&whole(p, position_unit), &origin));
+        let [u, v, w] = sides(&direction, [&a, &b, &c]);
+        let sum = u + &v + &w;
+        let positive = |x: BigInt| if sum.sign() == Sign::Minus { -x } else { x };
+        [v, w].map(|x| rounded(&positive(x), sum.magnitude(), 0))
     }
 }
 
@@ -86,9 +117,43 @@ fn surely_misses(line: &Line, corners: &Triangle) -> bool {
 
 /// Whether the line from zero along `direction` passes through the closed triangle.
 fn passes_within(direction: &Vector, [a, b, c]: [&Vector; 3]) -> bool {
-    let side = |p: &Vector, q: &Vector| dot(direction, &cross(p, q)).sign();
-    let sides = [side(c, b), side(a, c), side(b, a)];
-    !(sides.contains(&Sign::Plus) && sides.contains(&Sign::Minus))
+    let signs = sides(direction, [a, b, c]).map(|side| side.sign());
+    !(signs.contains(&Sign::Plus) && signs.contains(&Sign::Minus))
+}
+
+/// Whether the line passes through the triangle after an infinitely small move.
+fn moved_passes_within(direction: &Vector, [a, b, c]: [&Vector; 3]) -> bool {
+    let side = |p: &Vector, q: &Vector| match dot(direction, &cross(p, q)).sign() {
+        Sign::NoSign => {
+            let by_move = cross(direction, &minus(q, p));
+            let signs = by_move.map(|x| x.sign()).into_iter();
+            signs.into_iter().find(|s| *s != Sign::NoSign)
+        }
+        sign => Some(sign),
+    };
+    let first = side(c, b);
+    first.is_some() && first == side(a, c) && first == side(b, a)
+}
+
+/// On which side of each edge the line passes: of the edge from `b` to `c`, from `c` to `a`, from `a` to `b`.
+fn sides(direction: &Vector, [a, b, c]: [&Vector; 3]) -> [BigInt; 3] {
+    [(c, b), (a, c), (b, a)].map(|(p, q)| dot(direction, &cross(p, q)))
+}
+
+/// `n / d * 2^e`, rounded once; infinite where it is too large. `d` is not zero.
+fn rounded(n: &BigInt, d: &BigUint, e: i32) -> f32 {
+    let up = 32 + d.bits() as i64 - n.bits() as i64;
+    let down = up.min(0).unsigned_abs();
+    let (size, d) = (n.magnitude() << up.max(0).unsigned_abs(), d << down);
+    // 32 or 33 bits, the last of them set for all that fell off, so that it is the float that rounds.
+    let quotient = &size / &d;
+    let rest = &quotient * &d != size;
+    let bits = (quotient | BigUint::from(u8::from(rest))).to_f64();
+    let bits = bits.unwrap_or(f64::INFINITY);
+    let bits = if n.sign() == Sign::Minus { -bits } else { bits };
+    let e = i64::from(e) - up;
+    let half = e / 2;
+    (bits * (half as f64).exp2() * ((e - half) as f64).exp2()) as f32
 }
 
 impl Crossing {
@@ -106,22 +171,7 @@ impl Crossing {
     /// `t`, rounded once; infinite where it is too large.
     #[must_use]
     pub fn t(&self) -> f32 {
-        let up = 32 + self.d.bits() as i64 - self.n.bits() as i64;
-        let down = up.min(0).unsigned_abs();
-        let (n, d) = (&self.n << up.max(0).unsigned_abs(), &self.d << down);
-        // 32 or 33 bits, the last of them set for all that fell off, so that it is the float that rounds.
-        let quotient = n.magnitude() / d.magnitude();
-        let rest = quotient.clone() * d.magnitude() != *n.magnitude();
-        let size = (quotient | BigUint::from(u8::from(rest))).to_f64();
-        let bits = size.unwrap_or(f64::INFINITY);
-        let bits = if self.n.sign() == Sign::Minus {
-            -bits
-        } else {
-            bits
-        };
-        let e = i64::from(self.e) - up;
-        let half = e / 2;
-        (bits * (half as f64).exp2() * ((e - half) as f64).exp2()) as f32
+        rounded(&self.n, self.d.magnitude(), self.e)
     }
 
     /// The order along the line of two crossings of it.
@@ -201,6 +251,42 @@ mod tests {
         assert_eq!(within(1.0, above), None);
         assert_eq!(within(below, 1.0), None);
         assert_eq!(within(f32::NEG_INFINITY, f32::INFINITY), Some(1.0));
+    }
+
+    #[test]
+    fn a_moved_line_passes_once_through_what_triangles_share() {
+        // Eight triangles round the middle of a square, each seen from a ray along the grid and from tilted ones.
+        let ring = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
+        let at = |i: usize| -> Point {
+            let (x, y) = ring[i % 8];
+            [x as f32, y as f32, 0.5 * (x * y) as f32]
+        };
+        let fan: Vec<Triangle> = (0..8).map(|i| [[0.0; 3], at(i), at(i + 1)]).collect();
+        let mut closed = 0;
+        for (x, y) in [(0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, -0.25), (0.3, 0.1)] {
+            for direction in [[0.0, 0.0, -1.0], [0.25, 0.0, -1.0], [-0.5, 0.25, -2.0]] {
+                let height = 0.5 * x * y;
+                let origin = [x - direction[0], y - direction[1], height - direction[2]];
+                let line = Line { ray: Ray::new(origin, direction), shift: 0 };
+                let moved = fan.iter().filter(|t| line.meet_moved(t).is_some()).count();
+                assert_eq!(moved, 1, "{x} {y} {direction:?}");
+                closed += fan.iter().filter(|t| line.meet(t).is_some()).count();
+            }
+        }
+        assert!(closed > 30, "{closed}");
+    }
+
+    #[test]
+    fn weights_are_those_of_the_second_and_the_third_corner_at_every_size() {
+        for e in [-140, -60, 0, 60, 120] {
+            let s = 2.0_f64.powi(e) as f32;
+            let corners = UNIT.map(|p| p.map(|x| x * s));
+            let ray = Ray::new([0.25 * s, 0.5 * s, 0.0], [0.0, 0.0, -3.0]);
+            let line = Line { ray, shift: 0 };
+            assert_eq!(line.weights(&corners), [0.25, 0.5], "2^{e}");
+            let turned = [corners[2], corners[0], corners[1]];
+            assert_eq!(line.weights(&turned), [0.25, 0.25], "2^{e}");
+        }
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Key-framed triangles: the part of a scene that decides what rays hit.
 
+use crate::range::{Range, Ranges};
 use crate::{Aabb, Point, Pose, StaticParts, Triangle, is_active};
 use std::sync::OnceLock;
 
@@ -12,6 +13,8 @@ pub struct Animation {
     never_active: u32,
     /// Found when first asked for.
     static_parts: OnceLock<StaticParts>,
+    /// Likewise.
+    ranges: OnceLock<Ranges>,
     times: Option<Times>,
 }
 
@@ -108,6 +111,7 @@ impl Animation {
             stand_ins,
             never_active,
             static_parts: OnceLock::new(),
+            ranges: OnceLock::new(),
             times: None,
         })
     }
@@ -262,19 +266,21 @@ impl Animation {
 
     /// `k`, such that `2^-k` brings the scene to a size whose products neither
     /// overflow nor underflow: 0 unless the largest finite `|coordinate|` of all
-    /// key frames lies outside `[2^-10, 2^30]`, else its exponent, within `-126..=126`.
+    /// key frames lies outside `[2^-10, 2^30]`, else its exponent, within `-126..=126`;
+    /// 0 also if some key frame is [extreme](Range::extreme) by itself.
     #[must_use]
     pub fn scale_exponent(&self) -> i32 {
-        let all = self.keys.iter().flatten().flatten();
-        let largest = all
-            .filter(|x| x.is_finite())
-            .fold(0.0_f32, |m, x| m.max(x.abs()));
-        if largest == 0.0 || (2.0_f32.powi(-10)..=2.0_f32.powi(30)).contains(&largest) {
-            return 0;
-        }
-        // The exponent field of a double holds every f32's exponent, subnormal ones included.
-        let exponent = (f64::from(largest).to_bits() >> 52) as i32 - 1023;
-        exponent.clamp(-126, 126)
+        self.ranges().scale_exponent
+    }
+
+    /// How far coordinates reach at `pose`. Looks at every key frame when first called.
+    #[must_use]
+    pub fn range(&self, pose: Pose) -> Range {
+        self.ranges().at(pose)
+    }
+
+    fn ranges(&self) -> &Ranges {
+        self.ranges.get_or_init(|| Ranges::of(self))
     }
 
     /// The least box that holds every finite vertex of every key frame.

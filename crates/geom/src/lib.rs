@@ -9,6 +9,7 @@ mod animation;
 mod camera;
 mod hit;
 mod pose;
+mod range;
 mod ray;
 mod still;
 mod triangle;
@@ -18,9 +19,10 @@ pub use animation::{Animation, AnimationError};
 pub use camera::Camera;
 pub use hit::Hit;
 pub use pose::Pose;
+pub use range::Range;
 pub use ray::Ray;
 pub use still::StaticParts;
-pub use triangle::{Triangle, is_active, is_degenerate};
+pub use triangle::{Triangle, is_active, is_degenerate, normal_signs, side_of};
 
 /// A point or a vector: x, y, z.
 pub type Point = [f32; 3];

@@ -1,7 +1,7 @@
 //! What makes a triangle take part at all.
 
 use crate::Point;
-use robust::{Coord, orient2d};
+use robust::{Coord, Coord3D, orient2d, orient3d};
 
 /// Three corners.
 pub type Triangle = [Point; 3];
@@ -36,6 +36,36 @@ pub fn is_degenerate(corners: &Triangle) -> bool {
         orient2d(at(a), at(b), at(c)) == 0.0
     };
     collinear_in(0, 1) && collinear_in(1, 2) && collinear_in(2, 0)
+}
+
+/// The exact signs of the components of the normal `(b - a) x (c - a)` of an active triangle.
+#[must_use]
+pub fn normal_signs(corners: &Triangle) -> [i32; 3] {
+    let [a, b, c] = corners.map(|p| p.map(f64::from));
+    std::array::from_fn(|i| {
+        let at = |p: [f64; 3]| Coord {
+            x: p[(i + 1) % 3],
+            y: p[(i + 2) % 3],
+        };
+        sign(orient2d(at(a), at(b), at(c)))
+    })
+}
+
+/// On which side of an active triangle's plane a finite point lies, exactly: 1 where the normal
+/// `(b - a) x (c - a)` points to, -1 on the other side, 0 in the plane.
+#[must_use]
+pub fn side_of(corners: &Triangle, point: Point) -> i32 {
+    let at = |p: Point| {
+        let [x, y, z] = p.map(f64::from);
+        Coord3D { x, y, z }
+    };
+    let [a, b, c] = corners.map(at);
+    // Shewchuk's sign is positive below the plane, from where the corners are seen clockwise.
+    -sign(orient3d(a, b, c, at(point)))
+}
+
+fn sign(x: f64) -> i32 {
+    i32::from(x > 0.0) - i32::from(x < 0.0)
 }
 
 #[cfg(test)]
@@ -80,6 +110,20 @@ mod tests {
             [tiny, tiny, 0.0],
             [0.0; 3]
         ]));
+    }
+
+    #[test]
+    fn sides_and_normals_are_exact_at_every_size() {
+        for s in [1e-44_f32, 1.0, 1e38] {
+            let flat = [[0.0; 3], [s, 0.0, 0.0], [0.0, s, 0.0]];
+            assert_eq!(normal_signs(&flat), [0, 0, 1]);
+            for (z, side) in [(s, 1), (-s, -1), (0.0, 0), (f32::from_bits(1), 1)] {
+                assert_eq!(side_of(&flat, [s, s, z]), side, "{s} {z}");
+            }
+            assert_eq!(normal_signs(&[flat[0], flat[2], flat[1]]), [0, 0, -1]);
+            let tilted = [[s, 0.0, 0.0], [0.0, s, 0.0], [0.0, 0.0, s]];
+            assert_eq!(normal_signs(&tilted), [1, 1, 1]);
+        }
     }
 
     #[test]

@@ -44,6 +44,11 @@ impl Few {
         Self { indices, asked }
     }
 
+    /// The number of a lane's ray.
+    pub(super) fn index(&self, lane: usize) -> usize {
+        self.indices[lane]
+    }
+
     /// One a lane.
     #[inline(always)]
     pub(super) fn rays(&self, of: Rays<'_>) -> [Ray; MOST_RAYS] {

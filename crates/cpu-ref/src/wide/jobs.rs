@@ -12,12 +12,32 @@ use crate::shadow::Light;
 use crate::simd::{Isa, Lanes, each};
 use crate::trace::Answer;
 use crate::traverse::Stack;
+use crate::watertight::Watertight;
 use backend::Rays;
 use geom::Hit;
 
 /// One question for every ray. Whatever is generic here must be `#[inline(always)]`.
 pub(super) trait Job: Sync {
     type Answer: Answer;
+
+    /// The rays, and what they are traced through.
+    fn tracer(&self) -> &WideTracer<'_>;
+
+    /// The answer for one ray by itself.
+    fn one(&self, index: usize, stack: &mut Stack) -> Self::Answer;
+
+    /// The answers for a few rays of a list, some of which are extreme.
+    #[cold]
+    #[inline(never)]
+    fn singly(&self, few: &Few, stack: &mut Stack) -> [Self::Answer; MOST_RAYS] {
+        let mut answers = [self.one(few.index(0), stack); MOST_RAYS];
+        for (lane, answer) in answers.iter_mut().enumerate().skip(1) {
+            if few.asked >> lane & 1 == 1 {
+                *answer = self.one(few.index(lane), stack);
+            }
+        }
+        answers
+    }
 
     /// The answers for a few rays of a list.
     fn few<I: Isa>(&self, few: &Few, stack: &mut Stack) -> [Self::Answer; MOST_RAYS];
@@ -37,6 +57,14 @@ pub(super) struct Closest<'a>(pub(super) WideTracer<'a>);
 impl Job for Closest<'_> {
     type Answer = Hit;
 
+    fn tracer(&self) -> &WideTracer<'_> {
+        &self.0
+    }
+
+    fn one(&self, index: usize, stack: &mut Stack) -> Hit {
+        self.0.singly().closest_at::<Watertight>(index, stack)
+    }
+
     #[inline(always)]
     fn few<I: Isa>(&self, few: &Few, stack: &mut Stack) -> [Hit; MOST_RAYS] {
         self.0.closest_each::<I>(few, stack).hits
@@ -53,6 +81,14 @@ pub(super) struct Any<'a>(pub(super) WideTracer<'a>);
 
 impl Job for Any<'_> {
     type Answer = u8;
+
+    fn tracer(&self) -> &WideTracer<'_> {
+        &self.0
+    }
+
+    fn one(&self, index: usize, stack: &mut Stack) -> u8 {
+        self.0.singly().any_at::<Watertight>(index, stack)
+    }
 
     #[inline(always)]
     fn few<I: Isa>(&self, few: &Few, stack: &mut Stack) -> [u8; MOST_RAYS] {
@@ -84,6 +120,17 @@ pub(super) struct ClosestAndShadow<'a> {
 
 impl Job for ClosestAndShadow<'_> {
     type Answer = (Hit, u8);
+
+    fn tracer(&self) -> &WideTracer<'_> {
+        &self.tracer
+    }
+
+    fn one(&self, index: usize, stack: &mut Stack) -> (Hit, u8) {
+        let singly = self.tracer.singly();
+        let hit = singly.closest_at::<Watertight>(index, stack);
+        let blocked = singly.blocked_at::<Watertight>((index, &hit), &self.light, stack);
+        (hit, blocked)
+    }
 
     #[inline(always)]
     fn few<I: Isa>(&self, few: &Few, stack: &mut Stack) -> [(Hit, u8); MOST_RAYS] {

@@ -9,10 +9,11 @@ use crate::preprocess::Geometry;
 use crate::shadow::Light;
 use crate::simd::{Isa, Lanes, Work};
 use crate::tiles::{Sink, Tiles, fill_list, fill_picture};
-use crate::trace::{Answer, Counts};
+use crate::trace::{Answer, Counts, Tracer, ray};
 use crate::traverse::Stack;
 use backend::Rays;
 use geom::{Hit, Point};
+use std::sync::atomic::AtomicU64;
 
 /// Rays, and what they are traced through.
 #[derive(Clone, Copy)]
@@ -20,9 +21,21 @@ pub(crate) struct WideTracer<'a> {
     pub(crate) rays: Rays<'a>,
     pub(crate) tree: &'a Wide,
     pub(crate) geometry: Geometry<'a>,
+    /// Counts rays that exact arithmetic settled.
+    pub(crate) settled: &'a AtomicU64,
 }
 
-impl WideTracer<'_> {
+impl<'a> WideTracer<'a> {
+    /// The same rays, each by itself.
+    pub(super) fn singly(self) -> Tracer<'a, &'a Wide> {
+        Tracer {
+            rays: self.rays,
+            tree: self.tree,
+            geometry: self.geometry,
+            settled: self.settled,
+        }
+    }
+
     /// Closest hits, in the rays' order.
     pub(crate) fn closest(self, out: &mut [Hit]) -> Counts {
         self.fill(out, &Closest(self))
@@ -35,12 +48,19 @@ impl WideTracer<'_> {
 
     /// Closest hits, and 1 for each that the light does not reach.
     pub(crate) fn closest_and_shadow(self, light: Point, out: (&mut [Hit], &mut [u8])) -> Counts {
-        let light = Light::new(light, self.geometry.scale, &self.tree.root);
+        let light = Light::new(light, &self.geometry, &self.tree.root);
         let job = ClosestAndShadow {
             tracer: self,
             light,
         };
         self.fill(out, &job)
+    }
+
+    /// Whether any of some neighbours in a list is extreme.
+    #[inline(always)]
+    fn has_extreme(&self, first: usize, count: usize) -> bool {
+        let rays = first..first + count;
+        rays.into_iter().any(|i| self.geometry.is_extreme(&ray(self.rays, i)))
     }
 
     fn fill<O, J>(&self, out: O, job: &J) -> Counts
@@ -76,7 +96,10 @@ impl<J: Job, O: Sink<Entry = J::Answer>> Work for ListTask<'_, O, J> {
         for begin in (0..self.out.size()).step_by(lanes) {
             let count = lanes.min(self.out.size() - begin);
             let few = Few::row(self.first + begin, count);
-            let answers = self.job.few::<I>(&few, &mut stack);
+            let answers = match self.job.tracer().has_extreme(self.first + begin, count) {
+                true => self.job.singly(&few, &mut stack),
+                false => self.job.few::<I>(&few, &mut stack),
+            };
             for (lane, answer) in answers.iter().enumerate().take(count) {
                 sum = sum + answer.counts();
                 self.out.set(begin + lane, *answer);

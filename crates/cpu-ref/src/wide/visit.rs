@@ -7,17 +7,13 @@ use super::walk::{NodeRay, Visitor, walk};
 use crate::ray::PreparedRay;
 use crate::simd::{Isa, Lanes, Work};
 use crate::slab::Reach;
-use crate::traverse::{Leaf, Stack, Tree};
+use crate::traverse::{Below, Leaf, Stack, Tree};
 use crate::triangle_test::{Record, TriangleTest};
 use geom::{Aabb, Hit};
 
 impl Tree for &Wide {
     fn root(&self) -> Aabb {
         self.root
-    }
-
-    fn places(&self) -> usize {
-        self.blocks.len() * LANES
     }
 
     #[inline]
@@ -31,6 +27,25 @@ impl Tree for &Wide {
         match self.records.get(place) {
             Some(record) => *record,
             None => T::record(&self.blocks[place / LANES].triangle(place % LANES)),
+        }
+    }
+
+    fn children(&self, node: u32, mut each: impl FnMut(&Aabb, Below)) {
+        let node = &self.nodes[node as usize];
+        for (lane, link) in node.links.into_iter().enumerate() {
+            let below = match link.is_block() {
+                true => Below::Places {
+                    first: link.index() * LANES,
+                    count: LANES,
+                },
+                false => Below::Node(link.index() as u32),
+            };
+            let corner = |side: usize| node.planes.map(|p| p[lane + side * LANES]);
+            let bounds = Aabb {
+                min: corner(0),
+                max: corner(1),
+            };
+            each(&bounds, below);
         }
     }
 

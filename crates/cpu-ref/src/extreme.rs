@@ -1,0 +1,217 @@
+//! Rays and moments beyond what rounded tests can tell (`ARCHITECTURE.md`, "Extreme rays"): exact arithmetic decides.
+//!
+//! Boxes are tested in double precision, whose range holds every product that is needed here.
+
+use crate::preprocess::Geometry;
+use crate::search::Asked;
+use crate::traverse::{Below, Tree};
+use exact::{Crossing, Line};
+use geom::{Aabb, Hit, Point, Ray, Triangle, is_active, is_degenerate, normal_signs, side_of};
+use std::cmp::Ordering;
+use std::sync::atomic::Ordering::Relaxed;
+
+/// What counts as a hit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Rule {
+    /// Triangles are closed, and the exact `t` counts: `exact`.
+    Closed,
+    /// The ray is moved by an infinitely small way, and `t` as rounded counts: `watertight`.
+    Moved,
+}
+
+/// The least `t`, then the least index; `t` and weights rounded once, `t` within the ray's limits.
+#[cold]
+#[inline(never)]
+pub(crate) fn closest<N: Tree>(asked: &Asked<'_, N>, rule: Rule) -> Option<Hit> {
+    let line = line(asked)?;
+    let mut best: Option<(Crossing, u32)> = None;
+    let mut bound = f64::from(asked.ray.t_max);
+    Beam::of(asked).visit(asked.tree, &mut bound, |triangle, bound| {
+        let Some(crossing) = rule.meet(&asked.geometry, &line, triangle) else {
+            return false;
+        };
+        let is_first = best.as_ref().is_none_or(|(first, index)| {
+            rule.order(&crossing, first).then(triangle.cmp(index)).is_lt()
+        });
+        if is_first {
+            *bound = bound.min(f64::from(crossing.t().next_up()));
+            best = Some((crossing, triangle));
+        }
+        false
+    });
+    let (crossing, triangle) = best?;
+    let [u, v] = line.weights(&asked.geometry.corners(triangle));
+    let t = asked.ray.nearest_within(crossing.t());
+    Some(Hit { t, u, v, triangle })
+}
+
+impl Rule {
+    fn meet(self, geometry: &Geometry<'_>, line: &Line, triangle: u32) -> Option<Crossing> {
+        let corners = geometry.corners(triangle);
+        if !is_active(&corners) || is_degenerate(&corners) {
+            return None;
+        }
+        match self {
+            Self::Closed => line.meet(&corners),
+            Self::Moved => {
+                let within = |t: f32| line.ray.t_min < t && t < line.ray.t_max;
+                line.meet_moved(&corners).filter(|c| within(c.t()))
+            }
+        }
+    }
+
+    fn order(self, a: &Crossing, b: &Crossing) -> Ordering {
+        match self {
+            Self::Closed => a.order(b),
+            Self::Moved => a.t().total_cmp(&b.t()),
+        }
+    }
+}
+
+/// Whether the ray meets any triangle but `skipped`.
+#[cold]
+#[inline(never)]
+pub(crate) fn any<N: Tree>(asked: &Asked<'_, N>, rule: Rule, skipped: Option<u32>) -> bool {
+    let Some(line) = line(asked) else {
+        return false;
+    };
+    let mut bound = f64::from(asked.ray.t_max);
+    Beam::of(asked).visit(asked.tree, &mut bound, |triangle, _| {
+        Some(triangle) != skipped && rule.meet(&asked.geometry, &line, triangle).is_some()
+    })
+}
+
+fn line<N: Tree>(asked: &Asked<'_, N>) -> Option<Line> {
+    asked.settled.fetch_add(1, Relaxed);
+    let ray = asked.ray;
+    ray.is_valid().then_some(Line { ray, shift: 0 })
+}
+
+/// A ray in double precision, and the unit of the tree's boxes.
+struct Beam {
+    ray: Ray,
+    /// Boxes are in units of this.
+    unit: f64,
+}
+
+impl Beam {
+    fn of<N: Tree>(asked: &Asked<'_, N>) -> Self {
+        Self {
+            ray: asked.ray,
+            unit: f64::from(asked.geometry.scale.k()).exp2(),
+        }
+    }
+
+    /// Shows every triangle in whose box the ray is before `bound`, nearer boxes first, until `see` says that it is enough.
+    fn visit<N: Tree>(
+        &self,
+        tree: N,
+        bound: &mut f64,
+        mut see: impl FnMut(u32, &mut f64) -> bool,
+    ) -> bool {
+        let mut stack = vec![(f64::NEG_INFINITY, Below::ROOT)];
+        while let Some((entry, below)) = stack.pop() {
+            if entry > *bound {
+                continue;
+            }
+            match below {
+                Below::Node(node) => {
+                    let first = stack.len();
+                    tree.children(node, |bounds, child| {
+                        let entry = self.entry(bounds, *bound);
+                        stack.extend(entry.map(|entry| (entry, child)));
+                    });
+                    stack[first..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+                }
+                Below::Places { first, count } => {
+                    let triangles = (first..first + count).filter_map(|p| tree.triangle(p));
+                    for triangle in triangles {
+                        if see(triangle, bound) {
+                            return true;
+                        }
+                    }
+                }
+            }
+        }
+        false
+    }
+
+    /// A `t` that is at most that of any point of the box on the ray, within its limits; `None` if there is none.
+    ///
+    /// A quotient of a difference rounds twice, by less than `4 * 2^-53` of itself.
+    fn entry(&self, bounds: &Aabb, bound: f64) -> Option<f64> {
+        if bounds.is_empty() {
+            return None;
+        }
+        let (mut low, mut high) = (f64::from(self.ray.t_min), bound);
+        for axis in 0..3 {
+            let (o, d) = (f64::from(self.ray.origin[axis]), f64::from(self.ray.direction[axis]));
+            // A plane at zero may stand for a coordinate that counts as zero: see `Scale`.
+            let plane = |x: f32, outward: f64| match x == 0.0 {
+                true => outward * (-64.0_f64).exp2() * self.unit,
+                false => f64::from(x) * self.unit,
+            };
+            let planes = [plane(bounds.min[axis], -1.0), plane(bounds.max[axis], 1.0)];
+            if d == 0.0 {
+                if o < planes[0] || o > planes[1] {
+                    return None;
+                }
+                continue;
+            }
+            let [p, q] = planes.map(|x: f64| (x - o) / d);
+            let (near, far) = if d > 0.0 { (p, q) } else { (q, p) };
+            low = low.max(near - 2.0 * f64::EPSILON * near.abs());
+            high = high.min(far + 2.0 * f64::EPSILON * far.abs());
+        }
+        (low <= high).then_some(low)
+    }
+}
+
+/// The ray from beside a hit of `ray` to a light, over `t` in `(0, 2)`, in the scene's units.
+///
+/// The hit's point is found along the ray or within the triangle, whichever rounds less, and moved to the light's
+/// side of the triangle by more than that. The direction is half the way, which cannot overflow.
+pub(crate) fn shadow_ray(ray: &Ray, hit: &Hit, corners: &Triangle, light: Point) -> Ray {
+    let (point, error) = hit_point(ray, hit, corners);
+    let side = match side_of(corners, light) {
+        0 => side_of(corners, ray.origin),
+        side => side,
+    };
+    // 2^-147, four times the least number.
+    let delta = error.max(f32::from_bits(4));
+    let signs = normal_signs(corners);
+    let origin: Point =
+        std::array::from_fn(|i| saturated(point[i] + (side * signs[i]) as f32 * delta));
+    Ray {
+        t_max: 2.0,
+        ..Ray::new(
+            origin,
+            std::array::from_fn(|i| 0.5 * light[i] - 0.5 * origin[i]),
+        )
+    }
+}
+
+/// Where a ray hits, and by how much each coordinate may be off.
+fn hit_point(ray: &Ray, hit: &Hit, corners: &Triangle) -> (Point, f32) {
+    const UNIT: f32 = 1.0 / 16_777_216.0;
+    let way: Point = std::array::from_fn(|i| saturated(hit.t * ray.direction[i]));
+    let along = largest(&[ray.origin, way]);
+    let within = largest(corners);
+    if saturated(4.0 * within) > along {
+        let point: Point = std::array::from_fn(|i| saturated(ray.origin[i] + way[i]));
+        return (point, 4.0 * UNIT * along.max(largest(&[point])));
+    }
+    let [a, b, c] = corners;
+    let point = std::array::from_fn(|i| a[i] + (hit.u * (b[i] - a[i]) + hit.v * (c[i] - a[i])));
+    (point, 12.0 * UNIT * within)
+}
+
+fn largest(points: &[Point]) -> f32 {
+    let sizes = points.iter().flatten().map(|x| x.abs());
+    sizes.fold(0.0, f32::max)
+}
+
+/// The largest finite number in place of an infinite one.
+fn saturated(x: f32) -> f32 {
+    x.clamp(-f32::MAX, f32::MAX)
+}

@@ -1,0 +1,228 @@
+//! How far coordinates reach, and which moments that takes beyond what rounded tests of rays can tell.
+
+use crate::{Animation, Point, Pose};
+
+/// Vertices of a key frame from which its typical size is found, at most.
+const SAMPLES: usize = 4096;
+/// A key frame is extreme if its farthest coordinate is so many times its typical size.
+const OUTLYING: f32 = 65_536.0;
+/// Shadow rays are offset by the extent of the scene, but at most by so many times its typical size.
+const CLEARANCE: f32 = 256.0;
+/// Scaled coordinates of a key frame that is not extreme are at most this, `2^31`.
+const MOST: f32 = 2_147_483_648.0;
+/// A triangle is tiny if no scaled coordinate of it reaches this, `2^-32`.
+const TINY: f32 = 1.0 / 4_294_967_296.0;
+
+/// The coordinates of one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Whether they lie so far apart that `watertight` and `exact` answer every ray in exact arithmetic.
+    pub extreme: bool,
+    /// Whether there are triangles so near the origin that rays from there must be answered so.
+    pub tiny: bool,
+    /// The largest extent of the scene that offsets of shadow rays take into account, in the scene's units.
+    pub clearance: f32,
+}
+
+impl Range {
+    /// Coordinates of which nothing special is known.
+    pub const ORDINARY: Self = Self {
+        extreme: false,
+        tiny: false,
+        clearance: f32::INFINITY,
+    };
+
+    /// Whether a ray from `origin`, in scaled units, is answered in exact arithmetic.
+    #[must_use]
+    #[inline]
+    pub fn is_extreme(&self, origin: Point) -> bool {
+        let farthest = size(origin);
+        // Written so that a NaN is extreme.
+        self.extreme || !(farthest < FAR) || (self.tiny && farthest < NEAR)
+    }
+
+    fn with(self, other: Self) -> Self {
+        Self {
+            extreme: self.extreme || other.extreme,
+            tiny: self.tiny || other.tiny,
+            clearance: self.clearance.max(other.clearance),
+        }
+    }
+}
+
+/// Rays from here on, `2^40` scaled units, are extreme.
+const FAR: f32 = 1_099_511_627_776.0;
+/// Rays from nearer to the origin than this, `2^-24` scaled units, are extreme where there are tiny triangles.
+const NEAR: f32 = 1.0 / 16_777_216.0;
+
+/// The scale of a scene, and the ranges of its key frames.
+#[derive(Clone, Debug)]
+pub(crate) struct Ranges {
+    /// See [`Animation::scale_exponent`].
+    pub(crate) scale_exponent: i32,
+    keys: Vec<Range>,
+}
+
+impl Ranges {
+    /// Looks at every key frame.
+    pub(crate) fn of(animation: &Animation) -> Self {
+        let sizes: Vec<Sizes> = animation.keys().iter().map(|key| Sizes::of(key)).collect();
+        let largest = sizes.iter().fold(0.0_f32, |m, s| m.max(s.largest));
+        // Where some moment is extreme anyway, the others keep the units that they were given in.
+        let scale_exponent = match sizes.iter().any(Sizes::is_outlying) {
+            true => 0,
+            false => exponent_for(largest),
+        };
+        let range = |(key, sizes): (&Vec<Point>, &Sizes)| Range {
+            extreme: sizes.is_outlying() || sizes.largest > scaled(MOST, scale_exponent),
+            tiny: has_tiny(key, animation.triangles(), scaled(TINY, scale_exponent)),
+            clearance: sizes.typical * CLEARANCE,
+        };
+        Self {
+            scale_exponent,
+            keys: animation.keys().iter().zip(&sizes).map(range).collect(),
+        }
+    }
+
+    pub(crate) fn at(&self, pose: Pose) -> Range {
+        let key = pose.key as usize;
+        match self.keys.get(key + 1) {
+            Some(&next) if pose.alpha != 0.0 => self.keys[key].with(next),
+            _ => self.keys[key],
+        }
+    }
+}
+
+/// Sizes of a key frame's finite coordinates.
+struct Sizes {
+    largest: f32,
+    /// The lower quartile of the largest coordinates of vertices.
+    typical: f32,
+}
+
+impl Sizes {
+    fn of(key: &[Point]) -> Self {
+        let finite = key.iter().flatten().filter(|x| x.is_finite());
+        let largest = finite.fold(0.0_f32, |m, x| m.max(x.abs()));
+        let step = key.len().div_ceil(SAMPLES).max(1);
+        let sizes = key.iter().step_by(step).map(|&p| size(p));
+        let mut sizes: Vec<f32> = sizes.filter(|x| x.is_finite() && *x > 0.0).collect();
+        let quartile = sizes.len() / 4;
+        let typical = match sizes.is_empty() {
+            true => largest,
+            false => *sizes.select_nth_unstable_by(quartile, f32::total_cmp).1,
+        };
+        Self { largest, typical }
+    }
+
+    fn is_outlying(&self) -> bool {
+        self.largest > self.typical * OUTLYING
+    }
+}
+
+/// 0 if the largest coordinate lies within `[2^-10, 2^30]`, else its exponent, within `-126..=126`.
+fn exponent_for(largest: f32) -> i32 {
+    if largest == 0.0 || (2.0_f32.powi(-10)..=2.0_f32.powi(30)).contains(&largest) {
+        return 0;
+    }
+    // The exponent field of a double holds every f32's exponent, subnormal ones included.
+    let exponent = (f64::from(largest).to_bits() >> 52) as i32 - 1023;
+    exponent.clamp(-126, 126)
+}
+
+/// A size in scaled units in the scene's.
+fn scaled(size: f32, exponent: i32) -> f32 {
+    (f64::from(size) * f64::from(exponent).exp2()) as f32
+}
+
+/// The largest `|coordinate|`; a NaN if one is.
+fn size(p: Point) -> f32 {
+    let [x, y, z] = p.map(f32::abs);
+    if p.iter().any(|x| x.is_nan()) {
+        return f32::NAN;
+    }
+    x.max(y).max(z)
+}
+
+/// Whether a triangle that is not a point lies nearer to the origin than `least`.
+fn has_tiny(key: &[Point], triangles: &[[u32; 3]], least: f32) -> bool {
+    let near = |&p: &Point| size(p) < least;
+    if key.iter().filter(|p| near(p)).take(3).count() < 3 {
+        return false;
+    }
+    triangles.iter().any(|t| {
+        let corners = t.map(|v| key[v as usize]);
+        corners.iter().all(near) && (corners[0] != corners[1] || corners[0] != corners[2])
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cloud of unit size in which one vertex lies at `far`.
+    fn cloud(far: f32) -> Vec<Point> {
+        let mut points: Vec<Point> = (1..=20).map(|i| [i as f32 * 0.1, 0.3, -0.2]).collect();
+        points[7] = [far, 0.0, 0.0];
+        points
+    }
+
+    fn range(keys: &[Vec<Point>], time: f64) -> (i32, Range) {
+        let animation = Animation::new(keys.to_vec(), vec![[0, 1, 2], [6, 7, 8]]).unwrap();
+        let range = animation.range(animation.pose(time));
+        (animation.scale_exponent(), range)
+    }
+
+    #[test]
+    fn one_far_vertex_makes_its_moments_extreme_and_no_other() {
+        for far in [1e6, 1e12, 1e19, f32::MAX] {
+            let keys = [cloud(0.7), cloud(0.7), cloud(far)];
+            for (time, extreme) in [(0.0, false), (1.0, false), (1.25, true), (2.0, true)] {
+                let (k, range) = range(&keys, time);
+                assert_eq!((k, range.extreme), (0, extreme), "{far} at {time}");
+            }
+        }
+        assert!(!range(&[cloud(1e4)], 0.0).1.extreme);
+    }
+
+    #[test]
+    fn scenes_of_one_size_are_ordinary_at_any_size() {
+        for e in [-120, -60, -3, 0, 20, 40, 100] {
+            let by = 2.0_f32.powi(e);
+            let key: Vec<Point> = cloud(0.5).iter().map(|p| p.map(|x| x * by)).collect();
+            let (_, range) = range(&[key], 0.0);
+            assert_eq!((range.extreme, range.tiny), (false, false), "2^{e}");
+        }
+    }
+
+    #[test]
+    fn tiny_triangles_make_rays_beside_them_extreme() {
+        let mut key = cloud(0.7);
+        for (i, x) in [1e-12, 2e-12, 3e-20].into_iter().enumerate() {
+            key[i] = [x, 0.0, 0.0];
+        }
+        let (_, range) = range(&[key], 0.0);
+        assert!(range.tiny && !range.extreme);
+        assert!(range.is_extreme([1e-9, 0.0, 0.0]) && !range.is_extreme([1e-3, 0.0, 0.0]));
+    }
+
+    #[test]
+    fn rays_from_far_away_are_extreme_in_any_scene() {
+        let range = Range::ORDINARY;
+        assert!(!range.is_extreme([0.0, -1e12, 0.0]) && !range.is_extreme([0.0; 3]));
+        for x in [1.2e12, f32::INFINITY, f32::NAN] {
+            assert!(range.is_extreme([0.0, -x, 1.0]), "{x}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_finite_or_zero_says_nothing_of_the_typical_size() {
+        let mut key = cloud(2.0);
+        key[3] = [f32::NAN, 1e30, 0.0];
+        key[4] = [f32::INFINITY; 3];
+        key[5] = [0.0; 3];
+        let sizes = Sizes::of(&key);
+        assert!(sizes.typical > 0.2 && sizes.typical < 1.0, "{}", sizes.typical);
+        assert_eq!(Sizes::of(&[[0.0; 3]]).typical, 0.0);
+    }
+}
