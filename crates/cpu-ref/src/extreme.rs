@@ -31,7 +31,9 @@ pub(crate) fn closest<N: Tree>(asked: &Asked<'_, N>, rule: Rule) -> Option<Hit> 
             return false;
         };
         let is_first = best.as_ref().is_none_or(|(first, index)| {
-            rule.order(&crossing, first).then(triangle.cmp(index)).is_lt()
+            rule.order(&crossing, first)
+                .then(triangle.cmp(index))
+                .is_lt()
         });
         if is_first {
             *bound = bound.min(f64::from(crossing.t().next_up()));
@@ -145,7 +147,10 @@ impl Beam {
         }
         let (mut low, mut high) = (f64::from(self.ray.t_min), bound);
         for axis in 0..3 {
-            let (o, d) = (f64::from(self.ray.origin[axis]), f64::from(self.ray.direction[axis]));
+            let (o, d) = (
+                f64::from(self.ray.origin[axis]),
+                f64::from(self.ray.direction[axis]),
+            );
             // A plane at zero may stand for a coordinate that counts as zero: see `Scale`.
             let plane = |x: f32, outward: f64| match x == 0.0 {
                 true => outward * (-64.0_f64).exp2() * self.unit,

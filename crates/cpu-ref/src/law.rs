@@ -56,7 +56,9 @@ impl World {
         Self {
             scale: geometry.scale,
             range: geometry.range,
-            given: (0..geometry.triangles.len() as u32).map(|i| geometry.corners(i)).collect(),
+            given: (0..geometry.triangles.len() as u32)
+                .map(|i| geometry.corners(i))
+                .collect(),
             root: boxes.fold(Aabb::EMPTY, Aabb::union),
             triangles,
         }
@@ -162,14 +164,26 @@ impl World {
         if !ray.is_valid() {
             return Hit::MISS;
         }
-        assert_eq!(rule, Rule::Moved, "exact arithmetic has an oracle of its own");
-        let line = Line { ray: *ray, shift: 0 };
+        assert_eq!(
+            rule,
+            Rule::Moved,
+            "exact arithmetic has an oracle of its own"
+        );
+        let line = Line {
+            ray: *ray,
+            shift: 0,
+        };
         let others = self.triangles.iter().filter(|(i, _)| Some(*i) != but);
         let hits = others.filter_map(|(triangle, _)| {
             let corners = &self.given[*triangle as usize];
             let t = line.meet_moved(corners)?.t() + 0.0;
             let [u, v] = line.weights(corners);
-            let hit = Hit { t, u, v, triangle: *triangle };
+            let hit = Hit {
+                t,
+                u,
+                v,
+                triangle: *triangle,
+            };
             (ray.t_min < t && t < ray.t_max).then_some(hit)
         });
         let best = hits.reduce(|a, b| if b.is_before(&a) { b } else { a });

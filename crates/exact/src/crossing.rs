@@ -256,7 +256,16 @@ mod tests {
     #[test]
     fn a_moved_line_passes_once_through_what_triangles_share() {
         // Eight triangles round the middle of a square, each seen from a ray along the grid and from tilted ones.
-        let ring = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
+        let ring = [
+            (1, 0),
+            (1, 1),
+            (0, 1),
+            (-1, 1),
+            (-1, 0),
+            (-1, -1),
+            (0, -1),
+            (1, -1),
+        ];
         let at = |i: usize| -> Point {
             let (x, y) = ring[i % 8];
             [x as f32, y as f32, 0.5 * (x * y) as f32]
@@ -267,7 +276,10 @@ mod tests {
             for direction in [[0.0, 0.0, -1.0], [0.25, 0.0, -1.0], [-0.5, 0.25, -2.0]] {
                 let height = 0.5 * x * y;
                 let origin = [x - direction[0], y - direction[1], height - direction[2]];
-                let line = Line { ray: Ray::new(origin, direction), shift: 0 };
+                let line = Line {
+                    ray: Ray::new(origin, direction),
+                    shift: 0,
+                };
                 let moved = fan.iter().filter(|t| line.meet_moved(t).is_some()).count();
                 assert_eq!(moved, 1, "{x} {y} {direction:?}");
                 closed += fan.iter().filter(|t| line.meet(t).is_some()).count();

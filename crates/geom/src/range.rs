@@ -222,7 +222,11 @@ mod tests {
         key[4] = [f32::INFINITY; 3];
         key[5] = [0.0; 3];
         let sizes = Sizes::of(&key);
-        assert!(sizes.typical > 0.2 && sizes.typical < 1.0, "{}", sizes.typical);
+        assert!(
+            sizes.typical > 0.2 && sizes.typical < 1.0,
+            "{}",
+            sizes.typical
+        );
         assert_eq!(Sizes::of(&[[0.0; 3]]).typical, 0.0);
     }
 }

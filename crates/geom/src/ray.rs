@@ -47,7 +47,11 @@ impl Ray {
     #[inline]
     pub fn nearest_within(&self, t: f32) -> f32 {
         let (least, most) = (self.t_min.next_up(), self.t_max.next_down());
-        let within = if least > most { t } else { t.max(least).min(most) };
+        let within = if least > most {
+            t
+        } else {
+            t.max(least).min(most)
+        };
         within + 0.0
     }
 }
@@ -60,7 +64,12 @@ mod tests {
     fn distances_are_brought_within_open_limits() {
         let within = |t_min, t_max, t| {
             let ray = Ray::new([0.0; 3], [1.0; 3]);
-            Ray { t_min, t_max, ..ray }.nearest_within(t)
+            Ray {
+                t_min,
+                t_max,
+                ..ray
+            }
+            .nearest_within(t)
         };
         assert_eq!(within(0.0, f32::INFINITY, 0.0), f32::from_bits(1));
         assert_eq!(within(0.0, f32::INFINITY, f32::INFINITY), f32::MAX);

@@ -50,6 +50,28 @@ pub(crate) fn separate(triangles: &[Triangle]) -> Mesh {
     (triangles.concat(), corners.collect())
 }
 
+/// A point moved between a thousand and `3e38` away, along one axis or all of them.
+pub(crate) fn outlying(p: Point, rng: &mut Rng) -> Point {
+    let by = power([3.0, 38.5], rng);
+    let axis = rng.usize(..4);
+    std::array::from_fn(|i| match axis == 3 || axis == i {
+        true => f64::from(p[i]).mul_add(0.1, by * [1.0, -1.0][rng.usize(..2)]) as f32,
+        false => p[i],
+    })
+}
+
+/// The last triangle brought far away whole, by one vertex, or to a size between `1e-3` and `1e-38` about the origin.
+pub(crate) fn with_outlier(triangles: &[Triangle], rng: &mut Rng) -> Vec<Triangle> {
+    let mut all = triangles.to_vec();
+    let last = all.len() - 1;
+    match rng.usize(..3) {
+        0 => all[last] = scaled(&all[last..], power([3.0, 38.4], rng))[0],
+        1 => all[last][rng.usize(..3)] = outlying(all[last][0], rng),
+        _ => all[last] = scaled(&all[last..], power([-38.0, -3.0], rng))[0],
+    }
+    all
+}
+
 /// Every coordinate multiplied, then rounded once.
 pub(crate) fn scaled(triangles: &[Triangle], by: f64) -> Vec<Triangle> {
     let scale = |x: f32| (f64::from(x) * by) as f32;

@@ -60,7 +60,8 @@ impl<'a> WideTracer<'a> {
     #[inline(always)]
     fn has_extreme(&self, first: usize, count: usize) -> bool {
         let rays = first..first + count;
-        rays.into_iter().any(|i| self.geometry.is_extreme(&ray(self.rays, i)))
+        rays.into_iter()
+            .any(|i| self.geometry.is_extreme(&ray(self.rays, i)))
     }
 
     fn fill<O, J>(&self, out: O, job: &J) -> Counts

@@ -4,7 +4,7 @@ use super::mixed;
 use crate::rays::{Aims, Target};
 use crate::scenes::Scene;
 use fastrand::Rng;
-use geom::{Point, Ray};
+use geom::{Point, Ray, Triangle};
 use rayon::prelude::*;
 
 /// Sorts of rays, which take turns.
@@ -16,9 +16,23 @@ const FEW: usize = 4096;
 pub(super) fn rays(scene: &Scene, count: u64, seed: u64) -> Vec<Ray> {
     let pose = scene.animation.pose(scene.time);
     let all = 0..scene.animation.triangle_count() as u32;
-    let aims = Aims::new(all.map(|t| scene.animation.corners(pose, t)).collect());
-    let one = |i: u64| ray(&aims, i, &mut Rng::with_seed(mixed(seed ^ (i + 1))));
+    let corners: Vec<Triangle> = all.map(|t| scene.animation.corners(pose, t)).collect();
+    let near = Aims::new(without_outliers(&corners));
+    let aims = Aims::new(corners);
+    let one = |i: u64| {
+        let rng = &mut Rng::with_seed(mixed(seed ^ (i + 1)));
+        ray([&near, &aims][rng.usize(..4).min(1)], i, rng)
+    };
     (0..count).into_par_iter().map(one).collect()
+}
+
+/// Triangles without those that reach a thousand times as far as most.
+fn without_outliers(all: &[Triangle]) -> Vec<Triangle> {
+    let size = |t: &&Triangle| t.iter().flatten().fold(0.0_f32, |m, x| m.max(x.abs()));
+    let mut sizes: Vec<f32> = all.iter().map(|t| size(&t)).collect();
+    sizes.sort_unstable_by(f32::total_cmp);
+    let most = sizes.get(sizes.len() / 2).map_or(0.0, |x| 1000.0 * x);
+    all.iter().filter(|t| size(t) <= most).copied().collect()
 }
 
 fn ray(aims: &Aims, i: u64, rng: &mut Rng) -> Ray {

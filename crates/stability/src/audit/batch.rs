@@ -1,6 +1,7 @@
 //! A lot with its exact answers, and what backends make of it.
 
 use super::Lot;
+use super::bounds::TBounds;
 use crate::ask::{seek, stand};
 use crate::scenes::Scene;
 use backend::{Backend, Method, Result, Seek};
@@ -45,6 +46,8 @@ pub struct Tally {
     pub settled: u64,
     /// Rays whose triangle or miss is not the exact one's.
     pub wrong: u64,
+    /// Rays whose `t` is not within their limits or off by more than is documented.
+    pub wrong_t: u64,
     /// Rays that hit anything where nothing is, or nothing where something is.
     pub wrong_any: u64,
     /// The first that are wrong in either way.
@@ -114,13 +117,17 @@ impl Batch {
             settled: report.settled,
             ..self.about.clone()
         };
+        let bounds = TBounds::of(&self.scene);
         let found = closest.closest.iter().zip(&any.blocked);
         for (number, (expected, (hit, &any))) in self.exact.iter().zip(found).enumerate() {
             let wrong = hit.triangle != expected.map_or(Hit::MISS.triangle, |e| e.triangle);
             let wrong_any = (any == 1) != expected.is_some();
             tally.wrong += u64::from(wrong);
             tally.wrong_any += u64::from(wrong_any);
-            if (wrong || wrong_any) && tally.first.len() < KEPT {
+            let wrong_t =
+                !wrong && expected.is_some_and(|e| !bounds.allow(&rays[number], &e, hit.t));
+            tally.wrong_t += u64::from(wrong_t);
+            if (wrong || wrong_any || wrong_t) && tally.first.len() < KEPT {
                 tally.first.push(self.wrong(number, *hit, any == 1));
             }
         }
@@ -160,6 +167,7 @@ impl AddAssign for Tally {
         self.settled += other.settled;
         self.wrong += other.wrong;
         self.wrong_any += other.wrong_any;
+        self.wrong_t += other.wrong_t;
         let room = KEPT.saturating_sub(self.first.len());
         self.first.extend(other.first.into_iter().take(room));
     }
@@ -182,12 +190,14 @@ impl fmt::Display for Wrong {
         let found = self.found.is_hit().then_some(self.found.triangle);
         write!(
             f,
-            "ray {} of batch {}, origin {origin:?}, direction {direction:?}, t in ({t_min:?}, {t_max:?}): hits {} (any: {}), exactly {}",
+            "ray {} of batch {}, origin {origin:?}, direction {direction:?}, t in ({t_min:?}, {t_max:?}): hits {} at t = {:?} (any: {}), exactly {} at {:?}",
             self.number,
             self.lot,
             name(found, given),
+            self.found.t,
             self.any,
             name(self.expected.map(|e| e.triangle), exact),
+            self.expected.map_or(f64::INFINITY, |e| e.t),
         )
     }
 }

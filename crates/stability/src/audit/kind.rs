@@ -35,10 +35,14 @@ pub(super) enum Kind {
     NonFinite,
     /// A wrung cloth.
     Cloth,
+    /// Free triangles, one of them far away or far smaller.
+    Outlier,
+    /// A sheet, one vertex of which goes far away.
+    Exploding,
 }
 
 impl Kind {
-    pub(super) const ALL: [Self; 12] = [
+    pub(super) const ALL: [Self; 14] = [
         Self::Soup,
         Self::Moving,
         Self::Closed,
@@ -51,6 +55,8 @@ impl Kind {
         Self::Zeros,
         Self::NonFinite,
         Self::Cloth,
+        Self::Outlier,
+        Self::Exploding,
     ];
 
     pub(super) fn name(self) -> &'static str {
@@ -67,6 +73,8 @@ impl Kind {
             Self::Zeros => "zeros",
             Self::NonFinite => "non-finite",
             Self::Cloth => "cloth",
+            Self::Outlier => "outlier",
+            Self::Exploding => "exploding",
         }
     }
 
@@ -95,7 +103,26 @@ impl Kind {
             Self::Zeros => still(separate(&meshes::zeros(48, rng))),
             Self::NonFinite => broken(&free(64, rng), rng),
             Self::Cloth => moment(cloth, rng),
+            Self::Outlier => still(separate(&meshes::with_outlier(&free(96, rng), rng))),
+            Self::Exploding => exploding(rng),
         }
+    }
+}
+
+/// A sheet at rest, on its way, or gone far.
+fn exploding(rng: &mut Rng) -> Scene {
+    let (points, triangles) = meshes::sheet(8, rng);
+    let mut far = points.clone();
+    let vertex = rng.usize(..far.len());
+    far[vertex] = meshes::outlying(far[vertex], rng);
+    let animation = Animation::new(vec![points.clone(), points, far], triangles);
+    let time = [0.0, 1.0, 1.0 + rng.f64(), 2.0][rng.usize(..4)];
+    Scene {
+        built: [0.0, time][rng.usize(..2)],
+        time,
+        animation: Arc::new(animation.expect("the mesh is the same")),
+        rays: Vec::new(),
+        inside: None,
     }
 }
 

@@ -6,6 +6,7 @@
 
 mod aim;
 mod batch;
+mod bounds;
 mod kind;
 mod place;
 #[cfg(test)]

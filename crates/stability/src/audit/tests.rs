@@ -70,7 +70,8 @@ fn a_lot_can_be_made_again_alone_and_other_seeds_make_others() {
 #[test]
 fn rays_meet_ties_edges_and_triangles_that_are_none_and_exact_is_right_about_all() {
     let tally = sum(&audit(40_000), Intersector::Exact);
-    assert_eq!((tally.wrong, tally.wrong_any), (0, 0), "{:?}", tally.first);
+    let wrong = [tally.wrong, tally.wrong_any, tally.wrong_t];
+    assert_eq!(wrong, [0; 3], "{}", tally.first[0]);
     assert_eq!(tally.rays, 40_000);
     let Tally {
         hits, ties, edges, ..
