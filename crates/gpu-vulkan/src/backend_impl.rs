@@ -13,7 +13,7 @@ use backend::{
     Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
-use geom::{Animation, Pose};
+use geom::{Animation, Pose, Ray};
 use shaders::Kernel;
 use shaders::work::{self, Progress};
 use std::sync::Arc;
@@ -121,9 +121,10 @@ impl Backend for VulkanBackend {
         assert!(fresh, "a stale tree must not be traced");
         assert!(self.traces.pending.is_none(), "one trace a submission");
         let has_tree = self.tree().shape.leaf_count > 0;
-        let trace = self
-            .traces
-            .make(&self.gpu, &query, self.method.intersector, has_tree)?;
+        let how = (self.method.intersector, has_tree);
+        let (range, exponent) = self.reach();
+        let is_extreme = |ray: &Ray| shaders::is_extreme(ray.origin, range, exponent);
+        let trace = self.traces.make(&self.gpu, &query, how, is_extreme)?;
         self.trace_stages(&query, &trace)?;
         self.traces.pending = Some(trace);
         Ok(())

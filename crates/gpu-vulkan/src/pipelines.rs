@@ -55,8 +55,12 @@ impl Pipelines {
     }
 
     /// Makes what this work needs and is not there yet.
-    pub(crate) fn prepare_work(&mut self, gpu: &Arc<Gpu>, work: &[Work]) -> Result<()> {
-        for kernel in work.iter().map(|w| w.kernel) {
+    pub(crate) fn prepare_work<'a>(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        work: impl IntoIterator<Item = &'a Work>,
+    ) -> Result<()> {
+        for kernel in work.into_iter().map(|w| w.kernel) {
             if self.find(kernel).is_none() {
                 self.make(gpu, |k| k.name == kernel.name)?;
             }
@@ -87,7 +91,7 @@ impl Pipelines {
 
 /// Whether a kernel is made with the method that it serves.
 fn is_usual(kernel: &Kernel) -> bool {
-    !kernel.makes_trees() && !kernel.makes_rasters()
+    !kernel.makes_trees() && !kernel.makes_rasters() && !kernel.answers_extremes()
 }
 
 impl From<Vec<Pipeline>> for Pipelines {

@@ -4,17 +4,25 @@ use crate::VulkanBackend;
 use crate::clock::Stage;
 use crate::traces::{Trace, are_given};
 use backend::{Query, Rays, Result};
+use geom::Range;
 use shaders::Params;
 use shaders::work::{self, Work};
 
 impl VulkanBackend {
     /// What all dispatches share.
     pub(crate) fn params(&self) -> Params {
+        let (range, exponent) = self.reach();
         Params {
             alpha: self.pose.alpha,
             bounded_loops: u32::from(self.device.loop_turns.is_some()),
-            ..Params::of(self.scene().scale_exponent, &self.tree().shape)
+            ..Params::of(exponent, &self.tree().shape).within(range)
         }
+    }
+
+    /// How far the moment's coordinates reach, and the exponent of the scene's scale.
+    pub(crate) fn reach(&self) -> (Range, i32) {
+        let scene = self.scene();
+        (scene.animation.range(self.pose), scene.scale_exponent)
     }
 
     /// Records a stage; buffers are found by their names in the kernels.
@@ -49,13 +57,17 @@ impl VulkanBackend {
         let count = trace.count as u32;
         let rays = match query.rays {
             Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
-            _ => work::Rays::Given(count),
+            _ => work::Rays::Given(count, trace.extremes),
         };
         let has_tree = self.tree().shape.leaf_count > 0;
         let mut traits = self.pipelines.traits;
         traits.rasters = self.frames.patience.allow(traits.rasters);
         let tracing = work::trace(self.method, self.params(), rays, query.seek, traits);
-        self.pipelines.prepare_work(&self.gpu, &tracing.primary)?;
+        let all = tracing
+            .primary
+            .iter()
+            .chain(tracing.shadow.iter().flatten());
+        self.pipelines.prepare_work(&self.gpu, all)?;
         let tree = self.tree.as_mut().expect("a scene was loaded");
         tree.grow_picture(&self.gpu, &self.frames, &tracing)?;
         let mut run = |stage, work: Vec<Work>| {

@@ -27,6 +27,8 @@ pub(crate) struct Trace {
     pub(crate) hits: Option<Buffer>,
     pub(crate) blocked: Option<Buffer>,
     pub(crate) rays: Option<Buffer>,
+    /// Whether any of those rays is extreme.
+    pub(crate) extremes: bool,
 }
 
 impl Traces {
@@ -36,8 +38,8 @@ impl Traces {
         &mut self,
         gpu: &Arc<Gpu>,
         query: &Query<'_>,
-        intersector: Intersector,
-        has_tree: bool,
+        (intersector, has_tree): (Intersector, bool),
+        is_extreme: impl Fn(&Ray) -> bool,
     ) -> Result<Trace> {
         let old = match self.kept.len() > FRAMES_IN_FLIGHT {
             true => self.kept.pop_front(),
@@ -51,8 +53,9 @@ impl Traces {
         };
         let given = are_given(query);
         let mut rays = fit("rays", count * 32, given, Place::Upload, rays)?;
+        let mut extremes = false;
         if let Some(rays) = rays.as_mut().filter(|_| given && has_tree) {
-            upload(query.rays, rays);
+            extremes = upload(query.rays, rays, is_extreme);
         }
         let closest = seek != Seek::Any;
         let any = seek != Seek::Closest || intersector == Intersector::Exact;
@@ -65,6 +68,7 @@ impl Traces {
             hits: fit("hits", count * 16, closest, Place::Device, hits)?,
             blocked: fit("shadows", words * 4, any, Place::Device, blocked)?,
             rays,
+            extremes,
         })
     }
 
@@ -91,22 +95,30 @@ pub(crate) fn are_given(query: &Query<'_>) -> bool {
     matches!(query.rays, Rays::List(_)) || query.seek == Seek::Any
 }
 
-fn upload(rays: Rays<'_>, to: &mut Buffer) {
+/// Whether any ray is extreme.
+fn upload(rays: Rays<'_>, to: &mut Buffer, is_extreme: impl Fn(&Ray) -> bool) -> bool {
     match rays {
-        Rays::List(list) => write(to, list.iter().copied()),
-        Rays::Camera(camera) => write(to, camera.rays()),
+        Rays::List(list) => write(to, list.iter().copied(), is_extreme),
+        Rays::Camera(camera) => write(to, camera.rays(), is_extreme),
     }
 }
 
-fn write(to: &mut Buffer, rays: impl Iterator<Item = Ray>) {
+fn write(
+    to: &mut Buffer,
+    rays: impl Iterator<Item = Ray>,
+    is_extreme: impl Fn(&Ray) -> bool,
+) -> bool {
     // A direction of zero marks a ray that hits nothing.
     let void = Ray {
         direction: [0.0; 3],
         ..Ray::new([0.0; 3], [0.0; 3])
     };
+    let mut extremes = false;
     for (row, ray) in to.view_mut::<Ray>().iter_mut().zip(rays) {
         *row = if ray.is_valid() { ray } else { void };
+        extremes |= is_extreme(row);
     }
+    extremes
 }
 
 impl Trace {

@@ -289,7 +289,11 @@ impl Backend for WgpuBackend {
             Rays::Camera(_) => None,
         };
         let seek = (query.seek, self.method.intersector);
-        let trace = self.traces.make(&self.gpu, rays.count(), seek, list)?;
+        let (range, exponent) = self.reach();
+        let is_extreme = |ray: &Ray| shaders::is_extreme(ray.origin, range, exponent);
+        let trace = self
+            .traces
+            .make(&self.gpu, rays.count(), seek, list, is_extreme)?;
         self.trace_stages(&Query { rays, ..query }, &trace)?;
         self.traces.pending = Some(trace);
         Ok(())

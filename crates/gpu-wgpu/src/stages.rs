@@ -4,16 +4,24 @@ use crate::WgpuBackend;
 use crate::queries::Stage;
 use crate::traces::Trace;
 use backend::{Query, Rays, Result};
+use geom::Range;
 use shaders::Params;
 use shaders::work::{self, Work};
 
 impl WgpuBackend {
     pub(crate) fn params(&self) -> Params {
+        let (range, exponent) = self.reach();
         Params {
             alpha: self.pose.alpha,
             bounded_loops: u32::from(self.device.loop_turns.is_some()),
-            ..Params::of(self.scene().scale_exponent, &self.tree().shape)
+            ..Params::of(exponent, &self.tree().shape).within(range)
         }
+    }
+
+    /// How far the moment's coordinates reach, and the exponent of the scene's scale.
+    pub(crate) fn reach(&self) -> (Range, i32) {
+        let scene = self.scene();
+        (scene.animation.range(self.pose), scene.scale_exponent)
     }
 
     /// Records a stage; buffers are found by their names in the kernels.
@@ -45,7 +53,7 @@ impl WgpuBackend {
 
     pub(crate) fn trace_stages(&mut self, query: &Query<'_>, trace: &Trace) -> Result<()> {
         let rays = match query.rays {
-            Rays::List(_) => work::Rays::Given(trace.count as u32),
+            Rays::List(_) => work::Rays::Given(trace.count as u32, trace.extremes),
             Rays::Camera(camera) => work::Rays::Camera(camera),
         };
         let has_tree = self.tree().shape.leaf_count > 0;
@@ -55,7 +63,11 @@ impl WgpuBackend {
         let mut traits = self.pipelines.traits;
         traits.rasters = self.frames.patience.allow(traits.rasters);
         let tracing = work::trace(self.method, self.params(), rays, query.seek, traits);
-        self.pipelines.prepare_work(&self.gpu, &tracing.primary)?;
+        let all = tracing
+            .primary
+            .iter()
+            .chain(tracing.shadow.iter().flatten());
+        self.pipelines.prepare_work(&self.gpu, all)?;
         let tree = self.tree.as_mut().expect("a scene was loaded");
         tree.grow_picture(&self.gpu, &tracing)?;
         let mut run = |stage, work: Vec<Work>| {

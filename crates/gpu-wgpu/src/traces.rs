@@ -23,6 +23,8 @@ pub(crate) struct Trace {
     pub(crate) hits: Buffer,
     pub(crate) blocked: Buffer,
     pub(crate) rays: Option<Buffer>,
+    /// Whether any of those rays is extreme.
+    pub(crate) extremes: bool,
 }
 
 impl Traces {
@@ -33,6 +35,7 @@ impl Traces {
         count: usize,
         (seek, intersector): (Seek, Intersector),
         rays: Option<&[Ray]>,
+        is_extreme: impl Fn(&Ray) -> bool,
     ) -> Result<Trace> {
         gpu.within("the hits", count as u64 * 16)?;
         gpu.within("the rays", rays.map_or(0, |r| r.len() as u64 * 32))?;
@@ -44,6 +47,7 @@ impl Traces {
         let (hits, blocked, spare) = old.map_or((None, None, None), |o| {
             (Some(o.hits), Some(o.blocked), o.rays)
         });
+        let extremes = rays.is_some_and(|rays| rays.iter().any(is_extreme));
         let rays = rays.map(|rays| upload(gpu, rays, spare)).transpose()?;
         let words = shaders::blocked_words(intersector, count as u64);
         Ok(Trace {
@@ -53,6 +57,7 @@ impl Traces {
             hits: fitting(gpu, "hits", count as u64 * 16, hits)?,
             blocked: fitting(gpu, "shadows", words * 4, blocked)?,
             rays,
+            extremes,
         })
     }
 

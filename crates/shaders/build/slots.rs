@@ -21,7 +21,10 @@ pub(crate) const SLOTS: &[Slot] = &[
             Value {
                 name: "moller_trumbore",
                 faces: &[
-                    ("test", &["near", "record", "textbook", "moller_trumbore"]),
+                    (
+                        "test",
+                        &["answers_extremes", "record", "textbook", "moller_trumbore"],
+                    ),
                     ("bind", &[]),
                     ("open", &[]),
                     ("closest", &["cut_closest", "textbook_closest"]),
@@ -32,7 +35,10 @@ pub(crate) const SLOTS: &[Slot] = &[
             Value {
                 name: "woop",
                 faces: &[
-                    ("test", &["near", "textbook", "point", "points", "woop"]),
+                    (
+                        "test",
+                        &["answers_extremes", "textbook", "point", "points", "woop"],
+                    ),
                     ("bind", &["bind_corners"]),
                     ("open", &[]),
                     ("closest", &["cut_closest", "textbook_closest"]),
@@ -46,7 +52,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                     (
                         "test",
                         &[
-                            "near",
+                            "leaves_extremes",
                             "record",
                             "sheared",
                             "extremes",
@@ -73,6 +79,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                             "extremes",
                             "own_box",
                             "view",
+                            "leaves_extremes",
                             "filter",
                             "notes",
                             "turns",
@@ -92,6 +99,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                             "extremes",
                             "own_box",
                             "view",
+                            "leaves_extremes",
                             "filter",
                             "notes",
                             "pool",
@@ -112,6 +120,7 @@ pub(crate) const SLOTS: &[Slot] = &[
                             "extremes",
                             "own_box",
                             "view",
+                            "leaves_extremes",
                             "filter",
                             "notes",
                             "pool",
@@ -120,7 +129,6 @@ pub(crate) const SLOTS: &[Slot] = &[
                             "point",
                             "points",
                             "line",
-                            "far",
                             "fixed",
                             "determinants",
                             "alone",

@@ -54,6 +54,7 @@ pub use shape::{Shape, WideShape};
 pub use standing::{Extent, Extents, Standing};
 pub use tiles::Tiles;
 pub use tree_buffers::{COSTS, COVERS, NODES, TreeBuffers, VISIBILITY};
+pub use units::is_extreme;
 pub use view::View;
 
 /// A compute kernel.
@@ -161,6 +162,12 @@ impl Kernel {
     #[must_use]
     pub fn makes_rasters(&self) -> bool {
         Rasters::need(self.entry)
+    }
+
+    /// Whether it is of use to extreme rays alone ([`geom::Range`]); a host makes those when a trace first asks for them.
+    #[must_use]
+    pub fn answers_extremes(&self) -> bool {
+        self.entry.starts_with("extreme_")
     }
 
     /// Whether it is of use to layout `fast` alone.

@@ -4,7 +4,7 @@ use crate::Shape;
 use crate::units::{self, scaled_point};
 use backend::BackendError;
 use bytemuck::{Pod, Zeroable};
-use geom::{Camera, Point};
+use geom::{Camera, Point, Range};
 
 /// What changes from one dispatch to the next. See the WGSL for the meaning of each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -49,6 +49,10 @@ pub struct Params {
     pub depth: [f32; 3],
     pub wide_root: u32,
     pub pixel_margin: f32,
+    pub clearance: f32,
+    pub extreme: u32,
+    pub tiny: u32,
+    pub rule: u32,
     pub pad_a: u32,
     pub pad_b: u32,
     pub pad_c: u32,
@@ -70,8 +74,30 @@ impl Params {
             wide_at: tree.wide.at,
             wide_lanes: tree.wide.lanes,
             wide_root: tree.wide.root,
+            clearance: f32::INFINITY,
             ..Self::default()
         }
+    }
+
+    /// The same at a moment whose coordinates reach so far.
+    #[must_use]
+    pub fn within(self, range: Range) -> Self {
+        Self {
+            clearance: range.clearance * self.scale,
+            extreme: range.extreme.into(),
+            tiny: range.tiny.into(),
+            ..self
+        }
+    }
+
+    /// Whether a camera's rays from `eye`, in the scene's units, are extreme.
+    pub(crate) fn is_extreme(&self, eye: Point) -> bool {
+        let range = Range {
+            extreme: self.extreme != 0,
+            tiny: self.tiny != 0,
+            clearance: self.clearance,
+        };
+        units::is_extreme(eye, range, self.scale_exponent)
     }
 
     /// The same, seen through a camera.

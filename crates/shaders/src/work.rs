@@ -1,5 +1,6 @@
 //! Each stage as a list of dispatches. A dispatch reads what those before it wrote, so a barrier goes between any two.
 
+mod extremes;
 mod pictures;
 mod rays;
 mod tree;
@@ -8,6 +9,8 @@ mod treelets;
 pub use rays::{cleanse, count_any, count_blocked, count_hits, count_triangles, rays};
 pub(crate) use tree::sum;
 pub use tree::{Progress, leaves};
+
+use extremes::Extremes;
 
 use crate::{Kernel, Params, Traits, common, kernel, notes, open_shadows_at, places};
 use backend::{Intersector, Method, Seek};
@@ -50,8 +53,8 @@ pub struct TooManyGroups {
 /// Rays whose hits are sought.
 #[derive(Clone, Copy, Debug)]
 pub enum Rays<'a> {
-    /// So many, given in the buffer `rays`.
-    Given(u32),
+    /// So many, given in the buffer `rays`; and whether any of them may be extreme.
+    Given(u32, bool),
     /// One a pixel, made by the kernel.
     Camera(&'a Camera),
 }
@@ -77,7 +80,7 @@ const BOUNDED_SHARE: u32 = 64;
 impl Rays<'_> {
     fn count(self) -> u32 {
         match self {
-            Self::Given(count) => count,
+            Self::Given(count, _) => count,
             Self::Camera(camera) => camera.width * camera.height,
         }
     }
@@ -95,7 +98,7 @@ impl Work {
 
     fn over(method: Method, rays: Rays<'_>, params: Params, [given, camera]: [&str; 2]) -> Self {
         match rays {
-            Rays::Given(count) => Self::linear(kernel(given, method), params, count),
+            Rays::Given(count, _) => Self::linear(kernel(given, method), params, count),
             Rays::Camera(c) => Self {
                 kernel: kernel(camera, method),
                 params: params.through(c),
@@ -173,17 +176,30 @@ pub struct Trace {
 /// Records and boxes to what is sought, on a device with these traits.
 #[must_use]
 pub fn trace(method: Method, params: Params, rays: Rays<'_>, seek: Seek, traits: Traits) -> Trace {
+    let how = extremes::of(method, &params, rays);
+    let mut trace = match how {
+        Extremes::All => Trace::default(),
+        _ => usual(method, params, rays, seek, traits),
+    };
+    if how != Extremes::None {
+        let last = trace.shadow.as_mut().unwrap_or(&mut trace.primary);
+        last.extend(extremes::work(method, params, rays, seek));
+    }
+    trace
+}
+
+fn usual(method: Method, params: Params, rays: Rays<'_>, seek: Seek, traits: Traits) -> Trace {
     let primary = |primary| Trace {
         primary,
         ..Trace::default()
     };
     match seek {
-        Seek::Any => primary(any(method, params, rays.count())),
+        Seek::Any => primary(any(method, params, rays)),
         Seek::Closest => primary(closest(method, params, rays)),
         Seek::ClosestAndShadow { light } => {
             let params = params.lit(light);
             match rays {
-                Rays::Given(_) => Trace {
+                Rays::Given(..) => Trace {
                     primary: closest(method, params, rays),
                     shadow: Some(shadow(method, params, rays)),
                     ..Trace::default()
@@ -202,9 +218,9 @@ fn closest(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
     settled(method, search, rays, HITS)
 }
 
-/// Whether each of so many given rays meets anything.
-fn any(method: Method, params: Params, rays: u32) -> Vec<Work> {
-    let rays = Rays::Given(rays);
+/// Whether each of some given rays meets anything.
+fn any(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
+    let rays = Rays::Given(rays.count(), false);
     let search = Work::over(method, rays, searching(params, rays), ["any_rays"; 2]);
     let stages = ["settle_any_rays", "finish_any_rays"].map(|s| [s; 2]);
     settled(method, search, rays, stages)

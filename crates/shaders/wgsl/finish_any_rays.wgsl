@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units root ray {intersector.finish} {layout.nodes} walk finish_any given line_of
+//! use params loops ieee rest divide exact units range root direction ray {intersector.finish} {layout.nodes} walk finish_any given line_of
 // Whether given rays that `settle_any_rays` left open meet anything.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

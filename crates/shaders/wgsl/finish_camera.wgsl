@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units root ray {intersector.finish} first {layout.nodes} walk finish_closest camera eye seen pixel_line
+//! use params loops ieee rest divide exact units range root direction ray {intersector.finish} first {layout.nodes} walk finish_closest camera eye seen pixel_line
 // The closest hits of pixels' rays that `settle_camera` left open.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units root ray {intersector.finish} first {layout.nodes} walk finish_closest given line_of
+//! use params loops ieee rest divide exact units range root direction ray {intersector.finish} first {layout.nodes} walk finish_closest given line_of
 // The closest hits of given rays that `settle_rays` left open.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units root ray {intersector.finish} {layout.nodes} walk finish_any from_triangle to_light shade line_to_light
+//! use params loops ieee rest divide exact units range root direction ray {intersector.finish} {layout.nodes} walk finish_any from_triangle to_light shade line_to_light
 // The shadows that `settle_shadow_rays` left open.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

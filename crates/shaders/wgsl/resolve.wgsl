@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units root ray {intersector.test} {intersector.closest} {intersector.any} {treelets.nodes} stretch_ahead closest pixels camera eye seen any_pairs any from_triangle shade is_blocked {intersector.tiles} to_light
+//! use params loops ieee rest divide exact units range root direction ray {intersector.test} {intersector.closest} {intersector.any} {treelets.nodes} stretch_ahead closest pixels camera eye seen any_pairs any from_triangle shade is_blocked {intersector.tiles} to_light
 // What each pixel's ray hits, by the visibility buffer, and its shadow: see "Rasters" in ARCHITECTURE.md. Where that does not tell
 // all, each ray goes down the tree, as in `trace_and_shadow_camera`.
 

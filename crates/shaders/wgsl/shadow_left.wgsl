@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units root ray {intersector.settle} {layout.nodes} search_together settle_any eye from_triangle to_light shade line_to_light candidates
+//! use params loops ieee rest divide exact units range root direction ray {intersector.settle} {layout.nodes} search_together settle_any eye from_triangle to_light shade line_to_light candidates
 // The shadows of the hits that `trace_and_shadow_camera` left open, now that they are settled: what `settle_together_camera`
 // found of those that were candidates; of others, sought by a workgroup a ray.
 

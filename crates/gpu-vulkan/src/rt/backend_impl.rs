@@ -116,9 +116,12 @@ impl Backend for DriverTreeBackend {
         assert!(self.traces.pending.is_none(), "one trace a submission");
         let launch = self.launch_size(&query)?;
         let has_tree = self.scene().buffers.animation.live_count() > 0;
-        let trace = self
-            .traces
-            .make(&self.gpu, &query, Intersector::Watertight, has_tree)?;
+        let trace = self.traces.make(
+            &self.gpu,
+            &query,
+            (Intersector::Watertight, has_tree),
+            |_| false,
+        )?;
         self.launch(&query, &trace, launch, has_tree)?;
         self.traces.pending = Some(trace);
         Ok(())

@@ -1,8 +1,5 @@
 // What rounded arithmetic says of a triangle, and what it leaves open: "On GPUs" of `exact` in ARCHITECTURE.md.
 
-// Rays from beyond 2^80 scaled units are asked too, in whole numbers alone.
-const TAKES_FAR: bool = true;
-
 // A triangle that may be hit; its exact t, if it is, lies in low ..= high.
 struct Judged { possible: bool, sure: bool, low: f32, high: f32 }
 
@@ -62,13 +59,13 @@ fn loose_span(s: Seen, z: vec3<f32>, det: f32, doubt: f32) -> vec2<f32> {
     return vec2<f32>(t - error, t + error);
 }
 
-// What is written for a triangle that is hit: t as the watertight test has it, clamped to the box and t_min, weights to [0, 1].
-fn reported(ray: Prepared, leaf: u32) -> vec4<u32> {
+// What is written for a triangle that is hit: t as the watertight test has it, clamped to the box and the ray's limits, weights to [0, 1].
+fn reported(ray: Prepared, leaf: u32, limits: vec2<u32>) -> vec4<u32> {
     let corners = turned_corners(ray, leaf);
     let c = crossing(edges_of(ray, corners));
     let by = divisor(c.det);
     let t = reported_distance(ray, corners, divide_by(c.t, by));
-    return vec4<u32>(in_ray_units(t, ray.exponent), weight(divide_by(c.v, by)), weight(divide_by(c.w, by)), corners.triangle);
+    return vec4<u32>(nearest_within(in_ray_units(t, ray.exponent), limits), weight(divide_by(c.v, by)), weight(divide_by(c.w, by)), corners.triangle);
 }
 
 fn reported_distance(ray: Prepared, k: Turned, t: f32) -> f32 {

@@ -12,7 +12,7 @@ fn is_open(i: u32) -> bool { return blocked[i] >= FIRST_NOTE; }
 fn is_candidate(ray: Prepared, leaf: u32, bound: f32) -> bool {
     let corners = corners_of(leaf);
     if corners.triangle == left_out { return false; }
-    return ray.far || judge(ray, corners).possible;
+    return judge(ray, corners).possible;
 }
 
 // Whether the leaf's triangle is met, which is enough.

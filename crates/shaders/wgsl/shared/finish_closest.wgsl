@@ -6,7 +6,6 @@ fn list_at() -> u32 { return params.first; }
 fn is_open(i: u32) -> bool { return hits[i].z == OPEN; }
 
 fn is_candidate(ray: Prepared, leaf: u32, bound: f32) -> bool {
-    if ray.far { return true; }
     let j = judge(ray, corners_of(leaf));
     return j.possible && j.low <= bound;
 }
@@ -44,9 +43,7 @@ fn finish_closest(place: u32, i: u32, ray: Prepared) -> bool {
     set_view(ray);
     if !walk_on(place, ray, bitcast<f32>(hits[i].x)) { return false; }
     var hit = MISS;
-    if first_leaf != NO_LEAF {
-        if ray.far { hit = vec4<u32>(rounded_t(first), 0u, 0u, first_triangle); } else { hit = reported(ray, first_leaf); }
-    }
+    if first_leaf != NO_LEAF { hit = reported(ray, first_leaf, limits_of(i)); }
     if !loops_turn(place_at(place) + TURNS) { return false; }
     hits[i] = hit;
     if first_leaf != NO_LEAF { atomicAdd(&counts[2], 1u); }

@@ -42,8 +42,10 @@ fn from_triangle(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, ey
     if side == 0.0 { side = sign_of(dot3(normal, sub3(eye, p))); }
     let extent = sub3(bitcast<vec3<f32>>(nodes[1].xyz), bitcast<vec3<f32>>(nodes[0].xyz));
     let reach = max(abs(p.x), max(abs(p.y), abs(p.z)));
+    let own = max(abs(e1), abs(e2));
+    let counted = min(max(extent.x, max(extent.y, extent.z)), max(params.clearance, max(own.x, max(own.y, own.z))));
     // 4 * 2^-24 and 32 * 2^-24
-    let delta = add(mul(2.384185791015625e-7, reach), mul(1.9073486328125e-6, max(extent.x, max(extent.y, extent.z))));
+    let delta = add(mul(2.384185791015625e-7, reach), mul(1.9073486328125e-6, counted));
     p = vec3<f32>(
         move_off(p.x, normal.x, side, delta),
         move_off(p.y, normal.y, side, delta),

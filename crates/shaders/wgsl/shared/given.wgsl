@@ -10,5 +10,10 @@ fn given_ray(i: u32) -> Prepared {
 // The host marks rays that can hit nothing by a direction of zero; an origin may be too far for the scene's scale.
 fn is_void(i: u32) -> bool {
     let marked = all((rays[2u * i + 1u].xyz & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
-    return marked || (!TAKES_FAR && !is_finite_point(scaled_point(rays[2u * i].xyz)));
+    let origin = scaled_point(rays[2u * i].xyz);
+    if LEAVES_EXTREMES { return marked || is_extreme(origin); }
+    return marked || !is_finite_point(origin);
 }
+
+// t_min and t_max.
+fn limits_of(i: u32) -> vec2<u32> { return vec2<u32>(rays[2u * i].w, rays[2u * i + 1u].w); }

@@ -87,8 +87,10 @@ fn triple(at: u32, x: u32, x_len: u32, p: u32, q: u32, len: Lengths) {
     finish(at, len.triple);
 }
 
-// The crossing of the line with a closed triangle within the ray's limits, kept in place `slot` of two.
-fn meet_exactly(corners: array<vec3<u32>, 3>, slot: u32) -> Crossing {
+// A triangle's corners from the ray's start, and how long numbers made of them are.
+struct Placed { len: Lengths, unit: i32 }
+
+fn put_corners(corners: array<vec3<u32>, 3>) -> Placed {
     var points = corners;
     let units = units_of(points);
     let bits = units.y - units.x + 25;
@@ -96,36 +98,86 @@ fn meet_exactly(corners: array<vec3<u32>, 3>, slot: u32) -> Crossing {
     for (var v = 0u; v < 9u; v += 1u) {
         put(CORNERS + COORDINATE * v, len.coordinate, points[v / 3u][v % 3u], line.origin[v % 3u], units.x);
     }
-    let made = Crossing(true, CROSSINGS + 56u * slot, CROSSINGS + 56u * slot + 28u, len.triple, units.x - line.shift - line.unit);
-    if !cross_planes(made, len) || !is_within(made) { return NOT_MET; }
-    return made;
+    return Placed(len, units.x);
 }
 
-// U, V and W, whose signs decide and whose sum is the denominator; then a . (c x b), the numerator.
-fn cross_planes(made: Crossing, len: Lengths) -> bool {
+// The corners that an edge leads from and to, of those put: of U, V and W, and of N, which is a . (c x b).
+struct EdgeEnds { first: u32, second: u32 }
+
+fn ends_of(side: u32) -> EdgeEnds {
     let a = CORNERS;
     let b = CORNERS + 3u * COORDINATE;
     let c = CORNERS + 6u * COORDINATE;
+    return EdgeEnds(select(select(c, a, side == 1u), b, side == 2u), select(select(b, c, side == 1u), a, side == 2u));
+}
+
+// U, V or W of the corners put, or N in place of a fourth.
+fn put_side(to: u32, side: u32, len: Lengths) {
+    let ends = ends_of(side);
+    let last = side == 3u;
+    triple(to, select(DIRECTION, CORNERS, last), select(line.len, len.coordinate, last), ends.first, ends.second, len);
+}
+
+// The crossing of the line with a closed triangle within the ray's limits, kept in place `slot` of two.
+fn meet_exactly(corners: array<vec3<u32>, 3>, slot: u32) -> Crossing {
+    let made = cross_exactly(corners, slot, false);
+    if !made.met || !is_within(made) { return NOT_MET; }
+    return made;
+}
+
+// The same at any t; if `moves`, for the line after an infinitely small move.
+fn cross_exactly(corners: array<vec3<u32>, 3>, slot: u32, moves: bool) -> Crossing {
+    let placed = put_corners(corners);
+    let numbers = CROSSINGS + 56u * slot;
+    let made = Crossing(true, numbers, numbers + 28u, placed.len.triple, placed.unit - line.shift - line.unit);
+    if !cross_planes(made, placed.len, moves) { return NOT_MET; }
+    return made;
+}
+
+// U, V and W, whose signs decide and whose sum is the denominator; then N, the numerator.
+fn cross_planes(made: Crossing, len: Lengths, moves: bool) -> bool {
     var positive = false;
     var negative = false;
     clear(made.denominator, len.triple);
     for (var side = 0u; side < 4u; side += 1u) {
         let last = side == 3u;
-        let p = select(select(c, a, side == 1u), b, side == 2u);
-        let q = select(select(b, c, side == 1u), a, side == 2u);
-        let to = select(PRODUCTS, made.numerator, last);
-        triple(to, select(DIRECTION, a, last), select(line.len, len.coordinate, last), p, q, len);
+        put_side(select(PRODUCTS, made.numerator, last), side, len);
         if last { break; }
-        let s = sign_of_number(PRODUCTS, len.triple);
+        var s = sign_of_number(PRODUCTS, len.triple);
+        accumulate(made.denominator, len.triple, PRODUCTS, len.triple, ONE, 1u, 0u);
+        if s == 0 && moves {
+            s = moved_sign(side, len);
+            if s == 0 { return false; }
+        }
         positive = positive || s > 0;
         negative = negative || s < 0;
         if positive && negative { return false; }
-        accumulate(made.denominator, len.triple, PRODUCTS, len.triple, ONE, 1u, 0u);
     }
     finish(made.denominator, len.triple);
     words[made.numerator] ^= words[made.denominator];
     words[made.denominator] = 0u;
     return sign_of_number(made.denominator, len.triple) != 0;
+}
+
+// On which side of an edge a line through it passes if its start is moved by (e, e^2, e^3): the first sign of
+// the direction's product with the edge. 0 if the edge is along the line.
+fn moved_sign(side: u32, len: Lengths) -> i32 {
+    let ends = ends_of(side);
+    for (var i = 0u; i < 3u; i += 1u) {
+        let j = COORDINATE * ((i + 1u) % 3u);
+        let k = COORDINATE * ((i + 2u) % 3u);
+        clear(PRODUCTS, len.triple);
+        for (var term = 0u; term < 4u; term += 1u) {
+            let turned = (term & 1u) == 1u;
+            let corner = select(ends.second, ends.first, term >= 2u) + select(k, j, turned);
+            let flip = select(0u, 1u, turned != (term >= 2u));
+            accumulate(PRODUCTS, len.triple, DIRECTION + select(j, k, turned), line.len, corner, len.coordinate, flip);
+        }
+        finish(PRODUCTS, len.triple);
+        let s = sign_of_number(PRODUCTS, len.triple);
+        if s != 0 { return s; }
+    }
+    return 0;
 }
 
 fn is_within(c: Crossing) -> bool {

@@ -18,7 +18,7 @@ fn loose_within(ray: Prepared, own: Box, t: f32) -> bool {
     let n = (select(own.low, own.high, negative) - ray.origin) * ray.inverse - pad;
     let f = (select(own.high, own.low, negative) - ray.origin) * ray.inverse + pad;
     // 2^100: beyond it products may be infinite.
-    return !ray.far && abs(t) < 1.2676506002282294e30 && t >= max(n.x, max(n.y, n.z)) && t <= min(f.x, min(f.y, f.z));
+    return abs(t) < 1.2676506002282294e30 && t >= max(n.x, max(n.y, n.z)) && t <= min(f.x, min(f.y, f.z));
 }
 
 fn own_span(ray: Prepared, own: Box) -> vec2<f32> { return slab(ray, inverse_of(ray), own.low, own.high); }

@@ -13,7 +13,7 @@ struct Params {
     down: vec3<f32>,
     // Weight of the later key frame.
     alpha: f32,
-    // In scaled units.
+    // In scaled units; of extreme rays, in the scene's.
     light: vec3<f32>,
     // 2^-k, by which vertices and origins are scaled.
     scale: f32,
@@ -61,6 +61,13 @@ struct Params {
     wide_root: u32,
     // How far a pixel's ray may lie from its middle, in pixels, and a bit.
     pixel_margin: f32,
+    // The extent of the scene that shadows' rays always heed, in scaled units: geom::Range.
+    clearance: f32,
+    // 1 if all rays are extreme, and if those are that start near the origin: range.wgsl.
+    extreme: u32,
+    tiny: u32,
+    // Of extreme rays: 0 as `exact`, 1 as `watertight` has it.
+    rule: u32,
     // Fill the last row of 16 bytes.
     pad_a: u32,
     pad_b: u32,

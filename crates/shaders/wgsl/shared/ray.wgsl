@@ -24,8 +24,6 @@ struct Prepared {
     pad: f32,
     // t in the ray's own units is t * 2^-exponent.
     exponent: i32,
-    // Whether D reaches 2^80.
-    far: bool,
 }
 
 // To (kx, ky, kz) order, kz being the axis.
@@ -47,12 +45,6 @@ fn main_axis(d: vec3<f32>) -> u32 {
     let m = abs(d);
     if m.x >= m.y && m.x >= m.z { return 0u; }
     return select(2u, 1u, m.y >= m.z);
-}
-
-fn push_from_zero(x: f32) -> f32 {
-    let least = 0x21800000u; // 2^-60
-    let bits = bitcast<u32>(x);
-    return bitcast<f32>((bits & 0x80000000u) | max(bits & 0x7fffffffu, least));
 }
 
 // A component over the main one, which keeps the sign of a zero.
@@ -92,10 +84,9 @@ fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u
     ray.t_max = flushed(scale_bits(t_max, ray.exponent));
 
     let reach = root.reach;
-    ray.far = reach >= FARTHEST;
     // 17 * 2^-24 * D, and D is at most 2^80.
     ray.slack = mul(1.01327896118164062e-6, min(reach, FARTHEST));
-    ray.pad = select(mul(ray.slack, abs(ray.shear_z)), bitcast<f32>(0x7f800000u | params.zero), ray.far);
+    ray.pad = select(mul(ray.slack, abs(ray.shear_z)), bitcast<f32>(0x7f800000u | params.zero), reach >= FARTHEST);
     ray.inverse = inverse_for(ray);
     return loosely(ray, reach);
 }
@@ -130,8 +121,6 @@ fn component(bits: u32, e: i32) -> f32 {
     return select(x, 0.0, abs(x) < 7.275957614183426e-12);
 }
 
-fn are_negative(v: vec3<f32>) -> vec3<bool> { return (bitcast<vec3<u32>>(v) >> vec3<u32>(31u)) == vec3<u32>(1u); }
-
 // Where a ray enters and leaves a box along each axis.
 struct Planes { near: vec3<f32>, far: vec3<f32> }
 
@@ -155,8 +144,6 @@ fn meets_box(ray: Prepared, low: vec4<u32>, high: vec4<u32>, bound: f32) -> bool
     let s = loose_slab(ray, bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz));
     return s.x <= s.y && s.x <= bound && s.y >= ray.t_min;
 }
-
-fn pushed_from_zero(d: vec3<f32>) -> vec3<f32> { return vec3<f32>(push_from_zero(d.x), push_from_zero(d.y), push_from_zero(d.z)); }
 
 // 1 / d per axis, rounded once.
 fn inverse_of(ray: Prepared) -> vec3<f32> {
@@ -190,6 +177,3 @@ fn clamped(t: f32, span: vec2<f32>) -> f32 {
     let later = select(t, span.x, t < span.x);
     return flushed(select(later, span.y, later > span.y));
 }
-
-// What is written for a ray that hits nothing.
-const MISS: vec4<u32> = vec4<u32>(0x7f800000u, 0u, 0u, 0xffffffffu);

@@ -58,7 +58,7 @@ fn begin_search(traced: bool, ray: Prepared, local: u32) {
         atomicStore(&surely_met, 0u);
     }
     workgroupBarrier();
-    if !traced || ray.far { return; }
+    if !traced { return; }
     for (var k = local; k < params.count; k += 64u) {
         let row = params.goal + 2u * k;
         if meets_box(ray, nodes[row], nodes[row + 1u], ray.t_max) { wait(nodes[row].w); }
@@ -107,5 +107,5 @@ fn outcome_of(ray: Prepared, gave_up: bool) -> u32 {
     spent += select(0u, notes, loops_may_end());
     if atomicLoad(&surely_met) == 1u { return MET; }
     let lost = atomicLoad(&counts[NOTES]) > params.notes && notes > 0u;
-    return select(atomicLoad(&first_note), TOO_MANY, ray.far || gave_up || lost);
+    return select(atomicLoad(&first_note), TOO_MANY, gave_up || lost);
 }

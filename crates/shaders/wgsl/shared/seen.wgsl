@@ -25,5 +25,8 @@ fn leads_nowhere(direction: vec3<f32>, origin: vec3<f32>, root: Root) -> bool {
 
 fn is_void_way(direction: vec3<f32>, origin: vec3<f32>) -> bool {
     let is_zero = all((bitcast<vec3<u32>>(direction) & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
-    return is_zero || !is_finite_point(direction) || (!TAKES_FAR && !is_finite_point(origin));
+    return is_zero || !is_finite_point(direction) || !is_finite_point(origin);
 }
+
+// t_min and t_max.
+fn limits_of(i: u32) -> vec2<u32> { return vec2<u32>(0u, 0x7f800000u); }

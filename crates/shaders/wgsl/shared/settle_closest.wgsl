@@ -39,6 +39,6 @@ fn settle_closest(i: u32, ray: Prepared, told: u32) {
         hits[i] = MISS;
         return;
     }
-    hits[i] = reported(ray, told);
+    hits[i] = reported(ray, told, limits_of(i));
     atomicAdd(&counts[2], 1u);
 }

@@ -12,8 +12,7 @@ fn see_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
 }
 
 fn ask_any(ray: Prepared, ignore: u32) -> bool {
-    notes = select(NO_NOTE, TOO_MANY, ray.far);
-    if ray.far { return false; }
+    notes = NO_NOTE;
     set_view(ray);
     return find_any(ray, ignore);
 }

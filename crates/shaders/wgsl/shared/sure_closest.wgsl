@@ -7,10 +7,9 @@ const NEVER: f32 = 3.4028234663852886e38;
 // `bound` is the least high end of sure hits, `leaf` has it and begins at `low`; `other` is where the first of all others begins.
 struct Found { bound: f32, low: f32, other: f32, leaf: u32, notes: u32 }
 
-// Rays from very far away see nothing.
 fn nothing_found(ray: Prepared) -> Found {
     set_view(ray);
-    return Found(select(ray.t_max, -NEVER, ray.far), NEVER, NEVER, NO_LEAF, NO_NOTE);
+    return Found(ray.t_max, NEVER, NEVER, NO_LEAF, NO_NOTE);
 }
 
 // Nodes entered beyond this need no visit.
@@ -29,7 +28,7 @@ fn see_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
 
 // What is written for a ray: its hit, or what is known for whoever settles it.
 fn hit_of(i: u32, ray: Prepared, found: Found) -> vec4<u32> {
-    if ray.far || was_cut_short(i) { return left_open(i, ray.t_max, TOO_MANY); }
+    if was_cut_short(i) { return left_open(i, ray.t_max, TOO_MANY); }
     if found.other < NEVER && found.other <= found.bound {
         var notes = found.notes;
         if found.leaf != NO_LEAF { notes = with_note(notes, found.leaf); }
@@ -37,7 +36,7 @@ fn hit_of(i: u32, ray: Prepared, found: Found) -> vec4<u32> {
     }
     if found.leaf == NO_LEAF { return MISS; }
     atomicAdd(&counts[2], 1u);
-    return reported(ray, found.leaf);
+    return reported(ray, found.leaf, limits_of(i));
 }
 
 // Lists a ray. Nothing beyond `bound` is sought.

@@ -68,7 +68,6 @@ fn finish_open(local: u32, group: u32, word: u32) {
 }
 
 fn may_meet(ray: Prepared, row: u32, bound: f32) -> bool {
-    if ray.far { return passes(nodes[row].xyz, nodes[row + 1u].xyz); }
     return meets_box(ray, nodes[row], nodes[row + 1u], bound);
 }
 

@@ -1,0 +1,49 @@
+//! Extreme rays ([`geom::Range`]): kernels of their own answer them in whole numbers.
+
+use super::{Rays, Work};
+use crate::{Params, kernel};
+use backend::{Intersector, Method, Seek};
+
+/// Which of a query's rays are extreme.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Extremes {
+    None,
+    Some,
+    All,
+}
+
+/// Which rays kernels leave to [`work`].
+pub(super) fn of(method: Method, params: &Params, rays: Rays<'_>) -> Extremes {
+    match (method.intersector, rays) {
+        (Intersector::MollerTrumbore | Intersector::Woop, _) => Extremes::None,
+        _ if params.extreme != 0 => Extremes::All,
+        (_, Rays::Given(_, true)) => Extremes::Some,
+        (_, Rays::Camera(camera)) if params.is_extreme(camera.eye) => Extremes::All,
+        _ => Extremes::None,
+    }
+}
+
+/// What answers them. Comes after what answers the others, as which these rays miss.
+pub(super) fn work(method: Method, params: Params, rays: Rays<'_>, seek: Seek) -> Vec<Work> {
+    let params = Params {
+        rule: (method.intersector == Intersector::Watertight).into(),
+        ..params
+    };
+    let (params, [closest, shadow]) = match rays {
+        Rays::Given(..) => (params, ["extreme_rays", "extreme_shadow_rays"]),
+        Rays::Camera(camera) => {
+            let kernels = ["extreme_camera", "extreme_shadow_camera"];
+            (params.through(camera), kernels)
+        }
+    };
+    let over = |entry, params| Work::linear(kernel(entry, method), params, rays.count());
+    match seek {
+        Seek::Any => vec![over("extreme_any_rays", params)],
+        Seek::Closest => vec![over(closest, params)],
+        // In the scene's units, unlike everywhere else.
+        Seek::ClosestAndShadow { light } => {
+            let lit = Params { light, ..params };
+            vec![over(closest, params), over(shadow, lit)]
+        }
+    }
+}

@@ -1,0 +1,96 @@
+// What a line surely passes by, in floats of which the greatest is brought near 1: boxes and triangles of any size.
+
+// Exponent fields, 1 for subnormal numbers as well, of a point; 0 where all is zero.
+fn greatest_field(given: i32, point: vec3<u32>, shift: i32) -> i32 {
+    var most = given;
+    for (var i = 0u; i < 3u; i += 1u) {
+        let magnitude = point[i] & 0x7fffffffu;
+        if magnitude != 0u { most = max(most, max(i32(magnitude >> 23u), 1) + shift); }
+    }
+    return most;
+}
+
+fn scaled_by(point: vec3<u32>, exponent: i32) -> vec3<f32> {
+    return vec3<f32>(scale_bits(point.x, exponent), scale_bits(point.y, exponent), scale_bits(point.z, exponent));
+}
+
+// No number has so small a field.
+const NO_FIELD: i32 = -1000;
+
+// The direction, its largest component in [1, 2), and the exponent that was taken away.
+var<private> coarse_direction: vec3<f32>;
+var<private> coarse_exponent: i32;
+// 1 / d per axis, d pushed away from zero.
+var<private> coarse_inverse: vec3<f32>;
+
+// For the line that is set.
+fn make_coarse() {
+    coarse_exponent = greatest_field(NO_FIELD, line.direction, 0) - 127;
+    if coarse_exponent == 1 - 127 {
+        let most = max(line.direction.x & 0x7fffffffu, max(line.direction.y & 0x7fffffffu, line.direction.z & 0x7fffffffu));
+        coarse_exponent = parts(most).exponent - 127;
+    }
+    coarse_direction = scaled_by(line.direction, -coarse_exponent);
+    coarse_inverse = 1.0 / pushed_from_zero(coarse_direction);
+}
+
+// 2^e within what a float holds.
+fn power(e: i32) -> f32 { return bitcast<f32>(u32(clamp(e, -126, 127) + 127) << 23u); }
+
+// Whether the line may pass through a box in scaled units before `bound`, as bits, and not all before t_min. A plane at zero may
+// stand for a coordinate that counts as zero, below 2^-64.
+fn may_pass(low: vec3<u32>, high: vec3<u32>, bound: u32) -> bool {
+    // An empty box.
+    if low.x == 0x7f800000u { return false; }
+    let k = params.scale_exponent;
+    var field = greatest_field(NO_FIELD, line.origin, 0);
+    field = greatest_field(greatest_field(field, low, k), high, k);
+    let by = 127 - field;
+    // Not below 2^-100, where differences lose digits.
+    let widening = power(max(by + k - 64, -100));
+    let small_low = (low & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u);
+    let small_high = (high & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u);
+    let origin = scaled_by(line.origin, by);
+    let to_low = select(scaled_by(low, by + k), vec3<f32>(-widening), small_low) - origin;
+    let to_high = select(scaled_by(high, by + k), vec3<f32>(widening), small_high) - origin;
+    let away = max(abs(to_low), abs(to_high));
+    // 17 * 2^-24 and 2^-90.
+    let pad = (1.01327896118164062e-6 * max(away.x, max(away.y, away.z)) + 8.077935669463161e-28) * abs(coarse_inverse);
+    let negative = are_negative(coarse_inverse);
+    let n = select(to_low, to_high, negative) * coarse_inverse - pad;
+    let f = select(to_high, to_low, negative) * coarse_inverse + pad;
+    let enters = max(n.x, max(n.y, n.z));
+    let leaves = min(f.x, min(f.y, f.z));
+    if !(enters <= leaves) { return false; }
+    // Limits in the same units, loosely.
+    let since = scale_bits(line.t_min, coarse_exponent + by);
+    let until = scale_bits(bound, coarse_exponent + by);
+    return leaves >= since - 1.0e-5 * abs(since) - 1.0e-30 && enters <= until + 1.0e-5 * abs(until) + 1.0e-30;
+}
+
+// On which side of an edge the line surely passes: each product carries at most seven roundings, and less than 2^-110 is lost
+// to what a device flushes.
+fn coarse_side(p: vec3<f32>, q: vec3<f32>) -> i32 {
+    let d = coarse_direction;
+    let plus = p.yzx * q.zxy;
+    let minus = p.zxy * q.yzx;
+    let sum = dot(d, plus - minus);
+    let size = dot(abs(d), abs(plus) + abs(minus));
+    // 24 * 2^-24 and 2^-100.
+    let doubt = 1.430511474609375e-6 * size + 7.888609052210118e-31;
+    return select(0, 1, sum > doubt) - select(0, 1, sum < -doubt);
+}
+
+fn surely_passes_by(points: array<vec3<u32>, 3>) -> bool {
+    var field = greatest_field(NO_FIELD, line.origin, 0);
+    field = greatest_field(greatest_field(greatest_field(field, points[0], 0), points[1], 0), points[2], 0);
+    let by = 127 - field;
+    let origin = scaled_by(line.origin, by);
+    let a = scaled_by(points[0], by) - origin;
+    let b = scaled_by(points[1], by) - origin;
+    let c = scaled_by(points[2], by) - origin;
+    let u = coarse_side(c, b);
+    let v = coarse_side(a, c);
+    let w = coarse_side(b, a);
+    return min(u, min(v, w)) < 0 && max(u, max(v, w)) > 0;
+}
