@@ -37,11 +37,13 @@ pub enum Kind {
     Resting,
     /// A body that moves over a large sheet that does not, so that few of many treelets move.
     Hall,
+    /// One vertex or one triangle goes far away, or comes near the origin, always or at times.
+    Outlying,
 }
 
 impl Kind {
     /// All there are.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Soup,
         Self::Sheet,
         Self::Body,
@@ -55,6 +57,7 @@ impl Kind {
         Self::Ladder,
         Self::Resting,
         Self::Hall,
+        Self::Outlying,
     ];
 }
 
@@ -139,6 +142,7 @@ fn mesh(kind: Kind) -> BoxedStrategy<Mesh> {
         Kind::Grown => (soup(1.0, 1..40), prop::array::uniform3(-35_i32..=20))
             .prop_map(grown)
             .boxed(),
+        Kind::Outlying => outlying().boxed(),
         Kind::Zeros => zeros().boxed(),
         Kind::Ladder => soup(1.0, 20..70).prop_map(ladder).boxed(),
         Kind::Resting => (
@@ -242,6 +246,30 @@ fn grown(((mut keys, triangles), exponents): (Mesh, [i32; 3])) -> Mesh {
         }
     }
     (keys, triangles)
+}
+
+/// In some key frames, some vertices multiplied by a power of two between `2^-128` and `2^126`.
+fn outlying() -> impl Strategy<Value = Mesh> {
+    let shape = prop_oneof![
+        (2_usize..6, drift()).prop_map(|(n, d)| animate(sheet(n), &d)),
+        (1_u32..3, drift()).prop_map(|(n, d)| animate(octahedron(n), &d)),
+        soup(1.0, 8..60),
+    ];
+    let exponent = prop_oneof![3 => 10_i32..=126, 1 => -128_i32..=-10];
+    (shape, exponent, any::<u32>(), 1_u32..8).prop_map(|((mut keys, triangles), e, pick, when)| {
+        let corners = triangles[(pick >> 2) as usize % triangles.len()];
+        let far = &corners[..[1, 3][pick as usize % 2]];
+        let whiles = keys
+            .iter_mut()
+            .enumerate()
+            .filter(|(k, _)| when >> k & 1 == 1);
+        for (_, key) in whiles {
+            for &vertex in far {
+                key[vertex as usize] = key[vertex as usize].map(|x| x * 2.0_f32.powi(e));
+            }
+        }
+        (keys, triangles)
+    })
 }
 
 /// Only the first few triangles move, `share` of sixteen; the rest stands as in

@@ -20,7 +20,7 @@ pub(in crate::conform) struct OracleRow {
 impl OracleRow {
     /// `exact` errs nowhere; what others do is only counted.
     pub(in crate::conform) fn is_failure(&self) -> bool {
-        let wrong = self.tally.wrong + self.tally.wrong_any;
+        let wrong = self.tally.wrong + self.tally.wrong_any + self.tally.wrong_t;
         self.intersector == Intersector::Exact.name() && wrong > 0
     }
 
@@ -36,6 +36,7 @@ impl OracleRow {
             t.settled,
             t.wrong,
             t.wrong_any,
+            t.wrong_t,
         ];
         let words = [self.backend, &self.mesh].map(str::to_owned).into_iter();
         let counts = counts.iter().map(|&n| grouped(n as usize));
@@ -90,6 +91,7 @@ pub(in crate::conform) fn text(rows: &[OracleRow]) -> String {
         "settled",
         &wrong,
         "any-hit wrong",
+        "t wrong",
         "per million",
     ];
     let mut all = Vec::new();
