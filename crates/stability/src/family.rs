@@ -45,11 +45,15 @@ pub enum Family {
     SignedZeros,
     /// Vertices that are not finite, always or at times.
     NonFinite,
+    /// Closed bodies of size 1 beside one triangle between `1e3` and `3e38` away, or between `1e-3` and `1e-38` large.
+    Outlier,
+    /// A sheet, one vertex of which goes so far in a later key frame.
+    Exploding,
 }
 
 impl Family {
     /// All there are.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 22] = [
         Self::Needles,
         Self::ZeroArea,
         Self::Huge,
@@ -70,6 +74,8 @@ impl Family {
         Self::Rearranged,
         Self::SignedZeros,
         Self::NonFinite,
+        Self::Outlier,
+        Self::Exploding,
     ];
 
     /// Its name in tables and files.
@@ -96,6 +102,8 @@ impl Family {
             Self::Rearranged => "rearranged",
             Self::SignedZeros => "signed-zeros",
             Self::NonFinite => "non-finite",
+            Self::Outlier => "outlier",
+            Self::Exploding => "exploding",
         }
     }
 }

@@ -60,6 +60,20 @@ pub(crate) fn outlying(p: Point, rng: &mut Rng) -> Point {
     })
 }
 
+/// A small triangle far away, or a far smaller one at the origin.
+pub(crate) fn outlier(rng: &mut Rng) -> Triangle {
+    let corner = point(rng);
+    let (by, size) = match rng.usize(..3) {
+        0 => (0.0, power([-38.0, -3.0], rng)),
+        _ => (power([3.0, 38.5], rng), 1e-3),
+    };
+    let size = if by == 0.0 { size } else { size * by };
+    [(); 3].map(|()| {
+        let p = point(rng);
+        std::array::from_fn(|i| (by * corner[i] + size * p[i]) as f32)
+    })
+}
+
 /// The last triangle brought far away whole, by one vertex, or to a size between `1e-3` and `1e-38` about the origin.
 pub(crate) fn with_outlier(triangles: &[Triangle], rng: &mut Rng) -> Vec<Triangle> {
     let mut all = triangles.to_vec();

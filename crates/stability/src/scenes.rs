@@ -39,6 +39,10 @@ pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<Scene> {
         Family::Edges => near(Aim::Edge),
         Family::Vertices => near(Aim::Vertex),
         Family::FoldingCloth => vec![cloth(plan)],
+        Family::Outlier => (0..)
+            .zip(far(0.0))
+            .map(|(i, body)| beside_outlier(body, &mut rng(family, plan.seed, i)))
+            .collect(),
         _ => (0..)
             .zip(shares)
             .map(|(i, rays)| one(family, i, rays, &mut rng(family, plan.seed, i)))
@@ -87,6 +91,7 @@ fn one(family: Family, number: u32, rays: usize, rng: &mut Rng) -> Scene {
         }
         Family::SignedZeros => still(separate(&meshes::zeros(48, rng))),
         Family::NonFinite => broken(&plump(rng), rng),
+        Family::Exploding => exploding(rng),
         _ => unreachable!("{family} has scenes of its own"),
     };
     asked(stage, rays, |aims, i| {
@@ -171,6 +176,37 @@ pub(crate) fn broken(triangles: &[Triangle], rng: &mut Rng) -> Scene {
         }
     }
     moving(keys, 0.0, [0.0, 0.5, 1.0][rng.usize(..3)])
+}
+
+/// A closed body beside one more triangle, which hardly any ray meets.
+fn beside_outlier(body: Scene, rng: &mut Rng) -> Scene {
+    let mut points = body.animation.keys()[0].clone();
+    let mut triangles = body.animation.triangles().to_vec();
+    let first = points.len() as u32;
+    points.extend(meshes::outlier(rng));
+    triangles.push([first, first + 1, first + 2]);
+    let animation = Animation::new(vec![points], triangles);
+    Scene {
+        animation: Arc::new(animation.expect("the triangle names its own vertices")),
+        ..body
+    }
+}
+
+/// A sheet at rest, on its way, or with one vertex gone far.
+pub(crate) fn exploding(rng: &mut Rng) -> Scene {
+    let (points, triangles) = meshes::sheet(8, rng);
+    let mut far = points.clone();
+    let vertex = rng.usize(..far.len());
+    far[vertex] = meshes::outlying(far[vertex], rng);
+    let animation = Animation::new(vec![points.clone(), points, far], triangles);
+    let time = [0.0, 1.0, 1.0 + rng.f64(), 2.0][rng.usize(..4)];
+    Scene {
+        animation: Arc::new(animation.expect("the mesh is the same")),
+        built: [0.0, time][rng.usize(..2)],
+        time,
+        rays: Vec::new(),
+        inside: None,
+    }
 }
 
 /// `demo:twist` at its end, where it is tightest, on a tree of its beginning.

@@ -2,7 +2,7 @@
 
 use super::moment;
 use crate::meshes::{self, PLUMP, separate, soup};
-use crate::scenes::{Scene, broken, moving, still};
+use crate::scenes::{Scene, broken, exploding, moving, still};
 use conformance::leaks;
 use fastrand::Rng;
 use geom::Animation;
@@ -106,23 +106,6 @@ impl Kind {
             Self::Outlier => still(separate(&meshes::with_outlier(&free(96, rng), rng))),
             Self::Exploding => exploding(rng),
         }
-    }
-}
-
-/// A sheet at rest, on its way, or gone far.
-fn exploding(rng: &mut Rng) -> Scene {
-    let (points, triangles) = meshes::sheet(8, rng);
-    let mut far = points.clone();
-    let vertex = rng.usize(..far.len());
-    far[vertex] = meshes::outlying(far[vertex], rng);
-    let animation = Animation::new(vec![points.clone(), points, far], triangles);
-    let time = [0.0, 1.0, 1.0 + rng.f64(), 2.0][rng.usize(..4)];
-    Scene {
-        built: [0.0, time][rng.usize(..2)],
-        time,
-        animation: Arc::new(animation.expect("the mesh is the same")),
-        rays: Vec::new(),
-        inside: None,
     }
 }
 
