@@ -14,6 +14,10 @@ use tempfile::NamedTempFile;
 /// Bytes collected before they go to the file.
 const BUFFER: usize = 1 << 18;
 
+/// How temporary files are named.
+const PREFIX: &str = ".abvh-";
+const SUFFIX: &str = ".part";
+
 /// Writes `bytes` to `path`, all of them or none.
 ///
 /// # Errors
@@ -98,13 +102,57 @@ fn stream_into(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>)
     stream.flush()
 }
 
+/// Removes what runs that were killed left in `dir`: temporary files that no living process holds.
+///
+/// # Errors
+/// [`WriteError`]: the directory cannot be read, or a file not removed.
+pub fn remove_abandoned(dir: &Path) -> Result<(), WriteError> {
+    let remove = || -> io::Result<()> {
+        for entry in fs::read_dir(dir)? {
+            let path = entry?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            if !name.starts_with(PREFIX) || !name.ends_with(SUFFIX) {
+                continue;
+            }
+            // Who writes a file holds its lock; where there are no locks, nobody can tell.
+            let Ok(file) = fs::OpenOptions::new().write(true).open(&path) else {
+                continue;
+            };
+            if file.try_lock().is_ok() {
+                fs::remove_file(&path)?;
+            }
+        }
+        Ok(())
+    };
+    match remove() {
+        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(WriteError::new(dir, e)),
+        _ => Ok(()),
+    }
+}
+
+/// A temporary file that is locked as long as it is open, so that nobody takes it for abandoned.
 fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
+    loop {
+        let file = unlocked_beside(path)?;
+        // Locked or removed in between by somebody who tidies up: another one is made.
+        let is_ours = match file.as_file().try_lock() {
+            Ok(()) => file.path().exists(),
+            Err(fs::TryLockError::WouldBlock) => false,
+            Err(fs::TryLockError::Error(_)) => true,
+        };
+        if is_ours {
+            return Ok(file);
+        }
+    }
+}
+
+fn unlocked_beside(path: &Path) -> io::Result<NamedTempFile> {
     let dir = match path.parent() {
         Some(dir) if !dir.as_os_str().is_empty() => dir,
         _ => Path::new("."),
     };
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".abvh-").suffix(".part");
+    builder.prefix(PREFIX).suffix(SUFFIX);
     // Temporary files are private by default; results are as readable as the user's mask allows.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
@@ -146,6 +194,19 @@ mod tests {
         assert_eq!(names(dir.path()), ["a"]);
         write_whole(&path, b"new").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
+    }
+
+    #[test]
+    fn what_a_killed_run_left_is_removed_and_what_a_living_one_writes_is_not() {
+        let dir = tempfile::tempdir().unwrap();
+        let left = unlocked_beside(&dir.path().join("a")).unwrap();
+        let (_, left) = left.keep().unwrap();
+        let living = temporary_beside(&dir.path().join("b")).unwrap();
+        fs::write(dir.path().join(".abvh-notes"), b"mine").unwrap();
+        remove_abandoned(dir.path()).unwrap();
+        assert!(!left.exists() && living.path().exists());
+        assert_eq!(names(dir.path()).len(), 2);
+        remove_abandoned(&dir.path().join("none")).unwrap();
     }
 
     #[test]

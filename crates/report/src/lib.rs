@@ -15,7 +15,7 @@ mod summary;
 mod taken;
 mod timeline;
 
-pub use atomic::{check_writable, prepare_dir, write_whole, write_with};
+pub use atomic::{check_writable, prepare_dir, remove_abandoned, write_whole, write_with};
 pub use error::{RaysError, WriteError};
 pub use hits::{Found, write_found, write_hits};
 pub use picture::write_png;

@@ -11,6 +11,7 @@ mod clip;
 mod colour;
 mod demo;
 mod error;
+mod files;
 mod join;
 mod mesh;
 mod obj;
@@ -21,6 +22,7 @@ mod times;
 
 pub use demo::{DEMOS, MAX_DEMO_TRIANGLES};
 pub use error::{Place, SceneError};
+pub use files::files;
 pub use ply::write_ply;
 use std::path::PathBuf;
 use std::sync::Arc;

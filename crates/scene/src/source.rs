@@ -15,7 +15,7 @@ pub(crate) fn open(spec: &str, options: &Options) -> Result<Scene, SceneError> {
 }
 
 /// Whether `spec` names an input by itself.
-fn exists(spec: &str) -> bool {
+pub(crate) fn exists(spec: &str) -> bool {
     let matches = || glob::glob(spec).is_ok_and(|mut all| all.next().is_some());
     let is_pattern = spec.contains(['*', '?', '[']);
     let is_demo = spec.starts_with("demo:") && !spec.contains(['+', '@']);
@@ -54,7 +54,7 @@ pub(crate) fn refuse_clip(place: &str, options: &Options) -> Result<(), SceneErr
 }
 
 /// Lower-case extension.
-fn extension(path: &Path) -> String {
+pub(crate) fn extension(path: &Path) -> String {
     path.extension()
         .map(|e| e.to_string_lossy().to_lowercase())
         .unwrap_or_default()

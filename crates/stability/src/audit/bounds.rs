@@ -50,7 +50,9 @@ impl<'a> TBounds<'a> {
             return (below..=above).contains(&hit.t) || t == least || t == most;
         }
         let [near, far] = self.own_span(ray, hit.triangle);
-        near.min(most.into()) <= f64::from(t) && f64::from(t) <= far.max(least.into())
+        // Rounded once more from scaled units, where `t` is subnormal.
+        let [below, above] = [t.next_down(), t.next_up()].map(f64::from);
+        near.min(most.into()) <= above && below <= far.max(least.into())
     }
 
     /// Where the ray may be said to be within a triangle's box.
