@@ -2,7 +2,7 @@
 
 use crate::reduce::{self, Tolerance};
 use crate::stop::Stop;
-use crate::values::{self, Frames, TimeRange};
+use crate::values::{self, Frames, Shard, TimeRange};
 use clap::builder::ArgPredicate;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use geom::Point;
@@ -22,6 +22,8 @@ struct Cli {
 pub(crate) enum Command {
     /// Render an animation to pictures, hits and statistics
     Render(Box<RenderArgs>),
+    /// Check that the shards of a run are all there, and join their statistics
+    Merge(MergeArgs),
     /// Trace given rays at one moment
     Trace(TraceArgs),
     /// Measure every stage over scenes, backends, update policies and intersectors
@@ -92,10 +94,14 @@ pub(crate) struct RenderArgs {
     /// or for the frame that asks for it, from vertices read back
     #[arg(long, value_name = "on|off", default_value = "on")]
     pub(crate) predict: Switch,
-    /// Frames: N spread evenly over the time range, both ends included, or those at key times A..B
-    /// (B left out). Files are numbered from 0000 [default: 48 for a demo, else one a key frame up to 96]
-    #[arg(long, value_name = "N|A..B", value_parser = values::frames)]
+    /// Frames: N spread evenly over the time range, both ends included; those at key times A..B (B left out); or a
+    /// list of key times, such as 1,4,10-20x2 (from 10 to 20 by twos). Files carry the key time, or the place among
+    /// the N, from 0000 on [default: 48 for a demo, else one a key frame up to 96]
+    #[arg(long, value_name = "N|A..B|LIST", value_parser = values::frames)]
     pub(crate) frames: Option<Frames>,
+    /// Render only block I of N of those frames, from 1 on; auto takes both from Slurm's variables of an array's task
+    #[arg(long, value_name = "I/N|auto", value_parser = values::shard)]
+    pub(crate) shard: Option<Shard>,
     /// Stretch of time, in key frames [default: all of it]
     #[arg(long, value_name = "T0..T1", value_parser = values::time_range, allow_hyphen_values = true)]
     pub(crate) time_range: Option<TimeRange>,
@@ -112,7 +118,7 @@ pub(crate) struct RenderArgs {
     /// Directory for hits: hits_0000.npz and so on
     #[arg(long, value_name = "DIR")]
     pub(crate) hits: Option<PathBuf>,
-    /// File for statistics of every frame
+    /// File for statistics of every frame, - for standard output
     #[arg(long, value_name = "FILE.json")]
     pub(crate) stats: Option<PathBuf>,
     /// File for a timeline of host and device, to be opened in Perfetto or chrome://tracing
@@ -121,12 +127,27 @@ pub(crate) struct RenderArgs {
     /// File for the primary rays of a frame, to be traced again with `abvh trace`
     #[arg(long, value_name = "FILE.npy")]
     pub(crate) rays_out: Option<PathBuf>,
-    /// Skip frames whose files all exist
+    /// Go on with the run that the folders hold: frames whose files are whole, by length and digest, are skipped.
+    /// Where another run lies there, whatever differs is named
     #[arg(long)]
     pub(crate) resume: bool,
+    /// Replace another run that the folders hold
+    #[arg(long, conflicts_with = "resume")]
+    pub(crate) overwrite: bool,
     /// No progress and no remarks
     #[arg(long, short)]
     pub(crate) quiet: bool,
+}
+
+/// Options of `merge`.
+#[derive(Args, Debug)]
+pub(crate) struct MergeArgs {
+    /// Folders that shards of one run were rendered to
+    #[arg(value_name = "DIR", required = true)]
+    pub(crate) folders: Vec<PathBuf>,
+    /// File for the statistics of all frames, - for standard output
+    #[arg(long, value_name = "FILE.json")]
+    pub(crate) stats: Option<PathBuf>,
 }
 
 /// Options of `trace`.

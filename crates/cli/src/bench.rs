@@ -58,7 +58,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     for spec in &args.scenes {
         let scene = scene::open(spec, &args.source.options())?;
         let keys = scene.animation.whole_times();
-        let frames = frames::list(Some(args.frames), args.time_range, keys, false)?;
+        let frames = frames::list(Some(&args.frames), args.time_range, keys, false)?;
         let place = (&spec[..], &scene, &frames[..]);
         if args.with_auto {
             bench.with_auto(place)?;

@@ -96,7 +96,7 @@ impl Work<'_> {
             report::prepare_dir(&self.args.out).map_err(Stop::bad)?;
         }
         let keys = scene.animation.whole_times();
-        let frames = frames::list(Some(self.args.frames), None, keys, false)?;
+        let frames = frames::list(Some(&self.args.frames), None, keys, false)?;
         let name = self.name(spec, &scene);
         self.chart.scenes.push(chart::Scene {
             name: name.clone(),
@@ -136,7 +136,12 @@ impl Work<'_> {
     ) -> Result<KeyFrames, Stop> {
         let animation = Arc::clone(&scene.animation);
         let reduce::Curve { diagonal, points } = reduce::curve(&animation)?;
-        let frames = frames::list(Some(self.args.frames), None, animation.whole_times(), false)?;
+        let frames = frames::list(
+            Some(&self.args.frames),
+            None,
+            animation.whole_times(),
+            false,
+        )?;
         let mut scene = scene;
         let mut last: Option<(Vec<usize>, Option<f64>)> = None;
         let mut steps = Vec::new();
@@ -171,7 +176,7 @@ impl Work<'_> {
     /// What the chart calls a scene: its own name, or what it was asked for by, where that alone is unique.
     fn name(&self, spec: &str, scene: &Scene) -> String {
         let taken = |name: &str| self.chart.scenes.iter().any(|s| s.name == name);
-        if spec.starts_with(frames::DEMO) || taken(&scene.name) {
+        if frames::is_demo(spec) || taken(&scene.name) {
             spec.to_owned()
         } else {
             scene.name.clone()

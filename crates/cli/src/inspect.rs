@@ -78,7 +78,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         update: UpdateName::Auto,
         lockstep: None,
     };
-    let is_demo = args.scene.starts_with(frames::DEMO);
+    let is_demo = frames::is_demo(&args.scene);
     let frames = frames::list(None, None, animation.whole_times(), is_demo)?;
     let view = picture::frame_scene(animation, FOV, SIZE);
     let camera = view.camera(SIZE);

@@ -10,6 +10,7 @@ mod auto;
 mod bench;
 mod chart;
 mod choose;
+mod conflicts;
 mod conform;
 mod crossover;
 mod decay;
@@ -17,7 +18,10 @@ mod frames;
 mod growth;
 mod info;
 mod inspect;
+mod journal;
+mod manifest;
 mod memory;
+mod merge;
 mod motion;
 mod open;
 mod outputs;
@@ -25,7 +29,9 @@ mod progress;
 mod record;
 mod reduce;
 mod render;
+mod resume;
 mod session;
+mod signals;
 mod stability;
 mod stop;
 mod subjects;
@@ -44,6 +50,7 @@ use std::process::ExitCode;
 use stop::Stop;
 
 fn main() -> ExitCode {
+    signals::heed();
     match args::parse().and_then(run) {
         Ok(()) => ExitCode::SUCCESS,
         Err(stop) => stop.report(),
@@ -53,6 +60,7 @@ fn main() -> ExitCode {
 fn run(command: Command) -> Result<(), Stop> {
     match command {
         Command::Render(args) => render::run(&args),
+        Command::Merge(args) => merge::run(&args),
         Command::Trace(args) => trace::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Crossover(args) => crossover::run(&args),

@@ -5,7 +5,20 @@ use crate::stop::Stop;
 use backend::Hits;
 use picture::Shot;
 use report::{Found, WriteError};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+/// Files of a whole run.
+fn files(args: &RenderArgs) -> impl Iterator<Item = &PathBuf> {
+    [&args.stats, &args.timeline, &args.rays_out]
+        .into_iter()
+        .flatten()
+}
+
+/// Whether two names are of one folder.
+fn is_same(a: &Path, b: &Path) -> bool {
+    let whole = [a, b].map(std::fs::canonicalize);
+    a == b || matches!(whole, [Ok(a), Ok(b)] if a == b)
+}
 
 /// Where pictures and hits go.
 #[derive(Debug)]
@@ -16,37 +29,52 @@ pub(crate) struct Outputs {
 }
 
 impl Outputs {
-    /// Makes the directories and finds out whether every file can be written, before any work.
-    pub(crate) fn prepare(args: &RenderArgs) -> Result<Self, Stop> {
+    /// Finds out whether every file can be written, before any work.
+    pub(crate) fn of(args: &RenderArgs) -> Result<Self, Stop> {
         let images = (!args.no_images).then(|| args.out.clone());
         for dir in images.iter().chain(&args.hits) {
-            report::prepare_dir(dir).map_err(Stop::bad)?;
+            report::check_dir(dir).map_err(Stop::bad)?;
         }
-        for file in [&args.stats, &args.timeline, &args.rays_out]
-            .into_iter()
-            .flatten()
-        {
-            report::check_writable(file).map_err(Stop::bad)?;
-        }
-        Ok(Self {
+        let outputs = Self {
             images,
             hits: args.hits.clone(),
             rgb: Vec::new(),
-        })
+        };
+        // A folder may be yet to be made.
+        let is_in_new = |file: &Path| {
+            let folder = file.parent().filter(|folder| !folder.exists());
+            folder.is_some_and(|folder| outputs.folders().iter().any(|f| f == folder))
+        };
+        for file in files(args).filter(|file| file.as_os_str() != "-" && !is_in_new(file)) {
+            report::check_writable(file).map_err(Stop::bad)?;
+        }
+        Ok(outputs)
+    }
+
+    /// Makes the folders.
+    pub(crate) fn prepare(&self) -> Result<(), Stop> {
+        let mut folders = self.folders().into_iter();
+        folders.try_for_each(|dir| report::prepare_dir(&dir).map_err(Stop::bad))
+    }
+
+    /// The folders, each once.
+    pub(crate) fn folders(&self) -> Vec<PathBuf> {
+        let mut all: Vec<_> = self.images.iter().chain(&self.hits).cloned().collect();
+        all.dedup_by(|a, b| is_same(a, b));
+        all
+    }
+
+    /// A frame's files in one of the folders.
+    pub(crate) fn in_folder(&self, frame: u64, folder: &Path) -> Vec<PathBuf> {
+        let files = [self.image(frame), self.hits(frame)].into_iter().flatten();
+        files
+            .filter(|f| f.parent().is_some_and(|dir| is_same(dir, folder)))
+            .collect()
     }
 
     /// Whether anything needs the hits back.
     pub(crate) fn any(&self) -> bool {
         self.images.is_some() || self.hits.is_some()
-    }
-
-    /// Whether all of a frame's files exist. A frame without files is never done.
-    pub(crate) fn exist(&self, frame: u64) -> bool {
-        self.any()
-            && [self.image(frame), self.hits(frame)]
-                .iter()
-                .flatten()
-                .all(|file| file.is_file())
     }
 
     /// Writes a frame's files.

@@ -2,28 +2,43 @@
 
 use crate::ahead::Ahead;
 use crate::args::RenderArgs;
+use crate::journal::Journal;
 use crate::outputs::Outputs;
 use crate::progress::Progress;
+use crate::resume::{self, Earlier};
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
 use crate::timeline::Notes;
 use crate::trial::Run;
-use crate::{choose, frames, record, table, talk};
+use crate::{choose, conflicts, frames, record, signals, table, talk};
 use backend::{Query, Rays, Seek};
 use geom::Camera;
 use picture::{Shot, View};
 use pipeline::Frame;
 use report::{FrameStats, SCHEMA, SceneFacts, Stats};
 use scene::Scene;
+use serde_json::json;
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// Renders.
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     crate::threads::limit(args.device.threads);
+    conflicts::of_render(args)?;
+    let mut outputs = Outputs::of(args)?;
+    let earlier = Earlier::look(args, &outputs)?;
+    if let Some(rows) = earlier.finished(args, &outputs)? {
+        return nothing_left(args, &earlier, &rows);
+    }
     let scene = scene::open(&args.scene, &args.source.options())?;
     let keys = scene.animation.whole_times();
-    let is_demo = args.scene.starts_with(frames::DEMO);
-    let frames = frames::list(args.frames, args.time_range, keys, is_demo)?;
+    let all = frames::list(
+        args.frames.as_ref(),
+        args.time_range,
+        keys,
+        frames::is_demo(&args.scene),
+    )?;
+    let frames = frames::of_shard(&all, args.shard);
     let view = view(args, &scene);
     let camera = camera(&view, args.size.size)?;
     let mut session = session::start(
@@ -43,26 +58,57 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
             ahead: Ahead::of(&frames, args.predict),
         },
     )?;
-    let mut outputs = Outputs::prepare(args)?;
+    outputs.prepare()?;
+    let (old, todo) = earlier.divide(frames, &outputs);
+    let head = json!(stats(args, &scene, &session, &[]));
+    let mut journals = earlier.begin(args, &all, (keys, &head))?;
     if let Some(file) = &args.rays_out {
         report::write_rays(file, Pixels::new(&camera))?;
     }
     let mut notes = args.timeline.is_some().then(Notes::default);
+    signals::wait_for_checks();
     let rows = trace_all(
         args,
         &scene,
         (&camera, &view),
-        frames,
+        (todo, old.len()),
         &mut session,
-        (&mut outputs, notes.as_mut()),
+        (&mut outputs, &mut journals, notes.as_mut()),
     )?;
     if let Some(file) = &args.stats {
-        report::write_json(file, &stats(args, &scene, &session, &rows))?;
+        resume::write_stats(file, &resume::joined(head, &[&old[..], &rows].concat()))?;
     }
     if let (Some(file), Some(notes)) = (&args.timeline, &notes) {
         notes.write(file, &session)?;
     }
-    talk::print(&results(args, &scene, &session, &rows))
+    tell(args, &results(args, &scene, &session, &rows))
+}
+
+/// Results go to standard output, unless statistics go there.
+fn tell(args: &RenderArgs, text: &str) -> Result<(), Stop> {
+    match &args.stats {
+        Some(file) if file.as_os_str() == "-" => {
+            if !args.quiet {
+                talk::say(text.trim_end());
+            }
+            Ok(())
+        }
+        _ => talk::print(text),
+    }
+}
+
+/// All files are there: statistics alone are written, of earlier runs.
+fn nothing_left(args: &RenderArgs, earlier: &Earlier, rows: &[FrameStats]) -> Result<(), Stop> {
+    if let (Some(file), Some(stats)) = (&args.stats, earlier.stats(rows)) {
+        resume::write_stats(file, &stats)?;
+    }
+    tell(
+        args,
+        &format!(
+            "nothing is left to be done: all {} frames are there\n",
+            rows.len()
+        ),
+    )
 }
 
 /// The view that frames the motion, with what was asked for in its place.
@@ -103,24 +149,17 @@ fn trace_all(
     args: &RenderArgs,
     scene: &Scene,
     (camera, view): (&Camera, &View),
-    frames: Vec<Frame>,
+    (todo, done): (Vec<Frame>, usize),
     session: &mut Session,
-    (outputs, mut notes): (&mut Outputs, Option<&mut Notes>),
+    (outputs, journals, mut notes): (&mut Outputs, &mut [(PathBuf, Journal)], Option<&mut Notes>),
 ) -> Result<Vec<FrameStats>, Stop> {
-    let all = frames.len();
-    let todo: Vec<Frame> = frames
-        .into_iter()
-        .filter(|f| !(args.resume && outputs.exist(f.index)))
-        .collect();
     let mut progress = Progress::new(todo.len() as u64, args.quiet);
     for remark in session.remarks.iter().chain(&scene.facts.notes) {
         progress.say(remark);
     }
-    if todo.len() < all {
-        progress.say(&format!(
-            "{} of {all} frames are there already",
-            all - todo.len()
-        ));
+    if done > 0 {
+        let all = done + todo.len();
+        progress.say(&format!("{done} of {all} frames are there already"));
     }
     let query = query(camera, view);
     let mut rows = Vec::with_capacity(todo.len());
@@ -134,9 +173,14 @@ fn trace_all(
                 camera,
                 light: view.light,
             };
+            signals::check()?;
             let done = Instant::now();
+            let row = record::row(frame);
             if outputs.any() {
                 outputs.write(frame.frame.index, &shot, hits)?;
+            }
+            for (folder, journal) in journals.iter_mut() {
+                journal.add(&outputs.in_folder(frame.frame.index, folder), &row)?;
             }
             if let Some(notes) = &mut notes {
                 notes.add(frame, [done, Instant::now()]);
@@ -145,7 +189,7 @@ fn trace_all(
                 "time {:.3}, {:.1} ms",
                 frame.frame.time, frame.wall_ms
             ));
-            rows.push(record::row(frame));
+            rows.push(row);
             Ok(())
         })?;
     Ok(rows)

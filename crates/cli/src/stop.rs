@@ -15,6 +15,8 @@ pub(crate) enum Stop {
     Bad(anyhow::Error),
     /// It ran and failed: exit code 1.
     Failed(anyhow::Error),
+    /// A signal asked it to end: exit code 128 and that.
+    Signal(u8),
     /// Help or version was asked for and shown: exit code 0.
     Shown,
 }
@@ -33,7 +35,7 @@ impl Stop {
     /// What is wrong, in one line.
     pub(crate) fn text(&self) -> String {
         match self {
-            Self::Shown => String::new(),
+            Self::Shown | Self::Signal(_) => String::new(),
             Self::Bad(e) | Self::Failed(e) => one_line(e),
         }
     }
@@ -42,6 +44,7 @@ impl Stop {
     pub(crate) fn report(&self) -> ExitCode {
         let (error, code) = match self {
             Self::Shown => return ExitCode::SUCCESS,
+            Self::Signal(signal) => return ExitCode::from(128 + signal),
             Self::Bad(e) => (e, 2),
             Self::Failed(e) => (e, 1),
         };
@@ -54,7 +57,7 @@ impl fmt::Display for Stop {
     /// What went wrong, in one line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Shown => Ok(()),
+            Self::Shown | Self::Signal(_) => Ok(()),
             Self::Bad(e) | Self::Failed(e) => f.write_str(&one_line(e)),
         }
     }

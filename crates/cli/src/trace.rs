@@ -4,7 +4,7 @@ use crate::ahead::Ahead;
 use crate::args::{PolicyArgs, TraceArgs, UpdateName};
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
-use crate::{choose, frames, talk};
+use crate::{choose, conflicts, frames, talk};
 use backend::{Hits, Query, Rays, Seek};
 use geom::{Animation, Ray};
 use pipeline::Frame;
@@ -13,6 +13,15 @@ use report::Found;
 /// Traces.
 pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     crate::threads::limit(args.device.threads);
+    let mut read = conflicts::of_scene(&args.scene)?;
+    read.push(("--rays", args.rays.clone()));
+    let files = conflicts::Files {
+        read,
+        written: vec![("--out", args.out.clone())],
+        ..conflicts::Files::default()
+    };
+    files.check()?;
+    report::check_writable(&args.out).map_err(Stop::bad)?;
     let rays = report::read_rays(&args.rays)?;
     let scene = scene::open(&args.scene, &args.source.options())?;
     let animation = &scene.animation;
@@ -40,7 +49,6 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
             ahead: Ahead::default(),
         },
     )?;
-    report::check_writable(&args.out).map_err(Stop::bad)?;
     if !args.quiet {
         session.remarks.iter().for_each(|r| talk::say(r));
     }

@@ -54,6 +54,21 @@ pub fn check_writable(path: &Path) -> Result<(), WriteError> {
     check().map_err(|e| WriteError::new(path, e))
 }
 
+/// Finds out before long work whether files could be made in the directory `dir`, without making it.
+///
+/// # Errors
+/// [`WriteError`]: a file in the way, no permission.
+pub fn check_dir(dir: &Path) -> Result<(), WriteError> {
+    let mut above = dir.ancestors().filter(|d| !d.as_os_str().is_empty());
+    let existing = above.find(|d| fs::symlink_metadata(d).is_ok());
+    let existing = existing.unwrap_or(Path::new("."));
+    let check = || match fs::metadata(existing)?.is_dir() {
+        true => temporary_beside(&existing.join("any")).map(drop),
+        false => Err(io::ErrorKind::NotADirectory.into()),
+    };
+    check().map_err(|e| WriteError::new(dir, e))
+}
+
 /// Makes the directory `dir` and those above it, and finds out whether files can be made in it.
 ///
 /// # Errors

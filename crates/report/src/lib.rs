@@ -6,6 +6,7 @@
 //! are equal bytes.
 
 mod atomic;
+mod digest;
 mod error;
 mod hits;
 mod picture;
@@ -15,7 +16,10 @@ mod summary;
 mod taken;
 mod timeline;
 
-pub use atomic::{check_writable, prepare_dir, remove_abandoned, write_whole, write_with};
+pub use atomic::{
+    check_dir, check_writable, prepare_dir, remove_abandoned, write_whole, write_with,
+};
+pub use digest::{Digest, digest_of};
 pub use error::{RaysError, WriteError};
 pub use hits::{Found, write_found, write_hits};
 pub use picture::write_png;

@@ -2,7 +2,7 @@
 
 use crate::summary::Overview;
 use crate::{Taken, WriteError, write_whole};
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 use std::path::Path;
 
 /// The version of the file's schema.
@@ -69,7 +69,7 @@ pub struct SceneFacts {
 }
 
 /// One frame. Times in milliseconds.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[expect(
     missing_docs,
     reason = "the names are the schema's, listed in the manual"

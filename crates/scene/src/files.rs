@@ -1,8 +1,8 @@
 //! The files that a scene is made of, found without reading its meshes.
 
+use crate::SceneError;
 use crate::join::inputs;
 use crate::source::{exists, extension};
-use crate::SceneError;
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -87,7 +87,10 @@ fn uris(gltf: &[u8]) -> Vec<String> {
     let buffers = document["buffers"].as_array().into_iter().flatten();
     let uris = buffers.filter_map(|b| b["uri"].as_str());
     let decoded = uris.map(|u| percent_encoding::percent_decode_str(u).decode_utf8_lossy());
-    decoded.filter(|u| !u.starts_with("data:")).map(Into::into).collect()
+    decoded
+        .filter(|u| !u.starts_with("data:"))
+        .map(Into::into)
+        .collect()
 }
 
 #[cfg(test)]
@@ -107,10 +110,16 @@ mod tests {
         let b = put("a/2.obj", "v 0 0 0\n");
         let x = put("a/x.mtl", "newmtl m\n");
         put("a/notes.txt", "");
-        let g = put("g.gltf", r#"{"buffers":[{"uri":"d%20e.bin"},{"uri":"data:,"}]}"#);
+        let g = put(
+            "g.gltf",
+            r#"{"buffers":[{"uri":"d%20e.bin"},{"uri":"data:,"}]}"#,
+        );
         let d = put("d e.bin", "");
         let name = |p: &Path| p.display().to_string();
-        assert_eq!(files(&name(&dir.path().join("a"))).unwrap(), [a.clone(), b.clone(), x.clone()]);
+        assert_eq!(
+            files(&name(&dir.path().join("a"))).unwrap(),
+            [a.clone(), b.clone(), x.clone()]
+        );
         assert_eq!(files(&name(&a)).unwrap(), [a, x]);
         let both = format!("{}+demo:hall+{}@1,0,0", name(&g), name(&b));
         assert_eq!(files(&both).unwrap(), [b, d, g]);

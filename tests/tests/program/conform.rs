@@ -69,16 +69,16 @@ fn sum(rows: &[Value], what: &str) -> u64 {
 }
 
 fn oracle(sandbox: &Sandbox) -> Result<(), Failed> {
-    let words = "conform demo:collide:300 --backend cpu --cases 0 --oracle-rays 6500 --json c.json";
+    let words = "conform demo:collide:300 --backend cpu --cases 0 --oracle-rays 7500 --json c.json";
     let run = sandbox.run(words).succeeds()?;
     let json = json(sandbox)?;
     let rows = rows_of(&json)?;
-    ensure(rows.len() == 13, || json.to_string())?;
+    ensure(rows.len() == 15, || json.to_string())?;
     let all_of = |r: &Value| r["rays"] == 500 && r["intersector"] == "exact";
     ensure(rows.iter().all(all_of), || json.to_string())?;
     let given = |r: &Value| r["mesh"] == "demo:collide:300" && r["hits"].as_u64() > Some(100);
     ensure(rows.iter().any(given), || json.to_string())?;
-    let wrong = sum(rows, "wrong") + sum(rows, "wrong_any");
+    let wrong = sum(rows, "wrong") + sum(rows, "wrong_any") + sum(rows, "wrong_t");
     ensure(wrong == 0, || run.stdout.clone())?;
     for seen in ["ties", "edges", "degenerate", "inactive", "settled"] {
         ensure(sum(rows, seen) > 10, || format!("{seen}: {json}"))?;

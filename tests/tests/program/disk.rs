@@ -55,7 +55,7 @@ fn full(words: &'static str) -> Result<(), Failed> {
 fn on_full_disk(folder: &Path, program: &str, args: &[&str]) -> std::io::Result<Output> {
     std::fs::create_dir_all(folder.join("full"))?;
     let script = "mount -t tmpfs -o size=8k none full || exit 77; \"$@\"; code=$?; \
-                  echo left: $(ls -A full) | sed 's/ $//'; exit $code";
+                  echo left: $(ls -A full | grep -v ^abvh-run) | sed 's/ $//'; exit $code";
     Command::new("unshare")
         .args([
             "--user",

@@ -14,7 +14,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 
 /// Renders `scene` and gives the counts of each frame: inactive, degenerate, hits.
 fn counts(sandbox: &Sandbox, scene: &str, options: &str) -> Result<Vec<[u64; 3]>, Failed> {
-    let words = format!("render {scene} --size 32x24 --stats s.json --quiet {options}");
+    let words = format!("render {scene} --size 32x24 --stats s.json --overwrite --quiet {options}");
     sandbox.run(&words).succeeds()?;
     let stats: serde_json::Value = serde_json::from_slice(&sandbox.read("s.json"))?;
     let frames = stats["frames"].as_array().ok_or("no frames")?;

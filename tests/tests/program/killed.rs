@@ -39,6 +39,9 @@ fn whole_or_absent(_: &Sandbox) -> Result<(), Failed> {
         cut_short += u32::from(!left.is_empty() && left.len() < all.len());
         sandbox.run(&format!("{WORDS} --resume")).succeeds()?;
         let resumed = whole_files(&sandbox)?;
+        ensure(!sandbox.all_files().iter().any(|f| is_temporary(f)), || {
+            format!("left behind: {:?}", sandbox.all_files())
+        })?;
         ensure(resumed == all, || format!("resumed: {resumed:?}"))?;
         for file in all.iter().filter(|f| is_repeatable(f)) {
             let [a, b] = [&undisturbed, &sandbox].map(|s| s.read(&file.to_string_lossy()));

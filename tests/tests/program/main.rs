@@ -14,6 +14,7 @@ mod hits;
 mod inactive;
 mod killed;
 mod reduce;
+mod runs;
 mod sandbox;
 mod stability;
 mod stats;
@@ -38,6 +39,7 @@ fn main() -> ExitCode {
         inactive::trials(),
         killed::trials(),
         reduce::trials(),
+        runs::trials(),
         stability::trials(),
         stats::trials(),
         timeline::trials(),

@@ -46,8 +46,18 @@ impl Sandbox {
         Run::of(&output, words)
     }
 
-    /// Every file below, sorted, as paths relative to the sandbox.
+    /// Every file below, sorted, as paths relative to the sandbox; manifests and journals of runs are left out.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
+        let mut files = self.all_files();
+        files.retain(|f| {
+            !f.file_name()
+                .is_some_and(|n| n.to_string_lossy().starts_with("abvh-run"))
+        });
+        files
+    }
+
+    /// Likewise, with those.
+    pub(crate) fn all_files(&self) -> Vec<PathBuf> {
         let mut files = Vec::new();
         collect(self.path(), &mut files);
         files.sort();

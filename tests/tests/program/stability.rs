@@ -4,7 +4,7 @@ use crate::sandbox::{Sandbox, ensure, trial};
 use libtest_mimic::{Failed, Trial};
 use serde_json::Value;
 
-const FAMILIES: usize = 20;
+const FAMILIES: usize = 22;
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
@@ -64,7 +64,7 @@ fn robust(sandbox: &Sandbox) -> Result<(), Failed> {
     let (_, rows) = rows(sandbox)?;
     ensure(rows.len() == 2 * FAMILIES, || rows.len().to_string())?;
     let closed: Vec<_> = rows.iter().filter(|r| !r["leaks"].is_null()).collect();
-    ensure(closed.len() == 10, || closed.len().to_string())?;
+    ensure(closed.len() == 12, || closed.len().to_string())?;
     for row in closed {
         let none = |what: &str| row[what]["count"] == 0 && row[what]["bound"][1] == 0.0;
         ensure(none("leaks") && none("double_hits"), || row.to_string())?;
@@ -108,7 +108,7 @@ fn recorded(sandbox: &Sandbox) -> Result<(), Failed> {
     let entries = json["entries"].as_array().ok_or("no entries")?;
     let of = |name: &str| entries.iter().filter(|e| e["intersector"] == name).count();
     let counts = ["woop", "moller-trumbore", "watertight", "exact"].map(of);
-    ensure(counts == [30, 30, 20, 0], || format!("{counts:?}"))
+    ensure(counts == [34, 34, 22, 0], || format!("{counts:?}"))
 }
 
 fn refused(sandbox: &Sandbox) -> Result<(), Failed> {

@@ -28,9 +28,13 @@ pub(super) fn write(dir: &Path, chart: &Chart) -> Result<Vec<PathBuf>, Stop> {
 /// What measures a point's times again.
 pub(super) fn command(args: &ChartArgs, spec: &str, row: &Row) -> String {
     let [width, height] = args.size.size;
-    let frames = match args.frames {
+    let frames = match &args.frames {
         Frames::Count(n) => n.to_string(),
-        Frames::Keys { from, to } => format!("{from}..{to}"),
+        Frames::Keys(keys) => {
+            let keys: Vec<String> = keys.iter().map(usize::to_string).collect();
+            // One alone would be a count.
+            format!("{},", keys.join(","))
+        }
     };
     let source = source(args);
     format!(

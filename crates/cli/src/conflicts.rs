@@ -1,0 +1,205 @@
+//! Files that are written must be neither files that are read nor each other: told by what they are, not by their names.
+
+use crate::args::RenderArgs;
+use crate::stop::Stop;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A file by what it is: where it lies on its device, or, where nothing lies yet, its folder and its name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Identity {
+    #[cfg(unix)]
+    Node(u64, u64),
+    Name(PathBuf),
+}
+
+impl Identity {
+    /// `None` for devices and pipes, which many may write to.
+    fn of(file: &Path) -> Option<Self> {
+        match fs::metadata(file) {
+            Ok(about) if !about.is_file() && !about.is_dir() => None,
+            #[cfg(unix)]
+            Ok(about) => {
+                use std::os::unix::fs::MetadataExt;
+                Some(Self::Node(about.dev(), about.ino()))
+            }
+            _ => Some(Self::Name(whole(file))),
+        }
+    }
+}
+
+/// A path from the root on, by what exists of it.
+fn whole(file: &Path) -> PathBuf {
+    if let Ok(whole) = fs::canonicalize(file) {
+        return whole;
+    }
+    let folder = match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let folder = match fs::canonicalize(folder) {
+        Ok(folder) => folder,
+        Err(_) => std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned()),
+    };
+    folder.join(file.file_name().unwrap_or_default())
+}
+
+/// What a command reads and writes, by the options that name it.
+#[derive(Default)]
+pub(crate) struct Files<'a> {
+    pub(crate) read: Vec<(&'a str, PathBuf)>,
+    pub(crate) written: Vec<(&'a str, PathBuf)>,
+    /// Folders that files of these beginnings are written to.
+    pub(crate) folders: Vec<(&'a str, PathBuf, &'a [&'a str])>,
+}
+
+impl Files<'_> {
+    /// # Errors
+    /// A file that is written is one that is read, or is written twice.
+    pub(crate) fn check(&self) -> Result<(), Stop> {
+        let identified = |files: &[(&str, PathBuf)]| {
+            let known = |(option, file): &(&str, PathBuf)| {
+                let identity = Identity::of(file).filter(|_| file.as_os_str() != "-")?;
+                Some(((*option).to_owned(), file.clone(), identity))
+            };
+            files.iter().filter_map(known).collect::<Vec<_>>()
+        };
+        let (read, written) = (identified(&self.read), identified(&self.written));
+        for (i, (option, file, identity)) in written.iter().enumerate() {
+            let text = |what: String| {
+                Err(Stop::bad(format!(
+                    "{option} {} would overwrite {what}",
+                    file.display()
+                )))
+            };
+            if let Some((other, file, _)) = read.iter().find(|(.., id)| id == identity) {
+                return text(format!("{} of {other}", file.display()));
+            }
+            if let Some((other, ..)) = written[..i].iter().find(|(.., id)| id == identity) {
+                return text(format!("what {other} writes"));
+            }
+            if let Some(folder) = self.folder_of(file) {
+                return text(format!("a file that {folder} writes"));
+            }
+        }
+        match read
+            .iter()
+            .find_map(|(_, file, _)| Some((file, self.folder_of(file)?)))
+        {
+            Some((file, folder)) => Err(Stop::bad(format!(
+                "{folder} may overwrite {}, which is read",
+                file.display()
+            ))),
+            None => Ok(()),
+        }
+    }
+
+    /// The option whose folder a file lies in, under a name that is written there.
+    fn folder_of(&self, file: &Path) -> Option<&str> {
+        let file = whole(file);
+        let name = file.file_name()?.to_string_lossy().into_owned();
+        let lies = |(_, folder, begins): &&(&str, PathBuf, &[&str])| {
+            file.parent() == Some(&whole(folder)) && begins.iter().any(|b| name.starts_with(b))
+        };
+        self.folders.iter().find(lies).map(|(option, ..)| *option)
+    }
+}
+
+/// The files of a scene, as something that is read.
+pub(crate) fn of_scene(spec: &str) -> Result<Vec<(&'static str, PathBuf)>, Stop> {
+    Ok(scene::files(spec)?
+        .into_iter()
+        .map(|file| ("SCENE", file))
+        .collect())
+}
+
+/// # Errors
+/// `render` would overwrite what it reads or writes.
+pub(crate) fn of_render(args: &RenderArgs) -> Result<(), Stop> {
+    let single = [
+        ("--stats", &args.stats),
+        ("--timeline", &args.timeline),
+        ("--rays-out", &args.rays_out),
+    ];
+    let single = single
+        .into_iter()
+        .filter_map(|(option, file)| Some((option, file.clone()?)));
+    let images =
+        (!args.no_images).then(|| ("--out", args.out.clone(), &["frame_", "abvh-run"][..]));
+    let hits = args
+        .hits
+        .clone()
+        .map(|dir| ("--hits", dir, &["hits_", "abvh-run"][..]));
+    let files = Files {
+        read: of_scene(&args.scene)?,
+        written: single.collect(),
+        folders: images.into_iter().chain(hits).collect(),
+    };
+    files.check()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(files: &Files<'_>) -> String {
+        files.check().unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_file_is_told_by_what_it_is() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        fs::write(at("in.obj"), b"v 0 0 0").unwrap();
+        fs::create_dir(at("sub")).unwrap();
+        fs::hard_link(at("in.obj"), at("hard")).unwrap();
+        #[cfg(unix)]
+        std::os::unix::fs::symlink(at("in.obj"), at("soft")).unwrap();
+        for name in ["in.obj", "sub/../in.obj", "hard", "soft"] {
+            let files = Files {
+                read: vec![("SCENE", at("in.obj"))],
+                written: vec![("--stats", at(name))],
+                ..Files::default()
+            };
+            assert!(refused(&files).contains("of SCENE"), "{name}");
+        }
+        let files = Files {
+            written: vec![("--stats", at("new")), ("--timeline", at("sub/../new"))],
+            ..Files::default()
+        };
+        assert!(refused(&files).contains("what --stats writes"));
+        let null = PathBuf::from("/dev/null");
+        let files = Files {
+            written: vec![
+                ("--stats", null.clone()),
+                ("--timeline", null),
+                ("--rays-out", at("x")),
+            ],
+            ..Files::default()
+        };
+        files.check().unwrap();
+    }
+
+    #[test]
+    fn folders_keep_to_their_own_names() {
+        let dir = tempfile::tempdir().unwrap();
+        let begins: &[&str] = &["frame_"];
+        let check = |name: &str, folder: &str| {
+            let files = Files {
+                written: vec![("--stats", dir.path().join(name))],
+                folders: vec![("--out", dir.path().join(folder), begins)],
+                ..Files::default()
+            };
+            files.check().is_ok()
+        };
+        assert!(!check("frame_0000.png", "."));
+        assert!(!check("o/frame_0000.png", "o"));
+        assert!(check("o/stats.json", "o") && check("frame_0000.png", "o"));
+        let files = Files {
+            read: vec![("SCENE", dir.path().join("frame_1.obj"))],
+            folders: vec![("--out", dir.path().to_owned(), begins)],
+            ..Files::default()
+        };
+        assert!(refused(&files).contains("which is read"));
+    }
+}

@@ -1,0 +1,245 @@
+//! Which files of a run are whole: `abvh-run.jsonl` beside them, a line for each frame that is done.
+//!
+//! A line is written after the files that it names have their final names. A shard has a journal of its own, so that
+//! several may fill one folder at once. Whoever writes a journal holds its lock.
+
+use crate::stop::Stop;
+use crate::values::Shard;
+use report::{Digest, FrameStats, digest_of};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::fs::{self, File, TryLockError};
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+
+/// A line.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Line {
+    /// What the run is to make, and its statistics without frames.
+    Run { list: Vec<u64>, stats: Value },
+    /// A frame that is done.
+    Frame {
+        files: Vec<(String, Digest)>,
+        row: Box<FrameStats>,
+    },
+}
+
+/// What all journals of a folder say.
+#[derive(Debug, Default)]
+pub(crate) struct Done {
+    /// The whole list of frames, of all runs together, in order.
+    pub(crate) list: Vec<u64>,
+    /// Statistics without frames, of the last run.
+    pub(crate) stats: Option<Value>,
+    frames: BTreeMap<u64, (Vec<(String, Digest)>, FrameStats)>,
+}
+
+impl Done {
+    /// Reads every journal of a folder. A line that was cut short says nothing.
+    pub(crate) fn in_folder(folder: &Path) -> Result<Self, Stop> {
+        let mut done = Self::default();
+        for file in journals(folder)? {
+            let cannot = |e| Stop::bad(format!("cannot read {}: {e}", file.display()));
+            for line in BufReader::new(File::open(&file).map_err(cannot)?).split(b'\n') {
+                match serde_json::from_slice(&line.map_err(cannot)?) {
+                    Ok(Line::Run { list, stats }) => {
+                        done.list.extend(list);
+                        done.stats = Some(stats);
+                    }
+                    Ok(Line::Frame { files, row }) => {
+                        done.frames.insert(row.frame as u64, (files, *row));
+                    }
+                    Err(_) => {}
+                }
+            }
+        }
+        done.list.sort_unstable();
+        done.list.dedup();
+        Ok(done)
+    }
+
+    /// The row of a frame whose file `name` is in `folder`, whole.
+    pub(crate) fn whole(&self, frame: u64, folder: &Path, name: &str) -> Option<&FrameStats> {
+        let (files, row) = self.frames.get(&frame)?;
+        let (_, digest) = files.iter().find(|(n, _)| n == name)?;
+        let found = digest_of(&folder.join(name)).ok()?;
+        (found == *digest).then_some(row)
+    }
+
+    /// The row of a frame all of whose files are whole, as they were written.
+    pub(crate) fn all_whole(&self, frame: u64, folder: &Path) -> Option<&FrameStats> {
+        let (files, row) = self.frames.get(&frame)?;
+        let whole = |(name, _): &(String, Digest)| self.whole(frame, folder, name).is_some();
+        files.iter().all(whole).then_some(row)
+    }
+
+    /// Every file that a journal names.
+    fn names(&self) -> impl Iterator<Item = &str> {
+        self.frames
+            .values()
+            .flat_map(|(files, _)| files.iter().map(|(name, _)| &name[..]))
+    }
+}
+
+fn journals(folder: &Path) -> Result<Vec<PathBuf>, Stop> {
+    let cannot = |e| Stop::bad(format!("cannot read {}: {e}", folder.display()));
+    let entries = match fs::read_dir(folder) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries.map_err(cannot)?,
+    };
+    let mut all = Vec::new();
+    for entry in entries {
+        let path = entry.map_err(cannot)?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if name.starts_with("abvh-run") && name.ends_with(".jsonl") {
+            all.push(path);
+        }
+    }
+    all.sort();
+    Ok(all)
+}
+
+/// Removes the files that the journals of a folder name, and the journals.
+pub(crate) fn clear(folder: &Path) -> Result<(), Stop> {
+    let done = Done::in_folder(folder)?;
+    let files = done.names().map(|name| folder.join(name));
+    for file in files.chain(journals(folder)?) {
+        match fs::remove_file(&file) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+                return Err(Stop::bad(format!("cannot remove {}: {e}", file.display())));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// A journal that is being written.
+#[derive(Debug)]
+pub(crate) struct Journal {
+    path: PathBuf,
+    file: File,
+}
+
+impl Journal {
+    /// Goes on with a shard's journal in a folder, or begins it anew.
+    ///
+    /// # Errors
+    /// Another run is writing it, or it cannot be written.
+    pub(crate) fn open(folder: &Path, shard: Option<Shard>, resume: bool) -> Result<Self, Stop> {
+        let name = match shard {
+            Some(Shard { number, of }) => format!("abvh-run-{number}-of-{of}.jsonl"),
+            None => "abvh-run.jsonl".to_owned(),
+        };
+        let path = folder.join(name);
+        let cannot = |e| Stop::bad(format!("cannot write {}: {e}", path.display()));
+        let mut file = File::options()
+            .append(true)
+            .create(true)
+            .open(&path)
+            .map_err(cannot)?;
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => {
+                return Err(Stop::bad(format!(
+                    "another run is writing {}",
+                    path.display()
+                )));
+            }
+            // Where there are no locks, nobody can tell.
+            Ok(()) | Err(TryLockError::Error(_)) => {}
+        }
+        match resume {
+            // A line that was cut short must not swallow the next one.
+            true => file.write_all(b"\n").map_err(cannot)?,
+            false => file.set_len(0).map_err(cannot)?,
+        }
+        Ok(Self { path, file })
+    }
+
+    /// Says what the run is to make.
+    pub(crate) fn begin(&mut self, list: Vec<u64>, stats: Value) -> Result<(), Stop> {
+        self.write(&Line::Run { list, stats })
+    }
+
+    /// Says that a frame's files, by their names in `folder`, are whole.
+    pub(crate) fn add(&mut self, files: &[PathBuf], row: &FrameStats) -> Result<(), Stop> {
+        let named = |file: &PathBuf| {
+            let name = file
+                .file_name()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned();
+            let cannot = |e| Stop::failed(format!("cannot read {}: {e}", file.display()));
+            Ok::<_, Stop>((name, digest_of(file).map_err(cannot)?))
+        };
+        self.write(&Line::Frame {
+            files: files.iter().map(named).collect::<Result<_, _>>()?,
+            row: Box::new(row.clone()),
+        })
+    }
+
+    fn write(&mut self, line: &Line) -> Result<(), Stop> {
+        let mut text = serde_json::to_vec(line).map_err(Stop::failed)?;
+        text.push(b'\n');
+        let cannot = |e| Stop::failed(format!("cannot write {}: {e}", self.path.display()));
+        self.file.write_all(&text).map_err(cannot)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(frame: usize) -> FrameStats {
+        FrameStats {
+            frame,
+            hits: 7,
+            sah_ratio: Some(1.25),
+            ..FrameStats::default()
+        }
+    }
+
+    #[test]
+    fn what_was_said_of_a_frame_holds_as_long_as_its_files_do() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("frame_0003.png");
+        fs::write(&file, b"pixels").unwrap();
+        let mut journal = Journal::open(dir.path(), None, false).unwrap();
+        journal
+            .begin(vec![3, 4], serde_json::json!({"schema": 1}))
+            .unwrap();
+        journal.add(std::slice::from_ref(&file), &row(3)).unwrap();
+        let again = Journal::open(dir.path(), None, true).unwrap_err();
+        assert!(again.to_string().contains("another run"), "{again}");
+        journal.file.write_all(b"{\"frame\":{\"fil").unwrap();
+        drop(journal);
+        let mut journal = Journal::open(dir.path(), None, true).unwrap();
+        journal.add(&[], &row(4)).unwrap();
+        let done = Done::in_folder(dir.path()).unwrap();
+        assert_eq!(done.list, [3, 4]);
+        assert_eq!(done.whole(3, dir.path(), "frame_0003.png").unwrap().hits, 7);
+        assert!(done.all_whole(4, dir.path()).is_some());
+        assert!(done.whole(4, dir.path(), "frame_0004.png").is_none());
+        for damaged in [&b"pixel"[..], b"pixelz", b""] {
+            fs::write(&file, damaged).unwrap();
+            assert!(done.all_whole(3, dir.path()).is_none());
+        }
+    }
+
+    #[test]
+    fn shards_have_journals_of_their_own_that_are_read_together() {
+        let dir = tempfile::tempdir().unwrap();
+        for number in 1..=2 {
+            let shard = Some(Shard { number, of: 2 });
+            let mut journal = Journal::open(dir.path(), shard, false).unwrap();
+            journal.begin(vec![0, 1], Value::Null).unwrap();
+            journal.add(&[], &row(number - 1)).unwrap();
+        }
+        let done = Done::in_folder(dir.path()).unwrap();
+        assert_eq!((done.list.len(), done.frames.len()), (2, 2));
+        clear(dir.path()).unwrap();
+        assert!(journals(dir.path()).unwrap().is_empty());
+    }
+}

@@ -1,0 +1,178 @@
+//! What a run into a folder is: `abvh-run.json`, which says whether another run may go on with it.
+
+use crate::args::{BackendName, RenderArgs};
+use crate::frames;
+use crate::stop::Stop;
+use crate::values::{Frames, TimeRange};
+use clap::ValueEnum;
+use report::{Digest, digest_of};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Its file.
+pub(crate) const FILE: &str = "abvh-run.json";
+/// The version of its schema.
+const SCHEMA: u32 = 1;
+
+/// All that decides a byte of a run's pictures and hits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Manifest {
+    schema: u32,
+    version: String,
+    /// What is rendered: the name of a demo or of inputs that are joined, and the files that are read.
+    scene: SceneId,
+    /// Whole times of the motion.
+    pub(crate) key_times: usize,
+    /// Options by name.
+    options: BTreeMap<String, Value>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct SceneId {
+    name: Option<String>,
+    files: Vec<(String, Digest)>,
+}
+
+impl Manifest {
+    /// Of a run of these options over a motion with so many whole times.
+    ///
+    /// # Errors
+    /// A file of the scene cannot be read.
+    pub(crate) fn of(args: &RenderArgs, key_times: usize) -> Result<Self, Stop> {
+        Ok(Self {
+            schema: SCHEMA,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            scene: SceneId::of(&args.scene)?,
+            key_times,
+            options: options(args, key_times),
+        })
+    }
+
+    /// The one that a folder holds, if any.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub(crate) fn in_folder(folder: &Path) -> Result<Option<Self>, Stop> {
+        let file = folder.join(FILE);
+        let text = match std::fs::read(&file) {
+            Ok(text) => text,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(e) => return Err(Stop::bad(format!("cannot read {}: {e}", file.display()))),
+        };
+        let read = serde_json::from_slice(&text);
+        read.map(Some).map_err(|e| {
+            Stop::bad(format!(
+                "{} is no manifest of a run: {e}; --overwrite starts afresh",
+                file.display()
+            ))
+        })
+    }
+
+    /// The first thing in which two runs differ.
+    pub(crate) fn difference(&self, other: &Self) -> Option<String> {
+        let texts = |m: &Self| {
+            let fixed = [
+                ("schema", json!(m.schema)),
+                ("program's version", json!(m.version)),
+                ("scene", json!(m.scene.name)),
+                ("number of key times", json!(m.key_times)),
+            ];
+            let files = m
+                .scene
+                .files
+                .iter()
+                .map(|(name, digest)| (format!("file {name}"), json!(digest)));
+            let options = m
+                .options
+                .iter()
+                .map(|(name, v)| (format!("--{name}"), v.clone()));
+            let fixed = fixed.map(|(name, v)| (name.to_owned(), v)).into_iter();
+            fixed.chain(files).chain(options).collect::<Vec<_>>()
+        };
+        let (mine, theirs) = (texts(self), texts(other));
+        let value = |all: &[(String, Value)], name: &str| {
+            let found = all.iter().find(|(n, _)| n == name);
+            found.map_or_else(|| "absent".to_owned(), |(_, v)| v.to_string())
+        };
+        let mut names = mine.iter().chain(&theirs).map(|(name, _)| name);
+        let differing = names.find(|n| value(&mine, n) != value(&theirs, n))?;
+        let [a, b] = [value(&mine, differing), value(&theirs, differing)];
+        Some(format!("its {differing} is {a}, here it is {b}"))
+    }
+}
+
+impl SceneId {
+    fn of(spec: &str) -> Result<Self, Stop> {
+        let files = scene::files(spec)?;
+        let read = |file: &std::path::PathBuf| {
+            let name = file
+                .file_name()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned();
+            let digest = digest_of(file);
+            let digest =
+                digest.map_err(|e| Stop::bad(format!("cannot read {}: {e}", file.display())));
+            Ok::<_, Stop>((name, digest?))
+        };
+        // Where a file lies decides nothing, but how inputs are placed does.
+        let is_placed = spec.contains(['+', '@']);
+        Ok(Self {
+            name: (files.is_empty() || is_placed).then(|| spec.to_owned()),
+            files: files.iter().map(read).collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
+    let name = |v: &dyn Fn() -> Option<String>| json!(v());
+    let intersector = args.method.intersector.to_possible_value();
+    let intersector = intersector.map(|v| v.get_name().to_owned());
+    let mut all = BTreeMap::from([
+        ("size", json!(args.size.size)),
+        ("eye", json!(args.camera.eye)),
+        ("look-at", json!(args.camera.look_at)),
+        ("up", json!(args.camera.up)),
+        ("fov", json!(args.camera.fov)),
+        ("light", json!(args.camera.light)),
+        ("fps", json!(args.source.fps)),
+        ("clip", json!(args.source.clip)),
+        ("frames", frames_value(args, key_times)),
+        ("intersector", json!(intersector)),
+    ]);
+    // The answers of these are the same whoever gives them and however trees follow.
+    let is_robust = matches!(intersector.as_deref(), Some("watertight" | "exact"));
+    let is_rival = matches!(
+        args.device.backend,
+        BackendName::VulkanRt | BackendName::VulkanRtFastTrace
+    );
+    if !is_robust || is_rival {
+        let backend = args.device.backend.to_possible_value();
+        all.insert(
+            "backend",
+            name(&|| backend.as_ref().map(|v| v.get_name().to_owned())),
+        );
+        all.insert("adapter", json!(args.device.adapter));
+        all.insert("tolerance", json!(format!("{:?}", args.tolerance)));
+    }
+    all.into_iter()
+        .map(|(name, value)| (name.to_owned(), value))
+        .collect()
+}
+
+/// Frames at key times are what they are whichever others are asked for; of others, their number decides their times.
+fn frames_value(args: &RenderArgs, key_times: usize) -> Value {
+    let last = (key_times - 1) as f64;
+    let range = args.time_range.unwrap_or(TimeRange {
+        from: 0.0,
+        to: last,
+    });
+    let count = match &args.frames {
+        Some(Frames::Keys(_)) => return json!("key times"),
+        Some(Frames::Count(n)) => *n,
+        None => frames::default_count(range, frames::is_demo(&args.scene)),
+    };
+    json!({ "count": count, "from": range.from, "to": range.to })
+}

@@ -1,0 +1,343 @@
+//! Runs that are resumed, divided among shards, killed, and that must not eat each other's files.
+
+use crate::sandbox::{SQUARE, Sandbox, ensure, trial};
+use fastrand::Rng;
+use libtest_mimic::{Failed, Trial};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        trial("runs::two_ranges_fill_one_folder", ranges),
+        trial("runs::another_run_is_named_and_kept", another),
+        trial("runs::damaged_files_are_made_again", damaged),
+        trial("runs::nothing_is_loaded_when_nothing_is_left", finished),
+        trial("runs::statistics_stay_complete", statistics),
+        trial("runs::shards_merge_to_the_whole", shards),
+        trial("runs::killed_shards_resume_to_the_bytes_of_one_run", killed),
+        trial("runs::outputs_never_eat_inputs_or_each_other", eaten),
+        trial("runs::foreseen_failures_leave_no_folder", foreseen),
+        trial("runs::statistics_go_to_standard_output", to_stdout),
+        trial("runs::signals_end_with_their_codes", signals),
+    ]
+}
+
+const SMALL: &str = "render demo:collide:300 --backend cpu --size 32x24 --quiet";
+
+/// The pictures and hits of a folder, by name.
+fn bytes(sandbox: &Sandbox, folder: &str) -> BTreeMap<PathBuf, Vec<u8>> {
+    let files = sandbox.files().into_iter();
+    let files = files.filter(|f| f.starts_with(folder));
+    let named = |f: PathBuf| {
+        let name = f.file_name().map(PathBuf::from).unwrap_or_default();
+        (name, sandbox.read(&f.to_string_lossy()))
+    };
+    files.map(named).collect()
+}
+
+fn stats(sandbox: &Sandbox, file: &str) -> Result<Vec<u64>, Failed> {
+    let stats: Value = serde_json::from_slice(&sandbox.read(file))?;
+    let frames = stats["frames"].as_array().ok_or("no frames")?;
+    Ok(frames.iter().filter_map(|f| f["frame"].as_u64()).collect())
+}
+
+fn ranges(sandbox: &Sandbox) -> Result<(), Failed> {
+    sandbox
+        .run(&format!("{SMALL} --frames 0..5 --out all"))
+        .succeeds()?;
+    sandbox
+        .run(&format!("{SMALL} --frames 0..2 --out o"))
+        .succeeds()?;
+    sandbox
+        .run(&format!("{SMALL} --frames 2,3-4 --out o"))
+        .succeeds()?;
+    ensure(bytes(sandbox, "all") == bytes(sandbox, "o"), || {
+        format!("{:?}", sandbox.files())
+    })
+}
+
+fn another(sandbox: &Sandbox) -> Result<(), Failed> {
+    sandbox
+        .run(&format!("{SMALL} --frames 3 --out o"))
+        .succeeds()?;
+    let kept = bytes(sandbox, "o");
+    let others = [
+        ("--frames 3 --eye 9,9,9", "eye"),
+        ("--frames 4", "frames"),
+        ("--frames 3 --intersector exact", "intersector"),
+        ("--frames 3 --light 1,2,3", "light"),
+    ];
+    for (words, says) in others {
+        for resume in ["", "--resume"] {
+            let words = format!("{SMALL} {words} {resume} --out o");
+            sandbox
+                .run(&words)
+                .fails(2, &["holds another run", says, "--overwrite"])?;
+        }
+    }
+    let scene = SMALL.replace("collide", "twist");
+    sandbox
+        .run(&format!("{scene} --frames 3 --out o --resume"))
+        .fails(2, &["scene"])?;
+    ensure(bytes(sandbox, "o") == kept, || {
+        "the run that was there has changed".into()
+    })?;
+    // Who renders, and how trees follow, decides no byte.
+    sandbox
+        .run(&format!(
+            "{SMALL} --frames 3 --out o --update rebuild --layout bvh2 --threads 1"
+        ))
+        .succeeds()?;
+    ensure(bytes(sandbox, "o") == kept, || {
+        "another policy made other bytes".into()
+    })?;
+    sandbox
+        .run(&format!(
+            "{SMALL} --frames 2 --eye 9,9,9 --out o --overwrite"
+        ))
+        .succeeds()?;
+    ensure(bytes(sandbox, "o").len() == 2, || {
+        format!("{:?}", sandbox.files())
+    })
+}
+
+fn damaged(sandbox: &Sandbox) -> Result<(), Failed> {
+    let words = format!("{SMALL} --frames 4 --out o --hits h");
+    sandbox.run(&words).succeeds()?;
+    let whole = [bytes(sandbox, "o"), bytes(sandbox, "h")];
+    sandbox.write("o/frame_0000.png", "");
+    sandbox.write("o/frame_0001.png", &sandbox.read("o/frame_0002.png"));
+    let mut flipped = sandbox.read("h/hits_0003.npz");
+    let last = flipped.len() - 30;
+    flipped[last] ^= 1;
+    sandbox.write("h/hits_0003.npz", &flipped);
+    sandbox.run(&format!("{words} --resume")).succeeds()?;
+    ensure([bytes(sandbox, "o"), bytes(sandbox, "h")] == whole, || {
+        "damage stayed".into()
+    })
+}
+
+fn finished(sandbox: &Sandbox) -> Result<(), Failed> {
+    sandbox.write("in/1.obj", SQUARE);
+    let words = "render in --backend cpu --size 32x24 --frames 1 --out o";
+    sandbox.run(words).succeeds()?;
+    let run = sandbox.run(&format!("{words} --resume")).succeeds()?;
+    ensure(run.stdout.contains("nothing is left"), || {
+        run.stdout.clone()
+    })?;
+    // A device that cannot be had is not asked for.
+    let elsewhere = words.replace("--backend cpu", "--backend vulkan --adapter none");
+    sandbox.run(&format!("{elsewhere} --resume")).succeeds()?;
+    sandbox.write("in/1.obj", SQUARE.replace("v 1 1 0", "v 1 2 0"));
+    sandbox
+        .run(&format!("{words} --resume"))
+        .fails(2, &["1.obj"])
+}
+
+fn statistics(sandbox: &Sandbox) -> Result<(), Failed> {
+    let words = format!("{SMALL} --frames 5 --out o --stats s.json");
+    sandbox.run(&words).succeeds()?;
+    std::fs::remove_file(sandbox.path().join("o/frame_0002.png"))?;
+    for _ in 0..2 {
+        sandbox.run(&format!("{words} --resume")).succeeds()?;
+        let frames = stats(sandbox, "s.json")?;
+        ensure(frames == [0, 1, 2, 3, 4], || format!("{frames:?}"))?;
+    }
+    Ok(())
+}
+
+fn shards(sandbox: &Sandbox) -> Result<(), Failed> {
+    sandbox
+        .run(&format!("{SMALL} --frames 7 --out all"))
+        .succeeds()?;
+    for i in [1, 3] {
+        sandbox
+            .run(&format!("{SMALL} --frames 7 --shard {i}/3 --out o"))
+            .succeeds()?;
+    }
+    sandbox.run("merge o").fails(1, &["2 of 7", "2, 3"])?;
+    sandbox
+        .run(&format!("{SMALL} --frames 7 --shard 2/3 --out p"))
+        .succeeds()?;
+    sandbox.run("merge o p --stats s.json").succeeds()?;
+    let frames = stats(sandbox, "s.json")?;
+    ensure(frames == [0, 1, 2, 3, 4, 5, 6], || format!("{frames:?}"))?;
+    let mut joined = bytes(sandbox, "o");
+    joined.extend(bytes(sandbox, "p"));
+    ensure(joined == bytes(sandbox, "all"), || {
+        format!("{:?}", sandbox.files())
+    })?;
+    sandbox
+        .run(&format!("{SMALL} --frames 7 --eye 9,9,9 --out q"))
+        .succeeds()?;
+    sandbox.run("merge o q").fails(2, &["eye"])?;
+    sandbox.run("merge nowhere").fails(2, &["no manifest"])?;
+    sandbox
+        .run(&format!("{SMALL} --frames 2 --shard 2/9 --out few"))
+        .succeeds()?;
+    sandbox
+        .run(&format!("{SMALL} --frames 2 --shard 3/2 --out few"))
+        .fails(2, &["shard"])
+}
+
+/// Runs that are killed; a hundred with `ABVH_FULL`.
+fn kills() -> u32 {
+    if std::env::var_os("ABVH_FULL").is_some() {
+        100
+    } else {
+        6
+    }
+}
+
+fn spawn(sandbox: &Sandbox, words: &str) -> Result<Child, Failed> {
+    let program = Command::new(integration::program::abvh())
+        .args(words.split_whitespace())
+        .current_dir(sandbox.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()?;
+    Ok(program)
+}
+
+fn killed(sandbox: &Sandbox) -> Result<(), Failed> {
+    const WORDS: &str = "render demo:collide:3000 --backend cpu --size 160x120 --frames 10 --quiet --hits o --out o";
+    let whole = WORDS
+        .replace("--out o", "--out all")
+        .replace("--hits o", "--hits all");
+    sandbox.run(&whole).succeeds()?;
+    let all = bytes(sandbox, "all");
+    let mut rng = Rng::with_seed(7);
+    for round in 0..kills().div_ceil(2) {
+        let mut running = Vec::new();
+        for i in 1..=2 {
+            running.push(spawn(sandbox, &format!("{WORDS} --shard {i}/2 --resume"))?);
+        }
+        for child in &mut running {
+            std::thread::sleep(Duration::from_millis(rng.u64(5..160)));
+            child.kill()?;
+            child.wait()?;
+        }
+        if round % 4 == 3 {
+            resumed(sandbox, WORDS, &all)?;
+            std::fs::remove_dir_all(sandbox.path().join("o"))?;
+        }
+    }
+    resumed(sandbox, WORDS, &all)
+}
+
+fn resumed(sandbox: &Sandbox, words: &str, all: &BTreeMap<PathBuf, Vec<u8>>) -> Result<(), Failed> {
+    for i in 1..=2 {
+        sandbox
+            .run(&format!("{words} --shard {i}/2 --resume"))
+            .succeeds()?;
+    }
+    sandbox.run("merge o").succeeds()?;
+    ensure(bytes(sandbox, "o") == *all, || {
+        format!("{:?}", sandbox.all_files())
+    })
+}
+
+fn eaten(sandbox: &Sandbox) -> Result<(), Failed> {
+    sandbox.write("in.obj", SQUARE);
+    std::fs::hard_link(
+        sandbox.path().join("in.obj"),
+        sandbox.path().join("link.json"),
+    )?;
+    let render = "render in.obj --backend cpu --size 32x24 --frames 1 --quiet --out o";
+    for (words, says) in [
+        ("--stats in.obj", "--stats"),
+        ("--stats ./in.obj", "SCENE"),
+        ("--timeline link.json", "--timeline"),
+        ("--stats z --timeline z", "--timeline"),
+        ("--stats z --rays-out ./z", "--rays-out"),
+        ("--stats o/frame_0000.png", "--out"),
+        ("--stats o/abvh-run.json", "--out"),
+    ] {
+        sandbox
+            .run(&format!("{render} {words}"))
+            .fails(2, &["would overwrite", says])?;
+    }
+    sandbox
+        .run(&format!("{render} --rays-out r.npy"))
+        .succeeds()?;
+    let rays = sandbox.read("r.npy");
+    let trace = "trace in.obj --time 0 --backend cpu --quiet";
+    sandbox
+        .run(&format!("{trace} --rays r.npy --out r.npy"))
+        .fails(2, &["--rays"])?;
+    sandbox
+        .run(&format!("{trace} --rays r.npy --out in.obj"))
+        .fails(2, &["SCENE"])?;
+    ensure(
+        sandbox.read("r.npy") == rays && sandbox.read("in.obj") == SQUARE.as_bytes(),
+        || "an input was overwritten".into(),
+    )
+}
+
+fn foreseen(sandbox: &Sandbox) -> Result<(), Failed> {
+    sandbox.write("file", "in the way");
+    for words in [
+        "--out file --frames 1",
+        "--out new/deep --frames 0..900",
+        "--out new --stats no/such/s.json",
+        "--out new --hits file/h",
+        "--out new --adapter 99 --backend vulkan",
+    ] {
+        sandbox.run(&format!("{SMALL} {words}")).fails(2, &[])?;
+    }
+    let left = sandbox.all_files();
+    let is_empty = !sandbox.path().join("new").exists();
+    ensure(left == [PathBuf::from("file")] && is_empty, || {
+        format!("{left:?}")
+    })
+}
+
+fn to_stdout(sandbox: &Sandbox) -> Result<(), Failed> {
+    let run = sandbox
+        .run(&format!("{SMALL} --frames 2 --no-images --stats -"))
+        .succeeds()?;
+    let stats: Value = serde_json::from_str(&run.stdout)?;
+    ensure(
+        stats["frames"].as_array().is_some_and(|f| f.len() == 2),
+        || run.stdout.clone(),
+    )
+}
+
+#[cfg(unix)]
+fn signals(sandbox: &Sandbox) -> Result<(), Failed> {
+    for (signal, code) in [("INT", 130), ("TERM", 143)] {
+        let mut child = spawn(
+            sandbox,
+            "render demo:collide:20000 --backend cpu --frames 4000 --size 320x240 --quiet",
+        )?;
+        let first = sandbox.path().join("abvh-out/frame_0001.png");
+        for _ in 0..600 {
+            if first.exists() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        Command::new("kill")
+            .args(["-s", signal, &child.id().to_string()])
+            .status()?;
+        let status = child.wait()?;
+        ensure(status.code() == Some(code), || {
+            format!("{signal}: {status:?}")
+        })?;
+        let left = sandbox.all_files();
+        let part = left
+            .iter()
+            .any(|f| f.extension().is_some_and(|e| e == "part"));
+        ensure(!part, || format!("{left:?}"))?;
+        std::fs::remove_dir_all(sandbox.path().join("abvh-out"))?;
+    }
+    Ok(())
+}
+
+#[cfg(not(unix))]
+fn signals(_: &Sandbox) -> Result<(), Failed> {
+    Ok(())
+}
