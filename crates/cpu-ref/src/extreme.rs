@@ -126,11 +126,9 @@ impl Beam {
                     stack[first..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
                 }
                 Below::Places { first, count } => {
-                    let triangles = (first..first + count).filter_map(|p| tree.triangle(p));
-                    for triangle in triangles {
-                        if see(triangle, bound) {
-                            return true;
-                        }
+                    let mut places = first..first + count;
+                    if places.any(|p| tree.triangle(p).is_some_and(|t| see(t, bound))) {
+                        return true;
                     }
                 }
             }

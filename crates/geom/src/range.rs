@@ -37,8 +37,7 @@ impl Range {
     #[inline]
     pub fn is_extreme(&self, origin: Point) -> bool {
         let farthest = size(origin);
-        // Written so that a NaN is extreme.
-        self.extreme || !(farthest < FAR) || (self.tiny && farthest < NEAR)
+        self.extreme || farthest.is_nan() || farthest >= FAR || (self.tiny && farthest < NEAR)
     }
 
     fn with(self, other: Self) -> Self {

@@ -94,6 +94,7 @@ impl VulkanBackend {
         };
         let road = (&mut made.readback, &mut made.window);
         let found = selftest::run(&made.gpu, &mut made.frames, &made.pipelines, road)?;
+        found.check()?;
         made.device.arithmetic = found.arithmetic;
         made.device.loop_turns = found.loop_turns;
         made.pipelines.traits = found.traits(made.gpu.tiles(), made.gpu.rasters());

@@ -92,6 +92,7 @@ impl WgpuBackend {
         let mut pipelines = Pipelines::new(&gpu, modules)?;
         let mut window = Window::default();
         let found = selftest::run(&gpu, &pipelines, &mut window)?;
+        found.check()?;
         pipelines.traits = found.traits(gpu.tiles(modules), gpu.rasters(modules));
         Ok(Self {
             device: Device {

@@ -7,7 +7,7 @@
 //! divides and adds up products where it may do as it likes, and whether its driver ends long loops early.
 
 use crate::{Rasters, Tiles};
-use backend::Arithmetic;
+use backend::{Arithmetic, BackendError};
 
 /// A device that does not compute as every kernel needs it to.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,6 +62,19 @@ pub struct Traits {
 }
 
 impl Findings {
+    /// That the device's driver lets loops turn as often as they should.
+    ///
+    /// # Errors
+    /// [`BackendError::NoDevice`]: it ends long loops early, without a word, so that no answer could be relied on.
+    pub fn check(&self) -> backend::Result<()> {
+        match self.loop_turns {
+            None => Ok(()),
+            Some(turns) => Err(BackendError::NoDevice(format!(
+                "the driver ends loops after {turns} turns; software drivers of Mesa need version 23.1 or newer"
+            ))),
+        }
+    }
+
     /// Which forms of kernels the device takes.
     #[must_use]
     pub fn traits(&self, tiles: Option<Tiles>, rasters: Option<Rasters>) -> Traits {
@@ -264,5 +277,17 @@ mod tests {
             (i32::from(s > 0.0) - i32::from(s < 0.0)) as u32
         });
         assert!(rounded.unwrap_err().operation.starts_with("the sign"));
+    }
+
+    #[test]
+    fn a_driver_that_ends_loops_early_is_refused_with_the_version_needed() {
+        let of = |loop_turns| Findings {
+            arithmetic: Arithmetic::IEEE,
+            loop_turns,
+            fuses_once: false,
+        };
+        assert_eq!(of(None).check(), Ok(()));
+        let refused = of(Some(65_536)).check().unwrap_err().to_string();
+        assert!(refused.contains("Mesa need version 23.1"), "{refused}");
     }
 }

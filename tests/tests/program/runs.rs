@@ -109,11 +109,11 @@ fn damaged(sandbox: &Sandbox) -> Result<(), Failed> {
     sandbox.run(&words).succeeds()?;
     let whole = [bytes(sandbox, "o"), bytes(sandbox, "h")];
     sandbox.write("o/frame_0000.png", "");
-    sandbox.write("o/frame_0001.png", &sandbox.read("o/frame_0002.png"));
+    sandbox.write("o/frame_0001.png", sandbox.read("o/frame_0002.png"));
     let mut flipped = sandbox.read("h/hits_0003.npz");
     let last = flipped.len() - 30;
     flipped[last] ^= 1;
-    sandbox.write("h/hits_0003.npz", &flipped);
+    sandbox.write("h/hits_0003.npz", flipped);
     sandbox.run(&format!("{words} --resume")).succeeds()?;
     ensure([bytes(sandbox, "o"), bytes(sandbox, "h")] == whole, || {
         "damage stayed".into()
