@@ -15,7 +15,7 @@ use crate::args::{BackendName, BenchArgs, MethodArgs, PolicyArgs, Switch, Update
 use crate::progress::Progress;
 use crate::session::Ask;
 use crate::stop::Stop;
-use crate::{choose, frames, info, record, talk, threads};
+use crate::{choose, conflicts, frames, info, record, talk, threads};
 use clap::ValueEnum;
 pub(crate) use dwell::Dwell;
 use pipeline::Frame;
@@ -48,6 +48,8 @@ struct Report {
 /// Measures.
 pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     crate::threads::limit(args.threads);
+    let read = args.compare.iter().map(|file| ("--compare", file.clone()));
+    conflicts::of_files(&args.scenes, read, [("--json", args.json.as_ref())])?;
     if let Some(file) = &args.json {
         report::check_writable(file).map_err(Stop::bad)?;
     }

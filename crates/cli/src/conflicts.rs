@@ -113,6 +113,34 @@ pub(crate) fn of_scene(spec: &str) -> Result<Vec<(&'static str, PathBuf)>, Stop>
         .collect())
 }
 
+/// For commands that read scenes and write files named by options.
+///
+/// # Errors
+/// A file that is written is one of a scene, or is written twice.
+pub(crate) fn of_files<'a>(
+    scenes: &[String],
+    read: impl IntoIterator<Item = (&'a str, PathBuf)>,
+    written: impl IntoIterator<Item = (&'a str, Option<&'a PathBuf>)>,
+) -> Result<(), Stop> {
+    let written: Vec<_> = written
+        .into_iter()
+        .filter_map(|(option, file)| Some((option, file?.clone())))
+        .collect();
+    if written.is_empty() {
+        return Ok(());
+    }
+    let mut read: Vec<_> = read.into_iter().collect();
+    for scene in scenes {
+        read.extend(of_scene(scene)?);
+    }
+    let files = Files {
+        read,
+        written,
+        ..Files::default()
+    };
+    files.check()
+}
+
 /// # Errors
 /// `render` would overwrite what it reads or writes.
 pub(crate) fn of_render(args: &RenderArgs) -> Result<(), Stop> {

@@ -8,7 +8,7 @@ use crate::open::{self, Want};
 use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::subjects::{self, Examined, Machine, Subject};
-use crate::talk;
+use crate::{conflicts, talk};
 use backend::{Backend, Intersector, Method};
 use conformance::leaks::{self, Plan};
 use conformance::{Disagreement, Law, hold, hold_one, laws_of};
@@ -20,6 +20,7 @@ const STEPS: u64 = 20;
 
 /// Holds all to all.
 pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
+    conflicts::of_files(&args.scene, [], [("--json", args.json.as_ref())])?;
     if let Some(file) = &args.json {
         report::check_writable(file).map_err(Stop::bad)?;
     }

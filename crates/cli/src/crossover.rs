@@ -6,7 +6,7 @@ use crate::args::{CrossoverArgs, LayoutName, UpdateName};
 use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::timing::{self, FOR_ALL, NOISE, Setting, Timing, Way, layout_name, name};
-use crate::{info, record, talk, threads};
+use crate::{conflicts, info, record, talk, threads};
 use pipeline::Frame;
 use scene::Scene;
 use serde::Serialize;
@@ -57,6 +57,7 @@ struct Run {
 
 /// Fills the table.
 pub(crate) fn run(args: &CrossoverArgs) -> Result<(), Stop> {
+    conflicts::of_files(&args.scenes, [], [("--json", args.json.as_ref())])?;
     if let Some(file) = &args.json {
         report::check_writable(file).map_err(Stop::bad)?;
     }

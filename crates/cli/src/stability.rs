@@ -6,7 +6,7 @@ use crate::args::StabilityArgs;
 use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::subjects::{self, Examined, Machine, Subject};
-use crate::talk;
+use crate::{conflicts, talk};
 use backend::Intersector;
 use results::{Report, Row, Unsupported};
 use stability::{Cell, Exam, Family, Plan, baseline};
@@ -15,6 +15,11 @@ use std::time::Instant;
 
 /// Asks everything of all.
 pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
+    let written = [
+        ("--json", args.json.as_ref()),
+        ("--record", args.record.as_ref()),
+    ];
+    conflicts::of_files(&[], [], written)?;
     for file in args.json.iter().chain(&args.record) {
         report::check_writable(file).map_err(Stop::bad)?;
     }

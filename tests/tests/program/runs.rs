@@ -271,6 +271,10 @@ fn eaten(sandbox: &Sandbox) -> Result<(), Failed> {
     sandbox
         .run(&format!("{trace} --rays r.npy --out in.obj"))
         .fails(2, &["SCENE"])?;
+    let bench = "bench in.obj --backend cpu --size 32x24 --frames 1 --quiet";
+    sandbox
+        .run(&format!("{bench} --json in.obj"))
+        .fails(2, &["SCENE"])?;
     ensure(
         sandbox.read("r.npy") == rays && sandbox.read("in.obj") == SQUARE.as_bytes(),
         || "an input was overwritten".into(),
