@@ -4,7 +4,6 @@ use crate::atomic::write_with;
 use crate::{RaysError, WriteError};
 use geom::Ray;
 use npyz::{DType, NpyFile, NpyHeader, Order, TypeChar, WriteOptions, WriterBuilder};
-use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 
@@ -23,7 +22,7 @@ pub fn read_rays(path: &Path) -> Result<Vec<Ray>, RaysError> {
         path: path.to_owned(),
         cause,
     };
-    let file = File::open(path).map_err(unreadable)?;
+    let file = host::open(path).map_err(unreadable)?;
     let mut reader = BufReader::with_capacity(1 << 18, file);
     let (header, header_bytes) = read_header(path, &mut reader)?;
     let (rays, columns) = check(path, &header)?;

@@ -66,6 +66,8 @@ pub struct Options {
     pub fps: f64,
     /// Name or index of the clip to sample; the first if absent.
     pub clip: Option<String>,
+    /// Whether a scene's files may name files outside its folder.
+    pub allow_outside: bool,
 }
 
 impl Default for Options {
@@ -73,6 +75,7 @@ impl Default for Options {
         Self {
             fps: 24.0,
             clip: None,
+            allow_outside: false,
         }
     }
 }

@@ -35,7 +35,7 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
     if !(fps > 0.0 && fps <= MAX_FPS) {
         return Err(SceneError::BadFrameRate { fps });
     }
-    let file = File::open(path)?;
+    let file = File::open(path, options.allow_outside)?;
     let rig = Rig::new(&file)?;
     let mut notes = Vec::new();
     let parts = part::all(&file, &rig, &mut notes)?;

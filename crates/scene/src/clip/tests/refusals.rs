@@ -28,6 +28,32 @@ fn buffers_come_from_data_uris_and_from_files_beside() {
     }
 }
 
+#[test]
+fn a_buffer_outside_the_folder_is_read_only_if_that_is_allowed() {
+    let (bin, rest) = moving();
+    let all = tempfile::tempdir().unwrap();
+    let path = all.path().join("scene/a.gltf");
+    fs::create_dir(path.parent().unwrap()).unwrap();
+    fs::write(all.path().join("outside.bin"), &bin.bytes).unwrap();
+    fs::write(&path, bin.json(&rest, r#","uri":"../outside.bin""#)).unwrap();
+    let with = |allow_outside| {
+        let options = Options {
+            allow_outside,
+            ..Options::default()
+        };
+        open(path.to_str().unwrap(), &options).map_err(|e| e.to_string())
+    };
+    let message = with(false).unwrap_err();
+    assert!(
+        message.contains("buffer 0") && message.contains("--allow-outside"),
+        "{message}"
+    );
+    assert!(with(true).is_ok());
+    fs::write(&path, bin.json(&rest, r#","uri":"/dev/zero""#)).unwrap();
+    let message = with(true).unwrap_err();
+    assert!(message.contains("a device"), "{message}");
+}
+
 /// Each (what is written instead of what, part of the message).
 fn refuse((bin, rest): &(Bin, String), changes: &[(&str, &str, &str)]) {
     for (from, to, says) in changes {
