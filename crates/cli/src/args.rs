@@ -215,6 +215,7 @@ impl SourceArgs {
             fps: self.fps,
             clip: self.clip.clone(),
             allow_outside: self.allow_outside,
+            ..scene::Options::default()
         }
     }
 }

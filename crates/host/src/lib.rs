@@ -4,4 +4,4 @@ mod file;
 mod memory;
 
 pub use file::{File, Folder, open, read};
-pub use memory::{Free, NotEnough, check, free, room};
+pub use memory::{Free, NotEnough, check, free, room, within};

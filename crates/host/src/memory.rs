@@ -29,8 +29,19 @@ pub struct NotEnough {
 pub fn check(need: u64) -> Result<(), NotEnough> {
     // Asking takes longer than having.
     const ALWAYS: u64 = 1 << 20;
-    match free() {
-        Some(free) if need > ALWAYS && need > free.bytes => Err(NotEnough { need, free }),
+    if need <= ALWAYS {
+        return Ok(());
+    }
+    within(need, free())
+}
+
+/// Checks that so many bytes are at most what is free, if that is known.
+///
+/// # Errors
+/// They are more.
+pub fn within(need: u64, free: Option<Free>) -> Result<(), NotEnough> {
+    match free {
+        Some(free) if need > free.bytes => Err(NotEnough { need, free }),
         _ => Ok(()),
     }
 }

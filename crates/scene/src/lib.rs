@@ -12,6 +12,7 @@ mod colour;
 mod demo;
 mod error;
 mod join;
+mod memory;
 mod mesh;
 mod obj;
 mod ply;
@@ -68,6 +69,8 @@ pub struct Options {
     pub clip: Option<String>,
     /// Whether a scene's files may name files outside its folder.
     pub allow_outside: bool,
+    /// Bytes that key frames may take; what the host has free, if absent.
+    pub memory: Option<u64>,
 }
 
 impl Default for Options {
@@ -76,6 +79,7 @@ impl Default for Options {
             fps: 24.0,
             clip: None,
             allow_outside: false,
+            memory: None,
         }
     }
 }

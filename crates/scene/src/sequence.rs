@@ -1,6 +1,7 @@
 //! Key frames from mesh files, one file each, all of one topology.
 
 use crate::colour::{CLAY, mean};
+use crate::memory::check_keys;
 use crate::mesh::{Mesh, Paint, Topology};
 use crate::{Facts, Options, Rgb, Scene, SceneError, obj, ply};
 use geom::{Animation, Point};
@@ -52,6 +53,7 @@ pub(crate) fn open(
     topology.check(path)?;
     let folder = Folder::of(path, options.allow_outside);
     let colours = colours((path, &folder), &topology, paint, &mut notes);
+    check_keys(path.display(), files.len(), points.len(), options)?;
     let mut keys = vec![points];
     // Collected before looked at, so that the first bad file is named whichever thread is faster.
     let rest: Vec<_> = files[1..]

@@ -31,7 +31,7 @@ pub(crate) fn has_clips(spec: &str) -> bool {
 pub(crate) fn open_one(spec: &str, options: &Options) -> Result<Scene, SceneError> {
     if let Some(name) = spec.strip_prefix("demo:") {
         refuse_clip(spec, options)?;
-        return demo::open(name);
+        return demo::open(name, options);
     }
     let path = Path::new(spec);
     match fs::metadata(path) {

@@ -13,6 +13,7 @@ mod rig;
 mod skin;
 mod track;
 
+use crate::memory::check_keys;
 use crate::mesh::within;
 use crate::{Facts, MAX_FPS, Options, Place, Rgb, Scene, SceneError};
 use document::File;
@@ -38,6 +39,7 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
     let file = File::open(path, options.allow_outside)?;
     let rig = Rig::new(&file)?;
     let mut notes = Vec::new();
+    part::check_memory(&file, &rig, options)?;
     let parts = part::all(&file, &rig, &mut notes)?;
     let clip = choose(&file, options, &mut notes)?;
     let motion = match &clip {
@@ -45,6 +47,8 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
         None => Motion::default(),
     };
     let times = times(path, motion.span(), fps)?;
+    let vertices = parts.iter().map(Part::vertices).sum();
+    check_keys(path.display(), times.len(), vertices, options)?;
     let (triangles, colours) = join(path, &parts, times.len(), &notes)?;
     let keys = times
         .par_iter()

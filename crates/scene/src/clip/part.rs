@@ -1,6 +1,6 @@
 //! What is drawn: a primitive of a mesh at a node, with its morph targets and its skin.
 
-use super::accessor::{indices, vectors};
+use super::accessor::{count, indices, vectors};
 use super::document::File;
 use super::motion::Motion;
 use super::rig::{Pose, Rig};
@@ -8,7 +8,7 @@ use super::skin::Skin;
 use super::wrong;
 use crate::colour::from_linear;
 use crate::mesh::compact;
-use crate::{Place, Rgb, SceneError};
+use crate::{Options, Place, Rgb, SceneError, memory};
 use geom::Point;
 use glam::DVec3;
 use gltf::mesh::Mode;
@@ -53,6 +53,39 @@ pub(super) fn all(
             .map(|(mode, n)| format!("skipped {n} primitives of mode {mode}")),
     );
     Ok(parts)
+}
+
+/// Refuses meshes that memory does not hold: a small file may show one of them many times.
+pub(super) fn check_memory(file: &File, rig: &Rig, options: &Options) -> Result<(), SceneError> {
+    let nodes: Vec<_> = file.document.nodes().collect();
+    let mut bytes = 0_u64;
+    for mesh in rig
+        .visible(file)
+        .into_iter()
+        .filter_map(|i| nodes[i].mesh())
+    {
+        for primitive in mesh.primitives() {
+            bytes = bytes.saturating_add(kept(file, &primitive)?);
+        }
+    }
+    let what = "the meshes of its nodes".to_owned();
+    memory::check(file.path.display(), what, bytes, options)
+}
+
+/// Bytes that what is kept of a primitive takes.
+fn kept(file: &File, primitive: &Primitive<'_>) -> Result<u64, SceneError> {
+    let count = |a: Option<gltf::Accessor<'_>>| a.map_or(Ok(0), |a| count(file, &a));
+    let vertices = count(primitive.get(&Semantic::Positions))?;
+    let mut points = vertices;
+    for target in primitive.morph_targets() {
+        points += count(target.positions())?;
+    }
+    let corners = match primitive.indices() {
+        Some(accessor) => count(Some(accessor))?,
+        None => vertices,
+    };
+    let bytes = points * size_of::<DVec3>() + corners * size_of::<u32>();
+    Ok(bytes as u64)
 }
 
 impl Part {

@@ -251,3 +251,41 @@ fn a_container_that_lies_about_its_length_is_refused() {
         assert!(message.contains(says), "{message}");
     }
 }
+
+#[test]
+fn a_small_file_that_takes_more_than_there_is_is_refused_before_it_is_sampled() {
+    let mut bin = Bin::default();
+    let corners: Vec<f32> = CORNERS.iter().copied().cycle().take(3000).collect();
+    let corners = bin.floats(&corners, "VEC3");
+    let times = bin.floats(&[0.0, 65_000.0], "SCALAR");
+    let moves = bin.floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0], "VEC3");
+    let nodes: Vec<String> = (0..25).map(|_| r#"{"mesh":0}"#.to_owned()).collect();
+    let (all, nodes) = (
+        (0..25).map(|i| i.to_string()).collect::<Vec<_>>().join(","),
+        nodes.join(","),
+    );
+    let rest = format!(
+        r#""scene":0,"scenes":[{{"nodes":[{all}]}}],"nodes":[{nodes}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":{corners}}}}}]}}],
+        "animations":[{{"samplers":[{{"input":{times},"output":{moves}}}],
+        "channels":[{{"sampler":0,"target":{{"node":0,"path":"translation"}}}}]}}]"#
+    );
+    let bytes = glb(&bin.json(&rest, ""), &bin.bytes);
+    assert!(bytes.len() < 40_000);
+    let with = |fps, memory| {
+        let memory = Some(memory);
+        let options = Options {
+            fps,
+            memory,
+            ..Options::default()
+        };
+        read_with(&bytes, &options).err().unwrap_or_default()
+    };
+    let message = with(1.0, 16 << 30);
+    let says = "65001 key frames of 24975 vertices: 19.5 GB of memory are needed, 17.2 GB are free";
+    assert!(message.contains(says), "{message}");
+    let message = with(0.001, 100_000);
+    let says = "the meshes of its nodes: 700.0 KB of memory are needed, 100.0 KB are free";
+    assert!(message.contains(says), "{message}");
+    assert_eq!(with(0.001, 60 << 20), "");
+}
