@@ -158,6 +158,12 @@ fn items<T: Item + Clone>(file: &File, accessor: &Accessor<'_>) -> Result<Vec<T>
     if count(file, accessor)? == 0 {
         return Ok(Vec::new());
     }
+    if accessor.view().is_none() && accessor.sparse().is_none() {
+        let mut zeros =
+            host::room(accessor.count()).map_err(|e| wrong(file, place(accessor), e))?;
+        zeros.resize(accessor.count(), T::from_slice(&[0; 64]));
+        return Ok(zeros);
+    }
     let data = |buffer: gltf::Buffer<'_>| file.buffers.get(buffer.index()).map(Vec::as_slice);
     // An iterator over sparse values alone starts from zeros, `count` of them: as many as memory holds.
     let read: Vec<T> = Iter::new(accessor.clone(), data)

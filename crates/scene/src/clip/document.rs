@@ -27,7 +27,26 @@ const LOOKS: [&str; 5] = [
     "EXT_texture_",
 ];
 
+/// Extensions that say where surfaces are, and are understood.
+const PLACES: [&str; 2] = ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing"];
+
+/// Whether an extension needs no word: it is understood, or changes looks alone.
+fn is_understood(name: &str) -> bool {
+    PLACES.contains(&name) || LOOKS.iter().any(|start| name.starts_with(start))
+}
+
 impl File {
+    /// Remarks on extensions that the file does without where they are not understood.
+    pub(super) fn remarks(&self) -> Vec<String> {
+        let unknown = self
+            .document
+            .extensions_used()
+            .filter(|n| !is_understood(n));
+        unknown
+            .map(|name| format!("the extension {name:?} is not supported and left out"))
+            .collect()
+    }
+
     pub(super) fn open(path: &Path, allow_outside: bool) -> Result<Self, SceneError> {
         let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
         let malformed =
@@ -114,18 +133,22 @@ fn check_container(bytes: &[u8]) -> Result<(), String> {
 
 /// Checks all that later code takes for granted: indices, known values, supported extensions.
 fn make_safe(root: &mut Root) -> Result<(), String> {
-    root.extensions_required
-        .retain(|name| !LOOKS.iter().any(|start| name.starts_with(start)));
+    root.extensions_required.retain(|name| !is_understood(name));
     if let Some(name) = root.extensions_required.first() {
         return Err(format!(
-            "the file requires the extension {name}, which is not supported"
+            "the file requires the extension {name:?}, which is not supported"
         ));
     }
     check_attributes(root)?;
     check_targets(root)?;
     let mut first = None;
     root.validate(root, json::Path::new, &mut |path, error| {
-        first.get_or_insert_with(|| format!("{}: {error}", path()));
+        let path = path().to_string();
+        // An accessor without a view is one of zeros.
+        let zeros = path.starts_with("accessors[") && path.ends_with(".bufferView");
+        if !(zeros && error == json::validation::Error::Missing) {
+            first.get_or_insert_with(|| format!("{path}: {error}"));
+        }
     });
     first.map_or(Ok(()), Err)
 }

@@ -6,6 +6,7 @@
 
 mod accessor;
 mod document;
+mod instances;
 mod motion;
 mod part;
 mod range;
@@ -38,7 +39,7 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
     }
     let file = File::open(path, options.allow_outside)?;
     let rig = Rig::new(&file)?;
-    let mut notes = Vec::new();
+    let mut notes = file.remarks();
     part::check_memory(&file, &rig, options)?;
     let parts = part::all(&file, &rig, &mut notes)?;
     let clip = choose(&file, options, &mut notes)?;

@@ -2,6 +2,7 @@
 
 use super::accessor::{count, indices, vectors};
 use super::document::File;
+use super::instances;
 use super::motion::Motion;
 use super::rig::{Pose, Rig};
 use super::skin::Skin;
@@ -10,14 +11,17 @@ use crate::colour::from_linear;
 use crate::mesh::compact;
 use crate::{Options, Place, Rgb, SceneError, memory};
 use geom::Point;
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 use gltf::mesh::Mode;
 use gltf::{Node, Primitive, Semantic};
 use std::collections::BTreeMap;
 
 /// One primitive at one node.
+#[derive(Clone)]
 pub(super) struct Part {
     node: usize,
+    /// Where it stands, seen from the node.
+    place: DMat4,
     pub(super) triangles: Vec<[u32; 3]>,
     pub(super) colour: Rgb,
     rest: Vec<DVec3>,
@@ -38,10 +42,16 @@ pub(super) fn all(
     let mut parts = Vec::new();
     let mut skipped = BTreeMap::new();
     for node in rig.visible(file).into_iter().map(|i| &nodes[i]) {
+        let places = instances::places(file, node)?;
         for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
             match primitive.mode() {
                 Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan => {
-                    parts.push(Part::new(file, node, &primitive, notes)?);
+                    let part = Part::new(file, node, &primitive, notes)?;
+                    let placed = |&place: &DMat4| Part {
+                        place,
+                        ..part.clone()
+                    };
+                    parts.extend(places.iter().map(placed));
                 }
                 mode => *skipped.entry(format!("{mode:?}")).or_insert(0) += 1,
             }
@@ -59,13 +69,11 @@ pub(super) fn all(
 pub(super) fn check_memory(file: &File, rig: &Rig, options: &Options) -> Result<(), SceneError> {
     let nodes: Vec<_> = file.document.nodes().collect();
     let mut bytes = 0_u64;
-    for mesh in rig
-        .visible(file)
-        .into_iter()
-        .filter_map(|i| nodes[i].mesh())
-    {
-        for primitive in mesh.primitives() {
-            bytes = bytes.saturating_add(kept(file, &primitive)?);
+    for node in rig.visible(file).into_iter().map(|i| &nodes[i]) {
+        let copies = instances::count(file, node)? as u64;
+        for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
+            let kept = kept(file, &primitive)?.saturating_mul(copies);
+            bytes = bytes.saturating_add(kept);
         }
     }
     let what = "the meshes of its nodes".to_owned();
@@ -134,6 +142,7 @@ impl Part {
             .base_color_factor();
         Ok(Self {
             node: node.index(),
+            place: DMat4::IDENTITY,
             triangles,
             colour: from_linear([r, g, b]),
             rest: keep(positions),
@@ -165,7 +174,7 @@ impl Part {
                     .for_each(|(p, m)| *p += weight * *m);
             }
         }
-        let world = pose.world(self.node);
+        let world = pose.world(self.node) * self.place;
         match &self.skin {
             Some(skin) => skin.bend(&mut points, pose, world),
             None => points

@@ -23,7 +23,7 @@ use std::sync::Arc;
 pub const MAX_DEMO_TRIANGLES: usize = 100_000_000;
 
 /// The least that a triangle of any demo takes in all key frames.
-const LEAST_BYTES: u64 = 64;
+const LEAST_BYTES: u64 = 96;
 
 /// Names of the demos there are.
 pub const DEMOS: [&str; 5] = ["grove", "collide", "shatter", "twist", "hall"];

@@ -4,6 +4,7 @@ use super::*;
 use crate::open;
 use std::fs;
 
+mod extensions;
 mod refusals;
 
 /// A binary chunk and the accessors over it.
