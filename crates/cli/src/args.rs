@@ -224,6 +224,9 @@ pub(crate) struct SourceArgs {
     /// glTF clip to sample [default: the first]
     #[arg(long, value_name = "NAME|INDEX")]
     pub(crate) clip: Option<String>,
+    /// Let a scene's files name files outside its folder (mtllib of OBJ, URIs of glTF)
+    #[arg(long)]
+    pub(crate) allow_outside: bool,
 }
 
 impl SourceArgs {
@@ -232,6 +235,8 @@ impl SourceArgs {
         scene::Options {
             fps: self.fps,
             clip: self.clip.clone(),
+            allow_outside: self.allow_outside,
+            ..scene::Options::default()
         }
     }
 }

@@ -1,5 +1,6 @@
 //! How much memory this process and its device hold.
 
+use crate::stop::Stop;
 use backend::DeviceBytes;
 use serde::{Serialize, Serializer};
 
@@ -57,6 +58,15 @@ pub(crate) fn in_all<S: Serializer>(bytes: &Option<DeviceBytes>, s: S) -> Result
     bytes.map(DeviceBytes::total).serialize(s)
 }
 
+/// Bytes a triangle that the host holds at least while trees are built and traced, its key frames aside.
+const TREE_BYTES: u64 = 192;
+
+/// Refuses scenes whose trees the host's memory does not hold.
+pub(crate) fn check_trees(triangles: usize) -> Result<(), Stop> {
+    let checked = host::check(triangles as u64 * TREE_BYTES);
+    checked.map_err(|e| Stop::bad(format!("trees over {triangles} triangles: {e}")))
+}
+
 /// Bytes that are resident, where the system tells.
 #[cfg(target_os = "linux")]
 pub(crate) fn resident_bytes() -> Option<u64> {
@@ -74,6 +84,14 @@ pub(crate) fn resident_bytes() -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn trees_that_memory_does_not_hold_are_bad_input() {
+        check_trees(1_000_000).unwrap();
+        let stop = check_trees(usize::MAX / 1000).unwrap_err();
+        assert!(matches!(stop, Stop::Bad(_)));
+        assert!(stop.text().contains("are needed"), "{stop}");
+    }
 
     #[test]
     fn parts_are_told_whole_and_a_triangle() {

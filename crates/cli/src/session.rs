@@ -3,6 +3,7 @@
 use crate::ahead::Ahead;
 use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
 use crate::choose::{self, Choice};
+use crate::memory;
 use crate::open::{self, Want};
 use crate::stop::Stop;
 use crate::threads::{self, Threads};
@@ -60,6 +61,7 @@ pub(crate) struct Session {
 
 /// Opens the backend, settles what is left to `auto`, and loads the scene.
 pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session, Stop> {
+    memory::check_trees(animation.triangle_count())?;
     let ask = &for_backend(ask)?;
     let want = want(ask);
     let opened = open::open(&want, |backend: Box<dyn Backend>| {

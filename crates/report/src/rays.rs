@@ -4,7 +4,6 @@ use crate::atomic::write_with;
 use crate::{RaysError, WriteError};
 use geom::Ray;
 use npyz::{DType, NpyFile, NpyHeader, Order, TypeChar, WriteOptions, WriterBuilder};
-use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 
@@ -23,22 +22,27 @@ pub fn read_rays(path: &Path) -> Result<Vec<Ray>, RaysError> {
         path: path.to_owned(),
         cause,
     };
-    let file = File::open(path).map_err(unreadable)?;
+    let file = host::open(path).map_err(unreadable)?;
     let mut reader = BufReader::with_capacity(1 << 18, file);
     let (header, header_bytes) = read_header(path, &mut reader)?;
     let (rays, columns) = check(path, &header)?;
     let size = reader.get_ref().metadata().map_err(unreadable)?.len();
-    let truncated = || RaysError::Truncated {
-        path: path.to_owned(),
-        shape: shape_text(header.shape()),
-        wanted: u128::from(rays) * u128::from(columns) * 4,
-        found: size.saturating_sub(header_bytes),
-    };
+    let (wanted, found) = (
+        u128::from(rays) * u128::from(columns) * 4,
+        size.saturating_sub(header_bytes),
+    );
+    if wanted > u128::from(found) {
+        return Err(RaysError::Truncated {
+            path: path.to_owned(),
+            shape: shape_text(header.shape()),
+            wanted,
+            found,
+        });
+    }
+    let bytes = found.saturating_add(rays.saturating_mul(size_of::<Ray>() as u64));
+    host::check(bytes).map_err(|e| unreadable(io::Error::new(io::ErrorKind::OutOfMemory, e)))?;
     let values = NpyFile::with_header(header.clone(), reader).into_vec::<f32>();
-    let values = values.map_err(|e| match e.kind() {
-        io::ErrorKind::UnexpectedEof => truncated(),
-        _ => unreadable(e),
-    })?;
+    let values = values.map_err(unreadable)?;
     Ok(to_rays(&values, columns as usize, header.order()))
 }
 

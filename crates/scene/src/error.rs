@@ -181,6 +181,16 @@ pub enum SceneError {
         /// How many there may be.
         limit: u64,
     },
+    /// More than memory holds.
+    #[error("{place}: {what}: {source}")]
+    NotEnoughMemory {
+        /// The demo, the file or the inputs.
+        place: String,
+        /// What does not fit.
+        what: String,
+        /// What it takes and what there is.
+        source: host::NotEnough,
+    },
     /// No clip has that name or index.
     #[error("{}: no clip {asked:?}; {}", path.display(), listed(clips))]
     UnknownClip {

@@ -4,6 +4,7 @@
 //! first. Inputs that move must have equally many key frames; one with a single
 //! key frame stands still and is repeated.
 
+use crate::memory::check_keys;
 use crate::{Facts, Options, Scene, SceneError, source};
 use geom::{Animation, Point};
 use rayon::prelude::*;
@@ -58,12 +59,32 @@ pub(crate) fn inputs<'a>(
 
 /// The longest beginning that names something, up to a `+` or the end; else what is before the first `+`.
 fn first_input<'a>(spec: &'a str, exists: &dyn Fn(&str) -> bool) -> (&'a str, Option<&'a str>) {
-    let cuts = spec.rmatch_indices(AND).map(|(at, _)| at);
-    let ends = std::iter::once(spec.len()).chain(cuts);
+    let reach = reach(spec, exists);
+    let cuts = spec[..reach].rmatch_indices(AND).map(|(at, _)| at);
+    let whole = (reach == spec.len()).then_some(reach);
+    let ends = whole.into_iter().chain(cuts);
     let names = |end: &usize| input(&spec[..*end], exists).is_ok_and(|i| exists(i.spec));
     let end = ends.into_iter().find(names);
     let end = end.or_else(|| spec.find(AND)).unwrap_or(spec.len());
     (&spec[..end], spec.get(end + 1..))
+}
+
+/// How far the first input can reach: no name is longer than systems allow, and all before a `/` exists.
+/// Without it, many inputs would take the square of their number.
+fn reach(spec: &str, exists: &dyn Fn(&str) -> bool) -> usize {
+    const LONGEST: usize = 512;
+    let and = spec.find(AND).unwrap_or(spec.len());
+    let mut start = 0;
+    for (slash, _) in spec.match_indices('/').chain([(spec.len(), "")]) {
+        if slash - start > LONGEST {
+            return spec.floor_char_boundary(start + LONGEST).max(and);
+        }
+        if slash > and && slash < spec.len() && !exists(&spec[..slash]) {
+            return slash;
+        }
+        start = slash + 1;
+    }
+    spec.len()
 }
 
 fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>, SceneError> {
@@ -120,6 +141,9 @@ pub(crate) fn open(
         Ok((scene, input.place.unwrap_or(AS_IT_IS)))
     };
     let opened = inputs.iter().map(open).collect::<Result<Vec<_>, _>>()?;
+    let vertices = opened.iter().map(|(s, _)| s.animation.vertex_count());
+    let names = joined(opened.iter().map(|(s, _)| s.name.as_str()));
+    check_keys(names, key_count(&opened)?, vertices.sum(), options)?;
     join(spec, opened)
 }
 

@@ -13,6 +13,7 @@ mod demo;
 mod error;
 mod files;
 mod join;
+mod memory;
 mod mesh;
 mod obj;
 mod ply;
@@ -68,6 +69,10 @@ pub struct Options {
     pub fps: f64,
     /// Name or index of the clip to sample; the first if absent.
     pub clip: Option<String>,
+    /// Whether a scene's files may name files outside its folder.
+    pub allow_outside: bool,
+    /// Bytes that key frames may take; what the host has free, if absent.
+    pub memory: Option<u64>,
 }
 
 impl Default for Options {
@@ -75,6 +80,8 @@ impl Default for Options {
         Self {
             fps: 24.0,
             clip: None,
+            allow_outside: false,
+            memory: None,
         }
     }
 }

@@ -1,9 +1,11 @@
 //! Key frames from mesh files, one file each, all of one topology.
 
 use crate::colour::{CLAY, mean};
+use crate::memory::check_keys;
 use crate::mesh::{Mesh, Paint, Topology};
-use crate::{Facts, Rgb, Scene, SceneError, obj, ply};
+use crate::{Facts, Options, Rgb, Scene, SceneError, obj, ply};
 use geom::{Animation, Point};
+use host::Folder;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -34,7 +36,12 @@ impl Format {
 }
 
 /// The animation whose key frames are `files`, of which there is one at least.
-pub(crate) fn open(name: String, files: Vec<PathBuf>, format: Format) -> Result<Scene, SceneError> {
+pub(crate) fn open(
+    name: String,
+    files: Vec<PathBuf>,
+    format: Format,
+    options: &Options,
+) -> Result<Scene, SceneError> {
     let path = &files[0];
     let Mesh {
         points,
@@ -44,7 +51,9 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, format: Format) -> Result<
         mut notes,
     } = format.read(path)?;
     topology.check(path)?;
-    let colours = colours(path, &topology, paint, &mut notes);
+    let folder = Folder::of(path, options.allow_outside);
+    let colours = colours((path, &folder), &topology, paint, &mut notes);
+    check_keys(path.display(), files.len(), points.len(), options)?;
     let mut keys = vec![points];
     // Collected before looked at, so that the first bad file is named whichever thread is faster.
     let rest: Vec<_> = files[1..]
@@ -89,7 +98,12 @@ fn key_frame(
 }
 
 /// One colour a triangle.
-fn colours(path: &Path, topology: &Topology, paint: Paint, notes: &mut Vec<String>) -> Vec<Rgb> {
+fn colours(
+    place: (&Path, &Folder),
+    topology: &Topology,
+    paint: Paint,
+    notes: &mut Vec<String>,
+) -> Vec<Rgb> {
     match paint {
         Paint::None => vec![CLAY; topology.triangle_count()],
         Paint::Vertices(colours) => topology
@@ -101,7 +115,7 @@ fn colours(path: &Path, topology: &Topology, paint: Paint, notes: &mut Vec<Strin
             .map(|(face, _)| colours[face])
             .collect(),
         Paint::Materials { libraries, uses } => {
-            let faces = obj::paint(path, &libraries, &uses, topology.faces().count(), notes);
+            let faces = obj::paint(place, &libraries, &uses, topology.faces().count(), notes);
             topology.triangles().map(|(face, _)| faces[face]).collect()
         }
     }

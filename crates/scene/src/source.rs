@@ -31,7 +31,7 @@ pub(crate) fn has_clips(spec: &str) -> bool {
 pub(crate) fn open_one(spec: &str, options: &Options) -> Result<Scene, SceneError> {
     if let Some(name) = spec.strip_prefix("demo:") {
         refuse_clip(spec, options)?;
-        return demo::open(name);
+        return demo::open(name, options);
     }
     let path = Path::new(spec);
     match fs::metadata(path) {
@@ -86,7 +86,7 @@ fn file(path: &Path, options: &Options) -> Result<Scene, SceneError> {
     match format_of(path) {
         Some(format) => {
             refuse_clip(&path.display().to_string(), options)?;
-            sequence::open(stem(path), vec![path.to_owned()], format)
+            sequence::open(stem(path), vec![path.to_owned()], format, options)
         }
         None => Err(SceneError::UnsupportedExtension {
             path: path.to_owned(),
@@ -192,7 +192,7 @@ fn frames(
         .collect();
     refuse_clip(place, options)?;
     alphanumeric_sort::sort_path_slice(&mut files);
-    sequence::open(name, files, format)
+    sequence::open(name, files, format, options)
 }
 
 #[cfg(test)]

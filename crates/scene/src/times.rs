@@ -3,7 +3,6 @@
 use crate::{Scene, SceneError};
 use geom::Animation;
 use serde::Deserialize;
-use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
 use std::sync::Arc;
@@ -30,7 +29,7 @@ struct Frame {
 /// The file cannot be read, is none of ours, or tells of other files than there are.
 pub(crate) fn apply(directory: &Path, scene: Scene) -> Result<Scene, SceneError> {
     let path = directory.join(FILE);
-    let bytes = match fs::read(&path) {
+    let bytes = match host::read(&path) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == ErrorKind::NotFound => return Ok(scene),
         Err(e) => return Err(SceneError::unreadable(&path, e)),

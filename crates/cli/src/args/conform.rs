@@ -13,6 +13,9 @@ pub(crate) struct ConformArgs {
     /// Scenes that rays of --oracle-rays are aimed at, beside the meshes made from the seed
     #[arg(value_name = "SCENE", requires = "oracle_rays")]
     pub(crate) scene: Vec<String>,
+    /// Let a scene's files name files outside its folder (mtllib of OBJ, URIs of glTF)
+    #[arg(long)]
+    pub(crate) allow_outside: bool,
     /// Backends; auto is all that are present
     #[arg(
         long,

@@ -172,6 +172,7 @@ mod tests {
             source: crate::args::SourceArgs {
                 fps: 24.0,
                 clip: None,
+                allow_outside: false,
             },
             out: PathBuf::new(),
             backend: vec![BackendName::Cpu],

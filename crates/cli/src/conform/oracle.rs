@@ -21,9 +21,13 @@ const TOLD: usize = 12;
 
 /// The scenes that rays are aimed at, beside those made from the seed.
 pub(super) fn open(args: &ConformArgs) -> Result<Vec<Given>, Stop> {
+    let options = scene::Options {
+        allow_outside: args.allow_outside,
+        ..scene::Options::default()
+    };
     let all = args.scene.iter();
     all.map(|name| {
-        let scene = scene::open(name, &scene::Options::default()).map_err(Stop::bad)?;
+        let scene = scene::open(name, &options).map_err(Stop::bad)?;
         Ok(Given {
             name: name.clone(),
             animation: scene.animation,

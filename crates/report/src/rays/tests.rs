@@ -146,3 +146,14 @@ fn a_missing_file_is_unreadable() {
     let e = read_rays(Path::new("no/such/rays.npy")).unwrap_err();
     assert!(matches!(e, RaysError::Unreadable { .. }));
 }
+
+#[cfg(unix)]
+#[test]
+fn rays_from_a_device_are_refused_at_once() {
+    let e = read_rays(Path::new("/dev/zero")).unwrap_err();
+    let text = e.to_string();
+    assert!(
+        text.contains("/dev/zero") && text.contains("a device"),
+        "{text}"
+    );
+}

@@ -146,11 +146,24 @@ fn expect(file: &File, accessor: &Accessor<'_>, dimensions: Dimensions) -> Resul
     ))
 }
 
+/// How many elements there are, once they are known to be there.
+pub(super) fn count(file: &File, accessor: &Accessor<'_>) -> Result<usize, SceneError> {
+    if accessor.count() > 0 {
+        check_ranges(file, accessor).map_err(|cause| wrong(file, place(accessor), cause))?;
+    }
+    Ok(accessor.count())
+}
+
 fn items<T: Item + Clone>(file: &File, accessor: &Accessor<'_>) -> Result<Vec<T>, SceneError> {
-    if accessor.count() == 0 {
+    if count(file, accessor)? == 0 {
         return Ok(Vec::new());
     }
-    check_ranges(file, accessor).map_err(|cause| wrong(file, place(accessor), cause))?;
+    if accessor.view().is_none() && accessor.sparse().is_none() {
+        let mut zeros =
+            host::room(accessor.count()).map_err(|e| wrong(file, place(accessor), e))?;
+        zeros.resize(accessor.count(), T::from_slice(&[0; 64]));
+        return Ok(zeros);
+    }
     let data = |buffer: gltf::Buffer<'_>| file.buffers.get(buffer.index()).map(Vec::as_slice);
     // An iterator over sparse values alone starts from zeros, `count` of them: as many as memory holds.
     let read: Vec<T> = Iter::new(accessor.clone(), data)

@@ -8,7 +8,7 @@ use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use gltf::json::validation::{Checked, Validate};
 use gltf::json::{self, Root};
 use gltf::{Document, buffer};
-use std::fs;
+use host::Folder;
 use std::path::{Path, PathBuf};
 
 /// What was read.
@@ -27,9 +27,28 @@ const LOOKS: [&str; 5] = [
     "EXT_texture_",
 ];
 
+/// Extensions that say where surfaces are, and are understood.
+const PLACES: [&str; 2] = ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing"];
+
+/// Whether an extension needs no word: it is understood, or changes looks alone.
+fn is_understood(name: &str) -> bool {
+    PLACES.contains(&name) || LOOKS.iter().any(|start| name.starts_with(start))
+}
+
 impl File {
-    pub(super) fn open(path: &Path) -> Result<Self, SceneError> {
-        let bytes = fs::read(path).map_err(|e| SceneError::unreadable(path, e))?;
+    /// Remarks on extensions that the file does without where they are not understood.
+    pub(super) fn remarks(&self) -> Vec<String> {
+        let unknown = self
+            .document
+            .extensions_used()
+            .filter(|n| !is_understood(n));
+        unknown
+            .map(|name| format!("the extension {name:?} is not supported and left out"))
+            .collect()
+    }
+
+    pub(super) fn open(path: &Path, allow_outside: bool) -> Result<Self, SceneError> {
+        let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
         let malformed =
             |cause: &dyn std::fmt::Display| SceneError::malformed(path, Place::File, cause);
         check_container(&bytes).map_err(|cause| malformed(&cause))?;
@@ -43,16 +62,16 @@ impl File {
             document,
             buffers: Vec::new(),
         };
-        file.buffers = file.load(gltf.blob)?;
+        file.buffers = file.load(gltf.blob, &Folder::of(path, allow_outside))?;
         Ok(file)
     }
 
-    fn load(&self, mut blob: Option<Vec<u8>>) -> Result<Vec<Vec<u8>>, SceneError> {
+    fn load(&self, mut blob: Option<Vec<u8>>, folder: &Folder) -> Result<Vec<Vec<u8>>, SceneError> {
         let load = |buffer: buffer::Buffer<'_>| {
             let place = Place::Item("buffer", buffer.index());
             let data = match buffer.source() {
                 buffer::Source::Bin => blob.take().ok_or("the file has no binary chunk".to_owned()),
-                buffer::Source::Uri(uri) => self.fetch(uri),
+                buffer::Source::Uri(uri) => fetch(folder, uri),
             };
             let data = data.map_err(|cause| wrong(self, place.clone(), cause))?;
             let (found, needed) = (data.len(), buffer.length());
@@ -67,32 +86,28 @@ impl File {
         };
         self.document.buffers().map(load).collect()
     }
+}
 
-    /// The bytes of a base64 data URI or of a file beside this one.
-    fn fetch(&self, uri: &str) -> Result<Vec<u8>, String> {
-        if let Some(data) = uri.strip_prefix("data:") {
-            let (kind, data) = data.split_once(',').ok_or("a data URI without data")?;
-            if !kind.ends_with(";base64") {
-                return Err("a data URI that is not base64".to_owned());
-            }
-            let config = GeneralPurposeConfig::new()
-                .with_decode_padding_mode(DecodePaddingMode::Indifferent);
-            let decoded = GeneralPurpose::new(&STANDARD, config).decode(data.trim());
-            return decoded.map_err(|e| format!("bad base64: {e}"));
+/// The bytes of a base64 data URI or of a file beside this one.
+fn fetch(folder: &Folder, uri: &str) -> Result<Vec<u8>, String> {
+    if let Some(data) = uri.strip_prefix("data:") {
+        let (kind, data) = data.split_once(',').ok_or("a data URI without data")?;
+        if !kind.ends_with(";base64") {
+            return Err("a data URI that is not base64".to_owned());
         }
-        if uri.contains("://") {
-            return Err(format!(
-                "{uri:?} is not a file beside this one; nothing is fetched from a network"
-            ));
-        }
-        let name = percent_encoding::percent_decode_str(uri).decode_utf8_lossy();
-        let beside = self
-            .path
-            .parent()
-            .unwrap_or(Path::new(""))
-            .join(name.as_ref());
-        fs::read(&beside).map_err(|e| format!("cannot read {}: {e}", beside.display()))
+        let config =
+            GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
+        let decoded = GeneralPurpose::new(&STANDARD, config).decode(data.trim());
+        return decoded.map_err(|e| format!("bad base64: {e}"));
     }
+    if uri.contains("://") {
+        return Err(format!(
+            "{uri:?} is not a file beside this one; nothing is fetched from a network"
+        ));
+    }
+    let name = percent_encoding::percent_decode_str(uri).decode_utf8_lossy();
+    let read = folder.read(&name);
+    read.map_err(|e| format!("cannot read {}: {e}", folder.path(&name).display()))
 }
 
 /// The `gltf` crate subtracts from a GLB's length before it looks at it.
@@ -118,18 +133,22 @@ fn check_container(bytes: &[u8]) -> Result<(), String> {
 
 /// Checks all that later code takes for granted: indices, known values, supported extensions.
 fn make_safe(root: &mut Root) -> Result<(), String> {
-    root.extensions_required
-        .retain(|name| !LOOKS.iter().any(|start| name.starts_with(start)));
+    root.extensions_required.retain(|name| !is_understood(name));
     if let Some(name) = root.extensions_required.first() {
         return Err(format!(
-            "the file requires the extension {name}, which is not supported"
+            "the file requires the extension {name:?}, which is not supported"
         ));
     }
     check_attributes(root)?;
     check_targets(root)?;
     let mut first = None;
     root.validate(root, json::Path::new, &mut |path, error| {
-        first.get_or_insert_with(|| format!("{}: {error}", path()));
+        let path = path().to_string();
+        // An accessor without a view is one of zeros.
+        let zeros = path.starts_with("accessors[") && path.ends_with(".bufferView");
+        if !(zeros && error == json::validation::Error::Missing) {
+            first.get_or_insert_with(|| format!("{path}: {error}"));
+        }
     });
     first.map_or(Ok(()), Err)
 }

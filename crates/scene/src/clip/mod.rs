@@ -6,6 +6,7 @@
 
 mod accessor;
 mod document;
+mod instances;
 mod motion;
 mod part;
 mod range;
@@ -13,6 +14,7 @@ mod rig;
 mod skin;
 mod track;
 
+use crate::memory::check_keys;
 use crate::mesh::within;
 use crate::{Facts, MAX_FPS, Options, Place, Rgb, Scene, SceneError};
 use document::File;
@@ -35,9 +37,10 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
     if !(fps > 0.0 && fps <= MAX_FPS) {
         return Err(SceneError::BadFrameRate { fps });
     }
-    let file = File::open(path)?;
+    let file = File::open(path, options.allow_outside)?;
     let rig = Rig::new(&file)?;
-    let mut notes = Vec::new();
+    let mut notes = file.remarks();
+    part::check_memory(&file, &rig, options)?;
     let parts = part::all(&file, &rig, &mut notes)?;
     let clip = choose(&file, options, &mut notes)?;
     let motion = match &clip {
@@ -45,6 +48,8 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
         None => Motion::default(),
     };
     let times = times(path, motion.span(), fps)?;
+    let vertices = parts.iter().map(Part::vertices).sum();
+    check_keys(path.display(), times.len(), vertices, options)?;
     let (triangles, colours) = join(path, &parts, times.len(), &notes)?;
     let keys = times
         .par_iter()

@@ -1,23 +1,27 @@
 //! What is drawn: a primitive of a mesh at a node, with its morph targets and its skin.
 
-use super::accessor::{indices, vectors};
+use super::accessor::{count, indices, vectors};
 use super::document::File;
+use super::instances;
 use super::motion::Motion;
 use super::rig::{Pose, Rig};
 use super::skin::Skin;
 use super::wrong;
 use crate::colour::from_linear;
 use crate::mesh::compact;
-use crate::{Place, Rgb, SceneError};
+use crate::{Options, Place, Rgb, SceneError, memory};
 use geom::Point;
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 use gltf::mesh::Mode;
 use gltf::{Node, Primitive, Semantic};
 use std::collections::BTreeMap;
 
 /// One primitive at one node.
+#[derive(Clone)]
 pub(super) struct Part {
     node: usize,
+    /// Where it stands, seen from the node.
+    place: DMat4,
     pub(super) triangles: Vec<[u32; 3]>,
     pub(super) colour: Rgb,
     rest: Vec<DVec3>,
@@ -38,10 +42,16 @@ pub(super) fn all(
     let mut parts = Vec::new();
     let mut skipped = BTreeMap::new();
     for node in rig.visible(file).into_iter().map(|i| &nodes[i]) {
+        let places = instances::places(file, node)?;
         for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
             match primitive.mode() {
                 Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan => {
-                    parts.push(Part::new(file, node, &primitive, notes)?);
+                    let part = Part::new(file, node, &primitive, notes)?;
+                    let placed = |&place: &DMat4| Part {
+                        place,
+                        ..part.clone()
+                    };
+                    parts.extend(places.iter().map(placed));
                 }
                 mode => *skipped.entry(format!("{mode:?}")).or_insert(0) += 1,
             }
@@ -53,6 +63,37 @@ pub(super) fn all(
             .map(|(mode, n)| format!("skipped {n} primitives of mode {mode}")),
     );
     Ok(parts)
+}
+
+/// Refuses meshes that memory does not hold: a small file may show one of them many times.
+pub(super) fn check_memory(file: &File, rig: &Rig, options: &Options) -> Result<(), SceneError> {
+    let nodes: Vec<_> = file.document.nodes().collect();
+    let mut bytes = 0_u64;
+    for node in rig.visible(file).into_iter().map(|i| &nodes[i]) {
+        let copies = instances::count(file, node)? as u64;
+        for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
+            let kept = kept(file, &primitive)?.saturating_mul(copies);
+            bytes = bytes.saturating_add(kept);
+        }
+    }
+    let what = "the meshes of its nodes".to_owned();
+    memory::check(file.path.display(), what, bytes, options)
+}
+
+/// Bytes that what is kept of a primitive takes.
+fn kept(file: &File, primitive: &Primitive<'_>) -> Result<u64, SceneError> {
+    let count = |a: Option<gltf::Accessor<'_>>| a.map_or(Ok(0), |a| count(file, &a));
+    let vertices = count(primitive.get(&Semantic::Positions))?;
+    let mut points = vertices;
+    for target in primitive.morph_targets() {
+        points += count(target.positions())?;
+    }
+    let corners = match primitive.indices() {
+        Some(accessor) => count(Some(accessor))?,
+        None => vertices,
+    };
+    let bytes = points * size_of::<DVec3>() + corners * size_of::<u32>();
+    Ok(bytes as u64)
 }
 
 impl Part {
@@ -101,6 +142,7 @@ impl Part {
             .base_color_factor();
         Ok(Self {
             node: node.index(),
+            place: DMat4::IDENTITY,
             triangles,
             colour: from_linear([r, g, b]),
             rest: keep(positions),
@@ -132,7 +174,7 @@ impl Part {
                     .for_each(|(p, m)| *p += weight * *m);
             }
         }
-        let world = pose.world(self.node);
+        let world = pose.world(self.node) * self.place;
         match &self.skin {
             Some(skin) => skin.bend(&mut points, pose, world),
             None => points

@@ -10,6 +10,7 @@ use glam::{DMat4, DVec3, Mat4};
 use gltf::{Primitive, Semantic};
 
 /// A skin as one primitive uses it.
+#[derive(Clone)]
 pub(super) struct Skin {
     /// (Node, inverse bind matrix) of each joint.
     joints: Vec<(usize, DMat4)>,

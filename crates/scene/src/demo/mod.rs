@@ -15,12 +15,15 @@ mod shatter;
 mod stage;
 mod twist;
 
-use crate::{Facts, Rgb, Scene, SceneError};
+use crate::{Facts, Options, Rgb, Scene, SceneError, memory};
 use geom::{Animation, AnimationError};
 use std::sync::Arc;
 
 /// The most triangles a demo is made of: beyond this the key frames alone pass ten gigabytes.
 pub const MAX_DEMO_TRIANGLES: usize = 100_000_000;
+
+/// The least that a triangle of any demo takes in all key frames.
+const LEAST_BYTES: u64 = 96;
 
 /// Names of the demos there are.
 pub const DEMOS: [&str; 5] = ["grove", "collide", "shatter", "twist", "hall"];
@@ -28,7 +31,7 @@ pub const DEMOS: [&str; 5] = ["grove", "collide", "shatter", "twist", "hall"];
 type Build = fn(usize) -> Result<(Animation, Vec<Rgb>), AnimationError>;
 
 /// The demo named by what follows `demo:`, such as `shatter` or `grove:5000`.
-pub(crate) fn open(name: &str) -> Result<Scene, SceneError> {
+pub(crate) fn open(name: &str, options: &Options) -> Result<Scene, SceneError> {
     let (name, asked) = match name.split_once(':') {
         Some((name, asked)) => (name, Some(asked)),
         None => (name, None),
@@ -46,6 +49,13 @@ pub(crate) fn open(name: &str) -> Result<Scene, SceneError> {
         }
     };
     let budget = asked.map_or(Ok(default), |text| triangles(name, text))?;
+    let bytes = budget as u64 * LEAST_BYTES;
+    memory::check(
+        format_args!("demo:{name}"),
+        format!("{budget} triangles"),
+        bytes,
+        options,
+    )?;
     let (animation, colours) = build(budget)?;
     let mut facts = Facts {
         format: "demo".to_owned(),
@@ -79,6 +89,27 @@ fn triangles(demo: &str, text: &str) -> Result<usize, SceneError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn open(name: &str) -> Result<Scene, SceneError> {
+        super::open(name, &Options::default())
+    }
+
+    #[test]
+    fn a_demo_takes_at_least_what_is_asked_for_it_and_is_refused_where_that_is_too_much() {
+        for name in DEMOS {
+            let animation = open(&format!("{name}:20000")).unwrap().animation;
+            let bytes = 12 * animation.keys().len() * animation.vertex_count();
+            let each = bytes / animation.triangle_count();
+            assert!(each as u64 >= LEAST_BYTES && each < 1000, "{name}: {each}");
+        }
+        let memory = Some(1 << 30);
+        let options = Options {
+            memory,
+            ..Options::default()
+        };
+        let e = super::open("twist:90000000", &options).unwrap_err();
+        assert!(e.to_string().contains("1.1 GB are free"), "{e}");
+    }
 
     fn fnv(scene: &Scene) -> u64 {
         let keys = scene

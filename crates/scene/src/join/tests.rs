@@ -141,3 +141,22 @@ fn times_of_inputs_that_move_are_kept_if_they_are_the_same() {
     times("too", 6.0);
     open_in(&folder, "two+too", &Options::default()).unwrap();
 }
+
+#[test]
+fn many_inputs_are_told_apart_in_linear_time() {
+    let asked = |count: usize, folder: &str| {
+        let names: Vec<String> = (0..count).map(|i| format!("{folder}{i}.obj")).collect();
+        let calls = std::cell::Cell::new(0);
+        let exists = |name: &str| {
+            calls.set(calls.get() + 1);
+            names.iter().any(|n| n == name)
+        };
+        let spec = names.join("+");
+        assert_eq!(inputs(&spec, &exists).unwrap().len(), count);
+        calls.get()
+    };
+    for folder in ["", "some/folder/", "/"] {
+        let (few, many) = (asked(200, folder), asked(800, folder));
+        assert!(many <= 6 * few, "{folder}: {few} calls, then {many}");
+    }
+}

@@ -6,13 +6,13 @@
 
 use crate::Rgb;
 use crate::colour::{CLAY, from_display};
+use host::Folder;
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
 /// One colour a face for the OBJ file at `path`.
 pub(crate) fn paint(
-    path: &Path,
+    (path, folder): (&Path, &Folder),
     libraries: &[String],
     uses: &[(usize, String)],
     faces: usize,
@@ -20,7 +20,7 @@ pub(crate) fn paint(
 ) -> Vec<Rgb> {
     let mut materials = BTreeMap::new();
     for library in libraries {
-        read_library(path, library, &mut materials, notes);
+        read_library(folder, library, &mut materials, notes);
     }
     let mut colours = vec![CLAY; faces];
     let ends = uses.iter().skip(1).map(|u| u.0).chain([faces]);
@@ -43,23 +43,19 @@ pub(crate) fn paint(
 
 /// Adds the materials of one library: a file name with spaces, or several without.
 fn read_library(
-    path: &Path,
+    folder: &Folder,
     library: &str,
     into: &mut BTreeMap<String, Rgb>,
     notes: &mut Vec<String>,
 ) {
-    let beside = |name: &str| {
-        path.parent()
-            .unwrap_or(Path::new(""))
-            .join(name.replace('\\', "/"))
-    };
-    let names = match beside(library).is_file() {
-        true => vec![library],
+    let library = library.replace('\\', "/");
+    let names = match folder.path(&library).exists() {
+        true => vec![library.as_str()],
         false => library.split_whitespace().collect(),
     };
     for name in names {
-        let file = beside(name);
-        let text = match fs::read(&file) {
+        let file = folder.path(name);
+        let text = match folder.read(name) {
             Ok(bytes) => colour_statements(&String::from_utf8_lossy(&bytes)),
             Err(e) => {
                 notes.push(format!(
@@ -105,6 +101,28 @@ fn colour_statements(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
+
+    #[test]
+    fn a_library_outside_the_folder_is_read_only_if_that_is_allowed() {
+        let all = tempfile::tempdir().unwrap();
+        fs::create_dir(all.path().join("scene")).unwrap();
+        fs::write(all.path().join("red.mtl"), "newmtl red\nKd 1 0 0\n").unwrap();
+        let obj = all.path().join("scene/a.obj");
+        let first = |library: &str, allow_outside| {
+            let folder = Folder::of(&obj, allow_outside);
+            let (libraries, uses) = ([library.to_owned()], [(0, "red".to_owned())]);
+            let mut notes = Vec::new();
+            let found = paint((&obj, &folder), &libraries, &uses, 1, &mut notes);
+            (found[0], notes.concat())
+        };
+        let (colour, notes) = first("../red.mtl", false);
+        assert_eq!(colour, CLAY);
+        assert!(notes.contains("--allow-outside"), "{notes}");
+        assert_eq!(first("../red.mtl", true).0, [255, 0, 0]);
+        let (_, notes) = first("/dev/zero", true);
+        assert!(notes.contains("a device"), "{notes}");
+    }
 
     #[test]
     fn faces_take_the_diffuse_colour_of_their_material() {
@@ -119,8 +137,9 @@ mod tests {
         ];
         let mut notes = Vec::new();
         let libraries = ["my colours.mtl".into(), "absent.mtl".into()];
+        let obj = folder.path().join("a.obj");
         let found = paint(
-            &folder.path().join("a.obj"),
+            (&obj, &Folder::of(&obj, false)),
             &libraries,
             &uses,
             5,

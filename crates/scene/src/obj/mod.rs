@@ -12,12 +12,11 @@ use crate::mesh::{Mesh, Paint};
 use crate::{Place, SceneError};
 pub(crate) use materials::paint;
 use statements::Statements;
-use std::fs;
 use std::path::Path;
 
 /// Reads one file.
 pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
-    let bytes = fs::read(path).map_err(|e| SceneError::unreadable(path, e))?;
+    let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
     let found = Statements::scan(&bytes)
         .map_err(|e| SceneError::malformed(path, Place::Line(e.line), e.cause))?;
     found.topology.check(path)?;
@@ -59,6 +58,7 @@ pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     fn parse(text: &str) -> Result<Mesh, String> {
         let file = tempfile::Builder::new().suffix(".obj").tempfile().unwrap();

@@ -14,13 +14,12 @@ use geom::Point;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
 use std::fmt::Display;
-use std::fs;
 use std::path::Path;
 pub use write::write_ply;
 
 /// Reads one file.
 pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
-    let bytes = fs::read(path).map_err(|e| SceneError::unreadable(path, e))?;
+    let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
     let mut file = File::open(path, &bytes)?;
     let definitions: Vec<ElementDef> = file.header.elements.values().cloned().collect();
     for definition in &definitions {

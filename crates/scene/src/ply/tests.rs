@@ -1,6 +1,7 @@
 //! Files written here, whole and broken.
 
 use super::*;
+use std::fs;
 
 const SQUARE: [[f64; 3]; 4] = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
 

@@ -4,6 +4,7 @@ use super::*;
 use crate::open;
 use std::fs;
 
+mod extensions;
 mod refusals;
 
 /// A binary chunk and the accessors over it.
@@ -88,7 +89,7 @@ fn read_with(bytes: &[u8], options: &Options) -> Result<Scene, String> {
 fn read(bin: &Bin, rest: &str) -> Result<Scene, String> {
     let options = Options {
         fps: 2.0,
-        clip: None,
+        ..Options::default()
     };
     read_with(&glb(&bin.json(rest, ""), &bin.bytes), &options)
 }
@@ -169,6 +170,7 @@ fn a_clip_is_chosen_by_name_or_index_and_none_makes_one_key() {
             &Options {
                 fps: 24.0,
                 clip: clip.map(str::to_owned),
+                ..Options::default()
             },
         )
     };
@@ -183,9 +185,15 @@ fn a_clip_is_chosen_by_name_or_index_and_none_makes_one_key() {
     );
     for fps in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
         assert!(
-            read_with(&bytes, &Options { fps, clip: None })
-                .unwrap_err()
-                .contains("frame rate")
+            read_with(
+                &bytes,
+                &Options {
+                    fps,
+                    ..Options::default()
+                }
+            )
+            .unwrap_err()
+            .contains("frame rate")
         );
     }
 }

@@ -28,6 +28,32 @@ fn buffers_come_from_data_uris_and_from_files_beside() {
     }
 }
 
+#[test]
+fn a_buffer_outside_the_folder_is_read_only_if_that_is_allowed() {
+    let (bin, rest) = moving();
+    let all = tempfile::tempdir().unwrap();
+    let path = all.path().join("scene/a.gltf");
+    fs::create_dir(path.parent().unwrap()).unwrap();
+    fs::write(all.path().join("outside.bin"), &bin.bytes).unwrap();
+    fs::write(&path, bin.json(&rest, r#","uri":"../outside.bin""#)).unwrap();
+    let with = |allow_outside| {
+        let options = Options {
+            allow_outside,
+            ..Options::default()
+        };
+        open(path.to_str().unwrap(), &options).map_err(|e| e.to_string())
+    };
+    let message = with(false).unwrap_err();
+    assert!(
+        message.contains("buffer 0") && message.contains("--allow-outside"),
+        "{message}"
+    );
+    assert!(with(true).is_ok());
+    fs::write(&path, bin.json(&rest, r#","uri":"/dev/zero""#)).unwrap();
+    let message = with(true).unwrap_err();
+    assert!(message.contains("a device"), "{message}");
+}
+
 /// Each (what is written instead of what, part of the message).
 fn refuse((bin, rest): &(Bin, String), changes: &[(&str, &str, &str)]) {
     for (from, to, says) in changes {
@@ -224,4 +250,42 @@ fn a_container_that_lies_about_its_length_is_refused() {
         let message = read_with(&bytes, &Options::default()).unwrap_err();
         assert!(message.contains(says), "{message}");
     }
+}
+
+#[test]
+fn a_small_file_that_takes_more_than_there_is_is_refused_before_it_is_sampled() {
+    let mut bin = Bin::default();
+    let corners: Vec<f32> = CORNERS.iter().copied().cycle().take(3000).collect();
+    let corners = bin.floats(&corners, "VEC3");
+    let times = bin.floats(&[0.0, 65_000.0], "SCALAR");
+    let moves = bin.floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0], "VEC3");
+    let nodes: Vec<String> = (0..25).map(|_| r#"{"mesh":0}"#.to_owned()).collect();
+    let (all, nodes) = (
+        (0..25).map(|i| i.to_string()).collect::<Vec<_>>().join(","),
+        nodes.join(","),
+    );
+    let rest = format!(
+        r#""scene":0,"scenes":[{{"nodes":[{all}]}}],"nodes":[{nodes}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":{corners}}}}}]}}],
+        "animations":[{{"samplers":[{{"input":{times},"output":{moves}}}],
+        "channels":[{{"sampler":0,"target":{{"node":0,"path":"translation"}}}}]}}]"#
+    );
+    let bytes = glb(&bin.json(&rest, ""), &bin.bytes);
+    assert!(bytes.len() < 40_000);
+    let with = |fps, memory| {
+        let memory = Some(memory);
+        let options = Options {
+            fps,
+            memory,
+            ..Options::default()
+        };
+        read_with(&bytes, &options).err().unwrap_or_default()
+    };
+    let message = with(1.0, 16 << 30);
+    let says = "65001 key frames of 24975 vertices: 19.5 GB of memory are needed, 17.2 GB are free";
+    assert!(message.contains(says), "{message}");
+    let message = with(0.001, 100_000);
+    let says = "the meshes of its nodes: 700.0 KB of memory are needed, 100.0 KB are free";
+    assert!(message.contains(says), "{message}");
+    assert_eq!(with(0.001, 60 << 20), "");
 }

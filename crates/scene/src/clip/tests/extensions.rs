@@ -1,0 +1,127 @@
+//! What glTF allows beyond whole accessors of floats.
+
+use super::*;
+
+const NORMALIZED: &str = r#","normalized":true"#;
+
+/// A static triangle whose positions are `accessor`, with more JSON.
+fn still(positions: usize, more: &str) -> String {
+    let attributes = format!(r#"{{"POSITION":{positions}}}"#);
+    format!(
+        r#""nodes":[{{"mesh":0}}],"meshes":[{{"primitives":[{{"attributes":{attributes}}}]}}]{more}"#
+    )
+}
+
+fn corners(scene: &Scene) -> Vec<Point> {
+    scene.animation.keys()[0].clone()
+}
+
+#[test]
+fn an_accessor_without_a_view_is_zeros_but_for_its_sparse_values() {
+    let mut bin = Bin::default();
+    let declared = r#"{"componentType":5126,"type":"VEC3","count":3"#;
+    bin.accessors.push(format!("{declared}}}"));
+    let index = bin.view(&[1, 2]);
+    let scene = read(&bin, &still(0, "")).unwrap();
+    assert_eq!(corners(&scene), [[0.0; 3]; 3]);
+    let values = [1.0_f32, 0.0, 0.0, 0.0, 2.0, 0.0];
+    let value = bin.view(&values.map(f32::to_le_bytes).concat());
+    bin.accessors[0] = format!(
+        r#"{declared},"sparse":{{"count":2,"indices":{{"bufferView":{index},"componentType":5121}},"values":{{"bufferView":{value}}}}}}}"#
+    );
+    let scene = read(&bin, &still(0, "")).unwrap();
+    let expected = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
+    assert_eq!(corners(&scene), expected);
+}
+
+#[test]
+fn quantized_positions_are_whole_numbers_or_parts_of_one() {
+    let name = r#"["KHR_mesh_quantization"]"#;
+    let required = format!(r#","extensionsUsed":{name},"extensionsRequired":{name}"#);
+    let bytes = vec![0, 0, 0, 127, 0, 0, 0, 0x81, 0];
+    let shorts = [0_i16, 0, 0, 32767, 0, 0, 0, -32767, 0];
+    let shorts = shorts.map(i16::to_le_bytes).concat();
+    for (data, component, more, [x, y]) in [
+        (&bytes, 5120, "", [127.0, -127.0]),
+        (&bytes, 5120, NORMALIZED, [1.0, -1.0]),
+        (&bytes, 5121, "", [127.0, 129.0]),
+        (&bytes, 5121, NORMALIZED, [127.0 / 255.0, 129.0 / 255.0]),
+        (&shorts, 5122, "", [32767.0, -32767.0]),
+        (&shorts, 5122, NORMALIZED, [1.0, -1.0]),
+        (&shorts, 5123, "", [32767.0, 32769.0]),
+        (
+            &shorts,
+            5123,
+            NORMALIZED,
+            [32767.0 / 65535.0, 32769.0 / 65535.0],
+        ),
+    ] {
+        let mut bin = Bin::default();
+        let positions = bin.add(data, component, "VEC3", 3, more);
+        let scene = read(&bin, &still(positions, &required)).unwrap();
+        assert_eq!(corners(&scene), [[0.0; 3], [x, 0.0, 0.0], [0.0, y, 0.0]]);
+        assert!(scene.facts.notes.is_empty(), "{:?}", scene.facts.notes);
+    }
+}
+
+#[test]
+fn displacements_and_weights_may_be_quantized_too() {
+    let mut bin = Bin::default();
+    let positions = bin.floats(&CORNERS, "VEC3");
+    let moves = bin.add(&[0, 0, 0, 0, 0, 0, 0, 127, 0], 5120, "VEC3", 3, NORMALIZED);
+    let times = bin.floats(&[0.0, 1.0], "SCALAR");
+    let weights = bin.add(&[0, 255], 5121, "SCALAR", 2, NORMALIZED);
+    let rest = still(positions, "").replace(
+        "}}]}]",
+        &format!(r#"}},"targets":[{{"POSITION":{moves}}}]}}]}}]"#),
+    );
+    let samplers = format!(r#"[{{"input":{times},"output":{weights}}}]"#);
+    let channels = r#"[{"sampler":0,"target":{"node":0,"path":"weights"}}]"#;
+    let rest = format!(r#"{rest},"animations":[{{"samplers":{samplers},"channels":{channels}}}]"#);
+    let scene = read(&bin, &rest).unwrap();
+    let last = scene.animation.keys().last().unwrap();
+    close(last[2], [0.0, 2.0, 0.0]);
+}
+
+#[test]
+fn instances_are_drawn_each_in_its_place() {
+    let mut bin = Bin::default();
+    let positions = bin.floats(&CORNERS, "VEC3");
+    let places = bin.floats(&[0.0, 0.0, 0.0, 5.0, 0.0, 0.0], "VEC3");
+    let scales = bin.floats(&[1.0, 1.0, 1.0, 2.0, 2.0, 2.0], "VEC3");
+    let required = r#","extensionsRequired":["EXT_mesh_gpu_instancing"]"#;
+    let with = |attributes: &str| {
+        let instances = format!(
+            r#""mesh":0,"extensions":{{"EXT_mesh_gpu_instancing":{{"attributes":{{{attributes}}}}}}}}}]"#
+        );
+        let rest = still(positions, required).replacen(r#""mesh":0}]"#, &instances, 1);
+        read(&bin, &rest)
+    };
+    let scene = with(&format!(r#""TRANSLATION":{places},"SCALE":{scales}"#)).unwrap();
+    assert_eq!(scene.animation.triangle_count(), 2);
+    assert_eq!(corners(&scene)[1], [1.0, 0.0, 0.0]);
+    assert_eq!(corners(&scene)[4], [7.0, 0.0, 0.0]);
+    let uneven = format!(r#""TRANSLATION":{places},"SCALE":{positions}"#);
+    for (attributes, says) in [
+        (r#""TRANSLATION":99"#, "TRANSLATION names no accessor: 99"),
+        (uneven.as_str(), "differ in their counts"),
+    ] {
+        let message = with(attributes).unwrap_err();
+        assert!(message.contains(says), "{message}");
+    }
+}
+
+#[test]
+fn extensions_that_are_not_supported_are_named() {
+    let mut bin = Bin::default();
+    let positions = bin.floats(&CORNERS, "VEC3");
+    for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression"] {
+        let used = still(positions, &format!(r#","extensionsUsed":["{name}"]"#));
+        let notes = read(&bin, &used).unwrap().facts.notes;
+        assert!(notes[0].contains(name), "{notes:?}");
+        let required = used.replace("extensionsUsed", "extensionsRequired");
+        let message = read(&bin, &required).unwrap_err();
+        let says = format!("requires the extension {name:?}");
+        assert!(message.contains(&says), "{message}");
+    }
+}
