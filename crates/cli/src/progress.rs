@@ -49,7 +49,7 @@ impl Progress {
     pub(crate) fn step(&mut self, line: &str) {
         match self {
             Self::Bar(bar) => {
-                bar.set_message(line.to_owned());
+                bar.set_message(talk::plain(line, &[]).into_owned());
                 bar.inc(1);
             }
             Self::Lines { done, total } => {
