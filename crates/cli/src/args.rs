@@ -4,7 +4,7 @@ use crate::reduce::{self, Tolerance};
 use crate::stop::Stop;
 use crate::values::{self, Frames, TimeRange};
 use clap::builder::ArgPredicate;
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use geom::Point;
 use std::path::PathBuf;
 
@@ -48,13 +48,22 @@ pub(crate) fn parse() -> Result<Command, Stop> {
 }
 
 fn parse_from(args: impl IntoIterator<Item = std::ffi::OsString>) -> Result<Command, Stop> {
-    let read = |args: Vec<std::ffi::OsString>| Cli::try_parse_from(args).map_err(refused);
-    match read(args.into_iter().collect())?.command {
-        Some(command) => Ok(command),
-        None => read(vec!["abvh".into(), "render".into()])?
-            .command
-            .ok_or_else(|| Stop::bad("no command")),
+    let (cli, given) = read(args.into_iter().collect())?;
+    let Some(command) = cli.command else {
+        let (cli, _) = read(vec!["abvh".into(), "render".into()])?;
+        return cli.command.ok_or_else(|| Stop::bad("no command"));
+    };
+    if let Some((_, given)) = given.subcommand() {
+        idle::check(&command, given)?;
     }
+    Ok(command)
+}
+
+/// The command line, and what of it was given.
+fn read(args: Vec<std::ffi::OsString>) -> Result<(Cli, ArgMatches), Stop> {
+    let given = Cli::command().try_get_matches_from(args).map_err(refused)?;
+    let cli = Cli::from_arg_matches(&given).map_err(refused)?;
+    Ok((cli, given))
 }
 
 /// Help goes to standard output; anything else becomes one line.
@@ -107,7 +116,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "DIR", default_value = "abvh-out")]
     pub(crate) out: PathBuf,
     /// Write no pictures
-    #[arg(long)]
+    #[arg(long, conflicts_with = "out")]
     pub(crate) no_images: bool,
     /// Directory for hits: hits_0000.npz and so on
     #[arg(long, value_name = "DIR")]
@@ -177,7 +186,7 @@ pub(crate) struct InspectArgs {
     #[arg(long, value_name = "TOL|TOL%", value_parser = reduce::tolerance)]
     pub(crate) reduce_keys: Option<Tolerance>,
     /// Directory for those key frames, as .ply files, and times.json with the time of each
-    #[arg(long, value_name = "DIR", requires = "reduce_keys")]
+    #[arg(long, value_name = "DIR")]
     pub(crate) reduced_out: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) tolerance: ToleranceArgs,
@@ -364,6 +373,8 @@ pub(crate) use crossover::{CrossoverArgs, TimingArgs};
 
 mod growth;
 pub(crate) use growth::GrowthArgs;
+
+mod idle;
 
 mod lists;
 pub(crate) use lists::{LayoutsArgs, PoliciesArgs, SizeArgs, TrianglesArgs, WarmUpArgs};

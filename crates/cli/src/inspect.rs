@@ -100,7 +100,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         builder_threads: None,
         method,
         update: choose::update(policy, animation, &frames)?,
-        tolerance: args.tolerance.tolerance.unwrap_or(0.0),
+        tolerance: args.tolerance.ppm(),
         run,
         ahead: Ahead::of(&frames, Switch::On),
     };

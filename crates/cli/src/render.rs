@@ -35,7 +35,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
             builder_threads: args.device.builder_threads,
             method: args.method,
             update: choose::update(args.policy, &scene.animation, &frames)?,
-            tolerance: args.tolerance.of(&[args.method.intersector])?,
+            tolerance: args.tolerance.ppm(),
             run: Some(Run {
                 frames: &frames,
                 query: query(&camera, &view),

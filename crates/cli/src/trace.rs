@@ -35,7 +35,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
             builder_threads: args.device.builder_threads,
             method: args.method,
             update: choose::update(policy, animation, &[])?,
-            tolerance: args.tolerance.of(&[args.method.intersector])?,
+            tolerance: args.tolerance.ppm(),
             run: None,
             ahead: Ahead::default(),
         },
@@ -82,8 +82,7 @@ fn moments(args: &TraceArgs, animation: &Animation) -> Result<Vec<f64>, Stop> {
             let tree_time = frames::moment("--tree-time", tree_time.unwrap_or(0.0), keys)?;
             Ok(vec![tree_time, time])
         }
-        (_, Some(_)) => Err(Stop::bad("--tree-time goes only with --update refit")),
-        (_, None) => Ok(vec![time]),
+        _ => Ok(vec![time]),
     }
 }
 

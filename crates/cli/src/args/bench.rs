@@ -59,7 +59,7 @@ pub(crate) struct BenchArgs {
     #[arg(long, conflicts_with_all = ["update", "layout"])]
     pub(crate) with_auto: bool,
     /// With --with-auto: how often every choice has its turn
-    #[arg(long, value_name = "N", default_value = "1", value_parser = values::rounds, requires = "with_auto")]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = values::rounds)]
     pub(crate) rounds: usize,
     /// Rays: a camera's with their shadows, or as many from anywhere in the scene's box in any direction (the closest
     /// hit of each, no shadow), the same in every frame
@@ -86,9 +86,9 @@ pub(crate) struct BenchArgs {
     /// of rebuild, whose tree is fresh, at the same moments. At most twice so long, until times agree. Runs with async
     /// go on as without it, since there trees age meanwhile
     #[arg(long, value_name = "SECONDS", value_parser = values::seconds, conflicts_with = "with_auto")]
-    dwell: Option<f64>,
+    pub(super) dwell: Option<f64>,
     /// With --dwell: runs that are dwelt on leave out all frames but the first of every N
-    #[arg(long, value_name = "N", default_value = "1", value_parser = values::every, requires = "dwell")]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = values::every)]
     dwell_every: usize,
     /// Adapter of the backends, by index or by part of its name
     #[arg(long, value_name = "INDEX|NAME-PART")]
@@ -104,7 +104,7 @@ pub(crate) struct BenchArgs {
     #[arg(long, num_args = 2, value_names = ["OLD.json", "NEW.json"])]
     pub(crate) compare: Vec<PathBuf>,
     /// With --compare: exit with 1 if a frame takes longer by more than so many per cent, noise apart
-    #[arg(long, value_name = "PCT", requires = "compare", value_parser = values::percent)]
+    #[arg(long, value_name = "PCT", value_parser = values::percent)]
     pub(crate) fail_above: Option<f64>,
     /// File for the results
     #[arg(long, value_name = "FILE")]

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 #[derive(Args, Debug)]
 pub(crate) struct ConformArgs {
     /// Scenes that rays of --oracle-rays are aimed at, beside the meshes made from the seed
-    #[arg(value_name = "SCENE", requires = "oracle_rays")]
+    #[arg(value_name = "SCENE")]
     pub(crate) scene: Vec<String>,
     /// Backends; auto is all that are present
     #[arg(
@@ -28,7 +28,7 @@ pub(crate) struct ConformArgs {
     #[arg(long, value_name = "S", default_value = "1")]
     pub(crate) seed: u64,
     /// Cases that each law sees, after those that failed once; with 0, no law is tried
-    #[arg(long, value_name = "N", default_value = "36")]
+    #[arg(long, value_name = "N", default_value = "36", conflicts_with = "case")]
     pub(crate) cases: u32,
     /// Only these laws
     #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true,
@@ -50,7 +50,7 @@ pub(crate) struct ConformArgs {
     #[arg(long, value_name = "N", default_value = "0")]
     pub(crate) oracle_rays: u64,
     /// Of those rays, only the batch of this number
-    #[arg(long, value_name = "B", requires = "oracle_rays")]
+    #[arg(long, value_name = "B")]
     pub(crate) oracle_batch: Option<u64>,
     /// How those rays are traced [default: exact for --oracle-rays, watertight for --leak-rays]
     #[arg(long, value_name = "INTERSECTOR",

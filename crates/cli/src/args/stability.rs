@@ -40,7 +40,7 @@ pub(crate) struct StabilityArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["json", "intersector", "seed", "rays"])]
     pub(crate) record: Option<PathBuf>,
     /// With --record: seeds to measure, from 1
-    #[arg(long, value_name = "N", default_value = "32", requires = "record",
+    #[arg(long, value_name = "N", default_value = "32",
         value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub(crate) seeds: u64,
     /// File for the results

@@ -1,7 +1,5 @@
 //! How often an intersector that is left to `auto` may be wrong.
 
-use super::IntersectorName;
-use crate::stop::Stop;
 use crate::values;
 use clap::Args;
 
@@ -16,15 +14,7 @@ pub(crate) struct ToleranceArgs {
 
 impl ToleranceArgs {
     /// What is tolerated of what is left to `auto`.
-    ///
-    /// # Errors
-    /// Something is tolerated, but nothing of `intersectors` is left to `auto`.
-    pub(crate) fn of(self, intersectors: &[IntersectorName]) -> Result<f64, Stop> {
-        match self.tolerance {
-            Some(_) if !intersectors.contains(&IntersectorName::Auto) => {
-                Err(Stop::bad("--tolerance goes only with --intersector auto"))
-            }
-            tolerance => Ok(tolerance.unwrap_or(0.0)),
-        }
+    pub(crate) fn ppm(self) -> f64 {
+        self.tolerance.unwrap_or(0.0)
     }
 }
