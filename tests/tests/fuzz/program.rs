@@ -46,7 +46,8 @@ fn fault(folder: &Path, output: &Output) -> Option<&'static str> {
 fn attack(format: Format) {
     let case = format!("case.{}", format.extension);
     let words = words(format, &case);
-    abvh();
+    // Built before the clock runs.
+    let _ = abvh();
     for bytes in cases(format, count(20, 1_000)) {
         let folder = tempfile::tempdir().unwrap();
         let square = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";

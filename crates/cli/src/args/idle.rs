@@ -165,3 +165,6 @@ fn may_have_clip(scene: &str) -> bool {
         .iter()
         .any(|part| scene.contains(part))
 }
+
+#[cfg(test)]
+mod tests;
