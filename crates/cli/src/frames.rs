@@ -1,6 +1,7 @@
 //! From what was asked for to times.
 
 use crate::stop::Stop;
+use crate::table::{KEY_FRAMES, counted};
 use crate::values::{Frames, TimeRange};
 use pipeline::Frame;
 
@@ -26,7 +27,9 @@ pub(crate) fn list(
             return Err(Stop::bad(e));
         }
         Some(Frames::Keys { to, .. }) if to > keys => {
-            let e = format!("--frames ends before {to}, but there are {keys} key frames");
+            let verb = if keys == 1 { "is" } else { "are" };
+            let keys = counted(keys, KEY_FRAMES);
+            let e = format!("--frames ends before {to}, but there {verb} {keys}");
             return Err(Stop::bad(e));
         }
         Some(Frames::Keys { from, to }) => (from..to).map(|k| k as f64).collect(),

@@ -154,12 +154,12 @@ fn trace_all(
 fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats]) -> String {
     let [width, height] = args.size.size;
     let mut text = format!(
-        "{}: {} triangles ({} moving), {} key frames; {} frames of {width}x{height}\n{}\n",
+        "{}: {} ({} moving), {}; {} of {width}x{height}\n{}\n",
         scene.name,
-        table::grouped(scene.animation.triangle_count()),
+        table::counted(scene.animation.triangle_count(), table::TRIANGLES),
         table::grouped(scene.animation.moving_count()),
-        scene.animation.keys().len(),
-        rows.len(),
+        table::counted(scene.animation.keys().len(), table::KEY_FRAMES),
+        table::counted(rows.len(), table::FRAMES),
         session.caption(),
     );
     if !rows.is_empty() {

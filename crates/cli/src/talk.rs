@@ -23,6 +23,13 @@ pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), Stop> {
     print(&format!("{text}\n"))
 }
 
+/// How wide the terminal of results is: what `COLUMNS` says, else what it says itself; `None` of no terminal.
+pub(crate) fn columns() -> Option<usize> {
+    let said = std::env::var("COLUMNS").ok().and_then(|c| c.parse().ok());
+    let own = || terminal_size::terminal_size_of(io::stdout()).map(|(width, _)| width.0.into());
+    said.or_else(own).filter(|&columns| columns > 0)
+}
+
 /// A remark. Whoever closed standard error wants none.
 pub(crate) fn say(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{}", plain(text, &['\n']));

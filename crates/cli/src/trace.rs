@@ -4,6 +4,7 @@ use crate::ahead::Ahead;
 use crate::args::{PolicyArgs, TraceArgs, UpdateName};
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
+use crate::table::counted;
 use crate::{choose, frames, talk};
 use backend::{Hits, Query, Rays, Seek};
 use geom::{Animation, Ray};
@@ -65,7 +66,9 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     let caption = session.caption();
     let (rays, met) = (rays.len(), closest + any);
     talk::print(&format!(
-        "{rays} rays, {met} hits at time {}\n{caption}\n",
+        "{}, {} at time {}\n{caption}\n",
+        counted(rays, ["ray", "rays"]),
+        counted(met, ["hit", "hits"]),
         args.time
     ))
 }
