@@ -3,7 +3,7 @@
 use crate::reduce::{self, Tolerance};
 use crate::stop::Stop;
 use crate::values::{self, Frames, TimeRange};
-use clap::builder::ArgPredicate;
+use clap::builder::{ArgPredicate, NonEmptyStringValueParser};
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use geom::Point;
 use std::path::PathBuf;
@@ -81,11 +81,11 @@ fn refused(e: clap::Error) -> Stop {
 /// Options of `render`.
 #[derive(Args, Debug)]
 pub(crate) struct RenderArgs {
-    /// Scene: demo:NAME or demo:NAME:TRIANGLES (grove, collide, shatter, twist, hall), a directory or glob of .obj or
-    /// .ply key frames, or one .obj, .ply, .gltf or .glb file. Several are joined by '+', each placed by '@x,y,z' or
-    /// '@x,y,z*scale': hall.obj+figure.glb@2,0,-1*0.5. What exists under its whole name is one input. Inputs that
-    /// move need equally many key frames; one with a single key frame stands still
-    #[arg(default_value = "demo:grove")]
+    /// Scene: a demo, demo:NAME or demo:NAME:TRIANGLES, of grove, collide, shatter, twist and hall. Or a directory or
+    /// glob of .obj or .ply files, one a key frame. Or one .obj, .ply, .gltf or .glb file. Several are joined by '+',
+    /// each placed by '@x,y,z' or '@x,y,z*scale': hall.obj+figure.glb@2,0,-1*0.5. A name that exists as a whole is one
+    /// input. Inputs that move need equally many key frames; one with a single key frame stands still
+    #[arg(default_value = "demo:grove", value_parser = NonEmptyStringValueParser::new())]
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
@@ -97,8 +97,9 @@ pub(crate) struct RenderArgs {
     pub(crate) tolerance: ToleranceArgs,
     #[command(flatten)]
     pub(crate) policy: PolicyArgs,
-    /// With async: whether each tree is built for the middle of the time it is going to be used, from key frames,
-    /// or for the frame that asks for it, from vertices read back
+    /// With async: what each new tree is built for. 'on': the middle of the time in which it will be used, taken
+    /// from the key frames. 'off': the frame that asks for it. Hits are the same; trees built ahead fit better, so
+    /// that frames are faster
     #[arg(long, value_name = "on|off", default_value = "on")]
     pub(crate) predict: Switch,
     /// Frames: N spread evenly over the time range, both ends included, or those at key times A..B
@@ -141,7 +142,8 @@ pub(crate) struct RenderArgs {
 /// Options of `trace`.
 #[derive(Args, Debug)]
 pub(crate) struct TraceArgs {
-    /// Scene, as for render
+    /// Scene: a demo, files or a directory; `abvh render --help` tells all
+    #[arg(value_parser = NonEmptyStringValueParser::new())]
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
@@ -163,10 +165,11 @@ pub(crate) struct TraceArgs {
     pub(crate) method: MethodArgs,
     #[command(flatten)]
     pub(crate) tolerance: ToleranceArgs,
-    /// How the tree comes about: built at the moment, or built at --tree-time or for all times and refitted
+    /// How the tree is made. auto and rebuild build it at --time. refit builds it at --tree-time and moves its boxes to
+    /// --time; t-sah does so with a tree for all times. Hits are the same, only the speed differs
     #[arg(long, value_name = "POLICY", default_value = "auto")]
     pub(crate) update: UpdateName,
-    /// The moment the tree is built from, with --update refit
+    /// With --update refit: the moment that the tree is built at, in key frames [default: 0]
     #[arg(long, value_name = "T0", value_parser = values::time, allow_hyphen_values = true)]
     pub(crate) tree_time: Option<f64>,
     /// No remarks
@@ -177,12 +180,13 @@ pub(crate) struct TraceArgs {
 /// Options of `inspect`.
 #[derive(Args, Debug)]
 pub(crate) struct InspectArgs {
-    /// Scene, as for render
+    /// Scene: a demo, files or a directory; `abvh render --help` tells all
+    #[arg(value_parser = NonEmptyStringValueParser::new())]
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
-    /// Instead, find the fewest key frames whose blends stay within TOL of all, at every vertex: in scene
-    /// units, or in per cent of the diagonal of the scene's bounds
+    /// Instead, find the fewest key frames whose blends stay within TOL of all, at every vertex. TOL is in scene units,
+    /// or in per cent of the diagonal of the scene's bounds
     #[arg(long, value_name = "TOL|TOL%", value_parser = reduce::tolerance)]
     pub(crate) reduce_keys: Option<Tolerance>,
     /// Directory for those key frames, as .ply files, and times.json with the time of each

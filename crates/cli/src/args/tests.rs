@@ -84,6 +84,20 @@ fn what_commands_share_has_one_help_text() {
 }
 
 #[test]
+fn help_is_told_in_short_sentences() {
+    let cli = Cli::command();
+    let commands = cli.get_subcommands();
+    let texts = commands.flat_map(|c| c.get_arguments().map(move |a| (c, a)));
+    let long = texts.filter_map(|(command, option)| {
+        let text = option.get_help()?.to_string();
+        let longest = text.split(". ").map(|s| s.split(' ').count()).max();
+        (longest > Some(25)).then(|| format!("{} {}: {text}", command.get_name(), option.get_id()))
+    });
+    let long: Vec<_> = long.collect();
+    assert!(long.is_empty(), "{long:#?}");
+}
+
+#[test]
 fn each_command_has_defaults_of_its_own() {
     let (Ok(Command::Bench(bench)), Ok(Command::Growth(growth)), Ok(Command::Crossover(cross))) =
         (parse("bench"), parse("growth"), parse("crossover"))

@@ -6,8 +6,8 @@ use clap::Args;
 /// Option of whatever chooses an intersector.
 #[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct ToleranceArgs {
-    /// Wrong rays a million, against the exact answer, that an intersector left to auto may have. At 0 it is
-    /// exact; above, the cheapest of which a sample of the run's rays shows that it has fewer [default: 0]
+    /// Wrong rays in a million, against exact arithmetic, that --intersector auto may cause. A sample of the run's
+    /// rays decides which intersectors are within; the cheapest of them is taken. 0 takes exact [default: 0]
     #[arg(long, value_name = "PPM", value_parser = values::tolerance)]
     pub(crate) tolerance: Option<f64>,
 }
