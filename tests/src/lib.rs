@@ -2,6 +2,7 @@
 //!
 //! Nothing here is part of the product.
 
+pub mod fuzz;
 pub mod program;
 pub mod rays;
 pub mod scenes;

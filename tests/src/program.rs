@@ -68,12 +68,7 @@ pub fn run_where<S: AsRef<OsStr>>(
     args: impl IntoIterator<Item = S>,
     variables: &[(&str, &OsStr)],
 ) -> Output {
-    let mut command = Command::new(abvh());
-    // Without it, a layer of Mesa's speaks up on standard error when a driver is looked for.
-    if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
-        command.env("XDG_RUNTIME_DIR", folder);
-    }
-    command
+    Command::new(abvh())
         .args(args)
         .envs(variables.iter().copied())
         .current_dir(folder)

@@ -3,8 +3,8 @@
 use crate::reduce::{self, Tolerance};
 use crate::stop::Stop;
 use crate::values::{self, Frames, Shard, TimeRange};
-use clap::builder::ArgPredicate;
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::builder::{ArgPredicate, NonEmptyStringValueParser};
+use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use geom::Point;
 use std::path::PathBuf;
 
@@ -50,13 +50,22 @@ pub(crate) fn parse() -> Result<Command, Stop> {
 }
 
 fn parse_from(args: impl IntoIterator<Item = std::ffi::OsString>) -> Result<Command, Stop> {
-    let read = |args: Vec<std::ffi::OsString>| Cli::try_parse_from(args).map_err(refused);
-    match read(args.into_iter().collect())?.command {
-        Some(command) => Ok(command),
-        None => read(vec!["abvh".into(), "render".into()])?
-            .command
-            .ok_or_else(|| Stop::bad("no command")),
+    let (cli, given) = read(args.into_iter().collect())?;
+    let Some(command) = cli.command else {
+        let (cli, _) = read(vec!["abvh".into(), "render".into()])?;
+        return cli.command.ok_or_else(|| Stop::bad("no command"));
+    };
+    if let Some((_, given)) = given.subcommand() {
+        idle::check(&command, given)?;
     }
+    Ok(command)
+}
+
+/// The command line, and what of it was given.
+fn read(args: Vec<std::ffi::OsString>) -> Result<(Cli, ArgMatches), Stop> {
+    let given = Cli::command().try_get_matches_from(args).map_err(refused)?;
+    let cli = Cli::from_arg_matches(&given).map_err(refused)?;
+    Ok((cli, given))
 }
 
 /// Help goes to standard output; anything else becomes one line.
@@ -74,11 +83,11 @@ fn refused(e: clap::Error) -> Stop {
 /// Options of `render`.
 #[derive(Args, Debug)]
 pub(crate) struct RenderArgs {
-    /// Scene: demo:NAME or demo:NAME:TRIANGLES (grove, collide, shatter, twist, hall), a directory or glob of .obj or
-    /// .ply key frames, or one .obj, .ply, .gltf or .glb file. Several are joined by '+', each placed by '@x,y,z' or
-    /// '@x,y,z*scale': hall.obj+figure.glb@2,0,-1*0.5. What exists under its whole name is one input. Inputs that
-    /// move need equally many key frames; one with a single key frame stands still
-    #[arg(default_value = "demo:grove")]
+    /// Scene: a demo, demo:NAME or demo:NAME:TRIANGLES, of grove, collide, shatter, twist and hall. Or a directory or
+    /// glob of .obj or .ply files, one a key frame. Or one .obj, .ply, .gltf or .glb file. Several are joined by '+',
+    /// each placed by '@x,y,z' or '@x,y,z*scale': hall.obj+figure.glb@2,0,-1*0.5. A name that exists as a whole is one
+    /// input. Inputs that move need equally many key frames; one with a single key frame stands still
+    #[arg(default_value = "demo:grove", value_parser = NonEmptyStringValueParser::new())]
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
@@ -90,8 +99,9 @@ pub(crate) struct RenderArgs {
     pub(crate) tolerance: ToleranceArgs,
     #[command(flatten)]
     pub(crate) policy: PolicyArgs,
-    /// With async: whether each tree is built for the middle of the time it is going to be used, from key frames,
-    /// or for the frame that asks for it, from vertices read back
+    /// With async: what each new tree is built for. 'on': the middle of the time in which it will be used, taken
+    /// from the key frames. 'off': the frame that asks for it. Hits are the same; trees built ahead fit better, so
+    /// that frames are faster
     #[arg(long, value_name = "on|off", default_value = "on")]
     pub(crate) predict: Switch,
     /// Frames: N spread evenly over the time range, both ends included; those at key times A..B (B left out); or a
@@ -113,7 +123,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "DIR", default_value = "abvh-out")]
     pub(crate) out: PathBuf,
     /// Write no pictures
-    #[arg(long)]
+    #[arg(long, conflicts_with = "out")]
     pub(crate) no_images: bool,
     /// Directory for hits: hits_0000.npz and so on
     #[arg(long, value_name = "DIR")]
@@ -153,7 +163,8 @@ pub(crate) struct MergeArgs {
 /// Options of `trace`.
 #[derive(Args, Debug)]
 pub(crate) struct TraceArgs {
-    /// Scene, as for render
+    /// Scene: a demo, files or a directory; `abvh render --help` tells all
+    #[arg(value_parser = NonEmptyStringValueParser::new())]
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
@@ -175,10 +186,11 @@ pub(crate) struct TraceArgs {
     pub(crate) method: MethodArgs,
     #[command(flatten)]
     pub(crate) tolerance: ToleranceArgs,
-    /// How the tree comes about: built at the moment, or built at --tree-time or for all times and refitted
+    /// How the tree is made. auto and rebuild build it at --time. refit builds it at --tree-time and moves its boxes to
+    /// --time; t-sah does so with a tree for all times. Hits are the same, only the speed differs
     #[arg(long, value_name = "POLICY", default_value = "auto")]
     pub(crate) update: UpdateName,
-    /// The moment the tree is built from, with --update refit
+    /// With --update refit: the moment that the tree is built at, in key frames [default: 0]
     #[arg(long, value_name = "T0", value_parser = values::time, allow_hyphen_values = true)]
     pub(crate) tree_time: Option<f64>,
     /// No remarks
@@ -189,16 +201,17 @@ pub(crate) struct TraceArgs {
 /// Options of `inspect`.
 #[derive(Args, Debug)]
 pub(crate) struct InspectArgs {
-    /// Scene, as for render
+    /// Scene: a demo, files or a directory; `abvh render --help` tells all
+    #[arg(value_parser = NonEmptyStringValueParser::new())]
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
-    /// Instead, find the fewest key frames whose blends stay within TOL of all, at every vertex: in scene
-    /// units, or in per cent of the diagonal of the scene's bounds
+    /// Instead, find the fewest key frames whose blends stay within TOL of all, at every vertex. TOL is in scene units,
+    /// or in per cent of the diagonal of the scene's bounds
     #[arg(long, value_name = "TOL|TOL%", value_parser = reduce::tolerance)]
     pub(crate) reduce_keys: Option<Tolerance>,
     /// Directory for those key frames, as .ply files, and times.json with the time of each
-    #[arg(long, value_name = "DIR", requires = "reduce_keys")]
+    #[arg(long, value_name = "DIR")]
     pub(crate) reduced_out: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) tolerance: ToleranceArgs,
@@ -390,6 +403,8 @@ pub(crate) use crossover::{CrossoverArgs, TimingArgs};
 
 mod growth;
 pub(crate) use growth::GrowthArgs;
+
+mod idle;
 
 mod lists;
 pub(crate) use lists::{LayoutsArgs, PoliciesArgs, SizeArgs, TrianglesArgs, WarmUpArgs};

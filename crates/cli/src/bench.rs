@@ -102,7 +102,7 @@ impl<'a> Bench<'a> {
         }
         Ok(Self {
             args,
-            tolerance: args.tolerance.of(&args.intersector)?,
+            tolerance: args.tolerance.ppm(),
             combinations,
             progress,
             rows: Vec::new(),

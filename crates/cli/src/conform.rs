@@ -8,6 +8,7 @@ use crate::open::{self, Want};
 use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::subjects::{self, Examined, Machine, Subject};
+use crate::table::counted;
 use crate::{conflicts, talk};
 use backend::{Backend, Intersector, Method};
 use conformance::leaks::{self, Plan};
@@ -53,10 +54,7 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
     talk::print(&report.text())?;
     match report.failures() {
         0 => Ok(()),
-        n => Err(Stop::failed(format!(
-            "{n} disagreement{}",
-            if n == 1 { "" } else { "s" }
-        ))),
+        n => Err(Stop::failed(counted(n, ["disagreement", "disagreements"]))),
     }
 }
 
@@ -110,8 +108,11 @@ fn outcome(row: &Row) -> String {
         Some(_) => "failed after",
     };
     format!(
-        "{} {}: {so} {} cases, {:.1} s",
-        row.backend, row.law, row.held, row.seconds
+        "{} {}: {so} {}, {:.1} s",
+        row.backend,
+        row.law,
+        counted(row.held as usize, ["case", "cases"]),
+        row.seconds
     )
 }
 

@@ -1,6 +1,7 @@
 //! From what was asked for to times.
 
 use crate::stop::Stop;
+use crate::table::{KEY_FRAMES, counted};
 use crate::values::{Frames, Shard, TimeRange};
 use pipeline::Frame;
 
@@ -29,9 +30,10 @@ pub(crate) fn list(
         Some(Frames::Keys(list)) => {
             let most = list.iter().max().copied().unwrap_or_default();
             if most >= keys {
-                let (count, last) = (list.len(), keys - 1);
+                let verb = if keys == 1 { "is" } else { "are" };
+                let (count, keys) = (list.len(), counted(keys, KEY_FRAMES));
                 let e = format!(
-                    "--frames names {count} key times up to {most}, but the last one is {last}"
+                    "--frames names {count} key times up to {most}, but there {verb} {keys}"
                 );
                 return Err(Stop::bad(e));
             }

@@ -4,6 +4,7 @@ use crate::adapters::{Adapter, kind_name};
 use crate::args::{BackendName, InfoArgs};
 use crate::open::{self, Presence, Want};
 use crate::stop::Stop;
+use crate::table::counted;
 use crate::{choose, talk, threads};
 use backend::Method;
 use comfy_table::{ContentArrangement, Table, presets};
@@ -12,8 +13,8 @@ use serde::Serialize;
 
 /// The version of the JSON's schema.
 const SCHEMA: u32 = 1;
-/// Columns of the text.
-const WIDTH: u16 = 100;
+/// The most columns of the text.
+const WIDTH: usize = 100;
 
 #[derive(Serialize)]
 struct Info {
@@ -62,7 +63,10 @@ fn text(info: &Info) -> String {
     let cpu = info.cpu.as_deref().unwrap_or("unknown");
     let mut rows = vec![
         row("abvh", info.version.to_owned()),
-        row("cpu", format!("{cpu}, {} threads", info.threads)),
+        row(
+            "cpu",
+            format!("{cpu}, {}", counted(info.threads, ["thread", "threads"])),
+        ),
     ];
     if let Some(Taken { takes, why, .. }) = &info.auto {
         rows.push(row("auto takes", format!("{takes}: {why}")));
@@ -80,7 +84,8 @@ fn text(info: &Info) -> String {
             rows.extend(adapter_rows(adapter));
         }
     }
-    table(&rows)
+    let columns = talk::columns().unwrap_or(WIDTH).min(WIDTH);
+    table(&rows, columns as u16)
 }
 
 fn adapter_rows(adapter: &Adapter) -> Vec<Vec<String>> {
@@ -99,11 +104,11 @@ fn adapter_rows(adapter: &Adapter) -> Vec<Vec<String>> {
 }
 
 /// Names and what stands for them.
-fn table(rows: &[Vec<String>]) -> String {
+fn table(rows: &[Vec<String>], columns: u16) -> String {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
     table.set_content_arrangement(ContentArrangement::Dynamic);
-    table.set_width(WIDTH);
+    table.set_width(columns);
     table.add_rows(rows);
     for column in table.column_iter_mut() {
         column.set_padding((0, 2));
@@ -154,5 +159,10 @@ mod tests {
             assert!(text.contains(word), "{word} in {text}");
         }
         assert_eq!(text.matches("because").count(), 30);
+        let narrow = table(
+            &[vec!["    max_buffer_bytes".to_owned(), "word ".repeat(20)]],
+            40,
+        );
+        assert!(narrow.lines().all(|l| l.chars().count() <= 40), "{narrow}");
     }
 }

@@ -10,7 +10,7 @@ use crate::decay::{self, Decay};
 use crate::motion::{self, Motion, Spread, Still};
 use crate::session::{self, Ask};
 use crate::stop::Stop;
-use crate::table::{grouped, table};
+use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, table};
 use crate::trial::Run;
 use crate::{choose, frames, reduce, render, talk};
 use backend::{Query, Rays, Seek};
@@ -100,7 +100,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         builder_threads: None,
         method,
         update: choose::update(policy, animation, &frames)?,
-        tolerance: args.tolerance.tolerance.unwrap_or(0.0),
+        tolerance: args.tolerance.ppm(),
         run,
         ahead: Ahead::of(&frames, Switch::On),
     };
@@ -110,12 +110,12 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
 fn text(i: &Inspection, notes: &[String]) -> String {
     let (s, m) = (&i.scene, &i.motion);
     let mut text = format!(
-        "{}: {} triangles ({} live), {} vertices, {} key frames\n",
+        "{}: {} ({} live), {}, {}\n",
         s.name,
-        grouped(s.triangles),
+        counted(s.triangles, TRIANGLES),
         grouped(s.live),
-        grouped(s.vertices),
-        s.keys
+        counted(s.vertices, ["vertex", "vertices"]),
+        counted(s.keys, KEY_FRAMES)
     );
     text += &match &i.bounds {
         Some(b) => format!("bounds: {:?} to {:?}\n", b.min, b.max),

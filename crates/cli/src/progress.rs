@@ -25,11 +25,12 @@ impl Progress {
         if quiet {
             return Self::Quiet;
         }
-        if !stderr().is_terminal() {
+        if !stderr().is_terminal() || std::env::var_os("TERM").is_some_and(|t| t == "dumb") {
             return Self::Lines { done: 0, total };
         }
         let bar = ProgressBar::new(total);
-        let template = "{bar:32} {pos}/{len}  {msg}  {eta} left";
+        // On a narrow terminal the message gives way, not the counts.
+        let template = "{bar:16} {pos}/{len} {eta} left  {wide_msg}";
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
@@ -49,7 +50,7 @@ impl Progress {
     pub(crate) fn step(&mut self, line: &str) {
         match self {
             Self::Bar(bar) => {
-                bar.set_message(line.to_owned());
+                bar.set_message(talk::plain(line, &[]).into_owned());
                 bar.inc(1);
             }
             Self::Lines { done, total } => {

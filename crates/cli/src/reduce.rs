@@ -3,7 +3,7 @@
 use crate::args::InspectArgs;
 use crate::progress::Progress;
 use crate::stop::Stop;
-use crate::table::{grouped, table};
+use crate::table::{KEY_FRAMES, counted, grouped, table};
 use crate::{render, talk};
 use geom::{Animation, Point};
 use keys::{Fit, Reducer};
@@ -119,7 +119,10 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
     let (mut curve, mut answer) = (Vec::new(), None);
     for (tolerance, share) in wanted {
         let (kept, fit) = verified(animation, &mut reducer, tolerance)?;
-        progress.step(&format!("{} key frames within {tolerance}", kept.len()));
+        progress.step(&format!(
+            "{} within {tolerance}",
+            counted(kept.len(), KEY_FRAMES)
+        ));
         match share {
             Some(share) => curve.push(CurvePoint::new(animation, share, tolerance, (&kept, &fit))),
             None => answer = Some((kept, fit)),
@@ -212,8 +215,8 @@ fn verified(
     }
     let error = fit.max_error;
     Err(Stop::failed(format!(
-        "{} key frames found for {tolerance} are {error} off; please report this",
-        kept.len()
+        "{} found for {tolerance}: off by {error}; please report this",
+        counted(kept.len(), KEY_FRAMES)
     )))
 }
 
@@ -280,9 +283,9 @@ fn write(dir: &Path, scene: &Scene, reduction: &Reduction) -> Result<(), Stop> {
 fn text(r: &Reduction) -> String {
     let (name, keys, bytes) = (&r.scene.name, r.keys, r.bytes);
     let mut text = format!(
-        "{name}: {} of {} key frames stand for all within {}, {} of the diagonal\n",
+        "{name}: {} of {} for all of them within {}, {} of the diagonal\n",
         keys.after,
-        keys.before,
+        counted(keys.before, KEY_FRAMES),
         length(r.tolerance),
         percent(r.tolerance, r.diagonal)
     );

@@ -50,7 +50,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
             builder_threads: args.device.builder_threads,
             method: args.method,
             update: choose::update(args.policy, &scene.animation, &frames)?,
-            tolerance: args.tolerance.of(&[args.method.intersector])?,
+            tolerance: args.tolerance.ppm(),
             run: Some(Run {
                 frames: &frames,
                 query: query(&camera, &view),
@@ -198,12 +198,12 @@ fn trace_all(
 fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats]) -> String {
     let [width, height] = args.size.size;
     let mut text = format!(
-        "{}: {} triangles ({} moving), {} key frames; {} frames of {width}x{height}\n{}\n",
+        "{}: {} ({} moving), {}; {} of {width}x{height}\n{}\n",
         scene.name,
-        table::grouped(scene.animation.triangle_count()),
+        table::counted(scene.animation.triangle_count(), table::TRIANGLES),
         table::grouped(scene.animation.moving_count()),
-        scene.animation.keys().len(),
-        rows.len(),
+        table::counted(scene.animation.keys().len(), table::KEY_FRAMES),
+        table::counted(rows.len(), table::FRAMES),
         session.caption(),
     );
     if !rows.is_empty() {

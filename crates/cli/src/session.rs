@@ -167,13 +167,17 @@ impl Session {
         };
         let render = match self.device.threads {
             0 => String::new(),
+            1 => "1 thread renders, ".to_owned(),
             n => format!("{n} threads render, "),
         };
+        let build = match self.threads.build {
+            1 => "1 thread builds".to_owned(),
+            n => format!("{n} threads build"),
+        };
         format!(
-            "{} ({}; {render}{} threads build), {}{lockstep}{predict}, {}, {}",
+            "{} ({}; {render}{build}), {}{lockstep}{predict}, {}, {}",
             self.device.backend,
             self.device.adapter,
-            self.threads.build,
             choose::update_name(self.update),
             self.method[0],
             self.method[1],

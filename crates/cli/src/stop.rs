@@ -73,7 +73,14 @@ fn one_line(error: &anyhow::Error) -> String {
             line = format!("{line}: {cause}");
         }
     }
-    line.split_whitespace().collect::<Vec<_>>().join(" ")
+    unwrapped(&line)
+}
+
+/// Lines that go on indented, as parsers wrap them, as one. Whatever else is in a text, such as a name, stays.
+pub(crate) fn unwrapped(text: &str) -> String {
+    let mut lines = text.trim_end().split("\n  ");
+    let first = lines.next().unwrap_or_default().to_owned();
+    lines.fold(first, |all, next| all + " " + next.trim_start())
 }
 
 /// Whatever is wrong with a scene is wrong with the input.
@@ -128,6 +135,8 @@ mod tests {
         assert_eq!(one_line(&e), "cannot write a: disk full");
         let e = anyhow::anyhow!("b").context("a");
         assert_eq!(one_line(&e), "a: b");
+        let e = anyhow::anyhow!("'a  b\n.obj' is no file");
+        assert_eq!(one_line(&e), "'a  b\n.obj' is no file");
     }
 
     #[test]

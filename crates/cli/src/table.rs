@@ -1,10 +1,26 @@
 //! Results for people.
 
+use crate::talk;
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use report::{FrameStats, Summary, TIMES, overview, summarize};
 
-/// A table with a head; every column but the first `words` holds numbers.
+/// A table with a head; every column but the first `words` holds numbers. On a terminal too narrow for it, a list.
 pub(crate) fn table(head: &[&str], rows: &[Vec<String>], words: usize) -> String {
+    within(talk::columns(), head, rows, words)
+}
+
+fn within(columns: Option<usize>, head: &[&str], rows: &[Vec<String>], words: usize) -> String {
+    let text = wide(head, rows, words);
+    let fits = |line: &str| columns.is_none_or(|most| line.chars().count() <= most);
+    if text.lines().all(fits) {
+        return text;
+    }
+    let line = |(name, cell): (&&str, &String)| format!("{name}: {cell}\n");
+    let list = |row: &Vec<String>| head.iter().zip(row).map(line).collect::<String>();
+    rows.iter().map(list).collect::<Vec<_>>().join("\n")
+}
+
+fn wide(head: &[&str], rows: &[Vec<String>], words: usize) -> String {
     let mut table = Table::new();
     table.load_style(presets::UTF8_BORDERS_ONLY);
     table.set_header(head.iter().map(|h| Cell::new(*h)));
@@ -121,6 +137,16 @@ pub(crate) fn grouped(n: usize) -> String {
     text
 }
 
+/// So many of something, with its noun: `1 frame`, `2,000 frames`.
+pub(crate) fn counted(n: usize, [one, many]: [&str; 2]) -> String {
+    format!("{} {}", grouped(n), if n == 1 { one } else { many })
+}
+
+/// Triangles, for [`counted`]; likewise below.
+pub(crate) const TRIANGLES: [&str; 2] = ["triangle", "triangles"];
+pub(crate) const KEY_FRAMES: [&str; 2] = ["key frame", "key frames"];
+pub(crate) const FRAMES: [&str; 2] = ["frame", "frames"];
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -130,6 +156,34 @@ mod tests {
         assert_eq!(
             [0, 999, 1000, 1_234_567].map(grouped),
             ["0", "999", "1,000", "1,234,567"]
+        );
+    }
+
+    #[test]
+    fn a_table_too_wide_for_the_terminal_is_a_list() {
+        let head = ["update", "trace primary ms", "worst ms"];
+        let row = |update: &str| vec![update.to_owned(), "1.25".to_owned(), "12.5".to_owned()];
+        let at = |columns| within(columns, &head, &[row("refit"), row("async")], 1);
+        assert_eq!(at(Some(100)), at(None));
+        assert!(at(None).lines().all(|l| l.chars().count() > 39));
+        let list = "update: refit\ntrace primary ms: 1.25\nworst ms: 12.5\n";
+        assert_eq!(
+            at(Some(39)),
+            format!("{list}\n{}", list.replace("refit", "async"))
+        );
+    }
+
+    #[test]
+    fn one_of_a_kind_is_counted_as_one() {
+        let all = [0, 1, 2, 1000].map(|n| counted(n, KEY_FRAMES));
+        assert_eq!(
+            all,
+            [
+                "0 key frames",
+                "1 key frame",
+                "2 key frames",
+                "1,000 key frames"
+            ]
         );
     }
 

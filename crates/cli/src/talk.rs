@@ -1,11 +1,13 @@
 //! The only room that writes to the terminal: results to standard output, talk to standard error.
 
 use crate::stop::Stop;
+use std::borrow::Cow;
 use std::io::{self, Write};
 
 /// A result. A reader that went away has read enough.
 pub(crate) fn print(text: &str) -> Result<(), Stop> {
     let mut out = io::stdout().lock();
+    let text = plain(text, &['\n']);
     let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
     match written {
         Err(e) if e.kind() != io::ErrorKind::BrokenPipe => Err(Stop::failed(format!(
@@ -21,12 +23,49 @@ pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), Stop> {
     print(&format!("{text}\n"))
 }
 
+/// How wide the terminal of results is: what `COLUMNS` says, else what it says itself; `None` of no terminal.
+pub(crate) fn columns() -> Option<usize> {
+    let said = std::env::var("COLUMNS").ok().and_then(|c| c.parse().ok());
+    let own = || terminal_size::terminal_size_of(io::stdout()).map(|(width, _)| width.0.into());
+    said.or_else(own).filter(|&columns| columns > 0)
+}
+
 /// A remark. Whoever closed standard error wants none.
 pub(crate) fn say(text: &str) {
-    let _ = writeln!(io::stderr().lock(), "{text}");
+    let _ = writeln!(io::stderr().lock(), "{}", plain(text, &['\n']));
 }
 
 /// The one line that says why a command ended early.
 pub(crate) fn complain(text: &str) {
-    say(&format!("abvh: {text}"));
+    say(&format!("abvh: {}", plain(text, &[])));
+}
+
+/// The text with its control characters, but those of `but`, spelt out: names and values are anybody's, and a terminal
+/// obeys what it is sent.
+pub(crate) fn plain<'a>(text: &'a str, but: &[char]) -> Cow<'a, str> {
+    let is_command = |c: char| c.is_control() && !but.contains(&c);
+    if !text.contains(is_command) {
+        return Cow::Borrowed(text);
+    }
+    let spell = |mut spelt: String, c: char| {
+        match is_command(c) {
+            true => spelt.extend(c.escape_default()),
+            false => spelt.push(c),
+        }
+        spelt
+    };
+    Cow::Owned(text.chars().fold(String::new(), spell))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_are_spelt_out_and_all_else_stays() {
+        let name = "a  b\u{1b}[31m\r\n\u{9b}\0é.obj";
+        assert_eq!(plain(name, &[]), "a  b\\u{1b}[31m\\r\\n\\u{9b}\\u{0}é.obj");
+        assert_eq!(plain("one\ntwo", &['\n']), "one\ntwo");
+        assert!(matches!(plain("a  é", &[]), Cow::Borrowed(_)));
+    }
 }

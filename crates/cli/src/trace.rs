@@ -4,6 +4,7 @@ use crate::ahead::Ahead;
 use crate::args::{PolicyArgs, TraceArgs, UpdateName};
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
+use crate::table::counted;
 use crate::{choose, conflicts, frames, talk};
 use backend::{Hits, Query, Rays, Seek};
 use geom::{Animation, Ray};
@@ -44,7 +45,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
             builder_threads: args.device.builder_threads,
             method: args.method,
             update: choose::update(policy, animation, &[])?,
-            tolerance: args.tolerance.of(&[args.method.intersector])?,
+            tolerance: args.tolerance.ppm(),
             run: None,
             ahead: Ahead::default(),
         },
@@ -73,7 +74,9 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     let caption = session.caption();
     let (rays, met) = (rays.len(), closest + any);
     talk::print(&format!(
-        "{rays} rays, {met} hits at time {}\n{caption}\n",
+        "{}, {} at time {}\n{caption}\n",
+        counted(rays, ["ray", "rays"]),
+        counted(met, ["hit", "hits"]),
         args.time
     ))
 }
@@ -90,8 +93,7 @@ fn moments(args: &TraceArgs, animation: &Animation) -> Result<Vec<f64>, Stop> {
             let tree_time = frames::moment("--tree-time", tree_time.unwrap_or(0.0), keys)?;
             Ok(vec![tree_time, time])
         }
-        (_, Some(_)) => Err(Stop::bad("--tree-time goes only with --update refit")),
-        (_, None) => Ok(vec![time]),
+        _ => Ok(vec![time]),
     }
 }
 

@@ -26,6 +26,7 @@ use crate::args::{IntersectorName, LayoutName, UpdateName};
 use crate::choose;
 use crate::session::Ask;
 use crate::stop::Stop;
+use crate::table::{FRAMES, counted};
 use backend::{Intersector, Layout, Method, Query};
 use clap::ValueEnum;
 use facts::Facts;
@@ -333,8 +334,8 @@ fn measured(outcome: &Outcome, taken: Update) -> String {
     };
     let words: Vec<_> = all.iter().map(word).collect();
     let mut text = format!(
-        "measured over {} frames, ms each: {}",
-        outcome.frames,
+        "measured over {}, ms each: {}",
+        counted(outcome.frames, FRAMES),
         words.join(", ")
     );
     outcome

@@ -1,8 +1,9 @@
 //! What wgpu offers on this machine, and which of it to take.
 
+use crate::instance::instance;
 use crate::modules::Modules;
 use backend::{BackendError, DeviceKind, Result};
-use wgpu::{Backends, Features, InstanceFlags};
+use wgpu::{Backends, Features};
 
 /// How to open the backend.
 #[derive(Clone, Debug, Default)]
@@ -64,17 +65,6 @@ pub fn adapters() -> Result<Vec<Adapter>> {
         .enumerate()
         .map(|(i, a)| describe(i, a))
         .collect())
-}
-
-/// An instance for compute: no window, nothing left to a default that depends on the build.
-pub(crate) fn instance(validation: bool) -> wgpu::Instance {
-    let mut desc = wgpu::InstanceDescriptor::new_without_display_handle();
-    desc.backends = Backends::VULKAN | Backends::METAL | Backends::DX12;
-    desc.flags = match validation {
-        true => InstanceFlags::VALIDATION | InstanceFlags::DEBUG,
-        false => InstanceFlags::empty(),
-    };
-    wgpu::Instance::new(desc)
 }
 
 pub(crate) fn enumerate(instance: &wgpu::Instance) -> Result<Vec<wgpu::Adapter>> {

@@ -1,8 +1,9 @@
 //! The device and its queue; every call to them that can fail passes through here.
 
-use crate::adapters::{describe, enumerate, instance, kind, takes_spirv};
+use crate::adapters::{describe, enumerate, kind, takes_spirv};
 use crate::buffers::{readback, unmap};
 use crate::faults::Faults;
+use crate::instance::instance;
 use crate::limits::{LEAST_OF_64_BITS, check, generous, span, useful_features};
 use crate::modules::Modules;
 use crate::tally::Tally;

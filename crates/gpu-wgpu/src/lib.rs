@@ -21,6 +21,7 @@ mod faults;
 mod frames;
 mod groups;
 mod inspect;
+mod instance;
 mod launches;
 mod limits;
 mod modules;

@@ -1,4 +1,4 @@
-//! Kernels as wgpu takes them. The crate's only unsafe code is here.
+//! Kernels as wgpu takes them. Unsafe code is here and in `instance`.
 #![expect(
     unsafe_code,
     reason = "wgpu asks for trust in kernels that it does not check itself"

@@ -63,6 +63,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("devices::auto_says_what_it_took_and_why", says_why),
         trial("devices::adapters_of_no_backend_are_refused", no_adapter),
         trial("devices::without_a_driver", |s| lacking(s, &NO_DRIVER)),
+        trial("devices::no_window_system_is_asked_for", windowless),
     ];
     if cfg!(target_os = "linux") {
         trials.push(trial("devices::without_a_loader", without_a_loader));
@@ -106,6 +107,14 @@ fn trees_made_there(sandbox: &Sandbox, backend: &str) -> Result<(), Failed> {
     let made = |f: &&Value| f["adopted"] == true && f["tree_age_frames"] == 0;
     let count = frames.iter().filter(made).count();
     ensure(count == 4, || format!("{count} trees"))
+}
+
+/// Libraries of window systems complain on standard error where theirs does not run.
+fn windowless(sandbox: &Sandbox) -> Result<(), Failed> {
+    let [display, folder] = ["wayland-0", ""].map(OsStr::new);
+    let nowhere = [("WAYLAND_DISPLAY", display), ("XDG_RUNTIME_DIR", folder)];
+    let run = sandbox.run_where("info", &nowhere).succeeds()?;
+    ensure(run.stderr.is_empty(), || run.stderr)
 }
 
 const RENDER: &str = "render demo:twist:100 --frames 1 --size 8x8 --no-images";

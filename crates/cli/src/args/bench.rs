@@ -16,7 +16,7 @@ use std::path::PathBuf;
 #[command(mut_arg("layout", |arg| arg.default_value("auto")))]
 #[command(mut_arg("size", |arg| arg.default_value("640x360")))]
 pub(crate) struct BenchArgs {
-    /// Scenes, as for render
+    /// Scenes; `abvh render --help` tells how they are named
     #[arg(default_values = ["demo:grove", "demo:collide"])]
     pub(crate) scenes: Vec<String>,
     #[command(flatten)]
@@ -31,7 +31,7 @@ pub(crate) struct BenchArgs {
     pub(crate) backend: Vec<BackendName>,
     #[command(flatten)]
     pub(crate) policies: PoliciesArgs,
-    /// With async: as for render
+    /// With async: what trees are built for, as for render; 'on,off' measures both
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "on")]
     pub(crate) predict: Vec<Switch>,
     /// Intersectors [with --tolerance: auto]
@@ -47,11 +47,13 @@ pub(crate) struct BenchArgs {
     pub(crate) layouts: LayoutsArgs,
     #[command(flatten)]
     pub(crate) tolerance: ToleranceArgs,
-    /// The run that others are set against, by words of it in order, such as 'vulkan-rt refit' [default: the first of each scene]
+    /// Run that the others are compared with, by words of its row in order, such as 'vulkan-rt refit' [default: the
+    /// first of each scene]
     #[arg(long, value_name = "WORDS")]
     pub(crate) against: Option<String>,
-    /// Set stages beside the byte floor: what a frame must move through memory, over the bandwidth of a plain
-    /// copy, which is measured once for each backend (on devices, of interpolating 8 million vertices)
+    /// Also tell the least time that each frame could take: the bytes that it must move, over the bandwidth of a
+    /// plain copy. That bandwidth is measured once for each backend (on devices, by interpolating 8 million
+    /// vertices)
     #[arg(long)]
     pub(crate) floor: bool,
     /// Compare what auto takes with every choice it has: all update policies and layouts, and all intersectors where
@@ -59,10 +61,10 @@ pub(crate) struct BenchArgs {
     #[arg(long, conflicts_with_all = ["update", "layout"])]
     pub(crate) with_auto: bool,
     /// With --with-auto: how often every choice has its turn
-    #[arg(long, value_name = "N", default_value = "1", value_parser = values::rounds, requires = "with_auto")]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = values::rounds)]
     pub(crate) rounds: usize,
-    /// Rays: a camera's with their shadows, or as many from anywhere in the scene's box in any direction (the closest
-    /// hit of each, no shadow), the same in every frame
+    /// Rays: a camera's with their shadows, or as many from anywhere in the scene's box in any direction. Those at random
+    /// seek the closest hit, without a shadow, and are the same in every frame
     #[arg(
         long,
         value_name = "LIST",
@@ -81,14 +83,14 @@ pub(crate) struct BenchArgs {
     pub(crate) time_range: Option<TimeRange>,
     #[command(flatten)]
     pub(crate) warm_up: WarmUpArgs,
-    /// Seconds for which each frame is done over and over with the tree that it has, uncounted, before the next one: the
-    /// device's times of the frame are then the medians of the last half, and rays of other runs are set beside those
-    /// of rebuild, whose tree is fresh, at the same moments. At most twice so long, until times agree. Runs with async
-    /// go on as without it, since there trees age meanwhile
+    /// Seconds for which each frame is repeated, uncounted, before the next one [default: none]. The device's times
+    /// of a frame are then the medians of the last half. Rays of each run are also compared with those of rebuild,
+    /// whose tree is fresh. Where times still change, a frame is repeated for up to twice as long. Runs with async
+    /// are not repeated, since their trees would age
     #[arg(long, value_name = "SECONDS", value_parser = values::seconds, conflicts_with = "with_auto")]
-    dwell: Option<f64>,
-    /// With --dwell: runs that are dwelt on leave out all frames but the first of every N
-    #[arg(long, value_name = "N", default_value = "1", value_parser = values::every, requires = "dwell")]
+    pub(super) dwell: Option<f64>,
+    /// With --dwell: take only the first of every N frames
+    #[arg(long, value_name = "N", default_value = "1", value_parser = values::every)]
     dwell_every: usize,
     /// Adapter of the backends, by index or by part of its name
     #[arg(long, value_name = "INDEX|NAME-PART")]
@@ -104,7 +106,7 @@ pub(crate) struct BenchArgs {
     #[arg(long, num_args = 2, value_names = ["OLD.json", "NEW.json"])]
     pub(crate) compare: Vec<PathBuf>,
     /// With --compare: exit with 1 if a frame takes longer by more than so many per cent, noise apart
-    #[arg(long, value_name = "PCT", requires = "compare", value_parser = values::percent)]
+    #[arg(long, value_name = "PCT", value_parser = values::percent)]
     pub(crate) fail_above: Option<f64>,
     /// File for the results
     #[arg(long, value_name = "FILE")]

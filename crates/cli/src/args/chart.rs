@@ -10,7 +10,7 @@ use std::path::PathBuf;
 #[command(mut_arg("update", |arg| arg.default_value("rebuild,refit,async")))]
 #[command(mut_arg("size", |arg| arg.default_value("640x400")))]
 pub(crate) struct ChartArgs {
-    /// Scenes, as for render
+    /// Scenes; `abvh render --help` tells how they are named
     #[arg(default_value = "demo:collide")]
     pub(crate) scenes: Vec<String>,
     #[command(flatten)]
@@ -44,8 +44,8 @@ pub(crate) struct ChartArgs {
     pub(crate) size: SizeArgs,
     #[command(flatten)]
     pub(crate) warm_up: WarmUpArgs,
-    /// Rays of each scene whose answers are compared with exact arithmetic: half of them a camera's, half at
-    /// random; beside them, a quarter as many aimed at edges and vertices
+    /// Rays of each scene whose answers are compared with exact arithmetic, half of them a camera's, half at random.
+    /// A quarter as many more are aimed at edges and vertices
     #[arg(long, value_name = "N", default_value = "2000000", value_parser = values::rays)]
     pub(crate) rays: usize,
     /// No progress and no remarks

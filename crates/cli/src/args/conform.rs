@@ -11,7 +11,7 @@ use std::path::PathBuf;
 #[derive(Args, Debug)]
 pub(crate) struct ConformArgs {
     /// Scenes that rays of --oracle-rays are aimed at, beside the meshes made from the seed
-    #[arg(value_name = "SCENE", requires = "oracle_rays")]
+    #[arg(value_name = "SCENE")]
     pub(crate) scene: Vec<String>,
     /// Let a scene's files name files outside its folder (mtllib of OBJ, URIs of glTF)
     #[arg(long)]
@@ -30,30 +30,31 @@ pub(crate) struct ConformArgs {
     /// Decides scenes and rays
     #[arg(long, value_name = "S", default_value = "1")]
     pub(crate) seed: u64,
-    /// Cases that each law sees, after those that failed once; with 0, no law is tried
-    #[arg(long, value_name = "N", default_value = "36")]
+    /// Random cases that each law is tried on, after those that failed once; 0 tries no law, only what else is
+    /// asked for
+    #[arg(long, value_name = "N", default_value = "36", conflicts_with = "case")]
     pub(crate) cases: u32,
-    /// Only these laws
+    /// Try only these laws, by name; a name that is none is answered by all that there are
     #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true,
         value_parser = PossibleValuesParser::new(law_names()))]
     pub(crate) law: Vec<String>,
     /// Only this case, by number or by the name of one that failed once
     #[arg(long, value_name = "N|NAME", value_parser = trial)]
     pub(crate) case: Option<Trial>,
-    /// Also aims so many rays at edges and vertices of closed bodies, in all
+    /// Also aim so many rays, in all, at edges and vertices of closed bodies, where none may slip through
     #[arg(long, value_name = "N", default_value = "0")]
     pub(crate) leak_rays: u64,
-    /// How far those bodies are moved from the origin
+    /// With --leak-rays: how far those bodies, of about unit size, are moved from the origin, one after the other
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "0,10,1000,100000",
         value_parser = offset, allow_hyphen_values = true)]
     pub(crate) offsets: Vec<f32>,
-    /// Also holds so many rays, in all, to the exact answers: meshes of many kinds near and far, huge and tiny; rays at
-    /// insides, edges and vertices, in planes, along axes and edges, from surfaces and from afar. A wrong answer of exact
-    /// is a disagreement, one of watertight is counted
+    /// Also compare so many rays, in all, with exact answers. Meshes of many kinds are near and far, huge and tiny.
+    /// Rays go at insides, edges and vertices, in planes, along axes, from surfaces and from afar. A wrong answer
+    /// of exact is a disagreement, one of watertight is counted
     #[arg(long, value_name = "N", default_value = "0")]
     pub(crate) oracle_rays: u64,
     /// Of those rays, only the batch of this number
-    #[arg(long, value_name = "B", requires = "oracle_rays")]
+    #[arg(long, value_name = "B")]
     pub(crate) oracle_batch: Option<u64>,
     /// How those rays are traced [default: exact for --oracle-rays, watertight for --leak-rays]
     #[arg(long, value_name = "INTERSECTOR",

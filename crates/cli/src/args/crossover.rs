@@ -21,7 +21,7 @@ pub(crate) struct CrossoverArgs {
     /// Threads that build trees for async [default: 2,4,16, as far as the machine has them]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::threads)]
     pub(crate) threads: Vec<usize>,
-    /// Update policies that async is set against
+    /// Update policies that async is compared with
     #[arg(
         long,
         value_name = "LIST",
@@ -54,10 +54,11 @@ pub(crate) struct TimingArgs {
     pub(crate) size: SizeArgs,
     #[command(flatten)]
     pub(crate) warm_up: WarmUpArgs,
-    /// No run goes on for longer than this, once it has two frames beside the first; its time is then marked
+    /// Seconds that one run may take. A run that takes longer ends early, after three frames or more, and its time
+    /// is marked
     #[arg(long, value_name = "SECONDS", default_value = "3", value_parser = values::seconds)]
     pub(crate) patience: f64,
-    /// What would first build a tree for longer than this is left out, with a remark
+    /// Seconds that the first tree of a run may take to build. What would take longer is left out, with a remark
     #[arg(long, value_name = "SECONDS", default_value = "20", value_parser = values::seconds)]
     pub(crate) longest_build: f64,
     /// No progress

@@ -40,8 +40,8 @@ pub(crate) struct SizeArgs {
 /// How a device is got ready to be measured.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub(crate) struct WarmUpArgs {
-    /// Seconds that a device traces the first frame of each run over and over, uncounted, before the others, and then
-    /// until that takes as long as before, at most half a second more. 0 leaves it out [default: 0.7 on a GPU]
+    /// Seconds for which a device repeats the first frame of each run, uncounted, before the others. It goes on until that
+    /// takes as long as before, for half a second at most. 0 leaves it out [default: 0.7 on a GPU]
     #[arg(long, value_name = "SECONDS", value_parser = values::warm_up)]
     warm_up: Option<f64>,
 }

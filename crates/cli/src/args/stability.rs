@@ -35,12 +35,12 @@ pub(crate) struct StabilityArgs {
     #[arg(long, value_name = "N", default_value_t = stability::Plan::default().rays,
         value_parser = RangedU64ValueParser::<u32>::new().range(1..=1_000_000))]
     pub(crate) rays: u32,
-    /// Holds nothing to any bound, but measures anew what is to be expected of one backend's arithmetic, and writes it to
-    /// this file
+    /// Check nothing; instead measure how often one backend's arithmetic errs, and write it to this file. That is
+    /// the baseline which later checks of such devices are held to
     #[arg(long, value_name = "FILE", conflicts_with_all = ["json", "intersector", "seed", "rays"])]
     pub(crate) record: Option<PathBuf>,
     /// With --record: seeds to measure, from 1
-    #[arg(long, value_name = "N", default_value = "32", requires = "record",
+    #[arg(long, value_name = "N", default_value = "32",
         value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub(crate) seeds: u64,
     /// File for the results

@@ -3,12 +3,12 @@
 use super::*;
 use clap::CommandFactory;
 
-fn parse(line: &str) -> Result<Command, Stop> {
+pub(super) fn parse(line: &str) -> Result<Command, Stop> {
     let words = line.split_whitespace().map(std::ffi::OsString::from);
     parse_from(std::iter::once("abvh".into()).chain(words))
 }
 
-fn refused(line: &str) -> String {
+pub(super) fn refused(line: &str) -> String {
     match parse(line) {
         Err(Stop::Bad(e)) => {
             let text = e.to_string();
@@ -81,6 +81,20 @@ fn what_commands_share_has_one_help_text() {
         lists.dedup();
         assert_eq!(lists.len(), 1, "{option}: {lists:?}");
     }
+}
+
+#[test]
+fn help_is_told_in_short_sentences() {
+    let cli = Cli::command();
+    let commands = cli.get_subcommands();
+    let texts = commands.flat_map(|c| c.get_arguments().map(move |a| (c, a)));
+    let long = texts.filter_map(|(command, option)| {
+        let text = option.get_help()?.to_string();
+        let longest = text.split(". ").map(|s| s.split(' ').count()).max();
+        (longest > Some(25)).then(|| format!("{} {}: {text}", command.get_name(), option.get_id()))
+    });
+    let long: Vec<_> = long.collect();
+    assert!(long.is_empty(), "{long:#?}");
 }
 
 #[test]

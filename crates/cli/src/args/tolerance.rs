@@ -1,30 +1,20 @@
 //! How often an intersector that is left to `auto` may be wrong.
 
-use super::IntersectorName;
-use crate::stop::Stop;
 use crate::values;
 use clap::Args;
 
 /// Option of whatever chooses an intersector.
 #[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct ToleranceArgs {
-    /// Wrong rays a million, against the exact answer, that an intersector left to auto may have. At 0 it is
-    /// exact; above, the cheapest of which a sample of the run's rays shows that it has fewer [default: 0]
+    /// Wrong rays in a million, against exact arithmetic, that --intersector auto may cause. A sample of the run's
+    /// rays decides which intersectors are within; the cheapest of them is taken. 0 takes exact [default: 0]
     #[arg(long, value_name = "PPM", value_parser = values::tolerance)]
     pub(crate) tolerance: Option<f64>,
 }
 
 impl ToleranceArgs {
     /// What is tolerated of what is left to `auto`.
-    ///
-    /// # Errors
-    /// Something is tolerated, but nothing of `intersectors` is left to `auto`.
-    pub(crate) fn of(self, intersectors: &[IntersectorName]) -> Result<f64, Stop> {
-        match self.tolerance {
-            Some(_) if !intersectors.contains(&IntersectorName::Auto) => {
-                Err(Stop::bad("--tolerance goes only with --intersector auto"))
-            }
-            tolerance => Ok(tolerance.unwrap_or(0.0)),
-        }
+    pub(crate) fn ppm(self) -> f64 {
+        self.tolerance.unwrap_or(0.0)
     }
 }

@@ -4,6 +4,7 @@
 //! says little of the tree. So that very frame is done over and over ([`pipeline::Driver::repeat`]) until its times are
 //! those of a device at work.
 
+use crate::table::{FRAMES, counted};
 use crate::warm_up::agree;
 use backend::{FrameReport, Query, StageTimes};
 use pipeline::{Driver, Frame, Pace, PipelineError, Update};
@@ -88,7 +89,8 @@ impl Dwelt {
     pub(super) fn warning(self) -> Option<String> {
         let (unsteady, seconds) = (self.unsteady, self.seconds);
         (unsteady > 0).then(|| {
-            format!("{unsteady} frames still changed after {seconds} s each: dwell on them longer")
+            let frames = counted(unsteady, FRAMES);
+            format!("{frames} still changed after {seconds} s each: dwell longer")
         })
     }
 }

@@ -1,0 +1,134 @@
+//! Files of any bytes: each is loaded or refused in words, without a panic.
+//!
+//! One function for each format takes bytes, so that the tests on mutated
+//! seeds and the fuzzers in `fuzz/` hold the same code to the same.
+
+mod mutate;
+
+pub use mutate::Mutator;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// A format of files that the program reads.
+#[derive(Clone, Copy)]
+pub struct Format {
+    /// Its name, and that of the folder of its seeds.
+    pub name: &'static str,
+    /// What its files end with, without a dot.
+    pub extension: &'static str,
+    /// Loads a file; why not, in words.
+    load: fn(&Path) -> Result<(), String>,
+}
+
+/// Meshes as text.
+pub const OBJ: Format = Format {
+    name: "obj",
+    extension: "obj",
+    load: scene,
+};
+/// Meshes as text or in binary, of either order.
+pub const PLY: Format = Format {
+    name: "ply",
+    extension: "ply",
+    load: scene,
+};
+/// Clips with their buffers inside, as text.
+pub const GLTF: Format = Format {
+    name: "gltf",
+    extension: "gltf",
+    load: scene,
+};
+/// The same in one binary file.
+pub const GLB: Format = Format {
+    name: "glb",
+    extension: "glb",
+    load: scene,
+};
+/// Lists of rays.
+pub const NPY: Format = Format {
+    name: "npy",
+    extension: "npy",
+    load: rays,
+};
+/// The record of a tree, as words of little-endian bytes.
+pub const TOPOLOGY: Format = Format {
+    name: "topology",
+    extension: "bin",
+    load: topology,
+};
+
+impl Format {
+    /// Loads `bytes` from a file of this format in a folder that goes away. Whether they are one is no matter.
+    ///
+    /// # Panics
+    /// If the loader does, or refuses without a word.
+    pub fn attack(self, bytes: &[u8]) {
+        let folder = TempDir::new().expect("a temporary folder can be had");
+        let path = folder.path().join("case").with_extension(self.extension);
+        self.attack_at(&path, bytes);
+    }
+
+    /// Likewise at `path`, which stays.
+    ///
+    /// # Panics
+    /// As above.
+    pub fn attack_at(self, path: &Path, bytes: &[u8]) {
+        fs::write(path, bytes).expect("a case can be written");
+        if let Err(why) = (self.load)(path) {
+            assert!(!why.trim().is_empty(), "refused without a word");
+        }
+    }
+
+    /// Loads a file of this format.
+    ///
+    /// # Errors
+    /// Why it is none, in words.
+    pub fn load(self, path: &Path) -> Result<(), String> {
+        (self.load)(path)
+    }
+
+    /// Small valid files, and those that went wrong once.
+    ///
+    /// # Panics
+    /// If they cannot be read.
+    #[must_use]
+    pub fn seeds(self) -> Vec<(PathBuf, Vec<u8>)> {
+        let folder = crate::scenes::workspace()
+            .join("tests/seeds")
+            .join(self.name);
+        let entries = fs::read_dir(folder).expect("each format has seeds");
+        let mut paths: Vec<_> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
+        paths.sort();
+        let read = |path: PathBuf| {
+            let bytes = fs::read(&path).expect("seeds can be read");
+            (path, bytes)
+        };
+        paths.into_iter().map(read).collect()
+    }
+}
+
+fn scene(path: &Path) -> Result<(), String> {
+    let name = path.to_str().ok_or("not UTF-8")?;
+    let scene = scene::open(name, &scene::Options::default()).map_err(|e| e.to_string())?;
+    let triangles = scene.animation.triangles().len();
+    assert_eq!(scene.colours.len(), triangles, "a colour a triangle");
+    Ok(())
+}
+
+fn rays(path: &Path) -> Result<(), String> {
+    let rays = report::read_rays(path).map_err(|e| e.to_string());
+    rays.map(|_| ())
+}
+
+fn topology(path: &Path) -> Result<(), String> {
+    let bytes = fs::read(path).map_err(|e| e.to_string())?;
+    let words = bytes.chunks_exact(4);
+    let words: Vec<u32> = words
+        .map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]]))
+        .collect();
+    let record = bvh_layout::Topology::from_words(words.clone()).map_err(|e| e.to_string())?;
+    assert_eq!(record.words(), words, "a record is what it was made from");
+    Ok(())
+}

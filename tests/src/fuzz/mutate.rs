@@ -1,0 +1,212 @@
+//! Damage to files: to their bytes, to numbers and lines of text, to counts and lengths.
+
+use fastrand::Rng;
+use std::ops::Range;
+
+/// Numbers, and what stands where a number should, that readers stumble over.
+const NUMBERS: [&str; 22] = [
+    "",
+    "0",
+    "-0",
+    "1",
+    "-1",
+    "2",
+    "127",
+    "255",
+    "65535",
+    "65536",
+    "2147483647",
+    "-2147483648",
+    "4294967295",
+    "18446744073709551615",
+    "99999999999999999999",
+    "1e9",
+    "1e38",
+    "-1e999",
+    "1e-50",
+    "nan",
+    "inf",
+    "x",
+];
+
+/// The most bytes of a file that has been damaged.
+const MAX_BYTES: usize = 1 << 16;
+
+/// Makes damaged files from whole ones, the same from the same seed.
+pub struct Mutator {
+    rng: Rng,
+    seeds: Vec<Vec<u8>>,
+}
+
+impl Mutator {
+    /// Starts from whole files, of which there is at least one.
+    #[must_use]
+    pub fn new(seeds: Vec<Vec<u8>>, seed: u64) -> Self {
+        let rng = Rng::with_seed(seed);
+        Self { rng, seeds }
+    }
+
+    /// The next file, with one to four damages.
+    pub fn case(&mut self) -> Vec<u8> {
+        let mut bytes = self.seed();
+        for _ in 0..self.rng.u32(1..=4) {
+            match self.rng.u32(0..10) {
+                0..4 => self.number(&mut bytes),
+                4..6 => self.line(&mut bytes),
+                6 => self.word(&mut bytes),
+                7 => self.piece(&mut bytes),
+                _ => self.byte(&mut bytes),
+            }
+        }
+        bytes.truncate(MAX_BYTES);
+        // Half of them with lengths that fit, so that damage within is looked at.
+        if self.rng.bool() {
+            mend_lengths(&mut bytes);
+        }
+        bytes
+    }
+
+    fn seed(&mut self) -> Vec<u8> {
+        let at = self.rng.usize(..self.seeds.len());
+        self.seeds[at].clone()
+    }
+
+    /// Another number, or none, in the place of one.
+    fn number(&mut self, bytes: &mut Vec<u8>) {
+        let all = runs(bytes, |b| b.is_ascii_digit() || b"+-.".contains(&b));
+        if let Some(place) = self.rng.choice(all) {
+            let text = self.rng.choice(NUMBERS).unwrap_or_default();
+            bytes.splice(place, text.bytes());
+        }
+    }
+
+    /// A line (or, of text without lines, an entry) dropped, doubled, or put where another was.
+    fn line(&mut self, bytes: &mut Vec<u8>) {
+        let is_end = |b: u8| b == b'\n' || b == b'{' || b == b',';
+        let lines = runs(bytes, |b| !is_end(b));
+        let (Some(a), Some(b)) = (self.rng.choice(&lines), self.rng.choice(&lines)) else {
+            return;
+        };
+        let end = (a.end + 1).min(bytes.len());
+        match self.rng.u32(0..3) {
+            0 => drop(bytes.drain(a.start..end)),
+            1 => {
+                let line = bytes[a.start..end].to_vec();
+                bytes.splice(a.start..a.start, line);
+            }
+            _ => {
+                let other = bytes[b.clone()].to_vec();
+                bytes.splice(a.clone(), other);
+            }
+        }
+    }
+
+    /// Four bytes that are a count, a length or a float to whoever reads them.
+    fn word(&mut self, bytes: &mut [u8]) {
+        const WORDS: [u32; 10] = [
+            0,
+            1,
+            3,
+            0xff,
+            0xffff,
+            0x7fff_ffff,
+            0x8000_0000,
+            u32::MAX,
+            0x7fc0_0000,
+            0x7f80_0000,
+        ];
+        let Some(last) = bytes.len().checked_sub(4) else {
+            return;
+        };
+        let at = self.rng.usize(..=last);
+        let at = if self.rng.bool() { at & !3 } else { at };
+        let word = self.rng.choice(WORDS).unwrap_or_default();
+        let word = match self.rng.bool() {
+            true => word.to_le_bytes(),
+            false => word.to_be_bytes(),
+        };
+        bytes[at..at + 4].copy_from_slice(&word);
+    }
+
+    /// A stretch cut out, doubled, cut off or taken from another file.
+    fn piece(&mut self, bytes: &mut Vec<u8>) {
+        let mut stretch = |length: usize| {
+            let start = self.rng.usize(..=length);
+            start..self.rng.usize(start..=length.min(start + 256))
+        };
+        let here = stretch(bytes.len());
+        match self.rng.u32(0..4) {
+            0 => drop(bytes.drain(here)),
+            1 => {
+                let copy = bytes[here.clone()].to_vec();
+                bytes.splice(here.start..here.start, copy);
+            }
+            2 => bytes.truncate(here.start),
+            _ => {
+                let other = self.seed();
+                let start = self.rng.usize(..=other.len());
+                let end = other.len().min(start + 256);
+                bytes.splice(here, other[start..end].iter().copied());
+            }
+        }
+    }
+
+    fn byte(&mut self, bytes: &mut Vec<u8>) {
+        if bytes.is_empty() {
+            return bytes.push(self.rng.u8(..));
+        }
+        let at = self.rng.usize(..bytes.len());
+        match self.rng.u32(0..4) {
+            0 => bytes[at] ^= 1 << self.rng.u32(0..8),
+            1 => bytes[at] = self.rng.u8(..),
+            2 => bytes.insert(at, self.rng.u8(..)),
+            _ => drop(bytes.remove(at)),
+        }
+    }
+}
+
+/// The longest stretches of bytes that are all `inside`.
+fn runs(bytes: &[u8], inside: impl Fn(u8) -> bool) -> Vec<Range<usize>> {
+    let mut all = Vec::new();
+    let mut start = None;
+    for (at, &b) in bytes.iter().enumerate() {
+        match (inside(b), start) {
+            (true, None) => start = Some(at),
+            (false, Some(from)) => {
+                all.push(from..at);
+                start = None;
+            }
+            _ => {}
+        }
+    }
+    all.extend(start.map(|from| from..bytes.len()));
+    all
+}
+
+/// Sets right the lengths within a GLB and an NPY file, by where their text ends.
+fn mend_lengths(bytes: &mut Vec<u8>) {
+    if bytes.starts_with(b"glTF") && bytes.len() > 20 {
+        mend_glb(bytes);
+    } else if bytes.starts_with(b"\x93NUMPY\x01") {
+        let end = bytes.iter().position(|&b| b == b'\n');
+        if let Some(length) = end.and_then(|end| (end + 1).checked_sub(10)) {
+            bytes[8..10].copy_from_slice(&(length as u16).to_le_bytes());
+        }
+    }
+}
+
+fn mend_glb(bytes: &mut Vec<u8>) {
+    const HEAD: usize = 20;
+    let name = bytes[HEAD..].windows(4).position(|w| w == b"BIN\0");
+    let json = name.and_then(|at| at.checked_sub(4));
+    if let Some(json) = json {
+        let blanks = json.next_multiple_of(4) - json;
+        bytes.splice(HEAD + json..HEAD + json, vec![b' '; blanks]);
+    }
+    let json = json.map_or(bytes.len() - HEAD, |json| json.next_multiple_of(4));
+    let (total, bin) = (bytes.len(), bytes.len().checked_sub(HEAD + json + 8));
+    let bin = bin.map(|length| (HEAD + json, length));
+    for (at, length) in [(8, total), (12, json)].into_iter().chain(bin) {
+        bytes[at..at + 4].copy_from_slice(&(length as u32).to_le_bytes());
+    }
+}

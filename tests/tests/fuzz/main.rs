@@ -1,0 +1,103 @@
+//! Damaged files of each format: loaded or refused in words, in bounded time and memory.
+//!
+//! `ABVH_FULL=1` tries 20,000 files of each format, and 1,000 of each by the program.
+//! A case that fails stays in the target directory; its path is told.
+
+#[cfg(target_os = "linux")]
+mod program;
+
+use cap::Cap;
+use integration::fuzz::{Format, GLB, GLTF, Mutator, NPY, OBJ, PLY, TOPOLOGY};
+use std::alloc::System;
+use std::panic;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// What loading may take. An allocation beyond fails, as it does on a machine of so much memory.
+#[global_allocator]
+static MEMORY: Cap<System> = Cap::new(System, 1 << 30);
+
+/// What loading one file may last.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Cases in all, without the seeds.
+fn count(short: usize, full: usize) -> usize {
+    let asked = std::env::var_os("ABVH_FULL").is_some_and(|v| v == "1");
+    if asked { full } else { short }
+}
+
+/// Seeds, and files made from them.
+fn cases(format: Format, count: usize) -> impl Iterator<Item = Vec<u8>> {
+    let seeds: Vec<_> = format.seeds().into_iter().map(|(_, bytes)| bytes).collect();
+    let mut mutator = Mutator::new(seeds.clone(), 0x5eed);
+    let mutated = std::iter::repeat_with(move || mutator.case());
+    seeds.into_iter().chain(mutated.take(count))
+}
+
+fn attack(format: Format) {
+    let name = format!("{}-failed.{}", format.name, format.extension);
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    for bytes in cases(format, count(500, 20_000)) {
+        let start = Instant::now();
+        let whole = panic::catch_unwind(|| format.attack_at(&path, &bytes)).is_ok();
+        assert!(whole, "a panic over {}", path.display());
+        let took = start.elapsed();
+        assert!(took < PATIENCE, "{took:?} over {}", path.display());
+    }
+    std::fs::remove_file(path).expect("the last case is there");
+}
+
+#[test]
+fn seeds_are_whole() {
+    for format in [OBJ, PLY, GLTF, GLB, NPY, TOPOLOGY] {
+        for (path, _) in format.seeds() {
+            let found = format.load(&path);
+            let is_whole = !path.to_string_lossy().contains("regression");
+            assert_eq!(found.is_ok(), is_whole, "{}: {found:?}", path.display());
+        }
+    }
+}
+
+#[test]
+fn mutations_reach_beyond_the_head() {
+    for format in [OBJ, PLY, GLTF, GLB, NPY, TOPOLOGY] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("case").with_extension(format.extension);
+        let taken = cases(format, 300).filter(|bytes| {
+            std::fs::write(&path, bytes).unwrap();
+            format.load(&path).is_ok()
+        });
+        let taken = taken.count();
+        assert!((10..=280).contains(&taken), "{}: {taken}", format.name);
+    }
+}
+
+#[test]
+fn obj() {
+    attack(OBJ);
+}
+
+#[test]
+fn ply() {
+    attack(PLY);
+}
+
+#[test]
+fn gltf() {
+    attack(GLTF);
+}
+
+#[test]
+fn glb() {
+    attack(GLB);
+}
+
+#[test]
+fn npy() {
+    attack(NPY);
+}
+
+#[test]
+fn topology() {
+    attack(TOPOLOGY);
+}
