@@ -47,7 +47,6 @@ struct Report {
 
 /// Measures.
 pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
-    crate::threads::limit(args.threads);
     if let Some(file) = &args.json {
         report::check_writable(file).map_err(Stop::bad)?;
     }

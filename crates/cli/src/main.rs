@@ -51,6 +51,12 @@ fn main() -> ExitCode {
 }
 
 fn run(command: Command) -> Result<(), Stop> {
+    threads::start(match &command {
+        Command::Render(args) => args.device.threads,
+        Command::Trace(args) => args.device.threads,
+        Command::Bench(args) => args.threads,
+        _ => None,
+    });
     match command {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),

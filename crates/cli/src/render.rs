@@ -19,7 +19,6 @@ use std::time::Instant;
 
 /// Renders.
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
-    crate::threads::limit(args.device.threads);
     let scene = scene::open(&args.scene, &args.source.options())?;
     let keys = scene.animation.whole_times();
     let is_demo = args.scene.starts_with(frames::DEMO);

@@ -12,7 +12,6 @@ use report::Found;
 
 /// Traces.
 pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
-    crate::threads::limit(args.device.threads);
     let rays = report::read_rays(&args.rays)?;
     let scene = scene::open(&args.scene, &args.source.options())?;
     let animation = &scene.animation;

@@ -77,7 +77,9 @@ fn reach(spec: &str, exists: &dyn Fn(&str) -> bool) -> usize {
     let mut start = 0;
     for (slash, _) in spec.match_indices('/').chain([(spec.len(), "")]) {
         if slash - start > LONGEST {
-            return spec.floor_char_boundary(start + LONGEST).max(and);
+            let mut ends = (start..=start + LONGEST).rev();
+            let end = ends.find(|&i| spec.is_char_boundary(i));
+            return end.unwrap_or(start).max(and);
         }
         if slash > and && slash < spec.len() && !exists(&spec[..slash]) {
             return slash;
