@@ -47,7 +47,6 @@ struct Report {
 
 /// Measures.
 pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
-    crate::threads::limit(args.threads);
     let read = args.compare.iter().map(|file| ("--compare", file.clone()));
     conflicts::of_files(&args.scenes, read, [("--json", args.json.as_ref())])?;
     if let Some(file) = &args.json {

@@ -49,6 +49,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
         return reduce::run(args, tolerance);
     }
     let scene = scene::open(&args.scene, &args.source.options())?;
+    crate::memory::check_trees(scene.animation.triangle_count())?;
     let animation = &scene.animation;
     let bounds = animation.bounds();
     let (inactive, degenerate) = motion::unhittable(animation);

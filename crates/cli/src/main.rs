@@ -58,6 +58,12 @@ fn main() -> ExitCode {
 }
 
 fn run(command: Command) -> Result<(), Stop> {
+    threads::start(match &command {
+        Command::Render(args) => args.device.threads,
+        Command::Trace(args) => args.device.threads,
+        Command::Bench(args) => args.threads,
+        _ => None,
+    });
     match command {
         Command::Render(args) => render::run(&args),
         Command::Merge(args) => merge::run(&args),

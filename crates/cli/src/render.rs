@@ -23,7 +23,6 @@ use std::time::Instant;
 
 /// Renders.
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
-    crate::threads::limit(args.device.threads);
     conflicts::of_render(args)?;
     let mut outputs = Outputs::of(args)?;
     let earlier = Earlier::look(args, &outputs)?;

@@ -120,6 +120,7 @@ impl From<PipelineError> for Stop {
     fn from(e: PipelineError) -> Self {
         match e {
             PipelineError::Backend(e) => e.into(),
+            PipelineError::Threads(_) => Self::Bad(e.into()),
             e => Self::Failed(e.into()),
         }
     }
@@ -146,6 +147,8 @@ mod tests {
             what: "x".to_owned(),
         };
         assert!(matches!(Stop::from(unsupported), Stop::Bad(_)));
+        let threads = PipelineError::Threads("none".to_owned());
+        assert!(matches!(Stop::from(threads), Stop::Bad(_)));
         let lost = PipelineError::Backend(BackendError::DeviceLost("gone".to_owned()));
         assert!(matches!(Stop::from(lost), Stop::Failed(_)));
     }

@@ -2,7 +2,10 @@
 
 use backend::DeviceKind;
 use pipeline::Update;
+use rayon::ThreadBuilder;
+use std::io;
 use std::num::NonZero;
+use std::sync::mpsc::{Sender, channel};
 
 /// Threads that render, and threads that build.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,14 +21,46 @@ pub(crate) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, NonZero::get)
 }
 
-/// Keeps work outside the backend (reading, shading) to `threads`, if that many were asked for.
-pub(crate) fn limit(threads: Option<usize>) {
-    if let Some(n) = threads {
-        // It fails only if the pool runs already; then it stays as it is.
-        let _ = rayon::ThreadPoolBuilder::new()
-            .num_threads(n)
-            .build_global();
+/// Starts the threads of all work outside the backend (reading, shading): as many as there are cores,
+/// or as were asked for. Where the system refuses, there are fewer, and a remark says so.
+///
+/// rayon's global pool can be tried only once, so the threads wait for it.
+pub(crate) fn start(threads: Option<usize>) {
+    let wanted = threads.unwrap_or_else(cores);
+    let mut crew = waiting(wanted);
+    if crew.len() < wanted {
+        crew.truncate(crew.len() / 2);
+        crate::talk::say(&format!(
+            "the system starts no {wanted} threads: reading and shading take {}",
+            crew.len().max(1)
+        ));
     }
+    // It fails only if the pool runs already; then it stays as it is.
+    let pool = rayon::ThreadPoolBuilder::new();
+    let _ = match crew.as_slice() {
+        [] => pool.num_threads(1).use_current_thread().build_global(),
+        crew => pool
+            .num_threads(crew.len())
+            .spawn_handler(|worker| hand(crew, worker))
+            .build_global(),
+    };
+}
+
+/// Has one of the crew do a worker's work.
+fn hand(crew: &[Sender<ThreadBuilder>], worker: ThreadBuilder) -> io::Result<()> {
+    let handed = crew[worker.index()].send(worker);
+    handed.map_err(|_| io::ErrorKind::BrokenPipe.into())
+}
+
+/// Up to `wanted` threads that wait for work to do; they end if they get none.
+fn waiting(wanted: usize) -> Vec<Sender<ThreadBuilder>> {
+    let start = |_| {
+        let (worker, inbox) = channel::<ThreadBuilder>();
+        let work = move || inbox.recv().map(ThreadBuilder::run).unwrap_or_default();
+        let started = std::thread::Builder::new().spawn(work);
+        started.is_ok().then_some(worker)
+    };
+    (0..wanted).map_while(start).collect()
 }
 
 /// Shares `cores` out. With `async` both work at once: where the host renders, a quarter builds
@@ -68,6 +103,18 @@ pub(crate) fn share(
 mod tests {
     use super::*;
     use pipeline::Pace;
+
+    #[test]
+    fn threads_wait_for_work_and_end_without_it() {
+        let crew = waiting(3);
+        assert_eq!(crew.len(), 3);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2);
+        let pool = pool
+            .spawn_handler(|worker| hand(&crew, worker))
+            .build()
+            .unwrap();
+        assert_eq!(pool.install(rayon::current_num_threads), 2);
+    }
 
     const FREE: Update = Update::Async(Pace::Free);
 

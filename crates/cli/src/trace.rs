@@ -13,7 +13,6 @@ use report::Found;
 
 /// Traces.
 pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
-    crate::threads::limit(args.device.threads);
     let mut read = conflicts::of_scene(&args.scene)?;
     read.push(("--rays", args.rays.clone()));
     let files = conflicts::Files {
