@@ -105,8 +105,8 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "on|off", default_value = "on")]
     pub(crate) predict: Switch,
     /// Frames: N spread evenly over the time range, both ends included. Or those at key times A..B, B left out. Or a
-    /// list of key times, such as 1,4,10-20x2: from 10 to 20 by twos. Files carry the key time for a number, or the
-    /// place among the N, from 0000 on [default: 48 for a demo, else one a key frame up to 96]
+    /// list of key times, such as 1,4,10-20x2: from 10 to 20 by twos. Files of key times carry these for numbers.
+    /// Others are numbered from 0000 on [default: 48 for a demo, else one a key frame up to 96]
     #[arg(long, value_name = "N|A..B|LIST", value_parser = values::frames)]
     pub(crate) frames: Option<Frames>,
     /// Render only block I of N of those frames, from 1 on; auto takes both from Slurm's variables of an array's task
