@@ -29,7 +29,7 @@ impl Identity {
 }
 
 /// A path from the root on, by what exists of it.
-fn whole(file: &Path) -> PathBuf {
+pub(crate) fn whole(file: &Path) -> PathBuf {
     if let Ok(whole) = fs::canonicalize(file) {
         return whole;
     }

@@ -48,10 +48,10 @@ impl Done {
                         done.list.extend(list);
                         done.stats = Some(stats);
                     }
-                    Ok(Line::Frame { files, row }) => {
+                    Ok(Line::Frame { files, row }) if files.iter().all(|(n, _)| is_ours(n)) => {
                         done.frames.insert(row.frame as u64, (files, *row));
                     }
-                    Err(_) => {}
+                    Ok(Line::Frame { .. }) | Err(_) => {}
                 }
             }
         }
@@ -83,6 +83,12 @@ impl Done {
     }
 }
 
+/// Whether a name is that of a file which runs make in a folder of theirs; a journal may have been tampered with.
+fn is_ours(name: &str) -> bool {
+    let is_plain = Path::new(name).file_name() == Some(name.as_ref());
+    is_plain && (name.starts_with("frame_") || name.starts_with("hits_"))
+}
+
 fn journals(folder: &Path) -> Result<Vec<PathBuf>, Stop> {
     let cannot = |e| Stop::bad(format!("cannot read {}: {e}", folder.display()));
     let entries = match fs::read_dir(folder) {
@@ -102,10 +108,19 @@ fn journals(folder: &Path) -> Result<Vec<PathBuf>, Stop> {
 }
 
 /// Removes the files that the journals of a folder name, and the journals.
+///
+/// # Errors
+/// Another run is writing one of them.
 pub(crate) fn clear(folder: &Path) -> Result<(), Stop> {
     let done = Done::in_folder(folder)?;
+    let journals = journals(folder)?;
+    for journal in &journals {
+        let cannot = |e| Stop::bad(format!("cannot write {}: {e}", journal.display()));
+        let file = File::options().append(true).open(journal).map_err(cannot)?;
+        lock(&file, journal)?;
+    }
     let files = done.names().map(|name| folder.join(name));
-    for file in files.chain(journals(folder)?) {
+    for file in files.chain(journals) {
         match fs::remove_file(&file) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
                 return Err(Stop::bad(format!("cannot remove {}: {e}", file.display())));
@@ -116,6 +131,36 @@ pub(crate) fn clear(folder: &Path) -> Result<(), Stop> {
     Ok(())
 }
 
+/// Holds a journal as long as its file is open.
+fn lock(file: &File, path: &Path) -> Result<(), Stop> {
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => Err(Stop::bad(format!(
+            "another run is writing {}",
+            path.display()
+        ))),
+        // Where there are no locks, nobody can tell.
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
+    }
+}
+
+/// The lines of a journal but those of frames that are made again.
+fn without(path: &Path, again: &[u64]) -> std::io::Result<Vec<u8>> {
+    let mut kept = Vec::new();
+    for line in BufReader::new(File::open(path)?).split(b'\n') {
+        let line = line?;
+        let keeps = match serde_json::from_slice(&line) {
+            Ok(Line::Frame { row, .. }) => !again.contains(&(row.frame as u64)),
+            Ok(Line::Run { .. }) => true,
+            Err(_) => false,
+        };
+        if keeps {
+            kept.extend(line);
+            kept.push(b'\n');
+        }
+    }
+    Ok(kept)
+}
+
 /// A journal that is being written.
 #[derive(Debug)]
 pub(crate) struct Journal {
@@ -124,11 +169,11 @@ pub(crate) struct Journal {
 }
 
 impl Journal {
-    /// Goes on with a shard's journal in a folder, or begins it anew.
+    /// Goes on with a shard's journal in a folder, but for what it says of frames that are made again.
     ///
     /// # Errors
     /// Another run is writing it, or it cannot be written.
-    pub(crate) fn open(folder: &Path, shard: Option<Shard>, resume: bool) -> Result<Self, Stop> {
+    pub(crate) fn open(folder: &Path, shard: Option<Shard>, again: &[u64]) -> Result<Self, Stop> {
         let name = match shard {
             Some(Shard { number, of }) => format!("abvh-run-{number}-of-{of}.jsonl"),
             None => "abvh-run.jsonl".to_owned(),
@@ -140,21 +185,11 @@ impl Journal {
             .create(true)
             .open(&path)
             .map_err(cannot)?;
-        match file.try_lock() {
-            Err(TryLockError::WouldBlock) => {
-                return Err(Stop::bad(format!(
-                    "another run is writing {}",
-                    path.display()
-                )));
-            }
-            // Where there are no locks, nobody can tell.
-            Ok(()) | Err(TryLockError::Error(_)) => {}
-        }
-        match resume {
-            // A line that was cut short must not swallow the next one.
-            true => file.write_all(b"\n").map_err(cannot)?,
-            false => file.set_len(0).map_err(cannot)?,
-        }
+        lock(&file, &path)?;
+        // A line that was cut short must not swallow the next one.
+        let kept = without(&path, again).map_err(cannot)?;
+        file.set_len(0).map_err(cannot)?;
+        file.write_all(&kept).map_err(cannot)?;
         Ok(Self { path, file })
     }
 
@@ -206,16 +241,16 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("frame_0003.png");
         fs::write(&file, b"pixels").unwrap();
-        let mut journal = Journal::open(dir.path(), None, false).unwrap();
+        let mut journal = Journal::open(dir.path(), None, &[]).unwrap();
         journal
             .begin(vec![3, 4], serde_json::json!({"schema": 1}))
             .unwrap();
         journal.add(std::slice::from_ref(&file), &row(3)).unwrap();
-        let again = Journal::open(dir.path(), None, true).unwrap_err();
+        let again = Journal::open(dir.path(), None, &[]).unwrap_err();
         assert!(again.to_string().contains("another run"), "{again}");
         journal.file.write_all(b"{\"frame\":{\"fil").unwrap();
         drop(journal);
-        let mut journal = Journal::open(dir.path(), None, true).unwrap();
+        let mut journal = Journal::open(dir.path(), None, &[]).unwrap();
         journal.add(&[], &row(4)).unwrap();
         let done = Done::in_folder(dir.path()).unwrap();
         assert_eq!(done.list, [3, 4]);
@@ -233,7 +268,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         for number in 1..=2 {
             let shard = Some(Shard { number, of: 2 });
-            let mut journal = Journal::open(dir.path(), shard, false).unwrap();
+            let mut journal = Journal::open(dir.path(), shard, &[]).unwrap();
             journal.begin(vec![0, 1], Value::Null).unwrap();
             journal.add(&[], &row(number - 1)).unwrap();
         }

@@ -1,6 +1,7 @@
 //! `abvh merge`: whether the shards of a run are all there, and their statistics as one.
 
 use crate::args::MergeArgs;
+use crate::conflicts::Files;
 use crate::journal::Done;
 use crate::manifest::Manifest;
 use crate::stop::Stop;
@@ -15,12 +16,27 @@ const NAMED: usize = 12;
 
 /// Merges.
 pub(crate) fn run(args: &MergeArgs) -> Result<(), Stop> {
+    let beginnings: &[&str] = &["frame_", "hits_", "abvh-run"];
+    let folder = |folder: &PathBuf| ("DIR", folder.clone(), beginnings);
+    let files = Files {
+        written: args
+            .stats
+            .iter()
+            .map(|file| ("--stats", file.clone()))
+            .collect(),
+        folders: args.folders.iter().map(folder).collect(),
+        ..Files::default()
+    };
+    files.check()?;
     let folders = read(&args.folders)?;
     let list: BTreeSet<u64> = folders
         .iter()
         .flat_map(|(_, done)| &done.list)
         .copied()
         .collect();
+    if list.is_empty() {
+        return Err(Stop::failed("no run has begun there: no frame is named"));
+    }
     let row = |frame: &u64| {
         let mut found = folders
             .iter()

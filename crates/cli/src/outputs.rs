@@ -1,10 +1,11 @@
 //! The files of each frame.
 
 use crate::args::RenderArgs;
+use crate::conflicts;
 use crate::stop::Stop;
 use backend::Hits;
 use picture::Shot;
-use report::{Found, WriteError};
+use report::Found;
 use std::path::{Path, PathBuf};
 
 /// Files of a whole run.
@@ -16,8 +17,16 @@ fn files(args: &RenderArgs) -> impl Iterator<Item = &PathBuf> {
 
 /// Whether two names are of one folder.
 fn is_same(a: &Path, b: &Path) -> bool {
-    let whole = [a, b].map(std::fs::canonicalize);
-    a == b || matches!(whole, [Ok(a), Ok(b)] if a == b)
+    conflicts::whole(a) == conflicts::whole(b)
+}
+
+/// Removes a link that stands where a file is to be written, so that nothing is written where it leads.
+fn unlink(file: &Path) -> Result<(), Stop> {
+    let cannot = |e| Stop::failed(format!("cannot remove the link {}: {e}", file.display()));
+    match file.is_symlink() {
+        true => std::fs::remove_file(file).map_err(cannot),
+        false => Ok(()),
+    }
 }
 
 /// Where pictures and hits go.
@@ -78,12 +87,7 @@ impl Outputs {
     }
 
     /// Writes a frame's files.
-    pub(crate) fn write(
-        &mut self,
-        frame: u64,
-        shot: &Shot<'_>,
-        hits: &Hits,
-    ) -> Result<(), WriteError> {
+    pub(crate) fn write(&mut self, frame: u64, shot: &Shot<'_>, hits: &Hits) -> Result<(), Stop> {
         let [width, height] = [shot.camera.width, shot.camera.height];
         if let Some(file) = self.hits(frame) {
             let found = Found {
@@ -91,10 +95,12 @@ impl Outputs {
                 shadow: Some(&hits.blocked),
                 shape: &[u64::from(height), u64::from(width)],
             };
+            unlink(&file)?;
             report::write_hits(&file, &found)?;
         }
         if let Some(file) = self.image(frame) {
             picture::shade(shot, &hits.closest, &hits.blocked, &mut self.rgb);
+            unlink(&file)?;
             report::write_png(&file, [width, height], &self.rgb)?;
         }
         Ok(())

@@ -60,7 +60,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     outputs.prepare()?;
     let (old, todo) = earlier.divide(frames, &outputs);
     let head = json!(stats(args, &scene, &session, &[]));
-    let mut journals = earlier.begin(args, &all, (keys, &head))?;
+    let again: Vec<u64> = todo.iter().map(|frame| frame.index).collect();
+    let mut journals = earlier.begin(args, &all, &again, (keys, &head))?;
     if let Some(file) = &args.rays_out {
         report::write_rays(file, Pixels::new(&camera))?;
     }

@@ -114,17 +114,18 @@ impl Earlier {
         self,
         args: &RenderArgs,
         list: &[Frame],
+        again: &[u64],
         (key_times, stats): (usize, &Value),
     ) -> Result<Vec<(PathBuf, Journal)>, Stop> {
         let own = Manifest::of(args, key_times)?;
         let mut journals = Vec::new();
         for (folder, _) in self.folders {
             report::remove_abandoned(&folder).map_err(Stop::bad)?;
-            if args.overwrite {
+            if args.overwrite && !matches!(Manifest::in_folder(&folder), Ok(Some(m)) if m == own) {
                 journal::clear(&folder)?;
             }
             report::write_json(&folder.join(manifest::FILE), &own)?;
-            let mut journal = Journal::open(&folder, args.shard, args.resume)?;
+            let mut journal = Journal::open(&folder, args.shard, again)?;
             journal.begin(list.iter().map(|f| f.index).collect(), stats.clone())?;
             journals.push((folder, journal));
         }

@@ -17,6 +17,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("runs::nothing_is_loaded_when_nothing_is_left", finished),
         trial("runs::statistics_stay_complete", statistics),
         trial("runs::shards_merge_to_the_whole", shards),
+        trial("runs::nothing_outside_a_folder_is_touched", tampered),
         trial("runs::killed_shards_resume_to_the_bytes_of_one_run", killed),
         trial("runs::outputs_never_eat_inputs_or_each_other", eaten),
         trial("runs::foreseen_failures_leave_no_folder", foreseen),
@@ -54,6 +55,13 @@ fn ranges(sandbox: &Sandbox) -> Result<(), Failed> {
     sandbox
         .run(&format!("{SMALL} --frames 2,3-4 --out o"))
         .succeeds()?;
+    // Both ranges are known, whichever came last.
+    sandbox.run("merge o --stats s.json").succeeds()?;
+    let frames = stats(sandbox, "s.json")?;
+    ensure(frames == [0, 1, 2, 3, 4], || format!("{frames:?}"))?;
+    sandbox
+        .run("merge o --stats o/frame_0001.png")
+        .fails(2, &["would overwrite"])?;
     ensure(bytes(sandbox, "all") == bytes(sandbox, "o"), || {
         format!("{:?}", sandbox.files())
     })
@@ -181,6 +189,36 @@ fn shards(sandbox: &Sandbox) -> Result<(), Failed> {
     sandbox
         .run(&format!("{SMALL} --frames 2 --shard 3/2 --out few"))
         .fails(2, &["shard"])
+}
+
+fn tampered(sandbox: &Sandbox) -> Result<(), Failed> {
+    sandbox.write("victim", "kept");
+    sandbox
+        .run(&format!("{SMALL} --frames 2 --out o --hits ./o"))
+        .succeeds()?;
+    let journal = String::from_utf8(sandbox.read("o/abvh-run.jsonl"))?;
+    sandbox.write(
+        "o/abvh-run.jsonl",
+        journal.replace("frame_0000.png", "../victim"),
+    );
+    #[cfg(unix)]
+    {
+        std::fs::remove_file(sandbox.path().join("o/frame_0001.png"))?;
+        std::os::unix::fs::symlink("../victim", sandbox.path().join("o/frame_0001.png"))?;
+    }
+    sandbox
+        .run(&format!("{SMALL} --frames 3 --out o --overwrite"))
+        .succeeds()?;
+    ensure(sandbox.read("victim") == b"kept", || {
+        "a file outside the folder was touched".into()
+    })?;
+    for i in 1..=2 {
+        let words = format!("{SMALL} --frames 4 --shard {i}/2 --out p --overwrite");
+        sandbox.run(&words).succeeds()?;
+    }
+    sandbox.run("merge p").succeeds()?;
+    std::fs::remove_file(sandbox.path().join("o/abvh-run.jsonl"))?;
+    sandbox.run("merge o").fails(1, &["no run has begun"])
 }
 
 /// Runs that are killed; a hundred with `ABVH_FULL`.
