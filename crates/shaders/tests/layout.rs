@@ -28,8 +28,9 @@ fn params_lie_as_the_kernels_read_them() {
         same!(eye width corner height across first_group down alpha light scale scale_exponent
               count first leaf_bits_at leaf_ranks_at leaf_triangles_at node_count zero listed
               destination shift goal rounds bounded_loops places notes scaled_eye
-              depth_exponent column wide_at row wide_lanes depth wide_root pixel_margin pad_a pad_b pad_c);
-        assert_eq!(members.len(), 38);
+              depth_exponent column wide_at row wide_lanes depth wide_root pixel_margin clearance extreme
+              tiny rule pad_a pad_b pad_c);
+        assert_eq!(members.len(), 42);
         assert_eq!(*span as usize, size_of::<Params>(), "{}", kernel.name);
     }
 }
