@@ -88,7 +88,8 @@ fn a_record_of_the_host_is_the_hosts_baseline() {
     let mut cpu = CpuBackend::new(Some(2)).unwrap();
     let mut families = 0;
     let found = record(&mut cpu, 2, &mut |_| families += 1).unwrap();
-    assert_eq!((found.arithmetic, families), (Arithmetic::IEEE, 20));
+    assert_eq!(found.arithmetic, Arithmetic::IEEE);
+    assert_eq!(families, Family::ALL.len());
     let host = &baselines()[0];
     assert_eq!(found.entries.len(), host.entries.len());
     for (now, then) in found.entries.iter().zip(&host.entries) {
