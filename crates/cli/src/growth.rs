@@ -166,6 +166,7 @@ fn write(args: &GrowthArgs, growth: &Growth) -> Result<Vec<PathBuf>, Stop> {
     let mut written = Vec::new();
     for (name, text) in texts {
         let path = args.out.join(name);
+        report::remove_link(&path)?;
         report::write_whole(&path, text.map_err(Stop::failed)?.as_bytes())?;
         written.push(path);
     }

@@ -20,15 +20,6 @@ fn is_same(a: &Path, b: &Path) -> bool {
     conflicts::whole(a) == conflicts::whole(b)
 }
 
-/// Removes a link that stands where a file is to be written, so that nothing is written where it leads.
-fn unlink(file: &Path) -> Result<(), Stop> {
-    let cannot = |e| Stop::failed(format!("cannot remove the link {}: {e}", file.display()));
-    match file.is_symlink() {
-        true => std::fs::remove_file(file).map_err(cannot),
-        false => Ok(()),
-    }
-}
-
 /// Where pictures and hits go.
 #[derive(Debug)]
 pub(crate) struct Outputs {
@@ -95,12 +86,12 @@ impl Outputs {
                 shadow: Some(&hits.blocked),
                 shape: &[u64::from(height), u64::from(width)],
             };
-            unlink(&file)?;
+            report::remove_link(&file)?;
             report::write_hits(&file, &found)?;
         }
         if let Some(file) = self.image(frame) {
             picture::shade(shot, &hits.closest, &hits.blocked, &mut self.rgb);
-            unlink(&file)?;
+            report::remove_link(&file)?;
             report::write_png(&file, [width, height], &self.rgb)?;
         }
         Ok(())

@@ -43,12 +43,17 @@ pub fn write_with(
 }
 
 /// Finds out before long work whether a file could be written at `path`, without touching it.
+/// Removes what killed runs left beside it.
 ///
 /// # Errors
 /// [`WriteError`]: no such directory, no permission, a directory in the way.
 pub fn check_writable(path: &Path) -> Result<(), WriteError> {
     let check = || match target(path)? {
-        Target::Plain(file) => temporary_beside(&file).map(drop),
+        Target::Plain(file) => {
+            // A folder that may be written to need not be readable.
+            let _ = remove_abandoned_in(parent(&file));
+            temporary_beside(&file).map(drop)
+        }
         Target::Stream => fs::OpenOptions::new().write(true).open(path).map(drop),
     };
     check().map_err(|e| WriteError::new(path, e))
@@ -70,14 +75,17 @@ pub fn check_dir(dir: &Path) -> Result<(), WriteError> {
 }
 
 /// Makes the directory `dir` and those above it, and finds out whether files can be made in it.
+/// Removes what killed runs left there.
 ///
 /// # Errors
 /// [`WriteError`].
 pub fn prepare_dir(dir: &Path) -> Result<(), WriteError> {
-    fs::create_dir_all(dir).map_err(|e| WriteError::new(dir, e))?;
-    temporary_beside(&dir.join("any"))
-        .map(drop)
-        .map_err(|e| WriteError::new(dir, e))
+    let prepare = || {
+        fs::create_dir_all(dir)?;
+        let _ = remove_abandoned_in(dir);
+        temporary_beside(&dir.join("any")).map(drop)
+    };
+    prepare().map_err(|e| WriteError::new(dir, e))
 }
 
 /// What stands at a path.
@@ -122,26 +130,38 @@ fn stream_into(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>)
 /// # Errors
 /// [`WriteError`]: the directory cannot be read, or a file not removed.
 pub fn remove_abandoned(dir: &Path) -> Result<(), WriteError> {
-    let remove = || -> io::Result<()> {
-        for entry in fs::read_dir(dir)? {
-            let path = entry?.path();
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            if !name.starts_with(PREFIX) || !name.ends_with(SUFFIX) {
-                continue;
-            }
-            // Who writes a file holds its lock; where there are no locks, nobody can tell.
-            let Ok(file) = fs::OpenOptions::new().write(true).open(&path) else {
-                continue;
-            };
-            if file.try_lock().is_ok() {
-                fs::remove_file(&path)?;
-            }
-        }
-        Ok(())
-    };
-    match remove() {
+    match remove_abandoned_in(dir) {
         Err(e) if e.kind() != io::ErrorKind::NotFound => Err(WriteError::new(dir, e)),
         _ => Ok(()),
+    }
+}
+
+fn remove_abandoned_in(dir: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(dir)? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if !name.starts_with(PREFIX) || !name.ends_with(SUFFIX) {
+            continue;
+        }
+        // Who writes a file holds its lock; where there are no locks, nobody can tell.
+        let Ok(file) = fs::OpenOptions::new().write(true).open(&path) else {
+            continue;
+        };
+        if file.try_lock().is_ok() {
+            fs::remove_file(&path)?;
+        }
+    }
+    Ok(())
+}
+
+/// Removes a link that stands where a file is to be written, so that nothing is written where it leads.
+///
+/// # Errors
+/// [`WriteError`]: the link cannot be removed.
+pub fn remove_link(path: &Path) -> Result<(), WriteError> {
+    match path.is_symlink() {
+        true => fs::remove_file(path).map_err(|e| WriteError::new(path, e)),
+        false => Ok(()),
     }
 }
 
@@ -162,16 +182,19 @@ fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
 }
 
 fn unlocked_beside(path: &Path) -> io::Result<NamedTempFile> {
-    let dir = match path.parent() {
-        Some(dir) if !dir.as_os_str().is_empty() => dir,
-        _ => Path::new("."),
-    };
     let mut builder = tempfile::Builder::new();
     builder.prefix(PREFIX).suffix(SUFFIX);
     // Temporary files are private by default; results are as readable as the user's mask allows.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(dir).map_err(without_path)
+    builder.tempfile_in(parent(path)).map_err(without_path)
+}
+
+fn parent(path: &Path) -> &Path {
+    match path.parent() {
+        Some(dir) if !dir.as_os_str().is_empty() => dir,
+        _ => Path::new("."),
+    }
 }
 
 /// `tempfile` adds the temporary name to its errors; the final name says more.
@@ -222,6 +245,15 @@ mod tests {
         assert!(!left.exists() && living.path().exists());
         assert_eq!(names(dir.path()).len(), 2);
         remove_abandoned(&dir.path().join("none")).unwrap();
+        for prepare in [
+            |dir: &Path| check_writable(&dir.join("c")),
+            |dir: &Path| prepare_dir(dir),
+        ] {
+            let left = unlocked_beside(&dir.path().join("a")).unwrap();
+            let (_, left) = left.keep().unwrap();
+            prepare(dir.path()).unwrap();
+            assert!(!left.exists() && living.path().exists());
+        }
     }
 
     #[test]
@@ -258,6 +290,10 @@ mod tests {
         symlink(&file, &link).unwrap();
         write_whole(&link, b"new").unwrap();
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+        remove_link(&link).unwrap();
+        remove_link(&file).unwrap();
+        write_whole(&link, b"newer").unwrap();
         assert_eq!(fs::read(&file).unwrap(), b"new");
         let mode = fs::metadata(&file).unwrap().permissions().mode();
         assert_ne!(

@@ -17,7 +17,7 @@ mod taken;
 mod timeline;
 
 pub use atomic::{
-    check_dir, check_writable, prepare_dir, remove_abandoned, write_whole, write_with,
+    check_dir, check_writable, prepare_dir, remove_abandoned, remove_link, write_whole, write_with,
 };
 pub use digest::{Digest, digest_of};
 pub use error::{RaysError, WriteError};

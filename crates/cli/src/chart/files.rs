@@ -19,6 +19,7 @@ pub(super) fn write(dir: &Path, chart: &Chart) -> Result<Vec<PathBuf>, Stop> {
     for (name, text) in texts {
         let path = dir.join(name);
         let text = text.map_err(Stop::failed)?;
+        report::remove_link(&path)?;
         report::write_whole(&path, text.as_bytes())?;
         written.push(path);
     }

@@ -11,7 +11,7 @@ use crate::mesh::{Mesh, Paint, Topology, compact};
 use crate::{Place, Rgb, SceneError};
 use element::Element;
 use geom::Point;
-use ply_rs_bw::parser::{Parser, Reader};
+use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
 use std::fmt::Display;
 use std::path::Path;
@@ -58,7 +58,7 @@ impl<'a> File<'a> {
                 SceneError::malformed(
                     path,
                     e.line().map_or(Place::File, Place::Line),
-                    header_cause(&e),
+                    header_cause(&text, &e),
                 )
             })?;
         let declared = text
@@ -156,11 +156,9 @@ impl<'a> File<'a> {
         self.line += 1;
         let line = plain::numbers(line);
         let read = Parser::<Element>::new().read_ascii_element(&line, definition);
-        read.map_err(|e| {
-            self.wrong(
-                Place::Line(self.line),
-                format!("bad '{}' {index}: {e}", definition.name),
-            )
+        read.map_err(|_| {
+            let cause = format!("bad '{}' {index}: {}", definition.name, line_cause(&line));
+            self.wrong(Place::Line(self.line), cause)
         })
     }
 
@@ -259,12 +257,21 @@ impl<'a> File<'a> {
     }
 }
 
-/// The library's message without its repetition of the place.
-fn header_cause(e: &dyn Display) -> String {
-    let text = e.to_string();
-    match text.split_once(": ") {
-        Some((start, cause)) if start.starts_with("Line ") => cause.to_owned(),
-        _ => text,
+/// What is wrong with a header: the line that the parser stops at, or else the parser's own words.
+fn header_cause(header: &str, e: &ParseError) -> String {
+    let line = e.line().and_then(|line| header.lines().nth(line - 1));
+    match line {
+        Some(line) => format!("{:?} is not understood in a PLY header", line.trim()),
+        None => e.to_string(),
+    }
+}
+
+/// What is wrong with a line of numbers.
+fn line_cause(line: &str) -> String {
+    let mut words = line.split_ascii_whitespace();
+    match words.find(|word| word.parse::<f64>().is_err()) {
+        Some(word) => format!("{word:?} is not a number"),
+        None => format!("{:?} is not what the header declares", line.trim()),
     }
 }
 

@@ -104,12 +104,15 @@ fn what_is_wrong_is_named_by_line_or_element() {
         ),
         (ascii(v, "2 0 1\n"), "face 0: a face of 2"),
         (ascii(v, "0\n"), "face 0: a face of 0"),
-        (ascii(v, "4 0 1 2\n"), "line 14: bad 'face' 0"),
+        (
+            ascii(v, "4 0 1 2\n"),
+            "line 14: bad 'face' 0: \"4 0 1 2\" is not what the header declares",
+        ),
         (ascii(v, "-3 0 1 2\n"), "line 14: bad 'face' 0"),
         (ascii(v, "3 0 1 2.5\n"), "line 14: bad 'face' 0"),
         (
             ascii("0 0 0\n1 0 zero\n0 1 0\n", "3 0 1 2\n"),
-            "line 12: bad 'vertex' 1",
+            "line 12: bad 'vertex' 1: \"zero\" is not a number",
         ),
         (
             ascii("0 0 0\n1 0\n0 1 0\n", "3 0 1 2\n"),
@@ -125,7 +128,11 @@ fn what_is_wrong_is_named_by_line_or_element() {
         ),
         (
             ascii(v, "3 0 1 2\n").replace("vertex 3", "vertex 18446744073709551616"),
-            "line 4",
+            "line 4: \"element vertex 18446744073709551616\" is not understood",
+        ),
+        (
+            ascii(v, "3 0 1 2\n").replace("float y", "flot y"),
+            "\"property flot y\" is not understood in a PLY header",
         ),
         (
             ascii(v, "3 0 1 2\n").replace("property float z\n", ""),
