@@ -14,7 +14,21 @@ pub(crate) fn trials() -> Vec<Trial> {
 fn files(sandbox: &Sandbox) -> Result<(), Failed> {
     let words = "growth --backend cpu --triangles 300..1K --update t-sah,async,device-rebuild --layout bvh2 --frames 5 \
                  --size 16x12 --longest-build 0 --out g --quiet";
+    // A link in the folder is replaced: what it leads to stays.
+    #[cfg(unix)]
+    {
+        std::fs::create_dir(sandbox.path().join("g"))?;
+        std::fs::write(sandbox.path().join("mine"), b"mine")?;
+        std::os::unix::fs::symlink(
+            sandbox.path().join("mine"),
+            sandbox.path().join("g/growth.csv"),
+        )?;
+    }
     let run = sandbox.run(words).succeeds()?;
+    #[cfg(unix)]
+    ensure(sandbox.read("mine") == b"mine", || {
+        "a link was followed".to_owned()
+    })?;
     for text in [
         "| triangles | scene, s | async bvh2 |",
         "Left out:",

@@ -298,6 +298,11 @@ fn eaten(sandbox: &Sandbox) -> Result<(), Failed> {
             .run(&format!("{render} {words}"))
             .fails(2, &["would overwrite", says])?;
     }
+    for option in ["--timeline", "--rays-out"] {
+        sandbox
+            .run(&format!("{render} {option} -"))
+            .fails(2, &[option, "only --stats"])?;
+    }
     sandbox
         .run(&format!("{render} --rays-out r.npy"))
         .succeeds()?;

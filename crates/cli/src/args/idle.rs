@@ -138,11 +138,16 @@ fn bench(args: &BenchArgs) -> [Bond; 8] {
     ]
 }
 
-fn conform(args: &ConformArgs) -> [Bond; 5] {
+fn conform(args: &ConformArgs) -> [Bond; 6] {
     let (leaks, oracle) = (args.leak_rays > 0, args.oracle_rays > 0);
     let tries = args.cases > 0 || args.case.is_some();
     [
         ("law", tries, "does nothing beside --cases 0"),
+        (
+            "seed",
+            tries || leaks || oracle,
+            "does nothing beside --cases 0",
+        ),
         ("offsets", leaks, "goes only with --leak-rays"),
         (
             "intersector",

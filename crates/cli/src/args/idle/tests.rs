@@ -3,7 +3,8 @@
 use crate::args::tests::{parse, refused};
 
 /// A command line, the option that would do nothing there, and what it stands beside or needs.
-const IDLE: [(&str, &str, &str); 35] = [
+const IDLE: [(&str, &str, &str); 36] = [
+    ("conform --cases 0 --seed 4", "--seed", "--cases 0"),
     (
         "render --update refit --lockstep 1",
         "--lockstep",
