@@ -157,6 +157,9 @@ fn trace_all(
     for remark in session.remarks.iter().chain(&scene.facts.notes) {
         progress.say(remark);
     }
+    if done + todo.len() == 0 {
+        progress.say("this shard has no frames: there are more shards than frames");
+    }
     if done > 0 {
         let all = done + todo.len();
         progress.say(&format!("{done} of {all} frames are there already"));
