@@ -154,9 +154,10 @@ impl<'a> File<'a> {
         let (line, rest) = self.rest.split_at(end);
         self.rest = rest;
         self.line += 1;
-        let line = plain::numbers(line);
-        let read = Parser::<Element>::new().read_ascii_element(&line, definition);
+        let numbers = plain::numbers(line);
+        let read = Parser::<Element>::new().read_ascii_element(&numbers, definition);
         read.map_err(|_| {
+            let line = String::from_utf8_lossy(line);
             let cause = format!("bad '{}' {index}: {}", definition.name, line_cause(&line));
             self.wrong(Place::Line(self.line), cause)
         })

@@ -115,6 +115,10 @@ fn what_is_wrong_is_named_by_line_or_element() {
             "line 12: bad 'vertex' 1: \"zero\" is not a number",
         ),
         (
+            ascii("0 0 0\nnan .5\n0 1 0\n", "3 0 1 2\n"),
+            "line 12: bad 'vertex' 1: \"nan .5\" is not what the header declares",
+        ),
+        (
             ascii("0 0 0\n1 0\n0 1 0\n", "3 0 1 2\n"),
             "line 12: bad 'vertex' 1",
         ),
