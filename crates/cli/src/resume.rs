@@ -120,7 +120,6 @@ impl Earlier {
         let own = Manifest::of(args, key_times)?;
         let mut journals = Vec::new();
         for (folder, _) in self.folders {
-            report::remove_abandoned(&folder).map_err(Stop::bad)?;
             if args.overwrite && !matches!(Manifest::in_folder(&folder), Ok(Some(m)) if m == own) {
                 journal::clear(&folder)?;
             }

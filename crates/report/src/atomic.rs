@@ -51,7 +51,7 @@ pub fn check_writable(path: &Path) -> Result<(), WriteError> {
     let check = || match target(path)? {
         Target::Plain(file) => {
             // A folder that may be written to need not be readable.
-            let _ = remove_abandoned_in(parent(&file));
+            let _ = remove_abandoned(parent(&file));
             temporary_beside(&file).map(drop)
         }
         Target::Stream => fs::OpenOptions::new().write(true).open(path).map(drop),
@@ -82,7 +82,7 @@ pub fn check_dir(dir: &Path) -> Result<(), WriteError> {
 pub fn prepare_dir(dir: &Path) -> Result<(), WriteError> {
     let prepare = || {
         fs::create_dir_all(dir)?;
-        let _ = remove_abandoned_in(dir);
+        let _ = remove_abandoned(dir);
         temporary_beside(&dir.join("any")).map(drop)
     };
     prepare().map_err(|e| WriteError::new(dir, e))
@@ -126,18 +126,12 @@ fn stream_into(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>)
 }
 
 /// Removes what runs that were killed left in `dir`: temporary files that no living process holds.
-///
-/// # Errors
-/// [`WriteError`]: the directory cannot be read, or a file not removed.
-pub fn remove_abandoned(dir: &Path) -> Result<(), WriteError> {
-    match remove_abandoned_in(dir) {
-        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(WriteError::new(dir, e)),
-        _ => Ok(()),
-    }
-}
-
-fn remove_abandoned_in(dir: &Path) -> io::Result<()> {
-    for entry in fs::read_dir(dir)? {
+fn remove_abandoned(dir: &Path) -> io::Result<()> {
+    let entries = match fs::read_dir(dir) {
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(()),
+        entries => entries?,
+    };
+    for entry in entries {
         let path = entry?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         if !name.starts_with(PREFIX) || !name.ends_with(SUFFIX) {

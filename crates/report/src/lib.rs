@@ -16,9 +16,7 @@ mod summary;
 mod taken;
 mod timeline;
 
-pub use atomic::{
-    check_dir, check_writable, prepare_dir, remove_abandoned, remove_link, write_whole, write_with,
-};
+pub use atomic::{check_dir, check_writable, prepare_dir, remove_link, write_whole, write_with};
 pub use digest::{Digest, digest_of};
 pub use error::{RaysError, WriteError};
 pub use hits::{Found, write_found, write_hits};
