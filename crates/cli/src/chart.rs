@@ -25,6 +25,7 @@ use crate::stop::Stop;
 use crate::warm_up::Warmed;
 use crate::{choose, frames, info, reduce, talk};
 use chart::{Adapter, Chart, Companions, KeyFrameStep, KeyFrames, Machine, Point, Spread};
+pub(crate) use files::write_texts;
 use pipeline::{Frame, Update};
 use plan::{Plan, Way};
 use report::{FrameStats, Summary};

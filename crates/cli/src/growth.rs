@@ -4,6 +4,7 @@
 //! its own, and each builds its first tree. Where the time went is told with the result.
 
 use crate::args::{GrowthArgs, LayoutName, UpdateName};
+use crate::chart::write_texts;
 use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::table::{grouped, markdown};
@@ -158,19 +159,14 @@ impl<'a> Work<'a> {
 
 /// The three files.
 fn write(args: &GrowthArgs, growth: &Growth) -> Result<Vec<PathBuf>, Stop> {
-    let texts = [
-        ("growth.svg", chart::growth_svg(growth)),
-        ("growth.csv", chart::growth_csv(growth)),
-        ("growth.json", chart::growth_json(growth)),
-    ];
-    let mut written = Vec::new();
-    for (name, text) in texts {
-        let path = args.out.join(name);
-        report::remove_link(&path)?;
-        report::write_whole(&path, text.map_err(Stop::failed)?.as_bytes())?;
-        written.push(path);
-    }
-    Ok(written)
+    write_texts(
+        &args.out,
+        [
+            ("growth.svg", chart::growth_svg(growth)),
+            ("growth.csv", chart::growth_csv(growth)),
+            ("growth.json", chart::growth_json(growth)),
+        ],
+    )
 }
 
 /// Milliseconds a frame, bytes a triangle and where the time went, in Markdown.

@@ -9,12 +9,22 @@ use std::path::{Path, PathBuf};
 
 /// Writes all of them, or as many as can be.
 pub(super) fn write(dir: &Path, chart: &Chart) -> Result<Vec<PathBuf>, Stop> {
-    let texts = [
-        ("chart.svg", chart::svg(chart)),
-        ("chart.html", chart::html(chart)),
-        ("points.csv", chart::csv(chart)),
-        ("points.json", chart::json(chart)),
-    ];
+    write_texts(
+        dir,
+        [
+            ("chart.svg", chart::svg(chart)),
+            ("chart.html", chart::html(chart)),
+            ("points.csv", chart::csv(chart)),
+            ("points.json", chart::json(chart)),
+        ],
+    )
+}
+
+/// Writes files into a folder, up to the first that cannot be written; links there are replaced.
+pub(crate) fn write_texts<const N: usize>(
+    dir: &Path,
+    texts: [(&str, chart::Result<String>); N],
+) -> Result<Vec<PathBuf>, Stop> {
     let mut written = Vec::new();
     for (name, text) in texts {
         let path = dir.join(name);
