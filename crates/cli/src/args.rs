@@ -132,10 +132,10 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "FILE.json")]
     pub(crate) stats: Option<PathBuf>,
     /// File for a timeline of host and device, to be opened in Perfetto or chrome://tracing
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(long, value_name = "FILE.json", value_parser = values::file())]
     pub(crate) timeline: Option<PathBuf>,
     /// File for the primary rays of a frame, to be traced again with `abvh trace`
-    #[arg(long, value_name = "FILE.npy")]
+    #[arg(long, value_name = "FILE.npy", value_parser = values::file())]
     pub(crate) rays_out: Option<PathBuf>,
     /// Go on with the run that the folders hold: frames whose files are whole, by length and digest, are skipped.
     /// Where another run lies there, whatever differs is named

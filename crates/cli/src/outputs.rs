@@ -45,16 +45,6 @@ impl Outputs {
             let folder = file.parent().filter(|folder| !folder.exists());
             folder.is_some_and(|folder| outputs.folders().iter().any(|f| f == folder))
         };
-        for (option, file) in [
-            ("--timeline", &args.timeline),
-            ("--rays-out", &args.rays_out),
-        ] {
-            if file.as_deref() == Some(Path::new("-")) {
-                return Err(Stop::bad(format!(
-                    "{option} needs a file: only --stats goes to standard output"
-                )));
-            }
-        }
         for file in files(args).filter(|file| file.as_os_str() != "-" && !is_in_new(file)) {
             report::check_writable(file).map_err(Stop::bad)?;
         }

@@ -1,6 +1,8 @@
 //! Values of options: points, sizes, frames, ranges. Each rejection says what is wanted.
 
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use geom::Point;
+use std::path::PathBuf;
 
 /// The most pixels along one side of a picture.
 pub(crate) const MAX_SIDE: u64 = 16_384;
@@ -38,6 +40,14 @@ pub(crate) struct TimeRange {
     pub(crate) from: f64,
     /// Where it ends, inclusive.
     pub(crate) to: f64,
+}
+
+/// The name of a file, not `-`.
+pub(crate) fn file() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|file| match file.as_os_str() == "-" {
+        true => Err("a file is needed: only --stats goes to standard output"),
+        false => Ok(file),
+    })
 }
 
 /// `x,y,z`, all finite.
