@@ -1,6 +1,7 @@
 //! Command lines that are taken, and those that are refused in one line.
 
 use super::*;
+use crate::values::Frames;
 use clap::CommandFactory;
 
 pub(super) fn parse(line: &str) -> Result<Command, Stop> {

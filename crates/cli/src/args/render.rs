@@ -1,0 +1,78 @@
+//! What may be asked of `render`.
+
+use super::{
+    CameraArgs, DeviceArgs, MethodArgs, PolicyArgs, SizeArgs, SourceArgs, Switch, ToleranceArgs,
+};
+use crate::values::{self, Frames, Shard, TimeRange};
+use clap::Args;
+use clap::builder::NonEmptyStringValueParser;
+use std::path::PathBuf;
+
+/// Options of `render`.
+#[derive(Args, Debug)]
+pub(crate) struct RenderArgs {
+    /// Scene: a demo, demo:NAME or demo:NAME:TRIANGLES, of grove, collide, shatter, twist and hall. Or a directory or
+    /// glob of .obj or .ply files, one a key frame. Or one .obj, .ply, .gltf or .glb file. Several are joined by '+',
+    /// each placed by '@x,y,z' or '@x,y,z*scale': hall.obj+figure.glb@2,0,-1*0.5. A name that exists as a whole is one
+    /// input. Inputs that move need equally many key frames; one with a single key frame stands still
+    #[arg(default_value = "demo:grove", value_parser = NonEmptyStringValueParser::new())]
+    pub(crate) scene: String,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+    #[command(flatten)]
+    pub(crate) device: DeviceArgs,
+    #[command(flatten)]
+    pub(crate) method: MethodArgs,
+    #[command(flatten)]
+    pub(crate) tolerance: ToleranceArgs,
+    #[command(flatten)]
+    pub(crate) policy: PolicyArgs,
+    /// With async: what each new tree is built for. 'on': the middle of the time in which it will be used, taken
+    /// from the key frames. 'off': the frame that asks for it. Hits are the same; trees built ahead fit better, so
+    /// that frames are faster
+    #[arg(long, value_name = "on|off", default_value = "on")]
+    pub(crate) predict: Switch,
+    /// Frames: N spread evenly over the time range, both ends included. Or those at key times A..B, B left out. Or a
+    /// list of key times, such as 1,4,10-20x2: from 10 to 20 by twos. Files of key times carry these for numbers.
+    /// Others are numbered from 0000 on [default: 48 for a demo, else one a key frame up to 96]
+    #[arg(long, value_name = "N|A..B|LIST", value_parser = values::frames)]
+    pub(crate) frames: Option<Frames>,
+    /// Render only block I of N of those frames, from 1 on; auto takes both from Slurm's variables of an array's task
+    #[arg(long, value_name = "I/N|auto", value_parser = values::shard)]
+    pub(crate) shard: Option<Shard>,
+    /// Stretch of time, in key frames [default: all of it]
+    #[arg(long, value_name = "T0..T1", value_parser = values::time_range, allow_hyphen_values = true)]
+    pub(crate) time_range: Option<TimeRange>,
+    #[command(flatten)]
+    pub(crate) size: SizeArgs,
+    #[command(flatten)]
+    pub(crate) camera: CameraArgs,
+    /// Directory for pictures: frame_0000.png and so on
+    #[arg(long, value_name = "DIR", default_value = "abvh-out")]
+    pub(crate) out: PathBuf,
+    /// Write no pictures
+    #[arg(long, conflicts_with = "out")]
+    pub(crate) no_images: bool,
+    /// Directory for hits: hits_0000.npz and so on
+    #[arg(long, value_name = "DIR")]
+    pub(crate) hits: Option<PathBuf>,
+    /// File for statistics of every frame, - for standard output
+    #[arg(long, value_name = "FILE.json")]
+    pub(crate) stats: Option<PathBuf>,
+    /// File for a timeline of host and device, to be opened in Perfetto or chrome://tracing
+    #[arg(long, value_name = "FILE.json", value_parser = values::file())]
+    pub(crate) timeline: Option<PathBuf>,
+    /// File for the primary rays of a frame, to be traced again with `abvh trace`
+    #[arg(long, value_name = "FILE.npy", value_parser = values::file())]
+    pub(crate) rays_out: Option<PathBuf>,
+    /// Go on with the run that the folders hold: frames whose files are whole, by length and digest, are skipped.
+    /// Where another run lies there, whatever differs is named
+    #[arg(long)]
+    pub(crate) resume: bool,
+    /// Replace another run that the folders hold
+    #[arg(long, conflicts_with = "resume")]
+    pub(crate) overwrite: bool,
+    /// No progress and no remarks
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
