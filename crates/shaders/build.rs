@@ -21,7 +21,7 @@ use naga::valid::{
 };
 use std::fmt::Write;
 use std::path::Path;
-use stitch::{Arithmetic, Filling, Form, Loops, Rests, Source};
+use stitch::{Arithmetic, Filling, Rests, Source};
 
 fn main() -> Result<()> {
     println!("cargo::rerun-if-changed=wgsl");
@@ -59,17 +59,11 @@ fn compile_variant(source: &Source, filling: &Filling) -> Result<String> {
     let values = filling.iter().map(|(_, value)| value.name);
     let name: Vec<_> = [source.stem.as_str()].into_iter().chain(values).collect();
     let name = name.join(".");
-    let usual = (Loops::Whole, Rests::Halves);
-    let (code, module) = code(source, filling, usual).with_context(|| name.clone())?;
-    let other = |form, wanted: bool| -> Result<String> {
-        if !wanted {
-            return Ok("None".to_owned());
-        }
-        let (code, _) = self::code(source, filling, form)?;
-        Ok(format!("Some({code})"))
+    let (code, module) = code(source, filling, Rests::Halves).with_context(|| name.clone())?;
+    let fused = match source.searches() {
+        true => format!("Some({})", self::code(source, filling, Rests::Fused)?.0),
+        false => "None".to_owned(),
     };
-    let bounded = other((Loops::Bounded, Rests::Halves), source.has_loops())?;
-    let fused = other((Loops::Whole, Rests::Fused), source.searches())?;
     let entry = &source.stem;
     let workgroup = reflect::workgroup(&module, entry)?;
     let shared = reflect::shared_bytes(&module);
@@ -80,17 +74,17 @@ fn compile_variant(source: &Source, filling: &Filling) -> Result<String> {
     writeln!(
         text,
         "Kernel {{ name: {name:?}, entry: {entry:?}, slots: &{slots:?}, code: {code}, \
-         bounded: {bounded}, fused: {fused}, workgroup: {workgroup:?}, \
+         fused: {fused}, workgroup: {workgroup:?}, \
          shared_bytes: {shared}, bindings: &[{bindings}] }},"
     )?;
     Ok(text)
 }
 
 /// WGSL and SPIR-V as a Rust expression, and the module.
-fn code(source: &Source, filling: &Filling, form: Form) -> Result<(String, naga::Module)> {
-    let opaque = source.stitch(filling, Arithmetic::Opaque, form)?;
+fn code(source: &Source, filling: &Filling, rests: Rests) -> Result<(String, naga::Module)> {
+    let opaque = source.stitch(filling, Arithmetic::Opaque, rests)?;
     parse(&opaque, CAPABILITIES)?;
-    let plain = source.stitch(filling, Arithmetic::Plain, form)?;
+    let plain = source.stitch(filling, Arithmetic::Plain, rests)?;
     let (module, info) = parse(&plain, CAPABILITIES)?;
     let words = spv::write_vec(&module, &info, &options((1, 3)), None)?;
     let spirv = harden::harden(&words)?;

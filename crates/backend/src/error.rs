@@ -44,11 +44,6 @@ pub enum BackendError {
         /// What it said.
         why: String,
     },
-    /// The driver ends loops before they are done, and some answer could not be had in spite of that.
-    #[error(
-        "this driver ends long loops early, and so left rays without an answer; another driver or the backend cpu has none of this"
-    )]
-    Unanswered,
     /// The device went away.
     #[error("the device was lost: {0}")]
     DeviceLost(String),

@@ -69,9 +69,6 @@ pub struct Device {
     pub threads: usize,
     /// How it computes where nobody tells it how to round.
     pub arithmetic: Arithmetic,
-    /// After how many turns of all loops of an invocation together its driver ends every further one, if it does; old
-    /// software drivers do. Backends see to it that no answer suffers, or give [`crate::BackendError::Unanswered`].
-    pub loop_turns: Option<u32>,
 }
 
 /// Bytes of device memory by what they hold.

@@ -270,7 +270,6 @@ mod tests {
             kind: DeviceKind::Cpu,
             threads: 1,
             arithmetic: backend::Arithmetic::IEEE,
-            loop_turns: None,
         };
         Run {
             update,

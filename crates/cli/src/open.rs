@@ -2,7 +2,7 @@
 
 mod each;
 
-use crate::adapters::{self, Adapter, Limit};
+use crate::adapters::{self, Adapter};
 use crate::args::BackendName;
 use crate::auto::{self, Rival};
 use crate::stop::Stop;
@@ -144,19 +144,6 @@ pub(crate) fn open<T>(
 }
 
 impl Known {
-    /// Adds what only an open device tells, of software drivers alone: those of old end loops early.
-    fn look_closer(&self, adapters: &mut [Adapter]) {
-        let software = |a: &&mut Adapter| a.kind == DeviceKind::Software;
-        for adapter in adapters.iter_mut().filter(software) {
-            let opened = (self.open)(Some(adapter), 1).ok();
-            let turns = opened.and_then(|b| b.device().loop_turns);
-            adapter.limits.extend(turns.map(|turns| Limit {
-                name: "turns of all loops",
-                value: turns.to_string(),
-            }));
-        }
-    }
-
     fn open_named(&self, want: &Want<'_>) -> Result<Box<dyn Backend>, Stop> {
         let absent = |e| Stop::bad(format!("backend {} cannot run: {e}", self.text));
         let list = want.adapter.map(|_| (self.list)()).transpose();
@@ -251,10 +238,7 @@ pub(crate) struct Presence {
 /// All backends, present or absent, in the order in which `auto` looks at them.
 pub(crate) fn presences() -> Vec<Presence> {
     let presence = |known: &Known| {
-        let mut found = (known.list)();
-        if let Ok(adapters) = &mut found {
-            known.look_closer(adapters);
-        }
+        let found = (known.list)();
         Presence {
             backend: known.text,
             absent: found.as_ref().err().map(ToString::to_string),

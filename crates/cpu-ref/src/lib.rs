@@ -113,7 +113,6 @@ impl CpuBackend {
             kind: DeviceKind::Cpu,
             threads: pool.current_num_threads(),
             arithmetic: Arithmetic::IEEE,
-            loop_turns: None,
         };
         Ok(Self {
             device,

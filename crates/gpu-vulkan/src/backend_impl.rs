@@ -3,7 +3,6 @@
 use crate::VulkanBackend;
 use crate::clock::Stage;
 use crate::scene::SceneBuffers;
-use crate::slot::Part;
 use crate::stages::Also;
 use crate::traces::Traces;
 use crate::tree::TreeBuffers;
@@ -135,7 +134,7 @@ impl Backend for VulkanBackend {
         let bytes = self.scene().position_bytes();
         self.snapshots.ask(&self.gpu, self.position, bytes)?;
         // They go as soon as they are made, beside what is recorded from here on.
-        self.frames.record()?.split(Part::Positions)
+        self.frames.record()?.split()
     }
 
     fn submit(&mut self) -> Result<Ticket> {

@@ -6,13 +6,6 @@ use ash::vk;
 use backend::Result;
 use std::sync::Arc;
 
-/// How often a buffer is submitted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Usage {
-    Once,
-    Again,
-}
-
 /// A pool whose command buffers are recorded and reset together.
 pub(crate) struct Commands {
     pool: vk::CommandPool,
@@ -46,8 +39,8 @@ impl Commands {
         unsafe { self.gpu.vk.reset_command_pool(self.pool, none) }.map_err(failed("recording"))
     }
 
-    /// Begins a further buffer, to be submitted once or as often as need be.
-    pub(crate) fn begin(&mut self, usage: Usage) -> Result<()> {
+    /// Begins a further buffer, to be submitted once.
+    pub(crate) fn begin(&mut self) -> Result<()> {
         if self.begun == self.buffers.len() {
             let info = vk::CommandBufferAllocateInfo::default()
                 .command_pool(self.pool)
@@ -56,10 +49,7 @@ impl Commands {
             let made = unsafe { self.gpu.vk.allocate_command_buffers(&info) };
             self.buffers.extend(made.map_err(failed("recording"))?);
         }
-        let flags = match usage {
-            Usage::Once => vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT,
-            Usage::Again => vk::CommandBufferUsageFlags::empty(),
-        };
+        let flags = vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT;
         let info = vk::CommandBufferBeginInfo::default().flags(flags);
         // SAFETY: the buffer was reset with its pool.
         unsafe {

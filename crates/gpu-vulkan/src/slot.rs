@@ -1,7 +1,7 @@
 //! What one submission needs for itself: commands, parameters, marks of time, counts.
 
 use crate::clock::{Marks, Stage};
-use crate::commands::{ALL, COPIES, Commands, HOST, KERNELS, Usage};
+use crate::commands::{ALL, COPIES, Commands, HOST, KERNELS};
 use crate::device::Gpu;
 use crate::memory::{Buffer, Place};
 use crate::pages::{Bound, Pages};
@@ -22,8 +22,6 @@ pub(crate) struct Slot {
     stages: Vec<Stage>,
     /// Whether `interpolate` was recorded last, and has no end yet: `preprocess` may run beside it.
     open: bool,
-    /// Those that are recorded to their end.
-    parts: Vec<Part>,
     counts: Buffer,
     counts_back: Buffer,
     pub(crate) readback_bytes: u64,
@@ -31,17 +29,6 @@ pub(crate) struct Slot {
     /// When the recording was submitted.
     pub(crate) sent: Option<Instant>,
     gpu: Arc<Gpu>,
-}
-
-/// Why the recording is split after a part of it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Part {
-    /// Somebody waits for it alone.
-    Positions,
-    /// The next one is submitted again.
-    Before,
-    /// It is submitted until it leaves no ray open: see [`Work::until_finished`].
-    Again,
 }
 
 /// What a finished submission left behind.
@@ -63,7 +50,6 @@ impl Slot {
             marks: Marks::new(gpu),
             stages: Vec::new(),
             open: false,
-            parts: Vec::new(),
             counts: Buffer::new(gpu, "counts", COUNTS, Place::Device)?,
             counts_back: Buffer::new(gpu, "counts", COUNTS, Place::Readback)?,
             readback_bytes: 0,
@@ -76,13 +62,12 @@ impl Slot {
     /// Starts a new recording. The slot's last submission must be finished.
     pub(crate) fn begin(&mut self) -> Result<()> {
         self.stages.clear();
-        self.parts.clear();
         self.marks.reset();
         (self.readback_bytes, self.sent, self.open) = (0, None, false);
         self.extents = Extents::default();
         self.pages.reset()?;
         self.commands.reset()?;
-        self.commands.begin(Usage::Once)?;
+        self.commands.begin()?;
         let all = self.gpu.reach();
         self.commands.barrier(all, all);
         self.clear_counts(COUNTS);
@@ -186,17 +171,10 @@ impl Slot {
                 other => find(other),
             };
             let bound = self.pages.bind(pipeline, row, last, find)?;
-            if work.until_finished() {
-                self.split(Part::Before)?;
-            }
             self.launch(pipeline, bound.set, row.offset, groups);
             let next = all.get(i + 1);
-            if work.until_finished() || next.is_some_and(|next| !next.alongside) {
+            if next.is_some_and(|next| !next.alongside) {
                 self.commands.barrier(KERNELS, KERNELS);
-            }
-            if work.until_finished() {
-                self.copy_counts();
-                self.split(Part::Again)?;
             }
             last = Some(bound);
         }
@@ -214,15 +192,11 @@ impl Slot {
         }
     }
 
-    /// Ends a part of the recording and begins the next.
-    pub(crate) fn split(&mut self, part: Part) -> Result<()> {
+    /// Ends the first part of the recording, for somebody who waits for that alone, and begins the second.
+    pub(crate) fn split(&mut self) -> Result<()> {
         self.close()?;
         self.commands.end()?;
-        self.parts.push(part);
-        self.commands.begin(match part {
-            Part::Before => Usage::Again,
-            Part::Positions | Part::Again => Usage::Once,
-        })
+        self.commands.begin()
     }
 
     /// Ends the recording.
@@ -232,10 +206,9 @@ impl Slot {
         self.commands.end()
     }
 
-    /// The parts of the recording, in order, and why it was split after each but the last.
-    pub(crate) fn parts(&self) -> impl Iterator<Item = (vk::CommandBuffer, Option<Part>)> + '_ {
-        let why = self.parts.iter().map(|&part| Some(part)).chain([None]);
-        self.commands.all().iter().copied().zip(why)
+    /// The parts of the recording, in order.
+    pub(crate) fn parts(&self) -> &[vk::CommandBuffer] {
+        self.commands.all()
     }
 
     fn copy_counts(&self) {

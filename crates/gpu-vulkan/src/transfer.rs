@@ -1,6 +1,6 @@
 //! A road between host and device that runs beside the frames.
 
-use crate::commands::{COPIES, Commands, HOST, Usage};
+use crate::commands::{COPIES, Commands, HOST};
 use crate::device::{Gpu, Queue};
 use crate::memory::{Buffer, Place};
 use crate::timeline::{Batch, Moment, Timeline, submit};
@@ -54,7 +54,7 @@ impl Transfer {
         let lane = self.free_lane()?;
         let commands = &mut self.lanes[lane].commands;
         commands.reset()?;
-        commands.begin(Usage::Once)?;
+        commands.begin()?;
         let regions = pieces(copy.bytes, copy.to_at);
         if !regions.is_empty() {
             // SAFETY: the command buffer is being recorded; both buffers hold the bytes.

@@ -73,7 +73,6 @@ impl VulkanBackend {
                 kind: gpu.adapter.kind,
                 threads: 0,
                 arithmetic: Arithmetic::IEEE,
-                loop_turns: None,
             },
             frames: Frames::new(&gpu)?,
             traces: Traces::default(),
@@ -96,7 +95,6 @@ impl VulkanBackend {
         let found = selftest::run(&made.gpu, &mut made.frames, &made.pipelines, road)?;
         found.check()?;
         made.device.arithmetic = found.arithmetic;
-        made.device.loop_turns = found.loop_turns;
         made.pipelines.traits = found.traits(made.gpu.tiles(), made.gpu.rasters());
         Ok(made)
     }

@@ -102,7 +102,6 @@ impl WgpuBackend {
                 kind: kind(&gpu.info),
                 threads: 0,
                 arithmetic: found.arithmetic,
-                loop_turns: found.loop_turns,
             },
             frames: Frames::new(&gpu)?,
             traces: Traces::default(),

@@ -137,11 +137,8 @@ impl Slot {
         let beside = std::mem::take(&mut self.held);
         self.stages.push(stage);
         self.parts.push((stage, beside));
-        for (launch, w) in launches.into_iter().zip(work) {
-            match w.until_finished() {
-                true => self.run_until_finished(gpu, &launch)?,
-                false => self.go_on(stage, launch),
-            }
+        for launch in launches {
+            self.go_on(stage, launch);
         }
         Ok(())
     }
@@ -209,29 +206,6 @@ impl Slot {
                 launches.iter().for_each(|launch| launch.go(&mut pass));
             }
         })
-    }
-
-    /// Runs what was recorded, and then `again` until it leaves no ray open or does nothing any more.
-    fn run_until_finished(&mut self, gpu: &Gpu, again: &Launch) -> Result<()> {
-        self.flush(gpu)?;
-        self.launches.write(gpu)?;
-        let mut before = None;
-        loop {
-            let mut encoder = self.encoder.take().expect("a recording was begun");
-            gpu.guard("finishing rays", 0, || {
-                again.go(&mut encoder.begin_compute_pass(&Default::default()));
-                encoder.copy_buffer_to_buffer(&self.counts, 0, &self.back, 0, COUNTS);
-            })?;
-            let submission = gpu.submit(encoder)?;
-            let mapping = Mapping::ask(gpu, &self.back)?;
-            gpu.wait_for(submission)?;
-            let counts = self.read_back(gpu, &mapping)?.0;
-            self.encoder = Some(gpu.encoder("the rest of a frame")?);
-            if counts.is_finished() || before == Some(counts.steps) {
-                return Ok(());
-            }
-            before = Some(counts.steps);
-        }
     }
 
     /// Counts and timestamps that have come back.

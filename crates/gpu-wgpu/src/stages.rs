@@ -13,7 +13,6 @@ impl WgpuBackend {
         let (range, exponent) = self.reach();
         Params {
             alpha: self.pose.alpha,
-            bounded_loops: u32::from(self.device.loop_turns.is_some()),
             ..Params::of(exponent, &self.tree().shape).within(range)
         }
     }

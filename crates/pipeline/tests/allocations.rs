@@ -63,7 +63,6 @@ impl Idle {
             kind: DeviceKind::Cpu,
             threads: 1,
             arithmetic: Arithmetic::IEEE,
-            loop_turns: None,
         };
         let snapshot = |_| Box::new(animation.keys()[0].clone()) as Snapshot;
         Self {

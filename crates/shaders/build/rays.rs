@@ -1,6 +1,6 @@
 //! The stages of a ray-tracing pipeline: all entry points of one file, in one module.
 
-use crate::stitch::{Arithmetic, Filling, Loops, Rests, Source};
+use crate::stitch::{Arithmetic, Filling, Rests, Source};
 use crate::{harden, options, parse, reflect};
 use anyhow::{Context, Result, anyhow, bail};
 use naga::ShaderStage;
@@ -16,11 +16,8 @@ pub(crate) const FILE: &str = "pipeline";
 
 /// The pipeline's stages as a Rust constant.
 pub(crate) fn compile(folder: &Path) -> Result<String> {
-    let source = Source::read(folder, FILE)?.stitch(
-        &Filling::new(),
-        Arithmetic::Plain,
-        (Loops::Whole, Rests::Halves),
-    )?;
+    let source =
+        Source::read(folder, FILE)?.stitch(&Filling::new(), Arithmetic::Plain, Rests::Halves)?;
     let source = format!("enable wgpu_ray_tracing_pipeline, primitive_index;\n{source}");
     let (module, info) = parse(
         &source,

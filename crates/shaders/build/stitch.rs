@@ -14,15 +14,6 @@ pub(crate) enum Arithmetic {
     Opaque,
 }
 
-/// What loops are trusted to do.
-#[derive(Clone, Copy)]
-pub(crate) enum Loops {
-    /// To turn as often as they should.
-    Whole,
-    /// To end early, if the parameters say so.
-    Bounded,
-}
-
 /// How what a quotient leaves is found.
 #[derive(Clone, Copy)]
 pub(crate) enum Rests {
@@ -39,9 +30,6 @@ pub(crate) struct Source {
     uses: String,
     body: String,
 }
-
-/// What a kernel makes of a device.
-pub(crate) type Form = (Loops, Rests);
 
 /// The slots of a kernel, each with what fills it.
 pub(crate) type Filling = Vec<(&'static Slot, &'static Value)>;
@@ -97,11 +85,6 @@ impl Source {
         all
     }
 
-    /// Whether its loops may be trusted or not.
-    pub(crate) fn has_loops(&self) -> bool {
-        self.uses.split_whitespace().any(|word| word == "loops")
-    }
-
     /// Whether it tests triangles for each of many rays.
     pub(crate) fn searches(&self) -> bool {
         self.uses
@@ -114,7 +97,7 @@ impl Source {
         &self,
         filling: &Filling,
         arithmetic: Arithmetic,
-        form: Form,
+        rests: Rests,
     ) -> Result<String> {
         let mut source = String::new();
         for word in self.uses.split_whitespace() {
@@ -123,7 +106,7 @@ impl Source {
                 None => std::slice::from_ref(&word),
             };
             for part in parts {
-                append(&mut source, part, arithmetic, form)?;
+                append(&mut source, part, arithmetic, rests)?;
             }
         }
         Ok(number_bindings(&(source + &self.body)))
@@ -149,16 +132,11 @@ fn filler(filling: &Filling, (name, face): (&str, &str)) -> Option<&'static [&'s
     value.face(face)
 }
 
-fn append(source: &mut String, part: &str, arithmetic: Arithmetic, form: Form) -> Result<()> {
-    let (loops, rests) = form;
+fn append(source: &mut String, part: &str, arithmetic: Arithmetic, rests: Rests) -> Result<()> {
     let part = match part {
         "ieee" => match arithmetic {
             Arithmetic::Plain => "ieee_plain",
             Arithmetic::Opaque => "ieee_opaque",
-        },
-        "loops" => match loops {
-            Loops::Whole => "loops_whole",
-            Loops::Bounded => "loops_bounded",
         },
         "rest" => match rests {
             Rests::Halves => "rest_halves",
@@ -166,16 +144,6 @@ fn append(source: &mut String, part: &str, arithmetic: Arithmetic, form: Form) -
         },
         _ => part,
     };
-    append_file(source, part)?;
-    // What a driver foresees comes of the parameters: any kernel may hide it.
-    match (part, loops) {
-        ("params", Loops::Whole) => append_file(source, "unforeseen_usual"),
-        ("params", Loops::Bounded) => append_file(source, "unforeseen_software"),
-        _ => Ok(()),
-    }
-}
-
-fn append_file(source: &mut String, part: &str) -> Result<()> {
     let path = format!("wgsl/shared/{part}.wgsl");
     source.push_str(&read_to_string(&path).context(path)?);
     source.push('\n');

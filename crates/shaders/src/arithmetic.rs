@@ -51,8 +51,6 @@ pub struct Findings {
 /// What decides which form of a kernel a device takes; before its test nobody relies on anything but single operations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traits {
-    /// See [`Findings::loop_turns`].
-    pub loops_may_end: bool,
     /// See [`Findings::fuses_once`].
     pub fuses_once: bool,
     /// How invocations search together, if they do.
@@ -79,7 +77,6 @@ impl Findings {
     #[must_use]
     pub fn traits(&self, tiles: Option<Tiles>, rasters: Option<Rasters>) -> Traits {
         Traits {
-            loops_may_end: self.loop_turns.is_some(),
             fuses_once: self.fuses_once,
             tiles,
             rasters,

@@ -68,8 +68,6 @@ pub struct Kernel {
     pub slots: &'static [(&'static str, &'static str)],
     /// The kernel itself.
     pub code: Code,
-    /// The same for devices that may end loops early ([`backend::Device::loop_turns`]), of kernels that take heed of it: to do so costs others time.
-    pub bounded: Option<Code>,
     /// The same for devices that round a fused product and sum once, of kernels that divide for each of many rays.
     pub fused: Option<Code>,
     /// Invocations of a workgroup.
@@ -141,9 +139,8 @@ impl Kernel {
     /// What to load on a device.
     #[must_use]
     pub fn code_for(&self, traits: Traits) -> Code {
-        let bounded = self.bounded.filter(|_| traits.loops_may_end);
         let fused = self.fused.filter(|_| traits.fuses_once);
-        bounded.or(fused).unwrap_or(self.code)
+        fused.unwrap_or(self.code)
     }
 
     /// Whether a device with these traits takes it at all.

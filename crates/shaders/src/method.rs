@@ -31,11 +31,11 @@ pub fn blocked_words(intersector: Intersector, rays: u64) -> u64 {
 
 /// Where the list of open shadows begins in `blocked`, while that of open rays is in use too.
 pub(crate) fn open_shadows_at(rays: u64) -> u64 {
-    2 * rays + 3 * notes(rays) + PLACE * u64::from(places(rays))
+    2 * rays + 3 * notes(rays) + STACK * u64::from(places(rays))
 }
 
-/// Words of a place.
-const PLACE: u64 = 69;
+/// Words of a place: its stack.
+const STACK: u64 = 64;
 /// Enough places to fill any device.
 const PLACES: u32 = 2048;
 
@@ -66,12 +66,8 @@ mod tests {
         };
         let says =
             |entry: &str, what: &str| assert!(kernel(entry, method).code.wgsl.contains(what));
-        says("finish_rays", &format!("const PLACE: u32 = {PLACE}u;"));
-        says(
-            "finish_rays",
-            &format!("const STACK: u32 = {}u;", PLACE - 64),
-        );
-        says("trace_rays", "var stack: array<u32, 64>;");
+        says("finish_rays", &format!("const STACK: u32 = {STACK}u;"));
+        says("trace_rays", &format!("var stack: array<u32, {STACK}>;"));
     }
 
     #[test]

@@ -2,7 +2,6 @@
 
 use crate::Shape;
 use crate::units::{self, scaled_point};
-use backend::BackendError;
 use bytemuck::{Pod, Zeroable};
 use geom::{Camera, Point, Range};
 
@@ -37,9 +36,9 @@ pub struct Params {
     pub shift: u32,
     pub goal: u32,
     pub rounds: u32,
-    pub bounded_loops: u32,
     pub places: u32,
     pub notes: u32,
+    pub rule: u32,
     pub scaled_eye: [f32; 3],
     pub depth_exponent: i32,
     pub column: [f32; 3],
@@ -52,10 +51,6 @@ pub struct Params {
     pub clearance: f32,
     pub extreme: u32,
     pub tiny: u32,
-    pub rule: u32,
-    pub pad_a: u32,
-    pub pad_b: u32,
-    pub pad_c: u32,
 }
 
 impl Params {
@@ -149,18 +144,10 @@ pub struct Counts {
     pub open_shadows: u32,
     /// Notes of triangles for `settle_*`.
     pub notes: u32,
-    /// Rays whose search the driver ended before it was done.
-    pub cut_short: u32,
-    /// Rays that `settle_*` left to `finish_*`, for `exact`; one more where nobody can be sure that there is none.
+    /// Rays that `settle_*` left to `finish_*`, for `exact`.
     pub hard: u32,
     /// Likewise shadows.
     pub hard_shadows: u32,
-    /// Places of `finish_*` that are not done with the list of open rays.
-    pub left: u32,
-    /// Likewise of open shadows.
-    pub left_shadows: u32,
-    /// What `finish_*` did: it rises as long as they come on.
-    pub steps: u32,
     /// Stamps, by `stamp` and `stamp_large`.
     pub stamps: u32,
     /// Triangles that were too large for `stamp`.
@@ -176,24 +163,6 @@ impl Counts {
     #[must_use]
     pub fn settled(&self) -> u64 {
         u64::from(self.open) + u64::from(self.open_shadows)
-    }
-
-    /// Whether `finish_*` left no ray open.
-    #[must_use]
-    pub fn is_finished(&self) -> bool {
-        let is_done = |hard, left| hard == 0 || left == 0;
-        is_done(self.hard, self.left) && is_done(self.hard_shadows, self.left_shadows)
-    }
-
-    /// That every ray has its answer.
-    ///
-    /// # Errors
-    /// [`BackendError::Unanswered`], if the driver ended loops before they were done and that could not be made good.
-    pub fn check(&self) -> backend::Result<()> {
-        if self.cut_short == 0 && self.is_finished() {
-            return Ok(());
-        }
-        Err(BackendError::Unanswered)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Rasters: first hits of a camera's rays found triangle by triangle; who can, and when it pays.
 
-use crate::tiles::{MOST_WHERE_LOOPS_END, PIXELS_A_TRIANGLE, SMALL_PICTURE};
+use crate::tiles::{PIXELS_A_TRIANGLE, SMALL_PICTURE};
 use crate::{Counts, Params, Tiles};
 use backend::{Intersector, Layout, Method};
 
@@ -103,7 +103,6 @@ pub(crate) fn pay(method: Method, params: &Params, how: Rasters) -> bool {
     method.intersector == Intersector::Watertight
         && method.layout == Layout::Fast
         && (is_fast || is_small)
-        && (params.bounded_loops == 0 || triangles <= MOST_WHERE_LOOPS_END)
 }
 
 #[cfg(test)]
@@ -175,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn other_methods_and_long_loops_that_end_go_without() {
+    fn other_methods_go_without() {
         let usual = params(1_600_000, [1920, 1200]);
         for method in [
             Method {
@@ -189,19 +188,5 @@ mod tests {
         ] {
             assert!(!pay(method, &usual, Rasters::BySubgroups));
         }
-        let bounded = |triangles| Params {
-            bounded_loops: 1,
-            ..params(triangles, [128, 128])
-        };
-        assert!(pay(
-            METHOD,
-            &bounded(MOST_WHERE_LOOPS_END),
-            Rasters::ByGroups
-        ));
-        assert!(!pay(
-            METHOD,
-            &bounded(MOST_WHERE_LOOPS_END + 1),
-            Rasters::ByGroups
-        ));
     }
 }

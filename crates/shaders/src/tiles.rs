@@ -14,8 +14,6 @@ pub enum Tiles {
 
 /// Pixels that a picture must have for each triangle: what all triangles cover is looked at before any ray is.
 pub(crate) const PIXELS_A_TRIANGLE: u64 = 4;
-/// Where a driver ends long loops, a tile whose invocations wait for each other must not come so far.
-pub(crate) const MOST_WHERE_LOOPS_END: u32 = 1 << 14;
 /// Pixels up to which a software driver goes by tiles, which is for their laws alone to be tried there too: each ray by itself is
 /// faster.
 pub(crate) const SMALL_PICTURE: u64 = 1 << 14;
@@ -62,7 +60,6 @@ pub(crate) fn pay(method: Method, params: &Params, how: Tiles) -> bool {
         && params.wide_root != 0
         && pixels >= PIXELS_A_TRIANGLE * u64::from(triangles)
         && (how == Tiles::BySubgroups || pixels <= SMALL_PICTURE)
-        && (params.bounded_loops == 0 || triangles <= MOST_WHERE_LOOPS_END)
 }
 
 #[cfg(test)]

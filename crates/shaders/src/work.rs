@@ -70,12 +70,10 @@ pub enum Vertices {
 
 /// Invocations that share the list of rays to settle, 16 a ray: enough to fill any device, though most find nothing to do.
 const SETTLERS: u32 = 1 << 15;
-/// Workgroups that share the list of hits whose shadows are sought, one a ray; at least as many as have places to empty.
+/// Workgroups that share the list of hits whose shadows are sought, one a ray.
 const SEARCHERS: u32 = 1 << 10;
 /// Candidates of a ray that such workgroups take at once: see `candidates.wgsl`.
 pub(crate) const ABREAST: u32 = 4;
-/// Rays of such a workgroup at most, where loops are bounded.
-const BOUNDED_SHARE: u32 = 64;
 
 impl Rays<'_> {
     fn count(self) -> u32 {
@@ -106,12 +104,6 @@ impl Work {
                 alongside: false,
             },
         }
-    }
-
-    /// Whether to run it again until [`crate::Counts::is_finished`], because loops may end early here.
-    #[must_use]
-    pub fn until_finished(&self) -> bool {
-        self.params.bounded_loops != 0 && self.kernel.entry.starts_with("finish_")
     }
 
     /// Workgroups along both axes, where one axis may have no more than `limit`.
@@ -258,7 +250,6 @@ fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
         ..params
     };
     let settle = 2 * sharers + ABREAST * searchers;
-    // The places are the hits' until `shadow_left` empties them again.
     vec![
         all,
         each(settle, shared, "settle_together_camera"),
@@ -290,21 +281,12 @@ fn searching(params: Params, rays: Rays<'_>) -> Params {
     }
 }
 
-/// Where loops are bounded, a workgroup takes four rays once.
 fn settlers(params: &Params) -> u32 {
-    let most = params.first.saturating_mul(16);
-    match params.bounded_loops {
-        0 => SETTLERS.min(most),
-        _ => most,
-    }
+    SETTLERS.min(params.first.saturating_mul(16))
 }
 
 fn searchers(params: &Params) -> u32 {
-    let least = match params.bounded_loops {
-        0 => 0,
-        _ => params.first.div_ceil(BOUNDED_SHARE),
-    };
-    SEARCHERS.max(least).min(params.first)
+    SEARCHERS.min(params.first)
 }
 
 /// What settles by notes most of the rays that a search left open.

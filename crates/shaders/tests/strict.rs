@@ -34,7 +34,7 @@ fn loose_operations(module: &Module) -> usize {
 
 #[test]
 fn only_what_decides_no_hit_may_be_fused_and_no_name_is_left() {
-    let codes = |k: &'static Kernel| [Some(k.code), k.bounded, k.fused].into_iter().flatten();
+    let codes = |k: &'static Kernel| [Some(k.code), k.fused].into_iter().flatten();
     for (kernel, code) in KERNELS.iter().flat_map(|k| codes(k).map(move |c| (k, c))) {
         let module = load_words(code.spirv).unwrap();
         let traces = kernel.bindings.iter().any(|b| b.name == "records")

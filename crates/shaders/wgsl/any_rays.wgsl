@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units range root direction ray {intersector.test} {intersector.bind} {intersector.any} {layout.nodes} stretch_anywhere any_singly any given
+//! use params ieee rest divide exact units range root direction ray {intersector.test} {intersector.bind} {intersector.any} {layout.nodes} stretch_anywhere any_singly any given
 // Whether each given ray meets anything.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

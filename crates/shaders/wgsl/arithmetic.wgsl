@@ -10,7 +10,8 @@ fn loose_quotient_and_sum(x: vec4<f32>) -> vec2<f32> { return vec2<f32>(x.x / x.
 // What rounding takes from a product, on devices that round a fused product and sum once.
 fn lost_by_rounding(a: f32, b: f32) -> f32 { return fma(a, b, -mul(a, b)); }
 
-// Counts the turns of a loop that ought to turn 100,000 times; in memory, as turns.wgsl says.
+// Counts the iterations of a loop that ought to take 100,000. Mesa before 23.1 ends an invocation's loops after 65,535, and only
+// what stands in memory is sure then.
 fn count_turns(i: u32) {
     for (var turn = params.zero; turn < 100000u; turn += 1u) { results[2u * i + 1u].z += 1u; }
 }

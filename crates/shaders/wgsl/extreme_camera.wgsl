@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact soft units range direction whole point points line rounded coarse {layout.nodes} extreme camera
+//! use params ieee rest divide exact soft units range direction whole point points line rounded coarse {layout.nodes} extreme camera
 // The closest hits of the rays of a camera, all of which are extreme.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units range root direction ray {intersector.finish} {layout.nodes} walk finish_any given line_of
+//! use params ieee rest divide exact units range root direction ray {intersector.finish} {layout.nodes} walk finish_any given line_of
 // Whether given rays that `settle_any_rays` left open meet anything.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -9,9 +9,9 @@
 @group(0) @binding(6) var<storage, read> triangles: array<u32>;
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 
-fn finish_ray(place: u32, i: u32) -> bool {
+fn finish_ray(place: u32, i: u32) {
     set_line_of(i);
-    return finish_any(place, i, ray_of(i), NO_LEAF, 2u);
+    finish_any(place, i, ray_of(i), NO_LEAF, 2u);
 }
 
 @compute @workgroup_size(64)

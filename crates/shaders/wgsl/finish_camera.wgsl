@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units range root direction ray {intersector.finish} first {layout.nodes} walk finish_closest camera eye seen pixel_line
+//! use params ieee rest divide exact units range root direction ray {intersector.finish} first {layout.nodes} walk finish_closest camera eye seen pixel_line
 // The closest hits of pixels' rays that `settle_camera` left open.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -9,9 +9,9 @@
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 @group(0) @binding(5) var<storage, read_write> blocked: array<u32>;
 
-fn finish_ray(place: u32, i: u32) -> bool {
+fn finish_ray(place: u32, i: u32) {
     set_line_of(i);
-    return finish_closest(place, i, ray_of(i));
+    finish_closest(place, i, ray_of(i));
 }
 
 @compute @workgroup_size(64)

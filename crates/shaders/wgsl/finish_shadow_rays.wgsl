@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units range root direction ray {intersector.finish} {layout.nodes} walk finish_any from_triangle to_light shade line_to_light
+//! use params ieee rest divide exact units range root direction ray {intersector.finish} {layout.nodes} walk finish_any from_triangle to_light shade line_to_light
 // The shadows that `settle_shadow_rays` left open.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -10,10 +10,10 @@
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 @group(0) @binding(8) var<storage, read> rays: array<vec4<u32>>;
 
-fn finish_ray(place: u32, i: u32) -> bool {
+fn finish_ray(place: u32, i: u32) {
     let way = to_light(hits[i], scaled_point(rays[2u * i].xyz));
     set_line_along(way);
-    return finish_any(place, i, ray_to_light(way), hits[i].w, 3u);
+    finish_any(place, i, ray_to_light(way), hits[i].w, 3u);
 }
 
 @compute @workgroup_size(64)

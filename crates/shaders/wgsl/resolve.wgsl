@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units range root direction ray {intersector.test} {intersector.closest} {intersector.any} {treelets.nodes} stretch_ahead closest pixels camera eye seen any_pairs any from_triangle shade is_blocked {intersector.tiles} to_light
+//! use params ieee rest divide exact units range root direction ray {intersector.test} {intersector.closest} {intersector.any} {treelets.nodes} stretch_ahead closest pixels camera eye seen any_pairs any from_triangle shade is_blocked {intersector.tiles} to_light
 // What each pixel's ray hits, by the visibility buffer, and its shadow: see "Rasters" in ARCHITECTURE.md. Where that does not tell
 // all, each ray goes down the tree, as in `trace_and_shadow_camera`.
 
@@ -21,7 +21,7 @@ fn miss(i: u32) {
 // What a search down the tree finds, as the visibility buffer would have it.
 fn search(i: u32, ray: Prepared) -> vec2<u32> {
     let found = find_closest(ray);
-    if count_if_cut_short(i) || found.leaf == NO_LEAF { return NOT_SEEN; }
+    if found.leaf == NO_LEAF { return NOT_SEEN; }
     let corners = turned_corners(ray, found.leaf);
     return vec2<u32>(corners.triangle, bitcast<u32>(distance_to(ray, corners, edges_of(ray, corners))));
 }

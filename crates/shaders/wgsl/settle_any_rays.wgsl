@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units range root direction ray {intersector.settle} settle_any given line_of share_any
+//! use params ieee rest divide exact units range root direction ray {intersector.settle} settle_any given line_of share_any
 // Whether given rays that `any_rays` left open meet anything.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units range root direction ray {intersector.settle} first settle_closest given line_of share_hits
+//! use params ieee rest divide exact units range root direction ray {intersector.settle} first settle_closest given line_of share_hits
 // The closest hits of given rays that `trace_rays` left open: as many invocations as there may be share the list.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

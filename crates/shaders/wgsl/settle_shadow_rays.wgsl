@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units range root direction ray {intersector.settle} settle_any from_triangle to_light shade line_to_light share_any
+//! use params ieee rest divide exact units range root direction ray {intersector.settle} settle_any from_triangle to_light shade line_to_light share_any
 // The shadows that `shadow_rays` left open.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

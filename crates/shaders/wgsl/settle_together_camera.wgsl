@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units range root direction ray {intersector.settle} {layout.nodes} first settle_closest settle_any search_together camera eye seen pixel_line share_hits from_triangle to_light shade line_to_light share_any candidates
+//! use params ieee rest divide exact units range root direction ray {intersector.settle} {layout.nodes} first settle_closest settle_any search_together camera eye seen pixel_line share_hits from_triangle to_light shade line_to_light share_any candidates
 // All that `trace_and_shadow_camera` left open, at once: workgroups share the hits, as many share the shadows, and where open
 // hits are few all others seek the shadows that they will have, a workgroup a candidate, so as not to wait for the hits.
 
@@ -13,23 +13,20 @@
 fn set_line_asked(i: u32) { set_line_along(to_light(hits[i], eye())); }
 
 // Whether the way from a candidate to the light is blocked, as its note will say.
-fn seek_shadow(i: u32, note: u32, local: u32, round: u32) {
+fn seek_shadow(i: u32, note: u32, local: u32) {
     let hit = reported(ray_of(i), blocked[note_at(note)], limits_of(i));
     let sought = seek_along(to_light(hit, eye()), hit.w, local);
-    let whole = all_loops_turn(local, round);
-    if whole && local == 0u { blocked[shadow_of(note)] = known(sought); }
+    if local == 0u { blocked[shadow_of(note)] = known(sought); }
 }
 
 fn seek_shadows(local: u32, number: u32, sharers: u32) {
     let open = begin_rounds(local, OPEN_RAYS);
     if open > MOST_RAYS { return; }
-    var round = 0u;
     for (var k = number / ABREAST; k < open; k += sharers / ABREAST) {
         let i = blocked[params.first + k];
         var note = note_after(listed(blocked[i]), number % ABREAST);
         for (var c = number % ABREAST; c < CANDIDATES && note != NO_NOTE; c += ABREAST) {
-            round += 1u;
-            seek_shadow(i, note, local, round);
+            seek_shadow(i, note, local);
             note = note_after(note, ABREAST);
         }
     }

@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units range root direction ray {intersector.settle} {layout.nodes} search_together settle_any eye from_triangle to_light shade line_to_light candidates
+//! use params ieee rest divide exact units range root direction ray {intersector.settle} {layout.nodes} search_together settle_any eye from_triangle to_light shade line_to_light candidates
 // The shadows of the hits that `trace_and_shadow_camera` left open, now that they are settled: what `settle_together_camera`
 // found of those that were candidates; of others, sought by a workgroup a ray.
 
@@ -11,24 +11,21 @@
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 
 // Writes what a search found, or lists the ray as open.
-fn keep(i: u32, sought: Sought, whole: bool) {
-    let found = select(TOO_MANY, sought.found, whole);
+fn keep(i: u32, sought: Sought) {
+    let found = sought.found;
     if found == MET || found == NO_NOTE {
         answer_any(i, found == MET, 3u);
         return;
     }
     blocked[i] = found;
     blocked[params.destination + atomicAdd(&counts[OPEN_SHADOWS], 1u)] = i;
-    if whole { settle_any(i, 3u, sought.said); } else { atomicAdd(&counts[OPEN_SHADOWS + HARD], 1u); }
+    settle_any(i, 3u, sought.said);
 }
 
 @compute @workgroup_size(64)
 fn shadow_left(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let number = group.x + group.y * groups.x;
-    if 64u * number + local < params.places { empty_place(64u * number + local); }
-    if local == 0u && number == 0u { atomicStore(&counts[OPEN_SHADOWS + LEFT], params.places); }
     let open = begin_rounds(local, OPEN_RAYS);
-    var round = 0u;
     for (var k = number; k < open; k += groups.x * groups.y) {
         let i = blocked[params.first + k];
         let hit = hits[i];
@@ -39,8 +36,6 @@ fn shadow_left(@builtin(local_invocation_index) local: u32, @builtin(workgroup_i
             continue;
         }
         let sought = seek_along(to_light(hit, eye()), hit.w, local);
-        round += 1u;
-        let whole = all_loops_turn(local, round);
-        if local == 0u { keep(i, sought, whole); }
+        if local == 0u { keep(i, sought); }
     }
 }

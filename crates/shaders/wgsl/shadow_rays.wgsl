@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units range root direction ray {intersector.test} {intersector.any} {layout.nodes} stretch_ahead any_singly any from_triangle to_light shade is_blocked
+//! use params ieee rest divide exact units range root direction ray {intersector.test} {intersector.any} {layout.nodes} stretch_ahead any_singly any from_triangle to_light shade is_blocked
 // The shadow of each given ray's hit.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

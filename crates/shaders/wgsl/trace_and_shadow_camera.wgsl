@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units range root direction ray {intersector.test} {intersector.closest} {intersector.any} {layout.nodes} stretch_ahead closest pixels camera eye seen any_singly any from_triangle to_light {intersector.way} shade is_blocked
+//! use params ieee rest divide exact units range root direction ray {intersector.test} {intersector.closest} {intersector.any} {layout.nodes} stretch_ahead closest pixels camera eye seen any_singly any from_triangle to_light {intersector.way} shade is_blocked
 // The closest hit of each pixel's ray, made here, and its shadow. Both in one go, which takes three quarters of the time
 // that two kernels took on some scenes: warps that are done with the one go on to the other.
 

@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units range root direction ray {intersector.test} {intersector.bind} {intersector.open} {intersector.closest} {layout.nodes} stretch_ahead closest pixels camera eye seen
+//! use params ieee rest divide exact units range root direction ray {intersector.test} {intersector.bind} {intersector.open} {intersector.closest} {layout.nodes} stretch_ahead closest pixels camera eye seen
 // The closest hit of each pixel's ray, made here.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

@@ -1,4 +1,4 @@
-//! use params loops ieee rest divide exact units range root direction ray {intersector.test} {intersector.closest} {intersector.any} {treelets.nodes} stretch_ahead camera eye seen any_singly any from_triangle {intersector.way} shade is_blocked {intersector.tiles} lanes_subgroup cover tile
+//! use params ieee rest divide exact units range root direction ray {intersector.test} {intersector.closest} {intersector.any} {treelets.nodes} stretch_ahead camera eye seen any_singly any from_triangle {intersector.way} shade is_blocked {intersector.tiles} lanes_subgroup cover tile
 // Closest hits of a camera's rays and their shadows, tile by tile: a subgroup of 32 each, four of them two by two.
 
 @compute @workgroup_size(128)

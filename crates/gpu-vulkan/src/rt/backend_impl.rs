@@ -6,7 +6,6 @@ use super::{DriverTreeBackend, Stale, rays_of};
 use crate::clock::Stage;
 use crate::commands::{KERNELS, RAYS};
 use crate::memory::Buffer;
-use crate::slot::Part;
 use crate::traces::{Trace, Traces, are_given};
 use ash::vk;
 use backend::{
@@ -131,7 +130,7 @@ impl Backend for DriverTreeBackend {
         assert!(self.stale >= Stale::Vertices, "positions come first");
         let bytes = self.scene().buffers.position_bytes();
         self.snapshots.ask(&self.gpu, self.position, bytes)?;
-        self.frames.record()?.split(Part::Positions)
+        self.frames.record()?.split()
     }
 
     fn submit(&mut self) -> Result<Ticket> {

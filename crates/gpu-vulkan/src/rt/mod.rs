@@ -128,7 +128,6 @@ impl DriverTreeBackend {
                 kind: gpu.adapter.kind,
                 threads: 0,
                 arithmetic: found.arithmetic,
-                loop_turns: found.loop_turns,
             },
             prefer,
             frames,

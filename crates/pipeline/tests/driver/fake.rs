@@ -111,7 +111,6 @@ impl Fake {
             kind: DeviceKind::Cpu,
             threads: 1,
             arithmetic: Arithmetic::IEEE,
-            loop_turns: None,
         };
         let fake = Self {
             device,

@@ -10,43 +10,11 @@ var<workgroup> decided: array<Decided, 16>;
 // Open rays of this submission, and whether a ray of this round has more notes.
 var<workgroup> open_rays: u32;
 var<workgroup> has_more: u32;
-// Invocations whose loops were whole, added up over all rounds, and turns of each as `turns.wgsl` counts them.
-var<workgroup> whole_so_far: atomic<u32>;
-var<workgroup> turns: array<u32, 64>;
 
 // Rays left open, the same for all of a workgroup, whose rounds begin.
 fn begin_rounds(local: u32, word: u32) -> u32 {
-    if local == 0u {
-        open_rays = atomicLoad(&counts[word]);
-        atomicStore(&whole_so_far, 0u);
-    }
+    if local == 0u { open_rays = atomicLoad(&counts[word]); }
     return workgroupUniformLoad(&open_rays);
-}
-
-// The same. Makes ready for those that notes do not settle.
-fn begin_settling(local: u32, group: u32, word: u32) -> u32 {
-    let id = 64u * group + local;
-    if id < params.places { empty_place(id); }
-    let open = begin_rounds(local, word);
-    if id == 0u { expect_hard_rays(word, open); }
-    return open;
-}
-
-// Where loops may end early, those that it happens to say nothing.
-fn expect_hard_rays(word: u32, open: u32) {
-    atomicStore(&counts[word + LEFT], params.places);
-    if loops_may_end() && open > 0u { atomicAdd(&counts[word + HARD], 1u); }
-}
-
-// Whether the loops of all of a workgroup were whole, in this round and those before, counted from 1. All of it call it.
-fn all_loops_turn(local: u32, round: u32) -> bool {
-    if !loops_may_end() { return true; }
-    // One that fell out of step is missed here, and ever after.
-    turns[local] = 0u;
-    for (var i = unforeseen(local); i < 2u; i += 1u) { turns[local] += 1u; }
-    if turns[local] == 2u { atomicAdd(&whole_so_far, 1u); }
-    workgroupBarrier();
-    return atomicLoad(&whole_so_far) == 64u * round;
 }
 
 // The note so many places on.
@@ -82,10 +50,6 @@ fn decide_notes(list: u32, local: u32) {
     }
     workgroupBarrier();
 }
-
-// How often a workgroup goes on to the next notes of its rays. Where loops may end early, no vector may be ended alone: it
-// would be missed at barriers. A turn here is at most 1100 of all loops: two notes are compared by numbers of 12 limbs.
-fn most_turns() -> u32 { return select(0xffffffffu, 48u, loops_may_end()); }
 
 // What is left of a list, and whether nothing is left to any ray of the workgroup.
 struct Rest { list: u32, all_done: bool }

@@ -2,7 +2,7 @@
 
 // The triangle that a shadow's ray leaves.
 var<private> left_out: u32;
-var<private> met_leaf: u32;
+var<private> is_met: bool;
 
 // Where the list of open rays begins.
 fn list_at() -> u32 { return params.destination; }
@@ -19,23 +19,18 @@ fn is_candidate(ray: Prepared, leaf: u32, bound: f32) -> bool {
 fn see(leaf: u32) -> bool {
     let points = points_of(records[3u * leaf].w);
     let made = decide_alone(leaf, points).made;
-    var met = made.met == 1u;
-    if made.hard == 1u { met = meet_exactly(points, 0u).met; }
-    if met { met_leaf = leaf; }
-    return met;
+    is_met = made.met == 1u;
+    if made.hard == 1u { is_met = meet_exactly(points, 0u).met; }
+    return is_met;
 }
 
-fn best_leaf() -> u32 { return met_leaf; }
-
-fn recall(leaf: u32) { met_leaf = leaf; }
-
 // Writes whether the ray at a place, whose line is set, meets anything but triangle `ignore`, and counts it as word `count`
-// of `counts` if it does; false if turns ran out before.
-fn finish_any(place: u32, i: u32, ray: Prepared, ignore: u32, count: u32) -> bool {
+// of `counts` if it does.
+fn finish_any(place: u32, i: u32, ray: Prepared, ignore: u32, count: u32) {
     left_out = ignore;
     make_line();
     set_view(ray);
-    if !walk_on(place, ray, ray.t_max) { return false; }
-    answer_any(i, met_leaf != NO_LEAF, count);
-    return true;
+    is_met = false;
+    walk(place, ray, ray.t_max);
+    answer_any(i, is_met, count);
 }

@@ -16,13 +16,6 @@ fn see(leaf: u32) -> bool {
     return false;
 }
 
-fn best_leaf() -> u32 { return first_leaf; }
-
-fn recall(leaf: u32) {
-    first_leaf = NO_LEAF;
-    if leaf != NO_LEAF { consider(leaf); }
-}
-
 // Settles a leaf's triangle by itself.
 fn consider(leaf: u32) {
     let triangle = records[3u * leaf].w;
@@ -37,15 +30,16 @@ fn consider(leaf: u32) {
     if c.met { offer(alone.made, triangle, c, false); }
 }
 
-// Writes the hit of the ray at a place, whose line is set; false if turns ran out before.
-fn finish_closest(place: u32, i: u32, ray: Prepared) -> bool {
+// Writes the hit of the ray at a place, whose line is set.
+fn finish_closest(place: u32, i: u32, ray: Prepared) {
     make_line();
     set_view(ray);
-    if !walk_on(place, ray, bitcast<f32>(hits[i].x)) { return false; }
-    var hit = MISS;
-    if first_leaf != NO_LEAF { hit = reported(ray, first_leaf, limits_of(i)); }
-    if !loops_turn(place_at(place) + TURNS) { return false; }
-    hits[i] = hit;
-    if first_leaf != NO_LEAF { atomicAdd(&counts[2], 1u); }
-    return true;
+    first_leaf = NO_LEAF;
+    walk(place, ray, bitcast<f32>(hits[i].x));
+    if first_leaf == NO_LEAF {
+        hits[i] = MISS;
+        return;
+    }
+    hits[i] = reported(ray, first_leaf, limits_of(i));
+    atomicAdd(&counts[2], 1u);
 }

@@ -2,7 +2,6 @@
 
 // Writes whether a ray met anything, and counts it as word `count` of `counts`.
 fn keep_any(i: u32, met: bool, count: u32) {
-    count_if_any_cut_short(i);
     blocked[i] = select(0u, 1u, met);
     if met { atomicAdd(&counts[count], 1u); }
 }

@@ -1,6 +1,6 @@
 // Rays that a search leaves open, and its notes of triangles for whoever settles them, as lists: one a ray, of three words a
 // note, which are a leaf, the next note, and what is known of the shadow if that leaf is hit (candidates.wgsl). In `blocked` there lie a word a ray, the list of open rays, and the notes;
-// then what `pool.wgsl` says, and a second list, of open shadows, for kernels that need both at once. Where the list of rays
+// then the stacks of `walk.wgsl`, and a second list, of open shadows, for kernels that need both at once. Where the list of rays
 // begins that a search for any hit leaves open, says `destination`.
 
 const NO_LEAF: u32 = 0xffffffffu;
@@ -12,12 +12,11 @@ const TOO_MANY: u32 = 0xfffffffeu;
 // In place of the first weight in the hit of an open ray: no weight has such bits.
 const OPEN: u32 = 0xffffffffu;
 
-// Words of `counts`: rays that are open, and notes; from the former on, rays that notes do not settle, and places that are not done.
+// Words of `counts`: rays that are open, and notes; from the former on, rays that notes do not settle.
 const OPEN_RAYS: u32 = 7u;
 const OPEN_SHADOWS: u32 = 8u;
 const NOTES: u32 = 9u;
-const HARD: u32 = 4u;
-const LEFT: u32 = 6u;
+const HARD: u32 = 3u;
 
 fn note_at(note: u32) -> u32 { return 2u * params.first + 3u * (note - FIRST_NOTE); }
 

@@ -39,12 +39,12 @@ struct Params {
     goal: u32,
     // Rounds that seek nearest neighbours.
     rounds: u32,
-    // 1 if this device may end loops early: see turns.wgsl.
-    bounded_loops: u32,
-    // Places at which rays are settled one by one: see pool.wgsl.
+    // Places at which rays are settled one by one: see walk.wgsl.
     places: u32,
     // How many notes there is room for: see notes.wgsl; or stamps: see stamps.wgsl.
     notes: u32,
+    // Of extreme rays: 0 as `exact`, 1 as `watertight` has it.
+    rule: u32,
     // The eye in scaled units.
     scaled_eye: vec3<f32>,
     // What depth is scaled by, as a power of two: see "Tiles" in ARCHITECTURE.md.
@@ -66,12 +66,6 @@ struct Params {
     // 1 if all rays are extreme, and if those are that start near the origin: range.wgsl.
     extreme: u32,
     tiny: u32,
-    // Of extreme rays: 0 as `exact`, 1 as `watertight` has it.
-    rule: u32,
-    // Fill the last row of 16 bytes.
-    pad_a: u32,
-    pad_b: u32,
-    pad_c: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

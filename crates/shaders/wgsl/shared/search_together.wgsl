@@ -5,8 +5,6 @@
 const MET: u32 = 0xfffffffdu;
 // Nodes that wait, and how many there is room for.
 const ROOM: u32 = 1024u;
-// Rounds and notes that a workgroup may take where loops are bounded, far below that bound.
-const BUDGET: u32 = 512u;
 
 var<workgroup> waiting: array<u32, ROOM>;
 var<workgroup> waiting_count: atomic<u32>;
@@ -17,9 +15,6 @@ var<workgroup> surely_met: atomic<u32>;
 var<workgroup> standing_of_round: vec2<u32>;
 // What came of the search.
 var<workgroup> outcome: u32;
-
-// Rounds so far, of all rays of this workgroup.
-var<private> spent: u32;
 
 fn wait(node: u32) { waiting[atomicAdd(&waiting_count, 1u)] = node; }
 
@@ -62,12 +57,7 @@ fn begin_search(traced: bool, ray: Prepared, local: u32) {
     for (var k = local; k < params.count; k += 64u) {
         let row = params.goal + 2u * k;
         if meets_box(ray, nodes[row], nodes[row + 1u], ray.t_max) { wait(nodes[row].w); }
-        spent += 1u;
     }
-}
-
-fn is_too_long(waits: u32) -> bool {
-    return waits + 64u > ROOM || (loops_may_end() && spent + atomicLoad(&note_count) > BUDGET);
 }
 
 // How many nodes wait, and whether to end: 1 if there is an answer, 2 if there will be none.
@@ -75,7 +65,7 @@ fn stand_of_round(local: u32) -> vec2<u32> {
     if local == 0u {
         let waits = atomicLoad(&waiting_count);
         let over = waits == 0u || atomicLoad(&surely_met) == 1u;
-        standing_of_round = vec2<u32>(waits, select(select(0u, 2u, is_too_long(waits)), 1u, over));
+        standing_of_round = vec2<u32>(waits, select(select(0u, 2u, waits + 64u > ROOM), 1u, over));
     }
     return workgroupUniformLoad(&standing_of_round);
 }
@@ -95,7 +85,6 @@ fn search_together(traced: bool, ray: Prepared, ignore: u32, local: u32) -> u32 
         if local == 0u { atomicSub(&waiting_count, taken); }
         workgroupBarrier();
         if local < taken { visit(ray, node, ignore); }
-        spent += 1u;
     }
     storageBarrier();
     if local == 0u { outcome = select(NO_NOTE, outcome_of(ray, stand.y == 2u), traced); }
@@ -104,7 +93,6 @@ fn search_together(traced: bool, ray: Prepared, ignore: u32, local: u32) -> u32 
 
 fn outcome_of(ray: Prepared, gave_up: bool) -> u32 {
     let notes = atomicLoad(&note_count);
-    spent += select(0u, notes, loops_may_end());
     if atomicLoad(&surely_met) == 1u { return MET; }
     let lost = atomicLoad(&counts[NOTES]) > params.notes && notes > 0u;
     return select(atomicLoad(&first_note), TOO_MANY, gave_up || lost);

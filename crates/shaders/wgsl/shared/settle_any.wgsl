@@ -6,7 +6,7 @@ struct Said { met: bool, hard: bool }
 fn said_by_notes(list: u32, local: u32) -> Said {
     var said = Said();
     var rest = Rest(list, false);
-    for (var turn = 0u; !rest.all_done && turn < most_turns(); turn += 1u) {
+    while !rest.all_done {
         decide_notes(rest.list, local);
         if local % 16u == 0u {
             for (var k = local / 4u; k < local / 4u + 4u; k += 1u) {
@@ -16,7 +16,6 @@ fn said_by_notes(list: u32, local: u32) -> Said {
         }
         rest = rest_of(rest.list, local);
     }
-    said.hard = said.hard || rest.list != NO_NOTE;
     return said;
 }
 

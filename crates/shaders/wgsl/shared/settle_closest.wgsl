@@ -21,12 +21,12 @@ fn first_of_notes(list: u32, local: u32) -> u32 {
     first_leaf = NO_LEAF;
     var tells = true;
     var rest = Rest(list, false);
-    for (var turn = 0u; !rest.all_done && turn < most_turns(); turn += 1u) {
+    while !rest.all_done {
         decide_notes(rest.list, local);
         if local % 16u == 0u { tells = resolve(local / 4u) && tells; }
         rest = rest_of(rest.list, local);
     }
-    return select(UNTOLD, first_leaf, tells && rest.list == NO_NOTE);
+    return select(UNTOLD, first_leaf, tells);
 }
 
 // Writes the hit of one ray, whose line is set, if its notes tell it.

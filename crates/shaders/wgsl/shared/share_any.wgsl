@@ -2,8 +2,7 @@
 
 // What is met is counted as word `count` of `counts`, what was left open as word `count + 5`.
 fn settle_queries(local: u32, number: u32, sharers: u32, count: u32) {
-    let open = begin_settling(local, number, count + 5u);
-    var round = 0u;
+    let open = begin_rounds(local, count + 5u);
     for (var first = RAYS * number; first < open; first += RAYS * sharers) {
         let k = first + local / 16u;
         var i = 0u;
@@ -14,8 +13,6 @@ fn settle_queries(local: u32, number: u32, sharers: u32, count: u32) {
             set_line_asked(i);
         }
         let said = said_by_notes(list, local);
-        round += 1u;
-        let whole = all_loops_turn(local, round);
-        if whole && k < open && local % 16u == 0u { settle_any(i, count, said); }
+        if k < open && local % 16u == 0u { settle_any(i, count, said); }
     }
 }

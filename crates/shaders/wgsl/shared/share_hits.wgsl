@@ -1,8 +1,7 @@
 // A list of open hits, shared by workgroups. Who uses it says what a ray's line is, and the ray: `set_line_of`, `ray_of`.
 
 fn settle_hits(local: u32, number: u32, sharers: u32) {
-    let open = begin_settling(local, number, OPEN_RAYS);
-    var round = 0u;
+    let open = begin_rounds(local, OPEN_RAYS);
     for (var first = RAYS * number; first < open; first += RAYS * sharers) {
         let k = first + local / 16u;
         var i = 0u;
@@ -13,8 +12,6 @@ fn settle_hits(local: u32, number: u32, sharers: u32) {
             set_line_of(i);
         }
         let leaf = first_of_notes(list, local);
-        round += 1u;
-        let whole = all_loops_turn(local, round);
-        if whole && k < open && local % 16u == 0u { settle_closest(i, ray_of(i), leaf); }
+        if k < open && local % 16u == 0u { settle_closest(i, ray_of(i), leaf); }
     }
 }

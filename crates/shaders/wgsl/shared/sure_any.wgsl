@@ -19,12 +19,7 @@ fn ask_any(ray: Prepared, ignore: u32) -> bool {
 
 // Writes whether a ray met anything, and counts it as word `count` of `counts`; lists it by `count + 5` from word
 // `destination` on, with its notes, if nobody knows yet.
-fn keep_any(i: u32, said: bool, count: u32) {
-    var met = said;
-    if was_cut_short(i) {
-        met = false;
-        notes = TOO_MANY;
-    }
+fn keep_any(i: u32, met: bool, count: u32) {
     if met {
         blocked[i] = 1u;
         atomicAdd(&counts[count], 1u);

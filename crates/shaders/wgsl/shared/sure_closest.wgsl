@@ -28,7 +28,6 @@ fn see_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
 
 // What is written for a ray: its hit, or what is known for whoever settles it.
 fn hit_of(i: u32, ray: Prepared, found: Found) -> vec4<u32> {
-    if was_cut_short(i) { return left_open(i, ray.t_max, TOO_MANY); }
     if found.other < NEVER && found.other <= found.bound {
         var notes = found.notes;
         if found.leaf != NO_LEAF { notes = with_note(notes, found.leaf); }

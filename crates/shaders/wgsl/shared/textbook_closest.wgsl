@@ -18,7 +18,7 @@ fn see_closest(ray: Prepared, leaf: u32, best: Found) -> Found {
 
 // What is written for a ray, t in the ray's own units.
 fn hit_of(i: u32, ray: Prepared, best: Found) -> vec4<u32> {
-    if count_if_cut_short(i) || best.triangle == 0xffffffffu { return MISS; }
+    if best.triangle == 0xffffffffu { return MISS; }
     atomicAdd(&counts[2], 1u);
     let t = in_ray_units(best.t, ray.exponent);
     return vec4<u32>(t, bitcast<u32>(best.u), bitcast<u32>(best.v), best.triangle);

@@ -24,7 +24,7 @@ fn scale_bits(bits: u32, m: i32) -> f32 {
 // A coordinate in scaled units; below 2^-64 it is zero.
 fn scaled_coordinate(bits: u32) -> f32 {
     var x = bitcast<f32>(bits);
-    if (params.scale_exponent | i32(unforeseen(bits))) != 0 { x = scale_bits(bits, -params.scale_exponent); }
+    if params.scale_exponent != 0 { x = scale_bits(bits, -params.scale_exponent); }
     return snapped(x);
 }
 

@@ -36,7 +36,7 @@ fn earlier(t: f32, leaf: u32, other_t: f32, other: u32) -> Found {
 
 // What is written for a ray, t in the ray's own units.
 fn hit_of(i: u32, ray: Prepared, found: Found) -> vec4<u32> {
-    if count_if_cut_short(i) || found.leaf == NO_LEAF { return MISS; }
+    if found.leaf == NO_LEAF { return MISS; }
     atomicAdd(&counts[2], 1u);
     let corners = turned_corners(ray, found.leaf);
     let c = crossing(edges_of(ray, corners));

@@ -1,2 +1,0 @@
-// Zero.
-fn unforeseen(x: u32) -> u32 { return 0u; }
