@@ -3,14 +3,14 @@
 use backend::{Backend, Generation, Hits, Intersector, Layout, Method, Query, Result};
 use bvh_build::Cancel;
 use geom::{Animation, Point, Pose};
-use pipeline::Workbench;
+use pipeline::TreeBuilder;
 use std::sync::Arc;
 
 /// A backend that traces one animation.
 pub struct Stage {
     backend: Box<dyn Backend>,
     animation: Arc<Animation>,
-    tools: Workbench,
+    tools: TreeBuilder,
     generation: Generation,
 }
 
@@ -52,7 +52,7 @@ impl Stage {
         let mut stage = Self {
             backend,
             animation: Arc::clone(animation),
-            tools: Workbench::new(),
+            tools: TreeBuilder::new(),
             generation: Generation(0),
         };
         stage

@@ -1,7 +1,7 @@
 //! The builder: a reusable workspace round the recursion.
 
 use crate::gather::{Gathered, gather};
-use crate::node::{self, Errand, Node};
+use crate::node::{self, BuildTask, Node};
 use crate::prim::Prim;
 use crate::{BinaryTree, Boxes, Cancel};
 use geom::Point;
@@ -32,15 +32,15 @@ impl Builder {
     }
 
     /// From now on puts first, of two children that a plane parts, the one that lies nearer to a point, as
-    /// [`crate::face`] does, which costs nothing here. So rays to that point find sooner what blocks them. The trees are
+    /// [`crate::order_toward`] does, which costs nothing here. So rays to that point find sooner what blocks them. The trees are
     /// the same otherwise.
-    pub fn face(&mut self, toward: Option<Point>) {
+    pub fn order_toward(&mut self, toward: Option<Point>) {
         self.toward = toward;
     }
 
-    /// The point that trees face, if any.
+    /// The point that children are ordered toward, if any.
     #[must_use]
-    pub fn facing(&self) -> Option<Point> {
+    pub fn ordered_toward(&self) -> Option<Point> {
         self.toward
     }
 
@@ -111,7 +111,7 @@ impl Builder {
             depth,
         };
         let toward = self.toward.map(|point| point.map(|x| x * factor));
-        node::build(root, Errand { cancel, toward })
+        node::build(root, BuildTask { cancel, toward })
     }
 }
 
@@ -154,9 +154,9 @@ mod tests {
     }
 
     /// Boxes that cancel the build while it reads the last of them.
-    struct Impatient<'a>(Vec<Aabb>, &'a Cancel, AtomicU32);
+    struct CancelledAfter<'a>(Vec<Aabb>, &'a Cancel, AtomicU32);
 
-    impl Boxes for Impatient<'_> {
+    impl Boxes for CancelledAfter<'_> {
         fn len(&self) -> usize {
             self.0.len()
         }
@@ -178,7 +178,7 @@ mod tests {
         before.cancel();
         let early = builder.build(&row(9)[..], &before, &mut tree);
         assert_eq!((early, tree.leaf_count()), (Err(BuildError::Cancelled), 0));
-        let boxes = Impatient(row(20_000), &during, AtomicU32::new(0));
+        let boxes = CancelledAfter(row(20_000), &during, AtomicU32::new(0));
         let late = builder.build(&boxes, &during, &mut tree);
         assert_eq!((late, tree.root()), (Err(BuildError::Cancelled), None));
         assert!(tree.left_leaves().is_empty());

@@ -2,24 +2,24 @@
 //!
 //! Binned surface-area-heuristic builds (Wald, *On fast Construction of
 //! SAH-based Bounding Volume Hierarchies*, 2007) down to exactly one triangle a
-//! leaf. The tree depends on the boxes and the point that it is to face, not on the number of
+//! leaf. The tree depends on the boxes and the point that children are ordered toward, not on the number of
 //! threads, and its depth is at most [`MAX_DEPTH`] whatever the input. Parallel work runs in
 //! the rayon pool that the caller installed. [`Builder`] builds for one moment,
-//! [`TemporalBuilder`] for several at once, [`Regrouper`] from an earlier tree.
+//! [`TemporalBuilder`] for several at once, [`SubtreeRebuilder`] from an earlier tree.
 
 mod bins;
 mod boxes;
 mod builder;
 mod cancel;
 mod cost;
-mod facing;
 mod gather;
 mod hull;
 mod node;
+mod occluder_first;
 mod partition;
 mod prim;
-mod regroup;
 mod small;
+mod subtrees;
 mod temporal;
 mod tiny;
 mod tree;
@@ -28,8 +28,8 @@ pub use boxes::Boxes;
 pub use builder::{BuildError, Builder};
 pub use cancel::Cancel;
 pub use cost::sah_cost;
-pub use facing::face;
-pub use regroup::{Costs, Regrouper};
+pub use occluder_first::order_toward;
+pub use subtrees::{Costs, SubtreeRebuilder};
 pub use temporal::{MAX_MOMENTS, Moment, TemporalBuilder, temporal_cost};
 pub use tree::{BinaryTree, Subtree};
 

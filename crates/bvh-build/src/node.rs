@@ -1,7 +1,7 @@
 //! The recursion: one node, its plane, its two children.
 
 use crate::bins::{Bins, CHUNK, Counts, Grid, Plane};
-use crate::facing::reach;
+use crate::occluder_first::reach;
 use crate::partition::{partition, partition_parallel};
 use crate::prim::{Bounds, Extents, Prim};
 use crate::{BuildError, Cancel, MAX_DEPTH, small};
@@ -37,13 +37,13 @@ struct Split {
 
 /// What all nodes of a build have in common.
 #[derive(Clone, Copy)]
-pub(crate) struct Errand<'a> {
+pub(crate) struct BuildTask<'a> {
     pub(crate) cancel: &'a Cancel,
     /// Where rays go for which the order of children counts.
     pub(crate) toward: Option<Point>,
 }
 
-impl Errand<'_> {
+impl BuildTask<'_> {
     /// Whether what lies right of a plane comes first.
     fn right_first(self, sides: [Bounds; 2]) -> bool {
         self.toward.is_some_and(|point| {
@@ -60,52 +60,52 @@ impl Errand<'_> {
 ///
 /// Were subtrees built while large nodes are still to be divided, a thread that waits for the rest of such a node would
 /// meanwhile take up a subtree, and all that the node leads to would wait for that.
-pub(crate) fn build(root: Node<'_>, errand: Errand<'_>) -> Result<(), BuildError> {
+pub(crate) fn build(root: Node<'_>, task: BuildTask<'_>) -> Result<(), BuildError> {
     let others = rayon::current_num_threads() - 1;
     let share = root.prims.len() / (SUBTREES_A_THREAD * others).max(1);
     let is_large = |node: &Node<'_>| node.prims.len() > share.max(PARALLEL_NODE);
     let (mut wave, mut subtrees) = (vec![root], Vec::new());
     while !wave.is_empty() {
-        if errand.cancel.is_cancelled() {
+        if task.cancel.is_cancelled() {
             return Err(BuildError::Cancelled);
         }
         let (large, small): (Vec<_>, Vec<_>) = wave.into_iter().partition(is_large);
         subtrees.extend(small);
-        let halves = large.into_par_iter().flat_map_iter(|n| divide(n, errand));
+        let halves = large.into_par_iter().flat_map_iter(|n| divide(n, task));
         wave = halves.collect();
     }
     subtrees.sort_by_key(|node| Reverse(node.prims.len()));
     let each = subtrees.into_par_iter().with_max_len(1);
-    each.try_for_each(|node| build_subtree(node, errand))
+    each.try_for_each(|node| build_subtree(node, task))
 }
 
 /// Builds the subtree of `node`.
-fn build_subtree(node: Node<'_>, errand: Errand<'_>) -> Result<(), BuildError> {
+fn build_subtree(node: Node<'_>, task: BuildTask<'_>) -> Result<(), BuildError> {
     let leaves = node.prims.len();
     if leaves <= small::MOST {
-        let at = (node.depth, errand.toward);
+        let at = (node.depth, task.toward);
         small::build(node.prims, node.left_leaves, node.order, at);
         return Ok(());
     }
     if leaves <= PARALLEL_CHILDREN {
-        let [first, second] = divide(node, errand);
-        build_subtree(first, errand)?;
-        return build_subtree(second, errand);
+        let [first, second] = divide(node, task);
+        build_subtree(first, task)?;
+        return build_subtree(second, task);
     }
-    if errand.cancel.is_cancelled() {
+    if task.cancel.is_cancelled() {
         return Err(BuildError::Cancelled);
     }
-    let [first, second] = divide(node, errand);
+    let [first, second] = divide(node, task);
     let (a, b) = join(
-        || build_subtree(first, errand),
-        || build_subtree(second, errand),
+        || build_subtree(first, task),
+        || build_subtree(second, task),
     );
     a.and(b)
 }
 
-fn divide<'a>(node: Node<'a>, errand: Errand<'_>) -> [Node<'a>; 2] {
+fn divide<'a>(node: Node<'a>, task: BuildTask<'_>) -> [Node<'a>; 2] {
     match find_split(&node) {
-        Some(split) => divide_by(node, &split, errand.right_first(split.boxes)),
+        Some(split) => divide_by(node, &split, task.right_first(split.boxes)),
         None => halve(node),
     }
 }

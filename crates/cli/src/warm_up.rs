@@ -2,7 +2,7 @@
 //!
 //! Opening a device, compiling kernels and building a first tree leave it idle for milliseconds to seconds. So a run's
 //! first frame, which waits for all of that, is followed by traces of it that nobody counts, for a while and until they
-//! take as long as they did before. The scene does not move on, and no tree ages ([`pipeline::Driver::rehearse`]).
+//! take as long as they did before. The scene does not move on, and no tree ages ([`pipeline::Driver::warm_up`]).
 
 use backend::{DeviceKind, FrameReport, Query};
 use pipeline::{Driver, Frame, FrameRecord, PipelineError};
@@ -131,7 +131,7 @@ fn warm(
 ) -> Result<Warmed, PipelineError> {
     let begun = Instant::now();
     let mut seen = Seen::default();
-    driver.rehearse(query, |report: &FrameReport| {
+    driver.warm_up(query, |report: &FrameReport| {
         let now = begun.elapsed().as_secs_f64();
         seen.note(now, report.times.device_ms);
         now < least || (now < most && !seen.is_steady())

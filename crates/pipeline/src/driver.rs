@@ -2,16 +2,16 @@
 
 mod own;
 mod pending;
-mod rehearse;
 mod trees;
+mod warm_up;
 
-use crate::foresight::Foresight;
+use crate::builder_pool::BuilderPool;
+use crate::builder_thread::BuilderThread;
 use crate::frame::{Frame, FrameRecord};
+use crate::latency::LatencyPredictor;
 use crate::options::{Options, PipelineError};
 use crate::schedule::{Pace, Schedule, Update};
-use crate::toolroom::Toolroom;
-use crate::workbench::{Forms, Made};
-use crate::workshop::Workshop;
+use crate::tree_builder::{Forms, Made};
 use backend::{Backend, FRAMES_IN_FLIGHT, Hits, Query};
 use bvh_layout::Spare;
 use geom::{Animation, Point, Pose};
@@ -19,7 +19,7 @@ use pending::{Beginning, Pending};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
-use trees::{FIRST, Flight, Tree};
+use trees::{FIRST, PendingBuild, Tree};
 
 /// Owns a backend and renders frames with it.
 pub struct Driver {
@@ -27,13 +27,13 @@ pub struct Driver {
     animation: Arc<Animation>,
     options: Options,
     schedule: Schedule,
-    foresight: Foresight,
-    toolroom: Arc<Toolroom>,
-    workshop: Workshop,
+    predictor: LatencyPredictor,
+    builder_pool: Arc<BuilderPool>,
+    builder_thread: BuilderThread,
     /// The tree in use; none before the first frame.
     tree: Option<Tree>,
     /// The build in flight.
-    flight: Option<Flight>,
+    build: Option<PendingBuild>,
     /// What came of the last build, until its boundary.
     finished: Option<Made>,
     /// The last adopted record's memory, for the next one.
@@ -65,13 +65,13 @@ impl Driver {
         if options.update == Update::DeviceRebuild {
             backend.check_rebuild()?;
         }
-        let toolroom = Arc::new(Toolroom::new(
+        let builder_pool = Arc::new(BuilderPool::new(
             options.builder_threads,
             Forms::wanted_by(backend.as_ref()),
         )?);
-        let workshop = {
-            let (toolroom, animation) = (Arc::clone(&toolroom), Arc::clone(&animation));
-            Workshop::new(move |job, cancel| toolroom.do_job(&animation, job, cancel))
+        let builder_thread = {
+            let (builder_pool, animation) = (Arc::clone(&builder_pool), Arc::clone(&animation));
+            BuilderThread::new(move |job, cancel| builder_pool.do_job(&animation, job, cancel))
         };
         let agreed = match options.update {
             Update::Async(Pace::Lockstep(k)) => Some(k),
@@ -82,11 +82,11 @@ impl Driver {
             animation,
             options,
             schedule: Schedule::new(options.update, FIRST),
-            foresight: Foresight::new(options.time_range, agreed),
-            toolroom,
-            workshop,
+            predictor: LatencyPredictor::new(options.time_range, agreed),
+            builder_pool,
+            builder_thread,
             tree: None,
-            flight: None,
+            build: None,
             finished: None,
             spare: Spare::default(),
             left_last: false,
@@ -112,7 +112,7 @@ impl Driver {
     /// Whether a builder thread was ever started.
     #[must_use]
     pub fn has_builder(&self) -> bool {
-        self.workshop.is_open()
+        self.builder_thread.is_open()
     }
 
     /// Renders `frames` in order, keeping as many under way as the backend allows,
@@ -160,8 +160,8 @@ impl Driver {
         self.beginning = Beginning::default();
         let pose = self.animation.pose(frame.time);
         self.light = query.seek.light();
-        self.foresight.frame(frame.time, begun);
-        self.hear_from_builder()?;
+        self.predictor.frame(frame.time, begun);
+        self.poll_builder()?;
         let stale = if self.makes_trees() {
             self.record_own_tree(pose)?
         } else {
@@ -171,7 +171,7 @@ impl Driver {
         self.record_stages(stale, query)?;
         let handed_in = Instant::now();
         let ticket = self.backend.submit()?;
-        self.hear_from_builder()?;
+        self.poll_builder()?;
         let tree = self.tree.as_ref().expect("a frame is traced with a tree");
         self.pending.push_back(Pending {
             ticket,
@@ -206,7 +206,7 @@ impl Driver {
             self.backend.hits(pending.ticket, hits)?;
         }
         let read = Instant::now();
-        self.hear_from_builder()?;
+        self.poll_builder()?;
         let device_bytes = self.backend.device_bytes();
         Ok(Some(FrameRecord {
             device_bytes,
@@ -228,8 +228,8 @@ impl Driver {
         let Some(tree) = &self.tree else {
             return self.first_tree(pose);
         };
-        let newest = self.flight.as_ref().map_or(tree.pose, |f| f.pose);
-        self.weigh_finished();
+        let newest = self.build.as_ref().map_or(tree.pose, |f| f.pose);
+        self.review_finished();
         let wanted = self.wanted(pose);
         let outdated = newest != wanted && self.may_ask();
         let plan = self.schedule.begin_frame(self.frames, outdated);
@@ -239,7 +239,7 @@ impl Driver {
     /// Brings positions to `pose`; says whether records and boxes must follow.
     fn record_geometry(&mut self, pose: Pose) -> Result<bool, PipelineError> {
         let asked = self
-            .flight
+            .build
             .as_ref()
             .is_some_and(|f| f.frame == self.frames && f.arrived.is_none());
         let moved = self.pose != Some(pose);

@@ -1,6 +1,6 @@
 //! One frame: what is asked for, and what came of it.
 
-use crate::workbench::BuildMoments;
+use crate::tree_builder::BuildMoments;
 use backend::{DeviceBytes, FrameReport, Generation, StageTimes};
 use geom::Pose;
 use std::time::Instant;

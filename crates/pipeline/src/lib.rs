@@ -3,28 +3,28 @@
 //! The asynchronous scheme of Ize, Wald, Parker (*Asynchronous BVH
 //! Construction for Ray Tracing Dynamic Scenes*, 2007) as Kim, Kim, Lee, Han
 //! (2014) split it between a device and its host. [`Schedule`] decides and
-//! knows no thread and no clock; [`Workshop`] builds on a thread of its own;
+//! knows no thread and no clock; [`BuilderThread`] builds on a thread of its own;
 //! [`Driver`] owns the backend, carries out what the schedule says and never
-//! waits for the workshop, unless [`Pace::Lockstep`] asks for it. Each
+//! waits for it, unless [`Pace::Lockstep`] asks for it. Each
 //! [`FrameRecord`] says when what was done; [`place_on_host`] says where the
 //! device's share of it lies.
 
+mod builder_pool;
+mod builder_thread;
 mod device_clock;
 mod driver;
-mod foresight;
 mod frame;
 mod gathering;
+mod latency;
 mod options;
 mod sampling;
 mod schedule;
-mod toolroom;
-mod workbench;
-mod workshop;
+mod tree_builder;
 
+pub use builder_thread::{BuildFailed, BuilderThread, Job};
 pub use device_clock::{Span, place_on_host};
 pub use driver::Driver;
 pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments};
 pub use options::{Options, PipelineError};
 pub use schedule::{Pace, Plan, Schedule, Swap, Update};
-pub use workbench::{BuildMoments, Built, Forms, Made, Manner, Vertices, Workbench};
-pub use workshop::{BuildFailed, Job, Workshop};
+pub use tree_builder::{BuildMoments, BuildStrategy, Built, Forms, Made, TreeBuilder, Vertices};

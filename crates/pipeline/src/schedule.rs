@@ -52,11 +52,11 @@ pub struct Swap {
 pub struct Schedule {
     update: Update,
     newest: Generation,
-    flight: Option<Flight>,
+    pending: Option<PendingBuild>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Flight {
+struct PendingBuild {
     generation: Generation,
     asked_at: u64,
     finished: bool,
@@ -69,7 +69,7 @@ impl Schedule {
         Self {
             update,
             newest: first,
-            flight: None,
+            pending: None,
         }
     }
 
@@ -78,7 +78,7 @@ impl Schedule {
     pub fn begin_frame(&mut self, frame: u64, outdated: bool) -> Plan {
         let swap = self.swap_due(frame);
         if swap.is_some() {
-            self.flight = None;
+            self.pending = None;
         }
         // A tree swapped in just now was built for an earlier frame, unless nothing moved since.
         let ask = if outdated { self.ask(frame) } else { None };
@@ -91,37 +91,37 @@ impl Schedule {
 
     /// The builder has finished `generation`.
     pub fn finished(&mut self, generation: Generation) {
-        if let Some(flight) = self.flight.as_mut().filter(|f| f.generation == generation) {
-            flight.finished = true;
+        if let Some(pending) = self.pending.as_mut().filter(|f| f.generation == generation) {
+            pending.finished = true;
         }
     }
 
     /// The builder gave `generation` up; the tree in use stays.
     pub fn failed(&mut self, generation: Generation) {
-        self.flight.take_if(|f| f.generation == generation);
+        self.pending.take_if(|f| f.generation == generation);
     }
 
     /// The tree asked for at once was swapped in, within the frame that asked.
     pub fn swapped_at_once(&mut self, generation: Generation) {
-        self.flight.take_if(|f| f.generation == generation);
+        self.pending.take_if(|f| f.generation == generation);
     }
 
     /// The build in flight, if any.
     #[must_use]
     pub fn in_flight(&self) -> Option<Generation> {
-        self.flight.map(|f| f.generation)
+        self.pending.map(|f| f.generation)
     }
 
     fn swap_due(&self, frame: u64) -> Option<Swap> {
-        let flight = self.flight?;
-        let generation = flight.generation;
+        let pending = self.pending?;
+        let generation = pending.generation;
         match self.update {
-            Update::Async(Pace::Lockstep(k)) => (frame >= flight.asked_at + u64::from(k))
+            Update::Async(Pace::Lockstep(k)) => (frame >= pending.asked_at + u64::from(k))
                 .then_some(Swap {
                     generation,
-                    wait: !flight.finished,
+                    wait: !pending.finished,
                 }),
-            _ => flight.finished.then_some(Swap {
+            _ => pending.finished.then_some(Swap {
                 generation,
                 wait: false,
             }),
@@ -133,12 +133,12 @@ impl Schedule {
             self.update,
             Update::Refit | Update::TSah | Update::DeviceRebuild
         );
-        if self.flight.is_some() || nobody {
+        if self.pending.is_some() || nobody {
             return None;
         }
         self.newest = Generation(self.newest.0 + 1);
         let generation = self.newest;
-        self.flight = Some(Flight {
+        self.pending = Some(PendingBuild {
             generation,
             asked_at: frame,
             finished: false,

@@ -1,12 +1,12 @@
 //! The driver's dealings with trees: asking, passing vertices on, hearing, swapping.
 
 use super::Driver;
+use crate::builder_thread::{BuildFailed, Job};
 use crate::frame::{Adopted, Submission, TreeMoments};
 use crate::options::PipelineError;
 use crate::sampling;
 use crate::schedule::{Pace, Plan, Swap, Update};
-use crate::workbench::{Built, Made, Vertices};
-use crate::workshop::{BuildFailed, Job};
+use crate::tree_builder::{Built, Made, Vertices};
 use backend::Generation;
 use geom::{Point, Pose};
 use std::time::Instant;
@@ -27,7 +27,7 @@ pub(super) struct Tree {
 }
 
 /// A tree on its way: which one, for which frame and pose.
-pub(super) struct Flight {
+pub(super) struct PendingBuild {
     pub(super) generation: Generation,
     pub(super) frame: u64,
     pub(super) pose: Pose,
@@ -46,14 +46,14 @@ pub(super) struct Flight {
 
 impl Driver {
     /// Passes vertices on to the builder and takes finished trees. Never waits.
-    pub(super) fn hear_from_builder(&mut self) -> Result<(), PipelineError> {
-        if self.flight.as_ref().is_some_and(|f| f.arrived.is_none())
+    pub(super) fn poll_builder(&mut self) -> Result<(), PipelineError> {
+        if self.build.as_ref().is_some_and(|f| f.arrived.is_none())
             && let Some((_, positions)) = self.backend.take_positions()?
         {
             let read = bytes(self.animation.vertex_count());
             self.start_build(Vertices::ReadBack(positions), read);
         }
-        if let Some((generation, result)) = self.workshop.try_take() {
+        if let Some((generation, result)) = self.builder_thread.try_take() {
             self.file(generation, result);
         }
         Ok(())
@@ -61,41 +61,42 @@ impl Driver {
 
     /// The pose that a tree asked for now should be built for, at a frame that stands at `pose`.
     pub(super) fn wanted(&self, pose: Pose) -> Pose {
-        if self.looks_ahead() {
-            self.animation.pose(self.foresight.middle_of_use())
+        if self.predicts() {
+            self.animation.pose(self.predictor.middle_of_use())
         } else {
             pose
         }
     }
 
     fn halves(&self) -> [Pose; 2] {
-        self.poses(self.foresight.halves_of_use())
+        self.poses(self.predictor.halves_of_use())
     }
 
     fn poses(&self, times: [f64; 2]) -> [Pose; 2] {
         times.map(|time| self.animation.pose(time))
     }
 
-    /// Has the foresight know how long a finished tree took, and the schedule when to swap to it: at once, but for trees
+    /// Tells the predictor how long a finished tree took, and the schedule when to swap to it: at once, but for trees
     /// that were built for a moment to come, if the last one's is nearer still. One whose moment is too far off is left.
-    pub(super) fn weigh_finished(&mut self) {
-        let ahead = self.looks_ahead() && self.may_reject();
-        let (Some(made), Some(flight)) = (&self.finished, &mut self.flight) else {
+    pub(super) fn review_finished(&mut self) {
+        let ahead = self.predicts() && self.may_reject();
+        let (Some(made), Some(pending)) = (&self.finished, &mut self.build) else {
             return;
         };
-        if flight.latency.is_none() {
-            let frames = self.frames - flight.frame;
-            flight.latency = Some(frames);
+        if pending.latency.is_none() {
+            let frames = self.frames - pending.frame;
+            pending.latency = Some(frames);
             if let Made::Tree(built) = made {
-                self.foresight.came_after(frames, built.manner);
-                self.foresight.next_is(built.next);
+                self.predictor.observe_latency(frames, built.strategy);
+                self.predictor.next_strategy_is(built.next);
             }
         }
         let last = self.tree.as_ref().map_or(f64::NAN, |tree| tree.middle);
-        let is_ripe = matches!(made, Made::NoBetter) || self.foresight.is_ripe(last, flight.middle);
-        let generation = flight.generation;
-        if ahead && !is_ripe {
-            if !self.foresight.another_comes_first(last, flight.middle) {
+        let should_adopt =
+            matches!(made, Made::NoBetter) || self.predictor.should_adopt(last, pending.middle);
+        let generation = pending.generation;
+        if ahead && !should_adopt {
+            if !self.predictor.newer_tree_due_first(last, pending.middle) {
                 return;
             }
             self.leave_finished();
@@ -113,7 +114,7 @@ impl Driver {
 
     /// Whether it is known when a tree asked for now would be in use, or of no account.
     pub(super) fn may_ask(&self) -> bool {
-        self.foresight.has_ground() || !self.may_reject()
+        self.predictor.has_ground() || !self.may_reject()
     }
 
     /// In lockstep each tree is swapped in, whatever its cost.
@@ -121,7 +122,7 @@ impl Driver {
         self.options.update == Update::Async(Pace::Free)
     }
 
-    fn looks_ahead(&self) -> bool {
+    fn predicts(&self) -> bool {
         self.options.predict && !self.schedule.waits_at_once()
     }
 
@@ -133,16 +134,16 @@ impl Driver {
         let Some(generation) = plan.ask else {
             return Ok(());
         };
-        let flight = self.ask(generation, pose);
+        let pending = self.ask(generation, pose);
         if plan.at_once {
-            let built = self.build_now(flight, None)?;
+            let built = self.build_now(pending, None)?;
             self.schedule.swapped_at_once(generation);
-            if let Ok((built, flight)) = built {
-                self.adopt(built, &flight)?;
+            if let Ok((built, pending)) = built {
+                self.adopt(built, &pending)?;
             }
         } else {
-            self.flight = Some(flight);
-            if self.looks_ahead() {
+            self.build = Some(pending);
+            if self.predicts() {
                 self.start_build(Vertices::KeyFrames(pose), 0);
             }
         }
@@ -151,54 +152,54 @@ impl Driver {
 
     /// Builds the first tree, while the first frame waits.
     pub(super) fn first_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
-        let mut flight = self.ask(FIRST, pose);
+        let mut pending = self.ask(FIRST, pose);
         let made = if self.options.update == Update::TSah {
-            self.build_for_all(flight)
+            self.build_for_all(pending)
         } else {
             let halves = self.first_halves();
-            flight.middle = halves.map_or(flight.middle, |[a, b]| f64::midpoint(a, b));
-            self.build_now(flight, halves.map(|times| self.poses(times)))?
+            pending.middle = halves.map_or(pending.middle, |[a, b]| f64::midpoint(a, b));
+            self.build_now(pending, halves.map(|times| self.poses(times)))?
         };
-        let (built, flight) = made.map_err(|e| PipelineError::FirstTree(e.reason))?;
+        let (built, pending) = made.map_err(|e| PipelineError::FirstTree(e.reason))?;
         let moments = &built.moments;
-        self.foresight.first_took(moments.ended - moments.begun);
-        self.adopt(built, &flight)
+        self.predictor.first_took(moments.ended - moments.begun);
+        self.adopt(built, &pending)
     }
 
-    fn ask(&mut self, generation: Generation, pose: Pose) -> Flight {
+    fn ask(&mut self, generation: Generation, pose: Pose) -> PendingBuild {
         self.beginning.asked = Some(generation);
         let may_reject = self.may_reject();
-        let middle = self.foresight.middle_of_use();
-        Flight {
+        let middle = self.predictor.middle_of_use();
+        PendingBuild {
             generation,
             frame: self.frames,
             pose,
             middle,
             asked: Instant::now(),
             latency: None,
-            halves: self.looks_ahead().then(|| self.halves()),
+            halves: self.predicts().then(|| self.halves()),
             rival_at: may_reject.then(|| self.animation.pose(middle)),
             arrived: None,
         }
     }
 
     fn start_build(&mut self, vertices: Vertices, read_back: u64) {
-        let Some(flight) = self.flight.as_mut() else {
+        let Some(pending) = self.build.as_mut() else {
             return;
         };
         // Vertices are the builder's to look into: that may cost their first reader.
-        flight.arrived = Some((Instant::now(), read_back));
-        let generation = flight.generation;
+        pending.arrived = Some((Instant::now(), read_back));
+        let generation = pending.generation;
         let job = Job {
             generation,
             vertices,
-            halves: flight.halves,
-            rival_at: flight.rival_at,
+            halves: pending.halves,
+            rival_at: pending.rival_at,
             toward: self.light,
             spare: std::mem::take(&mut self.spare),
             left_last: std::mem::take(&mut self.left_last),
         };
-        if self.workshop.start(job).is_err() {
+        if self.builder_thread.start(job).is_err() {
             self.give_up(generation);
         }
     }
@@ -213,7 +214,7 @@ impl Driver {
 
     fn give_up(&mut self, generation: Generation) {
         self.schedule.failed(generation);
-        self.flight.take_if(|f| f.generation == generation);
+        self.build.take_if(|f| f.generation == generation);
     }
 
     /// Swaps to a finished tree, waiting for it only where the plan says so.
@@ -223,13 +224,13 @@ impl Driver {
             self.wait_for_builder(swap.generation)?;
             self.beginning.build_wait += start.elapsed();
         }
-        let (Some(made), Some(flight)) = (self.finished.take(), self.flight.take()) else {
+        let (Some(made), Some(pending)) = (self.finished.take(), self.build.take()) else {
             return Ok(());
         };
         match made {
-            Made::Tree(built) => self.adopt(built, &flight),
+            Made::Tree(built) => self.adopt(built, &pending),
             Made::NoBetter => {
-                self.beginning.rejected = Some(flight.generation);
+                self.beginning.rejected = Some(pending.generation);
                 Ok(())
             }
         }
@@ -237,11 +238,11 @@ impl Driver {
 
     /// Blocks until the tree in flight is finished or given up. Only lockstep comes here.
     fn wait_for_builder(&mut self, generation: Generation) -> Result<(), PipelineError> {
-        while self.finished.is_none() && self.flight.is_some() {
-            self.hear_from_builder()?;
-            let building = self.flight.as_ref().is_some_and(|f| f.arrived.is_some());
+        while self.finished.is_none() && self.build.is_some() {
+            self.poll_builder()?;
+            let building = self.build.as_ref().is_some_and(|f| f.arrived.is_some());
             if building && self.finished.is_none() {
-                match self.workshop.take() {
+                match self.builder_thread.take() {
                     Some((generation, result)) => self.file(generation, result),
                     None => self.give_up(generation),
                 }
@@ -254,18 +255,18 @@ impl Driver {
 
     /// Moments early and late in the time that the first tree is built for, if it is more than the frame.
     fn first_halves(&self) -> Option<[f64; 2]> {
-        let ahead = self.looks_ahead() && self.may_reject();
-        ahead.then(|| self.foresight.halves_of_first_use())?
+        let ahead = self.predicts() && self.may_reject();
+        ahead.then(|| self.predictor.halves_of_first_use())?
     }
 
-    /// Builds from the backend's vertices at the flight's pose while the frame waits, or from what lies between `halves`.
+    /// Builds from the backend's vertices at the build's pose while the frame waits, or from what lies between `halves`.
     fn build_now(
         &mut self,
-        mut flight: Flight,
+        mut pending: PendingBuild,
         halves: Option<[Pose; 2]>,
-    ) -> Result<Result<(Built, Flight), BuildFailed>, PipelineError> {
-        self.backend.interpolate(flight.pose)?;
-        self.pose = Some(flight.pose);
+    ) -> Result<Result<(Built, PendingBuild), BuildFailed>, PipelineError> {
+        self.backend.interpolate(pending.pose)?;
+        self.pose = Some(pending.pose);
         self.backend.request_positions()?;
         let handed_in = Instant::now();
         let ticket = self.backend.submit()?;
@@ -283,48 +284,51 @@ impl Driver {
             }
         };
         let arrived = Instant::now();
-        flight.arrived = Some((arrived, bytes(positions.len())));
+        pending.arrived = Some((arrived, bytes(positions.len())));
         let with = (self.light, std::mem::take(&mut self.spare));
         let from = (&positions[..], halves);
-        let built = self.toolroom.build(&self.animation, from, with);
+        let built = self.builder_pool.build(&self.animation, from, with);
         self.beginning.build_wait += arrived.elapsed();
-        Ok(built.map(|built| (built, flight)))
+        Ok(built.map(|built| (built, pending)))
     }
 
     /// Builds one tree for the whole time to come while the frame waits.
-    fn build_for_all(&mut self, mut flight: Flight) -> Result<(Built, Flight), BuildFailed> {
+    fn build_for_all(
+        &mut self,
+        mut pending: PendingBuild,
+    ) -> Result<(Built, PendingBuild), BuildFailed> {
         let begun = Instant::now();
-        flight.arrived = Some((begun, 0));
+        pending.arrived = Some((begun, 0));
         let samples = sampling::samples(&self.animation, self.options.time_range);
         let built =
-            self.toolroom
-                .build_for_all(&self.animation, &samples, (flight.pose, self.light));
+            self.builder_pool
+                .build_for_all(&self.animation, &samples, (pending.pose, self.light));
         self.beginning.build_wait += begun.elapsed();
-        built.map(|built| (built, flight))
+        built.map(|built| (built, pending))
     }
 
-    fn adopt(&mut self, built: Built, flight: &Flight) -> Result<(), PipelineError> {
+    fn adopt(&mut self, built: Built, pending: &PendingBuild) -> Result<(), PipelineError> {
         let taken = Instant::now();
-        self.backend.adopt(&built.topology, flight.generation)?;
+        self.backend.adopt(&built.topology, pending.generation)?;
         let adopted = Instant::now();
         self.tree = Some(Tree {
-            generation: flight.generation,
-            frame: flight.frame,
-            pose: flight.pose,
-            middle: flight.middle,
+            generation: pending.generation,
+            frame: pending.frame,
+            pose: pending.pose,
+            middle: pending.middle,
             cost: built.cost,
         });
-        let (arrived, snapshot_bytes) = flight.arrived.expect("a tree is built from vertices");
+        let (arrived, snapshot_bytes) = pending.arrived.expect("a tree is built from vertices");
         self.beginning.adopted = Some(Adopted {
-            latency_frames: flight.latency.unwrap_or(0),
+            latency_frames: pending.latency.unwrap_or(0),
             build_ms: built.build_ms,
             convert_ms: built.convert_ms,
             upload_bytes: built.topology.upload_bytes() as u64,
             snapshot_bytes,
             triangles: built.topology.leaf_count(),
-            built_for: flight.pose,
+            built_for: pending.pose,
             moments: TreeMoments {
-                asked: flight.asked,
+                asked: pending.asked,
                 arrived,
                 build: built.moments,
                 taken,

@@ -4,7 +4,7 @@ use crate::{Run, drifting, run_paced, run_scene};
 use backend::Generation;
 use bvh_build::Cancel;
 use geom::{Animation, Point, Pose};
-use pipeline::{Adopted, FrameRecord, Made, Manner, Pace, Update, Vertices, Workbench};
+use pipeline::{Adopted, BuildStrategy, FrameRecord, Made, Pace, TreeBuilder, Update, Vertices};
 use std::sync::Arc;
 
 /// Triangles in a row whose order is another in every key frame.
@@ -33,7 +33,7 @@ pub(crate) fn positions(animation: &Animation, time: f64) -> Vec<Point> {
 /// The record of a tree for one moment.
 fn tree_at(animation: &Animation, time: f64) -> Vec<u32> {
     let positions = positions(animation, time);
-    let built = Workbench::new().build(animation, &positions, &Cancel::new());
+    let built = TreeBuilder::new().build(animation, &positions, &Cancel::new());
     built.unwrap().topology.into_words()
 }
 
@@ -97,11 +97,11 @@ fn foretold(
     run: &Run,
     with_halves: bool,
 ) -> Option<Vec<(Option<Pose>, Vec<u32>)>> {
-    let (mut bench, cancel) = (Workbench::new(), Cancel::new());
+    let (mut bench, cancel) = (TreeBuilder::new(), Cancel::new());
     let halves = [0.25, 0.75].map(|time| animation.pose(time));
     let first = bench.build_swept(animation, (&positions(animation, 0.0), halves), &cancel);
     first.unwrap();
-    let (mut seen, mut next) = ([None::<f64>; 2], Manner::Scratch);
+    let (mut seen, mut next) = ([None::<f64>; 2], BuildStrategy::Scratch);
     let (mut told, mut trees) = (None::<Told>, Vec::new());
     for (i, record) in (0_u32..).zip(&run.records).skip(1) {
         if record.adopted.is_some() || record.rejected.is_some() {
@@ -110,13 +110,13 @@ fn foretold(
             let [early, middle, late]: [Pose; 3] = used?;
             let halves = with_halves.then_some([early, late]);
             let what = (Vertices::KeyFrames(middle), halves);
-            let made = bench.build_better(animation, what, Some(middle), &cancel);
+            let made = bench.rebuild(animation, what, Some(middle), &cancel);
             if let Made::Tree(tree) = made.unwrap() {
                 // Left, for its moment was too far off, if it is not adopted.
                 let adopted = record.adopted?;
                 let took = adopted.latency_frames as f64;
                 assert!(took <= f64::from(i - told?.frame));
-                let known = &mut seen[tree.manner as usize];
+                let known = &mut seen[tree.strategy as usize];
                 *known = Some(known.map_or(took, |before| f64::midpoint(before, took).min(took)));
                 next = tree.next;
                 trees.push((poses.map(|p| p[1]), tree.topology.into_words()));
@@ -133,10 +133,10 @@ fn foretold(
 }
 
 /// How many frames the next tree is expected to take.
-fn expected([scratch, groups]: [Option<f64>; 2], next: Manner) -> Option<f64> {
+fn expected([scratch, groups]: [Option<f64>; 2], next: BuildStrategy) -> Option<f64> {
     match next {
-        Manner::Scratch => scratch.or(groups.map(|l| 2.0 * l)),
-        Manner::Groups => groups.or(scratch.map(|l| (0.5 * l).max(1.0))),
+        BuildStrategy::Scratch => scratch.or(groups.map(|l| 2.0 * l)),
+        BuildStrategy::Subtrees => groups.or(scratch.map(|l| (0.5 * l).max(1.0))),
     }
 }
 
@@ -201,22 +201,20 @@ fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
 /// The tree asked for in the frame that `left` the second one, which nobody used: of groups of the first.
 fn made_after(left: &FrameRecord) -> Vec<u32> {
     let animation = many_shuffled(65, 1 << 13);
-    let (mut bench, cancel) = (Workbench::new(), Cancel::new());
+    let (mut bench, cancel) = (TreeBuilder::new(), Cancel::new());
     let pose = |time| animation.pose(time);
     let own = positions(&animation, 0.0);
     let first = bench.build_swept(&animation, (&own, [0.25, 0.75].map(pose)), &cancel);
     first.unwrap();
     let far = pose(30.0);
     let what = (Vertices::KeyFrames(far), None);
-    bench
-        .build_better(&animation, what, Some(far), &cancel)
-        .unwrap();
-    bench.take_back();
+    bench.rebuild(&animation, what, Some(far), &cancel).unwrap();
+    bench.revert();
     // Asked for in the fourth frame, it told how long trees take.
     let took = left.frame.index as f64 - 3.0;
     let at = |share: f64| pose(left.frame.time + 0.5 * (took + share * (took - 1.0)));
     let what = (Vertices::KeyFrames(at(0.5)), Some([0.25, 0.75].map(at)));
-    let next = bench.build_better(&animation, what, Some(at(0.5)), &cancel);
+    let next = bench.rebuild(&animation, what, Some(at(0.5)), &cancel);
     match next.unwrap() {
         Made::Tree(tree) => tree.topology.into_words(),
         Made::NoBetter => Vec::new(),
@@ -249,7 +247,7 @@ fn a_first_tree_that_is_used_for_nobody_knows_how_long_is_built_for_a_key_frame(
     let animation = shuffled(30);
     let halves = [0.25, 0.75].map(|time| animation.pose(time));
     let own = positions(&animation, 0.0);
-    let swept = Workbench::new().build_swept(&animation, (&own, halves), &Cancel::new());
+    let swept = TreeBuilder::new().build_swept(&animation, (&own, halves), &Cancel::new());
     let (swept, plain) = (
         swept.unwrap().topology.into_words(),
         tree_at(&animation, 0.0),

@@ -1,11 +1,11 @@
 //! The driver against a backend that does nothing but check the contract.
 
 mod ahead;
-mod facing;
 mod fake;
 mod moments;
+mod occluder_first;
 mod own;
-mod rehearse;
+mod warm_up;
 
 use backend::{Generation, Method, Query, Rays, Seek};
 use fake::{Fake, Gate, Log};

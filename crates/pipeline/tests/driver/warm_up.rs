@@ -21,7 +21,7 @@ fn facts(r: &FrameRecord) -> (Frame, Generation, u64, Option<Generation>, [bool;
 #[derive(Clone, Copy)]
 enum Uncounted {
     /// Traces.
-    Rehearse(usize),
+    WarmUp(usize),
     /// Frames.
     Repeat(usize),
 }
@@ -49,14 +49,14 @@ fn run(update: Update, predict: bool, uncounted: Uncounted) -> (Vec<FrameRecord>
             Ok::<(), PipelineError>(())
         });
         done.unwrap();
-        let (Uncounted::Rehearse(mut left) | Uncounted::Repeat(mut left)) = uncounted;
+        let (Uncounted::WarmUp(mut left) | Uncounted::Repeat(mut left)) = uncounted;
         if i == 0 && left > 0 {
             let again = |_: &_| {
                 left -= 1;
                 left > 0
             };
             let done = match uncounted {
-                Uncounted::Rehearse(_) => driver.rehearse(query, again),
+                Uncounted::WarmUp(_) => driver.warm_up(query, again),
                 Uncounted::Repeat(_) => driver.repeat(query, again),
             };
             done.unwrap();
@@ -75,7 +75,7 @@ const ALL: [(Update, bool); 6] = [
     (Update::TSah, false),
     (Update::DeviceRebuild, false),
 ];
-const NOTHING: Uncounted = Uncounted::Rehearse(0);
+const NOTHING: Uncounted = Uncounted::WarmUp(0);
 // One more is under way when there are enough.
 const ASKED: usize = 50;
 const DONE: usize = ASKED + 1;
@@ -84,7 +84,7 @@ const DONE: usize = ASKED + 1;
 fn frames_are_the_same_whatever_was_rehearsed() {
     for (update, predict) in ALL {
         let (plain, log) = run(update, predict, NOTHING);
-        let (rehearsed, more) = run(update, predict, Uncounted::Rehearse(ASKED));
+        let (rehearsed, more) = run(update, predict, Uncounted::WarmUp(ASKED));
         let of = |all: &[FrameRecord]| all.iter().map(facts).collect::<Vec<_>>();
         assert_eq!(of(&plain), of(&rehearsed), "{update:?}");
         assert_eq!(log.trees, more.trees, "{update:?}");

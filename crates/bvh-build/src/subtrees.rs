@@ -17,7 +17,7 @@ const PARALLEL: u32 = 1024;
 
 /// Makes trees from trees; keeps its memory.
 #[derive(Debug, Default)]
-pub struct Regrouper {
+pub struct SubtreeRebuilder {
     /// Subtrees of the last tree.
     groups: Groups,
     /// The tree of groups.
@@ -35,7 +35,7 @@ pub struct Costs {
     pub new: f64,
 }
 
-impl Regrouper {
+impl SubtreeRebuilder {
     /// No memory yet.
     #[must_use]
     pub fn new() -> Self {

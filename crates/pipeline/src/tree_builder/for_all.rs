@@ -1,14 +1,14 @@
 //! One tree for the whole of an animation.
 
-use super::{Built, Manner, Workbench};
+use super::{BuildStrategy, Built, TreeBuilder};
 use crate::sampling::Sample;
 use bvh_build::{
-    BinaryTree, BuildError, Cancel, Moment, TemporalBuilder, face, sah_cost, temporal_cost,
+    BinaryTree, BuildError, Cancel, Moment, TemporalBuilder, order_toward, sah_cost, temporal_cost,
 };
 use geom::{Animation, Pose};
 use std::time::Instant;
 
-impl Workbench {
+impl TreeBuilder {
     /// Builds and converts one tree for all of `samples`, with `first` for its own cost.
     ///
     /// # Errors
@@ -36,12 +36,12 @@ impl Workbench {
             TemporalBuilder::new().build(&moments, cancel, &mut for_all)?;
             if temporal_cost(&for_all, &moments) < temporal_cost(&self.tree, &moments) {
                 self.tree = for_all;
-                if let Some(point) = self.builder.facing() {
-                    face(&mut self.tree, &boxes, point);
+                if let Some(point) = self.builder.ordered_toward() {
+                    order_toward(&mut self.tree, &boxes, point);
                 }
             }
         }
         let built = Instant::now();
-        Ok(self.hand_over(animation, [begun, built], cost, Manner::Scratch))
+        Ok(self.send(animation, [begun, built], cost, BuildStrategy::Scratch))
     }
 }

@@ -3,10 +3,10 @@
 //! Key frames are known before they are reached. So a tree may be built for
 //! the moment it is used instead of the one it is asked for, if somebody
 //! guesses when that is. The guess: frames go on by the last step of time, and
-//! trees take as many frames as the last ones did that were made in the same
-//! manner. Before one has come, the first build and the pace of the first frames must do.
+//! trees take as many frames as the last ones did that were made by the same
+//! strategy. Before one has come, the first build and the pace of the first frames must do.
 
-use crate::workbench::Manner;
+use crate::tree_builder::BuildStrategy;
 use std::time::{Duration, Instant};
 
 /// Frames that say nothing of the pace: the first waits for its tree, others
@@ -21,7 +21,7 @@ const GROUPS: f64 = 0.5;
 
 /// Watches frames go by and trees come; guesses what comes next.
 #[derive(Clone, Debug)]
-pub(crate) struct Foresight {
+pub(crate) struct LatencyPredictor {
     range: [f64; 2],
     time: f64,
     step: f64,
@@ -30,7 +30,7 @@ pub(crate) struct Foresight {
     /// The same as seen, of trees from scratch and of trees of groups.
     seen: [Option<f64>; 2],
     /// How the next tree will be made.
-    next: Manner,
+    next: BuildStrategy,
     /// What it is taken for as long as none was seen.
     guess: Option<f64>,
     first_build: Option<Duration>,
@@ -39,7 +39,7 @@ pub(crate) struct Foresight {
     settled: Option<Instant>,
 }
 
-impl Foresight {
+impl LatencyPredictor {
     /// Frames will lie within `range`; `agreed` is the latency if it is fixed.
     pub(crate) fn new(range: [f64; 2], agreed: Option<u32>) -> Self {
         Self {
@@ -48,7 +48,7 @@ impl Foresight {
             step: 0.0,
             agreed: agreed.map(f64::from),
             seen: [None; 2],
-            next: Manner::Scratch,
+            next: BuildStrategy::Scratch,
             guess: None,
             first_build: None,
             frames: 0,
@@ -91,29 +91,29 @@ impl Foresight {
         self.latency().or(self.guess).is_some()
     }
 
-    /// A tree made in one manner came so many frames after it was asked for. That it comes sooner than the ones before is
+    /// A tree made by one strategy came so many frames after it was asked for. That it comes sooner than the ones before is
     /// believed at once, for the first ones had to find their memory; that it comes later, by half.
-    pub(crate) fn came_after(&mut self, frames: u64, manner: Manner) {
-        let seen = &mut self.seen[manner as usize];
+    pub(crate) fn observe_latency(&mut self, frames: u64, strategy: BuildStrategy) {
+        let seen = &mut self.seen[strategy as usize];
         let frames = frames as f64;
         let mean = |before| f64::midpoint(before, frames);
         *seen = Some(seen.map_or(frames, |before| mean(before).min(frames)));
     }
 
     /// How the next tree will be made.
-    pub(crate) fn next_is(&mut self, manner: Manner) {
-        self.next = manner;
+    pub(crate) fn next_strategy_is(&mut self, strategy: BuildStrategy) {
+        self.next = strategy;
     }
 
     /// Whether a tree for the moment `new` is to be used from now on, instead of one for `last`: when its moment is the
     /// nearer one, or comes no nearer.
-    pub(crate) fn is_ripe(&self, last: f64, new: f64) -> bool {
+    pub(crate) fn should_adopt(&self, last: f64, new: f64) -> bool {
         let comes_nearer = (new - self.time) * self.step > 0.0;
         !comes_nearer || (new - self.time).abs() <= (last - self.time).abs()
     }
 
     /// Whether a tree asked for now would be there before one for the moment `new` is ripe, which came much too early.
-    pub(crate) fn another_comes_first(&self, last: f64, new: f64) -> bool {
+    pub(crate) fn newer_tree_due_first(&self, last: f64, new: f64) -> bool {
         let ripe = f64::midpoint(last, new);
         (ripe - self.time) / self.step > self.expected()
     }
@@ -147,8 +147,8 @@ impl Foresight {
     fn latency(&self) -> Option<f64> {
         let [scratch, groups] = self.seen;
         let seen = match self.next {
-            Manner::Scratch => scratch.or(groups.map(|frames| frames / GROUPS)),
-            Manner::Groups => groups.or(scratch.map(|frames| (frames * GROUPS).max(1.0))),
+            BuildStrategy::Scratch => scratch.or(groups.map(|frames| frames / GROUPS)),
+            BuildStrategy::Subtrees => groups.or(scratch.map(|frames| (frames * GROUPS).max(1.0))),
         };
         self.agreed.or(seen)
     }
@@ -166,8 +166,8 @@ impl Foresight {
 mod tests {
     use super::*;
 
-    fn watching(range: [f64; 2], agreed: Option<u32>, times: &[f64]) -> Foresight {
-        let mut f = Foresight::new(range, agreed);
+    fn watching(range: [f64; 2], agreed: Option<u32>, times: &[f64]) -> LatencyPredictor {
+        let mut f = LatencyPredictor::new(range, agreed);
         times.iter().for_each(|&t| f.frame(t, Instant::now()));
         f
     }
@@ -176,53 +176,53 @@ mod tests {
     fn a_steady_motion_is_continued_to_the_middle_of_the_trees_use() {
         let mut f = watching([0.0, 100.0], None, &[0.0, 0.5, 1.0]);
         assert_eq!(f.middle_of_use(), 1.0);
-        f.came_after(4, Manner::Scratch);
+        f.observe_latency(4, BuildStrategy::Scratch);
         // Swapped in 4 frames on, used for frames 4 to 7 from now.
         assert_eq!(f.middle_of_use(), 1.0 + 5.5 * 0.5);
         assert_eq!(f.halves_of_use(), [1.0 + 4.75 * 0.5, 1.0 + 6.25 * 0.5]);
         // The mean of both is 6: used for frames 6 to 11.
-        f.came_after(8, Manner::Scratch);
+        f.observe_latency(8, BuildStrategy::Scratch);
         assert_eq!(f.middle_of_use(), 1.0 + 8.5 * 0.5);
     }
 
     #[test]
     fn trees_of_groups_and_trees_from_scratch_are_told_apart() {
         let mut f = watching([0.0, 1000.0], None, &[0.0, 1.0]);
-        f.came_after(40, Manner::Scratch);
+        f.observe_latency(40, BuildStrategy::Scratch);
         assert_eq!(f.middle_of_use(), 1.0 + 40.0 + 19.5);
         // Nobody saw one of groups yet.
-        f.next_is(Manner::Groups);
+        f.next_strategy_is(BuildStrategy::Subtrees);
         assert_eq!(f.middle_of_use(), 1.0 + 20.0 + 9.5);
-        f.came_after(10, Manner::Groups);
+        f.observe_latency(10, BuildStrategy::Subtrees);
         assert_eq!(f.middle_of_use(), 1.0 + 10.0 + 4.5);
-        f.came_after(20, Manner::Groups);
+        f.observe_latency(20, BuildStrategy::Subtrees);
         assert_eq!(f.middle_of_use(), 1.0 + 15.0 + 7.0);
-        f.came_after(8, Manner::Groups);
+        f.observe_latency(8, BuildStrategy::Subtrees);
         assert_eq!(f.middle_of_use(), 1.0 + 8.0 + 3.5);
-        f.next_is(Manner::Scratch);
+        f.next_strategy_is(BuildStrategy::Scratch);
         assert_eq!(f.middle_of_use(), 1.0 + 40.0 + 19.5);
     }
 
     #[test]
     fn a_tree_is_ripe_when_its_moment_is_nearer_than_the_last_ones() {
         let at = |times: &[f64]| watching([0.0, 100.0], None, times);
-        assert!(!at(&[1.0, 2.0]).is_ripe(1.5, 4.0));
-        assert!(at(&[2.0, 3.0]).is_ripe(1.5, 4.0));
+        assert!(!at(&[1.0, 2.0]).should_adopt(1.5, 4.0));
+        assert!(at(&[2.0, 3.0]).should_adopt(1.5, 4.0));
         // Nothing moves; time runs away from it, or ran past it.
-        assert!(at(&[2.0, 2.0]).is_ripe(1.5, 4.0));
-        assert!(at(&[2.0, 1.9]).is_ripe(1.5, 4.0));
-        assert!(at(&[2.0, 5.0]).is_ripe(4.9, 4.0));
+        assert!(at(&[2.0, 2.0]).should_adopt(1.5, 4.0));
+        assert!(at(&[2.0, 1.9]).should_adopt(1.5, 4.0));
+        assert!(at(&[2.0, 5.0]).should_adopt(4.9, 4.0));
         // Backwards.
-        assert!(!at(&[9.0, 8.0]).is_ripe(8.5, 6.0));
-        assert!(at(&[8.0, 7.0]).is_ripe(8.5, 6.0));
+        assert!(!at(&[9.0, 8.0]).should_adopt(8.5, 6.0));
+        assert!(at(&[8.0, 7.0]).should_adopt(8.5, 6.0));
     }
 
     #[test]
     fn a_tree_that_comes_long_before_its_moment_gives_way_to_one_that_comes_sooner() {
         let at = |times: &[f64], latency| {
             let mut f = watching([0.0, 100.0], None, times);
-            f.came_after(latency, Manner::Scratch);
-            f.another_comes_first(1.0, 41.0)
+            f.observe_latency(latency, BuildStrategy::Scratch);
+            f.newer_tree_due_first(1.0, 41.0)
         };
         // Ripe at 21: in 19 frames, or in 38.
         assert!(at(&[1.0, 2.0], 18));
@@ -238,7 +238,7 @@ mod tests {
     fn an_agreed_latency_is_not_learned() {
         let mut f = watching([0.0, 100.0], Some(3), &[0.0, 1.0]);
         assert!(f.has_ground());
-        f.came_after(50, Manner::Scratch);
+        f.observe_latency(50, BuildStrategy::Scratch);
         assert_eq!(f.middle_of_use(), 5.0);
         let f = watching([0.0, 100.0], Some(0), &[0.0, 1.0]);
         assert_eq!(f.middle_of_use(), 1.0);
@@ -259,7 +259,7 @@ mod tests {
     fn before_a_tree_has_come_the_first_build_and_the_pace_tell() {
         let ms = Duration::from_millis;
         let start = Instant::now();
-        let mut f = Foresight::new([0.0, 1000.0], None);
+        let mut f = LatencyPredictor::new([0.0, 1000.0], None);
         f.frame(0.0, start);
         f.first_took(ms(200));
         // Neither the wait for the first tree nor a frame handed in at once is the pace.
@@ -275,7 +275,7 @@ mod tests {
         f.frame(4.0, start + ms(933));
         assert!((f.middle_of_use() - (4.0 + 7.0)).abs() < 1e-9);
         // What was seen takes its place.
-        f.came_after(3, Manner::Scratch);
+        f.observe_latency(3, BuildStrategy::Scratch);
         f.frame(5.0, start + ms(940));
         assert_eq!(f.middle_of_use(), 5.0 + 4.0);
     }
@@ -283,7 +283,7 @@ mod tests {
     #[test]
     fn a_tree_takes_a_frame_at_least_however_fast_it_is_built() {
         let start = Instant::now();
-        let mut f = Foresight::new([0.0, 1000.0], None);
+        let mut f = LatencyPredictor::new([0.0, 1000.0], None);
         f.first_took(Duration::ZERO);
         (0..4).for_each(|i| f.frame(f64::from(i), start));
         assert_eq!(f.middle_of_use(), 4.0);

@@ -13,28 +13,28 @@ impl Driver {
     ///
     /// No tree ages, no time goes on, nobody is asked for a tree: the frames to come are what they would have been.
     /// (A build in flight goes on meanwhile; there is none yet after the first frame.) A builder that runs free first
-    /// makes a tree in practice, so that those to come find their memory: see [`crate::Workbench::practise`].
+    /// makes a tree that is thrown away, so that those to come find their memory: see [`crate::TreeBuilder::warm_up`].
     ///
     /// # Errors
     /// The backend's.
     ///
     /// # Panics
     /// Before the first frame, or while a frame is under way.
-    pub fn rehearse(
+    pub fn warm_up(
         &mut self,
         query: Query<'_>,
         again: impl FnMut(&FrameReport) -> bool,
     ) -> Result<(), PipelineError> {
-        self.practise();
+        self.warm_up_builder();
         self.over_and_over(|driver| Ok(driver.backend.trace(query)?), again)
     }
 
-    /// Has the builder practise, if one is to run free and has nothing to do.
-    fn practise(&self) {
+    /// Warms the builder up, if one is to run free and has nothing to do.
+    fn warm_up_builder(&self) {
         let runs_free = self.options.update == Update::Async(Pace::Free);
-        if let Some(pose) = self.pose.filter(|_| runs_free && self.flight.is_none()) {
+        if let Some(pose) = self.pose.filter(|_| runs_free && self.build.is_none()) {
             // Nothing comes of it either way; the first tree that counts will tell what is wrong.
-            let _ = self.toolroom.practise(&self.animation, pose);
+            let _ = self.builder_pool.warm_up(&self.animation, pose);
         }
     }
 
@@ -47,7 +47,7 @@ impl Driver {
     /// The backend's.
     ///
     /// # Panics
-    /// As [`Driver::rehearse`].
+    /// As [`Driver::warm_up`].
     pub fn repeat(
         &mut self,
         query: Query<'_>,

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::sampling::samples;
-use bvh_build::face;
+use bvh_build::order_toward;
 use bvh_layout::BlockTree;
 
 /// Triangles in a row: in order, and with every seventh beside the first.
@@ -26,16 +26,12 @@ fn tree(made: Made) -> Option<Built> {
 #[test]
 fn only_a_tree_that_is_cheaper_where_it_will_be_used_is_handed_over() {
     let (a, cancel) = (shuffled(), Cancel::new());
-    let mut bench = Workbench::new();
+    let mut bench = TreeBuilder::new();
     bench.build(&a, &a.keys()[0], &cancel).unwrap();
     let other = || Vertices::KeyFrames(a.pose(1.0));
     let mut made_for = |rival_at: Option<f64>| {
         let at = rival_at.map(|t| a.pose(t));
-        tree(
-            bench
-                .build_better(&a, (other(), None), at, &cancel)
-                .unwrap(),
-        )
+        tree(bench.rebuild(&a, (other(), None), at, &cancel).unwrap())
     };
     assert!(made_for(Some(0.0)).is_none() && made_for(Some(2.0)).is_none());
     // What was not handed over is no rival: this one still meets the first.
@@ -79,7 +75,7 @@ fn from_scratch(boxes: &[Aabb]) -> BinaryTree {
 
 fn of_groups(last: &BinaryTree, boxes: &[Aabb]) -> BinaryTree {
     let mut tree = BinaryTree::default();
-    let built = Regrouper::new().build(
+    let built = SubtreeRebuilder::new().build(
         &mut Builder::new(),
         (last, boxes),
         &Cancel::new(),
@@ -88,10 +84,10 @@ fn of_groups(last: &BinaryTree, boxes: &[Aabb]) -> BinaryTree {
     built.map(|_| tree).unwrap()
 }
 
-/// A workbench with a tree for the first key frame, and how the next ones come.
+/// A builder with a tree for the first key frame, and how the next ones come.
 struct Course {
     animation: Animation,
-    bench: Workbench,
+    bench: TreeBuilder,
 }
 
 impl Course {
@@ -100,7 +96,7 @@ impl Course {
     }
 
     fn with_forms(forms: Forms) -> Self {
-        let (animation, mut bench) = (clumps(), Workbench::with_forms(forms));
+        let (animation, mut bench) = (clumps(), TreeBuilder::with_forms(forms));
         let first = bench.build(&animation, &animation.keys()[0], &Cancel::new());
         first.unwrap();
         Self { animation, bench }
@@ -111,7 +107,7 @@ impl Course {
         let (a, last) = (&self.animation, self.bench.in_use.clone());
         let [from, at] = [time - 0.375, time].map(|t| a.pose(t));
         let what = (Vertices::KeyFrames(at), Some([from, at]));
-        let made = self.bench.build_better(a, what, Some(at), &Cancel::new());
+        let made = self.bench.rebuild(a, what, Some(at), &Cancel::new());
         made.unwrap();
         [last, self.bench.in_use.clone()]
     }
@@ -149,24 +145,24 @@ fn practice_changes_no_tree_to_come_and_finds_its_memory() {
         blocks: false,
     };
     let next = |practises: bool| {
-        let mut bench = Workbench::with_forms(forms);
-        bench.practise(&a, a.pose(0.0), &cancel).unwrap();
+        let mut bench = TreeBuilder::with_forms(forms);
+        bench.warm_up(&a, a.pose(0.0), &cancel).unwrap();
         assert!(bench.spare.is_empty(), "there is no tree to begin with");
         bench.build(&a, &a.keys()[0], &cancel).unwrap();
         if practises {
-            bench.practise(&a, a.pose(2.0), &cancel).unwrap();
+            bench.warm_up(&a, a.pose(2.0), &cancel).unwrap();
             assert!(!bench.spare.is_empty());
         }
         let vertices = Vertices::KeyFrames(a.pose(1.0));
-        let made = bench.build_better(&a, (vertices, None), Some(a.pose(1.0)), &cancel);
+        let made = bench.rebuild(&a, (vertices, None), Some(a.pose(1.0)), &cancel);
         tree(made.unwrap()).unwrap()
     };
     let [plain, practised] = [false, true].map(next);
     assert_eq!(plain.topology.words(), practised.topology.words());
-    assert_eq!(plain.manner, Manner::Groups);
+    assert_eq!(plain.strategy, BuildStrategy::Subtrees);
     assert_eq!(
-        (plain.cost, plain.manner, plain.next),
-        (practised.cost, practised.manner, practised.next)
+        (plain.cost, plain.strategy, plain.next),
+        (practised.cost, practised.strategy, practised.next)
     );
 }
 
@@ -197,7 +193,7 @@ fn what_records_carry_changes_no_tree() {
 #[test]
 fn a_first_tree_for_more_than_a_moment_costs_what_it_does_at_that_moment() {
     let a = clumps();
-    let (mut bench, halves) = (Workbench::new(), [0.25, 0.75]);
+    let (mut bench, halves) = (TreeBuilder::new(), [0.25, 0.75]);
     let from = (&a.keys()[0][..], halves.map(|time| a.pose(time)));
     let built = bench.build_swept(&a, from, &Cancel::new()).unwrap();
     assert_eq!(bench.in_use, from_scratch(&swept(&a, halves)));
@@ -214,7 +210,7 @@ fn what_a_tree_costs_is_said_of_the_middle_whatever_it_was_built_for() {
     for time in [1.0, 2.0] {
         let [from, at] = [time - 0.375, time].map(|t| a.pose(t));
         let what = (Vertices::KeyFrames(at), Some([from, at]));
-        let made = course.bench.build_better(a, what, Some(at), &Cancel::new());
+        let made = course.bench.rebuild(a, what, Some(at), &Cancel::new());
         let cost = tree(made.unwrap()).unwrap().cost;
         let found = sah_cost(&course.bench.in_use, &swept(a, [time; 2])[..]);
         assert!((cost / found - 1.0).abs() < 1e-9, "{cost} {found}");
@@ -228,7 +224,7 @@ fn a_tree_equal_to_the_one_in_use_is_taken() {
     for _ in 0..9 {
         let what = (Vertices::KeyFrames(a.pose(1.0)), None);
         let at = Some(a.pose(1.0));
-        let made = course.bench.build_better(a, what, at, &Cancel::new());
+        let made = course.bench.rebuild(a, what, at, &Cancel::new());
         assert!(tree(made.unwrap()).is_some());
     }
 }
@@ -236,13 +232,13 @@ fn a_tree_equal_to_the_one_in_use_is_taken() {
 #[test]
 fn a_tree_that_nobody_weighs_does_not_count_as_faded() {
     let (a, cancel) = (shuffled(), Cancel::new());
-    let mut bench = Workbench::new();
+    let mut bench = TreeBuilder::new();
     bench.build(&a, &a.keys()[0], &cancel).unwrap();
     let halves = [0.625, 1.0].map(|t| a.pose(t));
     for _ in 0..3 {
         let from = Vertices::KeyFrames(a.pose(1.0));
-        let made = bench.build_better(&a, (from, Some(halves)), None, &cancel);
-        let own = Workbench::new().build(&a, &a.keys()[1], &cancel).unwrap();
+        let made = bench.rebuild(&a, (from, Some(halves)), None, &cancel);
+        let own = TreeBuilder::new().build(&a, &a.keys()[1], &cancel).unwrap();
         let found = tree(made.unwrap()).unwrap();
         assert_eq!(found.topology.words(), own.topology.words());
     }
@@ -255,7 +251,7 @@ fn key_frames_make_the_same_tree_as_the_vertices_read_back() {
     let positions: Vec<Point> = (0..192).map(|v| a.vertex(pose, v)).collect();
     let read_back = Vertices::ReadBack(Box::new(positions));
     let [x, y] = [Vertices::KeyFrames(pose), read_back].map(|vertices| {
-        let made = Workbench::new().build_better(&a, (vertices, None), None, &cancel);
+        let made = TreeBuilder::new().rebuild(&a, (vertices, None), None, &cancel);
         tree(made.unwrap()).unwrap()
     });
     assert_eq!((x.topology.words(), x.cost), (y.topology.words(), y.cost));
@@ -265,7 +261,7 @@ fn key_frames_make_the_same_tree_as_the_vertices_read_back() {
 fn a_tree_for_all_times_is_never_worse_over_them_than_the_first_frames() {
     let (a, cancel) = (shuffled(), Cancel::new());
     let samples = samples(&a, [0.0, 2.0]);
-    let mut bench = Workbench::new();
+    let mut bench = TreeBuilder::new();
     let first = a.pose(0.0);
     let for_all = bench.build_for_all(&a, &samples, first, &cancel).unwrap();
     let own = bench.build(&a, &a.keys()[0], &cancel).unwrap();
@@ -282,7 +278,7 @@ fn a_tree_for_all_times_is_never_worse_over_them_than_the_first_frames() {
 fn records_carry_the_forms_that_were_asked_for() {
     let (a, cancel) = (shuffled(), Cancel::new());
     for (treelets, blocks) in [(false, false), (true, false), (false, true)] {
-        let mut bench = Workbench::with_forms(Forms { treelets, blocks });
+        let mut bench = TreeBuilder::with_forms(Forms { treelets, blocks });
         let tree = bench.build(&a, &a.keys()[0], &cancel).unwrap().topology;
         let carried = (tree.treelets().is_some(), tree.blocks().is_some());
         assert_eq!(carried, (treelets, blocks));
@@ -293,23 +289,19 @@ fn records_carry_the_forms_that_were_asked_for() {
 fn a_tree_that_was_never_used_is_taken_back() {
     let (a, cancel) = (shuffled(), Cancel::new());
     let at = |time| a.pose(time);
-    let from = |bench: &mut Workbench, time| {
+    let from = |bench: &mut TreeBuilder, time| {
         let what = (Vertices::KeyFrames(at(time)), None);
-        tree(
-            bench
-                .build_better(&a, what, Some(at(time)), &cancel)
-                .unwrap(),
-        )
+        tree(bench.rebuild(&a, what, Some(at(time)), &cancel).unwrap())
     };
-    let mut bench = Workbench::new();
+    let mut bench = TreeBuilder::new();
     bench.build(&a, &a.keys()[0], &cancel).unwrap();
     let used = bench.in_use.clone();
     from(&mut bench, 1.0).expect("another order, another tree");
     assert_ne!(bench.in_use, used);
-    bench.take_back();
+    bench.revert();
     assert_eq!(bench.in_use, used);
     // The next one is set against the one in use.
-    let mut other = Workbench::new();
+    let mut other = TreeBuilder::new();
     other.build(&a, &a.keys()[0], &cancel).unwrap();
     let [one, other] = [&mut bench, &mut other].map(|b| from(b, 0.7).map(|t| t.topology));
     assert_eq!(one, other);
@@ -319,7 +311,7 @@ fn a_tree_that_was_never_used_is_taken_back() {
 fn an_old_records_memory_is_used_again() {
     let (a, cancel) = (shuffled(), Cancel::new());
     for treelets in [false, true] {
-        let mut bench = Workbench::with_forms(Forms {
+        let mut bench = TreeBuilder::with_forms(Forms {
             treelets,
             blocks: false,
         });
@@ -341,15 +333,15 @@ fn an_old_records_memory_is_used_again() {
 fn a_tree_for_all_times_faces_the_light_too() {
     let (a, light) = (clumps(), [900.0, 5.0, 1.0]);
     let tree = |toward| {
-        let mut bench = Workbench::new();
-        bench.face(toward);
+        let mut bench = TreeBuilder::new();
+        bench.order_toward(toward);
         let all = samples(&a, [0.0, 3.0]);
         let built = bench.build_for_all(&a, &all, a.pose(0.0), &Cancel::new());
         built.map(|_| bench.in_use).unwrap()
     };
     let plain = tree(None);
     let mut turned = plain.clone();
-    face(&mut turned, &(&a, a.pose(0.0)), light);
+    order_toward(&mut turned, &(&a, a.pose(0.0)), light);
     assert_ne!(turned, plain);
     assert_eq!(tree(Some(light)), turned);
 }
@@ -370,8 +362,8 @@ fn blocks_of_a_tree_that_faces_the_light_are_asked_in_its_order() {
         blocks: true,
     };
     for (toward, first) in [(None, First::Larger), (Some([-9.0, 5.0, 1.0]), First::Left)] {
-        let mut bench = Workbench::with_forms(forms);
-        bench.face(toward);
+        let mut bench = TreeBuilder::with_forms(forms);
+        bench.order_toward(toward);
         let tree = bench.build(&a, &a.keys()[0], &cancel).unwrap().topology;
         let of = |first| BlockTree::of(&tree, a.triangles(), (&bench.boxes[..], first));
         assert!(of(First::Larger) != of(First::Left));

@@ -1,15 +1,15 @@
 //! Vertices in, record out, in the rayon pool of whoever calls.
 
-mod fading;
+mod degradation;
 mod for_all;
-mod practice;
+mod warm_up;
 
 use crate::gathering::{blend, fill, grow};
 use backend::{Backend, Snapshot};
-use bvh_build::{BinaryTree, BuildError, Builder, Cancel, Costs, Regrouper, sah_cost};
+use bvh_build::{BinaryTree, BuildError, Builder, Cancel, Costs, SubtreeRebuilder, sah_cost};
 use bvh_layout::{Converter, First, Spare, Topology};
-use fading::Fading;
-pub use fading::Manner;
+pub use degradation::BuildStrategy;
+use degradation::DegradationMonitor;
 use geom::{Aabb, Animation, Point, Pose};
 use std::time::Instant;
 
@@ -43,9 +43,9 @@ pub struct Built {
     /// Milliseconds from binary tree to record, and to lists of what moves.
     pub convert_ms: f64,
     /// How it was made.
-    pub manner: Manner,
+    pub strategy: BuildStrategy,
     /// How the next one will be made.
-    pub next: Manner,
+    pub next: BuildStrategy,
     /// When all of that was.
     pub moments: BuildMoments,
 }
@@ -83,11 +83,11 @@ impl Forms {
     }
 }
 
-/// The builder's tools and their memory, used again and again.
+/// Makes trees and records; keeps its memory.
 #[derive(Debug, Default)]
-pub struct Workbench {
+pub struct TreeBuilder {
     builder: Builder,
-    regrouper: Regrouper,
+    subtree_rebuilder: SubtreeRebuilder,
     /// The tree being built; until then the one before the last that was handed over.
     tree: BinaryTree,
     /// The last one that was handed over.
@@ -97,13 +97,13 @@ pub struct Workbench {
     boxes: Vec<Aabb>,
     spare: Spare,
     forms: Forms,
-    fading: Fading,
+    degradation: DegradationMonitor,
 }
 
 /// Costs that differ by less than this share are one, however they were added up.
 const ROUNDING: f64 = 1e-9;
 
-impl Workbench {
+impl TreeBuilder {
     /// No memory yet.
     #[must_use]
     pub fn new() -> Self {
@@ -126,13 +126,13 @@ impl Workbench {
         }
     }
 
-    /// From now on trees are made for rays that end at a point: see [`bvh_build::face`].
-    pub fn face(&mut self, toward: Option<Point>) {
-        self.builder.face(toward);
+    /// From now on trees are made for rays that end at a point: see [`bvh_build::order_toward`].
+    pub fn order_toward(&mut self, toward: Option<Point>) {
+        self.builder.order_toward(toward);
     }
 
     /// The last tree that was handed over was never used: the one before it still is.
-    pub fn take_back(&mut self) {
+    pub fn revert(&mut self) {
         std::mem::swap(&mut self.tree, &mut self.in_use);
     }
 
@@ -148,8 +148,8 @@ impl Workbench {
     ) -> Result<Built, BuildError> {
         let begun = Instant::now();
         fill(&mut self.boxes, &(animation, positions));
-        self.build_over_boxes(Manner::Scratch, cancel)?;
-        Ok(self.weigh_and_hand_over(animation, begun))
+        self.build_over_boxes(BuildStrategy::Scratch, cancel)?;
+        Ok(self.evaluate_and_send(animation, begun))
     }
 
     /// Likewise, over each triangle's boxes at both of `halves`, as one. What it costs is still said of `positions`.
@@ -164,9 +164,9 @@ impl Workbench {
     ) -> Result<Built, BuildError> {
         let begun = Instant::now();
         self.sweep(animation, halves);
-        self.build_over_boxes(Manner::Scratch, cancel)?;
+        self.build_over_boxes(BuildStrategy::Scratch, cancel)?;
         fill(&mut self.boxes, &(animation, positions));
-        Ok(self.weigh_and_hand_over(animation, begun))
+        Ok(self.evaluate_and_send(animation, begun))
     }
 
     /// Makes a tree from `vertices` and converts it, if it is cheaper at
@@ -181,7 +181,7 @@ impl Workbench {
     ///
     /// # Errors
     /// [`BuildError::Cancelled`].
-    pub fn build_better(
+    pub fn rebuild(
         &mut self,
         animation: &Animation,
         (vertices, halves): (Vertices, Option<[Pose; 2]>),
@@ -190,20 +190,20 @@ impl Workbench {
     ) -> Result<Made, BuildError> {
         let begun = Instant::now();
         let rival = self.holds_all_of(animation) && rival_at.is_some();
-        let manner = match rival {
-            true => self.fading.manner(),
-            false => Manner::Scratch,
+        let strategy = match rival {
+            true => self.degradation.strategy(),
+            false => BuildStrategy::Scratch,
         };
         let (blended_at, costs);
-        if let Some(halves) = halves.filter(|_| self.fading.parts) {
+        if let Some(halves) = halves.filter(|_| self.degradation.parts) {
             self.sweep(animation, halves);
-            self.build_over_boxes(manner, cancel)?;
+            self.build_over_boxes(strategy, cancel)?;
             (blended_at, costs) = (self.take_in(animation, vertices), None);
-        } else if manner == Manner::Groups && !self.forms.blocks {
-            (blended_at, costs) = self.regroup_at(animation, vertices, cancel)?;
+        } else if strategy == BuildStrategy::Subtrees && !self.forms.blocks {
+            (blended_at, costs) = self.rebuild_subtrees_at(animation, vertices, cancel)?;
         } else {
             blended_at = self.take_in(animation, vertices);
-            costs = self.build_over_boxes(manner, cancel)?;
+            costs = self.build_over_boxes(strategy, cancel)?;
         }
         let built = Instant::now();
         let cost = costs.map_or_else(|| sah_cost(&self.tree, &self.boxes[..]), |c| c.new);
@@ -215,16 +215,16 @@ impl Workbench {
                 }
                 self.costs()
             });
-            self.fading.note(costs);
+            self.degradation.note(costs);
             if costs.new > costs.last * (1.0 + ROUNDING) {
                 return Ok(Made::NoBetter);
             }
         }
-        Ok(Made::Tree(self.hand_over(
+        Ok(Made::Tree(self.send(
             animation,
             [begun, built],
             cost,
-            manner,
+            strategy,
         )))
     }
 
@@ -235,7 +235,7 @@ impl Workbench {
     }
 
     /// Makes a tree of groups of the last one, which ask for boxes in their own order, each once: so none are kept.
-    fn regroup_at(
+    fn rebuild_subtrees_at(
         &mut self,
         animation: &Animation,
         vertices: Vertices,
@@ -249,9 +249,9 @@ impl Workbench {
             }
         };
         let from = (&self.in_use, &(animation, positions));
-        let costs = self
-            .regrouper
-            .build(&mut self.builder, from, cancel, &mut self.tree)?;
+        let costs =
+            self.subtree_rebuilder
+                .build(&mut self.builder, from, cancel, &mut self.tree)?;
         Ok((pose, Some(costs)))
     }
 
@@ -290,14 +290,14 @@ impl Workbench {
     /// Makes a tree for the boxes at hand, of groups of the last one or from scratch.
     fn build_over_boxes(
         &mut self,
-        manner: Manner,
+        strategy: BuildStrategy,
         cancel: &Cancel,
     ) -> Result<Option<Costs>, BuildError> {
         let (boxes, tree) = (&self.boxes[..], &mut self.tree);
-        if manner == Manner::Groups {
+        if strategy == BuildStrategy::Subtrees {
             let from = (&self.in_use, boxes);
             let costs = self
-                .regrouper
+                .subtree_rebuilder
                 .build(&mut self.builder, from, cancel, tree)?;
             return Ok(Some(costs));
         }
@@ -306,19 +306,19 @@ impl Workbench {
     }
 
     /// Hands the tree just built from scratch over, at its cost with the boxes at hand.
-    fn weigh_and_hand_over(&mut self, animation: &Animation, begun: Instant) -> Built {
+    fn evaluate_and_send(&mut self, animation: &Animation, begun: Instant) -> Built {
         let built = Instant::now();
         let cost = sah_cost(&self.tree, &self.boxes[..]);
-        self.hand_over(animation, [begun, built], cost, Manner::Scratch)
+        self.send(animation, [begun, built], cost, BuildStrategy::Scratch)
     }
 
     /// Converts the tree just built, which then counts as in use.
-    fn hand_over(
+    fn send(
         &mut self,
         animation: &Animation,
         [begun, built]: [Instant; 2],
         cost: f64,
-        manner: Manner,
+        strategy: BuildStrategy,
     ) -> Built {
         let weighed = Instant::now();
         let topology = self.convert(animation);
@@ -329,8 +329,8 @@ impl Workbench {
             cost,
             build_ms: (built - begun).as_secs_f64() * 1e3,
             convert_ms: (ended - weighed).as_secs_f64() * 1e3,
-            manner,
-            next: self.fading.manner(),
+            strategy,
+            next: self.degradation.strategy(),
             moments: BuildMoments {
                 begun,
                 built,
@@ -352,7 +352,7 @@ impl Workbench {
             self.converter.convert(&self.tree, triangles, words)
         };
         if self.forms.blocks {
-            let first = (self.builder.facing()).map_or(First::Larger, |_| First::Left);
+            let first = (self.builder.ordered_toward()).map_or(First::Larger, |_| First::Left);
             topology = topology.with_blocks(animation.triangles(), (&self.boxes, first));
         }
         topology.with_moving(animation.static_parts())

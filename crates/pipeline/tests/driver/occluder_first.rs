@@ -6,7 +6,7 @@ use crate::{camera, driver, read};
 use backend::{Query, Rays, Seek};
 use bvh_build::Cancel;
 use geom::Point;
-use pipeline::{Frame, Pace, Update, Workbench};
+use pipeline::{Frame, Pace, TreeBuilder, Update};
 
 /// Records of all trees adopted in frames at times 0 to 5, by what each seeks.
 fn trees(update: Update, predict: bool, seek: impl Fn(u64) -> Seek) -> Vec<Vec<u32>> {
@@ -30,8 +30,8 @@ fn trees(update: Update, predict: bool, seek: impl Fn(u64) -> Seek) -> Vec<Vec<u
 /// The record of a tree for one moment.
 fn tree_at(time: f64, toward: Option<Point>) -> Vec<u32> {
     let animation = many_shuffled(6, 256);
-    let mut bench = Workbench::new();
-    bench.face(toward);
+    let mut bench = TreeBuilder::new();
+    bench.order_toward(toward);
     let built = bench.build(&animation, &positions(&animation, time), &Cancel::new());
     built.unwrap().topology.into_words()
 }
@@ -41,20 +41,20 @@ fn every_tree_faces_the_light_of_the_frame_that_asks() {
     // One light and, from frame 3 on, another, at either end of the row.
     let lights = [[300.0, 40.0, 10.0], [-40.0, 40.0, 10.0]];
     let light = |index: u64| lights[usize::from(index >= 3)];
-    let facing = |time: u64, of: u64| tree_at(time as f64, Some(light(of)));
-    assert_ne!(facing(0, 0), tree_at(0.0, None));
-    assert_ne!(facing(5, 5), facing(5, 0));
+    let ordered = |time: u64, of: u64| tree_at(time as f64, Some(light(of)));
+    assert_ne!(ordered(0, 0), tree_at(0.0, None));
+    assert_ne!(ordered(5, 5), ordered(5, 0));
     let seek = |index| Seek::ClosestAndShadow {
         light: light(index),
     };
     let rebuilt = trees(Update::Rebuild, false, seek);
-    assert_eq!((&rebuilt[0], &rebuilt[5]), (&facing(0, 0), &facing(5, 5)));
-    assert_eq!(trees(Update::Refit, false, seek), [facing(0, 0)]);
+    assert_eq!((&rebuilt[0], &rebuilt[5]), (&ordered(0, 0), &ordered(5, 5)));
+    assert_eq!(trees(Update::Refit, false, seek), [ordered(0, 0)]);
     // Asked for in one frame, such a tree is in use from the next one on; foreseen, it is built for that one.
     for (predict, ahead) in [(false, 0), (true, 1)] {
         let found = trees(Update::Async(Pace::Lockstep(1)), predict, seek);
         for (tree, asked) in found[1..].iter().zip(1..) {
-            assert_eq!(*tree, facing(asked + ahead, asked), "{predict} {asked}");
+            assert_eq!(*tree, ordered(asked + ahead, asked), "{predict} {asked}");
         }
         assert!(found.len() > 4, "{}", found.len());
     }

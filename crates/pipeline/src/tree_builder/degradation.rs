@@ -4,24 +4,24 @@ use bvh_build::Costs;
 
 /// How a tree is made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Manner {
+pub enum BuildStrategy {
     /// Of its triangles alone.
     #[default]
     Scratch,
     /// Of groups of the last tree, which is sooner done.
-    Groups,
+    Subtrees,
 }
 
 /// How trees age: what the one in use came to cost, over the next one's cost where that is used.
 #[derive(Debug, Default)]
-pub(super) struct Fading {
+pub(super) struct DegradationMonitor {
     /// Whether so much that the next one is built for more than the middle of its use, though that takes longer.
     pub(super) parts: bool,
     /// Whether so little that the next one may take its time.
     holds: bool,
 }
 
-impl Fading {
+impl DegradationMonitor {
     const PARTS: f64 = 1.5;
     /// Trees that hold do so until one costs so many times what the next one does.
     const FADED: f64 = 1.2;
@@ -29,10 +29,10 @@ impl Fading {
     const HOLDS: f64 = 1.01;
 
     /// How a tree is made that has a rival.
-    pub(super) fn manner(&self) -> Manner {
+    pub(super) fn strategy(&self) -> BuildStrategy {
         match self.holds {
-            true => Manner::Scratch,
-            false => Manner::Groups,
+            true => BuildStrategy::Scratch,
+            false => BuildStrategy::Subtrees,
         }
     }
 

@@ -21,11 +21,11 @@ pub(crate) fn reach(min: [f32; 3], max: [f32; 3], from: [f32; 3]) -> f64 {
 }
 
 /// Orders children of all nodes of a finished tree for rays that end at `point`, by `boxes`; costs and depths stay as they
-/// are. Runs in the rayon pool that the caller installed. [`crate::Builder::face`] does it while it builds.
+/// are. Runs in the rayon pool that the caller installed. [`crate::Builder::order_toward`] does it while it builds.
 ///
 /// # Panics
 /// If the tree names a triangle that has no box.
-pub fn face<B: Boxes + ?Sized>(tree: &mut BinaryTree, boxes: &B, point: Point) {
+pub fn order_toward<B: Boxes + ?Sized>(tree: &mut BinaryTree, boxes: &B, point: Point) {
     if !tree.order.is_empty() {
         turn(&mut tree.order, &mut tree.left_leaves, boxes, point);
     }
@@ -79,7 +79,7 @@ mod tests {
 
     fn built(boxes: &[Aabb], toward: Option<Point>) -> BinaryTree {
         let (mut builder, mut tree) = (Builder::new(), BinaryTree::default());
-        builder.face(toward);
+        builder.order_toward(toward);
         builder.build(boxes, &Cancel::new(), &mut tree).unwrap();
         tree
     }
@@ -131,11 +131,11 @@ mod tests {
     fn large_nodes_and_nodes_of_any_scale_face_a_point_too() {
         let point = [60_000.0, -3.0, 200.0];
         let plain = nodes(&built(&row(1.0), None), &row(1.0), (point, 0)).0;
-        let facing = built(&row(1.0), Some(point));
-        let (sets, in_order) = nodes(&facing, &row(1.0), (point, MOST as u32));
+        let ordered = built(&row(1.0), Some(point));
+        let (sets, in_order) = nodes(&ordered, &row(1.0), (point, MOST as u32));
         assert!(in_order && sets == plain);
         let tiny = 2.0_f32.powi(-60);
-        assert!(built(&row(tiny), Some(point.map(|x| x * tiny))) == facing);
+        assert!(built(&row(tiny), Some(point.map(|x| x * tiny))) == ordered);
     }
 
     #[test]
@@ -148,11 +148,11 @@ mod tests {
         let plain = built(&few, None);
         for x in [-9.0, 99.0] {
             let point = [x, 3.0, 5.0];
-            let facing = built(&few, Some(point));
-            let (sets, in_order) = nodes(&facing, &few, (point, tiny::MOST as u32));
+            let ordered = built(&few, Some(point));
+            let (sets, in_order) = nodes(&ordered, &few, (point, tiny::MOST as u32));
             assert!(in_order, "{x}");
             assert_eq!(sets, nodes(&plain, &few, (point, 0)).0);
-            assert_eq!(facing.order()[0] < 16, x < 0.0);
+            assert_eq!(ordered.order()[0] < 16, x < 0.0);
         }
     }
 
@@ -163,11 +163,11 @@ mod tests {
             point in prop::array::uniform3(-300.0_f32..500.0),
         ) {
             let plain = built(&boxes, None);
-            let facing = built(&boxes, Some(point));
+            let ordered = built(&boxes, Some(point));
             let mut turned = plain.clone();
-            face(&mut turned, &boxes[..], point);
+            order_toward(&mut turned, &boxes[..], point);
             let (sets, _) = nodes(&plain, &boxes, (point, 0));
-            for (tree, least) in [(turned, 1), (facing, MOST as u32)] {
+            for (tree, least) in [(turned, 1), (ordered, MOST as u32)] {
                 let (same, in_order) = nodes(&tree, &boxes, (point, least));
                 prop_assert!(in_order, "nodes of more than {} leaves", least);
                 prop_assert_eq!(&same, &sets);

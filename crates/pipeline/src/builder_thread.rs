@@ -36,13 +36,13 @@ pub struct BuildFailed {
 }
 
 /// How a job becomes a tree.
-type Craft = dyn FnMut(Job, &Cancel) -> Result<Made, BuildFailed> + Send;
+type BuildFunction = dyn FnMut(Job, &Cancel) -> Result<Made, BuildFailed> + Send;
 
 type Delivery = (Generation, Result<Made, BuildFailed>);
 
 /// One builder thread, started with the first job. Dropping it cancels what it is at.
-pub struct Workshop {
-    craft: Option<Box<Craft>>,
+pub struct BuilderThread {
+    build: Option<Box<BuildFunction>>,
     open: Option<Open>,
     cancel: Arc<Cancel>,
 }
@@ -53,13 +53,13 @@ struct Open {
     thread: JoinHandle<()>,
 }
 
-impl Workshop {
-    /// A workshop that knows its craft; no thread yet.
+impl BuilderThread {
+    /// A builder that knows its build; no thread yet.
     pub fn new(
-        craft: impl FnMut(Job, &Cancel) -> Result<Made, BuildFailed> + Send + 'static,
+        build: impl FnMut(Job, &Cancel) -> Result<Made, BuildFailed> + Send + 'static,
     ) -> Self {
         Self {
-            craft: Some(Box::new(craft)),
+            build: Some(Box::new(build)),
             open: None,
             cancel: Arc::default(),
         }
@@ -79,8 +79,8 @@ impl Workshop {
     /// # Panics
     /// If a second job is handed in before the first was taken up.
     pub fn start(&mut self, job: Job) -> Result<(), BuildFailed> {
-        if let Some(craft) = self.craft.take() {
-            self.open = Some(Open::new(craft, Arc::clone(&self.cancel))?);
+        if let Some(build) = self.build.take() {
+            self.open = Some(Open::new(build, Arc::clone(&self.cancel))?);
         }
         let open = self.open.as_ref().ok_or_else(gone)?;
         match open.jobs.try_send(job) {
@@ -101,7 +101,7 @@ impl Workshop {
     }
 }
 
-impl Drop for Workshop {
+impl Drop for BuilderThread {
     fn drop(&mut self) {
         self.cancel.cancel();
         if let Some(Open {
@@ -111,21 +111,21 @@ impl Drop for Workshop {
         }) = self.open.take()
         {
             drop((jobs, trees));
-            // The thread catches what its craft throws; nothing is left to report.
+            // The thread catches the build's panics; nothing is left to report.
             let _ = thread.join();
         }
     }
 }
 
 impl Open {
-    fn new(mut craft: Box<Craft>, cancel: Arc<Cancel>) -> Result<Self, BuildFailed> {
+    fn new(mut build: Box<BuildFunction>, cancel: Arc<Cancel>) -> Result<Self, BuildFailed> {
         let (jobs, inbox) = sync_channel::<Job>(1);
         let (outbox, trees) = sync_channel(1);
         let work = move || {
             while let Ok(job) = inbox.recv() {
                 let generation = job.generation;
                 let result =
-                    catch_unwind(AssertUnwindSafe(|| craft(job, &cancel))).unwrap_or_else(|_| {
+                    catch_unwind(AssertUnwindSafe(|| build(job, &cancel))).unwrap_or_else(|_| {
                         Err(BuildFailed {
                             reason: "the builder panicked".into(),
                         })
@@ -173,7 +173,7 @@ mod tests {
 
     #[test]
     fn a_panic_in_the_craft_is_a_failed_build_and_the_next_job_goes_on() {
-        let mut w = Workshop::new(|job: Job, _: &Cancel| {
+        let mut w = BuilderThread::new(|job: Job, _: &Cancel| {
             assert!(job.generation.0 != 1, "planted");
             Err(BuildFailed {
                 reason: "planted".into(),
@@ -193,7 +193,7 @@ mod tests {
     #[test]
     fn dropping_the_workshop_cancels_the_build() {
         let (said, hear) = std::sync::mpsc::channel();
-        let mut w = Workshop::new(move |_: Job, cancel: &Cancel| {
+        let mut w = BuilderThread::new(move |_: Job, cancel: &Cancel| {
             while !cancel.is_cancelled() {
                 std::thread::yield_now();
             }

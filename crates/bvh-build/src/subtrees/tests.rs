@@ -25,11 +25,11 @@ fn build(boxes: &[Aabb]) -> BinaryTree {
     built.map(|()| tree).unwrap()
 }
 
-fn regroup(last: &BinaryTree, boxes: &[Aabb]) -> (BinaryTree, Costs, Regrouper) {
-    let (mut regrouper, mut tree) = (Regrouper::new(), BinaryTree::default());
+fn subtrees(last: &BinaryTree, boxes: &[Aabb]) -> (BinaryTree, Costs, SubtreeRebuilder) {
+    let (mut subtree_rebuilder, mut tree) = (SubtreeRebuilder::new(), BinaryTree::default());
     let mut builder = Builder::new();
-    let costs = regrouper.build(&mut builder, (last, boxes), &Cancel::new(), &mut tree);
-    (tree, costs.unwrap(), regrouper)
+    let costs = subtree_rebuilder.build(&mut builder, (last, boxes), &Cancel::new(), &mut tree);
+    (tree, costs.unwrap(), subtree_rebuilder)
 }
 
 fn depth(tree: &BinaryTree, node: Subtree) -> u32 {
@@ -50,11 +50,11 @@ fn clumps_that_change_places_stay_whole_and_the_tree_is_as_good_as_new() {
     let before = clumps(n, |c| (c * 2) as f32, 0.05);
     let after = clumps(n, |c| (c * 1231 % 3000 * 2) as f32, 0.05);
     let last = build(&before);
-    let (tree, costs, regrouper) = regroup(&last, &after);
+    let (tree, costs, subtree_rebuilder) = subtrees(&last, &after);
     assert!(
-        regrouper.groups.nodes.len() < 6000,
+        subtree_rebuilder.groups.nodes.len() < 6000,
         "{}",
-        regrouper.groups.nodes.len()
+        subtree_rebuilder.groups.nodes.len()
     );
     let fresh = sah_cost(&build(&after), &after[..]);
     let cost = sah_cost(&tree, &after[..]);
@@ -69,8 +69,8 @@ fn clumps_that_part_are_taken_to_pieces() {
     let last = build(&clumps(n, |c| (c * 2) as f32, 0.05));
     // Each box of a clump is now somewhere else, among strangers.
     let apart = clumps(n, |c| c as f32, 400.0);
-    let (tree, _, regrouper) = regroup(&last, &apart);
-    assert_eq!(regrouper.groups.nodes.len(), n as usize);
+    let (tree, _, subtree_rebuilder) = subtrees(&last, &apart);
+    assert_eq!(subtree_rebuilder.groups.nodes.len(), n as usize);
     assert_eq!(tree, build(&apart));
 }
 
@@ -79,7 +79,7 @@ fn a_tree_of_none_or_one_stays_so() {
     for n in [0, 1] {
         let boxes = clumps(n, |_| 0.0, 1.0);
         let last = build(&boxes);
-        assert_eq!(regroup(&last, &boxes).0, last);
+        assert_eq!(subtrees(&last, &boxes).0, last);
     }
 }
 
@@ -90,7 +90,7 @@ fn a_cancelled_build_leaves_an_empty_tree() {
     let (mut tree, cancel) = (last.clone(), Cancel::new());
     cancel.cancel();
     let built =
-        Regrouper::new().build(&mut Builder::new(), (&last, &boxes[..]), &cancel, &mut tree);
+        SubtreeRebuilder::new().build(&mut Builder::new(), (&last, &boxes[..]), &cancel, &mut tree);
     assert_eq!((built, tree.root()), (Err(BuildError::Cancelled), None));
     assert!(tree.left_leaves().is_empty());
 }
@@ -101,7 +101,7 @@ fn a_box_that_vanished_is_refused() {
     let mut boxes = clumps(70, |c| c as f32, 0.1);
     let last = build(&boxes);
     boxes[3] = Aabb::EMPTY;
-    regroup(&last, &boxes);
+    subtrees(&last, &boxes);
 }
 
 #[test]
@@ -111,7 +111,7 @@ fn the_tree_does_not_depend_on_the_number_of_threads() {
     let after = clumps(n, |c| (c * 37 % 4000) as f32, 0.9);
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        let (tree, costs, _) = pool.unwrap().install(|| regroup(&last, &after));
+        let (tree, costs, _) = pool.unwrap().install(|| subtrees(&last, &after));
         (tree, costs)
     };
     assert_eq!(on(1), on(4));
@@ -136,11 +136,11 @@ fn no_leaf_lies_too_deep() {
         boxes.push(cube([size; 3], size / 4.0));
     }
     let last = build(&boxes);
-    let (tree, _, regrouper) = regroup(&last, &boxes);
+    let (tree, _, subtree_rebuilder) = subtrees(&last, &boxes);
     assert!(
-        regrouper.groups.nodes.len() < 78 + 80,
+        subtree_rebuilder.groups.nodes.len() < 78 + 80,
         "{}",
-        regrouper.groups.nodes.len()
+        subtree_rebuilder.groups.nodes.len()
     );
     assert!(depth(&tree, tree.root().unwrap()) <= MAX_DEPTH);
 }
@@ -163,11 +163,11 @@ proptest! {
         };
         let after = at(shift);
         let last = build(&at(0.0));
-        let (tree, costs, regrouper) = regroup(&last, &after);
+        let (tree, costs, subtree_rebuilder) = subtrees(&last, &after);
         let mut order = tree.order().to_vec();
         order.sort_unstable();
         prop_assert!(order.iter().copied().eq(0..from.len() as u32));
-        prop_assert!(regrouper.groups.nodes.iter().all(|g| g.leaves <= MOST));
+        prop_assert!(subtree_rebuilder.groups.nodes.iter().all(|g| g.leaves <= MOST));
         prop_assert!(depth(&tree, tree.root().unwrap()) <= MAX_DEPTH);
         prop_assert!(is_about(costs.new, sah_cost(&tree, &after[..])), "{:?}", costs);
         prop_assert!(is_about(costs.last, sah_cost(&last, &after[..])), "{:?}", costs);
