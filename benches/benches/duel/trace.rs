@@ -128,7 +128,7 @@ impl Stage<'_> {
     ) -> Contender<'b> {
         let count = |task: &[Ray], any: bool| {
             let hits = |ray: &&Ray| match any {
-                true => scene.is_blocked(ray),
+                true => scene.is_occluded(ray),
                 false => scene.hits(ray),
             };
             task.iter().filter(hits).count() as u64

@@ -134,7 +134,7 @@ impl EmbreeScene {
 
     /// Whether a ray hits anything.
     #[must_use]
-    pub fn is_blocked(&self, ray: &Ray) -> bool {
+    pub fn is_occluded(&self, ray: &Ray) -> bool {
         // Embree's sign for a ray that met something.
         self.ask(ray, rtcOccluded1).t_max < 0.0
     }
@@ -238,7 +238,7 @@ impl Rival for Embree {
 
     fn blocked(&self, _: &Self::Soup, ray: &Ray) -> bool {
         let scene = self.scene.as_ref();
-        scene.is_some_and(|scene| scene.is_blocked(ray))
+        scene.is_some_and(|scene| scene.is_occluded(ray))
     }
 
     /// None: Embree keeps its nodes to itself.

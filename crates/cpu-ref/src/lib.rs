@@ -21,6 +21,7 @@ mod moving;
 #[cfg(test)]
 mod moving_tests;
 mod nodes;
+mod packets;
 mod preprocess;
 mod ray;
 mod recording;
@@ -37,7 +38,6 @@ mod snapshots;
 mod submission;
 #[cfg(test)]
 mod testing;
-mod tiles;
 mod trace;
 #[cfg(test)]
 mod trace_tests;

@@ -1,11 +1,11 @@
 //! Rays to hits: many rays at once, each on its own.
 
 use crate::extreme::{self, Rule};
+use crate::packets::{Sink, fill_list, fill_picture};
 use crate::preprocess::Geometry;
 use crate::scale::Scale;
 use crate::search::{Asked, Search};
 use crate::shadow::Light;
-use crate::tiles::{Sink, fill_list, fill_picture};
 use crate::traverse::{Stack, Tree};
 use backend::Rays;
 use geom::{Hit, Point, Ray};
@@ -174,9 +174,9 @@ impl<N: Tree> Tracer<'_, N> {
     ) -> Counts {
         match self.rays {
             Rays::Camera(camera) if out.size() > 0 => {
-                fill_picture(out, camera.width as usize, |tiles| {
+                fill_picture(out, camera.width as usize, |packets| {
                     let (mut stack, mut sum) = (Stack::new(), Counts::default());
-                    tiles.fill(|index| counted(one(&mut stack, index), &mut sum));
+                    packets.fill(|index| counted(one(&mut stack, index), &mut sum));
                     sum
                 })
             }

@@ -12,7 +12,7 @@ use crate::rt::{self, RayTracing};
 use ash::ext::pipeline_robustness;
 use ash::vk;
 use backend::{BackendError, DeviceKind, Result, choose_adapter};
-use shaders::{Rasters, Tiles};
+use shaders::{Packets, Rasterization};
 use std::ffi::CStr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -118,15 +118,15 @@ impl Gpu {
     }
 
     /// How invocations search together here.
-    pub(crate) fn tiles(&self) -> Option<Tiles> {
+    pub(crate) fn packets(&self) -> Option<Packets> {
         let subgroups = self.extras.subgroups.map(|size| (size, size));
-        Tiles::for_device(subgroups, self.is_software())
+        Packets::for_device(subgroups, self.is_software())
     }
 
     /// Which pictures are made triangle by triangle here.
-    pub(crate) fn rasters(&self) -> Option<Rasters> {
-        let tiles = self.tiles();
-        Rasters::for_device(tiles.filter(|_| self.extras.has_least_of_64_bits))
+    pub(crate) fn rasterization(&self) -> Option<Rasterization> {
+        let packets = self.packets();
+        Rasterization::for_device(packets.filter(|_| self.extras.has_least_of_64_bits))
     }
 
     /// All that submissions do.

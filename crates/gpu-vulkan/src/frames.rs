@@ -5,7 +5,7 @@ use crate::device::Gpu;
 use crate::slot::Slot;
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use backend::{FRAMES_IN_FLIGHT, FrameReport, Result, Ticket};
-use shaders::{Counts, Patience, Standing};
+use shaders::{Counts, RasterBackoff, TreeStats};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
@@ -23,9 +23,9 @@ pub(crate) struct Frames {
     /// From the oldest that is remembered to the newest.
     ledger: VecDeque<Entry>,
     /// What preprocess and refit said last.
-    last: Standing,
-    /// What traces by rasters said last.
-    pub(crate) patience: Patience,
+    last: TreeStats,
+    /// What traces by rasterization said last.
+    pub(crate) raster_backoff: RasterBackoff,
     clock: Clock,
     /// Reaches a ticket's number when its submission is done.
     done: Timeline,
@@ -51,8 +51,8 @@ impl Frames {
             submitted: 0,
             traces: 0,
             ledger: VecDeque::new(),
-            last: Standing::default(),
-            patience: Patience::default(),
+            last: TreeStats::default(),
+            raster_backoff: RasterBackoff::default(),
             clock: Clock::new(gpu.timestamp_bits, gpu.limits.tick_ns),
             done: Timeline::new(gpu)?,
             first_part: Timeline::new(gpu)?,
@@ -170,7 +170,7 @@ impl Frames {
             let slot = &self.slots[(entry.ticket.0 - 1) as usize % SLOTS];
             let (report, counts) =
                 report(slot, &mut self.clock, &mut self.last, entry.never_active)?;
-            self.patience.note(&counts);
+            self.raster_backoff.note(&counts);
             entry.report = Some(report);
         }
         Ok(())
@@ -193,8 +193,8 @@ impl Frames {
     pub(crate) fn forget(&mut self) {
         self.recording = false;
         self.ledger.clear();
-        self.last = Standing::default();
-        self.patience = Patience::default();
+        self.last = TreeStats::default();
+        self.raster_backoff = RasterBackoff::default();
     }
 }
 
@@ -202,7 +202,7 @@ impl Frames {
 fn report(
     slot: &Slot,
     clock: &mut Clock,
-    last: &mut Standing,
+    last: &mut TreeStats,
     never_active: u64,
 ) -> Result<(FrameReport, Counts)> {
     let done = slot.done()?;

@@ -1,18 +1,18 @@
 //! The loader and the instance.
 
-use crate::validation::{EXTENSIONS, Ear, LAYER, Validation};
+use crate::validation::{DebugMessenger, EXTENSIONS, LAYER, Validation};
 use ash::{Entry, Instance, vk};
 use backend::{BackendError, Result};
 use std::ffi::CString;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// An instance and, if asked for, the ear for its validation layer.
+/// An instance and, if asked for, the messenger for its validation layer.
 pub(crate) struct Host {
     pub(crate) instance: Instance,
     /// Keeps the loader's library open.
     entry: Entry,
     /// Taken out before the instance is destroyed; `None` without the layer.
-    pub(crate) ear: Option<Ear>,
+    pub(crate) messenger: Option<DebugMessenger>,
 }
 
 /// The instance without the layer, shared by all and kept until the process
@@ -66,10 +66,10 @@ impl Host {
         let mut made = Self {
             instance,
             entry,
-            ear: None,
+            messenger: None,
         };
         if validated {
-            made.ear = Some(Ear::new(&made.entry, &made.instance)?);
+            made.messenger = Some(DebugMessenger::new(&made.entry, &made.instance)?);
         }
         Ok(made)
     }
@@ -97,8 +97,8 @@ impl Host {
 
 impl Drop for Host {
     fn drop(&mut self) {
-        if let Some(ear) = self.ear.take() {
-            ear.close();
+        if let Some(messenger) = self.messenger.take() {
+            messenger.close();
         }
         // SAFETY: everything made from the instance is gone: each `Gpu` holds an `Arc` of its host
         // and lets go of it last.

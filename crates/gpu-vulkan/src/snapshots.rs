@@ -117,7 +117,7 @@ impl Snapshots {
         }
         let spare = Arc::clone(&self.spare);
         let loan = |u: UnderWay| -> (Ticket, Snapshot) {
-            let loan = Loan {
+            let loan = BorrowedPositions {
                 buffer: Some(u.buffer),
                 vertices,
                 spare,
@@ -153,14 +153,14 @@ fn soonest(
         .expect("at most one of two is asked for")
 }
 
-struct Loan {
+struct BorrowedPositions {
     /// Taken out when the loan ends.
     buffer: Option<Buffer>,
     vertices: usize,
     spare: Spare,
 }
 
-impl Deref for Loan {
+impl Deref for BorrowedPositions {
     type Target = [Point];
 
     fn deref(&self) -> &[Point] {
@@ -171,7 +171,7 @@ impl Deref for Loan {
     }
 }
 
-impl Drop for Loan {
+impl Drop for BorrowedPositions {
     fn drop(&mut self) {
         let mut spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner);
         spare.extend(self.buffer.take());

@@ -41,7 +41,7 @@ impl VulkanBackend {
             "triangles" => &scene.triangles,
             "topology" => tree.topology(),
             "hits" => trace().hits.as_ref().expect("room for hits"),
-            "blocked" => trace().blocked.as_ref().expect("room for shadows"),
+            "occluded" => trace().blocked.as_ref().expect("room for shadows"),
             "rays" => trace().rays.as_ref().expect("given rays"),
             other => (tree.buffers.find(other))
                 .or_else(|| build.and_then(|b| b.find(other)))
@@ -60,7 +60,7 @@ impl VulkanBackend {
         };
         let has_tree = self.tree().shape.leaf_count > 0;
         let mut traits = self.pipelines.traits;
-        traits.rasters = self.frames.patience.allow(traits.rasters);
+        traits.rasterization = self.frames.raster_backoff.allow(traits.rasterization);
         let tracing = work::trace(self.method, self.params(), rays, query.seek, traits);
         let all = tracing
             .primary

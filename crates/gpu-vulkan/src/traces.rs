@@ -59,7 +59,7 @@ impl Traces {
         }
         let closest = seek != Seek::Any;
         let any = seek != Seek::Closest || intersector == Intersector::Exact;
-        let words = shaders::blocked_words(intersector, count as u64) as usize;
+        let words = shaders::occluded_words(intersector, count as u64) as usize;
         Ok(Trace {
             ticket: Ticket(0),
             count,

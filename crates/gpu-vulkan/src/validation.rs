@@ -61,13 +61,13 @@ fn is_installed(entry: &Entry) -> bool {
 pub(crate) type Messages = Arc<Mutex<Vec<String>>>;
 
 /// Hears the layer of one instance.
-pub(crate) struct Ear {
+pub(crate) struct DebugMessenger {
     utils: ext::debug_utils::Instance,
     messenger: vk::DebugUtilsMessengerEXT,
     messages: Messages,
 }
 
-impl Ear {
+impl DebugMessenger {
     pub(crate) fn new(entry: &Entry, instance: &Instance) -> Result<Self> {
         let messages = Messages::default();
         let utils = ext::debug_utils::Instance::new(entry, instance);
@@ -80,7 +80,7 @@ impl Ear {
             .message_type(kind)
             .pfn_user_callback(Some(hear))
             .user_data(Arc::as_ptr(&messages).cast_mut().cast());
-        // SAFETY: `messages` lives in the ear until the messenger is destroyed.
+        // SAFETY: `messages` lives in the messenger until the messenger is destroyed.
         let messenger = unsafe { utils.create_debug_utils_messenger(&info, None) }
             .map_err(|e| BackendError::NoDevice(format!("no debug messenger: {e}")))?;
         Ok(Self {
@@ -113,7 +113,7 @@ unsafe extern "system" fn hear(
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
     user: *mut c_void,
 ) -> vk::Bool32 {
-    // SAFETY: `user` is the `Messages` of the `Ear`, which outlives the messenger.
+    // SAFETY: `user` is the `Messages` of the `DebugMessenger`, which outlives the messenger.
     let messages = unsafe { &*user.cast::<Mutex<Vec<String>>>() };
     // SAFETY: the layer passes valid data for the time of the call.
     let text = unsafe { (*data).message_as_c_str() };

@@ -95,21 +95,21 @@ impl VulkanBackend {
         let found = selftest::run(&made.gpu, &mut made.frames, &made.pipelines, road)?;
         found.check()?;
         made.device.arithmetic = found.arithmetic;
-        made.pipelines.traits = found.traits(made.gpu.tiles(), made.gpu.rasters());
+        made.pipelines.traits = found.traits(made.gpu.packets(), made.gpu.rasterization());
         Ok(made)
     }
 
     /// Whether the validation layer watches.
     #[must_use]
     pub fn is_validated(&self) -> bool {
-        self.gpu.host.ear.is_some()
+        self.gpu.host.messenger.is_some()
     }
 
     /// What the validation layer has said so far.
     #[must_use]
     pub fn validation_messages(&self) -> Vec<String> {
-        let ear = self.gpu.host.ear.as_ref();
-        ear.map_or_else(Vec::new, |ear| ear.messages())
+        let messenger = self.gpu.host.messenger.as_ref();
+        messenger.map_or_else(Vec::new, |messenger| messenger.messages())
     }
 
     pub(crate) fn scene(&self) -> &SceneBuffers {

@@ -93,7 +93,7 @@ impl WgpuBackend {
         let mut window = Window::default();
         let found = selftest::run(&gpu, &pipelines, &mut window)?;
         found.check()?;
-        pipelines.traits = found.traits(gpu.tiles(modules), gpu.rasters(modules));
+        pipelines.traits = found.traits(gpu.packets(modules), gpu.rasterization(modules));
         Ok(Self {
             device: Device {
                 backend: "wgpu",

@@ -8,7 +8,7 @@ use crate::limits::{LEAST_OF_64_BITS, check, generous, span, useful_features};
 use crate::modules::Modules;
 use crate::tally::Tally;
 use backend::{BackendError, DeviceKind, Result, choose_adapter};
-use shaders::{Rasters, Tiles};
+use shaders::{Packets, Rasterization};
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -98,18 +98,18 @@ impl Gpu {
     }
 
     /// How invocations search together here, given kernels in that form.
-    pub(crate) fn tiles(&self, modules: Modules) -> Option<Tiles> {
+    pub(crate) fn packets(&self, modules: Modules) -> Option<Packets> {
         let sizes = (self.info.subgroup_min_size, self.info.subgroup_max_size);
         let has_subgroups = modules == Modules::Best
             && self.takes_spirv()
             && self.features.contains(Features::SUBGROUP);
-        Tiles::for_device(has_subgroups.then_some(sizes), self.is_software())
+        Packets::for_device(has_subgroups.then_some(sizes), self.is_software())
     }
 
     /// Which pictures are made triangle by triangle here, given kernels in that form.
-    pub(crate) fn rasters(&self, modules: Modules) -> Option<Rasters> {
-        let tiles = self.tiles(modules);
-        Rasters::for_device(tiles.filter(|_| self.features.contains(LEAST_OF_64_BITS)))
+    pub(crate) fn rasterization(&self, modules: Modules) -> Option<Rasterization> {
+        let packets = self.packets(modules);
+        Rasterization::for_device(packets.filter(|_| self.features.contains(LEAST_OF_64_BITS)))
     }
 
     fn is_software(&self) -> bool {

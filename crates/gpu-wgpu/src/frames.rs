@@ -3,7 +3,7 @@
 use crate::device::Gpu;
 use crate::slot::Slot;
 use backend::{FRAMES_IN_FLIGHT, FrameReport, Result, Ticket};
-use shaders::{Patience, Standing};
+use shaders::{RasterBackoff, TreeStats};
 use std::collections::VecDeque;
 
 /// One slot more than may be under way, so that recording never waits.
@@ -18,9 +18,9 @@ pub(crate) struct Frames {
     traces: u64,
     /// From the oldest that is remembered to the newest.
     ledger: VecDeque<Entry>,
-    standing: Standing,
-    /// What traces by rasters said last.
-    pub(crate) patience: Patience,
+    tree_stats: TreeStats,
+    /// What traces by rasterization said last.
+    pub(crate) raster_backoff: RasterBackoff,
 }
 
 struct Entry {
@@ -39,8 +39,8 @@ impl Frames {
             submitted: 0,
             traces: 0,
             ledger: VecDeque::new(),
-            standing: Standing::default(),
-            patience: Patience::default(),
+            tree_stats: TreeStats::default(),
+            raster_backoff: RasterBackoff::default(),
         })
     }
 
@@ -105,9 +105,9 @@ impl Frames {
             let slot = &mut self.slots[(entry.ticket.0 - 1) as usize % SLOTS];
             let mut done = slot.finish(gpu)?;
             let counted = (&done.counts, slot.extents);
-            self.standing
+            self.tree_stats
                 .complete(&mut done.report, counted, never_active);
-            self.patience.note(&done.counts);
+            self.raster_backoff.note(&done.counts);
             entry.report = Some(done.report);
         }
         Ok(())
@@ -133,8 +133,8 @@ impl Frames {
         }
         self.recording = false;
         self.ledger.clear();
-        self.standing = Standing::default();
-        self.patience = Patience::default();
+        self.tree_stats = TreeStats::default();
+        self.raster_backoff = RasterBackoff::default();
         self.slots.iter_mut().for_each(Slot::forget);
         Ok(())
     }

@@ -27,7 +27,7 @@ pub fn useful_features() -> Features {
         | LEAST_OF_64_BITS
 }
 
-/// What kernels of rasters ask for.
+/// What kernels of rasterization ask for.
 pub(crate) const LEAST_OF_64_BITS: Features =
     Features::SHADER_INT64.union(Features::SHADER_INT64_ATOMIC_MIN_MAX);
 
@@ -44,7 +44,7 @@ pub fn required_limits(animation: &Animation, rays: usize) -> Limits {
         // Nodes, of layout `fast` at the worst, and so records of triangles: see `tree.rs`.
         leaves * 80 + 64,
         rays as u64 * 32,
-        shaders::blocked_words(Intersector::Exact, rays as u64) * 4,
+        shaders::occluded_words(Intersector::Exact, rays as u64) * 4,
     ];
     let bytes = largest.into_iter().fold(1 << 20, u64::max);
     let bytes = bytes.next_multiple_of(16);

@@ -81,7 +81,7 @@ impl Pipelines {
 
 /// Whether a kernel is made with the method that it serves.
 fn is_usual(kernel: &Kernel) -> bool {
-    !kernel.makes_trees() && !kernel.makes_rasters() && !kernel.answers_extremes()
+    !kernel.makes_trees() && !kernel.rasterizes() && !kernel.answers_extremes()
 }
 
 impl Pipeline {

@@ -138,13 +138,13 @@ impl Slot {
         self.stages.push(stage);
         self.parts.push((stage, beside));
         for launch in launches {
-            self.go_on(stage, launch);
+            self.append(stage, launch);
         }
         Ok(())
     }
 
     /// Adds to a stage.
-    fn go_on(&mut self, stage: Stage, launch: Launch) {
+    fn append(&mut self, stage: Stage, launch: Launch) {
         match self.parts.last_mut() {
             Some((_, launches)) => launches.push(launch),
             None => self.parts.push((stage, vec![launch])),

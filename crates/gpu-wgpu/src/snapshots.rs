@@ -112,7 +112,7 @@ impl Snapshots {
         };
         let view = buffer.get_mapped_range(..).map_err(unreadable)?;
         let spare = Arc::clone(&self.spare);
-        let loan = Loan {
+        let loan = BorrowedPositions {
             view: Some(view),
             device: gpu.device.clone(),
             buffer,
@@ -140,7 +140,7 @@ pub(crate) struct Begun {
 }
 
 /// The mapped buffer itself, without a copy: wgpu's view may be sent to and read by any thread.
-struct Loan {
+struct BorrowedPositions {
     /// Taken out when the loan ends.
     view: Option<BufferView>,
     device: wgpu::Device,
@@ -149,7 +149,7 @@ struct Loan {
     spare: Spare,
 }
 
-impl Deref for Loan {
+impl Deref for BorrowedPositions {
     type Target = [Point];
 
     fn deref(&self) -> &[Point] {
@@ -161,7 +161,7 @@ impl Deref for Loan {
     }
 }
 
-impl Drop for Loan {
+impl Drop for BorrowedPositions {
     fn drop(&mut self) {
         // A buffer is unmapped only when no view looks at it any more.
         drop(self.view.take());

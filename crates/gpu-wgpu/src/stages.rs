@@ -40,7 +40,7 @@ impl WgpuBackend {
             "triangles" => &scene.triangles,
             "topology" => tree.topology(),
             "hits" => &trace().hits,
-            "blocked" => &trace().blocked,
+            "occluded" => &trace().blocked,
             "rays" => trace().rays.as_ref().expect("given rays"),
             other => (tree.buffers.find(other))
                 .or_else(|| build.and_then(|b| b.find(other)))
@@ -60,7 +60,7 @@ impl WgpuBackend {
             trace.fill_misses(&self.gpu)?;
         }
         let mut traits = self.pipelines.traits;
-        traits.rasters = self.frames.patience.allow(traits.rasters);
+        traits.rasterization = self.frames.raster_backoff.allow(traits.rasterization);
         let tracing = work::trace(self.method, self.params(), rays, query.seek, traits);
         let all = tracing
             .primary

@@ -49,7 +49,7 @@ impl Traces {
         });
         let extremes = rays.is_some_and(|rays| rays.iter().any(is_extreme));
         let rays = rays.map(|rays| upload(gpu, rays, spare)).transpose()?;
-        let words = shaders::blocked_words(intersector, count as u64);
+        let words = shaders::occluded_words(intersector, count as u64);
         Ok(Trace {
             ticket: Ticket(0),
             count,

@@ -89,7 +89,7 @@ impl Source {
     pub(crate) fn searches(&self) -> bool {
         self.uses
             .split_whitespace()
-            .any(|word| word.starts_with("stretch_") || word == "seen")
+            .any(|word| word.starts_with("slab_") || word == "seen")
     }
 
     /// The whole text.

@@ -6,7 +6,7 @@
 //! arithmetic of `divide.wgsl` and `exact.wgsl`. The same kernel shows how the device
 //! divides and adds up products where it may do as it likes, and whether its driver ends long loops early.
 
-use crate::{Rasters, Tiles};
+use crate::{Packets, Rasterization};
 use backend::{Arithmetic, BackendError};
 
 /// A device that does not compute as every kernel needs it to.
@@ -54,9 +54,9 @@ pub struct Traits {
     /// See [`Findings::fuses_once`].
     pub fuses_once: bool,
     /// How invocations search together, if they do.
-    pub tiles: Option<Tiles>,
+    pub packets: Option<Packets>,
     /// Which pictures are made triangle by triangle, if any.
-    pub rasters: Option<Rasters>,
+    pub rasterization: Option<Rasterization>,
 }
 
 impl Findings {
@@ -75,11 +75,11 @@ impl Findings {
 
     /// Which forms of kernels the device takes.
     #[must_use]
-    pub fn traits(&self, tiles: Option<Tiles>, rasters: Option<Rasters>) -> Traits {
+    pub fn traits(&self, packets: Option<Packets>, rasterization: Option<Rasterization>) -> Traits {
         Traits {
             fuses_once: self.fuses_once,
-            tiles,
-            rasters,
+            packets,
+            rasterization,
         }
     }
 }

@@ -19,8 +19,8 @@
 //!   a host makes the others when it loads a scene;
 //! - [`rebuild`]: likewise for a tree made on the device, the room that it takes, and how to read it back;
 //! - [`Counts`]: the buffer `counts`, cleared before the first stage and read back after the last;
-//! - [`Standing`]: what counts say of records and boxes, until they are made anew;
-//! - [`Patience`]: what counts say of rasters, for traces to come;
+//! - [`TreeStats`]: what counts say of records and boxes, until they are made anew;
+//! - [`RasterBackoff`]: what counts say of rasterization, for traces to come;
 //! - [`work::Progress`]: which stages must go over all of a tree, and which over what moves.
 //!
 //! Both `gpu-wgpu` and `gpu-vulkan` are written so.
@@ -28,14 +28,14 @@
 pub mod arithmetic;
 mod method;
 mod moving;
+mod packets;
 mod params;
 mod projection;
-mod rasters;
+mod rasterization;
 pub mod rebuild;
 mod shape;
-mod standing;
-mod tiles;
 mod tree_buffers;
+mod tree_stats;
 mod unfold;
 mod units;
 mod variant;
@@ -45,15 +45,15 @@ pub mod work;
 use backend::Method;
 
 pub use arithmetic::Traits;
-pub use method::{blocked_words, record_bytes, supports};
 pub(crate) use method::{notes, open_shadows_at, places};
+pub use method::{occluded_words, record_bytes, supports};
 pub use moving::{MovingShape, MovingTreeletShape, moving_rows};
+pub use packets::Packets;
 pub use params::{Counts, Params};
-pub use rasters::{Patience, Rasters};
+pub use rasterization::{RasterBackoff, Rasterization};
 pub use shape::{Shape, WideShape};
-pub use standing::{Extent, Extents, Standing};
-pub use tiles::Tiles;
 pub use tree_buffers::{COSTS, COVERS, NODES, TreeBuffers, VISIBILITY};
+pub use tree_stats::{Extent, Extents, TreeStats};
 pub use units::is_extreme;
 pub use view::View;
 
@@ -146,7 +146,7 @@ impl Kernel {
     /// Whether a device with these traits takes it at all.
     #[must_use]
     pub fn suits(&self, traits: Traits) -> bool {
-        Tiles::of_kernel(self.entry).is_none_or(|tiles| traits.tiles == Some(tiles))
+        Packets::of_kernel(self.entry).is_none_or(|packets| traits.packets == Some(packets))
     }
 
     /// Whether it is of use to [`rebuild`] alone; a host makes those when it first makes a tree.
@@ -155,10 +155,10 @@ impl Kernel {
         rebuild::KERNELS.contains(&self.entry)
     }
 
-    /// Whether it is of use to rasters alone, which few pictures go by; a host makes those when a trace first asks for them.
+    /// Whether it is of use to rasterization alone, which few pictures go by; a host makes those when a trace first asks for them.
     #[must_use]
-    pub fn makes_rasters(&self) -> bool {
-        Rasters::need(self.entry)
+    pub fn rasterizes(&self) -> bool {
+        Rasterization::need(self.entry)
     }
 
     /// Whether it is of use to extreme rays alone ([`geom::Range`]); a host makes those when a trace first asks for them.

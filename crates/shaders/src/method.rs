@@ -20,9 +20,9 @@ pub fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
 }
 
 /// Words of the buffer `blocked` for so many rays: one each, and for `exact` the list of those left open, notes
-/// of three words (`wgsl/shared/notes.wgsl`), and places at which rays are settled one by one (`pool.wgsl`).
+/// of three words (`wgsl/shared/notes.wgsl`), and places at which rays are settled one by one (`walk.wgsl`).
 #[must_use]
-pub fn blocked_words(intersector: Intersector, rays: u64) -> u64 {
+pub fn occluded_words(intersector: Intersector, rays: u64) -> u64 {
     match intersector {
         Intersector::Exact => open_shadows_at(rays) + rays,
         _ => rays,
@@ -66,7 +66,7 @@ mod tests {
         };
         let says =
             |entry: &str, what: &str| assert!(kernel(entry, method).code.wgsl.contains(what));
-        says("finish_rays", &format!("const STACK: u32 = {STACK}u;"));
+        says("fallback_rays", &format!("const STACK: u32 = {STACK}u;"));
         says("trace_rays", &format!("var stack: array<u32, {STACK}>;"));
     }
 
@@ -76,7 +76,7 @@ mod tests {
             intersector: Intersector::Exact,
             layout: Layout::Bvh2,
         };
-        let wgsl = kernel("settle_together_camera", method).code.wgsl;
+        let wgsl = kernel("resolve_exact_together", method).code.wgsl;
         let abreast = crate::work::ABREAST;
         assert!(wgsl.contains(&format!("const ABREAST: u32 = {abreast}u;")));
     }

@@ -138,23 +138,23 @@ pub struct Counts {
     pub root_area: f32,
     /// Half areas of the children of nodes marked as moving, by `sum_costs` after any refit.
     pub moving_areas: f32,
-    /// Rays that `trace_*` and `any_*` left to `settle_*`, for `exact`.
+    /// Rays that `trace_*` and `any_*` left to `resolve_exact_*`, for `exact`.
     pub open: u32,
-    /// Shadows that `shadow_*` left to `settle_*`, for `exact`.
+    /// Shadows that `shadow_*` left to `resolve_exact_*`, for `exact`.
     pub open_shadows: u32,
-    /// Notes of triangles for `settle_*`.
+    /// Notes of triangles for `resolve_exact_*`.
     pub notes: u32,
-    /// Rays that `settle_*` left to `finish_*`, for `exact`.
+    /// Rays that `resolve_exact_*` left to `fallback_*`, for `exact`.
     pub hard: u32,
     /// Likewise shadows.
     pub hard_shadows: u32,
-    /// Stamps, by `stamp` and `stamp_large`.
-    pub stamps: u32,
-    /// Triangles that were too large for `stamp`.
+    /// Tiles, by `cover_small` and `cover_large`.
+    pub tiles: u32,
+    /// Triangles that were too large for `cover_small`.
     pub large: u32,
     /// About how many tests of a ray and a triangle they take, in `rasterize`.
     pub tests: u32,
-    /// 1 if that left it to `resolve` to find hits: see [`crate::Patience`].
+    /// 1 if that left it to `resolve` to find hits: see [`crate::RasterBackoff`].
     pub untold: u32,
 }
 

@@ -6,7 +6,7 @@ mod rays;
 mod tree;
 mod treelets;
 
-pub use rays::{cleanse, count_any, count_blocked, count_hits, count_triangles, rays};
+pub use rays::{cleanse, count_any, count_hits, count_occluded, count_triangles, rays};
 pub(crate) use tree::sum;
 pub use tree::{Progress, leaves};
 
@@ -43,7 +43,7 @@ pub enum Groups {
 
 /// A dispatch that no device of this kind takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TooManyGroups {
+pub struct DispatchLimit {
     /// Workgroups along the longer axis.
     pub need: u32,
     /// How many may be.
@@ -110,13 +110,13 @@ impl Work {
     ///
     /// # Errors
     /// They are too many even in rows.
-    pub fn group_counts(&self, limit: u32) -> Result<[u32; 2], TooManyGroups> {
+    pub fn group_counts(&self, limit: u32) -> Result<[u32; 2], DispatchLimit> {
         self.groups.counts(self.kernel.workgroup[0], limit)
     }
 }
 
 impl Groups {
-    fn counts(self, workgroup: u32, limit: u32) -> Result<[u32; 2], TooManyGroups> {
+    fn counts(self, workgroup: u32, limit: u32) -> Result<[u32; 2], DispatchLimit> {
         let [x, y] = match self {
             Self::Linear(count) => in_rows(count.div_ceil(workgroup), limit),
             Self::Each(count) => in_rows(count, limit),
@@ -124,7 +124,7 @@ impl Groups {
         };
         let need = x.max(y);
         match need > limit {
-            true => Err(TooManyGroups { need, limit }),
+            true => Err(DispatchLimit { need, limit }),
             false => Ok([x, y]),
         }
     }
@@ -196,8 +196,8 @@ fn usual(method: Method, params: Params, rays: Rays<'_>, seek: Seek, traits: Tra
                     shadow: Some(shadow(method, params, rays)),
                     ..Trace::default()
                 },
-                Rays::Camera(camera) => pictures::by_tiles(method, params, camera, traits)
-                    .or_else(|| pictures::by_rasters(method, params, camera, traits))
+                Rays::Camera(camera) => pictures::by_packets(method, params, camera, traits)
+                    .or_else(|| pictures::by_rasterization(method, params, camera, traits))
                     .unwrap_or_else(|| primary(together(method, params, rays))),
             }
         }
@@ -214,7 +214,7 @@ fn closest(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
 fn any(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
     let rays = Rays::Given(rays.count(), false);
     let search = Work::over(method, rays, searching(params, rays), ["any_rays"; 2]);
-    let stages = ["settle_any_rays", "finish_any_rays"].map(|s| [s; 2]);
+    let stages = ["resolve_exact_any_rays", "fallback_any_rays"].map(|s| [s; 2]);
     settled(method, search, rays, stages)
 }
 
@@ -252,7 +252,7 @@ fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
     let settle = 2 * sharers + ABREAST * searchers;
     vec![
         all,
-        each(settle, shared, "settle_together_camera"),
+        each(settle, shared, "resolve_exact_together"),
         finishing(method, params, rays, HITS[1]),
         each(searchers, params, "shadow_left"),
         finishing(method, params, rays, SHADOWS[1]),
@@ -260,13 +260,13 @@ fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
 }
 
 const HITS: [[&str; 2]; 2] = [
-    ["settle_rays", "settle_camera"],
-    ["finish_rays", "finish_camera"],
+    ["resolve_exact_rays", "resolve_exact_camera"],
+    ["fallback_rays", "fallback_camera"],
 ];
 
 const SHADOWS: [[&str; 2]; 2] = [
-    ["settle_shadow_rays"; 2],
-    ["finish_shadow_rays", "finish_shadow_camera"],
+    ["resolve_exact_shadow_rays"; 2],
+    ["fallback_shadow_rays", "fallback_shadow_camera"],
 ];
 
 /// What a search over all rays is told, and those who settle what it leaves open.
@@ -330,6 +330,6 @@ mod tests {
         assert!(y == 2 && x * y >= 100_000 && x <= 65535);
         let (need, limit) = (70_000, 65535);
         let tall = Groups::Pixels([16, 8 * need], [16, 8]).counts(128, limit);
-        assert_eq!(tall, Err(TooManyGroups { need, limit }));
+        assert_eq!(tall, Err(DispatchLimit { need, limit }));
     }
 }

@@ -48,7 +48,7 @@ fn only_what_decides_no_hit_may_be_fused_and_no_name_is_left() {
         let filter = if tests("exact") { FILTER } else { 0 };
         let expected = match kernel.entry {
             "project" => PROJECTION,
-            "stamp" | "stamp_large" => OUTLINES,
+            "cover_small" | "cover_large" => OUTLINES,
             _ if traces && !kernel.answers_extremes() => BOXES + own + filter,
             _ => 0,
         };

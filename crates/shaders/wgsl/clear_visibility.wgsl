@@ -1,5 +1,5 @@
 //! use params
-// Empties the visibility buffer, two words of 64 bits an invocation: see "Rasters" in ARCHITECTURE.md.
+// Empties the visibility buffer, two words of 64 bits an invocation: see "Rasterization" in ARCHITECTURE.md.
 
 @group(0) @binding(1) var<storage, read_write> visibility: array<vec4<u32>>;
 

@@ -5,7 +5,7 @@
 @group(0) @binding(2) var<storage, read> records: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read> hits: array<vec4<u32>>;
 @group(0) @binding(4) var<storage, read_write> counts: array<atomic<u32>>;
-@group(0) @binding(5) var<storage, read_write> blocked: array<u32>;
+@group(0) @binding(5) var<storage, read_write> occluded: array<u32>;
 @group(0) @binding(6) var<storage, read> triangles: array<u32>;
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 
@@ -13,11 +13,11 @@
 fn extreme_shadow_camera(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 64u);
     if i >= params.count { return; }
-    blocked[i] = 0u;
+    occluded[i] = 0u;
     if hits[i].w == NO_TRIANGLE { return; }
     let direction = bitcast<vec3<u32>>(through_pixel(vec2<u32>(i % params.width, i / params.width)));
     if is_in_extreme_shadow(bitcast<vec3<u32>>(params.eye), direction, hits[i]) {
-        blocked[i] = 1u;
+        occluded[i] = 1u;
         atomicAdd(&counts[3], 1u);
     }
 }

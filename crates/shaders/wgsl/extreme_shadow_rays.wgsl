@@ -5,7 +5,7 @@
 @group(0) @binding(2) var<storage, read> records: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read> hits: array<vec4<u32>>;
 @group(0) @binding(4) var<storage, read_write> counts: array<atomic<u32>>;
-@group(0) @binding(5) var<storage, read_write> blocked: array<u32>;
+@group(0) @binding(5) var<storage, read_write> occluded: array<u32>;
 @group(0) @binding(6) var<storage, read> triangles: array<u32>;
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 @group(0) @binding(8) var<storage, read> rays: array<vec4<u32>>;
@@ -14,10 +14,10 @@
 fn extreme_shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 64u);
     if i >= params.count || !is_extreme(scaled_point(rays[2u * i].xyz)) { return; }
-    blocked[i] = 0u;
+    occluded[i] = 0u;
     if hits[i].w == NO_TRIANGLE { return; }
     if is_in_extreme_shadow(rays[2u * i].xyz, rays[2u * i + 1u].xyz, hits[i]) {
-        blocked[i] = 1u;
+        occluded[i] = 1u;
         atomicAdd(&counts[3], 1u);
     }
 }

@@ -1,5 +1,5 @@
-//! use params root {treelets.adopt} {intersector.tiles} ieee eye extremes cover places
-// What each triangle covers of the picture, and each box of the wide tree: see "Tiles" in ARCHITECTURE.md.
+//! use params root {treelets.adopt} {intersector.packets} ieee eye extremes cover places
+// What each triangle covers of the picture, and each box of the wide tree: see "Packets" in ARCHITECTURE.md.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> records: array<vec4<u32>>;

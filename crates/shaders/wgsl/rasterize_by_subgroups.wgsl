@@ -1,4 +1,4 @@
-//! use params ieee rest divide exact units range root direction ray {intersector.test} {intersector.tiles} {treelets.adopt} camera eye seen stamps lanes_subgroup test_stamps
+//! use params ieee rest divide exact units range root direction ray {intersector.test} {intersector.packets} {treelets.adopt} camera eye seen tiles lanes_subgroup test_tiles
 // First hits triangle by triangle: a subgroup is a team.
 
 @compute @workgroup_size(128)

@@ -1,12 +1,12 @@
-//! use params ieee rest divide exact units range root direction ray {intersector.test} {intersector.closest} {intersector.any} {treelets.nodes} stretch_ahead closest pixels camera eye seen any_pairs any from_triangle shade is_blocked {intersector.tiles} to_light
-// What each pixel's ray hits, by the visibility buffer, and its shadow: see "Rasters" in ARCHITECTURE.md. Where that does not tell
+//! use params ieee rest divide exact units range root direction ray {intersector.test} {intersector.closest} {intersector.any} {treelets.nodes} slab_ahead closest pixels camera eye seen any_pairs any from_triangle shade is_occluded {intersector.packets} to_light
+// What each pixel's ray hits, by the visibility buffer, and its shadow: see "Rasterization" in ARCHITECTURE.md. Where that does not tell
 // all, each ray goes down the tree, as in `trace_and_shadow_camera`.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> records: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> hits: array<vec4<u32>>;
 @group(0) @binding(4) var<storage, read_write> counts: array<atomic<u32>>;
-@group(0) @binding(5) var<storage, read_write> blocked: array<u32>;
+@group(0) @binding(5) var<storage, read_write> occluded: array<u32>;
 @group(0) @binding(6) var<storage, read> triangles: array<u32>;
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 @group(0) @binding(8) var<storage, read> visibility: array<vec2<u32>>;
@@ -15,7 +15,7 @@ const NOT_SEEN: vec2<u32> = vec2<u32>(0xffffffffu);
 
 fn miss(i: u32) {
     hits[i] = MISS;
-    keep_any(i, false, 3u);
+    store_occluded(i, false, 3u);
 }
 
 // What a search down the tree finds, as the visibility buffer would have it.
@@ -67,5 +67,5 @@ fn resolve(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) g
     let c = scaled(triangles[3u * triangle + 2u]);
     let hit = hit_at(ray, turn(ray, a, b, c, triangle), seen.y);
     hits[i] = hit;
-    keep_any(i, is_blocked(from_triangle(a, b, c, hit, origin), triangle), 3u);
+    store_occluded(i, is_occluded(from_triangle(a, b, c, hit, origin), triangle), 3u);
 }

@@ -1,12 +1,12 @@
-//! use params ieee rest divide exact units range root direction ray {intersector.settle} {layout.nodes} search_together settle_any eye from_triangle to_light shade line_to_light candidates
-// The shadows of the hits that `trace_and_shadow_camera` left open, now that they are settled: what `settle_together_camera`
+//! use params ieee rest divide exact units range root direction ray {intersector.settle} {layout.nodes} search_together resolve_exact_any eye from_triangle to_light shade line_to_light candidates
+// The shadows of the hits that `trace_and_shadow_camera` left open, now that they are settled: what `resolve_exact_together`
 // found of those that were candidates; of others, sought by a workgroup a ray.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> records: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read> hits: array<vec4<u32>>;
 @group(0) @binding(4) var<storage, read_write> counts: array<atomic<u32>>;
-@group(0) @binding(5) var<storage, read_write> blocked: array<u32>;
+@group(0) @binding(5) var<storage, read_write> occluded: array<u32>;
 @group(0) @binding(6) var<storage, read> triangles: array<u32>;
 @group(0) @binding(7) var<storage, read> positions: array<u32>;
 
@@ -17,9 +17,9 @@ fn keep(i: u32, sought: Sought) {
         answer_any(i, found == MET, 3u);
         return;
     }
-    blocked[i] = found;
-    blocked[params.destination + atomicAdd(&counts[OPEN_SHADOWS], 1u)] = i;
-    settle_any(i, 3u, sought.said);
+    occluded[i] = found;
+    occluded[params.destination + atomicAdd(&counts[OPEN_SHADOWS], 1u)] = i;
+    resolve_exact_any(i, 3u, sought.said);
 }
 
 @compute @workgroup_size(64)
@@ -27,7 +27,7 @@ fn shadow_left(@builtin(local_invocation_index) local: u32, @builtin(workgroup_i
     let number = group.x + group.y * groups.x;
     let open = begin_rounds(local, OPEN_RAYS);
     for (var k = number; k < open; k += groups.x * groups.y) {
-        let i = blocked[params.first + k];
+        let i = occluded[params.first + k];
         let hit = hits[i];
         if local == 0u { outcome = known_shadow(i, hit); }
         let told = workgroupUniformLoad(&outcome);

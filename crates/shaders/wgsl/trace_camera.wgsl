@@ -1,4 +1,4 @@
-//! use params ieee rest divide exact units range root direction ray {intersector.test} {intersector.bind} {intersector.open} {intersector.closest} {layout.nodes} stretch_ahead closest pixels camera eye seen
+//! use params ieee rest divide exact units range root direction ray {intersector.test} {intersector.bind} {intersector.open} {intersector.closest} {layout.nodes} slab_ahead closest pixels camera eye seen
 // The closest hit of each pixel's ray, made here.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -14,7 +14,7 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
     let i = pixel.y * params.width + pixel.x;
     let origin = eye();
     let root = root_from(origin);
-    if leads_nowhere(direction, origin, root) {
+    if misses_root(direction, origin, root) {
         hits[i] = MISS;
         return;
     }

@@ -1,4 +1,4 @@
-//! use params ieee rest divide exact units range root direction ray {intersector.test} {intersector.bind} {intersector.open} {intersector.closest} {layout.nodes} stretch_anywhere closest given
+//! use params ieee rest divide exact units range root direction ray {intersector.test} {intersector.bind} {intersector.open} {intersector.closest} {layout.nodes} slab_anywhere closest given
 // The closest hit of each given ray.
 
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;

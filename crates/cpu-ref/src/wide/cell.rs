@@ -1,7 +1,7 @@
 //! Neighbouring pixels, as many as a packet has lanes.
 
+use crate::packets::{Packets, Sink};
 use crate::simd::{Lanes, each};
-use crate::tiles::{Sink, Tiles};
 use geom::Camera;
 
 /// Columns of a cell; its rows follow from the lanes.
@@ -21,13 +21,13 @@ pub(crate) struct Cell {
 }
 
 impl Cell {
-    /// The cell whose upper left entry among those of `tiles` is `at`.
+    /// The cell whose upper left entry among those of `packets` is `at`.
     #[inline(always)]
-    pub(crate) fn new<O: Sink>(tiles: &Tiles<O>, at: [usize; 2], size: [usize; 2]) -> Self {
-        let (index, width) = (tiles.index(at[0], at[1]), tiles.width());
+    pub(crate) fn new<O: Sink>(packets: &Packets<O>, at: [usize; 2], size: [usize; 2]) -> Self {
+        let (index, width) = (packets.index(at[0], at[1]), packets.width());
         let corner = [index % width, index / width];
-        let columns = size[0].min(tiles.columns() - at[0]);
-        let rows = size[1].min(tiles.height() - at[1]);
+        let columns = size[0].min(packets.columns() - at[0]);
+        let rows = size[1].min(packets.height() - at[1]);
         let row = (1 << columns) - 1;
         let mut asked = 0;
         for y in 0..rows {

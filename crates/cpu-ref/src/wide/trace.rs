@@ -5,10 +5,10 @@ use super::few::Few;
 use super::jobs::{Any, Closest, ClosestAndShadow, Job};
 use super::tree::Wide;
 use super::trust::Trust;
+use crate::packets::{Packets, Sink, fill_list, fill_picture};
 use crate::preprocess::Geometry;
 use crate::shadow::Light;
 use crate::simd::{Isa, Lanes, Work};
-use crate::tiles::{Sink, Tiles, fill_list, fill_picture};
 use crate::trace::{Answer, Counts, Tracer, ray};
 use crate::traverse::Stack;
 use backend::Rays;
@@ -72,8 +72,8 @@ impl<'a> WideTracer<'a> {
         let level = self.tree.level;
         match self.rays {
             Rays::Camera(camera) if out.size() > 0 => {
-                fill_picture(out, camera.width as usize, |tiles| {
-                    level.run(PictureTask { tiles, job })
+                fill_picture(out, camera.width as usize, |packets| {
+                    level.run(PictureTask { packets, job })
                 })
             }
             _ => fill_list(out, |first, out| level.run(ListTask { first, out, job })),
@@ -111,7 +111,7 @@ impl<J: Job, O: Sink<Entry = J::Answer>> Work for ListTask<'_, O, J> {
 }
 
 struct PictureTask<'a, O, J> {
-    tiles: Tiles<O>,
+    packets: Packets<O>,
     job: &'a J,
 }
 
@@ -121,12 +121,12 @@ impl<J: Job, O: Sink<Entry = J::Answer>> Work for PictureTask<'_, O, J> {
     #[inline(always)]
     fn run<I: Isa>(mut self) -> Counts {
         let (mut stack, mut sum) = (Stack::new(), Counts::default());
-        let size = [self.tiles.columns(), self.tiles.height()];
+        let size = [self.packets.columns(), self.packets.height()];
         let rows = I::Packet::ALL.count_ones() as usize / COLUMNS;
         let mut trust = Trust::default();
         for x in (0..size[0]).step_by(COLUMNS) {
             for y in (0..size[1]).step_by(rows) {
-                let cell = Cell::new(&self.tiles, [x, y], [COLUMNS, rows]);
+                let cell = Cell::new(&self.packets, [x, y], [COLUMNS, rows]);
                 let answers = self.job.cell::<I>(&cell, &mut trust, &mut stack);
                 sum = sum + self.write(&cell, [x, y], &answers);
             }
@@ -144,7 +144,7 @@ impl<J: Job, O: Sink<Entry = J::Answer>> PictureTask<'_, O, J> {
             if cell.asked >> lane & 1 == 1 {
                 sum = sum + answer.counts();
                 let (x, y) = (at[0] + lane % COLUMNS, at[1] + lane / COLUMNS);
-                self.tiles.set(x, y, *answer);
+                self.packets.set(x, y, *answer);
             }
         }
         sum

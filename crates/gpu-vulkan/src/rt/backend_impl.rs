@@ -191,7 +191,7 @@ fn counts(params: Params, trace: &Trace) -> Vec<Work> {
     match trace.seek {
         Seek::Any => vec![work::count_any(params, rays)],
         Seek::Closest => vec![hits],
-        Seek::ClosestAndShadow { .. } => vec![hits, work::count_blocked(params, rays)],
+        Seek::ClosestAndShadow { .. } => vec![hits, work::count_occluded(params, rays)],
     }
 }
 
@@ -255,7 +255,7 @@ impl DriverTreeBackend {
             "positions" => positions,
             "rays" => trace.rays.as_ref().unwrap_or(&scene.root),
             "hits" => trace.hits.as_ref().unwrap_or(&scene.root),
-            "blocked" => trace.blocked.as_ref().unwrap_or(&scene.root),
+            "occluded" => trace.blocked.as_ref().unwrap_or(&scene.root),
             other => panic!("no buffer named {other}"),
         };
         let (set, row) = self.sets.fill(place, scene.tree.top(), &params, find);
@@ -295,7 +295,7 @@ impl DriverTreeBackend {
             "triangles" => &scene.buffers.triangles,
             "positions" => positions,
             "hits" => found(|t| t.hits.as_ref()),
-            "blocked" => found(|t| t.blocked.as_ref()),
+            "occluded" => found(|t| t.blocked.as_ref()),
             other => panic!("no buffer named {other}"),
         };
         if !work.is_empty() {

@@ -151,14 +151,14 @@ impl DriverTreeBackend {
     /// Whether the validation layer watches.
     #[must_use]
     pub fn is_validated(&self) -> bool {
-        self.gpu.host.ear.is_some()
+        self.gpu.host.messenger.is_some()
     }
 
     /// What the validation layer has said so far.
     #[must_use]
     pub fn validation_messages(&self) -> Vec<String> {
-        let ear = self.gpu.host.ear.as_ref();
-        ear.map_or_else(Vec::new, |ear| ear.messages())
+        let messenger = self.gpu.host.messenger.as_ref();
+        messenger.map_or_else(Vec::new, |messenger| messenger.messages())
     }
 
     fn scene(&self) -> &RtScene {

@@ -6,12 +6,12 @@
 mod frames;
 mod geometry;
 mod limits;
-mod rasters;
+mod packets;
+mod rasterization;
 mod rebuild;
 mod roads;
 mod rt;
 mod scenes;
-mod tiles;
 
 use crate::{clock, errors, queues, snapshots, transfer};
 use libtest_mimic::{Arguments, Trial};
@@ -58,8 +58,8 @@ const ON_DEVICE: &[(&str, Test)] = named![
     geometry::large_trees_have_the_same_boxes_in_either_layout,
     geometry::a_cameras_rays_meet_anything_as_the_list_of_them_does,
     limits::a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once,
-    rasters::triangles_find_the_rays_that_find_them,
-    rasters::each_ray_goes_by_itself_where_triangles_cover_too_much,
+    rasterization::triangles_find_the_rays_that_find_them,
+    rasterization::each_ray_goes_by_itself_where_triangles_cover_too_much,
     rebuild::trees_of_any_size_are_whole,
     rebuild::boxes_are_those_that_a_refit_of_the_same_tree_finds,
     rebuild::two_triangles_in_a_row_share_a_leaf_if_a_ray_can_hit_both,
@@ -70,8 +70,8 @@ const ON_DEVICE: &[(&str, Test)] = named![
     rebuild::a_tree_made_here_costs_hardly_more_than_the_hosts,
     roads::requests_of_several_submissions_are_answered_in_their_order,
     roads::a_snapshot_outlives_the_backend,
-    tiles::rays_together_find_what_each_finds_by_itself,
-    tiles::what_lies_beside_the_picture_covers_none_of_it,
+    packets::rays_together_find_what_each_finds_by_itself,
+    packets::what_lies_beside_the_picture_covers_none_of_it,
 ];
 
 /// Tests that need a device whose driver makes and traces trees.

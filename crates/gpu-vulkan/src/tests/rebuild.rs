@@ -155,7 +155,7 @@ pub(super) fn equal_triangles_make_a_tree_without_long_paths() {
     let mut backend = device();
     let animation = at_points((0..4096).map(|_| [1.0, 2.0, 3.0]), 1.0);
     let (tree, _) = made(&mut backend, &animation, 0.0);
-    // The lowest there could be has 13 levels; tiles that begin early cost one.
+    // The lowest there could be has 13 levels; packets that begin early cost one.
     assert!(tree.level_count() <= 14, "{}", tree.level_count());
 }
 

@@ -52,7 +52,7 @@ fn tally_of_steady_frames(layout: Layout) -> Result<(), Failed> {
         }
         frame(&mut backend, &animation, i)?;
     }
-    // Rays with their shadows take one; with layout `fast` five, where the device finds hits of so many triangles by rasters.
+    // Rays with their shadows take one; with layout `fast` five, where the device finds hits of so many triangles by rasterization.
     let refits_now = refits(&tree_at(&animation, 0.0), layout);
     let rays = frame(&mut backend, &animation, 24)?.dispatches - 2 - refits_now;
     assert!(rays == 1 || (rays == 5 && layout == Layout::Fast), "{rays}");

@@ -1,26 +1,26 @@
-//! Pictures for which the order matters in which rays and triangles are brought together: by tiles, by rasters.
+//! Pictures for which the order matters in which rays and triangles are brought together: by packets, by rasterization.
 
 use super::{Groups, Trace, Work};
 use crate::projection::projected;
-use crate::{Params, Rasters, Traits, common, kernel, rasters, tiles};
+use crate::{Params, Rasterization, Traits, common, kernel, packets, rasterization};
 use backend::Method;
 use geom::Camera;
 
-/// Rows of the buffer `covers` before the stamps: see stamps.wgsl.
+/// Rows of the buffer `covers` before the tiles: see tiles.wgsl.
 const LISTED: u32 = 4096;
 /// Workgroups that share the large triangles: eight a multiprocessor of an H200, of which some wait while others compute.
 const SHARERS: u32 = 1056;
 
-/// A camera's closest hits and their shadows tile by tile, where that pays.
-pub(super) fn by_tiles(
+/// A camera's closest hits and their shadows packet by packet, where that pays.
+pub(super) fn by_packets(
     method: Method,
     params: Params,
     camera: &Camera,
     traits: Traits,
 ) -> Option<Trace> {
-    let how = traits.tiles?;
+    let how = traits.packets?;
     let seen = params.through(camera);
-    if !tiles::pay(method, &seen, how) {
+    if !packets::pay(method, &seen, how) {
         return None;
     }
     let params = projected(seen, camera)?;
@@ -37,44 +37,44 @@ pub(super) fn by_tiles(
 }
 
 /// A camera's closest hits triangle by triangle, and then their shadows, where that pays.
-pub(super) fn by_rasters(
+pub(super) fn by_rasterization(
     method: Method,
     params: Params,
     camera: &Camera,
     traits: Traits,
 ) -> Option<Trace> {
-    let how: Rasters = traits.rasters?;
+    let how: Rasterization = traits.rasterization?;
     let seen = params.through(camera);
-    if !rasters::pay(method, &seen, how) {
+    if !rasterization::pay(method, &seen, how) {
         return None;
     }
     let pixels = camera.width * camera.height;
     let triangles = params.node_count.div_ceil(2);
-    let stamps = triangles + pixels / 4;
+    let tiles = triangles + pixels / 4;
     let params = Params {
-        notes: stamps,
+        notes: tiles,
         ..projected(seen, camera)?
     };
-    // One more, for whether rasters have told all.
+    // One more, for whether rasterization have told all.
     let pairs = pixels / 2 + 1;
     let each = |kernel, groups| Work {
         groups: Groups::Each(groups),
         ..Work::linear(kernel, params, 0)
     };
     let rasterize = kernel(how.kernel(), method);
-    let rasterizers = stamps.div_ceil(rasterize.workgroup[0]).min(how.sharers());
+    let rasterizers = tiles.div_ceil(rasterize.workgroup[0]).min(how.sharers());
     Some(Trace {
         primary: vec![
             Work::linear(common("clear_visibility"), params, pairs),
             Work {
                 alongside: true,
-                ..Work::linear(kernel("stamp", method), params, triangles)
+                ..Work::linear(kernel("cover_small", method), params, triangles)
             },
-            each(kernel("stamp_large", method), SHARERS),
+            each(kernel("cover_large", method), SHARERS),
             each(rasterize, rasterizers),
             over_blocks("resolve", method, params, [16, 8]),
         ],
-        cover_bytes: 16 * u64::from(LISTED + stamps),
+        cover_bytes: 16 * u64::from(LISTED + tiles),
         visibility_bytes: 16 * u64::from(pairs),
         ..Trace::default()
     })
@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn kernels_keep_stamps_where_the_host_makes_room() {
-        let wgsl = include_str!("../../wgsl/shared/stamps.wgsl");
+        let wgsl = include_str!("../../wgsl/shared/tiles.wgsl");
         assert!(wgsl.contains(&format!("const LISTED: u32 = {LISTED}u;")));
     }
 }

@@ -38,17 +38,17 @@ pub fn count_any(params: Params, rays: u32) -> Work {
         first: HITS,
         ..params
     };
-    Work::linear(common("count_blocked"), params, rays)
+    Work::linear(common("count_occluded"), params, rays)
 }
 
 /// Those among so many hits that lie in shadow.
 #[must_use]
-pub fn count_blocked(params: Params, rays: u32) -> Work {
+pub fn count_occluded(params: Params, rays: u32) -> Work {
     let params = Params {
         first: BLOCKED,
         ..params
     };
-    Work::linear(common("count_blocked"), params, rays)
+    Work::linear(common("count_occluded"), params, rays)
 }
 
 /// The parameters of a query's rays, which are `given` one by one or made by the shaders.
@@ -78,6 +78,6 @@ mod tests {
         assert_eq!(BLOCKED, word(offset_of!(Counts, blocked)));
         let of = |work: Work| (work.params.first, work.params.count);
         assert_eq!(of(count_any(Params::default(), 7)), (HITS, 7));
-        assert_eq!(of(count_blocked(Params::default(), 7)), (BLOCKED, 7));
+        assert_eq!(of(count_occluded(Params::default(), 7)), (BLOCKED, 7));
     }
 }

@@ -14,7 +14,7 @@ const NOTHING: u32 = 0xffffffffu;
 @group(0) @binding(4) var<storage, read> positions: array<u32>;
 @group(0) @binding(5) var<storage, read> rays: array<vec4<u32>>;
 @group(0) @binding(6) var<storage, read_write> hits: array<vec4<u32>>;
-@group(0) @binding(7) var<storage, read_write> blocked: array<u32>;
+@group(0) @binding(7) var<storage, read_write> occluded: array<u32>;
 
 var<ray_payload> found: Found;
 var<incoming_ray_payload> incoming: Found;
@@ -82,7 +82,7 @@ fn camera_shadow(@builtin(ray_invocation_id) id: vec3<u32>) {
     let i = id.y * params.width + id.x;
     let hit = meet_pixel(id.xy);
     hits[i] = hit;
-    blocked[i] = shade(hit, bitcast<vec3<u32>>(params.eye));
+    occluded[i] = shade(hit, bitcast<vec3<u32>>(params.eye));
 }
 
 struct Given { origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32, traced: bool }
@@ -116,7 +116,7 @@ fn given_shadow(@builtin(ray_invocation_id) id: vec3<u32>, @builtin(num_ray_invo
     if i >= params.count { return; }
     let hit = meet_given(i);
     hits[i] = hit;
-    blocked[i] = shade(hit, rays[2u * i].xyz);
+    occluded[i] = shade(hit, rays[2u * i].xyz);
 }
 
 @ray_generation
@@ -126,5 +126,5 @@ fn given_any(@builtin(ray_invocation_id) id: vec3<u32>, @builtin(num_ray_invocat
     let ray = given(i);
     var met = 0u;
     if ray.traced { met = select(0u, 1u, finds_any(ray.origin, ray.direction, ray.t_min, ray.t_max)); }
-    blocked[i] = met;
+    occluded[i] = met;
 }

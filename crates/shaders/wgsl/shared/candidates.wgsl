@@ -28,10 +28,10 @@ fn known(sought: Sought) -> u32 {
 // The shadow of an open ray's hit, now that it is settled: 0, 1, or TOO_MANY if it is yet to be sought.
 fn known_shadow(i: u32, hit: vec4<u32>) -> u32 {
     if hit.w == 0xffffffffu { return 0u; }
-    var note = listed(blocked[i]);
+    var note = listed(occluded[i]);
     for (var c = 0u; c < CANDIDATES && note != NO_NOTE; c += 1u) {
-        if records[3u * blocked[note_at(note)]].w == hit.w { return blocked[shadow_of(note)]; }
-        note = blocked[note_at(note) + 1u];
+        if records[3u * occluded[note_at(note)]].w == hit.w { return occluded[shadow_of(note)]; }
+        note = occluded[note_at(note) + 1u];
     }
     return TOO_MANY;
 }

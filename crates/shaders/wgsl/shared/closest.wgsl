@@ -1,12 +1,12 @@
 // Closest hit; the intersector says what it keeps of the leaves it sees.
 
 // Goes a node down; if both children are met, the farther waits.
-fn go_down(ray: Prepared, at: u32, best: f32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
+fn traverse_node(ray: Prepared, at: u32, best: f32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
     let row = children_of(at);
     let l0 = nodes[row];
     let r0 = nodes[row + 2u];
-    let l = stretch(ray, l0, nodes[row + 1u], best);
-    let r = stretch(ray, r0, nodes[row + 3u], best);
+    let l = slab_interval(ray, l0, nodes[row + 1u], best);
+    let r = slab_interval(ray, r0, nodes[row + 3u], best);
     let meets_l = l.x <= l.y;
     let meets_r = r.x <= r.y;
     if meets_l && meets_r {
@@ -25,16 +25,16 @@ fn find_closest(ray: Prepared) -> Found {
     var stack: array<u32, 64>;
     var depth = 0u;
     var at = nodes[0].w;
-    let root = stretch(ray, nodes[0], nodes[1], limit(best));
+    let root = slab_interval(ray, nodes[0], nodes[1], limit(best));
     if !(root.x <= root.y) { return best; }
     loop {
         if (at & LEAF) == 0u {
-            at = go_down(ray, at, limit(best), &stack, &depth);
-            if (at & LEAF) == 0u { at = go_down(ray, at, limit(best), &stack, &depth); }
+            at = traverse_node(ray, at, limit(best), &stack, &depth);
+            if (at & LEAF) == 0u { at = traverse_node(ray, at, limit(best), &stack, &depth); }
         }
         if (at & LEAF) != 0u {
             if at != NONE {
-                best = see_closest(ray, first_of(at), best);
+                best = intersect_leaf_closest(ray, first_of(at), best);
                 at = others_of(at);
             }
             if at == NONE {

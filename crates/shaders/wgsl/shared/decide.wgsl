@@ -20,7 +20,7 @@ fn begin_rounds(local: u32, word: u32) -> u32 {
 // The note so many places on.
 fn note_after(list: u32, places: u32) -> u32 {
     var note = list;
-    for (var i = 0u; i < places && note != NO_NOTE; i += 1u) { note = blocked[note_at(note) + 1u]; }
+    for (var i = 0u; i < places && note != NO_NOTE; i += 1u) { note = occluded[note_at(note) + 1u]; }
     return note;
 }
 
@@ -30,7 +30,7 @@ fn decide_notes(list: u32, local: u32) {
     var made = Decided();
     var f = Fixed();
     if note != NO_NOTE {
-        made.leaf = blocked[note_at(note)];
+        made.leaf = occluded[note_at(note)];
         let triangle = records[3u * made.leaf].w;
         f = fixed(points_of(triangle));
         if f.fits { determinants[local] = determinant(f, local & 3u); }

@@ -1,5 +1,5 @@
 // Rays that a search leaves open, and its notes of triangles for whoever settles them, as lists: one a ray, of three words a
-// note, which are a leaf, the next note, and what is known of the shadow if that leaf is hit (candidates.wgsl). In `blocked` there lie a word a ray, the list of open rays, and the notes;
+// note, which are a leaf, the next note, and what is known of the shadow if that leaf is hit (candidates.wgsl). In `occluded` there lie a word a ray, the list of open rays, and the notes;
 // then the stacks of `walk.wgsl`, and a second list, of open shadows, for kernels that need both at once. Where the list of rays
 // begins that a search for any hit leaves open, says `destination`.
 
@@ -20,21 +20,21 @@ const HARD: u32 = 3u;
 
 fn note_at(note: u32) -> u32 { return 2u * params.first + 3u * (note - FIRST_NOTE); }
 
-// Where it is noted whether the way from a note's leaf to the light is blocked: 0, 1, or TOO_MANY if nobody knows.
+// Where it is noted whether the way from a note's leaf to the light is occluded: 0, 1, or TOO_MANY if nobody knows.
 fn shadow_of(note: u32) -> u32 { return note_at(note) + 2u; }
 
 // A note of a leaf, in no list yet, or TOO_MANY if there is no room.
 fn new_note(leaf: u32) -> u32 {
     let place = atomicAdd(&counts[NOTES], 1u);
     if place >= params.notes { return TOO_MANY; }
-    blocked[note_at(place + FIRST_NOTE)] = leaf;
-    blocked[shadow_of(place + FIRST_NOTE)] = TOO_MANY;
+    occluded[note_at(place + FIRST_NOTE)] = leaf;
+    occluded[shadow_of(place + FIRST_NOTE)] = TOO_MANY;
     return place + FIRST_NOTE;
 }
 
 // Writes whether a ray meets anything, and counts it as word `count` of `counts` if it does.
 fn answer_any(i: u32, met: bool, count: u32) {
-    blocked[i] = select(0u, 1u, met);
+    occluded[i] = select(0u, 1u, met);
     if met { atomicAdd(&counts[count], 1u); }
 }
 

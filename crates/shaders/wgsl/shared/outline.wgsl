@@ -1,4 +1,4 @@
-// A triangle as it is seen in the picture, a little larger: see "Rasters" in ARCHITECTURE.md. Who uses it declares `records`.
+// A triangle as it is seen in the picture, a little larger: see "Rasterization" in ARCHITECTURE.md. Who uses it declares `records`.
 
 // Its rectangle of pixels, whose first lies behind its last if it covers none. Its edges bound each row of pixels: in the first
 // row at `at`, and `slope` more each row; those on side -1 where covered pixels begin, those on side 1 where they end. About so

@@ -8,7 +8,7 @@ struct Params {
     height: u32,
     across: vec3<f32>,
     // Workgroups of the levels that refit did before this one; for the last of treelets, and for those that climb, how many there are in all.
-    // Of `settle_together_camera`, those that share each of the two lists.
+    // Of `resolve_exact_together`, those that share each of the two lists.
     first_group: u32,
     down: vec3<f32>,
     // Weight of the later key frame.
@@ -33,21 +33,21 @@ struct Params {
     listed: u32,
     // Where the elements of this dispatch go.
     destination: u32,
-    // Bits of a key below its digit; clusters by which tiles begin early.
+    // Bits of a key below its digit; clusters by which packets begin early.
     shift: u32,
-    // Clusters that a tile leaves; or the row of the first of those boxes.
+    // Clusters that a packet leaves; or the row of the first of those boxes.
     goal: u32,
     // Rounds that seek nearest neighbours.
     rounds: u32,
     // Places at which rays are settled one by one: see walk.wgsl.
     places: u32,
-    // How many notes there is room for: see notes.wgsl; or stamps: see stamps.wgsl.
+    // How many notes there is room for: see notes.wgsl; or tiles: see tiles.wgsl.
     notes: u32,
     // Of extreme rays: 0 as `exact`, 1 as `watertight` has it.
     rule: u32,
     // The eye in scaled units.
     scaled_eye: vec3<f32>,
-    // What depth is scaled by, as a power of two: see "Tiles" in ARCHITECTURE.md.
+    // What depth is scaled by, as a power of two: see "Packets" in ARCHITECTURE.md.
     depth_exponent: i32,
     // A point p from the eye is seen in column dot(column, p) / dot(depth, p), likewise in its row.
     column: vec3<f32>,

@@ -18,17 +18,17 @@ var<workgroup> outcome: u32;
 
 fn wait(node: u32) { waiting[atomicAdd(&waiting_count, 1u)] = node; }
 
-fn take_note_together(leaf: u32) {
+fn record_candidate_together(leaf: u32) {
     atomicAdd(&note_count, 1u);
     let note = new_note(leaf);
-    if note != TOO_MANY { blocked[note_at(note) + 1u] = atomicExchange(&first_note, note); }
+    if note != TOO_MANY { occluded[note_at(note) + 1u] = atomicExchange(&first_note, note); }
 }
 
 fn see_together(ray: Prepared, leaf: u32, ignore: u32) {
     let corners = corners_of(leaf);
     if corners.triangle == ignore { return; }
     let j = judge(ray, corners);
-    if j.sure { atomicStore(&surely_met, 1u); } else if j.possible { take_note_together(leaf); }
+    if j.sure { atomicStore(&surely_met, 1u); } else if j.possible { record_candidate_together(leaf); }
 }
 
 // A leaf's triangles, or children to wait.

@@ -19,7 +19,7 @@ fn passes_by(d: vec3<f32>, root: Root) -> bool {
 }
 
 // Whether a pixel's ray surely hits nothing.
-fn leads_nowhere(direction: vec3<f32>, origin: vec3<f32>, root: Root) -> bool {
+fn misses_root(direction: vec3<f32>, origin: vec3<f32>, root: Root) -> bool {
     return is_void_way(direction, origin) || passes_by(direction, root);
 }
 

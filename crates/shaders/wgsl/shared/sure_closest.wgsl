@@ -1,5 +1,5 @@
 // What a search for the exact closest hit keeps of the leaves it sees. Most rays are decided by it; the others it
-// leaves to the kernels `settle_*`, with notes of the triangles in question.
+// leaves to the kernels `resolve_exact_*`, with notes of the triangles in question.
 
 // No candidate begins so late.
 const NEVER: f32 = 3.4028234663852886e38;
@@ -15,7 +15,7 @@ fn nothing_found(ray: Prepared) -> Found {
 // Nodes entered beyond this need no visit.
 fn limit(found: Found) -> f32 { return found.bound; }
 
-fn see_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
+fn intersect_leaf_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
     let j = judge(ray, corners_of(leaf));
     if !j.possible || !(j.low <= found.bound) { return found; }
     if !(j.sure && j.high < found.bound) {
@@ -40,9 +40,9 @@ fn hit_of(i: u32, ray: Prepared, found: Found) -> vec4<u32> {
 
 // Lists a ray. Nothing beyond `bound` is sought.
 fn left_open(i: u32, bound: f32, list: u32) -> vec4<u32> {
-    blocked[params.first + atomicAdd(&counts[OPEN_RAYS], 1u)] = i;
+    occluded[params.first + atomicAdd(&counts[OPEN_RAYS], 1u)] = i;
     return vec4<u32>(bitcast<u32>(bound), list, OPEN, 0u);
 }
 
 // Whether a hit is none yet.
-fn is_left_open(hit: vec4<u32>) -> bool { return hit.z == OPEN; }
+fn is_unresolved(hit: vec4<u32>) -> bool { return hit.z == OPEN; }

@@ -8,7 +8,7 @@ fn nothing_found(ray: Prepared) -> Found { return Found(ray.t_max, 0.0, 0.0, 0xf
 fn limit(found: Found) -> f32 { return found.t; }
 
 // Tests the leaf's triangle and keeps it if it is the least by t, then by index.
-fn see_closest(ray: Prepared, leaf: u32, best: Found) -> Found {
+fn intersect_leaf_closest(ray: Prepared, leaf: u32, best: Found) -> Found {
     let m = meet_leaf(ray, leaf);
     let inside = m.hit && m.t > ray.t_min && m.t < ray.t_max;
     let before = m.t < best.t || (m.t == best.t && m.triangle < best.triangle);
@@ -25,4 +25,4 @@ fn hit_of(i: u32, ray: Prepared, best: Found) -> vec4<u32> {
 }
 
 // Every hit stands.
-fn is_left_open(hit: vec4<u32>) -> bool { return false; }
+fn is_unresolved(hit: vec4<u32>) -> bool { return false; }

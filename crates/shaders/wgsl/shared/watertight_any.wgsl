@@ -1,6 +1,6 @@
 // Whether the watertight test meets a leaf's triangle.
 
-fn see_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
+fn intersect_leaf_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     let corners = turned_corners(ray, leaf);
     let e = edges_of(ray, corners);
     if surely_passes(e) || corners.triangle == ignore { return false; }

@@ -12,7 +12,7 @@ fn nothing_found(ray: Prepared) -> Found { return Found(ray.t_max, ray.t_max, NO
 fn limit(found: Found) -> f32 { return found.high; }
 
 // Keeps the leaf's triangle if it is the least by t, then by index.
-fn see_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
+fn intersect_leaf_closest(ray: Prepared, leaf: u32, found: Found) -> Found {
     let corners = turned_corners(ray, leaf);
     let e = edges_of(ray, corners);
     if surely_passes(e) { return found; }
@@ -47,4 +47,4 @@ fn hit_of(i: u32, ray: Prepared, found: Found) -> vec4<u32> {
 }
 
 // Every hit stands.
-fn is_left_open(hit: vec4<u32>) -> bool { return false; }
+fn is_unresolved(hit: vec4<u32>) -> bool { return false; }

@@ -1,0 +1,175 @@
+//! First hits found triangle by triangle are those that each ray finds by itself.
+
+use super::scenes::{
+    SHADOWED, Watched, device, go, hits, laid, numbers, positions, stand, swarm, tree_at,
+};
+use backend::{Backend, Generation, Layout, Rays};
+use geom::{Animation, Camera, Point};
+use std::sync::Arc;
+
+const SIZE: [u32; 2] = [130, 126];
+const PIXELS: usize = SIZE[0] as usize * SIZE[1] as usize;
+
+fn look(eye: Point, target: Point, fov: f32) -> Camera {
+    Camera::look_at(eye, target, [0.0, 1.0, 0.0], fov, SIZE).unwrap()
+}
+
+fn outside() -> Camera {
+    look([0.3, 0.2, 3.0], [0.0; 3], 50.0)
+}
+
+/// From outside, from amid the triangles, past them, closely, and from far away.
+fn cameras() -> [Camera; 5] {
+    [
+        outside(),
+        look([0.1, 0.0, -0.1], [0.4, 0.3, 0.2], 120.0),
+        look([1.5, 1.4, 1.6], [1.5, -3.0, 1.0], 90.0),
+        look([2.0, 1.0, 3.0], [0.1, 0.2, 0.0], 4.0),
+        look([300.0, 200.0, 3e3], [0.0; 3], 0.1),
+    ]
+}
+
+fn scene(corners: Vec<Point>) -> Arc<Animation> {
+    let triangles = (0..corners.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
+    Arc::new(Animation::new(vec![corners], triangles.collect()).unwrap())
+}
+
+/// Triangles of a few pixels, every third of them there twice; slivers; some without area, though rounding may see some; and two
+/// that cover half of the picture.
+fn dust() -> Arc<Animation> {
+    let mut number = numbers(5);
+    let mut point = |size: f32| std::array::from_fn::<_, 3, _>(|_| size * number());
+    let mut corners: Vec<Point> = Vec::new();
+    for t in 0..4500 {
+        let (at, b, c) = (point(1.0), point(0.02), point(0.02));
+        let third = match t % 9 {
+            1 => std::array::from_fn(|i| 3.0 * b[i]),
+            2 => std::array::from_fn(|i| 12.0 * b[i] + 0.01 * c[i]),
+            _ => c,
+        };
+        let beside = |d: Point| std::array::from_fn(|i| at[i] + d[i]);
+        let triangle = [at, beside(b), beside(third)];
+        for _ in 0..1 + u32::from(t % 3 == 0) {
+            corners.extend(triangle);
+        }
+    }
+    for z in [0.3_f32, -0.9] {
+        corners.extend([[-1.0, -0.7, z], [1.0, -0.8, z], [0.1, 1.0, z]]);
+    }
+    scene(corners)
+}
+
+/// Dust, and so many splinters aslant, which take many tiles and few pixels.
+fn splinters(count: u32) -> Arc<Animation> {
+    let mut number = numbers(17);
+    let mut corners = positions(&dust(), 0.0);
+    for _ in 0..count {
+        let [x, y, z] = [0.6 * number(), 0.6 * number(), number()];
+        corners.extend([[x, y, z], [x + 0.8, y + 0.4, z], [x + 0.8, y + 0.401, z]]);
+    }
+    scene(corners)
+}
+
+/// Dust, and so many triangles of a size that face the eye.
+fn panes(count: u32, size: f32) -> Arc<Animation> {
+    let mut number = numbers(23);
+    let mut corners = positions(&dust(), 0.0);
+    for _ in 0..count {
+        let [x, y, z] = [number(), number(), number()];
+        corners.extend([[x, y, z], [x + size, y, z], [x, y + size, z]]);
+    }
+    scene(corners)
+}
+
+/// Dust before and behind so many sheets, each across most of the picture.
+fn sheets(count: u32) -> Arc<Animation> {
+    let mut corners = positions(&dust(), 0.0);
+    for sheet in 0..count {
+        let z = 0.8 - 1.6 * sheet as f32 / count as f32;
+        corners.extend([[-2.0, -1.5, z], [2.0, -1.4, z], [0.0, 2.0, z]]);
+    }
+    scene(corners)
+}
+
+/// Loads a scene, looks at it, and holds what is seen against what the same rays see as a list, each by itself.
+fn check(backend: &mut Watched, (animation, time): (&Arc<Animation>, f64), camera: &Camera) {
+    stand(&mut **backend, animation, time);
+    let ticket = go(&mut **backend, Rays::Camera(camera), SHADOWED);
+    let seen = hits(&mut **backend, ticket);
+    let rays: Vec<_> = camera.rays().collect();
+    stand(&mut **backend, animation, time);
+    let ticket = go(&mut **backend, Rays::List(&rays), SHADOWED);
+    assert!(seen == hits(&mut **backend, ticket), "{camera:?} at {time}");
+}
+
+fn open(backend: &mut Watched, animation: &Arc<Animation>) {
+    backend
+        .load(Arc::clone(animation), laid(Layout::Fast))
+        .unwrap();
+    let tree = tree_at(animation, 0.0);
+    backend.adopt(&tree, Generation(1)).unwrap();
+}
+
+/// Whether the last picture was seen by rasterization alone, as the visibility buffer says itself.
+fn told_all(backend: &mut Watched) -> bool {
+    let backend = &mut **backend;
+    let buffers = &backend.tree.as_ref().expect("a scene was loaded").buffers;
+    let road = (&backend.gpu, &mut backend.readback);
+    let words = backend
+        .window
+        .look::<u64>(road.0, road.1, &buffers.visibility, PIXELS + 1);
+    words.unwrap()[PIXELS] == u64::MAX
+}
+
+pub(super) fn triangles_find_the_rays_that_find_them() {
+    let mut backend = device();
+    let dust = dust();
+    open(&mut backend, &dust);
+    let before = backend.device_bytes().unwrap().tree;
+    for camera in cameras() {
+        check(&mut backend, (&dust, 0.0), &camera);
+        assert!(told_all(&mut backend), "{camera:?}");
+    }
+    // Of the tree's memory tiles take no more than packets would, but for the list; what is seen is the frames'.
+    let (grown, live) = (
+        backend.device_bytes().unwrap().tree - before,
+        dust.live_count(),
+    );
+    let tiles = live + PIXELS / 4;
+    assert!((16 * tiles..17 * (tiles + 4096)).contains(&(grown as usize)));
+    // A swarm that moves, of which some are inactive at times, refitted.
+    let swarm = swarm(9000);
+    open(&mut backend, &swarm);
+    let far = look([2.0, 8.0, 30.0], [0.0; 3], 50.0);
+    for (time, camera) in [0.0, 0.3, 1.0].into_iter().zip([&far, &far, &outside()]) {
+        check(&mut backend, (&swarm, time), camera);
+    }
+}
+
+pub(super) fn each_ray_goes_by_itself_where_triangles_cover_too_much() {
+    let mut backend = device();
+    // More tests than it takes to go down the tree, of large triangles, others, and small ones; more tiles than there is room
+    // for; more large triangles than are listed.
+    let tests = [sheets(4), panes(500, 0.4), panes(9000, 0.08)];
+    let others = [splinters(800), sheets(5000)];
+    for animation in tests.into_iter().chain(others) {
+        open(&mut backend, &animation);
+        check(&mut backend, (&animation, 0.0), &outside());
+        let triangles = animation.triangle_count();
+        assert!(!told_all(&mut backend), "{triangles} triangles");
+    }
+    // They are tried again after a while, and then there is less to cover.
+    let away = look([0.0, 0.0, 3.0], [0.0, 0.0, 9.0], 50.0);
+    let mut tried = (0..1000).map(|_| {
+        let ticket = go(&mut *backend, Rays::Camera(&away), SHADOWED);
+        hits(&mut *backend, ticket);
+        told_all(&mut backend)
+    });
+    assert_eq!(tried.position(|told| told), Some(63));
+    drop(tried);
+    // Of another scene, at once.
+    let dust = dust();
+    open(&mut backend, &dust);
+    check(&mut backend, (&dust, 0.0), &outside());
+    assert!(told_all(&mut backend));
+}

@@ -1,0 +1,129 @@
+//! What is known of records and boxes in use, from one submission's report to the next.
+
+use crate::Counts;
+use backend::FrameReport;
+
+/// Whose areas a refit added up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    /// All nodes'.
+    Whole,
+    /// Those of what moves alone: the others had been added up before.
+    Moving,
+}
+
+/// What preprocess and refit of one submission went over; `None` for a stage left out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Extents {
+    /// Triangles of zero area that the last preprocess did not count, as it passed over them.
+    pub uncounted: Option<u32>,
+    /// Boxes, by any refit: whole if one of them was.
+    pub boxes: Option<Extent>,
+}
+
+impl Extents {
+    /// Another refit was recorded.
+    pub fn refitted(&mut self, extent: Extent) {
+        if self.boxes != Some(Extent::Whole) {
+            self.boxes = Some(extent);
+        }
+    }
+}
+
+/// What holds until a stage runs again.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TreeStats {
+    inactive: u64,
+    degenerate: u64,
+    /// Half areas that change with the tree alone.
+    still_areas: f64,
+    sah_cost: Option<f64>,
+}
+
+impl TreeStats {
+    /// Takes in what a submission counted and completes its report. Submissions come in order.
+    /// `never_active` triangles of the scene are in no tree, as they are inactive in every key frame.
+    pub fn complete(
+        &mut self,
+        report: &mut FrameReport,
+        (counts, extents): (&Counts, Extents),
+        never_active: u64,
+    ) {
+        if let Some(uncounted) = extents.uncounted {
+            self.inactive = u64::from(counts.inactive) + never_active;
+            self.degenerate = u64::from(counts.degenerate) + u64::from(uncounted);
+        }
+        if let Some(boxes) = extents.boxes {
+            if boxes == Extent::Whole {
+                self.still_areas = f64::from(counts.areas);
+            }
+            let areas = self.still_areas + f64::from(counts.moving_areas);
+            self.sah_cost = cost(areas, f64::from(counts.root_area));
+        }
+        report.inactive = self.inactive;
+        report.degenerate = self.degenerate;
+        report.sah_cost = self.sah_cost;
+    }
+}
+
+/// A tree's cost by the surface area heuristic (traversal 1, intersection 1):
+/// all nodes' areas over the root's. `None` if the root has no area.
+fn cost(areas: f64, root: f64) -> Option<f64> {
+    (root > 0.0).then(|| (areas + root) / root)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn counts(degenerate: u32, [areas, moving_areas, root_area]: [f32; 3]) -> Counts {
+        Counts {
+            inactive: 1,
+            degenerate,
+            areas,
+            moving_areas,
+            root_area,
+            ..Counts::default()
+        }
+    }
+
+    #[test]
+    fn what_lies_still_is_added_to_what_moves() {
+        let mut tree_stats = TreeStats::default();
+        let mut told = |counts: &Counts, uncounted, boxes| {
+            let mut report = FrameReport::default();
+            let extents = Extents { uncounted, boxes };
+            tree_stats.complete(&mut report, (counts, extents), 10);
+            (report.inactive, report.degenerate, report.sah_cost)
+        };
+        let (whole, moving) = (Some(Extent::Whole), Some(Extent::Moving));
+        let first = counts(7, [6.0, 2.0, 2.0]);
+        assert_eq!(told(&first, Some(0), whole), (11, 7, Some(5.0)));
+        let later = counts(2, [0.0, 4.0, 2.0]);
+        assert_eq!(told(&later, Some(5), moving), (11, 7, Some(6.0)));
+        assert_eq!(told(&counts(0, [0.0; 3]), None, None), (11, 7, Some(6.0)));
+        assert_eq!(
+            told(&counts(1, [0.0; 3]), Some(5), None),
+            (11, 6, Some(6.0))
+        );
+        let gone = counts(0, [0.0; 3]);
+        assert_eq!(told(&gone, Some(0), whole), (11, 0, None));
+    }
+
+    #[test]
+    fn a_cost_counts_the_root_and_needs_one() {
+        assert_eq!(cost(6.0, 2.0), Some(4.0));
+        assert_eq!(cost(0.0, 2.0), Some(1.0));
+        assert_eq!(cost(0.0, 0.0), None);
+    }
+
+    #[test]
+    fn a_submission_with_a_whole_refit_has_a_whole_one() {
+        let mut extents = Extents::default();
+        extents.refitted(Extent::Moving);
+        assert_eq!(extents.boxes, Some(Extent::Moving));
+        extents.refitted(Extent::Whole);
+        extents.refitted(Extent::Moving);
+        assert_eq!(extents.boxes, Some(Extent::Whole));
+    }
+}
