@@ -2,7 +2,7 @@
 //!
 //! A table of hits follows each group: trees that answer differently do not do the same work.
 
-use backend::{Intersector, Layout, Method, Query, Rays, Seek};
+use backend::{Intersector, Layout, Method, Query, QueryKind, Rays};
 use benches::{
     Bvh, Mesh, Obvhs, Parry, Rival, Tracer, built, camera, criterion, meshes, pool, print_table,
     shadow_rays, thread_counts,
@@ -96,15 +96,19 @@ fn bench_ours(
     method: Method,
     rays: Rays<'_>,
 ) -> Vec<String> {
-    let seek = if work.any { Seek::Any } else { Seek::Closest };
+    let kind = if work.any {
+        QueryKind::Any
+    } else {
+        QueryKind::Closest
+    };
     let mut tracer = ready(work.mesh, method, work.threads);
     let from = match rays {
         Rays::Camera(_) => "a camera",
         Rays::List(_) => "a list",
     };
     let name = format!("abvh {} {}, {from}", method.layout, method.intersector);
-    group.bench_function(&name, |b| b.iter(|| tracer.trace(Query { rays, seek })));
-    row(&name, work, tracer.trace(Query { rays, seek }))
+    group.bench_function(&name, |b| b.iter(|| tracer.trace(Query { rays, kind })));
+    row(&name, work, tracer.trace(Query { rays, kind }))
 }
 
 fn bench_rival<R: Rival>(group: &mut BenchmarkGroup<'_, WallTime>, work: &Work<'_>) -> Vec<String> {

@@ -1,7 +1,7 @@
 //! This program's own stages, put together as the pipeline does.
 
 use crate::{Mesh, Node};
-use backend::{Backend, Generation, Hits, Intersector, Method, Query, Rays, Seek};
+use backend::{Backend, Generation, Hits, Intersector, Method, Query, QueryKind, Rays};
 use bvh_build::{BinaryTree, Boxes, Builder, Cancel};
 use bvh_layout::{Converter, First, Lists, Topology, Treelets};
 use cpu_ref::CpuBackend;
@@ -184,9 +184,9 @@ impl Tracer {
     /// # Panics
     /// See [`Tracer::new`].
     #[must_use]
-    pub fn list(&mut self, rays: &[Ray], seek: Seek) -> Hits {
+    pub fn list(&mut self, rays: &[Ray], kind: QueryKind) -> Hits {
         let rays = Rays::List(rays);
-        self.hits(Query { rays, seek })
+        self.hits(Query { rays, kind })
     }
 
     /// Traces any rays and fetches what they hit.

@@ -1,7 +1,7 @@
 //! Rays that every tree is asked: through a picture's pixels, and from what they hit to a light.
 
 use crate::{Mesh, Tracer};
-use backend::Seek;
+use backend::QueryKind;
 use geom::{Camera, Point, Ray};
 
 /// Pixels of the picture.
@@ -25,7 +25,7 @@ pub fn camera(mesh: &Mesh) -> Camera {
 #[must_use]
 pub fn shadow_rays(mesh: &Mesh, primary: &[Ray], tracer: &mut Tracer) -> Vec<Ray> {
     let light = light(mesh);
-    let hits = tracer.list(primary, Seek::Closest);
+    let hits = tracer.list(primary, QueryKind::Closest);
     let rays = primary.iter().zip(&hits.closest);
     rays.filter(|(_, hit)| hit.is_hit())
         .map(|(ray, hit)| to_light(ray, hit.t, light))

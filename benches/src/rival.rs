@@ -89,8 +89,8 @@ mod tests {
         } else {
             tree.build(&mut start);
         }
-        let closest = tracer.list(&primary, backend::Seek::Closest).closest;
-        let blocked = tracer.list(&shadow, backend::Seek::Any).blocked;
+        let closest = tracer.list(&primary, backend::QueryKind::Closest).closest;
+        let blocked = tracer.list(&shadow, backend::QueryKind::Any).blocked;
         let other = |ray: &Ray| tree.closest(&start, ray).map_or(u32::MAX, |(_, t)| t);
         let pairs = primary.iter().zip(&closest);
         let wrong = pairs

@@ -1,6 +1,6 @@
 //! What a ray hits depends on the ray, the triangles and the intersector alone.
 
-use backend::{Hits, Intersector, Query, Rays, Seek};
+use backend::{Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Animation, Ray};
 use integration::rays::{Target, aimed, camera, light};
 use integration::scenes::{DEMOS, REAL, Source};
@@ -54,7 +54,7 @@ fn the_tree_does_not_change_hits(
     let light = light(animation);
     let query = Query {
         rays: Rays::Camera(&camera),
-        seek: Seek::ClosestAndShadow { light },
+        kind: QueryKind::ClosestAndShadow { light },
     };
     let [mut fresh, mut first, mut last] = [(); 3].map(|()| Stage::new(animation, intersector, 2));
     first.plant(0.0);
@@ -81,18 +81,22 @@ fn threads_do_not_change_hits(source: Source) -> Result<(), Failed> {
     let animation = source.open()?.animation;
     let time = 0.5 * animation.end();
     let rays = hard_rays(&animation, time, 3000);
-    let trace = |threads, seek| {
+    let trace = |threads, kind| {
         let mut stage = Stage::new(&animation, Intersector::Watertight, threads);
         stage.plant(0.0);
         let rays = Rays::List(&rays);
-        stage.trace(time, Query { rays, seek })
+        stage.trace(time, Query { rays, kind })
     };
     let light = light(&animation);
-    for seek in [Seek::Closest, Seek::Any, Seek::ClosestAndShadow { light }] {
-        let expected = trace(1, seek);
+    for kind in [
+        QueryKind::Closest,
+        QueryKind::Any,
+        QueryKind::ClosestAndShadow { light },
+    ] {
+        let expected = trace(1, kind);
         for threads in [2, 3] {
             same(
-                &trace(threads, seek),
+                &trace(threads, kind),
                 &expected,
                 &format!("{threads} threads"),
             )?;
@@ -112,14 +116,14 @@ fn limits_cut_where_hits_are(
     stage.plant(time);
     let mut rays = camera(animation, [64, 48]).rays().collect::<Vec<_>>();
     rays.extend(hard_rays(animation, time, 2000));
-    let mut trace = |rays: &[Ray], seek| {
+    let mut trace = |rays: &[Ray], kind| {
         let rays = Rays::List(rays);
-        stage.trace(time, Query { rays, seek })
+        stage.trace(time, Query { rays, kind })
     };
-    let hits = trace(&rays, Seek::Closest);
+    let hits = trace(&rays, QueryKind::Closest);
     something_is_hit(&hits)?;
     let met: Vec<u8> = hits.closest.iter().map(|h| u8::from(h.is_hit())).collect();
-    if trace(&rays, Seek::Any).blocked != met {
+    if trace(&rays, QueryKind::Any).blocked != met {
         return Err("any-hit disagrees with closest-hit".into());
     }
     let cut = |change: fn(&mut Ray, f32)| -> Vec<Ray> {
@@ -133,7 +137,7 @@ fn limits_cut_where_hits_are(
         rays.iter().zip(&hits.closest).map(cut).collect()
     };
     let before = cut(|ray, t| ray.t_max = t);
-    if trace(&before, Seek::Closest)
+    if trace(&before, QueryKind::Closest)
         .closest
         .iter()
         .any(geom::Hit::is_hit)
@@ -142,7 +146,7 @@ fn limits_cut_where_hits_are(
     }
     let around = cut(|ray, t| (ray.t_min, ray.t_max) = (t.next_down(), t.next_up()));
     same(
-        &trace(&around, Seek::Closest),
+        &trace(&around, QueryKind::Closest),
         &hits,
         "limits round the hit",
     )

@@ -1,6 +1,6 @@
 //! The whole pipeline on the `cpu` backend: whatever the builder's timing, the hits are right.
 
-use backend::{Hits, Intersector, Method, Query, Rays, Seek};
+use backend::{Hits, Intersector, Method, Query, QueryKind, Rays};
 use geom::Animation;
 use integration::rays::{camera, light};
 use integration::stage::Stage;
@@ -53,7 +53,7 @@ fn render_by(
     let camera = camera(animation, [80, 60]);
     let query = Query {
         rays: Rays::Camera(&camera),
-        seek: Seek::ClosestAndShadow {
+        kind: QueryKind::ClosestAndShadow {
             light: light(animation),
         },
     };
@@ -73,10 +73,10 @@ fn expected(animation: &Arc<Animation>) -> Vec<Hits> {
     let light = light(animation);
     let mut stage = Stage::new(animation, Intersector::Watertight, 1);
     let rays = Rays::Camera(&camera);
-    let seek = Seek::ClosestAndShadow { light };
+    let kind = QueryKind::ClosestAndShadow { light };
     let frame = |time| {
         stage.plant(time);
-        stage.trace(time, Query { rays, seek })
+        stage.trace(time, Query { rays, kind })
     };
     times(animation).into_iter().map(frame).collect()
 }

@@ -1,7 +1,7 @@
 //! Rays to hits, on all threads.
 
 use crate::{METHOD, Unit, report};
-use backend::{Query, Rays, Seek};
+use backend::{Query, QueryKind, Rays};
 use benches::{
     Contender, EmbreeScene, Mesh, Packet16, Tracer, built, camera, in_turn, light, pool,
     random_rays, shadow_rays, thread_counts,
@@ -54,9 +54,9 @@ pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
     let packets = in_order(&random, false);
     let closest = asked(&random, &packets, false);
     let any = asked(&random, &packets, true);
-    let both = Seek::ClosestAndShadow { light: light(mesh) };
+    let both = QueryKind::ClosestAndShadow { light: light(mesh) };
     let groups: [Group<'_>; 5] = [
-        ("primary", &[&primary], Some(Seek::Closest)),
+        ("primary", &[&primary], Some(QueryKind::Closest)),
         ("shadow", &[&shadow], None),
         ("primary-and-shadow", &[&primary, &shadow], Some(both)),
         ("random", &[&closest], None),
@@ -64,12 +64,12 @@ pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
     ];
     let groups = groups.iter().filter(|(what, ..)| is_asked(what));
     groups
-        .map(|(what, asked, seen)| stage.measure(what, asked, seen.map(|seek| (&camera, seek))))
+        .map(|(what, asked, seen)| stage.measure(what, asked, seen.map(|kind| (&camera, kind))))
         .collect()
 }
 
 /// Name, rays, and what is asked of the camera that makes the same ones.
-type Group<'a> = (&'a str, &'a [&'a Asked<'a>], Option<Seek>);
+type Group<'a> = (&'a str, &'a [&'a Asked<'a>], Option<QueryKind>);
 
 impl Stage<'_> {
     /// Our own backend with a fresh tree.
@@ -84,7 +84,12 @@ impl Stage<'_> {
     }
 
     /// All contenders trace all of `asked`; ours a camera's rays too, if there is one that sees the same.
-    fn measure(&self, what: &str, asked: &[&Asked<'_>], camera: Option<(&Camera, Seek)>) -> Value {
+    fn measure(
+        &self,
+        what: &str,
+        asked: &[&Asked<'_>],
+        camera: Option<(&Camera, QueryKind)>,
+    ) -> Value {
         let [fast, robust] = self.scenes;
         let mut contenders = vec![
             self.singly("Embree 3, single rays", fast, asked),
@@ -93,7 +98,7 @@ impl Stage<'_> {
             self.together("Embree 3 robust, packets of 16", robust, asked),
             self.listed(asked),
         ];
-        contenders.extend(camera.map(|(camera, seek)| self.seen(camera, seek)));
+        contenders.extend(camera.map(|(camera, kind)| self.seen(camera, kind)));
         let samples = in_turn(contenders, ROUNDS);
         let rays = asked.iter().map(|asked| asked.rays.len()).sum();
         let title = format!("{}: {what} rays", self.mesh.label);
@@ -104,19 +109,23 @@ impl Stage<'_> {
         let mut tracer = self.tracer();
         let mut trace = move |asked: &Asked<'_>| {
             let rays = Rays::List(asked.rays);
-            let seek = if asked.any { Seek::Any } else { Seek::Closest };
-            tracer.trace(Query { rays, seek })
+            let kind = if asked.any {
+                QueryKind::Any
+            } else {
+                QueryKind::Closest
+            };
+            tracer.trace(Query { rays, kind })
         };
         Contender::new("abvh, lists", self.threads, move || {
             asked.iter().map(|asked| trace(asked)).sum()
         })
     }
 
-    fn seen<'b>(&self, camera: &'b Camera, seek: Seek) -> Contender<'b> {
+    fn seen<'b>(&self, camera: &'b Camera, kind: QueryKind) -> Contender<'b> {
         let mut tracer = self.tracer();
         let rays = Rays::Camera(camera);
         Contender::new("abvh, a camera", self.threads, move || {
-            tracer.trace(Query { rays, seek })
+            tracer.trace(Query { rays, kind })
         })
     }
 

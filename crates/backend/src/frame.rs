@@ -120,7 +120,7 @@ pub struct StageTimes {
 pub struct FrameReport {
     /// How long it took.
     pub times: StageTimes,
-    /// Rays that hit; with [`crate::Seek::Any`], rays that met anything.
+    /// Rays that hit; with [`crate::QueryKind::Any`], rays that met anything.
     pub hits: u64,
     /// Hits in shadow.
     pub blocked: u64,

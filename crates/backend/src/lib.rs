@@ -71,7 +71,7 @@ pub use frame::{
     Ticket,
 };
 pub use method::{Intersector, Layout, Method, UnknownName};
-pub use query::{Hits, Query, Rays, Seek};
+pub use query::{Hits, Query, QueryKind, Rays};
 pub use tree::check_tree;
 
 use bvh_layout::Topology;

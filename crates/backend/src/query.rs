@@ -24,7 +24,7 @@ impl Rays<'_> {
 
 /// What to look for along each ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Seek {
+pub enum QueryKind {
     /// The closest hit.
     Closest,
     /// Whether there is any hit.
@@ -36,7 +36,7 @@ pub enum Seek {
     },
 }
 
-impl Seek {
+impl QueryKind {
     /// The light that ways are asked for, if any are.
     #[must_use]
     pub fn light(self) -> Option<Point> {
@@ -53,15 +53,15 @@ pub struct Query<'a> {
     /// The rays.
     pub rays: Rays<'a>,
     /// What to look for.
-    pub seek: Seek,
+    pub kind: QueryKind,
 }
 
 /// What a trace found, one entry a ray, in the rays' order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hits {
-    /// Closest hits; empty with [`Seek::Any`].
+    /// Closest hits; empty with [`QueryKind::Any`].
     pub closest: Vec<Hit>,
-    /// With [`Seek::Any`]: 1 if the ray met anything. With
-    /// [`Seek::ClosestAndShadow`]: 1 if the hit is in shadow, 0 if lit or miss. Else empty.
+    /// With [`QueryKind::Any`]: 1 if the ray met anything. With
+    /// [`QueryKind::ClosestAndShadow`]: 1 if the hit is in shadow, 0 if lit or miss. Else empty.
     pub blocked: Vec<u8>,
 }

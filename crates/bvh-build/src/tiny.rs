@@ -108,7 +108,7 @@ impl Pairs {
             ([near.y, near.z, far.x], [a, c, d, b]),
             ([far.z, far.y, far.x], [b, c, d, a]),
         ];
-        let weigh = |([ab, ac, bc], [a, b, c, d]): ([f32; 3], [&'a Prim; 4])| {
+        let cost_of = |([ab, ac, bc], [a, b, c, d]): ([f32; 3], [&'a Prim; 4])| {
             let trio = self.ruler.half_area(&pair(a, b).union(pair(c, c)));
             if ab <= ac && ab <= bc {
                 (trio + ab, [a, b, c, d])
@@ -118,7 +118,7 @@ impl Pairs {
                 (trio + bc, [b, c, a, d])
             }
         };
-        let [first, others @ ..] = chains.map(weigh);
+        let [first, others @ ..] = chains.map(cost_of);
         let lesser = |a: (f32, _), b: (f32, _)| if b.0 < a.0 { b } else { a };
         others.into_iter().fold(first, lesser)
     }

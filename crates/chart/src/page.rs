@@ -1,4 +1,4 @@
-//! The whole picture: heading, legend, one panel a scene, companions in two columns.
+//! The whole picture: heading, legend, one panel a scene, side panels in two columns.
 
 use crate::data::{Chart, Machine, Scene};
 use crate::error::Result;
@@ -34,14 +34,14 @@ pub(crate) struct Drawn {
     pub(crate) bands: Vec<(i32, i32)>,
 }
 
-/// A panel among the companions.
-enum Companion {
+/// A panel beside the plots of scenes.
+enum SidePanel {
     Rows(Rows),
     Offsets(Offsets),
     Keys(Keys),
 }
 
-impl Companion {
+impl SidePanel {
     fn height(&self) -> i32 {
         match self {
             Self::Rows(p) => p.height(),
@@ -65,7 +65,7 @@ struct Plan {
     legend: Legend,
     legend_top: i32,
     scenes: Vec<(Scene, Rect)>,
-    companions: Vec<(Companion, Rect)>,
+    side_panels: Vec<(SidePanel, Rect)>,
     bottom: i32,
 }
 
@@ -82,14 +82,14 @@ impl Plan {
             scenes.push((scene, Rect::new(LEFT, top, RIGHT, top + height)));
             top += height + GAP;
         }
-        let companions = pairs(companions(chart, looks), top);
-        let bottom = companions.iter().map(|c| c.1.y1 + GAP).fold(top, i32::max);
+        let side_panels = pairs(side_panels(chart, looks), top);
+        let bottom = side_panels.iter().map(|c| c.1.y1 + GAP).fold(top, i32::max);
         Self {
             head,
             legend,
             legend_top,
             scenes,
-            companions,
+            side_panels,
             bottom,
         }
     }
@@ -98,8 +98,8 @@ impl Plan {
     fn bands(&self) -> Vec<(i32, i32)> {
         // The first scene stays with the legend.
         let scenes = self.scenes.iter().skip(1).map(|s| s.1.y0);
-        let companions = self.companions.iter().map(|c| c.1.y0);
-        let starts: BTreeSet<i32> = scenes.chain(companions).chain([0, self.bottom]).collect();
+        let side_panels = self.side_panels.iter().map(|c| c.1.y0);
+        let starts: BTreeSet<i32> = scenes.chain(side_panels).chain([0, self.bottom]).collect();
         let starts: Vec<i32> = starts.into_iter().collect();
         starts.windows(2).map(|w| (w[0], w[1])).collect()
     }
@@ -134,7 +134,7 @@ pub(crate) fn draw(chart: &Chart) -> Result<Drawn> {
             };
             targets.extend(panel.draw(&sheet, *frame, &scales, &looks)?);
         }
-        for (companion, frame) in &plan.companions {
+        for (companion, frame) in &plan.side_panels {
             companion.draw(&sheet, *frame)?;
         }
         sheet.present()?;
@@ -198,12 +198,12 @@ pub(crate) fn draw_head(sheet: &Sheet<'_>, title: &str, lines: &[String]) -> Res
     Ok(())
 }
 
-fn companions(chart: &Chart, looks: &Looks) -> Vec<Companion> {
+fn side_panels(chart: &Chart, looks: &Looks) -> Vec<SidePanel> {
     let points = &chart.points;
     let keys = &chart.companions.key_frames;
-    let rows = |r: Option<Rows>| r.map(Companion::Rows);
-    let offsets = |f| Offsets::of(points, looks, f).map(Companion::Offsets);
-    let curves = |q| Keys::of(keys, q).map(Companion::Keys);
+    let rows = |r: Option<Rows>| r.map(SidePanel::Rows);
+    let offsets = |f| Offsets::of(points, looks, f).map(SidePanel::Offsets);
+    let curves = |q| Keys::of(keys, q).map(SidePanel::Keys);
     [
         offsets(Fault::Leak),
         offsets(Fault::DoubleHit),
@@ -219,13 +219,13 @@ fn companions(chart: &Chart, looks: &Looks) -> Vec<Companion> {
 }
 
 /// Panels in rows of two, each with its frame.
-fn pairs(panels: Vec<Companion>, mut top: i32) -> Vec<(Companion, Rect)> {
+fn pairs(panels: Vec<SidePanel>, mut top: i32) -> Vec<(SidePanel, Rect)> {
     let half = (RIGHT - LEFT - GAP) / 2;
     let mut placed = Vec::new();
     let mut panels = panels.into_iter().peekable();
     while panels.peek().is_some() {
-        let row: Vec<Companion> = panels.by_ref().take(2).collect();
-        let height = row.iter().map(Companion::height).max().unwrap_or(0);
+        let row: Vec<SidePanel> = panels.by_ref().take(2).collect();
+        let height = row.iter().map(SidePanel::height).max().unwrap_or(0);
         for (x, panel) in [LEFT, LEFT + half + GAP].into_iter().zip(row) {
             let frame = Rect::new(x, top, x + half, top + panel.height());
             placed.push((panel, frame));

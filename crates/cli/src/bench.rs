@@ -2,10 +2,10 @@
 
 mod auto;
 mod compare;
-mod dwell;
 mod floor;
 mod fresh;
 mod rays;
+mod repetition;
 mod rivals;
 mod row;
 mod text;
@@ -17,8 +17,8 @@ use crate::session::Ask;
 use crate::stop::Stop;
 use crate::{choose, conflicts, frames, info, record, talk, threads};
 use clap::ValueEnum;
-pub(crate) use dwell::Dwell;
 use pipeline::Frame;
+pub(crate) use repetition::FrameRepetition;
 pub(crate) use row::{Row, Run, measure};
 use scene::Scene;
 use serde::Serialize;

@@ -217,11 +217,11 @@ impl Work<'_> {
         let Some(name) = points.first().map(|m| m.point.scene.clone()) else {
             return Ok(());
         };
-        let exam = truth::Exam::of(&scene.animation, self.args)?;
+        let truth = truth::GroundTruth::of(&scene.animation, self.args)?;
         self.progress
-            .step(&format!("{name} exact answers of {} rays", exam.rays()));
+            .step(&format!("{name} exact answers of {} rays", truth.rays()));
         for Measured { way, update, point } in points.iter_mut() {
-            let tally = accuracy::judge(&scene, &way.ask(*update), &exam)?;
+            let tally = accuracy::judge(&scene, &way.ask(*update), &truth)?;
             tally.enter(point);
             self.progress.step(&format!("{name} judged {way}"));
         }

@@ -126,7 +126,7 @@ impl<'a> Table<'a> {
     /// One cell for each number of builder threads. The policies that `async` is set against wait for no builder once
     /// they run, so each is timed once.
     fn fill(&mut self, spec: &str, scene: &Scene, speed: f64) -> Result<(), Stop> {
-        let frames = timing::to_and_fro(scene.animation.end(), speed, self.args.timing.frames);
+        let frames = timing::ping_pong(scene.animation.end(), speed, self.args.timing.frames);
         let mut rivals = Vec::new();
         let mut build_ms: f64 = 0.0;
         let mut own = Vec::new();

@@ -117,7 +117,7 @@ impl<'a> Work<'a> {
             )));
         }
         let (end, count) = (scene.animation.end(), self.args.timing.frames);
-        let frames = timing::to_and_fro(end, self.args.speed, count);
+        let frames = timing::ping_pong(end, self.args.speed, count);
         let way = Way {
             update,
             layout,

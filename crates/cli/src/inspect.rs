@@ -13,7 +13,7 @@ use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, table};
 use crate::trial::Run;
 use crate::{choose, frames, reduce, render, talk};
-use backend::{Query, Rays, Seek};
+use backend::{Query, QueryKind, Rays};
 use geom::Animation;
 use report::{SceneFacts, Taken};
 use serde::Serialize;
@@ -87,7 +87,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         frames: &frames,
         query: Query {
             rays: Rays::Camera(camera),
-            seek: Seek::ClosestAndShadow { light: view.light },
+            kind: QueryKind::ClosestAndShadow { light: view.light },
         },
     });
     let method = MethodArgs {

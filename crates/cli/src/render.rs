@@ -11,7 +11,7 @@ use crate::stop::Stop;
 use crate::timeline::Notes;
 use crate::trial::Run;
 use crate::{choose, conflicts, frames, record, signals, table, talk};
-use backend::{Query, Rays, Seek};
+use backend::{Query, QueryKind, Rays};
 use geom::Camera;
 use picture::{Shot, View};
 use pipeline::Frame;
@@ -127,7 +127,7 @@ fn view(args: &RenderArgs, scene: &Scene) -> View {
 fn query<'a>(camera: &'a Camera, view: &View) -> Query<'a> {
     Query {
         rays: Rays::Camera(camera),
-        seek: Seek::ClosestAndShadow { light: view.light },
+        kind: QueryKind::ClosestAndShadow { light: view.light },
     }
 }
 

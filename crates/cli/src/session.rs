@@ -7,7 +7,7 @@ use crate::memory;
 use crate::open::{self, Want};
 use crate::stop::Stop;
 use crate::threads::{self, Threads};
-use crate::trial::{self, Run, Settled, Stand};
+use crate::trial::{self, Run, Settled, TrialBackend};
 use backend::{Backend, Device, DeviceKind, Intersector, Method};
 use geom::Animation;
 use pipeline::{Driver, Update};
@@ -66,7 +66,7 @@ pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session
     let want = want(ask);
     let opened = open::open(&want, |backend: Box<dyn Backend>| {
         let device = backend.device().clone();
-        let mut stand = Stand::new(backend, animation, ask);
+        let mut stand = TrialBackend::new(backend, animation, ask);
         let settled = trial::settle(&mut stand, ask)?;
         let driver = stand.driver(settled.method, settled.update)?;
         let threads = stand.share(settled.update);
@@ -189,7 +189,7 @@ impl Session {
 mod tests {
     use super::*;
     use crate::args::LayoutName;
-    use backend::{Hits, Query, Rays, Seek};
+    use backend::{Hits, Query, QueryKind, Rays};
     use pipeline::{Frame, Pace};
 
     fn frames(scene: &scene::Scene, update: Update, threads: usize, ahead: Ahead) -> Vec<Hits> {
@@ -212,7 +212,7 @@ mod tests {
         let camera = view.camera([48, 27]).unwrap();
         let query = Query {
             rays: Rays::Camera(&camera),
-            seek: Seek::ClosestAndShadow { light: view.light },
+            kind: QueryKind::ClosestAndShadow { light: view.light },
         };
         let todo = (0..6).map(|index| Frame {
             index,

@@ -9,7 +9,7 @@ use crate::subjects::{self, Examined, Machine, Subject};
 use crate::{conflicts, talk};
 use backend::Intersector;
 use results::{Report, Row, Unsupported};
-use stability::{Cell, Exam, Family, Plan, baseline};
+use stability::{Cell, Family, Plan, StressTest, baseline};
 use std::path::Path;
 use std::time::Instant;
 
@@ -83,11 +83,11 @@ fn ask(args: &StabilityArgs, subjects: &mut [Subject], report: &mut Report) -> R
     };
     let mut progress = Progress::new((Family::ALL.len() * subjects.len()) as u64, args.quiet);
     for family in Family::ALL {
-        let exam = Exam::new(family, &plan);
+        let test = StressTest::new(family, &plan);
         for subject in &mut *subjects {
             for by in Intersector::ALL {
                 if args.intersector.contains(&by) {
-                    report.add(subject.name, by, answer(&exam, subject, by)?);
+                    report.add(subject.name, by, answer(&test, subject, by)?);
                 }
             }
             progress.step(&format!("{} {family}", subject.name));
@@ -97,13 +97,13 @@ fn ask(args: &StabilityArgs, subjects: &mut [Subject], report: &mut Report) -> R
 }
 
 /// One cell; `None` if the backend does not support the intersector.
-fn answer(exam: &Exam, subject: &mut Subject, by: Intersector) -> Result<Option<Row>, Stop> {
+fn answer(test: &StressTest, subject: &mut Subject, by: Intersector) -> Result<Option<Row>, Stop> {
     let begun = Instant::now();
     let arithmetic = subject.backend.device().arithmetic;
-    let tally = exam.ask(subject.backend.as_mut(), by)?;
+    let tally = test.ask(subject.backend.as_mut(), by)?;
     let seconds = begun.elapsed().as_secs_f64();
     Ok(tally.map(|tally| {
-        let cell = Cell::new(exam.family(), by, &tally, arithmetic);
+        let cell = Cell::new(test.family(), by, &tally, arithmetic);
         Row::new(subject.name, cell, seconds)
     }))
 }

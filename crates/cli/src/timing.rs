@@ -11,7 +11,7 @@ use crate::memory;
 use crate::session::{self, Ask};
 use crate::stop::Stop;
 use crate::warm_up::{WarmUp, Warmed};
-use backend::{Device, DeviceBytes, Query, Rays, Seek};
+use backend::{Device, DeviceBytes, Query, QueryKind, Rays};
 use clap::ValueEnum;
 use geom::Animation;
 use pipeline::{Driver, Frame, FrameRecord, PipelineError, Update};
@@ -89,7 +89,7 @@ pub(crate) struct Timing {
 }
 
 /// So many frames from the motion's first moment to its last and back again, `speed` key frames apart.
-pub(crate) fn to_and_fro(end: f64, speed: f64, count: usize) -> Vec<Frame> {
+pub(crate) fn ping_pong(end: f64, speed: f64, count: usize) -> Vec<Frame> {
     let time = |i: u64| {
         let gone = (i as f64 * speed) % (2.0 * end).max(f64::MIN_POSITIVE);
         if gone <= end { gone } else { 2.0 * end - gone }
@@ -116,7 +116,7 @@ pub(crate) fn time(
     let camera = camera.ok_or_else(|| Stop::bad("no camera frames the scene"))?;
     let query = Query {
         rays: Rays::Camera(&camera),
-        seek: Seek::ClosestAndShadow { light: view.light },
+        kind: QueryKind::ClosestAndShadow { light: view.light },
     };
     let ask = Ask {
         backend: setting.backend,
@@ -275,7 +275,7 @@ mod tests {
     #[test]
     fn frames_turn_round_at_both_ends() {
         let times = |end, speed, count| -> Vec<f64> {
-            let all = to_and_fro(end, speed, count);
+            let all = ping_pong(end, speed, count);
             all.iter().map(|f| f.time).collect()
         };
         assert_eq!(
@@ -302,7 +302,7 @@ mod tests {
     #[test]
     fn patience_ends_a_run_with_something_to_tell() {
         let scene = scene::open("demo:twist:300", &scene::Options::default()).unwrap();
-        let frames = to_and_fro(scene.animation.end(), 0.5, 40);
+        let frames = ping_pong(scene.animation.end(), 0.5, 40);
         let time = |patience, update| {
             let setting = Setting {
                 backend: BackendName::Cpu,

@@ -6,7 +6,7 @@ use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
 use crate::table::counted;
 use crate::{choose, conflicts, frames, talk};
-use backend::{Hits, Query, Rays, Seek};
+use backend::{Hits, Query, QueryKind, Rays};
 use geom::{Animation, Ray};
 use pipeline::Frame;
 use report::Found;
@@ -52,12 +52,12 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     if !args.quiet {
         session.remarks.iter().for_each(|r| talk::say(r));
     }
-    let seek = if args.any_hit {
-        Seek::Any
+    let kind = if args.any_hit {
+        QueryKind::Any
     } else {
-        Seek::Closest
+        QueryKind::Closest
     };
-    let hits = trace(&mut session, &moments, &rays, seek)?;
+    let hits = trace(&mut session, &moments, &rays, kind)?;
     if args.any_hit {
         report::write_found(&args.out, &hits.blocked)?;
     } else {
@@ -97,7 +97,12 @@ fn moments(args: &TraceArgs, animation: &Animation) -> Result<Vec<f64>, Stop> {
 }
 
 /// Goes through the moments without rays, and traces at the last.
-fn trace(session: &mut Session, moments: &[f64], rays: &[Ray], seek: Seek) -> Result<Hits, Stop> {
+fn trace(
+    session: &mut Session,
+    moments: &[f64],
+    rays: &[Ray],
+    kind: QueryKind,
+) -> Result<Hits, Stop> {
     let mut hits = Hits::default();
     for (i, &time) in moments.iter().enumerate() {
         let last = i + 1 == moments.len();
@@ -105,7 +110,7 @@ fn trace(session: &mut Session, moments: &[f64], rays: &[Ray], seek: Seek) -> Re
         let index = i as u64;
         session
             .driver
-            .begin(Frame { index, time }, Query { rays, seek })?;
+            .begin(Frame { index, time }, Query { rays, kind })?;
         session.driver.finish(last.then_some(&mut hits))?;
     }
     Ok(hits)

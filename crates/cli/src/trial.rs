@@ -35,7 +35,7 @@ use pipeline::{Frame, Update};
 use plan::Guess;
 use policies::{Outcome, Timed, Trial};
 use sample::{Sample, Wrong};
-pub(crate) use stand::Stand;
+pub(crate) use stand::TrialBackend;
 
 /// Fewer frames are not worth a trial.
 const FEW: usize = 16;
@@ -138,7 +138,7 @@ impl Settled {
 ///
 /// # Errors
 /// No method left open can be traced by.
-pub(crate) fn settle(stand: &mut Stand<'_>, ask: &Ask<'_>) -> Result<Settled, Stop> {
+pub(crate) fn settle(stand: &mut TrialBackend<'_>, ask: &Ask<'_>) -> Result<Settled, Stop> {
     let mut settled = Settled::by_rule(ask);
     let candidates = candidates(stand, ask);
     let open = candidates.len() > 1 || ask.update.is_open;
@@ -174,7 +174,7 @@ fn layouts(candidates: &[Method], taken: Method) -> Vec<Method> {
 }
 
 /// The methods left open, as far as the backend has them.
-fn candidates(stand: &Stand<'_>, ask: &Ask<'_>) -> Vec<Method> {
+fn candidates(stand: &TrialBackend<'_>, ask: &Ask<'_>) -> Vec<Method> {
     let fixed = choose::method(ask.method);
     let intersectors = match ask.method.intersector {
         // Nothing else is free of wrong answers by definition.
@@ -197,12 +197,12 @@ fn candidates(stand: &Stand<'_>, ask: &Ask<'_>) -> Vec<Method> {
 
 /// The fastest that meets the tolerance.
 fn take_method(
-    stand: &mut Stand<'_>,
+    stand: &mut TrialBackend<'_>,
     ask: &Ask<'_>,
     (run, timed): (&Run<'_>, &[methods::Timed]),
     settled: &mut Settled,
 ) -> Result<methods::Timed, Stop> {
-    let mut judge = Judge::new(ask.tolerance, settled.method.intersector);
+    let mut judge = Verifier::new(ask.tolerance, settled.method.intersector);
     let mut meets = |&t: &methods::Timed| Ok(judge.meets(stand, run, t.method)?.then_some(t));
     let all: Result<Vec<_>, Stop> = timed.iter().map(&mut meets).collect();
     let fit: Vec<_> = all?.into_iter().flatten().collect();
@@ -224,7 +224,7 @@ fn take_method(
 }
 
 /// Who meets the tolerance; each intersector is judged once.
-struct Judge {
+struct Verifier {
     tolerance: f64,
     /// Good enough unseen: the one asked for by name, or `exact`.
     sure: Intersector,
@@ -233,7 +233,7 @@ struct Judge {
     told: Vec<String>,
 }
 
-impl Judge {
+impl Verifier {
     fn new(tolerance: f64, sure: Intersector) -> Self {
         Self {
             tolerance,
@@ -244,7 +244,12 @@ impl Judge {
         }
     }
 
-    fn meets(&mut self, stand: &mut Stand<'_>, run: &Run<'_>, m: Method) -> Result<bool, Stop> {
+    fn meets(
+        &mut self,
+        stand: &mut TrialBackend<'_>,
+        run: &Run<'_>,
+        m: Method,
+    ) -> Result<bool, Stop> {
         if m.intersector == self.sure || m.intersector == Intersector::Exact {
             return Ok(true);
         }
@@ -277,7 +282,7 @@ fn tell(intersector: Intersector, w: Wrong) -> String {
 
 /// The fastest policy over the run, if there is time to find out.
 fn take_update(
-    stand: &mut Stand<'_>,
+    stand: &mut TrialBackend<'_>,
     (run, facts, guess): (&Run<'_>, &Facts, Guess),
     layouts: &[Method],
     settled: &mut Settled,

@@ -9,11 +9,11 @@
 mod case;
 mod compare;
 mod laws;
+mod layout_adapter;
 pub mod leaks;
 mod places;
 mod rays;
 mod regressions;
-mod relaid;
 mod rounding;
 mod scenes;
 mod shapes;
@@ -27,9 +27,9 @@ pub use regressions::{REGRESSIONS, Regression};
 pub use scenes::{Kind, case};
 
 use backend::{Backend, Layout};
+use layout_adapter::{LayoutAdapter, lays};
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
-use relaid::{Relaid, lays};
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -143,11 +143,11 @@ fn check(
             if !lays(subject, &case.animation, layout) {
                 return Ok(());
             }
-            let mut relaid = Relaid {
+            let mut layout_adapter = LayoutAdapter {
                 inner: &mut *subject,
                 layout,
             };
-            (law.check)(case, &mut relaid, reference)
+            (law.check)(case, &mut layout_adapter, reference)
         };
         calmly(&mut attempt).map_err(|what| format!("layout {layout}: {what}"))?;
     }

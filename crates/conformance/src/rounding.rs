@@ -21,14 +21,14 @@ const ULPS: f64 = 32.0;
 const TAME: [f32; 2] = [1e-9, 1e9];
 
 /// The triangles of a scene as they stand at a time.
-pub(crate) struct Judge {
+pub(crate) struct Verifier {
     /// Active ones, with their indices.
     triangles: Vec<(u32, [Vector; 3])>,
     /// The largest coordinate of all.
     size: f64,
 }
 
-impl Judge {
+impl Verifier {
     pub(crate) fn new(animation: &Animation, time: f64) -> Self {
         let pose = animation.pose(time);
         let all = 0..animation.triangle_count() as u32;
@@ -99,7 +99,7 @@ impl Judge {
         let edges = [sub(b, a), sub(c, b), sub(a, c)].map(length);
         let longest = edges.into_iter().fold(0.0, f64::max);
         let allowed = slack * length(line.direction) + line.blur(height) * longest;
-        let off = length(sub(line.at(reported), weigh(corners, hit)));
+        let off = length(sub(line.at(reported), point_at(corners, hit)));
         let is_far = off > allowed + 2.0 * line.margin;
         is_far.then(|| format!("u and v are off by {off:e}, more than {allowed:e}"))
     }
@@ -125,7 +125,7 @@ impl Judge {
             return blocked.then(|| "a miss is in no shadow".to_owned());
         }
         let (_, corners) = self.triangles.iter().find(|(i, _)| *i == hit.triangle)?;
-        let (origin, light) = (weigh(corners, hit), wide(light));
+        let (origin, light) = (point_at(corners, hit), wide(light));
         let reach = light.iter().fold(self.size, |m, x| m.max(x.abs()));
         let margin = ULPS * ulp(reach);
         // On a way no longer than rounding nothing is sure.
@@ -163,7 +163,7 @@ impl Judge {
     }
 }
 
-fn weigh([a, b, c]: &[Vector; 3], hit: &Hit) -> Vector {
+fn point_at([a, b, c]: &[Vector; 3], hit: &Hit) -> Vector {
     let (u, v) = (f64::from(hit.u), f64::from(hit.v));
     std::array::from_fn(|i| a[i] + (u * (b[i] - a[i]) + v * (c[i] - a[i])))
 }

@@ -2,7 +2,8 @@
 
 use crate::Case;
 use backend::{
-    Backend, BackendError, Generation, Hits, Intersector, Layout, Method, Query, Rays, Seek, Ticket,
+    Backend, BackendError, Generation, Hits, Intersector, Layout, Method, Query, QueryKind, Rays,
+    Ticket,
 };
 use bvh_build::{BinaryTree, Builder, Cancel};
 use bvh_layout::{Converter, Topology};
@@ -132,9 +133,9 @@ pub(crate) fn boxes_anew(backend: &mut dyn Backend) -> Result<(), String> {
 pub(crate) fn start(
     backend: &mut dyn Backend,
     rays: Rays<'_>,
-    seek: Seek,
+    kind: QueryKind,
 ) -> Result<Ticket, String> {
-    backend.trace(Query { rays, seek }).map_err(plainly)?;
+    backend.trace(Query { rays, kind }).map_err(plainly)?;
     backend.submit().map_err(plainly)
 }
 
@@ -147,7 +148,11 @@ pub(crate) fn fetch(backend: &mut dyn Backend, ticket: Ticket) -> Result<Hits, S
 }
 
 /// Traces and fetches.
-pub(crate) fn ask(backend: &mut dyn Backend, rays: Rays<'_>, seek: Seek) -> Result<Hits, String> {
-    let ticket = start(backend, rays, seek)?;
+pub(crate) fn ask(
+    backend: &mut dyn Backend,
+    rays: Rays<'_>,
+    kind: QueryKind,
+) -> Result<Hits, String> {
+    let ticket = start(backend, rays, kind)?;
     fetch(backend, ticket)
 }

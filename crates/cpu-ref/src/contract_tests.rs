@@ -5,7 +5,7 @@ use crate::simd::Level;
 use crate::testing::{
     bits, kinds, moving, ready, rng, senseless_tree, soup, still, still_of, trace, tree_at,
 };
-use backend::{Backend, Hits, Intersector, Layout, Query, Rays, Seek, Ticket};
+use backend::{Backend, Hits, Intersector, Layout, Query, QueryKind, Rays, Ticket};
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Camera, Hit, Point, Ray};
 use proptest::prelude::RngExt;
@@ -93,9 +93,9 @@ fn answers_do_not_depend_on_the_tree_its_age_or_the_threads() {
             let hits = trace(
                 &mut backend,
                 Rays::Camera(&camera),
-                Seek::ClosestAndShadow { light },
+                QueryKind::ClosestAndShadow { light },
             );
-            let any = trace(&mut backend, Rays::Camera(&camera), Seek::Any).blocked;
+            let any = trace(&mut backend, Rays::Camera(&camera), QueryKind::Any).blocked;
             answers.push((bits(&hits.closest), hits.blocked, any));
         }
         assert!(answers.iter().all(|a| *a == answers[0]), "{intersector}");
@@ -109,13 +109,13 @@ fn a_camera_is_the_list_of_its_rays() {
     let animation = moving();
     let camera = camera(&animation);
     let rays: Vec<Ray> = camera.rays().collect();
-    let seek = Seek::ClosestAndShadow {
+    let query = QueryKind::ClosestAndShadow {
         light: [0.0, 9.0, 0.0],
     };
     for kind in kinds() {
         let mut backend = still_of(&animation, (Intersector::Watertight, kind));
-        let one = trace(&mut backend, Rays::Camera(&camera), seek);
-        let other = trace(&mut backend, Rays::List(&rays), seek);
+        let one = trace(&mut backend, Rays::Camera(&camera), query);
+        let other = trace(&mut backend, Rays::List(&rays), query);
         assert_eq!(one, other, "{kind:?}");
     }
 }
@@ -125,7 +125,7 @@ fn reports_count_what_happened() {
     let animation = moving();
     let mut backend = still(&animation, Intersector::Watertight);
     let camera = camera(&animation);
-    let seek = Seek::ClosestAndShadow {
+    let kind = QueryKind::ClosestAndShadow {
         light: [0.0, 9.0, 0.0],
     };
     let mut ended = 0.0;
@@ -136,7 +136,7 @@ fn reports_count_what_happened() {
         backend
             .trace(Query {
                 rays: Rays::Camera(&camera),
-                seek,
+                kind,
             })
             .unwrap();
         let ticket = backend.submit().unwrap();
@@ -185,7 +185,7 @@ fn the_last_two_submissions_with_a_trace_are_kept() {
         backend
             .trace(Query {
                 rays: Rays::List(&rays[..n]),
-                seek: Seek::Closest,
+                kind: QueryKind::Closest,
             })
             .unwrap();
         tickets.push(backend.submit().unwrap());
@@ -218,7 +218,7 @@ fn check_nothing(mut backend: CpuBackend) {
     let hits = trace(
         &mut backend,
         Rays::List(&[ray]),
-        Seek::ClosestAndShadow { light: [1.0; 3] },
+        QueryKind::ClosestAndShadow { light: [1.0; 3] },
     );
     assert_eq!(hits.closest, [Hit::MISS]);
     assert_eq!(hits.blocked, [0]);
@@ -240,7 +240,7 @@ fn a_lone_triangle_is_a_tree() {
     };
     for kind in kinds() {
         let mut backend = still_of(&animation, (Intersector::Watertight, kind));
-        let hits = trace(&mut backend, Rays::List(&[ray]), Seek::Closest).closest;
+        let hits = trace(&mut backend, Rays::List(&[ray]), QueryKind::Closest).closest;
         assert_eq!(hits, [expected], "{kind:?}");
     }
 }
@@ -268,7 +268,7 @@ fn a_big_tree_is_refitted_by_many_tasks_alike() {
             .step_by(100)
             .map(|t| Ray::new(t[0], t[1]))
             .collect();
-        let hits = trace(&mut backend, Rays::List(&rays), Seek::Closest).closest;
+        let hits = trace(&mut backend, Rays::List(&rays), QueryKind::Closest).closest;
         (
             backend.inspect().boxes().unwrap(),
             cost.map(f64::to_bits),
@@ -292,13 +292,13 @@ fn a_list_is_traced_once_in_its_place_and_reported_with_the_rest() {
     for kind in kinds() {
         let method = (Intersector::Exact, kind);
         let fresh = |pose| ready(&animation, method, &tree, pose, 1);
-        let expected = trace(&mut fresh(early), Rays::List(&rays), Seek::Closest);
+        let expected = trace(&mut fresh(early), Rays::List(&rays), QueryKind::Closest);
         let mut backend = fresh(late);
         backend.interpolate(early).unwrap();
         backend.preprocess().unwrap();
         backend.refit().unwrap();
-        let (rays, seek) = (Rays::List(&rays), Seek::Closest);
-        backend.trace(Query { rays, seek }).unwrap();
+        let (rays, kind) = (Rays::List(&rays), QueryKind::Closest);
+        backend.trace(Query { rays, kind }).unwrap();
         backend.interpolate(late).unwrap();
         let ticket = backend.submit().unwrap();
         let report = backend.wait(ticket).unwrap();

@@ -51,7 +51,7 @@ mod woop;
 
 use backend::{
     Arithmetic, Backend, BackendError, Device, DeviceKind, FRAMES_IN_FLIGHT, FrameReport,
-    Generation, Hits, Inspect, Method, Query, Rays, Result, Seek, Snapshot, Ticket,
+    Generation, Hits, Inspect, Method, Query, QueryKind, Rays, Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose, Ray};
@@ -242,10 +242,10 @@ impl Backend for CpuBackend {
     fn trace(&mut self, query: Query<'_>) -> Result<()> {
         let count = query.rays.count();
         let hits = &mut self.next.hits;
-        if query.seek != Seek::Any {
+        if query.kind != QueryKind::Any {
             reserve(&mut hits.closest, count, "hits")?;
         }
-        if query.seek != Seek::Closest {
+        if query.kind != QueryKind::Closest {
             reserve(&mut hits.blocked, count, "hits")?;
         }
         self.recording.trace(query);

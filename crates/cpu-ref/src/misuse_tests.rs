@@ -2,7 +2,7 @@
 
 use crate::CpuBackend;
 use crate::testing::{moving, senseless_tree, soup, still, trace, tree_at, tree_over};
-use backend::{Backend, BackendError, Generation, Intersector, Rays, Seek, Ticket};
+use backend::{Backend, BackendError, Generation, Intersector, QueryKind, Rays, Ticket};
 use geom::{Aabb, Ray};
 
 #[test]
@@ -41,7 +41,7 @@ fn a_tree_of_another_scene_is_refused_and_the_old_one_kept() {
         assert!(error.to_string().contains(why), "{error}");
     }
     let ray = Ray::new([0.0, 0.0, 9.0], [0.0, 0.0, -1.0]);
-    assert!(trace(&mut backend, Rays::List(&[ray]), Seek::Closest).closest[0].is_hit());
+    assert!(trace(&mut backend, Rays::List(&[ray]), QueryKind::Closest).closest[0].is_hit());
     backend
         .adopt(&senseless_tree(&animation), Generation(2))
         .unwrap();
@@ -55,7 +55,7 @@ fn a_tree_adopted_and_not_refitted_is_not_traced() {
     backend
         .adopt(&senseless_tree(&animation), Generation(2))
         .unwrap();
-    trace(&mut backend, Rays::List(&[]), Seek::Closest);
+    trace(&mut backend, Rays::List(&[]), QueryKind::Closest);
 }
 
 #[test]
@@ -64,7 +64,7 @@ fn positions_that_moved_are_not_traced_with_the_old_boxes() {
     let animation = moving();
     let mut backend = still(&animation, Intersector::Watertight);
     backend.interpolate(animation.pose(1.0)).unwrap();
-    trace(&mut backend, Rays::List(&[]), Seek::Closest);
+    trace(&mut backend, Rays::List(&[]), QueryKind::Closest);
 }
 
 #[test]
@@ -73,7 +73,7 @@ fn leaves_that_moved_are_not_traced_before_a_refit() {
     let animation = moving();
     let mut backend = still(&animation, Intersector::Watertight);
     backend.preprocess().unwrap();
-    trace(&mut backend, Rays::List(&[]), Seek::Closest);
+    trace(&mut backend, Rays::List(&[]), QueryKind::Closest);
 }
 
 #[test]

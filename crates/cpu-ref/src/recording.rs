@@ -1,6 +1,6 @@
 //! What was recorded since the last submission, and what would be stale by now.
 
-use backend::{Query, Rays, Seek};
+use backend::{Query, QueryKind, Rays};
 use geom::{Camera, Pose};
 
 /// One recorded stage.
@@ -10,7 +10,7 @@ pub(crate) enum Command {
     Preprocess,
     Refit,
     /// Traces a camera's rays, or those that come with the command.
-    Trace(Option<Camera>, Seek),
+    Trace(Option<Camera>, QueryKind),
     CopyPositions,
 }
 
@@ -95,7 +95,7 @@ impl Recording {
             Rays::Camera(camera) => Some(*camera),
             Rays::List(_) => None,
         };
-        self.commands.push(Command::Trace(camera, query.seek));
+        self.commands.push(Command::Trace(camera, query.kind));
     }
 
     /// What is still to be carried out, by the caller and now.

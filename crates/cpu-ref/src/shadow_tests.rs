@@ -1,7 +1,7 @@
 //! A ball over a floor: what faces the light is lit, what lies behind is dark, wherever it all stands.
 
 use crate::testing::{icosphere, still, trace};
-use backend::{Intersector, Rays, Seek};
+use backend::{Intersector, QueryKind, Rays};
 use geom::{Animation, Camera, Hit, Point, Ray};
 use std::sync::Arc;
 
@@ -62,7 +62,7 @@ fn check_shadows(offset: f32, intersector: Intersector) {
     let hits = trace(
         &mut backend,
         Rays::Camera(&camera),
-        Seek::ClosestAndShadow { light },
+        QueryKind::ClosestAndShadow { light },
     );
     let mut seen = [0; 2];
     for (hit, &blocked) in hits.closest.iter().zip(&hits.blocked) {
@@ -99,7 +99,7 @@ fn a_light_on_the_surface_or_nowhere_blocks_nothing() {
         let hits = trace(
             &mut backend,
             Rays::Camera(&camera),
-            Seek::ClosestAndShadow { light },
+            QueryKind::ClosestAndShadow { light },
         );
         assert!(hits.closest.iter().all(Hit::is_hit));
         assert!(hits.blocked.iter().all(|&b| b == 0));
@@ -123,7 +123,7 @@ fn what_lies_behind_the_light_casts_no_shadow() {
     let hits = trace(
         &mut backend,
         Rays::List(&rays),
-        Seek::ClosestAndShadow { light },
+        QueryKind::ClosestAndShadow { light },
     );
     assert!(
         hits.closest

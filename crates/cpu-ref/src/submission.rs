@@ -4,7 +4,7 @@ use crate::recording::Command;
 use crate::scene::Scene;
 use crate::snapshots::Snapshots;
 use crate::trace::Counts;
-use backend::{FrameReport, Hits, Rays, Seek, Ticket};
+use backend::{FrameReport, Hits, QueryKind, Rays, Ticket};
 use geom::{Hit, Ray};
 use std::time::Instant;
 
@@ -41,10 +41,10 @@ impl Submission {
                 }
                 Command::Preprocess => timed(&mut times.preprocess_ms, || scene.preprocess()),
                 Command::Refit => timed(&mut times.refit_ms, || scene.refit()),
-                Command::Trace(Some(camera), seek) => {
-                    self.trace(scene, Rays::Camera(&camera), seek)
+                Command::Trace(Some(camera), kind) => {
+                    self.trace(scene, Rays::Camera(&camera), kind)
                 }
-                Command::Trace(None, seek) => self.trace(scene, Rays::List(rays), seek),
+                Command::Trace(None, kind) => self.trace(scene, Rays::List(rays), kind),
                 Command::CopyPositions => self.copy_positions(ticket, scene, snapshots),
             }
         }
@@ -64,20 +64,20 @@ impl Submission {
     }
 
     /// A ray's hit and its shadow are one task's, so there is one time for both.
-    fn trace(&mut self, scene: &Scene, rays: Rays<'_>, seek: Seek) {
+    fn trace(&mut self, scene: &Scene, rays: Rays<'_>, kind: QueryKind) {
         let Hits { closest, blocked } = &mut self.hits;
         let mut counts = Counts::default();
         timed(&mut self.report.times.trace_primary_ms, || {
-            if seek != Seek::Any {
+            if kind != QueryKind::Any {
                 closest.resize(rays.count(), Hit::MISS);
             }
-            if seek != Seek::Closest {
+            if kind != QueryKind::Closest {
                 blocked.resize(rays.count(), 0);
             }
-            counts = match seek {
-                Seek::Any => scene.any(rays, blocked),
-                Seek::Closest => scene.closest(rays, closest),
-                Seek::ClosestAndShadow { light } => {
+            counts = match kind {
+                QueryKind::Any => scene.any(rays, blocked),
+                QueryKind::Closest => scene.closest(rays, closest),
+                QueryKind::ClosestAndShadow { light } => {
                     scene.closest_and_shadow(rays, light, (closest, blocked))
                 }
             };

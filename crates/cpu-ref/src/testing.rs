@@ -2,7 +2,7 @@
 
 use crate::CpuBackend;
 use crate::simd::Level;
-use backend::{Backend, Generation, Hits, Intersector, Layout, Method, Query, Rays, Seek};
+use backend::{Backend, Generation, Hits, Intersector, Layout, Method, Query, QueryKind, Rays};
 use bvh_build::{BinaryTree, Boxes, Builder, Cancel};
 use bvh_layout::{Converter, Topology};
 use geom::{Aabb, Animation, Point, Pose, Ray, Triangle};
@@ -101,8 +101,8 @@ pub(crate) fn still_of(animation: &Arc<Animation>, method: (Intersector, Kind)) 
     ready(animation, method, &tree_at(animation, pose), pose, 1)
 }
 
-pub(crate) fn trace(backend: &mut CpuBackend, rays: Rays<'_>, seek: Seek) -> Hits {
-    backend.trace(Query { rays, seek }).unwrap();
+pub(crate) fn trace(backend: &mut CpuBackend, rays: Rays<'_>, kind: QueryKind) -> Hits {
+    backend.trace(Query { rays, kind }).unwrap();
     let ticket = backend.submit().unwrap();
     let mut hits = Hits::default();
     backend.hits(ticket, &mut hits).unwrap();
@@ -110,7 +110,7 @@ pub(crate) fn trace(backend: &mut CpuBackend, rays: Rays<'_>, seek: Seek) -> Hit
 }
 
 pub(crate) fn closest(backend: &mut CpuBackend, rays: &[Ray]) -> Vec<geom::Hit> {
-    trace(backend, Rays::List(rays), Seek::Closest).closest
+    trace(backend, Rays::List(rays), QueryKind::Closest).closest
 }
 
 /// Bits of hits, so that equal means equal.

@@ -6,7 +6,7 @@ use crate::preprocess::Geometry;
 use crate::scale::Scale;
 use crate::testing::{bits, closest, kinds, ready, rng, senseless_tree, soup, trace, tree_at};
 use crate::woop::Woop;
-use backend::{Intersector, Rays, Seek};
+use backend::{Intersector, QueryKind, Rays};
 use geom::{Animation, Hit, Point, Ray, Triangle};
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -175,11 +175,11 @@ fn check_against_the_law(
                 let shadow = trace(
                     &mut backend,
                     Rays::List(rays),
-                    Seek::ClosestAndShadow { light },
+                    QueryKind::ClosestAndShadow { light },
                 );
                 prop_assert_eq!(bits(&shadow.closest), bits(&expected), "{:?}", method);
                 prop_assert_eq!(&shadow.blocked, &shadows, "{:?}", method);
-                let any = trace(&mut backend, Rays::List(rays), Seek::Any).blocked;
+                let any = trace(&mut backend, Rays::List(rays), QueryKind::Any).blocked;
                 prop_assert_eq!(&any, &blocked, "{:?}", method);
             }
         }

@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 pub struct Animation {
     keys: Vec<Vec<Point>>,
     triangles: Vec<[u32; 3]>,
-    stand_ins: Vec<StandIn>,
+    fallback_corners: Vec<FallbackCorners>,
     never_active: u32,
     /// Found when first asked for.
     static_parts: OnceLock<StaticParts>,
@@ -27,7 +27,7 @@ struct Times {
 
 /// Where a triangle that is inactive in some key frames stands when it is active.
 #[derive(Clone, Copy, Debug)]
-struct StandIn {
+struct FallbackCorners {
     triangle: u32,
     bounds: Aabb,
 }
@@ -104,11 +104,11 @@ impl Animation {
                 });
             }
         }
-        let (stand_ins, never_active) = find_stand_ins(&keys, &triangles);
+        let (fallback_corners, never_active) = find_fallback_corners(&keys, &triangles);
         Ok(Self {
             keys,
             triangles,
-            stand_ins,
+            fallback_corners,
             never_active,
             static_parts: OnceLock::new(),
             ranges: OnceLock::new(),
@@ -230,9 +230,9 @@ impl Animation {
     /// Inactive triangles are left out of what rays see, not out of the tree:
     /// whoever comes back must already have a leaf.
     #[must_use]
-    pub fn stand_in(&self, triangle: u32) -> Aabb {
-        if let Ok(i) = (self.stand_ins).binary_search_by_key(&triangle, |s| s.triangle) {
-            return self.stand_ins[i].bounds;
+    pub fn fallback_corner(&self, triangle: u32) -> Aabb {
+        if let Ok(i) = (self.fallback_corners).binary_search_by_key(&triangle, |s| s.triangle) {
+            return self.fallback_corners[i].bounds;
         }
         active_box(&corners_in(
             &self.keys[0],
@@ -244,7 +244,7 @@ impl Animation {
     /// Whether a tree must hold `triangle`: some key frame has it active.
     #[must_use]
     pub fn is_live(&self, triangle: u32) -> bool {
-        self.never_active == 0 || !self.stand_in(triangle).is_empty()
+        self.never_active == 0 || !self.fallback_corner(triangle).is_empty()
     }
 
     /// The box a tree is built over for `triangle`, given all vertices at the
@@ -254,14 +254,14 @@ impl Animation {
     #[inline]
     pub fn build_box(&self, positions: &[Point], triangle: u32) -> Aabb {
         let corners = corners_in(positions, self.triangles[triangle as usize]);
-        active_box(&corners).unwrap_or_else(|| self.stand_in(triangle))
+        active_box(&corners).unwrap_or_else(|| self.fallback_corner(triangle))
     }
 
     /// [`Self::build_box`] at `pose`.
     #[must_use]
     #[inline]
     pub fn build_box_at(&self, pose: Pose, triangle: u32) -> Aabb {
-        active_box(&self.corners(pose, triangle)).unwrap_or_else(|| self.stand_in(triangle))
+        active_box(&self.corners(pose, triangle)).unwrap_or_else(|| self.fallback_corner(triangle))
     }
 
     /// `k`, such that `2^-k` brings the scene to a size whose products neither
@@ -305,12 +305,15 @@ fn active_box(corners: &Triangle) -> Option<Aabb> {
 }
 
 /// Stand-ins, by triangle, for those inactive in some key frame but not in all; and how many are inactive in all.
-fn find_stand_ins(keys: &[Vec<Point>], triangles: &[[u32; 3]]) -> (Vec<StandIn>, u32) {
+fn find_fallback_corners(
+    keys: &[Vec<Point>],
+    triangles: &[[u32; 3]],
+) -> (Vec<FallbackCorners>, u32) {
     let finite = |p: &Point| p.iter().all(|x| x.is_finite());
     let broken: Vec<bool> = (0..keys[0].len())
         .map(|v| keys.iter().any(|frame| !finite(&frame[v])))
         .collect();
-    let mut stand_ins = Vec::new();
+    let mut fallback_corners = Vec::new();
     let mut never_active = 0;
     for (i, &t) in triangles.iter().enumerate() {
         if !t.iter().any(|&v| broken[v as usize]) {
@@ -321,14 +324,14 @@ fn find_stand_ins(keys: &[Vec<Point>], triangles: &[[u32; 3]]) -> (Vec<StandIn>,
             .map(|frame| corners_in(frame, t))
             .find(is_active);
         match found {
-            Some(corners) => stand_ins.push(StandIn {
+            Some(corners) => fallback_corners.push(FallbackCorners {
                 triangle: i as u32,
                 bounds: Aabb::of_triangle(&corners),
             }),
             None => never_active += 1,
         }
     }
-    (stand_ins, never_active)
+    (fallback_corners, never_active)
 }
 
 #[cfg(test)]

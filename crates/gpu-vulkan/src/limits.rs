@@ -129,7 +129,7 @@ fn refuse_above(what: String, need: u64, limit: u64) -> Result<()> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use backend::{Method, Seek};
+    use backend::{Method, QueryKind};
     use geom::Camera;
     use shaders::{Params, Traits, work};
 
@@ -171,7 +171,7 @@ pub(crate) mod tests {
                 Method::default(),
                 Params::default(),
                 rays,
-                Seek::Closest,
+                QueryKind::Closest,
                 Traits::default(),
             );
             LIMITS.groups(&trace.primary[0])

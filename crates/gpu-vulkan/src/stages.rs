@@ -61,7 +61,7 @@ impl VulkanBackend {
         let has_tree = self.tree().shape.leaf_count > 0;
         let mut traits = self.pipelines.traits;
         traits.rasterization = self.frames.raster_backoff.allow(traits.rasterization);
-        let tracing = work::trace(self.method, self.params(), rays, query.seek, traits);
+        let tracing = work::trace(self.method, self.params(), rays, query.kind, traits);
         let all = tracing
             .primary
             .iter()

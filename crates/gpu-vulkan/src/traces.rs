@@ -3,7 +3,7 @@
 use crate::device::Gpu;
 use crate::memory::{Buffer, Place};
 use crate::transfer::{Transfer, Window};
-use backend::{FRAMES_IN_FLIGHT, Hits, Intersector, Query, Rays, Result, Seek, Ticket};
+use backend::{FRAMES_IN_FLIGHT, Hits, Intersector, Query, QueryKind, Rays, Result, Ticket};
 use geom::{Hit, Ray};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ pub(crate) struct Traces {
 pub(crate) struct Trace {
     ticket: Ticket,
     pub(crate) count: usize,
-    pub(crate) seek: Seek,
+    pub(crate) kind: QueryKind,
     /// Whether there was a tree to trace. Without one every ray misses.
     pub(crate) has_tree: bool,
     /// Each is there if a query ever needed it.
@@ -46,7 +46,7 @@ impl Traces {
             false => None,
         };
         let (hits, blocked, rays) = old.map_or((None, None, None), |o| (o.hits, o.blocked, o.rays));
-        let (count, seek) = (query.rays.count(), query.seek);
+        let (count, kind) = (query.rays.count(), query.kind);
         let fit = |what, bytes: usize, needed: bool, place, spare| match needed && has_tree {
             true => Buffer::fitting(gpu, what, bytes as u64, place, spare).map(Some),
             false => Ok(spare),
@@ -57,13 +57,13 @@ impl Traces {
         if let Some(rays) = rays.as_mut().filter(|_| given && has_tree) {
             extremes = upload(query.rays, rays, is_extreme);
         }
-        let closest = seek != Seek::Any;
-        let any = seek != Seek::Closest || intersector == Intersector::Exact;
+        let closest = kind != QueryKind::Any;
+        let any = kind != QueryKind::Closest || intersector == Intersector::Exact;
         let words = shaders::occluded_words(intersector, count as u64) as usize;
         Ok(Trace {
             ticket: Ticket(0),
             count,
-            seek,
+            kind,
             has_tree,
             hits: fit("hits", count * 16, closest, Place::Device, hits)?,
             blocked: fit("shadows", words * 4, any, Place::Device, blocked)?,
@@ -92,7 +92,7 @@ impl Traces {
 /// Whether the rays go to the device one by one: no kernel seeks any hit of a camera's rays, and
 /// made here they have the same bits.
 pub(crate) fn are_given(query: &Query<'_>) -> bool {
-    matches!(query.rays, Rays::List(_)) || query.seek == Seek::Any
+    matches!(query.rays, Rays::List(_)) || query.kind == QueryKind::Any
 }
 
 /// Whether any ray is extreme.
@@ -131,7 +131,7 @@ impl Trace {
     ) -> Result<()> {
         out.closest.clear();
         out.blocked.clear();
-        if self.seek != Seek::Any {
+        if self.kind != QueryKind::Any {
             match self.hits.as_ref().filter(|_| self.has_tree) {
                 Some(hits) => {
                     let hits = window.look::<Hit>(gpu, road, hits, self.count)?;
@@ -140,7 +140,7 @@ impl Trace {
                 None => out.closest.resize(self.count, Hit::MISS),
             }
         }
-        if self.seek != Seek::Closest {
+        if self.kind != QueryKind::Closest {
             match self.blocked.as_ref().filter(|_| self.has_tree) {
                 Some(blocked) => {
                     let blocked = window.look::<u32>(gpu, road, blocked, self.count)?;

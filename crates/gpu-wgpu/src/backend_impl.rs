@@ -18,7 +18,7 @@ use crate::traces::Traces;
 use crate::tree::TreeBuffers;
 use backend::{
     Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Layout, Method, Query,
-    Rays, Result, Seek, Snapshot, Ticket,
+    QueryKind, Rays, Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Animation, Pose, Ray};
@@ -276,8 +276,8 @@ impl Backend for WgpuBackend {
         assert!(self.traces.pending.is_none(), "one trace a submission");
         // No kernel seeks any hit of a camera's rays; made here they have the same bits.
         let made: Vec<Ray>;
-        let rays = match (query.rays, query.seek) {
-            (Rays::Camera(camera), Seek::Any) => {
+        let rays = match (query.rays, query.kind) {
+            (Rays::Camera(camera), QueryKind::Any) => {
                 self.gpu.within("the rays", camera.pixels() as u64 * 32)?;
                 made = camera.rays().collect();
                 Rays::List(&made)
@@ -288,12 +288,12 @@ impl Backend for WgpuBackend {
             Rays::List(list) => Some(list),
             Rays::Camera(_) => None,
         };
-        let seek = (query.seek, self.method.intersector);
+        let kind = (query.kind, self.method.intersector);
         let (range, exponent) = self.reach();
         let is_extreme = |ray: &Ray| shaders::is_extreme(ray.origin, range, exponent);
         let trace = self
             .traces
-            .make(&self.gpu, rays.count(), seek, list, is_extreme)?;
+            .make(&self.gpu, rays.count(), kind, list, is_extreme)?;
         self.trace_stages(&Query { rays, ..query }, &trace)?;
         self.traces.pending = Some(trace);
         Ok(())

@@ -2,7 +2,7 @@
 
 use crate::buffers::{Window, storage, write};
 use crate::device::Gpu;
-use backend::{FRAMES_IN_FLIGHT, Hits, Intersector, Result, Seek, Ticket};
+use backend::{FRAMES_IN_FLIGHT, Hits, Intersector, QueryKind, Result, Ticket};
 use geom::{Hit, Ray};
 use std::collections::VecDeque;
 use wgpu::Buffer;
@@ -19,7 +19,7 @@ pub(crate) struct Traces {
 pub(crate) struct Trace {
     ticket: Ticket,
     pub(crate) count: usize,
-    seek: Seek,
+    kind: QueryKind,
     pub(crate) hits: Buffer,
     pub(crate) blocked: Buffer,
     pub(crate) rays: Option<Buffer>,
@@ -33,7 +33,7 @@ impl Traces {
         &mut self,
         gpu: &Gpu,
         count: usize,
-        (seek, intersector): (Seek, Intersector),
+        (kind, intersector): (QueryKind, Intersector),
         rays: Option<&[Ray]>,
         is_extreme: impl Fn(&Ray) -> bool,
     ) -> Result<Trace> {
@@ -53,7 +53,7 @@ impl Traces {
         Ok(Trace {
             ticket: Ticket(0),
             count,
-            seek,
+            kind,
             hits: fitting(gpu, "hits", count as u64 * 16, hits)?,
             blocked: fitting(gpu, "shadows", words * 4, blocked)?,
             rays,
@@ -99,10 +99,10 @@ impl Trace {
     pub(crate) fn fetch(&self, gpu: &Gpu, window: &mut Window, out: &mut Hits) -> Result<()> {
         out.closest.clear();
         out.blocked.clear();
-        if self.seek != Seek::Any {
+        if self.kind != QueryKind::Any {
             out.closest = window.read(gpu, &self.hits, self.count)?;
         }
-        if self.seek != Seek::Closest {
+        if self.kind != QueryKind::Closest {
             let blocked: Vec<u32> = window.read(gpu, &self.blocked, self.count)?;
             out.blocked.extend(blocked.iter().map(|&b| b as u8));
         }

@@ -5,7 +5,7 @@
 /// those the lexicographically first. Both ends included.
 ///
 /// `within(from, to, limit)` is the weight of an edge, or nothing if that is more
-/// than `limit`. Edges between neighbours must weigh 0. It is asked lazily.
+/// than `limit`. Edges between neighbours must cost 0. It is asked lazily.
 pub(crate) fn fewest(
     frames: usize,
     limit: f64,
@@ -49,7 +49,7 @@ fn layers(
             break;
         }
         let (layer, rest): (Vec<_>, _) = waiting.iter().partition(|&&to| reaches(to));
-        assert!(!layer.is_empty(), "edges between neighbours weigh 0");
+        assert!(!layer.is_empty(), "edges between neighbours cost 0");
         layers.push(layer);
         waiting = rest;
     }

@@ -13,18 +13,18 @@
 //! those one of the least maximum error, of those the lexicographically first.
 //! Feasible pairs of frames are the edges of a graph; a set is a path through it
 //! (Imai, Iri 1988: Polygonal approximations of a curve). Being feasible is not
-//! inherited by shorter stretches, so no greedy walk will do.
+//! inherited by shorter intervals, so no greedy walk will do.
 //!
 //! Both motions are linear between neighbouring original frames, so between
 //! frames the error is at most the larger of both ends', up to rounding.
 
 mod fewest;
 mod fit;
-mod stretch;
+mod interval;
 
 pub use fit::{Fit, measure, pose};
 use geom::Animation;
-use stretch::Stretches;
+use interval::Intervals;
 
 /// Finds sets of frames for one animation; what it learns at one tolerance serves the next.
 ///
@@ -32,15 +32,15 @@ use stretch::Stretches;
 /// apart for those is never looked at again.
 #[derive(Debug)]
 pub struct Reducer<'a> {
-    stretches: Stretches<'a>,
+    intervals: Intervals<'a>,
 }
 
 impl<'a> Reducer<'a> {
     /// For all key frames of `animation`.
     #[must_use]
     pub fn new(animation: &'a Animation) -> Self {
-        let stretches = Stretches::new(animation.keys());
-        Self { stretches }
+        let intervals = Intervals::new(animation.keys());
+        Self { intervals }
     }
 
     /// The frames to keep, ascending, for an error of `tolerance` at most, in scene units.
@@ -55,8 +55,8 @@ impl<'a> Reducer<'a> {
         let limit = largest_square(tolerance);
         match self.best_single(limit) {
             Some(frame) => vec![frame],
-            None => fewest::fewest(self.stretches.frames(), limit, &mut |from, to, limit| {
-                self.stretches.within(from, to, limit)
+            None => fewest::fewest(self.intervals.frames(), limit, &mut |from, to, limit| {
+                self.intervals.within(from, to, limit)
             }),
         }
     }
@@ -65,8 +65,8 @@ impl<'a> Reducer<'a> {
     fn best_single(&mut self, limit: f64) -> Option<usize> {
         let mut best = None;
         let mut limit = limit;
-        for frame in 0..self.stretches.frames() {
-            let found = self.stretches.alone(frame, limit);
+        for frame in 0..self.intervals.frames() {
+            let found = self.intervals.alone(frame, limit);
             if let Some(error) = found.filter(|&e| best.is_none() || e < limit) {
                 best = Some(frame);
                 limit = error;

@@ -20,7 +20,7 @@ type Vector = [BigInt; 3];
 /// The crossing of a valid ray with an active triangle, if there is one.
 ///
 /// With `A`, `B`, `C` from the origin to the corners and `|x y z|` a
-/// determinant, the corners weigh `U = |d B C|`, `V = |d C A|`, `W = |d A B|`,
+/// determinant, the corners have the weights `U = |d B C|`, `V = |d C A|`, `W = |d A B|`,
 /// and `t = |A B C| / (U + V + W)`. The divisor is `d . N`: zero for a
 /// ray in the plane and for a triangle without area.
 pub(crate) fn cross(ray: &Ray, [a, b, c]: &Triangle) -> Option<Crossing> {

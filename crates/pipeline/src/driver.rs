@@ -159,7 +159,7 @@ impl Driver {
         let begun = Instant::now();
         self.beginning = Beginning::default();
         let pose = self.animation.pose(frame.time);
-        self.light = query.seek.light();
+        self.light = query.kind.light();
         self.predictor.frame(frame.time, begun);
         self.poll_builder()?;
         let stale = if self.makes_trees() {

@@ -6,7 +6,7 @@
 
 use backend::{
     Arithmetic, Backend, Device, DeviceKind, FrameReport, Generation, Hits, Inspect, Method, Query,
-    Rays, Result, Seek, Snapshot, Ticket,
+    QueryKind, Rays, Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Camera, Point, Pose};
@@ -162,7 +162,7 @@ fn takings(update: Update, predict: bool) -> (Vec<u64>, usize) {
     let camera = Camera::look_at([0.0, 0.0, 9.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0, [2, 2]).unwrap();
     let query = Query {
         rays: Rays::Camera(&camera),
-        seek: Seek::Closest,
+        kind: QueryKind::Closest,
     };
     let (mut all, mut trees) = (Vec::with_capacity(FRAMES as usize), 0);
     let mut last = TAKEN.get();

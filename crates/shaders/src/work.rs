@@ -13,7 +13,7 @@ pub use tree::{Progress, leaves};
 use extremes::Extremes;
 
 use crate::{Kernel, Params, Traits, common, kernel, notes, open_shadows_at, places};
-use backend::{Intersector, Method, Seek};
+use backend::{Intersector, Method, QueryKind};
 use geom::Camera;
 
 /// A kernel to run. Its buffers are found by their names in [`Kernel::bindings`].
@@ -167,28 +167,34 @@ pub struct Trace {
 
 /// Records and boxes to what is sought, on a device with these traits.
 #[must_use]
-pub fn trace(method: Method, params: Params, rays: Rays<'_>, seek: Seek, traits: Traits) -> Trace {
+pub fn trace(
+    method: Method,
+    params: Params,
+    rays: Rays<'_>,
+    kind: QueryKind,
+    traits: Traits,
+) -> Trace {
     let how = extremes::of(method, &params, rays);
     let mut trace = match how {
         Extremes::All => Trace::default(),
-        _ => usual(method, params, rays, seek, traits),
+        _ => usual(method, params, rays, kind, traits),
     };
     if how != Extremes::None {
         let last = trace.shadow.as_mut().unwrap_or(&mut trace.primary);
-        last.extend(extremes::work(method, params, rays, seek));
+        last.extend(extremes::work(method, params, rays, kind));
     }
     trace
 }
 
-fn usual(method: Method, params: Params, rays: Rays<'_>, seek: Seek, traits: Traits) -> Trace {
+fn usual(method: Method, params: Params, rays: Rays<'_>, kind: QueryKind, traits: Traits) -> Trace {
     let primary = |primary| Trace {
         primary,
         ..Trace::default()
     };
-    match seek {
-        Seek::Any => primary(any(method, params, rays)),
-        Seek::Closest => primary(closest(method, params, rays)),
-        Seek::ClosestAndShadow { light } => {
+    match kind {
+        QueryKind::Any => primary(any(method, params, rays)),
+        QueryKind::Closest => primary(closest(method, params, rays)),
+        QueryKind::ClosestAndShadow { light } => {
             let params = params.lit(light);
             match rays {
                 Rays::Given(..) => Trace {

@@ -1,7 +1,7 @@
 //! The few sentences in which a backend is asked.
 
 use crate::scenes::Scene;
-use backend::{Backend, FrameReport, Generation, Hits, Method, Query, Rays, Result, Seek};
+use backend::{Backend, FrameReport, Generation, Hits, Method, Query, QueryKind, Rays, Result};
 use bvh_build::{BinaryTree, Builder, Cancel};
 use bvh_layout::{Converter, Topology};
 use geom::{Animation, Ray};
@@ -36,17 +36,17 @@ pub(crate) fn stand(
 
 /// What rays hit first in the scene that stands.
 pub(crate) fn trace(subject: &mut dyn Backend, rays: &[Ray]) -> Result<(Hits, FrameReport)> {
-    seek(subject, rays, Seek::Closest)
+    kind(subject, rays, QueryKind::Closest)
 }
 
 /// What rays find in the scene that stands.
-pub(crate) fn seek(
+pub(crate) fn kind(
     subject: &mut dyn Backend,
     rays: &[Ray],
-    seek: Seek,
+    kind: QueryKind,
 ) -> Result<(Hits, FrameReport)> {
     let rays = Rays::List(rays);
-    subject.trace(Query { rays, seek })?;
+    subject.trace(Query { rays, kind })?;
     let ticket = subject.submit()?;
     let report = subject.wait(ticket)?;
     let mut hits = Hits::default();

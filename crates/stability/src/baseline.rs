@@ -6,7 +6,7 @@
 //! others and name it in `FILES`. Nothing is in it of what may never happen: see [`is_never`].
 
 use crate::bounds::Known;
-use crate::{Cell, Exam, Family, Measure, Measured, Plan};
+use crate::{Cell, Family, Measure, Measured, Plan, StressTest};
 use backend::{Arithmetic, Backend, Intersector, Result};
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
@@ -129,9 +129,9 @@ pub fn record(
                 seed,
                 ..Plan::default()
             };
-            let exam = Exam::new(family, &plan);
+            let test = StressTest::new(family, &plan);
             for (&by, cells) in all.iter().zip(&mut cells) {
-                let tally = exam.ask(subject, by)?;
+                let tally = test.ask(subject, by)?;
                 cells.extend(tally.map(|t| Cell::new(family, by, &t, arithmetic)));
             }
         }

@@ -2,7 +2,7 @@
 
 use crate::scenes::Scene;
 use backend::Method;
-use conformance::leaks::{self, Aim, Shots};
+use conformance::leaks::{self, Aim, RayBatch};
 
 /// Bodies there are; a family has each of them several times.
 const BODIES: usize = 4;
@@ -23,19 +23,19 @@ pub(crate) fn scenes(offset: f32, aim: Option<Aim>, seed: u64, shares: &[usize])
             offsets: vec![offset],
             method: Method::default(),
         };
-        let shots = leaks::shots(&plan);
-        shots
+        let ray_batches = leaks::ray_batches(&plan);
+        ray_batches
             .into_iter()
             .zip(shares.to_vec())
-            .map(move |(shots, share)| scene(shots, aim, batch, share))
+            .map(move |(ray_batches, share)| scene(ray_batches, aim, batch, share))
     });
     scenes.collect()
 }
 
 /// Each batch begins with another sort of ray, so that few rays are of all sorts too.
-fn scene(shots: Shots, aim: Option<Aim>, batch: usize, share: usize) -> Scene {
-    let sorted = shots.rays.into_iter().enumerate();
-    let sorted = sorted.map(|(i, ray)| (Shots::sort(i), ray));
+fn scene(ray_batches: RayBatch, aim: Option<Aim>, batch: usize, share: usize) -> Scene {
+    let sorted = ray_batches.rays.into_iter().enumerate();
+    let sorted = sorted.map(|(i, ray)| (RayBatch::sort(i), ray));
     let wanted = sorted.filter(|((a, _), ray)| ray.is_valid() && aim.is_none_or(|aim| aim == *a));
     let (inside, rays) = wanted
         .map(|((_, inside), ray)| (inside, ray))
@@ -43,7 +43,7 @@ fn scene(shots: Shots, aim: Option<Aim>, batch: usize, share: usize) -> Scene {
         .take(share)
         .unzip();
     Scene {
-        animation: shots.animation,
+        animation: ray_batches.animation,
         built: 0.0,
         time: 0.0,
         rays,

@@ -1,6 +1,6 @@
 //! How often each intersector is wrong where arithmetic is hardest.
 //!
-//! A [`Family`] makes scenes and rays that are hard in one way. An [`Exam`] asks them of a backend and counts
+//! A [`Family`] makes scenes and rays that are hard in one way. A [`StressTest`] asks them of a backend and counts
 //! what differs from the exact answer (crate `oracle`, which shares no code with backends); on closed bodies also
 //! leaks and double hits. [`bounds`] says which rates are to be expected: none at all of robust
 //! intersectors, of others what was measured ([`baseline`]), with slack for chance. A rate above its bound is a
@@ -14,15 +14,15 @@ pub mod baseline;
 pub mod bounds;
 mod cell;
 mod closed;
-mod exam;
 mod family;
 mod meshes;
 mod rays;
 mod scenes;
+mod stress_test;
 
 pub use cell::{Cell, Measure, Measured};
-pub use exam::{Closed, Exam, Rearranged, Tally};
 pub use family::Family;
+pub use stress_test::{Closed, Rearranged, StressTest, Tally};
 
 /// What to ask.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,13 +2,13 @@
 
 use backend::{Arithmetic, Backend, Intersector};
 use cpu_ref::CpuBackend;
-use stability::{Cell, Exam, Family, Plan};
+use stability::{Cell, Family, Plan, StressTest};
 
 /// Asks for `asked` but judges as if it were `named`.
 fn cells(plan: &Plan, asked: Intersector, named: Intersector) -> Vec<Cell> {
     let mut cpu = CpuBackend::new(Some(2)).unwrap();
     let cell = |family| {
-        let tally = Exam::new(family, plan).ask(&mut cpu as &mut dyn Backend, asked);
+        let tally = StressTest::new(family, plan).ask(&mut cpu as &mut dyn Backend, asked);
         Cell::new(family, named, &tally.unwrap().unwrap(), Arithmetic::IEEE)
     };
     Family::ALL.into_iter().map(cell).collect()
@@ -69,8 +69,8 @@ fn whoever_answers_by_another_intersector_is_found_out_whether_worse_or_better()
 #[test]
 fn a_tree_of_another_time_costs_more_and_changes_nothing() {
     let mut cpu = CpuBackend::new(Some(2)).unwrap();
-    let exam = Exam::new(Family::Rearranged, &Plan { seed: 2, rays: 64 });
-    let tally = exam.ask(&mut cpu, Intersector::Woop).unwrap().unwrap();
+    let test = StressTest::new(Family::Rearranged, &Plan { seed: 2, rays: 64 });
+    let tally = test.ask(&mut cpu, Intersector::Woop).unwrap().unwrap();
     let rearranged = tally.rearranged.unwrap();
     assert_eq!(rearranged.dependent, 0);
     assert!(rearranged.sah_ratio.unwrap() > 2.0, "{rearranged:?}");

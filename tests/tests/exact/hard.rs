@@ -1,7 +1,7 @@
 //! Rays that take more work than old software drivers do at a time: such drivers end loops early, and answers must not suffer.
 
 use crate::{Device, check_on};
-use backend::{Hits, Intersector, Query, Rays, Seek};
+use backend::{Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Animation, Camera, Ray};
 use integration::rays::{Target, aimed};
 use integration::stage::Stage;
@@ -104,7 +104,7 @@ fn watertight(device: Device) -> Result<(), Failed> {
     let rays = Rays::List(&rays);
     let query = Query {
         rays,
-        seek: Seek::Closest,
+        kind: QueryKind::Closest,
     };
     match stage.try_trace(0.0, query) {
         Ok(hits) if hits.closest[0].triangle == 0 && !hits.closest[1].is_hit() => Ok(()),
@@ -123,7 +123,7 @@ fn pictures(device: Device) -> Result<(), Failed> {
         let camera = camera_at(distance, &animation);
         let query = Query {
             rays: Rays::Camera(&camera),
-            seek: Seek::ClosestAndShadow {
+            kind: QueryKind::ClosestAndShadow {
                 light: [0.3 * light, light, 0.2 * light],
             },
         };

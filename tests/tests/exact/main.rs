@@ -4,7 +4,7 @@ mod hard;
 mod open;
 mod ridges;
 
-use backend::{Backend, Hits, Intersector, Query, Rays, Seek};
+use backend::{Backend, Hits, Intersector, Query, QueryKind, Rays};
 use conformance::nth_case;
 use geom::{Animation, Hit, Point, Ray, Triangle};
 use integration::rays::{Target, aimed, camera, light};
@@ -61,12 +61,12 @@ fn shadows(source: Source) -> Result<(), Failed> {
     let oracle = Oracle::at(&animation, animation.pose(time));
     let mut stage = Stage::new(&animation, Intersector::Exact, 2);
     stage.plant(time);
-    let seek = Seek::ClosestAndShadow { light };
+    let kind = QueryKind::ClosestAndShadow { light };
     let hits = stage.trace(
         time,
         Query {
             rays: Rays::List(&rays),
-            seek,
+            kind,
         },
     );
     let corners = |t: u32| animation.corners(animation.pose(time), t);
@@ -211,17 +211,17 @@ fn check_on(
 ) -> Result<(), Failed> {
     let oracle = Oracle::at(animation, animation.pose(time));
     stage.plant(time);
-    let mut ask = |seek| {
+    let mut ask = |kind| {
         stage.trace(
             time,
             Query {
                 rays: Rays::List(rays),
-                seek,
+                kind,
             },
         )
     };
-    let closest: Hits = ask(Seek::Closest);
-    let any: Hits = ask(Seek::Any);
+    let closest: Hits = ask(QueryKind::Closest);
+    let any: Hits = ask(QueryKind::Any);
     let wrong = (0..rays.len()).into_par_iter().find_first(|&i| {
         let expected = oracle.closest(&rays[i]);
         let found = closest.closest[i];

@@ -1,7 +1,7 @@
 //! Pictures in which every hit is a tie, so that a device's first search leaves them all open, and their shadows too.
 
 use crate::Device;
-use backend::{Intersector, Query, Rays, Seek};
+use backend::{Intersector, Query, QueryKind, Rays};
 use geom::Animation;
 use integration::rays::{camera, light};
 use integration::stage::Stage;
@@ -27,12 +27,12 @@ fn doubled(device: Device) -> Result<(), Failed> {
     let animation = twice(&opened.map_err(|e| e.to_string())?.animation)?;
     let time = 0.4 * animation.end();
     let camera = camera(&animation, [150, 90]);
-    let seek = Seek::ClosestAndShadow {
+    let kind = QueryKind::ClosestAndShadow {
         light: light(&animation),
     };
     let query = Query {
         rays: Rays::Camera(&camera),
-        seek,
+        kind,
     };
     let ask = |mut stage: Stage| {
         stage.plant(0.0);

@@ -3,7 +3,7 @@
 //! shadows of their candidates before it knows which of them it is.
 
 use crate::Device;
-use backend::{Backend, Hits, Intersector, Layout, Method, Query, Rays, Seek};
+use backend::{Backend, Hits, Intersector, Layout, Method, Query, QueryKind, Rays};
 use geom::{Animation, Camera, Point};
 use integration::stage::Stage;
 use libtest_mimic::{Failed, Trial};
@@ -102,9 +102,9 @@ fn ask(
     };
     let mut stage = Stage::by(backend, animation, method);
     stage.plant(0.0);
-    let seek = Seek::ClosestAndShadow {
+    let kind = QueryKind::ClosestAndShadow {
         light: [40.0, 0.3, 6.0],
     };
     let rays = Rays::Camera(&camera());
-    Ok(stage.try_trace(0.0, Query { rays, seek })?)
+    Ok(stage.try_trace(0.0, Query { rays, kind })?)
 }

@@ -1,18 +1,18 @@
 //! `watertight` against exact arithmetic.
 
-mod judge;
 mod soup;
+mod verifier;
 
-use backend::{Hits, Intersector, Query, Rays, Seek};
+use backend::{Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Animation, Ray};
 use integration::rays::{Target, aimed, camera};
 use integration::scenes::{DEMOS, REAL, Source};
 use integration::stage::Stage;
-use judge::{Judge, Verdict};
 use libtest_mimic::{Arguments, Failed, Trial};
 use rayon::prelude::*;
 use std::process::ExitCode;
 use std::sync::Arc;
+use verifier::{Verdict, Verifier};
 
 fn main() -> ExitCode {
     let arguments = Arguments::from_args();
@@ -43,9 +43,9 @@ impl Tally {
 }
 
 /// Judges every ray; the first that cannot be explained is a failure.
-pub(crate) fn tally(judge: &Judge, rays: &[Ray], hits: &Hits) -> Result<Tally, Failed> {
+pub(crate) fn tally(verify: &Verifier, rays: &[Ray], hits: &Hits) -> Result<Tally, Failed> {
     let verdicts: Vec<_> = (rays.par_iter().zip(&hits.closest))
-        .map(|(ray, hit)| judge.judge(ray, hit))
+        .map(|(ray, hit)| verify.verify(ray, hit))
         .collect();
     let mut tally = Tally::default();
     for verdict in verdicts {
@@ -62,14 +62,14 @@ pub(crate) fn tally(judge: &Judge, rays: &[Ray], hits: &Hits) -> Result<Tally, F
 fn trace(animation: &Arc<Animation>, time: f64, rays: &[Ray]) -> Hits {
     let mut stage = Stage::new(animation, Intersector::Watertight, 2);
     stage.plant(time);
-    let (rays, seek) = (Rays::List(rays), Seek::Closest);
-    stage.trace(time, Query { rays, seek })
+    let (rays, kind) = (Rays::List(rays), QueryKind::Closest);
+    stage.trace(time, Query { rays, kind })
 }
 
-fn judge_at(animation: &Animation, time: f64) -> Judge {
+fn judge_at(animation: &Animation, time: f64) -> Verifier {
     let pose = animation.pose(time);
     let triangles = 0..animation.triangle_count() as u32;
-    Judge::new(triangles.map(|i| animation.corners(pose, i)).collect())
+    Verifier::new(triangles.map(|i| animation.corners(pose, i)).collect())
 }
 
 /// A camera ray passes near an edge by chance only: a few in a million, so
@@ -90,12 +90,12 @@ fn pictures(source: Source) -> Result<(), Failed> {
 fn rays_at_edges(source: Source) -> Result<(), Failed> {
     let animation = source.open()?.animation;
     let time = 0.618 * animation.end();
-    let judge = judge_at(&animation, time);
+    let verify = judge_at(&animation, time);
     for target in [Target::Inside, Target::Edge, Target::Vertex] {
         for distance in [0.6, 2.0, 100.0, 1e4] {
             let pose = animation.pose(time);
             let rays = aimed(&animation, pose, target, distance, 1500);
-            tally(&judge, &rays, &trace(&animation, time, &rays))?;
+            tally(&verify, &rays, &trace(&animation, time, &rays))?;
         }
     }
     Ok(())

@@ -1,6 +1,6 @@
 //! Random triangles, and closed meshes.
 
-use crate::judge::Judge;
+use crate::verifier::Verifier;
 use crate::{tally, trace};
 use geom::{Animation, Point, Ray, Triangle};
 use integration::rays::{Target, aimed};
@@ -62,7 +62,7 @@ fn soups() -> Result<(), Failed> {
                 .filter(Ray::is_valid)
                 .collect();
             let hits = trace(&animation(&corners), 0.0, &rays);
-            tally(&Judge::new(corners), &rays, &hits)
+            tally(&Verifier::new(corners), &rays, &hits)
                 .map(|_| ())
                 .map_err(|e| TestCaseError::fail(e.message().unwrap_or("wrong").to_owned()))
         })
@@ -96,11 +96,11 @@ fn stack() -> Result<(), Failed> {
         })
         .collect();
     let hits = trace(&animation(&corners), 0.0, &rays);
-    let judge = Judge::new(corners);
+    let verify = Verifier::new(corners);
     let ties = rays
         .iter()
-        .filter(|r| judge.exact(r).is_some_and(|e| e.tie));
-    let (ties, tally) = (ties.count(), tally(&judge, &rays, &hits)?);
+        .filter(|r| verify.exact(r).is_some_and(|e| e.tie));
+    let (ties, tally) = (ties.count(), tally(&verify, &rays, &hits)?);
     if ties < 4000 || tally.differing() > 2 {
         return Err(format!("{ties} ties: {tally:?}").into());
     }
@@ -167,11 +167,11 @@ fn from_outside() -> Result<(), Failed> {
     for offset in CENTRES {
         let corners = ball([offset, 0.0, -offset]);
         let animation = animation(&corners);
-        let judge = Judge::new(corners);
+        let verify = Verifier::new(corners);
         for target in [Target::Edge, Target::Vertex, Target::Inside] {
             let rays = aimed(&animation, animation.pose(0.0), target, 2.0, 8000);
             let hits = trace(&animation, 0.0, &rays);
-            let tally = tally(&judge, &rays, &hits)?;
+            let tally = tally(&verify, &rays, &hits)?;
             if matches!(target, Target::Inside) && tally.differing() > 0 {
                 return Err(format!("rays at insides differ at {offset}: {tally:?}").into());
             }

@@ -69,11 +69,11 @@ fn read<B: Boxes>(moments: &[Moment<B>], start: usize, chunk: &mut [Lanes8]) -> 
             is_usable(&bounds).then_some(bounds)
         });
         *to = Lanes8::EMPTY;
-        let Some(stand_in) = found.iter().flatten().next() else {
+        let Some(fallback_corner) = found.iter().flatten().next() else {
             continue;
         };
         for (l, bounds) in found.iter().enumerate() {
-            let bounds = bounds.unwrap_or(*stand_in);
+            let bounds = bounds.unwrap_or(*fallback_corner);
             roots[l] = roots[l].union(bounds);
             for axis in 0..3 {
                 to.rows[axis][l] = -bounds.min[axis];

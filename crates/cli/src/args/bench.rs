@@ -4,7 +4,7 @@ use super::{
     BackendName, IntersectorName, LayoutsArgs, PoliciesArgs, SizeArgs, SourceArgs, Switch,
     ToleranceArgs, WarmUpArgs,
 };
-use crate::bench::Dwell;
+use crate::bench::FrameRepetition;
 use crate::values::{self, Frames, TimeRange};
 use clap::builder::ArgPredicate;
 use clap::{Args, ValueEnum};
@@ -118,8 +118,8 @@ pub(crate) struct BenchArgs {
 
 impl BenchArgs {
     /// How frames are dwelt on, if they are.
-    pub(crate) fn dwell(&self) -> Option<Dwell> {
-        Dwell::asked(self.dwell?, self.dwell_every)
+    pub(crate) fn dwell(&self) -> Option<FrameRepetition> {
+        FrameRepetition::asked(self.dwell?, self.dwell_every)
     }
 }
 

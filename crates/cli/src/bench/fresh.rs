@@ -8,7 +8,7 @@ use std::collections::HashMap;
 
 /// Times of rays over those with a tree built for the frame alone, frame by frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(crate) struct OverFresh {
+pub(crate) struct FreshRatio {
     /// Frames that both runs traced, first frames left out.
     pairs: usize,
     median: f64,
@@ -44,7 +44,7 @@ fn alike(a: &Row, b: &Row) -> bool {
 }
 
 /// Ratios of the frames of `used` that `fresh` holds too: of the same number and the same time.
-fn over(used: &[FrameStats], fresh: &[FrameStats]) -> Option<OverFresh> {
+fn over(used: &[FrameStats], fresh: &[FrameStats]) -> Option<FreshRatio> {
     let known = fresh.iter().skip(1);
     let known = known.filter_map(|f| Some((key(f), rays(f).filter(|&ms| ms > 0.0)?)));
     let known: HashMap<_, _> = known.collect();
@@ -55,7 +55,7 @@ fn over(used: &[FrameStats], fresh: &[FrameStats]) -> Option<OverFresh> {
         .collect();
     let all = || pairs.iter().map(|p| p.1);
     let summary = Summary::of(all())?;
-    Some(OverFresh {
+    Some(FreshRatio {
         pairs: pairs.len(),
         median: summary.median,
         mean: mean(all())?,

@@ -3,7 +3,7 @@
 use super::FOV;
 use crate::args::RaysName;
 use crate::stop::Stop;
-use backend::{Query, Rays, Seek};
+use backend::{Query, QueryKind, Rays};
 use fastrand::Rng;
 use geom::{Aabb, Animation, Camera, Point, Ray};
 
@@ -39,11 +39,11 @@ impl Bundle {
         match self {
             Self::Camera(camera, light) => Query {
                 rays: Rays::Camera(camera),
-                seek: Seek::ClosestAndShadow { light: *light },
+                kind: QueryKind::ClosestAndShadow { light: *light },
             },
             Self::List(rays) => Query {
                 rays: Rays::List(rays),
-                seek: Seek::Closest,
+                kind: QueryKind::Closest,
             },
         }
     }

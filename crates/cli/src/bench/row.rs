@@ -1,9 +1,9 @@
 //! One run of a bench: what it is made of, and how it is measured.
 
-use super::dwell::{Dwell, Dwelt};
 use super::floor;
-use super::fresh::OverFresh;
+use super::fresh::FreshRatio;
 use super::rays::Bundle;
+use super::repetition::{FrameRepetition, RepeatedFrames};
 use crate::args::RaysName;
 use crate::memory::{self, DeviceMemory};
 use crate::session::{self, Ask, Session};
@@ -44,10 +44,10 @@ pub(crate) struct Row {
     pub(crate) warm_up: Option<Warmed>,
     /// How its frames were done over and over, where somebody asked for that.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) dwell: Option<Dwelt>,
+    pub(super) dwell: Option<RepeatedFrames>,
     /// Rays beside those with a fresh tree in each frame, where somebody dwelt on those.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) over_fresh: Option<OverFresh>,
+    pub(super) over_fresh: Option<FreshRatio>,
     pub(super) interpolate_ms: Option<f64>,
     pub(super) preprocess_ms: Option<f64>,
     rebuild_ms: Option<f64>,
@@ -93,7 +93,7 @@ pub(crate) struct Run {
     /// How the device is got ready.
     pub(crate) warm_up: WarmUp,
     /// How long its frames are done over and over, where trees stay what they are meanwhile.
-    pub(crate) dwell: Option<Dwell>,
+    pub(crate) dwell: Option<FrameRepetition>,
 }
 
 /// What is kept of frames.
@@ -101,7 +101,7 @@ pub(crate) struct Run {
 struct Kept {
     stats: Vec<FrameStats>,
     held: Option<DeviceBytes>,
-    dwelt: Option<Dwelt>,
+    dwelt: Option<RepeatedFrames>,
 }
 
 impl Kept {
@@ -155,7 +155,7 @@ pub(crate) fn measure(
     let fewer = dwell.map(|dwell| dwell.frames(frames));
     let frames = fewer.as_deref().unwrap_or(frames);
     let mut kept = Kept {
-        dwelt: dwell.map(Dwell::begin),
+        dwelt: dwell.map(FrameRepetition::begin),
         ..Kept::default()
     };
     let driver = &mut session.driver;

@@ -1,6 +1,6 @@
 //! Results of a bench for people.
 
-use super::dwell::Dwelt;
+use super::repetition::RepeatedFrames;
 use super::{Report, Row, auto, floor, fresh, rivals};
 use crate::table::{grouped, ms, table};
 use crate::warm_up::Warmed;
@@ -83,7 +83,7 @@ fn update(r: &Row) -> String {
 fn unsteady(rows: &[Row]) -> String {
     let lines = rows.iter().flat_map(|r| {
         let began = r.warm_up.and_then(Warmed::warning);
-        let dwelt = r.dwell.and_then(Dwelt::warning);
+        let dwelt = r.dwell.and_then(RepeatedFrames::warning);
         let warnings = [began, dwelt].into_iter().flatten();
         warnings.map(|w| format!("{} {}: {w}\n", r.scene, rivals::name(r)))
     });

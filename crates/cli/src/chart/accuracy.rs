@@ -1,6 +1,6 @@
 //! How often a way is wrong, and how far off where it is right.
 
-use super::truth::{Exam, Sheet};
+use super::truth::{GroundTruth, Sheet};
 use crate::session::{self, Ask};
 use crate::stop::Stop;
 use backend::Hits;
@@ -9,7 +9,7 @@ use geom::Hit;
 use scene::Scene;
 use std::ops::Range;
 
-/// What became of an exam.
+/// What became of a scene's rays.
 #[derive(Debug, Default)]
 pub(super) struct Tally {
     tested: u64,
@@ -21,10 +21,10 @@ pub(super) struct Tally {
 }
 
 /// Asks everything of a way.
-pub(super) fn judge(scene: &Scene, ask: &Ask<'_>, exam: &Exam) -> Result<Tally, Stop> {
+pub(super) fn judge(scene: &Scene, ask: &Ask<'_>, truth: &GroundTruth) -> Result<Tally, Stop> {
     let mut session = session::start(&scene.animation, ask)?;
     let mut tally = Tally::default();
-    exam.ask(&mut session, |sheet, range, hits| {
+    truth.ask(&mut session, |sheet, range, hits| {
         tally.add(sheet, range, hits);
     })?;
     Ok(tally)

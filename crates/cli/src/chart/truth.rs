@@ -7,7 +7,7 @@ use crate::bench;
 use crate::choose;
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
-use backend::{Hits, Query, Rays, Seek};
+use backend::{Hits, Query, QueryKind, Rays};
 use geom::{Animation, Point, Ray};
 use oracle::Oracle;
 use pipeline::{Frame, Update};
@@ -20,7 +20,7 @@ const MOMENTS: usize = 4;
 const MOST: usize = 1 << 20;
 
 /// Questions and their answers.
-pub(super) struct Exam {
+pub(super) struct GroundTruth {
     pub(super) light: Point,
     pub(super) sheets: Vec<Sheet>,
 }
@@ -34,7 +34,7 @@ pub(super) struct Sheet {
     pub(super) blocked: Vec<u8>,
 }
 
-impl Exam {
+impl GroundTruth {
     /// For a scene.
     pub(super) fn of(animation: &Arc<Animation>, args: &ChartArgs) -> Result<Self, Stop> {
         let view = picture::frame_scene(animation, bench::FOV, args.size.size);
@@ -50,13 +50,13 @@ impl Exam {
                 questions,
             }
         });
-        let mut exam = Self {
+        let mut truth = Self {
             light: view.light,
             sheets: sheets.collect(),
         };
         let mut shadows = Vec::new();
         let mut judge = session::start(animation, &reference())?;
-        exam.ask(&mut judge, |_, range, hits| {
+        truth.ask(&mut judge, |_, range, hits| {
             if range.start == 0 {
                 shadows.push(Vec::new());
             }
@@ -64,10 +64,10 @@ impl Exam {
                 all.extend_from_slice(&hits.blocked);
             }
         })?;
-        for (sheet, blocked) in exam.sheets.iter_mut().zip(shadows) {
+        for (sheet, blocked) in truth.sheets.iter_mut().zip(shadows) {
             sheet.blocked = blocked;
         }
-        Ok(exam)
+        Ok(truth)
     }
 
     /// Rays in all.
@@ -87,7 +87,7 @@ impl Exam {
         let mut trace = |time: f64, rays: &[Ray]| {
             let query = Query {
                 rays: Rays::List(rays),
-                seek: Seek::ClosestAndShadow { light: self.light },
+                kind: QueryKind::ClosestAndShadow { light: self.light },
             };
             session.driver.begin(Frame { index, time }, query)?;
             session.driver.finish(Some(&mut hits))?;

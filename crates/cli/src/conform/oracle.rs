@@ -10,7 +10,7 @@ use crate::stop::Stop;
 use crate::subjects::Subject;
 use backend::{Intersector, Method};
 use rayon::prelude::*;
-use stability::audit::{Audit, Batch, Given, Lot, Plan, Tally};
+use stability::audit::{Audit, Batch, BatchSpec, Given, Plan, Tally};
 
 pub(super) use rows::{OracleRow, text};
 
@@ -55,10 +55,11 @@ pub(super) fn hold(
     }
     let (seed, rays) = (args.seed, args.oracle_rays);
     let audit = Audit::new(Plan { seed, rays }, given);
-    let lots = lots(args, &audit)?;
-    let chunks = chunks(&lots);
+    let specs = specs(args, &audit)?;
+    let chunks = chunks(&specs);
     let mut progress = Progress::new(chunks.len() as u64, args.quiet);
-    let make = |lots: &[Lot]| -> Vec<Batch> { lots.par_iter().map(|l| audit.batch(l)).collect() };
+    let make =
+        |specs: &[BatchSpec]| -> Vec<Batch> { specs.par_iter().map(|l| audit.batch(l)).collect() };
     let mut next = chunks.first().map(|c| make(c));
     for i in 1..=chunks.len() {
         let now = next.take().unwrap_or_default();
@@ -74,31 +75,31 @@ pub(super) fn hold(
     Ok(())
 }
 
-/// The lots asked for.
-fn lots(args: &ConformArgs, audit: &Audit) -> Result<Vec<Lot>, Stop> {
-    let mut lots = audit.lots();
+/// The batches asked for.
+fn specs(args: &ConformArgs, audit: &Audit) -> Result<Vec<BatchSpec>, Stop> {
+    let mut specs = audit.specs();
     if let Some(number) = args.oracle_batch {
-        lots.retain(|lot| lot.number == number);
-        if lots.is_empty() {
+        specs.retain(|spec| spec.number == number);
+        if specs.is_empty() {
             let rays = args.oracle_rays;
             return Err(Stop::bad(format!(
                 "of {rays} rays there is no batch {number}"
             )));
         }
     }
-    Ok(lots)
+    Ok(specs)
 }
 
-/// Consecutive lots of about [`AHEAD`] rays together.
-fn chunks(lots: &[Lot]) -> Vec<&[Lot]> {
+/// Consecutive batches of about [`AHEAD`] rays together.
+fn chunks(specs: &[BatchSpec]) -> Vec<&[BatchSpec]> {
     let mut sum = 0;
-    let together = |lot: &Lot, _: &Lot| {
-        sum += lot.rays;
+    let together = |spec: &BatchSpec, _: &BatchSpec| {
+        sum += spec.rays;
         let full = sum >= AHEAD;
         sum = if full { 0 } else { sum };
         !full
     };
-    lots.chunk_by(together).collect()
+    specs.chunk_by(together).collect()
 }
 
 /// Asks all subjects all batches.
@@ -120,7 +121,7 @@ fn ask(
             if intersector == Intersector::Exact {
                 tell(args, audit, subject.name, batch, &tally, report);
             }
-            let mesh = audit.name(&batch.lot);
+            let mesh = audit.name(&batch.spec);
             rows::add(&mut report.oracle, subject.name, mesh, intersector, tally);
         }
     }
@@ -136,10 +137,10 @@ fn tell(
     tally: &Tally,
     report: &mut Report,
 ) {
-    let (about, lot) = (audit.about(&batch.lot), batch.lot.number);
+    let (about, spec) = (audit.about(&batch.spec), batch.spec.number);
     let scenes: String = args.scene.iter().map(|s| format!(" '{s}'")).collect();
     let command = format!(
-        "abvh conform{scenes} --backend {backend}{} --seed {} --cases 0 --oracle-rays {} --oracle-batch {lot}",
+        "abvh conform{scenes} --backend {backend}{} --seed {} --cases 0 --oracle-rays {} --oracle-batch {spec}",
         adapter_option(args),
         args.seed,
         args.oracle_rays,

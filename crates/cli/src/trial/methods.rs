@@ -1,7 +1,7 @@
 //! How long each intersector over each layout takes, by the device's clock.
 
 use super::Run;
-use super::stand::{Stand, frame};
+use super::stand::{TrialBackend, frame};
 use crate::stop::Stop;
 use crate::warm_up;
 use backend::{DeviceKind, Method, Query, Rays};
@@ -28,7 +28,7 @@ pub(super) struct Timed {
 /// # Errors
 /// Nothing could be timed.
 pub(super) fn time(
-    stand: &mut Stand<'_>,
+    stand: &mut TrialBackend<'_>,
     candidates: &[Method],
     run: &Run<'_>,
 ) -> Result<Vec<Timed>, Stop> {
@@ -54,7 +54,7 @@ pub(super) fn time(
 }
 
 /// One turn of one method: the least time of a few frames.
-fn turn(stand: &mut Stand<'_>, method: Method, run: &Run<'_>) -> Result<Timed, Stop> {
+fn turn(stand: &mut TrialBackend<'_>, method: Method, run: &Run<'_>) -> Result<Timed, Stop> {
     let on_host = stand.device.kind != DeviceKind::Gpu;
     let fewer = on_host.then(|| Fewer::of(run.query.rays, PIXELS_ON_HOST));
     let (rays, share) = fewer.as_ref().map_or((run.query.rays, 1.0), Fewer::rays);

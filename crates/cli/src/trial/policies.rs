@@ -7,7 +7,7 @@
 
 use super::facts::Facts;
 use super::plan::{Guess, Plan};
-use super::stand::Stand;
+use super::stand::TrialBackend;
 use super::{Run, noise};
 use crate::choose;
 use crate::stop::Stop;
@@ -93,7 +93,7 @@ impl<'a> Trial<'a> {
     /// Nothing could be timed.
     pub(super) fn time(
         &self,
-        stand: &mut Stand<'_>,
+        stand: &mut TrialBackend<'_>,
         mut candidates: Vec<(Update, Method)>,
     ) -> Result<Outcome, Stop> {
         candidates.sort_by_key(|&(update, _)| turn(update));
@@ -142,7 +142,7 @@ impl<'a> Trial<'a> {
 
     fn policy(
         &self,
-        stand: &mut Stand<'_>,
+        stand: &mut TrialBackend<'_>,
         (update, method): (Update, Method),
         best: f64,
     ) -> Result<Timed, Stop> {
@@ -266,7 +266,7 @@ fn walls(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use backend::{Query, Rays, Seek};
+    use backend::{Query, QueryKind, Rays};
     use pipeline::Pace;
 
     const ASYNC: Update = Update::Async(Pace::Free);
@@ -319,7 +319,7 @@ mod tests {
             frames: &[],
             query: Query {
                 rays: Rays::List(&[]),
-                seek: Seek::Closest,
+                kind: QueryKind::Closest,
             },
         };
         let guess = Guess {

@@ -1,7 +1,7 @@
 //! How many rays of a run a method answers wrongly: a sample against exact arithmetic.
 
 use super::Run;
-use super::stand::{Stand, frame};
+use super::stand::{TrialBackend, frame};
 use crate::args::BackendName;
 use crate::open::{self, Want};
 use crate::stop::Stop;
@@ -23,7 +23,7 @@ const LIMIT: f64 = 2.995_732_273_553_991;
 /// another triangle is named, or another shadow.
 pub(super) struct Sample {
     sheets: Vec<Sheet>,
-    seek: backend::Seek,
+    kind: backend::QueryKind,
 }
 
 struct Sheet {
@@ -73,7 +73,11 @@ fn divergence(q: f64, p: f64) -> f64 {
 
 impl Sample {
     /// About `count` rays of the run, answered by `exact` on the backend itself, else on the host.
-    pub(super) fn take(stand: &mut Stand<'_>, run: &Run<'_>, count: usize) -> Result<Self, Stop> {
+    pub(super) fn take(
+        stand: &mut TrialBackend<'_>,
+        run: &Run<'_>,
+        count: usize,
+    ) -> Result<Self, Stop> {
         let mut rng = Rng::with_seed(0);
         let len = run.frames.len();
         let sheets = (0..MOMENTS).map(|i| Sheet {
@@ -85,7 +89,7 @@ impl Sample {
         });
         let mut sample = Self {
             sheets: sheets.collect(),
-            seek: run.query.seek,
+            kind: run.query.kind,
         };
         let method = Method {
             intersector: Intersector::Exact,
@@ -103,7 +107,11 @@ impl Sample {
     }
 
     /// How many of them a method answers wrongly.
-    pub(super) fn wrong(&self, stand: &mut Stand<'_>, method: Method) -> Result<Wrong, Stop> {
+    pub(super) fn wrong(
+        &self,
+        stand: &mut TrialBackend<'_>,
+        method: Method,
+    ) -> Result<Wrong, Stop> {
         let answers = self.ask(stand, method)?;
         let wrong = self.sheets.iter().zip(&answers);
         Ok(Wrong {
@@ -112,7 +120,7 @@ impl Sample {
         })
     }
 
-    fn ask(&self, stand: &mut Stand<'_>, method: Method) -> Result<Vec<Hits>, Stop> {
+    fn ask(&self, stand: &mut TrialBackend<'_>, method: Method) -> Result<Vec<Hits>, Stop> {
         let mut driver = stand.driver(method, Update::Refit)?;
         let answers = self.trace(&mut driver);
         stand.put_back(driver);
@@ -124,7 +132,7 @@ impl Sample {
             let mut hits = Hits::default();
             let query = Query {
                 rays: Rays::List(&sheet.rays),
-                seek: self.seek,
+                kind: self.kind,
             };
             let at = Frame {
                 index,
@@ -137,7 +145,7 @@ impl Sample {
     }
 }
 
-fn on_host(stand: &Stand<'_>, method: Method) -> Result<Driver, Stop> {
+fn on_host(stand: &TrialBackend<'_>, method: Method) -> Result<Driver, Stop> {
     let threads = threads::cores();
     let want = Want {
         backend: BackendName::Cpu,

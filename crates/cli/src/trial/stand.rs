@@ -12,7 +12,7 @@ use pipeline::{Driver, Frame, FrameRecord, Options, Update};
 use std::sync::Arc;
 
 /// A backend between drivers.
-pub(crate) struct Stand<'a> {
+pub(crate) struct TrialBackend<'a> {
     pub(super) animation: &'a Arc<Animation>,
     pub(super) device: Device,
     ask: &'a Ask<'a>,
@@ -20,7 +20,7 @@ pub(crate) struct Stand<'a> {
     backend: Option<Box<dyn Backend>>,
 }
 
-impl<'a> Stand<'a> {
+impl<'a> TrialBackend<'a> {
     /// With a backend that was opened for `ask`.
     pub(crate) fn new(
         backend: Box<dyn Backend>,

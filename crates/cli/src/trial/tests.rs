@@ -5,7 +5,7 @@ use crate::ahead::Ahead;
 use crate::args::{BackendName, MethodArgs, PolicyArgs, Switch};
 use crate::open::{self, Want};
 use crate::session;
-use backend::{Hits, Rays, Seek};
+use backend::{Hits, QueryKind, Rays};
 use scene::Scene;
 
 const SIZE: [u32; 2] = [64, 36];
@@ -50,7 +50,7 @@ pub(super) fn with_run<T>(
     let camera = view.camera(SIZE).unwrap();
     let query = Query {
         rays: Rays::Camera(&camera),
-        seek: Seek::ClosestAndShadow { light: view.light },
+        kind: QueryKind::ClosestAndShadow { light: view.light },
     };
     with(&Run { frames, query })
 }
@@ -64,7 +64,11 @@ fn settled(scene: &Scene, count: u64, named: IntersectorName, tolerance: f64) ->
             ..ask(scene, &frames, named, tolerance)
         };
         let backend = session_backend(&ask);
-        settle(&mut Stand::new(backend, &scene.animation, &ask), &ask).unwrap()
+        settle(
+            &mut TrialBackend::new(backend, &scene.animation, &ask),
+            &ask,
+        )
+        .unwrap()
     })
 }
 
@@ -140,11 +144,11 @@ fn what_is_wrong_too_often_is_not_taken_however_fast() {
         frames: &frames,
         query: Query {
             rays: Rays::Camera(&camera),
-            seek: Seek::ClosestAndShadow { light: view.light },
+            kind: QueryKind::ClosestAndShadow { light: view.light },
         },
     };
     let backend = session_backend(&base);
-    let mut stand = Stand::new(backend, &scene.animation, &base);
+    let mut stand = TrialBackend::new(backend, &scene.animation, &base);
     let mut timed: Vec<_> = Intersector::ALL
         .map(|intersector| methods::Timed {
             method: Method {
@@ -186,7 +190,7 @@ fn a_trial_leaves_no_trace_in_the_hits() {
     let camera = view.camera(SIZE).unwrap();
     let query = Query {
         rays: Rays::Camera(&camera),
-        seek: Seek::ClosestAndShadow { light: view.light },
+        kind: QueryKind::ClosestAndShadow { light: view.light },
     };
     let hits = |run: Option<Run<'_>>| {
         let base = ask(&scene, &frames, IntersectorName::Watertight, 0.0);

@@ -3,20 +3,20 @@
 use crate::Case;
 use crate::compare::{answers, named_ray};
 use crate::stage::{ask, methods, open_with, plainly, robust_methods, stand};
-use backend::{Backend, Hits, Method, Rays, Seek};
+use backend::{Backend, Hits, Method, QueryKind, Rays};
 use geom::Ray;
 
 fn at(
     case: &Case,
     backend: &mut dyn Backend,
     method: Method,
-    (rays, seek): (Rays<'_>, Seek),
+    (rays, kind): (Rays<'_>, QueryKind),
 ) -> Result<Vec<Hits>, String> {
     open_with(backend, &case.animation, case.times[0], method).map_err(plainly)?;
     let mut all = Vec::new();
     for &time in &case.times {
         stand(backend, &case.animation, time)?;
-        all.push(ask(backend, rays, seek)?);
+        all.push(ask(backend, rays, kind)?);
     }
     Ok(all)
 }
@@ -26,11 +26,11 @@ fn same(
     case: &Case,
     [subject, reference]: [&mut dyn Backend; 2],
     rays: Rays<'_>,
-    seek: Seek,
+    kind: QueryKind,
 ) -> Result<(), String> {
     for [method, usual] in robust_methods(case, [&mut *subject, &mut *reference])? {
-        let seen = at(case, subject, method, (rays, seek))?;
-        let expected = at(case, reference, usual, (rays, seek))?;
+        let seen = at(case, subject, method, (rays, kind))?;
+        let expected = at(case, reference, usual, (rays, kind))?;
         for (i, (s, r)) in seen.iter().zip(&expected).enumerate() {
             answers(case, case.times[i], rays, s, r).map_err(|e| format!("{method:?}: {e}"))?;
         }
@@ -45,7 +45,7 @@ pub(crate) fn closest(
     reference: &mut dyn Backend,
 ) -> Result<(), String> {
     let rays = Rays::List(&case.rays);
-    same(case, [subject, reference], rays, Seek::Closest)
+    same(case, [subject, reference], rays, QueryKind::Closest)
 }
 
 /// Whether anything is hit.
@@ -55,7 +55,7 @@ pub(crate) fn any(
     reference: &mut dyn Backend,
 ) -> Result<(), String> {
     let rays = Rays::List(&case.rays);
-    same(case, [subject, reference], rays, Seek::Any)
+    same(case, [subject, reference], rays, QueryKind::Any)
 }
 
 /// A camera's rays made on the device, with shadows; and the shadows of given rays.
@@ -64,10 +64,10 @@ pub(crate) fn picture(
     subject: &mut dyn Backend,
     reference: &mut dyn Backend,
 ) -> Result<(), String> {
-    let seek = Seek::ClosestAndShadow { light: case.light };
+    let kind = QueryKind::ClosestAndShadow { light: case.light };
     let camera = Rays::Camera(&case.camera);
-    same(case, [&mut *subject, &mut *reference], camera, seek)?;
-    same(case, [subject, reference], Rays::List(&case.rays), seek)
+    same(case, [&mut *subject, &mut *reference], camera, kind)?;
+    same(case, [subject, reference], Rays::List(&case.rays), kind)
 }
 
 /// A camera's rays made on the device answer as the same rays given one by one, whatever the method.
@@ -82,9 +82,13 @@ pub(crate) fn camera_is_rays(
     for method in methods(subject, &case.animation)? {
         open_with(subject, &case.animation, case.times[0], method).map_err(plainly)?;
         stand(subject, &case.animation, now)?;
-        for seek in [Seek::Closest, Seek::Any, Seek::ClosestAndShadow { light }] {
-            let given = ask(subject, Rays::List(&rays), seek)?;
-            let made = ask(subject, Rays::Camera(camera), seek)?;
+        for kind in [
+            QueryKind::Closest,
+            QueryKind::Any,
+            QueryKind::ClosestAndShadow { light },
+        ] {
+            let given = ask(subject, Rays::List(&rays), kind)?;
+            let made = ask(subject, Rays::Camera(camera), kind)?;
             let same = answers(case, now, Rays::Camera(camera), &made, &given);
             same.map_err(|e| format!("{method:?}: {e}"))?;
         }
@@ -102,8 +106,8 @@ pub(crate) fn any_is_closest(
     for method in methods(subject, &case.animation)? {
         open_with(subject, &case.animation, case.times[0], method).map_err(plainly)?;
         stand(subject, &case.animation, case.times[1])?;
-        let closest = ask(subject, rays, Seek::Closest)?.closest;
-        let any = ask(subject, rays, Seek::Any)?.blocked;
+        let closest = ask(subject, rays, QueryKind::Closest)?.closest;
+        let any = ask(subject, rays, QueryKind::Any)?.blocked;
         if closest.len() != any.len() {
             let counts = (closest.len(), any.len());
             return Err(format!("closest and any hits are {counts:?} in number"));

@@ -3,7 +3,7 @@
 use crate::Case;
 use crate::compare::{lists, same_box, same_point};
 use crate::stage::{ask, open, plainly, stand, vertices};
-use backend::{Backend, Rays, Seek, Snapshot, Ticket};
+use backend::{Backend, QueryKind, Rays, Snapshot, Ticket};
 use geom::Aabb;
 use std::time::{Duration, Instant};
 
@@ -71,7 +71,7 @@ pub(crate) fn read_back(
     }
     for &time in &case.times {
         stand(subject, &case.animation, time)?;
-        ask(subject, Rays::List(&case.rays), Seek::Closest)?;
+        ask(subject, Rays::List(&case.rays), QueryKind::Closest)?;
     }
     for (expected, time) in asked {
         let (ticket, snapshot) = next_positions(subject)?;

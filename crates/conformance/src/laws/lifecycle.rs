@@ -3,7 +3,7 @@
 use crate::Case;
 use crate::compare::answers;
 use crate::stage::{ask, boxes_anew, fetch, open, plainly, stand, start};
-use backend::{Backend, FRAMES_IN_FLIGHT, Rays, Seek};
+use backend::{Backend, FRAMES_IN_FLIGHT, QueryKind, Rays};
 use geom::Animation;
 use std::sync::Arc;
 
@@ -19,12 +19,12 @@ pub(crate) fn tickets(
     let mut expected = Vec::new();
     for &time in times {
         stand(subject, &case.animation, time)?;
-        expected.push(ask(subject, rays, Seek::Closest)?);
+        expected.push(ask(subject, rays, QueryKind::Closest)?);
     }
     let mut tickets = Vec::new();
     for &time in times {
         stand(subject, &case.animation, time)?;
-        tickets.push(start(subject, rays, Seek::Closest)?);
+        tickets.push(start(subject, rays, QueryKind::Closest)?);
     }
     // A submission without a trace takes no answer away.
     stand(subject, &case.animation, case.times[2])?;
@@ -50,11 +50,17 @@ pub(crate) fn at_rest(
     let (rays, now) = (Rays::List(&case.rays), case.times[1]);
     open(subject, &case.animation, case.times[0])?;
     stand(subject, &case.animation, now)?;
-    let first = ask(subject, rays, Seek::Closest)?;
-    let again = ask(subject, rays, Seek::Closest)?;
+    let first = ask(subject, rays, QueryKind::Closest)?;
+    let again = ask(subject, rays, QueryKind::Closest)?;
     answers(case, now, rays, &again, &first)?;
     boxes_anew(subject)?;
-    answers(case, now, rays, &ask(subject, rays, Seek::Closest)?, &first)?;
+    answers(
+        case,
+        now,
+        rays,
+        &ask(subject, rays, QueryKind::Closest)?,
+        &first,
+    )?;
     // Each stage in a submission of its own.
     subject
         .interpolate(case.animation.pose(now))
@@ -64,7 +70,13 @@ pub(crate) fn at_rest(
     subject.submit().map_err(plainly)?;
     subject.refit().map_err(plainly)?;
     subject.submit().map_err(plainly)?;
-    answers(case, now, rays, &ask(subject, rays, Seek::Closest)?, &first)
+    answers(
+        case,
+        now,
+        rays,
+        &ask(subject, rays, QueryKind::Closest)?,
+        &first,
+    )
 }
 
 /// A scene loaded after another answers as if it were the first, whatever was under way.
@@ -77,7 +89,7 @@ pub(crate) fn reload(
     let once = |subject: &mut dyn Backend| {
         open(subject, &case.animation, case.times[0])?;
         stand(subject, &case.animation, now)?;
-        ask(subject, rays, Seek::Closest)
+        ask(subject, rays, QueryKind::Closest)
     };
     let first = once(subject)?;
     let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
@@ -89,7 +101,7 @@ pub(crate) fn reload(
     open(subject, &other, 0.0)?;
     stand(subject, &other, 0.0)?;
     subject.request_positions().map_err(plainly)?;
-    start(subject, rays, Seek::Closest)?;
+    start(subject, rays, QueryKind::Closest)?;
     stand(subject, &other, 0.0)?;
     answers(case, now, rays, &once(subject)?, &first)?;
     match subject.take_positions().map_err(plainly)? {

@@ -4,7 +4,7 @@ use crate::Case;
 use crate::compare::{answers, lists, same_box};
 use crate::stage::{ask, boxes_anew, fetch, methods, open_with, plainly, stand, start, tree_at};
 use backend::{
-    Backend, BackendError, FrameReport, Generation, Hits, Method, Rays, Seek, check_tree,
+    Backend, BackendError, FrameReport, Generation, Hits, Method, QueryKind, Rays, check_tree,
 };
 use std::sync::Arc;
 
@@ -31,7 +31,7 @@ pub(crate) fn whole(
         if !rebuild(subject, generation)? {
             return Ok(());
         }
-        let ticket = start(subject, Rays::List(&case.rays), Seek::Closest)?;
+        let ticket = start(subject, Rays::List(&case.rays), QueryKind::Closest)?;
         let seen = subject.wait(ticket).map_err(plainly)?;
         let tree = subject.inspect().rebuilt().map_err(plainly)?;
         check_tree(&tree, animation).map_err(plainly)?;
@@ -39,7 +39,7 @@ pub(crate) fn whole(
         load(reference).map_err(plainly)?;
         reference.adopt(&tree, Generation(1)).map_err(plainly)?;
         stand(reference, animation, time)?;
-        let ticket = start(reference, Rays::List(&case.rays), Seek::Closest)?;
+        let ticket = start(reference, Rays::List(&case.rays), QueryKind::Closest)?;
         let expected = reference.wait(ticket).map_err(plainly)?;
         let say = |e: String| format!("at time {time:?}: {e}");
         same_counts(&seen, &expected).map_err(say)?;
@@ -69,8 +69,8 @@ pub(crate) fn same_hits(
     let (rays, now) = (Rays::List(&case.rays), case.times[1]);
     let both = |subject: &mut dyn Backend| -> Result<[Hits; 2], String> {
         Ok([
-            ask(subject, rays, Seek::Closest)?,
-            ask(subject, rays, Seek::Any)?,
+            ask(subject, rays, QueryKind::Closest)?,
+            ask(subject, rays, QueryKind::Any)?,
         ])
     };
     for method in methods(subject, &case.animation)? {
@@ -84,12 +84,12 @@ pub(crate) fn same_hits(
         // There is nothing left to preprocess nor to refit, but it may be asked for.
         boxes_anew(subject)?;
         // Another one while a frame with the first is under way.
-        let under_way = start(subject, rays, Seek::Closest)?;
+        let under_way = start(subject, rays, QueryKind::Closest)?;
         subject
             .interpolate(case.animation.pose(case.times[2]))
             .map_err(plainly)?;
         rebuild(subject, 3)?;
-        ask(subject, rays, Seek::Closest)?;
+        ask(subject, rays, QueryKind::Closest)?;
         let before = fetch(subject, under_way)?;
         let tree = tree_at(&case.animation, now);
         subject

@@ -2,7 +2,7 @@
 
 use crate::Case;
 use crate::stage::{open, open_with, plainly, robust_methods, stand, start};
-use backend::{Backend, FrameReport, Intersector, Method, Rays, Seek};
+use backend::{Backend, FrameReport, Intersector, Method, QueryKind, Rays};
 use geom::Point;
 
 /// Inactive and degenerate triangles, hits and blocked hits are counted alike. How many rays `exact` settles depends
@@ -13,16 +13,20 @@ pub(crate) fn counts(
     reference: &mut dyn Backend,
 ) -> Result<(), String> {
     let list = Rays::List(&case.rays);
-    let shadow = Seek::ClosestAndShadow { light: case.light };
+    let shadow = QueryKind::ClosestAndShadow { light: case.light };
     let camera = Rays::Camera(&case.camera);
     for [method, usual] in robust_methods(case, [&mut *subject, &mut *reference])? {
-        for query in [(camera, shadow), (list, Seek::Closest), (list, Seek::Any)] {
+        for query in [
+            (camera, shadow),
+            (list, QueryKind::Closest),
+            (list, QueryKind::Any),
+        ] {
             let seen = counted(case, subject, method, query)?;
             let expected = counted(case, reference, usual, query)?;
             if seen != expected {
-                let seek = query.1;
+                let kind = query.1;
                 return Err(format!(
-                    "inactive, degenerate, hits, blocked are {seen:?} for {seek:?} by {method:?}, expected {expected:?}"
+                    "inactive, degenerate, hits, blocked are {seen:?} for {kind:?} by {method:?}, expected {expected:?}"
                 ));
             }
         }
@@ -46,13 +50,13 @@ fn counted(
     case: &Case,
     backend: &mut dyn Backend,
     method: Method,
-    (rays, seek): (Rays<'_>, Seek),
+    (rays, kind): (Rays<'_>, QueryKind),
 ) -> Result<Vec<[u64; 4]>, String> {
     open_with(backend, &case.animation, case.times[0], method).map_err(plainly)?;
     let mut all = Vec::new();
     for &time in &case.times {
         stand(backend, &case.animation, time)?;
-        let ticket = start(backend, rays, seek)?;
+        let ticket = start(backend, rays, kind)?;
         let r = backend.wait(ticket).map_err(plainly)?;
         let may_settle = match method.intersector {
             Intersector::Exact => true,
@@ -77,8 +81,8 @@ pub(crate) fn stages(
     let rays = Rays::List(&case.rays);
     open(subject, &case.animation, case.times[0])?;
     stand(subject, &case.animation, case.times[1])?;
-    let whole = start(subject, rays, Seek::Closest)?;
-    let traced = start(subject, rays, Seek::Any)?;
+    let whole = start(subject, rays, QueryKind::Closest)?;
+    let traced = start(subject, rays, QueryKind::Any)?;
     let first = subject.wait(whole).map_err(plainly)?;
     let second = subject.wait(traced).map_err(plainly)?;
     if subject.wait(whole).map_err(plainly)? != first {

@@ -6,7 +6,7 @@ use crate::stage::{
     boxes_anew, methods, open, open_with, plainly, stand, start, tree_at, vertices,
 };
 use crate::topologies::{Split, live, record};
-use backend::{Backend, Generation, Hits, Method, Rays, Seek};
+use backend::{Backend, Generation, Hits, Method, QueryKind, Rays};
 use bvh_layout::Topology;
 use geom::Aabb;
 
@@ -109,7 +109,7 @@ struct View {
 /// Traces what was recorded, and looks.
 fn look(case: &Case, backend: &mut dyn Backend, now: f64) -> Result<View, String> {
     let rays = Rays::List(&case.rays);
-    let ticket = start(backend, rays, Seek::Closest)?;
+    let ticket = start(backend, rays, QueryKind::Closest)?;
     let report = backend.wait(ticket).map_err(plainly)?;
     let mut hits = Hits::default();
     backend.hits(ticket, &mut hits).map_err(plainly)?;

@@ -6,7 +6,7 @@ use crate::stage::{
     ask, boxes_anew, fetch, methods, open, open_with, plainly, stand, start, tree_at,
 };
 use crate::topologies::{self, Split, foreign, live, record};
-use backend::{Backend, BackendError, Generation, Hits, Rays, Seek};
+use backend::{Backend, BackendError, Generation, Hits, QueryKind, Rays};
 use bvh_layout::Topology;
 
 /// A tree built at one time and refitted to another answers as a fresh one does, whatever the method.
@@ -21,7 +21,7 @@ pub(crate) fn age(
         for built in [now, case.times[0], case.times[2]] {
             open_with(subject, &case.animation, built, method).map_err(plainly)?;
             stand(subject, &case.animation, now)?;
-            seen.push(ask(subject, rays, Seek::Closest)?);
+            seen.push(ask(subject, rays, QueryKind::Closest)?);
         }
         for aged in &seen[1..] {
             answers(case, now, rays, aged, &seen[0]).map_err(|e| format!("{method:?}: {e}"))?;
@@ -41,8 +41,8 @@ pub(crate) fn shape(
     for method in methods(subject, &case.animation)? {
         open_with(subject, &case.animation, now, method).map_err(plainly)?;
         stand(subject, &case.animation, now)?;
-        let built = ask(subject, rays, Seek::Closest)?;
-        let any = ask(subject, rays, Seek::Any)?;
+        let built = ask(subject, rays, QueryKind::Closest)?;
+        let any = ask(subject, rays, QueryKind::Any)?;
         for (split, generation) in Split::ALL.into_iter().zip(2..) {
             let words = record(case.animation.triangle_count(), &live, split, case.chance);
             let tree = Topology::from_words(words).map_err(|e| e.to_string())?;
@@ -52,9 +52,9 @@ pub(crate) fn shape(
                 .map_err(plainly)
                 .map_err(say)?;
             boxes_anew(subject)?;
-            let seen = ask(subject, rays, Seek::Closest)?;
+            let seen = ask(subject, rays, QueryKind::Closest)?;
             answers(case, now, rays, &seen, &built).map_err(say)?;
-            let seen = ask(subject, rays, Seek::Any)?;
+            let seen = ask(subject, rays, QueryKind::Any)?;
             answers(case, now, rays, &seen, &any).map_err(say)?;
         }
     }
@@ -70,9 +70,9 @@ pub(crate) fn swap(
     let (rays, now) = (Rays::List(&case.rays), case.times[1]);
     open(subject, &case.animation, case.times[0])?;
     stand(subject, &case.animation, now)?;
-    let alone = ask(subject, rays, Seek::Closest)?;
+    let alone = ask(subject, rays, QueryKind::Closest)?;
     stand(subject, &case.animation, now)?;
-    let before = start(subject, rays, Seek::Closest)?;
+    let before = start(subject, rays, QueryKind::Closest)?;
     for generation in 2..5 {
         let tree = tree_at(&case.animation, case.times[generation as usize % 3]);
         subject
@@ -80,7 +80,7 @@ pub(crate) fn swap(
             .map_err(plainly)?;
     }
     boxes_anew(subject)?;
-    let after = ask(subject, rays, Seek::Closest)?;
+    let after = ask(subject, rays, QueryKind::Closest)?;
     let during = fetch(subject, before)?;
     answers(case, now, rays, &during, &alone).map_err(|e| format!("the frame under way: {e}"))?;
     answers(case, now, rays, &after, &alone).map_err(|e| format!("the frame after: {e}"))
@@ -95,7 +95,7 @@ pub(crate) fn wrong(
     let (rays, now) = (Rays::List(&case.rays), case.times[1]);
     open(subject, &case.animation, now)?;
     stand(subject, &case.animation, now)?;
-    let before = ask(subject, rays, Seek::Closest)?;
+    let before = ask(subject, rays, QueryKind::Closest)?;
     for (what, words) in foreign(&case.animation, case.chance) {
         let tree = Topology::from_words(words).map_err(|e| format!("{what}: {e}"))?;
         match subject.adopt(&tree, Generation(2)) {
@@ -108,7 +108,7 @@ pub(crate) fn wrong(
         case,
         now,
         rays,
-        &ask(subject, rays, Seek::Closest)?,
+        &ask(subject, rays, QueryKind::Closest)?,
         &before,
     )?;
     stand(subject, &case.animation, now)?;
@@ -116,7 +116,7 @@ pub(crate) fn wrong(
         case,
         now,
         rays,
-        &ask(subject, rays, Seek::Closest)?,
+        &ask(subject, rays, QueryKind::Closest)?,
         &before,
     )
 }

@@ -3,16 +3,16 @@
 use crate::Case;
 use crate::case::triangle_text;
 use crate::compare::named_ray;
-use crate::rounding::Judge;
+use crate::rounding::Verifier;
 use crate::stage::{ask, open, plainly, stand, stand_on, start};
-use backend::{Backend, Hits, Rays, Seek};
+use backend::{Backend, Hits, QueryKind, Rays};
 use geom::{Hit, Ray};
 
 /// What is asked of the case, and by which rays.
 #[derive(Clone, Copy)]
 struct Question<'a> {
     rays: Rays<'a>,
-    seek: Seek,
+    kind: QueryKind,
 }
 
 /// Closest hits of given rays and of a camera's.
@@ -22,8 +22,8 @@ pub(crate) fn closest(
     _: &mut dyn Backend,
 ) -> Result<(), String> {
     for rays in [Rays::List(&case.rays), Rays::Camera(&case.camera)] {
-        let seek = Seek::Closest;
-        judge(case, subject, Question { rays, seek })?;
+        let kind = QueryKind::Closest;
+        judge(case, subject, Question { rays, kind })?;
     }
     Ok(())
 }
@@ -34,8 +34,8 @@ pub(crate) fn any(
     subject: &mut dyn Backend,
     _: &mut dyn Backend,
 ) -> Result<(), String> {
-    let (rays, seek) = (Rays::List(&case.rays), Seek::Any);
-    judge(case, subject, Question { rays, seek })
+    let (rays, kind) = (Rays::List(&case.rays), QueryKind::Any);
+    judge(case, subject, Question { rays, kind })
 }
 
 /// Hits and shadows of given rays and of a camera's.
@@ -45,8 +45,8 @@ pub(crate) fn picture(
     _: &mut dyn Backend,
 ) -> Result<(), String> {
     for rays in [Rays::Camera(&case.camera), Rays::List(&case.rays)] {
-        let seek = Seek::ClosestAndShadow { light: case.light };
-        judge(case, subject, Question { rays, seek })?;
+        let kind = QueryKind::ClosestAndShadow { light: case.light };
+        judge(case, subject, Question { rays, kind })?;
     }
     Ok(())
 }
@@ -57,19 +57,19 @@ fn judge(case: &Case, subject: &mut dyn Backend, question: Question<'_>) -> Resu
     for (i, &time) in case.times.iter().enumerate() {
         let stood = if i % 2 == 0 { stand } else { stand_on };
         stood(subject, &case.animation, time)?;
-        let found = ask(subject, question.rays, question.seek)?;
+        let found = ask(subject, question.rays, question.kind)?;
         answers(case, time, question, &found)?;
     }
     Ok(())
 }
 
 fn answers(case: &Case, time: f64, question: Question<'_>, found: &Hits) -> Result<(), String> {
-    let judge = Judge::new(&case.animation, time);
+    let judge = Verifier::new(&case.animation, time);
     let rays = listed(question.rays);
-    let expected = match question.seek {
-        Seek::Any => [0, rays.len()],
-        Seek::Closest => [rays.len(), 0],
-        Seek::ClosestAndShadow { .. } => [rays.len(); 2],
+    let expected = match question.kind {
+        QueryKind::Any => [0, rays.len()],
+        QueryKind::Closest => [rays.len(), 0],
+        QueryKind::ClosestAndShadow { .. } => [rays.len(); 2],
     };
     let lengths = [found.closest.len(), found.blocked.len()];
     if lengths != expected {
@@ -78,7 +78,7 @@ fn answers(case: &Case, time: f64, question: Question<'_>, found: &Hits) -> Resu
     let refuted = |(i, ray)| {
         let (hit, blocked) = (found.closest.get(i), found.blocked.get(i));
         let (hit, blocked) = (hit.copied().unwrap_or(Hit::MISS), blocked == Some(&1));
-        let why = refutes(case, &judge, question.seek, (ray, &hit, blocked))?;
+        let why = refutes(case, &judge, question.kind, (ray, &hit, blocked))?;
         let ray = named_ray(case, question.rays, i);
         let triangle = triangle_text(&case.animation, time, hit.triangle);
         Some(format!(
@@ -94,8 +94,8 @@ fn answers(case: &Case, time: f64, question: Question<'_>, found: &Hits) -> Resu
 
 fn refutes(
     case: &Case,
-    judge: &Judge,
-    seek: Seek,
+    judge: &Verifier,
+    kind: QueryKind,
     (ray, hit, blocked): (&Ray, &Hit, bool),
 ) -> Option<String> {
     if !ray.is_valid() && (hit.is_hit() || blocked) {
@@ -104,10 +104,10 @@ fn refutes(
     if !judge.admits(ray) {
         return None;
     }
-    match seek {
-        Seek::Any => judge.refutes_any(ray, blocked),
-        Seek::Closest => judge.refutes(ray, hit),
-        Seek::ClosestAndShadow { light } => judge.refutes(ray, hit).or_else(|| {
+    match kind {
+        QueryKind::Any => judge.refutes_any(ray, blocked),
+        QueryKind::Closest => judge.refutes(ray, hit),
+        QueryKind::ClosestAndShadow { light } => judge.refutes(ray, hit).or_else(|| {
             let extent = case.animation.bounds().extent();
             let extent = extent.into_iter().fold(0.0, f32::max);
             judge.refutes_shadow(hit, light, f64::from(extent), blocked)
@@ -128,18 +128,18 @@ pub(crate) fn counts(
     subject: &mut dyn Backend,
     reference: &mut dyn Backend,
 ) -> Result<(), String> {
-    let seek = Seek::ClosestAndShadow { light: case.light };
+    let kind = QueryKind::ClosestAndShadow { light: case.light };
     let rays = Rays::Camera(&case.camera);
     open(subject, &case.animation, case.times[0])?;
     open(reference, &case.animation, case.times[0])?;
     for &time in &case.times {
         stand(subject, &case.animation, time)?;
         stand(reference, &case.animation, time)?;
-        let ticket = start(subject, rays, seek)?;
+        let ticket = start(subject, rays, kind)?;
         let seen = subject.wait(ticket).map_err(plainly)?;
         let mut hits = Hits::default();
         subject.hits(ticket, &mut hits).map_err(plainly)?;
-        let ticket = start(reference, rays, seek)?;
+        let ticket = start(reference, rays, kind)?;
         let expected = reference.wait(ticket).map_err(plainly)?;
         let found = hits.closest.iter().filter(|h| h.is_hit()).count() as u64;
         let blocked = hits.blocked.iter().filter(|&&b| b == 1).count() as u64;

@@ -1,6 +1,6 @@
 //! Where a ray begins and what it is aimed at.
 
-use super::lots::Moved;
+use super::batches::Moved;
 use fastrand::Rng;
 use geom::{Point, Ray};
 use std::fmt;
@@ -26,10 +26,10 @@ impl fmt::Display for Aim {
     }
 }
 
-/// Aims times sides. Rays of a lot take turns.
+/// Aims times sides. Rays of a batch take turns.
 pub(super) const SORTS: usize = 6;
 
-/// What the `i`-th ray of a lot is aimed at, and whether it begins inside.
+/// What the `i`-th ray of a batch is aimed at, and whether it begins inside.
 pub(super) fn sort_of(i: usize) -> (Aim, bool) {
     let aim = [Aim::Edge, Aim::Vertex, Aim::Random][i % 3];
     (aim, i % SORTS < 3)

@@ -1,7 +1,7 @@
 //! How often rays cross a body.
 
 use crate::stage::open_with;
-use backend::{Backend, Hits, Intersector, Method, Query, Rays, Result, Seek};
+use backend::{Backend, Hits, Intersector, Method, Query, QueryKind, Rays, Result};
 use geom::{Animation, Ray};
 use std::sync::Arc;
 
@@ -101,7 +101,7 @@ fn stand(subject: &mut dyn Backend, method: Method, part: &Arc<Animation>) -> Re
 fn trace(subject: &mut dyn Backend, rays: &[Ray], hits: &mut Hits) -> Result<()> {
     subject.trace(Query {
         rays: Rays::List(rays),
-        seek: Seek::Closest,
+        kind: QueryKind::Closest,
     })?;
     let ticket = subject.submit()?;
     subject.wait(ticket)?;

@@ -2,7 +2,7 @@
 //!
 //! From inside a closed body every ray meets it, an odd number of times; from
 //! outside it meets it an even number of times. Rays are made by a generator
-//! that knows only the seed, the lot and the ray's number, so any of them can
+//! that knows only the seed, the batch and the ray's number, so any of them can
 //! be made again alone and all of them in parallel.
 //!
 //! Crossings that lie at the same `t` cannot be told apart by asking again from
@@ -10,31 +10,31 @@
 //! triangles share a vertex, and summed up.
 
 mod aim;
+mod batches;
 mod bodies;
 mod crossings;
-mod lots;
-mod shots;
+mod ray_batch;
 #[cfg(test)]
 mod tests;
 
 use crate::case::ray_text;
 use crate::stage::open_with;
 use aim::sort_of;
-use backend::{Backend, Hits, Intersector, Method, Query, Rays, Result, Seek};
+use backend::{Backend, Hits, Intersector, Method, Query, QueryKind, Rays, Result};
+use batches::{BatchSpec, Made, specs};
 use bodies::{BODIES, Body};
 use geom::{Hit, Ray};
-use lots::{Lot, Made, lots};
 use std::fmt;
 
 pub use aim::Aim;
 pub use crossings::crossings;
-pub use shots::{Shots, shots};
+pub use ray_batch::{RayBatch, ray_batches};
 
 /// How far bodies are moved from the origin, if nobody says otherwise.
 pub const OFFSETS: [f32; 4] = [0.0, 10.0, 1e3, 1e5];
 /// Leaks that are kept in full.
 const KEPT: usize = 20;
-/// Of a lot's rays, at least so many have their crossings counted, and of more rays than that an eighth.
+/// Of a batch's rays, at least so many have their crossings counted, and of more rays than that an eighth.
 const COUNTED: usize = 4096;
 
 /// What to ask.
@@ -131,7 +131,7 @@ impl Found {
 
 /// Asks all that `plan` says; `progress` hears how many rays of it are answered.
 ///
-/// Needs about 100 bytes a ray of one lot, of which there are at most `2^20`.
+/// Needs about 100 bytes a ray of one batch, of which there are at most `2^20`.
 ///
 /// # Errors
 /// The subject failed.
@@ -145,15 +145,15 @@ fn run_over(
     bodies: &[Body],
     progress: &mut dyn FnMut(u64),
 ) -> Result<Found> {
-    let lots = lots(plan, bodies);
+    let specs = specs(plan, bodies);
     let mut found = Found::default();
-    let mut rest = lots.iter();
-    let mut next = rest.next().map(|lot| lot.make(plan.seed));
+    let mut rest = specs.iter();
+    let mut next = rest.next().map(|spec| spec.make(plan.seed));
     let mut done = 0;
     while let Some(made) = next {
-        // While the device traces one lot, the host makes the next.
+        // While the device traces one batch, the host makes the next.
         let (hits, after) = trace_lot(subject, plan.method, &made, || {
-            rest.next().map(|lot| lot.make(plan.seed))
+            rest.next().map(|spec| spec.make(plan.seed))
         })?;
         let crossings = count(subject, plan.method, &made)?;
         judge(&made, &hits.closest, &crossings, &mut found);
@@ -164,7 +164,7 @@ fn run_over(
     Ok(found)
 }
 
-/// Crossings of the first rays of a lot. Of `exact` they tell nothing: its triangles are closed, so that
+/// Crossings of the first rays of a batch. Of `exact` they tell nothing: its triangles are closed, so that
 /// a ray through an edge crosses both, and their parity is any.
 fn count(subject: &mut dyn Backend, method: Method, made: &Made<'_>) -> Result<Vec<u32>> {
     if method.intersector == Intersector::Exact {
@@ -187,7 +187,7 @@ fn trace_lot<'a>(
     subject.refit()?;
     subject.trace(Query {
         rays: Rays::List(&made.rays),
-        seek: Seek::Closest,
+        kind: QueryKind::Closest,
     })?;
     let ticket = subject.submit()?;
     let after = meanwhile();
@@ -197,9 +197,9 @@ fn trace_lot<'a>(
     Ok((hits, after))
 }
 
-/// Adds one lot's answers to what was found.
+/// Adds one batch's answers to what was found.
 fn judge(made: &Made<'_>, hits: &[Hit], crossings: &[u32], found: &mut Found) {
-    let first_row = row_of(made.lot, found);
+    let first_row = row_of(made.spec, found);
     for (i, hit) in hits.iter().enumerate() {
         let (aim, inside) = sort_of(i);
         let row = &mut found.rows[first_row + i % aim::SORTS];
@@ -221,9 +221,9 @@ fn judge(made: &Made<'_>, hits: &[Hit], crossings: &[u32], found: &mut Found) {
             continue;
         };
         found.first.push(Leak {
-            body: made.lot.body.name,
-            offset: made.lot.offset,
-            variant: made.lot.variant,
+            body: made.spec.body.name,
+            offset: made.spec.offset,
+            variant: made.spec.variant,
             aim,
             inside,
             ray: made.rays[i],
@@ -232,9 +232,9 @@ fn judge(made: &Made<'_>, hits: &[Hit], crossings: &[u32], found: &mut Found) {
     }
 }
 
-/// Where the rows of a lot's body and offset begin; makes them where there are none.
-fn row_of(lot: &Lot<'_>, found: &mut Found) -> usize {
-    let same = |r: &Row| r.body == lot.body.name && r.offset.to_bits() == lot.offset.to_bits();
+/// Where the rows of a batch's body and offset begin; makes them where there are none.
+fn row_of(spec: &BatchSpec<'_>, found: &mut Found) -> usize {
+    let same = |r: &Row| r.body == spec.body.name && r.offset.to_bits() == spec.offset.to_bits();
     if let Some(at) = found.rows.iter().position(same) {
         return at;
     }
@@ -242,8 +242,8 @@ fn row_of(lot: &Lot<'_>, found: &mut Found) -> usize {
     found.rows.extend((0..aim::SORTS).map(|i| {
         let (aim, inside) = sort_of(i);
         Row {
-            body: lot.body.name,
-            offset: lot.offset,
+            body: spec.body.name,
+            offset: spec.offset,
             aim,
             inside,
             rays: 0,

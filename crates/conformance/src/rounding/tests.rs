@@ -1,12 +1,12 @@
 use super::*;
 
 /// Two squares of two triangles each, at `z = 0` and `z = -1`, moved along all axes.
-fn squares(by: f32) -> Judge {
+fn squares(by: f32) -> Verifier {
     let square = |z: f32| [[0.0, 0.0, z], [4.0, 0.0, z], [4.0, 4.0, z], [0.0, 4.0, z]];
     let corners = [square(0.0), square(-1.0)].concat();
     let key = corners.iter().map(|p| p.map(|x| x + by)).collect();
     let triangles = vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
-    Judge::new(&Animation::new(vec![key], triangles).unwrap(), 0.0)
+    Verifier::new(&Animation::new(vec![key], triangles).unwrap(), 0.0)
 }
 
 fn down(x: f32, y: f32, by: f32) -> Ray {
@@ -109,7 +109,7 @@ fn a_way_that_ends_on_the_triangle_it_began_on_may_be_blocked_by_it_and_by_nothi
         [11.8096, 9.2804, 9.2642],
     ];
     let animation = Animation::new(vec![corners.to_vec()], vec![[0, 1, 2]]).unwrap();
-    let judge = Judge::new(&animation, 0.0);
+    let judge = Verifier::new(&animation, 0.0);
     let found = hit(0, 0.999_999_64, 0.256_004_63, 3.488_469e-6);
     let shadow = |light, blocked| judge.refutes_shadow(&found, light, 3.96, blocked);
     for on_it in [corners[0], corners[2], [11.7202, 9.442, 9.6876]] {

@@ -1,8 +1,8 @@
 //! The reference, spoilt in one way.
 
 use backend::{
-    Backend, Device, FrameReport, Generation, Hits, Inspect, Method, Query, Rays, Result, Seek,
-    Snapshot, Ticket,
+    Backend, Device, FrameReport, Generation, Hits, Inspect, Method, Query, QueryKind, Rays,
+    Result, Snapshot, Ticket,
 };
 use bvh_build::{BinaryTree, Builder, Cancel};
 use bvh_layout::{Converter, Topology};
@@ -56,7 +56,7 @@ pub(crate) struct Faulty {
     /// Answers by ticket, as they were when submitted.
     kept: Vec<(Ticket, Hits)>,
     rays: Vec<Ray>,
-    seek: Option<Seek>,
+    kind: Option<QueryKind>,
     traces_since_refit: u32,
     loads: u32,
     taken: Option<Vec<Point>>,
@@ -77,7 +77,7 @@ impl Faulty {
             first_leaf: None,
             kept: Vec::new(),
             rays: Vec::new(),
-            seek: None,
+            kind: None,
             traces_since_refit: 0,
             loads: 0,
             taken: None,
@@ -129,12 +129,12 @@ impl Faulty {
             }
             _ => {}
         }
-        match (self.fault, self.seek) {
-            (Fault::AnyHitForgetsTheLastRay, Some(Seek::Any)) => {
+        match (self.fault, self.kind) {
+            (Fault::AnyHitForgetsTheLastRay, Some(QueryKind::Any)) => {
                 let last = hits.blocked.iter_mut().rev().find(|b| **b == 1);
                 last.into_iter().for_each(|b| *b = 0);
             }
-            (Fault::ShadowsInverted, Some(Seek::ClosestAndShadow { .. })) => {
+            (Fault::ShadowsInverted, Some(QueryKind::ClosestAndShadow { .. })) => {
                 let pairs = hits.blocked.iter_mut().zip(&hits.closest);
                 pairs
                     .filter(|(_, h)| h.is_hit())
@@ -230,7 +230,7 @@ impl Backend for Faulty {
 
     fn trace(&mut self, query: Query<'_>) -> Result<()> {
         self.traces_since_refit += 1;
-        self.seek = Some(query.seek);
+        self.kind = Some(query.kind);
         self.rays = match query.rays {
             Rays::List(rays) => rays.to_vec(),
             Rays::Camera(_) => Vec::new(),
@@ -262,7 +262,7 @@ impl Backend for Faulty {
         if !self.is(Fault::NewTreeAnswersForOldFrames) {
             self.spoil(&mut hits);
         }
-        let traced = self.seek.take().is_some();
+        let traced = self.kind.take().is_some();
         if self.is(Fault::AnswersLostWithoutATrace) && !traced {
             self.kept.clear();
         }

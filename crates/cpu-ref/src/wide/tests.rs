@@ -2,7 +2,7 @@
 
 use crate::CpuBackend;
 use crate::testing::{bits, icosphere, kinds, moving, ready, senseless_tree, trace, tree_at};
-use backend::{Backend, Generation, Intersector, Rays, Seek};
+use backend::{Backend, Generation, Intersector, QueryKind, Rays};
 use bvh_layout::{First, Topology};
 use geom::{Aabb, Animation, Camera, Point, Pose, Ray};
 use proptest::prelude::*;
@@ -42,8 +42,8 @@ fn check(animation: &Arc<Animation>, camera: &Camera, light: Point) -> Result<()
     for (kind, tree) in kinds().into_iter().zip(trees.iter().cycle()) {
         let mut backend = ready(animation, (Intersector::Watertight, kind), tree, pose, 1);
         for rays in [Rays::List(&rays), Rays::Camera(camera)] {
-            let shadow = trace(&mut backend, rays, Seek::ClosestAndShadow { light });
-            let any = trace(&mut backend, rays, Seek::Any);
+            let shadow = trace(&mut backend, rays, QueryKind::ClosestAndShadow { light });
+            let any = trace(&mut backend, rays, QueryKind::Any);
             let found = (shadow, any);
             let expected = expected.get_or_insert_with(|| found.clone());
             prop_assert_eq!(&found, expected, "{:?}", kind);
@@ -98,7 +98,7 @@ fn after(
     backend.interpolate(pose).unwrap();
     backend.preprocess().unwrap();
     backend.refit().unwrap();
-    let hits = trace(backend, Rays::List(rays), Seek::Closest).closest;
+    let hits = trace(backend, Rays::List(rays), QueryKind::Closest).closest;
     let boxes = backend.inspect().boxes().unwrap();
     let corners = |b: &Aabb| [b.min, b.max].concat().try_into().unwrap();
     let boxes = boxes.iter().map(|b| {
@@ -143,8 +143,8 @@ fn check_list(animation: &Arc<Animation>, rays: &[Ray], light: Point) -> Result<
             1,
         );
         let rays = Rays::List(rays);
-        let shadow = trace(&mut backend, rays, Seek::ClosestAndShadow { light });
-        let any = trace(&mut backend, rays, Seek::Any).blocked;
+        let shadow = trace(&mut backend, rays, QueryKind::ClosestAndShadow { light });
+        let any = trace(&mut backend, rays, QueryKind::Any).blocked;
         let found = (bits(&shadow.closest), shadow.blocked, any);
         let expected = expected.get_or_insert_with(|| found.clone());
         prop_assert_eq!(&found, expected, "{:?}", kind);

@@ -10,7 +10,7 @@ use crate::traces::{Trace, Traces, are_given};
 use ash::vk;
 use backend::{
     Backend, BackendError, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect,
-    Intersector, Method, Query, Rays, Result, Seek, Snapshot, Ticket,
+    Intersector, Method, Query, QueryKind, Rays, Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};
@@ -175,12 +175,12 @@ fn params(scene: &RtScene) -> Params {
 
 /// The entry point that makes a query's rays.
 fn maker(query: &Query<'_>) -> &'static str {
-    match (query.seek, are_given(query)) {
-        (Seek::Any, _) => "given_any",
-        (Seek::Closest, true) => "given_closest",
-        (Seek::Closest, false) => "camera_closest",
-        (Seek::ClosestAndShadow { .. }, true) => "given_shadow",
-        (Seek::ClosestAndShadow { .. }, false) => "camera_shadow",
+    match (query.kind, are_given(query)) {
+        (QueryKind::Any, _) => "given_any",
+        (QueryKind::Closest, true) => "given_closest",
+        (QueryKind::Closest, false) => "camera_closest",
+        (QueryKind::ClosestAndShadow { .. }, true) => "given_shadow",
+        (QueryKind::ClosestAndShadow { .. }, false) => "camera_shadow",
     }
 }
 
@@ -188,10 +188,10 @@ fn maker(query: &Query<'_>) -> &'static str {
 fn counts(params: Params, trace: &Trace) -> Vec<Work> {
     let rays = trace.count as u32;
     let hits = work::count_hits(params, rays);
-    match trace.seek {
-        Seek::Any => vec![work::count_any(params, rays)],
-        Seek::Closest => vec![hits],
-        Seek::ClosestAndShadow { .. } => vec![hits, work::count_occluded(params, rays)],
+    match trace.kind {
+        QueryKind::Any => vec![work::count_any(params, rays)],
+        QueryKind::Closest => vec![hits],
+        QueryKind::ClosestAndShadow { .. } => vec![hits, work::count_occluded(params, rays)],
     }
 }
 

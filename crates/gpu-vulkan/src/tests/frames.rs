@@ -3,7 +3,7 @@
 use super::scenes::{
     SHADOWED, camera, device, go, hits, open, open_laid, rays, stand, swarm, tree_at,
 };
-use backend::{Backend, FRAMES_IN_FLIGHT, Generation, Layout, Rays, Seek, Ticket};
+use backend::{Backend, FRAMES_IN_FLIGHT, Generation, Layout, QueryKind, Rays, Ticket};
 
 pub(super) fn no_more_submissions_are_under_way_than_may_be() {
     let mut backend = device();
@@ -92,7 +92,7 @@ pub(super) fn another_scene_forgets_the_first() {
         held.push(backend.device_bytes().unwrap().total());
         assert!(backend.take_positions().unwrap().is_none());
         stand(&mut *backend, animation, 0.5);
-        let ticket = go(&mut *backend, Rays::List(&rays(64)), Seek::Closest);
+        let ticket = go(&mut *backend, Rays::List(&rays(64)), QueryKind::Closest);
         assert_eq!(hits(&mut *backend, ticket).closest.len(), 64);
         // Left under way, with a recording begun, for the next scene to drop.
         stand(&mut *backend, animation, 0.6);

@@ -4,7 +4,7 @@ use super::scenes::{
     SHADOWED, camera, device, go, hits, laid, open, open_laid, stand, swarm, tree_at, tree_of,
 };
 use crate::VulkanBackend;
-use backend::{Backend, Generation, Layout, Method, Query, Rays, Seek};
+use backend::{Backend, Generation, Layout, Method, Query, QueryKind, Rays};
 use bvh_layout::Topology;
 use cpu_ref::CpuBackend;
 use geom::{Animation, Ray};
@@ -55,7 +55,7 @@ pub(super) fn the_deepest_tree_is_refitted_and_traced_from_either_end() {
             stand(backend, &animation, 0.0);
             let ticket = go(backend, Rays::List(&rays), SHADOWED);
             let closest = hits(backend, ticket);
-            let ticket = go(backend, Rays::List(&rays), Seek::Any);
+            let ticket = go(backend, Rays::List(&rays), QueryKind::Any);
             let any = hits(backend, ticket);
             answers.push((closest, any, backend.inspect().boxes().unwrap()));
         }
@@ -75,7 +75,7 @@ pub(super) fn a_submission_may_hold_any_number_of_stages() {
         stand(&mut *backend, &animation, 0.0);
     }
     let camera = camera();
-    let ticket = go(&mut *backend, Rays::Camera(&camera), Seek::Closest);
+    let ticket = go(&mut *backend, Rays::Camera(&camera), QueryKind::Closest);
     let times = backend.wait(ticket).unwrap().times;
     assert!(times.refit_ms.unwrap() < times.device_ms);
     assert!(
@@ -221,7 +221,7 @@ pub(super) fn layouts_differ_in_memory_alone() {
             backend.adopt(tree, Generation(generation)).unwrap();
             stand(&mut *backend, &animation, 0.3);
             // Without shadows, for which some drivers' pictures need room of their own.
-            let ticket = go(&mut *backend, Rays::Camera(&camera), Seek::Closest);
+            let ticket = go(&mut *backend, Rays::Camera(&camera), QueryKind::Closest);
             let boxes = backend.inspect().boxes().unwrap();
             let bytes = backend.device_bytes().unwrap().total();
             seen.push((hits(&mut *backend, ticket), boxes, bytes));
@@ -241,7 +241,7 @@ pub(super) fn a_cameras_rays_meet_anything_as_the_list_of_them_does() {
     let any = |backend: &mut VulkanBackend, rays| {
         let query = Query {
             rays,
-            seek: Seek::Any,
+            kind: QueryKind::Any,
         };
         backend.trace(query).unwrap();
         let ticket = backend.submit().unwrap();

@@ -2,7 +2,7 @@
 
 use super::scenes::{device, go, hits, open, rays, stand, swarm};
 use crate::VulkanBackend;
-use backend::{Backend, BackendError, Method, Rays, Seek};
+use backend::{Backend, BackendError, Method, QueryKind, Rays};
 use geom::Animation;
 use std::sync::Arc;
 
@@ -37,7 +37,7 @@ pub(super) fn a_scene_too_large_is_refused_with_both_numbers_and_a_small_one_sti
     let small = swarm(50);
     open(&mut *backend, &small);
     stand(&mut *backend, &small, 0.5);
-    let ticket = go(&mut *backend, Rays::List(&rays(8)), Seek::Closest);
+    let ticket = go(&mut *backend, Rays::List(&rays(8)), QueryKind::Closest);
     assert_eq!(hits(&mut *backend, ticket).closest.len(), 8);
 }
 
@@ -53,13 +53,13 @@ pub(super) fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once(
     let camera = geom::Camera::look_at(eye, [0.0; 3], up, 50.0, [side, side]).unwrap();
     let query = backend::Query {
         rays: Rays::Camera(&camera),
-        seek: Seek::Closest,
+        kind: QueryKind::Closest,
     };
     let refused = backend.trace(query);
     assert!(
         matches!(refused, Err(BackendError::Limit { need, .. }) if need > limit),
         "{refused:?}"
     );
-    let ticket = go(&mut *backend, Rays::List(&rays(8)), Seek::Closest);
+    let ticket = go(&mut *backend, Rays::List(&rays(8)), QueryKind::Closest);
     assert_eq!(hits(&mut *backend, ticket).closest.len(), 8);
 }

@@ -2,7 +2,7 @@
 
 use super::scenes::{SHADOWED, camera, go, hits, open, rays, stand, swarm};
 use crate::{DriverTreeBackend, Options, Prefer, Validation};
-use backend::{Backend, Generation, Hits, Method, Rays, Seek};
+use backend::{Backend, Generation, Hits, Method, QueryKind, Rays};
 use cpu_ref::CpuBackend;
 use geom::{Animation, Hit};
 use std::sync::Arc;
@@ -36,7 +36,7 @@ fn both(
     prefer: Prefer,
     animation: &Arc<Animation>,
     frames: &[(f64, bool)],
-    (rays, seek): (Rays<'_>, Seek),
+    (rays, kind): (Rays<'_>, QueryKind),
 ) -> Vec<[(Hits, [u64; 4]); 2]> {
     let mut watched = made(prefer).unwrap();
     let subject = &mut watched.0;
@@ -55,7 +55,7 @@ fn both(
         subject.refit().unwrap();
         stand(&mut reference, animation, time);
         found.push([subject, &mut reference as &mut dyn Backend].map(|b| {
-            let ticket = go(b, rays, seek);
+            let ticket = go(b, rays, kind);
             let r = b.wait(ticket).unwrap();
             (
                 hits(b, ticket),
@@ -92,16 +92,16 @@ pub(super) fn the_drivers_trees_are_hit_where_the_references_are() {
     let animation = swarm(2000);
     let (camera, list) = (camera(), rays(3000));
     for prefer in [Prefer::FastBuild, Prefer::FastTrace] {
-        for (rays, seek) in [
+        for (rays, kind) in [
             (Rays::Camera(&camera), SHADOWED),
-            (Rays::Camera(&camera), Seek::Closest),
+            (Rays::Camera(&camera), QueryKind::Closest),
             (Rays::List(&list), SHADOWED),
-            (Rays::List(&list), Seek::Closest),
-            (Rays::List(&list), Seek::Any),
+            (Rays::List(&list), QueryKind::Closest),
+            (Rays::List(&list), QueryKind::Any),
         ] {
-            for both in both(prefer, &animation, &ALL, (rays, seek)) {
+            for both in both(prefer, &animation, &ALL, (rays, kind)) {
                 let off = differences(&both);
-                assert!(off <= rays.count() / 1000, "{off} {prefer:?} {seek:?}");
+                assert!(off <= rays.count() / 1000, "{off} {prefer:?} {kind:?}");
                 let met = both[1].1[0];
                 assert!(met as usize > rays.count() / 30, "{met}");
             }

@@ -1,7 +1,9 @@
 //! Small scenes and the few sentences in which tests are written.
 
 use crate::{Options, Validation, VulkanBackend};
-use backend::{Backend, Generation, Hits, Layout, Method, Query, Rays, Seek, Snapshot, Ticket};
+use backend::{
+    Backend, Generation, Hits, Layout, Method, Query, QueryKind, Rays, Snapshot, Ticket,
+};
 use bvh_build::{BinaryTree, Builder, Cancel};
 use bvh_layout::{Converter, Topology};
 use geom::{Animation, Camera, Point, Ray};
@@ -165,7 +167,7 @@ pub(super) fn rays(count: usize) -> Vec<Ray> {
     rays
 }
 
-pub(super) const SHADOWED: Seek = Seek::ClosestAndShadow {
+pub(super) const SHADOWED: QueryKind = QueryKind::ClosestAndShadow {
     light: [2.0, 5.0, 3.0],
 };
 
@@ -196,8 +198,8 @@ pub(super) fn stand(backend: &mut dyn Backend, animation: &Animation, time: f64)
 }
 
 /// Records a trace and submits.
-pub(super) fn go(backend: &mut dyn Backend, rays: Rays<'_>, seek: Seek) -> Ticket {
-    backend.trace(Query { rays, seek }).unwrap();
+pub(super) fn go(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Ticket {
+    backend.trace(Query { rays, kind }).unwrap();
     backend.submit().unwrap()
 }
 

@@ -2,7 +2,7 @@
 
 use crate::scenes::{go, open, open_laid, rays, stand, swarm};
 use crate::twins::variants;
-use backend::{Backend, Layout, Rays, Seek};
+use backend::{Backend, Layout, QueryKind, Rays};
 use cpu_ref::CpuBackend;
 use geom::Animation;
 use gpu_wgpu::{Options, WgpuBackend};
@@ -73,7 +73,7 @@ pub(crate) fn a_cost_stands_until_the_next_refit() -> Result<(), Failed> {
     let early = backend.submit()?;
     assert_eq!(backend.wait(early)?.sah_cost, None);
     let first = cost(&mut backend, &animation, 0.0)?;
-    let ticket = go(&mut backend, Rays::List(&rays(8)), Seek::Closest)?;
+    let ticket = go(&mut backend, Rays::List(&rays(8)), QueryKind::Closest)?;
     assert_eq!(backend.wait(ticket)?.sah_cost, first);
     assert!(cost(&mut backend, &animation, 1.0)? > first);
     Ok(())

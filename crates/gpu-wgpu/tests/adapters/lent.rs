@@ -4,7 +4,7 @@ use crate::life::arrive;
 use crate::scenes::{
     SHADOWED, answers, camera, go, hits, open, open_laid, rays, stand, swarm, tree_at,
 };
-use backend::{Backend, BackendError, Generation, Layout, Method, Rays, Seek};
+use backend::{Backend, BackendError, Generation, Layout, Method, QueryKind, Rays};
 use geom::{Animation, Ray};
 use gpu_wgpu::{Options, WgpuBackend, required_features, required_limits, useful_features};
 use libtest_mimic::Failed;
@@ -82,7 +82,7 @@ pub(crate) fn a_scene_too_large_is_refused_by_its_limit() -> Result<(), Failed> 
     open(&mut backend, &animation)?;
     stand(&mut backend, &animation, 0.0)?;
     let many = rays(40_000);
-    let refused = go(&mut backend, Rays::List(&many), Seek::Closest).unwrap_err();
+    let refused = go(&mut backend, Rays::List(&many), QueryKind::Closest).unwrap_err();
     assert!(
         matches!(
             refused,
@@ -93,7 +93,7 @@ pub(crate) fn a_scene_too_large_is_refused_by_its_limit() -> Result<(), Failed> 
         ),
         "{refused:?}"
     );
-    go(&mut backend, Rays::List(&many[..100]), Seek::Closest)?;
+    go(&mut backend, Rays::List(&many[..100]), QueryKind::Closest)?;
     Ok(())
 }
 
@@ -193,7 +193,7 @@ pub(crate) fn every_verb_after_a_loss_is_an_error_and_no_panic() -> Result<(), F
         }),
         ("a trace", |b, a, list| {
             stand(b, a, 0.3)
-                .and_then(|()| go(b, Rays::List(list), Seek::Any))
+                .and_then(|()| go(b, Rays::List(list), QueryKind::Any))
                 .and_then(|t| hits(b, t))
                 .map(drop)
         }),
@@ -211,7 +211,7 @@ pub(crate) fn every_verb_after_a_loss_is_an_error_and_no_panic() -> Result<(), F
         let mut backend = WgpuBackend::from_device(device.clone(), queue, info)?;
         open(&mut backend, &animation)?;
         stand(&mut backend, &animation, 0.5)?;
-        let ticket = go(&mut backend, Rays::List(&list), Seek::Closest)?;
+        let ticket = go(&mut backend, Rays::List(&list), QueryKind::Closest)?;
         backend.wait(ticket)?;
         device.destroy();
         let found = verb(&mut backend, &animation, &list);
@@ -236,7 +236,7 @@ pub(crate) fn a_lost_device_is_an_error_and_no_panic() -> Result<(), Failed> {
     open(&mut backend, &animation)?;
     stand(&mut backend, &animation, 0.5)?;
     backend.request_positions()?;
-    let ticket = go(&mut backend, Rays::List(&rays(100)), Seek::Closest)?;
+    let ticket = go(&mut backend, Rays::List(&rays(100)), QueryKind::Closest)?;
     let (_, held) = arrive(&mut backend)?;
     device.destroy();
     // wgpu gives destroyed buffers up when it is polled next.

@@ -3,7 +3,9 @@
 use crate::scenes::{
     self, SHADOWED, camera, go, hits, open, open_laid, rays, stand, swarm, tree_at,
 };
-use backend::{Backend, BackendError, Generation, Inspect, Layout, Rays, Seek, Snapshot, Ticket};
+use backend::{
+    Backend, BackendError, Generation, Inspect, Layout, QueryKind, Rays, Snapshot, Ticket,
+};
 use geom::Point;
 use gpu_vulkan::VulkanBackend;
 use gpu_wgpu::{Options, WgpuBackend};
@@ -36,7 +38,7 @@ pub(crate) fn a_wrong_tree_is_refused_and_the_old_one_stays() -> Result<(), Fail
         "{refused:?}"
     );
     stand(&mut backend, &animation, 0.5)?;
-    let ticket = go(&mut backend, Rays::List(&rays(8)), Seek::Closest)?;
+    let ticket = go(&mut backend, Rays::List(&rays(8)), QueryKind::Closest)?;
     hits(&mut backend, ticket)?;
     Ok(())
 }
@@ -135,7 +137,7 @@ fn forgets(backend: &mut dyn Backend) -> Result<(), Failed> {
         open(backend, animation)?;
         assert!(backend.take_positions()?.is_none());
         stand(backend, animation, 0.5)?;
-        let ticket = go(backend, Rays::List(&rays(64)), Seek::Closest)?;
+        let ticket = go(backend, Rays::List(&rays(64)), QueryKind::Closest)?;
         assert_eq!(hits(backend, ticket)?.closest.len(), 64);
         // Left under way, with a recording begun, for the next scene to drop.
         stand(backend, animation, 0.6)?;

@@ -1,6 +1,6 @@
 //! Small scenes and the few sentences in which trials are written.
 
-use backend::{Backend, Generation, Hits, Layout, Method, Query, Rays, Result, Seek, Ticket};
+use backend::{Backend, Generation, Hits, Layout, Method, Query, QueryKind, Rays, Result, Ticket};
 use bvh_build::{BinaryTree, Builder, Cancel};
 use bvh_layout::{Converter, Topology};
 use geom::{Animation, Camera, Point, Ray};
@@ -75,7 +75,7 @@ pub(crate) fn rays(count: usize) -> Vec<Ray> {
     all
 }
 
-pub(crate) const SHADOWED: Seek = Seek::ClosestAndShadow {
+pub(crate) const SHADOWED: QueryKind = QueryKind::ClosestAndShadow {
     light: [2.0, 3.0, 2.5],
 };
 
@@ -105,8 +105,8 @@ pub(crate) fn stand(backend: &mut dyn Backend, animation: &Animation, time: f64)
 }
 
 /// Traces and submits.
-pub(crate) fn go(backend: &mut dyn Backend, rays: Rays<'_>, seek: Seek) -> Result<Ticket> {
-    backend.trace(Query { rays, seek })?;
+pub(crate) fn go(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Result<Ticket> {
+    backend.trace(Query { rays, kind })?;
     backend.submit()
 }
 
@@ -140,10 +140,10 @@ pub(crate) fn answers(
     animation: &Animation,
     time: f64,
     rays: Rays<'_>,
-    seek: Seek,
+    kind: QueryKind,
 ) -> Result<Answers> {
     stand(backend, animation, time)?;
-    let ticket = go(backend, rays, seek)?;
+    let ticket = go(backend, rays, kind)?;
     let report = backend.wait(ticket)?;
     let hits = hits(backend, ticket)?;
     let boxes = backend.inspect().boxes()?;

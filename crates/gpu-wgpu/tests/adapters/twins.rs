@@ -3,7 +3,7 @@
 use crate::scenes::{
     SHADOWED, answers, camera, go, hits, open, open_laid, rays, stand, swarm, tree_at,
 };
-use backend::{Backend, Generation, Layout, Rays, Seek};
+use backend::{Backend, Generation, Layout, QueryKind, Rays};
 use cpu_ref::CpuBackend;
 use geom::{Animation, Hit};
 use gpu_vulkan::VulkanBackend;
@@ -75,10 +75,10 @@ pub(crate) fn every_variant_answers_as_its_twins_do() -> Result<(), Failed> {
     let (animation, camera, list) = (swarm(600), camera(), rays(1500));
     let queries = [
         (Rays::Camera(&camera), SHADOWED),
-        (Rays::Camera(&camera), Seek::Closest),
+        (Rays::Camera(&camera), QueryKind::Closest),
         (Rays::List(&list), SHADOWED),
-        (Rays::List(&list), Seek::Closest),
-        (Rays::List(&list), Seek::Any),
+        (Rays::List(&list), QueryKind::Closest),
+        (Rays::List(&list), QueryKind::Any),
     ];
     let mut all = backends()?;
     // The host first, then all others, in the one layout and then in the other.
@@ -88,10 +88,10 @@ pub(crate) fn every_variant_answers_as_its_twins_do() -> Result<(), Failed> {
         let layout = Layout::ALL[usize::from(i >= usual)];
         open_laid(backend.as_mut(), &animation, layout)?;
     }
-    for (i, (rays, seek)) in queries.into_iter().enumerate() {
+    for (i, (rays, kind)) in queries.into_iter().enumerate() {
         let time = [0.0, 0.37, 1.0, 1.75, 2.0][i];
         let (_, reference) = &mut all[0];
-        let expected = answers(reference.as_mut(), &animation, time, rays, seek)?;
+        let expected = answers(reference.as_mut(), &animation, time, rays, kind)?;
         assert!(
             expected.counts[0] > 100,
             "the scene is in sight: {:?}",
@@ -102,7 +102,7 @@ pub(crate) fn every_variant_answers_as_its_twins_do() -> Result<(), Failed> {
             "some are left out"
         );
         for (name, backend) in &mut all[1..] {
-            let found = answers(backend.as_mut(), &animation, time, rays, seek)?;
+            let found = answers(backend.as_mut(), &animation, time, rays, kind)?;
             assert!(
                 found == expected,
                 "{name} differs from the host at {time}, query {i}"
@@ -118,8 +118,9 @@ pub(crate) fn any_hit_of_camera_rays_is_that_of_the_rays_one_by_one() -> Result<
     for (name, options) in variants() {
         let mut backend = WgpuBackend::new(&options)?;
         open(&mut backend, &animation)?;
-        let ask =
-            |backend: &mut WgpuBackend, rays| answers(backend, &animation, 0.8, rays, Seek::Any);
+        let ask = |backend: &mut WgpuBackend, rays| {
+            answers(backend, &animation, 0.8, rays, QueryKind::Any)
+        };
         let found = ask(&mut backend, Rays::Camera(&camera))?;
         assert!(found == ask(&mut backend, Rays::List(&list))?, "{name}");
         let all = camera.pixels() as u64;
@@ -159,14 +160,14 @@ pub(crate) fn an_empty_tree_is_missed_by_all() -> Result<(), Failed> {
     let (camera, list) = (camera(), rays(9));
     let mut backend = WgpuBackend::new(&Options::default())?;
     open(&mut backend, &animation)?;
-    for (rays, seek) in [
+    for (rays, kind) in [
         (Rays::Camera(&camera), SHADOWED),
-        (Rays::List(&list), Seek::Closest),
-        (Rays::List(&list), Seek::Any),
+        (Rays::List(&list), QueryKind::Closest),
+        (Rays::List(&list), QueryKind::Any),
         (Rays::List(&[]), SHADOWED),
     ] {
         stand(&mut backend, &animation, 0.0)?;
-        let ticket = go(&mut backend, rays, seek)?;
+        let ticket = go(&mut backend, rays, kind)?;
         let hits = hits(&mut backend, ticket)?;
         assert!(hits.closest.iter().all(|h| *h == Hit::MISS));
         assert!(hits.blocked.iter().all(|&b| b == 0));

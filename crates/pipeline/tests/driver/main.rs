@@ -7,7 +7,7 @@ mod occluder_first;
 mod own;
 mod warm_up;
 
-use backend::{Generation, Method, Query, Rays, Seek};
+use backend::{Generation, Method, Query, QueryKind, Rays};
 use fake::{Fake, Gate, Log};
 use geom::{Animation, Camera};
 use pipeline::{Driver, Frame, FrameRecord, Options, Pace, PipelineError, Update};
@@ -85,7 +85,7 @@ fn run_paced(
     let camera = camera();
     let query = Query {
         rays: Rays::Camera(&camera),
-        seek: Seek::Closest,
+        kind: QueryKind::Closest,
     };
     let mut records = Vec::new();
     let step = animation.end() / frames as f64;

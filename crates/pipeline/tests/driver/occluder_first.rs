@@ -3,13 +3,13 @@
 use crate::ahead::{many_shuffled, positions};
 use crate::fake::Fake;
 use crate::{camera, driver, read};
-use backend::{Query, Rays, Seek};
+use backend::{Query, QueryKind, Rays};
 use bvh_build::Cancel;
 use geom::Point;
 use pipeline::{Frame, Pace, TreeBuilder, Update};
 
 /// Records of all trees adopted in frames at times 0 to 5, by what each seeks.
-fn trees(update: Update, predict: bool, seek: impl Fn(u64) -> Seek) -> Vec<Vec<u32>> {
+fn trees(update: Update, predict: bool, kind: impl Fn(u64) -> QueryKind) -> Vec<Vec<u32>> {
     let animation = many_shuffled(6, 256);
     let (fake, log) = Fake::new(Some(0), None);
     let mut driver = driver(fake, &animation, (update, predict)).unwrap();
@@ -18,7 +18,7 @@ fn trees(update: Update, predict: bool, seek: impl Fn(u64) -> Seek) -> Vec<Vec<u
         let time = index as f64;
         let query = Query {
             rays: Rays::Camera(&camera),
-            seek: seek(index),
+            kind: kind(index),
         };
         driver.begin(Frame { index, time }, query).unwrap();
         driver.finish(None).unwrap();
@@ -44,15 +44,15 @@ fn every_tree_faces_the_light_of_the_frame_that_asks() {
     let ordered = |time: u64, of: u64| tree_at(time as f64, Some(light(of)));
     assert_ne!(ordered(0, 0), tree_at(0.0, None));
     assert_ne!(ordered(5, 5), ordered(5, 0));
-    let seek = |index| Seek::ClosestAndShadow {
+    let kind = |index| QueryKind::ClosestAndShadow {
         light: light(index),
     };
-    let rebuilt = trees(Update::Rebuild, false, seek);
+    let rebuilt = trees(Update::Rebuild, false, kind);
     assert_eq!((&rebuilt[0], &rebuilt[5]), (&ordered(0, 0), &ordered(5, 5)));
-    assert_eq!(trees(Update::Refit, false, seek), [ordered(0, 0)]);
+    assert_eq!(trees(Update::Refit, false, kind), [ordered(0, 0)]);
     // Asked for in one frame, such a tree is in use from the next one on; foreseen, it is built for that one.
     for (predict, ahead) in [(false, 0), (true, 1)] {
-        let found = trees(Update::Async(Pace::Lockstep(1)), predict, seek);
+        let found = trees(Update::Async(Pace::Lockstep(1)), predict, kind);
         for (tree, asked) in found[1..].iter().zip(1..) {
             assert_eq!(*tree, ordered(asked + ahead, asked), "{predict} {asked}");
         }
@@ -62,8 +62,8 @@ fn every_tree_faces_the_light_of_the_frame_that_asks() {
 
 #[test]
 fn trees_for_other_rays_face_nothing() {
-    for seek in [Seek::Closest, Seek::Any] {
-        let found = trees(Update::Rebuild, false, |_| seek);
+    for kind in [QueryKind::Closest, QueryKind::Any] {
+        let found = trees(Update::Rebuild, false, |_| kind);
         assert_eq!(found[3], tree_at(3.0, None));
     }
 }

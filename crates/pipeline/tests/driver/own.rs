@@ -2,7 +2,7 @@
 
 use crate::fake::{Fake, Log};
 use crate::{camera, drifting, read};
-use backend::{Generation, Query, Rays, Seek};
+use backend::{Generation, Query, QueryKind, Rays};
 use pipeline::{Driver, Frame, Pace, PipelineError, Update};
 use std::sync::{Arc, Mutex};
 
@@ -20,7 +20,7 @@ fn rebuilt(update: Update) -> Vec<u64> {
     let camera = camera();
     let query = Query {
         rays: Rays::Camera(&camera),
-        seek: Seek::Closest,
+        kind: QueryKind::Closest,
     };
     let frames = [0.0, 0.5, 0.5, 1.0, 2.0, 3.0].into_iter();
     let frames = (0..).zip(frames).map(|(index, time)| Frame { index, time });

@@ -2,7 +2,7 @@
 
 use crate::fake::{Fake, Log};
 use crate::{camera, drifting, driver, read};
-use backend::{Generation, Query, Rays, Seek};
+use backend::{Generation, Query, QueryKind, Rays};
 use pipeline::{Frame, FrameRecord, Pace, PipelineError, Update};
 
 /// What a frame says that no clock decides.
@@ -34,7 +34,7 @@ fn run(update: Update, predict: bool, uncounted: Uncounted) -> (Vec<FrameRecord>
     let camera = camera();
     let query = Query {
         rays: Rays::Camera(&camera),
-        seek: Seek::Closest,
+        kind: QueryKind::Closest,
     };
     let mut records = Vec::new();
     let frames: Vec<_> = (0..20)

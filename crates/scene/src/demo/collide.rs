@@ -1,9 +1,9 @@
 //! `demo:collide`: two soft bodies fly at each other, flatten, break contact and wobble away; splinters burst out between them.
 
 use super::chance::{between, direction, noise};
-use super::flight::Flight;
 use super::shapes::{cube, cube_cuts, onto_ball, sheet, sheet_size};
 use super::stage::{Part, assemble, blend, rotation, shade};
+use super::trajectory::Trajectory;
 use crate::Rgb;
 use geom::{Animation, AnimationError};
 use glam::{DAffine3, DMat3, DVec3};
@@ -143,7 +143,7 @@ fn soft_wall(inward: f64) -> f64 {
     }
 }
 
-/// Stretches and flattens along x after the bodies part, fading.
+/// Elongates and flattens along x after the bodies part, fading.
 fn wobble(time: f64) -> DMat3 {
     let after = (time - CONTACT[1]).max(0.0);
     let stretch = 1.0 + 0.22 * libm::sin(after * TAU / 0.24) * libm::exp(-5.0 * after);
@@ -181,7 +181,7 @@ fn splinter(index: u64) -> Part {
             + within
     };
     let start = at(CONTACT[0]);
-    let flight = Flight {
+    let trajectory = Trajectory {
         start,
         velocity: out * between(88, index, [0.8, 3.6])
             + DVec3::X * owner.side * between(89, index, [-0.6, 2.2])
@@ -192,7 +192,7 @@ fn splinter(index: u64) -> Part {
     };
     Part::rigid(mesh, colour, move |time| {
         let ridden = at(time.min(CONTACT[0])) - start;
-        DAffine3::from_translation(ridden) * flight.pose((time - CONTACT[0]).max(0.0) * SECONDS)
+        DAffine3::from_translation(ridden) * trajectory.pose((time - CONTACT[0]).max(0.0) * SECONDS)
     })
 }
 

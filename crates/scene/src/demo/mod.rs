@@ -7,12 +7,12 @@
 mod chance;
 mod collide;
 mod figure;
-mod flight;
 mod grove;
 mod hall;
 mod shapes;
 mod shatter;
 mod stage;
+mod trajectory;
 mod twist;
 
 use crate::{Facts, Options, Rgb, Scene, SceneError, memory};

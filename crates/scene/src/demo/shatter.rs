@@ -3,9 +3,9 @@
 //! Neighbours part at random speeds, so that a tree built for the whole ball says little about where anything is later.
 
 use super::chance::{between, direction, noise};
-use super::flight::Flight;
 use super::shapes::{Mesh, cube, onto_ball, sheet, sheet_size};
 use super::stage::{Part, assemble, blend, shade};
+use super::trajectory::Trajectory;
 use crate::Rgb;
 use geom::{Animation, AnimationError};
 use glam::DVec3;
@@ -67,11 +67,11 @@ fn shard(piece: u64, cells: u32, cuts: u32) -> Part {
     let into_cube = |p: DVec3| (cell + (p + 1.0) * 0.5) * size - 1.0;
     let mesh = cube(cuts).map(|p| RADIUS * onto_ball(bend(into_cube(p), size)));
     let middle = mesh.points.iter().sum::<DVec3>() / mesh.points.len() as f64;
-    let flight = throw(piece, middle);
+    let trajectory = throw(piece, middle);
     let tint = between(11, piece, [-0.12, 0.12]);
     let colour = move |p: DVec3| shade(colour_at(p + middle), tint);
     let mesh = Mesh::map(mesh, |p| p - middle);
-    Part::rigid(mesh, colour, move |time| flight.pose(time * SECONDS))
+    Part::rigid(mesh, colour, move |time| trajectory.pose(time * SECONDS))
 }
 
 /// Moves the inside of the cube `[-1, 1]^3` a little, each face within itself: pieces of many sizes with curved sides.
@@ -93,12 +93,12 @@ fn colour_at(p: DVec3) -> Rgb {
 }
 
 /// Outward with the blast, round with the swirl, up, and each for itself: what makes neighbours part.
-fn throw(piece: u64, middle: DVec3) -> Flight {
+fn throw(piece: u64, middle: DVec3) -> Trajectory {
     let start = CENTRE + middle;
     let random = direction(41, piece) * between(42, piece, [0.3, 3.2]);
     let swirl = DVec3::Y.cross(middle) * between(43, piece, [-0.5, 2.5]);
     let up = DVec3::Y * between(44, piece, [0.5, 6.0]);
-    Flight {
+    Trajectory {
         start,
         velocity: middle * 1.1 + random + swirl + up,
         axis: direction(45, piece),

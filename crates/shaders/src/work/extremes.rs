@@ -2,7 +2,7 @@
 
 use super::{Rays, Work};
 use crate::{Params, kernel};
-use backend::{Intersector, Method, Seek};
+use backend::{Intersector, Method, QueryKind};
 
 /// Which of a query's rays are extreme.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +24,7 @@ pub(super) fn of(method: Method, params: &Params, rays: Rays<'_>) -> Extremes {
 }
 
 /// What answers them. Comes after what answers the others, as which these rays miss.
-pub(super) fn work(method: Method, params: Params, rays: Rays<'_>, seek: Seek) -> Vec<Work> {
+pub(super) fn work(method: Method, params: Params, rays: Rays<'_>, kind: QueryKind) -> Vec<Work> {
     let params = Params {
         rule: (method.intersector == Intersector::Watertight).into(),
         ..params
@@ -37,11 +37,11 @@ pub(super) fn work(method: Method, params: Params, rays: Rays<'_>, seek: Seek) -
         }
     };
     let over = |entry, params| Work::linear(kernel(entry, method), params, rays.count());
-    match seek {
-        Seek::Any => vec![over("extreme_any_rays", params)],
-        Seek::Closest => vec![over(closest, params)],
+    match kind {
+        QueryKind::Any => vec![over("extreme_any_rays", params)],
+        QueryKind::Closest => vec![over(closest, params)],
         // In the scene's units, unlike everywhere else.
-        Seek::ClosestAndShadow { light } => {
+        QueryKind::ClosestAndShadow { light } => {
             let lit = Params { light, ..params };
             vec![over(closest, params), over(shadow, lit)]
         }

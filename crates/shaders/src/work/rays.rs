@@ -2,7 +2,7 @@
 
 use super::Work;
 use crate::{Params, common};
-use backend::{Query, Rays, Seek};
+use backend::{Query, QueryKind, Rays};
 use geom::Point;
 
 /// Where in [`crate::Counts`] a count lies, in words.
@@ -59,7 +59,7 @@ pub fn rays(params: Params, query: &Query<'_>, given: bool) -> Params {
         _ => params,
     };
     params.count = query.rays.count() as u32;
-    if let Seek::ClosestAndShadow { light } = query.seek {
+    if let QueryKind::ClosestAndShadow { light } = query.kind {
         params = params.lit(light);
     }
     params

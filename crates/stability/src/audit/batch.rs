@@ -1,10 +1,10 @@
-//! A lot with its exact answers, and what backends make of it.
+//! A batch of rays with its exact answers, and what backends make of it.
 
-use super::Lot;
+use super::BatchSpec;
 use super::bounds::TBounds;
-use crate::ask::{seek, stand};
+use crate::ask::{kind, stand};
 use crate::scenes::Scene;
-use backend::{Backend, Method, Result, Seek};
+use backend::{Backend, Method, QueryKind, Result};
 use geom::{Hit, Ray};
 use oracle::{ExactHit, Oracle};
 use rayon::prelude::*;
@@ -19,7 +19,7 @@ const KEPT: usize = 4;
 #[derive(Clone, Debug)]
 pub struct Batch {
     /// Which.
-    pub lot: Lot,
+    pub spec: BatchSpec,
     scene: Scene,
     exact: Vec<Option<ExactHit>>,
     about: Tally,
@@ -58,9 +58,9 @@ pub struct Tally {
 /// A ray with a wrong answer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wrong {
-    /// The lot's number.
-    pub lot: u64,
-    /// The ray's number within the lot.
+    /// The batch's number.
+    pub spec: u64,
+    /// The ray's number within the batch.
     pub number: usize,
     /// The ray.
     pub ray: Ray,
@@ -75,7 +75,7 @@ pub struct Wrong {
 }
 
 impl Batch {
-    pub(super) fn new(lot: Lot, scene: Scene) -> Self {
+    pub(super) fn new(spec: BatchSpec, scene: Scene) -> Self {
         let pose = scene.animation.pose(scene.time);
         let oracle = Oracle::at(&scene.animation, pose);
         let rays = scene.rays.par_iter();
@@ -97,7 +97,7 @@ impl Batch {
             ..Tally::default()
         };
         Self {
-            lot,
+            spec,
             exact,
             about,
             scene,
@@ -111,8 +111,8 @@ impl Batch {
     pub fn ask(&self, subject: &mut dyn Backend, method: Method) -> Result<Tally> {
         let rays = &self.scene.rays;
         stand(subject, &self.scene, method, self.scene.built)?;
-        let (closest, report) = seek(subject, rays, Seek::Closest)?;
-        let (any, _) = seek(subject, rays, Seek::Any)?;
+        let (closest, report) = kind(subject, rays, QueryKind::Closest)?;
+        let (any, _) = kind(subject, rays, QueryKind::Any)?;
         let mut tally = Tally {
             settled: report.settled,
             ..self.about.clone()
@@ -144,7 +144,7 @@ impl Batch {
         let there = |t: u32| (t as usize) < animation.triangle_count();
         let corners = |t| animation.corners(animation.pose(self.scene.time), t);
         Wrong {
-            lot: self.lot.number,
+            spec: self.spec.number,
             number,
             ray: self.scene.rays[number],
             expected,
@@ -192,7 +192,7 @@ impl fmt::Display for Wrong {
             f,
             "ray {} of batch {}, origin {origin:?}, direction {direction:?}, t in ({t_min:?}, {t_max:?}): hits {} at t = {:?} (any: {}), exactly {} at {:?}",
             self.number,
-            self.lot,
+            self.spec,
             name(found, given),
             self.found.t,
             self.any,

@@ -117,8 +117,8 @@ fn body(rng: &mut Rng) -> Scene {
         offsets: vec![0.0],
         method: backend::Method::default(),
     };
-    let mut shots = leaks::shots(&plan);
-    let shot = shots.swap_remove(rng.usize(..shots.len()));
+    let mut ray_batches = leaks::ray_batches(&plan);
+    let shot = ray_batches.swap_remove(rng.usize(..ray_batches.len()));
     Scene {
         built: 0.0,
         time: 0.0,

@@ -1,8 +1,8 @@
 //! Rays by the million against the oracle: every one of them, on meshes of many kinds and places.
 //!
-//! An [`Audit`] shares its rays out among [`Lot`]s, each a scene at one moment with rays of every sort. Scene and
-//! rays of a lot depend on the seed and its number alone, so that any can be made again without the others. A
-//! [`Batch`] is a lot with the oracle's answers, found once and held against any number of backends.
+//! An [`Audit`] shares its rays out among [`BatchSpec`]s, each a scene at one moment with rays of every sort. Scene and
+//! rays of a batch depend on the seed and its number alone, so that any can be made again without the others. A
+//! [`Batch`] also holds the oracle's answers, found once and held against any number of backends.
 
 mod aim;
 mod batch;
@@ -49,7 +49,7 @@ pub struct Given {
     pub animation: Arc<Animation>,
 }
 
-/// Where a lot's scene comes from.
+/// Where a batch's scene comes from.
 #[derive(Clone, Copy, Debug)]
 enum Source {
     Made(Kind, Place),
@@ -59,8 +59,8 @@ enum Source {
 
 /// One scene at one moment, and how many rays it is asked.
 #[derive(Clone, Copy, Debug)]
-pub struct Lot {
-    /// Its number among all lots of the audit.
+pub struct BatchSpec {
+    /// Its number among all batches of the audit.
     pub number: u64,
     /// Rays it is asked.
     pub rays: u64,
@@ -90,73 +90,73 @@ impl Audit {
         }
     }
 
-    /// All lots that have rays. Each kind of mesh gets as many rays as the next, and as many as each scene given.
+    /// All batches that have rays. Each kind of mesh gets as many rays as the next, and as many as each scene given.
     #[must_use]
-    pub fn lots(&self) -> Vec<Lot> {
+    pub fn specs(&self) -> Vec<BatchSpec> {
         let sorts = Kind::ALL.len() + self.given.len();
         let [made, given] = [Kind::ALL.len(), 1].map(|n| self.plan.rays * n as u64 / sorts as u64);
-        let mut lots = Vec::new();
+        let mut specs = Vec::new();
         let made = made + self.plan.rays - made - given * self.given.len() as u64;
         let combinations = (Kind::ALL.len() * Place::ALL.len()) as u64;
-        self.share(made, [combinations, MOST], &mut lots, |i| {
+        self.share(made, [combinations, MOST], &mut specs, |i| {
             let (kind, place) = (i % Kind::ALL.len(), i / Kind::ALL.len());
             Source::Made(Kind::ALL[kind], Place::ALL[place % Place::ALL.len()])
         });
         for i in 0..self.given.len() {
-            self.share(given, [MOMENTS, MOST_GIVEN], &mut lots, |_| {
+            self.share(given, [MOMENTS, MOST_GIVEN], &mut specs, |_| {
                 Source::Given(i)
             });
         }
-        lots.retain(|lot| lot.rays > 0);
-        lots
+        specs.retain(|spec| spec.rays > 0);
+        specs
     }
 
-    /// Shares rays out among so many lots at least, of so many rays at most.
+    /// Shares rays out among so many batches at least, of so many rays at most.
     fn share(
         &self,
         rays: u64,
         [least, most]: [u64; 2],
-        lots: &mut Vec<Lot>,
+        specs: &mut Vec<BatchSpec>,
         source: impl Fn(usize) -> Source,
     ) {
         let count = rays.div_ceil(most).max(least);
-        let first = lots.len() as u64;
-        lots.extend((0..count).map(|i| Lot {
+        let first = specs.len() as u64;
+        specs.extend((0..count).map(|i| BatchSpec {
             number: first + i,
             rays: rays / count + u64::from(i < rays % count),
             source: source(i as usize),
         }));
     }
 
-    /// What a lot's scene is called: the kind of mesh or the name given.
+    /// What a batch's scene is called: the kind of mesh or the name given.
     #[must_use]
-    pub fn name(&self, lot: &Lot) -> &str {
-        match lot.source {
+    pub fn name(&self, spec: &BatchSpec) -> &str {
+        match spec.source {
             Source::Made(kind, _) => kind.name(),
             Source::Given(i) => &self.given[i].name,
         }
     }
 
-    /// What a lot is made of, for messages.
+    /// What a batch is made of, for messages.
     #[must_use]
-    pub fn about(&self, lot: &Lot) -> String {
-        match lot.source {
+    pub fn about(&self, spec: &BatchSpec) -> String {
+        match spec.source {
             Source::Made(kind, place) => format!("{}, {}", kind.name(), place.name()),
             Source::Given(i) => self.given[i].name.clone(),
         }
     }
 
-    /// Makes a lot's scene and rays, and finds the exact answers, on as many threads as there are.
+    /// Makes a batch's scene and rays, and finds the exact answers, on as many threads as there are.
     #[must_use]
-    pub fn batch(&self, lot: &Lot) -> Batch {
-        let seed = mixed(mixed(self.plan.seed) ^ lot.number);
+    pub fn batch(&self, spec: &BatchSpec) -> Batch {
+        let seed = mixed(mixed(self.plan.seed) ^ spec.number);
         let rng = &mut Rng::with_seed(seed);
-        let mut scene = match lot.source {
+        let mut scene = match spec.source {
             Source::Made(kind, place) => place.put(kind.scene(&self.cloth, rng), rng),
             Source::Given(i) => moment(&self.given[i].animation, rng),
         };
-        scene.rays = rays(&scene, lot.rays, seed);
-        Batch::new(*lot, scene)
+        scene.rays = rays(&scene, spec.rays, seed);
+        Batch::new(*spec, scene)
     }
 }
 

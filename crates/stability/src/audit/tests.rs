@@ -26,8 +26,8 @@ fn method(intersector: Intersector) -> Method {
 fn sum(audit: &Audit, by: Intersector) -> Tally {
     let mut cpu = CpuBackend::new(Some(2)).unwrap();
     let mut tally = Tally::default();
-    for lot in audit.lots() {
-        tally += audit.batch(&lot).ask(&mut cpu, method(by)).unwrap();
+    for spec in audit.specs() {
+        tally += audit.batch(&spec).ask(&mut cpu, method(by)).unwrap();
     }
     tally
 }
@@ -38,10 +38,10 @@ fn lots_share_out_every_ray_among_all_meshes_places_and_scenes() {
         for given in [Vec::new(), given()] {
             let sorts = (Kind::ALL.len() + given.len()) as u64;
             let audit = Audit::new(Plan { seed: 4, rays }, given);
-            let lots = audit.lots();
-            assert_eq!(lots.iter().map(|l| l.rays).sum::<u64>(), rays);
+            let specs = audit.specs();
+            assert_eq!(specs.iter().map(|l| l.rays).sum::<u64>(), rays);
             let of = |name: &str| {
-                let same = lots.iter().filter(|l| audit.name(l) == name);
+                let same = specs.iter().filter(|l| audit.name(l) == name);
                 same.map(|l| l.rays).sum::<u64>()
             };
             let names = Kind::ALL.iter().map(|k| k.name().to_owned());
@@ -50,7 +50,7 @@ fn lots_share_out_every_ray_among_all_meshes_places_and_scenes() {
                 let few = rays < 6000 || of(&name).abs_diff(rays / sorts) <= MOST;
                 assert!(few, "{name}: {} of {rays}", of(&name));
             }
-            let numbers = lots.iter().map(|l| l.number);
+            let numbers = specs.iter().map(|l| l.number);
             assert!(numbers.clone().zip(numbers.skip(1)).all(|(a, b)| a < b));
         }
     }
@@ -59,9 +59,9 @@ fn lots_share_out_every_ray_among_all_meshes_places_and_scenes() {
 #[test]
 fn a_lot_can_be_made_again_alone_and_other_seeds_make_others() {
     let [all, other] = [4, 5].map(|seed| Audit::new(Plan { seed, rays: 20_000 }, given()));
-    let lots = all.lots();
-    for lot in [&lots[3], &lots[lots.len() - 1]] {
-        let rays = |audit: &Audit| format!("{:?}", audit.batch(lot));
+    let specs = all.specs();
+    for spec in [&specs[3], &specs[specs.len() - 1]] {
+        let rays = |audit: &Audit| format!("{:?}", audit.batch(spec));
         assert_eq!(rays(&all), rays(&all));
         assert_ne!(rays(&all), rays(&other));
     }
@@ -100,8 +100,8 @@ fn a_scene_of_which_nothing_can_be_aimed_at_is_asked_all_the_same() {
     let plan = Plan { seed: 4, rays: 260 };
     let audit = Audit::new(plan, vec![Given { name, animation }]);
     let mut cpu = CpuBackend::new(Some(1)).unwrap();
-    let lots = audit.lots();
-    let last = audit.batch(&lots[lots.len() - 1]);
+    let specs = audit.specs();
+    let last = audit.batch(&specs[specs.len() - 1]);
     let tally = last.ask(&mut cpu as &mut dyn Backend, method(Intersector::Exact));
     assert_eq!(tally.unwrap().hits, 0);
 }

@@ -17,7 +17,7 @@ const PATIENCE: f64 = 2.0;
 
 /// How long each frame is done again, and which frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Dwell {
+pub(crate) struct FrameRepetition {
     /// Seconds; more than none.
     seconds: f64,
     /// Of so many frames, the first.
@@ -26,7 +26,7 @@ pub(crate) struct Dwell {
 
 /// What became of it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(crate) struct Dwelt {
+pub(crate) struct RepeatedFrames {
     /// Seconds at each frame, as asked for.
     seconds: f64,
     /// All that was done again.
@@ -35,7 +35,7 @@ pub(crate) struct Dwelt {
     pub(super) unsteady: usize,
 }
 
-impl Dwell {
+impl FrameRepetition {
     /// So many seconds at every so-manieth frame; `None` for none.
     pub(crate) fn asked(seconds: f64, every: usize) -> Option<Self> {
         (seconds > 0.0).then_some(Self { seconds, every })
@@ -55,8 +55,8 @@ impl Dwell {
     }
 
     /// Nothing dwelt on so far.
-    pub(super) fn begin(self) -> Dwelt {
-        Dwelt {
+    pub(super) fn begin(self) -> RepeatedFrames {
+        RepeatedFrames {
             seconds: self.seconds,
             repeats: 0,
             unsteady: 0,
@@ -64,7 +64,7 @@ impl Dwell {
     }
 }
 
-impl Dwelt {
+impl RepeatedFrames {
     /// Does the driver's last frame again for a while; puts the device's times at the end of it into the frame's row.
     pub(super) fn at(
         &mut self,
@@ -178,8 +178,8 @@ mod tests {
 
     #[test]
     fn nobody_dwells_while_trees_are_built() {
-        let dwell = Dwell::asked(0.1, 3).unwrap();
-        assert_eq!(Dwell::asked(0.0, 3), None);
+        let dwell = FrameRepetition::asked(0.1, 3).unwrap();
+        assert_eq!(FrameRepetition::asked(0.0, 3), None);
         assert_eq!(dwell.fits(Update::Rebuild), Some(dwell));
         assert_eq!(dwell.fits(Update::Async(Pace::Free)), None);
         let frames = |n: u64| (0..n).map(|index| Frame { index, time: 0.5 });

@@ -2,14 +2,14 @@
 
 use super::Plan;
 use super::aim::{Aim, sort_of};
+use super::batches::specs;
 use super::bodies::BODIES;
-use super::lots::lots;
 use geom::{Animation, Ray};
 use std::sync::Arc;
 
 /// A closed body that stands still, and rays at it.
 #[derive(Clone, Debug)]
-pub struct Shots {
+pub struct RayBatch {
     /// The body's name.
     pub body: &'static str,
     /// The body.
@@ -18,7 +18,7 @@ pub struct Shots {
     pub rays: Vec<Ray>,
 }
 
-impl Shots {
+impl RayBatch {
     /// What the `i`-th ray is aimed at, and whether it begins inside.
     #[must_use]
     pub fn sort(i: usize) -> (Aim, bool) {
@@ -28,15 +28,15 @@ impl Shots {
 
 /// The bodies and rays of a plan, as [`super::run`] asks them.
 #[must_use]
-pub fn shots(plan: &Plan) -> Vec<Shots> {
-    let lots = lots(plan, BODIES);
-    let shots = lots.iter().map(|lot| {
-        let made = lot.make(plan.seed);
-        Shots {
-            body: lot.body.name,
+pub fn ray_batches(plan: &Plan) -> Vec<RayBatch> {
+    let specs = specs(plan, BODIES);
+    let ray_batches = specs.iter().map(|spec| {
+        let made = spec.make(plan.seed);
+        RayBatch {
+            body: spec.body.name,
             animation: made.animation,
             rays: made.rays,
         }
     });
-    shots.collect()
+    ray_batches.collect()
 }

@@ -29,12 +29,12 @@ pub(crate) enum Verdict {
 }
 
 /// A scene at rest, and the oracle over it.
-pub(crate) struct Judge {
+pub(crate) struct Verifier {
     corners: Vec<Triangle>,
     oracle: Oracle,
 }
 
-impl Judge {
+impl Verifier {
     /// Over triangles in the order of their indices.
     pub(crate) fn new(corners: Vec<Triangle>) -> Self {
         let oracle = Oracle::new(corners.clone());
@@ -47,7 +47,7 @@ impl Judge {
     }
 
     /// Judges what `watertight` found.
-    pub(crate) fn judge(&self, ray: &Ray, found: &Hit) -> Verdict {
+    pub(crate) fn verify(&self, ray: &Ray, found: &Hit) -> Verdict {
         let exact = self.exact(ray);
         let verdict = match (found.is_hit(), exact) {
             (false, None) => Some(Verdict::Same),

@@ -12,7 +12,7 @@ use std::ops::AddAssign;
 
 /// A family's scenes and rays, answered exactly.
 #[derive(Clone, Debug)]
-pub struct Exam {
+pub struct StressTest {
     family: Family,
     scenes: Vec<Answered>,
 }
@@ -64,7 +64,7 @@ pub struct Rearranged {
     pub sah_ratio: Option<f64>,
 }
 
-impl Exam {
+impl StressTest {
     /// Makes and answers the rays of a family.
     #[must_use]
     pub fn new(family: Family, plan: &Plan) -> Self {

@@ -9,7 +9,7 @@ use geom::{Animation, Pose};
 use std::sync::Arc;
 
 /// `inner`, which lays trees out by `layout` whenever it is asked for the usual layout.
-pub(crate) struct Relaid<'a> {
+pub(crate) struct LayoutAdapter<'a> {
     pub(crate) inner: &'a mut dyn Backend,
     pub(crate) layout: Layout,
 }
@@ -24,7 +24,7 @@ pub(crate) fn lays(backend: &mut dyn Backend, animation: &Arc<Animation>, layout
     !matches!(loaded, Err(BackendError::Unsupported { .. }))
 }
 
-impl Backend for Relaid<'_> {
+impl Backend for LayoutAdapter<'_> {
     fn device(&self) -> &Device {
         self.inner.device()
     }

@@ -9,23 +9,23 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// The most rays of a lot: 32 MiB of them.
+/// The most rays of a batch: 32 MiB of them.
 const MOST: u64 = 1 << 20;
 
 /// One body at one place, and how many rays it is asked.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Lot<'a> {
+pub(super) struct BatchSpec<'a> {
     pub(super) body: &'a Body,
     pub(super) offset: f32,
     pub(super) variant: u32,
     rays: u64,
-    /// Its number among all lots.
+    /// Its number among all batches.
     number: u64,
 }
 
-/// A lot ready to be asked.
+/// A batch ready to be asked.
 pub(super) struct Made<'a> {
-    pub(super) lot: &'a Lot<'a>,
+    pub(super) spec: &'a BatchSpec<'a>,
     pub(super) animation: Arc<Animation>,
     pub(super) rays: Vec<Ray>,
 }
@@ -41,17 +41,17 @@ pub(super) struct Moved<'a> {
 }
 
 /// Shares the rays out, so that each body at each offset gets as many as the next.
-pub(super) fn lots<'a>(plan: &Plan, bodies: &'a [Body]) -> Vec<Lot<'a>> {
+pub(super) fn specs<'a>(plan: &Plan, bodies: &'a [Body]) -> Vec<BatchSpec<'a>> {
     let places = (plan.offsets.len() * bodies.len()) as u64;
     let variants = (plan.rays / places.max(1)).div_ceil(MOST).max(1);
     let total = places * variants;
     let share = |n: u64| (u128::from(plan.rays) * u128::from(n) / u128::from(total)) as u64;
-    let mut lots = Vec::new();
+    let mut specs = Vec::new();
     for &offset in &plan.offsets {
         for body in bodies {
             for variant in 0..variants as u32 {
-                let number = lots.len() as u64;
-                lots.push(Lot {
+                let number = specs.len() as u64;
+                specs.push(BatchSpec {
                     body,
                     offset,
                     variant,
@@ -61,24 +61,24 @@ pub(super) fn lots<'a>(plan: &Plan, bodies: &'a [Body]) -> Vec<Lot<'a>> {
             }
         }
     }
-    lots.retain(|lot| lot.rays > 0);
-    lots
+    specs.retain(|spec| spec.rays > 0);
+    specs
 }
 
-impl Lot<'_> {
+impl BatchSpec<'_> {
     pub(super) fn make(&self, seed: u64) -> Made<'_> {
-        let lot_seed = mixed(mixed(seed) ^ self.number);
-        let moved = self.moved(&mut Rng::with_seed(lot_seed));
+        let batch_seed = mixed(mixed(seed) ^ self.number);
+        let moved = self.moved(&mut Rng::with_seed(batch_seed));
         // Each ray has a generator of its own, so that threads need not agree on anything.
         let ray = |i: u64| {
-            let mut rng = Rng::with_seed(mixed(lot_seed ^ (i + 1)));
+            let mut rng = Rng::with_seed(mixed(batch_seed ^ (i + 1)));
             aim::ray(&moved, i as usize, &mut rng)
         };
         let rays = (0..self.rays).into_par_iter().map(ray).collect();
         let animation = Animation::new(vec![moved.points], moved.triangles)
             .expect("bodies name their own vertices");
         Made {
-            lot: self,
+            spec: self,
             animation: Arc::new(animation),
             rays,
         }
@@ -157,17 +157,17 @@ mod tests {
     #[test]
     fn lots_share_out_every_ray() {
         for rays in [0, 1, 7, 16, 1000, 40_000_001] {
-            let lots = lots(&plan(rays), BODIES);
-            assert_eq!(lots.iter().map(|l| l.rays).sum::<u64>(), rays);
-            assert!(lots.iter().all(|l| l.rays <= MOST + 1));
+            let specs = specs(&plan(rays), BODIES);
+            assert_eq!(specs.iter().map(|l| l.rays).sum::<u64>(), rays);
+            assert!(specs.iter().all(|l| l.rays <= MOST + 1));
         }
     }
 
     #[test]
     fn bodies_keep_all_their_area_wherever_they_are_moved() {
         let plan = plan(40_000_000);
-        for lot in lots(&plan, BODIES) {
-            let moved = lot.moved(&mut Rng::with_seed(lot.number));
+        for spec in specs(&plan, BODIES) {
+            let moved = spec.moved(&mut Rng::with_seed(spec.number));
             let corners = |t: &[u32; 3]| t.map(|v| moved.points[v as usize]);
             assert!(
                 !moved
@@ -182,16 +182,19 @@ mod tests {
     #[test]
     fn rays_depend_on_seed_lot_and_number_alone() {
         let plan = plan(160);
-        let lots = lots(&plan, BODIES);
+        let specs = specs(&plan, BODIES);
         let one = || {
             rayon::ThreadPoolBuilder::new()
                 .num_threads(1)
                 .build()
                 .unwrap()
         };
-        let [first, again] = [lots[3].make(9).rays, one().install(|| lots[3].make(9).rays)];
+        let [first, again] = [
+            specs[3].make(9).rays,
+            one().install(|| specs[3].make(9).rays),
+        ];
         assert_eq!(first, again);
-        assert_ne!(first, lots[3].make(10).rays);
-        assert_ne!(first[..5], lots[4].make(9).rays[..5]);
+        assert_ne!(first, specs[3].make(10).rays);
+        assert_ne!(first[..5], specs[4].make(9).rays[..5]);
     }
 }

@@ -5,7 +5,7 @@ use glam::{DAffine3, DVec3};
 
 /// How one fragment is thrown; metres, seconds, radians.
 #[derive(Clone, Copy)]
-pub(super) struct Flight {
+pub(super) struct Trajectory {
     /// Its middle at the start.
     pub(super) start: DVec3,
     /// Its velocity at the start.
@@ -18,7 +18,7 @@ pub(super) struct Flight {
     pub(super) rest: f64,
 }
 
-impl Flight {
+impl Trajectory {
     /// Where it is, and how turned, after some seconds.
     pub(super) fn pose(&self, seconds: f64) -> DAffine3 {
         const DRAG: f64 = 0.45;
@@ -34,11 +34,11 @@ fn bounce(mut height: f64, mut speed: f64, mut seconds: f64) -> f64 {
     const GRAVITY: f64 = 9.81;
     for _ in 0..6 {
         let landing_speed = (speed * speed + 2.0 * GRAVITY * height).sqrt();
-        let flight = (speed + landing_speed) / GRAVITY;
-        if seconds < flight {
+        let trajectory = (speed + landing_speed) / GRAVITY;
+        if seconds < trajectory {
             return (height + (speed - 0.5 * GRAVITY * seconds) * seconds).max(0.0);
         }
-        (height, speed, seconds) = (0.0, 0.4 * landing_speed, seconds - flight);
+        (height, speed, seconds) = (0.0, 0.4 * landing_speed, seconds - trajectory);
     }
     0.0
 }

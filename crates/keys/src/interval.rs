@@ -1,4 +1,4 @@
-//! How far off the frames are that a stretch between two kept ones leaves out.
+//! How far off the frames are that an interval between two kept ones leaves out.
 
 use geom::{Point, Pose};
 use rayon::prelude::*;
@@ -30,7 +30,7 @@ pub(crate) fn square(found: Point, wanted: Point) -> f64 {
     }
 }
 
-/// What is known of the largest square of a stretch.
+/// What is known of the largest square of an interval.
 #[derive(Clone, Copy, Debug)]
 enum Known {
     /// At least this.
@@ -39,19 +39,19 @@ enum Known {
     Is(f64),
 }
 
-/// All stretches of an animation, measured when asked for and no further than needed.
+/// All intervals of an animation, measured when asked for and no further than needed.
 #[derive(Debug)]
-pub(crate) struct Stretches<'a> {
+pub(crate) struct Intervals<'a> {
     keys: &'a [Vec<Point>],
     /// Blocks in which some vertex moves: in the others every blend is the frame itself.
     blocks: Vec<Range<usize>>,
     /// By `from * frames + to`; frames alone are on the diagonal.
     known: Vec<Known>,
-    /// The block that was last found too far off: likely so for the next stretch, too.
+    /// The block that was last found too far off: likely so for the next interval, too.
     suspect: AtomicUsize,
 }
 
-impl<'a> Stretches<'a> {
+impl<'a> Intervals<'a> {
     /// Of one or more frames.
     pub(crate) fn new(keys: &'a [Vec<Point>]) -> Self {
         let (frames, vertices) = (keys.len(), keys[0].len());
