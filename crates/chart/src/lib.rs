@@ -5,8 +5,7 @@
 //! wrong; the step line is the Pareto front. Companions show what one number
 //! cannot: errors of `t`, leaks, double hits, wrong shadows, memory, key frames.
 //!
-//! A [`Growth`] is another chart: how time, memory and start-up grow with a scene, through [`growth_svg`],
-//! [`growth_csv`] and [`growth_json`].
+//! A [`Growth`] is another chart: how time, memory and start-up grow with a scene, through [`growth_svg`].
 //!
 //! Nothing is measured here, no file is touched and no backend is known: the
 //! caller fills a [`Chart`] and writes [`svg`], [`html`], [`csv()`] and [`json`]
@@ -45,7 +44,7 @@ pub use data::{
     Spread, TError,
 };
 pub use error::{ChartError, Result};
-pub use growth::{Growth, GrowthPoint, growth_csv, growth_json, growth_svg};
+pub use growth::{Growth, GrowthPoint, growth_svg};
 pub use html::html;
 pub use table::{SCHEMA, csv, json};
 

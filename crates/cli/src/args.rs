@@ -28,10 +28,6 @@ pub(crate) enum Command {
     Trace(TraceArgs),
     /// Measure every stage over scenes, backends, update policies and intersectors
     Bench(Box<BenchArgs>),
-    /// Tell where async pays and where another update policy does: size, speed of the motion, builder threads
-    Crossover(Box<CrossoverArgs>),
-    /// Chart how time, memory and start-up grow with the number of triangles
-    Growth(Box<GrowthArgs>),
     /// Chart speed against accuracy: every backend, intersector and update policy against exact arithmetic
     Chart(ChartArgs),
     /// Hold backends to the laws that all of them keep
@@ -271,7 +267,7 @@ pub(crate) enum BackendName {
 /// Update policies by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum UpdateName {
-    /// Whichever is fastest here, tried out
+    /// Whichever is expected to finish the run first
     Auto,
     /// A new tree for every frame, which waits for it
     Rebuild,
@@ -312,7 +308,7 @@ pub(crate) enum IntersectorName {
 /// Layouts by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum LayoutName {
-    /// Whichever is fastest here, tried out
+    /// Whichever is faster on the backend
     Auto,
     /// Breadth-first binary tree, one triangle a leaf
     Bvh2,
@@ -329,16 +325,10 @@ pub(crate) use chart::ChartArgs;
 mod conform;
 pub(crate) use conform::{ConformArgs, SubjectName};
 
-mod crossover;
-pub(crate) use crossover::{CrossoverArgs, TimingArgs};
-
-mod growth;
-pub(crate) use growth::GrowthArgs;
-
 mod idle;
 
 mod lists;
-pub(crate) use lists::{LayoutsArgs, PoliciesArgs, SizeArgs, TrianglesArgs, WarmUpArgs};
+pub(crate) use lists::{LayoutsArgs, PoliciesArgs, SizeArgs, WarmUpArgs};
 
 mod render;
 pub(crate) use render::RenderArgs;

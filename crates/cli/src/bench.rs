@@ -1,13 +1,11 @@
 //! `abvh bench`: every stage over scenes, backends, update policies, intersectors and layouts.
 
-mod auto;
 mod compare;
-mod floor;
-mod fresh;
+mod growth;
 mod rays;
-mod repetition;
 mod rivals;
 mod row;
+mod sheet;
 mod text;
 
 use crate::ahead::Ahead;
@@ -18,7 +16,6 @@ use crate::stop::Stop;
 use crate::{choose, conflicts, frames, info, record, talk, threads};
 use clap::ValueEnum;
 use pipeline::Frame;
-pub(crate) use repetition::FrameRepetition;
 pub(crate) use row::{Row, Run, measure};
 use scene::Scene;
 use serde::Serialize;
@@ -37,19 +34,18 @@ struct Report {
     rows: Vec<Row>,
     /// Every run over every other of its scene.
     ratios: Vec<rivals::Ratio>,
-    /// The byte floor of every run, where that was asked for.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    floors: Vec<floor::Floor>,
-    /// How `auto` fared, where that was asked for.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    with_auto: Vec<auto::Check>,
 }
 
 /// Measures.
 pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     let read = args.compare.iter().map(|file| ("--compare", file.clone()));
-    conflicts::of_files(&args.scenes, read, [("--json", args.json.as_ref())])?;
-    if let Some(file) = &args.json {
+    let written = [
+        ("--json", args.json.as_ref()),
+        ("--csv", args.csv.as_ref()),
+        ("--growth", args.growth.as_ref()),
+    ];
+    conflicts::of_files(&args.scenes, read, written)?;
+    for file in written.iter().filter_map(|(_, file)| *file) {
         report::check_writable(file).map_err(Stop::bad)?;
     }
     if !args.compare.is_empty() {
@@ -61,16 +57,17 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
         let keys = scene.animation.whole_times();
         let frames = frames::list(Some(&args.frames), args.time_range, keys, false)?;
         let place = (&spec[..], &scene, &frames[..]);
-        if args.with_auto {
-            bench.with_auto(place)?;
-        } else {
-            let rows = bench.all(place, args.builder_threads)?;
-            bench.rows.extend(rows);
-        }
+        bench.all(place)?;
     }
     let report = bench.report()?;
     if let Some(file) = &args.json {
         report::write_json(file, &report)?;
+    }
+    if let Some(file) = &args.csv {
+        report::write_whole(file, sheet::csv(&report.rows)?.as_bytes())?;
+    }
+    if let Some(file) = &args.growth {
+        report::write_whole(file, growth::svg(&report)?.as_bytes())?;
     }
     talk::print(&text::text(&report, args.against.as_deref()))
 }
@@ -82,7 +79,6 @@ struct Bench<'a> {
     combinations: Vec<Combination>,
     progress: Progress,
     rows: Vec<Row>,
-    checks: Vec<auto::Check>,
 }
 
 /// A scene by its name, and the frames to run.
@@ -92,45 +88,42 @@ impl<'a> Bench<'a> {
     fn new(args: &'a BenchArgs) -> Result<Self, Stop> {
         let (combinations, skipped) = combinations(args);
         let progress = Progress::new(0, args.quiet);
-        if !args.with_auto {
-            if combinations.is_empty() {
-                let why = skipped.join("; ");
-                return Err(Stop::bad(format!("nothing is left to measure: {why}")));
-            }
-            skipped.iter().for_each(|s| progress.say(s));
+        if combinations.is_empty() {
+            let why = skipped.join("; ");
+            return Err(Stop::bad(format!("nothing is left to measure: {why}")));
         }
+        skipped.iter().for_each(|s| progress.say(s));
         Ok(Self {
             args,
             tolerance: args.tolerance.ppm(),
             combinations,
             progress,
             rows: Vec::new(),
-            checks: Vec::new(),
         })
     }
 
     /// Every combination over one scene.
-    fn all(
-        &mut self,
-        (spec, scene, frames): Place<'_>,
-        builder_threads: Option<usize>,
-    ) -> Result<Vec<Row>, Stop> {
+    fn all(&mut self, (spec, scene, frames): Place<'_>) -> Result<(), Stop> {
         let args = self.args;
-        let runs = args.rays.iter().flat_map(|&rays| {
-            let all = self.combinations.iter();
-            all.map(move |&combination| (rays, combination))
-        });
-        let runs: Vec<_> = runs.collect();
+        let builders: Vec<Option<usize>> = match args.builder_threads.as_slice() {
+            [] => vec![None],
+            some => some.iter().copied().map(Some).collect(),
+        };
+        let mut runs = Vec::new();
+        for &rays in &args.rays {
+            for &combination in &self.combinations {
+                runs.extend(builders.iter().map(|&builder| (rays, combination, builder)));
+            }
+        }
         self.progress.lengthen(runs.len() as u64);
-        let mut rows = Vec::with_capacity(runs.len());
-        for (rays, (backend, (policy, predict), method)) in runs {
+        for (rays, (backend, (policy, predict), method), builder_threads) in runs {
             let ask = Ask {
                 backend,
                 adapter: args.adapter.as_deref(),
                 threads: args.threads,
                 builder_threads,
                 method,
-                update: choose::update(policy, &scene.animation, frames)?,
+                update: choose::update(policy)?,
                 tolerance: self.tolerance,
                 run: None,
                 ahead: Ahead::of(frames, predict),
@@ -139,46 +132,18 @@ impl<'a> Bench<'a> {
                 rays,
                 size: args.size.size,
                 warm_up: args.warm_up.warm_up(),
-                dwell: args.dwell(),
             };
             let row = measure(run, (spec, scene), frames, &ask)?;
             let words = [spec, row.backend, row.update, row.intersector];
             self.progress.step(&words.join(" "));
-            rows.push(row);
-        }
-        fresh::note(&mut rows);
-        Ok(rows)
-    }
-
-    /// What `auto` takes beside all it could take.
-    fn with_auto(&mut self, (spec, scene, frames): Place<'_>) -> Result<(), Stop> {
-        let (args, tolerance) = (self.args, self.tolerance);
-        let place = auto::Place {
-            args,
-            tolerance,
-            spec,
-            scene,
-            frames,
-        };
-        for &backend in &args.backend {
-            for &intersector in &args.intersector {
-                let (check, runs) = place.check((backend, intersector), &mut self.progress)?;
-                self.checks.push(check);
-                self.rows.extend(runs);
-            }
+            self.rows.push(row);
         }
         Ok(())
     }
 
     fn report(self) -> Result<Report, Stop> {
-        let Self {
-            args, rows, checks, ..
-        } = self;
+        let Self { args, rows, .. } = self;
         rivals::check(&rows, args.against.as_deref())?;
-        let mut bandwidths = floor::Bandwidths::default();
-        let adapter = args.adapter.as_deref();
-        let floored = rows.iter().filter(|_| args.floor);
-        let floors: Result<_, Stop> = floored.map(|r| bandwidths.floor(r, adapter)).collect();
         Ok(Report {
             schema: 1,
             version: env!("CARGO_PKG_VERSION"),
@@ -187,9 +152,7 @@ impl<'a> Bench<'a> {
             cores: threads::cores(),
             size: args.size.size,
             ratios: rivals::ratios(&rows),
-            floors: floors?,
             rows,
-            with_auto: checks,
         })
     }
 }
@@ -262,10 +225,4 @@ fn policies(args: &BenchArgs) -> impl Iterator<Item = (UpdateName, Switch)> {
         let take = if differ { args.predict.len() } else { 1 };
         args.predict.iter().take(take).map(move |&p| (update, p))
     })
-}
-
-/// The mean; `None` of nothing.
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
-    (count > 0.0).then(|| sum / count)
 }

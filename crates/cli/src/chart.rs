@@ -25,8 +25,7 @@ use crate::stop::Stop;
 use crate::warm_up::Warmed;
 use crate::{choose, frames, info, reduce, talk};
 use chart::{Adapter, Chart, Companions, KeyFrameStep, KeyFrames, Machine, Point, Spread};
-pub(crate) use files::write_texts;
-use pipeline::{Frame, Update};
+use pipeline::Update;
 use plan::{Plan, Way};
 use report::{FrameStats, Summary};
 use scene::Scene;
@@ -107,7 +106,7 @@ impl Work<'_> {
         });
         let mut points = Vec::new();
         for &way in ways {
-            let update = way.update(&scene, &frames)?;
+            let update = way.update()?;
             if points.iter().any(|m: &Measured| m.is(way, update)) {
                 continue;
             }
@@ -170,7 +169,6 @@ impl Work<'_> {
             rays: RaysName::Camera,
             size: self.args.size.size,
             warm_up: self.args.warm_up.warm_up(),
-            dwell: None,
         }
     }
 
@@ -292,12 +290,12 @@ impl Measured {
 
 impl Way {
     /// How trees follow the motion of a scene.
-    fn update(&self, scene: &Scene, frames: &[Frame]) -> Result<Choice<Update>, Stop> {
+    fn update(&self) -> Result<Choice<Update>, Stop> {
         let policy = PolicyArgs {
             update: self.update,
             lockstep: None,
         };
-        choose::update(policy, &scene.animation, frames)
+        choose::update(policy)
     }
 
     /// As a session wants it.

@@ -9,9 +9,9 @@ use crate::bench::FOV;
 use crate::decay::{self, Decay};
 use crate::motion::{self, Motion, Spread, Still};
 use crate::session::{self, Ask};
+use crate::settle::Run;
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, table};
-use crate::trial::Run;
 use crate::{choose, frames, reduce, render, talk};
 use backend::{Query, QueryKind, Rays};
 use geom::Animation;
@@ -73,7 +73,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
     }
 }
 
-/// What `render` would take if all were left to `auto`, found out as it would.
+/// What `render` would take if all were left to `auto`.
 fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec<Taken>, Stop> {
     let policy = PolicyArgs {
         update: UpdateName::Auto,
@@ -100,7 +100,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         threads: None,
         builder_threads: None,
         method,
-        update: choose::update(policy, animation, &frames)?,
+        update: choose::update(policy)?,
         tolerance: args.tolerance.ppm(),
         run,
         ahead: Ahead::of(&frames, Switch::On),

@@ -12,10 +12,8 @@ mod chart;
 mod choose;
 mod conflicts;
 mod conform;
-mod crossover;
 mod decay;
 mod frames;
-mod growth;
 mod info;
 mod inspect;
 mod journal;
@@ -31,6 +29,7 @@ mod reduce;
 mod render;
 mod resume;
 mod session;
+mod settle;
 mod signals;
 mod stability;
 mod stop;
@@ -39,9 +38,7 @@ mod table;
 mod talk;
 mod threads;
 mod timeline;
-mod timing;
 mod trace;
-mod trial;
 mod values;
 mod warm_up;
 
@@ -69,8 +66,6 @@ fn run(command: Command) -> Result<(), Stop> {
         Command::Merge(args) => merge::run(&args),
         Command::Trace(args) => trace::run(&args),
         Command::Bench(args) => bench::run(&args),
-        Command::Crossover(args) => crossover::run(&args),
-        Command::Growth(args) => growth::run(&args),
         Command::Chart(args) => chart::run(&args),
         Command::Conform(args) => conform::run(&args),
         Command::Stability(args) => stability::run(&args),

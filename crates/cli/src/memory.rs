@@ -2,7 +2,7 @@
 
 use crate::stop::Stop;
 use backend::DeviceBytes;
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 /// Memory of a device by what it holds, where that was most.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -47,15 +47,22 @@ impl DeviceMemory {
     }
 }
 
+impl DeviceMemory {
+    /// Bytes in all.
+    pub(crate) fn total(self) -> u64 {
+        let Parts {
+            tree,
+            scratch,
+            scene,
+            frames,
+        } = self.bytes;
+        tree + scratch + scene + frames
+    }
+}
+
 /// The larger of two, as far as they are known.
 pub(crate) fn larger(a: Option<DeviceBytes>, b: Option<DeviceBytes>) -> Option<DeviceBytes> {
     a.into_iter().chain(b).max_by_key(|bytes| bytes.total())
-}
-
-/// Writes a device's memory as one number.
-#[expect(clippy::ref_option, reason = "serde's signature")]
-pub(crate) fn in_all<S: Serializer>(bytes: &Option<DeviceBytes>, s: S) -> Result<S::Ok, S::Error> {
-    bytes.map(DeviceBytes::total).serialize(s)
 }
 
 /// Bytes a triangle that the host holds at least while trees are built and traced, its key frames aside.

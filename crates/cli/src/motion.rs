@@ -49,15 +49,6 @@ pub(crate) fn still(animation: &Animation) -> Still {
     }
 }
 
-/// Whether every key frame is the first one, bit for bit.
-pub(crate) fn is_static(animation: &Animation) -> bool {
-    let keys = animation.keys();
-    let same = |a: &Point, b: &Point| a.map(f32::to_bits) == b.map(f32::to_bits);
-    keys[1..]
-        .iter()
-        .all(|key| key.iter().zip(&keys[0]).all(|(a, b)| same(a, b)))
-}
-
 /// Measures the motion; steps to or from where a vertex is not finite count for nothing.
 pub(crate) fn measure(animation: &Animation) -> Motion {
     let keys = animation.keys();
@@ -147,7 +138,6 @@ mod tests {
         assert!((m.mean_step - 1.0 / 6.0 / 5.0).abs() < 1e-12);
         let both = |n| Spread { min: n, max: n };
         assert_eq!(unhittable(&a), (both(1), both(1)));
-        assert!(!is_static(&a));
         let expected = Still {
             vertices: 2,
             triangles: 1,
@@ -155,9 +145,6 @@ mod tests {
             repeated_bytes: 2 * 2 * 12,
         };
         assert_eq!(still(&a), expected);
-        assert!(is_static(
-            &Animation::new(vec![rest.to_vec(); 2], vec![]).unwrap()
-        ));
     }
 
     #[test]

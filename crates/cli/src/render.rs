@@ -7,9 +7,9 @@ use crate::outputs::Outputs;
 use crate::progress::Progress;
 use crate::resume::{self, Earlier};
 use crate::session::{self, Ask, Session};
+use crate::settle::Run;
 use crate::stop::Stop;
 use crate::timeline::Notes;
-use crate::trial::Run;
 use crate::{choose, conflicts, frames, record, signals, table, talk};
 use backend::{Query, QueryKind, Rays};
 use geom::Camera;
@@ -48,7 +48,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
             threads: args.device.threads,
             builder_threads: args.device.builder_threads,
             method: args.method,
-            update: choose::update(args.policy, &scene.animation, &frames)?,
+            update: choose::update(args.policy)?,
             tolerance: args.tolerance.ppm(),
             run: Some(Run {
                 frames: &frames,
@@ -233,7 +233,7 @@ fn stats(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats
         driver: (!device.driver.is_empty()).then(|| device.driver.clone()),
         threads: session.threads.render,
         builder_threads: session.threads.build,
-        update: choose::update_name(session.update).to_owned(),
+        update: session.update.name().to_owned(),
         lockstep: choose::lockstep(session.update),
         predict: session.predict,
         intersector: session.method[0].to_owned(),

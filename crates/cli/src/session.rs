@@ -5,10 +5,10 @@ use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
 use crate::choose::{self, Choice};
 use crate::memory;
 use crate::open::{self, Want};
+use crate::settle::{self, ReusedBackend, Run, Settled};
 use crate::stop::Stop;
 use crate::threads::{self, Threads};
-use crate::trial::{self, Run, Settled, TrialBackend};
-use backend::{Backend, Device, DeviceKind, Intersector, Method};
+use backend::{Backend, Device, DeviceKind, Method};
 use geom::Animation;
 use pipeline::{Driver, Update};
 use report::Taken;
@@ -31,7 +31,7 @@ pub(crate) struct Ask<'a> {
     pub(crate) update: Choice<Update>,
     /// Wrong rays a million that an intersector left to `auto` may have.
     pub(crate) tolerance: f64,
-    /// What will be done, to try out what is left to `auto`; without it, rules decide.
+    /// What will be done, by which `auto` chooses.
     pub(crate) run: Option<Run<'a>>,
     /// What trees may be built for.
     pub(crate) ahead: Ahead,
@@ -51,8 +51,6 @@ pub(crate) struct Session {
     pub(crate) predict: Option<bool>,
     /// How cores are shared.
     pub(crate) threads: Threads,
-    /// Intersectors that are known to meet the tolerance.
-    pub(crate) meets: Vec<Intersector>,
     /// What `auto` took and why.
     pub(crate) taken: Vec<Taken>,
     /// Likewise, for people: one remark each.
@@ -66,10 +64,10 @@ pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session
     let want = want(ask);
     let opened = open::open(&want, |backend: Box<dyn Backend>| {
         let device = backend.device().clone();
-        let mut stand = TrialBackend::new(backend, animation, ask);
-        let settled = trial::settle(&mut stand, ask)?;
-        let driver = stand.driver(settled.method, settled.update)?;
-        let threads = stand.share(settled.update);
+        let mut backend = ReusedBackend::new(backend, animation, ask);
+        let settled = settle::settle(&mut backend, ask)?;
+        let driver = backend.driver(settled.method, settled.update)?;
+        let threads = backend.share(settled.update);
         Ok((driver, device, settled, threads))
     })?;
     let (mut driver, device, settled, threads) = opened.value;
@@ -81,14 +79,13 @@ pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session
         threads,
         method: names,
         update: settled.update,
-        meets: settled.meets,
         predict: matches!(settled.update, Update::Async(_)).then_some(ask.ahead.predict),
         remarks: taken.iter().map(ToString::to_string).collect(),
         taken,
     })
 }
 
-/// What to open before anything is tried: a backend that can do what the rules say.
+/// What to open: a backend that can do what the rules say.
 fn want<'a>(ask: &Ask<'a>) -> Want<'a> {
     let mut method = choose::method(ask.method);
     let may_err = ask.method.intersector == IntersectorName::Auto && ask.tolerance > 0.0;
@@ -105,7 +102,7 @@ fn want<'a>(ask: &Ask<'a>) -> Want<'a> {
     }
 }
 
-/// What is asked of a backend that makes its trees itself: nothing is left to try there.
+/// What is asked of a backend that makes its trees itself: nothing is left to choose there.
 fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
     if !open::has_own_trees(ask.backend) {
         return Ok(*ask);
@@ -143,7 +140,7 @@ fn taken(
     settled: &Settled,
     [intersector, layout]: [&'static str; 2],
 ) -> Vec<Taken> {
-    let update = choose::update_name(settled.update);
+    let update = settled.update.name();
     let own = (intersector == open::DRIVERS).then_some("the driver has its own");
     let why_intersector = own.or(settled.why_intersector.as_deref());
     let why_layout = own.or(settled.why_layout.as_deref());
@@ -178,7 +175,7 @@ impl Session {
             "{} ({}; {render}{build}), {}{lockstep}{predict}, {}, {}",
             self.device.backend,
             self.device.adapter,
-            choose::update_name(self.update),
+            self.update.name(),
             self.method[0],
             self.method[1],
         )

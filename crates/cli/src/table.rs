@@ -33,17 +33,6 @@ fn wide(head: &[&str], rows: &[Vec<String>], words: usize) -> String {
     table.trim_fmt() + "\n"
 }
 
-/// A table in Markdown.
-pub(crate) fn markdown(head: &[String], rows: &[Vec<String>]) -> String {
-    let mut table = Table::new();
-    table.load_style(presets::ASCII_MARKDOWN);
-    table.set_header(head.iter().map(Cell::new));
-    for row in rows {
-        table.add_row(row.iter().map(Cell::new));
-    }
-    table.trim_fmt() + "\n"
-}
-
 /// Stage times over all frames.
 pub(crate) fn stages(frames: &[FrameStats]) -> String {
     let summary = summarize(frames);

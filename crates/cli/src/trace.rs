@@ -43,7 +43,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
             threads: args.device.threads,
             builder_threads: args.device.builder_threads,
             method: args.method,
-            update: choose::update(policy, animation, &[])?,
+            update: choose::update(policy)?,
             tolerance: args.tolerance.ppm(),
             run: None,
             ahead: Ahead::default(),

@@ -5,7 +5,7 @@ use geom::Point;
 use std::path::PathBuf;
 
 mod frames;
-pub(crate) use frames::{Frames, MAX_FRAMES, Shard, frames, shard};
+pub(crate) use frames::{Frames, Shard, frames, shard};
 
 /// The most pixels along one side of a picture.
 pub(crate) const MAX_SIDE: u64 = 16_384;
@@ -119,113 +119,11 @@ pub(crate) fn percent(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A stride.
-pub(crate) fn every(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(n @ 1..) => Ok(n),
-        _ => Err("a stride is a whole number from 1".to_owned()),
-    }
-}
-
-/// How often something is done.
-pub(crate) fn rounds(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(n @ 1..=1000) => Ok(n),
-        _ => Err("a number of rounds is a whole number from 1 to 1000".to_owned()),
-    }
-}
-
 /// A number of threads.
 pub(crate) fn threads(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(n @ 1..=1024) => Ok(n),
         _ => Err("a number of threads is a whole number from 1 to 1024".to_owned()),
-    }
-}
-
-/// A number of frames, one to warm up and one to time at least.
-pub(crate) fn count(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(n @ 2..=MAX_FRAMES) => Ok(n),
-        _ => Err(format!(
-            "a number of frames is a whole number from 2 to {MAX_FRAMES}"
-        )),
-    }
-}
-
-/// A number of triangles, such as `1600000`, `250K` or `1.6M`.
-pub(crate) fn amount(text: &str) -> Result<usize, String> {
-    let (digits, times) = match text
-        .trim()
-        .split_at_checked(text.trim().len().saturating_sub(1))
-    {
-        Some((digits, "K" | "k")) => (digits, 1e3),
-        Some((digits, "M" | "m")) => (digits, 1e6),
-        _ => (text, 1.0),
-    };
-    let amount = (finite::<f64>(digits)? * times).round();
-    if (1.0..=scene::MAX_DEMO_TRIANGLES as f64).contains(&amount) {
-        Ok(amount as usize)
-    } else {
-        Err(format!(
-            "a number of triangles, such as 250K or 1.6M, lies between 1 and {}",
-            scene::MAX_DEMO_TRIANGLES
-        ))
-    }
-}
-
-/// Numbers of triangles, in ascending order.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Sizes(pub(crate) Vec<usize>);
-
-/// `N,N,…` or `A..B`, which stands for both ends and 1, 2 and 5 times each power of ten between.
-pub(crate) fn sizes(text: &str) -> Result<Sizes, String> {
-    let mut all = match text.split_once("..") {
-        None => text.split(',').map(amount).collect::<Result<Vec<_>, _>>()?,
-        Some((a, b)) => {
-            let (a, b) = (amount(a)?, amount(b)?);
-            if a > b {
-                return Err(format!("the range is reversed; did you mean {b}..{a}?"));
-            }
-            let round = (0..9).flat_map(|e| [1, 2, 5].map(|d| d * 10_usize.pow(e)));
-            let within = round.filter(|n| (a..=b).contains(n));
-            within.chain([a, b]).collect()
-        }
-    };
-    all.sort_unstable();
-    all.dedup();
-    Ok(Sizes(all))
-}
-
-/// The name of a demo without a number of triangles.
-pub(crate) fn demo(text: &str) -> Result<String, String> {
-    let name = text.strip_prefix(crate::frames::DEMO);
-    match name {
-        Some(name) if scene::DEMOS.contains(&name) => Ok(text.to_owned()),
-        _ => Err(format!(
-            "'{text}' is no demo that comes in any size: there are demo:{}",
-            scene::DEMOS.join(", demo:")
-        )),
-    }
-}
-
-/// Key frames a frame, above 0.
-pub(crate) fn speed(text: &str) -> Result<f64, String> {
-    let speed: f64 = finite(text)?;
-    if speed > 0.0 {
-        Ok(speed)
-    } else {
-        Err("a speed is a number of key frames a frame above 0".to_owned())
-    }
-}
-
-/// A stretch of seconds, up to a day.
-pub(crate) fn seconds(text: &str) -> Result<f64, String> {
-    let seconds: f64 = finite(text)?;
-    if (0.0..=86_400.0).contains(&seconds) {
-        Ok(seconds)
-    } else {
-        Err("seconds are a number from 0 to 86400".to_owned())
     }
 }
 
@@ -274,23 +172,6 @@ mod tests {
         ] {
             point(bad).unwrap_err();
         }
-    }
-
-    #[test]
-    fn amounts_have_thousands_and_millions() {
-        let all = ["250K", "1.6M", "70000", "20m", " 1k"].map(amount);
-        assert_eq!(all, [250_000, 1_600_000, 70_000, 20_000_000, 1_000].map(Ok));
-        for bad in ["", "K", "0", "1e3K0", "-5K", "999M", "1.6G", "é"] {
-            amount(bad).unwrap_err();
-        }
-        let some = |text| sizes(text).map(|s| s.0);
-        assert_eq!(some("3K..20K"), Ok(vec![3_000, 5_000, 10_000, 20_000]));
-        assert_eq!(some("2M,10K,2M"), Ok(vec![10_000, 2_000_000]));
-        assert!(sizes("20K..3K").is_err() && sizes("..").is_err() && sizes("1,").is_err());
-        assert!(demo("demo:twist").is_ok() && speed("0.5").is_ok() && seconds("0").is_ok());
-        assert!(demo("demo:twist:500").is_err() && demo("horse/").is_err());
-        assert!(speed("0").is_err() && seconds("-1").is_err() && count("1").is_err());
-        assert!(warm_up("0").is_ok() && warm_up("-1").is_err() && warm_up("61").is_err());
     }
 
     #[test]

@@ -21,8 +21,6 @@ const FEWEST: usize = 3;
 const AGREE: f64 = 0.03;
 /// Seconds that go on in vain until medians agree.
 const PATIENCE: f64 = 0.5;
-/// The most seconds that a device works after it idled, before something is timed in a hurry.
-const BRIEF: f64 = 0.5;
 
 /// How long a device is warmed up, in seconds, if somebody said so.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -96,30 +94,6 @@ impl WarmUp {
         })?;
         let warmed = warm(driver, query, [seconds, seconds + PATIENCE])?;
         Ok((Some(warmed), rest))
-    }
-}
-
-/// Has a graphics processor that idled for so long, up to its first frame's end, work for half of that time, or half a
-/// second if that is less: for what is timed in a hurry.
-///
-/// # Errors
-/// The backend's.
-pub(crate) fn after_idling(
-    driver: &mut Driver,
-    query: Query<'_>,
-    idle: Duration,
-) -> Result<(), PipelineError> {
-    let seconds = brief(driver.backend().device().kind, idle);
-    if seconds > 0.0 {
-        warm(driver, query, [seconds, seconds])?;
-    }
-    Ok(())
-}
-
-fn brief(kind: DeviceKind, idle: Duration) -> f64 {
-    match kind {
-        DeviceKind::Gpu => (0.5 * idle.as_secs_f64()).min(BRIEF),
-        DeviceKind::Cpu | DeviceKind::Software => 0.0,
     }
 }
 
@@ -240,8 +214,5 @@ mod tests {
         assert_eq!(of(WarmUp::default()), [0.7, 0.0, 0.0]);
         assert_eq!(of(WarmUp::asked(2.0)), [2.0, 2.0, 0.0]);
         assert_eq!(of(WarmUp::NONE), [0.0; 3]);
-        let after = |ms| move |kind| brief(kind, Duration::from_millis(ms));
-        assert_eq!([Gpu, Software, Cpu].map(after(400)), [0.2, 0.0, 0.0]);
-        assert_eq!(after(9000)(Gpu), BRIEF);
     }
 }

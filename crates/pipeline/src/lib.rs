@@ -11,20 +11,24 @@
 
 mod builder_pool;
 mod builder_thread;
+mod decay;
 mod device_clock;
 mod driver;
 mod frame;
 mod gathering;
 mod latency;
 mod options;
+mod policy;
 mod sampling;
 mod schedule;
 mod tree_builder;
 
 pub use builder_thread::{BuildFailed, BuilderThread, Job};
+pub use decay::RefitDecay;
 pub use device_clock::{Span, place_on_host};
 pub use driver::Driver;
 pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments};
 pub use options::{Options, PipelineError};
+pub use policy::{Choice, RunFacts};
 pub use schedule::{Pace, Plan, Schedule, Swap, Update};
 pub use tree_builder::{BuildMoments, BuildStrategy, Built, Forms, Made, TreeBuilder, Vertices};

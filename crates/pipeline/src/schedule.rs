@@ -17,6 +17,20 @@ pub enum Update {
     DeviceRebuild,
 }
 
+impl Update {
+    /// The name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rebuild => "rebuild",
+            Self::Refit => "refit",
+            Self::Async(_) => "async",
+            Self::TSah => "t-sah",
+            Self::DeviceRebuild => "device-rebuild",
+        }
+    }
+}
+
 /// When a tree that was asked for is swapped in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {

@@ -32,7 +32,21 @@ fn points(sandbox: &Sandbox) -> Result<Vec<Value>, Failed> {
 }
 
 fn files(sandbox: &Sandbox) -> Result<(), Failed> {
+    // A link in the folder is replaced: what it leads to stays.
+    #[cfg(unix)]
+    {
+        std::fs::create_dir(sandbox.path().join("c"))?;
+        std::fs::write(sandbox.path().join("mine"), b"mine")?;
+        std::os::unix::fs::symlink("../mine", sandbox.path().join("c/points.csv"))?;
+    }
     let run = draw(sandbox, 2000, "")?;
+    #[cfg(unix)]
+    {
+        ensure(sandbox.read("mine") == b"mine", || {
+            "a link was followed".to_owned()
+        })?;
+        std::fs::remove_file(sandbox.path().join("mine"))?;
+    }
     let names: Vec<_> = sandbox
         .files()
         .iter()

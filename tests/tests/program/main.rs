@@ -5,7 +5,6 @@ mod bad_scenes;
 mod bench;
 mod chart;
 mod conform;
-mod crossover;
 mod devices;
 mod disk;
 mod files;
@@ -30,7 +29,6 @@ fn main() -> ExitCode {
         bench::trials(),
         chart::trials(),
         conform::trials(),
-        crossover::trials(),
         devices::trials(),
         disk::trials(),
         files::trials(),

@@ -28,7 +28,7 @@ struct Panel {
 
 const FRAME: Panel = Panel {
     title: "Time of a frame",
-    note: "the first frame left out",
+    note: "the median",
     unit: "milliseconds",
     value: |p| p.frame_ms,
 };
@@ -89,10 +89,7 @@ pub fn growth_svg(growth: &Growth) -> Result<String> {
 fn words(growth: &Growth) -> Vec<String> {
     let [width, height] = growth.size;
     let mut words = head(&growth.machine);
-    words.push(format!(
-        "{} in {width}x{height}, primary and shadow rays; {} key frames from a frame to the next",
-        growth.scene, growth.speed
-    ));
+    words.push(format!("frames of {width}x{height}"));
     words
 }
 

@@ -4,7 +4,6 @@ use super::{
     BackendName, IntersectorName, LayoutsArgs, PoliciesArgs, SizeArgs, SourceArgs, Switch,
     ToleranceArgs, WarmUpArgs,
 };
-use crate::bench::FrameRepetition;
 use crate::values::{self, Frames, TimeRange};
 use clap::builder::ArgPredicate;
 use clap::{Args, ValueEnum};
@@ -51,26 +50,13 @@ pub(crate) struct BenchArgs {
     /// first of each scene]
     #[arg(long, value_name = "WORDS")]
     pub(crate) against: Option<String>,
-    /// Also tell the least time that each frame could take: the bytes that it must move, over the bandwidth of a
-    /// plain copy. That bandwidth is measured once for each backend (on devices, by interpolating 8 million
-    /// vertices)
-    #[arg(long)]
-    pub(crate) floor: bool,
-    /// Compare what auto takes with every choice it has: all update policies and layouts, and all intersectors where
-    /// that is left to auto too
-    #[arg(long, conflicts_with_all = ["update", "layout"])]
-    pub(crate) with_auto: bool,
-    /// With --with-auto: how often every choice has its turn
-    #[arg(long, value_name = "N", default_value = "1", value_parser = values::rounds)]
-    pub(crate) rounds: usize,
     /// Rays: a camera's with their shadows, or as many from anywhere in the scene's box in any direction. Those at random
     /// seek the closest hit, without a shadow, and are the same in every frame
     #[arg(
         long,
         value_name = "LIST",
         value_delimiter = ',',
-        default_value = "camera",
-        conflicts_with = "with_auto"
+        default_value = "camera"
     )]
     pub(crate) rays: Vec<RaysName>,
     #[command(flatten)]
@@ -83,24 +69,15 @@ pub(crate) struct BenchArgs {
     pub(crate) time_range: Option<TimeRange>,
     #[command(flatten)]
     pub(crate) warm_up: WarmUpArgs,
-    /// Seconds for which each frame is repeated, uncounted, before the next one [default: none]. The device's times
-    /// of a frame are then the medians of the last half. Rays of each run are also compared with those of rebuild,
-    /// whose tree is fresh. Where times still change, a frame is repeated for up to twice as long. Runs with async
-    /// are not repeated, since their trees would age
-    #[arg(long, value_name = "SECONDS", value_parser = values::seconds, conflicts_with = "with_auto")]
-    pub(super) dwell: Option<f64>,
-    /// With --dwell: take only the first of every N frames
-    #[arg(long, value_name = "N", default_value = "1", value_parser = values::every)]
-    dwell_every: usize,
     /// Adapter of the backends, by index or by part of its name
     #[arg(long, value_name = "INDEX|NAME-PART")]
     pub(crate) adapter: Option<String>,
     /// Threads that render
     #[arg(long, value_name = "N", value_parser = values::threads)]
     pub(crate) threads: Option<usize>,
-    /// Threads that build trees
-    #[arg(long, value_name = "N", value_parser = values::threads)]
-    pub(crate) builder_threads: Option<usize>,
+    /// Threads that build trees; '2,16' measures both [default: as for render]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::threads)]
+    pub(crate) builder_threads: Vec<usize>,
     /// Instead, compare two files of results (of bench, or of render --stats): medians, ratios, and whether
     /// they differ by more than noise
     #[arg(long, num_args = 2, value_names = ["OLD.json", "NEW.json"])]
@@ -108,19 +85,19 @@ pub(crate) struct BenchArgs {
     /// With --compare: exit with 1 if a frame takes longer by more than so many per cent, noise apart
     #[arg(long, value_name = "PCT", value_parser = values::percent)]
     pub(crate) fail_above: Option<f64>,
-    /// File for the results
-    #[arg(long, value_name = "FILE")]
+    /// File for the results, frame by frame
+    #[arg(long, value_name = "FILE", value_parser = values::file())]
     pub(crate) json: Option<PathBuf>,
+    /// File for the results as a table, a row a run
+    #[arg(long, value_name = "FILE", value_parser = values::file())]
+    pub(crate) csv: Option<PathBuf>,
+    /// File for a chart of time, memory and start-up against triangles, a curve for each policy and layout; for scenes
+    /// that differ in size
+    #[arg(long, value_name = "FILE.svg", value_parser = values::file())]
+    pub(crate) growth: Option<PathBuf>,
     /// No progress
     #[arg(long, short)]
     pub(crate) quiet: bool,
-}
-
-impl BenchArgs {
-    /// How frames are dwelt on, if they are.
-    pub(crate) fn dwell(&self) -> Option<FrameRepetition> {
-        FrameRepetition::asked(self.dwell?, self.dwell_every)
-    }
 }
 
 /// Kinds of rays by name.

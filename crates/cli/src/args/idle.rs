@@ -73,9 +73,7 @@ fn bonds(command: &Command) -> Vec<Bond> {
         Command::Stability(args) => {
             vec![("seeds", args.record.is_some(), "goes only with --record")]
         }
-        Command::Crossover(_) | Command::Growth(_) | Command::Info(_) | Command::Merge(_) => {
-            Vec::new()
-        }
+        Command::Info(_) | Command::Merge(_) => Vec::new(),
     }
 }
 
@@ -108,32 +106,15 @@ fn trace(args: &TraceArgs) -> [Bond; 3] {
     ]
 }
 
-fn bench(args: &BenchArgs) -> [Bond; 8] {
+fn bench(args: &BenchArgs) -> [Bond; 4] {
     let (updates, backends) = (&args.policies.update, &args.backend);
     let any = |fits: &dyn Fn(UpdateName) -> bool| updates.iter().any(|&u| fits(u));
-    let builds = |&b: &BackendName| args.with_auto || any(&|u| host_builds(b, u));
+    let builds = |&b: &BackendName| any(&|u| host_builds(b, u));
     let is_auto = args.intersector.contains(&IntersectorName::Auto);
-    let dwells = any(&|u| u != UpdateName::Async);
     [
-        (
-            "predict",
-            !args.with_auto,
-            "does nothing beside --with-auto",
-        ),
         ("predict", any(&may_be_async), ASYNC),
         ("tolerance", is_auto, AUTO),
-        (
-            "dwell",
-            dwells,
-            "goes only with an update policy other than async",
-        ),
         ("builder_threads", backends.iter().any(builds), HOST),
-        ("rounds", args.with_auto, "goes only with --with-auto"),
-        (
-            "dwell_every",
-            args.dwell.is_some(),
-            "goes only with --dwell",
-        ),
         ("fail_above", false, "goes only with --compare"),
     ]
 }

@@ -1,7 +1,7 @@
 //! Options that commands share which time many things. Each command gives them defaults of its own.
 
 use super::{LayoutName, UpdateName};
-use crate::values::{self, Sizes};
+use crate::values;
 use crate::warm_up::WarmUp;
 use clap::Args;
 
@@ -19,14 +19,6 @@ pub(crate) struct LayoutsArgs {
     /// Layouts of the tree
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub(crate) layout: Vec<LayoutName>,
-}
-
-/// Sizes of a demo to go through.
-#[derive(Args, Clone, Debug)]
-pub(crate) struct TrianglesArgs {
-    /// Triangles, about so many: a list, or a range that is gone through by 1, 2 and 5
-    #[arg(long, value_name = "LIST|A..B", value_parser = values::sizes, default_value = "10K..20M")]
-    pub(crate) triangles: Sizes,
 }
 
 /// How large frames are.

@@ -1,19 +1,16 @@
 //! One run of a bench: what it is made of, and how it is measured.
 
-use super::floor;
-use super::fresh::FreshRatio;
 use super::rays::Bundle;
-use super::repetition::{FrameRepetition, RepeatedFrames};
 use crate::args::RaysName;
 use crate::memory::{self, DeviceMemory};
+use crate::record;
 use crate::session::{self, Ask, Session};
+use crate::settle;
 use crate::stop::Stop;
 use crate::table::mrays;
-use crate::trial;
 use crate::warm_up::{WarmUp, Warmed};
-use crate::{choose, record};
-use backend::{DeviceBytes, Intersector, Query};
-use pipeline::{Driver, Frame, FrameRecord};
+use backend::DeviceBytes;
+use pipeline::{Frame, FrameRecord};
 use report::{FrameStats, Summary, Taken, Time};
 use scene::Scene;
 use serde::Serialize;
@@ -29,7 +26,7 @@ pub(crate) struct Row {
     pub(crate) adapter: String,
     pub(crate) driver: Option<String>,
     pub(super) threads: usize,
-    builder_threads: usize,
+    pub(super) builder_threads: usize,
     pub(crate) update: &'static str,
     /// With `async`: whether trees are built for what comes.
     pub(super) predict: Option<bool>,
@@ -38,19 +35,13 @@ pub(crate) struct Row {
     /// What kind of rays, if not a camera's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) rays: Option<&'static str>,
-    frames: usize,
+    pub(super) frames: usize,
     /// What the device did uncounted after the first frame, where it was warmed up.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) warm_up: Option<Warmed>,
-    /// How its frames were done over and over, where somebody asked for that.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) dwell: Option<RepeatedFrames>,
-    /// Rays beside those with a fresh tree in each frame, where somebody dwelt on those.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) over_fresh: Option<FreshRatio>,
     pub(super) interpolate_ms: Option<f64>,
     pub(super) preprocess_ms: Option<f64>,
-    rebuild_ms: Option<f64>,
+    pub(super) rebuild_ms: Option<f64>,
     pub(super) refit_ms: Option<f64>,
     /// All that comes before rays: the four above.
     pub(super) geometry_ms: Option<f64>,
@@ -61,7 +52,7 @@ pub(crate) struct Row {
     /// Primary and shadow rays in the time of both.
     pub(crate) mrays_per_s: Option<f64>,
     pub(super) build_ms: Option<f64>,
-    convert_ms: Option<f64>,
+    pub(super) convert_ms: Option<f64>,
     pub(super) build_ns_per_triangle: Option<f64>,
     convert_ns_per_triangle: Option<f64>,
     pub(super) trees: usize,
@@ -70,15 +61,12 @@ pub(crate) struct Row {
     pub(super) tree_age_frames: Option<f64>,
     pub(super) sah_ratio: Option<f64>,
     pub(super) sah_cost: Option<f64>,
-    /// What a frame has to move at least.
-    pub(super) bytes: floor::Bytes,
     /// What was left to `auto`.
     pub(super) auto: Vec<Taken>,
-    /// Intersectors that are known to meet the tolerance.
-    #[serde(skip)]
-    pub(super) meets: Vec<&'static str>,
+    /// Of the first frame, which waits for the first tree.
+    pub(super) first_ms: Option<f64>,
     /// The device's memory, where it can tell.
-    memory: Option<DeviceMemory>,
+    pub(super) memory: Option<DeviceMemory>,
     /// Every frame, as in the statistics of `render`.
     pub(crate) per_frame: Vec<FrameStats>,
 }
@@ -92,8 +80,6 @@ pub(crate) struct Run {
     pub(crate) size: [u32; 2],
     /// How the device is got ready.
     pub(crate) warm_up: WarmUp,
-    /// How long its frames are done over and over, where trees stay what they are meanwhile.
-    pub(crate) dwell: Option<FrameRepetition>,
 }
 
 /// What is kept of frames.
@@ -101,38 +87,12 @@ pub(crate) struct Run {
 struct Kept {
     stats: Vec<FrameStats>,
     held: Option<DeviceBytes>,
-    dwelt: Option<RepeatedFrames>,
 }
 
 impl Kept {
     fn note(&mut self, frame: &FrameRecord) {
         self.stats.push(record::row(frame));
         self.held = memory::larger(self.held, frame.device_bytes);
-    }
-
-    /// Runs frames; where they are dwelt on, one by one.
-    fn run(&mut self, driver: &mut Driver, frames: &[Frame], query: Query<'_>) -> Result<(), Stop> {
-        let Some(mut dwelt) = self.dwelt else {
-            return driver.run(frames.iter().copied(), query, false, |frame, _| {
-                self.note(frame);
-                Ok(())
-            });
-        };
-        // One that was warmed up for is there already.
-        if let Some(first) = self.stats.last_mut() {
-            dwelt.at(driver, query, first)?;
-        }
-        for &frame in frames {
-            driver.run([frame], query, false, |frame, _| {
-                self.note(frame);
-                Ok::<(), Stop>(())
-            })?;
-            if let Some(row) = self.stats.last_mut() {
-                dwelt.at(driver, query, row)?;
-            }
-        }
-        self.dwelt = Some(dwelt);
-        Ok(())
     }
 }
 
@@ -145,30 +105,26 @@ pub(crate) fn measure(
 ) -> Result<Row, Stop> {
     let bundle = Bundle::of(run.rays, (spec, &scene.animation), run.size)?;
     let query = bundle.query();
-    let to_try = Some(trial::Run { frames, query });
+    let to_try = Some(settle::Run { frames, query });
     let ask = Ask {
         run: to_try,
         ..*ask
     };
     let mut session = session::start(&scene.animation, &ask)?;
-    let dwell = run.dwell.and_then(|dwell| dwell.fits(session.update));
-    let fewer = dwell.map(|dwell| dwell.frames(frames));
-    let frames = fewer.as_deref().unwrap_or(frames);
-    let mut kept = Kept {
-        dwelt: dwell.map(FrameRepetition::begin),
-        ..Kept::default()
-    };
+    let mut kept = Kept::default();
     let driver = &mut session.driver;
     let (warm_up, rest) = run.warm_up.begin(driver, frames, query, |frame| {
         kept.note(frame);
         Ok::<(), Stop>(())
     })?;
-    kept.run(driver, rest, query)?;
+    driver.run(rest.iter().copied(), query, false, |frame, _| {
+        kept.note(frame);
+        Ok::<(), Stop>(())
+    })?;
     let row = row(spec, scene, &session, kept.stats, &bundle);
     Ok(Row {
         rays: (run.rays != RaysName::Camera).then_some("random"),
         warm_up,
-        dwell: kept.dwelt,
         memory: kept
             .held
             .map(|bytes| DeviceMemory::of(bytes, row.triangles)),
@@ -200,14 +156,12 @@ fn row(
         driver: (!device.driver.is_empty()).then(|| device.driver.clone()),
         threads: session.threads.render,
         builder_threads: session.threads.build,
-        update: choose::update_name(session.update),
+        update: session.update.name(),
         predict: session.predict,
         intersector: session.method[0],
         layout: session.method[1],
         rays: None,
         warm_up: None,
-        dwell: None,
-        over_fresh: None,
         frames: frames.len(),
         interpolate_ms: median(|f| f.interpolate_ms),
         preprocess_ms: median(|f| f.preprocess_ms),
@@ -228,13 +182,8 @@ fn row(
         tree_age_frames: median(|f| Some(f.tree_age_frames as f64)),
         sah_ratio: median(|f| f.sah_ratio),
         sah_cost: median(|f| f.sah_cost),
-        bytes: floor::Bytes::of(
-            &scene.animation,
-            session.method[0].parse().unwrap_or(Intersector::Watertight),
-            bundle.query().rays.count(),
-        ),
         auto: session.taken.clone(),
-        meets: session.meets.iter().map(|i| i.name()).collect(),
+        first_ms: frames.first().and_then(|f| f.wall_ms),
         memory: None,
         per_frame: frames,
     }

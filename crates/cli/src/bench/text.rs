@@ -1,7 +1,6 @@
 //! Results of a bench for people.
 
-use super::repetition::RepeatedFrames;
-use super::{Report, Row, auto, floor, fresh, rivals};
+use super::{Report, Row, rivals};
 use crate::table::{grouped, ms, table};
 use crate::warm_up::Warmed;
 
@@ -22,15 +21,7 @@ pub(super) fn text(report: &Report, against: Option<&str>) -> String {
         adapters(&report.rows)
     );
     text += &unsteady(&report.rows);
-    text += &fresh::text(&report.rows);
-    if !report.floors.is_empty() {
-        text += &floor::text(&report.floors);
-    }
-    if report.with_auto.is_empty() {
-        text += &rivals::text(&report.rows, against);
-    } else {
-        text += &auto::text(&report.with_auto);
-    }
+    text += &rivals::text(&report.rows, against);
     text
 }
 
@@ -79,15 +70,13 @@ fn update(r: &Row) -> String {
     format!("{}{without}", r.update)
 }
 
-/// Runs whose device was not steady when they began, or when a frame was done, one line each.
+/// Runs whose device was not steady when they began, one line each.
 fn unsteady(rows: &[Row]) -> String {
-    let lines = rows.iter().flat_map(|r| {
-        let began = r.warm_up.and_then(Warmed::warning);
-        let dwelt = r.dwell.and_then(RepeatedFrames::warning);
-        let warnings = [began, dwelt].into_iter().flatten();
-        warnings.map(|w| format!("{} {}: {w}\n", r.scene, rivals::name(r)))
-    });
-    lines.collect()
+    let warning = |r: &Row| {
+        let warning = r.warm_up.and_then(Warmed::warning)?;
+        Some(format!("{} {}: {warning}\n", r.scene, rivals::name(r)))
+    };
+    rows.iter().filter_map(warning).collect()
 }
 
 /// Which device each backend ran on, one line each.

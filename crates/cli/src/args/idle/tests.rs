@@ -3,7 +3,7 @@
 use crate::args::tests::{parse, refused};
 
 /// A command line, the option that would do nothing there, and what it stands beside or needs.
-const IDLE: [(&str, &str, &str); 36] = [
+const IDLE: [(&str, &str, &str); 32] = [
     ("conform --cases 0 --seed 4", "--seed", "--cases 0"),
     (
         "render --update refit --lockstep 1",
@@ -60,16 +60,10 @@ const IDLE: [(&str, &str, &str); 36] = [
         "--update async",
     ),
     (
-        "bench --with-auto --predict off",
-        "--predict",
-        "--with-auto",
-    ),
-    (
         "bench --intersector exact --tolerance 1",
         "--tolerance",
         "--intersector auto",
     ),
-    ("bench --update async --dwell 1", "--dwell", "async"),
     (
         "bench --backend vulkan-rt --builder-threads 2",
         "--builder-threads",
@@ -78,8 +72,6 @@ const IDLE: [(&str, &str, &str); 36] = [
     ("bench a.obj b.ply --fps 12", "--fps", ".gltf"),
     ("bench --compare a b --size 8x8", "--size", "--compare"),
     ("bench demo:twist --compare a b", "SCENE", "--compare"),
-    ("bench --dwell-every 2", "--dwell-every", "--dwell"),
-    ("bench --rounds 2", "--rounds", "--with-auto"),
     ("bench --fail-above 2", "--fail-above", "--compare"),
     ("chart --fps 12", "--fps", ".gltf"),
     ("inspect demo:twist --fps 12", "--fps", ".gltf"),
@@ -137,10 +129,9 @@ fn what_does_something_is_taken() {
         "render figures/* --fps 30",
         "trace a.glb --time 0 --rays r --out o --fps 9 --update refit --tree-time 1",
         "bench --predict on,off --builder-threads 2",
-        "bench --update async,rebuild --dwell 1 --dwell-every 2",
         "bench --backend cpu,vulkan-rt --builder-threads 2 --tolerance 2",
         "bench --compare a b --fail-above 3 --json c --quiet",
-        "bench --with-auto --rounds 2 --builder-threads 1",
+        "bench --update async --builder-threads 1,2 --csv c --growth g.svg",
         "conform --cases 0 --leak-rays 9 --offsets 0 --intersector exact",
         "conform --seed 2 --law closest_hits_equal_the_reference --case 3",
     ] {

@@ -1,4 +1,4 @@
-//! The backend on which things are tried out, one driver after another.
+//! A backend that serves one driver after another.
 
 use crate::args::BackendName;
 use crate::open::{self, Want};
@@ -12,7 +12,7 @@ use pipeline::{Driver, Frame, FrameRecord, Options, Update};
 use std::sync::Arc;
 
 /// A backend between drivers.
-pub(crate) struct TrialBackend<'a> {
+pub(crate) struct ReusedBackend<'a> {
     pub(super) animation: &'a Arc<Animation>,
     pub(super) device: Device,
     ask: &'a Ask<'a>,
@@ -20,7 +20,7 @@ pub(crate) struct TrialBackend<'a> {
     backend: Option<Box<dyn Backend>>,
 }
 
-impl<'a> TrialBackend<'a> {
+impl<'a> ReusedBackend<'a> {
     /// With a backend that was opened for `ask`.
     pub(crate) fn new(
         backend: Box<dyn Backend>,

@@ -1,7 +1,7 @@
 //! How many rays of a run a method answers wrongly: a sample against exact arithmetic.
 
 use super::Run;
-use super::stand::{TrialBackend, frame};
+use super::reused::{ReusedBackend, frame};
 use crate::args::BackendName;
 use crate::open::{self, Want};
 use crate::stop::Stop;
@@ -74,7 +74,7 @@ fn divergence(q: f64, p: f64) -> f64 {
 impl Sample {
     /// About `count` rays of the run, answered by `exact` on the backend itself, else on the host.
     pub(super) fn take(
-        stand: &mut TrialBackend<'_>,
+        backend: &mut ReusedBackend<'_>,
         run: &Run<'_>,
         count: usize,
     ) -> Result<Self, Stop> {
@@ -95,10 +95,10 @@ impl Sample {
             intersector: Intersector::Exact,
             layout: Layout::Bvh2,
         };
-        let answers = if stand.supports(method) {
-            sample.ask(stand, method)?
+        let answers = if backend.supports(method) {
+            sample.ask(backend, method)?
         } else {
-            sample.trace(&mut on_host(stand, method)?)?
+            sample.trace(&mut on_host(backend, method)?)?
         };
         for (sheet, exact) in sample.sheets.iter_mut().zip(answers) {
             sheet.exact = exact;
@@ -109,10 +109,10 @@ impl Sample {
     /// How many of them a method answers wrongly.
     pub(super) fn wrong(
         &self,
-        stand: &mut TrialBackend<'_>,
+        backend: &mut ReusedBackend<'_>,
         method: Method,
     ) -> Result<Wrong, Stop> {
-        let answers = self.ask(stand, method)?;
+        let answers = self.ask(backend, method)?;
         let wrong = self.sheets.iter().zip(&answers);
         Ok(Wrong {
             wrong: wrong.map(|(s, found)| differing(&s.exact, found)).sum(),
@@ -120,10 +120,10 @@ impl Sample {
         })
     }
 
-    fn ask(&self, stand: &mut TrialBackend<'_>, method: Method) -> Result<Vec<Hits>, Stop> {
-        let mut driver = stand.driver(method, Update::Refit)?;
+    fn ask(&self, backend: &mut ReusedBackend<'_>, method: Method) -> Result<Vec<Hits>, Stop> {
+        let mut driver = backend.driver(method, Update::Refit)?;
         let answers = self.trace(&mut driver);
-        stand.put_back(driver);
+        backend.put_back(driver);
         answers
     }
 
@@ -145,7 +145,7 @@ impl Sample {
     }
 }
 
-fn on_host(stand: &TrialBackend<'_>, method: Method) -> Result<Driver, Stop> {
+fn on_host(backend: &ReusedBackend<'_>, method: Method) -> Result<Driver, Stop> {
     let threads = threads::cores();
     let want = Want {
         backend: BackendName::Cpu,
@@ -157,11 +157,11 @@ fn on_host(stand: &TrialBackend<'_>, method: Method) -> Result<Driver, Stop> {
         method,
         update: Update::Refit,
         builder_threads: threads,
-        time_range: [0.0, stand.animation.end()],
+        time_range: [0.0, backend.animation.end()],
         predict: false,
     };
-    let backend = open::open(&want, Ok)?.value;
-    Ok(Driver::new(backend, Arc::clone(stand.animation), options)?)
+    let host = open::open(&want, Ok)?.value;
+    Ok(Driver::new(host, Arc::clone(backend.animation), options)?)
 }
 
 /// A ray at random.

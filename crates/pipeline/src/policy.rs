@@ -1,0 +1,180 @@
+//! Which update policy suits a run: a pure function of what is known before its first frame.
+//!
+//! The time of a whole run is estimated for each policy, from the first build to the last frame, by a model
+//! of a few terms that was fitted to measurements (the table in this file's tests). The least estimate wins.
+
+use crate::decay::RefitDecay;
+use crate::schedule::{Pace, Update};
+use backend::DeviceKind;
+
+/// What a policy is chosen by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunFacts {
+    /// Frames to come.
+    pub frames: usize,
+    /// Key frames from one frame to the next, in the mean.
+    pub step: f64,
+    /// Whether any vertex moves.
+    pub moves: bool,
+    /// Triangles of the scene.
+    pub triangles: usize,
+    /// Primary rays of a frame.
+    pub rays: usize,
+    /// What refitting does to the first tree.
+    pub decay: RefitDecay,
+    /// Who traces.
+    pub device: DeviceKind,
+    /// Whether the device can build trees itself ([`Update::DeviceRebuild`]).
+    pub device_builds: bool,
+    /// Threads of the host that trace, where it does.
+    pub threads: usize,
+    /// Threads that build.
+    pub builder_threads: usize,
+}
+
+/// A policy, and the reason.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Choice {
+    /// The policy.
+    pub update: Update,
+    /// Why, in one line.
+    pub why: String,
+}
+
+/// Key frames between frames from which on the tree of an earlier frame is of no use.
+const FAR_APART: f64 = 2.0;
+/// The first tree is as good as a fresh one up to so many times its cost.
+const LASTS: f64 = 1.05;
+/// An estimate this many times the least is as good.
+const TIE: f64 = 1.05;
+
+impl RunFacts {
+    /// The policy that is expected to finish the run first.
+    #[must_use]
+    pub fn choose(&self) -> Choice {
+        let choice = |update, why: &str| Choice {
+            update,
+            why: why.to_owned(),
+        };
+        if !self.moves {
+            let why = "the scene does not move, so its first tree stays the best";
+            return choice(Update::Refit, why);
+        }
+        if self.frames <= 1 {
+            return choice(Update::Refit, "one frame needs one tree");
+        }
+        if self.step >= FAR_APART {
+            let why = "the frames lie key frames apart: the tree of one is of no use to the next";
+            return choice(self.rebuild(), why);
+        }
+        if self.decay.worst <= LASTS {
+            let why = "the first tree stays as good as a fresh one";
+            return choice(Update::Refit, why);
+        }
+        self.least()
+    }
+
+    /// A new tree for each frame.
+    fn rebuild(&self) -> Update {
+        match self.device_builds {
+            true => Update::DeviceRebuild,
+            false => Update::Rebuild,
+        }
+    }
+
+    /// The first policy whose estimate is about the least.
+    fn least(&self) -> Choice {
+        let all = self.estimates();
+        let least = all.iter().map(|e| e.1).fold(f64::INFINITY, f64::min);
+        let taken = all.iter().find(|e| e.1 <= TIE * least).unwrap_or(&all[0]);
+        let words = all
+            .iter()
+            .map(|e| format!("{} {:.2}", e.0.name(), e.1 * 1e-3));
+        Choice {
+            update: taken.0,
+            why: format!(
+                "estimated seconds for {} frames: {}; refitted, the first tree costs {:.2} times a fresh one",
+                self.frames,
+                words.collect::<Vec<_>>().join(", "),
+                self.decay.mean
+            ),
+        }
+    }
+
+    /// Milliseconds of the whole run by each policy that may win.
+    fn estimates(&self) -> Vec<(Update, f64)> {
+        let times = self.times();
+        let frames = self.frames as f64;
+        let tracing = frames * times.frame;
+        let slower = TREE_SHARE * (self.decay.mean - 1.0);
+        // Share of the run that passes while a tree is built.
+        let age = (LATER_BUILD * times.build / tracing).min(1.0);
+        let aged = 1.0 + slower * age * age;
+        let mut all = vec![
+            (Update::Refit, times.build + tracing * (1.0 + slower)),
+            (
+                Update::Async(Pace::Free),
+                times.build + tracing * times.beside_builder * aged,
+            ),
+            (Update::TSah, TSAH_BUILDS * times.build + tracing),
+        ];
+        if self.device_builds {
+            let each = times.frame + times.device_build;
+            all.push((Update::DeviceRebuild, frames * each));
+        } else {
+            all.push((Update::Rebuild, frames * (times.frame + times.build)));
+        }
+        all
+    }
+
+    fn times(&self) -> Times {
+        let (triangles, rays) = (self.triangles as f64, self.rays as f64);
+        let builders = self.builder_threads.max(1) as f64;
+        match self.device {
+            DeviceKind::Gpu => Times {
+                build: triangles * GPU_BUILD / builders,
+                frame: GPU_FRAME + triangles * GPU_TRIANGLE,
+                device_build: GPU_FRAME_BUILD + triangles * GPU_TRIANGLE_BUILD,
+                beside_builder: 1.0,
+            },
+            DeviceKind::Cpu | DeviceKind::Software => {
+                let threads = self.threads.max(1) as f64;
+                Times {
+                    build: triangles * HOST_BUILD / threads,
+                    frame: (rays * HOST_RAY + triangles * HOST_TRIANGLE) / threads,
+                    device_build: f64::INFINITY,
+                    beside_builder: (threads + builders) / threads,
+                }
+            }
+        }
+    }
+}
+
+/// Milliseconds, and how much slower frames are while the host builds.
+struct Times {
+    build: f64,
+    frame: f64,
+    device_build: f64,
+    beside_builder: f64,
+}
+
+/// Share of a frame that grows with its tree's cost.
+const TREE_SHARE: f64 = 0.5;
+/// A later build takes so much of the first one's time, as it finds its memory ready.
+const LATER_BUILD: f64 = 0.4;
+/// A tree for the whole time range takes as long as so many others.
+const TSAH_BUILDS: f64 = 9.0;
+/// Milliseconds of one thread a triangle: a first build, its conversion and its transfer to a GPU.
+const GPU_BUILD: f64 = 1.5e-3;
+/// Of an H100: milliseconds of any frame, and more a triangle; then of a tree made on the device.
+const GPU_FRAME: f64 = 0.2;
+const GPU_TRIANGLE: f64 = 0.25e-6;
+const GPU_FRAME_BUILD: f64 = 0.4;
+const GPU_TRIANGLE_BUILD: f64 = 0.28e-6;
+/// Milliseconds of one thread of the host: a build a triangle, a primary ray with its shadow, a triangle's refit.
+const HOST_BUILD: f64 = 0.8e-3;
+const HOST_RAY: f64 = 70e-6;
+const HOST_TRIANGLE: f64 = 40e-6;
+
+#[cfg(test)]
+mod tests;
