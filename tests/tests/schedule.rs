@@ -4,7 +4,7 @@ use backend::{Hits, Intersector, Method, Query, QueryKind, Rays};
 use geom::Animation;
 use integration::rays::{camera, light};
 use integration::stage::Stage;
-use pipeline::{Driver, Frame, FrameRecord, Options, Pace, PipelineError, Update};
+use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Pace, PipelineError, Update};
 use std::sync::Arc;
 
 const FRAMES: u64 = 24;
@@ -36,7 +36,7 @@ fn render_by(
     predict: bool,
 ) -> Vec<(FrameRecord, Hits)> {
     let backend = cpu_ref::CpuBackend::new(Some(2)).expect("threads can be had");
-    let options = Options {
+    let options = DriverOptions {
         method: Method::default(),
         update,
         builder_threads: 1,

@@ -17,7 +17,7 @@ mod prims;
 mod sweep;
 
 use crate::{BinaryTree, Boxes, BuildError, Cancel, sah_cost};
-use node::Node;
+use node::TemporalNode;
 use prims::Prims;
 
 /// The most moments a tree may be built for.
@@ -88,7 +88,7 @@ impl TemporalBuilder {
         if leaves == 0 {
             return Ok(());
         }
-        let root = Node {
+        let root = TemporalNode {
             order: &mut tree.order,
             room: &mut self.room,
             left_leaves: &mut tree.left_leaves,

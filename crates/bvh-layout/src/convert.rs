@@ -9,7 +9,7 @@
 use crate::bits::{pack, rank};
 use crate::header::Header;
 use crate::segments::segments;
-use crate::treelets::Room;
+use crate::treelets::Workspace;
 use crate::walk::{Shape, Walk};
 use crate::{Topology, Treelets};
 use bvh_build::{BinaryTree, MAX_DEPTH};
@@ -25,11 +25,11 @@ const CHUNK: usize = 1 << 14;
 #[derive(Debug, Default)]
 pub struct Converter {
     /// One entry a chunk of the preorder.
-    tallies: Vec<Tally>,
+    tallies: Vec<LevelCounts>,
     /// One entry an inner node in breadth-first order: which children are leaves.
     leaf_children: Vec<u8>,
     /// Where treelets are made.
-    room: Room,
+    room: Workspace,
 }
 
 /// The memory of an old record, and of its treelets: see [`Topology::into_spare`].
@@ -55,7 +55,7 @@ impl Spare {
 
 /// What one chunk adds to each level.
 #[derive(Clone, Debug)]
-struct Tally {
+struct LevelCounts {
     /// Its inner nodes at each depth.
     inner: [u32; DEPTHS],
     /// Their children that are leaves, by the depth of the parent.
@@ -159,7 +159,7 @@ impl Converter {
         let chunks = shape.left_leaves.par_chunks(CHUNK).enumerate();
         chunks
             .map(|(chunk, left_leaves)| {
-                let mut tally = Tally {
+                let mut tally = LevelCounts {
                     inner: [0; DEPTHS],
                     leaves: [0; DEPTHS],
                 };

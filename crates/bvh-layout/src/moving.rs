@@ -94,8 +94,8 @@ fn flags(tree: &Topology, is_static: &[bool]) -> Vec<bool> {
             let first = level.start + (chunk * CHUNK) as u32;
             for (flag, place) in flags.iter_mut().zip(places(tree, first)) {
                 *flag = match place {
-                    Place::Leaf(rank) => !is_static[triangles[rank as usize] as usize],
-                    Place::Inner(k) => Topology::children_of_inner(k)
+                    NodeIndex::Leaf(rank) => !is_static[triangles[rank as usize] as usize],
+                    NodeIndex::Inner(k) => Topology::children_of_inner(k)
                         .iter()
                         .any(|c| below[(c - level.end) as usize]),
                 };
@@ -106,20 +106,20 @@ fn flags(tree: &Topology, is_static: &[bool]) -> Vec<bool> {
 }
 
 /// A node's place among its like.
-enum Place {
+enum NodeIndex {
     Leaf(u32),
     Inner(u32),
 }
 
 /// The places of all nodes from `first` on.
-fn places(tree: &Topology, first: u32) -> impl Iterator<Item = Place> + '_ {
+fn places(tree: &Topology, first: u32) -> impl Iterator<Item = NodeIndex> + '_ {
     let mut rank = tree.leaf_rank(first);
     (first..).map(move |node| {
         if tree.is_leaf(node) {
             rank += 1;
-            Place::Leaf(rank - 1)
+            NodeIndex::Leaf(rank - 1)
         } else {
-            Place::Inner(node - rank)
+            NodeIndex::Inner(node - rank)
         }
     })
 }
@@ -133,8 +133,8 @@ fn lists(tree: &Topology, moves: &[bool]) -> [Vec<u32>; 2] {
             let places = moves.iter().zip(places(tree, (chunk * CHUNK) as u32));
             for (_, place) in places.filter(|(moves, _)| **moves) {
                 match place {
-                    Place::Leaf(rank) => lists[0].push(rank),
-                    Place::Inner(k) => lists[1].push(k),
+                    NodeIndex::Leaf(rank) => lists[0].push(rank),
+                    NodeIndex::Inner(k) => lists[1].push(k),
                 }
             }
             lists

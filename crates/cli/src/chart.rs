@@ -26,7 +26,7 @@ use crate::warm_up::Warmed;
 use crate::{choose, frames, info, reduce, talk};
 use chart::{Adapter, Chart, Companions, KeyFrameStep, KeyFrames, Machine, Point, Spread};
 use pipeline::Update;
-use plan::{Plan, Way};
+use plan::{ChartPlan, Way};
 use report::{FrameStats, Summary};
 use scene::Scene;
 use std::sync::Arc;
@@ -40,7 +40,7 @@ struct Measured {
 
 /// Times, judges, draws.
 pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
-    let plan = Plan::of(args)?;
+    let plan = ChartPlan::of(args)?;
     if !args.quiet {
         plan.skipped.iter().for_each(|s| talk::say(s));
     }
@@ -195,8 +195,8 @@ impl Work<'_> {
     }
 
     /// Closed bodies, once a backend and method.
-    fn bodies(&mut self, points: &[Vec<Measured>]) -> Result<bodies::Found, Stop> {
-        let mut found = bodies::Found::default();
+    fn bodies(&mut self, points: &[Vec<Measured>]) -> Result<bodies::LeaksByMethod, Stop> {
+        let mut found = bodies::LeaksByMethod::default();
         for Measured { way, point, .. } in points.iter().flatten() {
             if found.knows(point) {
                 continue;

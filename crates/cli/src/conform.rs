@@ -11,9 +11,9 @@ use crate::subjects::{self, Examined, Machine, Subject};
 use crate::table::counted;
 use crate::{conflicts, talk};
 use backend::{Backend, Intersector, Method};
-use conformance::leaks::{self, Plan};
+use conformance::leaks::{self, LeakPlan};
 use conformance::{Disagreement, Law, hold, hold_one, laws_of};
-use results::{LeakRow, Report, Row};
+use results::{LeakRow, PropertyRow, Report};
 use std::time::Instant;
 
 /// Steps in which the progress of many rays is told.
@@ -59,7 +59,7 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
 }
 
 /// Every law on every subject, against the host on one thread.
-fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<Row>, Stop> {
+fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>, Stop> {
     let named = |l: &&Law| args.law.is_empty() || args.law.iter().any(|n| n == l.name);
     let laws = |s: &Subject| laws_of(s.backend.as_ref()).iter().filter(named);
     let total: usize = subjects.iter().map(|s| laws(s).count()).sum();
@@ -80,7 +80,7 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<Row>, Stop> 
             let begun = Instant::now();
             let held = hold_to(args, law, subject.backend.as_mut(), reference.as_mut());
             let seconds = begun.elapsed().as_secs_f64();
-            let row = Row {
+            let row = PropertyRow {
                 law: law.name,
                 backend: subject.name,
                 held: *held.as_ref().unwrap_or_else(|e| &e.held),
@@ -102,7 +102,7 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<Row>, Stop> 
 }
 
 /// What came of a law, in one line.
-fn outcome(row: &Row) -> String {
+fn outcome(row: &PropertyRow) -> String {
     let so = match row.disagreement {
         None => "held in",
         Some(_) => "failed after",
@@ -149,7 +149,7 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
         return Ok(());
     }
     let intersector = args.intersector.unwrap_or(Intersector::Watertight);
-    let plan = Plan {
+    let plan = LeakPlan {
         seed: args.seed,
         rays: args.leak_rays,
         offsets: args.offsets.clone(),

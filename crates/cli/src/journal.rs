@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// A line.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-enum Line {
+enum JournalLine {
     /// What the run is to make, and its statistics without frames.
     Run { list: Vec<u64>, stats: Value },
     /// A frame that is done.
@@ -44,14 +44,16 @@ impl Done {
             let cannot = |e| Stop::bad(format!("cannot read {}: {e}", file.display()));
             for line in BufReader::new(File::open(&file).map_err(cannot)?).split(b'\n') {
                 match serde_json::from_slice(&line.map_err(cannot)?) {
-                    Ok(Line::Run { list, stats }) => {
+                    Ok(JournalLine::Run { list, stats }) => {
                         done.list.extend(list);
                         done.stats = Some(stats);
                     }
-                    Ok(Line::Frame { files, row }) if files.iter().all(|(n, _)| is_ours(n)) => {
+                    Ok(JournalLine::Frame { files, row })
+                        if files.iter().all(|(n, _)| is_ours(n)) =>
+                    {
                         done.frames.insert(row.frame as u64, (files, *row));
                     }
-                    Ok(Line::Frame { .. }) | Err(_) => {}
+                    Ok(JournalLine::Frame { .. }) | Err(_) => {}
                 }
             }
         }
@@ -149,8 +151,8 @@ fn without(path: &Path, again: &[u64]) -> std::io::Result<Vec<u8>> {
     for line in BufReader::new(File::open(path)?).split(b'\n') {
         let line = line?;
         let keeps = match serde_json::from_slice(&line) {
-            Ok(Line::Frame { row, .. }) => !again.contains(&(row.frame as u64)),
-            Ok(Line::Run { .. }) => true,
+            Ok(JournalLine::Frame { row, .. }) => !again.contains(&(row.frame as u64)),
+            Ok(JournalLine::Run { .. }) => true,
             Err(_) => false,
         };
         if keeps {
@@ -195,7 +197,7 @@ impl Journal {
 
     /// Says what the run is to make.
     pub(crate) fn begin(&mut self, list: Vec<u64>, stats: Value) -> Result<(), Stop> {
-        self.write(&Line::Run { list, stats })
+        self.write(&JournalLine::Run { list, stats })
     }
 
     /// Says that a frame's files, by their names in `folder`, are whole.
@@ -209,13 +211,13 @@ impl Journal {
             let cannot = |e| Stop::failed(format!("cannot read {}: {e}", file.display()));
             Ok::<_, Stop>((name, digest_of(file).map_err(cannot)?))
         };
-        self.write(&Line::Frame {
+        self.write(&JournalLine::Frame {
             files: files.iter().map(named).collect::<Result<_, _>>()?,
             row: Box::new(row.clone()),
         })
     }
 
-    fn write(&mut self, line: &Line) -> Result<(), Stop> {
+    fn write(&mut self, line: &JournalLine) -> Result<(), Stop> {
         let mut text = serde_json::to_vec(line).map_err(Stop::failed)?;
         text.push(b'\n');
         let cannot = |e| Stop::failed(format!("cannot write {}: {e}", self.path.display()));

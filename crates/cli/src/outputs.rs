@@ -5,7 +5,7 @@ use crate::conflicts;
 use crate::stop::Stop;
 use backend::Hits;
 use picture::Shot;
-use report::Found;
+use report::HitArrays;
 use std::path::{Path, PathBuf};
 
 /// Files of a whole run.
@@ -81,7 +81,7 @@ impl Outputs {
     pub(crate) fn write(&mut self, frame: u64, shot: &Shot<'_>, hits: &Hits) -> Result<(), Stop> {
         let [width, height] = [shot.camera.width, shot.camera.height];
         if let Some(file) = self.hits(frame) {
-            let found = Found {
+            let found = HitArrays {
                 hits: &hits.closest,
                 shadow: Some(&hits.blocked),
                 shape: &[u64::from(height), u64::from(width)],

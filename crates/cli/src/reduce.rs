@@ -53,7 +53,7 @@ struct Reduction {
     keys: Change,
     bytes: Change,
     max_error: f64,
-    worst: Option<Place>,
+    worst: Option<ErrorLocation>,
     rms: f64,
     curve: Vec<CurvePoint>,
 }
@@ -67,7 +67,7 @@ struct Change {
 
 /// Where the error is largest.
 #[derive(Clone, Copy, Serialize)]
-struct Place {
+struct ErrorLocation {
     frame: usize,
     vertex: usize,
 }
@@ -144,7 +144,9 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
             after: bytes(animation, keys.after),
         },
         max_error: fit.max_error,
-        worst: fit.worst.map(|(frame, vertex)| Place { frame, vertex }),
+        worst: fit
+            .worst
+            .map(|(frame, vertex)| ErrorLocation { frame, vertex }),
         rms: fit.rms,
         curve,
     })
@@ -295,7 +297,7 @@ fn text(r: &Reduction) -> String {
     text += &format!("positions: {before} bytes before, {after} after\n");
     let (max, rms) = (length(r.max_error), length(r.rms));
     text += &format!("error: {max} at most, {}", percent(r.max_error, r.diagonal));
-    if let Some(Place { frame, vertex }) = r.worst {
+    if let Some(ErrorLocation { frame, vertex }) = r.worst {
         text += &format!(", at vertex {vertex} of key frame {frame}");
     }
     text += &format!("; {rms} root mean square\n");

@@ -9,7 +9,7 @@ use crate::{choose, conflicts, frames, talk};
 use backend::{Hits, Query, QueryKind, Rays};
 use geom::{Animation, Ray};
 use pipeline::Frame;
-use report::Found;
+use report::HitArrays;
 
 /// Traces.
 pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
@@ -61,7 +61,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     if args.any_hit {
         report::write_found(&args.out, &hits.blocked)?;
     } else {
-        let found = Found {
+        let found = HitArrays {
             hits: &hits.closest,
             shadow: None,
             shape: &[rays.len() as u64],

@@ -24,7 +24,7 @@ pub use case::Case;
 pub use laws::{LAWS, Law, OWN_TREE_LAWS, laws_of};
 pub use rays::Family;
 pub use regressions::{REGRESSIONS, Regression};
-pub use scenes::{Kind, case};
+pub use scenes::{SceneKind, case};
 
 use backend::{Backend, Layout};
 use layout_adapter::{LayoutAdapter, lays};
@@ -172,7 +172,7 @@ pub fn nth_case(seed: u64, i: u32) -> Case {
     let rng = TestRng::from_seed(RngAlgorithm::ChaCha, &bytes);
     let mut runner = TestRunner::new_with_rng(Config::default(), rng);
     // Kinds take turns, so that few cases already see each of them.
-    let kind = Kind::ALL[i as usize % Kind::ALL.len()];
+    let kind = SceneKind::ALL[i as usize % SceneKind::ALL.len()];
     let tree = case(kind)
         .new_tree(&mut runner)
         .expect("strategies reject nothing");

@@ -5,12 +5,12 @@ use proptest::prelude::*;
 
 /// A scene of about unit size is moved by `offset`, then multiplied by `scale`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Place {
+pub(crate) struct Placement {
     pub(crate) scale: f32,
     pub(crate) offset: f32,
 }
 
-const AT_HOME: Place = Place {
+const AT_HOME: Placement = Placement {
     scale: 1.0,
     offset: 0.0,
 };
@@ -34,14 +34,14 @@ const ELSEWHERE: [[f32; 2]; 12] = [
 /// Coordinates that are subnormal, or nearly: devices that flush them must answer as those that do not.
 const TINIEST: [[f32; 2]; 4] = [[1e-36, 0.0], [1e-38, 0.0], [1e-41, 10.0], [1e-43, 0.0]];
 
-pub(crate) fn place() -> impl Strategy<Value = Place> {
+pub(crate) fn place() -> impl Strategy<Value = Placement> {
     let all = |list: &'static [[f32; 2]]| {
-        prop::sample::select(list).prop_map(|[scale, offset]| Place { scale, offset })
+        prop::sample::select(list).prop_map(|[scale, offset]| Placement { scale, offset })
     };
     prop_oneof![5 => Just(AT_HOME), 6 => all(&ELSEWHERE), 1 => all(&TINIEST)]
 }
 
-impl Place {
+impl Placement {
     /// Where a point of the unit scene comes to stand. A zero keeps its sign where nothing is added to it.
     pub(crate) fn put(self, p: Point) -> Point {
         match self.offset {

@@ -1,6 +1,6 @@
 //! Rays of every sort, some aimed with care.
 
-use crate::places::Place;
+use crate::places::Placement;
 use geom::{Animation, Point, Ray};
 
 /// What a ray was made for.
@@ -64,7 +64,7 @@ pub(crate) const COUNT: usize = AIMED.len() * TARGETS * EACH;
 /// Rays with what each is for. `units` and `picks` are [`COUNT`] choices each.
 pub(crate) fn rays(
     animation: &Animation,
-    place: Place,
+    place: Placement,
     units: &[Point],
     picks: &[u32],
 ) -> Vec<(Family, Ray)> {
@@ -88,7 +88,7 @@ pub(crate) fn rays(
 
 /// A point to aim at, and another to which an edge leads from there: a vertex,
 /// a point on an edge, a point in a triangle, or just a point.
-fn target(animation: &Animation, place: Place, n: usize, pick: u32, unit: Point) -> [Point; 2] {
+fn target(animation: &Animation, place: Placement, n: usize, pick: u32, unit: Point) -> [Point; 2] {
     let anywhere = || [place.at(unit, 1.0), place.at([0.0; 3], 1.0)];
     let count = animation.triangle_count() as u32;
     if count == 0 || n % TARGETS == 4 {
@@ -190,7 +190,7 @@ impl Aim {
 }
 
 /// Rays that can hit nothing.
-fn void_rays(place: Place) -> [Ray; 8] {
+fn void_rays(place: Placement) -> [Ray; 8] {
     let o = place.at([0.0, 0.0, 3.0], 1.0);
     let d = [0.0, 0.0, -1.0];
     let within = |t_min, t_max| Ray {
@@ -216,7 +216,7 @@ mod tests {
 
     #[test]
     fn void_rays_are_not_valid_and_aimed_ones_of_a_plain_scene_are() {
-        let place = Place {
+        let place = Placement {
             scale: 1.0,
             offset: 10.0,
         };

@@ -1,7 +1,7 @@
 //! Every scene and motion that laws are tried on.
 
 use crate::Case;
-use crate::places::{Place, place};
+use crate::places::{Placement, place};
 use crate::rays::{self, rays};
 use crate::shapes::{Shape, octahedron, sheet};
 use geom::{Animation, Point};
@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 /// What scenes are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum SceneKind {
     /// Free triangles.
     Soup,
     /// A sheet whose triangles share vertices.
@@ -41,7 +41,7 @@ pub enum Kind {
     Outlying,
 }
 
-impl Kind {
+impl SceneKind {
     /// All there are.
     pub const ALL: [Self; 14] = [
         Self::Soup,
@@ -64,7 +64,7 @@ impl Kind {
 type Mesh = (Vec<Vec<Point>>, Vec<[u32; 3]>);
 
 /// A case of one kind.
-pub fn case(kind: Kind) -> impl Strategy<Value = Case> {
+pub fn case(kind: SceneKind) -> impl Strategy<Value = Case> {
     let choices = (
         prop::collection::vec(unit(), rays::COUNT),
         prop::collection::vec(any::<u32>(), rays::COUNT),
@@ -79,7 +79,7 @@ pub fn case(kind: Kind) -> impl Strategy<Value = Case> {
             let animation = Animation::new(keys, triangles).expect("strategies make sound scenes");
             times.push(1.0);
             let (families, rays) = rays(&animation, place, &units, &picks).into_iter().unzip();
-            let Place { scale, offset } = place;
+            let Placement { scale, offset } = place;
             Case {
                 about: format!("{kind:?} at scale {scale:e}, offset {offset:e}"),
                 rays,
@@ -95,7 +95,7 @@ pub fn case(kind: Kind) -> impl Strategy<Value = Case> {
 }
 
 /// Somewhere, or where shadows are hardest: in a triangle's plane beyond it, or at one of its vertices.
-fn light(animation: &Animation, place: Place, pick: u32, unit: Point) -> Point {
+fn light(animation: &Animation, place: Placement, pick: u32, unit: Point) -> Point {
     let count = animation.triangle_count() as u32;
     let somewhere = place.at(unit, 3.0);
     if count == 0 || pick.is_multiple_of(2) {
@@ -118,41 +118,41 @@ fn unit() -> impl Strategy<Value = Point> {
 }
 
 /// Three key frames of a mesh of about unit size.
-fn mesh(kind: Kind) -> BoxedStrategy<Mesh> {
+fn mesh(kind: SceneKind) -> BoxedStrategy<Mesh> {
     match kind {
-        Kind::Soup => soup(1.0, 1..150).boxed(),
-        Kind::Sheet => (2_usize..9, drift())
+        SceneKind::Soup => soup(1.0, 1..150).boxed(),
+        SceneKind::Sheet => (2_usize..9, drift())
             .prop_map(|(n, d)| animate(sheet(n), &d))
             .boxed(),
-        Kind::Body => (1_u32..3, drift())
+        SceneKind::Body => (1_u32..3, drift())
             .prop_map(|(n, d)| animate(octahedron(n), &d))
             .boxed(),
-        Kind::Slivers => soup(1e-4, 1..60).boxed(),
-        Kind::Stack => soup(1.0, 1..8).prop_map(stacked).boxed(),
-        Kind::Broken => (soup(1.0, 2..40), prop::collection::vec(any::<u32>(), 12))
+        SceneKind::Slivers => soup(1e-4, 1..60).boxed(),
+        SceneKind::Stack => soup(1.0, 1..8).prop_map(stacked).boxed(),
+        SceneKind::Broken => (soup(1.0, 2..40), prop::collection::vec(any::<u32>(), 12))
             .prop_map(|(m, picks)| broken(m, &picks))
             .boxed(),
-        Kind::Few => (0_usize..3, soup(1.0, 2..3))
+        SceneKind::Few => (0_usize..3, soup(1.0, 2..3))
             .prop_map(|(n, (keys, mut triangles))| {
                 triangles.truncate(n);
                 (keys, triangles)
             })
             .boxed(),
-        Kind::Gone => (soup(1.0, 1..20), 1_usize..8).prop_map(gone).boxed(),
-        Kind::Grown => (soup(1.0, 1..40), prop::array::uniform3(-35_i32..=20))
+        SceneKind::Gone => (soup(1.0, 1..20), 1_usize..8).prop_map(gone).boxed(),
+        SceneKind::Grown => (soup(1.0, 1..40), prop::array::uniform3(-35_i32..=20))
             .prop_map(grown)
             .boxed(),
-        Kind::Outlying => outlying().boxed(),
-        Kind::Zeros => zeros().boxed(),
-        Kind::Ladder => soup(1.0, 20..70).prop_map(ladder).boxed(),
-        Kind::Resting => (
+        SceneKind::Outlying => outlying().boxed(),
+        SceneKind::Zeros => zeros().boxed(),
+        SceneKind::Ladder => soup(1.0, 20..70).prop_map(ladder).boxed(),
+        SceneKind::Resting => (
             soup(1.0, 8..200),
             prop::collection::vec(any::<u32>(), 16),
             0_usize..4,
         )
             .prop_map(|(m, picks, share)| resting(m, &picks, share))
             .boxed(),
-        Kind::Hall => (
+        SceneKind::Hall => (
             18_usize..34,
             0_u32..3,
             drift(),

@@ -57,7 +57,7 @@ use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose, Ray};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use recording::Recording;
-use scene::Scene;
+use scene::SceneState;
 use simd::Level;
 use snapshots::Snapshots;
 use std::collections::VecDeque;
@@ -74,7 +74,7 @@ pub struct CpuBackend {
     pool: ThreadPool,
     /// The instructions that layout `fast` is traced with.
     level: Level,
-    scene: Option<Scene>,
+    scene: Option<SceneState>,
     generation: Option<Generation>,
     recording: Recording,
     /// From the oldest that is kept to the newest.
@@ -130,7 +130,7 @@ impl CpuBackend {
         })
     }
 
-    fn scene(&mut self) -> &mut Scene {
+    fn scene(&mut self) -> &mut SceneState {
         loaded(&mut self.scene)
     }
 
@@ -169,7 +169,7 @@ impl CpuBackend {
     }
 }
 
-fn loaded(scene: &mut Option<Scene>) -> &mut Scene {
+fn loaded(scene: &mut Option<SceneState>) -> &mut SceneState {
     scene
         .as_mut()
         .expect("no scene is current: load comes first")
@@ -200,7 +200,10 @@ impl Backend for CpuBackend {
         self.next = Submission::default();
         self.snapshots = Snapshots::default();
         let level = self.level;
-        self.scene = Some(self.pool.install(|| Scene::new(animation, method, level))?);
+        self.scene = Some(
+            self.pool
+                .install(|| SceneState::new(animation, method, level))?,
+        );
         Ok(())
     }
 
@@ -220,7 +223,7 @@ impl Backend for CpuBackend {
     }
 
     fn wants_blocks(&self) -> bool {
-        self.scene.as_ref().is_some_and(Scene::is_wide)
+        self.scene.as_ref().is_some_and(SceneState::is_wide)
     }
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {

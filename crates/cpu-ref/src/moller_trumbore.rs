@@ -12,13 +12,13 @@ pub(crate) struct MollerTrumbore;
 
 /// A ray as two vectors.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Line {
+pub(crate) struct RayVectors {
     origin: Vec3A,
     direction: Vec3A,
 }
 
 impl TriangleTest for MollerTrumbore {
-    type Ray = Line;
+    type Ray = RayVectors;
 
     #[inline]
     fn record(corners: &Triangle) -> Record {
@@ -27,15 +27,15 @@ impl TriangleTest for MollerTrumbore {
     }
 
     #[inline]
-    fn prepare(ray: &PreparedRay) -> Line {
-        Line {
+    fn prepare(ray: &PreparedRay) -> RayVectors {
+        RayVectors {
             origin: Vec3A::from_array(ray.origin),
             direction: Vec3A::from_array(ray.direction),
         }
     }
 
     #[inline(always)]
-    fn meet(ray: &Line, record: &Record) -> Option<Meeting> {
+    fn meet(ray: &RayVectors, record: &Record) -> Option<Meeting> {
         let [a, e1, e2] = record.0.map(|row| Vec3A::from_vec4(row.into()));
         let p = ray.direction.cross(e2);
         let inverse = 1.0 / e1.dot(p);

@@ -135,7 +135,7 @@ impl Nodes {
             let [start, end] = [level.nodes.start, level.nodes.end].map(|n| n as usize);
             start.div_ceil(2)..end.div_ceil(2)
         }));
-        let nodes = Shape::of(tree);
+        let nodes = LeafRanks::of(tree);
         let count = tree.node_count().div_ceil(2).max(1);
         self.pairs.resize(count, Pair::EMPTY);
         self.pairs
@@ -189,13 +189,13 @@ impl Nodes {
 }
 
 /// Which nodes are leaves, and how many lie before.
-struct Shape<'a> {
+struct LeafRanks<'a> {
     bits: &'a [u32],
     ranks: &'a [u32],
     nodes: usize,
 }
 
-impl<'a> Shape<'a> {
+impl<'a> LeafRanks<'a> {
     fn of(tree: &'a Topology) -> Self {
         Self {
             bits: tree.leaf_bits(),

@@ -66,7 +66,7 @@ pub(crate) fn preprocess<T: TriangleTest>(
     records: &mut [Record],
 ) -> Unhittable {
     let mut pairs = std::mem::take(&mut nodes.pairs);
-    let run = Run {
+    let run = LeafRun {
         pairs: &mut pairs,
         records,
         first_pair: 0,
@@ -77,14 +77,14 @@ pub(crate) fn preprocess<T: TriangleTest>(
 }
 
 /// Neighbouring pairs and the records of the leaves among them.
-struct Run<'a> {
+struct LeafRun<'a> {
     pairs: &'a mut [Pair],
     records: &'a mut [Record],
     first_pair: usize,
 }
 
 /// Halves a run until it is short: a plain recursion, since records are cut where the leaves fall.
-fn split<T: TriangleTest>(geometry: Geometry<'_>, nodes: &Nodes, run: Run<'_>) -> Unhittable {
+fn split<T: TriangleTest>(geometry: Geometry<'_>, nodes: &Nodes, run: LeafRun<'_>) -> Unhittable {
     if run.pairs.len() <= Nodes::RUN {
         return prepare_leaves::<T>(geometry, nodes, run);
     }
@@ -93,12 +93,12 @@ fn split<T: TriangleTest>(geometry: Geometry<'_>, nodes: &Nodes, run: Run<'_>) -
     let cut = nodes.leaves_before(middle) - nodes.leaves_before(run.first_pair);
     let (left_pairs, right_pairs) = run.pairs.split_at_mut(half);
     let (left_records, right_records) = run.records.split_at_mut(cut);
-    let left = Run {
+    let left = LeafRun {
         pairs: left_pairs,
         records: left_records,
         first_pair: run.first_pair,
     };
-    let right = Run {
+    let right = LeafRun {
         pairs: right_pairs,
         records: right_records,
         first_pair: middle,
@@ -203,7 +203,7 @@ fn prepare_list<T: TriangleTest>(
 fn prepare_leaves<T: TriangleTest>(
     geometry: Geometry<'_>,
     nodes: &Nodes,
-    run: Run<'_>,
+    run: LeafRun<'_>,
 ) -> Unhittable {
     let first = nodes.leaves_before(run.first_pair);
     let leaves = &nodes.leaves[first..][..run.records.len()];

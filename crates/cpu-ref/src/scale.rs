@@ -46,7 +46,7 @@ impl Scale {
         self.k
     }
 
-    /// Scene units to scaled units. What is then below `2^-64` becomes zero.
+    /// SceneState units to scaled units. What is then below `2^-64` becomes zero.
     #[inline]
     pub(crate) fn apply(self, p: Point) -> Point {
         p.map(|x| without(LEAST_COORDINATE, x * self.factor()))

@@ -11,7 +11,7 @@ use crate::reserve;
 use crate::scale::Scale;
 use crate::simd::Level;
 use crate::trace::{Counts, Tracer};
-use crate::traverse::Target;
+use crate::traverse::TraversedTree;
 use crate::triangle_test::{Record, TriangleTest};
 use crate::watertight::Watertight;
 use crate::wide::{Wide, WideTracer};
@@ -28,7 +28,7 @@ use std::sync::atomic::AtomicU64;
 const GAP: usize = 64;
 
 /// An animation with its tree and the state of one moment.
-pub(crate) struct Scene {
+pub(crate) struct SceneState {
     animation: Arc<Animation>,
     intersector: Intersector,
     scale: Scale,
@@ -87,7 +87,7 @@ macro_rules! with_tracer {
     }};
 }
 
-impl Scene {
+impl SceneState {
     /// # Errors
     /// Memory does not suffice.
     pub(crate) fn new(animation: Arc<Animation>, method: Method, level: Level) -> Result<Self> {
@@ -244,8 +244,8 @@ impl Scene {
     }
 
     /// Boxes and records, to trace through.
-    pub(crate) fn target(&self) -> Target<'_> {
-        Target {
+    pub(crate) fn target(&self) -> TraversedTree<'_> {
+        TraversedTree {
             nodes: &self.nodes,
             records: &self.records,
         }

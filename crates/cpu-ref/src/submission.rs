@@ -1,7 +1,7 @@
 //! Carries out what was recorded, stage by stage, each with its own time.
 
 use crate::recording::Command;
-use crate::scene::Scene;
+use crate::scene::SceneState;
 use crate::snapshots::Snapshots;
 use crate::trace::Counts;
 use backend::{FrameReport, Hits, QueryKind, Rays, Ticket};
@@ -26,7 +26,7 @@ impl Submission {
         &mut self,
         (ticket, epoch): (Ticket, Instant),
         (commands, rays): (&[Command], &[Ray]),
-        scene: &mut Scene,
+        scene: &mut SceneState,
         snapshots: &mut Snapshots,
     ) {
         let start = Instant::now();
@@ -64,7 +64,7 @@ impl Submission {
     }
 
     /// A ray's hit and its shadow are one task's, so there is one time for both.
-    fn trace(&mut self, scene: &Scene, rays: Rays<'_>, kind: QueryKind) {
+    fn trace(&mut self, scene: &SceneState, rays: Rays<'_>, kind: QueryKind) {
         let Hits { closest, blocked } = &mut self.hits;
         let mut counts = Counts::default();
         timed(&mut self.report.times.trace_primary_ms, || {
@@ -86,7 +86,7 @@ impl Submission {
         self.report.blocked = counts.blocked;
     }
 
-    fn copy_positions(&mut self, ticket: Ticket, scene: &Scene, snapshots: &mut Snapshots) {
+    fn copy_positions(&mut self, ticket: Ticket, scene: &SceneState, snapshots: &mut Snapshots) {
         let mut copy = snapshots.buffer();
         copy.resize(scene.positions().len(), [0.0; 3]);
         crate::interpolate::copy(scene.positions(), &mut copy);

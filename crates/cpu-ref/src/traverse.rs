@@ -59,7 +59,7 @@ pub(crate) struct Leaf {
 
 /// The binary tree.
 #[derive(Clone, Copy)]
-pub(crate) struct Target<'a> {
+pub(crate) struct TraversedTree<'a> {
     /// Boxes and links.
     pub(crate) nodes: &'a Nodes,
     /// One a leaf.
@@ -133,7 +133,7 @@ impl Stack {
     }
 }
 
-impl Target<'_> {
+impl TraversedTree<'_> {
     /// Goes down from `link`, which is no leaf, by nearer children to a leaf; `None` where none is met.
     #[inline(always)]
     fn descend(&self, slab: &Slab, mut link: Link, best: f32, stack: &mut Stack) -> Option<Entry> {
@@ -167,7 +167,7 @@ impl Target<'_> {
     }
 }
 
-impl Tree for Target<'_> {
+impl Tree for TraversedTree<'_> {
     #[inline]
     fn root(&self) -> Aabb {
         self.nodes.root()

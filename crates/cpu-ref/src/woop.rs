@@ -14,13 +14,13 @@ pub(crate) struct Woop;
 
 /// A ray as a point (its last component 1) and a vector (0).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Line {
+pub(crate) struct RayVectors {
     origin: Vec4,
     direction: Vec4,
 }
 
 impl TriangleTest for Woop {
-    type Ray = Line;
+    type Ray = RayVectors;
 
     #[inline]
     fn record(corners: &Triangle) -> Record {
@@ -40,15 +40,15 @@ impl TriangleTest for Woop {
     }
 
     #[inline]
-    fn prepare(ray: &PreparedRay) -> Line {
-        Line {
+    fn prepare(ray: &PreparedRay) -> RayVectors {
+        RayVectors {
             origin: Vec3A::from_array(ray.origin).extend(1.0),
             direction: Vec3A::from_array(ray.direction).extend(0.0),
         }
     }
 
     #[inline(always)]
-    fn meet(ray: &Line, record: &Record) -> Option<Meeting> {
+    fn meet(ray: &RayVectors, record: &Record) -> Option<Meeting> {
         let [to_u, to_v, to_height] = record.0.map(Vec4::from_array);
         let t = -to_height.dot(ray.origin) / to_height.dot(ray.direction);
         let u = to_u.dot(ray.origin) + t * to_u.dot(ray.direction);

@@ -304,7 +304,7 @@ fn active_box(corners: &Triangle) -> Option<Aabb> {
     is_active(corners).then(|| Aabb::of_triangle(corners))
 }
 
-/// Stand-ins, by triangle, for those inactive in some key frame but not in all; and how many are inactive in all.
+/// Corners to build with, by triangle, for those inactive in some key frame but not in all; and how many are inactive in all.
 fn find_fallback_corners(
     keys: &[Vec<Point>],
     triangles: &[[u32; 3]],

@@ -19,7 +19,7 @@ pub struct Options {
 
 /// A device that Vulkan offers.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Adapter {
+pub struct AdapterInfo {
     /// Its place in Vulkan's list.
     pub index: usize,
     /// The device's own name.
@@ -38,18 +38,18 @@ pub struct Adapter {
 ///
 /// # Errors
 /// [`NoDevice`](backend::BackendError::NoDevice) where there is no loader or no driver.
-pub fn adapters() -> Result<Vec<Adapter>> {
+pub fn adapters() -> Result<Vec<AdapterInfo>> {
     all(Host::new(Validation::Off)?.as_ref())
 }
 
 /// Every device of the instance, in Vulkan's order.
-pub(crate) fn all(host: &Host) -> Result<Vec<Adapter>> {
+pub(crate) fn all(host: &Host) -> Result<Vec<AdapterInfo>> {
     let devices = host.physical_devices()?;
     let each = devices.iter().enumerate();
     Ok(each.map(|(i, &d)| describe(host, i, d)).collect())
 }
 
-fn describe(host: &Host, index: usize, device: vk::PhysicalDevice) -> Adapter {
+fn describe(host: &Host, index: usize, device: vk::PhysicalDevice) -> AdapterInfo {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
     // SAFETY: the device belongs to the instance, which is alive.
@@ -71,7 +71,7 @@ fn describe(host: &Host, index: usize, device: vk::PhysicalDevice) -> Adapter {
     if let Ok(queues) = Queues::find(host, device) {
         limits.extend(queues.named());
     }
-    Adapter {
+    AdapterInfo {
         index,
         name: text(p.device_name_as_c_str()),
         driver: format!("{} {}", text(name), text(info)).trim().to_owned(),

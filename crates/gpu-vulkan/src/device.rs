@@ -1,13 +1,13 @@
 //! The logical device and its queues.
 
-use crate::adapters::{Adapter, all};
+use crate::adapters::{AdapterInfo, all};
 use crate::commands::{ALL, BUILDS, RAYS, Reach};
 use crate::errors::failed;
 use crate::extras::Extras;
 use crate::instance::Host;
 use crate::limits::Limits;
 use crate::memory::Memory;
-use crate::queues::{Place, Queues};
+use crate::queues::{QueueIndex, Queues};
 use crate::rt::{self, RayTracing};
 use ash::ext::pipeline_robustness;
 use ash::vk;
@@ -27,7 +27,7 @@ pub(crate) struct Gpu {
     pub(crate) readback: Queue,
     /// Families whose queues share all buffers.
     pub(crate) families: Vec<u32>,
-    pub(crate) adapter: Adapter,
+    pub(crate) adapter: AdapterInfo,
     pub(crate) limits: Limits,
     /// Bits of a timestamp that count; 0 without a clock.
     pub(crate) timestamp_bits: u32,
@@ -74,7 +74,7 @@ impl Gpu {
         let queues = Queues::find(&host, physical)?;
         let extras = Extras::of(&host, physical);
         let vk = create(&host, physical, &queues, (needs, extras))?;
-        let queue = |place: Place| Queue {
+        let queue = |place: QueueIndex| Queue {
             // SAFETY: the family was asked for at creation with as many queues.
             queue: unsafe { vk.get_device_queue(place.family, place.index) },
             family: place.family,

@@ -40,7 +40,7 @@ mod tree;
 mod validation;
 mod vulkan;
 
-pub use adapters::{Adapter, Options, adapters};
+pub use adapters::{AdapterInfo, Options, adapters};
 pub use rt::{DriverTreeBackend, Prefer, driver_tree_supports, ray_adapters};
 pub use shaders::supports;
 pub use validation::Validation;

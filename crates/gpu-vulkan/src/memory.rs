@@ -146,7 +146,7 @@ pub(crate) struct Buffer {
 
 /// Where a buffer lives.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Place {
+pub(crate) enum BufferUse {
     /// In device memory, invisible to the host.
     Device,
     /// Written by the host, read by the device.
@@ -162,7 +162,7 @@ impl Buffer {
     ///
     /// # Errors
     /// [`BackendError::Limit`] or [`BackendError::OutOfMemory`], with the need.
-    pub(crate) fn new(gpu: &Arc<Gpu>, what: &str, bytes: u64, place: Place) -> Result<Self> {
+    pub(crate) fn new(gpu: &Arc<Gpu>, what: &str, bytes: u64, place: BufferUse) -> Result<Self> {
         let bytes = bytes.max(16).next_multiple_of(16);
         gpu.limits.admit(what, bytes)?;
         let mut info = vk::BufferCreateInfo::default()
@@ -185,9 +185,9 @@ impl Buffer {
             gpu: Arc::clone(gpu),
         };
         let location = match place {
-            Place::Device => MemoryLocation::GpuOnly,
-            Place::Upload => MemoryLocation::CpuToGpu,
-            Place::Staging | Place::Readback => MemoryLocation::GpuToCpu,
+            BufferUse::Device => MemoryLocation::GpuOnly,
+            BufferUse::Upload => MemoryLocation::CpuToGpu,
+            BufferUse::Staging | BufferUse::Readback => MemoryLocation::GpuToCpu,
         };
         let allocation = gpu.memory.allocate(what, requirements, location)?;
         // SAFETY: the allocation is not freed before the buffer is destroyed.
@@ -216,7 +216,7 @@ impl Buffer {
         gpu: &Arc<Gpu>,
         what: &str,
         bytes: u64,
-        place: Place,
+        place: BufferUse,
         spare: Option<Self>,
     ) -> Result<Self> {
         match spare.filter(|b| b.bytes >= bytes) {
@@ -225,14 +225,14 @@ impl Buffer {
         }
     }
 
-    /// What the device has written, for buffers of [`Place::Readback`].
+    /// What the device has written, for buffers of [`BufferUse::Readback`].
     pub(crate) fn read<T: Pod>(&self, count: usize) -> &[T] {
         let bytes = self.allocation.as_ref().and_then(Allocation::mapped_slice);
         let bytes = bytes.expect("readback buffers are mapped");
         bytemuck::cast_slice(&bytes[..count * size_of::<T>()])
     }
 
-    /// What the device will read, for buffers of [`Place::Upload`] and [`Place::Staging`].
+    /// What the device will read, for buffers of [`BufferUse::Upload`] and [`BufferUse::Staging`].
     pub(crate) fn view_mut<T: Pod>(&mut self) -> &mut [T] {
         let bytes = self
             .allocation
@@ -243,7 +243,7 @@ impl Buffer {
         bytemuck::cast_slice_mut(&mut bytes[..whole])
     }
 
-    /// Writes at a byte offset, for buffers of [`Place::Upload`] and [`Place::Staging`].
+    /// Writes at a byte offset, for buffers of [`BufferUse::Upload`] and [`BufferUse::Staging`].
     pub(crate) fn write<T: Pod>(&mut self, at: u64, data: &[T]) {
         let data: &[u8] = bytemuck::cast_slice(data);
         self.view_mut()[at as usize..][..data.len()].copy_from_slice(data);

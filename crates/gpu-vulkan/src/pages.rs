@@ -3,7 +3,7 @@
 use crate::device::Gpu;
 use crate::errors::failed;
 use crate::limits::storage_buffers;
-use crate::memory::{Buffer, Place};
+use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::{Pipeline, descriptor_type};
 use ash::vk;
 use backend::Result;
@@ -30,7 +30,7 @@ struct Page {
 
 /// Where a dispatch finds its parameters.
 #[derive(Clone, Copy)]
-pub(crate) struct Row {
+pub(crate) struct ParamsRow {
     page: usize,
     pub(crate) offset: u32,
 }
@@ -67,7 +67,7 @@ impl Pages {
     }
 
     /// Writes the parameters of a further dispatch.
-    pub(crate) fn row(&mut self, params: &Params) -> Result<Row> {
+    pub(crate) fn row(&mut self, params: &Params) -> Result<ParamsRow> {
         let (page, row) = (self.rows / ROWS, self.rows % ROWS);
         if page == self.all.len() {
             self.all.push(Page::new(&self.gpu, self.stride)?);
@@ -78,7 +78,7 @@ impl Pages {
             .write(at, std::slice::from_ref(params));
         self.rows += 1;
         let offset = u32::try_from(at).expect("a page is small");
-        Ok(Row { page, offset })
+        Ok(ParamsRow { page, offset })
     }
 
     /// A set for a kernel with this row: `last` if it serves, else a new one
@@ -86,7 +86,7 @@ impl Pages {
     pub(crate) fn bind<'a>(
         &self,
         pipeline: &Pipeline,
-        row: Row,
+        row: ParamsRow,
         last: Option<Bound>,
         find: impl Fn(&'static str) -> &'a Buffer,
     ) -> Result<Bound> {
@@ -146,7 +146,7 @@ impl Pages {
 
 impl Page {
     fn new(gpu: &Arc<Gpu>, stride: u64) -> Result<Self> {
-        let params = Buffer::new(gpu, "parameters", stride * ROWS as u64, Place::Upload)?;
+        let params = Buffer::new(gpu, "parameters", stride * ROWS as u64, BufferUse::Upload)?;
         let most = KERNELS.iter().map(storage_buffers).max().unwrap_or(0);
         let size = |ty, each| {
             vk::DescriptorPoolSize::default()

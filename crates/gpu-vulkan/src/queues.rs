@@ -6,7 +6,7 @@ use backend::{BackendError, Result};
 
 /// A queue by its family and its place there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Place {
+pub(crate) struct QueueIndex {
     pub(crate) family: u32,
     pub(crate) index: u32,
 }
@@ -16,9 +16,9 @@ pub(crate) struct Place {
 /// the computing family. Where it has neither, all share the one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Queues {
-    pub(crate) compute: Place,
-    pub(crate) upload: Place,
-    pub(crate) readback: Place,
+    pub(crate) compute: QueueIndex,
+    pub(crate) upload: QueueIndex,
+    pub(crate) readback: QueueIndex,
     /// Bits of a timestamp that count; 0 where the computing family has no clock.
     pub(crate) timestamp_bits: u32,
 }
@@ -43,7 +43,7 @@ impl Queues {
         let computing = find(&|f| f.contains(compute))?;
         let moving = find(&|f| f.contains(transfer) && !f.intersects(other));
         // Queues before `first` are taken by other work; more than there are fall together.
-        let place = |family: usize, index: u32| Place {
+        let place = |family: usize, index: u32| QueueIndex {
             family: family as u32,
             index: index.min(families[family].queue_count - 1),
         };

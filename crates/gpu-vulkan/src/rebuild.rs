@@ -3,7 +3,7 @@
 use crate::VulkanBackend;
 use crate::clock::Stage;
 use crate::device::Gpu;
-use crate::memory::{Buffer, Place};
+use crate::memory::{Buffer, BufferUse};
 use crate::stages::Also;
 use crate::transfer::{Loader, Transfer};
 use crate::vulkan::Stale;
@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// Room to make trees.
 fn buffers(gpu: &Arc<Gpu>, road: &mut Transfer, animation: &Animation) -> Result<Buffers<Buffer>> {
-    let device = |what, bytes| Buffer::new(gpu, what, bytes, Place::Device);
+    let device = |what, bytes| Buffer::new(gpu, what, bytes, BufferUse::Device);
     let made = Buffers::new(animation, device)?;
     let largest = Room::of(animation.live_count() as u32).live;
     let mut loader = Loader::new(gpu, road, largest)?;

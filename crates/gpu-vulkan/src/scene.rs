@@ -1,7 +1,7 @@
 //! What a loaded animation keeps on the device.
 
 use crate::device::Gpu;
-use crate::memory::{Buffer, Place};
+use crate::memory::{Buffer, BufferUse};
 use crate::transfer::{Loader, Transfer};
 use backend::Result;
 use geom::Animation;
@@ -34,7 +34,7 @@ impl SceneBuffers {
     ) -> Result<Self> {
         let key_bytes = animation.vertex_count() as u64 * 12;
         let triangle_bytes = animation.triangle_count() as u64 * 12;
-        let device = |what, bytes| Buffer::new(gpu, what, bytes, Place::Device);
+        let device = |what, bytes| Buffer::new(gpu, what, bytes, BufferUse::Device);
         let triangles = device("triangles' corners", triangle_bytes)?;
         let positions = [
             device("positions", key_bytes)?,

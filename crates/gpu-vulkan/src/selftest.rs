@@ -2,7 +2,7 @@
 
 use crate::device::Gpu;
 use crate::frames::Frames;
-use crate::memory::{Buffer, Place};
+use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::Pipelines;
 use crate::transfer::{Transfer, Window};
 use backend::{BackendError, Result};
@@ -19,9 +19,9 @@ pub(crate) fn run(
 ) -> Result<Findings> {
     let all = arithmetic::operands();
     let bytes = (all.len() * 16) as u64;
-    let mut operands = Buffer::new(gpu, "operands", bytes, Place::Upload)?;
+    let mut operands = Buffer::new(gpu, "operands", bytes, BufferUse::Upload)?;
     operands.write(0, &all);
-    let results = Buffer::new(gpu, "results", 2 * bytes, Place::Device)?;
+    let results = Buffer::new(gpu, "results", 2 * bytes, BufferUse::Device)?;
     let find = |name| match name {
         "operands" => &operands,
         _ => &results,

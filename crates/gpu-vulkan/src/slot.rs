@@ -3,7 +3,7 @@
 use crate::clock::{Marks, Stage};
 use crate::commands::{ALL, COPIES, Commands, HOST, KERNELS};
 use crate::device::Gpu;
-use crate::memory::{Buffer, Place};
+use crate::memory::{Buffer, BufferUse};
 use crate::pages::{Bound, Pages};
 use crate::pipelines::{Pipeline, Pipelines};
 use ash::vk;
@@ -50,8 +50,8 @@ impl Slot {
             marks: Marks::new(gpu),
             stages: Vec::new(),
             open: false,
-            counts: Buffer::new(gpu, "counts", COUNTS, Place::Device)?,
-            counts_back: Buffer::new(gpu, "counts", COUNTS, Place::Readback)?,
+            counts: Buffer::new(gpu, "counts", COUNTS, BufferUse::Device)?,
+            counts_back: Buffer::new(gpu, "counts", COUNTS, BufferUse::Readback)?,
             readback_bytes: 0,
             extents: Extents::default(),
             sent: None,

@@ -1,7 +1,7 @@
 //! Vertices on their way to the builder.
 
 use crate::device::Gpu;
-use crate::memory::{Buffer, Place};
+use crate::memory::{Buffer, BufferUse};
 use crate::timeline::{Moment, Timeline};
 use crate::transfer::{Copy, Transfer};
 use backend::{Result, Snapshot, Ticket};
@@ -49,7 +49,7 @@ impl Snapshots {
         let spare = self.spare.lock();
         let spare = spare.unwrap_or_else(PoisonError::into_inner).pop();
         let what = "vertices for the builder";
-        let buffer = Buffer::fitting(gpu, what, bytes, Place::Readback, spare)?;
+        let buffer = Buffer::fitting(gpu, what, bytes, BufferUse::Readback, spare)?;
         self.asked = Some(Asked { position, buffer });
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! The output of traces, kept until it is too old to be asked for.
 
 use crate::device::Gpu;
-use crate::memory::{Buffer, Place};
+use crate::memory::{Buffer, BufferUse};
 use crate::transfer::{Transfer, Window};
 use backend::{FRAMES_IN_FLIGHT, Hits, Intersector, Query, QueryKind, Rays, Result, Ticket};
 use geom::{Hit, Ray};
@@ -52,7 +52,7 @@ impl Traces {
             false => Ok(spare),
         };
         let given = are_given(query);
-        let mut rays = fit("rays", count * 32, given, Place::Upload, rays)?;
+        let mut rays = fit("rays", count * 32, given, BufferUse::Upload, rays)?;
         let mut extremes = false;
         if let Some(rays) = rays.as_mut().filter(|_| given && has_tree) {
             extremes = upload(query.rays, rays, is_extreme);
@@ -65,8 +65,8 @@ impl Traces {
             count,
             kind,
             has_tree,
-            hits: fit("hits", count * 16, closest, Place::Device, hits)?,
-            blocked: fit("shadows", words * 4, any, Place::Device, blocked)?,
+            hits: fit("hits", count * 16, closest, BufferUse::Device, hits)?,
+            blocked: fit("shadows", words * 4, any, BufferUse::Device, blocked)?,
             rays,
             extremes,
         })

@@ -2,7 +2,7 @@
 
 use crate::commands::{COPIES, Commands, HOST};
 use crate::device::{Gpu, Queue};
-use crate::memory::{Buffer, Place};
+use crate::memory::{Buffer, BufferUse};
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use ash::vk;
 use backend::Result;
@@ -130,7 +130,7 @@ impl Window {
     ) -> Result<&[T]> {
         let bytes = (count * size_of::<T>()) as u64;
         let what = "a view for the host";
-        let window = Buffer::fitting(gpu, what, bytes, Place::Readback, self.0.take())?;
+        let window = Buffer::fitting(gpu, what, bytes, BufferUse::Readback, self.0.take())?;
         let to = self.0.insert(window);
         road.carry(Copy {
             from,
@@ -155,7 +155,7 @@ impl<'a> Loader<'a> {
     pub(crate) fn new(gpu: &Arc<Gpu>, road: &'a mut Transfer, largest: u64) -> Result<Self> {
         let bytes = largest.min(Self::BYTES);
         Ok(Self {
-            window: Buffer::new(gpu, "a loading window", bytes, Place::Upload)?,
+            window: Buffer::new(gpu, "a loading window", bytes, BufferUse::Upload)?,
             road,
         })
     }

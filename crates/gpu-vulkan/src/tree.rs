@@ -2,7 +2,7 @@
 
 use crate::device::Gpu;
 use crate::frames::Frames;
-use crate::memory::{Buffer, Place};
+use crate::memory::{Buffer, BufferUse};
 use crate::transfer::{Copy, Transfer};
 use backend::{FRAMES_IN_FLIGHT, Generation, Layout, Method, Result, Ticket, check_tree};
 use bvh_layout::{Moving, Topology};
@@ -47,7 +47,7 @@ impl TreeBuffers {
     pub(crate) fn new(gpu: &Arc<Gpu>, animation: &Arc<Animation>, method: Method) -> Result<Self> {
         let leaves = animation.live_count() as u64;
         let buffers = Room::new(method, leaves, |what, bytes| {
-            Buffer::new(gpu, what, bytes, Place::Device)
+            Buffer::new(gpu, what, bytes, BufferUse::Device)
         })?;
         Ok(Self {
             records: Vec::new(),
@@ -157,7 +157,7 @@ impl TreeBuffers {
     ) -> Result<()> {
         let buffer = which(&mut self.buffers);
         if buffer.bytes < bytes {
-            let larger = Buffer::new(gpu, what, bytes + bytes / 32, Place::Device)?;
+            let larger = Buffer::new(gpu, what, bytes + bytes / 32, BufferUse::Device)?;
             let old = std::mem::replace(buffer, larger);
             self.outgrown.push((frames.next(), old));
         }
@@ -242,8 +242,8 @@ impl Record {
     fn new(gpu: &Arc<Gpu>, bytes: u64) -> Result<Self> {
         let (what, bytes) = ("the tree's record", bytes + bytes / 32);
         Ok(Self {
-            host: Buffer::new(gpu, what, bytes, Place::Staging)?,
-            device: Buffer::new(gpu, what, bytes, Place::Device)?,
+            host: Buffer::new(gpu, what, bytes, BufferUse::Staging)?,
+            device: Buffer::new(gpu, what, bytes, BufferUse::Device)?,
             used_by: None,
             filled_at: 0,
         })

@@ -2,6 +2,7 @@
 
 use crate::adapters::{Options, driver, kind};
 use crate::buffers::Window;
+use crate::call_counts::CallCounts;
 use crate::device::Gpu;
 use crate::faults::layer_messages;
 use crate::frames::Frames;
@@ -13,7 +14,6 @@ use crate::scene::SceneBuffers;
 use crate::selftest;
 use crate::snapshots::Snapshots;
 use crate::stages::Also;
-use crate::tally::Tally;
 use crate::traces::Traces;
 use crate::tree::TreeBuffers;
 use backend::{
@@ -137,8 +137,8 @@ impl WgpuBackend {
 
     /// What was asked of wgpu since the backend was opened.
     #[must_use]
-    pub fn tally(&self) -> Tally {
-        self.gpu.tally.get()
+    pub fn call_counts(&self) -> CallCounts {
+        self.gpu.call_counts.get()
     }
 
     fn submit_recording(&mut self) -> Result<Ticket> {

@@ -2,11 +2,11 @@
 
 use crate::adapters::{describe, enumerate, kind, takes_spirv};
 use crate::buffers::{readback, unmap};
+use crate::call_counts::CallCounts;
 use crate::faults::Faults;
 use crate::instance::instance;
 use crate::limits::{LEAST_OF_64_BITS, check, generous, span, useful_features};
 use crate::modules::Modules;
-use crate::tally::Tally;
 use backend::{BackendError, DeviceKind, Result, choose_adapter};
 use shaders::{Packets, Rasterization};
 use std::cell::Cell;
@@ -25,7 +25,7 @@ pub(crate) struct Gpu {
     /// Nanoseconds a tick of the device's clock.
     pub(crate) tick_ns: f64,
     pub(crate) faults: Arc<Faults>,
-    pub(crate) tally: Cell<Tally>,
+    pub(crate) call_counts: Cell<CallCounts>,
     /// Nothing but to ask whether the device is still there.
     probe: Option<wgpu::Buffer>,
 }
@@ -73,7 +73,7 @@ impl Gpu {
             limits,
             features,
             faults: Arc::default(),
-            tally: Cell::default(),
+            call_counts: Cell::default(),
             probe: None,
         };
         gpu.probe = Some(readback(&gpu, "a probe", 16)?);
@@ -117,10 +117,10 @@ impl Gpu {
     }
 
     /// Counts a call.
-    pub(crate) fn count(&self, add: impl FnOnce(&mut Tally)) {
-        let mut tally = self.tally.get();
-        add(&mut tally);
-        self.tally.set(tally);
+    pub(crate) fn count(&self, add: impl FnOnce(&mut CallCounts)) {
+        let mut call_counts = self.call_counts.get();
+        add(&mut call_counts);
+        self.call_counts.set(call_counts);
     }
 
     /// Runs `work` and returns the first error that wgpu found in it. `work` must not panic.

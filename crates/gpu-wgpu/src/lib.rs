@@ -16,6 +16,7 @@
 mod adapters;
 mod backend_impl;
 mod buffers;
+mod call_counts;
 mod device;
 mod faults;
 mod frames;
@@ -33,12 +34,11 @@ mod selftest;
 mod slot;
 mod snapshots;
 mod stages;
-mod tally;
 mod traces;
 mod tree;
 
 pub use adapters::{Adapter, Options, adapters};
 pub use backend_impl::WgpuBackend;
+pub use call_counts::CallCounts;
 pub use limits::{required_features, required_limits, useful_features};
 pub use shaders::supports;
-pub use tally::Tally;

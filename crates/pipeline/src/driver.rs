@@ -9,7 +9,7 @@ use crate::builder_pool::BuilderPool;
 use crate::builder_thread::BuilderThread;
 use crate::frame::{Frame, FrameRecord};
 use crate::latency::LatencyPredictor;
-use crate::options::{Options, PipelineError};
+use crate::options::{DriverOptions, PipelineError};
 use crate::schedule::{Pace, Schedule, Update};
 use crate::tree_builder::{Forms, Made};
 use backend::{Backend, FRAMES_IN_FLIGHT, Hits, Query};
@@ -25,7 +25,7 @@ use trees::{FIRST, PendingBuild, Tree};
 pub struct Driver {
     backend: Box<dyn Backend>,
     animation: Arc<Animation>,
-    options: Options,
+    options: DriverOptions,
     schedule: Schedule,
     predictor: LatencyPredictor,
     builder_pool: Arc<BuilderPool>,
@@ -58,7 +58,7 @@ impl Driver {
     pub fn new(
         mut backend: Box<dyn Backend>,
         animation: Arc<Animation>,
-        options: Options,
+        options: DriverOptions,
     ) -> Result<Self, PipelineError> {
         own::admit(backend.as_ref(), options.update)?;
         backend.load(Arc::clone(&animation), options.method)?;

@@ -30,7 +30,7 @@ pub struct FrameRecord {
     /// The tree it was traced with.
     pub tree_generation: Generation,
     /// Frames since the one that asked for the tree; it was built from that
-    /// frame's vertices, unless [`Options::predict`](crate::Options::predict) looked ahead.
+    /// frame's vertices, unless [`DriverOptions::predict`](crate::DriverOptions::predict) looked ahead.
     pub tree_age_frames: u64,
     /// The tree this frame asked for, if it did.
     pub asked: Option<Generation>,

@@ -19,7 +19,7 @@ pub enum PipelineError {
 
 /// What a driver is to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Options {
+pub struct DriverOptions {
     /// How the backend traces.
     pub method: Method,
     /// How trees follow the motion.

@@ -43,7 +43,7 @@ pub enum Pace {
 
 /// What a frame has to do about trees.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Plan {
+pub struct FramePlan {
     /// Swap to this tree before anything else.
     pub swap: Option<Swap>,
     /// Ask for this tree, to be built from this frame's vertices.
@@ -89,14 +89,14 @@ impl Schedule {
 
     /// The `frame`-th frame begins. `outdated` says whether the newest tree
     /// was built from other positions than this frame's.
-    pub fn begin_frame(&mut self, frame: u64, outdated: bool) -> Plan {
+    pub fn begin_frame(&mut self, frame: u64, outdated: bool) -> FramePlan {
         let swap = self.swap_due(frame);
         if swap.is_some() {
             self.pending = None;
         }
         // A tree swapped in just now was built for an earlier frame, unless nothing moved since.
         let ask = if outdated { self.ask(frame) } else { None };
-        Plan {
+        FramePlan {
             swap,
             ask,
             at_once: ask.is_some() && self.waits_at_once(),
@@ -184,7 +184,7 @@ mod tests {
     fn a_build_in_flight_is_never_joined_by_another() {
         let mut s = free();
         assert_eq!(s.begin_frame(0, true).ask, Some(Generation(2)));
-        assert_eq!(s.begin_frame(1, true), Plan::default());
+        assert_eq!(s.begin_frame(1, true), FramePlan::default());
         s.finished(Generation(2));
         let plan = s.begin_frame(2, true);
         assert_eq!(
@@ -201,7 +201,7 @@ mod tests {
     fn a_scene_at_rest_asks_for_nothing() {
         for update in [Update::Rebuild, Update::Refit, Update::Async(Pace::Free)] {
             let mut s = Schedule::new(update, FIRST);
-            assert_eq!(s.begin_frame(0, false), Plan::default(), "{update:?}");
+            assert_eq!(s.begin_frame(0, false), FramePlan::default(), "{update:?}");
         }
     }
 
@@ -212,9 +212,9 @@ mod tests {
         s.failed(Generation(2));
         assert_eq!(
             s.begin_frame(1, true),
-            Plan {
+            FramePlan {
                 ask: Some(Generation(3)),
-                ..Plan::default()
+                ..FramePlan::default()
             }
         );
     }
@@ -223,7 +223,7 @@ mod tests {
     fn one_tree_for_all_is_never_followed_by_another() {
         for update in [Update::Refit, Update::TSah] {
             let mut s = Schedule::new(update, FIRST);
-            assert!((0..9).all(|f| s.begin_frame(f, true) == Plan::default()));
+            assert!((0..9).all(|f| s.begin_frame(f, true) == FramePlan::default()));
         }
     }
 
@@ -235,7 +235,7 @@ mod tests {
                 let plan = s.begin_frame(f, true);
                 assert_eq!(
                     plan,
-                    Plan {
+                    FramePlan {
                         swap: None,
                         ask: Some(Generation(f + 2)),
                         at_once: true

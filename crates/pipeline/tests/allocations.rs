@@ -10,7 +10,7 @@ use backend::{
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Camera, Point, Pose};
-use pipeline::{Driver, Frame, Options, Pace, PipelineError, Update};
+use pipeline::{Driver, DriverOptions, Frame, Pace, PipelineError, Update};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::Arc;
@@ -150,7 +150,7 @@ fn bulging() -> Arc<Animation> {
 fn takings(update: Update, predict: bool) -> (Vec<u64>, usize) {
     const FRAMES: u64 = 400;
     let animation = bulging();
-    let options = Options {
+    let options = DriverOptions {
         method: Method::default(),
         update,
         builder_threads: 1,

@@ -18,7 +18,7 @@ const ROOM_FOR_HEADS: usize = 4096;
 
 /// Closest hits and what goes with them: the arrays of one `.npz` file.
 #[derive(Clone, Copy, Debug)]
-pub struct Found<'a> {
+pub struct HitArrays<'a> {
     /// One hit a ray, row by row.
     pub hits: &'a [Hit],
     /// With shadow rays: 1 where the way to the light is blocked, one a ray; else `None`.
@@ -35,7 +35,7 @@ pub struct Found<'a> {
 ///
 /// # Panics
 /// If the lengths do not match the shape.
-pub fn write_hits(path: &Path, found: &Found<'_>) -> Result<(), WriteError> {
+pub fn write_hits(path: &Path, found: &HitArrays<'_>) -> Result<(), WriteError> {
     let hits = found.hits.iter();
     write_archive(path, found.shape, 17, |arrays| {
         arrays.add("triangle", hits.clone().map(|h| h.triangle))?;
@@ -143,7 +143,7 @@ mod tests {
         let path = dir.path().join("hits_0000.npz");
         let hits = hits();
         let shadow = [1, 0, 0, 0, 0, 1];
-        let found = Found {
+        let found = HitArrays {
             hits: &hits,
             shadow: Some(&shadow),
             shape: &[2, 3],
@@ -168,7 +168,7 @@ mod tests {
     fn given_rays_have_no_shadow_and_any_hit_has_one_array() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.npz");
-        let found = Found {
+        let found = HitArrays {
             hits: &hits(),
             shadow: None,
             shape: &[6],
@@ -187,7 +187,7 @@ mod tests {
     #[test]
     #[should_panic(expected = "the shape of shadow")]
     fn arrays_of_another_shape_are_misuse() {
-        let found = Found {
+        let found = HitArrays {
             hits: &hits(),
             shadow: Some(&[1, 0]),
             shape: &[2, 3],
@@ -200,7 +200,7 @@ mod tests {
     fn equal_hits_are_equal_files_and_no_clock_takes_part() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.npz");
-        let found = Found {
+        let found = HitArrays {
             hits: &hits(),
             shadow: None,
             shape: &[6],

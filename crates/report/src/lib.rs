@@ -19,7 +19,7 @@ mod timeline;
 pub use atomic::{check_dir, check_writable, prepare_dir, remove_link, write_whole, write_with};
 pub use digest::{Digest, digest_of};
 pub use error::{RaysError, WriteError};
-pub use hits::{Found, write_found, write_hits};
+pub use hits::{HitArrays, write_found, write_hits};
 pub use picture::write_png;
 pub use rays::{read_rays, write_rays};
 pub use stats::{FrameStats, SCHEMA, SceneFacts, Stats, write_json};

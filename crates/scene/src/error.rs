@@ -133,7 +133,7 @@ pub enum SceneError {
         /// The file.
         path: PathBuf,
         /// Where in it.
-        place: Place,
+        place: FileLocation,
         /// What is wrong there.
         cause: String,
     },
@@ -216,7 +216,7 @@ pub enum SceneError {
 
 /// Where in a file something is wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum FileLocation {
     /// Nowhere in particular.
     File,
     /// A line of text, counted from 1.
@@ -227,7 +227,7 @@ pub enum Place {
     Item(&'static str, usize),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for FileLocation {
     /// Writes the place and `": "`, or nothing for the whole file.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -241,7 +241,7 @@ impl fmt::Display for Place {
 
 impl SceneError {
     /// A file at `path` is wrong at `place`. Line breaks in `cause` become spaces.
-    pub(crate) fn malformed(path: &Path, place: Place, cause: impl fmt::Display) -> Self {
+    pub(crate) fn malformed(path: &Path, place: FileLocation, cause: impl fmt::Display) -> Self {
         const LONGEST: usize = 240;
         let words = cause.to_string();
         let mut cause = words.split_whitespace().collect::<Vec<_>>().join(" ");

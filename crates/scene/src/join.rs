@@ -21,18 +21,18 @@ pub(crate) struct Input<'a> {
     /// What names it alone.
     pub(crate) spec: &'a str,
     /// `None` if it stands as it is.
-    pub(crate) place: Option<Place>,
+    pub(crate) place: Option<Placement>,
 }
 
 /// A point `p` comes to stand at `p * scale + at`, each operation rounded once.
 /// So a zero is a positive one, even where an input stands as it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Place {
+pub(crate) struct Placement {
     at: Point,
     scale: f32,
 }
 
-const AS_IT_IS: Place = Place {
+const AS_IT_IS: Placement = Placement {
     at: [0.0; 3],
     scale: 1.0,
 };
@@ -111,11 +111,11 @@ fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>, 
 }
 
 /// `x,y,z` or `x,y,z*scale`.
-fn parse(text: &str) -> Option<Place> {
+fn parse(text: &str) -> Option<Placement> {
     let number = |t: &str| t.parse::<f32>().ok().filter(|x| x.is_finite());
     let (at, scale) = text.split_once('*').unwrap_or((text, "1"));
     let numbers: Vec<f32> = at.split(',').map(number).collect::<Option<_>>()?;
-    Some(Place {
+    Some(Placement {
         at: numbers.try_into().ok()?,
         scale: number(scale).filter(|&s| s > 0.0)?,
     })
@@ -137,7 +137,7 @@ pub(crate) fn open(
         clip: None,
         ..options.clone()
     };
-    let open = |input: &Input<'_>| -> Result<(Scene, Place), SceneError> {
+    let open = |input: &Input<'_>| -> Result<(Scene, Placement), SceneError> {
         let has_clips = source::has_clips(input.spec);
         let scene = source::open_one(input.spec, if has_clips { options } else { &still })?;
         Ok((scene, input.place.unwrap_or(AS_IT_IS)))
@@ -175,7 +175,7 @@ fn timed(spec: &str, joined: Animation, scenes: &[Scene]) -> Result<Animation, S
         .map_err(|e| bad(e.to_string()))
 }
 
-fn join(spec: &str, parts: Vec<(Scene, Place)>) -> Result<Scene, SceneError> {
+fn join(spec: &str, parts: Vec<(Scene, Placement)>) -> Result<Scene, SceneError> {
     let keys = key_count(&parts)?;
     let vertices = parts.iter().map(|(s, _)| s.animation.vertex_count()).sum();
     crate::mesh::within(spec.as_ref(), "vertices", vertices, u32::MAX as usize)?;
@@ -206,7 +206,7 @@ fn join(spec: &str, parts: Vec<(Scene, Place)>) -> Result<Scene, SceneError> {
 }
 
 /// Key frames of all: those of any input that has more than one.
-fn key_count(parts: &[(Scene, Place)]) -> Result<usize, SceneError> {
+fn key_count(parts: &[(Scene, Placement)]) -> Result<usize, SceneError> {
     let count = |scene: &Scene| scene.animation.keys().len();
     let mut moving = parts.iter().map(|(s, _)| s).filter(|s| count(s) > 1);
     let Some(first) = moving.next() else {
@@ -223,7 +223,7 @@ fn key_count(parts: &[(Scene, Place)]) -> Result<usize, SceneError> {
     }
 }
 
-impl Place {
+impl Placement {
     fn put(self, p: Point) -> Point {
         std::array::from_fn(|i| p[i] * self.scale + self.at[i])
     }

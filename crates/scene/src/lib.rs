@@ -22,7 +22,7 @@ mod source;
 mod times;
 
 pub use demo::{DEMOS, MAX_DEMO_TRIANGLES};
-pub use error::{Place, SceneError};
+pub use error::{FileLocation, SceneError};
 pub use files::files;
 pub use ply::write_ply;
 use std::path::PathBuf;

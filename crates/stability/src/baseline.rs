@@ -26,12 +26,12 @@ pub struct Baseline {
     /// On what device and how.
     pub ground: String,
     /// The rates.
-    pub entries: Vec<Entry>,
+    pub entries: Vec<RateEntry>,
 }
 
 /// A rate over many seeds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Entry {
+pub struct RateEntry {
     /// Of what.
     pub family: String,
     /// By what.
@@ -96,7 +96,7 @@ pub fn known(
     let arithmetic = decisive(by, device);
     let names = (family.name(), by.name(), measure.name());
     let mut of_kind = BASELINES.iter().filter(|b| b.arithmetic == arithmetic);
-    let this = |e: &&Entry| (&*e.family, &*e.intersector, &*e.measure) == names;
+    let this = |e: &&RateEntry| (&*e.family, &*e.intersector, &*e.measure) == names;
     let entry = of_kind.find_map(|b| b.entries.iter().find(this))?;
     Some(Known {
         rate: entry.count as f64 / entry.of.max(1) as f64,
@@ -151,7 +151,7 @@ pub fn record(
 }
 
 /// One entry for each thing counted in the same cell of all seeds, but for what may never happen.
-fn of_cells(cells: &[Cell]) -> Vec<Entry> {
+fn of_cells(cells: &[Cell]) -> Vec<RateEntry> {
     let Some(first) = cells.first() else {
         return Vec::new();
     };
@@ -161,7 +161,7 @@ fn of_cells(cells: &[Cell]) -> Vec<Entry> {
         let all: Vec<&Measured> = cells.iter().map(|c| &c.measured[i]).collect();
         let count = all.iter().map(|m| m.count).sum();
         let of = all.iter().map(|m| m.of).sum();
-        Entry {
+        RateEntry {
             family: first.family.name().to_owned(),
             intersector: first.intersector.name().to_owned(),
             measure: m.measure.name().to_owned(),

@@ -2,7 +2,7 @@
 
 use crate::baseline::{is_never, known};
 use crate::bounds::interval;
-use crate::{Family, Tally};
+use crate::{Family, StressCounts};
 use backend::{Arithmetic, Intersector};
 
 /// What is counted.
@@ -78,7 +78,7 @@ impl Cell {
     pub fn new(
         family: Family,
         intersector: Intersector,
-        tally: &Tally,
+        tally: &StressCounts,
         arithmetic: Arithmetic,
     ) -> Self {
         let mut counts = vec![(Measure::Wrong, tally.wrong, tally.rays)];

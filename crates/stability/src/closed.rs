@@ -16,7 +16,7 @@ pub(crate) fn scenes(offset: f32, aim: Option<Aim>, seed: u64, shares: &[usize])
     let scenes = batches.flat_map(|(batch, shares)| {
         let most = shares.iter().max().copied().unwrap_or(0).max(1);
         let sorts = if aim.is_some() { 3 } else { 1 };
-        let plan = leaks::Plan {
+        let plan = leaks::LeakPlan {
             seed: mixed(seed) ^ batch as u64,
             // Twice as many as needed: far away, some begin where they are aimed at.
             rays: (2 * (most + SORTS) * sorts * BODIES) as u64,

@@ -22,7 +22,7 @@ mod stress_test;
 
 pub use cell::{Cell, Measure, Measured};
 pub use family::Family;
-pub use stress_test::{Closed, Rearranged, StressTest, Tally};
+pub use stress_test::{Closed, Rearranged, StressCounts, StressTest};
 
 /// What to ask.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

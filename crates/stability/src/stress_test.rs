@@ -29,7 +29,7 @@ struct Answered {
 
 /// What was counted in one family.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Tally {
+pub struct StressCounts {
     /// Rays asked.
     pub rays: u64,
     /// Those whose hit or miss or whose triangle is not the exact answer's.
@@ -89,12 +89,12 @@ impl StressTest {
         &self,
         subject: &mut dyn Backend,
         intersector: Intersector,
-    ) -> Result<Option<Tally>> {
+    ) -> Result<Option<StressCounts>> {
         let method = Method {
             intersector,
             ..Method::default()
         };
-        let mut sum = Tally::default();
+        let mut sum = StressCounts::default();
         for answered in &self.scenes {
             match answered.ask(subject, method, self.family) {
                 Err(BackendError::Unsupported { .. }) => return Ok(None),
@@ -127,7 +127,12 @@ impl Answered {
         }
     }
 
-    fn ask(&self, subject: &mut dyn Backend, method: Method, family: Family) -> Result<Tally> {
+    fn ask(
+        &self,
+        subject: &mut dyn Backend,
+        method: Method,
+        family: Family,
+    ) -> Result<StressCounts> {
         let scene = &self.scene;
         stand(subject, scene, method, scene.built)?;
         let (hits, report) = trace(subject, &scene.rays)?;
@@ -142,7 +147,7 @@ impl Answered {
         } else {
             None
         };
-        Ok(Tally {
+        Ok(StressCounts {
             rays: found.len() as u64,
             wrong: found.iter().zip(&self.hits).filter(differs).count() as u64,
             closed,
@@ -191,7 +196,7 @@ impl Answered {
     }
 }
 
-impl AddAssign for Tally {
+impl AddAssign for StressCounts {
     fn add_assign(&mut self, other: Self) {
         self.rays += other.rays;
         self.wrong += other.wrong;

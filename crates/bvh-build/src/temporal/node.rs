@@ -13,7 +13,7 @@ const PARALLEL: usize = 1024;
 const SAMPLE: usize = 1 << 12;
 
 /// A node to build: its triangles, room of the same size, and where its part of the tree goes.
-pub(super) struct Node<'a> {
+pub(super) struct TemporalNode<'a> {
     /// Becomes the order of the leaves.
     pub(super) order: &'a mut [u32],
     pub(super) room: &'a mut [u32],
@@ -22,7 +22,11 @@ pub(super) struct Node<'a> {
 }
 
 /// Builds the subtree of `node`, which holds one triangle at least.
-pub(super) fn build(prims: &Prims, node: Node<'_>, cancel: &Cancel) -> Result<(), BuildError> {
+pub(super) fn build(
+    prims: &Prims,
+    node: TemporalNode<'_>,
+    cancel: &Cancel,
+) -> Result<(), BuildError> {
     let leaves = node.order.len();
     if leaves == 1 {
         return Ok(());
@@ -42,7 +46,7 @@ pub(super) fn build(prims: &Prims, node: Node<'_>, cancel: &Cancel) -> Result<()
     build(prims, right, cancel)
 }
 
-fn divide<'a>(prims: &Prims, node: Node<'a>) -> [Node<'a>; 2] {
+fn divide<'a>(prims: &Prims, node: TemporalNode<'a>) -> [TemporalNode<'a>; 2] {
     let n = node.order.len();
     let left = if n <= sweep::MOST {
         sweep::cut(node.order, prims)
@@ -85,20 +89,20 @@ fn partition(prims: &Prims, order: &mut [u32], room: &mut [u32], plane: &Plane) 
 }
 
 /// Two nodes from one whose first `left` triangles go left.
-fn cut(node: Node<'_>, left: usize) -> [Node<'_>; 2] {
+fn cut(node: TemporalNode<'_>, left: usize) -> [TemporalNode<'_>; 2] {
     let (order_a, order_b) = node.order.split_at_mut(left);
     let (room_a, room_b) = node.room.split_at_mut(left);
     node.left_leaves[0] = left as u32;
     let (inner_a, inner_b) = node.left_leaves[1..].split_at_mut(left - 1);
     let depth = node.depth + 1;
     [
-        Node {
+        TemporalNode {
             order: order_a,
             room: room_a,
             left_leaves: inner_a,
             depth,
         },
-        Node {
+        TemporalNode {
             order: order_b,
             room: room_b,
             left_leaves: inner_b,

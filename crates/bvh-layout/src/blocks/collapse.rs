@@ -1,6 +1,6 @@
 //! Binary record in, shape of the wide tree out: in parallel, level by level.
 
-use super::opened::{Binary, Opened, Shape};
+use super::opened::{Binary, Opened, SizedTree};
 use super::{Block, BlockTree, First, LANES, Link, WideNode};
 use crate::Topology;
 use geom::Aabb;
@@ -21,11 +21,11 @@ impl BlockTree {
     pub fn of(tree: &Topology, triangles: &[[u32; 3]], (boxes, first): (&[Aabb], First)) -> Self {
         let sizes = sizes(tree);
         let areas = areas(tree, boxes);
-        let shape = Shape {
+        let shape = SizedTree {
             sizes: &sizes,
             areas: areas.as_deref(),
             first,
-            ..Shape::of(tree)
+            ..SizedTree::of(tree)
         };
         let (mut all, roots) = Self::nodes_of(shape);
         let leaves = tree.leaf_triangles();
@@ -38,7 +38,7 @@ impl BlockTree {
     }
 
     /// All nodes, and the binary nodes that the blocks are to stand for.
-    fn nodes_of(shape: Shape<'_>) -> (Self, Vec<Binary>) {
+    fn nodes_of(shape: SizedTree<'_>) -> (Self, Vec<Binary>) {
         let mut all = Self::default();
         let mut roots = Vec::new();
         let mut level = match shape.bits {
@@ -59,7 +59,7 @@ impl BlockTree {
     /// Makes the nodes of one level, and tells the binary nodes of the next.
     fn add_level(
         &mut self,
-        shape: Shape<'_>,
+        shape: SizedTree<'_>,
         level: &[Binary],
         roots: &mut Vec<Binary>,
     ) -> Vec<Binary> {
@@ -90,7 +90,7 @@ impl BlockTree {
 /// Leaves below every inner node, counted from the deepest level up.
 fn sizes(tree: &Topology) -> Vec<u32> {
     let mut sizes = vec![0; tree.leaf_count().saturating_sub(1)];
-    let shape = Shape::of(tree);
+    let shape = SizedTree::of(tree);
     let levels: Vec<_> = tree.levels().collect();
     for level in levels.iter().rev() {
         let [start, end] = [level.inner.start, level.inner.end].map(|i| i as usize);
@@ -113,7 +113,7 @@ fn areas(tree: &Topology, boxes: &[Aabb]) -> Option<Vec<f32>> {
     if boxes.len() != tree.triangle_count() {
         return None;
     }
-    let shape = Shape::of(tree);
+    let shape = SizedTree::of(tree);
     let triangles = tree.leaf_triangles();
     let mut inner = vec![Aabb::EMPTY; tree.leaf_count().saturating_sub(1)];
     let levels: Vec<_> = tree.levels().collect();

@@ -62,7 +62,7 @@ impl Opened {
 
 /// A binary record with the size of each subtree.
 #[derive(Clone, Copy)]
-pub(super) struct Shape<'a> {
+pub(super) struct SizedTree<'a> {
     pub(super) bits: &'a [u32],
     pub(super) ranks: &'a [u32],
     pub(super) sizes: &'a [u32],
@@ -72,7 +72,7 @@ pub(super) struct Shape<'a> {
     pub(super) first: First,
 }
 
-impl<'a> Shape<'a> {
+impl<'a> SizedTree<'a> {
     /// With no sizes and no areas.
     pub(super) fn of(tree: &'a Topology) -> Self {
         Self {

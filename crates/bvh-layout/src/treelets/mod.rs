@@ -117,13 +117,13 @@ impl WideTree {
 
 /// Memory that treelets are made in: a word a triangle, and 10 bytes more where they are made wide.
 #[derive(Debug, Default)]
-pub(crate) struct Room {
+pub(crate) struct Workspace {
     inner: Vec<u32>,
     wide: wide::Room,
 }
 
 #[cfg(test)]
-impl Room {
+impl Workspace {
     /// Writes over all that is in it.
     pub(crate) fn spoil(&mut self) {
         self.inner.fill(u32::MAX);
@@ -193,11 +193,11 @@ impl Treelets {
     }
 
     pub(crate) fn of_shape(shape: Shape<'_>) -> Self {
-        Self::of_shape_in(shape, &mut Room::default(), Vec::new())
+        Self::of_shape_in(shape, &mut Workspace::default(), Vec::new())
     }
 
     /// Likewise, in the memory of old ones' words; `room` is for whoever makes several.
-    pub(crate) fn of_shape_in(shape: Shape<'_>, room: &mut Room, words: Vec<u32>) -> Self {
+    pub(crate) fn of_shape_in(shape: Shape<'_>, room: &mut Workspace, words: Vec<u32>) -> Self {
         if shape.order.is_empty() {
             return Self::default();
         }

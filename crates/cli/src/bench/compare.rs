@@ -41,7 +41,7 @@ const DRIFT: f64 = 0.02;
 const ERROR_OF_MEDIAN: f64 = 1.4826 * 1.2533;
 
 /// A run: its name, and its frames.
-struct Run {
+struct ComparedRun {
     name: String,
     frames: Vec<Value>,
 }
@@ -119,14 +119,14 @@ fn refuse_slower(changes: &[Change], percent: f64) -> Result<(), Stop> {
 }
 
 /// The runs of a file of `bench` or of `render --stats`.
-fn read(file: &Path) -> Result<Vec<Run>, Stop> {
+fn read(file: &Path) -> Result<Vec<ComparedRun>, Stop> {
     let at = |e: &dyn std::fmt::Display| Stop::bad(format!("{}: {e}", file.display()));
     let bytes = std::fs::read(file).map_err(|e| at(&e))?;
     let json: Value = serde_json::from_slice(&bytes).map_err(|e| at(&e))?;
     let list = |v: &Value| v.as_array().cloned();
     if let Some(rows) = list(&json["rows"]) {
         let run = |row: &Value| {
-            Some(Run {
+            Some(ComparedRun {
                 name: name(row),
                 frames: list(&row["per_frame"])?,
             })
@@ -137,7 +137,7 @@ fn read(file: &Path) -> Result<Vec<Run>, Stop> {
     let frames = list(&json["frames"]);
     let frames = frames.ok_or_else(|| at(&"neither results of bench nor statistics of render"))?;
     let name = name(&json);
-    Ok(vec![Run { name, frames }])
+    Ok(vec![ComparedRun { name, frames }])
 }
 
 fn name(row: &Value) -> String {
@@ -151,13 +151,13 @@ fn name(row: &Value) -> String {
     NAMES.iter().filter_map(word).collect::<Vec<_>>().join(" ")
 }
 
-fn changes(old: &Run, new: &Run) -> Vec<Change> {
+fn changes(old: &ComparedRun, new: &ComparedRun) -> Vec<Change> {
     let change = |&quantity: &&'static str| change(old, new, quantity);
     QUANTITIES.iter().filter_map(change).collect()
 }
 
 /// What became of one quantity; `None` if a file does not know it.
-fn change(old: &Run, new: &Run, quantity: &'static str) -> Option<Change> {
+fn change(old: &ComparedRun, new: &ComparedRun, quantity: &'static str) -> Option<Change> {
     let (a, b) = (series(old, quantity), series(new, quantity));
     let values = |s: &[(f64, f64)]| s.iter().map(|p| p.1).collect::<Vec<_>>();
     let (old_values, new_values) = (values(&a), values(&b));
@@ -186,7 +186,7 @@ fn change(old: &Run, new: &Run, quantity: &'static str) -> Option<Change> {
 }
 
 /// Time and value of every frame that knows a quantity, but the first frame, which builds the first tree.
-fn series(run: &Run, quantity: &str) -> Vec<(f64, f64)> {
+fn series(run: &ComparedRun, quantity: &str) -> Vec<(f64, f64)> {
     let frames = run.frames.iter().skip(usize::from(run.frames.len() > 1));
     let known = frames.filter_map(|f| Some((f["time"].as_f64()?, f[quantity].as_f64()?)));
     known.filter(|p| p.1 > 0.0).collect()
@@ -240,9 +240,9 @@ fn text(c: &Comparison) -> String {
 mod tests {
     use super::*;
 
-    fn run(times: &[f64], ms: impl Fn(f64) -> f64) -> Run {
+    fn run(times: &[f64], ms: impl Fn(f64) -> f64) -> ComparedRun {
         let frame = |&t: &f64| serde_json::json!({ "time": t, "wall_ms": ms(t) });
-        Run {
+        ComparedRun {
             name: "a b".to_owned(),
             frames: times.iter().map(frame).collect(),
         }

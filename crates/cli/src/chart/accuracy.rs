@@ -11,7 +11,7 @@ use std::ops::Range;
 
 /// What became of a scene's rays.
 #[derive(Debug, Default)]
-pub(super) struct Tally {
+pub(super) struct AnswerCounts {
     tested: u64,
     wrong: u64,
     wrong_shadow: u64,
@@ -21,16 +21,20 @@ pub(super) struct Tally {
 }
 
 /// Asks everything of a way.
-pub(super) fn judge(scene: &Scene, ask: &Ask<'_>, truth: &GroundTruth) -> Result<Tally, Stop> {
+pub(super) fn judge(
+    scene: &Scene,
+    ask: &Ask<'_>,
+    truth: &GroundTruth,
+) -> Result<AnswerCounts, Stop> {
     let mut session = session::start(&scene.animation, ask)?;
-    let mut tally = Tally::default();
+    let mut tally = AnswerCounts::default();
     truth.ask(&mut session, |sheet, range, hits| {
         tally.add(sheet, range, hits);
     })?;
     Ok(tally)
 }
 
-impl Tally {
+impl AnswerCounts {
     fn add(&mut self, sheet: &Sheet, range: Range<usize>, hits: &Hits) {
         let answers = hits.closest.iter().zip(&hits.blocked);
         for (i, (hit, &blocked)) in range.zip(answers) {
@@ -114,7 +118,7 @@ mod tests {
             Hit::MISS,
             Hit::MISS,
         ];
-        let mut tally = Tally::default();
+        let mut tally = AnswerCounts::default();
         let part = |range: Range<usize>| Hits {
             closest: found[range.clone()].to_vec(),
             blocked: vec![0; range.len()],

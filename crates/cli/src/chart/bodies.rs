@@ -7,7 +7,7 @@ use crate::stop::Stop;
 use crate::threads;
 use backend::Intersector;
 use chart::{Leaks, Point};
-use conformance::leaks::{self, Aim, OFFSETS, Plan};
+use conformance::leaks::{self, Aim, LeakPlan, OFFSETS};
 
 /// Decides bodies and rays.
 const SEED: u64 = 1;
@@ -16,9 +16,9 @@ const LEAST: usize = 6_000;
 
 /// What was found, by backend, layout and intersector.
 #[derive(Default)]
-pub(super) struct Found(Vec<([String; 3], Vec<Leaks>)>);
+pub(super) struct LeaksByMethod(Vec<([String; 3], Vec<Leaks>)>);
 
-impl Found {
+impl LeaksByMethod {
     /// Whether a point's method was tried.
     pub(super) fn knows(&self, point: &Point) -> bool {
         self.of(point).is_some()
@@ -35,7 +35,7 @@ impl Found {
             threads: threads::cores(),
         };
         let mut backend = open::open(&want, Ok)?.value;
-        let plan = Plan {
+        let plan = LeakPlan {
             seed: SEED,
             rays: ((rays / 4).max(LEAST) * OFFSETS.len()) as u64,
             offsets: OFFSETS.to_vec(),
@@ -71,7 +71,7 @@ fn name(point: &Point) -> [String; 3] {
 }
 
 /// All bodies at one offset.
-fn sum(rows: &[leaks::Row], offset: f32) -> Leaks {
+fn sum(rows: &[leaks::LeakRow], offset: f32) -> Leaks {
     let aimed = rows
         .iter()
         .filter(|r| r.offset.to_bits() == offset.to_bits() && r.inside && r.aim != Aim::Random);
@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn only_rays_aimed_from_inside_at_that_offset_count() {
-        let row = leaks::Row {
+        let row = leaks::LeakRow {
             body: "box",
             offset: 10.0,
             aim: Aim::Edge,
@@ -107,19 +107,19 @@ mod tests {
         };
         let rows = [
             row,
-            leaks::Row {
+            leaks::LeakRow {
                 aim: Aim::Vertex,
                 ..row
             },
-            leaks::Row {
+            leaks::LeakRow {
                 aim: Aim::Random,
                 ..row
             },
-            leaks::Row {
+            leaks::LeakRow {
                 inside: false,
                 ..row
             },
-            leaks::Row { offset: 0.0, ..row },
+            leaks::LeakRow { offset: 0.0, ..row },
         ];
         let expected = Leaks {
             offset: Some(10.0),

@@ -18,14 +18,14 @@ pub(super) struct Way {
 }
 
 /// All ways, and why others are none.
-pub(super) struct Plan {
+pub(super) struct ChartPlan {
     pub(super) scenes: Vec<String>,
     pub(super) ways: Vec<Way>,
     /// Remarks, one line each.
     pub(super) skipped: Vec<String>,
 }
 
-impl Plan {
+impl ChartPlan {
     /// Everything with everything, as far as backends support it.
     pub(super) fn of(args: &ChartArgs) -> Result<Self, Stop> {
         let mut skipped = Vec::new();
@@ -191,7 +191,7 @@ mod tests {
     #[test]
     fn what_is_asked_for_twice_is_done_once() {
         use IntersectorName as I;
-        let plan = Plan::of(&args(&[I::Woop, I::Auto, I::Exact])).unwrap();
+        let plan = ChartPlan::of(&args(&[I::Woop, I::Auto, I::Exact])).unwrap();
         let ways: Vec<_> = plan.ways.iter().map(ToString::to_string).collect();
         let expected = [
             "cpu bvh2 woop refit",
@@ -215,7 +215,7 @@ mod tests {
             backend: vec![BackendName::VulkanRt],
             ..args(&[IntersectorName::Woop])
         };
-        let why = Plan::of(&none).err().unwrap().text();
+        let why = ChartPlan::of(&none).err().unwrap().text();
         assert!(why.contains("vulkan-rt is left out"), "{why}");
     }
 }

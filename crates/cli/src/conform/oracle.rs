@@ -10,7 +10,7 @@ use crate::stop::Stop;
 use crate::subjects::Subject;
 use backend::{Intersector, Method};
 use rayon::prelude::*;
-use stability::audit::{Audit, Batch, BatchSpec, Given, Plan, Tally};
+use stability::audit::{Audit, AuditCounts, AuditPlan, Batch, BatchSpec, Given};
 
 pub(super) use rows::{OracleRow, text};
 
@@ -54,7 +54,7 @@ pub(super) fn hold(
         return Err(Stop::bad(why));
     }
     let (seed, rays) = (args.seed, args.oracle_rays);
-    let audit = Audit::new(Plan { seed, rays }, given);
+    let audit = Audit::new(AuditPlan { seed, rays }, given);
     let specs = specs(args, &audit)?;
     let chunks = chunks(&specs);
     let mut progress = Progress::new(chunks.len() as u64, args.quiet);
@@ -134,7 +134,7 @@ fn tell(
     audit: &Audit,
     backend: &str,
     batch: &Batch,
-    tally: &Tally,
+    tally: &AuditCounts,
     report: &mut Report,
 ) {
     let (about, spec) = (audit.about(&batch.spec), batch.spec.number);

@@ -18,7 +18,7 @@ pub(super) struct Report {
     pub(super) machine: Machine,
     pub(super) backends: Vec<Examined>,
     pub(super) absent: Vec<Absent>,
-    pub(super) rows: Vec<Row>,
+    pub(super) rows: Vec<PropertyRow>,
     pub(super) leaks: Vec<LeakRow>,
     /// The first rays that were wrong, each with the command that finds them again.
     pub(super) leak_examples: Vec<String>,
@@ -30,7 +30,7 @@ pub(super) struct Report {
 
 /// One law on one backend.
 #[derive(Serialize)]
-pub(super) struct Row {
+pub(super) struct PropertyRow {
     pub(super) law: &'static str,
     pub(super) backend: &'static str,
     /// Cases that held, up to the first that did not.
@@ -56,7 +56,7 @@ pub(super) struct LeakRow {
 }
 
 impl LeakRow {
-    pub(super) fn of(backend: &'static str, row: &leaks::Row) -> Self {
+    pub(super) fn of(backend: &'static str, row: &leaks::LeakRow) -> Self {
         Self {
             backend,
             body: row.body,
@@ -112,7 +112,7 @@ impl Report {
             .rows
             .chunks(self.backends.len())
             .map(|of_one_law| {
-                let cell = |r: &Row| match r.disagreement {
+                let cell = |r: &PropertyRow| match r.disagreement {
                     None => format!("held {}", r.held),
                     Some(_) => "DISAGREES".to_owned(),
                 };
@@ -159,7 +159,7 @@ mod tests {
     use super::*;
 
     fn report(disagreement: Option<&str>) -> Report {
-        let row = |backend, disagreement: Option<&str>| Row {
+        let row = |backend, disagreement: Option<&str>| PropertyRow {
             law: "a_b",
             backend,
             held: 3,
@@ -221,7 +221,7 @@ mod tests {
     fn broken_laws_and_leaky_rows_are_failures() {
         assert_eq!(report(None).failures(), 0);
         let mut bad = report(Some("no"));
-        let leak = leaks::Row {
+        let leak = leaks::LeakRow {
             body: "box",
             offset: 10.0,
             aim: leaks::Aim::Edge,
@@ -233,7 +233,7 @@ mod tests {
             doubled: 0,
         };
         bad.leaks.push(LeakRow::of("x", &leak));
-        let sound = leaks::Row { leaks: 0, ..leak };
+        let sound = leaks::LeakRow { leaks: 0, ..leak };
         bad.leaks.push(LeakRow::of("x", &sound));
         assert_eq!(bad.failures(), 2);
         assert!(bad.text().contains("inside"));

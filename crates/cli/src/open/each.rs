@@ -13,7 +13,7 @@ pub(super) fn list_vulkan() -> backend::Result<Vec<Adapter>> {
     Ok(gpu_vulkan::adapters()?.into_iter().map(vulkan).collect())
 }
 
-fn vulkan(adapter: gpu_vulkan::Adapter) -> Adapter {
+fn vulkan(adapter: gpu_vulkan::AdapterInfo) -> Adapter {
     Adapter {
         index: adapter.index,
         limits: limits(adapter.limits),

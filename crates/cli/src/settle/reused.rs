@@ -8,7 +8,7 @@ use crate::threads::{self, Threads};
 use backend::{Backend, Device, Hits, Method, Query};
 use clap::ValueEnum;
 use geom::Animation;
-use pipeline::{Driver, Frame, FrameRecord, Options, Update};
+use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Update};
 use std::sync::Arc;
 
 /// A backend between drivers.
@@ -59,7 +59,7 @@ impl<'a> ReusedBackend<'a> {
     /// A driver that traces by `method` and follows the motion by `update`, as a run of its own would have it.
     pub(crate) fn driver(&mut self, method: Method, update: Update) -> Result<Driver, Stop> {
         let threads = self.share(update);
-        let options = Options {
+        let options = DriverOptions {
             method,
             update,
             builder_threads: threads.build,

@@ -9,7 +9,7 @@ use crate::threads;
 use backend::{Hits, Intersector, Layout, Method, Query, Rays};
 use fastrand::Rng;
 use geom::Ray;
-use pipeline::{Driver, Frame, Options, Update};
+use pipeline::{Driver, DriverOptions, Frame, Update};
 use std::sync::Arc;
 
 /// Frames of the run whose rays are asked.
@@ -153,7 +153,7 @@ fn on_host(backend: &ReusedBackend<'_>, method: Method) -> Result<Driver, Stop> 
         method,
         threads,
     };
-    let options = Options {
+    let options = DriverOptions {
         method,
         update: Update::Refit,
         builder_threads: threads,

@@ -218,7 +218,7 @@ fn percent(rate: f64) -> String {
 mod tests {
     use super::*;
     use backend::Arithmetic;
-    use stability::{Closed, Tally};
+    use stability::{Closed, StressCounts};
 
     fn report(wrong: u64, leaks: u64, by: Intersector) -> Report {
         let closed = Closed {
@@ -227,7 +227,7 @@ mod tests {
             counted: 2000,
             doubles: 0,
         };
-        let tally = Tally {
+        let tally = StressCounts {
             rays: 2000,
             wrong,
             closed: Some(closed),

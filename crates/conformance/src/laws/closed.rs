@@ -1,7 +1,7 @@
 //! Closed bodies.
 
 use crate::Case;
-use crate::leaks::{self, Plan};
+use crate::leaks::{self, LeakPlan};
 use crate::stage::plainly;
 use backend::{Backend, Method};
 
@@ -15,7 +15,7 @@ pub(crate) fn leaks(
     _: &mut dyn Backend,
 ) -> Result<(), String> {
     let offsets = leaks::OFFSETS;
-    let plan = Plan {
+    let plan = LeakPlan {
         seed: case.chance,
         rays: RAYS,
         offsets: vec![offsets[case.chance as usize % offsets.len()]],

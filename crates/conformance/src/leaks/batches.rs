@@ -1,6 +1,6 @@
-//! Lots: one body somewhere, and rays at it.
+//! Batches: one body somewhere, and rays at it.
 
-use super::Plan;
+use super::LeakPlan;
 use super::aim;
 use super::bodies::Body;
 use fastrand::Rng;
@@ -41,7 +41,7 @@ pub(super) struct Moved<'a> {
 }
 
 /// Shares the rays out, so that each body at each offset gets as many as the next.
-pub(super) fn specs<'a>(plan: &Plan, bodies: &'a [Body]) -> Vec<BatchSpec<'a>> {
+pub(super) fn specs<'a>(plan: &LeakPlan, bodies: &'a [Body]) -> Vec<BatchSpec<'a>> {
     let places = (plan.offsets.len() * bodies.len()) as u64;
     let variants = (plan.rays / places.max(1)).div_ceil(MOST).max(1);
     let total = places * variants;
@@ -145,8 +145,8 @@ mod tests {
     use backend::Method;
     use geom::is_degenerate;
 
-    fn plan(rays: u64) -> Plan {
-        Plan {
+    fn plan(rays: u64) -> LeakPlan {
+        LeakPlan {
             seed: 3,
             rays,
             offsets: super::super::OFFSETS.to_vec(),

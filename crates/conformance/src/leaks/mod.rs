@@ -39,7 +39,7 @@ const COUNTED: usize = 4096;
 
 /// What to ask.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plan {
+pub struct LeakPlan {
     /// Decides bodies and rays.
     pub seed: u64,
     /// Rays in all, shared out among bodies, offsets, aims and sides.
@@ -52,7 +52,7 @@ pub struct Plan {
 
 /// What became of all rays of one sort.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
+pub struct LeakRow {
     /// The body's name.
     pub body: &'static str,
     /// How far it was moved.
@@ -95,9 +95,9 @@ pub struct Leak {
 
 /// All rows, and the first wrong rays in full.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Found {
+pub struct LeakReport {
     /// One a body, offset, aim and side.
-    pub rows: Vec<Row>,
+    pub rows: Vec<LeakRow>,
     /// The first few.
     pub first: Vec<Leak>,
 }
@@ -121,7 +121,7 @@ impl fmt::Display for Leak {
     }
 }
 
-impl Found {
+impl LeakReport {
     /// Rays that are wrong.
     #[must_use]
     pub fn wrong(&self) -> u64 {
@@ -135,18 +135,22 @@ impl Found {
 ///
 /// # Errors
 /// The subject failed.
-pub fn run(subject: &mut dyn Backend, plan: &Plan, progress: &mut dyn FnMut(u64)) -> Result<Found> {
+pub fn run(
+    subject: &mut dyn Backend,
+    plan: &LeakPlan,
+    progress: &mut dyn FnMut(u64),
+) -> Result<LeakReport> {
     run_over(subject, plan, BODIES, progress)
 }
 
 fn run_over(
     subject: &mut dyn Backend,
-    plan: &Plan,
+    plan: &LeakPlan,
     bodies: &[Body],
     progress: &mut dyn FnMut(u64),
-) -> Result<Found> {
+) -> Result<LeakReport> {
     let specs = specs(plan, bodies);
-    let mut found = Found::default();
+    let mut found = LeakReport::default();
     let mut rest = specs.iter();
     let mut next = rest.next().map(|spec| spec.make(plan.seed));
     let mut done = 0;
@@ -198,7 +202,7 @@ fn trace_lot<'a>(
 }
 
 /// Adds one batch's answers to what was found.
-fn judge(made: &Made<'_>, hits: &[Hit], crossings: &[u32], found: &mut Found) {
+fn judge(made: &Made<'_>, hits: &[Hit], crossings: &[u32], found: &mut LeakReport) {
     let first_row = row_of(made.spec, found);
     for (i, hit) in hits.iter().enumerate() {
         let (aim, inside) = sort_of(i);
@@ -233,15 +237,16 @@ fn judge(made: &Made<'_>, hits: &[Hit], crossings: &[u32], found: &mut Found) {
 }
 
 /// Where the rows of a batch's body and offset begin; makes them where there are none.
-fn row_of(spec: &BatchSpec<'_>, found: &mut Found) -> usize {
-    let same = |r: &Row| r.body == spec.body.name && r.offset.to_bits() == spec.offset.to_bits();
+fn row_of(spec: &BatchSpec<'_>, found: &mut LeakReport) -> usize {
+    let same =
+        |r: &LeakRow| r.body == spec.body.name && r.offset.to_bits() == spec.offset.to_bits();
     if let Some(at) = found.rows.iter().position(same) {
         return at;
     }
     let at = found.rows.len();
     found.rows.extend((0..aim::SORTS).map(|i| {
         let (aim, inside) = sort_of(i);
-        Row {
+        LeakRow {
             body: spec.body.name,
             offset: spec.offset,
             aim,

@@ -1,6 +1,6 @@
 //! The same bodies and rays, for those who judge by something else than parity alone.
 
-use super::Plan;
+use super::LeakPlan;
 use super::aim::{Aim, sort_of};
 use super::batches::specs;
 use super::bodies::BODIES;
@@ -28,7 +28,7 @@ impl RayBatch {
 
 /// The bodies and rays of a plan, as [`super::run`] asks them.
 #[must_use]
-pub fn ray_batches(plan: &Plan) -> Vec<RayBatch> {
+pub fn ray_batches(plan: &LeakPlan) -> Vec<RayBatch> {
     let specs = specs(plan, BODIES);
     let ray_batches = specs.iter().map(|spec| {
         let made = spec.make(plan.seed);

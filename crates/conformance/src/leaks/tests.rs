@@ -2,9 +2,9 @@ use super::*;
 use backend::Intersector;
 use cpu_ref::CpuBackend;
 
-fn ask(bodies: &[Body], rays: u64) -> Found {
+fn ask(bodies: &[Body], rays: u64) -> LeakReport {
     let mut cpu = CpuBackend::new(Some(2)).unwrap();
-    let plan = Plan {
+    let plan = LeakPlan {
         seed: 5,
         rays,
         offsets: OFFSETS.to_vec(),
@@ -83,7 +83,7 @@ fn a_triangle_that_is_there_twice_is_a_double_hit() {
 fn the_textbook_test_leaks_and_the_exact_one_does_not() {
     let leaks = |intersector| {
         let mut cpu = CpuBackend::new(Some(2)).unwrap();
-        let plan = Plan {
+        let plan = LeakPlan {
             seed: 5,
             rays: 60_000,
             offsets: vec![1e3],

@@ -1,7 +1,7 @@
 //! Rays that are prepared together and traced each on its own.
 
 use super::few::Few;
-use super::found::Found;
+use super::found::ClosestHits;
 use super::search;
 use super::single::{Given, Group, InGroup};
 use super::together::{MOST_RAYS, NONE};
@@ -16,11 +16,11 @@ use geom::{Hit, Ray};
 impl WideTracer<'_> {
     /// Closest hits.
     #[inline(always)]
-    pub(super) fn closest_each<I: Isa>(&self, few: &Few, stack: &mut Stack) -> Found {
+    pub(super) fn closest_each<I: Isa>(&self, few: &Few, stack: &mut Stack) -> ClosestHits {
         let (scale, root) = (self.geometry.scale, &self.tree.root);
         let rays = few.rays(self.rays);
         let group = Group::<I::Packet>::new(&Given::of(&rays), scale, root);
-        let mut found = Found::MISSES;
+        let mut found = ClosestHits::MISSES;
         for (lane, alone) in rays.iter().enumerate() {
             if (group.ready & few.asked) >> lane & 1 == 1 {
                 let group = &group;

@@ -7,12 +7,12 @@ use crate::simd::{Isa, Lanes, each};
 use geom::Hit;
 
 /// Closest hits, and where their triangles lie.
-pub(super) struct Found {
+pub(super) struct ClosestHits {
     pub(super) hits: [Hit; MOST_RAYS],
     pub(super) places: [u32; MOST_RAYS],
 }
 
-impl Found {
+impl ClosestHits {
     pub(super) const MISSES: Self = Self {
         hits: [Hit::MISS; MOST_RAYS],
         places: [NOWHERE; MOST_RAYS],

@@ -2,7 +2,7 @@
 
 use super::cell::Cell;
 use super::few::Few;
-use super::found::Found;
+use super::found::ClosestHits;
 use super::single::Given;
 use super::together::MOST_RAYS;
 use super::trace::WideTracer;
@@ -164,7 +164,7 @@ impl ClosestAndShadow<'_> {
     #[inline(always)]
     fn with_shadows<I: Isa>(
         &self,
-        found: &Found,
+        found: &ClosestHits,
         asked: u32,
         eyes: &[I::Packet; 3],
         stack: &mut Stack,

@@ -2,7 +2,7 @@
 
 use super::cell::Cell;
 use super::few::Few;
-use super::found::Found;
+use super::found::ClosestHits;
 use super::packet::{self, Packet};
 use super::together::{self, MOST_RAYS, NONE};
 use super::trace::WideTracer;
@@ -23,7 +23,7 @@ impl WideTracer<'_> {
         cell: &Cell,
         trust: &mut Trust,
         stack: &mut Stack,
-    ) -> Found {
+    ) -> ClosestHits {
         if trust.tries() {
             let found = self.closest_together::<I>(cell, stack);
             trust.saw(found.is_some());
@@ -55,7 +55,7 @@ impl WideTracer<'_> {
 
     /// Closest hits of a cell's rays, if they can run together.
     #[inline(always)]
-    fn closest_together<I: Isa>(&self, cell: &Cell, stack: &mut Stack) -> Option<Found> {
+    fn closest_together<I: Isa>(&self, cell: &Cell, stack: &mut Stack) -> Option<ClosestHits> {
         let (packet, back) = self.camera_packet::<I>(cell)?;
         let found = together::closest::<I>(self.tree, &packet, &mut stack.wide)?;
         let t = found.t.mul(back).store();
@@ -70,7 +70,7 @@ impl WideTracer<'_> {
             }
         }
         let places = found.places;
-        Some(Found { hits, places })
+        Some(ClosestHits { hits, places })
     }
 
     /// The rays of a cell's pixels; and what brings their distances to units of the camera's directions.

@@ -3,7 +3,7 @@
 use super::rays_of;
 use crate::device::{Gpu, one_at_a_time};
 use crate::errors::{failed, refused};
-use crate::memory::{Buffer, Place};
+use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::descriptor_type;
 use crate::transfer::{Loader, Transfer};
 use ash::vk;
@@ -190,7 +190,7 @@ impl Table {
         .map_err(failed("handles of shaders"))?;
         let stride = handle.next_multiple_of(alignment);
         let room = stride * groups as u64 + alignment;
-        let buffer = Buffer::new(gpu, "the table of shaders", room, Place::Device)?;
+        let buffer = Buffer::new(gpu, "the table of shaders", room, BufferUse::Device)?;
         let begin = buffer.address();
         let at = begin.next_multiple_of(alignment);
         let mut table = vec![0_u8; buffer.bytes as usize];

@@ -4,7 +4,7 @@
 use super::Prefer;
 use super::tree::DriverTree;
 use crate::device::Gpu;
-use crate::memory::{Buffer, Place};
+use crate::memory::{Buffer, BufferUse};
 use crate::scene::SceneBuffers;
 use crate::transfer::{Loader, Transfer};
 use backend::Result;
@@ -40,10 +40,10 @@ impl RtScene {
                 gpu,
                 "cleansed triangles",
                 bytes,
-                Place::Device,
+                BufferUse::Device,
             )?),
         };
-        let root = Buffer::new(gpu, "the scene's box", 32, Place::Device)?;
+        let root = Buffer::new(gpu, "the scene's box", 32, BufferUse::Device)?;
         Loader::new(gpu, road, 32)?.send(&root_of(&animation), &root)?;
         let centre = centre_of(&animation);
         let buffers = SceneBuffers::new(gpu, road, animation)?;

@@ -4,7 +4,7 @@ use super::pipeline::{RayPipeline, storage_buffers};
 use crate::device::Gpu;
 use crate::errors::failed;
 use crate::frames::SLOTS;
-use crate::memory::{Buffer, Place};
+use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::descriptor_type;
 use ash::vk;
 use backend::Result;
@@ -28,7 +28,7 @@ impl RaySets {
             gpu,
             "parameters of rays",
             stride * SLOTS as u64,
-            Place::Upload,
+            BufferUse::Upload,
         )?;
         let size = |ty, each: u32| {
             let count = SLOTS as u32 * each;

@@ -2,7 +2,7 @@
 
 use crate::device::Gpu;
 use crate::errors::failed_for;
-use crate::memory::{Buffer, Place};
+use crate::memory::{Buffer, BufferUse};
 use crate::rt::rays_of;
 use ash::vk;
 use backend::Result;
@@ -45,9 +45,9 @@ impl Structure {
             let most = sizes.build_scratch_size.max(sizes.update_scratch_size);
             scratch = most.max(scratch);
         }
-        let storage = Buffer::new(gpu, what, bytes, Place::Device)?;
+        let storage = Buffer::new(gpu, what, bytes, BufferUse::Device)?;
         let room = scratch + rays.bounds.scratch_alignment;
-        let scratch = Buffer::new(gpu, "room for the driver's builds", room, Place::Device)?;
+        let scratch = Buffer::new(gpu, "room for the driver's builds", room, BufferUse::Device)?;
         let made = vk::AccelerationStructureCreateInfoKHR::default()
             .buffer(storage.vk)
             .size(bytes)

@@ -1,6 +1,6 @@
 //! Whether a device traces rays by trees of its driver's, and what it takes to ask it.
 
-use crate::adapters::{Adapter, all};
+use crate::adapters::{AdapterInfo, all};
 use crate::instance::Host;
 use crate::validation::Validation;
 use ash::{khr, vk};
@@ -94,13 +94,13 @@ impl Bounds {
 ///
 /// # Errors
 /// [`NoDevice`](BackendError::NoDevice) where there is none, with what each lacks.
-pub fn ray_adapters() -> Result<Vec<Adapter>> {
+pub fn ray_adapters() -> Result<Vec<AdapterInfo>> {
     able(Host::new(Validation::Off)?.as_ref(), None)
 }
 
 /// Likewise; where an adapter is `wanted` by name or index, that one alone if it is able, with an
 /// index for whoever opens it.
-pub(crate) fn able(host: &Host, wanted: Option<&str>) -> Result<Vec<Adapter>> {
+pub(crate) fn able(host: &Host, wanted: Option<&str>) -> Result<Vec<AdapterInfo>> {
     let mut list = all(host)?;
     if wanted.is_some() {
         let names: Vec<_> = list.iter().map(|a| (a.name.as_str(), a.kind)).collect();

@@ -5,7 +5,7 @@ use super::structure::Structure;
 use super::{Prefer, rays_of};
 use crate::commands::{BUILDS, Commands, KERNELS, RAYS};
 use crate::device::Gpu;
-use crate::memory::{Buffer, Place};
+use crate::memory::{Buffer, BufferUse};
 use crate::scene::SceneBuffers;
 use crate::transfer::{Loader, Transfer};
 use ash::vk;
@@ -62,7 +62,7 @@ impl DriverTree {
         let flags = [flags(prefer, Made::Updatable), flags(prefer, Made::Fixed)];
         let about = info(vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL).geometries(&geometry);
         let bottom = Structure::new(gpu, "the driver's tree", about, &flags, triangles)?;
-        let instance = Buffer::new(gpu, "the tree's instance", 64, Place::Device)?;
+        let instance = Buffer::new(gpu, "the tree's instance", 64, BufferUse::Device)?;
         Loader::new(gpu, road, 64)?.send(&instance_of(&bottom), &instance)?;
         let geometry = [instances_of(&instance)];
         let about = info(vk::AccelerationStructureTypeKHR::TOP_LEVEL).geometries(&geometry);

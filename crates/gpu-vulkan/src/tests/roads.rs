@@ -4,7 +4,7 @@ use super::scenes::{
     SHADOWED, arrive, bits, camera, device, go, hits, open, positions, stand, swarm, tree_at,
 };
 use crate::VulkanBackend;
-use crate::memory::{Buffer, Place};
+use crate::memory::{Buffer, BufferUse};
 use crate::timeline::Timeline;
 use crate::transfer::{Copy, Transfer};
 use backend::{Backend, Generation, Inspect, Rays};
@@ -99,7 +99,7 @@ pub(super) fn positions_on_their_way_are_not_written_over() {
     let animation = swarm(5000);
     open(&mut *backend, &animation);
     let gate = Timeline::new(&gpu).unwrap();
-    let [from, to] = [0, 1].map(|_| Buffer::new(&gpu, "a bar", 16, Place::Device).unwrap());
+    let [from, to] = [0, 1].map(|_| Buffer::new(&gpu, "a bar", 16, BufferUse::Device).unwrap());
     bar(&mut backend.readback, &gate, &from, &to);
     for time in [0.1, 0.2] {
         stand(&mut *backend, &animation, time);
@@ -130,7 +130,7 @@ pub(super) fn frames_go_on_though_nothing_comes_down_or_goes_up() {
     backend.wait(ticket).unwrap();
 
     let gate = Timeline::new(&gpu).unwrap();
-    let [from, to] = [0, 1].map(|_| Buffer::new(&gpu, "a bar", 16, Place::Device).unwrap());
+    let [from, to] = [0, 1].map(|_| Buffer::new(&gpu, "a bar", 16, BufferUse::Device).unwrap());
     bar(&mut backend.readback, &gate, &from, &to);
     stand(&mut *backend, &animation, 0.4);
     backend.request_positions().unwrap();

@@ -151,10 +151,10 @@ pub(crate) fn stages_are_timed_each_whether_they_share_a_pass_or_not() -> Result
         let features = device.features();
         let mut backend = WgpuBackend::from_device(device, queue, info)?;
         open_laid(&mut backend, &animation, Layout::Bvh2)?;
-        let before = backend.tally();
+        let before = backend.call_counts();
         stand(&mut backend, &animation, 0.7)?;
         let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED)?;
-        let (times, spent) = (backend.wait(ticket)?.times, backend.tally() - before);
+        let (times, spent) = (backend.wait(ticket)?.times, backend.call_counts() - before);
         let stages = [
             times.interpolate_ms,
             times.preprocess_ms,

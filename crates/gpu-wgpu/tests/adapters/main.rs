@@ -2,11 +2,11 @@
 //!
 //! Where there is none, trials show as ignored, with the reason.
 
+mod call_counts;
 mod cost;
 mod lent;
 mod life;
 mod scenes;
-mod tally;
 mod twins;
 
 use libtest_mimic::{Arguments, Failed, Trial};
@@ -24,11 +24,11 @@ const TRIALS: &[(&str, Body)] = &[
     ),
     (
         "a_steady_frame_makes_no_buffer_and_no_bind_group",
-        tally::a_steady_frame_makes_no_buffer_and_no_bind_group,
+        call_counts::a_steady_frame_makes_no_buffer_and_no_bind_group,
     ),
     (
         "device_memory_is_counted_and_given_back",
-        tally::device_memory_is_counted_and_given_back,
+        call_counts::device_memory_is_counted_and_given_back,
     ),
     (
         "any_hit_of_camera_rays_is_that_of_the_rays_one_by_one",

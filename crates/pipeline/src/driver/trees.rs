@@ -5,7 +5,7 @@ use crate::builder_thread::{BuildFailed, Job};
 use crate::frame::{Adopted, Submission, TreeMoments};
 use crate::options::PipelineError;
 use crate::sampling;
-use crate::schedule::{Pace, Plan, Swap, Update};
+use crate::schedule::{FramePlan, Pace, Swap, Update};
 use crate::tree_builder::{Built, Made, Vertices};
 use backend::Generation;
 use geom::{Point, Pose};
@@ -127,7 +127,7 @@ impl Driver {
     }
 
     /// Does what the plan says before the frame is traced; a tree asked for is built for `pose`.
-    pub(super) fn follow(&mut self, plan: Plan, pose: Pose) -> Result<(), PipelineError> {
+    pub(super) fn follow(&mut self, plan: FramePlan, pose: Pose) -> Result<(), PipelineError> {
         if let Some(swap) = plan.swap {
             self.swap(swap)?;
         }

@@ -10,7 +10,7 @@ mod warm_up;
 use backend::{Generation, Method, Query, QueryKind, Rays};
 use fake::{Fake, Gate, Log};
 use geom::{Animation, Camera};
-use pipeline::{Driver, Frame, FrameRecord, Options, Pace, PipelineError, Update};
+use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Pace, PipelineError, Update};
 use std::sync::{Arc, Mutex};
 
 /// Two triangles that drift apart over `keys` key frames.
@@ -30,7 +30,7 @@ fn driver(
     animation: &Arc<Animation>,
     (update, predict): (Update, bool),
 ) -> Result<Driver, PipelineError> {
-    let options = Options {
+    let options = DriverOptions {
         method: Method::default(),
         update,
         builder_threads: 1,

@@ -5,7 +5,7 @@
 use super::document::File;
 use super::range::check_ranges;
 use super::wrong;
-use crate::{Place, SceneError};
+use crate::{FileLocation, SceneError};
 use gltf::Accessor;
 use gltf::accessor::{DataType, Dimensions, Item, Iter};
 
@@ -119,8 +119,8 @@ fn signed(x: f32, scale: f32) -> f32 {
     }
 }
 
-fn place(accessor: &Accessor<'_>) -> Place {
-    Place::Item("accessor", accessor.index())
+fn place(accessor: &Accessor<'_>) -> FileLocation {
+    FileLocation::Item("accessor", accessor.index())
 }
 
 fn unexpected(file: &File, accessor: &Accessor<'_>, what: &str) -> SceneError {

@@ -1,7 +1,7 @@
 //! A file whose every index leads somewhere, and its buffers.
 
 use super::wrong;
-use crate::{Place, SceneError};
+use crate::{FileLocation, SceneError};
 use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
@@ -50,7 +50,7 @@ impl File {
     pub(super) fn open(path: &Path, allow_outside: bool) -> Result<Self, SceneError> {
         let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
         let malformed =
-            |cause: &dyn std::fmt::Display| SceneError::malformed(path, Place::File, cause);
+            |cause: &dyn std::fmt::Display| SceneError::malformed(path, FileLocation::File, cause);
         check_container(&bytes).map_err(|cause| malformed(&cause))?;
         let read = gltf::Gltf::from_slice_without_validation(&bytes);
         let gltf = read.map_err(|e| malformed(&format!("not glTF: {e}")))?;
@@ -68,7 +68,7 @@ impl File {
 
     fn load(&self, mut blob: Option<Vec<u8>>, folder: &Folder) -> Result<Vec<Vec<u8>>, SceneError> {
         let load = |buffer: buffer::Buffer<'_>| {
-            let place = Place::Item("buffer", buffer.index());
+            let place = FileLocation::Item("buffer", buffer.index());
             let data = match buffer.source() {
                 buffer::Source::Bin => blob.take().ok_or("the file has no binary chunk".to_owned()),
                 buffer::Source::Uri(uri) => fetch(folder, uri),

@@ -4,7 +4,7 @@ use super::accessor::vectors;
 use super::document::File;
 use super::rig::unit;
 use super::wrong;
-use crate::{Place, SceneError};
+use crate::{FileLocation, SceneError};
 use glam::{DMat4, DQuat, DVec3};
 use gltf::{Accessor, Node};
 use serde_json::Value;
@@ -36,7 +36,7 @@ impl<'a> Attributes<'a> {
                     Value::to_string(value)
                 )
             };
-            let place = Place::Item("node", node.index());
+            let place = FileLocation::Item("node", node.index());
             found.ok_or_else(|| wrong(file, place, cause())).map(Some)
         };
         Ok(Some(Self {
@@ -55,7 +55,7 @@ impl<'a> Attributes<'a> {
             return Ok(count);
         }
         let cause = format!("{NAME}: its attributes differ in their counts");
-        Err(wrong(file, Place::Item("node", node.index()), cause))
+        Err(wrong(file, FileLocation::Item("node", node.index()), cause))
     }
 }
 

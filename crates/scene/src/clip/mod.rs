@@ -16,7 +16,7 @@ mod track;
 
 use crate::memory::check_keys;
 use crate::mesh::within;
-use crate::{Facts, MAX_FPS, Options, Place, Rgb, Scene, SceneError};
+use crate::{Facts, FileLocation, MAX_FPS, Options, Rgb, Scene, SceneError};
 use document::File;
 use geom::{Animation, Point};
 use motion::Motion;
@@ -177,7 +177,7 @@ fn key_frame(rig: &Rig, motion: &Motion, parts: &[Part], time: f64) -> Vec<Point
 }
 
 /// A message about something in the JSON.
-fn wrong(file: &File, place: Place, cause: impl std::fmt::Display) -> SceneError {
+fn wrong(file: &File, place: FileLocation, cause: impl std::fmt::Display) -> SceneError {
     SceneError::malformed(&file.path, place, cause)
 }
 

@@ -5,7 +5,7 @@ use super::document::File;
 use super::rig::unit;
 use super::track::{Track, Value};
 use super::wrong;
-use crate::{Place, SceneError};
+use crate::{FileLocation, SceneError};
 use glam::{DQuat, DVec3};
 use gltf::animation::{Channel, Interpolation, Property};
 use std::collections::BTreeMap;
@@ -77,7 +77,7 @@ impl Motion {
     fn add(&mut self, file: &File, channel: &Channel<'_>) -> Result<(), SceneError> {
         let sampler = channel.sampler();
         let (output, how) = (sampler.output(), sampler.interpolation());
-        let place = Place::Item("accessor", output.index());
+        let place = FileLocation::Item("accessor", output.index());
         let times = times(file, &sampler.input())?;
         let (Some(&first), Some(&last)) = (times.first(), times.last()) else {
             return Ok(());
@@ -129,7 +129,7 @@ fn targets(node: &gltf::Node<'_>) -> usize {
 /// Finite times that never fall.
 fn times(file: &File, input: &gltf::Accessor<'_>) -> Result<Vec<f64>, SceneError> {
     let times: Vec<f64> = scalars(file, input)?.into_iter().map(f64::from).collect();
-    let place = || Place::Item("accessor", input.index());
+    let place = || FileLocation::Item("accessor", input.index());
     if times.iter().any(|t| !t.is_finite()) {
         return Err(wrong(file, place(), "a time is not a finite number"));
     }

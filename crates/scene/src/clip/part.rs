@@ -9,7 +9,7 @@ use super::skin::Skin;
 use super::wrong;
 use crate::colour::from_linear;
 use crate::mesh::compact;
-use crate::{Options, Place, Rgb, SceneError, memory};
+use crate::{FileLocation, Options, Rgb, SceneError, memory};
 use geom::Point;
 use glam::{DMat4, DVec3};
 use gltf::mesh::Mode;
@@ -196,7 +196,7 @@ pub(super) fn check_count(
         return Ok(());
     }
     let cause = format!("{found} elements for {vertices} vertices");
-    Err(wrong(file, Place::Item("accessor", accessor), cause))
+    Err(wrong(file, FileLocation::Item("accessor", accessor), cause))
 }
 
 /// Vertices of each triangle, in the order of the file.
@@ -216,7 +216,9 @@ fn triangles(
         .enumerate()
         .find(|(_, v)| **v as usize >= vertices)
     {
-        let place = accessor.map_or(Place::File, |a| Place::Item("accessor", a.index()));
+        let place = accessor.map_or(FileLocation::File, |a| {
+            FileLocation::Item("accessor", a.index())
+        });
         return Err(wrong(
             file,
             place,

@@ -3,7 +3,7 @@
 use super::document::File;
 use super::motion::Motion;
 use super::wrong;
-use crate::{Place, SceneError};
+use crate::{FileLocation, SceneError};
 use glam::{DMat4, DQuat, DVec3, Mat4};
 use gltf::scene::Transform;
 
@@ -51,7 +51,7 @@ impl Rig {
                 if parent.is_some() {
                     return Err(wrong(
                         file,
-                        Place::Item("node", child.index()),
+                        FileLocation::Item("node", child.index()),
                         "the node has two parents",
                     ));
                 }
@@ -67,7 +67,7 @@ impl Rig {
             let lost = reached.iter().position(|r| !r).unwrap_or_default();
             return Err(wrong(
                 file,
-                Place::Item("node", lost),
+                FileLocation::Item("node", lost),
                 "the node is its own ancestor",
             ));
         }

@@ -5,7 +5,7 @@ use super::document::File;
 use super::part::check_count;
 use super::rig::Pose;
 use super::wrong;
-use crate::{Place, SceneError};
+use crate::{FileLocation, SceneError};
 use glam::{DMat4, DVec3, Mat4};
 use gltf::{Primitive, Semantic};
 
@@ -36,7 +36,7 @@ impl Skin {
                         binds.len(),
                         nodes.len()
                     );
-                    return Err(wrong(file, Place::Item("skin", skin.index()), cause));
+                    return Err(wrong(file, FileLocation::Item("skin", skin.index()), cause));
                 }
                 binds
                     .iter()
@@ -87,7 +87,7 @@ fn add_holds(
     joints: usize,
     (numbers, weights): (&gltf::Accessor<'_>, &gltf::Accessor<'_>),
 ) -> Result<(), SceneError> {
-    let place = Place::Item("accessor", numbers.index());
+    let place = FileLocation::Item("accessor", numbers.index());
     let (found, weight) = (vectors::<4>(file, numbers)?, vectors::<4>(file, weights)?);
     check_count(file, numbers.index(), found.len(), holds.len())?;
     check_count(file, weights.index(), weight.len(), holds.len())?;

@@ -12,7 +12,7 @@ type Told<'a> = (&'a str, Option<(Point, f32)>);
 fn told(spec: &str) -> Vec<Told<'_>> {
     let exists = |name: &str| THERE.contains(&name);
     let inputs = inputs(spec, &exists).unwrap();
-    let place = |p: Place| (p.at, p.scale);
+    let place = |p: Placement| (p.at, p.scale);
     let told = inputs.iter().map(|i| (i.spec, i.place.map(place)));
     told.collect()
 }

@@ -9,7 +9,7 @@ mod materials;
 mod statements;
 
 use crate::mesh::{Mesh, Paint};
-use crate::{Place, SceneError};
+use crate::{FileLocation, SceneError};
 pub(crate) use materials::paint;
 use statements::Statements;
 use std::path::Path;
@@ -18,9 +18,9 @@ use std::path::Path;
 pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
     let found = Statements::scan(&bytes)
-        .map_err(|e| SceneError::malformed(path, Place::Line(e.line), e.cause))?;
+        .map_err(|e| SceneError::malformed(path, FileLocation::Line(e.line), e.cause))?;
     found.topology.check(path)?;
-    let failed = |e: &dyn std::fmt::Display| SceneError::malformed(path, Place::File, e);
+    let failed = |e: &dyn std::fmt::Display| SceneError::malformed(path, FileLocation::File, e);
     let options = tobj::LoadOptions {
         triangulate: true,
         ..tobj::LoadOptions::default()

@@ -8,7 +8,7 @@ mod plain;
 mod write;
 
 use crate::mesh::{Mesh, Paint, Topology, compact};
-use crate::{Place, Rgb, SceneError};
+use crate::{FileLocation, Rgb, SceneError};
 use element::Element;
 use geom::Point;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
@@ -46,7 +46,8 @@ struct File<'a> {
 
 impl<'a> File<'a> {
     fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self, SceneError> {
-        let malformed = |cause: &dyn Display| SceneError::malformed(path, Place::File, cause);
+        let malformed =
+            |cause: &dyn Display| SceneError::malformed(path, FileLocation::File, cause);
         let Some(text) = plain::header(bytes) else {
             return Err(malformed(&"not a whole PLY header: no line 'end_header'"));
         };
@@ -57,7 +58,7 @@ impl<'a> File<'a> {
             .map_err(|e| {
                 SceneError::malformed(
                     path,
-                    e.line().map_or(Place::File, Place::Line),
+                    e.line().map_or(FileLocation::File, FileLocation::Line),
                     header_cause(&text, &e),
                 )
             })?;
@@ -86,7 +87,7 @@ impl<'a> File<'a> {
         Ok(file)
     }
 
-    fn wrong(&self, place: Place, cause: impl Display) -> SceneError {
+    fn wrong(&self, place: FileLocation, cause: impl Display) -> SceneError {
         SceneError::malformed(self.path, place, cause)
     }
 
@@ -99,23 +100,23 @@ impl<'a> File<'a> {
         for axis in ["x", "y", "z"] {
             if !matches!(property("vertex", axis), Some(PropertyType::Scalar(_))) {
                 return Err(self.wrong(
-                    Place::File,
+                    FileLocation::File,
                     format!("the header has no vertex with a number {axis}"),
                 ));
             }
         }
         if !self.header.elements.contains_key("face") {
-            return Err(self.wrong(Place::File, "the header has no element 'face'"));
+            return Err(self.wrong(FileLocation::File, "the header has no element 'face'"));
         }
         let list = property("face", "vertex_indices").or_else(|| property("face", "vertex_index"));
         match list {
             Some(PropertyType::List(_, ScalarType::Float | ScalarType::Double)) => Err(self.wrong(
-                Place::File,
+                FileLocation::File,
                 "the vertices of faces are not declared as whole numbers",
             )),
             Some(PropertyType::List(..)) => Ok(()),
             _ => Err(self.wrong(
-                Place::File,
+                FileLocation::File,
                 "the header has no face with a list vertex_indices",
             )),
         }
@@ -144,7 +145,7 @@ impl<'a> File<'a> {
             let (name, count) = (&definition.name, definition.count);
             let cause =
                 format!("the file is cut short: {count} '{name}' are declared, {index} are there");
-            return Err(self.wrong(Place::Line(self.line + 1), cause));
+            return Err(self.wrong(FileLocation::Line(self.line + 1), cause));
         }
         let end = self
             .rest
@@ -159,7 +160,7 @@ impl<'a> File<'a> {
         read.map_err(|_| {
             let line = String::from_utf8_lossy(line);
             let cause = format!("bad '{}' {index}: {}", definition.name, line_cause(&line));
-            self.wrong(Place::Line(self.line), cause)
+            self.wrong(FileLocation::Line(self.line), cause)
         })
     }
 
@@ -177,7 +178,7 @@ impl<'a> File<'a> {
                 }
                 _ => format!("bad '{name}' {index} of {count}: {e}"),
             };
-            self.wrong(Place::Byte(self.size - self.rest.len()), cause)
+            self.wrong(FileLocation::Byte(self.size - self.rest.len()), cause)
         })
     }
 
@@ -206,12 +207,13 @@ impl<'a> File<'a> {
                         "a face of {} vertices, where 3 or more are expected",
                         corners.len()
                     );
-                    return Err(self.wrong(Place::Item("face", index), cause));
+                    return Err(self.wrong(FileLocation::Item("face", index), cause));
                 }
                 None => {
-                    return Err(
-                        self.wrong(Place::Item("face", index), "a vertex index is negative")
-                    );
+                    return Err(self.wrong(
+                        FileLocation::Item("face", index),
+                        "a vertex index is negative",
+                    ));
                 }
             },
             _ => {}
@@ -226,7 +228,7 @@ impl<'a> File<'a> {
             if let Some(vertex) = corners.iter().find(|&&v| v as usize >= vertices) {
                 let cause =
                     format!("vertex {vertex} does not exist, there are {vertices} (from 0)");
-                return Err(self.wrong(Place::Item("face", face), cause));
+                return Err(self.wrong(FileLocation::Item("face", face), cause));
             }
         }
         self.topology.check(self.path)?;

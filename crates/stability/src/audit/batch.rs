@@ -22,12 +22,12 @@ pub struct Batch {
     pub spec: BatchSpec,
     scene: Scene,
     exact: Vec<Option<ExactHit>>,
-    about: Tally,
+    about: AuditCounts,
 }
 
 /// What was counted.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Tally {
+pub struct AuditCounts {
     /// Rays asked, once for the closest hit and once for any.
     pub rays: u64,
     /// Of those, rays that hit.
@@ -86,7 +86,7 @@ impl Batch {
         let (active, inactive): (Vec<u32>, Vec<u32>) =
             triangles.partition(|&t| geom::is_active(&corners(t)));
         let degenerate = active.iter().filter(|&&t| geom::is_degenerate(&corners(t)));
-        let about = Tally {
+        let about = AuditCounts {
             rays: scene.rays.len() as u64,
             hits: count(&|_| true) as u64,
             ties: count(&|e| e.tie) as u64,
@@ -94,7 +94,7 @@ impl Batch {
             triangles: (active.len() + inactive.len()) as u64,
             degenerate: degenerate.count() as u64,
             inactive: inactive.len() as u64,
-            ..Tally::default()
+            ..AuditCounts::default()
         };
         Self {
             spec,
@@ -108,12 +108,12 @@ impl Batch {
     ///
     /// # Errors
     /// The subject failed, or does not know the method.
-    pub fn ask(&self, subject: &mut dyn Backend, method: Method) -> Result<Tally> {
+    pub fn ask(&self, subject: &mut dyn Backend, method: Method) -> Result<AuditCounts> {
         let rays = &self.scene.rays;
         stand(subject, &self.scene, method, self.scene.built)?;
         let (closest, report) = kind(subject, rays, QueryKind::Closest)?;
         let (any, _) = kind(subject, rays, QueryKind::Any)?;
-        let mut tally = Tally {
+        let mut tally = AuditCounts {
             settled: report.settled,
             ..self.about.clone()
         };
@@ -155,7 +155,7 @@ impl Batch {
     }
 }
 
-impl AddAssign for Tally {
+impl AddAssign for AuditCounts {
     fn add_assign(&mut self, other: Self) {
         self.rays += other.rays;
         self.hits += other.hits;

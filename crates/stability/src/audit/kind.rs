@@ -111,7 +111,7 @@ impl Kind {
 
 /// One of the bodies that leaks are sought in, turned at random.
 fn body(rng: &mut Rng) -> Scene {
-    let plan = leaks::Plan {
+    let plan = leaks::LeakPlan {
         seed: rng.u64(..),
         rays: 16,
         offsets: vec![0.0],

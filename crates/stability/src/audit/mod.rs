@@ -17,10 +17,10 @@ use aim::rays;
 use fastrand::Rng;
 use geom::Animation;
 use kind::Kind;
-use place::Place;
+use place::Placement;
 use std::sync::Arc;
 
-pub use batch::{Batch, Tally, Wrong};
+pub use batch::{AuditCounts, Batch, Wrong};
 
 /// Rays of a scene made here: few, so that many rays see many scenes.
 const MOST: u64 = 1 << 14;
@@ -33,7 +33,7 @@ const CLOTH: &str = "demo:twist:1500";
 
 /// What to ask.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Plan {
+pub struct AuditPlan {
     /// Decides scenes and rays.
     pub seed: u64,
     /// Rays in all.
@@ -52,7 +52,7 @@ pub struct Given {
 /// Where a batch's scene comes from.
 #[derive(Clone, Copy, Debug)]
 enum Source {
-    Made(Kind, Place),
+    Made(Kind, Placement),
     /// By its place among those given.
     Given(usize),
 }
@@ -70,7 +70,7 @@ pub struct BatchSpec {
 /// A plan with all that its scenes are made from.
 #[derive(Debug)]
 pub struct Audit {
-    plan: Plan,
+    plan: AuditPlan,
     given: Vec<Given>,
     cloth: Arc<Animation>,
 }
@@ -81,7 +81,7 @@ impl Audit {
     /// # Panics
     /// Never: the one demo it opens needs no file.
     #[must_use]
-    pub fn new(plan: Plan, given: Vec<Given>) -> Self {
+    pub fn new(plan: AuditPlan, given: Vec<Given>) -> Self {
         let cloth = scene::open(CLOTH, &scene::Options::default());
         Self {
             plan,
@@ -97,10 +97,13 @@ impl Audit {
         let [made, given] = [Kind::ALL.len(), 1].map(|n| self.plan.rays * n as u64 / sorts as u64);
         let mut specs = Vec::new();
         let made = made + self.plan.rays - made - given * self.given.len() as u64;
-        let combinations = (Kind::ALL.len() * Place::ALL.len()) as u64;
+        let combinations = (Kind::ALL.len() * Placement::ALL.len()) as u64;
         self.share(made, [combinations, MOST], &mut specs, |i| {
             let (kind, place) = (i % Kind::ALL.len(), i / Kind::ALL.len());
-            Source::Made(Kind::ALL[kind], Place::ALL[place % Place::ALL.len()])
+            Source::Made(
+                Kind::ALL[kind],
+                Placement::ALL[place % Placement::ALL.len()],
+            )
         });
         for i in 0..self.given.len() {
             self.share(given, [MOMENTS, MOST_GIVEN], &mut specs, |_| {

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 /// Where a mesh is put.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum Placement {
     /// So far from the origin along each axis.
     Offset(u32),
     /// About the origin, between `2^40` and `2^124` times as large.
@@ -16,7 +16,7 @@ pub(super) enum Place {
     Tiny,
 }
 
-impl Place {
+impl Placement {
     pub(super) const ALL: [Self; 6] = [
         Self::Offset(0),
         Self::Offset(10),

@@ -5,7 +5,7 @@ use backend::{Backend, Intersector, Method};
 use cpu_ref::CpuBackend;
 
 fn audit(rays: u64) -> Audit {
-    Audit::new(Plan { seed: 4, rays }, Vec::new())
+    Audit::new(AuditPlan { seed: 4, rays }, Vec::new())
 }
 
 fn given() -> Vec<Given> {
@@ -23,9 +23,9 @@ fn method(intersector: Intersector) -> Method {
 }
 
 /// Everything that an audit counts of the host.
-fn sum(audit: &Audit, by: Intersector) -> Tally {
+fn sum(audit: &Audit, by: Intersector) -> AuditCounts {
     let mut cpu = CpuBackend::new(Some(2)).unwrap();
-    let mut tally = Tally::default();
+    let mut tally = AuditCounts::default();
     for spec in audit.specs() {
         tally += audit.batch(&spec).ask(&mut cpu, method(by)).unwrap();
     }
@@ -37,7 +37,7 @@ fn lots_share_out_every_ray_among_all_meshes_places_and_scenes() {
     for rays in [1, 100, 6000, 3_000_000] {
         for given in [Vec::new(), given()] {
             let sorts = (Kind::ALL.len() + given.len()) as u64;
-            let audit = Audit::new(Plan { seed: 4, rays }, given);
+            let audit = Audit::new(AuditPlan { seed: 4, rays }, given);
             let specs = audit.specs();
             assert_eq!(specs.iter().map(|l| l.rays).sum::<u64>(), rays);
             let of = |name: &str| {
@@ -58,7 +58,7 @@ fn lots_share_out_every_ray_among_all_meshes_places_and_scenes() {
 
 #[test]
 fn a_lot_can_be_made_again_alone_and_other_seeds_make_others() {
-    let [all, other] = [4, 5].map(|seed| Audit::new(Plan { seed, rays: 20_000 }, given()));
+    let [all, other] = [4, 5].map(|seed| Audit::new(AuditPlan { seed, rays: 20_000 }, given()));
     let specs = all.specs();
     for spec in [&specs[3], &specs[specs.len() - 1]] {
         let rays = |audit: &Audit| format!("{:?}", audit.batch(spec));
@@ -73,7 +73,7 @@ fn rays_meet_ties_edges_and_triangles_that_are_none_and_exact_is_right_about_all
     let wrong = [tally.wrong, tally.wrong_any, tally.wrong_t];
     assert_eq!(wrong, [0; 3], "{}", tally.first[0]);
     assert_eq!(tally.rays, 40_000);
-    let Tally {
+    let AuditCounts {
         hits, ties, edges, ..
     } = tally;
     assert!(hits > 16_000 && ties > 4000 && edges > 4000, "{tally:?}");
@@ -97,7 +97,7 @@ fn a_scene_of_which_nothing_can_be_aimed_at_is_asked_all_the_same() {
     let points = vec![[f32::NAN; 3]; 3];
     let animation = Arc::new(Animation::new(vec![points], vec![[0, 1, 2]]).unwrap());
     let name = "gone".to_owned();
-    let plan = Plan { seed: 4, rays: 260 };
+    let plan = AuditPlan { seed: 4, rays: 260 };
     let audit = Audit::new(plan, vec![Given { name, animation }]);
     let mut cpu = CpuBackend::new(Some(1)).unwrap();
     let specs = audit.specs();

@@ -1,7 +1,7 @@
 //! Whose bounds hold where.
 
 use super::*;
-use crate::Tally;
+use crate::StressCounts;
 use cpu_ref::CpuBackend;
 
 const LOOSE: Arithmetic = Arithmetic {
@@ -17,7 +17,7 @@ fn edges(by: Intersector, [wrong, leaks, doubles]: [u64; 3], device: Arithmetic)
         counted: 8192,
         doubles,
     };
-    let tally = Tally {
+    let tally = StressCounts {
         rays: 8192,
         wrong,
         closed: Some(closed),
@@ -73,7 +73,7 @@ fn every_baseline_has_every_cell_once_and_says_where_it_comes_from() {
         let of = |by: Intersector| decisive(by, baseline.arithmetic) == baseline.arithmetic;
         let all = Intersector::ALL.into_iter().filter(|&by| of(by));
         for (family, by) in all.flat_map(|by| Family::ALL.map(|f| (f, by))) {
-            let this = |e: &&Entry| e.family == family.name() && e.intersector == by.name();
+            let this = |e: &&RateEntry| e.family == family.name() && e.intersector == by.name();
             let mut found: Vec<_> = baseline.entries.iter().filter(this).collect();
             found.retain(|e| e.measure == Measure::Wrong.name());
             let none = by == Intersector::Exact;
@@ -93,7 +93,7 @@ fn a_record_of_the_host_is_the_hosts_baseline() {
     let host = &baselines()[0];
     assert_eq!(found.entries.len(), host.entries.len());
     for (now, then) in found.entries.iter().zip(&host.entries) {
-        let cell = |e: &Entry| (e.family.clone(), e.intersector.clone(), e.measure.clone());
+        let cell = |e: &RateEntry| (e.family.clone(), e.intersector.clone(), e.measure.clone());
         assert_eq!(cell(now), cell(then));
         assert!(
             now.count <= then.count && now.of < then.of && now.spread >= 1.0,

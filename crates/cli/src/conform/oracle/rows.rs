@@ -3,7 +3,7 @@
 use crate::table::{grouped, table};
 use backend::Intersector;
 use serde::Serialize;
-use stability::audit::Tally;
+use stability::audit::AuditCounts;
 
 /// All rays at meshes of one kind, or at one scene.
 #[derive(Clone, Serialize)]
@@ -14,7 +14,7 @@ pub(in crate::conform) struct OracleRow {
     /// Meshes of this kind, or moments of this scene.
     scenes: u64,
     #[serde(flatten)]
-    tally: Tally,
+    tally: AuditCounts,
 }
 
 impl OracleRow {
@@ -52,7 +52,7 @@ pub(super) fn add(
     backend: &'static str,
     mesh: &str,
     by: Intersector,
-    tally: Tally,
+    tally: AuditCounts,
 ) {
     let same = |r: &OracleRow| (r.backend, &*r.mesh) == (backend, mesh);
     let at = rows.iter().position(same).unwrap_or_else(|| {
@@ -64,7 +64,7 @@ pub(super) fn add(
             mesh: mesh.to_owned(),
             intersector: by.name(),
             scenes: 0,
-            tally: Tally::default(),
+            tally: AuditCounts::default(),
         };
         rows.insert(at, row);
         at
@@ -106,7 +106,7 @@ fn sum(rows: &[OracleRow]) -> OracleRow {
     let mut sum = OracleRow {
         mesh: "all".to_owned(),
         scenes: 0,
-        tally: Tally::default(),
+        tally: AuditCounts::default(),
         ..rows[0].clone()
     };
     for row in rows {
@@ -123,11 +123,11 @@ mod tests {
     fn rows(by: Intersector, wrong: u64) -> Vec<OracleRow> {
         let mut rows = Vec::new();
         for (backend, mesh) in [("x", "soup"), ("x", "soup"), ("y", "soup"), ("x", "fan")] {
-            let tally = Tally {
+            let tally = AuditCounts {
                 rays: 1000,
                 hits: 700,
                 wrong,
-                ..Tally::default()
+                ..AuditCounts::default()
             };
             add(&mut rows, backend, mesh, by, tally);
         }

@@ -8,7 +8,7 @@
 /// where passes take no timestamps between dispatches), and one dispatch a kernel but
 /// for refit, which has one a level (of treelets, with layout `fast`) and one for the tree's cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Tally {
+pub struct CallCounts {
     /// Buffers made.
     pub buffers: u64,
     /// Bind groups made.
@@ -23,7 +23,7 @@ pub struct Tally {
     pub submissions: u64,
 }
 
-impl std::ops::Sub for Tally {
+impl std::ops::Sub for CallCounts {
     type Output = Self;
 
     fn sub(self, before: Self) -> Self {

@@ -3,18 +3,22 @@
 use crate::scenes::{SHADOWED, camera, go, open, open_laid, stand, swarm, tree_at};
 use backend::{Backend, DeviceBytes, Generation, Layout, Method, Rays};
 use bvh_layout::{Topology, Treelets};
-use gpu_wgpu::{Options, Tally, WgpuBackend};
+use gpu_wgpu::{CallCounts, Options, WgpuBackend};
 use libtest_mimic::Failed;
 
 /// One frame as the program renders it: positions go back every third time.
-fn frame(backend: &mut WgpuBackend, animation: &geom::Animation, i: u32) -> Result<Tally, Failed> {
-    let before = backend.tally();
+fn frame(
+    backend: &mut WgpuBackend,
+    animation: &geom::Animation,
+    i: u32,
+) -> Result<CallCounts, Failed> {
+    let before = backend.call_counts();
     stand(backend, animation, 0.03 * f64::from(i % 20))?;
     if i.is_multiple_of(3) {
         backend.request_positions()?;
     }
     let ticket = go(backend, Rays::Camera(&camera()), SHADOWED)?;
-    let spent = backend.tally() - before;
+    let spent = backend.call_counts() - before;
     backend.wait(ticket)?;
     while i.is_multiple_of(3) && backend.take_positions()?.is_none() {
         std::thread::yield_now();
@@ -56,7 +60,7 @@ fn tally_of_steady_frames(layout: Layout) -> Result<(), Failed> {
     let refits_now = refits(&tree_at(&animation, 0.0), layout);
     let rays = frame(&mut backend, &animation, 24)?.dispatches - 2 - refits_now;
     assert!(rays == 1 || (rays == 5 && layout == Layout::Fast), "{rays}");
-    let expected = Tally {
+    let expected = CallCounts {
         buffers: 0,
         bind_groups: 0,
         uploads: 1,
@@ -70,13 +74,13 @@ fn tally_of_steady_frames(layout: Layout) -> Result<(), Failed> {
         assert_eq!(frame(&mut backend, &animation, i)?, expected, "frame {i}");
     }
     // A new tree costs its upload, with layout `fast` the wide tree's too, and one dispatch, no more.
-    let (before, tree) = (backend.tally(), tree_at(&animation, 0.3));
+    let (before, tree) = (backend.call_counts(), tree_at(&animation, 0.3));
     backend.adopt(&tree, Generation(generation + 1))?;
     let uploads = match layout {
         Layout::Bvh2 => 1,
         Layout::Fast => 2,
     };
-    assert_eq!((backend.tally() - before).uploads, uploads);
+    assert_eq!((backend.call_counts() - before).uploads, uploads);
     let spent = frame(&mut backend, &animation, 48)?;
     assert_eq!(spent.dispatches, 2 + 1 + refits(&tree, layout) + rays);
     assert_eq!((spent.buffers, spent.submissions), (0, 1));
