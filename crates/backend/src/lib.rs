@@ -52,7 +52,7 @@
 //! **Answers.** They depend on the rays, the triangles and the intersector
 //! alone: not on the tree, its age, its layout, the thread count or (for
 //! `watertight` and `exact`) the backend. What a hit is, stands in
-//! `ARCHITECTURE.md`.
+//! `docs/design/hits.md`.
 //!
 //! **Errors.** [`BackendError`] is what a correct caller cannot foresee. Misuse
 //! (tracing a stale tree, waiting for a ticket never given) panics.

@@ -109,7 +109,7 @@ impl Verifier {
         self.refutes_line(&self.line(ray), blocked, None)
     }
 
-    /// Likewise for the way from a hit to a light, without the triangle that was hit, which leaves the surface by what ARCHITECTURE.md's "Shadow" says.
+    /// Likewise for the way from a hit to a light, without the triangle that was hit, which leaves the surface as `docs/design/hits.md` says under "Shadow rays".
     ///
     /// The driver is asked of that triangle too. Both ends of the way lie on one side of its plane or in it, so the
     /// way cannot cross it, and the start is off the surface. But where the light lies on the triangle, the way ends there,

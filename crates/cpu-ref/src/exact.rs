@@ -1,7 +1,7 @@
 //! The exact test: rounded arithmetic with proven error bounds, and whole numbers where those leave a question.
 //!
 //! A filter in the sense of Shewchuk (1997) over the watertight test's own
-//! numbers. The bounds and their proof stand in `ARCHITECTURE.md`.
+//! numbers. The bounds and their proof stand in `docs/design/hits.md`.
 
 use crate::extreme::Rule;
 use crate::ray::PreparedRay;

@@ -1,4 +1,4 @@
-//! Rays and moments beyond what rounded tests can tell (`ARCHITECTURE.md`, "Extreme rays"): exact arithmetic decides.
+//! Rays and moments beyond what rounded tests can tell (`docs/design/hits.md`, "Extreme rays"): exact arithmetic decides.
 //!
 //! Boxes are tested in double precision, whose range holds every product that is needed here.
 

@@ -1,4 +1,4 @@
-//! What a hit is, written out from `ARCHITECTURE.md` word by word: one ray, every triangle, no tree.
+//! What a hit is, written out from `docs/design/hits.md` word by word: one ray, every triangle, no tree.
 
 use crate::extreme::{Rule, shadow_ray};
 use crate::preprocess::Geometry;

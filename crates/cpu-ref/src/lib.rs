@@ -1,6 +1,6 @@
 //! The reference backend: every stage on the host's cores, by rayon.
 //!
-//! Plain, and exact to the letter of what a hit is (`ARCHITECTURE.md`): other
+//! Plain, and exact to the letter of what a hit is (`docs/design/hits.md`): other
 //! backends are held against it bit for bit. One room a stage, by the stage's
 //! name: `interpolate`, `preprocess`, `refit`, `trace`; one room a
 //! triangle test. Work runs in a pool of the backend's own when it is

@@ -16,7 +16,7 @@ const FARTHEST: f32 = f32::from_bits((127 + 80) << 23);
 pub(crate) const CALM: f32 = f32::from_bits((127 + 60) << 23);
 
 /// `24` and `4` times `2^-24`: what boxes of inner nodes are widened by, in units of `D` and of `|o'|`, where they are
-/// tested with `plane * r - o' * r` (ARCHITECTURE.md, "Inner boxes").
+/// tested with `plane * r - o' * r` (`docs/design/hits.md`, "Inner boxes").
 pub(crate) const INNER: [f32; 2] = [24.0 / 16_777_216.0, 4.0 / 16_777_216.0];
 
 /// What a ray and the root box alone decide of the box test.

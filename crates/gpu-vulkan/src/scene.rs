@@ -20,7 +20,7 @@ pub(crate) struct SceneBuffers {
     /// Rows of positions in which anything moves, and how many, where that pays; else a buffer to bind.
     pub(crate) moving_rows: Buffer,
     moving_row_count: Option<usize>,
-    /// `k` of "What a hit is" in ARCHITECTURE.md.
+    /// `k` of `docs/design/hits.md`.
     pub(crate) scale_exponent: i32,
     /// Triangles that are inactive in every key frame, and so in no tree.
     pub(crate) never_active: u64,

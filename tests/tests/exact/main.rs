@@ -98,7 +98,7 @@ fn longest_edge(animation: &Animation, time: f64) -> f32 {
     bounds.extent().into_iter().fold(0.0, f32::max)
 }
 
-/// "Shadow" in `ARCHITECTURE.md`, for a scene that is not scaled and holds no number too small to count.
+/// "Shadow rays" in `docs/design/hits.md`, for a scene that is not scaled and holds no number too small to count.
 fn shadow_ray(hit: &Hit, [v0, v1, v2]: &Triangle, eye: Point, light: Point, longest: f32) -> Ray {
     let minus = |a: Point, b: Point| -> Point { std::array::from_fn(|i| a[i] - b[i]) };
     let (e1, e2) = (minus(*v1, *v0), minus(*v2, *v0));

@@ -1,4 +1,4 @@
-//! What `t` may be (`ARCHITECTURE.md`, "What is reported").
+//! What `t` may be (`docs/design/hits.md`, "What is reported").
 
 use crate::scenes::Scene;
 use geom::{Animation, Point, Pose, Range, Ray};
