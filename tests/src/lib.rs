@@ -7,3 +7,9 @@ pub mod program;
 pub mod rays;
 pub mod scenes;
 pub mod stage;
+
+/// Whether `ABVH_FULL=1` asks for the full tier: more cases, files and kills.
+#[must_use]
+pub fn is_full() -> bool {
+    std::env::var("ABVH_FULL").is_ok_and(|v| v == "1")
+}

@@ -184,8 +184,10 @@ fn absent(name: &str, why: &str, required: bool) -> Vec<Trial> {
         .collect()
 }
 
+/// By default one case of each kind of scene; in the full tier a few.
 fn cases() -> u32 {
-    u32::try_from(number("ABVH_CASES", 36)).unwrap_or(u32::MAX)
+    let default = if integration::is_full() { 36 } else { 14 };
+    u32::try_from(number("ABVH_CASES", default)).unwrap_or(u32::MAX)
 }
 
 fn number(variable: &str, default: u64) -> u64 {

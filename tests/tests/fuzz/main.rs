@@ -22,8 +22,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Cases in all, without the seeds.
 fn count(short: usize, full: usize) -> usize {
-    let asked = std::env::var_os("ABVH_FULL").is_some_and(|v| v == "1");
-    if asked { full } else { short }
+    if integration::is_full() { full } else { short }
 }
 
 /// Seeds, and files made from them.

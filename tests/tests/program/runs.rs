@@ -224,13 +224,9 @@ fn tampered(sandbox: &Sandbox) -> Result<(), Failed> {
     sandbox.run("merge o").fails(1, &["no run has begun"])
 }
 
-/// Runs that are killed; a hundred with `ABVH_FULL`.
+/// Runs that are killed.
 fn kills() -> u32 {
-    if std::env::var_os("ABVH_FULL").is_some() {
-        100
-    } else {
-        6
-    }
+    if integration::is_full() { 100 } else { 6 }
 }
 
 fn spawn(sandbox: &Sandbox, words: &str) -> Result<Child, Failed> {
