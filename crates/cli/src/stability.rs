@@ -8,8 +8,8 @@ use crate::stop::Stop;
 use crate::subjects::{self, Examined, Machine, Subject};
 use crate::{conflicts, talk};
 use backend::Intersector;
+use conformance::stress::{Cell, Family, Plan, StressTest, baseline};
 use results::{Report, Row, Unsupported};
-use stability::{Cell, Family, Plan, StressTest, baseline};
 use std::path::Path;
 use std::time::Instant;
 

@@ -4,13 +4,15 @@
 //! [`Case`] that a seed made; it says `Err` with the first disagreement. The
 //! test suite crosses [`LAWS`] (or [`OWN_TREE_LAWS`], for backends whose drivers decide what a ray hits) with the backends by data, and so does
 //! `abvh conform` on the user's own machine. [`leaks`] asks closed bodies many
-//! more questions than a law can.
+//! more questions than a law can. [`stress`] counts wrong answers where arithmetic is hardest, against [`oracle`], which shares no code
+//! with any backend.
 
 mod case;
 mod compare;
 mod laws;
 mod layout_adapter;
 pub mod leaks;
+pub mod oracle;
 mod places;
 mod rays;
 mod regressions;
@@ -18,6 +20,7 @@ mod rounding;
 mod scenes;
 mod shapes;
 mod stage;
+pub mod stress;
 mod topologies;
 
 pub use case::Case;

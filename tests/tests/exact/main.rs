@@ -6,12 +6,12 @@ mod ridges;
 
 use backend::{Backend, Hits, Intersector, Query, QueryKind, Rays};
 use conformance::nth_case;
+use conformance::oracle::Oracle;
 use geom::{Animation, Hit, Point, Ray, Triangle};
 use integration::rays::{Target, aimed, camera, light};
 use integration::scenes::{DEMOS, REAL, Source};
 use integration::stage::Stage;
 use libtest_mimic::{Arguments, Failed, Trial};
-use oracle::Oracle;
 use rayon::prelude::*;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};

@@ -5,8 +5,8 @@
 //! of an edge, or where distances are so near (to each other, or to the ray's
 //! limits) that rounding cannot tell them apart. Everything else is wrong.
 
+use conformance::oracle::{ExactHit, Oracle};
 use geom::{Hit, Ray, Triangle};
-use oracle::{ExactHit, Oracle};
 
 /// `2^-24`.
 const U: f64 = f32::EPSILON as f64 / 2.0;

@@ -29,10 +29,10 @@ pub(crate) struct StabilityArgs {
     )]
     pub(crate) intersector: Vec<Intersector>,
     /// Decides scenes and rays
-    #[arg(long, value_name = "S", default_value_t = stability::Plan::default().seed)]
+    #[arg(long, value_name = "S", default_value_t = conformance::stress::Plan::default().seed)]
     pub(crate) seed: u64,
     /// Rays of each family
-    #[arg(long, value_name = "N", default_value_t = stability::Plan::default().rays,
+    #[arg(long, value_name = "N", default_value_t = conformance::stress::Plan::default().rays,
         value_parser = RangedU64ValueParser::<u32>::new().range(1..=1_000_000))]
     pub(crate) rays: u32,
     /// Check nothing; instead measure how often one backend's arithmetic errs, and write it to this file. That is

@@ -9,8 +9,8 @@ use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::subjects::Subject;
 use backend::{Intersector, Method};
+use conformance::stress::audit::{Audit, AuditCounts, AuditPlan, Batch, BatchSpec, Given};
 use rayon::prelude::*;
-use stability::audit::{Audit, AuditCounts, AuditPlan, Batch, BatchSpec, Given};
 
 pub(super) use rows::{OracleRow, text};
 

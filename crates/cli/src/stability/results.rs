@@ -3,8 +3,8 @@
 use crate::subjects::{Absent, Examined, Machine, roll};
 use crate::table::{grouped, table};
 use backend::Intersector;
+use conformance::stress::{Cell, Family, Measure, Measured};
 use serde::Serialize;
-use stability::{Cell, Family, Measure, Measured};
 
 #[derive(Serialize)]
 pub(super) struct Report {
@@ -218,7 +218,7 @@ fn percent(rate: f64) -> String {
 mod tests {
     use super::*;
     use backend::Arithmetic;
-    use stability::{Closed, StressCounts};
+    use conformance::stress::{Closed, StressCounts};
 
     fn report(wrong: u64, leaks: u64, by: Intersector) -> Report {
         let closed = Closed {

@@ -2,8 +2,8 @@
 
 use crate::table::{grouped, table};
 use backend::Intersector;
+use conformance::stress::audit::AuditCounts;
 use serde::Serialize;
-use stability::audit::AuditCounts;
 
 /// All rays at meshes of one kind, or at one scene.
 #[derive(Clone, Serialize)]

@@ -1,6 +1,6 @@
 //! One ray against one triangle in double precision, with proven bounds.
 //!
-//! The same determinants as in [`crate::exact`]. Every entry is an `f32` or the
+//! The same determinants as in [`crate::oracle::exact`]. Every entry is an `f32` or the
 //! difference of two (one rounding), each of the six products of a determinant
 //! rounds twice, and up to three sums follow: at most 8 factors `1 + e`,
 //! `|e| <= 2^-53`. So the error is below `8.01 * 2^-53` times the sum of the

@@ -1,9 +1,9 @@
 //! Kinds of meshes.
 
 use super::moment;
-use crate::meshes::{self, PLUMP, separate, soup};
-use crate::scenes::{Scene, broken, exploding, moving, still};
-use conformance::leaks;
+use crate::leaks;
+use crate::stress::meshes::{self, PLUMP, separate, soup};
+use crate::stress::scenes::{Scene, broken, exploding, moving, still};
 use fastrand::Rng;
 use geom::Animation;
 use std::sync::Arc;

@@ -1,8 +1,8 @@
 //! Rays of every sort at one scene.
 
 use super::mixed;
-use crate::rays::{Aims, Target};
-use crate::scenes::Scene;
+use crate::stress::rays::{Aims, Target};
+use crate::stress::scenes::Scene;
 use fastrand::Rng;
 use geom::{Point, Ray, Triangle};
 use rayon::prelude::*;

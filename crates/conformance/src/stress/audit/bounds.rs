@@ -1,8 +1,8 @@
 //! What `t` may be (`docs/design/hits.md`, "What is reported").
 
-use crate::scenes::Scene;
+use crate::oracle::ExactHit;
+use crate::stress::scenes::Scene;
 use geom::{Animation, Point, Pose, Range, Ray};
-use oracle::ExactHit;
 
 /// `64 * 2^-24`: more than the padding of boxes and the rounding of their test.
 const PADDING: f64 = 64.0 / 16_777_216.0;

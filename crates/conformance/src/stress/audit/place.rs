@@ -1,6 +1,6 @@
 //! How large a mesh is and how far from the origin.
 
-use crate::scenes::Scene;
+use crate::stress::scenes::Scene;
 use fastrand::Rng;
 use geom::Animation;
 use std::sync::Arc;

@@ -1,6 +1,6 @@
 //! Rays made for one purpose each. Sums are in double precision and rounded once.
 
-use crate::meshes::{point, unit};
+use crate::stress::meshes::{point, unit};
 use fastrand::Rng;
 use geom::{Point, Ray, Triangle};
 

@@ -1,7 +1,7 @@
 //! One ray against one triangle in whole numbers.
 
-use crate::fraction::Fraction;
-use crate::integers::scale;
+use crate::oracle::fraction::Fraction;
+use crate::oracle::integers::scale;
 use geom::{Ray, Triangle};
 use num_bigint::{BigInt, Sign};
 use std::cmp::Ordering;

@@ -5,8 +5,8 @@
 //! its ground. `abvh stability --record FILE` writes one from the answers of a device to many seeds; to make it known, put it beside the
 //! others and name it in `FILES`. Nothing is in it of what may never happen: see [`is_never`].
 
-use crate::bounds::Known;
-use crate::{Cell, Family, Measure, Measured, Plan, StressTest};
+use crate::stress::bounds::Known;
+use crate::stress::{Cell, Family, Measure, Measured, Plan, StressTest};
 use backend::{Arithmetic, Backend, Intersector, Result};
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;

@@ -1,7 +1,7 @@
 //! Whose bounds hold where.
 
 use super::*;
-use crate::StressCounts;
+use crate::stress::StressCounts;
 use cpu_ref::CpuBackend;
 
 const LOOSE: Arithmetic = Arithmetic {
@@ -11,7 +11,7 @@ const LOOSE: Arithmetic = Arithmetic {
 
 /// A cell of rays at edges of closed bodies, of which so many answers are wrong, leak or hit twice.
 fn edges(by: Intersector, [wrong, leaks, doubles]: [u64; 3], device: Arithmetic) -> Cell {
-    let closed = crate::Closed {
+    let closed = crate::stress::Closed {
         inside: 4096,
         leaks,
         counted: 8192,

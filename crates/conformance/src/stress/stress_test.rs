@@ -1,12 +1,12 @@
 //! Scenes of one family with their exact answers, and what a backend makes of them.
 
-use crate::ask::{stand, trace};
-use crate::scenes::{Scene, scenes};
-use crate::{Family, Plan};
+use crate::leaks::crossings;
+use crate::oracle::Oracle;
+use crate::stress::ask::{stand, trace};
+use crate::stress::scenes::{Scene, scenes};
+use crate::stress::{Family, Plan};
 use backend::{Backend, BackendError, Intersector, Method, Result};
-use conformance::leaks::crossings;
 use geom::Hit;
-use oracle::Oracle;
 use rayon::prelude::*;
 use std::ops::AddAssign;
 

@@ -1,9 +1,9 @@
 //! The oracle itself: many triangles, one ray at a time.
 
-use crate::cull::Boxes;
-use crate::exact::{Crossing, cross};
-use crate::filter::{Verdict, judge};
-use crate::near::edge_distance;
+use crate::oracle::cull::Boxes;
+use crate::oracle::exact::{Crossing, cross};
+use crate::oracle::filter::{Verdict, judge};
+use crate::oracle::near::edge_distance;
 use geom::{Animation, Pose, Ray, Triangle};
 
 /// One exact hit.
@@ -146,5 +146,5 @@ fn is_active(corners: &Triangle) -> bool {
 }
 
 #[cfg(test)]
-#[path = "oracle_tests.rs"]
+#[path = "search_tests.rs"]
 mod tests;

@@ -1,8 +1,8 @@
 //! The host's answers against their bounds, and a host that is not what it says.
 
 use backend::{Arithmetic, Backend, Intersector};
+use conformance::stress::{Cell, Family, Plan, StressTest};
 use cpu_ref::CpuBackend;
-use stability::{Cell, Family, Plan, StressTest};
 
 /// Asks for `asked` but judges as if it were `named`.
 fn cells(plan: &Plan, asked: Intersector, named: Intersector) -> Vec<Cell> {

@@ -1,6 +1,6 @@
 //! An exact quotient: compared by cross-multiplying, rounded once.
 
-use crate::integers::decode;
+use crate::oracle::integers::decode;
 use num_bigint::{BigInt, BigUint, Sign};
 use num_traits::{ToPrimitive, Zero};
 use std::cmp::Ordering;

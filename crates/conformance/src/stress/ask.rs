@@ -1,6 +1,6 @@
 //! The few sentences in which a backend is asked.
 
-use crate::scenes::Scene;
+use crate::stress::scenes::Scene;
 use backend::{Backend, FrameReport, Generation, Hits, Method, Query, QueryKind, Rays, Result};
 use bvh_build::{BinaryTree, Builder, Cancel};
 use bvh_layout::{Converter, Topology};

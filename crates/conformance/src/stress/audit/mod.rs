@@ -12,7 +12,7 @@ mod place;
 #[cfg(test)]
 mod tests;
 
-use crate::scenes::Scene;
+use crate::stress::scenes::Scene;
 use aim::rays;
 use fastrand::Rng;
 use geom::Animation;

@@ -1,7 +1,7 @@
 //! Cases by hand, and the naive version on random ones.
 
 use super::*;
-use crate::naive;
+use crate::oracle::naive;
 use geom::Point;
 use proptest::prelude::*;
 

@@ -1,8 +1,8 @@
 //! Closed bodies: what must not leak and must not be hit twice.
 
-use crate::scenes::Scene;
+use crate::leaks::{self, Aim, RayBatch};
+use crate::stress::scenes::Scene;
 use backend::Method;
-use conformance::leaks::{self, Aim, RayBatch};
 
 /// Bodies there are; a family has each of them several times.
 const BODIES: usize = 4;

@@ -2,11 +2,11 @@
 
 use super::BatchSpec;
 use super::bounds::TBounds;
-use crate::ask::{kind, stand};
-use crate::scenes::Scene;
+use crate::oracle::{ExactHit, Oracle};
+use crate::stress::ask::{kind, stand};
+use crate::stress::scenes::Scene;
 use backend::{Backend, Method, QueryKind, Result};
 use geom::{Hit, Ray};
-use oracle::{ExactHit, Oracle};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::fmt;

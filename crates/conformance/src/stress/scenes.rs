@@ -1,9 +1,9 @@
 //! Each family's scenes and rays.
 
-use crate::meshes::{self, Mesh, PLUMP, separate, soup};
-use crate::rays::{Aims, Target, of_zeros};
-use crate::{Family, Plan, closed};
-use conformance::leaks::Aim;
+use crate::leaks::Aim;
+use crate::stress::meshes::{self, Mesh, PLUMP, separate, soup};
+use crate::stress::rays::{Aims, Target, of_zeros};
+use crate::stress::{Family, Plan, closed};
 use fastrand::Rng;
 use geom::{Animation, Point, Ray, Triangle};
 use std::sync::Arc;

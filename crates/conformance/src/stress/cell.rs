@@ -1,8 +1,8 @@
 //! What was counted, held against what is expected.
 
-use crate::baseline::{is_never, known};
-use crate::bounds::interval;
-use crate::{Family, StressCounts};
+use crate::stress::baseline::{is_never, known};
+use crate::stress::bounds::interval;
+use crate::stress::{Family, StressCounts};
 use backend::{Arithmetic, Intersector};
 
 /// What is counted.
@@ -53,7 +53,7 @@ pub struct Cell {
     pub intersector: Intersector,
     /// What was counted, wrong answers first.
     pub measured: Vec<Measured>,
-    /// See [`crate::Rearranged::sah_ratio`].
+    /// See [`crate::stress::Rearranged::sah_ratio`].
     pub sah_ratio: Option<f64>,
 }
 
