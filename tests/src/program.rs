@@ -40,7 +40,14 @@ pub fn abvh() -> &'static Path {
         };
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| env!("CARGO").into());
         let built = Command::new(cargo)
-            .args(["build", "--quiet", "--package", "cli", "--profile", profile])
+            .args([
+                "build",
+                "--quiet",
+                "--package",
+                "abvh-cli",
+                "--profile",
+                profile,
+            ])
             .arg("--target-dir")
             .arg(target_dir())
             .current_dir(crate::scenes::workspace())
