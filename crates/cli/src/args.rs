@@ -102,7 +102,7 @@ pub(crate) struct TraceArgs {
     #[arg(long, value_name = "RAYS.npy")]
     pub(crate) rays: PathBuf,
     /// File for what was found
-    #[arg(long, value_name = "HITS.npz")]
+    #[arg(long, value_name = "HITS.npz", value_parser = values::file())]
     pub(crate) out: PathBuf,
     /// Only whether each ray meets anything
     #[arg(long)]

@@ -13,6 +13,7 @@ mod demo;
 mod error;
 mod files;
 mod join;
+pub mod keys;
 mod memory;
 mod mesh;
 mod obj;

@@ -1,5 +1,6 @@
 //! What may be asked of `conform`.
 
+use crate::values;
 use backend::Intersector;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
@@ -61,7 +62,7 @@ pub(crate) struct ConformArgs {
         value_parser = PossibleValuesParser::new(["watertight", "exact"]).map(|name| intersector(&name)))]
     pub(crate) intersector: Option<Intersector>,
     /// File for the results
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = values::file())]
     pub(crate) json: Option<PathBuf>,
     /// No progress
     #[arg(long, short)]

@@ -1,6 +1,7 @@
 //! What may be asked of `stability`.
 
 use super::SubjectName;
+use crate::values;
 use backend::Intersector;
 use clap::Args;
 use clap::builder::RangedU64ValueParser;
@@ -37,14 +38,14 @@ pub(crate) struct StabilityArgs {
     pub(crate) rays: u32,
     /// Check nothing; instead measure how often one backend's arithmetic errs, and write it to this file. That is
     /// the baseline which later checks of such devices are held to
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["json", "intersector", "seed", "rays"])]
+    #[arg(long, value_name = "FILE", value_parser = values::file(), conflicts_with_all = ["json", "intersector", "seed", "rays"])]
     pub(crate) record: Option<PathBuf>,
     /// With --record: seeds to measure, from 1
     #[arg(long, value_name = "N", default_value = "32",
         value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub(crate) seeds: u64,
     /// File for the results
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = values::file())]
     pub(crate) json: Option<PathBuf>,
     /// No progress
     #[arg(long, short)]

@@ -118,6 +118,24 @@ fn each_command_has_defaults_of_its_own() {
 }
 
 #[test]
+fn only_statistics_go_to_standard_output() {
+    for line in [
+        "render --timeline -",
+        "render --rays-out -",
+        "trace a.obj --time 0 --rays r.npy --out -",
+        "bench --json -",
+        "bench --csv -",
+        "bench --growth -",
+        "conform --json -",
+        "stability --json -",
+        "stability --record -",
+    ] {
+        assert!(refused(line).contains("only --stats"), "{line}");
+    }
+    assert!(parse("render --stats -").is_ok());
+}
+
+#[test]
 fn what_cannot_be_is_refused_by_name() {
     assert!(refused("render --size 0x5").contains("--size"));
     assert!(refused("bench --warm-up 99").contains("60 seconds"));

@@ -1,6 +1,6 @@
 //! How well kept frames stand for all: measured afresh, frame by frame, as a renderer would play them.
 
-use crate::interval::{square, weight};
+use crate::keys::interval::{square, weight};
 use geom::{Point, Pose};
 use rayon::prelude::*;
 
