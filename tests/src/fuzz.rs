@@ -118,7 +118,7 @@ fn scene(path: &Path) -> Result<(), String> {
 }
 
 fn rays(path: &Path) -> Result<(), String> {
-    let rays = report::read_rays(path).map_err(|e| e.to_string());
+    let rays = output::read_rays(path).map_err(|e| e.to_string());
     rays.map(|_| ())
 }
 

@@ -9,7 +9,7 @@ use geom::{Animation, Camera, Point, Pose, Ray, Triangle};
 /// If the scene cannot be framed.
 #[must_use]
 pub fn camera(animation: &Animation, size: [u32; 2]) -> Camera {
-    picture::frame_scene(animation, 40.0, size)
+    output::frame_scene(animation, 40.0, size)
         .camera(size)
         .expect("every scene can be framed")
 }
@@ -17,7 +17,7 @@ pub fn camera(animation: &Animation, size: [u32; 2]) -> Camera {
 /// The light that the program would choose.
 #[must_use]
 pub fn light(animation: &Animation) -> Point {
-    picture::frame_scene(animation, 40.0, [64, 64]).light
+    output::frame_scene(animation, 40.0, [64, 64]).light
 }
 
 /// Where on a triangle to aim.

@@ -46,7 +46,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     ];
     conflicts::of_files(&args.scenes, read, written)?;
     for file in written.iter().filter_map(|(_, file)| *file) {
-        report::check_writable(file).map_err(Stop::bad)?;
+        output::check_writable(file).map_err(Stop::bad)?;
     }
     if !args.compare.is_empty() {
         return compare::run(args);
@@ -61,13 +61,13 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     }
     let report = bench.report()?;
     if let Some(file) = &args.json {
-        report::write_json(file, &report)?;
+        output::write_json(file, &report)?;
     }
     if let Some(file) = &args.csv {
-        report::write_whole(file, sheet::csv(&report.rows)?.as_bytes())?;
+        output::write_whole(file, sheet::csv(&report.rows)?.as_bytes())?;
     }
     if let Some(file) = &args.growth {
-        report::write_whole(file, growth::svg(&report)?.as_bytes())?;
+        output::write_whole(file, growth::svg(&report)?.as_bytes())?;
     }
     talk::print(&text::text(&report, args.against.as_deref()))
 }

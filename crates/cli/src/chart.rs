@@ -25,9 +25,9 @@ use crate::stop::Stop;
 use crate::warm_up::Warmed;
 use crate::{choose, frames, info, reduce, talk};
 use chart::{Adapter, Chart, Companions, KeyFrameStep, KeyFrames, Machine, Point, Spread};
+use output::{FrameStats, Summary};
 use pipeline::Update;
 use plan::{ChartPlan, Way};
-use report::{FrameStats, Summary};
 use scene::Scene;
 use std::sync::Arc;
 
@@ -93,7 +93,7 @@ impl Work<'_> {
     fn time_scene(&mut self, spec: &str, ways: &[Way]) -> Result<Vec<Measured>, Stop> {
         let scene = scene::open(spec, &self.args.source.options())?;
         if self.chart.scenes.is_empty() {
-            report::prepare_dir(&self.args.out).map_err(Stop::bad)?;
+            output::prepare_dir(&self.args.out).map_err(Stop::bad)?;
         }
         let keys = scene.animation.whole_times();
         let frames = frames::list(Some(&self.args.frames), None, keys, false)?;

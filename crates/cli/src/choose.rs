@@ -3,8 +3,8 @@
 use crate::args::{IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName};
 use crate::stop::Stop;
 use backend::{Intersector, Layout, Method};
+use output::Taken;
 use pipeline::{Pace, Update};
-use report::Taken;
 
 /// Something taken, and the reason where nobody asked for it by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -23,12 +23,12 @@ const STEPS: u64 = 20;
 pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
     conflicts::of_files(&args.scene, [], [("--json", args.json.as_ref())])?;
     if let Some(file) = &args.json {
-        report::check_writable(file).map_err(Stop::bad)?;
+        output::check_writable(file).map_err(Stop::bad)?;
     }
     let given = oracle::open(args)?;
     let (mut subjects, absent) = subjects::open_all(&args.backend, true, args.adapter.as_deref())?;
     let mut report = Report {
-        schema: report::SCHEMA,
+        schema: output::SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
         command_line: std::env::args().collect(),
         seed: args.seed,
@@ -49,7 +49,7 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
     }
     oracle::hold(args, given, &mut subjects, &mut report)?;
     if let Some(file) = &args.json {
-        report::write_json(file, &report)?;
+        output::write_json(file, &report)?;
     }
     talk::print(&report.text())?;
     match report.failures() {

@@ -8,7 +8,7 @@ use crate::table::counted;
 use crate::{choose, talk, threads};
 use backend::Method;
 use comfy_table::{ContentArrangement, Table, presets};
-use report::Taken;
+use output::Taken;
 use serde::Serialize;
 
 /// The version of the JSON's schema.

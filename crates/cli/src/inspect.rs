@@ -15,7 +15,7 @@ use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, table};
 use crate::{choose, frames, reduce, render, talk};
 use backend::{Query, QueryKind, Rays};
 use geom::Animation;
-use report::{SceneFacts, Taken};
+use output::{SceneFacts, Taken};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -81,7 +81,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
     };
     let is_demo = frames::is_demo(&args.scene);
     let frames = frames::list(None, None, animation.whole_times(), is_demo)?;
-    let view = picture::frame_scene(animation, FOV, SIZE);
+    let view = output::frame_scene(animation, FOV, SIZE);
     let camera = view.camera(SIZE);
     let run = camera.as_ref().map(|camera| Run {
         frames: &frames,

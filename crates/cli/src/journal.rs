@@ -5,7 +5,7 @@
 
 use crate::stop::Stop;
 use crate::values::Shard;
-use report::{Digest, FrameStats, digest_of};
+use output::{Digest, FrameStats, digest_of};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;

@@ -5,7 +5,7 @@ use crate::frames;
 use crate::stop::Stop;
 use crate::values::{Frames, TimeRange};
 use clap::ValueEnum;
-use report::{Digest, digest_of};
+use output::{Digest, digest_of};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;

@@ -6,7 +6,7 @@ use crate::journal::Done;
 use crate::manifest::Manifest;
 use crate::stop::Stop;
 use crate::{resume, talk};
-use report::FrameStats;
+use output::FrameStats;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::PathBuf;

@@ -4,8 +4,8 @@ use crate::args::RenderArgs;
 use crate::conflicts;
 use crate::stop::Stop;
 use backend::Hits;
-use picture::Shot;
-use report::HitArrays;
+use output::HitArrays;
+use output::Shot;
 use std::path::{Path, PathBuf};
 
 /// Files of a whole run.
@@ -33,7 +33,7 @@ impl Outputs {
     pub(crate) fn of(args: &RenderArgs) -> Result<Self, Stop> {
         let images = (!args.no_images).then(|| args.out.clone());
         for dir in images.iter().chain(&args.hits) {
-            report::check_dir(dir).map_err(Stop::bad)?;
+            output::check_dir(dir).map_err(Stop::bad)?;
         }
         let outputs = Self {
             images,
@@ -46,7 +46,7 @@ impl Outputs {
             folder.is_some_and(|folder| outputs.folders().iter().any(|f| f == folder))
         };
         for file in files(args).filter(|file| file.as_os_str() != "-" && !is_in_new(file)) {
-            report::check_writable(file).map_err(Stop::bad)?;
+            output::check_writable(file).map_err(Stop::bad)?;
         }
         Ok(outputs)
     }
@@ -54,7 +54,7 @@ impl Outputs {
     /// Makes the folders.
     pub(crate) fn prepare(&self) -> Result<(), Stop> {
         let mut folders = self.folders().into_iter();
-        folders.try_for_each(|dir| report::prepare_dir(&dir).map_err(Stop::bad))
+        folders.try_for_each(|dir| output::prepare_dir(&dir).map_err(Stop::bad))
     }
 
     /// The folders, each once.
@@ -86,13 +86,13 @@ impl Outputs {
                 shadow: Some(&hits.blocked),
                 shape: &[u64::from(height), u64::from(width)],
             };
-            report::remove_link(&file)?;
-            report::write_hits(&file, &found)?;
+            output::remove_link(&file)?;
+            output::write_hits(&file, &found)?;
         }
         if let Some(file) = self.image(frame) {
-            picture::shade(shot, &hits.closest, &hits.blocked, &mut self.rgb);
-            report::remove_link(&file)?;
-            report::write_png(&file, [width, height], &self.rgb)?;
+            output::shade(shot, &hits.closest, &hits.blocked, &mut self.rgb);
+            output::remove_link(&file)?;
+            output::write_png(&file, [width, height], &self.rgb)?;
         }
         Ok(())
     }

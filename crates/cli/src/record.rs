@@ -2,8 +2,8 @@
 
 use crate::memory;
 use backend::DeviceBytes;
+use output::FrameStats;
 use pipeline::FrameRecord;
-use report::FrameStats;
 
 /// The command line, program first.
 pub(crate) fn command_line() -> Vec<String> {

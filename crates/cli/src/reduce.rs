@@ -6,7 +6,7 @@ use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, counted, grouped, table};
 use crate::{render, talk};
 use geom::{Animation, Point};
-use report::SceneFacts;
+use output::SceneFacts;
 use scene::Scene;
 use scene::keys::{self, Fit, Reducer};
 use serde::Serialize;
@@ -239,7 +239,7 @@ fn bytes(animation: &Animation, keys: usize) -> usize {
 
 /// Makes the directory; key frames that lie there already would be taken for some of these.
 fn prepare(dir: &Path) -> Result<(), Stop> {
-    report::prepare_dir(dir).map_err(Stop::bad)?;
+    output::prepare_dir(dir).map_err(Stop::bad)?;
     let list = fs::read_dir(dir).map_err(|e| Stop::bad(format!("{}: {e}", dir.display())))?;
     let is_mesh = |path: &Path| {
         let extension = path.extension().map(|e| e.to_ascii_lowercase());
@@ -262,14 +262,14 @@ fn write(dir: &Path, scene: &Scene, reduction: &Reduction) -> Result<(), Stop> {
     let mut frames = Vec::new();
     for &key in &reduction.kept {
         let file = format!("key_{key:05}.ply");
-        report::write_with(&dir.join(&file), |out| {
+        output::write_with(&dir.join(&file), |out| {
             let points = &animation.keys()[key];
             scene::write_ply(out, points, animation.triangles(), &scene.colours)
         })?;
         frames.push(serde_json::json!({ "file": file, "time": key }));
     }
     let times = serde_json::json!({
-        "schema": report::SCHEMA,
+        "schema": output::SCHEMA,
         "scene": scene.name,
         "end": animation.end(),
         "seconds_per_key": scene.facts.seconds_per_key,
@@ -278,7 +278,7 @@ fn write(dir: &Path, scene: &Scene, reduction: &Reduction) -> Result<(), Stop> {
         "frames": frames,
     });
     let text = serde_json::to_string_pretty(&times).map_err(Stop::failed)?;
-    report::write_whole(&dir.join("times.json"), format!("{text}\n").as_bytes())?;
+    output::write_whole(&dir.join("times.json"), format!("{text}\n").as_bytes())?;
     Ok(())
 }
 

@@ -13,9 +13,9 @@ use crate::timeline::Notes;
 use crate::{choose, conflicts, frames, record, signals, table, talk};
 use backend::{Query, QueryKind, Rays};
 use geom::Camera;
-use picture::{Shot, View};
+use output::{FrameStats, SCHEMA, SceneFacts, Stats};
+use output::{Shot, View};
 use pipeline::Frame;
-use report::{FrameStats, SCHEMA, SceneFacts, Stats};
 use scene::Scene;
 use serde_json::json;
 use std::path::PathBuf;
@@ -63,7 +63,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     let again: Vec<u64> = todo.iter().map(|frame| frame.index).collect();
     let mut journals = earlier.begin(args, &all, &again, (keys, &head))?;
     if let Some(file) = &args.rays_out {
-        report::write_rays(file, Pixels::new(&camera))?;
+        output::write_rays(file, Pixels::new(&camera))?;
     }
     let mut notes = args.timeline.is_some().then(Notes::default);
     signals::wait_for_checks();
@@ -114,7 +114,7 @@ fn nothing_left(args: &RenderArgs, earlier: &Earlier, rows: &[FrameStats]) -> Re
 /// The view that frames the motion, with what was asked for in its place.
 fn view(args: &RenderArgs, scene: &Scene) -> View {
     let asked = &args.camera;
-    let framed = picture::frame_scene(&scene.animation, asked.fov, args.size.size);
+    let framed = output::frame_scene(&scene.animation, asked.fov, args.size.size);
     View {
         eye: asked.eye.unwrap_or(framed.eye),
         look_at: asked.look_at.unwrap_or(framed.look_at),
@@ -241,7 +241,7 @@ fn stats(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats
         auto: session.taken.clone(),
         size: args.size.size,
         frames: rows.to_vec(),
-        summary: report::overview(rows),
+        summary: output::overview(rows),
     }
 }
 

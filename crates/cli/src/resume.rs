@@ -6,8 +6,8 @@ use crate::manifest::{self, Manifest};
 use crate::outputs::Outputs;
 use crate::stop::Stop;
 use crate::{frames, record, talk};
+use output::{FrameStats, overview};
 use pipeline::Frame;
-use report::{FrameStats, overview};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -123,7 +123,7 @@ impl Earlier {
             if args.overwrite && !matches!(Manifest::in_folder(&folder), Ok(Some(m)) if m == own) {
                 journal::clear(&folder)?;
             }
-            report::write_json(&folder.join(manifest::FILE), &own)?;
+            output::write_json(&folder.join(manifest::FILE), &own)?;
             let mut journal = Journal::open(&folder, args.shard, again)?;
             journal.begin(list.iter().map(|f| f.index).collect(), stats.clone())?;
             journals.push((folder, journal));
@@ -146,6 +146,6 @@ pub(crate) fn joined(mut stats: Value, rows: &[FrameStats]) -> Value {
 pub(crate) fn write_stats(file: &std::path::Path, stats: &Value) -> Result<(), Stop> {
     match file.as_os_str() == "-" {
         true => talk::print_json(stats),
-        false => Ok(report::write_json(file, stats)?),
+        false => Ok(output::write_json(file, stats)?),
     }
 }

@@ -10,8 +10,8 @@ use crate::stop::Stop;
 use crate::threads::{self, Threads};
 use backend::{Backend, Device, DeviceKind, Method};
 use geom::Animation;
+use output::Taken;
 use pipeline::{Driver, Update};
-use report::Taken;
 use std::sync::Arc;
 
 /// What to set up.
@@ -205,7 +205,7 @@ mod tests {
             ahead,
         };
         let mut session = start(&scene.animation, &ask).unwrap();
-        let view = picture::frame_scene(&scene.animation, 40.0, [48, 27]);
+        let view = output::frame_scene(&scene.animation, 40.0, [48, 27]);
         let camera = view.camera([48, 27]).unwrap();
         let query = Query {
             rays: Rays::Camera(&camera),

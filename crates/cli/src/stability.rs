@@ -21,7 +21,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
     ];
     conflicts::of_files(&[], [], written)?;
     for file in args.json.iter().chain(&args.record) {
-        report::check_writable(file).map_err(Stop::bad)?;
+        output::check_writable(file).map_err(Stop::bad)?;
     }
     if args.backend.iter().any(|&s| subjects::is_driver(s)) {
         let why = "stability knows no bounds for intersections that a driver decides; conform holds them to rounding";
@@ -32,7 +32,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
         return record(args, &mut subjects, file);
     }
     let mut report = Report {
-        schema: report::SCHEMA,
+        schema: output::SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
         command_line: std::env::args().collect(),
         seed: args.seed,
@@ -45,7 +45,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
     };
     ask(args, &mut subjects, &mut report)?;
     if let Some(file) = &args.json {
-        report::write_json(file, &report)?;
+        output::write_json(file, &report)?;
     }
     let known = Intersector::ALL.into_iter();
     let asked: Vec<_> = known.filter(|i| args.intersector.contains(i)).collect();
@@ -70,7 +70,7 @@ fn record(args: &StabilityArgs, subjects: &mut [Subject], file: &Path) -> Result
     let found = baseline::record(subject.backend.as_mut(), args.seeds, &mut |family| {
         progress.step(&format!("{} {family}", subject.name));
     })?;
-    report::write_json(file, &found)?;
+    output::write_json(file, &found)?;
     let rates = found.entries.len();
     talk::print(&format!("{rates} rates of {}\n", found.ground))
 }

@@ -2,8 +2,8 @@
 
 use crate::talk;
 use backend::BackendError;
+use output::{RaysError, WriteError};
 use pipeline::PipelineError;
-use report::{RaysError, WriteError};
 use scene::SceneError;
 use std::fmt::{self, Display};
 use std::process::ExitCode;

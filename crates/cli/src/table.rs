@@ -2,7 +2,7 @@
 
 use crate::talk;
 use comfy_table::{Cell, CellAlignment, Table, presets};
-use report::{FrameStats, Summary, TIMES, overview, summarize};
+use output::{FrameStats, Summary, TIMES, overview, summarize};
 
 /// A table with a head; every column but the first `words` holds numbers. On a terminal too narrow for it, a list.
 pub(crate) fn table(head: &[&str], rows: &[Vec<String>], words: usize) -> String {
@@ -86,7 +86,7 @@ pub(crate) fn mrays(count: f64, ms: f64) -> Option<f64> {
 
 /// Primary and shadow rays a second over all frames, in a sentence.
 pub(crate) fn rates(frames: &[FrameStats], pixels: usize) -> String {
-    let rate = |count: fn(&FrameStats, usize) -> f64, time: report::Time| {
+    let rate = |count: fn(&FrameStats, usize) -> f64, time: output::Time| {
         let timed = || frames.iter().filter_map(|f| Some((f, time(f)?)));
         let rays = timed().map(|(f, _)| count(f, pixels)).sum();
         mrays(rays, timed().map(|(_, ms)| ms).sum())

@@ -8,8 +8,8 @@
 
 use crate::session::Session;
 use backend::StageTimes;
+use output::{Timeline, Track, WriteError};
 use pipeline::{Adopted, FrameRecord, Span, Submission, place_on_host};
-use report::{Timeline, Track, WriteError};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
@@ -46,7 +46,7 @@ impl Notes {
         timeline.fact("caption", json!(session.caption()));
         timeline.fact("device_clock", json!(clock));
         timeline.fact("command_line", json!(crate::record::command_line()));
-        report::write_timeline(path, &timeline)
+        output::write_timeline(path, &timeline)
     }
 
     fn draw(&self) -> Timeline {

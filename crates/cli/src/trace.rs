@@ -8,8 +8,8 @@ use crate::table::counted;
 use crate::{choose, conflicts, frames, talk};
 use backend::{Hits, Query, QueryKind, Rays};
 use geom::{Animation, Ray};
+use output::HitArrays;
 use pipeline::Frame;
-use report::HitArrays;
 
 /// Traces.
 pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
@@ -21,8 +21,8 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
         ..conflicts::Files::default()
     };
     files.check()?;
-    report::check_writable(&args.out).map_err(Stop::bad)?;
-    let rays = report::read_rays(&args.rays)?;
+    output::check_writable(&args.out).map_err(Stop::bad)?;
+    let rays = output::read_rays(&args.rays)?;
     let scene = scene::open(&args.scene, &args.source.options())?;
     let animation = &scene.animation;
     let moments = moments(args, animation)?;
@@ -59,14 +59,14 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     };
     let hits = trace(&mut session, &moments, &rays, kind)?;
     if args.any_hit {
-        report::write_found(&args.out, &hits.blocked)?;
+        output::write_found(&args.out, &hits.blocked)?;
     } else {
         let found = HitArrays {
             hits: &hits.closest,
             shadow: None,
             shape: &[rays.len() as u64],
         };
-        report::write_hits(&args.out, &found)?;
+        output::write_hits(&args.out, &found)?;
     }
     let closest = hits.closest.iter().filter(|h| h.is_hit()).count();
     let any = hits.blocked.iter().filter(|&&b| b != 0).count();

@@ -5,8 +5,8 @@
 //! take as long as they did before. The scene does not move on, and no tree ages ([`pipeline::Driver::warm_up`]).
 
 use backend::{DeviceKind, FrameReport, Query};
+use output::Summary;
 use pipeline::{Driver, Frame, FrameRecord, PipelineError};
-use report::Summary;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 

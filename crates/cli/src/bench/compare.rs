@@ -4,7 +4,7 @@ use crate::args::BenchArgs;
 use crate::stop::Stop;
 use crate::table::{ms, table};
 use crate::talk;
-use report::Summary;
+use output::Summary;
 use serde::Serialize;
 use serde_json::Value;
 use std::path::Path;
@@ -92,7 +92,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<(), Stop> {
     }
     comparison.only_in_new = new.into_iter().map(|r| r.name).collect();
     if let Some(file) = &args.json {
-        report::write_json(file, &comparison)?;
+        output::write_json(file, &comparison)?;
     }
     talk::print(&text(&comparison))?;
     match args.fail_above {

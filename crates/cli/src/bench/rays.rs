@@ -25,7 +25,7 @@ impl Bundle {
         (spec, animation): (&str, &Animation),
         size: [u32; 2],
     ) -> Result<Self, Stop> {
-        let view = picture::frame_scene(animation, FOV, size);
+        let view = output::frame_scene(animation, FOV, size);
         let camera = view.camera(size);
         let camera = camera.ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
         Ok(match kind {

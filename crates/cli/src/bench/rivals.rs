@@ -43,7 +43,7 @@ pub(super) fn frame_ms(r: &Row) -> Option<f64> {
     let frames = r.per_frame.get(1..).filter(|rest| !rest.is_empty());
     let all = frames.unwrap_or(&r.per_frame).iter();
     let ms = all.filter_map(|f| Some(f.device_ms? + f.build_wait_ms.unwrap_or(0.0)));
-    report::Summary::of(ms).map(|s| s.median)
+    output::Summary::of(ms).map(|s| s.median)
 }
 
 /// All pairs within each scene.

@@ -10,8 +10,8 @@ use crate::stop::Stop;
 use crate::table::mrays;
 use crate::warm_up::{WarmUp, Warmed};
 use backend::DeviceBytes;
+use output::{FrameStats, Summary, Taken, Time};
 use pipeline::{Frame, FrameRecord};
-use report::{FrameStats, Summary, Taken, Time};
 use scene::Scene;
 use serde::Serialize;
 

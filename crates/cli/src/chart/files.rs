@@ -29,8 +29,8 @@ pub(crate) fn write_texts<const N: usize>(
     for (name, text) in texts {
         let path = dir.join(name);
         let text = text.map_err(Stop::failed)?;
-        report::remove_link(&path)?;
-        report::write_whole(&path, text.as_bytes())?;
+        output::remove_link(&path)?;
+        output::write_whole(&path, text.as_bytes())?;
         written.push(path);
     }
     Ok(written)

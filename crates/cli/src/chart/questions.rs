@@ -2,7 +2,7 @@
 
 use fastrand::Rng;
 use geom::{Aabb, Animation, Point, Pose, Ray, is_active};
-use picture::View;
+use output::View;
 
 /// Where rays begin, in sizes of the scene's box.
 const ROOM: f64 = 2.0;
@@ -93,7 +93,7 @@ mod tests {
     fn every_sort_of_ray_is_asked_and_the_same_ones_again() {
         let scene = scene::open("demo:collide:300", &scene::Options::default()).unwrap();
         let a = &scene.animation;
-        let view = picture::frame_scene(a, 40.0, [64, 40]);
+        let view = output::frame_scene(a, 40.0, [64, 40]);
         let ask = || Questions::at(a, &view, 1.5, 1000);
         let asked = ask();
         assert_eq!((asked.plain, asked.rays.len()), (1000, 1250));
@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn a_scene_without_a_triangle_to_aim_at_has_fewer_rays() {
         let nothing = Animation::new(vec![vec![[f32::NAN; 3]]], vec![[0; 3]]).unwrap();
-        let view = picture::frame_scene(&nothing, 40.0, [64, 40]);
+        let view = output::frame_scene(&nothing, 40.0, [64, 40]);
         assert_eq!(Questions::at(&nothing, &view, 0.0, 100).rays.len(), 100);
     }
 }

@@ -37,7 +37,7 @@ pub(super) struct Sheet {
 impl GroundTruth {
     /// For a scene.
     pub(super) fn of(animation: &Arc<Animation>, args: &ChartArgs) -> Result<Self, Stop> {
-        let view = picture::frame_scene(animation, bench::FOV, args.size.size);
+        let view = output::frame_scene(animation, bench::FOV, args.size.size);
         let moments = moments(animation, MOMENTS);
         let share = args.rays.div_ceil(moments.len());
         let sheets = moments.iter().map(|&time| {

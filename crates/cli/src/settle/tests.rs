@@ -42,7 +42,7 @@ fn ask<'a>(frames: &[Frame], named: IntersectorName, tolerance: f64) -> Ask<'a> 
 
 /// What is settled for a run of so many pictures.
 fn settled(scene: &Scene, count: u64, named: IntersectorName, tolerance: f64) -> Settled {
-    let view = picture::frame_scene(&scene.animation, 40.0, SIZE);
+    let view = output::frame_scene(&scene.animation, 40.0, SIZE);
     let camera = view.camera(SIZE).unwrap();
     let query = Query {
         rays: Rays::Camera(&camera),
@@ -147,7 +147,7 @@ fn what_is_wrong_too_often_is_not_taken_however_fast() {
 fn a_choice_leaves_no_trace_in_the_hits() {
     let scene = demo("demo:collide:400");
     let frames = frames(20);
-    let view = picture::frame_scene(&scene.animation, 40.0, SIZE);
+    let view = output::frame_scene(&scene.animation, 40.0, SIZE);
     let camera = view.camera(SIZE).unwrap();
     let query = Query {
         rays: Rays::Camera(&camera),

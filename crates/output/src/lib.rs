@@ -1,4 +1,4 @@
-//! Arrays, pictures and rows in; whole files out.
+//! Hits to pixels; arrays, pictures and rows to whole files.
 //!
 //! Every file is written beside its final name and renamed when it is whole, so
 //! that nobody ever reads half a file. What a file holds depends on what it is
@@ -9,8 +9,9 @@ mod atomic;
 mod digest;
 mod error;
 mod hits;
-mod picture;
+mod png;
 mod rays;
+mod shading;
 mod stats;
 mod summary;
 mod taken;
@@ -20,8 +21,9 @@ pub use atomic::{check_dir, check_writable, prepare_dir, remove_link, write_whol
 pub use digest::{Digest, digest_of};
 pub use error::{RaysError, WriteError};
 pub use hits::{HitArrays, write_found, write_hits};
-pub use picture::write_png;
+pub use png::write_png;
 pub use rays::{read_rays, write_rays};
+pub use shading::{Shot, View, frame_scene, shade};
 pub use stats::{FrameStats, SCHEMA, SceneFacts, Stats, write_json};
 pub use summary::{Course, Overview, Summary, TIMES, Time, overview, summarize};
 pub use taken::Taken;

@@ -1,6 +1,6 @@
 //! A camera and a lamp for a motion that nobody described.
 
-use crate::vector::{V3, add, cross, dot, scale, unit, wide};
+use crate::shading::vector::{V3, add, cross, dot, scale, unit, wide};
 use geom::{Aabb, Animation, Camera, Point};
 use rayon::prelude::*;
 

@@ -1,6 +1,6 @@
 //! From 8-bit sRGB to linear light and back (IEC 61966-2-1), with a gentle shoulder on the way.
 
-use crate::vector::V3;
+use crate::shading::vector::V3;
 use std::sync::LazyLock;
 
 /// Steps of the way back; in the darkest, steepest part one step is 0.8 of an 8-bit level.

@@ -1,6 +1,6 @@
 //! What a surface and an empty ray receive: a sky, its bounce off the ground, and one lamp.
 
-use crate::vector::{V3, dot, mix, scale};
+use crate::shading::vector::{V3, dot, mix, scale};
 
 /// Overhead, in linear light.
 const ZENITH: V3 = [0.130, 0.270, 0.560];

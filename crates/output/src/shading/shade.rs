@@ -1,8 +1,8 @@
 //! Colours of pixels: face normals, file colours, one lamp with shadows, a soft sky.
 
-use crate::colour::{encode, linear};
-use crate::light::{ambient, lamp, sky};
-use crate::vector::{V3, add, cross, dot, mul, scale, sub, unit, wide};
+use crate::shading::colour::{encode, linear};
+use crate::shading::light::{ambient, lamp, sky};
+use crate::shading::vector::{V3, add, cross, dot, mul, scale, sub, unit, wide};
 use geom::{Animation, Camera, Hit, Point, Pose};
 use rayon::prelude::*;
 

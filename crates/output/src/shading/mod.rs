@@ -1,6 +1,6 @@
 //! Hits in, pixels out.
 //!
-//! Two rooms: [`frame_scene`] finds a camera and a light for a motion that
+//! [`frame_scene`] finds a camera and a light for a motion that
 //! nobody described, and [`shade`] turns what a trace found into 8-bit sRGB.
 //! Both are functions of their arguments alone: no clock, no chance, no thread
 //! count.
