@@ -83,6 +83,11 @@ pub trait Backend: Send {
     /// Who is at work: shown in logs, test names and result rows.
     fn device(&self) -> &Device;
 
+    /// Whether scenes can be traced by `method`. Touches no device.
+    fn supports(&self, _method: Method) -> bool {
+        true
+    }
+
     /// Makes `animation` current, to be traced by `method`.
     ///
     /// # Errors

@@ -1,8 +1,8 @@
 //! A backend that takes another layout for the usual one, so that every law is tried on it.
 
 use backend::{
-    Backend, BackendError, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Layout,
-    Method, Query, Result, Snapshot, Ticket,
+    Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Layout, Method, Query,
+    Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Animation, Pose};
@@ -14,14 +14,24 @@ pub(crate) struct LayoutAdapter<'a> {
     pub(crate) layout: Layout,
 }
 
-/// Whether `backend` traces the scene with that layout. A failure of another kind is for the law to see.
-pub(crate) fn lays(backend: &mut dyn Backend, animation: &Arc<Animation>, layout: Layout) -> bool {
-    let method = Method {
+/// Whether `backend` has that layout.
+pub(crate) fn lays(backend: &dyn Backend, layout: Layout) -> bool {
+    backend.supports(Method {
         layout,
         ..Method::default()
-    };
-    let loaded = backend.load(Arc::clone(animation), method);
-    !matches!(loaded, Err(BackendError::Unsupported { .. }))
+    })
+}
+
+impl LayoutAdapter<'_> {
+    fn adapt(&self, method: Method) -> Method {
+        match method.layout {
+            Layout::Bvh2 => Method {
+                layout: self.layout,
+                ..method
+            },
+            _ => method,
+        }
+    }
 }
 
 impl Backend for LayoutAdapter<'_> {
@@ -29,12 +39,12 @@ impl Backend for LayoutAdapter<'_> {
         self.inner.device()
     }
 
+    fn supports(&self, method: Method) -> bool {
+        self.inner.supports(self.adapt(method))
+    }
+
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
-        let layout = match method.layout {
-            Layout::Bvh2 => self.layout,
-            other => other,
-        };
-        self.inner.load(animation, Method { layout, ..method })
+        self.inner.load(animation, self.adapt(method))
     }
 
     fn makes_own_trees(&self) -> bool {

@@ -143,7 +143,7 @@ fn check(
     let others = Layout::ALL.into_iter().filter(|&l| l != Layout::Bvh2);
     for layout in others.filter(|_| !law.chooses_layouts) {
         let mut attempt = || {
-            if !lays(subject, &case.animation, layout) {
+            if !lays(subject, layout) {
                 return Ok(());
             }
             let mut layout_adapter = LayoutAdapter {

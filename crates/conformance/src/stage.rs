@@ -1,6 +1,5 @@
 //! The few sentences in which laws are written.
 
-use crate::Case;
 use backend::{
     Backend, BackendError, Generation, Hits, Intersector, Layout, Method, Query, QueryKind, Rays,
     Ticket,
@@ -59,25 +58,16 @@ pub(crate) fn open_with(
     backend.adopt(&tree_at(animation, time), Generation(1))
 }
 
-/// Every method by which the backend traces this scene.
-pub(crate) fn methods(
-    backend: &mut dyn Backend,
-    animation: &Arc<Animation>,
-) -> Result<Vec<Method>, String> {
-    let mut methods = Vec::new();
-    for intersector in Intersector::ALL {
-        for layout in Layout::ALL {
-            let method = Method {
-                intersector,
-                layout,
-            };
-            match backend.load(Arc::clone(animation), method) {
-                Ok(()) => methods.push(method),
-                Err(BackendError::Unsupported { .. }) => {}
-                Err(e) => return Err(plainly(e)),
-            }
-        }
-    }
+/// Every method by which the backend traces.
+pub(crate) fn methods(backend: &dyn Backend) -> Result<Vec<Method>, String> {
+    let with = |intersector| {
+        Layout::ALL.map(|layout| Method {
+            intersector,
+            layout,
+        })
+    };
+    let all = Intersector::ALL.into_iter().flat_map(with);
+    let methods: Vec<Method> = all.filter(|&m| backend.supports(m)).collect();
     if methods.contains(&Method::default()) {
         return Ok(methods);
     }
@@ -86,17 +76,16 @@ pub(crate) fn methods(
 
 /// The subject's methods whose answers are the same everywhere, each with the reference's that gives them.
 pub(crate) fn robust_methods(
-    case: &Case,
-    [subject, reference]: [&mut dyn Backend; 2],
+    [subject, reference]: [&dyn Backend; 2],
 ) -> Result<Vec<[Method; 2]>, String> {
-    let known = methods(reference, &case.animation)?;
+    let known = methods(reference)?;
     let robust = |m: &Method| matches!(m.intersector, Intersector::Watertight | Intersector::Exact);
     let pair = |method: Method| {
         let layout = Layout::Bvh2;
         let usual = Method { layout, ..method };
         known.contains(&usual).then_some([method, usual])
     };
-    let all = methods(subject, &case.animation)?;
+    let all = methods(subject)?;
     Ok(all.into_iter().filter(robust).filter_map(pair).collect())
 }
 

@@ -28,7 +28,7 @@ fn same(
     rays: Rays<'_>,
     kind: QueryKind,
 ) -> Result<(), String> {
-    for [method, usual] in robust_methods(case, [&mut *subject, &mut *reference])? {
+    for [method, usual] in robust_methods([&*subject, &*reference])? {
         let seen = at(case, subject, method, (rays, kind))?;
         let expected = at(case, reference, usual, (rays, kind))?;
         for (i, (s, r)) in seen.iter().zip(&expected).enumerate() {
@@ -79,7 +79,7 @@ pub(crate) fn camera_is_rays(
     let (camera, now) = (&case.camera, case.times[1]);
     let rays: Vec<Ray> = camera.rays().collect();
     let light = case.light;
-    for method in methods(subject, &case.animation)? {
+    for method in methods(subject)? {
         open_with(subject, &case.animation, case.times[0], method).map_err(plainly)?;
         stand(subject, &case.animation, now)?;
         for kind in [
@@ -103,7 +103,7 @@ pub(crate) fn any_is_closest(
     _: &mut dyn Backend,
 ) -> Result<(), String> {
     let rays = Rays::List(&case.rays);
-    for method in methods(subject, &case.animation)? {
+    for method in methods(subject)? {
         open_with(subject, &case.animation, case.times[0], method).map_err(plainly)?;
         stand(subject, &case.animation, case.times[1])?;
         let closest = ask(subject, rays, QueryKind::Closest)?.closest;

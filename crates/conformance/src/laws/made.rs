@@ -73,7 +73,7 @@ pub(crate) fn same_hits(
             ask(subject, rays, QueryKind::Any)?,
         ])
     };
-    for method in methods(subject, &case.animation)? {
+    for method in methods(subject)? {
         open_with(subject, &case.animation, case.times[0], method).map_err(plainly)?;
         stand(subject, &case.animation, now)?;
         let host = both(subject)?;

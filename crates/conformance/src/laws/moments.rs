@@ -25,7 +25,7 @@ pub(crate) fn last(
     reference: &mut dyn Backend,
 ) -> Result<(), String> {
     let poses = [case.times[1], case.times[2]].map(|time| case.animation.pose(time));
-    for [method, usual] in robust_methods(case, [&mut *subject, &mut *reference])? {
+    for [method, usual] in robust_methods([&*subject, &*reference])? {
         let first = case.times[0];
         open_with(reference, &case.animation, first, usual).map_err(plainly)?;
         stand_on(reference, &case.animation, case.times[2])?;

@@ -15,7 +15,7 @@ pub(crate) fn counts(
     let list = Rays::List(&case.rays);
     let shadow = QueryKind::ClosestAndShadow { light: case.light };
     let camera = Rays::Camera(&case.camera);
-    for [method, usual] in robust_methods(case, [&mut *subject, &mut *reference])? {
+    for [method, usual] in robust_methods([&*subject, &*reference])? {
         for query in [
             (camera, shadow),
             (list, QueryKind::Closest),

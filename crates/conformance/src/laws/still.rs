@@ -23,7 +23,7 @@ pub(crate) fn passed_over(
     subject: &mut dyn Backend,
     reference: &mut dyn Backend,
 ) -> Result<(), String> {
-    for method in methods(subject, &case.animation)? {
+    for method in methods(subject)? {
         if method.intersector == Method::default().intersector {
             passed_over_by(method, case, subject, reference)
                 .map_err(|e| format!("{method:?}: {e}"))?;

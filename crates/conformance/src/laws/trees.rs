@@ -16,7 +16,7 @@ pub(crate) fn age(
     _: &mut dyn Backend,
 ) -> Result<(), String> {
     let (rays, now) = (Rays::List(&case.rays), case.times[1]);
-    for method in methods(subject, &case.animation)? {
+    for method in methods(subject)? {
         let mut seen: Vec<Hits> = Vec::new();
         for built in [now, case.times[0], case.times[2]] {
             open_with(subject, &case.animation, built, method).map_err(plainly)?;
@@ -38,7 +38,7 @@ pub(crate) fn shape(
 ) -> Result<(), String> {
     let (rays, now) = (Rays::List(&case.rays), case.times[1]);
     let live = live(&case.animation, case.chance);
-    for method in methods(subject, &case.animation)? {
+    for method in methods(subject)? {
         open_with(subject, &case.animation, now, method).map_err(plainly)?;
         stand(subject, &case.animation, now)?;
         let built = ask(subject, rays, QueryKind::Closest)?;

@@ -27,6 +27,10 @@ impl Backend for DriverTreeBackend {
         true
     }
 
+    fn supports(&self, method: Method) -> bool {
+        super::method::driver_tree_supports(method)
+    }
+
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
         super::method::check(self.device.backend, method)?;
         self.gpu.wait_idle()?;
