@@ -33,7 +33,7 @@ fn sum(audit: &Audit, by: Intersector) -> AuditCounts {
 }
 
 #[test]
-fn lots_share_out_every_ray_among_all_meshes_places_and_scenes() {
+fn batches_share_out_every_ray_among_all_meshes_places_and_scenes() {
     for rays in [1, 100, 6000, 3_000_000] {
         for given in [Vec::new(), given()] {
             let sorts = (Kind::ALL.len() + given.len()) as u64;
@@ -57,7 +57,7 @@ fn lots_share_out_every_ray_among_all_meshes_places_and_scenes() {
 }
 
 #[test]
-fn a_lot_can_be_made_again_alone_and_other_seeds_make_others() {
+fn a_batch_can_be_made_again_alone_and_other_seeds_make_others() {
     let [all, other] = [4, 5].map(|seed| Audit::new(AuditPlan { seed, rays: 20_000 }, given()));
     let specs = all.specs();
     for spec in [&specs[3], &specs[specs.len() - 1]] {
@@ -69,22 +69,22 @@ fn a_lot_can_be_made_again_alone_and_other_seeds_make_others() {
 
 #[test]
 fn rays_meet_ties_edges_and_triangles_that_are_none_and_exact_is_right_about_all() {
-    let tally = sum(&audit(40_000), Intersector::Exact);
+    let tally = sum(&audit(10_000), Intersector::Exact);
     let wrong = [tally.wrong, tally.wrong_any, tally.wrong_t];
     assert_eq!(wrong, [0; 3], "{}", tally.first[0]);
-    assert_eq!(tally.rays, 40_000);
+    assert_eq!(tally.rays, 10_000);
     let AuditCounts {
         hits, ties, edges, ..
     } = tally;
-    assert!(hits > 16_000 && ties > 4000 && edges > 4000, "{tally:?}");
-    assert!(tally.degenerate > 100 && tally.inactive > 50, "{tally:?}");
-    assert!(tally.settled > 4000, "{tally:?}");
+    assert!(hits > 4000 && ties > 1000 && edges > 1000, "{tally:?}");
+    assert!(tally.degenerate > 20 && tally.inactive > 10, "{tally:?}");
+    assert!(tally.settled > 1000, "{tally:?}");
 }
 
 #[test]
 fn whoever_rounds_is_found_out_with_the_ray_and_both_answers() {
-    let tally = sum(&audit(20_000), Intersector::Watertight);
-    assert!(tally.wrong > 500 && tally.wrong_any > 50, "{tally:?}");
+    let tally = sum(&audit(5_000), Intersector::Watertight);
+    assert!(tally.wrong > 100 && tally.wrong_any > 10, "{tally:?}");
     let wrong = tally.first[0].to_string();
     assert!(
         wrong.contains("exactly") && wrong.contains("origin"),
