@@ -27,13 +27,10 @@ pub(crate) fn cores() -> usize {
 /// rayon's global pool can be tried only once, so the threads wait for it.
 pub(crate) fn start(threads: Option<usize>) {
     let wanted = threads.unwrap_or_else(cores);
-    let mut crew = waiting(wanted);
-    if crew.len() < wanted {
-        crew.truncate(crew.len() / 2);
-        crate::talk::say(&format!(
-            "the system starts no {wanted} threads: reading and shading take {}",
-            crew.len().max(1)
-        ));
+    let spawn = |work: Box<dyn FnOnce() + Send>| std::thread::Builder::new().spawn(work).map(drop);
+    let (crew, remark) = crew(wanted, spawn);
+    if let Some(remark) = remark {
+        crate::talk::say(&remark);
     }
     // It fails only if the pool runs already; then it stays as it is.
     let pool = rayon::ThreadPoolBuilder::new();
@@ -52,15 +49,27 @@ fn hand(crew: &[Sender<ThreadBuilder>], worker: ThreadBuilder) -> io::Result<()>
     handed.map_err(|_| io::ErrorKind::BrokenPipe.into())
 }
 
-/// Up to `wanted` threads that wait for work to do; they end if they get none.
-fn waiting(wanted: usize) -> Vec<Sender<ThreadBuilder>> {
+/// How a thread is started.
+type Spawn = fn(Box<dyn FnOnce() + Send>) -> io::Result<()>;
+
+/// Up to `wanted` threads that wait for work to do; they end if they get none. Where the system refuses one, half of those
+/// that it granted are left to others, and a remark says so.
+fn crew(wanted: usize, spawn: Spawn) -> (Vec<Sender<ThreadBuilder>>, Option<String>) {
     let start = |_| {
         let (worker, inbox) = channel::<ThreadBuilder>();
         let work = move || inbox.recv().map(ThreadBuilder::run).unwrap_or_default();
-        let started = std::thread::Builder::new().spawn(work);
-        started.is_ok().then_some(worker)
+        spawn(Box::new(work)).ok().map(|()| worker)
     };
-    (0..wanted).map_while(start).collect()
+    let mut crew: Vec<_> = (0..wanted).map_while(start).collect();
+    if crew.len() == wanted {
+        return (crew, None);
+    }
+    crew.truncate(crew.len() / 2);
+    let remark = format!(
+        "the system starts no {wanted} threads: reading and shading take {}",
+        crew.len().max(1)
+    );
+    (crew, Some(remark))
 }
 
 /// Shares `cores` out. With `async` both work at once: where the host renders, a quarter builds
@@ -106,14 +115,33 @@ mod tests {
 
     #[test]
     fn threads_wait_for_work_and_end_without_it() {
-        let crew = waiting(3);
-        assert_eq!(crew.len(), 3);
+        let spawn = |work: Box<dyn FnOnce() + Send>| std::thread::Builder::new().spawn(work).map(drop);
+        let (crew, remark) = crew(3, spawn);
+        assert_eq!((crew.len(), remark), (3, None));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2);
         let pool = pool
             .spawn_handler(|worker| hand(&crew, worker))
             .build()
             .unwrap();
         assert_eq!(pool.install(rayon::current_num_threads), 2);
+    }
+
+    #[test]
+    fn where_the_system_starts_too_few_threads_there_are_fewer_with_a_remark() {
+        use std::sync::atomic::{AtomicUsize, Ordering};
+        static GRANTED: AtomicUsize = AtomicUsize::new(0);
+        let five = |work: Box<dyn FnOnce() + Send>| {
+            if GRANTED.fetch_add(1, Ordering::Relaxed) >= 5 {
+                return Err(io::ErrorKind::WouldBlock.into());
+            }
+            std::thread::Builder::new().spawn(work).map(drop)
+        };
+        let (some, remark) = crew(16, five);
+        assert_eq!(some.len(), 2);
+        assert!(remark.unwrap().contains("no 16 threads"));
+        let (none, remark) = crew(4, |_| Err(io::ErrorKind::WouldBlock.into()));
+        assert!(none.is_empty());
+        assert!(remark.unwrap().contains("take 1"));
     }
 
     const FREE: Update = Update::Async(Pace::Free);
