@@ -115,7 +115,8 @@ mod tests {
 
     #[test]
     fn threads_wait_for_work_and_end_without_it() {
-        let spawn = |work: Box<dyn FnOnce() + Send>| std::thread::Builder::new().spawn(work).map(drop);
+        let spawn =
+            |work: Box<dyn FnOnce() + Send>| std::thread::Builder::new().spawn(work).map(drop);
         let (crew, remark) = crew(3, spawn);
         assert_eq!((crew.len(), remark), (3, None));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2);
