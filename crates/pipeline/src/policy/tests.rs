@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Seconds of all frames, the first tree included; `device` is `rebuild` on the host.
+/// Seconds of all frames, the first tree included, by each policy; `each` makes a tree a frame.
 struct Measured {
     scene: (&'static str, usize, f64),
     frames: usize,
