@@ -1,95 +1,108 @@
-//! Compiles every kernel: stitch, validate, reflect, translate to SPIR-V, make its arithmetic safe.
+//! Compiles every kernel: compose, validate, reflect, translate to SPIR-V, make its arithmetic safe.
 
+#[path = "build/compose.rs"]
+mod compose;
 #[path = "build/harden.rs"]
 mod harden;
 #[path = "build/rays.rs"]
 mod rays;
 #[path = "build/reflect.rs"]
 mod reflect;
-#[path = "build/slots.rs"]
-mod slots;
-#[path = "build/stitch.rs"]
-mod stitch;
+#[path = "build/variants.rs"]
+mod variants;
 #[path = "build/wide.rs"]
 mod wide;
 
 use anyhow::{Context, Result, anyhow};
+use compose::Sources;
 use naga::back::spv;
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use naga::valid::{
     Capabilities, ModuleInfo, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator,
 };
 use std::fmt::Write;
-use std::path::Path;
-use stitch::{Arithmetic, Filling, Rests, Source};
+use std::path::{Path, PathBuf};
+use variants::{Entry, Text, Variant};
 
 fn main() -> Result<()> {
     println!("cargo::rerun-if-changed=wgsl");
     println!("cargo::rerun-if-changed=build");
-    let out = std::env::var("OUT_DIR").context("cargo sets OUT_DIR")?;
-    let kernels = table("Every kernel.", "KERNELS", Path::new("wgsl"))?;
-    let rays = Path::new("wgsl/rays");
-    let beside = "Kernels beside [`RAYS`], for those who have a driver make trees.";
-    let beside = table(beside, "RAY_KERNELS", rays)?;
-    let pipeline = rays::compile(rays).context("wgsl/rays/pipeline.wgsl")?;
+    let out = PathBuf::from(std::env::var("OUT_DIR").context("cargo sets OUT_DIR")?);
+    let sources = Sources::read(Path::new("wgsl"))?;
+    let entries = variants::entries(&sources)?;
+    let (beside, kernels): (Vec<_>, Vec<_>) = entries.iter().partition(|e| e.file == rays::KERNELS);
+    let table = |about, constant, some: &[&Entry]| {
+        let each = some.iter().map(|e| compile(&out, &sources, &entries, e));
+        let all = each.collect::<Result<String>>()?;
+        anyhow::Ok(format!(
+            "/// {about}\npub static {constant}: &[Kernel] = &[\n{all}];\n"
+        ))
+    };
+    let kernels = table("Every kernel.", "KERNELS", &kernels)?;
+    let about = "Kernels beside [`RAYS`], for those who have a driver make trees.";
+    let beside = table(about, "RAY_KERNELS", &beside)?;
+    let pipeline = rays::compile(&out, &sources, &entries).context(rays::PIPELINE)?;
     let all = [kernels, beside, pipeline].concat();
-    std::fs::write(Path::new(&out).join("kernels.rs"), all).context("kernels.rs")
-}
-
-/// All kernels of a folder as a Rust constant.
-fn table(about: &str, constant: &str, folder: &Path) -> Result<String> {
-    let mut table = format!("/// {about}\npub static {constant}: &[Kernel] = &[\n");
-    for stem in stitch::kernels(folder)? {
-        let path = || folder.join(&stem).display().to_string();
-        table.push_str(&compile(folder, &stem).with_context(path)?);
-    }
-    table.push_str("];\n");
-    Ok(table)
+    std::fs::write(out.join("kernels.rs"), all).context("kernels.rs")
 }
 
 /// All variants of a kernel as Rust expressions.
-fn compile(folder: &Path, stem: &str) -> Result<String> {
-    let source = Source::read(folder, stem)?;
-    let fillings = source.fillings();
-    let each = fillings.iter().map(|f| compile_variant(&source, f));
+fn compile(out: &Path, sources: &Sources, all: &[Entry], entry: &Entry) -> Result<String> {
+    let variants = entry.variants(sources, all);
+    let variants = variants.with_context(|| entry.name.clone())?;
+    let each = variants.iter().map(|v| compile_variant(out, entry, v));
     each.collect()
 }
 
-fn compile_variant(source: &Source, filling: &Filling) -> Result<String> {
-    let values = filling.iter().map(|(_, value)| value.name);
-    let name: Vec<_> = [source.stem.as_str()].into_iter().chain(values).collect();
+fn compile_variant(out: &Path, entry: &Entry, variant: &Variant) -> Result<String> {
+    let slots = variant.serves(entry)?;
+    let values = slots.iter().map(|(_, values)| values.join("+"));
+    let name: Vec<_> = [entry.name.clone()].into_iter().chain(values).collect();
     let name = name.join(".");
-    let (code, module) = code(source, filling, Rests::Halves).with_context(|| name.clone())?;
-    let fused = match source.searches() {
-        true => format!("Some({})", self::code(source, filling, Rests::Fused)?.0),
-        false => "None".to_owned(),
+    let (code, module) = code(out, &name, &variant.text).with_context(|| name.clone())?;
+    let fused = match &variant.fused {
+        Some(text) => format!(
+            "Some({})",
+            self::code(out, &format!("{name}.fused"), text)?.0
+        ),
+        None => "None".to_owned(),
     };
-    let entry = &source.stem;
-    let workgroup = reflect::workgroup(&module, entry)?;
+    let workgroup = reflect::workgroup(&module, &entry.name)?;
     let shared = reflect::shared_bytes(&module);
-    reflect::refuse_gaps(&module)?;
+    reflect::refuse_gaps(&module).with_context(|| name.clone())?;
     let bindings = reflect::bindings(&module)?;
-    let slots: Vec<_> = filling.iter().map(|(s, v)| (s.name, v.name)).collect();
+    let slots: Vec<_> = slots
+        .iter()
+        .map(|(axis, values)| format!("({axis:?}, &{values:?})"))
+        .collect();
+    let slots = slots.join(", ");
+    let entry = &entry.name;
     let mut text = String::new();
     writeln!(
         text,
-        "Kernel {{ name: {name:?}, entry: {entry:?}, slots: &{slots:?}, code: {code}, \
+        "Kernel {{ name: {name:?}, entry: {entry:?}, slots: &[{slots}], code: {code}, \
          fused: {fused}, workgroup: {workgroup:?}, \
          shared_bytes: {shared}, bindings: &[{bindings}] }},"
     )?;
     Ok(text)
 }
 
-/// WGSL and SPIR-V as a Rust expression, and the module.
-fn code(source: &Source, filling: &Filling, rests: Rests) -> Result<(String, naga::Module)> {
-    let opaque = source.stitch(filling, Arithmetic::Opaque, rests)?;
-    parse(&opaque, CAPABILITIES)?;
-    let plain = source.stitch(filling, Arithmetic::Plain, rests)?;
-    let (module, info) = parse(&plain, CAPABILITIES)?;
+/// WGSL and SPIR-V as files and a Rust expression that includes them, and the module.
+fn code(out: &Path, name: &str, text: &Text) -> Result<(String, naga::Module)> {
+    parse(&text.opaque, CAPABILITIES)?;
+    let (module, info) = parse(&text.plain, CAPABILITIES)?;
     let words = spv::write_vec(&module, &info, &options((1, 3)), None)?;
-    let spirv = harden::harden(&words)?;
-    let code = format!("Code {{ wgsl: {opaque:?}, spirv: &{spirv:?} }}");
-    Ok((code, module))
+    let spirv = include_words(out, name, &harden::harden(&words)?)?;
+    std::fs::write(out.join(format!("{name}.wgsl")), &text.opaque)?;
+    let wgsl = format!("include_str!(concat!(env!(\"OUT_DIR\"), \"/{name}.wgsl\"))");
+    Ok((format!("Code {{ wgsl: {wgsl}, spirv: {spirv} }}"), module))
+}
+
+/// Words as a file and a Rust expression that includes it.
+fn include_words(out: &Path, name: &str, words: &[u32]) -> Result<String> {
+    let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_ne_bytes()).collect();
+    std::fs::write(out.join(format!("{name}.spv")), bytes)?;
+    Ok(format!("words!(\"/{name}.spv\")"))
 }
 
 /// What kernels may ask of a device; hosts load those that ask for more than all have where it is there.

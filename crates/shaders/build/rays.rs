@@ -1,8 +1,9 @@
 //! The stages of a ray-tracing pipeline: all entry points of one file, in one module.
 
-use crate::stitch::{Arithmetic, Filling, Rests, Source};
-use crate::{harden, options, parse, reflect};
-use anyhow::{Context, Result, anyhow, bail};
+use crate::compose::Sources;
+use crate::variants::{Entry, conditions};
+use crate::{harden, include_words, options, parse, reflect};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use naga::ShaderStage;
 use naga::back::spv;
 use naga::valid::Capabilities;
@@ -11,13 +12,35 @@ use rspirv::dr::{Instruction, Module, Operand, load_words};
 use rspirv::spirv::{Capability, Op, StorageClass};
 use std::path::Path;
 
-/// The stem of the file.
-pub(crate) const FILE: &str = "pipeline";
+/// The file of the stages, and that of the kernels beside them.
+pub(crate) const PIPELINE: &str = "traversal/driver_rays";
+pub(crate) const KERNELS: &str = "traversal/driver_counts";
+
+/// What stands in the file for address spaces and inputs that the crate `wesl` does not know.
+const UNKNOWN: [(&str, &str); 5] = [
+    ("@ray_t_current_max", "@builtin(ray_t_current_max)"),
+    ("@ray_invocation_id", "@builtin(ray_invocation_id)"),
+    ("@num_ray_invocations", "@builtin(num_ray_invocations)"),
+    ("@payload\nvar<private>", "var<ray_payload>"),
+    ("@incoming\nvar<private>", "var<incoming_ray_payload>"),
+];
 
 /// The pipeline's stages as a Rust constant.
-pub(crate) fn compile(folder: &Path) -> Result<String> {
-    let source =
-        Source::read(folder, FILE)?.stitch(&Filling::new(), Arithmetic::Plain, Rests::Halves)?;
+pub(crate) fn compile(out: &Path, sources: &Sources, all: &[Entry]) -> Result<String> {
+    let stages = [
+        "closest_hit",
+        "miss",
+        "camera_closest",
+        "camera_shadow",
+        "given_closest",
+        "given_shadow",
+        "given_any",
+    ];
+    let mut source = sources.compose(PIPELINE, &stages, &[], &conditions(all))?;
+    for (here, there) in UNKNOWN {
+        ensure!(source.contains(here), "no {here}");
+        source = source.replace(here, there);
+    }
     let source = format!("enable wgpu_ray_tracing_pipeline, primitive_index;\n{source}");
     let (module, info) = parse(
         &source,
@@ -28,7 +51,7 @@ pub(crate) fn compile(folder: &Path) -> Result<String> {
     harden::harden_module(&mut lowered);
     hand_over_attributes(&mut lowered)?;
     drop_geometry(&mut lowered);
-    let spirv = lowered.assemble();
+    let spirv = include_words(out, "rays", &lowered.assemble())?;
     let bindings = reflect::bindings(&module)?;
     let scene = reflect::scene(&module)?;
     let entries = |stage| {
@@ -43,7 +66,7 @@ pub(crate) fn compile(folder: &Path) -> Result<String> {
     let (hit, miss) = (lone(ShaderStage::ClosestHit)?, lone(ShaderStage::Miss)?);
     Ok(format!(
         "/// The stages of the pipeline that traces a driver's own tree.\n\
-         pub const RAYS: RayStages = RayStages {{ spirv: &{spirv:?}, scene: {scene}, bindings: &[{bindings}], \
+         pub const RAYS: RayStages = RayStages {{ spirv: {spirv}, scene: {scene}, bindings: &[{bindings}], \
          generate: &{generate:?}, closest_hit: {hit:?}, miss: {miss:?} }};\n"
     ))
 }

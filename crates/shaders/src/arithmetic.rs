@@ -3,7 +3,7 @@
 //! Backends run the kernel `arithmetic` on [`operands`] when they open a
 //! device, and refuse one that [`verify`] finds wrong: equality across devices
 //! rests on single rounding, no fusing, no regrouping, and on the integer
-//! arithmetic of `divide.wgsl` and `exact.wgsl`. The same kernel shows how the device
+//! arithmetic of `wgsl/lib/ieee.wgsl` and `exact.wgsl`. The same kernel shows how the device
 //! divides and adds up products where it may do as it likes, and whether its driver ends long loops early.
 
 use crate::{Packets, Rasterization};

@@ -5,6 +5,13 @@
 //! WGSL whose arithmetic a compiler cannot see through, for those who cannot.
 //! Both give the bits that `cpu-ref` gives.
 //!
+//! The kernels are WESL: each file in `wgsl` imports what it uses itself, and conditions (`@if(EXACT)`) tell variants apart. A
+//! comment above an entry point names the axes of its variants: see `build/variants.rs`. This prints a kernel as it is composed:
+//!
+//! ```sh
+//! cargo run -p shaders --example kernel -- trace_camera watertight fast
+//! ```
+//!
 //! What any host of these kernels needs stands here too, so that no two hosts
 //! can differ in it:
 //!
@@ -60,12 +67,13 @@ pub use view::View;
 /// A compute kernel.
 #[derive(Clone, Copy, Debug)]
 pub struct Kernel {
-    /// Its entry point and what fills its slots, such as `trace_rays.watertight`: no two kernels share it.
+    /// Its entry point and the values that it serves, such as `trace_rays.watertight.fast`: no two kernels share it.
     pub name: &'static str,
-    /// Its entry point, named like its file.
+    /// Its entry point.
     pub entry: &'static str,
-    /// Its slots, each with what fills it; none for kernels that every method shares.
-    pub slots: &'static [(&'static str, &'static str)],
+    /// The axes along which it differs from others with its entry point, each with the values that it serves; none for kernels
+    /// that every method shares.
+    pub slots: &'static [(&'static str, &'static [&'static str])],
     /// The kernel itself.
     pub code: Code,
     /// The same for devices that round a fused product and sum once, of kernels that divide for each of many rays.
@@ -126,14 +134,38 @@ pub struct RayStages {
     pub miss: &'static str,
 }
 
+/// A file's bytes, where words may lie.
+#[repr(C, align(4))]
+struct Aligned<const N: usize>([u8; N]);
+
+impl<const N: usize> Aligned<N> {
+    #[expect(
+        unsafe_code,
+        reason = "no safe cast of bytes to words is known while constants are made"
+    )]
+    const fn words(&self) -> &[u32] {
+        // SAFETY: the bytes lie where words may, N / 4 words are no more bytes than there are, and any bits are a word.
+        unsafe { std::slice::from_raw_parts(self.0.as_ptr().cast(), N / 4) }
+    }
+}
+
+/// A file of the build's, as words.
+macro_rules! words {
+    ($file:literal) => {{
+        static FILE: Aligned<{ include_bytes!(concat!(env!("OUT_DIR"), $file)).len() }> =
+            Aligned(*include_bytes!(concat!(env!("OUT_DIR"), $file)));
+        FILE.words()
+    }};
+}
+
 include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
 
 impl Kernel {
     /// Whether it is of use to `method`.
     #[must_use]
     pub fn serves(&self, method: Method) -> bool {
-        let fits = |&(slot, value): &(_, _)| variant::value(slot, method) == value;
-        self.slots.iter().all(fits)
+        let mut axes = self.slots.iter();
+        axes.all(|(axis, values)| values.contains(&variant::value(axis, method)))
     }
 
     /// What to load on a device.
@@ -170,7 +202,12 @@ impl Kernel {
     /// Whether it is of use to layout `fast` alone.
     #[must_use]
     pub fn refits_treelets(&self) -> bool {
-        self.slots.iter().any(|&(slot, _)| slot == "treelets")
+        let mut all = KERNELS.iter().filter(|k| k.entry == self.entry);
+        all.all(|k| {
+            k.slots
+                .iter()
+                .any(|&(axis, values)| axis == "layout" && values == ["fast"])
+        })
     }
 }
 

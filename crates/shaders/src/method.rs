@@ -20,7 +20,7 @@ pub fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
 }
 
 /// Words of the buffer `blocked` for so many rays: one each, and for `exact` the list of those left open, notes
-/// of three words (`wgsl/shared/notes.wgsl`), and places at which rays are settled one by one (`walk.wgsl`).
+/// of three words (`wgsl/intersect/notes.wgsl`), and places at which rays are settled one by one (`fallback.wgsl`).
 #[must_use]
 pub fn occluded_words(intersector: Intersector, rays: u64) -> u64 {
     match intersector {

@@ -1,7 +1,8 @@
-//! The host's twins of `wgsl/shared/params.wgsl` and of the buffer `counts`; a test compares the former by reflection.
+//! The host's twins of `wgsl/lib/params.wgsl` and of the buffer `counts`; a test compares the former by reflection.
 
 use crate::Shape;
 use crate::units::{self, scaled_point};
+use backend::Layout;
 use bytemuck::{Pod, Zeroable};
 use geom::{Camera, Point, Range};
 
@@ -10,7 +11,7 @@ use geom::{Camera, Point, Range};
 #[repr(C)]
 #[expect(
     missing_docs,
-    reason = "each member is explained in wgsl/shared/params.wgsl"
+    reason = "each member is explained in wgsl/lib/params.wgsl"
 )]
 pub struct Params {
     pub eye: [f32; 3],
@@ -22,7 +23,7 @@ pub struct Params {
     pub down: [f32; 3],
     pub alpha: f32,
     pub light: [f32; 3],
-    pub scale: f32,
+    pub fast_layout: u32,
     pub scale_exponent: i32,
     pub count: u32,
     pub first: u32,
@@ -58,7 +59,7 @@ impl Params {
     #[must_use]
     pub fn of(scale_exponent: i32, tree: &Shape) -> Self {
         Self {
-            scale: units::scale(scale_exponent),
+            fast_layout: u32::from(tree.layout == Layout::Fast),
             scale_exponent,
             leaf_bits_at: tree.leaf_bits_at,
             leaf_ranks_at: tree.leaf_ranks_at,
@@ -78,7 +79,7 @@ impl Params {
     #[must_use]
     pub fn within(self, range: Range) -> Self {
         Self {
-            clearance: range.clearance * self.scale,
+            clearance: range.clearance * units::scale(self.scale_exponent),
             extreme: range.extreme.into(),
             tiny: range.tiny.into(),
             ..self
@@ -197,7 +198,7 @@ mod tests {
     #[test]
     fn the_scale_is_a_power_of_two_for_every_exponent() {
         for k in -126..=126 {
-            let scale = Params::of(k, &Shape::default()).scale;
+            let scale = units::scale(k);
             assert_eq!(f64::from(scale), (-f64::from(k)).exp2());
         }
     }

@@ -73,13 +73,13 @@ pub(crate) const KERNELS: [&str; 6] = [
     "sort_scatter",
     "cluster",
 ];
-/// Elements that one workgroup sorts: see scan.wgsl.
+/// Elements that one workgroup sorts: see build/sort.wgsl.
 const SORT_TILE: u32 = 2048;
 /// Values of a digit.
 const DIGITS: u32 = 256;
 /// Bits of a digit. There are four digits, so that elements end where they began.
 const DIGIT_BITS: usize = 8;
-/// Parts that the box round the scene is made of: see bounds.wgsl.
+/// Parts that the box round the scene is made of: see build/morton.wgsl.
 const PARTS: u32 = 128;
 
 /// So many positions to `tree`'s triangles along a curve, in `sorted`.
@@ -195,7 +195,10 @@ mod tests {
             let found = common(kernel).code.wgsl.contains(text);
             assert!(found, "{kernel} lacks {text}");
         };
-        has("cluster", &format!("const TILE: u32 = {}u;", phases::TILE));
+        has(
+            "cluster",
+            &format!("const CLUSTER_TILE: u32 = {}u;", phases::TILE),
+        );
         for kernel in ["sort_count", "sort_scan", "sort_scatter"] {
             has(kernel, &format!("const TILE: u32 = {SORT_TILE}u;"));
         }

@@ -156,7 +156,7 @@ impl Shape {
     }
 
     /// Bytes of the buffer `costs` that suffice for this tree, in whole rows: where it has treelets, two words for each
-    /// and eight for each root, as `climb.wgsl` lays them out.
+    /// and eight for each root, as `build/treelet_refit.wgsl` lays them out.
     #[must_use]
     pub fn own_cost_bytes(&self) -> u64 {
         match self.treelet_count() {

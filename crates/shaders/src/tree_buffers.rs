@@ -23,7 +23,7 @@ pub struct TreeBuffers<B> {
     records: B,
     /// With layout `fast` empty until a tree says how many rows it takes ([`Shape::node_rows`]), as is `costs`.
     pub nodes: B,
-    /// Partial sums of areas: see refit.wgsl. See [`Shape::own_cost_bytes`].
+    /// Partial sums of areas: see build/refit.wgsl. See [`Shape::own_cost_bytes`].
     pub costs: B,
     /// Empty until a trace says how much it takes: see [`crate::work::Trace::cover_bytes`].
     pub covers: B,

@@ -1,4 +1,4 @@
-//! Scene units to scaled units, "Scale" of "What a hit is" in ARCHITECTURE.md: the host's twin of `wgsl/shared/units.wgsl`.
+//! Scene units to scaled units, "Scale" of "What a hit is" in ARCHITECTURE.md: the host's twin of `wgsl/geometry/units.wgsl`.
 
 use geom::{Point, Range};
 

@@ -1,18 +1,16 @@
-//! What fills a kernel's slots, by method: the host's half of `build/slots.rs`.
+//! The variant of a kernel that a method takes: the host's half of `build/variants.rs`.
 
 use backend::{Intersector, Method};
 
-/// What fills `slot` in the kernels that serve `method`.
-pub(crate) fn value(slot: &str, method: Method) -> &'static str {
-    match (slot, method.intersector) {
+/// The value along `axis` of the kernels that serve `method`.
+pub(crate) fn value(axis: &str, method: Method) -> &'static str {
+    match (axis, method.intersector) {
         ("intersector", Intersector::MollerTrumbore) => "moller_trumbore",
         ("intersector", Intersector::Woop) => "woop",
         ("intersector", Intersector::Watertight) => "watertight",
         ("intersector", Intersector::Exact) => "exact",
-        ("record", Intersector::Woop) => "rows",
-        ("record", _) => "corners",
-        ("layout" | "treelets", _) => method.layout.name(),
-        (slot, _) => panic!("no slot is named {slot}"),
+        ("layout", _) => method.layout.name(),
+        (axis, _) => panic!("no axis is named {axis}"),
     }
 }
 

@@ -72,7 +72,7 @@ pub enum Vertices {
 const SETTLERS: u32 = 1 << 15;
 /// Workgroups that share the list of hits whose shadows are sought, one a ray.
 const SEARCHERS: u32 = 1 << 10;
-/// Candidates of a ray that such workgroups take at once: see `candidates.wgsl`.
+/// Candidates of a ray that such workgroups take at once: see `intersect/resolve_together.wgsl`.
 pub(crate) const ABREAST: u32 = 4;
 
 impl Rays<'_> {

@@ -25,7 +25,7 @@ fn params_lie_as_the_kernels_read_them() {
         macro_rules! same { ($($field:ident)*) => { $(
             assert_eq!(offset(stringify!($field)), offset_of!(Params, $field), "{}", stringify!($field));
         )* } }
-        same!(eye width corner height across first_group down alpha light scale scale_exponent
+        same!(eye width corner height across first_group down alpha light fast_layout scale_exponent
               count first leaf_bits_at leaf_ranks_at leaf_triangles_at node_count zero listed
               destination shift goal rounds places notes rule scaled_eye
               depth_exponent column wide_at row wide_lanes depth wide_root pixel_margin clearance extreme

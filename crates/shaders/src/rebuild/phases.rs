@@ -1,4 +1,4 @@
-//! How clusters become fewer, phase by phase: see cluster.wgsl.
+//! How clusters become fewer, phase by phase: see build/cluster.wgsl.
 
 use bvh_build::MAX_DEPTH;
 

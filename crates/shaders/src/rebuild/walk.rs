@@ -47,7 +47,7 @@ impl std::fmt::Display for BrokenTree {
 }
 
 /// The record of a tree that the device made, over leaves of these `triangles`, in a scene of so many.
-/// `links` are its nodes' by their places with layout `bvh2` (see cluster.wgsl): the left child's place, or a leaf.
+/// `links` are its nodes' by their places with layout `bvh2` (see build/cluster.wgsl): the left child's place, or a leaf.
 ///
 /// # Errors
 /// The nodes make no tree over all the leaves.

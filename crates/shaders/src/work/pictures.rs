@@ -6,7 +6,7 @@ use crate::{Params, Rasterization, Traits, common, kernel, packets, rasterizatio
 use backend::Method;
 use geom::Camera;
 
-/// Rows of the buffer `covers` before the tiles: see tiles.wgsl.
+/// Rows of the buffer `covers` before the tiles: see visibility/cover.wgsl.
 const LISTED: u32 = 4096;
 /// Workgroups that share the large triangles: eight a multiprocessor of an H200, of which some wait while others compute.
 const SHARERS: u32 = 1056;
@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn kernels_keep_stamps_where_the_host_makes_room() {
-        let wgsl = include_str!("../../wgsl/shared/tiles.wgsl");
+        let wgsl = include_str!("../../wgsl/visibility/cover.wgsl");
         assert!(wgsl.contains(&format!("const LISTED: u32 = {LISTED}u;")));
     }
 }

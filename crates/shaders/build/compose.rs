@@ -1,0 +1,100 @@
+//! A kernel from its file and what that imports: plain WGSL with one entry point, without what that does not use.
+
+use anyhow::{Context, Result, anyhow};
+use std::collections::BTreeMap;
+use std::fs::read_to_string;
+use std::path::Path;
+use wesl::syntax::{ModulePath, PathOrigin};
+use wesl::{CompileOptions, Feature, Features, NoMangler, VirtualResolver};
+
+/// How single IEEE operations are kept single.
+#[derive(Clone, Copy)]
+pub(crate) enum Arithmetic {
+    /// By decorations that are added to the SPIR-V.
+    Plain,
+    /// By arithmetic that a compiler cannot see through.
+    Opaque,
+}
+
+/// How what a quotient leaves is found.
+#[derive(Clone, Copy)]
+pub(crate) enum Rests {
+    /// By products of halves.
+    Halves,
+    /// By a fused product and sum.
+    Fused,
+}
+
+/// All files, by their paths from the folder `wgsl` on without extension.
+pub(crate) struct Sources(BTreeMap<String, String>);
+
+impl Sources {
+    pub(crate) fn read(root: &Path) -> Result<Self> {
+        let mut files = BTreeMap::new();
+        for folder in root.read_dir().context("wgsl")? {
+            for file in folder?.path().read_dir().context("a folder in wgsl")? {
+                let path = file?.path();
+                let name = path.strip_prefix(root)?.with_extension("");
+                let text = read_to_string(&path).with_context(|| path.display().to_string())?;
+                files.insert(name.to_string_lossy().into_owned(), text);
+            }
+        }
+        Ok(Self(files))
+    }
+
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
+        let all = self.0.iter();
+        all.map(|(name, text)| (name.as_str(), text.as_str()))
+    }
+
+    /// Entry points of a file with all that they use. Conditions hold that are named in `on`; those in neither list are errors.
+    pub(crate) fn compose(
+        &self,
+        file: &str,
+        entries: &[&str],
+        on: &[&str],
+        off: &[&str],
+    ) -> Result<String> {
+        let mut resolver = VirtualResolver::new();
+        for (name, text) in self.iter() {
+            resolver.add_module(module(name), text.into());
+        }
+        let flag = |name: &&str| ((*name).to_owned(), Feature::from(on.contains(name)));
+        let options = CompileOptions {
+            imports: true,
+            condcomp: true,
+            generics: false,
+            strip: true,
+            lower: false,
+            validate: false,
+            lazy: true,
+            mangle_root: false,
+            keep: Some(entries.iter().map(|e| (*e).to_owned()).collect()),
+            keep_root: false,
+            features: Features {
+                default: Feature::Error,
+                flags: off.iter().chain(on).map(flag).collect(),
+            },
+        };
+        // Names stay as they are: hosts find buffers by them, and a name stands for one thing in all files.
+        let made = wesl::compile(&module(file), &resolver, &NoMangler, &options);
+        let made = made.map_err(|e| anyhow!("{e}"))?;
+        Ok(number_bindings(&made.syntax.to_string()))
+    }
+}
+
+fn module(name: &str) -> ModulePath {
+    let parts = name.split('/').map(str::to_owned);
+    ModulePath::new(PathOrigin::Absolute, parts.collect())
+}
+
+/// Gives each `@binding(next)` its number, from 1 on: the parameters have number 0.
+fn number_bindings(source: &str) -> String {
+    let mut parts = source.split("@binding(next)");
+    let mut numbered = parts.next().unwrap_or_default().to_owned();
+    for (i, part) in parts.enumerate() {
+        numbered.push_str(&format!("@binding({})", i + 1));
+        numbered.push_str(part);
+    }
+    numbered
+}

@@ -1,0 +1,38 @@
+//! Prints a composed kernel: `cargo run -p shaders --example kernel -- trace_camera watertight fast`. Without arguments, all names.
+//!
+//! The last argument may be `fused`, for the text that devices with fused products and sums load.
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "it prints")]
+
+use shaders::{KERNELS, Kernel, RAY_KERNELS};
+use std::process::ExitCode;
+
+/// Whether a kernel has that entry point and serves those values.
+fn matches(kernel: &Kernel, entry: &str, values: &[String]) -> bool {
+    let serves = |value: &String| {
+        kernel
+            .slots
+            .iter()
+            .any(|(_, served)| served.contains(&value.as_str()))
+    };
+    kernel.entry == entry && values.iter().filter(|v| *v != "fused").all(serves)
+}
+
+fn main() -> ExitCode {
+    let all = || KERNELS.iter().chain(RAY_KERNELS);
+    let arguments: Vec<_> = std::env::args().skip(1).collect();
+    let Some((entry, values)) = arguments.split_first() else {
+        all().for_each(|k| println!("{}", k.name.replace('.', " ")));
+        return ExitCode::SUCCESS;
+    };
+    let found: Vec<_> = all().filter(|k| matches(k, entry, values)).collect();
+    let [kernel] = found[..] else {
+        eprintln!(
+            "{} kernels are named so: say more, or nothing for a list",
+            found.len()
+        );
+        return ExitCode::FAILURE;
+    };
+    let fused = kernel.fused.filter(|_| values.iter().any(|v| v == "fused"));
+    print!("{}", fused.unwrap_or(kernel.code).wgsl);
+    ExitCode::SUCCESS
+}

@@ -1,0 +1,235 @@
+// Clusters to fewer clusters, along the curve they are sorted by: each merge makes an inner node.
+//
+// Parallel locally-ordered clustering (Meister, Bittner 2018): two neighbours
+// that are each other's nearest merge, all such pairs at once, round after
+// round. Each workgroup does so for a tile of its own until a set number is
+// left, without a word to the others (as H-PLOC, Benthin, Meister, Barczak,
+// Mehalwal, Tsakok, Kensler 2024, does for subtrees). So the host knows how many
+// clusters each tile leaves and how many inner nodes it makes: nothing is
+// counted, no workgroup waits for another, and no place is handed out twice.
+//
+// The m-th merge of all makes inner node n - 2 - m of n leaves, and its two
+// clusters become its children, side by side, the last merge
+// at the root. A cluster is a node without a place: its box and its link, by which traversal goes on.
+//
+// Each round raises the tree by one level at most, and the host sets how many
+// rounds there may be: after params.rounds of them neighbours merge two by two.
+
+import package::geometry::layout::{LEAF, TWO, children_of};
+import package::lib::buffers::{costs, nodes};
+import package::lib::params::params;
+
+@group(0) @binding(next) var<storage, read_write> clusters: array<vec4<u32>>;
+
+// Clusters of a tile: a workgroup has room for them in 16 KiB.
+const CLUSTER_TILE: u32 = 512u;
+// How far along the curve a neighbour may be.
+const REACH: u32 = 8u;
+
+// Lower x, y, z, then upper x, y, z of all.
+var<workgroup> planes: array<f32, 3072>;
+// What a cluster is: a leaf, or the first of two children.
+var<workgroup> links: array<u32, 512>;
+// Where its nearest neighbour is: those of i and i + 256 in one word.
+var<workgroup> nearest: array<u32, 256>;
+// A bit for each cluster that its nearest neighbour, which comes before it, takes in.
+var<workgroup> taken: array<atomic<u32>, 16>;
+var<workgroup> left: u32;
+
+struct Cluster { low: vec3<f32>, high: vec3<f32>, link: u32 }
+
+// What traversal calls an inner node made of two clusters. With layout `fast` two triangles in a row, both of which a ray can
+// hit, share a leaf: then the node's own rows stay unused. With `bvh2` it is the node's left child.
+@if(LAYOUT_FAST)
+fn link_of(a: Cluster, b: Cluster, inner: u32) -> u32 {
+    let are_triangles = (a.link & (LEAF | TWO)) == LEAF && b.link == a.link + 1u;
+    if are_triangles && a.low.x <= a.high.x && b.low.x <= b.high.x { return a.link | TWO; }
+    return inner + 1u;
+}
+@else
+fn link_of(a: Cluster, b: Cluster, inner: u32) -> u32 { return 2u * inner + 1u; }
+
+fn load(i: u32) -> Cluster {
+    let low = vec3<f32>(planes[i], planes[CLUSTER_TILE + i], planes[2u * CLUSTER_TILE + i]);
+    let high = vec3<f32>(planes[3u * CLUSTER_TILE + i], planes[4u * CLUSTER_TILE + i], planes[5u * CLUSTER_TILE + i]);
+    return Cluster(low, high, links[i]);
+}
+
+fn store(i: u32, c: Cluster) {
+    planes[i] = c.low.x;
+    planes[CLUSTER_TILE + i] = c.low.y;
+    planes[2u * CLUSTER_TILE + i] = c.low.z;
+    planes[3u * CLUSTER_TILE + i] = c.high.x;
+    planes[4u * CLUSTER_TILE + i] = c.high.y;
+    planes[5u * CLUSTER_TILE + i] = c.high.z;
+    links[i] = c.link;
+}
+
+// Half the surface; 0 if the box is empty.
+fn half_area_of(low: vec3<f32>, high: vec3<f32>) -> f32 {
+    let d = max(high - low, vec3<f32>(0.0));
+    return d.x * d.y + d.y * d.z + d.z * d.x;
+}
+
+// The neighbour that makes the smallest box together with this one. Of equals the
+// one whose number differs in the lowest bits: so both sides of a pair rank it
+// alike, the best pair of all is always mutual, and equal boxes merge two by two.
+fn nearest_to(i: u32, count: u32) -> u32 {
+    let own = load(i);
+    var best = i;
+    var least = 0xffffffffu;
+    let end = min(i + REACH + 1u, count);
+    for (var j = max(i, REACH) - REACH; j < end; j += 1u) {
+        if j == i { continue; }
+        let other = load(j);
+        let area = bitcast<u32>(half_area_of(min(own.low, other.low), max(own.high, other.high)));
+        if area < least || (area == least && (i ^ j) < (i ^ best)) {
+            best = j;
+            least = area;
+        }
+    }
+    return best;
+}
+
+// Likewise where no rounds are left: two by two.
+fn partner_of(i: u32, count: u32, round: u32) -> u32 {
+    if i >= count { return i; }
+    if round < params.rounds { return nearest_to(i, count); }
+    return select(i, i ^ 1u, (i ^ 1u) < count);
+}
+
+fn nearest_of(i: u32) -> u32 { return (nearest[i & 255u] >> ((i >> 8u) * 16u)) & 0xffffu; }
+
+fn mark_taken(i: u32) {
+    let j = nearest_of(i);
+    if j < i && nearest_of(j) == i { atomicOr(&taken[i >> 5u], 1u << (i & 31u)); }
+}
+
+// Marks before `i`.
+fn taken_before(i: u32) -> u32 {
+    var count = countOneBits(atomicLoad(&taken[(i >> 5u) & 15u]) & ((1u << (i & 31u)) - 1u));
+    for (var w = 0u; w < (i >> 5u); w += 1u) { count += countOneBits(atomicLoad(&taken[w])); }
+    return count;
+}
+
+fn pack_low(c: Cluster) -> vec4<u32> { return vec4<u32>(bitcast<vec3<u32>>(c.low), c.link); }
+
+fn pack_high(c: Cluster) -> vec4<u32> { return vec4<u32>(bitcast<vec3<u32>>(c.high), 0u); }
+
+fn merge(a: Cluster, b: Cluster, inner: u32) -> Cluster {
+    let link = link_of(a, b, inner);
+    if (link & LEAF) == 0u {
+        let row = children_of(link);
+        nodes[row] = pack_low(a);
+        nodes[row + 1u] = pack_high(a);
+        nodes[row + 2u] = pack_low(b);
+        nodes[row + 3u] = pack_high(b);
+    }
+    return Cluster(min(a.low, b.low), max(a.high, b.high), link);
+}
+
+// A cluster after a round, where it goes (beyond the tile if it was taken), and the half areas of what it is made of.
+struct OutcomeOfRound { cluster: Cluster, place: u32, area: f32 }
+
+// `merges` are the round's merges, of which the first makes inner node `inner`.
+fn outcome_of_round(i: u32, count: u32, merges: u32, inner: u32) -> OutcomeOfRound {
+    if i >= count { return OutcomeOfRound(Cluster(), CLUSTER_TILE, 0.0); }
+    let rank = taken_before(i);
+    let own = load(i);
+    let j = nearest_of(i);
+    let place = i - min(rank, merges);
+    if j == i || nearest_of(j) != i { return OutcomeOfRound(own, place, 0.0); }
+    if j < i { return OutcomeOfRound(own, select(place, CLUSTER_TILE, rank < merges), 0.0); }
+    let number = taken_before(j);
+    if number >= merges { return OutcomeOfRound(own, place, 0.0); }
+    let other = load(j);
+    let area = half_area_of(own.low, own.high) + half_area_of(other.low, other.high);
+    return OutcomeOfRound(merge(own, other, inner - number), place, area);
+}
+
+// One round; returns the half areas of the clusters that merged here.
+fn play_round(local: u32, count: u32, round: u32, inner: u32) -> f32 {
+    let a = partner_of(local, count, round);
+    let b = partner_of(local + 256u, count, round);
+    nearest[local] = a | (b << 16u);
+    if local < 16u { atomicStore(&taken[local], 0u); }
+    workgroupBarrier();
+    if local < count { mark_taken(local); }
+    if local + 256u < count { mark_taken(local + 256u); }
+    workgroupBarrier();
+    let merges = min(taken_before(CLUSTER_TILE), count - params.goal);
+    let first = outcome_of_round(local, count, merges, inner);
+    let second = outcome_of_round(local + 256u, count, merges, inner);
+    workgroupBarrier();
+    if first.place < CLUSTER_TILE { store(first.place, first.cluster); }
+    if second.place < CLUSTER_TILE { store(second.place, second.cluster); }
+    if local == 0u { left = count - merges; }
+    return first.area + second.area;
+}
+
+fn fetch(i: u32) -> Cluster {
+    let low = clusters[2u * i];
+    let high = clusters[2u * i + 1u];
+    return Cluster(bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz), low.w);
+}
+
+// A tile's survivor goes to the next phase; the last of all is the root.
+fn hand_on(tile: u32, i: u32) {
+    let c = load(i);
+    if params.goal == 1u {
+        nodes[0] = pack_low(c);
+        nodes[1] = pack_high(c);
+        return;
+    }
+    let to = params.destination + tile * params.goal + i;
+    clusters[2u * to] = pack_low(c);
+    clusters[2u * to + 1u] = pack_high(c);
+}
+
+// The sum over the workgroup, for invocation 0 alone, always taken in the same order. Overwrites the clusters.
+fn sum_areas(local: u32, area: f32) -> f32 {
+    workgroupBarrier();
+    planes[local] = area;
+    workgroupBarrier();
+    var sum = 0.0;
+    if local < 16u {
+        for (var k = 0u; k < 16u; k += 1u) { sum += planes[local + 16u * k]; }
+        planes[local] = sum;
+    }
+    workgroupBarrier();
+    if local == 0u {
+        for (var k = 1u; k < 16u; k += 1u) { sum += planes[k]; }
+    }
+    return sum;
+}
+
+// Variants: layout.
+@compute @workgroup_size(256)
+fn cluster(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let tile = group.x + group.y * groups.x;
+    // Tiles of every other phase begin half a tile earlier, so that their borders are not always the same.
+    let begin = max(tile * CLUSTER_TILE, params.shift) - params.shift;
+    let end = max(min(tile * CLUSTER_TILE + CLUSTER_TILE - params.shift, params.count), begin);
+    if begin + local < end { store(local, fetch(params.first + begin + local)); }
+    if begin + local + 256u < end { store(local + 256u, fetch(params.first + begin + local + 256u)); }
+    if local == 0u { left = end - begin; }
+    // Each merge so far, in phases before and tiles before, took one cluster away.
+    let leaves = (params.node_count + 1u) / 2u;
+    var inner = leaves - 2u - (leaves - params.count) - (begin - tile * params.goal);
+    var area = 0.0;
+    var count = workgroupUniformLoad(&left);
+    for (var round = 0u; count > params.goal; round += 1u) {
+        area += play_round(local, count, round, inner);
+        let rest = workgroupUniformLoad(&left);
+        inner -= count - rest;
+        count = rest;
+    }
+    if local < count { hand_on(tile, local); }
+    if local + 256u < count { hand_on(tile, local + 256u); }
+    let sum = sum_areas(local, area);
+    if local == 0u && begin < end { costs[params.first_group + tile] = sum; }
+}

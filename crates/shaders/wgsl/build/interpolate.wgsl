@@ -1,0 +1,59 @@
+// Key frames to positions.
+
+import package::lib::exact::{soft_add, soft_multiply};
+import package::lib::ieee::{add, mul, sub};
+import package::lib::params::{element, params};
+
+@group(0) @binding(next) var<storage, read> earlier: array<vec4<u32>>;
+@group(0) @binding(next) var<storage, read> later: array<vec4<u32>>;
+@group(0) @binding(next) var<storage, read_write> positions: array<vec4<u32>>;
+@group(0) @binding(next) var<storage, read> moving_rows: array<u32>;
+
+// geom::Pose::blend, number by number, as bits.
+
+fn blend(a: u32, b: u32) -> u32 {
+    let native = blend_native(a, b);
+    if is_rare(a, b, native) { return blend_rare(a, b); }
+    return native;
+}
+
+fn blend_native(a: u32, b: u32) -> u32 {
+    let x = bitcast<f32>(a);
+    return bitcast<u32>(add(x, mul(sub(bitcast<f32>(b), x), params.alpha)));
+}
+
+// From 2^-100 up, what a device may flush on the way is beneath rounding, unless the weight itself is.
+fn is_rare(a: u32, b: u32, native: u32) -> bool {
+    let small = (native & 0x7fffffffu) < 0x0d800000u || params.alpha < 1.1754943508222875e-38;
+    return small && ((a | b) & 0x7fffffffu) != 0u;
+}
+
+fn blend_rare(a: u32, b: u32) -> u32 {
+    if !is_finite_bits(a) || !is_finite_bits(b) {
+        let x = bitcast<f32>(a);
+        return bitcast<u32>(add(x, sub(bitcast<f32>(b), x)));
+    }
+    let way = soft_add(b, a ^ 0x80000000u);
+    // Beyond the largest number, a weight changes nothing.
+    if !is_finite_bits(way) { return way; }
+    return soft_add(a, soft_multiply(way, bitcast<u32>(params.alpha)));
+}
+
+fn is_finite_bits(x: u32) -> bool { return (x & 0x7f800000u) != 0x7f800000u; }
+
+// Key frames to positions, four numbers at a time; of all rows or of those in which anything moves.
+
+@compute @workgroup_size(128)
+fn interpolate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    var i = element(id, groups, 128u);
+    if i >= params.count { return; }
+    if params.listed == 1u { i = moving_rows[i]; }
+    let a = earlier[i];
+    // At a key frame the bits are copied and the later frame is not read.
+    if bitcast<u32>(params.alpha) == 0u {
+        positions[i] = a;
+        return;
+    }
+    let b = later[i];
+    positions[i] = vec4<u32>(blend(a.x, b.x), blend(a.y, b.y), blend(a.z, b.z), blend(a.w, b.w));
+}

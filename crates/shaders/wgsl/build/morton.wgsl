@@ -1,0 +1,113 @@
+// Triangles to places on a space-filling curve, by which they are sorted.
+
+import package::geometry::triangle::corner;
+import package::geometry::units::{is_finite_point, scaled_point};
+import package::lib::buffers::positions;
+import package::lib::params::{element, params};
+
+// The box round the scene, in parts of two rows.
+@if(bounds)
+@group(0) @binding(next) var<storage, read_write> boxes: array<vec4<f32>>;
+@else
+@group(0) @binding(next) var<storage, read> boxes: array<vec4<f32>>;
+
+// The triangles that the tree holds.
+@group(0) @binding(next) var<storage, read> live: array<u32>;
+@group(0) @binding(next) var<storage, read_write> keys: array<u32>;
+@group(0) @binding(next) var<storage, read_write> sorted: array<u32>;
+
+// The box round what a workgroup of 256 holds.
+
+var<workgroup> lows: array<vec3<f32>, 256>;
+var<workgroup> highs: array<vec3<f32>, 256>;
+
+// Leaves the box in lows[0] and highs[0], for every invocation to read.
+// Every invocation must call it, in uniform control flow.
+fn gather_box(local: u32, low: vec3<f32>, high: vec3<f32>) {
+    lows[local] = low;
+    highs[local] = high;
+    workgroupBarrier();
+    for (var half = 128u; half > 0u; half >>= 1u) {
+        if local < half {
+            lows[local] = min(lows[local], lows[local + half]);
+            highs[local] = max(highs[local], highs[local + half]);
+        }
+        workgroupBarrier();
+    }
+}
+
+// The box round all finite positions, in scaled units: one part a workgroup, of which there are 128.
+
+@compute @workgroup_size(256)
+fn bounds(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    var low = vec3<f32>(bitcast<f32>(0x7f7fffffu));
+    var high = -low;
+    for (var i = id.x; i < params.count; i += groups.x * 256u) {
+        let bits = vec3<u32>(positions[3u * i], positions[3u * i + 1u], positions[3u * i + 2u]);
+        if is_finite_point(bitcast<vec3<f32>>(bits)) {
+            let at = scaled_point(bits);
+            low = min(low, at);
+            high = max(high, at);
+        }
+    }
+    gather_box(local, low, high);
+    if local == 0u {
+        boxes[2u * group.x] = vec4<f32>(lows[0], 0.0);
+        boxes[2u * group.x + 1u] = vec4<f32>(highs[0], 0.0);
+    }
+}
+
+// A place on a space-filling curve for each live triangle: its key, to sort by.
+//
+// The curve halves whichever side of the cell is the longest (Vinkler, Bittner,
+// Havran: Extended Morton Codes for High Performance Bounding Volume Hierarchy
+// Construction, 2017), so that flat scenes waste no bits. Each bit is one halving.
+
+// `at` lies within the cell from 0 to `cell`.
+fn key_of(at: vec3<f32>, cell: vec3<f32>) -> u32 {
+    var rest = at;
+    var size = cell;
+    var key = 0u;
+    for (var i = 0u; i < 32u; i += 1u) {
+        let x = size.x >= size.y && size.x >= size.z;
+        let y = !x && size.y >= size.z;
+        let axis = vec3<bool>(x, y, !x && !y);
+        size = select(size, 0.5 * size, axis);
+        let upper = axis & (rest >= size);
+        rest = select(rest, rest - size, upper);
+        key = (key << 1u) | select(0u, 1u, any(upper));
+    }
+    return key;
+}
+
+// Triangles with a vertex that is not finite come last.
+fn key_of_triangle(triangle: u32) -> u32 {
+    let given = array<vec3<u32>, 3>(corner(triangle, 0u), corner(triangle, 1u), corner(triangle, 2u));
+    let a = scaled_point(given[0]);
+    let b = scaled_point(given[1]);
+    let c = scaled_point(given[2]);
+    if !(is_finite_point(a) && is_finite_point(b) && is_finite_point(c)) { return 0xffffffffu; }
+    let center = 0.5 * min(min(a, b), c) + 0.5 * max(max(a, b), c);
+    return key_of(center - lows[0], highs[0] - lows[0]);
+}
+
+@compute @workgroup_size(256)
+fn morton(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    // Each part twice: 128 parts, 256 invocations.
+    let part = local & 127u;
+    gather_box(local, boxes[2u * part].xyz, boxes[2u * part + 1u].xyz);
+    let i = element(id, groups, 256u);
+    if i >= params.count { return; }
+    let triangle = live[i];
+    keys[i] = key_of_triangle(triangle);
+    sorted[i] = triangle;
+}

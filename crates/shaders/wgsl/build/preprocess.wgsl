@@ -1,0 +1,59 @@
+// Positions to records and boxes of leaves.
+
+import package::build::record::{keep_index, record_of};
+import package::geometry::layout::LEAF;
+import package::geometry::triangle::{corner, is_finite, is_flat};
+import package::geometry::units::scaled_point;
+import package::lib::buffers::{counts, nodes, records, topology};
+import package::lib::params::{element, params};
+
+@group(0) @binding(next) var<storage, read> leaf_nodes: array<u32>;
+
+// How a triangle stands: whether a ray can hit it at all.
+
+const SOUND: u32 = 0u;
+const INACTIVE: u32 = 1u;
+const DEGENERATE: u32 = 2u;
+
+// Of a triangle's corners as they are given, and in scaled units.
+fn standing(given_a: vec3<u32>, given_b: vec3<u32>, given_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> u32 {
+    if !(is_finite(given_a) && is_finite(given_b) && is_finite(given_c)) { return INACTIVE; }
+    return select(SOUND, DEGENERATE, is_flat(given_a, given_b, given_c, a, b, c));
+}
+
+// Positions to triangle records and boxes of leaves, in the tree's leaf order; of all leaves or of those that move.
+//
+// Variants: intersector.
+@compute @workgroup_size(128)
+fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    var leaf = element(id, groups, 128u);
+    if leaf >= params.count { return; }
+    if params.listed == 1u { leaf = topology[params.first + leaf]; }
+    let triangle = topology[params.leaf_triangles_at + leaf];
+    let node = leaf_nodes[leaf];
+    let given_a = corner(triangle, 0u);
+    let given_b = corner(triangle, 1u);
+    let given_c = corner(triangle, 2u);
+    let a = scaled_point(given_a);
+    let b = scaled_point(given_b);
+    let c = scaled_point(given_c);
+    let record = record_of(triangle, a, b, c);
+    keep_index(leaf, triangle);
+    records[3u * leaf] = record.first;
+    records[3u * leaf + 1u] = record.second;
+    records[3u * leaf + 2u] = record.third;
+
+    let stands = standing(given_a, given_b, given_c, a, b, c);
+    var low = vec3<u32>(0x7f800000u);
+    var high = vec3<u32>(0xff800000u);
+    if stands == SOUND {
+        low = bitcast<vec3<u32>>(min(min(a, b), c));
+        high = bitcast<vec3<u32>>(max(max(a, b), c));
+    } else if stands == DEGENERATE {
+        atomicAdd(&counts[1], 1u);
+    } else {
+        atomicAdd(&counts[0], 1u);
+    }
+    nodes[2u * node] = vec4<u32>(low, LEAF | leaf);
+    nodes[2u * node + 1u] = vec4<u32>(high, 0u);
+}

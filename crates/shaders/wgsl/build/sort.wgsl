@@ -1,0 +1,143 @@
+// A radix sort of keys, eight bits a round: count, scan, scatter.
+
+import package::lib::params::params;
+
+@if(sort_count)
+@group(0) @binding(next) var<storage, read> keys: array<u32>;
+@else
+@group(0) @binding(next) var<storage, read_write> keys: array<u32>;
+
+@group(0) @binding(next) var<storage, read_write> sorted: array<u32>;
+
+// For each value of the digit, a count for each tile; after those, the sums that sort_scan makes.
+@if(sort_scatter)
+@group(0) @binding(next) var<storage, read> digits: array<u32>;
+@else
+@group(0) @binding(next) var<storage, read_write> digits: array<u32>;
+
+// Sums over a workgroup of 256, and where the parts of a radix sort lie.
+
+// Elements that one workgroup sorts: 8 an invocation.
+const TILE: u32 = 2048u;
+
+var<workgroup> sums: array<u32, 256>;
+
+// The sum of `x` over all invocations up to and including this one (Hillis, Steele 1986).
+// sums[255] holds the sum of all until the next call. Every invocation must call it, in uniform control flow.
+fn scan_group(local: u32, x: u32) -> u32 {
+    workgroupBarrier();
+    sums[local] = x;
+    workgroupBarrier();
+    for (var step = 1u; step < 256u; step <<= 1u) {
+        var sum = sums[local];
+        if local >= step { sum += sums[local - step]; }
+        workgroupBarrier();
+        sums[local] = sum;
+        workgroupBarrier();
+    }
+    return sums[local];
+}
+
+fn tiles_of(count: u32) -> u32 { return (count + TILE - 1u) / TILE; }
+
+fn digit_of(key: u32) -> u32 { return (key >> params.shift) & 255u; }
+
+// Radix sort, first step of a digit: how often each value occurs in each tile.
+
+var<workgroup> tally: array<atomic<u32>, 256>;
+
+@compute @workgroup_size(256)
+fn sort_count(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let tile = group.x + group.y * groups.x;
+    let tiles = tiles_of(params.count);
+    atomicStore(&tally[local], 0u);
+    workgroupBarrier();
+    for (var turn = 0u; turn < 8u; turn += 1u) {
+        let i = tile * TILE + turn * 256u + local;
+        if i < params.count { atomicAdd(&tally[digit_of(keys[params.first + i])], 1u); }
+    }
+    workgroupBarrier();
+    if tile < tiles { digits[local * tiles + tile] = atomicLoad(&tally[local]); }
+}
+
+// Radix sort, second step of a digit: for each of its values (a workgroup each),
+// how often it occurs in the tiles before each tile, and in all.
+
+@compute @workgroup_size(256)
+fn sort_scan(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>) {
+    let tiles = tiles_of(params.count);
+    let row = group.x * tiles;
+    var before = 0u;
+    for (var first = 0u; first < tiles; first += 256u) {
+        let tile = first + local;
+        var count = 0u;
+        if tile < tiles { count = digits[row + tile]; }
+        let sum = scan_group(local, count);
+        if tile < tiles { digits[row + tile] = before + sum - count; }
+        before += sums[255];
+    }
+    if local == 0u { digits[256u * tiles + group.x] = before; }
+}
+
+// Radix sort, third step of a digit: each element goes to its place. Elements of
+// the same digit keep their order, without which earlier digits would be lost.
+
+// Where the next element of each value goes.
+var<workgroup> places: array<u32, 256>;
+// Who holds which value: word 256 w + v has a bit for each of the invocations from 32 w on.
+var<workgroup> holders: array<atomic<u32>, 2048>;
+
+// How many invocations before this one hold the same value.
+fn holders_before(local: u32, digit: u32) -> u32 {
+    let word = local >> 5u;
+    let own = atomicLoad(&holders[256u * word + digit]);
+    var count = countOneBits(own & ((1u << (local & 31u)) - 1u));
+    for (var w = 0u; w < word; w += 1u) { count += countOneBits(atomicLoad(&holders[256u * w + digit])); }
+    return count;
+}
+
+// Counts the holders of one value and forgets them.
+fn take_holders(digit: u32) -> u32 {
+    var count = 0u;
+    for (var w = 0u; w < 8u; w += 1u) {
+        count += countOneBits(atomicLoad(&holders[256u * w + digit]));
+        atomicStore(&holders[256u * w + digit], 0u);
+    }
+    return count;
+}
+
+@compute @workgroup_size(256)
+fn sort_scatter(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let tile = group.x + group.y * groups.x;
+    let tiles = tiles_of(params.count);
+    let total = digits[256u * tiles + local];
+    let smaller = scan_group(local, total) - total;
+    places[local] = smaller + digits[local * tiles + min(tile, tiles - 1u)];
+    for (var w = 0u; w < 8u; w += 1u) { atomicStore(&holders[256u * w + local], 0u); }
+    workgroupBarrier();
+    for (var turn = 0u; turn < 8u; turn += 1u) {
+        let i = tile * TILE + turn * 256u + local;
+        var key = 0u;
+        if i < params.count {
+            key = keys[params.first + i];
+            atomicOr(&holders[256u * (local >> 5u) + digit_of(key)], 1u << (local & 31u));
+        }
+        workgroupBarrier();
+        if i < params.count {
+            let place = params.destination + places[digit_of(key)] + holders_before(local, digit_of(key));
+            keys[place] = key;
+            sorted[place] = sorted[params.first + i];
+        }
+        workgroupBarrier();
+        places[local] += take_holders(local);
+        workgroupBarrier();
+    }
+}

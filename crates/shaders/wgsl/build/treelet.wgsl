@@ -1,0 +1,123 @@
+// A treelet in the memory of one workgroup: see bvh_layout::Treelets.
+
+import package::build::area::{GROUP, half_area};
+import package::lib::buffers::{nodes, topology};
+import package::lib::params::params;
+
+// Words of a treelet's entry.
+const ENTRY: u32 = 12u;
+// A reference within a treelet, below 512, is also a node's place here.
+const PLACES: u32 = 512u;
+const LEAVES: u32 = 256u;
+
+struct Treelet {
+    first_leaf: u32,
+    leaf_count: u32,
+    inner_at: u32,
+    inner_count: u32,
+    inner_row: u32,
+    roots_at: u32,
+    root_count: u32,
+    root_row: u32,
+    height: u32,
+}
+
+// The number of a dispatch's treelet.
+fn treelet_at(place: u32) -> u32 {
+    let at = params.first + place;
+    if params.listed == 1u { return topology[at]; }
+    return at;
+}
+
+fn treelet(number: u32) -> Treelet {
+    let at = ENTRY * number;
+    return Treelet(
+        topology[at], topology[at + 1u], topology[at + 2u], topology[at + 3u], topology[at + 4u],
+        topology[at + 5u], topology[at + 6u], topology[at + 7u], topology[at + 8u],
+    );
+}
+
+// Boxes of all nodes, coordinate by coordinate, then what traversal calls each leaf. Upper corners lie half a row
+// of banks away from lower ones, as both are read at once.
+var<workgroup> kept: array<u32, 3328>;
+
+fn low_of(place: u32) -> vec4<u32> {
+    return vec4<u32>(kept[place], kept[place + PLACES], kept[place + 2u * PLACES], 0u);
+}
+
+fn high_of(place: u32) -> vec4<u32> {
+    return vec4<u32>(kept[(place ^ 16u) + 3u * PLACES], kept[(place ^ 16u) + 4u * PLACES], kept[(place ^ 16u) + 5u * PLACES], 0u);
+}
+
+fn keep_box(place: u32, low: vec3<u32>, high: vec3<u32>) {
+    kept[place] = low.x;
+    kept[place + PLACES] = low.y;
+    kept[place + 2u * PLACES] = low.z;
+    kept[(place ^ 16u) + 3u * PLACES] = high.x;
+    kept[(place ^ 16u) + 4u * PLACES] = high.y;
+    kept[(place ^ 16u) + 5u * PLACES] = high.z;
+}
+
+fn keep_leaf(leaf: u32, name: u32) {
+    kept[6u * PLACES + leaf] = name;
+}
+
+fn name_of_leaf(leaf: u32) -> u32 {
+    return kept[6u * PLACES + leaf];
+}
+
+// Makes the box at `place` from two others; returns their half areas.
+fn join(place: u32, left: u32, right: u32) -> f32 {
+    let left_low = low_of(left);
+    let left_high = high_of(left);
+    let right_low = low_of(right);
+    let right_high = high_of(right);
+    let low = min(bitcast<vec3<f32>>(left_low.xyz), bitcast<vec3<f32>>(right_low.xyz));
+    let high = max(bitcast<vec3<f32>>(left_high.xyz), bitcast<vec3<f32>>(right_high.xyz));
+    keep_box(place, bitcast<vec3<u32>>(low), bitcast<vec3<u32>>(high));
+    return half_area(left_low, left_high) + half_area(right_low, right_high);
+}
+
+// What each inner node is made of, as `topology` has it.
+var<workgroup> kept_words: array<u32, GROUP>;
+
+// The word of this invocation's inner node, 0 if it has none; to be read early: it takes a while to come.
+fn inner_word(number: u32, local: u32) -> u32 {
+    if local < topology[ENTRY * number + 3u] { return topology[topology[ENTRY * number + 2u] + local]; }
+    return 0u;
+}
+
+// Boxes of inner nodes from those of leaves; returns the half areas of the children that this invocation
+// read. Every invocation must call it with its word, in uniform control flow, the leaves being kept.
+fn refit_treelet(t: Treelet, word: u32) -> f32 {
+    let own = (word >> 18u) & 255u;
+    let own_height = select((word >> 26u) + 1u, 0u, word == 0u);
+    if word != 0u { kept_words[own] = word; }
+    var area = 0.0;
+    for (var height = 1u; height <= t.height; height += 1u) {
+        if own_height == height { area = join(own, word & 511u, (word >> 9u) & 511u); }
+        workgroupBarrier();
+    }
+    return area;
+}
+
+// One of the two rows of a node's box; the first tells traversal how to go on.
+fn row_of(t: Treelet, place: u32, high: bool) -> vec4<u32> {
+    if high { return high_of(place); }
+    var name = (t.inner_row >> 2u) + place;
+    if place >= LEAVES { name = name_of_leaf(place - LEAVES); }
+    return vec4<u32>(low_of(place).xyz, name);
+}
+
+// Writes inner nodes and roots, neighbouring rows by neighbouring invocations.
+fn write_treelet(t: Treelet, local: u32) {
+    for (var row = local; row < 4u * t.inner_count; row += GROUP) {
+        let word = kept_words[row >> 2u];
+        let child = select(word, word >> 9u, (row & 2u) != 0u) & 511u;
+        nodes[t.inner_row + row] = row_of(t, child, (row & 1u) != 0u);
+    }
+    for (var row = local; row < 2u * t.root_count; row += GROUP) {
+        let root = topology[t.roots_at + (row >> 1u)];
+        nodes[t.root_row + row] = row_of(t, root, (row & 1u) != 0u);
+    }
+}

@@ -1,0 +1,231 @@
+// Treelets of triangles: records, and boxes of all their nodes.
+
+import package::build::area::sum_of_group;
+import package::build::interpolate::{blend, blend_native, is_rare};
+import package::build::record::{keep_index, record_of};
+import package::build::treelet::{
+    ENTRY, LEAVES, inner_word, join, keep_box, keep_leaf, kept, refit_treelet, treelet, treelet_at, write_treelet,
+};
+import package::geometry::layout::{LEAF, TWO};
+import package::geometry::triangle::{is_degenerate, is_finite, point_of, seen_to_have_area};
+import package::geometry::units::scaled_point;
+import package::lib::buffers::{costs, counts, records, topology, triangles};
+import package::lib::params::{element, params};
+import package::build::treelet_refit::{leave_and_climb, look_ahead_to_parent};
+
+@group(0) @binding(next) var<storage, read> earlier: array<u32>;
+@group(0) @binding(next) var<storage, read> later: array<u32>;
+
+// Three vertices a triangle, in leaf order.
+@if(gather_corners)
+@group(0) @binding(next) var<storage, read_write> leaf_corners: array<u32>;
+@else
+@group(0) @binding(next) var<storage, read> leaf_corners: array<u32>;
+
+// A tree just adopted to its triangles' vertices in leaf order, so that no later stage
+// has to ask which triangle a leaf is before it can ask for the vertices. To no treelet has any other come yet.
+
+const SHARED: u32 = 0x80000000u;
+//
+// Variants: layout(fast).
+@compute @workgroup_size(256)
+fn gather_corners(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = element(id, groups, 256u);
+    if i >= params.count { return; }
+    if i < params.first_group { costs[params.first_group + i] = 0u; }
+    let triangle = topology[params.leaf_triangles_at + i / 3u] & ~SHARED;
+    leaf_corners[i] = triangles[3u * triangle + i % 3u];
+}
+
+// A triangle's corners, from positions.
+
+@if(!preprocess_treelets_of_keys)
+struct GivenCorners { a: vec3<u32>, b: vec3<u32>, c: vec3<u32> }
+
+@if(!preprocess_treelets_of_keys)
+fn given_corners(vertices: vec3<u32>) -> GivenCorners {
+    return GivenCorners(point_of(vertices.x), point_of(vertices.y), point_of(vertices.z));
+}
+
+// The same where it is rarely asked for.
+@if(!preprocess_treelets_of_keys)
+fn corners_again(vertices: vec3<u32>) -> GivenCorners { return given_corners(vertices); }
+
+// A triangle's corners, blended from two key frames: bit for bit what `interpolate` writes.
+
+@if(preprocess_treelets_of_keys)
+struct GivenCorners { a: vec3<u32>, b: vec3<u32>, c: vec3<u32> }
+
+@if(preprocess_treelets_of_keys)
+fn earlier_point(vertex: u32) -> vec3<u32> {
+    let at = 3u * vertex;
+    return vec3<u32>(earlier[at], earlier[at + 1u], earlier[at + 2u]);
+}
+
+@if(preprocess_treelets_of_keys)
+fn later_point(vertex: u32) -> vec3<u32> {
+    let at = 3u * vertex;
+    return vec3<u32>(later[at], later[at + 1u], later[at + 2u]);
+}
+
+@if(preprocess_treelets_of_keys)
+fn given_corners(vertices: vec3<u32>) -> GivenCorners {
+    let from_a = earlier_point(vertices.x);
+    let from_b = earlier_point(vertices.y);
+    let from_c = earlier_point(vertices.z);
+    // At a key frame the bits are copied and the later frame is not read.
+    if bitcast<u32>(params.alpha) == 0u { return GivenCorners(from_a, from_b, from_c); }
+    let to_a = later_point(vertices.x);
+    let to_b = later_point(vertices.y);
+    let to_c = later_point(vertices.z);
+    let native = GivenCorners(native_point(from_a, to_a), native_point(from_b, to_b), native_point(from_c, to_c));
+    let rare = any_rare(from_a, to_a, native.a) || any_rare(from_b, to_b, native.b) || any_rare(from_c, to_c, native.c);
+    if rare { return corners_again(vertices); }
+    return native;
+}
+
+@if(preprocess_treelets_of_keys)
+fn native_point(a: vec3<u32>, b: vec3<u32>) -> vec3<u32> {
+    return vec3<u32>(blend_native(a.x, b.x), blend_native(a.y, b.y), blend_native(a.z, b.z));
+}
+
+@if(preprocess_treelets_of_keys)
+fn any_rare(a: vec3<u32>, b: vec3<u32>, native: vec3<u32>) -> bool {
+    return is_rare(a.x, b.x, native.x) || is_rare(a.y, b.y, native.y) || is_rare(a.z, b.z, native.z);
+}
+
+// The same where it is rarely asked for: a corner a turn, read again, so that this is there once and takes few registers.
+@if(preprocess_treelets_of_keys)
+fn corners_again(vertices: vec3<u32>) -> GivenCorners {
+    var made = GivenCorners();
+    var left = vertices;
+    for (var i = 0u; i < 3u; i += 1u) {
+        var point = earlier_point(left.x);
+        if bitcast<u32>(params.alpha) != 0u {
+            let to = later_point(left.x);
+            point = vec3<u32>(blend(point.x, to.x), blend(point.y, to.y), blend(point.z, to.z));
+        }
+        made = GivenCorners(made.b, made.c, point);
+        left = left.yzx;
+    }
+    return made;
+}
+
+// Treelets of triangles alone.
+
+// Ends a treelet, whose boxes stand. All of a workgroup call it.
+fn leave_treelet(number: u32, local: u32, area: f32) {
+    write_treelet(treelet(number), local);
+    let sum = sum_of_group(local, area);
+    if local == 0u { costs[number] = sum; }
+}
+
+// A workgroup of 256 makes all of a treelet of triangles, an invocation a triangle. Areas are added up as `refit` does,
+// one partial sum a treelet. How many workgroups a device has in flight depends on registers: what is not needed
+// while corners are at hand is read later, and what is rarely needed, again.
+
+const EMPTY_LOW: u32 = 0x7f800000u;
+const EMPTY_HIGH: u32 = 0xff800000u;
+
+fn vertices_of(leaf: u32) -> vec3<u32> {
+    return vec3<u32>(leaf_corners[3u * leaf], leaf_corners[3u * leaf + 1u], leaf_corners[3u * leaf + 2u]);
+}
+
+// Whether a triangle that is not seen to have an area has none. The compiler must not know that its corners are at hand.
+fn has_none(leaf: u32) -> bool {
+    let given = corners_again(vertices_of(leaf + params.zero));
+    return is_degenerate(given.a, given.b, given.c);
+}
+
+// Keeps an empty box for a triangle that no ray can hit, and counts it. Its record names no triangle: who comes to it by
+// other ways than its box is warned.
+fn keep_empty(local: u32, leaf: u32, count: u32) {
+    atomicAdd(&counts[count], 1u);
+    records[3u * leaf].w = 0xffffffffu;
+    keep_box(LEAVES + local, vec3<u32>(EMPTY_LOW), vec3<u32>(EMPTY_HIGH));
+}
+
+// Writes a triangle's record and keeps its box; returns whether it may yet have no area.
+fn stand(local: u32, leaf: u32, triangle: u32) -> bool {
+    let given = given_corners(vertices_of(leaf));
+    let a = scaled_point(given.a);
+    let b = scaled_point(given.b);
+    let c = scaled_point(given.c);
+    let record = record_of(triangle, a, b, c);
+    records[3u * leaf] = record.first;
+    records[3u * leaf + 1u] = record.second;
+    records[3u * leaf + 2u] = record.third;
+    keep_leaf(local, LEAF | leaf);
+    if !(is_finite(given.a) && is_finite(given.b) && is_finite(given.c)) {
+        keep_empty(local, leaf, 0u);
+        return false;
+    }
+    keep_box(LEAVES + local, bitcast<vec3<u32>>(min(min(a, b), c)), bitcast<vec3<u32>>(max(max(a, b), c)));
+    return !seen_to_have_area(given.a, given.b, given.c, a, b, c);
+}
+
+// Joins a triangle's leaf with the next one's; traversal is told of those alone that a ray can hit.
+fn share(local: u32, leaf: u32) -> f32 {
+    let first = LEAVES + local;
+    if kept[first] == EMPTY_LOW {
+        keep_leaf(local, select(LEAF | (leaf + 1u), LEAF | leaf, kept[first + 1u] == EMPTY_LOW));
+    } else if kept[first + 1u] != EMPTY_LOW {
+        keep_leaf(local, LEAF | TWO | leaf);
+    }
+    return join(first, first, first + 1u);
+}
+
+// Every invocation must call it, in uniform control flow.
+fn make_treelet(local: u32, place: u32) {
+    let number = treelet_at(place);
+    let leaf = topology[ENTRY * number] + local;
+    let is_there = local < topology[ENTRY * number + 1u];
+    let inner = inner_word(number, local);
+    @if(preprocess_treelets_of_keys)
+    look_ahead_to_parent(number);
+    var word = 0u;
+    if is_there {
+        word = topology[params.leaf_triangles_at + leaf];
+        keep_index(leaf, word & ~SHARED);
+        if stand(local, leaf, word & ~SHARED) && has_none(leaf) { keep_empty(local, leaf, 1u); }
+    }
+    let t = treelet(number);
+    workgroupBarrier();
+    var area = 0.0;
+    if (word & SHARED) != 0u { area = share(local, leaf); }
+    workgroupBarrier();
+    area += refit_treelet(t, inner);
+    @if(preprocess_treelets_of_keys)
+    leave_and_climb(number, local, area);
+    @else
+    leave_treelet(number, local, area);
+}
+
+// Positions to triangle records, boxes of leaves, and boxes of all nodes within treelets of triangles;
+// of all those treelets or of those that move.
+//
+// Variants: intersector, layout(fast).
+@compute @workgroup_size(256)
+fn preprocess_treelets(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let place = group.x + group.y * groups.x;
+    if place >= params.count { return; }
+    make_treelet(local, place);
+}
+
+// As `preprocess_treelets`, but from the two key frames about a moment: need not wait for `interpolate`.
+//
+// Variants: intersector, layout(fast).
+@compute @workgroup_size(256)
+fn preprocess_treelets_of_keys(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let place = group.x + group.y * groups.x;
+    if place >= params.count { return; }
+    make_treelet(local, place);
+}

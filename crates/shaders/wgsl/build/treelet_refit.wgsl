@@ -1,0 +1,209 @@
+// Boxes of treelets above those of triangles: one level a dispatch, or all in one.
+
+import package::build::area::{GROUP, half_area, partial_sums, sum_of_group};
+import package::build::treelet::{
+    ENTRY, LEAVES, Treelet, high_of, inner_word, keep_box, keep_leaf, low_of, refit_treelet, row_of, treelet,
+    treelet_at, write_treelet,
+};
+import package::lib::buffers::{costs, counts, nodes, topology};
+import package::lib::params::params;
+
+// Boxes of a treelet whose leaves are roots of the level below. For both kinds of kernel functions below say where those
+// stand (`low_below`, `high_below`), where areas do (`cost_at`, `keep_cost`), and how counts are written (`put_count`).
+
+// Eight at a time, for each takes a while to come.
+fn others(local: u32, number: u32, all: u32) -> f32 {
+    var sums = vec4<f32>(0.0);
+    for (var i = local; i < all; i += 8u * GROUP) {
+        sums += costs_of_others(i, number, all) + costs_of_others(i + 4u * GROUP, number, all);
+    }
+    return (sums.x + sums.y) + (sums.z + sums.w);
+}
+
+fn costs_of_others(first: u32, number: u32, all: u32) -> vec4<f32> {
+    let i = first + vec4<u32>(0u, GROUP, 2u * GROUP, 3u * GROUP);
+    let at = min(i, vec4<u32>(all - 1u));
+    let costs = vec4<f32>(cost_at(at.x), cost_at(at.y), cost_at(at.z), cost_at(at.w));
+    return select(vec4<f32>(0.0), costs, (i == at) & (i != vec4<u32>(number)));
+}
+
+// Sixteen sums of what all invocations stored, for the first sixteen.
+fn sixteenth(local: u32) -> f32 {
+    var sum = 0.0;
+    if local < 16u {
+        for (var k = 0u; k < GROUP / 16u; k += 1u) { sum += partial_sums[local + 16u * k]; }
+    }
+    return sum;
+}
+
+// For invocation 0 the sum of `x` over the workgroup, and that of the first sixteen's `part`. As `sum_of_group`.
+fn both_sums(local: u32, x: f32, part: f32) -> vec2<f32> {
+    partial_sums[local] = x;
+    workgroupBarrier();
+    let sum = sixteenth(local);
+    // Nobody else reads these two.
+    if local < 16u {
+        partial_sums[local] = sum;
+        partial_sums[local + 16u] = part;
+    }
+    workgroupBarrier();
+    var both = vec2<f32>(0.0);
+    if local == 0u {
+        for (var k = 0u; k < 16u; k += 1u) { both += vec2<f32>(partial_sums[k], partial_sums[k + 16u]); }
+    }
+    return both;
+}
+
+// The half areas of the children that this invocation read, and its part of the areas of all others: `all` treelets there are
+// if this is the last of them, which adds up the areas of all, as `sum_costs` does; else 0. All of a workgroup call it.
+fn refit_above(t: Treelet, number: u32, local: u32, all: u32) -> vec2<f32> {
+    let inner = inner_word(number, local);
+    // All that is read is asked for before any of it is waited for.
+    let leaf = t.first_leaf + 2u * min(local, t.leaf_count - 1u);
+    let low = low_below(leaf);
+    let high = high_below(leaf);
+    partial_sums[local] = others(local, number, all);
+    if local < t.leaf_count {
+        keep_box(LEAVES + local, low.xyz, high);
+        keep_leaf(local, low.w);
+    }
+    workgroupBarrier();
+    // Whoever adds up what all cost has an inner node, so there is a barrier before these are overwritten.
+    var part = 0.0;
+    if all > 0u { part = sixteenth(local); }
+    return vec2<f32>(refit_treelet(t, inner), part);
+}
+
+// Adds up what a workgroup found, and keeps it.
+fn add_up(t: Treelet, number: u32, local: u32, all: u32, found: vec2<f32>) {
+    let root = topology[t.roots_at];
+    let sums = both_sums(local, found.x, found.y);
+    if local != 0u { return; }
+    keep_cost(number, sums.x);
+    if all > 0u {
+        put_count(params.destination, sums.x + sums.y);
+        put_count(5u, half_area(low_of(root), high_of(root)));
+    }
+}
+
+// Boxes of one level of treelets from the roots of the level below; of all treelets or of those that move.
+
+@if(refit_treelets)
+fn low_below(row: u32) -> vec4<u32> { return nodes[row]; }
+
+@if(refit_treelets)
+fn high_below(row: u32) -> vec3<u32> { return nodes[row + 1u].xyz; }
+
+@if(refit_treelets)
+fn cost_at(i: u32) -> f32 { return costs[i]; }
+
+@if(refit_treelets)
+fn keep_cost(i: u32, cost: f32) { costs[i] = cost; }
+
+@if(refit_treelets)
+fn put_count(i: u32, x: f32) { counts[i] = bitcast<u32>(x); }
+//
+// Variants: layout(fast).
+@compute @workgroup_size(256)
+fn refit_treelets(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let place = group.x + group.y * groups.x;
+    if place >= params.count { return; }
+    let number = treelet_at(place);
+    let t = treelet(number);
+    let found = refit_above(t, number, local, params.first_group);
+    write_treelet(t, local);
+    add_up(t, number, local, params.first_group, found);
+}
+
+// Boxes of all treelets above those of triangles, in the same dispatch: the workgroup that comes last to a parent goes on
+// with it, as in Karras 2012 (Maximizing Parallelism in the Construction of BVHs), section 4, but treelet by treelet.
+// What one workgroup leaves to another goes through atomics, which no cache hides, and a barrier of the device's memory.
+
+const NO_PARENT: u32 = 0xffffffffu;
+
+// The treelet to go on with.
+var<workgroup> next_treelet: u32;
+
+@if(!refit_treelets)
+fn cost_at(i: u32) -> f32 { return bitcast<f32>(atomicLoad(&costs[i])); }
+
+@if(!refit_treelets)
+fn keep_cost(i: u32, cost: f32) { atomicStore(&costs[i], bitcast<u32>(cost)); }
+
+@if(!refit_treelets)
+fn put_count(i: u32, x: f32) { atomicStore(&counts[i], bitcast<u32>(x)); }
+
+// Where a root's words begin, by its row: roots' rows follow each other from the first treelet's on.
+fn words_of_root(row: u32) -> u32 { return 2u * params.first_group + 4u * (row - topology[7]); }
+
+@if(!refit_treelets)
+fn low_below(row: u32) -> vec4<u32> {
+    let at = words_of_root(row);
+    return vec4<u32>(atomicLoad(&costs[at]), atomicLoad(&costs[at + 1u]), atomicLoad(&costs[at + 2u]), atomicLoad(&costs[at + 3u]));
+}
+
+@if(!refit_treelets)
+fn high_below(row: u32) -> vec3<u32> {
+    let at = words_of_root(row) + 4u;
+    return vec3<u32>(atomicLoad(&costs[at]), atomicLoad(&costs[at + 1u]), atomicLoad(&costs[at + 2u]));
+}
+
+// The parent of a treelet, and how many children that has which come here; read early, since it takes a while to come.
+var<private> parent: u32;
+var<private> siblings: u32;
+
+fn look_ahead_to_parent(number: u32) {
+    parent = topology[ENTRY * number + 9u];
+    siblings = 0u;
+    if parent != NO_PARENT { siblings = topology[ENTRY * parent + 10u + params.listed]; }
+}
+
+// Leaves a treelet's roots to its parent.
+fn hand_over(t: Treelet, local: u32) {
+    for (var k = local; k < t.root_count; k += GROUP) {
+        let place = topology[t.roots_at + k];
+        let at = words_of_root(t.root_row + 2u * k);
+        let low = row_of(t, place, false);
+        let high = high_of(place);
+        for (var i = 0u; i < 4u; i += 1u) {
+            atomicStore(&costs[at + i], low[i]);
+            atomicStore(&costs[at + 4u + i], high[i]);
+        }
+    }
+}
+
+// The parent, if its other children have all come; it is then empty for the next time.
+fn parent_to_go_on_with() -> u32 {
+    let came = 1u + atomicAdd(&costs[params.first_group + parent], 1u);
+    if came != siblings { return NO_PARENT; }
+    atomicStore(&costs[params.first_group + parent], 0u);
+    return parent;
+}
+
+// Ends a treelet, whose boxes stand, and goes on upwards. All of a workgroup call it.
+fn leave_and_climb(first: u32, local: u32, area: f32) {
+    let sum = sum_of_group(local, area);
+    if local == 0u { keep_cost(first, sum); }
+    let last = params.first_group - 1u;
+    var t = treelet(first);
+    var number = first;
+    while params.first_group > 1u && number != last {
+        hand_over(t, local);
+        storageBarrier();
+        // While the count is on its way the boxes are written.
+        if local == 0u { next_treelet = parent_to_go_on_with(); }
+        write_treelet(t, local);
+        number = workgroupUniformLoad(&next_treelet);
+        if number == NO_PARENT { return; }
+        storageBarrier();
+        look_ahead_to_parent(number);
+        t = treelet(number);
+        let all = select(0u, params.first_group, number == last);
+        add_up(t, number, local, all, refit_above(t, number, local, all));
+    }
+    write_treelet(t, local);
+}

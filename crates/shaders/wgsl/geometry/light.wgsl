@@ -1,0 +1,117 @@
+// The ray from a hit to the light, and whether it is occluded.
+
+import package::geometry::ray::{Prepared, prepare_scaled, root_from};
+import package::geometry::record::corners_of;
+import package::geometry::units::{flushed, is_finite_point, scaled_point, snapped3};
+import package::intersect::intersector::{Found, ask_any};
+import package::intersect::line::set_line;
+import package::lib::buffers::{nodes, positions, triangles};
+import package::lib::ieee::{add, mul, sub};
+import package::lib::params::params;
+
+// The ray from a hit to the light: see "Shadow" in ARCHITECTURE.md.
+
+fn sub3(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(sub(a.x, b.x), sub(a.y, b.y), sub(a.z, b.z));
+}
+
+fn dot3(a: vec3<f32>, b: vec3<f32>) -> f32 {
+    return add(add(flushed(mul(a.x, b.x)), flushed(mul(a.y, b.y))), flushed(mul(a.z, b.z)));
+}
+
+fn sign_of(x: f32) -> f32 {
+    return select(0.0, 1.0, x > 0.0) - select(0.0, 1.0, x < 0.0);
+}
+
+fn move_off(p: f32, normal: f32, side: f32, delta: f32) -> f32 {
+    return add(p, mul(mul(sign_of(normal), side), delta));
+}
+
+// From beside a hit to the light, over t in (0, 1). Where `traced` is false, there is nothing between.
+// The origin may have coordinates that are too small to count.
+struct ToLight { origin: vec3<f32>, direction: vec3<f32>, traced: bool }
+
+// With the corners of the triangle that was hit, all in scaled units: `eye` is where the ray that hit came from.
+fn from_triangle(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
+    let e1 = sub3(v1, v0);
+    let e2 = sub3(v2, v0);
+    let u = bitcast<f32>(hit.y);
+    let v = bitcast<f32>(hit.z);
+    var p = vec3<f32>(
+        add(v0.x, add(mul(u, e1.x), mul(v, e2.x))),
+        add(v0.y, add(mul(u, e1.y), mul(v, e2.y))),
+        add(v0.z, add(mul(u, e1.z), mul(v, e2.z))),
+    );
+    p = snapped3(p);
+    let normal = vec3<f32>(
+        flushed(sub(mul(e1.y, e2.z), mul(e1.z, e2.y))),
+        flushed(sub(mul(e1.z, e2.x), mul(e1.x, e2.z))),
+        flushed(sub(mul(e1.x, e2.y), mul(e1.y, e2.x))),
+    );
+    let light = params.light;
+    var side = sign_of(dot3(normal, sub3(light, p)));
+    if side == 0.0 { side = sign_of(dot3(normal, sub3(eye, p))); }
+    let extent = sub3(bitcast<vec3<f32>>(nodes[1].xyz), bitcast<vec3<f32>>(nodes[0].xyz));
+    let reach = max(abs(p.x), max(abs(p.y), abs(p.z)));
+    let own = max(abs(e1), abs(e2));
+    let counted = min(max(extent.x, max(extent.y, extent.z)), max(params.clearance, max(own.x, max(own.y, own.z))));
+    // 4 * 2^-24 and 32 * 2^-24
+    let delta = add(mul(2.384185791015625e-7, reach), mul(1.9073486328125e-6, counted));
+    p = vec3<f32>(
+        move_off(p.x, normal.x, side, delta),
+        move_off(p.y, normal.y, side, delta),
+        move_off(p.z, normal.z, side, delta),
+    );
+    let direction = sub3(light, p);
+    let traced = any(direction != vec3<f32>(0.0)) && is_finite_point(direction) && is_finite_point(p);
+    return ToLight(p, direction, traced);
+}
+
+// The way from a hit to the light, by the triangle's own vertices.
+
+fn scaled(vertex: u32) -> vec3<f32> {
+    let at = 3u * vertex;
+    return scaled_point(vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]));
+}
+
+// All in scaled units: `eye` is where the ray that hit came from.
+fn to_light(hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
+    let v0 = scaled(triangles[3u * hit.w]);
+    let v1 = scaled(triangles[3u * hit.w + 1u]);
+    let v2 = scaled(triangles[3u * hit.w + 2u]);
+    return from_triangle(v0, v1, v2, hit, eye);
+}
+
+// The way from a hit that was just found, by its leaf's record, which holds the corners.
+
+@if(WATERTIGHT || EXACT)
+fn way_from(found: Found, hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
+    let k = corners_of(found.leaf);
+    return from_triangle(k.a, k.b, k.c, hit, eye);
+}
+
+// The way from a hit that was just found, by its triangle.
+@else
+fn way_from(found: Found, hit: vec4<u32>, eye: vec3<f32>) -> ToLight { return to_light(hit, eye); }
+
+// The ray along that way.
+
+fn ray_to_light(way: ToLight) -> Prepared {
+    let origin = snapped3(way.origin);
+    // Origin and direction are both in scaled units already.
+    return prepare_scaled(origin, way.direction, root_from(origin));
+}
+
+// The whole-number line from a hit to the light.
+
+// The way is in scaled units, and the corners are not.
+fn set_line_along(way: ToLight) {
+    set_line(bitcast<vec3<u32>>(way.origin), bitcast<vec3<u32>>(way.direction), 0u, 0x3f800000u, params.scale_exponent);
+}
+
+// Whether the way from a hit to the light is occluded, asked at once.
+
+fn is_occluded(way: ToLight, ignore: u32) -> bool {
+    if !way.traced { return false; }
+    return ask_any(ray_to_light(way), ignore);
+}

@@ -1,0 +1,111 @@
+// The rays that are asked: a camera's, by pixel, and those given one by one.
+
+import package::geometry::ray::{FARTHEST, Prepared, Root, prepare, root_from};
+import package::geometry::units::{is_extreme, is_finite_point, scaled_point};
+import package::intersect::intersector::LEAVES_EXTREMES;
+import package::intersect::line::set_line;
+import package::lib::buffers::rays;
+import package::lib::ieee::{add, mul};
+import package::lib::params::params;
+
+// Which pixel an invocation stands for: 128 of them make a block of 16 x 8 in Morton order.
+
+fn pixel_of(local: u32, group: vec3<u32>) -> vec2<u32> {
+    let x = (local & 1u) | ((local >> 1u) & 2u) | ((local >> 2u) & 4u) | ((local >> 3u) & 8u);
+    let y = ((local >> 1u) & 1u) | ((local >> 2u) & 2u) | ((local >> 3u) & 4u);
+    return vec2<u32>(group.x * 16u + x, group.y * 8u + y);
+}
+
+// A camera's rays: geom::Camera::ray.
+
+fn along(corner: f32, across: f32, down: f32, x: f32, y: f32) -> f32 {
+    return add(add(corner, mul(x, across)), mul(y, down));
+}
+
+// The direction through the middle of a pixel.
+fn through_pixel(pixel: vec2<u32>) -> vec3<f32> {
+    let x = add(f32(pixel.x), 0.5);
+    let y = add(f32(pixel.y), 0.5);
+    return vec3<f32>(
+        along(params.corner.x, params.across.x, params.down.x, x, y),
+        along(params.corner.y, params.across.y, params.down.y, x, y),
+        along(params.corner.z, params.across.z, params.down.z, x, y),
+    );
+}
+
+// Where a camera's rays start, in scaled units.
+
+fn eye() -> vec3<f32> { return params.scaled_eye; }
+
+// A camera's rays made ready.
+
+fn camera_ray(direction: vec3<f32>, origin: vec3<f32>, root: Root) -> Prepared {
+    return prepare(origin, bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, root);
+}
+
+// Whether a ray's line surely passes by the root's box, before anything is made ready: see "Rays that pass by" in ARCHITECTURE.md.
+fn passes_by(d: vec3<f32>, root: Root) -> bool {
+    let c = (root.low + root.high) * 0.5;
+    // 2^-16 * D and 2^-60.
+    let h = (root.high - root.low) * 0.5 + vec3<f32>(1.52587890625e-5 * root.reach + 8.673617379884035e-19);
+    let size = abs(d);
+    let apart = abs(d.yzx * c.zxy - d.zxy * c.yzx);
+    // 2^-100: what a device flushes is less.
+    let near = size.yzx * h.zxy + size.zxy * h.yzx + vec3<f32>(7.888609052210118e-31);
+    // Products beyond range tell nothing.
+    let tells = apart < vec3<f32>(3.0e38);
+    return any(tells & (apart > near)) && root.reach < FARTHEST;
+}
+
+// Whether a pixel's ray surely hits nothing.
+fn misses_root(direction: vec3<f32>, origin: vec3<f32>, root: Root) -> bool {
+    return is_void_way(direction, origin) || passes_by(direction, root);
+}
+
+fn is_void_way(direction: vec3<f32>, origin: vec3<f32>) -> bool {
+    let is_zero = all((bitcast<vec3<u32>>(direction) & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
+    return is_zero || !is_finite_point(direction) || !is_finite_point(origin);
+}
+
+// t_min and t_max.
+fn limits_of_camera(i: u32) -> vec2<u32> { return vec2<u32>(0u, 0x7f800000u); }
+
+// The whole-number lines of pixels' rays, and those rays, by a pixel's number.
+
+fn way_through(i: u32) -> vec3<f32> { return through_pixel(vec2<u32>(i % params.width, i / params.width)); }
+
+fn set_line_of_pixel(i: u32) {
+    set_line(bitcast<vec3<u32>>(params.eye), bitcast<vec3<u32>>(way_through(i)), 0u, 0x7f800000u, 0);
+}
+
+fn ray_of_pixel(i: u32) -> Prepared { return camera_ray(way_through(i), eye(), root_from(eye())); }
+
+// Rays given one by one, two rows each: origin and t_min, direction and t_max.
+
+fn given_ray(i: u32) -> Prepared {
+    let a = rays[2u * i];
+    let b = rays[2u * i + 1u];
+    let origin = scaled_point(a.xyz);
+    return prepare(origin, b.xyz, a.w, b.w, root_from(origin));
+}
+
+// The host marks rays that can hit nothing by a direction of zero; an origin may be too far for the scene's scale.
+fn is_void(i: u32) -> bool {
+    let marked = all((rays[2u * i + 1u].xyz & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
+    let origin = scaled_point(rays[2u * i].xyz);
+    if LEAVES_EXTREMES { return marked || is_extreme(origin); }
+    return marked || !is_finite_point(origin);
+}
+
+// t_min and t_max.
+fn limits_of_given(i: u32) -> vec2<u32> { return vec2<u32>(rays[2u * i].w, rays[2u * i + 1u].w); }
+
+// The whole-number lines of rays given one by one, and those rays.
+
+fn set_line_of_given(i: u32) {
+    let a = rays[2u * i];
+    let b = rays[2u * i + 1u];
+    set_line(a.xyz, b.xyz, a.w, b.w, 0);
+}
+
+fn ray_of_given(i: u32) -> Prepared { return given_ray(i); }

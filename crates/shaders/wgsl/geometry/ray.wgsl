@@ -1,0 +1,222 @@
+// A ray made ready to meet boxes and triangles, and the boxes it meets.
+
+import package::geometry::units::{flushed, scale_bits};
+import package::intersect::intersector::inverse_for;
+import package::lib::buffers::nodes;
+import package::lib::ieee::{Divisor, add, divide_normal, divisor, mul, parts, sub};
+import package::lib::params::params;
+
+// The corners of the root's box from a ray's start, and the greatest of their coordinates: D.
+struct Root { low: vec3<f32>, high: vec3<f32>, reach: f32 }
+
+fn root_from(origin: vec3<f32>) -> Root {
+    let low = bitcast<vec3<f32>>(nodes[0].xyz);
+    let high = bitcast<vec3<f32>>(nodes[1].xyz);
+    let to_low = vec3<f32>(sub(low.x, origin.x), sub(low.y, origin.y), sub(low.z, origin.z));
+    let to_high = vec3<f32>(sub(high.x, origin.x), sub(high.y, origin.y), sub(high.z, origin.z));
+    let away = max(abs(to_low), abs(to_high));
+    return Root(to_low, to_high, max(away.x, max(away.y, away.z)));
+}
+
+// 2^80.
+const FARTHEST: f32 = 1.2089258196146292e24;
+
+// What every test of rays does with directions, and what it writes where nothing is hit.
+
+fn push_from_zero(x: f32) -> f32 {
+    let least = 0x21800000u; // 2^-60
+    let bits = bitcast<u32>(x);
+    return bitcast<f32>((bits & 0x80000000u) | max(bits & 0x7fffffffu, least));
+}
+
+fn pushed_from_zero(d: vec3<f32>) -> vec3<f32> { return vec3<f32>(push_from_zero(d.x), push_from_zero(d.y), push_from_zero(d.z)); }
+
+fn are_negative(v: vec3<f32>) -> vec3<bool> { return (bitcast<vec3<u32>>(v) >> vec3<u32>(31u)) == vec3<u32>(1u); }
+
+// What is written for a ray that hits nothing.
+const MISS: vec4<u32> = vec4<u32>(0x7f800000u, 0u, 0u, 0xffffffffu);
+
+// The least and the greatest of three.
+
+fn least_of(v: vec3<f32>) -> f32 { return min(min(v.x, v.y), v.z); }
+fn most_of(v: vec3<f32>) -> f32 { return max(max(v.x, v.y), v.z); }
+
+// A ray made ready, and the padded box test: see "What a hit is" in ARCHITECTURE.md.
+
+struct Prepared {
+    origin: vec3<f32>,
+    direction: vec3<f32>,
+    t_min: f32,
+    t_max: f32,
+    // 1 / d per axis, d pushed away from zero: as the device divides where no hit is decided by it.
+    inverse: vec3<f32>,
+    // Boxes are padded by slack * |1 / d|: 17 * 2^-24 * D.
+    slack: f32,
+    // What near and far planes times the inverse need added, for loose_planes.
+    to_near: vec3<f32>,
+    to_far: vec3<f32>,
+    // The axis of the largest |d|, and the shear along it.
+    axis: u32,
+    // The axes in the order (kx, ky, kz), and the origin in that order.
+    rows: vec3<u32>,
+    start: vec3<f32>,
+    shear_x: f32,
+    shear_y: f32,
+    shear_z: f32,
+    // The padding along the axis. Infinite if D reaches 2^80.
+    pad: f32,
+    // t in the ray's own units is t * 2^-exponent.
+    exponent: i32,
+}
+
+// To (kx, ky, kz) order, kz being the axis.
+fn permute(v: vec3<f32>, axis: u32) -> vec3<f32> {
+    return select(select(v.yzx, v.zxy, axis == 1u), v, axis == 2u);
+}
+
+// The axes in that order.
+fn rows_along(axis: u32) -> vec3<u32> {
+    return select(select(vec3<u32>(1u, 2u, 0u), vec3<u32>(2u, 0u, 1u), axis == 1u), vec3<u32>(0u, 1u, 2u), axis == 2u);
+}
+
+// And back.
+fn unpermute(v: vec3<f32>, axis: u32) -> vec3<f32> {
+    return select(select(v.zxy, v.yzx, axis == 1u), v, axis == 2u);
+}
+
+fn main_axis(d: vec3<f32>) -> u32 {
+    let m = abs(d);
+    if m.x >= m.y && m.x >= m.z { return 0u; }
+    return select(2u, 1u, m.y >= m.z);
+}
+
+// A component over the main one, which keeps the sign of a zero.
+fn slope(component: f32, by: Divisor) -> f32 {
+    let zero = bitcast<f32>(bitcast<u32>(by.value) & 0x80000000u);
+    return select(divide_normal(component, by), zero, component == 0.0);
+}
+
+// The direction is finite and not zero. The origin is in scaled units; the direction and (t_min, t_max) are the ray's own, as bits.
+fn prepare(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u32, root: Root) -> Prepared {
+    return prepare_shifted(origin, direction, t_min, t_max, root, params.scale_exponent);
+}
+
+// Likewise, with the direction in scaled units.
+fn prepare_scaled(origin: vec3<f32>, direction: vec3<f32>, root: Root) -> Prepared {
+    return prepare_shifted(origin, bitcast<vec3<u32>>(direction), 0u, 0x3f800000u, root, 0);
+}
+
+fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u32, root: Root, shift: i32) -> Prepared {
+    var ray: Prepared;
+    let sizes = direction & vec3<u32>(0x7fffffffu);
+    let e = parts(max(sizes.x, max(sizes.y, sizes.z))).exponent - 127;
+    let d = components(direction, e);
+    let axis = main_axis(d);
+    let k = permute(d, axis);
+    ray.origin = origin;
+    ray.direction = d;
+    ray.axis = axis;
+    ray.rows = rows_along(axis);
+    ray.start = permute(origin, axis);
+    let by = divisor(k.z);
+    ray.shear_x = slope(k.x, by);
+    ray.shear_y = slope(k.y, by);
+    ray.shear_z = divide_normal(1.0, by);
+    ray.exponent = e - shift;
+    ray.t_min = flushed(scale_bits(t_min, ray.exponent));
+    ray.t_max = flushed(scale_bits(t_max, ray.exponent));
+
+    let reach = root.reach;
+    // 17 * 2^-24 * D, and D is at most 2^80.
+    ray.slack = mul(1.01327896118164062e-6, min(reach, FARTHEST));
+    ray.pad = select(mul(ray.slack, abs(ray.shear_z)), bitcast<f32>(0x7f800000u | params.zero), reach >= FARTHEST);
+    ray.inverse = inverse_for(ray);
+    return loosely(ray, reach);
+}
+
+// Adds what loose_planes needs: see "Inner boxes" in ARCHITECTURE.md.
+fn loosely(given: Prepared, reach: f32) -> Prepared {
+    var ray = given;
+    // 32 * 2^-24 * D and 4 * 2^-24 * |o|; from beyond 2^80, D was cut and |o| has to do.
+    let of_origin = select(2.384185791015625e-7, 2.384185791015625e-6, reach >= FARTHEST);
+    let pad = abs(ray.inverse) * (1.9073486328125e-6 * min(reach, FARTHEST) + of_origin * abs(ray.origin));
+    let start = ray.origin * ray.inverse;
+    // Beyond 2^100 an axis tells nothing.
+    let tells = abs(start) < vec3<f32>(1.2676506002282294e30);
+    ray.to_near = select(vec3<f32>(-8.507059173023462e37), -start - pad, tells);
+    ray.to_far = select(vec3<f32>(8.507059173023462e37), pad - start, tells);
+    return ray;
+}
+
+// x * 2^-e for the components of a direction, the largest of which lies in [1, 2) then; below 2^-37 they are zero.
+fn components(direction: vec3<u32>, e: i32) -> vec3<f32> {
+    if e > -80 {
+        let exponents = vec3<i32>((direction >> vec3<u32>(23u)) & vec3<u32>(255u)) - e;
+        // What is subnormal is zero then.
+        let scaled = bitcast<vec3<f32>>(direction - vec3<u32>(bitcast<u32>(e) << 23u));
+        return select(scaled, vec3<f32>(0.0), exponents < vec3<i32>(90));
+    }
+    return vec3<f32>(component(direction.x, e), component(direction.y, e), component(direction.z, e));
+}
+
+fn component(bits: u32, e: i32) -> f32 {
+    let x = scale_bits(bits, -e);
+    return select(x, 0.0, abs(x) < 7.275957614183426e-12);
+}
+
+// Where a ray enters and leaves a box along each axis.
+struct Planes { near: vec3<f32>, far: vec3<f32> }
+
+// Entry no later and exit no earlier than slab finds for any box within: for nodes, which decide no
+// hit. The driver may fuse these operations as it likes.
+fn loose_planes(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> Planes {
+    let negative = are_negative(ray.inverse);
+    let near = select(low, high, negative) * ray.inverse + ray.to_near;
+    return Planes(near, select(high, low, negative) * ray.inverse + ray.to_far);
+}
+
+fn loose_slab(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
+    let planes = loose_planes(ray, low, high);
+    let n = planes.near;
+    let f = planes.far;
+    return vec2<f32>(max(n.x, max(n.y, n.z)), min(f.x, min(f.y, f.z)));
+}
+
+// Whether a node's box is met before `bound`; its corners are the first three words of two rows.
+fn meets_box(ray: Prepared, low: vec4<u32>, high: vec4<u32>, bound: f32) -> bool {
+    let s = loose_slab(ray, bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz));
+    return s.x <= s.y && s.x <= bound && s.y >= ray.t_min;
+}
+
+// 1 / d per axis, rounded once.
+fn inverse_of(ray: Prepared) -> vec3<f32> {
+    let k = permute(ray.direction, ray.axis);
+    let x = divide_normal(1.0, divisor(push_from_zero(k.x)));
+    let y = divide_normal(1.0, divisor(push_from_zero(k.y)));
+    // Along the main axis, which is far from zero, it is the shear's.
+    return unpermute(vec3<f32>(x, y, ray.shear_z), ray.axis);
+}
+
+// Entry and exit of the padded box; met if x <= y.
+fn slab(ray: Prepared, inverse: vec3<f32>, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
+    let negative = are_negative(inverse);
+    let near = select(low, high, negative);
+    let far = select(high, low, negative);
+    let n = vec3<f32>(
+        sub(mul(sub(near.x, ray.origin.x), inverse.x), mul(ray.slack, abs(inverse.x))),
+        sub(mul(sub(near.y, ray.origin.y), inverse.y), mul(ray.slack, abs(inverse.y))),
+        sub(mul(sub(near.z, ray.origin.z), inverse.z), mul(ray.slack, abs(inverse.z))),
+    );
+    let f = vec3<f32>(
+        add(mul(sub(far.x, ray.origin.x), inverse.x), mul(ray.slack, abs(inverse.x))),
+        add(mul(sub(far.y, ray.origin.y), inverse.y), mul(ray.slack, abs(inverse.y))),
+        add(mul(sub(far.z, ray.origin.z), inverse.z), mul(ray.slack, abs(inverse.z))),
+    );
+    return vec2<f32>(max(n.x, max(n.y, n.z)), min(f.x, min(f.y, f.z)));
+}
+
+// t within the box's span; a NaN stays one. Below 2^-100 it is zero.
+fn clamped(t: f32, span: vec2<f32>) -> f32 {
+    let later = select(t, span.x, t < span.x);
+    return flushed(select(later, span.y, later > span.y));
+}

@@ -1,0 +1,186 @@
+// Whether and where a ray meets a triangle, by four determinants in registers: what one invocation does for itself.
+
+import package::geometry::triangle::points_of;
+import package::intersect::line::{Crossing, line, units_of};
+import package::intersect::notes::{NO_NOTE, note_at};
+import package::lib::buffers::{counts, occluded, records};
+import package::lib::fixed::{
+    About, Vector64, Whole192, about_192, add_192, compare_about, in_units, negated_192, quotient_about, sign_192,
+    sub_64, triple_192,
+};
+import package::lib::whole::{CROSSINGS, words};
+
+// Whether the triangle is met, or takes longer numbers to know; about t.
+struct Decided { met: u32, hard: u32, leaf: u32, exponent: i32, about: About }
+
+struct Fixed { fits: bool, unit: i32, a: Vector64, b: Vector64, c: Vector64 }
+
+// A coordinate from the ray's start.
+fn fixed_from(x: u32, origin: u32, unit: i32) -> vec2<u32> {
+    return sub_64(in_units(x, unit), in_units(origin, unit - line.shift));
+}
+
+fn fixed_point(p: vec3<u32>, unit: i32) -> Vector64 {
+    let o = line.origin;
+    return Vector64(fixed_from(p.x, o.x, unit), fixed_from(p.y, o.y, unit), fixed_from(p.z, o.z, unit));
+}
+
+// Corners from the ray's start, if they and the direction have 62 bits at most, and the ray does not begin before it.
+fn fixed(points: array<vec3<u32>, 3>) -> Fixed {
+    let units = units_of(points);
+    if units.y - units.x + 25 > 62 || line.bits > 62 || line.t_min > 0x80000000u { return Fixed(); }
+    return Fixed(true, units.x, fixed_point(points[0], units.x), fixed_point(points[1], units.x), fixed_point(points[2], units.x));
+}
+
+fn fixed_direction() -> Vector64 {
+    let d = line.direction;
+    return Vector64(in_units(d.x, line.unit), in_units(d.y, line.unit), in_units(d.z, line.unit));
+}
+
+// d . (c x b), d . (a x c), d . (b x a) and a . (c x b).
+fn determinant(f: Fixed, side: u32) -> Whole192 {
+    var x = fixed_direction();
+    var p = f.c;
+    var q = f.b;
+    if side == 1u { p = f.a; q = f.c; }
+    if side == 2u { p = f.b; q = f.a; }
+    if side == 3u { x = f.a; }
+    return triple_192(x, p, q);
+}
+
+struct Four { u: Whole192, v: Whole192, w: Whole192, n: Whole192 }
+struct Concluded { made: Decided, d: Whole192, n: Whole192 }
+
+// D, N and what they say, from the four determinants.
+fn conclude(given: Decided, f: Four) -> Concluded {
+    var c = Concluded(given, f.u, f.n);
+    let signs = vec3<i32>(sign_192(f.u), sign_192(f.v), sign_192(f.w));
+    let negative = any(signs < vec3<i32>(0));
+    if negative && any(signs > vec3<i32>(0)) { return c; }
+    c.d = add_192(add_192(f.u, f.v), f.w);
+    if negative {
+        c.d = negated_192(c.d);
+        c.n = negated_192(c.n);
+    }
+    // In the triangle's plane, or behind the start.
+    if all(signs == vec3<i32>(0)) || sign_192(c.n) <= 0 { return c; }
+    c.made.about = quotient_about(about_192(c.n), about_192(c.d), c.made.exponent);
+    let since = select(order_of_limit(c.made.about, line.t_min), 1, (line.t_min << 1u) == 0u);
+    let until = order_of_limit(c.made.about, line.t_max);
+    c.made.met = select(0u, 1u, since > 0 && until < 0);
+    c.made.hard = select(0u, 1u, since >= 0 && until <= 0 && (since == 0 || until == 0));
+    return c;
+}
+
+// Where a crossing's numbers lie, in one of two places.
+fn crossing_in(slot: u32, exponent: i32) -> Crossing {
+    return Crossing(true, CROSSINGS + 56u * slot, CROSSINGS + 56u * slot + 28u, LIMBS, exponent);
+}
+
+// As many limbs as six words have.
+const LIMBS: u32 = 6u;
+
+// Puts a number that is not negative where those of any length lie.
+fn put_192(at: u32, n: Whole192) {
+    words[at] = 0u;
+    words[at + 1u] = n.low.x;
+    words[at + 2u] = n.low.y;
+    words[at + 3u] = n.low.z;
+    words[at + 4u] = n.high.x;
+    words[at + 5u] = n.high.y;
+    words[at + 6u] = n.high.z;
+}
+
+// -1 before a limit, which is not negative, 1 beyond it, 0 if near.
+fn order_of_limit(about: About, bits: u32) -> i32 {
+    if bits == 0x7f800000u { return -1; }
+    // Subnormal limits are rare.
+    if (bits >> 23u) - 1u >= 254u { return 0; }
+    let limit = About(bitcast<f32>((bits & 0x7fffffu) | 0x3f800000u), i32(bits >> 23u) - 127);
+    return compare_about(about, limit);
+}
+
+// Whether and where rays meet the triangles of their notes. A workgroup of 64 takes four
+// rays at a time and four notes of each; four invocations share a note, one for each of the determinants U, V, W and N.
+
+const RAYS: u32 = 4u;
+
+// By invocation: a determinant. Then by note: D, and in the third place after it N, where the ray meets the triangle
+// at t = N / D * 2^exponent.
+var<workgroup> determinants: array<Whole192, 64>;
+var<workgroup> decided: array<Decided, 16>;
+// Open rays of this submission, and whether a ray of this round has more notes.
+var<workgroup> open_rays: u32;
+var<workgroup> has_more: u32;
+
+// Rays left open, the same for all of a workgroup, whose rounds begin.
+fn begin_rounds(local: u32, word: u32) -> u32 {
+    if local == 0u { open_rays = atomicLoad(&counts[word]); }
+    return workgroupUniformLoad(&open_rays);
+}
+
+// The note so many places on.
+fn note_after(list: u32, places: u32) -> u32 {
+    var note = list;
+    for (var i = 0u; i < places && note != NO_NOTE; i += 1u) { note = occluded[note_at(note) + 1u]; }
+    return note;
+}
+
+// Decides up to four notes of a ray whose line is set, from `list` on; what comes of them stands in `decided`. All of a workgroup call it.
+fn decide_notes(list: u32, local: u32) {
+    let note = note_after(list, (local / 4u) % 4u);
+    var made = Decided();
+    var f = Fixed();
+    if note != NO_NOTE {
+        made.leaf = occluded[note_at(note)];
+        let triangle = records[3u * made.leaf].w;
+        f = fixed(points_of(triangle));
+        if f.fits { determinants[local] = determinant(f, local & 3u); }
+        made.hard = select(1u, 0u, f.fits);
+        made.exponent = f.unit - line.shift - line.unit;
+    }
+    workgroupBarrier();
+    if (local & 3u) == 0u {
+        if f.fits {
+            let all = Four(determinants[local], determinants[local + 1u], determinants[local + 2u], determinants[local + 3u]);
+            let c = conclude(made, all);
+            made = c.made;
+            determinants[local] = c.d;
+            determinants[local + 3u] = c.n;
+        }
+        decided[local / 4u] = made;
+    }
+    workgroupBarrier();
+}
+
+// What is left of a list, and whether nothing is left to any ray of the workgroup.
+struct Rest { list: u32, all_done: bool }
+
+// The notes after the next four. All of a workgroup call it.
+fn rest_of(list: u32, local: u32) -> Rest {
+    if local == 0u { has_more = 0u; }
+    workgroupBarrier();
+    let next = note_after(list, 4u);
+    if next != NO_NOTE { has_more = 1u; }
+    workgroupBarrier();
+    return Rest(next, workgroupUniformLoad(&has_more) == 0u);
+}
+
+// The four determinants of one triangle by one invocation alone.
+fn decide_alone(leaf: u32, points: array<vec3<u32>, 3>) -> Concluded {
+    let f = fixed(points);
+    var made = Decided();
+    made.leaf = leaf;
+    made.hard = select(1u, 0u, f.fits);
+    made.exponent = f.unit - line.shift - line.unit;
+    var all = Four();
+    if !f.fits { return Concluded(made, all.u, all.n); }
+    for (var side = 0u; side < 4u; side += 1u) {
+        let n = determinant(f, side);
+        if side == 0u { all.u = n; }
+        if side == 1u { all.v = n; }
+        if side == 2u { all.w = n; }
+        if side == 3u { all.n = n; }
+    }
+    return conclude(made, all);
+}

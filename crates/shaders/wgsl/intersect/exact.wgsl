@@ -1,0 +1,96 @@
+// The intersector `exact`: what is sure by rounded arithmetic.
+
+import package::geometry::layout::NO_LEAF;
+import package::geometry::ray::{MISS, Prepared};
+import package::geometry::record::corners_of;
+import package::intersect::filter::{judge, reported, set_view};
+import package::intersect::notes::{NO_NOTE, OPEN, OPEN_RAYS, with_note};
+import package::lib::buffers::{counts, occluded};
+import package::lib::params::params;
+import package::traversal::traverse::find_any;
+@if(trace_rays)
+import package::geometry::queries::limits_of_given as limits_of;
+@else
+import package::geometry::queries::limits_of_camera as limits_of;
+
+// What a search for the exact closest hit keeps of the leaves it sees. Most rays are decided by it; the others it
+// leaves to the kernels `resolve_exact_*`, with notes of the triangles in question.
+
+// No candidate begins so late.
+const NEVER: f32 = 3.4028234663852886e38;
+
+// `bound` is the least high end of sure hits, `leaf` has it and begins at `low`; `other` is where the first of all others begins.
+struct ExactFound { bound: f32, low: f32, other: f32, leaf: u32, notes: u32 }
+
+fn exact_nothing_found(ray: Prepared) -> ExactFound {
+    set_view(ray);
+    return ExactFound(ray.t_max, NEVER, NEVER, NO_LEAF, NO_NOTE);
+}
+
+// Nodes entered beyond this need no visit.
+fn exact_limit(found: ExactFound) -> f32 { return found.bound; }
+
+fn exact_intersect_leaf_closest(ray: Prepared, leaf: u32, found: ExactFound) -> ExactFound {
+    let j = judge(ray, corners_of(leaf));
+    if !j.possible || !(j.low <= found.bound) { return found; }
+    if !(j.sure && j.high < found.bound) {
+        return ExactFound(found.bound, found.low, min(found.other, j.low), found.leaf, with_note(found.notes, leaf));
+    }
+    // The best so far begins no later than the new one ends.
+    if found.leaf == NO_LEAF || found.low > j.high { return ExactFound(j.high, j.low, found.other, leaf, found.notes); }
+    return ExactFound(j.high, j.low, min(found.other, found.low), leaf, with_note(found.notes, found.leaf));
+}
+
+// What is written for a ray: its hit, or what is known for whoever settles it.
+fn exact_hit_of(i: u32, ray: Prepared, found: ExactFound) -> vec4<u32> {
+    if found.other < NEVER && found.other <= found.bound {
+        var notes = found.notes;
+        if found.leaf != NO_LEAF { notes = with_note(notes, found.leaf); }
+        return left_open(i, found.bound, notes);
+    }
+    if found.leaf == NO_LEAF { return MISS; }
+    atomicAdd(&counts[2], 1u);
+    return reported(ray, found.leaf, limits_of(i));
+}
+
+// Lists a ray. Nothing beyond `bound` is sought.
+fn left_open(i: u32, bound: f32, list: u32) -> vec4<u32> {
+    occluded[params.first + atomicAdd(&counts[OPEN_RAYS], 1u)] = i;
+    return vec4<u32>(bitcast<u32>(bound), list, OPEN, 0u);
+}
+
+// Whether a hit is none yet.
+fn exact_is_unresolved(hit: vec4<u32>) -> bool { return hit.z == OPEN; }
+
+// Whether a ray surely meets a leaf's triangle. Where none is surely met but some may be, the ray is left to the
+// kernels `resolve_exact_*`, with notes of the triangles in question.
+
+var<private> notes: u32 = NO_NOTE;
+
+fn exact_intersect_leaf_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
+    let corners = corners_of(leaf);
+    if corners.triangle == ignore { return false; }
+    let j = judge(ray, corners);
+    if j.possible && !j.sure { notes = with_note(notes, leaf); }
+    return j.sure;
+}
+
+fn exact_ask_any(ray: Prepared, ignore: u32) -> bool {
+    notes = NO_NOTE;
+    set_view(ray);
+    return find_any(ray, ignore);
+}
+
+// Writes whether a ray met anything, and counts it as word `count` of `counts`; lists it by `count + 5` from word
+// `destination` on, with its notes, if nobody knows yet.
+fn exact_store_occluded(i: u32, met: bool, count: u32) {
+    if met {
+        occluded[i] = 1u;
+        atomicAdd(&counts[count], 1u);
+    } else if notes != NO_NOTE {
+        occluded[i] = notes;
+        occluded[params.destination + atomicAdd(&counts[count + 5u], 1u)] = i;
+    } else {
+        occluded[i] = 0u;
+    }
+}

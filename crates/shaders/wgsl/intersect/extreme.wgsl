@@ -1,0 +1,257 @@
+// What extreme rays hit: see "Extreme rays" in ARCHITECTURE.md.
+
+import package::geometry::layout::{LEAF, NONE, children_of, first_of, others_of};
+import package::geometry::ray::{MISS, are_negative, pushed_from_zero};
+import package::geometry::record::NO_TRIANGLE;
+import package::geometry::triangle::points_of;
+import package::geometry::units::{from_ordered, nearest_within, ordered, scale_bits};
+import package::intersect::line::{
+    Crossing, cross_exactly, is_within, line, make_line, order_crossings, put_corners, put_side,
+};
+import package::lib::buffers::{counts, nodes, records};
+import package::lib::ieee::{parts, round_quotient};
+import package::lib::params::params;
+import package::lib::whole::{
+    CROSSINGS, ONE, PRODUCT, PRODUCTS, accumulate, bit_length, bits_from, clear, compare_sizes, finish, words,
+};
+
+// What a line surely passes by, in floats of which the greatest is brought near 1: boxes and triangles of any size.
+
+// Exponent fields, 1 for subnormal numbers as well, of a point; 0 where all is zero.
+fn greatest_field(given: i32, point: vec3<u32>, shift: i32) -> i32 {
+    var most = given;
+    for (var i = 0u; i < 3u; i += 1u) {
+        let magnitude = point[i] & 0x7fffffffu;
+        if magnitude != 0u { most = max(most, max(i32(magnitude >> 23u), 1) + shift); }
+    }
+    return most;
+}
+
+fn scaled_by(point: vec3<u32>, exponent: i32) -> vec3<f32> {
+    return vec3<f32>(scale_bits(point.x, exponent), scale_bits(point.y, exponent), scale_bits(point.z, exponent));
+}
+
+// No number has so small a field.
+const NO_FIELD: i32 = -1000;
+
+// The direction, its largest component in [1, 2), and the exponent that was taken away.
+var<private> coarse_direction: vec3<f32>;
+var<private> coarse_exponent: i32;
+// 1 / d per axis, d pushed away from zero.
+var<private> coarse_inverse: vec3<f32>;
+
+// For the line that is set.
+fn make_coarse() {
+    coarse_exponent = greatest_field(NO_FIELD, line.direction, 0) - 127;
+    if coarse_exponent == 1 - 127 {
+        let most = max(line.direction.x & 0x7fffffffu, max(line.direction.y & 0x7fffffffu, line.direction.z & 0x7fffffffu));
+        coarse_exponent = parts(most).exponent - 127;
+    }
+    coarse_direction = scaled_by(line.direction, -coarse_exponent);
+    coarse_inverse = 1.0 / pushed_from_zero(coarse_direction);
+}
+
+// 2^e within what a float holds.
+fn power_of_two(e: i32) -> f32 { return bitcast<f32>(u32(clamp(e, -126, 127) + 127) << 23u); }
+
+// Whether the line may pass through a box in scaled units before `bound`, as bits, and not all before t_min. A plane at zero may
+// stand for a coordinate that counts as zero, below 2^-64.
+fn may_pass(low: vec3<u32>, high: vec3<u32>, bound: u32) -> bool {
+    // An empty box.
+    if low.x == 0x7f800000u { return false; }
+    let k = params.scale_exponent;
+    var field = greatest_field(NO_FIELD, line.origin, 0);
+    field = greatest_field(greatest_field(field, low, k), high, k);
+    let by = 127 - field;
+    // Not below 2^-100, where differences lose digits.
+    let widening = power_of_two(max(by + k - 64, -100));
+    let small_low = (low & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u);
+    let small_high = (high & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u);
+    let origin = scaled_by(line.origin, by);
+    let to_low = select(scaled_by(low, by + k), vec3<f32>(-widening), small_low) - origin;
+    let to_high = select(scaled_by(high, by + k), vec3<f32>(widening), small_high) - origin;
+    let away = max(abs(to_low), abs(to_high));
+    // 17 * 2^-24 and 2^-90.
+    let pad = (1.01327896118164062e-6 * max(away.x, max(away.y, away.z)) + 8.077935669463161e-28) * abs(coarse_inverse);
+    let negative = are_negative(coarse_inverse);
+    let n = select(to_low, to_high, negative) * coarse_inverse - pad;
+    let f = select(to_high, to_low, negative) * coarse_inverse + pad;
+    let enters = max(n.x, max(n.y, n.z));
+    let leaves = min(f.x, min(f.y, f.z));
+    if !(enters <= leaves) { return false; }
+    // Limits in the same units, loosely.
+    let since = scale_bits(line.t_min, coarse_exponent + by);
+    let until = scale_bits(bound, coarse_exponent + by);
+    return leaves >= since - 1.0e-5 * abs(since) - 1.0e-30 && enters <= until + 1.0e-5 * abs(until) + 1.0e-30;
+}
+
+// On which side of an edge the line surely passes: each product carries at most seven roundings, and less than 2^-110 is lost
+// to what a device flushes.
+fn coarse_side(p: vec3<f32>, q: vec3<f32>) -> i32 {
+    let d = coarse_direction;
+    let plus = p.yzx * q.zxy;
+    let minus = p.zxy * q.yzx;
+    let sum = dot(d, plus - minus);
+    let size = dot(abs(d), abs(plus) + abs(minus));
+    // 24 * 2^-24 and 2^-100.
+    let doubt = 1.430511474609375e-6 * size + 7.888609052210118e-31;
+    return select(0, 1, sum > doubt) - select(0, 1, sum < -doubt);
+}
+
+fn surely_passes_by(points: array<vec3<u32>, 3>) -> bool {
+    var field = greatest_field(NO_FIELD, line.origin, 0);
+    field = greatest_field(greatest_field(greatest_field(field, points[0], 0), points[1], 0), points[2], 0);
+    let by = 127 - field;
+    let origin = scaled_by(line.origin, by);
+    let a = scaled_by(points[0], by) - origin;
+    let b = scaled_by(points[1], by) - origin;
+    let c = scaled_by(points[2], by) - origin;
+    let u = coarse_side(c, b);
+    let v = coarse_side(a, c);
+    let w = coarse_side(b, a);
+    return min(u, min(v, w)) < 0 && max(u, max(v, w)) > 0;
+}
+
+// A quotient of whole numbers of any length, rounded once to a float, as bits.
+fn rounded(c: Crossing) -> u32 {
+    let bits_n = bit_length(c.numerator, c.len);
+    if bits_n == 0 { return 0u; }
+    let up = bits_n - bit_length(c.denominator, c.len);
+    // Both brought to one length, bit by bit: 26 bits of the quotient.
+    let len = c.len + 1u;
+    let a = PRODUCTS;
+    let b = PRODUCTS + PRODUCT;
+    for (var i = 0u; i < 2u; i += 1u) {
+        let side = select(c.numerator, c.denominator, i == 1u);
+        let by = max(select(-up, up, i == 1u), 0);
+        let to = select(a, b, i == 1u);
+        words[to] = 0u;
+        for (var k = 0u; k < len; k += 1u) { words[to + 1u + k] = bits_from(side, c.len, 32 * i32(k) - by); }
+    }
+    var quotient = 0u;
+    for (var i = 0u; i < 26u; i += 1u) {
+        let fits = compare_sizes(a, len, 0, b, len, 0) >= 0;
+        quotient = 2u * quotient + select(0u, 1u, fits);
+        if fits { accumulate(a, len, b, len, ONE, 1u, 1u); }
+        double_up(a, len);
+    }
+    let sticky = bit_length(a, len) != 0;
+    let sign = words[c.numerator] << 31u;
+    if quotient < 0x2000000u { return sign | round_quotient(quotient, sticky, up + c.exponent + 126); }
+    return sign | round_quotient(quotient >> 1u, sticky || (quotient & 1u) == 1u, up + c.exponent + 127);
+}
+
+// Doubles a magnitude.
+fn double_up(at: u32, len: u32) {
+    var carry = 0u;
+    for (var i = at + 1u; i <= at + len; i += 1u) {
+        let x = words[i];
+        words[i] = (x << 1u) | carry;
+        carry = x >> 31u;
+    }
+}
+
+// Extreme rays: what they hit, in whole numbers of any length. See "Extreme rays" in ARCHITECTURE.md. Who uses it declares
+// `nodes`, `records`, `triangles`, `positions` and `counts`.
+
+// The first so far: as it stands, and its t rounded once.
+var<private> best: Crossing;
+var<private> best_t: u32;
+var<private> best_triangle: u32;
+
+// The slot that the first so far does not take.
+fn spare_slot() -> u32 { return select(0u, 1u, best_triangle != NO_TRIANGLE && best.numerator == CROSSINGS); }
+
+// Whether the rule is that of `watertight`: an infinitely small move of the ray, and t as rounded.
+fn rule_moves() -> bool { return params.rule == 1u; }
+
+// Offers a triangle; whether it is met within the limits.
+fn offer_extreme(triangle: u32) -> bool {
+    let points = points_of(triangle);
+    if surely_passes_by(points) { return false; }
+    let c = cross_exactly(points, spare_slot(), rule_moves());
+    if !c.met || (!rule_moves() && !is_within(c)) { return false; }
+    let t = rounded(c);
+    if rule_moves() && (ordered(t) <= ordered(line.t_min) || ordered(t) >= ordered(line.t_max)) { return false; }
+    if best_triangle != NO_TRIANGLE {
+        var order = select(0, 1, ordered(t) > ordered(best_t)) - select(0, 1, ordered(t) < ordered(best_t));
+        if !rule_moves() { order = order_crossings(c, best); }
+        if order > 0 || (order == 0 && triangle > best_triangle) { return true; }
+    }
+    best = c;
+    best_t = t;
+    best_triangle = triangle;
+    return true;
+}
+
+// Goes down the tree for the line that is set, past triangle `ignore`; ends at the first that is met if `any` is.
+fn search_extreme(ignore: u32, any: bool) {
+    best_triangle = NO_TRIANGLE;
+    atomicAdd(&counts[7], 1u);
+    make_line();
+    make_coarse();
+    if !may_pass(nodes[0].xyz, nodes[1].xyz, line.t_max) { return; }
+    var stack: array<u32, 64>;
+    var depth = 0u;
+    var at = nodes[0].w;
+    loop {
+        if at == NONE {
+            if depth == 0u { break; }
+            depth -= 1u;
+            at = stack[depth];
+        }
+        if (at & LEAF) != 0u {
+            let triangle = records[3u * first_of(at)].w;
+            at = others_of(at);
+            if triangle == ignore || triangle == NO_TRIANGLE { continue; }
+            if offer_extreme(triangle) && any { break; }
+        } else {
+            let row = children_of(at);
+            var bound = line.t_max;
+            if best_triangle != NO_TRIANGLE { bound = from_ordered(min(ordered(bound), ordered(best_t) + 1)); }
+            let left = may_pass(nodes[row].xyz, nodes[row + 1u].xyz, bound);
+            let right = may_pass(nodes[row + 2u].xyz, nodes[row + 3u].xyz, bound);
+            if left && right {
+                stack[depth] = nodes[row + 2u].w;
+                depth += 1u;
+            }
+            at = select(select(NONE, nodes[row + 2u].w, right), nodes[row].w, left);
+        }
+    }
+}
+
+// The closest hit along the line that is set.
+fn closest_extreme() -> vec4<u32> {
+    search_extreme(NO_TRIANGLE, false);
+    if best_triangle == NO_TRIANGLE { return MISS; }
+    atomicAdd(&counts[2], 1u);
+    let weights = weights_of(points_of(best_triangle));
+    return vec4<u32>(nearest_within(best_t, vec2<u32>(line.t_min, line.t_max)), weights, best_triangle);
+}
+
+// Whether the line that is set meets any triangle but one.
+fn any_extreme(ignore: u32) -> bool {
+    search_extreme(ignore, true);
+    return best_triangle != NO_TRIANGLE;
+}
+
+// The weights of the second and the third corner, each rounded once. The line passes through the triangle.
+fn weights_of(points: array<vec3<u32>, 3>) -> vec2<u32> {
+    let placed = put_corners(points);
+    let len = placed.len;
+    let sum = CROSSINGS;
+    let sides = vec2<u32>(CROSSINGS + 28u, CROSSINGS + 56u);
+    clear(sum, len.triple);
+    for (var side = 0u; side < 3u; side += 1u) {
+        let to = select(PRODUCTS, select(sides.x, sides.y, side == 2u), side > 0u);
+        put_side(to, side, len);
+        accumulate(sum, len.triple, to, len.triple, ONE, 1u, 0u);
+    }
+    finish(sum, len.triple);
+    var weights: vec2<u32>;
+    for (var i = 0u; i < 2u; i += 1u) {
+        words[sides[i]] = 0u;
+        weights[i] = rounded(Crossing(true, sides[i], sum, len.triple, 0));
+    }
+    return weights;
+}

@@ -1,0 +1,177 @@
+// The kernels for extreme rays.
+
+import package::geometry::queries::through_pixel;
+import package::geometry::ray::MISS;
+import package::geometry::record::NO_TRIANGLE;
+import package::geometry::triangle::points_of;
+import package::geometry::units::{is_extreme, is_finite_point, scale_bits, scaled_point};
+import package::intersect::extreme::{any_extreme, closest_extreme};
+import package::intersect::line::{make_line, put_corners, put_side, set_line};
+import package::lib::buffers::{counts, hits, occluded, rays};
+import package::lib::exact::{soft_add, soft_multiply};
+import package::lib::params::{element, params};
+import package::lib::whole::{CROSSINGS, ONE, PRODUCTS, accumulate, clear, finish, sign_of_number};
+
+// From an extreme ray's hit to the light: the host's twin is `shadow_ray` in cpu-ref/src/extreme.rs. All numbers are bits, added
+// and multiplied as IEEE has it; the largest finite one stands in place of an infinite one.
+
+fn saturated(x: u32) -> u32 { return select(x, (x & 0x80000000u) | 0x7f7fffffu, (x & 0x7fffffffu) >= 0x7f800000u); }
+
+fn sum_of(a: u32, b: u32) -> u32 { return saturated(soft_add(a, b)); }
+
+fn times(a: u32, b: u32) -> u32 { return saturated(soft_multiply(a, b)); }
+
+fn scaled_bits(x: u32, exponent: i32) -> u32 { return saturated(bitcast<u32>(scale_bits(x, exponent))); }
+
+fn negative_of(x: u32) -> u32 { return x ^ 0x80000000u; }
+
+fn largest_of(given: u32, point: vec3<u32>) -> u32 {
+    let size = point & vec3<u32>(0x7fffffffu);
+    return max(given, max(size.x, max(size.y, size.z)));
+}
+
+struct HitPoint { at: vec3<u32>, error: u32 }
+
+// Along the ray or within the triangle, whichever rounds less. 12 * 2^-24 is 0x35400000.
+fn hit_point(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>, points: array<vec3<u32>, 3>) -> HitPoint {
+    var way: vec3<u32>;
+    for (var i = 0u; i < 3u; i += 1u) { way[i] = times(hit.x, direction[i]); }
+    let along = largest_of(largest_of(0u, origin), way);
+    let within = largest_of(largest_of(largest_of(0u, points[0]), points[1]), points[2]);
+    var p: vec3<u32>;
+    if scaled_bits(within, 2) > along {
+        for (var i = 0u; i < 3u; i += 1u) { p[i] = sum_of(origin[i], way[i]); }
+        return HitPoint(p, scaled_bits(largest_of(along, p), -22));
+    }
+    for (var i = 0u; i < 3u; i += 1u) {
+        let a = points[0][i];
+        let by_u = times(hit.y, sum_of(points[1][i], negative_of(a)));
+        let by_v = times(hit.z, sum_of(points[2][i], negative_of(a)));
+        p[i] = sum_of(a, sum_of(by_u, by_v));
+    }
+    return HitPoint(p, times(0x35400000u, within));
+}
+
+// On which side of a triangle's plane a point lies.
+fn side_of(points: array<vec3<u32>, 3>, point: vec3<u32>) -> i32 {
+    set_line(point, vec3<u32>(0x3f800000u, 0u, 0u), 0u, 0x7f800000u, 0);
+    make_line();
+    let placed = put_corners(points);
+    put_side(PRODUCTS, 3u, placed.len);
+    return sign_of_number(PRODUCTS, placed.len.triple);
+}
+
+// The sign of a component of a triangle's normal.
+fn normal_sign(points: array<vec3<u32>, 3>, axis: u32) -> i32 {
+    var direction = vec3<u32>(0u);
+    direction[axis] = 0x3f800000u;
+    set_line(points[0], direction, 0u, 0x7f800000u, 0);
+    make_line();
+    let placed = put_corners(points);
+    clear(CROSSINGS, placed.len.triple);
+    for (var side = 0u; side < 3u; side += 1u) {
+        put_side(PRODUCTS, side, placed.len);
+        accumulate(CROSSINGS, placed.len.triple, PRODUCTS, placed.len.triple, ONE, 1u, 1u);
+    }
+    finish(CROSSINGS, placed.len.triple);
+    return sign_of_number(CROSSINGS, placed.len.triple);
+}
+
+// Whether the light does not reach the hit of a ray. The light is in the scene's units.
+fn is_in_extreme_shadow(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>) -> bool {
+    let points = points_of(hit.w);
+    let light = bitcast<vec3<u32>>(params.light);
+    let point = hit_point(origin, direction, hit, points);
+    var side = side_of(points, light);
+    if side == 0 { side = side_of(points, origin); }
+    let delta = max(point.error, 4u);
+    var start: vec3<u32>;
+    var way: vec3<u32>;
+    for (var i = 0u; i < 3u; i += 1u) {
+        let towards = side * normal_sign(points, i);
+        var by = 0u;
+        if towards > 0 { by = delta; }
+        if towards < 0 { by = negative_of(delta); }
+        start[i] = sum_of(point.at[i], by);
+        way[i] = soft_add(bitcast<u32>(scale_bits(light[i], -1)), negative_of(bitcast<u32>(scale_bits(start[i], -1))));
+    }
+    if all((way & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u)) { return false; }
+    // t within (0, 2): the direction is half the way.
+    set_line(start, way, 0u, 0x40000000u, 0);
+    return any_extreme(hit.w);
+}
+
+// The closest hits of the rays of a camera, all of which are extreme.
+
+@compute @workgroup_size(64)
+fn extreme_camera(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = element(id, groups, 64u);
+    if i >= params.count { return; }
+    hits[i] = MISS;
+    let direction = bitcast<vec3<u32>>(through_pixel(vec2<u32>(i % params.width, i / params.width)));
+    let is_void = all((direction & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
+    if is_void || !is_finite_point(bitcast<vec3<f32>>(direction)) || !is_finite_point(params.eye) { return; }
+    set_line(bitcast<vec3<u32>>(params.eye), direction, 0u, 0x7f800000u, 0);
+    hits[i] = closest_extreme();
+}
+
+// The closest hits of those given rays that are extreme.
+
+@compute @workgroup_size(64)
+fn extreme_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = element(id, groups, 64u);
+    if i >= params.count || !is_extreme(scaled_point(rays[2u * i].xyz)) { return; }
+    let a = rays[2u * i];
+    let b = rays[2u * i + 1u];
+    hits[i] = MISS;
+    // The host marks rays that can hit nothing by a direction of zero.
+    if all((b.xyz & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u)) { return; }
+    set_line(a.xyz, b.xyz, a.w, b.w, 0);
+    hits[i] = closest_extreme();
+}
+
+// Whether those given rays that are extreme meet anything.
+
+@compute @workgroup_size(64)
+fn extreme_any_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = element(id, groups, 64u);
+    if i >= params.count || !is_extreme(scaled_point(rays[2u * i].xyz)) { return; }
+    let a = rays[2u * i];
+    let b = rays[2u * i + 1u];
+    occluded[i] = 0u;
+    if all((b.xyz & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u)) { return; }
+    set_line(a.xyz, b.xyz, a.w, b.w, 0);
+    if any_extreme(NO_TRIANGLE) {
+        occluded[i] = 1u;
+        atomicAdd(&counts[2], 1u);
+    }
+}
+
+// The shadows of the hits of a camera's rays, all of which are extreme.
+
+@compute @workgroup_size(64)
+fn extreme_shadow_camera(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = element(id, groups, 64u);
+    if i >= params.count { return; }
+    occluded[i] = 0u;
+    if hits[i].w == NO_TRIANGLE { return; }
+    let direction = bitcast<vec3<u32>>(through_pixel(vec2<u32>(i % params.width, i / params.width)));
+    if is_in_extreme_shadow(bitcast<vec3<u32>>(params.eye), direction, hits[i]) {
+        occluded[i] = 1u;
+        atomicAdd(&counts[3], 1u);
+    }
+}
+
+// The shadows of the hits of those given rays that are extreme.
+
+@compute @workgroup_size(64)
+fn extreme_shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = element(id, groups, 64u);
+    if i >= params.count || !is_extreme(scaled_point(rays[2u * i].xyz)) { return; }
+    occluded[i] = 0u;
+    if hits[i].w == NO_TRIANGLE { return; }
+    if is_in_extreme_shadow(rays[2u * i].xyz, rays[2u * i + 1u].xyz, hits[i]) {
+        occluded[i] = 1u;
+        atomicAdd(&counts[3], 1u);
+    }
+}

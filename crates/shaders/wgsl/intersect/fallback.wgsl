@@ -1,0 +1,220 @@
+// Settles the rays whose notes do not tell: each goes down the tree again.
+
+import package::geometry::layout::{LEAF, NONE, NO_LEAF, children_of, first_of, others_of};
+import package::geometry::light::{ray_to_light, set_line_along, to_light};
+import package::geometry::queries::eye;
+import package::geometry::ray::{MISS, Prepared, meets_box};
+import package::geometry::record::corners_of;
+import package::geometry::triangle::points_of;
+import package::geometry::units::scaled_point;
+import package::intersect::determinants::decide_alone;
+import package::intersect::filter::{judge, reported, set_view};
+import package::intersect::line::{make_line, meet_exactly};
+import package::intersect::notes::{FIRST_NOTE, HARD, OPEN, OPEN_RAYS, OPEN_SHADOWS, answer_any};
+import package::intersect::resolve_exact::{first_leaf, free_slot, offer, put_crossing};
+import package::lib::buffers::{counts, hits, nodes, occluded, rays, records};
+import package::lib::params::params;
+@if(fallback_rays || fallback_any_rays)
+import package::geometry::queries::{limits_of_given as limits_of, ray_of_given as ray_of, set_line_of_given as set_line_of};
+@else
+import package::geometry::queries::{limits_of_camera as limits_of, ray_of_pixel as ray_of, set_line_of_pixel as set_line_of};
+
+// Another search for rays that notes do not tell of: down the tree, candidate by candidate, by one invocation a ray. Its stack
+// lies in `occluded` behind the notes.
+
+const STACK: u32 = 64u;
+
+fn stack_at(place: u32) -> u32 { return 2u * params.first + 3u * params.notes + STACK * place; }
+
+// Settles every open ray whose turn is at this invocation's place; the kernel says how, by `fallback_ray`. One invocation in
+// sixteen has a place: so it is alone in its vector on software drivers.
+fn fallback_open(local: u32, group: u32, word: u32) {
+    let place = 4u * group + local / 16u;
+    if local % 16u != 0u || place >= params.places || atomicLoad(&counts[word + HARD]) == 0u { return; }
+    let open = atomicLoad(&counts[word]);
+    for (var k = place; k < open; k += params.places) {
+        let i = occluded[list_at() + k];
+        if is_open(i) { fallback_ray(place, i); }
+    }
+}
+
+fn may_meet(ray: Prepared, row: u32, bound: f32) -> bool {
+    return meets_box(ray, nodes[row], nodes[row + 1u], bound);
+}
+
+// Where the list of open rays begins.
+@if(fallback_camera || fallback_rays)
+fn list_at() -> u32 { return params.first; }
+@else
+fn list_at() -> u32 { return params.destination; }
+
+@if(fallback_camera || fallback_rays)
+fn is_open(i: u32) -> bool { return hits[i].z == OPEN; }
+@else
+fn is_open(i: u32) -> bool { return occluded[i] >= FIRST_NOTE; }
+
+@if(fallback_camera || fallback_rays)
+fn is_candidate(ray: Prepared, leaf: u32, bound: f32) -> bool {
+    let j = judge(ray, corners_of(leaf));
+    return j.possible && j.low <= bound;
+}
+@else
+fn is_candidate(ray: Prepared, leaf: u32, bound: f32) -> bool {
+    let corners = corners_of(leaf);
+    if corners.triangle == left_out { return false; }
+    return judge(ray, corners).possible;
+}
+
+// Looks at a candidate; whether it is enough. Of closest hits none is.
+@if(fallback_camera || fallback_rays)
+fn see(leaf: u32) -> bool {
+    consider(leaf);
+    return false;
+}
+@else
+fn see(leaf: u32) -> bool {
+    let points = points_of(records[3u * leaf].w);
+    let made = decide_alone(leaf, points).made;
+    is_met = made.met == 1u;
+    if made.hard == 1u { is_met = meet_exactly(points, 0u).met; }
+    return is_met;
+}
+
+// Shows `see` every candidate, until one is enough.
+fn walk(place: u32, ray: Prepared, bound: f32) {
+    let stack = stack_at(place);
+    var at = nodes[0].w;
+    var depth = 0u;
+    loop {
+        if at == NONE {
+            if depth == 0u { break; }
+            depth -= 1u;
+            at = occluded[stack + depth];
+        }
+        if (at & LEAF) != 0u {
+            let leaf = first_of(at);
+            if is_candidate(ray, leaf, bound) && see(leaf) { break; }
+            at = others_of(at);
+        } else {
+            let row = children_of(at);
+            let left = may_meet(ray, row, bound);
+            let right = may_meet(ray, row + 2u, bound);
+            if left && right {
+                occluded[stack + depth] = nodes[row + 2u].w;
+                depth += 1u;
+            }
+            at = select(select(NONE, nodes[row + 2u].w, right), nodes[row].w, left);
+        }
+    }
+}
+
+// Settles rays whose notes do not tell which of their candidates is first.
+
+// Settles a leaf's triangle by itself.
+fn consider(leaf: u32) {
+    let triangle = records[3u * leaf].w;
+    let points = points_of(triangle);
+    let alone = decide_alone(leaf, points);
+    let told = alone.made.hard == 0u;
+    if told {
+        if alone.made.met == 1u { offer(alone.made, triangle, put_crossing(alone.made.exponent, alone.n, alone.d), true); }
+        return;
+    }
+    let c = meet_exactly(points, free_slot());
+    if c.met { offer(alone.made, triangle, c, false); }
+}
+
+// Writes the hit of the ray at a place, whose line is set.
+fn fallback_closest(place: u32, i: u32, ray: Prepared) {
+    make_line();
+    set_view(ray);
+    first_leaf = NO_LEAF;
+    walk(place, ray, bitcast<f32>(hits[i].x));
+    if first_leaf == NO_LEAF {
+        hits[i] = MISS;
+        return;
+    }
+    hits[i] = reported(ray, first_leaf, limits_of(i));
+    atomicAdd(&counts[2], 1u);
+}
+
+// Settles rays whose notes do not tell whether they meet anything.
+
+// The triangle that a shadow's ray leaves.
+var<private> left_out: u32;
+var<private> is_met: bool;
+
+// Writes whether the ray at a place, whose line is set, meets anything but triangle `ignore`, and counts it as word `count`
+// of `counts` if it does.
+fn fallback_any(place: u32, i: u32, ray: Prepared, ignore: u32, count: u32) {
+    left_out = ignore;
+    make_line();
+    set_view(ray);
+    is_met = false;
+    walk(place, ray, ray.t_max);
+    answer_any(i, is_met, count);
+}
+
+// What settles the ray at a place.
+@if(fallback_camera || fallback_rays)
+fn fallback_ray(place: u32, i: u32) {
+    set_line_of(i);
+    fallback_closest(place, i, ray_of(i));
+}
+@elif(fallback_any_rays)
+fn fallback_ray(place: u32, i: u32) {
+    set_line_of(i);
+    fallback_any(place, i, ray_of(i), NO_LEAF, 2u);
+}
+@elif(fallback_shadow_camera)
+fn fallback_ray(place: u32, i: u32) {
+    let way = to_light(hits[i], eye());
+    set_line_along(way);
+    fallback_any(place, i, ray_to_light(way), hits[i].w, 3u);
+}
+@else
+fn fallback_ray(place: u32, i: u32) {
+    let way = to_light(hits[i], scaled_point(rays[2u * i].xyz));
+    set_line_along(way);
+    fallback_any(place, i, ray_to_light(way), hits[i].w, 3u);
+}
+
+// The closest hits of pixels' rays that `resolve_exact_camera` left open.
+//
+// Variants: intersector(exact), arithmetic.
+@compute @workgroup_size(64)
+fn fallback_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    fallback_open(local, group.x + group.y * groups.x, OPEN_RAYS);
+}
+
+// The closest hits of given rays that `resolve_exact_rays` left open.
+//
+// Variants: intersector(exact).
+@compute @workgroup_size(64)
+fn fallback_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    fallback_open(local, group.x + group.y * groups.x, OPEN_RAYS);
+}
+
+// Whether given rays that `resolve_exact_any_rays` left open meet anything.
+//
+// Variants: intersector(exact).
+@compute @workgroup_size(64)
+fn fallback_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    fallback_open(local, group.x + group.y * groups.x, OPEN_RAYS);
+}
+
+// The shadows that `resolve_exact_shadow_camera` left open.
+//
+// Variants: intersector(exact).
+@compute @workgroup_size(64)
+fn fallback_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    fallback_open(local, group.x + group.y * groups.x, OPEN_SHADOWS);
+}
+
+// The shadows that `resolve_exact_shadow_rays` left open.
+//
+// Variants: intersector(exact).
+@compute @workgroup_size(64)
+fn fallback_shadow_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    fallback_open(local, group.x + group.y * groups.x, OPEN_SHADOWS);
+}

@@ -1,0 +1,151 @@
+// What rounded arithmetic says of a triangle for intersector `exact`.
+
+import package::geometry::ray::{Prepared, unpermute};
+import package::geometry::record::Corners;
+import package::geometry::units::{flushed, in_ray_units, nearest_within};
+import package::intersect::sheared::{
+    Turned, crossing, edges_of, loose_within, own_box, own_span, span_of_depths, turned_corners,
+};
+import package::lib::ieee::{add, divide_by, divisor, mul, sub};
+
+// A triangle seen along a ray, in the device's own arithmetic, and how far that may be off: "On GPUs" of `exact` in ARCHITECTURE.md.
+
+// 2^-60: what counting small numbers as zero may change.
+const SMALL: f32 = 8.673617379884035e-19;
+
+// The two directions that a triangle is seen along, the error of a sheared coordinate
+// a unit of depth, and the most it can be in this scene.
+struct View { across: vec3<f32>, up: vec3<f32>, doubts: vec2<f32>, most: vec2<f32> }
+
+var<private> view: View;
+
+fn set_view(ray: Prepared) {
+    view.across = unpermute(vec3<f32>(1.0, 0.0, -ray.shear_x), ray.axis);
+    view.up = unpermute(vec3<f32>(0.0, 1.0, -ray.shear_y), ray.axis);
+    // 4.01 * 2^-24 of what the shear takes away, and 2^-37, below which a direction's component was zero.
+    view.doubts = 2.3901462554931640625e-7 * abs(vec2<f32>(ray.shear_x, ray.shear_y)) + 7.3e-12;
+    // The slack is 17 * 2^-24 * D.
+    view.most = view.doubts * (986896.0 * ray.slack) + SMALL;
+}
+
+// A triangle from the ray's start, its greatest sheared coordinates, and its edge functions.
+struct Seen { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, wide: vec2<f32>, u: f32, v: f32, w: f32 }
+
+fn from_start(ray: Prepared, p: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(sub(p.x, ray.origin.x), sub(p.y, ray.origin.y), sub(p.z, ray.origin.z));
+}
+
+fn look(ray: Prepared, k: Corners) -> Seen {
+    let a = from_start(ray, k.a);
+    let b = from_start(ray, k.b);
+    let c = from_start(ray, k.c);
+    let x = vec3<f32>(loose_along(view.across, a), loose_along(view.across, b), loose_along(view.across, c));
+    let y = vec3<f32>(loose_along(view.up, a), loose_along(view.up, b), loose_along(view.up, c));
+    let wide = vec2<f32>(max(abs(x.x), max(abs(x.y), abs(x.z))), max(abs(y.x), max(abs(y.y), abs(y.z))));
+    return Seen(a, b, c, wide, loose_edge(x.z, y.z, x.y, y.y), loose_edge(x.x, y.x, x.z, y.z), loose_edge(x.y, y.y, x.x, y.x));
+}
+
+// One factor is 1, another 0, so two roundings at most, fused or not.
+fn loose_along(direction: vec3<f32>, p: vec3<f32>) -> f32 {
+    return direction.x * p.x + direction.y * p.y + direction.z * p.z;
+}
+
+fn loose_edge(px: f32, py: f32, qx: f32, qy: f32) -> f32 { return px * qy - py * qx; }
+
+// How far an edge function may be off, where the shear may be by `most`.
+fn loose_doubt(wide: vec2<f32>, most: vec2<f32>) -> f32 {
+    // 3.01 * 2^-24
+    let r = 1.7940998077392578e-7 * wide + most;
+    return 2.0 * (r.x * (wide.y + r.y) + r.y * wide.x);
+}
+
+fn least_edge(s: Seen) -> f32 { return min(s.u, min(s.v, s.w)); }
+fn most_edge(s: Seen) -> f32 { return max(s.u, max(s.v, s.w)); }
+
+fn surely_out(s: Seen, doubt: f32) -> bool { return least_edge(s) < -doubt && most_edge(s) > doubt; }
+fn surely_in(s: Seen, doubt: f32) -> bool { return least_edge(s) > doubt || most_edge(s) < -doubt; }
+
+// What rounded arithmetic says of a triangle, and what it leaves open: "On GPUs" of `exact` in ARCHITECTURE.md.
+
+// A triangle that may be hit; its exact t, if it is, lies in low ..= high.
+struct Judged { possible: bool, sure: bool, low: f32, high: f32 }
+
+const OUT: Judged = Judged(false, false, 0.0, 0.0);
+
+// 2^100: of greater determinants and distances, rounded arithmetic says nothing.
+const DEEP: f32 = 1.2676506002282294e30;
+
+fn judge(ray: Prepared, corners: Corners) -> Judged {
+    let s = look(ray, corners);
+    if surely_out(s, loose_doubt(s.wide, view.most)) { return OUT; }
+    return judge_near(ray, corners, s);
+}
+
+// The distances along the axis.
+fn depths_of(s: Seen, axis: u32) -> vec3<f32> {
+    return select(select(vec3<f32>(s.a.x, s.b.x, s.c.x), vec3<f32>(s.a.y, s.b.y, s.c.y), axis == 1u), vec3<f32>(s.a.z, s.b.z, s.c.z), axis == 2u);
+}
+
+// The doubt by the triangle's own depth.
+fn closer_doubt(s: Seen, depths: vec3<f32>) -> f32 {
+    let deepest = max(abs(depths.x), max(abs(depths.y), abs(depths.z)));
+    return loose_doubt(s.wide, view.doubts * deepest + SMALL);
+}
+
+fn judge_near(ray: Prepared, corners: Corners, s: Seen) -> Judged {
+    let depths = depths_of(s, ray.axis);
+    var doubt = loose_doubt(s.wide, view.most);
+    var certain = surely_in(s, doubt);
+    if !certain {
+        doubt = closer_doubt(s, depths);
+        if surely_out(s, doubt) { return OUT; }
+        certain = surely_in(s, doubt);
+    }
+    // A NaN that a minimum hides shows in the sum.
+    let det = add(add(s.u, s.v), s.w);
+    let size = abs(det);
+    let tells = size > 8.0 * doubt && size < DEEP && size > 7.888609052210118e-31;
+    var span = vec2<f32>(DEEP, -DEEP);
+    if tells { span = loose_span(s, depths * ray.shear_z, det, doubt); }
+    if !(abs(span.x) < DEEP && abs(span.y) < DEEP) {
+        certain = certain && size <= 3.4028234663852886e38;
+        span = span_of_depths(ray, mul(depths.x, ray.shear_z), mul(depths.y, ray.shear_z), mul(depths.z, ray.shear_z));
+    }
+    if span.y <= ray.t_min || span.x >= ray.t_max { return OUT; }
+    return Judged(true, certain && span.x > ray.t_min && span.y < ray.t_max, span.x, span.y);
+}
+
+// Where the exact t of a hit lies, by the rounded one.
+fn loose_span(s: Seen, z: vec3<f32>, det: f32, doubt: f32) -> vec2<f32> {
+    let inverse = 1.0 / det;
+    let t = (s.u * z.x + s.v * z.y + s.w * z.z) * inverse;
+    let spread = max(z.x, max(z.y, z.z)) - min(z.x, min(z.y, z.z));
+    let size = max(abs(z.x), max(abs(z.y), abs(z.z)));
+    // 24 * 2^-24
+    let error = 3.02 * doubt * spread * abs(inverse) + (1.430511474609375e-6 * size + SMALL);
+    return vec2<f32>(t - error, t + error);
+}
+
+// What is written for a triangle that is hit: t as the watertight test has it, clamped to the box and the ray's limits, weights to [0, 1].
+fn reported(ray: Prepared, leaf: u32, limits: vec2<u32>) -> vec4<u32> {
+    let corners = turned_corners(ray, leaf);
+    let c = crossing(edges_of(ray, corners));
+    let by = divisor(c.det);
+    let t = reported_distance(ray, corners, divide_by(c.t, by));
+    return vec4<u32>(nearest_within(in_ray_units(t, ray.exponent), limits), weight(divide_by(c.v, by)), weight(divide_by(c.w, by)), corners.triangle);
+}
+
+fn reported_distance(ray: Prepared, k: Turned, t: f32) -> f32 {
+    let own = own_box(ray, k);
+    if t > ray.t_min && loose_within(ray, own, t) { return flushed(t); }
+    let span = own_span(ray, own);
+    let entry = max(span.x, ray.t_min);
+    let later = select(entry, t, t > entry);
+    return flushed(select(span.y, later, later < span.y));
+}
+
+// A weight within [0, 1], 0 for what is not a number; by bits, since it may be subnormal.
+fn weight(x: f32) -> u32 {
+    let bits = bitcast<u32>(x);
+    return select(min(bits, 0x3f800000u), 0u, bits > 0x7f800000u);
+}

@@ -1,0 +1,216 @@
+// Where a ray meets a triangle, in whole numbers: the crate `exact`.
+
+import package::lib::whole::{
+    COORDINATE, CORNERS, CROSS, CROSSINGS, DIRECTION, LIMIT, ONE, PRODUCT, PRODUCTS, accumulate, add_shifted, clear,
+    compare_sizes, finish, mantissa_of, sign_of_number, unit_of, words,
+};
+
+// Corners are multiplied by 2^-shift before they meet the ray.
+struct Line { origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32, unit: i32, bits: i32, len: u32 }
+
+// t = numerator / denominator * 2^exponent; the denominator is positive.
+struct Crossing { met: bool, numerator: u32, denominator: u32, len: u32, exponent: i32 }
+
+const NOT_MET: Crossing = Crossing(false, 0u, 0u, 0u, 0);
+// Above and below every exponent.
+const ALL_BITS: vec2<i32> = vec2<i32>(10000, -10000);
+
+var<private> line: Line;
+
+// The least and the greatest unit so far, with those of a point scaled by 2^shift.
+fn with_units(range: vec2<i32>, point: vec3<u32>, shift: i32) -> vec2<i32> {
+    var wider = range;
+    for (var i = 0u; i < 3u; i += 1u) {
+        if (point[i] & 0x7fffffffu) != 0u {
+            let unit = unit_of(point[i]) + shift;
+            wider = vec2<i32>(min(wider.x, unit), max(wider.y, unit));
+        }
+    }
+    return wider;
+}
+
+// Limbs that so many bits take.
+fn limbs(bits: i32) -> u32 { return u32(bits + 31) >> 5u; }
+
+// The line to be met, whose direction is not zero.
+fn set_line(origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32) {
+    let units = with_units(ALL_BITS, direction, 0);
+    let bits = units.y - units.x + 24;
+    line = Line(origin, direction, t_min, t_max, shift, units.x, bits, limbs(bits));
+}
+
+// Puts its direction where numbers of any length lie, for all functions but those above.
+fn make_line() {
+    words[ONE] = 0u;
+    words[ONE + 1u] = 1u;
+    for (var i = 0u; i < 3u; i += 1u) {
+        let at = DIRECTION + COORDINATE * i;
+        clear(at, line.len);
+        let x = line.direction[i];
+        if (x & 0x7fffffffu) != 0u { add_shifted(at, line.len, mantissa_of(x), u32(unit_of(x) - line.unit), false); }
+        words[at] = x >> 31u;
+    }
+}
+
+// The least and the greatest unit of a triangle's coordinates and the ray's start.
+fn units_of(points: array<vec3<u32>, 3>) -> vec2<i32> {
+    var units = with_units(ALL_BITS, line.origin, line.shift);
+    units = with_units(with_units(with_units(units, points[0], 0), points[1], 0), points[2], 0);
+    return select(units, vec2<i32>(0), units.x > units.y);
+}
+
+// A coordinate from the ray's start, in units of 2^unit.
+fn put(at: u32, len: u32, x: u32, origin: u32, unit: i32) {
+    clear(at, len);
+    if (x & 0x7fffffffu) != 0u { add_shifted(at, len, mantissa_of(x), u32(unit_of(x) - unit), (x >> 31u) == 1u); }
+    if (origin & 0x7fffffffu) != 0u {
+        add_shifted(at, len, mantissa_of(origin), u32(unit_of(origin) + line.shift - unit), (origin >> 31u) == 0u);
+    }
+    finish(at, len);
+}
+
+struct Lengths { coordinate: u32, cross: u32, triple: u32 }
+
+// x . (p x q), of three vectors; three steps an axis.
+fn triple(at: u32, x: u32, x_len: u32, p: u32, q: u32, len: Lengths) {
+    clear(at, len.triple);
+    for (var step = 0u; step < 9u; step += 1u) {
+        let i = step / 3u;
+        let turn = step % 3u;
+        let j = COORDINATE * ((i + 1u) % 3u);
+        let k = COORDINATE * ((i + 2u) % 3u);
+        if turn == 0u { clear(CROSS, len.cross); }
+        let sums = turn < 2u;
+        let a = select(x + COORDINATE * i, p + select(j, k, turn == 1u), sums);
+        let b = select(CROSS, q + select(k, j, turn == 1u), sums);
+        accumulate(
+            select(at, CROSS, sums), select(len.triple, len.cross, sums),
+            a, select(x_len, len.coordinate, sums), b, select(len.cross, len.coordinate, sums), select(0u, 1u, turn == 1u),
+        );
+        if turn == 1u { finish(CROSS, len.cross); }
+    }
+    finish(at, len.triple);
+}
+
+// A triangle's corners from the ray's start, and how long numbers made of them are.
+struct Placed { len: Lengths, unit: i32 }
+
+fn put_corners(corners: array<vec3<u32>, 3>) -> Placed {
+    var points = corners;
+    let units = units_of(points);
+    let bits = units.y - units.x + 25;
+    let len = Lengths(limbs(bits + 1), limbs(2 * bits + 2), limbs(2 * bits + max(bits, line.bits) + 6));
+    for (var v = 0u; v < 9u; v += 1u) {
+        put(CORNERS + COORDINATE * v, len.coordinate, points[v / 3u][v % 3u], line.origin[v % 3u], units.x);
+    }
+    return Placed(len, units.x);
+}
+
+// The corners that an edge leads from and to, of those put: of U, V and W, and of N, which is a . (c x b).
+struct EdgeEnds { first: u32, second: u32 }
+
+fn ends_of(side: u32) -> EdgeEnds {
+    let a = CORNERS;
+    let b = CORNERS + 3u * COORDINATE;
+    let c = CORNERS + 6u * COORDINATE;
+    return EdgeEnds(select(select(c, a, side == 1u), b, side == 2u), select(select(b, c, side == 1u), a, side == 2u));
+}
+
+// U, V or W of the corners put, or N in place of a fourth.
+fn put_side(to: u32, side: u32, len: Lengths) {
+    let ends = ends_of(side);
+    let last = side == 3u;
+    triple(to, select(DIRECTION, CORNERS, last), select(line.len, len.coordinate, last), ends.first, ends.second, len);
+}
+
+// The crossing of the line with a closed triangle within the ray's limits, kept in place `slot` of two.
+fn meet_exactly(corners: array<vec3<u32>, 3>, slot: u32) -> Crossing {
+    let made = cross_exactly(corners, slot, false);
+    if !made.met || !is_within(made) { return NOT_MET; }
+    return made;
+}
+
+// The same at any t; if `moves`, for the line after an infinitely small move.
+fn cross_exactly(corners: array<vec3<u32>, 3>, slot: u32, moves: bool) -> Crossing {
+    let placed = put_corners(corners);
+    let numbers = CROSSINGS + 56u * slot;
+    let made = Crossing(true, numbers, numbers + 28u, placed.len.triple, placed.unit - line.shift - line.unit);
+    if !cross_planes(made, placed.len, moves) { return NOT_MET; }
+    return made;
+}
+
+// U, V and W, whose signs decide and whose sum is the denominator; then N, the numerator.
+fn cross_planes(made: Crossing, len: Lengths, moves: bool) -> bool {
+    var positive = false;
+    var negative = false;
+    clear(made.denominator, len.triple);
+    for (var side = 0u; side < 4u; side += 1u) {
+        let last = side == 3u;
+        put_side(select(PRODUCTS, made.numerator, last), side, len);
+        if last { break; }
+        var s = sign_of_number(PRODUCTS, len.triple);
+        accumulate(made.denominator, len.triple, PRODUCTS, len.triple, ONE, 1u, 0u);
+        if s == 0 && moves {
+            s = moved_sign(side, len);
+            if s == 0 { return false; }
+        }
+        positive = positive || s > 0;
+        negative = negative || s < 0;
+        if positive && negative { return false; }
+    }
+    finish(made.denominator, len.triple);
+    words[made.numerator] ^= words[made.denominator];
+    words[made.denominator] = 0u;
+    return sign_of_number(made.denominator, len.triple) != 0;
+}
+
+// On which side of an edge a line through it passes if its start is moved by (e, e^2, e^3): the first sign of
+// the direction's product with the edge. 0 if the edge is along the line.
+fn moved_sign(side: u32, len: Lengths) -> i32 {
+    let ends = ends_of(side);
+    for (var i = 0u; i < 3u; i += 1u) {
+        let j = COORDINATE * ((i + 1u) % 3u);
+        let k = COORDINATE * ((i + 2u) % 3u);
+        clear(PRODUCTS, len.triple);
+        for (var term = 0u; term < 4u; term += 1u) {
+            let turned = (term & 1u) == 1u;
+            let corner = select(ends.second, ends.first, term >= 2u) + select(k, j, turned);
+            let flip = select(0u, 1u, turned != (term >= 2u));
+            accumulate(PRODUCTS, len.triple, DIRECTION + select(j, k, turned), line.len, corner, len.coordinate, flip);
+        }
+        finish(PRODUCTS, len.triple);
+        let s = sign_of_number(PRODUCTS, len.triple);
+        if s != 0 { return s; }
+    }
+    return 0;
+}
+
+fn is_within(c: Crossing) -> bool {
+    for (var i = 0u; i < 2u; i += 1u) {
+        let limit = select(line.t_min, line.t_max, i == 1u);
+        if (limit & 0x7fffffffu) == 0x7f800000u { continue; }
+        words[LIMIT] = limit >> 31u;
+        words[LIMIT + 1u] = mantissa_of(limit);
+        let order = order_crossings(c, Crossing(true, LIMIT, ONE, 1u, unit_of(limit)));
+        if order != select(1, -1, i == 1u) { return false; }
+    }
+    return true;
+}
+
+// The order of two crossings along the line: -1, 0 or 1.
+fn order_crossings(a: Crossing, b: Crossing) -> i32 {
+    let sign_a = sign_of_number(a.numerator, a.len);
+    let sign_b = sign_of_number(b.numerator, b.len);
+    if sign_a != sign_b || sign_a == 0 { return sign(sign_a - sign_b); }
+    let len = a.len + b.len;
+    for (var i = 0u; i < 2u; i += 1u) {
+        let at = PRODUCTS + PRODUCT * i;
+        clear(at, len);
+        let first = i == 0u;
+        let n = select(b.numerator, a.numerator, first);
+        // As if positive: the denominator is.
+        let flip = words[n];
+        accumulate(at, len, n, select(b.len, a.len, first), select(a.denominator, b.denominator, first), select(a.len, b.len, first), flip);
+    }
+    return sign_a * compare_sizes(PRODUCTS, len, a.exponent, PRODUCTS + PRODUCT, len, b.exponent);
+}

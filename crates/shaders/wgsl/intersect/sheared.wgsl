@@ -1,0 +1,100 @@
+// A triangle sheared along a ray (Woop, Benthin, Wald 2013), and where it is crossed: see ARCHITECTURE.md.
+
+import package::geometry::ray::{
+    Prepared, are_negative, clamped, inverse_of, least_of, most_of, pushed_from_zero, slab, unpermute,
+};
+import package::geometry::units::flushed;
+import package::lib::buffers::records;
+import package::lib::ieee::{add, mul, sub};
+import package::lib::params::params;
+
+// A hit at t / det with weights v / det and w / det, divided only where it matters.
+struct Candidate { t: f32, v: f32, w: f32, det: f32 }
+
+// A triangle's corners along a ray's axes (kx, ky, kz), the coordinates of all three along one axis together.
+struct Turned { x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, triangle: u32 }
+
+// x, y, the depth, and the distance along the axis that it comes from.
+struct Sheared { x: f32, y: f32, z: f32, along: f32 }
+
+// No selects: the record's rows are read in the ray's order.
+fn turned_corners(ray: Prepared, leaf: u32) -> Turned {
+    let x = records[3u * leaf + ray.rows.x];
+    let y = records[3u * leaf + ray.rows.y];
+    let z = records[3u * leaf + ray.rows.z];
+    return Turned(bitcast<vec3<f32>>(x.xyz), bitcast<vec3<f32>>(y.xyz), bitcast<vec3<f32>>(z.xyz), x.w);
+}
+
+fn shear(ray: Prepared, x: f32, y: f32, z: f32) -> Sheared {
+    let along = sub(z, ray.start.z);
+    return Sheared(sub(sub(x, ray.start.x), mul(ray.shear_x, along)), sub(sub(y, ray.start.y), mul(ray.shear_y, along)), mul(ray.shear_z, along), along);
+}
+
+fn edge(p: Sheared, q: Sheared) -> f32 {
+    return sub(mul(p.x, q.y), mul(p.y, q.x));
+}
+
+// Distance and weights of a hit, from its edge functions and depths.
+fn solve(u: f32, v: f32, w: f32, az: f32, bz: f32, cz: f32) -> Candidate {
+    let det = add(add(u, v), w);
+    let size = bitcast<u32>(det) & 0x7fffffffu;
+    if size == 0u || size >= 0x7f800000u {
+        return Candidate(az, 0.0, 0.0, 1.0);
+    }
+    let t = add(add(flushed(mul(u, az)), flushed(mul(v, bz))), flushed(mul(w, cz)));
+    return Candidate(t, v, w, det);
+}
+
+// Between its nearest and its farthest corner a triangle is met, if at all: less and more the padding. Anywhere, from beyond 2^80.
+fn span_of_depths(ray: Prepared, a: f32, b: f32, c: f32) -> vec2<f32> {
+    return vec2<f32>(sub(min(a, min(b, c)), ray.pad), add(max(a, max(b, c)), ray.pad));
+}
+
+// A triangle's sheared corners, and its edge functions.
+struct Edges { a: Sheared, b: Sheared, c: Sheared, u: f32, v: f32, w: f32 }
+
+fn edges_of(ray: Prepared, k: Turned) -> Edges {
+    let a = shear(ray, k.x.x, k.y.x, k.z.x);
+    let b = shear(ray, k.x.y, k.y.y, k.z.y);
+    let c = shear(ray, k.x.z, k.y.z, k.z.z);
+    return Edges(a, b, c, edge(c, b), edge(a, c), edge(b, a));
+}
+
+// Where a triangle is crossed that is hit, whatever its signs.
+fn crossing(e: Edges) -> Candidate {
+    return solve(flushed(e.u), flushed(e.v), flushed(e.w), e.a.z, e.b.z, e.c.z);
+}
+
+// A triangle's own box, asked without dividing where that is enough: see "Own boxes" in ARCHITECTURE.md.
+
+// Boxes decide hits where one is kept, at most.
+fn sheared_inverse_for(ray: Prepared) -> vec3<f32> { return 1.0 / pushed_from_zero(ray.direction); }
+
+struct Box { low: vec3<f32>, high: vec3<f32> }
+
+fn own_box(ray: Prepared, k: Turned) -> Box {
+    let low = vec3<f32>(least_of(k.x), least_of(k.y), least_of(k.z));
+    let high = vec3<f32>(most_of(k.x), most_of(k.y), most_of(k.z));
+    return Box(unpermute(low, ray.axis), unpermute(high, ray.axis));
+}
+
+// Whether t surely lies within a padded box, so that slab need not be asked.
+fn loose_within(ray: Prepared, own: Box, t: f32) -> bool {
+    let negative = are_negative(ray.inverse);
+    let pad = 0.25 * ray.slack * abs(ray.inverse);
+    let n = (select(own.low, own.high, negative) - ray.origin) * ray.inverse - pad;
+    let f = (select(own.high, own.low, negative) - ray.origin) * ray.inverse + pad;
+    // 2^100: beyond it products may be infinite.
+    return abs(t) < 1.2676506002282294e30 && t >= max(n.x, max(n.y, n.z)) && t <= min(f.x, min(f.y, f.z));
+}
+
+fn own_span(ray: Prepared, own: Box) -> vec2<f32> { return slab(ray, inverse_of(ray), own.low, own.high); }
+
+// t within a triangle's own box, so that no tree can change it; infinite if the ray passes by that.
+fn within_own(ray: Prepared, k: Turned, t: f32) -> f32 {
+    let own = own_box(ray, k);
+    if loose_within(ray, own, t) { return flushed(t); }
+    let span = own_span(ray, own);
+    if !(span.x <= span.y) { return bitcast<f32>(0x7f800000u | params.zero); }
+    return clamped(t, span);
+}

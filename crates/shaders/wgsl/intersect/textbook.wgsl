@@ -1,0 +1,99 @@
+// The textbook intersectors `moller_trumbore` and `woop`.
+
+import package::geometry::ray::{MISS, Prepared, clamped, inverse_of, slab};
+import package::geometry::record::corners_of;
+import package::geometry::triangle::points_of;
+import package::geometry::units::{in_ray_units, scaled_point};
+import package::lib::buffers::{counts, records};
+import package::lib::params::params;
+
+// What textbook tests share: a meeting is clamped to the triangle's own box, so that no tree can change it.
+
+// Boxes decide hits, at each triangle that may be one.
+fn textbook_inverse_for(ray: Prepared) -> vec3<f32> { return inverse_of(ray); }
+
+struct Meeting { hit: bool, t: f32, u: f32, v: f32, triangle: u32 }
+
+const NO_MEETING: Meeting = Meeting(false, 0.0, 0.0, 0.0, 0xffffffffu);
+
+fn within_box(ray: Prepared, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, t: f32, u: f32, v: f32, triangle: u32) -> Meeting {
+    let own = slab(ray, ray.inverse, min(min(a, b), c), max(max(a, b), c));
+    return Meeting(own.x <= own.y, clamped(t, own), u, v, triangle);
+}
+
+// Möller, Trumbore 1997, without culling and without its epsilon: it leaks near edges.
+// In the device's own arithmetic, which may fuse and divide as it likes.
+
+// Where the ray meets the leaf's triangle within its own box.
+@if(!WOOP)
+fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
+    let k = corners_of(leaf);
+    let e1 = k.b - k.a;
+    let e2 = k.c - k.a;
+    let p = cross(ray.direction, e2);
+    let inverse = 1.0 / dot(e1, p);
+    let s = ray.origin - k.a;
+    let u = dot(s, p) * inverse;
+    let q = cross(s, e1);
+    let v = dot(ray.direction, q) * inverse;
+    // A determinant of zero makes u or v infinite or not a number: no hit.
+    if !(u >= 0.0 && v >= 0.0 && u + v <= 1.0) { return NO_MEETING; }
+    return within_box(ray, k.a, k.b, k.c, dot(e2, q) * inverse, u, v, k.triangle);
+}
+
+// Woop 2004: an affine transform makes each triangle the unit triangle. It leaks near edges.
+// In the device's own arithmetic, which may fuse and divide as it likes.
+
+// Where the ray meets the leaf's triangle within its own box.
+@if(WOOP)
+fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
+    let to_u = bitcast<vec4<f32>>(records[3u * leaf]);
+    let to_v = bitcast<vec4<f32>>(records[3u * leaf + 1u]);
+    let to_height = bitcast<vec4<f32>>(records[3u * leaf + 2u]);
+    let origin = vec4<f32>(ray.origin, 1.0);
+    let t = -dot(to_height, origin) / dot(to_height.xyz, ray.direction);
+    let u = fma(t, dot(to_u.xyz, ray.direction), dot(to_u, origin));
+    let v = fma(t, dot(to_v.xyz, ray.direction), dot(to_v, origin));
+    // A ray along the plane has a t that is infinite or not a number, and then u and v too: no hit.
+    if !(u >= 0.0 && v >= 0.0 && u + v <= 1.0) { return NO_MEETING; }
+    // Behind all rows: see record_woop.wgsl.
+    let triangle = records[3u * ((params.node_count + 1u) / 2u) + leaf / 4u][leaf & 3u];
+    let p = points_of(triangle);
+    return within_box(ray, scaled_point(p[0]), scaled_point(p[1]), scaled_point(p[2]), t, u, v, triangle);
+}
+
+// What a search for the closest hit keeps of the leaves it sees: a textbook test's best.
+
+struct TextbookFound { t: f32, u: f32, v: f32, triangle: u32 }
+
+fn textbook_nothing_found(ray: Prepared) -> TextbookFound { return TextbookFound(ray.t_max, 0.0, 0.0, 0xffffffffu); }
+
+// Nodes entered beyond this need no visit.
+fn textbook_limit(found: TextbookFound) -> f32 { return found.t; }
+
+// Tests the leaf's triangle and keeps it if it is the least by t, then by index.
+fn textbook_intersect_leaf_closest(ray: Prepared, leaf: u32, best: TextbookFound) -> TextbookFound {
+    let m = meet_leaf(ray, leaf);
+    let inside = m.hit && m.t > ray.t_min && m.t < ray.t_max;
+    let before = m.t < best.t || (m.t == best.t && m.triangle < best.triangle);
+    if inside && before { return TextbookFound(m.t, m.u, m.v, m.triangle); }
+    return best;
+}
+
+// What is written for a ray, t in the ray's own units.
+fn textbook_hit_of(i: u32, ray: Prepared, best: TextbookFound) -> vec4<u32> {
+    if best.triangle == 0xffffffffu { return MISS; }
+    atomicAdd(&counts[2], 1u);
+    let t = in_ray_units(best.t, ray.exponent);
+    return vec4<u32>(t, bitcast<u32>(best.u), bitcast<u32>(best.v), best.triangle);
+}
+
+// Every hit stands.
+fn textbook_is_unresolved(hit: vec4<u32>) -> bool { return false; }
+
+// Whether a textbook test meets a leaf's triangle.
+
+fn textbook_intersect_leaf_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
+    let m = meet_leaf(ray, leaf);
+    return m.hit && m.triangle != ignore && m.t > ray.t_min && m.t < ray.t_max;
+}

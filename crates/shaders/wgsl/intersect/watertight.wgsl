@@ -1,0 +1,115 @@
+// The intersector `watertight`.
+
+import package::geometry::layout::NO_LEAF;
+import package::geometry::ray::{MISS, Prepared};
+import package::geometry::units::in_ray_units;
+import package::intersect::sheared::{
+    Edges, Sheared, Turned, crossing, edges_of, span_of_depths, turned_corners, within_own,
+};
+import package::lib::buffers::{counts, records};
+import package::lib::exact::sign_of_difference;
+import package::lib::ieee::{add, divide, divide_by, divisor};
+import package::lib::params::params;
+
+// Woop, Benthin, Wald 2013, with exact signs and symbolic ties: see ARCHITECTURE.md.
+
+// The sign of p.x * q.y - p.y * q.x, exactly; where that is zero, as if the ray were moved by (e, e^2).
+fn edge_sign(value: f32, p: Sheared, q: Sheared) -> i32 {
+    let magnitude = bitcast<u32>(value) & 0x7fffffffu;
+    if magnitude >= 0x0d800000u && magnitude < 0x7f800000u {
+        return select(1, -1, value < 0.0);
+    }
+    let exact = sign_of_difference(p.x, q.y, p.y, q.x);
+    if exact != 0 { return exact; }
+    if p.y != q.y { return select(-1, 1, p.y > q.y); }
+    return select(0, 1, q.x > p.x) - select(0, 1, q.x < p.x);
+}
+
+fn surely_passes(e: Edges) -> bool {
+    return min(e.u, min(e.v, e.w)) < 0.0 && max(e.u, max(e.v, e.w)) > 0.0;
+}
+
+// Whether the edge functions' signs are those of the exact ones.
+fn signs_stand(e: Edges) -> bool {
+    let least = min(abs(e.u), min(abs(e.v), abs(e.w)));
+    let sum = bitcast<u32>(add(add(e.u, e.v), e.w)) & 0x7fffffffu;
+    // 2^-100: what is smaller may have lost its sign to flushing. Minima may hide a NaN, a sum does not.
+    return least >= 7.888609052210118e-31 && sum < 0x7f000000u;
+}
+
+fn span_of(ray: Prepared, e: Edges) -> vec2<f32> { return span_of_depths(ray, e.a.z, e.b.z, e.c.z); }
+
+// Whether a span that begins at `low` surely lies behind t_min. 2^-100: a t below that is zero.
+fn begins_within(ray: Prepared, low: f32) -> bool { return low > max(ray.t_min, 7.888609052210118e-31); }
+
+// Where the ray meets a triangle that it does not surely pass by, within its own box; infinite if nowhere.
+fn distance_to(ray: Prepared, corners: Turned, e: Edges) -> f32 {
+    if !signs_stand(e) {
+        let side = edge_sign(e.u, e.c, e.b);
+        if side == 0 || side != edge_sign(e.v, e.a, e.c) || side != edge_sign(e.w, e.b, e.a) { return bitcast<f32>(0x7f800000u | params.zero); }
+    }
+    let c = crossing(e);
+    return within_own(ray, corners, divide(c.t, c.det));
+}
+
+// What a search for the closest hit keeps of the leaves it sees. Most hits are told apart by how near and how far their
+// triangles' corners are; only where that does not tell which comes first, distances are computed.
+
+// The t of the best so far lies in low ..= high.
+struct WatertightFound { low: f32, high: f32, leaf: u32 }
+
+fn watertight_nothing_found(ray: Prepared) -> WatertightFound { return WatertightFound(ray.t_max, ray.t_max, NO_LEAF); }
+
+// Nodes entered beyond this need no visit.
+fn watertight_limit(found: WatertightFound) -> f32 { return found.high; }
+
+// Keeps the leaf's triangle if it is the least by t, then by index.
+fn watertight_intersect_leaf_closest(ray: Prepared, leaf: u32, found: WatertightFound) -> WatertightFound {
+    let corners = turned_corners(ray, leaf);
+    let e = edges_of(ray, corners);
+    if surely_passes(e) { return found; }
+    let span = span_of(ray, e);
+    if span.x > found.high || span.y <= ray.t_min { return found; }
+    // Corners far apart would let the search go on for long behind the hit. 8192 pads are 0.008 D.
+    let is_thin = span.y - span.x < max(0.125 * span.y, 8192.0 * ray.pad);
+    if signs_stand(e) && begins_within(ray, span.x) && is_thin && span.y < found.low { return WatertightFound(span.x, span.y, leaf); }
+    let t = distance_to(ray, corners, e);
+    if !(t > ray.t_min && t < ray.t_max) || t > found.high { return found; }
+    if found.leaf == NO_LEAF || t < found.low { return WatertightFound(t, t, leaf); }
+    let others = turned_corners(ray, found.leaf);
+    return watertight_earlier(t, leaf, distance_to(ray, others, edges_of(ray, others)), found.leaf);
+}
+
+// Of two hits the one that is less by t, then by index.
+fn watertight_earlier(t: f32, leaf: u32, other_t: f32, other: u32) -> WatertightFound {
+    if t < other_t || (t == other_t && records[3u * leaf].w < records[3u * other].w) { return WatertightFound(t, t, leaf); }
+    return WatertightFound(other_t, other_t, other);
+}
+
+// What is written for a ray, t in the ray's own units.
+fn watertight_hit_of(i: u32, ray: Prepared, found: WatertightFound) -> vec4<u32> {
+    if found.leaf == NO_LEAF { return MISS; }
+    atomicAdd(&counts[2], 1u);
+    let corners = turned_corners(ray, found.leaf);
+    let c = crossing(edges_of(ray, corners));
+    let by = divisor(c.det);
+    let t = within_own(ray, corners, divide_by(c.t, by));
+    let weights = vec2<f32>(divide_by(c.v, by), divide_by(c.w, by));
+    return vec4<u32>(in_ray_units(t, ray.exponent), bitcast<vec2<u32>>(weights), corners.triangle);
+}
+
+// Every hit stands.
+fn watertight_is_unresolved(hit: vec4<u32>) -> bool { return false; }
+
+// Whether the watertight test meets a leaf's triangle.
+
+fn watertight_intersect_leaf_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
+    let corners = turned_corners(ray, leaf);
+    let e = edges_of(ray, corners);
+    if surely_passes(e) || corners.triangle == ignore { return false; }
+    let span = span_of(ray, e);
+    if span.x >= ray.t_max || span.y <= ray.t_min { return false; }
+    if signs_stand(e) && begins_within(ray, span.x) && span.y < ray.t_max { return true; }
+    let t = distance_to(ray, corners, e);
+    return t > ray.t_min && t < ray.t_max;
+}

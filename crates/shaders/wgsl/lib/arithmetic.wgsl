@@ -1,0 +1,33 @@
+// What every other kernel relies on, on operands chosen to break it.
+
+import package::lib::exact::sign_of_difference;
+import package::lib::ieee::{add, divide, mul, sub};
+import package::lib::params::{element, params};
+
+@group(0) @binding(1) var<storage, read> operands: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read_write> results: array<vec4<u32>>;
+
+// In the device's own arithmetic, as the textbook intersectors use it.
+fn loose_quotient_and_sum(x: vec4<f32>) -> vec2<f32> { return vec2<f32>(x.x / x.y, dot(x.xz, x.yw)); }
+
+// What rounding takes from a product, on devices that round a fused product and sum once.
+fn lost_by_rounding(a: f32, b: f32) -> f32 { return fma(a, b, -mul(a, b)); }
+
+// Counts the iterations of a loop that ought to take 100,000. Mesa before 23.1 ends an invocation's loops after 65,535, and only
+// what stands in memory is sure then.
+fn count_turns(i: u32) {
+    for (var turn = params.zero; turn < 100000u; turn += 1u) { results[2u * i + 1u].z += 1u; }
+}
+
+@compute @workgroup_size(128)
+fn arithmetic(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = element(id, groups, 128u);
+    if i >= params.count { return; }
+    let x = bitcast<vec4<f32>>(operands[i]);
+    let sum = add(mul(x.x, x.y), mul(x.z, x.w));
+    let back = sub(add(x.x, x.y), x.x);
+    let sign = sign_of_difference(x.x, x.y, x.z, x.w);
+    results[2u * i] = vec4<u32>(bitcast<u32>(sum), bitcast<u32>(back), bitcast<u32>(divide(x.x, x.y)), bitcast<u32>(sign));
+    results[2u * i + 1u] = vec4<u32>(bitcast<vec2<u32>>(loose_quotient_and_sum(x)), 0u, bitcast<u32>(lost_by_rounding(x.x, x.y)));
+    if i == 0u { count_turns(i); }
+}

@@ -1,0 +1,155 @@
+// IEEE arithmetic whatever a device makes of it: single operations, and division that is rounded correctly.
+
+import package::lib::params::params;
+
+// Single IEEE operations. The build decorates each with NoContraction, so that
+// no driver may fuse or regroup them.
+
+@if(!OPAQUE)
+fn add(a: f32, b: f32) -> f32 { return a + b; }
+
+@if(!OPAQUE)
+fn sub(a: f32, b: f32) -> f32 { return a - b; }
+
+@if(!OPAQUE)
+fn mul(a: f32, b: f32) -> f32 { return a * b; }
+
+// Single IEEE operations for translators that cannot promise NoContraction:
+// each result passes through an integer xor with a zero that the compiler
+// cannot know, so that nothing can be fused or regrouped across it.
+
+@if(OPAQUE)
+fn opaque_zero(x: f32) -> f32 { return bitcast<f32>(bitcast<u32>(x) ^ params.zero); }
+
+@if(OPAQUE)
+fn add(a: f32, b: f32) -> f32 { return opaque_zero(a + b); }
+
+@if(OPAQUE)
+fn sub(a: f32, b: f32) -> f32 { return opaque_zero(a - b); }
+
+@if(OPAQUE)
+fn mul(a: f32, b: f32) -> f32 { return opaque_zero(a * b); }
+
+// Correctly rounded division, whatever the device's own division does: its
+// inverse of the divisor gives only a guess, and the exact remainder puts it right. Zeros, infinities, NaNs and subnormals as IEEE has them.
+
+struct Parts { mantissa: u32, exponent: i32 }
+
+// A finite, non-zero number as mantissa * 2^(exponent - 150), mantissa in [2^23, 2^24).
+fn parts(bits: u32) -> Parts {
+    let exponent = i32((bits >> 23u) & 255u);
+    let fraction = bits & 0x7fffffu;
+    if exponent != 0 {
+        return Parts(fraction | 0x800000u, exponent);
+    }
+    let shift = countLeadingZeros(fraction) - 8u;
+    return Parts(fraction << shift, 1 - i32(shift));
+}
+
+// A number to divide by, several times perhaps: its upper and its lower twelve bits, and a guess at its inverse.
+struct Divisor { value: f32, high: f32, low: f32, inverse: f32 }
+
+fn upper_half(x: f32) -> f32 { return bitcast<f32>(bitcast<u32>(x) & 0xfffff000u); }
+
+fn divisor(b: f32) -> Divisor {
+    let high = upper_half(b);
+    return Divisor(b, high, sub(b, high), 1.0 / b);
+}
+
+fn divide(a: f32, b: f32) -> f32 { return divide_by(a, divisor(b)); }
+
+fn divide_by(a: f32, by: Divisor) -> f32 {
+    let ea = (bitcast<u32>(a) >> 23u) & 255u;
+    let eb = (bitcast<u32>(by.value) >> 23u) & 255u;
+    // Between 2^-60 and 2^61.
+    if ea - 67u <= 120u && eb - 67u <= 120u { return divide_normal(a, by); }
+    return divide_rarely(bitcast<u32>(a), bitcast<u32>(by.value));
+}
+
+// Where both numbers are within that range. The guess is put right once, so that the quotient is one of the two numbers
+// that a / b lies between; an exact rest tells which, for no quotient lies half way between two numbers.
+fn divide_normal(a: f32, by: Divisor) -> f32 {
+    let guess = mul(a, by.inverse);
+    let q = add(guess, mul(rest_of_division(a, guess, by), by.inverse));
+    let rest = rest_of_division(a, q, by);
+    let grows = ((bitcast<u32>(rest) ^ bitcast<u32>(by.value) ^ bitcast<u32>(q)) >> 31u) == 0u;
+    let other = bitcast<f32>(bitcast<u32>(q) + select(0xffffffffu, 1u, grows));
+    return select(q, other, 2.0 * abs(rest) > abs(mul(sub(other, q), by.value)));
+}
+
+struct Quotient { value: u32, sticky: bool }
+
+// The quotient of a * 2^shift and b in whole numbers, in [2^24, 2^25), from a guess at 1 / b
+// that is off by a few units in the last place.
+fn quotient_of(a: u32, shift: u32, b: u32) -> Quotient {
+    let inverse = 1.0 / f32(b);
+    var value = u32(f32(a) * inverse * select(16777216.0, 33554432.0, shift == 25u));
+    // |remainder| stays far below 2^31, so wrapping arithmetic gives it exactly.
+    var remainder = bitcast<i32>((a << shift) - value * b);
+    let divisor = i32(b);
+    let step = i32(f32(remainder) * inverse);
+    value = bitcast<u32>(bitcast<i32>(value) + step);
+    remainder -= step * divisor;
+    if remainder < 0 { remainder += divisor; value -= 1u; }
+    if remainder < 0 { remainder += divisor; value -= 1u; }
+    if remainder >= divisor { remainder -= divisor; value += 1u; }
+    return Quotient(value, remainder != 0);
+}
+
+// Where an operand or the quotient is zero, subnormal, infinite or a NaN, or may be.
+fn divide_rarely(ua: u32, ub: u32) -> f32 {
+    let sign = (ua ^ ub) & 0x80000000u;
+    let xa = ua & 0x7fffffffu;
+    let xb = ub & 0x7fffffffu;
+    if xa >= 0x7f800000u || xb >= 0x7f800000u || xa == 0u || xb == 0u {
+        return divide_special(sign, xa, xb);
+    }
+    let pa = parts(xa);
+    let pb = parts(xb);
+    let below = pa.mantissa < pb.mantissa;
+    let exponent = pa.exponent - pb.exponent + select(127, 126, below);
+    let q = quotient_of(pa.mantissa, select(24u, 25u, below), pb.mantissa);
+    return bitcast<f32>(sign | round_quotient(q.value, q.sticky, exponent));
+}
+
+// A 25-bit quotient with a sticky rest, rounded to nearest even, as bits without sign.
+fn round_quotient(quotient: u32, sticky: bool, exponent: i32) -> u32 {
+    if exponent >= 255 {
+        return 0x7f800000u;
+    }
+    let drop = select(1u, u32(2 - exponent), exponent <= 0);
+    if drop > 26u {
+        return 0u;
+    }
+    let kept = select(quotient >> (drop & 31u), 0u, drop > 31u);
+    let rest = quotient - (kept << drop);
+    let half = 1u << (drop - 1u);
+    let up = rest > half || (rest == half && (sticky || (kept & 1u) == 1u));
+    let rounded = kept + select(0u, 1u, up);
+    // The hidden bit adds one to the exponent field; a carry out of the mantissa adds another.
+    return select(rounded + (u32(max(exponent, 1) - 1) << 23u), rounded, exponent <= 0);
+}
+
+fn divide_special(sign: u32, xa: u32, xb: u32) -> f32 {
+    let inf = 0x7f800000u;
+    let nan = xa > inf || xb > inf || (xa == inf && xb == inf) || (xa == 0u && xb == 0u);
+    if nan {
+        return bitcast<f32>(0x7fc00000u | (params.zero & 0u));
+    }
+    let infinite = xa == inf || xb == 0u;
+    return bitcast<f32>(sign | select(0u, inf, infinite));
+}
+
+// What a quotient leaves: a - q * b, exact if q is a / b but for a place or less, on devices that round a fused product and
+// sum once.
+
+@if(FUSED)
+fn rest_of_division(a: f32, q: f32, by: Divisor) -> f32 { return fma(-q, by.value, a); }
+
+// What a quotient leaves: a - q * b. Products of halves are exact, and so is each difference if q is a / b but for a place or less (Dekker 1971).
+@else
+fn rest_of_division(a: f32, q: f32, by: Divisor) -> f32 {
+    let high = upper_half(q);
+    let low = sub(q, high);
+    return sub(sub(sub(sub(a, mul(high, by.high)), mul(high, by.low)), mul(low, by.high)), mul(low, by.low));
+}

@@ -1,2 +1,0 @@
-// Extreme rays miss here: the kernels `extreme_*` answer them.
-const LEAVES_EXTREMES: bool = true;

@@ -1,0 +1,86 @@
+// The kernels beside those of a ray-tracing pipeline: what its tree is made from, and what is counted.
+
+import package::geometry::triangle::{corner, is_finite, is_flat};
+import package::geometry::units::scaled_point;
+import package::lib::buffers::{counts, hits, occluded};
+import package::lib::params::{element, params};
+
+@group(0) @binding(next) var<storage, read_write> cleansed: array<u32>;
+
+// Triangles as a driver's tree takes them, three vertices each: one with a corner that is not finite is drawn
+// together to a point (`eye`), where no ray hits it. Drivers know inactive triangles too, but a tree cannot be updated
+// when they change, and one driver (Mesa 25.0) loses others beside them.
+
+fn put_point(at: u32, v: vec3<u32>) {
+    cleansed[at] = v.x;
+    cleansed[at + 1u] = v.y;
+    cleansed[at + 2u] = v.z;
+}
+
+@compute @workgroup_size(128)
+fn cleanse(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let triangle = element(id, groups, 128u);
+    if triangle >= params.count { return; }
+    let a = corner(triangle, 0u);
+    let b = corner(triangle, 1u);
+    let c = corner(triangle, 2u);
+    let hittable = is_finite(a) && is_finite(b) && is_finite(c);
+    let point = bitcast<vec3<u32>>(params.eye);
+    put_point(9u * triangle, select(point, a, hittable));
+    put_point(9u * triangle + 3u, select(point, b, hittable));
+    put_point(9u * triangle + 6u, select(point, c, hittable));
+}
+
+// How many triangles are inactive and how many degenerate, which a driver does not tell.
+
+@compute @workgroup_size(128)
+fn count_triangles(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let triangle = element(id, groups, 128u);
+    if triangle >= params.count { return; }
+    let a = corner(triangle, 0u);
+    let b = corner(triangle, 1u);
+    let c = corner(triangle, 2u);
+    if !(is_finite(a) && is_finite(b) && is_finite(c)) {
+        atomicAdd(&counts[0], 1u);
+    } else if is_flat(a, b, c, scaled_point(a), scaled_point(b), scaled_point(c)) {
+        atomicAdd(&counts[1], 1u);
+    }
+}
+
+// How many rays hit: one atomic addition a workgroup, so that the trace itself need not count.
+
+var<workgroup> sum: atomic<u32>;
+
+@compute @workgroup_size(128)
+fn count_hits(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    if local == 0u { atomicStore(&sum, 0u); }
+    workgroupBarrier();
+    let i = element(id, groups, 128u);
+    if i < params.count {
+        if hits[i].w != 0xffffffffu { atomicAdd(&sum, 1u); }
+    }
+    workgroupBarrier();
+    if local == 0u { atomicAdd(&counts[2], atomicLoad(&sum)); }
+}
+
+// How many rays are occluded, added to the count that `first` names: rays that met anything, or hits in shadow.
+
+@compute @workgroup_size(128)
+fn count_occluded(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    if local == 0u { atomicStore(&sum, 0u); }
+    workgroupBarrier();
+    let i = element(id, groups, 128u);
+    if i < params.count {
+        if occluded[i] != 0u { atomicAdd(&sum, 1u); }
+    }
+    workgroupBarrier();
+    if local == 0u { atomicAdd(&counts[params.first], atomicLoad(&sum)); }
+}

@@ -1,0 +1,163 @@
+// What each triangle covers of the picture, and each box of the wide tree: see "Packets" in ARCHITECTURE.md.
+
+import package::geometry::queries::eye;
+import package::geometry::ray::{FARTHEST, least_of, most_of, root_from};
+import package::geometry::record::NO_TRIANGLE;
+import package::lib::buffers::{covers, nodes, records, topology};
+import package::lib::params::{element, params};
+import package::visibility::outline::{
+    BOUNDLESS, DOUBT, EVERYWHERE, NOWHERE, Places, is_box_beside, is_near, is_triangle_beside, loose_places,
+    size_of, too_near,
+};
+
+// The first and the last pixel whose middle may lie within.
+fn loose_pixel_span(least: f32, most: f32) -> u32 {
+    let first = clamp(ceil(least - params.pixel_margin), 0.0, 65535.0);
+    let last = clamp(floor(most + params.pixel_margin), -1.0, 65535.0);
+    return select(NOWHERE, u32(first) | (u32(last) << 16u), first <= last);
+}
+
+// A bound of each row of pixels, in 256ths of a pixel: `at` in row `first`, and more each row. Its side is -1 where the
+// covered pixels begin behind it, 1 where they end before it, 0 if it is none.
+struct RowBound { at: i32, slope: i32, side: i32 }
+
+fn loose_line(p: vec2<f32>, q: vec2<f32>, turn: f32, first: f32, margin: f32) -> RowBound {
+    let d = q - p;
+    let slope = d.x / d.y;
+    // Rows tell nothing of lines that are nearly level.
+    if !(abs(slope) < 100.0) { return RowBound(0, 0, 0); }
+    let at = p.x + slope * (first - p.y);
+    let apart = margin * (abs(slope) + 1.0) + 2.0e-6 * (abs(slope * (first - p.y)) + abs(p.x));
+    if turn * d.y > 0.0 { return RowBound(i32(ceil(256.0 * (at + apart))), i32(ceil(256.0 * slope)), 1); }
+    // 255 more, so that whole pixels are rounded up.
+    return RowBound(i32(floor(256.0 * (at - apart))) + 255, i32(floor(256.0 * slope)), -1);
+}
+
+struct RowBounds { begin: RowBound, end: RowBound, third: RowBound }
+
+fn no_lines() -> RowBounds { return RowBounds(RowBound(-BOUNDLESS, 0, 0), RowBound(BOUNDLESS, 0, 0), RowBound(0, 0, 0)); }
+
+fn with_line(given: RowBounds, line: RowBound) -> RowBounds {
+    var lines = given;
+    if line.side == -1 && lines.begin.side == 0 {
+        lines.begin = line;
+    } else if line.side == 1 && lines.end.side == 0 {
+        lines.end = line;
+    } else if line.side != 0 {
+        lines.third = line;
+    }
+    return lines;
+}
+
+// A triangle's edges as lines, if it is sure which way it turns.
+fn loose_lines(x: Places, y: Places, first: f32) -> RowBounds {
+    let a = vec2<f32>(x.at.x, y.at.x);
+    let b = vec2<f32>(x.at.y, y.at.y);
+    let c = vec2<f32>(x.at.z, y.at.z);
+    let doubt = max(most_of(x.doubt), most_of(y.doubt));
+    let area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
+    let size = abs(b - a) + abs(c - b) + abs(a - c);
+    var lines = no_lines();
+    // 2^-21: coordinates are rounded too.
+    if !(abs(area) > 2.5 * (doubt + 4.76837158203125e-7 * (most_of(abs(x.at)) + most_of(abs(y.at)))) * (size.x + size.y)) { return lines; }
+    let turn = sign(area);
+    let margin = doubt + params.pixel_margin;
+    lines = with_line(lines, loose_line(a, b, turn, first, margin));
+    lines = with_line(lines, loose_line(b, c, turn, first, margin));
+    return with_line(lines, loose_line(c, a, turn, first, margin));
+}
+
+// Words 16 bits each.
+fn both(low: i32, high: i32) -> u32 { return (bitcast<u32>(low) & 0xffffu) | (bitcast<u32>(high) << 16u); }
+
+fn write_triangle(leaf: u32, columns: u32, rows: u32, begin: f32, lines: RowBounds) {
+    let at = params.wide_lanes + 2u * leaf;
+    covers[at] = vec4<u32>(columns, rows, bitcast<u32>(begin), bitcast<u32>(lines.third.at));
+    covers[at + 1u] = vec4<u32>(
+        bitcast<u32>(lines.begin.at), bitcast<u32>(lines.end.at),
+        both(lines.begin.slope, lines.end.slope), both(lines.third.slope, lines.third.side),
+    );
+}
+
+// Where something begins that lies no nearer than this; not behind the eye.
+fn begins_at(depth: f32, reach: f32) -> f32 {
+    let least = depth - DOUBT * reach * size_of(params.depth);
+    return select(0.0, least, least > 0.0);
+}
+
+fn project_triangle(leaf: u32, origin: vec3<f32>, reach: f32) {
+    let first = records[3u * leaf];
+    let x = bitcast<vec3<f32>>(first.xyz) - origin.x;
+    let y = bitcast<vec3<f32>>(records[3u * leaf + 1u].xyz) - origin.y;
+    let z = bitcast<vec3<f32>>(records[3u * leaf + 2u].xyz) - origin.z;
+    let depths = params.depth.x * x + params.depth.y * y + params.depth.z * z;
+    let is_behind = most_of(depths) < -too_near(reach) && reach < FARTHEST;
+    if first.w == NO_TRIANGLE || is_behind {
+        write_triangle(leaf, NOWHERE, NOWHERE, 0.0, no_lines());
+        return;
+    }
+    let inverse = 1.0 / depths;
+    let across = loose_places(params.column, x, y, z, inverse, reach);
+    let down = loose_places(params.row, x, y, z, inverse, reach);
+    let begin = begins_at(least_of(depths), reach);
+    if !(least_of(depths) > too_near(reach) && is_near(across) && is_near(down)) {
+        let all = select(EVERYWHERE, NOWHERE, is_triangle_beside(x, y, z, depths, reach));
+        write_triangle(leaf, all, all, select(0.0, begin, reach < FARTHEST), no_lines());
+        return;
+    }
+    let columns = loose_pixel_span(least_of(across.at - across.doubt), most_of(across.at + across.doubt));
+    let rows = loose_pixel_span(least_of(down.at - down.doubt), most_of(down.at + down.doubt));
+    write_triangle(leaf, columns, rows, begin, loose_lines(across, down, f32(rows & 0xffffu)));
+}
+
+// A box, by its corners along x: four on either side.
+fn project_lane(lane: u32, origin: vec3<f32>, reach: f32) {
+    let row = topology[params.wide_at + lane];
+    let goal = topology[params.wide_at + params.wide_lanes + lane];
+    let low = bitcast<vec3<f32>>(nodes[row].xyz) - origin;
+    let high = bitcast<vec3<f32>>(nodes[row + 1u].xyz) - origin;
+    var nearest = 3.0e38;
+    var farthest = -3.0e38;
+    var least = vec2<f32>(3.0e38);
+    var most = vec2<f32>(-3.0e38);
+    var tells = reach < FARTHEST;
+    for (var k = 0u; k < 4u; k += 1u) {
+        let y = vec3<f32>(select(low.y, high.y, (k & 1u) != 0u));
+        let z = vec3<f32>(select(low.z, high.z, (k & 2u) != 0u));
+        let x = vec3<f32>(low.x, high.x, low.x);
+        let depths = params.depth.x * x + params.depth.y * y + params.depth.z * z;
+        let inverse = 1.0 / depths;
+        let across = loose_places(params.column, x, y, z, inverse, reach);
+        let down = loose_places(params.row, x, y, z, inverse, reach);
+        tells = tells && is_near(across) && is_near(down);
+        nearest = min(nearest, least_of(depths));
+        farthest = max(farthest, most_of(depths));
+        least = min(least, vec2<f32>(least_of(across.at - across.doubt), least_of(down.at - down.doubt)));
+        most = max(most, vec2<f32>(most_of(across.at + across.doubt), most_of(down.at + down.doubt)));
+    }
+    // Below there may be nothing that a ray can hit.
+    let is_empty = !(bitcast<f32>(nodes[row].x) <= bitcast<f32>(nodes[row + 1u].x));
+    let begin = bitcast<u32>(select(0.0, begins_at(nearest, reach), reach < FARTHEST));
+    if is_empty || (farthest < -too_near(reach) && reach < FARTHEST) {
+        covers[lane] = vec4<u32>(NOWHERE, NOWHERE, 0u, goal);
+    } else if tells && nearest > too_near(reach) {
+        covers[lane] = vec4<u32>(loose_pixel_span(least.x, most.x), loose_pixel_span(least.y, most.y), begin, goal);
+    } else {
+        let all = select(EVERYWHERE, NOWHERE, is_box_beside(low, high, reach));
+        covers[lane] = vec4<u32>(all, all, begin, goal);
+    }
+}
+
+// Variants: intersector(watertight), layout(fast).
+@compute @workgroup_size(128)
+fn project(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = element(id, groups, 128u);
+    if i >= params.count { return; }
+    let origin = eye();
+    let reach = root_from(origin).reach;
+    if i < params.wide_lanes {
+        project_lane(i, origin, reach);
+    } else {
+        project_triangle(i - params.wide_lanes, origin, reach);
+    }
+}

@@ -1,0 +1,118 @@
+// Rasterization, second step: which triangle each pixel's ray hits first, by atomic minima in the visibility buffer.
+
+import package::geometry::queries::{camera_ray, eye, through_pixel};
+import package::geometry::ray::{Root, root_from};
+import package::intersect::sheared::{edges_of, turned_corners};
+import package::intersect::watertight::{distance_to, surely_passes};
+import package::lib::buffers::{counts, covers};
+import package::lib::lanes::{count_up_to, of_lane, sum_up_to};
+import package::lib::params::{element, params};
+import package::visibility::cover::{LARGE_COUNT, LISTED, TEST_COUNT, TILE_COUNT, UNTOLD_AT};
+
+// For each pixel t of the first hit as bits, above the index of its triangle; all ones where there is none. One more tells whether
+// rasterization have told all: all ones if so.
+@if(clear_visibility)
+@group(0) @binding(next) var<storage, read_write> visibility: array<vec4<u32>>;
+@else
+@group(0) @binding(next) var<storage, read_write> visibility: array<atomic<u64>>;
+
+// Empties the visibility buffer, two words of 64 bits an invocation: see "Rasterization" in ARCHITECTURE.md.
+
+@compute @workgroup_size(128)
+fn clear_visibility(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = element(id, groups, 128u);
+    if i < params.count { visibility[i] = vec4<u32>(0xffffffffu); }
+}
+
+// Which triangle each pixel's ray hits first, tile by tile: 32 invocations take a tile each and share the tests of all evenly,
+// and call these functions together. See "Rasterization" in ARCHITECTURE.md.
+
+// How many tiles there are; none if each ray is to go down the tree.
+var<workgroup> stamp_count: u32;
+
+struct RestOfBits { bits: u32, skip: u32, at: u32 }
+
+// In the lower half of the bits, if more of them are set than are to be skipped; else in the upper half.
+fn halve(r: RestOfBits, half: u32) -> RestOfBits {
+    let lower = countOneBits(r.bits & ((1u << half) - 1u));
+    if r.skip < lower { return r; }
+    return RestOfBits(r.bits >> half, r.skip - lower, r.at + half);
+}
+
+// Where the bit is that so many others are set before.
+fn nth_bit(bits: u32, n: u32) -> u32 {
+    return halve(halve(halve(halve(halve(RestOfBits(bits, n, 0u), 16u), 8u), 4u), 2u), 1u).at;
+}
+
+// Keeps what a pixel's ray hits, if it is the least by t, then by index.
+fn try_pixel(leaf: u32, pixel: vec2<u32>, root: Root) {
+    let ray = camera_ray(through_pixel(pixel), eye(), root);
+    let corners = turned_corners(ray, leaf);
+    let e = edges_of(ray, corners);
+    if surely_passes(e) { return; }
+    let t = distance_to(ray, corners, e);
+    if !(t > ray.t_min && t < ray.t_max) { return; }
+    let key = (u64(bitcast<u32>(t)) << 32u) | u64(corners.triangle);
+    atomicMin(&visibility[pixel.y * params.width + pixel.x], key);
+}
+
+fn test_tiles(s: vec4<u32>, root: Root, lane: u32) {
+    let own = countOneBits(s.z);
+    let end = sum_up_to(own, lane);
+    let all = of_lane(end, 31u, lane);
+    for (var first = 0u; first < all; first += 32u) {
+        let k = first + lane;
+        let owner = count_up_to(k, end, lane);
+        let leaf = of_lane(s.x, owner, lane);
+        let corner = of_lane(s.y, owner, lane);
+        let bit = nth_bit(of_lane(s.z, owner, lane), k - of_lane(end - own, owner, lane));
+        let pixel = vec2<u32>(corner & 0xffffu, corner >> 16u) + vec2<u32>(bit & 7u, bit >> 3u);
+        if k < all { try_pixel(leaf, pixel, root); }
+    }
+}
+
+// Of all tiles, those of one team of so many.
+fn test_share(team: u32, teams: u32, count: u32, lane: u32) {
+    let root = root_from(eye());
+    for (var first = 32u * team; first < count; first += 32u * teams) {
+        var s = vec4<u32>(0u);
+        if first + lane < count { s = covers[LISTED + first + lane]; }
+        test_tiles(s, root, lane);
+    }
+}
+
+// Whether all tiles were kept, and there are so few tests that they take less than to go down the tree.
+fn tell_all(tiles: u32, pixels: u32) -> bool {
+    return tiles <= params.notes && atomicLoad(&counts[LARGE_COUNT]) <= LISTED && atomicLoad(&counts[TEST_COUNT]) <= 2u * pixels;
+}
+
+// The same for all of a workgroup.
+fn count_stamps(local: u32, group: u32) -> u32 {
+    if local == 0u {
+        let tiles = atomicLoad(&counts[TILE_COUNT]);
+        let pixels = params.width * params.height;
+        let tells = tell_all(tiles, pixels);
+        stamp_count = select(0u, tiles, tells);
+        if !tells && group == 0u {
+            atomicStore(&counts[UNTOLD_AT], 1u);
+            atomicMin(&visibility[pixels], u64(0u));
+        }
+    }
+    return workgroupUniformLoad(&stamp_count);
+}
+
+// First hits triangle by triangle: a workgroup is a team.
+//
+// Variants: intersector(watertight), layout(fast), arithmetic.
+@compute @workgroup_size(32)
+fn rasterize(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    test_share(group.x, groups.x, count_stamps(lane, group.x), lane);
+}
+
+// First hits triangle by triangle: a subgroup is a team.
+//
+// Variants: intersector(watertight), layout(fast), arithmetic.
+@compute @workgroup_size(128)
+fn rasterize_by_subgroups(@builtin(local_invocation_index) local: u32, @builtin(subgroup_invocation_id) lane: u32, @builtin(subgroup_id) team: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    test_share(4u * group.x + team, 4u * groups.x, count_stamps(local, group.x), lane);
+}
