@@ -5,11 +5,14 @@
 //! and unpacked once into the target directory. Trials that need an absent
 //! pack show as ignored, with the reason.
 
+use geom::Animation;
 use libtest_mimic::{Failed, Trial};
 use scene::Scene;
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A scene and what to call it.
 #[derive(Clone, Copy, Debug)]
@@ -83,6 +86,21 @@ impl Source {
     /// It is absent or cannot be read.
     pub fn open(&self) -> Result<Scene, Failed> {
         Ok(scene::open(&self.path()?, &scene::Options::default())?)
+    }
+
+    /// What moves, opened once a process.
+    ///
+    /// # Errors
+    /// As [`Source::open`].
+    pub fn animation(&self) -> Result<Arc<Animation>, Failed> {
+        static OPEN: Mutex<BTreeMap<&str, Arc<Animation>>> = Mutex::new(BTreeMap::new());
+        let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = open.get(self.spec) {
+            return Ok(Arc::clone(known));
+        }
+        let animation = self.open()?.animation;
+        open.insert(self.spec, Arc::clone(&animation));
+        Ok(animation)
     }
 
     /// A trial that runs on this scene; ignored, with the reason, where the scene is absent.

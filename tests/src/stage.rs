@@ -1,8 +1,8 @@
 //! A backend with one scene on it, and a tree of any age.
 
-use backend::{Backend, Generation, Hits, Intersector, Layout, Method, Query, Result};
+use backend::{Backend, Generation, Hits, Intersector, Method, Query, QueryKind, Rays, Result};
 use bvh_build::Cancel;
-use geom::{Animation, Point, Pose};
+use geom::{Animation, Camera, Point, Ray};
 use pipeline::TreeBuilder;
 use std::sync::Arc;
 
@@ -22,25 +22,7 @@ impl Stage {
     #[must_use]
     pub fn new(animation: &Arc<Animation>, intersector: Intersector, threads: usize) -> Self {
         let backend = cpu_ref::CpuBackend::new(Some(threads)).expect("threads can be had");
-        Self::over(Box::new(backend), animation, intersector)
-    }
-
-    /// Any backend.
-    ///
-    /// # Panics
-    /// If it refuses the scene.
-    #[must_use]
-    pub fn over(
-        backend: Box<dyn Backend>,
-        animation: &Arc<Animation>,
-        intersector: Intersector,
-    ) -> Self {
-        let layout = Layout::Bvh2;
-        let method = Method {
-            intersector,
-            layout,
-        };
-        Self::by(backend, animation, method)
+        Self::over(Box::new(backend), animation, method(intersector))
     }
 
     /// Any backend, by any method.
@@ -48,18 +30,15 @@ impl Stage {
     /// # Panics
     /// If it refuses the scene.
     #[must_use]
-    pub fn by(backend: Box<dyn Backend>, animation: &Arc<Animation>, method: Method) -> Self {
-        let mut stage = Self {
+    pub fn over(mut backend: Box<dyn Backend>, animation: &Arc<Animation>, method: Method) -> Self {
+        let loaded = backend.load(Arc::clone(animation), method);
+        loaded.expect("the scene fits");
+        Self {
             backend,
             animation: Arc::clone(animation),
             tools: TreeBuilder::new(),
             generation: Generation(0),
-        };
-        stage
-            .backend
-            .load(Arc::clone(animation), method)
-            .expect("the scene fits");
-        stage
+        }
     }
 
     /// The backend, for another scene.
@@ -73,35 +52,42 @@ impl Stage {
     /// # Panics
     /// If the build or the adoption fails; likewise below.
     pub fn plant(&mut self, time: f64) {
-        let positions = positions(&self.animation, self.animation.pose(time));
-        let built = self
-            .tools
-            .build(&self.animation, &positions, &Cancel::new())
-            .expect("nobody cancels");
+        let (animation, pose) = (&self.animation, self.animation.pose(time));
+        let vertices = 0..animation.vertex_count() as u32;
+        let positions: Vec<_> = vertices.map(|v| animation.vertex(pose, v)).collect();
+        let built = self.tools.build(animation, &positions, &Cancel::new());
         self.generation.0 += 1;
         self.backend
-            .adopt(&built.topology, self.generation)
+            .adopt(&built.expect("nobody cancels").topology, self.generation)
             .expect("the tree fits");
     }
 
-    /// What `query` hits at `time`, with the tree that is planted.
+    /// What rays find at `time`, with the tree that is planted.
     ///
     /// # Panics
     /// If a stage fails.
-    pub fn trace(&mut self, time: f64, query: Query<'_>) -> Hits {
-        self.try_trace(time, query).expect("every stage runs")
+    pub fn trace(&mut self, time: f64, rays: Rays<'_>, kind: QueryKind) -> Hits {
+        self.try_trace(time, rays, kind).expect("every stage runs")
     }
 
-    /// Likewise.
+    /// The closest hits of rays.
+    ///
+    /// # Panics
+    /// If a stage fails.
+    pub fn closest(&mut self, time: f64, rays: &[Ray]) -> Hits {
+        self.trace(time, Rays::List(rays), QueryKind::Closest)
+    }
+
+    /// Likewise, of any rays.
     ///
     /// # Errors
     /// A stage fails.
-    pub fn try_trace(&mut self, time: f64, query: Query<'_>) -> Result<Hits> {
+    pub fn try_trace(&mut self, time: f64, rays: Rays<'_>, kind: QueryKind) -> Result<Hits> {
         let mut hits = Hits::default();
         self.backend.interpolate(self.animation.pose(time))?;
         self.backend.preprocess()?;
         self.backend.refit()?;
-        self.backend.trace(query)?;
+        self.backend.trace(Query { rays, kind })?;
         let ticket = self.backend.submit()?;
         self.backend.wait(ticket)?;
         self.backend.hits(ticket, &mut hits)?;
@@ -109,18 +95,28 @@ impl Stage {
     }
 }
 
-/// Every vertex at `pose`, by the formula that all backends repeat.
+/// The intersector on the usual layout.
 #[must_use]
-pub fn positions(animation: &Animation, pose: Pose) -> Vec<Point> {
-    let vertices = 0..animation.vertex_count() as u32;
-    vertices.map(|v| animation.vertex(pose, v)).collect()
+pub fn method(intersector: Intersector) -> Method {
+    Method {
+        intersector,
+        ..Method::default()
+    }
 }
 
-/// Times that tell: both ends, a key frame, and between key frames.
+/// The camera that the program would choose.
+///
+/// # Panics
+/// If the scene cannot be framed.
 #[must_use]
-pub fn telling_times(animation: &Animation) -> Vec<f64> {
-    let end = animation.end();
-    let mut times = vec![0.0, (0.37 * end).floor(), 0.618 * end, end];
-    times.dedup();
-    times
+pub fn camera(animation: &Animation, size: [u32; 2]) -> Camera {
+    output::frame_scene(animation, 40.0, size)
+        .camera(size)
+        .expect("every scene can be framed")
+}
+
+/// The light that the program would choose.
+#[must_use]
+pub fn light(animation: &Animation) -> Point {
+    output::frame_scene(animation, 40.0, [64, 64]).light
 }

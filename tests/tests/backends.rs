@@ -8,7 +8,7 @@
 //! `ABVH_SEED` choose how many cases a law sees and which.
 
 use backend::Backend;
-use conformance::{LAWS, Law, OWN_TREE_LAWS, hold, laws_of};
+use conformance::{LAWS, Law, OWN_TREE_LAWS, Reference, hold, laws_of};
 use cpu_ref::CpuBackend;
 use gpu_vulkan::{DriverTreeBackend, Prefer, Validation, VulkanBackend};
 use gpu_wgpu::WgpuBackend;
@@ -22,40 +22,25 @@ trait Subject: Send {
     fn complaints(&self) -> Vec<String>;
 }
 
-impl Subject for CpuBackend {
-    fn backend(&mut self) -> &mut dyn Backend {
-        self
-    }
-    fn complaints(&self) -> Vec<String> {
-        Vec::new()
-    }
+macro_rules! subjects {
+    ($($backend:ty: $complaints:expr,)+) => {
+        $(impl Subject for $backend {
+            fn backend(&mut self) -> &mut dyn Backend {
+                self
+            }
+            fn complaints(&self) -> Vec<String> {
+                let complaints: fn(&Self) -> Vec<String> = $complaints;
+                complaints(self)
+            }
+        })+
+    };
 }
 
-impl Subject for VulkanBackend {
-    fn backend(&mut self) -> &mut dyn Backend {
-        self
-    }
-    fn complaints(&self) -> Vec<String> {
-        self.validation_messages()
-    }
-}
-
-impl Subject for DriverTreeBackend {
-    fn backend(&mut self) -> &mut dyn Backend {
-        self
-    }
-    fn complaints(&self) -> Vec<String> {
-        self.validation_messages()
-    }
-}
-
-impl Subject for WgpuBackend {
-    fn backend(&mut self) -> &mut dyn Backend {
-        self
-    }
-    fn complaints(&self) -> Vec<String> {
-        self.validation_messages()
-    }
+subjects! {
+    CpuBackend: |_| Vec::new(),
+    VulkanBackend: |backend| backend.validation_messages(),
+    DriverTreeBackend: |backend| backend.validation_messages(),
+    WgpuBackend: |backend| backend.validation_messages(),
 }
 
 type Open = fn() -> backend::Result<Box<dyn Subject>>;
@@ -66,19 +51,9 @@ const BACKENDS: &[(&str, &str, Open)] = &[
     ("vulkan", "vulkan", || {
         Ok(Box::new(VulkanBackend::new(&vulkan())?))
     }),
-    ("vulkan-rt", "vulkan-rt", || {
-        let options = vulkan();
-        Ok(Box::new(DriverTreeBackend::new(
-            &options,
-            Prefer::FastBuild,
-        )?))
-    }),
+    ("vulkan-rt", "vulkan-rt", || driver(Prefer::FastBuild)),
     ("vulkan-rt:fast-trace", "vulkan-rt", || {
-        let options = vulkan();
-        Ok(Box::new(DriverTreeBackend::new(
-            &options,
-            Prefer::FastTrace,
-        )?))
+        driver(Prefer::FastTrace)
     }),
     ("wgpu", "wgpu", || {
         Ok(Box::new(WgpuBackend::new(&wgpu(false))?))
@@ -87,6 +62,10 @@ const BACKENDS: &[(&str, &str, Open)] = &[
         Ok(Box::new(WgpuBackend::new(&wgpu(true))?))
     }),
 ];
+
+fn driver(prefer: Prefer) -> backend::Result<Box<dyn Subject>> {
+    Ok(Box::new(DriverTreeBackend::new(&vulkan(), prefer)?))
+}
 
 fn vulkan() -> gpu_vulkan::Options {
     let lenient = std::env::var("ABVH_VALIDATION").is_ok_and(|v| v == "if-installed");
@@ -137,32 +116,53 @@ fn is_required(name: &str) -> bool {
     names.split(',').any(|required| required.trim() == name)
 }
 
-/// A backend with the number of complaints that a trial has shown already.
-type Heard = (Box<dyn Subject>, usize);
+/// A backend, the number of complaints that a trial has shown already, and what the backend is compared with.
+struct Subjected {
+    subject: Box<dyn Subject>,
+    heard: usize,
+    reference: Reference,
+}
 
 fn trials_of(name: &'static str, mut subject: Box<dyn Subject>) -> Vec<Trial> {
     let laws = laws_of(subject.backend());
-    // What was said while the backend was opened counts too.
-    let subject = Arc::new(Mutex::new((subject, 0)));
+    let host = CpuBackend::new(Some(1)).expect("one thread can be had");
+    let subjected = Subjected {
+        subject,
+        // What was said while the backend was opened counts too.
+        heard: 0,
+        reference: Reference::new(Box::new(host)),
+    };
+    let subjected = Arc::new(Mutex::new(subjected));
     let trial = |law: &'static Law| {
-        let subject = Arc::clone(&subject);
+        let subjected = Arc::clone(&subjected);
         Trial::test(format!("{name}::{}", law.name), move || {
-            let mut subject = subject.lock().unwrap_or_else(PoisonError::into_inner);
-            check(law, &mut subject)
+            check(
+                law,
+                &mut subjected.lock().unwrap_or_else(PoisonError::into_inner),
+            )
         })
     };
     laws.iter().map(trial).collect()
 }
 
-fn check(law: &Law, (subject, heard): &mut Heard) -> Result<(), Failed> {
-    let mut reference = CpuBackend::new(Some(1)).map_err(|e| e.to_string())?;
-    let seed = number("ABVH_SEED", 1);
-    let held = hold(law, subject.backend(), &mut reference, seed, cases());
+fn check(law: &Law, subjected: &mut Subjected) -> Result<(), Failed> {
+    let Subjected {
+        subject,
+        heard,
+        reference,
+    } = subjected;
+    let held = hold(
+        law,
+        subject.backend(),
+        reference,
+        number("ABVH_SEED", 1),
+        cases(),
+    );
     let complaints = subject.complaints();
-    let new = complaints[*heard..].to_vec();
+    let new = complaints[*heard..].first();
     *heard = complaints.len();
     held.map_err(|e| e.to_string())?;
-    match new.first() {
+    match new {
         None => Ok(()),
         Some(message) => Err(format!("the validation layer says: {message}").into()),
     }

@@ -12,7 +12,7 @@ use crate::table::counted;
 use crate::{conflicts, talk};
 use backend::{Backend, Intersector, Method};
 use conformance::leaks::{self, LeakPlan};
-use conformance::{Disagreement, Law, hold, hold_one, laws_of};
+use conformance::{Disagreement, Law, Reference, hold, hold_one, laws_of};
 use results::{LeakRow, PropertyRow, Report};
 use std::time::Instant;
 
@@ -72,13 +72,13 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
         method: Method::default(),
         threads: 1,
     };
-    let mut reference = open::open(&want, Ok)?.value;
+    let mut reference = Reference::new(open::open(&want, Ok)?.value);
     let mut progress = Progress::new(total as u64, args.quiet);
     let mut rows = Vec::new();
     for subject in &mut *subjects {
         for law in laws(subject) {
             let begun = Instant::now();
-            let held = hold_to(args, law, subject.backend.as_mut(), reference.as_mut());
+            let held = hold_to(args, law, subject.backend.as_mut(), &mut reference);
             let seconds = begun.elapsed().as_secs_f64();
             let row = PropertyRow {
                 law: law.name,
@@ -120,7 +120,7 @@ fn hold_to(
     args: &ConformArgs,
     law: &Law,
     subject: &mut dyn Backend,
-    reference: &mut dyn Backend,
+    reference: &mut Reference,
 ) -> Result<u32, Disagreement> {
     match args.case {
         Some(trial) => hold_one(law, subject, reference, args.seed, trial).map(|()| 1),

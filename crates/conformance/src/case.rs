@@ -1,11 +1,11 @@
-//! What a law is tried on, and how to tell of it.
+//! What a law is tried on.
 
-use crate::rays::Family;
+use crate::RayKind;
 use geom::{Animation, Camera, Point, Ray};
 use std::fmt;
 use std::sync::Arc;
 
-/// A scene in motion with rays to ask it.
+/// A scene in motion with rays to trace in it.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// What it is made of, its scale and how far from the origin it was moved, for messages.
@@ -17,7 +17,7 @@ pub struct Case {
     /// Rays given one by one.
     pub rays: Vec<Ray>,
     /// What each ray was made for, for messages.
-    pub families: Vec<Family>,
+    pub kinds: Vec<RayKind>,
     /// A camera that sees the scene.
     pub camera: Camera,
     /// A point light.
@@ -40,24 +40,4 @@ impl fmt::Display for Case {
             self.times,
         )
     }
-}
-
-/// A ray in digits that read back to the same bits.
-pub(crate) fn ray_text(ray: &Ray) -> String {
-    let Ray {
-        origin,
-        direction,
-        t_min,
-        t_max,
-    } = ray;
-    format!("origin {origin:?}, direction {direction:?}, t in ({t_min:?}, {t_max:?})")
-}
-
-/// A scene's triangle as it stands at `time`, for messages.
-pub(crate) fn triangle_text(animation: &Animation, time: f64, triangle: u32) -> String {
-    if triangle as usize >= animation.triangle_count() {
-        return "no triangle".to_owned();
-    }
-    let corners = animation.corners(animation.pose(time), triangle);
-    format!("triangle {triangle} {corners:?}")
 }

@@ -1,19 +1,19 @@
 //! When two answers agree, and how to say that they do not.
 
 use crate::Case;
-use crate::case::{ray_text, triangle_text};
-use backend::{Hits, Rays};
-use geom::{Aabb, Hit, Point};
+use anyhow::{Result, anyhow, ensure};
+use backend::{FrameReport, Hits, Rays};
+use geom::{Aabb, Animation, Hit, Point, Ray};
 use std::fmt::Debug;
 
-/// The first place where two lists differ, told by `same`.
+/// The first place where two lists differ by `same`, as an error.
 pub(crate) fn lists<T: Debug>(
     what: &str,
     subject: &[T],
     reference: &[T],
     same: impl Fn(&T, &T) -> bool,
-) -> Result<(), String> {
-    first_difference(what, [subject, reference], same).map_err(|(_, text)| text)
+) -> Result<()> {
+    first_difference(what, [subject, reference], same).map_err(|(_, text)| anyhow!(text))
 }
 
 /// Where two lists first differ, and how.
@@ -41,12 +41,11 @@ fn first_difference<T: Debug>(
 
 /// The same bits, but any NaN for a NaN: what a vertex that is not finite looks like is nobody's business.
 pub(crate) fn same_point(a: &Point, b: &Point) -> bool {
-    a.iter()
-        .zip(b)
-        .all(|(x, y)| x.to_bits() == y.to_bits() || (x.is_nan() && y.is_nan()))
+    let same = |(x, y): (&f32, &f32)| x.to_bits() == y.to_bits() || (x.is_nan() && y.is_nan());
+    a.iter().zip(b).all(same)
 }
 
-/// Equal as numbers, as the contract asks of boxes.
+/// Equal as numbers, as the contract requires of boxes.
 pub(crate) fn same_box(a: &Aabb, b: &Aabb) -> bool {
     a == b
 }
@@ -57,14 +56,25 @@ pub(crate) fn same_hit(a: &Hit, b: &Hit) -> bool {
     bits(a) == bits(b)
 }
 
-/// Both parts of an answer to `rays` asked at `time`.
+/// As many triangles of either odd sort, and as many hits.
+pub(crate) fn same_counts(seen: &FrameReport, expected: &FrameReport) -> Result<()> {
+    let counts = |r: &FrameReport| [r.inactive, r.degenerate, r.hits];
+    let (found, right) = (counts(seen), counts(expected));
+    ensure!(
+        found == right,
+        "inactive, degenerate, hits are {found:?}, expected {right:?}"
+    );
+    Ok(())
+}
+
+/// Both parts of an answer to `rays` at `time`.
 pub(crate) fn answers(
     case: &Case,
     time: f64,
     rays: Rays<'_>,
     subject: &Hits,
     reference: &Hits,
-) -> Result<(), String> {
+) -> Result<()> {
     let closest = [&subject.closest[..], &reference.closest];
     let blocked = [&subject.blocked[..], &reference.blocked];
     first_difference("hit of ray", closest, same_hit)
@@ -75,7 +85,7 @@ pub(crate) fn answers(
                 .map(|t| triangle_text(&case.animation, time, t))
                 .join(" against ");
             let ray = named_ray(case, rays, i);
-            format!("at time {time:?}: {text}; {ray}; {triangles}")
+            anyhow!("at time {time:?}: {text}; {ray}; {triangles}")
         })
 }
 
@@ -83,9 +93,9 @@ pub(crate) fn answers(
 pub(crate) fn named_ray(case: &Case, rays: Rays<'_>, i: usize) -> String {
     match rays {
         Rays::List(list) => {
-            let family = case.families.get(i).map(|f| format!("{f:?}"));
+            let kind = case.kinds.get(i).map(|kind| format!("{kind:?}"));
             let text = list.get(i).map(ray_text).unwrap_or_default();
-            format!("ray {i} ({}): {text}", family.unwrap_or_default())
+            format!("ray {i} ({}): {text}", kind.unwrap_or_default())
         }
         Rays::Camera(camera) if i < camera.pixels() => {
             let (x, y) = (i as u32 % camera.width, i as u32 / camera.width);
@@ -93,4 +103,24 @@ pub(crate) fn named_ray(case: &Case, rays: Rays<'_>, i: usize) -> String {
         }
         Rays::Camera(_) => String::new(),
     }
+}
+
+/// A ray in digits that read back to the same bits.
+pub(crate) fn ray_text(ray: &Ray) -> String {
+    let Ray {
+        origin,
+        direction,
+        t_min,
+        t_max,
+    } = ray;
+    format!("origin {origin:?}, direction {direction:?}, t in ({t_min:?}, {t_max:?})")
+}
+
+/// A scene's triangle as it stands at `time`, for messages.
+pub(crate) fn triangle_text(animation: &Animation, time: f64, triangle: u32) -> String {
+    if triangle as usize >= animation.triangle_count() {
+        return "no triangle".to_owned();
+    }
+    let corners = animation.corners(animation.pose(time), triangle);
+    format!("triangle {triangle} {corners:?}")
 }

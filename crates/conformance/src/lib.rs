@@ -1,43 +1,70 @@
-//! Laws that every backend keeps, written once and knowing none by name.
+//! Properties ("laws") that every backend keeps, written once and knowing none by name.
 //!
-//! A [`Law`] takes a subject and a reference, both by the seam's trait, and a
-//! [`Case`] that a seed made; it says `Err` with the first disagreement. The
-//! test suite crosses [`LAWS`] (or [`OWN_TREE_LAWS`], for backends whose drivers decide what a ray hits) with the backends by data, and so does
-//! `abvh conform` on the user's own machine. [`leaks`] asks closed bodies many
-//! more questions than a law can. [`stress`] counts wrong answers where arithmetic is hardest, against [`oracle`], which shares no code
-//! with any backend.
+//! A [`Law`] takes a subject, a reference and a [`Case`] that a seed made; it fails with the first
+//! disagreement. The test suite crosses [`LAWS`] (or [`OWN_TREE_LAWS`], for backends whose drivers decide what a
+//! ray hits) with the backends by data, and so does `abvh conform` on the user's own machine.
+//! [`leaks`] aims many more rays at closed bodies than a law can. [`stress`] counts wrong answers where
+//! arithmetic is hardest, against [`oracle`], which shares no code with any backend.
+
+/// An enum whose variants have names in tables and files, and a list of them all.
+macro_rules! named {
+    ($(#[$meta:meta])* $vis:vis enum $name:ident {
+        $($(#[$doc:meta])* $variant:ident = $text:literal,)+
+    }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        $vis enum $name {
+            $($(#[$doc])* $variant,)+
+        }
+
+        impl $name {
+            /// All there are.
+            $vis const ALL: [Self; [$($text,)+].len()] = [$(Self::$variant,)+];
+
+            /// The name in tables and files.
+            #[must_use]
+            $vis fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $text,)+
+                }
+            }
+        }
+
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.pad(self.name())
+            }
+        }
+    };
+}
 
 mod case;
 mod compare;
+mod generate;
 mod laws;
-mod layout_adapter;
 pub mod leaks;
 pub mod oracle;
-mod places;
-mod rays;
+mod reference;
 mod regressions;
 mod rounding;
-mod scenes;
-mod shapes;
 mod stage;
 pub mod stress;
-mod topologies;
 
 pub use case::Case;
+pub use generate::cases::nth_case;
+pub use generate::rays::{RayKind, Target, aimed};
 pub use laws::{LAWS, Law, OWN_TREE_LAWS, laws_of};
-pub use rays::Family;
+pub use reference::Reference;
 pub use regressions::{REGRESSIONS, Regression};
-pub use scenes::{SceneKind, case};
 
-use backend::{Backend, Layout};
-use layout_adapter::{LayoutAdapter, lays};
-use proptest::strategy::{Strategy, ValueTree};
-use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
+use anyhow::anyhow;
+use backend::{Backend, Layout, Method};
+use laws::Check;
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Which scene and rays a law is tried on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Trial {
     /// One of [`REGRESSIONS`], by name.
     Regression(&'static str),
@@ -87,7 +114,7 @@ pub fn trials(cases: u32) -> impl Iterator<Item = Trial> {
 pub fn hold(
     law: &Law,
     subject: &mut dyn Backend,
-    reference: &mut dyn Backend,
+    reference: &mut Reference,
     seed: u64,
     cases: u32,
 ) -> Result<u32, Disagreement> {
@@ -110,7 +137,7 @@ pub fn hold(
 pub fn hold_one(
     law: &Law,
     subject: &mut dyn Backend,
-    reference: &mut dyn Backend,
+    reference: &mut Reference,
     seed: u64,
     trial: Trial,
 ) -> Result<(), Disagreement> {
@@ -121,63 +148,50 @@ pub fn hold_one(
             found.expect("regressions go by their names").case()
         }
     };
-    let found = check(law, &case, subject, reference);
+    reference.begin((seed, trial));
+    let found = in_all_layouts(law, &case, subject, reference);
     found.map_err(|what| Disagreement {
         law: law.name,
         seed,
         trial,
-        what,
+        what: format!("{what:#}"),
         about: case.to_string(),
         held: 0,
     })
 }
 
 /// Tries the law on the usual layout, and on each other that the subject has and the law does not choose itself.
-fn check(
+fn in_all_layouts(
     law: &Law,
     case: &Case,
     subject: &mut dyn Backend,
-    reference: &mut dyn Backend,
-) -> Result<(), String> {
-    calmly(|| (law.check)(case, subject, reference))?;
-    let others = Layout::ALL.into_iter().filter(|&l| l != Layout::Bvh2);
-    for layout in others.filter(|_| !law.chooses_layouts) {
-        let mut attempt = || {
-            if !lays(subject, layout) {
-                return Ok(());
-            }
-            let mut layout_adapter = LayoutAdapter {
-                inner: &mut *subject,
-                layout,
-            };
-            (law.check)(case, &mut layout_adapter, reference)
+    reference: &mut Reference,
+) -> anyhow::Result<()> {
+    for layout in Layout::ALL {
+        let method = Method {
+            layout,
+            ..Method::default()
         };
-        calmly(&mut attempt).map_err(|what| format!("layout {layout}: {what}"))?;
+        let usual = layout == Layout::Bvh2;
+        if !usual && (law.chooses_layouts || !subject.supports(method)) {
+            continue;
+        }
+        let mut check = Check {
+            case,
+            subject: &mut *subject,
+            reference: &mut *reference,
+            method,
+        };
+        let held = catch_unwind(AssertUnwindSafe(|| (law.check)(&mut check)));
+        let held = held.unwrap_or_else(|panic| {
+            let text = panic.downcast_ref::<String>().map(String::as_str);
+            let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
+            Err(anyhow!("the backend panicked: {}", text.unwrap_or("?")))
+        });
+        held.map_err(|e| match usual {
+            true => e,
+            false => e.context(format!("layout {layout}")),
+        })?;
     }
     Ok(())
-}
-
-/// A panic is a disagreement.
-fn calmly(attempt: impl FnOnce() -> Result<(), String>) -> Result<(), String> {
-    catch_unwind(AssertUnwindSafe(attempt)).unwrap_or_else(|panic| {
-        let text = panic.downcast_ref::<String>().map(String::as_str);
-        let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
-        Err(format!("the backend panicked: {}", text.unwrap_or("?")))
-    })
-}
-
-/// The `i`-th case of a seed.
-#[must_use]
-pub fn nth_case(seed: u64, i: u32) -> Case {
-    let mut bytes = [0; 32];
-    bytes[..8].copy_from_slice(&seed.to_le_bytes());
-    bytes[8..12].copy_from_slice(&i.to_le_bytes());
-    let rng = TestRng::from_seed(RngAlgorithm::ChaCha, &bytes);
-    let mut runner = TestRunner::new_with_rng(Config::default(), rng);
-    // Kinds take turns, so that few cases already see each of them.
-    let kind = SceneKind::ALL[i as usize % SceneKind::ALL.len()];
-    let tree = case(kind)
-        .new_tree(&mut runner)
-        .expect("strategies reject nothing");
-    tree.current()
 }

@@ -1,7 +1,7 @@
 //! Scenes and rays on which some backend once failed, kept as they were: they are always tried first.
 
 use crate::Case;
-use crate::rays::Family;
+use crate::RayKind;
 use geom::{Animation, Camera, Point, Ray};
 use std::sync::Arc;
 
@@ -63,7 +63,7 @@ impl Regression {
             animation: Arc::new(animation),
             times: vec![0.0, 0.5, 1.0],
             rays: self.rays.to_vec(),
-            families: vec![Family::Given; self.rays.len()],
+            kinds: vec![RayKind::Given; self.rays.len()],
             camera: camera.expect("the first ray makes a picture"),
             light: origin,
             chance: 1,
@@ -81,7 +81,7 @@ mod tests {
             assert!(REGRESSIONS[..i].iter().all(|q| q.name != r.name));
             assert!(r.name.parse::<u32>().is_err());
             let case = r.case();
-            assert_eq!(case.rays.len(), case.families.len());
+            assert_eq!(case.rays.len(), case.kinds.len());
         }
     }
 }

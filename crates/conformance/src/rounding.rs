@@ -7,11 +7,9 @@
 //! All here is computed in double precision, whose own rounding is beneath notice.
 
 mod line;
-mod vectors;
 
 use geom::{Animation, Hit, Point, Ray, is_active};
-use line::{Line, Verdict, distance_to_triangle};
-use vectors::{Vector, length, sub, wide};
+use line::{Line, Vector, Verdict, distance_to_triangle, length, sub, wide};
 
 /// Units in the last place (`2^-24` of the largest coordinate). The transform by an instance, the shift to the ray's
 /// origin, the shear and the edge functions are about 16 roundings; twice that.

@@ -1,122 +1,102 @@
 //! What rays hit.
 
-use crate::Case;
+use super::Check;
 use crate::compare::{answers, named_ray};
-use crate::stage::{ask, methods, open_with, plainly, robust_methods, stand};
-use backend::{Backend, Hits, Method, QueryKind, Rays};
+use crate::leaks::{self, LeakPlan};
+use anyhow::{Context, Result, bail, ensure};
+use backend::{QueryKind, Rays};
 use geom::Ray;
 
-fn at(
-    case: &Case,
-    backend: &mut dyn Backend,
-    method: Method,
-    (rays, kind): (Rays<'_>, QueryKind),
-) -> Result<Vec<Hits>, String> {
-    open_with(backend, &case.animation, case.times[0], method).map_err(plainly)?;
-    let mut all = Vec::new();
-    for &time in &case.times {
-        stand(backend, &case.animation, time)?;
-        all.push(ask(backend, rays, kind)?);
-    }
-    Ok(all)
-}
-
 /// By every method whose answers are the same everywhere.
-fn same(
-    case: &Case,
-    [subject, reference]: [&mut dyn Backend; 2],
-    rays: Rays<'_>,
-    kind: QueryKind,
-) -> Result<(), String> {
-    for [method, usual] in robust_methods([&*subject, &*reference])? {
-        let seen = at(case, subject, method, (rays, kind))?;
-        let expected = at(case, reference, usual, (rays, kind))?;
-        for (i, (s, r)) in seen.iter().zip(&expected).enumerate() {
-            answers(case, case.times[i], rays, s, r).map_err(|e| format!("{method:?}: {e}"))?;
+fn same(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
+    for method in c.robust_methods()? {
+        c.open_by(method, c.case.times[0])?;
+        for &time in &c.case.times {
+            c.stand(time)?;
+            let seen = c.ask(rays, kind)?;
+            let expected = c.reference.answer(c.case, (method, time), rays, kind)?;
+            answers(c.case, time, rays, &seen, &expected.hits)
+                .with_context(|| format!("{method:?}"))?;
         }
     }
     Ok(())
 }
 
 /// Triangle, `t`, `u`, `v`: bit for bit.
-pub(crate) fn closest(
-    case: &Case,
-    subject: &mut dyn Backend,
-    reference: &mut dyn Backend,
-) -> Result<(), String> {
-    let rays = Rays::List(&case.rays);
-    same(case, [subject, reference], rays, QueryKind::Closest)
+pub(super) fn closest(c: &mut Check<'_>) -> Result<()> {
+    same(c, c.rays(), QueryKind::Closest)
 }
 
 /// Whether anything is hit.
-pub(crate) fn any(
-    case: &Case,
-    subject: &mut dyn Backend,
-    reference: &mut dyn Backend,
-) -> Result<(), String> {
-    let rays = Rays::List(&case.rays);
-    same(case, [subject, reference], rays, QueryKind::Any)
+pub(super) fn any(c: &mut Check<'_>) -> Result<()> {
+    same(c, c.rays(), QueryKind::Any)
 }
 
 /// A camera's rays made on the device, with shadows; and the shadows of given rays.
-pub(crate) fn picture(
-    case: &Case,
-    subject: &mut dyn Backend,
-    reference: &mut dyn Backend,
-) -> Result<(), String> {
-    let kind = QueryKind::ClosestAndShadow { light: case.light };
-    let camera = Rays::Camera(&case.camera);
-    same(case, [&mut *subject, &mut *reference], camera, kind)?;
-    same(case, [subject, reference], Rays::List(&case.rays), kind)
+pub(super) fn picture(c: &mut Check<'_>) -> Result<()> {
+    let (case, light) = (c.case, c.case.light);
+    for rays in [Rays::Camera(&case.camera), c.rays()] {
+        same(c, rays, QueryKind::ClosestAndShadow { light })?;
+    }
+    Ok(())
 }
 
 /// A camera's rays made on the device answer as the same rays given one by one, whatever the method.
-pub(crate) fn camera_is_rays(
-    case: &Case,
-    subject: &mut dyn Backend,
-    _: &mut dyn Backend,
-) -> Result<(), String> {
-    let (camera, now) = (&case.camera, case.times[1]);
-    let rays: Vec<Ray> = camera.rays().collect();
-    let light = case.light;
-    for method in methods(subject)? {
-        open_with(subject, &case.animation, case.times[0], method).map_err(plainly)?;
-        stand(subject, &case.animation, now)?;
+pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
+    let (case, now, light) = (c.case, c.case.times[1], c.case.light);
+    let list: Vec<Ray> = case.camera.rays().collect();
+    let camera = Rays::Camera(&case.camera);
+    for method in c.methods()? {
+        c.open_by(method, case.times[0])?;
+        c.stand(now)?;
         for kind in [
             QueryKind::Closest,
             QueryKind::Any,
             QueryKind::ClosestAndShadow { light },
         ] {
-            let given = ask(subject, Rays::List(&rays), kind)?;
-            let made = ask(subject, Rays::Camera(camera), kind)?;
-            let same = answers(case, now, Rays::Camera(camera), &made, &given);
-            same.map_err(|e| format!("{method:?}: {e}"))?;
+            let given = c.ask(Rays::List(&list), kind)?;
+            let made = c.ask(camera, kind)?;
+            answers(case, now, camera, &made, &given).with_context(|| format!("{method:?}"))?;
         }
     }
     Ok(())
 }
 
 /// Any-hit says yes exactly where closest-hit finds something, whatever the method.
-pub(crate) fn any_is_closest(
-    case: &Case,
-    subject: &mut dyn Backend,
-    _: &mut dyn Backend,
-) -> Result<(), String> {
-    let rays = Rays::List(&case.rays);
-    for method in methods(subject)? {
-        open_with(subject, &case.animation, case.times[0], method).map_err(plainly)?;
-        stand(subject, &case.animation, case.times[1])?;
-        let closest = ask(subject, rays, QueryKind::Closest)?.closest;
-        let any = ask(subject, rays, QueryKind::Any)?.blocked;
-        if closest.len() != any.len() {
-            let counts = (closest.len(), any.len());
-            return Err(format!("closest and any hits are {counts:?} in number"));
-        }
+pub(super) fn any_is_closest(c: &mut Check<'_>) -> Result<()> {
+    for method in c.methods()? {
+        c.open_by(method, c.case.times[0])?;
+        c.stand(c.case.times[1])?;
+        let closest = c.closest()?.closest;
+        let any = c.ask(c.rays(), QueryKind::Any)?.blocked;
+        let counts = [closest.len(), any.len()];
+        ensure!(
+            counts[0] == counts[1],
+            "closest and any hits are {counts:?} in number"
+        );
         let mut pairs = closest.iter().zip(&any).enumerate();
-        if let Some((i, (c, a))) = pairs.find(|(_, (c, a))| c.is_hit() != (**a == 1)) {
-            let ray = named_ray(case, rays, i);
-            return Err(format!("closest hit {c:?}, any hit {a}, {method:?}: {ray}"));
+        if let Some((i, (hit, any))) = pairs.find(|(_, (hit, any))| hit.is_hit() != (**any == 1)) {
+            let ray = named_ray(c.case, c.rays(), i);
+            bail!("closest hit {hit:?}, any hit {any}, {method:?}: {ray}");
         }
     }
     Ok(())
+}
+
+/// Rays of one case at closed bodies.
+const LEAK_RAYS: u64 = 240;
+
+/// No ray leaves a closed body without a hit, and crossings add up.
+pub(super) fn leaks(c: &mut Check<'_>) -> Result<()> {
+    let chance = c.case.chance;
+    let plan = LeakPlan {
+        seed: chance,
+        rays: LEAK_RAYS,
+        offsets: vec![leaks::OFFSETS[chance as usize % leaks::OFFSETS.len()]],
+        method: c.method,
+    };
+    match leaks::run(c.subject, &plan, &mut |_| {})?.first.first() {
+        None => Ok(()),
+        Some(leak) => bail!("{leak}"),
+    }
 }

@@ -1,102 +1,165 @@
 //! What comes before any ray: positions and boxes.
 
-use crate::Case;
+use super::Check;
 use crate::compare::{lists, same_box, same_point};
-use crate::stage::{ask, open, plainly, stand, vertices};
-use backend::{Backend, QueryKind, Rays, Snapshot, Ticket};
-use geom::Aabb;
+use crate::stage::{boxes_anew, tree_at, vertices};
+use anyhow::{Context, Result, bail, ensure};
+use backend::{Backend, Generation, Snapshot, Ticket};
 use std::time::{Duration, Instant};
 
 /// How long a copy of positions may take, its submission being done.
-const PATIENCE: Duration = Duration::from_secs(30);
+const TIME_LIMIT: Duration = Duration::from_secs(30);
 
 /// Interpolated positions have the bits of `geom`'s formula.
-pub(crate) fn positions(
-    case: &Case,
-    subject: &mut dyn Backend,
-    _: &mut dyn Backend,
-) -> Result<(), String> {
-    open(subject, &case.animation, case.times[0])?;
-    for &time in &case.times {
-        stand(subject, &case.animation, time)?;
-        subject.submit().map_err(plainly)?;
-        let seen = subject.inspect().positions().map_err(plainly)?;
-        let expected = vertices(&case.animation, time);
+pub(super) fn positions(c: &mut Check<'_>) -> Result<()> {
+    c.open(c.case.times[0])?;
+    for &time in &c.case.times {
+        c.stand(time)?;
+        c.subject.submit()?;
+        let seen = c.subject.inspect().positions()?;
+        let expected = vertices(&c.case.animation, time);
         lists("position of vertex", &seen, &expected, same_point)
-            .map_err(|e| format!("at time {time:?}: {e}"))?;
+            .with_context(|| format!("at time {time:?}"))?;
     }
     Ok(())
 }
 
 /// Refitted boxes are the reference's, every one.
-pub(crate) fn boxes(
-    case: &Case,
-    subject: &mut dyn Backend,
-    reference: &mut dyn Backend,
-) -> Result<(), String> {
-    open(subject, &case.animation, case.times[0])?;
-    open(reference, &case.animation, case.times[0])?;
-    for &time in &case.times {
-        let seen = boxes_at(subject, case, time)?;
-        let expected = boxes_at(reference, case, time)?;
-        lists("box of node", &seen, &expected, same_box)
-            .map_err(|e| format!("at time {time:?}: {e}"))?;
+pub(super) fn boxes(c: &mut Check<'_>) -> Result<()> {
+    c.open(c.case.times[0])?;
+    for &time in &c.case.times {
+        c.stand(time)?;
+        c.subject.submit()?;
+        let seen = c.subject.inspect().boxes()?;
+        let expected = c.reference.boxes(c.case, (c.method, time))?;
+        lists("box of node", &seen, &expected.boxes, same_box)
+            .with_context(|| format!("at time {time:?}"))?;
     }
     Ok(())
 }
 
-fn boxes_at(backend: &mut dyn Backend, case: &Case, time: f64) -> Result<Vec<Aabb>, String> {
-    stand(backend, &case.animation, time)?;
-    backend.submit().map_err(plainly)?;
-    backend.inspect().boxes().map_err(plainly)
-}
-
-/// Requested copies hold the positions of the submissions that asked, oldest first, whatever came after.
-pub(crate) fn read_back(
-    case: &Case,
-    subject: &mut dyn Backend,
-    _: &mut dyn Backend,
-) -> Result<(), String> {
-    open(subject, &case.animation, case.times[0])?;
-    let mut asked = Vec::new();
+/// Requested copies hold the positions of the submissions that requested them, oldest first, whatever came after.
+pub(super) fn read_back(c: &mut Check<'_>) -> Result<()> {
+    let times = &c.case.times;
+    c.open(times[0])?;
+    let mut requested = Vec::new();
     // The second time nothing is made of them.
-    for (&time, made) in case.times[1..3].iter().zip([true, false]) {
-        let pose = case.animation.pose(time);
+    for (&time, made) in times[1..3].iter().zip([true, false]) {
         match made {
-            true => stand(subject, &case.animation, time)?,
-            false => subject.interpolate(pose).map_err(plainly)?,
+            true => c.stand(time)?,
+            false => c.interpolate(time)?,
         }
-        subject.request_positions().map_err(plainly)?;
-        asked.push((subject.submit().map_err(plainly)?, time));
+        c.subject.request_positions()?;
+        requested.push((c.subject.submit()?, time));
     }
-    for &time in &case.times {
-        stand(subject, &case.animation, time)?;
-        ask(subject, Rays::List(&case.rays), QueryKind::Closest)?;
+    for &time in times {
+        c.stand(time)?;
+        c.closest()?;
     }
-    for (expected, time) in asked {
-        let (ticket, snapshot) = next_positions(subject)?;
-        if ticket != expected {
-            return Err(format!(
-                "the copy belongs to {ticket:?}, expected {expected:?}"
-            ));
-        }
-        let formula = vertices(&case.animation, time);
+    for (expected, time) in requested {
+        let (ticket, snapshot) = next_positions(c.subject)?;
+        let same = ticket == expected;
+        ensure!(
+            same,
+            "the copy belongs to {ticket:?}, expected {expected:?}"
+        );
+        let formula = vertices(&c.case.animation, time);
         lists("copied vertex", &snapshot, &formula, same_point)
-            .map_err(|e| format!("at time {time:?}: {e}"))?;
+            .with_context(|| format!("at time {time:?}"))?;
     }
-    match subject.take_positions().map_err(plainly)? {
+    match c.subject.take_positions()? {
         None => Ok(()),
-        Some((ticket, _)) => Err(format!("positions of {ticket:?} came, nobody asked")),
+        Some((ticket, _)) => bail!("positions of {ticket:?} came without a request"),
     }
 }
 
-fn next_positions(backend: &mut dyn Backend) -> Result<(Ticket, Snapshot), String> {
+fn next_positions(backend: &mut dyn Backend) -> Result<(Ticket, Snapshot)> {
     let begun = Instant::now();
-    while begun.elapsed() < PATIENCE {
-        if let Some(arrived) = backend.take_positions().map_err(plainly)? {
+    while begun.elapsed() < TIME_LIMIT {
+        if let Some(arrived) = backend.take_positions()? {
             return Ok(arrived);
         }
         std::thread::yield_now();
     }
-    Err(format!("no positions came in {PATIENCE:?}"))
+    bail!("no positions came in {TIME_LIMIT:?}")
+}
+
+/// What may be recorded before the boxes of a moment.
+#[derive(Clone, Copy)]
+enum Step {
+    /// Another moment.
+    Other,
+    /// The moment whose boxes are looked at.
+    Interpolate,
+    Preprocess,
+    Submit,
+    Request,
+    Adopt,
+}
+
+const WAYS: [(&str, &[Step]); 6] = {
+    use Step::{Adopt, Interpolate, Other, Preprocess, Request, Submit};
+    [
+        (
+            "another moment was interpolated before",
+            &[Other, Interpolate],
+        ),
+        (
+            "another moment was preprocessed before",
+            &[Other, Preprocess, Interpolate],
+        ),
+        ("preprocessed again", &[Interpolate, Preprocess]),
+        (
+            "preprocessed by itself",
+            &[Other, Submit, Interpolate, Submit],
+        ),
+        ("positions were requested", &[Interpolate, Request]),
+        (
+            "a tree came between",
+            &[Other, Preprocess, Interpolate, Submit, Adopt],
+        ),
+    ]
+};
+
+/// Boxes are of the moment interpolated last, whatever was recorded besides; so are the counts of triangles. A backend
+/// may make boxes from key frames, beside positions or before those are there.
+pub(super) fn last(c: &mut Check<'_>) -> Result<()> {
+    let now = c.case.times[2];
+    for method in c.robust_methods()? {
+        let expected = c.reference.boxes(c.case, (method, now))?;
+        // Two a case.
+        let begin = c.case.chance as usize % WAYS.len();
+        for (about, steps) in WAYS.iter().cycle().skip(begin).take(2) {
+            c.open_by(method, c.case.times[0])?;
+            steps.iter().try_for_each(|&step| record(c, step))?;
+            boxes_anew(c.subject)?;
+            let ticket = c.subject.submit()?;
+            let report = c.subject.wait(ticket)?;
+            let boxes = c.subject.inspect().boxes()?;
+            lists("box of node", &boxes, &expected.boxes, same_box)
+                .with_context(|| format!("{about}, by {method:?}"))?;
+            let counts = [&report, &expected.report].map(|r| [r.inactive, r.degenerate]);
+            let [seen, right] = counts;
+            ensure!(
+                seen == right,
+                "{about}: inactive and degenerate are {seen:?}, expected {right:?}"
+            );
+        }
+    }
+    Ok(())
+}
+
+fn record(c: &mut Check<'_>, step: Step) -> backend::Result<()> {
+    let times = &c.case.times;
+    match step {
+        Step::Other => c.interpolate(times[1]),
+        Step::Interpolate => c.interpolate(times[2]),
+        Step::Preprocess => c.subject.preprocess(),
+        Step::Submit => c.subject.submit().map(drop),
+        Step::Request => c.subject.request_positions(),
+        Step::Adopt => {
+            let tree = tree_at(&c.case.animation, times[0]);
+            c.subject.adopt(&tree, Generation(2))
+        }
+    }
 }

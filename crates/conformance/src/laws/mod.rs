@@ -1,18 +1,18 @@
 //! The laws, by name.
 
 mod answers;
-mod closed;
 mod geometry;
 mod lifecycle;
 mod made;
-mod moments;
 mod reports;
 mod still;
 mod trees;
 mod within;
 
-use crate::Case;
-use backend::Backend;
+use crate::stage::{self, open};
+use crate::{Case, Reference};
+use anyhow::{Result, ensure};
+use backend::{Backend, Hits, Intersector, Layout, Method, QueryKind, Rays};
 
 /// A law: `Err` says how subject and reference disagree.
 #[derive(Clone, Copy)]
@@ -20,14 +20,81 @@ pub struct Law {
     /// Its name, as a sentence with underscores.
     pub name: &'static str,
     /// Whether it holds.
-    pub check: Check,
+    pub(crate) check: fn(&mut Check<'_>) -> Result<()>,
     /// Whether it goes through the subject's layouts itself; else it is tried with each of them.
-    pub chooses_layouts: bool,
+    pub(crate) chooses_layouts: bool,
 }
 
-type Check = fn(&Case, &mut dyn Backend, &mut dyn Backend) -> Result<(), String>;
+/// What a law is tried on.
+pub(crate) struct Check<'a> {
+    pub(crate) case: &'a Case,
+    pub(crate) subject: &'a mut dyn Backend,
+    pub(crate) reference: &'a mut Reference,
+    /// How the subject traces, unless the law goes through methods itself.
+    pub(crate) method: Method,
+}
 
-const fn law(name: &'static str, check: Check) -> Law {
+impl<'a> Check<'a> {
+    /// Loads the case into the subject, with a tree built at `time`.
+    fn open(&mut self, time: f64) -> backend::Result<()> {
+        self.open_by(self.method, time)
+    }
+
+    fn open_by(&mut self, method: Method, time: f64) -> backend::Result<()> {
+        open(self.subject, &self.case.animation, time, method)
+    }
+
+    /// Records everything up to the boxes at `time`.
+    fn stand(&mut self, time: f64) -> backend::Result<()> {
+        stage::stand(self.subject, &self.case.animation, time)
+    }
+
+    fn interpolate(&mut self, time: f64) -> backend::Result<()> {
+        self.subject.interpolate(self.case.animation.pose(time))
+    }
+
+    fn ask(&mut self, rays: Rays<'_>, kind: QueryKind) -> backend::Result<Hits> {
+        Ok(stage::ask(self.subject, rays, kind)?.0)
+    }
+
+    /// The closest hits of the case's own rays.
+    fn closest(&mut self) -> backend::Result<Hits> {
+        self.ask(self.rays(), QueryKind::Closest)
+    }
+
+    /// The case's own rays.
+    fn rays(&self) -> Rays<'a> {
+        let case: &'a Case = self.case;
+        Rays::List(&case.rays)
+    }
+
+    /// Every method by which the subject traces.
+    fn methods(&self) -> Result<Vec<Method>> {
+        let with = |intersector| {
+            Layout::ALL.map(|layout| Method {
+                intersector,
+                layout,
+            })
+        };
+        let all = Intersector::ALL.into_iter().flat_map(with);
+        let methods: Vec<Method> = all.filter(|&m| self.subject.supports(m)).collect();
+        let usual = methods.contains(&Method::default());
+        ensure!(usual, "the backend does not support the usual method");
+        Ok(methods)
+    }
+
+    /// Those whose answers are the same everywhere, as far as the reference gives them.
+    fn robust_methods(&self) -> Result<Vec<Method>> {
+        let mut all = self.methods()?;
+        all.retain(|m| {
+            let robust = matches!(m.intersector, Intersector::Watertight | Intersector::Exact);
+            robust && self.reference.supports(*m)
+        });
+        Ok(all)
+    }
+}
+
+const fn law(name: &'static str, check: fn(&mut Check<'_>) -> Result<()>) -> Law {
     Law {
         name,
         check,
@@ -35,10 +102,11 @@ const fn law(name: &'static str, check: Check) -> Law {
     }
 }
 
-const fn law_of_methods(name: &'static str, check: Check) -> Law {
+const fn law_of_methods(name: &'static str, check: fn(&mut Check<'_>) -> Result<()>) -> Law {
     Law {
+        name,
+        check,
         chooses_layouts: true,
-        ..law(name, check)
     }
 }
 
@@ -46,7 +114,7 @@ const fn law_of_methods(name: &'static str, check: Check) -> Law {
 pub const LAWS: &[Law] = &[
     law("positions_equal_the_formula", geometry::positions),
     law("boxes_equal_the_reference", geometry::boxes),
-    law_of_methods("boxes_are_of_the_moment_interpolated_last", moments::last),
+    law_of_methods("boxes_are_of_the_moment_interpolated_last", geometry::last),
     law_of_methods("counts_equal_the_reference", reports::counts),
     law("reports_name_what_was_done", reports::stages),
     law("positions_come_back_as_they_were", geometry::read_back),
@@ -55,7 +123,7 @@ pub const LAWS: &[Law] = &[
     law_of_methods("pictures_and_shadows_equal_the_reference", answers::picture),
     law_of_methods("a_camera_is_its_rays", answers::camera_is_rays),
     law_of_methods("any_hit_agrees_with_closest_hit", answers::any_is_closest),
-    law("closed_bodies_do_not_leak", closed::leaks),
+    law("closed_bodies_do_not_leak", answers::leaks),
     law_of_methods("tree_age_does_not_change_hits", trees::age),
     law_of_methods("tree_shape_does_not_change_hits", trees::shape),
     law("a_swap_does_not_change_hits", trees::swap),

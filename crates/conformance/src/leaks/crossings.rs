@@ -1,7 +1,7 @@
 //! How often rays cross a body.
 
-use crate::stage::open_with;
-use backend::{Backend, Hits, Intersector, Method, Query, QueryKind, Rays, Result};
+use crate::stage::{ask, open, stand};
+use backend::{Backend, Intersector, Method, QueryKind, Rays, Result};
 use geom::{Animation, Ray};
 use std::sync::Arc;
 
@@ -42,13 +42,13 @@ fn one_by_one(
     rays: &[Ray],
     counts: &mut [u32],
 ) -> Result<()> {
-    let mut hits = Hits::default();
     for t in 0..body.triangle_count() as u32 {
         let corners = body.corners(body.pose(0.0), t).to_vec();
         let alone = Animation::new(vec![corners], vec![[0, 1, 2]]);
         let alone = Arc::new(alone.expect("one triangle is a scene"));
-        stand(subject, method, &alone)?;
-        trace(subject, rays, &mut hits)?;
+        open(subject, &alone, 0.0, method)?;
+        stand(subject, &alone, 0.0)?;
+        let (hits, _) = ask(subject, Rays::List(rays), QueryKind::Closest)?;
         for (count, hit) in counts.iter_mut().zip(&hits.closest) {
             *count += u32::from(hit.is_hit());
         }
@@ -64,48 +64,26 @@ fn march(
     rays: &[Ray],
     counts: &mut [u32],
 ) -> Result<()> {
-    stand(subject, method, part)?;
+    open(subject, part, 0.0, method)?;
+    stand(subject, part, 0.0)?;
     let mut alive: Vec<u32> = (0..rays.len() as u32).collect();
     let mut beyond = rays.to_vec();
-    let mut hits = Hits::default();
     for _ in 0..MOST {
         if alive.is_empty() {
             break;
         }
-        trace(subject, &beyond, &mut hits)?;
+        let (hits, _) = ask(subject, Rays::List(&beyond), QueryKind::Closest)?;
         let crossed = alive.iter().zip(&beyond).zip(&hits.closest);
         let next = crossed.filter(|(_, hit)| hit.is_hit());
         (alive, beyond) = next
             .map(|((&i, &ray), hit)| {
                 counts[i as usize] += 1;
-                (
-                    i,
-                    Ray {
-                        t_min: hit.t,
-                        ..ray
-                    },
-                )
+                let t_min = hit.t;
+                (i, Ray { t_min, ..ray })
             })
             .unzip();
     }
     Ok(())
-}
-
-fn stand(subject: &mut dyn Backend, method: Method, part: &Arc<Animation>) -> Result<()> {
-    open_with(subject, part, 0.0, method)?;
-    subject.interpolate(part.pose(0.0))?;
-    subject.preprocess()?;
-    subject.refit()
-}
-
-fn trace(subject: &mut dyn Backend, rays: &[Ray], hits: &mut Hits) -> Result<()> {
-    subject.trace(Query {
-        rays: Rays::List(rays),
-        kind: QueryKind::Closest,
-    })?;
-    let ticket = subject.submit()?;
-    subject.wait(ticket)?;
-    subject.hits(ticket, hits)
 }
 
 /// The triangles in as few parts as a greedy choice finds, no two of a part sharing a vertex.

@@ -9,26 +9,21 @@
 //! behind the first. So they are counted over parts of the body in which no two
 //! triangles share a vertex, and summed up.
 
-mod aim;
 mod batches;
-mod bodies;
 mod crossings;
-mod ray_batch;
 #[cfg(test)]
 mod tests;
 
-use crate::case::ray_text;
-use crate::stage::open_with;
-use aim::sort_of;
-use backend::{Backend, Hits, Intersector, Method, Query, QueryKind, Rays, Result};
-use batches::{BatchSpec, Made, specs};
-use bodies::{BODIES, Body};
+use crate::compare::ray_text;
+use crate::generate::bodies::{BODIES, Body};
+use crate::stage::{fetch, open, stand, start};
+use backend::{Backend, Hits, Intersector, Method, QueryKind, Rays, Result};
+use batches::{BatchSpec, specs};
 use geom::{Hit, Ray};
-use std::fmt;
 
-pub use aim::Aim;
+pub(crate) use batches::SORTS;
+pub use batches::{Aim, RayBatch, ray_batches};
 pub use crossings::crossings;
-pub use ray_batch::{RayBatch, ray_batches};
 
 /// How far bodies are moved from the origin, if nobody says otherwise.
 pub const OFFSETS: [f32; 4] = [0.0, 10.0, 1e3, 1e5];
@@ -74,51 +69,13 @@ pub struct LeakRow {
     pub doubled: u64,
 }
 
-/// One ray that is wrong.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Leak {
-    /// The body's name.
-    pub body: &'static str,
-    /// How far it was moved.
-    pub offset: f32,
-    /// Which of the bodies of that name and offset.
-    pub variant: u32,
-    /// What the ray was aimed at.
-    pub aim: Aim,
-    /// Whether it began inside.
-    pub inside: bool,
-    /// The ray.
-    pub ray: Ray,
-    /// What happened.
-    pub what: String,
-}
-
 /// All rows, and the first wrong rays in full.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LeakReport {
     /// One a body, offset, aim and side.
     pub rows: Vec<LeakRow>,
-    /// The first few.
-    pub first: Vec<Leak>,
-}
-
-impl fmt::Display for Leak {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let bits = |p: &[f32; 3]| p.map(|x| format!("{:08x}", x.to_bits())).join(" ");
-        let side = if self.inside { "inside" } else { "outside" };
-        write!(
-            f,
-            "{} moved by {:e}, variant {}: a ray from {side} aimed at {} {}: {}; bits {}, {}",
-            self.body,
-            self.offset,
-            self.variant,
-            self.aim,
-            self.what,
-            ray_text(&self.ray),
-            bits(&self.ray.origin),
-            bits(&self.ray.direction),
-        )
-    }
+    /// The first few in words, with all digits.
+    pub first: Vec<String>,
 }
 
 impl LeakReport {
@@ -151,16 +108,16 @@ fn run_over(
 ) -> Result<LeakReport> {
     let specs = specs(plan, bodies);
     let mut found = LeakReport::default();
-    let mut rest = specs.iter();
-    let mut next = rest.next().map(|spec| spec.make(plan.seed));
+    let mut next = specs.first().map(|spec| spec.make(plan.seed));
     let mut done = 0;
-    while let Some(made) = next {
+    for (i, spec) in specs.iter().enumerate() {
+        let Some(made) = next.take() else { break };
         // While the device traces one batch, the host makes the next.
-        let (hits, after) = trace_lot(subject, plan.method, &made, || {
-            rest.next().map(|spec| spec.make(plan.seed))
+        let (hits, after) = trace_batch(subject, plan.method, &made, || {
+            specs.get(i + 1).map(|spec| spec.make(plan.seed))
         })?;
         let crossings = count(subject, plan.method, &made)?;
-        judge(&made, &hits.closest, &crossings, &mut found);
+        judge((spec, &made), &hits.closest, &crossings, &mut found);
         done += made.rays.len() as u64;
         progress(done);
         next = after;
@@ -170,7 +127,7 @@ fn run_over(
 
 /// Crossings of the first rays of a batch. Of `exact` they tell nothing: its triangles are closed, so that
 /// a ray through an edge crosses both, and their parity is any.
-fn count(subject: &mut dyn Backend, method: Method, made: &Made<'_>) -> Result<Vec<u32>> {
+fn count(subject: &mut dyn Backend, method: Method, made: &RayBatch) -> Result<Vec<u32>> {
     if method.intersector == Intersector::Exact {
         return Ok(Vec::new());
     }
@@ -179,34 +136,30 @@ fn count(subject: &mut dyn Backend, method: Method, made: &Made<'_>) -> Result<V
     crossings(subject, method, &made.animation, rays)
 }
 
-fn trace_lot<'a>(
+fn trace_batch(
     subject: &mut dyn Backend,
     method: Method,
-    made: &Made<'_>,
-    meanwhile: impl FnOnce() -> Option<Made<'a>>,
-) -> Result<(Hits, Option<Made<'a>>)> {
-    open_with(subject, &made.animation, 0.0, method)?;
-    subject.interpolate(made.animation.pose(0.0))?;
-    subject.preprocess()?;
-    subject.refit()?;
-    subject.trace(Query {
-        rays: Rays::List(&made.rays),
-        kind: QueryKind::Closest,
-    })?;
-    let ticket = subject.submit()?;
+    made: &RayBatch,
+    meanwhile: impl FnOnce() -> Option<RayBatch>,
+) -> Result<(Hits, Option<RayBatch>)> {
+    open(subject, &made.animation, 0.0, method)?;
+    stand(subject, &made.animation, 0.0)?;
+    let ticket = start(subject, Rays::List(&made.rays), QueryKind::Closest)?;
     let after = meanwhile();
-    let mut hits = Hits::default();
-    subject.wait(ticket)?;
-    subject.hits(ticket, &mut hits)?;
-    Ok((hits, after))
+    Ok((fetch(subject, ticket)?.0, after))
 }
 
 /// Adds one batch's answers to what was found.
-fn judge(made: &Made<'_>, hits: &[Hit], crossings: &[u32], found: &mut LeakReport) {
-    let first_row = row_of(made.spec, found);
+fn judge(
+    (spec, made): (&BatchSpec<'_>, &RayBatch),
+    hits: &[Hit],
+    crossings: &[u32],
+    found: &mut LeakReport,
+) {
+    let first_row = row_of(spec, found);
     for (i, hit) in hits.iter().enumerate() {
-        let (aim, inside) = sort_of(i);
-        let row = &mut found.rows[first_row + i % aim::SORTS];
+        let (_, inside) = RayBatch::sort(i);
+        let row = &mut found.rows[first_row + i % SORTS];
         row.rays += 1;
         let leaks = inside && !hit.is_hit();
         row.leaks += u64::from(leaks);
@@ -221,19 +174,26 @@ fn judge(made: &Made<'_>, hits: &[Hit], crossings: &[u32], found: &mut LeakRepor
                 what.get_or_insert(format!("{first} and crosses {count} times"));
             }
         }
-        let Some(what) = what.filter(|_| found.first.len() < KEPT) else {
-            continue;
-        };
-        found.first.push(Leak {
-            body: made.spec.body.name,
-            offset: made.spec.offset,
-            variant: made.spec.variant,
-            aim,
-            inside,
-            ray: made.rays[i],
-            what,
-        });
+        if let Some(what) = what.filter(|_| found.first.len() < KEPT) {
+            found.first.push(described(spec, i, &made.rays[i], &what));
+        }
     }
+}
+
+/// A wrong ray, in digits and bits.
+fn described(spec: &BatchSpec<'_>, i: usize, ray: &Ray, what: &str) -> String {
+    let (aim, inside) = RayBatch::sort(i);
+    let side = if inside { "inside" } else { "outside" };
+    let bits = |p: &[f32; 3]| p.map(|x| format!("{:08x}", x.to_bits())).join(" ");
+    format!(
+        "{} moved by {:e}, variant {}: a ray from {side} aimed at {aim} {what}: {}; bits {}, {}",
+        spec.body.name,
+        spec.offset,
+        spec.variant,
+        ray_text(ray),
+        bits(&ray.origin),
+        bits(&ray.direction),
+    )
 }
 
 /// Where the rows of a batch's body and offset begin; makes them where there are none.
@@ -244,8 +204,8 @@ fn row_of(spec: &BatchSpec<'_>, found: &mut LeakReport) -> usize {
         return at;
     }
     let at = found.rows.len();
-    found.rows.extend((0..aim::SORTS).map(|i| {
-        let (aim, inside) = sort_of(i);
+    found.rows.extend((0..SORTS).map(|i| {
+        let (aim, inside) = RayBatch::sort(i);
         LeakRow {
             body: spec.body.name,
             offset: spec.offset,

@@ -14,11 +14,6 @@
 mod cull;
 mod exact;
 mod filter;
-mod fraction;
-mod integers;
-#[cfg(test)]
-mod naive;
-mod near;
 mod search;
 
 pub use search::{ExactHit, Oracle};

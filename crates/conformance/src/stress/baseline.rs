@@ -117,6 +117,15 @@ pub fn record(
     seeds: u64,
     progress: &mut dyn FnMut(Family),
 ) -> Result<Baseline> {
+    record_of(subject, (seeds, Plan::default().rays), progress)
+}
+
+/// Likewise, at so many rays a family.
+fn record_of(
+    subject: &mut dyn Backend,
+    (seeds, rays): (u64, u32),
+    progress: &mut dyn FnMut(Family),
+) -> Result<Baseline> {
     let device = subject.device().clone();
     let arithmetic = device.arithmetic;
     let decides = |by: &Intersector| decisive(*by, arithmetic) == arithmetic;
@@ -125,11 +134,7 @@ pub fn record(
     for family in Family::ALL {
         let mut cells: Vec<Vec<Cell>> = vec![Vec::new(); all.len()];
         for seed in 1..=seeds {
-            let plan = Plan {
-                seed,
-                ..Plan::default()
-            };
-            let test = StressTest::new(family, &plan);
+            let test = StressTest::new(family, &Plan { seed, rays });
             for (&by, cells) in all.iter().zip(&mut cells) {
                 let tally = test.ask(subject, by)?;
                 cells.extend(tally.map(|t| Cell::new(family, by, &t, arithmetic)));
@@ -138,8 +143,7 @@ pub fn record(
         entries.extend(cells.iter().flat_map(|c| of_cells(c)));
         progress(family);
     }
-    let (rays, backend) = (Plan::default().rays, device.backend);
-    let driver = device.driver.trim();
+    let (driver, backend) = (device.driver.trim(), device.backend);
     Ok(Baseline {
         arithmetic,
         ground: format!(

@@ -5,29 +5,17 @@ use crate::stress::bounds::interval;
 use crate::stress::{Family, StressCounts};
 use backend::{Arithmetic, Intersector};
 
-/// What is counted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Measure {
-    /// Answers that are not the exact ones.
-    Wrong,
-    /// Rays from inside that meet nothing.
-    Leaks,
-    /// Rays that cross a body too often or not often enough.
-    DoubleHits,
-    /// Answers that differ with the tree.
-    TreeDependent,
-}
-
-impl Measure {
-    /// Its name in tables and files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Wrong => "wrong",
-            Self::Leaks => "leaks",
-            Self::DoubleHits => "double_hits",
-            Self::TreeDependent => "tree_dependent",
-        }
+named! {
+    /// What is counted.
+    pub enum Measure {
+        /// Answers that are not the exact ones.
+        Wrong = "wrong",
+        /// Rays from inside that meet nothing.
+        Leaks = "leaks",
+        /// Rays that cross a body too often or not often enough.
+        DoubleHits = "double_hits",
+        /// Answers that differ with the tree.
+        TreeDependent = "tree_dependent",
     }
 }
 

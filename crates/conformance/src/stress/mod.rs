@@ -8,15 +8,11 @@
 //!
 //! An [`audit::Audit`] asks rays by the million of scenes of all kinds, of which `exact` may get none wrong.
 
-mod ask;
 pub mod audit;
 pub mod baseline;
 pub mod bounds;
 mod cell;
-mod closed;
 mod family;
-mod meshes;
-mod rays;
 mod scenes;
 mod stress_test;
 

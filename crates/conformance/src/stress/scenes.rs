@@ -1,9 +1,11 @@
 //! Each family's scenes and rays.
 
-use crate::leaks::Aim;
-use crate::stress::meshes::{self, Mesh, PLUMP, separate, soup};
-use crate::stress::rays::{Aims, Target, of_zeros};
-use crate::stress::{Family, Plan, closed};
+use crate::generate::meshes::{self, Mesh, PLUMP, apart, separate, soup};
+use crate::generate::rays::{Aims, Target, of_zeros};
+use crate::generate::{mixed, shares};
+use crate::leaks::{self, Aim, RayBatch};
+use crate::stress::{Family, Plan};
+use backend::Method;
 use fastrand::Rng;
 use geom::{Animation, Point, Ray, Triangle};
 use std::sync::Arc;
@@ -26,16 +28,36 @@ pub(crate) struct Scene {
     pub(crate) inside: Option<Vec<bool>>,
 }
 
+impl Scene {
+    /// A scene without rays, whose tree is built at the first of two times, and which is traced at the second.
+    pub(crate) fn new(animation: Arc<Animation>, [built, time]: [f64; 2]) -> Self {
+        Self {
+            animation,
+            built,
+            time,
+            rays: Vec::new(),
+            inside: None,
+        }
+    }
+}
+
 /// All scenes of a family; they depend on the family and the plan alone.
 pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<Scene> {
-    let shares = shares(plan.rays);
-    let far = |offset| closed::scenes(offset, None, plan.seed, &shares);
-    let near = |aim| closed::scenes(0.0, Some(aim), plan.seed, &shares);
+    let count = plan.rays.div_ceil(RAYS).max(SCENES);
+    let shares: Vec<usize> = shares(plan.rays.into(), count.into())
+        .map(|share| share as usize)
+        .collect();
+    let far = |offset| closed(offset, None, plan.seed, &shares);
+    let near = |aim| closed(0.0, Some(aim), plan.seed, &shares);
     match family {
         Family::Far10 => far(10.0),
         Family::Far1e3 => far(1e3),
         Family::Far1e5 => far(1e5),
-        Family::Far1e7 => closed::no_longer(far(1e7)),
+        // So far away that rounding moves walls past what was inside.
+        Family::Far1e7 => {
+            let open = |s| Scene { inside: None, ..s };
+            far(1e7).into_iter().map(open).collect()
+        }
         Family::Edges => near(Aim::Edge),
         Family::Vertices => near(Aim::Vertex),
         Family::FoldingCloth => vec![cloth(plan)],
@@ -50,16 +72,44 @@ pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<Scene> {
     }
 }
 
-/// How many rays each scene is asked.
-fn shares(rays: u32) -> Vec<usize> {
-    let scenes = rays.div_ceil(RAYS).max(SCENES);
-    let share = |i| rays / scenes + u32::from(i < rays % scenes);
-    (0..scenes).map(|i| share(i) as usize).collect()
+fn rng(family: Family, seed: u64, number: u32) -> Rng {
+    Rng::with_seed(mixed(mixed(seed) ^ family as u64) ^ u64::from(number))
 }
 
-fn rng(family: Family, seed: u64, number: u32) -> Rng {
-    let mixed = |x: u64| Rng::with_seed(x).u64(..);
-    Rng::with_seed(mixed(mixed(seed) ^ family as u64) ^ u64::from(number))
+/// Bodies there are; a family has each of them several times.
+const BODIES: usize = 4;
+
+/// Closed bodies at an offset, all rays of them or those with one aim, so many at each body.
+fn closed(offset: f32, aim: Option<Aim>, seed: u64, shares: &[usize]) -> Vec<Scene> {
+    let rounds = shares.chunks(BODIES).enumerate();
+    let scenes = rounds.flat_map(|(round, shares)| {
+        let most = shares.iter().max().copied().unwrap_or(0).max(1);
+        let sorts = if aim.is_some() { 3 } else { 1 };
+        let batches = leaks::ray_batches(&leaks::LeakPlan {
+            seed: mixed(seed) ^ round as u64,
+            // Twice as many as needed: far away, some begin where they are aimed at.
+            rays: (2 * (most + leaks::SORTS) * sorts * BODIES) as u64,
+            offsets: vec![offset],
+            method: Method::default(),
+        });
+        let all = batches.into_iter().zip(shares);
+        all.map(move |(batch, &share)| body(batch, aim, round, share))
+    });
+    scenes.collect()
+}
+
+/// Each round begins with another sort of ray, so that few rays are of all sorts too.
+fn body(batch: RayBatch, aim: Option<Aim>, round: usize, share: usize) -> Scene {
+    let sorted = batch.rays.into_iter().enumerate();
+    let sorted = sorted.map(|(i, ray)| (RayBatch::sort(i), ray));
+    let wanted = sorted.filter(|((a, _), ray)| ray.is_valid() && aim.is_none_or(|aim| aim == *a));
+    let taken = wanted.skip(round % leaks::SORTS).take(share);
+    let (inside, rays) = taken.map(|((_, inside), ray)| (inside, ray)).unzip();
+    Scene {
+        rays,
+        inside: Some(inside),
+        ..Scene::new(batch.animation, [0.0; 2])
+    }
 }
 
 /// One scene of a family, with so many rays. Each begins with another sort of ray, so that few are of all sorts too.
@@ -81,8 +131,8 @@ fn one(family: Family, number: u32, rays: usize, rng: &mut Rng) -> Scene {
             all.extend((0..64).map(|i| meshes::flat(i % 3, rng)));
             still(separate(&all))
         }
-        Family::OnSurface => still(meshes::sheet(1000, rng)),
-        Family::AxisParallel => still(meshes::sheet(8, rng)),
+        Family::OnSurface => still(meshes::sheet(16, 1000, rng)),
+        Family::AxisParallel => still(meshes::sheet(16, 8, rng)),
         Family::ExtremeKeys => extreme(plump(rng), plump(rng), rng),
         Family::Rearranged => {
             let key = |rng: &mut Rng| soup(256, 0.1, PLUMP, rng).concat();
@@ -101,7 +151,7 @@ fn one(family: Family, number: u32, rays: usize, rng: &mut Rng) -> Scene {
 
 /// The `i`-th ray at a scene of a family.
 fn ray(family: Family, aims: &Aims, i: usize, rng: &mut Rng) -> Ray {
-    let targets = [Target::Inside, Target::Edge, Target::Vertex];
+    let targets = Target::ALL;
     match family {
         Family::InPlane => aims.in_plane(rng),
         Family::OnSurface => aims.on_surface(rng),
@@ -114,9 +164,7 @@ fn ray(family: Family, aims: &Aims, i: usize, rng: &mut Rng) -> Ray {
 
 /// Fills in a scene's rays; those that are not valid are made again.
 fn asked(mut scene: Scene, rays: usize, mut ray: impl FnMut(&Aims, usize) -> Ray) -> Scene {
-    let pose = scene.animation.pose(scene.time);
-    let all = 0..scene.animation.triangle_count() as u32;
-    let aims = Aims::new(all.map(|t| scene.animation.corners(pose, t)).collect());
+    let [_, aims] = Aims::of(&scene.animation, scene.time);
     let valid = |i| {
         let mut again = std::iter::repeat_with(|| ray(&aims, i));
         again.find(Ray::is_valid).expect("most rays are valid")
@@ -127,27 +175,16 @@ fn asked(mut scene: Scene, rays: usize, mut ray: impl FnMut(&Aims, usize) -> Ray
 
 pub(crate) fn still((points, triangles): Mesh) -> Scene {
     let animation = Animation::new(vec![points], triangles);
-    Scene {
-        animation: Arc::new(animation.expect("meshes name their own vertices")),
-        built: 0.0,
-        time: 0.0,
-        rays: Vec::new(),
-        inside: None,
-    }
+    let animation = animation.expect("meshes name their own vertices");
+    Scene::new(Arc::new(animation), [0.0; 2])
 }
 
 /// Free triangles in motion.
 pub(crate) fn moving(keys: Vec<Vec<Point>>, built: f64, time: f64) -> Scene {
-    let count = keys[0].len() as u32 / 3;
-    let triangles = (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
-    let animation = Animation::new(keys, triangles.collect());
-    Scene {
-        animation: Arc::new(animation.expect("key frames have three vertices a triangle")),
-        built,
-        time,
-        rays: Vec::new(),
-        inside: None,
-    }
+    let triangles = apart(keys[0].len() / 3);
+    let animation = Animation::new(keys, triangles);
+    let animation = animation.expect("key frames have three vertices a triangle");
+    Scene::new(Arc::new(animation), [built, time])
 }
 
 /// From unit size to a million times that, or back.
@@ -194,37 +231,27 @@ fn beside_outlier(body: Scene, rng: &mut Rng) -> Scene {
 
 /// A sheet at rest, on its way, or with one vertex gone far.
 pub(crate) fn exploding(rng: &mut Rng) -> Scene {
-    let (points, triangles) = meshes::sheet(8, rng);
+    let (points, triangles) = meshes::sheet(16, 8, rng);
     let mut far = points.clone();
     let vertex = rng.usize(..far.len());
     far[vertex] = meshes::outlying(far[vertex], rng);
     let animation = Animation::new(vec![points.clone(), points, far], triangles);
     let time = [0.0, 1.0, 1.0 + rng.f64(), 2.0][rng.usize(..4)];
-    Scene {
-        animation: Arc::new(animation.expect("the mesh is the same")),
-        built: [0.0, time][rng.usize(..2)],
-        time,
-        rays: Vec::new(),
-        inside: None,
-    }
+    let animation = Arc::new(animation.expect("the mesh is the same"));
+    Scene::new(animation, [[0.0, time][rng.usize(..2)], time])
 }
 
 /// `demo:twist` at its end, where it is tightest, on a tree of its beginning.
 fn cloth(plan: &Plan) -> Scene {
     let demo = scene::open("demo:twist:3000", &scene::Options::default());
     let animation = demo.expect("demos need no file").animation;
-    let stage = Scene {
-        built: 0.0,
-        time: animation.end(),
-        animation,
-        rays: Vec::new(),
-        inside: None,
-    };
+    let times = [0.0, animation.end()];
     let mut rng = rng(Family::FoldingCloth, plan.seed, 0);
-    asked(stage, plan.rays as usize, |aims, i| {
-        let target = [Target::Inside, Target::Edge, Target::Vertex][i % 3];
-        aims.aimed(target, &mut rng)
-    })
+    asked(
+        Scene::new(animation, times),
+        plan.rays as usize,
+        |aims, i| aims.aimed(Target::ALL[i % 3], &mut rng),
+    )
 }
 
 #[cfg(test)]

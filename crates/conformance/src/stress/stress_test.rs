@@ -1,11 +1,14 @@
 //! Scenes of one family with their exact answers, and what a backend makes of them.
 
+use crate::compare::same_hit;
 use crate::leaks::crossings;
 use crate::oracle::Oracle;
-use crate::stress::ask::{stand, trace};
+use crate::stage::{ask, open, stand};
 use crate::stress::scenes::{Scene, scenes};
 use crate::stress::{Family, Plan};
-use backend::{Backend, BackendError, Intersector, Method, Result};
+use backend::{
+    Backend, BackendError, FrameReport, Hits, Intersector, Method, QueryKind, Rays, Result,
+};
 use geom::Hit;
 use rayon::prelude::*;
 use std::ops::AddAssign;
@@ -134,8 +137,7 @@ impl Answered {
         family: Family,
     ) -> Result<StressCounts> {
         let scene = &self.scene;
-        stand(subject, scene, method, scene.built)?;
-        let (hits, report) = trace(subject, &scene.rays)?;
+        let (hits, report) = scene.trace(subject, method, scene.built)?;
         let found = hits.closest;
         let differs = |(hit, exact): &(&Hit, &u32)| hit.triangle != **exact;
         let closed = match &scene.inside {
@@ -185,14 +187,26 @@ impl Answered {
         found: &[Hit],
         refitted: Option<f64>,
     ) -> Result<Rearranged> {
-        stand(subject, &self.scene, method, self.scene.time)?;
-        let (hits, report) = trace(subject, &self.scene.rays)?;
-        let bits = |h: &Hit| [h.t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.triangle];
+        let (hits, report) = self.scene.trace(subject, method, self.scene.time)?;
         let pairs = found.iter().zip(&hits.closest);
         Ok(Rearranged {
-            dependent: pairs.filter(|(a, b)| bits(a) != bits(b)).count() as u64,
+            dependent: pairs.filter(|(a, b)| !same_hit(a, b)).count() as u64,
             sah_ratio: refitted.zip(report.sah_cost).map(|(old, new)| old / new),
         })
+    }
+}
+
+impl Scene {
+    /// What the scene's rays hit first with a tree built at `built`.
+    pub(super) fn trace(
+        &self,
+        subject: &mut dyn Backend,
+        method: Method,
+        built: f64,
+    ) -> Result<(Hits, FrameReport)> {
+        open(subject, &self.animation, built, method)?;
+        stand(subject, &self.animation, self.time)?;
+        ask(subject, Rays::List(&self.rays), QueryKind::Closest)
     }
 }
 

@@ -83,6 +83,8 @@ pub(crate) struct Log {
     pub(crate) trees: Vec<Vec<u32>>,
     pub(crate) made: Vec<Generation>,
     pub(crate) requested: usize,
+    /// Whether anything was traced.
+    traced_any: bool,
 }
 
 /// Checks the order of calls; positions reach the host after some polls, or never.
@@ -99,6 +101,8 @@ pub(crate) struct Fake {
     polls: Option<u32>,
     gate: Option<Arc<Gate>>,
     pub(crate) own_trees: bool,
+    /// Vertices made beforehand: who has them takes no memory, so that nothing is logged but what needs none.
+    pub(crate) prepared: Option<Vec<Snapshot>>,
 }
 
 impl Fake {
@@ -125,8 +129,19 @@ impl Fake {
             polls,
             gate,
             own_trees: false,
+            prepared: None,
         };
         (fake, log)
+    }
+
+    fn note(&self, what: impl FnOnce(&mut Log)) {
+        if self.prepared.is_none() {
+            what(&mut self.log.lock().unwrap());
+        }
+    }
+
+    fn traced(&self) -> bool {
+        self.log.lock().unwrap().traced_any
     }
 }
 
@@ -148,15 +163,16 @@ impl Backend for Fake {
         assert_eq!(tree.leaf_count(), live);
         self.generation = generation;
         self.fresh = (false, false);
-        let mut log = self.log.lock().unwrap();
-        log.adopted.push(generation);
-        log.trees.push(tree.words().to_vec());
+        self.note(|log| {
+            log.adopted.push(generation);
+            log.trees.push(tree.words().to_vec());
+        });
         Ok(())
     }
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         self.pose = Some(pose);
         self.fresh = (false, false);
-        self.log.lock().unwrap().interpolated += 1;
+        self.note(|log| log.interpolated += 1);
         Ok(())
     }
     fn preprocess(&mut self) -> Result<()> {
@@ -167,7 +183,7 @@ impl Backend for Fake {
     fn refit(&mut self) -> Result<()> {
         assert!(self.fresh.0, "boxes of leaves come first");
         self.fresh.1 = true;
-        self.log.lock().unwrap().refitted += 1;
+        self.note(|log| log.refitted += 1);
         Ok(())
     }
     fn check_rebuild(&self) -> Result<()> {
@@ -178,22 +194,20 @@ impl Backend for Fake {
         assert!(self.pose.is_some(), "positions come first");
         self.generation = generation;
         self.fresh = (false, false);
-        self.log.lock().unwrap().made.push(generation);
+        self.note(|log| log.made.push(generation));
         Ok(())
     }
     fn trace(&mut self, _: Query<'_>) -> Result<()> {
         assert_eq!(self.fresh, (true, true), "a stale tree was traced");
-        self.log
-            .lock()
-            .unwrap()
-            .traced
-            .push((self.generation, self.pose.unwrap()));
+        let traced = (self.generation, self.pose.unwrap());
+        self.note(|log| log.traced.push(traced));
+        self.log.lock().unwrap().traced_any = true;
         Ok(())
     }
     fn request_positions(&mut self) -> Result<()> {
         assert!(self.requested.is_none(), "one request at a time");
         self.record_request = true;
-        self.log.lock().unwrap().requested += 1;
+        self.note(|log| log.requested += 1);
         Ok(())
     }
     fn submit(&mut self) -> Result<Ticket> {
@@ -223,6 +237,10 @@ impl Backend for Fake {
             Some((0, ticket, pose)) => {
                 let (ticket, pose) = (*ticket, *pose);
                 self.requested = None;
+                if let Some(prepared) = &mut self.prepared {
+                    let snapshot = prepared.pop().expect("enough were made");
+                    return Ok(Some((ticket, snapshot)));
+                }
                 let a = self.animation.as_ref().unwrap();
                 let at = |v| a.vertex(pose, v as u32);
                 let positions: Vec<Point> = (0..a.vertex_count()).map(at).collect();
@@ -238,12 +256,6 @@ impl Backend for Fake {
     }
     fn inspect(&mut self) -> &mut dyn Inspect {
         self
-    }
-}
-
-impl Fake {
-    fn traced(&self) -> bool {
-        !self.log.lock().unwrap().traced.is_empty()
     }
 }
 

@@ -1,6 +1,7 @@
 //! The driver against a backend that does nothing but check the contract.
 
 mod ahead;
+mod allocations;
 mod fake;
 mod moments;
 mod occluder_first;

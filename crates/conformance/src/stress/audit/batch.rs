@@ -2,14 +2,14 @@
 
 use super::BatchSpec;
 use super::bounds::TBounds;
+use crate::compare::{ray_text, triangle_text};
 use crate::oracle::{ExactHit, Oracle};
-use crate::stress::ask::{kind, stand};
+use crate::stage::ask;
 use crate::stress::scenes::Scene;
-use backend::{Backend, Method, QueryKind, Result};
-use geom::{Hit, Ray};
+use backend::{Backend, Method, QueryKind, Rays, Result};
+use geom::Hit;
 use rayon::prelude::*;
 use serde::Serialize;
-use std::fmt;
 use std::ops::AddAssign;
 
 /// Wrong rays of a batch that are kept in full.
@@ -50,28 +50,9 @@ pub struct AuditCounts {
     pub wrong_t: u64,
     /// Rays that hit anything where nothing is, or nothing where something is.
     pub wrong_any: u64,
-    /// The first that are wrong in either way.
+    /// The first that are wrong in either way, in words.
     #[serde(skip)]
-    pub first: Vec<Wrong>,
-}
-
-/// A ray with a wrong answer.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Wrong {
-    /// The batch's number.
-    pub spec: u64,
-    /// The ray's number within the batch.
-    pub number: usize,
-    /// The ray.
-    pub ray: Ray,
-    /// The exact answer.
-    pub expected: Option<ExactHit>,
-    /// The answer given.
-    pub found: Hit,
-    /// Whether anything was hit, by the same backend asked for that alone.
-    pub any: bool,
-    /// Corners of the triangle expected and of the one found.
-    pub corners: [Option<geom::Triangle>; 2],
+    pub first: Vec<String>,
 }
 
 impl Batch {
@@ -110,9 +91,8 @@ impl Batch {
     /// The subject failed, or does not know the method.
     pub fn ask(&self, subject: &mut dyn Backend, method: Method) -> Result<AuditCounts> {
         let rays = &self.scene.rays;
-        stand(subject, &self.scene, method, self.scene.built)?;
-        let (closest, report) = kind(subject, rays, QueryKind::Closest)?;
-        let (any, _) = kind(subject, rays, QueryKind::Any)?;
+        let (closest, report) = self.scene.trace(subject, method, self.scene.built)?;
+        let (any, _) = ask(subject, Rays::List(rays), QueryKind::Any)?;
         let mut tally = AuditCounts {
             settled: report.settled,
             ..self.about.clone()
@@ -134,24 +114,20 @@ impl Batch {
         Ok(tally)
     }
 
-    fn wrong(&self, number: usize, found: Hit, any: bool) -> Wrong {
-        let expected = self.exact[number];
-        let animation = &self.scene.animation;
-        let named = [
-            expected.map(|e| e.triangle),
-            found.is_hit().then_some(found.triangle),
-        ];
-        let there = |t: u32| (t as usize) < animation.triangle_count();
-        let corners = |t| animation.corners(animation.pose(self.scene.time), t);
-        Wrong {
-            spec: self.spec.number,
-            number,
-            ray: self.scene.rays[number],
-            expected,
-            found,
-            any,
-            corners: named.map(|t| t.filter(|&t| there(t)).map(corners)),
-        }
+    /// A wrong ray, both answers and the corners of the triangles that they name.
+    fn wrong(&self, number: usize, found: Hit, any: bool) -> String {
+        let (animation, expected) = (&self.scene.animation, self.exact[number]);
+        let name = |t| triangle_text(animation, self.scene.time, t);
+        let exact = expected.map_or(Hit::MISS.triangle, |e| e.triangle);
+        format!(
+            "ray {number} of batch {}, {}: hits {} at t = {:?} (any: {any}), exactly {} at {:?}",
+            self.spec.number,
+            ray_text(&self.scene.rays[number]),
+            name(found.triangle),
+            found.t,
+            name(exact),
+            expected.map_or(f64::INFINITY, |e| e.t),
+        )
     }
 }
 
@@ -170,34 +146,5 @@ impl AddAssign for AuditCounts {
         self.wrong_t += other.wrong_t;
         let room = KEPT.saturating_sub(self.first.len());
         self.first.extend(other.first.into_iter().take(room));
-    }
-}
-
-impl fmt::Display for Wrong {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Ray {
-            origin,
-            direction,
-            t_min,
-            t_max,
-        } = self.ray;
-        let name = |t: Option<u32>, corners: &Option<geom::Triangle>| match (t, corners) {
-            (Some(t), Some(c)) => format!("triangle {t} {c:?}"),
-            (Some(t), None) => format!("triangle {t}, which is not there"),
-            (None, _) => "nothing".to_owned(),
-        };
-        let [exact, given] = &self.corners;
-        let found = self.found.is_hit().then_some(self.found.triangle);
-        write!(
-            f,
-            "ray {} of batch {}, origin {origin:?}, direction {direction:?}, t in ({t_min:?}, {t_max:?}): hits {} at t = {:?} (any: {}), exactly {} at {:?}",
-            self.number,
-            self.spec,
-            name(found, given),
-            self.found.t,
-            self.any,
-            name(self.expected.map(|e| e.triangle), exact),
-            self.expected.map_or(f64::INFINITY, |e| e.t),
-        )
     }
 }

@@ -4,23 +4,23 @@
 //! rays of a batch depend on the seed and its number alone, so that any can be made again without the others. A
 //! [`Batch`] also holds the oracle's answers, found once and held against any number of backends.
 
-mod aim;
 mod batch;
 mod bounds;
 mod kind;
-mod place;
 #[cfg(test)]
 mod tests;
 
+use crate::generate::placement::{PLACES, Placement};
+use crate::generate::rays::{Aims, RayKind, Target, void};
+use crate::generate::{mixed, shares};
 use crate::stress::scenes::Scene;
-use aim::rays;
 use fastrand::Rng;
-use geom::Animation;
+use geom::{Animation, Point, Ray};
 use kind::Kind;
-use place::Placement;
+use rayon::prelude::*;
 use std::sync::Arc;
 
-pub use batch::{AuditCounts, Batch, Wrong};
+pub use batch::{AuditCounts, Batch};
 
 /// Rays of a scene made here: few, so that many rays see many scenes.
 const MOST: u64 = 1 << 14;
@@ -52,7 +52,8 @@ pub struct Given {
 /// Where a batch's scene comes from.
 #[derive(Clone, Copy, Debug)]
 enum Source {
-    Made(Kind, Placement),
+    /// A kind of mesh, and one of [`PLACES`].
+    Made(Kind, usize),
     /// By its place among those given.
     Given(usize),
 }
@@ -97,13 +98,10 @@ impl Audit {
         let [made, given] = [Kind::ALL.len(), 1].map(|n| self.plan.rays * n as u64 / sorts as u64);
         let mut specs = Vec::new();
         let made = made + self.plan.rays - made - given * self.given.len() as u64;
-        let combinations = (Kind::ALL.len() * Placement::ALL.len()) as u64;
+        let combinations = (Kind::ALL.len() * PLACES.len()) as u64;
         self.share(made, [combinations, MOST], &mut specs, |i| {
             let (kind, place) = (i % Kind::ALL.len(), i / Kind::ALL.len());
-            Source::Made(
-                Kind::ALL[kind],
-                Placement::ALL[place % Placement::ALL.len()],
-            )
+            Source::Made(Kind::ALL[kind], place % PLACES.len())
         });
         for i in 0..self.given.len() {
             self.share(given, [MOMENTS, MOST_GIVEN], &mut specs, |_| {
@@ -124,9 +122,9 @@ impl Audit {
     ) {
         let count = rays.div_ceil(most).max(least);
         let first = specs.len() as u64;
-        specs.extend((0..count).map(|i| BatchSpec {
+        specs.extend(shares(rays, count).zip(0..).map(|(rays, i)| BatchSpec {
             number: first + i,
-            rays: rays / count + u64::from(i < rays % count),
+            rays,
             source: source(i as usize),
         }));
     }
@@ -144,7 +142,7 @@ impl Audit {
     #[must_use]
     pub fn about(&self, spec: &BatchSpec) -> String {
         match spec.source {
-            Source::Made(kind, place) => format!("{}, {}", kind.name(), place.name()),
+            Source::Made(kind, place) => format!("{kind}, {}", PLACES[place].0),
             Source::Given(i) => self.given[i].name.clone(),
         }
     }
@@ -155,7 +153,10 @@ impl Audit {
         let seed = mixed(mixed(self.plan.seed) ^ spec.number);
         let rng = &mut Rng::with_seed(seed);
         let mut scene = match spec.source {
-            Source::Made(kind, place) => place.put(kind.scene(&self.cloth, rng), rng),
+            Source::Made(kind, place) => {
+                let scene = kind.scene(&self.cloth, rng);
+                put(scene, (PLACES[place].1)(rng))
+            }
             Source::Given(i) => moment(&self.given[i].animation, rng),
         };
         scene.rays = rays(&scene, spec.rays, seed);
@@ -163,20 +164,75 @@ impl Audit {
     }
 }
 
+/// Puts the scene elsewhere.
+fn put(scene: Scene, place: Placement) -> Scene {
+    let keys = scene.animation.keys().iter();
+    let keys = keys.map(|key| key.iter().map(|&p| place.put(p)).collect());
+    let animation = Animation::new(keys.collect(), scene.animation.triangles().to_vec());
+    Scene {
+        animation: Arc::new(animation.expect("the mesh is the same")),
+        ..scene
+    }
+}
+
 /// A scene at a key frame or between two, on a tree of its beginning or of the moment.
 fn moment(animation: &Arc<Animation>, rng: &mut Rng) -> Scene {
     let time = animation.end() * rng.f64();
     let time = if rng.bool() { time } else { time.round() };
-    Scene {
-        built: if rng.bool() { time } else { 0.0 },
-        time,
-        animation: Arc::clone(animation),
-        rays: Vec::new(),
-        inside: None,
-    }
+    let built = if rng.bool() { time } else { 0.0 };
+    Scene::new(Arc::clone(animation), [built, time])
 }
 
-/// A number at random that depends on `x` alone.
-fn mixed(x: u64) -> u64 {
-    Rng::with_seed(x).u64(..)
+/// Rays take turns: of which kind each is, and at what it aims if that is not left to chance.
+const SORTS: [(RayKind, Option<Target>); 16] = [
+    (RayKind::Random, None),
+    (RayKind::Aimed, Some(Target::Inside)),
+    (RayKind::Aimed, Some(Target::Edge)),
+    (RayKind::Aimed, Some(Target::Edge)),
+    (RayKind::Aimed, Some(Target::Vertex)),
+    (RayKind::Aimed, Some(Target::Vertex)),
+    (RayKind::Exactly, Some(Target::Edge)),
+    (RayKind::Exactly, Some(Target::Vertex)),
+    (RayKind::InPlane, None),
+    (RayKind::InPlaneExactly, None),
+    (RayKind::AlongAxis, None),
+    (RayKind::OnSurface, None),
+    (RayKind::Between, None),
+    (RayKind::Beyond, None),
+    (RayKind::Limited, None),
+    (RayKind::AlongEdge, None),
+];
+/// Triangles of which each may be asked by a single ray.
+const FEW: usize = 4096;
+
+/// The first `count` rays of a scene; each depends on the scene, the seed and its number alone.
+fn rays(scene: &Scene, count: u64, seed: u64) -> Vec<Ray> {
+    let [near, aims] = &Aims::of(&scene.animation, scene.time);
+    let one = |i: u64| {
+        let rng = &mut Rng::with_seed(mixed(seed ^ (i + 1)));
+        ray([near, aims][rng.usize(..4).min(1)], i, rng)
+    };
+    (0..count).into_par_iter().map(one).collect()
+}
+
+fn ray(aims: &Aims, i: u64, rng: &mut Rng) -> Ray {
+    let round = i / SORTS.len() as u64;
+    let (kind, target) = SORTS[(i % SORTS.len() as u64) as usize];
+    let target = target.unwrap_or_else(|| Target::ALL[rng.usize(..3)]);
+    // Hardly ever so far that only integers decide what is hit, of every triangle.
+    let farthest = kind == RayKind::Beyond && round % 64 == 31;
+    let made = match farthest && (1..=FEW).contains(&aims.count()) {
+        true => aims.beyond(target, 2.0_f64.powi(rng.i32(70..90)), rng),
+        false => aims.ray(kind, target, rng),
+    };
+    // Now and then much longer or shorter, and now and then no ray at all.
+    match round % 32 {
+        7 | 15 => {
+            let by = 2.0_f32.powi(rng.i32(-80..80));
+            let direction: Point = made.direction.map(|x| x * by);
+            Ray { direction, ..made }
+        }
+        23 if i.is_multiple_of(4) => void(made, rng),
+        _ => made,
+    }
 }

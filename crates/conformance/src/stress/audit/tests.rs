@@ -71,7 +71,7 @@ fn a_batch_can_be_made_again_alone_and_other_seeds_make_others() {
 fn rays_meet_ties_edges_and_triangles_that_are_none_and_exact_is_right_about_all() {
     let tally = sum(&audit(10_000), Intersector::Exact);
     let wrong = [tally.wrong, tally.wrong_any, tally.wrong_t];
-    assert_eq!(wrong, [0; 3], "{}", tally.first[0]);
+    assert_eq!(wrong, [0; 3], "{:?}", tally.first);
     assert_eq!(tally.rays, 10_000);
     let AuditCounts {
         hits, ties, edges, ..
@@ -85,7 +85,7 @@ fn rays_meet_ties_edges_and_triangles_that_are_none_and_exact_is_right_about_all
 fn whoever_rounds_is_found_out_with_the_ray_and_both_answers() {
     let tally = sum(&audit(5_000), Intersector::Watertight);
     assert!(tally.wrong > 100 && tally.wrong_any > 10, "{tally:?}");
-    let wrong = tally.first[0].to_string();
+    let wrong = &tally.first[0];
     assert!(
         wrong.contains("exactly") && wrong.contains("origin"),
         "{wrong}"

@@ -87,7 +87,7 @@ fn every_baseline_has_every_cell_once_and_says_where_it_comes_from() {
 fn a_record_of_the_host_is_the_hosts_baseline() {
     let mut cpu = CpuBackend::new(Some(2)).unwrap();
     let mut families = 0;
-    let found = record(&mut cpu, 2, &mut |_| families += 1).unwrap();
+    let found = record_of(&mut cpu, (2, 512), &mut |_| families += 1).unwrap();
     assert_eq!(found.arithmetic, Arithmetic::IEEE);
     assert_eq!(families, Family::ALL.len());
     let host = &baselines()[0];

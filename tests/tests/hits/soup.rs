@@ -1,12 +1,10 @@
 //! Random triangles, and closed meshes.
 
 use crate::verifier::Verifier;
-use crate::{tally, trace};
+use crate::watertight::{tally, trace};
+use conformance::{Target, aimed};
 use geom::{Animation, Point, Ray, Triangle};
-use integration::rays::{Target, aimed};
 use libtest_mimic::{Failed, Trial};
-use proptest::prelude::*;
-use proptest::test_runner::{Config, TestError, TestRunner};
 use std::sync::Arc;
 
 pub(crate) fn trials() -> Vec<Trial> {
@@ -24,54 +22,41 @@ fn animation(corners: &[Triangle]) -> Arc<Animation> {
     Arc::new(animation.expect("three vertices a triangle"))
 }
 
+/// Triangles whose coordinates are small integers or anything, so that there are ties, at several sizes.
 fn soups() -> Result<(), Failed> {
-    let scale = prop_oneof![Just(1.0_f32), Just(1e-20), Just(1e20), Just(1024.0)];
-    let coordinate = prop_oneof![(-4_i8..=4).prop_map(f32::from), -4.0_f32..4.0];
-    let point = proptest::array::uniform3(coordinate);
-    let triangle = proptest::array::uniform3(point.clone());
-    let triangles = proptest::collection::vec(triangle, 1..40);
-    let rays = proptest::collection::vec((point, 0.0..1.0_f32, 0.0..1.0_f32, 0..40_usize), 60);
-    let mut runner = TestRunner::new_with_rng(
-        Config {
-            cases: 150,
-            failure_persistence: None,
-            ..Config::default()
-        },
-        proptest::test_runner::TestRng::deterministic_rng(
-            proptest::test_runner::RngAlgorithm::ChaCha,
-        ),
-    );
-    runner
-        .run(&(triangles, rays, scale), |(triangles, rays, scale)| {
-            let corners: Vec<Triangle> = triangles
-                .iter()
-                .map(|t| t.map(|p| p.map(|x| x * scale)))
-                .collect();
-            let rays: Vec<Ray> = rays
-                .iter()
-                .map(|&(o, v, w, i)| {
-                    let origin = o.map(|x| x * scale);
-                    let [a, b, c] = corners[i % corners.len()];
-                    // A third of them at edges, and some at vertices.
-                    let (v, w) = (v, if i % 3 == 0 { 0.0 } else { w * (1.0 - v) });
-                    let target: Point = std::array::from_fn(|k| {
-                        a[k] + v.round().min(v * 1.5) * (b[k] - a[k]) + w * (c[k] - a[k])
-                    });
-                    Ray::new(origin, std::array::from_fn(|k| target[k] - origin[k]))
-                })
-                .filter(Ray::is_valid)
-                .collect();
-            let hits = trace(&animation(&corners), 0.0, &rays);
-            tally(&Verifier::new(corners), &rays, &hits)
-                .map(|_| ())
-                .map_err(|e| TestCaseError::fail(e.message().unwrap_or("wrong").to_owned()))
-        })
-        .map_err(|e| match e {
-            TestError::Fail(reason, (triangles, _, scale)) => {
-                format!("{reason} among {triangles:?} times {scale}").into()
-            }
-            TestError::Abort(reason) => reason.message().into(),
-        })
+    let mut rng = fastrand::Rng::with_seed(3);
+    for case in 0..150 {
+        let scale = [1.0, 1e-20, 1e20, 1024.0][case % 4];
+        let point = |rng: &mut fastrand::Rng| -> Point {
+            let coordinate = |()| match rng.bool() {
+                true => f32::from(rng.i8(-4..=4)),
+                false => 8.0 * rng.f32() - 4.0,
+            };
+            [(); 3].map(coordinate).map(|x| x * scale)
+        };
+        let count = rng.usize(1..40);
+        let corners: Vec<Triangle> = (0..count)
+            .map(|_| [(); 3].map(|()| point(&mut rng)))
+            .collect();
+        // Half of them at edges and vertices.
+        let ray = |i: usize| {
+            let origin = point(&mut rng);
+            let [a, b, c] = corners[rng.usize(..count)];
+            let (v, w) = (rng.f32(), rng.f32());
+            let [v, w] = match i % 4 {
+                0 => [v, 0.0],
+                1 => [v.round(), 0.0],
+                _ => [v, w * (1.0 - v)],
+            };
+            let at: Point = std::array::from_fn(|k| a[k] + v * (b[k] - a[k]) + w * (c[k] - a[k]));
+            Ray::new(origin, std::array::from_fn(|k| at[k] - origin[k]))
+        };
+        let rays: Vec<Ray> = (0..60).map(ray).filter(Ray::is_valid).collect();
+        let hits = trace(&animation(&corners), 0.0, &rays);
+        tally(&Verifier::new(corners), &rays, &hits)
+            .map_err(|e| format!("case {case}: {}", e.message().unwrap_or("wrong")))?;
+    }
+    Ok(())
 }
 
 /// Triangles of all sizes in one plane, whose distance `watertight` computes
@@ -144,8 +129,8 @@ fn from_inside() -> Result<(), Failed> {
     for offset in CENTRES {
         let centre = [offset, -offset, offset];
         let animation = animation(&ball(centre));
-        for target in [Target::Edge, Target::Vertex, Target::Inside] {
-            let mut rays = aimed(&animation, animation.pose(0.0), target, 1.0, 20_000);
+        for target in Target::ALL {
+            let mut rays = aimed(&animation, 0.0, target, 1.0, 20_000);
             for ray in &mut rays {
                 let aim: Point = std::array::from_fn(|i| ray.origin[i] + ray.direction[i]);
                 *ray = Ray::new(centre, std::array::from_fn(|i| aim[i] - centre[i]));
@@ -168,8 +153,8 @@ fn from_outside() -> Result<(), Failed> {
         let corners = ball([offset, 0.0, -offset]);
         let animation = animation(&corners);
         let verify = Verifier::new(corners);
-        for target in [Target::Edge, Target::Vertex, Target::Inside] {
-            let rays = aimed(&animation, animation.pose(0.0), target, 2.0, 8000);
+        for target in Target::ALL {
+            let rays = aimed(&animation, 0.0, target, 2.0, 8000);
             let hits = trace(&animation, 0.0, &rays);
             let tally = tally(&verify, &rays, &hits)?;
             if matches!(target, Target::Inside) && tally.differing() > 0 {

@@ -1,28 +1,16 @@
 //! `watertight` against exact arithmetic.
 
-mod soup;
-mod verifier;
-
-use backend::{Hits, Intersector, Query, QueryKind, Rays};
+use crate::verifier::{Verdict, Verifier};
+use backend::{Hits, Intersector};
+use conformance::{Target, aimed};
 use geom::{Animation, Ray};
-use integration::rays::{Target, aimed, camera};
-use integration::scenes::{DEMOS, REAL, Source};
-use integration::stage::Stage;
-use libtest_mimic::{Arguments, Failed, Trial};
+use integration::scenes::Source;
+use integration::stage::{Stage, camera};
+use libtest_mimic::{Failed, Trial};
 use rayon::prelude::*;
-use std::process::ExitCode;
 use std::sync::Arc;
-use verifier::{Verdict, Verifier};
 
-fn main() -> ExitCode {
-    let arguments = Arguments::from_args();
-    let scenes = DEMOS.into_iter().chain(REAL);
-    let mut trials: Vec<_> = scenes.flat_map(trials).collect();
-    trials.extend(soup::trials());
-    libtest_mimic::run(&arguments, trials).exit_code()
-}
-
-fn trials(source: Source) -> [Trial; 2] {
+pub(crate) fn trials(source: Source) -> [Trial; 2] {
     [
         source.trial("pictures_are_exact_but_for_few_rays_near_edges", pictures),
         source.trial("rays_at_edges_name_a_triangle_of_that_edge", rays_at_edges),
@@ -37,7 +25,7 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    fn differing(self) -> usize {
+    pub(crate) fn differing(self) -> usize {
         self.near_edge + self.near_tie
     }
 }
@@ -59,11 +47,10 @@ pub(crate) fn tally(verify: &Verifier, rays: &[Ray], hits: &Hits) -> Result<Tall
     Ok(tally)
 }
 
-fn trace(animation: &Arc<Animation>, time: f64, rays: &[Ray]) -> Hits {
+pub(crate) fn trace(animation: &Arc<Animation>, time: f64, rays: &[Ray]) -> Hits {
     let mut stage = Stage::new(animation, Intersector::Watertight, 2);
     stage.plant(time);
-    let (rays, kind) = (Rays::List(rays), QueryKind::Closest);
-    stage.trace(time, Query { rays, kind })
+    stage.closest(time, rays)
 }
 
 fn judge_at(animation: &Animation, time: f64) -> Verifier {
@@ -75,7 +62,7 @@ fn judge_at(animation: &Animation, time: f64) -> Verifier {
 /// A camera ray passes near an edge by chance only: a few in a million, so
 /// hardly ever two of these 38,400.
 fn pictures(source: Source) -> Result<(), Failed> {
-    let animation = source.open()?.animation;
+    let animation = source.animation()?;
     let rays = camera(&animation, [240, 160]).rays().collect::<Vec<_>>();
     for time in [0.0, 0.618 * animation.end()] {
         let hits = trace(&animation, time, &rays);
@@ -88,13 +75,12 @@ fn pictures(source: Source) -> Result<(), Failed> {
 }
 
 fn rays_at_edges(source: Source) -> Result<(), Failed> {
-    let animation = source.open()?.animation;
+    let animation = source.animation()?;
     let time = 0.618 * animation.end();
     let verify = judge_at(&animation, time);
-    for target in [Target::Inside, Target::Edge, Target::Vertex] {
+    for target in Target::ALL {
         for distance in [0.6, 2.0, 100.0, 1e4] {
-            let pose = animation.pose(time);
-            let rays = aimed(&animation, pose, target, distance, 1500);
+            let rays = aimed(&animation, time, target, distance, 1500);
             tally(&verify, &rays, &trace(&animation, time, &rays))?;
         }
     }

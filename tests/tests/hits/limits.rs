@@ -1,12 +1,11 @@
 //! What a ray hits depends on the ray, the triangles and the intersector alone.
 
-use backend::{Hits, Intersector, Query, QueryKind, Rays};
+use backend::{Hits, Intersector, QueryKind, Rays};
+use conformance::{Target, aimed};
 use geom::{Animation, Ray};
-use integration::rays::{Target, aimed, camera, light};
-use integration::scenes::{DEMOS, REAL, Source};
-use integration::stage::{Stage, telling_times};
-use libtest_mimic::{Arguments, Failed, Trial};
-use std::process::ExitCode;
+use integration::scenes::Source;
+use integration::stage::{Stage, camera, light};
+use libtest_mimic::{Failed, Trial};
 use std::sync::Arc;
 
 const TRACED: [Intersector; 3] = [
@@ -15,13 +14,7 @@ const TRACED: [Intersector; 3] = [
     Intersector::MollerTrumbore,
 ];
 
-fn main() -> ExitCode {
-    let arguments = Arguments::from_args();
-    let trials = DEMOS.into_iter().chain(REAL).flat_map(trials).collect();
-    libtest_mimic::run(&arguments, trials).exit_code()
-}
-
-fn trials(source: Source) -> [Trial; 3] {
+pub(crate) fn trials(source: Source) -> [Trial; 3] {
     [
         source.trial("threads_do_not_change_hits", threads_do_not_change_hits),
         source.trial("the_tree_does_not_change_hits", |source| {
@@ -37,7 +30,7 @@ fn for_every_intersector(
     source: Source,
     law: fn(&Arc<Animation>, Intersector) -> Result<(), Failed>,
 ) -> Result<(), Failed> {
-    let animation = source.open()?.animation;
+    let animation = source.animation()?;
     for intersector in TRACED {
         law(&animation, intersector)
             .map_err(|e| format!("{intersector}: {}", e.message().unwrap_or("failed")))?;
@@ -52,54 +45,51 @@ fn the_tree_does_not_change_hits(
 ) -> Result<(), Failed> {
     let camera = camera(animation, [120, 90]);
     let light = light(animation);
-    let query = Query {
-        rays: Rays::Camera(&camera),
-        kind: QueryKind::ClosestAndShadow { light },
-    };
+    let rays = Rays::Camera(&camera);
+    let kind = QueryKind::ClosestAndShadow { light };
     let [mut fresh, mut first, mut last] = [(); 3].map(|()| Stage::new(animation, intersector, 2));
     first.plant(0.0);
     last.plant(animation.end());
     for time in telling_times(animation) {
         fresh.plant(time);
-        let expected = fresh.trace(time, query);
+        let expected = fresh.trace(time, rays, kind);
         something_is_hit(&expected)?;
-        same(
-            &first.trace(time, query),
-            &expected,
-            &format!("first tree at {time}"),
-        )?;
-        same(
-            &last.trace(time, query),
-            &expected,
-            &format!("last tree at {time}"),
-        )?;
+        for (aged, what) in [(&mut first, "first"), (&mut last, "last")] {
+            let found = aged.trace(time, rays, kind);
+            same(&found, &expected, &format!("{what} tree at {time}"))?;
+        }
     }
     Ok(())
 }
 
+/// Times that tell: both ends, a key frame, and between key frames.
+fn telling_times(animation: &Animation) -> Vec<f64> {
+    let end = animation.end();
+    let mut times = vec![0.0, (0.37 * end).floor(), 0.618 * end, end];
+    times.dedup();
+    times
+}
+
 fn threads_do_not_change_hits(source: Source) -> Result<(), Failed> {
-    let animation = source.open()?.animation;
+    let animation = source.animation()?;
     let time = 0.5 * animation.end();
     let rays = hard_rays(&animation, time, 3000);
-    let trace = |threads, kind| {
-        let mut stage = Stage::new(&animation, Intersector::Watertight, threads);
-        stage.plant(0.0);
-        let rays = Rays::List(&rays);
-        stage.trace(time, Query { rays, kind })
-    };
+    let rays = Rays::List(&rays);
     let light = light(&animation);
-    for kind in [
+    let kinds = [
         QueryKind::Closest,
         QueryKind::Any,
         QueryKind::ClosestAndShadow { light },
-    ] {
-        let expected = trace(1, kind);
-        for threads in [2, 3] {
-            same(
-                &trace(threads, kind),
-                &expected,
-                &format!("{threads} threads"),
-            )?;
+    ];
+    let trace = |threads| {
+        let mut stage = Stage::new(&animation, Intersector::Watertight, threads);
+        stage.plant(0.0);
+        kinds.map(|kind| stage.trace(time, rays, kind))
+    };
+    let expected = trace(1);
+    for threads in [2, 3] {
+        for (found, expected) in trace(threads).iter().zip(&expected) {
+            same(found, expected, &format!("{threads} threads"))?;
         }
     }
     Ok(())
@@ -116,10 +106,7 @@ fn limits_cut_where_hits_are(
     stage.plant(time);
     let mut rays = camera(animation, [64, 48]).rays().collect::<Vec<_>>();
     rays.extend(hard_rays(animation, time, 2000));
-    let mut trace = |rays: &[Ray], kind| {
-        let rays = Rays::List(rays);
-        stage.trace(time, Query { rays, kind })
-    };
+    let mut trace = |rays: &[Ray], kind| stage.trace(time, Rays::List(rays), kind);
     let hits = trace(&rays, QueryKind::Closest);
     something_is_hit(&hits)?;
     let met: Vec<u8> = hits.closest.iter().map(|h| u8::from(h.is_hit())).collect();
@@ -154,10 +141,9 @@ fn limits_cut_where_hits_are(
 
 /// Rays aimed at the inside, at edges and at vertices, from near and far.
 fn hard_rays(animation: &Arc<Animation>, time: f64, count: usize) -> Vec<Ray> {
-    let pose = animation.pose(time);
-    let targets = [Target::Inside, Target::Edge, Target::Vertex];
-    let aims = targets.into_iter().flat_map(|t| [(t, 1.5), (t, 30.0)]);
-    aims.flat_map(|(target, distance)| aimed(animation, pose, target, distance, count / 6))
+    let targets = Target::ALL.into_iter();
+    let aims = targets.flat_map(|target| [(target, 1.5), (target, 30.0)]);
+    aims.flat_map(|(target, distance)| aimed(animation, time, target, distance, count / 6))
         .collect()
 }
 

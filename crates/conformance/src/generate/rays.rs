@@ -1,18 +1,89 @@
 //! Rays made for one purpose each. Sums are in double precision and rounded once.
 
-use crate::stress::meshes::{point, unit};
+use super::meshes::{point, unit};
 use fastrand::Rng;
-use geom::{Point, Ray, Triangle};
+use geom::{Animation, Point, Ray, Triangle};
 
 /// The bits of an exponent.
 const EXPONENT: u64 = 0x7ff << 52;
 
 /// Where on a triangle to aim.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Target {
+pub enum Target {
+    /// A point of its inside.
     Inside,
+    /// A point of an edge.
     Edge,
+    /// A vertex.
     Vertex,
+}
+
+impl Target {
+    /// All there are.
+    pub const ALL: [Self; 3] = [Self::Inside, Self::Edge, Self::Vertex];
+}
+
+/// What a ray was made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RayKind {
+    /// Through the scene, at nothing in particular.
+    Random,
+    /// From around the scene, or from within it, to a target.
+    Aimed,
+    /// Likewise, so that coordinates allow it to pass exactly through the target.
+    Exactly,
+    /// In the plane of a triangle, towards it.
+    InPlane,
+    /// Likewise, from and to points with exact coordinates.
+    InPlaneExactly,
+    /// Along an axis; the other components are zeros of either sign.
+    AlongAxis,
+    /// From a vertex along an edge.
+    AlongEdge,
+    /// From a point on a triangle in any direction.
+    OnSurface,
+    /// From a vertex or an edge of one triangle to another triangle.
+    Between,
+    /// From very far away to a target.
+    Beyond,
+    /// One component of the direction is a zero of either sign.
+    ZeroComponent,
+    /// Components of the direction are of very different size.
+    Lopsided,
+    /// Hits near one end of the interval count, others not.
+    Interval,
+    /// The interval ends at the target itself.
+    EndsOnTarget,
+    /// The interval begins behind the origin.
+    Behind,
+    /// The direction is very short.
+    Short,
+    /// The direction is very long.
+    Long,
+    /// The direction is subnormal.
+    Subnormal,
+    /// The interval begins or ends at the target, just before it or just beyond.
+    Limited,
+    /// Can hit nothing: [`Ray::is_valid`] says so.
+    Void,
+    /// Given by hand.
+    Given,
+}
+
+/// `count` rays from up to `distance` times the scene's size away, from all sides, each at a target on a triangle taken
+/// at random.
+#[must_use]
+pub fn aimed(
+    animation: &Animation,
+    time: f64,
+    target: Target,
+    distance: f64,
+    count: usize,
+) -> Vec<Ray> {
+    let [_, aims] = Aims::of(animation, time);
+    let mut rng = Rng::with_seed(2014);
+    let all = std::iter::repeat_with(|| aims.beyond(target, 2.0 * distance, &mut rng));
+    all.filter(Ray::is_valid).take(count).collect()
 }
 
 /// Triangles as they stand at the moment of asking, inactive ones left out.
@@ -42,9 +113,47 @@ impl Aims {
         }
     }
 
+    /// Over a scene at a moment: without triangles that reach a thousand times as far as most, and over all.
+    pub(crate) fn of(animation: &Animation, time: f64) -> [Self; 2] {
+        let pose = animation.pose(time);
+        let all = 0..animation.triangle_count() as u32;
+        let all: Vec<Triangle> = all.map(|t| animation.corners(pose, t)).collect();
+        let size = |t: &&Triangle| t.iter().flatten().fold(0.0_f32, |m, x| m.max(x.abs()));
+        let mut sizes: Vec<f32> = all.iter().map(|t| size(&t)).collect();
+        sizes.sort_unstable_by(f32::total_cmp);
+        let most = sizes.get(sizes.len() / 2).map_or(0.0, |x| 1000.0 * x);
+        let near = all.iter().filter(|t| size(t) <= most).copied().collect();
+        [near, all].map(Self::new)
+    }
+
     /// Triangles there are to aim at.
     pub(crate) fn count(&self) -> usize {
         self.corners.len()
+    }
+
+    /// A ray of a kind, aimed at a target where it is aimed; any ray where there is nothing to aim at.
+    pub(crate) fn ray(&self, kind: RayKind, target: Target, rng: &mut Rng) -> Ray {
+        if self.count() == 0 {
+            return Ray::new([0.0; 3], point(rng).map(|x| x as f32));
+        }
+        match kind {
+            RayKind::Random => self.random(rng),
+            RayKind::Aimed | RayKind::Given => self.aimed(target, rng),
+            RayKind::Exactly => self.aimed_exactly(target, rng),
+            RayKind::InPlane => self.in_plane(rng),
+            RayKind::InPlaneExactly => self.in_plane_exactly(rng),
+            RayKind::AlongAxis => self.along_axis(target, rng),
+            RayKind::AlongEdge => self.along_edge(rng),
+            RayKind::OnSurface => self.on_surface(rng),
+            RayKind::Between => self.between(target, rng),
+            RayKind::Beyond => self.beyond(target, 2.0_f64.powi(rng.i32(4..30)), rng),
+            RayKind::Limited => limited(self.aimed_exactly(target, rng), rng),
+            RayKind::Short => stretched(self.aimed(target, rng), 1e-30),
+            RayKind::Long => stretched(self.aimed(target, rng), 1e30),
+            RayKind::Subnormal => stretched(self.aimed(target, rng), 3e-41),
+            RayKind::Void => void(self.aimed(target, rng), rng),
+            _ => bent(self.aimed(target, rng), kind, rng),
+        }
     }
 
     fn triangle(&self, rng: &mut Rng) -> [[f64; 3]; 3] {
@@ -188,4 +297,70 @@ pub(crate) fn of_zeros(rng: &mut Rng) -> Ray {
     const ALONG: [f32; 6] = [0.0, -0.0, 1.0, -1.0, 0.5, -0.25];
     let origin = [(); 3].map(|()| FROM[rng.usize(..FROM.len())]);
     Ray::new(origin, [(); 3].map(|()| ALONG[rng.usize(..ALONG.len())]))
+}
+
+/// A ray at a target, with other limits or with other components of its direction.
+fn bent(ray: Ray, kind: RayKind, rng: &mut Rng) -> Ray {
+    let (mut d, axis) = (ray.direction, rng.usize(..3));
+    let [t_min, t_max] = match kind {
+        RayKind::Interval if rng.bool() => [0.5, 1.5],
+        RayKind::Interval => [1.0, f32::INFINITY],
+        RayKind::EndsOnTarget => [0.0, 1.0],
+        RayKind::Behind => {
+            d = d.map(|x| -x);
+            [[-2.0, f32::NEG_INFINITY][rng.usize(..2)], f32::INFINITY]
+        }
+        RayKind::ZeroComponent => {
+            d[axis] = [0.0, -0.0][rng.usize(..2)];
+            [0.0, f32::INFINITY]
+        }
+        _ => {
+            d[axis] *= 1e-25;
+            d[(axis + 1) % 3] *= [1.0, 1e-12, 1e-38, 1e-6][rng.usize(..4)];
+            [0.0, f32::INFINITY]
+        }
+    };
+    Ray {
+        t_min,
+        t_max,
+        direction: d,
+        ..ray
+    }
+}
+
+/// The ray whose direction's largest component is about that.
+fn stretched(ray: Ray, length: f64) -> Ray {
+    let d = ray.direction.map(f64::from);
+    let longest = d.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let direction = d.map(|x| (x / longest * length) as f32);
+    Ray { direction, ..ray }
+}
+
+/// Ends or begins at the target, just before it or just beyond.
+fn limited(ray: Ray, rng: &mut Rng) -> Ray {
+    let at = [1.0_f32.next_down(), 1.0, 1.0_f32.next_up()][rng.usize(..3)];
+    match rng.usize(..3) {
+        0 => Ray { t_max: at, ..ray },
+        1 => Ray { t_min: at, ..ray },
+        _ => Ray {
+            t_min: f32::NEG_INFINITY,
+            t_max: at - 1.0,
+            ..ray
+        },
+    }
+}
+
+/// A ray that hits nothing, whatever there is.
+pub(crate) fn void(ray: Ray, rng: &mut Rng) -> Ray {
+    let (mut void, axis) = (ray, rng.usize(..3));
+    match rng.usize(..7) {
+        0 => void.direction = [0.0, -0.0, 0.0],
+        1 => void.direction[axis] = f32::NAN,
+        2 => void.direction[axis] = f32::NEG_INFINITY,
+        3 => void.origin[axis] = [f32::INFINITY, f32::NAN][rng.usize(..2)],
+        4 => (void.t_min, void.t_max) = (2.0, 2.0),
+        5 => void.t_min = f32::NAN,
+        _ => void.t_max = f32::NAN,
+    }
+    void
 }

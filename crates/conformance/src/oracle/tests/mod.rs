@@ -1,7 +1,8 @@
 //! Cases by hand, and the naive version on random ones.
 
+mod naive;
+
 use super::*;
-use crate::oracle::naive;
 use geom::Point;
 use proptest::prelude::*;
 
@@ -9,6 +10,16 @@ const SQUARE: [Triangle; 2] = [
     [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]],
     [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]],
 ];
+
+/// A hit of the exact answer.
+fn hit(triangle: u32, t: f64, [edge, tie]: [bool; 2]) -> Option<ExactHit> {
+    Some(ExactHit {
+        triangle,
+        t,
+        edge,
+        tie,
+    })
+}
 
 fn down(x: f32, y: f32) -> Ray {
     Ray::new([x, y, 2.0], [0.0, 0.0, -4.0])
@@ -22,25 +33,9 @@ fn closest(corners: &[Triangle], ray: &Ray) -> Option<ExactHit> {
 fn a_ray_through_a_shared_edge_hits_both_and_names_the_first() {
     let oracle = Oracle::new(SQUARE.to_vec());
     let on = oracle.closest(&down(0.3, 0.3));
-    assert_eq!(
-        on,
-        Some(ExactHit {
-            triangle: 0,
-            t: 0.5,
-            edge: true,
-            tie: true
-        })
-    );
+    assert_eq!(on, hit(0, 0.5, [true, true]));
     let beside = oracle.closest(&down(0.3, 0.3_f32.next_up()));
-    assert_eq!(
-        beside,
-        Some(ExactHit {
-            triangle: 1,
-            t: 0.5,
-            edge: false,
-            tie: false
-        })
-    );
+    assert_eq!(beside, hit(1, 0.5, [false, false]));
     assert_eq!(oracle.all(&down(1.0, 1.0)).len(), 2);
     assert_eq!(oracle.closest(&down(1.0_f32.next_up(), 0.5)), None);
 }
@@ -144,17 +139,8 @@ fn the_greatest_and_the_least_numbers_are_no_trouble() {
     for s in [f32::MAX, 1e30, 1e-30, f32::from_bits(8)] {
         let corners = SQUARE.map(|t| t.map(|p| p.map(|x| x * s)));
         let ray = Ray::new([0.5 * s, 0.25 * s, s], [0.0, 0.0, -s]);
-        let hit = closest(&corners, &ray);
-        assert_eq!(
-            hit,
-            Some(ExactHit {
-                triangle: 0,
-                t: 1.0,
-                edge: false,
-                tie: false
-            }),
-            "{s}"
-        );
+        let found = closest(&corners, &ray);
+        assert_eq!(found, hit(0, 1.0, [false, false]), "{s}");
     }
     let far = Ray::new([0.0, 0.0, f32::MAX], [0.0, 0.0, -f32::from_bits(1)]);
     let t = closest(&SQUARE, &far).map(|h| h.t);
@@ -182,16 +168,8 @@ fn moller_trumbore(ray: &Ray, corners: &Triangle) -> Option<f64> {
 fn moller_trumbore_in_double_precision_leaks_where_the_oracle_does_not() {
     let (corners, ray) = leak();
     assert_eq!(corners.map(|c| moller_trumbore(&ray, &c)), [None, None]);
-    let hit = closest(&corners, &ray);
-    assert_eq!(
-        hit,
-        Some(ExactHit {
-            triangle: 0,
-            t: 1.0,
-            edge: true,
-            tie: true
-        })
-    );
+    let found = closest(&corners, &ray);
+    assert_eq!(found, hit(0, 1.0, [true, true]));
     assert_eq!(naive::all(&ray, &corners).len(), 2);
 }
 
@@ -323,4 +301,13 @@ proptest! {
             }
         }
     }
+}
+
+#[test]
+fn the_distance_to_an_edge_is_measured_across_the_ray() {
+    let t = [[0.0, 0.0, 5.0], [4.0, 0.0, 9.0], [0.0, 4.0, 5.0]];
+    let at = |x: f32, y: f32| edge_distance(&Ray::new([x, y, 0.0], [0.0, 0.0, 2.0]), &t);
+    assert!((at(1.0, 0.25) - 0.25).abs() < 1e-15);
+    assert!((at(-3.0, -4.0) - 5.0).abs() < 1e-15);
+    assert_eq!(at(2.0, 2.0), 0.0);
 }

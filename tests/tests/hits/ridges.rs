@@ -2,11 +2,12 @@
 //! the one slope lies in shadow there and the other in the light. So few hits are open that a device seeks the
 //! shadows of their candidates before it knows which of them it is.
 
-use crate::Device;
-use backend::{Backend, Hits, Intersector, Layout, Method, Query, QueryKind, Rays};
+use crate::exact::Device;
+use crate::hard::same;
+use backend::{Backend, Hits, Intersector, Layout, Method, QueryKind, Rays};
 use geom::{Animation, Camera, Point};
 use integration::stage::Stage;
-use libtest_mimic::{Failed, Trial};
+use libtest_mimic::Failed;
 use std::sync::Arc;
 
 /// Ridges, and stretches of each.
@@ -15,13 +16,10 @@ const STRETCHES: i16 = 40;
 /// Rows of pixels, none of which meets the end of a stretch.
 const ROWS: u32 = 12;
 
-pub(crate) fn trial(device: Device) -> Trial {
-    device.trial("shadows_of_the_candidates_of_few_open_hits", |device| {
-        let layouts = [Layout::Bvh2, Layout::Fast];
-        layouts
-            .into_iter()
-            .try_for_each(|l| along_crests(device, l))
-    })
+pub(crate) fn test(device: Device) -> Result<(), Failed> {
+    let animation = ridges()?;
+    let mut layouts = Layout::ALL.into_iter();
+    layouts.try_for_each(|l| along_crests(device, &animation, l))
 }
 
 /// Steep on the left, gentle on the right; of every other ridge the left slope comes first.
@@ -67,14 +65,9 @@ fn camera() -> Camera {
     }
 }
 
-fn along_crests(device: Device, layout: Layout) -> Result<(), Failed> {
-    let animation = ridges()?;
-    let expected = ask(
-        Box::new(cpu_ref::CpuBackend::new(Some(2))?),
-        &animation,
-        layout,
-    )?;
-    let found = ask(device.open()?, &animation, layout)?;
+fn along_crests(device: Device, animation: &Arc<Animation>, layout: Layout) -> Result<(), Failed> {
+    let host = Box::new(cpu_ref::CpuBackend::new(Some(2))?);
+    let expected = ask(host, animation, layout)?;
     let on_crests = |dark: u8| {
         let all = expected.closest.iter().zip(&expected.blocked).step_by(2);
         all.filter(|&(hit, &b)| hit.is_hit() && b == dark).count()
@@ -83,12 +76,7 @@ fn along_crests(device: Device, layout: Layout) -> Result<(), Failed> {
     if lit < 60 || dark < 60 {
         return Err(format!("{lit} crests lit, {dark} dark: too few to tell").into());
     }
-    let all = expected.closest.iter().zip(&expected.blocked);
-    let others = found.closest.iter().zip(&found.blocked);
-    match all.zip(others).enumerate().find(|(_, (a, b))| a != b) {
-        Some((i, (a, b))) => Err(format!("{layout:?}, pixel {i}: {b:?}, not {a:?}").into()),
-        None => Ok(()),
-    }
+    same(&expected, &ask(device.open()?, animation, layout)?)
 }
 
 fn ask(
@@ -100,11 +88,11 @@ fn ask(
         intersector: Intersector::Exact,
         layout,
     };
-    let mut stage = Stage::by(backend, animation, method);
+    let mut stage = Stage::over(backend, animation, method);
     stage.plant(0.0);
     let kind = QueryKind::ClosestAndShadow {
         light: [40.0, 0.3, 6.0],
     };
     let rays = Rays::Camera(&camera());
-    Ok(stage.try_trace(0.0, Query { rays, kind })?)
+    Ok(stage.try_trace(0.0, rays, kind)?)
 }

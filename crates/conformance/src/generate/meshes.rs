@@ -1,7 +1,8 @@
-//! Triangles of about unit size.
+//! Points and triangles of about unit size.
 
 use fastrand::Rng;
 use geom::{Point, Triangle};
+use std::collections::BTreeMap;
 
 /// Vertices, and three of them a triangle.
 pub(crate) type Mesh = (Vec<Point>, Vec<[u32; 3]>);
@@ -45,9 +46,13 @@ pub(crate) const PLUMP: [f64; 2] = [0.0, 0.0];
 
 /// Triangles that share no vertex.
 pub(crate) fn separate(triangles: &[Triangle]) -> Mesh {
-    let count = triangles.len() as u32;
-    let corners = (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
-    (triangles.concat(), corners.collect())
+    (triangles.concat(), apart(triangles.len()))
+}
+
+/// So many triangles of three vertices each.
+pub(crate) fn apart(count: usize) -> Vec<[u32; 3]> {
+    let all = 0..count as u32;
+    all.map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect()
 }
 
 /// A point moved between a thousand and `3e38` away, along one axis or all of them.
@@ -147,21 +152,53 @@ pub(crate) fn flakes(rng: &mut Rng) -> Vec<Triangle> {
     all
 }
 
-/// A sheet with dents over a grid of eighths, its heights multiples of `1 / steps`.
-pub(crate) fn sheet(steps: i32, rng: &mut Rng) -> Mesh {
-    const N: u32 = 16;
-    let at = |i: u32| (i as f32 - 8.0) / 8.0;
+/// A sheet with dents, `n` quads each way, its heights multiples of `1 / steps`.
+pub(crate) fn sheet(n: u32, steps: i32, rng: &mut Rng) -> Mesh {
+    let at = |i: u32| 2.0 * i as f32 / n as f32 - 1.0;
     let mut points = Vec::new();
-    for j in 0..=N {
-        points.extend((0..=N).map(|i| [at(i), grid(steps, rng) * 0.25, at(j)]));
+    for j in 0..=n {
+        points.extend((0..=n).map(|i| [at(i), grid(steps, rng) * 0.25, at(j)]));
     }
-    let quad = |i, j| {
-        let w = N + 1;
-        let a = j * w + i;
-        [[a, a + 1, a + w + 1], [a, a + w + 1, a + w]]
+    (points, quads(n, n, |i, j| j * (n + 1) + i).concat())
+}
+
+/// Two triangles a cell of a lattice, whose vertices have these numbers.
+pub(crate) fn quads(n: u32, m: u32, at: impl Fn(u32, u32) -> u32) -> Vec<[[u32; 3]; 2]> {
+    let cells = (0..m).flat_map(|j| (0..n).map(move |i| (i, j)));
+    let quad = |(i, j)| {
+        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+        [[a, b, c], [a, c, d]]
     };
-    let triangles = (0..N).flat_map(|j| (0..N).flat_map(move |i| quad(i, j)));
-    (points, triangles.collect())
+    cells.map(quad).collect()
+}
+
+/// An octahedron, its faces split `n` times.
+pub(crate) fn octahedron(n: u32) -> Mesh {
+    let axis = |i: usize, x: f32| std::array::from_fn(|k| if k == i { x } else { 0.0 });
+    let points = (0..3).flat_map(|i| [axis(i, 1.0), axis(i, -1.0)]).collect();
+    let upper = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4]];
+    let lower = upper.map(|[a, b, _]| [b, a, 5]);
+    let triangles = [upper, lower].concat();
+    (0..n).fold((points, triangles), |mesh, _| {
+        split(mesh, |a, b| std::array::from_fn(|i| (a[i] + b[i]) * 0.53))
+    })
+}
+
+/// Splits each triangle in four; `middle` places the vertex between two.
+pub(crate) fn split((mut points, triangles): Mesh, middle: fn(Point, Point) -> Point) -> Mesh {
+    let mut middles = BTreeMap::new();
+    let mut smaller = Vec::new();
+    for [a, b, c] in triangles {
+        let mut between = |p: u32, q: u32| {
+            *middles.entry((p.min(q), p.max(q))).or_insert_with(|| {
+                points.push(middle(points[p as usize], points[q as usize]));
+                points.len() as u32 - 1
+            })
+        };
+        let (ab, bc, ca) = (between(a, b), between(b, c), between(c, a));
+        smaller.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+    }
+    (points, smaller)
 }
 
 /// Triangles whose coordinates are zeros and ones of either sign.
@@ -184,13 +221,11 @@ pub(crate) fn plane(rng: &mut Rng) -> Mesh {
     let points = (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j)));
     let at = |i, j| j * (n + 1) + i;
     let mut triangles = Vec::new();
-    for (i, j) in (0..n).flat_map(|j| (0..n).map(move |i| (i, j))) {
-        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
-        let quad = match rng.bool() {
+    for [[a, b, c], [_, _, d]] in quads(n, n, at) {
+        triangles.extend(match rng.bool() {
             true => [[a, b, c], [a, c, d]],
             false => [[b, d, a], [d, b, c]],
-        };
-        triangles.extend(quad);
+        });
     }
     for _ in 0..n {
         triangles.push([(); 3].map(|()| at(rng.u32(..=n), rng.u32(..=n))));

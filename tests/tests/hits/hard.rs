@@ -1,22 +1,42 @@
-//! Rays that take more work than old software drivers do at a time: such drivers end loops early, and answers must not suffer.
+//! Rays that take devices more work than most: far away, at ties, at hits that a first search leaves open.
 
-use crate::{Device, check_on};
-use backend::{Hits, Intersector, Query, QueryKind, Rays};
+use crate::exact::{Device, check_on};
+use crate::ridges;
+use backend::{Hits, Intersector, QueryKind, Rays};
+use conformance::{Target, aimed};
 use geom::{Animation, Camera, Ray};
-use integration::rays::{Target, aimed};
-use integration::stage::Stage;
+use integration::stage::{Stage, camera, light, method};
 use libtest_mimic::{Failed, Trial};
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
-pub(crate) fn trials(device: Device) -> [Trial; 5] {
+pub(crate) fn trials(device: Device) -> [Trial; 7] {
     [
         device.trial("rays_from_far_away", far_rays),
         device.trial("rays_through_a_hub", hubs),
         device.trial("rays_through_a_stack", stacks),
         device.trial("pictures_from_far_away", pictures),
         device.trial("watertight_is_not_wrong_without_a_word", watertight),
+        device.trial("shadows_of_hits_that_were_left_open", doubled),
+        device.trial("shadows_of_the_candidates_of_few_open_hits", ridges::test),
     ]
+}
+
+/// `exact` on the device.
+fn exact(device: Device, animation: &Arc<Animation>) -> backend::Result<Stage> {
+    let by = method(Intersector::Exact);
+    Ok(Stage::over(device.open()?, animation, by))
+}
+
+/// The host's hits must be the device's, bit for bit.
+pub(crate) fn same(expected: &Hits, found: &Hits) -> Result<(), Failed> {
+    let hits = expected.closest.iter().zip(&expected.blocked);
+    let others = found.closest.iter().zip(&found.blocked);
+    match hits.zip(others).enumerate().find(|(_, (a, b))| a != b) {
+        _ if expected.closest.len() != found.closest.len() => Err("other numbers of hits".into()),
+        Some((i, (a, b))) => Err(format!("pixel {i}: {b:?}, not {a:?}").into()),
+        None => Ok(()),
+    }
 }
 
 fn cloth() -> Result<Arc<Animation>, Failed> {
@@ -27,15 +47,9 @@ fn cloth() -> Result<Arc<Animation>, Failed> {
 /// From where every triangle is a candidate, and from where rounded arithmetic says nothing at all.
 fn far_rays(device: Device) -> Result<(), Failed> {
     let animation = cloth()?;
-    let mut stage = Stage::over(device.open()?, &animation, Intersector::Exact);
+    let mut stage = exact(device, &animation)?;
     for distance in [1e6, 1e22, 1e25] {
-        let rays = aimed(
-            &animation,
-            animation.pose(0.0),
-            Target::Vertex,
-            distance,
-            60,
-        );
+        let rays = aimed(&animation, 0.0, Target::Vertex, distance, 60);
         check_on(&mut stage, &animation, 0.0, &rays)?;
     }
     Ok(())
@@ -57,7 +71,7 @@ fn hub(triangles: u32) -> Arc<Animation> {
 /// Rays through the hub, that begin before themselves, too: those are left to numbers of any length.
 fn hubs(device: Device) -> Result<(), Failed> {
     let animation = hub(500);
-    let mut stage = Stage::over(device.open()?, &animation, Intersector::Exact);
+    let mut stage = exact(device, &animation)?;
     let from = |x: f32, y: f32, t_min: f32| Ray {
         t_min,
         ..Ray::new([x, y, 3.0], [-x, -y, -2.5])
@@ -88,7 +102,7 @@ fn down(x: f32) -> Ray {
 fn stacks(device: Device) -> Result<(), Failed> {
     for triangles in [TALL, LOWER] {
         let animation = stack(triangles);
-        let mut stage = Stage::over(device.open()?, &animation, Intersector::Exact);
+        let mut stage = exact(device, &animation)?;
         check_on(&mut stage, &animation, 0.0, &[down(0.5), down(9.0)])?;
     }
     Ok(())
@@ -97,16 +111,11 @@ fn stacks(device: Device) -> Result<(), Failed> {
 /// Right, or refused.
 fn watertight(device: Device) -> Result<(), Failed> {
     let animation = stack(TALL);
-    let backend = device.open()?;
-    let mut stage = Stage::over(backend, &animation, Intersector::Watertight);
+    let by = method(Intersector::Watertight);
+    let mut stage = Stage::over(device.open()?, &animation, by);
     stage.plant(0.0);
     let rays = [down(0.5), down(9.0)];
-    let rays = Rays::List(&rays);
-    let query = Query {
-        rays,
-        kind: QueryKind::Closest,
-    };
-    match stage.try_trace(0.0, query) {
+    match stage.try_trace(0.0, Rays::List(&rays), QueryKind::Closest) {
         Ok(hits) if hits.closest[0].triangle == 0 && !hits.closest[1].is_hit() => Ok(()),
         other => Err(format!("{other:?}").into()),
     }
@@ -116,22 +125,20 @@ fn watertight(device: Device) -> Result<(), Failed> {
 fn pictures(device: Device) -> Result<(), Failed> {
     let animation = cloth()?;
     let mut host = Stage::new(&animation, Intersector::Exact, 2);
-    let mut stage = Stage::over(device.open()?, &animation, Intersector::Exact);
+    let mut stage = exact(device, &animation)?;
     host.plant(0.0);
     stage.plant(0.0);
     for (distance, light) in [(3.0, 1e6), (1e6, 3.0), (1e25, 1e7)] {
         let camera = camera_at(distance, &animation);
-        let query = Query {
-            rays: Rays::Camera(&camera),
-            kind: QueryKind::ClosestAndShadow {
-                light: [0.3 * light, light, 0.2 * light],
-            },
+        let kind = QueryKind::ClosestAndShadow {
+            light: [0.3 * light, light, 0.2 * light],
         };
-        let [expected, found]: [Hits; 2] = [&mut host, &mut stage].map(|s| s.trace(0.0, query));
-        let hits = expected.closest.iter().filter(|h| h.is_hit()).count();
-        if hits == 0 || expected != found {
-            return Err(format!("from {distance}: {hits} hits, and others").into());
+        let rays = Rays::Camera(&camera);
+        let [expected, found] = [&mut host, &mut stage].map(|s| s.trace(0.0, rays, kind));
+        if expected.closest.iter().all(|h| !h.is_hit()) {
+            return Err(format!("from {distance}: no hits").into());
         }
+        same(&expected, &found)?;
     }
     Ok(())
 }
@@ -142,4 +149,37 @@ fn camera_at(distance: f32, animation: &Animation) -> Camera {
     let angle = (size / distance).min(1.0).to_degrees();
     let (eye, up) = ([0.0, distance, 0.0], [0.0, 0.0, 1.0]);
     Camera::look_at(eye, [0.0; 3], up, angle, [16, 12]).expect("a picture")
+}
+
+/// Every triangle twice, and some once more, turned round: every hit is a tie, so that a device's first search leaves
+/// them all open, and their shadows too.
+fn twice(animation: &Animation) -> Result<Arc<Animation>, Failed> {
+    let triangles = animation.triangles();
+    let turned = triangles.iter().step_by(3).map(|&[a, b, c]| [b, c, a]);
+    let all = triangles.iter().chain(triangles).copied().chain(turned);
+    let frames = animation.keys().to_vec();
+    let doubled = Animation::new(frames, all.collect()).map_err(|e| e.to_string())?;
+    Ok(Arc::new(doubled))
+}
+
+fn doubled(device: Device) -> Result<(), Failed> {
+    let opened = scene::open("demo:collide:2000", &scene::Options::default());
+    let animation = twice(&opened.map_err(|e| e.to_string())?.animation)?;
+    let time = 0.4 * animation.end();
+    let camera = camera(&animation, [150, 90]);
+    let kind = QueryKind::ClosestAndShadow {
+        light: light(&animation),
+    };
+    let rays = Rays::Camera(&camera);
+    let ask = |mut stage: Stage| {
+        stage.plant(0.0);
+        stage.try_trace(time, rays, kind)
+    };
+    let expected = ask(Stage::new(&animation, Intersector::Exact, 2))?;
+    let hits = expected.closest.iter().filter(|h| h.is_hit()).count();
+    let blocked = expected.blocked.iter().filter(|&&b| b == 1).count();
+    if hits < 1000 || blocked < 100 || blocked + 100 > hits {
+        return Err(format!("{hits} hits, {blocked} in shadow: too few to tell").into());
+    }
+    same(&expected, &ask(exact(device, &animation)?)?)
 }

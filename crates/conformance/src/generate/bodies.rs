@@ -1,6 +1,6 @@
 //! Closed bodies, each with a place well inside it.
 
-use crate::shapes::{Shape, split};
+use super::meshes::{Mesh, quads, split};
 use fastrand::Rng;
 use geom::Point;
 use std::collections::BTreeMap;
@@ -8,17 +8,17 @@ use std::f64::consts::TAU;
 
 /// A closed body about the origin.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Body {
-    pub(super) name: &'static str,
-    pub(super) shape: fn() -> Shape,
+pub(crate) struct Body {
+    pub(crate) name: &'static str,
+    pub(crate) shape: fn() -> Mesh,
     /// A point at random that stays inside when all coordinates are off by some hundredths.
-    pub(super) inner: fn(&mut Rng) -> [f64; 3],
+    pub(crate) inner: fn(&mut Rng) -> [f64; 3],
     /// No vertex is farther from the origin.
-    pub(super) radius: f64,
+    pub(crate) radius: f64,
 }
 
 /// Round, not convex, with coplanar faces, and thin.
-pub(super) const BODIES: &[Body] = &[
+pub(crate) const BODIES: &[Body] = &[
     Body {
         name: "icosphere",
         shape: || icosphere(2),
@@ -61,7 +61,7 @@ fn near(centre: [f64; 3], reach: [f64; 3], rng: &mut Rng) -> [f64; 3] {
 }
 
 /// An icosahedron, its faces split `n` times.
-fn icosphere(n: u32) -> Shape {
+fn icosphere(n: u32) -> Mesh {
     let phi = f32::midpoint(1.0, 5.0_f32.sqrt());
     let corners = |i: usize| {
         [[-1.0, phi], [1.0, phi], [-1.0, -phi], [1.0, -phi]].map(|[a, b]| {
@@ -105,7 +105,7 @@ fn unit(p: Point) -> Point {
 }
 
 /// `around` rings of `along` vertices.
-fn torus(around: u32, along: u32) -> Shape {
+fn torus(around: u32, along: u32) -> Mesh {
     let angle = |i: u32, n: u32| TAU * f64::from(i) / f64::from(n);
     let point = |i, j| {
         let ((s, c), (t, d)) = (angle(i, around).sin_cos(), angle(j, along).sin_cos());
@@ -116,18 +116,11 @@ fn torus(around: u32, along: u32) -> Shape {
         .flat_map(|i| (0..along).map(move |j| point(i, j)))
         .collect();
     let at = |i, j| i % around * along + j % along;
-    let quad = |i, j| {
-        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
-        [[a, b, c], [a, c, d]]
-    };
-    let triangles = (0..around)
-        .flat_map(|i| (0..along).flat_map(move |j| quad(i, j)))
-        .collect();
-    (points, triangles)
+    (points, quads(around, along, at).concat())
 }
 
 /// The cube `-1..=1`, each face `n` quads each way.
-fn cuboid(n: u32) -> Shape {
+fn cuboid(n: u32) -> Mesh {
     let mut points = Vec::new();
     let mut known = BTreeMap::new();
     let mut vertex = |p: [u32; 3]| {
@@ -138,18 +131,16 @@ fn cuboid(n: u32) -> Shape {
     };
     let mut triangles = Vec::new();
     for (axis, end) in (0..3).flat_map(|axis| [(axis, 0), (axis, n)]) {
-        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
-            let mut at = |i, j| {
-                let mut p = [end; 3];
-                (p[(axis + 1) % 3], p[(axis + 2) % 3]) = (i, j);
-                vertex(p)
-            };
-            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
-            let quad = [[a, b, c], [a, c, d]];
+        let lattice = quads(n, n, |i, j| j * (n + 1) + i).concat();
+        triangles.extend(lattice.into_iter().map(|[a, b, c]| {
             // Outwards on both ends.
-            let turn = |[a, b, c]: [u32; 3]| if end == 0 { [a, c, b] } else { [a, b, c] };
-            triangles.extend(quad.map(turn));
-        }
+            let corners = if end == 0 { [a, c, b] } else { [a, b, c] };
+            corners.map(|at| {
+                let mut p = [end; 3];
+                (p[(axis + 1) % 3], p[(axis + 2) % 3]) = (at % (n + 1), at / (n + 1));
+                vertex(p)
+            })
+        }));
     }
     (points, triangles)
 }

@@ -1,0 +1,97 @@
+//! After the first frames, the frame loop takes no memory from the heap, whatever the policy.
+//!
+//! Builders do, on threads of their own; only the thread that renders is counted.
+
+#![expect(unsafe_code, reason = "an allocator that counts")]
+
+use crate::ahead::many_shuffled;
+use crate::fake::Fake;
+use crate::{camera, driver};
+use backend::{Query, QueryKind, Rays, Snapshot};
+use pipeline::{Frame, Pace, PipelineError, Update};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::time::Duration;
+
+thread_local! {
+    static TAKEN: Cell<u64> = const { Cell::new(0) };
+}
+
+/// Counts how often each thread takes memory.
+struct Counting;
+
+// SAFETY: every call is passed on to the system's allocator; counting takes no memory itself.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        TAKEN.with(|n| n.set(n.get() + 1));
+        // SAFETY: the caller's promises are those that the system's allocator asks for.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        // SAFETY: as above.
+        unsafe { System.dealloc(at, layout) }
+    }
+
+    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        TAKEN.with(|n| n.set(n.get() + 1));
+        // SAFETY: as above.
+        unsafe { System.realloc(at, layout, size) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// How often each frame after the first took memory, and how many trees came meanwhile.
+fn takings(update: Update, predict: bool) -> (Vec<u64>, usize) {
+    const FRAMES: u64 = 400;
+    let animation = many_shuffled(2, 512);
+    let (mut fake, _) = Fake::new(Some(0), None);
+    let snapshot = |_| Box::new(animation.keys()[0].clone()) as Snapshot;
+    fake.prepared = Some((0..=FRAMES).map(snapshot).collect());
+    let mut driver = driver(fake, &animation, (update, predict)).unwrap();
+    let camera = camera();
+    let query = Query {
+        rays: Rays::Camera(&camera),
+        kind: QueryKind::Closest,
+    };
+    let (mut all, mut trees) = (Vec::with_capacity(FRAMES as usize), 0);
+    let mut last = TAKEN.get();
+    let frames = (0..FRAMES).map(|index| Frame {
+        index,
+        time: index as f64 / FRAMES as f64,
+    });
+    let run = driver.run::<PipelineError>(frames, query, false, |record, _| {
+        trees += usize::from(record.adopted.is_some());
+        std::thread::sleep(Duration::from_micros(250));
+        let now = TAKEN.get();
+        all.push(now - last);
+        last = now;
+        Ok(())
+    });
+    run.unwrap();
+    (all, trees)
+}
+
+#[test]
+fn frames_take_no_memory_once_the_loop_runs() {
+    let before = TAKEN.get();
+    drop(std::hint::black_box(vec![0_u8; 9]));
+    assert_eq!(TAKEN.get(), before + 1, "nobody counts");
+    let free = Update::Async(Pace::Free);
+    // A thread that waits at a channel is entered there, which takes memory the first time.
+    for (update, predict, least, allowed) in [
+        (Update::Refit, true, 1, 0),
+        (Update::TSah, true, 1, 0),
+        (free, true, 4, 0),
+        (free, false, 4, 0),
+        (Update::Async(Pace::Lockstep(3)), true, 100, 4),
+    ] {
+        let (all, trees) = takings(update, predict);
+        assert!(trees >= least, "{update:?} {predict}: {trees} trees");
+        // The builder's thread is started with its first job.
+        let late: u64 = all[20..].iter().sum();
+        assert!(late <= allowed, "{update:?} {predict}: {late} times");
+    }
+}
