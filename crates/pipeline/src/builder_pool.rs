@@ -1,12 +1,9 @@
 //! The tree builder of a driver, with a thread pool of its own.
 
-use crate::builder_thread::{BuildFailed, Job};
-use crate::options::PipelineError;
-use crate::sampling::Sample;
-use crate::tree_builder::{Built, Forms, Made, TreeBuilder};
-use bvh_build::{BuildError, Cancel};
-use bvh_layout::Spare;
-use geom::{Animation, Point, Pose};
+use crate::builder_thread::BuildFailed;
+use crate::driver::PipelineError;
+use crate::tree_builder::{Forms, TreeBuilder};
+use bvh_build::BuildError;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Builds the first tree, those of `rebuild` and those of the builder thread.
@@ -29,68 +26,8 @@ impl BuilderPool {
         })
     }
 
-    /// See [`TreeBuilder::build`], and with halves of its use [`TreeBuilder::build_swept`]. The caller waits.
-    pub(crate) fn build(
-        &self,
-        animation: &Animation,
-        (positions, halves): (&[Point], Option<[Pose; 2]>),
-        (toward, spare): (Option<Point>, Spare),
-    ) -> Result<Built, BuildFailed> {
-        self.work(|builder| {
-            builder.order_toward(toward);
-            builder.reuse(spare);
-            match halves {
-                Some(halves) => builder.build_swept(animation, (positions, halves), &Cancel::new()),
-                None => builder.build(animation, positions, &Cancel::new()),
-            }
-        })
-    }
-
-    /// See [`TreeBuilder::build_for_all`]. The caller waits.
-    pub(crate) fn build_for_all(
-        &self,
-        animation: &Animation,
-        samples: &[Sample],
-        (first, toward): (Pose, Option<Point>),
-    ) -> Result<Built, BuildFailed> {
-        self.work(|builder| {
-            builder.order_toward(toward);
-            builder.build_for_all(animation, samples, first, &Cancel::new())
-        })
-    }
-
-    /// See [`TreeBuilder::warm_up`]. The caller waits.
-    pub(crate) fn warm_up(&self, animation: &Animation, pose: Pose) -> Result<(), BuildFailed> {
-        self.work(|builder| builder.warm_up(animation, pose, &Cancel::new()))
-    }
-
-    /// See [`TreeBuilder::rebuild`]. The caller waits.
-    pub(crate) fn do_job(
-        &self,
-        animation: &Animation,
-        job: Job,
-        cancel: &Cancel,
-    ) -> Result<Made, BuildFailed> {
-        let Job {
-            vertices,
-            halves,
-            rival_at,
-            toward,
-            spare,
-            left_last,
-            ..
-        } = job;
-        self.work(|builder| {
-            builder.order_toward(toward);
-            builder.reuse(spare);
-            if left_last {
-                builder.revert();
-            }
-            builder.rebuild(animation, (vertices, halves), rival_at, cancel)
-        })
-    }
-
-    fn work<T: Send>(
+    /// Has the builder work in the pool's threads, while the caller waits.
+    pub(crate) fn with<T: Send>(
         &self,
         build: impl FnOnce(&mut TreeBuilder) -> Result<T, BuildError> + Send,
     ) -> Result<T, BuildFailed> {

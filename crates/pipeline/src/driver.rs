@@ -9,10 +9,9 @@ use crate::builder_pool::BuilderPool;
 use crate::builder_thread::BuilderThread;
 use crate::frame::{Frame, FrameRecord};
 use crate::latency::LatencyPredictor;
-use crate::options::{DriverOptions, PipelineError};
 use crate::schedule::{Pace, Schedule, Update};
 use crate::tree_builder::{Forms, Made};
-use backend::{Backend, FRAMES_IN_FLIGHT, Hits, Query};
+use backend::{Backend, BackendError, FRAMES_IN_FLIGHT, Hits, Method, Query};
 use bvh_layout::Spare;
 use geom::{Animation, Point, Pose};
 use pending::{Beginning, Pending};
@@ -20,6 +19,38 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 use trees::{FIRST, PendingBuild, Tree};
+
+/// Why rendering stopped.
+#[derive(Debug, thiserror::Error)]
+pub enum PipelineError {
+    /// The backend failed.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
+    /// The first tree could not be built.
+    #[error("the first tree: {0}")]
+    FirstTree(String),
+    /// The builder's threads could not be started.
+    #[error("no builder threads: {0}")]
+    Threads(String),
+}
+
+/// What a driver is to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DriverOptions {
+    /// How the backend traces.
+    pub method: Method,
+    /// How trees follow the motion.
+    pub update: Update,
+    /// Threads a build may use, beside the backend's own.
+    pub builder_threads: usize,
+    /// First and last time that will be rendered, in key frames: what
+    /// [`Update::TSah`] builds its tree for, and what no prediction goes beyond.
+    pub time_range: [f64; 2],
+    /// With [`Update::Async`]: build each tree for the middle of the time it is
+    /// going to be used, from key frames, instead of for the frame that asks,
+    /// from the backend's vertices.
+    pub predict: bool,
+}
 
 /// Owns a backend and renders frames with it.
 pub struct Driver {
@@ -71,7 +102,9 @@ impl Driver {
         )?);
         let builder_thread = {
             let (builder_pool, animation) = (Arc::clone(&builder_pool), Arc::clone(&animation));
-            BuilderThread::new(move |job, cancel| builder_pool.do_job(&animation, job, cancel))
+            BuilderThread::new(move |job, cancel| {
+                builder_pool.with(|builder| builder.carry_out(&animation, job, cancel))
+            })
         };
         let agreed = match options.update {
             Update::Async(Pace::Lockstep(k)) => Some(k),

@@ -110,13 +110,9 @@ impl Schedule {
         }
     }
 
-    /// The builder gave `generation` up; the tree in use stays.
-    pub fn failed(&mut self, generation: Generation) {
-        self.pending.take_if(|f| f.generation == generation);
-    }
-
-    /// The tree asked for at once was swapped in, within the frame that asked.
-    pub fn swapped_at_once(&mut self, generation: Generation) {
+    /// No swap of `generation` is due any more: its build came to nothing, and the tree in use stays, or it was
+    /// swapped in at once, within the frame that requested it.
+    pub fn forget(&mut self, generation: Generation) {
         self.pending.take_if(|f| f.generation == generation);
     }
 
@@ -209,7 +205,7 @@ mod tests {
     fn a_failed_build_is_forgotten_and_its_number_not_used_again() {
         let mut s = free();
         s.begin_frame(0, true);
-        s.failed(Generation(2));
+        s.forget(Generation(2));
         assert_eq!(
             s.begin_frame(1, true),
             FramePlan {
@@ -241,7 +237,7 @@ mod tests {
                         at_once: true
                     }
                 );
-                s.swapped_at_once(Generation(f + 2));
+                s.forget(Generation(f + 2));
             }
         }
     }
@@ -276,7 +272,7 @@ mod tests {
             for e in events {
                 match (e, flying) {
                     (0, Some(g)) => { s.finished(g); done = true; }
-                    (1, Some(g)) if !done => { s.failed(g); flying = None; }
+                    (1, Some(g)) if !done => { s.forget(g); flying = None; }
                     _ => {
                         let plan = s.begin_frame(frame, e != 2);
                         frame += 1;

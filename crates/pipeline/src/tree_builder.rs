@@ -4,6 +4,7 @@ mod degradation;
 mod for_all;
 mod warm_up;
 
+use crate::builder_thread::Job;
 use crate::gathering::{blend, fill, grow};
 use backend::{Backend, Snapshot};
 use bvh_build::{BinaryTree, BuildError, Builder, Cancel, Costs, SubtreeRebuilder, sah_cost};
@@ -167,6 +168,22 @@ impl TreeBuilder {
         self.build_over_boxes(BuildStrategy::Scratch, cancel)?;
         fill(&mut self.boxes, &(animation, positions));
         Ok(self.evaluate_and_send(animation, begun))
+    }
+
+    /// Makes a tree as a job says: see [`TreeBuilder::rebuild`].
+    pub(crate) fn carry_out(
+        &mut self,
+        animation: &Animation,
+        job: Job,
+        cancel: &Cancel,
+    ) -> Result<Made, BuildError> {
+        self.order_toward(job.toward);
+        self.reuse(job.spare);
+        if job.left_last {
+            self.revert();
+        }
+        let what = (job.vertices, job.halves);
+        self.rebuild(animation, what, job.rival_at, cancel)
     }
 
     /// Makes a tree from `vertices` and converts it, if it is cheaper at

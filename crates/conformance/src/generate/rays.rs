@@ -137,22 +137,63 @@ impl Aims {
             return Ray::new([0.0; 3], point(rng).map(|x| x as f32));
         }
         match kind {
-            RayKind::Random => self.random(rng),
-            RayKind::Aimed | RayKind::Given => self.aimed(target, rng),
-            RayKind::Exactly => self.aimed_exactly(target, rng),
-            RayKind::InPlane => self.in_plane(rng),
-            RayKind::InPlaneExactly => self.in_plane_exactly(rng),
             RayKind::AlongAxis => self.along_axis(target, rng),
-            RayKind::AlongEdge => self.along_edge(rng),
-            RayKind::OnSurface => self.on_surface(rng),
-            RayKind::Between => self.between(target, rng),
+            RayKind::OnSurface => {
+                let from = self.target(Target::Inside, rng).map(|x| x as f32);
+                Ray::new(from, point(rng).map(|x| x as f32))
+            }
             RayKind::Beyond => self.beyond(target, 2.0_f64.powi(rng.i32(4..30)), rng),
-            RayKind::Limited => limited(self.aimed_exactly(target, rng), rng),
-            RayKind::Short => stretched(self.aimed(target, rng), 1e-30),
-            RayKind::Long => stretched(self.aimed(target, rng), 1e30),
-            RayKind::Subnormal => stretched(self.aimed(target, rng), 3e-41),
-            RayKind::Void => void(self.aimed(target, rng), rng),
-            _ => bent(self.aimed(target, rng), kind, rng),
+            _ => {
+                let [from, at] = self.ends(kind, target, rng);
+                bent(towards(from, at), kind, rng)
+            }
+        }
+    }
+
+    /// Where a ray begins, and where it is aimed at.
+    fn ends(&self, kind: RayKind, target: Target, rng: &mut Rng) -> [[f64; 3]; 2] {
+        let on_rim = |rng: &mut Rng| [Target::Edge, Target::Vertex][rng.usize(..2)];
+        let around = |reach: f64, p: [f64; 3]| -> [f64; 3] {
+            std::array::from_fn(|i| self.centre[i] + reach * p[i])
+        };
+        match kind {
+            RayKind::Random => [(); 2].map(|()| around(1.5 * self.radius, point(rng))),
+            RayKind::InPlane => {
+                let triangle = self.triangle(rng);
+                let (x, y) = (rng.f64(), rng.f64());
+                let at = within(triangle, [x.min(y), 1.0 - x.max(y)]);
+                let from = within(triangle, [4.0 * unit(rng), 4.0 * unit(rng)]);
+                [from, at]
+            }
+            // From a corner of the triangle's parallelogram or beyond.
+            RayKind::InPlaneExactly => {
+                let triangle = self.triangle(rng);
+                let weights = [(); 2].map(|()| f64::from(rng.i32(-4..=4)));
+                let at = halves(on_rim(rng), rng);
+                [within(triangle, weights), within(triangle, at)]
+            }
+            // Where vertices are multiples of a power of two, the ray passes exactly through what it is aimed at.
+            RayKind::Exactly | RayKind::Limited => {
+                let at = within(self.triangle(rng), halves(target, rng));
+                let from = around(2.0 * self.radius, point(rng));
+                [from.map(|x| self.snapped(x)), at]
+            }
+            RayKind::Between => {
+                let start = on_rim(rng);
+                let from = within(self.triangle(rng), halves(start, rng));
+                [from, self.target(target, rng)]
+            }
+            // From before the edge, from its end or from within it.
+            RayKind::AlongEdge => {
+                let triangle = self.triangle(rng);
+                let start = [-1.0, 0.0, 0.5][rng.usize(..3)];
+                [within(triangle, [start, 0.0]), triangle[1]]
+            }
+            // From around the scene, or from within it.
+            _ => {
+                let reach = self.radius * [0.9, 2.5][rng.usize(..2)];
+                [around(reach, point(rng)), self.target(target, rng)]
+            }
         }
     }
 
@@ -172,31 +213,17 @@ impl Aims {
         within(triangle, weights)
     }
 
-    /// From around the scene, or from within it, to a target.
-    pub(crate) fn aimed(&self, target: Target, rng: &mut Rng) -> Ray {
-        let reach = self.radius * [0.9, 2.5][rng.usize(..2)];
-        let from = point(rng);
-        let from = std::array::from_fn(|i| self.centre[i] + reach * from[i]);
-        towards(from, self.target(target, rng))
-    }
-
-    /// From a point on a triangle in any direction.
-    pub(crate) fn on_surface(&self, rng: &mut Rng) -> Ray {
-        let from = self.target(Target::Inside, rng).map(|x| x as f32);
-        Ray::new(from, point(rng).map(|x| x as f32))
-    }
-
-    /// From beyond a triangle, in its plane, to a point of it.
-    pub(crate) fn in_plane(&self, rng: &mut Rng) -> Ray {
-        let triangle = self.triangle(rng);
-        let (x, y) = (rng.f64(), rng.f64());
-        let at = within(triangle, [x.min(y), 1.0 - x.max(y)]);
-        let from = within(triangle, [4.0 * unit(rng), 4.0 * unit(rng)]);
-        towards(from, at)
+    /// The nearest multiple of a power of two between a 32nd and a 16th of the scene's size.
+    fn snapped(&self, x: f64) -> f64 {
+        let step = f64::from_bits((self.radius / 16.0).to_bits() & EXPONENT);
+        match step > 0.0 {
+            true => (x / step).round() * step,
+            false => x,
+        }
     }
 
     /// Along an axis to a target, whose other coordinates are the origin's.
-    pub(crate) fn along_axis(&self, target: Target, rng: &mut Rng) -> Ray {
+    fn along_axis(&self, target: Target, rng: &mut Rng) -> Ray {
         let axis = rng.usize(..3);
         let sign = [1.0, -1.0][rng.usize(..2)];
         let mut from = self.target(target, rng);
@@ -206,66 +233,11 @@ impl Aims {
         Ray::new(from.map(|x| x as f32), direction)
     }
 
-    /// Through the scene, at nothing in particular.
-    pub(crate) fn random(&self, rng: &mut Rng) -> Ray {
-        let mut anywhere = || {
-            let p = point(rng);
-            std::array::from_fn(|i| self.centre[i] + 1.5 * self.radius * p[i])
-        };
-        towards(anywhere(), anywhere())
-    }
-
-    /// The nearest multiple of a power of two between a 32nd and a 16th of the scene's size.
-    fn snapped(&self, x: f64) -> f64 {
-        let step = f64::from_bits((self.radius / 16.0).to_bits() & EXPONENT);
-        if step > 0.0 {
-            (x / step).round() * step
-        } else {
-            x
-        }
-    }
-
-    /// From a point whose coordinates are multiples of a power of two to a vertex or the middle of an edge: where
-    /// vertices are such points too, the ray passes exactly through what it is aimed at.
-    pub(crate) fn aimed_exactly(&self, target: Target, rng: &mut Rng) -> Ray {
-        let triangle = self.triangle(rng);
-        let at = within(triangle, halves(target, rng));
-        let from = point(rng).map(|x| 2.0 * self.radius * x);
-        let from = std::array::from_fn(|i| self.snapped(self.centre[i] + from[i]));
-        towards(from, at)
-    }
-
-    /// Along a face, from a corner of its parallelogram or beyond to a corner or the middle of an edge.
-    pub(crate) fn in_plane_exactly(&self, rng: &mut Rng) -> Ray {
-        let triangle = self.triangle(rng);
-        let weights = [(); 2].map(|()| f64::from(rng.i32(-4..=4)));
-        let target = [Target::Edge, Target::Vertex][rng.usize(..2)];
-        let at = within(triangle, halves(target, rng));
-        towards(within(triangle, weights), at)
-    }
-
-    /// From a vertex or an edge of one triangle to another triangle.
-    pub(crate) fn between(&self, target: Target, rng: &mut Rng) -> Ray {
-        let start = [Target::Edge, Target::Vertex][rng.usize(..2)];
-        let from = within(self.triangle(rng), halves(start, rng));
-        towards(from, self.target(target, rng))
-    }
-
-    /// From so many times the scene's size away.
+    /// From up to so many times the scene's size away.
     pub(crate) fn beyond(&self, target: Target, times: f64, rng: &mut Rng) -> Ray {
         let (from, at) = (point(rng), self.target(target, rng));
-        towards(
-            std::array::from_fn(|i| at[i] + times * self.radius * from[i]),
-            at,
-        )
-    }
-
-    /// Along an edge, from before it, from its end or from within it.
-    pub(crate) fn along_edge(&self, rng: &mut Rng) -> Ray {
-        let [a, b, _] = self.triangle(rng);
-        let start = [-1.0, 0.0, 0.5][rng.usize(..3)];
-        let from = std::array::from_fn(|i| a[i] + start * (b[i] - a[i]));
-        towards(from, b)
+        let reach = times * self.radius;
+        towards(std::array::from_fn(|i| at[i] + reach * from[i]), at)
     }
 }
 
@@ -299,55 +271,44 @@ pub(crate) fn of_zeros(rng: &mut Rng) -> Ray {
     Ray::new(origin, [(); 3].map(|()| ALONG[rng.usize(..ALONG.len())]))
 }
 
-/// A ray at a target, with other limits or with other components of its direction.
-fn bent(ray: Ray, kind: RayKind, rng: &mut Rng) -> Ray {
-    let (mut d, axis) = (ray.direction, rng.usize(..3));
-    let [t_min, t_max] = match kind {
-        RayKind::Interval if rng.bool() => [0.5, 1.5],
-        RayKind::Interval => [1.0, f32::INFINITY],
-        RayKind::EndsOnTarget => [0.0, 1.0],
+/// A ray at a target, with the limits or the direction that its kind requires.
+fn bent(mut ray: Ray, kind: RayKind, rng: &mut Rng) -> Ray {
+    let (d, axis) = (&mut ray.direction, rng.usize(..3));
+    match kind {
+        RayKind::Interval if rng.bool() => (ray.t_min, ray.t_max) = (0.5, 1.5),
+        RayKind::Interval => ray.t_min = 1.0,
+        RayKind::EndsOnTarget => ray.t_max = 1.0,
         RayKind::Behind => {
-            d = d.map(|x| -x);
-            [[-2.0, f32::NEG_INFINITY][rng.usize(..2)], f32::INFINITY]
+            *d = d.map(|x| -x);
+            ray.t_min = [-2.0, f32::NEG_INFINITY][rng.usize(..2)];
         }
-        RayKind::ZeroComponent => {
-            d[axis] = [0.0, -0.0][rng.usize(..2)];
-            [0.0, f32::INFINITY]
+        RayKind::Limited => {
+            let at = [1.0_f32.next_down(), 1.0, 1.0_f32.next_up()][rng.usize(..3)];
+            match rng.usize(..3) {
+                0 => ray.t_max = at,
+                1 => ray.t_min = at,
+                _ => (ray.t_min, ray.t_max) = (f32::NEG_INFINITY, at - 1.0),
+            }
         }
-        _ => {
+        RayKind::ZeroComponent => d[axis] = [0.0, -0.0][rng.usize(..2)],
+        RayKind::Lopsided => {
             d[axis] *= 1e-25;
             d[(axis + 1) % 3] *= [1.0, 1e-12, 1e-38, 1e-6][rng.usize(..4)];
-            [0.0, f32::INFINITY]
         }
-    };
-    Ray {
-        t_min,
-        t_max,
-        direction: d,
-        ..ray
+        RayKind::Short => *d = stretched(*d, 1e-30),
+        RayKind::Long => *d = stretched(*d, 1e30),
+        RayKind::Subnormal => *d = stretched(*d, 3e-41),
+        RayKind::Void => return void(ray, rng),
+        _ => {}
     }
+    ray
 }
 
-/// The ray whose direction's largest component is about that.
-fn stretched(ray: Ray, length: f64) -> Ray {
-    let d = ray.direction.map(f64::from);
+/// A direction whose largest component is about that.
+fn stretched(direction: Point, length: f64) -> Point {
+    let d = direction.map(f64::from);
     let longest = d.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-    let direction = d.map(|x| (x / longest * length) as f32);
-    Ray { direction, ..ray }
-}
-
-/// Ends or begins at the target, just before it or just beyond.
-fn limited(ray: Ray, rng: &mut Rng) -> Ray {
-    let at = [1.0_f32.next_down(), 1.0, 1.0_f32.next_up()][rng.usize(..3)];
-    match rng.usize(..3) {
-        0 => Ray { t_max: at, ..ray },
-        1 => Ray { t_min: at, ..ray },
-        _ => Ray {
-            t_min: f32::NEG_INFINITY,
-            t_max: at - 1.0,
-            ..ray
-        },
-    }
+    d.map(|x| (x / longest * length) as f32)
 }
 
 /// A ray that hits nothing, whatever there is.

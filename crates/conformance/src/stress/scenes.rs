@@ -1,7 +1,7 @@
 //! Each family's scenes and rays.
 
 use crate::generate::meshes::{self, Mesh, PLUMP, apart, separate, soup};
-use crate::generate::rays::{Aims, Target, of_zeros};
+use crate::generate::rays::{Aims, RayKind, Target, of_zeros};
 use crate::generate::{mixed, shares};
 use crate::leaks::{self, Aim, RayBatch};
 use crate::stress::{Family, Plan};
@@ -151,15 +151,15 @@ fn one(family: Family, number: u32, rays: usize, rng: &mut Rng) -> Scene {
 
 /// The `i`-th ray at a scene of a family.
 fn ray(family: Family, aims: &Aims, i: usize, rng: &mut Rng) -> Ray {
-    let targets = Target::ALL;
-    match family {
-        Family::InPlane => aims.in_plane(rng),
-        Family::OnSurface => aims.on_surface(rng),
-        Family::AxisParallel => aims.along_axis(targets[i % 3], rng),
-        Family::Stacks if i.is_multiple_of(2) => aims.along_axis(Target::Inside, rng),
-        Family::SignedZeros if i.is_multiple_of(2) => of_zeros(rng),
-        _ => aims.aimed(Target::Inside, rng),
-    }
+    let (kind, target) = match family {
+        Family::InPlane => (RayKind::InPlane, Target::Inside),
+        Family::OnSurface => (RayKind::OnSurface, Target::Inside),
+        Family::AxisParallel => (RayKind::AlongAxis, Target::ALL[i % 3]),
+        Family::Stacks if i.is_multiple_of(2) => (RayKind::AlongAxis, Target::Inside),
+        Family::SignedZeros if i.is_multiple_of(2) => return of_zeros(rng),
+        _ => (RayKind::Aimed, Target::Inside),
+    };
+    aims.ray(kind, target, rng)
 }
 
 /// Fills in a scene's rays; those that are not valid are made again.
@@ -250,7 +250,7 @@ fn cloth(plan: &Plan) -> Scene {
     asked(
         Scene::new(animation, times),
         plan.rays as usize,
-        |aims, i| aims.aimed(Target::ALL[i % 3], &mut rng),
+        |aims, i| aims.ray(RayKind::Aimed, Target::ALL[i % 3], &mut rng),
     )
 }
 

@@ -1,8 +1,7 @@
 //! Frames whose trees the backend makes, on its own account or because the policy says so: nobody builds beside them.
 
-use super::Driver;
 use super::trees::{FIRST, Tree};
-use crate::options::PipelineError;
+use super::{Driver, PipelineError};
 use crate::schedule::Update;
 use backend::{Backend, BackendError, Generation};
 use geom::Pose;

@@ -1,13 +1,13 @@
 //! The driver's dealings with trees: asking, passing vertices on, hearing, swapping.
 
-use super::Driver;
+use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildFailed, Job};
 use crate::frame::{Adopted, Submission, TreeMoments};
-use crate::options::PipelineError;
 use crate::sampling;
 use crate::schedule::{FramePlan, Pace, Swap, Update};
 use crate::tree_builder::{Built, Made, Vertices};
 use backend::Generation;
+use bvh_build::Cancel;
 use geom::{Point, Pose};
 use std::time::Instant;
 
@@ -137,7 +137,7 @@ impl Driver {
         let pending = self.ask(generation, pose);
         if plan.at_once {
             let built = self.build_now(pending, None)?;
-            self.schedule.swapped_at_once(generation);
+            self.schedule.forget(generation);
             if let Ok((built, pending)) = built {
                 self.adopt(built, &pending)?;
             }
@@ -213,7 +213,7 @@ impl Driver {
     }
 
     fn give_up(&mut self, generation: Generation) {
-        self.schedule.failed(generation);
+        self.schedule.forget(generation);
         self.build.take_if(|f| f.generation == generation);
     }
 
@@ -285,9 +285,17 @@ impl Driver {
         };
         let arrived = Instant::now();
         pending.arrived = Some((arrived, bytes(positions.len())));
-        let with = (self.light, std::mem::take(&mut self.spare));
-        let from = (&positions[..], halves);
-        let built = self.builder_pool.build(&self.animation, from, with);
+        let (animation, cancel) = (&self.animation, Cancel::new());
+        let (light, spare) = (self.light, std::mem::take(&mut self.spare));
+        let positions = &positions[..];
+        let built = self.builder_pool.with(|builder| {
+            builder.order_toward(light);
+            builder.reuse(spare);
+            match halves {
+                Some(halves) => builder.build_swept(animation, (positions, halves), &cancel),
+                None => builder.build(animation, positions, &cancel),
+            }
+        });
         self.beginning.build_wait += arrived.elapsed();
         Ok(built.map(|built| (built, pending)))
     }
@@ -299,10 +307,12 @@ impl Driver {
     ) -> Result<(Built, PendingBuild), BuildFailed> {
         let begun = Instant::now();
         pending.arrived = Some((begun, 0));
-        let samples = sampling::samples(&self.animation, self.options.time_range);
-        let built =
-            self.builder_pool
-                .build_for_all(&self.animation, &samples, (pending.pose, self.light));
+        let (animation, pose, light) = (&self.animation, pending.pose, self.light);
+        let samples = sampling::samples(animation, self.options.time_range);
+        let built = self.builder_pool.with(|builder| {
+            builder.order_toward(light);
+            builder.build_for_all(animation, &samples, pose, &Cancel::new())
+        });
         self.beginning.build_wait += begun.elapsed();
         built.map(|built| (built, pending))
     }

@@ -1,9 +1,10 @@
 //! Frames that nobody counts: a device that was idle is slow at first.
 
-use super::Driver;
-use crate::options::PipelineError;
+use super::{Driver, PipelineError};
 use crate::schedule::{Pace, Update};
+use crate::tree_builder::TreeBuilder;
 use backend::{FRAMES_IN_FLIGHT, FrameReport, Query};
+use bvh_build::Cancel;
 use std::collections::VecDeque;
 
 impl Driver {
@@ -34,7 +35,10 @@ impl Driver {
         let runs_free = self.options.update == Update::Async(Pace::Free);
         if let Some(pose) = self.pose.filter(|_| runs_free && self.build.is_none()) {
             // Nothing comes of it either way; the first tree that counts will tell what is wrong.
-            let _ = self.builder_pool.warm_up(&self.animation, pose);
+            let animation = &self.animation;
+            let warmed =
+                |builder: &mut TreeBuilder| builder.warm_up(animation, pose, &Cancel::new());
+            let _ = self.builder_pool.with(warmed);
         }
     }
 
