@@ -12,3 +12,9 @@ pub mod stage;
 pub fn is_full() -> bool {
     std::env::var("ABVH_FULL").is_ok_and(|v| v == "1")
 }
+
+/// So many in the full tier, a quarter of them by default.
+#[must_use]
+pub fn share(full: usize) -> usize {
+    if is_full() { full } else { full / 4 }
+}

@@ -115,6 +115,17 @@ pub fn camera(animation: &Animation, size: [u32; 2]) -> Camera {
         .expect("every scene can be framed")
 }
 
+/// Rays of that camera: 240 by 160 pixels in the full tier, a quarter of them by default.
+#[must_use]
+pub fn pixels(animation: &Animation) -> Vec<Ray> {
+    let size = if crate::is_full() {
+        [240, 160]
+    } else {
+        [120, 80]
+    };
+    camera(animation, size).rays().collect()
+}
+
 /// The light that the program would choose.
 #[must_use]
 pub fn light(animation: &Animation) -> Point {

@@ -6,7 +6,7 @@ use conformance::{Target, aimed, nth_case};
 use geom::{Animation, Hit, Point, Ray, Triangle};
 use integration::is_full;
 use integration::scenes::Source;
-use integration::stage::{Stage, camera, light, method};
+use integration::stage::{self, Stage, camera, light, method};
 use libtest_mimic::{Failed, Trial};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -30,7 +30,7 @@ pub(crate) fn of_scene(source: Source) -> [Trial; 3] {
 
 fn pixels(source: Source) -> Result<(), Failed> {
     let animation = source.animation()?;
-    let rays = camera(&animation, [240, 160]).rays().collect::<Vec<_>>();
+    let rays = stage::pixels(&animation);
     let times = [0.0, 0.618 * animation.end()];
     times
         .iter()

@@ -4,6 +4,7 @@ use crate::verifier::Verifier;
 use crate::watertight::{tally, trace};
 use conformance::{Target, aimed};
 use geom::{Animation, Point, Ray, Triangle};
+use integration::share;
 use libtest_mimic::{Failed, Trial};
 use std::sync::Arc;
 
@@ -25,7 +26,7 @@ fn animation(corners: &[Triangle]) -> Arc<Animation> {
 /// Triangles whose coordinates are small integers or anything, so that there are ties, at several sizes.
 fn soups() -> Result<(), Failed> {
     let mut rng = fastrand::Rng::with_seed(3);
-    for case in 0..150 {
+    for case in 0..share(240) {
         let scale = [1.0, 1e-20, 1e20, 1024.0][case % 4];
         let point = |rng: &mut fastrand::Rng| -> Point {
             let coordinate = |()| match rng.bool() {
@@ -130,7 +131,7 @@ fn from_inside() -> Result<(), Failed> {
         let centre = [offset, -offset, offset];
         let animation = animation(&ball(centre));
         for target in Target::ALL {
-            let mut rays = aimed(&animation, 0.0, target, 1.0, 20_000);
+            let mut rays = aimed(&animation, 0.0, target, 1.0, share(20_000));
             for ray in &mut rays {
                 let aim: Point = std::array::from_fn(|i| ray.origin[i] + ray.direction[i]);
                 *ray = Ray::new(centre, std::array::from_fn(|i| aim[i] - centre[i]));
@@ -154,7 +155,7 @@ fn from_outside() -> Result<(), Failed> {
         let animation = animation(&corners);
         let verify = Verifier::new(corners);
         for target in Target::ALL {
-            let rays = aimed(&animation, 0.0, target, 2.0, 8000);
+            let rays = aimed(&animation, 0.0, target, 2.0, share(8000));
             let hits = trace(&animation, 0.0, &rays);
             let tally = tally(&verify, &rays, &hits)?;
             if matches!(target, Target::Inside) && tally.differing() > 0 {

@@ -5,7 +5,8 @@ use backend::{Hits, Intersector};
 use conformance::{Target, aimed};
 use geom::{Animation, Ray};
 use integration::scenes::Source;
-use integration::stage::{Stage, camera};
+use integration::share;
+use integration::stage::{Stage, pixels};
 use libtest_mimic::{Failed, Trial};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -60,10 +61,10 @@ fn judge_at(animation: &Animation, time: f64) -> Verifier {
 }
 
 /// A camera ray passes near an edge by chance only: a few in a million, so
-/// hardly ever two of these 38,400.
+/// hardly ever two of 38,400.
 fn pictures(source: Source) -> Result<(), Failed> {
     let animation = source.animation()?;
-    let rays = camera(&animation, [240, 160]).rays().collect::<Vec<_>>();
+    let rays = pixels(&animation);
     for time in [0.0, 0.618 * animation.end()] {
         let hits = trace(&animation, time, &rays);
         let tally = tally(&judge_at(&animation, time), &rays, &hits)?;
@@ -80,7 +81,7 @@ fn rays_at_edges(source: Source) -> Result<(), Failed> {
     let verify = judge_at(&animation, time);
     for target in Target::ALL {
         for distance in [0.6, 2.0, 100.0, 1e4] {
-            let rays = aimed(&animation, time, target, distance, 1500);
+            let rays = aimed(&animation, time, target, distance, share(1500));
             tally(&verify, &rays, &trace(&animation, time, &rays))?;
         }
     }

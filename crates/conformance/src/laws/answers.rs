@@ -2,6 +2,7 @@
 
 use super::Check;
 use crate::compare::{answers, named_ray};
+use crate::generate::bodies::BODIES;
 use crate::leaks::{self, LeakPlan};
 use anyhow::{Context, Result, bail, ensure};
 use backend::{QueryKind, Rays};
@@ -86,16 +87,18 @@ pub(super) fn any_is_closest(c: &mut Check<'_>) -> Result<()> {
 /// Rays of one case at closed bodies.
 const LEAK_RAYS: u64 = 240;
 
-/// No ray leaves a closed body without a hit, and crossings add up.
+/// No ray leaves a closed body without a hit, and crossings add up. Each case has one of the bodies.
 pub(super) fn leaks(c: &mut Check<'_>) -> Result<()> {
     let chance = c.case.chance;
+    let body = (chance >> 32) as usize % BODIES.len();
     let plan = LeakPlan {
         seed: chance,
         rays: LEAK_RAYS,
         offsets: vec![leaks::OFFSETS[chance as usize % leaks::OFFSETS.len()]],
         method: c.method,
     };
-    match leaks::run(c.subject, &plan, &mut |_| {})?.first.first() {
+    let found = leaks::run_over(c.subject, &plan, &BODIES[body..=body], &mut |_| {})?;
+    match found.first.first() {
         None => Ok(()),
         Some(leak) => bail!("{leak}"),
     }

@@ -100,7 +100,8 @@ pub fn run(
     run_over(subject, plan, BODIES, progress)
 }
 
-fn run_over(
+/// Likewise, with these bodies.
+pub(crate) fn run_over(
     subject: &mut dyn Backend,
     plan: &LeakPlan,
     bodies: &[Body],
