@@ -22,7 +22,7 @@ use naga::valid::{
 };
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use variants::{Entry, Text, Variant};
+use variants::{EntryPoint, Text, Variant};
 
 fn main() -> Result<()> {
     println!("cargo::rerun-if-changed=wgsl");
@@ -31,7 +31,7 @@ fn main() -> Result<()> {
     let sources = Sources::read(Path::new("wgsl"))?;
     let entries = variants::entries(&sources)?;
     let (beside, kernels): (Vec<_>, Vec<_>) = entries.iter().partition(|e| e.file == rays::KERNELS);
-    let table = |about, constant, some: &[&Entry]| {
+    let table = |about, constant, some: &[&EntryPoint]| {
         let each = some.iter().map(|e| compile(&out, &sources, &entries, e));
         let all = each.collect::<Result<String>>()?;
         anyhow::Ok(format!(
@@ -47,14 +47,19 @@ fn main() -> Result<()> {
 }
 
 /// All variants of a kernel as Rust expressions.
-fn compile(out: &Path, sources: &Sources, all: &[Entry], entry: &Entry) -> Result<String> {
+fn compile(
+    out: &Path,
+    sources: &Sources,
+    all: &[EntryPoint],
+    entry: &EntryPoint,
+) -> Result<String> {
     let variants = entry.variants(sources, all);
     let variants = variants.with_context(|| entry.name.clone())?;
     let each = variants.iter().map(|v| compile_variant(out, entry, v));
     each.collect()
 }
 
-fn compile_variant(out: &Path, entry: &Entry, variant: &Variant) -> Result<String> {
+fn compile_variant(out: &Path, entry: &EntryPoint, variant: &Variant) -> Result<String> {
     let slots = variant.serves(entry)?;
     let values = slots.iter().map(|(_, values)| values.join("+"));
     let name: Vec<_> = [entry.name.clone()].into_iter().chain(values).collect();

@@ -42,7 +42,8 @@ impl VulkanBackend {
             "topology" => tree.topology(),
             "hits" => trace().hits.as_ref().expect("room for hits"),
             "occluded" => trace().blocked.as_ref().expect("room for shadows"),
-            "rays" => trace().rays.as_ref().expect("given rays"),
+            // Of a picture's rays none is given, and kernels that take both read none.
+            "rays" => (trace().rays.as_ref()).unwrap_or(&scene.positions[position]),
             other => (tree.buffers.find(other))
                 .or_else(|| build.and_then(|b| b.find(other)))
                 .unwrap_or_else(|| panic!("no buffer named {other}")),

@@ -41,7 +41,8 @@ impl WgpuBackend {
             "topology" => tree.topology(),
             "hits" => &trace().hits,
             "occluded" => &trace().blocked,
-            "rays" => trace().rays.as_ref().expect("given rays"),
+            // Of a picture's rays none is given, and kernels that take both read none.
+            "rays" => (trace().rays.as_ref()).unwrap_or(&scene.positions[position]),
             other => (tree.buffers.find(other))
                 .or_else(|| build.and_then(|b| b.find(other)))
                 .unwrap_or_else(|| panic!("no buffer named {other}")),

@@ -2,7 +2,7 @@
 
 use crate::SceneError;
 use crate::join::inputs;
-use crate::source::{exists, extension};
+use crate::source::{entries, exists, extension, matches};
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -30,11 +30,9 @@ fn of_input(spec: &str, all: &mut Vec<PathBuf>) -> Result<(), SceneError> {
         Ok(about) if about.is_dir() => in_folder(path, all),
         Ok(_) => with_companions(path, all),
         Err(_) if spec.contains(['*', '?', '[']) => {
-            let matches = glob::glob(spec).map_err(|e| SceneError::BadPattern {
-                pattern: spec.to_owned(),
-                cause: e.to_string(),
-            })?;
-            let files = matches.filter_map(Result::ok).filter(|f| f.is_file());
+            let files = matches(spec)?
+                .filter_map(Result::ok)
+                .filter(|f| f.is_file());
             files.into_iter().try_for_each(|f| with_companions(&f, all))
         }
         Err(e) => Err(SceneError::unreadable(path, e)),
@@ -42,13 +40,10 @@ fn of_input(spec: &str, all: &mut Vec<PathBuf>) -> Result<(), SceneError> {
 }
 
 fn in_folder(folder: &Path, all: &mut Vec<PathBuf>) -> Result<(), SceneError> {
-    let unreadable = |e| SceneError::unreadable(folder, e);
-    for entry in fs::read_dir(folder).map_err(unreadable)? {
-        let file = entry.map_err(unreadable)?.path();
-        let is_mesh = matches!(extension(&file).as_str(), "obj" | "ply");
-        match file.is_file() {
-            true if is_mesh => with_companions(&file, all)?,
-            true if extension(&file) == "json" => all.push(file),
+    for file in entries(folder)?.into_iter().filter(|f| f.is_file()) {
+        match extension(&file).as_str() {
+            "obj" | "ply" => with_companions(&file, all)?,
+            "json" => all.push(file),
             _ => {}
         }
     }

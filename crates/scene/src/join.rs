@@ -4,7 +4,7 @@
 //! first. Inputs that move must have equally many key frames; one with a single
 //! key frame stands still and is repeated.
 
-use crate::memory::check_keys;
+use crate::mesh::{check_keys, joined_triangles, within};
 use crate::{Facts, Options, Scene, SceneError, source};
 use geom::{Animation, Point};
 use rayon::prelude::*;
@@ -40,7 +40,7 @@ const AS_IT_IS: Placement = Placement {
 /// The inputs that a scene's name is made of. A name that `exists` as it is, is one input whatever it contains.
 ///
 /// # Errors
-/// [`SceneError::BadPlace`].
+/// What follows `@` is no place.
 pub(crate) fn inputs<'a>(
     spec: &'a str,
     exists: &dyn Fn(&str) -> bool,
@@ -101,10 +101,9 @@ fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>, 
                 spec,
                 place: Some(place),
             }),
-            None if exists(spec) => Err(SceneError::BadPlace {
-                input: spec.to_owned(),
-                text: place.to_owned(),
-            }),
+            None if exists(spec) => Err(SceneError::BadRequest(format!(
+                "bad place {place:?} for {spec}: give @x,y,z or @x,y,z*scale, with a scale above 0"
+            ))),
             None => Ok(whole),
         },
     }
@@ -124,7 +123,7 @@ fn parse(text: &str) -> Option<Placement> {
 /// Opens every input and joins them.
 ///
 /// # Errors
-/// Those of each, and [`SceneError::OtherKeys`].
+/// Those of each, or inputs that move have different numbers of key frames.
 pub(crate) fn open(
     spec: &str,
     inputs: &[Input<'_>],
@@ -161,10 +160,7 @@ fn timed(spec: &str, joined: Animation, scenes: &[Scene]) -> Result<Animation, S
         return Ok(joined);
     };
     let same = |a: &Arc<Animation>| a.times() == first.times() && a.end() == first.end();
-    let bad = |cause: String| SceneError::BadTimes {
-        path: spec.into(),
-        cause,
-    };
+    let bad = |cause: String| SceneError::unusable(spec, cause);
     if !moving().all(same) {
         let cause = "the key frames of one input are at other times than those of another";
         return Err(bad(cause.to_owned()));
@@ -178,7 +174,7 @@ fn timed(spec: &str, joined: Animation, scenes: &[Scene]) -> Result<Animation, S
 fn join(spec: &str, parts: Vec<(Scene, Placement)>) -> Result<Scene, SceneError> {
     let keys = key_count(&parts)?;
     let vertices = parts.iter().map(|(s, _)| s.animation.vertex_count()).sum();
-    crate::mesh::within(spec.as_ref(), "vertices", vertices, u32::MAX as usize)?;
+    within(spec.as_ref(), "vertices", vertices, u32::MAX as usize)?;
     let frame = |key: usize| {
         let mut all = Vec::with_capacity(vertices);
         for (scene, place) in &parts {
@@ -188,13 +184,8 @@ fn join(spec: &str, parts: Vec<(Scene, Placement)>) -> Result<Scene, SceneError>
         all
     };
     let frames = (0..keys).into_par_iter().map(frame).collect();
-    let mut triangles = Vec::new();
-    let mut first = 0;
-    for (scene, _) in &parts {
-        let own = scene.animation.triangles().iter();
-        triangles.extend(own.map(|t| t.map(|v| v + first)));
-        first += scene.animation.vertex_count() as u32;
-    }
+    let animations = parts.iter().map(|(scene, _)| &scene.animation);
+    let triangles = joined_triangles(animations.map(|a| (a.triangles(), a.vertex_count())));
     let scenes: Vec<Scene> = parts.into_iter().map(|(scene, _)| scene).collect();
     let animation = timed(spec, Animation::new(frames, triangles)?, &scenes)?;
     Ok(Scene {
@@ -214,12 +205,14 @@ fn key_count(parts: &[(Scene, Placement)]) -> Result<usize, SceneError> {
     };
     match moving.find(|s| count(s) != count(first)) {
         None => Ok(count(first)),
-        Some(other) => Err(SceneError::OtherKeys {
-            first: first.name.clone(),
-            expected: count(first),
-            other: other.name.clone(),
-            found: count(other),
-        }),
+        Some(other) => Err(SceneError::BadRequest(format!(
+            "{} has {} key frames and {} {}: inputs that move must have equally many; \
+             one with a single key frame is repeated",
+            first.name,
+            count(first),
+            other.name,
+            count(other)
+        ))),
     }
 }
 

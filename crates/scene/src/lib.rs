@@ -14,13 +14,11 @@ mod error;
 mod files;
 mod join;
 pub mod keys;
-mod memory;
 mod mesh;
 mod obj;
 mod ply;
 mod sequence;
 mod source;
-mod times;
 
 pub use demo::{DEMOS, MAX_DEMO_TRIANGLES};
 pub use error::{FileLocation, SceneError};

@@ -1,7 +1,9 @@
 //! One mesh file: what it takes to compare it with the next key frame, and nothing of its format.
 
-use crate::{Rgb, SceneError};
+use crate::{Options, Rgb, SceneError};
 use geom::{Animation, Point};
+use host::Free;
+use std::fmt::Display;
 use std::path::Path;
 
 /// What one mesh file holds.
@@ -82,51 +84,51 @@ impl Topology {
         if triangles > 0 {
             return Ok(());
         }
-        let hint = match self.vertices {
-            0 => String::new(),
-            n => format!(", though there are {n} vertices"),
-        };
-        Err(SceneError::NoTriangles {
-            path: path.to_owned(),
-            hint,
-        })
+        Err(SceneError::unusable(
+            path.display(),
+            match self.vertices {
+                0 => "no triangles".to_owned(),
+                n => format!("no triangles, though there are {n} vertices"),
+            },
+        ))
     }
 
     /// Checks that the key frame in `path` has the topology of the `first`.
     pub(crate) fn check_same(&self, path: &Path, first: (&Path, &Self)) -> Result<(), SceneError> {
-        let (first, expected) = (first.0.to_owned(), first.1);
-        let path = path.to_owned();
-        let counts = [
-            ("vertices", self.vertices, expected.vertices),
-            (
-                "triangles",
-                self.triangle_count(),
-                expected.triangle_count(),
-            ),
-        ];
-        if let Some((what, found, expected)) = counts.into_iter().find(|(_, a, b)| a != b) {
-            return Err(SceneError::OtherCount {
-                path,
-                first,
-                what,
-                found,
-                expected,
-            });
+        let (first, expected) = (first.0.display(), first.1);
+        let other = |cause: String| {
+            let cause = format!("{cause}; all key frames must have the same topology");
+            Err(SceneError::unusable(path.display(), cause))
+        };
+        let triangles = [self, expected].map(Self::triangle_count);
+        for (what, [found, wanted]) in [
+            ("vertices", [self.vertices, expected.vertices]),
+            ("triangles", triangles),
+        ] {
+            if found != wanted {
+                return other(format!("{found} {what}, but {first} has {wanted}"));
+            }
         }
         if self == expected {
             return Ok(());
         }
-        let same = self
-            .faces()
-            .zip(expected.faces())
-            .take_while(|(a, b)| a == b)
-            .count();
-        Err(SceneError::OtherFaces {
-            path,
-            first,
-            face: same + 1,
-        })
+        let same = self.faces().zip(expected.faces());
+        let face = same.take_while(|(a, b)| a == b).count() + 1;
+        other(format!("face {face} joins other vertices than in {first}"))
     }
+}
+
+/// The triangles of several meshes, each with the number of its vertices, over the vertices of all.
+pub(crate) fn joined_triangles<'a>(
+    meshes: impl Iterator<Item = (&'a [[u32; 3]], usize)>,
+) -> Vec<[u32; 3]> {
+    let mut all = Vec::new();
+    let mut first = 0;
+    for (triangles, vertices) in meshes {
+        all.extend(triangles.iter().map(|t| t.map(|v| v + first)));
+        first += vertices as u32;
+    }
+    all
 }
 
 /// Renumbers triangles over the vertices they use and returns those, in the same order.
@@ -155,19 +157,48 @@ pub(crate) fn compact(triangles: &mut [[u32; 3]], vertices: usize) -> Vec<u32> {
 /// Refuses what cannot be numbered.
 pub(crate) fn within(
     path: &Path,
-    what: &'static str,
+    what: &str,
     found: usize,
     limit: usize,
 ) -> Result<(), SceneError> {
     if found <= limit {
         return Ok(());
     }
-    let (found, limit) = (found as u64, limit as u64);
-    Err(SceneError::TooLarge {
-        path: path.to_owned(),
+    let cause = format!("{found} {what} are more than the limit of {limit}");
+    Err(SceneError::unusable(path.display(), cause))
+}
+
+/// Refuses key frames that memory does not hold, before they are allocated.
+pub(crate) fn check_keys(
+    place: impl Display,
+    keys: usize,
+    vertices: usize,
+    options: &Options,
+) -> Result<(), SceneError> {
+    let bytes = (keys as u64)
+        .saturating_mul(vertices as u64)
+        .saturating_mul(size_of::<Point>() as u64);
+    let plural = if keys == 1 { "" } else { "s" };
+    let what = format!("{keys} key frame{plural} of {vertices} vertices");
+    check_memory(place, what, bytes, options)
+}
+
+/// Refuses what memory does not hold.
+pub(crate) fn check_memory(
+    place: impl Display,
+    what: String,
+    bytes: u64,
+    options: &Options,
+) -> Result<(), SceneError> {
+    let by = "limit given";
+    let checked = match options.memory {
+        Some(limit) => host::within(bytes, Some(Free { bytes: limit, by })),
+        None => host::check(bytes),
+    };
+    checked.map_err(|source| SceneError::NotEnoughMemory {
+        place: place.to_string(),
         what,
-        found,
-        limit,
+        source,
     })
 }
 

@@ -1,12 +1,13 @@
-//! Key frames from mesh files, one file each, all of one topology.
+//! Key frames from mesh files, one file each, all of one topology; and when they are, as `times.json` beside them says.
 
 use crate::colour::{CLAY, mean};
-use crate::memory::check_keys;
-use crate::mesh::{Mesh, Paint, Topology};
+use crate::mesh::{Mesh, Paint, Topology, check_keys};
 use crate::{Facts, Options, Rgb, Scene, SceneError, obj, ply};
 use geom::{Animation, Point};
 use host::Folder;
 use rayon::prelude::*;
+use serde::Deserialize;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -119,4 +120,44 @@ fn colours(
             topology.triangles().map(|(face, _)| faces[face]).collect()
         }
     }
+}
+
+/// The file of times, as `abvh inspect --reduced-out` writes it.
+#[derive(Deserialize)]
+struct Times {
+    end: f64,
+    seconds_per_key: Option<f64>,
+    frames: Vec<Frame>,
+}
+
+#[derive(Deserialize)]
+struct Frame {
+    file: String,
+    time: f64,
+}
+
+/// Gives the key frames of a directory the times that are written there, if any are.
+pub(crate) fn apply_times(directory: &Path, mut scene: Scene) -> Result<Scene, SceneError> {
+    let path = directory.join("times.json");
+    let bytes = match host::read(&path) {
+        Ok(bytes) => bytes,
+        Err(e) if e.kind() == ErrorKind::NotFound => return Ok(scene),
+        Err(e) => return Err(SceneError::unreadable(&path, e)),
+    };
+    let bad = |cause: String| SceneError::unusable(path.display(), cause);
+    let times: Times = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
+    let files = &scene.facts.files;
+    let told = times.frames.iter().map(|f| f.file.as_str());
+    let there = files.iter().map(|f| f.file_name().unwrap_or_default());
+    if !told.eq(there) {
+        let (told, there) = (times.frames.len(), files.len());
+        return Err(bad(format!(
+            "it tells when {told} key frames are, but not of the {there} files beside it, in their order"
+        )));
+    }
+    let keys = times.frames.iter().map(|f| f.time).collect();
+    let timed = Arc::unwrap_or_clone(scene.animation).timed(keys, times.end);
+    scene.animation = Arc::new(timed.map_err(|e| bad(e.to_string()))?);
+    scene.facts.seconds_per_key = times.seconds_per_key.or(scene.facts.seconds_per_key);
+    Ok(scene)
 }

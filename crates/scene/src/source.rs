@@ -2,7 +2,7 @@
 
 use crate::join::{self, Input};
 use crate::sequence::Format;
-use crate::{Options, Scene, SceneError, clip, demo, sequence, times};
+use crate::{Options, Scene, SceneError, clip, demo, sequence};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -44,20 +44,17 @@ pub(crate) fn open_one(spec: &str, options: &Options) -> Result<Scene, SceneErro
 
 /// Refuses options that name a clip, for a source without clips.
 pub(crate) fn refuse_clip(place: &str, options: &Options) -> Result<(), SceneError> {
-    match options.clip.clone() {
-        Some(asked) => Err(SceneError::NoClips {
-            place: place.to_owned(),
-            asked,
-        }),
-        None => Ok(()),
-    }
+    let Some(asked) = &options.clip else {
+        return Ok(());
+    };
+    let cause = format!("no clip {asked:?}: only .gltf and .glb files have clips");
+    Err(SceneError::unusable(place, cause))
 }
 
 /// Lower-case extension.
 pub(crate) fn extension(path: &Path) -> String {
-    path.extension()
-        .map(|e| e.to_string_lossy().to_lowercase())
-        .unwrap_or_default()
+    let extension = path.extension().unwrap_or_default();
+    extension.to_string_lossy().to_lowercase()
 }
 
 fn format_of(path: &Path) -> Option<Format> {
@@ -73,67 +70,60 @@ fn is_gltf(path: &Path) -> bool {
 }
 
 fn stem(path: &Path) -> String {
-    path.file_stem()
-        .unwrap_or(path.as_os_str())
-        .to_string_lossy()
-        .into_owned()
+    let stem = path.file_stem().unwrap_or(path.as_os_str());
+    stem.to_string_lossy().into_owned()
 }
 
 fn file(path: &Path, options: &Options) -> Result<Scene, SceneError> {
     if is_gltf(path) {
         return clip::open(stem(path), path, options);
     }
-    match format_of(path) {
-        Some(format) => {
-            refuse_clip(&path.display().to_string(), options)?;
-            sequence::open(stem(path), vec![path.to_owned()], format, options)
-        }
-        None => Err(SceneError::UnsupportedExtension {
-            path: path.to_owned(),
-        }),
-    }
+    let Some(format) = format_of(path) else {
+        let cause = "unsupported file type; a scene is a .obj, .ply, .gltf or .glb file";
+        return Err(SceneError::unusable(path.display(), cause));
+    };
+    refuse_clip(&path.display().to_string(), options)?;
+    sequence::open(stem(path), vec![path.to_owned()], format, options)
+}
+
+/// What lies in a directory.
+pub(crate) fn entries(directory: &Path) -> Result<Vec<PathBuf>, SceneError> {
+    let unreadable = |e| SceneError::unreadable(directory, e);
+    let all = fs::read_dir(directory).map_err(unreadable)?;
+    let paths = all.map(|entry| entry.map(|e| e.path()));
+    paths.collect::<Result<_, _>>().map_err(unreadable)
+}
+
+/// What a pattern matches.
+pub(crate) fn matches(pattern: &str) -> Result<glob::Paths, SceneError> {
+    let bad = |e| SceneError::unusable(pattern, format!("not a pattern of paths: {e}"));
+    glob::glob(pattern).map_err(bad)
 }
 
 fn directory(path: &Path, options: &Options) -> Result<Scene, SceneError> {
-    let unreadable = |e| SceneError::unreadable(path, e);
-    let mut files = Vec::new();
-    for entry in fs::read_dir(path).map_err(unreadable)? {
-        let file = entry.map_err(unreadable)?.path();
-        // Hidden files are no key frames: some systems leave "._1.obj" beside "1.obj".
-        let hidden = file
-            .file_name()
-            .is_some_and(|n| n.to_string_lossy().starts_with('.'));
-        if !hidden && !file.is_dir() {
-            files.push(file);
-        }
-    }
+    // Hidden files are no key frames: some systems leave "._1.obj" beside "1.obj".
+    let hidden = |f: &Path| {
+        let name = f.file_name().unwrap_or_default();
+        name.to_string_lossy().starts_with('.')
+    };
+    let mut files = entries(path)?;
+    files.retain(|f| !hidden(f) && !f.is_dir());
     if files.is_empty() {
-        return Err(SceneError::EmptyDirectory {
-            path: path.to_owned(),
-        });
+        return Err(SceneError::unusable(
+            path.display(),
+            "the directory is empty",
+        ));
     }
-    let whole = fs::canonicalize(path).map_err(unreadable)?;
-    let name = whole
-        .file_name()
-        .unwrap_or(path.as_os_str())
-        .to_string_lossy();
-    let scene = frames(
-        name.into_owned(),
-        &path.display().to_string(),
-        files,
-        options,
-    )?;
-    times::apply(path, scene)
+    let whole = fs::canonicalize(path).map_err(|e| SceneError::unreadable(path, e))?;
+    let name = whole.file_name().unwrap_or(path.as_os_str());
+    let (name, place) = (name.to_string_lossy(), path.display().to_string());
+    let scene = frames(name.into_owned(), &place, files, options)?;
+    sequence::apply_times(path, scene)
 }
 
 fn pattern(spec: &str, options: &Options) -> Result<Scene, SceneError> {
-    let pattern = spec.to_owned();
-    let matches = glob::glob(spec).map_err(|e| SceneError::BadPattern {
-        pattern: pattern.clone(),
-        cause: e.to_string(),
-    })?;
     let mut files = Vec::new();
-    for found in matches {
+    for found in matches(spec)? {
         let found = found.map_err(|e| {
             let path = e.path().to_owned();
             SceneError::unreadable(&path, e.into())
@@ -143,7 +133,7 @@ fn pattern(spec: &str, options: &Options) -> Result<Scene, SceneError> {
         }
     }
     match files.as_slice() {
-        [] => Err(SceneError::NoMatch { pattern }),
+        [] => Err(SceneError::unusable(spec, "matches no file")),
         [only] => file(only, options),
         [first, ..] => {
             let name = first.parent().and_then(Path::file_name);
@@ -160,36 +150,27 @@ fn frames(
     files: Vec<PathBuf>,
     options: &Options,
 ) -> Result<Scene, SceneError> {
-    let count = |format| {
-        files
-            .iter()
-            .filter(|f| format_of(f) == Some(format))
-            .count()
-    };
-    let (obj, ply) = (count(Format::Obj), count(Format::Ply));
+    let of = |format| files.iter().filter(move |f| format_of(f) == Some(format));
+    let (obj, ply) = (of(Format::Obj).count(), of(Format::Ply).count());
     let format = match (obj, ply) {
         (0, 0) => {
             let gltf = files.iter().find(|f| is_gltf(f));
-            let hint = gltf.map_or_else(String::new, |f| {
-                format!("; name {} itself to open it", f.display())
-            });
-            return Err(SceneError::NoMeshes {
-                place: place.to_owned(),
-                files: files.len(),
-                hint,
-            });
+            let hint = gltf.map(|f| format!("; name {} itself to open it", f.display()));
+            let (count, hint) = (files.len(), hint.unwrap_or_default());
+            let cause = format!("no .obj or .ply file among {count} files{hint}");
+            return Err(SceneError::unusable(place, cause));
         }
         (_, 0) => Format::Obj,
         (0, _) => Format::Ply,
         _ => {
-            let place = place.to_owned();
-            return Err(SceneError::MixedFormats { place, obj, ply });
+            let cause = format!(
+                "{obj} .obj and {ply} .ply files are mixed; \
+                 key frames must be of one format (a pattern such as '*.obj' picks some)"
+            );
+            return Err(SceneError::unusable(place, cause));
         }
     };
-    let mut files: Vec<_> = files
-        .into_iter()
-        .filter(|f| format_of(f) == Some(format))
-        .collect();
+    let mut files: Vec<_> = of(format).cloned().collect();
     refuse_clip(place, options)?;
     alphanumeric_sort::sort_path_slice(&mut files);
     sequence::open(name, files, format, options)

@@ -1,7 +1,7 @@
 //! The stages of a ray-tracing pipeline: all entry points of one file, in one module.
 
 use crate::compose::Sources;
-use crate::variants::{Entry, conditions};
+use crate::variants::{EntryPoint, conditions};
 use crate::{harden, include_words, options, parse, reflect};
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use naga::ShaderStage;
@@ -26,7 +26,7 @@ const UNKNOWN: [(&str, &str); 5] = [
 ];
 
 /// The pipeline's stages as a Rust constant.
-pub(crate) fn compile(out: &Path, sources: &Sources, all: &[Entry]) -> Result<String> {
+pub(crate) fn compile(out: &Path, sources: &Sources, all: &[EntryPoint]) -> Result<String> {
     let stages = [
         "closest_hit",
         "miss",

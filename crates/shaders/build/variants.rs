@@ -37,8 +37,8 @@ struct Value {
     condition: &'static str,
 }
 
-/// An entry point.
-pub(crate) struct Entry {
+/// A compute kernel before its variants are chosen.
+pub(crate) struct EntryPoint {
     /// Its file, and its name.
     pub(crate) file: String,
     pub(crate) name: String,
@@ -63,7 +63,7 @@ pub(crate) struct Text {
 }
 
 /// Every compute kernel, sorted by name.
-pub(crate) fn entries(sources: &Sources) -> Result<Vec<Entry>> {
+pub(crate) fn entries(sources: &Sources) -> Result<Vec<EntryPoint>> {
     let mut all = Vec::new();
     for (file, text) in sources.iter() {
         let lines: Vec<_> = text.lines().collect();
@@ -73,7 +73,7 @@ pub(crate) fn entries(sources: &Sources) -> Result<Vec<Entry>> {
             let axes = at
                 .checked_sub(1)
                 .and_then(|i| lines[i].strip_prefix("// Variants: "));
-            let entry = Entry::new(file, name, axes.unwrap_or("."));
+            let entry = EntryPoint::new(file, name, axes.unwrap_or("."));
             all.push(entry.with_context(|| name.to_owned())?);
         }
     }
@@ -81,7 +81,7 @@ pub(crate) fn entries(sources: &Sources) -> Result<Vec<Entry>> {
     Ok(all)
 }
 
-impl Entry {
+impl EntryPoint {
     fn new(file: &str, name: &str, axes: &str) -> Result<Self> {
         let axes = axes.strip_suffix('.').context("a full stop")?;
         let mut entry = Self {
@@ -106,7 +106,7 @@ impl Entry {
     }
 
     /// Every way to choose, those together that come to the same text.
-    pub(crate) fn variants(&self, sources: &Sources, all: &[Entry]) -> Result<Vec<Variant>> {
+    pub(crate) fn variants(&self, sources: &Sources, all: &[EntryPoint]) -> Result<Vec<Variant>> {
         let mut ways: Vec<Vec<Value>> = vec![Vec::new()];
         for choice in &self.choices {
             let with = |way: &Vec<Value>, v| way.iter().copied().chain([v]).collect();
@@ -133,7 +133,13 @@ impl Entry {
         Ok(made)
     }
 
-    fn text(&self, sources: &Sources, all: &[Entry], way: &[Value], rests: Rests) -> Result<Text> {
+    fn text(
+        &self,
+        sources: &Sources,
+        all: &[EntryPoint],
+        way: &[Value],
+        rests: Rests,
+    ) -> Result<Text> {
         let compose = |arithmetic| {
             let mut on: Vec<_> = way.iter().map(|v| v.condition).collect();
             on.push(&self.name);
@@ -159,7 +165,10 @@ impl Entry {
 
 impl Variant {
     /// Each axis with the values that it serves; axes along which nothing differs are left out.
-    pub(crate) fn serves(&self, entry: &Entry) -> Result<Vec<(&'static str, Vec<&'static str>)>> {
+    pub(crate) fn serves(
+        &self,
+        entry: &EntryPoint,
+    ) -> Result<Vec<(&'static str, Vec<&'static str>)>> {
         let mut served = Vec::new();
         for (i, choice) in entry.choices.iter().enumerate() {
             let has = |v: &&Value| self.chosen.iter().any(|c| c[i].name == v.name);
@@ -201,7 +210,7 @@ fn values(axis: &str) -> Result<Vec<Value>> {
 }
 
 /// All conditions that a file may name.
-pub(crate) fn conditions(all: &[Entry]) -> Vec<&str> {
+pub(crate) fn conditions(all: &[EntryPoint]) -> Vec<&str> {
     let values = AXES.iter().flat_map(|(_, values)| values.iter());
     let values = values.map(|(_, condition)| *condition);
     let entries = all.iter().map(|e| e.name.as_str());

@@ -1,4 +1,4 @@
-//! Prints a composed kernel: `cargo run -p shaders --example kernel -- trace_camera watertight fast`. Without arguments, all names.
+//! Prints a composed kernel: `cargo run -p abvh-shaders --example kernel -- trace_camera watertight fast`. Without arguments, all names.
 //!
 //! The last argument may be `fused`, for the text that devices with fused products and sums load.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "it prints")]

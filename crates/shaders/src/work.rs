@@ -220,7 +220,7 @@ fn closest(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
 fn any(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
     let rays = Rays::Given(rays.count(), false);
     let search = Work::over(method, rays, searching(params, rays), ["any_rays"; 2]);
-    let stages = ["resolve_exact_any_rays", "fallback_any_rays"].map(|s| [s; 2]);
+    let stages = ["resolve_exact_any_rays", "fallback_any_rays"];
     settled(method, search, rays, stages)
 }
 
@@ -265,15 +265,8 @@ fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
     ]
 }
 
-const HITS: [[&str; 2]; 2] = [
-    ["resolve_exact_rays", "resolve_exact_camera"],
-    ["fallback_rays", "fallback_camera"],
-];
-
-const SHADOWS: [[&str; 2]; 2] = [
-    ["resolve_exact_shadow_rays"; 2],
-    ["fallback_shadow_rays", "fallback_shadow_camera"],
-];
+const HITS: [&str; 2] = ["resolve_exact_rays", "fallback_rays"];
+const SHADOWS: [&str; 2] = ["resolve_exact_shadow_rays", "fallback_shadow_rays"];
 
 /// What a search over all rays is told, and those who settle what it leaves open.
 fn searching(params: Params, rays: Rays<'_>) -> Params {
@@ -296,23 +289,23 @@ fn searchers(params: &Params) -> u32 {
 }
 
 /// What settles by notes most of the rays that a search left open.
-fn settling(method: Method, params: Params, rays: Rays<'_>, kernels: [&str; 2]) -> Work {
+fn settling(method: Method, params: Params, rays: Rays<'_>, kernel: &str) -> Work {
     Work {
         groups: Groups::Linear(settlers(&params)),
-        ..Work::over(method, rays, params, kernels)
+        ..Work::over(method, rays, params, [kernel; 2])
     }
 }
 
 /// What settles the rest one by one.
-fn finishing(method: Method, params: Params, rays: Rays<'_>, kernels: [&str; 2]) -> Work {
+fn finishing(method: Method, params: Params, rays: Rays<'_>, kernel: &str) -> Work {
     Work {
         groups: Groups::Linear(16 * params.places),
-        ..Work::over(method, rays, params, kernels)
+        ..Work::over(method, rays, params, [kernel; 2])
     }
 }
 
 /// The same after a search, for `exact`.
-fn settled(method: Method, search: Work, rays: Rays<'_>, stages: [[&str; 2]; 2]) -> Vec<Work> {
+fn settled(method: Method, search: Work, rays: Rays<'_>, stages: [&str; 2]) -> Vec<Work> {
     let [settle, finish] = stages;
     match method.intersector {
         Intersector::Exact => vec![

@@ -8,8 +8,8 @@ use shaders::{KERNELS, Kernel, RAY_KERNELS};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-const MOST_VARIANTS: usize = 91;
-const MOST_FORMS: usize = 140;
+const MOST_VARIANTS: usize = 85;
+const MOST_FORMS: usize = 133;
 
 fn all() -> impl Iterator<Item = &'static Kernel> {
     KERNELS.iter().chain(RAY_KERNELS)

@@ -1,121 +1,91 @@
 //! Numbers out of accessors: checked first, then read by the `gltf` crate.
 //!
-//! Every range is checked before one of its iterators is made; see [`super::range`].
+//! The crate's iterators overflow, panic or stop early where an accessor leaves its buffer.
+//! So every range is checked before one of them is made.
 
 use super::document::File;
-use super::range::check_ranges;
 use super::wrong;
 use crate::{FileLocation, SceneError};
 use gltf::Accessor;
-use gltf::accessor::{DataType, Dimensions, Item, Iter};
+use gltf::accessor::{DataType, Dimensions, Item, Iter, sparse};
+use gltf::buffer::View;
 
-/// Reads a scalar accessor as f32; integers are normalised if the accessor says so.
-pub(super) fn scalars(file: &File, accessor: &Accessor<'_>) -> Result<Vec<f32>, SceneError> {
-    expect(file, accessor, Dimensions::Scalar)?;
-    let normal = |scale: f32| if accessor.normalized() { scale } else { 1.0 };
-    Ok(match accessor.data_type() {
-        DataType::F32 => items::<f32>(file, accessor)?,
-        DataType::I8 => mapped(items::<i8>(file, accessor)?, |x| {
-            signed(x.into(), normal(127.0))
-        }),
-        DataType::U8 => mapped(items::<u8>(file, accessor)?, |x| {
-            f32::from(x) / normal(255.0)
-        }),
-        DataType::I16 => mapped(items::<i16>(file, accessor)?, |x| {
-            signed(x.into(), normal(32767.0))
-        }),
-        DataType::U16 => mapped(items::<u16>(file, accessor)?, |x| {
-            f32::from(x) / normal(65535.0)
-        }),
-        DataType::U32 => {
-            return Err(unexpected(
-                file,
-                accessor,
-                "numbers that are not 32-bit integers",
-            ));
-        }
-    })
-}
+/// An element of several components.
+#[derive(Clone)]
+struct Element<T, const N: usize>([T; N]);
 
-/// Reads an accessor of vectors as f32; integers are normalised if the accessor says so.
-pub(super) fn vectors<const N: usize>(
-    file: &File,
-    accessor: &Accessor<'_>,
-) -> Result<Vec<[f32; N]>, SceneError>
-where
-    [f32; N]: Item,
-    [i8; N]: Item,
-    [u8; N]: Item,
-    [i16; N]: Item,
-    [u16; N]: Item,
-{
-    expect(
-        file,
-        accessor,
-        if N == 3 {
-            Dimensions::Vec3
-        } else {
-            Dimensions::Vec4
-        },
-    )?;
-    let normal = |scale: f32| if accessor.normalized() { scale } else { 1.0 };
-    Ok(match accessor.data_type() {
-        DataType::F32 => items::<[f32; N]>(file, accessor)?,
-        DataType::I8 => mapped(items::<[i8; N]>(file, accessor)?, |v| {
-            v.map(|x| signed(x.into(), normal(127.0)))
-        }),
-        DataType::U8 => mapped(items::<[u8; N]>(file, accessor)?, |v| {
-            v.map(|x| f32::from(x) / normal(255.0))
-        }),
-        DataType::I16 => mapped(items::<[i16; N]>(file, accessor)?, |v| {
-            v.map(|x| signed(x.into(), normal(32767.0)))
-        }),
-        DataType::U16 => mapped(items::<[u16; N]>(file, accessor)?, |v| {
-            v.map(|x| f32::from(x) / normal(65535.0))
-        }),
-        DataType::U32 => {
-            return Err(unexpected(
-                file,
-                accessor,
-                "numbers that are not 32-bit integers",
-            ));
-        }
-    })
-}
-
-/// Reads an accessor of 4x4 matrices, column by column.
-pub(super) fn matrices(
-    file: &File,
-    accessor: &Accessor<'_>,
-) -> Result<Vec<[[f32; 4]; 4]>, SceneError> {
-    expect(file, accessor, Dimensions::Mat4)?;
-    match accessor.data_type() {
-        DataType::F32 => items::<[[f32; 4]; 4]>(file, accessor),
-        _ => Err(unexpected(file, accessor, "32-bit floats")),
+impl<T: Item, const N: usize> Item for Element<T, N> {
+    fn from_slice(bytes: &[u8]) -> Self {
+        Self(std::array::from_fn(|i| {
+            T::from_slice(&bytes[i * size_of::<T>()..])
+        }))
     }
+
+    fn zero() -> Self {
+        Self(std::array::from_fn(|_| T::zero()))
+    }
+}
+
+/// Reads an accessor of N floats an element; integers are normalised if the accessor says so.
+pub(super) fn floats<const N: usize>(
+    file: &File,
+    accessor: &Accessor<'_>,
+) -> Result<Vec<[f32; N]>, SceneError> {
+    let dimensions = match N {
+        1 => Dimensions::Scalar,
+        3 => Dimensions::Vec3,
+        4 => Dimensions::Vec4,
+        _ => Dimensions::Mat4,
+    };
+    expect(file, accessor, dimensions)?;
+    let kind = accessor.data_type();
+    if dimensions == Dimensions::Mat4 && kind != DataType::F32 {
+        return Err(unexpected(file, accessor, "32-bit floats"));
+    }
+    match kind {
+        DataType::F32 => converted::<f32, N>(file, accessor, 1.0),
+        DataType::I8 => converted::<i8, N>(file, accessor, 127.0),
+        DataType::U8 => converted::<u8, N>(file, accessor, 255.0),
+        DataType::I16 => converted::<i16, N>(file, accessor, 32767.0),
+        DataType::U16 => converted::<u16, N>(file, accessor, 65535.0),
+        DataType::U32 => {
+            let what = "numbers that are not 32-bit integers";
+            Err(unexpected(file, accessor, what))
+        }
+    }
+}
+
+/// Reads components of one type; `largest` stands for 1 if they are normalised.
+fn converted<T: Item + Copy + Into<f32>, const N: usize>(
+    file: &File,
+    accessor: &Accessor<'_>,
+    largest: f32,
+) -> Result<Vec<[f32; N]>, SceneError> {
+    let normalised = accessor.normalized() && largest > 1.0;
+    let convert = |x: T| match normalised {
+        // Of a signed integer both lowest values mean -1.
+        true => (x.into() / largest).max(-1.0),
+        false => x.into(),
+    };
+    let read = items::<Element<T, N>>(file, accessor)?;
+    Ok(read.into_iter().map(|e| e.0.map(convert)).collect())
 }
 
 /// Reads a scalar accessor of unsigned integers.
 pub(super) fn indices(file: &File, accessor: &Accessor<'_>) -> Result<Vec<u32>, SceneError> {
+    fn wide<T: Item + Clone + Into<u32>>(
+        file: &File,
+        accessor: &Accessor<'_>,
+    ) -> Result<Vec<u32>, SceneError> {
+        let read = items::<T>(file, accessor)?;
+        Ok(read.into_iter().map(Into::into).collect())
+    }
     expect(file, accessor, Dimensions::Scalar)?;
     match accessor.data_type() {
-        DataType::U8 => Ok(mapped(items::<u8>(file, accessor)?, u32::from)),
-        DataType::U16 => Ok(mapped(items::<u16>(file, accessor)?, u32::from)),
-        DataType::U32 => items::<u32>(file, accessor),
+        DataType::U8 => wide::<u8>(file, accessor),
+        DataType::U16 => wide::<u16>(file, accessor),
+        DataType::U32 => wide::<u32>(file, accessor),
         _ => Err(unexpected(file, accessor, "unsigned integers")),
-    }
-}
-
-fn mapped<A, B>(from: Vec<A>, to: impl Fn(A) -> B) -> Vec<B> {
-    from.into_iter().map(to).collect()
-}
-
-/// Of a signed normalised integer both lowest values mean -1.
-fn signed(x: f32, scale: f32) -> f32 {
-    if scale == 1.0 {
-        x
-    } else {
-        (x / scale).max(-1.0)
     }
 }
 
@@ -124,26 +94,17 @@ fn place(accessor: &Accessor<'_>) -> FileLocation {
 }
 
 fn unexpected(file: &File, accessor: &Accessor<'_>, what: &str) -> SceneError {
-    let found = (accessor.data_type(), accessor.dimensions());
-    wrong(
-        file,
-        place(accessor),
-        format!(
-            "{what} are expected, {:?} {:?} are declared",
-            found.0, found.1
-        ),
-    )
+    let (kind, dimensions) = (accessor.data_type(), accessor.dimensions());
+    let cause = format!("{what} are expected, {kind:?} {dimensions:?} are declared");
+    wrong(file, place(accessor), cause)
 }
 
 fn expect(file: &File, accessor: &Accessor<'_>, dimensions: Dimensions) -> Result<(), SceneError> {
     if accessor.dimensions() == dimensions {
         return Ok(());
     }
-    Err(unexpected(
-        file,
-        accessor,
-        &format!("{dimensions:?} elements"),
-    ))
+    let what = format!("{dimensions:?} elements");
+    Err(unexpected(file, accessor, &what))
 }
 
 /// How many elements there are, once they are known to be there.
@@ -155,28 +116,108 @@ pub(super) fn count(file: &File, accessor: &Accessor<'_>) -> Result<usize, Scene
 }
 
 fn items<T: Item + Clone>(file: &File, accessor: &Accessor<'_>) -> Result<Vec<T>, SceneError> {
-    if count(file, accessor)? == 0 {
+    let count = count(file, accessor)?;
+    if count == 0 {
         return Ok(Vec::new());
     }
     if accessor.view().is_none() && accessor.sparse().is_none() {
-        let mut zeros =
-            host::room(accessor.count()).map_err(|e| wrong(file, place(accessor), e))?;
-        zeros.resize(accessor.count(), T::from_slice(&[0; 64]));
+        let mut zeros = host::room(count).map_err(|e| wrong(file, place(accessor), e))?;
+        zeros.resize(count, T::zero());
         return Ok(zeros);
     }
     let data = |buffer: gltf::Buffer<'_>| file.buffers.get(buffer.index()).map(Vec::as_slice);
     // An iterator over sparse values alone starts from zeros, `count` of them: as many as memory holds.
-    let read: Vec<T> = Iter::new(accessor.clone(), data)
-        .into_iter()
-        .flatten()
-        .collect();
-    if read.len() != accessor.count() {
-        let (found, count) = (read.len(), accessor.count());
-        return Err(wrong(
-            file,
-            place(accessor),
-            format!("{count} elements are declared, {found} are there"),
-        ));
+    let iterator = Iter::new(accessor.clone(), data);
+    let read: Vec<T> = iterator.into_iter().flatten().collect();
+    if read.len() != count {
+        let found = read.len();
+        let cause = format!("{count} elements are declared, {found} are there");
+        return Err(wrong(file, place(accessor), cause));
     }
     Ok(read)
+}
+
+/// Checks that all that an accessor reads lies in its views, and those in their buffers.
+fn check_ranges(file: &File, accessor: &Accessor<'_>) -> Result<(), String> {
+    const MOST_ZEROS: usize = 1 << 26;
+    let (count, size) = (accessor.count(), accessor.size());
+    match accessor.view() {
+        Some(view) => check_range(file, &view, accessor.offset(), [count, size])?,
+        None if count > MOST_ZEROS => {
+            return Err(format!(
+                "{count} elements are more than the limit of {MOST_ZEROS}"
+            ));
+        }
+        None => {}
+    }
+    let Some(sparse) = accessor.sparse() else {
+        return Ok(());
+    };
+    let replaced = sparse.count();
+    if replaced == 0 {
+        return Err("sparse, but no element is replaced".to_owned());
+    }
+    let (indices, values) = (sparse.indices(), sparse.values());
+    let index_size = indices.index_type().size();
+    let (at, view) = (indices.offset(), indices.view());
+    check_range(file, &view, at, [replaced, index_size])?;
+    check_range(file, &values.view(), values.offset(), [replaced, size])?;
+    check_sparse_order(file, &sparse, count)
+}
+
+/// Checks that so many elements of a size lie in a view from an offset on.
+fn check_range(
+    file: &File,
+    view: &View<'_>,
+    offset: usize,
+    [count, size]: [usize; 2],
+) -> Result<(), String> {
+    let buffer = file.buffers.get(view.buffer().index()).map_or(0, Vec::len);
+    let (number, length) = (view.index(), view.length());
+    let end = view.offset().checked_add(length);
+    if end.is_none_or(|end| end > buffer) {
+        return Err(format!(
+            "buffer view {number} ends beyond its buffer of {buffer} bytes"
+        ));
+    }
+    let stride = view.stride().unwrap_or(size);
+    if stride < size {
+        return Err(format!(
+            "buffer view {number} has a stride of {stride} bytes for elements of {size}"
+        ));
+    }
+    let end = (count - 1).checked_mul(stride);
+    let end = end.and_then(|n| n.checked_add(offset)?.checked_add(size));
+    if end.is_some_and(|end| end <= length) {
+        return Ok(());
+    }
+    Err(format!(
+        "{count} elements of {size} bytes from byte {offset} do not fit into buffer view {number} of {length} bytes"
+    ))
+}
+
+/// Sparse indices must rise: the iterator passes over others in silence.
+fn check_sparse_order(
+    file: &File,
+    sparse: &sparse::Sparse<'_>,
+    count: usize,
+) -> Result<(), String> {
+    let indices = sparse.indices();
+    let size = indices.index_type().size();
+    let stride = indices.view().stride().unwrap_or(size);
+    let start = indices.view().offset() + indices.offset();
+    let buffer = &file.buffers[indices.view().buffer().index()];
+    let mut least = 0;
+    for i in 0..sparse.count() {
+        let at = start + i * stride;
+        let bytes = buffer[at..at + size].iter().rev();
+        let index = bytes.fold(0, |n, &b| n << 8 | usize::from(b));
+        if index < least || index >= count {
+            return Err(format!(
+                "sparse index {index} is out of order or beyond the last of {count} elements"
+            ));
+        }
+        least = index + 1;
+    }
+    Ok(())
 }

@@ -6,16 +6,12 @@
 
 mod accessor;
 mod document;
-mod instances;
 mod motion;
 mod part;
-mod range;
 mod rig;
-mod skin;
-mod track;
 
-use crate::memory::check_keys;
-use crate::mesh::within;
+use crate::mesh::{check_keys, joined_triangles, within};
+use crate::source::extension;
 use crate::{Facts, FileLocation, MAX_FPS, Options, Rgb, Scene, SceneError};
 use document::File;
 use geom::{Animation, Point};
@@ -35,12 +31,14 @@ const MAX_POSITIONS: usize = 1 << 32;
 pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene, SceneError> {
     let fps = options.fps;
     if !(fps > 0.0 && fps <= MAX_FPS) {
-        return Err(SceneError::BadFrameRate { fps });
+        return Err(SceneError::BadRequest(format!(
+            "bad frame rate {fps}: give frames a second above 0 and at most {MAX_FPS}"
+        )));
     }
     let file = File::open(path, options.allow_outside)?;
     let rig = Rig::new(&file)?;
     let mut notes = file.remarks();
-    part::check_memory(&file, &rig, options)?;
+    part::check_room(&file, &rig, options)?;
     let parts = part::all(&file, &rig, &mut notes)?;
     let clip = choose(&file, options, &mut notes)?;
     let motion = match &clip {
@@ -71,12 +69,6 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
     })
 }
 
-fn extension(path: &Path) -> String {
-    path.extension()
-        .map(|e| e.to_string_lossy().to_lowercase())
-        .unwrap_or_default()
-}
-
 /// Its name, or its index if it has none.
 fn clip_name(clip: &gltf::Animation<'_>) -> String {
     clip.name()
@@ -93,27 +85,26 @@ fn choose<'a>(
     let all: Vec<_> = clips.clone().map(|clip| clip_name(&clip)).collect();
     let Some(asked) = &options.clip else {
         if all.len() > 1 {
-            notes.push(format!(
-                "took the first of {} clips: {}",
-                all.len(),
-                all.join(", ")
-            ));
+            let (count, names) = (all.len(), all.join(", "));
+            notes.push(format!("took the first of {count} clips: {names}"));
         }
         return Ok(clips.next());
     };
     let named = all.iter().position(|name| name == asked);
     let index = named.or_else(|| asked.parse().ok());
-    match index.and_then(|i| clips.nth(i)) {
-        Some(clip) => Ok(Some(clip)),
-        None => {
-            let (path, asked) = (file.path.clone(), asked.clone());
-            Err(SceneError::UnknownClip {
-                path,
-                asked,
-                clips: all,
-            })
-        }
+    if let Some(clip) = index.and_then(|i| clips.nth(i)) {
+        return Ok(Some(clip));
     }
+    let names = all
+        .iter()
+        .enumerate()
+        .map(|(i, name)| format!("{i} {name:?}"));
+    let names = match all.is_empty() {
+        true => "the file has no clips".to_owned(),
+        false => format!("there are {}", names.collect::<Vec<_>>().join(", ")),
+    };
+    let cause = format!("no clip {asked:?}; {names}");
+    Err(SceneError::unusable(file.path.display(), cause))
 }
 
 /// Times in seconds from end to end of the clip, evenly spaced, `fps` a second or a little more.
@@ -139,40 +130,27 @@ fn join(
     notes: &[String],
 ) -> Result<(Vec<[u32; 3]>, Vec<Rgb>), SceneError> {
     let vertices = parts.iter().map(Part::vertices).sum::<usize>();
-    let count = parts.iter().map(|p| p.triangles.len()).sum();
+    let count: usize = parts.iter().map(|p| p.triangles.len()).sum();
     within(path, "vertices", vertices, u32::MAX as usize)?;
-    within(
-        path,
-        "vertices in all key frames",
-        vertices.saturating_mul(keys),
-        MAX_POSITIONS,
-    )?;
+    let all = vertices.saturating_mul(keys);
+    within(path, "vertices in all key frames", all, MAX_POSITIONS)?;
     within(path, "triangles", count, Animation::MAX_TRIANGLES)?;
     if count == 0 {
-        let hint = notes
-            .first()
-            .map_or_else(String::new, |note| format!("; {note}"));
-        return Err(SceneError::NoTriangles {
-            path: path.to_owned(),
-            hint,
-        });
+        let hint = notes.first().map(|note| format!("; {note}"));
+        let cause = format!("no triangles{}", hint.unwrap_or_default());
+        return Err(SceneError::unusable(path.display(), cause));
     }
-    let mut triangles = Vec::with_capacity(count);
-    let mut colours = Vec::with_capacity(count);
-    let mut first = 0;
-    for part in parts {
-        triangles.extend(part.triangles.iter().map(|t| t.map(|v| v + first)));
-        colours.extend(std::iter::repeat_n(part.colour, part.triangles.len()));
-        first += part.vertices() as u32;
-    }
-    Ok((triangles, colours))
+    let colours = |p: &Part| std::iter::repeat_n(p.colour, p.triangles.len());
+    Ok((
+        joined_triangles(parts.iter().map(|p| (&p.triangles[..], p.vertices()))),
+        parts.iter().flat_map(colours).collect(),
+    ))
 }
 
 fn key_frame(rig: &Rig, motion: &Motion, parts: &[Part], time: f64) -> Vec<Point> {
     let pose = rig.pose(motion, time);
-    parts
-        .iter()
-        .flat_map(|part| part.positions(&pose, motion, time))
+    let each = parts.iter();
+    each.flat_map(|part| part.positions(&pose, motion, time))
         .collect()
 }
 

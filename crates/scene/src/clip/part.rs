@@ -1,17 +1,15 @@
 //! What is drawn: a primitive of a mesh at a node, with its morph targets and its skin.
 
-use super::accessor::{count, indices, vectors};
+use super::accessor::{count, floats, indices};
 use super::document::File;
-use super::instances;
 use super::motion::Motion;
-use super::rig::{Pose, Rig};
-use super::skin::Skin;
+use super::rig::{self, Pose, Rig, vector};
 use super::wrong;
 use crate::colour::from_linear;
-use crate::mesh::compact;
-use crate::{FileLocation, Options, Rgb, SceneError, memory};
+use crate::mesh::{check_memory, compact};
+use crate::{FileLocation, Options, Rgb, SceneError};
 use geom::Point;
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DVec3, Mat4};
 use gltf::mesh::Mode;
 use gltf::{Node, Primitive, Semantic};
 use std::collections::BTreeMap;
@@ -42,42 +40,38 @@ pub(super) fn all(
     let mut parts = Vec::new();
     let mut skipped = BTreeMap::new();
     for node in rig.visible(file).into_iter().map(|i| &nodes[i]) {
-        let places = instances::places(file, node)?;
+        let places = rig::places(file, node)?;
         for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
             match primitive.mode() {
                 Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan => {
                     let part = Part::new(file, node, &primitive, notes)?;
-                    let placed = |&place: &DMat4| Part {
+                    parts.extend(places.iter().map(|&place| Part {
                         place,
                         ..part.clone()
-                    };
-                    parts.extend(places.iter().map(placed));
+                    }));
                 }
                 mode => *skipped.entry(format!("{mode:?}")).or_insert(0) += 1,
             }
         }
     }
-    notes.extend(
-        skipped
-            .iter()
-            .map(|(mode, n)| format!("skipped {n} primitives of mode {mode}")),
-    );
+    let skipped = skipped.iter();
+    notes.extend(skipped.map(|(mode, n)| format!("skipped {n} primitives of mode {mode}")));
     Ok(parts)
 }
 
 /// Refuses meshes that memory does not hold: a small file may show one of them many times.
-pub(super) fn check_memory(file: &File, rig: &Rig, options: &Options) -> Result<(), SceneError> {
+pub(super) fn check_room(file: &File, rig: &Rig, options: &Options) -> Result<(), SceneError> {
     let nodes: Vec<_> = file.document.nodes().collect();
     let mut bytes = 0_u64;
     for node in rig.visible(file).into_iter().map(|i| &nodes[i]) {
-        let copies = instances::count(file, node)? as u64;
+        let copies = rig::copies(file, node)? as u64;
         for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
             let kept = kept(file, &primitive)?.saturating_mul(copies);
             bytes = bytes.saturating_add(kept);
         }
     }
     let what = "the meshes of its nodes".to_owned();
-    memory::check(file.path.display(), what, bytes, options)
+    check_memory(file.path.display(), what, bytes, options)
 }
 
 /// Bytes that what is kept of a primitive takes.
@@ -105,51 +99,41 @@ impl Part {
     ) -> Result<Self, SceneError> {
         // The document was checked to have positions everywhere.
         let positions = primitive.get(&Semantic::Positions);
-        let positions = positions.map_or(Ok(Vec::new()), |a| vectors::<3>(file, &a))?;
+        let positions = positions.map_or(Ok(Vec::new()), |a| floats::<3>(file, &a))?;
         let mut triangles = triangles(file, primitive, positions.len(), notes)?;
-        let mut targets = Vec::new();
+        let mut moved = Vec::new();
         for (number, target) in primitive.morph_targets().enumerate() {
             let Some(accessor) = target.positions() else {
                 continue;
             };
-            let moves = vectors::<3>(file, &accessor)?;
+            let moves = floats::<3>(file, &accessor)?;
             check_count(file, accessor.index(), moves.len(), positions.len())?;
-            targets.push((number, moves));
+            moved.push((number, moves));
         }
         let mut skin = node
             .skin()
             .map(|skin| Skin::new(file, &skin, primitive, positions.len()))
             .transpose()?;
         let kept = compact(&mut triangles, positions.len());
+        let used = || kept.iter().map(|&v| v as usize);
         if let Some(skin) = &mut skin {
-            skin.holds = kept
-                .iter()
-                .map(|&v| std::mem::take(&mut skin.holds[v as usize]))
-                .collect();
+            let holds = used().map(|v| std::mem::take(&mut skin.holds[v]));
+            skin.holds = holds.collect();
         }
-        let keep = |from: Vec<[f32; 3]>| {
-            kept.iter()
-                .map(|&v| DVec3::from_array(from[v as usize].map(f64::from)))
-                .collect()
-        };
-        let weights = node
-            .weights()
-            .or_else(|| node.mesh()?.weights())
-            .unwrap_or_default();
-        let [r, g, b, _] = primitive
-            .material()
-            .pbr_metallic_roughness()
-            .base_color_factor();
+        let keep = |from: Vec<[f32; 3]>| used().map(|v| vector(from[v])).collect();
+        let targets = moved.into_iter().map(|(n, moves)| (n, keep(moves)));
+        let targets = targets.collect();
+        let weights = node.weights().or_else(|| node.mesh()?.weights());
+        let weights = weights.unwrap_or_default();
+        let material = primitive.material().pbr_metallic_roughness();
+        let [r, g, b, _] = material.base_color_factor();
         Ok(Self {
             node: node.index(),
             place: DMat4::IDENTITY,
             triangles,
             colour: from_linear([r, g, b]),
             rest: keep(positions),
-            targets: targets
-                .into_iter()
-                .map(|(number, moves)| (number, keep(moves)))
-                .collect(),
+            targets,
             weights: weights.iter().map(|&w| f64::from(w)).collect(),
             skin,
         })
@@ -168,10 +152,8 @@ impl Part {
         for (number, moves) in &self.targets {
             let weight = weights.get(*number).copied().unwrap_or(0.0);
             if weight != 0.0 {
-                points
-                    .iter_mut()
-                    .zip(moves)
-                    .for_each(|(p, m)| *p += weight * *m);
+                let each = points.iter_mut().zip(moves);
+                each.for_each(|(p, m)| *p += weight * *m);
             }
         }
         let world = pose.world(self.node) * self.place;
@@ -186,7 +168,7 @@ impl Part {
 }
 
 /// Refuses an accessor that has not one element a vertex.
-pub(super) fn check_count(
+fn check_count(
     file: &File,
     accessor: usize,
     found: usize,
@@ -211,47 +193,132 @@ fn triangles(
         Some(accessor) => indices(file, accessor)?,
         None => (0..vertices as u32).collect(),
     };
-    if let Some((at, vertex)) = list
-        .iter()
-        .enumerate()
-        .find(|(_, v)| **v as usize >= vertices)
-    {
-        let place = accessor.map_or(FileLocation::File, |a| {
-            FileLocation::Item("accessor", a.index())
-        });
-        return Err(wrong(
-            file,
-            place,
-            format!("index {at} names vertex {vertex}, but there are {vertices}"),
-        ));
+    if let Some(at) = list.iter().position(|&v| v as usize >= vertices) {
+        let item = |a: gltf::Accessor<'_>| FileLocation::Item("accessor", a.index());
+        let place = accessor.map_or(FileLocation::File, item);
+        let vertex = list[at];
+        let cause = format!("index {at} names vertex {vertex}, but there are {vertices}");
+        return Err(wrong(file, place, cause));
     }
     Ok(match primitive.mode() {
-        Mode::TriangleStrip => list
-            .windows(3)
-            .enumerate()
-            .map(|(i, w)| {
-                if i % 2 == 0 {
-                    [w[0], w[1], w[2]]
-                } else {
-                    [w[0], w[2], w[1]]
-                }
-            })
-            .collect(),
-        Mode::TriangleFan => list
-            .iter()
-            .skip(1)
-            .zip(list.iter().skip(2))
-            .map(|(&b, &c)| [list[0], b, c])
-            .collect(),
+        Mode::TriangleStrip => {
+            let turned = |(i, w): (usize, &[u32])| [w[0], w[1 + i % 2], w[2 - i % 2]];
+            list.windows(3).enumerate().map(turned).collect()
+        }
+        Mode::TriangleFan => {
+            let rim = list.iter().skip(1).zip(list.iter().skip(2));
+            rim.map(|(&b, &c)| [list[0], b, c]).collect()
+        }
         _ => {
             let (whole, rest) = list.as_chunks::<3>();
             if !rest.is_empty() {
+                let left = rest.len();
                 notes.push(format!(
-                    "left out {} indices that make no whole triangle",
-                    rest.len()
+                    "left out {left} indices that make no whole triangle"
                 ));
             }
             whole.to_vec()
         }
     })
+}
+
+/// A skin as one primitive uses it.
+#[derive(Clone)]
+struct Skin {
+    /// (Node, inverse bind matrix) of each joint.
+    joints: Vec<(usize, DMat4)>,
+    /// (Joint, weight) of each vertex, weights with sum 1; none for a vertex that follows its node.
+    holds: Vec<Vec<(usize, f64)>>,
+}
+
+impl Skin {
+    /// Reads the joints of a skin and what each vertex of `primitive` hangs on.
+    fn new(
+        file: &File,
+        skin: &gltf::Skin<'_>,
+        primitive: &Primitive<'_>,
+        vertices: usize,
+    ) -> Result<Self, SceneError> {
+        let nodes: Vec<usize> = skin.joints().map(|joint| joint.index()).collect();
+        let binds = match skin.inverse_bind_matrices() {
+            Some(accessor) => {
+                let binds = floats::<16>(file, &accessor)?;
+                if binds.len() < nodes.len() {
+                    let (found, joints) = (binds.len(), nodes.len());
+                    let cause = format!("{found} inverse bind matrices for {joints} joints");
+                    return Err(wrong(file, FileLocation::Item("skin", skin.index()), cause));
+                }
+                binds
+                    .iter()
+                    .map(|m| Mat4::from_cols_array(m).as_dmat4())
+                    .collect()
+            }
+            None => vec![DMat4::IDENTITY; nodes.len()],
+        };
+        let joints: Vec<_> = nodes.into_iter().zip(binds).collect();
+        let mut holds = vec![Vec::new(); vertices];
+        for set in 0.. {
+            let numbers = primitive.get(&Semantic::Joints(set));
+            let weights = primitive.get(&Semantic::Weights(set));
+            let Some((numbers, weights)) = numbers.zip(weights) else {
+                break;
+            };
+            add_holds(file, &mut holds, joints.len(), (&numbers, &weights))?;
+        }
+        holds.iter_mut().for_each(normalise);
+        Ok(Self { joints, holds })
+    }
+
+    /// Each vertex goes where its joints take it; the node itself has no say (glTF 2.0, 3.7.3.3).
+    fn bend(&self, points: &mut [DVec3], pose: &Pose, world: DMat4) {
+        let joints = self.joints.iter();
+        let joints: Vec<_> = joints
+            .map(|&(node, bind)| pose.world(node) * bind)
+            .collect();
+        for (p, holds) in points.iter_mut().zip(&self.holds) {
+            *p = match holds.as_slice() {
+                [] => world.transform_point3(*p),
+                holds => {
+                    let share = |&(joint, weight): &(usize, f64)| {
+                        weight * joints[joint].transform_point3(*p)
+                    };
+                    holds.iter().map(share).sum()
+                }
+            };
+        }
+    }
+}
+
+/// Adds the four joints a vertex of one set. A weight of zero may name any joint.
+fn add_holds(
+    file: &File,
+    holds: &mut [Vec<(usize, f64)>],
+    joints: usize,
+    (numbers, weights): (&gltf::Accessor<'_>, &gltf::Accessor<'_>),
+) -> Result<(), SceneError> {
+    let place = FileLocation::Item("accessor", numbers.index());
+    let (found, weight) = (floats::<4>(file, numbers)?, floats::<4>(file, weights)?);
+    check_count(file, numbers.index(), found.len(), holds.len())?;
+    check_count(file, weights.index(), weight.len(), holds.len())?;
+    for (vertex, (found, weight)) in found.into_iter().zip(weight).enumerate() {
+        for (joint, weight) in found.into_iter().zip(weight).filter(|(_, w)| *w != 0.0) {
+            let joint = joint as usize;
+            if joint >= joints {
+                let cause =
+                    format!("vertex {vertex} hangs on joint {joint}, but the skin has {joints}");
+                return Err(wrong(file, place, cause));
+            }
+            holds[vertex].push((joint, f64::from(weight)));
+        }
+    }
+    Ok(())
+}
+
+/// Weights are often stored in a few bits: their sum is made 1.
+fn normalise(holds: &mut Vec<(usize, f64)>) {
+    let sum: f64 = holds.iter().map(|h| h.1).sum();
+    if sum == 0.0 {
+        holds.clear();
+    }
+    holds.iter_mut().for_each(|h| h.1 /= sum);
 }

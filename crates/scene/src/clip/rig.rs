@@ -1,11 +1,13 @@
-//! The tree of nodes: where each stands at a time.
+//! The tree of nodes: where each stands at a time, and the copies of a mesh at one node (`EXT_mesh_gpu_instancing`).
 
+use super::accessor::floats;
 use super::document::File;
 use super::motion::Motion;
 use super::wrong;
 use crate::{FileLocation, SceneError};
 use glam::{DMat4, DQuat, DVec3, Mat4};
 use gltf::scene::Transform;
+use gltf::{Accessor, Node};
 
 /// All nodes of a file, parents before children.
 pub(super) struct Rig {
@@ -37,23 +39,17 @@ impl Pose {
 impl Rig {
     /// Sorts the nodes; they must make up trees.
     pub(super) fn new(file: &File) -> Result<Self, SceneError> {
-        let mut nodes: Vec<_> = file
-            .document
-            .nodes()
-            .map(|node| Joint {
-                parent: None,
-                rest: rest(node.transform()),
-            })
-            .collect();
+        let joint = |node: Node<'_>| Joint {
+            parent: None,
+            rest: rest(node.transform()),
+        };
+        let mut nodes: Vec<_> = file.document.nodes().map(joint).collect();
         for node in file.document.nodes() {
             for child in node.children() {
                 let parent = nodes[child.index()].parent.replace(node.index());
                 if parent.is_some() {
-                    return Err(wrong(
-                        file,
-                        FileLocation::Item("node", child.index()),
-                        "the node has two parents",
-                    ));
+                    let place = FileLocation::Item("node", child.index());
+                    return Err(wrong(file, place, "the node has two parents"));
                 }
             }
         }
@@ -65,22 +61,16 @@ impl Rig {
             let mut reached = vec![false; nodes.len()];
             order.iter().for_each(|&i| reached[i] = true);
             let lost = reached.iter().position(|r| !r).unwrap_or_default();
-            return Err(wrong(
-                file,
-                FileLocation::Item("node", lost),
-                "the node is its own ancestor",
-            ));
+            let place = FileLocation::Item("node", lost);
+            return Err(wrong(file, place, "the node is its own ancestor"));
         }
         Ok(Self { nodes, order })
     }
 
     /// The nodes of the default scene, or of the first, or of all, each after its parent.
     pub(super) fn visible(&self, file: &File) -> Vec<usize> {
-        match file
-            .document
-            .default_scene()
-            .or_else(|| file.document.scenes().next())
-        {
+        let default = file.document.default_scene();
+        match default.or_else(|| file.document.scenes().next()) {
             Some(scene) => descend(file, scene.nodes().map(|n| n.index()).collect()),
             None => self.order.clone(),
         }
@@ -126,15 +116,22 @@ fn rest(transform: Transform) -> Rest {
             translation,
             rotation,
             scale,
-        } => {
-            let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
-            Rest::Parts(
-                vector(translation),
-                unit(rotation.map(f64::from)),
-                vector(scale),
-            )
-        }
+        } => Rest::Parts(
+            vector(translation),
+            unit(rotation.map(f64::from)),
+            vector(scale),
+        ),
     }
+}
+
+/// Doubles of floats.
+pub(super) fn vector(v: [f32; 3]) -> DVec3 {
+    DVec3::from_array(v.map(f64::from))
+}
+
+/// Doubles of many.
+pub(super) fn vectors(all: &[[f32; 3]]) -> Vec<DVec3> {
+    all.iter().copied().map(vector).collect()
 }
 
 /// The rotation a quaternion (x, y, z, w) stands for; none if it is zero.
@@ -161,4 +158,77 @@ fn descend(file: &File, roots: Vec<usize>) -> Vec<usize> {
         }
     }
     order
+}
+
+const NAME: &str = "EXT_mesh_gpu_instancing";
+
+/// Accessors of the copies' places, each of as many elements.
+#[derive(Default)]
+struct Attributes<'a> {
+    translation: Option<Accessor<'a>>,
+    rotation: Option<Accessor<'a>>,
+    scale: Option<Accessor<'a>>,
+}
+
+impl<'a> Attributes<'a> {
+    fn of(file: &'a File, node: &Node<'_>) -> Result<Option<Self>, SceneError> {
+        let Some(all) = node.extension_value(NAME).and_then(|e| e.get("attributes")) else {
+            return Ok(None);
+        };
+        let accessor = |name: &str| {
+            let Some(value) = all.get(name) else {
+                return Ok(None);
+            };
+            let index = value.as_u64().and_then(|i| usize::try_from(i).ok());
+            let found = index.and_then(|i| file.document.accessors().nth(i));
+            let place = FileLocation::Item("node", node.index());
+            let cause = format!("{NAME}: {name} names no accessor: {value}");
+            found.ok_or_else(|| wrong(file, place, cause)).map(Some)
+        };
+        Ok(Some(Self {
+            translation: accessor("TRANSLATION")?,
+            rotation: accessor("ROTATION")?,
+            scale: accessor("SCALE")?,
+        }))
+    }
+
+    /// How many copies there are; one if nothing says so.
+    fn count(&self, file: &File, node: &Node<'_>) -> Result<usize, SceneError> {
+        let all = [&self.translation, &self.rotation, &self.scale];
+        let mut counts = all.into_iter().flatten().map(Accessor::count);
+        let count = counts.next().unwrap_or(1);
+        if counts.all(|c| c == count) {
+            return Ok(count);
+        }
+        let cause = format!("{NAME}: its attributes differ in their counts");
+        Err(wrong(file, FileLocation::Item("node", node.index()), cause))
+    }
+}
+
+/// How many copies of its mesh a node shows.
+pub(super) fn copies(file: &File, node: &Node<'_>) -> Result<usize, SceneError> {
+    Attributes::of(file, node)?.map_or(Ok(1), |all| all.count(file, node))
+}
+
+/// Where each copy stands, seen from the node.
+pub(super) fn places(file: &File, node: &Node<'_>) -> Result<Vec<DMat4>, SceneError> {
+    let Some(all) = Attributes::of(file, node)? else {
+        return Ok(vec![DMat4::IDENTITY]);
+    };
+    let count = all.count(file, node)?;
+    let read = |accessor: Option<Accessor<'_>>| {
+        let read = accessor.map(|a| floats::<3>(file, &a)).transpose();
+        read.map(|v| vectors(&v.unwrap_or_default()))
+    };
+    let (translations, scales) = (read(all.translation)?, read(all.scale)?);
+    let rotations = all.rotation.map(|a| floats::<4>(file, &a)).transpose()?;
+    let rotations = rotations.unwrap_or_default();
+    let place = |i: usize| {
+        let rotation = rotations.get(i);
+        let rotation = rotation.map_or(DQuat::IDENTITY, |q| unit(q.map(f64::from)));
+        let scale = scales.get(i).copied().unwrap_or(DVec3::ONE);
+        let translation = translations.get(i).copied().unwrap_or(DVec3::ZERO);
+        DMat4::from_scale_rotation_translation(scale, rotation, translation)
+    };
+    Ok((0..count).map(place).collect())
 }

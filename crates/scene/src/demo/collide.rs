@@ -1,9 +1,8 @@
 //! `demo:collide`: two soft bodies fly at each other, flatten, break contact and wobble away; splinters burst out between them.
 
 use super::chance::{between, direction, noise};
-use super::shapes::{cube, cube_cuts, onto_ball, sheet, sheet_size};
-use super::stage::{Part, assemble, blend, rotation, shade};
-use super::trajectory::Trajectory;
+use super::shapes::{cube, cube_cuts, onto_ball};
+use super::stage::{Part, Trajectory, assemble, blend, rotation, shade};
 use crate::Rgb;
 use geom::{Animation, AnimationError};
 use glam::{DAffine3, DMat3, DVec3};
@@ -197,11 +196,7 @@ fn splinter(index: u64) -> Part {
 }
 
 fn floor(budget: usize) -> Part {
-    let [columns, rows] = sheet_size(budget, 1.6);
-    let mesh = sheet(columns, rows, |u, v| {
-        DVec3::new((u - 0.5) * 10.0, 0.0, (v - 0.5) * 6.25)
-    });
-    Part::still(mesh, |p| shade(FLOOR, 0.05 * noise(73, p * 1.5)))
+    Part::floor(budget, [10.0, 6.25], FLOOR, (73, 1.5))
 }
 
 #[cfg(test)]

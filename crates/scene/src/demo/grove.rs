@@ -97,28 +97,15 @@ fn grass(budget: usize) -> Part {
     let mut mesh = Mesh::default();
     for blade in 0..(budget / 3) as u64 {
         let [x, z] = [111, 112].map(|seed| between(seed, blade, [-HALF, HALF]));
-        if on_path(x, z) {
-            // Kept in number, moved off the path.
-            add_blade(
-                &mut mesh,
-                blade,
-                x,
-                if unit(113, blade) < 0.5 {
-                    z - 1.1
-                } else {
-                    z + 1.1
-                },
-            );
-        } else {
-            add_blade(&mut mesh, blade, x, z);
-        }
+        // Kept in number, moved off the path.
+        let aside = if unit(113, blade) < 0.5 { -1.1 } else { 1.1 };
+        let z = if on_path(x, z) { z + aside } else { z };
+        add_blade(&mut mesh, blade, x, z);
     }
     let colour = |p: DVec3| {
         let tall = (p.y - hill(p.x, p.z)) * 3.0;
-        shade(
-            blend([92, 126, 58], [186, 190, 96], tall),
-            0.2 * noise(114, p * 7.0),
-        )
+        let green = blend([92, 126, 58], [186, 190, 96], tall);
+        shade(green, 0.2 * noise(114, p * 7.0))
     };
     Part::new(mesh, colour, |time| {
         move |p| wind(DVec3::new(p.x, hill(p.x, p.z), p.z), p, time, 0.5)
@@ -134,26 +121,17 @@ fn add_blade(mesh: &mut Mesh, blade: u64, x: f64, z: f64) {
     let lean = direction(118, blade) * DVec3::new(1.0, 0.0, 1.0) * 0.35 * height;
     let middle = root + DVec3::Y * 0.55 * height + 0.35 * lean;
     let tip = root + DVec3::Y * height + lean;
-    let first = mesh.points.len() as u32;
-    mesh.points.extend([
-        root - across,
-        root + across,
-        middle - 0.7 * across,
-        middle + 0.7 * across,
-        tip,
-    ]);
-    mesh.triangles
-        .extend([[0, 1, 3], [0, 3, 2], [2, 3, 4]].map(|t| t.map(|v| v + first)));
+    let (low, high) = (across, 0.7 * across);
+    let points = [root - low, root + low, middle - high, middle + high, tip];
+    mesh.add(points, [[0, 1, 3], [0, 3, 2], [2, 3, 4]]);
 }
 
 /// A trunk and a crown; trees stand in rings round the clearing, off the path.
 fn tree(budget: usize, index: u64, count: u64) -> [Part; 2] {
     let golden = 0.618_033_988_749_895 * index as f64;
     let reach = HALF * 0.9 * ((index as f64 + 1.2) / (count as f64 + 0.7)).sqrt();
-    let (x, mut z) = (
-        reach * libm::cos(TAU * golden),
-        reach * libm::sin(TAU * golden),
-    );
+    let angle = TAU * golden;
+    let (x, mut z) = (reach * libm::cos(angle), reach * libm::sin(angle));
     if (z - PATH).abs() < 0.9 {
         z = PATH + if z < PATH { -0.9 } else { 0.9 };
     }
@@ -193,20 +171,14 @@ fn crown(budget: usize, tree: u64, root: DVec3, height: f64) -> Part {
         let egg = DVec3::new(0.3, 0.36, 0.3) * height * depth * clump;
         let middle = root + DVec3::Y * 0.72 * height + out * egg;
         let aim = (out + 0.8 * direction(seed + 3, leaf) - DVec3::Y * 0.3).normalize();
-        add_leaf(
-            &mut mesh,
-            middle,
-            aim,
-            size * between(seed + 4, leaf, [0.7, 1.3]),
-        );
+        let size = size * between(seed + 4, leaf, [0.7, 1.3]);
+        add_leaf(&mut mesh, middle, aim, size);
     }
     let base = LEAVES[(tree % LEAVES.len() as u64) as usize];
     let top = root.y + height;
     let colour = move |p: DVec3| {
-        shade(
-            base,
-            0.22 * noise(133, p * 15.0) + 0.25 * (p.y - top) / height + 0.12,
-        )
+        let mottle = 0.22 * noise(133, p * 15.0);
+        shade(base, mottle + 0.25 * (p.y - top) / height + 0.12)
     };
     Part::new(mesh, colour, move |time| {
         move |p| wind(root, p, time, 0.022)
@@ -219,14 +191,13 @@ fn add_leaf(mesh: &mut Mesh, stem: DVec3, aim: DVec3, size: f64) {
     let at = |along: f64, side: f64| {
         stem + size * (along * aim + side * (across * 0.42) + side.abs() * fold)
     };
-    let first = mesh.points.len() as u32;
-    mesh.points.extend([
-        at(0.0, 0.0),
-        at(0.45, -1.0),
-        at(0.5, 0.0),
-        at(0.45, 1.0),
-        at(1.0, 0.0),
-    ]);
-    mesh.triangles
-        .extend([[0, 2, 1], [1, 2, 4], [0, 3, 2], [2, 3, 4]].map(|t| t.map(|v| v + first)));
+    let outline = [
+        (0.0, 0.0),
+        (0.45, -1.0),
+        (0.5, 0.0),
+        (0.45, 1.0),
+        (1.0, 0.0),
+    ];
+    let points = outline.map(|(along, side)| at(along, side));
+    mesh.add(points, [[0, 2, 1], [1, 2, 4], [0, 3, 2], [2, 3, 4]]);
 }

@@ -12,10 +12,10 @@ mod hall;
 mod shapes;
 mod shatter;
 mod stage;
-mod trajectory;
 mod twist;
 
-use crate::{Facts, Options, Rgb, Scene, SceneError, memory};
+use crate::mesh::check_memory;
+use crate::{Facts, Options, Rgb, Scene, SceneError};
 use geom::{Animation, AnimationError};
 use std::sync::Arc;
 
@@ -43,28 +43,22 @@ pub(crate) fn open(name: &str, options: &Options) -> Result<Scene, SceneError> {
         "twist" => (twist::build, twist::TRIANGLES),
         "hall" => (hall::build, hall::TRIANGLES),
         _ => {
-            return Err(SceneError::UnknownDemo {
-                name: name.to_owned(),
-            });
+            let names = DEMOS.join(", ");
+            let unknown = format!("unknown demo {name:?}; there are {names}");
+            return Err(SceneError::BadRequest(unknown));
         }
     };
     let budget = asked.map_or(Ok(default), |text| triangles(name, text))?;
     let bytes = budget as u64 * LEAST_BYTES;
-    memory::check(
-        format_args!("demo:{name}"),
-        format!("{budget} triangles"),
-        bytes,
-        options,
-    )?;
+    let what = format!("{budget} triangles");
+    check_memory(format_args!("demo:{name}"), what, bytes, options)?;
     let (animation, colours) = build(budget)?;
-    let mut facts = Facts {
+    let made = animation.triangle_count();
+    let facts = Facts {
         format: "demo".to_owned(),
+        notes: vec![format!("{made} triangles made, {budget} asked for")],
         ..Facts::default()
     };
-    facts.notes.push(format!(
-        "{} triangles made, {budget} asked for",
-        animation.triangle_count()
-    ));
     Ok(Scene {
         name: name.to_owned(),
         animation: Arc::new(animation),
@@ -74,16 +68,13 @@ pub(crate) fn open(name: &str, options: &Options) -> Result<Scene, SceneError> {
 }
 
 fn triangles(demo: &str, text: &str) -> Result<usize, SceneError> {
-    let bad = || SceneError::BadTriangleCount {
-        demo: demo.to_owned(),
-        text: text.to_owned(),
-    };
-    let count = text.parse().map_err(|_| bad())?;
-    if (1..=MAX_DEMO_TRIANGLES).contains(&count) {
-        Ok(count)
-    } else {
-        Err(bad())
-    }
+    let count = text.parse().ok();
+    let count = count.filter(|n| (1..=MAX_DEMO_TRIANGLES).contains(n));
+    count.ok_or_else(|| {
+        SceneError::BadRequest(format!(
+            "bad triangle count {text:?} for demo:{demo}: give a whole number in 1..={MAX_DEMO_TRIANGLES}"
+        ))
+    })
 }
 
 #[cfg(test)]

@@ -27,6 +27,18 @@ impl Mesh {
         (a + b + c) / 3.0
     }
 
+    /// Adds a piece; its triangles name its own points.
+    pub(super) fn add(
+        &mut self,
+        points: impl IntoIterator<Item = DVec3>,
+        triangles: impl IntoIterator<Item = [u32; 3]>,
+    ) {
+        let first = self.points.len() as u32;
+        self.points.extend(points);
+        let placed = triangles.into_iter().map(|t| t.map(|v| v + first));
+        self.triangles.extend(placed);
+    }
+
     fn quad(&mut self, [a, b, c, d]: [u32; 4]) {
         self.triangles.extend([[a, b, c], [a, c, d]]);
     }
@@ -37,22 +49,15 @@ pub(super) fn sheet(columns: u32, rows: u32, at: impl Fn(f64, f64) -> DVec3) -> 
     let mut mesh = Mesh::default();
     for j in 0..=rows {
         for i in 0..=columns {
-            let (u, v) = (
-                f64::from(i) / f64::from(columns),
-                f64::from(j) / f64::from(rows),
-            );
-            mesh.points.push(at(u, v));
+            let share = |i: u32, of: u32| f64::from(i) / f64::from(of);
+            mesh.points.push(at(share(i, columns), share(j, rows)));
         }
     }
     let index = |i, j| j * (columns + 1) + i;
     for j in 0..rows {
         for i in 0..columns {
-            mesh.quad([
-                index(i, j),
-                index(i, j + 1),
-                index(i + 1, j + 1),
-                index(i + 1, j),
-            ]);
+            let corners = [(0, 0), (0, 1), (1, 1), (1, 0)];
+            mesh.quad(corners.map(|(a, b)| index(i + a, j + b)));
         }
     }
     mesh
@@ -98,9 +103,8 @@ pub(super) fn cube(cuts: u32) -> Mesh {
 /// Lattice points of a cube's surface in layer `k`: the whole square at both ends, its rim between.
 fn layer(cuts: u32, k: u32) -> Vec<(u32, u32)> {
     if k == 0 || k == cuts {
-        return (0..=cuts)
-            .flat_map(|j| (0..=cuts).map(move |i| (i, j)))
-            .collect();
+        let row = |j| (0..=cuts).map(move |i| (i, j));
+        return (0..=cuts).flat_map(row).collect();
     }
     let rim = 0..cuts;
     let south = rim.clone().map(|s| (s, 0));
@@ -154,11 +158,8 @@ pub(super) fn revolve(sides: u32, rings: u32, profile: impl Fn(f64) -> DVec2) ->
         let DVec2 { x: radius, y } = profile(f64::from(ring) / f64::from(rings + 1));
         for side in 0..sides {
             let angle = std::f64::consts::TAU * f64::from(side) / f64::from(sides);
-            mesh.points.push(DVec3::new(
-                radius * libm::cos(angle),
-                y,
-                radius * libm::sin(angle),
-            ));
+            let (sin, cos) = (libm::sin(angle), libm::cos(angle));
+            mesh.points.push(DVec3::new(radius * cos, y, radius * sin));
         }
     }
     let last = mesh.points.len() as u32;
@@ -167,12 +168,8 @@ pub(super) fn revolve(sides: u32, rings: u32, profile: impl Fn(f64) -> DVec2) ->
     for s in 0..sides {
         mesh.triangles.push([0, index(0, s + 1), index(0, s)]);
         for r in 0..rings - 1 {
-            mesh.quad([
-                index(r, s),
-                index(r, s + 1),
-                index(r + 1, s + 1),
-                index(r + 1, s),
-            ]);
+            let corners = [(0, 0), (0, 1), (1, 1), (1, 0)];
+            mesh.quad(corners.map(|(a, b)| index(r + a, s + b)));
         }
         mesh.triangles
             .push([last, index(rings - 1, s), index(rings - 1, s + 1)]);

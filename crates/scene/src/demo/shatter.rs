@@ -3,9 +3,8 @@
 //! Neighbours part at random speeds, so that a tree built for the whole ball says little about where anything is later.
 
 use super::chance::{between, direction, noise};
-use super::shapes::{Mesh, cube, onto_ball, sheet, sheet_size};
-use super::stage::{Part, assemble, blend, shade};
-use super::trajectory::Trajectory;
+use super::shapes::{Mesh, cube, onto_ball};
+use super::stage::{Part, Trajectory, assemble, blend, shade};
 use crate::Rgb;
 use geom::{Animation, AnimationError};
 use glam::DVec3;
@@ -108,11 +107,7 @@ fn throw(piece: u64, middle: DVec3) -> Trajectory {
 }
 
 fn floor(budget: usize) -> Part {
-    let [columns, rows] = sheet_size(budget, 1.0);
-    let mesh = sheet(columns, rows, |u, v| {
-        DVec3::new((u - 0.5) * 13.0, 0.0, (v - 0.5) * 13.0)
-    });
-    Part::still(mesh, |p| shade(FLOOR, 0.05 * noise(51, p * 1.5)))
+    Part::floor(budget, [13.0, 13.0], FLOOR, (51, 1.5))
 }
 
 #[cfg(test)]

@@ -1,7 +1,10 @@
-//! Parts that move, put together into one animation.
+//! Parts that move, put together into one animation; and fragments in flight: thrown, slowed by air, tumbling, bouncing
+//! until they lie on the floor.
 
-use super::shapes::Mesh;
+use super::chance::noise;
+use super::shapes::{Mesh, sheet, sheet_size};
 use crate::Rgb;
+use crate::mesh::joined_triangles;
 use geom::{Animation, AnimationError, Point};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use rayon::prelude::*;
@@ -23,11 +26,8 @@ impl Part {
         F: Fn(f64) -> G + Send + Sync + 'static,
         G: Fn(DVec3) -> DVec3,
     {
-        let colours = mesh
-            .triangles
-            .iter()
-            .map(|&t| colour(mesh.middle(t)))
-            .collect();
+        let triangles = mesh.triangles.iter();
+        let colours = triangles.map(|&t| colour(mesh.middle(t))).collect();
         Self {
             mesh,
             colours,
@@ -57,6 +57,20 @@ impl Part {
         Self::new(mesh, colour, |_| |p| p)
     }
 
+    /// A level floor with sides of so many metres, its colour mottled by noise of a seed and a scale.
+    pub(super) fn floor(
+        budget: usize,
+        [width, depth]: [f64; 2],
+        colour: Rgb,
+        (seed, scale): (u64, f64),
+    ) -> Self {
+        let [columns, rows] = sheet_size(budget, width / depth);
+        let mesh = sheet(columns, rows, |u, v| {
+            DVec3::new((u - 0.5) * width, 0.0, (v - 0.5) * depth)
+        });
+        Self::still(mesh, |p| shade(colour, 0.05 * noise(seed, p * scale)))
+    }
+
     /// How many triangles it has.
     pub(super) fn len(&self) -> usize {
         self.mesh.triangles.len()
@@ -78,16 +92,10 @@ pub(super) fn assemble(parts: &[Part], keys: u32) -> Result<(Animation, Vec<Rgb>
         frame
     };
     let frames = (0..keys).into_par_iter().map(frame).collect();
-    let mut triangles = Vec::with_capacity(parts.iter().map(Part::len).sum());
-    let mut first = 0;
-    for part in parts {
-        triangles.extend(part.mesh.triangles.iter().map(|t| t.map(|v| v + first)));
-        first += part.mesh.points.len() as u32;
-    }
-    let colours = parts
-        .iter()
-        .flat_map(|p| p.colours.iter().copied())
-        .collect();
+    let meshes = parts.iter().map(|p| &p.mesh);
+    let triangles = joined_triangles(meshes.map(|m| (&m.triangles[..], m.points.len())));
+    let colours = parts.iter().flat_map(|p| p.colours.iter().copied());
+    let colours = colours.collect();
     Ok((Animation::new(frames, triangles)?, colours))
 }
 
@@ -112,4 +120,58 @@ pub(super) fn shade(colour: Rgb, amount: f64) -> Rgb {
 pub(super) fn blend(a: Rgb, b: Rgb, weight: f64) -> Rgb {
     let w = weight.clamp(0.0, 1.0);
     std::array::from_fn(|i| libm::round(f64::from(a[i]) * (1.0 - w) + f64::from(b[i]) * w) as u8)
+}
+
+/// How one fragment is thrown; metres, seconds, radians.
+#[derive(Clone, Copy)]
+pub(super) struct Trajectory {
+    /// Its middle at the start.
+    pub(super) start: DVec3,
+    /// Its velocity at the start.
+    pub(super) velocity: DVec3,
+    /// A unit vector.
+    pub(super) axis: DVec3,
+    /// Radians a second round `axis` at the start.
+    pub(super) spin: f64,
+    /// Height of its middle when it lies on the floor; at most `start.y`.
+    pub(super) rest: f64,
+}
+
+impl Trajectory {
+    /// Where it is, and how turned, after some seconds.
+    pub(super) fn pose(&self, seconds: f64) -> DAffine3 {
+        const DRAG: f64 = 0.45;
+        let slowed = (1.0 - libm::exp(-DRAG * seconds)) / DRAG;
+        let mut place = self.start + self.velocity * slowed;
+        place.y = self.rest + bounce(self.start.y - self.rest, self.velocity.y, seconds);
+        DAffine3::from_mat3_translation(rotation(self.axis, self.spin * slowed), place)
+    }
+}
+
+/// Height above the floor of a ball thrown up from `height`, which loses three fifths of its speed at each bounce.
+fn bounce(mut height: f64, mut speed: f64, mut seconds: f64) -> f64 {
+    const GRAVITY: f64 = 9.81;
+    for _ in 0..6 {
+        let landing_speed = (speed * speed + 2.0 * GRAVITY * height).sqrt();
+        let trajectory = (speed + landing_speed) / GRAVITY;
+        if seconds < trajectory {
+            return (height + (speed - 0.5 * GRAVITY * seconds) * seconds).max(0.0);
+        }
+        (height, speed, seconds) = (0.0, 0.4 * landing_speed, seconds - trajectory);
+    }
+    0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_thrown_ball_lands_and_comes_to_rest_without_jumps() {
+        let at = |ms: u32| bounce(1.0, 3.0, f64::from(ms) / 1000.0);
+        assert_eq!(at(0), 1.0);
+        assert_eq!(at(60_000), 0.0);
+        assert!(at(851) < 0.01 && at(1000) > 0.1);
+        assert!((0..3000).all(|ms| at(ms) >= 0.0 && (at(ms + 1) - at(ms)).abs() < 0.01));
+    }
 }

@@ -43,8 +43,7 @@ fn cloth(budget: usize) -> Part {
         DVec3::new((2.0 * u - 1.0) * HALF[0], (1.0 - 2.0 * v) * HALF[1], 0.0)
     });
     Part::new(mesh, weave, |time| {
-        let wrung = smoothstep(-0.15, 1.1, time);
-        let wrung = (wrung - smoothstep(-0.15, 1.1, 0.0)).max(0.0);
+        let wrung = wrung(time);
         move |p| wring(p, wrung)
     })
 }
@@ -57,6 +56,11 @@ fn weave(p: DVec3) -> Rgb {
         [60, 50, 60],
         0.06 * (1.0 + noise(62, p * 40.0)),
     )
+}
+
+/// How far the cloth is wrung, from 0 on.
+fn wrung(time: f64) -> f64 {
+    (smoothstep(-0.15, 1.1, time) - smoothstep(-0.15, 1.1, 0.0)).max(0.0)
 }
 
 /// Half the distance of the bars: the cloth shortens as it winds up.
@@ -99,18 +103,14 @@ fn clamp_bar(budget: usize, side: f64) -> Part {
     });
     let grain = |p: DVec3| shade(WOOD, 0.15 * noise(63, p * DVec3::new(30.0, 6.0, 30.0)));
     Part::rigid(mesh, grain, move |time| {
-        let wrung = (smoothstep(-0.15, 1.1, time) - smoothstep(-0.15, 1.1, 0.0)).max(0.0);
+        let wrung = wrung(time);
         let place = DVec3::new(side * half_length(wrung), HEIGHT, 0.0);
         DAffine3::from_mat3_translation(rotation(DVec3::X, turn(side, wrung)), place)
     })
 }
 
 fn floor(budget: usize) -> Part {
-    let [columns, rows] = sheet_size(budget, 1.5);
-    let mesh = sheet(columns, rows, |u, v| {
-        DVec3::new((u - 0.5) * 6.0, 0.0, (v - 0.5) * 4.0)
-    });
-    Part::still(mesh, |p| shade(FLOOR, 0.05 * noise(64, p * 2.0)))
+    Part::floor(budget, [6.0, 4.0], FLOOR, (64, 2.0))
 }
 
 #[cfg(test)]

@@ -1,8 +1,180 @@
-//! How well kept frames stand for all: measured afresh, frame by frame, as a renderer would play them.
+//! How far off frames are that are not kept: of intervals while frames are chosen, and of all frames afterwards, afresh,
+//! frame by frame, as a renderer would play them.
 
-use crate::keys::interval::{square, weight};
 use geom::{Point, Pose};
 use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Vertices looked at together: two kept frames and one between them fit the first cache.
+const BLOCK: usize = 512;
+
+/// The weight of the later kept frame at `frame`, which lies between both.
+fn weight(from: usize, frame: usize, to: usize) -> f32 {
+    ((frame - from) as f64 / (to - from) as f64) as f32
+}
+
+/// The square of the distance; 0 where both are not finite, infinite where one is.
+#[inline]
+fn square(found: Point, wanted: Point) -> f64 {
+    let way: [f64; 3] = std::array::from_fn(|i| f64::from(found[i]) - f64::from(wanted[i]));
+    let square = way[0] * way[0] + way[1] * way[1] + way[2] * way[2];
+    // Squares of f32 never overflow f64, so only points that are not finite get here.
+    if square.is_finite() {
+        return square;
+    }
+    let finite = |p: Point| p.iter().all(|x| x.is_finite());
+    if finite(found) || finite(wanted) {
+        f64::INFINITY
+    } else {
+        0.0
+    }
+}
+
+/// What is known of the largest square of an interval.
+#[derive(Clone, Copy, Debug)]
+enum Known {
+    /// At least this.
+    Above(f64),
+    /// This.
+    Is(f64),
+}
+
+/// All intervals of an animation, measured when asked for and no further than needed.
+#[derive(Debug)]
+pub(crate) struct Intervals<'a> {
+    keys: &'a [Vec<Point>],
+    /// Blocks in which some vertex moves: in the others every blend is the frame itself.
+    blocks: Vec<Range<usize>>,
+    /// By `from * frames + to`; frames alone are on the diagonal.
+    known: Vec<Known>,
+    /// The block that was last found too far off: likely so for the next interval, too.
+    suspect: AtomicUsize,
+}
+
+impl<'a> Intervals<'a> {
+    /// Of one or more frames.
+    pub(crate) fn new(keys: &'a [Vec<Point>]) -> Self {
+        let (frames, vertices) = (keys.len(), keys[0].len());
+        let blocks = (0..vertices.div_ceil(BLOCK))
+            .into_par_iter()
+            .map(|b| b * BLOCK..vertices.min((b + 1) * BLOCK))
+            .filter(|block| moves(keys, block))
+            .collect();
+        Self {
+            keys,
+            blocks,
+            known: vec![Known::Above(0.0); frames * frames],
+            suspect: AtomicUsize::new(0),
+        }
+    }
+
+    /// How many frames there are.
+    pub(crate) fn frames(&self) -> usize {
+        self.keys.len()
+    }
+
+    /// The largest square over all frames between `from` and `to`, or nothing if it is more than `limit`.
+    pub(crate) fn within(&mut self, from: usize, to: usize, limit: f64) -> Option<f64> {
+        let keys = self.keys;
+        let off = |frame: usize, block: &Range<usize>| {
+            let alpha = weight(from, frame, to);
+            off(keys, [from, to, frame], alpha, block)
+        };
+        self.ask(from * keys.len() + to, from + 1..to, limit, &off)
+    }
+
+    /// The largest square over all frames if `kept` stands for each of them, or nothing if it is more than `limit`.
+    pub(crate) fn alone(&mut self, kept: usize, limit: f64) -> Option<f64> {
+        let keys = self.keys;
+        let off = |frame: usize, block: &Range<usize>| off(keys, [kept, kept, frame], 0.0, block);
+        self.ask(kept * keys.len() + kept, 0..keys.len(), limit, &off)
+    }
+
+    fn ask(
+        &mut self,
+        place: usize,
+        frames: Range<usize>,
+        limit: f64,
+        off: &(impl Fn(usize, &Range<usize>) -> f64 + Sync),
+    ) -> Option<f64> {
+        self.known[place] = match self.known[place] {
+            Known::Above(least) if least <= limit => self.look(frames, limit, off),
+            known => known,
+        };
+        match self.known[place] {
+            Known::Is(square) if square <= limit => Some(square),
+            _ => None,
+        }
+    }
+
+    /// Looks at every block, the last suspect first, until one is too far off.
+    fn look(
+        &self,
+        frames: Range<usize>,
+        limit: f64,
+        off: &(impl Fn(usize, &Range<usize>) -> f64 + Sync),
+    ) -> Known {
+        let examine = |index: usize| {
+            let worst = worst_of(frames.clone(), limit, |frame| {
+                off(frame, &self.blocks[index])
+            });
+            if worst <= limit {
+                return Ok(worst);
+            }
+            self.suspect.store(index, Ordering::Relaxed);
+            Err(worst)
+        };
+        let suspect = self.suspect.load(Ordering::Relaxed);
+        let first = if suspect < self.blocks.len() {
+            examine(suspect)
+        } else {
+            Ok(0.0)
+        };
+        let all = first.and_then(|_| {
+            (0..self.blocks.len())
+                .into_par_iter()
+                .map(examine)
+                .try_reduce(|| 0.0, |a, b| Ok(a.max(b)))
+        });
+        match all {
+            Ok(worst) => Known::Is(worst),
+            Err(least) => Known::Above(least),
+        }
+    }
+}
+
+/// The largest of all frames, from the middle outwards; the first that is more than `limit` ends it.
+fn worst_of(frames: Range<usize>, limit: f64, off: impl Fn(usize) -> f64) -> f64 {
+    let middle = frames.start.midpoint(frames.end);
+    let mut worst: f64 = 0.0;
+    for frame in (middle..frames.end).chain((frames.start..middle).rev()) {
+        worst = worst.max(off(frame));
+        if worst > limit {
+            break;
+        }
+    }
+    worst
+}
+
+/// The largest square in a block at one frame. `[from, to, frame]`.
+fn off(keys: &[Vec<Point>], at: [usize; 3], alpha: f32, block: &Range<usize>) -> f64 {
+    let [a, b, wanted] = at.map(|key| &keys[key][block.clone()]);
+    let pose = Pose { key: 0, alpha };
+    let ends = a.iter().zip(b).zip(wanted);
+    ends.fold(0.0, |worst, ((&a, &b), &wanted)| {
+        worst.max(square(pose.blend(a, b), wanted))
+    })
+}
+
+fn moves(keys: &[Vec<Point>], block: &Range<usize>) -> bool {
+    let bits = |p: &Point| p.map(f32::to_bits);
+    let first = &keys[0][block.clone()];
+    keys[1..].iter().any(|key| {
+        let here = key[block.clone()].iter();
+        here.zip(first).any(|(a, b)| bits(a) != bits(b))
+    })
+}
 
 /// How far the kept frames' motion is from the original, over all original frames.
 #[derive(Clone, Copy, Debug, PartialEq)]

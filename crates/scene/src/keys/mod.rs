@@ -20,11 +20,10 @@
 
 mod fewest;
 mod fit;
-mod interval;
 
+use fit::Intervals;
 pub use fit::{Fit, measure, pose};
 use geom::Animation;
-use interval::Intervals;
 
 /// Finds sets of frames for one animation; what it learns at one tolerance serves the next.
 ///

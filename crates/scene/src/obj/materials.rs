@@ -55,22 +55,16 @@ fn read_library(
     };
     for name in names {
         let file = folder.path(name);
-        let text = match folder.read(name) {
-            Ok(bytes) => colour_statements(&String::from_utf8_lossy(&bytes)),
-            Err(e) => {
-                notes.push(format!(
-                    "{}: material library left out: {e}",
-                    file.display()
-                ));
-                continue;
+        let read = folder.read(name).map_err(|e| e.to_string());
+        let found = read.and_then(|bytes| {
+            let text = colour_statements(&String::from_utf8_lossy(&bytes));
+            tobj::load_mtl_buf(&mut text.as_bytes()).map_err(|e| e.to_string())
+        });
+        match found {
+            Ok((materials, _)) => {
+                let coloured = |m: tobj::Material| Some((m.name, from_display(m.diffuse?)));
+                into.extend(materials.into_iter().filter_map(coloured));
             }
-        };
-        match tobj::load_mtl_buf(&mut text.as_bytes()) {
-            Ok((materials, _)) => into.extend(
-                materials
-                    .into_iter()
-                    .filter_map(|m| Some((m.name, from_display(m.diffuse?)))),
-            ),
             Err(e) => notes.push(format!(
                 "{}: material library left out: {e}",
                 file.display()

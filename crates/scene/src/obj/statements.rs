@@ -1,7 +1,7 @@
 //! The statements of an OBJ file, each checked where its line is known.
 
-use super::super::colour::from_display;
 use crate::Rgb;
+use crate::colour::from_display;
 use crate::mesh::Topology;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -34,22 +34,6 @@ pub(super) struct Wrong {
     pub(super) line: usize,
     pub(super) cause: String,
 }
-
-/// Statements without a say in which triangles there are.
-const HARMLESS: [&str; 12] = [
-    "vt",
-    "vn",
-    "vp",
-    "g",
-    "o",
-    "s",
-    "mg",
-    "usemap",
-    "maplib",
-    "lod",
-    "shadow_obj",
-    "trace_obj",
-];
 
 impl Statements {
     /// Goes through the whole text.
@@ -91,15 +75,18 @@ impl Statements {
             "v" => self.vertex(data),
             "f" | "fo" => self.face(line, data),
             "usemtl" => {
-                self.uses
-                    .push((self.face_lines.len(), rest.trim().to_owned()));
+                let name = rest.trim().to_owned();
+                self.uses.push((self.face_lines.len(), name));
                 Ok(())
             }
             "mtllib" => {
                 self.libraries.push(rest.trim().to_owned());
                 Ok(())
             }
-            word if word.is_empty() || word.starts_with('#') || HARMLESS.contains(&word) => Ok(()),
+            // These have no say in which triangles there are.
+            "" | "vt" | "vn" | "vp" | "g" | "o" | "s" | "mg" | "usemap" | "maplib" | "lod"
+            | "shadow_obj" | "trace_obj" => Ok(()),
+            word if word.starts_with('#') => Ok(()),
             word => {
                 let word = word.chars().take(24).collect();
                 self.skipped.entry(word).or_insert((0, line)).0 += 1;
@@ -110,12 +97,12 @@ impl Statements {
 
     /// `x y z`, `x y z w`, `x y z r g b` or `x y z r g b a`.
     fn vertex(&mut self, data: &str) -> Result<(), String> {
+        let words = || data.split_ascii_whitespace();
         let mut numbers = [0.0_f32; 7];
         let mut count = 0;
-        for word in data.split_ascii_whitespace() {
-            let number = word
-                .parse()
-                .map_err(|_| format!("{word:?} is not a number"))?;
+        for word in words() {
+            let number = word.parse();
+            let number = number.map_err(|_| format!("{word:?} is not a number"))?;
             if let Some(slot) = numbers.get_mut(count) {
                 *slot = number;
             }
@@ -130,15 +117,12 @@ impl Statements {
             return Err("w is 0, which leaves no place for the vertex".to_owned());
         }
         if count > 4 && self.colours.len() == self.topology.vertices {
-            self.colours
-                .push(from_display([numbers[3], numbers[4], numbers[5]]));
+            let colour = from_display([numbers[3], numbers[4], numbers[5]]);
+            self.colours.push(colour);
         }
         self.topology.vertices += 1;
         self.plain.push('v');
-        for word in data
-            .split_ascii_whitespace()
-            .take(if count == 4 { 4 } else { 3 })
-        {
+        for word in words().take(if count == 4 { 4 } else { 3 }) {
             self.plain.push(' ');
             self.plain.push_str(word);
         }
@@ -154,11 +138,9 @@ impl Statements {
             ));
         }
         let vertices = self.topology.vertices;
-        let corners: Result<Vec<u32>, String> = data
-            .split_ascii_whitespace()
-            .map(|word| corner(word, vertices))
-            .collect();
-        let corners = corners?;
+        let words = data.split_ascii_whitespace();
+        let corners = words.map(|word| corner(word, vertices));
+        let corners = corners.collect::<Result<Vec<u32>, String>>()?;
         self.plain.push('f');
         for &vertex in &corners {
             // Writing to a string cannot fail.
@@ -186,13 +168,10 @@ impl Statements {
     /// Remarks about what was left out.
     pub(super) fn notes(&self, path: &Path) -> Vec<String> {
         let file = path.display();
-        let mut notes: Vec<_> = self
-            .skipped
-            .iter()
-            .map(|(word, (count, line))| {
-                format!("{file}: skipped {count} '{word}' statements, the first in line {line}")
-            })
-            .collect();
+        let told = |(word, (count, line)): (&String, &(usize, usize))| {
+            format!("{file}: skipped {count} '{word}' statements, the first in line {line}")
+        };
+        let mut notes: Vec<_> = self.skipped.iter().map(told).collect();
         if self.open_end {
             notes.push(format!(
                 "{file}: the last line has no end; the file may be cut short"
@@ -206,14 +185,10 @@ impl Statements {
 fn corner(word: &str, vertices: usize) -> Result<u32, String> {
     let malformed = || format!("{word:?} is not a face's vertex");
     let mut parts = word.split('/');
-    let index: i64 = parts
-        .next()
-        .unwrap_or_default()
-        .parse()
-        .map_err(|_| malformed())?;
-    let rest_is_well_formed = parts.clone().count() <= 2
-        && parts.all(|part| part.is_empty() || part.parse::<i64>().is_ok());
-    if !rest_is_well_formed {
+    let index = parts.next().and_then(|p| p.parse::<i64>().ok());
+    let index = index.ok_or_else(malformed)?;
+    let mut rest = parts.clone();
+    if parts.count() > 2 || !rest.all(|p| p.is_empty() || p.parse::<i64>().is_ok()) {
         return Err(malformed());
     }
     let from_zero = if index < 0 {

@@ -4,12 +4,11 @@
 //! line or by its element, and nothing is kept that is not used.
 
 mod element;
-mod plain;
 mod write;
 
 use crate::mesh::{Mesh, Paint, Topology, compact};
 use crate::{FileLocation, Rgb, SceneError};
-use element::Element;
+use element::{Element, numbers, whole_header};
 use geom::Point;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
@@ -46,40 +45,31 @@ struct File<'a> {
 
 impl<'a> File<'a> {
     fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self, SceneError> {
-        let malformed =
-            |cause: &dyn Display| SceneError::malformed(path, FileLocation::File, cause);
-        let Some(text) = plain::header(bytes) else {
-            return Err(malformed(&"not a whole PLY header: no line 'end_header'"));
+        let malformed = |cause: &str| SceneError::malformed(path, FileLocation::File, cause);
+        let Some(head) = whole_header(bytes) else {
+            return Err(malformed("not a whole PLY header: no line 'end_header'"));
         };
-        let text = String::from_utf8_lossy(text);
+        let rest = &bytes[head.len()..];
+        let text = String::from_utf8_lossy(head);
         let mut reader = Reader::new(text.as_bytes());
-        let header = Parser::<Element>::new()
-            .read_header(&mut reader)
-            .map_err(|e| {
-                SceneError::malformed(
-                    path,
-                    e.line().map_or(FileLocation::File, FileLocation::Line),
-                    header_cause(&text, &e),
-                )
-            })?;
-        let declared = text
-            .lines()
-            .filter(|l| l.trim_start().starts_with("element"))
-            .count();
+        let header = Parser::<Element>::new().read_header(&mut reader);
+        let header = header.map_err(|e| {
+            let location = e.line().map_or(FileLocation::File, FileLocation::Line);
+            SceneError::malformed(path, location, header_cause(&text, &e))
+        })?;
+        let elements = text.lines().map(str::trim_start);
+        let declared = elements.filter(|l| l.starts_with("element")).count();
         if declared != header.elements.len() {
-            return Err(malformed(&"the header declares an element twice"));
+            return Err(malformed("the header declares an element twice"));
         }
-        let rest = &bytes[plain::header(bytes).map_or(0, <[u8]>::len)..];
-        let line = text.lines().count();
-        let (size, points, colours) = (bytes.len(), Vec::new(), Vec::new());
         let file = Self {
             path,
             header,
             rest,
-            size,
-            line,
-            points,
-            colours,
+            size: bytes.len(),
+            line: text.lines().count(),
+            points: Vec::new(),
+            colours: Vec::new(),
             face_colours: Vec::new(),
             topology: Topology::default(),
         };
@@ -97,28 +87,22 @@ impl<'a> File<'a> {
             let found = self.header.elements.get(element)?.properties.get(name)?;
             Some(found.data_type.clone())
         };
+        let wrong = |cause: &str| Err(self.wrong(FileLocation::File, cause));
         for axis in ["x", "y", "z"] {
             if !matches!(property("vertex", axis), Some(PropertyType::Scalar(_))) {
-                return Err(self.wrong(
-                    FileLocation::File,
-                    format!("the header has no vertex with a number {axis}"),
-                ));
+                return wrong(&format!("the header has no vertex with a number {axis}"));
             }
         }
         if !self.header.elements.contains_key("face") {
-            return Err(self.wrong(FileLocation::File, "the header has no element 'face'"));
+            return wrong("the header has no element 'face'");
         }
         let list = property("face", "vertex_indices").or_else(|| property("face", "vertex_index"));
         match list {
-            Some(PropertyType::List(_, ScalarType::Float | ScalarType::Double)) => Err(self.wrong(
-                FileLocation::File,
-                "the vertices of faces are not declared as whole numbers",
-            )),
+            Some(PropertyType::List(_, ScalarType::Float | ScalarType::Double)) => {
+                wrong("the vertices of faces are not declared as whole numbers")
+            }
             Some(PropertyType::List(..)) => Ok(()),
-            _ => Err(self.wrong(
-                FileLocation::File,
-                "the header has no face with a list vertex_indices",
-            )),
+            _ => wrong("the header has no face with a list vertex_indices"),
         }
     }
 
@@ -147,16 +131,11 @@ impl<'a> File<'a> {
                 format!("the file is cut short: {count} '{name}' are declared, {index} are there");
             return Err(self.wrong(FileLocation::Line(self.line + 1), cause));
         }
-        let end = self
-            .rest
-            .iter()
-            .position(|&b| b == b'\n')
-            .map_or(self.rest.len(), |i| i + 1);
-        let (line, rest) = self.rest.split_at(end);
+        let end = self.rest.iter().position(|&b| b == b'\n');
+        let (line, rest) = self.rest.split_at(end.map_or(self.rest.len(), |i| i + 1));
         self.rest = rest;
         self.line += 1;
-        let numbers = plain::numbers(line);
-        let read = Parser::<Element>::new().read_ascii_element(&numbers, definition);
+        let read = Parser::<Element>::new().read_ascii_element(&numbers(line), definition);
         read.map_err(|_| {
             let line = String::from_utf8_lossy(line);
             let cause = format!("bad '{}' {index}: {}", definition.name, line_cause(&line));

@@ -60,11 +60,8 @@ fn binary(big: bool, faces: &[(i32, &[i16])]) -> Vec<u8> {
 fn all_three_encodings_say_the_same() {
     let text = ascii("0 0 0\n1 0 0\n1 1 0\n 0 1. .0\n", "4 0 1 2 3\n3 3 2 0\n");
     let faces: [(i32, &[i16]); 2] = [(4, &[0, 1, 2, 3]), (3, &[3, 2, 0])];
-    for bytes in [
-        text.into_bytes(),
-        binary(false, &faces),
-        binary(true, &faces),
-    ] {
+    let (little, big) = (binary(false, &faces), binary(true, &faces));
+    for bytes in [text.into_bytes(), little, big] {
         let mesh = parse(&bytes).unwrap();
         assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3], [3, 2, 0]]);
         assert_eq!(mesh.points.len(), 4);
@@ -95,84 +92,49 @@ fn numbers_that_are_none_are_accepted() {
 
 #[test]
 fn what_is_wrong_is_named_by_line_or_element() {
-    let v = "0 0 0\n1 0 0\n0 1 0\n";
-    for (text, says) in [
-        (ascii(v, "3 0 1 3\n"), "face 0: vertex 3 does not exist"),
-        (
-            ascii(v, "3 0 1 2\n3 0 -1 2\n"),
-            "face 1: a vertex index is negative",
-        ),
-        (ascii(v, "2 0 1\n"), "face 0: a face of 2"),
-        (ascii(v, "0\n"), "face 0: a face of 0"),
-        (
-            ascii(v, "4 0 1 2\n"),
-            "line 14: bad 'face' 0: \"4 0 1 2\" is not what the header declares",
-        ),
-        (ascii(v, "-3 0 1 2\n"), "line 14: bad 'face' 0"),
-        (ascii(v, "3 0 1 2.5\n"), "line 14: bad 'face' 0"),
-        (
-            ascii("0 0 0\n1 0 zero\n0 1 0\n", "3 0 1 2\n"),
-            "line 12: bad 'vertex' 1: \"zero\" is not a number",
-        ),
-        (
-            ascii("0 0 0\nnan .5\n0 1 0\n", "3 0 1 2\n"),
-            "line 12: bad 'vertex' 1: \"nan .5\" is not what the header declares",
-        ),
-        (
-            ascii("0 0 0\n1 0\n0 1 0\n", "3 0 1 2\n"),
-            "line 12: bad 'vertex' 1",
-        ),
-        (
-            ascii(v, "3 0 1 2\n").replace("face 1", "face 3"),
-            "line 15: the file is cut short: 3 'face'",
-        ),
-        (
-            ascii(v, "3 0 1 2\n").replace("vertex 3", "vertex 18446744073709551615"),
-            "cut short",
-        ),
-        (
-            ascii(v, "3 0 1 2\n").replace("vertex 3", "vertex 18446744073709551616"),
-            "line 4: \"element vertex 18446744073709551616\" is not understood",
-        ),
-        (
-            ascii(v, "3 0 1 2\n").replace("float y", "flot y"),
-            "\"property flot y\" is not understood in a PLY header",
-        ),
-        (
-            ascii(v, "3 0 1 2\n").replace("property float z\n", ""),
-            "number z",
-        ),
-        (
-            ascii(v, "3 0 1 2\n").replace("vertex_index", "corners"),
-            "vertex_indices",
-        ),
-        (
-            ascii(v, "3 0 1 2\n").replace("uchar int", "uchar float"),
-            "whole numbers",
-        ),
-        (
-            ascii(v, "3 0 1 2\n").replace("element face 1", "element vertex 1"),
-            "twice",
-        ),
-        (ascii(v, "3 0 1 2\n").replace("float y", "quux y"), "line 6"),
-        (
-            ascii(v, "3 0 1 2\n").replace("ascii 1.0", "ebcdic 1.0"),
-            "line 2",
-        ),
-        (
-            ascii(v, "3 0 1 2\n").replace("format ascii 1.0\n", ""),
-            "format",
-        ),
-        (
-            ascii(v, "3 0 1 2\n").replace("end_header", "end"),
-            "end_header",
-        ),
-        (ascii(v, ""), "no triangles"),
-        ("PLY\nend_header\n".to_owned(), "line 1"),
-        (String::new(), "end_header"),
-    ] {
-        let message = message(&text);
+    let whole = ascii("0 0 0\n1 0 0\n0 1 0\n", "3 0 1 2\n");
+    // Each line: what is replaced, what by, and a part of the message. `;` ends a line of the file.
+    let changes = r#"
+        3 0 1 2; | 3 0 1 3; | face 0: vertex 3 does not exist
+        3 0 1 2; | 2 0 1; | face 0: a face of 2
+        3 0 1 2; | 0; | face 0: a face of 0
+        3 0 1 2; | 4 0 1 2; | line 14: bad 'face' 0: "4 0 1 2" is not what the header declares
+        3 0 1 2; | -3 0 1 2; | line 14: bad 'face' 0
+        3 0 1 2; | 3 0 1 2.5; | line 14: bad 'face' 0
+        3 0 1 2; | 3 0 -1 2; | face 0: a vertex index is negative
+        1 0 0; | 1 0 zero; | line 12: bad 'vertex' 1: "zero" is not a number
+        1 0 0; | nan .5; | line 12: bad 'vertex' 1: "nan .5" is not what the header declares
+        1 0 0; | 1 0; | line 12: bad 'vertex' 1
+        face 1 | face 3 | line 15: the file is cut short: 3 'face'
+        vertex 3 | vertex 18446744073709551615 | cut short
+        vertex 3 | vertex 18446744073709551616 | line 4: "element vertex 18446744073709551616" is not understood
+        float y | flot y | "property flot y" is not understood in a PLY header
+        property float z; | | number z
+        vertex_index | corners | vertex_indices
+        uchar int | uchar float | whole numbers
+        element face 1 | element vertex 1 | twice
+        float y | quux y | line 6
+        ascii 1.0 | ebcdic 1.0 | line 2
+        format ascii 1.0; | | format
+        end_header | end | end_header
+        3 0 1 2; | | line 14: the file is cut short: 1 'face'
+    "#;
+    for change in changes.trim().lines() {
+        let mut parts = change.split('|').map(str::trim);
+        let [from, to, says] = std::array::from_fn(|_| parts.next().unwrap());
+        let [from, to] = [from, to].map(|part| part.replace(';', "\n"));
+        let broken = whole.replacen(&from, &to, 1);
+        assert_ne!(broken, whole, "{from}");
+        let message = message(&broken);
         assert!(message.contains(says), "{says:?} is not in {message:?}");
+    }
+    let none = ascii("0 0 0\n1 0 0\n0 1 0\n", "");
+    for (text, says) in [
+        (none.as_str(), "no triangles"),
+        ("PLY\nend_header\n", "line 1"),
+        ("", "end_header"),
+    ] {
+        assert!(message(text).contains(says), "{says}");
     }
 }
 

@@ -29,21 +29,21 @@ pub(super) fn work(method: Method, params: Params, rays: Rays<'_>, kind: QueryKi
         rule: (method.intersector == Intersector::Watertight).into(),
         ..params
     };
-    let (params, [closest, shadow]) = match rays {
-        Rays::Given(..) => (params, ["extreme_rays", "extreme_shadow_rays"]),
-        Rays::Camera(camera) => {
-            let kernels = ["extreme_camera", "extreme_shadow_camera"];
-            (params.through(camera), kernels)
-        }
+    let params = match rays {
+        Rays::Given(..) => params,
+        Rays::Camera(camera) => params.through(camera),
     };
     let over = |entry, params| Work::linear(kernel(entry, method), params, rays.count());
     match kind {
         QueryKind::Any => vec![over("extreme_any_rays", params)],
-        QueryKind::Closest => vec![over(closest, params)],
+        QueryKind::Closest => vec![over("extreme_rays", params)],
         // In the scene's units, unlike everywhere else.
         QueryKind::ClosestAndShadow { light } => {
             let lit = Params { light, ..params };
-            vec![over(closest, params), over(shadow, lit)]
+            vec![
+                over("extreme_rays", params),
+                over("extreme_shadow_rays", lit),
+            ]
         }
     }
 }

@@ -40,14 +40,12 @@ struct Cluster { low: vec3<f32>, high: vec3<f32>, link: u32 }
 
 // What traversal calls an inner node made of two clusters. With layout `fast` two triangles in a row, both of which a ray can
 // hit, share a leaf: then the node's own rows stay unused. With `bvh2` it is the node's left child.
-@if(LAYOUT_FAST)
 fn link_of(a: Cluster, b: Cluster, inner: u32) -> u32 {
+    if params.fast_layout == 0u { return 2u * inner + 1u; }
     let are_triangles = (a.link & (LEAF | TWO)) == LEAF && b.link == a.link + 1u;
     if are_triangles && a.low.x <= a.high.x && b.low.x <= b.high.x { return a.link | TWO; }
     return inner + 1u;
 }
-@else
-fn link_of(a: Cluster, b: Cluster, inner: u32) -> u32 { return 2u * inner + 1u; }
 
 fn load(i: u32) -> Cluster {
     let low = vec3<f32>(planes[i], planes[CLUSTER_TILE + i], planes[2u * CLUSTER_TILE + i]);
@@ -203,7 +201,6 @@ fn sum_areas(local: u32, area: f32) -> f32 {
     return sum;
 }
 
-// Variants: layout.
 @compute @workgroup_size(256)
 fn cluster(
     @builtin(local_invocation_index) local: u32,

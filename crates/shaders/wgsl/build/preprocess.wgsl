@@ -1,6 +1,6 @@
 // Positions to records and boxes of leaves.
 
-import package::build::record::{keep_index, record_of};
+import package::geometry::record::{keep_index, record_of};
 import package::geometry::layout::LEAF;
 import package::geometry::triangle::{corner, is_finite, is_flat};
 import package::geometry::units::scaled_point;

@@ -1,6 +1,6 @@
 // A treelet in the memory of one workgroup: see bvh_layout::Treelets.
 
-import package::build::area::{GROUP, half_area};
+import package::build::refit::{GROUP, half_area};
 import package::lib::buffers::{nodes, topology};
 import package::lib::params::params;
 

@@ -1,8 +1,8 @@
 // Treelets of triangles: records, and boxes of all their nodes.
 
-import package::build::area::sum_of_group;
+import package::build::refit::sum_of_group;
 import package::build::interpolate::{blend, blend_native, is_rare};
-import package::build::record::{keep_index, record_of};
+import package::geometry::record::{keep_index, record_of};
 import package::build::treelet::{
     ENTRY, LEAVES, inner_word, join, keep_box, keep_leaf, kept, refit_treelet, treelet, treelet_at, write_treelet,
 };

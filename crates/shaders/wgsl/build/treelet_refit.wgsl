@@ -1,6 +1,6 @@
 // Boxes of treelets above those of triangles: one level a dispatch, or all in one.
 
-import package::build::area::{GROUP, half_area, partial_sums, sum_of_group};
+import package::build::refit::{GROUP, half_area, partial_sums, sum_of_group};
 import package::build::treelet::{
     ENTRY, LEAVES, Treelet, high_of, inner_word, keep_box, keep_leaf, low_of, refit_treelet, row_of, treelet,
     treelet_at, write_treelet,

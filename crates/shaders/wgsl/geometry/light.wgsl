@@ -9,7 +9,7 @@ import package::lib::buffers::{nodes, positions, triangles};
 import package::lib::ieee::{add, mul, sub};
 import package::lib::params::params;
 
-// The ray from a hit to the light: see "Shadow" in ARCHITECTURE.md.
+// The ray from a hit to the light: see "Shadow rays" in docs/design/hits.md.
 
 fn sub3(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(sub(a.x, b.x), sub(a.y, b.y), sub(a.z, b.z));

@@ -43,7 +43,7 @@ fn camera_ray(direction: vec3<f32>, origin: vec3<f32>, root: Root) -> Prepared {
     return prepare(origin, bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, root);
 }
 
-// Whether a ray's line surely passes by the root's box, before anything is made ready: see "Rays that pass by" in ARCHITECTURE.md.
+// Whether a ray's line surely passes by the root's box, before anything is made ready: see "Rays that miss the root box" in docs/design/hits.md.
 fn passes_by(d: vec3<f32>, root: Root) -> bool {
     let c = (root.low + root.high) * 0.5;
     // 2^-16 * D and 2^-60.
@@ -67,19 +67,6 @@ fn is_void_way(direction: vec3<f32>, origin: vec3<f32>) -> bool {
     return is_zero || !is_finite_point(direction) || !is_finite_point(origin);
 }
 
-// t_min and t_max.
-fn limits_of_camera(i: u32) -> vec2<u32> { return vec2<u32>(0u, 0x7f800000u); }
-
-// The whole-number lines of pixels' rays, and those rays, by a pixel's number.
-
-fn way_through(i: u32) -> vec3<f32> { return through_pixel(vec2<u32>(i % params.width, i / params.width)); }
-
-fn set_line_of_pixel(i: u32) {
-    set_line(bitcast<vec3<u32>>(params.eye), bitcast<vec3<u32>>(way_through(i)), 0u, 0x7f800000u, 0);
-}
-
-fn ray_of_pixel(i: u32) -> Prepared { return camera_ray(way_through(i), eye(), root_from(eye())); }
-
 // Rays given one by one, two rows each: origin and t_min, direction and t_max.
 
 fn given_ray(i: u32) -> Prepared {
@@ -97,15 +84,40 @@ fn is_void(i: u32) -> bool {
     return marked || !is_finite_point(origin);
 }
 
-// t_min and t_max.
-fn limits_of_given(i: u32) -> vec2<u32> { return vec2<u32>(rays[2u * i].w, rays[2u * i + 1u].w); }
+// Rays by number, for kernels that settle what others left open: a camera's, or given one by one where there is no picture.
 
-// The whole-number lines of rays given one by one, and those rays.
+fn way_through(i: u32) -> vec3<f32> { return through_pixel(vec2<u32>(i % params.width, i / params.width)); }
 
-fn set_line_of_given(i: u32) {
-    let a = rays[2u * i];
-    let b = rays[2u * i + 1u];
-    set_line(a.xyz, b.xyz, a.w, b.w, 0);
+// The rows of a ray, and where it starts in scaled units.
+struct Asked { first: vec4<u32>, second: vec4<u32>, origin: vec3<f32> }
+
+fn asked_of_pixel(i: u32) -> Asked {
+    let first = vec4<u32>(bitcast<vec3<u32>>(params.eye), 0u);
+    return Asked(first, vec4<u32>(bitcast<vec3<u32>>(way_through(i)), 0x7f800000u), eye());
 }
 
-fn ray_of_given(i: u32) -> Prepared { return given_ray(i); }
+@if(resolve_exact_together || shadow_left)
+fn asked(i: u32) -> Asked { return asked_of_pixel(i); }
+@else
+fn asked(i: u32) -> Asked {
+    if params.width > 0u { return asked_of_pixel(i); }
+    let first = rays[2u * i];
+    return Asked(first, rays[2u * i + 1u], scaled_point(first.xyz));
+}
+
+// t_min and t_max.
+fn limits_of(i: u32) -> vec2<u32> {
+    let ray = asked(i);
+    return vec2<u32>(ray.first.w, ray.second.w);
+}
+
+fn ray_of(i: u32) -> Prepared {
+    let ray = asked(i);
+    return prepare(ray.origin, ray.second.xyz, ray.first.w, ray.second.w, root_from(ray.origin));
+}
+
+// Sets the line in whole numbers.
+fn set_line_of(i: u32) {
+    let ray = asked(i);
+    set_line(ray.first.xyz, ray.second.xyz, ray.first.w, ray.second.w, 0);
+}

@@ -41,7 +41,7 @@ const MISS: vec4<u32> = vec4<u32>(0x7f800000u, 0u, 0u, 0xffffffffu);
 fn least_of(v: vec3<f32>) -> f32 { return min(min(v.x, v.y), v.z); }
 fn most_of(v: vec3<f32>) -> f32 { return max(max(v.x, v.y), v.z); }
 
-// A ray made ready, and the padded box test: see "What a hit is" in ARCHITECTURE.md.
+// A ray made ready, and the padded box test: see "Box test" in docs/design/hits.md.
 
 struct Prepared {
     origin: vec3<f32>,
@@ -134,7 +134,7 @@ fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u
     return loosely(ray, reach);
 }
 
-// Adds what loose_planes needs: see "Inner boxes" in ARCHITECTURE.md.
+// Adds what loose_planes needs: see "Inner boxes" in docs/design/hits.md.
 fn loosely(given: Prepared, reach: f32) -> Prepared {
     var ray = given;
     // 32 * 2^-24 * D and 4 * 2^-24 * |o|; from beyond 2^80, D was cut and |o| has to do.

@@ -1,6 +1,7 @@
-// A triangle's record as rays read it; build/record.wgsl writes it.
+// A triangle's record, as rays read it and as `preprocess` and its like write it.
 
 import package::lib::buffers::records;
+import package::lib::params::params;
 
 // The triangle of a record that no ray can hit.
 const NO_TRIANGLE: u32 = 0xffffffffu;
@@ -13,4 +14,52 @@ fn corners_of(leaf: u32) -> Corners {
     let y = bitcast<vec3<f32>>(records[3u * leaf + 1u].xyz);
     let z = bitcast<vec3<f32>>(records[3u * leaf + 2u].xyz);
     return Corners(vec3<f32>(x.x, y.x, z.x), vec3<f32>(x.y, y.y, z.y), vec3<f32>(x.z, y.z, z.z), first.w);
+}
+
+// As it is written: its corners in scaled units, a row an axis, so that who wants the axes in another order reads the
+// rows in that order. Each row ends with the triangle's index.
+
+struct Record { first: vec4<u32>, second: vec4<u32>, third: vec4<u32> }
+
+@if(!WOOP)
+fn row(triangle: u32, a: f32, b: f32, c: f32) -> vec4<u32> {
+    return vec4<u32>(bitcast<vec3<u32>>(vec3<f32>(a, b, c)), triangle);
+}
+
+// The record names the triangle itself.
+@if(!WOOP)
+fn keep_index(leaf: u32, triangle: u32) {}
+
+@if(!WOOP)
+fn record_of(triangle: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> Record {
+    return Record(row(triangle, a.x, b.x, c.x), row(triangle, a.y, b.y, c.y), row(triangle, a.z, b.z, c.z));
+}
+
+// For `woop`: the rows of Woop's transform, and behind all rows the triangle's index.
+// The third row is the unit normal rather than the normal over its squared length, which loses small triangles.
+
+@if(WOOP)
+fn keep_index(leaf: u32, triangle: u32) {
+    records[3u * ((params.node_count + 1u) / 2u) + leaf / 4u][leaf & 3u] = triangle;
+}
+
+@if(WOOP)
+fn row(vector: vec3<f32>, corner: vec3<f32>) -> vec4<u32> {
+    return bitcast<vec4<u32>>(vec4<f32>(vector, -dot(vector, corner)));
+}
+
+@if(WOOP)
+fn record_of(triangle: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> Record {
+    let e1 = b - a;
+    let e2 = c - a;
+    let normal = cross(e1, e2);
+    let size = abs(normal);
+    let largest = max(size.x, max(size.y, size.z));
+    // Rounded away though not zero, or not finite: a record of zeros is never met.
+    if !(largest > 0.0 && largest < 1e38) { return Record(vec4<u32>(0u), vec4<u32>(0u), vec4<u32>(0u)); }
+    let shape = normal / largest;
+    let length = sqrt(dot(shape, shape));
+    let unit = shape / length;
+    let area = length * largest;
+    return Record(row(cross(e2, unit) / area, a), row(cross(unit, e1) / area, a), row(unit, a));
 }

@@ -1,5 +1,5 @@
 // Scene units to scaled units, and the sizes below which numbers count as zero:
-// see "Scale" and "Small numbers" in ARCHITECTURE.md. Powers of two are applied
+// see "Scale" and "Small numbers" in docs/design/hits.md. Powers of two are applied
 // to bits, since a device may flush subnormal operands.
 
 import package::lib::ieee::{parts, round_quotient};

@@ -5,13 +5,9 @@ import package::geometry::ray::{MISS, Prepared};
 import package::geometry::record::corners_of;
 import package::intersect::filter::{judge, reported, set_view};
 import package::intersect::notes::{NO_NOTE, OPEN, OPEN_RAYS, with_note};
-import package::lib::buffers::{counts, occluded};
+import package::lib::buffers::{counts, occluded, rays};
 import package::lib::params::params;
 import package::traversal::traverse::find_any;
-@if(trace_rays)
-import package::geometry::queries::limits_of_given as limits_of;
-@else
-import package::geometry::queries::limits_of_camera as limits_of;
 
 // What a search for the exact closest hit keeps of the leaves it sees. Most rays are decided by it; the others it
 // leaves to the kernels `resolve_exact_*`, with notes of the triangles in question.
@@ -26,6 +22,12 @@ fn exact_nothing_found(ray: Prepared) -> ExactFound {
     set_view(ray);
     return ExactFound(ray.t_max, NEVER, NEVER, NO_LEAF, NO_NOTE);
 }
+
+// t_min and t_max of a ray that is given or a pixel's.
+@if(trace_rays)
+fn exact_limits_of(i: u32) -> vec2<u32> { return vec2<u32>(rays[2u * i].w, rays[2u * i + 1u].w); }
+@else
+fn exact_limits_of(i: u32) -> vec2<u32> { return vec2<u32>(0u, 0x7f800000u); }
 
 // Nodes entered beyond this need no visit.
 fn exact_limit(found: ExactFound) -> f32 { return found.bound; }
@@ -50,7 +52,7 @@ fn exact_hit_of(i: u32, ray: Prepared, found: ExactFound) -> vec4<u32> {
     }
     if found.leaf == NO_LEAF { return MISS; }
     atomicAdd(&counts[2], 1u);
-    return reported(ray, found.leaf, limits_of(i));
+    return reported(ray, found.leaf, exact_limits_of(i));
 }
 
 // Lists a ray. Nothing beyond `bound` is sought.

@@ -1,4 +1,4 @@
-// What extreme rays hit: see "Extreme rays" in ARCHITECTURE.md.
+// What extreme rays hit: see "Extreme rays" in docs/design/hits.md.
 
 import package::geometry::layout::{LEAF, NONE, children_of, first_of, others_of};
 import package::geometry::ray::{MISS, are_negative, pushed_from_zero};
@@ -151,7 +151,7 @@ fn double_up(at: u32, len: u32) {
     }
 }
 
-// Extreme rays: what they hit, in whole numbers of any length. See "Extreme rays" in ARCHITECTURE.md. Who uses it declares
+// Extreme rays: what they hit, in whole numbers of any length. See "Extreme rays" in docs/design/hits.md. Who uses it declares
 // `nodes`, `records`, `triangles`, `positions` and `counts`.
 
 // The first so far: as it stands, and its t rounded once.

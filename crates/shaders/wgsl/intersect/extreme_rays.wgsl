@@ -1,6 +1,6 @@
 // The kernels for extreme rays.
 
-import package::geometry::queries::through_pixel;
+import package::geometry::queries::{Asked, asked, set_line_of};
 import package::geometry::ray::MISS;
 import package::geometry::record::NO_TRIANGLE;
 import package::geometry::triangle::points_of;
@@ -101,32 +101,25 @@ fn is_in_extreme_shadow(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>)
     return any_extreme(hit.w);
 }
 
-// The closest hits of the rays of a camera, all of which are extreme.
+// Whether a ray is left to these kernels: of a camera's all are.
+fn is_left(i: u32) -> bool { return params.width > 0u || is_extreme(scaled_point(rays[2u * i].xyz)); }
 
-@compute @workgroup_size(64)
-fn extreme_camera(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let i = element(id, groups, 64u);
-    if i >= params.count { return; }
-    hits[i] = MISS;
-    let direction = bitcast<vec3<u32>>(through_pixel(vec2<u32>(i % params.width, i / params.width)));
-    let is_void = all((direction & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
-    if is_void || !is_finite_point(bitcast<vec3<f32>>(direction)) || !is_finite_point(params.eye) { return; }
-    set_line(bitcast<vec3<u32>>(params.eye), direction, 0u, 0x7f800000u, 0);
-    hits[i] = closest_extreme();
+// Whether a ray hits nothing: the host marks given ones by a direction of zero.
+fn misses_all(ray: Asked) -> bool {
+    let is_zero = all((ray.second.xyz & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
+    let is_bounded = is_finite_point(bitcast<vec3<f32>>(ray.second.xyz)) && is_finite_point(bitcast<vec3<f32>>(ray.first.xyz));
+    return is_zero || !is_bounded;
 }
 
-// The closest hits of those given rays that are extreme.
+// The closest hits of those rays that are extreme.
 
 @compute @workgroup_size(64)
 fn extreme_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 64u);
-    if i >= params.count || !is_extreme(scaled_point(rays[2u * i].xyz)) { return; }
-    let a = rays[2u * i];
-    let b = rays[2u * i + 1u];
+    if i >= params.count || !is_left(i) { return; }
     hits[i] = MISS;
-    // The host marks rays that can hit nothing by a direction of zero.
-    if all((b.xyz & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u)) { return; }
-    set_line(a.xyz, b.xyz, a.w, b.w, 0);
+    if misses_all(asked(i)) { return; }
+    set_line_of(i);
     hits[i] = closest_extreme();
 }
 
@@ -135,42 +128,26 @@ fn extreme_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workg
 @compute @workgroup_size(64)
 fn extreme_any_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 64u);
-    if i >= params.count || !is_extreme(scaled_point(rays[2u * i].xyz)) { return; }
-    let a = rays[2u * i];
-    let b = rays[2u * i + 1u];
+    if i >= params.count || !is_left(i) { return; }
     occluded[i] = 0u;
-    if all((b.xyz & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u)) { return; }
-    set_line(a.xyz, b.xyz, a.w, b.w, 0);
+    if misses_all(asked(i)) { return; }
+    set_line_of(i);
     if any_extreme(NO_TRIANGLE) {
         occluded[i] = 1u;
         atomicAdd(&counts[2], 1u);
     }
 }
 
-// The shadows of the hits of a camera's rays, all of which are extreme.
-
-@compute @workgroup_size(64)
-fn extreme_shadow_camera(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let i = element(id, groups, 64u);
-    if i >= params.count { return; }
-    occluded[i] = 0u;
-    if hits[i].w == NO_TRIANGLE { return; }
-    let direction = bitcast<vec3<u32>>(through_pixel(vec2<u32>(i % params.width, i / params.width)));
-    if is_in_extreme_shadow(bitcast<vec3<u32>>(params.eye), direction, hits[i]) {
-        occluded[i] = 1u;
-        atomicAdd(&counts[3], 1u);
-    }
-}
-
-// The shadows of the hits of those given rays that are extreme.
+// The shadows of the hits of those rays that are extreme.
 
 @compute @workgroup_size(64)
 fn extreme_shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 64u);
-    if i >= params.count || !is_extreme(scaled_point(rays[2u * i].xyz)) { return; }
+    if i >= params.count || !is_left(i) { return; }
     occluded[i] = 0u;
     if hits[i].w == NO_TRIANGLE { return; }
-    if is_in_extreme_shadow(rays[2u * i].xyz, rays[2u * i + 1u].xyz, hits[i]) {
+    let ray = asked(i);
+    if is_in_extreme_shadow(ray.first.xyz, ray.second.xyz, hits[i]) {
         occluded[i] = 1u;
         atomicAdd(&counts[3], 1u);
     }

@@ -2,22 +2,17 @@
 
 import package::geometry::layout::{LEAF, NONE, NO_LEAF, children_of, first_of, others_of};
 import package::geometry::light::{ray_to_light, set_line_along, to_light};
-import package::geometry::queries::eye;
+import package::geometry::queries::{asked, limits_of, ray_of, set_line_of};
 import package::geometry::ray::{MISS, Prepared, meets_box};
 import package::geometry::record::corners_of;
 import package::geometry::triangle::points_of;
-import package::geometry::units::scaled_point;
 import package::intersect::determinants::decide_alone;
 import package::intersect::filter::{judge, reported, set_view};
 import package::intersect::line::{make_line, meet_exactly};
 import package::intersect::notes::{FIRST_NOTE, HARD, OPEN, OPEN_RAYS, OPEN_SHADOWS, answer_any};
 import package::intersect::resolve_exact::{first_leaf, free_slot, offer, put_crossing};
-import package::lib::buffers::{counts, hits, nodes, occluded, rays, records};
+import package::lib::buffers::{counts, hits, nodes, occluded, records};
 import package::lib::params::params;
-@if(fallback_rays || fallback_any_rays)
-import package::geometry::queries::{limits_of_given as limits_of, ray_of_given as ray_of, set_line_of_given as set_line_of};
-@else
-import package::geometry::queries::{limits_of_camera as limits_of, ray_of_pixel as ray_of, set_line_of_pixel as set_line_of};
 
 // Another search for rays that notes do not tell of: down the tree, candidate by candidate, by one invocation a ray. Its stack
 // lies in `occluded` behind the notes.
@@ -43,17 +38,17 @@ fn may_meet(ray: Prepared, row: u32, bound: f32) -> bool {
 }
 
 // Where the list of open rays begins.
-@if(fallback_camera || fallback_rays)
+@if(fallback_rays)
 fn list_at() -> u32 { return params.first; }
 @else
 fn list_at() -> u32 { return params.destination; }
 
-@if(fallback_camera || fallback_rays)
+@if(fallback_rays)
 fn is_open(i: u32) -> bool { return hits[i].z == OPEN; }
 @else
 fn is_open(i: u32) -> bool { return occluded[i] >= FIRST_NOTE; }
 
-@if(fallback_camera || fallback_rays)
+@if(fallback_rays)
 fn is_candidate(ray: Prepared, leaf: u32, bound: f32) -> bool {
     let j = judge(ray, corners_of(leaf));
     return j.possible && j.low <= bound;
@@ -66,7 +61,7 @@ fn is_candidate(ray: Prepared, leaf: u32, bound: f32) -> bool {
 }
 
 // Looks at a candidate; whether it is enough. Of closest hits none is.
-@if(fallback_camera || fallback_rays)
+@if(fallback_rays)
 fn see(leaf: u32) -> bool {
     consider(leaf);
     return false;
@@ -156,7 +151,7 @@ fn fallback_any(place: u32, i: u32, ray: Prepared, ignore: u32, count: u32) {
 }
 
 // What settles the ray at a place.
-@if(fallback_camera || fallback_rays)
+@if(fallback_rays)
 fn fallback_ray(place: u32, i: u32) {
     set_line_of(i);
     fallback_closest(place, i, ray_of(i));
@@ -166,30 +161,16 @@ fn fallback_ray(place: u32, i: u32) {
     set_line_of(i);
     fallback_any(place, i, ray_of(i), NO_LEAF, 2u);
 }
-@elif(fallback_shadow_camera)
-fn fallback_ray(place: u32, i: u32) {
-    let way = to_light(hits[i], eye());
-    set_line_along(way);
-    fallback_any(place, i, ray_to_light(way), hits[i].w, 3u);
-}
 @else
 fn fallback_ray(place: u32, i: u32) {
-    let way = to_light(hits[i], scaled_point(rays[2u * i].xyz));
+    let way = to_light(hits[i], asked(i).origin);
     set_line_along(way);
     fallback_any(place, i, ray_to_light(way), hits[i].w, 3u);
 }
 
-// The closest hits of pixels' rays that `resolve_exact_camera` left open.
+// The closest hits of rays that `resolve_exact_rays` or `resolve_exact_together` left open.
 //
 // Variants: intersector(exact), arithmetic.
-@compute @workgroup_size(64)
-fn fallback_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    fallback_open(local, group.x + group.y * groups.x, OPEN_RAYS);
-}
-
-// The closest hits of given rays that `resolve_exact_rays` left open.
-//
-// Variants: intersector(exact).
 @compute @workgroup_size(64)
 fn fallback_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     fallback_open(local, group.x + group.y * groups.x, OPEN_RAYS);
@@ -203,15 +184,7 @@ fn fallback_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workg
     fallback_open(local, group.x + group.y * groups.x, OPEN_RAYS);
 }
 
-// The shadows that `resolve_exact_shadow_camera` left open.
-//
-// Variants: intersector(exact).
-@compute @workgroup_size(64)
-fn fallback_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    fallback_open(local, group.x + group.y * groups.x, OPEN_SHADOWS);
-}
-
-// The shadows that `resolve_exact_shadow_rays` left open.
+// The shadows that `resolve_exact_shadow_rays` or `shadow_left` left open.
 //
 // Variants: intersector(exact).
 @compute @workgroup_size(64)

@@ -8,7 +8,7 @@ import package::intersect::sheared::{
 };
 import package::lib::ieee::{add, divide_by, divisor, mul, sub};
 
-// A triangle seen along a ray, in the device's own arithmetic, and how far that may be off: "On GPUs" of `exact` in ARCHITECTURE.md.
+// A triangle seen along a ray, in the device's own arithmetic, and how far that may be off: "The filter" in docs/design/exact-arithmetic.md.
 
 // 2^-60: what counting small numbers as zero may change.
 const SMALL: f32 = 8.673617379884035e-19;
@@ -65,7 +65,7 @@ fn most_edge(s: Seen) -> f32 { return max(s.u, max(s.v, s.w)); }
 fn surely_out(s: Seen, doubt: f32) -> bool { return least_edge(s) < -doubt && most_edge(s) > doubt; }
 fn surely_in(s: Seen, doubt: f32) -> bool { return least_edge(s) > doubt || most_edge(s) < -doubt; }
 
-// What rounded arithmetic says of a triangle, and what it leaves open: "On GPUs" of `exact` in ARCHITECTURE.md.
+// What rounded arithmetic says of a triangle, and what it leaves open: "The filter" in docs/design/exact-arithmetic.md.
 
 // A triangle that may be hit; its exact t, if it is, lies in low ..= high.
 struct Judged { possible: bool, sure: bool, low: f32, high: f32 }

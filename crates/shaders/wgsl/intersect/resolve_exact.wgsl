@@ -2,23 +2,18 @@
 
 import package::geometry::layout::NO_LEAF;
 import package::geometry::light::{set_line_along, to_light};
-import package::geometry::queries::eye;
+import package::geometry::queries::{asked, limits_of, ray_of, set_line_of};
 import package::geometry::ray::{MISS, Prepared};
-import package::geometry::units::scaled_point;
 import package::intersect::determinants::{
     Decided, RAYS, Rest, begin_rounds, crossing_in, decide_notes, decided, determinants, put_192, rest_of,
 };
 import package::intersect::filter::reported;
 import package::intersect::line::{Crossing, order_crossings};
 import package::intersect::notes::{HARD, NO_NOTE, OPEN_RAYS, TOO_MANY, answer_any, listed};
-import package::lib::buffers::{counts, hits, occluded, rays, records};
+import package::lib::buffers::{counts, hits, occluded, records};
 import package::lib::fixed::{About, Whole192, compare_about};
 import package::lib::params::params;
 import package::lib::whole::CROSSINGS;
-@if(resolve_exact_rays || resolve_exact_any_rays)
-import package::geometry::queries::{limits_of_given as limits_of, ray_of_given as ray_of, set_line_of_given as set_line_of};
-@else
-import package::geometry::queries::{limits_of_camera as limits_of, ray_of_pixel as ray_of, set_line_of_pixel as set_line_of};
 
 // The first of a ray's candidates so far, as they come one by one.
 
@@ -151,10 +146,8 @@ fn resolve_exact_any(i: u32, count: u32, said: Said) {
 // Sets a query's line.
 @if(resolve_exact_any_rays)
 fn set_line_asked(i: u32) { set_line_of(i); }
-@elif(resolve_exact_shadow_rays)
-fn set_line_asked(i: u32) { set_line_along(to_light(hits[i], scaled_point(rays[2u * i].xyz))); }
 @else
-fn set_line_asked(i: u32) { set_line_along(to_light(hits[i], eye())); }
+fn set_line_asked(i: u32) { set_line_along(to_light(hits[i], asked(i).origin)); }
 
 // A list of open any-hit queries, shared by workgroups.
 //
@@ -193,18 +186,9 @@ fn resolve_exact_shadow_rays(@builtin(local_invocation_index) local: u32, @built
     resolve_exact_queries(local, number, groups.x * groups.y, 3u);
 }
 
-// The closest hits of pixels' rays that `trace_camera` left open: as many invocations as there may be share the list.
+// The closest hits that `trace_camera` or `trace_rays` left open: as many invocations as there may be share the list.
 //
 // Variants: intersector(exact), arithmetic.
-@compute @workgroup_size(64)
-fn resolve_exact_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let number = group.x + group.y * groups.x;
-    resolve_exact_hits(local, number, groups.x * groups.y);
-}
-
-// The closest hits of given rays that `trace_rays` left open: as many invocations as there may be share the list.
-//
-// Variants: intersector(exact).
 @compute @workgroup_size(64)
 fn resolve_exact_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let number = group.x + group.y * groups.x;

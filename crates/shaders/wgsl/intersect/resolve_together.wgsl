@@ -2,7 +2,7 @@
 
 import package::geometry::layout::{LEAF, NONE, children_of, first_of, others_of};
 import package::geometry::light::{ToLight, ray_to_light, set_line_along, to_light};
-import package::geometry::queries::{eye, limits_of_camera, ray_of_pixel};
+import package::geometry::queries::{eye, limits_of, ray_of};
 import package::geometry::ray::{Prepared, meets_box};
 import package::geometry::record::corners_of;
 import package::intersect::determinants::{begin_rounds, note_after};
@@ -159,7 +159,7 @@ fn known_shadow(i: u32, hit: vec4<u32>) -> u32 {
 
 // Whether the way from a candidate to the light is occluded, as its note will say.
 fn seek_shadow(i: u32, note: u32, local: u32) {
-    let hit = reported(ray_of_pixel(i), occluded[note_at(note)], limits_of_camera(i));
+    let hit = reported(ray_of(i), occluded[note_at(note)], limits_of(i));
     let sought = seek_along(to_light(hit, eye()), hit.w, local);
     if local == 0u { occluded[shadow_of(note)] = known(sought); }
 }

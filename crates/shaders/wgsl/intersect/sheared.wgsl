@@ -1,4 +1,4 @@
-// A triangle sheared along a ray (Woop, Benthin, Wald 2013), and where it is crossed: see ARCHITECTURE.md.
+// A triangle sheared along a ray (Woop, Benthin, Wald 2013), and where it is crossed: see docs/design/hits.md.
 
 import package::geometry::ray::{
     Prepared, are_negative, clamped, inverse_of, least_of, most_of, pushed_from_zero, slab, unpermute,
@@ -65,7 +65,7 @@ fn crossing(e: Edges) -> Candidate {
     return solve(flushed(e.u), flushed(e.v), flushed(e.w), e.a.z, e.b.z, e.c.z);
 }
 
-// A triangle's own box, asked without dividing where that is enough: see "Own boxes" in ARCHITECTURE.md.
+// A triangle's own box, asked without dividing where that is enough: see "Own boxes" in docs/design/hits.md.
 
 // Boxes decide hits where one is kept, at most.
 fn sheared_inverse_for(ray: Prepared) -> vec3<f32> { return 1.0 / pushed_from_zero(ray.direction); }

@@ -11,7 +11,7 @@ import package::lib::exact::sign_of_difference;
 import package::lib::ieee::{add, divide, divide_by, divisor};
 import package::lib::params::params;
 
-// Woop, Benthin, Wald 2013, with exact signs and symbolic ties: see ARCHITECTURE.md.
+// Woop, Benthin, Wald 2013, with exact signs and symbolic ties: see docs/design/hits.md.
 
 // The sign of p.x * q.y - p.y * q.x, exactly; where that is zero, as if the ray were moved by (e, e^2).
 fn edge_sign(value: f32, p: Sheared, q: Sheared) -> i32 {

@@ -7,14 +7,14 @@
 @else
 @group(0) @binding(next) var<storage, read> nodes: array<vec4<u32>>;
 
-// Three rows a triangle, in leaf order: see geometry/record.wgsl and build/record.wgsl.
+// Three rows a triangle, in leaf order: see geometry/record.wgsl.
 @if(preprocess || preprocess_treelets || preprocess_treelets_of_keys)
 @group(0) @binding(next) var<storage, read_write> records: array<vec4<u32>>;
 @else
 @group(0) @binding(next) var<storage, read> records: array<vec4<u32>>;
 
 // For each ray t and two weights as bits, and the triangle that it hits.
-@if(shadow_rays || shadow_left || resolve_exact_shadow_rays || fallback_shadow_camera || fallback_shadow_rays || extreme_shadow_camera || extreme_shadow_rays)
+@if(shadow_rays || shadow_left || resolve_exact_shadow_rays || fallback_shadow_rays || extreme_shadow_rays)
 @group(0) @binding(next) var<storage, read> hits: array<vec4<u32>>;
 @elif(count_hits)
 @group(0) @binding(next) var<storage, read> hits: array<vec4<u32>>;

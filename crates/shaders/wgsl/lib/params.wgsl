@@ -1,9 +1,7 @@
-// What changes from one dispatch to the next.
-
 // What changes from one dispatch to the next. Each kernel reads the part it needs.
 
 struct Params {
-    // Camera: see geom::Camera.
+    // Camera: see geom::Camera. Of rays given one by one, width is 0.
     eye: vec3<f32>,
     width: u32,
     corner: vec3<f32>,
@@ -49,7 +47,7 @@ struct Params {
     rule: u32,
     // The eye in scaled units.
     scaled_eye: vec3<f32>,
-    // What depth is scaled by, as a power of two: see "Packets" in ARCHITECTURE.md.
+    // What depth is scaled by, as a power of two: see docs/design/packets.md.
     depth_exponent: i32,
     // A point p from the eye is seen in column dot(column, p) / dot(depth, p), likewise in its row.
     column: vec3<f32>,

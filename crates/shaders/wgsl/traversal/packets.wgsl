@@ -9,7 +9,7 @@ import package::lib::lanes::{any_of_all, least_of_all, most_of_all, of_lane, tra
 import package::lib::params::params;
 import package::visibility::outline::{BLOCK, BOUNDLESS};
 
-// A packet of 8 x 4 pixels, whose rays, an invocation each, go down the wide tree together: see "Packets" in ARCHITECTURE.md.
+// A packet of 8 x 4 pixels, whose rays, an invocation each, go down the wide tree together: see docs/design/packets.md.
 // What is covered decides who is asked, never what is hit. All 32 invocations call these functions together.
 
 // In place of a lane that leads nowhere any more; beyond all depths.

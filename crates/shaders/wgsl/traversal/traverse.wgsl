@@ -76,7 +76,7 @@ fn find_closest(ray: Prepared) -> Found {
     return best;
 }
 
-// Each turn of a search for any hit goes three nodes down at most, and tests both triangles of a leaf: see "Rasterization" in ARCHITECTURE.md.
+// Each turn of a search for any hit goes three nodes down at most, and tests both triangles of a leaf: see docs/design/visibility-buffer.md.
 @if(resolve)
 const BY_PAIRS: bool = true;
 

@@ -1,4 +1,4 @@
-// Rasterization, first step: which pixels each triangle may cover, in tiles. See "Rasterization" in ARCHITECTURE.md.
+// Rasterization, first step: which pixels each triangle may cover, in tiles. See docs/design/visibility-buffer.md.
 
 import package::geometry::queries::eye;
 import package::geometry::ray::root_from;
@@ -52,7 +52,7 @@ fn place_stamps(own: u32, tests: u32, local: u32) -> Place {
     return Place(first, first + at);
 }
 
-// Which pixels each triangle may cover, in tiles: see "Rasterization" in ARCHITECTURE.md.
+// Which pixels each triangle may cover, in tiles: see docs/design/visibility-buffer.md.
 
 // How many tiles of a triangle one invocation makes, at most.
 const MOST: i32 = 32;

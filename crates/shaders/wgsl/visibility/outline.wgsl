@@ -67,7 +67,7 @@ fn are_beside(least_and_most: vec2<f32>, axis: vec3<f32>, size: u32, reach: f32)
     return reach < FARTHEST && (least_and_most.x > doubt || least_and_most.y < -doubt);
 }
 
-// A triangle as it is seen in the picture, a little larger: see "Rasterization" in ARCHITECTURE.md.
+// A triangle as it is seen in the picture, a little larger: see docs/design/visibility-buffer.md.
 
 // Its rectangle of pixels, whose first lies behind its last if it covers none. Its edges bound each row of pixels: in the first
 // row at `at`, and `slope` more each row; those on side -1 where covered pixels begin, those on side 1 where they end. About so

@@ -1,4 +1,4 @@
-// What each triangle covers of the picture, and each box of the wide tree: see "Packets" in ARCHITECTURE.md.
+// What each triangle covers of the picture, and each box of the wide tree: see docs/design/packets.md.
 
 import package::geometry::queries::eye;
 import package::geometry::ray::{FARTHEST, least_of, most_of, root_from};

@@ -16,7 +16,7 @@ import package::visibility::cover::{LARGE_COUNT, LISTED, TEST_COUNT, TILE_COUNT,
 @else
 @group(0) @binding(next) var<storage, read_write> visibility: array<atomic<u64>>;
 
-// Empties the visibility buffer, two words of 64 bits an invocation: see "Rasterization" in ARCHITECTURE.md.
+// Empties the visibility buffer, two words of 64 bits an invocation: see docs/design/visibility-buffer.md.
 
 @compute @workgroup_size(128)
 fn clear_visibility(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
@@ -25,7 +25,7 @@ fn clear_visibility(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_w
 }
 
 // Which triangle each pixel's ray hits first, tile by tile: 32 invocations take a tile each and share the tests of all evenly,
-// and call these functions together. See "Rasterization" in ARCHITECTURE.md.
+// and call these functions together. See docs/design/visibility-buffer.md.
 
 // How many tiles there are; none if each ray is to go down the tree.
 var<workgroup> stamp_count: u32;

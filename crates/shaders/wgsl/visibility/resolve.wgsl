@@ -15,7 +15,7 @@ import package::traversal::traverse::find_closest;
 
 @group(0) @binding(next) var<storage, read> visibility: array<vec2<u32>>;
 
-// What each pixel's ray hits, by the visibility buffer, and its shadow: see "Rasterization" in ARCHITECTURE.md. Where that does not tell
+// What each pixel's ray hits, by the visibility buffer, and its shadow: see docs/design/visibility-buffer.md. Where that does not tell
 // all, each ray goes down the tree, as in `trace_and_shadow_camera`.
 
 const NOT_SEEN: vec2<u32> = vec2<u32>(0xffffffffu);

@@ -41,21 +41,19 @@ fn quantized_positions_are_whole_numbers_or_parts_of_one() {
     let bytes = vec![0, 0, 0, 127, 0, 0, 0, 0x81, 0];
     let shorts = [0_i16, 0, 0, 32767, 0, 0, 0, -32767, 0];
     let shorts = shorts.map(i16::to_le_bytes).concat();
-    for (data, component, more, [x, y]) in [
-        (&bytes, 5120, "", [127.0, -127.0]),
-        (&bytes, 5120, NORMALIZED, [1.0, -1.0]),
-        (&bytes, 5121, "", [127.0, 129.0]),
-        (&bytes, 5121, NORMALIZED, [127.0 / 255.0, 129.0 / 255.0]),
-        (&shorts, 5122, "", [32767.0, -32767.0]),
-        (&shorts, 5122, NORMALIZED, [1.0, -1.0]),
-        (&shorts, 5123, "", [32767.0, 32769.0]),
-        (
-            &shorts,
-            5123,
-            NORMALIZED,
-            [32767.0 / 65535.0, 32769.0 / 65535.0],
-        ),
+    let whole = |kind, x, y| (kind, "", [x, y]);
+    let part = |kind, x: f32, y: f32, most: f32| (kind, NORMALIZED, [x / most, y / most]);
+    for (component, more, [x, y]) in [
+        whole(5120, 127.0, -127.0),
+        part(5120, 127.0, -127.0, 127.0),
+        whole(5121, 127.0, 129.0),
+        part(5121, 127.0, 129.0, 255.0),
+        whole(5122, 32767.0, -32767.0),
+        part(5122, 32767.0, -32767.0, 32767.0),
+        whole(5123, 32767.0, 32769.0),
+        part(5123, 32767.0, 32769.0, 65535.0),
     ] {
+        let data = if component < 5122 { &bytes } else { &shorts };
         let mut bin = Bin::default();
         let positions = bin.add(data, component, "VEC3", 3, more);
         let scene = read(&bin, &still(positions, &required)).unwrap();

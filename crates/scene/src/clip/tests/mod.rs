@@ -47,13 +47,8 @@ impl Bin {
 
     fn shorts(&mut self, values: &[u16], kind: &str) -> usize {
         let bytes: Vec<u8> = values.iter().flat_map(|x| x.to_le_bytes()).collect();
-        self.add(
-            &bytes,
-            5123,
-            kind,
-            values.len() / if kind == "VEC4" { 4 } else { 1 },
-            "",
-        )
+        let size = if kind == "VEC4" { 4 } else { 1 };
+        self.add(&bytes, 5123, kind, values.len() / size, "")
     }
 
     /// The whole JSON with the buffer's source given.
@@ -95,11 +90,8 @@ fn read(bin: &Bin, rest: &str) -> Result<Scene, String> {
 }
 
 fn close(found: Point, expected: Point) {
-    let near = found
-        .iter()
-        .zip(expected)
-        .all(|(a, b)| (a - b).abs() < 1e-6);
-    assert!(near, "{found:?} is not {expected:?}");
+    let mut off = found.iter().zip(expected).map(|(a, b)| (a - b).abs());
+    assert!(off.all(|d| d < 1e-6), "{found:?} is not {expected:?}");
 }
 
 const CORNERS: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
@@ -128,14 +120,9 @@ fn nodes_move_below_each_other_and_both_ends_of_the_clip_are_keys() {
     let (bin, rest) = moving();
     let scene = read(&bin, &rest).unwrap();
     let keys = scene.animation.keys();
-    assert_eq!(
-        (
-            keys.len(),
-            scene.facts.seconds_per_key,
-            scene.facts.clip.as_deref()
-        ),
-        (3, Some(0.5), Some("go"))
-    );
+    let facts = &scene.facts;
+    assert_eq!((keys.len(), facts.seconds_per_key), (3, Some(0.5)));
+    assert_eq!(facts.clip.as_deref(), Some("go"));
     close(keys[0][1], [-1.0, 0.0, 0.0]);
     close(keys[1][0], [-1.0, 0.0, 0.0]);
     close(keys[1][1], [-2.0, 0.0, 0.0]);
@@ -149,13 +136,7 @@ fn nodes_move_below_each_other_and_both_ends_of_the_clip_are_keys() {
 #[test]
 fn a_clip_is_chosen_by_name_or_index_and_none_makes_one_key() {
     let (bin, rest) = moving();
-    let none = rest
-        .split(r#""animations""#)
-        .next()
-        .unwrap()
-        .trim()
-        .trim_end_matches(',')
-        .to_owned();
+    let none = rest.replace(r#""animations""#, r#""extras""#);
     let still = read(&bin, &none).unwrap();
     assert_eq!((still.animation.keys().len(), still.facts.clip), (1, None));
     close(still.animation.keys()[0][0], [0.0, 5.0, 0.0]);
@@ -164,37 +145,30 @@ fn a_clip_is_chosen_by_name_or_index_and_none_makes_one_key() {
         r#""animations":[{"samplers":[],"channels":[]},"#,
     );
     let bytes = glb(&bin.json(&two, ""), &bin.bytes);
-    let with = |clip: Option<&str>| {
-        read_with(
-            &bytes,
-            &Options {
-                fps: 24.0,
-                clip: clip.map(str::to_owned),
-                ..Options::default()
-            },
-        )
+    let with = |fps, clip: Option<&str>| {
+        let options = Options {
+            fps,
+            clip: clip.map(str::to_owned),
+            ..Options::default()
+        };
+        read_with(&bytes, &options)
     };
     for (clip, keys) in [(Some("go"), 25), (Some("1"), 25), (Some("0"), 1), (None, 1)] {
-        assert_eq!(with(clip).unwrap().animation.keys().len(), keys, "{clip:?}");
+        assert_eq!(
+            with(24.0, clip).unwrap().animation.keys().len(),
+            keys,
+            "{clip:?}"
+        );
     }
-    assert!(with(None).unwrap().facts.notes[0].contains("first of 2 clips: 0, go"));
-    let message = with(Some("stop")).unwrap_err();
+    assert!(with(24.0, None).unwrap().facts.notes[0].contains("first of 2 clips: 0, go"));
+    let message = with(24.0, Some("stop")).unwrap_err();
     assert!(
         message.contains(r#"no clip "stop"; there are 0 "0", 1 "go""#),
         "{message}"
     );
     for fps in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
-        assert!(
-            read_with(
-                &bytes,
-                &Options {
-                    fps,
-                    ..Options::default()
-                }
-            )
-            .unwrap_err()
-            .contains("frame rate")
-        );
+        let message = with(fps, None).unwrap_err();
+        assert!(message.contains("frame rate"), "{message}");
     }
 }
 
@@ -293,39 +267,25 @@ fn strips_fans_and_lists_make_triangles_and_points_are_counted() {
     let corners = bin.floats(&corners, "VEC3");
     let indices = bin.shorts(&[5, 4, 3, 1], "SCALAR");
     let primitive = |more: &str| format!(r#"{{"attributes":{{"POSITION":{corners}}}{more}}}"#);
-    let list = [
-        primitive(&format!(r#","mode":5,"indices":{indices}"#)),
-        primitive(r#","mode":0"#),
-        primitive(&format!(r#","mode":6,"indices":{indices}"#)),
-        primitive(""),
-    ];
-    let rest = format!(
-        r#""meshes":[{{"primitives":[{}]}}],"nodes":[{{"mesh":0}}]"#,
-        list.join(",")
-    );
-    let scene = read(&bin, &rest).unwrap();
+    let strip = primitive(&format!(r#","mode":5,"indices":{indices}"#));
+    let fan = primitive(&format!(r#","mode":6,"indices":{indices}"#));
+    let (points, list) = (primitive(r#","mode":0"#), primitive(""));
+    let of = |primitives: &[String]| {
+        let all = primitives.join(",");
+        read(
+            &bin,
+            &format!(r#""meshes":[{{"primitives":[{all}]}}],"nodes":[{{"mesh":0}}]"#),
+        )
+    };
+    let scene = of(&[strip, points.clone(), fan, list]).unwrap();
     let a = &scene.animation;
     let xs = |t: &[u32; 3]| t.map(|v| a.keys()[0][v as usize][0] as u32);
     let found: Vec<_> = a.triangles().iter().map(xs).collect();
-    assert_eq!(
-        found,
-        [
-            [5, 4, 3],
-            [4, 1, 3],
-            [5, 4, 3],
-            [5, 3, 1],
-            [0, 1, 2],
-            [3, 4, 5]
-        ]
-    );
+    let (in_strip, in_fan) = ([[5, 4, 3], [4, 1, 3]], [[5, 4, 3], [5, 3, 1]]);
+    let expected = [in_strip, in_fan, [[0, 1, 2], [3, 4, 5]]].concat();
+    assert_eq!(found, expected);
     assert_eq!(scene.facts.notes, ["skipped 1 primitives of mode Points"]);
-    let points = format!(
-        r#""meshes":[{{"primitives":[{}]}}],"nodes":[{{"mesh":0}}]"#,
-        list[1]
-    );
-    assert!(
-        read(&bin, &points)
-            .unwrap_err()
-            .contains("no triangles; skipped 1 primitives of mode Points")
-    );
+    let message = of(&[points]).unwrap_err();
+    let says = "no triangles; skipped 1 primitives of mode Points";
+    assert!(message.contains(says), "{message}");
 }
