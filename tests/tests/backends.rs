@@ -10,7 +10,8 @@
 use backend::Backend;
 use conformance::{LAWS, Law, OWN_TREE_LAWS, hold, laws_of};
 use cpu_ref::CpuBackend;
-use gpu_vulkan::{DriverTreeBackend, Prefer, Validation, VulkanBackend};
+use gpu_vulkan::{Validation, VulkanBackend};
+use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
 use libtest_mimic::{Arguments, Failed, Trial};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -36,7 +37,7 @@ impl Subject for VulkanBackend {
         self
     }
     fn complaints(&self) -> Vec<String> {
-        self.validation_messages()
+        self.gpu().validation_messages()
     }
 }
 
@@ -45,7 +46,7 @@ impl Subject for DriverTreeBackend {
         self
     }
     fn complaints(&self) -> Vec<String> {
-        self.validation_messages()
+        self.gpu().validation_messages()
     }
 }
 
@@ -54,7 +55,7 @@ impl Subject for WgpuBackend {
         self
     }
     fn complaints(&self) -> Vec<String> {
-        self.validation_messages()
+        self.gpu().validation_messages()
     }
 }
 
