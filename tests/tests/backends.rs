@@ -10,7 +10,8 @@
 use backend::Backend;
 use conformance::{LAWS, Law, OWN_TREE_LAWS, Reference, hold, laws_of};
 use cpu_ref::CpuBackend;
-use gpu_vulkan::{DriverTreeBackend, Prefer, Validation, VulkanBackend};
+use gpu_vulkan::{Validation, VulkanBackend};
+use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
 use libtest_mimic::{Arguments, Failed, Trial};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -38,9 +39,9 @@ macro_rules! subjects {
 
 subjects! {
     CpuBackend: |_| Vec::new(),
-    VulkanBackend: |backend| backend.validation_messages(),
-    DriverTreeBackend: |backend| backend.validation_messages(),
-    WgpuBackend: |backend| backend.validation_messages(),
+    VulkanBackend: |backend| backend.gpu().validation_messages(),
+    DriverTreeBackend: |backend| backend.gpu().validation_messages(),
+    WgpuBackend: |backend| backend.gpu().validation_messages(),
 }
 
 type Open = fn() -> backend::Result<Box<dyn Subject>>;

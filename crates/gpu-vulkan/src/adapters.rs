@@ -43,7 +43,7 @@ pub fn adapters() -> Result<Vec<AdapterInfo>> {
 }
 
 /// Every device of the instance, in Vulkan's order.
-pub(crate) fn all(host: &Host) -> Result<Vec<AdapterInfo>> {
+pub fn all(host: &Host) -> Result<Vec<AdapterInfo>> {
     let devices = host.physical_devices()?;
     let each = devices.iter().enumerate();
     Ok(each.map(|(i, &d)| describe(host, i, d)).collect())

@@ -1,13 +1,13 @@
 //! Command buffers, and what is recorded into them everywhere.
 
-use crate::device::Gpu;
 use crate::errors::failed;
+use crate::gpu::Gpu;
 use ash::vk;
 use backend::Result;
 use std::sync::Arc;
 
 /// A pool whose command buffers are recorded and reset together.
-pub(crate) struct Commands {
+pub struct Commands {
     pool: vk::CommandPool,
     buffers: Vec<vk::CommandBuffer>,
     /// Buffers begun since the last reset.
@@ -69,7 +69,8 @@ impl Commands {
     }
 
     /// The buffer being recorded.
-    pub(crate) fn vk(&self) -> vk::CommandBuffer {
+    #[must_use]
+    pub fn vk(&self) -> vk::CommandBuffer {
         self.buffers[self.begun - 1]
     }
 
@@ -79,7 +80,7 @@ impl Commands {
     }
 
     /// What `before` writes, here or in earlier submissions to the queue, comes before what `after` does with it.
-    pub(crate) fn barrier(&self, before: Reach, after: Reach) {
+    pub fn barrier(&self, before: Reach, after: Reach) {
         let memory = [vk::MemoryBarrier::default()
             .src_access_mask(before.writes)
             .dst_access_mask(after.reads | after.writes)];
@@ -108,31 +109,31 @@ impl Drop for Commands {
 
 /// One side of a barrier.
 #[derive(Clone, Copy)]
-pub(crate) struct Reach {
+pub struct Reach {
     stages: vk::PipelineStageFlags,
     reads: vk::AccessFlags,
     writes: vk::AccessFlags,
 }
 
 /// Kernels.
-pub(crate) const KERNELS: Reach = Reach {
+pub const KERNELS: Reach = Reach {
     stages: vk::PipelineStageFlags::COMPUTE_SHADER,
     reads: vk::AccessFlags::SHADER_READ,
     writes: vk::AccessFlags::SHADER_WRITE,
 };
 
 /// Copies and fills.
-pub(crate) const COPIES: Reach = Reach {
+pub const COPIES: Reach = Reach {
     stages: vk::PipelineStageFlags::TRANSFER,
     reads: vk::AccessFlags::TRANSFER_READ,
     writes: vk::AccessFlags::TRANSFER_WRITE,
 };
 
 /// Both.
-pub(crate) const ALL: Reach = KERNELS.and(COPIES);
+pub const ALL: Reach = KERNELS.and(COPIES);
 
 /// The driver's work on its own trees, and the vertices that it reads.
-pub(crate) const BUILDS: Reach = Reach {
+pub const BUILDS: Reach = Reach {
     stages: vk::PipelineStageFlags::ACCELERATION_STRUCTURE_BUILD_KHR,
     reads: vk::AccessFlags::from_raw(
         vk::AccessFlags::SHADER_READ.as_raw()
@@ -142,7 +143,7 @@ pub(crate) const BUILDS: Reach = Reach {
 };
 
 /// Rays through the driver's own trees.
-pub(crate) const RAYS: Reach = Reach {
+pub const RAYS: Reach = Reach {
     stages: vk::PipelineStageFlags::RAY_TRACING_SHADER_KHR,
     reads: BUILDS.reads,
     writes: vk::AccessFlags::SHADER_WRITE,
@@ -150,7 +151,8 @@ pub(crate) const RAYS: Reach = Reach {
 
 impl Reach {
     /// Both.
-    pub(crate) const fn and(self, other: Self) -> Self {
+    #[must_use]
+    pub const fn and(self, other: Self) -> Self {
         Self {
             stages: vk::PipelineStageFlags::from_raw(self.stages.as_raw() | other.stages.as_raw()),
             reads: vk::AccessFlags::from_raw(self.reads.as_raw() | other.reads.as_raw()),
@@ -160,7 +162,7 @@ impl Reach {
 }
 
 /// The host, which reads mapped memory.
-pub(crate) const HOST: Reach = Reach {
+pub const HOST: Reach = Reach {
     stages: vk::PipelineStageFlags::HOST,
     reads: vk::AccessFlags::HOST_READ,
     writes: vk::AccessFlags::empty(),

@@ -4,12 +4,12 @@ use ash::vk;
 use backend::BackendError;
 
 /// Says what was being done when Vulkan refused.
-pub(crate) fn failed(what: &str) -> impl FnOnce(vk::Result) -> BackendError + '_ {
+pub fn failed(what: &str) -> impl FnOnce(vk::Result) -> BackendError + '_ {
     failed_for(what, 0)
 }
 
 /// Likewise, for what takes so many bytes.
-pub(crate) fn failed_for(what: &str, bytes: u64) -> impl FnOnce(vk::Result) -> BackendError + '_ {
+pub fn failed_for(what: &str, bytes: u64) -> impl FnOnce(vk::Result) -> BackendError + '_ {
     move |code| match code {
         vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
             BackendError::OutOfMemory {
@@ -26,7 +26,7 @@ pub(crate) fn failed_for(what: &str, bytes: u64) -> impl FnOnce(vk::Result) -> B
 }
 
 /// Says what of a kernel the device's compiler refused.
-pub(crate) fn refused(kernel: &str) -> impl FnOnce(vk::Result) -> BackendError + '_ {
+pub fn refused(kernel: &str) -> impl FnOnce(vk::Result) -> BackendError + '_ {
     move |code| match code {
         vk::Result::ERROR_DEVICE_LOST => BackendError::DeviceLost(kernel.to_owned()),
         _ => BackendError::NoDevice(format!("the driver refuses kernel {kernel}: {code}")),
@@ -34,10 +34,11 @@ pub(crate) fn refused(kernel: &str) -> impl FnOnce(vk::Result) -> BackendError +
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
 
-    pub(crate) fn codes_become_errors_that_say_what_was_being_done() {
+    #[test]
+    fn codes_become_errors_that_say_what_was_being_done() {
         let lost = failed("a submission")(vk::Result::ERROR_DEVICE_LOST);
         assert_eq!(lost.to_string(), "the device was lost: a submission");
         let full = failed_for("hits", 64)(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);

@@ -7,8 +7,9 @@ use std::ffi::CString;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// An instance and, if asked for, the messenger for its validation layer.
-pub(crate) struct Host {
-    pub(crate) instance: Instance,
+pub struct Host {
+    /// Its calls.
+    pub instance: Instance,
     /// Keeps the loader's library open.
     entry: Entry,
     /// Taken out before the instance is destroyed; `None` without the layer.
@@ -22,9 +23,11 @@ pub(crate) struct Host {
 static PLAIN: Mutex<Option<Arc<Host>>> = Mutex::new(None);
 
 impl Host {
+    /// The instance of this process, or one under the validation layer.
+    ///
     /// # Errors
     /// [`BackendError::NoDevice`] with the reason.
-    pub(crate) fn new(validation: Validation) -> Result<Arc<Self>> {
+    pub fn new(validation: Validation) -> Result<Arc<Self>> {
         let plain = Self::plain()?;
         match validation.is_on(&plain.entry)? {
             true => Self::make(true).map(Arc::new),
@@ -74,7 +77,11 @@ impl Host {
         Ok(made)
     }
 
-    pub(crate) fn physical_devices(&self) -> Result<Vec<vk::PhysicalDevice>> {
+    /// Every device, in Vulkan's order.
+    ///
+    /// # Errors
+    /// [`BackendError::NoDevice`] if there is none.
+    pub fn physical_devices(&self) -> Result<Vec<vk::PhysicalDevice>> {
         // SAFETY: the instance is alive.
         let devices = unsafe { self.instance.enumerate_physical_devices() }
             .map_err(|e| BackendError::NoDevice(format!("Vulkan lists no devices: {e}")))?;
@@ -85,7 +92,8 @@ impl Host {
     }
 
     /// Names of all extensions that a device offers.
-    pub(crate) fn extensions(&self, device: vk::PhysicalDevice) -> Vec<CString> {
+    #[must_use]
+    pub fn extensions(&self, device: vk::PhysicalDevice) -> Vec<CString> {
         // SAFETY: the device belongs to the instance, which is alive.
         let offered = unsafe { self.instance.enumerate_device_extension_properties(device) };
         let names = offered.unwrap_or_default();

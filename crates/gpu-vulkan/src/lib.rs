@@ -7,46 +7,34 @@
 //! frame: vertices set out as soon as they are interpolated, while their frame
 //! goes on to trace; a tree sets out when it is adopted, while the frames
 //! before still run. The host waits in `wait` and `hits` alone, and in `submit`
-//! when too many frames are under way. All `unsafe` of the GPU side lives here.
+//! when too many frames are under way. All `unsafe` of the GPU side lives here and in `gpu-vulkan-rt`.
+//!
+//! It is `gpu-common`'s [`ComputeBackend`](gpu_common::ComputeBackend) over a [`VulkanDevice`]. What `gpu-vulkan-rt`
+//! needs of that is public: buffers, commands, the device.
 
 mod adapters;
-mod backend_impl;
-mod clock;
-mod commands;
-mod device;
-mod errors;
+pub mod commands;
+pub mod errors;
 mod extras;
-mod frames;
-mod inspect;
-mod instance;
+pub mod gpu;
+pub mod instance;
 mod limits;
-mod memory;
+mod marks;
+pub mod memory;
 mod pages;
 mod pipelines;
+mod pool;
+mod positions;
 mod queues;
-mod rebuild;
-mod rt;
-mod scene;
-mod selftest;
 mod slot;
-mod snapshots;
-mod stages;
-#[cfg(test)]
-mod tests;
-mod timeline;
-mod traces;
-mod transfer;
-mod tree;
+pub mod timeline;
+pub mod transfer;
 mod validation;
-mod vulkan;
+mod vulkan_device;
 
-pub use adapters::{AdapterInfo, Options, adapters};
-pub use rt::{DriverTreeBackend, Prefer, driver_tree_supports, ray_adapters};
+pub use adapters::{AdapterInfo, Options, adapters, all};
+pub use pipelines::descriptor_type;
 pub use shaders::supports;
+pub use slot::Slot;
 pub use validation::Validation;
-pub use vulkan::VulkanBackend;
-
-#[cfg(test)]
-fn main() -> std::process::ExitCode {
-    tests::run()
-}
+pub use vulkan_device::{VulkanBackend, VulkanDevice};

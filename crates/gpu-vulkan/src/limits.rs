@@ -2,8 +2,8 @@
 
 use crate::instance::Host;
 use ash::vk;
-use backend::{BackendError, Result};
-use shaders::work::Work;
+use backend::Result;
+use gpu_common::refuse_above;
 use shaders::{KERNELS, Kernel, Kind};
 
 /// Bounds that a scene, a query or a kernel can meet.
@@ -55,15 +55,15 @@ impl Limits {
     /// Refuses a buffer that a kernel cannot span or memory cannot hold in one piece.
     ///
     /// # Errors
-    /// [`BackendError::Limit`]; likewise below.
+    /// [`backend::BackendError::Limit`]; likewise below.
     pub(crate) fn admit(&self, what: &str, bytes: u64) -> Result<()> {
         refuse_above(
-            format!("{what} (bytes, maxStorageBufferRange)"),
+            || format!("{what} (bytes, maxStorageBufferRange)"),
             bytes,
             self.storage_range,
         )?;
         refuse_above(
-            format!("{what} (bytes, maxMemoryAllocationSize)"),
+            || format!("{what} (bytes, maxMemoryAllocationSize)"),
             bytes,
             self.allocation,
         )
@@ -74,30 +74,17 @@ impl Limits {
         for kernel in KERNELS.iter().filter(|k| asked(k)) {
             let about = |limit: &str| format!("kernel {} ({limit})", kernel.name);
             refuse_above(
-                about("maxPerStageDescriptorStorageBuffers"),
+                || about("maxPerStageDescriptorStorageBuffers"),
                 u64::from(storage_buffers(kernel)),
                 u64::from(self.storage_buffers),
             )?;
             refuse_above(
-                about("maxComputeWorkGroupInvocations"),
+                || about("maxComputeWorkGroupInvocations"),
                 u64::from(kernel.workgroup[0]),
                 u64::from(self.workgroup),
             )?;
         }
         Ok(())
-    }
-
-    /// Workgroups of a dispatch along x and y.
-    pub(crate) fn groups(&self, work: &Work) -> Result<[u32; 2]> {
-        work.group_counts(self.groups)
-            .map_err(|e| BackendError::Limit {
-                what: format!(
-                    "kernel {} (workgroups along an axis, maxComputeWorkGroupCount)",
-                    work.kernel.name
-                ),
-                need: u64::from(e.need),
-                limit: u64::from(e.limit),
-            })
     }
 
     /// Names and values, to be shown.
@@ -119,19 +106,9 @@ pub(crate) fn storage_buffers(kernel: &Kernel) -> u32 {
     all.count() as u32
 }
 
-fn refuse_above(what: String, need: u64, limit: u64) -> Result<()> {
-    match need > limit {
-        true => Err(BackendError::Limit { what, need, limit }),
-        false => Ok(()),
-    }
-}
-
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-    use backend::{Method, QueryKind};
-    use geom::Camera;
-    use shaders::{Params, Traits, work};
 
     const LIMITS: Limits = Limits {
         storage_range: 1 << 27,
@@ -143,7 +120,8 @@ pub(crate) mod tests {
         tick_ns: 1.0,
     };
 
-    pub(crate) fn a_refused_buffer_names_its_need_and_the_limit_it_meets() {
+    #[test]
+    fn a_refused_buffer_names_its_need_and_the_limit_it_meets() {
         assert_eq!(LIMITS.admit("hits", 1 << 27), Ok(()));
         let refused = LIMITS.admit("hits", (1 << 27) + 16).unwrap_err();
         let expected =
@@ -159,30 +137,8 @@ pub(crate) mod tests {
         assert_eq!(refused.to_string(), expected);
     }
 
-    pub(crate) fn a_refused_dispatch_names_its_groups_and_how_many_there_may_be() {
-        let camera = |height| {
-            let (eye, up) = ([0.0, 0.0, 3.0], [0.0, 1.0, 0.0]);
-            Camera::look_at(eye, [0.0; 3], up, 50.0, [17, height]).unwrap()
-        };
-        let groups = |height| {
-            let camera = camera(height);
-            let rays = work::Rays::Camera(&camera);
-            let trace = work::trace(
-                Method::default(),
-                Params::default(),
-                rays,
-                QueryKind::Closest,
-                Traits::default(),
-            );
-            LIMITS.groups(&trace.primary[0])
-        };
-        assert_eq!(groups(9), Ok([2, 2]));
-        let expected = "kernel trace_camera.watertight.bvh2 (workgroups along an axis, maxComputeWorkGroupCount) \
-                        needs 70000, the limit is 65535";
-        assert_eq!(groups(8 * 70_000).unwrap_err().to_string(), expected);
-    }
-
-    pub(crate) fn a_device_with_too_few_buffers_is_refused_by_the_kernels_name() {
+    #[test]
+    fn a_device_with_too_few_buffers_is_refused_by_the_kernels_name() {
         let always = |k: &Kernel| !k.makes_trees() && !k.refits_treelets();
         assert_eq!(LIMITS.admit_kernels(always), Ok(()));
         let poor = Limits {

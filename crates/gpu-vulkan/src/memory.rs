@@ -1,10 +1,10 @@
 //! Buffers: made, mapped and given back.
 
-use crate::device::Gpu;
 use crate::errors::failed_for;
+use crate::gpu::Gpu;
 use crate::instance::Host;
 use ash::vk;
-use backend::{BackendError, DeviceBytes, Result};
+use backend::{BackendError, Result};
 use bytemuck::Pod;
 use gpu_allocator::vulkan::{
     Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
@@ -60,19 +60,7 @@ impl Memory {
         self.held.load(Ordering::Relaxed)
     }
 
-    /// What they hold, if so much is the tree's and the scene's.
-    pub(crate) fn parts(&self, [tree, scratch]: [u64; 2], scene: u64) -> DeviceBytes {
-        let frames = self.held().saturating_sub(tree + scratch + scene);
-        DeviceBytes {
-            tree,
-            scratch,
-            scene,
-            frames,
-        }
-    }
-
     /// Buffers made since the device was opened.
-    #[cfg(test)]
     pub(crate) fn made(&self) -> u64 {
         self.made.load(Ordering::Relaxed)
     }
@@ -137,16 +125,18 @@ fn device_bytes(allocation: &Allocation) -> u64 {
 }
 
 /// A buffer with memory of its own.
-pub(crate) struct Buffer {
-    pub(crate) vk: vk::Buffer,
-    pub(crate) bytes: u64,
+pub struct Buffer {
+    /// Its handle.
+    pub vk: vk::Buffer,
+    /// How large it is.
+    pub bytes: u64,
     allocation: Option<Allocation>,
     gpu: Arc<Gpu>,
 }
 
 /// Where a buffer lives.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum BufferUse {
+pub enum BufferUse {
     /// In device memory, invisible to the host.
     Device,
     /// Written by the host, read by the device.
@@ -162,12 +152,12 @@ impl Buffer {
     ///
     /// # Errors
     /// [`BackendError::Limit`] or [`BackendError::OutOfMemory`], with the need.
-    pub(crate) fn new(gpu: &Arc<Gpu>, what: &str, bytes: u64, place: BufferUse) -> Result<Self> {
+    pub fn new(gpu: &Arc<Gpu>, what: &str, bytes: u64, place: BufferUse) -> Result<Self> {
         let bytes = bytes.max(16).next_multiple_of(16);
         gpu.limits.admit(what, bytes)?;
         let mut info = vk::BufferCreateInfo::default()
             .size(bytes)
-            .usage(gpu.buffer_usage());
+            .usage(gpu.buffer_usage);
         if gpu.families.len() > 1 {
             info = info
                 .sharing_mode(vk::SharingMode::CONCURRENT)
@@ -200,12 +190,14 @@ impl Buffer {
     }
 
     /// Bytes that it takes of the device's own memory.
-    pub(crate) fn held(&self) -> u64 {
+    #[must_use]
+    pub fn held(&self) -> u64 {
         self.allocation.as_ref().map_or(0, device_bytes)
     }
 
-    /// Where the device finds it, if it was opened for [`crate::device::Needs::RayTracing`].
-    pub(crate) fn address(&self) -> vk::DeviceAddress {
+    /// Where the device finds it, if it was opened for [`crate::gpu::Needs::RayTracing`].
+    #[must_use]
+    pub fn address(&self) -> vk::DeviceAddress {
         let info = vk::BufferDeviceAddressInfo::default().buffer(self.vk);
         // SAFETY: the buffer has memory; buffers of such a device may be asked for their address.
         unsafe { self.gpu.vk.get_buffer_device_address(&info) }
@@ -244,7 +236,7 @@ impl Buffer {
     }
 
     /// Writes at a byte offset, for buffers of [`BufferUse::Upload`] and [`BufferUse::Staging`].
-    pub(crate) fn write<T: Pod>(&mut self, at: u64, data: &[T]) {
+    pub fn write<T: Pod>(&mut self, at: u64, data: &[T]) {
         let data: &[u8] = bytemuck::cast_slice(data);
         self.view_mut()[at as usize..][..data.len()].copy_from_slice(data);
     }

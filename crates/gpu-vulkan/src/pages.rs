@@ -1,13 +1,13 @@
 //! Parameters and descriptors of a submission's dispatches, in pages that are made as they are needed.
 
-use crate::device::Gpu;
 use crate::errors::failed;
+use crate::gpu::Gpu;
 use crate::limits::storage_buffers;
 use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::{Pipeline, descriptor_type};
 use ash::vk;
 use backend::Result;
-use shaders::{KERNELS, Kind, Params};
+use shaders::{BufferName, KERNELS, Kind, Params};
 use std::sync::Arc;
 
 /// Dispatches of one page; a submission of more takes more pages.
@@ -88,7 +88,7 @@ impl Pages {
         pipeline: &Pipeline,
         row: ParamsRow,
         last: Option<Bound>,
-        find: impl Fn(&'static str) -> &'a Buffer,
+        find: impl Fn(BufferName) -> &'a Buffer,
     ) -> Result<Bound> {
         let (kernel, page) = (pipeline.kernel.name, row.page);
         if let Some(last) = last.filter(|l| (l.kernel, l.page) == (kernel, page)) {
@@ -110,7 +110,7 @@ impl Pages {
         set: vk::DescriptorSet,
         pipeline: &Pipeline,
         page: usize,
-        find: impl Fn(&'static str) -> &'a Buffer,
+        find: impl Fn(BufferName) -> &'a Buffer,
     ) {
         let bindings = pipeline.kernel.bindings;
         let infos: Vec<_> = bindings

@@ -1,21 +1,14 @@
-//! One pipeline a kernel, its layout read from the kernel's own bindings; made when a method or a tree to be made first needs it.
+//! A kernel made ready, its layout read from the kernel's own bindings.
 
-use crate::device::{Gpu, one_at_a_time};
 use crate::errors::{failed, refused};
+use crate::gpu::{Gpu, one_at_a_time};
 use ash::vk;
-use backend::{Method, Result};
-use shaders::work::Work;
-use shaders::{KERNELS, Kernel, Kind, Traits};
+use backend::Result;
+use shaders::{Kernel, Kind};
 use std::sync::Arc;
 
-/// Kernels ready to be bound: those that all methods share, and those of every method loaded so far.
-pub(crate) struct Pipelines {
-    made: Vec<Pipeline>,
-    /// Which forms of kernels the device takes; known once the first of them has run.
-    pub(crate) traits: Traits,
-}
-
-pub(crate) struct Pipeline {
+/// A kernel ready to be bound.
+pub struct Pipeline {
     pub(crate) kernel: &'static Kernel,
     /// Null until the driver has made it; likewise the others.
     pub(crate) vk: vk::Pipeline,
@@ -24,87 +17,9 @@ pub(crate) struct Pipeline {
     gpu: Arc<Gpu>,
 }
 
-impl Pipelines {
-    /// Those that all methods share.
-    pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
-        let mut all = Self::from(Vec::new());
-        all.make(gpu, |k| k.slots.is_empty() && is_usual(k))?;
-        Ok(all)
-    }
-
-    /// These alone.
-    pub(crate) fn of(
-        gpu: &Arc<Gpu>,
-        kernels: impl IntoIterator<Item = &'static Kernel>,
-    ) -> Result<Self> {
-        let _door = one_at_a_time();
-        let all = kernels
-            .into_iter()
-            .map(|k| Pipeline::new(gpu, k, k.code.spirv));
-        all.collect::<Result<Vec<_>>>().map(Self::from)
-    }
-
-    /// Makes what `method` needs and is not there yet.
-    pub(crate) fn prepare(&mut self, gpu: &Arc<Gpu>, method: Method) -> Result<()> {
-        self.make(gpu, |k| k.serves(method) && is_usual(k))
-    }
-
-    /// Makes what makes trees for `method`, if it is not there yet.
-    pub(crate) fn prepare_trees(&mut self, gpu: &Arc<Gpu>, method: Method) -> Result<()> {
-        self.make(gpu, |k| k.makes_trees() && k.serves(method))
-    }
-
-    /// Makes what this work needs and is not there yet.
-    pub(crate) fn prepare_work<'a>(
-        &mut self,
-        gpu: &Arc<Gpu>,
-        work: impl IntoIterator<Item = &'a Work>,
-    ) -> Result<()> {
-        for kernel in work.into_iter().map(|w| w.kernel) {
-            if self.find(kernel).is_none() {
-                self.make(gpu, |k| k.name == kernel.name)?;
-            }
-        }
-        Ok(())
-    }
-
-    fn make(&mut self, gpu: &Arc<Gpu>, wanted: impl Fn(&Kernel) -> bool) -> Result<()> {
-        let _door = one_at_a_time();
-        for kernel in KERNELS.iter().filter(|k| wanted(k) && k.suits(self.traits)) {
-            if self.find(kernel).is_none() {
-                let code = kernel.code_for(self.traits);
-                self.made.push(Pipeline::new(gpu, kernel, code.spirv)?);
-            }
-        }
-        Ok(())
-    }
-
-    fn find(&self, kernel: &Kernel) -> Option<&Pipeline> {
-        self.made.iter().find(|p| p.kernel.name == kernel.name)
-    }
-
-    pub(crate) fn get(&self, kernel: &Kernel) -> &Pipeline {
-        let found = self.find(kernel);
-        found.expect("pipelines are made when a method is loaded")
-    }
-}
-
-/// Whether a kernel is made with the method that it serves.
-fn is_usual(kernel: &Kernel) -> bool {
-    !kernel.makes_trees() && !kernel.rasterizes() && !kernel.answers_extremes()
-}
-
-impl From<Vec<Pipeline>> for Pipelines {
-    fn from(made: Vec<Pipeline>) -> Self {
-        Self {
-            made,
-            traits: Traits::default(),
-        }
-    }
-}
-
 impl Pipeline {
-    fn new(gpu: &Arc<Gpu>, kernel: &'static Kernel, spirv: &[u32]) -> Result<Self> {
+    pub(crate) fn new(gpu: &Arc<Gpu>, kernel: &'static Kernel, spirv: &[u32]) -> Result<Self> {
+        let _door = one_at_a_time();
         let mut made = Self {
             kernel,
             vk: vk::Pipeline::null(),
@@ -174,7 +89,9 @@ fn compile(
     made.map(|p| p[0]).map_err(|(_, e)| refused(kernel.name)(e))
 }
 
-pub(crate) fn descriptor_type(kind: Kind) -> vk::DescriptorType {
+/// How Vulkan names a kind of binding.
+#[must_use]
+pub fn descriptor_type(kind: Kind) -> vk::DescriptorType {
     match kind {
         Kind::Uniform => vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC,
         Kind::Read | Kind::ReadWrite => vk::DescriptorType::STORAGE_BUFFER,

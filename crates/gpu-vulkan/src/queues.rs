@@ -91,7 +91,7 @@ impl Queues {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
 
     fn family(flags: vk::QueueFlags, queues: u32) -> vk::QueueFamilyProperties {
@@ -106,7 +106,8 @@ pub(crate) mod tests {
         [q.compute, q.upload, q.readback].map(|p| (p.family, p.index))
     }
 
-    pub(crate) fn copies_go_to_copy_engines_else_to_spare_queues_else_to_the_one_there_is() {
+    #[test]
+    fn copies_go_to_copy_engines_else_to_spare_queues_else_to_the_one_there_is() {
         let (g, c, t) = (
             vk::QueueFlags::GRAPHICS,
             vk::QueueFlags::COMPUTE,

@@ -1,16 +1,16 @@
 //! Semaphores whose value only rises, and submissions ordered by them.
 
-use crate::device::{Gpu, Queue};
 use crate::errors::failed;
+use crate::gpu::{Gpu, Queue};
 use ash::vk;
 use backend::Result;
 use std::sync::Arc;
 
 /// When a timeline reaches a value.
-pub(crate) type Moment = (vk::Semaphore, u64);
+pub type Moment = (vk::Semaphore, u64);
 
 /// A semaphore whose value only rises.
-pub(crate) struct Timeline {
+pub struct Timeline {
     vk: vk::Semaphore,
     gpu: Arc<Gpu>,
 }
@@ -19,7 +19,11 @@ pub(crate) struct Timeline {
 const LOOKS: u32 = 400;
 
 impl Timeline {
-    pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
+    /// One at 0.
+    ///
+    /// # Errors
+    /// See [`backend::BackendError`]; likewise below.
+    pub fn new(gpu: &Arc<Gpu>) -> Result<Self> {
         let mut kind =
             vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
@@ -29,12 +33,14 @@ impl Timeline {
         Ok(Self { vk, gpu })
     }
 
-    pub(crate) fn at(&self, value: u64) -> Moment {
+    /// When it reaches `value`.
+    #[must_use]
+    pub fn at(&self, value: u64) -> Moment {
         (self.vk, value)
     }
 
     /// Whether `value` is reached. Never waits.
-    pub(crate) fn has_reached(&self, value: u64) -> Result<bool> {
+    pub fn has_reached(&self, value: u64) -> Result<bool> {
         // SAFETY: the semaphore belongs to the device.
         let now = unsafe { self.gpu.vk.get_semaphore_counter_value(self.vk) };
         now.map(|now| now >= value)
@@ -61,13 +67,12 @@ impl Timeline {
     }
 
     /// Reaches `value` by the host's hand.
-    #[cfg(test)]
-    pub(crate) fn signal(&self, value: u64) {
+    pub fn signal(&self, value: u64) -> Result<()> {
         let info = vk::SemaphoreSignalInfo::default()
             .semaphore(self.vk)
             .value(value);
-        // SAFETY: the semaphore belongs to the device; tests raise values that nothing else does.
-        unsafe { self.gpu.vk.signal_semaphore(&info) }.unwrap();
+        // SAFETY: the semaphore belongs to the device.
+        unsafe { self.gpu.vk.signal_semaphore(&info) }.map_err(failed("a signal"))
     }
 }
 

@@ -1,7 +1,7 @@
 //! A road between host and device that runs beside the frames.
 
 use crate::commands::{COPIES, Commands, HOST};
-use crate::device::{Gpu, Queue};
+use crate::gpu::{Gpu, Queue};
 use crate::memory::{Buffer, BufferUse};
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use ash::vk;
@@ -14,10 +14,11 @@ use std::sync::Arc;
 const PIECE: u64 = 256 << 10;
 
 /// Copies on one queue, ordered by a timeline of their own. Copies begin in order.
-pub(crate) struct Transfer {
+pub struct Transfer {
     pub(crate) done: Timeline,
     queue: Queue,
-    last: u64,
+    /// The value of the copy begun last.
+    pub last: u64,
     lanes: Vec<Lane>,
     gpu: Arc<Gpu>,
 }
@@ -30,11 +31,15 @@ struct Lane {
 
 /// What to copy: so many bytes from the beginning of one buffer to a place in another.
 #[derive(Clone, Copy)]
-pub(crate) struct Copy<'a> {
-    pub(crate) from: &'a Buffer,
-    pub(crate) to: &'a Buffer,
-    pub(crate) to_at: u64,
-    pub(crate) bytes: u64,
+pub struct Copy<'a> {
+    /// From the beginning of this.
+    pub from: &'a Buffer,
+    /// To this.
+    pub to: &'a Buffer,
+    /// From this byte of it on.
+    pub to_at: u64,
+    /// How many.
+    pub bytes: u64,
 }
 
 impl Transfer {
@@ -50,7 +55,10 @@ impl Transfer {
 
     /// Starts a copy after some moment, if one is given. Returns the value of
     /// [`Transfer::done`] that says it is finished. Never waits.
-    pub(crate) fn start(&mut self, copy: Copy<'_>, after: Option<Moment>) -> Result<u64> {
+    ///
+    /// # Errors
+    /// See [`backend::BackendError`].
+    pub fn start(&mut self, copy: Copy<'_>, after: Option<Moment>) -> Result<u64> {
         let lane = self.free_lane()?;
         let commands = &mut self.lanes[lane].commands;
         commands.reset()?;
@@ -142,45 +150,33 @@ impl Window {
     }
 }
 
-/// A window through which data goes to the device in pieces; waits for each.
-pub(crate) struct Loader<'a> {
-    window: Buffer,
-    road: &'a mut Transfer,
-}
-
-impl<'a> Loader<'a> {
-    const BYTES: u64 = 32 << 20;
-
-    /// A loader for pieces of data of up to `largest` bytes.
-    pub(crate) fn new(gpu: &Arc<Gpu>, road: &'a mut Transfer, largest: u64) -> Result<Self> {
-        let bytes = largest.min(Self::BYTES);
-        Ok(Self {
-            window: Buffer::new(gpu, "a loading window", bytes, BufferUse::Upload)?,
-            road,
-        })
-    }
-
-    pub(crate) fn send<T: Pod>(&mut self, data: &[T], to: &Buffer) -> Result<()> {
-        let bytes: &[u8] = bytemuck::cast_slice(data);
-        let most = self.window.bytes as usize;
-        for (i, piece) in bytes.chunks(most).enumerate() {
-            self.window.write(0, piece);
-            self.road.carry(Copy {
-                from: &self.window,
+/// Sends data to the device in pieces through a window in the host's memory; waits for each.
+pub(crate) fn load(gpu: &Arc<Gpu>, road: &mut Transfer, all: &[(&[u8], &Buffer)]) -> Result<()> {
+    const BYTES: usize = 32 << 20;
+    let largest = all.iter().map(|(data, _)| data.len()).max().unwrap_or(0);
+    let bytes = largest.min(BYTES) as u64;
+    let mut window = Buffer::new(gpu, "a loading window", bytes, BufferUse::Upload)?;
+    let most = window.bytes as usize;
+    for (data, to) in all {
+        for (i, piece) in data.chunks(most).enumerate() {
+            window.write(0, piece);
+            road.carry(Copy {
+                from: &window,
                 to,
                 to_at: (i * most) as u64,
                 bytes: piece.len() as u64,
             })?;
         }
-        Ok(())
     }
+    Ok(())
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
 
-    pub(crate) fn pieces_lie_side_by_side_and_none_is_large() {
+    #[test]
+    fn pieces_lie_side_by_side_and_none_is_large() {
         assert!(pieces(0, 5).is_empty());
         for bytes in [1, PIECE, PIECE + 1, 10 * PIECE + 7] {
             let all = pieces(bytes, 5);

@@ -11,7 +11,7 @@ pub struct Options {
     /// An adapter's index or a part of its name; the first GPU, else the first adapter, if not given.
     pub adapter: Option<String>,
     /// Runs under the graphics interface's own validation layer where it is
-    /// installed. See [`crate::WgpuBackend::validation_messages`].
+    /// installed. See [`crate::WgpuDevice::validation_messages`].
     pub validation: bool,
     /// Has wgpu add bounds and loop checks to the kernels; implies WGSL.
     pub checked: bool,

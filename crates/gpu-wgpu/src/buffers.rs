@@ -1,8 +1,10 @@
 //! Buffers: made, filled, copied, mapped.
 
-use crate::device::Gpu;
+use crate::gpu::Gpu;
+use crate::limits::span;
 use backend::{BackendError, Result};
 use bytemuck::Pod;
+use gpu_common::refuse_above;
 use std::sync::{Arc, OnceLock};
 use wgpu::{Buffer, BufferUsages, CommandEncoder};
 
@@ -11,6 +13,8 @@ const PIECE: u64 = 512 << 10;
 
 /// A buffer that kernels read and write.
 pub(crate) fn storage(gpu: &Gpu, what: &str, bytes: u64) -> Result<Buffer> {
+    let about = || format!("{what} (bytes of one buffer)");
+    refuse_above(about, bytes, span(&gpu.limits))?;
     let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
     make(gpu, what, bytes, usage)
 }
@@ -28,15 +32,8 @@ pub(crate) fn readback(gpu: &Gpu, what: &str, bytes: u64) -> Result<Buffer> {
 /// At least 16 bytes, so that an empty scene has buffers to bind.
 pub(crate) fn make(gpu: &Gpu, what: &str, bytes: u64, usage: BufferUsages) -> Result<Buffer> {
     let size = bytes.max(16).next_multiple_of(16);
-    let limit = gpu.limits.max_buffer_size;
-    if size > limit {
-        let what = format!("{what} (bytes of one buffer)");
-        return Err(BackendError::Limit {
-            what,
-            need: size,
-            limit,
-        });
-    }
+    let about = || format!("{what} (bytes of one buffer)");
+    refuse_above(about, size, gpu.limits.max_buffer_size)?;
     let desc = wgpu::BufferDescriptor {
         label: Some(what),
         size,
@@ -56,38 +53,25 @@ pub(crate) fn write<T: Pod>(gpu: &Gpu, to: &Buffer, at: u64, data: &[T]) -> Resu
     })
 }
 
-/// Uploads while a scene is loaded: in pieces, so that no more than a few are under way at a time.
-pub(crate) struct Loader<'a> {
-    gpu: &'a Gpu,
-    under_way: usize,
-}
-
-impl<'a> Loader<'a> {
+/// Fills buffers and waits: in pieces, so that no more than a few are under way at a time.
+pub(crate) fn upload(gpu: &Gpu, all: &[(&[u8], &Buffer)]) -> Result<()> {
     const BYTES: usize = 32 << 20;
-
-    pub(crate) fn new(gpu: &'a Gpu) -> Self {
-        Self { gpu, under_way: 0 }
-    }
-
-    pub(crate) fn send<T: Pod>(&mut self, data: &[T], to: &Buffer) -> Result<()> {
-        let bytes: &[u8] = bytemuck::cast_slice(data);
-        for (i, piece) in bytes.chunks(Self::BYTES).enumerate() {
-            write(self.gpu, to, (i * Self::BYTES) as u64, piece)?;
-            self.under_way += piece.len();
-            if self.under_way >= Self::BYTES {
-                self.flush()?;
+    let flush = || {
+        gpu.guard("an upload", 0, || gpu.queue.submit([]))?;
+        gpu.wait_idle()
+    };
+    let mut under_way = 0;
+    for (data, to) in all {
+        for (i, piece) in data.chunks(BYTES).enumerate() {
+            write(gpu, to, (i * BYTES) as u64, piece)?;
+            under_way += piece.len();
+            if under_way >= BYTES {
+                under_way = 0;
+                flush()?;
             }
         }
-        Ok(())
     }
-
-    /// Waits for what was sent.
-    pub(crate) fn flush(&mut self) -> Result<()> {
-        self.under_way = 0;
-        self.gpu
-            .guard("an upload", 0, || self.gpu.queue.submit([]))?;
-        self.gpu.wait_idle()
-    }
+    flush()
 }
 
 /// Records a copy in pieces.
@@ -123,16 +107,11 @@ impl Mapping {
         Ok(Self(done))
     }
 
-    /// Whether the host can read.
-    pub(crate) fn has_arrived(&self) -> bool {
-        self.0.get() == Some(&true)
-    }
-
-    /// Likewise; a mapping that wgpu refused means that the device is gone.
+    /// Whether the host can read. A mapping that wgpu refused means that the device is gone.
     pub(crate) fn poll(&self, gpu: &Gpu) -> Result<bool> {
         match self.0.get() {
             Some(false) => Err(gpu.faults.lose("a buffer cannot be read".into())),
-            _ => Ok(self.has_arrived()),
+            heard => Ok(heard.is_some()),
         }
     }
 
@@ -150,16 +129,17 @@ impl Mapping {
 pub(crate) struct Window(Option<Buffer>);
 
 impl Window {
-    /// The first `count` elements (of whole words) of a buffer, after all that was submitted.
-    pub(crate) fn read<T: Pod>(
+    /// Shows the first `count` elements (of whole words) of a buffer, after all that was submitted.
+    pub(crate) fn read<T: Pod, R>(
         &mut self,
         gpu: &Gpu,
         from: &Buffer,
         count: usize,
-    ) -> Result<Vec<T>> {
+        look: impl FnOnce(&[T]) -> R,
+    ) -> Result<R> {
         let bytes = (count * size_of::<T>()) as u64;
         if bytes == 0 {
-            return Ok(Vec::new());
+            return Ok(look(&[]));
         }
         let window = match self.0.take().filter(|w| w.size() >= bytes) {
             Some(window) => window,
@@ -172,12 +152,12 @@ impl Window {
         gpu.wait_for(submission)?;
         mapping.expect(gpu)?;
         let view = window.get_mapped_range(..bytes).map_err(unreadable)?;
-        let data = bytemuck::pod_collect_to_vec(&view);
+        let seen = look(bytemuck::cast_slice(&view));
         drop(view);
         if unmap(&gpu.device, &window) {
             self.0 = Some(window);
         }
-        Ok(data)
+        Ok(seen)
     }
 }
 

@@ -1,6 +1,6 @@
 //! What goes wrong on the device, gathered from everywhere wgpu may say it.
 //!
-//! - Every call that wgpu may refuse runs in [`crate::device::Gpu::guard`]: out of memory, invalid and
+//! - Every call that wgpu may refuse runs in [`crate::gpu::Gpu::guard`]: out of memory, invalid and
 //!   internal errors are caught there, on our own devices and on lent ones alike.
 //! - Of a device's loss wgpu tells callbacks alone. Our own device has one; on
 //!   a lent one the callback is the engine's, and the loss shows when something

@@ -1,9 +1,9 @@
 //! Bind groups: which buffers a kernel sees under which names. Made once, found again each frame.
 
-use crate::device::Gpu;
+use crate::gpu::Gpu;
 use crate::pipelines::Pipeline;
 use backend::Result;
-use shaders::{Kind, Params};
+use shaders::{BufferName, Kind, Params};
 use std::collections::HashMap;
 use std::num::NonZeroU64;
 use wgpu::{BindGroup, Buffer, BufferBinding};
@@ -34,12 +34,12 @@ impl Groups {
         self.made.clear();
     }
 
-    /// The group that binds a kernel to its buffers, each given by its name in the kernel.
+    /// The group that binds a kernel to its buffers.
     pub(crate) fn get<'a>(
         &mut self,
         gpu: &Gpu,
         pipeline: &Pipeline,
-        find: impl Fn(&'static str) -> &'a Buffer,
+        find: impl Fn(BufferName) -> &'a Buffer,
     ) -> Result<BindGroup> {
         let bindings = pipeline.kernel.bindings.iter();
         let buffers: Vec<Buffer> = bindings.map(|b| find(b.name).clone()).collect();

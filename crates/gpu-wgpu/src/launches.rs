@@ -1,13 +1,13 @@
 //! Dispatches with all that they are bound to, their parameters on pages of their own.
 
 use crate::buffers::{make, write};
-use crate::device::Gpu;
+use crate::gpu::Gpu;
 use crate::groups::Groups;
-use crate::limits::{group_counts, params_stride};
-use crate::pipelines::Pipelines;
+use crate::limits::params_stride;
+use crate::wgpu_device::WgpuDevice;
 use backend::Result;
-use shaders::Params;
-use shaders::work::Work;
+use gpu_common::{Dispatch, Find};
+use shaders::{BufferName, Params};
 use wgpu::{BindGroup, Buffer, BufferUsages, ComputePass, ComputePipeline};
 
 /// Rows of parameters in one buffer; more dispatches take more buffers.
@@ -66,31 +66,31 @@ impl Launches {
         self.rows.clear();
     }
 
-    /// Binds work to its buffers; `find` gives them by their names in the kernels, but for the slot's `counts`.
-    pub(crate) fn make<'a>(
+    /// Binds dispatches to their buffers; `find` gives all but parameters and the slot's counts.
+    pub(crate) fn make(
         &mut self,
         gpu: &Gpu,
-        pipelines: &Pipelines,
         counts: &Buffer,
-        work: &[Work],
-        find: impl Fn(&'static str) -> &'a Buffer,
+        all: &[Dispatch<'_, WgpuDevice>],
+        find: Find<'_, '_, Buffer>,
     ) -> Result<Vec<Launch>> {
         let first = self.rows.len() / self.stride;
-        work.iter().for_each(|w| self.push(&w.params));
+        all.iter().for_each(|d| self.push(&d.work.params));
         self.make_pages(gpu)?;
-        let mut made: Vec<Launch> = Vec::with_capacity(work.len());
-        for (i, w) in work.iter().enumerate() {
+        let mut made: Vec<Launch> = Vec::with_capacity(all.len());
+        for (i, dispatch) in all.iter().enumerate() {
             let (page, row) = ((first + i) / ROWS, (first + i) % ROWS);
-            let pipeline = pipelines.get(w.kernel);
+            let pipeline = dispatch.pipeline;
             // Neighbours that differ in the offset alone share a group.
-            let shared = i > 0 && row > 0 && work[i - 1].kernel.name == w.kernel.name;
+            let shared =
+                i > 0 && row > 0 && all[i - 1].pipeline.kernel.name == pipeline.kernel.name;
             let group = match made.last().filter(|_| shared) {
                 Some(last) => last.group.clone(),
                 None => {
                     let params = &self.pages[page];
                     self.groups.get(gpu, pipeline, |name| match name {
-                        "params" => params,
-                        "counts" => counts,
+                        BufferName::Params => params,
+                        BufferName::Counts => counts,
                         other => find(other),
                     })?
                 }
@@ -99,7 +99,7 @@ impl Launches {
                 pipeline: pipeline.wgpu.clone(),
                 group,
                 offset: (row * self.stride) as u32,
-                groups: group_counts(w, &gpu.limits)?,
+                groups: dispatch.groups,
             });
         }
         Ok(made)

@@ -1,13 +1,12 @@
 //! What the backend needs of a device, and what a scene needs of it.
 
-use crate::queries::WITHIN_PASSES;
+use crate::marks::WITHIN_PASSES;
 use backend::{BackendError, Intersector, Result};
 use geom::Animation;
-use shaders::work::Work;
 use shaders::{KERNELS, Kernel, Kind, Params};
 use wgpu::{Features, Limits};
 
-/// Features without which [`crate::WgpuBackend::from_device`] refuses a device: none.
+/// Features without which [`crate::from_device`] refuses a device: none.
 #[must_use]
 pub fn required_features() -> Features {
     Features::empty()
@@ -81,15 +80,11 @@ pub(crate) fn generous(adapter: &Limits) -> Limits {
 
 /// Refuses a device that no scene fits.
 pub(crate) fn check(limits: &Limits) -> Result<()> {
-    check_for(limits, |k| !k.makes_trees())
+    check_kernels(limits, &|k| !k.makes_trees())
 }
 
-/// Refuses a device on which no tree can be made.
-pub(crate) fn check_trees(limits: &Limits) -> Result<()> {
-    check_for(limits, Kernel::makes_trees)
-}
-
-fn check_for(limits: &Limits, asked: fn(&Kernel) -> bool) -> Result<()> {
+/// Refuses a device on which one of these kernels cannot run.
+pub(crate) fn check_kernels(limits: &Limits, asked: &dyn Fn(&Kernel) -> bool) -> Result<()> {
     let kernels = || KERNELS.iter().filter(|k| asked(k));
     let need = least();
     let group = kernels().map(|k| k.workgroup[0]).max().unwrap_or(1);
@@ -173,16 +168,6 @@ pub(crate) fn span(limits: &Limits) -> u64 {
     largest.min(u64::from(u32::MAX)) / 16 * 16
 }
 
-/// Workgroups of a dispatch along both axes.
-pub(crate) fn group_counts(work: &Work, limits: &Limits) -> Result<[u32; 2]> {
-    let limit = limits.max_compute_workgroups_per_dimension;
-    work.group_counts(limit).map_err(|e| BackendError::Limit {
-        what: format!("{} (workgroups along one axis)", work.kernel.name),
-        need: u64::from(e.need),
-        limit: u64::from(e.limit),
-    })
-}
-
 /// Distance from one dispatch's parameters to the next one's.
 pub(crate) fn params_stride(limits: &Limits) -> u64 {
     let align = u64::from(limits.min_uniform_buffer_offset_alignment).max(16);
@@ -211,13 +196,13 @@ mod tests {
         let expected =
             "the device's max_compute_workgroup_storage_size needs 15376, the limit is 256";
         assert_eq!(refused, expected);
-        assert_eq!(check_trees(&least()), Ok(()));
+        assert_eq!(check_kernels(&least(), &Kernel::makes_trees), Ok(()));
         let cramped = Limits {
             max_compute_workgroup_storage_size: 15376,
             ..least()
         };
         assert_eq!(check(&cramped), Ok(()));
-        assert!(check_trees(&cramped).is_err());
+        assert!(check_kernels(&cramped, &Kernel::makes_trees).is_err());
     }
 
     #[test]

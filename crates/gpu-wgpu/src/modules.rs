@@ -4,7 +4,7 @@
     reason = "wgpu asks for trust in kernels that it does not check itself"
 )]
 
-use crate::device::Gpu;
+use crate::gpu::Gpu;
 use backend::Result;
 use shaders::{Code, Kernel};
 use wgpu::{ShaderModule, ShaderModuleDescriptor, ShaderRuntimeChecks, ShaderSource};

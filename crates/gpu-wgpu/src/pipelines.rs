@@ -1,96 +1,32 @@
-//! One pipeline a kernel, its layout read from the kernel's own bindings; made when a method first needs it.
+//! A kernel made ready, its layout read from the kernel's own bindings.
 
-use crate::device::Gpu;
+use crate::gpu::Gpu;
 use crate::modules::Modules;
-use backend::{Method, Result};
-use shaders::work::Work;
-use shaders::{Binding, KERNELS, Kernel, Kind, Params, Traits};
+use backend::Result;
+use shaders::{Binding, Code, Kernel, Kind, Params};
 use std::num::NonZeroU64;
-use wgpu::{BindGroupLayout, BufferBindingType, ComputePipeline, ShaderModule};
+use wgpu::{BindGroupLayout, BufferBindingType, ComputePipeline};
 
-/// Kernels ready to be bound: those that all methods share, and those of every method loaded so far.
-pub(crate) struct Pipelines {
-    made: Vec<Pipeline>,
-    modules: Modules,
-    /// Which forms of kernels the device takes; known once the first of them has run.
-    pub(crate) traits: Traits,
-}
-
-pub(crate) struct Pipeline {
+/// A kernel ready to be bound.
+pub struct Pipeline {
     pub(crate) kernel: &'static Kernel,
     pub(crate) wgpu: ComputePipeline,
     pub(crate) layout: BindGroupLayout,
 }
 
-impl Pipelines {
-    /// Those that all methods share.
-    pub(crate) fn new(gpu: &Gpu, modules: Modules) -> Result<Self> {
-        let mut pipelines = Self {
-            made: Vec::new(),
-            modules,
-            traits: Traits::default(),
-        };
-        pipelines.make(gpu, |k| k.slots.is_empty() && is_usual(k))?;
-        Ok(pipelines)
-    }
-
-    /// Makes what `method` needs and is not there yet.
-    pub(crate) fn prepare(&mut self, gpu: &Gpu, method: Method) -> Result<()> {
-        self.make(gpu, |k| k.serves(method) && is_usual(k))
-    }
-
-    /// Makes what makes trees for `method`, if it is not there yet.
-    pub(crate) fn prepare_trees(&mut self, gpu: &Gpu, method: Method) -> Result<()> {
-        self.make(gpu, |k| k.makes_trees() && k.serves(method))
-    }
-
-    /// Makes what this work needs and is not there yet.
-    pub(crate) fn prepare_work<'a>(
-        &mut self,
-        gpu: &Gpu,
-        work: impl IntoIterator<Item = &'a Work>,
-    ) -> Result<()> {
-        for kernel in work.into_iter().map(|w| w.kernel) {
-            if self.find(kernel).is_none() {
-                self.make(gpu, |k| k.name == kernel.name)?;
-            }
-        }
-        Ok(())
-    }
-
-    fn make(&mut self, gpu: &Gpu, wanted: impl Fn(&Kernel) -> bool) -> Result<()> {
-        for kernel in KERNELS.iter().filter(|k| wanted(k) && k.suits(self.traits)) {
-            if self.find(kernel).is_none() {
-                let code = kernel.code_for(self.traits);
-                let module = self.modules.load(gpu, kernel, code)?;
-                self.made.push(Pipeline::new(gpu, kernel, &module)?);
-            }
-        }
-        Ok(())
-    }
-
-    fn find(&self, kernel: &Kernel) -> Option<&Pipeline> {
-        self.made.iter().find(|p| p.kernel.name == kernel.name)
-    }
-
-    pub(crate) fn get(&self, kernel: &Kernel) -> &Pipeline {
-        let found = self.find(kernel);
-        found.expect("pipelines are made when a method is loaded")
-    }
-}
-
-/// Whether a kernel is made with the method that it serves.
-fn is_usual(kernel: &Kernel) -> bool {
-    !kernel.makes_trees() && !kernel.rasterizes() && !kernel.answers_extremes()
-}
-
 impl Pipeline {
-    fn new(gpu: &Gpu, kernel: &'static Kernel, module: &ShaderModule) -> Result<Self> {
+    pub(crate) fn new(
+        gpu: &Gpu,
+        modules: Modules,
+        kernel: &'static Kernel,
+        code: Code,
+    ) -> Result<Self> {
+        let module = modules.load(gpu, kernel, code)?;
         gpu.guard(kernel.name, 0, || {
             let layout = bind_group_layout(gpu, kernel);
             Self {
                 kernel,
-                wgpu: compute_pipeline(gpu, kernel, module, &layout),
+                wgpu: compute_pipeline(gpu, kernel, &module, &layout),
                 layout,
             }
         })

@@ -1,179 +1,106 @@
 //! What one submission needs for itself: commands, parameters, counts, timestamps.
 
 use crate::buffers::{Mapping, readback, storage, unmap, unreadable};
-use crate::device::Gpu;
+use crate::gpu::Gpu;
 use crate::launches::{Launch, Launches};
-use crate::pipelines::Pipelines;
-use crate::queries::{self, Clock, Stage};
-use backend::{FrameReport, Result, StageTimes};
-use shaders::work::Work;
-use shaders::{Counts, Extents};
-use std::mem::offset_of;
-use std::time::Instant;
+use crate::marks::{self, Marks};
+use crate::wgpu_device::WgpuDevice;
+use backend::Result;
+use gpu_common::{Dispatch, Find, Finished, Stage};
+use shaders::Counts;
 use wgpu::{Buffer, CommandEncoder, ComputePassDescriptor, SubmissionIndex};
 
 const COUNTS: u64 = size_of::<Counts>() as u64;
-/// Bytes of what `preprocess` counts.
-const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
 
 /// Used by one submission at a time.
-pub(crate) struct Slot {
+pub struct Slot {
     counts: Buffer,
-    clock: Option<Clock>,
+    marks: Option<Marks>,
     /// Counts and timestamps on their way to the host.
     back: Buffer,
     launches: Launches,
     encoder: Option<CommandEncoder>,
-    /// Those that run, and those that had nothing to do.
-    stages: Vec<Stage>,
-    idle: Vec<Stage>,
-    /// `interpolate`, until it is known whether `preprocess` runs beside it.
-    held: Vec<Launch>,
+    /// What belongs to no stage yet.
+    waiting: Vec<Launch>,
     /// What the next pass is to hold.
     parts: Vec<(Stage, Vec<Launch>)>,
-    sent: Option<Sent>,
-    pub(crate) readback_bytes: u64,
-    pub(crate) extents: Extents,
-}
-
-struct Sent {
-    submission: SubmissionIndex,
-    mapping: Mapping,
-    at: Instant,
-}
-
-/// What a finished submission did.
-pub(crate) struct Done {
-    pub(crate) report: FrameReport,
-    pub(crate) counts: Counts,
+    sent: Option<(SubmissionIndex, Mapping)>,
 }
 
 impl Slot {
     pub(crate) fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Self {
             counts: storage(gpu, "counts", COUNTS)?,
-            clock: Clock::new(gpu)?,
-            back: readback(gpu, "a report", COUNTS + queries::BYTES)?,
+            marks: Marks::new(gpu)?,
+            back: readback(gpu, "a report", COUNTS + marks::BYTES)?,
             launches: Launches::new(gpu),
             encoder: None,
-            stages: Vec::new(),
-            idle: Vec::new(),
-            held: Vec::new(),
+            waiting: Vec::new(),
             parts: Vec::new(),
             sent: None,
-            readback_bytes: 0,
-            extents: Extents::default(),
         })
     }
 
     /// Bytes of device memory.
     pub(crate) fn bytes(&self) -> u64 {
-        let clock = self.clock.as_ref().map_or(0, Clock::bytes);
-        self.counts.size() + self.launches.bytes() + clock
+        let marks = self.marks.as_ref().map_or(0, Marks::bytes);
+        self.counts.size() + self.launches.bytes() + marks
     }
 
     /// Lets go of the buffers of a scene.
     pub(crate) fn forget(&mut self) {
         self.launches.forget();
-        self.held.clear();
+        self.waiting.clear();
         self.parts.clear();
         self.encoder = None;
     }
 
-    /// Starts a new recording. The slot's last submission must have been reported.
     pub(crate) fn begin(&mut self, gpu: &Gpu) -> Result<()> {
         assert!(self.sent.is_none(), "a slot holds one submission at a time");
         self.launches.begin(gpu);
-        self.stages.clear();
-        self.idle.clear();
-        self.held.clear();
+        self.waiting.clear();
         self.parts.clear();
-        if let Some(clock) = &mut self.clock {
-            clock.begin();
+        if let Some(marks) = &mut self.marks {
+            marks.stages.clear();
         }
-        self.readback_bytes = 0;
-        self.extents = Extents::default();
-        let mut encoder = gpu.encoder("a frame")?;
+        self.encoder = Some(gpu.encoder("a frame")?);
+        self.clear_counts(gpu, COUNTS)
+    }
+
+    /// Records that the first so many bytes of counts are 0, after the stages before.
+    pub(crate) fn clear_counts(&mut self, gpu: &Gpu, bytes: u64) -> Result<()> {
+        self.flush(gpu)?;
+        let encoder = self.encoder.as_mut().expect("a recording was begun");
         gpu.guard("recording", 0, || {
-            encoder.clear_buffer(&self.counts, 0, None);
-        })?;
-        self.encoder = Some(encoder);
+            encoder.clear_buffer(&self.counts, 0, Some(bytes));
+        })
+    }
+
+    pub(crate) fn dispatch(
+        &mut self,
+        gpu: &Gpu,
+        all: &[Dispatch<'_, WgpuDevice>],
+        find: Find<'_, '_, Buffer>,
+    ) -> Result<()> {
+        let launches = self.launches.make(gpu, &self.counts, all, find)?;
+        gpu.count(|t| t.dispatches += all.len() as u64);
+        self.waiting.extend(launches);
         Ok(())
     }
 
-    /// Records a stage; `find` gives buffers by their names in the kernels. `interpolate` is timed with what may run
-    /// beside it.
-    pub(crate) fn record<'a>(
-        &mut self,
-        gpu: &Gpu,
-        pipelines: &Pipelines,
-        stage: Stage,
-        work: &[Work],
-        find: impl Fn(&'static str) -> &'a Buffer,
-    ) -> Result<()> {
-        if !work.first().is_some_and(|w| w.alongside) {
-            self.release();
-        }
+    pub(crate) fn end_stage(&mut self, gpu: &Gpu, stage: Stage) -> Result<()> {
         // Geometry and rays each have a pass: a timestamp within one would lengthen what it ends.
         if stage == Stage::TracePrimary {
             self.flush(gpu)?;
         }
-        // The first stage begins the frame's time.
-        if work.is_empty() && !self.stages.is_empty() {
-            self.idle.push(stage);
-            return Ok(());
-        }
-        if stage == Stage::Preprocess && self.stages.contains(&stage) {
-            self.forget_leaves(gpu)?;
-        }
-        let launches = self
-            .launches
-            .make(gpu, pipelines, &self.counts, work, find)?;
-        gpu.count(|t| t.dispatches += work.len() as u64);
-        if stage == Stage::Interpolate {
-            self.held = launches;
-            return Ok(());
-        }
-        let beside = std::mem::take(&mut self.held);
-        self.stages.push(stage);
-        self.parts.push((stage, beside));
-        for launch in launches {
-            self.append(stage, launch);
-        }
+        self.parts.push((stage, std::mem::take(&mut self.waiting)));
         Ok(())
     }
 
-    /// Adds to a stage.
-    fn append(&mut self, stage: Stage, launch: Launch) {
-        match self.parts.last_mut() {
-            Some((_, launches)) => launches.push(launch),
-            None => self.parts.push((stage, vec![launch])),
-        }
-    }
-
-    /// Stands `interpolate` by itself, if it is held.
-    fn release(&mut self) {
-        let held = std::mem::take(&mut self.held);
-        if !held.is_empty() {
-            self.stages.push(Stage::Interpolate);
-            self.parts.push((Stage::Interpolate, held));
-        }
-    }
-
-    /// `preprocess` may run more than once a submission: the last one counts.
-    fn forget_leaves(&mut self, gpu: &Gpu) -> Result<()> {
-        self.flush(gpu)?;
-        let (counts, encoder) = (&self.counts, self.encoder.as_mut());
-        let encoder = encoder.expect("a recording was begun");
-        gpu.guard("recording", 0, || {
-            encoder.clear_buffer(counts, 0, Some(LEAF_COUNTS));
-        })
-    }
-
-    /// Records passes of all stages that wait: one, if they can be timed in it.
+    /// Records passes of all stages that have ended: one, if they can be timed in it.
     fn flush(&mut self, gpu: &Gpu) -> Result<()> {
         let mut parts = std::mem::take(&mut self.parts);
-        let is_one = self.clock.as_ref().is_none_or(Clock::marks_within);
+        let is_one = self.marks.as_ref().is_none_or(|marks| marks.within);
         let most = if is_one { parts.len() } else { 1 };
         let mut passes = parts.chunks(most.max(1));
         let recorded = passes.try_for_each(|parts| self.pass(gpu, parts));
@@ -184,32 +111,67 @@ impl Slot {
     }
 
     fn pass(&mut self, gpu: &Gpu, parts: &[(Stage, Vec<Launch>)]) -> Result<()> {
-        let encoder = self.encoder.as_mut().expect("a recording was begun");
-        let stages = parts.iter().map(|(stage, _)| *stage);
-        let first = self.clock.as_mut().and_then(|clock| clock.take(stages));
-        let timed = self.clock.as_ref().zip(first);
-        gpu.count(|t| t.passes += 1);
         let label = match parts {
             [(stage, _)] => stage.name(),
             _ => "stages of a frame",
         };
+        let stages = parts.iter().map(|(stage, _)| *stage);
+        let first = self.marks.as_mut().and_then(|marks| marks.take(stages));
+        let timed = self.marks.as_ref().zip(first);
+        let encoder = self.encoder.as_mut().expect("a recording was begun");
+        gpu.count(|t| t.passes += 1);
         gpu.guard(label, 0, || {
             let desc = ComputePassDescriptor {
                 label: Some(label),
-                timestamp_writes: timed.map(|(clock, first)| clock.around(first, parts.len())),
+                timestamp_writes: timed.map(|(marks, first)| marks.around(first, parts.len())),
             };
             let mut pass = encoder.begin_compute_pass(&desc);
             for (i, (_, launches)) in parts.iter().enumerate() {
-                if let Some((clock, first)) = timed {
-                    clock.mark(&mut pass, first, i);
+                if let Some((marks, first)) = timed {
+                    marks.mark(&mut pass, first, i);
                 }
                 launches.iter().for_each(|launch| launch.go(&mut pass));
             }
         })
     }
 
-    /// Counts and timestamps that have come back.
-    fn read_back(&self, gpu: &Gpu, mapping: &Mapping) -> Result<(Counts, Vec<u64>)> {
+    /// The recording's commands, after all that was recorded.
+    pub(crate) fn encoder(&mut self, gpu: &Gpu) -> Result<&mut CommandEncoder> {
+        self.flush(gpu)?;
+        let encoder = self.encoder.as_mut().expect("a recording was begun");
+        let untimed = std::mem::take(&mut self.waiting);
+        if !untimed.is_empty() {
+            gpu.guard("kernels of no stage", 0, || {
+                let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
+                untimed.iter().for_each(|launch| launch.go(&mut pass));
+            })?;
+        }
+        Ok(encoder)
+    }
+
+    /// Ends the recording and submits it.
+    pub(crate) fn submit(&mut self, gpu: &Gpu) -> Result<()> {
+        self.encoder(gpu)?;
+        self.launches.write(gpu)?;
+        let mut encoder = self.encoder.take().expect("a recording was begun");
+        gpu.guard("the report of a frame", 0, || {
+            encoder.copy_buffer_to_buffer(&self.counts, 0, &self.back, 0, COUNTS);
+            if let Some(marks) = &self.marks {
+                marks.resolve(&mut encoder, &self.back, COUNTS);
+            }
+        })?;
+        let submission = gpu.submit(encoder)?;
+        let mapping = Mapping::ask(gpu, &self.back)?;
+        self.sent = Some((submission, mapping));
+        Ok(())
+    }
+
+    /// Waits for the submission and says what it left behind.
+    pub(crate) fn finish(&mut self, gpu: &Gpu) -> Result<Finished> {
+        // An earlier wait that failed took it.
+        let lost = || gpu.faults.lose("a submission never ended".into());
+        let (submission, mapping) = self.sent.take().ok_or_else(lost)?;
+        gpu.wait_for(submission)?;
         mapping.expect(gpu)?;
         let view = self.back.get_mapped_range(..).map_err(unreadable)?;
         let (counts, ticks) = view.split_at(COUNTS as usize);
@@ -219,62 +181,11 @@ impl Slot {
         if !unmap(&gpu.device, &self.back) {
             return Err(gpu.faults.lose("it took a report with it".into()));
         }
-        Ok((counts, ticks))
-    }
-
-    /// The recording's commands, for copies of what was made so far.
-    pub(crate) fn encoder(&mut self, gpu: &Gpu) -> Result<&mut CommandEncoder> {
-        self.release();
-        self.flush(gpu)?;
-        Ok(self.encoder.as_mut().expect("a recording was begun"))
-    }
-
-    /// Ends the recording and submits it.
-    pub(crate) fn submit(&mut self, gpu: &Gpu) -> Result<()> {
-        self.release();
-        self.flush(gpu)?;
-        self.launches.write(gpu)?;
-        let mut encoder = self.encoder.take().expect("a recording was begun");
-        gpu.guard("the report of a frame", 0, || {
-            encoder.copy_buffer_to_buffer(&self.counts, 0, &self.back, 0, COUNTS);
-            if let Some(clock) = &self.clock {
-                clock.resolve(&mut encoder, &self.back, COUNTS);
-            }
-        })?;
-        let at = Instant::now();
-        let submission = gpu.submit(encoder)?;
-        let mapping = Mapping::ask(gpu, &self.back)?;
-        self.sent = Some(Sent {
-            submission,
-            mapping,
-            at,
-        });
-        Ok(())
-    }
-
-    /// Waits for the submission and says what it did.
-    pub(crate) fn finish(&mut self, gpu: &Gpu) -> Result<Done> {
-        // An earlier wait that failed took it.
-        let lost = || gpu.faults.lose("a submission never ended".into());
-        let sent = self.sent.take().ok_or_else(lost)?;
-        gpu.wait_for(sent.submission)?;
-        let wall_ms = sent.at.elapsed().as_secs_f64() * 1e3;
-        let (counts, ticks) = self.read_back(gpu, &sent.mapping)?;
-        let times = match &self.clock {
-            Some(clock) => clock.times(&self.idle, &ticks, gpu.tick_ns),
-            None => StageTimes {
-                device_ms: wall_ms,
-                ..StageTimes::default()
-            },
-        };
-        let report = FrameReport {
-            times,
-            hits: u64::from(counts.hits),
-            blocked: u64::from(counts.blocked),
-            settled: counts.settled(),
-            readback_bytes: self.readback_bytes,
-            ..FrameReport::default()
-        };
-        Ok(Done { report, counts })
+        let marks = self.marks.as_ref().map(|marks| marks.stages.clone());
+        Ok(Finished {
+            counts,
+            ticks: marks.is_some().then_some(ticks),
+            marks: marks.unwrap_or_default(),
+        })
     }
 }

@@ -61,9 +61,21 @@ pub(crate) fn bindings(module: &naga::Module) -> Result<String> {
     Ok(found
         .iter()
         .map(|(number, kind, name)| {
-            format!("Binding {{ number: {number}, kind: Kind::{kind}, name: {name:?} }}, ")
+            let name = camel_case(name);
+            format!(
+                "Binding {{ number: {number}, kind: Kind::{kind}, name: BufferName::{name} }}, "
+            )
         })
         .collect())
+}
+
+/// `leaf_nodes` as `LeafNodes`.
+fn camel_case(name: &str) -> String {
+    let words = name.split('_').map(|word| {
+        let (first, rest) = word.split_at(word.len().min(1));
+        first.to_uppercase() + rest
+    });
+    words.collect()
 }
 
 /// wgpu numbers a kernel's buffers anew, without gaps, and changes no SPIR-V that is passed through:

@@ -19,7 +19,7 @@
 //! - [`Params::of`]: the parameters that scene and tree decide;
 //! - [`work`]: each stage as a list of [`work::Work`], a kernel with its
 //!   parameters and its number of workgroups. The host binds buffers by the
-//!   names in [`Kernel::bindings`], dispatches [`work::Work::group_counts`], and puts a
+//!   [`BufferName`]s in [`Kernel::bindings`], dispatches [`work::Work::group_counts`], and puts a
 //!   barrier after each;
 //! - [`supports`]: which methods the kernels know, and
 //!   [`Kernel::serves`]: which kernels a method needs. Those without slots are all methods' own;
@@ -33,6 +33,7 @@
 //! Both `gpu-wgpu` and `gpu-vulkan` are written so.
 
 pub mod arithmetic;
+mod buffers;
 mod method;
 mod moving;
 mod packets;
@@ -41,7 +42,6 @@ mod projection;
 mod rasterization;
 pub mod rebuild;
 mod shape;
-mod tree_buffers;
 mod tree_stats;
 mod unfold;
 mod units;
@@ -52,6 +52,7 @@ pub mod work;
 use backend::Method;
 
 pub use arithmetic::Traits;
+pub use buffers::{BufferName, tree_buffers};
 pub(crate) use method::{notes, open_shadows_at, places};
 pub use method::{occluded_words, record_bytes, supports};
 pub use moving::{MovingShape, MovingTreeletShape, moving_rows};
@@ -59,7 +60,6 @@ pub use packets::Packets;
 pub use params::{Counts, Params};
 pub use rasterization::{RasterBackoff, Rasterization};
 pub use shape::{Shape, WideShape};
-pub use tree_buffers::{COSTS, COVERS, NODES, TreeBuffers, VISIBILITY};
 pub use tree_stats::{Extent, Extents, TreeStats};
 pub use units::is_extreme;
 pub use view::View;
@@ -103,7 +103,7 @@ pub struct Binding {
     /// How it is used.
     pub kind: Kind,
     /// The variable's name, which is the buffer's.
-    pub name: &'static str,
+    pub name: BufferName,
 }
 
 /// How a kernel uses a buffer.

@@ -16,11 +16,9 @@
 
 mod buffers;
 mod phases;
-mod room;
 mod walk;
 
-pub use buffers::Buffers;
-pub use room::Room;
+pub use buffers::{buffers, contents, instead_of};
 pub use walk::{BrokenTree, Found};
 pub(crate) use walk::{links_of_rows, read};
 
@@ -34,7 +32,7 @@ use std::mem::offset_of;
 pub struct Plan {
     /// `sort`.
     pub sort: Vec<Work>,
-    /// Leaves, with [`Buffers::instead_of`] in place of a tree's buffers.
+    /// Leaves, with [`instead_of`] in place of a tree's buffers.
     pub leaves: Work,
     /// `cluster`.
     pub cluster: Vec<Work>,

@@ -5,7 +5,8 @@ use crate::threads;
 use backend::{Backend, Method};
 use cpu_ref::CpuBackend;
 use geom::Animation;
-use gpu_vulkan::{DriverTreeBackend, Prefer, VulkanBackend};
+use gpu_vulkan::VulkanBackend;
+use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
 use std::sync::Arc;
 
@@ -24,7 +25,7 @@ fn vulkan(adapter: gpu_vulkan::AdapterInfo) -> Adapter {
 }
 
 pub(super) fn list_vulkan_rt() -> backend::Result<Vec<Adapter>> {
-    let able = gpu_vulkan::ray_adapters()?;
+    let able = gpu_vulkan_rt::ray_adapters()?;
     Ok(able.into_iter().map(vulkan).collect())
 }
 

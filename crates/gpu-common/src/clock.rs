@@ -1,0 +1,182 @@
+//! When each stage began and ended, by the device's clock.
+
+use backend::StageTimes;
+
+/// A stage of a frame, in order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Key frames to positions.
+    Interpolate,
+    /// Positions to records and boxes of leaves.
+    Preprocess,
+    /// Positions to a tree.
+    Rebuild,
+    /// Boxes of leaves to all boxes.
+    Refit,
+    /// Primary rays.
+    TracePrimary,
+    /// Shadow rays.
+    TraceShadow,
+}
+
+impl Stage {
+    /// For labels.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Interpolate => "interpolate",
+            Self::Preprocess => "preprocess",
+            Self::Rebuild => "rebuild",
+            Self::Refit => "refit",
+            Self::TracePrimary => "trace",
+            Self::TraceShadow => "trace shadows",
+        }
+    }
+
+    fn of(self, times: &mut StageTimes) -> &mut f64 {
+        let time = match self {
+            Self::Interpolate => &mut times.interpolate_ms,
+            Self::Preprocess => &mut times.preprocess_ms,
+            Self::Rebuild => &mut times.rebuild_ms,
+            Self::Refit => &mut times.refit_ms,
+            Self::TracePrimary => &mut times.trace_primary_ms,
+            Self::TraceShadow => &mut times.trace_shadow_ms,
+        };
+        time.get_or_insert(0.0)
+    }
+}
+
+/// Turns ticks, of which only some bits count, into milliseconds since the
+/// first submission. Submissions are shown in their order and oftener than the
+/// ticks wrap.
+#[derive(Clone, Copy, Debug)]
+pub struct Clock {
+    mask: u64,
+    tick_ns: f64,
+    /// The last submission's first mark, and how long after the very first one it was.
+    last: Option<(u64, u64)>,
+}
+
+impl Clock {
+    /// A clock of so many bits and nanoseconds a tick.
+    #[must_use]
+    pub fn new(bits: u32, tick_ns: f64) -> Self {
+        let mask = 1_u64.checked_shl(bits);
+        Self {
+            mask: mask.map_or(u64::MAX, |beyond| beyond - 1),
+            tick_ns,
+            last: None,
+        }
+    }
+
+    /// The times of the next submission from what runs from each mark on. A stage run twice counts twice;
+    /// those that were `idle` took no time.
+    pub(crate) fn times(
+        &mut self,
+        marks: &[Option<Stage>],
+        ticks: &[u64],
+        idle: &[Stage],
+    ) -> StageTimes {
+        let mut times = StageTimes::default();
+        let ticks = &ticks[..marks.len().min(ticks.len())];
+        let (Some(&first), Some(&end)) = (ticks.first(), ticks.last()) else {
+            return times;
+        };
+        let since = self.since_the_first(first);
+        let is_timed = marks.iter().any(Option::is_some);
+        times.begun_ms = is_timed.then(|| self.ms(since));
+        times.device_ms = self.ms(self.between(first, end));
+        for (stage, pair) in marks.iter().zip(ticks.windows(2)) {
+            if let Some(stage) = stage {
+                *stage.of(&mut times) += self.ms(self.between(pair[0], pair[1]));
+            }
+        }
+        for stage in idle {
+            stage.of(&mut times);
+        }
+        times
+    }
+
+    fn since_the_first(&mut self, tick: u64) -> u64 {
+        let (last, since) = self.last.unwrap_or((tick, 0));
+        let since = since + self.between(last, tick);
+        self.last = Some((tick, since));
+        since
+    }
+
+    /// Ticks from one mark to a later one, though they wrapped meanwhile. Those of 64 bits do not.
+    fn between(&self, from: u64, to: u64) -> u64 {
+        match self.mask {
+            u64::MAX => to.saturating_sub(from),
+            mask => to.wrapping_sub(from) & mask,
+        }
+    }
+
+    fn ms(&self, ticks: u64) -> f64 {
+        ticks as f64 * self.tick_ns * 1e-6
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const REFIT: Option<Stage> = Some(Stage::Refit);
+
+    #[test]
+    fn stages_are_timed_each_and_all_together() {
+        let (interpolate, idle) = (Some(Stage::Interpolate), [Stage::TracePrimary]);
+        let mut clock = Clock::new(64, 0.5);
+        let mut check = |marks: &[Option<Stage>], ticks: &[u64]| {
+            let times = clock.times(marks, ticks, &idle);
+            assert_eq!(times.interpolate_ms, Some(0.5));
+            assert_eq!(times.refit_ms, Some(3.5));
+            assert_eq!(times.preprocess_ms, None);
+            assert_eq!(times.trace_primary_ms, Some(0.0));
+            (times.begun_ms, times.device_ms)
+        };
+        // One after the other, twice the same; then with something between them that is not timed.
+        let joined = [interpolate, REFIT, REFIT, None];
+        let ticks = [1_000_000, 2_000_000, 5_000_000, 9_000_000, 7, 7];
+        assert_eq!(check(&joined, &ticks), (Some(0.0), 4.0));
+        let apart = [interpolate, None, REFIT, None];
+        let ticks = [11_000_000, 12_000_000, 13_000_000, 20_000_000];
+        assert_eq!(check(&apart, &ticks), (Some(5.0), 4.5));
+    }
+
+    #[test]
+    fn a_clock_of_few_bits_goes_on_when_it_wraps() {
+        let mut clock = Clock::new(20, 1e6);
+        let wrap = 1_u64 << 20;
+        let garbage = 7 << 40;
+        let mut begun = |from: u64| {
+            let ticks = [garbage | (from % wrap), (from + 5) % wrap];
+            let times = clock.times(&[REFIT, None], &ticks, &[]);
+            assert_eq!((times.refit_ms, times.device_ms), (Some(5.0), 5.0));
+            times.begun_ms.unwrap()
+        };
+        let starts = [wrap - 3, wrap + 10, 2 * wrap - 1, 2 * wrap + 7, 3 * wrap];
+        for start in starts {
+            assert_eq!(begun(start), (start - (wrap - 3)) as f64);
+        }
+    }
+
+    #[test]
+    fn a_clock_of_64_bits_keeps_every_tick() {
+        // Nanoseconds since 1970 have more bits than an f64.
+        let start = 1_800_000_000_000_000_001_u64;
+        let mut clock = Clock::new(64, 1.0);
+        clock.times(&[REFIT, None], &[start, start + 1], &[]);
+        let times = clock.times(&[REFIT, None], &[start + 3_000_001, start + 3_000_002], &[]);
+        let close = |found: Option<f64>, ms: f64| (found.unwrap() - ms).abs() < 1e-9;
+        assert!(close(times.begun_ms, 3.000_001), "{times:?}");
+        assert!(close(times.refit_ms, 0.000_001), "{times:?}");
+    }
+
+    #[test]
+    fn nothing_is_timed_without_marks_nor_begun_without_stages() {
+        let mut clock = Clock::new(64, 1.0);
+        assert_eq!(clock.times(&[REFIT], &[], &[]), StageTimes::default());
+        assert_eq!(clock.times(&[None], &[5], &[]), StageTimes::default());
+    }
+}

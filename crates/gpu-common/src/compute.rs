@@ -1,0 +1,310 @@
+//! The backend, carried out by kernels.
+
+use crate::tree::Tree;
+use crate::{Engine, GpuDevice, Pipelines, Stage, are_given};
+use backend::{
+    Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Layout, Method, Query,
+    Rays, Result, Snapshot, Ticket,
+};
+use bvh_layout::Topology;
+use geom::{Animation, Pose, Range, Ray};
+use shaders::rebuild::{Plan, instead_of};
+use shaders::work::{self, Progress};
+use shaders::{Extent, Kernel, Params, Shape};
+use std::sync::Arc;
+
+/// The backend that runs the kernels of `shaders` on a device.
+pub struct ComputeBackend<D: GpuDevice> {
+    pub(crate) engine: Engine<D>,
+    pub(crate) tree: Option<Tree<D>>,
+    /// How the scene is traced.
+    method: Method,
+    stale: Stale,
+    /// Which parts of the tree in use stand.
+    progress: Progress,
+}
+
+/// What must run before a trace.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Stale {
+    Positions,
+    Records,
+    Boxes,
+    Fresh,
+}
+
+impl<D: GpuDevice> ComputeBackend<D> {
+    /// Opens a device.
+    ///
+    /// # Errors
+    /// [`backend::BackendError::NoDevice`] with the reason, or [`backend::BackendError::Limit`] with what the device lacks
+    /// for any scene.
+    pub fn new(options: &D::Options) -> Result<Self> {
+        Self::over(D::open(options)?)
+    }
+
+    /// Computes on a device that is open already.
+    ///
+    /// # Errors
+    /// [`backend::BackendError::NoDevice`] if its arithmetic is wrong.
+    pub fn over(gpu: D) -> Result<Self> {
+        let pipelines = Pipelines::shared(&gpu)?;
+        let (mut engine, found) = Engine::new(gpu, pipelines)?;
+        found.check()?;
+        let (packets, rasterization) = engine.gpu.forms();
+        engine.pipelines.traits = found.traits(packets, rasterization);
+        Ok(Self {
+            engine,
+            tree: None,
+            method: Method::default(),
+            stale: Stale::Positions,
+            progress: Progress::default(),
+        })
+    }
+
+    /// The device.
+    #[must_use]
+    pub fn gpu(&self) -> &D {
+        &self.engine.gpu
+    }
+
+    /// Likewise.
+    pub fn gpu_mut(&mut self) -> &mut D {
+        &mut self.engine.gpu
+    }
+
+    pub(crate) fn tree(&self) -> &Tree<D> {
+        self.tree.as_ref().expect("a scene was loaded")
+    }
+
+    /// What all dispatches share.
+    fn params(&self) -> Params {
+        self.params_at(self.engine.pose)
+    }
+
+    fn params_at(&self, pose: Pose) -> Params {
+        let (range, exponent) = self.reach(pose);
+        Params {
+            alpha: pose.alpha,
+            ..Params::of(exponent, &self.tree().shape).within(range)
+        }
+    }
+
+    /// How far the moment's coordinates reach, and the exponent of the scene's scale.
+    fn reach(&self, pose: Pose) -> (Range, i32) {
+        let scene = self.engine.scene();
+        (scene.animation.range(pose), scene.scale_exponent)
+    }
+
+    /// Records a stage over the tree in use.
+    fn run(&mut self, stage: Stage, work: &[work::Work]) -> Result<()> {
+        let tree = self.tree.as_ref().expect("a scene was loaded");
+        self.engine.run(Some(stage), work, |name| tree.get(name))
+    }
+
+    /// Whether the tree in use was made here, of the positions at hand: it has its records and boxes.
+    fn is_made_whole(&self) -> bool {
+        let made_here = self.tree().made_here;
+        let anew = made_here && self.stale < Stale::Fresh;
+        assert!(!anew, "a tree made on the device is made anew");
+        made_here
+    }
+
+    /// Records a tree's making: see [`shaders::rebuild`].
+    fn make_tree(&mut self, generation: Generation) -> Result<()> {
+        let animation = Arc::clone(&self.engine.scene().animation);
+        let shape = Shape::made_on_device(self.method.layout, animation.live_count() as u32);
+        let tree = self.tree.as_mut().expect("a scene was loaded");
+        let engine = &mut self.engine;
+        if !tree.has_build() {
+            engine.pipelines.prepare_trees(&engine.gpu, self.method)?;
+            tree.make_build(&mut engine.gpu, &animation)?;
+        }
+        tree.grow(&mut engine.gpu, &shape)?;
+        let scene = (animation.scale_exponent(), animation.vertex_count());
+        let extents = &mut engine.frames.record(&engine.gpu)?.extents;
+        let plan = Plan::new(self.method, scene, &shape, extents.boxes.is_some());
+        extents.uncounted = Some(0);
+        extents.refitted(Extent::Whole);
+        engine.run(Some(Stage::Rebuild), &plan.sort, |name| tree.get(name))?;
+        // Leaves go to clusters of the tree to be made, not to nodes.
+        let clusters = |name| tree.get(instead_of(name, &animation));
+        engine.run(Some(Stage::Preprocess), &[plan.leaves], clusters)?;
+        engine.run(Some(Stage::Rebuild), &plan.cluster, |name| tree.get(name))?;
+        tree.made(generation, shape);
+        Ok(())
+    }
+
+    /// Records the stages of a trace. An empty tree has no node to trace: its stages are empty too.
+    fn trace_stages(&mut self, query: &Query<'_>) -> Result<()> {
+        let has_tree = self.tree().shape.leaf_count > 0;
+        let (range, exponent) = self.reach(self.engine.pose);
+        let is_extreme = |ray: &Ray| shaders::is_extreme(ray.origin, range, exponent);
+        let how = (self.method.intersector, has_tree);
+        let trace = self.engine.begin_trace(query, how, is_extreme)?;
+        let rays = match query.rays {
+            Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
+            _ => work::Rays::Given(trace.count as u32, trace.extremes),
+        };
+        let params = self.params();
+        let engine = &mut self.engine;
+        let mut traits = engine.pipelines.traits;
+        traits.rasterization = engine.frames.raster_backoff.allow(traits.rasterization);
+        let tracing = work::trace(self.method, params, rays, query.kind, traits);
+        let all = tracing.primary.iter();
+        let all = all.chain(tracing.shadow.iter().flatten());
+        engine.pipelines.prepare_work(&engine.gpu, all)?;
+        let tree = self.tree.as_mut().expect("a scene was loaded");
+        tree.grow_picture(&mut engine.gpu, &tracing)?;
+        let stages = [
+            (Stage::TracePrimary, Some(tracing.primary)),
+            (Stage::TraceShadow, tracing.shadow),
+        ];
+        for (stage, work) in stages {
+            let Some(work) = work else { continue };
+            let work = if has_tree { &work[..] } else { &[] };
+            let own = |name| trace.get(name).or_else(|| tree.get(name));
+            engine.run(Some(stage), work, own)?;
+        }
+        engine.traces.pending = Some(trace);
+        Ok(())
+    }
+}
+
+impl<D: GpuDevice> Backend for ComputeBackend<D> {
+    fn device(&self) -> &Device {
+        &self.engine.device
+    }
+
+    fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
+        let engine = &mut self.engine;
+        engine
+            .gpu
+            .check_kernels(&|k| !k.makes_trees() && k.serves(method))?;
+        engine.pipelines.prepare(&engine.gpu, method)?;
+        // What is under way or recorded belongs to the scene before.
+        engine.abandon();
+        engine.unload()?;
+        self.tree = None;
+        (self.stale, self.progress) = (Stale::Positions, Progress::default());
+        let tree = Tree::new(&engine.gpu, &animation, method)?;
+        engine.load(animation)?;
+        (self.tree, self.method) = (Some(tree), method);
+        Ok(())
+    }
+
+    fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
+        assert!(generation > self.tree().generation, "generations rise");
+        let engine = &mut self.engine;
+        let recording = engine.frames.is_recording();
+        assert!(!recording, "trees are adopted between submissions");
+        let animation = Arc::clone(&engine.scene().animation);
+        let current = self.tree.as_mut().expect("a scene was loaded");
+        current.adopt(&mut engine.gpu, &animation, (tree, generation))?;
+        self.progress = Progress::default();
+        self.stale = self.stale.min(Stale::Records);
+        Ok(())
+    }
+
+    fn wants_treelets(&self) -> bool {
+        self.method.layout == Layout::Fast
+    }
+
+    fn interpolate(&mut self, pose: Pose) -> Result<()> {
+        let params = self.params_at(pose);
+        self.engine.interpolate(pose, params)?;
+        self.stale = Stale::Records;
+        Ok(())
+    }
+
+    fn preprocess(&mut self) -> Result<()> {
+        assert!(self.stale >= Stale::Records, "positions come first");
+        assert!(self.tree().generation > Generation(0), "a tree comes first");
+        if self.is_made_whole() {
+            return Ok(());
+        }
+        let (params, shape) = (self.params(), &self.tree().shape);
+        let (work, uncounted) = self.progress.preprocess(self.method, params, shape);
+        self.run(Stage::Preprocess, &work)?;
+        let engine = &mut self.engine;
+        engine.frames.record(&engine.gpu)?.extents.uncounted = Some(uncounted);
+        let tree = self.tree.as_ref().expect("a scene was loaded");
+        self.progress.preprocessed(&tree.shape);
+        self.stale = Stale::Boxes;
+        Ok(())
+    }
+
+    fn refit(&mut self) -> Result<()> {
+        assert!(self.stale >= Stale::Boxes, "boxes of leaves come first");
+        if self.is_made_whole() {
+            return Ok(());
+        }
+        let (params, shape) = (self.params(), &self.tree().shape);
+        let (work, extent) = self.progress.refit(self.method, params, shape);
+        self.run(Stage::Refit, &work)?;
+        let engine = &mut self.engine;
+        engine.frames.record(&engine.gpu)?.extents.refitted(extent);
+        self.progress.refitted();
+        self.stale = Stale::Fresh;
+        Ok(())
+    }
+
+    fn check_rebuild(&self) -> Result<()> {
+        self.engine.gpu.check_kernels(&Kernel::makes_trees)
+    }
+
+    fn rebuild(&mut self, generation: Generation) -> Result<()> {
+        assert!(self.stale >= Stale::Records, "positions come first");
+        assert!(generation > self.tree().generation, "generations rise");
+        self.check_rebuild()?;
+        self.stale = self.stale.min(Stale::Records);
+        self.make_tree(generation)?;
+        self.stale = Stale::Fresh;
+        Ok(())
+    }
+
+    fn trace(&mut self, query: Query<'_>) -> Result<()> {
+        let fresh = self.stale == Stale::Fresh;
+        assert!(fresh, "a stale tree must not be traced");
+        self.trace_stages(&query)
+    }
+
+    fn request_positions(&mut self) -> Result<()> {
+        assert!(self.stale >= Stale::Records, "positions come first");
+        self.engine.request_positions()
+    }
+
+    fn submit(&mut self) -> Result<Ticket> {
+        let submitted = self.engine.submit(self.engine.scene().never_active);
+        match &submitted {
+            Ok(_) => self.progress.submitted(),
+            // What was recorded never ran, so nothing on the device is up to date.
+            Err(_) => {
+                self.engine.abandon();
+                (self.stale, self.progress) = (Stale::Positions, Progress::default());
+            }
+        }
+        submitted
+    }
+
+    fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
+        self.engine.wait(ticket)
+    }
+
+    fn hits(&mut self, ticket: Ticket, out: &mut Hits) -> Result<()> {
+        self.engine.hits(ticket, out)
+    }
+
+    fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
+        self.engine.take_positions()
+    }
+
+    fn device_bytes(&self) -> Option<DeviceBytes> {
+        let tree = self.tree.as_ref().map_or([0; 3], Tree::held);
+        Some(self.engine.bytes(tree))
+    }
+
+    fn inspect(&mut self) -> &mut dyn Inspect {
+        self
+    }
+}

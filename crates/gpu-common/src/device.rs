@@ -1,0 +1,231 @@
+//! What a GPU interface has to do.
+
+use crate::{Clock, Stage};
+use backend::{BackendError, DeviceBytes, DeviceKind, Result, Snapshot, Ticket};
+use bytemuck::Pod;
+use shaders::work::Work;
+use shaders::{BufferName, Code, Counts, Kernel, Packets, Rasterization};
+
+/// Who is at work.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct About {
+    /// The backend's name on the command line.
+    pub backend: &'static str,
+    /// The device's own name.
+    pub adapter: String,
+    /// Driver and version.
+    pub driver: String,
+    /// What kind of machine it is.
+    pub kind: DeviceKind,
+}
+
+/// Who writes a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BufferPurpose {
+    /// Kernels, or the host while nothing is under way.
+    Storage,
+    /// The host, for each frame anew: see [`GpuDevice::write`].
+    Input,
+}
+
+/// A kernel to be recorded.
+pub struct Dispatch<'a, D: GpuDevice> {
+    /// Its parameters, and whether it may run beside the one before it.
+    pub work: &'a Work,
+    /// What was made of its kernel.
+    pub pipeline: &'a D::Pipeline,
+    /// Workgroups along both axes.
+    pub groups: [u32; 2],
+}
+
+/// Gives the buffers of a dispatch, but for parameters and counts, which are the slot's.
+pub type Find<'f, 'a, B> = &'f dyn Fn(BufferName) -> &'a B;
+
+/// What a finished submission left behind.
+#[derive(Clone, Debug, Default)]
+pub struct Finished {
+    /// What its kernels counted.
+    pub counts: Counts,
+    /// For each mark of time what runs from it to the next; `None` where nothing does that is timed.
+    pub marks: Vec<Option<Stage>>,
+    /// When each mark was passed, in ticks of [`GpuDevice::clock`]; `None` without a clock.
+    pub ticks: Option<Vec<u64>>,
+}
+
+/// A device that runs kernels. It has one owner, so nothing of it needs a lock.
+///
+/// Only `upload`, `read`, `finish`, `unload` and `wait_idle` may wait for the device. Submissions run in their order;
+/// what is recorded reads what was recorded before. Where copies have queues of their own, the device puts them in order
+/// with the submissions that need them.
+pub trait GpuDevice: Send + Sized {
+    /// Whether positions set out while the rest of their submission runs: then a recording is [split](GpuDevice::split).
+    const SPLITS: bool = false;
+
+    /// How to open it.
+    type Options;
+    /// A buffer. Dropping one need not wait: see [`GpuDevice::discard`].
+    type Buffer: Send;
+    /// A kernel ready to be bound.
+    type Pipeline: Send;
+    /// What one submission needs for itself: commands, parameters, counts, marks of time.
+    type Slot: Send;
+    /// Positions on their way to the host.
+    type Copy: Send;
+
+    /// Opens a device.
+    ///
+    /// # Errors
+    /// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`] with what the device lacks for any scene.
+    fn open(options: &Self::Options) -> Result<Self>;
+
+    /// Who is at work.
+    fn about(&self) -> About;
+
+    /// How invocations search together, and which pictures are rasterized.
+    fn forms(&self) -> (Option<Packets>, Option<Rasterization>);
+
+    /// The clock of its marks.
+    fn clock(&self) -> Clock;
+
+    /// Workgroups that a dispatch may have along an axis.
+    fn max_groups(&self) -> u32;
+
+    /// Bytes that one buffer may have.
+    fn max_buffer_bytes(&self) -> u64;
+
+    /// Refuses a device on which one of these kernels cannot run.
+    ///
+    /// # Errors
+    /// [`BackendError::Limit`] with the limit's name.
+    fn check_kernels(&self, wanted: &dyn Fn(&Kernel) -> bool) -> Result<()>;
+
+    /// A buffer of so many bytes, `what` naming it in messages. At least 16, so that an empty scene has buffers to bind.
+    ///
+    /// # Errors
+    /// [`BackendError::Limit`] or [`BackendError::OutOfMemory`], with the need. All other methods: see [`BackendError`].
+    fn buffer(&self, what: &str, bytes: u64, purpose: BufferPurpose) -> Result<Self::Buffer>;
+
+    /// Bytes that kernels may use.
+    fn size(buffer: &Self::Buffer) -> u64;
+
+    /// Bytes that it takes of the device's memory.
+    fn held(buffer: &Self::Buffer) -> u64 {
+        Self::size(buffer)
+    }
+
+    /// Drops a buffer once all that was recorded so far is done with it.
+    fn discard(&mut self, buffer: Self::Buffer);
+
+    /// Buffers made so far, of any purpose.
+    fn buffers_made(&self) -> u64;
+
+    /// Fills buffers from their beginning, and waits until that is done.
+    ///
+    /// # Errors
+    /// See [`BackendError`]; likewise below.
+    fn upload(&mut self, all: &[(&[u8], &Self::Buffer)]) -> Result<()>;
+
+    /// Fills a buffer of [`BufferPurpose::Input`] for the next submission. Nothing under way may use it.
+    fn write<T: Pod>(&mut self, to: &mut Self::Buffer, rows: impl Iterator<Item = T>)
+    -> Result<()>;
+
+    /// Waits for what was submitted and shows the first `count` elements of a buffer.
+    /// What fills it must be finished.
+    fn read<T: Pod, R>(
+        &mut self,
+        from: &Self::Buffer,
+        count: usize,
+        look: impl FnOnce(&[T]) -> R,
+    ) -> Result<R>;
+
+    /// A tree's record, sent part by part, for all that is recorded from now on.
+    fn send_tree(&mut self, parts: &[&[u32]]) -> Result<Self::Buffer>;
+
+    /// Takes back a record, to send another tree in it once all that was submitted so far is done with it.
+    fn recycle_tree(&mut self, record: Self::Buffer);
+
+    /// Makes a kernel ready.
+    fn pipeline(&self, kernel: &'static Kernel, code: Code) -> Result<Self::Pipeline>;
+
+    /// What a submission needs for itself.
+    fn slot(&self) -> Result<Self::Slot>;
+
+    /// Begins a recording, with all counts 0 and a mark of time. The slot's last submission must have been finished.
+    fn begin(&self, slot: &mut Self::Slot) -> Result<()>;
+
+    /// Records dispatches, each after those before it unless [`Work::alongside`] says otherwise.
+    /// The first may run beside the last of the call before, if it says so and no stage was ended between.
+    fn dispatch(
+        &self,
+        slot: &mut Self::Slot,
+        all: &[Dispatch<'_, Self>],
+        find: Find<'_, '_, Self::Buffer>,
+    ) -> Result<()>;
+
+    /// Ends a stage: all that was recorded since the last one ended is timed as its work.
+    fn end_stage(&self, slot: &mut Self::Slot, stage: Stage) -> Result<()>;
+
+    /// Records that the first so many bytes of counts are 0 again.
+    fn clear_counts(&self, slot: &mut Self::Slot, bytes: u64) -> Result<()>;
+
+    /// Ends the part of a recording for which positions that go to the host wait, and begins the rest.
+    fn split(&self, _slot: &mut Self::Slot) -> Result<()> {
+        Ok(())
+    }
+
+    /// Submits a recording. Where `positions` are given with their bytes, has them copied to the host.
+    fn submit(
+        &mut self,
+        slot: &mut Self::Slot,
+        ticket: Ticket,
+        positions: Option<(&Self::Buffer, u64)>,
+    ) -> Result<Option<Self::Copy>>;
+
+    /// Waits for a submission, and says what it left behind. Asked once for each, in their order.
+    fn finish(&mut self, slot: &mut Self::Slot, ticket: Ticket) -> Result<Finished>;
+
+    /// Has callbacks run that tell of copies, without waiting.
+    fn poll(&mut self) -> Result<()> {
+        Ok(())
+    }
+
+    /// Whether positions have arrived. Never waits.
+    fn has_arrived(&self, copy: &Self::Copy) -> Result<bool>;
+
+    /// Notes that the next submission overwrites what a copy reads.
+    fn overwrites(&mut self, copy: &Self::Copy);
+
+    /// Positions that have arrived, which may outlive the device.
+    fn take(&mut self, copy: Self::Copy, vertices: usize) -> Result<Snapshot>;
+
+    /// Drops what a recording that is not going to be submitted asked for.
+    fn abandon(&mut self);
+
+    /// Waits for all that is under way, and lets go of all that belongs to the scene.
+    fn unload(&mut self, slots: &mut dyn Iterator<Item = &mut Self::Slot>) -> Result<()>;
+
+    /// Waits until the device has nothing left to do.
+    fn wait_idle(&self) -> Result<()>;
+
+    /// Adds what the device keeps by itself to the bytes of the buffers that were made for a scene and its frames.
+    fn with_own_bytes(
+        &self,
+        bytes: DeviceBytes,
+        slots: &mut dyn Iterator<Item = &Self::Slot>,
+    ) -> DeviceBytes;
+}
+
+/// Refuses a need above a limit.
+///
+/// # Errors
+/// [`BackendError::Limit`] with both.
+pub fn refuse_above(what: impl FnOnce() -> String, need: u64, limit: u64) -> Result<()> {
+    match need > limit {
+        true => Err(BackendError::Limit {
+            what: what(),
+            need,
+            limit,
+        }),
+        false => Ok(()),
+    }
+}

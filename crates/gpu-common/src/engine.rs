@@ -1,0 +1,216 @@
+//! What frames of any kind take of a device.
+
+use crate::snapshots::Snapshots;
+use crate::traces::{Trace, Traces};
+use crate::{Frames, GpuDevice, Pipelines, Scene, Stage, selftest};
+use backend::{Device, DeviceBytes, FrameReport, Hits, Query, Result, Snapshot, Ticket};
+use geom::{Animation, Point, Pose, Ray};
+use shaders::arithmetic::Findings;
+use shaders::work::{self, Work};
+use shaders::{BufferName, Params};
+use std::sync::Arc;
+
+/// A device with a scene, its positions, submissions and traces. What trees are and how rays go down them is for the owner
+/// to say.
+///
+/// Stages are timed by the device's clock; where it has none, each stage's time
+/// is `None` and `device_ms` is the host's, from the submission to the moment
+/// its end was seen.
+pub struct Engine<D: GpuDevice> {
+    /// Who is at work.
+    pub device: Device,
+    /// Submissions.
+    pub frames: Frames<D>,
+    /// What they found.
+    pub traces: Traces<D>,
+    snapshots: Snapshots<D>,
+    /// The scene, once one is loaded.
+    pub scene: Option<Scene<D>>,
+    /// Which of the two position buffers is current.
+    pub position: usize,
+    /// The moment that positions were last interpolated at.
+    pub pose: Pose,
+    /// Kernels ready to be bound.
+    pub pipelines: Pipelines<D>,
+    /// The device itself.
+    pub gpu: D,
+}
+
+impl<D: GpuDevice> Engine<D> {
+    /// Puts the device's arithmetic to the test by one of the kernels.
+    ///
+    /// # Errors
+    /// [`backend::BackendError::NoDevice`] if it is wrong.
+    pub fn new(mut gpu: D, pipelines: Pipelines<D>) -> Result<(Self, Findings)> {
+        let mut frames = Frames::new(&gpu)?;
+        let found = selftest::run(&mut gpu, &mut frames, &pipelines)?;
+        let about = gpu.about();
+        let made = Self {
+            device: Device {
+                backend: about.backend,
+                adapter: about.adapter,
+                driver: about.driver,
+                kind: about.kind,
+                threads: 0,
+                arithmetic: found.arithmetic,
+            },
+            frames,
+            traces: Traces::default(),
+            snapshots: Snapshots::default(),
+            scene: None,
+            position: 0,
+            pose: Pose::default(),
+            pipelines,
+            gpu,
+        };
+        Ok((made, found))
+    }
+
+    /// The scene.
+    ///
+    /// # Panics
+    /// Before one is loaded; likewise all that follows but for [`Engine::unload`].
+    #[must_use]
+    pub fn scene(&self) -> &Scene<D> {
+        self.scene.as_ref().expect("a scene was loaded")
+    }
+
+    /// Waits for what is under way and lets go of the scene.
+    ///
+    /// # Errors
+    /// Those of the device; likewise all that follows.
+    pub fn unload(&mut self) -> Result<()> {
+        self.frames.unload(&mut self.gpu)?;
+        (self.traces, self.snapshots) = (Traces::default(), Snapshots::default());
+        (self.scene, self.position) = (None, 0);
+        Ok(())
+    }
+
+    /// Makes an animation current. The last one must have been let go of.
+    pub fn load(&mut self, animation: Arc<Animation>) -> Result<()> {
+        self.scene = Some(Scene::new(&mut self.gpu, animation)?);
+        Ok(())
+    }
+
+    /// Records key frames to positions. `params` has the pose's weight.
+    pub fn interpolate(&mut self, pose: Pose, params: Params) -> Result<()> {
+        let gpu = &mut self.gpu;
+        self.position = self.snapshots.position_to_write(gpu, self.position)?;
+        self.pose = pose;
+        let work = [work::interpolate(params, self.scene().vertices())];
+        self.run(Some(Stage::Interpolate), &work, |_| None)
+    }
+
+    /// Records kernels, as a stage or as part of none. `own` gives buffers that are not the scene's, or stand in place of
+    /// these.
+    ///
+    /// # Panics
+    /// If a kernel names a buffer that nobody has.
+    pub fn run<'a>(
+        &mut self,
+        stage: Option<Stage>,
+        work: &[Work],
+        own: impl Fn(BufferName) -> Option<&'a D::Buffer>,
+    ) -> Result<()>
+    where
+        D: 'a,
+    {
+        let scene = self.scene.as_ref().expect("a scene was loaded");
+        let (gpu, pipelines) = (&self.gpu, &self.pipelines);
+        let (key, position) = (self.pose.key, self.position);
+        let find = |name: BufferName| -> &D::Buffer {
+            let found = own(name).or_else(|| scene.get(name, key, position));
+            found.unwrap_or_else(|| panic!("no buffer {name:?}"))
+        };
+        let slot = self.frames.record(gpu)?;
+        match stage {
+            Some(stage) => slot.record(gpu, pipelines, stage, work, &find),
+            None => slot.record_untimed(gpu, pipelines, work, &find),
+        }
+    }
+
+    /// Makes room for what a query finds, and sends its rays if kernels do not make them.
+    ///
+    /// # Panics
+    /// If the recording has a trace already.
+    pub fn begin_trace(
+        &mut self,
+        query: &Query<'_>,
+        how: (backend::Intersector, bool),
+        is_extreme: impl Fn(&Ray) -> bool,
+    ) -> Result<Trace<D>> {
+        assert!(self.traces.pending.is_none(), "one trace a submission");
+        self.traces.make(&mut self.gpu, query, how, is_extreme)
+    }
+
+    /// Records that the positions go to the host: as soon as they are made, beside what is recorded from here on.
+    pub fn request_positions(&mut self) -> Result<()> {
+        self.snapshots.request(self.position);
+        self.frames.record(&self.gpu)?.split(&self.gpu)
+    }
+
+    /// Submits what was recorded. So many triangles are in no tree, and count as inactive.
+    pub fn submit(&mut self, never_active: u64) -> Result<Ticket> {
+        let scene = self.scene.as_ref().expect("a scene was loaded");
+        let requested = self.snapshots.requested();
+        let positions = requested.map(|p| (&scene.positions[p], scene.position_bytes()));
+        let about = (self.traces.pending.is_some(), never_active);
+        let (ticket, copy) = self.frames.submit(&mut self.gpu, positions, about)?;
+        self.traces.submitted(ticket);
+        self.snapshots.submitted(ticket, copy);
+        Ok(ticket)
+    }
+
+    /// Drops what was recorded: it is not going to be submitted.
+    pub fn abandon(&mut self) {
+        self.frames.abandon();
+        self.snapshots.abandon();
+        self.traces.pending = None;
+        self.gpu.abandon();
+    }
+
+    /// Waits for a submission and says what it did.
+    pub fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
+        self.frames.retire(&mut self.gpu, ticket)
+    }
+
+    /// Waits for a submission and copies what it found.
+    pub fn hits(&mut self, ticket: Ticket, out: &mut Hits) -> Result<()> {
+        self.wait(ticket)?;
+        self.traces.get(ticket).fetch(&mut self.gpu, out)
+    }
+
+    /// The oldest positions requested, if they have arrived.
+    pub fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
+        let vertices = self.scene().animation.vertex_count();
+        self.snapshots.take(&mut self.gpu, vertices)
+    }
+
+    /// Bytes of device memory, of which so much is a tree's, room to make one, and its owner's for frames.
+    #[must_use]
+    pub fn bytes(&self, [tree, scratch, frames]: [u64; 3]) -> DeviceBytes {
+        let bytes = DeviceBytes {
+            tree,
+            scratch,
+            scene: self.scene.as_ref().map_or(0, Scene::held),
+            frames: frames + self.traces.held(),
+        };
+        self.gpu.with_own_bytes(bytes, &mut self.frames.own())
+    }
+
+    /// Waits for all submissions and reads the current positions.
+    pub fn positions(&mut self) -> Result<Vec<Point>> {
+        self.gpu.wait_idle()?;
+        let scene = self.scene.as_ref().expect("a scene was loaded");
+        let count = scene.animation.vertex_count();
+        let from = &scene.positions[self.position];
+        self.gpu.read(from, count, <[Point]>::to_vec)
+    }
+}
+
+impl<D: GpuDevice> Drop for Engine<D> {
+    fn drop(&mut self) {
+        // A lost device has nothing to wait for.
+        let _ = self.gpu.wait_idle();
+    }
+}

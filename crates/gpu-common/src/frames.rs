@@ -1,0 +1,338 @@
+//! Submissions: recorded, under way, and the reports of those that are done.
+
+use crate::{Clock, Dispatch, Find, GpuDevice, Pipelines, Stage};
+use backend::{BackendError, FRAMES_IN_FLIGHT, FrameReport, Result, StageTimes, Ticket};
+use shaders::work::Work;
+use shaders::{Counts, Extents, RasterBackoff, TreeStats};
+use std::collections::VecDeque;
+use std::mem::offset_of;
+use std::time::Instant;
+
+/// One slot more than submissions may be under way, so that recording never waits.
+pub const SLOTS: usize = FRAMES_IN_FLIGHT + 1;
+
+/// Bytes of what `preprocess` counts: it may run more than once a submission, and the last time counts.
+const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
+
+/// The slots, in a ring, and what became of their submissions.
+pub struct Frames<D: GpuDevice> {
+    slots: Vec<Slot<D>>,
+    recording: bool,
+    submitted: u64,
+    /// Submissions with a trace so far.
+    traces: u64,
+    /// From the oldest that is remembered to the newest.
+    ledger: VecDeque<Submission>,
+    /// What preprocess and refit said last.
+    tree_stats: TreeStats,
+    /// What traces by rasterization said last.
+    pub(crate) raster_backoff: RasterBackoff,
+    clock: Clock,
+}
+
+struct Submission {
+    ticket: Ticket,
+    /// Submissions with a trace, up to and including this one.
+    traces: u64,
+    never_active: u64,
+    at: Instant,
+    /// `None` while it is under way.
+    report: Option<FrameReport>,
+}
+
+/// One submission at a time.
+pub struct Slot<D: GpuDevice> {
+    /// The device's part.
+    pub own: D::Slot,
+    stages: Vec<Stage>,
+    /// Those that had nothing to do.
+    idle: Vec<Stage>,
+    /// Whether `interpolate` was recorded last, and has no end yet: `preprocess` may run beside it.
+    open: bool,
+    /// What preprocess and refit went over.
+    pub extents: Extents,
+    pub(crate) readback_bytes: u64,
+}
+
+impl<D: GpuDevice> Slot<D> {
+    fn new(gpu: &D) -> Result<Self> {
+        Ok(Self {
+            own: gpu.slot()?,
+            stages: Vec::new(),
+            idle: Vec::new(),
+            open: false,
+            extents: Extents::default(),
+            readback_bytes: 0,
+        })
+    }
+
+    fn begin(&mut self, gpu: &D) -> Result<()> {
+        self.stages.clear();
+        self.idle.clear();
+        (self.open, self.readback_bytes) = (false, 0);
+        self.extents = Extents::default();
+        gpu.begin(&mut self.own)
+    }
+
+    /// Records a stage. What cannot be recorded is refused before anything is. `interpolate` stays open for what may run
+    /// beside it, and is then timed with that. A stage without work takes no time, but as the first it begins the frame's.
+    ///
+    /// # Errors
+    /// [`BackendError::Limit`] if a dispatch is too large; else those of the device.
+    pub fn record(
+        &mut self,
+        gpu: &D,
+        pipelines: &Pipelines<D>,
+        stage: Stage,
+        work: &[Work],
+        find: Find<'_, '_, D::Buffer>,
+    ) -> Result<()> {
+        if !work.first().is_some_and(|w| w.alongside) {
+            self.close(gpu)?;
+        }
+        if work.is_empty() && !self.stages.is_empty() {
+            self.idle.push(stage);
+            return Ok(());
+        }
+        if stage == Stage::Preprocess && self.stages.contains(&stage) {
+            gpu.clear_counts(&mut self.own, LEAF_COUNTS)?;
+        }
+        self.dispatch(gpu, pipelines, work, find)?;
+        self.open = stage == Stage::Interpolate;
+        match self.open {
+            true => Ok(()),
+            false => self.end(gpu, stage),
+        }
+    }
+
+    /// Records a stage that is no list of kernels.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn record_as(
+        &mut self,
+        gpu: &D,
+        stage: Stage,
+        record: impl FnOnce(&mut D::Slot),
+    ) -> Result<()> {
+        self.close(gpu)?;
+        record(&mut self.own);
+        self.end(gpu, stage)
+    }
+
+    /// Records kernels that belong to no stage.
+    ///
+    /// # Errors
+    /// As [`Slot::record`].
+    pub fn record_untimed(
+        &mut self,
+        gpu: &D,
+        pipelines: &Pipelines<D>,
+        work: &[Work],
+        find: Find<'_, '_, D::Buffer>,
+    ) -> Result<()> {
+        self.close(gpu)?;
+        self.dispatch(gpu, pipelines, work, find)
+    }
+
+    fn dispatch(
+        &mut self,
+        gpu: &D,
+        pipelines: &Pipelines<D>,
+        work: &[Work],
+        find: Find<'_, '_, D::Buffer>,
+    ) -> Result<()> {
+        let each = work.iter().map(|work| {
+            Ok(Dispatch {
+                work,
+                pipeline: pipelines.get(work.kernel),
+                groups: groups(gpu, work)?,
+            })
+        });
+        let all = each.collect::<Result<Vec<_>>>()?;
+        gpu.dispatch(&mut self.own, &all, find)
+    }
+
+    /// Ends `interpolate`, if it is open: what follows is not to run beside it.
+    fn close(&mut self, gpu: &D) -> Result<()> {
+        match std::mem::take(&mut self.open) {
+            true => self.end(gpu, Stage::Interpolate),
+            false => Ok(()),
+        }
+    }
+
+    fn end(&mut self, gpu: &D, stage: Stage) -> Result<()> {
+        self.stages.push(stage);
+        gpu.end_stage(&mut self.own, stage)
+    }
+
+    /// Notes that positions recorded so far go to the host.
+    pub(crate) fn split(&mut self, gpu: &D) -> Result<()> {
+        if !D::SPLITS {
+            return Ok(());
+        }
+        self.close(gpu)?;
+        gpu.split(&mut self.own)
+    }
+}
+
+/// Workgroups of a dispatch along both axes.
+fn groups<D: GpuDevice>(gpu: &D, work: &Work) -> Result<[u32; 2]> {
+    let groups = work.group_counts(gpu.max_groups());
+    groups.map_err(|e| BackendError::Limit {
+        what: format!("kernel {} (workgroups along an axis)", work.kernel.name),
+        need: u64::from(e.need),
+        limit: u64::from(e.limit),
+    })
+}
+
+impl<D: GpuDevice> Frames<D> {
+    pub(crate) fn new(gpu: &D) -> Result<Self> {
+        Ok(Self {
+            slots: (0..SLOTS).map(|_| Slot::new(gpu)).collect::<Result<_>>()?,
+            recording: false,
+            submitted: 0,
+            traces: 0,
+            ledger: VecDeque::new(),
+            tree_stats: TreeStats::default(),
+            raster_backoff: RasterBackoff::default(),
+            clock: gpu.clock(),
+        })
+    }
+
+    pub(crate) fn is_recording(&self) -> bool {
+        self.recording
+    }
+
+    /// Which of so many [`SLOTS`] the recording takes, or the next one will.
+    #[must_use]
+    pub fn place(&self) -> usize {
+        self.submitted as usize % SLOTS
+    }
+
+    /// The slot being recorded, begun if need be.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn record(&mut self, gpu: &D) -> Result<&mut Slot<D>> {
+        let place = self.place();
+        let slot = &mut self.slots[place];
+        if !self.recording {
+            slot.begin(gpu)?;
+            self.recording = true;
+        }
+        Ok(slot)
+    }
+
+    /// The parts of all slots that are the device's.
+    pub(crate) fn own(&self) -> impl Iterator<Item = &D::Slot> {
+        self.slots.iter().map(|slot| &slot.own)
+    }
+
+    /// Submits the recording with the positions asked for; waits for the oldest
+    /// submission if too many are under way. Remembers it until enough with a trace came after it.
+    pub(crate) fn submit(
+        &mut self,
+        gpu: &mut D,
+        positions: Option<(&D::Buffer, u64)>,
+        (traced, never_active): (bool, u64),
+    ) -> Result<(Ticket, Option<D::Copy>)> {
+        self.record(gpu)?.close(gpu)?;
+        while self.under_way().count() >= FRAMES_IN_FLIGHT {
+            let oldest = self.under_way().next();
+            self.finish(gpu, oldest.expect("counted just now"))?;
+        }
+        let ticket = Ticket(self.submitted + 1);
+        let place = self.place();
+        let (slot, at) = (&mut self.slots[place], Instant::now());
+        slot.readback_bytes = positions.map_or(0, |(_, bytes)| bytes);
+        let copy = gpu.submit(&mut slot.own, ticket, positions)?;
+        self.recording = false;
+        self.submitted = ticket.0;
+        self.traces += u64::from(traced);
+        self.ledger.push_back(Submission {
+            ticket,
+            traces: self.traces,
+            never_active,
+            at,
+            report: None,
+        });
+        self.forget_the_old();
+        Ok((ticket, copy))
+    }
+
+    /// Submissions that were not seen to be done.
+    pub(crate) fn under_way(&self) -> impl Iterator<Item = Ticket> + '_ {
+        let open = self.ledger.iter().filter(|s| s.report.is_none());
+        open.map(|s| s.ticket)
+    }
+
+    fn forget_the_old(&mut self) {
+        let traces = self.traces;
+        let old =
+            |s: &Submission| traces - s.traces > FRAMES_IN_FLIGHT as u64 && s.report.is_some();
+        while self.ledger.front().is_some_and(old) {
+            self.ledger.pop_front();
+        }
+    }
+
+    /// Waits for a submission, and so for all before it.
+    fn finish(&mut self, gpu: &mut D, ticket: Ticket) -> Result<()> {
+        let open = |s: &&mut Submission| s.ticket <= ticket && s.report.is_none();
+        for submission in self.ledger.iter_mut().filter(open) {
+            let slot = &mut self.slots[(submission.ticket.0 - 1) as usize % SLOTS];
+            let done = gpu.finish(&mut slot.own, submission.ticket)?;
+            let times = match &done.ticks {
+                Some(ticks) => self.clock.times(&done.marks, ticks, &slot.idle),
+                // The host's clock has to do.
+                None => StageTimes {
+                    device_ms: submission.at.elapsed().as_secs_f64() * 1e3,
+                    ..StageTimes::default()
+                },
+            };
+            let counts = done.counts;
+            let mut report = FrameReport {
+                times,
+                hits: u64::from(counts.hits),
+                blocked: u64::from(counts.blocked),
+                settled: counts.settled(),
+                readback_bytes: slot.readback_bytes,
+                ..FrameReport::default()
+            };
+            let counted = (&counts, slot.extents);
+            self.tree_stats
+                .complete(&mut report, counted, submission.never_active);
+            self.raster_backoff.note(&counts);
+            submission.report = Some(report);
+        }
+        Ok(())
+    }
+
+    /// Waits for a submission, and so for all before it, and says what it did.
+    ///
+    /// # Panics
+    /// If the ticket was never given, or too long ago.
+    pub(crate) fn retire(&mut self, gpu: &mut D, ticket: Ticket) -> Result<FrameReport> {
+        self.finish(gpu, ticket)?;
+        let found = self.ledger.iter().find(|s| s.ticket == ticket);
+        let report = found.and_then(|s| s.report.clone());
+        Ok(report.expect("this ticket was never given, or was given too long ago"))
+    }
+
+    /// Drops the recording, if there is one.
+    pub(crate) fn abandon(&mut self) {
+        self.recording = false;
+    }
+
+    /// Waits for all submissions and forgets them: another scene is loaded.
+    pub(crate) fn unload(&mut self, gpu: &mut D) -> Result<()> {
+        if let Some(last) = self.ledger.back().map(|s| s.ticket) {
+            self.finish(gpu, last)?;
+        }
+        self.recording = false;
+        self.ledger.clear();
+        self.tree_stats = TreeStats::default();
+        self.raster_backoff = RasterBackoff::default();
+        gpu.unload(&mut self.slots.iter_mut().map(|slot| &mut slot.own))
+    }
+}

@@ -1,0 +1,65 @@
+//! Views into the output of a stage.
+
+use crate::{ComputeBackend, GpuDevice};
+use backend::{BackendError, Inspect, Result};
+use bvh_layout::Topology;
+use bytemuck::Pod;
+use geom::{Aabb, Point};
+use shaders::rebuild::BrokenTree;
+use shaders::{BufferName, View};
+
+impl<D: GpuDevice> Inspect for ComputeBackend<D> {
+    fn positions(&mut self) -> Result<Vec<Point>> {
+        self.engine.positions()
+    }
+
+    fn boxes(&mut self) -> Result<Vec<Aabb>> {
+        let positions = self.positions()?;
+        self.view(|tree| tree.boxes(&positions))
+    }
+
+    fn rebuilt(&mut self) -> Result<Topology> {
+        let made_here = self.tree().made_here;
+        assert!(made_here, "the tree in use was made on the host");
+        self.view(|tree| tree.topology())
+    }
+}
+
+impl<D: GpuDevice> ComputeBackend<D> {
+    /// Waits for all submissions and reads the first elements of a buffer of the tree in use, for tests and dumps.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    ///
+    /// # Panics
+    /// If the tree has no such buffer.
+    pub fn read_tree<T: Pod>(&mut self, name: BufferName, count: usize) -> Result<Vec<T>> {
+        let tree = self.tree.as_ref().expect("a scene was loaded");
+        let buffer = tree.get(name).expect("a buffer of the tree's");
+        self.engine.gpu.wait_idle()?;
+        self.engine.gpu.read(buffer, count, <[T]>::to_vec)
+    }
+
+    /// Looks at the tree in use, after all that was submitted.
+    fn view<T>(&mut self, look: impl Fn(&View<'_>) -> Looked<T>) -> Result<T> {
+        let shape = self.tree().shape.clone();
+        let made_on_device = self.tree().made_here;
+        let leaves = shape.leaf_count as usize;
+        let (name, at) = match made_on_device {
+            true => (BufferName::Sorted, 0),
+            false => (BufferName::Topology, shape.leaf_triangles_at as usize),
+        };
+        let words: Vec<u32> = self.read_tree(name, at + leaves)?;
+        let rows = self.read_tree(BufferName::Nodes, shape.node_rows as usize)?;
+        let seen = look(&View {
+            shape: &shape,
+            made_on_device,
+            rows: &rows,
+            triangles: &words[at..],
+            animation: &self.engine.scene().animation,
+        });
+        seen.map_err(|e| BackendError::WrongTree(e.to_string()))
+    }
+}
+
+type Looked<T> = std::result::Result<T, BrokenTree>;

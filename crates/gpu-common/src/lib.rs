@@ -1,0 +1,36 @@
+//! One compute backend over any GPU interface.
+//!
+//! [`ComputeBackend`] implements [`backend::Backend`] over a [`GpuDevice`]: which kernels run, over which buffers, when
+//! trees and positions come and go, and what a submission did. A device knows none of that. It makes buffers and
+//! pipelines, records dispatches, copies, submits, and waits.
+//!
+//! - [`Engine`] holds what frames of any kind take: a scene, submissions, traces, positions on their way to the host.
+//!   A backend with trees of another kind is written over it.
+//! - [`Frames`] keeps one slot more than submissions may be under way, so recording never waits.
+//! - Buffers are found by [`shaders::BufferName`], never by text.
+//!
+//! To add a GPU interface, implement [`GpuDevice`]; its documentation says what may wait and what must not.
+
+mod buffers;
+mod clock;
+mod compute;
+mod device;
+mod engine;
+mod frames;
+mod inspect;
+mod pipelines;
+mod scene;
+mod selftest;
+mod snapshots;
+mod traces;
+mod tree;
+
+pub use buffers::BufferTable;
+pub use clock::{Clock, Stage};
+pub use compute::ComputeBackend;
+pub use device::{About, BufferPurpose, Dispatch, Find, Finished, GpuDevice, refuse_above};
+pub use engine::Engine;
+pub use frames::{Frames, SLOTS, Slot};
+pub use pipelines::Pipelines;
+pub use scene::Scene;
+pub use traces::{Trace, Traces, are_given};

@@ -1,0 +1,106 @@
+//! What a loaded animation keeps on the device.
+
+use crate::{BufferPurpose, BufferTable, GpuDevice};
+use backend::Result;
+use geom::Animation;
+use shaders::BufferName;
+use shaders::work::Vertices;
+use std::sync::Arc;
+
+/// Key frames, triangles, positions.
+pub struct Scene<D: GpuDevice> {
+    /// What was loaded.
+    pub animation: Arc<Animation>,
+    /// A buffer each, so that only the device's memory limits how many there are.
+    keys: Vec<D::Buffer>,
+    /// Two, so that one can go back to the host while the next frame fills the other.
+    /// Where rows are listed, static vertices stand in both from the start.
+    pub positions: [D::Buffer; 2],
+    /// Corners of triangles; rows of positions in which anything moves, where listing them pays.
+    others: BufferTable<D>,
+    moving_row_count: Option<usize>,
+    /// `k` of `docs/design/hits.md`.
+    pub scale_exponent: i32,
+    /// Triangles that are inactive in every key frame, and so in no tree.
+    pub(crate) never_active: u64,
+}
+
+impl<D: GpuDevice> Scene<D> {
+    pub(crate) fn new(gpu: &mut D, animation: Arc<Animation>) -> Result<Self> {
+        let key_bytes = animation.vertex_count() as u64 * 12;
+        let rows = shaders::moving_rows(&animation);
+        let row_bytes = rows.as_ref().map_or(0, |rows| rows.len() as u64 * 4);
+        let triangle_bytes = animation.triangle_count() as u64 * 12;
+        let sizes = [
+            (BufferName::Triangles, triangle_bytes),
+            (BufferName::MovingRows, row_bytes),
+        ];
+        let others = BufferTable::new(gpu, sizes)?;
+        let device = |name: BufferName| gpu.buffer(name.what(), key_bytes, BufferPurpose::Storage);
+        let positions = [
+            device(BufferName::Positions)?,
+            device(BufferName::Positions)?,
+        ];
+        let keys = animation.keys().iter().map(|_| device(BufferName::Earlier));
+        let keys = keys.collect::<Result<Vec<_>>>()?;
+        let mut contents: Vec<(&[u8], &D::Buffer)> = Vec::new();
+        let other = |name| others.get(name).expect("made just now");
+        if let Some(rows) = &rows {
+            let first = bytemuck::cast_slice(&animation.keys()[0]);
+            contents.push((bytemuck::cast_slice(rows), other(BufferName::MovingRows)));
+            contents.extend(positions.iter().map(|to| (first, to)));
+        }
+        let triangles = bytemuck::cast_slice(animation.triangles());
+        contents.push((triangles, other(BufferName::Triangles)));
+        let key = |(key, to)| -> (&[u8], _) { (bytemuck::cast_slice::<_, u8>(key), to) };
+        contents.extend(
+            animation
+                .keys()
+                .iter()
+                .map(Vec::as_slice)
+                .zip(&keys)
+                .map(key),
+        );
+        gpu.upload(&contents)?;
+        Ok(Self {
+            keys,
+            positions,
+            others,
+            moving_row_count: rows.map(|rows| rows.len()),
+            never_active: (animation.triangle_count() - animation.live_count()) as u64,
+            scale_exponent: animation.scale_exponent(),
+            animation,
+        })
+    }
+
+    /// One of its buffers, at a pose's key frame and in one of the two position buffers.
+    #[must_use]
+    pub fn get(&self, name: BufferName, key: u32, position: usize) -> Option<&D::Buffer> {
+        // The last key frame where there is none so late.
+        let at = |key: u32| &self.keys[(key as usize).min(self.keys.len() - 1)];
+        match name {
+            BufferName::Earlier => Some(at(key)),
+            BufferName::Later => Some(at(key.saturating_add(1))),
+            BufferName::Positions => Some(&self.positions[position]),
+            other => self.others.get(other),
+        }
+    }
+
+    /// Bytes of device memory.
+    #[must_use]
+    pub fn held(&self) -> u64 {
+        let all = self.keys.iter().chain(&self.positions);
+        all.map(D::held).sum::<u64>() + self.others.held()
+    }
+
+    /// Bytes of all positions.
+    pub(crate) fn position_bytes(&self) -> u64 {
+        self.animation.vertex_count() as u64 * 12
+    }
+
+    /// What has to be interpolated.
+    pub(crate) fn vertices(&self) -> Vertices {
+        let all = Vertices::All(self.animation.vertex_count());
+        self.moving_row_count.map_or(all, Vertices::Rows)
+    }
+}

@@ -1,0 +1,120 @@
+//! Positions on their way to the builder.
+
+use crate::GpuDevice;
+use backend::{Result, Snapshot, Ticket};
+use std::collections::VecDeque;
+
+/// Requests of positions, and their copies.
+pub(crate) struct Snapshots<D: GpuDevice> {
+    /// Which of the two position buffers the recording asks for.
+    requested: Option<usize>,
+    /// In the order of the requests, which is that of the copies.
+    under_way: VecDeque<UnderWay<D>>,
+}
+
+struct UnderWay<D: GpuDevice> {
+    ticket: Ticket,
+    position: usize,
+    copy: D::Copy,
+}
+
+impl<D: GpuDevice> Default for Snapshots<D> {
+    fn default() -> Self {
+        Self {
+            requested: None,
+            under_way: VecDeque::new(),
+        }
+    }
+}
+
+impl<D: GpuDevice> Snapshots<D> {
+    /// Notes that the recording asks for these positions.
+    ///
+    /// # Panics
+    /// If it did already.
+    pub(crate) fn request(&mut self, position: usize) {
+        let requested = self.requested.replace(position);
+        assert!(requested.is_none(), "one request of positions a submission");
+    }
+
+    /// The positions that the recording asks for.
+    pub(crate) fn requested(&self) -> Option<usize> {
+        self.requested
+    }
+
+    /// Which position buffer the next interpolation writes. If both are being read, the device makes it wait.
+    pub(crate) fn position_to_write(&self, gpu: &mut D, current: usize) -> Result<usize> {
+        let mut busy_until = [None; 2];
+        for (i, copy) in self.under_way.iter().enumerate() {
+            if !gpu.has_arrived(&copy.copy)? {
+                busy_until[copy.position] = Some(i);
+            }
+        }
+        let (position, busy) = soonest(current, self.requested, busy_until);
+        if let Some(i) = busy {
+            gpu.overwrites(&self.under_way[i].copy);
+        }
+        Ok(position)
+    }
+
+    /// The recording was submitted, with the copy that it asked for.
+    pub(crate) fn submitted(&mut self, ticket: Ticket, copy: Option<D::Copy>) {
+        let requested = self.requested.take().zip(copy);
+        let under_way = requested.map(|(position, copy)| UnderWay {
+            ticket,
+            position,
+            copy,
+        });
+        self.under_way.extend(under_way);
+    }
+
+    /// The oldest, if it has arrived.
+    pub(crate) fn take(
+        &mut self,
+        gpu: &mut D,
+        vertices: usize,
+    ) -> Result<Option<(Ticket, Snapshot)>> {
+        gpu.poll()?;
+        let oldest = self.under_way.front();
+        let arrived = oldest.map_or(Ok(false), |oldest| gpu.has_arrived(&oldest.copy))?;
+        let Some(oldest) = self.under_way.pop_front_if(|_| arrived) else {
+            return Ok(None);
+        };
+        let snapshot = gpu.take(oldest.copy, vertices)?;
+        Ok(Some((oldest.ticket, snapshot)))
+    }
+
+    /// Drops the request in the recording: it is not going to be submitted.
+    pub(crate) fn abandon(&mut self) {
+        self.requested = None;
+    }
+}
+
+/// Of two position buffers the one that is free first, and after which copy if it is
+/// not free; the current one for choice, never one `requested` in this recording.
+fn soonest(
+    current: usize,
+    requested: Option<usize>,
+    busy_until: [Option<usize>; 2],
+) -> (usize, Option<usize>) {
+    [current, 1 - current]
+        .into_iter()
+        .filter(|&p| requested != Some(p))
+        .map(|p| (p, busy_until[p]))
+        .min_by_key(|&(_, busy)| busy)
+        .expect("at most one of two is requested")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn positions_are_written_where_nobody_reads_or_where_reading_ends_first() {
+        assert_eq!(soonest(1, None, [None, None]), (1, None));
+        assert_eq!(soonest(1, None, [None, Some(3)]), (0, None));
+        assert_eq!(soonest(1, Some(1), [Some(3), None]), (0, Some(3)));
+        assert_eq!(soonest(0, None, [Some(5), Some(4)]), (1, Some(4)));
+        assert_eq!(soonest(0, Some(1), [Some(5), None]), (0, Some(5)));
+    }
+}

@@ -1,0 +1,221 @@
+//! The output of traces, kept until it is too old to be asked for.
+
+use crate::{BufferPurpose, GpuDevice};
+use backend::{FRAMES_IN_FLIGHT, Hits, Intersector, Query, QueryKind, Rays, Result, Ticket};
+use geom::{Hit, Ray};
+use shaders::BufferName;
+use std::collections::VecDeque;
+
+/// Traces, oldest first.
+pub struct Traces<D: GpuDevice> {
+    kept: VecDeque<Trace<D>>,
+    /// Recorded but not submitted yet.
+    pub pending: Option<Trace<D>>,
+}
+
+/// One trace: its output, and its rays if kernels do not make them.
+pub struct Trace<D: GpuDevice> {
+    ticket: Ticket,
+    /// Rays.
+    pub count: usize,
+    /// What was looked for.
+    pub kind: QueryKind,
+    /// Whether there was a tree to trace. Without one every ray misses.
+    pub has_tree: bool,
+    /// Whether any given ray is extreme.
+    pub extremes: bool,
+    /// Each is there if a query ever needed it.
+    buffers: Outputs<D>,
+}
+
+struct Outputs<D: GpuDevice> {
+    hits: Option<D::Buffer>,
+    occluded: Option<D::Buffer>,
+    rays: Option<D::Buffer>,
+}
+
+impl<D: GpuDevice> Default for Outputs<D> {
+    fn default() -> Self {
+        let (hits, occluded, rays) = (None, None, None);
+        Self {
+            hits,
+            occluded,
+            rays,
+        }
+    }
+}
+
+impl<D: GpuDevice> Default for Traces<D> {
+    fn default() -> Self {
+        Self {
+            kept: VecDeque::new(),
+            pending: None,
+        }
+    }
+}
+
+impl<D: GpuDevice> Traces<D> {
+    /// Buffers for a query, taken from the oldest trace if they fit. That one is
+    /// older than the submissions that may be under way, so nothing uses it any more.
+    ///
+    /// # Errors
+    /// Those of [`GpuDevice::buffer`] and [`GpuDevice::write`].
+    pub fn make(
+        &mut self,
+        gpu: &mut D,
+        query: &Query<'_>,
+        (intersector, has_tree): (Intersector, bool),
+        is_extreme: impl Fn(&Ray) -> bool,
+    ) -> Result<Trace<D>> {
+        let old = match self.kept.len() > FRAMES_IN_FLIGHT {
+            true => self.kept.pop_front(),
+            false => None,
+        };
+        let spare = old.map_or_else(Outputs::default, |old| old.buffers);
+        let (count, kind) = (query.rays.count() as u64, query.kind);
+        let fit = |gpu: &mut D, name: BufferName, bytes, needed: bool, spare| {
+            let purpose = match name {
+                BufferName::Rays => BufferPurpose::Input,
+                _ => BufferPurpose::Storage,
+            };
+            match needed && has_tree {
+                true => fitting(gpu, name.what(), bytes, purpose, spare).map(Some),
+                false => Ok(spare),
+            }
+        };
+        let given = are_given(query);
+        let rays_bytes = count * size_of::<Ray>() as u64;
+        let mut rays = fit(gpu, BufferName::Rays, rays_bytes, given, spare.rays)?;
+        let mut extremes = false;
+        if let Some(rays) = rays.as_mut().filter(|_| given && has_tree) {
+            extremes = send(gpu, query.rays, rays, is_extreme)?;
+        }
+        let closest = kind != QueryKind::Any;
+        let any = kind != QueryKind::Closest || intersector == Intersector::Exact;
+        let hits = count * size_of::<Hit>() as u64;
+        let words = shaders::occluded_words(intersector, count);
+        Ok(Trace {
+            ticket: Ticket(0),
+            count: count as usize,
+            kind,
+            has_tree,
+            extremes,
+            buffers: Outputs {
+                hits: fit(gpu, BufferName::Hits, hits, closest, spare.hits)?,
+                occluded: fit(gpu, BufferName::Occluded, words * 4, any, spare.occluded)?,
+                rays,
+            },
+        })
+    }
+
+    /// The trace that is pending was submitted, if there is one.
+    pub(crate) fn submitted(&mut self, ticket: Ticket) {
+        let pending = self.pending.take();
+        self.kept
+            .extend(pending.map(|trace| Trace { ticket, ..trace }));
+    }
+
+    /// What a submission found.
+    ///
+    /// # Panics
+    /// If it had no trace, or was too long ago.
+    pub(crate) fn get(&self, ticket: Ticket) -> &Trace<D> {
+        let found = self.kept.iter().find(|t| t.ticket == ticket);
+        found.expect("this submission had no trace, or was too long ago")
+    }
+
+    /// Bytes of device memory.
+    pub(crate) fn held(&self) -> u64 {
+        let all = self.kept.iter().chain(&self.pending);
+        let each = all.flat_map(|t| {
+            let Outputs {
+                hits,
+                occluded,
+                rays,
+            } = &t.buffers;
+            [hits, occluded, rays]
+        });
+        each.flatten().map(D::held).sum()
+    }
+}
+
+fn fitting<D: GpuDevice>(
+    gpu: &D,
+    what: &str,
+    bytes: u64,
+    purpose: BufferPurpose,
+    spare: Option<D::Buffer>,
+) -> Result<D::Buffer> {
+    match spare.filter(|b| D::size(b) >= bytes) {
+        Some(buffer) => Ok(buffer),
+        None => gpu.buffer(what, bytes, purpose),
+    }
+}
+
+/// Whether the rays go to the device one by one: no kernel seeks any hit of a camera's rays, and
+/// made here they have the same bits.
+#[must_use]
+pub fn are_given(query: &Query<'_>) -> bool {
+    matches!(query.rays, Rays::List(_)) || query.kind == QueryKind::Any
+}
+
+/// Sends rays, and says whether any is extreme.
+fn send<D: GpuDevice>(
+    gpu: &mut D,
+    rays: Rays<'_>,
+    to: &mut D::Buffer,
+    is_extreme: impl Fn(&Ray) -> bool,
+) -> Result<bool> {
+    // A direction of zero marks a ray that hits nothing.
+    let void = Ray {
+        direction: [0.0; 3],
+        ..Ray::new([0.0; 3], [0.0; 3])
+    };
+    let mut extremes = false;
+    let mut row = |ray: Ray| {
+        let row = if ray.is_valid() { ray } else { void };
+        extremes |= is_extreme(&row);
+        row
+    };
+    match rays {
+        Rays::List(list) => gpu.write(to, list.iter().copied().map(&mut row))?,
+        Rays::Camera(camera) => gpu.write(to, camera.rays().map(&mut row))?,
+    }
+    Ok(extremes)
+}
+
+impl<D: GpuDevice> Trace<D> {
+    /// Its rays, hits or shadows.
+    #[must_use]
+    pub fn get(&self, name: BufferName) -> Option<&D::Buffer> {
+        match name {
+            BufferName::Hits => self.buffers.hits.as_ref(),
+            BufferName::Occluded => self.buffers.occluded.as_ref(),
+            BufferName::Rays => self.buffers.rays.as_ref(),
+            _ => None,
+        }
+    }
+
+    /// Copies what was found. The submission must be finished.
+    pub(crate) fn fetch(&self, gpu: &mut D, out: &mut Hits) -> Result<()> {
+        out.closest.clear();
+        out.blocked.clear();
+        if self.kind != QueryKind::Any {
+            let closest = &mut out.closest;
+            match self.get(BufferName::Hits).filter(|_| self.has_tree) {
+                Some(hits) => gpu.read(hits, self.count, |hits| closest.extend_from_slice(hits))?,
+                None => closest.resize(self.count, Hit::MISS),
+            }
+        }
+        if self.kind != QueryKind::Closest {
+            let blocked = &mut out.blocked;
+            match self.get(BufferName::Occluded).filter(|_| self.has_tree) {
+                Some(words) => gpu.read(words, self.count, |words: &[u32]| {
+                    blocked.extend(words.iter().map(|&b| b as u8));
+                })?,
+                None => blocked.resize(self.count, 0),
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,255 @@
+//! Submissions, snapshots, scenes: what may be under way, how long it is remembered, and how it ends.
+
+use crate::Subject;
+use crate::scenes::{
+    SHADOWED, arrive, bits, camera, go, hits, open, open_laid, positions, rays, report, see, stand,
+    swarm, tree_at,
+};
+use backend::{Backend, BackendError, Generation, Layout, Method, Query, QueryKind, Rays};
+use geom::Animation;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Instant;
+
+pub(crate) fn results_last_for_two_more_traces(backend: &mut dyn Subject) {
+    let (animation, camera) = (swarm(300), camera());
+    open(backend, &animation);
+    let times = [0.0, 0.5, 1.2, 1.9, 0.7, 1.4];
+    let alone = times.map(|time| {
+        stand(backend, &animation, time);
+        see(backend, Rays::Camera(&camera), SHADOWED)
+    });
+    // Nobody waits, and many submissions without a trace come between.
+    let mut tickets = Vec::new();
+    for (i, &time) in times.iter().enumerate() {
+        stand(backend, &animation, time);
+        tickets.push(go(backend, Rays::Camera(&camera), SHADOWED));
+        for _ in 0..9 {
+            stand(backend, &animation, 0.1);
+            backend.submit().unwrap();
+        }
+        // Another trace in the making takes nothing away.
+        if i == 5 {
+            stand(backend, &animation, 0.3);
+        }
+    }
+    for i in [5, 3, 4, 3] {
+        assert!(hits(backend, tickets[i]) == alone[i], "trace {i}");
+        let count = alone[i].closest.iter().filter(|h| h.is_hit()).count();
+        assert_eq!(backend.wait(tickets[i]).unwrap().hits, count as u64);
+    }
+}
+
+/// Where the device has a clock, as all of this machine's have.
+pub(crate) fn stages_are_timed_by_one_clock(backend: &mut dyn Subject) {
+    let (animation, camera) = (swarm(2000), camera());
+    let (mut ends, mut first) = (0.0, None);
+    let since = Instant::now();
+    for layout in Layout::ALL {
+        open_laid(backend, &animation, layout);
+        let tickets = [0.0, 0.3, 0.6].map(|time| {
+            stand(backend, &animation, time);
+            go(backend, Rays::Camera(&camera), SHADOWED)
+        });
+        for ticket in tickets {
+            let times = backend.wait(ticket).unwrap().times;
+            let mut stages = vec![times.preprocess_ms, times.refit_ms, times.trace_primary_ms];
+            match layout {
+                // `preprocess` waits for `interpolate`; the other does not.
+                Layout::Bvh2 => stages.push(times.interpolate_ms),
+                Layout::Fast => assert_eq!(times.interpolate_ms, None, "it ran beside preprocess"),
+            }
+            assert_eq!(times.trace_shadow_ms, None, "both are traced together");
+            let sum: f64 = stages.iter().map(|t| t.unwrap()).sum();
+            assert!(sum > 0.0 && sum <= times.device_ms * 1.0001, "{times:?}");
+            let begun = times.begun_ms.unwrap();
+            assert!(begun >= ends, "{begun} {ends}");
+            ends = (begun + times.device_ms) * 0.999_999;
+            first.get_or_insert(begun);
+        }
+    }
+    let wall_ms = since.elapsed().as_secs_f64() * 1e3;
+    assert!(ends - first.unwrap() <= wall_ms, "milliseconds");
+    // Nothing ran, so nothing began.
+    let times = report(backend).times;
+    assert_eq!((times.begun_ms, times.refit_ms), (None, None));
+}
+
+pub(crate) fn another_scene_forgets_the_first(backend: &mut dyn Subject) {
+    let (first, second) = (swarm(500), swarm(30));
+    let mut held = Vec::new();
+    for animation in [&second, &first, &second, &first] {
+        open(backend, animation);
+        held.push(backend.device_bytes().unwrap().total());
+        assert!(backend.take_positions().unwrap().is_none());
+        stand(backend, animation, 0.5);
+        let found = see(backend, Rays::List(&rays(64)), QueryKind::Closest);
+        assert_eq!(found.closest.len(), 64);
+        // Left under way, with a recording begun, for the next scene to drop.
+        stand(backend, animation, 0.6);
+        backend.request_positions().unwrap();
+        backend.submit().unwrap();
+        backend.interpolate(animation.pose(0.7)).unwrap();
+    }
+    // Nodes and records alone take 112 bytes a triangle.
+    assert!(held[1] > held[0] + 400 * 112, "{held:?}");
+    let about = held[1]..held[1] + held[0];
+    assert!(about.contains(&held[3]), "{held:?}");
+}
+
+pub(crate) fn steady_frames_make_no_buffers(backend: &mut dyn Subject) {
+    let (animation, camera) = (swarm(1000), camera());
+    let trees = [0.0, 0.7, 1.5].map(|time| tree_at(&animation, time));
+    for layout in Layout::ALL {
+        open_laid(backend, &animation, layout);
+        let mut made = 0;
+        for frame in 0..30_u64 {
+            if frame % 3 == 1 {
+                let tree = &trees[frame as usize / 3 % 3];
+                backend.adopt(tree, Generation(2 + frame)).unwrap();
+            }
+            stand(backend, &animation, 0.06 * frame as f64);
+            if frame % 3 == 0 {
+                backend.request_positions().unwrap();
+            }
+            let found = see(backend, Rays::Camera(&camera), SHADOWED);
+            assert!(found.closest.iter().any(|h| h.is_hit()));
+            if frame % 3 == 0 {
+                arrive(backend);
+            }
+            if frame == 9 {
+                made = backend.buffers_made();
+            }
+        }
+        assert_eq!(backend.buffers_made(), made, "{layout}");
+    }
+}
+
+pub(crate) fn snapshots_hold_the_vertices_of_their_frame(backend: &mut dyn Subject) {
+    let animation = swarm(20_000);
+    open(backend, &animation);
+    assert!(backend.take_positions().unwrap().is_none());
+    let mut asked = VecDeque::new();
+    for frame in 0..7 {
+        let time = 0.25 * f64::from(frame);
+        stand(backend, &animation, time);
+        backend.request_positions().unwrap();
+        // Nor may what is recorded after the request disturb it.
+        match frame % 3 {
+            1 => stand(backend, &animation, time + 0.05),
+            2 => backend.interpolate(animation.pose(time + 0.06)).unwrap(),
+            _ => (),
+        }
+        let ticket = backend.submit().unwrap();
+        let report = backend.wait(ticket).unwrap();
+        assert_eq!(report.readback_bytes, 20_000 * 36);
+        asked.push_back((ticket, time));
+        // Nor frames that follow at once.
+        stand(backend, &animation, time + 0.1);
+        backend.submit().unwrap();
+    }
+    let mut held = Vec::new();
+    while let Some((ticket, time)) = asked.pop_front() {
+        let (from, snapshot) = arrive(backend);
+        assert_eq!(from, ticket);
+        let expected = bits(&positions(&animation, time));
+        assert!(bits(&snapshot) == expected, "{time}");
+        held.push(snapshot);
+    }
+    assert!(backend.take_positions().unwrap().is_none());
+}
+
+pub(crate) fn a_wrong_tree_is_refused_and_the_old_one_stays(backend: &mut dyn Subject) {
+    let animation = swarm(50);
+    open(backend, &animation);
+    let refused = backend.adopt(&tree_at(&swarm(40), 0.0), Generation(2));
+    let is_wrong = matches!(refused, Err(BackendError::WrongTree(_)));
+    assert!(is_wrong, "{refused:?}");
+    stand(backend, &animation, 0.5);
+    see(backend, Rays::List(&rays(8)), QueryKind::Closest);
+}
+
+pub(crate) fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once(
+    backend: &mut dyn Subject,
+) {
+    let limit = backend.max_buffer_bytes();
+    let animation = swarm(50);
+    open(backend, &animation);
+    stand(backend, &animation, 0.5);
+    // Hits take 16 bytes a pixel.
+    let (eye, up) = ([0.3, 0.2, 3.0], [0.0, 1.0, 0.0]);
+    let side = ((limit / 16) as f64).sqrt() as u32 + 1;
+    let camera = geom::Camera::look_at(eye, [0.0; 3], up, 50.0, [side, side]).unwrap();
+    let (rays_of, kind) = (Rays::Camera(&camera), QueryKind::Closest);
+    let refused = backend.trace(Query {
+        rays: rays_of,
+        kind,
+    });
+    let is_named = matches!(refused, Err(BackendError::Limit { need, .. }) if need > limit);
+    assert!(is_named, "{refused:?}");
+    let found = see(backend, Rays::List(&rays(8)), kind);
+    assert_eq!(found.closest.len(), 8);
+}
+
+/// Triangles of a scene that just outgrows a buffer: nodes take 64 bytes a triangle, and triangles may share corners.
+fn too_many(backend: &dyn Subject) -> u64 {
+    backend.max_buffer_bytes() / 64 + 2
+}
+
+/// Why a scene that outgrows a buffer is not for this machine's own memory.
+pub(crate) fn lacks_small_buffers(backend: &dyn Subject) -> Option<String> {
+    let triangles = too_many(backend);
+    (triangles > 10_000_000).then(|| format!("it takes {triangles} triangles to outgrow a buffer"))
+}
+
+pub(crate) fn a_scene_too_large_is_refused_with_both_numbers_and_a_small_one_still_goes(
+    backend: &mut dyn Subject,
+) {
+    let (triangles, limit) = (too_many(backend), backend.max_buffer_bytes());
+    let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let list = vec![[0, 1, 2]; triangles as usize];
+    let huge = Arc::new(Animation::new(vec![corners], list).unwrap());
+    match backend.load(huge, Method::default()) {
+        Err(BackendError::Limit {
+            what,
+            need,
+            limit: found,
+        }) => {
+            assert!(what.contains("nodes"), "{what}");
+            assert!(need > limit && found == limit, "{need} {found}");
+        }
+        other => panic!("{other:?}"),
+    }
+    let small = swarm(50);
+    open(backend, &small);
+    stand(backend, &small, 0.5);
+    let found = see(backend, Rays::List(&rays(8)), QueryKind::Closest);
+    assert_eq!(found.closest.len(), 8);
+}
+
+pub(crate) fn a_snapshot_outlives_the_backend(mut backend: Box<dyn Subject>) {
+    let animation = swarm(100);
+    open(&mut *backend, &animation);
+    stand(&mut *backend, &animation, 0.25);
+    backend.request_positions().unwrap();
+    backend.submit().unwrap();
+    let (_, snapshot) = arrive(&mut *backend);
+    let expected = bits(&backend.inspect().positions().unwrap());
+    drop(backend);
+    // The last user of the device lets go of it on a thread that ends then.
+    let elsewhere = std::thread::spawn(move || bits(&snapshot));
+    assert!(elsewhere.join().unwrap() == expected);
+}
+
+pub(crate) fn a_backend_may_be_dropped_at_any_moment(mut backend: Box<dyn Subject>) {
+    let subject: &mut dyn Backend = &mut *backend;
+    let animation = swarm(2000);
+    open(subject, &animation);
+    stand(subject, &animation, 0.5);
+    subject.request_positions().unwrap();
+    go(subject, Rays::Camera(&camera()), SHADOWED);
+    let tree = tree_at(&animation, 0.5);
+    subject.adopt(&tree, Generation(2)).unwrap();
+    stand(subject, &animation, 0.6);
+    subject.request_positions().unwrap();
+}

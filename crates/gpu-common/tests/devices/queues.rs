@@ -1,0 +1,148 @@
+//! Vulkan's own ways: its layers, its adapters, and vertices that go down and trees that go up beside the frames.
+
+use crate::scenes::{
+    SHADOWED, arrive, bits, camera, go, hits, open, positions, stand, swarm, tree_at,
+};
+use crate::vulkan;
+use backend::{Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Rays, Ticket};
+use gpu_vulkan::memory::{Buffer, BufferUse};
+use gpu_vulkan::timeline::Timeline;
+use gpu_vulkan::transfer::{Copy, Transfer};
+use gpu_vulkan::{Options, Validation, VulkanBackend};
+use std::sync::Arc;
+use std::time::Duration;
+
+pub(crate) fn required_validation_is_there_or_its_absence_is_named() {
+    let options = Options {
+        validation: Validation::Required,
+        ..Options::default()
+    };
+    match VulkanBackend::new(&options) {
+        Ok(b) => assert!(b.gpu().is_validated()),
+        Err(e) => assert!(matches!(e, BackendError::NoDevice(_)), "{e}"),
+    }
+    let plain = VulkanBackend::new(&Options::default()).unwrap();
+    assert!(!plain.gpu().is_validated());
+}
+
+pub(crate) fn every_adapter_tells_its_limits() {
+    for adapter in gpu_vulkan::adapters().unwrap() {
+        let value = |name| {
+            let found = adapter.limits.iter().find(|(n, _)| *n == name);
+            found.map(|(_, value)| value.as_str())
+        };
+        for name in [
+            "max workgroup size",
+            "timestamp period ns",
+            "transfer queues",
+        ] {
+            assert!(value(name).is_some_and(|v| !v.is_empty()), "{name}");
+        }
+        let range: u64 = value("max storage buffer bytes").unwrap().parse().unwrap();
+        assert!(adapter.max_buffer_bytes <= range && !adapter.name.is_empty());
+    }
+}
+
+/// Bars a road until the gate opens.
+fn bar(road: &mut Transfer, gate: &Timeline, from: &Buffer, to: &Buffer) {
+    let copy = Copy {
+        from,
+        to,
+        to_at: 0,
+        bytes: 16,
+    };
+    road.start(copy, Some(gate.at(1))).unwrap();
+}
+
+/// Why this machine's device cannot show that copies up and down have queues of their own.
+pub(crate) fn lacks_queues() -> Option<String> {
+    let backend = vulkan().ok()?;
+    let gpu = &backend.gpu().gpu;
+    let own = |queue| queue != gpu.compute;
+    let three = own(gpu.upload) && own(gpu.readback) && gpu.upload != gpu.readback;
+    (!three).then(|| "all work stands in one queue".to_owned())
+}
+
+/// Whether a submission is done. Never waits.
+fn is_done(backend: &VulkanBackend, ticket: Ticket) -> bool {
+    backend.gpu().done.has_reached(ticket.0).unwrap()
+}
+
+pub(crate) fn no_more_submissions_are_under_way_than_may_be() {
+    let mut backend = vulkan().unwrap();
+    let (animation, camera) = (swarm(2000), camera());
+    open(&mut backend, &animation);
+    for frame in 0..8 {
+        stand(&mut backend, &animation, 0.2 * f64::from(frame));
+        let Ticket(number) = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+        let older = Ticket(number - FRAMES_IN_FLIGHT as u64);
+        assert!(is_done(&backend, older), "{number}");
+    }
+}
+
+pub(crate) fn positions_on_their_way_are_not_written_over() {
+    let mut backend = vulkan().unwrap();
+    let gpu = Arc::clone(&backend.gpu().gpu);
+    let animation = swarm(5000);
+    open(&mut backend, &animation);
+    let gate = Timeline::new(&gpu).unwrap();
+    let [from, to] = [0, 1].map(|_| Buffer::new(&gpu, "a bar", 16, BufferUse::Device).unwrap());
+    bar(&mut backend.gpu_mut().readback, &gate, &from, &to);
+    for time in [0.1, 0.2] {
+        stand(&mut backend, &animation, time);
+        backend.request_positions().unwrap();
+        backend.submit().unwrap();
+    }
+    // Both position buffers are still to be read.
+    stand(&mut backend, &animation, 0.3);
+    let third = backend.submit().unwrap();
+    std::thread::sleep(Duration::from_millis(200));
+    let early = is_done(&backend, third);
+    gate.signal(1).unwrap();
+    assert!(!early);
+    for time in [0.1, 0.2] {
+        let (_, snapshot) = arrive(&mut backend);
+        assert!(bits(&snapshot) == bits(&positions(&animation, time)));
+    }
+    backend.wait(third).unwrap();
+}
+
+pub(crate) fn frames_go_on_though_nothing_comes_down_or_goes_up() {
+    let mut backend = vulkan().unwrap();
+    let gpu = Arc::clone(&backend.gpu().gpu);
+    let (animation, camera) = (swarm(5000), camera());
+    open(&mut backend, &animation);
+    stand(&mut backend, &animation, 0.0);
+    let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+    backend.wait(ticket).unwrap();
+
+    let gate = Timeline::new(&gpu).unwrap();
+    let [from, to] = [0, 1].map(|_| Buffer::new(&gpu, "a bar", 16, BufferUse::Device).unwrap());
+    bar(&mut backend.gpu_mut().readback, &gate, &from, &to);
+    stand(&mut backend, &animation, 0.4);
+    backend.request_positions().unwrap();
+    let asked = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+    for frame in 0..5 {
+        stand(&mut backend, &animation, 0.5 + 0.1 * f64::from(frame));
+        let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+        let report = backend.wait(ticket).unwrap();
+        assert!(report.hits > 0 && backend.take_positions().unwrap().is_none());
+    }
+    // A tree is adopted without a wait; frames before it are not delayed by it.
+    bar(&mut backend.gpu_mut().upload, &gate, &from, &to);
+    stand(&mut backend, &animation, 1.5);
+    let before = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+    let tree = tree_at(&animation, 1.5);
+    backend.adopt(&tree, Generation(2)).unwrap();
+    backend.preprocess().unwrap();
+    backend.refit().unwrap();
+    let after = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+    assert!(backend.wait(before).unwrap().hits > 0);
+    let early = is_done(&backend, after);
+    gate.signal(1).unwrap();
+    assert!(!early);
+    assert!(hits(&mut backend, after) == hits(&mut backend, before));
+    let (from, snapshot) = arrive(&mut backend);
+    assert_eq!(from, asked);
+    assert!(bits(&snapshot) == bits(&positions(&animation, 0.4)));
+}

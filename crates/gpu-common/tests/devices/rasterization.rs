@@ -1,0 +1,125 @@
+//! First hits found triangle by triangle are those that each ray finds by itself.
+
+use crate::Subject;
+use crate::scenes::{
+    SHADOWED, apart, cameras, check_picture, look, numbers, open_laid, positions, see, swarm,
+};
+use backend::{Layout, Rays};
+use geom::{Animation, Point};
+use shaders::BufferName;
+use std::sync::Arc;
+
+/// Of each camera's picture.
+const PIXELS: usize = 130 * 126;
+
+/// Triangles of a few pixels, every third of them there twice; slivers; some without area, though rounding may see some; and two
+/// that cover half of the picture.
+fn dust() -> Arc<Animation> {
+    let mut number = numbers(5);
+    let mut point = |size: f32| std::array::from_fn::<_, 3, _>(|_| size * number());
+    let mut corners: Vec<Point> = Vec::new();
+    for t in 0..4500 {
+        let (at, b, c) = (point(1.0), point(0.02), point(0.02));
+        let third = match t % 9 {
+            1 => std::array::from_fn(|i| 3.0 * b[i]),
+            2 => std::array::from_fn(|i| 12.0 * b[i] + 0.01 * c[i]),
+            _ => c,
+        };
+        let beside = |d: Point| std::array::from_fn(|i| at[i] + d[i]);
+        let triangle = [at, beside(b), beside(third)];
+        for _ in 0..1 + u32::from(t % 3 == 0) {
+            corners.extend(triangle);
+        }
+    }
+    for z in [0.3_f32, -0.9] {
+        corners.extend([[-1.0, -0.7, z], [1.0, -0.8, z], [0.1, 1.0, z]]);
+    }
+    apart(vec![corners])
+}
+
+/// Dust, and so many splinters aslant, which take many tiles and few pixels.
+fn splinters(count: u32) -> Arc<Animation> {
+    let mut number = numbers(17);
+    let mut corners = positions(&dust(), 0.0);
+    for _ in 0..count {
+        let [x, y, z] = [0.6 * number(), 0.6 * number(), number()];
+        corners.extend([[x, y, z], [x + 0.8, y + 0.4, z], [x + 0.8, y + 0.401, z]]);
+    }
+    apart(vec![corners])
+}
+
+/// Dust, and so many triangles of a size that face the eye.
+fn panes(count: u32, size: f32) -> Arc<Animation> {
+    let mut number = numbers(23);
+    let mut corners = positions(&dust(), 0.0);
+    for _ in 0..count {
+        let [x, y, z] = [number(), number(), number()];
+        corners.extend([[x, y, z], [x + size, y, z], [x, y + size, z]]);
+    }
+    apart(vec![corners])
+}
+
+/// Dust before and behind so many sheets, each across most of the picture.
+fn sheets(count: u32) -> Arc<Animation> {
+    let mut corners = positions(&dust(), 0.0);
+    for sheet in 0..count {
+        let z = 0.8 - 1.6 * sheet as f32 / count as f32;
+        corners.extend([[-2.0, -1.5, z], [2.0, -1.4, z], [0.0, 2.0, z]]);
+    }
+    apart(vec![corners])
+}
+
+/// Whether the last picture was seen by rasterization alone, as the visibility buffer says itself.
+fn told_all(backend: &mut dyn Subject) -> bool {
+    backend.words(BufferName::Visibility, 2 * PIXELS + 2)[2 * PIXELS..] == [u32::MAX; 2]
+}
+
+pub(crate) fn triangles_find_the_rays_that_find_them(backend: &mut dyn Subject) {
+    let dust = dust();
+    open_laid(backend, &dust, Layout::Fast);
+    let before = backend.device_bytes().unwrap().tree;
+    for camera in cameras() {
+        check_picture(backend, (&dust, 0.0), &camera);
+        assert!(told_all(backend), "{camera:?}");
+    }
+    // Of the tree's memory tiles take no more than packets would, but for the list; what is seen is the frames'.
+    let (grown, live) = (
+        backend.device_bytes().unwrap().tree - before,
+        dust.live_count(),
+    );
+    let tiles = live + PIXELS / 4;
+    assert!((16 * tiles..17 * (tiles + 4096)).contains(&(grown as usize)));
+    // A swarm that moves, of which some are inactive at times, refitted.
+    let swarm = swarm(9000);
+    open_laid(backend, &swarm, Layout::Fast);
+    let far = look([2.0, 8.0, 30.0], [0.0; 3], 50.0);
+    for (time, camera) in [0.0, 0.3, 1.0].into_iter().zip([&far, &far, &cameras()[0]]) {
+        check_picture(backend, (&swarm, time), camera);
+    }
+}
+
+pub(crate) fn each_ray_goes_by_itself_where_triangles_cover_too_much(backend: &mut dyn Subject) {
+    // More tests than it takes to go down the tree, of large triangles, others, and small ones; more tiles than there is room
+    // for; more large triangles than are listed.
+    let tests = [sheets(4), panes(500, 0.4), panes(9000, 0.08)];
+    let others = [splinters(800), sheets(5000)];
+    for animation in tests.into_iter().chain(others) {
+        open_laid(backend, &animation, Layout::Fast);
+        check_picture(backend, (&animation, 0.0), &cameras()[0]);
+        let triangles = animation.triangle_count();
+        assert!(!told_all(backend), "{triangles} triangles");
+    }
+    // They are tried again after a while, and then there is less to cover.
+    let away = look([0.0, 0.0, 3.0], [0.0, 0.0, 9.0], 50.0);
+    let mut tried = (0..1000).map(|_| {
+        see(backend, Rays::Camera(&away), SHADOWED);
+        told_all(backend)
+    });
+    assert_eq!(tried.position(|told| told), Some(63));
+    drop(tried);
+    // Of another scene, at once.
+    let dust = dust();
+    open_laid(backend, &dust, Layout::Fast);
+    check_picture(backend, (&dust, 0.0), &cameras()[0]);
+    assert!(told_all(backend));
+}

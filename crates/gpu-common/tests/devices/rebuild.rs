@@ -1,0 +1,176 @@
+//! Trees made on the device: whole, not deep, and good.
+
+use crate::Subject;
+use crate::scenes::{apart, laid, numbers, positions, report, stand, swarm, tree_at};
+use backend::{Backend, Generation, Layout, Method, check_tree};
+use bvh_layout::Topology;
+use cpu_ref::CpuBackend;
+use geom::{Animation, Point};
+use shaders::{BufferName, Shape};
+use std::sync::Arc;
+
+/// Small triangles at these points.
+fn at_points(points: impl Iterator<Item = Point>, size: f32) -> Arc<Animation> {
+    let corners = |p: Point| [p, [p[0] + size, p[1], p[2]], [p[0], p[1] + size, p[2]]];
+    apart(vec![points.flat_map(corners).collect()])
+}
+
+/// Makes a tree of the scene as it stands at `time`; it must have every property of a record.
+fn made(backend: &mut dyn Subject, animation: &Arc<Animation>, time: f64) -> (Topology, f64) {
+    made_in(Layout::Bvh2, backend, animation, time)
+}
+
+fn made_in(
+    layout: Layout,
+    backend: &mut dyn Subject,
+    animation: &Arc<Animation>,
+    time: f64,
+) -> (Topology, f64) {
+    let scene = Arc::clone(animation);
+    backend.load(scene, laid(layout)).unwrap();
+    backend.interpolate(animation.pose(time)).unwrap();
+    backend.rebuild(Generation(1)).unwrap();
+    let cost = report(backend).sah_cost;
+    let tree = backend.inspect().rebuilt().unwrap();
+    check_tree(&tree, animation).unwrap();
+    (tree, cost.unwrap_or(0.0))
+}
+
+pub(crate) fn trees_of_any_size_are_whole(backend: &mut dyn Subject) {
+    for triangles in [0, 1, 2, 3, 128, 129, 511, 512, 513, 769, 2048, 2049, 9000] {
+        let animation = swarm(triangles);
+        for time in [0.0, 1.3] {
+            let (usual, cost) = made(backend, &animation, time);
+            let (fast, same) = made_in(Layout::Fast, backend, &animation, time);
+            assert!(usual == fast && cost.to_bits() == same.to_bits());
+        }
+    }
+}
+
+pub(crate) fn boxes_are_those_that_a_refit_of_the_same_tree_finds(backend: &mut dyn Subject) {
+    let mut reference = CpuBackend::new(Some(2)).unwrap();
+    for triangles in [1, 700, 9000] {
+        let animation = swarm(triangles);
+        let (tree, cost) = made(backend, &animation, 0.6);
+        let boxes = backend.inspect().boxes().unwrap();
+        made_in(Layout::Fast, backend, &animation, 0.6);
+        assert_eq!(backend.inspect().boxes().unwrap(), boxes);
+        reference
+            .load(Arc::clone(&animation), Method::default())
+            .unwrap();
+        reference.adopt(&tree, Generation(1)).unwrap();
+        stand(&mut reference, &animation, 0.6);
+        let expected = report(&mut reference).sah_cost.unwrap();
+        assert!(
+            (cost - expected).abs() < 1e-4 * expected,
+            "{cost} {expected}"
+        );
+        let expected = reference.inspect().boxes().unwrap();
+        assert_eq!(boxes, expected);
+    }
+}
+
+/// Words that tell how traversal goes on, of all rows of layout `fast` that it may reach.
+fn names(backend: &mut dyn Subject, leaves: u32) -> Vec<u32> {
+    let rows = Shape::made_on_device(Layout::Fast, leaves).node_rows as usize;
+    let words = backend.words(BufferName::Nodes, 4 * rows);
+    let rows: Vec<_> = words.chunks_exact(4).collect();
+    let (mut found, mut waiting) = (Vec::new(), vec![rows[0][3]]);
+    while let Some(name) = waiting.pop() {
+        found.push(name);
+        if name >> 31 == 0 {
+            let row = 4 * name as usize;
+            waiting.extend([rows[row][3], rows[row + 2][3]]);
+        }
+    }
+    found
+}
+
+pub(crate) fn two_triangles_in_a_row_share_a_leaf_if_a_ray_can_hit_both(backend: &mut dyn Subject) {
+    // Pairs far from one another.
+    let at = |i: u32| [(i / 2) as f32 * 10.0 + 0.1 * (i % 2) as f32, 0.0, 0.0];
+    let scene = at_points((0..600).map(at), 1.0);
+    made_in(Layout::Fast, backend, &scene, 0.0);
+    let all = names(backend, 600);
+    let leaves_of = |names: &[u32], kind| names.iter().filter(|&&n| n >> 30 == kind).count();
+    assert_eq!((leaves_of(&all, 3), leaves_of(&all, 2)), (300, 0));
+    // Of every third pair, one triangle is flat.
+    let mut triangles = scene.triangles().to_vec();
+    for flat in triangles.iter_mut().step_by(6) {
+        flat[2] = flat[1];
+    }
+    let animation = Animation::new(scene.keys().to_vec(), triangles).unwrap();
+    made_in(Layout::Fast, backend, &Arc::new(animation), 0.0);
+    let all = names(backend, 600);
+    let (two, one) = (leaves_of(&all, 3), leaves_of(&all, 2));
+    assert!(two > 150 && 2 * two + one == 600, "{two} {one}");
+    let triangles = backend.words(BufferName::Sorted, 600);
+    for name in all.iter().filter(|&&name| name >> 30 == 3) {
+        let first = (name & 0x3fff_ffff) as usize;
+        let flat = triangles[first..first + 2].iter().any(|t| t % 6 == 0);
+        assert!(!flat, "leaf {first}");
+    }
+}
+
+/// One within the other: each round but the last ones merges only the innermost two.
+pub(crate) fn no_tree_is_too_deep_for_the_traversal(backend: &mut dyn Subject) {
+    for count in [300, 3000] {
+        let corners = |i: u32| {
+            let s = 1.1_f32.powi(i as i32 % 300);
+            [[-s, -s, 0.0], [s, -s, 0.0], [0.0, s, 0.0]]
+        };
+        let key: Vec<Point> = (0..count).flat_map(corners).collect();
+        let (tree, _) = made(backend, &apart(vec![key]), 0.0);
+        let levels = tree.level_count();
+        assert!((40..=65).contains(&levels), "{count}: {levels}");
+    }
+}
+
+pub(crate) fn extreme_coordinates_make_a_tree(backend: &mut dyn Subject) {
+    let far = |i: u32| [i as f32 * 1e34, -1e38, 1e37];
+    let line = |i: u32| [0.0, 0.0, i as f32];
+    let near = |i: u32| [1e-30 * i as f32, 0.0, 0.0];
+    let scenes: [(&dyn Fn(u32) -> Point, f32); 3] = [(&far, 1e30), (&line, 0.5), (&near, 1e-32)];
+    for (point, size) in scenes {
+        let animation = at_points((0..3000).map(point), size);
+        made(backend, &animation, 0.0);
+    }
+}
+
+pub(crate) fn equal_triangles_make_a_tree_without_long_paths(backend: &mut dyn Subject) {
+    let animation = at_points((0..4096).map(|_| [1.0, 2.0, 3.0]), 1.0);
+    let (tree, _) = made(backend, &animation, 0.0);
+    // The lowest there could be has 13 levels; packets that begin early cost one.
+    assert!(tree.level_count() <= 14, "{}", tree.level_count());
+}
+
+/// Every digit's pass must keep the order that those before it made; equal keys keep the triangles' own.
+pub(crate) fn triangles_are_sorted_by_their_keys_and_equal_keys_keep_their_order(
+    backend: &mut dyn Subject,
+) {
+    let mut number = numbers(3);
+    let mut points: Vec<Point> = (0..5000).map(|_| [number(), number(), number()]).collect();
+    points.extend_from_within(..1000);
+    let count = points.len();
+    let animation = at_points(points.into_iter(), 1e-3);
+    made(backend, &animation, 0.0);
+    let keys = backend.words(BufferName::Keys, count);
+    let triangles = backend.words(BufferName::Sorted, count);
+    let both: Vec<_> = keys.iter().zip(&triangles).collect();
+    assert!(both.is_sorted());
+    let equal = both.windows(2).filter(|w| w[0].0 == w[1].0).count();
+    assert!((1000..2000).contains(&equal), "{equal}");
+}
+
+/// The yardstick is the host's tree over the same vertices.
+pub(crate) fn a_tree_made_here_costs_hardly_more_than_the_hosts(backend: &mut dyn Subject) {
+    let animation = swarm(20_000);
+    let (_, cost) = made(backend, &animation, 0.3);
+    let vertices = positions(&animation, 0.3);
+    assert_eq!(vertices.len(), 60_000);
+    let tree = tree_at(&animation, 0.3);
+    backend.adopt(&tree, Generation(2)).unwrap();
+    stand(backend, &animation, 0.3);
+    let host = report(backend).sah_cost.unwrap();
+    assert!(cost < 1.15 * host, "{cost} {host}");
+}

@@ -1,0 +1,234 @@
+//! Small scenes and the few sentences in which trials are written.
+
+use backend::{
+    Backend, FrameReport, Generation, Hits, Layout, Method, Query, QueryKind, Rays, Snapshot,
+    Ticket,
+};
+use bvh_build::{BinaryTree, Builder, Cancel};
+use bvh_layout::{Converter, Topology};
+use geom::{Animation, Camera, Point, Ray};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Numbers in -1..1 that are the same everywhere (SplitMix64).
+pub(crate) fn numbers(seed: u64) -> impl FnMut() -> f32 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) >> 40) as f32 / (1 << 23) as f32 - 1.0
+    }
+}
+
+/// Triangles that fly about over three key frames, some of them inactive or degenerate at times.
+pub(crate) fn swarm(triangles: u32) -> Arc<Animation> {
+    let mut number = numbers(7);
+    let mut point = move || [number(), number(), number()];
+    let mut key = |k: u32| -> Vec<Point> {
+        let mut corners = Vec::new();
+        for t in 0..triangles {
+            let (at, b, c) = (point(), point(), point());
+            let beside = |d: Point| std::array::from_fn(|i| at[i] + 0.2 * d[i]);
+            let broken = t % 41 == 3 && k == 1 || t % 53 == 5;
+            let flat = t % 37 == 2;
+            corners.push(if broken { [f32::NAN; 3] } else { at });
+            corners.push(beside(b));
+            corners.push(beside(if flat { b } else { c }));
+        }
+        corners
+    };
+    apart((0..3).map(&mut key).collect())
+}
+
+/// Triangles that share no vertex, over key frames of three vertices each.
+pub(crate) fn apart(keys: Vec<Vec<Point>>) -> Arc<Animation> {
+    let triangles = 0..keys[0].len() as u32 / 3;
+    let triangles = triangles.map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    Arc::new(Animation::new(keys, triangles).unwrap())
+}
+
+/// A tree over the scene as it stands at `time`.
+pub(crate) fn tree_at(animation: &Animation, time: f64) -> Topology {
+    let vertices = positions(animation, time);
+    let mut tree = BinaryTree::default();
+    let boxes = (animation, vertices.as_slice());
+    let built = Builder::new().build(&boxes, &Cancel::new(), &mut tree);
+    built.unwrap();
+    Converter::new().convert(&tree, animation.triangle_count(), Vec::new())
+}
+
+/// A tree by hand, over a scene of so many triangles and leaves in this order: `split` says, by depth, where among a node's
+/// leaves, the first and the end, its right child begins.
+pub(crate) fn tree_of(
+    triangles: u32,
+    order: &[u32],
+    split: impl Fn(usize, u32, u32) -> u32,
+) -> Topology {
+    let n = order.len() as u32;
+    let (mut inner_counts, mut is_leaf, mut leaves) = (Vec::new(), Vec::new(), Vec::new());
+    let mut level = vec![(0, n)];
+    while !level.is_empty() {
+        let mut next = Vec::new();
+        for &(first, end) in &level {
+            is_leaf.push(end - first == 1);
+            if end - first == 1 {
+                leaves.push(order[first as usize]);
+                continue;
+            }
+            let middle = split(inner_counts.len(), first, end);
+            next.extend([(first, middle), (middle, end)]);
+        }
+        inner_counts.push(next.len() as u32 / 2);
+        level = next;
+    }
+    let levels = inner_counts.len() as u32;
+    let mut words = vec![
+        Topology::MAGIC,
+        Topology::VERSION,
+        triangles,
+        n,
+        levels,
+        0,
+        0,
+        0,
+    ];
+    words.extend(inner_counts);
+    let (mut bits, mut ranks, mut before) = (Vec::new(), Vec::new(), 0);
+    for part in is_leaf.chunks(32) {
+        let all = part.iter().zip(0..);
+        let set = all.fold(0_u32, |set, (&leaf, bit)| set | u32::from(leaf) << bit);
+        bits.push(set);
+        ranks.push(before);
+        before += set.count_ones();
+    }
+    words.extend(bits);
+    words.extend(ranks);
+    words.extend(leaves);
+    Topology::from_words(words).unwrap()
+}
+
+/// Every vertex as it stands at `time`.
+pub(crate) fn positions(animation: &Animation, time: f64) -> Vec<Point> {
+    let pose = animation.pose(time);
+    let all = 0..animation.vertex_count() as u32;
+    all.map(|v| animation.vertex(pose, v)).collect()
+}
+
+pub(crate) fn camera() -> Camera {
+    let (eye, up) = ([0.3, 0.2, 3.0], [0.0, 1.0, 0.0]);
+    Camera::look_at(eye, [0.0; 3], up, 50.0, [70, 43]).unwrap()
+}
+
+/// Rays across the scene, one of them not valid.
+pub(crate) fn rays(count: usize) -> Vec<Ray> {
+    let mut number = numbers(11);
+    let mut point = move |r: f32| [r * number(), r * number(), r * number()];
+    let mut rays: Vec<_> = (0..count)
+        .map(|_| Ray::new(point(3.0), point(1.0)))
+        .collect();
+    rays[count / 2].direction = [0.0; 3];
+    rays
+}
+
+pub(crate) const SHADOWED: QueryKind = QueryKind::ClosestAndShadow {
+    light: [2.0, 5.0, 3.0],
+};
+
+/// Loads the scene with a tree of its first frame.
+pub(crate) fn open(backend: &mut dyn Backend, animation: &Arc<Animation>) {
+    open_laid(backend, animation, Layout::Bvh2);
+}
+
+pub(crate) fn open_laid(backend: &mut dyn Backend, animation: &Arc<Animation>, layout: Layout) {
+    backend.load(Arc::clone(animation), laid(layout)).unwrap();
+    let tree = tree_at(animation, 0.0);
+    backend.adopt(&tree, Generation(1)).unwrap();
+}
+
+/// The usual method with that layout.
+pub(crate) fn laid(layout: Layout) -> Method {
+    Method {
+        layout,
+        ..Method::default()
+    }
+}
+
+/// Records all that comes before a trace.
+pub(crate) fn stand(backend: &mut dyn Backend, animation: &Animation, time: f64) {
+    backend.interpolate(animation.pose(time)).unwrap();
+    backend.preprocess().unwrap();
+    backend.refit().unwrap();
+}
+
+/// Records a trace and submits.
+pub(crate) fn go(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Ticket {
+    backend.trace(Query { rays, kind }).unwrap();
+    backend.submit().unwrap()
+}
+
+pub(crate) fn hits(backend: &mut dyn Backend, ticket: Ticket) -> Hits {
+    let mut hits = Hits::default();
+    backend.hits(ticket, &mut hits).unwrap();
+    hits
+}
+
+/// Records a trace of a camera's rays or others, submits, and says what it found.
+pub(crate) fn see(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Hits {
+    let ticket = go(backend, rays, kind);
+    hits(backend, ticket)
+}
+
+/// Submits and says what was done.
+pub(crate) fn report(backend: &mut dyn Backend) -> FrameReport {
+    let ticket = backend.submit().unwrap();
+    backend.wait(ticket).unwrap()
+}
+
+/// The scene as it stands at `time`, seen at once by a camera and by the list of its rays, each by itself: both see the same.
+pub(crate) fn check_picture(
+    backend: &mut dyn Backend,
+    (animation, time): (&Animation, f64),
+    camera: &Camera,
+) {
+    stand(backend, animation, time);
+    let together = see(backend, Rays::Camera(camera), SHADOWED);
+    let rays: Vec<_> = camera.rays().collect();
+    stand(backend, animation, time);
+    let apart = see(backend, Rays::List(&rays), SHADOWED);
+    assert!(together == apart, "{camera:?} at {time}");
+}
+
+pub(crate) fn look(eye: Point, target: Point, fov: f32) -> Camera {
+    Camera::look_at(eye, target, [0.0, 1.0, 0.0], fov, [130, 126]).unwrap()
+}
+
+/// From outside, from amid the triangles, past them, closely, and from far away.
+pub(crate) fn cameras() -> [Camera; 5] {
+    [
+        look([0.3, 0.2, 3.0], [0.0; 3], 50.0),
+        look([0.1, 0.0, -0.1], [0.4, 0.3, 0.2], 120.0),
+        look([1.5, 1.4, 1.6], [1.5, -3.0, 1.0], 90.0),
+        look([2.0, 1.0, 3.0], [0.1, 0.2, 0.0], 4.0),
+        look([300.0, 200.0, 3e3], [0.0; 3], 0.1),
+    ]
+}
+
+/// Waits for the oldest positions that were asked for.
+pub(crate) fn arrive(backend: &mut dyn Backend) -> (Ticket, Snapshot) {
+    let begun = Instant::now();
+    while begun.elapsed() < Duration::from_secs(60) {
+        if let Some(arrived) = backend.take_positions().unwrap() {
+            return arrived;
+        }
+        std::thread::yield_now();
+    }
+    panic!("the positions never arrived");
+}
+
+/// Bits of finite coordinates; what is not a number may be so in many ways.
+pub(crate) fn bits(points: &[Point]) -> Vec<[Option<u32>; 3]> {
+    let bits = |x: f32| (!x.is_nan()).then(|| x.to_bits());
+    points.iter().map(|p| p.map(bits)).collect()
+}

@@ -1,0 +1,119 @@
+//! What a frame asks of wgpu, in counts that are the same on every machine.
+
+use crate::scenes::{SHADOWED, arrive, camera, go, open, open_laid, stand, swarm, tree_at};
+use backend::{Backend, DeviceBytes, Generation, Layout, Method, Rays};
+use bvh_layout::{Topology, Treelets};
+use gpu_wgpu::{CallCounts, Options, WgpuBackend};
+use std::sync::Arc;
+
+/// One frame as the program renders it: positions go back every third time.
+fn frame(backend: &mut WgpuBackend, animation: &geom::Animation, i: u32) -> CallCounts {
+    let before = backend.gpu().call_counts();
+    stand(backend, animation, 0.03 * f64::from(i % 20));
+    if i.is_multiple_of(3) {
+        backend.request_positions().unwrap();
+    }
+    let ticket = go(backend, Rays::Camera(&camera()), SHADOWED);
+    let spent = backend.gpu().call_counts() - before;
+    backend.wait(ticket).unwrap();
+    if i.is_multiple_of(3) {
+        arrive(backend);
+    }
+    spent
+}
+
+pub(crate) fn a_steady_frame_makes_no_buffer_and_no_bind_group() {
+    Layout::ALL.into_iter().for_each(tally_of_steady_frames);
+}
+
+/// Dispatches of a refit but for the sum of costs.
+fn refits(tree: &Topology, layout: Layout) -> u64 {
+    match layout {
+        // A level each, and their sum.
+        Layout::Bvh2 => tree.levels().filter(|l| !l.inner.is_empty()).count() as u64 + 1,
+        // All of a small tree is refitted as it is preprocessed.
+        Layout::Fast => {
+            assert!(Treelets::of(tree).levels().len() > 1);
+            0
+        }
+    }
+}
+
+fn tally_of_steady_frames(layout: Layout) {
+    let animation = swarm(3000);
+    let mut backend = WgpuBackend::new(&Options::default()).unwrap();
+    open_laid(&mut backend, &animation, layout);
+    // Both places of a record, all slots, all buffers for traces and positions.
+    let mut generation = 1;
+    for i in 0..24 {
+        if i % 8 == 7 {
+            generation += 1;
+            let tree = tree_at(&animation, 0.0);
+            backend.adopt(&tree, Generation(generation)).unwrap();
+        }
+        frame(&mut backend, &animation, i);
+    }
+    // Rays with their shadows take one; with layout `fast` five, where the device finds hits of so many triangles by rasterization.
+    let refits_now = refits(&tree_at(&animation, 0.0), layout);
+    let rays = frame(&mut backend, &animation, 24).dispatches - 2 - refits_now;
+    assert!(rays == 1 || (rays == 5 && layout == Layout::Fast), "{rays}");
+    let expected = CallCounts {
+        buffers: 0,
+        bind_groups: 0,
+        uploads: 1,
+        // Geometry's and that of rays.
+        passes: 2,
+        // interpolate, preprocess, refit, rays
+        dispatches: 2 + refits_now + rays,
+        submissions: 1,
+    };
+    for i in 25..48 {
+        assert_eq!(frame(&mut backend, &animation, i), expected, "frame {i}");
+    }
+    // A new tree costs its upload, with layout `fast` the wide tree's too, and one dispatch, no more.
+    let (before, tree) = (backend.gpu().call_counts(), tree_at(&animation, 0.3));
+    backend.adopt(&tree, Generation(generation + 1)).unwrap();
+    let uploads = match layout {
+        Layout::Bvh2 => 1,
+        Layout::Fast => 2,
+    };
+    assert_eq!((backend.gpu().call_counts() - before).uploads, uploads);
+    let spent = frame(&mut backend, &animation, 48);
+    assert_eq!(spent.dispatches, 2 + 1 + refits(&tree, layout) + rays);
+    assert_eq!((spent.buffers, spent.submissions), (0, 1));
+}
+
+pub(crate) fn device_memory_is_counted_and_given_back() {
+    let (large, small) = (swarm(20_000), swarm(20));
+    let mut backend = WgpuBackend::new(&Options::default()).unwrap();
+    let mut bytes = |animation| -> DeviceBytes {
+        let method = Method::default();
+        backend.load(Arc::clone(animation), method).unwrap();
+        backend.device_bytes().unwrap()
+    };
+    let [before, with] = [bytes(&small), bytes(&large)];
+    // Three keys and two positions of 36 bytes, corners, records, nodes, lists.
+    let (scene, tree) = (
+        20_000 * (5 * 36 + 12),
+        large.live_count() as u64 * (48 + 64 + 8),
+    );
+    for (bytes, least) in [(with.scene, scene), (with.tree, tree)] {
+        let about = bytes >= least && bytes < least + least / 10;
+        assert!(about, "{with:?}: {bytes} of {least}");
+    }
+    assert!(before.total() < 1 << 20 && with.scratch == 0);
+    assert_eq!(bytes(&small), before);
+    open(&mut backend, &small);
+    stand(&mut backend, &small, 0.5);
+    let without = backend.device_bytes();
+    go(&mut backend, Rays::Camera(&camera()), SHADOWED);
+    let rays = camera().pixels() as u64;
+    let grown = backend.device_bytes().zip(without).map(|(a, b)| {
+        assert_eq!((a.tree, a.scene), (b.tree, b.scene));
+        a.frames - b.frames
+    });
+    assert!(
+        grown.is_some_and(|g| g >= 20 * rays && g < 20 * rays + 64),
+        "{grown:?}"
+    );
+}

@@ -1,0 +1,243 @@
+//! Devices that somebody else opened, with less than one would like, or lost on the way.
+
+use crate::scenes::{SHADOWED, arrive, camera, go, open, rays, stand, swarm, tree_at};
+use crate::twins::answers;
+use backend::{Backend, BackendError, Generation, Hits, Method, Query, QueryKind, Rays};
+use geom::{Animation, Ray};
+use gpu_wgpu::{
+    Options, WgpuBackend, from_device, required_features, required_limits, useful_features,
+};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use wgpu::{Device, Limits, Queue};
+
+/// A device with no features at all, and such limits.
+fn device(limits: Limits) -> (Device, Queue, wgpu::AdapterInfo) {
+    device_with(required_features(), limits)
+}
+
+/// A device with such features as the adapter has, and such limits.
+fn device_with(features: wgpu::Features, limits: Limits) -> (Device, Queue, wgpu::AdapterInfo) {
+    let mut desc = wgpu::InstanceDescriptor::new_without_display_handle();
+    desc.flags = wgpu::InstanceFlags::empty();
+    let instance = wgpu::Instance::new(desc);
+    let all = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+    let adapter = all.first().unwrap();
+    let desc = wgpu::DeviceDescriptor {
+        required_features: features & adapter.features(),
+        required_limits: limits,
+        ..Default::default()
+    };
+    let (device, queue) = pollster::block_on(adapter.request_device(&desc)).unwrap();
+    (device, queue, adapter.get_info())
+}
+
+pub(crate) fn a_lent_device_without_features_gives_the_same_hits() {
+    let (animation, camera) = (swarm(300), camera());
+    let (device, queue, info) = device(required_limits(&animation, camera.pixels()));
+    let mut lent = from_device(device, queue, info).unwrap();
+    let mut own = WgpuBackend::new(&Options::default()).unwrap();
+    let ask = |backend: &mut WgpuBackend| {
+        open(backend, &animation);
+        answers(backend, &animation, 0.6, Rays::Camera(&camera), SHADOWED)
+    };
+    assert!(ask(&mut lent) == ask(&mut own));
+    stand(&mut lent, &animation, 0.7);
+    let ticket = lent.submit().unwrap();
+    let times = lent.wait(ticket).unwrap().times;
+    assert!(
+        times.refit_ms.is_none() && times.device_ms > 0.0,
+        "{times:?}"
+    );
+}
+
+pub(crate) fn a_scene_too_large_is_refused_by_its_limit() {
+    let (device, queue, info) = device(required_limits(&swarm(10), 10));
+    let mut backend = from_device(device, queue, info).unwrap();
+    let refused = backend.load(swarm(20_000), Method::default()).unwrap_err();
+    let said = refused.to_string();
+    let nodes = 2 * swarm(20_000).live_count() - 1;
+    let expected = format!(
+        "the tree's nodes (bytes of one buffer) needs {}, the limit is 1048576",
+        32 * nodes
+    );
+    assert_eq!(said, expected);
+    assert!(
+        matches!(
+            refused,
+            BackendError::Limit {
+                limit: 0x10_0000,
+                ..
+            }
+        ),
+        "{refused:?}"
+    );
+    // A scene that fits still does, and so for its rays.
+    let animation = swarm(10);
+    open(&mut backend, &animation);
+    stand(&mut backend, &animation, 0.0);
+    let many = rays(40_000);
+    let (rays, kind) = (Rays::List(&many), QueryKind::Closest);
+    let refused = backend.trace(Query { rays, kind }).unwrap_err();
+    let need = match refused {
+        BackendError::Limit { need, .. } => need,
+        other => panic!("{other}"),
+    };
+    assert_eq!(need, 1_280_000);
+    go(&mut backend, Rays::List(&many[..100]), QueryKind::Closest);
+}
+
+pub(crate) fn a_device_with_too_few_buffers_is_refused() {
+    let (device, queue, info) = device(Limits::downlevel_defaults());
+    let refused = from_device(device, queue, info).err();
+    let said = refused.map(|e| e.to_string()).unwrap_or_default();
+    assert!(
+        said.contains("max_storage_buffers_per_shader_stage needs 8, the limit is 4"),
+        "{said}"
+    );
+}
+
+pub(crate) fn a_lent_device_with_features_is_timed_and_keeps_its_handlers() {
+    let (animation, camera) = (swarm(300), camera());
+    let limits = required_limits(&animation, camera.pixels());
+    let (device, queue, info) = device_with(useful_features(), limits);
+    let (heard, lost) = (Arc::new(AtomicU32::new(0)), Arc::new(AtomicU32::new(0)));
+    let counter = Arc::clone(&heard);
+    device.on_uncaptured_error(Arc::new(move |_| {
+        counter.fetch_add(1, Ordering::Relaxed);
+    }));
+    let counter = Arc::clone(&lost);
+    device.set_device_lost_callback(move |_, _| {
+        counter.fetch_add(1, Ordering::Relaxed);
+    });
+    let timed = device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+    let mut backend = from_device(device.clone(), queue, info).unwrap();
+    // Refused, then one that fits: neither reaches the engine.
+    assert!(backend.load(swarm(40_000), Method::default()).is_err());
+    open(&mut backend, &animation);
+    stand(&mut backend, &animation, 0.5);
+    backend.request_positions().unwrap();
+    let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+    let times = backend.wait(ticket).unwrap().times;
+    assert_eq!(
+        (times.refit_ms.is_some(), times.begun_ms.is_some()),
+        (timed, timed)
+    );
+    device.destroy();
+    let _ = backend.wait(ticket);
+    drop(backend);
+    let heard = [heard.load(Ordering::Relaxed), lost.load(Ordering::Relaxed)];
+    assert_eq!(heard, [0, 1], "errors and losses the engine heard of");
+}
+
+pub(crate) fn stages_are_timed_each_whether_they_share_a_pass_or_not() {
+    let (animation, camera) = (swarm(300), camera());
+    let within = wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES;
+    for features in [useful_features(), useful_features() - within] {
+        let limits = required_limits(&animation, camera.pixels());
+        let (device, queue, info) = device_with(features, limits);
+        let features = device.features();
+        let mut backend = from_device(device, queue, info).unwrap();
+        open(&mut backend, &animation);
+        let before = backend.gpu().call_counts();
+        stand(&mut backend, &animation, 0.7);
+        let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+        let (times, spent) = (
+            backend.wait(ticket).unwrap().times,
+            backend.gpu().call_counts() - before,
+        );
+        let stages = [
+            times.interpolate_ms,
+            times.preprocess_ms,
+            times.refit_ms,
+            times.trace_primary_ms,
+        ];
+        let is_timed = features.contains(wgpu::Features::TIMESTAMP_QUERY);
+        let is_right = |ms: &Option<f64>| ms.map_or(!is_timed, |ms| is_timed && ms > 0.0);
+        assert!(stages.iter().all(is_right), "{times:?}");
+        let all: f64 = stages.iter().flatten().sum();
+        assert!(all <= times.device_ms, "{times:?}");
+        let shares = !is_timed || features.contains(within);
+        assert_eq!(spent.passes, if shares { 2 } else { 4 });
+    }
+}
+
+/// A frame of which any part may fail.
+fn frame(b: &mut WgpuBackend, animation: &Animation, rays: Option<&[Ray]>) -> backend::Result<()> {
+    b.interpolate(animation.pose(0.3))?;
+    b.preprocess()?;
+    b.refit()?;
+    if let Some(rays) = rays.map(Rays::List) {
+        let kind = QueryKind::Any;
+        b.trace(Query { rays, kind })?;
+        let ticket = b.submit()?;
+        return b.hits(ticket, &mut Hits::default());
+    }
+    let ticket = b.submit()?;
+    b.wait(ticket).map(drop)
+}
+
+pub(crate) fn every_verb_after_a_loss_is_an_error_and_no_panic() {
+    let animation = swarm(100);
+    let list = rays(100);
+    type Verb = fn(&mut WgpuBackend, &Arc<Animation>, &[Ray]) -> backend::Result<()>;
+    let verbs: [(&str, Verb); 7] = [
+        ("load", |b, a, _| b.load(Arc::clone(a), Method::default())),
+        ("adopt", |b, a, _| {
+            b.adopt(&tree_at(a, 1.0), Generation(2))?;
+            frame(b, a, None)
+        }),
+        ("a frame", |b, a, _| frame(b, a, None)),
+        ("a trace", |b, a, list| frame(b, a, Some(list))),
+        ("positions", |b, a, _| {
+            b.interpolate(a.pose(0.3))?;
+            b.request_positions()?;
+            b.submit()?;
+            b.take_positions().map(drop)
+        }),
+        ("boxes", |b, _, _| b.inspect().boxes().map(drop)),
+        ("vertices", |b, _, _| b.inspect().positions().map(drop)),
+    ];
+    for (name, verb) in verbs {
+        let (device, queue, info) = device(required_limits(&animation, 100));
+        let mut backend = from_device(device.clone(), queue, info).unwrap();
+        open(&mut backend, &animation);
+        stand(&mut backend, &animation, 0.5);
+        let ticket = go(&mut backend, Rays::List(&list), QueryKind::Closest);
+        backend.wait(ticket).unwrap();
+        device.destroy();
+        // And from then on for ever.
+        for _ in 0..2 {
+            let found = verb(&mut backend, &animation, &list);
+            let is_lost = matches!(found, Err(BackendError::DeviceLost(_)));
+            assert!(is_lost, "{name}: {found:?}");
+        }
+    }
+}
+
+pub(crate) fn a_lost_device_is_an_error_and_no_panic() {
+    let animation = swarm(100);
+    let (device, queue, info) = device(required_limits(&animation, 100));
+    let mut backend = from_device(device.clone(), queue, info).unwrap();
+    open(&mut backend, &animation);
+    stand(&mut backend, &animation, 0.5);
+    backend.request_positions().unwrap();
+    let ticket = go(&mut backend, Rays::List(&rays(100)), QueryKind::Closest);
+    let (_, held) = arrive(&mut backend);
+    device.destroy();
+    // wgpu gives destroyed buffers up when it is polled next.
+    let _ = device.poll(wgpu::PollType::Poll);
+    drop(held);
+    // What was under way may still end well; what comes next may not.
+    let _ = backend.wait(ticket);
+    let next = frame(&mut backend, &animation, None);
+    assert!(matches!(next, Err(BackendError::DeviceLost(_))), "{next:?}");
+    assert!(matches!(
+        backend.submit().and_then(|t| backend.wait(t)),
+        Err(BackendError::DeviceLost(_))
+    ));
+    assert!(matches!(
+        backend.take_positions(),
+        Err(BackendError::DeviceLost(_)) | Ok(Some(_))
+    ));
+}

@@ -1,0 +1,293 @@
+//! The seam, carried out by the driver.
+
+use crate::scene::DriverScene;
+use crate::tree::triangles_of;
+use crate::{DriverTreeBackend, Stale, method};
+use ash::vk;
+use backend::{
+    Backend, BackendError, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect,
+    Intersector, Method, Query, QueryKind, Rays, Result, Snapshot, Ticket,
+};
+use bvh_layout::Topology;
+use geom::{Aabb, Animation, Point, Pose};
+use gpu_common::{Stage, Trace, are_given, refuse_above};
+use gpu_vulkan::VulkanDevice;
+use gpu_vulkan::commands::{KERNELS, RAYS};
+use gpu_vulkan::memory::Buffer;
+use shaders::work::{self, Work};
+use shaders::{BufferName, Params, Shape};
+use std::sync::Arc;
+
+impl Backend for DriverTreeBackend {
+    fn device(&self) -> &Device {
+        &self.engine.device
+    }
+
+    fn makes_own_trees(&self) -> bool {
+        true
+    }
+
+    fn supports(&self, method: Method) -> bool {
+        method::driver_tree_supports(method)
+    }
+
+    fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
+        method::check(self.prefer.backend(), method)?;
+        self.abandon();
+        self.engine.unload()?;
+        self.scene = None;
+        self.engine.load(animation)?;
+        let scene = DriverScene::new(&mut self.engine, &self.rays.rays, self.prefer)?;
+        self.scene = Some(scene);
+        Ok(())
+    }
+
+    fn adopt(&mut self, _: &Topology, _: Generation) -> Result<()> {
+        Err(BackendError::Unsupported {
+            backend: self.prefer.backend(),
+            what: "trees made by others".to_owned(),
+        })
+    }
+
+    fn interpolate(&mut self, pose: Pose) -> Result<()> {
+        let params = Params {
+            alpha: pose.alpha,
+            ..self.params()
+        };
+        self.engine.interpolate(pose, params)?;
+        (self.stale, self.uncounted) = (Stale::Vertices, false);
+        Ok(())
+    }
+
+    /// Has work only for scenes with vertices that are not finite.
+    fn preprocess(&mut self) -> Result<()> {
+        assert!(self.stale >= Stale::Vertices, "positions come first");
+        if self.stale > Stale::Vertices {
+            return Ok(());
+        }
+        let (params, triangles) = (self.params(), self.triangles());
+        let scene = self.scene.as_ref().expect("a scene was loaded");
+        let cleansed = scene.cleansed.as_ref();
+        let work = cleansed.map(|_| work::cleanse(params, triangles, scene.centre));
+        let own = |name| cleansed.filter(|_| name == BufferName::Cleansed);
+        let engine = &mut self.engine;
+        engine.run(Some(Stage::Preprocess), work.as_slice(), own)?;
+        engine.frames.record(&engine.gpu)?.extents.uncounted = Some(0);
+        (self.stale, self.uncounted) = (Stale::Tree, true);
+        Ok(())
+    }
+
+    fn rebuild(&mut self, _: Generation) -> Result<()> {
+        self.preprocess()?;
+        self.make_tree(true)
+    }
+
+    /// Nothing after a [`Backend::rebuild`] at the same positions.
+    fn refit(&mut self) -> Result<()> {
+        assert!(self.stale >= Stale::Tree, "vertices come first");
+        if self.stale == Stale::Fresh {
+            return Ok(());
+        }
+        self.make_tree(false)
+    }
+
+    fn trace(&mut self, query: Query<'_>) -> Result<()> {
+        let fresh = self.stale == Stale::Fresh;
+        assert!(fresh, "a stale tree must not be traced");
+        let size = self.launch_size(&query)?;
+        let has_tree = self.engine.scene().animation.live_count() > 0;
+        let how = (Intersector::Watertight, has_tree);
+        let trace = self.engine.begin_trace(&query, how, |_| false)?;
+        self.launch(&query, &trace, size)?;
+        self.engine.traces.pending = Some(trace);
+        Ok(())
+    }
+
+    fn request_positions(&mut self) -> Result<()> {
+        assert!(self.stale >= Stale::Vertices, "positions come first");
+        self.engine.request_positions()
+    }
+
+    fn submit(&mut self) -> Result<Ticket> {
+        // The kernel that counts sees every triangle, those that are never active too.
+        let submitted = self.count().and_then(|()| self.engine.submit(0));
+        if submitted.is_err() {
+            self.abandon();
+        }
+        submitted
+    }
+
+    fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
+        self.engine.wait(ticket)
+    }
+
+    fn hits(&mut self, ticket: Ticket, out: &mut Hits) -> Result<()> {
+        self.engine.hits(ticket, out)
+    }
+
+    fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
+        self.engine.take_positions()
+    }
+
+    fn device_bytes(&self) -> Option<DeviceBytes> {
+        let scene = self.scene.as_ref();
+        let [tree, scratch] = scene.map_or([0; 2], DriverScene::held);
+        Some(self.engine.bytes([tree, scratch, 0]))
+    }
+
+    fn inspect(&mut self) -> &mut dyn Inspect {
+        self
+    }
+}
+
+/// The entry point that makes a query's rays.
+fn maker(query: &Query<'_>) -> &'static str {
+    match (query.kind, are_given(query)) {
+        (QueryKind::Any, _) => "given_any",
+        (QueryKind::Closest, true) => "given_closest",
+        (QueryKind::Closest, false) => "camera_closest",
+        (QueryKind::ClosestAndShadow { .. }, true) => "given_shadow",
+        (QueryKind::ClosestAndShadow { .. }, false) => "camera_shadow",
+    }
+}
+
+/// What counts the hits of a trace.
+fn counts(params: Params, trace: &Trace<VulkanDevice>) -> Vec<Work> {
+    let rays = trace.count as u32;
+    let hits = work::count_hits(params, rays);
+    match trace.kind {
+        QueryKind::Any => vec![work::count_any(params, rays)],
+        QueryKind::Closest => vec![hits],
+        QueryKind::ClosestAndShadow { .. } => vec![hits, work::count_occluded(params, rays)],
+    }
+}
+
+impl DriverTreeBackend {
+    /// What all kernels and rays share.
+    fn params(&self) -> Params {
+        Params::of(self.engine.scene().scale_exponent, &Shape::default())
+    }
+
+    fn triangles(&self) -> u32 {
+        self.engine.scene().animation.triangle_count() as u32
+    }
+
+    /// What was recorded never ran, so nothing on the device is up to date.
+    fn abandon(&mut self) {
+        self.engine.abandon();
+        (self.stale, self.uncounted) = (Stale::Positions, false);
+        if let Some(scene) = &mut self.scene {
+            scene.tree.forget();
+        }
+    }
+
+    /// Records the driver's work on its tree: made anew, or updated.
+    fn make_tree(&mut self, anew: bool) -> Result<()> {
+        let (engine, scene) = (&mut self.engine, self.scene.as_mut());
+        let scene = scene.expect("a scene was loaded");
+        let positions = &engine.scene().positions[engine.position];
+        let from = triangles_of(engine.scene(), positions, scene.cleansed.as_ref());
+        let tree = &mut scene.tree;
+        let slot = engine.frames.record(&engine.gpu)?;
+        slot.record_as(&engine.gpu, Stage::Refit, |slot| match anew {
+            true => tree.rebuild(&slot.commands, from),
+            false => tree.update(&slot.commands, from),
+        })?;
+        self.stale = Stale::Fresh;
+        Ok(())
+    }
+
+    /// Columns and rows of a launch.
+    fn launch_size(&self, query: &Query<'_>) -> Result<[u32; 2]> {
+        let bounds = self.rays.rays.bounds;
+        let size = match query.rays {
+            Rays::Camera(c) if !are_given(query) => [u64::from(c.width), u64::from(c.height)],
+            _ => {
+                let count = query.rays.count() as u64;
+                let rows = count.div_ceil(bounds.along[0]).max(1);
+                [count.div_ceil(rows), rows]
+            }
+        };
+        let what = || "rays (of one launch, maxRayDispatchInvocationCount)".to_owned();
+        refuse_above(what, size[0], bounds.along[0])?;
+        refuse_above(what, size[1], bounds.along[1])?;
+        refuse_above(what, size[0] * size[1], bounds.rays)?;
+        Ok(size.map(|n| n as u32))
+    }
+
+    /// Records a query's rays. Nothing hits a scene without live triangles: then no ray is traced.
+    fn launch(
+        &mut self,
+        query: &Query<'_>,
+        trace: &Trace<VulkanDevice>,
+        size: [u32; 2],
+    ) -> Result<()> {
+        let params = work::rays(self.params(), query, are_given(query));
+        let engine = &mut self.engine;
+        if size[0] == 0 || !trace.has_tree {
+            let slot = engine.frames.record(&engine.gpu)?;
+            return slot.record_as(&engine.gpu, Stage::TracePrimary, |_| ());
+        }
+        let scene = self.scene.as_ref().expect("a scene was loaded");
+        let find = |name: BufferName| -> &Buffer {
+            let found = match name {
+                BufferName::Nodes => None,
+                name => trace
+                    .get(name)
+                    .or_else(|| engine.scene().get(name, engine.pose.key, engine.position)),
+            };
+            // What a query does not need is bound to something.
+            found.unwrap_or(&scene.root)
+        };
+        let place = engine.frames.place();
+        let (set, row) = self.sets.fill(place, scene.tree.top(), &params, find);
+        let (vk, rays) = (&engine.gpu.gpu.vk, &self.rays);
+        let slot = engine.frames.record(&engine.gpu)?;
+        slot.record_as(&engine.gpu, Stage::TracePrimary, |slot| {
+            let (commands, point) = (&slot.commands, vk::PipelineBindPoint::RAY_TRACING_KHR);
+            commands.barrier(KERNELS, RAYS);
+            // SAFETY: the command buffer is being recorded; pipeline and set belong to the device and match.
+            unsafe {
+                let commands = commands.vk();
+                vk.cmd_bind_pipeline(commands, point, rays.vk);
+                vk.cmd_bind_descriptor_sets(commands, point, rays.layout, 0, &[set], &[row]);
+            }
+            rays.launch(commands.vk(), maker(query), size);
+            commands.barrier(RAYS, KERNELS);
+        })
+    }
+
+    /// Records what counts triangles and hits, after the end of the last stage.
+    fn count(&mut self) -> Result<()> {
+        let params = self.params();
+        let mut work = Vec::new();
+        if self.uncounted {
+            work.push(work::count_triangles(params, self.triangles()));
+        }
+        let pending = self.engine.traces.pending.take();
+        let trace = pending.as_ref().filter(|t| t.has_tree);
+        work.extend(trace.into_iter().flat_map(|t| counts(params, t)));
+        let counted = match work.is_empty() {
+            true => Ok(()),
+            false => self
+                .engine
+                .run(None, &work, |name| trace.and_then(|t| t.get(name))),
+        };
+        self.engine.traces.pending = pending;
+        self.uncounted = false;
+        counted
+    }
+}
+
+impl Inspect for DriverTreeBackend {
+    fn positions(&mut self) -> Result<Vec<Point>> {
+        self.engine.positions()
+    }
+
+    fn boxes(&mut self) -> Result<Vec<Aabb>> {
+        Err(BackendError::Unsupported {
+            backend: self.prefer.backend(),
+            what: "a look into the driver's tree".to_owned(),
+        })
+    }
+}

@@ -1,0 +1,109 @@
+//! The driver's own trees, as the rival to measure against: acceleration structures built or updated
+//! each frame, and traced by a ray-tracing pipeline.
+//!
+//! Positions are interpolated by the same kernel as elsewhere, and the driver's structure is built
+//! straight from them. Rays are made by the same arithmetic, and so is the shadow's ray; what a ray
+//! hits is the driver's own affair, within what the Vulkan specification allows.
+//! Primary and shadow rays go in one launch. Hits are counted by kernels after the last stage's
+//! end, so that counting, which the picture does not need, is not charged to the driver.
+
+mod backend_impl;
+mod method;
+mod pipeline;
+mod scene;
+mod sets;
+mod structure;
+mod support;
+mod tree;
+
+pub use method::driver_tree_supports;
+pub use support::ray_adapters;
+
+use backend::Result;
+use gpu_common::{Engine, Pipelines};
+use gpu_vulkan::gpu::{Gpu, Needs};
+use gpu_vulkan::instance::Host;
+use gpu_vulkan::{Options, VulkanDevice};
+use pipeline::RayPipeline;
+use scene::DriverScene;
+use sets::RaySets;
+use shaders::{RAY_KERNELS, common};
+use support::RayTracing;
+
+/// What the driver is to prefer when it builds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Prefer {
+    /// `PREFER_FAST_BUILD`.
+    #[default]
+    FastBuild,
+    /// `PREFER_FAST_TRACE`.
+    FastTrace,
+}
+
+impl Prefer {
+    /// The backend's name on the command line.
+    #[must_use]
+    pub fn backend(self) -> &'static str {
+        match self {
+            Self::FastBuild => "vulkan-rt",
+            Self::FastTrace => "vulkan-rt:fast-trace",
+        }
+    }
+}
+
+/// The backend that has the driver make its trees and trace them.
+///
+/// The driver's work on its trees is timed as `refit`, primary and shadow rays together as `trace_primary`.
+pub struct DriverTreeBackend {
+    engine: Engine<VulkanDevice>,
+    prefer: Prefer,
+    scene: Option<DriverScene>,
+    stale: Stale,
+    /// Whether the recording has positions at which triangles are to be counted.
+    uncounted: bool,
+    sets: RaySets,
+    rays: RayPipeline,
+}
+
+/// What must run before a trace.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Stale {
+    Positions,
+    Vertices,
+    Tree,
+    Fresh,
+}
+
+impl DriverTreeBackend {
+    /// Opens a device.
+    ///
+    /// # Errors
+    /// [`backend::BackendError::NoDevice`] with what the device lacks, or
+    /// [`backend::BackendError::Limit`] with what it lacks for any scene.
+    pub fn new(options: &Options, prefer: Prefer) -> Result<Self> {
+        let (host, wanted) = (Host::new(options.validation)?, options.adapter.as_deref());
+        let able = support::able(&host, wanted)?;
+        let gpu = Gpu::open(host, &able, wanted, Needs::RayTracing)?;
+        let rays = RayTracing::of(&gpu)?;
+        let device = VulkanDevice::over(&gpu, prefer.backend())?;
+        let shared = ["arithmetic", "interpolate"].map(common);
+        let kernels = Pipelines::of(&device, shared.into_iter().chain(RAY_KERNELS))?;
+        let (mut engine, _) = Engine::new(device, kernels)?;
+        let rays = RayPipeline::new(&mut engine.gpu, &rays)?;
+        Ok(Self {
+            engine,
+            prefer,
+            scene: None,
+            stale: Stale::Positions,
+            uncounted: false,
+            sets: RaySets::new(&gpu, &rays)?,
+            rays,
+        })
+    }
+
+    /// The device.
+    #[must_use]
+    pub fn gpu(&self) -> &VulkanDevice {
+        &self.engine.gpu
+    }
+}

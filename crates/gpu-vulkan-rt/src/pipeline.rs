@@ -1,0 +1,221 @@
+//! The pipeline of rays, and the table by which the driver finds its shaders.
+
+use crate::support::RayTracing;
+use ash::vk;
+use backend::Result;
+use gpu_common::GpuDevice;
+use gpu_vulkan::errors::{failed, refused};
+use gpu_vulkan::gpu::one_at_a_time;
+use gpu_vulkan::memory::{Buffer, BufferUse};
+use gpu_vulkan::{VulkanDevice, descriptor_type};
+use shaders::{Kind, RAYS};
+use std::ffi::CString;
+use std::sync::Arc;
+
+/// Every shader of [`RAYS`], in one pipeline: those that make rays first, then misses, then hits.
+pub(crate) struct RayPipeline {
+    /// Null until the driver has made it; likewise the others.
+    pub(crate) vk: vk::Pipeline,
+    pub(crate) layout: vk::PipelineLayout,
+    pub(crate) set_layout: vk::DescriptorSetLayout,
+    table: Option<Table>,
+    pub(crate) rays: Arc<RayTracing>,
+}
+
+/// Handles of all groups, each at an aligned place.
+struct Table {
+    /// Kept for its memory.
+    _buffer: Buffer,
+    at: vk::DeviceAddress,
+    stride: u64,
+}
+
+const STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
+    vk::ShaderStageFlags::RAYGEN_KHR.as_raw()
+        | vk::ShaderStageFlags::CLOSEST_HIT_KHR.as_raw()
+        | vk::ShaderStageFlags::MISS_KHR.as_raw(),
+);
+
+impl RayPipeline {
+    pub(crate) fn new(device: &mut VulkanDevice, rays: &Arc<RayTracing>) -> Result<Self> {
+        let gpu = &rays.gpu;
+        let mut made = Self {
+            vk: vk::Pipeline::null(),
+            layout: vk::PipelineLayout::null(),
+            set_layout: vk::DescriptorSetLayout::null(),
+            table: None,
+            rays: Arc::clone(rays),
+        };
+        let bindings = bindings();
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+        let what = "the pipeline of rays";
+        // SAFETY: the device is alive and `info` outlives the call; likewise below.
+        made.set_layout =
+            unsafe { gpu.vk.create_descriptor_set_layout(&info, None) }.map_err(failed(what))?;
+        let layouts = [made.set_layout];
+        let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
+        // SAFETY: as above.
+        made.layout =
+            unsafe { gpu.vk.create_pipeline_layout(&info, None) }.map_err(failed(what))?;
+        made.vk = compile(rays, made.layout)?;
+        made.table = Some(Table::new(device, rays, made.vk)?);
+        Ok(made)
+    }
+
+    /// Records rays made by the entry point `generate`, over so many columns and rows.
+    pub(crate) fn launch(&self, commands: vk::CommandBuffer, generate: &str, [x, y]: [u32; 2]) {
+        let place = RAYS.generate.iter().position(|&name| name == generate);
+        let place = place.expect("rays are made by one of the entry points") as u64;
+        let makers = RAYS.generate.len() as u64;
+        let table = self.table.as_ref().expect("a pipeline made has its table");
+        let region = |group: u64| {
+            vk::StridedDeviceAddressRegionKHR::default()
+                .device_address(table.at + group * table.stride)
+                .stride(table.stride)
+                .size(table.stride)
+        };
+        let none = vk::StridedDeviceAddressRegionKHR::default();
+        let (miss, hit) = (region(makers), region(makers + 1));
+        let pipelines = &self.rays.pipelines;
+        // SAFETY: the command buffer is being recorded with the pipeline bound; the table holds a
+        // handle for each group of it.
+        unsafe {
+            pipelines.cmd_trace_rays(commands, &region(place), &miss, &hit, &none, x, y, 1);
+        }
+    }
+}
+
+fn bindings<'a>() -> Vec<vk::DescriptorSetLayoutBinding<'a>> {
+    let binding = |number, kind| {
+        vk::DescriptorSetLayoutBinding::default()
+            .binding(number)
+            .descriptor_count(1)
+            .descriptor_type(kind)
+            .stage_flags(STAGES)
+    };
+    let tree = binding(RAYS.scene, vk::DescriptorType::ACCELERATION_STRUCTURE_KHR);
+    let others = RAYS.bindings.iter();
+    let others = others.map(|b| binding(b.number, descriptor_type(b.kind)));
+    others.chain([tree]).collect()
+}
+
+/// Storage buffers that the shaders bind.
+pub(crate) fn storage_buffers() -> u32 {
+    let all = RAYS.bindings.iter().filter(|b| b.kind != Kind::Uniform);
+    all.count() as u32
+}
+
+fn compile(rays: &RayTracing, layout: vk::PipelineLayout) -> Result<vk::Pipeline> {
+    let gpu = &rays.gpu;
+    let _door = one_at_a_time();
+    let info = vk::ShaderModuleCreateInfo::default().code(RAYS.spirv);
+    let what = "the shaders of rays";
+    // SAFETY: the words are SPIR-V that the build validated.
+    let module = unsafe { gpu.vk.create_shader_module(&info, None) }.map_err(refused(what))?;
+    let made = compile_module(rays, layout, module);
+    // SAFETY: pipelines do not need their module once made.
+    unsafe { gpu.vk.destroy_shader_module(module, None) };
+    made
+}
+
+fn compile_module(
+    rays: &RayTracing,
+    layout: vk::PipelineLayout,
+    module: vk::ShaderModule,
+) -> Result<vk::Pipeline> {
+    let maker = |name: &'static str| (vk::ShaderStageFlags::RAYGEN_KHR, name);
+    let makers = RAYS.generate.iter().copied().map(maker);
+    let others = [
+        (vk::ShaderStageFlags::MISS_KHR, RAYS.miss),
+        (vk::ShaderStageFlags::CLOSEST_HIT_KHR, RAYS.closest_hit),
+    ];
+    let named = |(stage, name): (vk::ShaderStageFlags, &str)| {
+        let name = CString::new(name).expect("names of shaders hold no zero byte");
+        (stage, name)
+    };
+    let all: Vec<_> = makers.chain(others).map(named).collect();
+    let stages: Vec<_> = all
+        .iter()
+        .map(|(stage, name)| {
+            vk::PipelineShaderStageCreateInfo::default()
+                .stage(*stage)
+                .module(module)
+                .name(name)
+        })
+        .collect();
+    let groups: Vec<_> = all.iter().enumerate().map(|(i, s)| group(i, s.0)).collect();
+    let info = vk::RayTracingPipelineCreateInfoKHR::default()
+        .flags(
+            vk::PipelineCreateFlags::RAY_TRACING_NO_NULL_CLOSEST_HIT_SHADERS_KHR
+                | vk::PipelineCreateFlags::RAY_TRACING_NO_NULL_MISS_SHADERS_KHR,
+        )
+        .stages(&stages)
+        .groups(&groups)
+        .max_pipeline_ray_recursion_depth(1)
+        .layout(layout);
+    let (later, cache) = (vk::DeferredOperationKHR::null(), vk::PipelineCache::null());
+    let pipelines = &rays.pipelines;
+    // SAFETY: module and layout belong to the device; all pointers outlive the call.
+    unsafe { pipelines.create_ray_tracing_pipelines(later, cache, &[info], None) }
+        .map(|p| p[0])
+        .map_err(|(_, e)| refused("the pipeline of rays")(e))
+}
+
+/// The group of the `i`-th stage: each has one of its own.
+fn group<'a>(i: usize, stage: vk::ShaderStageFlags) -> vk::RayTracingShaderGroupCreateInfoKHR<'a> {
+    let none = vk::RayTracingShaderGroupCreateInfoKHR::default()
+        .general_shader(vk::SHADER_UNUSED_KHR)
+        .closest_hit_shader(vk::SHADER_UNUSED_KHR)
+        .any_hit_shader(vk::SHADER_UNUSED_KHR)
+        .intersection_shader(vk::SHADER_UNUSED_KHR);
+    match stage {
+        vk::ShaderStageFlags::CLOSEST_HIT_KHR => none
+            .ty(vk::RayTracingShaderGroupTypeKHR::TRIANGLES_HIT_GROUP)
+            .closest_hit_shader(i as u32),
+        _ => none
+            .ty(vk::RayTracingShaderGroupTypeKHR::GENERAL)
+            .general_shader(i as u32),
+    }
+}
+
+impl Table {
+    fn new(device: &mut VulkanDevice, rays: &RayTracing, pipeline: vk::Pipeline) -> Result<Self> {
+        let (handle, alignment) = (rays.bounds.handle_bytes, rays.bounds.table_alignment);
+        let groups = RAYS.generate.len() + 2;
+        let bytes = handle as usize * groups;
+        // SAFETY: the pipeline has so many groups.
+        let handles = unsafe {
+            let pipelines = &rays.pipelines;
+            pipelines.get_ray_tracing_shader_group_handles(pipeline, 0, groups as u32, bytes)
+        }
+        .map_err(failed("handles of shaders"))?;
+        let stride = handle.next_multiple_of(alignment);
+        let room = stride * groups as u64 + alignment;
+        let buffer = Buffer::new(&rays.gpu, "the table of shaders", room, BufferUse::Device)?;
+        let begin = buffer.address();
+        let at = begin.next_multiple_of(alignment);
+        let mut table = vec![0_u8; buffer.bytes as usize];
+        for (i, handle) in handles.chunks(handle as usize).enumerate() {
+            let place = (at - begin) as usize + i * stride as usize;
+            table[place..][..handle.len()].copy_from_slice(handle);
+        }
+        device.upload(&[(&table, &buffer)])?;
+        Ok(Self {
+            _buffer: buffer,
+            at,
+            stride,
+        })
+    }
+}
+
+impl Drop for RayPipeline {
+    fn drop(&mut self) {
+        let vk = &self.rays.gpu.vk;
+        // SAFETY: the backend waits for the device before it drops its pipeline; null is left alone.
+        unsafe {
+            vk.destroy_pipeline(self.vk, None);
+            vk.destroy_pipeline_layout(self.layout, None);
+            vk.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}

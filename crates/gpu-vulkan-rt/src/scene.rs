@@ -1,0 +1,100 @@
+//! A scene as the driver's trees need it: its box, its tree, and what it does about
+//! vertices that are not finite.
+
+use crate::Prefer;
+use crate::support::RayTracing;
+use crate::tree::DriverTree;
+use backend::Result;
+use geom::{Animation, Point};
+use gpu_common::{Engine, GpuDevice};
+use gpu_vulkan::VulkanDevice;
+use gpu_vulkan::memory::{Buffer, BufferUse};
+use std::sync::Arc;
+
+/// Coordinates from here on may overflow when they are blended.
+const HUGE: f32 = f32::MAX / 4.0;
+
+/// What a loaded scene has beside its buffers.
+pub(crate) struct DriverScene {
+    pub(crate) tree: DriverTree,
+    /// The box of all key frames, in scaled units, as the two rows of a tree's root.
+    pub(crate) root: Buffer,
+    /// Three vertices a triangle, all finite; `None` where positions are, always.
+    pub(crate) cleansed: Option<Buffer>,
+    /// Where triangles are drawn together that are not to be hit.
+    pub(crate) centre: Point,
+}
+
+impl DriverScene {
+    /// Of the scene that the engine has loaded.
+    pub(crate) fn new(
+        engine: &mut Engine<VulkanDevice>,
+        rays: &Arc<RayTracing>,
+        prefer: Prefer,
+    ) -> Result<Self> {
+        let animation = Arc::clone(&engine.scene().animation);
+        let bytes = animation.triangle_count() as u64 * 36;
+        let device = |what, bytes| Buffer::new(&rays.gpu, what, bytes, BufferUse::Device);
+        let cleansed = match are_tame(animation.keys()) {
+            true => None,
+            false => Some(device("cleansed triangles", bytes)?),
+        };
+        let root = device("the scene's box", 32)?;
+        let corners = root_of(&animation);
+        engine
+            .gpu
+            .upload(&[(bytemuck::cast_slice(&corners), &root)])?;
+        Ok(Self {
+            tree: DriverTree::new(engine, rays, cleansed.as_ref(), prefer)?,
+            root,
+            cleansed,
+            centre: centre_of(&animation),
+        })
+    }
+
+    /// Bytes of device memory that the tree takes, and the room to make it, with what it is made from beside positions.
+    pub(crate) fn held(&self) -> [u64; 2] {
+        let cleansed = self.cleansed.as_ref().map_or(0, Buffer::held);
+        let [tree, scratch] = self.tree.held();
+        [tree + self.root.held(), scratch + cleansed]
+    }
+}
+
+fn root_of(animation: &Animation) -> [f32; 8] {
+    let bounds = animation.bounds();
+    let scale = (-f64::from(animation.scale_exponent())).exp2();
+    let scaled = |p: Point| p.map(|x| (f64::from(x) * scale) as f32);
+    let ([a, b, c], [d, e, f]) = (scaled(bounds.min), scaled(bounds.max));
+    [a, b, c, 0.0, d, e, f, 0.0]
+}
+
+/// Amid all key frames; the origin if there is nothing.
+fn centre_of(animation: &Animation) -> Point {
+    let bounds = animation.bounds();
+    let middle = |i: usize| f32::midpoint(bounds.min[i], bounds.max[i]);
+    let middle = [middle(0), middle(1), middle(2)];
+    match middle.iter().all(|x| x.is_finite()) {
+        true => middle,
+        false => [0.0; 3],
+    }
+}
+
+/// Whether all vertices are finite and stay so when they are blended.
+fn are_tame(keys: &[Vec<Point>]) -> bool {
+    let tame = |p: &Point| p.iter().all(|x| x.abs() < HUGE);
+    keys.iter().flatten().all(tame)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_are_cleansed_where_a_vertex_is_or_may_become_infinite_or_no_number() {
+        let of = |x: f32| are_tame(&[vec![[1.0; 3]], vec![[0.0, x, 1.0]]]);
+        assert!(of(2.0) && of(-1e30));
+        for bad in [f32::NAN, f32::INFINITY, f32::MIN] {
+            assert!(!of(bad), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! Whether a device traces rays by trees of its driver's, and what it takes to ask it.
+
+use ash::{khr, vk};
+use backend::{BackendError, Result, choose_adapter};
+use gpu_vulkan::gpu::{Gpu, RAY_EXTENSIONS};
+use gpu_vulkan::instance::Host;
+use gpu_vulkan::{AdapterInfo, Validation, all};
+use std::sync::Arc;
+
+/// The calls, and the bounds that they have, of a device opened for [`Needs::RayTracing`](gpu_vulkan::gpu::Needs).
+pub(crate) struct RayTracing {
+    pub(crate) structures: khr::acceleration_structure::Device,
+    pub(crate) pipelines: khr::ray_tracing_pipeline::Device,
+    pub(crate) bounds: Bounds,
+    pub(crate) gpu: Arc<Gpu>,
+}
+
+/// What the driver bounds or asks for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Bounds {
+    /// Triangles of one tree.
+    pub(crate) triangles: u64,
+    /// Alignment of the room for a build, bytes.
+    pub(crate) scratch_alignment: u64,
+    /// Bytes of a shader's handle.
+    pub(crate) handle_bytes: u64,
+    /// Alignment of a table of shaders, bytes; of a handle in it likewise.
+    pub(crate) table_alignment: u64,
+    /// Rays of one launch.
+    pub(crate) rays: u64,
+    /// Rays of one launch along an axis.
+    pub(crate) along: [u64; 2],
+}
+
+impl RayTracing {
+    pub(crate) fn of(gpu: &Arc<Gpu>) -> Result<Arc<Self>> {
+        let instance = &gpu.host.instance;
+        let physical = gpu.host.physical_devices()?[gpu.adapter.index];
+        Ok(Arc::new(Self {
+            structures: khr::acceleration_structure::Device::new(instance, &gpu.vk),
+            pipelines: khr::ray_tracing_pipeline::Device::new(instance, &gpu.vk),
+            bounds: Bounds::of(&gpu.host, physical),
+            gpu: Arc::clone(gpu),
+        }))
+    }
+}
+
+impl Bounds {
+    fn of(host: &Host, physical: vk::PhysicalDevice) -> Self {
+        let mut trees = vk::PhysicalDeviceAccelerationStructurePropertiesKHR::default();
+        let mut rays = vk::PhysicalDeviceRayTracingPipelinePropertiesKHR::default();
+        let mut all = vk::PhysicalDeviceProperties2::default()
+            .push_next(&mut trees)
+            .push_next(&mut rays);
+        // SAFETY: the device belongs to the instance, which is alive, and has both extensions.
+        unsafe {
+            host.instance
+                .get_physical_device_properties2(physical, &mut all)
+        };
+        let limits = all.properties.limits;
+        let along = |axis: usize| {
+            let groups = u64::from(limits.max_compute_work_group_count[axis]);
+            groups.saturating_mul(limits.max_compute_work_group_size[axis].into())
+        };
+        let alignment = rays
+            .shader_group_base_alignment
+            .max(rays.shader_group_handle_alignment);
+        Self {
+            triangles: trees.max_primitive_count,
+            scratch_alignment: trees
+                .min_acceleration_structure_scratch_offset_alignment
+                .max(1)
+                .into(),
+            handle_bytes: rays.shader_group_handle_size.into(),
+            table_alignment: alignment.max(1).into(),
+            rays: rays.max_ray_dispatch_invocation_count.into(),
+            along: [along(0), along(1)],
+        }
+    }
+}
+
+/// Every device of this machine whose driver makes trees and traces them by pipelines.
+///
+/// # Errors
+/// [`NoDevice`](BackendError::NoDevice) where there is none, with what each lacks.
+pub fn ray_adapters() -> Result<Vec<AdapterInfo>> {
+    able(Host::new(Validation::Off)?.as_ref(), None)
+}
+
+/// Likewise; where an adapter is `wanted` by name or index, that one alone if it is able, with an
+/// index for whoever opens it.
+pub(crate) fn able(host: &Host, wanted: Option<&str>) -> Result<Vec<AdapterInfo>> {
+    let mut list = all(host)?;
+    if wanted.is_some() {
+        let names: Vec<_> = list.iter().map(|a| (a.name.as_str(), a.kind)).collect();
+        list = vec![list[choose_adapter(&names, wanted)?].clone()];
+    }
+    let devices = host.physical_devices()?;
+    let (mut able, mut reasons) = (Vec::new(), Vec::new());
+    for mut adapter in list {
+        let device = devices[adapter.index];
+        match lacks(host, device) {
+            Some(what) => reasons.push(format!("{} lacks {what}", adapter.name)),
+            None => {
+                adapter.limits.extend(Bounds::of(host, device).named());
+                let queries = host
+                    .extensions(device)
+                    .contains(&khr::ray_query::NAME.to_owned());
+                let queries = if queries { "yes" } else { "no" };
+                adapter.limits.push(("ray queries", queries.to_owned()));
+                able.push(adapter);
+            }
+        }
+    }
+    match able.is_empty() {
+        true => Err(BackendError::NoDevice(reasons.join("; "))),
+        false => Ok(able),
+    }
+}
+
+impl Bounds {
+    fn named(&self) -> Vec<(&'static str, String)> {
+        vec![
+            ("max triangles of a tree", self.triangles.to_string()),
+            ("max rays of a launch", self.rays.to_string()),
+        ]
+    }
+}
+
+/// What a device lacks of extensions and features; `None` if it is able.
+fn lacks(host: &Host, device: vk::PhysicalDevice) -> Option<String> {
+    let offered = host.extensions(device);
+    let missing = RAY_EXTENSIONS
+        .into_iter()
+        .find(|&name| !offered.iter().any(|o| o.as_c_str() == name));
+    if let Some(name) = missing {
+        return Some(name.to_string_lossy().into_owned());
+    }
+    let mut structures = vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default();
+    let mut pipelines = vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default();
+    let mut core = vk::PhysicalDeviceVulkan12Features::default();
+    let mut all = vk::PhysicalDeviceFeatures2::default()
+        .push_next(&mut core)
+        .push_next(&mut structures)
+        .push_next(&mut pipelines);
+    // SAFETY: the device belongs to the instance, which is alive, and knows all structures of the chain.
+    unsafe {
+        host.instance
+            .get_physical_device_features2(device, &mut all)
+    };
+    let features = [
+        (structures.acceleration_structure, "accelerationStructure"),
+        (pipelines.ray_tracing_pipeline, "rayTracingPipeline"),
+        (core.buffer_device_address, "bufferDeviceAddress"),
+    ];
+    let off = features.into_iter().find(|&(on, _)| on == vk::FALSE);
+    off.map(|(_, name)| format!("feature {name}"))
+}

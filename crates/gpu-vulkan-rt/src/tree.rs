@@ -1,0 +1,213 @@
+//! The driver's tree of a scene: one structure of all triangles, and above it one of that alone,
+//! since rays are traced through no other.
+
+use crate::Prefer;
+use crate::structure::Structure;
+use crate::support::RayTracing;
+use ash::vk;
+use backend::Result;
+use gpu_common::{Engine, GpuDevice, Scene, refuse_above};
+use gpu_vulkan::VulkanDevice;
+use gpu_vulkan::commands::{BUILDS, Commands, KERNELS, RAYS};
+use gpu_vulkan::memory::{Buffer, BufferUse};
+use shaders::BufferName;
+use std::sync::Arc;
+
+/// What a structure is built from.
+pub(crate) type Geometry<'a> = vk::AccelerationStructureGeometryKHR<'a>;
+type Flags = vk::BuildAccelerationStructureFlagsKHR;
+type Mode = vk::BuildAccelerationStructureModeKHR;
+
+/// Both structures, made anew or updated in place.
+pub(crate) struct DriverTree {
+    bottom: Structure,
+    top: Structure,
+    /// The one instance of `bottom`, as the driver reads it.
+    instance: Buffer,
+    prefer: Prefer,
+    triangles: u32,
+    made: Option<Made>,
+}
+
+/// How the tree was made last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Made {
+    /// So that it can be updated.
+    Updatable,
+    /// For once.
+    Fixed,
+}
+
+/// An instance as Vulkan lays it out: a matrix of three rows, a mask above an index, flags above an offset, an address.
+const INSTANCE_WORDS: usize = 16;
+
+impl DriverTree {
+    /// Room for a tree of the scene that the engine has loaded.
+    pub(crate) fn new(
+        engine: &mut Engine<VulkanDevice>,
+        rays: &Arc<RayTracing>,
+        cleansed: Option<&Buffer>,
+        prefer: Prefer,
+    ) -> Result<Self> {
+        let scene = engine.scene();
+        let triangles = scene.animation.triangle_count() as u64;
+        let what = || "the driver's tree (triangles, maxPrimitiveCount)".to_owned();
+        refuse_above(what, triangles, rays.bounds.triangles)?;
+        let triangles = triangles as u32;
+        let geometry = [triangles_of(scene, &scene.positions[0], cleansed)];
+        let flags = [flags(prefer, Made::Updatable), flags(prefer, Made::Fixed)];
+        let about = info(vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL).geometries(&geometry);
+        let bottom = Structure::new(rays, "the driver's tree", about, &flags, triangles)?;
+        let instance = Buffer::new(&rays.gpu, "the tree's instance", 64, BufferUse::Device)?;
+        let words = instance_of(&bottom);
+        engine
+            .gpu
+            .upload(&[(bytemuck::cast_slice(&words), &instance)])?;
+        let geometry = [instances_of(&instance)];
+        let about = info(vk::AccelerationStructureTypeKHR::TOP_LEVEL).geometries(&geometry);
+        Ok(Self {
+            bottom,
+            top: Structure::new(rays, "the tree above it", about, &flags, 1)?,
+            instance,
+            prefer,
+            triangles,
+            made: None,
+        })
+    }
+
+    /// Bytes of device memory of both structures, and of the room to make them.
+    pub(crate) fn held(&self) -> [u64; 2] {
+        let ([bottom, room], [top, more]) = (self.bottom.held(), self.top.held());
+        [bottom + top + self.instance.held(), room + more]
+    }
+
+    /// What rays are traced through.
+    pub(crate) fn top(&self) -> vk::AccelerationStructureKHR {
+        self.top.vk
+    }
+
+    /// What was recorded last never ran.
+    pub(crate) fn forget(&mut self) {
+        self.made = None;
+    }
+
+    /// Records a new tree. The first can be updated; those that follow it are made for once, which
+    /// may suit the driver.
+    pub(crate) fn rebuild(&mut self, commands: &Commands, from: Geometry<'_>) {
+        let made = match self.made {
+            None => Made::Updatable,
+            Some(_) => Made::Fixed,
+        };
+        self.make(commands, from, made);
+    }
+
+    /// Records an update of the tree to vertices elsewhere; where it cannot be updated, a new one that can.
+    pub(crate) fn update(&mut self, commands: &Commands, from: Geometry<'_>) {
+        if self.made == Some(Made::Updatable) {
+            self.record(commands, from, (Made::Updatable, Mode::UPDATE));
+        } else {
+            self.make(commands, from, Made::Updatable);
+        }
+    }
+
+    fn make(&mut self, commands: &Commands, from: Geometry<'_>, made: Made) {
+        self.record(commands, from, (made, Mode::BUILD));
+        self.made = Some(made);
+    }
+
+    fn record(&self, commands: &Commands, from: Geometry<'_>, (made, mode): (Made, Mode)) {
+        let flags = flags(self.prefer, made);
+        let geometry = [from];
+        let about = |ty| info(ty).flags(flags).mode(mode);
+        commands.barrier(KERNELS, BUILDS);
+        let bottom = about(vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL).geometries(&geometry);
+        self.bottom.record(commands.vk(), bottom, self.triangles);
+        commands.barrier(BUILDS, BUILDS);
+        let geometry = [instances_of(&self.instance)];
+        let top = about(vk::AccelerationStructureTypeKHR::TOP_LEVEL).geometries(&geometry);
+        self.top.record(commands.vk(), top, 1);
+        commands.barrier(BUILDS, RAYS);
+    }
+}
+
+fn flags(prefer: Prefer, made: Made) -> Flags {
+    let speed = match prefer {
+        Prefer::FastBuild => Flags::PREFER_FAST_BUILD,
+        Prefer::FastTrace => Flags::PREFER_FAST_TRACE,
+    };
+    match made {
+        Made::Updatable => speed | Flags::ALLOW_UPDATE,
+        Made::Fixed => speed,
+    }
+}
+
+fn info<'a>(
+    ty: vk::AccelerationStructureTypeKHR,
+) -> vk::AccelerationStructureBuildGeometryInfoKHR<'a> {
+    vk::AccelerationStructureBuildGeometryInfoKHR::default().ty(ty)
+}
+
+/// Opaque, so that no hit asks a shader whether it counts.
+fn geometry<'a>(
+    kind: vk::GeometryTypeKHR,
+    data: vk::AccelerationStructureGeometryDataKHR<'a>,
+) -> vk::AccelerationStructureGeometryKHR<'a> {
+    vk::AccelerationStructureGeometryKHR::default()
+        .geometry_type(kind)
+        .geometry(data)
+        .flags(vk::GeometryFlagsKHR::OPAQUE)
+}
+
+/// The scene's triangles over positions; or those `cleansed`, with vertices of their own.
+pub(crate) fn triangles_of<'a>(
+    scene: &Scene<VulkanDevice>,
+    positions: &Buffer,
+    cleansed: Option<&Buffer>,
+) -> Geometry<'a> {
+    let at = |buffer: &Buffer| vk::DeviceOrHostAddressConstKHR {
+        device_address: buffer.address(),
+    };
+    let corners = scene.get(BufferName::Triangles, 0, 0);
+    let corners = corners.expect("every scene has triangles");
+    let vertices = match cleansed {
+        None => scene.animation.vertex_count(),
+        Some(_) => 3 * scene.animation.triangle_count(),
+    };
+    let triangles = vk::AccelerationStructureGeometryTrianglesDataKHR::default()
+        .vertex_format(vk::Format::R32G32B32_SFLOAT)
+        .vertex_data(at(cleansed.unwrap_or(positions)))
+        .vertex_stride(12)
+        .max_vertex((vertices as u32).saturating_sub(1));
+    let triangles = match cleansed {
+        None => triangles
+            .index_type(vk::IndexType::UINT32)
+            .index_data(at(corners)),
+        Some(_) => triangles.index_type(vk::IndexType::NONE_KHR),
+    };
+    let data = vk::AccelerationStructureGeometryDataKHR { triangles };
+    geometry(vk::GeometryTypeKHR::TRIANGLES, data)
+}
+
+fn instances_of<'a>(instance: &Buffer) -> vk::AccelerationStructureGeometryKHR<'a> {
+    let at = vk::DeviceOrHostAddressConstKHR {
+        device_address: instance.address(),
+    };
+    let instances = vk::AccelerationStructureGeometryInstancesDataKHR::default().data(at);
+    let data = vk::AccelerationStructureGeometryDataKHR { instances };
+    geometry(vk::GeometryTypeKHR::INSTANCES, data)
+}
+
+/// As it stands, seen by all rays, from both sides.
+fn instance_of(bottom: &Structure) -> [u32; INSTANCE_WORDS] {
+    let mut words = [0; INSTANCE_WORDS];
+    for diagonal in [0, 5, 10] {
+        words[diagonal] = 1_f32.to_bits();
+    }
+    let flags = vk::GeometryInstanceFlagsKHR::TRIANGLE_FACING_CULL_DISABLE
+        | vk::GeometryInstanceFlagsKHR::FORCE_OPAQUE;
+    words[12] = 0xff << 24;
+    words[13] = flags.as_raw() << 24;
+    let address = bottom.address();
+    (words[14], words[15]) = (address as u32, (address >> 32) as u32);
+    words
+}

@@ -1,0 +1,370 @@
+//! What Vulkan does for a backend.
+
+use crate::adapters::{Options, all};
+use crate::gpu::{Gpu, Needs};
+use crate::instance::Host;
+use crate::memory::{Buffer, BufferUse};
+use crate::pipelines::Pipeline;
+use crate::pool::{Done, LastUse, Pool};
+use crate::positions::{PositionsCopy, Spare};
+use crate::slot::Slot;
+use crate::timeline::{Batch, Moment, Timeline, submit};
+use crate::transfer::{Copy, Transfer, Window, load};
+use backend::{DeviceBytes, FRAMES_IN_FLIGHT, Result, Snapshot, Ticket};
+use bytemuck::Pod;
+use gpu_common::{
+    About, BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, Stage,
+};
+use shaders::{Code, Kernel, Packets, Rasterization};
+use std::sync::Arc;
+
+/// The backend that computes through Vulkan.
+pub type VulkanBackend = ComputeBackend<VulkanDevice>;
+
+/// Trees' records that are not in use. With as many, one is free for the next tree whatever is under way; most of the time
+/// one will do.
+const RECORDS: usize = FRAMES_IN_FLIGHT;
+
+/// A device of Vulkan's: frames on one queue, trees that go up and positions that come back on others.
+pub struct VulkanDevice {
+    backend: &'static str,
+    /// Reaches a ticket's number when its submission is done.
+    pub done: Timeline,
+    /// Likewise, when the part of it is that positions wait for alone.
+    first_part: Timeline,
+    submitted: u64,
+    /// Copies to the device.
+    pub upload: Transfer,
+    /// Copies to the host.
+    pub readback: Transfer,
+    window: Window,
+    /// Trees' records, and what they were sent from.
+    records: Pool,
+    staging: Pool,
+    /// Buffers that were too small.
+    outgrown: Pool,
+    spare: Spare,
+    /// The upload that the next submission has to wait for.
+    arriving: Option<u64>,
+    /// The copy (of `readback`) that reads what the recording overwrites.
+    overwritten: Option<u64>,
+    /// The device and its memory.
+    pub gpu: Arc<Gpu>,
+}
+
+impl VulkanDevice {
+    /// The device of a backend of that name.
+    ///
+    /// # Errors
+    /// See [`backend::BackendError`].
+    pub fn over(gpu: &Arc<Gpu>, backend: &'static str) -> Result<Self> {
+        Ok(Self {
+            backend,
+            done: Timeline::new(gpu)?,
+            first_part: Timeline::new(gpu)?,
+            submitted: 0,
+            upload: Transfer::new(gpu, gpu.upload)?,
+            readback: Transfer::new(gpu, gpu.readback)?,
+            window: Window::default(),
+            records: Pool::default(),
+            staging: Pool::default(),
+            outgrown: Pool::default(),
+            spare: Spare::default(),
+            arriving: None,
+            overwritten: None,
+            gpu: Arc::clone(gpu),
+        })
+    }
+
+    /// Whether the validation layer watches.
+    #[must_use]
+    pub fn is_validated(&self) -> bool {
+        self.gpu.host.messenger.is_some()
+    }
+
+    /// What the validation layer has said so far.
+    #[must_use]
+    pub fn validation_messages(&self) -> Vec<String> {
+        let messenger = self.gpu.host.messenger.as_ref();
+        messenger.map_or_else(Vec::new, |messenger| messenger.messages())
+    }
+
+    /// That of a buffer given up now, which no recording has.
+    fn last_use(&self) -> LastUse {
+        LastUse {
+            filled_at: self.upload.last,
+            ticket: self.submitted,
+        }
+    }
+
+    /// Sends the parts of a recording; others may wait for the first of two alone.
+    fn send(&mut self, slot: &Slot, ticket: Ticket) -> Result<()> {
+        let arrived = self.arriving.map(|value| self.upload.done.at(value));
+        let unread = self.overwritten.map(|value| self.readback.done.at(value));
+        let after: Vec<Moment> = arrived.into_iter().chain(unread).collect();
+        let parts = slot.commands.all();
+        let batch = |(i, &commands)| Batch {
+            commands,
+            after: if i == 0 { &after } else { &[] },
+            done: match i + 1 == parts.len() {
+                true => self.done.at(ticket.0),
+                false => self.first_part.at(ticket.0),
+            },
+        };
+        let batches: Vec<_> = parts.iter().enumerate().map(batch).collect();
+        submit(&self.gpu, self.gpu.compute, &batches)?;
+        (self.arriving, self.overwritten) = (None, None);
+        self.submitted = ticket.0;
+        Ok(())
+    }
+}
+
+impl GpuDevice for VulkanDevice {
+    const SPLITS: bool = true;
+
+    type Options = Options;
+    type Buffer = Buffer;
+    type Pipeline = Pipeline;
+    type Slot = Slot;
+    type Copy = PositionsCopy;
+
+    fn open(options: &Options) -> Result<Self> {
+        let host = Host::new(options.validation)?;
+        let list = all(&host)?;
+        let gpu = Gpu::open(host, &list, options.adapter.as_deref(), Needs::Kernels)?;
+        Self::over(&gpu, "vulkan")
+    }
+
+    fn about(&self) -> About {
+        let adapter = &self.gpu.adapter;
+        About {
+            backend: self.backend,
+            adapter: adapter.name.clone(),
+            driver: adapter.driver.clone(),
+            kind: adapter.kind,
+        }
+    }
+
+    fn forms(&self) -> (Option<Packets>, Option<Rasterization>) {
+        (self.gpu.packets(), self.gpu.rasterization())
+    }
+
+    fn clock(&self) -> Clock {
+        Clock::new(self.gpu.timestamp_bits, self.gpu.limits.tick_ns)
+    }
+
+    fn max_groups(&self) -> u32 {
+        self.gpu.limits.groups
+    }
+
+    fn max_buffer_bytes(&self) -> u64 {
+        self.gpu.limits.buffer_bytes()
+    }
+
+    fn check_kernels(&self, wanted: &dyn Fn(&Kernel) -> bool) -> Result<()> {
+        self.gpu.limits.admit_kernels(wanted)
+    }
+
+    fn buffer(&self, what: &str, bytes: u64, purpose: BufferPurpose) -> Result<Buffer> {
+        let place = match purpose {
+            BufferPurpose::Storage => BufferUse::Device,
+            BufferPurpose::Input => BufferUse::Upload,
+        };
+        Buffer::new(&self.gpu, what, bytes, place)
+    }
+
+    fn size(buffer: &Buffer) -> u64 {
+        buffer.bytes
+    }
+
+    fn held(buffer: &Buffer) -> u64 {
+        buffer.held()
+    }
+
+    fn discard(&mut self, buffer: Buffer) {
+        // The recording may use it.
+        let last = LastUse {
+            ticket: self.submitted + 1,
+            ..self.last_use()
+        };
+        self.outgrown.put(buffer, last);
+    }
+
+    fn buffers_made(&self) -> u64 {
+        self.gpu.memory.made()
+    }
+
+    fn upload(&mut self, all: &[(&[u8], &Buffer)]) -> Result<()> {
+        load(&self.gpu, &mut self.upload, all)
+    }
+
+    fn write<T: Pod>(&mut self, to: &mut Buffer, rows: impl Iterator<Item = T>) -> Result<()> {
+        let places = to.view_mut::<T>().iter_mut();
+        places.zip(rows).for_each(|(place, row)| *place = row);
+        Ok(())
+    }
+
+    fn read<T: Pod, R>(
+        &mut self,
+        from: &Buffer,
+        count: usize,
+        look: impl FnOnce(&[T]) -> R,
+    ) -> Result<R> {
+        let seen = self
+            .window
+            .look(&self.gpu, &mut self.readback, from, count)?;
+        Ok(look(seen))
+    }
+
+    fn send_tree(&mut self, parts: &[&[u32]]) -> Result<Buffer> {
+        let done = Done {
+            uploads: &self.upload.done,
+            submissions: &self.done,
+        };
+        self.outgrown.prune(done)?;
+        let bytes: u64 = parts.iter().map(|p| size_of_val(*p) as u64).sum();
+        let fit = |pool: &mut Pool, place| {
+            let spare = pool.take(done, RECORDS)?;
+            match spare.filter(|b| b.bytes >= bytes) {
+                Some(buffer) => Ok(buffer),
+                // Somewhat larger than needed: records of one scene differ little.
+                None => Buffer::new(&self.gpu, "the tree's record", bytes + bytes / 32, place),
+            }
+        };
+        let record = fit(&mut self.records, BufferUse::Device)?;
+        let mut staging = fit(&mut self.staging, BufferUse::Staging)?;
+        let mut at = 0;
+        for words in parts {
+            staging.write(at, words);
+            at += size_of_val(*words) as u64;
+        }
+        let copy = Copy {
+            from: &staging,
+            to: &record,
+            to_at: 0,
+            bytes,
+        };
+        let filled_at = self.upload.start(copy, None)?;
+        self.arriving = Some(filled_at);
+        let ticket = 0;
+        self.staging.put(staging, LastUse { filled_at, ticket });
+        Ok(record)
+    }
+
+    fn recycle_tree(&mut self, record: Buffer) {
+        self.records.put(record, self.last_use());
+    }
+
+    fn pipeline(&self, kernel: &'static Kernel, code: Code) -> Result<Pipeline> {
+        Pipeline::new(&self.gpu, kernel, code.spirv)
+    }
+
+    fn slot(&self) -> Result<Slot> {
+        Slot::new(&self.gpu)
+    }
+
+    fn begin(&self, slot: &mut Slot) -> Result<()> {
+        slot.begin()
+    }
+
+    fn dispatch(
+        &self,
+        slot: &mut Slot,
+        all: &[Dispatch<'_, Self>],
+        find: Find<'_, '_, Buffer>,
+    ) -> Result<()> {
+        slot.dispatch(all, find)
+    }
+
+    fn end_stage(&self, slot: &mut Slot, stage: Stage) -> Result<()> {
+        slot.end_stage(stage)
+    }
+
+    fn clear_counts(&self, slot: &mut Slot, bytes: u64) -> Result<()> {
+        slot.clear_counts(bytes);
+        Ok(())
+    }
+
+    fn split(&self, slot: &mut Slot) -> Result<()> {
+        slot.split()
+    }
+
+    fn submit(
+        &mut self,
+        slot: &mut Slot,
+        ticket: Ticket,
+        positions: Option<(&Buffer, u64)>,
+    ) -> Result<Option<PositionsCopy>> {
+        let to = positions.map(|(_, bytes)| {
+            let (what, spare) = ("vertices for the builder", self.spare.pop());
+            Buffer::fitting(&self.gpu, what, bytes, BufferUse::Readback, spare)
+        });
+        let to = to.transpose()?;
+        slot.end()?;
+        self.send(slot, ticket)?;
+        let Some(((from, bytes), buffer)) = positions.zip(to) else {
+            return Ok(None);
+        };
+        let copy = Copy {
+            from,
+            to: &buffer,
+            to_at: 0,
+            bytes,
+        };
+        let ready = self.first_part.at(ticket.0);
+        let done_at = self.readback.start(copy, Some(ready))?;
+        Ok(Some(PositionsCopy { buffer, done_at }))
+    }
+
+    fn finish(&mut self, slot: &mut Slot, ticket: Ticket) -> Result<Finished> {
+        self.done.wait(ticket.0)?;
+        slot.finished()
+    }
+
+    fn has_arrived(&self, copy: &PositionsCopy) -> Result<bool> {
+        self.readback.done.has_reached(copy.done_at)
+    }
+
+    fn overwrites(&mut self, copy: &PositionsCopy) {
+        self.overwritten = self.overwritten.max(Some(copy.done_at));
+    }
+
+    fn take(&mut self, copy: PositionsCopy, vertices: usize) -> Result<Snapshot> {
+        Ok(copy.take(vertices, &self.spare))
+    }
+
+    fn abandon(&mut self) {
+        self.overwritten = None;
+    }
+
+    fn unload(&mut self, _: &mut dyn Iterator<Item = &mut Slot>) -> Result<()> {
+        self.gpu.wait_idle()?;
+        for pool in [&mut self.records, &mut self.staging, &mut self.outgrown] {
+            pool.clear();
+        }
+        self.spare = Spare::default();
+        (self.arriving, self.overwritten) = (None, None);
+        Ok(())
+    }
+
+    fn wait_idle(&self) -> Result<()> {
+        self.gpu.wait_idle()
+    }
+
+    fn with_own_bytes(
+        &self,
+        bytes: DeviceBytes,
+        _: &mut dyn Iterator<Item = &Slot>,
+    ) -> DeviceBytes {
+        let tree = bytes.tree + self.records.held();
+        let scratch = bytes.scratch + self.staging.held() + self.outgrown.held();
+        // Whatever else there is.
+        let others = tree + scratch + bytes.scene;
+        DeviceBytes {
+            tree,
+            scratch,
+            frames: self.gpu.memory.held().saturating_sub(others),
+            ..bytes
+        }
+    }
+}

@@ -1,0 +1,211 @@
+//! The device and its queue; every call to them that can fail passes through here.
+
+use crate::adapters::{describe, enumerate, kind, takes_spirv};
+use crate::buffers::{readback, unmap};
+use crate::call_counts::CallCounts;
+use crate::faults::Faults;
+use crate::instance::instance;
+use crate::limits::{LEAST_OF_64_BITS, check, generous, useful_features};
+use crate::modules::Modules;
+use backend::{BackendError, DeviceKind, Result, choose_adapter};
+use shaders::{Packets, Rasterization};
+use std::cell::Cell;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use wgpu::{ErrorFilter, Features, PollType, SubmissionIndex};
+
+/// A device with what every part of the backend needs of it.
+pub(crate) struct Gpu {
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    pub(crate) info: wgpu::AdapterInfo,
+    pub(crate) limits: wgpu::Limits,
+    pub(crate) features: Features,
+    /// Nanoseconds a tick of the device's clock.
+    pub(crate) tick_ns: f64,
+    pub(crate) faults: Arc<Faults>,
+    pub(crate) call_counts: Cell<CallCounts>,
+    /// Nothing but to ask whether the device is still there.
+    probe: Option<wgpu::Buffer>,
+}
+
+impl Gpu {
+    /// Opens an adapter by its index or a part of its name.
+    pub(crate) fn open(wanted: Option<&str>, validation: bool) -> Result<Self> {
+        let found = enumerate(&instance(validation))?;
+        let list: Vec<_> = found
+            .iter()
+            .enumerate()
+            .map(|(i, a)| describe(i, a))
+            .collect();
+        let names: Vec<_> = list.iter().map(|a| (a.name.as_str(), a.kind)).collect();
+        let adapter = &found[choose_adapter(&names, wanted)?];
+        check(&adapter.limits())?;
+        let desc = wgpu::DeviceDescriptor {
+            label: Some("abvh"),
+            required_features: adapter.features() & useful_features(),
+            required_limits: generous(&adapter.limits()),
+            experimental_features: wgpu::ExperimentalFeatures::disabled(),
+            memory_hints: wgpu::MemoryHints::Performance,
+            trace: wgpu::Trace::Off,
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&desc))
+            .map_err(|e| BackendError::NoDevice(format!("the device cannot be opened: {e}")))?;
+        let gpu = Self::lent(device, queue, adapter.get_info())?;
+        gpu.listen();
+        Ok(gpu)
+    }
+
+    /// Takes a device as an engine opened it; its callbacks stay the engine's.
+    pub(crate) fn lent(
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+        info: wgpu::AdapterInfo,
+    ) -> Result<Self> {
+        let (limits, features) = (device.limits(), device.features());
+        check(&limits)?;
+        let mut gpu = Self {
+            tick_ns: f64::from(queue.get_timestamp_period()),
+            device,
+            queue,
+            info,
+            limits,
+            features,
+            faults: Arc::default(),
+            call_counts: Cell::default(),
+            probe: None,
+        };
+        gpu.probe = Some(readback(&gpu, "a probe", 16)?);
+        Ok(gpu)
+    }
+
+    /// Hears of losses and of errors that no scope caught.
+    fn listen(&self) {
+        let faults = Arc::clone(&self.faults);
+        self.device
+            .on_uncaptured_error(Arc::new(move |error| faults.note(&error)));
+        let faults = Arc::clone(&self.faults);
+        self.device.set_device_lost_callback(move |reason, why| {
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                faults.lose(why);
+            }
+        });
+    }
+
+    pub(crate) fn takes_spirv(&self) -> bool {
+        takes_spirv(&self.info, self.features)
+    }
+
+    /// How invocations search together here, given kernels in that form.
+    pub(crate) fn packets(&self, modules: Modules) -> Option<Packets> {
+        let sizes = (self.info.subgroup_min_size, self.info.subgroup_max_size);
+        let has_subgroups = modules == Modules::Best
+            && self.takes_spirv()
+            && self.features.contains(Features::SUBGROUP);
+        Packets::for_device(has_subgroups.then_some(sizes), self.is_software())
+    }
+
+    /// Which pictures are made triangle by triangle here, given kernels in that form.
+    pub(crate) fn rasterization(&self, modules: Modules) -> Option<Rasterization> {
+        let packets = self.packets(modules);
+        Rasterization::for_device(packets.filter(|_| self.features.contains(LEAST_OF_64_BITS)))
+    }
+
+    fn is_software(&self) -> bool {
+        kind(&self.info) == DeviceKind::Software
+    }
+
+    /// Counts a call.
+    pub(crate) fn count(&self, add: impl FnOnce(&mut CallCounts)) {
+        let mut call_counts = self.call_counts.get();
+        add(&mut call_counts);
+        self.call_counts.set(call_counts);
+    }
+
+    /// Runs `work` and returns the first error that wgpu found in it. `work` must not panic.
+    pub(crate) fn guard<T>(&self, what: &str, bytes: u64, work: impl FnOnce() -> T) -> Result<T> {
+        self.faults.check()?;
+        let scope = |filter| self.device.push_error_scope(filter);
+        let internal = scope(ErrorFilter::Internal);
+        let validation = scope(ErrorFilter::Validation);
+        let memory = scope(ErrorFilter::OutOfMemory);
+        let made = work();
+        // On native devices a scope knows its error at once, so nothing waits here.
+        let memory = pollster::block_on(memory.pop());
+        let validation = pollster::block_on(validation.pop());
+        let internal = pollster::block_on(internal.pop());
+        match memory.or(validation).or(internal) {
+            // Of what was made after a loss that we never heard of, wgpu says that it is invalid.
+            Some(wgpu::Error::Validation { .. }) if self.is_lost() => {
+                Err(self.faults.lose(format!("{what} came too late")))
+            }
+            Some(error) => Err(self.faults.translate(what, bytes, &error)),
+            None => self.faults.check().map(|()| made),
+        }
+    }
+
+    /// A lost device refuses to map a buffer, at once.
+    fn is_lost(&self) -> bool {
+        let Some(probe) = &self.probe else {
+            return false;
+        };
+        let refused = Arc::new(AtomicBool::new(false));
+        let hears = Arc::clone(&refused);
+        probe.map_async(wgpu::MapMode::Read, .., move |mapped| {
+            hears.store(mapped.is_err(), Ordering::Relaxed);
+        });
+        let lost = refused.load(Ordering::Relaxed);
+        !unmap(&self.device, probe) || lost
+    }
+
+    /// Commands to be recorded.
+    pub(crate) fn encoder(&self, what: &str) -> Result<wgpu::CommandEncoder> {
+        let desc = wgpu::CommandEncoderDescriptor { label: Some(what) };
+        self.guard(what, 0, || self.device.create_command_encoder(&desc))
+    }
+
+    /// Submits and says where the work stands in the queue.
+    pub(crate) fn submit(&self, encoder: wgpu::CommandEncoder) -> Result<SubmissionIndex> {
+        self.count(|t| t.submissions += 1);
+        self.guard("a submission", 0, || self.queue.submit([encoder.finish()]))
+    }
+
+    /// Lets callbacks run, without waiting.
+    pub(crate) fn poll(&self) -> Result<()> {
+        self.poll_by(PollType::Poll)
+    }
+
+    /// Waits for a submission and lets callbacks run.
+    pub(crate) fn wait_for(&self, submission: SubmissionIndex) -> Result<()> {
+        self.poll_by(PollType::Wait {
+            submission_index: Some(submission),
+            timeout: None,
+        })
+    }
+
+    /// Waits until the device has nothing left to do.
+    pub(crate) fn wait_idle(&self) -> Result<()> {
+        self.poll_by(PollType::wait_indefinitely())
+    }
+
+    fn poll_by(&self, how: PollType) -> Result<()> {
+        self.faults.check()?;
+        // wgpu panics when it learns of a device's loss while it polls; to our caller that is an error.
+        let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(how)));
+        match polled {
+            Ok(Ok(_)) => self.faults.check(),
+            Ok(Err(e)) => Err(BackendError::DeviceLost(format!("waiting: {e}"))),
+            Err(_) => Err(self
+                .faults
+                .lose("the device was lost while waiting for it".into())),
+        }
+    }
+}
+
+impl Drop for Gpu {
+    fn drop(&mut self) {
+        // A lost device has nothing to wait for.
+        let _ = self.wait_idle();
+    }
+}

@@ -1,0 +1,87 @@
+//! Marks of time: a query set, and what runs from each of its timestamps on.
+
+use crate::buffers::make;
+use crate::gpu::Gpu;
+use backend::Result;
+use gpu_common::Stage;
+use wgpu::{
+    Buffer, BufferUsages, CommandEncoder, ComputePass, ComputePassTimestampWrites, Features,
+    QuerySet,
+};
+
+/// Timestamps of one submission; what comes after the last of them is not timed.
+const MARKS: usize = 32;
+/// Bytes of all timestamps.
+pub(crate) const BYTES: u64 = MARKS as u64 * 8;
+
+/// What lets stages share a pass and still be timed each.
+pub(crate) const WITHIN_PASSES: Features = Features::TIMESTAMP_QUERY_INSIDE_PASSES;
+
+/// Timestamps, and what runs from each of them on.
+pub(crate) struct Marks {
+    set: QuerySet,
+    resolved: Buffer,
+    /// Whether passes take timestamps between their dispatches, so that stages can share a pass.
+    pub(crate) within: bool,
+    pub(crate) stages: Vec<Option<Stage>>,
+}
+
+impl Marks {
+    /// `None` where the device has no timestamps.
+    pub(crate) fn new(gpu: &Gpu) -> Result<Option<Self>> {
+        if !gpu.features.contains(Features::TIMESTAMP_QUERY) {
+            return Ok(None);
+        }
+        let desc = wgpu::QuerySetDescriptor {
+            label: Some("timestamps"),
+            ty: wgpu::QueryType::Timestamp,
+            count: MARKS as u32,
+        };
+        let usage = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
+        Ok(Some(Self {
+            set: gpu.guard("timestamps", 0, || gpu.device.create_query_set(&desc))?,
+            resolved: make(gpu, "timestamps", BYTES, usage)?,
+            within: gpu.features.contains(WITHIN_PASSES),
+            stages: Vec::with_capacity(MARKS),
+        }))
+    }
+
+    /// Bytes of device memory.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.resolved.size()
+    }
+
+    /// The first of the timestamps for a pass: one before each of its stages, and one behind them. None if too few are left.
+    pub(crate) fn take(&mut self, stages: impl ExactSizeIterator<Item = Stage>) -> Option<u32> {
+        let first = self.stages.len();
+        (stages.len() > 0 && first + stages.len() < MARKS).then(|| {
+            self.stages.extend(stages.map(Some).chain([None]));
+            first as u32
+        })
+    }
+
+    /// Before and behind a pass of so many stages. Such timestamps take 2 us less than those within (an H200).
+    pub(crate) fn around(&self, first: u32, stages: usize) -> ComputePassTimestampWrites<'_> {
+        ComputePassTimestampWrites {
+            query_set: &self.set,
+            beginning_of_pass_write_index: Some(first),
+            end_of_pass_write_index: Some(first + stages as u32),
+        }
+    }
+
+    /// Before the `i`-th stage of a pass, but the first.
+    pub(crate) fn mark(&self, pass: &mut ComputePass<'_>, first: u32, i: usize) {
+        if i > 0 {
+            pass.write_timestamp(&self.set, first + i as u32);
+        }
+    }
+
+    /// Records that the timestamps go to `back`, from byte `at` on.
+    pub(crate) fn resolve(&self, encoder: &mut CommandEncoder, back: &Buffer, at: u64) {
+        let marks = self.stages.len() as u32;
+        if marks > 0 {
+            encoder.resolve_query_set(&self.set, 0..marks, &self.resolved, 0);
+            encoder.copy_buffer_to_buffer(&self.resolved, 0, back, at, u64::from(marks) * 8);
+        }
+    }
+}

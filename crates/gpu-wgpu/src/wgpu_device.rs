@@ -1,0 +1,275 @@
+//! What wgpu does for a backend.
+
+use crate::adapters::{Options, driver, kind};
+use crate::buffers::{Window, copy, readback, storage, upload, write};
+use crate::call_counts::CallCounts;
+use crate::faults::layer_messages;
+use crate::gpu::Gpu;
+use crate::limits::{check_kernels, span};
+use crate::modules::Modules;
+use crate::pipelines::Pipeline;
+use crate::positions::{PositionsCopy, Spare};
+use crate::slot::Slot;
+use backend::{DeviceBytes, Result, Snapshot, Ticket};
+use bytemuck::Pod;
+use gpu_common::{
+    About, BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, Stage,
+};
+use shaders::{Code, Kernel, Packets, Rasterization};
+use wgpu::Buffer;
+
+/// The backend that computes through wgpu.
+pub type WgpuBackend = ComputeBackend<WgpuDevice>;
+
+/// Computes on a device that an engine opened, with the features and limits
+/// it has: see [`crate::required_features`], [`crate::useful_features`] and
+/// [`crate::required_limits`]. The engine's error handler and its callback
+/// for a lost device are left alone.
+///
+/// # Errors
+/// [`BackendError::Limit`](backend::BackendError::Limit) with the limit that the device does not reach,
+/// or [`BackendError::NoDevice`](backend::BackendError::NoDevice) if its arithmetic is wrong.
+pub fn from_device(
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    info: wgpu::AdapterInfo,
+) -> Result<WgpuBackend> {
+    let gpu = Gpu::lent(device, queue, info)?;
+    ComputeBackend::over(WgpuDevice::over(gpu, Modules::Best, false))
+}
+
+/// A device of wgpu's, with its one queue: what is written to a buffer or copied goes in order with submissions.
+pub struct WgpuDevice {
+    window: Window,
+    /// Buffers of records of trees that are not in use.
+    records: Vec<Buffer>,
+    spare: Spare,
+    modules: Modules,
+    validation: bool,
+    gpu: Gpu,
+}
+
+impl WgpuDevice {
+    fn over(gpu: Gpu, modules: Modules, validation: bool) -> Self {
+        Self {
+            window: Window::default(),
+            records: Vec::new(),
+            spare: Spare::default(),
+            modules,
+            validation,
+            gpu,
+        }
+    }
+
+    /// What wgpu refused so far on this device and, if it was opened
+    /// with validation, what the layer below it called an error.
+    ///
+    /// wgpu passes on the layer's errors in builds with debug assertions alone,
+    /// and for the process as a whole. Where the layer is not installed, it has
+    /// nothing to say.
+    #[must_use]
+    pub fn validation_messages(&self) -> Vec<String> {
+        let mut messages = self.gpu.faults.messages();
+        if self.validation {
+            messages.extend(layer_messages());
+        }
+        messages
+    }
+
+    /// What was asked of wgpu since the device was opened.
+    #[must_use]
+    pub fn call_counts(&self) -> CallCounts {
+        self.gpu.call_counts.get()
+    }
+}
+
+impl GpuDevice for WgpuDevice {
+    type Options = Options;
+    type Buffer = Buffer;
+    type Pipeline = Pipeline;
+    type Slot = Slot;
+    type Copy = PositionsCopy;
+
+    fn open(options: &Options) -> Result<Self> {
+        let gpu = Gpu::open(options.adapter.as_deref(), options.validation)?;
+        Ok(Self::over(gpu, options.modules(), options.validation))
+    }
+
+    fn about(&self) -> About {
+        let info = &self.gpu.info;
+        About {
+            backend: "wgpu",
+            adapter: info.name.clone(),
+            driver: driver(info),
+            kind: kind(info),
+        }
+    }
+
+    fn forms(&self) -> (Option<Packets>, Option<Rasterization>) {
+        let (gpu, modules) = (&self.gpu, self.modules);
+        (gpu.packets(modules), gpu.rasterization(modules))
+    }
+
+    fn clock(&self) -> Clock {
+        Clock::new(u64::BITS, self.gpu.tick_ns)
+    }
+
+    fn max_groups(&self) -> u32 {
+        self.gpu.limits.max_compute_workgroups_per_dimension
+    }
+
+    fn max_buffer_bytes(&self) -> u64 {
+        span(&self.gpu.limits)
+    }
+
+    fn check_kernels(&self, wanted: &dyn Fn(&Kernel) -> bool) -> Result<()> {
+        check_kernels(&self.gpu.limits, wanted)
+    }
+
+    fn buffer(&self, what: &str, bytes: u64, _: BufferPurpose) -> Result<Buffer> {
+        storage(&self.gpu, what, bytes)
+    }
+
+    fn size(buffer: &Buffer) -> u64 {
+        buffer.size()
+    }
+
+    /// Submissions keep what they use alive.
+    fn discard(&mut self, _: Buffer) {}
+
+    fn buffers_made(&self) -> u64 {
+        self.call_counts().buffers
+    }
+
+    fn upload(&mut self, all: &[(&[u8], &Buffer)]) -> Result<()> {
+        upload(&self.gpu, all)
+    }
+
+    fn write<T: Pod>(&mut self, to: &mut Buffer, rows: impl Iterator<Item = T>) -> Result<()> {
+        let rows: Vec<T> = rows.collect();
+        write(&self.gpu, to, 0, &rows)
+    }
+
+    fn read<T: Pod, R>(
+        &mut self,
+        from: &Buffer,
+        count: usize,
+        look: impl FnOnce(&[T]) -> R,
+    ) -> Result<R> {
+        self.window.read(&self.gpu, from, count, look)
+    }
+
+    fn send_tree(&mut self, parts: &[&[u32]]) -> Result<Buffer> {
+        let bytes = parts.iter().map(|p| size_of_val(*p) as u64).sum();
+        let what = "the tree's record";
+        let record = match self.records.pop().filter(|r| r.size() >= bytes) {
+            Some(record) => record,
+            None => storage(&self.gpu, what, bytes + bytes / 32)?,
+        };
+        let mut at = 0;
+        for words in parts.iter().filter(|p| !p.is_empty()) {
+            write(&self.gpu, &record, at, words)?;
+            at += size_of_val(*words) as u64;
+        }
+        Ok(record)
+    }
+
+    fn recycle_tree(&mut self, record: Buffer) {
+        self.records.push(record);
+    }
+
+    fn pipeline(&self, kernel: &'static Kernel, code: Code) -> Result<Pipeline> {
+        Pipeline::new(&self.gpu, self.modules, kernel, code)
+    }
+
+    fn slot(&self) -> Result<Slot> {
+        Slot::new(&self.gpu)
+    }
+
+    fn begin(&self, slot: &mut Slot) -> Result<()> {
+        slot.begin(&self.gpu)
+    }
+
+    fn dispatch(
+        &self,
+        slot: &mut Slot,
+        all: &[Dispatch<'_, Self>],
+        find: Find<'_, '_, Buffer>,
+    ) -> Result<()> {
+        slot.dispatch(&self.gpu, all, find)
+    }
+
+    fn end_stage(&self, slot: &mut Slot, stage: Stage) -> Result<()> {
+        slot.end_stage(&self.gpu, stage)
+    }
+
+    fn clear_counts(&self, slot: &mut Slot, bytes: u64) -> Result<()> {
+        slot.clear_counts(&self.gpu, bytes)
+    }
+
+    fn submit(
+        &mut self,
+        slot: &mut Slot,
+        _: Ticket,
+        positions: Option<(&Buffer, u64)>,
+    ) -> Result<Option<PositionsCopy>> {
+        let gpu = &self.gpu;
+        let Some((from, bytes)) = positions else {
+            return slot.submit(gpu).map(|()| None);
+        };
+        let to = match self.spare.pop().filter(|b| b.size() >= bytes) {
+            Some(buffer) => buffer,
+            None => readback(gpu, "vertices for the builder", bytes)?,
+        };
+        copy(gpu, slot.encoder(gpu)?, [from, &to], bytes)?;
+        slot.submit(gpu)?;
+        PositionsCopy::begun(gpu, to).map(Some)
+    }
+
+    fn finish(&mut self, slot: &mut Slot, _: Ticket) -> Result<Finished> {
+        slot.finish(&self.gpu)
+    }
+
+    fn poll(&mut self) -> Result<()> {
+        self.gpu.poll()
+    }
+
+    fn has_arrived(&self, copy: &PositionsCopy) -> Result<bool> {
+        copy.has_arrived(&self.gpu)
+    }
+
+    /// The queue runs in order.
+    fn overwrites(&mut self, _: &PositionsCopy) {}
+
+    fn take(&mut self, copy: PositionsCopy, vertices: usize) -> Result<Snapshot> {
+        copy.take(&self.gpu, vertices, &self.spare)
+    }
+
+    fn abandon(&mut self) {}
+
+    fn unload(&mut self, slots: &mut dyn Iterator<Item = &mut Slot>) -> Result<()> {
+        self.gpu.wait_idle()?;
+        slots.for_each(Slot::forget);
+        self.records.clear();
+        self.spare.clear();
+        Ok(())
+    }
+
+    fn wait_idle(&self) -> Result<()> {
+        self.gpu.wait_idle()
+    }
+
+    /// Of buffers that kernels use: an engine's own on a lent device do not count, nor does memory of the host.
+    fn with_own_bytes(
+        &self,
+        bytes: DeviceBytes,
+        slots: &mut dyn Iterator<Item = &Slot>,
+    ) -> DeviceBytes {
+        let records = self.records.iter().map(Buffer::size);
+        DeviceBytes {
+            tree: bytes.tree + records.sum::<u64>(),
+            frames: bytes.frames + slots.map(Slot::bytes).sum::<u64>(),
+            ..bytes
+        }
+    }
+}
