@@ -1,6 +1,6 @@
 //! The backend, carried out by kernels.
 
-use crate::tree::Tree;
+use crate::tree::TreeBuffers;
 use crate::{Engine, GpuDevice, Pipelines, Stage, are_given};
 use backend::{
     Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Layout, Method, Query,
@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// The backend that runs the kernels of `shaders` on a device.
 pub struct ComputeBackend<D: GpuDevice> {
     pub(crate) engine: Engine<D>,
-    pub(crate) tree: Option<Tree<D>>,
+    pub(crate) tree: Option<TreeBuffers<D>>,
     /// How the scene is traced.
     method: Method,
     stale: Stale,
@@ -73,7 +73,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         &mut self.engine.gpu
     }
 
-    pub(crate) fn tree(&self) -> &Tree<D> {
+    pub(crate) fn tree(&self) -> &TreeBuffers<D> {
         self.tree.as_ref().expect("a scene was loaded")
     }
 
@@ -187,7 +187,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         engine.unload()?;
         self.tree = None;
         (self.stale, self.progress) = (Stale::Positions, Progress::default());
-        let tree = Tree::new(&engine.gpu, &animation, method)?;
+        let tree = TreeBuffers::new(&engine.gpu, &animation, method)?;
         engine.load(animation)?;
         (self.tree, self.method) = (Some(tree), method);
         Ok(())
@@ -300,7 +300,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn device_bytes(&self) -> Option<DeviceBytes> {
-        let tree = self.tree.as_ref().map_or([0; 3], Tree::held);
+        let tree = self.tree.as_ref().map_or([0; 3], TreeBuffers::held);
         Some(self.engine.bytes(tree))
     }
 

@@ -2,7 +2,7 @@
 
 use crate::snapshots::Snapshots;
 use crate::traces::{Trace, Traces};
-use crate::{Frames, GpuDevice, Pipelines, Scene, Stage, selftest};
+use crate::{Frames, GpuDevice, Pipelines, SceneBuffers, Stage, selftest};
 use backend::{Device, DeviceBytes, FrameReport, Hits, Query, Result, Snapshot, Ticket};
 use geom::{Animation, Point, Pose, Ray};
 use shaders::arithmetic::Findings;
@@ -25,7 +25,7 @@ pub struct Engine<D: GpuDevice> {
     pub traces: Traces<D>,
     snapshots: Snapshots<D>,
     /// The scene, once one is loaded.
-    pub scene: Option<Scene<D>>,
+    pub scene: Option<SceneBuffers<D>>,
     /// Which of the two position buffers is current.
     pub position: usize,
     /// The moment that positions were last interpolated at.
@@ -71,7 +71,7 @@ impl<D: GpuDevice> Engine<D> {
     /// # Panics
     /// Before one is loaded; likewise all that follows but for [`Engine::unload`].
     #[must_use]
-    pub fn scene(&self) -> &Scene<D> {
+    pub fn scene(&self) -> &SceneBuffers<D> {
         self.scene.as_ref().expect("a scene was loaded")
     }
 
@@ -88,7 +88,7 @@ impl<D: GpuDevice> Engine<D> {
 
     /// Makes an animation current. The last one must have been let go of.
     pub fn load(&mut self, animation: Arc<Animation>) -> Result<()> {
-        self.scene = Some(Scene::new(&mut self.gpu, animation)?);
+        self.scene = Some(SceneBuffers::new(&mut self.gpu, animation)?);
         Ok(())
     }
 
@@ -192,7 +192,7 @@ impl<D: GpuDevice> Engine<D> {
         let bytes = DeviceBytes {
             tree,
             scratch,
-            scene: self.scene.as_ref().map_or(0, Scene::held),
+            scene: self.scene.as_ref().map_or(0, SceneBuffers::held),
             frames: frames + self.traces.held(),
         };
         self.gpu.with_own_bytes(bytes, &mut self.frames.own())

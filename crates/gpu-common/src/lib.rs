@@ -32,5 +32,5 @@ pub use device::{About, BufferPurpose, Dispatch, Find, Finished, GpuDevice, refu
 pub use engine::Engine;
 pub use frames::{Frames, SLOTS, Slot};
 pub use pipelines::Pipelines;
-pub use scene::Scene;
+pub use scene::SceneBuffers;
 pub use traces::{Trace, Traces, are_given};

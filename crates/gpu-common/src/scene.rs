@@ -8,7 +8,7 @@ use shaders::work::Vertices;
 use std::sync::Arc;
 
 /// Key frames, triangles, positions.
-pub struct Scene<D: GpuDevice> {
+pub struct SceneBuffers<D: GpuDevice> {
     /// What was loaded.
     pub animation: Arc<Animation>,
     /// A buffer each, so that only the device's memory limits how many there are.
@@ -25,7 +25,7 @@ pub struct Scene<D: GpuDevice> {
     pub(crate) never_active: u64,
 }
 
-impl<D: GpuDevice> Scene<D> {
+impl<D: GpuDevice> SceneBuffers<D> {
     pub(crate) fn new(gpu: &mut D, animation: Arc<Animation>) -> Result<Self> {
         let key_bytes = animation.vertex_count() as u64 * 12;
         let rows = shaders::moving_rows(&animation);

@@ -7,7 +7,7 @@ use geom::Animation;
 use shaders::work::Trace;
 use shaders::{BufferName, Shape, rebuild, tree_buffers};
 
-pub(crate) struct Tree<D: GpuDevice> {
+pub(crate) struct TreeBuffers<D: GpuDevice> {
     /// As the host sent it; none before the first.
     record: Option<D::Buffer>,
     /// Nodes and costs are as large as the trees so far asked for.
@@ -20,8 +20,8 @@ pub(crate) struct Tree<D: GpuDevice> {
     pub(crate) made_here: bool,
 }
 
-impl<D: GpuDevice> Tree<D> {
-    /// Room for every tree over the animation's live triangles; with layout `fast`, [`Tree::adopt`] makes more of it.
+impl<D: GpuDevice> TreeBuffers<D> {
+    /// Room for every tree over the animation's live triangles; with layout `fast`, [`TreeBuffers::adopt`] makes more of it.
     pub(crate) fn new(gpu: &D, animation: &Animation, method: Method) -> Result<Self> {
         let leaves = animation.live_count() as u64;
         Ok(Self {

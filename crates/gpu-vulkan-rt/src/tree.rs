@@ -6,7 +6,7 @@ use crate::structure::Structure;
 use crate::support::RayTracing;
 use ash::vk;
 use backend::Result;
-use gpu_common::{Engine, GpuDevice, Scene, refuse_above};
+use gpu_common::{Engine, GpuDevice, SceneBuffers, refuse_above};
 use gpu_vulkan::VulkanDevice;
 use gpu_vulkan::commands::{BUILDS, Commands, KERNELS, RAYS};
 use gpu_vulkan::memory::{Buffer, BufferUse};
@@ -160,7 +160,7 @@ fn geometry<'a>(
 
 /// The scene's triangles over positions; or those `cleansed`, with vertices of their own.
 pub(crate) fn triangles_of<'a>(
-    scene: &Scene<VulkanDevice>,
+    scene: &SceneBuffers<VulkanDevice>,
     positions: &Buffer,
     cleansed: Option<&Buffer>,
 ) -> Geometry<'a> {

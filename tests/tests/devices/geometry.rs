@@ -84,14 +84,11 @@ pub(crate) fn triangles_are_counted_at_the_last_positions_alone(backend: &mut dy
         for &time in times {
             stand(backend, &animation, time);
         }
-        let report = report(backend);
-        counts.push((report.inactive, report.degenerate));
+        let counted = report(backend);
+        counts.push((counted.inactive, counted.degenerate));
         // A submission without stages says what the last one with them found.
-        let report = report(backend);
-        assert_eq!(
-            (report.inactive, report.degenerate),
-            counts[counts.len() - 1]
-        );
+        let again = report(backend);
+        assert_eq!((again.inactive, again.degenerate), counts[counts.len() - 1]);
     }
     assert_eq!((counts[0], counts[2]), (counts[1], counts[3]));
     assert!(counts[0].0 > counts[2].0 && counts[2].0 > 0 && counts[2].1 > 0);
@@ -213,10 +210,9 @@ pub(crate) fn treelets_that_stand_still_are_passed_over_to_the_last_bit(backend:
 }
 
 /// Three levels of treelets, and trees so different that nodes need more room.
-pub(crate) fn layouts_differ_in_memory_alone() {
+pub(crate) fn layouts_differ_in_memory_alone(backend: &mut dyn Subject) {
     let (animation, camera) = (swarm(60_000), camera());
     let trees = [0.0, 2.0].map(|time| tree_at(&animation, time));
-    let mut backend = device();
     let mut seen = Vec::new();
     for layout in Layout::ALL {
         open_laid(backend, &animation, layout);
@@ -254,7 +250,9 @@ pub(crate) fn a_cameras_rays_meet_anything_as_the_list_of_them_does(backend: &mu
     assert!(met > 100);
 }
 
-pub(crate) fn a_flat_triangle_is_counted_at_a_key_frame_though_it_vanishes_after_it() {
+pub(crate) fn a_flat_triangle_is_counted_at_a_key_frame_though_it_vanishes_after_it(
+    backend: &mut dyn Subject,
+) {
     let sound = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let flat = [[0.0, 0.0, 2.0], [1.0, 1.0, 2.0], [3.0, 3.0, 2.0]];
     let nan = f32::NAN;
@@ -262,7 +260,6 @@ pub(crate) fn a_flat_triangle_is_counted_at_a_key_frame_though_it_vanishes_after
     let keys = [flat, gone].map(|other| [sound, other].concat());
     let animation = Animation::new(keys.to_vec(), vec![[0, 1, 2], [3, 4, 5]]);
     let animation = Arc::new(animation.unwrap());
-    let mut backend = device();
     for layout in Layout::ALL {
         open_laid(backend, &animation, layout);
         let counts = [0.0, 0.5].map(|time| {
@@ -275,10 +272,9 @@ pub(crate) fn a_flat_triangle_is_counted_at_a_key_frame_though_it_vanishes_after
 }
 
 /// So large that `preprocess` of layout `fast` waits for positions.
-pub(crate) fn large_trees_have_the_same_boxes_in_either_layout() {
+pub(crate) fn large_trees_have_the_same_boxes_in_either_layout(backend: &mut dyn Subject) {
     let animation = swarm(600_000);
     let tree = tree_at(&animation, 0.4);
-    let mut backend = device();
     let [usual, fast] = Layout::ALL.map(|layout| {
         backend.load(Arc::clone(&animation), laid(layout)).unwrap();
         backend.adopt(&tree, Generation(1)).unwrap();
