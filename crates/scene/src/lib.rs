@@ -8,7 +8,6 @@
 //! back as one clear line; no input makes this crate panic.
 
 mod clip;
-mod colour;
 mod demo;
 mod error;
 mod files;

@@ -1,7 +1,6 @@
 //! Key frames from mesh files, one file each, all of one topology; and when they are, as `times.json` beside them says.
 
-use crate::colour::{CLAY, mean};
-use crate::mesh::{Mesh, Paint, Topology, check_keys};
+use crate::mesh::{CLAY, Mesh, Paint, Topology, check_keys, mean};
 use crate::{Facts, Options, Rgb, Scene, SceneError, obj, ply};
 use geom::{Animation, Point};
 use host::Folder;

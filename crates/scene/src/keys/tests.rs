@@ -217,3 +217,10 @@ fn a_frame_is_played_between_the_kept_ones_around_it() {
     assert_eq!([9, 10].map(at), [(1, 5.0 / 6.0), (2, 0.0)]);
     assert_eq!(pose(&[3], 1), geom::Pose { key: 0, alpha: 0.0 });
 }
+
+#[test]
+fn a_long_stretch_may_do_where_a_shorter_one_does_not() {
+    // 0 to 4 is within, 0 to 2 and 0 to 3 are not: a walk that grows until it fails would miss it.
+    let mut within = |i: usize, j: usize, _: f64| (j == i + 1 || (i, j) == (0, 4)).then_some(0.0);
+    assert_eq!(fewest(6, 1.0, &mut within), [0, 4, 5]);
+}

@@ -5,7 +5,7 @@
 //! gives up on a whole library for one bad line and panics on a short `Kd`.
 
 use crate::Rgb;
-use crate::colour::{CLAY, from_display};
+use crate::mesh::{CLAY, from_display};
 use host::Folder;
 use std::collections::BTreeMap;
 use std::path::Path;
