@@ -166,6 +166,10 @@ impl Backend for VulkanBackend {
         Some(self.gpu.memory.parts(tree, scene))
     }
 
+    fn free_device_bytes(&self) -> Option<u64> {
+        self.gpu.memory.free_bytes(&self.gpu.host)
+    }
+
     fn inspect(&mut self) -> &mut dyn Inspect {
         self
     }

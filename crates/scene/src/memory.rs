@@ -4,6 +4,7 @@ use crate::{Options, SceneError};
 use geom::Point;
 use host::Free;
 use std::fmt::Display;
+use std::path::Path;
 
 /// Refuses key frames that memory does not hold.
 pub(crate) fn check_keys(
@@ -20,6 +21,19 @@ pub(crate) fn check_keys(
         if keys == 1 { "" } else { "s" }
     );
     check(place, what, bytes, options)
+}
+
+/// Refuses a mesh whose reading memory does not hold.
+pub(crate) fn check_mesh(
+    path: &Path,
+    [vertices, faces]: [usize; 2],
+    bytes: usize,
+) -> Result<(), SceneError> {
+    host::check(bytes as u64).map_err(|source| SceneError::NotEnoughMemory {
+        place: path.display().to_string(),
+        what: format!("reading {vertices} vertices and {faces} faces"),
+        source,
+    })
 }
 
 /// Refuses what memory does not hold.

@@ -8,6 +8,7 @@
 mod materials;
 mod statements;
 
+use crate::memory::check_mesh;
 use crate::mesh::{Mesh, Paint};
 use crate::{FileLocation, SceneError};
 pub(crate) use materials::paint;
@@ -17,6 +18,7 @@ use std::path::Path;
 /// Reads one file.
 pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
+    check_memory(path, &bytes)?;
     let found = Statements::scan(&bytes)
         .map_err(|e| SceneError::malformed(path, FileLocation::Line(e.line), e.cause))?;
     found.topology.check(path)?;
@@ -53,6 +55,31 @@ pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
         paint,
         notes,
     })
+}
+
+/// Refuses a text whose mesh memory does not hold: a copy for `tobj`, its lists, and ours.
+fn check_memory(path: &Path, text: &[u8]) -> Result<(), SceneError> {
+    const VERTEX: usize = 60;
+    const FACE: usize = 60;
+    const TRIANGLE: usize = 84;
+    let (mut counts, mut need) = ([0, 0], text.len());
+    for line in text.split(|&b| b == b'\n') {
+        let mut words = line
+            .split(u8::is_ascii_whitespace)
+            .filter(|w| !w.is_empty());
+        match words.next() {
+            Some(b"v") => {
+                counts[0] += 1;
+                need += VERTEX;
+            }
+            Some(b"f") => {
+                counts[1] += 1;
+                need += FACE + TRIANGLE * words.count().saturating_sub(2);
+            }
+            _ => {}
+        }
+    }
+    check_mesh(path, counts, need)
 }
 
 #[cfg(test)]
