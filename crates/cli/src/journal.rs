@@ -42,7 +42,7 @@ impl Done {
         let mut done = Self::default();
         for file in journals(folder)? {
             let cannot = |e| Stop::bad(format!("cannot read {}: {e}", file.display()));
-            for line in BufReader::new(File::open(&file).map_err(cannot)?).split(b'\n') {
+            for line in BufReader::new(host::open(&file).map_err(cannot)?).split(b'\n') {
                 match serde_json::from_slice(&line.map_err(cannot)?) {
                     Ok(JournalLine::Run { list, stats }) => {
                         done.list.extend(list);

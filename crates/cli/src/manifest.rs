@@ -56,7 +56,7 @@ impl Manifest {
     /// It cannot be read.
     pub(crate) fn in_folder(folder: &Path) -> Result<Option<Self>, Stop> {
         let file = folder.join(FILE);
-        let text = match std::fs::read(&file) {
+        let text = match host::read(&file) {
             Ok(text) => text,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(e) => return Err(Stop::bad(format!("cannot read {}: {e}", file.display()))),

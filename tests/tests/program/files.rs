@@ -220,6 +220,14 @@ fn help(sandbox: &Sandbox) -> Result<(), Failed> {
             || words.into(),
         )?;
     }
+    // How wide a terminal is, is no matter to a pipe.
+    let narrow = [("COLUMNS", std::ffi::OsStr::new("20"))];
+    for words in ["render --help", "info"] {
+        let texts = [sandbox.run(words), sandbox.run_where(words, &narrow)];
+        ensure(texts[0].stdout == texts[1].stdout, || {
+            texts[1].stdout.clone()
+        })?;
+    }
     let run = sandbox.run("--version").succeeds()?;
     ensure(run.stdout.starts_with("abvh "), || run.stdout)
 }

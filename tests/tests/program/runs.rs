@@ -142,6 +142,11 @@ fn finished(sandbox: &Sandbox) -> Result<(), Failed> {
     // A device that cannot be had is not asked for.
     let elsewhere = words.replace("--backend cpu", "--backend vulkan --adapter none");
     sandbox.run(&format!("{elsewhere} --resume")).succeeds()?;
+    // What never ends is not read to be compared with what there was.
+    #[cfg(unix)]
+    sandbox
+        .run("render /dev/zero --frames 1 --out o")
+        .fails(2, &["/dev/zero", "a device is not a regular file"])?;
     sandbox.write("in/1.obj", SQUARE.replace("v 1 1 0", "v 1 2 0"));
     sandbox
         .run(&format!("{words} --resume"))
