@@ -28,7 +28,7 @@ pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
         element.map_or(0, |e| e.count.min(bytes.len()))
     };
     let counts = [count("vertex"), count("face")];
-    check_mesh(path, counts, counts[0] * 14 + counts[1] * 34)?;
+    check_mesh(path, counts, counts[0] * 24 + counts[1] * 56)?;
     let definitions: Vec<ElementDef> = file.header.elements.values().cloned().collect();
     for definition in &definitions {
         file.element(definition)?;
