@@ -7,8 +7,10 @@ mod mutate;
 
 pub use mutate::Mutator;
 
+use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use tempfile::TempDir;
 
 /// A format of files that the program reads.
@@ -57,6 +59,13 @@ pub const TOPOLOGY: Format = Format {
     name: "topology",
     extension: "bin",
     load: topology,
+};
+
+/// Words after `abvh`, one a line.
+pub const COMMAND: Format = Format {
+    name: "command",
+    extension: "txt",
+    load: command,
 };
 
 impl Format {
@@ -115,6 +124,46 @@ fn scene(path: &Path) -> Result<(), String> {
     let triangles = scene.animation.triangles().len();
     assert_eq!(scene.colours.len(), triangles, "a colour a triangle");
     Ok(())
+}
+
+/// Has the program read a command line and tell its help, so that nothing is run.
+///
+/// The program is built here, unless `ABVH_PROGRAM` names it.
+fn command(path: &Path) -> Result<(), String> {
+    let text = fs::read(path).map_err(|e| e.to_string())?;
+    let words = text.split(|&b| b == b'\n').filter(|word| !word.is_empty());
+    let words: Vec<_> = words.map(word).collect();
+    // What comes after it is no option, and so no call for help.
+    if words.iter().any(|word| word == "--") || text.contains(&0) {
+        return Err("no command line".to_owned());
+    }
+    let named = std::env::var_os("ABVH_PROGRAM");
+    let program = named.map_or_else(|| crate::program::abvh().to_owned(), PathBuf::from);
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let mut command = Command::new(program);
+    command.args(words).arg("--help").current_dir(folder);
+    let output = command.output().expect("the program starts");
+    let line = output.stderr.strip_suffix(b"\n").unwrap_or_default();
+    let line = std::str::from_utf8(line).unwrap_or_default();
+    match output.status.code() {
+        Some(0) => assert!(line.is_empty() && !output.stdout.is_empty(), "{output:?}"),
+        Some(2) => {
+            let is_line = line.starts_with("abvh: ") && !line.contains(char::is_control);
+            assert!(is_line && output.stdout.is_empty(), "{output:?}");
+        }
+        _ => panic!("neither told nor refused: {output:?}"),
+    }
+    line.is_empty().then_some(()).ok_or(line.to_owned())
+}
+
+#[cfg(unix)]
+fn word(bytes: &[u8]) -> OsString {
+    std::os::unix::ffi::OsStringExt::from_vec(bytes.to_vec())
+}
+
+#[cfg(not(unix))]
+fn word(bytes: &[u8]) -> OsString {
+    String::from_utf8_lossy(bytes).into_owned().into()
 }
 
 fn rays(path: &Path) -> Result<(), String> {

@@ -202,6 +202,11 @@ pub trait Backend: Send {
         None
     }
 
+    /// Bytes of device memory that may still be had, where the driver tells.
+    fn free_device_bytes(&self) -> Option<u64> {
+        None
+    }
+
     /// Views that only tests and dumps need.
     fn inspect(&mut self) -> &mut dyn Inspect;
 }

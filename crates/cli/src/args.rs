@@ -2,15 +2,19 @@
 
 use crate::reduce::{self, Tolerance};
 use crate::stop::Stop;
-use crate::values;
-use clap::builder::{ArgPredicate, NonEmptyStringValueParser};
+use crate::{talk, values};
+use clap::builder::ArgPredicate;
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use geom::Point;
+use std::ffi::OsString;
 use std::path::PathBuf;
+
+/// The widest that help is.
+const WIDTH: usize = 110;
 
 /// A ray tracer for moving, deforming triangle scenes: trees are rebuilt while frames are traced.
 #[derive(Debug, Parser)]
-#[command(name = "abvh", version, propagate_version = true, max_term_width = 110)]
+#[command(name = "abvh", version, propagate_version = true)]
 #[command(after_help = "Without arguments: abvh render demo:grove")]
 struct Cli {
     #[command(subcommand)]
@@ -45,7 +49,7 @@ pub(crate) fn parse() -> Result<Command, Stop> {
     parse_from(std::env::args_os())
 }
 
-fn parse_from(args: impl IntoIterator<Item = std::ffi::OsString>) -> Result<Command, Stop> {
+fn parse_from(args: impl IntoIterator<Item = OsString>) -> Result<Command, Stop> {
     let (cli, given) = read(args.into_iter().collect())?;
     let Some(command) = cli.command else {
         let (cli, _) = read(vec!["abvh".into(), "render".into()])?;
@@ -58,20 +62,34 @@ fn parse_from(args: impl IntoIterator<Item = std::ffi::OsString>) -> Result<Comm
 }
 
 /// The command line, and what of it was given.
-fn read(args: Vec<std::ffi::OsString>) -> Result<(Cli, ArgMatches), Stop> {
-    let given = Cli::command().try_get_matches_from(args).map_err(refused)?;
-    let cli = Cli::from_arg_matches(&given).map_err(refused)?;
-    Ok((cli, given))
+fn read(args: Vec<OsString>) -> Result<(Cli, ArgMatches), Stop> {
+    matches(&args).map_err(|e| refused(&args, &e))
+}
+
+fn matches(args: &[OsString]) -> Result<(Cli, ArgMatches), clap::Error> {
+    let width = talk::columns().unwrap_or(WIDTH).min(WIDTH);
+    let given = Cli::command()
+        .term_width(width)
+        .try_get_matches_from(args)?;
+    Ok((Cli::from_arg_matches(&given)?, given))
 }
 
 /// Help goes to standard output; anything else becomes one line.
-fn refused(e: clap::Error) -> Stop {
+fn refused(args: &[OsString], e: &clap::Error) -> Stop {
     if !e.use_stderr() {
         // A reader that went away needs no help.
         let _ = e.print();
         return Stop::Shown;
     }
-    let text = e.to_string();
+    // clap leaves escape sequences out of what it quotes. Spelt out, they are refused likewise.
+    let spelt: Vec<_> = args
+        .iter()
+        .map(|arg| talk::plain(&arg.to_string_lossy(), &[]).into_owned().into())
+        .collect();
+    let text = match matches(&spelt) {
+        Err(spelt) if spelt.kind() == e.kind() => spelt.to_string(),
+        _ => e.to_string(),
+    };
     let first = text.split("\n\n").next().unwrap_or(&text);
     Stop::bad(first.strip_prefix("error: ").unwrap_or(first))
 }
@@ -79,9 +97,9 @@ fn refused(e: clap::Error) -> Stop {
 /// Options of `merge`.
 #[derive(Args, Debug)]
 pub(crate) struct MergeArgs {
-    /// Folders that shards of one run were rendered to
-    #[arg(value_name = "DIR", required = true)]
-    pub(crate) folders: Vec<PathBuf>,
+    /// Folders that shards of one run were rendered to; of runs that wrote nothing but --stats, these files
+    #[arg(value_name = "DIR|FILE.json", required = true)]
+    pub(crate) runs: Vec<PathBuf>,
     /// File for the statistics of all frames, - for standard output
     #[arg(long, value_name = "FILE.json")]
     pub(crate) stats: Option<PathBuf>,
@@ -91,7 +109,7 @@ pub(crate) struct MergeArgs {
 #[derive(Args, Debug)]
 pub(crate) struct TraceArgs {
     /// Scene: a demo, files or a directory; `abvh render --help` tells all
-    #[arg(value_parser = NonEmptyStringValueParser::new())]
+    #[arg(value_parser = values::scene())]
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
@@ -129,7 +147,7 @@ pub(crate) struct TraceArgs {
 #[derive(Args, Debug)]
 pub(crate) struct InspectArgs {
     /// Scene: a demo, files or a directory; `abvh render --help` tells all
-    #[arg(value_parser = NonEmptyStringValueParser::new())]
+    #[arg(value_parser = values::scene())]
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
@@ -138,7 +156,7 @@ pub(crate) struct InspectArgs {
     #[arg(long, value_name = "TOL|TOL%", value_parser = reduce::tolerance)]
     pub(crate) reduce_keys: Option<Tolerance>,
     /// Directory for those key frames, as .ply files, and times.json with the time of each
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", value_parser = values::file())]
     pub(crate) reduced_out: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) tolerance: ToleranceArgs,

@@ -55,6 +55,17 @@ pub(crate) fn list(
         .collect())
 }
 
+/// The frames, their times aside, where they can be told before the scene is loaded.
+pub(crate) fn foreseen(
+    frames: Option<&Frames>,
+    range: Option<TimeRange>,
+    is_demo: bool,
+) -> Option<Vec<Frame>> {
+    const MANY: usize = 1 << 50;
+    let is_told = frames.is_some() || range.is_some();
+    is_told.then(|| list(frames, range, MANY, is_demo).ok())?
+}
+
 /// Whether a scene is a demo.
 pub(crate) fn is_demo(scene: &str) -> bool {
     scene.starts_with(DEMO)

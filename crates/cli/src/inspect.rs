@@ -49,7 +49,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
         return reduce::run(args, tolerance);
     }
     let scene = scene::open(&args.scene, &args.source.options())?;
-    crate::memory::check_trees(scene.animation.triangle_count())?;
+    crate::memory::check_trees(scene.animation.triangle_count(), 0)?;
     let animation = &scene.animation;
     let bounds = animation.bounds();
     let (inactive, degenerate) = motion::unhittable(animation);

@@ -42,11 +42,12 @@ impl Done {
         let mut done = Self::default();
         for file in journals(folder)? {
             let cannot = |e| Stop::bad(format!("cannot read {}: {e}", file.display()));
-            for line in BufReader::new(File::open(&file).map_err(cannot)?).split(b'\n') {
+            for line in BufReader::new(host::open(&file).map_err(cannot)?).split(b'\n') {
                 match serde_json::from_slice(&line.map_err(cannot)?) {
                     Ok(JournalLine::Run { list, stats }) => {
                         done.list.extend(list);
-                        done.stats = Some(stats);
+                        // A shard without frames has none.
+                        done.stats = Some(stats).filter(|s| !s.is_null()).or(done.stats);
                     }
                     Ok(JournalLine::Frame { files, row })
                         if files.iter().all(|(n, _)| is_ours(n)) =>
@@ -60,6 +61,18 @@ impl Done {
         done.list.sort_unstable();
         done.list.dedup();
         Ok(done)
+    }
+
+    /// What a file of statistics says, which stands alone.
+    pub(crate) fn of_stats(list: Vec<u64>, rows: Vec<FrameStats>, stats: Option<Value>) -> Self {
+        let frames = rows.into_iter();
+        Self {
+            list,
+            stats,
+            frames: frames
+                .map(|row| (row.frame as u64, (Vec::new(), row)))
+                .collect(),
+        }
     }
 
     /// The row of a frame whose file `name` is in `folder`, whole.

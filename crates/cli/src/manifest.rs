@@ -23,8 +23,8 @@ pub(crate) struct Manifest {
     version: String,
     /// What is rendered: the name of a demo or of inputs that are joined, and the files that are read.
     scene: SceneId,
-    /// Whole times of the motion.
-    pub(crate) key_times: usize,
+    /// Whole times of the motion; not known of a shard without frames, which loads nothing.
+    pub(crate) key_times: Option<usize>,
     /// Options by name.
     options: BTreeMap<String, Value>,
 }
@@ -40,7 +40,7 @@ impl Manifest {
     ///
     /// # Errors
     /// A file of the scene cannot be read.
-    pub(crate) fn of(args: &RenderArgs, key_times: usize) -> Result<Self, Stop> {
+    pub(crate) fn of(args: &RenderArgs, key_times: Option<usize>) -> Result<Self, Stop> {
         Ok(Self {
             schema: SCHEMA,
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -56,7 +56,7 @@ impl Manifest {
     /// It cannot be read.
     pub(crate) fn in_folder(folder: &Path) -> Result<Option<Self>, Stop> {
         let file = folder.join(FILE);
-        let text = match std::fs::read(&file) {
+        let text = match host::read(&file) {
             Ok(text) => text,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(e) => return Err(Stop::bad(format!("cannot read {}: {e}", file.display()))),
@@ -70,24 +70,24 @@ impl Manifest {
         })
     }
 
-    /// The first thing in which two runs differ.
+    /// The first thing in which two runs differ, as far as it is known of both.
     pub(crate) fn difference(&self, other: &Self) -> Option<String> {
+        let has_end = self.key_times.is_some() && other.key_times.is_some();
         let texts = |m: &Self| {
+            let mut m = m.clone();
+            if !has_end {
+                m.forget_end();
+            }
             let fixed = [
                 ("schema", json!(m.schema)),
                 ("program's version", json!(m.version)),
                 ("scene", json!(m.scene.name)),
                 ("number of key times", json!(m.key_times)),
             ];
-            let files = m
-                .scene
-                .files
-                .iter()
-                .map(|(name, digest)| (format!("file {name}"), json!(digest)));
-            let options = m
-                .options
-                .iter()
-                .map(|(name, v)| (format!("--{name}"), v.clone()));
+            let files = m.scene.files.into_iter();
+            let files = files.map(|(name, digest)| (format!("file {name}"), json!(digest)));
+            let options = m.options.into_iter();
+            let options = options.map(|(name, v)| (format!("--{name}"), v));
             let fixed = fixed.map(|(name, v)| (name.to_owned(), v)).into_iter();
             fixed.chain(files).chain(options).collect::<Vec<_>>()
         };
@@ -100,6 +100,14 @@ impl Manifest {
         let differing = names.find(|n| value(&mine, n) != value(&theirs, n))?;
         let [a, b] = [value(&mine, differing), value(&theirs, differing)];
         Some(format!("its {differing} is {a}, here it is {b}"))
+    }
+
+    /// Leaves out what only a loaded scene tells.
+    fn forget_end(&mut self) {
+        self.key_times = None;
+        if let Some(Value::Object(frames)) = self.options.get_mut("frames") {
+            frames.remove("to");
+        }
     }
 }
 
@@ -126,7 +134,7 @@ impl SceneId {
     }
 }
 
-fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
+fn options(args: &RenderArgs, key_times: Option<usize>) -> BTreeMap<String, Value> {
     let name = |v: &dyn Fn() -> Option<String>| json!(v());
     let intersector = args.method.intersector.to_possible_value();
     let intersector = intersector.map(|v| v.get_name().to_owned());
@@ -163,8 +171,8 @@ fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
 }
 
 /// Frames at key times are what they are whichever others are asked for; of others, their number decides their times.
-fn frames_value(args: &RenderArgs, key_times: usize) -> Value {
-    let last = (key_times - 1) as f64;
+fn frames_value(args: &RenderArgs, key_times: Option<usize>) -> Value {
+    let last = key_times.map_or(f64::INFINITY, |n| (n - 1) as f64);
     let range = args.time_range.unwrap_or(TimeRange {
         from: 0.0,
         to: last,

@@ -1,7 +1,10 @@
 //! How much memory this process and its device hold.
 
 use crate::stop::Stop;
-use backend::DeviceBytes;
+use backend::{Backend, DeviceBytes, DeviceKind, Intersector, Method};
+use geom::{Animation, Point};
+use host::Free;
+use pipeline::Update;
 use serde::Serialize;
 
 /// Memory of a device by what it holds, where that was most.
@@ -65,13 +68,108 @@ pub(crate) fn larger(a: Option<DeviceBytes>, b: Option<DeviceBytes>) -> Option<D
     a.into_iter().chain(b).max_by_key(|bytes| bytes.total())
 }
 
-/// Bytes a triangle that the host holds at least while trees are built and traced, its key frames aside.
-const TREE_BYTES: u64 = 192;
+/// Bytes a triangle of what the host holds at most while trees are built and traced: corners, colours, boxes, the tree
+/// in use, the one that is built and what it is built from. Measured: 215 to 345.
+const TREE_BYTES: u64 = 345;
+/// Bytes a ray, of hits, shadows and pixels in three frames.
+const RAY_BYTES: u64 = 64;
+/// Bytes of the program itself, without a driver.
+const BASE_BYTES: u64 = 16 << 20;
+/// Bytes a triangle of a tree on a device: its record, nodes, lists, and as many trees as may be under way.
+/// Measured: 122 to 141, docs/measured.md.
+const DEVICE_TREE_BYTES: u64 = 160;
+/// The same where the device makes the tree, with room to make it in.
+const DEVICE_REBUILD_BYTES: u64 = 260;
+/// Bytes of a device's buffers that depend on nothing.
+const DEVICE_BASE_BYTES: u64 = 1 << 20;
+/// Bytes of the places where few rays are settled.
+const EXACT_BASE_BYTES: u64 = 4 * (3 << 16) + 4 * 64 * 2048;
+/// Frames whose rays a device holds at a time.
+const TRACES: u64 = backend::FRAMES_IN_FLIGHT as u64 + 1;
 
-/// Refuses scenes whose trees the host's memory does not hold.
-pub(crate) fn check_trees(triangles: usize) -> Result<(), Stop> {
-    let checked = host::check(triangles as u64 * TREE_BYTES);
+/// What a run is expected to take at most, by what is known before trees are built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub(crate) struct ExpectedMemory {
+    /// Bytes of the host, a driver's own aside.
+    host_bytes: u64,
+    /// Bytes of the device's buffers, if it is not the host.
+    device_bytes: Option<u64>,
+}
+
+impl ExpectedMemory {
+    /// Of a run on a device that traces so many rays in each frame.
+    pub(crate) fn of(
+        animation: &Animation,
+        device: DeviceKind,
+        (method, update): (Method, Update),
+        rays: usize,
+    ) -> Self {
+        let keys = keys_bytes(animation);
+        let trees = trees_bytes(animation.triangle_count(), rays);
+        let on_device = || device_bytes(animation, (method, update), rays);
+        Self {
+            host_bytes: BASE_BYTES + keys + trees,
+            device_bytes: (device != DeviceKind::Cpu).then(on_device),
+        }
+    }
+}
+
+fn keys_bytes(animation: &Animation) -> u64 {
+    (animation.keys().len() * animation.vertex_count() * size_of::<Point>()) as u64
+}
+
+fn trees_bytes(triangles: usize, rays: usize) -> u64 {
+    let trees = (triangles as u64).saturating_mul(TREE_BYTES);
+    trees.saturating_add(rays as u64 * RAY_BYTES)
+}
+
+fn device_bytes(animation: &Animation, (method, update): (Method, Update), rays: usize) -> u64 {
+    const POINT: u64 = size_of::<Point>() as u64;
+    let vertices = animation.vertex_count() as u64;
+    let triangles = animation.triangle_count() as u64;
+    // Two frames' positions, and which rows of them move.
+    let scene = keys_bytes(animation) + vertices * (2 * POINT + 4) + triangles * 12;
+    let tree = match update {
+        Update::DeviceRebuild => DEVICE_REBUILD_BYTES,
+        _ => DEVICE_TREE_BYTES,
+    };
+    // A hit, a shadow and, for exact, places for what is settled later.
+    let answers = match method.intersector {
+        Intersector::Exact => rays as u64 * 40 + EXACT_BASE_BYTES,
+        _ => rays as u64 * 20,
+    };
+    DEVICE_BASE_BYTES + scene + animation.live_count() as u64 * tree + TRACES * answers
+}
+
+/// Refuses scenes whose trees and rays the host's memory does not hold. Key frames are there already.
+pub(crate) fn check_trees(triangles: usize, rays: usize) -> Result<(), Stop> {
+    let checked = host::check(trees_bytes(triangles, rays));
     checked.map_err(|e| Stop::bad(format!("trees over {triangles} triangles: {e}")))
+}
+
+/// Refuses scenes that do not fit the device's memory, where its driver tells; of a device that is the host's cores,
+/// also what the host does not hold.
+pub(crate) fn check_device(
+    backend: &dyn Backend,
+    animation: &Animation,
+    how: (Method, Update),
+    rays: usize,
+) -> Result<(), Stop> {
+    let kind = backend.device().kind;
+    let Some(need) = ExpectedMemory::of(animation, kind, how, rays).device_bytes else {
+        return Ok(());
+    };
+    let by = "memory of the device";
+    let free = backend.free_device_bytes().map(|bytes| Free { bytes, by });
+    let on_host = match kind {
+        DeviceKind::Software => host::free(),
+        _ => None,
+    };
+    let checked = host::within(need, free).and_then(|()| host::within(need, on_host));
+    checked.map_err(|e| {
+        let (name, triangles) = (&backend.device().adapter, animation.triangle_count());
+        Stop::bad(format!("{triangles} triangles on {name}: {e}"))
+    })
 }
 
 /// Bytes that are resident, where the system tells.
@@ -94,8 +192,8 @@ mod tests {
 
     #[test]
     fn trees_that_memory_does_not_hold_are_bad_input() {
-        check_trees(1_000_000).unwrap();
-        let stop = check_trees(usize::MAX / 1000).unwrap_err();
+        check_trees(1_000_000, 1 << 20).unwrap();
+        let stop = check_trees(usize::MAX / 1000, 0).unwrap_err();
         assert!(matches!(stop, Stop::Bad(_)));
         assert!(stop.text().contains("are needed"), "{stop}");
     }

@@ -7,9 +7,10 @@ use crate::manifest::Manifest;
 use crate::stop::Stop;
 use crate::{resume, talk};
 use output::FrameStats;
-use serde_json::Value;
+use serde::Deserialize;
+use serde_json::{Value, json};
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Missing frames that are named.
 const NAMED: usize = 12;
@@ -17,18 +18,20 @@ const NAMED: usize = 12;
 /// Merges.
 pub(crate) fn run(args: &MergeArgs) -> Result<(), Stop> {
     let beginnings: &[&str] = &["frame_", "hits_", "abvh-run"];
-    let folder = |folder: &PathBuf| ("DIR", folder.clone(), beginnings);
+    let folder = |folder: PathBuf| ("DIR", folder, beginnings);
+    let (alone, folders): (Vec<_>, Vec<_>) =
+        (args.runs.iter().cloned()).partition(|run| run.is_file());
     let files = Files {
         written: args
             .stats
             .iter()
             .map(|file| ("--stats", file.clone()))
             .collect(),
-        folders: args.folders.iter().map(folder).collect(),
-        ..Files::default()
+        read: alone.into_iter().map(|file| ("FILE", file)).collect(),
+        folders: folders.into_iter().map(folder).collect(),
     };
     files.check()?;
-    let folders = read(&args.folders)?;
+    let folders = read(&args.runs)?;
     let list: BTreeSet<u64> = folders
         .iter()
         .flat_map(|(_, done)| &done.list)
@@ -51,7 +54,10 @@ pub(crate) fn run(args: &MergeArgs) -> Result<(), Stop> {
     }
     let stats = folders.iter().find_map(|(_, done)| done.stats.clone());
     if let (Some(file), Some(stats)) = (&args.stats, stats) {
-        let stats: Value = resume::joined(stats, &rows);
+        let mut stats: Value = resume::joined(stats, &rows);
+        if stats["run"].is_object() {
+            stats["run"]["list"] = json!(list);
+        }
         resume::write_stats(file, &stats)?;
         if file.as_os_str() == "-" {
             return Ok(());
@@ -60,16 +66,54 @@ pub(crate) fn run(args: &MergeArgs) -> Result<(), Stop> {
     talk::print(&format!("all {} frames are there, whole\n", rows.len()))
 }
 
-/// What folders hold that are of one run.
-fn read(folders: &[PathBuf]) -> Result<Vec<(PathBuf, Done)>, Stop> {
+/// What a file of statistics says of its run.
+#[derive(Deserialize)]
+struct Alone {
+    run: Option<Run>,
+    frames: Vec<FrameStats>,
+}
+
+#[derive(Deserialize)]
+struct Run {
+    manifest: Manifest,
+    list: Vec<u64>,
+}
+
+/// A run that wrote statistics alone.
+fn read_stats(file: &Path) -> Result<(Manifest, Done), Stop> {
+    let name = file.display();
+    let bytes = host::read(file).map_err(|e| Stop::bad(format!("cannot read {name}: {e}")))?;
+    let no_stats = |e| Stop::bad(format!("{name} is no file of statistics: {e}"));
+    let Alone { run, frames } = serde_json::from_slice(&bytes).map_err(no_stats)?;
+    let Some(Run { manifest, list }) = run else {
+        return Err(Stop::bad(format!(
+            "{name} is of a run that wrote other files too: name their folders"
+        )));
+    };
+    let mut stats: Value = serde_json::from_slice(&bytes).map_err(no_stats)?;
+    stats["frames"].take();
+    let stats = Some(stats).filter(|stats| !stats["scene"].is_null());
+    Ok((manifest, Done::of_stats(list, frames, stats)))
+}
+
+fn read_folder(folder: &Path) -> Result<(Manifest, Done), Stop> {
+    match Manifest::in_folder(folder)? {
+        Some(manifest) => Ok((manifest, Done::in_folder(folder)?)),
+        None => Err(Stop::bad(format!(
+            "{} holds no run: it has no manifest",
+            folder.display()
+        ))),
+    }
+}
+
+/// What folders and files hold that are of one run.
+fn read(runs: &[PathBuf]) -> Result<Vec<(PathBuf, Done)>, Stop> {
     let mut first: Option<(&PathBuf, Manifest)> = None;
     let mut all = Vec::new();
-    for folder in folders {
-        let Some(manifest) = Manifest::in_folder(folder)? else {
-            return Err(Stop::bad(format!(
-                "{} holds no run: it has no manifest",
-                folder.display()
-            )));
+    for folder in runs {
+        let (manifest, done) = match folder.is_file() {
+            true => read_stats(folder)?,
+            false => read_folder(folder)?,
         };
         if let Some((other, expected)) = &first
             && let Some(difference) = manifest.difference(expected)
@@ -79,8 +123,12 @@ fn read(folders: &[PathBuf]) -> Result<Vec<(PathBuf, Done)>, Stop> {
                 "{folder} and {other} are not of one run: of the first, {difference} in the second"
             )));
         }
-        all.push((folder.clone(), Done::in_folder(folder)?));
-        first.get_or_insert((folder, manifest));
+        all.push((folder.clone(), done));
+        // One that knows its key times is compared with more.
+        first = match first.take() {
+            Some(known) if known.1.key_times.is_some() => Some(known),
+            _ => Some((folder, manifest)),
+        };
     }
     Ok(all)
 }

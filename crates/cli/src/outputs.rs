@@ -51,10 +51,16 @@ impl Outputs {
         Ok(outputs)
     }
 
-    /// Makes the folders.
-    pub(crate) fn prepare(&self) -> Result<(), Stop> {
-        let mut folders = self.folders().into_iter();
-        folders.try_for_each(|dir| output::prepare_dir(&dir).map_err(Stop::bad))
+    /// Makes the folders. Those that are new, the innermost first.
+    pub(crate) fn prepare(&self) -> Result<Vec<PathBuf>, Stop> {
+        let mut all = Vec::new();
+        for dir in self.folders() {
+            let above = dir.ancestors().filter(|d| !d.as_os_str().is_empty());
+            let new = above.take_while(|d| !d.exists()).map(Path::to_owned);
+            all.extend(new.collect::<Vec<_>>());
+            output::prepare_dir(&dir).map_err(Stop::bad)?;
+        }
+        Ok(all)
     }
 
     /// The folders, each once.

@@ -17,7 +17,7 @@ use output::{FrameStats, SCHEMA, SceneFacts, Stats};
 use output::{Shot, View};
 use pipeline::Frame;
 use scene::Scene;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -29,15 +29,18 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     if let Some(rows) = earlier.finished(args, &outputs)? {
         return nothing_left(args, &earlier, &rows);
     }
+    let is_demo = frames::is_demo(&args.scene);
+    let foreseen = frames::foreseen(args.frames.as_ref(), args.time_range, is_demo);
+    if let Some(all) = foreseen.filter(|all| frames::of_shard(all, args.shard).is_empty()) {
+        return no_frames(args, (earlier, &outputs), &all, None);
+    }
     let scene = scene::open(&args.scene, &args.source.options())?;
     let keys = scene.animation.whole_times();
-    let all = frames::list(
-        args.frames.as_ref(),
-        args.time_range,
-        keys,
-        frames::is_demo(&args.scene),
-    )?;
+    let all = frames::list(args.frames.as_ref(), args.time_range, keys, is_demo)?;
     let frames = frames::of_shard(&all, args.shard);
+    if frames.is_empty() {
+        return no_frames(args, (earlier, &outputs), &all, Some(keys));
+    }
     let view = view(args, &scene);
     let camera = camera(&view, args.size.size)?;
     let mut session = session::start(
@@ -57,14 +60,20 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
             ahead: Ahead::of(&frames, args.predict),
         },
     )?;
-    outputs.prepare()?;
-    let (old, todo) = earlier.divide(frames, &outputs);
-    let head = json!(stats(args, &scene, &session, &[]));
-    let again: Vec<u64> = todo.iter().map(|frame| frame.index).collect();
-    let mut journals = earlier.begin(args, &all, &again, (keys, &head))?;
+    let new = outputs.prepare()?;
     if let Some(file) = &args.rays_out {
-        output::write_rays(file, Pixels::new(&camera))?;
+        // A run that does not begin leaves no folders.
+        let tidy = |_: &_| new.iter().for_each(|dir| drop(std::fs::remove_dir(dir)));
+        output::write_rays(file, Pixels::new(&camera)).inspect_err(tidy)?;
     }
+    let (old, todo) = earlier.divide(frames, &outputs);
+    let mut head = json!(stats(args, &scene, &session, &[]));
+    head["expected_memory"] = json!(session.memory);
+    if args.stats.is_some() && !outputs.any() {
+        head = resume::alone(args, head, &all, Some(keys))?;
+    }
+    let again: Vec<u64> = todo.iter().map(|frame| frame.index).collect();
+    let mut journals = earlier.begin(args, &all, &again, (Some(keys), &head))?;
     let mut notes = args.timeline.is_some().then(Notes::default);
     signals::wait_for_checks();
     let rows = trace_all(
@@ -95,6 +104,26 @@ fn tell(args: &RenderArgs, text: &str) -> Result<(), Stop> {
         }
         _ => talk::print(text),
     }
+}
+
+/// There are more shards than frames: the folders say what run this is, and nothing else is done.
+fn no_frames(
+    args: &RenderArgs,
+    (earlier, outputs): (Earlier, &Outputs),
+    all: &[Frame],
+    key_times: Option<usize>,
+) -> Result<(), Stop> {
+    outputs.prepare()?;
+    earlier.begin(args, all, &[], (key_times, &Value::Null))?;
+    if let Some(file) = &args.stats {
+        let head = json!({ "schema": SCHEMA, "version": env!("CARGO_PKG_VERSION"), "scene": null });
+        let head = resume::alone(args, head, all, key_times)?;
+        resume::write_stats(file, &resume::joined(head, &[]))?;
+    }
+    tell(
+        args,
+        "this shard has no frames: there are more shards than frames\n",
+    )
 }
 
 /// All files are there: statistics alone are written, of earlier runs.
@@ -156,9 +185,6 @@ fn trace_all(
     let mut progress = Progress::new(todo.len() as u64, args.quiet);
     for remark in session.remarks.iter().chain(&scene.facts.notes) {
         progress.say(remark);
-    }
-    if done + todo.len() == 0 {
-        progress.say("this shard has no frames: there are more shards than frames");
     }
     if done > 0 {
         let all = done + todo.len();

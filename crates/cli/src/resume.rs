@@ -86,7 +86,8 @@ impl Earlier {
         args: &RenderArgs,
         outputs: &Outputs,
     ) -> Result<Option<Vec<FrameStats>>, Stop> {
-        let Some(manifest) = self.manifest.as_ref().filter(|_| args.resume) else {
+        let found = self.manifest.as_ref().filter(|_| args.resume);
+        let Some(key_times) = found.and_then(|found| found.key_times) else {
             return Ok(None);
         };
         let beside = [&args.timeline, &args.rays_out];
@@ -96,7 +97,7 @@ impl Earlier {
         let all = frames::list(
             args.frames.as_ref(),
             args.time_range,
-            manifest.key_times,
+            key_times,
             frames::is_demo(&args.scene),
         )?;
         let (rows, rest) = self.divide(frames::of_shard(&all, args.shard), outputs);
@@ -115,21 +116,38 @@ impl Earlier {
         args: &RenderArgs,
         list: &[Frame],
         again: &[u64],
-        (key_times, stats): (usize, &Value),
+        (key_times, stats): (Option<usize>, &Value),
     ) -> Result<Vec<(PathBuf, Journal)>, Stop> {
         let own = Manifest::of(args, key_times)?;
         let mut journals = Vec::new();
         for (folder, _) in self.folders {
-            if args.overwrite && !matches!(Manifest::in_folder(&folder), Ok(Some(m)) if m == own) {
+            let found = Manifest::in_folder(&folder).ok().flatten();
+            let is_own = found.is_some_and(|found| own.difference(&found).is_none());
+            if args.overwrite && !is_own {
                 journal::clear(&folder)?;
             }
-            output::write_json(&folder.join(manifest::FILE), &own)?;
+            // What is there may say more than a shard without frames knows.
+            if key_times.is_some() || !is_own {
+                output::write_json(&folder.join(manifest::FILE), &own)?;
+            }
             let mut journal = Journal::open(&folder, args.shard, again)?;
             journal.begin(list.iter().map(|f| f.index).collect(), stats.clone())?;
             journals.push((folder, journal));
         }
         Ok(journals)
     }
+}
+
+/// Statistics that stand alone: with what `merge` otherwise finds in folders.
+pub(crate) fn alone(
+    args: &RenderArgs,
+    mut stats: Value,
+    list: &[Frame],
+    key_times: Option<usize>,
+) -> Result<Value, Stop> {
+    let list: Vec<u64> = list.iter().map(|f| f.index).collect();
+    stats["run"] = json!({ "manifest": Manifest::of(args, key_times)?, "list": list });
+    Ok(stats)
 }
 
 /// Statistics with these rows, in the order of frames.

@@ -3,7 +3,7 @@
 use crate::ahead::Ahead;
 use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
 use crate::choose::{self, Choice};
-use crate::memory;
+use crate::memory::{self, ExpectedMemory};
 use crate::open::{self, Want};
 use crate::settle::{self, ReusedBackend, Run, Settled};
 use crate::stop::Stop;
@@ -51,6 +51,8 @@ pub(crate) struct Session {
     pub(crate) predict: Option<bool>,
     /// How cores are shared.
     pub(crate) threads: Threads,
+    /// What it may take.
+    pub(crate) memory: ExpectedMemory,
     /// What `auto` took and why.
     pub(crate) taken: Vec<Taken>,
     /// Likewise, for people: one remark each.
@@ -59,7 +61,8 @@ pub(crate) struct Session {
 
 /// Opens the backend, settles what is left to `auto`, and loads the scene.
 pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session, Stop> {
-    memory::check_trees(animation.triangle_count())?;
+    let rays = ask.run.map_or(0, |run| run.query.rays.count());
+    memory::check_trees(animation.triangle_count(), rays)?;
     let ask = &for_backend(ask)?;
     let want = want(ask);
     let opened = open::open(&want, |backend: Box<dyn Backend>| {
@@ -73,7 +76,9 @@ pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session
     let (mut driver, device, settled, threads) = opened.value;
     let names = method_names(ask, &settled);
     let taken = taken((&device, opened.why.as_deref()), &settled, names);
+    let how = (settled.method, settled.update);
     Ok(Session {
+        memory: ExpectedMemory::of(animation, device.kind, how, rays),
         device: driver.backend().device().clone(),
         driver,
         threads,

@@ -3,42 +3,68 @@
 use crate::stop::Stop;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
+use std::io;
 use std::sync::Arc;
-use std::sync::LazyLock;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 
-struct Signals {
-    /// The signal that came, 0 if none did.
-    came: Arc<AtomicUsize>,
-    /// Whether the next one ends the program at once.
-    ends: Arc<AtomicBool>,
-}
+/// The signal that came, 0 if none did.
+static CAME: AtomicI32 = AtomicI32::new(0);
 
-static SIGNALS: LazyLock<Signals> = LazyLock::new(|| Signals {
-    came: Arc::new(AtomicUsize::new(0)),
-    ends: Arc::new(AtomicBool::new(true)),
-});
+/// Whether the next one ends the program at once.
+static ENDS: AtomicBool = AtomicBool::new(true);
 
 /// From here on, a signal ends the program with its exit code. Where handlers cannot be set, the system's own stay.
 pub(crate) fn heed() {
-    for signal in [SIGINT, SIGTERM] {
-        let code = 128 + signal;
-        let _ = flag::register_conditional_shutdown(signal, code, Arc::clone(&SIGNALS.ends));
-        // A second one does not wait for what is asked to end.
-        let _ = flag::register(signal, Arc::clone(&SIGNALS.ends));
-        let _ = flag::register_usize(signal, Arc::clone(&SIGNALS.came), signal as usize);
+    if listen().is_ok() {
+        return;
     }
+    // Without a thread that listens, files that are half written stay until a later run finds them.
+    for signal in [SIGINT, SIGTERM] {
+        let ends = Arc::new(AtomicBool::new(true));
+        let _ = flag::register_conditional_shutdown(signal, 128 + signal, ends);
+    }
+}
+
+/// Has a thread of its own wait for signals, since a handler may do next to nothing.
+#[cfg(unix)]
+fn listen() -> io::Result<()> {
+    let (sender, receiver) = std::sync::mpsc::channel();
+    // The thread comes first: handlers that nobody answers would swallow signals.
+    std::thread::Builder::new().spawn(move || {
+        if let Ok(signals) = receiver.recv() {
+            answer(signals);
+        }
+    })?;
+    let signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM])?;
+    sender.send(signals).map_err(io::Error::other)
+}
+
+#[cfg(unix)]
+fn answer(mut signals: signal_hook::iterator::Signals) {
+    for signal in signals.forever() {
+        // A second one does not wait for what is asked to end.
+        if ENDS.swap(true, Ordering::Relaxed) {
+            let _held = output::remove_unfinished();
+            signal_hook::low_level::exit(128 + signal);
+        }
+        CAME.store(signal, Ordering::Relaxed);
+    }
+}
+
+#[cfg(not(unix))]
+fn listen() -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
 }
 
 /// From here on, the first signal waits for [`check`].
 pub(crate) fn wait_for_checks() {
-    SIGNALS.ends.store(false, Ordering::Relaxed);
+    ENDS.store(false, Ordering::Relaxed);
 }
 
 /// # Errors
 /// [`Stop::Signal`] if a signal came.
 pub(crate) fn check() -> Result<(), Stop> {
-    match SIGNALS.came.load(Ordering::Relaxed) {
+    match CAME.load(Ordering::Relaxed) {
         0 => Ok(()),
         signal => Err(Stop::Signal(signal as u8)),
     }

@@ -2,10 +2,18 @@
 
 use crate::stop::Stop;
 use std::borrow::Cow;
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
+
+/// A result for people; on a terminal, lines that are too long for it go on in the next.
+pub(crate) fn print(text: &str) -> Result<(), Stop> {
+    match columns() {
+        Some(columns) => print_whole(&wrapped(text, columns)),
+        None => print_whole(text),
+    }
+}
 
 /// A result. A reader that went away has read enough.
-pub(crate) fn print(text: &str) -> Result<(), Stop> {
+fn print_whole(text: &str) -> Result<(), Stop> {
     let mut out = io::stdout().lock();
     let text = plain(text, &['\n']);
     let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
@@ -20,11 +28,37 @@ pub(crate) fn print(text: &str) -> Result<(), Stop> {
 /// A result as indented JSON.
 pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), Stop> {
     let text = serde_json::to_string_pretty(value).map_err(Stop::failed)?;
-    print(&format!("{text}\n"))
+    print_whole(&format!("{text}\n"))
+}
+
+/// Lines of at most so many columns, broken between words and indented where they go on. A longer word stays whole.
+fn wrapped(text: &str, columns: usize) -> String {
+    let mut all = String::new();
+    for line in text.split_inclusive('\n') {
+        if line.trim_end().chars().count() <= columns {
+            all += line;
+            continue;
+        }
+        let mut at = 0;
+        for word in line.split_inclusive(' ') {
+            let width = word.trim_end().chars().count();
+            if at > 2 && at + width > columns {
+                all.truncate(all.trim_end_matches(' ').len());
+                all += "\n  ";
+                at = 2;
+            }
+            all += word;
+            at += word.chars().count();
+        }
+    }
+    all
 }
 
 /// How wide the terminal of results is: what `COLUMNS` says, else what it says itself; `None` of no terminal.
 pub(crate) fn columns() -> Option<usize> {
+    if !io::stdout().is_terminal() {
+        return None;
+    }
     let said = std::env::var("COLUMNS").ok().and_then(|c| c.parse().ok());
     let own = || terminal_size::terminal_size_of(io::stdout()).map(|(width, _)| width.0.into());
     said.or_else(own).filter(|&columns| columns > 0)
@@ -40,10 +74,19 @@ pub(crate) fn complain(text: &str) {
     say(&format!("abvh: {}", plain(text, &[])));
 }
 
-/// The text with its control characters, but those of `but`, spelt out: names and values are anybody's, and a terminal
-/// obeys what it is sent.
+/// Characters without a shape that change how others are shown: order of writing, joins, line ends, tags.
+fn is_unseen(c: char) -> bool {
+    matches!(
+        c,
+        '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}'
+            | '\u{2060}'..='\u{206f}' | '\u{feff}' | '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}'
+    )
+}
+
+/// The text with its control characters, but those of `but`, and what cannot be seen spelt out: names and values are
+/// anybody's, and a terminal obeys what it is sent.
 pub(crate) fn plain<'a>(text: &'a str, but: &[char]) -> Cow<'a, str> {
-    let is_command = |c: char| c.is_control() && !but.contains(&c);
+    let is_command = |c: char| (c.is_control() || is_unseen(c)) && !but.contains(&c);
     if !text.contains(is_command) {
         return Cow::Borrowed(text);
     }
@@ -67,5 +110,22 @@ mod tests {
         assert_eq!(plain(name, &[]), "a  b\\u{1b}[31m\\r\\n\\u{9b}\\u{0}é.obj");
         assert_eq!(plain("one\ntwo", &['\n']), "one\ntwo");
         assert!(matches!(plain("a  é", &[]), Cow::Borrowed(_)));
+    }
+
+    #[test]
+    fn what_turns_or_hides_text_is_spelt_out() {
+        let name = "a\u{202e}jbo\u{200b}.\u{2028}\u{feff}x\u{2066}";
+        let spelt = "a\\u{202e}jbo\\u{200b}.\\u{2028}\\u{feff}x\\u{2066}";
+        assert_eq!(plain(name, &['\n']), spelt);
+        assert!(matches!(plain("مرحبا שלום", &[]), Cow::Borrowed(_)));
+    }
+
+    #[test]
+    fn long_lines_go_on_indented_and_words_stay_whole() {
+        let text = "one two three four\nshort\n  kept as it is\n/a/word/that/is/longer x\n";
+        let lines =
+            "one two\n  three\n  four\nshort\n  kept as\n  it is\n/a/word/that/is/longer\n  x\n";
+        assert_eq!(wrapped(text, 9), lines);
+        assert_eq!(wrapped(text, 40), text);
     }
 }

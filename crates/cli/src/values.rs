@@ -1,6 +1,6 @@
 //! Values of options: points, sizes, ranges; frames and shards in `frames`. Each rejection says what is wanted.
 
-use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::builder::{OsStringValueParser, PathBufValueParser, TypedValueParser};
 use geom::Point;
 use std::path::PathBuf;
 
@@ -23,11 +23,19 @@ pub(crate) struct TimeRange {
     pub(crate) to: f64,
 }
 
-/// The name of a file, not `-`.
+/// The name of a file or folder, not `-`.
 pub(crate) fn file() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|file| match file.as_os_str() == "-" {
-        true => Err("a file is needed: only --stats goes to standard output"),
+        true => Err("a name is needed: only --stats goes to standard output"),
         false => Ok(file),
+    })
+}
+
+/// A scene's name, of any bytes, as [`scene::open`] takes it.
+pub(crate) fn scene() -> impl TypedValueParser<Value = String> {
+    OsStringValueParser::new().try_map(|name| match name.is_empty() {
+        true => Err("a scene has a name"),
+        false => Ok(scene::word(&name)),
     })
 }
 

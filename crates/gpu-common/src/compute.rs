@@ -304,6 +304,10 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         Some(self.engine.bytes(tree))
     }
 
+    fn free_device_bytes(&self) -> Option<u64> {
+        self.engine.gpu.free_bytes()
+    }
+
     fn inspect(&mut self) -> &mut dyn Inspect {
         self
     }

@@ -113,6 +113,11 @@ pub trait GpuDevice: Send + Sized {
         Self::size(buffer)
     }
 
+    /// Bytes of the device's memory that may still be had, where the driver tells.
+    fn free_bytes(&self) -> Option<u64> {
+        None
+    }
+
     /// Drops a buffer once all that was recorded so far is done with it.
     fn discard(&mut self, buffer: Self::Buffer);
 

@@ -135,6 +135,10 @@ impl Backend for DriverTreeBackend {
         Some(self.engine.bytes([tree, scratch, 0]))
     }
 
+    fn free_device_bytes(&self) -> Option<u64> {
+        self.engine.gpu.free_bytes()
+    }
+
     fn inspect(&mut self) -> &mut dyn Inspect {
         self
     }

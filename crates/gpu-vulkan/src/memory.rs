@@ -3,6 +3,7 @@
 use crate::errors::failed_for;
 use crate::gpu::Gpu;
 use crate::instance::Host;
+use ash::ext::memory_budget;
 use ash::vk;
 use backend::{BackendError, Result};
 use bytemuck::Pod;
@@ -17,6 +18,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub(crate) struct Memory {
     /// Taken out before the device is destroyed.
     allocator: Mutex<Option<Allocator>>,
+    physical: vk::PhysicalDevice,
     /// Bytes of buffers in device memory.
     held: AtomicU64,
     /// Buffers made so far, wherever they lie.
@@ -45,6 +47,7 @@ impl Memory {
         .map_err(|e| BackendError::NoDevice(format!("no memory allocator: {e}")))?;
         Ok(Self {
             allocator: Mutex::new(Some(allocator)),
+            physical,
             held: AtomicU64::new(0),
             made: AtomicU64::new(0),
         })
@@ -58,6 +61,37 @@ impl Memory {
     /// Bytes of device memory that buffers hold.
     pub(crate) fn held(&self) -> u64 {
         self.held.load(Ordering::Relaxed)
+    }
+
+    /// Bytes of the largest heap of the device's own that this process may still have: all of it, unless the driver
+    /// tells how much others use.
+    pub(crate) fn free_bytes(&self, host: &Host) -> Option<u64> {
+        let tells = host
+            .extensions(self.physical)
+            .contains(&memory_budget::NAME.to_owned());
+        let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+        let mut found = vk::PhysicalDeviceMemoryProperties2::default();
+        if tells {
+            found = found.push_next(&mut budget);
+        }
+        // SAFETY: the device belongs to the instance, which is alive; the structure is of an extension that it has.
+        unsafe {
+            host.instance
+                .get_physical_device_memory_properties2(self.physical, &mut found)
+        };
+        let heaps = found.memory_properties;
+        let own = |i: &usize| {
+            let flags = heaps.memory_heaps[*i].flags;
+            flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL)
+        };
+        let free = |i: usize| match tells {
+            true => budget.heap_budget[i].saturating_sub(budget.heap_usage[i]),
+            false => heaps.memory_heaps[i].size,
+        };
+        (0..heaps.memory_heap_count as usize)
+            .filter(own)
+            .map(free)
+            .max()
     }
 
     /// Buffers made since the device was opened.

@@ -181,6 +181,10 @@ impl GpuDevice for VulkanDevice {
         buffer.held()
     }
 
+    fn free_bytes(&self) -> Option<u64> {
+        self.gpu.memory.free_bytes(&self.gpu.host)
+    }
+
     fn discard(&mut self, buffer: Buffer) {
         // The recording may use it.
         let last = LastUse {

@@ -6,9 +6,11 @@
 //! destroying them; they get the finished bytes in one go instead.
 
 use crate::WriteError;
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use tempfile::NamedTempFile;
 
 /// Bytes collected before they go to the file.
@@ -17,6 +19,33 @@ const BUFFER: usize = 1 << 18;
 /// How temporary files are named.
 const PREFIX: &str = ".abvh-";
 const SUFFIX: &str = ".part";
+
+/// Temporary files that exist, of this process.
+static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes every temporary file of this process, which is about to end. None is made while the result is held.
+#[must_use]
+pub fn remove_unfinished() -> impl Sized {
+    let files = unfinished();
+    for file in files.iter() {
+        // One that has got its final name is gone already.
+        let _ = fs::remove_file(file);
+    }
+    files
+}
+
+/// Has a temporary file be known as long as it exists.
+struct Known(PathBuf);
+
+impl Drop for Known {
+    fn drop(&mut self) {
+        unfinished().remove(&self.0);
+    }
+}
 
 /// Writes `bytes` to `path`, all of them or none.
 ///
@@ -108,7 +137,7 @@ fn target(path: &Path) -> io::Result<Target> {
 
 fn rename_over(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     // Dropping the temporary file on the way out of an error removes it.
-    let mut file = temporary_beside(path)?;
+    let (_known, mut file) = temporary_beside(path)?;
     let mut out = BufWriter::with_capacity(BUFFER, file.as_file_mut());
     fill(&mut out)?;
     out.flush()?;
@@ -160,9 +189,13 @@ pub fn remove_link(path: &Path) -> Result<(), WriteError> {
 }
 
 /// A temporary file that is locked as long as it is open, so that nobody takes it for abandoned.
-fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
+fn temporary_beside(path: &Path) -> io::Result<(Known, NamedTempFile)> {
     loop {
+        let mut files = unfinished();
         let file = unlocked_beside(path)?;
+        files.insert(file.path().to_owned());
+        drop(files);
+        let known = Known(file.path().to_owned());
         // Locked or removed in between by somebody who tidies up: another one is made.
         let is_ours = match file.as_file().try_lock() {
             Ok(()) => file.path().exists(),
@@ -170,7 +203,7 @@ fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
             Err(fs::TryLockError::Error(_)) => true,
         };
         if is_ours {
-            return Ok(file);
+            return Ok((known, file));
         }
     }
 }
@@ -233,7 +266,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let left = unlocked_beside(&dir.path().join("a")).unwrap();
         let (_, left) = left.keep().unwrap();
-        let living = temporary_beside(&dir.path().join("b")).unwrap();
+        let (_known, living) = temporary_beside(&dir.path().join("b")).unwrap();
         fs::write(dir.path().join(".abvh-notes"), b"mine").unwrap();
         remove_abandoned(dir.path()).unwrap();
         assert!(!left.exists() && living.path().exists());
@@ -248,6 +281,21 @@ mod tests {
             prepare(dir.path()).unwrap();
             assert!(!left.exists() && living.path().exists());
         }
+    }
+
+    #[test]
+    fn files_are_known_as_long_as_they_are_unfinished() {
+        let dir = tempfile::tempdir().unwrap();
+        let known = || unfinished().iter().any(|f| f.starts_with(dir.path()));
+        write_with(&dir.path().join("a"), |out| {
+            assert!(known());
+            out.write_all(b"x")
+        })
+        .unwrap();
+        assert!(!known());
+        let fails = |_: &mut dyn Write| Err(io::ErrorKind::StorageFull.into());
+        write_with(&dir.path().join("b"), fails).unwrap_err();
+        assert!(!known());
     }
 
     #[test]

@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
@@ -15,12 +14,12 @@ pub struct Digest {
     pub sha256: String,
 }
 
-/// Reads a file for its digest.
+/// Reads a regular file for its digest.
 ///
 /// # Errors
-/// It cannot be read.
+/// It cannot be read, or is a pipe or a device, which may never end.
 pub fn digest_of(file: &Path) -> io::Result<Digest> {
-    let mut file = File::open(file)?;
+    let mut file = host::open(file)?;
     let (mut hash, mut bytes) = (Sha256::new(), 0);
     let mut part = vec![0; 1 << 16];
     loop {
@@ -51,5 +50,7 @@ mod tests {
         let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
         assert_eq!((found.bytes, &found.sha256[..]), (3, expected));
         assert!(digest_of(dir.path()).is_err());
+        #[cfg(unix)]
+        assert!(digest_of(Path::new("/dev/zero")).is_err());
     }
 }

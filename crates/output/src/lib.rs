@@ -17,7 +17,9 @@ mod summary;
 mod taken;
 mod timeline;
 
-pub use atomic::{check_dir, check_writable, prepare_dir, remove_link, write_whole, write_with};
+pub use atomic::{
+    check_dir, check_writable, prepare_dir, remove_link, remove_unfinished, write_whole, write_with,
+};
 pub use digest::{Digest, digest_of};
 pub use error::{RaysError, WriteError};
 pub use hits::{HitArrays, write_found, write_hits};

@@ -1,8 +1,8 @@
 //! The files that a scene is made of, found without reading its meshes.
 
-use crate::SceneError;
 use crate::join::inputs;
 use crate::source::{entries, exists, extension, matches};
+use crate::{SceneError, word};
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ pub fn files(spec: &str) -> Result<Vec<PathBuf>, SceneError> {
 }
 
 fn of_input(spec: &str, all: &mut Vec<PathBuf>) -> Result<(), SceneError> {
-    let path = Path::new(spec);
+    let path = &*word::path(spec);
     match fs::metadata(path) {
         Ok(about) if about.is_dir() => in_folder(path, all),
         Ok(_) => with_companions(path, all),

@@ -72,7 +72,7 @@ fn first_input<'a>(spec: &'a str, exists: &dyn Fn(&str) -> bool) -> (&'a str, Op
 /// How far the first input can reach: no name is longer than systems allow, and all before a `/` exists.
 /// Without it, many inputs would take the square of their number.
 fn reach(spec: &str, exists: &dyn Fn(&str) -> bool) -> usize {
-    const LONGEST: usize = 512;
+    const LONGEST: usize = 1024;
     let and = spec.find(AND).unwrap_or(spec.len());
     let mut start = 0;
     for (slash, _) in spec.match_indices('/').chain([(spec.len(), "")]) {

@@ -18,6 +18,7 @@ mod obj;
 mod ply;
 mod sequence;
 mod source;
+mod word;
 
 pub use demo::{DEMOS, MAX_DEMO_TRIANGLES};
 pub use error::{FileLocation, SceneError};
@@ -25,6 +26,7 @@ pub use files::files;
 pub use ply::write_ply;
 use std::path::PathBuf;
 use std::sync::Arc;
+pub use word::word;
 
 /// A colour in sRGB.
 pub type Rgb = [u8; 3];

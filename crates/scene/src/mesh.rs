@@ -183,6 +183,19 @@ pub(crate) fn check_keys(
     check_memory(place, what, bytes, options)
 }
 
+/// Refuses a mesh whose reading memory does not hold.
+pub(crate) fn check_mesh(
+    path: &Path,
+    [vertices, faces]: [usize; 2],
+    bytes: usize,
+) -> Result<(), SceneError> {
+    host::check(bytes as u64).map_err(|source| SceneError::NotEnoughMemory {
+        place: path.display().to_string(),
+        what: format!("reading {vertices} vertices and {faces} faces"),
+        source,
+    })
+}
+
 /// Refuses what memory does not hold.
 pub(crate) fn check_memory(
     place: impl Display,

@@ -87,7 +87,16 @@ fn key_frame(
     format: Format,
     first: (&Path, &Topology),
 ) -> Result<(Vec<Point>, Vec<String>), SceneError> {
-    let mesh = format.read(path)?;
+    let mesh = format.read(path).map_err(|e| match e {
+        SceneError::NoTriangles { path, .. } => SceneError::OtherCount {
+            path,
+            first: first.0.to_owned(),
+            what: "triangles",
+            found: 0,
+            expected: first.1.triangle_count(),
+        },
+        e => e,
+    })?;
     mesh.topology.check_same(path, first)?;
     // Remarks that every file of a sequence repeats are told once, for the first.
     let notes = mesh

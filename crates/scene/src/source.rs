@@ -2,7 +2,7 @@
 
 use crate::join::{self, Input};
 use crate::sequence::Format;
-use crate::{Options, Scene, SceneError, clip, demo, sequence};
+use crate::{Options, Scene, SceneError, clip, demo, sequence, word};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -19,12 +19,12 @@ pub(crate) fn exists(spec: &str) -> bool {
     let matches = || glob::glob(spec).is_ok_and(|mut all| all.next().is_some());
     let is_pattern = spec.contains(['*', '?', '[']);
     let is_demo = spec.starts_with("demo:") && !spec.contains(['+', '@']);
-    is_demo || Path::new(spec).exists() || is_pattern && matches()
+    is_demo || word::path(spec).exists() || is_pattern && matches()
 }
 
 /// Whether what `spec` names may have clips to choose from.
 pub(crate) fn has_clips(spec: &str) -> bool {
-    is_gltf(Path::new(spec))
+    is_gltf(&word::path(spec))
 }
 
 /// Opens one input.
@@ -33,7 +33,7 @@ pub(crate) fn open_one(spec: &str, options: &Options) -> Result<Scene, SceneErro
         refuse_clip(spec, options)?;
         return demo::open(name, options);
     }
-    let path = Path::new(spec);
+    let path = &*word::path(spec);
     match fs::metadata(path) {
         Ok(about) if about.is_dir() => directory(path, options),
         Ok(_) => file(path, options),
@@ -264,7 +264,8 @@ mod tests {
             (obj(2, "f 1 3 2\n"), "face 1 joins other vertices"),
             (obj(2, "f 1 2 4\n"), "face 1 joins other vertices"),
             (obj(2, "f 1 2\n"), "line 5: a face of 2"),
-            (String::new(), "no triangles"),
+            (String::new(), "0 triangles, but"),
+            (obj(2, ""), "1.obj has 1;"),
         ] {
             let message = with(text);
             assert!(

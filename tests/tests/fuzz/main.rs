@@ -1,13 +1,13 @@
 //! Damaged files of each format: loaded or refused in words, in bounded time and memory.
 //!
-//! `ABVH_FULL=1` tries 20,000 files of each format, and 1,000 of each by the program.
+//! `ABVH_FULL=1` tries 20,000 files of each format, and 1,000 of each by the program; and 2,000 command lines.
 //! A case that fails stays in the target directory; its path is told.
 
 #[cfg(target_os = "linux")]
 mod program;
 
 use cap::Cap;
-use integration::fuzz::{Format, GLB, GLTF, Mutator, NPY, OBJ, PLY, TOPOLOGY};
+use integration::fuzz::{COMMAND, Format, GLB, GLTF, Mutator, NPY, OBJ, PLY, TOPOLOGY};
 use std::alloc::System;
 use std::panic;
 use std::path::Path;
@@ -19,6 +19,9 @@ static MEMORY: Cap<System> = Cap::new(System, 1 << 30);
 
 /// What loading one file may last.
 const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Files of each format in the full tier.
+const FILES: usize = 20_000;
 
 /// Cases in all, without the seeds.
 fn count(short: usize, full: usize) -> usize {
@@ -33,10 +36,10 @@ fn cases(format: Format, count: usize) -> impl Iterator<Item = Vec<u8>> {
     seeds.into_iter().chain(mutated.take(count))
 }
 
-fn attack(format: Format) {
+fn attack(format: Format, full: usize) {
     let name = format!("{}-failed.{}", format.name, format.extension);
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    for bytes in cases(format, count(500, 20_000)) {
+    for bytes in cases(format, count(500.min(full / 10), full)) {
         let start = Instant::now();
         let whole = panic::catch_unwind(|| format.attack_at(&path, &bytes)).is_ok();
         assert!(whole, "a panic over {}", path.display());
@@ -48,7 +51,7 @@ fn attack(format: Format) {
 
 #[test]
 fn seeds_are_whole() {
-    for format in [OBJ, PLY, GLTF, GLB, NPY, TOPOLOGY] {
+    for format in [OBJ, PLY, GLTF, GLB, NPY, TOPOLOGY, COMMAND] {
         for (path, _) in format.seeds() {
             let found = format.load(&path);
             let is_whole = !path.to_string_lossy().contains("regression");
@@ -73,30 +76,36 @@ fn mutations_reach_beyond_the_head() {
 
 #[test]
 fn obj() {
-    attack(OBJ);
+    attack(OBJ, FILES);
 }
 
 #[test]
 fn ply() {
-    attack(PLY);
+    attack(PLY, FILES);
 }
 
 #[test]
 fn gltf() {
-    attack(GLTF);
+    attack(GLTF, FILES);
 }
 
 #[test]
 fn glb() {
-    attack(GLB);
+    attack(GLB, FILES);
 }
 
 #[test]
 fn npy() {
-    attack(NPY);
+    attack(NPY, FILES);
 }
 
 #[test]
 fn topology() {
-    attack(TOPOLOGY);
+    attack(TOPOLOGY, FILES);
+}
+
+/// Each case starts a process.
+#[test]
+fn command() {
+    attack(COMMAND, 2_000);
 }

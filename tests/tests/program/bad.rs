@@ -242,10 +242,11 @@ pub(crate) fn trials() -> Vec<Trial> {
         })
     });
     let one = |case: Case| trial(&format!("bad::{}", case.0), move |s| refused(s, case, ""));
+    let quoted = trial("bad::what_a_terminal_obeys_is_spelt_out", spelt_out);
     cases()
         .map(one)
         .chain(BACKENDS.into_iter().flat_map(beside))
-        .chain([empty])
+        .chain([empty, quoted])
         .chain(clip)
         .collect()
 }
@@ -263,6 +264,18 @@ fn beside(backend: Subject) -> Vec<Trial> {
         })
     };
     cases().filter(takes_one).map(one).collect()
+}
+
+fn spelt_out(sandbox: &Sandbox) -> Result<(), libtest_mimic::Failed> {
+    for (words, says) in [
+        ("render --size \u{1b}[31m8x", "'\\u{1b}[31m8x'"),
+        ("render --backend x\u{202e}y", "'x\\u{202e}y'"),
+        ("render a\u{202e}jbo.\u{200b}", "a\\u{202e}jbo.\\u{200b}"),
+        ("render --\u{1b}[2J", "'--\\u{1b}[2J'"),
+    ] {
+        sandbox.run(words).fails(2, &[says])?;
+    }
+    Ok(())
 }
 
 fn refused(

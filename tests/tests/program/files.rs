@@ -1,12 +1,21 @@
 //! What is written, and what is said, when all goes well.
 
+use crate::devices::{BACKENDS, HOST, Subject};
+#[cfg(target_os = "linux")]
+use crate::sandbox::{Run, SQUARE};
 use crate::sandbox::{Sandbox, ensure, trial};
 use libtest_mimic::{Failed, Trial};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 pub(crate) fn trials() -> Vec<Trial> {
-    vec![
+    let memory = |on: Subject| {
+        let name = format!("files::{}::memory_is_foreseen", on.name);
+        on.trial(&name, move |sandbox| memory_is_foreseen(sandbox, on.name))
+    };
+    let memory = BACKENDS.into_iter().chain([HOST]).map(memory);
+    let mut all: Vec<_> = memory.collect();
+    all.extend([
         trial(
             "files::a_render_writes_its_frames_and_a_table",
             frames_and_table,
@@ -18,10 +27,13 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("files::quiet_is_silent_on_stderr", quiet),
         trial("files::resume_keeps_whole_frames_alone", resume),
         trial("files::the_same_run_writes_the_same_bytes", same_bytes),
+        trial("files::names_may_be_any_bytes", any_bytes),
+        trial("files::meshes_beyond_memory_are_refused", beyond_memory),
         trial("files::help_and_version_succeed", help),
         trial("files::info_and_inspect_speak_json", json),
         trial("files::a_reader_that_goes_away_is_no_crash", broken_pipe),
-    ]
+    ]);
+    all
 }
 
 const SMALL: &str = "render demo:twist:500 --size 32x24";
@@ -109,6 +121,97 @@ fn same_bytes(sandbox: &Sandbox) -> Result<(), Failed> {
     Ok(())
 }
 
+/// Alone, joined and placed.
+#[cfg(target_os = "linux")]
+fn any_bytes(sandbox: &Sandbox) -> Result<(), Failed> {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+    let name = OsStr::from_bytes(b"a\xff.obj");
+    std::fs::write(sandbox.path().join(name), SQUARE)?;
+    sandbox.write("b.obj", SQUARE);
+    let joined = OsStr::from_bytes(b"b.obj+a\xff.obj@0,0,1*2");
+    for (scene, says) in [(name, "2 triangles"), (joined, "4 triangles")] {
+        let words = "render --backend cpu --size 8x8 --frames 1 --quiet --overwrite";
+        let words = words.split(' ').map(OsStr::new).chain([scene]);
+        let output = integration::program::run(sandbox.path(), words);
+        let run = Run::of(&output, "render, a name that is not UTF-8").succeeds()?;
+        ensure(run.stdout.contains(says), || run.stdout.clone())?;
+    }
+    let absent = OsStr::from_bytes(b"a\xfe.obj");
+    let output = integration::program::run(sandbox.path(), [OsStr::new("inspect"), absent]);
+    Run::of(&output, "inspect, likewise").fails(2, &["no such file"])
+}
+
+/// Elsewhere names are text.
+#[cfg(not(target_os = "linux"))]
+fn any_bytes(_: &Sandbox) -> Result<(), Failed> {
+    Ok(())
+}
+
+/// Little text makes much mesh: both numbers are named, and nothing breaks down over it.
+#[cfg(target_os = "linux")]
+fn beyond_memory(sandbox: &Sandbox) -> Result<(), Failed> {
+    let head = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
+    let ply = format!(
+        "ply\nformat ascii 1.0\n{head}element face 1500000\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n"
+    );
+    sandbox.write(
+        "a.obj",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned() + &"f 1 2 3\n".repeat(1_500_000),
+    );
+    sandbox.write("a.ply", ply + &"3 0 1 2\n".repeat(1_500_000));
+    for scene in ["a.obj", "a.ply"] {
+        let words = format!(
+            "render {scene} --backend cpu --size 8x8 --frames 1 --threads 1 --builder-threads 1 --quiet"
+        );
+        // So little that reading breaks down over it, and trees beyond.
+        for kilobytes in [150_000, 250_000, 400_000] {
+            let limited = format!("ulimit -v {kilobytes}; exec \"$0\" \"$@\"");
+            let output = Command::new("sh")
+                .args(["-c", &limited])
+                .arg(integration::program::abvh())
+                .args(words.split(' '))
+                .current_dir(sandbox.path())
+                .output()?;
+            Run::of(&output, &words).fails(2, &["are needed", "are free (address space"])?;
+        }
+    }
+    Ok(())
+}
+
+/// Elsewhere nobody tells how much memory is left.
+#[cfg(not(target_os = "linux"))]
+fn beyond_memory(_: &Sandbox) -> Result<(), Failed> {
+    Ok(())
+}
+
+/// What a run is expected to take is what it takes, or up to half as much again.
+fn memory_is_foreseen(sandbox: &Sandbox, backend: &str) -> Result<(), Failed> {
+    let words = format!("render demo:twist:100000 --backend {backend} --frames 3 --quiet");
+    for how in [
+        "--size 64x48 --layout bvh2 --update async",
+        "--size 640x480 --layout fast --update rebuild",
+    ] {
+        sandbox
+            .run(&format!("{words} {how} --no-images --stats s.json"))
+            .succeeds()?;
+        let stats: serde_json::Value = serde_json::from_slice(&sandbox.read("s.json"))?;
+        // The host's memory holds a driver too, where there is one.
+        let of = if backend == "cpu" {
+            "host_bytes"
+        } else {
+            "device_bytes"
+        };
+        let bytes = |value: &serde_json::Value| value.as_u64().ok_or(format!("no {of}"));
+        let expected = bytes(&stats["expected_memory"][of])?;
+        let taken = bytes(&stats["summary"][of]["peak"])?;
+        ensure((taken..=taken * 3 / 2).contains(&expected), || {
+            format!("{backend} {how}: {expected} bytes expected, {taken} taken")
+        })?;
+    }
+    Ok(())
+}
+
 fn help(sandbox: &Sandbox) -> Result<(), Failed> {
     for words in ["--help", "render --help", "trace --help"] {
         let run = sandbox.run(words).succeeds()?;
@@ -116,6 +219,14 @@ fn help(sandbox: &Sandbox) -> Result<(), Failed> {
             run.stdout.contains("Usage") && run.stderr.is_empty(),
             || words.into(),
         )?;
+    }
+    // How wide a terminal is, is no matter to a pipe.
+    let narrow = [("COLUMNS", std::ffi::OsStr::new("20"))];
+    for words in ["render --help", "info"] {
+        let texts = [sandbox.run(words), sandbox.run_where(words, &narrow)];
+        ensure(texts[0].stdout == texts[1].stdout, || {
+            texts[1].stdout.clone()
+        })?;
     }
     let run = sandbox.run("--version").succeeds()?;
     ensure(run.stdout.starts_with("abvh "), || run.stdout)

@@ -17,12 +17,15 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("runs::nothing_is_loaded_when_nothing_is_left", finished),
         trial("runs::statistics_stay_complete", statistics),
         trial("runs::shards_merge_to_the_whole", shards),
+        trial("runs::a_shard_without_frames_loads_nothing", empty_shard),
+        trial("runs::shards_of_statistics_alone_merge", stats_alone),
         trial("runs::nothing_outside_a_folder_is_touched", tampered),
         trial("runs::killed_shards_resume_to_the_bytes_of_one_run", killed),
         trial("runs::outputs_never_eat_inputs_or_each_other", eaten),
         trial("runs::foreseen_failures_leave_no_folder", foreseen),
         trial("runs::statistics_go_to_standard_output", to_stdout),
         trial("runs::signals_end_with_their_codes", signals),
+        trial("runs::a_signal_leaves_no_half_file", signal_while_writing),
     ]
 }
 
@@ -139,6 +142,11 @@ fn finished(sandbox: &Sandbox) -> Result<(), Failed> {
     // A device that cannot be had is not asked for.
     let elsewhere = words.replace("--backend cpu", "--backend vulkan --adapter none");
     sandbox.run(&format!("{elsewhere} --resume")).succeeds()?;
+    // What never ends is not read to be compared with what there was.
+    #[cfg(unix)]
+    sandbox
+        .run("render /dev/zero --frames 1 --out o")
+        .fails(2, &["/dev/zero", "a device is not a regular file"])?;
     sandbox.write("in/1.obj", SQUARE.replace("v 1 1 0", "v 1 2 0"));
     sandbox
         .run(&format!("{words} --resume"))
@@ -183,15 +191,88 @@ fn shards(sandbox: &Sandbox) -> Result<(), Failed> {
         .succeeds()?;
     sandbox.run("merge o q").fails(2, &["eye"])?;
     sandbox.run("merge nowhere").fails(2, &["no manifest"])?;
-    let few = sandbox
-        .run(&format!("{SMALL} --frames 2 --shard 2/9 --out few").replace(" --quiet", ""))
-        .succeeds()?;
-    ensure(few.stderr.contains("more shards than frames"), || {
-        few.stderr.clone()
-    })?;
     sandbox
         .run(&format!("{SMALL} --frames 2 --shard 3/2 --out few"))
         .fails(2, &["shard"])
+}
+
+/// A scene that cannot be read, and a device that cannot be had, are no matter.
+fn empty_shard(sandbox: &Sandbox) -> Result<(), Failed> {
+    sandbox.write("in/1.obj", SQUARE);
+    sandbox.write("in/2.obj", SQUARE);
+    let words = "render in --size 32x24 --frames 2 --quiet";
+    let shard = |i: usize, out: &str| {
+        sandbox.run(&format!("{words} --backend cpu --shard {i}/5 --out {out}"))
+    };
+    let empty = |i: usize, out: &str| {
+        let absent = "--backend vulkan --adapter none";
+        let run = sandbox.run(&format!("{words} {absent} --shard {i}/5 --out {out}"));
+        let run = run.succeeds()?;
+        let is_told = run.stdout == "this shard has no frames: there are more shards than frames\n";
+        ensure(is_told && run.stderr.is_empty(), || {
+            format!("{}{}", run.stdout, run.stderr)
+        })
+    };
+    sandbox.write("in/2.obj", "no mesh");
+    empty(1, "first")?;
+    empty(4, "last")?;
+    sandbox.write("in/2.obj", SQUARE);
+    empty(1, "o")?;
+    empty(1, "apart")?;
+    sandbox.run("merge o").fails(1, &["2 of 2", "0, 1"])?;
+    sandbox.run("merge o first").fails(2, &["2.obj"])?;
+    shard(3, "o").succeeds()?;
+    shard(5, "p").succeeds()?;
+    // What the others found out stays.
+    empty(2, "p")?;
+    for folders in ["o apart p", "apart p o"] {
+        let run = sandbox.run(&format!("merge {folders} --stats s.json"));
+        run.succeeds()?;
+        let all: Value = serde_json::from_slice(&sandbox.read("s.json"))?;
+        ensure(all["scene"]["triangles"] == 2, || all.to_string())?;
+        ensure(stats(sandbox, "s.json")? == [0, 1], || folders.into())?;
+    }
+    sandbox
+        .run(&format!("{words} --fov 50 --shard 1/5 --out apart"))
+        .fails(2, &["holds another run", "fov"])
+}
+
+fn stats_alone(sandbox: &Sandbox) -> Result<(), Failed> {
+    let words = format!("{SMALL} --no-images --frames 3");
+    for i in 1..=4 {
+        let file = format!("--shard {i}/4 --stats s{i}.json");
+        sandbox.run(&format!("{words} {file}")).succeeds()?;
+    }
+    sandbox
+        .run("merge s1.json s2.json s4.json --stats s.json")
+        .fails(1, &["1 of 3", "missing or damaged: 1"])?;
+    sandbox
+        .run("merge s1.json s2.json s3.json s4.json --stats s1.json")
+        .fails(2, &["would overwrite", "s1.json"])?;
+    sandbox
+        .run("merge s1.json s2.json s3.json s4.json --stats s.json")
+        .succeeds()?;
+    ensure(stats(sandbox, "s.json")? == [0, 1, 2], || "frames".into())?;
+    // What was joined can be joined again, but not with another run.
+    sandbox.run("merge s.json").succeeds()?;
+    sandbox
+        .run(&format!("{words} --eye 9,9,9 --stats other.json"))
+        .succeeds()?;
+    sandbox
+        .run("merge s.json other.json")
+        .fails(2, &["not of one run", "eye"])?;
+    sandbox.write("no.json", "{}");
+    sandbox.run("merge no.json").fails(2, &["no.json"])?;
+    for i in 1..=2 {
+        sandbox
+            .run(&format!("{words} --shard {i}/2 --hits h"))
+            .succeeds()?;
+    }
+    sandbox.run("merge h").succeeds()?;
+    sandbox
+        .run(&format!("{words} --hits h2 --stats beside.json"))
+        .succeeds()?;
+    sandbox.run("merge beside.json").fails(2, &["folders"])
 }
 
 fn tampered(sandbox: &Sandbox) -> Result<(), Failed> {
@@ -297,9 +378,9 @@ fn eaten(sandbox: &Sandbox) -> Result<(), Failed> {
             .run(&format!("{render} {words}"))
             .fails(2, &["would overwrite", says])?;
     }
-    for option in ["--timeline", "--rays-out"] {
+    for option in ["--timeline", "--rays-out", "--hits", "--out"] {
         sandbox
-            .run(&format!("{render} {option} -"))
+            .run(&format!("{} {option} -", render.replace("--out o", "")))
             .fails(2, &[option, "only --stats"])?;
     }
     sandbox
@@ -334,6 +415,10 @@ fn foreseen(sandbox: &Sandbox) -> Result<(), Failed> {
     ] {
         sandbox.run(&format!("{SMALL} {words}")).fails(2, &[])?;
     }
+    #[cfg(target_os = "linux")]
+    sandbox
+        .run(&format!("{SMALL} --out new/deep --rays-out /dev/full"))
+        .fails(1, &["/dev/full", "space"])?;
     let left = sandbox.all_files();
     let is_empty = !sandbox.path().join("new").exists();
     ensure(left == [PathBuf::from("file")] && is_empty, || {
@@ -383,7 +468,40 @@ fn signals(sandbox: &Sandbox) -> Result<(), Failed> {
     Ok(())
 }
 
+/// Before the first frame, where nobody looks out for signals.
+#[cfg(unix)]
+fn signal_while_writing(sandbox: &Sandbox) -> Result<(), Failed> {
+    let words = "render demo:twist:100 --backend cpu --frames 1 --size 2048x2048 --quiet --rays-out r/rays.npy";
+    std::fs::create_dir(sandbox.path().join("r"))?;
+    let half = || -> bool {
+        let all = sandbox.all_files();
+        let mut all = all.iter().filter(|f| f.starts_with("r"));
+        all.any(|f| std::fs::metadata(sandbox.path().join(f)).is_ok_and(|m| m.len() > 1 << 20))
+    };
+    for _ in 0..3 {
+        let mut child = spawn(sandbox, words)?;
+        while !half() && child.try_wait()?.is_none() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let pid = child.id().to_string();
+        Command::new("kill").args(["-s", "INT", &pid]).status()?;
+        let code = child.wait()?.code();
+        ensure(code == Some(130), || format!("{code:?}"))?;
+        if !sandbox.path().join("r/rays.npy").exists() {
+            let left = sandbox.all_files();
+            return ensure(left.is_empty(), || format!("{left:?}"));
+        }
+        std::fs::remove_file(sandbox.path().join("r/rays.npy"))?;
+    }
+    Err("the file was whole before the signal came, three times".into())
+}
+
 #[cfg(not(unix))]
 fn signals(_: &Sandbox) -> Result<(), Failed> {
+    Ok(())
+}
+
+#[cfg(not(unix))]
+fn signal_while_writing(_: &Sandbox) -> Result<(), Failed> {
     Ok(())
 }

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 #[command(mut_arg("size", |arg| arg.default_value("640x360")))]
 pub(crate) struct BenchArgs {
     /// Scenes; `abvh render --help` tells how they are named
-    #[arg(default_values = ["demo:grove", "demo:collide"])]
+    #[arg(default_values = ["demo:grove", "demo:collide"], value_parser = values::scene())]
     pub(crate) scenes: Vec<String>,
     #[command(flatten)]
     pub(crate) source: SourceArgs,

@@ -11,12 +11,12 @@ use std::path::PathBuf;
 #[command(mut_arg("size", |arg| arg.default_value("640x400")))]
 pub(crate) struct ChartArgs {
     /// Scenes; `abvh render --help` tells how they are named
-    #[arg(default_value = "demo:collide")]
+    #[arg(default_value = "demo:collide", value_parser = values::scene())]
     pub(crate) scenes: Vec<String>,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
     /// Directory for chart.svg, chart.html, points.csv and points.json
-    #[arg(long, value_name = "DIR", default_value = "abvh-chart")]
+    #[arg(long, value_name = "DIR", default_value = "abvh-chart", value_parser = values::file())]
     pub(crate) out: PathBuf,
     /// Backends; auto is the host's cores and every backend that finds a GPU
     #[arg(

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 #[derive(Args, Debug)]
 pub(crate) struct ConformArgs {
     /// Scenes that rays of --oracle-rays are aimed at, beside the meshes made from the seed
-    #[arg(value_name = "SCENE")]
+    #[arg(value_name = "SCENE", value_parser = values::scene())]
     pub(crate) scene: Vec<String>,
     /// Let a scene's files name files outside its folder (mtllib of OBJ, URIs of glTF)
     #[arg(long)]

@@ -5,7 +5,6 @@ use super::{
 };
 use crate::values::{self, Frames, Shard, TimeRange};
 use clap::Args;
-use clap::builder::NonEmptyStringValueParser;
 use std::path::PathBuf;
 
 /// Options of `render`.
@@ -15,7 +14,7 @@ pub(crate) struct RenderArgs {
     /// glob of .obj or .ply files, one a key frame. Or one .obj, .ply, .gltf or .glb file. Several are joined by '+',
     /// each placed by '@x,y,z' or '@x,y,z*scale': hall.obj+figure.glb@2,0,-1*0.5. A name that exists as a whole is one
     /// input. Inputs that move need equally many key frames; one with a single key frame stands still
-    #[arg(default_value = "demo:grove", value_parser = NonEmptyStringValueParser::new())]
+    #[arg(default_value = "demo:grove", value_parser = values::scene())]
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
@@ -48,13 +47,13 @@ pub(crate) struct RenderArgs {
     #[command(flatten)]
     pub(crate) camera: CameraArgs,
     /// Directory for pictures: frame_0000.png and so on
-    #[arg(long, value_name = "DIR", default_value = "abvh-out")]
+    #[arg(long, value_name = "DIR", default_value = "abvh-out", value_parser = values::file())]
     pub(crate) out: PathBuf,
     /// Write no pictures
     #[arg(long, conflicts_with = "out")]
     pub(crate) no_images: bool,
     /// Directory for hits: hits_0000.npz and so on
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", value_parser = values::file())]
     pub(crate) hits: Option<PathBuf>,
     /// File for statistics of every frame, - for standard output
     #[arg(long, value_name = "FILE.json")]

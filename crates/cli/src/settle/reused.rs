@@ -1,6 +1,7 @@
 //! A backend that serves one driver after another.
 
 use crate::args::BackendName;
+use crate::memory;
 use crate::open::{self, Want};
 use crate::session::Ask;
 use crate::stop::Stop;
@@ -67,6 +68,8 @@ impl<'a> ReusedBackend<'a> {
             predict: self.ask.ahead.predict,
         };
         let backend = self.take(method, threads.render)?;
+        let rays = self.ask.run.map_or(0, |run| run.query.rays.count());
+        memory::check_device(&*backend, self.animation, (method, update), rays)?;
         Ok(Driver::new(backend, Arc::clone(self.animation), options)?)
     }
 

@@ -7,7 +7,7 @@
 
 mod materials;
 
-use crate::mesh::{Mesh, Paint, Topology, from_display};
+use crate::mesh::{Mesh, Paint, Topology, check_mesh, from_display};
 use crate::{FileLocation, Rgb, SceneError};
 pub(crate) use materials::paint;
 use std::collections::BTreeMap;
@@ -17,6 +17,7 @@ use std::path::Path;
 /// Reads one file.
 pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
+    check_memory(path, &bytes)?;
     let found = Statements::scan(&bytes)
         .map_err(|e| SceneError::malformed(path, FileLocation::Line(e.line), e.cause))?;
     found.topology.check(path)?;
@@ -249,6 +250,31 @@ fn corner(word: &str, vertices: usize) -> Result<u32, String> {
         i64::MIN..0 => format!("vertex {index} lies before the first of {vertices} vertices"),
         _ => format!("vertex {index} does not exist, there are {vertices}"),
     })
+}
+
+/// Refuses a text whose mesh memory does not hold: a copy for `tobj`, its lists, and ours.
+fn check_memory(path: &Path, text: &[u8]) -> Result<(), SceneError> {
+    const VERTEX: usize = 60;
+    const FACE: usize = 60;
+    const TRIANGLE: usize = 84;
+    let (mut counts, mut need) = ([0, 0], text.len());
+    for line in text.split(|&b| b == b'\n') {
+        let mut words = line
+            .split(u8::is_ascii_whitespace)
+            .filter(|w| !w.is_empty());
+        match words.next() {
+            Some(b"v") => {
+                counts[0] += 1;
+                need += VERTEX;
+            }
+            Some(b"f") => {
+                counts[1] += 1;
+                need += FACE + TRIANGLE * words.count().saturating_sub(2);
+            }
+            _ => {}
+        }
+    }
+    check_mesh(path, counts, need)
 }
 
 #[cfg(test)]

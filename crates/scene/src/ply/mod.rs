@@ -6,7 +6,7 @@
 mod element;
 mod write;
 
-use crate::mesh::{Mesh, Paint, Topology, compact};
+use crate::mesh::{Mesh, Paint, Topology, check_mesh, compact};
 use crate::{FileLocation, Rgb, SceneError};
 use element::{Element, numbers, whole_header};
 use geom::Point;
@@ -20,6 +20,13 @@ pub use write::write_ply;
 pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
     let mut file = File::open(path, &bytes)?;
+    // Lists grow by doubling; more than there are bytes cannot be there, whatever the header says.
+    let count = |name: &str| {
+        let element = file.header.elements.get(name);
+        element.map_or(0, |e| e.count.min(bytes.len()))
+    };
+    let counts = [count("vertex"), count("face")];
+    check_mesh(path, counts, counts[0] * 24 + counts[1] * 56)?;
     let definitions: Vec<ElementDef> = file.header.elements.values().cloned().collect();
     for definition in &definitions {
         file.element(definition)?;
