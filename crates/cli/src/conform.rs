@@ -9,11 +9,11 @@ use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::subjects::{self, Examined, Machine, Subject};
 use crate::table::counted;
-use crate::{conflicts, talk};
-use backend::{Backend, Intersector, Method};
+use crate::{conflicts, record, talk};
+use backend::{Intersector, Method};
 use conformance::leaks::{self, LeakPlan};
 use conformance::{Disagreement, Law, hold, hold_one, laws_of};
-use results::{LeakRow, PropertyRow, Report};
+use results::{PropertyRow, Report};
 use std::time::Instant;
 
 /// Steps in which the progress of many rays is told.
@@ -30,7 +30,7 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
     let mut report = Report {
         schema: output::SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
-        command_line: std::env::args().collect(),
+        command_line: record::command_line(),
         seed: args.seed,
         cases: args.cases,
         leak_rays: args.leak_rays,
@@ -69,7 +69,6 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
     let want = Want {
         backend: BackendName::Cpu,
         adapter: None,
-        method: Method::default(),
         threads: 1,
     };
     let mut reference = open::open(&want, Ok)?.value;
@@ -78,7 +77,11 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
     for subject in &mut *subjects {
         for law in laws(subject) {
             let begun = Instant::now();
-            let held = hold_to(args, law, subject.backend.as_mut(), reference.as_mut());
+            let (backend, reference) = (subject.backend.as_mut(), reference.as_mut());
+            let held = match args.case {
+                Some(trial) => hold_one(law, backend, reference, args.seed, trial).map(|()| 1),
+                None => hold(law, backend, reference, args.seed, args.cases),
+            };
             let seconds = begun.elapsed().as_secs_f64();
             let row = PropertyRow {
                 law: law.name,
@@ -114,18 +117,6 @@ fn outcome(row: &PropertyRow) -> String {
         counted(row.held as usize, ["case", "cases"]),
         row.seconds
     )
-}
-
-fn hold_to(
-    args: &ConformArgs,
-    law: &Law,
-    subject: &mut dyn Backend,
-    reference: &mut dyn Backend,
-) -> Result<u32, Disagreement> {
-    match args.case {
-        Some(trial) => hold_one(law, subject, reference, args.seed, trial).map(|()| 1),
-        None => hold(law, subject, reference, args.seed, args.cases),
-    }
 }
 
 /// The command that shows this disagreement and nothing else.
@@ -167,7 +158,7 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
         told = steps;
     })?;
     drop(progress);
-    let rows = found.rows.iter().map(|row| LeakRow::of(subject.name, row));
+    let rows = found.rows.into_iter().map(|row| (subject.name, row));
     report.leaks.extend(rows);
     let offsets: Vec<String> = args.offsets.iter().map(ToString::to_string).collect();
     let command = format!(

@@ -6,7 +6,6 @@ use crate::open::{self, Presence, Want};
 use crate::stop::Stop;
 use crate::table::counted;
 use crate::{choose, talk, threads};
-use backend::Method;
 use comfy_table::{ContentArrangement, Table, presets};
 use output::Taken;
 use serde::Serialize;
@@ -47,7 +46,6 @@ fn what_auto_takes() -> Result<Option<Taken>, Stop> {
     let want = Want {
         backend: BackendName::Auto,
         adapter: None,
-        method: Method::default(),
         threads: 1,
     };
     let opened = open::open(&want, |backend| Ok(backend.device().backend))?;

@@ -1,10 +1,10 @@
 //! `abvh inspect --reduce-keys`: how few key frames stand for all of them.
 
-use crate::args::InspectArgs;
+use crate::args::{InspectArgs, Tolerance};
 use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, counted, grouped, table};
-use crate::{render, talk};
+use crate::{record, talk};
 use geom::{Animation, Point};
 use output::SceneFacts;
 use scene::Scene;
@@ -18,31 +18,6 @@ use std::path::Path;
 const CURVE: [f64; 11] = [
     1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6,
 ];
-
-/// How far a vertex may be from where it was.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Tolerance {
-    /// In scene units.
-    Units(f64),
-    /// As a share of the diagonal of the scene's bounds.
-    Share(f64),
-}
-
-/// `TOL` or `TOL%`.
-pub(crate) fn tolerance(text: &str) -> Result<Tolerance, String> {
-    let (number, is_share) = match text.strip_suffix('%') {
-        Some(number) => (number, true),
-        None => (text, false),
-    };
-    match number.trim().parse::<f64>() {
-        Ok(n) if n >= 0.0 && n.is_finite() && is_share => Ok(Tolerance::Share(n / 100.0)),
-        Ok(n) if n >= 0.0 && n.is_finite() => Ok(Tolerance::Units(n)),
-        _ => Err(
-            "a tolerance is a length from 0 on, such as 0.01, or a share of the diagonal, such as 0.1%"
-                .to_owned(),
-        ),
-    }
-}
 
 #[derive(Serialize)]
 struct Reduction {
@@ -134,7 +109,7 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
         after: kept.len(),
     };
     Ok(Reduction {
-        scene: render::scene_facts(scene),
+        scene: record::scene_facts(scene),
         diagonal,
         tolerance,
         kept,
@@ -340,19 +315,6 @@ fn percent(part: f64, whole: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_tolerance_is_a_length_or_a_share() {
-        assert_eq!(tolerance("0"), Ok(Tolerance::Units(0.0)));
-        assert_eq!(tolerance("2.5e-3"), Ok(Tolerance::Units(2.5e-3)));
-        assert_eq!(tolerance("1%"), Ok(Tolerance::Share(0.01)));
-        for bad in [
-            "", "%", "-1", "-0.1%", "nan", "inf", "inf%", "1%%", "1 m", "%1",
-        ] {
-            let why = tolerance(bad).unwrap_err();
-            assert!(why.contains("0.1%"), "{why}");
-        }
-    }
 
     #[test]
     fn a_scene_without_size_has_no_diagonal_and_one_key_frame() {

@@ -4,7 +4,7 @@ use crate::args::{BackendName, SubjectName};
 use crate::open::{self, Want};
 use crate::stop::Stop;
 use crate::{info, threads};
-use backend::{Backend, DeviceKind, Method};
+use backend::{Backend, DeviceKind};
 use serde::Serialize;
 
 /// A backend that is put to the test.
@@ -144,7 +144,6 @@ fn open_one(subject: SubjectName, adapter: Option<&str>) -> Result<Box<dyn Backe
     let want = Want {
         backend: backend_of(subject),
         adapter,
-        method: Method::default(),
         threads: threads::cores(),
     };
     if subject == SubjectName::WgpuWgsl {

@@ -3,6 +3,7 @@
 use crate::stop::Stop;
 use std::borrow::Cow;
 use std::io::{self, Write};
+use std::process::ExitCode;
 
 /// A result. A reader that went away has read enough.
 pub(crate) fn print(text: &str) -> Result<(), Stop> {
@@ -35,9 +36,13 @@ pub(crate) fn say(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{}", plain(text, &['\n']));
 }
 
-/// The one line that says why a command ended early.
-pub(crate) fn complain(text: &str) {
-    say(&format!("abvh: {}", plain(text, &[])));
+/// Says in one line why a command ended early; gives the exit code.
+pub(crate) fn complain(stop: &Stop) -> ExitCode {
+    let text = stop.text();
+    if !text.is_empty() {
+        say(&format!("abvh: {}", plain(&text, &[])));
+    }
+    stop.code()
 }
 
 /// The text with its control characters, but those of `but`, spelt out: names and values are anybody's, and a terminal
