@@ -49,7 +49,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     let rows = measure_all(args)?;
     results::check(&rows, args.against.as_deref())?;
     let report = Report {
-        schema: 1,
+        schema: output::SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
         command_line: record::command_line(),
         cpu: info::cpu_model(),

@@ -94,34 +94,29 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
     let (mut curve, mut answer) = (Vec::new(), None);
     for (tolerance, share) in wanted {
         let (kept, fit) = verified(animation, &mut reducer, tolerance)?;
-        progress.step(&format!(
-            "{} within {tolerance}",
-            counted(kept.len(), KEY_FRAMES)
-        ));
+        let keys = counted(kept.len(), KEY_FRAMES);
+        progress.step(&format!("{keys} within {tolerance}"));
         match share {
             Some(share) => curve.push(CurvePoint::new(animation, share, tolerance, (&kept, &fit))),
             None => answer = Some((kept, fit)),
         }
     }
     let (kept, fit) = answer.ok_or_else(|| Stop::failed("the tolerance asked for got lost"))?;
-    let keys = Change {
-        before: animation.keys().len(),
-        after: kept.len(),
+    let [before, after] = [animation.keys().len(), kept.len()];
+    let change = |of: fn(&Animation, usize) -> usize| Change {
+        before: of(animation, before),
+        after: of(animation, after),
     };
+    let worst = fit.worst;
     Ok(Reduction {
         scene: record::scene_facts(scene),
         diagonal,
         tolerance,
         kept,
-        keys,
-        bytes: Change {
-            before: bytes(animation, keys.before),
-            after: bytes(animation, keys.after),
-        },
+        keys: change(|_, keys| keys),
+        bytes: change(bytes),
         max_error: fit.max_error,
-        worst: fit
-            .worst
-            .map(|(frame, vertex)| ErrorLocation { frame, vertex }),
+        worst: worst.map(|(frame, vertex)| ErrorLocation { frame, vertex }),
         rms: fit.rms,
         curve,
     })
@@ -164,10 +159,7 @@ pub(crate) fn curve(animation: &Animation) -> Result<Curve, Stop> {
         Ok((point, kept))
     };
     let points: Result<_, Stop> = CURVE.into_iter().map(point).collect();
-    Ok(Curve {
-        diagonal,
-        points: points?,
-    })
+    points.map(|points| Curve { diagonal, points })
 }
 
 /// What is left of an animation if so many frames are kept, at the times they had.

@@ -108,15 +108,8 @@ struct Report {
     backends: Vec<Examined>,
     absent: Vec<Absent>,
     /// Cells that there cannot be.
-    unsupported: Vec<Unsupported>,
+    unsupported: Vec<Value>,
     rows: Vec<Row>,
-}
-
-/// What a backend cannot do.
-#[derive(PartialEq, Serialize)]
-struct Unsupported {
-    backend: &'static str,
-    intersector: &'static str,
 }
 
 /// One family, by one intersector, of one backend.
@@ -176,10 +169,7 @@ impl Report {
             });
             return Ok(());
         }
-        let unsupported = Unsupported {
-            backend,
-            intersector: by.name(),
-        };
+        let unsupported = json!({ "backend": backend, "intersector": by.name() });
         if !self.unsupported.contains(&unsupported) {
             self.unsupported.push(unsupported);
         }

@@ -89,44 +89,28 @@ fn warm(
     [least, most]: [f64; 2],
 ) -> Result<Warmed, PipelineError> {
     let begun = Instant::now();
-    let mut seen = Seen::default();
+    let mut seen = Vec::new();
     driver.warm_up(query, |report: &FrameReport| {
         let now = begun.elapsed().as_secs_f64();
-        seen.note(now, report.times.device_ms);
-        now < least || (now < most && !seen.is_steady())
+        seen.push((now, report.times.device_ms));
+        now < least || (now < most && !is_steady(&seen))
     })?;
     Ok(Warmed {
         seconds: begun.elapsed().as_secs_f64(),
-        frames: seen.0.len(),
-        steady: seen.is_steady(),
+        frames: seen.len(),
+        steady: is_steady(&seen),
     })
 }
 
 /// When a frame was done, in seconds, and the device's milliseconds for it.
 type Moment = (f64, f64);
 
-/// Frames so far.
-#[derive(Debug, Default)]
-struct Seen(Vec<Moment>);
-
-impl Seen {
-    fn note(&mut self, at: f64, ms: f64) {
-        self.0.push((at, ms));
-    }
-
-    /// Whether the last window's frames took as long as those of the window before. A clock rises in steps, so that
-    /// neighbours always agree.
-    fn is_steady(&self) -> bool {
-        let (earlier, last) = window(&self.0);
-        let (_, before) = window(earlier);
-        let ms = |of: &[Moment]| of.iter().map(|&(_, ms)| ms).collect::<Vec<_>>();
-        agree(&ms(before), &ms(last))
-    }
-}
-
-/// Whether frames took as long as those before them: enough of both, and their medians agree.
-fn agree(before: &[f64], last: &[f64]) -> bool {
-    let median = |of: &[f64]| Summary::of(of.iter().copied()).map(|s| s.median);
+/// Whether the last window's frames took as long as those of the window before. A clock rises in steps, so that
+/// neighbours always agree.
+fn is_steady(seen: &[Moment]) -> bool {
+    let (earlier, last) = window(seen);
+    let (_, before) = window(earlier);
+    let median = |of: &[Moment]| Summary::of(of.iter().map(|m| m.1)).map(|s| s.median);
     match (median(before), median(last)) {
         (Some(a), Some(b)) if before.len().min(last.len()) >= FEWEST => {
             (a - b).abs() <= AGREE * a.max(b)
@@ -147,29 +131,28 @@ fn window(all: &[Moment]) -> (&[Moment], &[Moment]) {
 mod tests {
     use super::*;
 
-    /// Frames of so many milliseconds each, one after the other.
-    fn seen(ms: impl IntoIterator<Item = f64>) -> Seen {
-        let mut seen = Seen::default();
+    /// Whether frames of so many milliseconds each, one after the other, are steady.
+    fn steady(ms: impl IntoIterator<Item = f64>) -> bool {
         let mut now = 0.0;
-        for ms in ms {
+        let seen = ms.into_iter().map(|ms| {
             now += ms * 1e-3;
-            seen.note(now, ms);
-        }
-        seen
+            (now, ms)
+        });
+        is_steady(&seen.collect::<Vec<_>>())
     }
 
     #[test]
     fn frames_are_steady_once_two_windows_agree() {
-        assert!(seen(vec![1.0; 250]).is_steady());
-        assert!(!seen(vec![1.0; 90]).is_steady(), "one window alone");
+        assert!(steady(vec![1.0; 250]));
+        assert!(!steady(vec![1.0; 90]), "one window alone");
         // A clock that rose at the end of the window before.
         let rising = [vec![4.0; 30], vec![1.0; 110]].concat();
-        assert!(!seen(rising.clone()).is_steady());
-        assert!(seen([rising, vec![1.0; 100]].concat()).is_steady());
+        assert!(!steady(rising.clone()));
+        assert!(steady([rising, vec![1.0; 100]].concat()));
         // One frame that something else held up counts for nothing.
         let mut held_up = vec![1.0; 250];
         held_up[240] = 30.0;
-        assert!(seen(held_up).is_steady());
+        assert!(steady(held_up));
     }
 
     #[test]
@@ -186,10 +169,10 @@ mod tests {
 
     #[test]
     fn slow_frames_need_three_a_window() {
-        assert!(!seen(vec![400.0; 5]).is_steady());
-        assert!(seen(vec![400.0; 6]).is_steady());
-        assert!(!seen([400.0, 400.0, 400.0, 300.0, 300.0, 300.0]).is_steady());
-        assert!(!seen([]).is_steady());
+        assert!(!steady(vec![400.0; 5]));
+        assert!(steady(vec![400.0; 6]));
+        assert!(!steady([400.0, 400.0, 400.0, 300.0, 300.0, 300.0]));
+        assert!(!steady([]));
     }
 
     #[test]

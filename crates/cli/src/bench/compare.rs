@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::Value;
 use std::path::Path;
 
-/// What is compared of every run.
+/// What is compared of every run, first what makes it slower as a whole.
 const QUANTITIES: [&str; 8] = [
     "device_ms",
     "wall_ms",
@@ -20,19 +20,10 @@ const QUANTITIES: [&str; 8] = [
     "trace_shadow_ms",
     "build_ms",
 ];
-/// Of those, the ones that make a run slower as a whole.
+/// How many of those are of the whole.
 const WHOLE: usize = 2;
 /// What tells runs apart.
-const NAMES: [&str; 8] = [
-    "scene",
-    "backend",
-    "update",
-    "predict",
-    "intersector",
-    "layout",
-    "rays",
-    "dwell",
-];
+const NAMES: &str = "scene backend update predict intersector layout rays";
 /// Standard errors beyond which a change is no noise.
 const SIGMAS: f64 = 3.0;
 /// Changes below this share are taken for noise, for machines drift.
@@ -75,22 +66,24 @@ pub(super) fn run(args: &BenchArgs) -> Result<(), Stop> {
     let [old_file, new_file] = args.compare.as_slice() else {
         return Err(Stop::bad("--compare takes two files"));
     };
-    let (mut old, mut new) = (read(old_file)?, read(new_file)?);
-    let mut comparison = Comparison {
-        schema: 1,
+    let (old, mut new) = (read(old_file)?, read(new_file)?);
+    let (mut changes, mut only_in_old) = (Vec::new(), Vec::new());
+    for before in old {
+        let Some(i) = new.iter().position(|r| r.name == before.name) else {
+            only_in_old.push(before.name);
+            continue;
+        };
+        let after = new.remove(i);
+        changes.extend(QUANTITIES.iter().filter_map(|q| change(&before, &after, q)));
+    }
+    let comparison = Comparison {
+        schema: output::SCHEMA,
         old: old_file.display().to_string(),
         new: new_file.display().to_string(),
-        changes: Vec::new(),
-        only_in_old: Vec::new(),
-        only_in_new: Vec::new(),
+        changes,
+        only_in_old,
+        only_in_new: new.into_iter().map(|r| r.name).collect(),
     };
-    for before in old.drain(..) {
-        match new.iter().position(|r| r.name == before.name) {
-            Some(i) => comparison.changes.extend(changes(&before, &new.remove(i))),
-            None => comparison.only_in_old.push(before.name),
-        }
-    }
-    comparison.only_in_new = new.into_iter().map(|r| r.name).collect();
     if let Some(file) = &args.json {
         output::write_json(file, &comparison)?;
     }
@@ -141,19 +134,15 @@ fn read(file: &Path) -> Result<Vec<ComparedRun>, Stop> {
 }
 
 fn name(row: &Value) -> String {
-    let word = |key: &&str| match &row[*key] {
+    let word = |key: &str| match &row[key] {
         Value::String(s) => Some(s.clone()),
         Value::Bool(false) => Some(format!("no {key}")),
-        Value::Object(scene) if *key == "scene" => Some(scene.get("name")?.as_str()?.to_owned()),
-        Value::Object(_) => Some((*key).to_owned()),
+        Value::Object(scene) if key == "scene" => Some(scene.get("name")?.as_str()?.to_owned()),
+        Value::Object(_) => Some(key.to_owned()),
         _ => None,
     };
-    NAMES.iter().filter_map(word).collect::<Vec<_>>().join(" ")
-}
-
-fn changes(old: &ComparedRun, new: &ComparedRun) -> Vec<Change> {
-    let change = |&quantity: &&'static str| change(old, new, quantity);
-    QUANTITIES.iter().filter_map(change).collect()
+    let words: Vec<_> = NAMES.split(' ').filter_map(word).collect();
+    words.join(" ")
 }
 
 /// What became of one quantity; `None` if a file does not know it.

@@ -9,7 +9,6 @@ use crate::session::{self, Session};
 use crate::stop::Stop;
 use crate::table::mrays;
 use crate::warm_up::{self, Warmed};
-use backend::DeviceBytes;
 use output::{FrameStats, Summary, TIMES, Taken, Time};
 use pipeline::{Frame, FrameRecord};
 use scene::Scene;
@@ -86,20 +85,6 @@ pub(crate) struct Run {
     pub(crate) warm_up: Option<f64>,
 }
 
-/// What is kept of frames.
-#[derive(Default)]
-struct Kept {
-    stats: Vec<FrameStats>,
-    held: Option<DeviceBytes>,
-}
-
-impl Kept {
-    fn note(&mut self, frame: &FrameRecord) {
-        self.stats.push(record::row(frame));
-        self.held = memory::larger(self.held, frame.device_bytes);
-    }
-}
-
 /// One run over `frames`.
 pub(crate) fn measure(
     run: Run,
@@ -114,23 +99,20 @@ pub(crate) fn measure(
         ..*ask
     };
     let mut session = session::start(&scene.animation, &ask)?;
-    let mut kept = Kept::default();
+    let (mut stats, mut held) = (Vec::new(), None);
+    let mut note = |frame: &FrameRecord| {
+        stats.push(record::row(frame));
+        held = memory::larger(held, frame.device_bytes);
+        Ok::<(), Stop>(())
+    };
     let driver = &mut session.driver;
-    let (warm_up, rest) = warm_up::begin(run.warm_up, driver, frames, query, |frame| {
-        kept.note(frame);
-        Ok::<(), Stop>(())
-    })?;
-    driver.run(rest.iter().copied(), query, false, |frame, _| {
-        kept.note(frame);
-        Ok::<(), Stop>(())
-    })?;
-    let row = row(spec, scene, &session, kept.stats, &bundle);
+    let (warm_up, rest) = warm_up::begin(run.warm_up, driver, frames, query, &mut note)?;
+    driver.run(rest.iter().copied(), query, false, |frame, _| note(frame))?;
+    let row = row(spec, scene, &session, stats, &bundle);
     Ok(Row {
         rays: (run.rays != RaysName::Camera).then_some("random"),
         warm_up,
-        memory: kept
-            .held
-            .map(|bytes| DeviceMemory::of(bytes, row.triangles)),
+        memory: held.map(|bytes| DeviceMemory::of(bytes, row.triangles)),
         ..row
     })
 }
