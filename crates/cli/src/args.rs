@@ -328,7 +328,7 @@ mod idle;
 
 mod lists;
 pub(crate) use lists::{
-    LayoutsArgs, PoliciesArgs, SizeArgs, Tolerance, ToleranceArgs, WarmUpArgs, has_own_trees,
+    PoliciesArgs, SizeArgs, Tolerance, ToleranceArgs, WarmUpArgs, has_own_trees,
 };
 
 mod render;

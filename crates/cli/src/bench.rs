@@ -179,7 +179,7 @@ fn policies(args: &BenchArgs) -> impl Iterator<Item = (UpdateName, Switch)> {
 /// Every intersector with every layout.
 fn methods(args: &BenchArgs) -> impl Iterator<Item = MethodArgs> {
     args.intersector.iter().flat_map(|&intersector| {
-        let layouts = args.layouts.layout.iter();
+        let layouts = args.layout.iter();
         layouts.map(move |&layout| MethodArgs {
             intersector,
             layout,

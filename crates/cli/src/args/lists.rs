@@ -1,6 +1,6 @@
 //! Options that commands share. Each command gives lists defaults of its own.
 
-use super::{BackendName, LayoutName, UpdateName};
+use super::{BackendName, UpdateName};
 use crate::values;
 use clap::Args;
 
@@ -10,14 +10,6 @@ pub(crate) struct PoliciesArgs {
     /// Update policies
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub(crate) update: Vec<UpdateName>,
-}
-
-/// Layouts to go through.
-#[derive(Args, Clone, Debug)]
-pub(crate) struct LayoutsArgs {
-    /// Layouts of the tree
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    pub(crate) layout: Vec<LayoutName>,
 }
 
 /// How large frames are.

@@ -73,13 +73,13 @@ fn each_command_has_defaults_of_its_own() {
         panic!("bench goes without options");
     };
     assert_eq!(bench.size.size, [640, 360]);
-    assert_eq!(bench.layouts.layout, [LayoutName::Auto]);
+    assert_eq!(bench.layout, [LayoutName::Auto]);
     assert_eq!(bench.policies.update.len(), 3);
     let some = parse("bench demo:twist --layout fast --size 8x8 --warm-up 0");
     let Ok(Command::Bench(some)) = some else {
         panic!("options must be taken");
     };
-    assert_eq!(some.layouts.layout, [LayoutName::Fast]);
+    assert_eq!(some.layout, [LayoutName::Fast]);
     assert_eq!(
         (some.size.size, &*some.warm_up.words()),
         ([8, 8], " --warm-up 0")

@@ -63,9 +63,21 @@ struct Comparison {
 
 /// Compares two files.
 pub(super) fn run(args: &BenchArgs) -> Result<(), Stop> {
-    let [old_file, new_file] = args.compare.as_slice() else {
+    let [old, new] = args.compare.as_slice() else {
         return Err(Stop::bad("--compare takes two files"));
     };
+    let comparison = compare(old, new)?;
+    if let Some(file) = &args.json {
+        output::write_json(file, &comparison)?;
+    }
+    talk::print(&text(&comparison))?;
+    match args.fail_above {
+        Some(percent) => refuse_slower(&comparison.changes, percent),
+        None => Ok(()),
+    }
+}
+
+fn compare(old_file: &Path, new_file: &Path) -> Result<Comparison, Stop> {
     let (old, mut new) = (read(old_file)?, read(new_file)?);
     let (mut changes, mut only_in_old) = (Vec::new(), Vec::new());
     for before in old {
@@ -76,22 +88,14 @@ pub(super) fn run(args: &BenchArgs) -> Result<(), Stop> {
         let after = new.remove(i);
         changes.extend(QUANTITIES.iter().filter_map(|q| change(&before, &after, q)));
     }
-    let comparison = Comparison {
+    Ok(Comparison {
         schema: output::SCHEMA,
         old: old_file.display().to_string(),
         new: new_file.display().to_string(),
         changes,
         only_in_old,
         only_in_new: new.into_iter().map(|r| r.name).collect(),
-    };
-    if let Some(file) = &args.json {
-        output::write_json(file, &comparison)?;
-    }
-    talk::print(&text(&comparison))?;
-    match args.fail_above {
-        Some(percent) => refuse_slower(&comparison.changes, percent),
-        None => Ok(()),
-    }
+    })
 }
 
 fn refuse_slower(changes: &[Change], percent: f64) -> Result<(), Stop> {
@@ -262,6 +266,47 @@ mod tests {
         let c = change(&old, &run(&other, |t| 2.5 * load(t, 7.7)), "wall_ms").unwrap();
         assert!(c.beyond_noise, "{c:?}");
         assert!(change(&old, &same, "refit_ms").is_none());
+    }
+
+    #[test]
+    fn two_files_are_compared_and_a_slower_one_can_fail() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = |name: &str, json: Value| {
+            let path = dir.path().join(name);
+            std::fs::write(&path, json.to_string()).unwrap();
+            path
+        };
+        let frames = |ms: [f64; 4]| {
+            let frame = |(time, ms)| serde_json::json!({ "time": time, "wall_ms": ms });
+            (0..).zip(ms).map(frame).collect::<Vec<Value>>()
+        };
+        let rows = |update: &str, ms| {
+            let row = serde_json::json!({
+                "scene": "s", "backend": "cpu", "update": update, "per_frame": frames(ms)
+            });
+            serde_json::json!({ "rows": [row] })
+        };
+        let old = file("old.json", rows("refit", [9.0, 1.0, 2.0, 3.0]));
+        let new = file("new.json", rows("refit", [9.0, 1.5, 3.0, 4.5]));
+        let comparison = compare(&old, &new).unwrap();
+        assert!(comparison.changes[0].beyond_noise);
+        let told = text(&comparison);
+        assert!(told.contains("1.500") && told.contains("SLOWER"), "{told}");
+        assert!(refuse_slower(&comparison.changes, 60.0).is_ok());
+        let why = refuse_slower(&comparison.changes, 40.0).unwrap_err();
+        let says = "slower by more than 40 %: s cpu refit wall_ms";
+        assert!(matches!(&why, Stop::Failed(_)) && why.text().starts_with(says));
+        let other = file("other.json", rows("async", [9.0; 4]));
+        let told = text(&compare(&old, &other).unwrap());
+        for (path, update) in [(&old, "refit"), (&other, "async")] {
+            let only = format!("only in {}: s cpu {update}\n", path.display());
+            assert!(told.contains(&only), "{told}");
+        }
+        let none = file("else.json", serde_json::json!({}));
+        for (path, says) in [(none, "neither"), (dir.path().join("nowhere"), "nowhere")] {
+            let why = compare(&old, &path).err().unwrap();
+            assert!(matches!(&why, Stop::Bad(_)) && why.text().contains(says));
+        }
     }
 
     #[test]
