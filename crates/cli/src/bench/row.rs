@@ -59,7 +59,7 @@ pub(crate) struct Row {
     pub(crate) per_frame: Vec<FrameStats>,
 }
 
-/// What is summed up beside the times of [`TIMES`].
+/// What is summed up beside the times of [`TIMES`]. `geometry_ms` is all that comes before rays.
 const MORE: [(&str, Time); 4] = [
     ("geometry_ms", geometry),
     ("tree_age_frames", |f| Some(f.tree_age_frames as f64)),
