@@ -6,7 +6,7 @@ mod rays;
 mod results;
 mod row;
 
-use crate::args::{BackendName, BenchArgs, MethodArgs, PolicyArgs, RaysName, Switch, UpdateName};
+use crate::args::{BackendName, BenchArgs, MethodArgs, RaysName, Switch, UpdateName};
 use crate::choose::{self, Ahead, Ask};
 use crate::progress::Progress;
 use crate::stop::Stop;
@@ -122,15 +122,11 @@ fn combinations(args: &BenchArgs) -> Result<(Vec<Combination<'_>>, Vec<String>),
                     skipped.push(why);
                     continue;
                 }
-                let policy = PolicyArgs {
-                    update,
-                    lockstep: None,
-                };
                 let ask = Ask {
                     adapter: args.adapter.as_deref(),
                     threads: args.threads,
                     tolerance: args.tolerance.ppm(),
-                    ..Ask::of(backend, method, choose::update(policy)?)
+                    ..Ask::of(backend, method, choose::free_update(update)?)
                 };
                 sound.extend(builders.iter().map(|&builder_threads| {
                     let ask = Ask {

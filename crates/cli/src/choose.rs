@@ -158,6 +158,12 @@ pub(crate) fn update(policy: PolicyArgs) -> Result<Choice<Update>, Stop> {
     Ok(asked(fixed))
 }
 
+/// Likewise, at the builder's own pace.
+pub(crate) fn free_update(update: UpdateName) -> Result<Choice<Update>, Stop> {
+    let lockstep = None;
+    self::update(PolicyArgs { update, lockstep })
+}
+
 /// What a method names that a driver with trees of its own does not have. The usual intersector, which nobody need
 /// name, stands for the driver's own.
 pub(crate) fn beyond_drivers(method: MethodArgs) -> Option<String> {

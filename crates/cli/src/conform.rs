@@ -12,7 +12,7 @@ use crate::table::counted;
 use crate::{conflicts, record, talk};
 use backend::{Intersector, Method};
 use conformance::leaks::{self, LeakPlan};
-use conformance::{Disagreement, Law, hold, hold_one, laws_of};
+use conformance::{Law, hold, hold_one, laws_of};
 use results::{PropertyRow, Report};
 use std::time::Instant;
 
@@ -88,10 +88,10 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
                 backend: subject.name,
                 held: *held.as_ref().unwrap_or_else(|e| &e.held),
                 seconds,
-                reproduce: held
-                    .as_ref()
-                    .err()
-                    .map(|e| reproduce(args, subject.name, e)),
+                reproduce: held.as_ref().err().map(|e| {
+                    let rest = format!("--law {} --case {}", e.law, e.trial);
+                    command(args, "", subject.name, &rest)
+                }),
                 disagreement: held.err().map(|e| e.to_string()),
             };
             progress.step(&outcome(&row));
@@ -119,19 +119,12 @@ fn outcome(row: &PropertyRow) -> String {
     )
 }
 
-/// The command that shows this disagreement and nothing else.
-fn reproduce(args: &ConformArgs, backend: &str, found: &Disagreement) -> String {
-    let adapter = adapter_option(args);
-    let Disagreement {
-        law, seed, trial, ..
-    } = found;
-    format!("abvh conform --backend {backend}{adapter} --seed {seed} --law {law} --case {trial}")
-}
-
-fn adapter_option(args: &ConformArgs) -> String {
-    args.adapter
-        .as_deref()
-        .map_or(String::new(), |a| format!(" --adapter '{a}'"))
+/// The command that shows something again.
+fn command(args: &ConformArgs, scenes: &str, backend: &str, rest: &str) -> String {
+    let adapter = args.adapter.as_deref();
+    let adapter = adapter.map_or(String::new(), |a| format!(" --adapter '{a}'"));
+    let seed = args.seed;
+    format!("abvh conform{scenes} --backend {backend}{adapter} --seed {seed} {rest}")
 }
 
 /// Aims rays at closed bodies, if that was asked for.
@@ -161,14 +154,12 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
     let rows = found.rows.into_iter().map(|row| (subject.name, row));
     report.leaks.extend(rows);
     let offsets: Vec<String> = args.offsets.iter().map(ToString::to_string).collect();
-    let command = format!(
-        "abvh conform --backend {}{} --seed {} --cases 0 --leak-rays {} --offsets {} --intersector {intersector}",
-        subject.name,
-        adapter_option(args),
-        args.seed,
+    let rest = format!(
+        "--cases 0 --leak-rays {} --offsets {} --intersector {intersector}",
         args.leak_rays,
         offsets.join(",")
     );
+    let command = command(args, "", subject.name, &rest);
     let examples = found.first.iter();
     report
         .leak_examples

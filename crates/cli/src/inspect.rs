@@ -3,8 +3,7 @@
 mod motion;
 
 use crate::args::{
-    BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, PolicyArgs, Switch,
-    UpdateName,
+    BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, Switch, UpdateName,
 };
 use crate::bench::FOV;
 use crate::choose::{self, Ahead, Ask, Run};
@@ -74,10 +73,6 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
 
 /// What `render` would take if all were left to `auto`.
 fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec<Taken>, Stop> {
-    let policy = PolicyArgs {
-        update: UpdateName::Auto,
-        lockstep: None,
-    };
     let is_demo = frames::is_demo(&args.scene);
     let frames = frames::list(None, None, animation.whole_times(), is_demo)?;
     let view = output::frame_scene(animation, FOV, SIZE);
@@ -97,7 +92,11 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         tolerance: args.tolerance.ppm(),
         run,
         ahead: Ahead::of(&frames, Switch::On),
-        ..Ask::of(BackendName::Auto, method, choose::update(policy)?)
+        ..Ask::of(
+            BackendName::Auto,
+            method,
+            choose::free_update(UpdateName::Auto)?,
+        )
     };
     Ok(session::start(animation, &ask)?.taken)
 }

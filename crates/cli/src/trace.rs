@@ -1,6 +1,6 @@
 //! `abvh trace`: given rays at one moment.
 
-use crate::args::{PolicyArgs, TraceArgs, UpdateName};
+use crate::args::{TraceArgs, UpdateName};
 use crate::choose::{self, Ask};
 use crate::session::{self, Session};
 use crate::stop::Stop;
@@ -31,10 +31,6 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
         _ if moments.len() > 1 => UpdateName::Refit,
         _ => UpdateName::Rebuild,
     };
-    let policy = PolicyArgs {
-        update,
-        lockstep: None,
-    };
     let mut session = session::start(
         animation,
         &Ask {
@@ -42,7 +38,11 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
             threads: args.device.threads,
             builder_threads: args.device.builder_threads,
             tolerance: args.tolerance.ppm(),
-            ..Ask::of(args.device.backend, args.method, choose::update(policy)?)
+            ..Ask::of(
+                args.device.backend,
+                args.method,
+                choose::free_update(update)?,
+            )
         },
     )?;
     if !args.quiet {

@@ -69,10 +69,6 @@ fn settled(
         time: index as f64 / 8.0,
     };
     let frames: Vec<Frame> = (0..count).map(frame).collect();
-    let policy = PolicyArgs {
-        update: UpdateName::Auto,
-        lockstep: None,
-    };
     let method = MethodArgs {
         intersector,
         layout: LayoutName::Auto,
@@ -85,7 +81,11 @@ fn settled(
             query,
         }),
         ahead: Ahead::of(&frames, Switch::On),
-        ..Ask::of(BackendName::Cpu, method, update(policy).unwrap())
+        ..Ask::of(
+            BackendName::Cpu,
+            method,
+            free_update(UpdateName::Auto).unwrap(),
+        )
     };
     let want = Want {
         backend: BackendName::Cpu,

@@ -1,6 +1,6 @@
 //! Rays by the million against the oracle, on every backend at once.
 
-use super::adapter_option;
+use super::command;
 use super::results::Report;
 use crate::args::ConformArgs;
 use crate::progress::Progress;
@@ -137,12 +137,9 @@ fn tell(
 ) {
     let (about, spec) = (audit.about(&batch.spec), batch.spec.number);
     let scenes: String = args.scene.iter().map(|s| format!(" '{s}'")).collect();
-    let command = format!(
-        "abvh conform{scenes} --backend {backend}{} --seed {} --cases 0 --oracle-rays {} --oracle-batch {spec}",
-        adapter_option(args),
-        args.seed,
-        args.oracle_rays,
-    );
+    let rays = args.oracle_rays;
+    let rest = format!("--cases 0 --oracle-rays {rays} --oracle-batch {spec}");
+    let command = command(args, &scenes, backend, &rest);
     let examples = &mut report.oracle_examples;
     let begins = format!("{backend}: ");
     let told = examples.iter().filter(|e| e.starts_with(&begins)).count();
