@@ -1,6 +1,5 @@
 //! What may be asked for.
 
-use crate::reduce::{self, Tolerance};
 use crate::stop::Stop;
 use crate::{talk, values};
 use clap::builder::ArgPredicate;
@@ -153,7 +152,7 @@ pub(crate) struct InspectArgs {
     pub(crate) source: SourceArgs,
     /// Instead, find the fewest key frames whose blends stay within TOL of all, at every vertex. TOL is in scene units,
     /// or in per cent of the diagonal of the scene's bounds
-    #[arg(long, value_name = "TOL|TOL%", value_parser = reduce::tolerance)]
+    #[arg(long, value_name = "TOL|TOL%", value_parser = lists::tolerance)]
     pub(crate) reduce_keys: Option<Tolerance>,
     /// Directory for those key frames, as .ply files, and times.json with the time of each
     #[arg(long, value_name = "DIR", value_parser = values::file())]
@@ -341,21 +340,17 @@ mod chart;
 pub(crate) use chart::ChartArgs;
 
 mod conform;
-pub(crate) use conform::{ConformArgs, SubjectName};
+pub(crate) use conform::{ConformArgs, StabilityArgs, SubjectName};
 
 mod idle;
 
 mod lists;
-pub(crate) use lists::{LayoutsArgs, PoliciesArgs, SizeArgs, WarmUpArgs};
+pub(crate) use lists::{
+    PoliciesArgs, SizeArgs, Tolerance, ToleranceArgs, WarmUpArgs, has_own_trees,
+};
 
 mod render;
 pub(crate) use render::RenderArgs;
-
-mod stability;
-pub(crate) use stability::StabilityArgs;
-
-mod tolerance;
-pub(crate) use tolerance::ToleranceArgs;
 
 #[cfg(test)]
 mod tests;

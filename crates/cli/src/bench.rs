@@ -3,21 +3,16 @@
 mod compare;
 mod growth;
 mod rays;
-mod rivals;
+mod results;
 mod row;
-mod sheet;
-mod text;
 
-use crate::ahead::Ahead;
-use crate::args::{BackendName, BenchArgs, MethodArgs, PolicyArgs, Switch, UpdateName};
+use crate::args::{BackendName, BenchArgs, MethodArgs, RaysName, Switch, UpdateName};
+use crate::choose::{self, Ahead, Ask};
 use crate::progress::Progress;
-use crate::session::Ask;
 use crate::stop::Stop;
-use crate::{choose, conflicts, frames, info, record, talk, threads};
+use crate::{conflicts, frames, info, open, record, talk, threads};
 use clap::ValueEnum;
-use pipeline::Frame;
 pub(crate) use row::{Row, Run, measure};
-use scene::Scene;
 use serde::Serialize;
 
 /// Vertical field of view, in degrees, as with `render`.
@@ -33,7 +28,7 @@ struct Report {
     size: [u32; 2],
     rows: Vec<Row>,
     /// Every run over every other of its scene.
-    ratios: Vec<rivals::Ratio>,
+    ratios: Vec<results::Ratio>,
 }
 
 /// Measures.
@@ -51,171 +46,121 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     if !args.compare.is_empty() {
         return compare::run(args);
     }
-    let mut bench = Bench::new(args)?;
-    for spec in &args.scenes {
-        let scene = scene::open(spec, &args.source.options())?;
-        let keys = scene.animation.whole_times();
-        let frames = frames::list(Some(&args.frames), args.time_range, keys, false)?;
-        let place = (&spec[..], &scene, &frames[..]);
-        bench.all(place)?;
-    }
-    let report = bench.report()?;
+    let rows = measure_all(args)?;
+    results::check(&rows, args.against.as_deref())?;
+    let report = Report {
+        schema: output::SCHEMA,
+        version: env!("CARGO_PKG_VERSION"),
+        command_line: record::command_line(),
+        cpu: info::cpu_model(),
+        cores: threads::cores(),
+        size: args.size.size,
+        ratios: results::ratios(&rows),
+        rows,
+    };
     if let Some(file) = &args.json {
         output::write_json(file, &report)?;
     }
     if let Some(file) = &args.csv {
-        output::write_whole(file, sheet::csv(&report.rows)?.as_bytes())?;
+        output::write_whole(file, &results::csv(&report.rows)?)?;
     }
     if let Some(file) = &args.growth {
         output::write_whole(file, growth::svg(&report)?.as_bytes())?;
     }
-    talk::print(&text::text(&report, args.against.as_deref()))
+    talk::print(&results::text(&report, args.against.as_deref()))
 }
 
-/// All that is under way.
-struct Bench<'a> {
-    args: &'a BenchArgs,
-    tolerance: f64,
-    combinations: Vec<Combination>,
-    progress: Progress,
-    rows: Vec<Row>,
-}
-
-/// A scene by its name, and the frames to run.
-type Place<'a> = (&'a str, &'a Scene, &'a [Frame]);
-
-impl<'a> Bench<'a> {
-    fn new(args: &'a BenchArgs) -> Result<Self, Stop> {
-        let (combinations, skipped) = combinations(args);
-        let progress = Progress::new(0, args.quiet);
-        if combinations.is_empty() {
-            let why = skipped.join("; ");
-            return Err(Stop::bad(format!("nothing is left to measure: {why}")));
-        }
-        skipped.iter().for_each(|s| progress.say(s));
-        Ok(Self {
-            args,
-            tolerance: args.tolerance.ppm(),
-            combinations,
-            progress,
-            rows: Vec::new(),
-        })
+/// Every combination over every scene.
+fn measure_all(args: &BenchArgs) -> Result<Vec<Row>, Stop> {
+    let (combinations, skipped) = combinations(args)?;
+    let mut progress = Progress::new(0, args.quiet);
+    if combinations.is_empty() {
+        let why = skipped.join("; ");
+        return Err(Stop::bad(format!("nothing is left to measure: {why}")));
     }
-
-    /// Every combination over one scene.
-    fn all(&mut self, (spec, scene, frames): Place<'_>) -> Result<(), Stop> {
-        let args = self.args;
-        let builders: Vec<Option<usize>> = match args.builder_threads.as_slice() {
-            [] => vec![None],
-            some => some.iter().copied().map(Some).collect(),
-        };
-        let mut runs = Vec::new();
-        for &rays in &args.rays {
-            for &combination in &self.combinations {
-                runs.extend(builders.iter().map(|&builder| (rays, combination, builder)));
-            }
-        }
-        self.progress.lengthen(runs.len() as u64);
-        for (rays, (backend, (policy, predict), method), builder_threads) in runs {
+    skipped.iter().for_each(|s| progress.say(s));
+    let mut rows = Vec::new();
+    for spec in &args.scenes {
+        let scene = scene::open(spec, &args.source.options())?;
+        let keys = scene.animation.whole_times();
+        let frames = frames::list(Some(&args.frames), args.time_range, keys, false)?;
+        progress.lengthen((args.rays.len() * combinations.len()) as u64);
+        let each = |&rays: &RaysName| combinations.iter().map(move |c| (rays, c));
+        for (rays, (ask, predict)) in args.rays.iter().flat_map(each) {
             let ask = Ask {
-                backend,
-                adapter: args.adapter.as_deref(),
-                threads: args.threads,
-                builder_threads,
-                method,
-                update: choose::update(policy)?,
-                tolerance: self.tolerance,
-                run: None,
-                ahead: Ahead::of(frames, predict),
+                ahead: Ahead::of(&frames, *predict),
+                ..*ask
             };
             let run = Run {
                 rays,
                 size: args.size.size,
                 warm_up: args.warm_up.warm_up(),
             };
-            let row = measure(run, (spec, scene), frames, &ask)?;
+            let row = measure(run, (spec, &scene), &frames, &ask)?;
             let words = [spec, row.backend, row.update, row.intersector];
-            self.progress.step(&words.join(" "));
-            self.rows.push(row);
+            progress.step(&words.join(" "));
+            rows.push(row);
         }
-        Ok(())
     }
-
-    fn report(self) -> Result<Report, Stop> {
-        let Self { args, rows, .. } = self;
-        rivals::check(&rows, args.against.as_deref())?;
-        Ok(Report {
-            schema: 1,
-            version: env!("CARGO_PKG_VERSION"),
-            command_line: record::command_line(),
-            cpu: info::cpu_model(),
-            cores: threads::cores(),
-            size: args.size.size,
-            ratios: rivals::ratios(&rows),
-            rows,
-        })
-    }
+    Ok(rows)
 }
 
-type Combination = (BackendName, (PolicyArgs, Switch), MethodArgs);
+/// What to set up, and whether trees are built for what comes.
+type Combination<'a> = (Ask<'a>, Switch);
 
 /// Everything with everything that makes sense, and remarks on what does not.
-fn combinations(args: &BenchArgs) -> (Vec<Combination>, Vec<String>) {
-    let all = everything(args).into_iter();
-    let (sound, senseless): (Vec<_>, Vec<_>) = all.partition(|c| nonsense(c).is_none());
-    let mut skipped: Vec<String> = senseless.iter().filter_map(nonsense).collect();
+fn combinations(args: &BenchArgs) -> Result<(Vec<Combination<'_>>, Vec<String>), Stop> {
+    let builders: Vec<Option<usize>> = match args.builder_threads.as_slice() {
+        [] => vec![None],
+        some => some.iter().copied().map(Some).collect(),
+    };
+    let (mut sound, mut skipped) = (Vec::new(), Vec::new());
+    for &backend in &args.backend {
+        for (update, predict) in policies(args) {
+            for method in methods(args) {
+                if let Some(why) = nonsense(backend, update, method) {
+                    skipped.push(why);
+                    continue;
+                }
+                let ask = Ask {
+                    adapter: args.adapter.as_deref(),
+                    threads: args.threads,
+                    tolerance: args.tolerance.ppm(),
+                    ..Ask::of(backend, method, choose::free_update(update)?)
+                };
+                sound.extend(builders.iter().map(|&builder_threads| {
+                    let ask = Ask {
+                        builder_threads,
+                        ..ask
+                    };
+                    (ask, predict)
+                }));
+            }
+        }
+    }
     skipped.dedup();
-    (sound, skipped)
+    Ok((sound, skipped))
 }
 
 /// What is wrong with a combination.
-fn nonsense(&(backend, (policy, _), method): &Combination) -> Option<String> {
-    let value = backend.to_possible_value()?;
-    let name = value.get_name();
-    if policy.update == UpdateName::DeviceRebuild && !crate::open::makes_trees(backend) {
+fn nonsense(backend: BackendName, update: UpdateName, method: MethodArgs) -> Option<String> {
+    let [name, policy] = [backend.to_possible_value()?, update.to_possible_value()?];
+    let (name, policy) = (name.get_name(), policy.get_name());
+    if update == UpdateName::DeviceRebuild && !open::makes_trees(backend) {
         return Some(format!(
             "{name} with device-rebuild is left out: it makes no trees"
         ));
     }
-    if !crate::open::has_own_trees(backend) {
+    if !open::has_own_trees(backend) {
         return None;
     }
-    let backend = name;
-    if let UpdateName::Async | UpdateName::TSah = policy.update {
-        let update = policy.update.to_possible_value()?;
+    if let UpdateName::Async | UpdateName::TSah = update {
         return Some(format!(
-            "{backend} with {} is left out: it makes its trees itself, within each frame",
-            update.get_name()
+            "{name} with {policy} is left out: it makes its trees itself, within each frame"
         ));
     }
     choose::beyond_drivers(method)
-        .map(|what| format!("{backend} with {what} is left out: it has its own"))
-}
-
-/// Everything with everything.
-fn everything(args: &BenchArgs) -> Vec<Combination> {
-    let mut all = Vec::new();
-    for &backend in &args.backend {
-        for (update, predict) in policies(args) {
-            let policy = PolicyArgs {
-                update,
-                lockstep: None,
-            };
-            all.extend(methods(args).map(|method| (backend, (policy, predict), method)));
-        }
-    }
-    all
-}
-
-/// Every intersector with every layout.
-fn methods(args: &BenchArgs) -> impl Iterator<Item = MethodArgs> {
-    args.intersector.iter().flat_map(|&intersector| {
-        let layouts = args.layouts.layout.iter();
-        layouts.map(move |&layout| MethodArgs {
-            intersector,
-            layout,
-        })
-    })
+        .map(|what| format!("{name} with {what} is left out: it has its own"))
 }
 
 /// Each update policy, with and without prediction where that makes a difference.
@@ -224,5 +169,16 @@ fn policies(args: &BenchArgs) -> impl Iterator<Item = (UpdateName, Switch)> {
         let differ = matches!(update, UpdateName::Async | UpdateName::Auto);
         let take = if differ { args.predict.len() } else { 1 };
         args.predict.iter().take(take).map(move |&p| (update, p))
+    })
+}
+
+/// Every intersector with every layout.
+fn methods(args: &BenchArgs) -> impl Iterator<Item = MethodArgs> {
+    args.intersector.iter().flat_map(|&intersector| {
+        let layouts = args.layout.iter();
+        layouts.map(move |&layout| MethodArgs {
+            intersector,
+            layout,
+        })
     })
 }

@@ -15,15 +15,14 @@ mod questions;
 mod text;
 mod truth;
 
-use crate::ahead::Ahead;
 use crate::args::{ChartArgs, PolicyArgs, RaysName};
 use crate::bench::{self, Row};
-use crate::choose::Choice;
+use crate::choose::{self, Ahead, Choice};
 use crate::progress::Progress;
 use crate::session::Ask;
 use crate::stop::Stop;
 use crate::warm_up::Warmed;
-use crate::{choose, frames, info, reduce, talk};
+use crate::{frames, info, reduce, talk};
 use chart::{Adapter, Chart, Companions, KeyFrameStep, KeyFrames, Machine, Point, Spread};
 use output::{FrameStats, Summary};
 use pipeline::Update;

@@ -1,10 +1,102 @@
-//! What `auto` takes, and why.
+//! What is left to `auto`: policy and layout by rule; the intersector, where wrong rays are tolerated, by a sample.
+//!
+//! Neither policy nor layout changes a hit. The intersector can; it is therefore left to `auto` only by name.
+//! A tolerance of 0 is not measured but proven: by definition (`docs/design/hits.md`) `exact` alone is free of wrong
+//! answers. A tolerance above 0 is shown by a sample of the run's own rays, at 95 % confidence.
 
-use crate::args::{IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName};
+mod reused;
+mod sample;
+
+use crate::args::{
+    BackendName, IntersectorName, LayoutName, MethodArgs, PolicyArgs, Switch, UpdateName,
+};
 use crate::stop::Stop;
-use backend::{Intersector, Layout, Method};
+use backend::{DeviceKind, Intersector, Layout, Method, Query};
 use output::Taken;
-use pipeline::{Pace, Update};
+use pipeline::{Frame, Pace, RefitDecay, RunFacts, Update};
+pub(crate) use reused::ReusedBackend;
+use sample::{Sample, Wrong};
+
+/// What to set up.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ask<'a> {
+    /// Backend.
+    pub(crate) backend: BackendName,
+    /// Adapter of the backend.
+    pub(crate) adapter: Option<&'a str>,
+    /// Threads that render.
+    pub(crate) threads: Option<usize>,
+    /// Threads that build.
+    pub(crate) builder_threads: Option<usize>,
+    /// How rays are traced.
+    pub(crate) method: MethodArgs,
+    /// How trees follow the motion.
+    pub(crate) update: Choice<Update>,
+    /// Wrong rays a million that an intersector left to `auto` may have.
+    pub(crate) tolerance: f64,
+    /// What will be done, by which `auto` chooses.
+    pub(crate) run: Option<Run<'a>>,
+    /// What trees may be built for.
+    pub(crate) ahead: Ahead,
+}
+
+impl Ask<'_> {
+    /// Leaves all else as it usually is.
+    pub(crate) fn of(backend: BackendName, method: MethodArgs, update: Choice<Update>) -> Self {
+        Self {
+            backend,
+            adapter: None,
+            threads: None,
+            builder_threads: None,
+            method,
+            update,
+            tolerance: 0.0,
+            run: None,
+            ahead: Ahead::default(),
+        }
+    }
+}
+
+/// The run that something is chosen for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Run<'a> {
+    /// Its frames.
+    pub(crate) frames: &'a [Frame],
+    /// What is traced in each.
+    pub(crate) query: Query<'a>,
+}
+
+/// What is known of the frames to come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Ahead {
+    /// The first and the last time of all frames, in key frames.
+    pub(crate) time_range: [f64; 2],
+    /// Whether `async` builds for what comes.
+    pub(crate) predict: bool,
+}
+
+impl Default for Ahead {
+    /// The whole motion.
+    fn default() -> Self {
+        Self {
+            time_range: [0.0, f64::INFINITY],
+            predict: true,
+        }
+    }
+}
+
+impl Ahead {
+    /// These frames.
+    pub(crate) fn of(frames: &[Frame], predict: Switch) -> Self {
+        let times = || frames.iter().map(|f| f.time);
+        let first = times().fold(f64::INFINITY, f64::min);
+        let last = times().fold(0.0, f64::max);
+        Self {
+            time_range: [first.min(last), last],
+            predict: predict == Switch::On,
+        }
+    }
+}
 
 /// Something taken, and the reason where nobody asked for it by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,15 +107,6 @@ pub(crate) struct Choice<T> {
     pub(crate) why: Option<&'static str>,
     /// Whether it is left to `auto`, which knows more once the backend is open.
     pub(crate) is_open: bool,
-}
-
-/// What `auto` took where nothing was asked for by name.
-pub(crate) fn taken(what: &str, takes: &str, why: Option<&str>) -> Option<Taken> {
-    Some(Taken {
-        what: what.to_owned(),
-        takes: takes.to_owned(),
-        why: why?.to_owned(),
-    })
 }
 
 /// What somebody named.
@@ -37,69 +120,69 @@ pub(crate) fn asked<T>(value: T) -> Choice<T> {
 
 /// What nothing can be better than.
 fn auto<T>(value: T, why: &'static str) -> Choice<T> {
-    let why = Some(why);
     Choice {
-        value,
-        why,
-        is_open: false,
+        why: Some(why),
+        ..asked(value)
     }
+}
+
+/// What `auto` took where nothing was asked for by name.
+pub(crate) fn taken(what: &str, takes: &str, why: Option<&str>) -> Option<Taken> {
+    Some(Taken {
+        what: what.to_owned(),
+        takes: takes.to_owned(),
+        why: why?.to_owned(),
+    })
 }
 
 /// How trees follow the motion. What is left open, [`pipeline::RunFacts`] settle where a run is known.
 pub(crate) fn update(policy: PolicyArgs) -> Result<Choice<Update>, Stop> {
     let pace = policy.lockstep.map_or(Pace::Free, Pace::Lockstep);
-    let fixed = match policy.update {
-        UpdateName::Async => return Ok(asked(Update::Async(pace))),
-        UpdateName::Auto if policy.lockstep.is_some() => {
+    let fixed = match (policy.update, policy.lockstep) {
+        (UpdateName::Async, _) => Update::Async(pace),
+        (UpdateName::Auto, Some(_)) => {
             return Ok(auto(Update::Async(pace), "--lockstep asks for it"));
         }
-        UpdateName::Auto => {
+        (UpdateName::Auto, None) => {
             return Ok(Choice {
                 is_open: true,
                 ..auto(Update::Async(pace), "it suits most scenes that deform")
             });
         }
-        UpdateName::Rebuild => Update::Rebuild,
-        UpdateName::Refit => Update::Refit,
-        UpdateName::TSah => Update::TSah,
-        UpdateName::DeviceRebuild => Update::DeviceRebuild,
+        (_, Some(_)) => return Err(Stop::bad("--lockstep goes only with --update async")),
+        (UpdateName::Rebuild, _) => Update::Rebuild,
+        (UpdateName::Refit, _) => Update::Refit,
+        (UpdateName::TSah, _) => Update::TSah,
+        (UpdateName::DeviceRebuild, _) => Update::DeviceRebuild,
     };
-    match policy.lockstep {
-        Some(_) => Err(Stop::bad("--lockstep goes only with --update async")),
-        None => Ok(asked(fixed)),
-    }
+    Ok(asked(fixed))
+}
+
+/// Likewise, at the builder's own pace.
+pub(crate) fn free_update(update: UpdateName) -> Result<Choice<Update>, Stop> {
+    let lockstep = None;
+    self::update(PolicyArgs { update, lockstep })
 }
 
 /// What a method names that a driver with trees of its own does not have. The usual intersector, which nobody need
 /// name, stands for the driver's own.
 pub(crate) fn beyond_drivers(method: MethodArgs) -> Option<String> {
-    let MethodArgs {
-        intersector,
-        layout,
-    } = method;
-    if !matches!(
-        intersector,
-        IntersectorName::Auto | IntersectorName::Watertight
-    ) {
-        let name = self::intersector(intersector).value;
+    let usual = [IntersectorName::Auto, IntersectorName::Watertight];
+    if !usual.contains(&method.intersector) {
+        let name = intersector(method.intersector).value;
         return Some(format!("intersector '{name}'"));
     }
-    let name = self::layout(layout).value;
-    (layout != LayoutName::Auto).then(|| format!("layout '{name}'"))
+    layout(method.layout).map(|name| format!("layout '{name}'"))
 }
 
 /// The same for a backend that makes its trees itself, within each frame.
 pub(crate) fn within_frames(choice: Choice<Update>) -> Choice<Update> {
-    match choice {
-        Choice {
-            value: Update::Async(_),
-            why: Some(_),
-            ..
-        } => auto(
+    match (choice.value, choice.why) {
+        (Update::Async(_), Some(_)) => auto(
             Update::Rebuild,
             "the backend makes its trees itself, within each frame",
         ),
-        asked => asked,
+        _ => choice,
     }
 }
 
@@ -117,20 +200,29 @@ pub(crate) fn intersector(name: IntersectorName) -> Choice<Intersector> {
     }
 }
 
-/// How the tree lies in memory.
-pub(crate) fn layout(name: LayoutName) -> Choice<Layout> {
+/// How the tree lies in memory; `None` if it is left to `auto`.
+fn layout(name: LayoutName) -> Option<Layout> {
     match name {
-        LayoutName::Auto => auto(Layout::Bvh2, "every backend has it"),
-        LayoutName::Bvh2 => asked(Layout::Bvh2),
-        LayoutName::Fast => asked(Layout::Fast),
+        LayoutName::Auto => None,
+        LayoutName::Bvh2 => Some(Layout::Bvh2),
+        LayoutName::Fast => Some(Layout::Fast),
     }
 }
 
-/// Both at once.
+/// A method that leaves nothing to what is known of the device.
 pub(crate) fn method(args: MethodArgs) -> Method {
     Method {
         intersector: intersector(args.intersector).value,
-        layout: layout(args.layout).value,
+        layout: layout(args.layout).unwrap_or(Layout::Bvh2),
+    }
+}
+
+/// The layout asked for, or the one that is traced faster on a device.
+fn layout_on(device: DeviceKind, name: LayoutName) -> Choice<Layout> {
+    match (layout(name), device) {
+        (Some(named), _) => asked(named),
+        (None, DeviceKind::Software) => auto(Layout::Bvh2, "software drivers trace it faster"),
+        (None, _) => auto(Layout::Fast, "it is traced faster"),
     }
 }
 
@@ -142,53 +234,106 @@ pub(crate) fn lockstep(update: Update) -> Option<u64> {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn choose(update: UpdateName, lockstep: Option<u32>) -> Option<Update> {
-        let chosen = super::update(PolicyArgs { update, lockstep });
-        chosen.ok().map(|c| c.value)
-    }
-
-    #[test]
-    fn lockstep_goes_only_with_async() {
-        assert_eq!(choose(UpdateName::Rebuild, Some(1)), None);
-        assert_eq!(choose(UpdateName::Refit, Some(0)), None);
-        assert_eq!(choose(UpdateName::TSah, Some(1)), None);
-        assert_eq!(choose(UpdateName::DeviceRebuild, Some(1)), None);
-        assert_eq!(choose(UpdateName::TSah, None), Some(Update::TSah));
-        assert_eq!(
-            choose(UpdateName::Auto, Some(3)),
-            choose(UpdateName::Async, Some(3))
-        );
-        let three = Some(Update::Async(Pace::Lockstep(3)));
-        assert_eq!(choose(UpdateName::Async, Some(3)), three);
-    }
-
-    #[test]
-    fn a_drivers_own_intersector_stands_for_the_usual_one_alone() {
-        use IntersectorName as I;
-        use LayoutName as L;
-        let beyond = |intersector, layout| {
-            beyond_drivers(MethodArgs {
-                intersector,
-                layout,
-            })
-        };
-        assert_eq!(beyond(I::Auto, L::Auto), None);
-        assert_eq!(beyond(I::Watertight, L::Auto), None);
-        let named = beyond(I::Woop, L::Auto).unwrap();
-        assert_eq!(named, "intersector 'woop'");
-        assert_eq!(beyond(I::Auto, L::Bvh2).unwrap(), "layout 'bvh2'");
-    }
-
-    #[test]
-    fn a_driver_rebuilds_where_nobody_asked_for_more() {
-        let free = auto(Update::Async(Pace::Free), "because");
-        assert_eq!(within_frames(free).value, Update::Rebuild);
-        assert_eq!(within_frames(asked(free.value)), asked(free.value));
-        let refit = auto(Update::Refit, "it stands still");
-        assert_eq!(within_frames(refit), refit);
-    }
+/// What is taken, with a reason for each part that was left open.
+#[derive(Clone, Debug)]
+pub(crate) struct Settled {
+    /// How rays are traced.
+    pub(crate) method: Method,
+    /// How trees follow the motion.
+    pub(crate) update: Update,
+    /// Why this update policy.
+    pub(crate) why_update: Option<String>,
+    /// Why this intersector.
+    pub(crate) why_intersector: Option<String>,
+    /// Why this layout.
+    pub(crate) why_layout: Option<&'static str>,
 }
+
+/// Intersectors that may be wrong, the fastest first (docs/measured.md).
+const FASTEST_FIRST: [Intersector; 3] = [
+    Intersector::Watertight,
+    Intersector::MollerTrumbore,
+    Intersector::Woop,
+];
+
+/// Settles what `ask` leaves open.
+///
+/// # Errors
+/// The backend's or the builder's.
+pub(crate) fn settle(backend: &mut ReusedBackend<'_>, ask: &Ask<'_>) -> Result<Settled, Stop> {
+    let (intersector, why_intersector) = settle_intersector(backend, ask)?;
+    let layout = layout_on(backend.device.kind, ask.method.layout);
+    let (update, why_update) = match ask.run.filter(|_| ask.update.is_open) {
+        Some(run) => {
+            let pipeline::Choice { update, why } = facts(backend, &run)?.choose();
+            (update, Some(why))
+        }
+        None => (ask.update.value, ask.update.why.map(str::to_owned)),
+    };
+    Ok(Settled {
+        method: Method {
+            intersector,
+            layout: layout.value,
+        },
+        update,
+        why_update,
+        why_intersector,
+        why_layout: layout.why,
+    })
+}
+
+/// What is known of a run before its first frame.
+fn facts(backend: &ReusedBackend<'_>, run: &Run<'_>) -> Result<RunFacts, Stop> {
+    let animation = backend.animation;
+    let times: Vec<f64> = run.frames.iter().map(|f| f.time).collect();
+    let threads = backend.share(Update::Async(Pace::Free));
+    Ok(RunFacts {
+        frames: times.len(),
+        step: match *times {
+            [first, .., last] => (last - first).abs() / (times.len() - 1) as f64,
+            _ => 0.0,
+        },
+        moves: animation.moving_count() > 0,
+        triangles: animation.live_count(),
+        rays: run.query.rays.count(),
+        decay: RefitDecay::sample(animation, &times).map_err(Stop::failed)?,
+        device: backend.device.kind,
+        device_builds: backend.device.kind == DeviceKind::Gpu,
+        threads: threads.render,
+        builder_threads: threads.build,
+    })
+}
+
+/// The intersector asked for, or the fastest that meets the tolerance.
+fn settle_intersector(
+    backend: &mut ReusedBackend<'_>,
+    ask: &Ask<'_>,
+) -> Result<(Intersector, Option<String>), Stop> {
+    let usual = intersector(ask.method.intersector);
+    let is_open = ask.method.intersector == IntersectorName::Auto && ask.tolerance > 0.0;
+    let Some(run) = ask.run.filter(|run| is_open && !run.frames.is_empty()) else {
+        return Ok((usual.value, usual.why.map(str::to_owned)));
+    };
+    let Some(rays) = sample::needed(ask.tolerance) else {
+        let why = "to show so small a tolerance would take too many rays".to_owned();
+        return Ok((Intersector::Exact, Some(why)));
+    };
+    let sample = Sample::take(backend, &run, rays)?;
+    let mut found = Vec::new();
+    for intersector in FASTEST_FIRST {
+        let counted = sample.wrong(backend, intersector)?;
+        let (Wrong { wrong, rays }, most) = (counted, counted.at_most());
+        found.push(format!(
+            "{intersector} {wrong} of {rays} rays wrong, at most {most:.1} a million"
+        ));
+        if most <= ask.tolerance {
+            let why = format!("the fastest within the tolerance ({})", found.join(", "));
+            return Ok((intersector, Some(why)));
+        }
+    }
+    let why = format!("no other is within the tolerance ({})", found.join(", "));
+    Ok((Intersector::Exact, Some(why)))
+}
+
+#[cfg(test)]
+mod tests;

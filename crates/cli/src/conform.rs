@@ -9,11 +9,11 @@ use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::subjects::{self, Examined, Machine, Subject};
 use crate::table::counted;
-use crate::{conflicts, talk};
-use backend::{Backend, Intersector, Method};
+use crate::{conflicts, record, talk};
+use backend::{Intersector, Method};
 use conformance::leaks::{self, LeakPlan};
-use conformance::{Disagreement, Law, Reference, hold, hold_one, laws_of};
-use results::{LeakRow, PropertyRow, Report};
+use conformance::{Law, Reference, hold, hold_one, laws_of};
+use results::{PropertyRow, Report};
 use std::time::Instant;
 
 /// Steps in which the progress of many rays is told.
@@ -30,7 +30,7 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
     let mut report = Report {
         schema: output::SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
-        command_line: std::env::args().collect(),
+        command_line: record::command_line(),
         seed: args.seed,
         cases: args.cases,
         leak_rays: args.leak_rays,
@@ -69,7 +69,6 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
     let want = Want {
         backend: BackendName::Cpu,
         adapter: None,
-        method: Method::default(),
         threads: 1,
     };
     let mut reference = Reference::new(open::open(&want, Ok)?.value);
@@ -78,17 +77,21 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
     for subject in &mut *subjects {
         for law in laws(subject) {
             let begun = Instant::now();
-            let held = hold_to(args, law, subject.backend.as_mut(), &mut reference);
+            let backend = subject.backend.as_mut();
+            let held = match args.case {
+                Some(trial) => hold_one(law, backend, &mut reference, args.seed, trial).map(|()| 1),
+                None => hold(law, backend, &mut reference, args.seed, args.cases),
+            };
             let seconds = begun.elapsed().as_secs_f64();
             let row = PropertyRow {
                 law: law.name,
                 backend: subject.name,
                 held: *held.as_ref().unwrap_or_else(|e| &e.held),
                 seconds,
-                reproduce: held
-                    .as_ref()
-                    .err()
-                    .map(|e| reproduce(args, subject.name, e)),
+                reproduce: held.as_ref().err().map(|e| {
+                    let rest = format!("--law {} --case {}", e.law, e.trial);
+                    command(args, "", subject.name, &rest)
+                }),
                 disagreement: held.err().map(|e| e.to_string()),
             };
             progress.step(&outcome(&row));
@@ -116,31 +119,12 @@ fn outcome(row: &PropertyRow) -> String {
     )
 }
 
-fn hold_to(
-    args: &ConformArgs,
-    law: &Law,
-    subject: &mut dyn Backend,
-    reference: &mut Reference,
-) -> Result<u32, Disagreement> {
-    match args.case {
-        Some(trial) => hold_one(law, subject, reference, args.seed, trial).map(|()| 1),
-        None => hold(law, subject, reference, args.seed, args.cases),
-    }
-}
-
-/// The command that shows this disagreement and nothing else.
-fn reproduce(args: &ConformArgs, backend: &str, found: &Disagreement) -> String {
-    let adapter = adapter_option(args);
-    let Disagreement {
-        law, seed, trial, ..
-    } = found;
-    format!("abvh conform --backend {backend}{adapter} --seed {seed} --law {law} --case {trial}")
-}
-
-fn adapter_option(args: &ConformArgs) -> String {
-    args.adapter
-        .as_deref()
-        .map_or(String::new(), |a| format!(" --adapter '{a}'"))
+/// The command that shows something again.
+fn command(args: &ConformArgs, scenes: &str, backend: &str, rest: &str) -> String {
+    let adapter = args.adapter.as_deref();
+    let adapter = adapter.map_or(String::new(), |a| format!(" --adapter '{a}'"));
+    let seed = args.seed;
+    format!("abvh conform{scenes} --backend {backend}{adapter} --seed {seed} {rest}")
 }
 
 /// Aims rays at closed bodies, if that was asked for.
@@ -167,17 +151,15 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
         told = steps;
     })?;
     drop(progress);
-    let rows = found.rows.iter().map(|row| LeakRow::of(subject.name, row));
+    let rows = found.rows.into_iter().map(|row| (subject.name, row));
     report.leaks.extend(rows);
     let offsets: Vec<String> = args.offsets.iter().map(ToString::to_string).collect();
-    let command = format!(
-        "abvh conform --backend {}{} --seed {} --cases 0 --leak-rays {} --offsets {} --intersector {intersector}",
-        subject.name,
-        adapter_option(args),
-        args.seed,
+    let rest = format!(
+        "--cases 0 --leak-rays {} --offsets {} --intersector {intersector}",
         args.leak_rays,
         offsets.join(",")
     );
+    let command = command(args, "", subject.name, &rest);
     let examples = found.first.iter();
     report
         .leak_examples

@@ -1,18 +1,15 @@
 //! `abvh info`: this build and this machine.
 
-use crate::adapters::{Adapter, kind_name};
+use crate::adapters::kind_name;
 use crate::args::{BackendName, InfoArgs};
 use crate::open::{self, Presence, Want};
 use crate::stop::Stop;
 use crate::table::counted;
 use crate::{choose, talk, threads};
-use backend::Method;
 use comfy_table::{ContentArrangement, Table, presets};
-use output::Taken;
+use output::{SCHEMA, Taken};
 use serde::Serialize;
 
-/// The version of the JSON's schema.
-const SCHEMA: u32 = 1;
 /// The most columns of the text.
 const WIDTH: usize = 100;
 
@@ -47,7 +44,6 @@ fn what_auto_takes() -> Result<Option<Taken>, Stop> {
     let want = Want {
         backend: BackendName::Auto,
         adapter: None,
-        method: Method::default(),
         threads: 1,
     };
     let opened = open::open(&want, |backend| Ok(backend.device().backend))?;
@@ -59,52 +55,41 @@ fn what_auto_takes() -> Result<Option<Taken>, Stop> {
 }
 
 fn text(info: &Info) -> String {
-    let row = |name: &str, value: String| vec![name.to_owned(), value];
+    let row = |name: &str, value: &str| [name.to_owned(), value.to_owned()];
     let cpu = info.cpu.as_deref().unwrap_or("unknown");
+    let threads = counted(info.threads, ["thread", "threads"]);
     let mut rows = vec![
-        row("abvh", info.version.to_owned()),
-        row(
-            "cpu",
-            format!("{cpu}, {}", counted(info.threads, ["thread", "threads"])),
-        ),
+        row("abvh", info.version),
+        row("cpu", &format!("{cpu}, {threads}")),
     ];
     if let Some(Taken { takes, why, .. }) = &info.auto {
-        rows.push(row("auto takes", format!("{takes}: {why}")));
+        rows.push(row("auto takes", &format!("{takes}: {why}")));
     }
     for backend in &info.backends {
-        rows.push(row("", String::new()));
+        rows.push(row("", ""));
         let state = match &backend.absent {
             None => "present".to_owned(),
             Some(why) => format!("absent: {why}"),
         };
-        rows.push(row(backend.backend, state));
-        rows.push(row("  intersectors", backend.intersectors.join(", ")));
-        rows.push(row("  layouts", backend.layouts.join(", ")));
+        rows.push(row(backend.backend, &state));
+        rows.push(row("  intersectors", &backend.intersectors.join(", ")));
+        rows.push(row("  layouts", &backend.layouts.join(", ")));
         for adapter in &backend.adapters {
-            rows.extend(adapter_rows(adapter));
+            let name = format!("{} [{}]", adapter.name, kind_name(adapter.kind));
+            rows.push(row(&format!("  adapter {}", adapter.index), &name));
+            if !adapter.driver.is_empty() {
+                rows.push(row("    driver", &adapter.driver));
+            }
+            let limits = adapter.limits.iter();
+            rows.extend(limits.map(|l| row(&format!("    {}", l.name), &l.value)));
         }
     }
     let columns = talk::columns().unwrap_or(WIDTH).min(WIDTH);
     table(&rows, columns as u16)
 }
 
-fn adapter_rows(adapter: &Adapter) -> Vec<Vec<String>> {
-    let kind = kind_name(adapter.kind);
-    let row = |name: String, value: String| vec![name, value];
-    let mut rows = vec![row(
-        format!("  adapter {}", adapter.index),
-        format!("{} [{kind}]", adapter.name),
-    )];
-    if !adapter.driver.is_empty() {
-        rows.push(row("    driver".to_owned(), adapter.driver.clone()));
-    }
-    let limits = adapter.limits.iter();
-    rows.extend(limits.map(|l| row(format!("    {}", l.name), l.value.clone())));
-    rows
-}
-
 /// Names and what stands for them.
-fn table(rows: &[Vec<String>], columns: u16) -> String {
+fn table(rows: &[[String; 2]], columns: u16) -> String {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
     table.set_content_arrangement(ContentArrangement::Dynamic);
@@ -160,7 +145,7 @@ mod tests {
         }
         assert_eq!(text.matches("because").count(), 30);
         let narrow = table(
-            &[vec!["    max_buffer_bytes".to_owned(), "word ".repeat(20)]],
+            &[["    max_buffer_bytes".to_owned(), "word ".repeat(20)]],
             40,
         );
         assert!(narrow.lines().all(|l| l.chars().count() <= 40), "{narrow}");

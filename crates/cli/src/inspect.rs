@@ -1,20 +1,18 @@
 //! `abvh inspect`: a scene's size and motion, how refitting decays, and what `auto` takes.
 
-use crate::ahead::Ahead;
+mod motion;
+
 use crate::args::{
-    BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, PolicyArgs, Switch,
-    UpdateName,
+    BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, Switch, UpdateName,
 };
 use crate::bench::FOV;
-use crate::decay::{self, Decay};
-use crate::motion::{self, Motion, Spread, Still};
-use crate::session::{self, Ask};
-use crate::settle::Run;
+use crate::choose::{self, Ahead, Ask, Run};
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, table};
-use crate::{choose, frames, reduce, render, talk};
+use crate::{frames, record, reduce, session, talk};
 use backend::{Query, QueryKind, Rays};
 use geom::Animation;
+use motion::{Decay, Motion, Spread, Still};
 use output::{SceneFacts, Taken};
 use serde::Serialize;
 use std::sync::Arc;
@@ -52,9 +50,9 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
     crate::memory::check_trees(scene.animation.triangle_count(), 0)?;
     let animation = &scene.animation;
     let bounds = animation.bounds();
-    let (inactive, degenerate) = motion::unhittable(animation);
+    let [inactive, degenerate] = motion::unhittable(animation);
     let inspection = Inspection {
-        scene: render::scene_facts(&scene),
+        scene: record::scene_facts(&scene),
         bounds: (!bounds.is_empty()).then_some(Bounds {
             min: bounds.min,
             max: bounds.max,
@@ -63,7 +61,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
         still: motion::still(animation),
         inactive,
         degenerate,
-        decay: decay::measure(animation, SAMPLES).map_err(Stop::failed)?,
+        decay: motion::decay(animation, SAMPLES).map_err(Stop::failed)?,
         auto: what_auto_takes(args, animation)?,
     };
     if args.json {
@@ -75,10 +73,6 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
 
 /// What `render` would take if all were left to `auto`.
 fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec<Taken>, Stop> {
-    let policy = PolicyArgs {
-        update: UpdateName::Auto,
-        lockstep: None,
-    };
     let is_demo = frames::is_demo(&args.scene);
     let frames = frames::list(None, None, animation.whole_times(), is_demo)?;
     let view = output::frame_scene(animation, FOV, SIZE);
@@ -95,15 +89,14 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         layout: LayoutName::Auto,
     };
     let ask = Ask {
-        backend: BackendName::Auto,
-        adapter: None,
-        threads: None,
-        builder_threads: None,
-        method,
-        update: choose::update(policy)?,
         tolerance: args.tolerance.ppm(),
         run,
         ahead: Ahead::of(&frames, Switch::On),
+        ..Ask::of(
+            BackendName::Auto,
+            method,
+            choose::free_update(UpdateName::Auto)?,
+        )
     };
     Ok(session::start(animation, &ask)?.taken)
 }

@@ -4,15 +4,12 @@
 //! backends, `stop` turns whatever went wrong into one line and an exit code.
 
 mod adapters;
-mod ahead;
 mod args;
-mod auto;
 mod bench;
 mod chart;
 mod choose;
 mod conflicts;
 mod conform;
-mod decay;
 mod frames;
 mod info;
 mod inspect;
@@ -20,7 +17,6 @@ mod journal;
 mod manifest;
 mod memory;
 mod merge;
-mod motion;
 mod open;
 mod outputs;
 mod progress;
@@ -29,7 +25,6 @@ mod reduce;
 mod render;
 mod resume;
 mod session;
-mod settle;
 mod signals;
 mod stability;
 mod stop;
@@ -50,7 +45,7 @@ fn main() -> ExitCode {
     signals::heed();
     match args::parse().and_then(run) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(stop) => stop.report(),
+        Err(stop) => talk::complain(&stop),
     }
 }
 

@@ -1,9 +1,10 @@
-//! What the pipeline says of a frame, as a row of the statistics file.
+//! What is known of a scene and of its frames, as the statistics file says it.
 
 use crate::memory;
 use backend::DeviceBytes;
-use output::FrameStats;
+use output::{FrameStats, SceneFacts};
 use pipeline::FrameRecord;
+use scene::Scene;
 
 /// The command line, program first.
 pub(crate) fn command_line() -> Vec<String> {
@@ -45,5 +46,25 @@ pub(crate) fn row(record: &FrameRecord) -> FrameStats {
         settled: report.settled,
         host_bytes: memory::resident_bytes(),
         device_bytes: record.device_bytes.map(DeviceBytes::total),
+    }
+}
+
+/// A scene's facts for files.
+pub(crate) fn scene_facts(scene: &Scene) -> SceneFacts {
+    let (animation, facts) = (&scene.animation, &scene.facts);
+    SceneFacts {
+        name: scene.name.clone(),
+        keys: animation.keys().len(),
+        vertices: animation.vertex_count(),
+        triangles: animation.triangle_count(),
+        live: animation.live_count(),
+        moving: animation.moving_count(),
+        facts: serde_json::json!({
+            "format": facts.format,
+            "files": facts.files.iter().map(|f| f.to_string_lossy()).collect::<Vec<_>>(),
+            "clip": facts.clip,
+            "seconds_per_key": facts.seconds_per_key,
+            "notes": facts.notes,
+        }),
     }
 }

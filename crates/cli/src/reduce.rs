@@ -1,10 +1,10 @@
 //! `abvh inspect --reduce-keys`: how few key frames stand for all of them.
 
-use crate::args::InspectArgs;
+use crate::args::{InspectArgs, Tolerance};
 use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, counted, grouped, table};
-use crate::{render, talk};
+use crate::{record, talk};
 use geom::{Animation, Point};
 use output::SceneFacts;
 use scene::Scene;
@@ -18,31 +18,6 @@ use std::path::Path;
 const CURVE: [f64; 11] = [
     1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6,
 ];
-
-/// How far a vertex may be from where it was.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Tolerance {
-    /// In scene units.
-    Units(f64),
-    /// As a share of the diagonal of the scene's bounds.
-    Share(f64),
-}
-
-/// `TOL` or `TOL%`.
-pub(crate) fn tolerance(text: &str) -> Result<Tolerance, String> {
-    let (number, is_share) = match text.strip_suffix('%') {
-        Some(number) => (number, true),
-        None => (text, false),
-    };
-    match number.trim().parse::<f64>() {
-        Ok(n) if n >= 0.0 && n.is_finite() && is_share => Ok(Tolerance::Share(n / 100.0)),
-        Ok(n) if n >= 0.0 && n.is_finite() => Ok(Tolerance::Units(n)),
-        _ => Err(
-            "a tolerance is a length from 0 on, such as 0.01, or a share of the diagonal, such as 0.1%"
-                .to_owned(),
-        ),
-    }
-}
 
 #[derive(Serialize)]
 struct Reduction {
@@ -119,34 +94,29 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
     let (mut curve, mut answer) = (Vec::new(), None);
     for (tolerance, share) in wanted {
         let (kept, fit) = verified(animation, &mut reducer, tolerance)?;
-        progress.step(&format!(
-            "{} within {tolerance}",
-            counted(kept.len(), KEY_FRAMES)
-        ));
+        let keys = counted(kept.len(), KEY_FRAMES);
+        progress.step(&format!("{keys} within {tolerance}"));
         match share {
             Some(share) => curve.push(CurvePoint::new(animation, share, tolerance, (&kept, &fit))),
             None => answer = Some((kept, fit)),
         }
     }
     let (kept, fit) = answer.ok_or_else(|| Stop::failed("the tolerance asked for got lost"))?;
-    let keys = Change {
-        before: animation.keys().len(),
-        after: kept.len(),
+    let [before, after] = [animation.keys().len(), kept.len()];
+    let change = |of: fn(&Animation, usize) -> usize| Change {
+        before: of(animation, before),
+        after: of(animation, after),
     };
+    let worst = fit.worst;
     Ok(Reduction {
-        scene: render::scene_facts(scene),
+        scene: record::scene_facts(scene),
         diagonal,
         tolerance,
         kept,
-        keys,
-        bytes: Change {
-            before: bytes(animation, keys.before),
-            after: bytes(animation, keys.after),
-        },
+        keys: change(|_, keys| keys),
+        bytes: change(bytes),
         max_error: fit.max_error,
-        worst: fit
-            .worst
-            .map(|(frame, vertex)| ErrorLocation { frame, vertex }),
+        worst: worst.map(|(frame, vertex)| ErrorLocation { frame, vertex }),
         rms: fit.rms,
         curve,
     })
@@ -189,10 +159,7 @@ pub(crate) fn curve(animation: &Animation) -> Result<Curve, Stop> {
         Ok((point, kept))
     };
     let points: Result<_, Stop> = CURVE.into_iter().map(point).collect();
-    Ok(Curve {
-        diagonal,
-        points: points?,
-    })
+    points.map(|points| Curve { diagonal, points })
 }
 
 /// What is left of an animation if so many frames are kept, at the times they had.
@@ -340,19 +307,6 @@ fn percent(part: f64, whole: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_tolerance_is_a_length_or_a_share() {
-        assert_eq!(tolerance("0"), Ok(Tolerance::Units(0.0)));
-        assert_eq!(tolerance("2.5e-3"), Ok(Tolerance::Units(2.5e-3)));
-        assert_eq!(tolerance("1%"), Ok(Tolerance::Share(0.01)));
-        for bad in [
-            "", "%", "-1", "-0.1%", "nan", "inf", "inf%", "1%%", "1 m", "%1",
-        ] {
-            let why = tolerance(bad).unwrap_err();
-            assert!(why.contains("0.1%"), "{why}");
-        }
-    }
 
     #[test]
     fn a_scene_without_size_has_no_diagonal_and_one_key_frame() {

@@ -1,19 +1,18 @@
 //! `abvh render`: an animation to pictures, hits and statistics.
 
-use crate::ahead::Ahead;
 use crate::args::RenderArgs;
+use crate::choose::{self, Ahead, Run};
 use crate::journal::Journal;
 use crate::outputs::Outputs;
 use crate::progress::Progress;
 use crate::resume::{self, Earlier};
 use crate::session::{self, Ask, Session};
-use crate::settle::Run;
 use crate::stop::Stop;
 use crate::timeline::Notes;
-use crate::{choose, conflicts, frames, record, signals, table, talk};
+use crate::{conflicts, frames, record, signals, table, talk};
 use backend::{Query, QueryKind, Rays};
 use geom::Camera;
-use output::{FrameStats, SCHEMA, SceneFacts, Stats};
+use output::{FrameStats, SCHEMA, Stats};
 use output::{Shot, View};
 use pipeline::Frame;
 use scene::Scene;
@@ -253,7 +252,7 @@ fn stats(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats
         schema: SCHEMA,
         version: env!("CARGO_PKG_VERSION").to_owned(),
         command_line: record::command_line(),
-        scene: scene_facts(scene),
+        scene: record::scene_facts(scene),
         backend: device.backend.to_owned(),
         adapter: device.adapter.clone(),
         driver: (!device.driver.is_empty()).then(|| device.driver.clone()),
@@ -268,26 +267,6 @@ fn stats(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats
         size: args.size.size,
         frames: rows.to_vec(),
         summary: output::overview(rows),
-    }
-}
-
-/// A scene's facts for files.
-pub(crate) fn scene_facts(scene: &Scene) -> SceneFacts {
-    let (animation, facts) = (&scene.animation, &scene.facts);
-    SceneFacts {
-        name: scene.name.clone(),
-        keys: animation.keys().len(),
-        vertices: animation.vertex_count(),
-        triangles: animation.triangle_count(),
-        live: animation.live_count(),
-        moving: animation.moving_count(),
-        facts: serde_json::json!({
-            "format": facts.format,
-            "files": facts.files.iter().map(|f| f.to_string_lossy()).collect::<Vec<_>>(),
-            "clip": facts.clip,
-            "seconds_per_key": facts.seconds_per_key,
-            "notes": facts.notes,
-        }),
     }
 }
 

@@ -1,41 +1,17 @@
 //! A driver set up as asked, ready for its first frame.
 
-use crate::ahead::Ahead;
-use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
-use crate::choose::{self, Choice};
+use crate::args::{IntersectorName, LayoutName, MethodArgs};
+pub(crate) use crate::choose::Ask;
+use crate::choose::{self, ReusedBackend, Settled};
 use crate::memory::{self, ExpectedMemory};
 use crate::open::{self, Want};
-use crate::settle::{self, ReusedBackend, Run, Settled};
 use crate::stop::Stop;
 use crate::threads::{self, Threads};
-use backend::{Backend, Device, DeviceKind, Method};
+use backend::{Backend, Device, DeviceKind};
 use geom::Animation;
 use output::Taken;
 use pipeline::{Driver, Update};
 use std::sync::Arc;
-
-/// What to set up.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Ask<'a> {
-    /// Backend.
-    pub(crate) backend: BackendName,
-    /// Adapter of the backend.
-    pub(crate) adapter: Option<&'a str>,
-    /// Threads that render.
-    pub(crate) threads: Option<usize>,
-    /// Threads that build.
-    pub(crate) builder_threads: Option<usize>,
-    /// How rays are traced.
-    pub(crate) method: MethodArgs,
-    /// How trees follow the motion.
-    pub(crate) update: Choice<Update>,
-    /// Wrong rays a million that an intersector left to `auto` may have.
-    pub(crate) tolerance: f64,
-    /// What will be done, by which `auto` chooses.
-    pub(crate) run: Option<Run<'a>>,
-    /// What trees may be built for.
-    pub(crate) ahead: Ahead,
-}
 
 /// A driver, and what it was made from.
 pub(crate) struct Session {
@@ -68,7 +44,7 @@ pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session
     let opened = open::open(&want, |backend: Box<dyn Backend>| {
         let device = backend.device().clone();
         let mut backend = ReusedBackend::new(backend, animation, ask);
-        let settled = settle::settle(&mut backend, ask)?;
+        let settled = choose::settle(&mut backend, ask)?;
         let driver = backend.driver(settled.method, settled.update)?;
         let threads = backend.share(settled.update);
         Ok((driver, device, settled, threads))
@@ -90,19 +66,13 @@ pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session
     })
 }
 
-/// What to open: a backend that can do what the rules say.
+/// What to open.
 fn want<'a>(ask: &Ask<'a>) -> Want<'a> {
-    let mut method = choose::method(ask.method);
-    let may_err = ask.method.intersector == IntersectorName::Auto && ask.tolerance > 0.0;
-    if may_err && open::lacks(ask.backend, method).is_some() {
-        method.intersector = Method::default().intersector;
-    }
     let cores = threads::cores();
     let (render, build) = (ask.threads, ask.builder_threads);
     Want {
         backend: ask.backend,
         adapter: ask.adapter,
-        method,
         threads: threads::share(cores, DeviceKind::Cpu, ask.update.value, render, build).render,
     }
 }
@@ -148,7 +118,7 @@ fn taken(
     let update = settled.update.name();
     let own = (intersector == open::DRIVERS).then_some("the driver has its own");
     let why_intersector = own.or(settled.why_intersector.as_deref());
-    let why_layout = own.or(settled.why_layout.as_deref());
+    let why_layout = own.or(settled.why_layout);
     let all = [
         choose::taken("backend", device.backend, why),
         choose::taken("update", update, settled.why_update.as_deref()),
@@ -190,7 +160,8 @@ impl Session {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::LayoutName;
+    use crate::args::BackendName;
+    use crate::choose::Ahead;
     use backend::{Hits, Query, QueryKind, Rays};
     use pipeline::{Frame, Pace};
 

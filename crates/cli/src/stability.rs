@@ -1,15 +1,15 @@
 //! `abvh stability`: how often each intersector is wrong where arithmetic is hardest, and whether that is to be expected.
 
-mod results;
-
 use crate::args::StabilityArgs;
 use crate::progress::Progress;
 use crate::stop::Stop;
-use crate::subjects::{self, Examined, Machine, Subject};
-use crate::{conflicts, talk};
+use crate::subjects::{self, Absent, Examined, Machine, Subject, roll};
+use crate::table::{grouped, table};
+use crate::{conflicts, record, talk};
 use backend::Intersector;
-use conformance::stress::{Cell, Family, Plan, StressTest, baseline};
-use results::{Report, Row, Unsupported};
+use conformance::stress::{Cell, Family, Measure, Measured, Plan, StressTest, baseline};
+use serde::{Serialize, Serializer};
+use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 
@@ -29,12 +29,12 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
     }
     let (mut subjects, absent) = subjects::open_all(&args.backend, false, args.adapter.as_deref())?;
     if let Some(file) = &args.record {
-        return record(args, &mut subjects, file);
+        return record_rates(args, &mut subjects, file);
     }
     let mut report = Report {
         schema: output::SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
-        command_line: std::env::args().collect(),
+        command_line: record::command_line(),
         seed: args.seed,
         rays: args.rays,
         machine: Machine::here(),
@@ -58,7 +58,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
 }
 
 /// Measures what is to be expected of the one backend.
-fn record(args: &StabilityArgs, subjects: &mut [Subject], file: &Path) -> Result<(), Stop> {
+fn record_rates(args: &StabilityArgs, subjects: &mut [Subject], file: &Path) -> Result<(), Stop> {
     let [subject] = subjects else {
         let names: Vec<_> = subjects.iter().map(|s| s.name).collect();
         return Err(Stop::bad(format!(
@@ -87,7 +87,7 @@ fn ask(args: &StabilityArgs, subjects: &mut [Subject], report: &mut Report) -> R
         for subject in &mut *subjects {
             for by in Intersector::ALL {
                 if args.intersector.contains(&by) {
-                    report.add(subject.name, by, answer(&test, subject, by)?);
+                    report.add(subject, by, &test)?;
                 }
             }
             progress.step(&format!("{} {family}", subject.name));
@@ -96,28 +96,265 @@ fn ask(args: &StabilityArgs, subjects: &mut [Subject], report: &mut Report) -> R
     Ok(())
 }
 
-/// One cell; `None` if the backend does not support the intersector.
-fn answer(test: &StressTest, subject: &mut Subject, by: Intersector) -> Result<Option<Row>, Stop> {
-    let begun = Instant::now();
-    let arithmetic = subject.backend.device().arithmetic;
-    let tally = test.ask(subject.backend.as_mut(), by)?;
-    let seconds = begun.elapsed().as_secs_f64();
-    Ok(tally.map(|tally| {
-        let cell = Cell::new(test.family(), by, &tally, arithmetic);
-        Row::new(subject.name, cell, seconds)
-    }))
+#[derive(Serialize)]
+struct Report {
+    schema: u32,
+    version: &'static str,
+    command_line: Vec<String>,
+    seed: u64,
+    /// Of each family.
+    rays: u32,
+    machine: Machine,
+    backends: Vec<Examined>,
+    absent: Vec<Absent>,
+    /// Cells that there cannot be.
+    unsupported: Vec<Value>,
+    rows: Vec<Row>,
+}
+
+/// One family, by one intersector, of one backend.
+struct Row {
+    backend: &'static str,
+    cell: Cell,
+    seconds: f64,
+}
+
+impl Serialize for Row {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let cell = &self.cell;
+        let count = |measure| cell.get(measure).map(count);
+        let mut row = json!({
+            "family": cell.family.name(),
+            "backend": self.backend,
+            "intersector": cell.intersector.name(),
+            "wrong": cell.wrong().count,
+            // Of closed bodies alone: rays from inside that meet nothing; rays that cross them too often or too seldom.
+            "leaks": count(Measure::Leaks),
+            "double_hits": count(Measure::DoubleHits),
+            // Of rearranged scenes alone: answers that differ with the tree; cost of the refitted tree over a new one's.
+            "tree_dependent": count(Measure::TreeDependent),
+            "sah_ratio": cell.sah_ratio,
+            "seconds": self.seconds,
+        });
+        let wrong = self::count(cell.wrong());
+        for name in ["rays", "rate", "bound"] {
+            row[name] = wrong[name].clone();
+        }
+        // Whether this and whatever else was counted is within its bound.
+        row["ok"] = cell.is_ok().into();
+        row.serialize(serializer)
+    }
+}
+
+fn count(m: &Measured) -> Value {
+    json!({ "rays": m.of, "count": m.count, "rate": m.rate(), "bound": m.bound, "ok": m.is_ok() })
 }
 
 impl Report {
-    fn add(&mut self, backend: &'static str, by: Intersector, row: Option<Row>) {
-        let unsupported = Unsupported {
-            backend,
-            intersector: by.name(),
-        };
-        match row {
-            Some(row) => self.rows.push(row),
-            None if self.unsupported.contains(&unsupported) => {}
-            None => self.unsupported.push(unsupported),
+    /// One cell, or that the backend does not support the intersector.
+    fn add(
+        &mut self,
+        subject: &mut Subject,
+        by: Intersector,
+        test: &StressTest,
+    ) -> Result<(), Stop> {
+        let begun = Instant::now();
+        let arithmetic = subject.backend.device().arithmetic;
+        let backend = subject.name;
+        if let Some(tally) = test.ask(subject.backend.as_mut(), by)? {
+            self.rows.push(Row {
+                backend,
+                cell: Cell::new(test.family(), by, &tally, arithmetic),
+                seconds: begun.elapsed().as_secs_f64(),
+            });
+            return Ok(());
         }
+        let unsupported = json!({ "backend": backend, "intersector": by.name() });
+        if !self.unsupported.contains(&unsupported) {
+            self.unsupported.push(unsupported);
+        }
+        Ok(())
+    }
+
+    /// Cells of which something is out of its bound.
+    fn failures(&self) -> usize {
+        self.rows.iter().filter(|r| !r.cell.is_ok()).count()
+    }
+
+    fn text(&self, asked: &[Intersector]) -> String {
+        let mut text = roll(&self.backends, &self.absent);
+        for b in &self.backends {
+            text += &self.tables(b.backend, asked);
+        }
+        for row in self.rows.iter().filter(|r| !r.cell.is_ok()) {
+            text += &self.complaint(row);
+        }
+        text
+    }
+
+    /// Families down, intersectors across: first what is wrong, then what leaks and what is hit twice.
+    fn tables(&self, backend: &str, asked: &[Intersector]) -> String {
+        let mut head = vec!["wrong"];
+        head.extend(asked.iter().map(|i| i.name()));
+        let mut text = format!("\n{backend}, rays of each family: {}\n", self.rays);
+        text += &self.table(backend, &head, asked, &|r| share(r.cell.wrong()));
+        head[0] = "leaks, double hits";
+        text += &self.table(backend, &head, asked, &|r| {
+            let [leaks, doubles] = [Measure::Leaks, Measure::DoubleHits].map(|m| r.cell.get(m));
+            leaks.zip(doubles).map_or(String::new(), |(l, d)| {
+                format!("{}, {}", share(l), share(d))
+            })
+        });
+        let mut of_backend = self.rows.iter().filter(|r| r.backend == backend);
+        let moved = of_backend.find_map(|r| r.cell.sah_ratio);
+        text + &moved.map_or(String::new(), |ratio| {
+            format!("rearranged: a refitted tree costs {ratio:.1} times a new one (SAH)\n")
+        })
+    }
+
+    /// Families of which `cell` has something to say.
+    fn table(
+        &self,
+        backend: &str,
+        head: &[&str],
+        asked: &[Intersector],
+        cell: &dyn Fn(&Row) -> String,
+    ) -> String {
+        let mut rows = Vec::new();
+        for family in Family::ALL {
+            let cells: Vec<String> = asked
+                .iter()
+                .map(|by| {
+                    let this = |r: &&Row| {
+                        r.backend == backend && r.cell.family == family && r.cell.intersector == *by
+                    };
+                    self.rows.iter().find(this).map_or("-".to_owned(), cell)
+                })
+                .collect();
+            if cells.iter().any(|c| !c.is_empty() && c != "-") {
+                rows.push([vec![family.name().to_owned()], cells].concat());
+            }
+        }
+        if rows.is_empty() {
+            return String::new();
+        }
+        table(head, &rows, 1)
+    }
+
+    /// What is out of its bound, and the command that shows it again.
+    fn complaint(&self, row: &Row) -> String {
+        let (backend, by) = (row.backend, row.cell.intersector);
+        let out = row.cell.measured.iter().filter(|m| !m.is_ok());
+        let out: Vec<String> = out
+            .map(|m| {
+                let expected = match m.bound {
+                    Some([_, 0.0]) => "none".to_owned(),
+                    Some([low, high]) => format!("{} to {}", percent(low), percent(high)),
+                    None => "nobody knows what; abvh stability --record measures it".to_owned(),
+                };
+                format!(
+                    "{} {} of {} ({}), expected {expected}",
+                    m.measure.name().replace('_', " "),
+                    grouped(m.count as usize),
+                    grouped(m.of as usize),
+                    percent(m.rate()),
+                )
+            })
+            .collect();
+        format!(
+            "{backend} {by} {}: {}\n    abvh stability --backend {backend} --intersector {by} --seed {} --rays {}\n",
+            row.cell.family,
+            out.join("; "),
+            self.seed,
+            self.rays
+        )
+    }
+}
+
+/// A rate with its count, marked if it is out of its bound.
+fn share(m: &Measured) -> String {
+    let text = match m.count {
+        0 => "0".to_owned(),
+        n => format!("{} {}", percent(m.rate()), grouped(n as usize)),
+    };
+    match m.bound {
+        _ if m.is_ok() => text,
+        Some([low, _]) if m.rate() < low => format!("BETTER {text}"),
+        Some(_) => format!("WORSE {text}"),
+        None => format!("UNKNOWN {text}"),
+    }
+}
+
+fn percent(rate: f64) -> String {
+    format!("{:.3}%", 100.0 * rate)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use backend::Arithmetic;
+    use conformance::stress::{Closed, StressCounts};
+
+    fn report(wrong: u64, leaks: u64, by: Intersector) -> Report {
+        let closed = Closed {
+            inside: 1000,
+            leaks,
+            counted: 2000,
+            doubles: 0,
+        };
+        let tally = StressCounts {
+            rays: 2000,
+            wrong,
+            closed: Some(closed),
+            rearranged: None,
+        };
+        let cell = Cell::new(Family::Edges, by, &tally, Arithmetic::IEEE);
+        Report {
+            schema: 1,
+            version: "0",
+            command_line: Vec::new(),
+            seed: 9,
+            rays: 2000,
+            machine: Machine {
+                cpu: None,
+                cores: 1,
+                os: "",
+            },
+            backends: Vec::new(),
+            absent: Vec::new(),
+            unsupported: Vec::new(),
+            rows: vec![Row {
+                backend: "x",
+                cell,
+                seconds: 0.5,
+            }],
+        }
+    }
+
+    #[test]
+    fn what_never_may_be_is_a_failure_with_the_command_that_shows_it() {
+        let sound = report(0, 0, Intersector::Exact);
+        assert_eq!(
+            (sound.failures(), sound.text(&Intersector::ALL)),
+            (0, String::new())
+        );
+        let bad = report(1, 2, Intersector::Exact);
+        assert_eq!(bad.failures(), 1);
+        let text = bad.text(&Intersector::ALL) + &bad.tables("x", &Intersector::ALL);
+        for part in [
+            "x exact edges: wrong 1 of 2,000 (0.050%), expected none; leaks 2 of 1,000 (0.200%), expected none\n",
+            "\n    abvh stability --backend x --intersector exact --seed 9 --rays 2000\n",
+            "WORSE 0.050% 1",
+            "WORSE 0.200% 2, 0",
+        ] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+    }
+
+    #[test]
+    fn success_that_nobody_expects_is_a_failure_too() {
+        let bad = report(0, 0, Intersector::Woop);
+        assert_eq!(bad.failures(), 1);
+        assert!(bad.tables("x", &[Intersector::Woop]).contains("BETTER 0"));
     }
 }

@@ -1,6 +1,5 @@
 //! Why a command ends early, and what the shell hears of it.
 
-use crate::talk;
 use backend::BackendError;
 use output::{RaysError, WriteError};
 use pipeline::PipelineError;
@@ -40,16 +39,14 @@ impl Stop {
         }
     }
 
-    /// One line to standard error, and the exit code.
-    pub(crate) fn report(&self) -> ExitCode {
-        let (error, code) = match self {
-            Self::Shown => return ExitCode::SUCCESS,
-            Self::Signal(signal) => return ExitCode::from(128 + signal),
-            Self::Bad(e) => (e, 2),
-            Self::Failed(e) => (e, 1),
-        };
-        talk::complain(&one_line(error));
-        ExitCode::from(code)
+    /// The exit code.
+    pub(crate) fn code(&self) -> ExitCode {
+        ExitCode::from(match self {
+            Self::Shown => 0,
+            Self::Failed(_) => 1,
+            Self::Bad(_) => 2,
+            Self::Signal(signal) => 128 + signal,
+        })
     }
 }
 

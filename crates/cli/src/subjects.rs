@@ -3,8 +3,8 @@
 use crate::args::{BackendName, SubjectName};
 use crate::open::{self, Want};
 use crate::stop::Stop;
-use crate::{info, threads};
-use backend::{Backend, DeviceKind, Method};
+use crate::{adapters, info, threads};
+use backend::Backend;
 use serde::Serialize;
 
 /// A backend that is put to the test.
@@ -57,11 +57,7 @@ impl Examined {
             backend: subject.name,
             adapter: device.adapter.clone(),
             driver: device.driver.clone(),
-            kind: match device.kind {
-                DeviceKind::Gpu => "gpu",
-                DeviceKind::Cpu => "cpu",
-                DeviceKind::Software => "software",
-            },
+            kind: adapters::kind_name(device.kind),
             threads: device.threads,
             arithmetic: device.arithmetic.to_string(),
         }
@@ -144,7 +140,6 @@ fn open_one(subject: SubjectName, adapter: Option<&str>) -> Result<Box<dyn Backe
     let want = Want {
         backend: backend_of(subject),
         adapter,
-        method: Method::default(),
         threads: threads::cores(),
     };
     if subject == SubjectName::WgpuWgsl {

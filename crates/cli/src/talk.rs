@@ -3,6 +3,7 @@
 use crate::stop::Stop;
 use std::borrow::Cow;
 use std::io::{self, IsTerminal, Write};
+use std::process::ExitCode;
 
 /// A result for people; on a terminal, lines that are too long for it go on in the next.
 pub(crate) fn print(text: &str) -> Result<(), Stop> {
@@ -69,9 +70,13 @@ pub(crate) fn say(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{}", plain(text, &['\n']));
 }
 
-/// The one line that says why a command ended early.
-pub(crate) fn complain(text: &str) {
-    say(&format!("abvh: {}", plain(text, &[])));
+/// Says in one line why a command ended early; gives the exit code.
+pub(crate) fn complain(stop: &Stop) -> ExitCode {
+    let text = stop.text();
+    if !text.is_empty() {
+        say(&format!("abvh: {}", plain(&text, &[])));
+    }
+    stop.code()
 }
 
 /// Characters without a shape that change how others are shown: order of writing, joins, line ends, tags.

@@ -84,27 +84,17 @@ pub(crate) fn share(
 ) -> Threads {
     let quarter = |n: usize| (n / 4).max(1);
     let concurrent = matches!(update, Update::Async(_));
-    let default = match (concurrent, kind, render) {
-        (true, DeviceKind::Gpu, n) => Threads {
-            render: n.unwrap_or(cores),
-            build: (n.unwrap_or(cores) - 1).max(1),
-        },
-        (true, _, None) if cores >= 4 => Threads {
-            render: cores - quarter(cores),
-            build: quarter(cores),
-        },
-        (true, _, n) => Threads {
-            render: n.unwrap_or(cores),
-            build: quarter(n.unwrap_or(1)),
-        },
-        (false, _, n) => Threads {
-            render: n.unwrap_or(cores),
-            build: n.unwrap_or(cores),
-        },
+    let n = render.unwrap_or(cores);
+    let (render, default) = match (concurrent, kind, render) {
+        (false, ..) => (n, n),
+        (true, DeviceKind::Gpu, _) => (n, (n - 1).max(1)),
+        (true, _, None) if cores >= 4 => (cores - quarter(cores), quarter(cores)),
+        (true, _, None) => (n, 1),
+        (true, _, Some(n)) => (n, quarter(n)),
     };
     Threads {
-        build: build.unwrap_or(default.build),
-        ..default
+        render,
+        build: build.unwrap_or(default),
     }
 }
 

@@ -51,14 +51,15 @@ impl Notes {
 
     fn draw(&self) -> Timeline {
         let mut timeline = Timeline::new("abvh");
-        let tracks = Tracks::add_to(&mut timeline);
-        let Some(first) = self.frames.first() else {
-            return timeline;
-        };
+        let first = self.frames.first();
         let mut chart = Chart {
-            origin: first.record.moments.begun,
+            origin: first.map_or_else(Instant::now, |note| note.record.moments.begun),
+            frames: timeline.track("frame loop"),
+            device: timeline.track("device"),
+            readback: timeline.track("read-back"),
+            builder: timeline.track("builder"),
+            upload: timeline.track("upload"),
             timeline,
-            tracks,
         };
         for note in &self.frames {
             chart.host(note);
@@ -83,32 +84,16 @@ impl Notes {
     }
 }
 
-struct Tracks {
+/// A timeline being drawn.
+struct Chart {
+    /// The moment that counts as zero.
+    origin: Instant,
     frames: Track,
     device: Track,
     readback: Track,
     builder: Track,
     upload: Track,
-}
-
-impl Tracks {
-    fn add_to(timeline: &mut Timeline) -> Self {
-        Self {
-            frames: timeline.track("frame loop"),
-            device: timeline.track("device"),
-            readback: timeline.track("read-back"),
-            builder: timeline.track("builder"),
-            upload: timeline.track("upload"),
-        }
-    }
-}
-
-/// A timeline being drawn.
-struct Chart {
-    /// The moment that counts as zero.
-    origin: Instant,
     timeline: Timeline,
-    tracks: Tracks,
 }
 
 impl Chart {
@@ -126,7 +111,7 @@ impl Chart {
 
     /// What the frame loop did for a frame.
     fn host(&mut self, Note { record, wrote }: &Note) {
-        let (track, m) = (self.tracks.frames, record.moments);
+        let (track, m) = (self.frames, record.moments);
         let frame = json!({ "frame": record.frame.index });
         let begin = json!({
             "frame": record.frame.index,
@@ -156,17 +141,17 @@ impl Chart {
         let (m, build) = (tree.moments, tree.moments.build);
         let built = json!({ "generation": generation, "triangles": tree.triangles });
         let moved = |bytes: u64| json!({ "generation": generation, "bytes": bytes });
-        let builder = self.tracks.builder;
+        let builder = self.builder;
         if tree.snapshot_bytes > 0 {
             let vertices = moved(tree.snapshot_bytes);
             let way = [m.asked, m.arrived];
-            self.span(self.tracks.readback, "vertices", way, &vertices);
+            self.span(self.readback, "vertices", way, &vertices);
         }
         self.span(builder, "build", [build.begun, build.built], &built);
         self.span(builder, "cost", [build.built, build.weighed], &built);
         self.span(builder, "convert", [build.weighed, build.ended], &built);
         self.span(
-            self.tracks.upload,
+            self.upload,
             "tree",
             [m.taken, m.adopted],
             &moved(tree.upload_bytes),
@@ -177,8 +162,7 @@ impl Chart {
             "age_frames": record.tree_age_frames,
         });
         let adopted = self.ms(m.adopted);
-        self.timeline
-            .mark(self.tracks.frames, "adopt", adopted, args);
+        self.timeline.mark(self.frames, "adopt", adopted, args);
     }
 
     /// The stages of a submission, one after the other.
@@ -188,8 +172,7 @@ impl Chart {
             let end = (begin + ms.unwrap_or(0.0)).min(span.end_ms);
             if begin < end {
                 let args = json!({ "frame": frame });
-                self.timeline
-                    .span(self.tracks.device, name, [begin, end], args);
+                self.timeline.span(self.device, name, [begin, end], args);
                 begin = end;
             }
         }

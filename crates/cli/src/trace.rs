@@ -1,11 +1,11 @@
 //! `abvh trace`: given rays at one moment.
 
-use crate::ahead::Ahead;
-use crate::args::{PolicyArgs, TraceArgs, UpdateName};
-use crate::session::{self, Ask, Session};
+use crate::args::{TraceArgs, UpdateName};
+use crate::choose::{self, Ask};
+use crate::session::{self, Session};
 use crate::stop::Stop;
 use crate::table::counted;
-use crate::{choose, conflicts, frames, talk};
+use crate::{conflicts, frames, talk};
 use backend::{Hits, Query, QueryKind, Rays};
 use geom::{Animation, Ray};
 use output::HitArrays;
@@ -31,22 +31,18 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
         _ if moments.len() > 1 => UpdateName::Refit,
         _ => UpdateName::Rebuild,
     };
-    let policy = PolicyArgs {
-        update,
-        lockstep: None,
-    };
     let mut session = session::start(
         animation,
         &Ask {
-            backend: args.device.backend,
             adapter: args.device.adapter.as_deref(),
             threads: args.device.threads,
             builder_threads: args.device.builder_threads,
-            method: args.method,
-            update: choose::update(policy)?,
             tolerance: args.tolerance.ppm(),
-            run: None,
-            ahead: Ahead::default(),
+            ..Ask::of(
+                args.device.backend,
+                args.method,
+                choose::free_update(update)?,
+            )
         },
     )?;
     if !args.quiet {

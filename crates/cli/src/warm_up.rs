@@ -8,11 +8,11 @@ use backend::{DeviceKind, FrameReport, Query};
 use output::Summary;
 use pipeline::{Driver, Frame, FrameRecord, PipelineError};
 use serde::Serialize;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Seconds that a graphics processor is warmed up unless asked otherwise. On an H200 that had waited ten seconds for its
 /// kernels, 60 frames of a quarter of a second in all were still four times too slow.
-pub(crate) const USUAL: Duration = Duration::from_millis(700);
+const USUAL: f64 = 0.7;
 /// Seconds over which two medians are compared, one window after the other.
 const WINDOW: f64 = 0.1;
 /// Frames in a window at least.
@@ -21,10 +21,6 @@ const FEWEST: usize = 3;
 const AGREE: f64 = 0.03;
 /// Seconds that go on in vain until medians agree.
 const PATIENCE: f64 = 0.5;
-
-/// How long a device is warmed up, in seconds, if somebody said so.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct WarmUp(Option<f64>);
 
 /// What became of it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -52,49 +48,38 @@ impl Warmed {
     }
 }
 
-impl WarmUp {
-    /// None at all.
-    #[cfg(test)]
-    pub(crate) const NONE: Self = Self(Some(0.0));
-
-    /// So long as somebody asked for.
-    pub(crate) fn asked(seconds: f64) -> Self {
-        Self(Some(seconds))
+/// Seconds for a device; the host's cores have no use for it, and a driver that runs there only if it is asked for.
+fn seconds(asked: Option<f64>, kind: DeviceKind) -> f64 {
+    match kind {
+        DeviceKind::Cpu => 0.0,
+        DeviceKind::Gpu => asked.unwrap_or(USUAL),
+        DeviceKind::Software => asked.unwrap_or(0.0),
     }
+}
 
-    /// Seconds for a device; the host's cores have no use for it, and a driver that runs there only if it is asked for.
-    fn seconds(self, kind: DeviceKind) -> f64 {
-        match (kind, self.0) {
-            (DeviceKind::Cpu, _) => 0.0,
-            (_, Some(seconds)) => seconds,
-            (DeviceKind::Gpu, None) => USUAL.as_secs_f64(),
-            (DeviceKind::Software, None) => 0.0,
-        }
+/// Runs the first frame and warms the device up after it, if it needs that, for so many seconds if somebody said so.
+/// Hands back the frames that are left.
+///
+/// # Errors
+/// The backend's, or whatever `on_frame` returns.
+pub(crate) fn begin<'a, E: From<PipelineError>>(
+    asked: Option<f64>,
+    driver: &mut Driver,
+    frames: &'a [Frame],
+    query: Query<'_>,
+    mut on_frame: impl FnMut(&FrameRecord) -> Result<(), E>,
+) -> Result<(Option<Warmed>, &'a [Frame]), E> {
+    let seconds = seconds(asked, driver.backend().device().kind);
+    // Nothing comes after a single frame that could gain by it.
+    if seconds <= 0.0 || frames.len() < 2 {
+        return Ok((None, frames));
     }
-
-    /// Runs the first frame and warms the device up after it, if it needs that. Hands back the frames that are left.
-    ///
-    /// # Errors
-    /// The backend's, or whatever `on_frame` returns.
-    pub(crate) fn begin<'a, E: From<PipelineError>>(
-        self,
-        driver: &mut Driver,
-        frames: &'a [Frame],
-        query: Query<'_>,
-        mut on_frame: impl FnMut(&FrameRecord) -> Result<(), E>,
-    ) -> Result<(Option<Warmed>, &'a [Frame]), E> {
-        let seconds = self.seconds(driver.backend().device().kind);
-        // Nothing comes after a single frame that could gain by it.
-        if seconds <= 0.0 || frames.len() < 2 {
-            return Ok((None, frames));
-        }
-        let (first, rest) = frames.split_at(1);
-        driver.run(first.iter().copied(), query, false, |record, _| {
-            on_frame(record)
-        })?;
-        let warmed = warm(driver, query, [seconds, seconds + PATIENCE])?;
-        Ok((Some(warmed), rest))
-    }
+    let (first, rest) = frames.split_at(1);
+    driver.run(first.iter().copied(), query, false, |record, _| {
+        on_frame(record)
+    })?;
+    let warmed = warm(driver, query, [seconds, seconds + PATIENCE])?;
+    Ok((Some(warmed), rest))
 }
 
 /// For so many seconds at least, and then as long as frames differ, up to so many.
@@ -104,44 +89,28 @@ fn warm(
     [least, most]: [f64; 2],
 ) -> Result<Warmed, PipelineError> {
     let begun = Instant::now();
-    let mut seen = Seen::default();
+    let mut seen = Vec::new();
     driver.warm_up(query, |report: &FrameReport| {
         let now = begun.elapsed().as_secs_f64();
-        seen.note(now, report.times.device_ms);
-        now < least || (now < most && !seen.is_steady())
+        seen.push((now, report.times.device_ms));
+        now < least || (now < most && !is_steady(&seen))
     })?;
     Ok(Warmed {
         seconds: begun.elapsed().as_secs_f64(),
-        frames: seen.0.len(),
-        steady: seen.is_steady(),
+        frames: seen.len(),
+        steady: is_steady(&seen),
     })
 }
 
 /// When a frame was done, in seconds, and the device's milliseconds for it.
 type Moment = (f64, f64);
 
-/// Frames so far.
-#[derive(Debug, Default)]
-struct Seen(Vec<Moment>);
-
-impl Seen {
-    fn note(&mut self, at: f64, ms: f64) {
-        self.0.push((at, ms));
-    }
-
-    /// Whether the last window's frames took as long as those of the window before. A clock rises in steps, so that
-    /// neighbours always agree.
-    fn is_steady(&self) -> bool {
-        let (earlier, last) = window(&self.0);
-        let (_, before) = window(earlier);
-        let ms = |of: &[Moment]| of.iter().map(|&(_, ms)| ms).collect::<Vec<_>>();
-        agree(&ms(before), &ms(last))
-    }
-}
-
-/// Whether frames took as long as those before them: enough of both, and their medians agree.
-pub(crate) fn agree(before: &[f64], last: &[f64]) -> bool {
-    let median = |of: &[f64]| Summary::of(of.iter().copied()).map(|s| s.median);
+/// Whether the last window's frames took as long as those of the window before. A clock rises in steps, so that
+/// neighbours always agree.
+fn is_steady(seen: &[Moment]) -> bool {
+    let (earlier, last) = window(seen);
+    let (_, before) = window(earlier);
+    let median = |of: &[Moment]| Summary::of(of.iter().map(|m| m.1)).map(|s| s.median);
     match (median(before), median(last)) {
         (Some(a), Some(b)) if before.len().min(last.len()) >= FEWEST => {
             (a - b).abs() <= AGREE * a.max(b)
@@ -162,29 +131,28 @@ fn window(all: &[Moment]) -> (&[Moment], &[Moment]) {
 mod tests {
     use super::*;
 
-    /// Frames of so many milliseconds each, one after the other.
-    fn seen(ms: impl IntoIterator<Item = f64>) -> Seen {
-        let mut seen = Seen::default();
+    /// Whether frames of so many milliseconds each, one after the other, are steady.
+    fn steady(ms: impl IntoIterator<Item = f64>) -> bool {
         let mut now = 0.0;
-        for ms in ms {
+        let seen = ms.into_iter().map(|ms| {
             now += ms * 1e-3;
-            seen.note(now, ms);
-        }
-        seen
+            (now, ms)
+        });
+        is_steady(&seen.collect::<Vec<_>>())
     }
 
     #[test]
     fn frames_are_steady_once_two_windows_agree() {
-        assert!(seen(vec![1.0; 250]).is_steady());
-        assert!(!seen(vec![1.0; 90]).is_steady(), "one window alone");
+        assert!(steady(vec![1.0; 250]));
+        assert!(!steady(vec![1.0; 90]), "one window alone");
         // A clock that rose at the end of the window before.
         let rising = [vec![4.0; 30], vec![1.0; 110]].concat();
-        assert!(!seen(rising.clone()).is_steady());
-        assert!(seen([rising, vec![1.0; 100]].concat()).is_steady());
+        assert!(!steady(rising.clone()));
+        assert!(steady([rising, vec![1.0; 100]].concat()));
         // One frame that something else held up counts for nothing.
         let mut held_up = vec![1.0; 250];
         held_up[240] = 30.0;
-        assert!(seen(held_up).is_steady());
+        assert!(steady(held_up));
     }
 
     #[test]
@@ -201,18 +169,18 @@ mod tests {
 
     #[test]
     fn slow_frames_need_three_a_window() {
-        assert!(!seen(vec![400.0; 5]).is_steady());
-        assert!(seen(vec![400.0; 6]).is_steady());
-        assert!(!seen([400.0, 400.0, 400.0, 300.0, 300.0, 300.0]).is_steady());
-        assert!(!seen([]).is_steady());
+        assert!(!steady(vec![400.0; 5]));
+        assert!(steady(vec![400.0; 6]));
+        assert!(!steady([400.0, 400.0, 400.0, 300.0, 300.0, 300.0]));
+        assert!(!steady([]));
     }
 
     #[test]
     fn only_devices_are_warmed_up_and_software_if_it_is_asked_for() {
         use DeviceKind::{Cpu, Gpu, Software};
-        let of = |w: WarmUp| [Gpu, Software, Cpu].map(|kind| w.seconds(kind));
-        assert_eq!(of(WarmUp::default()), [0.7, 0.0, 0.0]);
-        assert_eq!(of(WarmUp::asked(2.0)), [2.0, 2.0, 0.0]);
-        assert_eq!(of(WarmUp::NONE), [0.0; 3]);
+        let of = |asked| [Gpu, Software, Cpu].map(|kind| seconds(asked, kind));
+        assert_eq!(of(None), [USUAL, 0.0, 0.0]);
+        assert_eq!(of(Some(2.0)), [2.0, 2.0, 0.0]);
+        assert_eq!(of(Some(0.0)), [0.0; 3]);
     }
 }

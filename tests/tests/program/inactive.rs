@@ -16,7 +16,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 fn counts(sandbox: &Sandbox, scene: &str, options: &str) -> Result<Vec<[u64; 3]>, Failed> {
     let words = format!("render {scene} --size 32x24 --stats s.json --overwrite --quiet {options}");
     sandbox.run(&words).succeeds()?;
-    let stats: serde_json::Value = serde_json::from_slice(&sandbox.read("s.json"))?;
+    let stats = sandbox.json("s.json")?;
     let frames = stats["frames"].as_array().ok_or("no frames")?;
     let count = |frame: &serde_json::Value, name| frame[name].as_u64().unwrap_or(u64::MAX);
     let names = ["inactive", "degenerate", "hits"];
@@ -28,15 +28,17 @@ fn square(fourth: &str) -> String {
 }
 
 fn some(sandbox: &Sandbox) -> Result<(), Failed> {
-    for fourth in ["nan 1 0", "0 inf 0", "0 1 -inf", "0 1 1e39"] {
-        sandbox.write("a.obj", square(fourth));
-        let found = counts(sandbox, "a.obj", "")?;
-        let [inactive, degenerate, hits] = found[0];
-        ensure((inactive, degenerate) == (1, 0) && hits > 0, || {
-            format!("{fourth}: {found:?}")
-        })?;
+    for (i, fourth) in ["nan 1 0", "0 inf 0", "0 1 -inf", "0 1 1e39"]
+        .iter()
+        .enumerate()
+    {
+        sandbox.write(&format!("{i}.obj"), square(fourth));
     }
-    Ok(())
+    let found = counts(sandbox, "0.obj+1.obj@2,0,0+2.obj@0,2,0+3.obj@2,2,0", "")?;
+    let [inactive, degenerate, hits] = found[0];
+    ensure((inactive, degenerate) == (4, 0) && hits > 0, || {
+        format!("{found:?}")
+    })
 }
 
 fn all(sandbox: &Sandbox) -> Result<(), Failed> {

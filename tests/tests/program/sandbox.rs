@@ -69,6 +69,10 @@ impl Sandbox {
         let path = self.path().join(name);
         fs::read(&path).unwrap_or_else(|e| panic!("{name}: {e}"))
     }
+
+    pub(crate) fn json(&self, name: &str) -> Result<serde_json::Value, Failed> {
+        Ok(serde_json::from_slice(&self.read(name))?)
+    }
 }
 
 fn collect(folder: &Path, files: &mut Vec<PathBuf>) {

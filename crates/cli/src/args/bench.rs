@@ -1,7 +1,7 @@
 //! What may be asked of `bench`.
 
 use super::{
-    BackendName, IntersectorName, LayoutsArgs, PoliciesArgs, SizeArgs, SourceArgs, Switch,
+    BackendName, IntersectorName, LayoutName, PoliciesArgs, SizeArgs, SourceArgs, Switch,
     ToleranceArgs, WarmUpArgs,
 };
 use crate::values::{self, Frames, TimeRange};
@@ -12,7 +12,6 @@ use std::path::PathBuf;
 /// Options of `bench`.
 #[derive(Args, Debug)]
 #[command(mut_arg("update", |arg| arg.default_value("rebuild,refit,async")))]
-#[command(mut_arg("layout", |arg| arg.default_value("auto")))]
 #[command(mut_arg("size", |arg| arg.default_value("640x360")))]
 pub(crate) struct BenchArgs {
     /// Scenes; `abvh render --help` tells how they are named
@@ -42,8 +41,14 @@ pub(crate) struct BenchArgs {
         default_value_if("tolerance", ArgPredicate::IsPresent, "auto")
     )]
     pub(crate) intersector: Vec<IntersectorName>,
-    #[command(flatten)]
-    pub(crate) layouts: LayoutsArgs,
+    /// Layouts of the tree
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "auto"
+    )]
+    pub(crate) layout: Vec<LayoutName>,
     #[command(flatten)]
     pub(crate) tolerance: ToleranceArgs,
     /// Run that the others are compared with, by words of its row in order, such as 'vulkan-rt refit' [default: the

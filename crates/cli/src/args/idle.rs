@@ -1,10 +1,8 @@
 //! Options that would do nothing with what they stand beside: refused, before any work.
 
 use super::{
-    BackendName, BenchArgs, Command, ConformArgs, IntersectorName, RenderArgs, TraceArgs,
-    UpdateName,
+    BackendName, Command, ConformArgs, DeviceArgs, IntersectorName, UpdateName, has_own_trees,
 };
-use crate::open;
 use crate::stop::Stop;
 use clap::ArgMatches;
 use clap::parser::ValueSource;
@@ -50,26 +48,54 @@ fn refuse(id: &str, why: &str) -> Result<(), Stop> {
 
 fn bonds(command: &Command) -> Vec<Bond> {
     let has_clip = |scenes: &[String]| ("fps", scenes.iter().any(|s| may_have_clip(s)), CLIP);
-    let one = std::slice::from_ref::<String>;
+    let scene = std::slice::from_ref::<String>;
+    let is_auto = |i: IntersectorName| i == IntersectorName::Auto;
     match command {
-        Command::Render(args) => [&render(args)[..], &[has_clip(one(&args.scene))]].concat(),
-        Command::Trace(args) => [&trace(args)[..], &[has_clip(one(&args.scene))]].concat(),
-        Command::Bench(args) => [&bench(args)[..], &[has_clip(&args.scenes)]].concat(),
+        Command::Render(args) => {
+            let update = args.policy.update;
+            let writes = !args.no_images || args.hits.is_some();
+            vec![
+                ("lockstep", may_be_async(update), ASYNC),
+                ("predict", may_be_async(update), ASYNC),
+                ("tolerance", is_auto(args.method.intersector), AUTO),
+                builders(&args.device, update),
+                ("resume", writes, FILES),
+                ("overwrite", writes, FILES),
+                has_clip(scene(&args.scene)),
+            ]
+        }
+        Command::Trace(args) => {
+            let is_refit = args.update == UpdateName::Refit;
+            vec![
+                ("tree_time", is_refit, "goes only with --update refit"),
+                ("tolerance", is_auto(args.method.intersector), AUTO),
+                builders(&args.device, args.update),
+                has_clip(scene(&args.scene)),
+            ]
+        }
+        Command::Bench(args) => {
+            let mut updates = args.policies.update.iter();
+            let builds = |&b: &BackendName| updates.clone().any(|&u| host_builds(b, u));
+            let builds = args.backend.iter().any(builds);
+            let samples = args.intersector.iter().any(|&i| is_auto(i));
+            vec![
+                ("predict", updates.any(|&u| may_be_async(u)), ASYNC),
+                ("tolerance", samples, AUTO),
+                ("builder_threads", builds, HOST),
+                ("fail_above", false, "goes only with --compare"),
+                has_clip(&args.scenes),
+            ]
+        }
         Command::Chart(args) => vec![has_clip(&args.scenes)],
-        Command::Inspect(args) => vec![
-            has_clip(one(&args.scene)),
-            (
-                "tolerance",
-                args.reduce_keys.is_none(),
-                "does nothing beside --reduce-keys",
-            ),
-            (
-                "reduced_out",
-                args.reduce_keys.is_some(),
-                "goes only with --reduce-keys",
-            ),
-        ],
-        Command::Conform(args) => conform(args).to_vec(),
+        Command::Inspect(args) => {
+            let reduces = args.reduce_keys.is_some();
+            vec![
+                has_clip(scene(&args.scene)),
+                ("tolerance", !reduces, "does nothing beside --reduce-keys"),
+                ("reduced_out", reduces, "goes only with --reduce-keys"),
+            ]
+        }
+        Command::Conform(args) => conform(args),
         Command::Stability(args) => {
             vec![("seeds", args.record.is_some(), "goes only with --record")]
         }
@@ -77,62 +103,17 @@ fn bonds(command: &Command) -> Vec<Bond> {
     }
 }
 
-fn render(args: &RenderArgs) -> [Bond; 6] {
-    let update = args.policy.update;
-    let (device, method) = (&args.device, args.method);
-    let writes = !args.no_images || args.hits.is_some();
-    [
-        ("lockstep", may_be_async(update), ASYNC),
-        ("predict", may_be_async(update), ASYNC),
-        (
-            "tolerance",
-            method.intersector == IntersectorName::Auto,
-            AUTO,
-        ),
-        ("builder_threads", host_builds(device.backend, update), HOST),
-        ("resume", writes, FILES),
-        ("overwrite", writes, FILES),
-    ]
-}
-
-fn trace(args: &TraceArgs) -> [Bond; 3] {
-    let (device, update) = (&args.device, args.update);
-    let is_refit = update == UpdateName::Refit;
-    let is_auto = args.method.intersector == IntersectorName::Auto;
-    [
-        ("tree_time", is_refit, "goes only with --update refit"),
-        ("tolerance", is_auto, AUTO),
-        ("builder_threads", host_builds(device.backend, update), HOST),
-    ]
-}
-
-fn bench(args: &BenchArgs) -> [Bond; 4] {
-    let (updates, backends) = (&args.policies.update, &args.backend);
-    let any = |fits: &dyn Fn(UpdateName) -> bool| updates.iter().any(|&u| fits(u));
-    let builds = |&b: &BackendName| any(&|u| host_builds(b, u));
-    let is_auto = args.intersector.contains(&IntersectorName::Auto);
-    [
-        ("predict", any(&may_be_async), ASYNC),
-        ("tolerance", is_auto, AUTO),
-        ("builder_threads", backends.iter().any(builds), HOST),
-        ("fail_above", false, "goes only with --compare"),
-    ]
-}
-
-fn conform(args: &ConformArgs) -> [Bond; 6] {
+fn conform(args: &ConformArgs) -> Vec<Bond> {
     let (leaks, oracle) = (args.leak_rays > 0, args.oracle_rays > 0);
     let tries = args.cases > 0 || args.case.is_some();
-    [
+    let (any, aims) = (tries || leaks || oracle, leaks || oracle);
+    vec![
         ("law", tries, "does nothing beside --cases 0"),
-        (
-            "seed",
-            tries || leaks || oracle,
-            "does nothing beside --cases 0",
-        ),
+        ("seed", any, "does nothing beside --cases 0"),
         ("offsets", leaks, "goes only with --leak-rays"),
         (
             "intersector",
-            leaks || oracle,
+            aims,
             "goes only with --leak-rays or --oracle-rays",
         ),
         ("oracle_batch", oracle, ORACLE),
@@ -140,12 +121,16 @@ fn conform(args: &ConformArgs) -> [Bond; 6] {
     ]
 }
 
+fn builders(device: &DeviceArgs, update: UpdateName) -> Bond {
+    ("builder_threads", host_builds(device.backend, update), HOST)
+}
+
 fn may_be_async(update: UpdateName) -> bool {
     matches!(update, UpdateName::Async | UpdateName::Auto)
 }
 
 fn host_builds(backend: BackendName, update: UpdateName) -> bool {
-    !open::has_own_trees(backend) && update != UpdateName::DeviceRebuild
+    !has_own_trees(backend) && update != UpdateName::DeviceRebuild
 }
 
 /// Whether the word can name a clip: by its ending, or as a pattern.
@@ -155,6 +140,3 @@ fn may_have_clip(scene: &str) -> bool {
         .iter()
         .any(|part| scene.contains(part))
 }
-
-#[cfg(test)]
-mod tests;

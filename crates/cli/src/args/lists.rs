@@ -1,8 +1,7 @@
-//! Options that commands share which time many things. Each command gives them defaults of its own.
+//! Options that commands share. Each command gives lists defaults of its own.
 
-use super::{LayoutName, UpdateName};
+use super::{BackendName, UpdateName};
 use crate::values;
-use crate::warm_up::WarmUp;
 use clap::Args;
 
 /// Policies to go through.
@@ -11,14 +10,6 @@ pub(crate) struct PoliciesArgs {
     /// Update policies
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub(crate) update: Vec<UpdateName>,
-}
-
-/// Layouts to go through.
-#[derive(Args, Clone, Debug)]
-pub(crate) struct LayoutsArgs {
-    /// Layouts of the tree
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    pub(crate) layout: Vec<LayoutName>,
 }
 
 /// How large frames are.
@@ -40,8 +31,8 @@ pub(crate) struct WarmUpArgs {
 
 impl WarmUpArgs {
     /// What was asked for.
-    pub(crate) fn warm_up(self) -> WarmUp {
-        self.warm_up.map_or(WarmUp::default(), WarmUp::asked)
+    pub(crate) fn warm_up(self) -> Option<f64> {
+        self.warm_up
     }
 
     /// The same on a command line, with a blank before it; empty if nothing was asked for.
@@ -49,4 +40,52 @@ impl WarmUpArgs {
         self.warm_up
             .map_or(String::new(), |seconds| format!(" --warm-up {seconds}"))
     }
+}
+
+/// Option of whatever chooses an intersector.
+#[derive(Args, Clone, Copy, Debug)]
+pub(crate) struct ToleranceArgs {
+    /// Wrong rays in a million, against exact arithmetic, that --intersector auto may cause. A sample of the run's
+    /// rays decides which intersectors are within; the cheapest of them is taken. 0 takes exact [default: 0]
+    #[arg(long, value_name = "PPM", value_parser = values::tolerance)]
+    pub(crate) tolerance: Option<f64>,
+}
+
+impl ToleranceArgs {
+    /// What is tolerated of what is left to `auto`.
+    pub(crate) fn ppm(self) -> f64 {
+        self.tolerance.unwrap_or(0.0)
+    }
+}
+
+/// How far a vertex may be from where it was.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Tolerance {
+    /// In scene units.
+    Units(f64),
+    /// As a share of the diagonal of the scene's bounds.
+    Share(f64),
+}
+
+/// `TOL` or `TOL%`.
+pub(super) fn tolerance(text: &str) -> Result<Tolerance, String> {
+    let number = text.strip_suffix('%').unwrap_or(text);
+    match number.trim().parse::<f64>() {
+        Ok(n) if n >= 0.0 && n.is_finite() => Ok(match number == text {
+            true => Tolerance::Units(n),
+            false => Tolerance::Share(n / 100.0),
+        }),
+        _ => Err(
+            "a tolerance is a length from 0 on, such as 0.01, or a share of the diagonal, such as 0.1%"
+                .to_owned(),
+        ),
+    }
+}
+
+/// Whether a backend makes and traces trees in ways of its own. It need not be present.
+pub(crate) fn has_own_trees(backend: BackendName) -> bool {
+    matches!(
+        backend,
+        BackendName::VulkanRt | BackendName::VulkanRtFastTrace
+    )
 }

@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::Value;
 use std::path::Path;
 
-/// What is compared of every run.
+/// What is compared of every run, first what makes it slower as a whole.
 const QUANTITIES: [&str; 8] = [
     "device_ms",
     "wall_ms",
@@ -20,19 +20,10 @@ const QUANTITIES: [&str; 8] = [
     "trace_shadow_ms",
     "build_ms",
 ];
-/// Of those, the ones that make a run slower as a whole.
+/// How many of those are of the whole.
 const WHOLE: usize = 2;
 /// What tells runs apart.
-const NAMES: [&str; 8] = [
-    "scene",
-    "backend",
-    "update",
-    "predict",
-    "intersector",
-    "layout",
-    "rays",
-    "dwell",
-];
+const NAMES: &str = "scene backend update predict intersector layout rays";
 /// Standard errors beyond which a change is no noise.
 const SIGMAS: f64 = 3.0;
 /// Changes below this share are taken for noise, for machines drift.
@@ -72,25 +63,10 @@ struct Comparison {
 
 /// Compares two files.
 pub(super) fn run(args: &BenchArgs) -> Result<(), Stop> {
-    let [old_file, new_file] = args.compare.as_slice() else {
+    let [old, new] = args.compare.as_slice() else {
         return Err(Stop::bad("--compare takes two files"));
     };
-    let (mut old, mut new) = (read(old_file)?, read(new_file)?);
-    let mut comparison = Comparison {
-        schema: 1,
-        old: old_file.display().to_string(),
-        new: new_file.display().to_string(),
-        changes: Vec::new(),
-        only_in_old: Vec::new(),
-        only_in_new: Vec::new(),
-    };
-    for before in old.drain(..) {
-        match new.iter().position(|r| r.name == before.name) {
-            Some(i) => comparison.changes.extend(changes(&before, &new.remove(i))),
-            None => comparison.only_in_old.push(before.name),
-        }
-    }
-    comparison.only_in_new = new.into_iter().map(|r| r.name).collect();
+    let comparison = compare(old, new)?;
     if let Some(file) = &args.json {
         output::write_json(file, &comparison)?;
     }
@@ -99,6 +75,27 @@ pub(super) fn run(args: &BenchArgs) -> Result<(), Stop> {
         Some(percent) => refuse_slower(&comparison.changes, percent),
         None => Ok(()),
     }
+}
+
+fn compare(old_file: &Path, new_file: &Path) -> Result<Comparison, Stop> {
+    let (old, mut new) = (read(old_file)?, read(new_file)?);
+    let (mut changes, mut only_in_old) = (Vec::new(), Vec::new());
+    for before in old {
+        let Some(i) = new.iter().position(|r| r.name == before.name) else {
+            only_in_old.push(before.name);
+            continue;
+        };
+        let after = new.remove(i);
+        changes.extend(QUANTITIES.iter().filter_map(|q| change(&before, &after, q)));
+    }
+    Ok(Comparison {
+        schema: output::SCHEMA,
+        old: old_file.display().to_string(),
+        new: new_file.display().to_string(),
+        changes,
+        only_in_old,
+        only_in_new: new.into_iter().map(|r| r.name).collect(),
+    })
 }
 
 fn refuse_slower(changes: &[Change], percent: f64) -> Result<(), Stop> {
@@ -141,19 +138,15 @@ fn read(file: &Path) -> Result<Vec<ComparedRun>, Stop> {
 }
 
 fn name(row: &Value) -> String {
-    let word = |key: &&str| match &row[*key] {
+    let word = |key: &str| match &row[key] {
         Value::String(s) => Some(s.clone()),
         Value::Bool(false) => Some(format!("no {key}")),
-        Value::Object(scene) if *key == "scene" => Some(scene.get("name")?.as_str()?.to_owned()),
-        Value::Object(_) => Some((*key).to_owned()),
+        Value::Object(scene) if key == "scene" => Some(scene.get("name")?.as_str()?.to_owned()),
+        Value::Object(_) => Some(key.to_owned()),
         _ => None,
     };
-    NAMES.iter().filter_map(word).collect::<Vec<_>>().join(" ")
-}
-
-fn changes(old: &ComparedRun, new: &ComparedRun) -> Vec<Change> {
-    let change = |&quantity: &&'static str| change(old, new, quantity);
-    QUANTITIES.iter().filter_map(change).collect()
+    let words: Vec<_> = NAMES.split(' ').filter_map(word).collect();
+    words.join(" ")
 }
 
 /// What became of one quantity; `None` if a file does not know it.
@@ -273,6 +266,47 @@ mod tests {
         let c = change(&old, &run(&other, |t| 2.5 * load(t, 7.7)), "wall_ms").unwrap();
         assert!(c.beyond_noise, "{c:?}");
         assert!(change(&old, &same, "refit_ms").is_none());
+    }
+
+    #[test]
+    fn two_files_are_compared_and_a_slower_one_can_fail() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = |name: &str, json: Value| {
+            let path = dir.path().join(name);
+            std::fs::write(&path, json.to_string()).unwrap();
+            path
+        };
+        let frames = |ms: [f64; 4]| {
+            let frame = |(time, ms)| serde_json::json!({ "time": time, "wall_ms": ms });
+            (0..).zip(ms).map(frame).collect::<Vec<Value>>()
+        };
+        let rows = |update: &str, ms| {
+            let row = serde_json::json!({
+                "scene": "s", "backend": "cpu", "update": update, "per_frame": frames(ms)
+            });
+            serde_json::json!({ "rows": [row] })
+        };
+        let old = file("old.json", rows("refit", [9.0, 1.0, 2.0, 3.0]));
+        let new = file("new.json", rows("refit", [9.0, 1.5, 3.0, 4.5]));
+        let comparison = compare(&old, &new).unwrap();
+        assert!(comparison.changes[0].beyond_noise);
+        let told = text(&comparison);
+        assert!(told.contains("1.500") && told.contains("SLOWER"), "{told}");
+        assert!(refuse_slower(&comparison.changes, 60.0).is_ok());
+        let why = refuse_slower(&comparison.changes, 40.0).unwrap_err();
+        let says = "slower by more than 40 %: s cpu refit wall_ms";
+        assert!(matches!(&why, Stop::Failed(_)) && why.text().starts_with(says));
+        let other = file("other.json", rows("async", [9.0; 4]));
+        let told = text(&compare(&old, &other).unwrap());
+        for (path, update) in [(&old, "refit"), (&other, "async")] {
+            let only = format!("only in {}: s cpu {update}\n", path.display());
+            assert!(told.contains(&only), "{told}");
+        }
+        let none = file("else.json", serde_json::json!({}));
+        for (path, says) in [(none, "neither"), (dir.path().join("nowhere"), "nowhere")] {
+            let why = compare(&old, &path).err().unwrap();
+            assert!(matches!(&why, Stop::Bad(_)) && why.text().contains(says));
+        }
     }
 
     #[test]

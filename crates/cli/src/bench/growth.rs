@@ -35,7 +35,7 @@ fn point(row: &Row) -> GrowthPoint {
         triangles: row.triangles as u64,
         update: row.update.to_owned(),
         layout: row.layout.to_owned(),
-        frame_ms: row.wall_ms,
+        frame_ms: row.median("wall_ms"),
         first_ms: row.first_ms,
         device_bytes: row.memory.map(DeviceMemory::total),
     }

@@ -2,18 +2,18 @@
 
 use super::rays::Bundle;
 use crate::args::RaysName;
+use crate::choose::{self, Ask};
 use crate::memory::{self, DeviceMemory};
 use crate::record;
-use crate::session::{self, Ask, Session};
-use crate::settle;
+use crate::session::{self, Session};
 use crate::stop::Stop;
 use crate::table::mrays;
-use crate::warm_up::{WarmUp, Warmed};
-use backend::DeviceBytes;
-use output::{FrameStats, Summary, Taken, Time};
+use crate::warm_up::{self, Warmed};
+use output::{FrameStats, Summary, TIMES, Taken, Time};
 use pipeline::{Frame, FrameRecord};
 use scene::Scene;
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// One run. Times are medians over its frames, in milliseconds.
 #[derive(Serialize)]
@@ -39,28 +39,16 @@ pub(crate) struct Row {
     /// What the device did uncounted after the first frame, where it was warmed up.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) warm_up: Option<Warmed>,
-    pub(super) interpolate_ms: Option<f64>,
-    pub(super) preprocess_ms: Option<f64>,
-    pub(super) rebuild_ms: Option<f64>,
-    pub(super) refit_ms: Option<f64>,
-    /// All that comes before rays: the four above.
-    pub(super) geometry_ms: Option<f64>,
-    pub(super) trace_primary_ms: Option<f64>,
-    pub(super) trace_shadow_ms: Option<f64>,
-    pub(super) device_ms: Option<f64>,
-    pub(super) wall_ms: Option<f64>,
+    /// Medians by name: of [`TIMES`] and [`MORE`].
+    #[serde(flatten)]
+    medians: BTreeMap<&'static str, Option<f64>>,
     /// Primary and shadow rays in the time of both.
     pub(crate) mrays_per_s: Option<f64>,
-    pub(super) build_ms: Option<f64>,
-    pub(super) convert_ms: Option<f64>,
     pub(super) build_ns_per_triangle: Option<f64>,
     convert_ns_per_triangle: Option<f64>,
     pub(super) trees: usize,
     /// Trees that were no better than the one in use.
     rejected: usize,
-    pub(super) tree_age_frames: Option<f64>,
-    pub(super) sah_ratio: Option<f64>,
-    pub(super) sah_cost: Option<f64>,
     /// What was left to `auto`.
     pub(super) auto: Vec<Taken>,
     /// Of the first frame, which waits for the first tree.
@@ -71,6 +59,21 @@ pub(crate) struct Row {
     pub(crate) per_frame: Vec<FrameStats>,
 }
 
+/// What is summed up beside the times of [`TIMES`]. `geometry_ms` is all that comes before rays.
+const MORE: [(&str, Time); 4] = [
+    ("geometry_ms", geometry),
+    ("tree_age_frames", |f| Some(f.tree_age_frames as f64)),
+    ("sah_ratio", |f| f.sah_ratio),
+    ("sah_cost", |f| f.sah_cost),
+];
+
+impl Row {
+    /// What is known of a number by its name.
+    pub(super) fn median(&self, name: &str) -> Option<f64> {
+        self.medians.get(name).copied().flatten()
+    }
+}
+
 /// What a run is like, beside what is asked of a session.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run {
@@ -78,22 +81,8 @@ pub(crate) struct Run {
     pub(crate) rays: RaysName,
     /// Pixels of a frame.
     pub(crate) size: [u32; 2],
-    /// How the device is got ready.
-    pub(crate) warm_up: WarmUp,
-}
-
-/// What is kept of frames.
-#[derive(Default)]
-struct Kept {
-    stats: Vec<FrameStats>,
-    held: Option<DeviceBytes>,
-}
-
-impl Kept {
-    fn note(&mut self, frame: &FrameRecord) {
-        self.stats.push(record::row(frame));
-        self.held = memory::larger(self.held, frame.device_bytes);
-    }
+    /// Seconds for which the device is got ready, if somebody said so.
+    pub(crate) warm_up: Option<f64>,
 }
 
 /// One run over `frames`.
@@ -105,29 +94,25 @@ pub(crate) fn measure(
 ) -> Result<Row, Stop> {
     let bundle = Bundle::of(run.rays, (spec, &scene.animation), run.size)?;
     let query = bundle.query();
-    let to_try = Some(settle::Run { frames, query });
     let ask = Ask {
-        run: to_try,
+        run: Some(choose::Run { frames, query }),
         ..*ask
     };
     let mut session = session::start(&scene.animation, &ask)?;
-    let mut kept = Kept::default();
+    let (mut stats, mut held) = (Vec::new(), None);
+    let mut note = |frame: &FrameRecord| {
+        stats.push(record::row(frame));
+        held = memory::larger(held, frame.device_bytes);
+        Ok::<(), Stop>(())
+    };
     let driver = &mut session.driver;
-    let (warm_up, rest) = run.warm_up.begin(driver, frames, query, |frame| {
-        kept.note(frame);
-        Ok::<(), Stop>(())
-    })?;
-    driver.run(rest.iter().copied(), query, false, |frame, _| {
-        kept.note(frame);
-        Ok::<(), Stop>(())
-    })?;
-    let row = row(spec, scene, &session, kept.stats, &bundle);
+    let (warm_up, rest) = warm_up::begin(run.warm_up, driver, frames, query, &mut note)?;
+    driver.run(rest.iter().copied(), query, false, |frame, _| note(frame))?;
+    let row = row(spec, scene, &session, stats, &bundle);
     Ok(Row {
         rays: (run.rays != RaysName::Camera).then_some("random"),
         warm_up,
-        memory: kept
-            .held
-            .map(|bytes| DeviceMemory::of(bytes, row.triangles)),
+        memory: held.map(|bytes| DeviceMemory::of(bytes, row.triangles)),
         ..row
     })
 }
@@ -141,7 +126,10 @@ fn row(
 ) -> Row {
     let median = |time: Time| Summary::of(frames.iter().filter_map(time)).map(|s| s.median);
     let triangles = scene.animation.live_count();
-    let per_triangle = |time: Time| median(time).map(|ms| ms * 1e6 / triangles.max(1) as f64);
+    let named = TIMES.iter().chain(&MORE);
+    let medians: BTreeMap<_, _> = named.map(|&(name, time)| (name, median(time))).collect();
+    let [build_ns_per_triangle, convert_ns_per_triangle] = ["build_ms", "convert_ms"]
+        .map(|name| medians[name].map(|ms| ms * 1e6 / triangles.max(1) as f64));
     let rates = frames.iter().filter_map(|f| {
         let ms = f.trace_primary_ms? + f.trace_shadow_ms.unwrap_or(0.0);
         mrays(bundle.count(f.hits), ms)
@@ -163,25 +151,12 @@ fn row(
         rays: None,
         warm_up: None,
         frames: frames.len(),
-        interpolate_ms: median(|f| f.interpolate_ms),
-        preprocess_ms: median(|f| f.preprocess_ms),
-        rebuild_ms: median(|f| f.rebuild_ms),
-        refit_ms: median(|f| f.refit_ms),
-        geometry_ms: median(geometry),
-        trace_primary_ms: median(|f| f.trace_primary_ms),
-        trace_shadow_ms: median(|f| f.trace_shadow_ms),
-        device_ms: median(|f| f.device_ms),
-        wall_ms: median(|f| f.wall_ms),
+        medians,
         mrays_per_s: Summary::of(rates).map(|s| s.median),
-        build_ms: median(|f| f.build_ms),
-        convert_ms: median(|f| f.convert_ms),
-        build_ns_per_triangle: per_triangle(|f| f.build_ms),
-        convert_ns_per_triangle: per_triangle(|f| f.convert_ms),
+        build_ns_per_triangle,
+        convert_ns_per_triangle,
         trees: frames.iter().filter(|f| f.adopted).count(),
         rejected: frames.iter().filter(|f| f.rejected).count(),
-        tree_age_frames: median(|f| Some(f.tree_age_frames as f64)),
-        sah_ratio: median(|f| f.sah_ratio),
-        sah_cost: median(|f| f.sah_cost),
         auto: session.taken.clone(),
         first_ms: frames.first().and_then(|f| f.wall_ms),
         memory: None,

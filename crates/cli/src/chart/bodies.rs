@@ -31,7 +31,6 @@ impl LeaksByMethod {
         let want = Want {
             backend: way.backend,
             adapter: None,
-            method,
             threads: threads::cores(),
         };
         let mut backend = open::open(&want, Ok)?.value;

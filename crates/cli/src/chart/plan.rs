@@ -31,7 +31,7 @@ impl ChartPlan {
         let mut skipped = Vec::new();
         let mut ways = Vec::new();
         for (backend, named) in backends(args, &mut skipped) {
-            for method in methods(args, backend, &mut skipped) {
+            for method in methods(args) {
                 let way = |&update: &UpdateName| Way {
                     backend,
                     named,
@@ -102,24 +102,16 @@ fn left_to_driver(backend: &str) -> String {
     format!("{backend} is left out: what its rays hit is the driver's affair, not an intersector's")
 }
 
-/// Every intersector asked for with every layout there is, as far as the backend has them.
-fn methods(args: &ChartArgs, backend: BackendName, skipped: &mut Vec<String>) -> Vec<MethodArgs> {
+/// Every intersector asked for with every layout there is.
+fn methods(args: &ChartArgs) -> Vec<MethodArgs> {
     let intersectors: Vec<_> = args.intersector.iter().map(|&i| settled(i)).collect();
     let mut methods = Vec::new();
     for intersector in unique(&intersectors) {
         for layout in [LayoutName::Bvh2, LayoutName::Fast] {
-            let method = MethodArgs {
+            methods.push(MethodArgs {
                 intersector,
                 layout,
-            };
-            let Some(what) = open::lacks(backend, choose::method(method)) else {
-                methods.push(method);
-                continue;
-            };
-            let line = format!("{} with {what} is left out: not supported", word(backend));
-            if !skipped.contains(&line) {
-                skipped.push(line);
-            }
+            });
         }
     }
     methods

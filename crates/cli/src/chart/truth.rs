@@ -1,10 +1,9 @@
 //! What the answers are.
 
 use super::questions::{Questions, moments};
-use crate::ahead::Ahead;
 use crate::args::{BackendName, ChartArgs, IntersectorName, LayoutName, MethodArgs};
 use crate::bench;
-use crate::choose;
+use crate::choose::{self, Ahead};
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
 use backend::{Hits, Query, QueryKind, Rays};

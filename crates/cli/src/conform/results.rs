@@ -4,7 +4,8 @@ use super::oracle::{self, OracleRow};
 use crate::subjects::{Absent, Examined, Machine, roll};
 use crate::table::{grouped, table};
 use conformance::leaks;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
+use serde_json::json;
 
 #[derive(Serialize)]
 pub(super) struct Report {
@@ -19,6 +20,7 @@ pub(super) struct Report {
     pub(super) backends: Vec<Examined>,
     pub(super) absent: Vec<Absent>,
     pub(super) rows: Vec<PropertyRow>,
+    #[serde(serialize_with = "leak_rows")]
     pub(super) leaks: Vec<LeakRow>,
     /// The first rays that were wrong, each with the command that finds them again.
     pub(super) leak_examples: Vec<String>,
@@ -27,6 +29,9 @@ pub(super) struct Report {
     /// Likewise, rays whose answers are not the oracle's.
     pub(super) oracle_examples: Vec<String>,
 }
+
+/// Rays of one sort at one body, by one backend.
+pub(super) type LeakRow = (&'static str, leaks::LeakRow);
 
 /// One law on one backend.
 #[derive(Serialize)]
@@ -41,45 +46,41 @@ pub(super) struct PropertyRow {
     pub(super) seconds: f64,
 }
 
-/// Rays of one sort at one body.
-#[derive(Serialize)]
-pub(super) struct LeakRow {
-    backend: &'static str,
-    body: &'static str,
-    offset: f32,
-    aim: &'static str,
-    side: &'static str,
-    rays: u64,
-    leaks: u64,
-    counted: u64,
-    miscounts: u64,
+/// What rays of one sort are aimed at, and from where.
+fn sort(row: &leaks::LeakRow) -> [&'static str; 2] {
+    let aim = match row.aim {
+        leaks::Aim::Edge => "edge",
+        leaks::Aim::Vertex => "vertex",
+        leaks::Aim::Random => "random",
+    };
+    [aim, if row.inside { "inside" } else { "outside" }]
 }
 
-impl LeakRow {
-    pub(super) fn of(backend: &'static str, row: &leaks::LeakRow) -> Self {
-        Self {
-            backend,
-            body: row.body,
-            offset: row.offset,
-            aim: match row.aim {
-                leaks::Aim::Edge => "edge",
-                leaks::Aim::Vertex => "vertex",
-                leaks::Aim::Random => "random",
-            },
-            side: if row.inside { "inside" } else { "outside" },
-            rays: row.rays,
-            leaks: row.leaks,
-            counted: row.counted,
-            miscounts: row.miscounts,
-        }
-    }
+/// Rows of bodies, as they stand in the file.
+fn leak_rows<S: Serializer>(rows: &[LeakRow], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(rows.iter().map(|(backend, row)| {
+        let [aim, side] = sort(row);
+        // As few digits as single precision needs.
+        let offset: Option<f64> = row.offset.to_string().parse().ok();
+        json!({
+            "backend": backend,
+            "body": row.body,
+            "offset": offset,
+            "aim": aim,
+            "side": side,
+            "rays": row.rays,
+            "leaks": row.leaks,
+            "counted": row.counted,
+            "miscounts": row.miscounts,
+        })
+    }))
 }
 
 impl Report {
     /// Laws broken, sorts of rays that leak, and kinds of meshes of which the oracle says otherwise.
     pub(super) fn failures(&self) -> usize {
         let broken = self.rows.iter().filter(|r| r.disagreement.is_some());
-        let leaky = self.leaks.iter().filter(|r| r.leaks + r.miscounts > 0);
+        let leaky = self.leaks.iter().filter(|(_, r)| r.leaks + r.miscounts > 0);
         let unlike = self.oracle.iter().filter(|r| r.is_failure());
         broken.count() + leaky.count() + unlike.count()
     }
@@ -126,28 +127,15 @@ impl Report {
     }
 
     fn leak_table(&self) -> String {
-        let head = [
-            "backend",
-            "body",
-            "aim",
-            "side",
-            "offset",
-            "rays",
-            "leaks",
-            "counted",
-            "miscounts",
-        ];
-        let row = |r: &LeakRow| {
-            let mut row = vec![
-                r.backend.to_owned(),
-                r.body.to_owned(),
-                r.aim.to_owned(),
-                r.side.to_owned(),
-                r.offset.to_string(),
-            ];
+        let head = "backend body aim side offset rays leaks counted miscounts";
+        let head: Vec<_> = head.split(' ').collect();
+        let row = |(backend, r): &LeakRow| {
+            let [aim, side] = sort(r);
+            let words = [*backend, r.body, aim, side].map(str::to_owned);
             let counts = [r.rays, r.leaks, r.counted, r.miscounts];
-            row.extend(counts.map(|n| grouped(n as usize)));
-            row
+            let counts = counts.iter().map(|&n| grouped(n as usize));
+            let offset = std::iter::once(r.offset.to_string());
+            words.into_iter().chain(offset).chain(counts).collect()
         };
         let rows: Vec<_> = self.leaks.iter().map(row).collect();
         table(&head, &rows, 4)
@@ -232,9 +220,8 @@ mod tests {
             miscounts: 0,
             doubled: 0,
         };
-        bad.leaks.push(LeakRow::of("x", &leak));
-        let sound = leaks::LeakRow { leaks: 0, ..leak };
-        bad.leaks.push(LeakRow::of("x", &sound));
+        bad.leaks.push(("x", leaks::LeakRow { leaks: 0, ..leak }));
+        bad.leaks.push(("x", leak));
         assert_eq!(bad.failures(), 2);
         assert!(bad.text().contains("inside"));
     }

@@ -2,16 +2,19 @@
 
 use crate::adapters::{Adapter, Limit};
 use crate::threads;
-use backend::{Backend, Method};
+use backend::Backend;
 use cpu_ref::CpuBackend;
-use geom::Animation;
 use gpu_vulkan::VulkanBackend;
 use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
-use std::sync::Arc;
 
 pub(super) fn list_vulkan() -> backend::Result<Vec<Adapter>> {
     Ok(gpu_vulkan::adapters()?.into_iter().map(vulkan).collect())
+}
+
+pub(super) fn list_vulkan_rt() -> backend::Result<Vec<Adapter>> {
+    let able = gpu_vulkan_rt::ray_adapters()?;
+    Ok(able.into_iter().map(vulkan).collect())
 }
 
 fn vulkan(adapter: gpu_vulkan::AdapterInfo) -> Adapter {
@@ -24,42 +27,23 @@ fn vulkan(adapter: gpu_vulkan::AdapterInfo) -> Adapter {
     }
 }
 
-pub(super) fn list_vulkan_rt() -> backend::Result<Vec<Adapter>> {
-    let able = gpu_vulkan_rt::ray_adapters()?;
-    Ok(able.into_iter().map(vulkan).collect())
-}
-
-pub(super) fn open_vulkan_rt(
-    adapter: Option<&Adapter>,
-    _: usize,
-) -> backend::Result<Box<dyn Backend>> {
-    driver_trees(adapter, Prefer::FastBuild)
-}
-
-pub(super) fn open_vulkan_rt_fast_trace(
-    adapter: Option<&Adapter>,
-    _: usize,
-) -> backend::Result<Box<dyn Backend>> {
-    driver_trees(adapter, Prefer::FastTrace)
-}
-
-fn driver_trees(adapter: Option<&Adapter>, prefer: Prefer) -> backend::Result<Box<dyn Backend>> {
-    let options = gpu_vulkan::Options {
-        adapter: adapter.map(|a| a.index.to_string()),
-        ..Default::default()
-    };
-    Ok(Box::new(DriverTreeBackend::new(&options, prefer)?))
-}
-
-pub(super) fn open_vulkan(
-    adapter: Option<&Adapter>,
-    _: usize,
-) -> backend::Result<Box<dyn Backend>> {
+pub(super) fn open_vulkan(adapter: Option<&Adapter>) -> backend::Result<Box<dyn Backend>> {
     let options = gpu_vulkan::Options {
         adapter: adapter.map(|a| a.index.to_string()),
         ..Default::default()
     };
     Ok(Box::new(VulkanBackend::new(&options)?))
+}
+
+pub(super) fn open_vulkan_rt(
+    adapter: Option<&Adapter>,
+    prefer: Prefer,
+) -> backend::Result<Box<dyn Backend>> {
+    let options = gpu_vulkan::Options {
+        adapter: adapter.map(|a| a.index.to_string()),
+        ..Default::default()
+    };
+    Ok(Box::new(DriverTreeBackend::new(&options, prefer)?))
 }
 
 pub(super) fn list_wgpu() -> backend::Result<Vec<Adapter>> {
@@ -73,16 +57,11 @@ pub(super) fn list_wgpu() -> backend::Result<Vec<Adapter>> {
     Ok(gpu_wgpu::adapters()?.into_iter().map(adapter).collect())
 }
 
-pub(super) fn open_wgpu(adapter: Option<&Adapter>, _: usize) -> backend::Result<Box<dyn Backend>> {
-    wgpu(adapter, false)
-}
-
-/// Has wgpu translate the kernels even where it need not.
-pub(super) fn open_wgsl(adapter: Option<&Adapter>, _: usize) -> backend::Result<Box<dyn Backend>> {
-    wgpu(adapter, true)
-}
-
-fn wgpu(adapter: Option<&Adapter>, force_wgsl: bool) -> backend::Result<Box<dyn Backend>> {
+/// `force_wgsl` has wgpu translate the kernels even where it need not.
+pub(super) fn open_wgpu(
+    adapter: Option<&Adapter>,
+    force_wgsl: bool,
+) -> backend::Result<Box<dyn Backend>> {
     let options = gpu_wgpu::Options {
         adapter: adapter.map(|a| a.index.to_string()),
         force_wgsl,
@@ -102,18 +81,8 @@ pub(super) fn list_cpu() -> backend::Result<Vec<Adapter>> {
     }])
 }
 
-pub(super) fn open_cpu(_: Option<&Adapter>, threads: usize) -> backend::Result<Box<dyn Backend>> {
+pub(super) fn open_cpu(threads: usize) -> backend::Result<Box<dyn Backend>> {
     Ok(Box::new(CpuBackend::new(Some(threads))?))
-}
-
-/// Found out with a scene of one triangle.
-pub(super) fn cpu_supports(method: Method) -> bool {
-    let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-    let Ok(scene) = Animation::new(vec![corners], vec![[0, 1, 2]]) else {
-        return false;
-    };
-    let cpu = CpuBackend::new(Some(1));
-    cpu.is_ok_and(|mut cpu| cpu.load(Arc::new(scene), method).is_ok())
 }
 
 fn limits(pairs: Vec<(&'static str, String)>) -> Vec<Limit> {

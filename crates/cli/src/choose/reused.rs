@@ -1,15 +1,15 @@
 //! A backend that serves one driver after another.
 
+use super::Ask;
 use crate::args::BackendName;
 use crate::memory;
 use crate::open::{self, Want};
-use crate::session::Ask;
 use crate::stop::Stop;
 use crate::threads::{self, Threads};
-use backend::{Backend, Device, Hits, Method, Query};
+use backend::{Backend, Device, Method};
 use clap::ValueEnum;
 use geom::Animation;
-use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Update};
+use pipeline::{Driver, DriverOptions, Update};
 use std::sync::Arc;
 
 /// A backend between drivers.
@@ -36,25 +36,10 @@ impl<'a> ReusedBackend<'a> {
         }
     }
 
-    /// The scene.
-    pub(super) fn animation(&self) -> &'a Animation {
-        self.animation
-    }
-
     /// How cores are shared under a policy.
     pub(crate) fn share(&self, update: Update) -> Threads {
-        let Ask {
-            threads: render,
-            builder_threads: build,
-            ..
-        } = *self.ask;
+        let (render, build) = (self.ask.threads, self.ask.builder_threads);
         threads::share(threads::cores(), self.device.kind, update, render, build)
-    }
-
-    /// Whether the backend has a method.
-    pub(super) fn supports(&self, method: Method) -> bool {
-        self.name()
-            .is_some_and(|name| open::lacks(name, method).is_none())
     }
 
     /// A driver that traces by `method` and follows the motion by `update`, as a run of its own would have it.
@@ -67,7 +52,7 @@ impl<'a> ReusedBackend<'a> {
             time_range: self.ask.ahead.time_range,
             predict: self.ask.ahead.predict,
         };
-        let backend = self.take(method, threads.render)?;
+        let backend = self.take(threads.render)?;
         let rays = self.ask.run.map_or(0, |run| run.query.rays.count());
         memory::check_device(&*backend, self.animation, (method, update), rays)?;
         Ok(Driver::new(backend, Arc::clone(self.animation), options)?)
@@ -79,40 +64,19 @@ impl<'a> ReusedBackend<'a> {
     }
 
     /// The backend at hand, or another of the same kind if that computes on other threads or is gone.
-    fn take(&mut self, method: Method, threads: usize) -> Result<Box<dyn Backend>, Stop> {
+    fn take(&mut self, threads: usize) -> Result<Box<dyn Backend>, Stop> {
         if let Some(backend) = self.backend.take() {
             // 0 of those whose device computes.
             if [0, threads].contains(&backend.device().threads) {
                 return Ok(backend);
             }
         }
+        let named = BackendName::from_str(self.device.backend, true);
         let want = Want {
-            backend: self.name().unwrap_or(self.ask.backend),
+            backend: named.unwrap_or(self.ask.backend),
             adapter: self.ask.adapter,
-            method,
             threads,
         };
         Ok(open::open(&want, Ok)?.value)
     }
-
-    /// Whether the backend can make a tree in each frame.
-    pub(super) fn makes_trees(&self) -> bool {
-        self.name().is_some_and(open::makes_trees)
-    }
-
-    fn name(&self) -> Option<BackendName> {
-        BackendName::from_str(self.device.backend, true).ok()
-    }
-}
-
-/// Traces one frame and waits for it.
-pub(super) fn frame(
-    driver: &mut Driver,
-    frame: Frame,
-    query: Query<'_>,
-    hits: Option<&mut Hits>,
-) -> Result<FrameRecord, Stop> {
-    driver.begin(frame, query)?;
-    let record = driver.finish(hits)?;
-    record.ok_or_else(|| Stop::failed("a frame that was begun has no end"))
 }

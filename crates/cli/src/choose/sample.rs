@@ -1,16 +1,11 @@
-//! How many rays of a run a method answers wrongly: a sample against exact arithmetic.
+//! How many rays of a run an intersector answers wrongly: a sample against exact arithmetic.
 
-use super::Run;
-use super::reused::{ReusedBackend, frame};
-use crate::args::BackendName;
-use crate::open::{self, Want};
+use super::{ReusedBackend, Run};
 use crate::stop::Stop;
-use crate::threads;
-use backend::{Hits, Intersector, Layout, Method, Query, Rays};
+use backend::{Hits, Intersector, Method, Query, QueryKind, Rays};
 use fastrand::Rng;
 use geom::Ray;
-use pipeline::{Driver, DriverOptions, Frame, Update};
-use std::sync::Arc;
+use pipeline::{Frame, Update};
 
 /// Frames of the run whose rays are asked.
 const MOMENTS: usize = 3;
@@ -22,14 +17,9 @@ const LIMIT: f64 = 2.995_732_273_553_991;
 /// Rays of a run and what exact arithmetic says of them. A ray is wrong where
 /// another triangle is named, or another shadow.
 pub(super) struct Sample {
-    sheets: Vec<Sheet>,
-    kind: backend::QueryKind,
-}
-
-struct Sheet {
-    frame: Frame,
-    rays: Vec<Ray>,
-    exact: Hits,
+    sheets: Vec<(Frame, Vec<Ray>)>,
+    kind: QueryKind,
+    exact: Vec<Hits>,
 }
 
 /// What a sample found.
@@ -72,7 +62,7 @@ fn divergence(q: f64, p: f64) -> f64 {
 }
 
 impl Sample {
-    /// About `count` rays of the run, answered by `exact` on the backend itself, else on the host.
+    /// About `count` rays of the run, answered by `exact`.
     pub(super) fn take(
         backend: &mut ReusedBackend<'_>,
         run: &Run<'_>,
@@ -80,88 +70,58 @@ impl Sample {
     ) -> Result<Self, Stop> {
         let mut rng = Rng::with_seed(0);
         let len = run.frames.len();
-        let sheets = (0..MOMENTS).map(|i| Sheet {
-            frame: run.frames[(2 * i + 1) * len / (2 * MOMENTS)],
-            rays: (0..count.div_ceil(MOMENTS))
-                .filter_map(|_| draw(run.query.rays, &mut rng))
-                .collect(),
-            exact: Hits::default(),
+        let sheets = (0..MOMENTS).map(|i| {
+            let frame = run.frames[(2 * i + 1) * len / (2 * MOMENTS)];
+            let rays = (0..count.div_ceil(MOMENTS)).filter_map(|_| draw(run.query.rays, &mut rng));
+            (frame, rays.collect())
         });
         let mut sample = Self {
             sheets: sheets.collect(),
             kind: run.query.kind,
+            exact: Vec::new(),
         };
-        let method = Method {
-            intersector: Intersector::Exact,
-            layout: Layout::Bvh2,
-        };
-        let answers = if backend.supports(method) {
-            sample.ask(backend, method)?
-        } else {
-            sample.trace(&mut on_host(backend, method)?)?
-        };
-        for (sheet, exact) in sample.sheets.iter_mut().zip(answers) {
-            sheet.exact = exact;
-        }
+        sample.exact = sample.ask(backend, Intersector::Exact)?;
         Ok(sample)
     }
 
-    /// How many of them a method answers wrongly.
+    /// How many of them an intersector answers wrongly.
     pub(super) fn wrong(
         &self,
         backend: &mut ReusedBackend<'_>,
-        method: Method,
+        intersector: Intersector,
     ) -> Result<Wrong, Stop> {
-        let answers = self.ask(backend, method)?;
-        let wrong = self.sheets.iter().zip(&answers);
+        let answers = self.ask(backend, intersector)?;
+        let pairs = self.exact.iter().zip(&answers);
         Ok(Wrong {
-            wrong: wrong.map(|(s, found)| differing(&s.exact, found)).sum(),
-            rays: self.sheets.iter().map(|s| s.rays.len() as u64).sum(),
+            wrong: pairs.map(|(exact, found)| differing(exact, found)).sum(),
+            rays: self.sheets.iter().map(|(_, rays)| rays.len() as u64).sum(),
         })
     }
 
-    fn ask(&self, backend: &mut ReusedBackend<'_>, method: Method) -> Result<Vec<Hits>, Stop> {
+    fn ask(
+        &self,
+        backend: &mut ReusedBackend<'_>,
+        intersector: Intersector,
+    ) -> Result<Vec<Hits>, Stop> {
+        let method = Method {
+            intersector,
+            ..Method::default()
+        };
         let mut driver = backend.driver(method, Update::Refit)?;
-        let answers = self.trace(&mut driver);
-        backend.put_back(driver);
-        answers
-    }
-
-    fn trace(&self, driver: &mut Driver) -> Result<Vec<Hits>, Stop> {
-        let trace = |(index, sheet): (u64, &Sheet)| {
+        let mut answers = Vec::new();
+        for (index, (frame, rays)) in (0..).zip(&self.sheets) {
             let mut hits = Hits::default();
             let query = Query {
-                rays: Rays::List(&sheet.rays),
+                rays: Rays::List(rays),
                 kind: self.kind,
             };
-            let at = Frame {
-                index,
-                ..sheet.frame
-            };
-            frame(driver, at, query, Some(&mut hits))?;
-            Ok(hits)
-        };
-        (0..).zip(&self.sheets).map(trace).collect()
+            driver.begin(Frame { index, ..*frame }, query)?;
+            driver.finish(Some(&mut hits))?;
+            answers.push(hits);
+        }
+        backend.put_back(driver);
+        Ok(answers)
     }
-}
-
-fn on_host(backend: &ReusedBackend<'_>, method: Method) -> Result<Driver, Stop> {
-    let threads = threads::cores();
-    let want = Want {
-        backend: BackendName::Cpu,
-        adapter: None,
-        method,
-        threads,
-    };
-    let options = DriverOptions {
-        method,
-        update: Update::Refit,
-        builder_threads: threads,
-        time_range: [0.0, backend.animation.end()],
-        predict: false,
-    };
-    let host = open::open(&want, Ok)?.value;
-    Ok(Driver::new(host, Arc::clone(backend.animation), options)?)
 }
 
 /// A ray at random.
@@ -190,20 +150,14 @@ mod tests {
 
     #[test]
     fn none_wrong_shows_less_the_more_is_tolerated() {
-        let none = |rays| Wrong { wrong: 0, rays }.at_most();
+        let at_most = |wrong, rays| Wrong { wrong, rays }.at_most();
         // The rule of three.
-        assert!((none(1_000_000) - 3.0).abs() < 0.01, "{}", none(1_000_000));
-        assert!(
-            Wrong {
-                wrong: 9,
-                rays: 1_000_000
-            }
-            .at_most()
-                > 15.0
-        );
+        let none = at_most(0, 1_000_000);
+        assert!((none - 3.0).abs() < 0.01, "{none}");
+        assert!(at_most(9, 1_000_000) > 15.0);
         for tolerance in [5.0, 10.0, 1000.0] {
             let rays = needed(tolerance).unwrap() as u64;
-            assert!(none(rays) < tolerance, "{tolerance}: {rays} rays");
+            assert!(at_most(0, rays) < tolerance, "{tolerance}: {rays} rays");
         }
         assert_eq!(needed(1.0), None, "more rays than are asked");
         assert_eq!(needed(0.0), None);

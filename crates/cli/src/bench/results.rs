@@ -1,0 +1,219 @@
+//! Results of a bench: as CSV (RFC 4180), for people, and every run over every other of the same scene.
+
+use super::{Report, Row};
+use crate::memory::DeviceMemory;
+use crate::stop::Stop;
+use crate::table::{grouped, ms, table};
+use crate::warm_up::Warmed;
+use serde::Serialize;
+use serde_json::Value;
+
+/// Columns of the CSV, named as in the JSON. Times are medians in milliseconds, but for the first frame's.
+const COLUMNS: &str = "scene,triangles,moving,backend,adapter,update,predict,intersector,layout,rays,threads,\
+     builder_threads,frames,first_ms,interpolate_ms,preprocess_ms,rebuild_ms,refit_ms,trace_primary_ms,trace_shadow_ms,\
+     device_ms,wall_ms,mrays_per_s,build_ms,convert_ms,trees,tree_age_frames,sah_ratio,device_bytes";
+
+const HEAD: [&str; 20] = [
+    "scene", "backend", "update", "method", "moving", "interp", "preproc", "refit", "geometry",
+    "primary", "shadow", "device", "wall", "Mrays/s", "build", "ns/tri", "trees", "age", "SAH",
+    "SAH cost",
+];
+
+/// The most runs of a scene that are all set against each other for people; of more, only the baseline is.
+const MANY: usize = 12;
+
+/// One run over another.
+#[derive(Serialize)]
+pub(super) struct Ratio {
+    scene: String,
+    run: String,
+    /// The rival.
+    over: String,
+    /// Of device times with what a frame waited for its tree.
+    device: Option<f64>,
+    /// Of host times.
+    wall: Option<f64>,
+}
+
+/// A row a run, empty where nothing is known.
+pub(super) fn csv(rows: &[Row]) -> Result<Vec<u8>, Stop> {
+    let mut out = csv::Writer::from_writer(Vec::new());
+    let columns = || COLUMNS.split(',');
+    out.write_record(columns()).map_err(Stop::failed)?;
+    for row in rows {
+        let mut json = serde_json::to_value(row).map_err(Stop::failed)?;
+        json["rays"] = row.rays.unwrap_or("camera").into();
+        json["device_bytes"] = row.memory.map(DeviceMemory::total).into();
+        let cell = |column: &str| match &json[column] {
+            Value::Null => String::new(),
+            Value::String(text) => text.clone(),
+            other => other.to_string(),
+        };
+        out.write_record(columns().map(cell))
+            .map_err(Stop::failed)?;
+    }
+    out.into_inner().map_err(Stop::failed)
+}
+
+/// One row a run, which device each backend ran on, and how runs compare.
+pub(super) fn text(report: &Report, against: Option<&str>) -> String {
+    let rows: Vec<_> = report.rows.iter().map(cells).collect();
+    let [width, height] = report.size;
+    let cpu = report.cpu.as_deref().unwrap_or("unknown cpu");
+    let each = report.rows.iter();
+    let mut adapters: Vec<String> = each
+        .map(|r| format!("{}: {}\n", r.backend, r.adapter))
+        .collect();
+    adapters.sort_unstable();
+    adapters.dedup();
+    let mut text = format!(
+        "medians in ms at {width}x{height} on {cpu}\n{}{}",
+        table(&HEAD, &rows, 4),
+        adapters.concat()
+    );
+    for row in &report.rows {
+        if let Some(warning) = row.warm_up.and_then(Warmed::warning) {
+            text += &format!("{} {}: {warning}\n", row.scene, name(row));
+        }
+    }
+    for of in report.rows.chunk_by(comparable) {
+        if of.len() > 1
+            && let Some(baseline) = baseline(of, against)
+        {
+            let scene = &baseline.scene;
+            text += &format!("{scene}: times over those of {}\n", name(baseline));
+            text += &matrix(of, baseline);
+        }
+    }
+    text
+}
+
+fn cells(r: &Row) -> Vec<String> {
+    let show = |value: Option<f64>, show: fn(f64) -> String| value.map_or("-".to_owned(), show);
+    let time = |name| show(r.median(name), ms);
+    let short = |value| show(value, |x| format!("{x:.2}"));
+    vec![
+        r.scene.clone(),
+        r.backend.to_owned(),
+        format!("{}{}", r.update, unless_predicted(r, ", unpredicted")),
+        format!("{} {}{}", r.intersector, r.layout, rays(r, ", ")),
+        grouped(r.moving),
+        time("interpolate_ms"),
+        time("preprocess_ms"),
+        time("refit_ms"),
+        time("geometry_ms"),
+        time("trace_primary_ms"),
+        time("trace_shadow_ms"),
+        time("device_ms"),
+        time("wall_ms"),
+        short(r.mrays_per_s),
+        time("build_ms"),
+        short(r.build_ns_per_triangle),
+        r.trees.to_string(),
+        show(r.median("tree_age_frames"), |x| x.to_string()),
+        short(r.median("sah_ratio")),
+        short(r.median("sah_cost")),
+    ]
+}
+
+fn unless_predicted(r: &Row, what: &'static str) -> &'static str {
+    if r.predict == Some(false) { what } else { "" }
+}
+
+/// Which rays, if not a camera's.
+fn rays(r: &Row, after: &str) -> String {
+    let rays = r.rays.map(|rays| format!("{after}{rays} rays"));
+    rays.unwrap_or_default()
+}
+
+/// What a run is called among those of its scene.
+fn name(r: &Row) -> String {
+    let words = [r.backend, r.update, r.intersector, r.layout].join(" ");
+    let without = unless_predicted(r, " unpredicted");
+    format!("{words}{without}{}", rays(r, " "))
+}
+
+/// Whether two runs did the same work.
+fn comparable(a: &Row, b: &Row) -> bool {
+    (&a.scene, a.rays) == (&b.scene, b.rays)
+}
+
+/// Median of what the device took and what the frame waited for its tree.
+fn frame_ms(r: &Row) -> Option<f64> {
+    let frames = r.per_frame.get(1..).filter(|rest| !rest.is_empty());
+    let all = frames.unwrap_or(&r.per_frame).iter();
+    let ms = all.filter_map(|f| Some(f.device_ms? + f.build_wait_ms.unwrap_or(0.0)));
+    output::Summary::of(ms).map(|s| s.median)
+}
+
+/// Device and host times of one run over those of another.
+fn over(run: &Row, rival: &Row) -> [Option<f64>; 2] {
+    let over = |a: Option<f64>, b: Option<f64>| Some(a? / b.filter(|&b| b > 0.0)?);
+    let wall = |r: &Row| r.median("wall_ms");
+    [
+        over(frame_ms(run), frame_ms(rival)),
+        over(wall(run), wall(rival)),
+    ]
+}
+
+/// All pairs within each scene.
+pub(super) fn ratios(rows: &[Row]) -> Vec<Ratio> {
+    let mut all = Vec::new();
+    for (i, run) in rows.iter().enumerate() {
+        for (j, rival) in rows.iter().enumerate() {
+            if i == j || !comparable(run, rival) {
+                continue;
+            }
+            let [device, wall] = over(run, rival);
+            all.push(Ratio {
+                scene: run.scene.clone(),
+                run: name(run),
+                over: name(rival),
+                device,
+                wall,
+            });
+        }
+    }
+    all
+}
+
+/// The run of every scene that all others are set against: the first whose name has all words of `against`, else the first.
+fn baseline<'a>(rows: &'a [Row], against: Option<&str>) -> Option<&'a Row> {
+    let words = against.unwrap_or_default();
+    rows.iter().find(|row| {
+        let name = name(row);
+        let mut there = name.split(' ');
+        let mut words = words.split_whitespace();
+        words.all(|w| there.by_ref().any(|t| t == w))
+    })
+}
+
+/// Refuses a baseline that is no run of any scene.
+pub(super) fn check(rows: &[Row], against: Option<&str>) -> Result<(), Stop> {
+    if rows.is_empty() || baseline(rows, against).is_some() {
+        return Ok(());
+    }
+    let names: Vec<_> = rows.iter().map(name).collect();
+    Err(Stop::bad(format!(
+        "--against '{}' is none of {}",
+        against.unwrap_or_default(),
+        names.join(", ")
+    )))
+}
+
+/// Every run over the baseline, and over every other where they are few.
+fn matrix(rows: &[Row], baseline: &Row) -> String {
+    let show = |ratio: Option<f64>| ratio.map_or("-".to_owned(), |x| format!("{x:.2}"));
+    let few = if rows.len() <= MANY { rows } else { &[] };
+    let numbered: Vec<String> = (1..=few.len()).map(|i| format!("/{i}")).collect();
+    let mut head = vec!["", "run", "device", "wall"];
+    head.extend(numbered.iter().map(String::as_str));
+    let line = |(i, r): (usize, &Row)| {
+        let mut cells = vec![(i + 1).to_string(), name(r)];
+        cells.extend(over(r, baseline).map(show));
+        cells.extend(few.iter().map(|rival| show(over(r, rival)[1])));
+        cells
+    };
+    let lines: Vec<_> = rows.iter().enumerate().map(line).collect();
+    table(&head, &lines, 2)
+}

@@ -1,0 +1,194 @@
+//! How a scene moves, what in it cannot be hit, and how its first tree decays under refitting: the reason to rebuild.
+
+use bvh_build::{BinaryTree, BuildError, Builder, Cancel, sah_cost};
+use geom::{Animation, Point, Pose, is_active, is_degenerate};
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// How vertices move.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(super) struct Motion {
+    /// Share of the vertices that are elsewhere in some key frame.
+    pub(super) moving: f64,
+    /// Mean way of a vertex from one key frame to the next, over the diagonal of the bounds.
+    pub(super) mean_step: f64,
+    /// The longest such way.
+    pub(super) max_step: f64,
+}
+
+/// The least and the most over all key frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub(super) struct Spread {
+    /// The least.
+    pub(super) min: usize,
+    /// The most.
+    pub(super) max: usize,
+}
+
+/// What never moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub(super) struct Still {
+    /// Vertices that never move: see [`geom::StaticParts`].
+    pub(super) vertices: usize,
+    /// Triangles all of whose vertices are such.
+    pub(super) triangles: usize,
+    /// Bytes of positions in all key frames.
+    pub(super) bytes: usize,
+    /// Of those, what static vertices take in key frames after the first.
+    pub(super) repeated_bytes: usize,
+}
+
+/// The first tree at another time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(super) struct Decay {
+    /// The time, in key frames.
+    pub(super) time: f64,
+    /// Its refitted cost.
+    pub(super) refitted: f64,
+    /// The cost of a tree built there.
+    pub(super) fresh: f64,
+    /// One over the other; `None` where there is no cost.
+    pub(super) ratio: Option<f64>,
+}
+
+/// Counts what never moves.
+pub(super) fn still(animation: &Animation) -> Still {
+    let parts = animation.static_parts();
+    let (keys, vertices) = (animation.keys().len(), parts.vertex_count());
+    Still {
+        vertices,
+        triangles: parts.triangle_count(),
+        bytes: keys * animation.vertex_count() * size_of::<Point>(),
+        repeated_bytes: (keys - 1) * vertices * size_of::<Point>(),
+    }
+}
+
+/// Measures the motion; steps to or from where a vertex is not finite count for nothing.
+pub(super) fn measure(animation: &Animation) -> Motion {
+    let keys = animation.keys();
+    let bits = |key: &[Point], v: usize| key[v].map(f32::to_bits);
+    let moves = |v: &usize| keys.iter().any(|k| bits(k, *v) != bits(&keys[0], *v));
+    let vertices = (0..animation.vertex_count()).into_par_iter();
+    let moving = vertices.filter(moves).count();
+    let steps: Vec<(f64, f64, usize)> = keys
+        .par_windows(2)
+        .map(|pair| {
+            let ways = pair[0].iter().zip(&pair[1]).map(|(a, b)| distance(a, b));
+            ways.filter(|w| w.is_finite())
+                .fold((0.0, 0.0, 0), |(sum, max, n), w| {
+                    (sum + w, f64::max(max, w), n + 1)
+                })
+        })
+        .collect();
+    let sum: f64 = steps.iter().map(|s| s.0).sum();
+    let count: usize = steps.iter().map(|s| s.2).sum();
+    let max = steps.iter().fold(0.0, |m, s| f64::max(m, s.1));
+    let diagonal = distance(&animation.bounds().extent(), &[0.0; 3]);
+    Motion {
+        moving: share(moving as f64, animation.vertex_count() as f64),
+        mean_step: share(sum, count as f64 * diagonal),
+        max_step: share(max, diagonal),
+    }
+}
+
+/// Inactive and degenerate triangles of each key frame: their spread.
+pub(super) fn unhittable(animation: &Animation) -> [Spread; 2] {
+    let count = |key: usize| {
+        let pose = Pose {
+            key: key as u32,
+            alpha: 0.0,
+        };
+        let triangles = (0..animation.triangle_count() as u32).into_par_iter();
+        let each = triangles.map(|t| {
+            let corners = animation.corners(pose, t);
+            let active = is_active(&corners);
+            let degenerate = active && is_degenerate(&corners);
+            [!active, degenerate].map(usize::from)
+        });
+        each.reduce(|| [0, 0], |a, b| [a[0] + b[0], a[1] + b[1]])
+    };
+    let keys = (0..animation.keys().len()).into_par_iter();
+    let counts: Vec<[usize; 2]> = keys.map(count).collect();
+    [0, 1].map(|i| Spread {
+        min: counts.iter().map(|c| c[i]).min().unwrap_or(0),
+        max: counts.iter().map(|c| c[i]).max().unwrap_or(0),
+    })
+}
+
+/// Compares the tree of time 0, refitted, with a fresh one at `samples` times over the motion.
+pub(super) fn decay(animation: &Animation, samples: usize) -> Result<Vec<Decay>, BuildError> {
+    let (mut builder, cancel) = (Builder::new(), Cancel::new());
+    let [mut first, mut fresh] = [BinaryTree::default(), BinaryTree::default()];
+    builder.build(&(animation, animation.pose(0.0)), &cancel, &mut first)?;
+    let last = if animation.end() > 0.0 { samples } else { 1 };
+    (0..last)
+        .map(|i| {
+            let time = animation.end() * i as f64 / (samples.max(2) - 1) as f64;
+            let boxes = (animation, animation.pose(time));
+            builder.build(&boxes, &cancel, &mut fresh)?;
+            let (refitted, fresh) = (sah_cost(&first, &boxes), sah_cost(&fresh, &boxes));
+            Ok(Decay {
+                time,
+                refitted,
+                fresh,
+                ratio: (fresh > 0.0).then(|| refitted / fresh),
+            })
+        })
+        .collect()
+}
+
+fn distance(a: &Point, b: &Point) -> f64 {
+    let squares = (0..3).map(|i| (f64::from(a[i]) - f64::from(b[i])).powi(2));
+    squares.sum::<f64>().sqrt()
+}
+
+fn share(part: f64, whole: f64) -> f64 {
+    if whole > 0.0 { part / whole } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn motion_is_measured_against_the_diagonal() {
+        let rest = [[0.0; 3], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0], [f32::NAN; 3]];
+        let mut moved = rest;
+        moved[0] = [0.0, 1.0, 0.0];
+        let keys = vec![rest.to_vec(), moved.to_vec(), moved.to_vec()];
+        let a = Animation::new(keys, vec![[0, 1, 2], [0, 1, 3], [1, 1, 2]]).unwrap();
+        let m = measure(&a);
+        assert_eq!((m.moving, m.max_step), (0.25, 0.2));
+        assert!((m.mean_step - 1.0 / 6.0 / 5.0).abs() < 1e-12);
+        assert_eq!(unhittable(&a), [Spread { min: 1, max: 1 }; 2]);
+        let expected = Still {
+            vertices: 2,
+            triangles: 1,
+            bytes: 3 * 4 * 12,
+            repeated_bytes: 2 * 2 * 12,
+        };
+        assert_eq!(still(&a), expected);
+    }
+
+    #[test]
+    fn a_scene_without_size_does_not_move() {
+        let a = Animation::new(vec![vec![[1.0; 3]]], vec![]).unwrap();
+        assert_eq!(measure(&a).max_step, 0.0);
+    }
+
+    #[test]
+    fn a_row_that_is_shuffled_makes_the_first_tree_worse() {
+        let row = |place: fn(u32) -> u32| -> Vec<Point> {
+            let corners = |x: f32| [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]];
+            (0..64).flat_map(|i| corners(place(i) as f32)).collect()
+        };
+        let triangles = (0..64).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let keys = vec![row(|i| i), row(|i| i * 37 % 64)];
+        let animation = Animation::new(keys, triangles).unwrap();
+        let decay = decay(&animation, 3).unwrap();
+        let ratios: Vec<f64> = decay.iter().map(|d| d.ratio.unwrap()).collect();
+        assert_eq!((decay.len(), ratios[0]), (3, 1.0));
+        assert!(ratios[2] > 1.5, "{ratios:?}");
+        assert_eq!(decay[2].time, 1.0);
+    }
+}
