@@ -48,7 +48,7 @@ pub(crate) fn parse() -> Result<Command, Stop> {
     parse_from(std::env::args_os())
 }
 
-fn parse_from(args: impl IntoIterator<Item = OsString>) -> Result<Command, Stop> {
+pub(crate) fn parse_from(args: impl IntoIterator<Item = OsString>) -> Result<Command, Stop> {
     let (cli, given) = read(args.into_iter().collect())?;
     let Some(command) = cli.command else {
         let (cli, _) = read(vec!["abvh".into(), "render".into()])?;

@@ -1,41 +1,43 @@
 //! `abvh chart`: how fast every way of tracing a scene is, against how often it is wrong.
 //!
 //! Times are those of `bench`: what the device took, and what the frame waited for its own tree before
-//! that (with `rebuild`), over all frames but the first, which warms up. Answers are compared with crate `oracle`'s,
-//! which shares no code with any backend; shadows, whose rays begin at what the hit says of itself, with
-//! those of `exact` on the host over fresh trees; so those of `exact` itself can but differ from tree to tree. First
-//! all is timed, then all is judged, so that the memory of the process is not the judge's. The host's memory is
+//! that (with `rebuild`), over all frames but the first, which warms up. Answers are compared with the exact oracle's,
+//! which shares no code with any backend. Shadows, whose rays begin at the reported hit, are compared with
+//! those of `exact` on the host over fresh trees.
+//!
+//! First all is timed, then all is judged, so that the memory of the process is not the judge's. The host's memory is
 //! all that is resident of the process, with whatever earlier runs left behind.
 
 mod accuracy;
-mod bodies;
-mod files;
+mod command;
+mod hard;
 mod plan;
-mod questions;
-mod text;
+mod rays;
 mod truth;
 
-use crate::args::{ChartArgs, PolicyArgs, RaysName};
+use crate::args::{ChartArgs, RaysName};
 use crate::bench::{self, Row};
-use crate::choose::{self, Ahead, Choice};
 use crate::progress::Progress;
 use crate::session::Ask;
 use crate::stop::Stop;
+use crate::table::table;
 use crate::warm_up::Warmed;
 use crate::{frames, info, reduce, talk};
-use chart::{Adapter, Chart, Companions, KeyFrameStep, KeyFrames, Machine, Point, Spread};
+use geom::Animation;
+use output::plot::{self, Adapter, Chart, KeyFrameStep, KeyFrames, Machine, Point, Spread};
 use output::{FrameStats, Summary};
-use pipeline::Update;
+use pipeline::Frame;
 use plan::{ChartPlan, Way};
 use scene::Scene;
 use std::sync::Arc;
 
+/// What the numbers of the table mean.
+const LEGEND: &str = "wrong: closest hits of so many that differ from exact arithmetic; aimed: rays at edges and vertices; \
+    mixed range: scenes of far or large parts\n\
+    t off: 99.9 % of hits are off by no more; leaks: of so many rays from inside closed bodies, at all offsets\n";
+
 /// A point, and the way it stands for.
-struct Measured {
-    way: Way,
-    update: Choice<Update>,
-    point: Point,
-}
+type Measured = (Way, Point);
 
 /// Times, judges, draws.
 pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
@@ -45,39 +47,72 @@ pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
     }
     let mut work = Work {
         args,
-        progress: Progress::new(plan.steps(), args.quiet),
+        progress: Progress::new(0, args.quiet),
         chart: Chart {
             title: "abvh: speed against accuracy".to_owned(),
-            machine: Machine {
-                cpu: info::cpu_model(),
-                version: env!("CARGO_PKG_VERSION").to_owned(),
-                date: time::OffsetDateTime::now_utc().date().to_string(),
-                adapters: Vec::new(),
-            },
+            machine: machine(),
             ..Chart::default()
         },
     };
-    let mut points = Vec::new();
+    let mut measured = Vec::new();
     for spec in &plan.scenes {
-        points.push(work.time_scene(spec, &plan.ways)?);
+        measured.push(work.time_scene(spec, &plan.ways)?);
     }
-    let leaks = work.bodies(&points)?;
-    for (spec, points) in plan.scenes.iter().zip(&mut points) {
+    work.ask_hard_rays(&mut measured)?;
+    for (spec, points) in plan.scenes.iter().zip(&mut measured) {
         work.judge_scene(spec, points)?;
     }
-    let Work {
-        progress,
-        mut chart,
-        ..
-    } = work;
-    drop(progress);
-    chart.points = points.into_iter().flatten().map(|m| m.point).collect();
-    leaks.hand_out(&mut chart.points);
+    let Work { chart, .. } = &mut work;
+    chart.points = measured
+        .into_iter()
+        .flatten()
+        .map(|(_, point)| point)
+        .collect();
     if chart.points.is_empty() {
         return Err(Stop::failed("nothing could be measured"));
     }
-    let written = files::write(&args.out, &chart)?;
-    talk::print(&text::text(&chart, &written))
+    drop(work.progress);
+    finish(args, &work.chart)
+}
+
+/// Writes the four files, up to the first that cannot be written; links there are replaced.
+fn finish(args: &ChartArgs, chart: &Chart) -> Result<(), Stop> {
+    let mut text = table(&plot::HEAD, &plot::rows(chart), 5) + LEGEND;
+    for (name, content) in [
+        ("chart.svg", plot::svg(chart)),
+        ("chart.html", plot::html(chart)),
+        ("points.csv", plot::csv(chart)),
+        ("points.json", plot::json(chart)),
+    ] {
+        let path = args.out.join(name);
+        let content = content.map_err(Stop::failed)?;
+        output::remove_link(&path)?;
+        output::write_whole(&path, content.as_bytes())?;
+        text += &format!("{}\n", path.display());
+    }
+    talk::print(&text)
+}
+
+/// This machine, today; its adapters are found as backends are opened.
+pub(crate) fn machine() -> Machine {
+    Machine {
+        cpu: info::cpu_model(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        date: time::OffsetDateTime::now_utc().date().to_string(),
+        adapters: Vec::new(),
+    }
+}
+
+/// Notes who stands behind a backend's name.
+pub(crate) fn add_adapter(machine: &mut Machine, row: &Row) {
+    let adapter = Adapter {
+        backend: row.backend.to_owned(),
+        adapter: row.adapter.clone(),
+        driver: row.driver.clone().unwrap_or_default(),
+    };
+    if !machine.adapters.contains(&adapter) {
+        machine.adapters.push(adapter);
+    }
 }
 
 /// All that is under way.
@@ -94,72 +129,115 @@ impl Work<'_> {
         if self.chart.scenes.is_empty() {
             output::prepare_dir(&self.args.out).map_err(Stop::bad)?;
         }
-        let keys = scene.animation.whole_times();
-        let frames = frames::list(Some(&self.args.frames), None, keys, false)?;
-        let name = self.name(spec, &scene);
-        self.chart.scenes.push(chart::Scene {
+        let frames = self.frames(&scene.animation)?;
+        // Its own name, or what it was requested by, where that alone is unique.
+        let is_taken = self.chart.scenes.iter().any(|s| s.name == scene.name);
+        let name = match frames::is_demo(spec) || is_taken {
+            true => spec.to_owned(),
+            false => scene.name.clone(),
+        };
+        self.chart.scenes.push(plot::Scene {
             name: name.clone(),
             triangles: scene.animation.triangle_count() as u64,
             size: self.args.size.size,
             frames: frames.len() as u64,
         });
         let mut points = Vec::new();
+        self.progress.lengthen(2 * ways.len() as u64 + 2);
         for &way in ways {
-            let update = way.update()?;
-            if points.iter().any(|m: &Measured| m.is(way, update)) {
-                continue;
-            }
-            let ask = way.ask(update);
-            let row = bench::measure(self.run(), (spec, &scene), &frames, &ask);
+            let row = bench::measure(self.run(), (spec, &scene), &frames, &way.ask());
             self.progress.step(&format!("{name} timed {way}"));
             match row {
                 Ok(row) => {
-                    self.meet(&row);
-                    let command = files::command(self.args, spec, &row);
-                    let point = timed(&name, &row, command);
-                    points.push(Measured { way, update, point });
+                    add_adapter(&mut self.chart.machine, &row);
+                    let command = command::of(self.args, spec, &row);
+                    points.push((way, timed(&name, &row, command)));
                 }
                 Err(stop) if way.named => return Err(stop),
-                Err(stop) => self.progress.say(&format!("{way} is left out: {stop}")),
+                Err(stop) => self.progress.say(&format!("{way} is skipped: {stop}")),
             }
         }
         Ok(points)
     }
 
-    /// How many key frames a scene needs, and what a frame takes with so many, by the first way that was charted.
+    /// Closed bodies and scenes of mixed range, once by each backend and method.
+    fn ask_hard_rays(&mut self, measured: &mut [Vec<Measured>]) -> Result<(), Stop> {
+        let families = hard::families(self.args.rays);
+        let mut known = Vec::new();
+        for (way, point) in measured.iter_mut().flatten() {
+            let found = known.iter().find(|(of, _)| way.is_like(of));
+            let (mixed_range, leaks) = match found.cloned() {
+                Some((_, found)) => found,
+                None => hard::ask(way, &families, self.args.rays)?,
+            };
+            if found.is_none() {
+                self.progress.lengthen(1);
+                self.progress.step(&format!("hard rays {way}"));
+                known.push((*way, (mixed_range.clone(), leaks.clone())));
+            }
+            (point.mixed_range, point.leaks) = (mixed_range, leaks);
+        }
+        Ok(())
+    }
+
+    /// Every way's answers over one scene, and how many key frames it needs.
+    fn judge_scene(&mut self, spec: &str, points: &mut [Measured]) -> Result<(), Stop> {
+        let mut scene = scene::open(spec, &self.args.source.options())?;
+        let Some((first, point)) = points.first() else {
+            return Ok(());
+        };
+        let (first, name) = (first.ask(), point.scene.clone());
+        let truth = truth::GroundTruth::of(&scene.animation, self.args)?;
+        self.progress.step(&format!("{name} exact answers"));
+        for (way, point) in points.iter_mut() {
+            accuracy::judge(&scene, &way.ask(), &truth)?.enter(point);
+            self.progress.step(&format!("{name} judged {way}"));
+        }
+        if scene.animation.keys().len() > 1 && scene.animation.times().is_none() {
+            let steps = self.key_frames(spec, &mut scene, &first)?;
+            let scene = name.clone();
+            let curves = &mut self.chart.companions.key_frames;
+            curves.push(KeyFrames { scene, steps });
+        }
+        self.progress.step(&format!("{name} key frames"));
+        Ok(())
+    }
+
+    /// How many key frames a scene needs, and what a frame takes with so many.
     fn key_frames(
         &self,
-        name: String,
-        (spec, scene): (&str, Scene),
-        by: Option<Ask<'_>>,
-    ) -> Result<KeyFrames, Stop> {
+        spec: &str,
+        scene: &mut Scene,
+        ask: &Ask<'_>,
+    ) -> Result<Vec<KeyFrameStep>, Stop> {
         let animation = Arc::clone(&scene.animation);
         let reduce::Curve { diagonal, points } = reduce::curve(&animation)?;
-        let frames = frames::list(
-            Some(&self.args.frames),
-            None,
-            animation.whole_times(),
-            false,
-        )?;
-        let mut scene = scene;
+        let frames = self.frames(&animation)?;
         let mut last: Option<(Vec<usize>, Option<f64>)> = None;
         let mut steps = Vec::new();
         for (point, kept) in points {
-            let known = last.take().filter(|(of, _)| *of == kept).map(|(_, ms)| ms);
-            let ms = match (known, &by) {
-                (Some(ms), _) => ms,
-                (None, None) => None,
-                (None, Some(ask)) => {
+            let ms = match last.take().filter(|(of, _)| *of == kept) {
+                Some((_, ms)) => ms,
+                None => {
                     scene.animation = Arc::new(reduce::left(&animation, &kept)?);
-                    let row = bench::measure(self.run(), (spec, &scene), &frames, ask)?;
-                    timed(&name, &row, String::new()).ms_per_frame.median
+                    let row = bench::measure(self.run(), (spec, &*scene), &frames, ask)?;
+                    timed("", &row, String::new()).ms_per_frame.median
                 }
             };
             last = Some((kept, ms));
-            steps.push(step(point, diagonal, ms));
+            steps.push(KeyFrameStep {
+                tolerance: Some(point.share),
+                key_frames: point.keys as u64,
+                max_error: Some(point.max_error / diagonal),
+                ms,
+            });
         }
-        let scene = name;
-        Ok(KeyFrames { scene, steps })
+        Ok(steps)
+    }
+
+    fn frames(&self, animation: &Animation) -> Result<Vec<Frame>, Stop> {
+        let keys = animation.whole_times();
+        frames::list(Some(&self.args.frames), None, keys, false)
     }
 
     /// What all runs share.
@@ -170,77 +248,6 @@ impl Work<'_> {
             warm_up: self.args.warm_up.warm_up(),
         }
     }
-
-    /// What the chart calls a scene: its own name, or what it was asked for by, where that alone is unique.
-    fn name(&self, spec: &str, scene: &Scene) -> String {
-        let taken = |name: &str| self.chart.scenes.iter().any(|s| s.name == name);
-        if frames::is_demo(spec) || taken(&scene.name) {
-            spec.to_owned()
-        } else {
-            scene.name.clone()
-        }
-    }
-
-    /// Notes who stands behind a backend's name.
-    fn meet(&mut self, row: &Row) {
-        let adapters = &mut self.chart.machine.adapters;
-        if adapters.iter().all(|a| a.backend != row.backend) {
-            adapters.push(Adapter {
-                backend: row.backend.to_owned(),
-                adapter: row.adapter.clone(),
-                driver: row.driver.clone().unwrap_or_default(),
-            });
-        }
-    }
-
-    /// Closed bodies, once a backend and method.
-    fn bodies(&mut self, points: &[Vec<Measured>]) -> Result<bodies::LeaksByMethod, Stop> {
-        let mut found = bodies::LeaksByMethod::default();
-        for Measured { way, point, .. } in points.iter().flatten() {
-            if found.knows(point) {
-                continue;
-            }
-            found.fire(way, point, self.args.rays)?;
-            let (backend, method) = (&point.backend, &point.intersector);
-            let line = format!("closed bodies {backend} {method} {}", point.layout);
-            self.progress.step(&line);
-        }
-        Ok(found)
-    }
-
-    /// Every way's answers over one scene, and how many key frames it needs.
-    fn judge_scene(&mut self, spec: &str, points: &mut [Measured]) -> Result<(), Stop> {
-        let scene = scene::open(spec, &self.args.source.options())?;
-        let Some(name) = points.first().map(|m| m.point.scene.clone()) else {
-            return Ok(());
-        };
-        let truth = truth::GroundTruth::of(&scene.animation, self.args)?;
-        self.progress
-            .step(&format!("{name} exact answers of {} rays", truth.rays()));
-        for Measured { way, update, point } in points.iter_mut() {
-            let tally = accuracy::judge(&scene, &way.ask(*update), &truth)?;
-            tally.enter(point);
-            self.progress.step(&format!("{name} judged {way}"));
-        }
-        let line = format!("{name} key frames");
-        if scene.animation.keys().len() > 1 && scene.animation.times().is_none() {
-            let by = points.first().map(|m| m.way.ask(m.update));
-            let curve = self.key_frames(name, (spec, scene), by)?;
-            let Companions { key_frames } = &mut self.chart.companions;
-            key_frames.push(curve);
-        }
-        self.progress.step(&line);
-        Ok(())
-    }
-}
-
-fn step(point: reduce::CurvePoint, diagonal: f64, ms: Option<f64>) -> KeyFrameStep {
-    KeyFrameStep {
-        tolerance: Some(point.share),
-        key_frames: point.keys as u64,
-        max_error: Some(point.max_error / diagonal),
-        ms,
-    }
 }
 
 /// How fast a way was.
@@ -249,7 +256,9 @@ fn timed(scene: &str, row: &Row, command: String) -> Point {
         [_, rest @ ..] if !rest.is_empty() => rest,
         all => all,
     };
-    let spread = || frames.iter().filter_map(frame_ms);
+    // What the device took, after what the frame waited for its tree.
+    let ms = |frame: &FrameStats| Some(frame.device_ms? + frame.build_wait_ms.unwrap_or(0.0));
+    let spread = || frames.iter().filter_map(ms);
     let summary = Summary::of(spread());
     let most = |bytes: fn(&FrameStats) -> Option<u64>| frames.iter().filter_map(bytes).max();
     let on_host = (row.backend == "cpu").then(|| most(|f| f.host_bytes));
@@ -271,44 +280,5 @@ fn timed(scene: &str, row: &Row, command: String) -> Point {
         warm_up_s: row.warm_up.map(Warmed::seconds),
         command,
         ..Point::default()
-    }
-}
-
-/// What the device took, after what the frame waited for its tree.
-fn frame_ms(frame: &FrameStats) -> Option<f64> {
-    Some(frame.device_ms? + frame.build_wait_ms.unwrap_or(0.0))
-}
-
-impl Measured {
-    /// Whether it stands for the same by another name.
-    fn is(&self, way: Way, update: Choice<Update>) -> bool {
-        let same = self.way.backend == way.backend && self.way.method == way.method;
-        same && self.update.value == update.value
-    }
-}
-
-impl Way {
-    /// How trees follow the motion of a scene.
-    fn update(&self) -> Result<Choice<Update>, Stop> {
-        let policy = PolicyArgs {
-            update: self.update,
-            lockstep: None,
-        };
-        choose::update(policy)
-    }
-
-    /// As a session wants it.
-    fn ask(&self, update: Choice<Update>) -> Ask<'static> {
-        Ask {
-            backend: self.backend,
-            adapter: None,
-            threads: None,
-            builder_threads: None,
-            method: self.method,
-            update,
-            tolerance: 0.0,
-            run: None,
-            ahead: Ahead::default(),
-        }
     }
 }

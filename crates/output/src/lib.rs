@@ -1,4 +1,4 @@
-//! Hits to pixels; arrays, pictures and rows to whole files.
+//! Hits to pixels, measured points to charts; arrays, pictures and rows to whole files.
 //!
 //! Every file is written beside its final name and renamed when it is whole, so
 //! that nobody ever reads half a file. What a file holds depends on what it is
@@ -9,12 +9,10 @@ mod atomic;
 mod digest;
 mod error;
 mod hits;
-mod png;
+pub mod plot;
 mod rays;
 mod shading;
 mod stats;
-mod summary;
-mod taken;
 mod timeline;
 
 pub use atomic::{
@@ -23,10 +21,10 @@ pub use atomic::{
 pub use digest::{Digest, digest_of};
 pub use error::{RaysError, WriteError};
 pub use hits::{HitArrays, write_found, write_hits};
-pub use png::write_png;
 pub use rays::{read_rays, write_rays};
-pub use shading::{Shot, View, frame_scene, shade};
-pub use stats::{FrameStats, SCHEMA, SceneFacts, Stats, write_json};
-pub use summary::{Course, Overview, Summary, TIMES, Time, overview, summarize};
-pub use taken::Taken;
+pub use shading::{Shot, View, frame_scene, shade, write_png};
+pub use stats::{
+    Course, FrameStats, Overview, SCHEMA, SceneFacts, Stats, Summary, TIMES, Taken, Time, overview,
+    summarize, write_json,
+};
 pub use timeline::{Timeline, Track, write_timeline};

@@ -8,7 +8,6 @@
 
 use crate::WriteError;
 use crate::atomic::write_with;
-use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::io::{self, Write};
 use std::path::Path;
@@ -17,30 +16,14 @@ use std::path::Path;
 #[derive(Clone, Debug, Default)]
 pub struct Timeline {
     tracks: u32,
-    events: Vec<Event>,
+    /// In the format's own fields and letters.
+    events: Vec<Value>,
     facts: Map<String, Value>,
 }
 
 /// One row of the picture, made by [`Timeline::track`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Track(u32);
-
-/// One event. Fields and letters are the format's.
-#[derive(Clone, Debug, Serialize)]
-struct Event {
-    ph: &'static str,
-    name: &'static str,
-    pid: u32,
-    tid: u32,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    ts: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    dur: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    s: Option<&'static str>,
-    #[serde(skip_serializing_if = "Value::is_null")]
-    args: Value,
-}
 
 /// The one process there is.
 const PROCESS: u32 = 1;
@@ -50,17 +33,18 @@ impl Timeline {
     #[must_use]
     pub fn new(name: &str) -> Self {
         let mut timeline = Self::default();
-        timeline.tell("process_name", 0, json!({ "name": name }));
+        timeline.add("M", "process_name", Track(0), json!({ "name": name }), []);
         timeline
     }
 
     /// Adds a row below those there are.
     pub fn track(&mut self, name: &'static str) -> Track {
         self.tracks += 1;
-        let track = self.tracks;
-        self.tell("thread_name", track, json!({ "name": name }));
-        self.tell("thread_sort_index", track, json!({ "sort_index": track }));
-        Track(track)
+        let track = Track(self.tracks);
+        self.add("M", "thread_name", track, json!({ "name": name }), []);
+        let index = json!({ "sort_index": track.0 });
+        self.add("M", "thread_sort_index", track, index, []);
+        track
     }
 
     /// Something that lasted from `begin_ms` to `end_ms`.
@@ -72,25 +56,21 @@ impl Timeline {
         args: Value,
     ) {
         let [begin, end] = [begin_ms, end_ms].map(nanoseconds);
-        let mut event = Event::new("X", name, track.0, args);
-        event.ts = Some(begin * 1e-3);
-        event.dur = Some((end - begin).max(0.0) * 1e-3);
-        self.events.push(event);
+        let length = (end - begin).max(0.0) * 1e-3;
+        let times = [("ts", json!(begin * 1e-3)), ("dur", json!(length))];
+        self.add("X", name, track, args, times);
     }
 
     /// Something that happened at once.
     pub fn mark(&mut self, track: Track, name: &'static str, at_ms: f64, args: Value) {
-        let mut event = Event::new("i", name, track.0, args);
-        event.ts = Some(nanoseconds(at_ms) * 1e-3);
-        event.s = Some("t");
-        self.events.push(event);
+        let at = json!(nanoseconds(at_ms) * 1e-3);
+        self.add("i", name, track, args, [("ts", at), ("s", json!("t"))]);
     }
 
     /// A quantity that has `value` from `at_ms` on, drawn as a curve of its own.
     pub fn counter(&mut self, name: &'static str, at_ms: f64, value: f64) {
-        let mut event = Event::new("C", name, 0, json!({ "value": value }));
-        event.ts = Some(nanoseconds(at_ms) * 1e-3);
-        self.events.push(event);
+        let at = json!(nanoseconds(at_ms) * 1e-3);
+        self.add("C", name, Track(0), json!({ "value": value }), [("ts", at)]);
     }
 
     /// A remark on the whole.
@@ -98,23 +78,20 @@ impl Timeline {
         self.facts.insert(name.to_owned(), value);
     }
 
-    fn tell(&mut self, name: &'static str, track: u32, args: Value) {
-        self.events.push(Event::new("M", name, track, args));
-    }
-}
-
-impl Event {
-    fn new(ph: &'static str, name: &'static str, tid: u32, args: Value) -> Self {
-        Self {
-            ph,
-            name,
-            pid: PROCESS,
-            tid,
-            ts: None,
-            dur: None,
-            s: None,
-            args,
+    fn add<const N: usize>(
+        &mut self,
+        ph: &str,
+        name: &str,
+        track: Track,
+        args: Value,
+        more: [(&str, Value); N],
+    ) {
+        let mut event = json!({ "ph": ph, "name": name, "pid": PROCESS, "tid": track.0 });
+        let args = Some(("args", args)).filter(|a| !a.1.is_null());
+        for (name, value) in more.into_iter().chain(args) {
+            event[name] = value;
         }
+        self.events.push(event);
     }
 }
 

@@ -8,7 +8,6 @@ mod conform;
 mod devices;
 mod disk;
 mod files;
-mod growth;
 mod hits;
 mod inactive;
 mod killed;
@@ -32,7 +31,6 @@ fn main() -> ExitCode {
         devices::trials(),
         disk::trials(),
         files::trials(),
-        growth::trials(),
         hits::trials(),
         inactive::trials(),
         killed::trials(),

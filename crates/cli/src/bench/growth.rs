@@ -1,33 +1,24 @@
 //! Time, memory and start-up against triangles, as a picture.
 
 use super::{Report, Row};
+use crate::chart;
 use crate::memory::DeviceMemory;
 use crate::stop::Stop;
-use chart::{Adapter, Growth, GrowthPoint, Machine};
+use output::plot::{self, Growth, GrowthPoint};
 
 pub(super) fn svg(report: &Report) -> Result<String, Stop> {
-    let mut adapters: Vec<Adapter> = report.rows.iter().map(adapter).collect();
-    adapters.dedup();
+    let mut machine = chart::machine();
+    report
+        .rows
+        .iter()
+        .for_each(|row| chart::add_adapter(&mut machine, row));
     let growth = Growth {
         title: "Time, memory and start-up against triangles".to_owned(),
-        machine: Machine {
-            cpu: report.cpu.clone(),
-            version: report.version.to_owned(),
-            date: time::OffsetDateTime::now_utc().date().to_string(),
-            adapters,
-        },
+        machine,
         size: report.size,
         points: report.rows.iter().map(point).collect(),
     };
-    chart::growth_svg(&growth).map_err(Stop::failed)
-}
-
-fn adapter(row: &Row) -> Adapter {
-    Adapter {
-        backend: row.backend.to_owned(),
-        adapter: row.adapter.clone(),
-        driver: row.driver.clone().unwrap_or_default(),
-    }
+    plot::growth_svg(&growth).map_err(Stop::failed)
 }
 
 fn point(row: &Row) -> GrowthPoint {

@@ -4,8 +4,8 @@ use super::truth::{GroundTruth, Sheet};
 use crate::session::{self, Ask};
 use crate::stop::Stop;
 use backend::Hits;
-use chart::{Aimed, Point, TError};
 use geom::Hit;
+use output::plot::{Aimed, Point, TError};
 use scene::Scene;
 use std::ops::Range;
 
@@ -20,18 +20,18 @@ pub(super) struct AnswerCounts {
     errors: Vec<f64>,
 }
 
-/// Asks everything of a way.
+/// Traces all rays one way.
 pub(super) fn judge(
     scene: &Scene,
     ask: &Ask<'_>,
     truth: &GroundTruth,
 ) -> Result<AnswerCounts, Stop> {
     let mut session = session::start(&scene.animation, ask)?;
-    let mut tally = AnswerCounts::default();
-    truth.ask(&mut session, |sheet, range, hits| {
-        tally.add(sheet, range, hits);
+    let mut counts = AnswerCounts::default();
+    truth.trace(&mut session, |sheet, range, hits| {
+        counts.add(sheet, range, hits);
     })?;
-    Ok(tally)
+    Ok(counts)
 }
 
 impl AnswerCounts {
@@ -40,7 +40,7 @@ impl AnswerCounts {
         for (i, (hit, &blocked)) in range.zip(answers) {
             let truth = sheet.closest[i];
             let right = truth.map_or(!hit.is_hit(), |(triangle, _)| triangle == hit.triangle);
-            if i >= sheet.questions.plain {
+            if i >= sheet.plain {
                 self.aimed.rays += 1;
                 self.aimed.wrong += u64::from(!right);
                 continue;
@@ -83,7 +83,6 @@ fn off(hit: &Hit, exact: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::questions::Questions;
     use super::*;
     use geom::Ray;
 
@@ -98,11 +97,9 @@ mod tests {
     #[test]
     fn every_sort_of_fault_is_counted_where_it_belongs() {
         let sheet = Sheet {
-            questions: Questions {
-                time: 0.0,
-                rays: vec![Ray::new([0.0; 3], [1.0; 3]); 7],
-                plain: 5,
-            },
+            time: 0.0,
+            rays: vec![Ray::new([0.0; 3], [1.0; 3]); 7],
+            plain: 5,
             closest: [Some(1), Some(1), None, None, Some(1), Some(1), None]
                 .map(|hit: Option<u32>| hit.map(|triangle| (triangle, 1.0)))
                 .to_vec(),
@@ -118,16 +115,16 @@ mod tests {
             Hit::MISS,
             Hit::MISS,
         ];
-        let mut tally = AnswerCounts::default();
+        let mut counts = AnswerCounts::default();
         let part = |range: Range<usize>| Hits {
             closest: found[range.clone()].to_vec(),
             blocked: vec![0; range.len()],
         };
         // As if traced in two goes.
-        tally.add(&sheet, 0..3, &part(0..3));
-        tally.add(&sheet, 3..7, &part(3..7));
+        counts.add(&sheet, 0..3, &part(0..3));
+        counts.add(&sheet, 3..7, &part(3..7));
         let mut point = Point::default();
-        tally.enter(&mut point);
+        counts.enter(&mut point);
         assert_eq!((point.rays_tested, point.wrong), (5, 2));
         assert_eq!(point.wrong_shadow, 1);
         assert_eq!(point.aimed, Aimed { rays: 2, wrong: 1 });

@@ -1,23 +1,29 @@
 //! Which ways of tracing there are here.
 
-use crate::args::{BackendName, ChartArgs, IntersectorName, LayoutName, MethodArgs, UpdateName};
+use crate::adapters;
+use crate::ahead::Ahead;
+use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs, PolicyArgs, UpdateName};
+use crate::choose::{self, Choice};
+use crate::open::{self, Presence};
+use crate::session::Ask;
 use crate::stop::Stop;
-use crate::{adapters, choose, open};
 use backend::DeviceKind;
 use clap::ValueEnum;
+use pipeline::Update;
 use std::fmt;
 
 /// One way of tracing.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Way {
     pub(super) backend: BackendName,
-    /// Whether somebody asked for the backend by name.
+    /// Whether somebody named the backend.
     pub(super) named: bool,
     pub(super) method: MethodArgs,
-    pub(super) update: UpdateName,
+    pub(super) update: Choice<Update>,
 }
 
 /// All ways, and why others are none.
+#[derive(Debug)]
 pub(super) struct ChartPlan {
     pub(super) scenes: Vec<String>,
     pub(super) ways: Vec<Way>,
@@ -28,85 +34,86 @@ pub(super) struct ChartPlan {
 impl ChartPlan {
     /// Everything with everything, as far as backends support it.
     pub(super) fn of(args: &ChartArgs) -> Result<Self, Stop> {
-        let mut skipped = Vec::new();
-        let mut ways = Vec::new();
+        let update = |&update: &UpdateName| {
+            let lockstep = None;
+            choose::update(PolicyArgs { update, lockstep })
+        };
+        let updates: Vec<_> = args
+            .policies
+            .update
+            .iter()
+            .map(update)
+            .collect::<Result<_, _>>()?;
+        let updates = unique(&updates, |u| u.value);
+        let (mut ways, mut skipped) = (Vec::new(), Vec::new());
         for (backend, named) in backends(args, &mut skipped) {
             for method in methods(args) {
-                let way = |&update: &UpdateName| Way {
+                ways.extend(updates.iter().map(|&update| Way {
                     backend,
                     named,
                     method,
                     update,
-                };
-                ways.extend(unique(&args.policies.update).iter().map(way));
+                }));
             }
         }
         if ways.is_empty() {
-            return Err(Stop::bad(format!(
-                "there is nothing to chart: {}",
-                skipped.join("; ")
-            )));
+            let why = skipped.join("; ");
+            return Err(Stop::bad(format!("there is nothing to chart: {why}")));
         }
         Ok(Self {
-            scenes: unique(&args.scenes),
+            scenes: unique(&args.scenes, String::clone),
             ways,
             skipped,
         })
-    }
-
-    /// Steps of work: every way is timed and judged on each scene, which has its
-    /// answers found and its key frames reduced; and every method is tried on closed bodies.
-    pub(super) fn steps(&self) -> u64 {
-        let methods: Vec<_> = self.ways.iter().map(|w| (w.backend, w.method)).collect();
-        (self.scenes.len() * (2 * self.ways.len() + 2) + unique(&methods).len()) as u64
     }
 }
 
 /// Backends to be charted, the host first, and whether each was named.
 fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<(BackendName, bool)> {
-    let named = |name| args.backend.contains(&name);
-    if !named(BackendName::Auto) {
-        let (drivers, ours): (Vec<_>, Vec<_>) = unique(&args.backend)
-            .into_iter()
-            .partition(|&b| open::has_own_trees(b));
-        skipped.extend(drivers.into_iter().map(|b| left_to_driver(&word(b))));
-        return ours.into_iter().map(|b| (b, true)).collect();
-    }
-    let mut found = Vec::new();
-    for presence in open::presences().into_iter().rev() {
-        let Ok(name) = BackendName::from_str(presence.backend, true) else {
-            continue;
-        };
-        if presence.own_trees {
-            skipped.push(left_to_driver(presence.backend));
-            continue;
+    let named = unique(&args.backend, |&b| b).into_iter();
+    let named = named.filter(|&b| b != BackendName::Auto);
+    let mut found: Vec<_> = named.map(|b| (b, true)).collect();
+    if args.backend.contains(&BackendName::Auto) {
+        for presence in open::presences().into_iter().rev() {
+            let Ok(name) = BackendName::from_str(presence.backend, true) else {
+                continue;
+            };
+            match why_not(presence) {
+                _ if found.contains(&(name, true)) => {}
+                Some(why) => skipped.push(format!("{} is skipped: {why}", word(name))),
+                None => found.push((name, false)),
+            }
         }
-        let fits = presence
-            .adapters
-            .iter()
-            .any(|a| a.kind != DeviceKind::Software);
-        if named(name) || fits {
-            found.push((name, named(name)));
-            continue;
-        }
-        let why = presence.absent.unwrap_or_else(|| {
-            let there = adapters::numbered(&presence.adapters);
-            format!("it finds no GPU but {there}; --backend takes it by name")
-        });
-        skipped.push(format!("{} is left out: {why}", presence.backend));
     }
+    found.retain(|&(backend, _)| {
+        let is_ours = !open::has_own_trees(backend);
+        if !is_ours {
+            skipped.push(format!(
+                "{} is skipped: what its rays hit is the driver's affair, not an intersector's",
+                word(backend)
+            ));
+        }
+        is_ours
+    });
     found
 }
 
-fn left_to_driver(backend: &str) -> String {
-    format!("{backend} is left out: what its rays hit is the driver's affair, not an intersector's")
+/// Why `auto` takes no such backend.
+fn why_not(presence: Presence) -> Option<String> {
+    let is_fit = |a: &adapters::Adapter| a.kind != DeviceKind::Software;
+    if presence.own_trees || presence.adapters.iter().any(is_fit) {
+        return None;
+    }
+    Some(presence.absent.unwrap_or_else(|| {
+        let there = adapters::numbered(&presence.adapters);
+        format!("it finds no GPU but {there}; --backend takes it by name")
+    }))
 }
 
-/// Every intersector asked for with every layout there is.
+/// Every intersector named with every layout there is.
 fn methods(args: &ChartArgs) -> Vec<MethodArgs> {
-    let intersectors: Vec<_> = args.intersector.iter().map(|&i| settled(i)).collect();
     let mut methods = Vec::new();
-    for intersector in unique(&intersectors) {
+    for intersector in unique(&args.intersector, |&i| choose::intersector(i).value) {
         for layout in [LayoutName::Bvh2, LayoutName::Fast] {
             methods.push(MethodArgs {
                 intersector,
@@ -114,20 +121,15 @@ fn methods(args: &ChartArgs) -> Vec<MethodArgs> {
             });
         }
     }
+    skipped.dedup();
     methods
 }
 
-/// The intersector that `auto` stands for.
-fn settled(name: IntersectorName) -> IntersectorName {
-    let taken = choose::intersector(name).value;
-    IntersectorName::from_str(taken.name(), true).unwrap_or(name)
-}
-
-/// Each once, in order.
-fn unique<T: PartialEq + Clone>(all: &[T]) -> Vec<T> {
+/// The first of each key, in order.
+fn unique<T: Clone, K: PartialEq>(all: &[T], key: impl Fn(&T) -> K) -> Vec<T> {
     let mut kept: Vec<T> = Vec::new();
     for one in all {
-        if !kept.contains(one) {
+        if kept.iter().all(|k| key(k) != key(one)) {
             kept.push(one.clone());
         }
     }
@@ -140,50 +142,57 @@ fn word(name: impl ValueEnum) -> String {
     value.map_or_else(String::new, |v| v.get_name().to_owned())
 }
 
+impl Way {
+    /// Whether another traces alike, whatever the update.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        self.backend == other.backend && self.method == other.method
+    }
+
+    /// As a session wants it.
+    pub(super) fn ask(&self) -> Ask<'static> {
+        Ask {
+            backend: self.backend,
+            adapter: None,
+            threads: None,
+            builder_threads: None,
+            method: self.method,
+            update: self.update,
+            tolerance: 0.0,
+            run: None,
+            ahead: Ahead::default(),
+        }
+    }
+}
+
 impl fmt::Display for Way {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let MethodArgs {
-            intersector,
-            layout,
-        } = self.method;
-        let words = [word(self.backend), word(layout), word(intersector)];
-        write!(f, "{} {}", words.join(" "), word(self.update))
+        let [backend, layout] = [word(self.backend), word(self.method.layout)];
+        let intersector = choose::intersector(self.method.intersector).value;
+        write!(
+            f,
+            "{backend} {layout} {intersector} {}",
+            self.update.value.name()
+        )
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::{PoliciesArgs, SizeArgs, WarmUpArgs};
-    use crate::values::Frames;
-    use std::path::PathBuf;
+    use crate::args::{Command, parse_from};
 
-    fn args(intersector: &[IntersectorName]) -> ChartArgs {
-        ChartArgs {
-            scenes: vec!["a".to_owned(), "b".to_owned(), "a".to_owned()],
-            source: crate::args::SourceArgs {
-                fps: 24.0,
-                clip: None,
-                allow_outside: false,
-            },
-            out: PathBuf::new(),
-            backend: vec![BackendName::Cpu],
-            intersector: intersector.to_vec(),
-            policies: PoliciesArgs {
-                update: vec![UpdateName::Refit, UpdateName::Async, UpdateName::Refit],
-            },
-            frames: Frames::Count(1),
-            size: SizeArgs { size: [1, 1] },
-            warm_up: WarmUpArgs::default(),
-            rays: 1,
-            quiet: true,
+    fn plan(line: &str) -> Result<ChartPlan, Stop> {
+        let words = "abvh chart a b a --update refit,async,refit";
+        let words = words.split(' ').chain(line.split(' '));
+        match parse_from(words.map(Into::into)) {
+            Ok(Command::Chart(args)) => ChartPlan::of(&args),
+            other => panic!("{other:?}"),
         }
     }
 
     #[test]
-    fn what_is_asked_for_twice_is_done_once() {
-        use IntersectorName as I;
-        let plan = ChartPlan::of(&args(&[I::Woop, I::Auto, I::Exact])).unwrap();
+    fn what_is_named_twice_is_done_once() {
+        let plan = plan("--backend cpu --intersector woop,auto,exact").unwrap();
         let ways: Vec<_> = plan.ways.iter().map(ToString::to_string).collect();
         let expected = [
             "cpu bvh2 woop refit",
@@ -197,17 +206,12 @@ mod tests {
         ];
         assert_eq!(ways, expected);
         assert_eq!(plan.scenes, ["a", "b"]);
-        assert_eq!(plan.steps(), 2 * (2 * 8 + 2) + 4);
         assert!(plan.skipped.is_empty(), "{:?}", plan.skipped);
     }
 
     #[test]
     fn a_plan_without_a_way_says_what_is_missing() {
-        let none = ChartArgs {
-            backend: vec![BackendName::VulkanRt],
-            ..args(&[IntersectorName::Woop])
-        };
-        let why = ChartPlan::of(&none).err().unwrap().text();
-        assert!(why.contains("vulkan-rt is left out"), "{why}");
+        let why = plan("--backend vulkan-rt").err().unwrap().text();
+        assert!(why.contains("vulkan-rt is skipped"), "{why}");
     }
 }

@@ -1,6 +1,7 @@
-//! What the answers are.
+//! Rays of a scene with their exact answers.
 
-use super::questions::{Questions, moments};
+use super::plan::Way;
+use super::rays;
 use crate::args::{BackendName, ChartArgs, IntersectorName, LayoutName, MethodArgs};
 use crate::bench;
 use crate::choose::{self, Ahead};
@@ -11,25 +12,29 @@ use conformance::oracle::Oracle;
 use geom::{Animation, Point, Ray};
 use pipeline::{Frame, Update};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
-/// Moments of a scene at which it is asked.
+/// Moments of a scene at which it is traced.
 const MOMENTS: usize = 4;
 /// The most rays of one trace.
 const MOST: usize = 1 << 20;
 
-/// Questions and their answers.
+/// Rays and their answers.
 pub(super) struct GroundTruth {
-    pub(super) light: Point,
-    pub(super) sheets: Vec<Sheet>,
+    light: Point,
+    sheets: Vec<Sheet>,
 }
 
 /// Those of one moment.
 pub(super) struct Sheet {
-    pub(super) questions: Questions,
+    pub(super) time: f64,
+    pub(super) rays: Vec<Ray>,
+    /// How many of them come first, before those that are aimed.
+    pub(super) plain: usize,
     /// By exact arithmetic: the triangle and the distance.
     pub(super) closest: Vec<Option<(u32, f64)>>,
-    /// By `exact` on the host: 1 where the hit is in shadow.
+    /// By the reference: 1 where the hit is in shadow.
     pub(super) blocked: Vec<u8>,
 }
 
@@ -37,49 +42,52 @@ impl GroundTruth {
     /// For a scene.
     pub(super) fn of(animation: &Arc<Animation>, args: &ChartArgs) -> Result<Self, Stop> {
         let view = output::frame_scene(animation, bench::FOV, args.size.size);
-        let moments = moments(animation, MOMENTS);
-        let share = args.rays.div_ceil(moments.len());
-        let sheets = moments.iter().map(|&time| {
-            let questions = Questions::at(animation, &view, time, share);
+        let moments = rays::moments(animation, MOMENTS);
+        let plain = args.rays.div_ceil(moments.len());
+        let sheet = |&time: &f64| {
+            let rays = rays::at(animation, &view, time, plain);
             let oracle = Oracle::at(animation, animation.pose(time));
             let answer = |ray: &Ray| oracle.closest(ray).map(|hit| (hit.triangle, hit.t));
             Sheet {
-                closest: questions.rays.par_iter().map(answer).collect(),
+                time,
+                closest: rays.par_iter().map(answer).collect(),
                 blocked: Vec::new(),
-                questions,
+                plain,
+                rays,
             }
-        });
+        };
         let mut truth = Self {
             light: view.light,
-            sheets: sheets.collect(),
+            sheets: moments.iter().map(sheet).collect(),
         };
+        // Shadows are compared with those of `exact` on the host, over fresh trees.
+        let reference = Way {
+            backend: BackendName::Cpu,
+            named: true,
+            method: MethodArgs {
+                intersector: IntersectorName::Exact,
+                layout: LayoutName::Bvh2,
+            },
+            update: choose::asked(Update::Rebuild),
+        };
+        let mut reference = session::start(animation, &reference.ask())?;
         let mut shadows = Vec::new();
-        let mut judge = session::start(animation, &reference())?;
-        truth.ask(&mut judge, |_, range, hits| {
-            if range.start == 0 {
-                shadows.push(Vec::new());
-            }
-            if let Some(all) = shadows.last_mut() {
-                all.extend_from_slice(&hits.blocked);
-            }
+        truth.trace(&mut reference, |_, _, hits| {
+            shadows.extend_from_slice(&hits.blocked)
         })?;
-        for (sheet, blocked) in truth.sheets.iter_mut().zip(shadows) {
-            sheet.blocked = blocked;
+        for sheet in &mut truth.sheets {
+            let rest = shadows.split_off(sheet.rays.len());
+            sheet.blocked = std::mem::replace(&mut shadows, rest);
         }
         Ok(truth)
     }
 
-    /// Rays in all.
-    pub(super) fn rays(&self) -> usize {
-        self.sheets.iter().map(|s| s.questions.rays.len()).sum()
-    }
-
-    /// Asks everything of `session`, whose first tree stands at the motion's begin; `hear` gets the sheet,
-    /// which of its rays were asked, and what they hit.
-    pub(super) fn ask(
+    /// Traces all by `session`, whose first tree is of the motion's begin; `hear` gets the sheet,
+    /// which of its rays were traced, and what they hit.
+    pub(super) fn trace(
         &self,
         session: &mut Session,
-        mut hear: impl FnMut(&Sheet, std::ops::Range<usize>, &Hits),
+        mut hear: impl FnMut(&Sheet, Range<usize>, &Hits),
     ) -> Result<(), Stop> {
         let mut index = 0;
         let mut hits = Hits::default();
@@ -96,30 +104,12 @@ impl GroundTruth {
         trace(0.0, &[])?;
         for sheet in &self.sheets {
             let mut done = 0;
-            for rays in sheet.questions.rays.chunks(MOST) {
-                let hits = trace(sheet.questions.time, rays)?;
+            for rays in sheet.rays.chunks(MOST) {
+                let hits = trace(sheet.time, rays)?;
                 hear(sheet, done..done + rays.len(), &hits);
                 done += rays.len();
             }
         }
         Ok(())
-    }
-}
-
-/// The host, by `exact`, over fresh trees.
-fn reference() -> Ask<'static> {
-    Ask {
-        backend: BackendName::Cpu,
-        adapter: None,
-        threads: None,
-        builder_threads: None,
-        method: MethodArgs {
-            intersector: IntersectorName::Exact,
-            layout: LayoutName::Bvh2,
-        },
-        update: choose::asked(Update::Rebuild),
-        tolerance: 0.0,
-        run: None,
-        ahead: Ahead::default(),
     }
 }

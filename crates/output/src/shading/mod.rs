@@ -1,15 +1,192 @@
-//! Hits in, pixels out.
+//! Hits in, pixels out: face normals, file colours, one lamp with shadows, a soft sky; pictures as `.png` files.
 //!
 //! [`frame_scene`] finds a camera and a light for a motion that
 //! nobody described, and [`shade`] turns what a trace found into 8-bit sRGB.
 //! Both are functions of their arguments alone: no clock, no chance, no thread
-//! count.
+//! count. Double precision is used, in which no f32 scene overflows or vanishes when squared.
 
-mod colour;
 mod light;
-mod shade;
-mod vector;
 mod view;
 
-pub use shade::{Shot, shade};
+use crate::{WriteError, write_with};
+use geom::{Animation, Camera, Hit, Point, Pose};
+use glam::DVec3;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder, ImageError};
+use light::{ambient, encode, lamp, linear, sky};
+use rayon::prelude::*;
+use std::io;
+use std::path::Path;
+
 pub use view::{View, frame_scene};
+
+/// What a picture shows, beside the hits.
+#[derive(Clone, Copy, Debug)]
+pub struct Shot<'a> {
+    /// The triangles.
+    pub animation: &'a Animation,
+    /// The moment.
+    pub pose: Pose,
+    /// sRGB, one a triangle.
+    pub colours: &'a [[u8; 3]],
+    /// Who looks.
+    pub camera: &'a Camera,
+    /// Where the lamp is.
+    pub light: Point,
+}
+
+/// Fills `rgb` with three bytes of sRGB a pixel, row 0 at the top.
+///
+/// `hits` and `shadow` (1 = the way to the lamp is blocked) hold one entry a
+/// pixel, row by row. Runs in the caller's rayon pool; the bytes do not depend on it.
+///
+/// # Panics
+/// If `hits`, `shadow` or the colours are fewer than the pixels or the triangles.
+pub fn shade(shot: &Shot<'_>, hits: &[Hit], shadow: &[u8], rgb: &mut Vec<u8>) {
+    let width = shot.camera.width as usize;
+    let pixels = shot.camera.pixels();
+    assert!(hits.len() == pixels && shadow.len() == pixels && width > 0);
+    assert_eq!(shot.colours.len(), shot.animation.triangle_count());
+    rgb.resize(3 * pixels, 0);
+    rgb.par_chunks_mut(3 * width)
+        .zip(hits.par_chunks(width).zip(shadow.par_chunks(width)))
+        .enumerate()
+        .for_each(|(y, (row, (hits, shadow)))| {
+            let found = hits.iter().zip(shadow);
+            for (x, (pixel, (hit, &blocked))) in row.chunks_exact_mut(3).zip(found).enumerate() {
+                let ray = shot.camera.ray(x as u32, y as u32);
+                let light = if hit.is_hit() {
+                    surface(shot, hit, blocked != 0, wide(ray.direction))
+                } else {
+                    sky(unit(wide(ray.direction)))
+                };
+                pixel.copy_from_slice(&encode(light));
+            }
+        });
+}
+
+/// Light that leaves a hit towards the eye.
+fn surface(shot: &Shot<'_>, hit: &Hit, blocked: bool, direction: DVec3) -> DVec3 {
+    let [a, b, c] = shot.animation.corners(shot.pose, hit.triangle).map(wide);
+    let (e1, e2) = (b - a, c - a);
+    let mut normal = unit(e1.cross(e2));
+    if normal.dot(direction) > 0.0 {
+        normal *= -1.0;
+    }
+    let mut light = ambient(normal);
+    if !blocked {
+        let (u, v) = (f64::from(hit.u), f64::from(hit.v));
+        let point = a + (e1 * u + e2 * v);
+        light += lamp(normal, unit(wide(shot.light) - point));
+    }
+    linear(shot.colours[hit.triangle as usize]) * light
+}
+
+fn wide(p: Point) -> DVec3 {
+    p.map(f64::from).into()
+}
+
+/// `a` at length 1, or zero where it has no length.
+fn unit(a: DVec3) -> DVec3 {
+    let length = a.length();
+    match length > 0.0 && length.is_finite() {
+        true => a / length,
+        false => DVec3::ZERO,
+    }
+}
+
+/// Writes 8-bit sRGB pixels, three bytes each, row 0 at the top.
+///
+/// # Errors
+/// [`WriteError`]; `path` then holds what it held before.
+///
+/// # Panics
+/// If `rgb` does not hold `3 * width * height` bytes.
+pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<(), WriteError> {
+    write_with(path, |out| {
+        PngEncoder::new_with_quality(out, CompressionType::Fast, FilterType::Adaptive)
+            .write_image(rgb, width, height, ExtendedColorType::Rgb8)
+            .map_err(|e| match e {
+                ImageError::IoError(e) => e,
+                other => io::Error::other(other),
+            })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A floor of one huge triangle, seen from above at `scale`; all pixels hit it.
+    fn floor(size: f32, blocked: u8) -> Vec<u8> {
+        let s = size;
+        let corners = vec![[-s, 0.0, -s], [s, 0.0, -s], [0.0, 0.0, s]];
+        let animation = Animation::new(vec![corners], vec![[0, 1, 2]]).unwrap();
+        let eye = [0.0, s, 0.0];
+        let camera = Camera::look_at(eye, [0.0; 3], [0.0, 0.0, 1.0], 5.0, [4, 3]).unwrap();
+        let shot = Shot {
+            animation: &animation,
+            pose: animation.pose(0.0),
+            colours: &[[200, 100, 50]],
+            camera: &camera,
+            light: eye,
+        };
+        let hit = Hit {
+            t: s,
+            u: 0.25,
+            v: 0.5,
+            triangle: 0,
+        };
+        let mut rgb = Vec::new();
+        shade(&shot, &[hit; 12], &[blocked; 12], &mut rgb);
+        assert_eq!(rgb.len(), 36);
+        rgb
+    }
+
+    #[test]
+    fn shadow_darkens_but_keeps_the_colour() {
+        let (lit, dark) = (floor(1.0, 0), floor(1.0, 1));
+        assert!(lit.iter().zip(&dark).all(|(l, d)| l > d && *d > 0));
+        assert!(lit[0] > lit[1] && lit[1] > lit[2]);
+    }
+
+    #[test]
+    fn the_scale_of_the_scene_does_not_matter() {
+        let want = floor(1.0, 0);
+        for size in [1e-36, 1e-12, 1e12, 1e36] {
+            assert_eq!(floor(size, 0), want, "{size}");
+        }
+    }
+
+    #[test]
+    fn a_miss_shows_the_sky() {
+        let animation = Animation::new(vec![vec![]], vec![]).unwrap();
+        let up = [0.0, 1.0, 0.0];
+        let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], up, 90.0, [1, 3]).unwrap();
+        let shot = Shot {
+            animation: &animation,
+            pose: animation.pose(0.0),
+            colours: &[],
+            camera: &camera,
+            light: up,
+        };
+        let mut rgb = vec![9; 100];
+        shade(&shot, &[Hit::MISS; 3], &[0; 3], &mut rgb);
+        assert_eq!(rgb.len(), 9);
+        assert!(
+            rgb[2] > rgb[0] && rgb[0] < rgb[3],
+            "bluer and darker above: {rgb:?}"
+        );
+    }
+
+    #[test]
+    fn a_picture_reads_back_as_it_was() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        let rgb: Vec<u8> = (0..5 * 3 * 3).map(|i| (i * 5) as u8).collect();
+        write_png(&path, [5, 3], &rgb).unwrap();
+        let read = image::open(&path).unwrap().into_rgb8();
+        assert_eq!((read.width(), read.height()), (5, 3));
+        assert_eq!(read.into_raw(), rgb);
+    }
+}

@@ -1,12 +1,13 @@
 //! A camera and a lamp for a motion that nobody described.
 
-use crate::shading::vector::{V3, add, cross, dot, scale, unit, wide};
+use super::{unit, wide};
 use geom::{Aabb, Animation, Camera, Point};
+use glam::{DVec3, dvec3};
 use rayon::prelude::*;
 
 /// From the scene to the eye: from the front, the right and a little above.
-const TO_EYE: V3 = [0.50, 0.38, 0.78];
-const UP: V3 = [0.0, 1.0, 0.0];
+const TO_EYE: DVec3 = dvec3(0.50, 0.38, 0.78);
+const UP: DVec3 = DVec3::Y;
 /// The scene's share of the narrower side of the picture.
 const FILL: f64 = 0.94;
 
@@ -48,37 +49,31 @@ pub fn frame_scene(animation: &Animation, fov_degrees: f32, [width, height]: [u3
     let basis = Basis::new();
     let fit = Fit::of(animation, centre, &basis, [tan_x, tan_y]);
     let (shift, back) = fit.eye([tan_x, tan_y], size);
-    let middle = add(
-        centre,
-        add(scale(basis.right, shift[0]), scale(basis.up, shift[1])),
-    );
-    let aside = add(
-        scale(basis.right, -0.62),
-        add(scale(UP, 0.95), scale(basis.back, 0.80)),
-    );
+    let middle = centre + (basis.right * shift[0] + basis.up * shift[1]);
+    let aside = basis.right * -0.62 + (UP * 0.95 + basis.back * 0.80);
     View {
-        eye: narrow(add(middle, scale(basis.back, back))),
+        eye: narrow(middle + basis.back * back),
         look_at: narrow(middle),
-        up: UP.map(|x| x as f32),
+        up: narrow(UP),
         fov_degrees,
-        light: narrow(add(centre, scale(unit(aside), 1.15 * size))),
+        light: narrow(centre + unit(aside) * (1.15 * size)),
     }
 }
 
 /// The camera's axes.
 struct Basis {
-    right: V3,
-    up: V3,
-    back: V3,
+    right: DVec3,
+    up: DVec3,
+    back: DVec3,
 }
 
 impl Basis {
     fn new() -> Self {
         let back = unit(TO_EYE);
-        let right = unit(cross(UP, back));
+        let right = unit(UP.cross(back));
         Self {
             right,
-            up: cross(back, right),
+            up: back.cross(right),
             back,
         }
     }
@@ -101,12 +96,11 @@ impl Fit {
         near: f64::NEG_INFINITY,
     };
 
-    fn of(animation: &Animation, centre: V3, basis: &Basis, tan: [f64; 2]) -> Self {
+    fn of(animation: &Animation, centre: DVec3, basis: &Basis, tan: [f64; 2]) -> Self {
         let of_point = |p: &Point| {
-            let p = wide(*p);
-            let p = [p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]];
-            let z = dot(p, basis.back);
-            let side = [dot(p, basis.right), dot(p, basis.up)];
+            let p = wide(*p) - centre;
+            let z = p.dot(basis.back);
+            let side = [p.dot(basis.right), p.dot(basis.up)];
             Self {
                 high: std::array::from_fn(|i| side[i] + z * tan[i]),
                 low: std::array::from_fn(|i| -side[i] + z * tan[i]),
@@ -147,16 +141,14 @@ impl Fit {
 
 /// The middle of the bounds and their diagonal, or, where that is too small to
 /// be seen beside the coordinates' rounding, a length that is not.
-fn centre_and_size(bounds: &Aabb) -> (V3, f64) {
+fn centre_and_size(bounds: &Aabb) -> (DVec3, f64) {
     if bounds.is_empty() {
-        return ([0.0; 3], 1.0);
+        return (DVec3::ZERO, 1.0);
     }
     let [min, max] = [wide(bounds.min), wide(bounds.max)];
-    let centre: V3 = std::array::from_fn(|i| f64::midpoint(min[i], max[i]));
-    let extent: V3 = std::array::from_fn(|i| max[i] - min[i]);
-    let diagonal = dot(extent, extent).sqrt();
-    let far = centre.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-    let least = 1e-4 * far;
+    let centre = min.midpoint(max);
+    let diagonal = (max - min).length();
+    let least = 1e-4 * centre.abs().max_element();
     match diagonal.max(least) {
         0.0 => (centre, 1.0),
         size => (centre, size.max(1e-36)),
@@ -164,9 +156,9 @@ fn centre_and_size(bounds: &Aabb) -> (V3, f64) {
 }
 
 /// Rounded to f32, and finite.
-fn narrow(p: V3) -> Point {
+fn narrow(p: DVec3) -> Point {
     let limit = f64::from(f32::MAX) * 0.5;
-    p.map(|x| x.clamp(-limit, limit) as f32)
+    p.to_array().map(|x| x.clamp(-limit, limit) as f32)
 }
 
 #[cfg(test)]
@@ -184,11 +176,11 @@ mod tests {
     /// Where a point falls in the picture: 0..1 across and down; and its depth.
     fn project(camera: &Camera, p: Point) -> [f64; 3] {
         let [c, a, d] = [camera.corner, camera.across, camera.down].map(wide);
-        let v: V3 = std::array::from_fn(|i| f64::from(p[i]) - f64::from(camera.eye[i]));
-        let det = dot(c, cross(a, d));
-        let depth = dot(v, cross(a, d)) / det;
-        let x = dot(c, cross(v, d)) / det / depth;
-        let y = dot(c, cross(a, v)) / det / depth;
+        let v = wide(p) - wide(camera.eye);
+        let det = c.dot(a.cross(d));
+        let depth = v.dot(a.cross(d)) / det;
+        let x = c.dot(v.cross(d)) / det / depth;
+        let y = c.dot(a.cross(v)) / det / depth;
         [
             x / f64::from(camera.width),
             y / f64::from(camera.height),

@@ -1,4 +1,4 @@
-//! Rays to ask: a camera's, some at random, and some aimed with care.
+//! Rays of a scene: a camera's, some at random, and some aimed at edges and vertices.
 
 use fastrand::Rng;
 use geom::{Aabb, Animation, Point, Pose, Ray, is_active};
@@ -9,14 +9,6 @@ const ROOM: f64 = 2.0;
 /// How often a triangle is drawn before a scene counts as having none to aim at.
 const DRAWS: usize = 64;
 
-/// Rays at one moment.
-pub(super) struct Questions {
-    pub(super) time: f64,
-    pub(super) rays: Vec<Ray>,
-    /// How many of them come first, before those that are aimed.
-    pub(super) plain: usize,
-}
-
 /// The middle of each of `count` equal stretches of the motion; one moment if nothing moves.
 pub(super) fn moments(animation: &Animation, count: usize) -> Vec<f64> {
     let end = animation.end();
@@ -25,22 +17,16 @@ pub(super) fn moments(animation: &Animation, count: usize) -> Vec<f64> {
     (0..count).map(at).collect()
 }
 
-impl Questions {
-    /// `count` rays, half of them a camera's and half at random, and a quarter as many aimed.
-    pub(super) fn at(animation: &Animation, view: &View, time: f64, count: usize) -> Self {
-        let mut rng = Rng::with_seed(time.to_bits());
-        let bounds = animation.bounds();
-        let mut rays = of_camera(view, count / 2);
-        rays.resize_with(count, || at_random(&bounds, &mut rng));
-        let pose = animation.pose(time);
-        let aim = |_| aimed(animation, pose, &bounds, &mut rng);
-        rays.extend((0..count / 4).filter_map(aim));
-        Self {
-            time,
-            rays,
-            plain: count,
-        }
-    }
+/// `count` rays, half of them a camera's and half at random, and a quarter as many aimed.
+pub(super) fn at(animation: &Animation, view: &View, time: f64, count: usize) -> Vec<Ray> {
+    let mut rng = Rng::with_seed(time.to_bits());
+    let bounds = animation.bounds();
+    let mut rays = of_camera(view, count / 2);
+    rays.resize_with(count, || at_random(&bounds, &mut rng));
+    let pose = animation.pose(time);
+    let aim = |_| aimed(animation, pose, &bounds, &mut rng);
+    rays.extend((0..count / 4).filter_map(aim));
+    rays
 }
 
 /// Of a camera of about that many pixels, row by row; fewer if there is no camera.
@@ -90,17 +76,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_sort_of_ray_is_asked_and_the_same_ones_again() {
+    fn every_sort_of_ray_is_made_and_the_same_ones_again() {
         let scene = scene::open("demo:collide:300", &scene::Options::default()).unwrap();
         let a = &scene.animation;
         let view = output::frame_scene(a, 40.0, [64, 40]);
-        let ask = || Questions::at(a, &view, 1.5, 1000);
-        let asked = ask();
-        assert_eq!((asked.plain, asked.rays.len()), (1000, 1250));
-        assert!(asked.rays.iter().all(Ray::is_valid));
-        let from_eye = asked.rays.iter().filter(|r| r.origin == view.eye);
+        let rays = at(a, &view, 1.5, 1000);
+        assert_eq!(rays.len(), 1250);
+        assert!(rays.iter().all(Ray::is_valid));
+        let from_eye = rays.iter().filter(|r| r.origin == view.eye);
         assert_eq!(from_eye.count(), 500);
-        assert!(asked.rays == ask().rays, "other rays when asked again");
+        assert!(
+            rays == at(a, &view, 1.5, 1000),
+            "other rays when made again"
+        );
     }
 
     #[test]
@@ -116,6 +104,6 @@ mod tests {
     fn a_scene_without_a_triangle_to_aim_at_has_fewer_rays() {
         let nothing = Animation::new(vec![vec![[f32::NAN; 3]]], vec![[0; 3]]).unwrap();
         let view = output::frame_scene(&nothing, 40.0, [64, 40]);
-        assert_eq!(Questions::at(&nothing, &view, 0.0, 100).rays.len(), 100);
+        assert_eq!(at(&nothing, &view, 0.0, 100).len(), 100);
     }
 }

@@ -88,6 +88,9 @@ pub struct Point {
     pub t_error_ulp: Option<TError>,
     /// What became of rays aimed at edges and vertices of a closed mesh.
     pub leaks: Vec<Leaks>,
+    /// Answers in scenes of mixed range: sizes or places of very different magnitude in one scene.
+    #[serde(default)]
+    pub mixed_range: Vec<FamilyCounts>,
     /// Bytes of memory that the backend held.
     pub memory_bytes: Option<u64>,
     /// Frames that were timed.
@@ -127,6 +130,17 @@ pub struct Aimed {
     /// Rays.
     pub rays: u64,
     /// How many of them got another closest hit than by exact arithmetic.
+    pub wrong: u64,
+}
+
+/// How many of a family's rays got another closest hit than by exact arithmetic.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FamilyCounts {
+    /// Name of the family, as `abvh stability` lists it.
+    pub family: String,
+    /// Rays.
+    pub rays: u64,
+    /// How many were wrong.
     pub wrong: u64,
 }
 

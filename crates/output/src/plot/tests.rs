@@ -1,0 +1,509 @@
+//! Whole charts: invented numbers in, files out.
+
+use super::page::front;
+use super::*;
+use proptest::prelude::*;
+use roxmltree::{Document, Node};
+
+/// Backend and layout with their cost, intersector with its cost and wrong answers per million, update with its cost.
+const BACKENDS: [(&str, f64); 3] = [("cpu", 60.0), ("vulkan", 1.1), ("wgpu", 1.5)];
+const LAYOUTS: [(&str, f64); 2] = [("bvh2", 1.0), ("fast", 0.62)];
+const INTERSECTORS: [(&str, f64, u64); 4] = [
+    ("moller-trumbore", 1.0, 820),
+    ("woop", 0.93, 2600),
+    ("watertight", 1.12, 11),
+    ("exact", 1.31, 0),
+];
+const UPDATES: [(&str, f64); 3] = [("rebuild", 9.0), ("refit", 1.5), ("async", 1.0)];
+
+/// Every method on every backend, on each of so many scenes. Nothing of it was measured.
+fn invented(scenes: usize) -> Chart {
+    let mut chart = Chart {
+        title: "Speed against accuracy (invented numbers)".to_owned(),
+        machine: machine(),
+        ..Chart::default()
+    };
+    for (scene, slower) in ["grove", "collide", "twist"].iter().zip(1..).take(scenes) {
+        chart.scenes.push(Scene {
+            name: scene.to_string(),
+            triangles: 174_312,
+            size: [1280, 800],
+            frames: 32,
+        });
+        for (backend, layout) in BACKENDS.iter().flat_map(|b| LAYOUTS.map(|l| (b, l))) {
+            for (intersector, update) in INTERSECTORS.iter().flat_map(|i| UPDATES.map(|u| (i, u))) {
+                let ms = f64::from(slower) * backend.1 * layout.1 * intersector.1 * update.1;
+                chart.points.push(Point {
+                    backend: backend.0.to_owned(),
+                    layout: layout.0.to_owned(),
+                    update: update.0.to_owned(),
+                    intersector: intersector.0.to_owned(),
+                    scene: scene.to_string(),
+                    command: format!("abvh bench {scene}"),
+                    leaks: [0.0, 1e5].map(|o| leaks(o, 1000, intersector.2)).into(),
+                    mixed_range: vec![FamilyCounts {
+                        family: "outlier".to_owned(),
+                        rays: 9000,
+                        wrong: intersector.2,
+                    }],
+                    memory_bytes: Some(90 << 20),
+                    ..point(ms, intersector.2)
+                });
+            }
+        }
+    }
+    let step = |i: u8| KeyFrameStep {
+        tolerance: Some(0.1_f64.powi(i.into())),
+        key_frames: u64::from(i),
+        max_error: Some(0.09_f64.powi(i.into())),
+        ms: Some(1.0),
+    };
+    chart.companions.key_frames = vec![KeyFrames {
+        scene: "grove".to_owned(),
+        steps: (1..=6).map(step).collect(),
+    }];
+    chart
+}
+
+fn machine() -> Machine {
+    let adapter = |backend: &str| Adapter {
+        backend: backend.to_owned(),
+        adapter: "Invented GPU X200".to_owned(),
+        driver: String::new(),
+    };
+    Machine {
+        cpu: Some("Invented CPU 9000".to_owned()),
+        version: "0.1.0".to_owned(),
+        date: "2026-01-01".to_owned(),
+        adapters: vec![adapter("vulkan"), adapter("wgpu")],
+    }
+}
+
+fn leaks(offset: f64, rays: u64, leaks: u64) -> Leaks {
+    Leaks {
+        offset: Some(offset),
+        rays,
+        leaks,
+        counted: rays,
+        double_hits: leaks,
+    }
+}
+
+fn point(ms: f64, wrong: u64) -> Point {
+    Point {
+        backend: "cpu".to_owned(),
+        intersector: "exact".to_owned(),
+        ms_per_frame: Spread {
+            median: Some(ms),
+            p5: Some(ms / 2.0),
+            p95: Some(ms * 2.0),
+        },
+        rays_tested: 1_000_000,
+        wrong,
+        ..Point::default()
+    }
+}
+
+fn of_points(points: impl IntoIterator<Item = Point>) -> Chart {
+    Chart {
+        points: points.into_iter().collect(),
+        ..Chart::default()
+    }
+}
+
+/// Makes every file: both pictures are XML without numbers that are none, nothing reaches beyond the page, every point has
+/// its row.
+fn checked(chart: &Chart) -> String {
+    let (picture, page) = (svg(chart).unwrap(), html(chart).unwrap());
+    let document = Document::parse(&picture).unwrap();
+    for a in document.descendants().flat_map(|n| n.attributes()) {
+        assert!(
+            !a.value().contains("NaN") && !a.value().contains("inf"),
+            "{a:?}"
+        );
+    }
+    assert!(page.contains(&picture));
+    assert!(!page.contains("src=") && !page.contains("<link") && !page.contains("@import"));
+    assert_eq!(page.matches("<tr><td>").count(), chart.points.len());
+    assert_eq!(records(chart).1.len(), chart.points.len());
+    picture
+}
+
+/// Heading and rows of the CSV.
+fn records(chart: &Chart) -> (csv::StringRecord, Vec<csv::StringRecord>) {
+    let table = super::csv(chart).unwrap();
+    let mut reader = csv::Reader::from_reader(table.as_bytes());
+    let head = reader.headers().unwrap().clone();
+    (head, reader.into_records().map(|r| r.unwrap()).collect())
+}
+
+fn cell(chart: &Chart, row: usize, name: &str) -> String {
+    let (head, rows) = records(chart);
+    rows[row][head.iter().position(|h| h == name).unwrap()].to_owned()
+}
+
+fn texts(picture: &str) -> Vec<String> {
+    let document = Document::parse(picture).unwrap();
+    let texts = document.descendants().filter(|n| n.has_tag_name("text"));
+    texts
+        .filter_map(|n| n.text())
+        .map(|t| t.trim().to_owned())
+        .collect()
+}
+
+fn number_of<T: std::str::FromStr>(node: Node<'_, '_>, name: &str) -> T {
+    node.attribute(name).and_then(|a| a.parse().ok()).unwrap()
+}
+
+/// Where the points of planes are, in pixels.
+fn places(picture: &str) -> Vec<(i32, i32)> {
+    let document = Document::parse(picture).unwrap();
+    let targets = document
+        .descendants()
+        .filter(|n| n.has_attribute("pointer-events"));
+    targets
+        .map(|n| (number_of(n, "cx"), number_of(n, "cy")))
+        .collect()
+}
+
+#[test]
+fn every_point_is_drawn_and_everything_is_named() {
+    for scenes in [1, 3] {
+        assert_eq!(places(&checked(&invented(scenes))).len(), 72 * scenes);
+    }
+    let texts = texts(&checked(&invented(1)));
+    for words in [
+        "Invented CPU 9000 · abvh 0.1.0 · 2026-01-01",
+        "vulkan: Invented GPU X200",
+        "grove: 174,312 triangles, 1280 x 800 pixels, 32 frames",
+        "milliseconds a frame: median, 5 to 95 %",
+        "wrong answers per million rays, 95 % interval",
+        "none",
+        "moller-trumbore",
+        "1 vulkan fast woop async",
+        "4 vulkan fast exact async",
+        "fastest of its accuracy",
+        "edges and vertices",
+        "outlier",
+        "leaks per million",
+        "double hits per million",
+        "100000",
+        "largest error / diagonal",
+    ] {
+        assert!(
+            texts.iter().any(|t| t == words),
+            "{words} is missing from {texts:?}"
+        );
+    }
+}
+
+#[test]
+fn faster_is_left_and_fewer_wrong_is_lower() {
+    let points = [(1.0, 100), (2.0, 10), (4.0, 1), (8.0, 0), (16.0, 0)];
+    let picture = svg(&of_points(points.map(|(ms, wrong)| point(ms, wrong)))).unwrap();
+    let places = places(&picture);
+    for (a, b) in [(0, 1), (1, 2), (2, 3)] {
+        assert!(places[a].0 < places[b].0 && places[a].1 < places[b].1);
+    }
+    // Equal ratios are equal distances, but for the rounding of pixels.
+    let gap = |a: usize, b: usize| (places[b].0 - places[a].0, places[b].1 - places[a].1);
+    assert!((gap(0, 1).0 - gap(2, 3).0).abs() <= 1 && (gap(0, 1).1 - gap(1, 2).1).abs() <= 1);
+    assert_eq!(places[3].1, places[4].1, "none wrong is one place");
+    let document = Document::parse(&picture).unwrap();
+    let has_line = |a: (i32, i32), b: (i32, i32)| {
+        let expected = [("x1", a.0), ("y1", a.1), ("x2", b.0), ("y2", b.1)];
+        let mut lines = document.descendants().filter(|n| n.has_tag_name("line"));
+        lines.any(|n| {
+            expected
+                .iter()
+                .all(|&(name, x)| number_of::<i32>(n, name) == x)
+        })
+    };
+    // The interval of none in a million ends at 3 per million: as far above 1 as log 3 is of a decade.
+    let (x, none) = places[3];
+    let top = places[2].1 - (f64::from(gap(1, 2).1) * 3_f64.log10()).round() as i32;
+    assert!((-1..=1).any(|d| has_line((x, none), (x, top + d))));
+    // Of 4 ms, 5 to 95 % are 2 to 8 ms, where the neighbours stand.
+    let y = places[2].1;
+    assert!(has_line((places[1].0, y), (places[3].0, y)));
+}
+
+#[test]
+fn the_front_is_the_same_in_every_file() {
+    let chart = invented(2);
+    let rows = 0..chart.points.len();
+    let starred: Vec<usize> = rows
+        .filter(|&i| cell(&chart, i, "on_front") == "1")
+        .collect();
+    let names: Vec<_> = starred.iter().map(|&i| chart.points[i].name()).collect();
+    // Each scene has a front of its own, however slow it is beside the others.
+    let expected = ["moller-trumbore", "woop", "watertight", "exact"];
+    let expected = expected.map(|i| format!("vulkan fast {i} async"));
+    assert_eq!(names, [expected.clone(), expected].concat());
+    let texts = texts(&svg(&chart).unwrap());
+    let is_named = |name: &String| texts.iter().any(|t| t.ends_with(name));
+    assert!(names.iter().all(is_named), "{texts:?}");
+    assert_eq!(html(&chart).unwrap().matches("<td>★</td>").count(), 8);
+}
+
+#[test]
+fn columns_stay_where_they_are() {
+    let (head, _) = records(&Chart::default());
+    let expected = "scene triangles backend adapter driver layout intersector update samples ms_median ms_p5 ms_p95 \
+        mrays_per_s rays_tested wrong wrong_per_million wrong_per_million_low wrong_per_million_high on_front \
+        wrong_shadow aimed_rays aimed_wrong t_error_ulp_median t_error_ulp_p999 t_error_ulp_worst memory_bytes \
+        cpu version date command schema";
+    assert_eq!(head.iter().collect::<Vec<_>>().join(" "), expected);
+    let chart = invented(1);
+    let woop = chart
+        .points
+        .iter()
+        .position(|p| p.intersector == "woop")
+        .unwrap();
+    let cells = [
+        "leaks_at_100000",
+        "rays_of_outlier",
+        "wrong_of_outlier",
+        "wrong",
+    ];
+    assert_eq!(
+        cells.map(|name| cell(&chart, woop, name)),
+        ["2600", "9000", "2600", "2600"]
+    );
+    assert_eq!(rows(&chart)[woop][11], "2,600 of 9,000");
+}
+
+#[test]
+fn equal_charts_give_equal_bytes_and_json_reads_back() {
+    let chart = invented(2);
+    assert_eq!(html(&chart).unwrap(), html(&chart.clone()).unwrap());
+    let text = json(&chart).unwrap();
+    assert_eq!(serde_json::from_str::<Chart>(&text).unwrap(), chart);
+    assert!(text.starts_with("{\n  \"schema\": 1,"));
+    // Files of before there were scenes of mixed range.
+    let old = r#"{"title": "", "machine": {"version": "", "date": "", "adapters": []}, "scenes": [], "points": []}"#;
+    assert_eq!(
+        serde_json::from_str::<Chart>(old).unwrap(),
+        Chart::default()
+    );
+}
+
+#[test]
+fn what_cannot_be_drawn_is_counted() {
+    let mut points: Vec<_> = [1.0, f64::NAN, 0.0, -1.0, f64::INFINITY]
+        .map(|ms| point(ms, 3))
+        .into();
+    points.push(Point {
+        rays_tested: 0,
+        ..point(1.0, 0)
+    });
+    let chart = of_points(points);
+    let picture = checked(&chart);
+    assert_eq!(places(&picture).len(), 1);
+    let note = " (5 without a time or tested rays not drawn)";
+    assert!(
+        texts(&picture).contains(&note.trim().to_owned()),
+        "{:?}",
+        texts(&picture)
+    );
+    let back: Chart = serde_json::from_str(&json(&chart).unwrap()).unwrap();
+    assert_eq!(back.points[1].ms_per_frame, Spread::default());
+    assert_eq!(
+        (cell(&chart, 1, "ms_median"), cell(&chart, 1, "wrong")),
+        (String::new(), "3".into())
+    );
+    let empty = texts(&checked(&Chart::default()));
+    assert!(empty.contains(&"(no points)".to_owned()), "{empty:?}");
+}
+
+#[test]
+fn names_are_words_and_never_markup_and_long_ones_are_cut() {
+    let markup = "<script>alert(\"&amp;\")</script>'\u{1}\u{0}\n</title>]]>";
+    for name in [markup.to_owned(), "name-that-never-ends ".repeat(30)] {
+        let mut chart = invented(1);
+        chart.title.clone_from(&name);
+        chart.machine.cpu = Some(name.clone());
+        chart.scenes[0].name.clone_from(&name);
+        chart.companions.key_frames[0].scene.clone_from(&name);
+        chart
+            .points
+            .iter_mut()
+            .for_each(|p| p.scene.clone_from(&name));
+        chart.points[0].backend.clone_from(&name);
+        chart.points[1].intersector.clone_from(&name);
+        chart.points[2].layout.clone_from(&name);
+        chart.points[3].update.clone_from(&name);
+        assert_eq!(places(&checked(&chart)).len(), 72);
+        assert_eq!(cell(&chart, 0, "scene"), name);
+        assert!(!html(&chart).unwrap().contains("<script"));
+    }
+}
+
+#[test]
+fn every_text_stays_within_the_picture() {
+    let picture = svg(&invented(2)).unwrap();
+    let document = Document::parse(&picture).unwrap();
+    let texts = document.descendants().filter(|n| n.has_tag_name("text"));
+    for node in texts.filter(|n| !n.has_attribute("transform")) {
+        let words = node.text().unwrap_or("").trim();
+        // Sans-serif letters are about so wide.
+        let wide = 0.56 * number_of::<f64>(node, "font-size") * words.chars().count() as f64;
+        let left = number_of::<f64>(node, "x")
+            - match node.attribute("text-anchor") {
+                Some("start") => 0.0,
+                Some("middle") => wide / 2.0,
+                _ => wide,
+            };
+        assert!(
+            left >= 0.0 && left + wide <= 1000.0,
+            "{words:?} from {left}, {wide} wide"
+        );
+    }
+}
+
+#[test]
+fn absurd_numbers_are_drawn() {
+    let most = u64::MAX;
+    let mut points: Vec<_> = [(5e-324, 1), (f64::MAX, 1), (1e-9, most)]
+        .map(|(ms, wrong)| point(ms, wrong))
+        .into();
+    points[0].rays_tested = most;
+    points[0].memory_bytes = Some(most);
+    points[0].leaks = [f64::INFINITY, -1e300, 0.1]
+        .map(|o| leaks(o, most, 1))
+        .into();
+    points[1].leaks = vec![leaks(0.1, 0, 9), leaks(-1e300, 1, most)];
+    points[1].t_error_ulp = Some(TError {
+        median: Some(f64::NAN),
+        p999: Some(f64::MAX),
+        worst: None,
+    });
+    let mut chart = of_points(points);
+    let steps = [
+        (1e-300, 0.0),
+        (1e300, f64::NAN),
+        (0.0, 1.0),
+        (f64::NAN, -1.0),
+    ];
+    let steps = steps.map(|(tolerance, value)| KeyFrameStep {
+        tolerance: Some(tolerance),
+        max_error: Some(value),
+        ms: Some(value),
+        key_frames: most,
+    });
+    chart.companions.key_frames = vec![KeyFrames {
+        scene: "s".to_owned(),
+        steps: steps.into(),
+    }];
+    assert_eq!(places(&checked(&chart)).len(), 3);
+}
+
+fn any_point() -> impl Strategy<Value = Point> {
+    let name = prop::sample::select(vec!["cpu", "vulkan", "", "a<b", "é"]);
+    let numbers = (any::<[Option<f64>; 4]>(), any::<[u64; 4]>());
+    (name.clone(), name, numbers).prop_map(|(backend, layout, (x, n))| Point {
+        backend: backend.to_owned(),
+        layout: layout.to_owned(),
+        scene: backend.to_owned(),
+        ms_per_frame: Spread {
+            median: x[0],
+            p5: x[1],
+            p95: x[2],
+        },
+        rays_tested: n[0],
+        wrong: n[1],
+        mrays_per_s: x[3],
+        leaks: vec![Leaks {
+            offset: x[3],
+            ..leaks(0.0, n[2], n[3])
+        }],
+        ..Point::default()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn any_points_at_all_make_a_chart(points in prop::collection::vec(any_point(), 0..12)) {
+        checked(&of_points(points));
+    }
+
+    #[test]
+    fn a_point_is_off_the_front_only_if_another_is_as_good(
+        pairs in prop::collection::vec((1_u8..9, 0_u8..9), 0..40)
+    ) {
+        let points = pairs.iter().map(|&(ms, wrong)| point(f64::from(ms), u64::from(wrong)));
+        let chart = of_points(points);
+        let found: Vec<usize> = front(&chart, "").iter().map(|d| d.index).collect();
+        for (i, p) in pairs.iter().enumerate() {
+            let is_beaten = pairs.iter().enumerate().any(|(j, q)| {
+                q.0 <= p.0 && q.1 <= p.1 && (q != p || j < i)
+            });
+            prop_assert_eq!(found.contains(&i), !is_beaten);
+        }
+    }
+}
+
+fn growth(points: impl IntoIterator<Item = GrowthPoint>) -> String {
+    let growth = Growth {
+        title: "Growth <of> demo:twist".to_owned(),
+        machine: machine(),
+        size: [1280, 720],
+        points: points.into_iter().collect(),
+    };
+    let picture = growth_svg(&growth).unwrap();
+    Document::parse(&picture).unwrap();
+    assert_eq!(picture, growth_svg(&growth).unwrap());
+    picture
+}
+
+fn grown(triangles: u64, ms: f64) -> GrowthPoint {
+    GrowthPoint {
+        triangles,
+        update: "async".to_owned(),
+        layout: "fast".to_owned(),
+        frame_ms: Some(ms),
+        first_ms: Some(30.0 * ms),
+        device_bytes: Some(90_u64.saturating_mul(triangles)),
+    }
+}
+
+#[test]
+fn more_triangles_are_right_and_slower_is_higher() {
+    // Given in disorder.
+    let picture =
+        growth([(1_000_000, 1.6), (10_000, 0.1), (100_000, 0.4)].map(|(n, ms)| grown(n, ms)));
+    let document = Document::parse(&picture).unwrap();
+    let is_mark =
+        |n: &Node<'_, '_>| n.attribute("fill") == Some("#0072B2") && n.has_tag_name("circle");
+    let marks = document.descendants().filter(is_mark);
+    let places: Vec<(i32, i32)> = marks
+        .map(|n| (number_of(n, "cx"), number_of(n, "cy")))
+        .collect();
+    // Three of time, a legend's, three of memory, three of start-up.
+    assert_eq!(places.len(), 10, "{places:?}");
+    let [a, b, c] = [places[0], places[1], places[2]];
+    assert!(
+        a.0 < b.0 && b.0 < c.0 && a.1 > b.1 && b.1 > c.1,
+        "{places:?}"
+    );
+    let is_equal = |x: i32, y: i32| (x - y).abs() <= 2;
+    assert!(
+        is_equal(b.0 - a.0, c.0 - b.0) && is_equal(a.1 - b.1, b.1 - c.1),
+        "{places:?}"
+    );
+    let memory = &places[4..7];
+    assert!(memory.iter().all(|m| m.1 == memory[0].1), "{memory:?}");
+}
+
+#[test]
+fn sizes_that_are_missing_or_absurd_are_left_out() {
+    growth([]);
+    growth([
+        grown(0, f64::NAN),
+        GrowthPoint::default(),
+        grown(u64::MAX, f64::INFINITY),
+    ]);
+    growth([grown(5, 1e-300)]);
+}
