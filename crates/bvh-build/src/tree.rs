@@ -25,7 +25,42 @@ pub struct Subtree {
     pub leaves: u32,
 }
 
+impl Subtree {
+    /// Both children of an inner node of the tree with these numbers of leaves to the left.
+    ///
+    /// # Panics
+    /// On a leaf.
+    #[must_use]
+    #[inline]
+    pub fn children(self, left_leaves: &[u32]) -> [Self; 2] {
+        assert!(self.leaves > 1, "a leaf has no children");
+        let left = left_leaves[self.inner as usize];
+        [
+            Self {
+                inner: self.inner + 1,
+                leaves: left,
+                ..self
+            },
+            Self {
+                inner: self.inner + left,
+                first_leaf: self.first_leaf + left,
+                leaves: self.leaves - left,
+            },
+        ]
+    }
+}
+
 impl BinaryTree {
+    /// A tree by its parts: see [`BinaryTree::order`] and [`BinaryTree::left_leaves`].
+    ///
+    /// # Panics
+    /// If there are not one fewer inner nodes than leaves.
+    #[must_use]
+    pub fn new(order: Vec<u32>, left_leaves: Vec<u32>) -> Self {
+        assert_eq!(order.len().saturating_sub(1), left_leaves.len());
+        Self { left_leaves, order }
+    }
+
     /// Leaves, which is triangles in the tree.
     #[must_use]
     pub fn leaf_count(&self) -> usize {
@@ -62,19 +97,6 @@ impl BinaryTree {
     #[must_use]
     #[inline]
     pub fn children(&self, node: Subtree) -> [Subtree; 2] {
-        assert!(node.leaves > 1, "a leaf has no children");
-        let left = self.left_leaves[node.inner as usize];
-        [
-            Subtree {
-                inner: node.inner + 1,
-                first_leaf: node.first_leaf,
-                leaves: left,
-            },
-            Subtree {
-                inner: node.inner + left,
-                first_leaf: node.first_leaf + left,
-                leaves: node.leaves - left,
-            },
-        ]
+        node.children(&self.left_leaves)
     }
 }

@@ -15,17 +15,13 @@ mod bits;
 mod blocks;
 mod convert;
 mod error;
-#[cfg(test)]
-mod fuzz;
 mod header;
 mod lists;
 mod moving;
 mod record;
-mod segments;
 #[cfg(test)]
 mod tests;
 mod treelets;
-mod triangles;
 mod validate;
 mod walk;
 
@@ -34,5 +30,5 @@ pub use convert::{Converter, Spare};
 pub use error::RecordError;
 pub use lists::Lists;
 pub use moving::Moving;
-pub use record::{Level, Topology};
+pub use record::{Level, NodeRank, NodeRanks, Topology};
 pub use treelets::{MovingTreelets, Treelet, Treelets, WideTree};

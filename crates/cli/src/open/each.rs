@@ -3,7 +3,6 @@
 use crate::adapters::{Adapter, Limit};
 use crate::threads;
 use backend::{Backend, Method};
-use cpu_ref::CpuBackend;
 use geom::Animation;
 use gpu_vulkan::{DriverTreeBackend, Prefer, VulkanBackend};
 use gpu_wgpu::WgpuBackend;
@@ -91,7 +90,7 @@ fn wgpu(adapter: Option<&Adapter>, force_wgsl: bool) -> backend::Result<Box<dyn 
 }
 
 pub(super) fn list_cpu() -> backend::Result<Vec<Adapter>> {
-    let device = CpuBackend::new(Some(1))?.device().clone();
+    let device = cpu_simd::open(Some(1))?.device().clone();
     Ok(vec![Adapter {
         index: 0,
         name: device.adapter,
@@ -102,7 +101,7 @@ pub(super) fn list_cpu() -> backend::Result<Vec<Adapter>> {
 }
 
 pub(super) fn open_cpu(_: Option<&Adapter>, threads: usize) -> backend::Result<Box<dyn Backend>> {
-    Ok(Box::new(CpuBackend::new(Some(threads))?))
+    Ok(Box::new(cpu_simd::open(Some(threads))?))
 }
 
 /// Found out with a scene of one triangle.
@@ -111,7 +110,7 @@ pub(super) fn cpu_supports(method: Method) -> bool {
     let Ok(scene) = Animation::new(vec![corners], vec![[0, 1, 2]]) else {
         return false;
     };
-    let cpu = CpuBackend::new(Some(1));
+    let cpu = cpu_simd::open(Some(1));
     cpu.is_ok_and(|mut cpu| cpu.load(Arc::new(scene), method).is_ok())
 }
 
