@@ -1,5 +1,7 @@
 //! A binary tree in depth-first order, without boxes: 8 bytes a triangle.
 
+use crate::BuildError;
+
 /// A binary tree with one triangle per leaf.
 ///
 /// A subtree of `k` leaves is `k - 1` consecutive inner nodes in preorder and
@@ -59,6 +61,15 @@ impl BinaryTree {
     pub fn new(order: Vec<u32>, left_leaves: Vec<u32>) -> Self {
         assert_eq!(order.len().saturating_sub(1), left_leaves.len());
         Self { left_leaves, order }
+    }
+
+    /// Empties itself if a build failed.
+    pub(crate) fn keep_if<T>(&mut self, built: Result<T, BuildError>) -> Result<T, BuildError> {
+        if built.is_err() {
+            self.order.clear();
+            self.left_leaves.clear();
+        }
+        built
     }
 
     /// Leaves, which is triangles in the tree.

@@ -6,7 +6,6 @@
 //! write memory as streams, at most one for each level, and both split into
 //! chunks of the preorder, whose shares of every level are known by counting.
 
-use crate::bits::{pack, rank};
 use crate::header::Header;
 use crate::treelets::Workspace;
 use crate::walk::Walk;
@@ -239,18 +238,46 @@ fn scatter_chunk(
     greatest
 }
 
+/// Words of bits packed by one task.
+const PACKED: usize = 1 << 12;
+
+/// Children of inner node `k` are nodes `2k + 1` and `2k + 2`: packs two bits a node, one place up.
+fn pack(leaf_children: &[u8], bits: &mut [u32]) {
+    let tasks = bits.par_chunks_mut(PACKED).enumerate();
+    tasks.for_each(|(task, bits)| {
+        let first = task * PACKED * 16;
+        let mut carry = match first.checked_sub(1) {
+            Some(before) => u32::from(leaf_children[before] >> 1),
+            None => u32::from(leaf_children.is_empty()),
+        };
+        let mut nodes = leaf_children[first..].chunks(16);
+        for word in bits {
+            let pairs = nodes.next().map_or(0, pairs);
+            *word = pairs << 1 | carry;
+            carry = pairs >> 31;
+        }
+    });
+}
+
+/// Two bits of each of up to 16 bytes, the first lowest.
+fn pairs(bytes: &[u8]) -> u32 {
+    let join = |pairs, (i, &byte): (usize, &u8)| pairs | u32::from(byte) << (2 * i);
+    bytes.iter().enumerate().fold(0, join)
+}
+
+/// For each word, the ones before it.
+fn rank(bits: &[u32], ranks: &mut [u32]) {
+    let mut before = 0;
+    for (word, rank) in bits.iter().zip(ranks) {
+        *rank = before;
+        before += word.count_ones();
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::tests::{check_against, random_tree, record, scene, shapes};
-
-    #[test]
-    fn levels_are_outermost() {
-        let mut array = [0, 1, 2, 3, 4, 5];
-        let parts = segments(&mut array, &[[1, 2], [0, 3]], |lengths| lengths);
-        assert_eq!(parts[0], [&mut [0][..], &mut [1, 2]]);
-        assert_eq!(parts[1], [&mut [][..], &mut [3, 4, 5]]);
-    }
 
     #[test]
     fn a_record_says_what_its_tree_says() {

@@ -11,7 +11,6 @@
 //! A record may carry the same tree as [`Treelets`] too, for devices that refit
 //! it in the memory of workgroups, and as a [`BlockTree`] for machines that test eight boxes at once.
 
-mod bits;
 mod blocks;
 mod convert;
 mod error;

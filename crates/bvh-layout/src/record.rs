@@ -418,32 +418,4 @@ mod tests {
         let bytes = self::record(200_000).bytes() as f64 / 200_000.0;
         assert!((4.5..4.502).contains(&bytes), "{bytes}");
     }
-
-    #[test]
-    fn levels_follow_one_another_without_gaps() {
-        let record = record(1_000);
-        let levels: Vec<Level> = record.levels().collect();
-        assert_eq!(levels[0].nodes, 0..1);
-        for pair in levels.windows(2) {
-            assert_eq!(pair[0].nodes.end, pair[1].nodes.start);
-            assert_eq!(pair[0].leaves.end, pair[1].leaves.start);
-            assert_eq!(pair[0].inner.end, pair[1].inner.start);
-            assert_eq!(pair[1].nodes.len(), 2 * pair[0].inner.len());
-        }
-        let last = levels.last().unwrap();
-        assert_eq!(
-            (last.nodes.end, last.leaves.end, last.inner.end),
-            (1_999, 1_000, 999)
-        );
-    }
-
-    #[test]
-    fn ranks_count_the_leaves_before_a_node() {
-        let record = record(700);
-        let mut before = 0;
-        for node in 0..record.node_count() as u32 {
-            assert_eq!(record.leaf_rank(node), before);
-            before += u32::from(record.is_leaf(node));
-        }
-    }
 }

@@ -129,29 +129,3 @@ fn is_negative<L: Lanes>(d: L) -> Option<bool> {
     let negative = L::bits(d.less(L::splat(0.0)));
     (negative == 0 || negative == L::ALL).then_some(negative != 0)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::simd::Plain;
-
-    #[test]
-    fn distances_of_all_rays_come_to_one_unit() {
-        let longest = [1.0, 1.99, 2.0, 0.6, 7.9, 0.51, 1.0, 3.0];
-        let (factor, level) = factors(Plain::<8>::load(&longest)).unwrap();
-        let (factor, level) = (factor.store(), level.store());
-        for lane in 0..8 {
-            assert!((1.0..2.0).contains(&(longest[lane] * factor[lane])));
-            // What a direction was multiplied by, a distance was divided by.
-            assert_eq!(level[lane] / factor[lane], 1.0 / factor[0], "{lane}");
-        }
-    }
-
-    #[test]
-    fn lengths_that_leave_the_usual_range_do_not_run_together() {
-        for odd in [0.0, 1e-30, 1e30, f32::INFINITY, f32::NAN, 40.0, 0.01] {
-            let longest = [1.0, 1.0, odd, 1.0, 1.0, 1.0, 1.0, 1.0];
-            assert!(factors(Plain::<8>::load(&longest)).is_none(), "{odd}");
-        }
-    }
-}

@@ -14,6 +14,15 @@ impl<const N: usize> Plain<N> {
     }
 }
 
+macro_rules! lanewise {
+    ($( $name:ident: $each:expr; )*) => { $(
+        #[inline(always)]
+        fn $name(self, other: Self) -> Self {
+            self.zip(other, $each)
+        }
+    )* };
+}
+
 impl<const N: usize> Lanes for Plain<N> {
     type Array = [f32; N];
     type Mask = [bool; N];
@@ -31,33 +40,17 @@ impl<const N: usize> Lanes for Plain<N> {
     fn store(self) -> [f32; N] {
         self.0
     }
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        self.zip(other, |a, b| a + b)
-    }
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        self.zip(other, |a, b| a - b)
-    }
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        self.zip(other, |a, b| a * b)
-    }
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        self.zip(other, |a, b| a / b)
+    lanewise! {
+        add: |a, b| a + b;
+        sub: |a, b| a - b;
+        mul: |a, b| a * b;
+        div: |a, b| a / b;
+        min: |a, b| if a < b { a } else { b };
+        max: |a, b| if a > b { a } else { b };
     }
     #[inline(always)]
     fn about(self, by: Self, plus: Self) -> Self {
         self.mul(by).add(plus)
-    }
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        self.zip(other, |a, b| if a < b { a } else { b })
-    }
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        self.zip(other, |a, b| if a > b { a } else { b })
     }
     #[inline(always)]
     fn abs(self) -> Self {

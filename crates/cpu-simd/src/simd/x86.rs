@@ -222,10 +222,10 @@ pub(crate) struct YmmPair(Ymm, Ymm);
 
 /// Does the same in both registers.
 macro_rules! twice {
-    ($($name:ident),*) => { $(
+    ($( $name:ident ( $($with:ident),* ); )*) => { $(
         #[inline(always)]
-        fn $name(self, other: Self) -> Self {
-            Self(self.0.$name(other.0), self.1.$name(other.1))
+        fn $name(self $(, $with: Self)*) -> Self {
+            Self(self.0.$name($($with.0),*), self.1.$name($($with.1),*))
         }
     )* };
 }
@@ -234,15 +234,14 @@ impl Lanes for YmmPair {
     type Array = [f32; 16];
     type Mask = [__m256; 2];
     const ALL: u32 = (1 << 16) - 1;
-    twice!(add, sub, mul, div, min, max);
+    twice! {
+        add(other); sub(other); mul(other); div(other); min(other); max(other);
+        about(by, plus); abs(); neg();
+    }
 
     #[inline(always)]
     fn splat(x: f32) -> Self {
         Self(Ymm::splat(x), Ymm::splat(x))
-    }
-    #[inline(always)]
-    fn about(self, by: Self, plus: Self) -> Self {
-        Self(self.0.about(by.0, plus.0), self.1.about(by.1, plus.1))
     }
     #[inline(always)]
     fn load(from: &[f32; 16]) -> Self {
@@ -255,14 +254,6 @@ impl Lanes for YmmPair {
         all[..8].copy_from_slice(&self.0.store());
         all[8..].copy_from_slice(&self.1.store());
         all
-    }
-    #[inline(always)]
-    fn abs(self) -> Self {
-        Self(self.0.abs(), self.1.abs())
-    }
-    #[inline(always)]
-    fn neg(self) -> Self {
-        Self(self.0.neg(), self.1.neg())
     }
     #[inline(always)]
     fn less(self, other: Self) -> [__m256; 2] {
