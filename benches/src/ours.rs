@@ -130,7 +130,7 @@ impl Tracer {
     /// See [`Tracer::new`].
     #[must_use]
     pub fn with(mesh: &Mesh, method: Method, threads: usize) -> Self {
-        let mut backend = CpuBackend::new(Some(threads)).expect("threads can start");
+        let mut backend = cpu_simd::open(Some(threads)).expect("threads can start");
         let loaded = backend.load(mesh.animation.clone(), method);
         loaded.expect("the mesh fits the machine");
         let mut tracer = Self {

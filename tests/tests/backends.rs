@@ -48,7 +48,7 @@ type Open = fn() -> backend::Result<Box<dyn Subject>>;
 
 /// All backends, by the name under which they may be required.
 const BACKENDS: &[(&str, &str, Open)] = &[
-    ("cpu", "cpu", || Ok(Box::new(CpuBackend::new(Some(2))?))),
+    ("cpu", "cpu", || Ok(Box::new(cpu_simd::open(Some(2))?))),
     ("vulkan", "vulkan", || {
         Ok(Box::new(VulkanBackend::new(&vulkan())?))
     }),

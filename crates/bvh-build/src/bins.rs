@@ -1,7 +1,6 @@
 //! Sorts a node's triangles into bins along each axis, and finds the best plane between two bins.
 
-use crate::hull::Hull;
-use crate::prim::{Bounds, Prim, Ruler};
+use crate::prim::{Bounds, Hull, Prim, Ruler};
 use glam::{BVec4A, Vec4};
 use rayon::join;
 

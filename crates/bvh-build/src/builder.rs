@@ -3,8 +3,9 @@
 use crate::gather::{Gathered, gather};
 use crate::node::{self, BuildTask, Node};
 use crate::prim::Prim;
-use crate::{BinaryTree, Boxes, Cancel};
+use crate::{BinaryTree, Boxes};
 use geom::Point;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Why there is no tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -12,6 +13,29 @@ pub enum BuildError {
     /// Somebody asked the build to stop.
     #[error("the build was cancelled")]
     Cancelled,
+}
+
+/// Once cancelled, stays cancelled. Large nodes ask; small ones just finish.
+#[derive(Debug, Default)]
+pub struct Cancel(AtomicBool);
+
+impl Cancel {
+    /// Not cancelled.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Asks the build to stop.
+    pub fn cancel(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the build was asked to stop.
+    #[must_use]
+    pub fn is_cancelled(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
 }
 
 /// Builds trees; keeps its memory, so that a second build of the same size allocates nothing large.
@@ -69,11 +93,7 @@ impl Builder {
         tree: &mut BinaryTree,
     ) -> Result<(), BuildError> {
         let built = self.build_into(depth, boxes, cancel, tree);
-        if built.is_err() {
-            tree.left_leaves.clear();
-            tree.order.clear();
-        }
-        built
+        tree.keep_if(built)
     }
 
     fn build_into<B: Boxes + ?Sized>(
@@ -119,7 +139,7 @@ impl Builder {
 mod tests {
     use super::*;
     use geom::Aabb;
-    use std::sync::atomic::{AtomicU32, Ordering};
+    use std::sync::atomic::AtomicU32;
 
     fn row(n: u32) -> Vec<Aabb> {
         let at = |i: u32| [i as f32, (i % 7) as f32, (i % 31) as f32];

@@ -8,12 +8,9 @@
 //! [`TemporalBuilder`] for several at once, [`SubtreeRebuilder`] from an earlier tree.
 
 mod bins;
-mod boxes;
 mod builder;
-mod cancel;
 mod cost;
 mod gather;
-mod hull;
 mod node;
 mod occluder_first;
 mod partition;
@@ -24,10 +21,9 @@ mod temporal;
 mod tiny;
 mod tree;
 
-pub use boxes::Boxes;
-pub use builder::{BuildError, Builder};
-pub use cancel::Cancel;
+pub use builder::{BuildError, Builder, Cancel};
 pub use cost::sah_cost;
+pub use gather::Boxes;
 pub use occluder_first::order_toward;
 pub use subtrees::{Costs, SubtreeRebuilder};
 pub use temporal::{MAX_MOMENTS, Moment, TemporalBuilder, temporal_cost};

@@ -75,6 +75,44 @@ impl Bounds {
     }
 }
 
+/// A box whose upper corner is negated: one kind of minimum grows all six sides, eight lanes at a time where the
+/// machine has them. The fourth lanes mean nothing.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub(crate) struct Hull {
+    pub(crate) lo: Vec4,
+    pub(crate) up: Vec4,
+}
+
+impl Hull {
+    pub(crate) const EMPTY: Self = Self {
+        lo: Vec4::INFINITY,
+        up: Vec4::INFINITY,
+    };
+
+    #[inline]
+    pub(crate) fn of(prim: &Prim) -> Self {
+        Self {
+            lo: prim.lo,
+            up: -prim.hi,
+        }
+    }
+
+    #[inline]
+    pub(crate) fn grow(&mut self, other: &Self) {
+        self.lo = self.lo.min(other.lo);
+        self.up = self.up.min(other.up);
+    }
+
+    #[inline]
+    pub(crate) fn bounds(&self) -> Bounds {
+        Bounds {
+            lo: self.lo,
+            hi: -self.up,
+        }
+    }
+}
+
 /// Boxes and centres of one node's triangles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extents {

@@ -58,11 +58,7 @@ impl SubtreeRebuilder {
         tree: &mut BinaryTree,
     ) -> Result<Costs, BuildError> {
         let built = self.build_into(builder, (last, boxes), cancel, tree);
-        if built.is_err() {
-            tree.order.clear();
-            tree.left_leaves.clear();
-        }
-        built
+        tree.keep_if(built)
     }
 
     fn build_into<B: Boxes + ?Sized>(

@@ -65,11 +65,7 @@ impl TemporalBuilder {
         tree: &mut BinaryTree,
     ) -> Result<(), BuildError> {
         let built = self.build_into(moments, cancel, tree);
-        if built.is_err() {
-            tree.left_leaves.clear();
-            tree.order.clear();
-        }
-        built
+        tree.keep_if(built)
     }
 
     fn build_into<B: Boxes>(

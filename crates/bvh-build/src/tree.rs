@@ -1,5 +1,7 @@
 //! A binary tree in depth-first order, without boxes: 8 bytes a triangle.
 
+use crate::BuildError;
+
 /// A binary tree with one triangle per leaf.
 ///
 /// A subtree of `k` leaves is `k - 1` consecutive inner nodes in preorder and
@@ -25,7 +27,51 @@ pub struct Subtree {
     pub leaves: u32,
 }
 
+impl Subtree {
+    /// Both children of an inner node of the tree with these numbers of leaves to the left.
+    ///
+    /// # Panics
+    /// On a leaf.
+    #[must_use]
+    #[inline]
+    pub fn children(self, left_leaves: &[u32]) -> [Self; 2] {
+        assert!(self.leaves > 1, "a leaf has no children");
+        let left = left_leaves[self.inner as usize];
+        [
+            Self {
+                inner: self.inner + 1,
+                leaves: left,
+                ..self
+            },
+            Self {
+                inner: self.inner + left,
+                first_leaf: self.first_leaf + left,
+                leaves: self.leaves - left,
+            },
+        ]
+    }
+}
+
 impl BinaryTree {
+    /// A tree by its parts: see [`BinaryTree::order`] and [`BinaryTree::left_leaves`].
+    ///
+    /// # Panics
+    /// If there are not one fewer inner nodes than leaves.
+    #[must_use]
+    pub fn new(order: Vec<u32>, left_leaves: Vec<u32>) -> Self {
+        assert_eq!(order.len().saturating_sub(1), left_leaves.len());
+        Self { left_leaves, order }
+    }
+
+    /// Empties itself if a build failed.
+    pub(crate) fn keep_if<T>(&mut self, built: Result<T, BuildError>) -> Result<T, BuildError> {
+        if built.is_err() {
+            self.order.clear();
+            self.left_leaves.clear();
+        }
+        built
+    }
+
     /// Leaves, which is triangles in the tree.
     #[must_use]
     pub fn leaf_count(&self) -> usize {
@@ -62,19 +108,6 @@ impl BinaryTree {
     #[must_use]
     #[inline]
     pub fn children(&self, node: Subtree) -> [Subtree; 2] {
-        assert!(node.leaves > 1, "a leaf has no children");
-        let left = self.left_leaves[node.inner as usize];
-        [
-            Subtree {
-                inner: node.inner + 1,
-                first_leaf: node.first_leaf,
-                leaves: left,
-            },
-            Subtree {
-                inner: node.inner + left,
-                first_leaf: node.first_leaf + left,
-                leaves: node.leaves - left,
-            },
-        ]
+        node.children(&self.left_leaves)
     }
 }

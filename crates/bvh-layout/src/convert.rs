@@ -6,11 +6,9 @@
 //! write memory as streams, at most one for each level, and both split into
 //! chunks of the preorder, whose shares of every level are known by counting.
 
-use crate::bits::{pack, rank};
 use crate::header::Header;
-use crate::segments::segments;
 use crate::treelets::Workspace;
-use crate::walk::{Shape, Walk};
+use crate::walk::Walk;
 use crate::{Topology, Treelets};
 use bvh_build::{BinaryTree, MAX_DEPTH};
 use geom::Animation;
@@ -85,7 +83,34 @@ impl Converter {
         triangle_count: usize,
         reuse: Vec<u32>,
     ) -> Topology {
-        self.convert_shape(tree.into(), triangle_count, reuse)
+        let mut words = reuse;
+        assert!(
+            triangle_count <= Animation::MAX_TRIANGLES,
+            "{triangle_count} triangles are too many for a record"
+        );
+        self.count(tree);
+        let inner = self.inner_per_level(tree);
+        let header = Header {
+            triangles: triangle_count as u32,
+            leaves: tree.order().len() as u32,
+            levels: inner.len() as u32,
+        };
+        // Memory that is reused is not cleared: every word is written below.
+        words.resize(header.record_words(), 0);
+        let (head, body) = words.split_at_mut(Topology::HEADER_WORDS);
+        head.copy_from_slice(&header.words());
+        let (level_table, body) = body.split_at_mut(inner.len());
+        level_table.copy_from_slice(&inner);
+        let (bits, body) = body.split_at_mut(header.bit_words());
+        let (ranks, leaf_triangles) = body.split_at_mut(header.bit_words());
+        let greatest = self.scatter(tree, leaf_triangles);
+        assert!(
+            greatest < triangle_count || tree.order().is_empty(),
+            "the tree names triangle {greatest} of {triangle_count}"
+        );
+        pack(&self.leaf_children, bits);
+        rank(bits, ranks);
+        Topology::of_words(words)
     }
 
     /// Likewise, and the same tree as treelets meanwhile: see [`Topology::treelets`]. Needs 5 bytes a triangle beside them, and
@@ -100,70 +125,26 @@ impl Converter {
         triangle_count: usize,
         reuse: Spare,
     ) -> Topology {
-        self.convert_shape_with_treelets(tree.into(), triangle_count, reuse)
-    }
-
-    pub(crate) fn convert_shape_with_treelets(
-        &mut self,
-        shape: Shape<'_>,
-        triangle_count: usize,
-        reuse: Spare,
-    ) -> Topology {
         let mut room = std::mem::take(&mut self.room);
         let (mut record, treelets) = rayon::join(
-            || self.convert_shape(shape, triangle_count, reuse.words),
-            || Treelets::of_shape_in(shape, &mut room, reuse.treelets),
+            || self.convert(tree, triangle_count, reuse.words),
+            || Treelets::of_tree_in(tree, &mut room, reuse.treelets),
         );
         self.room = room;
         record.treelets = Some(Box::new(treelets));
         record
     }
 
-    pub(crate) fn convert_shape(
-        &mut self,
-        shape: Shape<'_>,
-        triangle_count: usize,
-        mut words: Vec<u32>,
-    ) -> Topology {
-        assert!(
-            triangle_count <= Animation::MAX_TRIANGLES,
-            "{triangle_count} triangles are too many for a record"
-        );
-        self.count(shape);
-        let inner = self.inner_per_level(shape);
-        let header = Header {
-            triangles: triangle_count as u32,
-            leaves: shape.order.len() as u32,
-            levels: inner.len() as u32,
-        };
-        // Memory that is reused is not cleared: every word is written below.
-        words.resize(header.record_words(), 0);
-        let (head, body) = words.split_at_mut(Topology::HEADER_WORDS);
-        head.copy_from_slice(&header.words());
-        let (level_table, body) = body.split_at_mut(inner.len());
-        level_table.copy_from_slice(&inner);
-        let (bits, body) = body.split_at_mut(header.bit_words());
-        let (ranks, leaf_triangles) = body.split_at_mut(header.bit_words());
-        let greatest = self.scatter(shape, leaf_triangles);
-        assert!(
-            greatest < triangle_count || shape.order.is_empty(),
-            "the tree names triangle {greatest} of {triangle_count}"
-        );
-        pack(&self.leaf_children, bits);
-        rank(bits, ranks);
-        Topology::of_words(words)
-    }
-
     /// Fills the tallies.
-    fn count(&mut self, shape: Shape<'_>) {
-        let chunks = shape.left_leaves.par_chunks(CHUNK).enumerate();
+    fn count(&mut self, tree: &BinaryTree) {
+        let chunks = tree.left_leaves().par_chunks(CHUNK).enumerate();
         chunks
             .map(|(chunk, left_leaves)| {
                 let mut tally = LevelCounts {
                     inner: [0; DEPTHS],
                     leaves: [0; DEPTHS],
                 };
-                Walk::starting_at(shape, chunk * CHUNK).run(left_leaves, |node| {
+                Walk::starting_at(tree, chunk * CHUNK).run(left_leaves, |node| {
                     tally.inner[node.depth as usize] += 1;
                     tally.leaves[node.depth as usize] += node.leaf_children.count_ones();
                 });
@@ -173,8 +154,8 @@ impl Converter {
     }
 
     /// The level table. Inner nodes fill levels from the root on; one level of leaves alone follows.
-    fn inner_per_level(&self, shape: Shape<'_>) -> Vec<u32> {
-        if shape.order.is_empty() {
+    fn inner_per_level(&self, tree: &BinaryTree) -> Vec<u32> {
+        if tree.order().is_empty() {
             return Vec::new();
         }
         let total = |depth| self.tallies.iter().map(|t| t.inner[depth]).sum::<u32>();
@@ -184,24 +165,46 @@ impl Converter {
     }
 
     /// Appends every node to its level; returns the greatest triangle named.
-    fn scatter(&mut self, shape: Shape<'_>, leaf_triangles: &mut [u32]) -> usize {
-        self.leaf_children.resize(shape.left_leaves.len(), 0);
-        if let [root] = shape.order {
+    fn scatter(&mut self, tree: &BinaryTree, leaf_triangles: &mut [u32]) -> usize {
+        self.leaf_children.resize(tree.left_leaves().len(), 0);
+        if let [root] = tree.order() {
             leaf_triangles[0] = *root;
             return *root as usize;
         }
         let leaves = segments(leaf_triangles, &self.tallies, |t| &t.leaves);
         let inner = segments(&mut self.leaf_children, &self.tallies, |t| &t.inner);
-        let chunks = shape.left_leaves.par_chunks(CHUNK).enumerate();
+        let chunks = tree.left_leaves().par_chunks(CHUNK).enumerate();
         chunks
             .zip(leaves.into_par_iter().zip(inner))
             .map(|((chunk, left_leaves), (leaves, inner))| {
-                let walk = Walk::starting_at(shape, chunk * CHUNK);
-                scatter_chunk(walk, left_leaves, shape.order, leaves, inner)
+                let walk = Walk::starting_at(tree, chunk * CHUNK);
+                scatter_chunk(walk, left_leaves, tree.order(), leaves, inner)
             })
             .max()
             .unwrap_or(0) as usize
     }
+}
+
+/// Cuts `array` into one part for each level and chunk, levels outermost, as
+/// long as `lengths` says. Returns each chunk's parts by level.
+///
+/// # Panics
+/// If `array` is shorter than all parts together.
+fn segments<'a, T, C, const LEVELS: usize>(
+    mut array: &'a mut [T],
+    chunks: &[C],
+    lengths: impl Fn(&C) -> &[u32; LEVELS],
+) -> Vec<[&'a mut [T]; LEVELS]> {
+    let empty = || std::array::from_fn(|_| <&mut [T]>::default());
+    let mut parts: Vec<_> = chunks.iter().map(|_| empty()).collect();
+    for level in 0..LEVELS {
+        for (chunk, parts) in chunks.iter().zip(&mut parts) {
+            let length = lengths(chunk)[level] as usize;
+            let (part, rest) = array.split_at_mut(length);
+            (parts[level], array) = (part, rest);
+        }
+    }
+    parts
 }
 
 /// Appends one chunk's nodes to its own shares of the levels; returns the greatest triangle named.
@@ -235,15 +238,51 @@ fn scatter_chunk(
     greatest
 }
 
+/// Words of bits packed by one task.
+const PACKED: usize = 1 << 12;
+
+/// Children of inner node `k` are nodes `2k + 1` and `2k + 2`: packs two bits a node, one place up.
+fn pack(leaf_children: &[u8], bits: &mut [u32]) {
+    let tasks = bits.par_chunks_mut(PACKED).enumerate();
+    tasks.for_each(|(task, bits)| {
+        let first = task * PACKED * 16;
+        let mut carry = match first.checked_sub(1) {
+            Some(before) => u32::from(leaf_children[before] >> 1),
+            None => u32::from(leaf_children.is_empty()),
+        };
+        let mut nodes = leaf_children[first..].chunks(16);
+        for word in bits {
+            let pairs = nodes.next().map_or(0, pairs);
+            *word = pairs << 1 | carry;
+            carry = pairs >> 31;
+        }
+    });
+}
+
+/// Two bits of each of up to 16 bytes, the first lowest.
+fn pairs(bytes: &[u8]) -> u32 {
+    let join = |pairs, (i, &byte): (usize, &u8)| pairs | u32::from(byte) << (2 * i);
+    bytes.iter().enumerate().fold(0, join)
+}
+
+/// For each word, the ones before it.
+fn rank(bits: &[u32], ranks: &mut [u32]) {
+    let mut before = 0;
+    for (word, rank) in bits.iter().zip(ranks) {
+        *rank = before;
+        before += word.count_ones();
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::{check_against, random_tree, shapes};
+    use crate::tests::{check_against, random_tree, record, scene, shapes};
 
     #[test]
     fn a_record_says_what_its_tree_says() {
         for tree in shapes() {
-            let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
+            let record = record(&tree);
             check_against(&record, &tree);
         }
     }
@@ -251,7 +290,7 @@ mod tests {
     #[test]
     fn trees_of_many_chunks_convert_like_small_ones() {
         let tree = random_tree(5 * CHUNK + 17, 3);
-        let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
+        let record = record(&tree);
         check_against(&record, &tree);
     }
 
@@ -261,12 +300,12 @@ mod tests {
         let (mut words, mut spare) = (vec![u32::MAX; 5_000], Spare::default());
         let (up, down) = (shapes().into_iter(), shapes().into_iter().rev());
         for tree in up.chain(down) {
-            let fresh = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
-            let reused = converter.convert_shape(tree.shape(), tree.scene(), words);
+            let fresh = record(&tree);
+            let reused = converter.convert(&tree, scene(&tree), words);
             assert_eq!(reused, fresh);
             words = reused.into_words();
             words.fill(u32::MAX);
-            let both = converter.convert_shape_with_treelets(tree.shape(), tree.scene(), spare);
+            let both = converter.convert_with_treelets(&tree, scene(&tree), spare);
             assert_eq!(both.words(), fresh.words());
             assert_eq!(both.treelets(), Some(&Treelets::of(&fresh)));
             spare = both.into_spare();
@@ -289,8 +328,8 @@ mod tests {
     #[should_panic(expected = "names triangle")]
     fn a_tree_of_another_scene_is_refused() {
         let tree = random_tree(100, 1);
-        let greatest = *tree.order.iter().max().unwrap();
-        let _ = Converter::new().convert_shape(tree.shape(), greatest as usize, vec![]);
+        let greatest = *tree.order().iter().max().unwrap();
+        let _ = Converter::new().convert(&tree, greatest as usize, vec![]);
     }
 
     #[test]
@@ -298,10 +337,7 @@ mod tests {
     fn a_tree_too_deep_is_refused() {
         let order: Vec<u32> = (0..300).collect();
         let left_leaves: Vec<u32> = (0..299).map(|i| 299 - i).collect();
-        let shape = Shape {
-            left_leaves: &left_leaves,
-            order: &order,
-        };
-        let _ = Converter::new().convert_shape(shape, 300, vec![]);
+        let tree = BinaryTree::new(order, left_leaves);
+        let _ = Converter::new().convert(&tree, 300, vec![]);
     }
 }

@@ -11,21 +11,16 @@
 //! A record may carry the same tree as [`Treelets`] too, for devices that refit
 //! it in the memory of workgroups, and as a [`BlockTree`] for machines that test eight boxes at once.
 
-mod bits;
 mod blocks;
 mod convert;
 mod error;
-#[cfg(test)]
-mod fuzz;
 mod header;
 mod lists;
 mod moving;
 mod record;
-mod segments;
 #[cfg(test)]
 mod tests;
 mod treelets;
-mod triangles;
 mod validate;
 mod walk;
 
@@ -34,5 +29,5 @@ pub use convert::{Converter, Spare};
 pub use error::RecordError;
 pub use lists::Lists;
 pub use moving::Moving;
-pub use record::{Level, Topology};
+pub use record::{Level, NodeRank, NodeRanks, Topology};
 pub use treelets::{MovingTreelets, Treelet, Treelets, WideTree};

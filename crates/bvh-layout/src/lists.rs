@@ -63,8 +63,7 @@ fn unpack(first: u32, words: impl Iterator<Item = u32>, places: &mut [u32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Converter;
-    use crate::tests::{random_tree, shapes};
+    use crate::tests::{random_tree, record, shapes};
 
     fn check(record: &Topology, lists: &Lists) {
         let is_leaf = |node: u32| record.leaf_bits()[node as usize / 32] >> (node % 32) & 1 == 1;
@@ -77,12 +76,12 @@ mod tests {
     fn every_node_stands_in_one_list_in_order() {
         let mut lists = Lists::default();
         for tree in shapes() {
-            let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
+            let record = record(&tree);
             lists.fill(&record);
             check(&record, &lists);
         }
         let tree = random_tree(TASK * 40, 5);
-        let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
+        let record = record(&tree);
         lists.fill(&record);
         check(&record, &lists);
         lists.fill(&Topology::default());
@@ -92,7 +91,7 @@ mod tests {
     #[test]
     fn levels_cut_both_lists_at_the_right_places() {
         let tree = random_tree(3_000, 6);
-        let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
+        let record = record(&tree);
         let mut lists = Lists::default();
         lists.fill(&record);
         for level in record.levels() {

@@ -84,7 +84,7 @@ impl Moving {
 /// For each node, whether it moves. From the deepest level up, since children tell.
 fn flags(tree: &Topology, is_static: &[bool]) -> Vec<bool> {
     let mut flags = vec![false; tree.node_count()];
-    let triangles = tree.leaf_triangles();
+    let (triangles, ranks) = (tree.leaf_triangles(), tree.ranks());
     let levels: Vec<Range<u32>> = tree.levels().map(|level| level.nodes).collect();
     for level in levels.iter().rev() {
         let (upper, below) = flags.split_at_mut(level.end as usize);
@@ -92,10 +92,11 @@ fn flags(tree: &Topology, is_static: &[bool]) -> Vec<bool> {
         let chunks = level_flags.par_chunks_mut(CHUNK).enumerate();
         chunks.for_each(|(chunk, flags)| {
             let first = level.start + (chunk * CHUNK) as u32;
-            for (flag, place) in flags.iter_mut().zip(places(tree, first)) {
-                *flag = match place {
-                    NodeIndex::Leaf(rank) => !is_static[triangles[rank as usize] as usize],
-                    NodeIndex::Inner(k) => Topology::children_of_inner(k)
+            for (flag, node) in flags.iter_mut().zip(first..) {
+                let node = ranks.of(node);
+                *flag = match node.leaf() {
+                    Some(rank) => !is_static[triangles[rank as usize] as usize],
+                    None => Topology::children_of_inner(node.rank())
                         .iter()
                         .any(|c| below[(c - level.end) as usize]),
                 };
@@ -105,37 +106,16 @@ fn flags(tree: &Topology, is_static: &[bool]) -> Vec<bool> {
     flags
 }
 
-/// A node's place among its like.
-enum NodeIndex {
-    Leaf(u32),
-    Inner(u32),
-}
-
-/// The places of all nodes from `first` on.
-fn places(tree: &Topology, first: u32) -> impl Iterator<Item = NodeIndex> + '_ {
-    let mut rank = tree.leaf_rank(first);
-    (first..).map(move |node| {
-        if tree.is_leaf(node) {
-            rank += 1;
-            NodeIndex::Leaf(rank - 1)
-        } else {
-            NodeIndex::Inner(node - rank)
-        }
-    })
-}
-
 /// Leaves by rank and inner nodes by number, of those that move.
 fn lists(tree: &Topology, moves: &[bool]) -> [Vec<u32>; 2] {
-    let chunks = moves.par_chunks(CHUNK).enumerate();
+    let (ranks, chunks) = (tree.ranks(), moves.par_chunks(CHUNK).enumerate());
     let found: Vec<[Vec<u32>; 2]> = chunks
         .map(|(chunk, moves)| {
             let mut lists = [Vec::new(), Vec::new()];
-            let places = moves.iter().zip(places(tree, (chunk * CHUNK) as u32));
-            for (_, place) in places.filter(|(moves, _)| **moves) {
-                match place {
-                    NodeIndex::Leaf(rank) => lists[0].push(rank),
-                    NodeIndex::Inner(k) => lists[1].push(k),
-                }
+            let nodes = moves.iter().zip((chunk * CHUNK) as u32..);
+            for (_, node) in nodes.filter(|(moves, _)| **moves) {
+                let node = ranks.of(node);
+                lists[usize::from(node.leaf().is_none())].push(node.rank());
             }
             lists
         })
@@ -155,8 +135,7 @@ fn levels(tree: &Topology, inner: &[u32]) -> Vec<Range<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Converter;
-    use crate::tests::{random_tree, shapes};
+    use crate::tests::{random_tree, record, scene, shapes};
 
     /// Classes of `all` triangles.
     fn parts(all: usize, moves: impl Fn(usize) -> bool) -> StaticParts {
@@ -203,30 +182,26 @@ mod tests {
         assert_eq!(end, found.inner().len());
     }
 
-    fn record(tree: &crate::tests::Tree) -> Topology {
-        Converter::new().convert_shape(tree.shape(), tree.scene(), vec![])
-    }
-
     #[test]
     fn lists_hold_what_moves_and_its_ancestors() {
         for tree in shapes() {
-            let record = record(&tree);
+            let (record, all) = (record(&tree), scene(&tree));
             for every in [1, 2, 3, 7, 1000] {
-                check(&record, &parts(tree.scene(), |t| t % every == 1));
+                check(&record, &parts(all, |t| t % every == 1));
             }
         }
         let tree = random_tree(3 * CHUNK, 8);
-        let record = record(&tree);
-        check(&record, &parts(tree.scene(), |t| t % 5 == 0));
-        check(&record, &parts(tree.scene(), |t| t < 300));
-        check(&record, &parts(tree.scene(), |t| t == tree.scene() - 1));
+        let (record, all) = (record(&tree), scene(&tree));
+        check(&record, &parts(all, |t| t % 5 == 0));
+        check(&record, &parts(all, |t| t < 300));
+        check(&record, &parts(all, |t| t == all - 1));
     }
 
     #[test]
     fn where_all_stands_still_lists_are_empty_and_where_most_moves_there_are_none() {
         let tree = random_tree(1_000, 2);
-        let record = record(&tree);
-        let of = |moves: fn(usize) -> bool| Moving::of(&record, &parts(tree.scene(), moves));
+        let (record, all) = (record(&tree), scene(&tree));
+        let of = |moves: fn(usize) -> bool| Moving::of(&record, &parts(all, moves));
         let none = of(|_| false).unwrap();
         assert!(none.words().is_empty() && none.levels().is_empty());
         assert_eq!(of(|_| true), None);

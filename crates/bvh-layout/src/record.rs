@@ -309,8 +309,71 @@ impl Topology {
         [2 * k + 1, 2 * k + 2]
     }
 
+    /// Finds the ranks of nodes.
+    #[must_use]
+    pub fn ranks(&self) -> NodeRanks<'_> {
+        NodeRanks {
+            bits: self.leaf_bits(),
+            ranks: self.leaf_ranks(),
+        }
+    }
+
     fn bit_words(&self) -> usize {
         self.node_count().div_ceil(32)
+    }
+}
+
+/// A node by its rank among its kind: leaves by their place in [`Topology::leaf_triangles`], or inner nodes in node order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NodeRank(u32);
+
+impl NodeRank {
+    const LEAF: u32 = 1 << 31;
+
+    /// A leaf's rank; `None` for an inner node.
+    #[must_use]
+    #[inline]
+    pub fn leaf(self) -> Option<u32> {
+        (self.0 & Self::LEAF != 0).then_some(self.0 & !Self::LEAF)
+    }
+
+    /// The rank, of whichever kind.
+    #[must_use]
+    #[inline]
+    pub fn rank(self) -> u32 {
+        self.0 & !Self::LEAF
+    }
+}
+
+/// Finds the ranks of a record's nodes.
+#[derive(Clone, Copy, Debug)]
+pub struct NodeRanks<'a> {
+    bits: &'a [u32],
+    ranks: &'a [u32],
+}
+
+impl NodeRanks<'_> {
+    /// The rank of a node.
+    ///
+    /// # Panics
+    /// If there is no such node.
+    #[must_use]
+    #[inline]
+    pub fn of(self, node: u32) -> NodeRank {
+        let (word, bit) = (node as usize / 32, node % 32);
+        let before = self.ranks[word] + (self.bits[word] & ((1 << bit) - 1)).count_ones();
+        if self.bits[word] >> bit & 1 == 1 {
+            NodeRank(before | NodeRank::LEAF)
+        } else {
+            NodeRank(node - before)
+        }
+    }
+
+    /// Both children of an inner node.
+    #[must_use]
+    #[inline]
+    pub fn children(self, inner: NodeRank) -> [NodeRank; 2] {
+        Topology::children_of_inner(inner.0).map(|node| self.of(node))
     }
 }
 
@@ -324,18 +387,16 @@ impl Default for Topology {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Converter;
-    use crate::tests::{chain, random_tree, shapes};
+    use crate::tests::{self, chain, random_tree, shapes};
 
     fn record(leaves: usize) -> Topology {
-        let tree = random_tree(leaves, leaves as u64);
-        Converter::new().convert_shape(tree.shape(), tree.scene(), vec![])
+        tests::record(&random_tree(leaves, leaves as u64))
     }
 
     #[test]
     fn a_record_survives_words_and_bytes() {
         for tree in shapes() {
-            let record = Converter::new().convert_shape(tree.shape(), tree.scene(), vec![]);
+            let record = tests::record(&tree);
             assert_eq!(Topology::from_le_bytes(&record.to_le_bytes()), Ok(record));
         }
         assert_eq!(
@@ -351,38 +412,10 @@ mod tests {
             assert!(record.bytes() <= 8 * leaves, "{leaves}: {}", record.bytes());
         }
         let deepest = chain(100);
-        let record = Converter::new().convert_shape(deepest.shape(), deepest.scene(), vec![]);
+        let record = tests::record(&deepest);
         assert_eq!(record.level_count(), 65);
         assert!(record.bytes() <= 800, "{}", record.bytes());
         let bytes = self::record(200_000).bytes() as f64 / 200_000.0;
         assert!((4.5..4.502).contains(&bytes), "{bytes}");
-    }
-
-    #[test]
-    fn levels_follow_one_another_without_gaps() {
-        let record = record(1_000);
-        let levels: Vec<Level> = record.levels().collect();
-        assert_eq!(levels[0].nodes, 0..1);
-        for pair in levels.windows(2) {
-            assert_eq!(pair[0].nodes.end, pair[1].nodes.start);
-            assert_eq!(pair[0].leaves.end, pair[1].leaves.start);
-            assert_eq!(pair[0].inner.end, pair[1].inner.start);
-            assert_eq!(pair[1].nodes.len(), 2 * pair[0].inner.len());
-        }
-        let last = levels.last().unwrap();
-        assert_eq!(
-            (last.nodes.end, last.leaves.end, last.inner.end),
-            (1_999, 1_000, 999)
-        );
-    }
-
-    #[test]
-    fn ranks_count_the_leaves_before_a_node() {
-        let record = record(700);
-        let mut before = 0;
-        for node in 0..record.node_count() as u32 {
-            assert_eq!(record.leaf_rank(node), before);
-            before += u32::from(record.is_leaf(node));
-        }
     }
 }

@@ -1,7 +1,7 @@
 //! Every property a record must have.
 
 use crate::header::Header;
-use crate::{RecordError, Topology, triangles};
+use crate::{RecordError, Topology};
 use bvh_build::MAX_DEPTH;
 use geom::Animation;
 
@@ -15,7 +15,7 @@ pub(crate) fn validate(words: &[u32]) -> Result<(), RecordError> {
     let first_bit_word = Topology::HEADER_WORDS + table.len();
     check_bits(header, table, bits, first_bit_word)?;
     check_ranks(bits, ranks, first_bit_word + bits.len())?;
-    triangles::check(leaf_triangles, header.triangles)
+    check_triangles(leaf_triangles, header.triangles)
 }
 
 fn check_header(words: &[u32]) -> Result<Header, RecordError> {
@@ -164,6 +164,31 @@ fn check_ranks(bits: &[u32], ranks: &[u32], first_word: usize) -> Result<(), Rec
             });
         }
         expected += word.count_ones();
+    }
+    Ok(())
+}
+
+/// Leaves name triangles of the scene, each at most once.
+fn check_triangles(leaf_triangles: &[u32], triangles: u32) -> Result<(), RecordError> {
+    let mut seen = vec![0_u64; (triangles as usize).div_ceil(64)];
+    for (leaf, &triangle) in leaf_triangles.iter().enumerate() {
+        if triangle >= triangles {
+            return Err(RecordError::TriangleRange {
+                leaf,
+                triangle,
+                triangles,
+            });
+        }
+        let (word, bit) = (triangle as usize / 64, 1 << (triangle % 64));
+        if seen[word] & bit != 0 {
+            let first = leaf_triangles.iter().position(|&t| t == triangle);
+            return Err(RecordError::TriangleTwice {
+                triangle,
+                first: first.unwrap_or(leaf),
+                second: leaf,
+            });
+        }
+        seen[word] |= bit;
     }
     Ok(())
 }

@@ -2,22 +2,6 @@
 
 use bvh_build::{BinaryTree, MAX_DEPTH};
 
-/// A binary tree by its two arrays; see [`BinaryTree`].
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Shape<'a> {
-    pub(crate) left_leaves: &'a [u32],
-    pub(crate) order: &'a [u32],
-}
-
-impl<'a> From<&'a BinaryTree> for Shape<'a> {
-    fn from(tree: &'a BinaryTree) -> Self {
-        Self {
-            left_leaves: tree.left_leaves(),
-            order: tree.order(),
-        }
-    }
-}
-
 /// An inner node whose turn has not come.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pending {
@@ -51,12 +35,12 @@ pub(crate) struct Walk {
 
 impl Walk {
     /// A walk that meets the inner node `start` (in preorder) first.
-    pub(crate) fn starting_at(shape: Shape<'_>, start: usize) -> Self {
+    pub(crate) fn starting_at(tree: &BinaryTree, start: usize) -> Self {
         let mut walk = Self {
             stack: [Pending::default(); STACK],
             waiting: 0,
         };
-        let leaves = shape.order.len() as u32;
+        let leaves = tree.leaf_count() as u32;
         walk.push(Pending {
             leaves,
             ..Pending::default()
@@ -64,7 +48,7 @@ impl Walk {
         let mut at = 0;
         while at < start {
             let node = walk.pop();
-            let left = shape.left_leaves[at];
+            let left = tree.left_leaves()[at];
             let [left_child, right_child] = node.children(left);
             if at + (left as usize) <= start {
                 walk.push(right_child);
@@ -138,9 +122,9 @@ mod tests {
     use super::*;
     use crate::tests::shapes;
 
-    fn met(shape: Shape<'_>, start: usize) -> Vec<(u32, u32, u32, u8)> {
+    fn met(tree: &BinaryTree, start: usize) -> Vec<(u32, u32, u32, u8)> {
         let mut all = Vec::new();
-        Walk::starting_at(shape, start).run(&shape.left_leaves[start..], |i| {
+        Walk::starting_at(tree, start).run(&tree.left_leaves()[start..], |i| {
             all.push((i.depth, i.left, i.right, i.leaf_children));
         });
         all
@@ -149,9 +133,9 @@ mod tests {
     #[test]
     fn a_walk_meets_the_same_nodes_wherever_it_starts() {
         for tree in shapes() {
-            let whole = met(tree.shape(), 0);
+            let whole = met(&tree, 0);
             for start in 0..whole.len() {
-                assert_eq!(met(tree.shape(), start), whole[start..]);
+                assert_eq!(met(&tree, start), whole[start..]);
             }
         }
     }

@@ -2,8 +2,8 @@
 //!
 //! Boxes are tested in double precision, whose range holds every product that is needed here.
 
-use crate::preprocess::Geometry;
-use crate::search::Asked;
+use crate::geometry::Geometry;
+use crate::intersect::Asked;
 use crate::traverse::{Below, Tree};
 use exact::{Crossing, Line};
 use geom::{Aabb, Hit, Point, Ray, Triangle, is_active, is_degenerate, normal_signs, side_of};
@@ -12,7 +12,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 /// What counts as a hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Rule {
+pub enum Rule {
     /// Triangles are closed, and the exact `t` counts: `exact`.
     Closed,
     /// The ray is moved by an infinitely small way, and `t` as rounded counts: `watertight`.
@@ -22,7 +22,7 @@ pub(crate) enum Rule {
 /// The least `t`, then the least index; `t` and weights rounded once, `t` within the ray's limits.
 #[cold]
 #[inline(never)]
-pub(crate) fn closest<N: Tree>(asked: &Asked<'_, N>, rule: Rule) -> Option<Hit> {
+pub fn closest<N: Tree>(asked: &Asked<'_, N>, rule: Rule) -> Option<Hit> {
     let line = line(asked)?;
     let mut best: Option<(Crossing, u32)> = None;
     let mut bound = f64::from(asked.ray.t_max);
@@ -73,7 +73,7 @@ impl Rule {
 /// Whether the ray meets any triangle but `skipped`.
 #[cold]
 #[inline(never)]
-pub(crate) fn any<N: Tree>(asked: &Asked<'_, N>, rule: Rule, skipped: Option<u32>) -> bool {
+pub fn any<N: Tree>(asked: &Asked<'_, N>, rule: Rule, skipped: Option<u32>) -> bool {
     let Some(line) = line(asked) else {
         return false;
     };
@@ -174,7 +174,7 @@ impl Beam {
 ///
 /// The hit's point is found along the ray or within the triangle, whichever rounds less, and moved to the light's
 /// side of the triangle by more than that. The direction is half the way, which cannot overflow.
-pub(crate) fn shadow_ray(ray: &Ray, hit: &Hit, corners: &Triangle, light: Point) -> Ray {
+pub fn shadow_ray(ray: &Ray, hit: &Hit, corners: &Triangle, light: Point) -> Ray {
     let (point, error) = hit_point(ray, hit, corners);
     let side = match side_of(corners, light) {
         0 => side_of(corners, ray.origin),

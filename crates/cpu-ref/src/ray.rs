@@ -5,15 +5,15 @@ use geom::{Point, Ray};
 
 /// A ray as every test sees it: `o' + t' * d'` in scaled units, the largest `|d'_i|` in `[1, 2)`.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct PreparedRay {
+pub struct PreparedRay {
     /// Start, `o'`.
-    pub(crate) origin: Point,
+    pub origin: Point,
     /// Direction, `d'`.
-    pub(crate) direction: Point,
+    pub direction: Point,
     /// Hits lie strictly beyond, in scaled units.
-    pub(crate) t_min: f32,
+    pub t_min: f32,
     /// Hits lie strictly before, in scaled units.
-    pub(crate) t_max: f32,
+    pub t_max: f32,
     /// `t = t' * 2^this`.
     unscale: i32,
 }
@@ -21,7 +21,7 @@ pub(crate) struct PreparedRay {
 impl PreparedRay {
     /// `None` for a ray that cannot hit anything.
     #[inline]
-    pub(crate) fn new(ray: &Ray, scale: Scale) -> Option<Self> {
+    pub fn new(ray: &Ray, scale: Scale) -> Option<Self> {
         if !ray.is_valid() {
             return None;
         }
@@ -43,7 +43,7 @@ impl PreparedRay {
 
     /// A distance in units of the given ray's direction. A zero is a positive one.
     #[inline]
-    pub(crate) fn unscaled(&self, t: f32) -> f32 {
+    pub fn unscaled(&self, t: f32) -> f32 {
         let t = ldexp(t, self.unscale);
         if t == 0.0 { 0.0 } else { t }
     }

@@ -14,6 +14,15 @@ pub(crate) enum Command {
     CopyPositions,
 }
 
+/// How far the tree follows the positions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+enum Fresh {
+    #[default]
+    Nothing,
+    Records,
+    Boxes,
+}
+
 /// Commands in order, and how far the state they lead to is in step.
 #[derive(Debug, Default)]
 pub(crate) struct Recording {
@@ -23,18 +32,13 @@ pub(crate) struct Recording {
     done: usize,
     has_tree: bool,
     has_positions: bool,
-    records_fresh: bool,
-    boxes_fresh: bool,
+    fresh: Fresh,
 }
 
 impl Recording {
     /// Forgets everything: another scene is current.
     pub(crate) fn reset(&mut self) {
-        *self = Self {
-            commands: std::mem::take(&mut self.commands),
-            ..Self::default()
-        };
-        self.commands.clear();
+        *self = Self::default();
     }
 
     /// # Panics
@@ -50,15 +54,11 @@ impl Recording {
 
     /// Another tree is current.
     pub(crate) fn adopted(&mut self) {
-        self.has_tree = true;
-        self.records_fresh = false;
-        self.boxes_fresh = false;
+        (self.has_tree, self.fresh) = (true, Fresh::Nothing);
     }
 
     pub(crate) fn interpolate(&mut self, pose: Pose) {
-        self.has_positions = true;
-        self.records_fresh = false;
-        self.boxes_fresh = false;
+        (self.has_positions, self.fresh) = (true, Fresh::Nothing);
         self.commands.push(Command::Interpolate(pose));
     }
 
@@ -71,23 +71,22 @@ impl Recording {
             self.has_tree,
             "preprocess follows a tree's leaves: adopt comes first"
         );
-        self.records_fresh = true;
-        self.boxes_fresh = false;
+        self.fresh = Fresh::Records;
         self.commands.push(Command::Preprocess);
     }
 
     pub(crate) fn refit(&mut self) {
         assert!(
-            self.records_fresh,
+            self.fresh >= Fresh::Records,
             "refit reads boxes of leaves: preprocess comes first"
         );
-        self.boxes_fresh = true;
+        self.fresh = Fresh::Boxes;
         self.commands.push(Command::Refit);
     }
 
     pub(crate) fn trace(&mut self, query: Query<'_>) {
         assert!(
-            self.boxes_fresh,
+            self.fresh == Fresh::Boxes,
             "the tree is stale: preprocess and refit come after adopt and interpolate, and before trace"
         );
         assert!(!self.has_trace(), "one submission holds at most one trace");
@@ -96,6 +95,14 @@ impl Recording {
             Rays::List(_) => None,
         };
         self.commands.push(Command::Trace(camera, query.kind));
+    }
+
+    pub(crate) fn copy_positions(&mut self) {
+        assert!(
+            self.has_positions,
+            "there are no positions to copy: interpolate comes first"
+        );
+        self.commands.push(Command::CopyPositions);
     }
 
     /// What is still to be carried out, by the caller and now.
@@ -118,13 +125,5 @@ impl Recording {
     pub(crate) fn has_trace(&self) -> bool {
         let traces = |c: &Command| matches!(c, Command::Trace(..));
         self.commands.iter().any(traces)
-    }
-
-    pub(crate) fn copy_positions(&mut self) {
-        assert!(
-            self.has_positions,
-            "there are no positions to copy: interpolate comes first"
-        );
-        self.commands.push(Command::CopyPositions);
     }
 }

@@ -6,24 +6,24 @@ use glam::Vec4;
 /// Coordinates below this many scaled units count as zero, `2^-64`.
 const LEAST_COORDINATE: f32 = power(-64);
 /// Components of a direction below this count as zero, `2^-37`, the largest being in `[1, 2)`.
-pub(crate) const LEAST_COMPONENT: f32 = power(-37);
+pub const LEAST_COMPONENT: f32 = power(-37);
 /// Products, weights and distances below this count as zero, `2^-100`.
-pub(crate) const LEAST: f32 = power(-100);
+pub const LEAST: f32 = power(-100);
 
 /// Vertices are multiplied by `2^-k`, so that products of a few of them neither overflow nor vanish.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Scale {
+pub struct Scale {
     k: i32,
 }
 
 impl Scale {
     /// Already in scaled units.
-    pub(crate) const ONE: Self = Self { k: 0 };
+    pub const ONE: Self = Self { k: 0 };
     /// Scaled coordinates below this count as zero.
-    pub(crate) const LEAST: f32 = LEAST_COORDINATE;
+    pub const LEAST: f32 = LEAST_COORDINATE;
 
     /// Chosen by the largest finite coordinate of all key frames.
-    pub(crate) fn of(animation: &Animation) -> Self {
+    pub fn of(animation: &Animation) -> Self {
         Self {
             k: animation.scale_exponent(),
         }
@@ -31,29 +31,29 @@ impl Scale {
 
     /// What vertices are multiplied by, `2^-k`.
     #[inline]
-    pub(crate) fn factor(self) -> f32 {
+    pub fn factor(self) -> f32 {
         power(-self.k)
     }
 
     /// What scaled units are multiplied by, `2^k`, unless that is close to the end of the normal range.
     #[inline]
-    pub(crate) fn usual_inverse(self) -> Option<f32> {
+    pub fn usual_inverse(self) -> Option<f32> {
         (self.k.abs() <= 60).then(|| power(self.k))
     }
 
     /// The exponent `k`.
-    pub(crate) fn k(self) -> i32 {
+    pub fn k(self) -> i32 {
         self.k
     }
 
     /// SceneState units to scaled units. What is then below `2^-64` becomes zero.
     #[inline]
-    pub(crate) fn apply(self, p: Point) -> Point {
+    pub fn apply(self, p: Point) -> Point {
         p.map(|x| without(LEAST_COORDINATE, x * self.factor()))
     }
 
     /// Scaled units to scene units.
-    pub(crate) fn undo(self, b: Aabb) -> Aabb {
+    pub fn undo(self, b: Aabb) -> Aabb {
         let back = |p: Point| p.map(|x| x * power(self.k));
         Aabb {
             min: back(b.min),
@@ -70,25 +70,25 @@ fn without(least: f32, x: f32) -> f32 {
 
 /// `x`, or zero below `2^-100`: so no device that flushes subnormal numbers can give another answer.
 #[inline]
-pub(crate) fn flushed(x: f32) -> f32 {
+pub fn flushed(x: f32) -> f32 {
     without(LEAST, x)
 }
 
 /// [`flushed`], for four at once.
 #[inline]
-pub(crate) fn flushed4(x: Vec4) -> Vec4 {
+pub fn flushed4(x: Vec4) -> Vec4 {
     Vec4::select(x.abs().cmplt(Vec4::splat(LEAST)), Vec4::ZERO, x)
 }
 
 /// A direction times `2^-e`, which brings its largest component to `[1, 2)`.
 #[inline]
-pub(crate) fn unit_direction(direction: Point, e: i32) -> Point {
+pub fn unit_direction(direction: Point, e: i32) -> Point {
     direction.map(|x| without(LEAST_COMPONENT, ldexp(x, -e)))
 }
 
 /// The exponent of a finite number that is not zero: `2^e <= |x| < 2^(e + 1)`.
 #[inline]
-pub(crate) fn exponent(x: f32) -> i32 {
+pub fn exponent(x: f32) -> i32 {
     let bits = x.to_bits() & 0x7fff_ffff;
     if bits >= 0x0080_0000 {
         (bits >> 23) as i32 - 127
@@ -99,13 +99,13 @@ pub(crate) fn exponent(x: f32) -> i32 {
 
 /// `2^m` for `m` in `-126..=127`.
 #[inline]
-pub(crate) const fn power(m: i32) -> f32 {
+pub const fn power(m: i32) -> f32 {
     f32::from_bits(((m + 127) as u32) << 23)
 }
 
 /// `x * 2^m`, rounded once, for `|m|` up to 400.
 #[inline]
-pub(crate) fn ldexp(x: f32, m: i32) -> f32 {
+pub fn ldexp(x: f32, m: i32) -> f32 {
     // Neither factor nor product leaves the normal range of f64.
     (f64::from(x) * f64::from_bits(((m + 1023) as u64) << 52)) as f32
 }

@@ -1,27 +1,28 @@
 //! The ray from a hit to a light.
 
-use crate::preprocess::Geometry;
+use crate::geometry::Geometry;
 use crate::scale::{Scale, flushed};
 use geom::{Aabb, Hit, Point, Ray, Triangle};
 
 /// One unit in the last place of numbers in `[1, 2)`, halved.
-pub(crate) const ROUNDING: f32 = 1.0 / 16_777_216.0;
+pub const ROUNDING: f32 = 1.0 / 16_777_216.0;
 
-/// What all shadow rays of a picture share, in scaled units.
+/// What all shadow rays of a picture share.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Light {
-    pub(crate) at: Point,
-    /// In the scene's units.
-    pub(crate) given: Point,
-    /// The root box's longest edge.
-    pub(crate) extent: f32,
+pub struct Light {
+    /// In scaled units.
+    pub at: Point,
+    /// Where it is in the scene's units.
+    pub given: Point,
+    /// The root box's longest edge, in scaled units.
+    pub extent: f32,
     /// As much of it counts for every hit; more for those of larger triangles.
-    pub(crate) counted: f32,
+    pub counted: f32,
 }
 
 impl Light {
     /// A light, given in the scene's units, for the tree whose whole box is `root`, in scaled units.
-    pub(crate) fn new(given: Point, geometry: &Geometry<'_>, root: &Aabb) -> Self {
+    pub fn new(given: Point, geometry: &Geometry<'_>, root: &Aabb) -> Self {
         let [x, y, z] = root.extent();
         let extent = x.max(y).max(z);
         let limit = geometry.range.clearance * geometry.scale.factor();
@@ -36,7 +37,7 @@ impl Light {
     /// The ray from beside a hit to the light, over `(0, 1)`, in scaled units.
     ///
     /// `corners` are the hit triangle's and `eye` is where the ray that hit it started, both scaled.
-    pub(crate) fn ray(&self, hit: &Hit, [a, b, c]: &Triangle, eye: Point) -> Ray {
+    pub fn ray(&self, hit: &Hit, [a, b, c]: &Triangle, eye: Point) -> Ray {
         let (e1, e2) = (minus(*b, *a), minus(*c, *a));
         let p = Scale::ONE.apply(std::array::from_fn(|i| {
             a[i] + (hit.u * e1[i] + hit.v * e2[i])

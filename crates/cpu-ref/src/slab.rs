@@ -1,38 +1,36 @@
 //! The padded box test, on both boxes of a pair at once.
 
-use crate::nodes::Pair;
+use crate::bvh2::Pair;
 use crate::ray::PreparedRay;
 use geom::Aabb;
 use glam::{Vec3A, Vec4};
 
 /// Components of the direction are pushed away from zero to this, `2^-60`.
-pub(crate) const SMALLEST: f32 = f32::from_bits((127 - 60) << 23);
+pub const SMALLEST: f32 = f32::from_bits((127 - 60) << 23);
 /// `17 * 2^-24`: what the watertight test may be off by, and the rounding here, in units of `D`.
-pub(crate) const PAD: f32 = 17.0 / 16_777_216.0;
+pub const PAD: f32 = 17.0 / 16_777_216.0;
 /// Bounds `D`, so that no product below is infinite, `2^80`.
 const FARTHEST: f32 = f32::from_bits((127 + 80) << 23);
 
 /// Distances up to here leave every product of the watertight test finite, `2^60`.
-pub(crate) const CALM: f32 = f32::from_bits((127 + 60) << 23);
-
-/// `24` and `4` times `2^-24`: what boxes of inner nodes are widened by, in units of `D` and of `|o'|`, where they are
-/// tested with `plane * r - o' * r` (`docs/design/hits.md`, "Inner boxes").
-pub(crate) const INNER: [f32; 2] = [24.0 / 16_777_216.0, 4.0 / 16_777_216.0];
+pub const CALM: f32 = f32::from_bits((127 + 60) << 23);
 
 /// What a ray and the root box alone decide of the box test.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Reach {
+pub struct Reach {
     /// `|r|` on each axis.
-    pub(crate) inverse: [f32; 3],
+    pub inverse: [f32; 3],
     /// `q` on each axis.
-    pub(crate) pad: [f32; 3],
+    pub pad: [f32; 3],
     /// `D`.
-    farthest: f32,
+    pub farthest: f32,
 }
 
 impl Reach {
+    /// For the tree whose whole box is `root`.
+    #[must_use]
     #[inline]
-    pub(crate) fn new(ray: &PreparedRay, root: &Aabb) -> Self {
+    pub fn new(ray: &PreparedRay, root: &Aabb) -> Self {
         let farthest = farthest(ray, root);
         let direction = Vec3A::from_array(ray.direction);
         let inverse = Vec3A::ONE / direction.abs().max(Vec3A::splat(SMALLEST));
@@ -42,17 +40,6 @@ impl Reach {
             pad: pad.to_array(),
             farthest,
         }
-    }
-
-    /// What is added to the products of `r` with a box's near and far plane of an inner node.
-    ///
-    /// Infinite only where the box test's products are: a start so far away is its own distance to any plane.
-    #[inline]
-    pub(crate) fn starts(&self, axis: usize, origin: f32, negative: bool) -> [f32; 2] {
-        let r = self.inverse[axis];
-        let from = origin * if negative { -r } else { r };
-        let pad = r * (INNER[0] * self.farthest + INNER[1] * origin.abs());
-        [-from - pad, -from + pad]
     }
 }
 

@@ -1,16 +1,18 @@
 //! One ray through a tree, nearest child first.
 
-use crate::exact::Candidate;
-use crate::nodes::{Link, Nodes};
+use crate::bvh2::{Bvh2, Link};
+use crate::intersect::{Candidate, Meeting, Record, TriangleTest};
 use crate::ray::PreparedRay;
 use crate::scale::flushed;
 use crate::slab::Slab;
-use crate::triangle_test::{Meeting, Record, TriangleTest};
 use bvh_build::MAX_DEPTH;
 use geom::{Aabb, Hit};
 
 /// A tree with the boxes and triangles of one moment, whatever its layout.
-pub(crate) trait Tree: Copy + Sync {
+pub trait Tree: Copy + Sync {
+    /// Nodes still to visit.
+    type Waiting: Default;
+
     /// The box of the whole tree, in scaled units.
     fn root(&self) -> Aabb;
 
@@ -28,42 +30,39 @@ pub(crate) trait Tree: Copy + Sync {
     fn visit(
         &self,
         ray: &PreparedRay,
-        stack: &mut Stack,
+        waiting: &mut Self::Waiting,
         see: impl FnMut(&Leaf, f32) -> Option<f32>,
     ) -> bool;
 }
 
 /// What lies below a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Below {
+pub enum Below {
     /// Another node.
     Node(u32),
     /// Triangles, by their places.
-    Places { first: usize, count: usize },
+    Places {
+        /// The first.
+        first: usize,
+        /// How many there are.
+        count: usize,
+    },
 }
 
 impl Below {
     /// Where every tree begins.
-    pub(crate) const ROOT: Self = Self::Node(0);
+    pub const ROOT: Self = Self::Node(0);
 }
 
 /// A triangle whose own box the ray meets, and the span of the ray within it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Leaf {
+pub struct Leaf {
     /// Where the tree keeps the triangle.
-    pub(crate) place: usize,
+    pub place: usize,
     /// The later of entry and `t_min`.
-    pub(crate) entry: f32,
-    pub(crate) exit: f32,
-}
-
-/// The binary tree.
-#[derive(Clone, Copy)]
-pub(crate) struct TraversedTree<'a> {
-    /// Boxes and links.
-    pub(crate) nodes: &'a Nodes,
-    /// One a leaf.
-    pub(crate) records: &'a [Record],
+    pub entry: f32,
+    /// Where the ray leaves the box.
+    pub exit: f32,
 }
 
 /// A node still to visit, and the span of the ray within its box.
@@ -86,19 +85,31 @@ impl Entry {
     }
 }
 
-/// Nodes still to visit. Each level leaves at most one behind, so it cannot overflow.
-pub(crate) struct Stack {
-    entries: [Entry; MAX_DEPTH as usize],
-    len: usize,
-    /// The wide tree's own.
-    pub(crate) wide: crate::wide::Stack,
+/// What a thread needs to trace ray after ray.
+pub struct Stack<N: Tree> {
+    /// Nodes still to visit.
+    pub waiting: N::Waiting,
     /// What the exact test keeps of a ray.
     pub(crate) candidates: Vec<Candidate>,
 }
 
-impl Stack {
-    /// An empty stack, to be used for many rays.
-    pub(crate) fn new() -> Self {
+impl<N: Tree> Default for Stack<N> {
+    fn default() -> Self {
+        Self {
+            waiting: N::Waiting::default(),
+            candidates: Vec::new(),
+        }
+    }
+}
+
+/// Nodes still to visit. Each level leaves at most one behind, so it cannot overflow.
+pub struct Waiting {
+    entries: [Entry; MAX_DEPTH as usize],
+    len: usize,
+}
+
+impl Default for Waiting {
+    fn default() -> Self {
         let unused = Entry {
             link: Link::ROOT,
             entry: 0.0,
@@ -107,11 +118,11 @@ impl Stack {
         Self {
             entries: [unused; MAX_DEPTH as usize],
             len: 0,
-            wide: crate::wide::Stack::new(),
-            candidates: Vec::new(),
         }
     }
+}
 
+impl Waiting {
     #[inline(always)]
     fn push(&mut self, entry: Entry) {
         self.entries[self.len] = entry;
@@ -133,12 +144,18 @@ impl Stack {
     }
 }
 
-impl TraversedTree<'_> {
+impl Bvh2 {
     /// Goes down from `link`, which is no leaf, by nearer children to a leaf; `None` where none is met.
     #[inline(always)]
-    fn descend(&self, slab: &Slab, mut link: Link, best: f32, stack: &mut Stack) -> Option<Entry> {
+    fn descend(
+        &self,
+        slab: &Slab,
+        mut link: Link,
+        best: f32,
+        stack: &mut Waiting,
+    ) -> Option<Entry> {
         loop {
-            let pair = &self.nodes.pairs[link.index()];
+            let pair = &self.pairs[link.index()];
             let met = slab.meet(pair, best);
             let child = |lane: usize| Entry {
                 link: pair.links[lane],
@@ -167,15 +184,17 @@ impl TraversedTree<'_> {
     }
 }
 
-impl Tree for TraversedTree<'_> {
+impl Tree for &Bvh2 {
+    type Waiting = Waiting;
+
     #[inline]
     fn root(&self) -> Aabb {
-        self.nodes.root()
+        self.pairs[0].bounds(1)
     }
 
     #[inline(always)]
     fn triangle(&self, place: usize) -> Option<u32> {
-        Some(self.nodes.triangles[place])
+        Some(self.triangles[place])
     }
 
     #[inline(always)]
@@ -184,7 +203,7 @@ impl Tree for TraversedTree<'_> {
     }
 
     fn children(&self, node: u32, mut each: impl FnMut(&Aabb, Below)) {
-        let pair = &self.nodes.pairs[node as usize];
+        let pair = &self.pairs[node as usize];
         for (lane, link) in pair.links.into_iter().enumerate() {
             let below = match link.is_leaf() {
                 true => Below::Places {
@@ -201,7 +220,7 @@ impl Tree for TraversedTree<'_> {
     fn visit(
         &self,
         ray: &PreparedRay,
-        stack: &mut Stack,
+        stack: &mut Waiting,
         mut see: impl FnMut(&Leaf, f32) -> Option<f32>,
     ) -> bool {
         let slab = Slab::new(ray, &self.root());
@@ -256,17 +275,17 @@ impl<'a, N: Tree, T: TriangleTest> Walk<'a, N, T> {
 }
 
 /// The closest hit, its `t` in scaled units.
-pub(crate) fn closest<N: Tree, T: TriangleTest>(
+pub fn closest<N: Tree, T: TriangleTest>(
     tree: N,
     ray: &PreparedRay,
-    stack: &mut Stack,
+    stack: &mut Stack<N>,
 ) -> Option<Hit> {
     let walk = Walk::<N, T>::new(tree, ray);
     let mut best = Hit {
         t: ray.t_max,
         ..Hit::MISS
     };
-    tree.visit(ray, stack, |leaf, _| {
+    tree.visit(ray, &mut stack.waiting, |leaf, _| {
         if let Some(Meeting { t, u, v }) = walk.meet_leaf(leaf)
             && t <= best.t
         {
@@ -282,14 +301,14 @@ pub(crate) fn closest<N: Tree, T: TriangleTest>(
 }
 
 /// Whether the ray hits any triangle but `skipped`.
-pub(crate) fn any<N: Tree, T: TriangleTest>(
+pub fn any<N: Tree, T: TriangleTest>(
     tree: N,
     ray: &PreparedRay,
     skipped: Option<u32>,
-    stack: &mut Stack,
+    stack: &mut Stack<N>,
 ) -> bool {
     let walk = Walk::<N, T>::new(tree, ray);
-    tree.visit(ray, stack, |leaf, bound| {
+    tree.visit(ray, &mut stack.waiting, |leaf, bound| {
         let hit = walk.meet_leaf(leaf).is_some()
             && (skipped.is_none() || tree.triangle(leaf.place) != skipped);
         (!hit).then_some(bound)

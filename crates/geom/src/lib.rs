@@ -7,7 +7,6 @@
 mod aabb;
 mod animation;
 mod camera;
-mod hit;
 mod pose;
 mod range;
 mod ray;
@@ -17,10 +16,9 @@ mod triangle;
 pub use aabb::Aabb;
 pub use animation::{Animation, AnimationError};
 pub use camera::Camera;
-pub use hit::Hit;
 pub use pose::Pose;
 pub use range::Range;
-pub use ray::Ray;
+pub use ray::{Hit, Ray};
 pub use still::StaticParts;
 pub use triangle::{Triangle, is_active, is_degenerate, normal_signs, side_of};
 

@@ -6,8 +6,7 @@
 )]
 
 use super::{Bins, Grid};
-use crate::hull::Hull;
-use crate::prim::Prim;
+use crate::prim::{Hull, Prim};
 use std::arch::x86_64::*;
 
 /// [`Bins::add`], if the machine has the vectors.

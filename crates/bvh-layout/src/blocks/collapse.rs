@@ -1,12 +1,12 @@
 //! Binary record in, shape of the wide tree out: in parallel, level by level.
 
-use super::opened::{Binary, Opened, SizedTree};
+use super::opened::{Opened, SizedTree};
 use super::{Block, BlockTree, First, LANES, Link, WideNode};
-use crate::Topology;
+use crate::{NodeRank, Topology};
 use geom::Aabb;
 use rayon::prelude::*;
 
-/// Binary nodes, wide nodes or blocks that one task handles.
+/// NodeRank nodes, wide nodes or blocks that one task handles.
 const RUN: usize = 2048;
 
 impl BlockTree {
@@ -19,15 +19,15 @@ impl BlockTree {
     /// If the record is not one of these triangles.
     #[must_use]
     pub fn of(tree: &Topology, triangles: &[[u32; 3]], (boxes, first): (&[Aabb], First)) -> Self {
-        let sizes = sizes(tree);
+        let sizes = from_below(tree, 0_u32, |_| 1, |a, b| a + b);
         let areas = areas(tree, boxes);
         let shape = SizedTree {
             sizes: &sizes,
             areas: areas.as_deref(),
+            ranks: tree.ranks(),
             first,
-            ..SizedTree::of(tree)
         };
-        let (mut all, roots) = Self::nodes_of(shape);
+        let (mut all, roots) = Self::nodes_of(shape, tree.leaf_count() == 0);
         let leaves = tree.leaf_triangles();
         roots
             .into_par_iter()
@@ -38,13 +38,13 @@ impl BlockTree {
     }
 
     /// All nodes, and the binary nodes that the blocks are to stand for.
-    fn nodes_of(shape: SizedTree<'_>) -> (Self, Vec<Binary>) {
+    fn nodes_of(shape: SizedTree<'_>, is_empty: bool) -> (Self, Vec<NodeRank>) {
         let mut all = Self::default();
         let mut roots = Vec::new();
-        let mut level = match shape.bits {
-            [] => Vec::new(),
-            _ => vec![shape.node(0)],
-        };
+        let mut level = Vec::new();
+        if !is_empty {
+            level.push(shape.ranks.of(0));
+        }
         while !level.is_empty() {
             level = all.add_level(shape, &level, &mut roots);
         }
@@ -60,9 +60,9 @@ impl BlockTree {
     fn add_level(
         &mut self,
         shape: SizedTree<'_>,
-        level: &[Binary],
-        roots: &mut Vec<Binary>,
-    ) -> Vec<Binary> {
+        level: &[NodeRank],
+        roots: &mut Vec<NodeRank>,
+    ) -> Vec<NodeRank> {
         let opened = level.par_iter().with_min_len(RUN / 8);
         let opened: Vec<Opened> = opened.map(|&root| shape.open_node(root)).collect();
         let (start, end) = (self.nodes.len(), self.nodes.len() + opened.len());
@@ -87,25 +87,30 @@ impl BlockTree {
     }
 }
 
-/// Leaves below every inner node, counted from the deepest level up.
-fn sizes(tree: &Topology) -> Vec<u32> {
-    let mut sizes = vec![0; tree.leaf_count().saturating_sub(1)];
-    let shape = SizedTree::of(tree);
+/// A value for every inner node, made of its children's from the deepest level up; `leaf` gives a leaf's by its rank.
+fn from_below<T: Copy + Send + Sync>(
+    tree: &Topology,
+    none: T,
+    leaf: impl Fn(u32) -> T + Sync,
+    join: impl Fn(T, T) -> T + Sync,
+) -> Vec<T> {
+    let mut all = vec![none; tree.leaf_count().saturating_sub(1)];
+    let ranks = tree.ranks();
     let levels: Vec<_> = tree.levels().collect();
     for level in levels.iter().rev() {
         let [start, end] = [level.inner.start, level.inner.end].map(|i| i as usize);
-        let (upper, deeper) = sizes.split_at_mut(end);
-        let count = |(i, size): (usize, &mut u32)| {
-            let children = shape.children(Binary((start + i) as u32));
-            *size = children
-                .map(|c| shape.size_among(c, deeper, end))
-                .iter()
-                .sum();
+        let (upper, deeper) = all.split_at_mut(end);
+        let value = |node: NodeRank| match node.leaf() {
+            Some(rank) => leaf(rank),
+            None => deeper[node.rank() as usize - end],
         };
-        let sizes = upper[start..].par_iter_mut().enumerate();
-        sizes.with_min_len(RUN).for_each(count);
+        let nodes = upper[start..].par_iter_mut().enumerate();
+        nodes.with_min_len(RUN).for_each(|(i, to)| {
+            let [a, b] = Topology::children_of_inner((start + i) as u32);
+            *to = join(value(ranks.of(a)), value(ranks.of(b)));
+        });
     }
-    sizes
+    all
 }
 
 /// Half areas of all inner nodes, if there is a box for each triangle.
@@ -113,26 +118,9 @@ fn areas(tree: &Topology, boxes: &[Aabb]) -> Option<Vec<f32>> {
     if boxes.len() != tree.triangle_count() {
         return None;
     }
-    let shape = SizedTree::of(tree);
     let triangles = tree.leaf_triangles();
-    let mut inner = vec![Aabb::EMPTY; tree.leaf_count().saturating_sub(1)];
-    let levels: Vec<_> = tree.levels().collect();
-    for level in levels.iter().rev() {
-        let [start, end] = [level.inner.start, level.inner.end].map(|i| i as usize);
-        let (upper, deeper) = inner.split_at_mut(end);
-        let unite = |(i, bounds): (usize, &mut Aabb)| {
-            let [a, b] =
-                shape
-                    .children(Binary((start + i) as u32))
-                    .map(|child| match child.leaf() {
-                        Some(rank) => boxes[triangles[rank as usize] as usize],
-                        None => deeper[child.0 as usize - end],
-                    });
-            *bounds = a.union(b);
-        };
-        let nodes = upper[start..].par_iter_mut().enumerate();
-        nodes.with_min_len(RUN).for_each(unite);
-    }
+    let leaf = |rank: u32| boxes[triangles[rank as usize] as usize];
+    let inner = from_below(tree, Aabb::EMPTY, leaf, Aabb::union);
     let areas = inner.par_iter().with_min_len(RUN);
     Some(areas.map(|b| b.half_area() as f32).collect())
 }

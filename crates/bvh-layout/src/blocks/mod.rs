@@ -2,8 +2,6 @@
 
 mod collapse;
 mod opened;
-#[cfg(test)]
-mod tests;
 
 use std::ops::Range;
 

@@ -1,32 +1,19 @@
 //! Neighbouring subtrees of the binary tree, and what becomes of them.
 
 use super::{First, LANES, Ranges};
-use crate::Topology;
-
-/// A binary node: the rank of a leaf (flagged) or of an inner node, among their kind.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Binary(pub(super) u32);
-
-impl Binary {
-    pub(super) const LEAF: u32 = 1 << 31;
-
-    #[inline]
-    pub(super) fn leaf(self) -> Option<u32> {
-        (self.0 & Self::LEAF != 0).then_some(self.0 & !Self::LEAF)
-    }
-}
+use crate::{NodeRank, NodeRanks};
 
 /// Neighbouring subtrees that together make one node or block.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Opened {
-    lanes: [Binary; LANES],
+    lanes: [NodeRank; LANES],
     pub(super) count: usize,
     /// First lane and end of each binary node opened; one less than lanes.
     ranges: [[u8; 2]; LANES - 1],
 }
 
 impl Opened {
-    fn of(root: Binary) -> Self {
+    fn of(root: NodeRank) -> Self {
         let mut opened = Self::default();
         opened.lanes[0] = root;
         opened.count = 1;
@@ -34,7 +21,7 @@ impl Opened {
     }
 
     /// Puts the children of the inner node in `lane` in its place.
-    fn open(&mut self, lane: usize, [left, right]: [Binary; 2]) {
+    fn open(&mut self, lane: usize, [left, right]: [NodeRank; 2]) {
         self.lanes.copy_within(lane + 1..self.count, lane + 2);
         self.lanes[lane] = left;
         self.lanes[lane + 1] = right;
@@ -55,7 +42,7 @@ impl Opened {
         ranges
     }
 
-    pub(super) fn lanes(&self) -> &[Binary] {
+    pub(super) fn lanes(&self) -> &[NodeRank] {
         &self.lanes[..self.count]
     }
 }
@@ -63,8 +50,7 @@ impl Opened {
 /// A binary record with the size of each subtree.
 #[derive(Clone, Copy)]
 pub(super) struct SizedTree<'a> {
-    pub(super) bits: &'a [u32],
-    pub(super) ranks: &'a [u32],
+    pub(super) ranks: NodeRanks<'a>,
     pub(super) sizes: &'a [u32],
     /// Half areas of inner nodes, if boxes are known.
     pub(super) areas: Option<&'a [f32]>,
@@ -72,50 +58,18 @@ pub(super) struct SizedTree<'a> {
     pub(super) first: First,
 }
 
-impl<'a> SizedTree<'a> {
-    /// With no sizes and no areas.
-    pub(super) fn of(tree: &'a Topology) -> Self {
-        Self {
-            bits: tree.leaf_bits(),
-            ranks: tree.leaf_ranks(),
-            sizes: &[],
-            areas: None,
-            first: First::Left,
-        }
-    }
-
+impl SizedTree<'_> {
+    /// Leaves below.
     #[inline]
-    pub(super) fn node(&self, node: u32) -> Binary {
-        let (word, bit) = (node as usize / 32, node % 32);
-        let before = self.ranks[word] + (self.bits[word] & ((1 << bit) - 1)).count_ones();
-        if self.bits[word] >> bit & 1 == 1 {
-            Binary(before | Binary::LEAF)
-        } else {
-            Binary(node - before)
-        }
-    }
-
-    #[inline]
-    pub(super) fn children(&self, inner: Binary) -> [Binary; 2] {
-        Topology::children_of_inner(inner.0).map(|node| self.node(node))
-    }
-
-    /// Leaves below; `deeper` begins with inner node `first`.
-    #[inline]
-    pub(super) fn size_among(&self, node: Binary, deeper: &[u32], first: usize) -> u32 {
+    pub(super) fn size(&self, node: NodeRank) -> u32 {
         match node.leaf() {
             Some(_) => 1,
-            None => deeper[node.0 as usize - first],
+            None => self.sizes[node.rank() as usize],
         }
-    }
-
-    #[inline]
-    pub(super) fn size(&self, node: Binary) -> u32 {
-        self.size_among(node, self.sizes, 0)
     }
 
     /// The subtrees of one node: the largest is opened until there are enough.
-    pub(super) fn open_node(&self, root: Binary) -> Opened {
+    pub(super) fn open_node(&self, root: NodeRank) -> Opened {
         let mut opened = Opened::of(root);
         while opened.count < LANES {
             let lanes = opened.lanes().iter().enumerate();
@@ -131,8 +85,8 @@ impl<'a> SizedTree<'a> {
     }
 
     /// The children of an inner node, that which is asked first in the later lane.
-    fn first_last(&self, inner: Binary) -> [Binary; 2] {
-        let [left, right] = self.children(inner);
+    fn first_last(&self, inner: NodeRank) -> [NodeRank; 2] {
+        let [left, right] = self.ranks.children(inner);
         // A leaf's area is not at hand: none is less than any.
         match self.first == First::Larger && self.area(left) < self.area(right) {
             true => [left, right],
@@ -140,28 +94,28 @@ impl<'a> SizedTree<'a> {
         }
     }
 
-    fn area(&self, node: Binary) -> Option<f32> {
+    fn area(&self, node: NodeRank) -> Option<f32> {
         let areas = self.areas?;
-        node.leaf().is_none().then(|| areas[node.0 as usize])
+        node.leaf().is_none().then(|| areas[node.rank() as usize])
     }
 
     /// What subtrees are compared by: their area, else their leaves.
-    fn extent(&self, node: Binary) -> f32 {
+    fn extent(&self, node: NodeRank) -> f32 {
         match (self.areas, node.leaf()) {
-            (Some(areas), None) => areas[node.0 as usize],
+            (Some(areas), None) => areas[node.rank() as usize],
             _ => self.size(node) as f32,
         }
     }
 
     /// The leaves of one block.
-    pub(super) fn open_block(&self, root: Binary) -> Opened {
+    pub(super) fn open_block(&self, root: NodeRank) -> Opened {
         let mut opened = Opened::of(root);
         let mut lane = 0;
         while lane < opened.count {
             if opened.lanes[lane].leaf().is_some() {
                 lane += 1;
             } else {
-                opened.open(lane, self.children(opened.lanes[lane]));
+                opened.open(lane, self.ranks.children(opened.lanes[lane]));
             }
         }
         opened

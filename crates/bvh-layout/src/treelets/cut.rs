@@ -1,8 +1,8 @@
 //! Where to cut: subtrees that fit a treelet, and neighbours that fit one together.
 
 use super::Treelets;
-use crate::walk::Shape;
-use bvh_build::Subtree;
+use crate::Topology;
+use bvh_build::{BinaryTree, Subtree};
 use std::ops::Range;
 
 /// One level of treelets.
@@ -31,12 +31,12 @@ impl Cut {
     /// there are fewer than a 256th of the leaves, and each has at most 64 nodes above. Where subtrees of the lowest
     /// level are smaller, it has at most half as many roots as leaves: above each such node that has 65 leaves or more
     /// there are at most 57 others (it is 7 levels high), and each has a leaf that is not below those.
-    pub(super) fn all(shape: Shape<'_>) -> Vec<Self> {
-        let most = match shape.order.len() {
+    pub(super) fn all(tree: &BinaryTree) -> Vec<Self> {
+        let most = match tree.leaf_count() {
             0..=SMALL => Treelets::LEAVES,
             _ => QUARTER,
         };
-        let mut levels = vec![Self::new(shape.left_leaves, most)];
+        let mut levels = vec![Self::new(tree.left_leaves(), most)];
         while let Some(last) = levels.last()
             && !last.above.is_empty()
         {
@@ -71,7 +71,7 @@ impl Cut {
                 roots.push(node);
                 continue;
             }
-            let [left, right] = children(left_leaves, node);
+            let [left, right] = node.children(left_leaves);
             waiting.extend([(right, Some(above.len())), (left, None)]);
             above.push(roots.len() as u32);
         }
@@ -105,19 +105,30 @@ fn pack(roots: &[Subtree], starts: &[usize]) -> Vec<Range<usize>> {
     treelets
 }
 
-/// See [`bvh_build::BinaryTree::children`].
-pub(super) fn children(left_leaves: &[u32], node: Subtree) -> [Subtree; 2] {
-    let left = left_leaves[node.inner as usize];
-    [
-        Subtree {
-            inner: node.inner + 1,
-            leaves: left,
-            ..node
-        },
-        Subtree {
-            inner: node.inner + left,
-            first_leaf: node.first_leaf + left,
-            leaves: node.leaves - left,
-        },
-    ]
+/// A breadth-first record back to a depth-first tree.
+pub(super) fn depth_first(topology: &Topology) -> BinaryTree {
+    let nodes = topology.node_count() as u32;
+    let mut leaves = vec![1_u32; nodes as usize];
+    for node in (0..nodes).rev().filter(|&node| !topology.is_leaf(node)) {
+        let children = Topology::children_of_inner(node - topology.leaf_rank(node));
+        leaves[node as usize] = children.iter().map(|&c| leaves[c as usize]).sum();
+    }
+    let mut order = vec![0; topology.leaf_count()];
+    let mut left_leaves = vec![0; topology.leaf_count().saturating_sub(1)];
+    // Each node's first leaf and, if it is an inner node, its place in preorder.
+    let mut places = vec![(0_u32, 0_u32); nodes as usize];
+    for node in 0..nodes {
+        let (first_leaf, inner) = places[node as usize];
+        let rank = topology.leaf_rank(node);
+        if topology.is_leaf(node) {
+            order[first_leaf as usize] = topology.leaf_triangles()[rank as usize];
+            continue;
+        }
+        let [left, right] = Topology::children_of_inner(node - rank);
+        let before = leaves[left as usize];
+        left_leaves[inner as usize] = before;
+        places[left as usize] = (first_leaf, inner + 1);
+        places[right as usize] = (first_leaf + before, inner + before);
+    }
+    BinaryTree::new(order, left_leaves)
 }

@@ -1,9 +1,8 @@
 //! From cuts to words: each treelet by itself, in parallel.
 
-use super::cut::{Cut, children};
-use super::{CHILDREN, PARENT, Treelet, Treelets};
-use crate::walk::Shape;
-use bvh_build::{MAX_DEPTH, Subtree};
+use super::cut::Cut;
+use super::{Treelet, Treelets};
+use bvh_build::{BinaryTree, MAX_DEPTH, Subtree};
 use rayon::prelude::*;
 
 /// Bit 8 of a reference: a leaf.
@@ -25,14 +24,14 @@ struct Task<'a> {
 
 /// `room` and `words` lend their memory; what is in them does not matter.
 pub(super) fn fill(
-    shape: Shape<'_>,
+    tree: &BinaryTree,
     cuts: &[Cut],
     room: &mut Vec<u32>,
     mut words: Vec<u32>,
 ) -> Treelets {
     let count = |of: fn(&Cut) -> usize| cuts.iter().map(of).sum::<usize>();
     let (treelets, roots) = (count(|c| c.treelets.len()), count(|c| c.roots.len()));
-    let leaves = shape.order.len();
+    let leaves = tree.order().len();
     room.resize(
         count(|c| c.roots.iter().map(|r| r.leaves as usize).sum()),
         0,
@@ -42,7 +41,7 @@ pub(super) fn fill(
     words.reserve((inner_at + room.len()).saturating_sub(words.len()));
     words.resize(inner_at, 0);
     let body = &mut words[treelets * Treelets::ENTRY_WORDS..];
-    let tasks = tasks(shape, cuts, body.split_at_mut(roots), room);
+    let tasks = tasks(tree, cuts, body.split_at_mut(roots), room);
     let found: Vec<(u32, u32)> = tasks.into_par_iter().map(Task::run).collect();
     let inner_count = found.iter().map(|&(inner, _)| inner).sum();
     words.resize(inner_at + inner_count as usize, 0);
@@ -84,12 +83,12 @@ fn close_up(
 
 /// Cuts words for roots and triangles, and the room for inner nodes, into every treelet's own parts.
 fn tasks<'a>(
-    shape: Shape<'a>,
+    tree: &'a BinaryTree,
     cuts: &'a [Cut],
     (mut root_words, mut triangles): (&'a mut [u32], &'a mut [u32]),
     mut inner: &'a mut [u32],
 ) -> Vec<Task<'a>> {
-    let mut left_leaves = shape.left_leaves;
+    let mut left_leaves = tree.left_leaves();
     let mut tasks = Vec::new();
     for cut in cuts {
         for treelet in &cut.treelets {
@@ -100,7 +99,7 @@ fn tasks<'a>(
                 roots: &cut.roots[treelet.clone()],
                 root_words: take(&mut root_words, treelet.len()),
                 triangles: take(&mut triangles, own),
-                order: shape.order.get(leaves.clone()).unwrap_or_default(),
+                order: tree.order().get(leaves.clone()).unwrap_or_default(),
                 inner: take(&mut inner, leaves.len()),
             });
         }
@@ -155,7 +154,7 @@ impl Task<'_> {
         }
         let own = inner.count;
         inner.count += 1;
-        let [left, right] = children(self.left_leaves, node);
+        let [left, right] = node.children(self.left_leaves);
         let (left, left_height) = self.enter(left, inner);
         let (right, right_height) = self.enter(right, inner);
         let below = left_height.max(right_height);
@@ -214,8 +213,7 @@ impl Treelets {
                     height,
                     ..next
                 };
-                let at = number * Self::ENTRY_WORDS;
-                self.words[at..][..Self::ENTRY_WORDS].copy_from_slice(&entry.words());
+                *self.entry_mut(number as u32) = entry;
                 number += 1;
                 next.inner_at += inner_count;
                 next.inner_row += 4 * inner_count;
@@ -237,8 +235,8 @@ impl Treelets {
                 let mut left = self.treelet(parent as usize).leaf_count;
                 while let Some(child) = below.next_if(|_| left > 0) {
                     left -= self.treelet(child as usize).root_count;
-                    *self.entry_word(child, PARENT) = parent;
-                    *self.entry_word(parent, CHILDREN) += 1;
+                    self.entry_mut(child).parent = parent;
+                    self.entry_mut(parent).children += 1;
                 }
             }
         }

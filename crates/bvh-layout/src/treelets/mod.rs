@@ -1,16 +1,13 @@
 //! The tree once more, cut into treelets that a workgroup can refit in its own memory.
 
 mod cut;
-mod depth_first;
 mod fill;
 mod moving;
-#[cfg(test)]
-mod tests;
 mod wide;
 
 use crate::Topology;
-use crate::walk::Shape;
 use bvh_build::BinaryTree;
+use bytemuck::{Pod, Zeroable};
 use cut::Cut;
 use geom::StaticParts;
 pub use moving::MovingTreelets;
@@ -131,13 +128,9 @@ impl Workspace {
     }
 }
 
-/// Where its last words stand in a treelet's entry.
-const PARENT: usize = 9;
-const CHILDREN: usize = 10;
-const MOVING_CHILDREN: usize = 11;
-
 /// A treelet's entry in the table: twelve words, in this order.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Treelet {
     /// Its first triangle in depth-first order; on higher levels the row of the first root that it stands on.
     pub first_leaf: u32,
@@ -171,7 +164,7 @@ impl Treelets {
     /// Set in a triangle's word if the next triangle shares its leaf.
     pub const SHARED: u32 = 1 << 31;
     /// Words of a treelet's entry.
-    pub const ENTRY_WORDS: usize = 12;
+    pub const ENTRY_WORDS: usize = size_of::<Treelet>() / 4;
 
     /// The same tree as a record's.
     ///
@@ -179,30 +172,22 @@ impl Treelets {
     /// [`crate::Converter::convert_with_treelets`] instead.
     #[must_use]
     pub fn of(topology: &Topology) -> Self {
-        let (left_leaves, order) = depth_first::arrays(topology);
-        Self::of_shape(Shape {
-            left_leaves: &left_leaves,
-            order: &order,
-        })
+        Self::of_tree(&cut::depth_first(topology))
     }
 
     /// Of a binary tree; in parallel, in the rayon pool that the caller installed.
     #[must_use]
     pub fn of_tree(tree: &BinaryTree) -> Self {
-        Self::of_shape(tree.into())
-    }
-
-    pub(crate) fn of_shape(shape: Shape<'_>) -> Self {
-        Self::of_shape_in(shape, &mut Workspace::default(), Vec::new())
+        Self::of_tree_in(tree, &mut Workspace::default(), Vec::new())
     }
 
     /// Likewise, in the memory of old ones' words; `room` is for whoever makes several.
-    pub(crate) fn of_shape_in(shape: Shape<'_>, room: &mut Workspace, words: Vec<u32>) -> Self {
-        if shape.order.is_empty() {
+    pub(crate) fn of_tree_in(tree: &BinaryTree, room: &mut Workspace, words: Vec<u32>) -> Self {
+        if tree.leaf_count() == 0 {
             return Self::default();
         }
-        let cuts = Cut::all(shape);
-        let mut made = fill::fill(shape, &cuts, &mut room.inner, words);
+        let cuts = Cut::all(tree);
+        let mut made = fill::fill(tree, &cuts, &mut room.inner, words);
         made.wide = WideTree::of(&made, &mut room.wide);
         made
     }
@@ -228,13 +213,15 @@ impl Treelets {
         let parents = listed.map(|&number| self.treelet(number as usize).parent);
         let parents: Vec<_> = parents.filter(|&p| p != Treelet::NONE).collect();
         for parent in parents {
-            *self.entry_word(parent, MOVING_CHILDREN) += 1;
+            self.entry_mut(parent).moving_children += 1;
         }
         self
     }
 
-    fn entry_word(&mut self, number: u32, word: usize) -> &mut u32 {
-        &mut self.words[number as usize * Self::ENTRY_WORDS + word]
+    fn entry_mut(&mut self, number: u32) -> &mut Treelet {
+        let at = number as usize * Self::ENTRY_WORDS;
+        let entry = &mut self.words[at..][..Self::ENTRY_WORDS];
+        &mut bytemuck::cast_slice_mut(entry)[0]
     }
 
     /// What must be done again when the scene moves; `None` if all of it.
@@ -283,7 +270,7 @@ impl Treelets {
     pub fn treelet(&self, number: usize) -> Treelet {
         assert!(number < self.treelet_count(), "no treelet {number}");
         let entry = &self.words[number * Self::ENTRY_WORDS..][..Self::ENTRY_WORDS];
-        Treelet::from_words(entry)
+        bytemuck::cast_slice(entry)[0]
     }
 
     /// The roots of the lowest level that has at most so many: the row of the first, and how many.
@@ -346,38 +333,4 @@ impl Treelets {
 impl Treelet {
     /// In place of a parent.
     pub const NONE: u32 = u32::MAX;
-
-    fn words(self) -> [u32; Treelets::ENTRY_WORDS] {
-        [
-            self.first_leaf,
-            self.leaf_count,
-            self.inner_at,
-            self.inner_count,
-            self.inner_row,
-            self.roots_at,
-            self.root_count,
-            self.root_row,
-            self.height,
-            self.parent,
-            self.children,
-            self.moving_children,
-        ]
-    }
-
-    fn from_words(words: &[u32]) -> Self {
-        Self {
-            first_leaf: words[0],
-            leaf_count: words[1],
-            inner_at: words[2],
-            inner_count: words[3],
-            inner_row: words[4],
-            roots_at: words[5],
-            root_count: words[6],
-            root_row: words[7],
-            height: words[8],
-            parent: words[PARENT],
-            children: words[CHILDREN],
-            moving_children: words[MOVING_CHILDREN],
-        }
-    }
 }

@@ -96,7 +96,7 @@ fn degenerate_among(tree: &Treelets, treelets: &[u32], parts: &StaticParts) -> u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::{chain, random_tree};
+    use crate::tests::{chain, random_tree, scene};
     use std::collections::BTreeSet;
 
     fn parts(all: usize, moves: impl Fn(u32) -> bool, degenerate: Vec<u32>) -> StaticParts {
@@ -137,11 +137,11 @@ mod tests {
     #[test]
     fn lists_hold_treelets_with_what_moves_and_those_above() {
         for tree in [random_tree(150_000, 9), chain(40_000), random_tree(900, 2)] {
-            let treelets = Treelets::of_shape(tree.shape());
-            let order = &tree.order;
+            let treelets = Treelets::of_tree(&tree);
+            let order = tree.order();
             for (first, count) in [(0, 1), (order.len() / 2, 300), (order.len() - 1, 1)] {
                 let moves: BTreeSet<u32> = order[first..].iter().take(count).copied().collect();
-                let parts = parts(tree.scene(), |t| moves.contains(&t), vec![]);
+                let parts = parts(scene(&tree), |t| moves.contains(&t), vec![]);
                 let expected = expected(&treelets, &parts);
                 let listed = treelets.clone().with_moving(&parts);
                 let found = listed.moving().map(|m| {
@@ -169,9 +169,9 @@ mod tests {
     #[test]
     fn where_all_stands_still_lists_are_empty_and_where_most_moves_there_are_none() {
         let tree = random_tree(20_000, 4);
-        let treelets = Treelets::of_shape(tree.shape());
+        let treelets = Treelets::of_tree(&tree);
         let of = |moves: fn(u32) -> bool| {
-            let parts = parts(tree.scene(), moves, vec![]);
+            let parts = parts(scene(&tree), moves, vec![]);
             treelets.clone().with_moving(&parts).moving().cloned()
         };
         let none = of(|_| false).unwrap();
@@ -185,11 +185,11 @@ mod tests {
     #[test]
     fn triangles_of_no_area_are_counted_where_nothing_moves() {
         let tree = random_tree(20_000, 4);
-        let treelets = Treelets::of_shape(tree.shape());
-        let order = &tree.order;
+        let treelets = Treelets::of_tree(&tree);
+        let order = tree.order();
         let mut degenerate = vec![order[1], order[2], order[10_000], order[19_999]];
         degenerate.sort_unstable();
-        let parts = parts(tree.scene(), |t| t == order[0], degenerate);
+        let parts = parts(scene(&tree), |t| t == order[0], degenerate);
         let listed = treelets.with_moving(&parts);
         assert_eq!(listed.moving().unwrap().degenerate_elsewhere(), 2);
     }

@@ -295,7 +295,7 @@ mod tests {
             .into_iter()
             .chain([random_tree(9000, 5), chain(40)])
         {
-            let treelets = Treelets::of_shape(tree.shape());
+            let treelets = Treelets::of_tree(&tree);
             let Some(wide) = treelets.wide() else {
                 assert_eq!(treelets.leaf_count(), 0);
                 continue;
@@ -318,7 +318,7 @@ mod tests {
     #[test]
     fn lanes_lead_where_their_boxes_belong() {
         let tree = random_tree(5000, 2);
-        let treelets = Treelets::of_shape(tree.shape());
+        let treelets = Treelets::of_tree(&tree);
         let wide = treelets.wide().expect("a wide tree");
         let mut room = Room::default();
         let binary = Binary::of(&treelets, &mut room);
@@ -342,11 +342,7 @@ mod tests {
     #[test]
     fn trees_of_too_many_triangles_have_none() {
         let most = WideTree::MOST_TRIANGLES;
-        let of = |n| {
-            Treelets::of_shape(random_tree(n, 1).shape())
-                .wide()
-                .is_some()
-        };
+        let of = |n| Treelets::of_tree(&random_tree(n, 1)).wide().is_some();
         assert!(of(1) && of(most) && !of(most + 1) && !of(0));
     }
 }

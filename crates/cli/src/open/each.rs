@@ -3,7 +3,6 @@
 use crate::adapters::{Adapter, Limit};
 use crate::threads;
 use backend::Backend;
-use cpu_ref::CpuBackend;
 use gpu_vulkan::VulkanBackend;
 use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
@@ -71,7 +70,7 @@ pub(super) fn open_wgpu(
 }
 
 pub(super) fn list_cpu() -> backend::Result<Vec<Adapter>> {
-    let device = CpuBackend::new(Some(1))?.device().clone();
+    let device = cpu_simd::open(Some(1))?.device().clone();
     Ok(vec![Adapter {
         index: 0,
         name: device.adapter,
@@ -82,7 +81,7 @@ pub(super) fn list_cpu() -> backend::Result<Vec<Adapter>> {
 }
 
 pub(super) fn open_cpu(threads: usize) -> backend::Result<Box<dyn Backend>> {
-    Ok(Box::new(CpuBackend::new(Some(threads))?))
+    Ok(Box::new(cpu_simd::open(Some(threads))?))
 }
 
 fn limits(pairs: Vec<(&'static str, String)>) -> Vec<Limit> {

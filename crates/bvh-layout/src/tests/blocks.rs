@@ -1,0 +1,189 @@
+//! The wide tree read back, lane by lane.
+
+use super::{random_tree, record, scene, shapes};
+use crate::{Block, BlockTree, First, LANES, Link, Topology};
+
+/// Every triangle's own corners, so that vertices tell whose they are.
+fn triangles(n: usize) -> Vec<[u32; 3]> {
+    (0..n as u32)
+        .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
+        .collect()
+}
+
+/// Triangles below a node, depth first, in the order of lanes.
+fn below(tree: &BlockTree, node: usize, depth: usize, seen: &mut [u32], out: &mut Vec<u32>) {
+    assert!(
+        tree.levels[depth].contains(&node),
+        "node {node} at depth {depth}"
+    );
+    seen[node] += 1;
+    let mut next_block = tree.first_blocks[node];
+    let links = tree.nodes[node].links;
+    let children = links.iter().filter(|&&link| link != Link::ROOT).count();
+    assert!(links[children..].iter().all(|&link| link == Link::ROOT));
+    for link in links[..children].iter().filter(|link| link.is_block()) {
+        assert_eq!(
+            link.index(),
+            next_block as usize,
+            "blocks lie in the order of lanes"
+        );
+        next_block += 1;
+    }
+    // The left subtree is asked first, so it is in the last lane.
+    for link in links[..children].iter().rev() {
+        if link.is_block() {
+            let block = &tree.blocks[link.index()];
+            let count = usize::from(block.count);
+            assert!((1..=LANES).contains(&count) && block.ranges.places().len() == count - 1);
+            assert!(block.triangles[count..].iter().all(|&t| t == u32::MAX));
+            for lane in 0..count {
+                let t = block.triangles[lane];
+                assert_eq!(
+                    [0, 1, 2].map(|c| block.vertices[c][lane]),
+                    [3 * t, 3 * t + 1, 3 * t + 2]
+                );
+                out.push(t);
+            }
+        } else {
+            below(tree, link.index(), depth + 1, seen, out);
+        }
+    }
+    assert_eq!(next_block, tree.first_blocks[node + 1]);
+    assert_eq!(
+        tree.nodes[node].ranges.places().len(),
+        children.saturating_sub(1)
+    );
+}
+
+/// The record's triangles, depth first.
+fn depth_first(tree: &Topology, node: u32, out: &mut Vec<u32>) {
+    let is_leaf = |node: u32| tree.leaf_bits()[node as usize / 32] >> (node % 32) & 1 == 1;
+    let before = |node: u32| (0..node).filter(|&n| is_leaf(n)).count();
+    if is_leaf(node) {
+        out.push(tree.leaf_triangles()[before(node)]);
+    } else {
+        for child in Topology::children_of_inner(node - before(node) as u32) {
+            depth_first(tree, child, out);
+        }
+    }
+}
+
+fn check(topology: &Topology) {
+    let tree = BlockTree::of(
+        topology,
+        &triangles(topology.triangle_count()),
+        (&[], First::Left),
+    );
+    let (mut found, mut expected) = (Vec::new(), Vec::new());
+    let mut seen = vec![0; tree.nodes.len()];
+    if topology.leaf_count() > 0 {
+        below(&tree, 0, 0, &mut seen, &mut found);
+        depth_first(topology, 0, &mut expected);
+        assert!(seen.iter().all(|&n| n == 1), "every node has one parent");
+    }
+    assert_eq!(found, expected);
+    let nodes = tree.nodes.iter().map(|n| n.ranges.places().len());
+    let blocks = tree.blocks.iter().map(|b| b.ranges.places().len());
+    let inner: usize = nodes.chain(blocks).sum();
+    let children = tree
+        .nodes
+        .iter()
+        .flat_map(|n| n.links)
+        .filter(|&l| l != Link::ROOT);
+    assert_eq!(
+        inner + 1,
+        topology.leaf_count().max(1),
+        "each inner node is a range once"
+    );
+    assert_eq!(children.count() + 1, tree.nodes.len() + tree.blocks.len());
+}
+
+#[test]
+fn each_triangle_and_each_inner_node_has_one_place() {
+    for tree in shapes().iter().chain(&[random_tree(20_000, 5)]) {
+        check(&record(tree));
+    }
+}
+
+#[test]
+fn full_subtrees_make_full_nodes() {
+    let tree = random_tree(20_000, 5);
+    let record = record(&tree);
+    let wide = BlockTree::of(&record, &triangles(scene(&tree)), (&[], First::Left));
+    let upper = &wide.nodes[wide.levels[1].clone()];
+    assert!(upper.iter().all(|node| !node.links.contains(&Link::ROOT)));
+    assert!(
+        wide.blocks.len() * 4 < 20_000,
+        "{} blocks",
+        wide.blocks.len()
+    );
+}
+
+#[test]
+fn the_subtree_of_the_largest_area_is_opened_first() {
+    // All subtrees are alike but those above one large triangle.
+    let tree = random_tree(20_000, 5);
+    let record = record(&tree);
+    let corners = triangles(scene(&tree));
+    let large = record.leaf_triangles()[7];
+    let boxes: Vec<_> = (0..scene(&tree) as u32)
+        .map(|t| {
+            let size = if t == large { 100.0 } else { 1.0 };
+            geom::Aabb {
+                min: [0.0; 3],
+                max: [size; 3],
+            }
+        })
+        .collect();
+    let depth = |wide: &BlockTree| {
+        let is_there = |block: &Block| block.triangles.contains(&large);
+        let block = wide.blocks.iter().position(is_there).unwrap() as u32;
+        let node = wide.first_blocks.partition_point(|&first| first <= block) - 1;
+        wide.levels
+            .iter()
+            .position(|level| level.contains(&node))
+            .unwrap()
+    };
+    let [by_size, by_area] =
+        [&[][..], &boxes].map(|b| BlockTree::of(&record, &corners, (b, First::Larger)));
+    assert!(
+        depth(&by_area) < depth(&by_size),
+        "{} {}",
+        depth(&by_area),
+        depth(&by_size)
+    );
+}
+
+/// The block that a search comes to that asks the last lane of each node first.
+fn asked_first(wide: &BlockTree) -> &Block {
+    let mut link = Link::ROOT;
+    while !link.is_block() {
+        let links = &wide.nodes[link.index()].links;
+        link = *links.iter().rfind(|&&l| l != Link::ROOT).unwrap();
+    }
+    &wide.blocks[link.index()]
+}
+
+#[test]
+fn of_two_subtrees_the_larger_is_asked_first_or_the_left_one() {
+    let tree = random_tree(20_000, 5);
+    let record = record(&tree);
+    let mut order = Vec::new();
+    depth_first(&record, 0, &mut order);
+    for large in [order[0], order[9_000], order[19_999]] {
+        let boxes: Vec<_> = (0..scene(&tree) as u32)
+            .map(|t| geom::Aabb {
+                min: [0.0; 3],
+                max: [if t == large { 100.0 } else { 1.0 }; 3],
+            })
+            .collect();
+        let corners = triangles(scene(&tree));
+        for (first, found) in [(First::Larger, large), (First::Left, order[0])] {
+            let wide = BlockTree::of(&record, &corners, (&boxes, first));
+            assert!(
+                asked_first(&wide).triangles.contains(&found),
+                "{large} {first:?}"
+            );
+        }
+    }
+}

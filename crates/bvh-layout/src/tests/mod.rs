@@ -1,0 +1,122 @@
+//! Trees to test with, and the reading of a record that tests trust.
+
+mod blocks;
+mod fuzz;
+mod treelets;
+
+use crate::{Converter, Topology};
+use bvh_build::{BinaryTree, MAX_DEPTH};
+use std::collections::VecDeque;
+
+/// Grows a tree: `split` takes a subtree's leaves and depth and gives the leaves to the left.
+fn grow(leaves: usize, mut split: impl FnMut(u32, u32) -> u32) -> BinaryTree {
+    let mut left_leaves = Vec::new();
+    let mut waiting = vec![(leaves as u32, 0)];
+    while let Some((leaves, depth)) = waiting.pop() {
+        if leaves > 1 {
+            let left = split(leaves, depth);
+            left_leaves.push(left);
+            waiting.extend([(leaves - left, depth + 1), (left, depth + 1)]);
+        }
+    }
+    let n = leaves as u32;
+    // A permutation with gaps: the scene has triangles that the tree leaves out.
+    let order = (0..n).map(|i| (i * 7 + 3) % n.next_multiple_of(7).next_power_of_two() + 2);
+    BinaryTree::new(order.collect(), left_leaves)
+}
+
+/// Triangles in a scene that the tree fits.
+pub(crate) fn scene(tree: &BinaryTree) -> usize {
+    tree.order().iter().max().map_or(0, |&t| t as usize + 2)
+}
+
+/// The tree's record.
+pub(crate) fn record(tree: &BinaryTree) -> Topology {
+    Converter::new().convert(tree, scene(tree), vec![])
+}
+
+/// A tree that is neither balanced nor too deep.
+pub(crate) fn random_tree(leaves: usize, seed: u64) -> BinaryTree {
+    let mut state = seed;
+    grow(leaves, |k, _| {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        let random = (state >> 33) as u32;
+        let margin = if k > 32 { k / 5 } else { 1 };
+        margin + random % (k - 2 * margin + 1)
+    })
+}
+
+/// A tree as deep as any may be, its leaves as far to the left as that allows.
+pub(crate) fn chain(leaves: usize) -> BinaryTree {
+    grow(leaves, |k, depth| {
+        let room = 1_u64 << (MAX_DEPTH - depth - 1);
+        if u64::from(k - 1) <= room { 1 } else { k / 2 }
+    })
+}
+
+/// The same, mirrored.
+fn mirrored_chain(leaves: usize) -> BinaryTree {
+    grow(leaves, |k, depth| {
+        let room = 1_u64 << (MAX_DEPTH - depth - 1);
+        if u64::from(k - 1) <= room {
+            k - 1
+        } else {
+            k / 2
+        }
+    })
+}
+
+/// Every kind of shape, small: empty, single, full levels, chains, ragged ones, each side of a word's end.
+pub(crate) fn shapes() -> Vec<BinaryTree> {
+    let random = (0..70).chain([255, 256, 257, 1_000]);
+    let mut all: Vec<BinaryTree> = random.map(|n| random_tree(n, n as u64)).collect();
+    all.extend([2, 16, 17, 64, 1_024].map(|n| grow(n, |k, _| k / 2)));
+    all.extend([3, 64, 65, 66, 100, 3_000].map(chain));
+    all.extend([3, 64, 65, 66, 100, 3_000].map(mirrored_chain));
+    all
+}
+
+/// Walks tree and record side by side, breadth first, with a queue as in the paper.
+pub(crate) fn check_against(record: &Topology, tree: &BinaryTree) {
+    assert_eq!(record.leaf_count(), tree.leaf_count());
+    assert_eq!(record.triangle_count(), scene(tree));
+    assert_eq!(
+        Topology::from_words(record.words().to_vec()).as_ref(),
+        Ok(record)
+    );
+    let mut queue = VecDeque::new();
+    if tree.leaf_count() > 0 {
+        queue.push_back((0, 0, tree.leaf_count() as u32, 0));
+    }
+    let (mut node, mut leaf, mut inner) = (0, 0, 0);
+    let mut per_level = Vec::new();
+    while let Some((preorder, first_leaf, leaves, depth)) = queue.pop_front() {
+        per_level.resize(depth + 1, [0, 0]);
+        assert_eq!(record.is_leaf(node), leaves == 1, "node {node}");
+        assert_eq!(record.leaf_rank(node), leaf);
+        if leaves == 1 {
+            assert_eq!(
+                record.leaf_triangles()[leaf as usize],
+                tree.order()[first_leaf as usize]
+            );
+            per_level[depth][0] += 1;
+            leaf += 1;
+        } else {
+            // The children's numbers are those that the end of the queue will have.
+            let next = node + queue.len() as u32 + 1;
+            assert_eq!(Topology::children_of_inner(inner), [next, next + 1]);
+            let left = tree.left_leaves()[preorder];
+            queue.push_back((preorder + 1, first_leaf, left, depth + 1));
+            let right = preorder + left as usize;
+            queue.push_back((right, first_leaf + left, leaves - left, depth + 1));
+            per_level[depth][1] += 1;
+            inner += 1;
+        }
+        node += 1;
+    }
+    assert_eq!(node as usize, record.node_count());
+    let levels = record.levels().map(|l| [l.leaves.len(), l.inner.len()]);
+    assert!(levels.eq(per_level));
+}

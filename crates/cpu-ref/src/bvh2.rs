@@ -1,0 +1,299 @@
+//! The binary tree of layout `bvh2`: pairs of siblings, breadth first.
+
+use crate::geometry::{Geometry, Unhittable};
+use crate::intersect::{MollerTrumbore, Record, TriangleTest, Watertight, Woop};
+use crate::pass::{Which, Window};
+use crate::preprocess::{Leaves, preprocess};
+use crate::refit::refit_level;
+use crate::tiles::{Counts, Output};
+use crate::trace::{TraceTask, Tracer};
+use crate::{Accelerator, reserve};
+use backend::{Intersector, Result};
+use bvh_layout::{Lists, Moving, NodeRank, Topology};
+use geom::{Aabb, Animation};
+use glam::Vec3A;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Two siblings: boxes and links of both, one cache line.
+///
+/// Node `i` of the record lies in slot `i + 1`: pair `slot / 2`, lane `slot % 2`.
+/// So the children of the `k`-th inner node are pair `k + 1`, and pair 0 holds
+/// the root in lane 1, beside an empty box that no ray meets.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Pair {
+    /// For each axis: lower planes of lanes 0 and 1, then upper planes.
+    pub(crate) planes: [[f32; 4]; 3],
+    /// Where each lane leads.
+    pub(crate) links: [Link; 2],
+}
+
+/// The pair of a node's children, or (flagged) the rank of a leaf.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Link(u32);
+
+impl Link {
+    /// The pair that holds the root.
+    pub(crate) const ROOT: Self = Self(0);
+    const LEAF: u32 = 1 << 31;
+
+    fn to(node: NodeRank) -> Self {
+        match node.leaf() {
+            Some(rank) => Self(rank | Self::LEAF),
+            None => Self(node.rank() + 1),
+        }
+    }
+
+    /// Whether it names a leaf.
+    #[inline]
+    pub(crate) fn is_leaf(self) -> bool {
+        self.0 & Self::LEAF != 0
+    }
+
+    /// Whether it names the children of an inner node.
+    #[inline]
+    pub(crate) fn is_inner(self) -> bool {
+        !self.is_leaf() && self != Self::ROOT
+    }
+
+    /// The leaf's rank or the children's pair.
+    #[inline]
+    pub(crate) fn index(self) -> usize {
+        (self.0 & !Self::LEAF) as usize
+    }
+}
+
+impl Pair {
+    const EMPTY: Self = Self {
+        planes: [[
+            f32::INFINITY,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            f32::NEG_INFINITY,
+        ]; 3],
+        links: [Link::ROOT; 2],
+    };
+
+    /// The box of one lane.
+    #[inline]
+    pub(crate) fn bounds(&self, lane: usize) -> Aabb {
+        Aabb {
+            min: self.planes.map(|p| p[lane]),
+            max: self.planes.map(|p| p[lane + 2]),
+        }
+    }
+
+    /// Sets the box of one lane to the one between two corners.
+    #[inline]
+    pub(crate) fn set_bounds(&mut self, lane: usize, min: Vec3A, max: Vec3A) {
+        for (axis, planes) in self.planes.iter_mut().enumerate() {
+            planes[lane] = min[axis];
+            planes[lane + 2] = max[axis];
+        }
+    }
+
+    /// Corners of the least box that holds both lanes.
+    #[inline]
+    pub(crate) fn union(&self) -> [Vec3A; 2] {
+        let corner = |lane: usize| Vec3A::from_array(self.planes.map(|p| p[lane]));
+        [corner(0).min(corner(1)), corner(2).max(corner(3))]
+    }
+}
+
+/// A leaf, as `preprocess` reads them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Leaf {
+    slot: u32,
+    /// Its triangle's vertices.
+    pub(crate) vertices: [u32; 3],
+}
+
+impl Leaf {
+    /// The pair that holds its box.
+    #[inline]
+    pub(crate) fn pair(&self) -> usize {
+        self.slot as usize / 2
+    }
+
+    #[inline]
+    pub(crate) fn lane(&self) -> usize {
+        self.slot as usize % 2
+    }
+}
+
+/// The tree, with the boxes and records of one moment.
+#[derive(Debug)]
+pub struct Bvh2 {
+    /// Pair 0 holds the root; there is always one.
+    pub(crate) pairs: Vec<Pair>,
+    /// The triangle of each leaf, by rank.
+    pub(crate) triangles: Vec<u32>,
+    /// One a leaf.
+    pub(crate) records: Vec<Record>,
+    leaves: Vec<Leaf>,
+    /// Pairs of each level, root first; none if the tree is empty.
+    levels: Vec<Range<usize>>,
+    /// The record's lists; kept for their memory.
+    lists: Lists,
+    /// What moves; `None` where static geometry is too little to be passed over.
+    moving: Option<Moving>,
+    /// Whether every leaf was preprocessed since the tree was adopted.
+    leaves_done: bool,
+    /// Half areas of nodes beside which nothing moves, once every box was refitted.
+    still_areas: Option<f64>,
+}
+
+impl Default for Bvh2 {
+    fn default() -> Self {
+        Self {
+            pairs: vec![Pair::EMPTY],
+            triangles: Vec::new(),
+            records: Vec::new(),
+            leaves: Vec::new(),
+            levels: Vec::new(),
+            lists: Lists::default(),
+            moving: None,
+            leaves_done: false,
+            still_areas: None,
+        }
+    }
+}
+
+/// Nodes that one task links.
+const RUN: usize = 1024;
+
+impl Bvh2 {
+    /// The boxes of a record's nodes at one moment, in node order and scaled units.
+    ///
+    /// # Errors
+    /// Memory does not suffice.
+    pub fn boxes_of(tree: &Topology, geometry: &Geometry<'_>) -> Result<Vec<Aabb>> {
+        let mut all = Self::default();
+        all.take_over(tree, geometry.triangles)?;
+        all.preprocess_for::<Watertight>(geometry);
+        all.refit();
+        all.boxes(geometry)
+    }
+
+    /// Takes over a record's shape, in parallel, reusing memory. Boxes are left as they are: stale.
+    fn take_over(&mut self, tree: &Topology, triangles: &[[u32; 3]]) -> Result<()> {
+        let leaves = tree.leaf_count();
+        reserve(&mut self.pairs, leaves + 1, "nodes")?;
+        reserve(&mut self.triangles, leaves, "leaves")?;
+        reserve(&mut self.leaves, leaves, "leaves")?;
+        reserve(&mut self.records, leaves, "triangle records")?;
+        self.records.resize(leaves, Record::default());
+        (self.leaves_done, self.still_areas) = (false, None);
+        self.levels.clear();
+        self.levels.extend(tree.levels().map(|level| {
+            let [start, end] = [level.nodes.start, level.nodes.end].map(|n| n as usize);
+            start.div_ceil(2)..end.div_ceil(2)
+        }));
+        let (nodes, ranks) = (tree.node_count(), tree.ranks());
+        let link = |slot: usize| match slot.checked_sub(1).filter(|&node| node < nodes) {
+            Some(node) => Link::to(ranks.of(node as u32)),
+            None => Link::ROOT,
+        };
+        self.pairs.resize(nodes.div_ceil(2).max(1), Pair::EMPTY);
+        let pairs = self.pairs.par_iter_mut().with_min_len(RUN).enumerate();
+        pairs.for_each(|(p, pair)| pair.links = [link(2 * p), link(2 * p + 1)]);
+        self.pairs[0].planes = Pair::EMPTY.planes;
+        self.triangles.clear();
+        self.triangles.extend_from_slice(tree.leaf_triangles());
+        self.lists.fill(tree);
+        let leaves = self.lists.leaf_nodes.par_iter().with_min_len(RUN);
+        let leaf = |(&node, &triangle): (&u32, &u32)| Leaf {
+            slot: node + 1,
+            vertices: triangles[triangle as usize],
+        };
+        let leaves = leaves.zip(&self.triangles).map(leaf);
+        leaves.collect_into_vec(&mut self.leaves);
+        Ok(())
+    }
+
+    fn preprocess_for<T: TriangleTest>(&mut self, geometry: &Geometry<'_>) -> Unhittable {
+        let moving = self.moving.as_ref().filter(|_| self.leaves_done);
+        let which = match moving {
+            Some(moving) => Which::Listed(moving.leaves()),
+            None => Which::All(0..self.leaves.len()),
+        };
+        let leaves = Leaves {
+            leaves: &self.leaves,
+            pairs: Window::new(0, &mut self.pairs),
+            records: Window::new(0, &mut self.records),
+        };
+        let mut found = preprocess::<T>(geometry, which, leaves);
+        // A static triangle with a leaf is active.
+        found.degenerate += moving.map_or(0, |m| u64::from(m.degenerate_elsewhere()));
+        self.leaves_done = true;
+        found
+    }
+
+    /// Refits the pairs in which something moves, and returns the half areas of their nodes: those of the children
+    /// of moving inner nodes, and the root's own.
+    fn refit_moving(pairs: &mut [Pair], moving: &Moving) -> f64 {
+        let mut total = 0.0;
+        if moving.leaves().is_empty() {
+            return total;
+        }
+        // Pair `k + 1` is that of the children of inner node `k`.
+        let (_, children) = pairs.split_at_mut(1);
+        for level in moving.levels().iter().rev() {
+            let list = &moving.inner()[level.clone()];
+            // Children lie on a later level, so behind every pair of this one.
+            let end = list.last().map_or(0, |&last| last as usize + 1);
+            total += refit_level(children, (end, end + 1), Which::Listed(list));
+        }
+        total + refit_level(pairs, (1, 1), Which::All(0..1))
+    }
+}
+
+impl Accelerator for Bvh2 {
+    fn adopt(&mut self, tree: &Topology, animation: &Animation) -> Result<()> {
+        self.take_over(tree, animation.triangles())?;
+        self.moving = tree.moving().cloned();
+        Ok(())
+    }
+
+    fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable {
+        match intersector {
+            Intersector::MollerTrumbore => self.preprocess_for::<MollerTrumbore>(geometry),
+            Intersector::Woop => self.preprocess_for::<Woop>(geometry),
+            // The exact test filters by the watertight test's numbers.
+            Intersector::Watertight | Intersector::Exact => {
+                self.preprocess_for::<Watertight>(geometry)
+            }
+        }
+    }
+
+    fn refit(&mut self) -> f64 {
+        let still = self.still_areas.zip(self.moving.as_ref());
+        if let Some((still, moving)) = still {
+            return still + Self::refit_moving(&mut self.pairs, moving);
+        }
+        let levels = self.levels.iter().rev();
+        let areas = levels.map(|level| {
+            let all = Which::All(level.clone());
+            refit_level(&mut self.pairs, (level.end, level.end), all)
+        });
+        let total = areas.sum();
+        let moving = self.moving.as_ref();
+        self.still_areas = moving.map(|m| total - Self::refit_moving(&mut self.pairs, m));
+        total
+    }
+
+    fn root(&self) -> Aabb {
+        self.pairs[0].bounds(1)
+    }
+
+    fn trace(&self, task: TraceTask<'_>, out: Output<'_>) -> Counts {
+        Tracer::new(task, self).trace(out)
+    }
+
+    fn boxes(&self, _: &Geometry<'_>) -> Result<Vec<Aabb>> {
+        let nodes = (2 * self.triangles.len()).saturating_sub(1);
+        let bounds = |slot: usize| self.pairs[slot / 2].bounds(slot % 2);
+        Ok((1..=nodes).map(bounds).collect())
+    }
+}

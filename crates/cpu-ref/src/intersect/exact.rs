@@ -1,0 +1,198 @@
+//! The exact test: rounded arithmetic with proven error bounds, and integers where those leave a question.
+//!
+//! A filter in the sense of Shewchuk (1997) over the watertight test's own
+//! numbers. The bounds and their proof stand in `docs/design/hits.md`.
+
+use super::watertight::{Watertight, solve};
+use super::{Asked, Meeting, Search};
+use crate::extreme::Rule;
+use crate::ray::PreparedRay;
+use crate::scale::{LEAST, flushed};
+use crate::traverse::{Leaf, Stack, Tree, Walk};
+use exact::{Crossing, Line};
+use geom::{Hit, is_active, is_degenerate};
+use glam::Vec4;
+use std::cmp::Ordering;
+use std::sync::atomic::Ordering::Relaxed;
+
+/// The answer of exact arithmetic for every ray.
+pub struct Exact;
+
+/// A triangle that error bounds do not exclude.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidate {
+    /// Where the tree keeps it.
+    place: usize,
+    /// Whether it is surely hit, within the ray's limits.
+    sure: bool,
+    /// The exact `t`, if it is hit, lies in `low..=high`.
+    low: f32,
+    high: f32,
+    meeting: Meeting,
+}
+
+/// Bounds the error of a sheared coordinate over the size of its terms, `9.5 * 2^-24`.
+const SHEAR: f32 = 9.5 / 16_777_216.0;
+/// The same for depths, `32 * 2^-24`.
+const DEPTH: f32 = 32.0 / 16_777_216.0;
+/// What counting small numbers as zero may change, `2^-60`.
+const SMALL: f32 = f32::from_bits((127 - 60) << 23);
+
+impl<N: Tree> Search<N> for Exact {
+    const EXTREMES: Option<Rule> = Some(Rule::Closed);
+
+    fn closest(asked: &Asked<'_, N>, stack: &mut Stack<N>) -> Option<Hit> {
+        let ray = PreparedRay::new(&asked.ray, asked.scale)?;
+        let walk = Walk::<N, Watertight>::new(asked.tree, &ray);
+        let mut found = std::mem::take(&mut stack.candidates);
+        found.clear();
+        asked.tree.visit(&ray, &mut stack.waiting, |leaf, bound| {
+            let candidate = judge(&walk, leaf).filter(|c| c.low <= bound);
+            found.extend(candidate);
+            Some(
+                candidate
+                    .filter(|c| c.sure)
+                    .map_or(bound, |c| bound.min(c.high)),
+            )
+        });
+        let hit = nearest(asked, &ray, &mut found);
+        stack.candidates = found;
+        hit
+    }
+
+    fn any(asked: &Asked<'_, N>, skipped: Option<u32>, stack: &mut Stack<N>) -> bool {
+        let other = |place: usize| skipped.is_none() || asked.tree.triangle(place) != skipped;
+        let Some(ray) = PreparedRay::new(&asked.ray, asked.scale) else {
+            return false;
+        };
+        let walk = Walk::<N, Watertight>::new(asked.tree, &ray);
+        let mut open = std::mem::take(&mut stack.candidates);
+        open.clear();
+        let mut blocked = asked.tree.visit(&ray, &mut stack.waiting, |leaf, bound| {
+            let candidate = judge(&walk, leaf).filter(|c| other(c.place));
+            open.extend(candidate);
+            (!candidate.is_some_and(|c| c.sure)).then_some(bound)
+        });
+        if !blocked && !open.is_empty() {
+            asked.settled.fetch_add(1, Relaxed);
+            blocked = open.iter().any(|c| meet(asked, c.place).is_some());
+        }
+        stack.candidates = open;
+        blocked
+    }
+}
+
+/// What can be said of a leaf's triangle by rounded arithmetic; `None` if it is surely missed.
+#[inline(always)]
+fn judge<N: Tree>(walk: &Walk<'_, N, Watertight>, leaf: &Leaf) -> Option<Candidate> {
+    let sheared = walk.test.apply(&walk.tree.record::<Watertight>(leaf.place));
+    let edges = sheared.edges();
+    let largest = |v: Vec4| v.abs().truncate().max_element();
+    let wide = largest(sheared.x).max(largest(sheared.y));
+    let slack = SHEAR * (wide + 2.0 * largest(sheared.along)) + SMALL;
+    let doubt = slack * (4.0 * wide + 2.0 * slack);
+    let (least, most) = (
+        edges.truncate().min_element(),
+        edges.truncate().max_element(),
+    );
+    if least < -doubt && most > doubt {
+        return None;
+    }
+    let certain = (least > doubt || most < -doubt) && edges.truncate().is_finite();
+    let depths = walk.test.depths(&sheared);
+    let meeting = solve(edges, depths);
+    let [low, high] = span(leaf, meeting.t, (edges, depths), certain.then_some(doubt));
+    let within_limits = low > walk.ray.t_min && high < walk.ray.t_max;
+    Some(Candidate {
+        place: leaf.place,
+        sure: certain && within_limits,
+        low,
+        high,
+        meeting: Meeting {
+            t: flushed(meeting.t.max(leaf.entry).min(leaf.exit)),
+            u: weight(meeting.u),
+            v: weight(meeting.v),
+        },
+    })
+}
+
+/// A weight within `[0, 1]`; 0 for what is not a number.
+#[inline]
+fn weight(x: f32) -> f32 {
+    if x > 0.0 { x.min(1.0) } else { 0.0 }
+}
+
+/// Where the exact `t` lies: within the triangle's own box, and near the rounded `t` if the triangle is surely hit.
+#[inline(always)]
+fn span(leaf: &Leaf, t: f32, (edges, depths): (Vec4, Vec4), doubt: Option<f32>) -> [f32; 2] {
+    let own_box = [leaf.entry, leaf.exit];
+    let Some(doubt) = doubt else {
+        return own_box;
+    };
+    let least_det = (edges.x + edges.y + edges.z).abs() - 4.0 * doubt;
+    if least_det.partial_cmp(&(4.0 * doubt)) != Some(Ordering::Greater) {
+        return own_box;
+    }
+    let depths = depths.truncate();
+    let spread = depths.max_element() - depths.min_element();
+    let size = depths.abs().max_element();
+    let of_weights = 3.0 * (doubt * spread + LEAST * (1.0 + size)) / least_det;
+    let error = of_weights + DEPTH * size + SMALL;
+    let near = [leaf.entry.max(t - error), leaf.exit.min(t + error)];
+    if near[0] <= near[1] { near } else { own_box }
+}
+
+/// The closest of the candidates, with `t` in the ray's own units.
+fn nearest<N: Tree>(
+    asked: &Asked<'_, N>,
+    ray: &PreparedRay,
+    found: &mut Vec<Candidate>,
+) -> Option<Hit> {
+    let surely = found.iter().filter(|c| c.sure).map(|c| c.high);
+    let bound = surely.fold(ray.t_max, f32::min);
+    found.retain(|c| c.low <= bound);
+    let chosen = match found[..] {
+        [] => return None,
+        [only] if only.sure => only,
+        _ => {
+            asked.settled.fetch_add(1, Relaxed);
+            let crossings = found
+                .iter()
+                .filter_map(|c| Some((c.place, meet(asked, c.place)?)));
+            let (place, _) = first(asked, crossings)?;
+            *found.iter().find(|c| c.place == place)?
+        }
+    };
+    let Meeting { t, u, v } = chosen.meeting;
+    Some(Hit {
+        t: asked.ray.nearest_within(ray.unscaled(t)),
+        u,
+        v,
+        triangle: asked.tree.triangle(chosen.place)?,
+    })
+}
+
+/// Least exact `t`, then least index.
+fn first<N: Tree>(
+    asked: &Asked<'_, N>,
+    crossings: impl Iterator<Item = (usize, Crossing)>,
+) -> Option<(usize, Crossing)> {
+    let triangle = |place: usize| asked.tree.triangle(place);
+    crossings.reduce(|a, b| {
+        let order = a.1.order(&b.1).then(triangle(a.0).cmp(&triangle(b.0)));
+        if order.is_gt() { b } else { a }
+    })
+}
+
+/// The exact crossing with the triangle in a place.
+fn meet<N: Tree>(asked: &Asked<'_, N>, place: usize) -> Option<Crossing> {
+    let corners = asked.geometry.corners(asked.tree.triangle(place)?);
+    if !is_active(&corners) || is_degenerate(&corners) {
+        return None;
+    }
+    let line = Line {
+        ray: asked.ray,
+        shift: asked.geometry.scale.k() - asked.scale.k(),
+    };
+    line.meet(&corners)
+}

@@ -1,0 +1,59 @@
+//! Woop's test: an affine transform makes each triangle the unit triangle. It leaks near edges.
+//!
+//! Woop, *A Ray Tracing Hardware Architecture for Dynamic Scenes* (2004); the
+//! paper's test. Its third row is the unit normal rather than the normal over
+//! its squared length, which loses small triangles.
+
+use super::{Meeting, Record, TriangleTest};
+use crate::ray::PreparedRay;
+use geom::Triangle;
+use glam::{Vec3A, Vec4};
+
+/// Woop 2004. A record holds the rows of the transform, each a vector and an offset.
+pub struct Woop;
+
+/// A ray as a point (its last component 1) and a vector (0).
+#[derive(Clone, Copy, Debug)]
+pub struct RayVectors {
+    origin: Vec4,
+    direction: Vec4,
+}
+
+impl TriangleTest for Woop {
+    type Ray = RayVectors;
+
+    #[inline]
+    fn record(corners: &Triangle) -> Record {
+        let [a, b, c] = corners.map(Vec3A::from_array);
+        let (e1, e2) = (b - a, c - a);
+        let normal = e1.cross(e2);
+        let largest = normal.abs().max_element();
+        // Rounded away though not zero: a record of zeros is never met.
+        if largest == 0.0 {
+            return Record::default();
+        }
+        let shape = normal / largest;
+        let length = shape.length();
+        let (unit, area) = (shape / length, length * largest);
+        let rows = [e2.cross(unit) / area, unit.cross(e1) / area, unit];
+        Record(rows.map(|row| row.extend(-row.dot(a)).to_array()))
+    }
+
+    #[inline]
+    fn prepare(ray: &PreparedRay) -> RayVectors {
+        RayVectors {
+            origin: Vec3A::from_array(ray.origin).extend(1.0),
+            direction: Vec3A::from_array(ray.direction).extend(0.0),
+        }
+    }
+
+    #[inline(always)]
+    fn meet(ray: &RayVectors, record: &Record) -> Option<Meeting> {
+        let [to_u, to_v, to_height] = record.0.map(Vec4::from_array);
+        let t = -to_height.dot(ray.origin) / to_height.dot(ray.direction);
+        let u = to_u.dot(ray.origin) + t * to_u.dot(ray.direction);
+        let v = to_v.dot(ray.origin) + t * to_v.dot(ray.direction);
+        // A ray along the plane has a t that is infinite or not a number, and then u and v too: no hit.
+        (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then_some(Meeting { t, u, v })
+    }
+}

@@ -1,0 +1,195 @@
+//! What a backend owes its caller, as far as no other backend can be the measure.
+
+use super::{bits, deform, moving, ready, rng, senseless_tree, soup, still, trace, tree_at};
+use crate::CpuBackend;
+use backend::{Backend, Hits, Intersector, Query, QueryKind, Rays, Ticket};
+use bvh_layout::Topology;
+use geom::{Aabb, Animation, Hit, Point, Ray};
+use proptest::prelude::RngExt;
+use std::sync::Arc;
+
+/// The box of each node, from its own triangles.
+fn boxes_from_scratch(animation: &Animation, tree: &Topology, positions: &[Point]) -> Vec<Aabb> {
+    let mut boxes = vec![Aabb::EMPTY; tree.node_count()];
+    let (mut leaf, mut inner) = (tree.leaf_count(), tree.leaf_count() - 1);
+    for node in (0..tree.node_count()).rev() {
+        boxes[node] = if tree.is_leaf(node as u32) {
+            leaf -= 1;
+            let t = animation.triangles()[tree.leaf_triangles()[leaf] as usize];
+            let corners = t.map(|v| positions[v as usize]);
+            if geom::is_active(&corners) && !geom::is_degenerate(&corners) {
+                Aabb::of_triangle(&corners)
+            } else {
+                Aabb::EMPTY
+            }
+        } else {
+            inner -= 1;
+            boxes[2 * inner + 1].union(boxes[2 * inner + 2])
+        };
+    }
+    boxes
+}
+
+fn boxes_and_cost(backend: &mut CpuBackend, animation: &Animation, time: f64) -> (Vec<Aabb>, f64) {
+    deform(backend, animation.pose(time));
+    let ticket = backend.submit().unwrap();
+    let cost = backend.wait(ticket).unwrap().sah_cost.unwrap();
+    (backend.inspect().boxes().unwrap(), cost)
+}
+
+#[test]
+fn a_refitted_tree_has_the_boxes_of_one_made_from_scratch() {
+    let animation = moving();
+    let pose = animation.pose(0.0);
+    for tree in [tree_at(&animation, pose), senseless_tree(&animation)] {
+        let mut backend = ready(&animation, Intersector::Watertight, &tree, pose, 2);
+        for time in [0.0, 0.4, 1.0, 1.7, 2.0] {
+            let (found, cost) = boxes_and_cost(&mut backend, &animation, time);
+            let positions = backend.inspect().positions().unwrap();
+            let expected = boxes_from_scratch(&animation, &tree, &positions);
+            assert_eq!(found, expected, "{time}");
+            let areas: f64 = expected.iter().map(Aabb::half_area).sum();
+            let ratio = cost / (areas / expected[0].half_area());
+            assert!((ratio - 1.0).abs() < 1e-12, "{ratio}");
+        }
+    }
+}
+
+/// Free triangles of which the first `moving` move through three key frames.
+fn partly_static(moving: usize, all: usize) -> Arc<Animation> {
+    let mut rng = rng();
+    let mut point = || -> Point { std::array::from_fn(|_| rng.random_range(1.0..100.0)) };
+    let mut keys = vec![Vec::new(); 3];
+    for triangle in 0..all {
+        let (corner, way) = (point(), point());
+        for (k, key) in keys.iter_mut().enumerate() {
+            // What moves stands close together, so that siblings move.
+            let (by, corner) = match triangle < moving {
+                true => (k as f32, corner.map(|x| 0.05 * x)),
+                false => (0.0, corner),
+            };
+            let at = |e: Point| std::array::from_fn(|i| corner[i] + by * way[i] + e[i]);
+            key.extend([[0.0; 3], [0.5, 0.0, 0.2], [0.0, 0.5, 0.1]].map(at));
+        }
+    }
+    let triangles = (0..all as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
+    Arc::new(Animation::new(keys, triangles.collect()).unwrap())
+}
+
+#[test]
+fn what_never_moves_is_skipped_by_any_number_of_tasks_without_a_trace() {
+    let animation = partly_static(6_000, 60_000);
+    let start = animation.pose(0.0);
+    let plain = tree_at(&animation, start);
+    let listed = plain.clone().with_moving(animation.static_parts());
+    assert!(listed.moving().is_some());
+    let open = |tree, threads| ready(&animation, Intersector::Watertight, tree, start, threads);
+    let (mut whole, mut one, mut many) = (open(&plain, 2), open(&listed, 1), open(&listed, 3));
+    for time in [0.4, 1.0, 2.0, 0.0] {
+        let (boxes, cost) = boxes_and_cost(&mut whole, &animation, time);
+        let (one_boxes, one_cost) = boxes_and_cost(&mut one, &animation, time);
+        let (many_boxes, many_cost) = boxes_and_cost(&mut many, &animation, time);
+        assert!(boxes == one_boxes && boxes == many_boxes, "{time}");
+        assert_eq!(one_cost.to_bits(), many_cost.to_bits(), "{time}");
+        assert!((one_cost / cost - 1.0).abs() < 1e-12, "{one_cost} {cost}");
+    }
+    let still = partly_static(0, 3_000);
+    let tree = tree_at(&still, still.pose(0.0)).with_moving(still.static_parts());
+    let mut backend = ready(&still, Intersector::Watertight, &tree, start, 2);
+    let first = boxes_and_cost(&mut backend, &still, 0.0);
+    assert!(first.1 > 1.0 && first == boxes_and_cost(&mut backend, &still, 1.5));
+}
+
+#[test]
+fn a_big_tree_is_refitted_by_many_tasks_alike() {
+    let mut rng = rng();
+    let mut point = || [0; 3].map(|_: i32| rng.random_range(-9.0..9.0_f32));
+    let triangles: Vec<_> = (0..30_000).map(|_| [point(), point(), point()]).collect();
+    let animation = soup(&triangles);
+    let (pose, tree) = (animation.pose(0.0), senseless_tree(&animation));
+    let rays = triangles.iter().step_by(100);
+    let rays: Vec<Ray> = rays.map(|t| Ray::new(t[0], t[1])).collect();
+    let [one, two] = [1, 2].map(|threads| {
+        let mut backend = ready(&animation, Intersector::Woop, &tree, pose, threads);
+        let cost = backend.wait(Ticket(0)).unwrap().sah_cost;
+        let hits = trace(&mut backend, Rays::List(&rays), QueryKind::Closest).closest;
+        let boxes = backend.inspect().boxes().unwrap();
+        (boxes, cost.map(f64::to_bits), bits(&hits))
+    });
+    assert!(one == two);
+    assert_eq!(one.0[0], animation.bounds());
+}
+
+#[test]
+fn reports_count_what_happened() {
+    let animation = moving();
+    let mut backend = still(&animation, Intersector::Watertight);
+    let rays = [Ray::new([0.1, 0.2, 9.0], [0.0, 0.0, -1.0]); 5];
+    // At first one triangle is not there yet and one never is.
+    for (time, inactive, degenerate) in [(0.0, 2, 0), (1.0, 1, 1), (2.0, 1, 0), (0.5, 2, 0)] {
+        deform(&mut backend, animation.pose(time));
+        let light = [0.0, 9.0, 0.0];
+        let kind = QueryKind::ClosestAndShadow { light };
+        let rays = Rays::List(&rays);
+        backend.trace(Query { rays, kind }).unwrap();
+        let ticket = backend.submit().unwrap();
+        let (report, mut hits) = (backend.wait(ticket).unwrap(), Hits::default());
+        backend.hits(ticket, &mut hits).unwrap();
+        let count = hits.closest.iter().filter(|h| h.is_hit()).count() as u64;
+        let blocked = hits.blocked.iter().filter(|&&b| b == 1).count() as u64;
+        let found = [
+            report.inactive,
+            report.degenerate,
+            report.hits,
+            report.blocked,
+        ];
+        assert_eq!(found, [inactive, degenerate, count, blocked], "{time}");
+    }
+}
+
+#[test]
+fn a_tree_of_nothing_is_all_misses() {
+    let animation = soup(&[[[f32::NAN; 3]; 3]; 4]);
+    let mut backend = still(&animation, Intersector::Watertight);
+    let rays = [Ray::new([0.0; 3], [1.0, 0.0, 0.0])];
+    let kind = QueryKind::ClosestAndShadow { light: [1.0; 3] };
+    let hits = trace(&mut backend, Rays::List(&rays), kind);
+    assert_eq!((hits.closest, hits.blocked), (vec![Hit::MISS], vec![0]));
+    assert!(backend.inspect().boxes().unwrap().is_empty());
+    let ticket = backend.submit().unwrap();
+    let report = backend.wait(ticket).unwrap();
+    assert_eq!((report.inactive, report.sah_cost), (4, None));
+}
+
+#[test]
+fn a_list_is_traced_once_in_its_place_and_reported_with_the_rest() {
+    let animation = moving();
+    let [early, late] = [0.3, 1.7].map(|time| animation.pose(time));
+    let eye = [0.3, 0.2, 9.0];
+    let through = |v: &[f32; 3]| Ray::new(eye, std::array::from_fn(|i| v[i] - eye[i]));
+    let vertices = (0..animation.vertex_count() as u32).map(|v| animation.vertex(early, v));
+    let rays: Vec<Ray> = vertices.map(|v| through(&v)).collect();
+    let tree = tree_at(&animation, early);
+    let fresh = |pose| ready(&animation, Intersector::Exact, &tree, pose, 1);
+    let expected = trace(&mut fresh(early), Rays::List(&rays), QueryKind::Closest);
+    let mut backend = fresh(late);
+    deform(&mut backend, early);
+    let (rays, kind) = (Rays::List(&rays), QueryKind::Closest);
+    backend.trace(Query { rays, kind }).unwrap();
+    backend.interpolate(late).unwrap();
+    let ticket = backend.submit().unwrap();
+    let (report, mut hits) = (backend.wait(ticket).unwrap(), Hits::default());
+    backend.hits(ticket, &mut hits).unwrap();
+    assert_eq!(hits, expected);
+    assert!(report.settled > 0, "rays through vertices are open");
+    let times = report.times;
+    let stages = [times.interpolate_ms, times.preprocess_ms, times.refit_ms];
+    let stages = stages.into_iter().chain([times.trace_primary_ms]);
+    let sum: f64 = stages.map(|ms| ms.expect("each was timed")).sum();
+    assert!(sum <= times.device_ms);
+    let [found, expected] = [backend, fresh(late)].map(|mut backend| {
+        let positions = backend.inspect().positions().unwrap().into_iter();
+        positions.map(|p| p.map(f32::to_bits)).collect::<Vec<_>>()
+    });
+    assert!(found == expected);
+}

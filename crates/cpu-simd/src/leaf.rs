@@ -1,0 +1,258 @@
+//! The watertight test in lanes: one ray and eight triangles, or many rays and one.
+
+use crate::rays::OneRay;
+use crate::simd::{Lanes, each};
+use crate::tree::{Block, LANES};
+use cpu_ref::intersect::has_equal_signs;
+use cpu_ref::scale::LEAST;
+use glam::Vec4;
+
+/// What triangles need of rays, in every lane: of one ray for eight triangles, or of many rays for one.
+/// Axes in the order `kx, ky, kz`, the same for all, as are the signs of directions.
+#[derive(Clone, Copy)]
+pub(crate) struct TriangleRay<L> {
+    axes: [usize; 3],
+    origin: [L; 3],
+    shear: [L; 3],
+    /// `r` and `q`, for the triangles' own boxes.
+    inverse: [L; 3],
+    pad: [L; 3],
+    t_min: L,
+    t_max: L,
+}
+
+/// `kx, ky, kz` by `kz`.
+const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
+
+/// What a [`TriangleRay`] is made of. Axes in their own order.
+pub(crate) struct Prepared<L> {
+    pub(crate) origin: [L; 3],
+    pub(crate) direction: [L; 3],
+    /// `|r|` and `q`.
+    pub(crate) inverse: [L; 3],
+    pub(crate) pad: [L; 3],
+    /// `kz`.
+    pub(crate) main: usize,
+    pub(crate) t_min: L,
+    pub(crate) t_max: L,
+}
+
+/// Where a ray meets triangles of a block.
+pub(crate) struct Meetings<L: Lanes> {
+    /// Bit `lane` is set if that triangle is hit.
+    pub(crate) lanes: u32,
+    pub(crate) t: L,
+    pub(crate) u: L,
+    pub(crate) v: L,
+}
+
+/// A ray's span within the boxes of single triangles.
+pub(crate) struct Spans<L: Lanes> {
+    /// Bit `lane` is set if that box cannot be skipped.
+    pub(crate) lanes: u32,
+    /// The later of entry and `t_min`.
+    pub(crate) entry: L,
+    pub(crate) exit: L,
+}
+
+/// Corners relative to the ray's start, by axis (in the ray's order) and corner.
+type Relative<L> = [[L; 3]; 3];
+
+impl<L: Lanes> TriangleRay<L> {
+    #[inline(always)]
+    pub(crate) fn new(rays: &Prepared<L>) -> Self {
+        let kz = rays.main;
+        let axes = [(kz + 1) % 3, (kz + 2) % 3, kz];
+        let d = each!(i => rays.direction[axes[i]]);
+        let r = each!(i => rays.inverse[axes[i]]);
+        Self {
+            axes,
+            origin: each!(i => rays.origin[axes[i]]),
+            shear: [d[0].div(d[2]), d[1].div(d[2]), L::splat(1.0).div(d[2])],
+            inverse: each!(i => r[i].replace(d[i].less(L::splat(0.0)), r[i].neg())),
+            pad: each!(i => rays.pad[axes[i]]),
+            t_min: rays.t_min,
+            t_max: rays.t_max,
+        }
+    }
+
+    /// The ray's span in each triangle's own box, as far as it begins no later than `best`.
+    #[inline(always)]
+    fn spans_of(&self, corners: &Relative<L>, best: L) -> Spans<L> {
+        let (mut entry, mut exit) = (self.t_min, L::splat(f32::INFINITY));
+        for (i, &[a, b, c]) in corners.iter().enumerate() {
+            // With the ray's sign in r, the nearer plane is the one with the lesser product: rounding is monotone.
+            let r = self.inverse[i];
+            let (p, q) = (a.min(b).min(c).mul(r), a.max(b).max(c).mul(r));
+            entry = entry.max(p.min(q).sub(self.pad[i]));
+            exit = exit.min(p.max(q).add(self.pad[i]));
+        }
+        let lanes = L::bits(entry.at_most(exit.min(best)));
+        Spans { lanes, entry, exit }
+    }
+
+    /// The watertight test of each lane's ray with each lane's triangle. `t` is clamped, and no later than `best`.
+    ///
+    /// Rays must start within [`cpu_ref::slab::CALM`]: no edge function may overflow.
+    #[inline(always)]
+    fn meet_corners(&self, corners: &Relative<L>, best: L) -> Option<Meetings<L>> {
+        let [x, y, along] = shear(corners, &self.shear);
+        let edges = edges(&x, &y);
+        let open = L::bits(without_conflict(&edges));
+        if open == 0 {
+            return None;
+        }
+        let spans = self.spans_of(corners, best);
+        let mut lanes = open & spans.lanes;
+        if lanes == 0 {
+            return None;
+        }
+        lanes = settle(lanes, &edges, &x, &y);
+        let depths = each!(i => self.shear[2].mul(along[i]));
+        let [t, u, v] = solve(&edges, &depths);
+        let t = t
+            .replace(t.less(spans.entry), spans.entry)
+            .replace(spans.exit.less(t), spans.exit);
+        let t = flushed(t);
+        let within = L::both(self.t_min.less(t), t.less(self.t_max));
+        lanes &= L::bits(L::both(within, t.at_most(best)));
+        (lanes != 0).then_some(Meetings { lanes, t, u, v })
+    }
+
+    /// Many rays and the triangle in one lane of a block.
+    #[inline(always)]
+    pub(crate) fn meet_one(&self, block: &Block, lane: usize, best: L) -> Option<Meetings<L>> {
+        let corners = each!(i => {
+            let of = &block.corners[self.axes[i]];
+            each!(c => L::splat(of[c][lane]).sub(self.origin[i]))
+        });
+        self.meet_corners(&corners, best)
+    }
+}
+
+/// One ray and eight triangles.
+impl<L: Lanes<Array = [f32; LANES]>> TriangleRay<L> {
+    #[inline(always)]
+    pub(crate) fn single(ray: &OneRay) -> Self {
+        let axes = AXES[ray.main];
+        Self {
+            axes,
+            origin: each!(i => L::splat(ray.origin[axes[i]])),
+            shear: each!(i => L::splat(ray.shear[i])),
+            inverse: each!(i => L::splat(ray.inverse[axes[i]])),
+            pad: each!(i => L::splat(ray.pad[axes[i]])),
+            t_min: L::splat(ray.t_min),
+            t_max: L::splat(ray.t_max),
+        }
+    }
+
+    #[inline(always)]
+    fn relative(&self, block: &Block) -> Relative<L> {
+        each!(i => {
+            let of = &block.corners[self.axes[i]];
+            each!(c => L::load(&of[c]).sub(self.origin[i]))
+        })
+    }
+
+    /// [`Spans`] of a whole block.
+    #[inline(always)]
+    pub(crate) fn spans(&self, block: &Block, best: f32) -> Spans<L> {
+        self.spans_of(&self.relative(block), L::splat(best))
+    }
+
+    /// The watertight test on all triangles of a block.
+    #[inline(always)]
+    pub(crate) fn meet(&self, block: &Block, best: f32) -> Option<Meetings<L>> {
+        self.meet_corners(&self.relative(block), L::splat(best))
+    }
+}
+
+/// Sheared `x`, `y`, and depths along the ray's axis, not scaled; for each corner.
+#[inline(always)]
+fn shear<L: Lanes>(corners: &Relative<L>, shear: &[L; 3]) -> [[L; 3]; 3] {
+    let [from_x, from_y, along] = corners;
+    [
+        each!(c => from_x[c].sub(shear[0].mul(along[c]))),
+        each!(c => from_y[c].sub(shear[1].mul(along[c]))),
+        *along,
+    ]
+}
+
+/// `U`, `V`, `W`.
+#[inline(always)]
+fn edges<L: Lanes>(x: &[L; 3], y: &[L; 3]) -> [L; 3] {
+    each!(i => {
+        let (p, q) = ([2, 0, 1][i], [1, 2, 0][i]);
+        x[p].mul(y[q]).sub(y[p].mul(x[q]))
+    })
+}
+
+/// Lanes where no two edge functions have opposite signs. Numbers that are none conflict.
+#[inline(always)]
+fn without_conflict<L: Lanes>([u, v, w]: &[L; 3]) -> L::Mask {
+    let zero = L::splat(0.0);
+    let (least, most) = (u.min(*v).min(*w), u.max(*v).max(*w));
+    L::either(zero.at_most(least), most.at_most(zero))
+}
+
+/// Takes from `lanes`, which have no conflict, those that are missed when signs of zeros are taken exactly.
+#[inline(always)]
+fn settle<L: Lanes>(lanes: u32, edges: &[L; 3], x: &[L; 3], y: &[L; 3]) -> u32 {
+    let zero = L::splat(0.0);
+    let [u, v, w] = edges;
+    let (least, most) = (u.min(*v).min(*w), u.max(*v).max(*w));
+    let sure = L::bits(L::either(zero.less(least), most.less(zero)));
+    if lanes & !sure == 0 {
+        return lanes;
+    }
+    let stored = [
+        each!(i => edges[i].store()),
+        each!(i => x[i].store()),
+        each!(i => y[i].store()),
+    ];
+    lanes & (sure | settle_exactly::<L>(lanes & !sure, &stored))
+}
+
+/// Which of `lanes` are hit.
+#[cold]
+#[inline(never)]
+fn settle_exactly<L: Lanes>(mut lanes: u32, [edges, x, y]: &[[L::Array; 3]; 3]) -> u32 {
+    let mut hit = 0;
+    while lanes != 0 {
+        let lane = lanes.trailing_zeros() as usize;
+        lanes &= lanes - 1;
+        let at = |of: &[L::Array; 3]| {
+            let [a, b, c] = of.each_ref().map(|x| x.as_ref()[lane]);
+            Vec4::new(a, b, c, 0.0)
+        };
+        hit |= u32::from(has_equal_signs(at(edges), at(x), at(y))) << lane;
+    }
+    hit
+}
+
+/// Zero where below `2^-100`.
+#[inline(always)]
+pub(crate) fn flushed<L: Lanes>(x: L) -> L {
+    x.replace(x.abs().less(L::splat(LEAST)), L::splat(0.0))
+}
+
+/// Distance and weights: the reference's `solve`, lane by lane.
+#[inline(always)]
+fn solve<L: Lanes>(edges: &[L; 3], depths: &[L; 3]) -> [L; 3] {
+    let [u, v, w] = [flushed(edges[0]), flushed(edges[1]), flushed(edges[2])];
+    let det = u.add(v).add(w);
+    let size = det.abs();
+    let zero = L::splat(0.0);
+    let useful = L::both(zero.less(size), size.at_most(L::splat(f32::MAX)));
+    let p = [
+        flushed(u.mul(depths[0])),
+        flushed(v.mul(depths[1])),
+        flushed(w.mul(depths[2])),
+    ];
+    let t = p[0].add(p[1]).add(p[2]).div(det);
+    [
+        depths[0].replace(useful, t),
+        zero.replace(useful, v.div(det)),
+        zero.replace(useful, w.div(det)),
+    ]
+}

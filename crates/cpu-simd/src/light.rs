@@ -1,0 +1,73 @@
+//! Rays from hits to a light, one a lane: [`Light::ray`] in vectors.
+
+use crate::leaf::flushed;
+use crate::rays::Given;
+use crate::simd::{Lanes, each};
+use cpu_ref::scale::Scale;
+use cpu_ref::shadow::{Light, ROUNDING};
+
+/// One point a lane.
+type Points<L> = [L; 3];
+
+/// Shadow rays. `corners` are the hit triangles', `weights` the hits' `u` and `v`; `eyes` are where the
+/// rays that hit them started. What comes of numbers that are not finite is no ray either.
+#[inline(always)]
+pub(crate) fn shadow_rays<L: Lanes>(
+    light: &Light,
+    [a, b, c]: &[Points<L>; 3],
+    [u, v]: [L; 2],
+    eyes: &Points<L>,
+) -> Given<L> {
+    let at = each!(i => L::splat(light.at[i]));
+    let (e1, e2) = (minus(b, a), minus(c, a));
+    let p = each!(i => {
+        let p = a[i].add(u.mul(e1[i]).add(v.mul(e2[i])));
+        p.replace(p.abs().less(L::splat(Scale::LEAST)), L::splat(0.0))
+    });
+    let normal = cross(&e1, &e2);
+    let side = sign(dot(&normal, &minus(&at, &p)));
+    let level = side.abs().less(L::splat(1.0));
+    let side = side.replace(level, sign(dot(&normal, &minus(eyes, &p))));
+    let largest = p[0].abs().max(p[1].abs()).max(p[2].abs());
+    let longest = each!(i => e1[i].abs().max(e2[i].abs()));
+    let longest = longest[0].max(longest[1]).max(longest[2]);
+    let extent = longest
+        .max(L::splat(light.counted))
+        .min(L::splat(light.extent));
+    let delta = L::splat(4.0 * ROUNDING)
+        .mul(largest)
+        .add(L::splat(32.0 * ROUNDING).mul(extent));
+    let origin = each!(i => p[i].add(side.mul(sign(normal[i])).mul(delta)));
+    Given {
+        origin,
+        direction: minus(&at, &origin),
+        limits: [L::splat(0.0), L::splat(1.0)],
+    }
+}
+
+#[inline(always)]
+fn minus<L: Lanes>(a: &Points<L>, b: &Points<L>) -> Points<L> {
+    each!(i => a[i].sub(b[i]))
+}
+
+#[inline(always)]
+fn dot<L: Lanes>(a: &Points<L>, b: &Points<L>) -> L {
+    let [x, y, z] = each!(i => flushed(a[i].mul(b[i])));
+    x.add(y).add(z)
+}
+
+#[inline(always)]
+fn cross<L: Lanes>(a: &Points<L>, b: &Points<L>) -> Points<L> {
+    each!(i => {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        flushed(a[j].mul(b[k]).sub(a[k].mul(b[j])))
+    })
+}
+
+/// 1, -1, or 0 for zero and for what is not a number.
+#[inline(always)]
+fn sign<L: Lanes>(x: L) -> L {
+    let zero = L::splat(0.0);
+    let positive = zero.replace(zero.less(x), L::splat(1.0));
+    positive.replace(x.less(zero), L::splat(-1.0))
+}

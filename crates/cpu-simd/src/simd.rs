@@ -1,0 +1,199 @@
+//! A few numbers at once: one interface, and the widths that this machine has.
+//!
+//! Code written against [`Isa`] is compiled once for each instruction set; [`Level::run`]
+//! enters the one that the machine was found to have. Every operation is a single IEEE one,
+//! lane by lane, so all sets give the same bits. Whatever runs inside must be
+//! `#[inline(always)]`, or else it is compiled without the instructions.
+
+mod plain;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+pub(crate) use plain::Plain;
+
+/// An expression for each of three axes or corners. Closures are compiled on their own, and so without the
+/// instructions; expressions are part of the function that they stand in.
+macro_rules! each {
+    ($i:ident => $value:expr) => {
+        [
+            {
+                let $i = 0;
+                $value
+            },
+            {
+                let $i = 1;
+                $value
+            },
+            {
+                let $i = 2;
+                $value
+            },
+        ]
+    };
+}
+pub(crate) use each;
+
+/// A vector of single-precision numbers.
+///
+/// Where a number is not one, `min` and `max` return their second operand.
+pub(crate) trait Lanes: Copy {
+    /// The same numbers in memory.
+    type Array: Copy + AsRef<[f32]> + AsMut<[f32]>;
+    /// One truth value a lane.
+    type Mask: Copy;
+    /// Bits of a mask that is set in every lane.
+    const ALL: u32;
+
+    fn splat(x: f32) -> Self;
+    fn load(from: &Self::Array) -> Self;
+    fn store(self) -> Self::Array;
+    fn add(self, other: Self) -> Self;
+    fn sub(self, other: Self) -> Self;
+    fn mul(self, other: Self) -> Self;
+    fn div(self, other: Self) -> Self;
+    /// `self * by + plus`, rounded once or twice, as the machine likes: only where either will do.
+    fn about(self, by: Self, plus: Self) -> Self;
+    fn min(self, other: Self) -> Self;
+    fn max(self, other: Self) -> Self;
+    fn abs(self) -> Self;
+    fn neg(self) -> Self;
+    /// `self < other`.
+    fn less(self, other: Self) -> Self::Mask;
+    /// `self <= other`.
+    fn at_most(self, other: Self) -> Self::Mask;
+    /// `other` where `mask` is set, else `self`.
+    fn replace(self, mask: Self::Mask, other: Self) -> Self;
+    fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    fn either(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Bit `i` is lane `i`.
+    fn bits(mask: Self::Mask) -> u32;
+    /// The reverse of [`Lanes::bits`].
+    fn mask(bits: u32) -> Self::Mask;
+    /// The least number of all lanes, which must be numbers.
+    fn least(self) -> f32;
+    /// The greatest number of all lanes, which must be numbers.
+    fn most(self) -> f32;
+    /// Writes `word` to the places of the lanes that are set.
+    fn put(words: &mut [u32; 16], mask: Self::Mask, word: u32);
+}
+
+/// Sixteen numbers as two halves of eight.
+pub(crate) trait Halves: Lanes<Array = [f32; 16]> {
+    /// Eight of them.
+    type Half: Lanes<Array = [f32; 8]>;
+
+    /// Both halves, exchanged if `turn`.
+    fn turned(self, turn: bool) -> Self;
+    fn low(self) -> Self::Half;
+    fn high(self) -> Self::Half;
+    fn join(low: Self::Half, high: Self::Half) -> Self;
+}
+
+/// The vectors that an instruction set is best at.
+pub(crate) trait Isa: 'static {
+    /// As many lanes as a node has children and a block triangles.
+    type Eight: Lanes<Array = [f32; 8]>;
+    /// Lower and upper planes of eight boxes.
+    type Planes: Halves<Half = Self::Eight>;
+    /// One number of each ray of a packet.
+    type Packet: Lanes;
+
+    /// Those of `lanes` before anything else, in their order. What comes after them means nothing.
+    ///
+    /// Without a branch for each: which lanes they are is hard to foresee.
+    #[inline(always)]
+    fn packed<T: Word>(of: &[T; 8], lanes: u32) -> [T; 8] {
+        let (mut to, mut count) = (*of, 0);
+        for (lane, &word) in of.iter().enumerate() {
+            to[count % 8] = word;
+            count += (lanes >> lane & 1) as usize;
+        }
+        to
+    }
+}
+
+/// Four bytes that may be moved about as a number.
+///
+/// # Safety
+/// The type has the size of a `u32`, and no byte of it is ever uninitialised.
+#[expect(unsafe_code, reason = "vector instructions copy such words")]
+pub(crate) unsafe trait Word: Copy {}
+
+// SAFETY: it is one.
+#[expect(unsafe_code, reason = "see above")]
+unsafe impl Word for u32 {}
+
+/// Asks for the first cache lines of what will soon be read; it must be aligned to them. Does nothing where that
+/// cannot be asked.
+#[inline(always)]
+pub(crate) fn prefetch<T>(of: &[T], index: usize) {
+    #[cfg(target_arch = "x86_64")]
+    x86::prefetch(of, index);
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (of, index);
+}
+
+/// Something to be done with vectors.
+pub(crate) trait Work {
+    /// What comes of it.
+    type Out;
+
+    /// Does it. Must be `#[inline(always)]`, like all that it calls.
+    fn run<I: Isa>(self) -> Self::Out;
+}
+
+/// No instructions but those that every machine of this kind has.
+struct Portable;
+
+impl Isa for Portable {
+    type Eight = Plain<8>;
+    type Planes = Plain<16>;
+    type Packet = Plain<8>;
+}
+
+/// An instruction set that this machine was found to have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Level(Set);
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Set {
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+impl Level {
+    /// All that this machine has, the best last.
+    pub(crate) fn all() -> Vec<Self> {
+        #[cfg_attr(
+            not(target_arch = "x86_64"),
+            expect(unused_mut, reason = "nothing to add")
+        )]
+        let mut all = vec![Self(Set::Portable)];
+        #[cfg(target_arch = "x86_64")]
+        {
+            all.extend(x86::has_avx2().then_some(Self(Set::Avx2)));
+            all.extend(x86::has_avx512().then_some(Self(Set::Avx512)));
+        }
+        all
+    }
+
+    /// The best that this machine has.
+    pub(crate) fn best() -> Self {
+        Self::all().pop().unwrap_or(Self(Set::Portable))
+    }
+
+    /// Does `work` with this set's instructions.
+    #[inline]
+    pub(crate) fn run<W: Work>(self, work: W) -> W::Out {
+        match self.0 {
+            Set::Portable => work.run::<Portable>(),
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx2 => x86::run_avx2(work),
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx512 => x86::run_avx512(work),
+        }
+    }
+}

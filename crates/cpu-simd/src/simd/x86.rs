@@ -1,0 +1,332 @@
+//! Lanes as AVX2 and AVX-512 registers.
+//!
+//! `Avx2` and `Avx512` are named by [`run_avx2`] and [`run_avx512`] alone, which only a
+//! [`super::Level`] found on this machine leads to: whoever holds one of their vectors may use them.
+
+#![expect(
+    unsafe_code,
+    reason = "vector instructions that the machine was found to have"
+)]
+
+use super::{Halves, Isa, Lanes, Word, Work};
+use std::arch::is_x86_feature_detected as has;
+use std::arch::x86_64::*;
+
+/// 256-bit registers.
+pub(super) struct Avx2;
+/// 512-bit registers, and masks for the shorter ones too.
+pub(super) struct Avx512;
+
+impl Isa for Avx2 {
+    type Eight = Ymm;
+    type Planes = YmmPair;
+    type Packet = Ymm;
+}
+
+impl Isa for Avx512 {
+    type Eight = MaskedYmm;
+    type Planes = Zmm;
+    type Packet = Zmm;
+
+    #[inline(always)]
+    fn packed<T: Word>(of: &[T; 8], lanes: u32) -> [T; 8] {
+        let mut to = *of;
+        // SAFETY: both are eight words of four bytes each, which may be read and written as numbers; the
+        // instructions are there where this set is used.
+        unsafe {
+            let words = _mm256_loadu_si256(of.as_ptr().cast());
+            let packed = _mm256_maskz_compress_epi32(lanes as u8, words);
+            _mm256_storeu_si256(to.as_mut_ptr().cast(), packed);
+        }
+        to
+    }
+}
+
+pub(super) fn has_avx2() -> bool {
+    has!("avx2") && has!("fma") && has!("bmi1") && has!("bmi2") && has!("lzcnt") && has!("popcnt")
+}
+
+pub(super) fn has_avx512() -> bool {
+    has_avx2() && has!("avx512f") && has!("avx512vl") && has!("avx512dq") && has!("avx512bw")
+}
+
+#[inline]
+pub(super) fn run_avx2<W: Work>(work: W) -> W::Out {
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    fn inside<W: Work>(work: W) -> W::Out {
+        work.run::<Avx2>()
+    }
+    // SAFETY: a `Level` for this set exists only where `has_avx2` held.
+    unsafe { inside(work) }
+}
+
+#[inline]
+pub(super) fn run_avx512<W: Work>(work: W) -> W::Out {
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    fn inside<W: Work>(work: W) -> W::Out {
+        work.run::<Avx512>()
+    }
+    // SAFETY: a `Level` for this set exists only where `has_avx512` held.
+    unsafe { inside(work) }
+}
+
+/// The size of a cache line.
+const LINE: usize = 64;
+
+/// See [`super::prefetch`].
+#[inline(always)]
+pub(super) fn prefetch<T>(of: &[T], index: usize) {
+    let at = of.as_ptr().wrapping_add(index).cast::<i8>();
+    for line in 0..size_of::<T>() / LINE {
+        // SAFETY: whatever the address, a prefetch reads nothing that the program could see.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(line * LINE)) };
+    }
+}
+
+/// One lane operation, a single instruction.
+macro_rules! operation {
+    ($( $name:ident ( $($arguments:tt)* ) -> $result:ty = $body:expr; )*) => { $(
+        #[inline(always)]
+        fn $name($($arguments)*) -> $result {
+            #[allow(unused_unsafe, reason = "some need no instruction of the set")]
+            // SAFETY: the set's vectors exist only within `run_avx2` or `run_avx512`;
+            // arrays are as long as the vectors, and unaligned access is asked for.
+            unsafe { $body }
+        }
+    )* };
+}
+
+/// A vector type: its register, its length, its masks and its instructions.
+macro_rules! vector {
+    ($(#[$doc:meta])* $name:ident = $register:ty, $count:literal, $mask:ty;
+     $load:ident $store:ident $splat:ident $add:ident $sub:ident $mul:ident $div:ident $fma:ident $min:ident $max:ident
+     $and:ident $xor:ident; $($rest:tt)*) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy)]
+        pub(crate) struct $name($register);
+
+        impl Lanes for $name {
+            type Array = [f32; $count];
+            type Mask = $mask;
+            const ALL: u32 = (1 << $count) - 1;
+            operation! {
+                splat(x: f32) -> Self = Self($splat(x));
+                load(from: &[f32; $count]) -> Self = Self($load(from.as_ptr()));
+                add(self, b: Self) -> Self = Self($add(self.0, b.0));
+                sub(self, b: Self) -> Self = Self($sub(self.0, b.0));
+                mul(self, b: Self) -> Self = Self($mul(self.0, b.0));
+                div(self, b: Self) -> Self = Self($div(self.0, b.0));
+                about(self, by: Self, plus: Self) -> Self = Self($fma(self.0, by.0, plus.0));
+                min(self, b: Self) -> Self = Self($min(self.0, b.0));
+                max(self, b: Self) -> Self = Self($max(self.0, b.0));
+                abs(self) -> Self = Self($and(self.0, $splat(f32::from_bits(0x7fff_ffff))));
+                neg(self) -> Self = Self($xor(self.0, $splat(-0.0)));
+                store(self) -> [f32; $count] = {
+                    let mut to = [0.0; $count];
+                    $store(to.as_mut_ptr(), self.0);
+                    to
+                };
+            }
+            operation! { $($rest)* }
+        }
+    };
+}
+
+/// The least of eight numbers.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn least(x: __m256) -> f32 {
+    let x = _mm_min_ps(_mm256_castps256_ps128(x), _mm256_extractf128_ps::<1>(x));
+    let x = _mm_min_ps(x, _mm_movehl_ps(x, x));
+    _mm_cvtss_f32(_mm_min_ss(x, _mm_movehdup_ps(x)))
+}
+
+vector! {
+    /// Eight numbers; masks are vectors.
+    Ymm = __m256, 8, __m256;
+    _mm256_loadu_ps _mm256_storeu_ps _mm256_set1_ps _mm256_add_ps _mm256_sub_ps _mm256_mul_ps _mm256_div_ps
+    _mm256_fmadd_ps _mm256_min_ps _mm256_max_ps _mm256_and_ps _mm256_xor_ps;
+    less(self, b: Self) -> __m256 = _mm256_cmp_ps::<_CMP_LT_OQ>(self.0, b.0);
+    at_most(self, b: Self) -> __m256 = _mm256_cmp_ps::<_CMP_LE_OQ>(self.0, b.0);
+    replace(self, mask: __m256, b: Self) -> Self = Self(_mm256_blendv_ps(self.0, b.0, mask));
+    both(a: __m256, b: __m256) -> __m256 = _mm256_and_ps(a, b);
+    either(a: __m256, b: __m256) -> __m256 = _mm256_or_ps(a, b);
+    bits(mask: __m256) -> u32 = _mm256_movemask_ps(mask) as u32;
+    mask(bits: u32) -> __m256 = {
+        let each = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+        let set = _mm256_and_si256(_mm256_set1_epi32(bits as i32), each);
+        _mm256_castsi256_ps(_mm256_cmpeq_epi32(set, each))
+    };
+    least(self) -> f32 = least(self.0);
+    most(self) -> f32 = -least(_mm256_xor_ps(self.0, _mm256_set1_ps(-0.0)));
+    put(words: &mut [u32; 16], mask: __m256, word: u32) -> () = {
+        let (word, mask) = (_mm256_set1_epi32(word as i32), _mm256_castps_si256(mask));
+        _mm256_maskstore_epi32(words.as_mut_ptr().cast(), mask, word);
+    };
+}
+
+vector! {
+    /// Eight numbers; masks are bits.
+    MaskedYmm = __m256, 8, __mmask8;
+    _mm256_loadu_ps _mm256_storeu_ps _mm256_set1_ps _mm256_add_ps _mm256_sub_ps _mm256_mul_ps _mm256_div_ps
+    _mm256_fmadd_ps _mm256_min_ps _mm256_max_ps _mm256_and_ps _mm256_xor_ps;
+    less(self, b: Self) -> __mmask8 = _mm256_cmp_ps_mask::<_CMP_LT_OQ>(self.0, b.0);
+    at_most(self, b: Self) -> __mmask8 = _mm256_cmp_ps_mask::<_CMP_LE_OQ>(self.0, b.0);
+    replace(self, mask: __mmask8, b: Self) -> Self = Self(_mm256_mask_blend_ps(mask, self.0, b.0));
+    both(a: __mmask8, b: __mmask8) -> __mmask8 = a & b;
+    either(a: __mmask8, b: __mmask8) -> __mmask8 = a | b;
+    bits(mask: __mmask8) -> u32 = u32::from(mask);
+    mask(bits: u32) -> __mmask8 = bits as u8;
+    least(self) -> f32 = least(self.0);
+    most(self) -> f32 = -least(_mm256_xor_ps(self.0, _mm256_set1_ps(-0.0)));
+    put(words: &mut [u32; 16], mask: __mmask8, word: u32) -> () =
+        _mm256_mask_storeu_epi32(words.as_mut_ptr().cast(), mask, _mm256_set1_epi32(word as i32));
+}
+
+vector! {
+    /// Sixteen numbers; masks are bits.
+    Zmm = __m512, 16, __mmask16;
+    _mm512_loadu_ps _mm512_storeu_ps _mm512_set1_ps _mm512_add_ps _mm512_sub_ps _mm512_mul_ps _mm512_div_ps
+    _mm512_fmadd_ps _mm512_min_ps _mm512_max_ps _mm512_and_ps _mm512_xor_ps;
+    less(self, b: Self) -> __mmask16 = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(self.0, b.0);
+    at_most(self, b: Self) -> __mmask16 = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(self.0, b.0);
+    replace(self, mask: __mmask16, b: Self) -> Self = Self(_mm512_mask_blend_ps(mask, self.0, b.0));
+    both(a: __mmask16, b: __mmask16) -> __mmask16 = a & b;
+    either(a: __mmask16, b: __mmask16) -> __mmask16 = a | b;
+    bits(mask: __mmask16) -> u32 = u32::from(mask);
+    mask(bits: u32) -> __mmask16 = bits as u16;
+    least(self) -> f32 = _mm512_reduce_min_ps(self.0);
+    most(self) -> f32 = _mm512_reduce_max_ps(self.0);
+    put(words: &mut [u32; 16], mask: __mmask16, word: u32) -> () =
+        _mm512_mask_storeu_epi32(words.as_mut_ptr().cast(), mask, _mm512_set1_epi32(word as i32));
+}
+
+impl Halves for Zmm {
+    type Half = MaskedYmm;
+    operation! {
+        turned(self, turn: bool) -> Self = {
+            let half = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+            let by = _mm512_set1_epi32(if turn { 8 } else { 0 });
+            Self(_mm512_permutexvar_ps(_mm512_xor_si512(half, by), self.0))
+        };
+        low(self) -> MaskedYmm = MaskedYmm(_mm512_castps512_ps256(self.0));
+        high(self) -> MaskedYmm = MaskedYmm(_mm512_extractf32x8_ps::<1>(self.0));
+        join(low: MaskedYmm, high: MaskedYmm) -> Self =
+            Self(_mm512_insertf32x8::<1>(_mm512_castps256_ps512(low.0), high.0));
+    }
+}
+
+/// Sixteen numbers in two registers.
+#[derive(Clone, Copy)]
+pub(crate) struct YmmPair(Ymm, Ymm);
+
+/// Does the same in both registers.
+macro_rules! twice {
+    ($( $name:ident ( $($with:ident),* ); )*) => { $(
+        #[inline(always)]
+        fn $name(self $(, $with: Self)*) -> Self {
+            Self(self.0.$name($($with.0),*), self.1.$name($($with.1),*))
+        }
+    )* };
+}
+
+impl Lanes for YmmPair {
+    type Array = [f32; 16];
+    type Mask = [__m256; 2];
+    const ALL: u32 = (1 << 16) - 1;
+    twice! {
+        add(other); sub(other); mul(other); div(other); min(other); max(other);
+        about(by, plus); abs(); neg();
+    }
+
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        Self(Ymm::splat(x), Ymm::splat(x))
+    }
+    #[inline(always)]
+    fn load(from: &[f32; 16]) -> Self {
+        let [low, high] = halves(from);
+        Self(Ymm::load(low), Ymm::load(high))
+    }
+    #[inline(always)]
+    fn store(self) -> [f32; 16] {
+        let mut all = [0.0; 16];
+        all[..8].copy_from_slice(&self.0.store());
+        all[8..].copy_from_slice(&self.1.store());
+        all
+    }
+    #[inline(always)]
+    fn less(self, other: Self) -> [__m256; 2] {
+        [self.0.less(other.0), self.1.less(other.1)]
+    }
+    #[inline(always)]
+    fn at_most(self, other: Self) -> [__m256; 2] {
+        [self.0.at_most(other.0), self.1.at_most(other.1)]
+    }
+    #[inline(always)]
+    fn replace(self, mask: [__m256; 2], other: Self) -> Self {
+        Self(
+            self.0.replace(mask[0], other.0),
+            self.1.replace(mask[1], other.1),
+        )
+    }
+    #[inline(always)]
+    fn both(a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
+        [Ymm::both(a[0], b[0]), Ymm::both(a[1], b[1])]
+    }
+    #[inline(always)]
+    fn either(a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
+        [Ymm::either(a[0], b[0]), Ymm::either(a[1], b[1])]
+    }
+    #[inline(always)]
+    fn bits(mask: [__m256; 2]) -> u32 {
+        Ymm::bits(mask[0]) | Ymm::bits(mask[1]) << 8
+    }
+    #[inline(always)]
+    fn mask(bits: u32) -> [__m256; 2] {
+        [Ymm::mask(bits), Ymm::mask(bits >> 8)]
+    }
+    #[inline(always)]
+    fn least(self) -> f32 {
+        self.0.min(self.1).least()
+    }
+    #[inline(always)]
+    fn most(self) -> f32 {
+        self.0.max(self.1).most()
+    }
+    #[inline(always)]
+    fn put(words: &mut [u32; 16], mask: [__m256; 2], word: u32) {
+        let bits = Self::bits(mask);
+        for (lane, to) in words.iter_mut().enumerate() {
+            *to = if bits >> lane & 1 == 1 { word } else { *to };
+        }
+    }
+}
+
+#[inline(always)]
+fn halves(all: &[f32; 16]) -> [&[f32; 8]; 2] {
+    let (parts, _) = all.as_chunks::<8>();
+    [&parts[0], &parts[1]]
+}
+
+impl Halves for YmmPair {
+    type Half = Ymm;
+
+    #[inline(always)]
+    fn turned(self, turn: bool) -> Self {
+        let mask = Ymm::mask(if turn { 255 } else { 0 });
+        Self(self.0.replace(mask, self.1), self.1.replace(mask, self.0))
+    }
+    #[inline(always)]
+    fn low(self) -> Ymm {
+        self.0
+    }
+    #[inline(always)]
+    fn high(self) -> Ymm {
+        self.1
+    }
+    #[inline(always)]
+    fn join(low: Ymm, high: Ymm) -> Self {
+        Self(low, high)
+    }
+}

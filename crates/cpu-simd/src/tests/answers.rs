@@ -1,0 +1,247 @@
+//! Rays that run together, and rays prepared together, against the reference, ray by ray.
+
+use crate::open_at;
+use crate::simd::Level;
+use backend::{Backend, Generation, Hits, Intersector, Layout, Method, Query, QueryKind, Rays};
+use bvh_build::{BinaryTree, Builder, Cancel};
+use bvh_layout::{Converter, First, Topology};
+use cpu_ref::CpuBackend;
+use geom::{Aabb, Animation, Camera, Point, Ray};
+use proptest::prelude::*;
+use std::sync::Arc;
+
+fn near(reach: f32) -> impl Strategy<Value = Point> {
+    [-reach..reach, -reach..reach, -reach..reach]
+}
+
+/// Cameras inside and outside, of every angle, some along an axis; directions of any length.
+fn cameras() -> impl Strategy<Value = Camera> {
+    let eye = prop_oneof![3 => near(4.0), 1 => near(0.9), 1 => near(60.0)];
+    let at = prop_oneof![3 => near(1.0), 1 => Just([0.0; 3])];
+    let fov = prop_oneof![2.0_f32..20.0, 20.0_f32..175.0];
+    let length =
+        prop_oneof![2 => Just(1.0_f32), 1 => 0.1_f32..30.0, 1 => Just(1e25), 1 => Just(1e-25)];
+    (eye, at, fov, length, [1_u32..70, 1_u32..40]).prop_map(|(eye, at, fov, length, size)| {
+        let up = [0.1, 1.0, 0.2];
+        let camera = Camera::look_at(eye, at, up, fov, size);
+        let camera = camera.unwrap_or_else(|| {
+            Camera::look_at([0.0, 0.0, 5.0], [0.0; 3], up, fov, size).expect("it sees")
+        });
+        Camera {
+            corner: camera.corner.map(|x| x * length),
+            across: camera.across.map(|x| x * length),
+            down: camera.down.map(|x| x * length),
+            ..camera
+        }
+    })
+}
+
+/// A number of any size and sign, some of them none.
+fn any_number() -> impl Strategy<Value = f32> {
+    let odd = [
+        0.0,
+        -0.0,
+        1e-45,
+        -1e-39,
+        1e-30,
+        3e38,
+        f32::INFINITY,
+        f32::NAN,
+        1e19,
+        -2e-19,
+    ];
+    prop_oneof![8 => -3.0_f32..3.0, 1 => prop::sample::select(odd.to_vec())]
+}
+
+/// Rays that have nothing in common: every direction and length, some with limits, some that mean nothing.
+fn strangers() -> impl Strategy<Value = Vec<Ray>> {
+    let three = || [any_number(), any_number(), any_number()];
+    let length =
+        prop_oneof![4 => Just(1.0_f32), 1 => Just(1e-19), 1 => Just(1e22), 1 => 0.01_f32..100.0];
+    let t_min = prop_oneof![4 => Just(0.0_f32), 1 => -3.0_f32..3.0, 1 => any_number()];
+    let t_max = prop_oneof![4 => Just(f32::INFINITY), 1 => 0.0_f32..4.0, 1 => any_number()];
+    let ray = (three(), three(), length, t_min, t_max).prop_map(
+        |(origin, direction, length, t_min, t_max)| Ray {
+            origin,
+            t_min: t_min / length,
+            direction: direction.map(|x| x * length),
+            t_max: t_max / length,
+        },
+    );
+    prop::collection::vec(ray, 1..400)
+}
+
+/// Triangles in a ball of that size, some of which move, come late, shrink to nothing or never are.
+fn ball(size: f32) -> Arc<Animation> {
+    let (mut state, mut keys) = (9_u32, vec![Vec::new(); 2]);
+    let mut number = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / 8_388_608.0 - 1.0
+    };
+    for triangle in 0..1200 {
+        let middle: Point = std::array::from_fn(|_| number());
+        for _ in 0..3 {
+            let corner: Point = std::array::from_fn(|i| size * (middle[i] + 0.15 * number()));
+            let moved = corner.map(|x| if triangle % 3 == 0 { x + 0.2 * size } else { x });
+            let lost = [f32::NAN; 3];
+            keys[0].push(if triangle % 50 < 2 { lost } else { corner });
+            keys[1].push(match triangle % 50 {
+                1 => lost,
+                7 => [size; 3],
+                _ => moved,
+            });
+        }
+    }
+    let triangles = (0..1200).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
+    Arc::new(Animation::new(keys, triangles.collect()).expect("a ball"))
+}
+
+fn tree_over(boxes: &[Aabb]) -> Topology {
+    let mut tree = BinaryTree::default();
+    let built = Builder::new().build(boxes, &Cancel::new(), &mut tree);
+    built.expect("nobody cancels");
+    Converter::new().convert(&tree, boxes.len(), Vec::new())
+}
+
+/// A good tree, and one that knows nothing of where triangles are.
+fn trees(animation: &Animation) -> [Topology; 2] {
+    let boxes = (0..animation.triangle_count() as u32).map(|t| {
+        let good = animation.build_box_at(animation.pose(0.7), t);
+        let at = [f32::from((t * 7919) as u16), f32::from((t * 31) as u8), 0.0];
+        let bad = Aabb { min: at, max: at };
+        [good, if good.is_empty() { good } else { bad }]
+    });
+    let boxes: Vec<[Aabb; 2]> = boxes.collect();
+    [0, 1].map(|i| tree_over(&boxes.iter().map(|b| b[i]).collect::<Vec<_>>()))
+}
+
+fn ready(
+    mut backend: CpuBackend,
+    animation: &Arc<Animation>,
+    method: Method,
+    tree: &Topology,
+) -> CpuBackend {
+    backend.load(Arc::clone(animation), method).unwrap();
+    refit(&mut backend, animation, (tree, 1));
+    backend
+}
+
+fn refit(backend: &mut CpuBackend, animation: &Animation, (tree, generation): (&Topology, u64)) {
+    backend.adopt(tree, Generation(generation)).unwrap();
+    backend.interpolate(animation.pose(0.7)).unwrap();
+    backend.preprocess().unwrap();
+    backend.refit().unwrap();
+    backend.submit().unwrap();
+}
+
+fn trace(backend: &mut CpuBackend, rays: Rays<'_>, kind: QueryKind) -> Hits {
+    backend.trace(Query { rays, kind }).unwrap();
+    let (ticket, mut hits) = (backend.submit().unwrap(), Hits::default());
+    backend.hits(ticket, &mut hits).unwrap();
+    hits
+}
+
+/// All answers to these rays, as bits.
+fn answers(
+    backend: &mut CpuBackend,
+    rays: Rays<'_>,
+    light: Point,
+) -> [(Vec<[u32; 4]>, Vec<u8>); 3] {
+    let kinds = [
+        QueryKind::Closest,
+        QueryKind::Any,
+        QueryKind::ClosestAndShadow { light },
+    ];
+    kinds.map(|kind| {
+        let hits = trace(backend, rays, kind);
+        let bits = hits.closest.iter();
+        let bits = bits.map(|h| [h.t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.triangle]);
+        (bits.collect(), hits.blocked)
+    })
+}
+
+/// Every instruction set finds by either tree what the reference finds.
+fn check(
+    animation: &Arc<Animation>,
+    intersector: Intersector,
+    rays: &[Rays<'_>],
+    light: Point,
+) -> Result<(), TestCaseError> {
+    let trees = trees(animation);
+    let [usual, fast] = Layout::ALL.map(|layout| Method {
+        intersector,
+        layout,
+    });
+    let reference = CpuBackend::new(Some(1)).unwrap();
+    let mut reference = ready(reference, animation, usual, &trees[0]);
+    let expected = answers(&mut reference, rays[0], light);
+    for (level, tree) in Level::all().into_iter().zip(trees.iter().cycle()) {
+        let subject = open_at(level, Some(1)).unwrap();
+        let mut subject = ready(subject, animation, fast, tree);
+        for &rays in rays {
+            let found = answers(&mut subject, rays, light);
+            prop_assert!(found == expected, "{level:?} {intersector}");
+        }
+    }
+    Ok(())
+}
+
+fn larger(ray: &Ray, size: f32) -> Ray {
+    Ray {
+        origin: ray.origin.map(|x| x * size),
+        t_min: ray.t_min * size,
+        t_max: ray.t_max * size,
+        ..*ray
+    }
+}
+
+/// Sizes of scenes in scaled units that are the scene's, or are not.
+fn size() -> impl Strategy<Value = f32> {
+    prop_oneof![Just(1.0), (-18_i32..18).prop_map(|e| 2.0_f32.powi(4 * e))]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(128))]
+
+    #[test]
+    fn neighbours_together_hit_what_each_hits_alone(camera in cameras(), light in near(9.0), size in size()) {
+        let camera = Camera { eye: camera.eye.map(|x| x * size), ..camera };
+        let rays: Vec<Ray> = camera.rays().collect();
+        let rays = [Rays::List(&rays), Rays::Camera(&camera)];
+        check(&ball(size), Intersector::Watertight, &rays, light.map(|x| x * size))?;
+    }
+
+    #[test]
+    fn strangers_hit_with_vectors_what_they_hit_without(
+        rays in strangers(),
+        light in near(9.0),
+        size in size(),
+        intersector in prop::sample::select(&Intersector::ALL[..]),
+    ) {
+        let rays: Vec<_> = rays.iter().map(|ray| larger(ray, size)).collect();
+        check(&ball(size), intersector, &[Rays::List(&rays)], light.map(|x| x * size))?;
+    }
+}
+
+#[test]
+fn a_tree_that_brings_its_blocks_is_adopted_as_one_that_does_not() {
+    let animation = ball(1.0);
+    let camera = Camera::look_at([3.0, 2.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 50.0, [40, 30]);
+    let rays: Vec<Ray> = camera.unwrap().rays().collect();
+    let method = Method {
+        layout: Layout::Fast,
+        ..Method::default()
+    };
+    let [good, bad] = trees(&animation);
+    for (old, new) in [(&good, &bad), (&bad, &good)] {
+        let blocks = (&[][..], First::Left);
+        let with = new.clone().with_blocks(animation.triangles(), blocks);
+        let [found, expected] = [&with, new].map(|new| {
+            let mut backend = ready(crate::open(Some(1)).unwrap(), &animation, method, old);
+            refit(&mut backend, &animation, (new, 2));
+            let boxes = backend.inspect().boxes().unwrap();
+            (boxes, answers(&mut backend, Rays::List(&rays), [3.0; 3]))
+        });
+        assert!(found == expected);
+    }
+}

@@ -1,0 +1,123 @@
+//! Boxes of inner nodes against the box test that decides hits.
+
+use crate::rays::{Given, Group, OneRay};
+use crate::simd::{Isa, Lanes, Level, Plain, Work};
+use crate::together::MOST_RAYS;
+use crate::tree::{EMPTY, LANES, Planes};
+use crate::walk::{BoxTest, NodeRay};
+use cpu_ref::ray::PreparedRay;
+use cpu_ref::scale::Scale;
+use geom::{Aabb, Point, Ray};
+use proptest::prelude::*;
+
+fn near(reach: f32) -> impl Strategy<Value = Point> {
+    [-reach..reach, -reach..reach, -reach..reach]
+}
+
+/// A box of all triangles, far from the origin or not, and one within.
+fn boxes() -> impl Strategy<Value = [Aabb; 2]> {
+    let middle = prop_oneof![near(1.0), near(1e3), near(1e6)];
+    (middle, near(1.0), near(1.0)).prop_map(|(middle, a, b)| {
+        let corners = [a, b].map(|p| std::array::from_fn(|i| middle[i] + p[i]));
+        let unit = |side: f32| std::array::from_fn(|i| middle[i] + side);
+        let around = |points: [Point; 2]| {
+            let all = points.iter();
+            all.fold(Aabb::EMPTY, |bounds, &p| bounds.with_point(p))
+        };
+        [around([unit(-1.0), unit(1.0)]), around(corners)]
+    })
+}
+
+/// Towards a corner of a box, an edge or a face, from near or far; some along an axis.
+fn ray_to(bounds: Aabb) -> impl Strategy<Value = Ray> {
+    let away = prop_oneof![4 => near(3.0), 2 => near(1e4), 1 => near(1e38)];
+    let on = prop::array::uniform3(prop_oneof![Just(0.0_f32), Just(1.0), 0.0_f32..1.0]);
+    let axes =
+        prop::array::uniform3(prop_oneof![6 => Just(1.0_f32), 1 => Just(0.0), 1 => Just(1e-15)]);
+    (away, on, axes).prop_map(move |(away, on, axes)| {
+        let at: Point = std::array::from_fn(|i| bounds.min[i] + on[i] * bounds.extent()[i]);
+        let from: Point = std::array::from_fn(|i| at[i] + axes[i] * away[i]);
+        let t_min = if away[0] < 0.0 {
+            f32::NEG_INFINITY
+        } else {
+            0.0
+        };
+        Ray {
+            t_min,
+            ..Ray::new(from, std::array::from_fn(|i| at[i] - from[i]))
+        }
+    })
+}
+
+/// Entry and exit by the box test.
+fn strict(ray: &OneRay, bounds: &Aabb) -> [f32; 2] {
+    let mut span = [ray.t_min, f32::INFINITY];
+    for axis in 0..3 {
+        let (o, r, q) = (ray.origin[axis], ray.inverse[axis], ray.pad[axis]);
+        let mut planes = [bounds.min[axis], bounds.max[axis]];
+        if r.is_sign_negative() {
+            planes.reverse();
+        }
+        span[0] = span[0].max((planes[0] - o) * r - q);
+        span[1] = span[1].min((planes[1] - o) * r + q);
+    }
+    span
+}
+
+/// The box in one lane of a node, others being empty.
+fn in_lane(bounds: &Aabb, lane: usize) -> Planes {
+    let mut planes = EMPTY;
+    for (axis, planes) in planes.iter_mut().enumerate() {
+        (planes[lane], planes[lane + LANES]) = (bounds.min[axis], bounds.max[axis]);
+    }
+    planes
+}
+
+/// The lanes of `planes` that a ray meets, and where it enters each.
+struct Meet<'a> {
+    ray: &'a OneRay,
+    planes: Planes,
+}
+
+impl Work for Meet<'_> {
+    type Out = (u32, [f32; LANES]);
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> (u32, [f32; LANES]) {
+        let node_ray = NodeRay::<I::Eight>::new(self.ray);
+        let (lanes, entries) = node_ray.meet(&self.planes, f32::INFINITY);
+        (lanes, entries.store())
+    }
+}
+
+fn check(ray: &OneRay, bounds: &Aabb) -> Result<(), TestCaseError> {
+    let [entry, exit] = strict(ray, bounds);
+    let lane = 5;
+    for level in Level::all() {
+        let planes = in_lane(bounds, lane);
+        let (lanes, entries) = level.run(Meet { ray, planes });
+        prop_assert_eq!(lanes & !(1 << lane), 0, "empty lanes are never met");
+        if entry <= exit {
+            prop_assert_eq!(lanes, 1 << lane, "{:?}: {} {}", level, entry, exit);
+            prop_assert!(entries[lane] <= entry, "{:?}", level);
+        }
+    }
+    Ok(())
+}
+
+proptest! {
+    #[test]
+    fn what_the_box_test_meets_is_visited(
+        (boxes, ray) in boxes().prop_flat_map(|boxes| (Just(boxes), ray_to(boxes[1]))),
+    ) {
+        let [root, bounds] = boxes;
+        let Some(prepared) = PreparedRay::new(&ray, Scale::ONE) else {
+            return Ok(());
+        };
+        check(&OneRay::new(&prepared, &root), &bounds)?;
+        let group = Group::<Plain<8>>::new(&Given::of(&[ray; MOST_RAYS]), Scale::ONE, &root);
+        if group.ready & 1 == 1 {
+            check(&group.ray(0), &bounds)?;
+        }
+    }
+}

@@ -1,0 +1,253 @@
+//! How the tree of layout `fast` lies in memory.
+
+use crate::fit::triangle;
+use crate::moving::Moving;
+use crate::simd::Level;
+use crate::trace::WideTracer;
+use backend::{BackendError, Intersector, Result};
+use bvh_layout::{BlockTree, First, Ranges, Topology};
+use cpu_ref::bvh2::Bvh2;
+use cpu_ref::geometry::{Geometry, Unhittable};
+use cpu_ref::intersect::{MollerTrumbore, Record, TriangleTest, Woop};
+use cpu_ref::tiles::{Counts, Output};
+use cpu_ref::trace::{TraceTask, Tracer};
+use cpu_ref::{Accelerator, reserve};
+use geom::{Aabb, Animation, Triangle, is_active};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+pub(crate) use bvh_layout::{LANES, Link};
+
+/// Up to eight boxes and where they lead: four cache lines.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Node {
+    /// For each axis: lower planes of all lanes, then upper planes. Lanes without a child are empty.
+    pub(crate) planes: Planes,
+    /// Where each lane leads.
+    pub(crate) links: [Link; LANES],
+    /// The binary nodes that it stands for.
+    pub(crate) ranges: Ranges,
+}
+
+/// For each axis: eight lower planes, then eight upper planes.
+pub(crate) type Planes = [[f32; 2 * LANES]; 3];
+
+/// Planes of eight empty boxes.
+pub(crate) const EMPTY: Planes = {
+    let (no, on) = (f32::INFINITY, f32::NEG_INFINITY);
+    [[
+        no, no, no, no, no, no, no, no, on, on, on, on, on, on, on, on,
+    ]; 3]
+};
+
+/// Up to eight triangles in scaled units. Whatever cannot be hit now has corners that are not numbers.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Block {
+    /// For each axis, for each corner: the coordinate in all lanes.
+    pub(crate) corners: [[[f32; LANES]; 3]; 3],
+    /// Index in the scene; `u32::MAX` in lanes without a triangle.
+    pub(crate) triangles: [u32; LANES],
+}
+
+/// Where a triangle lies: in a lane of a block.
+#[inline(always)]
+pub(crate) fn place(block: usize, lane: usize) -> u32 {
+    (block * LANES + lane) as u32
+}
+
+/// No triangle's place.
+pub(crate) const NOWHERE: u32 = u32::MAX;
+
+/// More have places that are no 32-bit numbers. They would take 170 GB.
+const MOST_BLOCKS: usize = NOWHERE as usize / LANES;
+
+impl Node {
+    pub(crate) const UNUSED: Self = Self {
+        planes: EMPTY,
+        links: [Link::ROOT; LANES],
+        ranges: Ranges::NONE,
+    };
+}
+
+impl Block {
+    pub(crate) const UNUSED: Self = Self {
+        corners: [[[f32::NAN; LANES]; 3]; 3],
+        triangles: [u32::MAX; LANES],
+    };
+
+    /// The corners in one lane, in scaled units.
+    #[inline(always)]
+    pub(crate) fn triangle(&self, lane: usize) -> Triangle {
+        triangle(&self.corners, lane)
+    }
+}
+
+/// A tree with the boxes and triangles of one moment.
+#[derive(Debug)]
+pub(crate) struct Wide {
+    /// Which triangles and subtrees lie where.
+    pub(crate) shape: Arc<BlockTree>,
+    /// As in `shape`, from the first preprocess on.
+    pub(crate) nodes: Vec<Node>,
+    /// Likewise.
+    pub(crate) blocks: Vec<Block>,
+    /// Whether nodes and blocks are still another tree's.
+    pub(crate) stale: bool,
+    /// One a lane of a block, for tests other than the watertight one; else empty.
+    pub(crate) records: Vec<Record>,
+    /// The box of the whole tree, in scaled units.
+    pub(crate) root: Aabb,
+    /// Areas of all boxes within blocks, as of the last preprocess.
+    pub(crate) block_areas: f64,
+    /// The instructions to trace with.
+    pub(crate) level: Level,
+    /// The binary tree, for whoever asks for its boxes.
+    pub(crate) binary: Topology,
+    /// What moves, if the binary tree came with lists of it.
+    pub(crate) moving: Option<Moving>,
+}
+
+impl Wide {
+    /// An empty tree, to be traced with `level`.
+    pub(crate) fn new(level: Level) -> Self {
+        Self {
+            nodes: vec![Node::UNUSED],
+            blocks: Vec::new(),
+            shape: Arc::default(),
+            stale: true,
+            records: Vec::new(),
+            root: Aabb::EMPTY,
+            block_areas: 0.0,
+            level,
+            binary: Topology::default(),
+            moving: None,
+        }
+    }
+}
+
+impl Wide {
+    /// Makes the record of each lane for tests that ask for one, after the corners.
+    fn make_records<T: TriangleTest>(&mut self) {
+        self.records
+            .resize(self.blocks.len() * LANES, Record::default());
+        let records = self.records.par_chunks_mut(LANES).with_min_len(128);
+        records.zip(&self.blocks).for_each(|(records, block)| {
+            for (lane, record) in records.iter_mut().enumerate() {
+                let corners = block.triangle(lane);
+                *record = if is_active(&corners) {
+                    T::record(&corners)
+                } else {
+                    Record::default()
+                };
+            }
+        });
+    }
+
+    /// The triangle in a place.
+    #[inline(always)]
+    pub(crate) fn triangle_at(&self, place: u32) -> u32 {
+        self.blocks[place as usize / LANES].triangles[place as usize % LANES]
+    }
+
+    /// Its corners, in scaled units.
+    #[inline(always)]
+    pub(crate) fn corners_at(&self, place: u32) -> Triangle {
+        self.blocks[place as usize / LANES].triangle(place as usize % LANES)
+    }
+}
+
+impl Accelerator for Wide {
+    /// Costs little if the record brings its [`BlockTree`] along.
+    fn adopt(&mut self, tree: &Topology, animation: &Animation) -> Result<()> {
+        let shape = match tree.blocks() {
+            Some(shape) => Arc::clone(shape),
+            None => Arc::new(BlockTree::of(
+                tree,
+                animation.triangles(),
+                (&[], First::Left),
+            )),
+        };
+        if shape.blocks.len() > MOST_BLOCKS {
+            return Err(BackendError::OutOfMemory {
+                what: "blocks of triangles".to_owned(),
+                bytes: size_of_val(&shape.blocks[..]) as u64,
+            });
+        }
+        let nodes = larger(&self.nodes, shape.nodes.len(), "nodes")?;
+        let blocks = larger(&self.blocks, shape.blocks.len(), "blocks of triangles")?;
+        let outgrown = (
+            fill(&mut self.nodes, nodes, shape.nodes.len(), Node::UNUSED),
+            fill(&mut self.blocks, blocks, shape.blocks.len(), Block::UNUSED),
+        );
+        self.stale = true;
+        let is_static = &animation.static_parts().triangles;
+        self.moving = tree.moving().map(|_| Moving::of(&shape, is_static));
+        self.binary.copy_record(tree);
+        let old = std::mem::replace(&mut self.shape, shape);
+        // Giving much memory back takes a while.
+        rayon::spawn(move || drop((old, outgrown)));
+        Ok(())
+    }
+
+    fn wants_blocks(&self) -> bool {
+        true
+    }
+
+    fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable {
+        let unhittable = self.preprocess_blocks(geometry);
+        match intersector {
+            Intersector::Woop => self.make_records::<Woop>(),
+            Intersector::MollerTrumbore => self.make_records::<MollerTrumbore>(),
+            Intersector::Watertight | Intersector::Exact => {}
+        }
+        unhittable
+    }
+
+    fn refit(&mut self) -> f64 {
+        self.refit_nodes()
+    }
+
+    fn root(&self) -> Aabb {
+        self.root
+    }
+
+    fn trace(&self, task: TraceTask<'_>, out: Output<'_>) -> Counts {
+        let tracer = Tracer::new(task, self);
+        if task.intersector == Intersector::Watertight && !task.is_extreme() {
+            WideTracer(tracer).trace(out)
+        } else {
+            tracer.trace(out)
+        }
+    }
+
+    fn boxes(&self, geometry: &Geometry<'_>) -> Result<Vec<Aabb>> {
+        Bvh2::boxes_of(&self.binary, geometry)
+    }
+}
+
+/// Memory in the place of `old` if that is too small, and more than is asked: the next tree may have a few more.
+fn larger<T>(old: &Vec<T>, count: usize, what: &str) -> Result<Option<Vec<T>>> {
+    if old.capacity() >= count {
+        return Ok(None);
+    }
+    let mut new = Vec::new();
+    reserve(&mut new, count + count / 4, what)?;
+    Ok(Some(new))
+}
+
+/// Makes `memory` so long, in `larger` if there is any; returns what it outgrew.
+fn fill<T: Copy + Send + Sync>(
+    memory: &mut Vec<T>,
+    larger: Option<Vec<T>>,
+    count: usize,
+    with: T,
+) -> Option<Vec<T>> {
+    let Some(mut larger) = larger else {
+        memory.resize(count, with);
+        return None;
+    };
+    rayon::iter::repeat_n(with, count).collect_into_vec(&mut larger);
+    Some(std::mem::replace(memory, larger))
+}

@@ -1,0 +1,120 @@
+//! The wide tree for tests that take one triangle at a time.
+
+use crate::fit::bounds;
+use crate::leaf::TriangleRay;
+use crate::rays::OneRay;
+use crate::simd::{Isa, Lanes, Work};
+use crate::tree::{LANES, Wide};
+use crate::walk::{NodeRay, Stack, Visitor, walk};
+use cpu_ref::intersect::{Record, TriangleTest};
+use cpu_ref::ray::PreparedRay;
+use cpu_ref::traverse::{Below, Leaf, Tree};
+use geom::{Aabb, Hit};
+
+impl Tree for &Wide {
+    type Waiting = Stack;
+
+    fn root(&self) -> Aabb {
+        self.root
+    }
+
+    #[inline]
+    fn triangle(&self, place: usize) -> Option<u32> {
+        let triangle = self.blocks[place / LANES].triangles[place % LANES];
+        (triangle != Hit::MISS.triangle).then_some(triangle)
+    }
+
+    #[inline]
+    fn record<T: TriangleTest>(&self, place: usize) -> Record {
+        match self.records.get(place) {
+            Some(record) => *record,
+            None => T::record(&self.blocks[place / LANES].triangle(place % LANES)),
+        }
+    }
+
+    fn children(&self, node: u32, mut each: impl FnMut(&Aabb, Below)) {
+        let node = &self.nodes[node as usize];
+        for (lane, link) in node.links.into_iter().enumerate() {
+            let below = match link.is_block() {
+                true => Below::Places {
+                    first: link.index() * LANES,
+                    count: LANES,
+                },
+                false => Below::Node(link.index() as u32),
+            };
+            each(&bounds(&node.planes, lane), below);
+        }
+    }
+
+    #[inline]
+    fn visit(
+        &self,
+        ray: &PreparedRay,
+        stack: &mut Stack,
+        see: impl FnMut(&Leaf, f32) -> Option<f32>,
+    ) -> bool {
+        self.level.run(Visit {
+            tree: self,
+            ray,
+            stack,
+            see,
+        })
+    }
+}
+
+struct Visit<'a, F> {
+    tree: &'a Wide,
+    ray: &'a PreparedRay,
+    stack: &'a mut Stack,
+    see: F,
+}
+
+impl<F: FnMut(&Leaf, f32) -> Option<f32>> Work for Visit<'_, F> {
+    type Out = bool;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> bool {
+        let ray = OneRay::new(self.ray, &self.tree.root);
+        let mut each = EachTriangle {
+            tree: self.tree,
+            ray: TriangleRay::<I::Eight>::single(&ray),
+            see: self.see,
+        };
+        let ray = NodeRay::<I::Eight>::new(&ray);
+        let rays = (&ray, self.ray.t_max);
+        walk::<I, _>(self.tree, rays, self.stack, &mut each)
+    }
+}
+
+/// Shows each triangle of a block whose own box the ray meets.
+struct EachTriangle<'a, L, F> {
+    tree: &'a Wide,
+    ray: TriangleRay<L>,
+    see: F,
+}
+
+impl<L, F> Visitor for EachTriangle<'_, L, F>
+where
+    L: Lanes<Array = [f32; LANES]>,
+    F: FnMut(&Leaf, f32) -> Option<f32>,
+{
+    #[inline(always)]
+    fn block(&mut self, block: usize, mut bound: f32) -> Option<f32> {
+        let spans = self.ray.spans(&self.tree.blocks[block], bound);
+        let (entry, exit) = (spans.entry.store(), spans.exit.store());
+        let mut lanes = spans.lanes;
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize % LANES;
+            lanes &= lanes - 1;
+            let leaf = Leaf {
+                place: block * LANES + lane,
+                entry: entry[lane],
+                exit: exit[lane],
+            };
+            if leaf.entry <= bound {
+                bound = (self.see)(&leaf, bound)?;
+            }
+        }
+        Some(bound)
+    }
+}

@@ -1,0 +1,240 @@
+//! One ray through the nodes, nearest child first, eight boxes at a time.
+
+use crate::rays::OneRay;
+use crate::simd::{Isa, Lanes, Word, each, prefetch};
+use crate::tree::{LANES, Link, Node, Planes, Wide};
+use bvh_build::MAX_DEPTH;
+
+/// A node or block still to visit.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    link: Link,
+    entry: f32,
+}
+
+/// Each level of the binary tree leaves at most one behind, and one more node may be split up.
+const DEEPEST: usize = ((LANES - 1) * (MAX_DEPTH as usize + 1)).next_power_of_two();
+
+/// Nodes and blocks still to visit, the next one last.
+pub(crate) struct Stack {
+    waiting: [Waiting; DEEPEST],
+    /// Where their order does not matter; room for all lanes of one node more.
+    links: [Link; DEEPEST + LANES],
+}
+
+// SAFETY: a link is a `u32` and nothing else.
+#[expect(unsafe_code, reason = "links are moved about by vector instructions")]
+unsafe impl Word for Link {}
+
+impl Default for Stack {
+    fn default() -> Self {
+        let unused = Waiting {
+            link: Link::ROOT,
+            entry: 0.0,
+        };
+        Self {
+            waiting: [unused; DEEPEST],
+            links: [Link::ROOT; DEEPEST + LANES],
+        }
+    }
+}
+
+/// What is to be done with the blocks that a ray comes to, nearer ones first.
+pub(crate) trait Visitor {
+    /// Sees a block whose box the ray meets before `bound`, and returns the next bound; none ends the walk.
+    /// Must be `#[inline(always)]`.
+    fn block(&mut self, block: usize, bound: f32) -> Option<f32>;
+}
+
+/// Likewise where any hit will do.
+pub(crate) trait AnyVisitor {
+    /// Whether a block whose box the ray meets has a hit that counts. Must be `#[inline(always)]`.
+    fn hits(&mut self, block: usize) -> bool;
+}
+
+/// Something that boxes are tested against.
+pub(crate) trait BoxTest<L> {
+    /// Which of eight boxes cannot be skipped, and where they are entered. Must be `#[inline(always)]`.
+    fn meet(&self, planes: &Planes, best: f32) -> (u32, L);
+}
+
+/// What boxes of inner nodes are tested against: wider than the reference's box test has them, with fewer operations.
+/// They decide no hit.
+#[derive(Clone, Copy)]
+pub(crate) struct NodeRay<L> {
+    inverse: [L; 3],
+    /// Added to the products with near planes, with far planes.
+    starts: [[L; 2]; 3],
+    /// Which planes are nearer: 0 for the lower ones.
+    near: [usize; 3],
+    t_min: L,
+}
+
+impl<L: Lanes> NodeRay<L> {
+    #[inline(always)]
+    pub(crate) fn new(ray: &OneRay) -> Self {
+        Self {
+            inverse: each!(i => L::splat(ray.inverse[i])),
+            starts: each!(i => {
+                let [near, far] = ray.starts[i];
+                [L::splat(near), L::splat(far)]
+            }),
+            near: each!(i => usize::from(ray.inverse[i].is_sign_negative())),
+            t_min: L::splat(ray.t_min),
+        }
+    }
+}
+
+impl<L: Lanes<Array = [f32; LANES]>> BoxTest<L> for NodeRay<L> {
+    #[inline(always)]
+    fn meet(&self, planes: &Planes, best: f32) -> (u32, L) {
+        let at = each!(axis => {
+            let (sides, _) = planes[axis].as_chunks::<LANES>();
+            let near = self.near[axis];
+            [L::load(&sides[near % 2]), L::load(&sides[(near + 1) % 2])]
+        });
+        let [n, f] = [0, 1];
+        let t = each!(axis => {
+            let ([near, far], r) = (at[axis], self.inverse[axis]);
+            let starts = self.starts[axis];
+            [near.about(r, starts[n]), far.about(r, starts[f])]
+        });
+        let entry = self.t_min.max(t[0][n]).max(t[1][n].max(t[2][n]));
+        let exit = L::splat(best).min(t[0][f]).min(t[1][f].min(t[2][f]));
+        (L::bits(entry.at_most(exit)), entry)
+    }
+}
+
+/// Shows `visitor` the blocks that rays may hit, roughly in their order; whether it ended the walk.
+#[inline(always)]
+pub(crate) fn walk<I: Isa, V: Visitor>(
+    tree: &Wide,
+    (rays, mut bound): (&impl BoxTest<I::Eight>, f32),
+    stack: &mut Stack,
+    visitor: &mut V,
+) -> bool {
+    let mut len = 0;
+    let mut link = Link::ROOT;
+    loop {
+        if link.is_block() {
+            match visitor.block(link.index(), bound) {
+                Some(next) => bound = next,
+                None => return true,
+            }
+        } else {
+            let node = &tree.nodes[link.index()];
+            let (lanes, entry) = rays.meet(&node.planes, bound);
+            if lanes != 0 {
+                link = if lanes & (lanes - 1) == 0 {
+                    node.links[lanes.trailing_zeros() as usize % LANES]
+                } else {
+                    nearest(tree, node, (lanes, entry), (stack, &mut len))
+                };
+                continue;
+            }
+        }
+        // Equal entries stay: a hit at the same distance may have a lower index.
+        loop {
+            if len == 0 {
+                return false;
+            }
+            len -= 1;
+            let next = stack.waiting[len % DEEPEST];
+            if next.entry <= bound {
+                link = next.link;
+                break;
+            }
+        }
+    }
+}
+
+/// The nearest of `lanes`, of which there are some; the others wait, farthest first.
+#[inline(always)]
+fn nearest<L: Lanes<Array = [f32; LANES]>>(
+    tree: &Wide,
+    node: &Node,
+    (lanes, entry): (u32, L),
+    (stack, len): (&mut Stack, &mut usize),
+) -> Link {
+    let entries = entry.store();
+    let waiting = &mut stack.waiting;
+    let base = *len;
+    let mut next = node.waiting(lanes.trailing_zeros(), &entries);
+    tree.prefetch(next.link);
+    let mut rest = lanes & (lanes - 1);
+    while rest != 0 {
+        let mut other = node.waiting(rest.trailing_zeros(), &entries);
+        tree.prefetch(other.link);
+        rest &= rest - 1;
+        if other.entry < next.entry {
+            std::mem::swap(&mut other, &mut next);
+        }
+        let mut place = *len;
+        *len += 1;
+        while place > base && waiting[(place - 1) % DEEPEST].entry < other.entry {
+            waiting[place % DEEPEST] = waiting[(place - 1) % DEEPEST];
+            place -= 1;
+        }
+        waiting[place % DEEPEST] = other;
+    }
+    next.link
+}
+
+/// Shows `visitor` the blocks that a ray may hit before `bound`, a node's last child first, until it sees a hit; whether it did.
+#[inline(always)]
+pub(crate) fn walk_any<I: Isa>(
+    tree: &Wide,
+    (ray, bound): (&NodeRay<I::Eight>, f32),
+    stack: &mut Stack,
+    visitor: &mut impl AnyVisitor,
+) -> bool {
+    let links = &mut stack.links;
+    let (mut len, mut link) = (0, Link::ROOT);
+    loop {
+        if link.is_block() {
+            if visitor.hits(link.index()) {
+                return true;
+            }
+        } else {
+            let node = &tree.nodes[link.index()];
+            let (lanes, _) = ray.meet(&node.planes, bound);
+            if lanes != 0 {
+                let first = 31 - lanes.leading_zeros();
+                let rest = lanes & !(1 << first);
+                let place = len % DEEPEST;
+                links[place..place + LANES].copy_from_slice(&I::packed(&node.links, rest));
+                len += rest.count_ones() as usize;
+                link = node.links[first as usize % LANES];
+                continue;
+            }
+        }
+        if len == 0 {
+            return false;
+        }
+        len -= 1;
+        link = links[len % DEEPEST];
+        // The one after it.
+        tree.prefetch(links[len.saturating_sub(1) % DEEPEST]);
+    }
+}
+
+impl Node {
+    #[inline(always)]
+    fn waiting(&self, lane: u32, entries: &[f32; LANES]) -> Waiting {
+        Waiting {
+            link: self.links[lane as usize % LANES],
+            entry: entries[lane as usize % LANES],
+        }
+    }
+}
+
+impl Wide {
+    #[inline(always)]
+    fn prefetch(&self, link: Link) {
+        if link.is_block() {
+            prefetch(&self.blocks, link.index());
+        } else {
+            prefetch(&self.nodes, link.index());
+        }
+    }
+}
