@@ -10,7 +10,7 @@ use backend::{
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};
-use gpu_common::{Stage, Trace, are_given, refuse_above};
+use gpu_common::{GpuDevice, Stage, Trace, are_given, refuse_above};
 use gpu_vulkan::VulkanDevice;
 use gpu_vulkan::commands::{KERNELS, RAYS};
 use gpu_vulkan::memory::Buffer;

@@ -43,6 +43,14 @@ pub enum SceneError {
         /// What is wrong there.
         cause: String,
     },
+    /// A file without a triangle.
+    #[error("{}: no triangles{}", path.display(), though(*vertices))]
+    NoTriangles {
+        /// The file.
+        path: PathBuf,
+        /// How many vertices it has.
+        vertices: usize,
+    },
     /// More than memory holds.
     #[error("{place}: {what}: {source}")]
     NotEnoughMemory {
@@ -80,6 +88,13 @@ impl fmt::Display for FileLocation {
             Self::Byte(byte) => write!(f, "byte {byte}: "),
             Self::Item(what, index) => write!(f, "{what} {index}: "),
         }
+    }
+}
+
+fn though(vertices: usize) -> String {
+    match vertices {
+        0 => String::new(),
+        n => format!(", though there are {n} vertices"),
     }
 }
 

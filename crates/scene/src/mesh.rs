@@ -84,29 +84,22 @@ impl Topology {
         if triangles > 0 {
             return Ok(());
         }
-        Err(SceneError::unusable(
-            path.display(),
-            match self.vertices {
-                0 => "no triangles".to_owned(),
-                n => format!("no triangles, though there are {n} vertices"),
-            },
-        ))
+        Err(SceneError::NoTriangles {
+            path: path.to_owned(),
+            vertices: self.vertices,
+        })
     }
 
     /// Checks that the key frame in `path` has the topology of the `first`.
     pub(crate) fn check_same(&self, path: &Path, first: (&Path, &Self)) -> Result<(), SceneError> {
-        let (first, expected) = (first.0.display(), first.1);
-        let other = |cause: String| {
-            let cause = format!("{cause}; all key frames must have the same topology");
-            Err(SceneError::unusable(path.display(), cause))
-        };
+        let expected = first.1;
         let triangles = [self, expected].map(Self::triangle_count);
         for (what, [found, wanted]) in [
             ("vertices", [self.vertices, expected.vertices]),
             ("triangles", triangles),
         ] {
             if found != wanted {
-                return other(format!("{found} {what}, but {first} has {wanted}"));
+                return Err(other_count(path, what, found, (first.0, wanted)));
             }
         }
         if self == expected {
@@ -114,8 +107,28 @@ impl Topology {
         }
         let same = self.faces().zip(expected.faces());
         let face = same.take_while(|(a, b)| a == b).count() + 1;
-        other(format!("face {face} joins other vertices than in {first}"))
+        let first = first.0.display();
+        Err(other_topology(
+            path,
+            &format!("face {face} joins other vertices than in {first}"),
+        ))
     }
+}
+
+/// A key frame has other counts than the first, and how many that has.
+pub(crate) fn other_count(
+    path: &Path,
+    what: &str,
+    found: usize,
+    (first, wanted): (&Path, usize),
+) -> SceneError {
+    let first = first.display();
+    other_topology(path, &format!("{found} {what}, but {first} has {wanted}"))
+}
+
+fn other_topology(path: &Path, cause: &str) -> SceneError {
+    let cause = format!("{cause}; all key frames must have the same topology");
+    SceneError::unusable(path.display(), cause)
 }
 
 /// The triangles of several meshes, each with the number of its vertices, over the vertices of all.

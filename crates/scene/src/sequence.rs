@@ -1,6 +1,6 @@
 //! Key frames from mesh files, one file each, all of one topology; and when they are, as `times.json` beside them says.
 
-use crate::mesh::{CLAY, Mesh, Paint, Topology, check_keys, mean};
+use crate::mesh::{CLAY, Mesh, Paint, Topology, check_keys, mean, other_count};
 use crate::{Facts, Options, Rgb, Scene, SceneError, obj, ply};
 use geom::{Animation, Point};
 use host::Folder;
@@ -88,13 +88,9 @@ fn key_frame(
     first: (&Path, &Topology),
 ) -> Result<(Vec<Point>, Vec<String>), SceneError> {
     let mesh = format.read(path).map_err(|e| match e {
-        SceneError::NoTriangles { path, .. } => SceneError::OtherCount {
-            path,
-            first: first.0.to_owned(),
-            what: "triangles",
-            found: 0,
-            expected: first.1.triangle_count(),
-        },
+        SceneError::NoTriangles { .. } => {
+            other_count(path, "triangles", 0, (first.0, first.1.triangle_count()))
+        }
         e => e,
     })?;
     mesh.topology.check_same(path, first)?;

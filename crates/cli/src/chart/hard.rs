@@ -35,7 +35,6 @@ pub(super) fn ask(
     let want = Want {
         backend: way.backend,
         adapter: None,
-        method,
         threads: threads::cores(),
     };
     let mut backend = open::open(&want, Ok)?.value;

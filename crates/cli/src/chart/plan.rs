@@ -1,9 +1,8 @@
 //! Which ways of tracing there are here.
 
 use crate::adapters;
-use crate::ahead::Ahead;
 use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs, PolicyArgs, UpdateName};
-use crate::choose::{self, Choice};
+use crate::choose::{self, Ahead, Choice};
 use crate::open::{self, Presence};
 use crate::session::Ask;
 use crate::stop::Stop;
@@ -121,7 +120,6 @@ fn methods(args: &ChartArgs) -> Vec<MethodArgs> {
             });
         }
     }
-    skipped.dedup();
     methods
 }
 

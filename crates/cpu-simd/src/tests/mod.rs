@@ -6,7 +6,7 @@ mod simd;
 
 use crate::open_at;
 use crate::simd::Level;
-use conformance::{LAWS, hold};
+use conformance::{LAWS, Reference, hold};
 use cpu_ref::CpuBackend;
 
 /// Cases of each law and instruction set.
@@ -14,7 +14,7 @@ const CASES: u32 = 4;
 
 #[test]
 fn every_instruction_set_keeps_every_law() {
-    let mut reference = CpuBackend::new(Some(1)).unwrap();
+    let mut reference = Reference::new(Box::new(CpuBackend::new(Some(1)).unwrap()));
     for level in Level::all() {
         let mut subject = open_at(level, Some(2)).unwrap();
         for law in LAWS {

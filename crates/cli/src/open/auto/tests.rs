@@ -5,7 +5,6 @@ use crate::adapters::named;
 use crate::args::BackendName;
 use DeviceKind::{Cpu, Gpu, Software};
 use backend::BackendError;
-use cpu_ref::CpuBackend;
 use std::cell::RefCell;
 
 /// What a made-up backend offers, and how opening it ends.
@@ -73,7 +72,7 @@ impl Fake {
         log.borrow_mut().push(line);
         match self.breaks {
             Some(breaks) => Err(breaks()),
-            None => Ok(Box::new(CpuBackend::new(Some(1))?)),
+            None => Ok(Box::new(cpu_simd::open(Some(1))?)),
         }
     }
 }
