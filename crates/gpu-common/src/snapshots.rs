@@ -75,11 +75,12 @@ impl<D: GpuDevice> Snapshots<D> {
         vertices: usize,
     ) -> Result<Option<(Ticket, Snapshot)>> {
         gpu.poll()?;
-        let oldest = self.under_way.front();
-        let arrived = oldest.map_or(Ok(false), |oldest| gpu.has_arrived(&oldest.copy))?;
-        let Some(oldest) = self.under_way.pop_front_if(|_| arrived) else {
-            return Ok(None);
-        };
+        match self.under_way.front() {
+            Some(oldest) if gpu.has_arrived(&oldest.copy)? => (),
+            _ => return Ok(None),
+        }
+        let oldest = self.under_way.pop_front();
+        let oldest = oldest.expect("it was there a moment ago");
         let snapshot = gpu.take(oldest.copy, vertices)?;
         Ok(Some((oldest.ticket, snapshot)))
     }

@@ -88,13 +88,18 @@ fn wgpu() -> backend::Result<WgpuBackend> {
     })
 }
 
+/// A name and a test on a device that is open.
+type Test = (&'static str, fn(&mut dyn Subject));
+/// Likewise, which closes it.
+type LastTest = (&'static str, fn(Box<dyn Subject>));
+
 /// Names tests by their paths.
 macro_rules! named {
     ($($path:path),* $(,)?) => { &[$((stringify!($path), $path)),*] };
 }
 
 /// What any device does, with scenes that each loads itself.
-const SHARED: &[(&str, fn(&mut dyn Subject))] = named![
+const SHARED: &[Test] = named![
     frames::results_last_for_two_more_traces,
     frames::stages_are_timed_by_one_clock,
     frames::another_scene_forgets_the_first,
@@ -113,7 +118,7 @@ const SHARED: &[(&str, fn(&mut dyn Subject))] = named![
 ];
 
 /// What kernels do, for which one device suffices.
-const OF_KERNELS: &[(&str, fn(&mut dyn Subject))] = named![
+const OF_KERNELS: &[Test] = named![
     geometry::treelets_that_stand_still_are_passed_over_to_the_last_bit,
     geometry::large_trees_have_the_same_boxes_in_either_layout,
     rasterization::triangles_find_the_rays_that_find_them,
@@ -131,11 +136,11 @@ const OF_KERNELS: &[(&str, fn(&mut dyn Subject))] = named![
 ];
 
 /// What needs a device whose buffers are small enough for the host to outgrow them.
-const OF_SMALL_BUFFERS: &[(&str, fn(&mut dyn Subject))] =
+const OF_SMALL_BUFFERS: &[Test] =
     named![frames::a_scene_too_large_is_refused_with_both_numbers_and_a_small_one_still_goes];
 
 /// What ends with the device.
-const FRESH: &[(&str, fn(Box<dyn Subject>))] = named![
+const FRESH: &[LastTest] = named![
     frames::a_snapshot_outlives_the_backend,
     frames::a_backend_may_be_dropped_at_any_moment,
 ];
