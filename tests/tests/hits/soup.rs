@@ -26,7 +26,7 @@ fn animation(corners: &[Triangle]) -> Arc<Animation> {
 /// Triangles whose coordinates are small integers or anything, so that there are ties, at several sizes.
 fn soups() -> Result<(), Failed> {
     let mut rng = fastrand::Rng::with_seed(3);
-    for case in 0..share(240) {
+    for case in 0..240 {
         let scale = [1.0, 1e-20, 1e20, 1024.0][case % 4];
         let point = |rng: &mut fastrand::Rng| -> Point {
             let coordinate = |()| match rng.bool() {
