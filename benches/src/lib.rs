@@ -1,10 +1,10 @@
 //! What the benchmarks share: meshes, rays, and other crates behind one trait.
 //!
-//! `cargo bench -p benches --bench build` (or `convert`, `refit`, `trace`).
+//! `cargo bench -p benches --bench stages [-- STAGE]`.
 //! Every group names a mesh and its triangles; every function in it does the
 //! same work on the same triangles or rays, so times compare within a group.
 //! `--features embree` adds Embree 3 to the traces (Debian's `libembree-dev`), and the bench `duel`, which sets
-//! this program against it sample by sample; `tinybvh` joins there.
+//! this program against it sample by sample.
 //! Real meshes join in when `ABVH_MESHES` names a folder of them (see [`meshes`]).
 
 mod mesh;
@@ -13,18 +13,52 @@ mod rays;
 mod rival;
 mod rivals;
 mod rounds;
-mod settings;
-mod table;
 
 pub use mesh::{Mesh, folder_or_demos, meshes};
 pub use ours::{Ours, Tracer, built};
 pub use rays::{camera, light, random_rays, shadow_rays};
 pub use rival::{Node, Rival, sah_cost};
-#[cfg(feature = "tinybvh")]
-pub use rivals::TinyBvh;
 pub use rivals::{Bvh, Obvhs, Parry};
 #[cfg(feature = "embree")]
 pub use rivals::{Embree, EmbreeScene, Packet16};
 pub use rounds::{Contender, Samples, in_turn, least, median};
-pub use settings::{criterion, pool, thread_counts};
-pub use table::print_table;
+
+use comfy_table::Table;
+use criterion::Criterion;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::time::Duration;
+
+/// Few samples and short: medians of one run are compared with one another, not with other days.
+#[must_use]
+pub fn criterion() -> Criterion {
+    Criterion::default()
+        .sample_size(10)
+        .warm_up_time(Duration::from_millis(500))
+        .measurement_time(Duration::from_secs(2))
+        .configure_from_args()
+}
+
+/// One thread, and one a core where there are more.
+#[must_use]
+pub fn thread_counts() -> Vec<usize> {
+    let all = std::thread::available_parallelism().map_or(1, usize::from);
+    if all > 1 { vec![1, all] } else { vec![1] }
+}
+
+/// A pool to install round a measured closure.
+///
+/// # Panics
+/// If the machine cannot start the threads.
+#[must_use]
+pub fn pool(threads: usize) -> ThreadPool {
+    let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.expect("the machine can start threads")
+}
+
+/// Prints a titled table on stderr: facts beside the timings.
+#[expect(clippy::print_stderr, reason = "facts for whoever runs the benchmark")]
+pub fn print_table(title: &str, header: &[&str], rows: Vec<Vec<String>>) {
+    let mut table = Table::new();
+    table.set_header(header.to_vec()).add_rows(rows);
+    eprintln!("\n{title}\n{table}\n");
+}

@@ -1,7 +1,7 @@
 //! This program's own stages, put together as the pipeline does.
 
-use crate::{Mesh, Node};
-use backend::{Backend, Generation, Hits, Intersector, Method, Query, QueryKind, Rays};
+use crate::{Mesh, Node, pool};
+use backend::{Backend, Generation, Hits, Method, Query, QueryKind, Rays};
 use bvh_build::{BinaryTree, Boxes, Builder, Cancel};
 use bvh_layout::{Converter, First, Lists, Topology, Treelets};
 use cpu_ref::CpuBackend;
@@ -19,14 +19,15 @@ pub struct Ours {
 }
 
 impl Ours {
-    /// Builds a tree, in the caller's pool.
+    /// Builds a tree and converts it, in the caller's pool.
     ///
     /// # Panics
     /// Never: nobody cancels.
-    pub fn build(&mut self, mesh: &Mesh, positions: &[Point]) {
+    pub fn make(&mut self, mesh: &Mesh, positions: &[Point]) -> &Topology {
         let boxes = (&*mesh.animation, positions);
         let built = self.builder.build(&boxes, &Cancel::new(), &mut self.tree);
         built.expect("nobody cancels");
+        self.convert(mesh)
     }
 
     /// Converts the tree last built, in the caller's pool.
@@ -55,28 +56,14 @@ impl Ours {
         &self.record
     }
 
-    /// The record with its eight-wide form, as a builder hands it to layout `fast`; in the caller's pool.
-    #[must_use]
-    pub fn record_with_blocks(&self, mesh: &Mesh, positions: &[Point]) -> Topology {
-        self.with_blocks(self.record.clone(), mesh, positions)
-    }
-
-    /// Likewise, and leaves no record behind.
+    /// The record with its eight-wide form, as a builder hands it to layout `fast`, in the caller's pool. Leaves no record behind.
     #[must_use]
     pub fn take_record_with_blocks(&mut self, mesh: &Mesh, positions: &[Point]) -> Topology {
-        let record = std::mem::take(&mut self.record);
-        self.with_blocks(record, mesh, positions)
-    }
-
-    fn with_blocks(&self, record: Topology, mesh: &Mesh, positions: &[Point]) -> Topology {
-        let boxes = self.boxes(mesh, positions);
-        record.with_blocks(mesh.animation.triangles(), (&boxes, First::Larger))
-    }
-
-    fn boxes(&self, mesh: &Mesh, positions: &[Point]) -> Vec<Aabb> {
         let boxes = (&*mesh.animation, positions);
         let triangles = (0..mesh.triangle_count() as u32).into_par_iter();
-        triangles.map(|triangle| boxes.get(triangle)).collect()
+        let boxes: Vec<Aabb> = triangles.map(|t| boxes.get(t)).collect();
+        let record = std::mem::take(&mut self.record);
+        record.with_blocks(mesh.animation.triangles(), (&boxes, First::Larger))
     }
 
     /// The record's nodes, with boxes over `positions`.
@@ -112,27 +99,10 @@ pub struct Tracer {
 
 impl Tracer {
     /// Loads `mesh` and takes its vertices at its start.
-    ///
-    /// # Panics
-    /// If the machine has no room or threads; likewise for the other methods.
     #[must_use]
-    pub fn new(mesh: &Mesh, intersector: Intersector, threads: usize) -> Self {
-        let method = Method {
-            intersector,
-            ..Method::default()
-        };
-        Self::with(mesh, method, threads)
-    }
-
-    /// Likewise, by any method.
-    ///
-    /// # Panics
-    /// See [`Tracer::new`].
-    #[must_use]
-    pub fn with(mesh: &Mesh, method: Method, threads: usize) -> Self {
-        let mut backend = cpu_simd::open(Some(threads)).expect("threads can start");
-        let loaded = backend.load(mesh.animation.clone(), method);
-        loaded.expect("the mesh fits the machine");
+    pub fn new(mesh: &Mesh, method: Method, threads: usize) -> Self {
+        let mut backend = done(cpu_simd::open(Some(threads)));
+        done(backend.load(mesh.animation.clone(), method));
         let mut tracer = Self {
             backend,
             generation: Generation::default(),
@@ -141,71 +111,63 @@ impl Tracer {
         tracer
     }
 
+    /// Likewise, with a fresh tree.
+    #[must_use]
+    pub fn ready(mesh: &Mesh, method: Method, threads: usize) -> Self {
+        let pool = pool(threads);
+        let mut ours = built(mesh, &pool);
+        let positions = mesh.positions(mesh.start());
+        let mut tracer = Self::new(mesh, method, threads);
+        tracer.adopt(&pool.install(|| ours.take_record_with_blocks(mesh, &positions)));
+        tracer.refit();
+        tracer
+    }
+
     /// Takes vertices at `pose`.
-    ///
-    /// # Panics
-    /// See [`Tracer::new`].
     pub fn pose(&mut self, pose: geom::Pose) {
-        self.backend.interpolate(pose).expect("a stage is recorded");
+        done(self.backend.interpolate(pose));
         self.finish();
     }
 
     /// Takes a tree.
-    ///
-    /// # Panics
-    /// See [`Tracer::new`].
     pub fn adopt(&mut self, record: &Topology) {
         self.generation.0 += 1;
-        let adopted = self.backend.adopt(record, self.generation);
-        adopted.expect("the tree is the mesh's");
+        done(self.backend.adopt(record, self.generation));
     }
 
     /// Positions to records and boxes: what rays need of a tree.
-    ///
-    /// # Panics
-    /// See [`Tracer::new`].
     pub fn refit(&mut self) {
-        self.backend.preprocess().expect("a stage is recorded");
-        self.backend.refit().expect("a stage is recorded");
+        done(self.backend.preprocess());
+        done(self.backend.refit());
         self.finish();
     }
 
     /// Traces rays; the number of hits.
-    ///
-    /// # Panics
-    /// See [`Tracer::new`].
     pub fn trace(&mut self, query: Query<'_>) -> u64 {
-        self.backend.trace(query).expect("a stage is recorded");
+        done(self.backend.trace(query));
         self.finish()
     }
 
     /// Traces a list of rays and fetches what they hit.
-    ///
-    /// # Panics
-    /// See [`Tracer::new`].
     #[must_use]
     pub fn list(&mut self, rays: &[Ray], kind: QueryKind) -> Hits {
         let rays = Rays::List(rays);
-        self.hits(Query { rays, kind })
-    }
-
-    /// Traces any rays and fetches what they hit.
-    ///
-    /// # Panics
-    /// See [`Tracer::new`].
-    #[must_use]
-    pub fn hits(&mut self, query: Query<'_>) -> Hits {
-        self.backend.trace(query).expect("a stage is recorded");
-        let ticket = self.backend.submit().expect("work is submitted");
+        done(self.backend.trace(Query { rays, kind }));
+        let ticket = done(self.backend.submit());
         let mut hits = Hits::default();
-        self.backend.hits(ticket, &mut hits).expect("work is done");
+        done(self.backend.hits(ticket, &mut hits));
         hits
     }
 
     fn finish(&mut self) -> u64 {
-        let ticket = self.backend.submit().expect("work is submitted");
-        self.backend.wait(ticket).expect("work is done").hits
+        let ticket = done(self.backend.submit());
+        done(self.backend.wait(ticket)).hits
     }
+}
+
+/// What the backend does on any machine that has room and threads.
+fn done<T, E: std::fmt::Debug>(result: Result<T, E>) -> T {
+    result.expect("the mesh fits the machine")
 }
 
 /// A tree of the mesh at its start, built and converted in `pool`.
@@ -213,9 +175,6 @@ impl Tracer {
 pub fn built(mesh: &Mesh, pool: &ThreadPool) -> Ours {
     let mut ours = Ours::default();
     let positions = mesh.positions(mesh.start());
-    pool.install(|| {
-        ours.build(mesh, &positions);
-        ours.convert(mesh);
-    });
+    pool.install(|| ours.make(mesh, &positions).bytes());
     ours
 }

@@ -9,7 +9,7 @@ pub trait Rival: Default + Send + Sync {
     /// Whether a build uses more than one thread.
     const BUILDS_IN_PARALLEL: bool;
     /// Whether a tree can take new positions and keep its shape.
-    const REFITS: bool;
+    const REFITS: bool = false;
     /// Whether a refit uses more than one thread.
     const REFITS_IN_PARALLEL: bool = false;
     /// The crate's own form of triangles, made outside of what is measured.
@@ -23,7 +23,7 @@ pub trait Rival: Default + Send + Sync {
 
     /// New positions of the same triangles to a tree of the same shape.
     /// Does nothing unless [`Rival::REFITS`].
-    fn refit(&mut self, soup: &Self::Soup);
+    fn refit(&mut self, _soup: &Self::Soup) {}
 
     /// Distance and triangle of the closest hit in `(0, t_max)`.
     fn closest(&self, soup: &Self::Soup, ray: &Ray) -> Option<(f32, u32)>;
@@ -31,8 +31,10 @@ pub trait Rival: Default + Send + Sync {
     /// Whether there is any hit in `(0, t_max)`.
     fn blocked(&self, soup: &Self::Soup, ray: &Ray) -> bool;
 
-    /// All nodes, the root first, others in any order.
-    fn nodes(&self, soup: &Self::Soup) -> Vec<Node>;
+    /// All nodes, the root first, others in any order; none if the crate keeps them to itself.
+    fn nodes(&self, _soup: &Self::Soup) -> Vec<Node> {
+        Vec::new()
+    }
 }
 
 /// A node as the cost sees it.
@@ -57,7 +59,7 @@ pub fn sah_cost(nodes: &[Node]) -> f64 {
 mod tests {
     use super::*;
     use crate::{Bvh, Mesh, Obvhs, Parry, built, camera, pool, shadow_rays};
-    use backend::Intersector;
+    use backend::{Intersector, Method};
 
     fn mesh() -> Mesh {
         Mesh::open("demo:collide:3000").expect("demos open")
@@ -75,10 +77,12 @@ mod tests {
 
     /// Hits of primary and shadow rays that differ from ours, after a refit to the start.
     fn differing<R: Rival>(mesh: &Mesh, threads: usize) -> usize {
-        let ours = built(mesh, &pool(1));
-        let mut tracer = crate::Tracer::new(mesh, Intersector::MollerTrumbore, 1);
-        tracer.adopt(ours.record());
-        tracer.refit();
+        let intersector = Intersector::MollerTrumbore;
+        let method = Method {
+            intersector,
+            ..Method::default()
+        };
+        let mut tracer = crate::Tracer::ready(mesh, method, 1);
         let primary = camera(mesh).rays().collect::<Vec<_>>();
         let shadow = shadow_rays(mesh, &primary, &mut tracer);
         let mut tree = R::default();

@@ -5,13 +5,9 @@ mod bvh;
 mod embree;
 mod obvhs;
 mod parry;
-#[cfg(feature = "tinybvh")]
-mod tinybvh;
 
 pub use self::bvh::Bvh;
 #[cfg(feature = "embree")]
 pub use self::embree::{Embree, EmbreeScene, Packet16};
 pub use self::obvhs::Obvhs;
 pub use self::parry::Parry;
-#[cfg(feature = "tinybvh")]
-pub use self::tinybvh::TinyBvh;

@@ -1,24 +1,24 @@
 //! This program and Embree in turn, sample by sample: builds with one thread and with all, and rays.
 //!
-//! `cargo bench -p benches --features embree,tinybvh --bench duel [-- FILE.json [GROUP]...]`, a group being `build`, `primary`
+//! `cargo bench -p benches --features embree --bench duel [-- FILE.json [GROUP]...]`, a group being `build`, `primary`
 //! or another kind of rays. Both sides share each change of
 //! the machine's load: ratios are medians over rounds, by time passed and by processor time, and the least times
 //! come as near to a quiet machine as the run did.
 
 mod build;
-mod machine;
 mod trace;
 
 use backend::{Intersector, Layout, Method};
 use benches::{Samples, folder_or_demos, least, median, print_table};
 use serde_json::{Value, json};
+use std::process::Command;
 
 fn main() {
     let mut words = std::env::args().skip(1).filter(|arg| !arg.starts_with('-'));
     let file = words.next();
     let only: Vec<String> = words.collect();
     let mut groups = Vec::new();
-    let before = machine::load();
+    let before = load();
     for mesh in folder_or_demos() {
         if is_asked(&only, "build") {
             groups.extend(build::all(&mesh));
@@ -26,15 +26,39 @@ fn main() {
         groups.extend(trace::all(&mesh, &|what| is_asked(&only, what)));
     }
     let report = json!({
-        "machine": machine::name(),
-        "commit": machine::commit(),
-        "load_before_and_after": [before, machine::load()],
+        "machine": machine(),
+        "commit": commit(),
+        "load_before_and_after": [before, load()],
         "groups": groups,
     });
     if let Some(file) = file {
         let text = serde_json::to_string_pretty(&report).expect("numbers and names");
         std::fs::write(&file, text + "\n").unwrap_or_else(|why| panic!("{file}: {why}"));
     }
+}
+
+/// The processor, and how many threads it runs at once.
+fn machine() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let line = text.lines().find(|line| line.starts_with("model name"));
+    let model = line.and_then(|line| line.split(':').nth(1));
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    format!("{}, {threads} threads", model.unwrap_or("unknown").trim())
+}
+
+/// The commit that was built, with a mark if files were changed since.
+fn commit() -> String {
+    let git = Command::new("git")
+        .args(["describe", "--always", "--dirty", "--exclude", "*"])
+        .output();
+    let text = git.map(|done| String::from_utf8_lossy(&done.stdout).trim().to_owned());
+    text.unwrap_or_default()
+}
+
+/// Programs that wanted to run of late, on average.
+fn load() -> String {
+    let text = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    text.split(' ').next().unwrap_or_default().to_owned()
 }
 
 /// Ours: the fastest here that lets no ray through an edge.
@@ -85,39 +109,39 @@ fn report(title: &str, unit: Unit, samples: &[Samples], baseline: usize) -> Valu
         "processor time over it",
         "hits",
     ];
-    let rows = samples.iter().map(|one| {
+    let (mut rows, mut contenders) = (Vec::new(), Vec::new());
+    for one in samples {
         let [wall, processor] = one.over(&samples[baseline]);
-        vec![
+        let best = unit.of(least(&one.wall));
+        let [middle, by_processor] = [&one.wall, &one.processor].map(|t| unit.of(median(t)));
+        rows.push(vec![
             one.name.clone(),
             one.threads.to_string(),
-            format!("{:.1}", unit.of(least(&one.wall))),
-            format!("{:.1}", unit.of(median(&one.wall))),
-            format!("{:.1}", unit.of(median(&one.processor))),
+            format!("{best:.1}"),
+            format!("{middle:.1}"),
+            format!("{by_processor:.1}"),
             format!("{wall:.3}"),
             format!("{processor:.3}"),
             one.hits.to_string(),
-        ]
-    });
-    print_table(title, &header, rows.collect());
-    let contenders = samples.iter().map(|one| {
-        let [wall, processor] = one.over(&samples[baseline]);
-        json!({
+        ]);
+        contenders.push(json!({
             "name": one.name,
             "threads": one.threads,
-            "best": unit.of(least(&one.wall)),
-            "median": unit.of(median(&one.wall)),
-            "by_processor_time": unit.of(median(&one.processor)),
+            "best": best,
+            "median": middle,
+            "by_processor_time": by_processor,
             "wall_over_baseline": wall,
             "processor_over_baseline": processor,
             "wall_ms": one.wall,
             "processor_ms": one.processor,
             "hits": one.hits,
-        })
-    });
+        }));
+    }
+    print_table(title, &header, rows);
     json!({
         "title": title,
         "unit": unit.name(),
         "baseline": samples[baseline].name,
-        "contenders": contenders.collect::<Vec<_>>(),
+        "contenders": contenders,
     })
 }

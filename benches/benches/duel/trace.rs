@@ -3,8 +3,8 @@
 use crate::{METHOD, Unit, report};
 use backend::{Query, QueryKind, Rays};
 use benches::{
-    Contender, EmbreeScene, Mesh, Packet16, Tracer, built, camera, in_turn, light, pool,
-    random_rays, shadow_rays, thread_counts,
+    Contender, EmbreeScene, Mesh, Packet16, Tracer, camera, in_turn, light, pool, random_rays,
+    shadow_rays, thread_counts,
 };
 use geom::{Camera, Ray};
 use rayon::ThreadPool;
@@ -74,13 +74,7 @@ type Group<'a> = (&'a str, &'a [&'a Asked<'a>], Option<QueryKind>);
 impl Stage<'_> {
     /// Our own backend with a fresh tree.
     fn tracer(&self) -> Tracer {
-        let ours = built(self.mesh, self.pool);
-        let positions = self.mesh.positions(self.mesh.start());
-        let mut tracer = Tracer::with(self.mesh, METHOD, self.threads);
-        let record = || ours.record_with_blocks(self.mesh, &positions);
-        tracer.adopt(&self.pool.install(record));
-        tracer.refit();
-        tracer
+        Tracer::ready(self.mesh, METHOD, self.threads)
     }
 
     /// All contenders trace all of `asked`; ours a camera's rays too, if there is one that sees the same.
@@ -135,20 +129,14 @@ impl Stage<'_> {
         scene: &'b EmbreeScene,
         asked: &'b [&Asked<'b>],
     ) -> Contender<'b> {
-        let count = |task: &[Ray], any: bool| {
-            let hits = |ray: &&Ray| match any {
+        self.in_tasks(name, asked, move |asked| {
+            let hits = |ray: &Ray| match asked.any {
                 true => scene.is_occluded(ray),
                 false => scene.hits(ray),
             };
-            task.iter().filter(hits).count() as u64
-        };
-        let trace = move |asked: &Asked<'_>| -> u64 {
             let tasks = asked.rays.par_chunks(TASK);
-            tasks.map(|task| count(task, asked.any)).sum()
-        };
-        Contender::new(name, self.threads, move || {
-            let all = || asked.iter().map(|asked| trace(asked)).sum();
-            self.pool.install(all)
+            let count = |task: &[Ray]| task.iter().filter(|ray| hits(ray)).count() as u64;
+            tasks.map(count).sum()
         })
     }
 
@@ -158,11 +146,19 @@ impl Stage<'_> {
         scene: &'b EmbreeScene,
         asked: &'b [&Asked<'b>],
     ) -> Contender<'b> {
-        let trace = move |asked: &Asked<'_>| -> u64 {
+        self.in_tasks(name, asked, move |asked| {
             let hits = |p: &Packet16| u64::from(scene.packet_hits(p, asked.any));
             let tasks = asked.packets.par_chunks(TASK / 16);
             tasks.map(|task| task.iter().map(hits).sum::<u64>()).sum()
-        };
+        })
+    }
+
+    fn in_tasks<'b>(
+        &'b self,
+        name: &str,
+        asked: &'b [&Asked<'b>],
+        trace: impl Fn(&Asked<'_>) -> u64 + Send + Sync + 'b,
+    ) -> Contender<'b> {
         Contender::new(name, self.threads, move || {
             let all = || asked.iter().map(|asked| trace(asked)).sum();
             self.pool.install(all)

@@ -75,7 +75,6 @@ impl Bvh {
 impl Rival for Bvh {
     const NAME: &'static str = "bvh";
     const BUILDS_IN_PARALLEL: bool = true;
-    const REFITS: bool = false;
     type Soup = Vec<Shape>;
 
     fn soup(triangles: &[geom::Triangle]) -> Self::Soup {
@@ -90,8 +89,6 @@ impl Rival for Bvh {
     fn build(&mut self, soup: &mut Self::Soup) {
         self.tree = Some(Tree::build_par(soup));
     }
-
-    fn refit(&mut self, _: &Self::Soup) {}
 
     fn closest(&self, soup: &Self::Soup, ray: &Ray) -> Option<(f32, u32)> {
         self.search(soup, ray, false)

@@ -6,7 +6,7 @@
 
 mod raw;
 
-use crate::{Node, Rival};
+use crate::Rival;
 use geom::{Ray, Triangle};
 use raw::*;
 use std::ffi::{CString, c_void};
@@ -33,7 +33,7 @@ unsafe impl Sync for EmbreeScene {}
 /// Up to sixteen rays in the form that Embree asks for.
 #[derive(Clone, Copy)]
 pub struct Packet16 {
-    rays: RayHit16,
+    rays: RayHits<16>,
     valid: Valid,
     /// What Embree is told of them.
     coherent: bool,
@@ -48,35 +48,12 @@ impl Packet16 {
     /// Packs rays, of which there are at most sixteen. Those that are `coherent` lie close together.
     #[must_use]
     pub fn new(rays: &[Ray], coherent: bool) -> Self {
-        let mut packet = Self {
-            rays: RayHit16 {
-                origin: [[0.0; 16]; 3],
-                t_min: [0.0; 16],
-                direction: [[0.0; 16]; 3],
-                time: [0.0; 16],
-                t_max: [0.0; 16],
-                mask: [NONE; 16],
-                id: [0; 16],
-                flags: [0; 16],
-                normal: [[0.0; 16]; 3],
-                uv: [[0.0; 16]; 2],
-                primitive: [NONE; 16],
-                geometry: [NONE; 16],
-                instance: [NONE; 16],
-            },
-            valid: Valid([0; 16]),
+        let valid = |lane| if lane < rays.len() { -1 } else { 0 };
+        Self {
+            rays: RayHits::new(rays),
+            valid: Valid(std::array::from_fn(valid)),
             coherent,
-        };
-        for (lane, ray) in rays.iter().enumerate() {
-            for axis in 0..3 {
-                packet.rays.origin[axis][lane] = ray.origin[axis];
-                packet.rays.direction[axis][lane] = ray.direction[axis];
-            }
-            packet.rays.t_min[lane] = ray.t_min;
-            packet.rays.t_max[lane] = ray.t_max;
-            packet.valid.0[lane] = -1;
         }
-        packet
     }
 }
 
@@ -129,14 +106,14 @@ impl EmbreeScene {
     /// Whether a ray hits, its closest triangle sought.
     #[must_use]
     pub fn hits(&self, ray: &Ray) -> bool {
-        self.ask(ray, rtcIntersect1).primitive != NONE
+        self.ask(ray, rtcIntersect1).primitive != [NONE]
     }
 
     /// Whether a ray hits anything.
     #[must_use]
     pub fn is_occluded(&self, ray: &Ray) -> bool {
         // Embree's sign for a ray that met something.
-        self.ask(ray, rtcOccluded1).t_max < 0.0
+        self.ask(ray, rtcOccluded1).t_max < [0.0]
     }
 
     /// How many of a packet's rays hit, their closest triangles sought or, with `any`, anything.
@@ -166,24 +143,10 @@ impl EmbreeScene {
     fn ask(
         &self,
         ray: &Ray,
-        ask: unsafe extern "C" fn(Handle, *mut Context, *mut RayHit),
-    ) -> RayHit {
+        ask: unsafe extern "C" fn(Handle, *mut Context, *mut RayHits<1>),
+    ) -> RayHits<1> {
         let mut context = Context::new(false);
-        let mut found = RayHit {
-            origin: ray.origin,
-            t_min: ray.t_min,
-            direction: ray.direction,
-            time: 0.0,
-            t_max: ray.t_max,
-            mask: NONE,
-            id: 0,
-            flags: 0,
-            normal: [0.0; 3],
-            uv: [0.0; 2],
-            primitive: NONE,
-            geometry: NONE,
-            instance: NONE,
-        };
+        let mut found = RayHits::new(std::slice::from_ref(ray));
         // SAFETY: the scene is committed, and ray and context live as long as the call.
         unsafe { ask(self.scene.as_ptr(), &raw mut context, &raw mut found) };
         found
@@ -218,7 +181,6 @@ impl Drop for EmbreeScene {
 impl Rival for Embree {
     const NAME: &'static str = "Embree 3, medium";
     const BUILDS_IN_PARALLEL: bool = true;
-    const REFITS: bool = false;
     type Soup = Vec<Triangle>;
 
     fn soup(triangles: &[Triangle]) -> Self::Soup {
@@ -229,20 +191,14 @@ impl Rival for Embree {
         self.scene = Some(EmbreeScene::new(soup, 0, false));
     }
 
-    fn refit(&mut self, _: &Self::Soup) {}
-
     fn closest(&self, _: &Self::Soup, ray: &Ray) -> Option<(f32, u32)> {
         let found = self.scene.as_ref()?.ask(ray, rtcIntersect1);
-        (found.primitive != NONE).then_some((found.t_max, found.primitive))
+        let ([t], [triangle]) = (found.t_max, found.primitive);
+        (triangle != NONE).then_some((t, triangle))
     }
 
     fn blocked(&self, _: &Self::Soup, ray: &Ray) -> bool {
         let scene = self.scene.as_ref();
         scene.is_some_and(|scene| scene.is_occluded(ray))
-    }
-
-    /// None: Embree keeps its nodes to itself.
-    fn nodes(&self, _: &Self::Soup) -> Vec<Node> {
-        Vec::new()
     }
 }

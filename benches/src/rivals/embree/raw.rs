@@ -1,28 +1,54 @@
 //! What is called of Embree's C interface, and the forms of its rays.
 
+use geom::Ray;
 use std::ffi::{c_char, c_void};
 use std::ptr::null_mut;
 
 /// A device, a scene or a geometry.
 pub(super) type Handle = *mut c_void;
 
-/// `RTCRayHit`.
+/// `RTCRayHit` of one ray, `RTCRayHit16` of sixteen.
 #[derive(Clone, Copy)]
-#[repr(C, align(16))]
-pub(super) struct RayHit {
-    pub(super) origin: [f32; 3],
-    pub(super) t_min: f32,
-    pub(super) direction: [f32; 3],
-    pub(super) time: f32,
-    pub(super) t_max: f32,
-    pub(super) mask: u32,
-    pub(super) id: u32,
-    pub(super) flags: u32,
-    pub(super) normal: [f32; 3],
-    pub(super) uv: [f32; 2],
-    pub(super) primitive: u32,
-    pub(super) geometry: u32,
-    pub(super) instance: u32,
+#[repr(C, align(64))]
+pub(super) struct RayHits<const N: usize> {
+    origin: [[f32; N]; 3],
+    t_min: [f32; N],
+    direction: [[f32; N]; 3],
+    time: [f32; N],
+    pub(super) t_max: [f32; N],
+    mask: [u32; N],
+    id: [u32; N],
+    flags: [u32; N],
+    normal: [[f32; N]; 3],
+    uv: [[f32; N]; 2],
+    pub(super) primitive: [u32; N],
+    geometry: [u32; N],
+    instance: [u32; N],
+}
+
+impl<const N: usize> RayHits<N> {
+    /// Of N rays at most.
+    pub(super) fn new(rays: &[Ray]) -> Self {
+        let at = |lane: usize| rays.get(lane);
+        let parts = |part: fn(&Ray) -> [f32; 3]| {
+            [0, 1, 2].map(|axis| std::array::from_fn(|i| at(i).map_or(0.0, |ray| part(ray)[axis])))
+        };
+        Self {
+            origin: parts(|ray| ray.origin),
+            t_min: std::array::from_fn(|i| at(i).map_or(0.0, |ray| ray.t_min)),
+            direction: parts(|ray| ray.direction),
+            time: [0.0; N],
+            t_max: std::array::from_fn(|i| at(i).map_or(0.0, |ray| ray.t_max)),
+            mask: [NONE; N],
+            id: [0; N],
+            flags: [0; N],
+            normal: [[0.0; N]; 3],
+            uv: [[0.0; N]; 2],
+            primitive: [NONE; N],
+            geometry: [NONE; N],
+            instance: [NONE; N],
+        }
+    }
 }
 
 /// `RTCIntersectContext`, as `rtcInitIntersectContext` makes it, with room for a member that some builds have.
@@ -43,25 +69,6 @@ impl Context {
             least_width: 0.0,
         }
     }
-}
-
-/// `RTCRayHit16`.
-#[derive(Clone, Copy)]
-#[repr(C, align(64))]
-pub(super) struct RayHit16 {
-    pub(super) origin: [[f32; 16]; 3],
-    pub(super) t_min: [f32; 16],
-    pub(super) direction: [[f32; 16]; 3],
-    pub(super) time: [f32; 16],
-    pub(super) t_max: [f32; 16],
-    pub(super) mask: [u32; 16],
-    pub(super) id: [u32; 16],
-    pub(super) flags: [u32; 16],
-    pub(super) normal: [[f32; 16]; 3],
-    pub(super) uv: [[f32; 16]; 2],
-    pub(super) primitive: [u32; 16],
-    pub(super) geometry: [u32; 16],
-    pub(super) instance: [u32; 16],
 }
 
 pub(super) const NONE: u32 = u32::MAX;
@@ -98,19 +105,19 @@ unsafe extern "C" {
     pub(super) fn rtcCommitGeometry(geometry: Handle);
     pub(super) fn rtcAttachGeometry(scene: Handle, geometry: Handle) -> u32;
     pub(super) fn rtcCommitScene(scene: Handle);
-    pub(super) fn rtcIntersect1(scene: Handle, context: *mut Context, ray: *mut RayHit);
-    pub(super) fn rtcOccluded1(scene: Handle, context: *mut Context, ray: *mut RayHit);
+    pub(super) fn rtcIntersect1(scene: Handle, context: *mut Context, ray: *mut RayHits<1>);
+    pub(super) fn rtcOccluded1(scene: Handle, context: *mut Context, ray: *mut RayHits<1>);
     pub(super) fn rtcIntersect16(
         valid: *const i32,
         scene: Handle,
         context: *mut Context,
-        rays: *mut RayHit16,
+        rays: *mut RayHits<16>,
     );
-    /// Asks for the rays alone, which come first in `RayHit16`.
+    /// Asks for the rays alone, which come first in `RTCRayHit16`.
     pub(super) fn rtcOccluded16(
         valid: *const i32,
         scene: Handle,
         context: *mut Context,
-        rays: *mut RayHit16,
+        rays: *mut RayHits<16>,
     );
 }
