@@ -71,7 +71,7 @@ pub(crate) struct Panel {
 pub(crate) enum Legend {
     None,
     Beside,
-    LowerRight,
+    UpperLeft,
 }
 
 /// Draws a page: title and words, then rows of these heights, which `draw` fills.
@@ -138,7 +138,7 @@ impl Panel {
             .margin_right(14)
             .caption(short(&self.title, LINE), font(15, INK, FontStyle::Bold))
             .x_label_area_size(46)
-            .y_label_area_size(72)
+            .y_label_area_size(84)
             .build_cartesian_2d(self.x.clone(), self.y.clone())?;
         chart
             .configure_mesh()
@@ -153,8 +153,8 @@ impl Panel {
         self.draw_series(&mut chart, series)?;
         match self.legend {
             Legend::None => {}
-            Legend::LowerRight => {
-                draw_legend(&mut chart, series, SeriesLabelPosition::LowerRight)?;
+            Legend::UpperLeft => {
+                draw_legend(&mut chart, series, SeriesLabelPosition::UpperLeft)?;
             }
             Legend::Beside => {
                 let empty = || Axis::named("", []);
