@@ -181,9 +181,13 @@ impl Panel {
                 let (x, y) = self.at(mark.at);
                 let [x0, x1] = xs.map(|x| self.x.at(x));
                 let [y0, y1] = ys.map(|y| self.y.at(y));
-                let across = ErrorBar::new_horizontal(y, x0, x, x1, colour.filled(), 6);
-                chart.draw_series([across])?;
-                chart.draw_series([ErrorBar::new_vertical(x, y0, y, y1, colour.filled(), 6)])?;
+                let style = colour.filled();
+                if x0 < x1 {
+                    chart.draw_series([ErrorBar::new_horizontal(y, x0, x, x1, style, 6)])?;
+                }
+                if y0 < y1 {
+                    chart.draw_series([ErrorBar::new_vertical(x, y0, y, y1, style, 6)])?;
+                }
             }
         }
         for series in series {
