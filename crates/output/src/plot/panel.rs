@@ -71,7 +71,7 @@ pub(crate) struct Panel {
 pub(crate) enum Legend {
     None,
     Beside,
-    LowerRight,
+    UpperLeft,
 }
 
 /// Draws a page: title and words, then rows of these heights, which `draw` fills.
@@ -138,7 +138,7 @@ impl Panel {
             .margin_right(14)
             .caption(short(&self.title, LINE), font(15, INK, FontStyle::Bold))
             .x_label_area_size(46)
-            .y_label_area_size(72)
+            .y_label_area_size(84)
             .build_cartesian_2d(self.x.clone(), self.y.clone())?;
         chart
             .configure_mesh()
@@ -153,8 +153,8 @@ impl Panel {
         self.draw_series(&mut chart, series)?;
         match self.legend {
             Legend::None => {}
-            Legend::LowerRight => {
-                draw_legend(&mut chart, series, SeriesLabelPosition::LowerRight)?;
+            Legend::UpperLeft => {
+                draw_legend(&mut chart, series, SeriesLabelPosition::UpperLeft)?;
             }
             Legend::Beside => {
                 let empty = || Axis::named("", []);
@@ -181,9 +181,13 @@ impl Panel {
                 let (x, y) = self.at(mark.at);
                 let [x0, x1] = xs.map(|x| self.x.at(x));
                 let [y0, y1] = ys.map(|y| self.y.at(y));
-                let across = ErrorBar::new_horizontal(y, x0, x, x1, colour.filled(), 6);
-                chart.draw_series([across])?;
-                chart.draw_series([ErrorBar::new_vertical(x, y0, y, y1, colour.filled(), 6)])?;
+                let style = colour.filled();
+                if x0 < x1 {
+                    chart.draw_series([ErrorBar::new_horizontal(y, x0, x, x1, style, 6)])?;
+                }
+                if y0 < y1 {
+                    chart.draw_series([ErrorBar::new_vertical(x, y0, y, y1, style, 6)])?;
+                }
             }
         }
         for series in series {

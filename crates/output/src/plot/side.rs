@@ -164,7 +164,7 @@ pub(crate) fn key_frames(chart: &Chart) -> Vec<(Panel, Vec<Series>)> {
             title: title.to_owned(),
             x: Axis::log("tolerance / diagonal", values(0)),
             y: Axis::log(y, values(1)),
-            legend: Legend::LowerRight,
+            legend: Legend::UpperLeft,
         };
         (!series.is_empty()).then_some((panel, series))
     };
