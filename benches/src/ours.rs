@@ -4,6 +4,7 @@ use crate::{Mesh, Node, pool};
 use backend::{Backend, Generation, Hits, Method, Query, QueryKind, Rays};
 use bvh_build::{BinaryTree, Boxes, Builder, Cancel};
 use bvh_layout::{Converter, First, Lists, Topology, Treelets};
+use cpu_ref::CpuBackend;
 use geom::{Aabb, Point, Ray};
 use rayon::ThreadPool;
 use rayon::prelude::*;
@@ -92,7 +93,7 @@ impl Ours {
 
 /// The `cpu` backend, loaded with a mesh and standing at a pose.
 pub struct Tracer {
-    backend: cpu_simd::SimdBackend,
+    backend: CpuBackend,
     generation: Generation,
 }
 
