@@ -70,7 +70,7 @@ mod tests {
             assert_eq!(path(&word(name)).as_os_str(), name);
         }
         assert_eq!(word(OsStr::from_bytes(b"a\xff.obj")), "a\0ff.obj");
-        for none in ["a\0", "a\0zz", "a\041"] {
+        for none in ["a\0", "a\0zz", "a\x0041"] {
             assert_eq!(path(none), Path::new(none));
         }
     }
