@@ -81,7 +81,8 @@ impl<D: GpuDevice> SceneBuffers<D> {
         match name {
             BufferName::Earlier => Some(at(key)),
             BufferName::Later => Some(at(key.saturating_add(1))),
-            BufferName::Positions => Some(&self.positions[position]),
+            // Where no rays are given, kernels that take both kinds read none.
+            BufferName::Positions | BufferName::Rays => Some(&self.positions[position]),
             other => self.others.get(other),
         }
     }
