@@ -54,7 +54,7 @@ impl Transfer {
     }
 
     /// Starts a copy after some moment, if one is given. Returns the value of
-    /// [`Transfer::done`] that says it is finished. Never waits.
+    /// the timeline that says it is finished. Never waits.
     ///
     /// # Errors
     /// See [`backend::BackendError`].

@@ -11,7 +11,7 @@ pub enum Validation {
     /// Without it.
     #[default]
     Off,
-    /// With it where it is installed: see [`crate::VulkanBackend::is_validated`].
+    /// With it where it is installed: see [`crate::VulkanDevice::is_validated`].
     IfInstalled,
     /// With it, or not at all.
     Required,

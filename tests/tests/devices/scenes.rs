@@ -121,15 +121,19 @@ pub(crate) fn camera() -> Camera {
     Camera::look_at(eye, [0.0; 3], up, 50.0, [70, 43]).unwrap()
 }
 
-/// Rays across the scene, one of them not valid.
+/// Rays through the scene from all sides, some of them not valid.
 pub(crate) fn rays(count: usize) -> Vec<Ray> {
     let mut number = numbers(11);
-    let mut point = move |r: f32| [r * number(), r * number(), r * number()];
-    let mut rays: Vec<_> = (0..count)
-        .map(|_| Ray::new(point(3.0), point(1.0)))
-        .collect();
-    rays[count / 2].direction = [0.0; 3];
-    rays
+    let mut point = move |s: f32| [s * number(), s * number(), s * number()];
+    let mut ray = || {
+        let (from, to) = (point(2.0), point(0.8));
+        Ray::new(from, std::array::from_fn(|i| to[i] - from[i]))
+    };
+    let mut all: Vec<Ray> = (0..count).map(|_| ray()).collect();
+    all[0].direction = [0.0; 3];
+    all[1].origin[2] = f32::INFINITY;
+    all[2].t_max = 0.4;
+    all
 }
 
 pub(crate) const SHADOWED: QueryKind = QueryKind::ClosestAndShadow {
