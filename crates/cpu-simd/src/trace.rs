@@ -4,7 +4,7 @@ use crate::cell::{COLUMNS, Cell};
 use crate::found::Found;
 use crate::light::shadow_rays;
 use crate::packet::{self, Packet};
-use crate::rays::{Given, Group};
+use crate::rays::{Given, Group, InGroup};
 use crate::search;
 use crate::simd::{Isa, Lanes, Work, each};
 use crate::together::{self, MOST_RAYS, NONE};
@@ -163,9 +163,11 @@ impl<'a> WideTracer<'a> {
         let mut found = Found::NOTHING;
         for (lane, alone) in rays.iter().enumerate() {
             if (group.ready & cell.asked) >> lane & 1 == 1 {
-                let best = search::closest::<I>(tree, &group.ray(lane), &mut stack.waiting);
+                let group = &group;
+                let ray = InGroup { group, lane };
+                let best = search::closest::<I>(tree, &ray, &mut stack.waiting);
                 if best.hit.is_hit() {
-                    let t = group.unscaled(lane, best.hit.t);
+                    let t = ray.unscaled(best.hit.t);
                     found.hits[lane] = Hit { t, ..best.hit };
                     found.places[lane] = best.place;
                 }
@@ -189,7 +191,8 @@ impl<'a> WideTracer<'a> {
         let mut hit = 0;
         for (lane, &skipped) in skipped.iter().enumerate() {
             if (group.ready & asked) >> lane & 1 == 1 {
-                let ray = group.ray(lane);
+                let group = &group;
+                let ray = InGroup { group, lane };
                 let found = search::any::<I>(tree, &ray, skipped, &mut stack.waiting);
                 hit |= u32::from(found) << lane;
             } else if asked >> lane & 1 == 1 {
