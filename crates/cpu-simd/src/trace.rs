@@ -269,10 +269,9 @@ impl Work for ListTask<'_, '_> {
                 tracer.answers::<I>(&cell, &mut Trust::default(), &mut stack)
             };
             for lane in 0..count {
-                let answer = found.answer(lane);
-                sum = sum + Counts::of(&answer);
-                self.out.set(begin + lane, answer);
+                self.out.set(begin + lane, found.answer(lane));
             }
+            sum = sum + found.counts(cell.asked);
         }
         sum
     }
@@ -296,7 +295,8 @@ impl Work for PictureTask<'_, '_> {
             for y in (0..size[1]).step_by(rows) {
                 let cell = Cell::new(&self.tiles, [x, y], rows);
                 let found = self.tracer.answers::<I>(&cell, &mut trust, &mut stack);
-                sum = sum + self.write(&cell, [x, y], &found);
+                self.write(&cell, [x, y], &found);
+                sum = sum + found.counts(cell.asked);
             }
         }
         sum
@@ -304,19 +304,15 @@ impl Work for PictureTask<'_, '_> {
 }
 
 impl PictureTask<'_, '_> {
-    /// Writes the answers of the cell at `at`, and counts them.
+    /// Writes the answers of the cell at `at`.
     #[inline(always)]
-    fn write(&mut self, cell: &Cell, at: [usize; 2], found: &Found) -> Counts {
-        let mut sum = Counts::default();
+    fn write(&mut self, cell: &Cell, at: [usize; 2], found: &Found) {
         for lane in 0..MOST_RAYS {
             if cell.asked >> lane & 1 == 1 {
-                let answer = found.answer(lane);
-                sum = sum + Counts::of(&answer);
                 let (x, y) = (at[0] + lane % COLUMNS, at[1] + lane / COLUMNS);
-                self.tiles.set(x, y, answer);
+                self.tiles.set(x, y, found.answer(lane));
             }
         }
-        sum
     }
 }
 
