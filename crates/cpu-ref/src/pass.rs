@@ -70,6 +70,13 @@ impl<'a, T> Window<'a, T> {
     pub fn new(first: usize, items: &'a mut [T]) -> Self {
         Self { first, items }
     }
+
+    /// Those of these numbers.
+    #[must_use]
+    #[inline]
+    pub fn slice(&mut self, numbers: Range<usize>) -> &mut [T] {
+        &mut self.items[numbers.start - self.first..numbers.end - self.first]
+    }
 }
 
 impl<T: Send> SplitAt for Window<'_, T> {

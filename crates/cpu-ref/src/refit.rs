@@ -17,11 +17,14 @@ pub(crate) fn refit_level(
 ) -> f64 {
     let (level, below) = pairs.split_at_mut(end);
     pass(which, Window::new(0, level), RUN, &|which, mut pairs| {
-        let mut sum = 0.0;
-        for place in 0..which.count() {
-            sum = refit_pair(&mut pairs[which.at(place)], below, first, sum);
+        let refit = |sum, pair: &mut Pair| refit_pair(pair, below, first, sum);
+        match which {
+            Which::All(range) => pairs.slice(range).iter_mut().fold(0.0, refit),
+            Which::Listed(list) => {
+                let listed = list.iter();
+                listed.fold(0.0, |sum, &pair| refit(sum, &mut pairs[pair as usize]))
+            }
         }
-        sum
     })
 }
 

@@ -4,7 +4,7 @@ use crate::simd::{Isa, Lanes, each};
 use crate::together::MOST_RAYS;
 use crate::tree::{NOWHERE, Wide};
 use cpu_ref::geometry::Geometry;
-use cpu_ref::tiles::Answer;
+use cpu_ref::tiles::{Answer, Counts};
 use geom::Hit;
 
 /// Closest hits, where their triangles lie, and which lanes are blocked.
@@ -25,6 +25,15 @@ impl Found {
     #[inline(always)]
     pub(crate) fn answer(&self, lane: usize) -> Answer {
         (self.hits[lane], (self.blocked >> lane & 1) as u8)
+    }
+
+    /// Of the rays in these lanes.
+    #[inline(always)]
+    pub(crate) fn counts(&self, lanes: u32) -> Counts {
+        Counts {
+            hits: u64::from((self.lanes() & lanes).count_ones()),
+            blocked: u64::from((self.blocked & lanes).count_ones()),
+        }
     }
 
     /// Lanes that hit.

@@ -133,16 +133,16 @@ impl<L: Lanes> TriangleRay<L> {
 /// One ray and eight triangles.
 impl<L: Lanes<Array = [f32; LANES]>> TriangleRay<L> {
     #[inline(always)]
-    pub(crate) fn single(ray: &OneRay) -> Self {
-        let axes = AXES[ray.main];
+    pub(crate) fn single(ray: &impl OneRay) -> Self {
+        let axes = AXES[ray.main()];
         Self {
             axes,
-            origin: each!(i => L::splat(ray.origin[axes[i]])),
-            shear: each!(i => L::splat(ray.shear[i])),
-            inverse: each!(i => L::splat(ray.inverse[axes[i]])),
-            pad: each!(i => L::splat(ray.pad[axes[i]])),
-            t_min: L::splat(ray.t_min),
-            t_max: L::splat(ray.t_max),
+            origin: each!(i => L::splat(ray.origin(axes[i]))),
+            shear: each!(i => L::splat(ray.shear(i))),
+            inverse: each!(i => L::splat(ray.inverse(axes[i]))),
+            pad: each!(i => L::splat(ray.pad(axes[i]))),
+            t_min: L::splat(ray.t_min()),
+            t_max: L::splat(ray.t_max()),
         }
     }
 

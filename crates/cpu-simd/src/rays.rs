@@ -10,30 +10,40 @@ use cpu_ref::scale::{LEAST_COMPONENT, Scale};
 use cpu_ref::slab::{CALM, PAD, Reach, SMALLEST};
 use geom::{Aabb, Ray};
 
-/// What the tests need of one ray, in scaled units. Axes in their own order.
-#[derive(Clone, Copy)]
-pub(crate) struct OneRay {
-    pub(crate) origin: [f32; 3],
+/// What the tests need of one ray, in scaled units. Axes in their own order. All must be `#[inline(always)]`.
+pub(crate) trait OneRay {
+    fn origin(&self, axis: usize) -> f32;
     /// `r`, with the direction's sign.
-    pub(crate) inverse: [f32; 3],
+    fn inverse(&self, axis: usize) -> f32;
     /// `q`.
-    pub(crate) pad: [f32; 3],
+    fn pad(&self, axis: usize) -> f32;
     /// What is added to the products of `r` with a box's near and far plane of an inner node.
-    pub(crate) starts: [[f32; 2]; 3],
+    fn starts(&self, axis: usize) -> [f32; 2];
     /// `kz`.
-    pub(crate) main: usize,
+    fn main(&self) -> usize;
     /// `d[kx] / d[kz]`, `d[ky] / d[kz]`, `1 / d[kz]`.
-    pub(crate) shear: [f32; 3],
-    pub(crate) t_min: f32,
-    pub(crate) t_max: f32,
+    fn shear(&self, i: usize) -> f32;
+    fn t_min(&self) -> f32;
+    fn t_max(&self) -> f32;
+}
+
+/// A ray prepared alone.
+#[derive(Clone, Copy)]
+pub(crate) struct SingleRay {
+    origin: [f32; 3],
+    inverse: [f32; 3],
+    pad: [f32; 3],
+    starts: [[f32; 2]; 3],
+    main: usize,
+    shear: [f32; 3],
+    limits: [f32; 2],
 }
 
 /// `24` and `4` times `2^-24`: what boxes of inner nodes are widened by, in units of `D` and of `|o'|`, where they are
 /// tested with `plane * r - o' * r` (`docs/design/hits.md`, "Inner boxes").
 const INNER: [f32; 2] = [24.0 / 16_777_216.0, 4.0 / 16_777_216.0];
 
-impl OneRay {
-    /// A ray prepared alone.
+impl SingleRay {
     #[inline]
     pub(crate) fn new(ray: &PreparedRay, root: &Aabb) -> Self {
         let reach = Reach::new(ray, root);
@@ -55,9 +65,43 @@ impl OneRay {
             starts,
             main,
             shear: [d[kx] / d[main], d[ky] / d[main], 1.0 / d[main]],
-            t_min: ray.t_min,
-            t_max: ray.t_max,
+            limits: [ray.t_min, ray.t_max],
         }
+    }
+}
+
+impl OneRay for SingleRay {
+    #[inline(always)]
+    fn origin(&self, axis: usize) -> f32 {
+        self.origin[axis]
+    }
+    #[inline(always)]
+    fn inverse(&self, axis: usize) -> f32 {
+        self.inverse[axis]
+    }
+    #[inline(always)]
+    fn pad(&self, axis: usize) -> f32 {
+        self.pad[axis]
+    }
+    #[inline(always)]
+    fn starts(&self, axis: usize) -> [f32; 2] {
+        self.starts[axis]
+    }
+    #[inline(always)]
+    fn main(&self) -> usize {
+        self.main
+    }
+    #[inline(always)]
+    fn shear(&self, i: usize) -> f32 {
+        self.shear[i]
+    }
+    #[inline(always)]
+    fn t_min(&self) -> f32 {
+        self.limits[0]
+    }
+    #[inline(always)]
+    fn t_max(&self) -> f32 {
+        self.limits[1]
     }
 }
 
@@ -220,29 +264,53 @@ impl<L: Lanes> Group<L> {
     }
 }
 
-impl<L: Lanes> Group<L> {
-    /// The ray in one lane.
-    #[inline(always)]
-    pub(crate) fn ray(&self, lane: usize) -> OneRay {
-        OneRay {
-            origin: each!(i => self.origin[i].as_ref()[lane]),
-            inverse: each!(i => self.inverse[i].as_ref()[lane]),
-            pad: each!(i => self.pad[i].as_ref()[lane]),
-            starts: each!(i => {
-                let [near, far] = &self.starts[i];
-                [near.as_ref()[lane], far.as_ref()[lane]]
-            }),
-            main: usize::from(self.main[lane]),
-            shear: each!(i => self.shear[i].as_ref()[lane]),
-            t_min: self.limits[0].as_ref()[lane],
-            t_max: self.limits[1].as_ref()[lane],
-        }
-    }
+/// The ray in one lane of a group, read where it lies: a copy would keep all of it in registers during the traversal.
+pub(crate) struct InGroup<'a, L: Lanes> {
+    pub(crate) group: &'a Group<L>,
+    pub(crate) lane: usize,
+}
 
+impl<L: Lanes> OneRay for InGroup<'_, L> {
+    #[inline(always)]
+    fn origin(&self, axis: usize) -> f32 {
+        self.group.origin[axis].as_ref()[self.lane]
+    }
+    #[inline(always)]
+    fn inverse(&self, axis: usize) -> f32 {
+        self.group.inverse[axis].as_ref()[self.lane]
+    }
+    #[inline(always)]
+    fn pad(&self, axis: usize) -> f32 {
+        self.group.pad[axis].as_ref()[self.lane]
+    }
+    #[inline(always)]
+    fn starts(&self, axis: usize) -> [f32; 2] {
+        let [near, far] = &self.group.starts[axis];
+        [near.as_ref()[self.lane], far.as_ref()[self.lane]]
+    }
+    #[inline(always)]
+    fn main(&self) -> usize {
+        usize::from(self.group.main[self.lane])
+    }
+    #[inline(always)]
+    fn shear(&self, i: usize) -> f32 {
+        self.group.shear[i].as_ref()[self.lane]
+    }
+    #[inline(always)]
+    fn t_min(&self) -> f32 {
+        self.group.limits[0].as_ref()[self.lane]
+    }
+    #[inline(always)]
+    fn t_max(&self) -> f32 {
+        self.group.limits[1].as_ref()[self.lane]
+    }
+}
+
+impl<L: Lanes> InGroup<'_, L> {
     /// A distance in units of the given ray's direction. A zero is a positive one.
     #[inline(always)]
-    pub(crate) fn unscaled(&self, lane: usize, t: f32) -> f32 {
-        let t = t * self.back.as_ref()[lane];
+    pub(crate) fn unscaled(&self, t: f32) -> f32 {
+        let t = t * self.group.back.as_ref()[self.lane];
         if t == 0.0 { 0.0 } else { t }
     }
 }

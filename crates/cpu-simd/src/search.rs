@@ -16,14 +16,14 @@ pub(crate) struct Placed {
 }
 
 /// The closest hit so far.
-struct Closest<'a, L> {
+struct Closest<'a, R, L> {
     blocks: &'a [Block],
-    ray: &'a OneRay,
+    ray: &'a R,
     best: Placed,
     lanes: PhantomData<L>,
 }
 
-impl<L: Lanes<Array = [f32; LANES]>> Visitor for Closest<'_, L> {
+impl<R: OneRay, L: Lanes<Array = [f32; LANES]>> Visitor for Closest<'_, R, L> {
     #[inline(always)]
     fn block(&mut self, index: usize, bound: f32) -> Option<f32> {
         let block = &self.blocks[index];
@@ -59,18 +59,18 @@ fn take_best<L: Lanes<Array = [f32; LANES]>>(
 }
 
 /// Ends at the first hit.
-struct Any<'a, L> {
+struct Any<'a, R, L> {
     blocks: &'a [Block],
-    ray: &'a OneRay,
+    ray: &'a R,
     skipped: u32,
     lanes: PhantomData<L>,
 }
 
-impl<L: Lanes<Array = [f32; LANES]>> AnyVisitor for Any<'_, L> {
+impl<R: OneRay, L: Lanes<Array = [f32; LANES]>> AnyVisitor for Any<'_, R, L> {
     #[inline(always)]
     fn hits(&mut self, block: usize) -> bool {
         let block = &self.blocks[block];
-        let Some(met) = TriangleRay::<L>::single(self.ray).meet(block, self.ray.t_max) else {
+        let Some(met) = TriangleRay::<L>::single(self.ray).meet(block, self.ray.t_max()) else {
             return false;
         };
         let mut others = 0;
@@ -83,27 +83,27 @@ impl<L: Lanes<Array = [f32; LANES]>> AnyVisitor for Any<'_, L> {
 
 /// The closest hit, its `t` in scaled units; a miss has no place.
 #[inline(always)]
-pub(crate) fn closest<I: Isa>(tree: &Wide, ray: &OneRay, stack: &mut Stack) -> Placed {
+pub(crate) fn closest<I: Isa>(tree: &Wide, ray: &impl OneRay, stack: &mut Stack) -> Placed {
     let mut closest = Closest {
         blocks: &tree.blocks,
         ray,
         lanes: PhantomData::<I::Eight>,
         best: Placed {
             hit: Hit {
-                t: ray.t_max,
+                t: ray.t_max(),
                 ..Hit::MISS
             },
             place: NOWHERE,
         },
     };
     let node_ray = NodeRay::<I::Eight>::new(ray);
-    walk::<I, _>(tree, (&node_ray, ray.t_max), stack, &mut closest);
+    walk::<I, _>(tree, (&node_ray, ray.t_max()), stack, &mut closest);
     closest.best
 }
 
 /// Whether the ray hits any triangle but `skipped`, which may be none: that of a miss.
 #[inline(always)]
-pub(crate) fn any<I: Isa>(tree: &Wide, ray: &OneRay, skipped: u32, stack: &mut Stack) -> bool {
+pub(crate) fn any<I: Isa>(tree: &Wide, ray: &impl OneRay, skipped: u32, stack: &mut Stack) -> bool {
     let mut any = Any {
         blocks: &tree.blocks,
         ray,
@@ -111,5 +111,5 @@ pub(crate) fn any<I: Isa>(tree: &Wide, ray: &OneRay, skipped: u32, stack: &mut S
         skipped,
     };
     let node_ray = NodeRay::<I::Eight>::new(ray);
-    walk_any::<I>(tree, (&node_ray, ray.t_max), stack, &mut any)
+    walk_any::<I>(tree, (&node_ray, ray.t_max()), stack, &mut any)
 }

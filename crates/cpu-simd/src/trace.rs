@@ -4,7 +4,7 @@ use crate::cell::{COLUMNS, Cell};
 use crate::found::Found;
 use crate::light::shadow_rays;
 use crate::packet::{self, Packet};
-use crate::rays::{Given, Group};
+use crate::rays::{Given, Group, InGroup};
 use crate::search;
 use crate::simd::{Isa, Lanes, Work, each};
 use crate::together::{self, MOST_RAYS, NONE};
@@ -163,9 +163,11 @@ impl<'a> WideTracer<'a> {
         let mut found = Found::NOTHING;
         for (lane, alone) in rays.iter().enumerate() {
             if (group.ready & cell.asked) >> lane & 1 == 1 {
-                let best = search::closest::<I>(tree, &group.ray(lane), &mut stack.waiting);
+                let group = &group;
+                let ray = InGroup { group, lane };
+                let best = search::closest::<I>(tree, &ray, &mut stack.waiting);
                 if best.hit.is_hit() {
-                    let t = group.unscaled(lane, best.hit.t);
+                    let t = ray.unscaled(best.hit.t);
                     found.hits[lane] = Hit { t, ..best.hit };
                     found.places[lane] = best.place;
                 }
@@ -189,7 +191,8 @@ impl<'a> WideTracer<'a> {
         let mut hit = 0;
         for (lane, &skipped) in skipped.iter().enumerate() {
             if (group.ready & asked) >> lane & 1 == 1 {
-                let ray = group.ray(lane);
+                let group = &group;
+                let ray = InGroup { group, lane };
                 let found = search::any::<I>(tree, &ray, skipped, &mut stack.waiting);
                 hit |= u32::from(found) << lane;
             } else if asked >> lane & 1 == 1 {
@@ -266,10 +269,9 @@ impl Work for ListTask<'_, '_> {
                 tracer.answers::<I>(&cell, &mut Trust::default(), &mut stack)
             };
             for lane in 0..count {
-                let answer = found.answer(lane);
-                sum = sum + Counts::of(&answer);
-                self.out.set(begin + lane, answer);
+                self.out.set(begin + lane, found.answer(lane));
             }
+            sum = sum + found.counts(cell.asked);
         }
         sum
     }
@@ -293,7 +295,8 @@ impl Work for PictureTask<'_, '_> {
             for y in (0..size[1]).step_by(rows) {
                 let cell = Cell::new(&self.tiles, [x, y], rows);
                 let found = self.tracer.answers::<I>(&cell, &mut trust, &mut stack);
-                sum = sum + self.write(&cell, [x, y], &found);
+                self.write(&cell, [x, y], &found);
+                sum = sum + found.counts(cell.asked);
             }
         }
         sum
@@ -301,19 +304,15 @@ impl Work for PictureTask<'_, '_> {
 }
 
 impl PictureTask<'_, '_> {
-    /// Writes the answers of the cell at `at`, and counts them.
+    /// Writes the answers of the cell at `at`.
     #[inline(always)]
-    fn write(&mut self, cell: &Cell, at: [usize; 2], found: &Found) -> Counts {
-        let mut sum = Counts::default();
+    fn write(&mut self, cell: &Cell, at: [usize; 2], found: &Found) {
         for lane in 0..MOST_RAYS {
             if cell.asked >> lane & 1 == 1 {
-                let answer = found.answer(lane);
-                sum = sum + Counts::of(&answer);
                 let (x, y) = (at[0] + lane % COLUMNS, at[1] + lane / COLUMNS);
-                self.tiles.set(x, y, answer);
+                self.tiles.set(x, y, found.answer(lane));
             }
         }
-        sum
     }
 }
 

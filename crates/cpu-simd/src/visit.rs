@@ -2,7 +2,7 @@
 
 use crate::fit::bounds;
 use crate::leaf::TriangleRay;
-use crate::rays::OneRay;
+use crate::rays::SingleRay;
 use crate::simd::{Isa, Lanes, Work};
 use crate::tree::{LANES, Wide};
 use crate::walk::{NodeRay, Stack, Visitor, walk};
@@ -74,7 +74,7 @@ impl<F: FnMut(&Leaf, f32) -> Option<f32>> Work for Visit<'_, F> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> bool {
-        let ray = OneRay::new(self.ray, &self.tree.root);
+        let ray = SingleRay::new(self.ray, &self.tree.root);
         let mut each = EachTriangle {
             tree: self.tree,
             ray: TriangleRay::<I::Eight>::single(&ray),

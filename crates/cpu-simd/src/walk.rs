@@ -72,15 +72,15 @@ pub(crate) struct NodeRay<L> {
 
 impl<L: Lanes> NodeRay<L> {
     #[inline(always)]
-    pub(crate) fn new(ray: &OneRay) -> Self {
+    pub(crate) fn new(ray: &impl OneRay) -> Self {
         Self {
-            inverse: each!(i => L::splat(ray.inverse[i])),
+            inverse: each!(i => L::splat(ray.inverse(i))),
             starts: each!(i => {
-                let [near, far] = ray.starts[i];
+                let [near, far] = ray.starts(i);
                 [L::splat(near), L::splat(far)]
             }),
-            near: each!(i => usize::from(ray.inverse[i].is_sign_negative())),
-            t_min: L::splat(ray.t_min),
+            near: each!(i => usize::from(ray.inverse(i).is_sign_negative())),
+            t_min: L::splat(ray.t_min()),
         }
     }
 }
