@@ -107,5 +107,7 @@ fn topology() {
 /// Each case starts a process.
 #[test]
 fn command() {
+    // Before the clock starts, it is built.
+    let _program = integration::program::abvh();
     attack(COMMAND, 2_000);
 }
