@@ -17,6 +17,7 @@ mod error;
 mod header;
 mod lists;
 mod moving;
+mod ranks;
 mod record;
 #[cfg(test)]
 mod tests;
@@ -29,5 +30,6 @@ pub use convert::{Converter, Spare};
 pub use error::RecordError;
 pub use lists::Lists;
 pub use moving::Moving;
-pub use record::{Level, NodeRank, NodeRanks, Topology};
+pub use ranks::{NodeRank, NodeRanks};
+pub use record::{Level, Topology};
 pub use treelets::{MovingTreelets, Treelet, Treelets, WideTree};
