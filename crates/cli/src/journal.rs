@@ -21,10 +21,13 @@ enum JournalLine {
     Run { list: Vec<u64>, stats: Value },
     /// A frame that is done.
     Frame {
-        files: Vec<(String, Digest)>,
+        files: Vec<NamedDigest>,
         row: Box<FrameStats>,
     },
 }
+
+/// A file by its name in a folder.
+pub(crate) type NamedDigest = (String, Digest);
 
 /// What all journals of a folder say.
 #[derive(Debug, Default)]
@@ -176,6 +179,19 @@ fn without(path: &Path, again: &[u64]) -> std::io::Result<Vec<u8>> {
     Ok(kept)
 }
 
+/// What a journal says of files.
+pub(crate) fn digests(files: &[PathBuf]) -> Result<Vec<NamedDigest>, Stop> {
+    let digest = |file: &PathBuf| {
+        let name = file.file_name().unwrap_or_default();
+        let cannot = |e| Stop::failed(format!("cannot read {}: {e}", file.display()));
+        Ok((
+            name.to_string_lossy().into_owned(),
+            digest_of(file).map_err(cannot)?,
+        ))
+    };
+    files.iter().map(digest).collect()
+}
+
 /// A journal that is being written.
 #[derive(Debug)]
 pub(crate) struct Journal {
@@ -213,21 +229,10 @@ impl Journal {
         self.write(&JournalLine::Run { list, stats })
     }
 
-    /// Says that a frame's files, by their names in `folder`, are whole.
-    pub(crate) fn add(&mut self, files: &[PathBuf], row: &FrameStats) -> Result<(), Stop> {
-        let named = |file: &PathBuf| {
-            let name = file
-                .file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned();
-            let cannot = |e| Stop::failed(format!("cannot read {}: {e}", file.display()));
-            Ok::<_, Stop>((name, digest_of(file).map_err(cannot)?))
-        };
-        self.write(&JournalLine::Frame {
-            files: files.iter().map(named).collect::<Result<_, _>>()?,
-            row: Box::new(row.clone()),
-        })
+    /// Says that a frame's files are whole.
+    pub(crate) fn add(&mut self, files: Vec<NamedDigest>, row: &FrameStats) -> Result<(), Stop> {
+        let row = Box::new(row.clone());
+        self.write(&JournalLine::Frame { files, row })
     }
 
     fn write(&mut self, line: &JournalLine) -> Result<(), Stop> {
@@ -260,13 +265,14 @@ mod tests {
         journal
             .begin(vec![3, 4], serde_json::json!({"schema": 1}))
             .unwrap();
-        journal.add(std::slice::from_ref(&file), &row(3)).unwrap();
+        let files = digests(std::slice::from_ref(&file)).unwrap();
+        journal.add(files, &row(3)).unwrap();
         let again = Journal::open(dir.path(), None, &[]).unwrap_err();
         assert!(again.to_string().contains("another run"), "{again}");
         journal.file.write_all(b"{\"frame\":{\"fil").unwrap();
         drop(journal);
         let mut journal = Journal::open(dir.path(), None, &[]).unwrap();
-        journal.add(&[], &row(4)).unwrap();
+        journal.add(Vec::new(), &row(4)).unwrap();
         let done = Done::in_folder(dir.path()).unwrap();
         assert_eq!(done.list, [3, 4]);
         assert_eq!(done.whole(3, dir.path(), "frame_0003.png").unwrap().hits, 7);
@@ -285,7 +291,7 @@ mod tests {
             let shard = Some(Shard { number, of: 2 });
             let mut journal = Journal::open(dir.path(), shard, &[]).unwrap();
             journal.begin(vec![0, 1], Value::Null).unwrap();
-            journal.add(&[], &row(number - 1)).unwrap();
+            journal.add(Vec::new(), &row(number - 1)).unwrap();
         }
         let done = Done::in_folder(dir.path()).unwrap();
         assert_eq!((done.list.len(), done.frames.len()), (2, 2));

@@ -36,6 +36,7 @@ mod timeline;
 mod trace;
 mod values;
 mod warm_up;
+mod writer;
 
 use args::Command;
 use std::process::ExitCode;

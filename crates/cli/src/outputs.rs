@@ -25,7 +25,6 @@ fn is_same(a: &Path, b: &Path) -> bool {
 pub(crate) struct Outputs {
     images: Option<PathBuf>,
     hits: Option<PathBuf>,
-    rgb: Vec<u8>,
 }
 
 impl Outputs {
@@ -38,7 +37,6 @@ impl Outputs {
         let outputs = Self {
             images,
             hits: args.hits.clone(),
-            rgb: Vec::new(),
         };
         // A folder may be yet to be made.
         let is_in_new = |file: &Path| {
@@ -83,8 +81,14 @@ impl Outputs {
         self.images.is_some() || self.hits.is_some()
     }
 
-    /// Writes a frame's files.
-    pub(crate) fn write(&mut self, frame: u64, shot: &Shot<'_>, hits: &Hits) -> Result<(), Stop> {
+    /// Writes a frame's files, the picture by way of `rgb`.
+    pub(crate) fn write(
+        &self,
+        frame: u64,
+        shot: &Shot<'_>,
+        hits: &Hits,
+        rgb: &mut Vec<u8>,
+    ) -> Result<(), Stop> {
         let [width, height] = [shot.camera.width, shot.camera.height];
         if let Some(file) = self.hits(frame) {
             let found = HitArrays {
@@ -96,9 +100,9 @@ impl Outputs {
             output::write_hits(&file, &found)?;
         }
         if let Some(file) = self.image(frame) {
-            output::shade(shot, &hits.closest, &hits.blocked, &mut self.rgb);
+            output::shade(shot, &hits.closest, &hits.blocked, rgb);
             output::remove_link(&file)?;
-            output::write_png(&file, [width, height], &self.rgb)?;
+            output::write_png(&file, [width, height], rgb)?;
         }
         Ok(())
     }

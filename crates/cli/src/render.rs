@@ -9,21 +9,21 @@ use crate::resume::{self, Earlier};
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
 use crate::timeline::Notes;
+use crate::writer::{Done, Writer};
 use crate::{conflicts, frames, record, signals, table, talk};
 use backend::{Query, QueryKind, Rays};
 use geom::Camera;
+use output::View;
 use output::{FrameStats, SCHEMA, Stats};
-use output::{Shot, View};
 use pipeline::Frame;
 use scene::Scene;
 use serde_json::{Value, json};
 use std::path::PathBuf;
-use std::time::Instant;
 
 /// Renders.
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     conflicts::of_render(args)?;
-    let mut outputs = Outputs::of(args)?;
+    let outputs = Outputs::of(args)?;
     let earlier = Earlier::look(args, &outputs)?;
     if let Some(rows) = earlier.finished(args, &outputs)? {
         return nothing_left(args, &earlier, &rows);
@@ -81,7 +81,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         (&camera, &view),
         (todo, old.len()),
         &mut session,
-        (&mut outputs, &mut journals, notes.as_mut()),
+        (&outputs, &mut journals, notes.as_mut()),
     )?;
     if let Some(file) = &args.stats {
         resume::write_stats(file, &resume::joined(head, &[&old[..], &rows].concat()))?;
@@ -179,9 +179,9 @@ fn trace_all(
     (camera, view): (&Camera, &View),
     (todo, done): (Vec<Frame>, usize),
     session: &mut Session,
-    (outputs, journals, mut notes): (&mut Outputs, &mut [(PathBuf, Journal)], Option<&mut Notes>),
+    (outputs, journals, notes): (&Outputs, &mut [(PathBuf, Journal)], Option<&mut Notes>),
 ) -> Result<Vec<FrameStats>, Stop> {
-    let mut progress = Progress::new(todo.len() as u64, args.quiet);
+    let progress = Progress::new(todo.len() as u64, args.quiet);
     for remark in session.remarks.iter().chain(&scene.facts.notes) {
         progress.say(remark);
     }
@@ -190,37 +190,18 @@ fn trace_all(
         progress.say(&format!("{done} of {all} frames are there already"));
     }
     let query = query(camera, view);
-    let mut rows = Vec::with_capacity(todo.len());
-    session
-        .driver
-        .run::<Stop>(todo, query, outputs.any(), |frame, hits| {
-            let shot = Shot {
-                animation: &scene.animation,
-                pose: scene.animation.pose(frame.frame.time),
-                colours: &scene.colours,
-                camera,
-                light: view.light,
-            };
-            signals::check()?;
-            let done = Instant::now();
-            let row = record::row(frame);
-            if outputs.any() {
-                outputs.write(frame.frame.index, &shot, hits)?;
-            }
-            for (folder, journal) in journals.iter_mut() {
-                journal.add(&outputs.in_folder(frame.frame.index, folder), &row)?;
-            }
-            if let Some(notes) = &mut notes {
-                notes.add(frame, [done, Instant::now()]);
-            }
-            progress.step(&format!(
-                "time {:.3}, {:.1} ms",
-                frame.frame.time, frame.wall_ms
-            ));
-            rows.push(row);
-            Ok(())
-        })?;
-    Ok(rows)
+    let done = Done::new(journals, notes, progress);
+    let writer = Writer::new((scene, camera, view.light), outputs, done);
+    let mut places = 0..;
+    rayon::in_place_scope(|scope| {
+        let reads = outputs.any();
+        session
+            .driver
+            .run::<Stop>(todo, query, reads, |frame, hits| {
+                writer.take(scope, places.next().unwrap_or_default(), frame, hits)
+            })
+    })?;
+    writer.rows()
 }
 
 fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats]) -> String {

@@ -1,8 +1,8 @@
 //! `render --timeline`: what host and device did when, side by side.
 //!
 //! Five tracks: the frame loop, the device, vertices on their way to the
-//! builder, the builder, and trees on their way to the device; beside them,
-//! how old and how good the tree was. The host's times are its own. Where the
+//! builder, the builder, and trees on their way to the device. One more for each
+//! thread that writes files; beside them, how old and how good the tree was. The host's times are its own. Where the
 //! device's lie among them, [`place_on_host`] says; within a submission its
 //! stages follow each other without a gap.
 
@@ -11,6 +11,7 @@ use backend::StageTimes;
 use output::{Timeline, Track, WriteError};
 use pipeline::{Adopted, FrameRecord, Span, Submission, place_on_host};
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Instant;
 
@@ -18,20 +19,40 @@ use std::time::Instant;
 #[derive(Debug, Default)]
 pub(crate) struct Notes {
     frames: Vec<Note>,
+    files: Vec<Written>,
 }
 
-/// A frame, and when its files were written.
+/// A frame, and how long it waited for those before it to be written.
 #[derive(Debug)]
 struct Note {
     record: FrameRecord,
-    wrote: [Instant; 2],
+    waited: [Instant; 2],
+}
+
+/// The files of a frame.
+#[derive(Debug)]
+struct Written {
+    frame: u64,
+    /// The thread that wrote them.
+    thread: usize,
+    ends: [Instant; 2],
 }
 
 impl Notes {
-    /// A frame is done, and its files were written between these moments.
-    pub(crate) fn add(&mut self, record: &FrameRecord, wrote: [Instant; 2]) {
+    /// A frame is traced, and waited between these moments until it could be written.
+    pub(crate) fn add(&mut self, record: &FrameRecord, waited: [Instant; 2]) {
         let record = record.clone();
-        self.frames.push(Note { record, wrote });
+        self.frames.push(Note { record, waited });
+    }
+
+    /// The calling thread wrote a frame's files between these moments.
+    pub(crate) fn wrote(&mut self, frame: u64, ends: [Instant; 2]) {
+        let thread = rayon::current_thread_index().unwrap_or_default();
+        self.files.push(Written {
+            frame,
+            thread,
+            ends,
+        });
     }
 
     /// Writes the file.
@@ -67,6 +88,7 @@ impl Notes {
                 chart.tree(&note.record, tree);
             }
         }
+        chart.files(&self.files);
         let (frames, submissions): (Vec<u64>, Vec<Submission>) = self.submissions().unzip();
         let spans = place_on_host(chart.origin, &submissions);
         for ((frame, submission), span) in frames.iter().zip(&submissions).zip(&spans) {
@@ -110,7 +132,7 @@ impl Chart {
     }
 
     /// What the frame loop did for a frame.
-    fn host(&mut self, Note { record, wrote }: &Note) {
+    fn host(&mut self, Note { record, waited }: &Note) {
         let (track, m) = (self.frames, record.moments);
         let frame = json!({ "frame": record.frame.index });
         let begin = json!({
@@ -122,7 +144,7 @@ impl Chart {
         self.span(track, "begin", [m.begun, m.submitted], &begin);
         self.span(track, "wait", [m.waited, m.seen], &frame);
         self.span(track, "read hits", [m.seen, m.read], &frame);
-        self.span(track, "write files", *wrote, &frame);
+        self.span(track, "wait for files", *waited, &frame);
         let begun = self.ms(m.begun);
         if let Some(generation) = record.asked {
             let args = json!({ "frame": record.frame.index, "generation": generation.0 });
@@ -132,6 +154,18 @@ impl Chart {
         self.timeline.counter("tree age", begun, age);
         if let Some(ratio) = record.sah_ratio {
             self.timeline.counter("SAH ratio", begun, ratio);
+        }
+    }
+
+    /// Who wrote files, and when.
+    fn files(&mut self, files: &[Written]) {
+        let threads: BTreeSet<usize> = files.iter().map(|f| f.thread).collect();
+        for (i, thread) in threads.into_iter().enumerate() {
+            let track = self.timeline.track(&format!("files {}", i + 1));
+            for file in files.iter().filter(|f| f.thread == thread) {
+                let frame = json!({ "frame": file.frame });
+                self.span(track, "write files", file.ends, &frame);
+            }
         }
     }
 

@@ -38,7 +38,7 @@ impl Timeline {
     }
 
     /// Adds a row below those there are.
-    pub fn track(&mut self, name: &'static str) -> Track {
+    pub fn track(&mut self, name: &str) -> Track {
         self.tracks += 1;
         let track = Track(self.tracks);
         self.add("M", "thread_name", track, json!({ "name": name }), []);

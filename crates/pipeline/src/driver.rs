@@ -149,7 +149,8 @@ impl Driver {
     }
 
     /// Renders `frames` in order, keeping as many under way as the backend allows,
-    /// and hands each to `on_frame` when it is done. Hits are read back only if `read_hits`.
+    /// and hands each to `on_frame` when it is done. Hits are read back only if `read_hits`, into the memory of those
+    /// that `on_frame` leaves in place of the last ones.
     ///
     /// # Errors
     /// The backend's, or whatever `on_frame` returns.
@@ -158,7 +159,7 @@ impl Driver {
         frames: impl IntoIterator<Item = Frame>,
         query: Query<'_>,
         read_hits: bool,
-        mut on_frame: impl FnMut(&FrameRecord, &Hits) -> Result<(), E>,
+        mut on_frame: impl FnMut(&FrameRecord, &mut Hits) -> Result<(), E>,
     ) -> Result<(), E> {
         let mut hits = Hits::default();
         // A frame that waits for its own tree takes two submissions, so none may be left open before it.
@@ -173,12 +174,12 @@ impl Driver {
             if self.pending.len() >= under_way {
                 let record = self.finish(read_hits.then_some(&mut hits))?;
                 if let Some(record) = record {
-                    on_frame(&record, &hits)?;
+                    on_frame(&record, &mut hits)?;
                 }
             }
         }
         while let Some(record) = self.finish(read_hits.then_some(&mut hits))? {
-            on_frame(&record, &hits)?;
+            on_frame(&record, &mut hits)?;
         }
         Ok(())
     }

@@ -1,0 +1,206 @@
+//! The files of frames: written by rayon's threads while later frames are traced.
+
+use crate::journal::{self, Journal};
+use crate::outputs::Outputs;
+use crate::progress::Progress;
+use crate::stop::Stop;
+use crate::timeline::Notes;
+use crate::{record, signals};
+use backend::Hits;
+use geom::{Camera, Point};
+use output::{FrameStats, Shot};
+use pipeline::FrameRecord;
+use rayon::Scope;
+use scene::Scene;
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// Bytes that hits and pictures on their way to files may take, but for the first two frames.
+const MOST_BYTES: usize = 1 << 30;
+/// Bytes a pixel: a hit, its shadow, a colour, and the file being made.
+const PIXEL_BYTES: usize = 16 + 1 + 3 + 17;
+
+/// Who writes the files of frames, and what is known of frames that are done.
+pub(crate) struct Writer<'a> {
+    scene: &'a Scene,
+    camera: &'a Camera,
+    light: Point,
+    outputs: &'a Outputs,
+    /// Of the journals.
+    folders: Vec<PathBuf>,
+    done: Mutex<Done<'a>>,
+    spare: Sender<FrameBuffers>,
+    /// One thread hands frames in, so nobody waits for the lock.
+    free: Mutex<Receiver<FrameBuffers>>,
+}
+
+/// Memory of a frame on its way to files.
+#[derive(Default)]
+struct FrameBuffers {
+    hits: Hits,
+    rgb: Vec<u8>,
+}
+
+/// A frame's buffers, which go back when its files are written, or were given up.
+struct Lent<'a> {
+    buffers: FrameBuffers,
+    spare: &'a Sender<FrameBuffers>,
+}
+
+impl Drop for Lent<'_> {
+    fn drop(&mut self) {
+        // Nobody waits for them once the run has ended.
+        let _ = self.spare.send(std::mem::take(&mut self.buffers));
+    }
+}
+
+/// What is known of frames that are done.
+pub(crate) struct Done<'a> {
+    journals: &'a mut [(PathBuf, Journal)],
+    notes: Option<&'a mut Notes>,
+    progress: Progress,
+    /// Each with its place in the run.
+    rows: Vec<(usize, FrameStats)>,
+    failed: Option<Stop>,
+}
+
+impl<'a> Done<'a> {
+    pub(crate) fn new(
+        journals: &'a mut [(PathBuf, Journal)],
+        notes: Option<&'a mut Notes>,
+        progress: Progress,
+    ) -> Self {
+        Self {
+            journals,
+            notes,
+            progress,
+            rows: Vec::new(),
+            failed: None,
+        }
+    }
+}
+
+impl<'a> Writer<'a> {
+    pub(crate) fn new(
+        (scene, camera, light): (&'a Scene, &'a Camera, Point),
+        outputs: &'a Outputs,
+        done: Done<'a>,
+    ) -> Self {
+        let (spare, free) = channel();
+        let fitting = MOST_BYTES / (PIXEL_BYTES * camera.pixels()).max(1);
+        let wanted = rayon::current_num_threads() + 1;
+        for _ in 0..fitting.clamp(2, wanted) {
+            // The receiver is alive.
+            let _ = spare.send(FrameBuffers::default());
+        }
+        Self {
+            scene,
+            camera,
+            light,
+            outputs,
+            folders: done.journals.iter().map(|(f, _)| f.clone()).collect(),
+            done: Mutex::new(done),
+            spare,
+            free: Mutex::new(free),
+        }
+    }
+
+    /// Takes a frame in; waits if too many are on their way to files.
+    ///
+    /// # Errors
+    /// A signal came, or files of an earlier frame could not be written.
+    pub(crate) fn take<'s>(
+        &'s self,
+        scope: &Scope<'s>,
+        place: usize,
+        frame: &FrameRecord,
+        hits: &mut Hits,
+    ) -> Result<(), Stop> {
+        signals::check()?;
+        self.check()?;
+        let waits = Instant::now();
+        let mut lent = Lent {
+            buffers: self.lend()?,
+            spare: &self.spare,
+        };
+        std::mem::swap(hits, &mut lent.buffers.hits);
+        if let Some(notes) = &mut self.lock().notes {
+            notes.add(frame, [waits, Instant::now()]);
+        }
+        let frame = frame.clone();
+        let mut write = move || {
+            let written = self.write(place, &frame, &mut lent.buffers);
+            if let Err(stop) = written {
+                self.lock().failed.get_or_insert(stop);
+            }
+        };
+        // Without threads of its own, rayon does what is asked of it when the run is over.
+        if !self.outputs.any() || rayon::current_thread_index().is_some() {
+            write();
+            return self.check();
+        }
+        scope.spawn(move |_| write());
+        Ok(())
+    }
+
+    /// The rows of all frames, in order.
+    ///
+    /// # Errors
+    /// Files of a frame could not be written.
+    pub(crate) fn rows(self) -> Result<Vec<FrameStats>, Stop> {
+        self.check()?;
+        let mut rows = std::mem::take(&mut self.lock().rows);
+        rows.sort_by_key(|(place, _)| *place);
+        Ok(rows.into_iter().map(|(_, row)| row).collect())
+    }
+
+    /// Buffers for one more frame; waits until there are some.
+    fn lend(&self) -> Result<FrameBuffers, Stop> {
+        let free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
+        free.recv().map_err(Stop::failed)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Done<'a>> {
+        self.done.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn check(&self) -> Result<(), Stop> {
+        self.lock().failed.take().map_or(Ok(()), Err)
+    }
+
+    fn write(
+        &self,
+        place: usize,
+        frame: &FrameRecord,
+        FrameBuffers { hits, rgb }: &mut FrameBuffers,
+    ) -> Result<(), Stop> {
+        let begun = Instant::now();
+        let row = record::row(frame);
+        let shot = Shot {
+            animation: &self.scene.animation,
+            pose: self.scene.animation.pose(frame.frame.time),
+            colours: &self.scene.colours,
+            camera: self.camera,
+            light: self.light,
+        };
+        self.outputs.write(frame.frame.index, &shot, hits, rgb)?;
+        let files = |folder| self.outputs.in_folder(frame.frame.index, folder);
+        let digests = self.folders.iter().map(|f| journal::digests(&files(f)));
+        let digests = digests.collect::<Result<Vec<_>, _>>()?;
+        let mut done = self.lock();
+        for ((_, journal), files) in done.journals.iter_mut().zip(digests) {
+            journal.add(files, &row)?;
+        }
+        if let Some(notes) = &mut done.notes {
+            notes.wrote(frame.frame.index, [begun, Instant::now()]);
+        }
+        done.progress.step(&format!(
+            "time {:.3}, {:.1} ms",
+            frame.frame.time, frame.wall_ms
+        ));
+        done.rows.push((place, row));
+        Ok(())
+    }
+}
