@@ -17,8 +17,9 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-/// Bytes that hits and pictures on their way to files may take, but for the first two frames.
-const MOST_BYTES: usize = 1 << 30;
+/// Bytes that hits and pictures on their way to files may take, but for the first two frames; and no more than a quarter
+/// of what is free.
+const MOST_BYTES: u64 = 1 << 30;
 /// Bytes a pixel: a hit, its shadow, a colour, and the file being made.
 const PIXEL_BYTES: usize = 16 + 1 + 3 + 17;
 
@@ -89,7 +90,9 @@ impl<'a> Writer<'a> {
         done: Done<'a>,
     ) -> Self {
         let (spare, free) = channel();
-        let fitting = MOST_BYTES / (PIXEL_BYTES * camera.pixels()).max(1);
+        let free_bytes = host::free().map_or(u64::MAX, |free| free.bytes);
+        let each = (PIXEL_BYTES * camera.pixels()).max(1) as u64;
+        let fitting = (MOST_BYTES.min(free_bytes / 4) / each) as usize;
         let wanted = rayon::current_num_threads() + 1;
         for _ in 0..fitting.clamp(2, wanted) {
             // The receiver is alive.
