@@ -10,7 +10,7 @@ use crate::args::{BackendName, BenchArgs, MethodArgs, RaysName, Switch, UpdateNa
 use crate::choose::{self, Ahead, Ask};
 use crate::progress::Progress;
 use crate::stop::Stop;
-use crate::{conflicts, frames, info, open, record, talk, threads};
+use crate::{conflicts, frames, info, memory, open, record, talk, threads};
 use clap::ValueEnum;
 pub(crate) use row::{Row, Run, measure};
 use serde::Serialize;
@@ -81,7 +81,8 @@ fn measure_all(args: &BenchArgs) -> Result<Vec<Row>, Stop> {
     skipped.iter().for_each(|s| progress.say(s));
     let mut rows = Vec::new();
     for spec in &args.scenes {
-        let scene = scene::open(spec, &args.source.options())?;
+        let options = memory::with_run(args.source.options(), args.size.count());
+        let scene = scene::open(spec, &options)?;
         let keys = scene.animation.whole_times();
         let frames = frames::list(Some(&args.frames), args.time_range, keys, false)?;
         progress.lengthen((args.rays.len() * combinations.len()) as u64);

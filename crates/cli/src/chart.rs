@@ -22,7 +22,7 @@ use crate::session::Ask;
 use crate::stop::Stop;
 use crate::table::table;
 use crate::warm_up::Warmed;
-use crate::{frames, info, reduce, talk};
+use crate::{frames, info, memory, reduce, talk};
 use geom::Animation;
 use output::plot::{self, Adapter, Chart, KeyFrameStep, KeyFrames, Machine, Point, Spread};
 use output::{FrameStats, Summary};
@@ -123,9 +123,13 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
+    fn options(&self) -> scene::Options {
+        memory::with_run(self.args.source.options(), self.args.size.count())
+    }
+
     /// Every way's times over one scene.
     fn time_scene(&mut self, spec: &str, ways: &[Way]) -> Result<Vec<Measured>, Stop> {
-        let scene = scene::open(spec, &self.args.source.options())?;
+        let scene = scene::open(spec, &self.options())?;
         if self.chart.scenes.is_empty() {
             output::prepare_dir(&self.args.out).map_err(Stop::bad)?;
         }
@@ -182,7 +186,7 @@ impl Work<'_> {
 
     /// Every way's answers over one scene, and how many key frames it needs.
     fn judge_scene(&mut self, spec: &str, points: &mut [Measured]) -> Result<(), Stop> {
-        let mut scene = scene::open(spec, &self.args.source.options())?;
+        let mut scene = scene::open(spec, &self.options())?;
         let Some((first, point)) = points.first() else {
             return Ok(());
         };

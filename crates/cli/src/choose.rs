@@ -36,11 +36,18 @@ pub(crate) struct Ask<'a> {
     pub(crate) tolerance: f64,
     /// What will be done, by which `auto` chooses.
     pub(crate) run: Option<Run<'a>>,
+    /// Rays of a frame, where no run is known.
+    pub(crate) rays: usize,
     /// What trees may be built for.
     pub(crate) ahead: Ahead,
 }
 
 impl Ask<'_> {
+    /// Rays that are traced in a frame.
+    pub(crate) fn rays(&self) -> usize {
+        self.run.map_or(self.rays, |run| run.query.rays.count())
+    }
+
     /// Leaves all else as it usually is.
     pub(crate) fn of(backend: BackendName, method: MethodArgs, update: Choice<Update>) -> Self {
         Self {
@@ -52,6 +59,7 @@ impl Ask<'_> {
             update,
             tolerance: 0.0,
             run: None,
+            rays: 0,
             ahead: Ahead::default(),
         }
     }

@@ -9,7 +9,7 @@ use crate::bench::FOV;
 use crate::choose::{self, Ahead, Ask, Run};
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, table};
-use crate::{frames, record, reduce, session, talk};
+use crate::{frames, memory, record, reduce, session, talk};
 use backend::{Query, QueryKind, Rays};
 use geom::Animation;
 use motion::{Decay, Motion, Spread, Still};
@@ -46,8 +46,9 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
     if let Some(tolerance) = args.reduce_keys {
         return reduce::run(args, tolerance);
     }
-    let scene = scene::open(&args.scene, &args.source.options())?;
-    crate::memory::check_trees(scene.animation.triangle_count(), 0)?;
+    let options = memory::with_run(args.source.options(), 0);
+    let scene = scene::open(&args.scene, &options)?;
+    memory::check_trees(scene.animation.triangle_count(), 0)?;
     let animation = &scene.animation;
     let bounds = animation.bounds();
     let [inactive, degenerate] = motion::unhittable(animation);

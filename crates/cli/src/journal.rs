@@ -161,12 +161,51 @@ fn lock(file: &File, path: &Path) -> Result<(), Stop> {
     }
 }
 
-/// The lines of a journal but those of frames that are made again.
-fn without(path: &Path, again: &[u64]) -> std::io::Result<Vec<u8>> {
+/// Opens a journal, which is made if there is none, and locks it.
+fn open_locked(path: &Path) -> Result<File, Stop> {
+    let cannot = |e| Stop::bad(format!("cannot write {}: {e}", path.display()));
+    loop {
+        // Whoever opens a pipe waits for its other end.
+        match host::open(path) {
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
+            there => drop(there.map_err(cannot)?),
+        }
+        let file = File::options()
+            .append(true)
+            .create(true)
+            .open(path)
+            .map_err(cannot)?;
+        lock(&file, path)?;
+        // Whoever had it until now may have put another in its place.
+        if is_at(&file, path).map_err(cannot)? {
+            return Ok(file);
+        }
+    }
+}
+
+/// Whether a path still names a file that was opened there.
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> std::io::Result<bool> {
+    use std::os::unix::fs::MetadataExt;
+    let there = match fs::metadata(path) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(false),
+        there => there?,
+    };
+    let own = file.metadata()?;
+    Ok((own.dev(), own.ino()) == (there.dev(), there.ino()))
+}
+
+/// Where files cannot be told apart.
+#[cfg(not(unix))]
+fn is_at(_: &File, _: &Path) -> std::io::Result<bool> {
+    Ok(true)
+}
+
+/// The lines of a journal but those of frames that are made again, and what was cut short.
+fn without(text: &[u8], again: &[u64]) -> Vec<u8> {
     let mut kept = Vec::new();
-    for line in BufReader::new(File::open(path)?).split(b'\n') {
-        let line = line?;
-        let keeps = match serde_json::from_slice(&line) {
+    for line in text.split(|&b| b == b'\n') {
+        let keeps = match serde_json::from_slice(line) {
             Ok(JournalLine::Frame { row, .. }) => !again.contains(&(row.frame as u64)),
             Ok(JournalLine::Run { .. }) => true,
             Err(_) => false,
@@ -176,7 +215,7 @@ fn without(path: &Path, again: &[u64]) -> std::io::Result<Vec<u8>> {
             kept.push(b'\n');
         }
     }
-    Ok(kept)
+    kept
 }
 
 /// What a journal says of files.
@@ -211,16 +250,14 @@ impl Journal {
         };
         let path = folder.join(name);
         let cannot = |e| Stop::bad(format!("cannot write {}: {e}", path.display()));
-        let mut file = File::options()
-            .append(true)
-            .create(true)
-            .open(&path)
-            .map_err(cannot)?;
-        lock(&file, &path)?;
-        // A line that was cut short must not swallow the next one.
-        let kept = without(&path, again).map_err(cannot)?;
-        file.set_len(0).map_err(cannot)?;
-        file.write_all(&kept).map_err(cannot)?;
+        let mut file = open_locked(&path)?;
+        let text = host::read(&path).map_err(cannot)?;
+        let kept = without(&text, again);
+        if kept != text {
+            // Renamed over the old one: a run that is killed here loses no line.
+            output::write_whole(&path, &kept)?;
+            file = open_locked(&path)?;
+        }
         Ok(Self { path, file })
     }
 
@@ -246,6 +283,7 @@ impl Journal {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::Read;
 
     fn row(frame: usize) -> FrameStats {
         FrameStats {
@@ -282,6 +320,36 @@ mod tests {
             fs::write(&file, damaged).unwrap();
             assert!(done.all_whole(3, dir.path()).is_none());
         }
+    }
+
+    #[test]
+    fn no_line_is_lost_while_others_go() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("abvh-run.jsonl");
+        let mut journal = Journal::open(dir.path(), None, &[]).unwrap();
+        journal.add(&[], &row(0)).unwrap();
+        journal.add(&[], &row(1)).unwrap();
+        drop(journal);
+        let text = fs::read(&path).unwrap();
+        // As a run sees it that waits for the lock.
+        let mut earlier = File::open(&path).unwrap();
+        drop(Journal::open(dir.path(), None, &[]).unwrap());
+        #[cfg(unix)]
+        assert!(is_at(&earlier, &path).unwrap(), "nothing was to go");
+        let journal = Journal::open(dir.path(), None, &[1]).unwrap();
+        let done = Done::in_folder(dir.path()).unwrap();
+        assert!(done.frames.keys().eq(&[0]));
+        // What was there is whole until what comes after it is.
+        let mut before = Vec::new();
+        earlier.read_to_end(&mut before).unwrap();
+        assert_eq!(before, text);
+        #[cfg(unix)]
+        assert!(!is_at(&earlier, &path).unwrap());
+        let second = Journal::open(dir.path(), None, &[]).unwrap_err();
+        assert!(second.to_string().contains("another run"), "{second}");
+        drop(journal);
+        Journal::open(dir.path(), None, &[]).unwrap();
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
     }
 
     #[test]

@@ -120,7 +120,7 @@ fn keys_bytes(animation: &Animation) -> u64 {
 
 fn trees_bytes(triangles: usize, rays: usize) -> u64 {
     let trees = (triangles as u64).saturating_mul(TREE_BYTES);
-    trees.saturating_add(rays as u64 * RAY_BYTES)
+    trees.saturating_add((rays as u64).saturating_mul(RAY_BYTES))
 }
 
 fn device_bytes(animation: &Animation, (method, update): (Method, Update), rays: usize) -> u64 {
@@ -139,6 +139,16 @@ fn device_bytes(animation: &Animation, (method, update): (Method, Update), rays:
         _ => rays as u64 * 20,
     };
     DEVICE_BASE_BYTES + scene + animation.live_count() as u64 * tree + TRACES * answers
+}
+
+/// To open a scene with, over which trees are built and so many rays are traced at a time: what that takes is asked for
+/// with the key frames, before any of them is there.
+pub(crate) fn with_run(options: scene::Options, rays: usize) -> scene::Options {
+    scene::Options {
+        more_bytes: trees_bytes(0, rays),
+        triangle_bytes: TREE_BYTES,
+        ..options
+    }
 }
 
 /// Refuses scenes whose trees and rays the host's memory does not hold. Key frames are there already.

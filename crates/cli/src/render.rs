@@ -10,7 +10,7 @@ use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
 use crate::timeline::Notes;
 use crate::writer::{Done, Writer};
-use crate::{conflicts, frames, record, signals, table, talk};
+use crate::{conflicts, frames, memory, record, signals, table, talk};
 use backend::{Query, QueryKind, Rays};
 use geom::Camera;
 use output::View;
@@ -33,7 +33,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     if let Some(all) = foreseen.filter(|all| frames::of_shard(all, args.shard).is_empty()) {
         return no_frames(args, (earlier, &outputs), &all, None);
     }
-    let scene = scene::open(&args.scene, &args.source.options())?;
+    let rays = args.size.count();
+    let scene = scene::open(&args.scene, &memory::with_run(args.source.options(), rays))?;
     let keys = scene.animation.whole_times();
     let all = frames::list(args.frames.as_ref(), args.time_range, keys, is_demo)?;
     let frames = frames::of_shard(&all, args.shard);
@@ -56,6 +57,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
                 frames: &frames,
                 query: query(&camera, &view),
             }),
+            rays,
             ahead: Ahead::of(&frames, args.predict),
         },
     )?;

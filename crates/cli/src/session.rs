@@ -37,7 +37,7 @@ pub(crate) struct Session {
 
 /// Opens the backend, settles what is left to `auto`, and loads the scene.
 pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session, Stop> {
-    let rays = ask.run.map_or(0, |run| run.query.rays.count());
+    let rays = ask.rays();
     memory::check_trees(animation.triangle_count(), rays)?;
     let ask = &for_backend(ask)?;
     let want = want(ask);
@@ -90,6 +90,7 @@ fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
     Ok(Ask {
         update: choose::within_frames(ask.update),
         run: None,
+        rays: ask.rays(),
         method: MethodArgs {
             intersector: IntersectorName::Watertight,
             layout: LayoutName::Auto,
@@ -178,6 +179,7 @@ mod tests {
             update: choose::asked(update),
             tolerance: 0.0,
             run: None,
+            rays: 0,
             ahead,
         };
         let mut session = start(&scene.animation, &ask).unwrap();

@@ -5,7 +5,7 @@ use crate::choose::{self, Ask};
 use crate::session::{self, Session};
 use crate::stop::Stop;
 use crate::table::counted;
-use crate::{conflicts, frames, talk};
+use crate::{conflicts, frames, memory, talk};
 use backend::{Hits, Query, QueryKind, Rays};
 use geom::{Animation, Ray};
 use output::HitArrays;
@@ -23,7 +23,8 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     files.check()?;
     output::check_writable(&args.out).map_err(Stop::bad)?;
     let rays = output::read_rays(&args.rays)?;
-    let scene = scene::open(&args.scene, &args.source.options())?;
+    let options = memory::with_run(args.source.options(), rays.len());
+    let scene = scene::open(&args.scene, &options)?;
     let animation = &scene.animation;
     let moments = moments(args, animation)?;
     let update = match args.update {
@@ -38,6 +39,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
             threads: args.device.threads,
             builder_threads: args.device.builder_threads,
             tolerance: args.tolerance.ppm(),
+            rays: rays.len(),
             ..Ask::of(
                 args.device.backend,
                 args.method,

@@ -142,9 +142,11 @@ pub(crate) fn open(
         Ok((scene, input.place.unwrap_or(AS_IT_IS)))
     };
     let opened = inputs.iter().map(open).collect::<Result<Vec<_>, _>>()?;
-    let vertices = opened.iter().map(|(s, _)| s.animation.vertex_count());
+    let all = || opened.iter().map(|(s, _)| &s.animation);
+    let vertices = all().map(|a| a.vertex_count()).sum();
+    let triangles = all().map(|a| a.triangle_count()).sum();
     let names = joined(opened.iter().map(|(s, _)| s.name.as_str()));
-    check_keys(names, key_count(&opened)?, vertices.sum(), options)?;
+    check_keys(names, (key_count(&opened)?, vertices, triangles), options)?;
     join(spec, opened)
 }
 

@@ -71,8 +71,12 @@ pub struct Options {
     pub clip: Option<String>,
     /// Whether a scene's files may name files outside its folder.
     pub allow_outside: bool,
-    /// Bytes that key frames may take; what the host has free, if absent.
+    /// Bytes that may be taken; what the host has free, if absent.
     pub memory: Option<u64>,
+    /// Bytes that whoever opens the scene takes besides, whatever it holds: there must be room for them too.
+    pub more_bytes: u64,
+    /// The same for each triangle, as for trees.
+    pub triangle_bytes: u64,
 }
 
 impl Default for Options {
@@ -82,6 +86,8 @@ impl Default for Options {
             clip: None,
             allow_outside: false,
             memory: None,
+            more_bytes: 0,
+            triangle_bytes: 0,
         }
     }
 }

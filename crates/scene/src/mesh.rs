@@ -181,19 +181,29 @@ pub(crate) fn within(
     Err(SceneError::unusable(path.display(), cause))
 }
 
-/// Refuses key frames that memory does not hold, before they are allocated.
+/// Refuses key frames that memory does not hold, with what follows them, before they are allocated.
 pub(crate) fn check_keys(
     place: impl Display,
-    keys: usize,
-    vertices: usize,
+    (keys, vertices, triangles): (usize, usize, usize),
     options: &Options,
 ) -> Result<(), SceneError> {
     let bytes = (keys as u64)
         .saturating_mul(vertices as u64)
         .saturating_mul(size_of::<Point>() as u64);
     let plural = if keys == 1 { "" } else { "s" };
-    let what = format!("{keys} key frame{plural} of {vertices} vertices");
-    check_memory(place, what, bytes, options)
+    let mut what = format!("{keys} key frame{plural} of {vertices} vertices");
+    if options.triangle_bytes > 0 {
+        what += &format!(", and trees over {triangles} triangles");
+    }
+    check_memory(place, what, with_more(bytes, triangles, options), options)
+}
+
+/// Bytes of a scene, and of what follows it.
+pub(crate) fn with_more(bytes: u64, triangles: usize, options: &Options) -> u64 {
+    (triangles as u64)
+        .saturating_mul(options.triangle_bytes)
+        .saturating_add(options.more_bytes)
+        .saturating_add(bytes)
 }
 
 /// Refuses a mesh whose reading memory does not hold.

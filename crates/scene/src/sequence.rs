@@ -53,7 +53,8 @@ pub(crate) fn open(
     topology.check(path)?;
     let folder = Folder::of(path, options.allow_outside);
     let colours = colours((path, &folder), &topology, paint, &mut notes);
-    check_keys(path.display(), files.len(), points.len(), options)?;
+    let size = (files.len(), points.len(), triangles.len());
+    check_keys(path.display(), size, options)?;
     let mut keys = vec![points];
     // Collected before looked at, so that the first bad file is named whichever thread is faster.
     let rest: Vec<_> = files[1..]

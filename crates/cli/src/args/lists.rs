@@ -20,6 +20,13 @@ pub(crate) struct SizeArgs {
     pub(crate) size: [u32; 2],
 }
 
+impl SizeArgs {
+    /// Pixels of a picture.
+    pub(crate) fn count(&self) -> usize {
+        self.size[0] as usize * self.size[1] as usize
+    }
+}
+
 /// How a device is got ready to be measured.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub(crate) struct WarmUpArgs {

@@ -157,6 +157,7 @@ impl Way {
             update: self.update,
             tolerance: 0.0,
             run: None,
+            rays: 0,
             ahead: Ahead::default(),
         }
     }

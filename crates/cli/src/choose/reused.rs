@@ -53,8 +53,7 @@ impl<'a> ReusedBackend<'a> {
             predict: self.ask.ahead.predict,
         };
         let backend = self.take(threads.render)?;
-        let rays = self.ask.run.map_or(0, |run| run.query.rays.count());
-        memory::check_device(&*backend, self.animation, (method, update), rays)?;
+        memory::check_device(&*backend, self.animation, (method, update), self.ask.rays())?;
         Ok(Driver::new(backend, Arc::clone(self.animation), options)?)
     }
 

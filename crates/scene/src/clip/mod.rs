@@ -47,11 +47,12 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
     };
     let times = times(path, motion.span(), fps)?;
     let vertices = parts.iter().map(Part::vertices).sum();
-    check_keys(path.display(), times.len(), vertices, options)?;
+    let count = parts.iter().map(|part| part.triangles.len()).sum();
+    check_keys(path.display(), (times.len(), vertices, count), options)?;
     let (triangles, colours) = join(path, &parts, times.len(), &notes)?;
     let keys = times
         .par_iter()
-        .map(|&time| key_frame(&rig, &motion, &parts, time))
+        .map(|&time| key_frame(&rig, &motion, &parts, (time, vertices)))
         .collect();
     let facts = Facts {
         format: extension(path),
@@ -147,11 +148,19 @@ fn join(
     ))
 }
 
-fn key_frame(rig: &Rig, motion: &Motion, parts: &[Part], time: f64) -> Vec<Point> {
+fn key_frame(
+    rig: &Rig,
+    motion: &Motion,
+    parts: &[Part],
+    (time, vertices): (f64, usize),
+) -> Vec<Point> {
     let pose = rig.pose(motion, time);
-    let each = parts.iter();
-    each.flat_map(|part| part.positions(&pose, motion, time))
-        .collect()
+    // A list that grows takes more than its points in the end.
+    let mut points = Vec::with_capacity(vertices);
+    for part in parts {
+        points.extend(part.positions(&pose, motion, time));
+    }
+    points
 }
 
 /// A message about something in the JSON.

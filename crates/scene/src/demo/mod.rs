@@ -14,7 +14,7 @@ mod shatter;
 mod stage;
 mod twist;
 
-use crate::mesh::check_memory;
+use crate::mesh::{check_memory, with_more};
 use crate::{Facts, Options, Rgb, Scene, SceneError};
 use geom::{Animation, AnimationError};
 use std::sync::Arc;
@@ -49,7 +49,7 @@ pub(crate) fn open(name: &str, options: &Options) -> Result<Scene, SceneError> {
         }
     };
     let budget = asked.map_or(Ok(default), |text| triangles(name, text))?;
-    let bytes = budget as u64 * LEAST_BYTES;
+    let bytes = with_more(budget as u64 * LEAST_BYTES, budget, options);
     let what = format!("{budget} triangles");
     check_memory(format_args!("demo:{name}"), what, bytes, options)?;
     let (animation, colours) = build(budget)?;

@@ -3,6 +3,7 @@
 //! Elements are read one at a time, so that what is wrong is named by its
 //! line or by its element, and nothing is kept that is not used.
 
+mod count;
 mod element;
 mod write;
 
@@ -20,13 +21,8 @@ pub use write::write_ply;
 pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
     let mut file = File::open(path, &bytes)?;
-    // Lists grow by doubling; more than there are bytes cannot be there, whatever the header says.
-    let count = |name: &str| {
-        let element = file.header.elements.get(name);
-        element.map_or(0, |e| e.count.min(bytes.len()))
-    };
-    let counts = [count("vertex"), count("face")];
-    check_mesh(path, counts, counts[0] * 24 + counts[1] * 56)?;
+    let (counts, need) = file.need();
+    check_mesh(path, counts, need)?;
     let definitions: Vec<ElementDef> = file.header.elements.values().cloned().collect();
     for definition in &definitions {
         file.element(definition)?;
@@ -82,6 +78,20 @@ impl<'a> File<'a> {
         };
         file.check_header()?;
         Ok(file)
+    }
+
+    /// Vertices and faces, and the bytes that reading them takes at most.
+    fn need(&self) -> ([usize; 2], usize) {
+        // More than there are bytes cannot be there, whatever the header says.
+        let count = |name: &str| {
+            let element = self.header.elements.get(name);
+            element.map_or(0, |e| e.count.min(self.size))
+        };
+        let [vertices, faces] = [count("vertex"), count("face")];
+        // Every corner after a face's third makes another triangle.
+        let more = count::corners(&self.header, self.rest).saturating_sub(3 * faces);
+        // Lists grow by doubling.
+        ([vertices, faces], vertices * 24 + faces * 56 + more * 32)
     }
 
     fn wrong(&self, place: FileLocation, cause: impl Display) -> SceneError {

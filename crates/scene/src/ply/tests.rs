@@ -73,6 +73,38 @@ fn all_three_encodings_say_the_same() {
 }
 
 #[test]
+fn room_is_asked_for_every_corner() {
+    let need = |bytes: &[u8]| File::open(Path::new("a.ply"), bytes).unwrap().need();
+    let square = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
+    let triangles = ascii(square, "3 0 1 2\n3 3 2 0\n");
+    let small = 4 * 24 + 2 * 56;
+    assert_eq!(need(triangles.as_bytes()), ([4, 2], small));
+    let rim: Vec<i16> = (0..1000).map(|i| i % 4).collect();
+    let words = rim.iter().map(|v| format!(" {v}")).collect::<String>();
+    let text = ascii(square, &format!("1000{words}\n3 0 1 2\n"));
+    // What other lists hold is no corner.
+    let list = "property list uchar int vertex_index\n";
+    let lists = format!("property list uchar float uv\nproperty int id\n{list}");
+    let other = text
+        .replace(list, &lists)
+        .replace("\n1000", "\n2 .5 .5 7 1000");
+    let other = other.replace("\n3 0 1 2", "\n0 7 3 0 1 2");
+    for bytes in [
+        text.into_bytes(),
+        other.into_bytes(),
+        binary(false, &[(1000, &rim), (3, &[0, 1, 2])]),
+        binary(true, &[(1000, &rim), (3, &[0, 1, 2])]),
+        // Cut short, or with a length that lies: what is there counts.
+        binary(true, &[(3, &[0, 1, 2]), (i32::MAX, &rim)]),
+    ] {
+        let (counts, need) = need(&bytes);
+        assert_eq!((counts, need), ([4, 2], small + 997 * 32));
+        // A corner takes 4 bytes, a triangle 12.
+        assert!(need >= 1003 * 4 + 999 * 12);
+    }
+}
+
+#[test]
 fn vertices_that_no_face_uses_are_dropped() {
     let mesh =
         parse(ascii("9e9 0 0\n0 0 0\n1 0 0\n9 9 9\n0 1 0\n", "3 4 1 2\n").as_bytes()).unwrap();

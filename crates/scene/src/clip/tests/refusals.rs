@@ -172,14 +172,17 @@ fn a_small_file_that_takes_more_than_there_is_is_refused_before_it_is_sampled() 
     );
     let bytes = glb(&bin.json(&rest, ""), &bin.bytes);
     assert!(bytes.len() < 40_000);
-    let with = |fps, memory| {
+    let with_run = |fps, memory, [more_bytes, triangle_bytes]: [u64; 2]| {
         let options = Options {
             fps,
             memory: Some(memory),
+            more_bytes,
+            triangle_bytes,
             ..Options::default()
         };
         read_with(&bytes, &options).err().unwrap_or_default()
     };
+    let with = |fps, memory| with_run(fps, memory, [0, 0]);
     let message = with(1.0, 16 << 30);
     let says = "65001 key frames of 24975 vertices: 19.5 GB of memory are needed, 17.2 GB are free";
     assert!(message.contains(says), "{message}");
@@ -187,4 +190,9 @@ fn a_small_file_that_takes_more_than_there_is_is_refused_before_it_is_sampled() 
     let says = "the meshes of its nodes: 700.0 KB of memory are needed, 100.0 KB are free";
     assert!(message.contains(says), "{message}");
     assert_eq!(with(0.001, 60 << 20), "");
+    // What follows is asked for along with it, though key frames alone would fit.
+    let says =
+        "24975 vertices, and trees over 8325 triangles: 30.2 GB of memory are needed, 19.6 GB";
+    let message = with_run(1.0, 19_600_000_000, [10 << 30, 345]);
+    assert!(message.contains(says), "{message}");
 }
