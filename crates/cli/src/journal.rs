@@ -327,8 +327,8 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("abvh-run.jsonl");
         let mut journal = Journal::open(dir.path(), None, &[]).unwrap();
-        journal.add(&[], &row(0)).unwrap();
-        journal.add(&[], &row(1)).unwrap();
+        journal.add(Vec::new(), &row(0)).unwrap();
+        journal.add(Vec::new(), &row(1)).unwrap();
         drop(journal);
         let text = fs::read(&path).unwrap();
         // As a run sees it that waits for the lock.

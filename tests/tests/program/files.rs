@@ -166,16 +166,61 @@ fn beyond_memory(sandbox: &Sandbox) -> Result<(), Failed> {
         );
         // So little that reading breaks down over it, and trees beyond.
         for kilobytes in [150_000, 250_000, 400_000] {
-            let limited = format!("ulimit -v {kilobytes}; exec \"$0\" \"$@\"");
-            let output = Command::new("sh")
-                .args(["-c", &limited])
-                .arg(integration::program::abvh())
-                .args(words.split(' '))
-                .current_dir(sandbox.path())
-                .output()?;
-            Run::of(&output, &words).fails(2, &["are needed", "are free (address space"])?;
+            let run = limited(sandbox, kilobytes, &words)?;
+            run.fails(2, &["are needed", "are free (address space"])?;
         }
     }
+    // One face of many corners, and many rays.
+    let polygon = "ply\nformat ascii 1.0\n".to_owned() + head;
+    let face =
+        "element face 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n";
+    sandbox.write(
+        "p.ply",
+        polygon + face + "3000000" + &" 0 1 2".repeat(1_000_000),
+    );
+    let words =
+        "render p.ply --backend cpu --size 8x8 --frames 1 --threads 1 --builder-threads 1 --quiet";
+    limited(sandbox, 150_000, words)?
+        .fails(2, &["reading 3 vertices and 1 faces", "are needed"])?;
+    sandbox.write("s.obj", SQUARE);
+    rays(sandbox, 2_000_000)?;
+    let words = "trace s.obj --time 0 --backend cpu --threads 1 --builder-threads 1 --rays r.npy --out h.npz";
+    // Least and greatest limit under which rays can be read, and not be traced.
+    let says = "1 key frame of 4 vertices, and trees over 2 triangles: ";
+    for kilobytes in (150_000..600_000).step_by(30_000) {
+        let run = limited(sandbox, kilobytes, words)?;
+        if run.stderr.contains(says) {
+            return run.fails(2, &["are needed", "are free (address space"]);
+        }
+        let stderr = run.stderr.clone();
+        run.fails(2, &[])
+            .map_err(|_| format!("under {kilobytes} KiB: {stderr}"))?;
+    }
+    Err("all limits are too low".into())
+}
+
+/// A run that may have so much memory.
+#[cfg(target_os = "linux")]
+fn limited(sandbox: &Sandbox, kilobytes: u32, words: &str) -> Result<Run, Failed> {
+    let limited = format!("ulimit -v {kilobytes}; exec \"$0\" \"$@\"");
+    let output = Command::new("sh")
+        .args(["-c", &limited])
+        .arg(integration::program::abvh())
+        .args(words.split(' '))
+        .current_dir(sandbox.path())
+        .output()?;
+    Ok(Run::of(&output, words))
+}
+
+/// A file of rays, all of which are alike.
+#[cfg(target_os = "linux")]
+fn rays(sandbox: &Sandbox, count: u64) -> Result<(), Failed> {
+    let dict = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({count}, 6), }}");
+    let mut file = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    file.extend(format!("{dict:<117}\n").bytes());
+    let ray = [0.25_f32, 0.25, 5.0, 0.0, 0.0, -1.0].map(f32::to_le_bytes);
+    file.extend(ray.concat().repeat(usize::try_from(count)?));
+    sandbox.write("r.npy", file);
     Ok(())
 }
 

@@ -1,18 +1,25 @@
-//! A run that is killed at any moment leaves whole files only, and can be taken up again.
+//! A run that is killed or asked to end at any moment leaves whole files only, and can be taken up again.
 
+use crate::runs::bytes;
 use crate::sandbox::{Sandbox, ensure, trial};
 use fastrand::Rng;
 use libtest_mimic::{Failed, Trial};
 use npyz::npz::NpzArchive;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 pub(crate) fn trials() -> Vec<Trial> {
-    vec![trial(
-        "killed::whatever_has_its_final_name_is_whole",
-        whole_or_absent,
-    )]
+    vec![
+        trial(
+            "killed::whatever_has_its_final_name_is_whole",
+            whole_or_absent,
+        ),
+        trial("killed::shards_resume_to_the_bytes_of_one_run", shards),
+        trial("killed::signals_end_with_their_codes", signals),
+        trial("killed::a_signal_leaves_no_half_file", signal_while_writing),
+    ]
 }
 
 /// Runs that are killed.
@@ -54,12 +61,7 @@ fn whole_or_absent(_: &Sandbox) -> Result<(), Failed> {
 
 /// Starts the program and kills it, without leave to clean up.
 fn kill_after(sandbox: &Sandbox, delay: Duration) -> Result<(), Failed> {
-    let mut child = Command::new(integration::program::abvh())
-        .args(WORDS.split_whitespace())
-        .current_dir(sandbox.path())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()?;
+    let mut child = spawn(sandbox, WORDS)?;
     std::thread::sleep(delay);
     child.kill()?;
     child.wait()?;
@@ -111,5 +113,127 @@ fn read_whole(path: &Path) -> Result<(), Failed> {
         }
         other => return Err(format!("what is {other:?}?").into()),
     }
+    Ok(())
+}
+
+fn spawn(sandbox: &Sandbox, words: &str) -> Result<Child, Failed> {
+    let program = Command::new(integration::program::abvh())
+        .args(words.split_whitespace())
+        .current_dir(sandbox.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()?;
+    Ok(program)
+}
+
+/// Runs that are killed.
+fn kills() -> u32 {
+    if integration::is_full() { 100 } else { 6 }
+}
+
+fn shards(sandbox: &Sandbox) -> Result<(), Failed> {
+    const WORDS: &str = "render demo:collide:3000 --backend cpu --size 160x120 --frames 10 --quiet --hits o --out o";
+    let whole = WORDS
+        .replace("--out o", "--out all")
+        .replace("--hits o", "--hits all");
+    sandbox.run(&whole).succeeds()?;
+    let all = bytes(sandbox, "all");
+    let mut rng = Rng::with_seed(7);
+    for round in 0..kills().div_ceil(2) {
+        let mut running = Vec::new();
+        for i in 1..=2 {
+            running.push(spawn(sandbox, &format!("{WORDS} --shard {i}/2 --resume"))?);
+        }
+        for child in &mut running {
+            std::thread::sleep(Duration::from_millis(rng.u64(5..160)));
+            child.kill()?;
+            child.wait()?;
+        }
+        if round % 4 == 3 {
+            resumed(sandbox, WORDS, &all)?;
+            std::fs::remove_dir_all(sandbox.path().join("o"))?;
+        }
+    }
+    resumed(sandbox, WORDS, &all)
+}
+
+fn resumed(sandbox: &Sandbox, words: &str, all: &BTreeMap<PathBuf, Vec<u8>>) -> Result<(), Failed> {
+    for i in 1..=2 {
+        sandbox
+            .run(&format!("{words} --shard {i}/2 --resume"))
+            .succeeds()?;
+    }
+    sandbox.run("merge o").succeeds()?;
+    ensure(bytes(sandbox, "o") == *all, || {
+        format!("{:?}", sandbox.all_files())
+    })
+}
+
+#[cfg(unix)]
+fn signals(sandbox: &Sandbox) -> Result<(), Failed> {
+    for (signal, code) in [("INT", 130), ("TERM", 143)] {
+        let mut child = spawn(
+            sandbox,
+            "render demo:collide:20000 --backend cpu --frames 4000 --size 320x240 --quiet",
+        )?;
+        let first = sandbox.path().join("abvh-out/frame_0001.png");
+        for _ in 0..600 {
+            if first.exists() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        Command::new("kill")
+            .args(["-s", signal, &child.id().to_string()])
+            .status()?;
+        let status = child.wait()?;
+        ensure(status.code() == Some(code), || {
+            format!("{signal}: {status:?}")
+        })?;
+        let left = sandbox.all_files();
+        let part = left
+            .iter()
+            .any(|f| f.extension().is_some_and(|e| e == "part"));
+        ensure(!part, || format!("{left:?}"))?;
+        std::fs::remove_dir_all(sandbox.path().join("abvh-out"))?;
+    }
+    Ok(())
+}
+
+/// Before the first frame, where nobody looks out for signals.
+#[cfg(unix)]
+fn signal_while_writing(sandbox: &Sandbox) -> Result<(), Failed> {
+    let words = "render demo:twist:100 --backend cpu --frames 1 --size 2048x2048 --quiet --rays-out r/rays.npy";
+    std::fs::create_dir(sandbox.path().join("r"))?;
+    let half = || -> bool {
+        let all = sandbox.all_files();
+        let mut all = all.iter().filter(|f| f.starts_with("r"));
+        all.any(|f| std::fs::metadata(sandbox.path().join(f)).is_ok_and(|m| m.len() > 1 << 20))
+    };
+    for _ in 0..3 {
+        let mut child = spawn(sandbox, words)?;
+        while !half() && child.try_wait()?.is_none() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let pid = child.id().to_string();
+        Command::new("kill").args(["-s", "INT", &pid]).status()?;
+        let code = child.wait()?.code();
+        ensure(code == Some(130), || format!("{code:?}"))?;
+        if !sandbox.path().join("r/rays.npy").exists() {
+            let left = sandbox.all_files();
+            return ensure(left.is_empty(), || format!("{left:?}"));
+        }
+        std::fs::remove_file(sandbox.path().join("r/rays.npy"))?;
+    }
+    Err("the file was whole before the signal came, three times".into())
+}
+
+#[cfg(not(unix))]
+fn signals(_: &Sandbox) -> Result<(), Failed> {
+    Ok(())
+}
+
+#[cfg(not(unix))]
+fn signal_while_writing(_: &Sandbox) -> Result<(), Failed> {
     Ok(())
 }

@@ -1,13 +1,10 @@
-//! Runs that are resumed, divided among shards, killed, and that must not eat each other's files.
+//! Runs that are resumed, divided among shards, and that must not eat each other's files.
 
 use crate::sandbox::{SQUARE, Sandbox, ensure, trial};
-use fastrand::Rng;
 use libtest_mimic::{Failed, Trial};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
-use std::time::Duration;
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
@@ -20,19 +17,16 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("runs::a_shard_without_frames_loads_nothing", empty_shard),
         trial("runs::shards_of_statistics_alone_merge", stats_alone),
         trial("runs::nothing_outside_a_folder_is_touched", tampered),
-        trial("runs::killed_shards_resume_to_the_bytes_of_one_run", killed),
         trial("runs::outputs_never_eat_inputs_or_each_other", eaten),
         trial("runs::foreseen_failures_leave_no_folder", foreseen),
         trial("runs::statistics_go_to_standard_output", to_stdout),
-        trial("runs::signals_end_with_their_codes", signals),
-        trial("runs::a_signal_leaves_no_half_file", signal_while_writing),
     ]
 }
 
 const SMALL: &str = "render demo:collide:300 --backend cpu --size 32x24 --quiet";
 
 /// The pictures and hits of a folder, by name.
-fn bytes(sandbox: &Sandbox, folder: &str) -> BTreeMap<PathBuf, Vec<u8>> {
+pub(crate) fn bytes(sandbox: &Sandbox, folder: &str) -> BTreeMap<PathBuf, Vec<u8>> {
     let files = sandbox.files().into_iter();
     let files = files.filter(|f| f.starts_with(folder));
     let named = |f: PathBuf| {
@@ -305,59 +299,6 @@ fn tampered(sandbox: &Sandbox) -> Result<(), Failed> {
     sandbox.run("merge o").fails(1, &["no run has begun"])
 }
 
-/// Runs that are killed.
-fn kills() -> u32 {
-    if integration::is_full() { 100 } else { 6 }
-}
-
-fn spawn(sandbox: &Sandbox, words: &str) -> Result<Child, Failed> {
-    let program = Command::new(integration::program::abvh())
-        .args(words.split_whitespace())
-        .current_dir(sandbox.path())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()?;
-    Ok(program)
-}
-
-fn killed(sandbox: &Sandbox) -> Result<(), Failed> {
-    const WORDS: &str = "render demo:collide:3000 --backend cpu --size 160x120 --frames 10 --quiet --hits o --out o";
-    let whole = WORDS
-        .replace("--out o", "--out all")
-        .replace("--hits o", "--hits all");
-    sandbox.run(&whole).succeeds()?;
-    let all = bytes(sandbox, "all");
-    let mut rng = Rng::with_seed(7);
-    for round in 0..kills().div_ceil(2) {
-        let mut running = Vec::new();
-        for i in 1..=2 {
-            running.push(spawn(sandbox, &format!("{WORDS} --shard {i}/2 --resume"))?);
-        }
-        for child in &mut running {
-            std::thread::sleep(Duration::from_millis(rng.u64(5..160)));
-            child.kill()?;
-            child.wait()?;
-        }
-        if round % 4 == 3 {
-            resumed(sandbox, WORDS, &all)?;
-            std::fs::remove_dir_all(sandbox.path().join("o"))?;
-        }
-    }
-    resumed(sandbox, WORDS, &all)
-}
-
-fn resumed(sandbox: &Sandbox, words: &str, all: &BTreeMap<PathBuf, Vec<u8>>) -> Result<(), Failed> {
-    for i in 1..=2 {
-        sandbox
-            .run(&format!("{words} --shard {i}/2 --resume"))
-            .succeeds()?;
-    }
-    sandbox.run("merge o").succeeds()?;
-    ensure(bytes(sandbox, "o") == *all, || {
-        format!("{:?}", sandbox.all_files())
-    })
-}
-
 fn eaten(sandbox: &Sandbox) -> Result<(), Failed> {
     sandbox.write("in.obj", SQUARE);
     std::fs::hard_link(
@@ -435,73 +376,4 @@ fn to_stdout(sandbox: &Sandbox) -> Result<(), Failed> {
         stats["frames"].as_array().is_some_and(|f| f.len() == 2),
         || run.stdout.clone(),
     )
-}
-
-#[cfg(unix)]
-fn signals(sandbox: &Sandbox) -> Result<(), Failed> {
-    for (signal, code) in [("INT", 130), ("TERM", 143)] {
-        let mut child = spawn(
-            sandbox,
-            "render demo:collide:20000 --backend cpu --frames 4000 --size 320x240 --quiet",
-        )?;
-        let first = sandbox.path().join("abvh-out/frame_0001.png");
-        for _ in 0..600 {
-            if first.exists() {
-                break;
-            }
-            std::thread::sleep(Duration::from_millis(50));
-        }
-        Command::new("kill")
-            .args(["-s", signal, &child.id().to_string()])
-            .status()?;
-        let status = child.wait()?;
-        ensure(status.code() == Some(code), || {
-            format!("{signal}: {status:?}")
-        })?;
-        let left = sandbox.all_files();
-        let part = left
-            .iter()
-            .any(|f| f.extension().is_some_and(|e| e == "part"));
-        ensure(!part, || format!("{left:?}"))?;
-        std::fs::remove_dir_all(sandbox.path().join("abvh-out"))?;
-    }
-    Ok(())
-}
-
-/// Before the first frame, where nobody looks out for signals.
-#[cfg(unix)]
-fn signal_while_writing(sandbox: &Sandbox) -> Result<(), Failed> {
-    let words = "render demo:twist:100 --backend cpu --frames 1 --size 2048x2048 --quiet --rays-out r/rays.npy";
-    std::fs::create_dir(sandbox.path().join("r"))?;
-    let half = || -> bool {
-        let all = sandbox.all_files();
-        let mut all = all.iter().filter(|f| f.starts_with("r"));
-        all.any(|f| std::fs::metadata(sandbox.path().join(f)).is_ok_and(|m| m.len() > 1 << 20))
-    };
-    for _ in 0..3 {
-        let mut child = spawn(sandbox, words)?;
-        while !half() && child.try_wait()?.is_none() {
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        let pid = child.id().to_string();
-        Command::new("kill").args(["-s", "INT", &pid]).status()?;
-        let code = child.wait()?.code();
-        ensure(code == Some(130), || format!("{code:?}"))?;
-        if !sandbox.path().join("r/rays.npy").exists() {
-            let left = sandbox.all_files();
-            return ensure(left.is_empty(), || format!("{left:?}"));
-        }
-        std::fs::remove_file(sandbox.path().join("r/rays.npy"))?;
-    }
-    Err("the file was whole before the signal came, three times".into())
-}
-
-#[cfg(not(unix))]
-fn signals(_: &Sandbox) -> Result<(), Failed> {
-    Ok(())
-}
-
-#[cfg(not(unix))]
-fn signal_while_writing(_: &Sandbox) -> Result<(), Failed> {
-    Ok(())
 }
