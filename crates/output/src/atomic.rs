@@ -39,9 +39,9 @@ pub fn remove_unfinished() -> impl Sized {
 }
 
 /// Has a temporary file be known as long as it exists.
-struct Known(PathBuf);
+struct UnfinishedFile(PathBuf);
 
-impl Drop for Known {
+impl Drop for UnfinishedFile {
     fn drop(&mut self) {
         unfinished().remove(&self.0);
     }
@@ -189,13 +189,13 @@ pub fn remove_link(path: &Path) -> Result<(), WriteError> {
 }
 
 /// A temporary file that is locked as long as it is open, so that nobody takes it for abandoned.
-fn temporary_beside(path: &Path) -> io::Result<(Known, NamedTempFile)> {
+fn temporary_beside(path: &Path) -> io::Result<(UnfinishedFile, NamedTempFile)> {
     loop {
         let mut files = unfinished();
         let file = unlocked_beside(path)?;
         files.insert(file.path().to_owned());
         drop(files);
-        let known = Known(file.path().to_owned());
+        let known = UnfinishedFile(file.path().to_owned());
         // Locked or removed in between by somebody who tidies up: another one is made.
         let is_ours = match file.as_file().try_lock() {
             Ok(()) => file.path().exists(),
