@@ -39,7 +39,9 @@ pub fn read_rays(path: &Path) -> Result<Vec<Ray>, RaysError> {
             found,
         });
     }
-    let bytes = found.saturating_add(rays.saturating_mul(size_of::<Ray>() as u64));
+    // Numbers are read into a list that grows by doubling. There are no more than the file has bytes.
+    let values = (rays * columns).next_power_of_two() * size_of::<f32>() as u64;
+    let bytes = values.saturating_add(rays.saturating_mul(size_of::<Ray>() as u64));
     host::check(bytes).map_err(|e| unreadable(io::Error::new(io::ErrorKind::OutOfMemory, e)))?;
     let values = NpyFile::with_header(header.clone(), reader).into_vec::<f32>();
     let values = values.map_err(unreadable)?;

@@ -180,7 +180,7 @@ fn beyond_memory(sandbox: &Sandbox) -> Result<(), Failed> {
     );
     let words =
         "render p.ply --backend cpu --size 8x8 --frames 1 --threads 1 --builder-threads 1 --quiet";
-    limited(sandbox, 150_000, words)?
+    limited(sandbox, 110_000, words)?
         .fails(2, &["reading 3 vertices and 1 faces", "are needed"])?;
     sandbox.write("s.obj", SQUARE);
     rays(sandbox, 2_000_000)?;
