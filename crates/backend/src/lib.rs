@@ -44,6 +44,9 @@
 //! the last tree to the frame's positions; after `rebuild` nothing is left to do.
 //! What a ray hits is then for whoever makes the tree to say.
 //!
+//! **Pictures.** Where [`Backend::load_palette`] says so, [`Backend::shade`] records hits to pixels after `trace`, and
+//! [`Backend::pixels`] fetches them: the bytes that the host's shading gives (crate `output`).
+//!
 //! **Positions.** [`Backend::request_positions`] records a copy of the
 //! interpolated vertices back to the host; [`Backend::take_positions`] polls
 //! for it and never blocks. A submission holds one request at most; requests of
@@ -71,7 +74,7 @@ pub use frame::{
     Ticket,
 };
 pub use method::{Intersector, Layout, Method, UnknownName};
-pub use query::{Hits, Query, QueryKind, Rays};
+pub use query::{Hits, Palette, Query, QueryKind, Rays};
 pub use tree::check_tree;
 
 use bvh_layout::Topology;
@@ -164,6 +167,33 @@ pub trait Backend: Send {
     /// # Errors
     /// See [`BackendError`].
     fn trace(&mut self, query: Query<'_>) -> Result<()>;
+
+    /// Takes what pictures are painted by, until the next [`Backend::load`]. `false` where pictures are left to the host:
+    /// then nothing is shaded.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn load_palette(&mut self, _palette: &Palette) -> Result<bool> {
+        Ok(false)
+    }
+
+    /// Records: what the trace before it finds for `query`, a camera's with shadows, to pixels. Without a palette it does
+    /// nothing.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn shade(&mut self, _query: Query<'_>) -> Result<()> {
+        Ok(())
+    }
+
+    /// Blocks until `ticket` is done and copies its pixels into `out`, four bytes each (red, green, blue, 255), row by row.
+    /// `false` if it shaded none: its hits are then for the host to shade.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn pixels(&mut self, _ticket: Ticket, _out: &mut Vec<u8>) -> Result<bool> {
+        Ok(false)
+    }
 
     /// Records: a copy of the positions to the host, for
     /// [`Backend::take_positions`]. At most one a submission.

@@ -56,6 +56,16 @@ pub struct Query<'a> {
     pub kind: QueryKind,
 }
 
+/// What [`Backend::shade`](crate::Backend::shade) paints by.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Palette {
+    /// sRGB of each triangle: red in the lowest byte, then green and blue.
+    pub colours: Vec<u32>,
+    /// Linear light of each 8-bit sRGB level, as the bits of an f32; then the sRGB level of each step of linear light, of
+    /// which 4096 make 1.
+    pub tones: Vec<u32>,
+}
+
 /// What a trace found, one entry a ray, in the rays' order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hits {

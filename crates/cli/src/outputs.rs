@@ -3,9 +3,8 @@
 use crate::args::RenderArgs;
 use crate::conflicts;
 use crate::stop::Stop;
-use backend::Hits;
-use output::HitArrays;
-use output::Shot;
+use output::{HitArrays, Shot};
+use pipeline::{Answers, Wanted};
 use std::path::{Path, PathBuf};
 
 /// Files of a whole run.
@@ -76,9 +75,17 @@ impl Outputs {
             .collect()
     }
 
-    /// Whether anything needs the hits back.
+    /// Whether any file is written of a frame.
     pub(crate) fn any(&self) -> bool {
         self.images.is_some() || self.hits.is_some()
+    }
+
+    /// What files are made of.
+    pub(crate) fn wanted(&self) -> Wanted {
+        Wanted {
+            hits: self.hits.is_some(),
+            pixels: self.images.is_some(),
+        }
     }
 
     /// Writes a frame's files, the picture by way of `rgb`.
@@ -86,7 +93,7 @@ impl Outputs {
         &self,
         frame: u64,
         shot: &Shot<'_>,
-        hits: &Hits,
+        Answers { hits, pixels }: &Answers,
         rgb: &mut Vec<u8>,
     ) -> Result<(), Stop> {
         let [width, height] = [shot.camera.width, shot.camera.height];
@@ -100,7 +107,10 @@ impl Outputs {
             output::write_hits(&file, &found)?;
         }
         if let Some(file) = self.image(frame) {
-            output::shade(shot, &hits.closest, &hits.blocked, rgb);
+            match pixels.is_empty() {
+                true => output::shade(shot, &hits.closest, &hits.blocked, rgb),
+                false => output::drop_alpha(pixels, rgb),
+            }
             output::remove_link(&file)?;
             output::write_png(&file, [width, height], rgb)?;
         }

@@ -194,13 +194,16 @@ fn trace_all(
     let query = query(camera, view);
     let done = Done::new(journals, notes, progress);
     let writer = Writer::new((scene, camera, view.light), outputs, done);
+    let wanted = outputs.wanted();
+    if wanted.pixels {
+        session.driver.shade(&output::palette(&scene.colours))?;
+    }
     let mut places = 0..;
     rayon::in_place_scope(|scope| {
-        let reads = outputs.any();
         session
             .driver
-            .run::<Stop>(todo, query, reads, |frame, hits| {
-                writer.take(scope, places.next().unwrap_or_default(), frame, hits)
+            .run::<Stop>(todo, query, wanted, |frame, answers| {
+                writer.take(scope, places.next().unwrap_or_default(), frame, answers)
             })
     })?;
     writer.rows()

@@ -164,7 +164,7 @@ mod tests {
     use crate::args::BackendName;
     use crate::choose::Ahead;
     use backend::{Hits, Query, QueryKind, Rays};
-    use pipeline::{Frame, Pace};
+    use pipeline::{Frame, Pace, Wanted};
 
     fn frames(scene: &scene::Scene, update: Update, threads: usize, ahead: Ahead) -> Vec<Hits> {
         let ask = Ask {
@@ -196,9 +196,9 @@ mod tests {
         let mut all = Vec::new();
         let run = session
             .driver
-            .run::<Stop>(todo, query, true, |frame, hits| {
+            .run::<Stop>(todo, query, Wanted { hits: true, pixels: false }, |frame, found| {
                 assert!(frame.report.times.interpolate_ms.is_some(), "{update:?}");
-                all.push(hits.clone());
+                all.push(found.hits.clone());
                 Ok(())
             });
         run.unwrap();

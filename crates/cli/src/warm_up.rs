@@ -6,7 +6,7 @@
 
 use backend::{DeviceKind, FrameReport, Query};
 use output::Summary;
-use pipeline::{Driver, Frame, FrameRecord, PipelineError};
+use pipeline::{Driver, Frame, FrameRecord, PipelineError, Wanted};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -75,7 +75,7 @@ pub(crate) fn begin<'a, E: From<PipelineError>>(
         return Ok((None, frames));
     }
     let (first, rest) = frames.split_at(1);
-    driver.run(first.iter().copied(), query, false, |record, _| {
+    driver.run(first.iter().copied(), query, Wanted::default(), |record, _| {
         on_frame(record)
     })?;
     let warmed = warm(driver, query, [seconds, seconds + PATIENCE])?;

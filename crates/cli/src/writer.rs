@@ -6,10 +6,9 @@ use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::timeline::Notes;
 use crate::{record, signals};
-use backend::Hits;
 use geom::{Camera, Point};
 use output::{FrameStats, Shot};
-use pipeline::FrameRecord;
+use pipeline::{Answers, FrameRecord};
 use rayon::Scope;
 use scene::Scene;
 use std::path::PathBuf;
@@ -20,8 +19,8 @@ use std::time::Instant;
 /// Bytes that hits and pictures on their way to files may take, but for the first two frames; and no more than a quarter
 /// of what is free.
 const MOST_BYTES: u64 = 1 << 30;
-/// Bytes a pixel: a hit, its shadow, a colour, and the file being made.
-const PIXEL_BYTES: usize = 16 + 1 + 3 + 17;
+/// Bytes a pixel: a hit, its shadow, a colour twice, and the file being made.
+const PIXEL_BYTES: usize = 16 + 1 + 4 + 3 + 17;
 
 /// Who writes the files of frames, and what is known of frames that are done.
 pub(crate) struct Writer<'a> {
@@ -40,7 +39,7 @@ pub(crate) struct Writer<'a> {
 /// Memory of a frame on its way to files.
 #[derive(Default)]
 struct FrameBuffers {
-    hits: Hits,
+    answers: Answers,
     rgb: Vec<u8>,
 }
 
@@ -119,7 +118,7 @@ impl<'a> Writer<'a> {
         scope: &Scope<'s>,
         place: usize,
         frame: &FrameRecord,
-        hits: &mut Hits,
+        answers: &mut Answers,
     ) -> Result<(), Stop> {
         signals::check()?;
         self.check()?;
@@ -128,7 +127,7 @@ impl<'a> Writer<'a> {
             buffers: self.lend()?,
             spare: &self.spare,
         };
-        std::mem::swap(hits, &mut lent.buffers.hits);
+        std::mem::swap(answers, &mut lent.buffers.answers);
         if let Some(notes) = &mut self.lock().notes {
             notes.add(frame, [waits, Instant::now()]);
         }
@@ -177,7 +176,7 @@ impl<'a> Writer<'a> {
         &self,
         place: usize,
         frame: &FrameRecord,
-        FrameBuffers { hits, rgb }: &mut FrameBuffers,
+        FrameBuffers { answers, rgb }: &mut FrameBuffers,
     ) -> Result<(), Stop> {
         let begun = Instant::now();
         let row = record::row(frame);
@@ -188,7 +187,7 @@ impl<'a> Writer<'a> {
             camera: self.camera,
             light: self.light,
         };
-        self.outputs.write(frame.frame.index, &shot, hits, rgb)?;
+        self.outputs.write(frame.frame.index, &shot, answers, rgb)?;
         let files = |folder| self.outputs.in_folder(frame.frame.index, folder);
         let digests = self.folders.iter().map(|f| journal::digests(&files(f)));
         let digests = digests.collect::<Result<Vec<_>, _>>()?;

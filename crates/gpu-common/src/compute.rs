@@ -3,14 +3,14 @@
 use crate::tree::TreeBuffers;
 use crate::{Engine, GpuDevice, Pipelines, Stage, are_given};
 use backend::{
-    Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Layout, Method, Query,
-    Rays, Result, Snapshot, Ticket,
+    Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Layout, Method, Palette,
+    Query, Rays, Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Animation, Pose, Range, Ray};
 use shaders::rebuild::{Plan, instead_of};
 use shaders::work::{self, Progress};
-use shaders::{Extent, Kernel, Params, Shape};
+use shaders::{Extent, Kernel, Params, Shape, common};
 use std::sync::Arc;
 
 /// The backend that runs the kernels of `shaders` on a device.
@@ -48,7 +48,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// # Errors
     /// [`backend::BackendError::NoDevice`] if its arithmetic is wrong.
     pub fn over(gpu: D) -> Result<Self> {
-        let pipelines = Pipelines::shared(&gpu)?;
+        let pipelines = Pipelines::of(&gpu, [common("arithmetic")])?;
         let (mut engine, found) = Engine::new(gpu, pipelines)?;
         found.check()?;
         let (packets, rasterization) = engine.gpu.forms();
@@ -267,6 +267,20 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let fresh = self.stale == Stale::Fresh;
         assert!(fresh, "a stale tree must not be traced");
         self.trace_stages(&query)
+    }
+
+    fn load_palette(&mut self, palette: &Palette) -> Result<bool> {
+        self.engine.load_palette(palette)?;
+        Ok(true)
+    }
+
+    fn shade(&mut self, query: Query<'_>) -> Result<()> {
+        let params = self.params();
+        self.engine.shade(&query, params)
+    }
+
+    fn pixels(&mut self, ticket: Ticket, out: &mut Vec<u8>) -> Result<bool> {
+        self.engine.pixels(ticket, out)
     }
 
     fn request_positions(&mut self) -> Result<()> {

@@ -149,8 +149,8 @@ pub trait GpuDevice: Send + Sized {
     /// Takes back a record, to send another tree in it once all that was submitted so far is done with it.
     fn recycle_tree(&mut self, record: Self::Buffer);
 
-    /// Makes a kernel ready.
-    fn pipeline(&self, kernel: &'static Kernel, code: Code) -> Result<Self::Pipeline>;
+    /// Makes kernels ready, on several threads where that helps.
+    fn pipelines(&self, wanted: &[(&'static Kernel, Code)]) -> Result<Vec<Self::Pipeline>>;
 
     /// What a submission needs for itself.
     fn slot(&self) -> Result<Self::Slot>;

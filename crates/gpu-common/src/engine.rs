@@ -3,7 +3,7 @@
 use crate::snapshots::Snapshots;
 use crate::traces::{Trace, Traces};
 use crate::{Frames, GpuDevice, Pipelines, SceneBuffers, Stage, selftest};
-use backend::{Device, DeviceBytes, FrameReport, Hits, Query, Result, Snapshot, Ticket};
+use backend::{Device, DeviceBytes, FrameReport, Hits, Palette, Query, Rays, Result, Snapshot, Ticket};
 use geom::{Animation, Point, Pose, Ray};
 use shaders::arithmetic::Findings;
 use shaders::work::{self, Work};
@@ -101,7 +101,7 @@ impl<D: GpuDevice> Engine<D> {
         self.run(Some(Stage::Interpolate), &work, |_| None)
     }
 
-    /// Records kernels, as a stage or as part of none. `own` gives buffers that are not the scene's, or stand in place of
+    /// Records kernels, as a stage or as part of none, and makes those that are not ready yet. `own` gives buffers that are not the scene's, or stand in place of
     /// these.
     ///
     /// # Panics
@@ -115,8 +115,10 @@ impl<D: GpuDevice> Engine<D> {
     where
         D: 'a,
     {
+        let gpu = &self.gpu;
+        self.pipelines.prepare_work(gpu, work)?;
         let scene = self.scene.as_ref().expect("a scene was loaded");
-        let (gpu, pipelines) = (&self.gpu, &self.pipelines);
+        let pipelines = &self.pipelines;
         let (key, position) = (self.pose.key, self.position);
         let find = |name: BufferName| -> &D::Buffer {
             let found = own(name).or_else(|| scene.get(name, key, position));
@@ -141,6 +143,41 @@ impl<D: GpuDevice> Engine<D> {
     ) -> Result<Trace<D>> {
         assert!(self.traces.pending.is_none(), "one trace a submission");
         self.traces.make(&mut self.gpu, query, how, is_extreme)
+    }
+
+    /// Records the picture of the pending trace, which `query` asked for, if there is a palette and a tree was traced.
+    ///
+    /// # Panics
+    /// If no trace is pending.
+    pub fn shade(&mut self, query: &Query<'_>, params: Params) -> Result<()> {
+        let mut trace = self.traces.pending.take().expect("a trace is recorded");
+        let shaded = self.shade_trace(&mut trace, query, params);
+        self.traces.pending = Some(trace);
+        shaded
+    }
+
+    fn shade_trace(&mut self, trace: &mut Trace<D>, query: &Query<'_>, params: Params) -> Result<()> {
+        let (Rays::Camera(camera), Some(lamp)) = (query.rays, query.kind.light()) else {
+            return Ok(());
+        };
+        if !trace.has_tree || !self.scene().has_palette() {
+            return Ok(());
+        }
+        let work = [work::shade(params, camera, lamp)];
+        trace.make_pixels(&self.gpu)?;
+        self.run(None, &work, |name| trace.get(name))
+    }
+
+    /// Takes what pictures are painted by.
+    pub fn load_palette(&mut self, palette: &Palette) -> Result<()> {
+        let scene = self.scene.as_mut().expect("a scene was loaded");
+        scene.load_palette(&mut self.gpu, palette)
+    }
+
+    /// Waits for a submission and copies its pixels, if there are any.
+    pub fn pixels(&mut self, ticket: Ticket, out: &mut Vec<u8>) -> Result<bool> {
+        self.wait(ticket)?;
+        self.traces.get(ticket).fetch_pixels(&mut self.gpu, out)
     }
 
     /// Records that the positions go to the host: as soon as they are made, beside what is recorded from here on.

@@ -3,9 +3,9 @@
 use crate::GpuDevice;
 use backend::{Method, Result};
 use shaders::work::Work;
-use shaders::{KERNELS, Kernel, Traits};
+use shaders::{Code, KERNELS, Kernel, Traits};
 
-/// Kernels ready to be bound: those that all methods share, and those of every method loaded so far.
+/// Kernels ready to be bound: those that anything needed so far.
 pub struct Pipelines<D: GpuDevice> {
     made: Vec<(&'static Kernel, D::Pipeline)>,
     /// Which forms of kernels the device takes; known once the first of them has run.
@@ -22,25 +22,21 @@ impl<D: GpuDevice> Pipelines<D> {
             made: Vec::new(),
             traits: Traits::default(),
         };
-        kernels.into_iter().try_for_each(|k| all.make(gpu, k))?;
+        all.make(gpu, kernels)?;
         Ok(all)
     }
 
-    /// Those that all methods share.
-    pub(crate) fn shared(gpu: &D) -> Result<Self> {
-        let shared = KERNELS.iter().filter(|k| k.slots.is_empty());
-        let none = Traits::default();
-        Self::of(gpu, shared.filter(|k| is_usual(k) && k.suits(none)))
-    }
-
-    /// Makes what `method` needs and is not there yet.
+    /// Makes what every frame by `method` needs before its trace.
     pub(crate) fn prepare(&mut self, gpu: &D, method: Method) -> Result<()> {
-        self.make_all(gpu, |k| k.serves(method) && is_usual(k))
+        let traits = self.traits;
+        let wanted = |k: &&Kernel| k.serves(method) && k.suits(traits) && k.precedes_traces();
+        self.make(gpu, KERNELS.iter().filter(wanted))
     }
 
     /// Makes what makes trees for `method`, if it is not there yet.
     pub(crate) fn prepare_trees(&mut self, gpu: &D, method: Method) -> Result<()> {
-        self.make_all(gpu, |k| k.makes_trees() && k.serves(method))
+        let wanted = |k: &&Kernel| k.makes_trees() && k.serves(method);
+        self.make(gpu, KERNELS.iter().filter(wanted))
     }
 
     /// Makes what this work needs and is not there yet.
@@ -49,19 +45,25 @@ impl<D: GpuDevice> Pipelines<D> {
         gpu: &D,
         work: impl IntoIterator<Item = &'a Work>,
     ) -> Result<()> {
-        work.into_iter().try_for_each(|w| self.make(gpu, w.kernel))
+        self.make(gpu, work.into_iter().map(|w| w.kernel))
     }
 
-    fn make_all(&mut self, gpu: &D, wanted: impl Fn(&Kernel) -> bool) -> Result<()> {
-        let traits = self.traits;
-        let mut wanted = KERNELS.iter().filter(|k| wanted(k) && k.suits(traits));
-        wanted.try_for_each(|k| self.make(gpu, k))
-    }
-
-    fn make(&mut self, gpu: &D, kernel: &'static Kernel) -> Result<()> {
-        if self.find(kernel).is_none() {
-            let pipeline = gpu.pipeline(kernel, kernel.code_for(self.traits))?;
-            self.made.push((kernel, pipeline));
+    fn make(
+        &mut self,
+        gpu: &D,
+        kernels: impl IntoIterator<Item = &'static Kernel>,
+    ) -> Result<()> {
+        let mut missing: Vec<(&Kernel, Code)> = Vec::new();
+        for kernel in kernels {
+            let is_listed = missing.iter().any(|(k, _)| k.name == kernel.name);
+            if self.find(kernel).is_none() && !is_listed {
+                missing.push((kernel, kernel.code_for(self.traits)));
+            }
+        }
+        if !missing.is_empty() {
+            let made = gpu.pipelines(&missing)?;
+            let kernels = missing.iter().map(|(kernel, _)| *kernel);
+            self.made.extend(kernels.zip(made));
         }
         Ok(())
     }
@@ -78,9 +80,4 @@ impl<D: GpuDevice> Pipelines<D> {
         let found = self.find(kernel);
         found.expect("pipelines are made when a method is loaded")
     }
-}
-
-/// Whether a kernel is made with the method that it serves.
-fn is_usual(kernel: &Kernel) -> bool {
-    !kernel.makes_trees() && !kernel.rasterizes() && !kernel.answers_extremes()
 }

@@ -1,7 +1,7 @@
 //! What a loaded animation keeps on the device.
 
 use crate::{BufferPurpose, BufferTable, GpuDevice};
-use backend::Result;
+use backend::{Palette, Result};
 use geom::Animation;
 use shaders::BufferName;
 use shaders::work::Vertices;
@@ -19,6 +19,8 @@ pub struct SceneBuffers<D: GpuDevice> {
     /// Corners of triangles; rows of positions in which anything moves, where listing them pays.
     others: BufferTable<D>,
     moving_row_count: Option<usize>,
+    /// Colours and tones, once pictures are asked for.
+    palette: Option<BufferTable<D>>,
     /// `k` of `docs/design/hits.md`.
     pub scale_exponent: i32,
     /// Triangles that are inactive in every key frame, and so in no tree.
@@ -67,10 +69,32 @@ impl<D: GpuDevice> SceneBuffers<D> {
             positions,
             others,
             moving_row_count: rows.map(|rows| rows.len()),
+            palette: None,
             never_active: (animation.triangle_count() - animation.live_count()) as u64,
             scale_exponent: animation.scale_exponent(),
             animation,
         })
+    }
+
+    /// Takes what pictures are painted by.
+    pub(crate) fn load_palette(&mut self, gpu: &mut D, palette: &Palette) -> Result<()> {
+        let contents = [
+            (BufferName::Colours, &palette.colours),
+            (BufferName::Tones, &palette.tones),
+        ];
+        let sizes = contents.map(|(name, words)| (name, 4 * words.len() as u64));
+        let made = BufferTable::new(gpu, sizes)?;
+        let all = contents.map(|(name, words)| -> (&[u8], _) {
+            let buffer = made.get(name).expect("made just now");
+            (bytemuck::cast_slice(words), buffer)
+        });
+        gpu.upload(&all)?;
+        self.palette = Some(made);
+        Ok(())
+    }
+
+    pub(crate) fn has_palette(&self) -> bool {
+        self.palette.is_some()
     }
 
     /// One of its buffers, at a pose's key frame and in one of the two position buffers.
@@ -83,7 +107,10 @@ impl<D: GpuDevice> SceneBuffers<D> {
             BufferName::Later => Some(at(key.saturating_add(1))),
             // Where no rays are given, kernels that take both kinds read none.
             BufferName::Positions | BufferName::Rays => Some(&self.positions[position]),
-            other => self.others.get(other),
+            other => {
+                let palette = || self.palette.as_ref().and_then(|p| p.get(other));
+                self.others.get(other).or_else(palette)
+            }
         }
     }
 
@@ -91,7 +118,9 @@ impl<D: GpuDevice> SceneBuffers<D> {
     #[must_use]
     pub fn held(&self) -> u64 {
         let all = self.keys.iter().chain(&self.positions);
-        all.map(D::held).sum::<u64>() + self.others.held()
+        let tables = [Some(&self.others), self.palette.as_ref()];
+        let tables = tables.into_iter().flatten().map(BufferTable::held);
+        all.map(D::held).sum::<u64>() + tables.sum::<u64>()
     }
 
     /// Bytes of all positions.

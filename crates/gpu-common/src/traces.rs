@@ -24,6 +24,8 @@ pub struct Trace<D: GpuDevice> {
     pub has_tree: bool,
     /// Whether any given ray is extreme.
     pub extremes: bool,
+    /// Whether its pixels are there.
+    shaded: bool,
     /// Each is there if a query ever needed it.
     buffers: Outputs<D>,
 }
@@ -32,15 +34,16 @@ struct Outputs<D: GpuDevice> {
     hits: Option<D::Buffer>,
     occluded: Option<D::Buffer>,
     rays: Option<D::Buffer>,
+    pixels: Option<D::Buffer>,
 }
 
 impl<D: GpuDevice> Default for Outputs<D> {
     fn default() -> Self {
-        let (hits, occluded, rays) = (None, None, None);
         Self {
-            hits,
-            occluded,
-            rays,
+            hits: None,
+            occluded: None,
+            rays: None,
+            pixels: None,
         }
     }
 }
@@ -100,10 +103,12 @@ impl<D: GpuDevice> Traces<D> {
             kind,
             has_tree,
             extremes,
+            shaded: false,
             buffers: Outputs {
                 hits: fit(gpu, BufferName::Hits, hits, closest, spare.hits)?,
                 occluded: fit(gpu, BufferName::Occluded, words * 4, any, spare.occluded)?,
                 rays,
+                pixels: spare.pixels,
             },
         })
     }
@@ -132,8 +137,9 @@ impl<D: GpuDevice> Traces<D> {
                 hits,
                 occluded,
                 rays,
+                pixels,
             } = &t.buffers;
-            [hits, occluded, rays]
+            [hits, occluded, rays, pixels]
         });
         each.flatten().map(D::held).sum()
     }
@@ -192,8 +198,28 @@ impl<D: GpuDevice> Trace<D> {
             BufferName::Hits => self.buffers.hits.as_ref(),
             BufferName::Occluded => self.buffers.occluded.as_ref(),
             BufferName::Rays => self.buffers.rays.as_ref(),
+            BufferName::Pixels => self.buffers.pixels.as_ref(),
             _ => None,
         }
+    }
+
+    /// Makes room for a pixel a ray, which are about to be recorded.
+    pub(crate) fn make_pixels(&mut self, gpu: &D) -> Result<()> {
+        let spare = self.buffers.pixels.take();
+        let (what, bytes) = (BufferName::Pixels.what(), 4 * self.count as u64);
+        let pixels = fitting(gpu, what, bytes, BufferPurpose::Storage, spare)?;
+        (self.buffers.pixels, self.shaded) = (Some(pixels), true);
+        Ok(())
+    }
+
+    /// Copies the pixels, if there are any. The submission must be finished.
+    pub(crate) fn fetch_pixels(&self, gpu: &mut D, out: &mut Vec<u8>) -> Result<bool> {
+        out.clear();
+        let Some(pixels) = self.get(BufferName::Pixels).filter(|_| self.shaded) else {
+            return Ok(false);
+        };
+        gpu.read(pixels, 4 * self.count, |bytes: &[u8]| out.extend_from_slice(bytes))?;
+        Ok(true)
     }
 
     /// Copies what was found. The submission must be finished.

@@ -6,7 +6,7 @@ use crate::{DriverTreeBackend, Stale, method};
 use ash::vk;
 use backend::{
     Backend, BackendError, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect,
-    Intersector, Method, Query, QueryKind, Rays, Result, Snapshot, Ticket,
+    Intersector, Method, Palette, Query, QueryKind, Rays, Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};
@@ -101,6 +101,20 @@ impl Backend for DriverTreeBackend {
         self.launch(&query, &trace, size)?;
         self.engine.traces.pending = Some(trace);
         Ok(())
+    }
+
+    fn load_palette(&mut self, palette: &Palette) -> Result<bool> {
+        self.engine.load_palette(palette)?;
+        Ok(true)
+    }
+
+    fn shade(&mut self, query: Query<'_>) -> Result<()> {
+        let params = self.params();
+        self.engine.shade(&query, params)
+    }
+
+    fn pixels(&mut self, ticket: Ticket, out: &mut Vec<u8>) -> Result<bool> {
+        self.engine.pixels(ticket, out)
     }
 
     fn request_positions(&mut self) -> Result<()> {

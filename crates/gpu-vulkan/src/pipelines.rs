@@ -1,7 +1,7 @@
 //! A kernel made ready, its layout read from the kernel's own bindings.
 
 use crate::errors::{failed, refused};
-use crate::gpu::{Gpu, one_at_a_time};
+use crate::gpu::Gpu;
 use ash::vk;
 use backend::Result;
 use shaders::{Kernel, Kind};
@@ -19,7 +19,6 @@ pub struct Pipeline {
 
 impl Pipeline {
     pub(crate) fn new(gpu: &Arc<Gpu>, kernel: &'static Kernel, spirv: &[u32]) -> Result<Self> {
-        let _door = one_at_a_time();
         let mut made = Self {
             kernel,
             vk: vk::Pipeline::null(),

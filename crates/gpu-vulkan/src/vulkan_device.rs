@@ -1,7 +1,7 @@
 //! What Vulkan does for a backend.
 
 use crate::adapters::{Options, all};
-use crate::gpu::{Gpu, Needs};
+use crate::gpu::{Gpu, Needs, one_at_a_time};
 use crate::instance::Host;
 use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::Pipeline;
@@ -15,6 +15,7 @@ use bytemuck::Pod;
 use gpu_common::{
     About, BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, Stage,
 };
+use rayon::prelude::*;
 use shaders::{Code, Kernel, Packets, Rasterization};
 use std::sync::Arc;
 
@@ -259,8 +260,11 @@ impl GpuDevice for VulkanDevice {
         self.records.put(record, self.last_use());
     }
 
-    fn pipeline(&self, kernel: &'static Kernel, code: Code) -> Result<Pipeline> {
-        Pipeline::new(&self.gpu, kernel, code.spirv)
+    fn pipelines(&self, wanted: &[(&'static Kernel, Code)]) -> Result<Vec<Pipeline>> {
+        let gpu = &self.gpu;
+        let _door = one_at_a_time();
+        let make = |&(kernel, code): &(&'static Kernel, Code)| Pipeline::new(gpu, kernel, code.spirv);
+        wanted.par_iter().map(make).collect()
     }
 
     fn slot(&self) -> Result<Slot> {

@@ -9,9 +9,8 @@ use crate::limits::{LEAST_OF_64_BITS, check, generous, useful_features};
 use crate::modules::Modules;
 use backend::{BackendError, DeviceKind, Result, choose_adapter};
 use shaders::{Packets, Rasterization};
-use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::sync::atomic::{AtomicBool, Ordering};
 use wgpu::{ErrorFilter, Features, PollType, SubmissionIndex};
 
@@ -25,7 +24,7 @@ pub(crate) struct Gpu {
     /// Nanoseconds a tick of the device's clock.
     pub(crate) tick_ns: f64,
     pub(crate) faults: Arc<Faults>,
-    pub(crate) call_counts: Cell<CallCounts>,
+    call_counts: Mutex<CallCounts>,
     /// Nothing but to ask whether the device is still there.
     probe: Option<wgpu::Buffer>,
 }
@@ -73,7 +72,7 @@ impl Gpu {
             limits,
             features,
             faults: Arc::default(),
-            call_counts: Cell::default(),
+            call_counts: Mutex::default(),
             probe: None,
         };
         gpu.probe = Some(readback(&gpu, "a probe", 16)?);
@@ -118,9 +117,11 @@ impl Gpu {
 
     /// Counts a call.
     pub(crate) fn count(&self, add: impl FnOnce(&mut CallCounts)) {
-        let mut call_counts = self.call_counts.get();
-        add(&mut call_counts);
-        self.call_counts.set(call_counts);
+        add(&mut self.call_counts.lock().unwrap_or_else(PoisonError::into_inner));
+    }
+
+    pub(crate) fn call_counts(&self) -> CallCounts {
+        *self.call_counts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Runs `work` and returns the first error that wgpu found in it. `work` must not panic.

@@ -22,7 +22,7 @@ pub(crate) struct Groups {
 impl Groups {
     /// Drops all if a buffer was made since the last call.
     pub(crate) fn refresh(&mut self, gpu: &Gpu) {
-        let now = gpu.call_counts.get().buffers;
+        let now = gpu.call_counts().buffers;
         if self.buffers_made != now {
             self.made.clear();
             self.buffers_made = now;

@@ -15,6 +15,7 @@ use bytemuck::Pod;
 use gpu_common::{
     About, BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, Stage,
 };
+use rayon::prelude::*;
 use shaders::{Code, Kernel, Packets, Rasterization};
 use wgpu::Buffer;
 
@@ -79,7 +80,7 @@ impl WgpuDevice {
     /// What was asked of wgpu since the device was opened.
     #[must_use]
     pub fn call_counts(&self) -> CallCounts {
-        self.gpu.call_counts.get()
+        self.gpu.call_counts()
     }
 }
 
@@ -178,8 +179,10 @@ impl GpuDevice for WgpuDevice {
         self.records.push(record);
     }
 
-    fn pipeline(&self, kernel: &'static Kernel, code: Code) -> Result<Pipeline> {
-        Pipeline::new(&self.gpu, self.modules, kernel, code)
+    fn pipelines(&self, wanted: &[(&'static Kernel, Code)]) -> Result<Vec<Pipeline>> {
+        let (gpu, modules) = (&self.gpu, self.modules);
+        let make = |&(kernel, code): &(&'static Kernel, Code)| Pipeline::new(gpu, modules, kernel, code);
+        wanted.par_iter().map(make).collect()
     }
 
     fn slot(&self) -> Result<Slot> {

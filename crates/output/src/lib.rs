@@ -22,7 +22,7 @@ pub use digest::{Digest, digest_of};
 pub use error::{RaysError, WriteError};
 pub use hits::{HitArrays, write_found, write_hits};
 pub use rays::{read_rays, write_rays};
-pub use shading::{Shot, View, frame_scene, shade, write_png};
+pub use shading::{Shot, View, drop_alpha, frame_scene, palette, shade, write_png};
 pub use stats::{
     Course, FrameStats, Overview, SCHEMA, SceneFacts, Stats, Summary, TIMES, Taken, Time, overview,
     summarize, write_json,

@@ -11,7 +11,7 @@ use crate::frame::{Frame, FrameRecord};
 use crate::latency::LatencyPredictor;
 use crate::schedule::{Pace, Schedule, Update};
 use crate::tree_builder::{Forms, Made};
-use backend::{Backend, BackendError, FRAMES_IN_FLIGHT, Hits, Method, Query};
+use backend::{Backend, BackendError, FRAMES_IN_FLIGHT, Hits, Method, Palette, Query, Ticket};
 use bvh_layout::Spare;
 use geom::{Animation, Point, Pose};
 use pending::{Beginning, Pending};
@@ -52,6 +52,24 @@ pub struct DriverOptions {
     pub predict: bool,
 }
 
+/// What is fetched of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wanted {
+    /// Hits and shadows.
+    pub hits: bool,
+    /// Pixels, or hits and shadows where the backend leaves pictures to the host.
+    pub pixels: bool,
+}
+
+/// What was fetched of a frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Answers {
+    /// Hits and shadows, where they are wanted.
+    pub hits: Hits,
+    /// As [`Backend::pixels`]; empty where the host is to shade.
+    pub pixels: Vec<u8>,
+}
+
 /// Owns a backend and renders frames with it.
 pub struct Driver {
     backend: Box<dyn Backend>,
@@ -61,6 +79,8 @@ pub struct Driver {
     predictor: LatencyPredictor,
     builder_pool: Arc<BuilderPool>,
     builder_thread: BuilderThread,
+    /// Whether the backend shades.
+    shades: bool,
     /// The tree in use; none before the first frame.
     tree: Option<Tree>,
     /// The build in flight.
@@ -118,6 +138,7 @@ impl Driver {
             predictor: LatencyPredictor::new(options.time_range, agreed),
             builder_pool,
             builder_thread,
+            shades: false,
             tree: None,
             build: None,
             finished: None,
@@ -136,6 +157,15 @@ impl Driver {
         self.backend.as_mut()
     }
 
+    /// Has the backend shade each frame from now on, if it can.
+    ///
+    /// # Errors
+    /// The backend's.
+    pub fn shade(&mut self, palette: &Palette) -> Result<(), PipelineError> {
+        self.shades = self.backend.load_palette(palette)?;
+        Ok(())
+    }
+
     /// Gives the backend back, to be loaded anew. A build under way is cancelled.
     #[must_use]
     pub fn into_backend(self) -> Box<dyn Backend> {
@@ -149,8 +179,8 @@ impl Driver {
     }
 
     /// Renders `frames` in order, keeping as many under way as the backend allows,
-    /// and hands each to `on_frame` when it is done. Hits are read back only if `read_hits`, into the memory of those
-    /// that `on_frame` leaves in place of the last ones.
+    /// and hands each to `on_frame` when it is done, with what is wanted of it, in the memory that `on_frame` leaves in
+    /// place of the last answers.
     ///
     /// # Errors
     /// The backend's, or whatever `on_frame` returns.
@@ -158,10 +188,10 @@ impl Driver {
         &mut self,
         frames: impl IntoIterator<Item = Frame>,
         query: Query<'_>,
-        read_hits: bool,
-        mut on_frame: impl FnMut(&FrameRecord, &mut Hits) -> Result<(), E>,
+        wanted: Wanted,
+        mut on_frame: impl FnMut(&FrameRecord, &mut Answers) -> Result<(), E>,
     ) -> Result<(), E> {
-        let mut hits = Hits::default();
+        let mut answers = Answers::default();
         // A frame that waits for its own tree takes two submissions, so none may be left open before it.
         let own = self.makes_trees();
         let under_way = if self.schedule.waits_at_once() && !own {
@@ -172,14 +202,16 @@ impl Driver {
         for frame in frames {
             self.begin(frame, query)?;
             if self.pending.len() >= under_way {
-                let record = self.finish(read_hits.then_some(&mut hits))?;
+                let record = self.end(|driver, ticket| driver.fetch(ticket, wanted, &mut answers))?;
                 if let Some(record) = record {
-                    on_frame(&record, &mut hits)?;
+                    on_frame(&record, &mut answers)?;
                 }
             }
         }
-        while let Some(record) = self.finish(read_hits.then_some(&mut hits))? {
-            on_frame(&record, &mut hits)?;
+        while let Some(record) =
+            self.end(|driver, ticket| driver.fetch(ticket, wanted, &mut answers))?
+        {
+            on_frame(&record, &mut answers)?;
         }
         Ok(())
     }
@@ -230,15 +262,37 @@ impl Driver {
         &mut self,
         hits: Option<&mut Hits>,
     ) -> Result<Option<FrameRecord>, PipelineError> {
+        self.end(|driver, ticket| match hits {
+            Some(hits) => driver.backend.hits(ticket, hits),
+            None => Ok(()),
+        })
+    }
+
+    fn fetch(
+        &mut self,
+        ticket: Ticket,
+        wanted: Wanted,
+        answers: &mut Answers,
+    ) -> backend::Result<()> {
+        answers.pixels.clear();
+        let shaded = wanted.pixels && self.backend.pixels(ticket, &mut answers.pixels)?;
+        match wanted.hits || (wanted.pixels && !shaded) {
+            true => self.backend.hits(ticket, &mut answers.hits),
+            false => Ok(()),
+        }
+    }
+
+    fn end(
+        &mut self,
+        read: impl FnOnce(&mut Self, Ticket) -> backend::Result<()>,
+    ) -> Result<Option<FrameRecord>, PipelineError> {
         let Some(pending) = self.pending.pop_front() else {
             return Ok(None);
         };
         let waited = Instant::now();
         let report = self.backend.wait(pending.ticket)?;
         let seen = Instant::now();
-        if let Some(hits) = hits {
-            self.backend.hits(pending.ticket, hits)?;
-        }
+        read(self, pending.ticket)?;
         let read = Instant::now();
         self.poll_builder()?;
         let device_bytes = self.backend.device_bytes();
@@ -254,7 +308,11 @@ impl Driver {
             self.backend.preprocess()?;
             self.backend.refit()?;
         }
-        Ok(self.backend.trace(query)?)
+        self.backend.trace(query)?;
+        match self.shades {
+            true => Ok(self.backend.shade(query)?),
+            false => Ok(()),
+        }
     }
 
     /// Has a tree for the frame: the one in use, or what the schedule says.

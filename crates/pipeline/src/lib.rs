@@ -25,7 +25,7 @@ mod tree_builder;
 pub use builder_thread::{BuildFailed, BuilderThread, Job};
 pub use decay::RefitDecay;
 pub use device_clock::{Span, place_on_host};
-pub use driver::{Driver, DriverOptions, PipelineError};
+pub use driver::{Answers, Driver, DriverOptions, PipelineError, Wanted};
 pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments};
 pub use policy::{Choice, RunFacts};
 pub use schedule::{FramePlan, Pace, Schedule, Swap, Update};

@@ -50,6 +50,12 @@ pub enum BufferName {
     Hits,
     /// Whether rays met anything, or hits lie in shadow.
     Occluded,
+    /// sRGB of each triangle: [`backend::Palette::colours`].
+    Colours,
+    /// [`backend::Palette::tones`].
+    Tones,
+    /// Four bytes a pixel, of pictures that are shaded.
+    Pixels,
     /// The live triangles, for trees made on the device; so are the next.
     Live,
     /// The numbers of leaves, in place of [`BufferName::LeafNodes`] where not all triangles are live. No kernel's own name.
@@ -92,6 +98,9 @@ impl BufferName {
             Self::Rays => "rays",
             Self::Hits => "hits",
             Self::Occluded => "shadows",
+            Self::Colours => "the triangles' colours",
+            Self::Tones => "tones",
+            Self::Pixels => "pixels",
             Self::Live => "the live triangles",
             Self::LeafNumbers => "the numbers of leaves",
             Self::Keys => "keys to sort by",

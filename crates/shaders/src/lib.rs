@@ -187,16 +187,13 @@ impl Kernel {
         rebuild::KERNELS.contains(&self.entry)
     }
 
-    /// Whether it is of use to rasterization alone, which few pictures go by; a host makes those when a trace first asks for them.
+    /// Whether every frame may need it before its trace; a host makes the others when a trace, a picture or a tree first
+    /// asks for them.
     #[must_use]
-    pub fn rasterizes(&self) -> bool {
-        Rasterization::need(self.entry)
-    }
-
-    /// Whether it is of use to extreme rays alone ([`geom::Range`]); a host makes those when a trace first asks for them.
-    #[must_use]
-    pub fn answers_extremes(&self) -> bool {
-        self.entry.starts_with("extreme_")
+    pub fn precedes_traces(&self) -> bool {
+        const STEMS: [&str; 7] = ["interpolate", "preprocess", "refit", "gather", "sum", "areas", "mark"];
+        let stem = self.entry.split('_').next().unwrap_or_default();
+        STEMS.contains(&stem) && !self.makes_trees()
     }
 
     /// Whether it is of use to layout `fast` alone.

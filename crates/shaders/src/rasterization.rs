@@ -13,15 +13,6 @@ pub enum Rasterization {
     ByGroups,
 }
 
-/// Kernels of use to rasterization alone.
-const KERNELS: [&str; 6] = [
-    "clear_visibility",
-    "cover_small",
-    "cover_large",
-    "rasterize",
-    "rasterize_by_subgroups",
-    "resolve",
-];
 /// How far it was measured: see "Rasterization" in ARCHITECTURE.md. Five kernels one after the other take their time of small pictures,
 /// where trees are small too; of many triangles most cover no pixel, but each is looked at.
 const LEAST_PIXELS: u64 = 1 << 20;
@@ -81,10 +72,6 @@ impl Rasterization {
             Self::BySubgroups => 4224,
             Self::ByGroups => 64,
         }
-    }
-
-    pub(crate) fn need(entry: &str) -> bool {
-        KERNELS.contains(&entry)
     }
 }
 

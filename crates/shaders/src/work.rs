@@ -6,6 +6,7 @@ mod rays;
 mod tree;
 mod treelets;
 
+pub use pictures::shade;
 pub use rays::{cleanse, count_any, count_hits, count_occluded, count_triangles, rays};
 pub(crate) use tree::sum;
 pub use tree::{Progress, leaves};

@@ -8,6 +8,7 @@ mod drivers_trees;
 mod frames;
 mod geometry;
 mod packets;
+mod pictures;
 mod queues;
 mod rasterization;
 mod rebuild;
@@ -115,6 +116,8 @@ const SHARED: &[Test] = named![
     geometry::a_flat_triangle_is_counted_at_a_key_frame_though_it_vanishes_after_it,
     geometry::a_cameras_rays_meet_anything_as_the_list_of_them_does,
     geometry::an_empty_tree_is_missed_by_all,
+    pictures::a_device_shades_as_the_host_does,
+    pictures::nothing_is_shaded_without_a_palette,
 ];
 
 /// What kernels do, for which one device suffices.

@@ -4,7 +4,7 @@ use backend::{Hits, Intersector, Method, QueryKind, Rays};
 use geom::{Animation, Camera};
 use integration::stage::{Stage, camera, light};
 use libtest_mimic::{Failed, Trial};
-use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Pace, PipelineError, Update};
+use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Pace, PipelineError, Update, Wanted};
 use std::sync::Arc;
 
 const FRAMES: u64 = 24;
@@ -58,8 +58,8 @@ fn render(
     let (rays, kind) = query(camera, animation);
     let query = backend::Query { rays, kind };
     let mut done = Vec::new();
-    driver.run::<PipelineError>(frames(animation), query, true, |record, hits| {
-        done.push((record.clone(), hits.clone()));
+    driver.run::<PipelineError>(frames(animation), query, Wanted { hits: true, pixels: false }, |record, found| {
+        done.push((record.clone(), found.hits.clone()));
         Ok(())
     })?;
     Ok(done)

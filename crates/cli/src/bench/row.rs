@@ -10,7 +10,7 @@ use crate::stop::Stop;
 use crate::table::mrays;
 use crate::warm_up::{self, Warmed};
 use output::{FrameStats, Summary, TIMES, Taken, Time};
-use pipeline::{Frame, FrameRecord};
+use pipeline::{Frame, FrameRecord, Wanted};
 use scene::Scene;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -107,7 +107,7 @@ pub(crate) fn measure(
     };
     let driver = &mut session.driver;
     let (warm_up, rest) = warm_up::begin(run.warm_up, driver, frames, query, &mut note)?;
-    driver.run(rest.iter().copied(), query, false, |frame, _| note(frame))?;
+    driver.run(rest.iter().copied(), query, Wanted::default(), |frame, _| note(frame))?;
     let row = row(spec, scene, &session, stats, &bundle);
     Ok(Row {
         rays: (run.rays != RaysName::Camera).then_some("random"),

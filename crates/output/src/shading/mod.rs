@@ -3,14 +3,15 @@
 //! [`frame_scene`] finds a camera and a light for a motion that
 //! nobody described, and [`shade`] turns what a trace found into 8-bit sRGB.
 //! Both are functions of their arguments alone: no clock, no chance, no thread
-//! count. Double precision is used, in which no f32 scene overflows or vanishes when squared.
+//! count. The kernel `wgsl/visibility/shade.wgsl` gives the same bytes on a device. What is squared is first brought to a
+//! size near 1 by a power of two, so that no scene overflows or vanishes.
 
 mod light;
 mod view;
 
 use crate::{WriteError, write_with};
 use geom::{Animation, Camera, Hit, Point, Pose};
-use glam::DVec3;
+use glam::Vec3;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, ImageError};
 use light::{ambient, encode, lamp, linear, sky};
@@ -18,6 +19,7 @@ use rayon::prelude::*;
 use std::io;
 use std::path::Path;
 
+pub use light::palette;
 pub use view::{View, frame_scene};
 
 /// What a picture shows, beside the hits.
@@ -55,43 +57,95 @@ pub fn shade(shot: &Shot<'_>, hits: &[Hit], shadow: &[u8], rgb: &mut Vec<u8>) {
             let found = hits.iter().zip(shadow);
             for (x, (pixel, (hit, &blocked))) in row.chunks_exact_mut(3).zip(found).enumerate() {
                 let ray = shot.camera.ray(x as u32, y as u32);
+                let direction = unit(ray.direction.into());
                 let light = if hit.is_hit() {
-                    surface(shot, hit, blocked != 0, wide(ray.direction))
+                    surface(shot, hit, blocked != 0, direction)
                 } else {
-                    sky(unit(wide(ray.direction)))
+                    sky(direction)
                 };
                 pixel.copy_from_slice(&encode(light));
             }
         });
 }
 
-/// Light that leaves a hit towards the eye.
-fn surface(shot: &Shot<'_>, hit: &Hit, blocked: bool, direction: DVec3) -> DVec3 {
-    let [a, b, c] = shot.animation.corners(shot.pose, hit.triangle).map(wide);
+/// Light that leaves a hit towards the eye; `direction` has length 1.
+fn surface(shot: &Shot<'_>, hit: &Hit, blocked: bool, direction: Vec3) -> Vec3 {
+    let corners = shot.animation.corners(shot.pose, hit.triangle);
+    let own = corners.into_iter().map(exponent_of).fold(i32::MIN, i32::max);
+    let [a, b, c] = corners.map(|corner| in_units(corner, own));
     let (e1, e2) = (b - a, c - a);
-    let mut normal = unit(e1.cross(e2));
+    let mut normal = unit(normalized_exponent(e1).cross(normalized_exponent(e2)));
     if normal.dot(direction) > 0.0 {
-        normal *= -1.0;
+        normal = -normal;
     }
     let mut light = ambient(normal);
     if !blocked {
-        let (u, v) = (f64::from(hit.u), f64::from(hit.v));
-        let point = a + (e1 * u + e2 * v);
-        light += lamp(normal, unit(wide(shot.light) - point));
+        let along = |e: Vec3, weight: f32| (e * weight).map(|x| cut(x, -100));
+        let point = a + (along(e1, hit.u) + along(e2, hit.v));
+        // Lamp and point in units of the larger.
+        let larger = own.max(exponent_of(shot.light));
+        let to_lamp = in_units(shot.light, larger) - in_units(point.into(), larger - own);
+        light += lamp(normal, unit(to_lamp));
     }
     linear(shot.colours[hit.triangle as usize]) * light
 }
 
-fn wide(p: Point) -> DVec3 {
-    p.map(f64::from).into()
+/// `floor(log2)` of the largest coordinate; -150 of zero.
+fn exponent_of(p: Point) -> i32 {
+    let sizes = p.map(|x| x.to_bits() & 0x7fff_ffff);
+    let most = sizes.into_iter().max().unwrap_or(0);
+    match most >> 23 {
+        0 => 31 - most.leading_zeros() as i32 - 149,
+        e => e as i32 - 127,
+    }
 }
 
-/// `a` at length 1, or zero where it has no length.
-fn unit(a: DVec3) -> DVec3 {
-    let length = a.length();
-    match length > 0.0 && length.is_finite() {
-        true => a / length,
-        false => DVec3::ZERO,
+/// A point in units of `2^exponent`; below `2^-64` a coordinate is zero.
+fn in_units(p: Point, exponent: i32) -> Vec3 {
+    let by = f64::from_bits(((1023 - exponent) as u64) << 52);
+    p.map(|x| cut((f64::from(x) * by) as f32, -64)).into()
+}
+
+/// Zero in place of what is below `2^exponent`.
+fn cut(x: f32, exponent: i32) -> f32 {
+    let least = f32::from_bits(((127 + exponent) as u32) << 23);
+    if x.abs() < least { 0.0 } else { x }
+}
+
+/// By the power of two that brings the largest component to `[1, 2)`, the others cut to zero below `2^-40`. Zero where the
+/// largest is subnormal, `2^127` or more, or no number.
+fn normalized_exponent(v: Vec3) -> Vec3 {
+    let sizes = v.to_array().map(|x| x.to_bits() & 0x7fff_ffff);
+    let e = sizes.into_iter().max().unwrap_or(0) >> 23;
+    if e == 0 || e >= 254 {
+        return Vec3::ZERO;
+    }
+    (v * f32::from_bits((254 - e) << 23)).map(|x| cut(x, -40))
+}
+
+/// `v` at length 1, but for a few units in the last place; zero where [`normalized_exponent`] is.
+///
+/// By Newton's method from the customary guess at an inverse root: devices repeat its operations bit for bit, but need not
+/// round roots correctly.
+fn unit(v: Vec3) -> Vec3 {
+    let w = normalized_exponent(v);
+    let square = w.dot(w);
+    if square == 0.0 {
+        return w;
+    }
+    let half_square = 0.5 * square;
+    let mut y = f32::from_bits(0x5f37_5a86 - (square.to_bits() >> 1));
+    for _ in 0..3 {
+        y *= 1.5 - half_square * (y * y);
+    }
+    w * y
+}
+
+/// Fills `rgb` with the first three bytes of every four.
+pub fn drop_alpha(rgba: &[u8], rgb: &mut Vec<u8>) {
+    rgb.resize(rgba.len() / 4 * 3, 0);
+    for (to, from) in rgb.chunks_exact_mut(3).zip(rgba.chunks_exact(4)) {
+        to.copy_from_slice(&from[..3]);
     }
 }
 

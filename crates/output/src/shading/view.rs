@@ -1,6 +1,5 @@
 //! A camera and a lamp for a motion that nobody described.
 
-use super::{unit, wide};
 use geom::{Aabb, Animation, Camera, Point};
 use glam::{DVec3, dvec3};
 use rayon::prelude::*;
@@ -159,6 +158,19 @@ fn centre_and_size(bounds: &Aabb) -> (DVec3, f64) {
 fn narrow(p: DVec3) -> Point {
     let limit = f64::from(f32::MAX) * 0.5;
     p.to_array().map(|x| x.clamp(-limit, limit) as f32)
+}
+
+fn wide(p: Point) -> DVec3 {
+    p.map(f64::from).into()
+}
+
+/// `a` at length 1, or zero where it has no length.
+fn unit(a: DVec3) -> DVec3 {
+    let length = a.length();
+    match length > 0.0 && length.is_finite() {
+        true => a / length,
+        false => DVec3::ZERO,
+    }
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use crate::ahead::many_shuffled;
 use crate::fake::Fake;
 use crate::{camera, driver};
 use backend::{Query, QueryKind, Rays, Snapshot};
-use pipeline::{Frame, Pace, PipelineError, Update};
+use pipeline::{Frame, Pace, PipelineError, Update, Wanted};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::time::Duration;
@@ -62,7 +62,7 @@ fn takings(update: Update, predict: bool) -> (Vec<u64>, usize) {
         index,
         time: index as f64 / FRAMES as f64,
     });
-    let run = driver.run::<PipelineError>(frames, query, false, |record, _| {
+    let run = driver.run::<PipelineError>(frames, query, Wanted::default(), |record, _| {
         trees += usize::from(record.adopted.is_some());
         std::thread::sleep(Duration::from_micros(250));
         let now = TAKEN.get();

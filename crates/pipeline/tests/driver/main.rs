@@ -11,7 +11,7 @@ mod warm_up;
 use backend::{Generation, Method, Query, QueryKind, Rays};
 use fake::{Fake, Gate, Log};
 use geom::{Animation, Camera};
-use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Pace, PipelineError, Update};
+use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Pace, PipelineError, Update, Wanted};
 use std::sync::{Arc, Mutex};
 
 /// Two triangles that drift apart over `keys` key frames.
@@ -95,7 +95,7 @@ fn run_paced(
         time: index as f64 * step,
     });
     driver
-        .run(list, query, true, |record, _| {
+        .run(list, query, Wanted { hits: true, pixels: false }, |record, _| {
             records.push(record.clone());
             gate.iter().for_each(|g| g.step());
             let rest = std::time::Duration::from_millis(rest(record.frame.index));

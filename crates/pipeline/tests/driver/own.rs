@@ -3,7 +3,7 @@
 use crate::fake::{Fake, Log};
 use crate::{camera, drifting, read};
 use backend::{Generation, Query, QueryKind, Rays};
-use pipeline::{Driver, Frame, Pace, PipelineError, Update};
+use pipeline::{Driver, Frame, Pace, PipelineError, Update, Wanted};
 use std::sync::{Arc, Mutex};
 
 fn driver(update: Update) -> (Result<Driver, PipelineError>, Arc<Mutex<Log>>) {
@@ -26,7 +26,7 @@ fn rebuilt(update: Update) -> Vec<u64> {
     let frames = (0..).zip(frames).map(|(index, time)| Frame { index, time });
     let mut ages = Vec::new();
     driver
-        .run(frames, query, false, |record, _| {
+        .run(frames, query, Wanted::default(), |record, _| {
             ages.push(record.tree_age_frames);
             assert!(record.adopted.is_none() && record.fetched.is_none());
             Ok::<(), PipelineError>(())

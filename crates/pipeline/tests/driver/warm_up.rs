@@ -3,7 +3,7 @@
 use crate::fake::{Fake, Log};
 use crate::{camera, drifting, driver, read};
 use backend::{Generation, Query, QueryKind, Rays};
-use pipeline::{Frame, FrameRecord, Pace, PipelineError, Update};
+use pipeline::{Frame, FrameRecord, Pace, PipelineError, Update, Wanted};
 
 /// What a frame says that no clock decides.
 fn facts(r: &FrameRecord) -> (Frame, Generation, u64, Option<Generation>, [bool; 3]) {
@@ -44,7 +44,7 @@ fn run(update: Update, predict: bool, uncounted: Uncounted) -> (Vec<FrameRecord>
         })
         .collect();
     for (i, part) in [&frames[..1], &frames[1..]].into_iter().enumerate() {
-        let done = driver.run(part.iter().copied(), query, false, |record, _| {
+        let done = driver.run(part.iter().copied(), query, Wanted::default(), |record, _| {
             records.push(record.clone());
             Ok::<(), PipelineError>(())
         });

@@ -4,7 +4,7 @@ use super::{Groups, Trace, Work};
 use crate::projection::projected;
 use crate::{Params, Rasterization, Traits, common, kernel, packets, rasterization};
 use backend::Method;
-use geom::Camera;
+use geom::{Camera, Point};
 
 /// Rows of the buffer `covers` before the tiles: see visibility/cover.wgsl.
 const LISTED: u32 = 4096;
@@ -78,6 +78,23 @@ pub(super) fn by_rasterization(
         visibility_bytes: 16 * u64::from(pairs),
         ..Trace::default()
     })
+}
+
+/// A camera's hits and shadows to pixels, under a lamp.
+#[must_use]
+pub fn shade(params: Params, camera: &Camera, lamp: Point) -> Work {
+    let kernel = common("shade");
+    let [width, height, _] = kernel.workgroup;
+    Work {
+        kernel,
+        params: Params {
+            // In the scene's units.
+            light: lamp,
+            ..params.through(camera)
+        },
+        groups: Groups::Pixels([camera.width, camera.height], [width, height]),
+        alongside: false,
+    }
 }
 
 /// Over a picture, so many pixels a workgroup.

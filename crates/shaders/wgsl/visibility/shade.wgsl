@@ -1,0 +1,166 @@
+// Hits to pixels: face normals, file colours, one lamp with shadows, a soft sky. The host's twin, bit for bit, is the module
+// `shading` of the crate `output`; docs/design/pictures.md says why the bits are equal.
+
+import package::geometry::triangle::points_of;
+import package::geometry::units::{flushed, scale_bits, snapped};
+import package::lib::buffers::{hits, occluded};
+import package::lib::ieee::{add, mul, parts, sub};
+import package::lib::params::params;
+
+// sRGB of each triangle, a byte a channel.
+@group(0) @binding(next) var<storage, read> colours: array<u32>;
+
+// Linear light of each sRGB level as bits, then the sRGB level of each step of linear light.
+@group(0) @binding(next) var<storage, read> tones: array<u32>;
+
+// Four bytes a pixel: red, green, blue, 255.
+@group(0) @binding(next) var<storage, read_write> pixels: array<u32>;
+
+const ZENITH = vec3<f32>(0.130, 0.270, 0.560);
+const HORIZON = vec3<f32>(0.640, 0.740, 0.830);
+const HAZE = vec3<f32>(0.400, 0.455, 0.510);
+const FROM_ABOVE = vec3<f32>(0.300, 0.355, 0.440);
+const FROM_THE_SIDE = vec3<f32>(0.195, 0.215, 0.250);
+const FROM_BELOW = vec3<f32>(0.105, 0.095, 0.085);
+const LAMP = vec3<f32>(0.880, 0.800, 0.690);
+
+// Steps of linear light to 1, and the last of all.
+const STEPS: f32 = 4096.0;
+const LAST_STEP: u32 = 5120u;
+
+fn mix1(a: f32, b: f32, s: f32) -> f32 { return add(a, mul(sub(b, a), s)); }
+
+fn mix3(a: vec3<f32>, b: vec3<f32>, s: f32) -> vec3<f32> {
+    return vec3<f32>(mix1(a.x, b.x, s), mix1(a.y, b.y, s), mix1(a.z, b.z, s));
+}
+
+fn sub_each(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(sub(a.x, b.x), sub(a.y, b.y), sub(a.z, b.z));
+}
+
+fn mul_each(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(mul(a.x, b.x), mul(a.y, b.y), mul(a.z, b.z));
+}
+
+fn dot_of(a: vec3<f32>, b: vec3<f32>) -> f32 {
+    return add(add(mul(a.x, b.x), mul(a.y, b.y)), mul(a.z, b.z));
+}
+
+// By the power of two that brings the largest component to [1, 2), the others cut to zero below 2^-40. Zero where the
+// largest is subnormal, 2^127 or more, or no number.
+fn normalized_exponent(v: vec3<f32>) -> vec3<f32> {
+    let sizes = bitcast<vec3<u32>>(v) & vec3<u32>(0x7fffffffu);
+    let e = max(sizes.x, max(sizes.y, sizes.z)) >> 23u;
+    if e == 0u || e >= 254u { return vec3<f32>(0.0); }
+    let w = mul_each(v, vec3<f32>(bitcast<f32>((254u - e) << 23u)));
+    return select(w, vec3<f32>(0.0), abs(w) < vec3<f32>(9.094947017729282e-13));
+}
+
+// At length 1, but for a few units in the last place; zero where `normalized_exponent` is. Newton's method from the
+// customary guess, since a device's own root need not be rounded correctly.
+fn unit(v: vec3<f32>) -> vec3<f32> {
+    let w = normalized_exponent(v);
+    let square = dot_of(w, w);
+    if square == 0.0 { return w; }
+    let half_square = mul(0.5, square);
+    var y = bitcast<f32>(0x5f375a86u - (bitcast<u32>(square) >> 1u));
+    for (var i = 0u; i < 3u; i += 1u) { y = mul(y, sub(1.5, mul(half_square, mul(y, y)))); }
+    return mul_each(w, vec3<f32>(y));
+}
+
+// The sky along a direction of length 1.
+fn sky(direction: vec3<f32>) -> vec3<f32> {
+    if direction.y < 0.0 {
+        let x = min(mul(-2.2, direction.y), 1.0);
+        return mix3(HORIZON, HAZE, mul(mul(x, x), sub(3.0, mul(2.0, x))));
+    }
+    let up = sub(1.0, direction.y);
+    return mix3(HORIZON, ZENITH, sub(1.0, mul(mul(up, up), up)));
+}
+
+// Light from all around on a surface.
+fn ambient(normal: vec3<f32>) -> vec3<f32> {
+    if normal.y < 0.0 { return mix3(FROM_THE_SIDE, FROM_BELOW, -normal.y); }
+    return mix3(FROM_THE_SIDE, FROM_ABOVE, normal.y);
+}
+
+// The exponent of the largest of three coordinates.
+fn exponent_of(v: vec3<u32>) -> i32 {
+    let sizes = v & vec3<u32>(0x7fffffffu);
+    return parts(max(sizes.x, max(sizes.y, sizes.z))).exponent - 127;
+}
+
+// A point in units of 2^exponent; below 2^-64 it is zero.
+fn in_units(v: vec3<u32>, exponent: i32) -> vec3<f32> {
+    return vec3<f32>(
+        snapped(scale_bits(v.x, -exponent)),
+        snapped(scale_bits(v.y, -exponent)),
+        snapped(scale_bits(v.z, -exponent)),
+    );
+}
+
+// A point within a triangle along one axis.
+fn within(a: f32, e1: f32, e2: f32, u: f32, v: f32) -> f32 {
+    return add(a, add(flushed(mul(e1, u)), flushed(mul(e2, v))));
+}
+
+fn cross_of(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
+    return sub_each(mul_each(a.yzx, b.zxy), mul_each(a.zxy, b.yzx));
+}
+
+// Light that leaves a hit towards the eye, and the ray's direction of length 1.
+fn surface(hit: vec4<u32>, in_shadow: bool, direction: vec3<f32>) -> vec3<f32> {
+    let corners = points_of(hit.w);
+    let own = max(exponent_of(corners[0]), max(exponent_of(corners[1]), exponent_of(corners[2])));
+    let a = in_units(corners[0], own);
+    let e1 = sub_each(in_units(corners[1], own), a);
+    let e2 = sub_each(in_units(corners[2], own), a);
+    var normal = unit(cross_of(normalized_exponent(e1), normalized_exponent(e2)));
+    if dot_of(normal, direction) > 0.0 { normal = -normal; }
+    var light = ambient(normal);
+    if !in_shadow {
+        let u = bitcast<f32>(hit.y);
+        let v = bitcast<f32>(hit.z);
+        let point = vec3<f32>(within(a.x, e1.x, e2.x, u, v), within(a.y, e1.y, e2.y, u, v), within(a.z, e1.z, e2.z, u, v));
+        // The lamp in the scene's units, and both in units of the larger.
+        let lamp = bitcast<vec3<u32>>(params.light);
+        let larger = max(own, exponent_of(lamp));
+        let to_lamp = unit(sub_each(in_units(lamp, larger), in_units(bitcast<vec3<u32>>(point), larger - own)));
+        let facing = max(dot_of(normal, to_lamp), 0.0);
+        light = vec3<f32>(
+            add(light.x, mul(LAMP.x, facing)),
+            add(light.y, mul(LAMP.y, facing)),
+            add(light.z, mul(LAMP.z, facing)),
+        );
+    }
+    let colour = colours[hit.w];
+    return mul_each(vec3<f32>(linear(colour), linear(colour >> 8u), linear(colour >> 16u)), light);
+}
+
+// Linear light of an sRGB level.
+fn linear(level: u32) -> f32 { return bitcast<f32>(tones[level & 255u]); }
+
+// The sRGB level of linear light.
+fn level(light: f32) -> u32 { return tones[256u + min(u32(add(mul(light, STEPS), 0.5)), LAST_STEP)]; }
+
+@compute @workgroup_size(16, 8)
+fn shade(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= params.width || id.y >= params.height { return; }
+    let i = id.y * params.width + id.x;
+    // geom::Camera::ray.
+    let px = add(f32(id.x), 0.5);
+    let py = add(f32(id.y), 0.5);
+    let direction = unit(vec3<f32>(
+        add(add(params.corner.x, mul(px, params.across.x)), mul(py, params.down.x)),
+        add(add(params.corner.y, mul(px, params.across.y)), mul(py, params.down.y)),
+        add(add(params.corner.z, mul(px, params.across.z)), mul(py, params.down.z)),
+    ));
+    let hit = hits[i];
+    var light: vec3<f32>;
+    if hit.w == 0xffffffffu {
+        light = sky(direction);
+    } else {
+        light = surface(hit, occluded[i] != 0u, direction);
+    }
+    pixels[i] = level(light.x) | (level(light.y) << 8u) | (level(light.z) << 16u) | 0xff000000u;
+}

@@ -1,0 +1,116 @@
+//! Pictures that a device shades are the host's, byte for byte.
+
+use crate::Subject;
+use crate::scenes::{apart, cameras, hits, look, open_laid, stand, swarm};
+use backend::{Layout, Query, QueryKind, Rays};
+use geom::{Animation, Camera, Point};
+use output::Shot;
+use std::sync::Arc;
+
+/// Colours of all kinds.
+fn colours(animation: &Animation) -> Vec<[u8; 3]> {
+    let triangles = 0..animation.triangle_count();
+    let channel = |t: usize, step: usize| (t * step % 256) as u8;
+    triangles
+        .map(|t| [channel(t, 1), channel(t, 37), channel(t, 101)])
+        .collect()
+}
+
+/// The scene as it stands at `time`: the bytes that differ between the device's picture and the host's.
+fn differences(
+    backend: &mut dyn Subject,
+    (animation, time): (&Animation, f64),
+    camera: &Camera,
+    light: Point,
+) -> (usize, usize) {
+    let query = Query {
+        rays: Rays::Camera(camera),
+        kind: QueryKind::ClosestAndShadow { light },
+    };
+    stand(backend, animation, time);
+    backend.trace(query).unwrap();
+    backend.shade(query).unwrap();
+    let ticket = backend.submit().unwrap();
+    let mut pixels = Vec::new();
+    assert!(backend.pixels(ticket, &mut pixels).unwrap());
+    let found = hits(backend, ticket);
+    let shot = Shot {
+        animation,
+        pose: animation.pose(time),
+        colours: &colours(animation),
+        camera,
+        light,
+    };
+    let (mut expected, mut rgb) = (Vec::new(), Vec::new());
+    output::shade(&shot, &found.closest, &found.blocked, &mut expected);
+    output::drop_alpha(&pixels, &mut rgb);
+    assert!(pixels.chunks(4).all(|pixel| pixel[3] == 255));
+    let other = rgb.iter().zip(&expected).filter(|(a, b)| a != b).count();
+    let met = found.closest.iter().filter(|hit| hit.is_hit()).count();
+    (other, met)
+}
+
+/// The swarm at a size of its own.
+fn scaled(by: f32) -> Arc<Animation> {
+    let usual = swarm(300);
+    let keys = usual.keys().iter();
+    let scale = |p: &Point| p.map(|x| x * by);
+    apart(keys.map(|key| key.iter().map(scale).collect()).collect())
+}
+
+/// A triangle before the eye, and others so far from it in size that no single scale serves all.
+fn mixed() -> Arc<Animation> {
+    let corners = |s: f32| [[-s, -s, -s], [s, -s, 0.5 * s], [0.1 * s, s, -s]];
+    apart(vec![[1.0, 1e-30, 1e30, 1e-3].map(corners).concat()])
+}
+
+pub(crate) fn a_device_shades_as_the_host_does(backend: &mut dyn Subject) {
+    let load = |animation: &Arc<Animation>, backend: &mut dyn Subject| {
+        open_laid(backend, animation, Layout::Fast);
+        let palette = output::palette(&colours(animation));
+        assert!(backend.load_palette(&palette).unwrap());
+    };
+    let lamp = [2.0, 5.0, 3.0];
+    let usual = swarm(2000);
+    load(&usual, backend);
+    for camera in cameras() {
+        for (time, light) in [(0.0, lamp), (0.7, [0.1, 0.2, 0.3]), (1.0, [0.0; 3])] {
+            let (other, met) = differences(backend, (&usual, time), &camera, light);
+            assert_eq!(other, 0, "{camera:?} at {time} under {light:?}");
+            assert!(met > 0, "{camera:?}");
+        }
+    }
+    for by in [1e-36, 1e-12, 1e9, 1e30] {
+        let animation = scaled(by);
+        load(&animation, backend);
+        let eye = [0.3 * by, 0.2 * by, 3.0 * by];
+        let camera = look(eye, [0.0; 3], 50.0);
+        for light in [eye, [f32::MAX, 0.0, 1.0], [1e-40, -1e-38, 0.0]] {
+            let (other, met) = differences(backend, (&animation, 0.3), &camera, light);
+            assert_eq!(other, 0, "{by:e} under {light:?}");
+            assert!(met > 0, "{by:e}");
+        }
+    }
+    let animation = mixed();
+    load(&animation, backend);
+    for distance in [3e-30, 3.0, 3e3, 3e30] {
+        let camera = look([0.0, 0.1 * distance, distance], [0.0; 3], 60.0);
+        let (other, met) = differences(backend, (&animation, 0.0), &camera, lamp);
+        assert_eq!(other, 0, "from {distance:e}");
+        assert!(met > 0, "from {distance:e}");
+    }
+}
+
+pub(crate) fn nothing_is_shaded_without_a_palette(backend: &mut dyn Subject) {
+    let (animation, camera) = (swarm(50), &cameras()[0]);
+    open_laid(backend, &animation, Layout::Bvh2);
+    stand(backend, &animation, 0.0);
+    let query = Query {
+        rays: Rays::Camera(camera),
+        kind: crate::scenes::SHADOWED,
+    };
+    backend.trace(query).unwrap();
+    backend.shade(query).unwrap();
+    let ticket = backend.submit().unwrap();
+    assert!(!backend.pixels(ticket, &mut vec![1]).unwrap());
+}
