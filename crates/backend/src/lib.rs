@@ -97,6 +97,10 @@ pub trait Backend: Send {
     /// The method is not supported, or the scene does not fit the device.
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()>;
 
+    /// Makes ready, beside other work, what such queries of the scene will take, with trees made here or handed in. Without
+    /// it they are made ready when they first come.
+    fn prepare(&mut self, _query: Query<'_>, _makes_trees: bool) {}
+
     /// Whether the backend makes its trees itself: then [`Backend::rebuild`] stands where
     /// [`Backend::adopt`] stands elsewhere, which it refuses.
     fn makes_own_trees(&self) -> bool {

@@ -213,6 +213,9 @@ pub(crate) struct DeviceArgs {
     /// Threads that build trees
     #[arg(long, value_name = "N", value_parser = values::threads)]
     pub(crate) builder_threads: Option<usize>,
+    /// Neither use nor keep compiled kernels of earlier runs (in the user's folder for caches)
+    #[arg(long)]
+    pub(crate) no_cache: bool,
 }
 
 /// How rays are traced.

@@ -57,6 +57,14 @@ fn run(command: Command) -> Result<(), Stop> {
         Command::Bench(args) => args.threads,
         _ => None,
     });
+    let device = match &command {
+        Command::Render(args) => Some(&args.device),
+        Command::Trace(args) => Some(&args.device),
+        _ => None,
+    };
+    if device.is_some_and(|device| device.no_cache) {
+        open::keep_no_kernels();
+    }
     match command {
         Command::Render(args) => render::run(&args),
         Command::Merge(args) => merge::run(&args),

@@ -10,6 +10,9 @@ use crate::stop::Stop;
 use backend::{Backend, DeviceKind, Intersector, Layout};
 use gpu_vulkan_rt::Prefer;
 use serde::Serialize;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
 
 /// Opens an adapter, or the backend's own choice; with host threads, where it uses them.
 type OpenAdapter<'a> = dyn Fn(Option<&Adapter>, usize) -> backend::Result<Box<dyn Backend>> + 'a;
@@ -122,6 +125,35 @@ pub(crate) fn open<T>(
     let (value, why) = auto::take(&ours, want, &traces, ready)?;
     let why = Some(why);
     Ok(Opened { value, why })
+}
+
+/// Whether compiled kernels are kept in the user's folder for caches.
+static KEEPS_KERNELS: AtomicBool = AtomicBool::new(true);
+
+/// Has compiled kernels be neither read from the user's folder for caches nor kept there.
+pub(crate) fn keep_no_kernels() {
+    KEEPS_KERNELS.store(false, Ordering::Relaxed);
+}
+
+fn cache_folder() -> Option<PathBuf> {
+    let folder = dirs::cache_dir().filter(|_| KEEPS_KERNELS.load(Ordering::Relaxed));
+    folder.map(|folder| folder.join("abvh"))
+}
+
+/// Loads graphics drivers on a thread of its own, which takes long: what is opened then finds them loaded. Whoever drops
+/// the result waits for it, since drivers do not like a process to end meanwhile.
+pub(crate) fn load_drivers(backend: BackendName) -> Option<impl Sized> {
+    struct Loading(Option<JoinHandle<()>>);
+    impl Drop for Loading {
+        fn drop(&mut self) {
+            let _ = self.0.take().map(JoinHandle::join);
+        }
+    }
+    // Whoever opens a backend hears what is wrong.
+    let load = || drop(gpu_vulkan::adapters());
+    let wanted = backend != BackendName::Cpu;
+    let thread = wanted.then(|| std::thread::Builder::new().spawn(load).ok());
+    thread.map(Loading)
 }
 
 impl Known<'_> {

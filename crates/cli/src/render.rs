@@ -10,12 +10,12 @@ use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
 use crate::timeline::Notes;
 use crate::writer::{Done, Writer};
-use crate::{conflicts, frames, memory, record, signals, table, talk};
+use crate::{conflicts, frames, memory, open, record, signals, table, talk};
 use backend::{Query, QueryKind, Rays};
 use geom::Camera;
 use output::View;
 use output::{FrameStats, SCHEMA, Stats};
-use pipeline::Frame;
+use pipeline::{Frame, Wanted};
 use scene::Scene;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -33,6 +33,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     if let Some(all) = foreseen.filter(|all| frames::of_shard(all, args.shard).is_empty()) {
         return no_frames(args, (earlier, &outputs), &all, None);
     }
+    let _drivers = open::load_drivers(args.device.backend);
     let rays = args.size.count();
     let scene = scene::open(&args.scene, &memory::with_run(args.source.options(), rays))?;
     let keys = scene.animation.whole_times();
@@ -61,6 +62,14 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
             ahead: Ahead::of(&frames, args.predict),
         },
     )?;
+    let mut wanted = outputs.wanted();
+    if wanted.pixels && !session.driver.shade(&output::palette(&scene.colours))? {
+        wanted = Wanted {
+            hits: true,
+            pixels: false,
+        };
+    }
+    session.driver.prepare(query(&camera, &view));
     let new = outputs.prepare()?;
     if let Some(file) = &args.rays_out {
         // A run that does not begin leaves no folders.
@@ -83,7 +92,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         (&camera, &view),
         (todo, old.len()),
         &mut session,
-        (&outputs, &mut journals, notes.as_mut()),
+        (&outputs, wanted),
+        (&mut journals, notes.as_mut()),
     )?;
     if let Some(file) = &args.stats {
         resume::write_stats(file, &resume::joined(head, &[&old[..], &rows].concat()))?;
@@ -181,7 +191,8 @@ fn trace_all(
     (camera, view): (&Camera, &View),
     (todo, done): (Vec<Frame>, usize),
     session: &mut Session,
-    (outputs, journals, notes): (&Outputs, &mut [(PathBuf, Journal)], Option<&mut Notes>),
+    (outputs, wanted): (&Outputs, Wanted),
+    (journals, notes): (&mut [(PathBuf, Journal)], Option<&mut Notes>),
 ) -> Result<Vec<FrameStats>, Stop> {
     let progress = Progress::new(todo.len() as u64, args.quiet);
     for remark in session.remarks.iter().chain(&scene.facts.notes) {
@@ -193,11 +204,7 @@ fn trace_all(
     }
     let query = query(camera, view);
     let done = Done::new(journals, notes, progress);
-    let writer = Writer::new((scene, camera, view.light), outputs, done);
-    let wanted = outputs.wanted();
-    if wanted.pixels {
-        session.driver.shade(&output::palette(&scene.colours))?;
-    }
+    let writer = Writer::new((scene, camera, view.light), (outputs, wanted), done);
     let mut places = 0..;
     rayon::in_place_scope(|scope| {
         session

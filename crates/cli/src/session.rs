@@ -194,13 +194,19 @@ mod tests {
             time: index as f64 * 1.7,
         });
         let mut all = Vec::new();
-        let run = session
-            .driver
-            .run::<Stop>(todo, query, Wanted { hits: true, pixels: false }, |frame, found| {
+        let run = session.driver.run::<Stop>(
+            todo,
+            query,
+            Wanted {
+                hits: true,
+                pixels: false,
+            },
+            |frame, found| {
                 assert!(frame.report.times.interpolate_ms.is_some(), "{update:?}");
                 all.push(found.hits.clone());
                 Ok(())
-            });
+            },
+        );
         run.unwrap();
         all
     }

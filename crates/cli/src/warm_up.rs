@@ -75,9 +75,12 @@ pub(crate) fn begin<'a, E: From<PipelineError>>(
         return Ok((None, frames));
     }
     let (first, rest) = frames.split_at(1);
-    driver.run(first.iter().copied(), query, Wanted::default(), |record, _| {
-        on_frame(record)
-    })?;
+    driver.run(
+        first.iter().copied(),
+        query,
+        Wanted::default(),
+        |record, _| on_frame(record),
+    )?;
     let warmed = warm(driver, query, [seconds, seconds + PATIENCE])?;
     Ok((Some(warmed), rest))
 }

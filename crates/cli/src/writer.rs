@@ -8,7 +8,7 @@ use crate::timeline::Notes;
 use crate::{record, signals};
 use geom::{Camera, Point};
 use output::{FrameStats, Shot};
-use pipeline::{Answers, FrameRecord};
+use pipeline::{Answers, FrameRecord, Wanted};
 use rayon::Scope;
 use scene::Scene;
 use std::path::PathBuf;
@@ -19,8 +19,9 @@ use std::time::Instant;
 /// Bytes that hits and pictures on their way to files may take, but for the first two frames; and no more than a quarter
 /// of what is free.
 const MOST_BYTES: u64 = 1 << 30;
-/// Bytes a pixel: a hit, its shadow, a colour twice, and the file being made.
-const PIXEL_BYTES: usize = 16 + 1 + 4 + 3 + 17;
+/// Bytes a pixel: a hit with its shadow, and the file of them; a colour with and without alpha, and the picture.
+const HIT_BYTES: usize = 17 + 17;
+const COLOUR_BYTES: usize = 4 + 3 + 3;
 
 /// Who writes the files of frames, and what is known of frames that are done.
 pub(crate) struct Writer<'a> {
@@ -85,12 +86,13 @@ impl<'a> Done<'a> {
 impl<'a> Writer<'a> {
     pub(crate) fn new(
         (scene, camera, light): (&'a Scene, &'a Camera, Point),
-        outputs: &'a Outputs,
+        (outputs, wanted): (&'a Outputs, Wanted),
         done: Done<'a>,
     ) -> Self {
         let (spare, free) = channel();
+        let bytes = COLOUR_BYTES + if wanted.hits { HIT_BYTES } else { 0 };
         let free_bytes = host::free().map_or(u64::MAX, |free| free.bytes);
-        let each = (PIXEL_BYTES * camera.pixels()).max(1) as u64;
+        let each = (bytes * camera.pixels()).max(1) as u64;
         let fitting = (MOST_BYTES.min(free_bytes / 4) / each) as usize;
         let wanted = rayon::current_num_threads() + 1;
         for _ in 0..fitting.clamp(2, wanted) {

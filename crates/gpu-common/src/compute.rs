@@ -10,7 +10,7 @@ use bvh_layout::Topology;
 use geom::{Animation, Pose, Range, Ray};
 use shaders::rebuild::{Plan, instead_of};
 use shaders::work::{self, Progress};
-use shaders::{Extent, Kernel, Params, Shape, common};
+use shaders::{Extent, KERNELS, Kernel, Params, Shape, common};
 use std::sync::Arc;
 
 /// The backend that runs the kernels of `shaders` on a device.
@@ -117,7 +117,9 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let tree = self.tree.as_mut().expect("a scene was loaded");
         let engine = &mut self.engine;
         if !tree.has_build() {
-            engine.pipelines.prepare_trees(&engine.gpu, self.method)?;
+            engine
+                .pipelines
+                .prepare(&engine.gpu, builders(self.method))?;
             tree.make_build(&mut engine.gpu, &animation)?;
         }
         tree.grow(&mut engine.gpu, &shape)?;
@@ -151,9 +153,6 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let mut traits = engine.pipelines.traits;
         traits.rasterization = engine.frames.raster_backoff.allow(traits.rasterization);
         let tracing = work::trace(self.method, params, rays, query.kind, traits);
-        let all = tracing.primary.iter();
-        let all = all.chain(tracing.shadow.iter().flatten());
-        engine.pipelines.prepare_work(&engine.gpu, all)?;
         let tree = self.tree.as_mut().expect("a scene was loaded");
         tree.grow_picture(&mut engine.gpu, &tracing)?;
         let stages = [
@@ -171,6 +170,12 @@ impl<D: GpuDevice> ComputeBackend<D> {
     }
 }
 
+/// What makes trees for a method.
+fn builders(method: Method) -> impl Iterator<Item = &'static Kernel> {
+    let all = KERNELS.iter().filter(|k| k.makes_trees());
+    all.filter(move |k| k.serves(method))
+}
+
 impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn device(&self) -> &Device {
         &self.engine.device
@@ -181,7 +186,10 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         engine
             .gpu
             .check_kernels(&|k| !k.makes_trees() && k.serves(method))?;
-        engine.pipelines.prepare(&engine.gpu, method)?;
+        let traits = engine.pipelines.traits;
+        let usual = KERNELS.iter().filter(|k| k.precedes_traces());
+        let usual = usual.filter(|k| k.serves(method) && k.suits(traits));
+        engine.pipelines.begin(&engine.gpu, usual);
         // What is under way or recorded belongs to the scene before.
         engine.abandon();
         engine.unload()?;
@@ -267,6 +275,33 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let fresh = self.stale == Stale::Fresh;
         assert!(fresh, "a stale tree must not be traced");
         self.trace_stages(&query)
+    }
+
+    fn prepare(&mut self, query: Query<'_>, makes_trees: bool) {
+        let rays = match query.rays {
+            Rays::Camera(camera) if !are_given(&query) => work::Rays::Camera(camera),
+            rays => work::Rays::Given(rays.count() as u32, false),
+        };
+        let leaves = self.engine.scene().animation.live_count() as u32;
+        let shape = match makes_trees {
+            true => Shape::made_on_device(self.method.layout, leaves),
+            false => Shape::expected(self.method.layout, leaves),
+        };
+        let params = Params::of(self.engine.scene().scale_exponent, &shape);
+        let engine = &mut self.engine;
+        let tracing = work::trace(
+            self.method,
+            params,
+            rays,
+            query.kind,
+            engine.pipelines.traits,
+        );
+        let shadow = tracing.shadow.iter().flatten();
+        let trace = tracing.primary.iter().chain(shadow).map(|w| w.kernel);
+        let trees = builders(self.method).filter(|_| makes_trees);
+        let shade = engine.scene().has_palette().then(|| common("shade"));
+        let all: Vec<_> = trace.chain(trees).chain(shade).collect();
+        engine.pipelines.begin(&engine.gpu, all);
     }
 
     fn load_palette(&mut self, palette: &Palette) -> Result<bool> {

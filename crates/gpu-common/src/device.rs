@@ -1,10 +1,10 @@
 //! What a GPU interface has to do.
 
-use crate::{Clock, Stage};
+use crate::{Clock, KernelCode, Stage};
 use backend::{BackendError, DeviceBytes, DeviceKind, Result, Snapshot, Ticket};
 use bytemuck::Pod;
 use shaders::work::Work;
-use shaders::{BufferName, Code, Counts, Kernel, Packets, Rasterization};
+use shaders::{BufferName, Counts, Kernel, Packets, Rasterization};
 
 /// Who is at work.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -66,7 +66,9 @@ pub trait GpuDevice: Send + Sized {
     /// A buffer. Dropping one need not wait: see [`GpuDevice::discard`].
     type Buffer: Send;
     /// A kernel ready to be bound.
-    type Pipeline: Send;
+    type Pipeline: Send + 'static;
+    /// Makes kernels ready on any thread, beside the device's owner.
+    type Maker: Send + Sync + 'static;
     /// What one submission needs for itself: commands, parameters, counts, marks of time.
     type Slot: Send;
     /// Positions on their way to the host.
@@ -149,8 +151,11 @@ pub trait GpuDevice: Send + Sized {
     /// Takes back a record, to send another tree in it once all that was submitted so far is done with it.
     fn recycle_tree(&mut self, record: Self::Buffer);
 
-    /// Makes kernels ready, on several threads where that helps.
-    fn pipelines(&self, wanted: &[(&'static Kernel, Code)]) -> Result<Vec<Self::Pipeline>>;
+    /// What makes kernels ready.
+    fn pipeline_maker(&self) -> Self::Maker;
+
+    /// Makes a kernel ready; several threads may do so at a time.
+    fn make_pipeline(maker: &Self::Maker, kernel: KernelCode) -> Result<Self::Pipeline>;
 
     /// What a submission needs for itself.
     fn slot(&self) -> Result<Self::Slot>;

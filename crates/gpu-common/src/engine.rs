@@ -3,7 +3,9 @@
 use crate::snapshots::Snapshots;
 use crate::traces::{Trace, Traces};
 use crate::{Frames, GpuDevice, Pipelines, SceneBuffers, Stage, selftest};
-use backend::{Device, DeviceBytes, FrameReport, Hits, Palette, Query, Rays, Result, Snapshot, Ticket};
+use backend::{
+    Device, DeviceBytes, FrameReport, Hits, Palette, Query, Rays, Result, Snapshot, Ticket,
+};
 use geom::{Animation, Point, Pose, Ray};
 use shaders::arithmetic::Findings;
 use shaders::work::{self, Work};
@@ -156,7 +158,12 @@ impl<D: GpuDevice> Engine<D> {
         shaded
     }
 
-    fn shade_trace(&mut self, trace: &mut Trace<D>, query: &Query<'_>, params: Params) -> Result<()> {
+    fn shade_trace(
+        &mut self,
+        trace: &mut Trace<D>,
+        query: &Query<'_>,
+        params: Params,
+    ) -> Result<()> {
         let (Rays::Camera(camera), Some(lamp)) = (query.rays, query.kind.light()) else {
             return Ok(());
         };

@@ -12,6 +12,7 @@
 //! To add a GPU interface, implement [`GpuDevice`]; its documentation says what may wait and what must not.
 
 mod buffers;
+pub mod cache_file;
 mod clock;
 mod compute;
 mod device;
@@ -31,6 +32,6 @@ pub use compute::ComputeBackend;
 pub use device::{About, BufferPurpose, Dispatch, Find, Finished, GpuDevice, refuse_above};
 pub use engine::Engine;
 pub use frames::{Frames, SLOTS, Slot};
-pub use pipelines::Pipelines;
+pub use pipelines::{KernelCode, Pipelines};
 pub use scene::SceneBuffers;
 pub use traces::{Trace, Traces, are_given};

@@ -1,15 +1,35 @@
-//! One pipeline a kernel, made when a method, a tree to be made or a trace first needs it.
+//! One pipeline a kernel, made when something first needs it, on threads of their own where that is known before.
 
 use crate::GpuDevice;
-use backend::{Method, Result};
+use backend::Result;
+use rayon::prelude::*;
 use shaders::work::Work;
-use shaders::{Code, KERNELS, Kernel, Traits};
+use shaders::{Code, Kernel, Traits};
+use std::thread::{self, JoinHandle};
+
+/// A kernel, and its code for the device at hand.
+pub type KernelCode = (&'static Kernel, Code);
 
 /// Kernels ready to be bound: those that anything needed so far.
 pub struct Pipelines<D: GpuDevice> {
     made: Vec<(&'static Kernel, D::Pipeline)>,
+    making: Vec<Making<D::Pipeline>>,
     /// Which forms of kernels the device takes; known once the first of them has run.
     pub(crate) traits: Traits,
+}
+
+/// Kernels that threads of their own make ready.
+struct Making<P> {
+    kernels: Vec<&'static Kernel>,
+    /// Taken when it is waited for.
+    thread: Option<JoinHandle<Result<Vec<P>>>>,
+}
+
+impl<P> Drop for Making<P> {
+    fn drop(&mut self) {
+        // Drivers do not like a process to end while they compile.
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
 }
 
 impl<D: GpuDevice> Pipelines<D> {
@@ -20,52 +40,79 @@ impl<D: GpuDevice> Pipelines<D> {
     pub fn of(gpu: &D, kernels: impl IntoIterator<Item = &'static Kernel>) -> Result<Self> {
         let mut all = Self {
             made: Vec::new(),
+            making: Vec::new(),
             traits: Traits::default(),
         };
-        all.make(gpu, kernels)?;
+        all.prepare(gpu, kernels)?;
         Ok(all)
     }
 
-    /// Makes what every frame by `method` needs before its trace.
-    pub(crate) fn prepare(&mut self, gpu: &D, method: Method) -> Result<()> {
-        let traits = self.traits;
-        let wanted = |k: &&Kernel| k.serves(method) && k.suits(traits) && k.precedes_traces();
-        self.make(gpu, KERNELS.iter().filter(wanted))
+    /// Begins to make what is not there yet, and does not wait for it. What goes wrong is found when it is needed.
+    pub(crate) fn begin(&mut self, gpu: &D, kernels: impl IntoIterator<Item = &'static Kernel>) {
+        let missing = self.missing(kernels);
+        if missing.is_empty() {
+            return;
+        }
+        let kernels = missing.iter().map(|(kernel, _)| *kernel).collect();
+        let make = gpu.pipeline_maker();
+        // Without a thread to be had, they are made when they are needed.
+        let thread = thread::Builder::new().spawn(move || make_all::<D>(&make, &missing));
+        if let Ok(thread) = thread {
+            let thread = Some(thread);
+            self.making.push(Making { kernels, thread });
+        }
     }
 
-    /// Makes what makes trees for `method`, if it is not there yet.
-    pub(crate) fn prepare_trees(&mut self, gpu: &D, method: Method) -> Result<()> {
-        let wanted = |k: &&Kernel| k.makes_trees() && k.serves(method);
-        self.make(gpu, KERNELS.iter().filter(wanted))
-    }
-
-    /// Makes what this work needs and is not there yet.
-    pub(crate) fn prepare_work<'a>(
-        &mut self,
-        gpu: &D,
-        work: impl IntoIterator<Item = &'a Work>,
-    ) -> Result<()> {
-        self.make(gpu, work.into_iter().map(|w| w.kernel))
-    }
-
-    fn make(
+    /// Makes what is not there yet.
+    pub(crate) fn prepare(
         &mut self,
         gpu: &D,
         kernels: impl IntoIterator<Item = &'static Kernel>,
     ) -> Result<()> {
-        let mut missing: Vec<(&Kernel, Code)> = Vec::new();
         for kernel in kernels {
-            let is_listed = missing.iter().any(|(k, _)| k.name == kernel.name);
-            if self.find(kernel).is_none() && !is_listed {
+            if self.find(kernel).is_some() {
+                continue;
+            }
+            let has =
+                |making: &Making<D::Pipeline>| making.kernels.iter().any(|k| k.name == kernel.name);
+            if let Some(at) = self.making.iter().position(has) {
+                self.wait(at)?;
+            } else {
+                let missing = self.missing([kernel]);
+                let made = make_all::<D>(&gpu.pipeline_maker(), &missing)?;
+                self.made
+                    .extend(made.into_iter().map(|made| (kernel, made)));
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes what this work needs and is not there yet.
+    pub(crate) fn prepare_work(&mut self, gpu: &D, work: &[Work]) -> Result<()> {
+        self.prepare(gpu, work.iter().map(|w| w.kernel))
+    }
+
+    fn wait(&mut self, at: usize) -> Result<()> {
+        let mut making = self.making.swap_remove(at);
+        let thread = making.thread.take().expect("nobody waited for it");
+        let made = thread
+            .join()
+            .unwrap_or_else(|e| std::panic::resume_unwind(e))?;
+        self.made.extend(making.kernels.iter().copied().zip(made));
+        Ok(())
+    }
+
+    /// Those that are neither there nor being made.
+    fn missing(&self, kernels: impl IntoIterator<Item = &'static Kernel>) -> Vec<KernelCode> {
+        let mut missing: Vec<KernelCode> = Vec::new();
+        for kernel in kernels {
+            let being_made = self.making.iter().flat_map(|making| &making.kernels);
+            let mut known = being_made.chain(missing.iter().map(|(k, _)| k));
+            if self.find(kernel).is_none() && known.all(|k| k.name != kernel.name) {
                 missing.push((kernel, kernel.code_for(self.traits)));
             }
         }
-        if !missing.is_empty() {
-            let made = gpu.pipelines(&missing)?;
-            let kernels = missing.iter().map(|(kernel, _)| *kernel);
-            self.made.extend(kernels.zip(made));
-        }
-        Ok(())
+        missing
     }
 
     fn find(&self, kernel: &Kernel) -> Option<&D::Pipeline> {
@@ -78,6 +125,14 @@ impl<D: GpuDevice> Pipelines<D> {
     /// If it was not made.
     pub(crate) fn get(&self, kernel: &Kernel) -> &D::Pipeline {
         let found = self.find(kernel);
-        found.expect("pipelines are made when a method is loaded")
+        found.expect("pipelines are prepared before they are recorded")
     }
+}
+
+/// Compilers work for seconds: each kernel is made on a thread of rayon's.
+fn make_all<D: GpuDevice>(make: &D::Maker, missing: &[KernelCode]) -> Result<Vec<D::Pipeline>> {
+    missing
+        .par_iter()
+        .map(|&kernel| D::make_pipeline(make, kernel))
+        .collect()
 }

@@ -218,7 +218,9 @@ impl<D: GpuDevice> Trace<D> {
         let Some(pixels) = self.get(BufferName::Pixels).filter(|_| self.shaded) else {
             return Ok(false);
         };
-        gpu.read(pixels, 4 * self.count, |bytes: &[u8]| out.extend_from_slice(bytes))?;
+        gpu.read(pixels, 4 * self.count, |bytes: &[u8]| {
+            out.extend_from_slice(bytes)
+        })?;
         Ok(true)
     }
 

@@ -83,6 +83,7 @@ impl DriverTreeBackend {
     pub fn new(options: &Options, prefer: Prefer) -> Result<Self> {
         let (host, wanted) = (Host::new(options.validation)?, options.adapter.as_deref());
         let able = support::able(&host, wanted)?;
+        let wanted = (wanted, options.cache.as_deref());
         let gpu = Gpu::open(host, &able, wanted, Needs::RayTracing)?;
         let rays = RayTracing::of(&gpu)?;
         let device = VulkanDevice::over(&gpu, prefer.backend())?;

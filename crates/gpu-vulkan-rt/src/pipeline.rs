@@ -5,7 +5,7 @@ use ash::vk;
 use backend::Result;
 use gpu_common::GpuDevice;
 use gpu_vulkan::errors::{failed, refused};
-use gpu_vulkan::gpu::one_at_a_time;
+use gpu_vulkan::gpu::compile_door;
 use gpu_vulkan::memory::{Buffer, BufferUse};
 use gpu_vulkan::{VulkanDevice, descriptor_type};
 use shaders::{Kind, RAYS};
@@ -107,7 +107,7 @@ pub(crate) fn storage_buffers() -> u32 {
 
 fn compile(rays: &RayTracing, layout: vk::PipelineLayout) -> Result<vk::Pipeline> {
     let gpu = &rays.gpu;
-    let _door = one_at_a_time();
+    let _door = compile_door();
     let info = vk::ShaderModuleCreateInfo::default().code(RAYS.spirv);
     let what = "the shaders of rays";
     // SAFETY: the words are SPIR-V that the build validated.
@@ -153,7 +153,7 @@ fn compile_module(
         .groups(&groups)
         .max_pipeline_ray_recursion_depth(1)
         .layout(layout);
-    let (later, cache) = (vk::DeferredOperationKHR::null(), vk::PipelineCache::null());
+    let (later, cache) = (vk::DeferredOperationKHR::null(), rays.gpu.cache.vk());
     let pipelines = &rays.pipelines;
     // SAFETY: module and layout belong to the device; all pointers outlive the call.
     unsafe { pipelines.create_ray_tracing_pipelines(later, cache, &[info], None) }

@@ -7,12 +7,15 @@ use crate::validation::Validation;
 use ash::vk;
 use backend::{DeviceKind, Result};
 use std::ffi::CStr;
+use std::path::PathBuf;
 
 /// How to open the backend.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// An adapter's index or a part of its name; the first GPU, else the first adapter, if not given.
     pub adapter: Option<String>,
+    /// Folder in which compiled kernels are kept for runs to come; nothing is kept without one.
+    pub cache: Option<PathBuf>,
     /// Whether to run under the validation layer.
     pub validation: Validation,
 }

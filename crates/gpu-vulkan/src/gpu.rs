@@ -7,13 +7,15 @@ use crate::extras::Extras;
 use crate::instance::Host;
 use crate::limits::Limits;
 use crate::memory::Memory;
+use crate::pipeline_cache::PipelineCache;
 use crate::queues::{QueueIndex, Queues};
 use ash::ext::pipeline_robustness;
 use ash::{khr, vk};
 use backend::{BackendError, DeviceKind, Result, choose_adapter};
 use shaders::{Packets, Rasterization};
 use std::ffi::CStr;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::path::Path;
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 /// A device with what every part of the backend needs of it. Shared; destroyed with the last user.
 pub struct Gpu {
@@ -36,6 +38,8 @@ pub struct Gpu {
     pub(crate) extras: Extras,
     /// All that submissions do.
     pub(crate) reach: Reach,
+    /// Compiled kernels of earlier runs.
+    pub cache: PipelineCache,
     /// What buffers may be used for.
     pub(crate) buffer_usage: vk::BufferUsageFlags,
     /// The instance that it belongs to.
@@ -83,11 +87,17 @@ impl Needs {
     }
 }
 
-/// Held while a device is made or destroyed or its kernels are compiled: one
-/// driver (NVIDIA 580) locks itself up when threads do so at the same time.
-pub fn one_at_a_time() -> MutexGuard<'static, ()> {
-    static DOOR: Mutex<()> = Mutex::new(());
-    DOOR.lock().unwrap_or_else(PoisonError::into_inner)
+/// One driver (NVIDIA 580) locks itself up when a thread makes or destroys a device while another compiles kernels.
+static DOOR: RwLock<()> = RwLock::new(());
+
+/// Held while kernels are compiled, which several threads may do at a time.
+pub fn compile_door() -> RwLockReadGuard<'static, ()> {
+    DOOR.read().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Held while a device is made or destroyed.
+fn device_door() -> RwLockWriteGuard<'static, ()> {
+    DOOR.write().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A queue and its family.
@@ -98,14 +108,14 @@ pub struct Queue {
 }
 
 impl Gpu {
-    /// Opens the adapter asked for among some: see [`choose_adapter`].
+    /// Opens the adapter asked for among some: see [`choose_adapter`]. Compiled kernels are kept in the folder `cache`.
     ///
     /// # Errors
     /// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`] with what it lacks for any scene.
     pub fn open(
         host: Arc<Host>,
         list: &[AdapterInfo],
-        wanted: Option<&str>,
+        (wanted, cache): (Option<&str>, Option<&Path>),
         needs: Needs,
     ) -> Result<Arc<Self>> {
         let names: Vec<_> = list.iter().map(|a| (a.name.as_str(), a.kind)).collect();
@@ -134,8 +144,10 @@ impl Gpu {
                 return Err(e);
             }
         };
+        let cache = PipelineCache::open(&host, physical, &vk, cache);
         Ok(Arc::new(Self {
             vk,
+            cache,
             memory,
             compute,
             upload,
@@ -185,7 +197,8 @@ impl Drop for Gpu {
     fn drop(&mut self) {
         // A device that is lost has nothing to wait for.
         let _ = self.wait_idle();
-        let _door = one_at_a_time();
+        let _door = device_door();
+        self.cache.close(&self.vk);
         self.memory.close();
         // SAFETY: every object made from the device holds an `Arc` of this, so all are gone.
         unsafe { self.vk.destroy_device(None) };
@@ -250,7 +263,7 @@ fn create(
     if extras.trusts_kernels {
         info = info.push_next(&mut robustness);
     }
-    let _door = one_at_a_time();
+    let _door = device_door();
     // SAFETY: every pointer in `info` outlives the call; the features asked for are there.
     unsafe { host.instance.create_device(device, &info, None) }
         .map_err(|e| BackendError::NoDevice(format!("the device cannot be opened: {e}")))

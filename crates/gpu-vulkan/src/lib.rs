@@ -22,6 +22,7 @@ mod limits;
 mod marks;
 pub mod memory;
 mod pages;
+pub mod pipeline_cache;
 mod pipelines;
 mod pool;
 mod positions;

@@ -1,7 +1,7 @@
 //! A kernel made ready, its layout read from the kernel's own bindings.
 
 use crate::errors::{failed, refused};
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, compile_door};
 use ash::vk;
 use backend::Result;
 use shaders::{Kernel, Kind};
@@ -19,6 +19,7 @@ pub struct Pipeline {
 
 impl Pipeline {
     pub(crate) fn new(gpu: &Arc<Gpu>, kernel: &'static Kernel, spirv: &[u32]) -> Result<Self> {
+        let _door = compile_door();
         let mut made = Self {
             kernel,
             vk: vk::Pipeline::null(),
@@ -76,7 +77,7 @@ fn compile(
     if gpu.extras.trusts_kernels {
         info = info.push_next(&mut robustness);
     }
-    let cache = vk::PipelineCache::null();
+    let cache = gpu.cache.vk();
     // SAFETY: module and layout belong to the device; all pointers outlive the call. Pipelines do
     // not need their module once made. Kernels stay within buffers whose sizes follow from a checked
     // record of the tree and a checked animation, so nobody need check their addresses.

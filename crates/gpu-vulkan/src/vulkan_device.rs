@@ -1,7 +1,7 @@
 //! What Vulkan does for a backend.
 
 use crate::adapters::{Options, all};
-use crate::gpu::{Gpu, Needs, one_at_a_time};
+use crate::gpu::{Gpu, Needs};
 use crate::instance::Host;
 use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::Pipeline;
@@ -13,10 +13,10 @@ use crate::transfer::{Copy, Transfer, Window, load};
 use backend::{DeviceBytes, FRAMES_IN_FLIGHT, Result, Snapshot, Ticket};
 use bytemuck::Pod;
 use gpu_common::{
-    About, BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, Stage,
+    About, BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode,
+    Stage,
 };
-use rayon::prelude::*;
-use shaders::{Code, Kernel, Packets, Rasterization};
+use shaders::{Kernel, Packets, Rasterization};
 use std::sync::Arc;
 
 /// The backend that computes through Vulkan.
@@ -126,13 +126,15 @@ impl GpuDevice for VulkanDevice {
     type Options = Options;
     type Buffer = Buffer;
     type Pipeline = Pipeline;
+    type Maker = Arc<Gpu>;
     type Slot = Slot;
     type Copy = PositionsCopy;
 
     fn open(options: &Options) -> Result<Self> {
         let host = Host::new(options.validation)?;
         let list = all(&host)?;
-        let gpu = Gpu::open(host, &list, options.adapter.as_deref(), Needs::Kernels)?;
+        let wanted = (options.adapter.as_deref(), options.cache.as_deref());
+        let gpu = Gpu::open(host, &list, wanted, Needs::Kernels)?;
         Self::over(&gpu, "vulkan")
     }
 
@@ -260,11 +262,12 @@ impl GpuDevice for VulkanDevice {
         self.records.put(record, self.last_use());
     }
 
-    fn pipelines(&self, wanted: &[(&'static Kernel, Code)]) -> Result<Vec<Pipeline>> {
-        let gpu = &self.gpu;
-        let _door = one_at_a_time();
-        let make = |&(kernel, code): &(&'static Kernel, Code)| Pipeline::new(gpu, kernel, code.spirv);
-        wanted.par_iter().map(make).collect()
+    fn pipeline_maker(&self) -> Arc<Gpu> {
+        Arc::clone(&self.gpu)
+    }
+
+    fn make_pipeline(gpu: &Arc<Gpu>, (kernel, code): KernelCode) -> Result<Pipeline> {
+        Pipeline::new(gpu, kernel, code.spirv)
     }
 
     fn slot(&self) -> Result<Slot> {

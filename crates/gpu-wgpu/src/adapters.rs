@@ -3,6 +3,7 @@
 use crate::instance::instance;
 use crate::modules::Modules;
 use backend::{BackendError, DeviceKind, Result};
+use std::path::PathBuf;
 use wgpu::{Backends, Features};
 
 /// How to open the backend.
@@ -10,6 +11,8 @@ use wgpu::{Backends, Features};
 pub struct Options {
     /// An adapter's index or a part of its name; the first GPU, else the first adapter, if not given.
     pub adapter: Option<String>,
+    /// Folder in which compiled kernels are kept for runs to come, where the adapter can; nothing is kept without one.
+    pub cache: Option<PathBuf>,
     /// Runs under the graphics interface's own validation layer where it is
     /// installed. See [`crate::WgpuDevice::validation_messages`].
     pub validation: bool,

@@ -1,17 +1,18 @@
 //! The device and its queue; every call to them that can fail passes through here.
 
-use crate::adapters::{describe, enumerate, kind, takes_spirv};
+use crate::adapters::{Options, describe, enumerate, kind, takes_spirv};
 use crate::buffers::{readback, unmap};
 use crate::call_counts::CallCounts;
 use crate::faults::Faults;
 use crate::instance::instance;
 use crate::limits::{LEAST_OF_64_BITS, check, generous, useful_features};
 use crate::modules::Modules;
+use crate::pipeline_cache::PipelineCache;
 use backend::{BackendError, DeviceKind, Result, choose_adapter};
 use shaders::{Packets, Rasterization};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use wgpu::{ErrorFilter, Features, PollType, SubmissionIndex};
 
 /// A device with what every part of the backend needs of it.
@@ -25,21 +26,23 @@ pub(crate) struct Gpu {
     pub(crate) tick_ns: f64,
     pub(crate) faults: Arc<Faults>,
     call_counts: Mutex<CallCounts>,
+    /// Compiled kernels of earlier runs, where they are kept.
+    pub(crate) cache: Option<PipelineCache>,
     /// Nothing but to ask whether the device is still there.
     probe: Option<wgpu::Buffer>,
 }
 
 impl Gpu {
     /// Opens an adapter by its index or a part of its name.
-    pub(crate) fn open(wanted: Option<&str>, validation: bool) -> Result<Self> {
-        let found = enumerate(&instance(validation))?;
+    pub(crate) fn open(options: &Options) -> Result<Self> {
+        let found = enumerate(&instance(options.validation))?;
         let list: Vec<_> = found
             .iter()
             .enumerate()
             .map(|(i, a)| describe(i, a))
             .collect();
         let names: Vec<_> = list.iter().map(|a| (a.name.as_str(), a.kind)).collect();
-        let adapter = &found[choose_adapter(&names, wanted)?];
+        let adapter = &found[choose_adapter(&names, options.adapter.as_deref())?];
         check(&adapter.limits())?;
         let desc = wgpu::DeviceDescriptor {
             label: Some("abvh"),
@@ -51,7 +54,8 @@ impl Gpu {
         };
         let (device, queue) = pollster::block_on(adapter.request_device(&desc))
             .map_err(|e| BackendError::NoDevice(format!("the device cannot be opened: {e}")))?;
-        let gpu = Self::lent(device, queue, adapter.get_info())?;
+        let mut gpu = Self::lent(device, queue, adapter.get_info())?;
+        gpu.cache = PipelineCache::open(&gpu.device, &gpu.info, options.cache.as_deref());
         gpu.listen();
         Ok(gpu)
     }
@@ -73,6 +77,7 @@ impl Gpu {
             features,
             faults: Arc::default(),
             call_counts: Mutex::default(),
+            cache: None,
             probe: None,
         };
         gpu.probe = Some(readback(&gpu, "a probe", 16)?);
@@ -117,11 +122,17 @@ impl Gpu {
 
     /// Counts a call.
     pub(crate) fn count(&self, add: impl FnOnce(&mut CallCounts)) {
-        add(&mut self.call_counts.lock().unwrap_or_else(PoisonError::into_inner));
+        add(&mut self
+            .call_counts
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner));
     }
 
     pub(crate) fn call_counts(&self) -> CallCounts {
-        *self.call_counts.lock().unwrap_or_else(PoisonError::into_inner)
+        *self
+            .call_counts
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Runs `work` and returns the first error that wgpu found in it. `work` must not panic.
@@ -208,5 +219,8 @@ impl Drop for Gpu {
     fn drop(&mut self) {
         // A lost device has nothing to wait for.
         let _ = self.wait_idle();
+        if let Some(cache) = &self.cache {
+            cache.store();
+        }
     }
 }

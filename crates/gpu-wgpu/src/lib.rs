@@ -26,6 +26,7 @@ mod launches;
 mod limits;
 mod marks;
 mod modules;
+mod pipeline_cache;
 mod pipelines;
 mod positions;
 mod slot;

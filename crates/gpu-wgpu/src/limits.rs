@@ -23,6 +23,7 @@ pub fn useful_features() -> Features {
         | WITHIN_PASSES
         | Features::PASSTHROUGH_SHADERS
         | Features::SUBGROUP
+        | Features::PIPELINE_CACHE
         | LEAST_OF_64_BITS
 }
 

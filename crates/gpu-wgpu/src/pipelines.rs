@@ -2,6 +2,7 @@
 
 use crate::gpu::Gpu;
 use crate::modules::Modules;
+use crate::pipeline_cache::PipelineCache;
 use backend::Result;
 use shaders::{Binding, Code, Kernel, Kind, Params};
 use std::num::NonZeroU64;
@@ -82,7 +83,7 @@ fn compute_pipeline(
             constants: &[],
             zero_initialize_workgroup_memory: false,
         },
-        cache: None,
+        cache: gpu.cache.as_ref().map(PipelineCache::wgpu),
     };
     gpu.device.create_compute_pipeline(&desc)
 }

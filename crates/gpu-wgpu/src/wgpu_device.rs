@@ -13,10 +13,11 @@ use crate::slot::Slot;
 use backend::{DeviceBytes, Result, Snapshot, Ticket};
 use bytemuck::Pod;
 use gpu_common::{
-    About, BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, Stage,
+    About, BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode,
+    Stage,
 };
-use rayon::prelude::*;
-use shaders::{Code, Kernel, Packets, Rasterization};
+use shaders::{Kernel, Packets, Rasterization};
+use std::sync::Arc;
 use wgpu::Buffer;
 
 /// The backend that computes through wgpu.
@@ -47,7 +48,13 @@ pub struct WgpuDevice {
     spare: Spare,
     modules: Modules,
     validation: bool,
-    gpu: Gpu,
+    gpu: Arc<Gpu>,
+}
+
+/// Makes kernels ready on any thread.
+pub struct PipelineMaker {
+    gpu: Arc<Gpu>,
+    modules: Modules,
 }
 
 impl WgpuDevice {
@@ -58,7 +65,7 @@ impl WgpuDevice {
             spare: Spare::default(),
             modules,
             validation,
-            gpu,
+            gpu: Arc::new(gpu),
         }
     }
 
@@ -88,11 +95,12 @@ impl GpuDevice for WgpuDevice {
     type Options = Options;
     type Buffer = Buffer;
     type Pipeline = Pipeline;
+    type Maker = PipelineMaker;
     type Slot = Slot;
     type Copy = PositionsCopy;
 
     fn open(options: &Options) -> Result<Self> {
-        let gpu = Gpu::open(options.adapter.as_deref(), options.validation)?;
+        let gpu = Gpu::open(options)?;
         Ok(Self::over(gpu, options.modules(), options.validation))
     }
 
@@ -179,10 +187,13 @@ impl GpuDevice for WgpuDevice {
         self.records.push(record);
     }
 
-    fn pipelines(&self, wanted: &[(&'static Kernel, Code)]) -> Result<Vec<Pipeline>> {
-        let (gpu, modules) = (&self.gpu, self.modules);
-        let make = |&(kernel, code): &(&'static Kernel, Code)| Pipeline::new(gpu, modules, kernel, code);
-        wanted.par_iter().map(make).collect()
+    fn pipeline_maker(&self) -> PipelineMaker {
+        let (gpu, modules) = (Arc::clone(&self.gpu), self.modules);
+        PipelineMaker { gpu, modules }
+    }
+
+    fn make_pipeline(maker: &PipelineMaker, (kernel, code): KernelCode) -> Result<Pipeline> {
+        Pipeline::new(&maker.gpu, maker.modules, kernel, code)
     }
 
     fn slot(&self) -> Result<Slot> {

@@ -157,13 +157,19 @@ impl Driver {
         self.backend.as_mut()
     }
 
-    /// Has the backend shade each frame from now on, if it can.
+    /// Has the backend make ready, beside other work, what frames with this query will take.
+    pub fn prepare(&mut self, query: Query<'_>) {
+        let makes_trees = self.makes_trees();
+        self.backend.prepare(query, makes_trees);
+    }
+
+    /// Has the backend shade each frame from now on, if it can; says whether it does.
     ///
     /// # Errors
     /// The backend's.
-    pub fn shade(&mut self, palette: &Palette) -> Result<(), PipelineError> {
+    pub fn shade(&mut self, palette: &Palette) -> Result<bool, PipelineError> {
         self.shades = self.backend.load_palette(palette)?;
-        Ok(())
+        Ok(self.shades)
     }
 
     /// Gives the backend back, to be loaded anew. A build under way is cancelled.
@@ -202,7 +208,8 @@ impl Driver {
         for frame in frames {
             self.begin(frame, query)?;
             if self.pending.len() >= under_way {
-                let record = self.end(|driver, ticket| driver.fetch(ticket, wanted, &mut answers))?;
+                let record =
+                    self.end(|driver, ticket| driver.fetch(ticket, wanted, &mut answers))?;
                 if let Some(record) = record {
                     on_frame(&record, &mut answers)?;
                 }

@@ -191,7 +191,15 @@ impl Kernel {
     /// asks for them.
     #[must_use]
     pub fn precedes_traces(&self) -> bool {
-        const STEMS: [&str; 7] = ["interpolate", "preprocess", "refit", "gather", "sum", "areas", "mark"];
+        const STEMS: [&str; 7] = [
+            "interpolate",
+            "preprocess",
+            "refit",
+            "gather",
+            "sum",
+            "areas",
+            "mark",
+        ];
         let stem = self.entry.split('_').next().unwrap_or_default();
         STEMS.contains(&stem) && !self.makes_trees()
     }

@@ -105,6 +105,26 @@ impl Shape {
         }
     }
 
+    /// About that of a tree of so many leaves that is yet to be built: enough to tell which kernels it will take.
+    #[must_use]
+    pub fn expected(layout: Layout, leaves: u32) -> Self {
+        let wide = match layout {
+            Layout::Fast => WideShape {
+                at: 0,
+                lanes: leaves,
+                root: 1,
+            },
+            Layout::Bvh2 => WideShape::default(),
+        };
+        Self {
+            layout,
+            leaf_count: leaves,
+            node_count: (2 * leaves).saturating_sub(1),
+            wide,
+            ..Self::default()
+        }
+    }
+
     /// Of a tree of so many leaves that the device makes: the leaves' triangles
     /// are the buffer `sorted`, from its start. It has no levels, as it needs no refit.
     #[must_use]

@@ -58,10 +58,18 @@ fn render(
     let (rays, kind) = query(camera, animation);
     let query = backend::Query { rays, kind };
     let mut done = Vec::new();
-    driver.run::<PipelineError>(frames(animation), query, Wanted { hits: true, pixels: false }, |record, found| {
-        done.push((record.clone(), found.hits.clone()));
-        Ok(())
-    })?;
+    driver.run::<PipelineError>(
+        frames(animation),
+        query,
+        Wanted {
+            hits: true,
+            pixels: false,
+        },
+        |record, found| {
+            done.push((record.clone(), found.hits.clone()));
+            Ok(())
+        },
+    )?;
     Ok(done)
 }
 

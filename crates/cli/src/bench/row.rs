@@ -107,7 +107,12 @@ pub(crate) fn measure(
     };
     let driver = &mut session.driver;
     let (warm_up, rest) = warm_up::begin(run.warm_up, driver, frames, query, &mut note)?;
-    driver.run(rest.iter().copied(), query, Wanted::default(), |frame, _| note(frame))?;
+    driver.run(
+        rest.iter().copied(),
+        query,
+        Wanted::default(),
+        |frame, _| note(frame),
+    )?;
     let row = row(spec, scene, &session, stats, &bundle);
     Ok(Row {
         rays: (run.rays != RaysName::Camera).then_some("random"),

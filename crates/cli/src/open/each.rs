@@ -29,6 +29,7 @@ fn vulkan(adapter: gpu_vulkan::AdapterInfo) -> Adapter {
 pub(super) fn open_vulkan(adapter: Option<&Adapter>) -> backend::Result<Box<dyn Backend>> {
     let options = gpu_vulkan::Options {
         adapter: adapter.map(|a| a.index.to_string()),
+        cache: super::cache_folder(),
         ..Default::default()
     };
     Ok(Box::new(VulkanBackend::new(&options)?))
@@ -40,6 +41,7 @@ pub(super) fn open_vulkan_rt(
 ) -> backend::Result<Box<dyn Backend>> {
     let options = gpu_vulkan::Options {
         adapter: adapter.map(|a| a.index.to_string()),
+        cache: super::cache_folder(),
         ..Default::default()
     };
     Ok(Box::new(DriverTreeBackend::new(&options, prefer)?))
@@ -63,6 +65,7 @@ pub(super) fn open_wgpu(
 ) -> backend::Result<Box<dyn Backend>> {
     let options = gpu_wgpu::Options {
         adapter: adapter.map(|a| a.index.to_string()),
+        cache: super::cache_folder(),
         force_wgsl,
         ..Default::default()
     };

@@ -71,7 +71,10 @@ pub fn shade(shot: &Shot<'_>, hits: &[Hit], shadow: &[u8], rgb: &mut Vec<u8>) {
 /// Light that leaves a hit towards the eye; `direction` has length 1.
 fn surface(shot: &Shot<'_>, hit: &Hit, blocked: bool, direction: Vec3) -> Vec3 {
     let corners = shot.animation.corners(shot.pose, hit.triangle);
-    let own = corners.into_iter().map(exponent_of).fold(i32::MIN, i32::max);
+    let own = corners
+        .into_iter()
+        .map(exponent_of)
+        .fold(i32::MIN, i32::max);
     let [a, b, c] = corners.map(|corner| in_units(corner, own));
     let (e1, e2) = (b - a, c - a);
     let mut normal = unit(normalized_exponent(e1).cross(normalized_exponent(e2)));
@@ -144,8 +147,9 @@ fn unit(v: Vec3) -> Vec3 {
 /// Fills `rgb` with the first three bytes of every four.
 pub fn drop_alpha(rgba: &[u8], rgb: &mut Vec<u8>) {
     rgb.resize(rgba.len() / 4 * 3, 0);
-    for (to, from) in rgb.chunks_exact_mut(3).zip(rgba.chunks_exact(4)) {
-        to.copy_from_slice(&from[..3]);
+    let pixels = rgb.as_chunks_mut::<3>().0.iter_mut();
+    for (to, &[r, g, b, _]) in pixels.zip(rgba.as_chunks::<4>().0) {
+        *to = [r, g, b];
     }
 }
 

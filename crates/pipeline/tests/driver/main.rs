@@ -95,16 +95,24 @@ fn run_paced(
         time: index as f64 * step,
     });
     driver
-        .run(list, query, Wanted { hits: true, pixels: false }, |record, _| {
-            records.push(record.clone());
-            gate.iter().for_each(|g| g.step());
-            let rest = std::time::Duration::from_millis(rest(record.frame.index));
-            // Not even for nothing: who sleeps is woken late.
-            if !rest.is_zero() {
-                std::thread::sleep(rest);
-            }
-            Ok::<(), PipelineError>(())
-        })
+        .run(
+            list,
+            query,
+            Wanted {
+                hits: true,
+                pixels: false,
+            },
+            |record, _| {
+                records.push(record.clone());
+                gate.iter().for_each(|g| g.step());
+                let rest = std::time::Duration::from_millis(rest(record.frame.index));
+                // Not even for nothing: who sleeps is woken late.
+                if !rest.is_zero() {
+                    std::thread::sleep(rest);
+                }
+                Ok::<(), PipelineError>(())
+            },
+        )
         .unwrap();
     let built = driver.has_builder();
     gate.iter().for_each(|g| g.open());

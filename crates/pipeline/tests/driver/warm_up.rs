@@ -44,10 +44,15 @@ fn run(update: Update, predict: bool, uncounted: Uncounted) -> (Vec<FrameRecord>
         })
         .collect();
     for (i, part) in [&frames[..1], &frames[1..]].into_iter().enumerate() {
-        let done = driver.run(part.iter().copied(), query, Wanted::default(), |record, _| {
-            records.push(record.clone());
-            Ok::<(), PipelineError>(())
-        });
+        let done = driver.run(
+            part.iter().copied(),
+            query,
+            Wanted::default(),
+            |record, _| {
+                records.push(record.clone());
+                Ok::<(), PipelineError>(())
+            },
+        );
         done.unwrap();
         let (Uncounted::WarmUp(mut left) | Uncounted::Repeat(mut left)) = uncounted;
         if i == 0 && left > 0 {
