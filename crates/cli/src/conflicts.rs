@@ -148,6 +148,8 @@ pub(crate) fn of_render(args: &RenderArgs) -> Result<(), Stop> {
         ("--stats", &args.stats),
         ("--timeline", &args.timeline),
         ("--rays-out", &args.rays_out),
+        ("--video", &args.video),
+        ("--y4m", &args.y4m),
     ];
     let single = single
         .into_iter()

@@ -35,6 +35,7 @@ mod threads;
 mod timeline;
 mod trace;
 mod values;
+mod video;
 mod warm_up;
 mod writer;
 

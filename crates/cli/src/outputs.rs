@@ -3,15 +3,22 @@
 use crate::args::RenderArgs;
 use crate::conflicts;
 use crate::stop::Stop;
-use output::{HitArrays, Shot};
-use pipeline::{Answers, Wanted};
+use backend::Hits;
+use output::HitArrays;
+use pipeline::Wanted;
 use std::path::{Path, PathBuf};
 
 /// Files of a whole run.
 fn files(args: &RenderArgs) -> impl Iterator<Item = &PathBuf> {
-    [&args.stats, &args.timeline, &args.rays_out]
-        .into_iter()
-        .flatten()
+    [
+        &args.stats,
+        &args.timeline,
+        &args.rays_out,
+        &args.video,
+        &args.y4m,
+    ]
+    .into_iter()
+    .flatten()
 }
 
 /// Whether two names are of one folder.
@@ -88,15 +95,14 @@ impl Outputs {
         }
     }
 
-    /// Writes a frame's files, the picture by way of `rgb`.
+    /// Writes a frame's files.
     pub(crate) fn write(
         &self,
         frame: u64,
-        shot: &Shot<'_>,
-        Answers { hits, pixels }: &Answers,
-        rgb: &mut Vec<u8>,
+        [width, height]: [u32; 2],
+        hits: &Hits,
+        rgb: &[u8],
     ) -> Result<(), Stop> {
-        let [width, height] = [shot.camera.width, shot.camera.height];
         if let Some(file) = self.hits(frame) {
             let found = HitArrays {
                 hits: &hits.closest,
@@ -107,10 +113,6 @@ impl Outputs {
             output::write_hits(&file, &found)?;
         }
         if let Some(file) = self.image(frame) {
-            match pixels.is_empty() {
-                true => output::shade(shot, &hits.closest, &hits.blocked, rgb),
-                false => output::drop_alpha(pixels, rgb),
-            }
             output::remove_link(&file)?;
             output::write_png(&file, [width, height], rgb)?;
         }

@@ -9,6 +9,7 @@ use crate::resume::{self, Earlier};
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
 use crate::timeline::Notes;
+use crate::video::{self, Video};
 use crate::writer::{Done, Writer};
 use crate::{conflicts, frames, memory, open, record, signals, table, talk};
 use backend::{Query, QueryKind, Rays};
@@ -18,14 +19,15 @@ use output::{FrameStats, SCHEMA, Stats};
 use pipeline::{Frame, Wanted};
 use scene::Scene;
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Renders.
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     conflicts::of_render(args)?;
     let outputs = Outputs::of(args)?;
     let earlier = Earlier::look(args, &outputs)?;
-    if let Some(rows) = earlier.finished(args, &outputs)? {
+    let finished = earlier.finished(args, &outputs)?;
+    if let Some(rows) = finished.filter(|_| !args.makes_video()) {
         return nothing_left(args, &earlier, &rows);
     }
     let is_demo = frames::is_demo(&args.scene);
@@ -62,7 +64,14 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
             ahead: Ahead::of(&frames, args.predict),
         },
     )?;
+    let video = Video::begin(&video::Wanted {
+        encoded: args.video.as_deref(),
+        y4m: args.y4m.as_deref(),
+        size: args.size.size,
+        fps: args.source.fps,
+    })?;
     let mut wanted = outputs.wanted();
+    wanted.pixels |= video.is_some();
     if wanted.pixels && !session.driver.shade(&output::palette(&scene.colours))? {
         wanted = Wanted {
             hits: true,
@@ -76,7 +85,11 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         let tidy = |_: &_| new.iter().for_each(|dir| drop(std::fs::remove_dir(dir)));
         output::write_rays(file, Pixels::new(&camera)).inspect_err(tidy)?;
     }
-    let (old, todo) = earlier.divide(frames, &outputs);
+    // A video is made of all frames, also of those whose files are whole.
+    let (old, todo) = match video.is_some() {
+        true => (Vec::new(), frames),
+        false => earlier.divide(frames, &outputs),
+    };
     let mut head = json!(stats(args, &scene, &session, &[]));
     head["expected_memory"] = json!(session.memory);
     if args.stats.is_some() && !outputs.any() {
@@ -92,7 +105,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         (&camera, &view),
         (todo, old.len()),
         &mut session,
-        (&outputs, wanted),
+        (&outputs, video, wanted),
         (&mut journals, notes.as_mut()),
     )?;
     if let Some(file) = &args.stats {
@@ -104,10 +117,10 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     tell(args, &results(args, &scene, &session, &rows))
 }
 
-/// Results go to standard output, unless statistics go there.
+/// Results go to standard output, unless statistics or a video go there.
 fn tell(args: &RenderArgs, text: &str) -> Result<(), Stop> {
-    match &args.stats {
-        Some(file) if file.as_os_str() == "-" => {
+    match [&args.stats, &args.y4m].map(Option::as_deref) {
+        files if files.contains(&Some(Path::new("-"))) => {
             if !args.quiet {
                 talk::say(text.trim_end());
             }
@@ -191,7 +204,7 @@ fn trace_all(
     (camera, view): (&Camera, &View),
     (todo, done): (Vec<Frame>, usize),
     session: &mut Session,
-    (outputs, wanted): (&Outputs, Wanted),
+    (outputs, video, wanted): (&Outputs, Option<Video>, Wanted),
     (journals, notes): (&mut [(PathBuf, Journal)], Option<&mut Notes>),
 ) -> Result<Vec<FrameStats>, Stop> {
     let progress = Progress::new(todo.len() as u64, args.quiet);
@@ -204,7 +217,7 @@ fn trace_all(
     }
     let query = query(camera, view);
     let done = Done::new(journals, notes, progress);
-    let writer = Writer::new((scene, camera, view.light), (outputs, wanted), done);
+    let writer = Writer::new((scene, camera, view.light), (outputs, video, wanted), done);
     let mut places = 0..;
     rayon::in_place_scope(|scope| {
         session

@@ -1,10 +1,11 @@
-//! The files of frames: written by rayon's threads while later frames are traced.
+//! The files of frames, and their video: made by rayon's threads while later frames are traced.
 
 use crate::journal::{self, Journal};
 use crate::outputs::Outputs;
 use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::timeline::Notes;
+use crate::video::Video;
 use crate::{record, signals};
 use geom::{Camera, Point};
 use output::{FrameStats, Shot};
@@ -29,9 +30,12 @@ pub(crate) struct Writer<'a> {
     camera: &'a Camera,
     light: Point,
     outputs: &'a Outputs,
+    /// Whether pictures or a video are made.
+    wants_rgb: bool,
     /// Of the journals.
     folders: Vec<PathBuf>,
     done: Mutex<Done<'a>>,
+    video: Mutex<Option<Video>>,
     spare: Sender<FrameBuffers>,
     /// One thread hands frames in, so nobody waits for the lock.
     free: Mutex<Receiver<FrameBuffers>>,
@@ -45,12 +49,19 @@ struct FrameBuffers {
 }
 
 /// A frame's buffers, which go back when its files are written, or were given up.
-struct Lent<'a> {
+pub(crate) struct Lent {
     buffers: FrameBuffers,
-    spare: &'a Sender<FrameBuffers>,
+    spare: Sender<FrameBuffers>,
 }
 
-impl Drop for Lent<'_> {
+impl Lent {
+    /// The picture, three bytes a pixel.
+    pub(crate) fn rgb(&self) -> &[u8] {
+        &self.buffers.rgb
+    }
+}
+
+impl Drop for Lent {
     fn drop(&mut self) {
         // Nobody waits for them once the run has ended.
         let _ = self.spare.send(std::mem::take(&mut self.buffers));
@@ -86,7 +97,7 @@ impl<'a> Done<'a> {
 impl<'a> Writer<'a> {
     pub(crate) fn new(
         (scene, camera, light): (&'a Scene, &'a Camera, Point),
-        (outputs, wanted): (&'a Outputs, Wanted),
+        (outputs, video, wanted): (&'a Outputs, Option<Video>, Wanted),
         done: Done<'a>,
     ) -> Self {
         let (spare, free) = channel();
@@ -104,8 +115,10 @@ impl<'a> Writer<'a> {
             camera,
             light,
             outputs,
+            wants_rgb: video.is_some() || outputs.wanted().pixels,
             folders: done.journals.iter().map(|(f, _)| f.clone()).collect(),
             done: Mutex::new(done),
+            video: Mutex::new(video),
             spare,
             free: Mutex::new(free),
         }
@@ -127,21 +140,23 @@ impl<'a> Writer<'a> {
         let waits = Instant::now();
         let mut lent = Lent {
             buffers: self.lend()?,
-            spare: &self.spare,
+            spare: self.spare.clone(),
         };
         std::mem::swap(answers, &mut lent.buffers.answers);
         if let Some(notes) = &mut self.lock().notes {
             notes.add(frame, [waits, Instant::now()]);
         }
         let frame = frame.clone();
-        let mut write = move || {
-            let written = self.write(place, &frame, &mut lent.buffers);
-            if let Err(stop) = written {
+        let write = move || {
+            if let Err(stop) = self.write(place, &frame, &mut lent.buffers) {
                 self.lock().failed.get_or_insert(stop);
+            } else if let Some(video) = &*self.video() {
+                video.take(place, lent);
             }
         };
         // Without threads of its own, rayon does what is asked of it when the run is over.
-        if !self.outputs.any() || rayon::current_thread_index().is_some() {
+        let makes_any = self.outputs.any() || self.video().is_some();
+        if !makes_any || rayon::current_thread_index().is_some() {
             write();
             return self.check();
         }
@@ -155,6 +170,8 @@ impl<'a> Writer<'a> {
     /// Files of a frame could not be written.
     pub(crate) fn rows(self) -> Result<Vec<FrameStats>, Stop> {
         self.check()?;
+        let video = self.video().take();
+        video.map_or(Ok(()), Video::finish)?;
         let mut rows = std::mem::take(&mut self.lock().rows);
         rows.sort_by_key(|(place, _)| *place);
         Ok(rows.into_iter().map(|(_, row)| row).collect())
@@ -170,7 +187,14 @@ impl<'a> Writer<'a> {
         self.done.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Sender and thread of the video, held for a moment.
+    fn video(&self) -> MutexGuard<'_, Option<Video>> {
+        self.video.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn check(&self) -> Result<(), Stop> {
+        let video = self.video().take_if(|video| video.has_failed());
+        video.map_or(Ok(()), Video::finish)?;
         self.lock().failed.take().map_or(Ok(()), Err)
     }
 
@@ -189,7 +213,15 @@ impl<'a> Writer<'a> {
             camera: self.camera,
             light: self.light,
         };
-        self.outputs.write(frame.frame.index, &shot, answers, rgb)?;
+        if self.wants_rgb {
+            match answers.pixels.is_empty() {
+                true => output::shade(&shot, &answers.hits.closest, &answers.hits.blocked, rgb),
+                false => output::drop_alpha(&answers.pixels, rgb),
+            }
+        }
+        let size = [self.camera.width, self.camera.height];
+        self.outputs
+            .write(frame.frame.index, size, &answers.hits, rgb)?;
         let files = |folder| self.outputs.in_folder(frame.frame.index, folder);
         let digests = self.folders.iter().map(|f| journal::digests(&files(f)));
         let digests = digests.collect::<Result<Vec<_>, _>>()?;

@@ -38,10 +38,48 @@ pub fn remove_unfinished() -> impl Sized {
     files
 }
 
-/// Has a temporary file be known as long as it exists.
-struct UnfinishedFile(PathBuf);
+/// A file that another program writes under a temporary name beside its final one.
+#[derive(Debug)]
+pub struct UnfinishedFile {
+    path: PathBuf,
+    known: Known,
+    file: NamedTempFile,
+}
 
-impl Drop for UnfinishedFile {
+impl UnfinishedFile {
+    /// Begins the file `path`, which appears when it is finished.
+    ///
+    /// # Errors
+    /// [`WriteError`]: no such directory, no permission.
+    pub fn beside(path: &Path) -> Result<Self, WriteError> {
+        let (known, file) = temporary_beside(path).map_err(|e| WriteError::new(path, e))?;
+        let path = path.to_owned();
+        Ok(Self { path, known, file })
+    }
+
+    /// Where it lies meanwhile.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.file.path()
+    }
+
+    /// Gives it its final name.
+    ///
+    /// # Errors
+    /// [`WriteError`]; the final name then keeps what it had.
+    pub fn finish(self) -> Result<(), WriteError> {
+        let Self { path, known, file } = self;
+        let named = file.persist(&path).map(drop);
+        drop(known);
+        named.map_err(|e| WriteError::new(&path, e.error))
+    }
+}
+
+/// Has a temporary file be known as long as it exists.
+#[derive(Debug)]
+struct Known(PathBuf);
+
+impl Drop for Known {
     fn drop(&mut self) {
         unfinished().remove(&self.0);
     }
@@ -189,13 +227,13 @@ pub fn remove_link(path: &Path) -> Result<(), WriteError> {
 }
 
 /// A temporary file that is locked as long as it is open, so that nobody takes it for abandoned.
-fn temporary_beside(path: &Path) -> io::Result<(UnfinishedFile, NamedTempFile)> {
+fn temporary_beside(path: &Path) -> io::Result<(Known, NamedTempFile)> {
     loop {
         let mut files = unfinished();
         let file = unlocked_beside(path)?;
         files.insert(file.path().to_owned());
         drop(files);
-        let known = UnfinishedFile(file.path().to_owned());
+        let known = Known(file.path().to_owned());
         // Locked or removed in between by somebody who tidies up: another one is made.
         let is_ours = match file.as_file().try_lock() {
             Ok(()) => file.path().exists(),

@@ -16,7 +16,8 @@ mod stats;
 mod timeline;
 
 pub use atomic::{
-    check_dir, check_writable, prepare_dir, remove_link, remove_unfinished, write_whole, write_with,
+    UnfinishedFile, check_dir, check_writable, prepare_dir, remove_link, remove_unfinished,
+    write_whole, write_with,
 };
 pub use digest::{Digest, digest_of};
 pub use error::{RaysError, WriteError};

@@ -61,7 +61,11 @@ fn bonds(command: &Command) -> Vec<Bond> {
                 builders(&args.device, update),
                 ("resume", writes, FILES),
                 ("overwrite", writes, FILES),
-                has_clip(scene(&args.scene)),
+                (
+                    "fps",
+                    may_have_clip(&args.scene) || args.makes_video(),
+                    CLIP,
+                ),
             ]
         }
         Command::Trace(args) => {

@@ -55,6 +55,12 @@ pub(crate) struct RenderArgs {
     /// Directory for hits: hits_0000.npz and so on
     #[arg(long, value_name = "DIR", value_parser = values::file())]
     pub(crate) hits: Option<PathBuf>,
+    /// File for a video, encoded by the `ffmpeg` on PATH: .mp4, .webm, .mkv or .mov. It plays --fps frames a second
+    #[arg(long, value_name = "FILE", value_parser = values::file())]
+    pub(crate) video: Option<PathBuf>,
+    /// File for an uncompressed video (YUV4MPEG2, 4:4:4), - for standard output
+    #[arg(long, value_name = "FILE.y4m")]
+    pub(crate) y4m: Option<PathBuf>,
     /// File for statistics of every frame, - for standard output
     #[arg(long, value_name = "FILE.json")]
     pub(crate) stats: Option<PathBuf>,
@@ -74,4 +80,11 @@ pub(crate) struct RenderArgs {
     /// No progress and no remarks
     #[arg(long, short)]
     pub(crate) quiet: bool,
+}
+
+impl RenderArgs {
+    /// Whether all frames go to one video.
+    pub(crate) fn makes_video(&self) -> bool {
+        self.video.is_some() || self.y4m.is_some()
+    }
 }
