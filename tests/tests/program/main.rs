@@ -17,6 +17,7 @@ mod sandbox;
 mod stability;
 mod stats;
 mod timeline;
+mod video;
 
 use libtest_mimic::Arguments;
 use std::process::ExitCode;
@@ -39,6 +40,7 @@ fn main() -> ExitCode {
         stability::trials(),
         stats::trials(),
         timeline::trials(),
+        video::trials(),
     ];
     let trials = rooms.into_iter().flatten().collect();
     libtest_mimic::run(&arguments, trials).exit_code()

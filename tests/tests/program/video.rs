@@ -1,0 +1,105 @@
+//! `--video` and `--y4m`: frames in order, or one line and no file.
+
+use crate::sandbox::{Sandbox, trial};
+use libtest_mimic::Trial;
+use std::ffi::OsStr;
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        trial("video::raw_frames_are_the_pictures", raw),
+        trial("video::nothing_begins_without_an_encoder", absent),
+        #[cfg(unix)]
+        trial("video::an_encoder_gets_all_frames_in_order", encoded),
+        #[cfg(unix)]
+        trial("video::an_encoder_that_dies_leaves_no_video", dies),
+    ]
+}
+
+const RUN: &str = "render demo:twist:500 --frames 5 --size 32x18 --quiet";
+
+/// The pictures of the run, one after the other.
+fn pictures(sandbox: &Sandbox) -> Vec<u8> {
+    let picture = |i| image::open(sandbox.path().join(format!("out/frame_{i:04}.png"))).unwrap();
+    (0..5)
+        .flat_map(|i| picture(i).into_rgb8().into_raw())
+        .collect()
+}
+
+fn raw(sandbox: &Sandbox) {
+    let words = format!("{RUN} --fps 12.5 --out out --y4m a.y4m");
+    sandbox.does(&words);
+    let file = sandbox.read("a.y4m");
+    let mut decoder = y4m::decode(&file[..]).unwrap();
+    let (size, rate) = (
+        [decoder.get_width(), decoder.get_height()],
+        decoder.get_framerate(),
+    );
+    assert_eq!((size, rate.num, rate.den), ([32, 18], 12_500, 1000));
+    let pictures = pictures(sandbox);
+    for picture in pictures.chunks(32 * 18 * 3) {
+        let frame = decoder.read_frame().unwrap();
+        for (rgb, &luma) in picture.chunks(3).zip(frame.get_y_plane()) {
+            // BT.601, limited range.
+            let [r, g, b] = [rgb[0], rgb[1], rgb[2]].map(f64::from);
+            let expected = 16.0 + (65.481 * r + 128.553 * g + 24.966 * b) / 255.0;
+            assert!((expected - f64::from(luma)).abs() < 0.6, "{rgb:?} {luma}");
+        }
+    }
+    assert!(decoder.read_frame().is_err());
+    // To standard output, results then being talk.
+    let output = integration::program::run(
+        sandbox.path(),
+        format!("{RUN} --no-images --fps 12.5 --y4m -").split(' '),
+    );
+    assert!(output.status.success());
+    assert_eq!(output.stdout, file);
+}
+
+fn absent(sandbox: &Sandbox) {
+    let words = format!("{RUN} --out out --video a.mp4");
+    let run = sandbox.run_where(&words, &[("PATH", OsStr::new("/nowhere"))]);
+    run.fails(2, &["ffmpeg", "--y4m"]);
+    assert!(sandbox.all_files().is_empty());
+    sandbox.refuses(&format!("{RUN} --video a.gif"), &["a.gif", ".mp4"]);
+    sandbox.refuses(
+        &format!("{RUN} --video out/frame_0001.png"),
+        &["would overwrite"],
+    );
+}
+
+/// Stands in for `ffmpeg` on PATH.
+#[cfg(unix)]
+fn encoder(sandbox: &Sandbox, script: &str) -> std::ffi::OsString {
+    use std::os::unix::fs::PermissionsExt;
+    sandbox.write("bin/ffmpeg", format!("#!/bin/sh\nfor last; do :; done\n{script}\n"));
+    let file = sandbox.path().join("bin/ffmpeg");
+    std::fs::set_permissions(file, PermissionsExt::from_mode(0o755)).unwrap();
+    let mut path = sandbox.path().join("bin").into_os_string();
+    path.push(":");
+    path.push(std::env::var_os("PATH").unwrap_or_default());
+    path
+}
+
+#[cfg(unix)]
+fn encoded(sandbox: &Sandbox) {
+    let path = encoder(sandbox, "cat > \"$last\"");
+    for threads in [1, 4] {
+        let words = format!("{RUN} --out out --overwrite --video a.mp4 --threads {threads}");
+        sandbox.run_where(&words, &[("PATH", &path)]).succeeds();
+        assert!(sandbox.read("a.mp4") == pictures(sandbox), "{threads}");
+        // Of a run whose pictures are there, all frames again.
+        sandbox.remove("a.mp4");
+        let words = format!("{RUN} --out out --resume --video a.mp4");
+        sandbox.run_where(&words, &[("PATH", &path)]).succeeds();
+        assert!(sandbox.read("a.mp4") == pictures(sandbox), "{threads}");
+    }
+}
+
+#[cfg(unix)]
+fn dies(sandbox: &Sandbox) {
+    let path = encoder(sandbox, "head -c 2000 > \"$last\"; echo no codec >&2; exit 3");
+    let words = format!("{RUN} --no-images --video a.webm");
+    let run = sandbox.run_where(&words, &[("PATH", &path)]);
+    run.fails(1, &["ffmpeg ended early", "no codec"]);
+    assert!(sandbox.files().iter().all(|file| file.starts_with("bin")));
+}
