@@ -252,8 +252,6 @@ fn trace_all(group: &mut Group<'_>, work: &Work<'_>, camera: Rays<'_>) -> Vec<Ve
             hits.push(trace_ours(group, work, method, list));
         }
     }
-    #[cfg(feature = "embree")]
-    hits.push(trace_rival::<benches::Embree>(group, work));
     hits.push(trace_rival::<Obvhs<false>>(group, work));
     hits.push(trace_rival::<Obvhs<true>>(group, work));
     hits.push(trace_rival::<Bvh>(group, work));

@@ -116,7 +116,5 @@ mod tests {
         assert!(differing::<Bvh>(&mesh, 1) < few);
         assert!(differing::<Parry>(&mesh, 1) < few);
         assert!(differing::<Parry>(&mesh, 2) < few);
-        #[cfg(feature = "embree")]
-        assert!(differing::<crate::Embree>(&mesh, 1) < few);
     }
 }

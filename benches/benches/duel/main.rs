@@ -9,7 +9,7 @@ mod build;
 mod trace;
 
 use backend::{Intersector, Layout, Method};
-use benches::{Samples, folder_or_demos, least, median, print_table};
+use benches::{Samples, least, median, meshes, print_table};
 use serde_json::{Value, json};
 use std::process::Command;
 
@@ -19,7 +19,7 @@ fn main() {
     let only: Vec<String> = words.collect();
     let mut groups = Vec::new();
     let before = load();
-    for mesh in folder_or_demos() {
+    for mesh in meshes() {
         if is_asked(&only, "build") {
             groups.extend(build::all(&mesh));
         }
