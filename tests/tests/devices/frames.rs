@@ -5,10 +5,8 @@ use crate::scenes::{
     SHADOWED, arrive, bits, camera, go, hits, look, open, open_laid, positions, rays, report, see,
     stand, swarm, tree_at,
 };
-use backend::{Backend, BackendError, Generation, Layout, Method, Query, QueryKind, Rays};
-use geom::Animation;
+use backend::{Backend, BackendError, Generation, Layout, Query, QueryKind, Rays};
 use std::collections::VecDeque;
-use std::sync::Arc;
 use std::time::Instant;
 
 pub(crate) fn results_last_for_two_more_traces(backend: &mut dyn Subject) {
@@ -93,7 +91,9 @@ pub(crate) fn device_memory_is_counted_and_given_back(backend: &mut dyn Subject)
         let about = bytes >= least && bytes < least + least / 10;
         assert!(about, "{with:?}: {bytes} of {least}");
     }
-    assert!(before.total() < 1 << 20 && with.scratch == 0, "{before:?}");
+    // Where a record waits to be sent, it takes less than that.
+    assert!(with.scratch < 20_000 * 10, "{with:?}");
+    assert!(before.total() < 1 << 20, "{before:?}");
     assert_eq!((after.scene, after.tree), (before.scene, before.tree));
     go(backend, Rays::Camera(&camera()), SHADOWED);
     let grown = backend.device_bytes().unwrap().frames - after.frames;
@@ -181,42 +181,6 @@ pub(crate) fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once(
     let is_named = matches!(refused, Err(BackendError::Limit { need, .. }) if need > limit);
     assert!(is_named, "{refused:?}");
     let found = see(backend, Rays::List(&rays(8)), kind);
-    assert_eq!(found.closest.len(), 8);
-}
-
-/// Triangles of a scene that just outgrows a buffer: nodes take 64 bytes a triangle, and triangles may share corners.
-fn too_many(backend: &dyn Subject) -> u64 {
-    backend.max_buffer_bytes() / 64 + 2
-}
-
-/// Why a scene that outgrows a buffer is not for this machine's own memory.
-pub(crate) fn lacks_small_buffers(backend: &dyn Subject) -> Option<String> {
-    let triangles = too_many(backend);
-    (triangles > 10_000_000).then(|| format!("it takes {triangles} triangles to outgrow a buffer"))
-}
-
-pub(crate) fn a_scene_too_large_is_refused_with_both_numbers_and_a_small_one_still_goes(
-    backend: &mut dyn Subject,
-) {
-    let (triangles, limit) = (too_many(backend), backend.max_buffer_bytes());
-    let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-    let list = vec![[0, 1, 2]; triangles as usize];
-    let huge = Arc::new(Animation::new(vec![corners], list).unwrap());
-    match backend.load(huge, Method::default()) {
-        Err(BackendError::Limit {
-            what,
-            need,
-            limit: found,
-        }) => {
-            assert!(what.contains("nodes"), "{what}");
-            assert!(need > limit && found == limit, "{need} {found}");
-        }
-        other => panic!("{other:?}"),
-    }
-    let small = swarm(50);
-    open(backend, &small);
-    stand(backend, &small, 0.5);
-    let found = see(backend, Rays::List(&rays(8)), QueryKind::Closest);
     assert_eq!(found.closest.len(), 8);
 }
 

@@ -128,10 +128,6 @@ const OF_KERNELS: &[Test] = named![
     packets::what_lies_beside_the_picture_covers_none_of_it,
 ];
 
-/// What needs a device whose buffers are small enough for the host to outgrow them.
-const OF_SMALL_BUFFERS: &[Test] =
-    named![frames::a_scene_too_large_is_refused_with_both_numbers_and_a_small_one_still_goes];
-
 /// What ends with the device.
 const FRESH: &[LastTest] = named![
     frames::a_snapshot_outlives_the_backend,
@@ -166,10 +162,7 @@ fn main() -> ExitCode {
         || vulkan().map(|b| Box::new(b) as Box<dyn Subject>),
         || wgpu().map(|b| Box::new(b) as Box<dyn Subject>),
     );
-    let (no_vulkan, no_small) = match open_vulkan() {
-        Ok(backend) => (None, frames::lacks_small_buffers(&*backend)),
-        Err(e) => (Some(e.to_string()), Some(e.to_string())),
-    };
+    let no_vulkan = open_vulkan().err().map(|e| e.to_string());
     let no_wgpu = open_wgpu().err().map(|e| e.to_string());
     let no_rays = gpu_vulkan_rt::ray_adapters().err().map(|e| e.to_string());
     let no_queues = no_vulkan.clone().or_else(queues::lacks_queues);
@@ -180,14 +173,8 @@ fn main() -> ExitCode {
     ] {
         let excused = absent.as_deref().filter(|_| !is_required(name));
         let once = Arc::new(LazyLock::new(move || Mutex::new(open().unwrap())));
-        let none: &[_] = &[];
-        let [own, small] = match name {
-            "vulkan" => [OF_KERNELS, OF_SMALL_BUFFERS],
-            _ => [none; 2],
-        };
-        let usual = SHARED.iter().chain(own).map(|law| (law, excused));
-        let small = small.iter().map(|law| (law, no_small.as_deref()));
-        for (&(law, body), excused) in usual.chain(small) {
+        let own = if name == "vulkan" { OF_KERNELS } else { &[] };
+        for &(law, body) in SHARED.iter().chain(own) {
             let once = Arc::clone(&once);
             let body = move || {
                 let mut subject = once.lock().unwrap_or_else(PoisonError::into_inner);

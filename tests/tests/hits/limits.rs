@@ -11,7 +11,9 @@ use std::sync::Arc;
 pub(crate) fn cut_where_hits_are(source: Source) {
     use Intersector::{MollerTrumbore, Watertight, Woop};
     let animation = source.animation();
-    [Watertight, Woop, MollerTrumbore].map(|by| cut(&animation, by));
+    for by in [Watertight, Woop, MollerTrumbore] {
+        cut(&animation, by);
+    }
 }
 
 /// Cutting a ray just before its hit makes it miss; just behind it changes

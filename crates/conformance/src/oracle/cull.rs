@@ -23,11 +23,6 @@ impl Boxes {
         Self { nodes, order }
     }
 
-    /// The box of everything.
-    pub(crate) fn bounds(&self) -> Aabb {
-        self.nodes[0]
-    }
-
     /// Calls `visit` with every triangle that a valid ray may hit, those in nearer boxes about first. It returns a `t`
     /// beyond which nothing matters any more: what is hit no nearer than that may be left out.
     pub(crate) fn near(&self, ray: &Ray, mut visit: impl FnMut(u32) -> f64) {
