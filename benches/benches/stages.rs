@@ -4,7 +4,7 @@
 
 use backend::{Intersector, Layout, Method, Query, QueryKind, Rays};
 use benches::{
-    Bvh, Mesh, Node, Obvhs, Ours, Parry, Rival, Tracer, built, camera, criterion, meshes, pool,
+    Bvh, Mesh, Obvhs, Ours, Parry, Rival, Tracer, built, camera, criterion, meshes, pool,
     print_table, sah_cost, shadow_rays, thread_counts,
 };
 use bvh_layout::{Lists, Topology};
@@ -51,13 +51,14 @@ fn build(criterion: &mut Criterion, mesh: &Mesh) {
         build_rival::<Parry>(&mut group, mesh, threads);
     }
     group.finish();
-    let ours = built(mesh, &pool(1)).nodes(mesh, &mesh.positions(mesh.start()));
+    let ours = built(mesh, &pool(1));
+    let cost = ours.sah_cost(mesh, &mesh.positions(mesh.start()));
     let rows = vec![
-        cost_row("abvh", &ours, &ours),
-        cost_row_of::<Obvhs<false>>(mesh, &ours),
-        cost_row_of::<Obvhs<true>>(mesh, &ours),
-        cost_row_of::<Bvh>(mesh, &ours),
-        cost_row_of::<Parry>(mesh, &ours),
+        cost_row("abvh", [cost, cost], ours.record().node_count()),
+        cost_row_of::<Obvhs<false>>(mesh, cost),
+        cost_row_of::<Obvhs<true>>(mesh, cost),
+        cost_row_of::<Bvh>(mesh, cost),
+        cost_row_of::<Parry>(mesh, cost),
     ];
     let label = &mesh.label;
     let title = format!("{label}: surface area cost (traversal 1, intersection 1)");
@@ -102,32 +103,23 @@ fn tree_of<R: Rival>(mesh: &Mesh, threads: usize) -> (R, R::Soup) {
     (tree, soup)
 }
 
-fn cost_row_of<R: Rival>(mesh: &Mesh, ours: &[Node]) -> Vec<String> {
+fn cost_row_of<R: Rival>(mesh: &Mesh, ours: f64) -> Vec<String> {
     let (tree, soup) = tree_of::<R>(mesh, 1);
-    cost_row(R::NAME, &tree.nodes(&soup), ours)
+    let nodes = tree.nodes(&soup);
+    cost_row(R::NAME, [sah_cost(&nodes), ours], nodes.len())
 }
 
-fn cost_row(name: &str, nodes: &[Node], ours: &[Node]) -> Vec<String> {
-    let cost = sah_cost(nodes);
-    vec![
-        name.to_owned(),
-        format!("{cost:.2}"),
-        format!("{:.3}", cost / sah_cost(ours)),
-        nodes.len().to_string(),
-    ]
+fn cost_row(name: &str, [cost, ours]: [f64; 2], nodes: usize) -> Vec<String> {
+    let [cost, ratio] = [format!("{cost:.2}"), format!("{:.3}", cost / ours)];
+    vec![name.to_owned(), cost, ratio, nodes.to_string()]
 }
 
-/// Trees to records, and back in. `bvh`'s `flatten` is the nearest any rival has:
-/// depth-first to an array that is traversed without a stack, boxes included.
+/// Trees to records, and back in.
 fn convert(criterion: &mut Criterion, mesh: &Mesh) {
     let mut group = group(criterion, "convert", mesh);
     for threads in thread_counts() {
         convert_ours(&mut group, mesh, threads);
     }
-    let (tree, _) = tree_of::<Bvh>(mesh, 1);
-    group.bench_function(BenchmarkId::new("bvh flatten", 1), |b| {
-        b.iter_with_large_drop(|| tree.tree().flatten());
-    });
     group.finish();
     let built = built(mesh, &pool(1));
     let each = |bytes: usize| bytes as f64 / mesh.triangle_count() as f64;
@@ -252,8 +244,6 @@ fn trace_all(group: &mut Group<'_>, work: &Work<'_>, camera: Rays<'_>) -> Vec<Ve
             hits.push(trace_ours(group, work, method, list));
         }
     }
-    #[cfg(feature = "embree")]
-    hits.push(trace_rival::<benches::Embree>(group, work));
     hits.push(trace_rival::<Obvhs<false>>(group, work));
     hits.push(trace_rival::<Obvhs<true>>(group, work));
     hits.push(trace_rival::<Bvh>(group, work));

@@ -3,8 +3,8 @@
 //! `cargo bench -p benches --bench stages [-- STAGE]`.
 //! Every group names a mesh and its triangles; every function in it does the
 //! same work on the same triangles or rays, so times compare within a group.
-//! `--features embree` adds Embree 3 to the traces (Debian's `libembree-dev`), and the bench `duel`, which sets
-//! this program against it sample by sample.
+//! `--features embree` (Debian's `libembree-dev`) adds the bench `duel`, which sets this program against Embree 3
+//! sample by sample.
 //! Real meshes join in when `ABVH_MESHES` names a folder of them (see [`meshes`]).
 
 mod mesh;
@@ -14,13 +14,13 @@ mod rival;
 mod rivals;
 mod rounds;
 
-pub use mesh::{Mesh, folder_or_demos, meshes};
+pub use mesh::{Mesh, meshes};
 pub use ours::{Ours, Tracer, built};
 pub use rays::{camera, light, random_rays, shadow_rays};
 pub use rival::{Node, Rival, sah_cost};
 pub use rivals::{Bvh, Obvhs, Parry};
 #[cfg(feature = "embree")]
-pub use rivals::{Embree, EmbreeScene, Packet16};
+pub use rivals::{EmbreeScene, Packet16};
 pub use rounds::{Contender, Samples, in_turn, least, median};
 
 use comfy_table::Table;

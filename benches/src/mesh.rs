@@ -61,39 +61,25 @@ impl Mesh {
     }
 }
 
-/// Two demos of some 200,000 triangles and one of 1.6 million; then each entry of the folder
-/// in `ABVH_MESHES` that `abvh` can open: a mesh file, or a directory of key frames.
+/// Each entry of the folder in `ABVH_MESHES` that `abvh` can open: a mesh file, or a directory of key frames. Without
+/// any, two demos of some 200,000 triangles and one of 1.6 million.
 #[must_use]
 pub fn meshes() -> Vec<Mesh> {
-    demos().chain(files()).filter_map(opened).collect()
-}
-
-/// The entries of the folder in `ABVH_MESHES` alone; the demos if there is none.
-#[must_use]
-pub fn folder_or_demos() -> Vec<Mesh> {
-    let meshes: Vec<Mesh> = files().filter_map(opened).collect();
+    let files = entries().into_iter().map(|path| path.display().to_string());
+    let meshes: Vec<Mesh> = files.filter_map(opened).collect();
     if meshes.is_empty() {
-        return demos().filter_map(opened).collect();
+        return DEMOS
+            .iter()
+            .filter_map(|&demo| opened(demo.to_owned()))
+            .collect();
     }
     meshes
 }
 
-fn demos() -> impl Iterator<Item = String> {
-    DEMOS.iter().map(|demo| (*demo).to_owned())
-}
-
-fn files() -> impl Iterator<Item = String> {
-    entries().into_iter().map(|path| path.display().to_string())
-}
-
 fn opened(spec: String) -> Option<Mesh> {
-    match Mesh::open(&spec) {
-        Ok(mesh) => Some(mesh),
-        Err(error) => {
-            say(&format!("left out: {error}"));
-            None
-        }
-    }
+    let mesh = Mesh::open(&spec);
+    mesh.inspect_err(|error| say(&format!("left out: {error}")))
+        .ok()
 }
 
 fn entries() -> Vec<PathBuf> {
@@ -101,13 +87,10 @@ fn entries() -> Vec<PathBuf> {
         say(&format!("{FOLDER} names no folder of meshes: demos only"));
         return Vec::new();
     };
-    let mut entries: Vec<PathBuf> = match Path::new(&folder).read_dir() {
-        Ok(read) => read.flatten().map(|entry| entry.path()).collect(),
-        Err(error) => {
-            say(&format!("{FOLDER}: {}: {error}", folder.display()));
-            Vec::new()
-        }
-    };
+    let read = Path::new(&folder).read_dir();
+    let read = read.inspect_err(|error| say(&format!("{FOLDER}: {}: {error}", folder.display())));
+    let all = read.into_iter().flatten().flatten();
+    let mut entries: Vec<PathBuf> = all.map(|entry| entry.path()).collect();
     entries.sort();
     entries
 }

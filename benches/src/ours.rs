@@ -1,9 +1,9 @@
 //! This program's own stages, put together as the pipeline does.
 
-use crate::{Mesh, Node, pool};
+use crate::{Mesh, pool};
 use backend::{Backend, Generation, Hits, Method, Query, QueryKind, Rays};
 use bvh_build::{BinaryTree, Boxes, Builder, Cancel};
-use bvh_layout::{Converter, First, Lists, Topology, Treelets};
+use bvh_layout::{Converter, First, Topology, Treelets};
 use cpu_ref::CpuBackend;
 use geom::{Aabb, Point, Ray};
 use rayon::ThreadPool;
@@ -44,12 +44,6 @@ impl Ours {
         Treelets::of_tree(&self.tree)
     }
 
-    /// The tree last built.
-    #[must_use]
-    pub fn tree(&self) -> &BinaryTree {
-        &self.tree
-    }
-
     /// The record last made.
     #[must_use]
     pub fn record(&self) -> &Topology {
@@ -66,28 +60,10 @@ impl Ours {
         record.with_blocks(mesh.animation.triangles(), (&boxes, First::Larger))
     }
 
-    /// The record's nodes, with boxes over `positions`.
+    /// Cost by the surface area heuristic (traversal 1, intersection 1) over `positions`.
     #[must_use]
-    pub fn nodes(&self, mesh: &Mesh, positions: &[Point]) -> Vec<Node> {
-        let empty = Node {
-            bounds: Aabb::EMPTY,
-            triangles: 0,
-        };
-        let mut lists = Lists::default();
-        lists.fill(&self.record);
-        let mut nodes = vec![empty; self.record.node_count()];
-        let boxes = (&*mesh.animation, positions);
-        for (&node, &triangle) in lists.leaf_nodes.iter().zip(self.record.leaf_triangles()) {
-            nodes[node as usize] = Node {
-                bounds: boxes.get(triangle),
-                triangles: 1,
-            };
-        }
-        for (k, &node) in lists.inner_nodes.iter().enumerate().rev() {
-            let [a, b] = Topology::children_of_inner(k as u32).map(|c| nodes[c as usize].bounds);
-            nodes[node as usize].bounds = a.union(b);
-        }
-        nodes
+    pub fn sah_cost(&self, mesh: &Mesh, positions: &[Point]) -> f64 {
+        bvh_build::sah_cost(&self.tree, &(&*mesh.animation, positions))
     }
 }
 

@@ -20,53 +20,35 @@ pub struct Format {
     pub name: &'static str,
     /// What its files end with, without a dot.
     pub extension: &'static str,
-    /// Loads a file; why not, in words.
     load: fn(&Path) -> Result<(), String>,
 }
 
 /// Meshes as text.
-pub const OBJ: Format = Format {
-    name: "obj",
-    extension: "obj",
-    load: scene,
-};
+pub const OBJ: Format = format("obj", "obj", scene);
 /// Meshes as text or in binary, of either order.
-pub const PLY: Format = Format {
-    name: "ply",
-    extension: "ply",
-    load: scene,
-};
+pub const PLY: Format = format("ply", "ply", scene);
 /// Clips with their buffers inside, as text.
-pub const GLTF: Format = Format {
-    name: "gltf",
-    extension: "gltf",
-    load: scene,
-};
+pub const GLTF: Format = format("gltf", "gltf", scene);
 /// The same in one binary file.
-pub const GLB: Format = Format {
-    name: "glb",
-    extension: "glb",
-    load: scene,
-};
+pub const GLB: Format = format("glb", "glb", scene);
 /// Lists of rays.
-pub const NPY: Format = Format {
-    name: "npy",
-    extension: "npy",
-    load: rays,
-};
+pub const NPY: Format = format("npy", "npy", rays);
 /// The record of a tree, as words of little-endian bytes.
-pub const TOPOLOGY: Format = Format {
-    name: "topology",
-    extension: "bin",
-    load: topology,
-};
-
+pub const TOPOLOGY: Format = format("topology", "bin", topology);
 /// Words after `abvh`, one a line.
-pub const COMMAND: Format = Format {
-    name: "command",
-    extension: "txt",
-    load: command,
-};
+pub const COMMAND: Format = format("command", "txt", command);
+
+const fn format(
+    name: &'static str,
+    extension: &'static str,
+    load: fn(&Path) -> Result<(), String>,
+) -> Format {
+    Format {
+        name,
+        extension,
+        load,
+    }
+}
 
 impl Format {
     /// Loads `bytes` from a file of this format in a folder that goes away. Whether they are one is no matter.
@@ -76,26 +58,23 @@ impl Format {
     pub fn attack(self, bytes: &[u8]) {
         let folder = TempDir::new().expect("a temporary folder can be had");
         let path = folder.path().join("case").with_extension(self.extension);
-        self.attack_at(&path, bytes);
-    }
-
-    /// Likewise at `path`, which stays.
-    ///
-    /// # Panics
-    /// As above.
-    pub fn attack_at(self, path: &Path, bytes: &[u8]) {
-        fs::write(path, bytes).expect("a case can be written");
-        if let Err(why) = (self.load)(path) {
-            assert!(!why.trim().is_empty(), "refused without a word");
-        }
+        fs::write(&path, bytes).expect("a case can be written");
+        self.load(&path).ok();
     }
 
     /// Loads a file of this format.
     ///
     /// # Errors
     /// Why it is none, in words.
+    ///
+    /// # Panics
+    /// As above.
     pub fn load(self, path: &Path) -> Result<(), String> {
-        (self.load)(path)
+        let loaded = (self.load)(path);
+        if let Err(why) = &loaded {
+            assert!(!why.trim().is_empty(), "refused without a word");
+        }
+        loaded
     }
 
     /// Small valid files, and those that went wrong once.

@@ -39,34 +39,17 @@ pub fn abvh() -> &'static Path {
             Some(name) => name,
         };
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| env!("CARGO").into());
-        let built = Command::new(cargo)
-            .args([
-                "build",
-                "--quiet",
-                "--package",
-                "abvh-cli",
-                "--profile",
-                profile,
-            ])
-            .arg("--target-dir")
-            .arg(target_dir())
-            .current_dir(crate::scenes::workspace())
-            .status()
-            .expect("cargo runs");
+        let words = format!("build --quiet --package abvh-cli --profile {profile} --target-dir");
+        let mut command = Command::new(cargo);
+        command.args(words.split(' ')).arg(target_dir());
+        let command = command.current_dir(crate::scenes::workspace());
+        let built = command.status().expect("cargo runs");
         assert!(built.success(), "the program does not build");
         folder.join(format!("abvh{}", std::env::consts::EXE_SUFFIX))
     })
 }
 
-/// Runs the program in `folder` and waits for it.
-///
-/// # Panics
-/// If it cannot be started.
-pub fn run<S: AsRef<OsStr>>(folder: &Path, args: impl IntoIterator<Item = S>) -> Output {
-    run_where(folder, args, &[])
-}
-
-/// Likewise, in an environment where `variables` have these values.
+/// Runs the program in `folder`, in an environment where `variables` have these values, and waits for it.
 ///
 /// # Panics
 /// If it cannot be started.
@@ -75,10 +58,8 @@ pub fn run_where<S: AsRef<OsStr>>(
     args: impl IntoIterator<Item = S>,
     variables: &[(&str, &OsStr)],
 ) -> Output {
-    Command::new(abvh())
-        .args(args)
-        .envs(variables.iter().copied())
-        .current_dir(folder)
-        .output()
-        .expect("the program starts")
+    let mut command = Command::new(abvh());
+    command.args(args).envs(variables.iter().copied());
+    let output = command.current_dir(folder).output();
+    output.expect("the program starts")
 }

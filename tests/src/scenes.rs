@@ -6,7 +6,7 @@
 //! pack show as ignored, with the reason.
 
 use geom::Animation;
-use libtest_mimic::{Failed, Trial};
+use libtest_mimic::Trial;
 use scene::Scene;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -70,64 +70,60 @@ const fn real(name: &'static str, pack: &'static str, spec: &'static str) -> Sou
 impl Source {
     /// What to give the program, unpacking the scene if need be.
     ///
-    /// # Errors
-    /// The pack is absent or damaged.
-    pub fn path(&self) -> Result<String, Failed> {
+    /// # Panics
+    /// If the pack is absent or damaged; likewise below.
+    #[must_use]
+    pub fn path(&self) -> String {
         let Some(pack) = self.pack else {
-            return Ok(self.spec.to_owned());
+            return self.spec.to_owned();
         };
-        let path = unpacked(pack)?.join(self.spec);
-        Ok(path.to_string_lossy().into_owned())
+        let folder = unpacked(pack).expect("packs can be unpacked");
+        folder.join(self.spec).to_string_lossy().into_owned()
     }
 
     /// Opens the scene.
     ///
-    /// # Errors
-    /// It is absent or cannot be read.
-    pub fn open(&self) -> Result<Scene, Failed> {
-        Ok(scene::open(&self.path()?, &scene::Options::default())?)
+    /// # Panics
+    /// If it cannot be read.
+    #[must_use]
+    pub fn open(&self) -> Scene {
+        scene::open(&self.path(), &scene::Options::default()).expect("scenes can be read")
     }
 
     /// What moves, opened once a process.
     ///
-    /// # Errors
+    /// # Panics
     /// As [`Source::open`].
-    pub fn animation(&self) -> Result<Arc<Animation>, Failed> {
+    #[must_use]
+    pub fn animation(&self) -> Arc<Animation> {
         static OPEN: Mutex<BTreeMap<&str, Arc<Animation>>> = Mutex::new(BTreeMap::new());
         let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(known) = open.get(self.spec) {
-            return Ok(Arc::clone(known));
-        }
-        let animation = self.open()?.animation;
-        open.insert(self.spec, Arc::clone(&animation));
-        Ok(animation)
+        let known = open.entry(self.spec);
+        Arc::clone(known.or_insert_with(|| self.open().animation))
     }
 
     /// A trial that runs on this scene; ignored, with the reason, where the scene is absent.
-    pub fn trial(
-        self,
-        law: &str,
-        run: impl FnOnce(Source) -> Result<(), Failed> + Send + 'static,
-    ) -> Trial {
-        let trial = Trial::test(format!("{}::{law}", self.name), move || run(self));
+    pub fn trial(self, law: &str, run: impl FnOnce(Source) + Send + 'static) -> Trial {
+        let trial = Trial::test(format!("{}::{law}", self.name), move || {
+            run(self);
+            Ok(())
+        });
         match self.pack.map(archive) {
-            Some(Err(reason)) => trial.with_ignored_flag(true).with_kind(reason),
+            Some(Err(reason)) => trial.with_ignored_flag(true).with_kind(reason.to_string()),
             _ => trial,
         }
     }
 }
 
 /// Where `pack` lies, or why it cannot be had.
-fn archive(pack: &str) -> Result<PathBuf, String> {
+fn archive(pack: &str) -> io::Result<PathBuf> {
     let folder = match std::env::var_os("ABVH_SCENES") {
         Some(folder) => PathBuf::from(folder),
         None => workspace().join("../shared/scenes"),
     };
     let file = folder.join(format!("{pack}.tar.zst"));
-    if file.is_file() {
-        return Ok(file);
-    }
-    Err(format!("needs {pack}.tar.zst, see ABVH_SCENES"))
+    let why = || io::Error::other(format!("needs {pack}.tar.zst, see ABVH_SCENES"));
+    file.is_file().then_some(file).ok_or_else(why)
 }
 
 /// The root of the workspace.
@@ -138,7 +134,7 @@ pub fn workspace() -> PathBuf {
 
 /// The folder that holds what `pack` holds. Unpacked once, beside its final
 /// name, so that processes may race for it.
-fn unpacked(pack: &str) -> Result<PathBuf, Failed> {
+fn unpacked(pack: &str) -> io::Result<PathBuf> {
     let archive = archive(pack)?;
     let cache = crate::program::target_dir().join("test-scenes");
     let size = fs::metadata(&archive)?.len();
@@ -148,12 +144,12 @@ fn unpacked(pack: &str) -> Result<PathBuf, Failed> {
     }
     fs::create_dir_all(&cache)?;
     let beside = tempfile::tempdir_in(&cache)?;
-    let stream = ruzstd::decoding::StreamingDecoder::new(File::open(&archive)?)?;
+    let stream = ruzstd::decoding::StreamingDecoder::new(File::open(&archive)?);
+    let stream = stream.map_err(io::Error::other)?;
     tar::Archive::new(stream).unpack(beside.path())?;
     expand(beside.path())?;
-    let renamed = fs::rename(beside.path(), &folder);
-    match renamed {
-        Err(e) if !folder.is_dir() => Err(e.into()),
+    match fs::rename(beside.path(), &folder) {
+        Err(e) if !folder.is_dir() => Err(e),
         _ => Ok(folder),
     }
 }

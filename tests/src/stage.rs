@@ -62,27 +62,21 @@ impl Stage {
             .expect("the tree fits");
     }
 
-    /// What rays find at `time`, with the tree that is planted.
-    ///
-    /// # Panics
-    /// If a stage fails.
-    pub fn trace(&mut self, time: f64, rays: Rays<'_>, kind: QueryKind) -> Hits {
-        self.try_trace(time, rays, kind).expect("every stage runs")
-    }
-
-    /// The closest hits of rays.
-    ///
-    /// # Panics
-    /// If a stage fails.
+    /// The closest hits of rays at `time`, with the tree that is planted.
     pub fn closest(&mut self, time: f64, rays: &[Ray]) -> Hits {
         self.trace(time, Rays::List(rays), QueryKind::Closest)
     }
 
-    /// Likewise, of any rays.
+    /// What any rays find at `time`.
     ///
-    /// # Errors
-    /// A stage fails.
-    pub fn try_trace(&mut self, time: f64, rays: Rays<'_>, kind: QueryKind) -> Result<Hits> {
+    /// # Panics
+    /// If a stage fails.
+    pub fn trace(&mut self, time: f64, rays: Rays<'_>, kind: QueryKind) -> Hits {
+        let done = self.try_trace(time, rays, kind);
+        done.expect("every stage runs")
+    }
+
+    fn try_trace(&mut self, time: f64, rays: Rays<'_>, kind: QueryKind) -> Result<Hits> {
         let mut hits = Hits::default();
         self.backend.interpolate(self.animation.pose(time))?;
         self.backend.preprocess()?;

@@ -13,7 +13,7 @@ use cpu_ref::CpuBackend;
 use gpu_vulkan::{Validation, VulkanBackend};
 use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
-use libtest_mimic::{Arguments, Failed, Trial};
+use libtest_mimic::{Arguments, Trial};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A backend and what its driver complains of.
@@ -117,56 +117,29 @@ fn is_required(name: &str) -> bool {
     names.split(',').any(|required| required.trim() == name)
 }
 
-/// A backend, the number of complaints that a trial has shown already, and what the backend is compared with.
-struct Subjected {
-    subject: Box<dyn Subject>,
-    heard: usize,
-    reference: Reference,
-}
-
 fn trials_of(name: &'static str, mut subject: Box<dyn Subject>) -> Vec<Trial> {
     let laws = laws_of(subject.backend());
     let host = CpuBackend::new(Some(1)).expect("one thread can be had");
-    let subjected = Subjected {
-        subject,
-        // What was said while the backend was opened counts too.
-        heard: 0,
-        reference: Reference::new(Box::new(host)),
-    };
-    let subjected = Arc::new(Mutex::new(subjected));
+    let reference = Reference::new(Box::new(host));
+    // With the number of complaints that a trial has shown: what was said while the backend was opened counts too.
+    let shared = Arc::new(Mutex::new((subject, reference, 0)));
     let trial = |law: &'static Law| {
-        let subjected = Arc::clone(&subjected);
+        let shared = Arc::clone(&shared);
         Trial::test(format!("{name}::{}", law.name), move || {
-            check(
-                law,
-                &mut subjected.lock().unwrap_or_else(PoisonError::into_inner),
-            )
+            let mut shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
+            let (subject, reference, heard) = &mut *shared;
+            let seed = number("ABVH_SEED", 1);
+            let held = hold(law, subject.backend(), reference, seed, cases());
+            let complaints = subject.complaints();
+            let new = complaints[*heard..].first();
+            *heard = complaints.len();
+            held.map_err(|e| e.to_string())?;
+            new.map_or(Ok(()), |m| {
+                Err(format!("the validation layer says: {m}").into())
+            })
         })
     };
     laws.iter().map(trial).collect()
-}
-
-fn check(law: &Law, subjected: &mut Subjected) -> Result<(), Failed> {
-    let Subjected {
-        subject,
-        heard,
-        reference,
-    } = subjected;
-    let held = hold(
-        law,
-        subject.backend(),
-        reference,
-        number("ABVH_SEED", 1),
-        cases(),
-    );
-    let complaints = subject.complaints();
-    let new = complaints[*heard..].first();
-    *heard = complaints.len();
-    held.map_err(|e| e.to_string())?;
-    match new {
-        None => Ok(()),
-        Some(message) => Err(format!("the validation layer says: {message}").into()),
-    }
 }
 
 /// An absent backend's laws: ignored, or failed where the backend is required.
@@ -192,8 +165,6 @@ fn cases() -> u32 {
 }
 
 fn number(variable: &str, default: u64) -> u64 {
-    std::env::var(variable)
-        .ok()
-        .and_then(|v| v.parse().ok())
-        .unwrap_or(default)
+    let value = std::env::var(variable).ok();
+    value.and_then(|v| v.parse().ok()).unwrap_or(default)
 }

@@ -32,7 +32,7 @@ fn times(mesh: &Mesh, threads: usize) -> Value {
     }
     let samples = in_turn(contenders, ROUNDS);
     let title = format!("{}: build, {threads} threads", mesh.label);
-    report(&title, Unit::NsEach(mesh.triangle_count()), &samples, 0)
+    report(&title, Unit::NsEach(mesh.triangle_count()), &samples)
 }
 
 /// Build and conversion: what the pipeline's builder thread hands over.

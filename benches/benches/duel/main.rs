@@ -9,7 +9,7 @@ mod build;
 mod trace;
 
 use backend::{Intersector, Layout, Method};
-use benches::{Samples, folder_or_demos, least, median, print_table};
+use benches::{Samples, least, median, meshes, print_table};
 use serde_json::{Value, json};
 use std::process::Command;
 
@@ -19,7 +19,7 @@ fn main() {
     let only: Vec<String> = words.collect();
     let mut groups = Vec::new();
     let before = load();
-    for mesh in folder_or_demos() {
+    for mesh in meshes() {
         if is_asked(&only, "build") {
             groups.extend(build::all(&mesh));
         }
@@ -97,51 +97,29 @@ impl Unit {
     }
 }
 
-/// Prints one group and makes JSON of it. All are compared with the contender at `baseline`.
-fn report(title: &str, unit: Unit, samples: &[Samples], baseline: usize) -> Value {
-    let header = [
-        unit.name(),
-        "threads",
-        "best",
-        "median",
-        "by processor time",
-        "time over the baseline's",
-        "processor time over it",
-        "hits",
-    ];
+/// Prints one group and makes JSON of it. All are compared with the first.
+fn report(title: &str, unit: Unit, samples: &[Samples]) -> Value {
+    let header = "threads|best|median|by processor time|time over the baseline's|processor time over it|hits";
+    let header: Vec<&str> = std::iter::once(unit.name())
+        .chain(header.split('|'))
+        .collect();
     let (mut rows, mut contenders) = (Vec::new(), Vec::new());
     for one in samples {
-        let [wall, processor] = one.over(&samples[baseline]);
+        let [wall, processor] = one.over(&samples[0]);
         let best = unit.of(least(&one.wall));
         let [middle, by_processor] = [&one.wall, &one.processor].map(|t| unit.of(median(t)));
-        rows.push(vec![
-            one.name.clone(),
-            one.threads.to_string(),
-            format!("{best:.1}"),
-            format!("{middle:.1}"),
-            format!("{by_processor:.1}"),
-            format!("{wall:.3}"),
-            format!("{processor:.3}"),
-            one.hits.to_string(),
-        ]);
+        let mut row = vec![one.name.clone(), one.threads.to_string()];
+        row.extend([best, middle, by_processor].map(|x| format!("{x:.1}")));
+        row.extend([wall, processor].map(|x| format!("{x:.3}")));
+        row.push(one.hits.to_string());
+        rows.push(row);
         contenders.push(json!({
-            "name": one.name,
-            "threads": one.threads,
-            "best": best,
-            "median": middle,
-            "by_processor_time": by_processor,
-            "wall_over_baseline": wall,
-            "processor_over_baseline": processor,
-            "wall_ms": one.wall,
-            "processor_ms": one.processor,
-            "hits": one.hits,
+            "name": one.name, "threads": one.threads, "best": best, "median": middle, "by_processor_time": by_processor,
+            "wall_over_baseline": wall, "processor_over_baseline": processor,
+            "wall_ms": one.wall, "processor_ms": one.processor, "hits": one.hits,
         }));
     }
     print_table(title, &header, rows);
-    json!({
-        "title": title,
-        "unit": unit.name(),
-        "baseline": samples[baseline].name,
-        "contenders": contenders,
-    })
+    let (unit, baseline) = (unit.name(), &samples[0].name);
+    json!({ "title": title, "unit": unit, "baseline": baseline, "contenders": contenders })
 }

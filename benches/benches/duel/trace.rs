@@ -96,7 +96,7 @@ impl Stage<'_> {
         let samples = in_turn(contenders, ROUNDS);
         let rays = asked.iter().map(|asked| asked.rays.len()).sum();
         let title = format!("{}: {what} rays", self.mesh.label);
-        report(&title, Unit::MillionsOf(rays), &samples, 0)
+        report(&title, Unit::MillionsOf(rays), &samples)
     }
 
     fn listed<'b>(&self, asked: &'b [&Asked<'b>]) -> Contender<'b> {

@@ -39,12 +39,7 @@ impl BHShape<f32, 3> for Shape {
 }
 
 impl Bvh {
-    /// The tree that was built.
-    ///
-    /// # Panics
-    /// If none was.
-    #[must_use]
-    pub fn tree(&self) -> &Tree<f32, 3> {
+    fn tree(&self) -> &Tree<f32, 3> {
         self.tree.as_ref().expect("a tree is built first")
     }
 

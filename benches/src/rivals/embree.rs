@@ -6,17 +6,10 @@
 
 mod raw;
 
-use crate::Rival;
 use geom::{Ray, Triangle};
 use raw::*;
 use std::ffi::{CString, c_void};
 use std::ptr::NonNull;
-
-/// A scene of Embree's.
-#[derive(Default)]
-pub struct Embree {
-    scene: Option<EmbreeScene>,
-}
 
 /// Owns a device and a committed scene of one mesh.
 pub struct EmbreeScene {
@@ -175,30 +168,5 @@ impl Drop for EmbreeScene {
             rtcReleaseScene(self.scene.as_ptr());
             rtcReleaseDevice(self.device.as_ptr());
         }
-    }
-}
-
-impl Rival for Embree {
-    const NAME: &'static str = "Embree 3, medium";
-    const BUILDS_IN_PARALLEL: bool = true;
-    type Soup = Vec<Triangle>;
-
-    fn soup(triangles: &[Triangle]) -> Self::Soup {
-        triangles.to_vec()
-    }
-
-    fn build(&mut self, soup: &mut Self::Soup) {
-        self.scene = Some(EmbreeScene::new(soup, 0, false));
-    }
-
-    fn closest(&self, _: &Self::Soup, ray: &Ray) -> Option<(f32, u32)> {
-        let found = self.scene.as_ref()?.ask(ray, rtcIntersect1);
-        let ([t], [triangle]) = (found.t_max, found.primitive);
-        (triangle != NONE).then_some((t, triangle))
-    }
-
-    fn blocked(&self, _: &Self::Soup, ray: &Ray) -> bool {
-        let scene = self.scene.as_ref();
-        scene.is_some_and(|scene| scene.is_occluded(ray))
     }
 }

@@ -26,15 +26,6 @@ impl Parry {
             self.tree.insert_or_update_partially(bounds, at as u32, 0.0);
         }
     }
-
-    fn refit_in_parallel(&mut self, soup: &[Triangle]) {
-        let update = |(at, triangle): (usize, &Triangle)| (triangle.local_aabb(), at as u32, 0.0);
-        let updates = soup.par_iter().enumerate().map(update);
-        updates.collect_into_vec(&mut self.updates);
-        self.tree
-            .insert_or_update_batch_partially_parallel(&self.updates, &mut self.statuses);
-        self.tree.refit_parallel(&mut self.workspace);
-    }
 }
 
 impl Rival for Parry {
@@ -66,12 +57,17 @@ impl Rival for Parry {
     }
 
     fn refit(&mut self, soup: &Self::Soup) {
-        if rayon::current_num_threads() > 1 {
-            self.refit_in_parallel(soup);
-        } else {
+        if rayon::current_num_threads() == 1 {
             self.update_leaves(soup);
             self.tree.refit_without_opt();
+            return;
         }
+        let update = |(at, triangle): (usize, &Triangle)| (triangle.local_aabb(), at as u32, 0.0);
+        let updates = soup.par_iter().enumerate().map(update);
+        updates.collect_into_vec(&mut self.updates);
+        self.tree
+            .insert_or_update_batch_partially_parallel(&self.updates, &mut self.statuses);
+        self.tree.refit_parallel(&mut self.workspace);
     }
 
     fn closest(&self, soup: &Self::Soup, ray: &Ray) -> Option<(f32, u32)> {
@@ -88,14 +84,11 @@ impl Rival for Parry {
             if node.cast_ray(&ray_here, ray.t_max) >= ray.t_max {
                 return TraversalAction::Prune;
             }
-            let hit = node
-                .leaf_data()
-                .and_then(|at| soup[at as usize].cast_local_ray(&ray_here, ray.t_max, false));
-            blocked = hit.is_some();
-            if blocked {
-                TraversalAction::EarlyExit
-            } else {
-                TraversalAction::Continue
+            let test = |at| soup[at as usize].cast_local_ray(&ray_here, ray.t_max, false);
+            blocked = node.leaf_data().and_then(test).is_some();
+            match blocked {
+                true => TraversalAction::EarlyExit,
+                false => TraversalAction::Continue,
             }
         });
         blocked

@@ -3,7 +3,7 @@
 use crate::Case;
 use anyhow::{Result, anyhow, ensure};
 use backend::{FrameReport, Hits, Rays};
-use geom::{Aabb, Animation, Hit, Point, Ray};
+use geom::{Animation, Hit, Point, Ray};
 use std::fmt::Debug;
 
 /// The first place where two lists differ by `same`, as an error.
@@ -43,11 +43,6 @@ fn first_difference<T: Debug>(
 pub(crate) fn same_point(a: &Point, b: &Point) -> bool {
     let same = |(x, y): (&f32, &f32)| x.to_bits() == y.to_bits() || (x.is_nan() && y.is_nan());
     a.iter().zip(b).all(same)
-}
-
-/// Equal as numbers, as the contract requires of boxes.
-pub(crate) fn same_box(a: &Aabb, b: &Aabb) -> bool {
-    a == b
 }
 
 /// The same triangle and the same bits.

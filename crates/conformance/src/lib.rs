@@ -45,17 +45,16 @@ mod laws;
 pub mod leaks;
 pub mod oracle;
 mod reference;
-mod regressions;
 mod rounding;
-mod stage;
+pub mod stage;
 pub mod stress;
 
-pub use case::Case;
+pub use case::{Case, REGRESSIONS, Regression};
 pub use generate::cases::nth_case;
 pub use generate::rays::{RayKind, Target, aimed};
+pub use generate::topologies::record;
 pub use laws::{LAWS, Law, OWN_TREE_LAWS, laws_of};
 pub use reference::Reference;
-pub use regressions::{REGRESSIONS, Regression};
 
 use anyhow::anyhow;
 use backend::{Backend, Layout, Method};

@@ -1,6 +1,6 @@
 //! What the reference answers, found once a case, method, moment and question.
 
-use crate::stage::{fetch, open, stand, start};
+use crate::stage::{ask, open, stand};
 use crate::{Case, Trial};
 use backend::{Backend, FrameReport, Hits, Layout, Method, QueryKind, Rays};
 use geom::Aabb;
@@ -17,7 +17,7 @@ type Question = Option<(bool, Discriminant<QueryKind>)>;
 type Key = ((u64, Trial), Method, u64, Question);
 
 /// What the reference shows of a case at one moment.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Answer {
     pub(crate) hits: Hits,
     pub(crate) report: FrameReport,
@@ -60,51 +60,28 @@ impl Reference {
     pub(crate) fn answer(
         &mut self,
         case: &Case,
-        (method, time): (Method, f64),
+        at: (Method, f64),
         rays: Rays<'_>,
         kind: QueryKind,
     ) -> backend::Result<Arc<Answer>> {
-        let question = (matches!(rays, Rays::Camera(_)), discriminant(&kind));
-        self.look(case, (method, time), Some(question), |backend| {
-            let ticket = start(backend, rays, kind)?;
-            let (hits, report) = fetch(backend, ticket)?;
-            let boxes = Vec::new();
-            Ok(Answer {
-                hits,
-                report,
-                boxes,
-            })
-        })
+        self.look(case, at, Some((rays, kind)))
     }
 
     /// The boxes at `time` of the tree built at the case's first moment, and counts of triangles.
-    pub(crate) fn boxes(
-        &mut self,
-        case: &Case,
-        (method, time): (Method, f64),
-    ) -> backend::Result<Arc<Answer>> {
-        self.look(case, (method, time), None, |backend| {
-            let ticket = backend.submit()?;
-            let report = backend.wait(ticket)?;
-            let boxes = backend.inspect().boxes()?;
-            let hits = Hits::default();
-            Ok(Answer {
-                hits,
-                report,
-                boxes,
-            })
-        })
+    pub(crate) fn boxes(&mut self, case: &Case, at: (Method, f64)) -> backend::Result<Arc<Answer>> {
+        self.look(case, at, None)
     }
 
     fn look(
         &mut self,
         case: &Case,
         (method, time): (Method, f64),
-        question: Question,
-        find: impl FnOnce(&mut dyn Backend) -> backend::Result<Answer>,
+        query: Option<(Rays<'_>, QueryKind)>,
     ) -> backend::Result<Arc<Answer>> {
         let method = usual(method);
         let id = self.case.expect("a case was begun");
+        let question =
+            query.map(|(rays, kind)| (matches!(rays, Rays::Camera(_)), discriminant(&kind)));
         let key = (id, method, time.to_bits(), question);
         if let Some(known) = self.known.get(&key) {
             return Ok(Arc::clone(known));
@@ -115,7 +92,15 @@ impl Reference {
             self.loaded = Some(method);
         }
         stand(backend, &case.animation, time)?;
-        let answer = Arc::new(find(backend)?);
+        let mut answer = Answer::default();
+        if let Some((rays, kind)) = query {
+            (answer.hits, answer.report) = ask(backend, rays, kind)?;
+        } else {
+            let ticket = backend.submit()?;
+            answer.report = backend.wait(ticket)?;
+            answer.boxes = backend.inspect().boxes()?;
+        }
+        let answer = Arc::new(answer);
         if self.known.len() >= KEPT {
             self.known.clear();
         }

@@ -6,24 +6,40 @@
 //! at hand beside where it should. Everything that such a shift explains is allowed, nothing else is.
 //! All here is computed in double precision, whose own rounding is beneath notice.
 
-mod line;
-
 use geom::{Animation, Hit, Point, Ray, is_active};
-use line::{Line, Vector, Verdict, distance_to_triangle, length, sub, wide};
+use glam::{DVec2, DVec3};
 
 /// Units in the last place (`2^-24` of the largest coordinate). The transform by an instance, the shift to the ray's
 /// origin, the shear and the edge functions are about 16 roundings; twice that.
 const ULPS: f64 = 32.0;
 
 /// Sizes between which products of three coordinates neither overflow nor vanish in single precision.
-const TAME: [f32; 2] = [1e-9, 1e9];
+const TAME: [f64; 2] = [1e-9, 1e9];
 
 /// The triangles of a scene as they stand at a time.
 pub(crate) struct Verifier {
     /// Active ones, with their indices.
-    triangles: Vec<(u32, [Vector; 3])>,
+    triangles: Vec<(u32, [DVec3; 3])>,
     /// The largest coordinate of all.
     size: f64,
+}
+
+/// A ray, in double precision.
+struct Line {
+    origin: DVec3,
+    direction: DVec3,
+    t_min: f64,
+    t_max: f64,
+    /// How far it may pass from where it should.
+    margin: f64,
+}
+
+/// What a ray does with a triangle that it does not surely miss: at about which `t`, how far off that may be, and whether
+/// it surely hits.
+struct Meeting {
+    t: f64,
+    slack: f64,
+    surely: bool,
 }
 
 impl Verifier {
@@ -34,47 +50,42 @@ impl Verifier {
             .map(|i| (i, animation.corners(pose, i)))
             .filter(|(_, corners)| is_active(corners));
         let triangles: Vec<_> = active.map(|(i, c)| (i, c.map(wide))).collect();
-        let coordinates = triangles.iter().flat_map(|(_, c)| c.iter().flatten());
-        let size = coordinates.fold(0.0_f64, |size, x| size.max(x.abs()));
+        let sizes = triangles.iter().flat_map(|(_, c)| c.map(largest));
+        let size = sizes.fold(0.0, f64::max);
         Self { triangles, size }
     }
 
     /// Whether single precision can be asked about the ray (see [`TAME`]), and a driver too: none looks behind a ray's origin.
     pub(crate) fn admits(&self, ray: &Ray) -> bool {
-        let largest = |p: &Point| p.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
-        let tame = |x: f32| (TAME[0]..=TAME[1]).contains(&x);
-        let size = (self.size as f32).max(largest(&ray.origin));
-        ray.is_valid() && ray.t_min >= 0.0 && tame(size) && tame(largest(&ray.direction))
+        let tame = |x: f64| (TAME[0]..=TAME[1]).contains(&x);
+        let size = self.size.max(largest(wide(ray.origin)));
+        ray.is_valid() && ray.t_min >= 0.0 && tame(size) && tame(largest(wide(ray.direction)))
     }
 
     fn line(&self, ray: &Ray) -> Line {
         let origin = wide(ray.origin);
-        let reach = origin.iter().fold(self.size, |m, x| m.max(x.abs()));
         Line {
             origin,
             direction: wide(ray.direction),
             t_min: f64::from(ray.t_min),
             t_max: f64::from(ray.t_max),
-            margin: ULPS * ulp(reach),
+            margin: ULPS * ulp(self.size.max(largest(origin))),
         }
     }
 
     /// Why `hit` cannot be the closest of the ray; `None` if it may.
     pub(crate) fn refutes(&self, ray: &Ray, hit: &Hit) -> Option<String> {
         let line = self.line(ray);
-        let reported = f64::from(hit.t);
         if hit.is_hit()
             && let Some(why) = self.refutes_hit(&line, hit)
         {
             return Some(why);
         }
         self.triangles.iter().find_map(|(i, corners)| {
-            let Verdict::Hit { t, slack } = line.meets(corners) else {
-                return None;
-            };
-            let nearer = !hit.is_hit() || t + slack < reported;
+            let Meeting { t, slack, surely } = line.meets(corners)?;
+            let nearer = !hit.is_hit() || t + slack < f64::from(hit.t);
             let text = || format!("triangle {i} is surely hit at {t:?}, give or take {slack:e}");
-            (*i != hit.triangle && nearer).then(text)
+            (surely && *i != hit.triangle && nearer).then(text)
         })
     }
 
@@ -84,20 +95,20 @@ impl Verifier {
         let Some((i, corners)) = found else {
             return Some(format!("triangle {} is not there", hit.triangle));
         };
-        let (t, slack) = match line.meets(corners) {
-            Verdict::Missed => return Some(format!("triangle {i} is surely missed")),
-            Verdict::Maybe { t, slack } | Verdict::Hit { t, slack } => (t, slack),
+        let Some(Meeting { t, slack, .. }) = line.meets(corners) else {
+            return Some(format!("triangle {i} is surely missed"));
         };
         let reported = f64::from(hit.t);
         if (reported - t).abs() > slack + 4.0 * ulp(t) {
             return Some(format!("t should be {t:?}, give or take {slack:e}"));
         }
         let [a, b, c] = *corners;
-        let (_, height) = line.inside(corners.map(|p| sub(p, line.origin)));
-        let edges = [sub(b, a), sub(c, b), sub(a, c)].map(length);
-        let longest = edges.into_iter().fold(0.0, f64::max);
-        let allowed = slack * length(line.direction) + line.blur(height) * longest;
-        let off = length(sub(line.at(reported), point_at(corners, hit)));
+        let (_, height) = line.inside(corners.map(|p| p - line.origin));
+        let longest = [b - a, c - b, a - c].map(DVec3::length);
+        let longest = longest.into_iter().fold(0.0, f64::max);
+        let allowed = slack * line.direction.length() + line.blur(height) * longest;
+        let at = line.origin + reported * line.direction;
+        let off = (at - point_at(corners, hit)).length();
         let is_far = off > allowed + 2.0 * line.margin;
         is_far.then(|| format!("u and v are off by {off:e}, more than {allowed:e}"))
     }
@@ -124,10 +135,10 @@ impl Verifier {
         }
         let (_, corners) = self.triangles.iter().find(|(i, _)| *i == hit.triangle)?;
         let (origin, light) = (point_at(corners, hit), wide(light));
-        let reach = light.iter().fold(self.size, |m, x| m.max(x.abs()));
+        let reach = self.size.max(largest(light));
         let margin = ULPS * ulp(reach);
         // On a way no longer than rounding nothing is sure.
-        if length(sub(light, origin)) <= margin {
+        if (light - origin).length() <= margin {
             return None;
         }
         if blocked && distance_to_triangle(light, corners) <= margin {
@@ -136,7 +147,7 @@ impl Verifier {
         let off_surface = 8.0 * ulp(reach) + 64.0 * ulp(extent);
         let line = Line {
             origin,
-            direction: sub(light, origin),
+            direction: light - origin,
             t_min: 0.0,
             t_max: 1.0,
             margin: margin + off_surface,
@@ -145,25 +156,107 @@ impl Verifier {
     }
 
     fn refutes_line(&self, line: &Line, blocked: bool, but: Option<u32>) -> Option<String> {
-        let mut free = true;
-        let asked = |(i, _): &&(u32, _)| Some(*i) != but;
-        for (i, corners) in self.triangles.iter().filter(asked) {
-            match line.meets(corners) {
-                Verdict::Missed => {}
-                Verdict::Maybe { .. } => free = false,
-                Verdict::Hit { t, .. } if !blocked => {
-                    return Some(format!("triangle {i} is surely in the way, at {t:?}"));
-                }
-                Verdict::Hit { .. } => free = false,
-            }
+        let asked = self.triangles.iter().filter(|(i, _)| Some(*i) != but);
+        let mut met = asked.filter_map(|(i, corners)| Some((i, line.meets(corners)?)));
+        if blocked {
+            let free = met.next().is_none();
+            return free.then(|| "every triangle is surely missed".to_owned());
         }
-        (free && blocked).then(|| "every triangle is surely missed".to_owned())
+        let (i, at) = met.find(|(_, at)| at.surely)?;
+        Some(format!("triangle {i} is surely in the way, at {:?}", at.t))
     }
 }
 
-fn point_at([a, b, c]: &[Vector; 3], hit: &Hit) -> Vector {
-    let (u, v) = (f64::from(hit.u), f64::from(hit.v));
-    std::array::from_fn(|i| a[i] + (u * (b[i] - a[i]) + v * (c[i] - a[i])))
+impl Line {
+    /// `None` if it misses the triangle by more than the margin.
+    fn meets(&self, corners: &[DVec3; 3]) -> Option<Meeting> {
+        let from_origin = corners.map(|p| p - self.origin);
+        let (inside, height) = self.inside(from_origin);
+        let (t, slack) = self.about(from_origin, height);
+        let off = t + slack < self.t_min || t - slack > self.t_max;
+        let within = t - slack > self.t_min && t + slack < self.t_max;
+        let surely = inside > self.margin && within;
+        (inside >= -self.margin && !off).then_some(Meeting { t, slack, surely })
+    }
+
+    /// Where along the line the triangle is, and how far off that may be told: the depths of the
+    /// corners are as far off as the margin, and mixed by weights that are off the more, the
+    /// narrower the triangle looks from there.
+    fn about(&self, corners: [DVec3; 3], height: f64) -> (f64, f64) {
+        let square = self.direction.length_squared();
+        let depths = corners.map(|p| p.dot(self.direction) / square);
+        let low = depths.into_iter().fold(f64::INFINITY, f64::min);
+        let high = depths.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        let [a, b, c] = corners;
+        let normal = (b - a).cross(c - a);
+        let t = normal.dot(a) / normal.dot(self.direction);
+        let t = if t.is_finite() { t } else { low };
+        let slack = 2.0 * self.margin / square.sqrt() + self.blur(height) * (high - low);
+        (t.clamp(low, high), slack)
+    }
+
+    /// How far off the weights of a triangle's corners may be, which looks so high at its narrowest.
+    fn blur(&self, height: f64) -> f64 {
+        match height > 0.0 {
+            true => (4.0 * self.margin / height).min(1.0),
+            false => 1.0,
+        }
+    }
+
+    /// How far inside the triangle the line passes (negative: how far outside), and how high the
+    /// triangle looks from there at its narrowest.
+    fn inside(&self, corners: [DVec3; 3]) -> (f64, f64) {
+        let (x, y) = self.direction.normalize().any_orthonormal_pair();
+        let [a, b, c] = corners.map(|p| DVec2::new(p.dot(x), p.dot(y)));
+        let area = (b - a).perp_dot(c - a);
+        let edges = [[a, b], [b, c], [c, a]];
+        let longest = edges.map(|[p, q]| (q - p).length());
+        let height = area.abs() / longest.into_iter().fold(0.0, f64::max);
+        let depth = edges.map(|[p, q]| p.perp_dot(q) * area.signum() / (q - p).length());
+        let depth = depth.into_iter().fold(f64::INFINITY, f64::min);
+        if depth > 0.0 && area != 0.0 {
+            return (depth, height);
+        }
+        let outside = edges.map(|[p, q]| to_segment(p.extend(0.0), q.extend(0.0)));
+        (-outside.into_iter().fold(f64::INFINITY, f64::min), height)
+    }
+}
+
+/// From a point to a closed triangle.
+fn distance_to_triangle(p: DVec3, corners: &[DVec3; 3]) -> f64 {
+    let [a, b, c] = corners.map(|q| q - p);
+    let normal = (b - a).cross(c - a);
+    let edges = [[a, b], [b, c], [c, a]];
+    // Whether the point lies above the inside, seen from either side of the plane.
+    if edges.iter().all(|[q, r]| q.cross(*r).dot(normal) > 0.0) {
+        return a.dot(normal.normalize()).abs();
+    }
+    let to_edge = edges.map(|[q, r]| to_segment(q, r));
+    to_edge.into_iter().fold(f64::INFINITY, f64::min)
+}
+
+/// From the origin to a segment.
+fn to_segment(p: DVec3, q: DVec3) -> f64 {
+    let way = q - p;
+    let square = way.length_squared();
+    let s = match square > 0.0 {
+        true => (-p.dot(way) / square).clamp(0.0, 1.0),
+        false => 0.0,
+    };
+    (p + s * way).length()
+}
+
+fn point_at([a, b, c]: &[DVec3; 3], hit: &Hit) -> DVec3 {
+    a + (f64::from(hit.u) * (b - a) + f64::from(hit.v) * (c - a))
+}
+
+fn wide(p: Point) -> DVec3 {
+    DVec3::from(p.map(f64::from))
+}
+
+/// The largest coordinate.
+fn largest(p: DVec3) -> f64 {
+    p.abs().max_element()
 }
 
 fn ulp(x: f64) -> f64 {

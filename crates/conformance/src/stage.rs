@@ -1,31 +1,44 @@
 //! The few steps of which every question to a backend is made.
 
+use anyhow::bail;
 use backend::{
-    Backend, FrameReport, Generation, Hits, Method, Query, QueryKind, Rays, Result, Ticket,
+    Backend, FrameReport, Generation, Hits, Method, Query, QueryKind, Rays, Result, Snapshot,
+    Ticket,
 };
 use bvh_build::{BinaryTree, Builder, Cancel};
 use bvh_layout::{Converter, Topology};
 use geom::{Animation, Point};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How long a copy of positions may take, its submission being done.
+const TIME_LIMIT: Duration = Duration::from_secs(30);
 
 /// The vertices at a time, by the one formula there is.
-pub(crate) fn vertices(animation: &Animation, time: f64) -> Vec<Point> {
+#[must_use]
+pub fn vertices(animation: &Animation, time: f64) -> Vec<Point> {
     let pose = animation.pose(time);
     let all = 0..animation.vertex_count() as u32;
     all.map(|v| animation.vertex(pose, v)).collect()
 }
 
-/// A tree built for the scene as it stands at `time`, with lists of what moves where they pay.
-pub(crate) fn tree_at(animation: &Animation, time: f64) -> Topology {
-    let vertices = vertices(animation, time);
+/// A tree over these vertices, with lists of what moves where they pay.
+///
+/// # Panics
+/// Never: nobody cancels.
+#[must_use]
+pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
     let mut tree = BinaryTree::default();
-    let boxes = (animation, vertices.as_slice());
-    Builder::new()
-        .build(&boxes, &Cancel::new(), &mut tree)
-        .expect("nobody cancels");
-    Converter::new()
-        .convert(&tree, animation.triangle_count(), Vec::new())
-        .with_moving(animation.static_parts())
+    let built = Builder::new().build(&(animation, vertices), &Cancel::new(), &mut tree);
+    built.expect("nobody cancels");
+    let record = Converter::new().convert(&tree, animation.triangle_count(), Vec::new());
+    record.with_moving(animation.static_parts())
+}
+
+/// Likewise, for the scene as it stands at `time`.
+#[must_use]
+pub fn tree_at(animation: &Animation, time: f64) -> Topology {
+    tree_over(animation, &vertices(animation, time))
 }
 
 /// Loads the scene and adopts a first tree, built at `time`, unless the backend makes its own.
@@ -43,7 +56,10 @@ pub(crate) fn open(
 }
 
 /// Records everything up to the boxes at `time`; a backend that makes its own trees makes one.
-pub(crate) fn stand(backend: &mut dyn Backend, animation: &Animation, time: f64) -> Result<()> {
+///
+/// # Errors
+/// The backend failed; likewise below.
+pub fn stand(backend: &mut dyn Backend, animation: &Animation, time: f64) -> Result<()> {
     backend.interpolate(animation.pose(time))?;
     if backend.makes_own_trees() {
         backend.rebuild(Generation(1))?;
@@ -58,7 +74,10 @@ pub(crate) fn boxes_anew(backend: &mut dyn Backend) -> Result<()> {
 }
 
 /// Records a trace and starts it.
-pub(crate) fn start(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Result<Ticket> {
+///
+/// # Errors
+/// As above.
+pub fn start(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Result<Ticket> {
     backend.trace(Query { rays, kind })?;
     backend.submit()
 }
@@ -79,4 +98,19 @@ pub(crate) fn ask(
 ) -> Result<(Hits, FrameReport)> {
     let ticket = start(backend, rays, kind)?;
     fetch(backend, ticket)
+}
+
+/// Waits for the oldest positions that were requested.
+///
+/// # Errors
+/// As above, or they do not come.
+pub fn next_positions(backend: &mut dyn Backend) -> anyhow::Result<(Ticket, Snapshot)> {
+    let begun = Instant::now();
+    while begun.elapsed() < TIME_LIMIT {
+        if let Some(arrived) = backend.take_positions()? {
+            return Ok(arrived);
+        }
+        std::thread::yield_now();
+    }
+    bail!("no positions came in {TIME_LIMIT:?}")
 }

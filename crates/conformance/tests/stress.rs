@@ -63,13 +63,3 @@ fn whoever_answers_by_another_intersector_is_found_out_whether_worse_or_better()
         assert!(red.len() >= 5, "{asked} for {named}: {red:#?}");
     }
 }
-
-#[test]
-fn a_tree_of_another_time_costs_more_and_changes_nothing() {
-    let mut cpu = CpuBackend::new(Some(2)).unwrap();
-    let test = StressTest::new(Family::Rearranged, &Plan { seed: 2, rays: 64 });
-    let tally = test.ask(&mut cpu, Intersector::Woop).unwrap().unwrap();
-    let rearranged = tally.rearranged.unwrap();
-    assert_eq!(rearranged.dependent, 0);
-    assert!(rearranged.sah_ratio.unwrap() > 2.0, "{rearranged:?}");
-}

@@ -61,6 +61,14 @@ pub struct Wanted {
     pub pixels: bool,
 }
 
+impl Wanted {
+    /// Hits and shadows alone.
+    pub const HITS: Self = Self {
+        hits: true,
+        pixels: false,
+    };
+}
+
 /// What was fetched of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Answers {

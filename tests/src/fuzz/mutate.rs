@@ -3,31 +3,9 @@
 use fastrand::Rng;
 use std::ops::Range;
 
-/// Numbers, and what stands where a number should, that readers stumble over.
-const NUMBERS: [&str; 22] = [
-    "",
-    "0",
-    "-0",
-    "1",
-    "-1",
-    "2",
-    "127",
-    "255",
-    "65535",
-    "65536",
-    "2147483647",
-    "-2147483648",
-    "4294967295",
-    "18446744073709551615",
-    "99999999999999999999",
-    "1e9",
-    "1e38",
-    "-1e999",
-    "1e-50",
-    "nan",
-    "inf",
-    "x",
-];
+/// Numbers, and what stands where a number should, that readers stumble over; the first is nothing.
+const NUMBERS: &str = " 0 -0 1 -1 2 127 255 65535 65536 2147483647 -2147483648 4294967295 18446744073709551615 \
+    99999999999999999999 1e9 1e38 -1e999 1e-50 nan inf x";
 
 /// The most bytes of a file that has been damaged.
 const MAX_BYTES: usize = 1 << 16;
@@ -75,7 +53,8 @@ impl Mutator {
     fn number(&mut self, bytes: &mut Vec<u8>) {
         let all = runs(bytes, |b| b.is_ascii_digit() || b"+-.".contains(&b));
         if let Some(place) = self.rng.choice(all) {
-            let text = self.rng.choice(NUMBERS).unwrap_or_default();
+            let numbers: Vec<&str> = NUMBERS.split(' ').collect();
+            let text = self.rng.choice(numbers).unwrap_or_default();
             bytes.splice(place, text.bytes());
         }
     }
@@ -167,20 +146,13 @@ impl Mutator {
 
 /// The longest stretches of bytes that are all `inside`.
 fn runs(bytes: &[u8], inside: impl Fn(u8) -> bool) -> Vec<Range<usize>> {
-    let mut all = Vec::new();
-    let mut start = None;
-    for (at, &b) in bytes.iter().enumerate() {
-        match (inside(b), start) {
-            (true, None) => start = Some(at),
-            (false, Some(from)) => {
-                all.push(from..at);
-                start = None;
-            }
-            _ => {}
-        }
-    }
-    all.extend(start.map(|from| from..bytes.len()));
-    all
+    let mut end = 0;
+    let stretches = bytes.chunk_by(|&a, &b| inside(a) == inside(b)).map(|run| {
+        let start = end;
+        end += run.len();
+        start..end
+    });
+    stretches.filter(|run| inside(bytes[run.start])).collect()
 }
 
 /// Sets right the lengths within a GLB and an NPY file, by where their text ends.

@@ -2,13 +2,11 @@
 
 use crate::Subject;
 use crate::scenes::{
-    SHADOWED, arrive, bits, camera, go, hits, open, open_laid, positions, rays, report, see, stand,
-    swarm, tree_at,
+    SHADOWED, arrive, bits, camera, go, hits, look, open, open_laid, positions, rays, report, see,
+    stand, swarm, tree_at,
 };
-use backend::{Backend, BackendError, Generation, Layout, Method, Query, QueryKind, Rays};
-use geom::Animation;
+use backend::{Backend, BackendError, Generation, Layout, Query, QueryKind, Rays};
 use std::collections::VecDeque;
-use std::sync::Arc;
 use std::time::Instant;
 
 pub(crate) fn results_last_for_two_more_traces(backend: &mut dyn Subject) {
@@ -75,26 +73,32 @@ pub(crate) fn stages_are_timed_by_one_clock(backend: &mut dyn Subject) {
     assert_eq!((times.begun_ms, times.refit_ms), (None, None));
 }
 
-pub(crate) fn another_scene_forgets_the_first(backend: &mut dyn Subject) {
-    let (first, second) = (swarm(500), swarm(30));
-    let mut held = Vec::new();
-    for animation in [&second, &first, &second, &first] {
+/// Of a scene of 20,000 triangles, and given back with it; a trace takes what its rays need.
+pub(crate) fn device_memory_is_counted_and_given_back(backend: &mut dyn Subject) {
+    let (large, small) = (swarm(20_000), swarm(20));
+    let mut bytes = |animation| {
         open(backend, animation);
-        held.push(backend.device_bytes().unwrap().total());
-        assert!(backend.take_positions().unwrap().is_none());
         stand(backend, animation, 0.5);
-        let found = see(backend, Rays::List(&rays(64)), QueryKind::Closest);
-        assert_eq!(found.closest.len(), 64);
-        // Left under way, with a recording begun, for the next scene to drop.
-        stand(backend, animation, 0.6);
         backend.request_positions().unwrap();
         backend.submit().unwrap();
-        backend.interpolate(animation.pose(0.7)).unwrap();
+        backend.device_bytes().unwrap()
+    };
+    let [before, with, after] = [&small, &large, &small].map(&mut bytes);
+    // Three keys and two positions of 36 bytes, corners, records, nodes, lists.
+    let scene = 20_000 * (5 * 36 + 12);
+    let tree = large.live_count() as u64 * (48 + 64 + 8);
+    for (bytes, least) in [(with.scene, scene), (with.tree, tree)] {
+        let about = bytes >= least && bytes < least + least / 10;
+        assert!(about, "{with:?}: {bytes} of {least}");
     }
-    // Nodes and records alone take 112 bytes a triangle.
-    assert!(held[1] > held[0] + 400 * 112, "{held:?}");
-    let about = held[1]..held[1] + held[0];
-    assert!(about.contains(&held[3]), "{held:?}");
+    // Where a record waits to be sent, it takes less than that.
+    assert!(with.scratch < 20_000 * 10, "{with:?}");
+    assert!(before.total() < 1 << 20, "{before:?}");
+    assert_eq!((after.scene, after.tree), (before.scene, before.tree));
+    go(backend, Rays::Camera(&camera()), SHADOWED);
+    let grown = backend.device_bytes().unwrap().frames - after.frames;
+    let least = 20 * camera().pixels() as u64;
+    assert!((least..least + 64).contains(&grown), "{grown}");
 }
 
 pub(crate) fn steady_frames_make_no_buffers(backend: &mut dyn Subject) {
@@ -159,16 +163,6 @@ pub(crate) fn snapshots_hold_the_vertices_of_their_frame(backend: &mut dyn Subje
     assert!(backend.take_positions().unwrap().is_none());
 }
 
-pub(crate) fn a_wrong_tree_is_refused_and_the_old_one_stays(backend: &mut dyn Subject) {
-    let animation = swarm(50);
-    open(backend, &animation);
-    let refused = backend.adopt(&tree_at(&swarm(40), 0.0), Generation(2));
-    let is_wrong = matches!(refused, Err(BackendError::WrongTree(_)));
-    assert!(is_wrong, "{refused:?}");
-    stand(backend, &animation, 0.5);
-    see(backend, Rays::List(&rays(8)), QueryKind::Closest);
-}
-
 pub(crate) fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once(
     backend: &mut dyn Subject,
 ) {
@@ -177,9 +171,8 @@ pub(crate) fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once(
     open(backend, &animation);
     stand(backend, &animation, 0.5);
     // Hits take 16 bytes a pixel.
-    let (eye, up) = ([0.3, 0.2, 3.0], [0.0, 1.0, 0.0]);
     let side = ((limit / 16) as f64).sqrt() as u32 + 1;
-    let camera = geom::Camera::look_at(eye, [0.0; 3], up, 50.0, [side, side]).unwrap();
+    let camera = look([0.3, 0.2, 3.0], [0.0; 3], (50.0, [side, side]));
     let (rays_of, kind) = (Rays::Camera(&camera), QueryKind::Closest);
     let refused = backend.trace(Query {
         rays: rays_of,
@@ -188,42 +181,6 @@ pub(crate) fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once(
     let is_named = matches!(refused, Err(BackendError::Limit { need, .. }) if need > limit);
     assert!(is_named, "{refused:?}");
     let found = see(backend, Rays::List(&rays(8)), kind);
-    assert_eq!(found.closest.len(), 8);
-}
-
-/// Triangles of a scene that just outgrows a buffer: nodes take 64 bytes a triangle, and triangles may share corners.
-fn too_many(backend: &dyn Subject) -> u64 {
-    backend.max_buffer_bytes() / 64 + 2
-}
-
-/// Why a scene that outgrows a buffer is not for this machine's own memory.
-pub(crate) fn lacks_small_buffers(backend: &dyn Subject) -> Option<String> {
-    let triangles = too_many(backend);
-    (triangles > 10_000_000).then(|| format!("it takes {triangles} triangles to outgrow a buffer"))
-}
-
-pub(crate) fn a_scene_too_large_is_refused_with_both_numbers_and_a_small_one_still_goes(
-    backend: &mut dyn Subject,
-) {
-    let (triangles, limit) = (too_many(backend), backend.max_buffer_bytes());
-    let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-    let list = vec![[0, 1, 2]; triangles as usize];
-    let huge = Arc::new(Animation::new(vec![corners], list).unwrap());
-    match backend.load(huge, Method::default()) {
-        Err(BackendError::Limit {
-            what,
-            need,
-            limit: found,
-        }) => {
-            assert!(what.contains("nodes"), "{what}");
-            assert!(need > limit && found == limit, "{need} {found}");
-        }
-        other => panic!("{other:?}"),
-    }
-    let small = swarm(50);
-    open(backend, &small);
-    stand(backend, &small, 0.5);
-    let found = see(backend, Rays::List(&rays(8)), QueryKind::Closest);
     assert_eq!(found.closest.len(), 8);
 }
 

@@ -13,7 +13,6 @@ mod queues;
 mod rasterization;
 mod rebuild;
 mod scenes;
-mod twins;
 mod wgpu_calls;
 mod wgpu_lent;
 
@@ -103,44 +102,34 @@ macro_rules! named {
 const SHARED: &[Test] = named![
     frames::results_last_for_two_more_traces,
     frames::stages_are_timed_by_one_clock,
-    frames::another_scene_forgets_the_first,
     frames::steady_frames_make_no_buffers,
+    frames::device_memory_is_counted_and_given_back,
     frames::snapshots_hold_the_vertices_of_their_frame,
-    frames::a_wrong_tree_is_refused_and_the_old_one_stays,
     frames::a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once,
-    geometry::the_deepest_tree_is_refitted_and_traced_from_either_end,
     geometry::a_submission_may_hold_any_number_of_stages,
-    geometry::triangles_are_counted_at_the_last_positions_alone,
     geometry::the_cost_of_a_tree_is_the_references,
     geometry::layouts_differ_in_memory_alone,
     geometry::a_flat_triangle_is_counted_at_a_key_frame_though_it_vanishes_after_it,
-    geometry::a_cameras_rays_meet_anything_as_the_list_of_them_does,
     geometry::an_empty_tree_is_missed_by_all,
     pictures::a_device_shades_as_the_host_does,
     pictures::nothing_is_shaded_without_a_palette,
+    geometry::large_trees_have_the_references_boxes,
 ];
 
 /// What kernels do, for which one device suffices.
 const OF_KERNELS: &[Test] = named![
     geometry::treelets_that_stand_still_are_passed_over_to_the_last_bit,
-    geometry::large_trees_have_the_same_boxes_in_either_layout,
     rasterization::triangles_find_the_rays_that_find_them,
     rasterization::each_ray_goes_by_itself_where_triangles_cover_too_much,
     rebuild::trees_of_any_size_are_whole,
-    rebuild::boxes_are_those_that_a_refit_of_the_same_tree_finds,
     rebuild::two_triangles_in_a_row_share_a_leaf_if_a_ray_can_hit_both,
     rebuild::no_tree_is_too_deep_for_the_traversal,
-    rebuild::extreme_coordinates_make_a_tree,
-    rebuild::equal_triangles_make_a_tree_without_long_paths,
+    rebuild::extreme_and_equal_coordinates_make_a_tree,
     rebuild::triangles_are_sorted_by_their_keys_and_equal_keys_keep_their_order,
     rebuild::a_tree_made_here_costs_hardly_more_than_the_hosts,
     packets::rays_together_find_what_each_finds_by_itself,
     packets::what_lies_beside_the_picture_covers_none_of_it,
 ];
-
-/// What needs a device whose buffers are small enough for the host to outgrow them.
-const OF_SMALL_BUFFERS: &[Test] =
-    named![frames::a_scene_too_large_is_refused_with_both_numbers_and_a_small_one_still_goes];
 
 /// What ends with the device.
 const FRESH: &[LastTest] = named![
@@ -158,23 +147,16 @@ const OF_THREE_QUEUES: &[(&str, fn())] = named![
     queues::positions_on_their_way_are_not_written_over,
     queues::frames_go_on_though_nothing_comes_down_or_goes_up,
 ];
-const OF_DRIVERS_TREES: &[(&str, fn())] = named![
-    drivers_trees::the_drivers_trees_are_hit_where_the_references_are,
-    drivers_trees::the_drivers_work_is_timed_and_counting_is_not,
-    drivers_trees::a_scene_without_live_triangles_is_hit_by_nothing,
-    drivers_trees::trees_of_others_are_refused,
-];
+const OF_DRIVERS_TREES: &[(&str, fn())] =
+    named![drivers_trees::the_drivers_work_is_timed_and_trees_of_others_are_refused];
 const OF_WGPU: &[(&str, fn())] = named![
-    twins::every_variant_answers_as_its_twins_do,
     wgpu_calls::a_steady_frame_makes_no_buffer_and_no_bind_group,
-    wgpu_calls::device_memory_is_counted_and_given_back,
     wgpu_lent::a_lent_device_without_features_gives_the_same_hits,
     wgpu_lent::a_scene_too_large_is_refused_by_its_limit,
     wgpu_lent::a_device_with_too_few_buffers_is_refused,
     wgpu_lent::a_lent_device_with_features_is_timed_and_keeps_its_handlers,
     wgpu_lent::stages_are_timed_each_whether_they_share_a_pass_or_not,
     wgpu_lent::every_verb_after_a_loss_is_an_error_and_no_panic,
-    wgpu_lent::a_lost_device_is_an_error_and_no_panic,
 ];
 
 fn main() -> ExitCode {
@@ -183,10 +165,7 @@ fn main() -> ExitCode {
         || vulkan().map(|b| Box::new(b) as Box<dyn Subject>),
         || wgpu().map(|b| Box::new(b) as Box<dyn Subject>),
     );
-    let (no_vulkan, no_small) = match open_vulkan() {
-        Ok(backend) => (None, frames::lacks_small_buffers(&*backend)),
-        Err(e) => (Some(e.to_string()), Some(e.to_string())),
-    };
+    let no_vulkan = open_vulkan().err().map(|e| e.to_string());
     let no_wgpu = open_wgpu().err().map(|e| e.to_string());
     let no_rays = gpu_vulkan_rt::ray_adapters().err().map(|e| e.to_string());
     let no_queues = no_vulkan.clone().or_else(queues::lacks_queues);
@@ -197,14 +176,8 @@ fn main() -> ExitCode {
     ] {
         let excused = absent.as_deref().filter(|_| !is_required(name));
         let once = Arc::new(LazyLock::new(move || Mutex::new(open().unwrap())));
-        let none: &[_] = &[];
-        let [own, small] = match name {
-            "vulkan" => [OF_KERNELS, OF_SMALL_BUFFERS],
-            _ => [none; 2],
-        };
-        let usual = SHARED.iter().chain(own).map(|law| (law, excused));
-        let small = small.iter().map(|law| (law, no_small.as_deref()));
-        for (&(law, body), excused) in usual.chain(small) {
+        let own = if name == "vulkan" { OF_KERNELS } else { &[] };
+        for &(law, body) in SHARED.iter().chain(own) {
             let once = Arc::clone(&once);
             let body = move || {
                 let mut subject = once.lock().unwrap_or_else(PoisonError::into_inner);

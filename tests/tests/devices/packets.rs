@@ -2,11 +2,12 @@
 
 use crate::Subject;
 use crate::scenes::{
-    apart, cameras, check_picture, laid, look, numbers, open_laid, positions, swarm, tree_at,
-    tree_of,
+    SQUARE, apart, cameras, check_picture, laid, look, numbers, open_laid, positions, swarm,
+    tree_at,
 };
 use backend::{Generation, Layout};
 use bvh_layout::Topology;
+use conformance::record;
 use geom::{Animation, Camera, Point};
 use shaders::BufferName;
 use std::sync::Arc;
@@ -32,11 +33,9 @@ fn layers() -> Arc<Animation> {
 /// Forty leaves one below the other, and below them all others, halved again and again: wide nodes at three levels.
 fn comb(animation: &Animation) -> Topology {
     let order = tree_at(animation, 0.0).leaf_triangles().to_vec();
-    let triangles = animation.triangle_count() as u32;
-    tree_of(triangles, &order, |depth, first, end| match depth {
-        0..40 => first + 1,
-        _ => first.midpoint(end),
-    })
+    let split = |depth, leaves| if depth < 40 { 1 } else { leaves / 2 };
+    let words = record(animation.triangle_count(), &order, split);
+    Topology::from_words(words).unwrap()
 }
 
 pub(crate) fn rays_together_find_what_each_finds_by_itself(backend: &mut dyn Subject) {
@@ -83,7 +82,7 @@ pub(crate) fn what_lies_beside_the_picture_covers_none_of_it(backend: &mut dyn S
     open_laid(backend, &animation, Layout::Fast);
     // A few of those astride the eye's plane reach into what is seen from amid; past all of them none does.
     let amid = cameras()[1];
-    let past = look([0.0, 3.0, 0.0], [0.0, 3.0, -5.0], 40.0);
+    let past = look([0.0, 3.0, 0.0], [0.0, 3.0, -5.0], (40.0, SQUARE));
     check_picture(backend, (&animation, 0.0), &amid);
     let [_, triangles] = everywhere(backend, &animation, &tree);
     assert!((1..astride(&animation, &amid) / 8).contains(&triangles));

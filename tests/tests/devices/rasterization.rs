@@ -2,7 +2,8 @@
 
 use crate::Subject;
 use crate::scenes::{
-    SHADOWED, apart, cameras, check_picture, look, numbers, open_laid, positions, see, swarm,
+    SHADOWED, SQUARE, apart, cameras, check_picture, look, numbers, open_laid, positions, see,
+    swarm,
 };
 use backend::{Layout, Rays};
 use geom::{Animation, Point};
@@ -92,7 +93,7 @@ pub(crate) fn triangles_find_the_rays_that_find_them(backend: &mut dyn Subject) 
     // A swarm that moves, of which some are inactive at times, refitted.
     let swarm = swarm(9000);
     open_laid(backend, &swarm, Layout::Fast);
-    let far = look([2.0, 8.0, 30.0], [0.0; 3], 50.0);
+    let far = look([2.0, 8.0, 30.0], [0.0; 3], (50.0, SQUARE));
     for (time, camera) in [0.0, 0.3, 1.0].into_iter().zip([&far, &far, &cameras()[0]]) {
         check_picture(backend, (&swarm, time), camera);
     }
@@ -110,7 +111,7 @@ pub(crate) fn each_ray_goes_by_itself_where_triangles_cover_too_much(backend: &m
         assert!(!told_all(backend), "{triangles} triangles");
     }
     // They are tried again after a while, and then there is less to cover.
-    let away = look([0.0, 0.0, 3.0], [0.0, 0.0, 9.0], 50.0);
+    let away = look([0.0, 0.0, 3.0], [0.0, 0.0, 9.0], (50.0, SQUARE));
     let mut tried = (0..1000).map(|_| {
         see(backend, Rays::Camera(&away), SHADOWED);
         told_all(backend)

@@ -1,14 +1,13 @@
 //! Small scenes and the few sentences in which trials are written.
 
 use backend::{
-    Backend, FrameReport, Generation, Hits, Layout, Method, Query, QueryKind, Rays, Snapshot,
-    Ticket,
+    Backend, FrameReport, Generation, Hits, Layout, Method, QueryKind, Rays, Snapshot, Ticket,
 };
-use bvh_build::{BinaryTree, Builder, Cancel};
-use bvh_layout::{Converter, Topology};
+use conformance::stage::{self, next_positions};
 use geom::{Animation, Camera, Point, Ray};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+
+pub(crate) use conformance::stage::{tree_at, vertices as positions};
 
 /// Numbers in -1..1 that are the same everywhere (SplitMix64).
 pub(crate) fn numbers(seed: u64) -> impl FnMut() -> f32 {
@@ -49,76 +48,8 @@ pub(crate) fn apart(keys: Vec<Vec<Point>>) -> Arc<Animation> {
     Arc::new(Animation::new(keys, triangles).unwrap())
 }
 
-/// A tree over the scene as it stands at `time`.
-pub(crate) fn tree_at(animation: &Animation, time: f64) -> Topology {
-    let vertices = positions(animation, time);
-    let mut tree = BinaryTree::default();
-    let boxes = (animation, vertices.as_slice());
-    let built = Builder::new().build(&boxes, &Cancel::new(), &mut tree);
-    built.unwrap();
-    Converter::new().convert(&tree, animation.triangle_count(), Vec::new())
-}
-
-/// A tree by hand, over a scene of so many triangles and leaves in this order: `split` says, by depth, where among a node's
-/// leaves, the first and the end, its right child begins.
-pub(crate) fn tree_of(
-    triangles: u32,
-    order: &[u32],
-    split: impl Fn(usize, u32, u32) -> u32,
-) -> Topology {
-    let n = order.len() as u32;
-    let (mut inner_counts, mut is_leaf, mut leaves) = (Vec::new(), Vec::new(), Vec::new());
-    let mut level = vec![(0, n)];
-    while !level.is_empty() {
-        let mut next = Vec::new();
-        for &(first, end) in &level {
-            is_leaf.push(end - first == 1);
-            if end - first == 1 {
-                leaves.push(order[first as usize]);
-                continue;
-            }
-            let middle = split(inner_counts.len(), first, end);
-            next.extend([(first, middle), (middle, end)]);
-        }
-        inner_counts.push(next.len() as u32 / 2);
-        level = next;
-    }
-    let levels = inner_counts.len() as u32;
-    let mut words = vec![
-        Topology::MAGIC,
-        Topology::VERSION,
-        triangles,
-        n,
-        levels,
-        0,
-        0,
-        0,
-    ];
-    words.extend(inner_counts);
-    let (mut bits, mut ranks, mut before) = (Vec::new(), Vec::new(), 0);
-    for part in is_leaf.chunks(32) {
-        let all = part.iter().zip(0..);
-        let set = all.fold(0_u32, |set, (&leaf, bit)| set | u32::from(leaf) << bit);
-        bits.push(set);
-        ranks.push(before);
-        before += set.count_ones();
-    }
-    words.extend(bits);
-    words.extend(ranks);
-    words.extend(leaves);
-    Topology::from_words(words).unwrap()
-}
-
-/// Every vertex as it stands at `time`.
-pub(crate) fn positions(animation: &Animation, time: f64) -> Vec<Point> {
-    let pose = animation.pose(time);
-    let all = 0..animation.vertex_count() as u32;
-    all.map(|v| animation.vertex(pose, v)).collect()
-}
-
 pub(crate) fn camera() -> Camera {
-    let (eye, up) = ([0.3, 0.2, 3.0], [0.0, 1.0, 0.0]);
-    Camera::look_at(eye, [0.0; 3], up, 50.0, [70, 43]).unwrap()
+    look([0.3, 0.2, 3.0], [0.0; 3], (50.0, [70, 43]))
 }
 
 /// Rays through the scene from all sides, some of them not valid.
@@ -161,15 +92,12 @@ pub(crate) fn laid(layout: Layout) -> Method {
 
 /// Records all that comes before a trace.
 pub(crate) fn stand(backend: &mut dyn Backend, animation: &Animation, time: f64) {
-    backend.interpolate(animation.pose(time)).unwrap();
-    backend.preprocess().unwrap();
-    backend.refit().unwrap();
+    stage::stand(backend, animation, time).unwrap();
 }
 
 /// Records a trace and submits.
 pub(crate) fn go(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Ticket {
-    backend.trace(Query { rays, kind }).unwrap();
-    backend.submit().unwrap()
+    stage::start(backend, rays, kind).unwrap()
 }
 
 pub(crate) fn hits(backend: &mut dyn Backend, ticket: Ticket) -> Hits {
@@ -204,31 +132,28 @@ pub(crate) fn check_picture(
     assert!(together == apart, "{camera:?} at {time}");
 }
 
-pub(crate) fn look(eye: Point, target: Point, fov: f32) -> Camera {
-    Camera::look_at(eye, target, [0.0, 1.0, 0.0], fov, [130, 126]).unwrap()
+pub(crate) fn look(eye: Point, target: Point, (fov, size): (f32, [u32; 2])) -> Camera {
+    Camera::look_at(eye, target, [0.0, 1.0, 0.0], fov, size).unwrap()
 }
+
+/// Pixels of most pictures.
+pub(crate) const SQUARE: [u32; 2] = [130, 126];
 
 /// From outside, from amid the triangles, past them, closely, and from far away.
 pub(crate) fn cameras() -> [Camera; 5] {
     [
-        look([0.3, 0.2, 3.0], [0.0; 3], 50.0),
-        look([0.1, 0.0, -0.1], [0.4, 0.3, 0.2], 120.0),
-        look([1.5, 1.4, 1.6], [1.5, -3.0, 1.0], 90.0),
-        look([2.0, 1.0, 3.0], [0.1, 0.2, 0.0], 4.0),
-        look([300.0, 200.0, 3e3], [0.0; 3], 0.1),
+        ([0.3, 0.2, 3.0], [0.0; 3], 50.0),
+        ([0.1, 0.0, -0.1], [0.4, 0.3, 0.2], 120.0),
+        ([1.5, 1.4, 1.6], [1.5, -3.0, 1.0], 90.0),
+        ([2.0, 1.0, 3.0], [0.1, 0.2, 0.0], 4.0),
+        ([300.0, 200.0, 3e3], [0.0; 3], 0.1),
     ]
+    .map(|(eye, target, fov)| look(eye, target, (fov, SQUARE)))
 }
 
 /// Waits for the oldest positions that were asked for.
 pub(crate) fn arrive(backend: &mut dyn Backend) -> (Ticket, Snapshot) {
-    let begun = Instant::now();
-    while begun.elapsed() < Duration::from_secs(60) {
-        if let Some(arrived) = backend.take_positions().unwrap() {
-            return arrived;
-        }
-        std::thread::yield_now();
-    }
-    panic!("the positions never arrived");
+    next_positions(backend).unwrap()
 }
 
 /// Bits of finite coordinates; what is not a number may be so in many ways.

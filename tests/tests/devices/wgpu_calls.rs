@@ -1,10 +1,9 @@
 //! What a frame asks of wgpu, in counts that are the same on every machine.
 
-use crate::scenes::{SHADOWED, arrive, camera, go, open, open_laid, stand, swarm, tree_at};
-use backend::{Backend, DeviceBytes, Generation, Layout, Method, Rays};
+use crate::scenes::{SHADOWED, arrive, camera, go, open_laid, stand, swarm, tree_at};
+use backend::{Backend, Generation, Layout, Rays};
 use bvh_layout::{Topology, Treelets};
 use gpu_wgpu::{CallCounts, Options, WgpuBackend};
-use std::sync::Arc;
 
 /// One frame as the program renders it: positions go back every third time.
 fn frame(backend: &mut WgpuBackend, animation: &geom::Animation, i: u32) -> CallCounts {
@@ -81,39 +80,4 @@ fn tally_of_steady_frames(layout: Layout) {
     let spent = frame(&mut backend, &animation, 48);
     assert_eq!(spent.dispatches, 2 + 1 + refits(&tree, layout) + rays);
     assert_eq!((spent.buffers, spent.submissions), (0, 1));
-}
-
-pub(crate) fn device_memory_is_counted_and_given_back() {
-    let (large, small) = (swarm(20_000), swarm(20));
-    let mut backend = WgpuBackend::new(&Options::default()).unwrap();
-    let mut bytes = |animation| -> DeviceBytes {
-        let method = Method::default();
-        backend.load(Arc::clone(animation), method).unwrap();
-        backend.device_bytes().unwrap()
-    };
-    let [before, with] = [bytes(&small), bytes(&large)];
-    // Three keys and two positions of 36 bytes, corners, records, nodes, lists.
-    let (scene, tree) = (
-        20_000 * (5 * 36 + 12),
-        large.live_count() as u64 * (48 + 64 + 8),
-    );
-    for (bytes, least) in [(with.scene, scene), (with.tree, tree)] {
-        let about = bytes >= least && bytes < least + least / 10;
-        assert!(about, "{with:?}: {bytes} of {least}");
-    }
-    assert!(before.total() < 1 << 20 && with.scratch == 0);
-    assert_eq!(bytes(&small), before);
-    open(&mut backend, &small);
-    stand(&mut backend, &small, 0.5);
-    let without = backend.device_bytes();
-    go(&mut backend, Rays::Camera(&camera()), SHADOWED);
-    let rays = camera().pixels() as u64;
-    let grown = backend.device_bytes().zip(without).map(|(a, b)| {
-        assert_eq!((a.tree, a.scene), (b.tree, b.scene));
-        a.frames - b.frames
-    });
-    assert!(
-        grown.is_some_and(|g| g >= 20 * rays && g < 20 * rays + 64),
-        "{grown:?}"
-    );
 }

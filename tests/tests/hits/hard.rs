@@ -1,58 +1,49 @@
 //! Rays that take devices more work than most: far away, at ties, at hits that a first search leaves open.
 
-use crate::exact::{Device, check_on};
-use crate::ridges;
-use backend::{Hits, Intersector, QueryKind, Rays};
+use crate::exact::check;
+use backend::{Backend, Hits, Intersector, Layout, Method, QueryKind, Rays};
+use conformance::oracle::Oracle;
 use conformance::{Target, aimed};
-use geom::{Animation, Camera, Ray};
+use geom::{Animation, Camera, Point, Ray};
 use integration::stage::{Stage, camera, light, method};
-use libtest_mimic::{Failed, Trial};
+use libtest_mimic::Trial;
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
-pub(crate) fn trials(device: Device) -> [Trial; 7] {
-    [
-        device.trial("rays_from_far_away", far_rays),
-        device.trial("rays_through_a_hub", hubs),
-        device.trial("rays_through_a_stack", stacks),
-        device.trial("pictures_from_far_away", pictures),
-        device.trial("watertight_is_not_wrong_without_a_word", watertight),
-        device.trial("shadows_of_hits_that_were_left_open", doubled),
-        device.trial("shadows_of_the_candidates_of_few_open_hits", ridges::test),
-    ]
+type Opened = backend::Result<Box<dyn Backend>>;
+
+/// One a device, ignored where there is none.
+pub(crate) fn trials() -> Vec<Trial> {
+    let vulkan = gpu_vulkan::VulkanBackend::new(&Default::default());
+    let wgpu = gpu_wgpu::WgpuBackend::new(&Default::default());
+    let both: [(&str, Opened); 2] = [
+        ("vulkan", vulkan.map(|b| Box::new(b) as _)),
+        ("wgpu", wgpu.map(|b| Box::new(b) as _)),
+    ];
+    let trial = |(name, backend): (&str, Opened)| {
+        let (there, why) = (
+            backend.is_ok(),
+            backend.as_ref().err().map(ToString::to_string),
+        );
+        let test = Trial::test(format!("hard_rays_on_{name}"), move || {
+            let backend = against_the_oracle(backend?);
+            against_the_host(watertight(backend));
+            Ok(())
+        });
+        test.with_ignored_flag(!there)
+            .with_kind(why.unwrap_or_default())
+    };
+    both.map(trial).into()
 }
 
-/// `exact` on the device.
-fn exact(device: Device, animation: &Arc<Animation>) -> backend::Result<Stage> {
-    let by = method(Intersector::Exact);
-    Ok(Stage::over(device.open()?, animation, by))
+fn open(demo: &str) -> Arc<Animation> {
+    scene::open(demo, &scene::Options::default())
+        .unwrap()
+        .animation
 }
 
-/// The host's hits must be the device's, bit for bit.
-pub(crate) fn same(expected: &Hits, found: &Hits) -> Result<(), Failed> {
-    let hits = expected.closest.iter().zip(&expected.blocked);
-    let others = found.closest.iter().zip(&found.blocked);
-    match hits.zip(others).enumerate().find(|(_, (a, b))| a != b) {
-        _ if expected.closest.len() != found.closest.len() => Err("other numbers of hits".into()),
-        Some((i, (a, b))) => Err(format!("pixel {i}: {b:?}, not {a:?}").into()),
-        None => Ok(()),
-    }
-}
-
-fn cloth() -> Result<Arc<Animation>, Failed> {
-    let opened = scene::open("demo:twist:1500", &scene::Options::default());
-    Ok(opened.map_err(|e| e.to_string())?.animation)
-}
-
-/// From where every triangle is a candidate, and from where rounded arithmetic says nothing at all.
-fn far_rays(device: Device) -> Result<(), Failed> {
-    let animation = cloth()?;
-    let mut stage = exact(device, &animation)?;
-    for distance in [1e6, 1e22, 1e25] {
-        let rays = aimed(&animation, 0.0, Target::Vertex, distance, 60);
-        check_on(&mut stage, &animation, 0.0, &rays)?;
-    }
-    Ok(())
+fn still(points: Vec<Point>, triangles: Vec<[u32; 3]>) -> Arc<Animation> {
+    Arc::new(Animation::new(vec![points], triangles).unwrap())
 }
 
 /// So many triangles round one corner, and another corner of each on a circle.
@@ -61,33 +52,28 @@ fn hub(triangles: u32) -> Arc<Animation> {
         let (y, x) = (i as f32 * TAU / triangles as f32).sin_cos();
         [x, y, 0.25 * (i % 3) as f32]
     };
-    let points = [[0.0, 0.0, 0.5]]
-        .into_iter()
-        .chain((0..triangles).map(spoke));
+    let mut points = vec![[0.0, 0.0, 0.5]];
+    points.extend((0..triangles).map(spoke));
     let ring = (0..triangles).map(|i| [0, 1 + i, 1 + (i + 1) % triangles]);
-    Arc::new(Animation::new(vec![points.collect()], ring.collect()).expect("a scene"))
+    still(points, ring.collect())
 }
 
 /// Rays through the hub, that begin before themselves, too: those are left to numbers of any length.
-fn hubs(device: Device) -> Result<(), Failed> {
-    let animation = hub(500);
-    let mut stage = exact(device, &animation)?;
+fn through_hub() -> Vec<Ray> {
     let from = |x: f32, y: f32, t_min: f32| Ray {
         t_min,
         ..Ray::new([x, y, 3.0], [-x, -y, -2.5])
     };
     let places = (0..12).map(|i| [0.5 * (i % 4) as f32 - 0.75, 0.5 * (i / 4) as f32 - 0.5]);
-    let rays: Vec<_> = places
+    places
         .flat_map(|[x, y]| [0.0, 0.5, 1.0, -1.0, f32::NEG_INFINITY].map(|t| from(x, y, t)))
-        .collect();
-    check_on(&mut stage, &animation, 0.0, &rays)
+        .collect()
 }
 
 /// So many triangles in one place.
 fn stack(triangles: usize) -> Arc<Animation> {
     let points = vec![[0.0, 0.0, 1.0], [3.0, 0.0, 1.0], [0.0, 3.0, 1.0]];
-    let all = vec![[0, 1, 2]; triangles];
-    Arc::new(Animation::new(vec![points], all).expect("a scene"))
+    still(points, vec![[0, 1, 2]; triangles])
 }
 
 /// The search itself takes more turns than there are.
@@ -95,52 +81,122 @@ const TALL: usize = 30_000;
 /// The search does not, but going through its notes does.
 const LOWER: usize = 12_000;
 
-fn down(x: f32) -> Ray {
-    Ray::new([x, 0.5, 4.0], [0.25, 0.125, -3.0])
+/// Through the stack and beside it.
+fn down() -> Vec<Ray> {
+    let down = |x: f32| Ray::new([x, 0.5, 4.0], [0.25, 0.125, -3.0]);
+    vec![down(0.5), down(9.0)]
 }
 
-fn stacks(device: Device) -> Result<(), Failed> {
-    for triangles in [TALL, LOWER] {
-        let animation = stack(triangles);
-        let mut stage = exact(device, &animation)?;
-        check_on(&mut stage, &animation, 0.0, &[down(0.5), down(9.0)])?;
+fn against_the_oracle(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
+    // From where every triangle is a candidate, and from where rounded arithmetic says nothing at all.
+    let cloth = open("demo:twist:1500");
+    let far = [1e6, 1e22, 1e25].map(|far| aimed(&cloth, 0.0, Target::Vertex, far, 60));
+    for (animation, rays) in [
+        (cloth, far.concat()),
+        (hub(500), through_hub()),
+        (stack(TALL), down()),
+        (stack(LOWER), down()),
+    ] {
+        let mut stage = Stage::over(backend, &animation, method(Intersector::Exact));
+        let oracle = Oracle::at(&animation, animation.pose(0.0));
+        check(&mut stage, &oracle, 0.0, &rays);
+        backend = stage.into_backend();
     }
-    Ok(())
+    backend
 }
 
 /// Right, or refused.
-fn watertight(device: Device) -> Result<(), Failed> {
-    let animation = stack(TALL);
-    let by = method(Intersector::Watertight);
-    let mut stage = Stage::over(device.open()?, &animation, by);
+fn watertight(backend: Box<dyn Backend>) -> Box<dyn Backend> {
+    let mut stage = Stage::over(backend, &stack(TALL), method(Intersector::Watertight));
     stage.plant(0.0);
-    let rays = [down(0.5), down(9.0)];
-    match stage.try_trace(0.0, Rays::List(&rays), QueryKind::Closest) {
-        Ok(hits) if hits.closest[0].triangle == 0 && !hits.closest[1].is_hit() => Ok(()),
-        other => Err(format!("{other:?}").into()),
+    let hits = stage.closest(0.0, &down()).closest;
+    assert!(hits[0].triangle == 0 && !hits[1].is_hit(), "{hits:?}");
+    stage.into_backend()
+}
+
+/// A camera's rays and their shadows, which kernels make by themselves.
+struct Picture {
+    animation: Arc<Animation>,
+    time: f64,
+    layout: Layout,
+    camera: Camera,
+    light: Point,
+    /// Whether the host's hits are such that a device's can be told right from wrong.
+    tells: fn(&Hits) -> bool,
+}
+
+/// The host's hits must be the device's, bit for bit.
+fn against_the_host(mut backend: Box<dyn Backend>) {
+    for picture in pictures() {
+        let method = Method {
+            intersector: Intersector::Exact,
+            layout: picture.layout,
+        };
+        let kind = QueryKind::ClosestAndShadow {
+            light: picture.light,
+        };
+        let ask = |stage: &mut Stage| {
+            stage.plant(0.0);
+            stage.trace(picture.time, Rays::Camera(&picture.camera), kind)
+        };
+        let mut device = Stage::over(backend, &picture.animation, method);
+        let expected = ask(&mut Stage::new(&picture.animation, Intersector::Exact, 2));
+        let found = ask(&mut device);
+        assert!(
+            (picture.tells)(&expected),
+            "too few to tell: {:?}",
+            picture.camera
+        );
+        let pixels = |hits: Hits| hits.closest.into_iter().zip(hits.blocked);
+        let mut pairs = pixels(expected).zip(pixels(found)).enumerate();
+        let other = pairs.find(|(_, (a, b))| a != b);
+        assert!(other.is_none(), "{other:?} by {:?}", picture.camera);
+        backend = device.into_backend();
     }
 }
 
-/// A camera's rays and their shadows, which kernels make by themselves, are those of the host, bit for bit.
-fn pictures(device: Device) -> Result<(), Failed> {
-    let animation = cloth()?;
-    let mut host = Stage::new(&animation, Intersector::Exact, 2);
-    let mut stage = exact(device, &animation)?;
-    host.plant(0.0);
-    stage.plant(0.0);
-    for (distance, light) in [(3.0, 1e6), (1e6, 3.0), (1e25, 1e7)] {
-        let camera = camera_at(distance, &animation);
-        let kind = QueryKind::ClosestAndShadow {
-            light: [0.3 * light, light, 0.2 * light],
-        };
-        let rays = Rays::Camera(&camera);
-        let [expected, found] = [&mut host, &mut stage].map(|s| s.trace(0.0, rays, kind));
-        if expected.closest.iter().all(|h| !h.is_hit()) {
-            return Err(format!("from {distance}: no hits").into());
-        }
-        same(&expected, &found)?;
-    }
-    Ok(())
+fn pictures() -> Vec<Picture> {
+    let cloth = open("demo:twist:1500");
+    let far = |(distance, light): (f32, f32)| Picture {
+        animation: Arc::clone(&cloth),
+        time: 0.0,
+        layout: Layout::Bvh2,
+        camera: camera_at(distance, &cloth),
+        light: [0.3 * light, light, 0.2 * light],
+        tells: |hits| hits.closest.iter().any(|h| h.is_hit()),
+    };
+    let mut all: Vec<_> = [(3.0, 1e6), (1e6, 3.0), (1e25, 1e7)].map(far).into();
+    let doubled = twice(&open("demo:collide:2000"));
+    all.push(Picture {
+        time: 0.4 * doubled.end(),
+        layout: Layout::Bvh2,
+        camera: camera(&doubled, [150, 90]),
+        light: light(&doubled),
+        tells: |hits| {
+            let count = hits.closest.iter().filter(|h| h.is_hit()).count();
+            let blocked = hits.blocked.iter().filter(|&&b| b == 1).count();
+            count >= 1000 && blocked >= 100 && blocked + 100 <= count
+        },
+        animation: doubled,
+    });
+    let ridges = ridges();
+    all.extend(Layout::ALL.map(|layout| Picture {
+        animation: Arc::clone(&ridges),
+        time: 0.0,
+        layout,
+        camera: over_ridges(),
+        light: [40.0, 0.3, 6.0],
+        tells: |hits| {
+            let on_crests = || hits.closest.iter().zip(&hits.blocked).step_by(2);
+            let of = |dark: u8| {
+                on_crests()
+                    .filter(|(h, b)| h.is_hit() && **b == dark)
+                    .count()
+            };
+            of(0) >= 60 && of(1) >= 60
+        },
+    }));
+    all
 }
 
 /// As far away as that along an axis, with the scene in the middle of the picture.
@@ -153,33 +209,57 @@ fn camera_at(distance: f32, animation: &Animation) -> Camera {
 
 /// Every triangle twice, and some once more, turned round: every hit is a tie, so that a device's first search leaves
 /// them all open, and their shadows too.
-fn twice(animation: &Animation) -> Result<Arc<Animation>, Failed> {
+fn twice(animation: &Animation) -> Arc<Animation> {
     let triangles = animation.triangles();
     let turned = triangles.iter().step_by(3).map(|&[a, b, c]| [b, c, a]);
     let all = triangles.iter().chain(triangles).copied().chain(turned);
-    let frames = animation.keys().to_vec();
-    let doubled = Animation::new(frames, all.collect()).map_err(|e| e.to_string())?;
-    Ok(Arc::new(doubled))
+    Arc::new(Animation::new(animation.keys().to_vec(), all.collect()).unwrap())
 }
 
-fn doubled(device: Device) -> Result<(), Failed> {
-    let opened = scene::open("demo:collide:2000", &scene::Options::default());
-    let animation = twice(&opened.map_err(|e| e.to_string())?.animation)?;
-    let time = 0.4 * animation.end();
-    let camera = camera(&animation, [150, 90]);
-    let kind = QueryKind::ClosestAndShadow {
-        light: light(&animation),
-    };
-    let rays = Rays::Camera(&camera);
-    let ask = |mut stage: Stage| {
-        stage.plant(0.0);
-        stage.try_trace(time, rays, kind)
-    };
-    let expected = ask(Stage::new(&animation, Intersector::Exact, 2))?;
-    let hits = expected.closest.iter().filter(|h| h.is_hit()).count();
-    let blocked = expected.blocked.iter().filter(|&&b| b == 1).count();
-    if hits < 1000 || blocked < 100 || blocked + 100 > hits {
-        return Err(format!("{hits} hits, {blocked} in shadow: too few to tell").into());
+/// Ridges, and stretches of each.
+const RIDGES: i16 = 16;
+const STRETCHES: i16 = 40;
+/// Rows of pixels, none of which meets the end of a stretch.
+const ROWS: u32 = 12;
+
+/// Steep on the left, gentle on the right; of every other ridge the left slope comes first. Rays along a crest have both
+/// slopes as candidates, of which one lies in shadow there. So few hits are open that a device seeks the shadows of
+/// their candidates before it knows which of them it is.
+fn ridges() -> Arc<Animation> {
+    let (mut points, mut triangles) = (Vec::<Point>::new(), Vec::new());
+    for ridge in 0..RIDGES {
+        let crest = f32::from(2 * (ridge - RIDGES / 2));
+        for stretch in 0..STRETCHES {
+            let y = f32::from(stretch - STRETCHES / 2);
+            let at = points.len() as u32;
+            for (x, z) in [(crest - 0.25, -1.0), (crest, 0.0), (crest + 1.75, -1.0)] {
+                points.extend([[x, y, z], [x, y + 1.0, z]]);
+            }
+            let slope = |v: u32| [[v, v + 2, v + 1], [v + 2, v + 3, v + 1]];
+            let mut both = [slope(at), slope(at + 2)];
+            if ridge % 2 == 1 {
+                both.reverse();
+            }
+            triangles.extend(both.concat());
+        }
     }
-    same(&expected, &ask(exact(device, &animation)?)?)
+    // In a plane with the eye and the first column of pixels, whose rays so miss it.
+    let at = points.len() as u32;
+    points.extend([[-18.0, -8.0, 0.0], [-18.0, 8.0, 0.0], [-9.0, 0.0, 8.0]]);
+    triangles.push([at, at + 1, at + 2]);
+    still(points, triangles)
+}
+
+/// One column of pixels for each crest and one between, seen from above, and two beside the ridges.
+fn over_ridges() -> Camera {
+    Camera {
+        eye: [0.0, 0.0, 16.0],
+        width: 2 * RIDGES as u32 + 2,
+        corner: [f32::from(-RIDGES) - 2.5, ROWS as f32 / 2.0 + 0.75, -16.0],
+        height: ROWS,
+        across: [1.0, 0.0, 0.0],
+        pad0: 0,
+        down: [0.0, -1.0, 0.0],
+        pad1: 0,
+    }
 }

@@ -3,10 +3,7 @@
 mod exact;
 mod hard;
 mod limits;
-mod ridges;
 mod schedule;
-mod soup;
-mod verifier;
 mod watertight;
 
 use integration::scenes::{DEMOS, REAL};
@@ -15,17 +12,22 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let arguments = Arguments::from_args();
-    let scenes = DEMOS.into_iter().chain(REAL);
-    let mut trials: Vec<Trial> = scenes
-        .flat_map(|source| {
-            let [limits, exact] = [limits::trials(source), exact::of_scene(source)];
-            let judged = watertight::trials(source);
-            limits.into_iter().chain(exact).chain(judged)
-        })
-        .collect();
-    trials.extend(soup::trials());
-    trials.extend(exact::trials());
-    trials.extend(exact::Device::ALL.into_iter().flat_map(hard::trials));
+    let mut trials: Vec<Trial> = Vec::new();
+    for scene in DEMOS.into_iter().chain(REAL) {
+        trials.push(scene.trial("limits_cut_where_hits_are", limits::cut_where_hits_are));
+        trials.push(scene.trial("every_pixels_shadow", exact::shadows));
+        trials.push(scene.trial("every_pixel_and_rays_at_edges_and_vertices", exact::rays));
+    }
+    trials.extend(hard::trials());
     trials.extend(schedule::trials());
+    for (name, test) in [
+        ("odd_scenes", exact::odd_scenes as fn()),
+        ("soup::every_answer_can_be_explained", watertight::soups),
+    ] {
+        trials.push(Trial::test(name, move || {
+            test();
+            Ok(())
+        }));
+    }
     libtest_mimic::run(&arguments, trials).exit_code()
 }

@@ -1,10 +1,10 @@
 //! The whole pipeline on the `cpu` backend: whatever the builder's timing, the hits are right.
 
-use backend::{Hits, Intersector, Method, QueryKind, Rays};
-use geom::{Animation, Camera};
+use backend::{Hits, Intersector, Method, Query, QueryKind, Rays};
+use geom::Animation;
 use integration::stage::{Stage, camera, light};
-use libtest_mimic::{Failed, Trial};
-use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Pace, PipelineError, Update, Wanted};
+use libtest_mimic::Trial;
+use pipeline::{Answers, Driver, DriverOptions, Frame, FrameRecord, Pace, PipelineError, Update, Wanted};
 use std::sync::Arc;
 
 const FRAMES: u64 = 24;
@@ -12,10 +12,12 @@ const FRAMES: u64 = 24;
 const AT_REST: usize = 4;
 
 pub(crate) fn trials() -> [Trial; 2] {
-    [false, true].map(|predict| {
-        let name = ["from_read_back_vertices", "ahead"][usize::from(predict)];
+    [("from_read_back_vertices", false), ("ahead", true)].map(|(name, predict)| {
         let name = format!("schedule::frames_are_right_with_trees_{name}");
-        Trial::test(name, move || frames_are_right(predict))
+        Trial::test(name, move || {
+            frames_are_right(predict);
+            Ok(())
+        })
     })
 }
 
@@ -34,19 +36,13 @@ fn frames(animation: &Animation) -> impl Iterator<Item = Frame> {
     })
 }
 
-/// What is traced in each frame.
-fn query<'a>(camera: &'a Camera, animation: &Animation) -> (Rays<'a>, QueryKind) {
-    let light = light(animation);
-    (Rays::Camera(camera), QueryKind::ClosestAndShadow { light })
-}
-
 /// Renders all frames under `update`; gives each frame's record and hits.
 fn render(
     animation: &Arc<Animation>,
-    camera: &Camera,
+    query: Query<'_>,
     (update, predict): (Update, bool),
-) -> Result<Vec<(FrameRecord, Hits)>, Failed> {
-    let backend = cpu_ref::CpuBackend::new(Some(2))?;
+) -> Vec<(FrameRecord, Hits)> {
+    let backend = Box::new(cpu_ref::CpuBackend::new(Some(2)).unwrap());
     let options = DriverOptions {
         method: Method::default(),
         update,
@@ -54,33 +50,26 @@ fn render(
         time_range: [0.0, animation.end()],
         predict,
     };
-    let mut driver = Driver::new(Box::new(backend), Arc::clone(animation), options)?;
-    let (rays, kind) = query(camera, animation);
-    let query = backend::Query { rays, kind };
+    let mut driver = Driver::new(backend, Arc::clone(animation), options).unwrap();
     let mut done = Vec::new();
-    driver.run::<PipelineError>(
-        frames(animation),
-        query,
-        Wanted {
-            hits: true,
-            pixels: false,
-        },
-        |record, found| {
-            done.push((record.clone(), found.hits.clone()));
-            Ok(())
-        },
-    )?;
-    Ok(done)
+    let keep = |record: &FrameRecord, found: &mut Answers| {
+        done.push((record.clone(), found.hits.clone()));
+        Ok(())
+    };
+    let run = driver.run::<PipelineError>(frames(animation), query, Wanted::HITS, keep);
+    run.unwrap();
+    done
 }
 
 /// No frame is traced with stale positions, frames come in order, and generations rise only where a tree is adopted.
-fn frames_are_right(predict: bool) -> Result<(), Failed> {
+fn frames_are_right(predict: bool) {
     let scene = scene::open("demo:shatter:12000", &scene::Options::default());
-    let animation = scene?.animation;
-    let camera = camera(&animation, [80, 60]);
+    let animation = scene.unwrap().animation;
+    let (camera, light) = (camera(&animation, [80, 60]), light(&animation));
+    let rays = Rays::Camera(&camera);
+    let kind = QueryKind::ClosestAndShadow { light };
     // Each frame by itself, with a tree of its own.
     let mut stage = Stage::new(&animation, Intersector::Watertight, 1);
-    let (rays, kind) = query(&camera, &animation);
     let alone = frames(&animation).map(|frame| {
         stage.plant(frame.time);
         stage.trace(frame.time, rays, kind)
@@ -96,7 +85,7 @@ fn frames_are_right(predict: bool) -> Result<(), Failed> {
         (Update::Async(Pace::Lockstep(1)), 6..=moving),
         (Update::Async(Pace::Lockstep(5)), 2..=moving),
     ] {
-        let done = render(&animation, &camera, (update, predict))?;
+        let done = render(&animation, Query { rays, kind }, (update, predict));
         assert_eq!(done.len(), expected.len());
         let mut newest = 0;
         for (i, ((record, hits), expected)) in done.iter().zip(&expected).enumerate() {
@@ -112,5 +101,4 @@ fn frames_are_right(predict: bool) -> Result<(), Failed> {
         let count = done.iter().filter(|(r, _)| r.adopted.is_some()).count();
         assert!(adopted.contains(&count), "{update:?} adopts {count} trees");
     }
-    Ok(())
 }

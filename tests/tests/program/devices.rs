@@ -1,9 +1,9 @@
 //! Backends and adapters: taken by name, left to `auto`, or not there at all.
 
-use crate::bad::npy_of;
+use crate::bad::npy;
 use crate::hits::array;
-use crate::sandbox::{Run, SQUARE, Sandbox, ensure, trial};
-use libtest_mimic::{Failed, Trial};
+use crate::sandbox::{SQUARE, Sandbox, list, trial};
+use libtest_mimic::Trial;
 use serde_json::{Value, json};
 use std::ffi::OsStr;
 use std::sync::LazyLock;
@@ -41,13 +41,14 @@ static NO_WGPU: LazyLock<Option<String>> =
 static NOT_ABSENT: LazyLock<Option<String>> = LazyLock::new(|| None);
 
 impl Subject {
-    /// A trial that shows as ignored, with the reason, where the backend is absent.
+    /// A trial of the backend of that name, ignored, with the reason, where it is absent.
     pub(crate) fn trial(
         self,
-        name: &str,
-        body: impl FnOnce(&Sandbox) -> Result<(), Failed> + Send + 'static,
+        what: &str,
+        body: impl FnOnce(&Sandbox, &str) + Send + 'static,
     ) -> Trial {
-        let trial = trial(name, body);
+        let name = format!("{what}::{}", self.name);
+        let trial = trial(&name, move |s| body(s, self.name));
         match self.absent.as_ref() {
             None => trial,
             Some(why) => trial
@@ -61,196 +62,153 @@ pub(crate) fn trials() -> Vec<Trial> {
     let mut trials = vec![
         trial("devices::info_keeps_its_schema", info),
         trial("devices::auto_says_what_it_took_and_why", says_why),
-        trial("devices::adapters_of_no_backend_are_refused", no_adapter),
         trial("devices::without_a_driver", |s| lacking(s, &NO_DRIVER)),
-        trial("devices::no_window_system_is_asked_for", windowless),
         trial("devices::rays_that_are_none_miss", invalid_rays),
+        trial("devices::the_host_makes_no_trees_on_a_device", |s| {
+            let words = format!("{RENDER} --backend cpu --update device-rebuild");
+            s.refuses(&words, &["cpu does not support trees made on the device"]);
+        }),
     ];
     if cfg!(target_os = "linux") {
         trials.push(trial("devices::without_a_loader", without_a_loader));
     }
-    for backend in BACKENDS.into_iter().chain([HOST]) {
-        let name = |what: &str| format!("devices::{}::{what}", backend.name);
-        let of = |what: &str, body: fn(&Sandbox, &str) -> Result<(), Failed>| {
-            backend.trial(&name(what), move |s| body(s, backend.name))
-        };
-        trials.push(of("it_can_do_what_info_lists_and_no_more", methods));
-        trials.push(of("adapters_are_found_or_listed", adapters));
-    }
-    for backend in BACKENDS {
-        let name = format!("devices::{}::trees_made_on_it_change_no_hit", backend.name);
-        trials.push(backend.trial(&name, move |s| trees_made_there(s, backend.name)));
-    }
-    trials.push(trial("devices::the_host_makes_no_trees_on_a_device", |s| {
-        let run = s.run(&format!("{RENDER} --backend cpu --update device-rebuild"));
-        run.fails(2, &["cpu does not support trees made on the device"])
-    }));
+    let all = BACKENDS.into_iter().chain([HOST]);
+    trials.extend(all.map(|b| b.trial("devices::what_info_lists_can_be_had", as_listed)));
+    let made = |b: Subject| b.trial("devices::trees_made_on_it_change_no_hit", trees_made_there);
+    trials.extend(BACKENDS.map(made));
     trials
 }
 
 /// The same files as with trees of the host's, and a time for each tree.
-fn trees_made_there(sandbox: &Sandbox, backend: &str) -> Result<(), Failed> {
+fn trees_made_there(sandbox: &Sandbox, backend: &str) {
     let words = "render demo:collide:2000 --frames 4 --size 40x30 --no-images --quiet";
-    let with = |options: &str| sandbox.run(&format!("{words} {options}")).succeeds();
-    with("--backend cpu --update rebuild --hits host")?;
-    with(&format!(
-        "--backend {backend} --update device-rebuild --hits made --stats s.json"
-    ))?;
+    sandbox.does(&format!(
+        "{words} --backend cpu --update rebuild --hits host"
+    ));
+    let there = format!("--backend {backend} --update device-rebuild --hits made --stats s.json");
+    sandbox.does(&format!("{words} {there}"));
     for frame in 0..4 {
         let [a, b] = ["host", "made"].map(|d| sandbox.read(&format!("{d}/hits_{frame:04}.npz")));
-        ensure(a == b, || format!("frame {frame} differs"))?;
+        assert!(a == b, "frame {frame} differs");
     }
-    let stats = sandbox.json("s.json")?;
-    let frames = stats["frames"].as_array().ok_or("no frames")?;
+    let stats = sandbox.json("s.json");
     let made = |f: &&Value| f["adopted"] == true && f["tree_age_frames"] == 0;
-    let count = frames.iter().filter(made).count();
-    ensure(count == 4, || format!("{count} trees"))
-}
-
-/// Libraries of window systems complain on standard error where theirs does not run.
-fn windowless(sandbox: &Sandbox) -> Result<(), Failed> {
-    let [display, folder] = ["wayland-0", ""].map(OsStr::new);
-    let nowhere = [("WAYLAND_DISPLAY", display), ("XDG_RUNTIME_DIR", folder)];
-    let run = sandbox.run_where("info", &nowhere).succeeds()?;
-    ensure(run.stderr.is_empty(), || run.stderr)
+    assert_eq!(list(&stats["frames"]).iter().filter(made).count(), 4);
 }
 
 const RENDER: &str = "render demo:twist:100 --frames 1 --size 8x8 --no-images";
 
-fn parsed(run: Run) -> Result<Value, Failed> {
-    Ok(serde_json::from_str(&run.succeeds()?.stdout)?)
-}
-
 /// The entry of a list whose `key` is `value`.
-fn entry<'a>(list: &'a Value, key: &str, value: &str) -> Result<&'a Value, Failed> {
-    let all = list.as_array().map_or(&[][..], Vec::as_slice);
-    let found = all.iter().find(|e| e[key] == value);
-    found.ok_or_else(|| format!("no {key} {value} in {list}").into())
+fn entry<'a>(all: &'a Value, key: &str, value: &str) -> &'a Value {
+    let found = list(all).iter().find(|e| e[key] == value);
+    found.unwrap_or_else(|| panic!("no {key} {value} in {all}"))
 }
 
-fn info(sandbox: &Sandbox) -> Result<(), Failed> {
-    let info = parsed(sandbox.run("info --json"))?;
-    ensure(
+fn info(sandbox: &Sandbox) {
+    let info = sandbox.run("info --json").parsed();
+    assert!(
         info["schema"] == 1 && info["auto"]["why"].is_string(),
-        || info.to_string(),
-    )?;
+        "{info}"
+    );
     for name in ["cpu", "vulkan", "wgpu"] {
-        let backend = entry(&info["backends"], "backend", name)?;
-        let adapters = backend["adapters"].as_array().map_or(0, Vec::len);
-        ensure(backend["absent"].is_string() == (adapters == 0), || {
-            backend.to_string()
-        })?;
-        for i in 0..adapters {
-            let adapter = &backend["adapters"][i];
+        let backend = entry(&info["backends"], "backend", name);
+        let adapters = backend["adapters"]
+            .as_array()
+            .map_or(&[][..], Vec::as_slice);
+        assert!(
+            backend["absent"].is_string() == adapters.is_empty(),
+            "{backend}"
+        );
+        for (i, adapter) in adapters.iter().enumerate() {
             let kind = adapter["kind"].as_str().unwrap_or_default();
-            ensure(
-                adapter["index"] == i && ["gpu", "cpu", "software"].contains(&kind),
-                || adapter.to_string(),
-            )?;
+            let known = ["gpu", "cpu", "software"].contains(&kind);
+            assert!(adapter["index"] == i && known, "{adapter}");
         }
     }
-    let text = sandbox.run("info").succeeds()?.stdout;
-    ensure(text.lines().all(|l| l.chars().count() <= 100), || text)
+    // Libraries of window systems complain on standard error where theirs does not run.
+    let [display, folder] = ["wayland-0", ""].map(OsStr::new);
+    let nowhere = [("WAYLAND_DISPLAY", display), ("XDG_RUNTIME_DIR", folder)];
+    let run = sandbox.run_where("info", &nowhere).succeeds();
+    assert_eq!(run.stderr, "");
+    assert!(
+        run.stdout.lines().all(|l| l.chars().count() <= 100),
+        "{}",
+        run.stdout
+    );
 }
 
 /// The same on standard error, in the statistics, and as `info` and `inspect` foretell.
-fn says_why(sandbox: &Sandbox) -> Result<(), Failed> {
-    let run = sandbox
-        .run(&format!("{RENDER} --stats s.json"))
-        .succeeds()?;
-    let stats = sandbox.json("s.json")?;
-    let taken = entry(&stats["auto"], "what", "backend")?;
-    ensure(taken["takes"] == stats["backend"], || stats.to_string())?;
+fn says_why(sandbox: &Sandbox) {
+    let run = sandbox.does(&format!("{RENDER} --stats s.json"));
+    let stats = sandbox.json("s.json");
+    let taken = entry(&stats["auto"], "what", "backend");
+    assert!(taken["takes"] == stats["backend"], "{stats}");
     let [takes, why] = ["takes", "why"].map(|key| taken[key].as_str().unwrap_or_default());
     let remark = format!("backend auto takes {takes}: {why}");
-    ensure(run.stderr.lines().any(|l| l == remark), || run.stderr)?;
-    ensure(
-        &parsed(sandbox.run("info --json"))?["auto"] == taken,
-        || format!("info foretells something other than {taken}"),
-    )?;
-    let inspected = parsed(sandbox.run("inspect demo:twist:100 --json"))?;
-    ensure(
-        entry(&inspected["auto"], "what", "backend")? == taken,
-        || inspected.to_string(),
-    )
-}
-
-fn no_adapter(sandbox: &Sandbox) -> Result<(), Failed> {
-    let run = sandbox.run(&format!("{RENDER} --adapter voodoo"));
-    run.fails(2, &["backend has an adapter 'voodoo'", "cpu 0: host"])
+    assert!(run.stderr.lines().any(|l| l == remark), "{}", run.stderr);
+    assert_eq!(&sandbox.run("info --json").parsed()["auto"], taken);
+    let inspected = sandbox.run("inspect demo:twist:100 --json").parsed();
+    assert_eq!(entry(&inspected["auto"], "what", "backend"), taken);
+    let says = ["backend has an adapter 'voodoo'", "cpu 0: host"];
+    sandbox.refuses(&format!("{RENDER} --adapter voodoo"), &says);
 }
 
 const NOWHERE: &str = "/nonexistent";
 const NO_DRIVER: [(&str, &str); 2] = [("VK_DRIVER_FILES", NOWHERE), ("VK_ICD_FILENAMES", NOWHERE)];
 
 /// A file that is no library stands where the loader would be found first.
-fn without_a_loader(sandbox: &Sandbox) -> Result<(), Failed> {
+fn without_a_loader(sandbox: &Sandbox) {
     sandbox.write("lib/libvulkan.so.1", "");
     let folder = sandbox.path().join("lib");
-    let folder = folder.to_str().ok_or("a temporary folder has a name")?;
-    lacking(sandbox, &[("LD_LIBRARY_PATH", folder)])
+    lacking(sandbox, &[("LD_LIBRARY_PATH", folder.to_str().unwrap())]);
 }
 
 /// Where graphics drivers are out of reach, the host renders, and nobody stands in for a backend that was named.
-fn lacking(sandbox: &Sandbox, variables: &[(&str, &str)]) -> Result<(), Failed> {
-    // Metal and DirectX 12 need no Vulkan.
-    let wgpu_too = cfg!(target_os = "linux");
+fn lacking(sandbox: &Sandbox, variables: &[(&str, &str)]) {
     let variables: Vec<_> = (variables.iter())
         .map(|&(name, value)| (name, OsStr::new(value)))
         .collect();
     let run = |words: &str| sandbox.run_where(words, &variables);
-    let info = parsed(run("info --json"))?;
-    let reason = entry(&info["backends"], "backend", "vulkan")?["absent"].as_str();
-    let reason = reason.ok_or_else(|| info.to_string())?;
-    run(&format!("{RENDER} --backend vulkan"))
-        .fails(2, &["backend vulkan cannot run: no device", reason])?;
-    if !wgpu_too {
-        return Ok(());
+    let info = run("info --json").parsed();
+    let reason = entry(&info["backends"], "backend", "vulkan")["absent"].as_str();
+    let reason = reason.unwrap();
+    let says = ["backend vulkan cannot run: no device", reason];
+    run(&format!("{RENDER} --backend vulkan")).fails(2, &says);
+    // Metal and DirectX 12 need no Vulkan.
+    if cfg!(not(target_os = "linux")) {
+        return;
     }
-    run(&format!("{RENDER} --backend wgpu")).fails(2, &["backend wgpu cannot run: no device"])?;
-    let rendered = run(&format!("{RENDER} --hits h")).succeeds()?;
+    run(&format!("{RENDER} --backend wgpu")).fails(2, &["backend wgpu cannot run: no device"]);
+    let rendered = run(&format!("{RENDER} --hits h")).succeeds();
     let remark = format!("backend auto takes cpu: vulkan cannot run: {reason}");
-    ensure(rendered.stderr.contains(&remark), || rendered.stderr)?;
-    ensure(info["auto"]["takes"] == "cpu", || info.to_string())?;
-    array::<u32>(sandbox, "h/hits_0000.npz", "triangle").map(|_| ())
+    assert!(rendered.stderr.contains(&remark), "{}", rendered.stderr);
+    assert!(info["auto"]["takes"] == "cpu", "{info}");
+    array::<u32>(sandbox, "h/hits_0000.npz", "triangle");
 }
 
-/// What `info` lists can be had, and that is all there is.
-fn methods(sandbox: &Sandbox, backend: &str) -> Result<(), Failed> {
-    let info = parsed(sandbox.run("info --json"))?;
-    let lists = entry(&info["backends"], "backend", backend)?;
+/// Intersectors, layouts and the first adapter; and no other adapter.
+fn as_listed(sandbox: &Sandbox, backend: &str) {
+    let info = sandbox.run("info --json").parsed();
+    let lists = entry(&info["backends"], "backend", backend);
     let intersectors = ["moller-trumbore", "woop", "watertight", "exact"];
-    let complete =
-        lists["intersectors"] == json!(intersectors) && lists["layouts"] == json!(["bvh2", "fast"]);
-    ensure(complete, || lists.to_string())?;
+    assert_eq!(lists["intersectors"], json!(intersectors));
+    assert_eq!(lists["layouts"], json!(["bvh2", "fast"]));
+    let adapter = lists["adapters"][0]["name"].as_str().unwrap();
+    let render = format!("{RENDER} --backend {backend} --adapter");
     for (intersector, layout) in intersectors.iter().zip(["bvh2", "fast", "bvh2", "fast"]) {
-        let words = format!("--intersector {intersector} --layout {layout}");
-        sandbox
-            .run(&format!("{RENDER} --backend {backend} {words}"))
-            .succeeds()?;
+        let how = format!("0 --intersector {intersector} --layout {layout}");
+        let stdout = sandbox.does(&format!("{render} {how}")).stdout;
+        assert!(stdout.contains(adapter), "{stdout}");
     }
-    ensure(sandbox.files().is_empty(), || "it left files".to_owned())
-}
-
-fn adapters(sandbox: &Sandbox, backend: &str) -> Result<(), Failed> {
-    let info = parsed(sandbox.run("info --json"))?;
-    let adapters = &entry(&info["backends"], "backend", backend)?["adapters"];
-    let name = adapters[0]["name"]
-        .as_str()
-        .ok_or("an adapter has a name")?;
-    let render =
-        |adapter: &str| sandbox.run(&format!("{RENDER} --backend {backend} --adapter {adapter}"));
-    let stdout = render("0").succeeds()?.stdout;
-    ensure(stdout.contains(name), || stdout)?;
+    assert!(sandbox.files().is_empty(), "it left files");
     for none in ["999999", "voodoo"] {
-        let says = format!("backend {backend} has no adapter '{none}'; there is 0: {name}");
-        render(none).fails(2, &[&says])?;
+        let says = format!("backend {backend} has no adapter '{none}'; there is 0: {adapter}");
+        sandbox.refuses(&format!("{render} {none}"), &[&says]);
     }
-    Ok(())
 }
 
 /// Rays without a direction, with one that is infinite, from nowhere: all miss. The last one hits.
-fn invalid_rays(sandbox: &Sandbox) -> Result<(), Failed> {
+fn invalid_rays(sandbox: &Sandbox) {
     let (inf, nan) = (f32::INFINITY, f32::NAN);
     let rays = [
         [0.6, 0.3, 1.0, 0.0, 0.0, 0.0],
@@ -261,20 +219,20 @@ fn invalid_rays(sandbox: &Sandbox) -> Result<(), Failed> {
         [0.6, 0.3, 1.0, 0.0, 0.0, -1.0],
     ];
     let bytes: Vec<u8> = rays
+        .as_flattened()
         .iter()
-        .flatten()
-        .flat_map(|x: &f32| x.to_le_bytes())
+        .flat_map(|x| x.to_le_bytes())
         .collect();
-    sandbox.write("rays.npy", npy_of("<f4", "(6, 6)", &bytes));
+    sandbox.write("rays.npy", npy("<f4", "(6, 6)", &bytes));
     sandbox.write("a.obj", SQUARE);
     let words = "trace a.obj --time 0 --rays rays.npy --out hits.npz --backend cpu";
-    sandbox.run(words).succeeds()?;
-    let (_, triangles) = array::<u32>(sandbox, "hits.npz", "triangle")?;
+    sandbox.does(words);
     let miss = u32::MAX;
-    ensure(triangles == [miss, miss, miss, miss, miss, 0], || {
-        format!("{triangles:?}")
-    })?;
-    sandbox.run(&format!("{words} --any-hit")).succeeds()?;
-    let (_, hit) = array::<u8>(sandbox, "hits.npz", "hit")?;
-    ensure(hit == [0, 0, 0, 0, 0, 1], || format!("{hit:?}"))
+    let triangles = array::<u32>(sandbox, "hits.npz", "triangle").1;
+    assert_eq!(triangles, [miss, miss, miss, miss, miss, 0]);
+    sandbox.does(&format!("{words} --any-hit"));
+    assert_eq!(
+        array::<u8>(sandbox, "hits.npz", "hit").1,
+        [0, 0, 0, 0, 0, 1]
+    );
 }

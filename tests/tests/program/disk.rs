@@ -2,72 +2,51 @@
 //!
 //! A tiny tmpfs in a namespace of its own, where this machine lets us have one.
 
-use crate::sandbox::{Run, Sandbox, ensure};
+use crate::sandbox::{Run, Sandbox, trial};
 use integration::program::abvh;
-use libtest_mimic::{Failed, Trial};
+use libtest_mimic::Trial;
 use std::path::Path;
 use std::process::{Command, Output};
 
 pub(crate) fn trials() -> Vec<Trial> {
-    let cases = [
-        (
-            "pictures",
-            "render demo:twist:500 --size 640x480 --frames 1 --quiet --out full",
-        ),
-        (
-            "hits",
-            "render demo:twist:500 --size 160x120 --frames 2 --no-images --quiet --hits full",
-        ),
-        (
-            "rays",
-            "render demo:twist:500 --size 160x120 --frames 1 --no-images --quiet --rays-out full/rays.npy",
-        ),
-    ];
-    let possible =
-        on_full_disk(Sandbox::new().path(), "true", &[]).is_ok_and(|o| o.status.success());
-    let trial = |(name, words): (&str, &'static str)| {
-        let trial = Trial::test(
-            format!("disk::a_full_one_leaves_no_half_file::{name}"),
-            move || full(words),
-        );
-        if possible {
-            return trial;
-        }
-        trial
-            .with_ignored_flag(true)
-            .with_kind("needs leave to mount a tmpfs")
-    };
-    cases.into_iter().map(trial).collect()
+    let tried = on_full_disk(Sandbox::new().path(), Path::new("true"), "");
+    let possible = tried.is_ok_and(|o| o.status.success());
+    let trial = trial("disk::a_full_one_leaves_no_half_file", full);
+    let lacks = trial.with_ignored_flag(!possible);
+    vec![lacks.with_kind(if possible {
+        ""
+    } else {
+        "needs leave to mount a tmpfs"
+    })]
 }
 
-fn full(words: &'static str) -> Result<(), Failed> {
-    let sandbox = Sandbox::new();
-    let program = abvh().to_string_lossy();
-    let args: Vec<&str> = words.split(' ').collect();
-    let output = on_full_disk(sandbox.path(), &program, &args)?;
-    let run = Run::of(&output, words);
-    let left = run.stdout.lines().last().unwrap_or_default().to_owned();
-    run.fails(1, &["full", "space"])?;
-    ensure(left == "left:", || left)
+fn full(sandbox: &Sandbox) {
+    for words in [
+        "--size 640x480 --frames 1 --out full",
+        "--size 160x120 --frames 2 --no-images --hits full",
+        "--size 160x120 --frames 1 --no-images --rays-out full/rays.npy",
+    ] {
+        let words = format!("render demo:twist:500 --quiet {words}");
+        let run = Run::of(
+            &on_full_disk(sandbox.path(), abvh(), &words).unwrap(),
+            &words,
+        );
+        assert_eq!(run.stdout.lines().last(), Some("left:"), "{words}");
+        run.fails(1, &["full", "space"]);
+    }
 }
 
 /// Runs a command where `full` is a disk of 8 kB; the last line of stdout lists what it holds then.
-fn on_full_disk(folder: &Path, program: &str, args: &[&str]) -> std::io::Result<Output> {
+fn on_full_disk(folder: &Path, program: &Path, words: &str) -> std::io::Result<Output> {
     std::fs::create_dir_all(folder.join("full"))?;
-    let script = "mount -t tmpfs -o size=8k none full || exit 77; \"$@\"; code=$?; \
+    let script = "mount -t tmpfs -o size=8k none full || exit 77; \"$0\" \"$@\"; code=$?; \
                   echo left: $(ls -A full | grep -v ^abvh-run) | sed 's/ $//'; exit $code";
-    Command::new("unshare")
-        .args([
-            "--user",
-            "--map-root-user",
-            "--mount",
-            "sh",
-            "-c",
-            script,
-            "sh",
-            program,
-        ])
-        .args(args)
+    let mut command = Command::new("unshare");
+    command.args(["--user", "--map-root-user", "--mount", "sh", "-c", script]);
+    let words = words.split_whitespace();
+    command
+        .arg(program)
+        .args(words)
         .current_dir(folder)
         .output()
 }

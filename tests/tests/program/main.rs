@@ -1,7 +1,6 @@
-//! The program from end to end, as a person runs it.
+//! The program from end to end, as a person runs it; its pictures; and the pages that tell of it.
 
 mod bad;
-mod bad_scenes;
 mod bench;
 mod chart;
 mod conform;
@@ -9,8 +8,12 @@ mod devices;
 mod disk;
 mod files;
 mod hits;
+mod images;
 mod inactive;
 mod killed;
+#[cfg(target_os = "linux")]
+mod linux;
+mod pages;
 mod reduce;
 mod runs;
 mod sandbox;
@@ -33,8 +36,12 @@ fn main() -> ExitCode {
         disk::trials(),
         files::trials(),
         hits::trials(),
+        images::trials(),
         inactive::trials(),
         killed::trials(),
+        #[cfg(target_os = "linux")]
+        linux::trials(),
+        pages::trials(),
         reduce::trials(),
         runs::trials(),
         stability::trials(),

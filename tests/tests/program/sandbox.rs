@@ -1,11 +1,11 @@
 //! A folder for one run, and what may be demanded of a run.
 
 use integration::program;
-use libtest_mimic::Failed;
+use serde_json::Value;
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Output;
+use std::process::{Child, Command, Output, Stdio};
 
 /// A folder that goes away; the program runs in it.
 pub(crate) struct Sandbox(tempfile::TempDir);
@@ -30,14 +30,17 @@ impl Sandbox {
     /// Writes a file of input, making folders on the way.
     pub(crate) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
         let path = self.path().join(name);
-        fs::create_dir_all(path.parent().expect("inside the sandbox"))
-            .expect("folders can be made");
-        fs::write(path, bytes).expect("input can be written");
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, bytes).unwrap();
+    }
+
+    pub(crate) fn remove(&self, name: &str) {
+        fs::remove_file(self.path().join(name)).unwrap();
     }
 
     /// Runs the program with words separated by blanks.
     pub(crate) fn run(&self, words: &str) -> Run {
-        Run::of(&program::run(self.path(), words.split_whitespace()), words)
+        self.run_where(words, &[])
     }
 
     /// Likewise, in an environment where `variables` have these values.
@@ -46,13 +49,41 @@ impl Sandbox {
         Run::of(&output, words)
     }
 
+    /// Likewise, within so many kilobytes of addresses.
+    #[cfg(target_os = "linux")]
+    pub(crate) fn run_within(&self, kilobytes: u32, words: &str) -> Run {
+        let limited = format!("ulimit -v {kilobytes}; exec \"$0\" \"$@\"");
+        let mut command = Command::new("sh");
+        command.args(["-c", &limited]).arg(program::abvh());
+        let command = command.args(words.split(' ')).current_dir(self.path());
+        Run::of(&command.output().unwrap(), words)
+    }
+
+    /// Starts the program and does not wait; nobody hears what it says.
+    pub(crate) fn start(&self, words: &str) -> Child {
+        let mut command = Command::new(program::abvh());
+        command
+            .args(words.split_whitespace())
+            .current_dir(self.path());
+        let quiet = command.stdout(Stdio::null()).stderr(Stdio::null());
+        quiet.spawn().unwrap()
+    }
+
+    /// Runs the program, which must do what was asked.
+    pub(crate) fn does(&self, words: &str) -> Run {
+        self.run(words).succeeds()
+    }
+
+    /// Runs the program, which must refuse in one line that says all of `says`.
+    pub(crate) fn refuses(&self, words: &str, says: &[&str]) {
+        self.run(words).fails(2, says);
+    }
+
     /// Every file below, sorted, as paths relative to the sandbox; manifests and journals of runs are left out.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
         let mut files = self.all_files();
-        files.retain(|f| {
-            !f.file_name()
-                .is_some_and(|n| n.to_string_lossy().starts_with("abvh-run"))
-        });
+        let is_of_run = |name: &OsStr| name.to_string_lossy().starts_with("abvh-run");
+        files.retain(|f| !f.file_name().is_some_and(is_of_run));
         files
     }
 
@@ -70,14 +101,18 @@ impl Sandbox {
         fs::read(&path).unwrap_or_else(|e| panic!("{name}: {e}"))
     }
 
-    pub(crate) fn json(&self, name: &str) -> Result<serde_json::Value, Failed> {
-        Ok(serde_json::from_slice(&self.read(name))?)
+    pub(crate) fn text(&self, name: &str) -> String {
+        String::from_utf8(self.read(name)).unwrap()
+    }
+
+    pub(crate) fn json(&self, name: &str) -> Value {
+        serde_json::from_slice(&self.read(name)).unwrap()
     }
 }
 
 fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).expect("the sandbox can be read") {
-        let path = entry.expect("the sandbox can be read").path();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
         if path.is_dir() {
             collect(&path, files);
         } else {
@@ -98,39 +133,47 @@ impl Run {
     }
 
     /// The run did what was asked.
-    pub(crate) fn succeeds(self) -> Result<Self, Failed> {
-        if self.code == Some(0) {
-            return Ok(self);
-        }
-        Err(self.complain("should succeed"))
+    pub(crate) fn succeeds(self) -> Self {
+        self.demand(self.code == Some(0), "should succeed");
+        self
+    }
+
+    /// Likewise, and its standard output is JSON.
+    pub(crate) fn parsed(self) -> Value {
+        serde_json::from_str(&self.succeeds().stdout).unwrap()
     }
 
     /// The run ended with `code` and one clear line that says all of `says`.
-    pub(crate) fn fails(self, code: i32, says: &[&str]) -> Result<(), Failed> {
-        if self.code != Some(code) {
-            return Err(self.complain(&format!("should exit {code}")));
+    pub(crate) fn fails(self, code: i32, says: &[&str]) {
+        self.demand(self.code == Some(code), &format!("should exit {code}"));
+        let one = self.stderr.lines().count() == 1;
+        self.demand(one, "should say one line");
+        let begins = self.stderr.starts_with("abvh: ");
+        self.demand(begins, "should start with `abvh: `");
+        for word in says {
+            let said = self.stderr.contains(word);
+            self.demand(said, &format!("should say `{word}`"));
         }
-        let mut lines = self.stderr.lines();
-        let (Some(line), None) = (lines.next(), lines.next()) else {
-            return Err(self.complain("should say one line"));
-        };
-        if !line.starts_with("abvh: ") {
-            return Err(self.complain("should start with `abvh: `"));
-        }
-        if let Some(word) = says.iter().find(|&&word| !line.contains(word)) {
-            return Err(self.complain(&format!("should say `{word}`")));
-        }
-        Ok(())
     }
 
-    fn complain(&self, what: &str) -> Failed {
-        let Self {
-            words,
-            code,
-            stdout,
-            stderr,
-        } = self;
-        format!("abvh {words}\n{what}\nexit {code:?}\nstderr: {stderr}\nstdout: {stdout}").into()
+    fn demand(&self, holds: bool, what: &str) {
+        let (words, code, stdout, stderr) = (&self.words, self.code, &self.stdout, &self.stderr);
+        assert!(
+            holds,
+            "abvh {words}\n{what}\nexit {code:?}\nstderr: {stderr}\nstdout: {stdout}"
+        );
+    }
+}
+
+/// The elements of a list.
+pub(crate) fn list(json: &Value) -> &[Value] {
+    json.as_array().unwrap_or_else(|| panic!("no list: {json}"))
+}
+
+/// Every one of `parts`, between bars, is in the text.
+pub(crate) fn says(text: &str, parts: &str) {
+    for part in parts.split('|') {
+        assert!(text.contains(part), "no {part} in {text}");
     }
 }
 
@@ -140,15 +183,10 @@ pub(crate) const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 
 /// A trial whose body gets a fresh sandbox.
 pub(crate) fn trial(
     name: &str,
-    body: impl FnOnce(&Sandbox) -> Result<(), Failed> + Send + 'static,
+    body: impl FnOnce(&Sandbox) + Send + 'static,
 ) -> libtest_mimic::Trial {
-    libtest_mimic::Trial::test(name, move || body(&Sandbox::new()))
-}
-
-/// `Err(message)` unless `condition` holds.
-pub(crate) fn ensure(condition: bool, message: impl FnOnce() -> String) -> Result<(), Failed> {
-    if condition {
-        return Ok(());
-    }
-    Err(message().into())
+    libtest_mimic::Trial::test(name, move || {
+        body(&Sandbox::new());
+        Ok(())
+    })
 }

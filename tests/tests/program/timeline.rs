@@ -1,22 +1,20 @@
 //! `--timeline`: a trace that viewers open and that agrees with the statistics.
 
-use crate::sandbox::{Sandbox, ensure, trial};
-use libtest_mimic::{Failed, Trial};
+use crate::sandbox::{Sandbox, list, trial};
+use libtest_mimic::Trial;
 use serde_json::Value;
 use std::collections::BTreeMap;
 
 pub(crate) fn trials() -> Vec<Trial> {
-    let mut trials: Vec<Trial> = POLICIES
-        .into_iter()
-        .map(|(policy, read_back)| {
-            let name = format!("timeline::it_agrees_with_the_statistics::{policy}");
-            trial(&name, move |sandbox| agrees(sandbox, policy, read_back))
-        })
-        .collect();
-    trials.push(trial(
-        "timeline::builds_overlap_frames_that_wait_for_none",
-        overlap,
-    ));
+    let agree = |(policy, read_back): (&str, usize)| {
+        let name = format!("timeline::it_agrees_with_the_statistics::{policy}");
+        let words =
+            format!("demo:collide:2000 --frames 12 --size 24x16 --out out --update {policy}");
+        trial(&name, move |sandbox| agrees(sandbox, &words, read_back))
+    };
+    let mut trials: Vec<Trial> = POLICIES.map(agree).into();
+    let name = "timeline::builds_overlap_frames_that_wait_for_none";
+    trials.push(trial(name, overlap));
     trials
 }
 
@@ -36,105 +34,80 @@ const TRACKS: [&str; 5] = ["frame loop", "device", "read-back", "builder", "uplo
 /// Microseconds that rounding may take: begin and end are whole nanoseconds.
 const ROUNDING: f64 = 2e-3;
 
-struct Span {
+struct Event {
     name: String,
     begin: f64,
     end: f64,
     args: Value,
 }
 
-/// A timeline as a viewer reads it.
-struct Timeline {
-    tracks: BTreeMap<String, Vec<Span>>,
-    marks: Vec<Span>,
-    counters: Vec<(String, f64)>,
-}
+/// Events as a viewer reads them: spans by the names of their tracks, marks as `i`, counters as `C`.
+struct Timeline(BTreeMap<String, Vec<Event>>);
 
 impl Timeline {
-    fn read(sandbox: &Sandbox, file: &str) -> Result<Self, Failed> {
-        let json: Value = serde_json::from_slice(&sandbox.read(file))?;
-        let events = json["traceEvents"].as_array().ok_or("no events")?;
-        let mut names = BTreeMap::new();
-        for event in events.iter().filter(|e| e["name"] == "thread_name") {
-            let name = event["args"]["name"]
-                .as_str()
-                .ok_or("a track has no name")?;
-            names.insert(event["tid"].as_u64(), name.to_owned());
-        }
-        let mut timeline = Self {
-            tracks: names.values().map(|n| (n.clone(), Vec::new())).collect(),
-            marks: Vec::new(),
-            counters: Vec::new(),
-        };
+    fn read(json: &Value) -> Self {
+        let events = list(&json["traceEvents"]);
+        let text = |value: &Value| value.as_str().unwrap().to_owned();
+        let names = events.iter().filter(|e| e["name"] == "thread_name");
+        let names: BTreeMap<_, _> = names
+            .map(|e| (e["tid"].as_u64(), text(&e["args"]["name"])))
+            .collect();
+        let mut tracks = BTreeMap::<String, Vec<Event>>::new();
         for event in events.iter().filter(|e| e["ph"] != "M") {
-            let name = event["name"].as_str().ok_or("an event has no name")?;
-            let begin = event["ts"].as_f64().ok_or("an event has no time")?;
-            let span = Span {
-                name: name.to_owned(),
+            let track = match &*text(&event["ph"]) {
+                "X" => names[&event["tid"].as_u64()].clone(),
+                other => other.to_owned(),
+            };
+            let begin = event["ts"].as_f64().unwrap();
+            tracks.entry(track).or_default().push(Event {
+                name: text(&event["name"]),
                 begin,
                 end: begin + event["dur"].as_f64().unwrap_or(0.0),
                 args: event["args"].clone(),
-            };
-            match event["ph"].as_str() {
-                Some("X") => {
-                    let track = names.get(&event["tid"].as_u64()).ok_or("no such track")?;
-                    timeline.tracks.entry(track.clone()).or_default().push(span);
-                }
-                Some("i") => timeline.marks.push(span),
-                Some("C") => {
-                    let value = event["args"]["value"].as_f64().ok_or("no value")?;
-                    timeline.counters.push((span.name, value));
-                }
-                other => return Err(format!("an event of kind {other:?}").into()),
-            }
+            });
         }
-        Ok(timeline)
+        let is_track = |name: &String| names.values().any(|n| n == name);
+        let kinds: Vec<_> = tracks.keys().filter(|k| !is_track(k)).collect();
+        assert_eq!(kinds, ["C", "i"]);
+        assert!(TRACKS.iter().all(|&t| is_track(&t.to_owned())));
+        Self(tracks)
     }
 
-    fn spans<'a>(&'a self, track: &str, name: &'a str) -> impl Iterator<Item = &'a Span> {
-        self.tracks[track].iter().filter(move |s| s.name == name)
-    }
-
-    fn marks(&self, name: &str) -> impl Iterator<Item = &Span> {
-        self.marks.iter().filter(move |s| s.name == name)
-    }
-
-    /// Values of a counter, one a frame.
-    fn counter(&self, name: &str) -> Vec<f64> {
-        let named = self.counters.iter().filter(|c| c.0 == name);
-        named.map(|c| c.1).collect()
+    fn events<'a>(&'a self, track: &str, name: &'a str) -> impl Iterator<Item = &'a Event> {
+        let all = self.0.get(track).map_or(&[][..], Vec::as_slice).iter();
+        all.filter(move |s| s.name == name)
     }
 
     /// Each track has its spans side by side.
-    fn check_tracks(&self) -> Result<(), Failed> {
+    fn check_tracks(&mut self) {
         for track in TRACKS {
-            let spans = self.tracks.get(track).ok_or(format!("no track {track}"))?;
-            let mut order: Vec<&Span> = spans.iter().collect();
-            order.sort_by(|a, b| a.begin.total_cmp(&b.begin));
-            for pair in order.windows(2) {
-                let [a, b] = pair else { continue };
-                ensure(a.end <= b.begin + ROUNDING, || {
-                    let (a_name, b_name) = (&a.name, &b.name);
-                    format!("{track}: {a_name} {} ends in {b_name} {}", a.args, b.args)
-                })?;
+            let spans = self.0.entry(track.to_owned()).or_default();
+            spans.sort_by(|a, b| a.begin.total_cmp(&b.begin));
+            for pair in spans.windows(2) {
+                let (a, b) = (&pair[0], &pair[1]);
+                let apart = a.end <= b.begin + ROUNDING;
+                assert!(
+                    apart,
+                    "{track}: {} {} ends in {} {}",
+                    a.name, a.args, b.name, b.args
+                );
             }
         }
-        Ok(())
     }
 }
 
-fn render(sandbox: &Sandbox, words: &str) -> Result<(Timeline, Value), Failed> {
-    let files = "--stats s.json --timeline t.json --quiet";
-    sandbox.run(&format!("render {words} {files}")).succeeds()?;
-    let stats = serde_json::from_slice(&sandbox.read("s.json"))?;
-    Ok((Timeline::read(sandbox, "t.json")?, stats))
+/// A run's timeline, and the frames of its statistics.
+fn render(sandbox: &Sandbox, words: &str) -> (Timeline, Vec<Value>) {
+    sandbox.does(&format!(
+        "render {words} --stats s.json --timeline t.json --quiet"
+    ));
+    let mut timeline = Timeline::read(&sandbox.json("t.json"));
+    timeline.check_tracks();
+    (timeline, list(&sandbox.json("s.json")["frames"]).to_vec())
 }
 
-fn agrees(sandbox: &Sandbox, policy: &str, read_back: usize) -> Result<(), Failed> {
-    let scene = "demo:collide:2000 --frames 12 --size 24x16 --out out";
-    let (timeline, stats) = render(sandbox, &format!("{scene} --update {policy}"))?;
-    timeline.check_tracks()?;
-    let frames = stats["frames"].as_array().ok_or("no frames")?;
+fn agrees(sandbox: &Sandbox, words: &str, read_back: usize) {
+    let (timeline, frames) = render(sandbox, words);
     let rows = frames.iter().filter(|f| f["adopted"] == true);
     let wanted: Vec<Value> = rows
         .map(|f| {
@@ -143,117 +116,88 @@ fn agrees(sandbox: &Sandbox, policy: &str, read_back: usize) -> Result<(), Faile
             })
         })
         .collect();
-    let marked: Vec<Value> = timeline.marks("adopt").map(|m| m.args.clone()).collect();
-    ensure(marked == wanted, || format!("{marked:?}, not {wanted:?}"))?;
-    asked_before_adopted(&timeline)?;
-    let ages: Vec<f64> = frames
+    let marked: Vec<_> = timeline.events("i", "adopt").map(|m| &m.args).collect();
+    assert_eq!(marked, wanted.iter().collect::<Vec<_>>());
+    asked_before_adopted(&timeline);
+    let ages: Vec<_> = frames
         .iter()
-        .filter_map(|f| f["tree_age_frames"].as_f64())
+        .map(|f| f["tree_age_frames"].as_f64())
         .collect();
-    ensure(timeline.counter("tree age") == ages, || "tree age".into())?;
-    ensure(timeline.counter("SAH ratio").len() == 12, || "SAH".into())?;
+    let counted = timeline
+        .events("C", "tree age")
+        .map(|c| c.args["value"].as_f64());
+    assert!(counted.eq(ages), "tree age");
+    assert_eq!(timeline.events("C", "SAH ratio").count(), 12);
     let trees = wanted.len();
     for (track, name, wanted) in [
         ("builder", "build", trees),
         ("upload", "tree", trees),
         ("read-back", "vertices", trees.min(read_back)),
     ] {
-        let count = timeline.spans(track, name).count();
-        ensure(count == wanted, || format!("{count} spans of {track}"))?;
+        assert_eq!(timeline.events(track, name).count(), wanted, "{track}");
     }
-    device_times(&timeline, frames)
+    frames.iter().for_each(|f| device_times(&timeline, f));
 }
 
 /// Each tree adopted was asked for by the frame that its age names, and built in between.
-fn asked_before_adopted(timeline: &Timeline) -> Result<(), Failed> {
-    for adopted in timeline.marks("adopt") {
+fn asked_before_adopted(timeline: &Timeline) {
+    for adopted in timeline.events("i", "adopt") {
         let generation = &adopted.args["generation"];
-        let of = |span: &&Span| span.args["generation"] == *generation;
-        let ask = timeline.marks("ask").find(of).ok_or("nobody asked")?;
-        let frames = |mark: &Span, name: &str| mark.args[name].as_u64().unwrap_or(u64::MAX);
+        let of = |span: &&Event| span.args["generation"] == *generation;
+        let ask = timeline.events("i", "ask").find(of).unwrap();
+        let frames = |mark: &Event, name: &str| mark.args[name].as_u64().unwrap();
         let age = frames(adopted, "frame") - frames(ask, "frame");
-        ensure(age == frames(adopted, "age_frames"), || {
-            format!("{generation}")
-        })?;
-        let way = [
-            ("read-back", "vertices"),
-            ("builder", "build"),
-            ("upload", "tree"),
-        ]
-        .map(|(track, name)| timeline.spans(track, name).find(of));
-        let mut now = ask.begin;
-        for (i, span) in way.into_iter().enumerate() {
-            // Vertices need not come from the device: `agrees` counts those that do.
-            if i == 0 && span.is_none() {
-                continue;
-            }
-            let span = span.ok_or(format!("tree {generation} has a gap in its way"))?;
-            ensure(now <= span.begin + ROUNDING, || {
-                format!("{generation}: {}", span.name)
-            })?;
-            now = span.end;
-        }
-        ensure(now <= adopted.begin + ROUNDING, || {
-            format!("{generation}: adopted too soon")
-        })?;
+        assert_eq!(age, frames(adopted, "age_frames"), "{generation}");
+        // Vertices need not come from the device: `agrees` counts those that do.
+        let read = timeline.events("read-back", "vertices").find(of);
+        let built = timeline.events("builder", "build").find(of).unwrap();
+        let sent = timeline.events("upload", "tree").find(of).unwrap();
+        let way = [Some(ask), read, Some(built), Some(sent), Some(adopted)];
+        let way: Vec<_> = way.into_iter().flatten().collect();
+        let in_turn = way.windows(2).all(|w| w[0].end <= w[1].begin + ROUNDING);
+        assert!(in_turn, "{generation} comes too soon");
     }
-    Ok(())
 }
 
 /// Stages last as long as the statistics say, and lie where the host allows.
-fn device_times(timeline: &Timeline, frames: &[Value]) -> Result<(), Failed> {
-    let stages = [
-        ("interpolate", "interpolate_ms"),
-        ("rebuild", "rebuild_ms"),
-        ("preprocess", "preprocess_ms"),
-        ("refit", "refit_ms"),
-        ("trace primary", "trace_primary_ms"),
-        ("trace shadow", "trace_shadow_ms"),
-    ];
-    for frame in frames {
-        let of = |span: &&Span| span.args["frame"] == frame["frame"];
-        for (name, field) in stages {
-            let drawn: f64 = timeline
-                .spans("device", name)
-                .filter(of)
-                .map(|s| s.end - s.begin)
-                .sum();
-            let said = frame[field].as_f64().unwrap_or(0.0) * 1e3;
-            ensure((drawn - said).abs() < 0.01, || {
-                format!("frame {}: {name} {drawn}, not {said}", frame["frame"])
-            })?;
-        }
-        let begun = timeline.spans("frame loop", "begin").find(of);
-        let begun = begun.ok_or("a frame never began")?;
-        let device = timeline.tracks["device"].iter().filter(of);
-        let first = device.map(|s| s.begin).fold(f64::INFINITY, f64::min);
-        ensure(begun.begin <= first + ROUNDING, || {
-            format!("frame {} ran before it began", frame["frame"])
-        })?;
+fn device_times(timeline: &Timeline, frame: &Value) {
+    let of = |span: &&Event| span.args["frame"] == frame["frame"];
+    for name in [
+        "interpolate",
+        "rebuild",
+        "preprocess",
+        "refit",
+        "trace primary",
+        "trace shadow",
+    ] {
+        let spans = timeline.events("device", name).filter(of);
+        let drawn: f64 = spans.map(|s| s.end - s.begin).sum();
+        let said = &frame[format!("{}_ms", name.replace(' ', "_"))];
+        let same = (drawn - said.as_f64().unwrap_or(0.0) * 1e3).abs() < 0.01;
+        assert!(same, "{frame}: {name} {drawn}, not {said}");
     }
-    Ok(())
+    let begun = timeline.events("frame loop", "begin").find(of).unwrap();
+    let first = timeline.0["device"].iter().filter(of).map(|s| s.begin);
+    let first = first.fold(f64::INFINITY, f64::min);
+    assert!(
+        begun.begin <= first + ROUNDING,
+        "{frame} ran before it began"
+    );
 }
 
 /// Trees that take many frames to build are built beside frames that do not wait for them.
-fn overlap(sandbox: &Sandbox) -> Result<(), Failed> {
+fn overlap(sandbox: &Sandbox) {
     let scene = "demo:shatter:150000 --frames 200 --size 16x9 --no-images";
     let threads = "--update async --threads 1 --builder-threads 1";
-    let (timeline, stats) = render(sandbox, &format!("{scene} {threads}"))?;
-    timeline.check_tracks()?;
-    let frames = stats["frames"].as_array().ok_or("no frames")?;
+    let (timeline, frames) = render(sandbox, &format!("{scene} {threads}"));
     for frame in &frames[1..] {
-        ensure(frame["build_wait_ms"] == 0.0, || format!("waited: {frame}"))?;
+        assert!(frame["build_wait_ms"] == 0.0, "waited: {frame}");
     }
-    let built = || timeline.spans("builder", "build").skip(1);
-    ensure(built().count() > 0, || {
-        "no tree was built beside frames".into()
-    })?;
-    for build in built() {
-        let beside = timeline.tracks["device"]
-            .iter()
-            .filter(|s| s.begin < build.end && build.begin < s.end)
-            .count();
-        ensure(beside > 0, || format!("nothing ran beside {}", build.args))?;
+    let built: Vec<_> = timeline.events("builder", "build").skip(1).collect();
+    assert!(!built.is_empty(), "no tree was built beside frames");
+    for build in built {
+        let mut device = timeline.0["device"].iter();
+        let beside = device.any(|s| s.begin < build.end && build.begin < s.end);
+        assert!(beside, "nothing ran beside {}", build.args);
     }
-    Ok(())
 }

@@ -60,6 +60,12 @@ fn near(centre: [f64; 3], reach: [f64; 3], rng: &mut Rng) -> [f64; 3] {
     std::array::from_fn(|i| centre[i] + reach[i] * (2.0 * rng.f64() - 1.0))
 }
 
+/// Three vertices a triangle.
+const ICOSAHEDRON: [u32; 60] = [
+    0, 11, 5, 0, 5, 1, 0, 1, 7, 0, 7, 10, 0, 10, 11, 1, 5, 9, 5, 11, 4, 11, 10, 2, 10, 7, 6, 7, 1,
+    8, 3, 9, 4, 3, 4, 2, 3, 2, 6, 3, 6, 8, 3, 8, 9, 4, 9, 5, 2, 4, 11, 6, 2, 10, 8, 6, 7, 9, 8, 1,
+];
+
 /// An icosahedron, its faces split `n` times.
 fn icosphere(n: u32) -> Mesh {
     let phi = f32::midpoint(1.0, 5.0_f32.sqrt());
@@ -72,28 +78,7 @@ fn icosphere(n: u32) -> Mesh {
     };
     // 0..4 in the plane x-y, 4..8 in y-z, 8..12 in z-x.
     let points = (0..3).flat_map(corners).collect();
-    let triangles = vec![
-        [0, 11, 5],
-        [0, 5, 1],
-        [0, 1, 7],
-        [0, 7, 10],
-        [0, 10, 11],
-        [1, 5, 9],
-        [5, 11, 4],
-        [11, 10, 2],
-        [10, 7, 6],
-        [7, 1, 8],
-        [3, 9, 4],
-        [3, 4, 2],
-        [3, 2, 6],
-        [3, 6, 8],
-        [3, 8, 9],
-        [4, 9, 5],
-        [2, 4, 11],
-        [6, 2, 10],
-        [8, 6, 7],
-        [9, 8, 1],
-    ];
+    let triangles = ICOSAHEDRON.as_chunks::<3>().0.to_vec();
     (0..n).fold((points, triangles), |shape, _| {
         split(shape, |a, b| unit(std::array::from_fn(|i| a[i] + b[i])))
     })

@@ -136,28 +136,16 @@ fn scene(kind: SceneKind, rng: &mut Rng) -> Moving {
         SceneKind::Soup => free(1..150, 0.0, rng),
         SceneKind::Slivers => free(1..60, -4.0, rng),
         SceneKind::Stack => stacked(free(1..8, 0.0, rng)),
-        SceneKind::Broken => {
-            let mesh = free(2..40, 0.0, rng);
-            broken(mesh, rng)
-        }
+        SceneKind::Broken => broken(free(2..40, 0.0, rng), rng),
         SceneKind::Few => {
             let (keys, mut triangles) = free(2..3, 0.0, rng);
             triangles.truncate(rng.usize(..3));
             (keys, triangles)
         }
-        SceneKind::Gone => {
-            let mesh = free(1..20, 0.0, rng);
-            gone(mesh, rng)
-        }
-        SceneKind::Grown => {
-            let mesh = free(1..40, 0.0, rng);
-            grown(mesh, rng)
-        }
+        SceneKind::Gone => gone(free(1..20, 0.0, rng), rng),
+        SceneKind::Grown => grown(free(1..40, 0.0, rng), rng),
         SceneKind::Ladder => ladder(free(20..70, 0.0, rng)),
-        SceneKind::Resting => {
-            let mesh = free(8..200, 0.0, rng);
-            resting(mesh, rng)
-        }
+        SceneKind::Resting => resting(free(8..200, 0.0, rng), rng),
         SceneKind::Sheet => {
             let n = rng.u32(2..9);
             animate(sheet(n, 8, rng), rng)

@@ -95,7 +95,7 @@ pub(crate) struct Aims {
 }
 
 impl Aims {
-    pub(crate) fn new(corners: Vec<Triangle>) -> Self {
+    fn new(corners: Vec<Triangle>) -> Self {
         let active = |t: &Triangle| t.iter().flatten().all(|x| x.is_finite());
         let corners: Vec<Triangle> = corners.into_iter().filter(active).collect();
         let ends = |i: usize| {
@@ -106,9 +106,8 @@ impl Aims {
         Self {
             centre: ends.map(|[a, b]| 0.5 * (a + b)),
             radius: ends
-                .map(|[a, b]| 0.5 * (b - a))
-                .into_iter()
-                .fold(0.0, f64::max),
+                .iter()
+                .fold(0.0, |r, [a, b]| f64::max(r, 0.5 * (b - a))),
             corners,
         }
     }

@@ -3,7 +3,6 @@
 use bvh_build::MAX_DEPTH;
 use bvh_layout::Topology;
 use geom::Animation;
-use std::ops::Range;
 
 /// How a node's leaves are shared out among its children.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,42 +47,44 @@ pub(crate) fn live(animation: &Animation, chance: u64) -> Vec<u32> {
     live
 }
 
-/// A sound record over `leaves`, left to right, for a scene of `triangles` triangles.
-pub(crate) fn record(triangles: usize, leaves: &[u32], split: Split, chance: u64) -> Vec<u32> {
+/// A sound record like a tree's, split in some odd way.
+pub(crate) fn odd(triangles: usize, leaves: &[u32], split: Split, chance: u64) -> Vec<u32> {
     let mut rng = fastrand::Rng::with_seed(chance);
+    record(triangles, leaves, |depth, leaves| {
+        split.left(leaves, depth, &mut rng)
+    })
+}
+
+/// A sound record over `leaves`, left to right, for a scene of `triangles` triangles: `split` says, by a node's depth and
+/// its number of leaves, how many are its left child's.
+pub fn record(
+    triangles: usize,
+    leaves: &[u32],
+    mut split: impl FnMut(u32, usize) -> usize,
+) -> Vec<u32> {
     let (mut table, mut is_leaf, mut order) = (Vec::new(), Vec::new(), Vec::new());
-    let mut level: Vec<Range<usize>> = Some(0..leaves.len())
+    let mut level: Vec<&[u32]> = Some(leaves)
         .filter(|all| !all.is_empty())
         .into_iter()
         .collect();
     while !level.is_empty() {
         let mut next = Vec::new();
-        for node in &level {
+        for node in level {
             is_leaf.push(node.len() == 1);
-            if node.len() == 1 {
-                order.push(leaves[node.start]);
+            if let [leaf] = node {
+                order.push(*leaf);
             } else {
-                let middle = node.start + split.left(node.len(), table.len() as u32, &mut rng);
-                next.extend([node.start..middle, middle..node.end]);
+                let (left, right) = node.split_at(split(table.len() as u32, node.len()));
+                next.extend([left, right]);
             }
         }
         table.push(next.len() as u32 / 2);
         level = next;
     }
-    words(triangles as u32, &table, &is_leaf, &order)
-}
-
-fn words(triangles: u32, table: &[u32], is_leaf: &[bool], order: &[u32]) -> Vec<u32> {
-    let header = [
-        Topology::MAGIC,
-        Topology::VERSION,
-        triangles,
-        order.len() as u32,
-        table.len() as u32,
-        0,
-        0,
-        0,
-    ];
+    let (triangles, leaves) = (triangles as u32, order.len() as u32);
+    let mut words = vec![Topology::MAGIC, Topology::VERSION, triangles, leaves];
+    words.extend([table.len() as u32, 0, 0, 0]);
+    words.extend(table);
     let pack = |bits: &[bool]| (0..32).zip(bits).map(|(i, &b)| u32::from(b) << i).sum();
     let bits: Vec<u32> = is_leaf.chunks(32).map(pack).collect();
     let ranks = bits.iter().scan(0, |before, word| {
@@ -91,41 +92,35 @@ fn words(triangles: u32, table: &[u32], is_leaf: &[bool], order: &[u32]) -> Vec<
         *before += word.count_ones();
         Some(rank)
     });
-    let parts = header.iter().chain(table).chain(&bits).copied();
-    parts.chain(ranks).chain(order.iter().copied()).collect()
+    let ranks: Vec<u32> = ranks.collect();
+    words.extend([bits, ranks, order].concat());
+    words
 }
 
 /// Sound records that are not of this scene, each with what is wrong.
 pub(crate) fn foreign(animation: &Animation, chance: u64) -> Vec<(&'static str, Vec<u32>)> {
     let count = animation.triangle_count();
     let live = live(animation, chance);
-    let of = |count, leaves: &[u32]| record(count, leaves, Split::Random, chance);
+    let of = |count, leaves: &[u32]| odd(count, leaves, Split::Random, chance);
+    let fewer = live.split_last().map_or(&[][..], |(_, rest)| rest);
+    let with = |more: u32| [fewer, &[more]].concat();
+    let never = (0..count as u32).find(|&t| !animation.is_live(t));
     let mut all = vec![("a scene with one triangle more", of(count + 1, &live))];
-    if let Some((_, fewer)) = live.split_last() {
+    if !live.is_empty() {
         all.push(("one live triangle without a leaf", of(count, fewer)));
-        let beyond = [fewer, &[count as u32]].concat();
-        all.push((
-            "a leaf of a triangle that is not there",
-            of(count + 1, &beyond),
-        ));
+        let beyond = of(count + 1, &with(count as u32));
+        all.push(("a leaf of a triangle that is not there", beyond));
     }
     if live.len() != 1 {
         all.push(("a tree of one leaf", of(count.max(1), &[0])));
     }
-    let never = (0..count as u32).find(|&t| !animation.is_live(t));
     if let Some(never) = never {
-        let more = [&live[..], &[never]].concat();
-        all.push((
-            "a leaf of a triangle that is never active",
-            of(count, &more),
-        ));
-        if let Some((_, fewer)) = live.split_last() {
-            let instead = [fewer, &[never]].concat();
-            all.push((
-                "a triangle never active instead of a live one",
-                of(count, &instead),
-            ));
-        }
+        let more = of(count, &[&live[..], &[never]].concat());
+        all.push(("a leaf of a triangle that is never active", more));
+    }
+    if let Some(never) = never.filter(|_| !live.is_empty()) {
+        let instead = of(count, &with(never));
+        all.push(("a triangle never active instead of a live one", instead));
     }
     all
 }
@@ -185,7 +180,7 @@ mod tests {
         for n in [0, 1, 2, 3, 40, 65, 66, 300] {
             let leaves: Vec<u32> = (0..n).collect();
             for split in Split::ALL {
-                let words = record(n as usize + 2, &leaves, split, 7);
+                let words = odd(n as usize + 2, &leaves, split, 7);
                 let tree = Topology::from_words(words).unwrap();
                 assert_eq!(tree.leaf_count(), n as usize);
                 let levels = tree.level_count();
@@ -200,7 +195,7 @@ mod tests {
     #[test]
     fn every_kind_of_damage_is_among_the_damaged() {
         let leaves: Vec<u32> = (0..40).collect();
-        let words = record(40, &leaves, Split::Random, 1);
+        let words = odd(40, &leaves, Split::Random, 1);
         let errors: Vec<_> = damaged(&words)
             .into_iter()
             .map(|(what, words)| Topology::from_words(words).expect_err(what))

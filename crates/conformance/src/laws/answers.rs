@@ -4,23 +4,22 @@ use super::Check;
 use crate::compare::{answers, named_ray};
 use crate::generate::bodies::BODIES;
 use crate::leaks::{self, LeakPlan};
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Result, bail, ensure};
 use backend::{QueryKind, Rays};
 use geom::Ray;
 
 /// By every method whose answers are the same everywhere.
 fn same(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
-    for method in c.robust_methods()? {
+    c.by_each(Check::robust_methods, |c, method| {
         c.open_by(method, c.case.times[0])?;
         for &time in &c.case.times {
             c.stand(time)?;
             let seen = c.ask(rays, kind)?;
             let expected = c.reference.answer(c.case, (method, time), rays, kind)?;
-            answers(c.case, time, rays, &seen, &expected.hits)
-                .with_context(|| format!("{method:?}"))?;
+            answers(c.case, time, rays, &seen, &expected.hits)?;
         }
-    }
-    Ok(())
+        Ok(())
+    })
 }
 
 /// Triangle, `t`, `u`, `v`: bit for bit.
@@ -47,7 +46,7 @@ pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
     let (case, now, light) = (c.case, c.case.times[1], c.case.light);
     let list: Vec<Ray> = case.camera.rays().collect();
     let camera = Rays::Camera(&case.camera);
-    for method in c.methods()? {
+    c.by_each(Check::methods, |c, method| {
         c.open_by(method, case.times[0])?;
         c.stand(now)?;
         for kind in [
@@ -57,31 +56,28 @@ pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
         ] {
             let given = c.ask(Rays::List(&list), kind)?;
             let made = c.ask(camera, kind)?;
-            answers(case, now, camera, &made, &given).with_context(|| format!("{method:?}"))?;
+            answers(case, now, camera, &made, &given)?;
         }
-    }
-    Ok(())
+        Ok(())
+    })
 }
 
 /// Any-hit says yes exactly where closest-hit finds something, whatever the method.
 pub(super) fn any_is_closest(c: &mut Check<'_>) -> Result<()> {
-    for method in c.methods()? {
+    c.by_each(Check::methods, |c, method| {
         c.open_by(method, c.case.times[0])?;
         c.stand(c.case.times[1])?;
         let closest = c.closest()?.closest;
         let any = c.ask(c.rays(), QueryKind::Any)?.blocked;
-        let counts = [closest.len(), any.len()];
-        ensure!(
-            counts[0] == counts[1],
-            "closest and any hits are {counts:?} in number"
-        );
+        let [a, b] = [closest.len(), any.len()];
+        ensure!(a == b, "closest hits are {a} and any hits {b} in number");
         let mut pairs = closest.iter().zip(&any).enumerate();
         if let Some((i, (hit, any))) = pairs.find(|(_, (hit, any))| hit.is_hit() != (**any == 1)) {
             let ray = named_ray(c.case, c.rays(), i);
-            bail!("closest hit {hit:?}, any hit {any}, {method:?}: {ray}");
+            bail!("closest hit {hit:?}, any hit {any}: {ray}");
         }
-    }
-    Ok(())
+        Ok(())
+    })
 }
 
 /// Rays of one case at closed bodies.

@@ -1,14 +1,10 @@
 //! What comes before any ray: positions and boxes.
 
 use super::Check;
-use crate::compare::{lists, same_box, same_point};
-use crate::stage::{boxes_anew, tree_at, vertices};
+use crate::compare::{lists, same_point};
+use crate::stage::{boxes_anew, next_positions, tree_at, vertices};
 use anyhow::{Context, Result, bail, ensure};
-use backend::{Backend, Generation, Snapshot, Ticket};
-use std::time::{Duration, Instant};
-
-/// How long a copy of positions may take, its submission being done.
-const TIME_LIMIT: Duration = Duration::from_secs(30);
+use backend::Generation;
 
 /// Interpolated positions have the bits of `geom`'s formula.
 pub(super) fn positions(c: &mut Check<'_>) -> Result<()> {
@@ -32,7 +28,7 @@ pub(super) fn boxes(c: &mut Check<'_>) -> Result<()> {
         c.subject.submit()?;
         let seen = c.subject.inspect().boxes()?;
         let expected = c.reference.boxes(c.case, (c.method, time))?;
-        lists("box of node", &seen, &expected.boxes, same_box)
+        lists("box of node", &seen, &expected.boxes, PartialEq::eq)
             .with_context(|| format!("at time {time:?}"))?;
     }
     Ok(())
@@ -59,10 +55,7 @@ pub(super) fn read_back(c: &mut Check<'_>) -> Result<()> {
     for (expected, time) in requested {
         let (ticket, snapshot) = next_positions(c.subject)?;
         let same = ticket == expected;
-        ensure!(
-            same,
-            "the copy belongs to {ticket:?}, expected {expected:?}"
-        );
+        ensure!(same, "the copy is of {ticket:?}, expected {expected:?}");
         let formula = vertices(&c.case.animation, time);
         lists("copied vertex", &snapshot, &formula, same_point)
             .with_context(|| format!("at time {time:?}"))?;
@@ -73,71 +66,35 @@ pub(super) fn read_back(c: &mut Check<'_>) -> Result<()> {
     }
 }
 
-fn next_positions(backend: &mut dyn Backend) -> Result<(Ticket, Snapshot)> {
-    let begun = Instant::now();
-    while begun.elapsed() < TIME_LIMIT {
-        if let Some(arrived) = backend.take_positions()? {
-            return Ok(arrived);
-        }
-        std::thread::yield_now();
-    }
-    bail!("no positions came in {TIME_LIMIT:?}")
-}
-
-/// What may be recorded before the boxes of a moment.
-#[derive(Clone, Copy)]
-enum Step {
-    /// Another moment.
-    Other,
-    /// The moment whose boxes are looked at.
-    Interpolate,
-    Preprocess,
-    Submit,
-    Request,
-    Adopt,
-}
-
-const WAYS: [(&str, &[Step]); 6] = {
-    use Step::{Adopt, Interpolate, Other, Preprocess, Request, Submit};
-    [
-        (
-            "another moment was interpolated before",
-            &[Other, Interpolate],
-        ),
-        (
-            "another moment was preprocessed before",
-            &[Other, Preprocess, Interpolate],
-        ),
-        ("preprocessed again", &[Interpolate, Preprocess]),
-        (
-            "preprocessed by itself",
-            &[Other, Submit, Interpolate, Submit],
-        ),
-        ("positions were requested", &[Interpolate, Request]),
-        (
-            "a tree came between",
-            &[Other, Preprocess, Interpolate, Submit, Adopt],
-        ),
-    ]
-};
+/// What may be recorded before the boxes of a moment, which `now` interpolates.
+const WAYS: [(&str, &str); 6] = [
+    ("another moment was interpolated before", "other now"),
+    (
+        "another moment was preprocessed before",
+        "other preprocess now",
+    ),
+    ("preprocessed again", "now preprocess"),
+    ("preprocessed by itself", "other submit now submit"),
+    ("positions were requested", "now request"),
+    ("a tree came between", "other preprocess now submit adopt"),
+];
 
 /// Boxes are of the moment interpolated last, whatever was recorded besides; so are the counts of triangles. A backend
 /// may make boxes from key frames, beside positions or before those are there.
 pub(super) fn last(c: &mut Check<'_>) -> Result<()> {
     let now = c.case.times[2];
-    for method in c.robust_methods()? {
+    c.by_each(Check::robust_methods, |c, method| {
         let expected = c.reference.boxes(c.case, (method, now))?;
         // Two a case.
         let begin = c.case.chance as usize % WAYS.len();
         for (about, steps) in WAYS.iter().cycle().skip(begin).take(2) {
             c.open_by(method, c.case.times[0])?;
-            steps.iter().try_for_each(|&step| record(c, step))?;
+            steps.split(' ').try_for_each(|step| record(c, step))?;
             boxes_anew(c.subject)?;
             let ticket = c.subject.submit()?;
             let report = c.subject.wait(ticket)?;
             let boxes = c.subject.inspect().boxes()?;
-            lists("box of node", &boxes, &expected.boxes, same_box)
-                .with_context(|| format!("{about}, by {method:?}"))?;
+            lists("box of node", &boxes, &expected.boxes, PartialEq::eq).context(*about)?;
             let counts = [&report, &expected.report].map(|r| [r.inactive, r.degenerate]);
             let [seen, right] = counts;
             ensure!(
@@ -145,21 +102,20 @@ pub(super) fn last(c: &mut Check<'_>) -> Result<()> {
                 "{about}: inactive and degenerate are {seen:?}, expected {right:?}"
             );
         }
-    }
-    Ok(())
+        Ok(())
+    })
 }
 
-fn record(c: &mut Check<'_>, step: Step) -> backend::Result<()> {
+fn record(c: &mut Check<'_>, step: &str) -> backend::Result<()> {
     let times = &c.case.times;
     match step {
-        Step::Other => c.interpolate(times[1]),
-        Step::Interpolate => c.interpolate(times[2]),
-        Step::Preprocess => c.subject.preprocess(),
-        Step::Submit => c.subject.submit().map(drop),
-        Step::Request => c.subject.request_positions(),
-        Step::Adopt => {
-            let tree = tree_at(&c.case.animation, times[0]);
-            c.subject.adopt(&tree, Generation(2))
-        }
+        "other" => c.interpolate(times[1]),
+        "now" => c.interpolate(times[2]),
+        "preprocess" => c.subject.preprocess(),
+        "submit" => c.subject.submit().map(drop),
+        "request" => c.subject.request_positions(),
+        _ => c
+            .subject
+            .adopt(&tree_at(&c.case.animation, times[0]), Generation(2)),
     }
 }

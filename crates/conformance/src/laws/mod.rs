@@ -2,8 +2,6 @@
 
 mod answers;
 mod geometry;
-mod lifecycle;
-mod made;
 mod reports;
 mod still;
 mod trees;
@@ -11,7 +9,7 @@ mod within;
 
 use crate::stage::{self, open};
 use crate::{Case, Reference};
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 use backend::{Backend, Hits, Intersector, Layout, Method, QueryKind, Rays};
 
 /// A law: `Err` says how subject and reference disagree.
@@ -83,6 +81,16 @@ impl<'a> Check<'a> {
         Ok(methods)
     }
 
+    /// The law of each of these methods.
+    fn by_each(
+        &mut self,
+        methods: fn(&Self) -> Result<Vec<Method>>,
+        mut check: impl FnMut(&mut Self, Method) -> Result<()>,
+    ) -> Result<()> {
+        let mut all = methods(self)?.into_iter();
+        all.try_for_each(|m| check(self, m).with_context(|| format!("{m:?}")))
+    }
+
     /// Those whose answers are the same everywhere, as far as the reference gives them.
     fn robust_methods(&self) -> Result<Vec<Method>> {
         let mut all = self.methods()?;
@@ -104,9 +112,8 @@ const fn law(name: &'static str, check: fn(&mut Check<'_>) -> Result<()>) -> Law
 
 const fn law_of_methods(name: &'static str, check: fn(&mut Check<'_>) -> Result<()>) -> Law {
     Law {
-        name,
-        check,
         chooses_layouts: true,
+        ..law(name, check)
     }
 }
 
@@ -128,22 +135,22 @@ pub const LAWS: &[Law] = &[
     law_of_methods("tree_shape_does_not_change_hits", trees::shape),
     law("a_swap_does_not_change_hits", trees::swap),
     law_of_methods("what_never_moves_may_be_passed_over", still::passed_over),
-    law("a_tree_made_on_the_device_is_whole", made::whole),
+    law("a_tree_made_on_the_device_is_whole", trees::whole),
     law_of_methods(
         "a_tree_made_on_the_device_does_not_change_hits",
-        made::same_hits,
+        trees::same_hits,
     ),
     law("a_wrong_tree_is_refused", trees::wrong),
     law("a_damaged_tree_is_refused", trees::damaged),
     law(
         "tickets_finish_in_order_and_answers_are_kept",
-        lifecycle::tickets,
+        reports::tickets,
     ),
     law(
         "what_did_not_change_need_not_be_done_again",
-        lifecycle::at_rest,
+        reports::at_rest,
     ),
-    law("loading_again_starts_afresh", lifecycle::reload),
+    law("loading_again_starts_afresh", reports::reload),
 ];
 
 /// Every law of backends that make their trees themselves and leave what a ray hits to a driver.

@@ -2,8 +2,8 @@
 
 use super::Check;
 use crate::Case;
-use crate::compare::{answers, lists, same_box, same_counts, same_point};
-use crate::generate::topologies::{Split, live, record};
+use crate::compare::{answers, lists, same_counts, same_point};
+use crate::generate::topologies::{Split, live, odd};
 use crate::stage::{ask, boxes_anew, open, stand, tree_at, vertices};
 use anyhow::{Context, Result, ensure};
 use backend::{Backend, FrameReport, Generation, Hits, Method, QueryKind, Rays};
@@ -74,7 +74,7 @@ fn another_tree(case: &Case, rng: &mut fastrand::Rng) -> Topology {
         _ => {
             let leaves = live(animation, rng.u64(..));
             let count = animation.triangle_count();
-            let words = record(count, &leaves, Split::Random, rng.u64(..));
+            let words = odd(count, &leaves, Split::Random, rng.u64(..));
             let odd = Topology::from_words(words).expect("records made here are sound");
             odd.with_moving(animation.static_parts())
         }
@@ -115,7 +115,7 @@ fn whole(case: &Case, backend: &mut dyn Backend, (tree, now): (&Topology, f64)) 
 }
 
 fn same(case: &Case, now: f64, seen: &View, expected: &View) -> Result<()> {
-    lists("box of node", &seen.boxes, &expected.boxes, same_box)?;
+    lists("box of node", &seen.boxes, &expected.boxes, PartialEq::eq)?;
     same_counts(&seen.report, &expected.report)?;
     // Costs agree, where there are any and areas neither overflow nor vanish in single precision.
     let costs = seen.report.sah_cost.zip(expected.report.sah_cost);

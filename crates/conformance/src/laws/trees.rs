@@ -1,17 +1,18 @@
-//! Trees come and go; answers stay.
+//! Trees come and go; answers stay. A backend that makes no trees on its device keeps the laws of those, too.
 
 use super::Check;
-use crate::compare::answers;
-use crate::generate::topologies::{self, Split, foreign, live, record};
-use crate::stage::{boxes_anew, fetch, start, tree_at};
+use crate::compare::{answers, lists, same_counts};
+use crate::generate::topologies::{self, Split, foreign, live, odd as odd_record};
+use crate::stage::{boxes_anew, fetch, stand, start, tree_at};
 use anyhow::{Context, Result, bail, ensure};
-use backend::{BackendError, Generation, QueryKind};
+use backend::{Backend, BackendError, Generation, Hits, QueryKind, check_tree};
 use bvh_layout::Topology;
+use std::sync::Arc;
 
 /// A tree built at one time and refitted to another answers as a fresh one does, whatever the method.
 pub(super) fn age(c: &mut Check<'_>) -> Result<()> {
     let (case, now) = (c.case, c.case.times[1]);
-    for method in c.methods()? {
+    c.by_each(Check::methods, |c, method| {
         c.open_by(method, now)?;
         c.stand(now)?;
         let fresh = c.closest()?;
@@ -19,38 +20,41 @@ pub(super) fn age(c: &mut Check<'_>) -> Result<()> {
             let tree = tree_at(&case.animation, built);
             c.subject.adopt(&tree, Generation(generation))?;
             c.stand(now)?;
-            answers(case, now, c.rays(), &c.closest()?, &fresh)
-                .with_context(|| format!("{method:?}"))?;
+            answers(case, now, c.rays(), &c.closest()?, &fresh)?;
         }
-    }
-    Ok(())
+        Ok(())
+    })
 }
 
 /// Chains as deep as trees may be, and trees at random, answer as a built one does.
 pub(super) fn shape(c: &mut Check<'_>) -> Result<()> {
-    let (case, rays, now) = (c.case, c.rays(), c.case.times[1]);
+    let (case, now) = (c.case, c.case.times[1]);
     let live = live(&case.animation, case.chance);
     let mut odd = Vec::new();
     for split in Split::ALL {
-        let words = record(case.animation.triangle_count(), &live, split, case.chance);
+        let words = odd_record(case.animation.triangle_count(), &live, split, case.chance);
         odd.push((split, Topology::from_words(words)?));
     }
-    for method in c.methods()? {
+    c.by_each(Check::methods, |c, method| {
         c.open_by(method, now)?;
         c.stand(now)?;
-        let built = c.closest()?;
-        let any = c.ask(rays, QueryKind::Any)?;
+        let built = both(c)?;
         for ((split, tree), generation) in odd.iter().zip(2..) {
-            let about = || format!("{split:?}, {method:?}");
+            let about = || format!("{split:?}");
             let adopted = c.subject.adopt(tree, Generation(generation));
             adopted.with_context(about)?;
             boxes_anew(c.subject)?;
-            answers(case, now, rays, &c.closest()?, &built).with_context(about)?;
-            let seen = c.ask(rays, QueryKind::Any)?;
-            answers(case, now, rays, &seen, &any).with_context(about)?;
+            for (seen, built) in both(c)?.iter().zip(&built) {
+                answers(case, now, c.rays(), seen, built).with_context(about)?;
+            }
         }
-    }
-    Ok(())
+        Ok(())
+    })
+}
+
+/// Closest and any hits of the case's own rays.
+fn both(c: &mut Check<'_>) -> Result<[Hits; 2]> {
+    Ok([c.closest()?, c.ask(c.rays(), QueryKind::Any)?])
 }
 
 /// Swapping the tree between two frames at rest changes nothing, with the first frame still under way.
@@ -97,7 +101,7 @@ pub(super) fn damaged(c: &mut Check<'_>) -> Result<()> {
     let built = tree_at(&case.animation, case.times[0]);
     let leaves = live(&case.animation, case.chance);
     let count = case.animation.triangle_count();
-    let odd = record(count, &leaves, Split::Random, case.chance);
+    let odd = odd_record(count, &leaves, Split::Random, case.chance);
     Topology::from_words(odd.clone()).context("a sound record is refused")?;
     if leaves.len() < 2 {
         return Ok(());
@@ -113,4 +117,73 @@ pub(super) fn damaged(c: &mut Check<'_>) -> Result<()> {
     let refused = Topology::from_le_bytes(&bytes).is_err();
     ensure!(refused, "a record is taken in spite of a byte too few");
     Ok(())
+}
+
+/// Records a tree made on the device from the positions at hand; `false` if the backend makes none for this scene's method.
+fn rebuild(backend: &mut dyn Backend, generation: u64) -> Result<bool> {
+    match backend.rebuild(Generation(generation)) {
+        Ok(()) => Ok(true),
+        Err(BackendError::Unsupported { .. }) => Ok(false),
+        Err(e) => Err(e.into()),
+    }
+}
+
+/// Read back it is a sound tree of this scene, whose boxes, counts and cost are those that the reference finds for it.
+pub(super) fn whole(c: &mut Check<'_>) -> Result<()> {
+    let (animation, rays) = (&c.case.animation, c.rays());
+    c.subject.load(Arc::clone(animation), c.method)?;
+    for (&time, generation) in c.case.times.iter().zip(1..) {
+        c.interpolate(time)?;
+        if !rebuild(c.subject, generation)? {
+            return Ok(());
+        }
+        let ticket = start(c.subject, rays, QueryKind::Closest)?;
+        let seen = c.subject.wait(ticket)?;
+        let tree = c.subject.inspect().rebuilt()?;
+        check_tree(&tree, animation)?;
+        let boxes = c.subject.inspect().boxes()?;
+        let reference = c.reference.backend();
+        reference.load(Arc::clone(animation), Default::default())?;
+        reference.adopt(&tree, Generation(1))?;
+        stand(reference, animation, time)?;
+        let ticket = start(reference, rays, QueryKind::Closest)?;
+        let expected = reference.wait(ticket)?;
+        let right = reference.inspect().boxes()?;
+        same_counts(&seen, &expected)
+            .and_then(|()| lists("box of node", &boxes, &right, PartialEq::eq))
+            .with_context(|| format!("at time {time:?}"))?;
+    }
+    Ok(())
+}
+
+/// It answers as a tree from the host does, before which and after which it may come.
+pub(super) fn same_hits(c: &mut Check<'_>) -> Result<()> {
+    let (case, rays, now) = (c.case, c.rays(), c.case.times[1]);
+    c.by_each(Check::methods, |c, method| {
+        c.open_by(method, case.times[0])?;
+        c.stand(now)?;
+        let host = both(c)?;
+        if !rebuild(c.subject, 2)? {
+            return Ok(());
+        }
+        let made = both(c)?;
+        // There is nothing left to preprocess nor to refit, but it may be requested.
+        boxes_anew(c.subject)?;
+        // Another one while a frame with the first is under way.
+        let under_way = start(c.subject, rays, QueryKind::Closest)?;
+        c.interpolate(case.times[2])?;
+        rebuild(c.subject, 3)?;
+        c.closest()?;
+        let (before, _) = fetch(c.subject, under_way)?;
+        let tree = tree_at(&case.animation, now);
+        c.interpolate(now)?;
+        c.subject.submit()?;
+        c.subject.adopt(&tree, Generation(4))?;
+        boxes_anew(c.subject)?;
+        let after = both(c)?;
+        let pairs = [&made[0], &made[1], &before, &after[0], &after[1]];
+        let expected = [&host[0], &host[1], &host[0], &host[0], &host[1]];
+        let mut all = pairs.into_iter().zip(expected);
+        all.try_for_each(|(seen, expected)| answers(case, now, rays, seen, expected))
+    })
 }

@@ -9,40 +9,27 @@ use anyhow::{Result, bail, ensure};
 use backend::{Hits, QueryKind, Rays};
 use geom::{Hit, Ray};
 
-/// What is requested of the case, and by which rays.
-#[derive(Clone, Copy)]
-struct Question<'a> {
-    rays: Rays<'a>,
-    kind: QueryKind,
-}
-
 /// Closest hits of given rays and of a camera's.
 pub(super) fn closest(c: &mut Check<'_>) -> Result<()> {
-    for rays in [c.rays(), Rays::Camera(&c.case.camera)] {
-        let kind = QueryKind::Closest;
-        judge(c, Question { rays, kind })?;
-    }
-    Ok(())
+    judge(c, c.rays(), QueryKind::Closest)?;
+    judge(c, Rays::Camera(&c.case.camera), QueryKind::Closest)
 }
 
 /// Whether anything is hit.
 pub(super) fn any(c: &mut Check<'_>) -> Result<()> {
-    let (rays, kind) = (c.rays(), QueryKind::Any);
-    judge(c, Question { rays, kind })
+    judge(c, c.rays(), QueryKind::Any)
 }
 
 /// Hits and shadows of given rays and of a camera's.
 pub(super) fn picture(c: &mut Check<'_>) -> Result<()> {
     let light = c.case.light;
-    for rays in [Rays::Camera(&c.case.camera), c.rays()] {
-        let kind = QueryKind::ClosestAndShadow { light };
-        judge(c, Question { rays, kind })?;
-    }
-    Ok(())
+    let kind = QueryKind::ClosestAndShadow { light };
+    judge(c, Rays::Camera(&c.case.camera), kind)?;
+    judge(c, c.rays(), kind)
 }
 
 /// Trees made anew and trees brought along take turns.
-fn judge(c: &mut Check<'_>, question: Question<'_>) -> Result<()> {
+fn judge(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
     c.open(c.case.times[0])?;
     for (i, &time) in c.case.times.iter().enumerate() {
         if i % 2 == 0 {
@@ -51,19 +38,24 @@ fn judge(c: &mut Check<'_>, question: Question<'_>) -> Result<()> {
             c.interpolate(time)?;
             boxes_anew(c.subject)?;
         }
-        let found = c.ask(question.rays, question.kind)?;
-        answers(c.case, time, question, &found)?;
+        let found = c.ask(rays, kind)?;
+        answers(c.case, time, (rays, kind), &found)?;
     }
     Ok(())
 }
 
-fn answers(case: &Case, time: f64, question: Question<'_>, found: &Hits) -> Result<()> {
+fn answers(
+    case: &Case,
+    time: f64,
+    (asked, kind): (Rays<'_>, QueryKind),
+    found: &Hits,
+) -> Result<()> {
     let verifier = Verifier::new(&case.animation, time);
-    let rays = match question.rays {
+    let rays = match asked {
         Rays::List(list) => list.to_vec(),
         Rays::Camera(camera) => camera.rays().collect(),
     };
-    let expected = match question.kind {
+    let expected = match kind {
         QueryKind::Any => [0, rays.len()],
         QueryKind::Closest => [rays.len(), 0],
         QueryKind::ClosestAndShadow { .. } => [rays.len(); 2],
@@ -74,8 +66,8 @@ fn answers(case: &Case, time: f64, question: Question<'_>, found: &Hits) -> Resu
     let refuted = |(i, ray)| {
         let (hit, blocked) = (found.closest.get(i), found.blocked.get(i));
         let (hit, blocked) = (hit.copied().unwrap_or(Hit::MISS), blocked == Some(&1));
-        let why = refutes(case, &verifier, question.kind, (ray, &hit, blocked))?;
-        let ray = named_ray(case, question.rays, i);
+        let why = refutes(case, &verifier, kind, (ray, &hit, blocked))?;
+        let ray = named_ray(case, asked, i);
         let triangle = triangle_text(&case.animation, time, hit.triangle);
         Some(format!(
             "at time {time:?}: {hit:?}, blocked {blocked}: {why}, which no rounding explains; {ray}; {triangle}"

@@ -21,54 +21,26 @@ pub fn crossings(
     body: &Animation,
     rays: &[Ray],
 ) -> Result<Vec<u32>> {
+    let (parts, most) = match method.intersector {
+        Intersector::Exact => (body.triangles().iter().map(|&t| vec![t]).collect(), 1),
+        _ => (parts(body.triangles(), body.vertex_count()), MOST),
+    };
     let mut counts = vec![0; rays.len()];
-    if method.intersector == Intersector::Exact {
-        one_by_one(subject, method, body, rays, &mut counts)?;
-        return Ok(counts);
-    }
-    for part in parts(body.triangles(), body.vertex_count()) {
-        let points = body.keys()[0].clone();
-        let part = Animation::new(vec![points], part).expect("a part names the whole's vertices");
-        march(subject, method, &Arc::new(part), rays, &mut counts)?;
+    for part in parts {
+        let part = Animation::new(body.keys()[..1].to_vec(), part);
+        let part = Arc::new(part.expect("a part names the whole's vertices"));
+        open(subject, &part, 0.0, method)?;
+        stand(subject, &part, 0.0)?;
+        march(subject, rays, most, &mut counts)?;
     }
     Ok(counts)
 }
 
-/// Asks for each triangle alone.
-fn one_by_one(
-    subject: &mut dyn Backend,
-    method: Method,
-    body: &Animation,
-    rays: &[Ray],
-    counts: &mut [u32],
-) -> Result<()> {
-    for t in 0..body.triangle_count() as u32 {
-        let corners = body.corners(body.pose(0.0), t).to_vec();
-        let alone = Animation::new(vec![corners], vec![[0, 1, 2]]);
-        let alone = Arc::new(alone.expect("one triangle is a scene"));
-        open(subject, &alone, 0.0, method)?;
-        stand(subject, &alone, 0.0)?;
-        let (hits, _) = ask(subject, Rays::List(rays), QueryKind::Closest)?;
-        for (count, hit) in counts.iter_mut().zip(&hits.closest) {
-            *count += u32::from(hit.is_hit());
-        }
-    }
-    Ok(())
-}
-
-/// Asks again from behind each hit until there is none.
-fn march(
-    subject: &mut dyn Backend,
-    method: Method,
-    part: &Arc<Animation>,
-    rays: &[Ray],
-    counts: &mut [u32],
-) -> Result<()> {
-    open(subject, part, 0.0, method)?;
-    stand(subject, part, 0.0)?;
+/// Asks again from behind each hit until there is none, so many times at most.
+fn march(subject: &mut dyn Backend, rays: &[Ray], most: u32, counts: &mut [u32]) -> Result<()> {
     let mut alive: Vec<u32> = (0..rays.len() as u32).collect();
     let mut beyond = rays.to_vec();
-    for _ in 0..MOST {
+    for _ in 0..most {
         if alive.is_empty() {
             break;
         }

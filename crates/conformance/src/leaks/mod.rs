@@ -17,7 +17,7 @@ mod tests;
 use crate::compare::ray_text;
 use crate::generate::bodies::{BODIES, Body};
 use crate::stage::{fetch, open, stand, start};
-use backend::{Backend, Hits, Intersector, Method, QueryKind, Rays, Result};
+use backend::{Backend, Intersector, Method, QueryKind, Rays, Result};
 use batches::{BatchSpec, specs};
 use geom::{Hit, Ray};
 
@@ -113,15 +113,16 @@ pub(crate) fn run_over(
     let mut done = 0;
     for (i, spec) in specs.iter().enumerate() {
         let Some(made) = next.take() else { break };
+        open(subject, &made.animation, 0.0, plan.method)?;
+        stand(subject, &made.animation, 0.0)?;
+        let ticket = start(subject, Rays::List(&made.rays), QueryKind::Closest)?;
         // While the device traces one batch, the host makes the next.
-        let (hits, after) = trace_batch(subject, plan.method, &made, || {
-            specs.get(i + 1).map(|spec| spec.make(plan.seed))
-        })?;
+        next = specs.get(i + 1).map(|spec| spec.make(plan.seed));
+        let (hits, _) = fetch(subject, ticket)?;
         let crossings = count(subject, plan.method, &made)?;
         judge((spec, &made), &hits.closest, &crossings, &mut found);
         done += made.rays.len() as u64;
         progress(done);
-        next = after;
     }
     Ok(found)
 }
@@ -135,19 +136,6 @@ fn count(subject: &mut dyn Backend, method: Method, made: &RayBatch) -> Result<V
     let counted = made.rays.len().div_ceil(8).max(COUNTED);
     let rays = &made.rays[..counted.min(made.rays.len())];
     crossings(subject, method, &made.animation, rays)
-}
-
-fn trace_batch(
-    subject: &mut dyn Backend,
-    method: Method,
-    made: &RayBatch,
-    meanwhile: impl FnOnce() -> Option<RayBatch>,
-) -> Result<(Hits, Option<RayBatch>)> {
-    open(subject, &made.animation, 0.0, method)?;
-    stand(subject, &made.animation, 0.0)?;
-    let ticket = start(subject, Rays::List(&made.rays), QueryKind::Closest)?;
-    let after = meanwhile();
-    Ok((fetch(subject, ticket)?.0, after))
 }
 
 /// Adds one batch's answers to what was found.

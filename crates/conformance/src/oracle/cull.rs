@@ -1,6 +1,6 @@
 //! Boxes that discard triangles far from a ray's line: a median tree in double precision.
 
-use geom::{Aabb, Point, Ray, Triangle};
+use geom::{Aabb, Ray, Triangle};
 
 /// Triangles in a group of the lowest level.
 const GROUP: usize = 8;
@@ -21,11 +21,6 @@ impl Boxes {
         let mut nodes = vec![Aabb::EMPTY; 2 * groups - 1];
         split(corners, &mut order, &mut nodes, 0, groups);
         Self { nodes, order }
-    }
-
-    /// The box of everything.
-    pub(crate) fn bounds(&self) -> Aabb {
-        self.nodes[0]
     }
 
     /// Calls `visit` with every triangle that a valid ray may hit, those in nearer boxes about first. It returns a `t`
@@ -64,14 +59,11 @@ fn split(corners: &[Triangle], order: &mut [u32], nodes: &mut [Aabb], node: usiz
         return;
     }
     let length = |i: usize| f64::from(bounds.max[i]) - f64::from(bounds.min[i]);
-    let axis = (0..3)
-        .max_by(|&i, &j| length(i).total_cmp(&length(j)))
-        .unwrap_or(0);
-    let key = |i: &u32| {
-        corners[*i as usize]
-            .map(|p: Point| f64::from(p[axis]))
-            .iter()
-            .sum::<f64>()
+    let longest = (0..3).max_by(|&i, &j| length(i).total_cmp(&length(j)));
+    let axis = longest.unwrap_or(0);
+    let key = |i: &u32| -> f64 {
+        let corners = corners[*i as usize].iter();
+        corners.map(|p| f64::from(p[axis])).sum()
     };
     let middle = order.len() / 2;
     if middle > 0 {
@@ -113,10 +105,6 @@ fn entry(ray: &Ray, bounds: &Aabb) -> Option<f64> {
 mod tests {
     use super::*;
 
-    fn may_meet(ray: &Ray, bounds: &Aabb) -> bool {
-        entry(ray, bounds).is_some()
-    }
-
     #[test]
     fn what_begins_beyond_the_bound_is_left_out_and_what_begins_at_it_is_not() {
         let wall = |x: f32| [[x, 0.0, 0.0], [x, 1.0, 0.0], [x, 0.0, 1.0]];
@@ -139,27 +127,6 @@ mod tests {
     }
 
     #[test]
-    fn a_ray_along_a_face_of_a_flat_box_meets_it() {
-        let bounds = Aabb {
-            min: [0.0, 0.0, 1.0],
-            max: [1.0, 1.0, 1.0],
-        };
-        assert!(may_meet(
-            &Ray::new([-1.0, 1.0, 1.0], [1.0, 0.0, 0.0]),
-            &bounds
-        ));
-        assert!(!may_meet(
-            &Ray::new([-1.0, 1.0, 1.1], [1.0, 0.0, 0.0]),
-            &bounds
-        ));
-        let behind = Ray {
-            t_max: 0.5,
-            ..Ray::new([-1.0, 1.0, 1.0], [1.0, 0.0, 0.0])
-        };
-        assert!(!may_meet(&behind, &bounds));
-    }
-
-    #[test]
     fn rounding_loses_no_ray_that_just_clips_a_corner() {
         // Enters at exactly 1 + (17/48) 2^-52, leaves at 1 + (18/48) 2^-52; the
         // first rounds up to 1 + 2^-52, the second down to 1.
@@ -169,29 +136,6 @@ mod tests {
             min: [3.0, 0.0, 0.0],
             max: [4.0, 1.0, 1.0],
         };
-        assert!(may_meet(&ray, &bounds));
-    }
-
-    #[test]
-    fn every_triangle_is_in_one_group() {
-        for n in [0_u32, 1, 8, 9, 100] {
-            let corners: Vec<Triangle> = (0..n)
-                .map(|i| {
-                    [
-                        [i as f32, 0.0, 0.0],
-                        [i as f32, 1.0, 0.0],
-                        [i as f32, 0.0, 1.0],
-                    ]
-                })
-                .collect();
-            let boxes = Boxes::new(&corners, (0..n).collect());
-            let mut seen = Vec::new();
-            boxes.near(&Ray::new([-1.0, 0.1, 0.1], [1.0, 0.0, 0.0]), |i| {
-                seen.push(i);
-                f64::INFINITY
-            });
-            seen.sort_unstable();
-            assert_eq!(seen, (0..n).collect::<Vec<_>>());
-        }
+        assert!(entry(&ray, &bounds).is_some());
     }
 }

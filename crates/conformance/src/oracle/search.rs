@@ -87,31 +87,6 @@ impl Oracle {
         hits.into_iter().next()
     }
 
-    /// The largest coordinate distance between the ray's origin and a corner of
-    /// the box of all triangles: the length that rounding is measured against
-    /// (`D` of the box test). 0 if there is no active triangle.
-    #[must_use]
-    pub fn reach(&self, ray: &Ray) -> f64 {
-        let bounds = self.boxes.bounds();
-        if bounds.is_empty() {
-            return 0.0;
-        }
-        let away = |i: usize, x: f32| (f64::from(x) - f64::from(ray.origin[i])).abs();
-        (0..3)
-            .map(|i| away(i, bounds.min[i]).max(away(i, bounds.max[i])))
-            .fold(0.0, f64::max)
-    }
-
-    /// Whether the line of a valid ray passes within `ulps * 2^-24 * reach` of an edge of `triangle`.
-    ///
-    /// # Panics
-    /// If there is no such triangle.
-    #[must_use]
-    pub fn near_edge(&self, ray: &Ray, triangle: u32, ulps: f64) -> bool {
-        let margin = ulps * f64::from(f32::EPSILON / 2.0) * self.reach(ray);
-        edge_distance(ray, &self.corners[triangle as usize]) <= margin
-    }
-
     /// Every triangle whose box the ray may meet, with what double precision says of it, as far as `visit` asks
     /// (see [`Boxes::near`]).
     fn judged(&self, ray: &Ray, mut visit: impl FnMut(u32, Verdict) -> f64) {
@@ -138,42 +113,6 @@ impl Oracle {
             })
             .collect()
     }
-}
-
-/// Distance from the line of a valid ray to the nearest point of the triangle's three edges.
-///
-/// Plain double precision: its error is a few `2^-53` of the distance from the
-/// origin to the farthest corner, far below the `2^-24` it is compared with.
-pub(crate) fn edge_distance(ray: &Ray, corners: &Triangle) -> f64 {
-    let d = ray.direction.map(f64::from);
-    let length = dot(d, d).sqrt();
-    let d = d.map(|x| x / length);
-    // Seen along the ray, the line is the point zero.
-    let seen = corners.map(|p| {
-        let v = std::array::from_fn(|i| f64::from(p[i]) - f64::from(ray.origin[i]));
-        let along = dot(v, d);
-        std::array::from_fn(|i| v[i] - along * d[i])
-    });
-    (0..3)
-        .map(|i| distance_to_segment(seen[i], seen[(i + 1) % 3]))
-        .fold(f64::INFINITY, f64::min)
-}
-
-/// From zero to the segment `p q`.
-fn distance_to_segment(p: [f64; 3], q: [f64; 3]) -> f64 {
-    let e: [f64; 3] = std::array::from_fn(|i| q[i] - p[i]);
-    let squared = dot(e, e);
-    let s = if squared > 0.0 {
-        (-dot(p, e) / squared).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
-    let closest: [f64; 3] = std::array::from_fn(|i| p[i] + s * e[i]);
-    dot(closest, closest).sqrt()
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 fn is_active(corners: &Triangle) -> bool {

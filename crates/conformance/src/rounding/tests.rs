@@ -151,7 +151,7 @@ fn a_triangle_is_as_far_away_as_its_nearest_point() {
         ([3.0, 3.0, 0.0], 2.0_f64.sqrt()),
         ([2.0, -3.0, 4.0], 5.0),
     ] {
-        let found = line::distance_to_triangle(p, &corners);
+        let found = distance_to_triangle(p.into(), &corners.map(DVec3::from));
         assert!((found - far).abs() < 1e-12, "{p:?}: {found}");
     }
 }

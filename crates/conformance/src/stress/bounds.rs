@@ -77,10 +77,6 @@ mod tests {
         // A standard deviation is 0.0043, and 0.0004 of what is known.
         assert!((0.220..0.226).contains(&low), "{low}");
         assert!((0.274..0.280).contains(&high), "{high}");
-    }
-
-    #[test]
-    fn more_rays_narrow_bounds_and_spread_widens_them() {
         let width = |spread, rays| {
             let [low, high] = interval(known(0.1, spread), rays);
             high - low

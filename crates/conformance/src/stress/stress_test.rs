@@ -2,7 +2,7 @@
 
 use crate::compare::same_hit;
 use crate::leaks::crossings;
-use crate::oracle::Oracle;
+use crate::oracle::{ExactHit, Oracle};
 use crate::stage::{ask, open, stand};
 use crate::stress::scenes::{Scene, scenes};
 use crate::stress::{Family, Plan};
@@ -17,17 +17,15 @@ use std::ops::AddAssign;
 #[derive(Clone, Debug)]
 pub struct StressTest {
     family: Family,
-    scenes: Vec<Answered>,
+    /// Each with how many closed triangles each ray meets, if it is of a closed body.
+    scenes: Vec<(Answered, Vec<u32>)>,
 }
 
 /// A scene with what its rays hit.
 #[derive(Clone, Debug)]
-struct Answered {
-    scene: Scene,
-    /// The triangle, or that of [`Hit::MISS`].
-    hits: Vec<u32>,
-    /// Of a closed body: how many closed triangles each ray meets.
-    crossings: Vec<u32>,
+pub(super) struct Answered {
+    pub(super) scene: Scene,
+    pub(super) exact: Vec<Option<ExactHit>>,
 }
 
 /// What was counted in one family.
@@ -71,10 +69,17 @@ impl StressTest {
     /// Makes and answers the rays of a family.
     #[must_use]
     pub fn new(family: Family, plan: &Plan) -> Self {
+        let answered = |scene| {
+            let (answered, oracle) = Answered::new(scene);
+            let rays = answered.scene.rays.par_iter();
+            let all = rays.filter(|_| answered.scene.inside.is_some());
+            let crossings = all.map(|r| oracle.all(r).len() as u32).collect();
+            (answered, crossings)
+        };
         let scenes = scenes(family, plan).into_par_iter();
         Self {
             family,
-            scenes: scenes.map(Answered::new).collect(),
+            scenes: scenes.map(answered).collect(),
         }
     }
 
@@ -98,8 +103,8 @@ impl StressTest {
             ..Method::default()
         };
         let mut sum = StressCounts::default();
-        for answered in &self.scenes {
-            match answered.ask(subject, method, self.family) {
+        for scene in &self.scenes {
+            match self.ask_one(subject, method, scene) {
                 Err(BackendError::Unsupported { .. }) => return Ok(None),
                 tally => sum += tally?,
             }
@@ -109,91 +114,84 @@ impl StressTest {
         }
         Ok(Some(sum))
     }
-}
 
-impl Answered {
-    fn new(scene: Scene) -> Self {
-        let oracle = Oracle::at(&scene.animation, scene.animation.pose(scene.time));
-        let closest = |r| oracle.closest(r).map_or(Hit::MISS.triangle, |h| h.triangle);
-        let hits = scene.rays.par_iter().map(closest).collect();
-        let crossings = match scene.inside {
-            Some(_) => {
-                let all = scene.rays.par_iter().map(|r| oracle.all(r).len() as u32);
-                all.collect()
-            }
-            None => Vec::new(),
-        };
-        Self {
-            scene,
-            hits,
-            crossings,
-        }
-    }
-
-    fn ask(
+    fn ask_one(
         &self,
         subject: &mut dyn Backend,
         method: Method,
-        family: Family,
+        (answered, crossings): &(Answered, Vec<u32>),
     ) -> Result<StressCounts> {
-        let scene = &self.scene;
+        let scene = &answered.scene;
         let (hits, report) = scene.trace(subject, method, scene.built)?;
         let found = hits.closest;
-        let differs = |(hit, exact): &(&Hit, &u32)| hit.triangle != **exact;
         let closed = match &scene.inside {
-            Some(inside) => Some(self.closed(subject, method, inside, &found)?),
+            Some(inside) => Some(closed(subject, method, scene, (inside, crossings, &found))?),
             None => None,
         };
-        let rearranged = if family == Family::Rearranged {
-            Some(self.rearranged(subject, method, &found, report.sah_cost)?)
-        } else {
-            None
+        let rearranged = match self.family {
+            Family::Rearranged => {
+                Some(rearranged(subject, method, scene, &found, report.sah_cost)?)
+            }
+            _ => None,
         };
+        let differs = |i: &usize| found[*i].triangle != answered.triangle(*i);
         Ok(StressCounts {
             rays: found.len() as u64,
-            wrong: found.iter().zip(&self.hits).filter(differs).count() as u64,
+            wrong: (0..found.len()).filter(differs).count() as u64,
             closed,
             rearranged,
         })
     }
+}
 
-    fn closed(
-        &self,
-        subject: &mut dyn Backend,
-        method: Method,
-        inside: &[bool],
-        found: &[Hit],
-    ) -> Result<Closed> {
-        let (body, rays) = (&self.scene.animation, &self.scene.rays);
-        let counts = crossings(subject, method, body, rays)?;
-        let double = |i: &usize| match method.intersector {
-            Intersector::Exact => counts[*i] != self.crossings[*i],
-            _ => (counts[*i] % 2 == 1) != inside[*i],
-        };
-        let leaks = |(inside, hit): &(&bool, &Hit)| **inside && !hit.is_hit();
-        Ok(Closed {
-            inside: inside.iter().filter(|&&i| i).count() as u64,
-            leaks: inside.iter().zip(found).filter(leaks).count() as u64,
-            counted: rays.len() as u64,
-            doubles: (0..rays.len()).filter(double).count() as u64,
-        })
+impl Answered {
+    /// Asks the oracle, on as many threads as there are.
+    pub(super) fn new(scene: Scene) -> (Self, Oracle) {
+        let oracle = Oracle::at(&scene.animation, scene.animation.pose(scene.time));
+        let exact = scene.rays.par_iter().map(|r| oracle.closest(r)).collect();
+        (Self { scene, exact }, oracle)
     }
 
-    /// Asks again on a tree built anew.
-    fn rearranged(
-        &self,
-        subject: &mut dyn Backend,
-        method: Method,
-        found: &[Hit],
-        refitted: Option<f64>,
-    ) -> Result<Rearranged> {
-        let (hits, report) = self.scene.trace(subject, method, self.scene.time)?;
-        let pairs = found.iter().zip(&hits.closest);
-        Ok(Rearranged {
-            dependent: pairs.filter(|(a, b)| !same_hit(a, b)).count() as u64,
-            sah_ratio: refitted.zip(report.sah_cost).map(|(old, new)| old / new),
-        })
+    /// What a ray hits, or the triangle of [`Hit::MISS`].
+    pub(super) fn triangle(&self, ray: usize) -> u32 {
+        self.exact[ray].map_or(Hit::MISS.triangle, |e| e.triangle)
     }
+}
+
+fn closed(
+    subject: &mut dyn Backend,
+    method: Method,
+    scene: &Scene,
+    (inside, exact, found): (&[bool], &[u32], &[Hit]),
+) -> Result<Closed> {
+    let counts = crossings(subject, method, &scene.animation, &scene.rays)?;
+    let double = |i: &usize| match method.intersector {
+        Intersector::Exact => counts[*i] != exact[*i],
+        _ => (counts[*i] % 2 == 1) != inside[*i],
+    };
+    let leaks = |(inside, hit): &(&bool, &Hit)| **inside && !hit.is_hit();
+    Ok(Closed {
+        inside: inside.iter().filter(|&&i| i).count() as u64,
+        leaks: inside.iter().zip(found).filter(leaks).count() as u64,
+        counted: counts.len() as u64,
+        doubles: (0..counts.len()).filter(double).count() as u64,
+    })
+}
+
+/// Asks again on a tree built anew.
+fn rearranged(
+    subject: &mut dyn Backend,
+    method: Method,
+    scene: &Scene,
+    found: &[Hit],
+    refitted: Option<f64>,
+) -> Result<Rearranged> {
+    let (hits, report) = scene.trace(subject, method, scene.time)?;
+    let pairs = found.iter().zip(&hits.closest);
+    Ok(Rearranged {
+        dependent: pairs.filter(|(a, b)| !same_hit(a, b)).count() as u64,
+        sah_ratio: refitted.zip(report.sah_cost).map(|(old, new)| old / new),
+    })
 }
 
 impl Scene {

@@ -3,12 +3,12 @@
 use super::BatchSpec;
 use super::bounds::TBounds;
 use crate::compare::{ray_text, triangle_text};
-use crate::oracle::{ExactHit, Oracle};
+use crate::oracle::ExactHit;
 use crate::stage::ask;
 use crate::stress::scenes::Scene;
+use crate::stress::stress_test::Answered;
 use backend::{Backend, Method, QueryKind, Rays, Result};
 use geom::Hit;
-use rayon::prelude::*;
 use serde::Serialize;
 use std::ops::AddAssign;
 
@@ -20,8 +20,7 @@ const KEPT: usize = 4;
 pub struct Batch {
     /// Which.
     pub spec: BatchSpec,
-    scene: Scene,
-    exact: Vec<Option<ExactHit>>,
+    answered: Answered,
     about: AuditCounts,
 }
 
@@ -57,10 +56,9 @@ pub struct AuditCounts {
 
 impl Batch {
     pub(super) fn new(spec: BatchSpec, scene: Scene) -> Self {
+        let (answered, _) = Answered::new(scene);
+        let (scene, exact) = (&answered.scene, &answered.exact);
         let pose = scene.animation.pose(scene.time);
-        let oracle = Oracle::at(&scene.animation, pose);
-        let rays = scene.rays.par_iter();
-        let exact: Vec<_> = rays.map(|ray| oracle.closest(ray)).collect();
         let count = |f: &dyn Fn(&ExactHit) -> bool| exact.iter().flatten().filter(|e| f(e)).count();
         let corners = |t| scene.animation.corners(pose, t);
         let triangles = 0..scene.animation.triangle_count() as u32;
@@ -79,9 +77,8 @@ impl Batch {
         };
         Self {
             spec,
-            exact,
+            answered,
             about,
-            scene,
         }
     }
 
@@ -90,22 +87,22 @@ impl Batch {
     /// # Errors
     /// The subject failed, or does not know the method.
     pub fn ask(&self, subject: &mut dyn Backend, method: Method) -> Result<AuditCounts> {
-        let rays = &self.scene.rays;
-        let (closest, report) = self.scene.trace(subject, method, self.scene.built)?;
-        let (any, _) = ask(subject, Rays::List(rays), QueryKind::Any)?;
+        let scene = &self.answered.scene;
+        let (closest, report) = scene.trace(subject, method, scene.built)?;
+        let (any, _) = ask(subject, Rays::List(&scene.rays), QueryKind::Any)?;
         let mut tally = AuditCounts {
             settled: report.settled,
             ..self.about.clone()
         };
-        let bounds = TBounds::of(&self.scene);
+        let bounds = TBounds::of(scene);
         let found = closest.closest.iter().zip(&any.blocked);
-        for (number, (expected, (hit, &any))) in self.exact.iter().zip(found).enumerate() {
-            let wrong = hit.triangle != expected.map_or(Hit::MISS.triangle, |e| e.triangle);
+        for (number, (expected, (hit, &any))) in self.answered.exact.iter().zip(found).enumerate() {
+            let wrong = hit.triangle != self.answered.triangle(number);
             let wrong_any = (any == 1) != expected.is_some();
+            let right_t = |e: ExactHit| bounds.allow(&scene.rays[number], &e, hit.t);
+            let wrong_t = !wrong && !expected.is_none_or(right_t);
             tally.wrong += u64::from(wrong);
             tally.wrong_any += u64::from(wrong_any);
-            let wrong_t =
-                !wrong && expected.is_some_and(|e| !bounds.allow(&rays[number], &e, hit.t));
             tally.wrong_t += u64::from(wrong_t);
             if (wrong || wrong_any || wrong_t) && tally.first.len() < KEPT {
                 tally.first.push(self.wrong(number, *hit, any == 1));
@@ -116,17 +113,16 @@ impl Batch {
 
     /// A wrong ray, both answers and the corners of the triangles that they name.
     fn wrong(&self, number: usize, found: Hit, any: bool) -> String {
-        let (animation, expected) = (&self.scene.animation, self.exact[number]);
-        let name = |t| triangle_text(animation, self.scene.time, t);
-        let exact = expected.map_or(Hit::MISS.triangle, |e| e.triangle);
+        let scene = &self.answered.scene;
+        let name = |t| triangle_text(&scene.animation, scene.time, t);
         format!(
             "ray {number} of batch {}, {}: hits {} at t = {:?} (any: {any}), exactly {} at {:?}",
             self.spec.number,
-            ray_text(&self.scene.rays[number]),
+            ray_text(&scene.rays[number]),
             name(found.triangle),
             found.t,
-            name(exact),
-            expected.map_or(f64::INFINITY, |e| e.t),
+            name(self.answered.triangle(number)),
+            self.answered.exact[number].map_or(f64::INFINITY, |e| e.t),
         )
     }
 }

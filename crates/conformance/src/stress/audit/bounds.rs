@@ -2,7 +2,7 @@
 
 use crate::oracle::ExactHit;
 use crate::stress::scenes::Scene;
-use geom::{Animation, Point, Pose, Range, Ray};
+use geom::{Aabb, Animation, Point, Pose, Range, Ray};
 
 /// `64 * 2^-24`: more than the padding of boxes and the rounding of their test.
 const PADDING: f64 = 64.0 / 16_777_216.0;
@@ -12,8 +12,8 @@ pub(super) struct TBounds<'a> {
     animation: &'a Animation,
     pose: Pose,
     range: Range,
-    /// Corners of the box of all active triangles.
-    root: [[f64; 3]; 2],
+    /// The box of all active triangles.
+    root: Aabb,
 }
 
 impl<'a> TBounds<'a> {
@@ -21,13 +21,8 @@ impl<'a> TBounds<'a> {
         let animation = &*scene.animation;
         let pose = animation.pose(scene.time);
         let all = (0..animation.triangle_count() as u32).map(|t| animation.corners(pose, t));
-        let mut root = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-        for p in all.filter(geom::is_active).flatten() {
-            for i in 0..3 {
-                root[0][i] = root[0][i].min(p[i].into());
-                root[1][i] = root[1][i].max(p[i].into());
-            }
-        }
+        let points = all.filter(geom::is_active).flatten();
+        let root = points.fold(Aabb::EMPTY, |root, p| root.with_point(p));
         Self {
             range: animation.range(pose),
             animation,
@@ -64,8 +59,8 @@ impl<'a> TBounds<'a> {
         let o = f64::from(ray.origin[axis]);
         let depths = corners.map(|p| (f64::from(p[axis]) - o) / d[axis]);
         let reach = (0..3).map(|i| {
-            let o = f64::from(ray.origin[i]);
-            (self.root[0][i] - o).abs().max((self.root[1][i] - o).abs())
+            let away = |x: f32| (f64::from(x) - f64::from(ray.origin[i])).abs();
+            away(self.root.min[i]).max(away(self.root.max[i]))
         });
         let padding = PADDING * reach.fold(0.0, f64::max) / longest;
         let least = depths.iter().copied().fold(f64::INFINITY, f64::min);

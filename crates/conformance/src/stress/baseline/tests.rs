@@ -37,16 +37,6 @@ fn a_device_is_held_to_what_was_measured_with_its_own_arithmetic() {
 }
 
 #[test]
-fn success_that_nobody_expects_is_a_fault_whatever_the_arithmetic() {
-    for device in [Arithmetic::IEEE, LOOSE] {
-        for by in [Intersector::MollerTrumbore, Intersector::Woop] {
-            assert!(!edges(by, [2056, 0, 3500], device).is_ok(), "{by}");
-            assert!(!edges(by, [0, 300, 3500], device).is_ok(), "{by}");
-        }
-    }
-}
-
-#[test]
 fn answers_that_are_equal_everywhere_have_one_bound_and_unknown_arithmetic_has_none_of_its_own() {
     let strange = Arithmetic {
         rounds_division: false,
@@ -54,12 +44,8 @@ fn answers_that_are_equal_everywhere_have_one_bound_and_unknown_arithmetic_has_n
     };
     for device in [Arithmetic::IEEE, LOOSE, strange] {
         let of = |by| known(Family::Edges, by, Measure::Wrong, device);
-        let everywhere = known(
-            Family::Edges,
-            Intersector::Watertight,
-            Measure::Wrong,
-            Arithmetic::IEEE,
-        );
+        let by = Intersector::Watertight;
+        let everywhere = known(Family::Edges, by, Measure::Wrong, Arithmetic::IEEE);
         assert_eq!(of(Intersector::Watertight), everywhere);
         assert_eq!(of(Intersector::Woop).is_some(), device != strange);
         assert!(edges(Intersector::Exact, [0; 3], device).is_ok());

@@ -1,10 +1,22 @@
 //! What readers of the pages meet: links that lead somewhere, and the two commands.
 
+use crate::sandbox::trial;
+use integration::scenes::workspace;
+use libtest_mimic::Trial;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        trial(
+            "pages::every_link_within_the_repository_leads_somewhere",
+            |_| links_lead(),
+        ),
+        trial("pages::a_dead_link_is_seen", |_| dead_link()),
+        trial("pages::the_readme_begins_with_the_two_commands", |_| {
+            two_commands()
+        }),
+    ]
 }
 
 fn read(path: &Path) -> String {
@@ -70,10 +82,9 @@ fn leads(from: &Path, link: &str) -> bool {
     to.exists() && (place.is_empty() || has_anchor(&read(&to), place))
 }
 
-#[test]
-fn every_link_within_the_repository_leads_somewhere() {
+fn links_lead() {
     let mut found = Vec::new();
-    pages(&root(), &mut found);
+    pages(&workspace(), &mut found);
     let mut count = 0;
     let mut dead = Vec::new();
     for page in &found {
@@ -89,9 +100,8 @@ fn every_link_within_the_repository_leads_somewhere() {
     assert!(found.len() > 5 && count > 20, "{count} links in {found:?}");
 }
 
-#[test]
-fn a_dead_link_is_seen() {
-    let readme = root().join("README.md");
+fn dead_link() {
+    let readme = workspace().join("README.md");
     assert!(leads(&readme, "ARCHITECTURE.md#what-a-hit-is"));
     assert!(!leads(&readme, "ARCHITECTURE.md#what-a-miss-is"));
     assert!(!leads(&readme, "docs/nowhere.md"));
@@ -101,9 +111,8 @@ fn a_dead_link_is_seen() {
 }
 
 /// Whoever clones the repository needs these two.
-#[test]
-fn the_readme_begins_with_the_two_commands() {
-    let readme = read(&root().join("README.md"));
+fn two_commands() {
+    let readme = read(&workspace().join("README.md"));
     let lines: Vec<&str> = readme.lines().take(16).collect();
     let command = |words: &str| lines.iter().any(|l| l.split("  ").next() == Some(words));
     assert!(

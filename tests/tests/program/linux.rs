@@ -1,0 +1,87 @@
+//! What only Linux has: names of any bytes, and limits of memory.
+
+use crate::bad::npy;
+use crate::sandbox::{Run, SQUARE, Sandbox, trial};
+use libtest_mimic::Trial;
+use std::ffi::OsStr;
+use std::os::unix::ffi::OsStrExt;
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        trial("files::names_may_be_any_bytes", any_bytes),
+        trial("files::meshes_beyond_memory_are_refused", beyond_memory),
+    ]
+}
+
+/// Alone, joined and placed.
+fn any_bytes(sandbox: &Sandbox) {
+    let name = OsStr::from_bytes(b"a\xff.obj");
+    std::fs::write(sandbox.path().join(name), SQUARE).unwrap();
+    sandbox.write("b.obj", SQUARE);
+    let run = |words: &str, scene: &[u8]| {
+        let words = words
+            .split(' ')
+            .map(OsStr::new)
+            .chain([OsStr::from_bytes(scene)]);
+        let output = integration::program::run_where(sandbox.path(), words, &[]);
+        Run::of(&output, "a name that is not UTF-8")
+    };
+    let render = "render --backend cpu --size 8x8 --frames 1 --quiet --overwrite";
+    for (scene, says) in [
+        (&b"a\xff.obj"[..], "2 triangles"),
+        (b"b.obj+a\xff.obj@0,0,1*2", "4 triangles"),
+    ] {
+        let stdout = run(render, scene).succeeds().stdout;
+        assert!(stdout.contains(says), "{stdout}");
+    }
+    run("inspect", b"a\xfe.obj").fails(2, &["no such file"]);
+}
+
+/// On one thread each.
+const CPU: &str = "--backend cpu --threads 1 --builder-threads 1";
+
+/// Little text makes much mesh: both numbers are named, and nothing breaks down over it.
+fn beyond_memory(sandbox: &Sandbox) {
+    let vertices =
+        "element vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face";
+    let ply = |faces: &str, end: &str, body: &str| {
+        let corners = "0 0 0\n1 0 0\n0 1 0\n";
+        let list = "property list";
+        format!(
+            "ply\nformat ascii 1.0\n{vertices} {faces}\n{list} {end}\nend_header\n{corners}{body}"
+        )
+    };
+    let face = "f 1 2 3\n".repeat(1_500_000);
+    sandbox.write("a.obj", format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{face}"));
+    let faces = "3 0 1 2\n".repeat(1_500_000);
+    sandbox.write("a.ply", ply("1500000", "uchar int vertex_indices", &faces));
+    let render = format!("--size 8x8 --frames 1 --quiet {CPU}");
+    let says = ["are needed", "are free (address space"];
+    for scene in ["a.obj", "a.ply"] {
+        // So little that reading breaks down over it, and trees beyond.
+        for kilobytes in [150_000, 250_000, 400_000] {
+            let run = sandbox.run_within(kilobytes, &format!("render {scene} {render}"));
+            run.fails(2, &says);
+        }
+    }
+    // One face of many corners, and many rays.
+    let face = "3000000".to_owned() + &" 0 1 2".repeat(1_000_000);
+    sandbox.write("p.ply", ply("1", "int int vertex_indices", &face));
+    let run = sandbox.run_within(110_000, &format!("render p.ply {render}"));
+    run.fails(2, &["reading 3 vertices and 1 faces", "are needed"]);
+    sandbox.write("s.obj", SQUARE);
+    let ray = [0.25_f32, 0.25, 5.0, 0.0, 0.0, -1.0].map(f32::to_le_bytes);
+    let rays = ray.concat().repeat(2_000_000);
+    sandbox.write("r.npy", npy("<f4", "(2000000, 6)", &rays));
+    let words = format!("trace s.obj --time 0 {CPU} --rays r.npy --out h.npz");
+    // Least and greatest limit under which rays can be read, and not be traced.
+    let trees = "1 key frame of 4 vertices, and trees over 2 triangles: ";
+    for kilobytes in (150_000..600_000).step_by(30_000) {
+        let run = sandbox.run_within(kilobytes, &words);
+        if run.stderr.contains(trees) {
+            return run.fails(2, &says);
+        }
+        run.fails(2, &[]);
+    }
+    panic!("all limits are too low");
+}
