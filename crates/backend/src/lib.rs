@@ -57,21 +57,17 @@
 //! **Errors.** [`BackendError`] is what a correct caller cannot foresee. Misuse
 //! (tracing a stale tree, waiting for a ticket never given) panics.
 
-mod adapter;
 mod error;
 mod frame;
-mod method;
 mod query;
 mod tree;
 
-pub use adapter::choose_adapter;
 pub use error::{BackendError, Result};
 pub use frame::{
     Arithmetic, Device, DeviceBytes, DeviceKind, FrameReport, Generation, Snapshot, StageTimes,
-    Ticket,
+    Ticket, choose_adapter,
 };
-pub use method::{Intersector, Layout, Method, UnknownName};
-pub use query::{Hits, Query, QueryKind, Rays};
+pub use query::{Hits, Intersector, Layout, Method, Query, QueryKind, Rays};
 pub use tree::check_tree;
 
 use bvh_layout::Topology;

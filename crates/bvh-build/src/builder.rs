@@ -117,16 +117,14 @@ impl Builder {
             extents,
             factor,
         } = gather(boxes, &mut self.prims[..n]);
-        tree.order.resize(leaves, 0);
-        tree.left_leaves.resize(leaves.saturating_sub(1), 0);
+        let slot = tree.slot(leaves);
         if leaves == 0 {
             return Ok(());
         }
         let root = Node {
             prims: &mut self.prims[..leaves],
             room: &mut self.room[..leaves],
-            left_leaves: &mut tree.left_leaves,
-            order: &mut tree.order,
+            slot,
             extents,
             depth,
         };

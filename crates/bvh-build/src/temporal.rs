@@ -79,15 +79,13 @@ impl TemporalBuilder {
         }
         self.prims.gather(moments, &mut tree.order);
         let leaves = tree.order.len();
-        tree.left_leaves.resize(leaves.saturating_sub(1), 0);
         self.room.resize(leaves, 0);
         if leaves == 0 {
             return Ok(());
         }
         let root = TemporalNode {
-            order: &mut tree.order,
+            slot: tree.slot(leaves),
             room: &mut self.room,
-            left_leaves: &mut tree.left_leaves,
             depth: 0,
         };
         node::build(&self.prims, root, cancel)

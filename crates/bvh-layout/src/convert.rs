@@ -6,8 +6,8 @@
 //! write memory as streams, at most one for each level, and both split into
 //! chunks of the preorder, whose shares of every level are known by counting.
 
-use crate::header::Header;
 use crate::treelets::Workspace;
+use crate::validate::Header;
 use crate::walk::Walk;
 use crate::{Topology, Treelets};
 use bvh_build::{BinaryTree, MAX_DEPTH};

@@ -1,6 +1,6 @@
 //! The record that is handed over, and how to read it.
 
-use crate::header::Header;
+use crate::validate::{Header, validate};
 use crate::{BlockTree, First, Moving, NodeRanks, RecordError, Spare, Treelets};
 use geom::{Aabb, StaticParts};
 use std::borrow::Cow;
@@ -72,9 +72,9 @@ impl Topology {
     /// Takes a record from elsewhere, checking every property it must have.
     ///
     /// # Errors
-    /// See [`RecordError`]: each says what is wrong and where.
+    /// [`RecordError`] says what is wrong and where.
     pub fn from_words(words: Vec<u32>) -> Result<Self, RecordError> {
-        crate::validate::validate(&words)?;
+        validate(&words)?;
         Ok(Self::of_words(words))
     }
 
@@ -86,27 +86,6 @@ impl Topology {
             treelets: None,
             blocks: None,
         }
-    }
-
-    /// Takes a record from bytes, such as a file's.
-    ///
-    /// # Errors
-    /// See [`RecordError`].
-    pub fn from_le_bytes(bytes: &[u8]) -> Result<Self, RecordError> {
-        let (words, rest) = bytes.as_chunks::<4>();
-        if !rest.is_empty() {
-            return Err(RecordError::Bytes { found: bytes.len() });
-        }
-        Self::from_words(words.iter().map(|&word| u32::from_le_bytes(word)).collect())
-    }
-
-    /// The record as bytes, for a file.
-    #[must_use]
-    pub fn to_le_bytes(&self) -> Vec<u8> {
-        self.words
-            .iter()
-            .flat_map(|word| word.to_le_bytes())
-            .collect()
     }
 
     /// The record, as it is handed over.
@@ -277,31 +256,6 @@ impl Topology {
         &self.words[self.words.len() - self.leaf_count()..]
     }
 
-    /// Whether a node is a leaf.
-    ///
-    /// # Panics
-    /// If there is no such node; likewise for the other queries of nodes.
-    #[must_use]
-    #[inline]
-    pub fn is_leaf(&self, node: u32) -> bool {
-        assert!((node as usize) < self.node_count(), "no node {node}");
-        self.leaf_bits()[node as usize / 32] >> (node % 32) & 1 == 1
-    }
-
-    /// Leaves before `node`: a leaf's place in [`Topology::leaf_triangles`].
-    /// An inner node's place among inner nodes is `node` less this.
-    ///
-    /// # Panics
-    /// If there is no such node.
-    #[must_use]
-    #[inline]
-    pub fn leaf_rank(&self, node: u32) -> u32 {
-        assert!((node as usize) < self.node_count(), "no node {node}");
-        let word = node as usize / 32;
-        let before = self.leaf_bits()[word] & !(u32::MAX << (node % 32));
-        self.leaf_ranks()[word] + before.count_ones()
-    }
-
     /// Both children of the `k`-th inner node.
     #[must_use]
     #[inline]
@@ -332,36 +286,18 @@ impl Default for Topology {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::tests::{self, chain, random_tree, shapes};
-
-    fn record(leaves: usize) -> Topology {
-        tests::record(&random_tree(leaves, leaves as u64))
-    }
-
-    #[test]
-    fn a_record_survives_words_and_bytes() {
-        for tree in shapes() {
-            let record = tests::record(&tree);
-            assert_eq!(Topology::from_le_bytes(&record.to_le_bytes()), Ok(record));
-        }
-        assert_eq!(
-            Topology::from_le_bytes(&[0; 33]),
-            Err(RecordError::Bytes { found: 33 })
-        );
-    }
+    use crate::tests::{chain, random_tree, record};
 
     #[test]
     fn a_triangle_takes_at_most_8_bytes_and_about_4_and_a_half() {
         for leaves in [100, 101, 1_000, 30_000] {
-            let record = record(leaves);
+            let record = record(&random_tree(leaves, leaves as u64));
             assert!(record.bytes() <= 8 * leaves, "{leaves}: {}", record.bytes());
         }
-        let deepest = chain(100);
-        let record = tests::record(&deepest);
-        assert_eq!(record.level_count(), 65);
-        assert!(record.bytes() <= 800, "{}", record.bytes());
-        let bytes = self::record(200_000).bytes() as f64 / 200_000.0;
+        let deepest = record(&chain(100));
+        assert_eq!(deepest.level_count(), 65);
+        assert!(deepest.bytes() <= 800, "{}", deepest.bytes());
+        let bytes = record(&random_tree(200_000, 1)).bytes() as f64 / 200_000.0;
         assert!((4.5..4.502).contains(&bytes), "{bytes}");
     }
 }

@@ -55,11 +55,7 @@ impl Line {
         if surely_misses(self, corners) {
             return None;
         }
-        let direction_unit = unit(&[self.ray.direction]);
-        let direction = whole(self.ray.direction, direction_unit);
-        let position_unit = unit(corners).min(unit(&[self.ray.origin]) + self.shift);
-        let origin = whole(self.ray.origin, position_unit - self.shift);
-        let [a, b, c] = corners.map(|p| minus(&whole(p, position_unit), &origin));
+        let (direction, [a, b, c], e) = self.integers(corners);
         if !within(&direction, [&a, &b, &c]) {
             return None;
         }
@@ -70,18 +66,26 @@ impl Line {
             Sign::Minus => (n, d) = (-n, -d),
             Sign::Plus => {}
         }
-        let e = position_unit - self.shift - direction_unit;
         Some(Crossing { n, d, e })
+    }
+
+    /// The direction, and the corners seen from the origin, in integers; and the power of two by which a quotient of
+    /// positions over directions is scaled.
+    fn integers(&self, corners: &Triangle) -> (Vector, [Vector; 3], i32) {
+        let direction_unit = unit(&[self.ray.direction]);
+        let direction = whole(self.ray.direction, direction_unit);
+        let position_unit = unit(corners).min(unit(&[self.ray.origin]) + self.shift);
+        let origin = whole(self.ray.origin, position_unit - self.shift);
+        let corners = corners.map(|p| minus(&whole(p, position_unit), &origin));
+        let e = position_unit - self.shift - direction_unit;
+        (direction, corners, e)
     }
 
     /// The weights of the second and the third corner where the line passes through a triangle that it
     /// [meets](Self::meet), each rounded once.
     #[must_use]
     pub fn weights(&self, corners: &Triangle) -> [f32; 2] {
-        let direction = whole(self.ray.direction, unit(&[self.ray.direction]));
-        let position_unit = unit(corners).min(unit(&[self.ray.origin]) + self.shift);
-        let origin = whole(self.ray.origin, position_unit - self.shift);
-        let [a, b, c] = corners.map(|p| minus(&whole(p, position_unit), &origin));
+        let (direction, [a, b, c], _) = self.integers(corners);
         let [u, v, w] = sides(&direction, [&a, &b, &c]);
         let sum = u + &v + &w;
         let positive = |x: BigInt| if sum.sign() == Sign::Minus { -x } else { x };
@@ -328,10 +332,8 @@ mod tests {
             let direction: Point = std::array::from_fn(|i| (at[i] - origin[i]) * (e as f32).exp2());
             let line = Line { ray: Ray::new(origin, direction), shift: 0 };
             prop_assume!(line.ray.is_valid());
-            let unit = unit(&corners).min(super::unit(&[origin]));
-            let zero = whole(origin, unit);
-            let [a, b, c] = corners.map(|p| minus(&whole(p, unit), &zero));
-            let within = passes_within(&whole(direction, super::unit(&[direction])), [&a, &b, &c]);
+            let (direction, [a, b, c], _) = line.integers(&corners);
+            let within = passes_within(&direction, [&a, &b, &c]);
             prop_assert!(!(within && surely_misses(&line, &corners)));
         }
 

@@ -13,6 +13,13 @@ pub struct Aabb {
     pub max: Point,
 }
 
+/// Holds no point.
+impl Default for Aabb {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
 impl Aabb {
     /// Holds no point; the neutral element of [`Aabb::union`].
     pub const EMPTY: Self = Self {

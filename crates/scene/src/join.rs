@@ -101,7 +101,7 @@ fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>, 
                 spec,
                 place: Some(place),
             }),
-            None if exists(spec) => Err(SceneError::BadRequest(format!(
+            None if exists(spec) => Err(SceneError(format!(
                 "bad place {place:?} for {spec}: give @x,y,z or @x,y,z*scale, with a scale above 0"
             ))),
             None => Ok(whole),
@@ -146,8 +146,10 @@ pub(crate) fn open(
     let vertices = all().map(|a| a.vertex_count()).sum();
     let triangles = all().map(|a| a.triangle_count()).sum();
     let names = joined(opened.iter().map(|(s, _)| s.name.as_str()));
-    check_keys(names, (key_count(&opened)?, vertices, triangles), options)?;
-    join(spec, opened)
+    let keys = key_count(&opened)?;
+    check_keys(names, (keys, vertices, triangles), options)?;
+    within(spec.as_ref(), "vertices", vertices, u32::MAX as usize)?;
+    join(spec, opened, (keys, vertices))
 }
 
 /// With the times that the key frames of all inputs that move have in common, if they have times of their own.
@@ -173,10 +175,11 @@ fn timed(spec: &str, joined: Animation, scenes: &[Scene]) -> Result<Animation, S
         .map_err(|e| bad(e.to_string()))
 }
 
-fn join(spec: &str, parts: Vec<(Scene, Placement)>) -> Result<Scene, SceneError> {
-    let keys = key_count(&parts)?;
-    let vertices = parts.iter().map(|(s, _)| s.animation.vertex_count()).sum();
-    within(spec.as_ref(), "vertices", vertices, u32::MAX as usize)?;
+fn join(
+    spec: &str,
+    parts: Vec<(Scene, Placement)>,
+    (keys, vertices): (usize, usize),
+) -> Result<Scene, SceneError> {
     let frame = |key: usize| {
         let mut all = Vec::with_capacity(vertices);
         for (scene, place) in &parts {
@@ -207,7 +210,7 @@ fn key_count(parts: &[(Scene, Placement)]) -> Result<usize, SceneError> {
     };
     match moving.find(|s| count(s) != count(first)) {
         None => Ok(count(first)),
-        Some(other) => Err(SceneError::BadRequest(format!(
+        Some(other) => Err(SceneError(format!(
             "{} has {} key frames and {} {}: inputs that move must have equally many; \
              one with a single key frame is repeated",
             first.name,

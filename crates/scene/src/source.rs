@@ -1,13 +1,15 @@
 //! From the word that names a scene to the files that make it.
 
 use crate::join::{self, Input};
-use crate::sequence::Format;
 use crate::{Options, Scene, SceneError, clip, demo, sequence, word};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// See [`crate::open`].
-pub(crate) fn open(spec: &str, options: &Options) -> Result<Scene, SceneError> {
+/// Opens the scene that `spec` names.
+///
+/// # Errors
+/// See [`SceneError`].
+pub fn open(spec: &str, options: &Options) -> Result<Scene, SceneError> {
     match join::inputs(spec, &exists)?.as_slice() {
         [Input { spec, place: None }] => open_one(spec, options),
         inputs => join::open(spec, inputs, options),
@@ -57,14 +59,6 @@ pub(crate) fn extension(path: &Path) -> String {
     extension.to_string_lossy().to_lowercase()
 }
 
-fn format_of(path: &Path) -> Option<Format> {
-    match extension(path).as_str() {
-        "obj" => Some(Format::Obj),
-        "ply" => Some(Format::Ply),
-        _ => None,
-    }
-}
-
 fn is_gltf(path: &Path) -> bool {
     matches!(extension(path).as_str(), "gltf" | "glb")
 }
@@ -75,15 +69,17 @@ fn stem(path: &Path) -> String {
 }
 
 fn file(path: &Path, options: &Options) -> Result<Scene, SceneError> {
-    if is_gltf(path) {
-        return clip::open(stem(path), path, options);
+    match extension(path).as_str() {
+        "gltf" | "glb" => clip::open(stem(path), path, options),
+        "obj" | "ply" => {
+            refuse_clip(&path.display().to_string(), options)?;
+            sequence::open(stem(path), vec![path.to_owned()], options)
+        }
+        _ => {
+            let cause = "unsupported file type; a scene is a .obj, .ply, .gltf or .glb file";
+            Err(SceneError::unusable(path.display(), cause))
+        }
     }
-    let Some(format) = format_of(path) else {
-        let cause = "unsupported file type; a scene is a .obj, .ply, .gltf or .glb file";
-        return Err(SceneError::unusable(path.display(), cause));
-    };
-    refuse_clip(&path.display().to_string(), options)?;
-    sequence::open(stem(path), vec![path.to_owned()], format, options)
 }
 
 /// What lies in a directory.
@@ -147,12 +143,12 @@ fn pattern(spec: &str, options: &Options) -> Result<Scene, SceneError> {
 fn frames(
     name: String,
     place: &str,
-    files: Vec<PathBuf>,
+    mut files: Vec<PathBuf>,
     options: &Options,
 ) -> Result<Scene, SceneError> {
-    let of = |format| files.iter().filter(move |f| format_of(f) == Some(format));
-    let (obj, ply) = (of(Format::Obj).count(), of(Format::Ply).count());
-    let format = match (obj, ply) {
+    let of = |kind: &str| files.iter().filter(|f| extension(f) == kind).count();
+    let (obj, ply) = (of("obj"), of("ply"));
+    let kind = match (obj, ply) {
         (0, 0) => {
             let gltf = files.iter().find(|f| is_gltf(f));
             let hint = gltf.map(|f| format!("; name {} itself to open it", f.display()));
@@ -160,8 +156,8 @@ fn frames(
             let cause = format!("no .obj or .ply file among {count} files{hint}");
             return Err(SceneError::unusable(place, cause));
         }
-        (_, 0) => Format::Obj,
-        (0, _) => Format::Ply,
+        (_, 0) => "obj",
+        (0, _) => "ply",
         _ => {
             let cause = format!(
                 "{obj} .obj and {ply} .ply files are mixed; \
@@ -170,10 +166,10 @@ fn frames(
             return Err(SceneError::unusable(place, cause));
         }
     };
-    let mut files: Vec<_> = of(format).cloned().collect();
+    files.retain(|f| extension(f) == kind);
     refuse_clip(place, options)?;
     alphanumeric_sort::sort_path_slice(&mut files);
-    sequence::open(name, files, format, options)
+    sequence::open(name, files, options)
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use super::bins::{Extents, Plane, best_plane};
 use super::prims::Prims;
 use super::sweep;
 use crate::node::fits;
+use crate::tree::Slot;
 use crate::{BuildError, Cancel};
 use rayon::join;
 
@@ -12,12 +13,11 @@ const PARALLEL: usize = 1024;
 /// A plane is chosen by so many triangles of a larger node, evenly taken from all.
 const SAMPLE: usize = 1 << 12;
 
-/// A node to build: its triangles, room of the same size, and where its part of the tree goes.
+/// A node to build: where its part of the tree goes, and room of the same size.
 pub(super) struct TemporalNode<'a> {
-    /// Becomes the order of the leaves.
-    pub(super) order: &'a mut [u32],
+    /// Its triangles become the order of the leaves.
+    pub(super) slot: Slot<'a>,
     pub(super) room: &'a mut [u32],
-    pub(super) left_leaves: &'a mut [u32],
     pub(super) depth: u32,
 }
 
@@ -27,7 +27,7 @@ pub(super) fn build(
     node: TemporalNode<'_>,
     cancel: &Cancel,
 ) -> Result<(), BuildError> {
-    let leaves = node.order.len();
+    let leaves = node.slot.order.len();
     if leaves == 1 {
         return Ok(());
     }
@@ -47,18 +47,25 @@ pub(super) fn build(
 }
 
 fn divide<'a>(prims: &Prims, node: TemporalNode<'a>) -> [TemporalNode<'a>; 2] {
-    let n = node.order.len();
+    let n = node.slot.order.len();
     let left = if n <= sweep::MOST {
-        sweep::cut(node.order, prims)
+        sweep::cut(node.slot.order, prims)
     } else {
-        match find_plane(prims, node.order) {
-            Some(plane) => partition(prims, node.order, node.room, &plane),
+        match find_plane(prims, node.slot.order) {
+            Some(plane) => partition(prims, node.slot.order, node.room, &plane),
             None => n / 2,
         }
     };
     // Halving the present order keeps within the levels that are left.
     let fit = 0 < left && left < n && fits(left.max(n - left), node.depth + 1);
-    cut(node, if fit { left } else { n / 2 })
+    let left = if fit { left } else { n / 2 };
+    let [a, b] = node.slot.split(left);
+    let (room_a, room_b) = node.room.split_at_mut(left);
+    [(a, room_a), (b, room_b)].map(|(slot, room)| TemporalNode {
+        slot,
+        room,
+        depth: node.depth + 1,
+    })
 }
 
 /// The best plane of the moments that are tried, or none if at each of them all centres coincide.
@@ -86,27 +93,4 @@ fn partition(prims: &Prims, order: &mut [u32], room: &mut [u32], plane: &Plane) 
     }
     order[left..].copy_from_slice(&room[..right]);
     left
-}
-
-/// Two nodes from one whose first `left` triangles go left.
-fn cut(node: TemporalNode<'_>, left: usize) -> [TemporalNode<'_>; 2] {
-    let (order_a, order_b) = node.order.split_at_mut(left);
-    let (room_a, room_b) = node.room.split_at_mut(left);
-    node.left_leaves[0] = left as u32;
-    let (inner_a, inner_b) = node.left_leaves[1..].split_at_mut(left - 1);
-    let depth = node.depth + 1;
-    [
-        TemporalNode {
-            order: order_a,
-            room: room_a,
-            left_leaves: inner_a,
-            depth,
-        },
-        TemporalNode {
-            order: order_b,
-            room: room_b,
-            left_leaves: inner_b,
-            depth,
-        },
-    ]
 }

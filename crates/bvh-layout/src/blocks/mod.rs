@@ -1,7 +1,6 @@
 //! The tree once more, with eight children a node and eight triangles a block.
 
 mod collapse;
-mod opened;
 
 use std::ops::Range;
 

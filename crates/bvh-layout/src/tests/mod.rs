@@ -94,8 +94,9 @@ pub(crate) fn check_against(record: &Topology, tree: &BinaryTree) {
     let mut per_level = Vec::new();
     while let Some((preorder, first_leaf, leaves, depth)) = queue.pop_front() {
         per_level.resize(depth + 1, [0, 0]);
-        assert_eq!(record.is_leaf(node), leaves == 1, "node {node}");
-        assert_eq!(record.leaf_rank(node), leaf);
+        let rank = record.ranks().of(node);
+        assert_eq!(rank.rank(), if leaves == 1 { leaf } else { inner });
+        assert_eq!(rank.leaf().is_some(), leaves == 1, "node {node}");
         if leaves == 1 {
             assert_eq!(
                 record.leaf_triangles()[leaf as usize],

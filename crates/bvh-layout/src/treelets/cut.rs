@@ -107,10 +107,10 @@ fn pack(roots: &[Subtree], starts: &[usize]) -> Vec<Range<usize>> {
 
 /// A breadth-first record back to a depth-first tree.
 pub(super) fn depth_first(topology: &Topology) -> BinaryTree {
-    let nodes = topology.node_count() as u32;
+    let (nodes, ranks) = (topology.node_count() as u32, topology.ranks());
     let mut leaves = vec![1_u32; nodes as usize];
-    for node in (0..nodes).rev().filter(|&node| !topology.is_leaf(node)) {
-        let children = Topology::children_of_inner(node - topology.leaf_rank(node));
+    for node in (0..nodes).rev().filter(|&n| ranks.of(n).leaf().is_none()) {
+        let children = Topology::children_of_inner(ranks.of(node).rank());
         leaves[node as usize] = children.iter().map(|&c| leaves[c as usize]).sum();
     }
     let mut order = vec![0; topology.leaf_count()];
@@ -119,12 +119,12 @@ pub(super) fn depth_first(topology: &Topology) -> BinaryTree {
     let mut places = vec![(0_u32, 0_u32); nodes as usize];
     for node in 0..nodes {
         let (first_leaf, inner) = places[node as usize];
-        let rank = topology.leaf_rank(node);
-        if topology.is_leaf(node) {
+        let node = ranks.of(node);
+        if let Some(rank) = node.leaf() {
             order[first_leaf as usize] = topology.leaf_triangles()[rank as usize];
             continue;
         }
-        let [left, right] = Topology::children_of_inner(node - rank);
+        let [left, right] = Topology::children_of_inner(node.rank());
         let before = leaves[left as usize];
         left_leaves[inner as usize] = before;
         places[left as usize] = (first_leaf, inner + 1);

@@ -78,9 +78,12 @@ pub struct Treelets {
 /// 8 bytes a lane: half a byte a triangle or so.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WideTree {
-    words: Vec<u32>,
-    lanes: usize,
-    root: u32,
+    /// What is handed over.
+    pub words: Vec<u32>,
+    /// Lanes of all nodes.
+    pub lanes: usize,
+    /// Where a lane would lead that leads to the root.
+    pub root: u32,
 }
 
 impl WideTree {
@@ -92,24 +95,6 @@ impl WideTree {
     pub const MOST_TRIANGLES: usize = 1 << 20;
     const BLOCK: u32 = 1 << 31;
     const FIRST_AT: u32 = 6;
-
-    /// What is handed over.
-    #[must_use]
-    pub fn words(&self) -> &[u32] {
-        &self.words
-    }
-
-    /// Lanes of all nodes.
-    #[must_use]
-    pub fn lane_count(&self) -> usize {
-        self.lanes
-    }
-
-    /// Where a lane would lead that leads to the root.
-    #[must_use]
-    pub fn root(&self) -> u32 {
-        self.root
-    }
 }
 
 /// Memory that treelets are made in: a word a triangle, and 10 bytes more where they are made wide.
@@ -209,7 +194,7 @@ impl Treelets {
     #[must_use]
     pub fn with_moving(mut self, parts: &StaticParts) -> Self {
         self.moving = MovingTreelets::of(&self, parts);
-        let listed = self.moving.iter().flat_map(MovingTreelets::words);
+        let listed = self.moving.iter().flat_map(|m| &m.words);
         let parents = listed.map(|&number| self.treelet(number as usize).parent);
         let parents: Vec<_> = parents.filter(|&p| p != Treelet::NONE).collect();
         for parent in parents {
@@ -239,8 +224,8 @@ impl Treelets {
     /// All that is handed over, in this order: the words, lists of what moves, the wide tree.
     #[must_use]
     pub fn parts(&self) -> [&[u32]; 3] {
-        let lists = self.moving.as_ref().map_or(&[][..], MovingTreelets::words);
-        let wide = self.wide.as_ref().map_or(&[][..], WideTree::words);
+        let lists = self.moving.as_ref().map_or(&[][..], |m| &m.words);
+        let wide = self.wide.as_ref().map_or(&[][..], |w| &w.words);
         [&self.words, lists, wide]
     }
 

@@ -8,10 +8,12 @@ use std::ops::Range;
 /// Treelets with a triangle below that moves. In all others every box stays the same at every pose.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MovingTreelets {
-    /// Numbers of treelets, rising.
-    words: Vec<u32>,
-    levels: Vec<Range<usize>>,
-    degenerate_elsewhere: u32,
+    /// Their numbers, rising, as they are handed over.
+    pub words: Vec<u32>,
+    /// For each level, that of the triangles first, where its treelets lie among [`MovingTreelets::words`].
+    pub levels: Vec<Range<usize>>,
+    /// Active triangles of zero area in treelets that do not move.
+    pub degenerate_elsewhere: u32,
 }
 
 impl MovingTreelets {
@@ -36,24 +38,6 @@ impl MovingTreelets {
             levels,
             degenerate_elsewhere: (parts.degenerate.len() - among) as u32,
         })
-    }
-
-    /// Their numbers, rising, as they are handed over.
-    #[must_use]
-    pub fn words(&self) -> &[u32] {
-        &self.words
-    }
-
-    /// For each level, that of the triangles first, where its treelets lie among [`MovingTreelets::words`].
-    #[must_use]
-    pub fn levels(&self) -> &[Range<usize>] {
-        &self.levels
-    }
-
-    /// Active triangles of zero area in treelets that do not move.
-    #[must_use]
-    pub fn degenerate_elsewhere(&self) -> u32 {
-        self.degenerate_elsewhere
     }
 }
 
@@ -145,8 +129,8 @@ mod tests {
                 let expected = expected(&treelets, &parts);
                 let listed = treelets.clone().with_moving(&parts);
                 let found = listed.moving().map(|m| {
-                    let levels = m.levels().iter();
-                    let lists = levels.map(|l| m.words()[l.clone()].to_vec());
+                    let levels = m.levels.iter();
+                    let lists = levels.map(|l| m.words[l.clone()].to_vec());
                     lists.collect::<Vec<_>>()
                 });
                 let many = 2 * expected.concat().len() > treelets.treelet_count();
@@ -160,7 +144,7 @@ mod tests {
                 }
                 assert_eq!(found, (!many).then_some(expected));
                 assert_eq!(listed.bytes() - treelets.bytes(), {
-                    listed.moving().map_or(0, |m| 4 * m.words().len())
+                    listed.moving().map_or(0, |m| 4 * m.words.len())
                 });
             }
         }
@@ -175,11 +159,11 @@ mod tests {
             treelets.clone().with_moving(&parts).moving().cloned()
         };
         let none = of(|_| false).unwrap();
-        assert!(none.words().is_empty());
-        assert_eq!(none.levels(), [0..0, 0..0]);
+        assert!(none.words.is_empty());
+        assert_eq!(none.levels, [0..0, 0..0]);
         assert_eq!(of(|t| t % 3 == 0), None);
         let empty = Treelets::default().with_moving(&StaticParts::default());
-        assert!(empty.moving().unwrap().levels().is_empty());
+        assert!(empty.moving().unwrap().levels.is_empty());
     }
 
     #[test]
@@ -191,6 +175,6 @@ mod tests {
         degenerate.sort_unstable();
         let parts = parts(scene(&tree), |t| t == order[0], degenerate);
         let listed = treelets.with_moving(&parts);
-        assert_eq!(listed.moving().unwrap().degenerate_elsewhere(), 2);
+        assert_eq!(listed.moving().unwrap().degenerate_elsewhere, 2);
     }
 }

@@ -21,43 +21,34 @@ fn span_of_leaf(triangles: &[u32], leaf: Node) -> Span {
     [first, 1 + u32::from(shares)]
 }
 
-/// A treelet's inner nodes, as they are read.
-struct Nodes<'a> {
-    triangles: &'a [u32],
-    /// Of the inner nodes of the levels below.
-    lower: &'a [Span],
-    /// Of its own.
-    children: &'a mut [[Node; 2]],
-    spans: &'a mut [Span],
-}
-
-impl Nodes<'_> {
-    /// Reads all, which stand in the order of their heights; returns the roots. `below` are the roots that the treelet stands
-    /// on, and those after them; none for treelets of triangles.
-    fn read(self, tree: &Treelets, t: &Treelet, below: &[Node]) -> Vec<Node> {
-        let first = t.inner_row / 4 - 1;
-        let node = |reference: u32| match (reference & LEAF_OF_TREELET, below) {
-            (0, _) => first + reference,
-            (_, []) => LEAF | (t.first_leaf + (reference & 255)),
-            (_, all) => all[(reference & 255) as usize],
-        };
-        for &word in &tree.words[t.inner_at as usize..][..t.inner_count as usize] {
-            let own = (word >> 18 & 255) as usize;
-            self.children[own] = [word & 511, word >> 9 & 511].map(node);
-            let [left, right] = self.children[own].map(|child| self.span(child, first));
-            self.spans[own] = [left[0], left[1] + right[1]];
-        }
-        let roots = &tree.words[t.roots_at as usize..][..t.root_count as usize];
-        roots.iter().map(|&root| node(root)).collect()
+/// Reads the inner nodes of a treelet, which stand in the order of their heights; returns its roots. `below` are the roots
+/// that it stands on, and those after them; none for treelets of triangles. `lower` are spans of the levels below.
+fn read_treelet(
+    tree: &Treelets,
+    t: &Treelet,
+    below: &[Node],
+    lower: &[Span],
+    children: &mut [[Node; 2]],
+    spans: &mut [Span],
+) -> Vec<Node> {
+    let (first, triangles) = (t.inner_row / 4 - 1, tree.depth_first_triangles());
+    let node = |reference: u32| match (reference & LEAF_OF_TREELET, below) {
+        (0, _) => first + reference,
+        (_, []) => LEAF | (t.first_leaf + (reference & 255)),
+        (_, all) => all[(reference & 255) as usize],
+    };
+    for &word in &tree.words[t.inner_at as usize..][..t.inner_count as usize] {
+        let own = (word >> 18 & 255) as usize;
+        children[own] = [word & 511, word >> 9 & 511].map(node);
+        let [left, right] = children[own].map(|child| match child {
+            leaf if leaf & LEAF != 0 => span_of_leaf(triangles, leaf),
+            own if own >= first => spans[(own - first) as usize],
+            lower_one => lower[lower_one as usize],
+        });
+        spans[own] = [left[0], left[1] + right[1]];
     }
-
-    fn span(&self, node: Node, first: u32) -> Span {
-        match node {
-            leaf if leaf & LEAF != 0 => span_of_leaf(self.triangles, leaf),
-            own if own >= first => self.spans[(own - first) as usize],
-            lower => self.lower[lower as usize],
-        }
-    }
+    let roots = &tree.words[t.roots_at as usize..][..t.root_count as usize];
+    roots.iter().map(|&root| node(root)).collect()
 }
 
 /// Memory for the binary tree; what is in it does not matter.
@@ -145,15 +136,10 @@ impl<'a> Binary<'a> {
             let place = (t.first_leaf.wrapping_sub(first_row) / 2) as usize;
             tasks.push((t, below.get(place..).unwrap_or_default(), own));
         }
-        let (triangles, lower) = (self.triangles, &*lower);
-        let read = |(t, below, (children, spans)): (&Treelet, &[Node], (Option<_>, Option<_>))| {
-            let nodes = Nodes {
-                triangles,
-                lower,
-                children: children.unwrap_or_default(),
-                spans: spans.unwrap_or_default(),
-            };
-            nodes.read(tree, t, below)
+        let lower = &*lower;
+        let read = |(t, below, (children, spans)): (_, _, (Option<_>, Option<_>))| {
+            let (children, spans) = (children.unwrap_or_default(), spans.unwrap_or_default());
+            read_treelet(tree, t, below, lower, children, spans)
         };
         let roots: Vec<_> = tasks.into_par_iter().map(read).collect();
         roots.concat()
@@ -274,7 +260,7 @@ mod tests {
 
     /// Triangles below a node, and the levels from it on.
     fn below(wide: &WideTree, node: u32, triangles: &mut Vec<u32>) -> usize {
-        let (mut levels, lanes) = (0, wide.lane_count());
+        let (mut levels, lanes) = (0, wide.lanes);
         assert!((1..=32).contains(&(node & 63)));
         for lane in (node >> 6)..(node >> 6) + (node & 63) {
             let goal = wide.words[lanes + lane as usize];
@@ -301,13 +287,13 @@ mod tests {
                 continue;
             };
             let mut found = Vec::new();
-            assert!(below(wide, wide.root(), &mut found) <= WideTree::MOST_LEVELS);
+            assert!(below(wide, wide.root, &mut found) <= WideTree::MOST_LEVELS);
             found.sort_unstable();
             assert!(found.into_iter().eq(0..treelets.leaf_count() as u32));
-            let mut rows = wide.words[..wide.lane_count()].to_vec();
+            let mut rows = wide.words[..wide.lanes].to_vec();
             rows.sort_unstable();
             rows.dedup();
-            assert_eq!(rows.len(), wide.lane_count(), "a row twice");
+            assert_eq!(rows.len(), wide.lanes, "a row twice");
             assert!(
                 rows.iter()
                     .all(|&r| r % 2 == 0 && (r as usize) < treelets.rows())
@@ -322,11 +308,11 @@ mod tests {
         let wide = treelets.wide().expect("a wide tree");
         let mut room = Room::default();
         let binary = Binary::of(&treelets, &mut room);
-        for lane in 0..wide.lane_count() {
+        for lane in 0..wide.lanes {
             let row = wide.words[lane];
             let [left, right] = binary.children[(row / 4 - 1) as usize];
             let node = if row.is_multiple_of(4) { left } else { right };
-            let goal = wide.words[wide.lane_count() + lane];
+            let goal = wide.words[wide.lanes + lane];
             if goal & WideTree::BLOCK != 0 {
                 assert_eq!(goal, binary.lane(node, row).block());
             } else {

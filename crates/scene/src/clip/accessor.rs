@@ -4,8 +4,7 @@
 //! So every range is checked before one of them is made.
 
 use super::document::File;
-use super::wrong;
-use crate::{FileLocation, SceneError};
+use crate::SceneError;
 use gltf::Accessor;
 use gltf::accessor::{DataType, Dimensions, Item, Iter, sparse};
 use gltf::buffer::View;
@@ -89,14 +88,10 @@ pub(super) fn indices(file: &File, accessor: &Accessor<'_>) -> Result<Vec<u32>, 
     }
 }
 
-fn place(accessor: &Accessor<'_>) -> FileLocation {
-    FileLocation::Item("accessor", accessor.index())
-}
-
 fn unexpected(file: &File, accessor: &Accessor<'_>, what: &str) -> SceneError {
     let (kind, dimensions) = (accessor.data_type(), accessor.dimensions());
     let cause = format!("{what} are expected, {kind:?} {dimensions:?} are declared");
-    wrong(file, place(accessor), cause)
+    file.wrong(("accessor", accessor.index()), cause)
 }
 
 fn expect(file: &File, accessor: &Accessor<'_>, dimensions: Dimensions) -> Result<(), SceneError> {
@@ -110,7 +105,8 @@ fn expect(file: &File, accessor: &Accessor<'_>, dimensions: Dimensions) -> Resul
 /// How many elements there are, once they are known to be there.
 pub(super) fn count(file: &File, accessor: &Accessor<'_>) -> Result<usize, SceneError> {
     if accessor.count() > 0 {
-        check_ranges(file, accessor).map_err(|cause| wrong(file, place(accessor), cause))?;
+        check_ranges(file, accessor)
+            .map_err(|cause| file.wrong(("accessor", accessor.index()), cause))?;
     }
     Ok(accessor.count())
 }
@@ -121,7 +117,8 @@ fn items<T: Item + Clone>(file: &File, accessor: &Accessor<'_>) -> Result<Vec<T>
         return Ok(Vec::new());
     }
     if accessor.view().is_none() && accessor.sparse().is_none() {
-        let mut zeros = host::room(count).map_err(|e| wrong(file, place(accessor), e))?;
+        let mut zeros =
+            host::room(count).map_err(|e| file.wrong(("accessor", accessor.index()), e))?;
         zeros.resize(count, T::zero());
         return Ok(zeros);
     }
@@ -132,7 +129,7 @@ fn items<T: Item + Clone>(file: &File, accessor: &Accessor<'_>) -> Result<Vec<T>
     if read.len() != count {
         let found = read.len();
         let cause = format!("{count} elements are declared, {found} are there");
-        return Err(wrong(file, place(accessor), cause));
+        return Err(file.wrong(("accessor", accessor.index()), cause));
     }
     Ok(read)
 }
