@@ -1,6 +1,6 @@
 //! The builder: a reusable workspace round the recursion.
 
-use crate::gather::{Gathered, gather};
+use crate::gather::gather;
 use crate::node::{self, BuildTask, Node};
 use crate::prim::Prim;
 use crate::{BinaryTree, Boxes};
@@ -45,7 +45,10 @@ impl Cancel {
 pub struct Builder {
     prims: Vec<Prim>,
     room: Vec<Prim>,
-    toward: Option<Point>,
+    /// Of two children that a plane parts, the one that lies nearer to this point comes first, as with
+    /// [`crate::order_toward`], which costs nothing here. So rays to that point find sooner what blocks them. The trees
+    /// are the same otherwise.
+    pub toward: Option<Point>,
 }
 
 impl Builder {
@@ -53,19 +56,6 @@ impl Builder {
     #[must_use]
     pub fn new() -> Self {
         Self::default()
-    }
-
-    /// From now on puts first, of two children that a plane parts, the one that lies nearer to a point, as
-    /// [`crate::order_toward`] does, which costs nothing here. So rays to that point find sooner what blocks them. The trees are
-    /// the same otherwise.
-    pub fn order_toward(&mut self, toward: Option<Point>) {
-        self.toward = toward;
-    }
-
-    /// The point that children are ordered toward, if any.
-    #[must_use]
-    pub fn ordered_toward(&self) -> Option<Point> {
-        self.toward
     }
 
     /// Builds over all boxes that are not empty, into `tree`, whose memory is reused.
@@ -112,11 +102,7 @@ impl Builder {
             self.prims.resize(n, Prim::default());
             self.room.resize(n, Prim::default());
         }
-        let Gathered {
-            leaves,
-            extents,
-            factor,
-        } = gather(boxes, &mut self.prims[..n]);
+        let (leaves, extents, factor) = gather(boxes, &mut self.prims[..n]);
         let slot = tree.slot(leaves);
         if leaves == 0 {
             return Ok(());
@@ -130,6 +116,20 @@ impl Builder {
         };
         let toward = self.toward.map(|point| point.map(|x| x * factor));
         node::build(root, BuildTask { cancel, toward })
+    }
+}
+
+impl BinaryTree {
+    /// A tree over all boxes that are not empty, by a builder of its own.
+    ///
+    /// # Panics
+    /// As [`Builder::build`].
+    #[must_use]
+    pub fn over<B: Boxes + ?Sized>(boxes: &B) -> Self {
+        let mut tree = Self::default();
+        let built = Builder::new().build(boxes, &Cancel::new(), &mut tree);
+        built.expect("nobody cancels");
+        tree
     }
 }
 

@@ -7,9 +7,8 @@
 //! from that point: the one that lies nearer to it, and of two in one place the smaller. A hit that is blocked mostly
 //! faces away from the light, on the far side of what blocks it. Kept in the tree, the order costs a ray nothing.
 
-use crate::{BinaryTree, Boxes};
+use crate::{BinaryTree, Boxes, join_if};
 use geom::{Aabb, Point};
-use rayon::join;
 
 /// Nodes of more triangles than this turn their children in parallel.
 const PARALLEL: usize = 2048;
@@ -21,7 +20,7 @@ pub(crate) fn reach(min: [f32; 3], max: [f32; 3], from: [f32; 3]) -> f64 {
 }
 
 /// Orders children of all nodes of a finished tree for rays that end at `point`, by `boxes`; costs and depths stay as they
-/// are. Runs in the rayon pool that the caller installed. [`crate::Builder::order_toward`] does it while it builds.
+/// are. Runs in the rayon pool that the caller installed. [`crate::Builder::toward`] does it while it builds.
 ///
 /// # Panics
 /// If the tree names a triangle that has no box.
@@ -45,13 +44,11 @@ fn turn<B: Boxes + ?Sized>(
     let is_large = order.len() > PARALLEL;
     let (order_a, order_b) = order.split_at_mut(left);
     let (below_a, below_b) = below.split_at_mut(left - 1);
-    let mut turn_a = || turn(order_a, below_a, boxes, point);
-    let mut turn_b = || turn(order_b, below_b, boxes, point);
-    let (a, b) = if is_large {
-        join(turn_a, turn_b)
-    } else {
-        (turn_a(), turn_b())
-    };
+    let (a, b) = join_if(
+        is_large,
+        || turn(order_a, below_a, boxes, point),
+        || turn(order_b, below_b, boxes, point),
+    );
     if reach(b.min, b.max, point) < reach(a.min, a.max, point) {
         *left_count = (order.len() - left) as u32;
         order.rotate_left(left);
@@ -79,7 +76,7 @@ mod tests {
 
     fn built(boxes: &[Aabb], toward: Option<Point>) -> BinaryTree {
         let (mut builder, mut tree) = (Builder::new(), BinaryTree::default());
-        builder.order_toward(toward);
+        builder.toward = toward;
         builder.build(boxes, &Cancel::new(), &mut tree).unwrap();
         tree
     }

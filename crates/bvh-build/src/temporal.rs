@@ -14,7 +14,6 @@ mod bins;
 mod lanes;
 mod node;
 mod prims;
-mod sweep;
 
 use crate::{BinaryTree, Boxes, BuildError, Cancel, sah_cost};
 use node::TemporalNode;
@@ -80,11 +79,12 @@ impl TemporalBuilder {
         self.prims.gather(moments, &mut tree.order);
         let leaves = tree.order.len();
         self.room.resize(leaves, 0);
+        let slot = tree.slot(leaves);
         if leaves == 0 {
             return Ok(());
         }
         let root = TemporalNode {
-            slot: tree.slot(leaves),
+            slot,
             room: &mut self.room,
             depth: 0,
         };

@@ -119,15 +119,7 @@ fn levels(tree: &Topology, inner: &[u32]) -> Vec<Range<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::{random_tree, record, scene, shapes};
-
-    /// Classes of `all` triangles.
-    fn parts(all: usize, moves: impl Fn(usize) -> bool) -> StaticParts {
-        StaticParts {
-            triangles: (0..all).map(|t| !moves(t)).collect(),
-            ..StaticParts::default()
-        }
-    }
+    use crate::tests::{parts, random_tree, record, scene, shapes};
 
     /// Word for word what the lists mean: a node moves if a leaf below it does.
     fn check(tree: &Topology, parts: &StaticParts) {
@@ -181,14 +173,14 @@ mod tests {
         let (record, all) = (record(&tree), scene(&tree));
         check(&record, &parts(all, |t| t % 5 == 0));
         check(&record, &parts(all, |t| t < 300));
-        check(&record, &parts(all, |t| t == all - 1));
+        check(&record, &parts(all, |t| t as usize == all - 1));
     }
 
     #[test]
     fn where_all_stands_still_lists_are_empty_and_where_most_moves_there_are_none() {
         let tree = random_tree(1_000, 2);
         let (record, all) = (record(&tree), scene(&tree));
-        let of = |moves: fn(usize) -> bool| Moving::of(&record, &parts(all, moves));
+        let of = |moves: fn(u32) -> bool| Moving::of(&record, &parts(all, moves));
         let none = of(|_| false).unwrap();
         assert!(none.words().is_empty() && none.levels.is_empty());
         assert_eq!(of(|_| true), None);

@@ -201,11 +201,7 @@ mod tests {
 
     fn t_of(c: &Crossing) -> f64 {
         let t = c.n.to_f64().unwrap() / c.d.to_f64().unwrap() * f64::from(c.e).exp2();
-        assert!(
-            (t - f64::from(c.t())).abs() <= 1e-7 * t.abs(),
-            "{t} {}",
-            c.t()
-        );
+        assert!((t - f64::from(c.t())).abs() <= 1e-7 * t.abs(), "{t}");
         t
     }
 
@@ -260,19 +256,10 @@ mod tests {
     #[test]
     fn a_moved_line_passes_once_through_what_triangles_share() {
         // Eight triangles round the middle of a square, each seen from a ray along the grid and from tilted ones.
-        let ring = [
-            (1, 0),
-            (1, 1),
-            (0, 1),
-            (-1, 1),
-            (-1, 0),
-            (-1, -1),
-            (0, -1),
-            (1, -1),
-        ];
+        let ring = [1.0, 1.0, 0.0, -1.0, -1.0, -1.0, 0.0, 1.0];
         let at = |i: usize| -> Point {
-            let (x, y) = ring[i % 8];
-            [x as f32, y as f32, 0.5 * (x * y) as f32]
+            let (x, y) = (ring[i % 8], ring[(i + 6) % 8]);
+            [x, y, 0.5 * x * y]
         };
         let fan: Vec<Triangle> = (0..8).map(|i| [[0.0; 3], at(i), at(i + 1)]).collect();
         let mut closed = 0;

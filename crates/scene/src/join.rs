@@ -58,35 +58,17 @@ pub(crate) fn inputs<'a>(
 }
 
 /// The longest beginning that names something, up to a `+` or the end; else what is before the first `+`.
+///
+/// Several inputs are found by beginnings of some length alone, lest many take the square of their number.
 fn first_input<'a>(spec: &'a str, exists: &dyn Fn(&str) -> bool) -> (&'a str, Option<&'a str>) {
-    let reach = reach(spec, exists);
-    let cuts = spec[..reach].rmatch_indices(AND).map(|(at, _)| at);
-    let whole = (reach == spec.len()).then_some(reach);
-    let ends = whole.into_iter().chain(cuts);
+    const LONGEST: usize = 1024;
+    let all = spec.match_indices(AND).map(|(at, _)| at);
+    let cuts: Vec<usize> = all.take_while(|&at| at <= LONGEST).collect();
+    let ends = [spec.len()].into_iter().chain(cuts.into_iter().rev());
     let names = |end: &usize| input(&spec[..*end], exists).is_ok_and(|i| exists(i.spec));
     let end = ends.into_iter().find(names);
     let end = end.or_else(|| spec.find(AND)).unwrap_or(spec.len());
     (&spec[..end], spec.get(end + 1..))
-}
-
-/// How far the first input can reach: no name is longer than systems allow, and all before a `/` exists.
-/// Without it, many inputs would take the square of their number.
-fn reach(spec: &str, exists: &dyn Fn(&str) -> bool) -> usize {
-    const LONGEST: usize = 1024;
-    let and = spec.find(AND).unwrap_or(spec.len());
-    let mut start = 0;
-    for (slash, _) in spec.match_indices('/').chain([(spec.len(), "")]) {
-        if slash - start > LONGEST {
-            let mut ends = (start..=start + LONGEST).rev();
-            let end = ends.find(|&end| spec.is_char_boundary(end));
-            return end.unwrap_or(start).max(and);
-        }
-        if slash > and && slash < spec.len() && !exists(&spec[..slash]) {
-            return slash;
-        }
-        start = slash + 1;
-    }
-    spec.len()
 }
 
 fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>, SceneError> {

@@ -249,27 +249,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn faces_are_fanned_from_their_first_vertex() {
-        let mut t = Topology {
-            vertices: 9,
-            ..Topology::default()
-        };
-        t.push([3, 4, 5]);
-        t.push([8, 1, 2, 6, 7]);
-        let all: Vec<_> = t.triangles().collect();
-        assert_eq!(
-            all,
-            [
-                (0, [3, 4, 5]),
-                (1, [8, 1, 2]),
-                (1, [8, 2, 6]),
-                (1, [8, 6, 7])
-            ]
-        );
-        assert_eq!(t.triangle_count(), all.len());
-    }
-
-    #[test]
     fn what_cannot_be_numbered_is_refused_with_need_and_limit() {
         let limit = Animation::MAX_TRIANGLES;
         assert!(within(Path::new("a.ply"), "triangles", limit, limit).is_ok());

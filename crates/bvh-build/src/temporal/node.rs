@@ -1,17 +1,22 @@
 //! The recursion: one node, its plane, its two children.
 
 use super::bins::{Extents, Plane, best_plane};
+use super::lanes::{Boxes, Ruler};
 use super::prims::Prims;
-use super::sweep;
 use crate::node::fits;
 use crate::tree::Slot;
-use crate::{BuildError, Cancel};
-use rayon::join;
+use crate::{BuildError, Cancel, join_if};
 
 /// Nodes of more triangles than this build their children in parallel and ask whether to go on.
 const PARALLEL: usize = 1024;
 /// A plane is chosen by so many triangles of a larger node, evenly taken from all.
 const SAMPLE: usize = 1 << 12;
+
+/// Of nodes of so many triangles at most, every plane between two neighbours along an axis, at several moments, is weighed.
+const FEW: usize = 16;
+
+/// Halving wins over a plane that is better by rounding alone, so that equal boxes make a balanced tree.
+const NEARLY: f32 = 1.0 + 1e-5;
 
 /// A node to build: where its part of the tree goes, and room of the same size.
 pub(super) struct TemporalNode<'a> {
@@ -35,21 +40,18 @@ pub(super) fn build(
         return Err(BuildError::Cancelled);
     }
     let [left, right] = divide(prims, node);
-    if leaves > PARALLEL {
-        let (a, b) = join(
-            || build(prims, left, cancel),
-            || build(prims, right, cancel),
-        );
-        return a.and(b);
-    }
-    build(prims, left, cancel)?;
-    build(prims, right, cancel)
+    let (a, b) = join_if(
+        leaves > PARALLEL,
+        || build(prims, left, cancel),
+        || build(prims, right, cancel),
+    );
+    a.and(b)
 }
 
 fn divide<'a>(prims: &Prims, node: TemporalNode<'a>) -> [TemporalNode<'a>; 2] {
     let n = node.slot.order.len();
-    let left = if n <= sweep::MOST {
-        sweep::cut(node.slot.order, prims)
+    let left = if n <= FEW {
+        sweep(node.slot.order, prims)
     } else {
         match find_plane(prims, node.slot.order) {
             Some(plane) => partition(prims, node.slot.order, node.room, &plane),
@@ -93,4 +95,78 @@ fn partition(prims: &Prims, order: &mut [u32], room: &mut [u32], plane: &Plane) 
     }
     order[left..].copy_from_slice(&room[..right]);
     left
+}
+
+/// Puts `ids` (2 to [`FEW`]) in the order of the best plane, and gives how many of them go left.
+#[inline(never)]
+fn sweep(ids: &mut [u32], prims: &Prims) -> usize {
+    let n = ids.len();
+    if n == 2 {
+        return 1;
+    }
+    let mut node = Boxes::EMPTY;
+    for &id in &*ids {
+        node.grow(prims.get(id));
+    }
+    let ruler = Ruler::new(&node, &prims.weights);
+    let mut best = (f32::INFINITY, n / 2);
+    let mut best_order = [0; FEW];
+    best_order[..n].copy_from_slice(ids);
+    for axis in 0..3 {
+        let mut last = [u32::MAX; FEW];
+        for &lane in &prims.tried {
+            let order = sorted(ids, |id| prims.get(id).center(axis, lane));
+            // Neighbours mostly move alike, and then one moment says it all.
+            if order == last {
+                continue;
+            }
+            let found = best_cut(&order[..n], prims, ruler);
+            if found.0 < best.0 {
+                (best, best_order) = (found, order);
+            }
+            last = order;
+        }
+    }
+    ids.copy_from_slice(&best_order[..n]);
+    best.1
+}
+
+/// The ids by rising key, equal ones in the order they came.
+fn sorted(ids: &[u32], key: impl Fn(u32) -> f32) -> [u32; FEW] {
+    let mut order = [0; FEW];
+    let mut keys = [0.0; FEW];
+    for (i, &id) in ids.iter().enumerate() {
+        let k = key(id);
+        let mut place = i;
+        while place > 0 && keys[place - 1] > k {
+            (keys[place], order[place]) = (keys[place - 1], order[place - 1]);
+            place -= 1;
+        }
+        (keys[place], order[place]) = (k, id);
+    }
+    order
+}
+
+/// The least cost of a cut of `order`, and how many go left.
+fn best_cut(order: &[u32], prims: &Prims, ruler: Ruler<'_>) -> (f32, usize) {
+    let n = order.len();
+    let mut costs = [0.0; FEW];
+    let mut b = Boxes::EMPTY;
+    for left in (1..n).rev() {
+        b.grow(prims.get(order[left]));
+        costs[left] = ruler.half_area(&b) * (n - left) as f32;
+    }
+    let mut best = (f32::INFINITY, n / 2);
+    b = Boxes::EMPTY;
+    for left in 1..n {
+        b.grow(prims.get(order[left - 1]));
+        costs[left] += ruler.half_area(&b) * left as f32;
+        if costs[left] < best.0 {
+            best = (costs[left], left);
+        }
+    }
+    if costs[n / 2] <= best.0 * NEARLY {
+        best.1 = n / 2;
+    }
+    best
 }

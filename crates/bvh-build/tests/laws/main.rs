@@ -285,12 +285,6 @@ fn a_scene_that_wants_a_deeper_tree_gets_the_deepest_allowed() {
     assert_eq!(check(&[boxes])[0], MAX_DEPTH);
 }
 
-fn build_at(boxes: &[Aabb]) -> BinaryTree {
-    let mut tree = BinaryTree::default();
-    let built = Builder::new().build(boxes, &Cancel::new(), &mut tree);
-    built.map(|()| tree).unwrap()
-}
-
 #[test]
 fn the_scale_of_a_scene_does_not_change_its_tree() {
     // Multiples of 2^-16 within -2..2 keep all their bits at every scale there is.
@@ -300,10 +294,10 @@ fn the_scale_of_a_scene_does_not_change_its_tree() {
         .map(|i| troublesome([0, 3, 4, 10][i % 4], 1.0, &mut next))
         .map(|b| scaled(&b, round))
         .collect();
-    let tree = build_at(&boxes);
+    let tree = BinaryTree::over(&boxes[..]);
     for k in [-133, -100, -40, 40, 100, 127] {
         let (a, b) = (2.0_f32.powi(k / 2), 2.0_f32.powi(k - k / 2));
         let scaled: Vec<_> = boxes.iter().map(|c| scaled(c, |x| x * a * b)).collect();
-        assert_eq!(build_at(&scaled), tree, "2^{k}");
+        assert_eq!(BinaryTree::over(&scaled[..]), tree, "2^{k}");
     }
 }

@@ -1,6 +1,6 @@
 //! Trees for several moments are good at all of them.
 
-use crate::{build_at, check_holds, cube, moments, noise, troublesome};
+use crate::{check_holds, cube, moments, noise, troublesome};
 use bvh_build::{BinaryTree, BuildError, Cancel, Moment, TemporalBuilder, sah_cost, temporal_cost};
 use geom::{Aabb, Animation};
 
@@ -47,7 +47,7 @@ fn a_tree_for_all_moments_costs_less_over_them_than_one_for_any() {
     let cost = |tree: &BinaryTree| temporal_cost(tree, &moments(&all));
     let for_all = cost(&build(&all));
     for boxes in &all {
-        let for_one = cost(&build_at(boxes));
+        let for_one = cost(&BinaryTree::over(&boxes[..]));
         assert!(for_all < 0.97 * for_one, "{for_all} {for_one}");
     }
 }
@@ -56,8 +56,11 @@ fn a_tree_for_all_moments_costs_less_over_them_than_one_for_any() {
 fn at_one_moment_the_tree_is_nearly_as_good_as_that_moments_own() {
     let mut next = noise(5);
     let boxes: Vec<_> = (0..5000).map(|_| troublesome(0, 1.0, &mut next)).collect();
-    let [for_all, own] =
-        [build(std::slice::from_ref(&boxes)), build_at(&boxes)].map(|t| sah_cost(&t, &boxes[..]));
+    let [for_all, own] = [
+        build(std::slice::from_ref(&boxes)),
+        BinaryTree::over(&boxes[..]),
+    ]
+    .map(|t| sah_cost(&t, &boxes[..]));
     assert!(for_all < 1.03 * own, "{for_all} {own}");
 }
 

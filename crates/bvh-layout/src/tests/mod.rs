@@ -6,6 +6,7 @@ mod treelets;
 
 use crate::{Converter, Topology};
 use bvh_build::{BinaryTree, MAX_DEPTH};
+use geom::StaticParts;
 use std::collections::VecDeque;
 
 /// Grows a tree: `split` takes a subtree's leaves and depth and gives the leaves to the left.
@@ -28,6 +29,14 @@ fn grow(leaves: usize, mut split: impl FnMut(u32, u32) -> u32) -> BinaryTree {
 /// Triangles in a scene that the tree fits.
 pub(crate) fn scene(tree: &BinaryTree) -> usize {
     tree.order().iter().max().map_or(0, |&t| t as usize + 2)
+}
+
+/// Classes of `all` triangles, of which some move.
+pub(crate) fn parts(all: usize, moves: impl Fn(u32) -> bool) -> StaticParts {
+    StaticParts {
+        triangles: (0..all as u32).map(|t| !moves(t)).collect(),
+        ..StaticParts::default()
+    }
 }
 
 /// The tree's record.

@@ -80,16 +80,8 @@ fn degenerate_among(tree: &Treelets, treelets: &[u32], parts: &StaticParts) -> u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::{chain, random_tree, scene};
+    use crate::tests::{chain, parts, random_tree, scene};
     use std::collections::BTreeSet;
-
-    fn parts(all: usize, moves: impl Fn(u32) -> bool, degenerate: Vec<u32>) -> StaticParts {
-        StaticParts {
-            triangles: (0..all as u32).map(|t| !moves(t)).collect(),
-            degenerate,
-            ..StaticParts::default()
-        }
-    }
 
     /// Word for word what the lists mean, by a walk from the triangles up, row by row.
     fn expected(tree: &Treelets, parts: &StaticParts) -> Vec<Vec<u32>> {
@@ -125,7 +117,7 @@ mod tests {
             let order = tree.order();
             for (first, count) in [(0, 1), (order.len() / 2, 300), (order.len() - 1, 1)] {
                 let moves: BTreeSet<u32> = order[first..].iter().take(count).copied().collect();
-                let parts = parts(scene(&tree), |t| moves.contains(&t), vec![]);
+                let parts = parts(scene(&tree), |t| moves.contains(&t));
                 let expected = expected(&treelets, &parts);
                 let listed = treelets.clone().with_moving(&parts);
                 let found = listed.moving().map(|m| {
@@ -155,7 +147,7 @@ mod tests {
         let tree = random_tree(20_000, 4);
         let treelets = Treelets::of_tree(&tree);
         let of = |moves: fn(u32) -> bool| {
-            let parts = parts(scene(&tree), moves, vec![]);
+            let parts = parts(scene(&tree), moves);
             treelets.clone().with_moving(&parts).moving().cloned()
         };
         let none = of(|_| false).unwrap();
@@ -173,7 +165,8 @@ mod tests {
         let order = tree.order();
         let mut degenerate = vec![order[1], order[2], order[10_000], order[19_999]];
         degenerate.sort_unstable();
-        let parts = parts(scene(&tree), |t| t == order[0], degenerate);
+        let mut parts = parts(scene(&tree), |t| t == order[0]);
+        parts.degenerate = degenerate;
         let listed = treelets.with_moving(&parts);
         assert_eq!(listed.moving().unwrap().degenerate_elsewhere, 2);
     }

@@ -66,7 +66,6 @@ fn walk(time: f64) -> Step {
     let x = -2.6 + 5.2 * time;
     Step {
         ground: DVec3::new(x, hill(x, PATH), PATH),
-        heading: 0.0,
         phase: 3.5 * time + 0.1,
     }
 }

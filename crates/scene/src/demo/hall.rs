@@ -55,7 +55,6 @@ fn still(mesh: Mesh, colour: impl Fn(DVec3) -> Rgb) -> Part {
 fn walk(time: f64) -> Step {
     Step {
         ground: DVec3::new(-4.4 + 8.8 * time, 0.0, 0.25),
-        heading: 0.0,
         phase: 6.0 * time + 0.1,
     }
 }

@@ -100,13 +100,8 @@ mod tests {
     }
 
     fn fnv(scene: &Scene) -> u64 {
-        let keys = scene
-            .animation
-            .keys()
-            .iter()
-            .flatten()
-            .flatten()
-            .map(|x| x.to_bits());
+        let keys = scene.animation.keys().iter().flatten().flatten();
+        let keys = keys.map(|x| x.to_bits());
         let triangles = scene.animation.triangles().iter().flatten().copied();
         let colours = scene.colours.iter().flatten().map(|&c| u32::from(c));
         keys.chain(triangles)
@@ -131,12 +126,20 @@ mod tests {
 
     #[test]
     fn every_demo_meets_its_count_and_is_finite() {
+        let few = [1, 2, 7, 12, 40, 100, 300].map(|asked| (asked, 26));
+        let many = [(2_000, 300), (20_000, 1_000), (100_000, 3_000)];
         for (name, ..) in DEMOS {
-            for (asked, tolerance) in [(2_000, 0.15), (20_000, 0.05), (100_000, 0.03)] {
+            for (asked, most_off) in few.into_iter().chain(many) {
                 let scene = open(&format!("{name}:{asked}")).unwrap();
                 let found = scene.animation.triangle_count();
-                let off = (found as f64 / f64::from(asked) - 1.0).abs();
-                assert!(off <= tolerance, "{name}: {found} of {asked}");
+                assert!(
+                    found > 0 && found <= asked + most_off,
+                    "{name}: {found} of {asked}"
+                );
+                assert!(
+                    asked < 2_000 || found >= asked - most_off,
+                    "{name}: {found} of {asked}"
+                );
                 assert_eq!(scene.colours.len(), found);
                 assert_eq!(scene.animation.live_count(), found);
                 assert!((12..=24).contains(&scene.animation.keys().len()));
@@ -147,32 +150,10 @@ mod tests {
     }
 
     #[test]
-    fn a_handful_of_triangles_is_a_scene_too() {
-        for (name, ..) in DEMOS {
-            for asked in [1, 2, 7, 12, 40, 100, 300] {
-                let scene = open(&format!("{name}:{asked}")).unwrap();
-                let found = scene.animation.triangle_count();
-                assert!(
-                    found > 0 && found <= asked + 26,
-                    "{name}: {found} of {asked}"
-                );
-            }
-        }
-    }
-
-    #[test]
     fn a_wrong_name_or_count_is_refused() {
         let message = |spec: &str| open(spec).unwrap_err().to_string();
         assert!(message("teapot").contains("grove"));
-        for text in [
-            "",
-            "0",
-            "-3",
-            "1e6",
-            "12x",
-            "100000001",
-            "99999999999999999999",
-        ] {
+        for text in ["", "0", "-3", "1e6", "12x", "100000001"] {
             let message = message(&format!("twist:{text}"));
             assert!(message.contains(&format!("{text:?}")), "{message}");
         }

@@ -104,22 +104,3 @@ fn throw(piece: u64, middle: DVec3) -> Trajectory {
         rest: start.y.min(between(47, piece, [0.06, 0.16])),
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn pieces_of_two_sizes_meet_the_budget() {
-        for budget in [12_000_u64, 50_000, 1_584_000] {
-            let pieces = u64::from(cells_along(budget as usize)).pow(3);
-            let sum: u64 = (0..pieces)
-                .map(|p| 12 * u64::from(cuts_of(p, pieces, budget)).pow(2))
-                .sum();
-            assert!(
-                sum <= budget && sum * 100 >= budget * 99,
-                "{sum} of {budget}"
-            );
-        }
-    }
-}

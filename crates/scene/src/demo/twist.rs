@@ -107,18 +107,3 @@ fn clamp_bar(budget: usize, side: f64) -> Part {
         DAffine3::from_mat3_translation(rotation(DVec3::X, turn(side, wrung)), place)
     })
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_cloth_stays_on_its_bars() {
-        for wrung in [0.0, 0.3, 0.8] {
-            let corner = wring(DVec3::new(HALF[0], HALF[1], 0.0), wrung);
-            let bar = DVec3::new(half_length(wrung), HEIGHT, 0.0)
-                + rotation(DVec3::X, turn(1.0, wrung)) * (DVec3::Y * HALF[1]);
-            assert!((corner - bar).length() < 1e-9, "{corner} {bar}");
-        }
-    }
-}

@@ -190,18 +190,13 @@ impl Scalar {
         !matches!(self, Self::F32 | Self::F64)
     }
 
-    /// The number that a word stands for.
+    /// The number that a word stands for; an integer of any size, for lists are longer than their declared type tells.
     pub(super) fn of_word(self, word: &[u8]) -> Option<f64> {
         let word = str::from_utf8(word).ok()?;
         match self {
-            Self::I8 => word.parse::<i8>().ok().map(f64::from),
-            Self::U8 => word.parse::<u8>().ok().map(f64::from),
-            Self::I16 => word.parse::<i16>().ok().map(f64::from),
-            Self::U16 => word.parse::<u16>().ok().map(f64::from),
-            Self::I32 => word.parse::<i32>().ok().map(f64::from),
-            Self::U32 => word.parse::<u32>().ok().map(f64::from),
             Self::F32 => word.parse::<f32>().ok().map(f64::from),
             Self::F64 => word.parse().ok(),
+            _ => word.parse::<i64>().ok().map(|n| n as f64),
         }
     }
 
