@@ -1,7 +1,7 @@
 //! The surface area heuristic's cost of a tree.
 
 use crate::gather::is_usable;
-use crate::{BinaryTree, Boxes, Subtree, join_if};
+use crate::{BinaryTree, Boxes, Subtree};
 use geom::Aabb;
 
 /// Subtrees of more leaves than this are summed in parallel.
@@ -29,11 +29,17 @@ fn areas_below<B: Boxes + ?Sized>(tree: &BinaryTree, boxes: &B, node: Subtree) -
         return (bounds, bounds.half_area());
     }
     let [left, right] = tree.children(node);
-    let ((a, below_a), (b, below_b)) = join_if(
-        node.leaves > PARALLEL,
-        || areas_below(tree, boxes, left),
-        || areas_below(tree, boxes, right),
-    );
+    let ((a, below_a), (b, below_b)) = if node.leaves > PARALLEL {
+        rayon::join(
+            || areas_below(tree, boxes, left),
+            || areas_below(tree, boxes, right),
+        )
+    } else {
+        (
+            areas_below(tree, boxes, left),
+            areas_below(tree, boxes, right),
+        )
+    };
     let bounds = a.union(b);
     (bounds, bounds.half_area() + (below_a + below_b))
 }

@@ -32,16 +32,3 @@ pub use tree::{BinaryTree, Subtree};
 /// No leaf lies deeper than this (the root has depth 0), so a traversal stack
 /// of this many entries never overflows.
 pub const MAX_DEPTH: u32 = 64;
-
-/// Runs both, side by side where there is much to do.
-fn join_if<A: Send, B: Send>(
-    is_large: bool,
-    a: impl FnOnce() -> A + Send,
-    b: impl FnOnce() -> B + Send,
-) -> (A, B) {
-    if is_large {
-        rayon::join(a, b)
-    } else {
-        (a(), b())
-    }
-}

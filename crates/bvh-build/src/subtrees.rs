@@ -9,7 +9,7 @@
 mod groups;
 
 use crate::tree::Slot;
-use crate::{BinaryTree, Boxes, BuildError, Builder, Cancel, Subtree, join_if, sah_cost};
+use crate::{BinaryTree, Boxes, BuildError, Builder, Cancel, Subtree, sah_cost};
 use groups::{Groups, LEVELS};
 use rayon::prelude::*;
 
@@ -122,11 +122,14 @@ impl SubtreeRebuilder {
         }
         let [a, b] = self.above.children(node);
         let [slot_a, slot_b] = slot.split(self.leaves(a));
-        join_if(
-            node.leaves > PARALLEL,
-            || self.unfold(last, a, slot_a),
-            || self.unfold(last, b, slot_b),
-        );
+        let write_a = || self.unfold(last, a, slot_a);
+        let write_b = || self.unfold(last, b, slot_b);
+        if node.leaves > PARALLEL {
+            rayon::join(write_a, write_b);
+        } else {
+            write_a();
+            write_b();
+        }
     }
 }
 

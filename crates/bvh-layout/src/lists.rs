@@ -141,19 +141,4 @@ mod tests {
         lists.fill(&Topology::default());
         assert_eq!(lists, Lists::default());
     }
-
-    #[test]
-    fn levels_cut_both_lists_at_the_right_places() {
-        let tree = random_tree(3_000, 6);
-        let record = record(&tree);
-        let mut lists = Lists::default();
-        lists.fill(&record);
-        for level in record.levels() {
-            let leaves = &lists.leaf_nodes[level.leaves.start as usize..level.leaves.end as usize];
-            let inner = &lists.inner_nodes[level.inner.start as usize..level.inner.end as usize];
-            let mut nodes = [leaves, inner].concat();
-            nodes.sort_unstable();
-            assert!(nodes.into_iter().eq(level.nodes));
-        }
-    }
 }

@@ -175,18 +175,4 @@ mod tests {
         check(&record, &parts(all, |t| t < 300));
         check(&record, &parts(all, |t| t as usize == all - 1));
     }
-
-    #[test]
-    fn where_all_stands_still_lists_are_empty_and_where_most_moves_there_are_none() {
-        let tree = random_tree(1_000, 2);
-        let (record, all) = (record(&tree), scene(&tree));
-        let of = |moves: fn(u32) -> bool| Moving::of(&record, &parts(all, moves));
-        let none = of(|_| false).unwrap();
-        assert!(none.words().is_empty() && none.levels.is_empty());
-        assert_eq!(of(|_| true), None);
-        assert_eq!(of(|t| t % 3 != 0), None);
-        let most = of(|t| t % 50 == 0).unwrap();
-        assert!(most.words().len() <= 1_000);
-        assert!(most.levels.len() > 3);
-    }
 }

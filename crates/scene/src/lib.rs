@@ -18,15 +18,13 @@ mod obj;
 mod ply;
 mod sequence;
 mod source;
-mod word;
 
 pub use error::SceneError;
-pub use files::files;
+pub use files::{files, word};
 pub use ply::write_ply;
 pub use source::open;
 use std::path::PathBuf;
 use std::sync::Arc;
-pub use word::word;
 
 /// A colour in sRGB.
 pub type Rgb = [u8; 3];

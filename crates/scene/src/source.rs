@@ -1,7 +1,7 @@
 //! From the word that names a scene to the files that make it.
 
 use crate::join::{self, Input};
-use crate::{Options, Scene, SceneError, clip, demo, sequence, word};
+use crate::{Options, Scene, SceneError, clip, demo, files, sequence};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -21,12 +21,12 @@ pub(crate) fn exists(spec: &str) -> bool {
     let matches = || glob::glob(spec).is_ok_and(|mut all| all.next().is_some());
     let is_pattern = spec.contains(['*', '?', '[']);
     let is_demo = spec.starts_with("demo:") && !spec.contains(['+', '@']);
-    is_demo || word::path(spec).exists() || is_pattern && matches()
+    is_demo || files::path(spec).exists() || is_pattern && matches()
 }
 
 /// Whether what `spec` names may have clips to choose from.
 pub(crate) fn has_clips(spec: &str) -> bool {
-    is_gltf(&word::path(spec))
+    is_gltf(&files::path(spec))
 }
 
 /// Opens one input.
@@ -35,7 +35,7 @@ pub(crate) fn open_one(spec: &str, options: &Options) -> Result<Scene, SceneErro
         refuse_clip(spec, options)?;
         return demo::open(name, options);
     }
-    let path = &*word::path(spec);
+    let path = &*files::path(spec);
     match fs::metadata(path) {
         Ok(about) if about.is_dir() => directory(path, options),
         Ok(_) => file(path, options),

@@ -1,11 +1,11 @@
 //! The recursion: one node, its plane, its two children.
 
-use super::bins::{Extents, Plane, best_plane};
+use super::bins::{BINS, Extents, Plane, best_plane, cuts};
 use super::lanes::{Boxes, Ruler};
 use super::prims::Prims;
 use crate::node::fits;
 use crate::tree::Slot;
-use crate::{BuildError, Cancel, join_if};
+use crate::{BuildError, Cancel};
 
 /// Nodes of more triangles than this build their children in parallel and ask whether to go on.
 const PARALLEL: usize = 1024;
@@ -13,7 +13,7 @@ const PARALLEL: usize = 1024;
 const SAMPLE: usize = 1 << 12;
 
 /// Of nodes of so many triangles at most, every plane between two neighbours along an axis, at several moments, is weighed.
-const FEW: usize = 16;
+const FEW: usize = BINS;
 
 /// Halving wins over a plane that is better by rounding alone, so that equal boxes make a balanced tree.
 const NEARLY: f32 = 1.0 + 1e-5;
@@ -40,12 +40,15 @@ pub(super) fn build(
         return Err(BuildError::Cancelled);
     }
     let [left, right] = divide(prims, node);
-    let (a, b) = join_if(
-        leaves > PARALLEL,
-        || build(prims, left, cancel),
-        || build(prims, right, cancel),
-    );
-    a.and(b)
+    if leaves > PARALLEL {
+        let (a, b) = rayon::join(
+            || build(prims, left, cancel),
+            || build(prims, right, cancel),
+        );
+        return a.and(b);
+    }
+    build(prims, left, cancel)?;
+    build(prims, right, cancel)
 }
 
 fn divide<'a>(prims: &Prims, node: TemporalNode<'a>) -> [TemporalNode<'a>; 2] {
@@ -120,7 +123,10 @@ fn sweep(ids: &mut [u32], prims: &Prims) -> usize {
             if order == last {
                 continue;
             }
-            let found = best_cut(&order[..n], prims, ruler);
+            let (costs, mut found) = cuts(n, |i| (prims.get(order[i]), 1), ruler);
+            if costs[n / 2] <= found.0 * NEARLY {
+                found.1 = n / 2;
+            }
             if found.0 < best.0 {
                 (best, best_order) = (found, order);
             }
@@ -145,28 +151,4 @@ fn sorted(ids: &[u32], key: impl Fn(u32) -> f32) -> [u32; FEW] {
         (keys[place], order[place]) = (k, id);
     }
     order
-}
-
-/// The least cost of a cut of `order`, and how many go left.
-fn best_cut(order: &[u32], prims: &Prims, ruler: Ruler<'_>) -> (f32, usize) {
-    let n = order.len();
-    let mut costs = [0.0; FEW];
-    let mut b = Boxes::EMPTY;
-    for left in (1..n).rev() {
-        b.grow(prims.get(order[left]));
-        costs[left] = ruler.half_area(&b) * (n - left) as f32;
-    }
-    let mut best = (f32::INFINITY, n / 2);
-    b = Boxes::EMPTY;
-    for left in 1..n {
-        b.grow(prims.get(order[left - 1]));
-        costs[left] += ruler.half_area(&b) * left as f32;
-        if costs[left] < best.0 {
-            best = (costs[left], left);
-        }
-    }
-    if costs[n / 2] <= best.0 * NEARLY {
-        best.1 = n / 2;
-    }
-    best
 }

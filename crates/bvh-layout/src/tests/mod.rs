@@ -2,7 +2,7 @@
 
 mod blocks;
 mod fuzz;
-mod treelets;
+pub(crate) mod treelets;
 
 use crate::{Converter, Topology};
 use bvh_build::{BinaryTree, MAX_DEPTH};

@@ -12,6 +12,7 @@ use cut::Cut;
 use geom::StaticParts;
 pub use moving::MovingTreelets;
 use std::ops::Range;
+use std::sync::atomic::AtomicU32;
 
 /// A tree in depth-first leaf order, cut into treelets.
 ///
@@ -97,11 +98,11 @@ impl WideTree {
     const FIRST_AT: u32 = 6;
 }
 
-/// Memory that treelets are made in: a word a triangle, and 10 bytes more where they are made wide.
+/// Memory that treelets are made in: a word a triangle, and another where they are made wide.
 #[derive(Debug, Default)]
 pub(crate) struct Workspace {
     inner: Vec<u32>,
-    wide: wide::Room,
+    places: Vec<AtomicU32>,
 }
 
 #[cfg(test)]
@@ -109,7 +110,8 @@ impl Workspace {
     /// Writes over all that is in it.
     pub(crate) fn spoil(&mut self) {
         self.inner.fill(u32::MAX);
-        self.wide.spoil();
+        let places = self.places.iter_mut();
+        places.for_each(|place| *place.get_mut() = u32::MAX);
     }
 }
 
@@ -172,8 +174,13 @@ impl Treelets {
             return Self::default();
         }
         let cuts = Cut::all(tree);
-        let mut made = fill::fill(tree, &cuts, &mut room.inner, words);
-        made.wide = WideTree::of(&made, &mut room.wide);
+        let is_wide = tree.leaf_count() <= WideTree::MOST_TRIANGLES;
+        let nodes = if is_wide { tree.leaf_count() - 1 } else { 0 };
+        room.places.resize_with(nodes, AtomicU32::default);
+        let mut made = fill::fill(tree, &cuts, &mut room.inner, words, &room.places);
+        if is_wide {
+            made.wide = WideTree::of(tree, &made, &room.places);
+        }
         made
     }
 
@@ -294,11 +301,6 @@ impl Treelets {
         let entry = self.treelet(number);
         let at = self.triangles_at() + entry.first_leaf as usize;
         &self.words[at..][..entry.leaf_count as usize]
-    }
-
-    /// Those of all, in depth-first order.
-    fn depth_first_triangles(&self) -> &[u32] {
-        &self.words[self.triangles_at()..][..self.leaf_count()]
     }
 
     /// Where the triangles begin, in words.
