@@ -88,7 +88,6 @@ pub struct DeviceBytes {
 
 impl DeviceBytes {
     /// All of it.
-    #[must_use]
     pub fn total(self) -> u64 {
         self.tree + self.scratch + self.scene + self.frames
     }

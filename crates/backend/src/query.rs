@@ -15,7 +15,6 @@ pub enum Rays<'a> {
 
 impl Rays<'_> {
     /// How many there are.
-    #[must_use]
     pub fn count(&self) -> usize {
         match self {
             Self::List(rays) => rays.len(),
@@ -40,7 +39,6 @@ pub enum QueryKind {
 
 impl QueryKind {
     /// The light that ways are asked for, if any are.
-    #[must_use]
     pub fn light(self) -> Option<Point> {
         match self {
             Self::ClosestAndShadow { light } => Some(light),
@@ -118,7 +116,6 @@ impl Intersector {
     ];
 
     /// The name on the command line.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::MollerTrumbore => "moller-trumbore",
@@ -134,7 +131,6 @@ impl Layout {
     pub const ALL: [Self; 2] = [Self::Bvh2, Self::Fast];
 
     /// The name on the command line.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Bvh2 => "bvh2",

@@ -32,7 +32,6 @@ impl Cancel {
     }
 
     /// Whether the build was asked to stop.
-    #[must_use]
     pub fn is_cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }

@@ -32,7 +32,6 @@ impl Subtree {
     ///
     /// # Panics
     /// On a leaf.
-    #[must_use]
     #[inline]
     pub fn children(self, left_leaves: &[u32]) -> [Self; 2] {
         assert!(self.leaves > 1, "a leaf has no children");
@@ -109,25 +108,21 @@ impl BinaryTree {
     }
 
     /// Leaves, which is triangles in the tree.
-    #[must_use]
     pub fn leaf_count(&self) -> usize {
         self.order.len()
     }
 
     /// The triangle of each leaf, left to right.
-    #[must_use]
     pub fn order(&self) -> &[u32] {
         &self.order
     }
 
     /// For each inner node in preorder, the leaves below its left child.
-    #[must_use]
     pub fn left_leaves(&self) -> &[u32] {
         &self.left_leaves
     }
 
     /// The whole tree; `None` when it holds no triangle.
-    #[must_use]
     pub fn root(&self) -> Option<Subtree> {
         let leaves = self.order.len() as u32;
         (leaves > 0).then_some(Subtree {
@@ -141,7 +136,6 @@ impl BinaryTree {
     ///
     /// # Panics
     /// On a leaf.
-    #[must_use]
     #[inline]
     pub fn children(&self, node: Subtree) -> [Subtree; 2] {
         node.children(&self.left_leaves)

@@ -39,13 +39,11 @@ pub struct Spare {
 
 impl Spare {
     /// Whether there is none.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.words.capacity() == 0 && self.treelets.capacity() == 0
     }
 
     /// The record's alone.
-    #[must_use]
     pub fn into_words(self) -> Vec<u32> {
         self.words
     }

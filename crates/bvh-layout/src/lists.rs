@@ -68,14 +68,12 @@ impl NodeRank {
     const LEAF: u32 = 1 << 31;
 
     /// A leaf's rank; `None` for an inner node.
-    #[must_use]
     #[inline]
     pub fn leaf(self) -> Option<u32> {
         (self.0 & Self::LEAF != 0).then_some(self.0 & !Self::LEAF)
     }
 
     /// The rank, of whichever kind.
-    #[must_use]
     #[inline]
     pub fn rank(self) -> u32 {
         self.0 & !Self::LEAF
@@ -94,7 +92,6 @@ impl NodeRanks<'_> {
     ///
     /// # Panics
     /// If there is no such node.
-    #[must_use]
     #[inline]
     pub fn of(self, node: u32) -> NodeRank {
         let (word, bit) = (node as usize / 32, node % 32);
@@ -107,7 +104,6 @@ impl NodeRanks<'_> {
     }
 
     /// Both children of an inner node.
-    #[must_use]
     #[inline]
     pub fn children(self, inner: NodeRank) -> [NodeRank; 2] {
         Topology::children_of_inner(inner.0).map(|node| self.of(node))

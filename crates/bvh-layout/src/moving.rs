@@ -47,19 +47,16 @@ impl Moving {
     }
 
     /// Both lists as they are handed over: [`Moving::leaves`], then [`Moving::inner`].
-    #[must_use]
     pub fn words(&self) -> &[u32] {
         &self.words
     }
 
     /// Leaves whose triangle moves, by their place in [`Topology::leaf_triangles`].
-    #[must_use]
     pub fn leaves(&self) -> &[u32] {
         &self.words[..self.leaves]
     }
 
     /// Inner nodes with a moving leaf below, by their place among inner nodes.
-    #[must_use]
     pub fn inner(&self) -> &[u32] {
         &self.words[self.leaves..]
     }

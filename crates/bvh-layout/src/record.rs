@@ -89,7 +89,6 @@ impl Topology {
     }
 
     /// The record, as it is handed over.
-    #[must_use]
     pub fn words(&self) -> &[u32] {
         &self.words
     }
@@ -113,19 +112,16 @@ impl Topology {
 
     /// Which nodes must be done again when the scene moves; `None` if all of them,
     /// or if treelets are listed: see [`Treelets::moving`].
-    #[must_use]
     pub fn moving(&self) -> Option<&Moving> {
         self.moving.as_ref()
     }
 
     /// Gives the record's memory back, to be filled again by [`crate::Converter`].
-    #[must_use]
     pub fn into_words(self) -> Vec<u32> {
         self.words
     }
 
     /// Likewise, for [`crate::Converter::convert_with_treelets`].
-    #[must_use]
     pub fn into_spare(self) -> Spare {
         Spare {
             words: self.words,
@@ -134,7 +130,6 @@ impl Topology {
     }
 
     /// The same tree as treelets, if they were made; they do not travel with the words.
-    #[must_use]
     pub fn treelets(&self) -> Option<&Treelets> {
         self.treelets.as_deref()
     }
@@ -143,7 +138,6 @@ impl Topology {
     ///
     /// # Panics
     /// If `parts` are not those of the tree's scene.
-    #[must_use]
     pub fn to_treelets(&self, parts: &StaticParts) -> Cow<'_, Treelets> {
         match (self.treelets(), &self.moving) {
             (Some(treelets), _) => Cow::Borrowed(treelets),
@@ -156,14 +150,12 @@ impl Topology {
     ///
     /// # Panics
     /// If the record is not one of these triangles.
-    #[must_use]
     pub fn with_blocks(self, triangles: &[[u32; 3]], by: (&[Aabb], First)) -> Self {
         let blocks = Some(Arc::new(BlockTree::of(&self, triangles, by)));
         Self { blocks, ..self }
     }
 
     /// The same tree in its eight-wide form, if it was made; it does not travel with the words.
-    #[must_use]
     pub fn blocks(&self) -> Option<&Arc<BlockTree>> {
         self.blocks.as_ref()
     }
@@ -177,38 +169,32 @@ impl Topology {
     }
 
     /// Bytes handed over: the record, and lists of what moves.
-    #[must_use]
     pub fn bytes(&self) -> usize {
         let lists = self.moving.as_ref().map_or(0, |m| m.words().len());
         (self.words.len() + lists) * 4
     }
 
     /// Bytes that go to a device: the treelets', where there are some.
-    #[must_use]
     pub fn upload_bytes(&self) -> usize {
         self.treelets().map_or(self.bytes(), Treelets::bytes)
     }
 
     /// Triangles in the scene, those left out of the tree included.
-    #[must_use]
     pub fn triangle_count(&self) -> usize {
         self.words[2] as usize
     }
 
     /// Leaves: triangles in the tree.
-    #[must_use]
     pub fn leaf_count(&self) -> usize {
         self.words[3] as usize
     }
 
     /// Nodes: twice the leaves less one, or none.
-    #[must_use]
     pub fn node_count(&self) -> usize {
         (2 * self.leaf_count()).saturating_sub(1)
     }
 
     /// Levels, root first; none if the tree is empty.
-    #[must_use]
     pub fn level_count(&self) -> usize {
         self.words[4] as usize
     }
@@ -237,21 +223,18 @@ impl Topology {
     }
 
     /// One bit a node: 1 for a leaf.
-    #[must_use]
     pub fn leaf_bits(&self) -> &[u32] {
         let start = Self::HEADER_WORDS + self.level_count();
         &self.words[start..][..self.bit_words()]
     }
 
     /// For each word of [`Topology::leaf_bits`], the leaves before it.
-    #[must_use]
     pub fn leaf_ranks(&self) -> &[u32] {
         let start = Self::HEADER_WORDS + self.level_count() + self.bit_words();
         &self.words[start..][..self.bit_words()]
     }
 
     /// The triangle of each leaf, in node order.
-    #[must_use]
     pub fn leaf_triangles(&self) -> &[u32] {
         &self.words[self.words.len() - self.leaf_count()..]
     }
@@ -264,7 +247,6 @@ impl Topology {
     }
 
     /// Finds the ranks of nodes.
-    #[must_use]
     pub fn ranks(&self) -> NodeRanks<'_> {
         NodeRanks {
             bits: self.leaf_bits(),

@@ -29,7 +29,6 @@ impl Line {
     /// interval; `None` if nowhere, or if it lies in the triangle's plane.
     ///
     /// The ray must be [valid](Ray::is_valid) and the corners finite.
-    #[must_use]
     pub fn meet(&self, corners: &Triangle) -> Option<Crossing> {
         let crossing = self.cross(corners, passes_within)?;
         let (t_min, t_max) = (self.ray.t_min, self.ray.t_max);
@@ -42,7 +41,6 @@ impl Line {
     /// any `t`: through an edge or a vertex of a closed surface it passes as often as through the inside of a triangle.
     ///
     /// The ray's origin is moved by `(e, e^2, e^3)` (simulation of simplicity: Edelsbrunner, Mücke 1990).
-    #[must_use]
     pub fn meet_moved(&self, corners: &Triangle) -> Option<Crossing> {
         self.cross(corners, moved_passes_within)
     }
@@ -83,7 +81,6 @@ impl Line {
 
     /// The weights of the second and the third corner where the line passes through a triangle that it
     /// [meets](Self::meet), each rounded once.
-    #[must_use]
     pub fn weights(&self, corners: &Triangle) -> [f32; 2] {
         let (direction, [a, b, c], _) = self.integers(corners);
         let [u, v, w] = sides(&direction, [&a, &b, &c]);
@@ -173,13 +170,11 @@ impl Crossing {
     }
 
     /// `t`, rounded once; infinite where it is too large.
-    #[must_use]
     pub fn t(&self) -> f32 {
         rounded(&self.n, self.d.magnitude(), self.e)
     }
 
     /// The order along the line of two crossings of it.
-    #[must_use]
     pub fn order(&self, other: &Self) -> Ordering {
         let (left, right) = (&self.n * &other.d, &other.n * &self.d);
         let up = (self.e - other.e).unsigned_abs();

@@ -94,55 +94,46 @@ impl Animation {
     }
 
     /// The times of key frames, if they are not 0, 1, 2 and so on.
-    #[must_use]
     pub fn times(&self) -> Option<&[f64]> {
         self.times.as_ref().map(|t| &t.keys[..])
     }
 
     /// Whole times from 0 to the end: as many as there are key frames, unless these have times of their own.
-    #[must_use]
     pub fn whole_times(&self) -> usize {
         self.end() as usize + 1
     }
 
     /// The key frames, each with one position a vertex.
-    #[must_use]
     pub fn keys(&self) -> &[Vec<Point>] {
         &self.keys
     }
 
     /// Three vertices a triangle.
-    #[must_use]
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
     /// Vertices in each key frame.
-    #[must_use]
     pub fn vertex_count(&self) -> usize {
         self.keys[0].len()
     }
 
     /// Triangles, inactive ones included.
-    #[must_use]
     pub fn triangle_count(&self) -> usize {
         self.triangles.len()
     }
 
     /// Triangles that are active in at least one key frame. A tree holds exactly these.
-    #[must_use]
     pub fn live_count(&self) -> usize {
         self.triangles.len() - self.never_active as usize
     }
 
     /// What never moves. Looks at every key frame when first called.
-    #[must_use]
     pub fn static_parts(&self) -> &StaticParts {
         self.static_parts.get_or_init(|| StaticParts::of(self))
     }
 
     /// Live triangles that move: those whose leaves every frame must preprocess.
-    #[must_use]
     pub fn moving_count(&self) -> usize {
         match self.keys.as_slice() {
             [_] => 0,
@@ -152,14 +143,12 @@ impl Animation {
     }
 
     /// The last time there is, in key frames.
-    #[must_use]
     pub fn end(&self) -> f64 {
         let equal = (self.keys.len() - 1) as f64;
         self.times.as_ref().map_or(equal, |t| t.end)
     }
 
     /// The pose at `time`; see [`Pose::at`] and [`Pose::among`].
-    #[must_use]
     pub fn pose(&self, time: f64) -> Pose {
         match &self.times {
             Some(times) => Pose::among(time, &times.keys),
@@ -168,7 +157,6 @@ impl Animation {
     }
 
     /// One vertex at `pose`: the same bits as every backend's.
-    #[must_use]
     #[inline]
     pub fn vertex(&self, pose: Pose, vertex: u32) -> Point {
         let a = self.keys[pose.key as usize][vertex as usize];
@@ -179,7 +167,6 @@ impl Animation {
     }
 
     /// One triangle's corners at `pose`.
-    #[must_use]
     #[inline]
     pub fn corners(&self, pose: Pose, triangle: u32) -> Triangle {
         self.triangles[triangle as usize].map(|v| self.vertex(pose, v))
@@ -191,7 +178,6 @@ impl Animation {
     ///
     /// Inactive triangles are left out of what rays see, not out of the tree:
     /// whoever comes back must already have a leaf.
-    #[must_use]
     pub fn fallback_corner(&self, triangle: u32) -> Aabb {
         if let Ok(i) = (self.fallback_corners).binary_search_by_key(&triangle, |s| s.0) {
             return self.fallback_corners[i].1;
@@ -201,7 +187,6 @@ impl Animation {
     }
 
     /// Whether a tree must hold `triangle`: some key frame has it active.
-    #[must_use]
     pub fn is_live(&self, triangle: u32) -> bool {
         self.never_active == 0 || !self.fallback_corner(triangle).is_empty()
     }
@@ -209,7 +194,6 @@ impl Animation {
     /// The box a tree is built over for `triangle`, given all vertices at the
     /// moment of building: its own, its stand-in while it is inactive, or
     /// [`Aabb::EMPTY`] if it is never active.
-    #[must_use]
     #[inline]
     pub fn build_box(&self, positions: &[Point], triangle: u32) -> Aabb {
         let corners = corners_in(positions, self.triangles[triangle as usize]);
@@ -217,7 +201,6 @@ impl Animation {
     }
 
     /// [`Self::build_box`] at `pose`.
-    #[must_use]
     #[inline]
     pub fn build_box_at(&self, pose: Pose, triangle: u32) -> Aabb {
         active_box(&self.corners(pose, triangle)).unwrap_or_else(|| self.fallback_corner(triangle))
@@ -227,13 +210,11 @@ impl Animation {
     /// overflow nor underflow: 0 unless the largest finite `|coordinate|` of all
     /// key frames lies outside `[2^-10, 2^30]`, else its exponent, within `-126..=126`;
     /// 0 also if some key frame is [extreme](Range::extreme) by itself.
-    #[must_use]
     pub fn scale_exponent(&self) -> i32 {
         self.ranges().scale_exponent
     }
 
     /// How far coordinates reach at `pose`. Looks at every key frame when first called.
-    #[must_use]
     pub fn range(&self, pose: Pose) -> Range {
         self.ranges().at(pose)
     }
@@ -243,7 +224,6 @@ impl Animation {
     }
 
     /// The least box that holds every finite vertex of every key frame.
-    #[must_use]
     pub fn bounds(&self) -> Aabb {
         self.keys
             .iter()

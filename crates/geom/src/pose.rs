@@ -61,7 +61,6 @@ impl Pose {
     /// `a` itself, bit for bit, when `alpha` is 0. A vertex that stands still
     /// keeps its bits (but for a zero's sign, which becomes positive); one that
     /// is not finite in a frame read stays not finite.
-    #[must_use]
     #[inline]
     pub fn blend(self, a: Point, b: Point) -> Point {
         if self.alpha == 0.0 {

@@ -54,20 +54,17 @@ impl StaticParts {
     }
 
     /// How many vertices are static.
-    #[must_use]
     pub fn vertex_count(&self) -> usize {
         count(&self.vertices)
     }
 
     /// How many triangles are static.
-    #[must_use]
     pub fn triangle_count(&self) -> usize {
         count(&self.triangles)
     }
 
     /// Runs of vertices that hold all that move, in order. Static vertices
     /// between two runs are at least `gap`; where they are fewer, one run holds both.
-    #[must_use]
     pub fn moving_runs(&self, gap: usize) -> Vec<Range<usize>> {
         let mut runs: Vec<Range<usize>> = Vec::new();
         let moving = self.vertices.iter().enumerate().filter(|(_, s)| !**s);

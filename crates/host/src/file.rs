@@ -95,7 +95,6 @@ impl Folder {
     }
 
     /// Where a name leads, seen from the folder.
-    #[must_use]
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }

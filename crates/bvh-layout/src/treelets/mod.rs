@@ -189,7 +189,6 @@ impl Treelets {
     }
 
     /// What is handed over.
-    #[must_use]
     pub fn words(&self) -> &[u32] {
         &self.words
     }
@@ -217,19 +216,16 @@ impl Treelets {
     }
 
     /// What must be done again when the scene moves; `None` if all of it.
-    #[must_use]
     pub fn moving(&self) -> Option<&MovingTreelets> {
         self.moving.as_ref()
     }
 
     /// The same tree with 32 children a node, if it has that form.
-    #[must_use]
     pub fn wide(&self) -> Option<&WideTree> {
         self.wide.as_ref()
     }
 
     /// All that is handed over, in this order: the words, lists of what moves, the wide tree.
-    #[must_use]
     pub fn parts(&self) -> [&[u32]; 3] {
         let lists = self.moving.as_ref().map_or(&[][..], |m| &m.words);
         let wide = self.wide.as_ref().map_or(&[][..], |w| &w.words);
@@ -237,19 +233,16 @@ impl Treelets {
     }
 
     /// Bytes handed over.
-    #[must_use]
     pub fn bytes(&self) -> usize {
         self.parts().iter().map(|part| size_of_val(*part)).sum()
     }
 
     /// The numbers of each level's treelets, the level of the triangles first.
-    #[must_use]
     pub fn levels(&self) -> &[Range<u32>] {
         &self.levels
     }
 
     /// All treelets, level by level.
-    #[must_use]
     pub fn treelet_count(&self) -> usize {
         self.levels.last().map_or(0, |level| level.end as usize)
     }
@@ -258,7 +251,6 @@ impl Treelets {
     ///
     /// # Panics
     /// If there is no such treelet.
-    #[must_use]
     pub fn treelet(&self, number: usize) -> Treelet {
         assert!(number < self.treelet_count(), "no treelet {number}");
         let entry = &self.words[number * Self::ENTRY_WORDS..][..Self::ENTRY_WORDS];
@@ -267,7 +259,6 @@ impl Treelets {
 
     /// The roots of the lowest level that has at most so many: the row of the first, and how many.
     /// Every triangle lies below one of them.
-    #[must_use]
     pub fn few_roots(&self, most: u32) -> (u32, u32) {
         let roots = self.levels.iter().map(|level| {
             let each = level.clone().map(|t| self.treelet(t as usize).root_count);
@@ -279,19 +270,16 @@ impl Treelets {
     }
 
     /// Triangles.
-    #[must_use]
     pub fn leaf_count(&self) -> usize {
         self.leaf_count as usize
     }
 
     /// Roots of all treelets.
-    #[must_use]
     pub fn root_count(&self) -> usize {
         self.root_count as usize
     }
 
     /// Inner nodes.
-    #[must_use]
     pub fn inner_count(&self) -> usize {
         self.inner_count as usize
     }
@@ -304,13 +292,11 @@ impl Treelets {
     }
 
     /// Where the triangles begin, in words.
-    #[must_use]
     pub fn triangles_at(&self) -> usize {
         self.words.len() - self.inner_count() - self.leaf_count()
     }
 
     /// Rows of 16 bytes in which a device keeps all nodes.
-    #[must_use]
     pub fn rows(&self) -> usize {
         let waiting_roots = (self.root_count as usize).saturating_sub(1);
         4 * (1 + self.inner_count()) + 2 * waiting_roots
