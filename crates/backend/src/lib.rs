@@ -60,21 +60,17 @@
 //! **Errors.** [`BackendError`] is what a correct caller cannot foresee. Misuse
 //! (tracing a stale tree, waiting for a ticket never given) panics.
 
-mod adapter;
 mod error;
 mod frame;
-mod method;
 mod query;
 mod tree;
 
-pub use adapter::choose_adapter;
 pub use error::{BackendError, Result};
 pub use frame::{
     Arithmetic, Device, DeviceBytes, DeviceKind, FrameReport, Generation, Snapshot, StageTimes,
-    Ticket,
+    Ticket, choose_adapter,
 };
-pub use method::{Intersector, Layout, Method, UnknownName};
-pub use query::{Hits, Palette, Query, QueryKind, Rays};
+pub use query::{Hits, Intersector, Layout, Method, Palette, Query, QueryKind, Rays};
 pub use tree::check_tree;
 
 use bvh_layout::Topology;
@@ -129,7 +125,7 @@ pub trait Backend: Send {
     /// Records: key frames to positions.
     ///
     /// # Errors
-    /// See [`BackendError`]; likewise for the other stages.
+    /// See [`BackendError`]; likewise for all that follow.
     fn interpolate(&mut self, pose: Pose) -> Result<()>;
 
     /// Whether the backend makes trees on its device for the method loaded.
@@ -149,86 +145,53 @@ pub trait Backend: Send {
     /// tree takes room on the device, which is kept until another scene is loaded.
     ///
     /// # Errors
-    /// Those of [`Backend::check_rebuild`]; else see [`BackendError`].
+    /// Those of [`Backend::check_rebuild`] too.
     fn rebuild(&mut self, _generation: Generation) -> Result<()> {
         Err(no_trees(self.device().backend))
     }
 
     /// Records: positions to triangle records and boxes of leaves.
-    ///
-    /// # Errors
-    /// See [`BackendError`].
     fn preprocess(&mut self) -> Result<()>;
 
     /// Records: boxes of leaves to boxes of inner nodes.
-    ///
-    /// # Errors
-    /// See [`BackendError`].
     fn refit(&mut self) -> Result<()>;
 
     /// Records: records and boxes to hits. At most one trace a submission.
-    ///
-    /// # Errors
-    /// See [`BackendError`].
     fn trace(&mut self, query: Query<'_>) -> Result<()>;
 
     /// Takes what pictures are painted by, until the next [`Backend::load`]. `false` where pictures are left to the host:
     /// then nothing is shaded.
-    ///
-    /// # Errors
-    /// See [`BackendError`].
     fn load_palette(&mut self, _palette: &Palette) -> Result<bool> {
         Ok(false)
     }
 
     /// Records: what the trace before it finds for `query`, a camera's with shadows, to pixels. Without a palette it does
     /// nothing.
-    ///
-    /// # Errors
-    /// See [`BackendError`].
     fn shade(&mut self, _query: Query<'_>) -> Result<()> {
         Ok(())
     }
 
     /// Blocks until `ticket` is done and copies its pixels into `out`, four bytes each (red, green, blue, 255), row by row.
     /// `false` if it shaded none: its hits are then for the host to shade.
-    ///
-    /// # Errors
-    /// See [`BackendError`].
     fn pixels(&mut self, _ticket: Ticket, _out: &mut Vec<u8>) -> Result<bool> {
         Ok(false)
     }
 
     /// Records: a copy of the positions to the host, for
     /// [`Backend::take_positions`]. At most one a submission.
-    ///
-    /// # Errors
-    /// See [`BackendError`].
     fn request_positions(&mut self) -> Result<()>;
 
     /// Starts what was recorded since the last call.
-    ///
-    /// # Errors
-    /// See [`BackendError`].
     fn submit(&mut self) -> Result<Ticket>;
 
     /// Blocks until `ticket` is done and says what it did.
-    ///
-    /// # Errors
-    /// See [`BackendError`].
     fn wait(&mut self, ticket: Ticket) -> Result<FrameReport>;
 
     /// Blocks until `ticket` is done and copies what its trace found into `out`.
-    ///
-    /// # Errors
-    /// See [`BackendError`].
     fn hits(&mut self, ticket: Ticket, out: &mut Hits) -> Result<()>;
 
     /// The oldest positions requested and not taken yet, with the ticket of
     /// their submission; `None` while they are under way. Never blocks.
-    ///
-    /// # Errors
-    /// See [`BackendError`].
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>>;
 
     /// Bytes of device memory that the backend holds, where it can tell.
@@ -251,16 +214,10 @@ pub const FRAMES_IN_FLIGHT: usize = 2;
 /// Views into the output of a stage, off the frame's path. Each waits for all submissions.
 pub trait Inspect {
     /// After `interpolate`: one position a vertex.
-    ///
-    /// # Errors
-    /// See [`BackendError`].
     fn positions(&mut self) -> Result<Vec<Point>>;
 
     /// After `refit`: one box a node, in node order, in the scene's units.
     /// Leaves of inactive and degenerate triangles have [`Aabb::EMPTY`].
-    ///
-    /// # Errors
-    /// See [`BackendError`].
     fn boxes(&mut self) -> Result<Vec<Aabb>>;
 
     /// The tree that the last [`Backend::rebuild`] made, read back as a record

@@ -1,6 +1,8 @@
-//! What to trace, and what comes back.
+//! What to trace and how, and what comes back.
 
 use geom::{Camera, Hit, Point, Ray};
+use std::fmt;
+use std::str::FromStr;
 
 /// The rays of a query.
 #[derive(Clone, Copy, Debug)]
@@ -13,7 +15,6 @@ pub enum Rays<'a> {
 
 impl Rays<'_> {
     /// How many there are.
-    #[must_use]
     pub fn count(&self) -> usize {
         match self {
             Self::List(rays) => rays.len(),
@@ -38,7 +39,6 @@ pub enum QueryKind {
 
 impl QueryKind {
     /// The light that ways are asked for, if any are.
-    #[must_use]
     pub fn light(self) -> Option<Point> {
         match self {
             Self::ClosestAndShadow { light } => Some(light),
@@ -74,4 +74,103 @@ pub struct Hits {
     /// With [`QueryKind::Any`]: 1 if the ray met anything. With
     /// [`QueryKind::ClosestAndShadow`]: 1 if the hit is in shadow, 0 if lit or miss. Else empty.
     pub blocked: Vec<u8>,
+}
+
+/// How a ray is tested against a triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Intersector {
+    /// Möller, Trumbore 1997, in single precision.
+    MollerTrumbore,
+    /// Woop 2004: an affine transform a triangle, preprocessed each frame. The paper's.
+    Woop,
+    /// Woop, Benthin, Wald 2013, with exact signs and symbolic ties: no leak, no double hit.
+    Watertight,
+    /// The answer of exact arithmetic for every ray.
+    Exact,
+}
+
+/// How the tree lies in memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Layout {
+    /// The paper's breadth-first binary tree, one triangle a leaf.
+    Bvh2,
+    /// Whatever measured fastest on the device.
+    Fast,
+}
+
+/// What decides how a scene is traced, fixed when it is loaded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Method {
+    /// How triangles are tested.
+    pub intersector: Intersector,
+    /// How the tree lies in memory.
+    pub layout: Layout,
+}
+
+impl Default for Method {
+    fn default() -> Self {
+        Self {
+            intersector: Intersector::Watertight,
+            layout: Layout::Bvh2,
+        }
+    }
+}
+
+impl Intersector {
+    /// All there are, in the order of the manual.
+    pub const ALL: [Self; 4] = [
+        Self::MollerTrumbore,
+        Self::Woop,
+        Self::Watertight,
+        Self::Exact,
+    ];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::MollerTrumbore => "moller-trumbore",
+            Self::Woop => "woop",
+            Self::Watertight => "watertight",
+            Self::Exact => "exact",
+        }
+    }
+}
+
+impl Layout {
+    /// All there are, in the order of the manual.
+    pub const ALL: [Self; 2] = [Self::Bvh2, Self::Fast];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bvh2 => "bvh2",
+            Self::Fast => "fast",
+        }
+    }
+}
+
+impl fmt::Display for Intersector {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl fmt::Display for Layout {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Intersector {
+    type Err = String;
+
+    fn from_str(s: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|i| i.name() == s);
+        found.ok_or_else(|| {
+            format!(
+                "'{s}' is not one of {}",
+                Self::ALL.map(Self::name).join(", ")
+            )
+        })
+    }
 }

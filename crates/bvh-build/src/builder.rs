@@ -1,6 +1,6 @@
 //! The builder: a reusable workspace round the recursion.
 
-use crate::gather::{Gathered, gather};
+use crate::gather::gather;
 use crate::node::{self, BuildTask, Node};
 use crate::prim::Prim;
 use crate::{BinaryTree, Boxes};
@@ -32,7 +32,6 @@ impl Cancel {
     }
 
     /// Whether the build was asked to stop.
-    #[must_use]
     pub fn is_cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
@@ -45,7 +44,10 @@ impl Cancel {
 pub struct Builder {
     prims: Vec<Prim>,
     room: Vec<Prim>,
-    toward: Option<Point>,
+    /// Of two children that a plane parts, the one that lies nearer to this point comes first, as with
+    /// [`crate::order_toward`], which costs nothing here. So rays to that point find sooner what blocks them. The trees
+    /// are the same otherwise.
+    pub toward: Option<Point>,
 }
 
 impl Builder {
@@ -53,19 +55,6 @@ impl Builder {
     #[must_use]
     pub fn new() -> Self {
         Self::default()
-    }
-
-    /// From now on puts first, of two children that a plane parts, the one that lies nearer to a point, as
-    /// [`crate::order_toward`] does, which costs nothing here. So rays to that point find sooner what blocks them. The trees are
-    /// the same otherwise.
-    pub fn order_toward(&mut self, toward: Option<Point>) {
-        self.toward = toward;
-    }
-
-    /// The point that children are ordered toward, if any.
-    #[must_use]
-    pub fn ordered_toward(&self) -> Option<Point> {
-        self.toward
     }
 
     /// Builds over all boxes that are not empty, into `tree`, whose memory is reused.
@@ -112,26 +101,34 @@ impl Builder {
             self.prims.resize(n, Prim::default());
             self.room.resize(n, Prim::default());
         }
-        let Gathered {
-            leaves,
-            extents,
-            factor,
-        } = gather(boxes, &mut self.prims[..n]);
-        tree.order.resize(leaves, 0);
-        tree.left_leaves.resize(leaves.saturating_sub(1), 0);
+        let (leaves, extents, factor) = gather(boxes, &mut self.prims[..n]);
+        let slot = tree.slot(leaves);
         if leaves == 0 {
             return Ok(());
         }
         let root = Node {
             prims: &mut self.prims[..leaves],
             room: &mut self.room[..leaves],
-            left_leaves: &mut tree.left_leaves,
-            order: &mut tree.order,
+            slot,
             extents,
             depth,
         };
         let toward = self.toward.map(|point| point.map(|x| x * factor));
         node::build(root, BuildTask { cancel, toward })
+    }
+}
+
+impl BinaryTree {
+    /// A tree over all boxes that are not empty, by a builder of its own.
+    ///
+    /// # Panics
+    /// As [`Builder::build`].
+    #[must_use]
+    pub fn over<B: Boxes + ?Sized>(boxes: &B) -> Self {
+        let mut tree = Self::default();
+        let built = Builder::new().build(boxes, &Cancel::new(), &mut tree);
+        built.expect("nobody cancels");
+        tree
     }
 }
 

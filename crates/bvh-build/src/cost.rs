@@ -47,85 +47,70 @@ fn areas_below<B: Boxes + ?Sized>(tree: &BinaryTree, boxes: &B, node: Subtree) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Builder, Cancel};
 
     /// A wavy square of `n * n` boxes, in rows.
     fn waves(n: u32) -> Vec<Aabb> {
-        (0..n * n)
-            .map(|i| {
-                let (x, y) = ((i % n) as f32, (i / n) as f32);
-                let z = (x * 0.3).sin() + (y * 0.2).cos();
-                Aabb {
-                    min: [x, y, z],
-                    max: [x + 1.0, y + 1.5, z + 0.5],
-                }
-            })
-            .collect()
+        let bounds = |i| {
+            let (x, y) = ((i % n) as f32, (i / n) as f32);
+            let z = (x * 0.3).sin() + (y * 0.2).cos();
+            let max = [x + 1.0, y + 1.5, z + 0.5];
+            Aabb {
+                min: [x, y, z],
+                max,
+            }
+        };
+        (0..n * n).map(bounds).collect()
     }
 
     /// Every node split in the middle of the given order.
-    fn median_tree(n: usize) -> BinaryTree {
-        fn left_leaves(n: usize, out: &mut Vec<u32>) {
+    fn median_tree(n: u32) -> BinaryTree {
+        fn split(n: u32, left_leaves: &mut Vec<u32>) {
             if n > 1 {
-                out.push((n / 2) as u32);
-                left_leaves(n / 2, out);
-                left_leaves(n - n / 2, out);
+                left_leaves.push(n / 2);
+                split(n / 2, left_leaves);
+                split(n - n / 2, left_leaves);
             }
         }
-        let mut tree = BinaryTree::default();
-        tree.order.extend(0..n as u32);
-        left_leaves(n, &mut tree.left_leaves);
-        tree
+        let mut left_leaves = Vec::new();
+        split(n, &mut left_leaves);
+        BinaryTree::new((0..n).collect(), left_leaves)
     }
 
     /// Area of every node, each from its own leaves.
     fn naive_cost(tree: &BinaryTree, boxes: &[Aabb]) -> f64 {
-        fn area(tree: &BinaryTree, boxes: &[Aabb], node: Subtree) -> f64 {
+        let area = |node: Subtree| {
             let leaves = &tree.order()[node.first_leaf as usize..][..node.leaves as usize];
             let bounds = leaves.iter().map(|&i| boxes[i as usize]);
             bounds.fold(Aabb::EMPTY, Aabb::union).half_area()
-        }
+        };
         let root = tree.root().unwrap();
-        let mut stack = vec![root];
-        let mut sum = 0.0;
+        let (mut stack, mut sum) = (vec![root], 0.0);
         while let Some(node) = stack.pop() {
-            sum += area(tree, boxes, node);
+            sum += area(node);
             if node.leaves > 1 {
                 stack.extend(tree.children(node));
             }
         }
-        sum / area(tree, boxes, root)
-    }
-
-    fn build(boxes: &[Aabb]) -> BinaryTree {
-        let mut tree = BinaryTree::default();
-        let built = Builder::new().build(boxes, &Cancel::new(), &mut tree);
-        built.map(|()| tree).unwrap()
+        sum / area(root)
     }
 
     #[test]
-    fn the_cost_is_the_sum_of_all_areas_over_the_roots() {
-        let boxes = waves(60);
-        for tree in [build(&boxes), median_tree(boxes.len())] {
-            let (cost, naive) = (sah_cost(&tree, &boxes[..]), naive_cost(&tree, &boxes));
-            assert!((cost - naive).abs() <= 1e-12 * naive, "{cost} {naive}");
+    fn the_cost_is_the_sum_of_all_areas_over_the_roots_and_less_in_a_built_tree() {
+        for (n, least) in [(3600, 0.8), (25, 1.0)] {
+            let boxes = &waves(60)[..n as usize];
+            let costs = [BinaryTree::over(boxes), median_tree(n)].map(|tree| {
+                let (cost, naive) = (sah_cost(&tree, boxes), naive_cost(&tree, boxes));
+                assert!((cost - naive).abs() <= 1e-12 * naive, "{cost} {naive}");
+                cost
+            });
+            assert!(costs[0] <= least * costs[1], "{costs:?}");
         }
-    }
-
-    #[test]
-    fn a_built_tree_costs_less_than_one_split_at_the_median() {
-        let mut boxes = waves(60);
-        let (built, median) = (build(&boxes), median_tree(boxes.len()));
-        assert!(sah_cost(&built, &boxes[..]) < 0.8 * sah_cost(&median, &boxes[..]));
-        boxes.truncate(25);
-        let (built, median) = (build(&boxes), median_tree(boxes.len()));
-        assert!(sah_cost(&built, &boxes[..]) <= sah_cost(&median, &boxes[..]));
     }
 
     #[test]
     fn boxes_that_vanished_since_the_build_count_for_nothing() {
         let mut boxes = waves(2);
-        let tree = build(&boxes);
+        let tree = BinaryTree::over(&boxes[..]);
         boxes[1] = Aabb::EMPTY;
         boxes[2].max[0] = f32::NAN;
         let root = boxes[0].union(boxes[3]).half_area();

@@ -59,20 +59,11 @@ pub(crate) fn is_usable(b: &Aabb) -> bool {
     (0..3).all(|i| b.min[i] <= b.max[i] && b.min[i].is_finite() && b.max[i].is_finite())
 }
 
-/// What was read.
-pub(crate) struct Gathered {
-    /// How many boxes are usable.
-    pub(crate) leaves: usize,
-    /// Their extents.
-    pub(crate) extents: Extents,
-    /// What all coordinates were multiplied by.
-    pub(crate) factor: f32,
-}
-
-/// Fills the front of `prims` with all usable boxes, in the triangles' order.
+/// Fills the front of `prims` with all usable boxes, in the triangles' order. Tells how many there are, their extents, and
+/// what all coordinates were multiplied by.
 ///
 /// `prims` must have room for one a triangle.
-pub(crate) fn gather<B: Boxes + ?Sized>(boxes: &B, prims: &mut [Prim]) -> Gathered {
+pub(crate) fn gather<B: Boxes + ?Sized>(boxes: &B, prims: &mut [Prim]) -> (usize, Extents, f32) {
     let parts: Vec<_> = prims
         .par_chunks_mut(CHUNK)
         .enumerate()
@@ -88,11 +79,9 @@ pub(crate) fn gather<B: Boxes + ?Sized>(boxes: &B, prims: &mut [Prim]) -> Gather
         count += kept;
         all = all.union(extents);
     }
-    let factor = safe_factor(&all.boxes);
-    Gathered {
-        leaves: count,
-        extents: factor.map_or(all, |factor| rescale(&mut prims[..count], factor)),
-        factor: factor.unwrap_or(1.0),
+    match safe_factor(&all.boxes) {
+        Some(factor) => (count, rescale(&mut prims[..count], factor), factor),
+        None => (count, all, 1.0),
     }
 }
 

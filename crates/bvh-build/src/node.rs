@@ -4,6 +4,7 @@ use crate::bins::{Bins, CHUNK, Counts, Grid, Plane};
 use crate::occluder_first::reach;
 use crate::partition::{partition, partition_parallel};
 use crate::prim::{Bounds, Extents, Prim};
+use crate::tree::Slot;
 use crate::{BuildError, Cancel, MAX_DEPTH, small};
 use geom::Point;
 use rayon::join;
@@ -21,8 +22,7 @@ const PARALLEL_CHILDREN: usize = 2048;
 pub(crate) struct Node<'a> {
     pub(crate) prims: &'a mut [Prim],
     pub(crate) room: &'a mut [Prim],
-    pub(crate) left_leaves: &'a mut [u32],
-    pub(crate) order: &'a mut [u32],
+    pub(crate) slot: Slot<'a>,
     pub(crate) extents: Extents,
     pub(crate) depth: u32,
 }
@@ -83,8 +83,7 @@ pub(crate) fn build(root: Node<'_>, task: BuildTask<'_>) -> Result<(), BuildErro
 fn build_subtree(node: Node<'_>, task: BuildTask<'_>) -> Result<(), BuildError> {
     let leaves = node.prims.len();
     if leaves <= small::MOST {
-        let at = (node.depth, task.toward);
-        small::build(node.prims, node.left_leaves, node.order, at);
+        small::build(node.prims, node.slot, node.depth, task.toward);
         return Ok(());
     }
     if leaves <= PARALLEL_CHILDREN {
@@ -185,26 +184,13 @@ fn halve(node: Node<'_>) -> [Node<'_>; 2] {
 fn cut(node: Node<'_>, left: usize, [a, b]: [Extents; 2]) -> [Node<'_>; 2] {
     let (prims_a, prims_b) = node.prims.split_at_mut(left);
     let (room_a, room_b) = node.room.split_at_mut(left);
-    let (order_a, order_b) = node.order.split_at_mut(left);
-    node.left_leaves[0] = left as u32;
-    let (inner_a, inner_b) = node.left_leaves[1..].split_at_mut(left - 1);
-    let depth = node.depth + 1;
-    [
-        Node {
-            prims: prims_a,
-            room: room_a,
-            left_leaves: inner_a,
-            order: order_a,
-            extents: a,
-            depth,
-        },
-        Node {
-            prims: prims_b,
-            room: room_b,
-            left_leaves: inner_b,
-            order: order_b,
-            extents: b,
-            depth,
-        },
-    ]
+    let [slot_a, slot_b] = node.slot.split(left);
+    let sides = [(prims_a, room_a, slot_a, a), (prims_b, room_b, slot_b, b)];
+    sides.map(|(prims, room, slot, extents)| Node {
+        prims,
+        room,
+        slot,
+        extents,
+        depth: node.depth + 1,
+    })
 }

@@ -9,7 +9,6 @@
 
 use crate::{BinaryTree, Boxes};
 use geom::{Aabb, Point};
-use rayon::join;
 
 /// Nodes of more triangles than this turn their children in parallel.
 const PARALLEL: usize = 2048;
@@ -21,7 +20,7 @@ pub(crate) fn reach(min: [f32; 3], max: [f32; 3], from: [f32; 3]) -> f64 {
 }
 
 /// Orders children of all nodes of a finished tree for rays that end at `point`, by `boxes`; costs and depths stay as they
-/// are. Runs in the rayon pool that the caller installed. [`crate::Builder::order_toward`] does it while it builds.
+/// are. Runs in the rayon pool that the caller installed. [`crate::Builder::toward`] does it while it builds.
 ///
 /// # Panics
 /// If the tree names a triangle that has no box.
@@ -48,7 +47,7 @@ fn turn<B: Boxes + ?Sized>(
     let mut turn_a = || turn(order_a, below_a, boxes, point);
     let mut turn_b = || turn(order_b, below_b, boxes, point);
     let (a, b) = if is_large {
-        join(turn_a, turn_b)
+        rayon::join(turn_a, turn_b)
     } else {
         (turn_a(), turn_b())
     };
@@ -79,7 +78,7 @@ mod tests {
 
     fn built(boxes: &[Aabb], toward: Option<Point>) -> BinaryTree {
         let (mut builder, mut tree) = (Builder::new(), BinaryTree::default());
-        builder.order_toward(toward);
+        builder.toward = toward;
         builder.build(boxes, &Cancel::new(), &mut tree).unwrap();
         tree
     }

@@ -4,6 +4,7 @@ use crate::bins::least_axis;
 use crate::node::fits;
 use crate::prim::{Bounds, Prim, Ruler};
 use crate::tiny;
+use crate::tree::Slot;
 use geom::Point;
 use glam::Vec4;
 
@@ -22,18 +23,12 @@ struct Sorted {
 
 /// Builds a subtree of 1 to [`MOST`] triangles whose root has the given depth, for rays that end at a point.
 #[inline(never)]
-pub(crate) fn build(
-    prims: &[Prim],
-    left_leaves: &mut [u32],
-    order: &mut [u32],
-    (depth, toward): (u32, Option<Point>),
-) {
+pub(crate) fn build(prims: &[Prim], slot: Slot<'_>, depth: u32, toward: Option<Point>) {
     if prims.len() <= tiny::MOST {
-        tiny::build(prims, left_leaves, order, depth);
-        return;
+        return tiny::build(prims, slot, depth);
     }
     let mut sorted = Sorted::new(prims, toward);
-    sorted.build([0, prims.len()], left_leaves, order, depth);
+    sorted.build([0, prims.len()], slot, depth);
 }
 
 impl Sorted {
@@ -61,7 +56,7 @@ impl Sorted {
         &self.prims[self.order[axis][place % MOST] as usize % MOST]
     }
 
-    fn build(&mut self, range: [usize; 2], left_leaves: &mut [u32], order: &mut [u32], depth: u32) {
+    fn build(&mut self, range: [usize; 2], slot: Slot<'_>, depth: u32) {
         let [start, end] = range;
         let n = end - start;
         if n <= tiny::MOST {
@@ -69,8 +64,7 @@ impl Sorted {
             for (i, to) in few[..n].iter_mut().enumerate() {
                 *to = *self.at(0, start + i);
             }
-            tiny::build(&few[..n], left_leaves, order, depth);
-            return;
+            return tiny::build(&few[..n], slot, depth);
         }
         let (axis, mut left) = self.best_cut(start, end);
         if !fits(left.max(n - left), depth + 1) {
@@ -83,12 +77,9 @@ impl Sorted {
             sides.reverse();
         }
         let [first, second] = sides;
-        let leaves = first[1] - first[0];
-        left_leaves[0] = leaves as u32;
-        let (inner_a, inner_b) = left_leaves[1..].split_at_mut(leaves - 1);
-        let (order_a, order_b) = order.split_at_mut(leaves);
-        self.build(first, inner_a, order_a, depth + 1);
-        self.build(second, inner_b, order_b, depth + 1);
+        let [a, b] = slot.split(first[1] - first[0]);
+        self.build(first, a, depth + 1);
+        self.build(second, b, depth + 1);
     }
 
     /// Whether the point that rays end at lies right of a cut: among so few, centres tell which side is nearer.

@@ -8,6 +8,7 @@
 
 mod groups;
 
+use crate::tree::Slot;
 use crate::{BinaryTree, Boxes, BuildError, Builder, Cancel, Subtree, sah_cost};
 use groups::{Groups, LEVELS};
 use rayon::prelude::*;
@@ -75,10 +76,9 @@ impl SubtreeRebuilder {
         );
         builder.build_below(LEVELS, &self.groups.boxes[..], cancel, &mut self.above)?;
         self.count();
-        tree.order.resize(last.order.len(), 0);
-        tree.left_leaves.resize(last.left_leaves.len(), 0);
+        let slot = tree.slot(last.leaf_count());
         if let Some(root) = self.above.root() {
-            self.unfold(last, root, &mut tree.order, &mut tree.left_leaves);
+            self.unfold(last, root, slot);
         }
         let over_root = |sum: f64| {
             if areas.root > 0.0 {
@@ -111,21 +111,19 @@ impl SubtreeRebuilder {
     }
 
     /// Writes the subtree below a node of `above`.
-    fn unfold(&self, last: &BinaryTree, node: Subtree, order: &mut [u32], left_leaves: &mut [u32]) {
+    fn unfold(&self, last: &BinaryTree, node: Subtree, slot: Slot<'_>) {
         if node.leaves == 1 {
             let group = self.groups.nodes[self.above.order[node.first_leaf as usize] as usize];
-            order.copy_from_slice(&last.order[group.first_leaf as usize..][..order.len()]);
-            let inner = &last.left_leaves[group.inner as usize..];
-            left_leaves.copy_from_slice(&inner[..left_leaves.len()]);
+            let (order, inner) = (group.first_leaf as usize, group.inner as usize);
+            (slot.order).copy_from_slice(&last.order[order..][..slot.order.len()]);
+            (slot.left_leaves)
+                .copy_from_slice(&last.left_leaves[inner..][..slot.left_leaves.len()]);
             return;
         }
         let [a, b] = self.above.children(node);
-        let left = self.leaves(a);
-        left_leaves[0] = left as u32;
-        let (inner_a, inner_b) = left_leaves[1..].split_at_mut(left - 1);
-        let (order_a, order_b) = order.split_at_mut(left);
-        let mut write_a = || self.unfold(last, a, order_a, inner_a);
-        let mut write_b = || self.unfold(last, b, order_b, inner_b);
+        let [slot_a, slot_b] = slot.split(self.leaves(a));
+        let write_a = || self.unfold(last, a, slot_a);
+        let write_b = || self.unfold(last, b, slot_b);
         if node.leaves > PARALLEL {
             rayon::join(write_a, write_b);
         } else {

@@ -14,7 +14,6 @@ mod bins;
 mod lanes;
 mod node;
 mod prims;
-mod sweep;
 
 use crate::{BinaryTree, Boxes, BuildError, Cancel, sah_cost};
 use node::TemporalNode;
@@ -79,15 +78,14 @@ impl TemporalBuilder {
         }
         self.prims.gather(moments, &mut tree.order);
         let leaves = tree.order.len();
-        tree.left_leaves.resize(leaves.saturating_sub(1), 0);
         self.room.resize(leaves, 0);
+        let slot = tree.slot(leaves);
         if leaves == 0 {
             return Ok(());
         }
         let root = TemporalNode {
-            order: &mut tree.order,
+            slot,
             room: &mut self.room,
-            left_leaves: &mut tree.left_leaves,
             depth: 0,
         };
         node::build(&self.prims, root, cancel)

@@ -2,13 +2,15 @@
 
 use crate::MAX_DEPTH;
 use crate::prim::{Bounds, Prim, Ruler};
+use crate::tree::Slot;
 use glam::Vec4;
 
 /// The most triangles of a subtree built here.
 pub(crate) const MOST: usize = 4;
 
 /// Builds a subtree of 1 to [`MOST`] triangles whose root has the given depth.
-pub(crate) fn build(prims: &[Prim], left_leaves: &mut [u32], order: &mut [u32], depth: u32) {
+pub(crate) fn build(prims: &[Prim], slot: Slot<'_>, depth: u32) {
+    let Slot { left_leaves, order } = slot;
     match prims {
         [a] => order[0] = a.triangle(),
         [a, b] => {
@@ -174,7 +176,11 @@ mod tests {
             let prims = prims(seed);
             let (mut shape, mut order) = ([0; 3], [0; 4]);
             for (depth, allowed) in [(61, &[[2, 1, 1], [3, 2, 1]][..]), (62, &[[2, 1, 1]])] {
-                build(&prims, &mut shape, &mut order, depth);
+                let slot = Slot {
+                    left_leaves: &mut shape,
+                    order: &mut order,
+                };
+                build(&prims, slot, depth);
                 assert!(allowed.contains(&shape), "depth {depth}: {shape:?}");
                 let best = all_orders().flat_map(|o| allowed.iter().map(move |&s| (s, o)));
                 let best = best
@@ -209,7 +215,11 @@ mod tests {
         ] {
             let prims: Vec<_> = order.iter().zip(0..).map(|(&x, i)| at(x, i)).collect();
             let (mut shape, mut leaves) = ([0; 2], [0; 3]);
-            build(&prims, &mut shape, &mut leaves, 0);
+            let slot = Slot {
+                left_leaves: &mut shape,
+                order: &mut leaves,
+            };
+            build(&prims, slot, 0);
             assert_eq!((shape, leaves[2]), ([2, 1], far));
         }
     }

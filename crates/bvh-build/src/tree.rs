@@ -17,7 +17,7 @@ pub struct BinaryTree {
 }
 
 /// A node of a [`BinaryTree`], by where its parts lie.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Subtree {
     /// Preorder index of the inner node; meaningless for a leaf.
     pub inner: u32,
@@ -32,7 +32,6 @@ impl Subtree {
     ///
     /// # Panics
     /// On a leaf.
-    #[must_use]
     #[inline]
     pub fn children(self, left_leaves: &[u32]) -> [Self; 2] {
         assert!(self.leaves > 1, "a leaf has no children");
@@ -52,7 +51,43 @@ impl Subtree {
     }
 }
 
+/// The part of a [`BinaryTree`] that a subtree fills: its inner nodes and its leaves, of which there is one more.
+pub(crate) struct Slot<'a> {
+    pub(crate) left_leaves: &'a mut [u32],
+    pub(crate) order: &'a mut [u32],
+}
+
+impl Slot<'_> {
+    /// Writes a root that has so many leaves to its left; gives the parts of its children.
+    #[inline]
+    pub(crate) fn split(self, left: usize) -> [Self; 2] {
+        self.left_leaves[0] = left as u32;
+        let (inner_a, inner_b) = self.left_leaves[1..].split_at_mut(left - 1);
+        let (order_a, order_b) = self.order.split_at_mut(left);
+        [
+            Self {
+                left_leaves: inner_a,
+                order: order_a,
+            },
+            Self {
+                left_leaves: inner_b,
+                order: order_b,
+            },
+        ]
+    }
+}
+
 impl BinaryTree {
+    /// Makes room for so many leaves; what is in it does not matter.
+    pub(crate) fn slot(&mut self, leaves: usize) -> Slot<'_> {
+        self.order.resize(leaves, 0);
+        self.left_leaves.resize(leaves.saturating_sub(1), 0);
+        Slot {
+            left_leaves: &mut self.left_leaves,
+            order: &mut self.order,
+        }
+    }
+
     /// A tree by its parts: see [`BinaryTree::order`] and [`BinaryTree::left_leaves`].
     ///
     /// # Panics
@@ -73,25 +108,21 @@ impl BinaryTree {
     }
 
     /// Leaves, which is triangles in the tree.
-    #[must_use]
     pub fn leaf_count(&self) -> usize {
         self.order.len()
     }
 
     /// The triangle of each leaf, left to right.
-    #[must_use]
     pub fn order(&self) -> &[u32] {
         &self.order
     }
 
     /// For each inner node in preorder, the leaves below its left child.
-    #[must_use]
     pub fn left_leaves(&self) -> &[u32] {
         &self.left_leaves
     }
 
     /// The whole tree; `None` when it holds no triangle.
-    #[must_use]
     pub fn root(&self) -> Option<Subtree> {
         let leaves = self.order.len() as u32;
         (leaves > 0).then_some(Subtree {
@@ -105,7 +136,6 @@ impl BinaryTree {
     ///
     /// # Panics
     /// On a leaf.
-    #[must_use]
     #[inline]
     pub fn children(&self, node: Subtree) -> [Subtree; 2] {
         node.children(&self.left_leaves)

@@ -1,4 +1,4 @@
-//! The two lists that refit kernels walk.
+//! Nodes by their ranks, and as the two lists that refit kernels walk.
 
 use crate::Topology;
 use rayon::prelude::*;
@@ -60,6 +60,56 @@ fn unpack(first: u32, words: impl Iterator<Item = u32>, places: &mut [u32]) {
     }
 }
 
+/// A node by its rank among its kind: leaves by their place in [`Topology::leaf_triangles`], or inner nodes in node order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NodeRank(u32);
+
+impl NodeRank {
+    const LEAF: u32 = 1 << 31;
+
+    /// A leaf's rank; `None` for an inner node.
+    #[inline]
+    pub fn leaf(self) -> Option<u32> {
+        (self.0 & Self::LEAF != 0).then_some(self.0 & !Self::LEAF)
+    }
+
+    /// The rank, of whichever kind.
+    #[inline]
+    pub fn rank(self) -> u32 {
+        self.0 & !Self::LEAF
+    }
+}
+
+/// Finds the ranks of a record's nodes.
+#[derive(Clone, Copy, Debug)]
+pub struct NodeRanks<'a> {
+    pub(crate) bits: &'a [u32],
+    pub(crate) ranks: &'a [u32],
+}
+
+impl NodeRanks<'_> {
+    /// The rank of a node.
+    ///
+    /// # Panics
+    /// If there is no such node.
+    #[inline]
+    pub fn of(self, node: u32) -> NodeRank {
+        let (word, bit) = (node as usize / 32, node % 32);
+        let before = self.ranks[word] + (self.bits[word] & ((1 << bit) - 1)).count_ones();
+        if self.bits[word] >> bit & 1 == 1 {
+            NodeRank(before | NodeRank::LEAF)
+        } else {
+            NodeRank(node - before)
+        }
+    }
+
+    /// Both children of an inner node.
+    #[inline]
+    pub fn children(self, inner: NodeRank) -> [NodeRank; 2] {
+        Topology::children_of_inner(inner.0).map(|node| self.of(node))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -86,20 +136,5 @@ mod tests {
         check(&record, &lists);
         lists.fill(&Topology::default());
         assert_eq!(lists, Lists::default());
-    }
-
-    #[test]
-    fn levels_cut_both_lists_at_the_right_places() {
-        let tree = random_tree(3_000, 6);
-        let record = record(&tree);
-        let mut lists = Lists::default();
-        lists.fill(&record);
-        for level in record.levels() {
-            let leaves = &lists.leaf_nodes[level.leaves.start as usize..level.leaves.end as usize];
-            let inner = &lists.inner_nodes[level.inner.start as usize..level.inner.end as usize];
-            let mut nodes = [leaves, inner].concat();
-            nodes.sort_unstable();
-            assert!(nodes.into_iter().eq(level.nodes));
-        }
     }
 }

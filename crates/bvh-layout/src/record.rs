@@ -1,6 +1,6 @@
 //! The record that is handed over, and how to read it.
 
-use crate::header::Header;
+use crate::validate::{Header, validate};
 use crate::{BlockTree, First, Moving, NodeRanks, RecordError, Spare, Treelets};
 use geom::{Aabb, StaticParts};
 use std::borrow::Cow;
@@ -72,9 +72,9 @@ impl Topology {
     /// Takes a record from elsewhere, checking every property it must have.
     ///
     /// # Errors
-    /// See [`RecordError`]: each says what is wrong and where.
+    /// [`RecordError`] says what is wrong and where.
     pub fn from_words(words: Vec<u32>) -> Result<Self, RecordError> {
-        crate::validate::validate(&words)?;
+        validate(&words)?;
         Ok(Self::of_words(words))
     }
 
@@ -88,29 +88,7 @@ impl Topology {
         }
     }
 
-    /// Takes a record from bytes, such as a file's.
-    ///
-    /// # Errors
-    /// See [`RecordError`].
-    pub fn from_le_bytes(bytes: &[u8]) -> Result<Self, RecordError> {
-        let (words, rest) = bytes.as_chunks::<4>();
-        if !rest.is_empty() {
-            return Err(RecordError::Bytes { found: bytes.len() });
-        }
-        Self::from_words(words.iter().map(|&word| u32::from_le_bytes(word)).collect())
-    }
-
-    /// The record as bytes, for a file.
-    #[must_use]
-    pub fn to_le_bytes(&self) -> Vec<u8> {
-        self.words
-            .iter()
-            .flat_map(|word| word.to_le_bytes())
-            .collect()
-    }
-
     /// The record, as it is handed over.
-    #[must_use]
     pub fn words(&self) -> &[u32] {
         &self.words
     }
@@ -134,19 +112,16 @@ impl Topology {
 
     /// Which nodes must be done again when the scene moves; `None` if all of them,
     /// or if treelets are listed: see [`Treelets::moving`].
-    #[must_use]
     pub fn moving(&self) -> Option<&Moving> {
         self.moving.as_ref()
     }
 
     /// Gives the record's memory back, to be filled again by [`crate::Converter`].
-    #[must_use]
     pub fn into_words(self) -> Vec<u32> {
         self.words
     }
 
     /// Likewise, for [`crate::Converter::convert_with_treelets`].
-    #[must_use]
     pub fn into_spare(self) -> Spare {
         Spare {
             words: self.words,
@@ -155,7 +130,6 @@ impl Topology {
     }
 
     /// The same tree as treelets, if they were made; they do not travel with the words.
-    #[must_use]
     pub fn treelets(&self) -> Option<&Treelets> {
         self.treelets.as_deref()
     }
@@ -164,7 +138,6 @@ impl Topology {
     ///
     /// # Panics
     /// If `parts` are not those of the tree's scene.
-    #[must_use]
     pub fn to_treelets(&self, parts: &StaticParts) -> Cow<'_, Treelets> {
         match (self.treelets(), &self.moving) {
             (Some(treelets), _) => Cow::Borrowed(treelets),
@@ -177,14 +150,12 @@ impl Topology {
     ///
     /// # Panics
     /// If the record is not one of these triangles.
-    #[must_use]
     pub fn with_blocks(self, triangles: &[[u32; 3]], by: (&[Aabb], First)) -> Self {
         let blocks = Some(Arc::new(BlockTree::of(&self, triangles, by)));
         Self { blocks, ..self }
     }
 
     /// The same tree in its eight-wide form, if it was made; it does not travel with the words.
-    #[must_use]
     pub fn blocks(&self) -> Option<&Arc<BlockTree>> {
         self.blocks.as_ref()
     }
@@ -198,38 +169,32 @@ impl Topology {
     }
 
     /// Bytes handed over: the record, and lists of what moves.
-    #[must_use]
     pub fn bytes(&self) -> usize {
         let lists = self.moving.as_ref().map_or(0, |m| m.words().len());
         (self.words.len() + lists) * 4
     }
 
     /// Bytes that go to a device: the treelets', where there are some.
-    #[must_use]
     pub fn upload_bytes(&self) -> usize {
         self.treelets().map_or(self.bytes(), Treelets::bytes)
     }
 
     /// Triangles in the scene, those left out of the tree included.
-    #[must_use]
     pub fn triangle_count(&self) -> usize {
         self.words[2] as usize
     }
 
     /// Leaves: triangles in the tree.
-    #[must_use]
     pub fn leaf_count(&self) -> usize {
         self.words[3] as usize
     }
 
     /// Nodes: twice the leaves less one, or none.
-    #[must_use]
     pub fn node_count(&self) -> usize {
         (2 * self.leaf_count()).saturating_sub(1)
     }
 
     /// Levels, root first; none if the tree is empty.
-    #[must_use]
     pub fn level_count(&self) -> usize {
         self.words[4] as usize
     }
@@ -258,48 +223,20 @@ impl Topology {
     }
 
     /// One bit a node: 1 for a leaf.
-    #[must_use]
     pub fn leaf_bits(&self) -> &[u32] {
         let start = Self::HEADER_WORDS + self.level_count();
         &self.words[start..][..self.bit_words()]
     }
 
     /// For each word of [`Topology::leaf_bits`], the leaves before it.
-    #[must_use]
     pub fn leaf_ranks(&self) -> &[u32] {
         let start = Self::HEADER_WORDS + self.level_count() + self.bit_words();
         &self.words[start..][..self.bit_words()]
     }
 
     /// The triangle of each leaf, in node order.
-    #[must_use]
     pub fn leaf_triangles(&self) -> &[u32] {
         &self.words[self.words.len() - self.leaf_count()..]
-    }
-
-    /// Whether a node is a leaf.
-    ///
-    /// # Panics
-    /// If there is no such node; likewise for the other queries of nodes.
-    #[must_use]
-    #[inline]
-    pub fn is_leaf(&self, node: u32) -> bool {
-        assert!((node as usize) < self.node_count(), "no node {node}");
-        self.leaf_bits()[node as usize / 32] >> (node % 32) & 1 == 1
-    }
-
-    /// Leaves before `node`: a leaf's place in [`Topology::leaf_triangles`].
-    /// An inner node's place among inner nodes is `node` less this.
-    ///
-    /// # Panics
-    /// If there is no such node.
-    #[must_use]
-    #[inline]
-    pub fn leaf_rank(&self, node: u32) -> u32 {
-        assert!((node as usize) < self.node_count(), "no node {node}");
-        let word = node as usize / 32;
-        let before = self.leaf_bits()[word] & !(u32::MAX << (node % 32));
-        self.leaf_ranks()[word] + before.count_ones()
     }
 
     /// Both children of the `k`-th inner node.
@@ -310,7 +247,6 @@ impl Topology {
     }
 
     /// Finds the ranks of nodes.
-    #[must_use]
     pub fn ranks(&self) -> NodeRanks<'_> {
         NodeRanks {
             bits: self.leaf_bits(),
@@ -332,36 +268,18 @@ impl Default for Topology {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::tests::{self, chain, random_tree, shapes};
-
-    fn record(leaves: usize) -> Topology {
-        tests::record(&random_tree(leaves, leaves as u64))
-    }
-
-    #[test]
-    fn a_record_survives_words_and_bytes() {
-        for tree in shapes() {
-            let record = tests::record(&tree);
-            assert_eq!(Topology::from_le_bytes(&record.to_le_bytes()), Ok(record));
-        }
-        assert_eq!(
-            Topology::from_le_bytes(&[0; 33]),
-            Err(RecordError::Bytes { found: 33 })
-        );
-    }
+    use crate::tests::{chain, random_tree, record};
 
     #[test]
     fn a_triangle_takes_at_most_8_bytes_and_about_4_and_a_half() {
         for leaves in [100, 101, 1_000, 30_000] {
-            let record = record(leaves);
+            let record = record(&random_tree(leaves, leaves as u64));
             assert!(record.bytes() <= 8 * leaves, "{leaves}: {}", record.bytes());
         }
-        let deepest = chain(100);
-        let record = tests::record(&deepest);
-        assert_eq!(record.level_count(), 65);
-        assert!(record.bytes() <= 800, "{}", record.bytes());
-        let bytes = self::record(200_000).bytes() as f64 / 200_000.0;
+        let deepest = record(&chain(100));
+        assert_eq!(deepest.level_count(), 65);
+        assert!(deepest.bytes() <= 800, "{}", deepest.bytes());
+        let bytes = record(&random_tree(200_000, 1)).bytes() as f64 / 200_000.0;
         assert!((4.5..4.502).contains(&bytes), "{bytes}");
     }
 }

@@ -1,9 +1,44 @@
 //! Every property a record must have.
 
-use crate::header::Header;
-use crate::{RecordError, Topology};
+use crate::Topology;
 use bvh_build::MAX_DEPTH;
 use geom::Animation;
+
+/// What is wrong with a record, and where. Words, levels, nodes and leaves count from 0.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct RecordError(String);
+
+/// The words that come first, from which all sizes follow; see [`Topology`] for the layout.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Header {
+    pub(crate) triangles: u32,
+    pub(crate) leaves: u32,
+    pub(crate) levels: u32,
+}
+
+impl Header {
+    pub(crate) fn words(self) -> [u32; Topology::HEADER_WORDS] {
+        let mut words = [0; Topology::HEADER_WORDS];
+        (words[0], words[1]) = (Topology::MAGIC, Topology::VERSION);
+        (words[2], words[3], words[4]) = (self.triangles, self.leaves, self.levels);
+        words
+    }
+
+    pub(crate) fn node_count(self) -> usize {
+        (2 * self.leaves as usize).saturating_sub(1)
+    }
+
+    pub(crate) fn bit_words(self) -> usize {
+        self.node_count().div_ceil(32)
+    }
+
+    /// Words of the whole record.
+    pub(crate) fn record_words(self) -> usize {
+        let table = Topology::HEADER_WORDS + self.levels as usize;
+        table + 2 * self.bit_words() + self.leaves as usize
+    }
+}
 
 /// Checks everything. Each check relies on those before it, and only on them.
 pub(crate) fn validate(words: &[u32]) -> Result<(), RecordError> {
@@ -18,33 +53,43 @@ pub(crate) fn validate(words: &[u32]) -> Result<(), RecordError> {
     check_triangles(leaf_triangles, header.triangles)
 }
 
+fn ensure(holds: bool, cause: impl FnOnce() -> String) -> Result<(), RecordError> {
+    match holds {
+        true => Ok(()),
+        false => Err(RecordError(cause())),
+    }
+}
+
 fn check_header(words: &[u32]) -> Result<Header, RecordError> {
     let found = words.len();
-    let Some(head) = words.first_chunk::<{ Topology::HEADER_WORDS }>() else {
-        let expected = Topology::HEADER_WORDS;
-        return Err(RecordError::Length { found, expected });
+    let of_length = |holds, expected: usize| {
+        ensure(holds, || {
+            format!("the record has {found} words, its header asks for {expected}")
+        })
     };
-    let &[magic, version, triangles, leaves, levels, ref reserved @ ..] = head;
-    if magic != Topology::MAGIC {
-        return Err(RecordError::Magic { found: magic });
-    }
-    if version != Topology::VERSION {
-        return Err(RecordError::Version { found: version });
-    }
-    if let Some(at) = reserved.iter().position(|&word| word != 0) {
-        let (word, found) = (5 + at, reserved[at]);
-        return Err(RecordError::Reserved { word, found });
+    of_length(found >= Topology::HEADER_WORDS, Topology::HEADER_WORDS)?;
+    let (magic, version) = (Topology::MAGIC, Topology::VERSION);
+    ensure(words[0] == magic, || {
+        let found = words[0];
+        format!("word 0 is {found:#010x}, a record begins with {magic:#010x}")
+    })?;
+    ensure(words[1] == version, || {
+        let found = words[1];
+        format!("word 1 gives layout version {found}, only {version} is known")
+    })?;
+    for word in 5..Topology::HEADER_WORDS {
+        ensure(words[word] == 0, || {
+            let found = words[word];
+            format!("word {word} is {found}, it is reserved and must be 0")
+        })?;
     }
     let header = Header {
-        triangles,
-        leaves,
-        levels,
+        triangles: words[2],
+        leaves: words[3],
+        levels: words[4],
     };
     check_sizes(header)?;
-    let expected = header.record_words();
-    if found != expected {
-        return Err(RecordError::Length { found, expected });
-    }
+    of_length(found == header.record_words(), header.record_words())?;
     Ok(header)
 }
 
@@ -55,58 +100,44 @@ fn check_sizes(header: Header) -> Result<(), RecordError> {
         levels,
     } = header;
     let limit = Animation::MAX_TRIANGLES;
-    if triangles as usize > limit {
-        let found = triangles;
-        return Err(RecordError::Triangles { found, limit });
-    }
-    if leaves > triangles {
-        return Err(RecordError::Leaves { leaves, triangles });
-    }
+    ensure(triangles as usize <= limit, || {
+        format!("word 2 gives {triangles} triangles, the limit is {limit}")
+    })?;
+    ensure(leaves <= triangles, || {
+        format!("word 3 gives {leaves} leaves, the scene has {triangles} triangles")
+    })?;
     // Full levels are the fewest, one inner node a level the most.
     let least = match leaves {
         0 => 0,
         _ => leaves.next_power_of_two().ilog2() + 1,
     };
     let most = leaves.min(MAX_DEPTH + 1);
-    if !(least..=most).contains(&levels) {
-        return Err(RecordError::Levels {
-            found: levels,
-            leaves,
-            least,
-            most,
-        });
-    }
-    Ok(())
+    ensure((least..=most).contains(&levels), || {
+        format!("word 4 gives {levels} levels, {leaves} leaves need {least} to {most}")
+    })
 }
 
 fn check_level_table(header: Header, table: &[u32]) -> Result<(), RecordError> {
     let (mut nodes, mut sum) = (1, 0);
     for (level, &found) in table.iter().enumerate() {
         let is_last = level + 1 == table.len();
-        let least = u32::from(!is_last);
-        if found < least || u64::from(found) > nodes {
-            return Err(RecordError::LevelInner {
-                level,
-                found,
-                nodes,
-                least,
-            });
-        }
-        if is_last && found > 0 {
-            return Err(RecordError::LastLevel { level, found });
-        }
-        nodes = 2 * u64::from(found);
-        sum += u64::from(found);
+        let (inner, least) = (u64::from(found), u64::from(!is_last));
+        ensure((least..=nodes).contains(&inner), || {
+            format!(
+                "level {level} has {found} inner nodes, its {nodes} nodes allow {least} to {nodes}"
+            )
+        })?;
+        ensure(!is_last || found == 0, || {
+            format!("level {level} is the last, but has {found} inner nodes")
+        })?;
+        nodes = 2 * inner;
+        sum += inner;
     }
-    let expected = header.leaves.saturating_sub(1);
-    if sum != u64::from(expected) {
-        return Err(RecordError::InnerSum {
-            found: sum,
-            leaves: header.leaves,
-            expected,
-        });
-    }
-    Ok(())
+    let leaves = header.leaves;
+    let expected = u64::from(leaves.saturating_sub(1));
+    ensure(sum == expected, || {
+        format!("the levels have {sum} inner nodes, {leaves} leaves imply {expected}")
+    })
 }
 
 fn check_bits(
@@ -115,31 +146,22 @@ fn check_bits(
     bits: &[u32],
     first_word: usize,
 ) -> Result<(), RecordError> {
-    let (mut first_node, mut nodes) = (0, 1);
+    let (mut first, mut nodes) = (0, 1);
     for (level, &inner) in table.iter().enumerate() {
-        let end_node = first_node + nodes;
-        let found = count_ones(bits, first_node, end_node);
-        let expected = nodes - inner;
-        if found != expected {
-            return Err(RecordError::LeafBits {
-                level,
-                first_node,
-                end_node,
-                found,
-                expected,
-            });
-        }
-        (first_node, nodes) = (end_node, 2 * inner);
+        let end = first + nodes;
+        let (found, expected) = (count_ones(bits, first, end), nodes - inner);
+        ensure(found == expected, || {
+            format!(
+                "level {level}, nodes {first}..{end}: {found} bits mark leaves, the level table implies {expected}"
+            )
+        })?;
+        (first, nodes) = (end, 2 * inner);
     }
-    let used = header.node_count() % 32;
-    match bits.last() {
-        Some(&found) if used != 0 && found >> used != 0 => Err(RecordError::TrailingBits {
-            word: first_word + bits.len() - 1,
-            found,
-            last_node: header.node_count() as u32 - 1,
-        }),
-        _ => Ok(()),
-    }
+    let (count, last_word) = (header.node_count(), bits.last().copied().unwrap_or(0));
+    ensure(count % 32 == 0 || last_word >> (count % 32) == 0, || {
+        let (word, last) = (first_word + bits.len() - 1, count - 1);
+        format!("word {word} is {last_word:#010x}, bits past the last node {last} must be 0")
+    })
 }
 
 /// Ones among the bits `first..end`, where `first < end`.
@@ -154,16 +176,12 @@ fn count_ones(bits: &[u32], first: u32, end: u32) -> u32 {
 
 fn check_ranks(bits: &[u32], ranks: &[u32], first_word: usize) -> Result<(), RecordError> {
     let mut expected = 0;
-    for (at, (word, &found)) in bits.iter().zip(ranks).enumerate() {
-        if found != expected {
-            return Err(RecordError::Rank {
-                word: first_word + at,
-                node: at as u32 * 32,
-                found,
-                expected,
-            });
-        }
-        expected += word.count_ones();
+    for (at, (bits, &found)) in bits.iter().zip(ranks).enumerate() {
+        ensure(found == expected, || {
+            let (word, node) = (first_word + at, at * 32);
+            format!("word {word} counts {found} leaves before node {node}, there are {expected}")
+        })?;
+        expected += bits.count_ones();
     }
     Ok(())
 }
@@ -172,22 +190,15 @@ fn check_ranks(bits: &[u32], ranks: &[u32], first_word: usize) -> Result<(), Rec
 fn check_triangles(leaf_triangles: &[u32], triangles: u32) -> Result<(), RecordError> {
     let mut seen = vec![0_u64; (triangles as usize).div_ceil(64)];
     for (leaf, &triangle) in leaf_triangles.iter().enumerate() {
-        if triangle >= triangles {
-            return Err(RecordError::TriangleRange {
-                leaf,
-                triangle,
-                triangles,
-            });
-        }
+        ensure(triangle < triangles, || {
+            format!("leaf {leaf} names triangle {triangle}, the scene has {triangles}")
+        })?;
         let (word, bit) = (triangle as usize / 64, 1 << (triangle % 64));
-        if seen[word] & bit != 0 {
-            let first = leaf_triangles.iter().position(|&t| t == triangle);
-            return Err(RecordError::TriangleTwice {
-                triangle,
-                first: first.unwrap_or(leaf),
-                second: leaf,
-            });
-        }
+        ensure(seen[word] & bit == 0, || {
+            let mut leaves = leaf_triangles.iter();
+            let first = leaves.position(|&t| t == triangle).unwrap_or(leaf);
+            format!("leaves {first} and {leaf} both name triangle {triangle}")
+        })?;
         seen[word] |= bit;
     }
     Ok(())

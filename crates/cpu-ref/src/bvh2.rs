@@ -225,7 +225,7 @@ impl Bvh2 {
         };
         let mut found = preprocess::<T>(geometry, which, leaves);
         // A static triangle with a leaf is active.
-        found.degenerate += moving.map_or(0, |m| u64::from(m.degenerate_elsewhere()));
+        found.degenerate += moving.map_or(0, |m| u64::from(m.degenerate_elsewhere));
         self.leaves_done = true;
         found
     }
@@ -239,7 +239,7 @@ impl Bvh2 {
         }
         // Pair `k + 1` is that of the children of inner node `k`.
         let (_, children) = pairs.split_at_mut(1);
-        for level in moving.levels().iter().rev() {
+        for level in moving.levels.iter().rev() {
             let list = &moving.inner()[level.clone()];
             // Children lie on a later level, so behind every pair of this one.
             let end = list.last().map_or(0, |&last| last as usize + 1);

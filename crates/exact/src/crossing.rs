@@ -29,7 +29,6 @@ impl Line {
     /// interval; `None` if nowhere, or if it lies in the triangle's plane.
     ///
     /// The ray must be [valid](Ray::is_valid) and the corners finite.
-    #[must_use]
     pub fn meet(&self, corners: &Triangle) -> Option<Crossing> {
         let crossing = self.cross(corners, passes_within)?;
         let (t_min, t_max) = (self.ray.t_min, self.ray.t_max);
@@ -42,7 +41,6 @@ impl Line {
     /// any `t`: through an edge or a vertex of a closed surface it passes as often as through the inside of a triangle.
     ///
     /// The ray's origin is moved by `(e, e^2, e^3)` (simulation of simplicity: Edelsbrunner, Mücke 1990).
-    #[must_use]
     pub fn meet_moved(&self, corners: &Triangle) -> Option<Crossing> {
         self.cross(corners, moved_passes_within)
     }
@@ -55,11 +53,7 @@ impl Line {
         if surely_misses(self, corners) {
             return None;
         }
-        let direction_unit = unit(&[self.ray.direction]);
-        let direction = whole(self.ray.direction, direction_unit);
-        let position_unit = unit(corners).min(unit(&[self.ray.origin]) + self.shift);
-        let origin = whole(self.ray.origin, position_unit - self.shift);
-        let [a, b, c] = corners.map(|p| minus(&whole(p, position_unit), &origin));
+        let (direction, [a, b, c], e) = self.integers(corners);
         if !within(&direction, [&a, &b, &c]) {
             return None;
         }
@@ -70,18 +64,25 @@ impl Line {
             Sign::Minus => (n, d) = (-n, -d),
             Sign::Plus => {}
         }
-        let e = position_unit - self.shift - direction_unit;
         Some(Crossing { n, d, e })
+    }
+
+    /// The direction, and the corners seen from the origin, in integers; and the power of two by which a quotient of
+    /// positions over directions is scaled.
+    fn integers(&self, corners: &Triangle) -> (Vector, [Vector; 3], i32) {
+        let direction_unit = unit(&[self.ray.direction]);
+        let direction = whole(self.ray.direction, direction_unit);
+        let position_unit = unit(corners).min(unit(&[self.ray.origin]) + self.shift);
+        let origin = whole(self.ray.origin, position_unit - self.shift);
+        let corners = corners.map(|p| minus(&whole(p, position_unit), &origin));
+        let e = position_unit - self.shift - direction_unit;
+        (direction, corners, e)
     }
 
     /// The weights of the second and the third corner where the line passes through a triangle that it
     /// [meets](Self::meet), each rounded once.
-    #[must_use]
     pub fn weights(&self, corners: &Triangle) -> [f32; 2] {
-        let direction = whole(self.ray.direction, unit(&[self.ray.direction]));
-        let position_unit = unit(corners).min(unit(&[self.ray.origin]) + self.shift);
-        let origin = whole(self.ray.origin, position_unit - self.shift);
-        let [a, b, c] = corners.map(|p| minus(&whole(p, position_unit), &origin));
+        let (direction, [a, b, c], _) = self.integers(corners);
         let [u, v, w] = sides(&direction, [&a, &b, &c]);
         let sum = u + &v + &w;
         let positive = |x: BigInt| if sum.sign() == Sign::Minus { -x } else { x };
@@ -169,13 +170,11 @@ impl Crossing {
     }
 
     /// `t`, rounded once; infinite where it is too large.
-    #[must_use]
     pub fn t(&self) -> f32 {
         rounded(&self.n, self.d.magnitude(), self.e)
     }
 
     /// The order along the line of two crossings of it.
-    #[must_use]
     pub fn order(&self, other: &Self) -> Ordering {
         let (left, right) = (&self.n * &other.d, &other.n * &self.d);
         let up = (self.e - other.e).unsigned_abs();
@@ -197,11 +196,7 @@ mod tests {
 
     fn t_of(c: &Crossing) -> f64 {
         let t = c.n.to_f64().unwrap() / c.d.to_f64().unwrap() * f64::from(c.e).exp2();
-        assert!(
-            (t - f64::from(c.t())).abs() <= 1e-7 * t.abs(),
-            "{t} {}",
-            c.t()
-        );
+        assert!((t - f64::from(c.t())).abs() <= 1e-7 * t.abs(), "{t}");
         t
     }
 
@@ -256,19 +251,10 @@ mod tests {
     #[test]
     fn a_moved_line_passes_once_through_what_triangles_share() {
         // Eight triangles round the middle of a square, each seen from a ray along the grid and from tilted ones.
-        let ring = [
-            (1, 0),
-            (1, 1),
-            (0, 1),
-            (-1, 1),
-            (-1, 0),
-            (-1, -1),
-            (0, -1),
-            (1, -1),
-        ];
+        let ring = [1.0, 1.0, 0.0, -1.0, -1.0, -1.0, 0.0, 1.0];
         let at = |i: usize| -> Point {
-            let (x, y) = ring[i % 8];
-            [x as f32, y as f32, 0.5 * (x * y) as f32]
+            let (x, y) = (ring[i % 8], ring[(i + 6) % 8]);
+            [x, y, 0.5 * x * y]
         };
         let fan: Vec<Triangle> = (0..8).map(|i| [[0.0; 3], at(i), at(i + 1)]).collect();
         let mut closed = 0;
@@ -328,10 +314,8 @@ mod tests {
             let direction: Point = std::array::from_fn(|i| (at[i] - origin[i]) * (e as f32).exp2());
             let line = Line { ray: Ray::new(origin, direction), shift: 0 };
             prop_assume!(line.ray.is_valid());
-            let unit = unit(&corners).min(super::unit(&[origin]));
-            let zero = whole(origin, unit);
-            let [a, b, c] = corners.map(|p| minus(&whole(p, unit), &zero));
-            let within = passes_within(&whole(direction, super::unit(&[direction])), [&a, &b, &c]);
+            let (direction, [a, b, c], _) = line.integers(&corners);
+            let within = passes_within(&direction, [&a, &b, &c]);
             prop_assert!(!(within && surely_misses(&line, &corners)));
         }
 

@@ -13,6 +13,13 @@ pub struct Aabb {
     pub max: Point,
 }
 
+/// Holds no point.
+impl Default for Aabb {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
 impl Aabb {
     /// Holds no point; the neutral element of [`Aabb::union`].
     pub const EMPTY: Self = Self {
@@ -32,7 +39,6 @@ impl Aabb {
     }
 
     /// The least box that holds both.
-    #[must_use]
     #[inline]
     pub fn union(self, other: Self) -> Self {
         Self {
@@ -42,28 +48,24 @@ impl Aabb {
     }
 
     /// The least box that holds `self` and a finite point.
-    #[must_use]
     #[inline]
     pub fn with_point(self, p: Point) -> Self {
         self.union(Self { min: p, max: p })
     }
 
     /// Whether no point lies inside.
-    #[must_use]
     #[inline]
     pub fn is_empty(&self) -> bool {
         (0..3).any(|i| self.min[i] > self.max[i])
     }
 
     /// Whether `other` lies wholly inside; an empty box lies inside every box.
-    #[must_use]
     pub fn contains(&self, other: &Self) -> bool {
         other.is_empty()
             || (0..3).all(|i| self.min[i] <= other.min[i] && other.max[i] <= self.max[i])
     }
 
     /// Lengths of the edges; zeros when empty.
-    #[must_use]
     #[inline]
     pub fn extent(&self) -> [f32; 3] {
         if self.is_empty() {
@@ -73,7 +75,6 @@ impl Aabb {
     }
 
     /// Half the surface area, in double precision so that sums over large trees keep their digits.
-    #[must_use]
     #[inline]
     pub fn half_area(&self) -> f64 {
         if self.is_empty() {

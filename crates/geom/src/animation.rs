@@ -9,7 +9,8 @@ use std::sync::OnceLock;
 pub struct Animation {
     keys: Vec<Vec<Point>>,
     triangles: Vec<[u32; 3]>,
-    fallback_corners: Vec<FallbackCorners>,
+    /// Triangles that are inactive in some key frames, and where they stand when first active.
+    fallback_corners: Vec<(u32, Aabb)>,
     never_active: u32,
     /// Found when first asked for.
     static_parts: OnceLock<StaticParts>,
@@ -25,51 +26,10 @@ struct Times {
     end: f64,
 }
 
-/// Where a triangle that is inactive in some key frames stands when it is active.
-#[derive(Clone, Copy, Debug)]
-struct FallbackCorners {
-    triangle: u32,
-    bounds: Aabb,
-}
-
 /// Why key frames and triangles do not make an animation.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum AnimationError {
-    /// No key frame was given.
-    #[error("an animation needs at least one key frame")]
-    NoKeys,
-    /// A key frame has another number of vertices than the first.
-    #[error("key frame {key} has {found} vertices, the first has {expected}")]
-    KeyLength {
-        /// The key frame.
-        key: usize,
-        /// Its vertices.
-        found: usize,
-        /// Vertices of the first key frame.
-        expected: usize,
-    },
-    /// A triangle names a vertex that does not exist.
-    #[error("triangle {triangle} names vertex {vertex}, but there are {vertices}")]
-    IndexOutOfRange {
-        /// The triangle.
-        triangle: usize,
-        /// The vertex it names.
-        vertex: u32,
-        /// Vertices there are.
-        vertices: usize,
-    },
-    /// Times do not suit the key frames.
-    #[error("key frames need one time each, rising from 0 on and none of them after the end")]
-    Times,
-    /// More triangles than a record can number.
-    #[error("{triangles} triangles are more than the limit of {limit}")]
-    TooLarge {
-        /// Triangles given.
-        triangles: usize,
-        /// The most there may be.
-        limit: usize,
-    },
-}
+#[error("{0}")]
+pub struct AnimationError(String);
 
 impl Animation {
     /// The most triangles one animation may have: a tree of them has fewer than 2^31 nodes.
@@ -78,30 +38,30 @@ impl Animation {
     /// Checks that the parts fit together and finds triangles that come and go.
     ///
     /// # Errors
-    /// See [`AnimationError`].
+    /// There is no key frame, they differ in their numbers of vertices, or a triangle names a vertex that does not exist; or
+    /// there are more triangles than [`Self::MAX_TRIANGLES`].
     pub fn new(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>) -> Result<Self, AnimationError> {
-        let vertices = keys.first().ok_or(AnimationError::NoKeys)?.len();
-        for (key, frame) in keys.iter().enumerate() {
-            if frame.len() != vertices {
-                let (found, expected) = (frame.len(), vertices);
-                return Err(AnimationError::KeyLength {
-                    key,
-                    found,
-                    expected,
-                });
-            }
+        let bad = |cause: String| Err(AnimationError(cause));
+        let Some(vertices) = keys.first().map(Vec::len) else {
+            return bad("an animation needs at least one key frame".to_owned());
+        };
+        if let Some(key) = keys.iter().position(|frame| frame.len() != vertices) {
+            let found = keys[key].len();
+            return bad(format!(
+                "key frame {key} has {found} vertices, the first has {vertices}"
+            ));
         }
-        if triangles.len() > Self::MAX_TRIANGLES {
-            let (triangles, limit) = (triangles.len(), Self::MAX_TRIANGLES);
-            return Err(AnimationError::TooLarge { triangles, limit });
+        let (count, limit) = (triangles.len(), Self::MAX_TRIANGLES);
+        if count > limit {
+            return bad(format!(
+                "{count} triangles are more than the limit of {limit}"
+            ));
         }
         for (triangle, corners) in triangles.iter().enumerate() {
-            if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= vertices) {
-                return Err(AnimationError::IndexOutOfRange {
-                    triangle,
-                    vertex,
-                    vertices,
-                });
+            if let Some(vertex) = corners.iter().find(|&&v| v as usize >= vertices) {
+                return bad(format!(
+                    "triangle {triangle} names vertex {vertex}, but there are {vertices}"
+                ));
             }
         }
         let (fallback_corners, never_active) = find_fallback_corners(&keys, &triangles);
@@ -120,67 +80,60 @@ impl Animation {
     /// key frames time is still measured. Before the first and after the last of them nothing moves.
     ///
     /// # Errors
-    /// [`AnimationError::Times`].
+    /// There is not one time a key frame, or they do not rise from 0 to `end`.
     pub fn timed(self, keys: Vec<f64>, end: f64) -> Result<Self, AnimationError> {
         let rising = keys.is_sorted_by(|a, b| a < b);
         let within = keys.iter().all(|t| (0.0..=end).contains(t));
         if keys.len() != self.keys.len() || !rising || !within || !end.is_finite() {
-            return Err(AnimationError::Times);
+            let cause =
+                "key frames need one time each, rising from 0 on and none of them after the end";
+            return Err(AnimationError(cause.to_owned()));
         }
         let times = Some(Times { keys, end });
         Ok(Self { times, ..self })
     }
 
     /// The times of key frames, if they are not 0, 1, 2 and so on.
-    #[must_use]
     pub fn times(&self) -> Option<&[f64]> {
         self.times.as_ref().map(|t| &t.keys[..])
     }
 
     /// Whole times from 0 to the end: as many as there are key frames, unless these have times of their own.
-    #[must_use]
     pub fn whole_times(&self) -> usize {
         self.end() as usize + 1
     }
 
     /// The key frames, each with one position a vertex.
-    #[must_use]
     pub fn keys(&self) -> &[Vec<Point>] {
         &self.keys
     }
 
     /// Three vertices a triangle.
-    #[must_use]
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
     /// Vertices in each key frame.
-    #[must_use]
     pub fn vertex_count(&self) -> usize {
         self.keys[0].len()
     }
 
     /// Triangles, inactive ones included.
-    #[must_use]
     pub fn triangle_count(&self) -> usize {
         self.triangles.len()
     }
 
     /// Triangles that are active in at least one key frame. A tree holds exactly these.
-    #[must_use]
     pub fn live_count(&self) -> usize {
         self.triangles.len() - self.never_active as usize
     }
 
     /// What never moves. Looks at every key frame when first called.
-    #[must_use]
     pub fn static_parts(&self) -> &StaticParts {
         self.static_parts.get_or_init(|| StaticParts::of(self))
     }
 
     /// Live triangles that move: those whose leaves every frame must preprocess.
-    #[must_use]
     pub fn moving_count(&self) -> usize {
         match self.keys.as_slice() {
             [_] => 0,
@@ -190,14 +143,12 @@ impl Animation {
     }
 
     /// The last time there is, in key frames.
-    #[must_use]
     pub fn end(&self) -> f64 {
         let equal = (self.keys.len() - 1) as f64;
         self.times.as_ref().map_or(equal, |t| t.end)
     }
 
     /// The pose at `time`; see [`Pose::at`] and [`Pose::among`].
-    #[must_use]
     pub fn pose(&self, time: f64) -> Pose {
         match &self.times {
             Some(times) => Pose::among(time, &times.keys),
@@ -206,7 +157,6 @@ impl Animation {
     }
 
     /// One vertex at `pose`: the same bits as every backend's.
-    #[must_use]
     #[inline]
     pub fn vertex(&self, pose: Pose, vertex: u32) -> Point {
         let a = self.keys[pose.key as usize][vertex as usize];
@@ -217,7 +167,6 @@ impl Animation {
     }
 
     /// One triangle's corners at `pose`.
-    #[must_use]
     #[inline]
     pub fn corners(&self, pose: Pose, triangle: u32) -> Triangle {
         self.triangles[triangle as usize].map(|v| self.vertex(pose, v))
@@ -229,20 +178,15 @@ impl Animation {
     ///
     /// Inactive triangles are left out of what rays see, not out of the tree:
     /// whoever comes back must already have a leaf.
-    #[must_use]
     pub fn fallback_corner(&self, triangle: u32) -> Aabb {
-        if let Ok(i) = (self.fallback_corners).binary_search_by_key(&triangle, |s| s.triangle) {
-            return self.fallback_corners[i].bounds;
+        if let Ok(i) = (self.fallback_corners).binary_search_by_key(&triangle, |s| s.0) {
+            return self.fallback_corners[i].1;
         }
-        active_box(&corners_in(
-            &self.keys[0],
-            self.triangles[triangle as usize],
-        ))
-        .unwrap_or(Aabb::EMPTY)
+        let corners = corners_in(&self.keys[0], self.triangles[triangle as usize]);
+        active_box(&corners).unwrap_or(Aabb::EMPTY)
     }
 
     /// Whether a tree must hold `triangle`: some key frame has it active.
-    #[must_use]
     pub fn is_live(&self, triangle: u32) -> bool {
         self.never_active == 0 || !self.fallback_corner(triangle).is_empty()
     }
@@ -250,7 +194,6 @@ impl Animation {
     /// The box a tree is built over for `triangle`, given all vertices at the
     /// moment of building: its own, its stand-in while it is inactive, or
     /// [`Aabb::EMPTY`] if it is never active.
-    #[must_use]
     #[inline]
     pub fn build_box(&self, positions: &[Point], triangle: u32) -> Aabb {
         let corners = corners_in(positions, self.triangles[triangle as usize]);
@@ -258,7 +201,6 @@ impl Animation {
     }
 
     /// [`Self::build_box`] at `pose`.
-    #[must_use]
     #[inline]
     pub fn build_box_at(&self, pose: Pose, triangle: u32) -> Aabb {
         active_box(&self.corners(pose, triangle)).unwrap_or_else(|| self.fallback_corner(triangle))
@@ -268,13 +210,11 @@ impl Animation {
     /// overflow nor underflow: 0 unless the largest finite `|coordinate|` of all
     /// key frames lies outside `[2^-10, 2^30]`, else its exponent, within `-126..=126`;
     /// 0 also if some key frame is [extreme](Range::extreme) by itself.
-    #[must_use]
     pub fn scale_exponent(&self) -> i32 {
         self.ranges().scale_exponent
     }
 
     /// How far coordinates reach at `pose`. Looks at every key frame when first called.
-    #[must_use]
     pub fn range(&self, pose: Pose) -> Range {
         self.ranges().at(pose)
     }
@@ -284,7 +224,6 @@ impl Animation {
     }
 
     /// The least box that holds every finite vertex of every key frame.
-    #[must_use]
     pub fn bounds(&self) -> Aabb {
         self.keys
             .iter()
@@ -305,10 +244,7 @@ fn active_box(corners: &Triangle) -> Option<Aabb> {
 }
 
 /// Corners to build with, by triangle, for those inactive in some key frame but not in all; and how many are inactive in all.
-fn find_fallback_corners(
-    keys: &[Vec<Point>],
-    triangles: &[[u32; 3]],
-) -> (Vec<FallbackCorners>, u32) {
+fn find_fallback_corners(keys: &[Vec<Point>], triangles: &[[u32; 3]]) -> (Vec<(u32, Aabb)>, u32) {
     let finite = |p: &Point| p.iter().all(|x| x.is_finite());
     let broken: Vec<bool> = (0..keys[0].len())
         .map(|v| keys.iter().any(|frame| !finite(&frame[v])))
@@ -319,15 +255,9 @@ fn find_fallback_corners(
         if !t.iter().any(|&v| broken[v as usize]) {
             continue;
         }
-        let found = keys
-            .iter()
-            .map(|frame| corners_in(frame, t))
-            .find(is_active);
-        match found {
-            Some(corners) => fallback_corners.push(FallbackCorners {
-                triangle: i as u32,
-                bounds: Aabb::of_triangle(&corners),
-            }),
+        let mut moments = keys.iter().map(|frame| corners_in(frame, t));
+        match moments.find(is_active) {
+            Some(corners) => fallback_corners.push((i as u32, Aabb::of_triangle(&corners))),
             None => never_active += 1,
         }
     }
@@ -374,28 +304,22 @@ mod tests {
 
     #[test]
     fn parts_that_do_not_fit_are_refused() {
-        assert_eq!(
-            Animation::new(vec![], vec![]).unwrap_err(),
-            AnimationError::NoKeys
-        );
-        let keys = vec![SQUARE.to_vec(), SQUARE[..3].to_vec()];
-        let e = Animation::new(keys, vec![]).unwrap_err();
-        assert_eq!(
-            e,
-            AnimationError::KeyLength {
-                key: 1,
-                found: 3,
-                expected: 4
-            }
-        );
-        let e = Animation::new(vec![SQUARE.to_vec()], vec![[0, 1, 4]]).unwrap_err();
-        assert_eq!(
-            e,
-            AnimationError::IndexOutOfRange {
-                triangle: 0,
-                vertex: 4,
-                vertices: 4
-            }
-        );
+        let square = || SQUARE.to_vec();
+        for (keys, triangles, says) in [
+            (vec![], vec![], "an animation needs at least one key frame"),
+            (
+                vec![square(), SQUARE[..3].to_vec()],
+                vec![],
+                "key frame 1 has 3 vertices, the first has 4",
+            ),
+            (
+                vec![square()],
+                vec![[0, 1, 4]],
+                "triangle 0 names vertex 4, but there are 4",
+            ),
+        ] {
+            let e = Animation::new(keys, triangles).unwrap_err();
+            assert_eq!(e.to_string(), says);
+        }
     }
 }

@@ -67,7 +67,6 @@ impl Camera {
     /// The ray through the middle of pixel (x, y).
     ///
     /// `(corner + (x + 0.5) * across) + (y + 0.5) * down`, each operation rounded once.
-    #[must_use]
     #[inline]
     pub fn ray(&self, x: u32, y: u32) -> Ray {
         let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
@@ -83,7 +82,6 @@ impl Camera {
     }
 
     /// Pixels in the picture.
-    #[must_use]
     pub fn pixels(&self) -> usize {
         self.width as usize * self.height as usize
     }

@@ -22,18 +22,7 @@ impl Pose {
         assert!(!time.is_nan(), "time must be a number");
         let last = (keys - 1) as f64;
         let time = time.clamp(0.0, last);
-        let key = time.floor();
-        let alpha = (time - key) as f32;
-        if alpha >= 1.0 {
-            return Self {
-                key: key as u32 + 1,
-                alpha: 0.0,
-            };
-        }
-        Self {
-            key: key as u32,
-            alpha,
-        }
+        Self::between(time.floor() as usize, time.fract())
     }
 
     /// The pose at `time` of key frames that stand at `times`, which rise: the blend of the two around it, with the
@@ -48,18 +37,21 @@ impl Pose {
         let key = times.partition_point(|&t| t <= time).saturating_sub(1);
         let from = times[key];
         let alpha = match times.get(key + 1) {
-            Some(to) if time > from => ((time - from) / (to - from)) as f32,
+            Some(to) if time > from => (time - from) / (to - from),
             _ => 0.0,
         };
-        if alpha >= 1.0 {
-            return Self {
-                key: key as u32 + 1,
+        Self::between(key, alpha)
+    }
+
+    /// Rounds a weight, which may make it 1.
+    fn between(key: usize, alpha: f64) -> Self {
+        let (key, alpha) = (key as u32, alpha as f32);
+        match alpha < 1.0 {
+            true => Self { key, alpha },
+            false => Self {
+                key: key + 1,
                 alpha: 0.0,
-            };
-        }
-        Self {
-            key: key as u32,
-            alpha,
+            },
         }
     }
 
@@ -69,7 +61,6 @@ impl Pose {
     /// `a` itself, bit for bit, when `alpha` is 0. A vertex that stands still
     /// keeps its bits (but for a zero's sign, which becomes positive); one that
     /// is not finite in a frame read stays not finite.
-    #[must_use]
     #[inline]
     pub fn blend(self, a: Point, b: Point) -> Point {
         if self.alpha == 0.0 {

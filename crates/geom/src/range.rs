@@ -33,7 +33,6 @@ impl Range {
     };
 
     /// Whether a ray from `origin`, in scaled units, is answered in exact arithmetic.
-    #[must_use]
     #[inline]
     pub fn is_extreme(&self, origin: Point) -> bool {
         let farthest = size(origin);

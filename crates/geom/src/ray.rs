@@ -33,7 +33,6 @@ impl Ray {
 
     /// Whether the ray can hit anything: finite origin, finite non-zero
     /// direction, and an interval that is not empty. Every other ray misses.
-    #[must_use]
     pub fn is_valid(&self) -> bool {
         self.origin.iter().all(|x| x.is_finite())
             && self.direction.iter().all(|x| x.is_finite())
@@ -43,7 +42,6 @@ impl Ray {
 
     /// The float strictly within the ray's limits that is nearest to `t`, or `t` itself where there is none.
     /// A zero is a positive one.
-    #[must_use]
     #[inline]
     pub fn nearest_within(&self, t: f32) -> f32 {
         let (least, most) = (self.t_min.next_up(), self.t_max.next_down());
@@ -80,14 +78,12 @@ impl Hit {
     };
 
     /// Whether a triangle was met.
-    #[must_use]
     #[inline]
     pub fn is_hit(&self) -> bool {
         self.triangle != u32::MAX
     }
 
     /// The order that makes the answer independent of any tree: least `t`, then least index.
-    #[must_use]
     #[inline]
     pub fn is_before(&self, other: &Self) -> bool {
         self.t < other.t || (self.t == other.t && self.triangle < other.triangle)

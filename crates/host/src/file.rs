@@ -1,7 +1,6 @@
 //! Regular files only: a pipe or a device may never end, or answer at all.
 
-pub use std::fs::File;
-use std::fs::{self, FileType, Metadata, OpenOptions};
+use std::fs::{self, File, FileType, Metadata, OpenOptions};
 use std::io::{self, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
@@ -96,7 +95,6 @@ impl Folder {
     }
 
     /// Where a name leads, seen from the folder.
-    #[must_use]
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }

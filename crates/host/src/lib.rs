@@ -1,7 +1,212 @@
 //! What the host lends: regular files, and memory that is there before it is allocated.
 
 mod file;
-mod memory;
 
-pub use file::{File, Folder, open, read};
-pub use memory::{Free, NotEnough, check, free, room, within};
+pub use file::{Folder, open, read};
+use std::collections::TryReserveError;
+use std::fmt;
+
+/// Memory that may still be allocated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Free {
+    /// How much.
+    pub bytes: u64,
+    /// What limits it.
+    pub by: &'static str,
+}
+
+/// More memory is needed than there is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{} of memory are needed, {} are free ({})", Size(*need), Size(free.bytes), free.by)]
+pub struct NotEnough {
+    /// Bytes that are needed.
+    pub need: u64,
+    /// What there is.
+    pub free: Free,
+}
+
+/// Checks that so many bytes can be had, where the system tells.
+///
+/// # Errors
+/// They cannot.
+pub fn check(need: u64) -> Result<(), NotEnough> {
+    // Asking takes longer than having.
+    const ALWAYS: u64 = 1 << 20;
+    if need <= ALWAYS {
+        return Ok(());
+    }
+    within(need, free())
+}
+
+/// Checks that so many bytes are at most what is free, if that is known.
+///
+/// # Errors
+/// They are more.
+pub fn within(need: u64, free: Option<Free>) -> Result<(), NotEnough> {
+    match free {
+        Some(free) if need > free.bytes => Err(NotEnough { need, free }),
+        _ => Ok(()),
+    }
+}
+
+/// An empty list with room for so many elements.
+///
+/// # Errors
+/// The allocator refuses.
+pub fn room<T>(count: usize) -> Result<Vec<T>, TryReserveError> {
+    let mut list = Vec::new();
+    list.try_reserve_exact(count)?;
+    Ok(list)
+}
+
+/// The least of what the machine, its control groups and the limits of this process leave.
+#[cfg(target_os = "linux")]
+#[must_use]
+pub fn free() -> Option<Free> {
+    linux::all().into_iter().min_by_key(|f| f.bytes)
+}
+
+/// Where the system is not asked.
+#[cfg(not(target_os = "linux"))]
+#[must_use]
+pub fn free() -> Option<Free> {
+    None
+}
+
+struct Size(u64);
+
+impl fmt::Display for Size {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let bytes = self.0 as f64;
+        let units = ["bytes", "KB", "MB", "GB", "TB", "PB", "EB"];
+        let mut scaled = (bytes, 0);
+        while scaled.0 >= 1000.0 && scaled.1 + 1 < units.len() {
+            scaled = (scaled.0 / 1000.0, scaled.1 + 1);
+        }
+        let digits = usize::from(scaled.1 > 0);
+        write!(f, "{:.digits$} {}", scaled.0, units[scaled.1])
+    }
+}
+
+#[cfg(target_os = "linux")]
+mod linux {
+    use super::Free;
+    use rustix::process::{Resource, getrlimit};
+    use std::fs::read_to_string;
+    use std::path::Path;
+
+    pub(super) fn all() -> Vec<Free> {
+        let mut all = Vec::new();
+        let mut add = |bytes: Option<u64>, by| all.extend(bytes.map(|bytes| Free { bytes, by }));
+        let machine = read_to_string("/proc/meminfo").unwrap_or_default();
+        add(kilobytes(&machine, "MemAvailable:"), "free on this machine");
+        let own = read_to_string("/proc/self/status").unwrap_or_default();
+        let left = |resource, used| {
+            let limit = getrlimit(resource).current?;
+            Some(limit.saturating_sub(kilobytes(&own, used)?))
+        };
+        add(left(Resource::As, "VmSize:"), "address space, ulimit -v");
+        add(left(Resource::Data, "VmData:"), "data, ulimit -d");
+        let groups = read_to_string("/proc/self/cgroup").unwrap_or_default();
+        add(
+            in_groups(&groups, Path::new("/sys/fs/cgroup")),
+            "control group",
+        );
+        all
+    }
+
+    /// A line `NAME  N kB`.
+    pub(super) fn kilobytes(text: &str, name: &str) -> Option<u64> {
+        let line = text.lines().find_map(|l| l.strip_prefix(name))?;
+        let number: u64 = line.split_whitespace().next()?.parse().ok()?;
+        Some(number * 1024)
+    }
+
+    /// What control groups leave, of version 1 and 2: the least of each and of all above it.
+    pub(super) fn in_groups(groups: &str, root: &Path) -> Option<u64> {
+        let one = |line: &str| {
+            let mut parts = line.splitn(3, ':').skip(1);
+            let (kinds, path) = (parts.next()?, parts.next()?);
+            let (root, names) = match kinds {
+                "" => (
+                    root.to_owned(),
+                    ["memory.max", "memory.current", "inactive_file"],
+                ),
+                kinds if kinds.split(',').any(|k| k == "memory") => {
+                    let names = ["memory.limit_in_bytes", "memory.usage_in_bytes"];
+                    (
+                        root.join("memory"),
+                        [names[0], names[1], "total_inactive_file"],
+                    )
+                }
+                _ => return None,
+            };
+            let own = root.join(path.trim_start_matches('/'));
+            let above = own.ancestors().take_while(|p| p.starts_with(&root));
+            above.filter_map(|p| left_in(p, names)).min()
+        };
+        groups.lines().filter_map(one).min()
+    }
+
+    /// The limit less what is in use; what only caches files is given up where it is needed.
+    fn left_in(group: &Path, [limit, used, cache]: [&str; 3]) -> Option<u64> {
+        let number = |name: &str| read_to_string(group.join(name)).ok()?.trim().parse().ok();
+        let (limit, used): (u64, u64) = (number(limit)?, number(used)?);
+        let about = read_to_string(group.join("memory.stat")).unwrap_or_default();
+        let mut lines = about.lines().filter_map(|l| l.split_once(' '));
+        let cache = lines.find(|(name, _)| *name == cache);
+        let cache: u64 = cache.and_then(|(_, n)| n.parse().ok()).unwrap_or(0);
+        Some(limit.saturating_sub(used.saturating_sub(cache)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_needed_and_what_is_there_are_both_told() {
+        let by = "control group";
+        let free = Free {
+            bytes: 2_500_000,
+            by,
+        };
+        let e = NotEnough {
+            need: 19_000_000_000,
+            free,
+        };
+        let says = "19.0 GB of memory are needed, 2.5 MB are free (control group)";
+        assert_eq!(e.to_string(), says);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn more_than_there_is_is_refused() {
+        assert!(check(1 << 22).is_ok());
+        let e = check(1 << 60).unwrap_err();
+        assert!(e.free.bytes < 1 << 60 && e.need == 1 << 60);
+        assert!(room::<u64>(usize::MAX / 8).is_err());
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn the_least_limit_of_a_group_and_of_those_above_it_counts() {
+        let root = tempfile::tempdir().unwrap();
+        let write = |path: &str, text: &str| {
+            let path = root.path().join(path);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        };
+        write("job/memory.max", "1000\n");
+        write("job/memory.current", "700\n");
+        write("job/memory.stat", "anon 5\ninactive_file 100\n");
+        write("job/step/memory.max", "max\n");
+        write("job/step/memory.current", "10\n");
+        write("memory/old/memory.limit_in_bytes", "500\n");
+        write("memory/old/memory.usage_in_bytes", "450\n");
+        let found = |groups| linux::in_groups(groups, root.path());
+        assert_eq!(found("0::/job/step\n"), Some(400));
+        assert_eq!(found("9:cpu:/x\n4:memory:/old\n0::/job\n"), Some(50));
+        assert_eq!(found("9:cpu:/x\n"), None);
+    }
+}

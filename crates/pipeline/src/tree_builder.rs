@@ -129,7 +129,7 @@ impl TreeBuilder {
 
     /// From now on trees are made for rays that end at a point: see [`bvh_build::order_toward`].
     pub fn order_toward(&mut self, toward: Option<Point>) {
-        self.builder.order_toward(toward);
+        self.builder.toward = toward;
     }
 
     /// The last tree that was handed over was never used: the one before it still is.
@@ -369,7 +369,7 @@ impl TreeBuilder {
             self.converter.convert(&self.tree, triangles, words)
         };
         if self.forms.blocks {
-            let first = (self.builder.ordered_toward()).map_or(First::Larger, |_| First::Left);
+            let first = (self.builder.toward).map_or(First::Larger, |_| First::Left);
             topology = topology.with_blocks(animation.triangles(), (&self.boxes, first));
         }
         topology.with_moving(animation.static_parts())

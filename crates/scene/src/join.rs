@@ -58,35 +58,17 @@ pub(crate) fn inputs<'a>(
 }
 
 /// The longest beginning that names something, up to a `+` or the end; else what is before the first `+`.
+///
+/// Several inputs are found by beginnings of some length alone, lest many take the square of their number.
 fn first_input<'a>(spec: &'a str, exists: &dyn Fn(&str) -> bool) -> (&'a str, Option<&'a str>) {
-    let reach = reach(spec, exists);
-    let cuts = spec[..reach].rmatch_indices(AND).map(|(at, _)| at);
-    let whole = (reach == spec.len()).then_some(reach);
-    let ends = whole.into_iter().chain(cuts);
+    const LONGEST: usize = 1024;
+    let all = spec.match_indices(AND).map(|(at, _)| at);
+    let cuts: Vec<usize> = all.take_while(|&at| at <= LONGEST).collect();
+    let ends = [spec.len()].into_iter().chain(cuts.into_iter().rev());
     let names = |end: &usize| input(&spec[..*end], exists).is_ok_and(|i| exists(i.spec));
     let end = ends.into_iter().find(names);
     let end = end.or_else(|| spec.find(AND)).unwrap_or(spec.len());
     (&spec[..end], spec.get(end + 1..))
-}
-
-/// How far the first input can reach: no name is longer than systems allow, and all before a `/` exists.
-/// Without it, many inputs would take the square of their number.
-fn reach(spec: &str, exists: &dyn Fn(&str) -> bool) -> usize {
-    const LONGEST: usize = 1024;
-    let and = spec.find(AND).unwrap_or(spec.len());
-    let mut start = 0;
-    for (slash, _) in spec.match_indices('/').chain([(spec.len(), "")]) {
-        if slash - start > LONGEST {
-            let mut ends = (start..=start + LONGEST).rev();
-            let end = ends.find(|&end| spec.is_char_boundary(end));
-            return end.unwrap_or(start).max(and);
-        }
-        if slash > and && slash < spec.len() && !exists(&spec[..slash]) {
-            return slash;
-        }
-        start = slash + 1;
-    }
-    spec.len()
 }
 
 fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>, SceneError> {
@@ -101,7 +83,7 @@ fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>, 
                 spec,
                 place: Some(place),
             }),
-            None if exists(spec) => Err(SceneError::BadRequest(format!(
+            None if exists(spec) => Err(SceneError(format!(
                 "bad place {place:?} for {spec}: give @x,y,z or @x,y,z*scale, with a scale above 0"
             ))),
             None => Ok(whole),
@@ -146,8 +128,10 @@ pub(crate) fn open(
     let vertices = all().map(|a| a.vertex_count()).sum();
     let triangles = all().map(|a| a.triangle_count()).sum();
     let names = joined(opened.iter().map(|(s, _)| s.name.as_str()));
-    check_keys(names, (key_count(&opened)?, vertices, triangles), options)?;
-    join(spec, opened)
+    let keys = key_count(&opened)?;
+    check_keys(names, (keys, vertices, triangles), options)?;
+    within(spec.as_ref(), "vertices", vertices, u32::MAX as usize)?;
+    join(spec, opened, (keys, vertices))
 }
 
 /// With the times that the key frames of all inputs that move have in common, if they have times of their own.
@@ -173,10 +157,11 @@ fn timed(spec: &str, joined: Animation, scenes: &[Scene]) -> Result<Animation, S
         .map_err(|e| bad(e.to_string()))
 }
 
-fn join(spec: &str, parts: Vec<(Scene, Placement)>) -> Result<Scene, SceneError> {
-    let keys = key_count(&parts)?;
-    let vertices = parts.iter().map(|(s, _)| s.animation.vertex_count()).sum();
-    within(spec.as_ref(), "vertices", vertices, u32::MAX as usize)?;
+fn join(
+    spec: &str,
+    parts: Vec<(Scene, Placement)>,
+    (keys, vertices): (usize, usize),
+) -> Result<Scene, SceneError> {
     let frame = |key: usize| {
         let mut all = Vec::with_capacity(vertices);
         for (scene, place) in &parts {
@@ -207,7 +192,7 @@ fn key_count(parts: &[(Scene, Placement)]) -> Result<usize, SceneError> {
     };
     match moving.find(|s| count(s) != count(first)) {
         None => Ok(count(first)),
-        Some(other) => Err(SceneError::BadRequest(format!(
+        Some(other) => Err(SceneError(format!(
             "{} has {} key frames and {} {}: inputs that move must have equally many; \
              one with a single key frame is repeated",
             first.name,

@@ -18,15 +18,13 @@ mod obj;
 mod ply;
 mod sequence;
 mod source;
-mod word;
 
-pub use demo::{DEMOS, MAX_DEMO_TRIANGLES};
-pub use error::{FileLocation, SceneError};
-pub use files::files;
+pub use error::SceneError;
+pub use files::{files, word};
 pub use ply::write_ply;
+pub use source::open;
 use std::path::PathBuf;
 use std::sync::Arc;
-pub use word::word;
 
 /// A colour in sRGB.
 pub type Rgb = [u8; 3];
@@ -90,12 +88,4 @@ impl Default for Options {
             triangle_bytes: 0,
         }
     }
-}
-
-/// Opens the scene that `spec` names.
-///
-/// # Errors
-/// See [`SceneError`].
-pub fn open(spec: &str, options: &Options) -> Result<Scene, SceneError> {
-    source::open(spec, options)
 }

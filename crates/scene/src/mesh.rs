@@ -84,22 +84,28 @@ impl Topology {
         if triangles > 0 {
             return Ok(());
         }
-        Err(SceneError::NoTriangles {
-            path: path.to_owned(),
-            vertices: self.vertices,
-        })
+        let though = match self.vertices {
+            0 => String::new(),
+            n => format!(", though there are {n} vertices"),
+        };
+        let cause = format!("no triangles{though}");
+        Err(SceneError::unusable(path.display(), cause))
     }
 
     /// Checks that the key frame in `path` has the topology of the `first`.
     pub(crate) fn check_same(&self, path: &Path, first: (&Path, &Self)) -> Result<(), SceneError> {
-        let expected = first.1;
+        let (first, expected) = (first.0.display(), first.1);
+        let bad = |cause: String| {
+            let cause = format!("{cause}; all key frames must have the same topology");
+            Err(SceneError::unusable(path.display(), cause))
+        };
         let triangles = [self, expected].map(Self::triangle_count);
         for (what, [found, wanted]) in [
-            ("vertices", [self.vertices, expected.vertices]),
             ("triangles", triangles),
+            ("vertices", [self.vertices, expected.vertices]),
         ] {
             if found != wanted {
-                return Err(other_count(path, what, found, (first.0, wanted)));
+                return bad(format!("{found} {what}, but {first} has {wanted}"));
             }
         }
         if self == expected {
@@ -107,28 +113,8 @@ impl Topology {
         }
         let same = self.faces().zip(expected.faces());
         let face = same.take_while(|(a, b)| a == b).count() + 1;
-        let first = first.0.display();
-        Err(other_topology(
-            path,
-            &format!("face {face} joins other vertices than in {first}"),
-        ))
+        bad(format!("face {face} joins other vertices than in {first}"))
     }
-}
-
-/// A key frame has other counts than the first, and how many that has.
-pub(crate) fn other_count(
-    path: &Path,
-    what: &str,
-    found: usize,
-    (first, wanted): (&Path, usize),
-) -> SceneError {
-    let first = first.display();
-    other_topology(path, &format!("{found} {what}, but {first} has {wanted}"))
-}
-
-fn other_topology(path: &Path, cause: &str) -> SceneError {
-    let cause = format!("{cause}; all key frames must have the same topology");
-    SceneError::unusable(path.display(), cause)
 }
 
 /// The triangles of several meshes, each with the number of its vertices, over the vertices of all.
@@ -212,11 +198,9 @@ pub(crate) fn check_mesh(
     [vertices, faces]: [usize; 2],
     bytes: usize,
 ) -> Result<(), SceneError> {
-    host::check(bytes as u64).map_err(|source| SceneError::NotEnoughMemory {
-        place: path.display().to_string(),
-        what: format!("reading {vertices} vertices and {faces} faces"),
-        source,
-    })
+    let what = format!("reading {vertices} vertices and {faces} faces");
+    host::check(bytes as u64)
+        .map_err(|e| SceneError::unusable(path.display(), format_args!("{what}: {e}")))
 }
 
 /// Refuses what memory does not hold.
@@ -231,11 +215,7 @@ pub(crate) fn check_memory(
         Some(limit) => host::within(bytes, Some(Free { bytes: limit, by })),
         None => host::check(bytes),
     };
-    checked.map_err(|source| SceneError::NotEnoughMemory {
-        place: place.to_string(),
-        what,
-        source,
-    })
+    checked.map_err(|e| SceneError::unusable(place, format_args!("{what}: {e}")))
 }
 
 /// Of what has no colour.
@@ -267,27 +247,6 @@ pub(crate) fn mean(colours: [Rgb; 3]) -> Rgb {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn faces_are_fanned_from_their_first_vertex() {
-        let mut t = Topology {
-            vertices: 9,
-            ..Topology::default()
-        };
-        t.push([3, 4, 5]);
-        t.push([8, 1, 2, 6, 7]);
-        let all: Vec<_> = t.triangles().collect();
-        assert_eq!(
-            all,
-            [
-                (0, [3, 4, 5]),
-                (1, [8, 1, 2]),
-                (1, [8, 2, 6]),
-                (1, [8, 6, 7])
-            ]
-        );
-        assert_eq!(t.triangle_count(), all.len());
-    }
 
     #[test]
     fn what_cannot_be_numbered_is_refused_with_need_and_limit() {

@@ -1,6 +1,7 @@
 //! Key frames from mesh files, one file each, all of one topology; and when they are, as `times.json` beside them says.
 
-use crate::mesh::{CLAY, Mesh, Paint, Topology, check_keys, mean, other_count};
+use crate::mesh::{CLAY, Mesh, Paint, Topology, check_keys, mean};
+use crate::source::extension;
 use crate::{Facts, Options, Rgb, Scene, SceneError, obj, ply};
 use geom::{Animation, Point};
 use host::Folder;
@@ -10,36 +11,18 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Formats that hold one key frame a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Format {
-    /// Wavefront OBJ.
-    Obj,
-    /// Stanford PLY.
-    Ply,
-}
-
-impl Format {
-    fn read(self, path: &Path) -> Result<Mesh, SceneError> {
-        match self {
-            Self::Obj => obj::read(path),
-            Self::Ply => ply::read(path),
-        }
-    }
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Obj => "obj",
-            Self::Ply => "ply",
-        }
+/// Reads one key frame.
+fn read(path: &Path) -> Result<Mesh, SceneError> {
+    match extension(path).as_str() {
+        "obj" => obj::read(path),
+        _ => ply::read(path),
     }
 }
 
-/// The animation whose key frames are `files`, of which there is one at least.
+/// The animation whose key frames are `files` of one extension, `obj` or `ply`, of which there is one at least.
 pub(crate) fn open(
     name: String,
     files: Vec<PathBuf>,
-    format: Format,
     options: &Options,
 ) -> Result<Scene, SceneError> {
     let path = &files[0];
@@ -49,7 +32,7 @@ pub(crate) fn open(
         topology,
         paint,
         mut notes,
-    } = format.read(path)?;
+    } = read(path)?;
     topology.check(path)?;
     let folder = Folder::of(path, options.allow_outside);
     let colours = colours((path, &folder), &topology, paint, &mut notes);
@@ -59,7 +42,7 @@ pub(crate) fn open(
     // Collected before looked at, so that the first bad file is named whichever thread is faster.
     let rest: Vec<_> = files[1..]
         .par_iter()
-        .map(|later| key_frame(later, format, (path, &topology)))
+        .map(|later| key_frame(later, (path, &topology)))
         .collect();
     for frame in rest {
         let (points, remarks) = frame?;
@@ -67,9 +50,8 @@ pub(crate) fn open(
         notes.extend(remarks);
     }
     let animation = Arc::new(Animation::new(keys, triangles)?);
-    let format = format.name().to_owned();
     let facts = Facts {
-        format,
+        format: extension(&files[0]),
         files,
         notes,
         ..Facts::default()
@@ -85,15 +67,9 @@ pub(crate) fn open(
 /// The positions in a later file, and remarks, once its faces are known to be those of the first.
 fn key_frame(
     path: &Path,
-    format: Format,
     first: (&Path, &Topology),
 ) -> Result<(Vec<Point>, Vec<String>), SceneError> {
-    let mesh = format.read(path).map_err(|e| match e {
-        SceneError::NoTriangles { .. } => {
-            other_count(path, "triangles", 0, (first.0, first.1.triangle_count()))
-        }
-        e => e,
-    })?;
+    let mesh = read(path)?;
     mesh.topology.check_same(path, first)?;
     // Remarks that every file of a sequence repeats are told once, for the first.
     let notes = mesh

@@ -1,13 +1,15 @@
 //! From the word that names a scene to the files that make it.
 
 use crate::join::{self, Input};
-use crate::sequence::Format;
-use crate::{Options, Scene, SceneError, clip, demo, sequence, word};
+use crate::{Options, Scene, SceneError, clip, demo, files, sequence};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// See [`crate::open`].
-pub(crate) fn open(spec: &str, options: &Options) -> Result<Scene, SceneError> {
+/// Opens the scene that `spec` names.
+///
+/// # Errors
+/// See [`SceneError`].
+pub fn open(spec: &str, options: &Options) -> Result<Scene, SceneError> {
     match join::inputs(spec, &exists)?.as_slice() {
         [Input { spec, place: None }] => open_one(spec, options),
         inputs => join::open(spec, inputs, options),
@@ -19,12 +21,12 @@ pub(crate) fn exists(spec: &str) -> bool {
     let matches = || glob::glob(spec).is_ok_and(|mut all| all.next().is_some());
     let is_pattern = spec.contains(['*', '?', '[']);
     let is_demo = spec.starts_with("demo:") && !spec.contains(['+', '@']);
-    is_demo || word::path(spec).exists() || is_pattern && matches()
+    is_demo || files::path(spec).exists() || is_pattern && matches()
 }
 
 /// Whether what `spec` names may have clips to choose from.
 pub(crate) fn has_clips(spec: &str) -> bool {
-    is_gltf(&word::path(spec))
+    is_gltf(&files::path(spec))
 }
 
 /// Opens one input.
@@ -33,7 +35,7 @@ pub(crate) fn open_one(spec: &str, options: &Options) -> Result<Scene, SceneErro
         refuse_clip(spec, options)?;
         return demo::open(name, options);
     }
-    let path = &*word::path(spec);
+    let path = &*files::path(spec);
     match fs::metadata(path) {
         Ok(about) if about.is_dir() => directory(path, options),
         Ok(_) => file(path, options),
@@ -57,14 +59,6 @@ pub(crate) fn extension(path: &Path) -> String {
     extension.to_string_lossy().to_lowercase()
 }
 
-fn format_of(path: &Path) -> Option<Format> {
-    match extension(path).as_str() {
-        "obj" => Some(Format::Obj),
-        "ply" => Some(Format::Ply),
-        _ => None,
-    }
-}
-
 fn is_gltf(path: &Path) -> bool {
     matches!(extension(path).as_str(), "gltf" | "glb")
 }
@@ -75,15 +69,17 @@ fn stem(path: &Path) -> String {
 }
 
 fn file(path: &Path, options: &Options) -> Result<Scene, SceneError> {
-    if is_gltf(path) {
-        return clip::open(stem(path), path, options);
+    match extension(path).as_str() {
+        "gltf" | "glb" => clip::open(stem(path), path, options),
+        "obj" | "ply" => {
+            refuse_clip(&path.display().to_string(), options)?;
+            sequence::open(stem(path), vec![path.to_owned()], options)
+        }
+        _ => {
+            let cause = "unsupported file type; a scene is a .obj, .ply, .gltf or .glb file";
+            Err(SceneError::unusable(path.display(), cause))
+        }
     }
-    let Some(format) = format_of(path) else {
-        let cause = "unsupported file type; a scene is a .obj, .ply, .gltf or .glb file";
-        return Err(SceneError::unusable(path.display(), cause));
-    };
-    refuse_clip(&path.display().to_string(), options)?;
-    sequence::open(stem(path), vec![path.to_owned()], format, options)
 }
 
 /// What lies in a directory.
@@ -147,12 +143,12 @@ fn pattern(spec: &str, options: &Options) -> Result<Scene, SceneError> {
 fn frames(
     name: String,
     place: &str,
-    files: Vec<PathBuf>,
+    mut files: Vec<PathBuf>,
     options: &Options,
 ) -> Result<Scene, SceneError> {
-    let of = |format| files.iter().filter(move |f| format_of(f) == Some(format));
-    let (obj, ply) = (of(Format::Obj).count(), of(Format::Ply).count());
-    let format = match (obj, ply) {
+    let of = |kind: &str| files.iter().filter(|f| extension(f) == kind).count();
+    let (obj, ply) = (of("obj"), of("ply"));
+    let kind = match (obj, ply) {
         (0, 0) => {
             let gltf = files.iter().find(|f| is_gltf(f));
             let hint = gltf.map(|f| format!("; name {} itself to open it", f.display()));
@@ -160,8 +156,8 @@ fn frames(
             let cause = format!("no .obj or .ply file among {count} files{hint}");
             return Err(SceneError::unusable(place, cause));
         }
-        (_, 0) => Format::Obj,
-        (0, _) => Format::Ply,
+        (_, 0) => "obj",
+        (0, _) => "ply",
         _ => {
             let cause = format!(
                 "{obj} .obj and {ply} .ply files are mixed; \
@@ -170,10 +166,10 @@ fn frames(
             return Err(SceneError::unusable(place, cause));
         }
     };
-    let mut files: Vec<_> = of(format).cloned().collect();
+    files.retain(|f| extension(f) == kind);
     refuse_clip(place, options)?;
     alphanumeric_sort::sort_path_slice(&mut files);
-    sequence::open(name, files, format, options)
+    sequence::open(name, files, options)
 }
 
 #[cfg(test)]
@@ -211,40 +207,22 @@ mod tests {
 
     #[test]
     fn a_directory_is_played_in_natural_order() {
-        let names = [
-            "10.obj",
-            "2.obj",
-            "1.OBJ",
-            ".3.obj",
-            "read.me",
-            "x.obj/4.txt",
-        ];
-        let files: Vec<_> = names
-            .iter()
-            .map(|name| {
-                (
-                    *name,
-                    obj(
-                        name.split('.').find_map(|n| n.parse().ok()).unwrap_or(0),
-                        TRIANGLE,
-                    ),
-                )
-            })
-            .collect();
-        let folder = folder(&files);
+        let files = [("10.obj", 10), ("2.obj", 2), ("1.OBJ", 1), (".3.obj", 3)];
+        let files = files.map(|(name, x)| (name, obj(x, TRIANGLE)));
+        let others = [("read.me", String::new()), ("x.obj/4.txt", String::new())];
+        let folder = folder(&files.into_iter().chain(others).collect::<Vec<_>>());
         let scene = open_in(&folder, "").unwrap();
         assert_eq!(firsts(&scene), [1.0, 2.0, 10.0]);
         assert_eq!(scene.facts.files.len(), 3);
-        assert_eq!(
-            Some(scene.name.as_str()),
-            folder.path().file_name().and_then(|n| n.to_str())
-        );
-        assert_eq!(firsts(&open_in(&folder, "*0.obj").unwrap()), [10.0]);
-        assert_eq!(
-            firsts(&open_in(&folder, "[0-9]*.obj").unwrap()),
-            [2.0, 10.0]
-        );
-        assert_eq!(firsts(&open_in(&folder, "2.obj").unwrap()), [2.0]);
+        let name = folder.path().file_name().and_then(|n| n.to_str());
+        assert_eq!(Some(scene.name.as_str()), name);
+        for (spec, found) in [
+            ("*0.obj", &[10.0][..]),
+            ("[0-9]*.obj", &[2.0, 10.0]),
+            ("2.obj", &[2.0]),
+        ] {
+            assert_eq!(firsts(&open_in(&folder, spec).unwrap()), found);
+        }
         assert_eq!(open_in(&folder, "2.obj").unwrap().name, "2");
     }
 
@@ -316,25 +294,6 @@ mod tests {
     }
 
     #[test]
-    fn a_clip_is_refused_where_there_are_none() {
-        let folder = folder(&[("1.obj", obj(0, TRIANGLE)), ("2.obj", obj(1, TRIANGLE))]);
-        let options = Options {
-            clip: Some("Walk".to_owned()),
-            ..Options::default()
-        };
-        let below = |path: &str| folder.path().join(path).to_str().unwrap().to_owned();
-        let demo = "demo:twist:100".to_owned();
-        for spec in [below(""), below("*.obj"), below("1.obj"), demo] {
-            let message = open(&spec, &options).unwrap_err().to_string();
-            assert!(
-                message.contains("Walk") && message.contains(&spec),
-                "{message}"
-            );
-            open(&spec, &Options::default()).unwrap();
-        }
-    }
-
-    #[test]
     fn what_is_no_scene_is_refused_with_the_reason() {
         let folder = folder(&[
             ("mixed/1.obj", obj(0, TRIANGLE)),
@@ -362,13 +321,8 @@ mod tests {
             let message = open_in(&folder, path).unwrap_err();
             assert!(message.contains(says), "{path}: {message}");
         }
-        assert!(open("", &Options::default()).is_err());
-        assert!(
-            open("demo:", &Options::default())
-                .unwrap_err()
-                .to_string()
-                .contains("twist")
-        );
+        let message = |spec| open(spec, &Options::default()).unwrap_err().to_string();
+        assert!(message("demo:").contains("twist") && !message("").is_empty());
     }
 
     /// Pipes and devices in the place of files.

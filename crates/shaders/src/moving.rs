@@ -55,12 +55,12 @@ pub struct MovingTreeletShape {
 impl MovingTreeletShape {
     pub(crate) fn of(tree: &Treelets, moving: &MovingTreelets) -> Self {
         let at = tree.words().len() as u32;
-        let levels = moving.levels().iter();
+        let levels = moving.levels.iter();
         Self {
             levels: levels
                 .map(|l| at + l.start as u32..at + l.end as u32)
                 .collect(),
-            degenerate_elsewhere: moving.degenerate_elsewhere(),
+            degenerate_elsewhere: moving.degenerate_elsewhere,
         }
     }
 }
@@ -68,14 +68,14 @@ impl MovingTreeletShape {
 impl MovingShape {
     pub(crate) fn of(tree: &Topology, moving: &Moving) -> Self {
         let leaves_at = tree.words().len();
-        let levels = moving.levels().iter();
+        let levels = moving.levels.iter();
         Self {
             leaves_at: leaves_at as u32,
             leaf_count: moving.leaves().len() as u32,
             inner_at: (leaves_at + moving.leaves().len()) as u32,
             inner_count: moving.inner().len() as u32,
             levels: levels.map(|l| l.start as u32..l.end as u32).collect(),
-            degenerate_elsewhere: moving.degenerate_elsewhere(),
+            degenerate_elsewhere: moving.degenerate_elsewhere,
         }
     }
 }

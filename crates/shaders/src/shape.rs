@@ -54,8 +54,8 @@ impl WideShape {
         let [words, lists, _] = tree.parts();
         tree.wide().map_or_else(Self::default, |wide| Self {
             at: (words.len() + lists.len()) as u32,
-            lanes: wide.lane_count() as u32,
-            root: wide.root(),
+            lanes: wide.lanes as u32,
+            root: wide.root,
         })
     }
 }

@@ -45,13 +45,8 @@ impl Groups {
         self.parts.resize_with(tasks.len(), Part::default);
         let parts = self.parts.par_iter_mut().zip(tasks);
         parts.for_each(|(part, task)| part.find(tree, boxes, task));
-        let none = Subtree {
-            inner: 0,
-            first_leaf: 0,
-            leaves: 0,
-        };
-        join(&self.parts, (&mut self.nodes, none), |p| &p.nodes);
-        join(&self.parts, (&mut self.boxes, Aabb::EMPTY), |p| &p.boxes);
+        join(&self.parts, &mut self.nodes, |p| &p.nodes);
+        join(&self.parts, &mut self.boxes, |p| &p.boxes);
         let mut areas = Areas::default();
         if let Some(root) = tree.root() {
             let bounds = sum(tree, root, &mut self.parts.iter(), &mut areas);
@@ -92,12 +87,12 @@ fn sum<'a>(
 }
 
 /// Puts parts of all one after the other.
-fn join<T: Copy + Send + Sync>(
+fn join<T: Copy + Default + Send + Sync>(
     from: &[Part],
-    (to, blank): (&mut Vec<T>, T),
+    to: &mut Vec<T>,
     of: impl Fn(&Part) -> &[T] + Sync,
 ) {
-    to.resize(from.iter().map(|part| of(part).len()).sum(), blank);
+    to.resize(from.iter().map(|part| of(part).len()).sum(), T::default());
     let mut rest = &mut to[..];
     let mut places = Vec::with_capacity(from.len());
     for part in from {
@@ -110,7 +105,7 @@ fn join<T: Copy + Send + Sync>(
 }
 
 /// What one thread found at a time.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Part {
     /// Of all triangles, from left to right.
     leaves: Vec<Aabb>,
@@ -118,18 +113,6 @@ struct Part {
     boxes: Vec<Aabb>,
     areas: Areas,
     bounds: Aabb,
-}
-
-impl Default for Part {
-    fn default() -> Self {
-        Self {
-            leaves: Vec::new(),
-            nodes: Vec::new(),
-            boxes: Vec::new(),
-            areas: Areas::default(),
-            bounds: Aabb::EMPTY,
-        }
-    }
 }
 
 /// A subtree gone through.

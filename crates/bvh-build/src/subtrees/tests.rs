@@ -19,12 +19,6 @@ fn clumps(n: u32, clump: impl Fn(u32) -> f32, part: f32) -> Vec<Aabb> {
     (0..n).map(bounds).collect()
 }
 
-fn build(boxes: &[Aabb]) -> BinaryTree {
-    let mut tree = BinaryTree::default();
-    let built = Builder::new().build(boxes, &Cancel::new(), &mut tree);
-    built.map(|()| tree).unwrap()
-}
-
 fn subtrees(last: &BinaryTree, boxes: &[Aabb]) -> (BinaryTree, Costs, SubtreeRebuilder) {
     let (mut subtree_rebuilder, mut tree) = (SubtreeRebuilder::new(), BinaryTree::default());
     let mut builder = Builder::new();
@@ -49,14 +43,14 @@ fn clumps_that_change_places_stay_whole_and_the_tree_is_as_good_as_new() {
     let n = 7 * 3000;
     let before = clumps(n, |c| (c * 2) as f32, 0.05);
     let after = clumps(n, |c| (c * 1231 % 3000 * 2) as f32, 0.05);
-    let last = build(&before);
+    let last = BinaryTree::over(&before[..]);
     let (tree, costs, subtree_rebuilder) = subtrees(&last, &after);
     assert!(
         subtree_rebuilder.groups.nodes.len() < 6000,
         "{}",
         subtree_rebuilder.groups.nodes.len()
     );
-    let fresh = sah_cost(&build(&after), &after[..]);
+    let fresh = sah_cost(&BinaryTree::over(&after[..]), &after[..]);
     let cost = sah_cost(&tree, &after[..]);
     assert!(cost < 1.1 * fresh, "{cost} {fresh}");
     assert!(costs.last > 3.0 * cost, "{costs:?}");
@@ -66,19 +60,19 @@ fn clumps_that_change_places_stay_whole_and_the_tree_is_as_good_as_new() {
 #[test]
 fn clumps_that_part_are_taken_to_pieces() {
     let n = 7 * 300;
-    let last = build(&clumps(n, |c| (c * 2) as f32, 0.05));
+    let last = BinaryTree::over(&clumps(n, |c| (c * 2) as f32, 0.05)[..]);
     // Each box of a clump is now somewhere else, among strangers.
     let apart = clumps(n, |c| c as f32, 400.0);
     let (tree, _, subtree_rebuilder) = subtrees(&last, &apart);
     assert_eq!(subtree_rebuilder.groups.nodes.len(), n as usize);
-    assert_eq!(tree, build(&apart));
+    assert_eq!(tree, BinaryTree::over(&apart[..]));
 }
 
 #[test]
 fn a_tree_of_none_or_one_stays_so() {
     for n in [0, 1] {
         let boxes = clumps(n, |_| 0.0, 1.0);
-        let last = build(&boxes);
+        let last = BinaryTree::over(&boxes[..]);
         assert_eq!(subtrees(&last, &boxes).0, last);
     }
 }
@@ -86,7 +80,7 @@ fn a_tree_of_none_or_one_stays_so() {
 #[test]
 fn a_cancelled_build_leaves_an_empty_tree() {
     let boxes = clumps(70, |c| c as f32, 0.1);
-    let last = build(&boxes);
+    let last = BinaryTree::over(&boxes[..]);
     let (mut tree, cancel) = (last.clone(), Cancel::new());
     cancel.cancel();
     let built =
@@ -99,7 +93,7 @@ fn a_cancelled_build_leaves_an_empty_tree() {
 #[should_panic(expected = "no usable box")]
 fn a_box_that_vanished_is_refused() {
     let mut boxes = clumps(70, |c| c as f32, 0.1);
-    let last = build(&boxes);
+    let last = BinaryTree::over(&boxes[..]);
     boxes[3] = Aabb::EMPTY;
     subtrees(&last, &boxes);
 }
@@ -107,7 +101,7 @@ fn a_box_that_vanished_is_refused() {
 #[test]
 fn the_tree_does_not_depend_on_the_number_of_threads() {
     let n = 7 * 4000;
-    let last = build(&clumps(n, |c| c as f32, 0.2));
+    let last = BinaryTree::over(&clumps(n, |c| c as f32, 0.2)[..]);
     let after = clumps(n, |c| (c * 37 % 4000) as f32, 0.9);
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
@@ -135,7 +129,7 @@ fn no_leaf_lies_too_deep() {
         let size = 2.0_f32.powi(-60 - i / 5);
         boxes.push(cube([size; 3], size / 4.0));
     }
-    let last = build(&boxes);
+    let last = BinaryTree::over(&boxes[..]);
     let (tree, _, subtree_rebuilder) = subtrees(&last, &boxes);
     assert!(
         subtree_rebuilder.groups.nodes.len() < 78 + 80,
@@ -162,7 +156,7 @@ proptest! {
             from.iter().enumerate().map(moved).collect()
         };
         let after = at(shift);
-        let last = build(&at(0.0));
+        let last = BinaryTree::over(&at(0.0)[..]);
         let (tree, costs, subtree_rebuilder) = subtrees(&last, &after);
         let mut order = tree.order().to_vec();
         order.sort_unstable();

@@ -4,7 +4,7 @@ use super::lanes::{Boxes, Ruler};
 use super::prims::Prims;
 
 /// The most bins along each axis.
-const BINS: usize = 16;
+pub(super) const BINS: usize = 16;
 /// A node has a bin for so many triangles, but no fewer than half the most.
 const PER_BIN: usize = 8;
 /// Extents of centres below this are none.
@@ -92,28 +92,36 @@ impl Bins {
         boxes: [Boxes::EMPTY; BINS],
         counts: [0; BINS],
     };
+}
 
-    /// The least cost of a plane, and its bin. Every bin's side holds something, for the outermost are not empty.
-    fn best(&self, bins: usize, ruler: Ruler<'_>) -> (f32, usize) {
-        let mut right = [0.0; BINS];
-        let (mut b, mut count) = (Boxes::EMPTY, 0);
-        for bin in (1..bins).rev() {
-            b.grow(&self.boxes[bin]);
-            count += self.counts[bin];
-            right[bin] = ruler.half_area(&b) * count as f32;
-        }
-        let mut best = (f32::INFINITY, 0);
-        (b, count) = (Boxes::EMPTY, 0);
-        for (bin, right) in right[..bins].iter().enumerate().skip(1) {
-            b.grow(&self.boxes[bin - 1]);
-            count += self.counts[bin - 1];
-            let cost = ruler.half_area(&b) * count as f32 + right;
-            if cost < best.0 {
-                best = (cost, bin);
-            }
-        }
-        best
+/// The costs of all cuts of a row of `n` boxes, each with a number of triangles, by how many boxes go left; and the least of
+/// them, the first of equals.
+#[inline]
+pub(super) fn cuts<'a>(
+    n: usize,
+    item: impl Fn(usize) -> (&'a Boxes, u32),
+    ruler: Ruler<'_>,
+) -> ([f32; BINS], (f32, usize)) {
+    let mut costs = [0.0; BINS];
+    let (mut b, mut count) = (Boxes::EMPTY, 0);
+    for left in (1..n).rev() {
+        let (next, its_count) = item(left);
+        b.grow(next);
+        count += its_count;
+        costs[left] = ruler.half_area(&b) * count as f32;
     }
+    let mut best = (f32::INFINITY, n / 2);
+    (b, count) = (Boxes::EMPTY, 0);
+    for left in 1..n {
+        let (next, its_count) = item(left - 1);
+        b.grow(next);
+        count += its_count;
+        costs[left] += ruler.half_area(&b) * count as f32;
+        if costs[left] < best.0 {
+            best = (costs[left], left);
+        }
+    }
+    (costs, best)
 }
 
 /// The best plane at one moment with its cost, in the order of the axes.
@@ -140,7 +148,9 @@ pub(super) fn best_plane<'a>(
     let mut best: Option<(f32, Plane)> = None;
     for (axis, (bins, grid)) in bins.iter().zip(grids).enumerate() {
         let Some(grid) = grid else { continue };
-        let (cost, bin) = bins.best(grid.bins, ruler);
+        // Every cut's sides hold something, for the outermost bins are not empty.
+        let row = |bin: usize| (&bins.boxes[bin], bins.counts[bin]);
+        let (_, (cost, bin)) = cuts(grid.bins, row, ruler);
         if best.is_none_or(|(least, _)| cost < least) {
             let plane = Plane {
                 lane,

@@ -117,12 +117,4 @@ mod tests {
         let area = Ruler::new(&b, &weights).half_area(&b);
         assert!((area - expected).abs() < 1e-5, "{area} {expected}");
     }
-
-    #[test]
-    fn a_box_grows_at_each_moment_by_itself() {
-        let mut a = cube(|l| l as f32);
-        a.grow(&cube(|l| 3.0 - l as f32));
-        assert_eq!(a.rows[4], [3.0, 2.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
-        assert_eq!(a.center(1, 5), 5.0);
-    }
 }

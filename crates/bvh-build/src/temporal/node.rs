@@ -1,23 +1,28 @@
 //! The recursion: one node, its plane, its two children.
 
-use super::bins::{Extents, Plane, best_plane};
+use super::bins::{BINS, Extents, Plane, best_plane, cuts};
+use super::lanes::{Boxes, Ruler};
 use super::prims::Prims;
-use super::sweep;
 use crate::node::fits;
+use crate::tree::Slot;
 use crate::{BuildError, Cancel};
-use rayon::join;
 
 /// Nodes of more triangles than this build their children in parallel and ask whether to go on.
 const PARALLEL: usize = 1024;
 /// A plane is chosen by so many triangles of a larger node, evenly taken from all.
 const SAMPLE: usize = 1 << 12;
 
-/// A node to build: its triangles, room of the same size, and where its part of the tree goes.
+/// Of nodes of so many triangles at most, every plane between two neighbours along an axis, at several moments, is weighed.
+const FEW: usize = BINS;
+
+/// Halving wins over a plane that is better by rounding alone, so that equal boxes make a balanced tree.
+const NEARLY: f32 = 1.0 + 1e-5;
+
+/// A node to build: where its part of the tree goes, and room of the same size.
 pub(super) struct TemporalNode<'a> {
-    /// Becomes the order of the leaves.
-    pub(super) order: &'a mut [u32],
+    /// Its triangles become the order of the leaves.
+    pub(super) slot: Slot<'a>,
     pub(super) room: &'a mut [u32],
-    pub(super) left_leaves: &'a mut [u32],
     pub(super) depth: u32,
 }
 
@@ -27,7 +32,7 @@ pub(super) fn build(
     node: TemporalNode<'_>,
     cancel: &Cancel,
 ) -> Result<(), BuildError> {
-    let leaves = node.order.len();
+    let leaves = node.slot.order.len();
     if leaves == 1 {
         return Ok(());
     }
@@ -36,7 +41,7 @@ pub(super) fn build(
     }
     let [left, right] = divide(prims, node);
     if leaves > PARALLEL {
-        let (a, b) = join(
+        let (a, b) = rayon::join(
             || build(prims, left, cancel),
             || build(prims, right, cancel),
         );
@@ -47,18 +52,25 @@ pub(super) fn build(
 }
 
 fn divide<'a>(prims: &Prims, node: TemporalNode<'a>) -> [TemporalNode<'a>; 2] {
-    let n = node.order.len();
-    let left = if n <= sweep::MOST {
-        sweep::cut(node.order, prims)
+    let n = node.slot.order.len();
+    let left = if n <= FEW {
+        sweep(node.slot.order, prims)
     } else {
-        match find_plane(prims, node.order) {
-            Some(plane) => partition(prims, node.order, node.room, &plane),
+        match find_plane(prims, node.slot.order) {
+            Some(plane) => partition(prims, node.slot.order, node.room, &plane),
             None => n / 2,
         }
     };
     // Halving the present order keeps within the levels that are left.
     let fit = 0 < left && left < n && fits(left.max(n - left), node.depth + 1);
-    cut(node, if fit { left } else { n / 2 })
+    let left = if fit { left } else { n / 2 };
+    let [a, b] = node.slot.split(left);
+    let (room_a, room_b) = node.room.split_at_mut(left);
+    [(a, room_a), (b, room_b)].map(|(slot, room)| TemporalNode {
+        slot,
+        room,
+        depth: node.depth + 1,
+    })
 }
 
 /// The best plane of the moments that are tried, or none if at each of them all centres coincide.
@@ -88,25 +100,55 @@ fn partition(prims: &Prims, order: &mut [u32], room: &mut [u32], plane: &Plane) 
     left
 }
 
-/// Two nodes from one whose first `left` triangles go left.
-fn cut(node: TemporalNode<'_>, left: usize) -> [TemporalNode<'_>; 2] {
-    let (order_a, order_b) = node.order.split_at_mut(left);
-    let (room_a, room_b) = node.room.split_at_mut(left);
-    node.left_leaves[0] = left as u32;
-    let (inner_a, inner_b) = node.left_leaves[1..].split_at_mut(left - 1);
-    let depth = node.depth + 1;
-    [
-        TemporalNode {
-            order: order_a,
-            room: room_a,
-            left_leaves: inner_a,
-            depth,
-        },
-        TemporalNode {
-            order: order_b,
-            room: room_b,
-            left_leaves: inner_b,
-            depth,
-        },
-    ]
+/// Puts `ids` (2 to [`FEW`]) in the order of the best plane, and gives how many of them go left.
+#[inline(never)]
+fn sweep(ids: &mut [u32], prims: &Prims) -> usize {
+    let n = ids.len();
+    if n == 2 {
+        return 1;
+    }
+    let mut node = Boxes::EMPTY;
+    for &id in &*ids {
+        node.grow(prims.get(id));
+    }
+    let ruler = Ruler::new(&node, &prims.weights);
+    let mut best = (f32::INFINITY, n / 2);
+    let mut best_order = [0; FEW];
+    best_order[..n].copy_from_slice(ids);
+    for axis in 0..3 {
+        let mut last = [u32::MAX; FEW];
+        for &lane in &prims.tried {
+            let order = sorted(ids, |id| prims.get(id).center(axis, lane));
+            // Neighbours mostly move alike, and then one moment says it all.
+            if order == last {
+                continue;
+            }
+            let (costs, mut found) = cuts(n, |i| (prims.get(order[i]), 1), ruler);
+            if costs[n / 2] <= found.0 * NEARLY {
+                found.1 = n / 2;
+            }
+            if found.0 < best.0 {
+                (best, best_order) = (found, order);
+            }
+            last = order;
+        }
+    }
+    ids.copy_from_slice(&best_order[..n]);
+    best.1
+}
+
+/// The ids by rising key, equal ones in the order they came.
+fn sorted(ids: &[u32], key: impl Fn(u32) -> f32) -> [u32; FEW] {
+    let mut order = [0; FEW];
+    let mut keys = [0.0; FEW];
+    for (i, &id) in ids.iter().enumerate() {
+        let k = key(id);
+        let mut place = i;
+        while place > 0 && keys[place - 1] > k {
+            (keys[place], order[place]) = (keys[place - 1], order[place - 1]);
+            place -= 1;
+        }
+        (keys[place], order[place]) = (k, id);
+    }
+    order
 }

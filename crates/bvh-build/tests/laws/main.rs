@@ -1,23 +1,82 @@
-//! What holds for the tree of any soup: a permutation of the active triangles, consistent counts,
-//! bounded depth, and the same bits for every number of threads and every history of the workspace.
+//! What holds for the tree of any soup, built for one moment or for several: a permutation of the active triangles,
+//! consistent counts, bounded depth, and the same bits for every number of threads and every history of the workspace.
 
-mod temporal;
+mod quality;
 
-use bvh_build::{BinaryTree, Builder, Cancel, MAX_DEPTH, Subtree, sah_cost};
+use bvh_build::{
+    BinaryTree, Boxes, Builder, Cancel, MAX_DEPTH, MAX_MOMENTS, Moment, Subtree, TemporalBuilder,
+    sah_cost,
+};
 use geom::Aabb;
 use proptest::prelude::*;
 
-fn build(boxes: &[Aabb]) -> BinaryTree {
-    let mut tree = BinaryTree::default();
-    Builder::new()
-        .build(boxes, &Cancel::new(), &mut tree)
-        .unwrap();
-    tree
+/// Boxes of one moment.
+struct Frozen<'a>(&'a [Aabb]);
+
+impl Boxes for Frozen<'_> {
+    fn len(&self) -> usize {
+        self.0.len()
+    }
+    fn get(&self, triangle: u32) -> Aabb {
+        self.0[triangle as usize]
+    }
 }
 
-fn build_with_threads(boxes: &[Aabb], threads: usize) -> BinaryTree {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-    pool.build().unwrap().install(|| build(boxes))
+fn moments(all: &[Vec<Aabb>]) -> Vec<Moment<Frozen<'_>>> {
+    let moment = |(boxes, weight): (_, f64)| Moment { boxes, weight };
+    let weights = (1..).map(f64::from);
+    (all.iter().map(|b| Frozen(b)).zip(weights).map(moment)).collect()
+}
+
+/// A builder of either kind, with memory of its own.
+enum AnyBuilder {
+    OneMoment(Builder),
+    Temporal(TemporalBuilder),
+}
+
+impl AnyBuilder {
+    fn all() -> [Self; 2] {
+        [
+            Self::OneMoment(Builder::new()),
+            Self::Temporal(TemporalBuilder::new()),
+        ]
+    }
+
+    /// The tree for the first moment, or for all.
+    fn build(&mut self, all: &[Vec<Aabb>], tree: &mut BinaryTree) {
+        let cancel = Cancel::new();
+        let built = match self {
+            Self::OneMoment(builder) => builder.build(&all[0][..], &cancel, tree),
+            Self::Temporal(builder) => builder.build(&moments(all), &cancel, tree),
+        };
+        built.unwrap();
+    }
+
+    fn fresh(&self) -> Self {
+        match self {
+            Self::OneMoment(_) => Self::OneMoment(Builder::new()),
+            Self::Temporal(_) => Self::Temporal(TemporalBuilder::new()),
+        }
+    }
+
+    /// The moments that a tree is built for.
+    fn moments<'a>(&self, all: &'a [Vec<Aabb>]) -> &'a [Vec<Aabb>] {
+        match self {
+            Self::OneMoment(_) => &all[..1],
+            Self::Temporal(_) => all,
+        }
+    }
+}
+
+/// Builds with each builder and checks what holds for every tree; gives the depths.
+fn check(all: &[Vec<Aabb>]) -> [u32; 2] {
+    AnyBuilder::all().map(|mut builder| {
+        let mut tree = BinaryTree::default();
+        builder.build(all, &mut tree);
+        let moments = builder.moments(all);
+        let usable = |i: &u32| moments.iter().any(|boxes| is_usable(&boxes[*i as usize]));
+        check_holds((0..all[0].len() as u32).filter(usable).collect(), &tree)
+    })
 }
 
 fn is_usable(b: &Aabb) -> bool {
@@ -25,8 +84,12 @@ fn is_usable(b: &Aabb) -> bool {
     finite && !b.is_empty()
 }
 
-/// Depth of the deepest leaf; checks that every child holds something.
-fn depth_of(tree: &BinaryTree) -> u32 {
+/// Each of `active` once, in a tree that is consistent and not deep; gives the depth of the deepest leaf.
+fn check_holds(active: Vec<u32>, tree: &BinaryTree) -> u32 {
+    let mut order = tree.order().to_vec();
+    order.sort_unstable();
+    assert_eq!(order, active);
+    assert_eq!(tree.left_leaves().len(), active.len().saturating_sub(1));
     let mut deepest = 0;
     let mut stack: Vec<(Subtree, u32)> = tree.root().map(|root| (root, 0)).into_iter().collect();
     let mut visited = 0;
@@ -35,29 +98,14 @@ fn depth_of(tree: &BinaryTree) -> u32 {
         deepest = deepest.max(depth);
         if node.leaves > 1 {
             let [a, b] = tree.children(node);
-            assert!(
-                a.leaves > 0 && b.leaves > 0 && a.leaves < node.leaves,
-                "{node:?}"
-            );
+            let holds = a.leaves > 0 && b.leaves > 0 && a.leaves < node.leaves;
+            assert!(holds, "{node:?}");
             stack.extend([(a, depth + 1), (b, depth + 1)]);
         }
     }
     assert_eq!(visited, (2 * tree.leaf_count()).saturating_sub(1));
+    assert!(deepest <= MAX_DEPTH);
     deepest
-}
-
-fn check(boxes: &[Aabb], tree: &BinaryTree) {
-    let active = (0..boxes.len() as u32).filter(|&i| is_usable(&boxes[i as usize]));
-    check_holds(active.collect(), tree);
-}
-
-/// Each of `active` once, in a tree that is consistent and not deep.
-fn check_holds(active: Vec<u32>, tree: &BinaryTree) {
-    let mut order = tree.order().to_vec();
-    order.sort_unstable();
-    assert_eq!(order, active);
-    assert_eq!(tree.left_leaves().len(), active.len().saturating_sub(1));
-    assert!(depth_of(tree) <= MAX_DEPTH);
 }
 
 /// Box of edge `edge` at `at`.
@@ -126,41 +174,56 @@ fn soup() -> impl Strategy<Value = Vec<Aabb>> {
     })
 }
 
+/// Soups of one size at several moments.
+fn moving_soup() -> impl Strategy<Value = Vec<Vec<Aabb>>> {
+    prop::collection::vec(soup(), 1..=MAX_MOMENTS).prop_map(|mut soups| {
+        let n = soups.iter().map(Vec::len).min().unwrap_or(0);
+        soups.iter_mut().for_each(|s| s.truncate(n));
+        soups
+    })
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 96, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
 
     #[test]
-    fn a_tree_holds_each_active_triangle_once_and_is_not_deep(boxes in soup()) {
-        check(&boxes, &build(&boxes));
+    fn a_tree_holds_each_active_triangle_once_and_is_not_deep(one in soup(), all in moving_soup()) {
+        check(&[one]);
+        check(&all);
     }
 
     #[test]
-    fn the_workspace_leaves_no_trace_in_the_tree(first in soup(), second in soup()) {
-        let mut builder = Builder::new();
-        let mut tree = BinaryTree::default();
-        builder.build(&first[..], &Cancel::new(), &mut tree).unwrap();
-        builder.build(&second[..], &Cancel::new(), &mut tree).unwrap();
-        prop_assert_eq!(tree, build(&second));
+    fn the_workspace_leaves_no_trace_in_the_tree(first in moving_soup(), second in moving_soup()) {
+        for mut builder in AnyBuilder::all() {
+            let (mut reused, mut fresh) = (BinaryTree::default(), BinaryTree::default());
+            builder.build(&first, &mut reused);
+            builder.build(&second, &mut reused);
+            builder.fresh().build(&second, &mut fresh);
+            prop_assert_eq!(reused, fresh);
+        }
     }
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
 
     #[test]
     fn the_tree_and_its_cost_are_the_same_for_every_number_of_threads(boxes in soup(), seed: u64) {
         let mut next = noise(seed);
-        let large: Vec<_> = (0..70_000).map(|i| troublesome((i % 11) as u8, 1.0, &mut next)).collect();
-        for boxes in [boxes, large] {
-            let one = build_with_threads(&boxes, 1);
-            for threads in [2, 3] {
-                prop_assert_eq!(&one, &build_with_threads(&boxes, threads));
-            }
-            let [a, b] = [1, 3].map(|threads| {
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                pool.install(|| sah_cost(&one, &boxes[..])).to_bits()
-            });
-            prop_assert_eq!(a, b);
+        let mut large = || -> Vec<_> { (0..70_000).map(|i| troublesome((i % 11) as u8, 1.0, &mut next)).collect() };
+        let with = |all: &[Vec<Aabb>], threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let built = |mut builder: AnyBuilder| {
+                let mut tree = BinaryTree::default();
+                builder.build(all, &mut tree);
+                let cost = sah_cost(&tree, &all[0][..]).to_bits();
+                (tree, cost)
+            };
+            pool.install(|| AnyBuilder::all().map(built))
+        };
+        for all in [vec![boxes], vec![large(), large(), large()]] {
+            let one = with(&all, 1);
+            prop_assert!([2, 3].into_iter().all(|threads| with(&all, threads) == one));
         }
     }
 }
@@ -174,38 +237,35 @@ fn a_small_stack_suffices() {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(2)
         .stack_size(256 << 10);
-    let tree = pool.build().unwrap().install(|| build(&boxes));
-    check(&boxes, &tree);
+    pool.build().unwrap().install(|| check(&[boxes]));
 }
 
 #[test]
-fn a_million_identical_triangles_make_a_balanced_tree() {
-    let boxes = vec![cube([1.0; 3], 2.0); 1_000_000];
-    let tree = build(&boxes);
-    check(&boxes, &tree);
-    assert_eq!(depth_of(&tree), 20);
+fn identical_triangles_make_a_balanced_tree() {
+    assert_eq!(check(&[vec![cube([1.0; 3], 2.0); 1 << 17]]), [17; 2]);
 }
 
 #[test]
-fn positions_in_a_geometric_series_stay_within_the_depth_bound() {
-    for ratio in [0.5_f32, 0.9, 0.99] {
+fn odd_scenes_stay_within_the_depth_bound() {
+    let series = |ratio: f32| -> Vec<Aabb> {
         let mut x = 1e30;
-        let boxes: Vec<_> = (0..30_000)
-            .map(|_| {
-                x = (x * ratio).max(f32::from_bits(1));
-                cube([x, 0.0, 0.0], x)
-            })
-            .collect();
-        check(&boxes, &build(&boxes));
+        let next = |_| {
+            x = (x * ratio).max(f32::from_bits(1));
+            cube([x, 0.0, 0.0], x)
+        };
+        (0..30_000).map(next).collect()
+    };
+    let all = [0.5, 0.9, 0.99].map(series);
+    check(&all);
+    for i in 0..3 {
+        check(&all[i..=i]);
     }
-}
-
-#[test]
-fn nested_boxes_with_one_centre_stay_within_the_depth_bound() {
-    let boxes: Vec<_> = (0..5_000)
-        .map(|i| cube([-(i as f32); 3], 2.0 * i as f32))
-        .collect();
-    check(&boxes, &build(&boxes));
+    let nested = |i: u16| cube([-f32::from(i); 3], 2.0 * f32::from(i));
+    check(&[(0..5_000).map(nested).collect()]);
+    // Specks too small to tell apart share a scene with a large box.
+    let speck = |i: u32| cube([f32::from_bits(i), 0.0, 0.0], 0.0);
+    let large = cube([0.5; 3], 0.5);
+    check(&[(0..1_000).map(speck).chain([large]).collect()]);
 }
 
 #[test]
@@ -222,17 +282,7 @@ fn a_scene_that_wants_a_deeper_tree_gets_the_deepest_allowed() {
         }
     }
     boxes.extend((0..32).map(|i| cube([2.0_f32.powi(-60 - i); 3], 0.0)));
-    let tree = build(&boxes);
-    check(&boxes, &tree);
-    assert_eq!(depth_of(&tree), MAX_DEPTH);
-}
-
-#[test]
-fn specks_too_small_to_tell_apart_share_a_scene_with_a_large_box() {
-    let speck = |i: u32| cube([f32::from_bits(i), 0.0, 0.0], 0.0);
-    let mut boxes: Vec<_> = (0..1_000).map(speck).collect();
-    boxes.push(cube([0.5; 3], 0.5));
-    check(&boxes, &build(&boxes));
+    assert_eq!(check(&[boxes])[0], MAX_DEPTH);
 }
 
 #[test]
@@ -244,10 +294,10 @@ fn the_scale_of_a_scene_does_not_change_its_tree() {
         .map(|i| troublesome([0, 3, 4, 10][i % 4], 1.0, &mut next))
         .map(|b| scaled(&b, round))
         .collect();
-    let tree = build(&boxes);
+    let tree = BinaryTree::over(&boxes[..]);
     for k in [-133, -100, -40, 40, 100, 127] {
         let (a, b) = (2.0_f32.powi(k / 2), 2.0_f32.powi(k - k / 2));
         let scaled: Vec<_> = boxes.iter().map(|c| scaled(c, |x| x * a * b)).collect();
-        assert_eq!(build(&scaled), tree, "2^{k}");
+        assert_eq!(BinaryTree::over(&scaled[..]), tree, "2^{k}");
     }
 }

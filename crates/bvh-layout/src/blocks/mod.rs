@@ -1,7 +1,6 @@
 //! The tree once more, with eight children a node and eight triangles a block.
 
 mod collapse;
-mod opened;
 
 use std::ops::Range;
 
@@ -101,14 +100,12 @@ impl Link {
 
     /// Whether it leads to a block.
     #[inline(always)]
-    #[must_use]
     pub const fn is_block(self) -> bool {
         self.0 & Self::BLOCK != 0
     }
 
     /// Of the node or of the block.
     #[inline(always)]
-    #[must_use]
     pub const fn index(self) -> usize {
         (self.0 & !Self::BLOCK) as usize
     }
@@ -134,7 +131,6 @@ impl Ranges {
     /// For each range two places in a table: `i` is the union of lanes `i` and `i + 1`, and `8 + i` of
     /// the four from `i` on.
     #[inline(always)]
-    #[must_use]
     pub fn places(&self) -> &[[u8; 2]] {
         &self.places[..usize::from(self.count)]
     }

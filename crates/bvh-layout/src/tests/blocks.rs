@@ -57,14 +57,12 @@ fn below(tree: &BlockTree, node: usize, depth: usize, seen: &mut [u32], out: &mu
 
 /// The record's triangles, depth first.
 fn depth_first(tree: &Topology, node: u32, out: &mut Vec<u32>) {
-    let is_leaf = |node: u32| tree.leaf_bits()[node as usize / 32] >> (node % 32) & 1 == 1;
-    let before = |node: u32| (0..node).filter(|&n| is_leaf(n)).count();
-    if is_leaf(node) {
-        out.push(tree.leaf_triangles()[before(node)]);
-    } else {
-        for child in Topology::children_of_inner(node - before(node) as u32) {
-            depth_first(tree, child, out);
-        }
+    let node = tree.ranks().of(node);
+    match node.leaf() {
+        Some(rank) => out.push(tree.leaf_triangles()[rank as usize]),
+        None => Topology::children_of_inner(node.rank())
+            .into_iter()
+            .for_each(|child| depth_first(tree, child, out)),
     }
 }
 
@@ -112,11 +110,16 @@ fn full_subtrees_make_full_nodes() {
     let wide = BlockTree::of(&record, &triangles(scene(&tree)), (&[], First::Left));
     let upper = &wide.nodes[wide.levels[1].clone()];
     assert!(upper.iter().all(|node| !node.links.contains(&Link::ROOT)));
-    assert!(
-        wide.blocks.len() * 4 < 20_000,
-        "{} blocks",
-        wide.blocks.len()
-    );
+    assert!(wide.blocks.len() * 4 < 20_000);
+}
+
+/// Equal boxes, but for that of one large triangle.
+fn boxes(n: usize, large: u32) -> Vec<geom::Aabb> {
+    let bounds = |t| geom::Aabb {
+        min: [0.0; 3],
+        max: [if t == large { 100.0 } else { 1.0 }; 3],
+    };
+    (0..n as u32).map(bounds).collect()
 }
 
 #[test]
@@ -126,15 +129,7 @@ fn the_subtree_of_the_largest_area_is_opened_first() {
     let record = record(&tree);
     let corners = triangles(scene(&tree));
     let large = record.leaf_triangles()[7];
-    let boxes: Vec<_> = (0..scene(&tree) as u32)
-        .map(|t| {
-            let size = if t == large { 100.0 } else { 1.0 };
-            geom::Aabb {
-                min: [0.0; 3],
-                max: [size; 3],
-            }
-        })
-        .collect();
+    let boxes = boxes(scene(&tree), large);
     let depth = |wide: &BlockTree| {
         let is_there = |block: &Block| block.triangles.contains(&large);
         let block = wide.blocks.iter().position(is_there).unwrap() as u32;
@@ -146,12 +141,7 @@ fn the_subtree_of_the_largest_area_is_opened_first() {
     };
     let [by_size, by_area] =
         [&[][..], &boxes].map(|b| BlockTree::of(&record, &corners, (b, First::Larger)));
-    assert!(
-        depth(&by_area) < depth(&by_size),
-        "{} {}",
-        depth(&by_area),
-        depth(&by_size)
-    );
+    assert!(depth(&by_area) < depth(&by_size));
 }
 
 /// The block that a search comes to that asks the last lane of each node first.
@@ -171,12 +161,7 @@ fn of_two_subtrees_the_larger_is_asked_first_or_the_left_one() {
     let mut order = Vec::new();
     depth_first(&record, 0, &mut order);
     for large in [order[0], order[9_000], order[19_999]] {
-        let boxes: Vec<_> = (0..scene(&tree) as u32)
-            .map(|t| geom::Aabb {
-                min: [0.0; 3],
-                max: [if t == large { 100.0 } else { 1.0 }; 3],
-            })
-            .collect();
+        let boxes = boxes(scene(&tree), large);
         let corners = triangles(scene(&tree));
         for (first, found) in [(First::Larger, large), (First::Left, order[0])] {
             let wide = BlockTree::of(&record, &corners, (&boxes, first));

@@ -2,10 +2,11 @@
 
 mod blocks;
 mod fuzz;
-mod treelets;
+pub(crate) mod treelets;
 
 use crate::{Converter, Topology};
 use bvh_build::{BinaryTree, MAX_DEPTH};
+use geom::StaticParts;
 use std::collections::VecDeque;
 
 /// Grows a tree: `split` takes a subtree's leaves and depth and gives the leaves to the left.
@@ -28,6 +29,14 @@ fn grow(leaves: usize, mut split: impl FnMut(u32, u32) -> u32) -> BinaryTree {
 /// Triangles in a scene that the tree fits.
 pub(crate) fn scene(tree: &BinaryTree) -> usize {
     tree.order().iter().max().map_or(0, |&t| t as usize + 2)
+}
+
+/// Classes of `all` triangles, of which some move.
+pub(crate) fn parts(all: usize, moves: impl Fn(u32) -> bool) -> StaticParts {
+    StaticParts {
+        triangles: (0..all as u32).map(|t| !moves(t)).collect(),
+        ..StaticParts::default()
+    }
 }
 
 /// The tree's record.
@@ -94,8 +103,9 @@ pub(crate) fn check_against(record: &Topology, tree: &BinaryTree) {
     let mut per_level = Vec::new();
     while let Some((preorder, first_leaf, leaves, depth)) = queue.pop_front() {
         per_level.resize(depth + 1, [0, 0]);
-        assert_eq!(record.is_leaf(node), leaves == 1, "node {node}");
-        assert_eq!(record.leaf_rank(node), leaf);
+        let rank = record.ranks().of(node);
+        assert_eq!(rank.rank(), if leaves == 1 { leaf } else { inner });
+        assert_eq!(rank.leaf().is_some(), leaves == 1, "node {node}");
         if leaves == 1 {
             assert_eq!(
                 record.leaf_triangles()[leaf as usize],

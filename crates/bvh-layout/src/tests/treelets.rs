@@ -3,10 +3,20 @@
 use super::{chain, random_tree, record, shapes};
 use crate::{Topology, Treelet, Treelets};
 use bvh_build::BinaryTree;
+use std::cell::RefCell;
 use std::collections::{BTreeSet, HashMap};
 
-/// A reading of treelets that knows the layout's description alone.
-struct Reader<'a>(&'a Treelets);
+/// A reading of treelets that knows the layout's description alone; keeps the triangles of each row of a box, if told to.
+struct Reader<'a>(&'a Treelets, Option<RefCell<HashMap<u32, Vec<u32>>>>);
+
+/// The triangles below each row of a box, depth first.
+pub(crate) fn triangles_of_rows(treelets: &Treelets) -> HashMap<u32, Vec<u32>> {
+    let reader = Reader(treelets, Some(RefCell::default()));
+    let (all, _) = reader.tree();
+    let mut rows = reader.1.unwrap().into_inner();
+    rows.insert(0, all.order);
+    rows
+}
 
 /// What a node stands for: its triangles, depth first, and the leaves to the left of each of its inner nodes.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -76,6 +86,11 @@ impl Reader<'_> {
         let height = 1 + left_height.max(right_height);
         assert_eq!((word >> 26) + 1, height);
         assert!(height <= entry.height);
+        if let Some(rows) = &self.1 {
+            let row = entry.inner_row + 4 * number;
+            let both = [(row, left.order.clone()), (row + 2, right.order.clone())];
+            rows.borrow_mut().extend(both);
+        }
         (Found::over(left, right), height)
     }
 
@@ -99,7 +114,7 @@ impl Reader<'_> {
 
 fn check(tree: &BinaryTree) -> Treelets {
     let treelets = Treelets::of_tree(tree);
-    let (found, rows) = Reader(&treelets).tree();
+    let (found, rows) = Reader(&treelets, None).tree();
     assert_eq!(found.order, tree.order());
     for most in [1, 3, 40, 2_000, u32::MAX] {
         let (first, count) = treelets.few_roots(most);

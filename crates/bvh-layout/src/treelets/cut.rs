@@ -14,6 +14,8 @@ pub(super) struct Cut {
     pub(super) treelets: Vec<Range<usize>>,
     /// What lies above, whose leaves the roots are: for each inner node in preorder, the roots to its left.
     pub(super) above: Vec<u32>,
+    /// Which of the tree's inner nodes those are.
+    pub(super) names: Vec<u32>,
 }
 
 /// Triangles of a tree that is cut into the largest subtrees that fit. A device has enough workgroups to make all of its
@@ -36,11 +38,11 @@ impl Cut {
             0..=SMALL => Treelets::LEAVES,
             _ => QUARTER,
         };
-        let mut levels = vec![Self::new(tree.left_leaves(), most)];
+        let mut levels = vec![Self::new(tree.left_leaves(), most, None)];
         while let Some(last) = levels.last()
             && !last.above.is_empty()
         {
-            let next = Self::new(&last.above, Treelets::LEAVES);
+            let next = Self::new(&last.above, Treelets::LEAVES, Some(&last.names));
             levels.push(next);
         }
         // From the top down: roots go into one treelet only if they stand below one treelet.
@@ -53,8 +55,8 @@ impl Cut {
         levels
     }
 
-    fn new(left_leaves: &[u32], most: usize) -> Self {
-        let (mut roots, mut above) = (Vec::new(), Vec::new());
+    fn new(left_leaves: &[u32], most: usize, below: Option<&[u32]>) -> Self {
+        let (mut roots, mut above, mut names) = (Vec::new(), Vec::new(), Vec::new());
         let root = Subtree {
             inner: 0,
             first_leaf: 0,
@@ -74,11 +76,13 @@ impl Cut {
             let [left, right] = node.children(left_leaves);
             waiting.extend([(right, Some(above.len())), (left, None)]);
             above.push(roots.len() as u32);
+            names.push(below.map_or(node.inner, |names| names[node.inner as usize]));
         }
         Self {
             treelets: Vec::new(),
             roots,
             above,
+            names,
         }
     }
 
@@ -107,10 +111,10 @@ fn pack(roots: &[Subtree], starts: &[usize]) -> Vec<Range<usize>> {
 
 /// A breadth-first record back to a depth-first tree.
 pub(super) fn depth_first(topology: &Topology) -> BinaryTree {
-    let nodes = topology.node_count() as u32;
+    let (nodes, ranks) = (topology.node_count() as u32, topology.ranks());
     let mut leaves = vec![1_u32; nodes as usize];
-    for node in (0..nodes).rev().filter(|&node| !topology.is_leaf(node)) {
-        let children = Topology::children_of_inner(node - topology.leaf_rank(node));
+    for node in (0..nodes).rev().filter(|&n| ranks.of(n).leaf().is_none()) {
+        let children = Topology::children_of_inner(ranks.of(node).rank());
         leaves[node as usize] = children.iter().map(|&c| leaves[c as usize]).sum();
     }
     let mut order = vec![0; topology.leaf_count()];
@@ -119,12 +123,12 @@ pub(super) fn depth_first(topology: &Topology) -> BinaryTree {
     let mut places = vec![(0_u32, 0_u32); nodes as usize];
     for node in 0..nodes {
         let (first_leaf, inner) = places[node as usize];
-        let rank = topology.leaf_rank(node);
-        if topology.is_leaf(node) {
+        let node = ranks.of(node);
+        if let Some(rank) = node.leaf() {
             order[first_leaf as usize] = topology.leaf_triangles()[rank as usize];
             continue;
         }
-        let [left, right] = Topology::children_of_inner(node - rank);
+        let [left, right] = Topology::children_of_inner(node.rank());
         let before = leaves[left as usize];
         left_leaves[inner as usize] = before;
         places[left as usize] = (first_leaf, inner + 1);

@@ -1,18 +1,27 @@
 //! From cuts to words: each treelet by itself, in parallel.
 
 use super::cut::Cut;
-use super::{Treelet, Treelets};
+use super::{Treelet, Treelets, WideTree};
 use bvh_build::{BinaryTree, MAX_DEPTH, Subtree};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Bit 8 of a reference: a leaf.
-pub(super) const LEAF: u32 = 1 << 8;
+const LEAF: u32 = 1 << 8;
 /// The first bit of an inner node's height, in its word.
 const HEIGHT_AT: u32 = 26;
 
+/// Where inner nodes of the tree are in treelets: the number of the treelet, and from bit 8 down that of the node in it.
+/// Of nodes over so few triangles that a wide tree's blocks hold them, nothing is told.
+pub(super) type Places = [AtomicU32];
+
 /// A treelet on its way: what it is made of, and its own part of the words.
 struct Task<'a> {
+    number: u32,
     left_leaves: &'a [u32],
+    /// Which of the tree's inner nodes those of its level are; none on the lowest, whose they are.
+    names: Option<&'a [u32]>,
+    places: &'a Places,
     roots: &'a [Subtree],
     root_words: &'a mut [u32],
     /// Its triangles; empty on higher levels, where no two leaves are joined.
@@ -22,12 +31,13 @@ struct Task<'a> {
     inner: &'a mut [u32],
 }
 
-/// `room` and `words` lend their memory; what is in them does not matter.
+/// `room` and `words` lend their memory; what is in them does not matter. `places` have room for all inner nodes or none.
 pub(super) fn fill(
     tree: &BinaryTree,
     cuts: &[Cut],
     room: &mut Vec<u32>,
     mut words: Vec<u32>,
+    places: &Places,
 ) -> Treelets {
     let count = |of: fn(&Cut) -> usize| cuts.iter().map(of).sum::<usize>();
     let (treelets, roots) = (count(|c| c.treelets.len()), count(|c| c.roots.len()));
@@ -41,7 +51,7 @@ pub(super) fn fill(
     words.reserve((inner_at + room.len()).saturating_sub(words.len()));
     words.resize(inner_at, 0);
     let body = &mut words[treelets * Treelets::ENTRY_WORDS..];
-    let tasks = tasks(tree, cuts, body.split_at_mut(roots), room);
+    let tasks = tasks(tree, cuts, body.split_at_mut(roots), room, places);
     let found: Vec<(u32, u32)> = tasks.into_par_iter().map(Task::run).collect();
     let inner_count = found.iter().map(|&(inner, _)| inner).sum();
     words.resize(inner_at + inner_count as usize, 0);
@@ -87,15 +97,19 @@ fn tasks<'a>(
     cuts: &'a [Cut],
     (mut root_words, mut triangles): (&'a mut [u32], &'a mut [u32]),
     mut inner: &'a mut [u32],
+    places: &'a Places,
 ) -> Vec<Task<'a>> {
-    let mut left_leaves = tree.left_leaves();
+    let (mut left_leaves, mut names) = (tree.left_leaves(), None);
     let mut tasks = Vec::new();
     for cut in cuts {
         for treelet in &cut.treelets {
             let leaves = cut.leaves(treelet);
             let own = leaves.len().min(triangles.len());
             tasks.push(Task {
+                number: tasks.len() as u32,
                 left_leaves,
+                names,
+                places,
                 roots: &cut.roots[treelet.clone()],
                 root_words: take(&mut root_words, treelet.len()),
                 triangles: take(&mut triangles, own),
@@ -103,7 +117,7 @@ fn tasks<'a>(
                 inner: take(&mut inner, leaves.len()),
             });
         }
-        left_leaves = &cut.above;
+        (left_leaves, names) = (&cut.above, Some(&cut.names[..]));
     }
     tasks
 }
@@ -154,6 +168,12 @@ impl Task<'_> {
         }
         let own = inner.count;
         inner.count += 1;
+        if self.names.is_some() || node.leaves as usize > WideTree::LANES {
+            let name = (self.names).map_or(node.inner, |names| names[node.inner as usize]);
+            if let Some(place) = self.places.get(name as usize) {
+                place.store(self.number << 8 | own, Ordering::Relaxed);
+            }
+        }
         let [left, right] = node.children(self.left_leaves);
         let (left, left_height) = self.enter(left, inner);
         let (right, right_height) = self.enter(right, inner);

@@ -12,6 +12,7 @@ use cut::Cut;
 use geom::StaticParts;
 pub use moving::MovingTreelets;
 use std::ops::Range;
+use std::sync::atomic::AtomicU32;
 
 /// A tree in depth-first leaf order, cut into treelets.
 ///
@@ -78,9 +79,12 @@ pub struct Treelets {
 /// 8 bytes a lane: half a byte a triangle or so.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WideTree {
-    words: Vec<u32>,
-    lanes: usize,
-    root: u32,
+    /// What is handed over.
+    pub words: Vec<u32>,
+    /// Lanes of all nodes.
+    pub lanes: usize,
+    /// Where a lane would lead that leads to the root.
+    pub root: u32,
 }
 
 impl WideTree {
@@ -92,31 +96,13 @@ impl WideTree {
     pub const MOST_TRIANGLES: usize = 1 << 20;
     const BLOCK: u32 = 1 << 31;
     const FIRST_AT: u32 = 6;
-
-    /// What is handed over.
-    #[must_use]
-    pub fn words(&self) -> &[u32] {
-        &self.words
-    }
-
-    /// Lanes of all nodes.
-    #[must_use]
-    pub fn lane_count(&self) -> usize {
-        self.lanes
-    }
-
-    /// Where a lane would lead that leads to the root.
-    #[must_use]
-    pub fn root(&self) -> u32 {
-        self.root
-    }
 }
 
-/// Memory that treelets are made in: a word a triangle, and 10 bytes more where they are made wide.
+/// Memory that treelets are made in: a word a triangle, and another where they are made wide.
 #[derive(Debug, Default)]
 pub(crate) struct Workspace {
     inner: Vec<u32>,
-    wide: wide::Room,
+    places: Vec<AtomicU32>,
 }
 
 #[cfg(test)]
@@ -124,7 +110,8 @@ impl Workspace {
     /// Writes over all that is in it.
     pub(crate) fn spoil(&mut self) {
         self.inner.fill(u32::MAX);
-        self.wide.spoil();
+        let places = self.places.iter_mut();
+        places.for_each(|place| *place.get_mut() = u32::MAX);
     }
 }
 
@@ -187,8 +174,13 @@ impl Treelets {
             return Self::default();
         }
         let cuts = Cut::all(tree);
-        let mut made = fill::fill(tree, &cuts, &mut room.inner, words);
-        made.wide = WideTree::of(&made, &mut room.wide);
+        let is_wide = tree.leaf_count() <= WideTree::MOST_TRIANGLES;
+        let nodes = if is_wide { tree.leaf_count() - 1 } else { 0 };
+        room.places.resize_with(nodes, AtomicU32::default);
+        let mut made = fill::fill(tree, &cuts, &mut room.inner, words, &room.places);
+        if is_wide {
+            made.wide = WideTree::of(tree, &made, &room.places);
+        }
         made
     }
 
@@ -197,7 +189,6 @@ impl Treelets {
     }
 
     /// What is handed over.
-    #[must_use]
     pub fn words(&self) -> &[u32] {
         &self.words
     }
@@ -209,7 +200,7 @@ impl Treelets {
     #[must_use]
     pub fn with_moving(mut self, parts: &StaticParts) -> Self {
         self.moving = MovingTreelets::of(&self, parts);
-        let listed = self.moving.iter().flat_map(MovingTreelets::words);
+        let listed = self.moving.iter().flat_map(|m| &m.words);
         let parents = listed.map(|&number| self.treelet(number as usize).parent);
         let parents: Vec<_> = parents.filter(|&p| p != Treelet::NONE).collect();
         for parent in parents {
@@ -225,39 +216,33 @@ impl Treelets {
     }
 
     /// What must be done again when the scene moves; `None` if all of it.
-    #[must_use]
     pub fn moving(&self) -> Option<&MovingTreelets> {
         self.moving.as_ref()
     }
 
     /// The same tree with 32 children a node, if it has that form.
-    #[must_use]
     pub fn wide(&self) -> Option<&WideTree> {
         self.wide.as_ref()
     }
 
     /// All that is handed over, in this order: the words, lists of what moves, the wide tree.
-    #[must_use]
     pub fn parts(&self) -> [&[u32]; 3] {
-        let lists = self.moving.as_ref().map_or(&[][..], MovingTreelets::words);
-        let wide = self.wide.as_ref().map_or(&[][..], WideTree::words);
+        let lists = self.moving.as_ref().map_or(&[][..], |m| &m.words);
+        let wide = self.wide.as_ref().map_or(&[][..], |w| &w.words);
         [&self.words, lists, wide]
     }
 
     /// Bytes handed over.
-    #[must_use]
     pub fn bytes(&self) -> usize {
         self.parts().iter().map(|part| size_of_val(*part)).sum()
     }
 
     /// The numbers of each level's treelets, the level of the triangles first.
-    #[must_use]
     pub fn levels(&self) -> &[Range<u32>] {
         &self.levels
     }
 
     /// All treelets, level by level.
-    #[must_use]
     pub fn treelet_count(&self) -> usize {
         self.levels.last().map_or(0, |level| level.end as usize)
     }
@@ -266,7 +251,6 @@ impl Treelets {
     ///
     /// # Panics
     /// If there is no such treelet.
-    #[must_use]
     pub fn treelet(&self, number: usize) -> Treelet {
         assert!(number < self.treelet_count(), "no treelet {number}");
         let entry = &self.words[number * Self::ENTRY_WORDS..][..Self::ENTRY_WORDS];
@@ -275,7 +259,6 @@ impl Treelets {
 
     /// The roots of the lowest level that has at most so many: the row of the first, and how many.
     /// Every triangle lies below one of them.
-    #[must_use]
     pub fn few_roots(&self, most: u32) -> (u32, u32) {
         let roots = self.levels.iter().map(|level| {
             let each = level.clone().map(|t| self.treelet(t as usize).root_count);
@@ -287,19 +270,16 @@ impl Treelets {
     }
 
     /// Triangles.
-    #[must_use]
     pub fn leaf_count(&self) -> usize {
         self.leaf_count as usize
     }
 
     /// Roots of all treelets.
-    #[must_use]
     pub fn root_count(&self) -> usize {
         self.root_count as usize
     }
 
     /// Inner nodes.
-    #[must_use]
     pub fn inner_count(&self) -> usize {
         self.inner_count as usize
     }
@@ -311,19 +291,12 @@ impl Treelets {
         &self.words[at..][..entry.leaf_count as usize]
     }
 
-    /// Those of all, in depth-first order.
-    fn depth_first_triangles(&self) -> &[u32] {
-        &self.words[self.triangles_at()..][..self.leaf_count()]
-    }
-
     /// Where the triangles begin, in words.
-    #[must_use]
     pub fn triangles_at(&self) -> usize {
         self.words.len() - self.inner_count() - self.leaf_count()
     }
 
     /// Rows of 16 bytes in which a device keeps all nodes.
-    #[must_use]
     pub fn rows(&self) -> usize {
         let waiting_roots = (self.root_count as usize).saturating_sub(1);
         4 * (1 + self.inner_count()) + 2 * waiting_roots

@@ -8,10 +8,12 @@ use std::ops::Range;
 /// Treelets with a triangle below that moves. In all others every box stays the same at every pose.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MovingTreelets {
-    /// Numbers of treelets, rising.
-    words: Vec<u32>,
-    levels: Vec<Range<usize>>,
-    degenerate_elsewhere: u32,
+    /// Their numbers, rising, as they are handed over.
+    pub words: Vec<u32>,
+    /// For each level, that of the triangles first, where its treelets lie among [`MovingTreelets::words`].
+    pub levels: Vec<Range<usize>>,
+    /// Active triangles of zero area in treelets that do not move.
+    pub degenerate_elsewhere: u32,
 }
 
 impl MovingTreelets {
@@ -36,24 +38,6 @@ impl MovingTreelets {
             levels,
             degenerate_elsewhere: (parts.degenerate.len() - among) as u32,
         })
-    }
-
-    /// Their numbers, rising, as they are handed over.
-    #[must_use]
-    pub fn words(&self) -> &[u32] {
-        &self.words
-    }
-
-    /// For each level, that of the triangles first, where its treelets lie among [`MovingTreelets::words`].
-    #[must_use]
-    pub fn levels(&self) -> &[Range<usize>] {
-        &self.levels
-    }
-
-    /// Active triangles of zero area in treelets that do not move.
-    #[must_use]
-    pub fn degenerate_elsewhere(&self) -> u32 {
-        self.degenerate_elsewhere
     }
 }
 
@@ -96,16 +80,8 @@ fn degenerate_among(tree: &Treelets, treelets: &[u32], parts: &StaticParts) -> u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::{chain, random_tree, scene};
+    use crate::tests::{chain, parts, random_tree, scene};
     use std::collections::BTreeSet;
-
-    fn parts(all: usize, moves: impl Fn(u32) -> bool, degenerate: Vec<u32>) -> StaticParts {
-        StaticParts {
-            triangles: (0..all as u32).map(|t| !moves(t)).collect(),
-            degenerate,
-            ..StaticParts::default()
-        }
-    }
 
     /// Word for word what the lists mean, by a walk from the triangles up, row by row.
     fn expected(tree: &Treelets, parts: &StaticParts) -> Vec<Vec<u32>> {
@@ -141,12 +117,12 @@ mod tests {
             let order = tree.order();
             for (first, count) in [(0, 1), (order.len() / 2, 300), (order.len() - 1, 1)] {
                 let moves: BTreeSet<u32> = order[first..].iter().take(count).copied().collect();
-                let parts = parts(scene(&tree), |t| moves.contains(&t), vec![]);
+                let parts = parts(scene(&tree), |t| moves.contains(&t));
                 let expected = expected(&treelets, &parts);
                 let listed = treelets.clone().with_moving(&parts);
                 let found = listed.moving().map(|m| {
-                    let levels = m.levels().iter();
-                    let lists = levels.map(|l| m.words()[l.clone()].to_vec());
+                    let levels = m.levels.iter();
+                    let lists = levels.map(|l| m.words[l.clone()].to_vec());
                     lists.collect::<Vec<_>>()
                 });
                 let many = 2 * expected.concat().len() > treelets.treelet_count();
@@ -160,7 +136,7 @@ mod tests {
                 }
                 assert_eq!(found, (!many).then_some(expected));
                 assert_eq!(listed.bytes() - treelets.bytes(), {
-                    listed.moving().map_or(0, |m| 4 * m.words().len())
+                    listed.moving().map_or(0, |m| 4 * m.words.len())
                 });
             }
         }
@@ -171,15 +147,15 @@ mod tests {
         let tree = random_tree(20_000, 4);
         let treelets = Treelets::of_tree(&tree);
         let of = |moves: fn(u32) -> bool| {
-            let parts = parts(scene(&tree), moves, vec![]);
+            let parts = parts(scene(&tree), moves);
             treelets.clone().with_moving(&parts).moving().cloned()
         };
         let none = of(|_| false).unwrap();
-        assert!(none.words().is_empty());
-        assert_eq!(none.levels(), [0..0, 0..0]);
+        assert!(none.words.is_empty());
+        assert_eq!(none.levels, [0..0, 0..0]);
         assert_eq!(of(|t| t % 3 == 0), None);
         let empty = Treelets::default().with_moving(&StaticParts::default());
-        assert!(empty.moving().unwrap().levels().is_empty());
+        assert!(empty.moving().unwrap().levels.is_empty());
     }
 
     #[test]
@@ -189,8 +165,9 @@ mod tests {
         let order = tree.order();
         let mut degenerate = vec![order[1], order[2], order[10_000], order[19_999]];
         degenerate.sort_unstable();
-        let parts = parts(scene(&tree), |t| t == order[0], degenerate);
+        let mut parts = parts(scene(&tree), |t| t == order[0]);
+        parts.degenerate = degenerate;
         let listed = treelets.with_moving(&parts);
-        assert_eq!(listed.moving().unwrap().degenerate_elsewhere(), 2);
+        assert_eq!(listed.moving().unwrap().degenerate_elsewhere, 2);
     }
 }

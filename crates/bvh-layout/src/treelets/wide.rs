@@ -1,194 +1,55 @@
 //! The tree once more, wide: for searches in which the invocations of a subgroup ask a child each.
 
-use super::fill::LEAF as LEAF_OF_TREELET;
-use super::{Treelet, Treelets, WideTree};
+use super::fill::Places;
+use super::{Treelets, WideTree};
+use bvh_build::{BinaryTree, Subtree};
 use rayon::prelude::*;
+use std::sync::atomic::Ordering;
 
 /// Wide nodes that one task makes at least.
 const RUN: usize = 16;
 
-/// A binary node: an inner one by its number, or the leaf that begins with a triangle.
-type Node = u32;
-const LEAF: u32 = 1 << 31;
-
-/// First triangle, and how many.
-type Span = [u32; 2];
-
-/// That of a leaf.
-fn span_of_leaf(triangles: &[u32], leaf: Node) -> Span {
-    let first = leaf & !LEAF;
-    let shares = triangles[first as usize] & Treelets::SHARED != 0;
-    [first, 1 + u32::from(shares)]
-}
-
-/// A treelet's inner nodes, as they are read.
-struct Nodes<'a> {
-    triangles: &'a [u32],
-    /// Of the inner nodes of the levels below.
-    lower: &'a [Span],
-    /// Of its own.
-    children: &'a mut [[Node; 2]],
-    spans: &'a mut [Span],
-}
-
-impl Nodes<'_> {
-    /// Reads all, which stand in the order of their heights; returns the roots. `below` are the roots that the treelet stands
-    /// on, and those after them; none for treelets of triangles.
-    fn read(self, tree: &Treelets, t: &Treelet, below: &[Node]) -> Vec<Node> {
-        let first = t.inner_row / 4 - 1;
-        let node = |reference: u32| match (reference & LEAF_OF_TREELET, below) {
-            (0, _) => first + reference,
-            (_, []) => LEAF | (t.first_leaf + (reference & 255)),
-            (_, all) => all[(reference & 255) as usize],
-        };
-        for &word in &tree.words[t.inner_at as usize..][..t.inner_count as usize] {
-            let own = (word >> 18 & 255) as usize;
-            self.children[own] = [word & 511, word >> 9 & 511].map(node);
-            let [left, right] = self.children[own].map(|child| self.span(child, first));
-            self.spans[own] = [left[0], left[1] + right[1]];
-        }
-        let roots = &tree.words[t.roots_at as usize..][..t.root_count as usize];
-        roots.iter().map(|&root| node(root)).collect()
-    }
-
-    fn span(&self, node: Node, first: u32) -> Span {
-        match node {
-            leaf if leaf & LEAF != 0 => span_of_leaf(self.triangles, leaf),
-            own if own >= first => self.spans[(own - first) as usize],
-            lower => self.lower[lower as usize],
-        }
-    }
-}
-
-/// Memory for the binary tree; what is in it does not matter.
-#[derive(Debug, Default)]
-pub(super) struct Room {
-    children: Vec<[Node; 2]>,
-    spans: Vec<Span>,
-}
-
-#[cfg(test)]
-impl Room {
-    pub(super) fn spoil(&mut self) {
-        self.children.fill([Node::MAX; 2]);
-        self.spans.fill([u32::MAX; 2]);
-    }
-}
-
-/// The binary tree that treelets hold.
-struct Binary<'a> {
-    triangles: &'a [u32],
-    /// Of each inner node, by its number.
-    children: &'a mut [[Node; 2]],
-    /// Likewise.
-    spans: &'a mut [Span],
-    root: Node,
+/// A binary tree, and where treelets have its nodes.
+struct Source<'a> {
+    left_leaves: &'a [u32],
+    treelets: &'a Treelets,
+    places: &'a Places,
 }
 
 /// A child of a wide node: what it stands for, and the row of its box.
 #[derive(Clone, Copy)]
 struct Lane {
-    node: Node,
+    node: Subtree,
     row: u32,
-    span: Span,
 }
 
 impl Lane {
     fn is_block(&self) -> bool {
-        self.span[1] <= WideTree::LANES as u32
+        self.node.leaves <= WideTree::LANES as u32
     }
 
     fn block(&self) -> u32 {
-        let [first, count] = self.span;
-        WideTree::BLOCK | goal(first, count)
+        WideTree::BLOCK | goal(self.node.first_leaf, self.node.leaves)
     }
 }
 
-impl<'a> Binary<'a> {
-    fn of(tree: &'a Treelets, room: &'a mut Room) -> Self {
-        // Every entry is written below, so none is cleared.
-        room.children.resize(tree.inner_count(), [0; 2]);
-        room.spans.resize(tree.inner_count(), [0; 2]);
-        let mut binary = Self {
-            triangles: tree.depth_first_triangles(),
-            children: &mut room.children,
-            spans: &mut room.spans,
-            root: 0,
-        };
-        let (mut first_row, mut below) = (0, Vec::new());
-        for level in tree.levels() {
-            let treelets: Vec<_> = level.clone().map(|t| tree.treelet(t as usize)).collect();
-            below = binary.read_level(tree, &treelets, (first_row, &below));
-            first_row = treelets[0].root_row;
-        }
-        binary.root = below[0];
-        binary
-    }
-
-    /// Reads a level's inner nodes, a treelet a task; returns its roots. Those that it stands on are in rows from `first_row` on.
-    fn read_level(
-        &mut self,
-        tree: &Treelets,
-        treelets: &[Treelet],
-        (first_row, below): (u32, &[Node]),
-    ) -> Vec<Node> {
-        // Levels are numbered from the triangles up.
-        let first = (treelets[0].inner_row / 4 - 1) as usize;
-        let (lower, mut spans) = self.spans.split_at_mut(first);
-        let mut children = &mut self.children[first..];
-        let mut tasks = Vec::with_capacity(treelets.len());
-        for t in treelets {
-            let own = (
-                children.split_off_mut(..t.inner_count as usize),
-                spans.split_off_mut(..t.inner_count as usize),
-            );
-            let place = (t.first_leaf.wrapping_sub(first_row) / 2) as usize;
-            tasks.push((t, below.get(place..).unwrap_or_default(), own));
-        }
-        let (triangles, lower) = (self.triangles, &*lower);
-        let read = |(t, below, (children, spans)): (&Treelet, &[Node], (Option<_>, Option<_>))| {
-            let nodes = Nodes {
-                triangles,
-                lower,
-                children: children.unwrap_or_default(),
-                spans: spans.unwrap_or_default(),
-            };
-            nodes.read(tree, t, below)
-        };
-        let roots: Vec<_> = tasks.into_par_iter().map(read).collect();
-        roots.concat()
-    }
-
-    fn span(&self, node: Node) -> Span {
-        if node & LEAF == 0 {
-            self.spans[node as usize]
-        } else {
-            span_of_leaf(self.triangles, node)
-        }
-    }
-
-    fn lane(&self, node: Node, row: u32) -> Lane {
-        let span = self.span(node);
-        Lane { node, row, span }
-    }
-
+impl Source<'_> {
     /// The children of an inner node.
-    fn open(&self, node: Node) -> [Lane; 2] {
-        let row = 4 * (node + 1);
-        let [left, right] = self.children[node as usize];
-        [self.lane(left, row), self.lane(right, row + 2)]
+    fn open(&self, node: Subtree) -> [Lane; 2] {
+        let place = self.places[node.inner as usize].load(Ordering::Relaxed);
+        let row = self.treelets.treelet(place as usize >> 8).inner_row + 4 * (place & 255);
+        let [left, right] = node.children(self.left_leaves);
+        [(left, row), (right, row + 2)].map(|(node, row)| Lane { node, row })
     }
 
     /// The subtrees that stand for an inner node: the largest is opened first.
-    fn open_wide(&self, node: Node) -> Vec<Lane> {
+    fn open_wide(&self, node: Subtree) -> Vec<Lane> {
         let mut lanes = Vec::with_capacity(WideTree::LANES);
         lanes.extend(self.open(node));
         while lanes.len() < WideTree::LANES {
-            let large = lanes
-                .iter()
-                .enumerate()
-                .filter(|(_, lane)| !lane.is_block());
-            let Some((at, lane)) = large.max_by_key(|(_, lane)| lane.span[1]) else {
+            let large = lanes.iter().enumerate();
+            let large = large.filter(|(_, lane)| !lane.is_block());
+            let Some((at, lane)) = large.max_by_key(|(_, lane)| lane.node.leaves) else {
                 break;
             };
             let [left, right] = self.open(lane.node);
@@ -208,7 +69,7 @@ struct Lanes {
 
 impl Lanes {
     /// Adds a node's and tells where it begins, and which of its lanes lead to nodes yet to be made.
-    fn add_node(&mut self, lanes: &[Lane], next: &mut Vec<(Node, usize)>) -> u32 {
+    fn add_node(&mut self, lanes: &[Lane], next: &mut Vec<(Subtree, usize)>) -> u32 {
         let first = self.goals.len();
         for lane in lanes {
             self.rows.push(lane.row);
@@ -234,21 +95,23 @@ impl Lanes {
 }
 
 impl WideTree {
-    /// Of treelets, in the rayon pool that the caller installed; `None` if they are of no triangle, of too many, or too deep.
-    pub(super) fn of(tree: &Treelets, room: &mut Room) -> Option<Self> {
-        if !(1..=Self::MOST_TRIANGLES).contains(&tree.leaf_count()) {
-            return None;
-        }
-        let tree = Binary::of(tree, room);
+    /// Of a tree and its treelets, in the rayon pool that the caller installed; `None` if it is too deep.
+    pub(super) fn of(tree: &BinaryTree, treelets: &Treelets, places: &Places) -> Option<Self> {
+        let node = tree.root()?;
+        let tree = Source {
+            left_leaves: tree.left_leaves(),
+            treelets,
+            places,
+        };
         let mut lanes = Lanes::default();
         // Rows 0 and 1 are the box of all.
-        let all = tree.lane(tree.root, 0);
+        let all = Lane { node, row: 0 };
         if all.is_block() {
             lanes.add_node(&[all], &mut Vec::new());
             return Some(lanes.into_tree(goal(0, 1)));
         }
         let mut level = Vec::new();
-        let root = lanes.add_node(&tree.open_wide(tree.root), &mut level);
+        let root = lanes.add_node(&tree.open_wide(node), &mut level);
         for _ in 1..Self::MOST_LEVELS {
             let opened = level.par_iter().with_min_len(RUN);
             let opened: Vec<_> = opened.map(|&(node, _)| tree.open_wide(node)).collect();
@@ -270,71 +133,44 @@ fn goal(first: u32, count: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tests::treelets::triangles_of_rows;
     use crate::tests::{chain, random_tree, shapes};
 
-    /// Triangles below a node, and the levels from it on.
-    fn below(wide: &WideTree, node: u32, triangles: &mut Vec<u32>) -> usize {
-        let (mut levels, lanes) = (0, wide.lane_count());
-        assert!((1..=32).contains(&(node & 63)));
-        for lane in (node >> 6)..(node >> 6) + (node & 63) {
-            let goal = wide.words[lanes + lane as usize];
-            if goal & WideTree::BLOCK == 0 {
-                levels = levels.max(below(wide, goal, triangles));
-            } else {
-                let first = (goal & !WideTree::BLOCK) >> 6;
-                assert!((1..=32).contains(&(goal & 63)));
-                triangles.extend(first..first + (goal & 63));
-            }
+    /// Triangles below a lane that leads somewhere, and the levels from there on.
+    fn below(wide: &WideTree, goal: u32, triangles: &mut Vec<u32>) -> usize {
+        let (first, count) = ((goal & !WideTree::BLOCK) >> 6, goal & 63);
+        assert!((1..=32).contains(&count));
+        if goal & WideTree::BLOCK != 0 {
+            triangles.extend(first..first + count);
+            return 0;
         }
-        levels + 1
+        let goals = &wide.words[wide.lanes + first as usize..][..count as usize];
+        let levels = goals.iter().map(|&goal| below(wide, goal, triangles));
+        1 + levels.max().unwrap_or(0)
     }
 
     #[test]
-    fn every_triangle_lies_below_one_lane_and_each_lane_has_a_box_of_its_own() {
-        for tree in shapes()
-            .into_iter()
-            .chain([random_tree(9000, 5), chain(40)])
-        {
+    fn every_triangle_lies_below_one_lane_and_lanes_lead_where_their_boxes_belong() {
+        let others = [random_tree(9000, 5), chain(40)];
+        for tree in shapes().into_iter().chain(others) {
             let treelets = Treelets::of_tree(&tree);
             let Some(wide) = treelets.wide() else {
                 assert_eq!(treelets.leaf_count(), 0);
                 continue;
             };
             let mut found = Vec::new();
-            assert!(below(wide, wide.root(), &mut found) <= WideTree::MOST_LEVELS);
+            assert!(below(wide, wide.root, &mut found) <= WideTree::MOST_LEVELS);
             found.sort_unstable();
             assert!(found.into_iter().eq(0..treelets.leaf_count() as u32));
-            let mut rows = wide.words[..wide.lane_count()].to_vec();
-            rows.sort_unstable();
-            rows.dedup();
-            assert_eq!(rows.len(), wide.lane_count(), "a row twice");
-            assert!(
-                rows.iter()
-                    .all(|&r| r % 2 == 0 && (r as usize) < treelets.rows())
-            );
-        }
-    }
-
-    #[test]
-    fn lanes_lead_where_their_boxes_belong() {
-        let tree = random_tree(5000, 2);
-        let treelets = Treelets::of_tree(&tree);
-        let wide = treelets.wide().expect("a wide tree");
-        let mut room = Room::default();
-        let binary = Binary::of(&treelets, &mut room);
-        for lane in 0..wide.lane_count() {
-            let row = wide.words[lane];
-            let [left, right] = binary.children[(row / 4 - 1) as usize];
-            let node = if row.is_multiple_of(4) { left } else { right };
-            let goal = wide.words[wide.lane_count() + lane];
-            if goal & WideTree::BLOCK != 0 {
-                assert_eq!(goal, binary.lane(node, row).block());
-            } else {
+            let mut boxes = triangles_of_rows(&treelets);
+            let (rows, goals) = wide.words.split_at(wide.lanes);
+            for (row, &goal) in rows.iter().zip(goals) {
                 let mut found = Vec::new();
                 below(wide, goal, &mut found);
                 found.sort_unstable();
-                let [first, count] = binary.span(node);
-                assert!(found.into_iter().eq(first..first + count));
+                let triangles = found.iter().map(|&at| tree.order()[at as usize]);
+                let of_box = boxes.remove(row).expect("a row that is not another lane's");
+                assert!(triangles.eq(of_box), "row {row}");
             }
         }
     }

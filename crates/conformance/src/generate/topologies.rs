@@ -173,7 +173,6 @@ pub(crate) fn damaged(words: &[u32]) -> Vec<(&'static str, Vec<u32>)> {
 mod tests {
     use super::*;
     use std::collections::HashSet;
-    use std::mem::discriminant;
 
     #[test]
     fn odd_trees_are_sound_and_as_deep_as_may_be() {
@@ -191,16 +190,15 @@ mod tests {
         }
     }
 
-    /// `RecordError::Bytes` cannot come of words; every other kind does.
     #[test]
     fn every_kind_of_damage_is_among_the_damaged() {
         let leaves: Vec<u32> = (0..40).collect();
         let words = odd(40, &leaves, Split::Random, 1);
-        let errors: Vec<_> = damaged(&words)
-            .into_iter()
-            .map(|(what, words)| Topology::from_words(words).expect_err(what))
-            .collect();
-        let kinds: HashSet<_> = errors.iter().map(discriminant).collect();
-        assert_eq!(kinds.len(), 14, "{errors:#?}");
+        let kind = |(what, words)| {
+            let error = Topology::from_words(words).expect_err(what).to_string();
+            error.replace(|c: char| c.is_ascii_hexdigit(), "")
+        };
+        let kinds: HashSet<String> = damaged(&words).into_iter().map(kind).collect();
+        assert_eq!(kinds.len(), 14, "{kinds:#?}");
     }
 }

@@ -13,7 +13,7 @@ fn boxes_from_scratch(animation: &Animation, tree: &Topology, positions: &[Point
     let mut boxes = vec![Aabb::EMPTY; tree.node_count()];
     let (mut leaf, mut inner) = (tree.leaf_count(), tree.leaf_count() - 1);
     for node in (0..tree.node_count()).rev() {
-        boxes[node] = if tree.is_leaf(node as u32) {
+        boxes[node] = if tree.ranks().of(node as u32).leaf().is_some() {
             leaf -= 1;
             let t = animation.triangles()[tree.leaf_triangles()[leaf] as usize];
             let corners = t.map(|v| positions[v as usize]);

@@ -36,7 +36,7 @@ impl TreeBuilder {
             TemporalBuilder::new().build(&moments, cancel, &mut for_all)?;
             if temporal_cost(&for_all, &moments) < temporal_cost(&self.tree, &moments) {
                 self.tree = for_all;
-                if let Some(point) = self.builder.ordered_toward() {
+                if let Some(point) = self.builder.toward {
                     order_toward(&mut self.tree, &boxes, point);
                 }
             }

@@ -1,7 +1,7 @@
 //! A file whose every index leads somewhere, and its buffers.
 
-use super::wrong;
-use crate::{FileLocation, SceneError};
+use crate::SceneError;
+use crate::error::Location;
 use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
@@ -36,6 +36,11 @@ fn is_understood(name: &str) -> bool {
 }
 
 impl File {
+    /// What is wrong with something in the JSON.
+    pub(super) fn wrong(&self, place: Location, cause: impl std::fmt::Display) -> SceneError {
+        SceneError::malformed(&self.path, place, cause)
+    }
+
     /// Remarks on extensions that the file does without where they are not understood.
     pub(super) fn remarks(&self) -> Vec<String> {
         let unknown = self
@@ -49,8 +54,7 @@ impl File {
 
     pub(super) fn open(path: &Path, allow_outside: bool) -> Result<Self, SceneError> {
         let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
-        let malformed =
-            |cause: &dyn std::fmt::Display| SceneError::malformed(path, FileLocation::File, cause);
+        let malformed = |cause: &str| SceneError::malformed(path, None, cause);
         check_container(&bytes).map_err(|cause| malformed(&cause))?;
         let read = gltf::Gltf::from_slice_without_validation(&bytes);
         let gltf = read.map_err(|e| malformed(&format!("not glTF: {e}")))?;
@@ -68,16 +72,15 @@ impl File {
 
     fn load(&self, mut blob: Option<Vec<u8>>, folder: &Folder) -> Result<Vec<Vec<u8>>, SceneError> {
         let load = |buffer: buffer::Buffer<'_>| {
-            let place = FileLocation::Item("buffer", buffer.index());
+            let place = ("buffer", buffer.index());
             let data = match buffer.source() {
                 buffer::Source::Bin => blob.take().ok_or("the file has no binary chunk".to_owned()),
                 buffer::Source::Uri(uri) => fetch(folder, uri),
             };
-            let data = data.map_err(|cause| wrong(self, place.clone(), cause))?;
+            let data = data.map_err(|cause| self.wrong(place, cause))?;
             let (found, needed) = (data.len(), buffer.length());
             if found < needed {
-                return Err(wrong(
-                    self,
+                return Err(self.wrong(
                     place,
                     format!("{needed} bytes are declared, {found} are there"),
                 ));

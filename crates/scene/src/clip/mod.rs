@@ -12,7 +12,7 @@ mod rig;
 
 use crate::mesh::{check_keys, joined_triangles, within};
 use crate::source::extension;
-use crate::{Facts, FileLocation, MAX_FPS, Options, Rgb, Scene, SceneError};
+use crate::{Facts, MAX_FPS, Options, Scene, SceneError};
 use document::File;
 use geom::{Animation, Point};
 use motion::Motion;
@@ -31,7 +31,7 @@ const MAX_POSITIONS: usize = 1 << 32;
 pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene, SceneError> {
     let fps = options.fps;
     if !(fps > 0.0 && fps <= MAX_FPS) {
-        return Err(SceneError::BadRequest(format!(
+        return Err(SceneError(format!(
             "bad frame rate {fps}: give frames a second above 0 and at most {MAX_FPS}"
         )));
     }
@@ -47,9 +47,10 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
     };
     let times = times(path, motion.span(), fps)?;
     let vertices = parts.iter().map(Part::vertices).sum();
-    let count = parts.iter().map(|part| part.triangles.len()).sum();
-    check_keys(path.display(), (times.len(), vertices, count), options)?;
-    let (triangles, colours) = join(path, &parts, times.len(), &notes)?;
+    check_sizes(path, &parts, (times.len(), vertices), &notes, options)?;
+    let colours = |p: &Part| std::iter::repeat_n(p.colour, p.triangles.len());
+    let colours = parts.iter().flat_map(colours).collect();
+    let triangles = joined_triangles(parts.iter().map(|p| (&p.triangles[..], p.vertices())));
     let keys = times
         .par_iter()
         .map(|&time| key_frame(&rig, &motion, &parts, (time, vertices)))
@@ -123,15 +124,16 @@ fn times(path: &Path, [start, end]: [f64; 2], fps: f64) -> Result<Vec<f64>, Scen
     Ok((0..=steps).map(at).collect())
 }
 
-/// All triangles, renumbered over all parts, and their colours.
-fn join(
+/// Refuses a scene that cannot be numbered, that memory does not hold, or that has no triangles.
+fn check_sizes(
     path: &Path,
     parts: &[Part],
-    keys: usize,
+    (keys, vertices): (usize, usize),
     notes: &[String],
-) -> Result<(Vec<[u32; 3]>, Vec<Rgb>), SceneError> {
-    let vertices = parts.iter().map(Part::vertices).sum::<usize>();
+    options: &Options,
+) -> Result<(), SceneError> {
     let count: usize = parts.iter().map(|p| p.triangles.len()).sum();
+    check_keys(path.display(), (keys, vertices, count), options)?;
     within(path, "vertices", vertices, u32::MAX as usize)?;
     let all = vertices.saturating_mul(keys);
     within(path, "vertices in all key frames", all, MAX_POSITIONS)?;
@@ -141,11 +143,7 @@ fn join(
         let cause = format!("no triangles{}", hint.unwrap_or_default());
         return Err(SceneError::unusable(path.display(), cause));
     }
-    let colours = |p: &Part| std::iter::repeat_n(p.colour, p.triangles.len());
-    Ok((
-        joined_triangles(parts.iter().map(|p| (&p.triangles[..], p.vertices()))),
-        parts.iter().flat_map(colours).collect(),
-    ))
+    Ok(())
 }
 
 fn key_frame(
@@ -161,11 +159,6 @@ fn key_frame(
         points.extend(part.positions(&pose, motion, time));
     }
     points
-}
-
-/// A message about something in the JSON.
-fn wrong(file: &File, place: FileLocation, cause: impl std::fmt::Display) -> SceneError {
-    SceneError::malformed(&file.path, place, cause)
 }
 
 #[cfg(test)]

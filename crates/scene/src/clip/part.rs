@@ -4,9 +4,8 @@ use super::accessor::{count, floats, indices};
 use super::document::File;
 use super::motion::Motion;
 use super::rig::{self, Pose, Rig, vector};
-use super::wrong;
 use crate::mesh::{check_memory, compact, from_linear};
-use crate::{FileLocation, Options, Rgb, SceneError};
+use crate::{Options, Rgb, SceneError};
 use geom::Point;
 use glam::{DMat4, DVec3, Mat4};
 use gltf::mesh::Mode;
@@ -177,7 +176,7 @@ fn check_count(
         return Ok(());
     }
     let cause = format!("{found} elements for {vertices} vertices");
-    Err(wrong(file, FileLocation::Item("accessor", accessor), cause))
+    Err(file.wrong(("accessor", accessor), cause))
 }
 
 /// Vertices of each triangle, in the order of the file.
@@ -193,11 +192,10 @@ fn triangles(
         None => (0..vertices as u32).collect(),
     };
     if let Some(at) = list.iter().position(|&v| v as usize >= vertices) {
-        let item = |a: gltf::Accessor<'_>| FileLocation::Item("accessor", a.index());
-        let place = accessor.map_or(FileLocation::File, item);
+        let place = ("accessor", accessor.map_or(0, |a| a.index()));
         let vertex = list[at];
         let cause = format!("index {at} names vertex {vertex}, but there are {vertices}");
-        return Err(wrong(file, place, cause));
+        return Err(file.wrong(place, cause));
     }
     Ok(match primitive.mode() {
         Mode::TriangleStrip => {
@@ -245,7 +243,7 @@ impl Skin {
                 if binds.len() < nodes.len() {
                     let (found, joints) = (binds.len(), nodes.len());
                     let cause = format!("{found} inverse bind matrices for {joints} joints");
-                    return Err(wrong(file, FileLocation::Item("skin", skin.index()), cause));
+                    return Err(file.wrong(("skin", skin.index()), cause));
                 }
                 binds
                     .iter()
@@ -295,7 +293,7 @@ fn add_holds(
     joints: usize,
     (numbers, weights): (&gltf::Accessor<'_>, &gltf::Accessor<'_>),
 ) -> Result<(), SceneError> {
-    let place = FileLocation::Item("accessor", numbers.index());
+    let place = ("accessor", numbers.index());
     let (found, weight) = (floats::<4>(file, numbers)?, floats::<4>(file, weights)?);
     check_count(file, numbers.index(), found.len(), holds.len())?;
     check_count(file, weights.index(), weight.len(), holds.len())?;
@@ -305,7 +303,7 @@ fn add_holds(
             if joint >= joints {
                 let cause =
                     format!("vertex {vertex} hangs on joint {joint}, but the skin has {joints}");
-                return Err(wrong(file, place, cause));
+                return Err(file.wrong(place, cause));
             }
             holds[vertex].push((joint, f64::from(weight)));
         }

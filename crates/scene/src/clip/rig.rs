@@ -3,8 +3,7 @@
 use super::accessor::floats;
 use super::document::File;
 use super::motion::Motion;
-use super::wrong;
-use crate::{FileLocation, SceneError};
+use crate::SceneError;
 use glam::{DMat4, DQuat, DVec3, Mat4};
 use gltf::scene::Transform;
 use gltf::{Accessor, Node};
@@ -24,8 +23,11 @@ struct Joint {
 /// A node's own transform where no clip moves it.
 enum Rest {
     Matrix(DMat4),
-    Parts(DVec3, DQuat, DVec3),
+    Parts(Parts),
 }
+
+/// Translation, rotation and scale.
+pub(super) type Parts = (DVec3, DQuat, DVec3);
 
 /// From each node's frame to the world's.
 pub(super) struct Pose(Vec<DMat4>);
@@ -48,8 +50,8 @@ impl Rig {
             for child in node.children() {
                 let parent = nodes[child.index()].parent.replace(node.index());
                 if parent.is_some() {
-                    let place = FileLocation::Item("node", child.index());
-                    return Err(wrong(file, place, "the node has two parents"));
+                    let place = ("node", child.index());
+                    return Err(file.wrong(place, "the node has two parents"));
                 }
             }
         }
@@ -58,11 +60,10 @@ impl Rig {
             .collect();
         let order = descend(file, roots);
         if order.len() < nodes.len() {
-            let mut reached = vec![false; nodes.len()];
-            order.iter().for_each(|&i| reached[i] = true);
-            let lost = reached.iter().position(|r| !r).unwrap_or_default();
-            let place = FileLocation::Item("node", lost);
-            return Err(wrong(file, place, "the node is its own ancestor"));
+            let mut reached = order;
+            reached.sort_unstable();
+            let lost = (0..).zip(&reached).take_while(|(i, r)| i == *r).count();
+            return Err(file.wrong(("node", lost), "the node is its own ancestor"));
         }
         Ok(Self { nodes, order })
     }
@@ -90,22 +91,17 @@ impl Rig {
     }
 
     fn own(&self, node: usize, motion: &Motion, time: f64) -> DMat4 {
-        let tracks = motion.node(node);
-        let (translation, rotation, scale) = match (&self.nodes[node].rest, tracks) {
-            (Rest::Matrix(matrix), None) => return *matrix,
-            (Rest::Matrix(matrix), Some(_)) => {
+        let rest = &self.nodes[node].rest;
+        let (translation, rotation, scale) = match (motion.node(node), rest) {
+            (None, Rest::Matrix(matrix)) => return *matrix,
+            (None, Rest::Parts(parts)) => *parts,
+            (Some(tracks), Rest::Parts(parts)) => tracks.at(time, *parts),
+            (Some(tracks), Rest::Matrix(matrix)) => {
                 let (scale, rotation, translation) = matrix.to_scale_rotation_translation();
-                (translation, rotation, scale)
+                tracks.at(time, (translation, rotation, scale))
             }
-            (Rest::Parts(t, r, s), _) => (*t, *r, *s),
         };
-        let at = |rest: DVec3, track: Option<DVec3>| track.unwrap_or(rest);
-        let moved = tracks.map(|t| t.at(time)).unwrap_or_default();
-        DMat4::from_scale_rotation_translation(
-            at(scale, moved.scale),
-            moved.rotation.unwrap_or(rotation),
-            at(translation, moved.translation),
-        )
+        DMat4::from_scale_rotation_translation(scale, rotation, translation)
     }
 }
 
@@ -116,11 +112,11 @@ fn rest(transform: Transform) -> Rest {
             translation,
             rotation,
             scale,
-        } => Rest::Parts(
+        } => Rest::Parts((
             vector(translation),
             unit(rotation.map(f64::from)),
             vector(scale),
-        ),
+        )),
     }
 }
 
@@ -162,66 +158,50 @@ fn descend(file: &File, roots: Vec<usize>) -> Vec<usize> {
 
 const NAME: &str = "EXT_mesh_gpu_instancing";
 
-/// Accessors of the copies' places, each of as many elements.
-#[derive(Default)]
-struct Attributes<'a> {
-    translation: Option<Accessor<'a>>,
-    rotation: Option<Accessor<'a>>,
-    scale: Option<Accessor<'a>>,
-}
-
-impl<'a> Attributes<'a> {
-    fn of(file: &'a File, node: &Node<'_>) -> Result<Option<Self>, SceneError> {
-        let Some(all) = node.extension_value(NAME).and_then(|e| e.get("attributes")) else {
+/// How many copies of its mesh a node shows; and accessors of their translations, rotations and scales, of one length.
+fn instances<'a>(
+    file: &'a File,
+    node: &Node<'_>,
+) -> Result<(usize, [Option<Accessor<'a>>; 3]), SceneError> {
+    let wrong = |cause| file.wrong(("node", node.index()), cause);
+    let all = node.extension_value(NAME).and_then(|e| e.get("attributes"));
+    let accessor = |name: &str| {
+        let Some(value) = all.and_then(|all| all.get(name)) else {
             return Ok(None);
         };
-        let accessor = |name: &str| {
-            let Some(value) = all.get(name) else {
-                return Ok(None);
-            };
-            let index = value.as_u64().and_then(|i| usize::try_from(i).ok());
-            let found = index.and_then(|i| file.document.accessors().nth(i));
-            let place = FileLocation::Item("node", node.index());
-            let cause = format!("{NAME}: {name} names no accessor: {value}");
-            found.ok_or_else(|| wrong(file, place, cause)).map(Some)
-        };
-        Ok(Some(Self {
-            translation: accessor("TRANSLATION")?,
-            rotation: accessor("ROTATION")?,
-            scale: accessor("SCALE")?,
-        }))
-    }
-
-    /// How many copies there are; one if nothing says so.
-    fn count(&self, file: &File, node: &Node<'_>) -> Result<usize, SceneError> {
-        let all = [&self.translation, &self.rotation, &self.scale];
-        let mut counts = all.into_iter().flatten().map(Accessor::count);
-        let count = counts.next().unwrap_or(1);
-        if counts.all(|c| c == count) {
-            return Ok(count);
-        }
+        let index = value.as_u64().and_then(|i| usize::try_from(i).ok());
+        let found = index.and_then(|i| file.document.accessors().nth(i));
+        let cause = format!("{NAME}: {name} names no accessor: {value}");
+        found.ok_or_else(|| wrong(cause)).map(Some)
+    };
+    let found = [
+        accessor("TRANSLATION")?,
+        accessor("ROTATION")?,
+        accessor("SCALE")?,
+    ];
+    let mut counts = found.iter().flatten().map(Accessor::count);
+    let count = counts.next().unwrap_or(1);
+    if counts.any(|c| c != count) {
         let cause = format!("{NAME}: its attributes differ in their counts");
-        Err(wrong(file, FileLocation::Item("node", node.index()), cause))
+        return Err(wrong(cause));
     }
+    Ok((count, found))
 }
 
 /// How many copies of its mesh a node shows.
 pub(super) fn copies(file: &File, node: &Node<'_>) -> Result<usize, SceneError> {
-    Attributes::of(file, node)?.map_or(Ok(1), |all| all.count(file, node))
+    instances(file, node).map(|(count, _)| count)
 }
 
 /// Where each copy stands, seen from the node.
 pub(super) fn places(file: &File, node: &Node<'_>) -> Result<Vec<DMat4>, SceneError> {
-    let Some(all) = Attributes::of(file, node)? else {
-        return Ok(vec![DMat4::IDENTITY]);
-    };
-    let count = all.count(file, node)?;
+    let (count, [translations, rotations, scales]) = instances(file, node)?;
     let read = |accessor: Option<Accessor<'_>>| {
         let read = accessor.map(|a| floats::<3>(file, &a)).transpose();
         read.map(|v| vectors(&v.unwrap_or_default()))
     };
-    let (translations, scales) = (read(all.translation)?, read(all.scale)?);
-    let rotations = all.rotation.map(|a| floats::<4>(file, &a)).transpose()?;
+    let (translations, scales) = (read(translations)?, read(scales)?);
+    let rotations = rotations.map(|a| floats::<4>(file, &a)).transpose()?;
     let rotations = rotations.unwrap_or_default();
     let place = |i: usize| {
         let rotation = rotations.get(i);

@@ -48,27 +48,3 @@ pub(super) fn noise(seed: u64, p: DVec3) -> f64 {
     let layer = |dz| mix(along_x(0, dz), along_x(1, dz), w.y);
     mix(layer(0), layer(1), w.z)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn chance_is_fixed_and_spread_evenly() {
-        assert_eq!(word(1, 2), word(1, 2));
-        assert_ne!(word(1, 2), word(2, 1));
-        let mean = (0..10_000).map(|i| unit(7, i)).sum::<f64>() / 1e4;
-        assert!((mean - 0.5).abs() < 0.02);
-        let middle = (0..10_000).map(|i| direction(7, i)).sum::<DVec3>() / 1e4;
-        assert!(middle.length() < 0.05);
-    }
-
-    #[test]
-    fn noise_is_continuous_over_cell_borders() {
-        for i in 0..50 {
-            let p = 10.0 * direction(3, i).floor() + DVec3::new(0.0, 0.3, 0.7);
-            let d = noise(1, p - DVec3::X * 1e-9) - noise(1, p + DVec3::X * 1e-9);
-            assert!(d.abs() < 1e-7 && noise(1, p).abs() <= 1.0);
-        }
-    }
-}

@@ -2,15 +2,14 @@
 
 use super::chance::{between, direction, noise};
 use super::shapes::{cube, cube_cuts, onto_ball};
-use super::stage::{Part, Trajectory, assemble, blend, rotation, shade};
+use super::stage::{Part, Trajectory, blend, rotation, shade};
 use crate::Rgb;
-use geom::{Animation, AnimationError};
 use glam::{DAffine3, DMat3, DVec3};
 use std::f64::consts::{PI, TAU};
 
 /// Triangles unless asked otherwise.
 pub(super) const TRIANGLES: usize = 252_000;
-const KEYS: u32 = 24;
+pub(super) const KEYS: u32 = 24;
 /// The whole time, for what falls.
 const SECONDS: f64 = 2.0;
 /// When the bodies touch and part, of the whole time.
@@ -45,15 +44,15 @@ const BODIES: [Body; 2] = [
 ];
 
 /// About `budget` triangles: two bodies of equal size, a floor, splinters once there is room for them.
-pub(super) fn build(budget: usize) -> Result<(Animation, Vec<Rgb>), AnimationError> {
+pub(super) fn build(budget: usize) -> Vec<Part> {
     let cuts = cube_cuts(budget * 46 / 100);
     let mut parts: Vec<Part> = BODIES.into_iter().map(|b| body(b, cuts)).collect();
     let left = budget.saturating_sub(24 * (cuts * cuts) as usize);
-    let floor = floor((left / 4).max(2));
+    let floor = Part::floor((left / 4).max(2), [10.0, 6.25], FLOOR, (73, 1.5));
     let splinters = left.saturating_sub(floor.len()) / 12;
     parts.push(floor);
     parts.extend((0..splinters as u64).map(splinter));
-    assemble(&parts, KEYS)
+    parts
 }
 
 fn body(body: Body, cuts: u32) -> Part {
@@ -193,10 +192,6 @@ fn splinter(index: u64) -> Part {
         let ridden = at(time.min(CONTACT[0])) - start;
         DAffine3::from_translation(ridden) * trajectory.pose((time - CONTACT[0]).max(0.0) * SECONDS)
     })
-}
-
-fn floor(budget: usize) -> Part {
-    Part::floor(budget, [10.0, 6.25], FLOOR, (73, 1.5))
 }
 
 #[cfg(test)]

@@ -18,11 +18,10 @@ const SHIN: f64 = 0.42;
 /// The least number of triangles a figure can have: six a limb.
 pub(super) const FEWEST: usize = 14 * 6;
 
-/// Where on its walk the figure is: place of the ground under it, heading, phase of the stride in turns.
+/// Where on its walk the figure is: place of the ground under it, phase of the stride in turns.
 #[derive(Clone, Copy)]
 pub(super) struct Step {
     pub(super) ground: DVec3,
-    pub(super) heading: f64,
     pub(super) phase: f64,
 }
 
@@ -106,7 +105,7 @@ fn swing(step: Step, side: f64) -> (f64, f64) {
 
 /// The joint's frame: y runs up the limb, x forward, z to the right.
 fn place(limb: Limb, side: f64, step: Step) -> DAffine3 {
-    let root = DAffine3::from_mat3_translation(rotation(DVec3::Y, step.heading), step.ground);
+    let root = DAffine3::from_translation(step.ground);
     let bob = 0.03 * libm::cos(2.0 * TAU * step.phase) - 0.035;
     let lean = -0.06;
     let spine = root * joint(DVec3::new(0.0, HIP + bob, 0.0), lean);
@@ -159,7 +158,6 @@ mod tests {
         let foot = |side, phase| {
             let step = Step {
                 ground: DVec3::ZERO,
-                heading: 0.0,
                 phase,
             };
             place(Limb::Foot, side, step).translation

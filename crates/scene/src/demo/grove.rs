@@ -3,15 +3,14 @@
 use super::chance::{between, direction, noise, unit};
 use super::figure::{FEWEST, Step, figure};
 use super::shapes::{Mesh, revolve, revolve_size, sheet, sheet_size};
-use super::stage::{Part, assemble, blend, shade};
+use super::stage::{Part, blend, shade};
 use crate::Rgb;
-use geom::{Animation, AnimationError};
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
 /// Triangles unless asked otherwise.
 pub(super) const TRIANGLES: usize = 174_000;
-const KEYS: u32 = 24;
+pub(super) const KEYS: u32 = 24;
 /// Half the length of the ground's sides.
 const HALF: f64 = 4.5;
 /// The figure walks along x at this z.
@@ -22,7 +21,7 @@ const MEADOW: Rgb = [128, 152, 78];
 const LEAVES: [Rgb; 4] = [[86, 138, 60], [120, 160, 62], [62, 116, 74], [206, 150, 58]];
 
 /// About `budget` triangles: a tenth ground, a tenth figure, a sixth grass, the rest trees.
-pub(super) fn build(budget: usize) -> Result<(Animation, Vec<Rgb>), AnimationError> {
+pub(super) fn build(budget: usize) -> Vec<Part> {
     let mut parts = vec![ground((budget / 10).max(2))];
     if budget / 10 >= FEWEST {
         parts.extend(figure(budget / 10, walk));
@@ -37,7 +36,7 @@ pub(super) fn build(budget: usize) -> Result<(Animation, Vec<Rgb>), AnimationErr
             parts.extend(tree(share, index, trees as u64));
         }
     }
-    assemble(&parts, KEYS)
+    parts
 }
 
 /// Gentle hills, flat along the path.
@@ -67,7 +66,6 @@ fn walk(time: f64) -> Step {
     let x = -2.6 + 5.2 * time;
     Step {
         ground: DVec3::new(x, hill(x, PATH), PATH),
-        heading: 0.0,
         phase: 3.5 * time + 0.1,
     }
 }

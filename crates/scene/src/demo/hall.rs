@@ -3,15 +3,14 @@
 use super::chance::{noise, unit};
 use super::figure::{FEWEST, Step, figure};
 use super::shapes::{Mesh, cube, cube_cuts, revolve, revolve_size, sheet, sheet_size};
-use super::stage::{Part, assemble, shade, smoothstep};
+use super::stage::{Part, shade, smoothstep};
 use crate::Rgb;
-use geom::{Animation, AnimationError};
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
 /// Triangles unless asked otherwise.
 pub(super) const TRIANGLES: usize = 150_000;
-const KEYS: u32 = 24;
+pub(super) const KEYS: u32 = 24;
 /// Half the floor's length and width.
 const HALF: [f64; 2] = [6.4, 3.2];
 /// Height of the columns, and of the wall behind them.
@@ -26,7 +25,7 @@ const PLASTER: Rgb = [190, 172, 150];
 const TILES: [Rgb; 2] = [[150, 120, 98], [196, 178, 150]];
 
 /// About `budget` triangles: a twentieth figure, a sixth floor, a fifth wall, a tenth beams, the rest columns.
-pub(super) fn build(budget: usize) -> Result<(Animation, Vec<Rgb>), AnimationError> {
+pub(super) fn build(budget: usize) -> Vec<Part> {
     let mut parts = vec![floor((budget / 6).max(2))];
     if budget / 20 >= FEWEST {
         parts.extend(figure(budget / 20, walk));
@@ -45,7 +44,7 @@ pub(super) fn build(budget: usize) -> Result<(Animation, Vec<Rgb>), AnimationErr
         let places = (0..COLUMNS).flat_map(|i| ROWS.map(|z| DVec3::new(along(i), 0.0, z)));
         parts.extend(places.map(|place| column(share, place)));
     }
-    assemble(&parts, KEYS)
+    parts
 }
 
 /// A part that stands still. No coordinate is `-0`, which blending key frames would change.
@@ -56,7 +55,6 @@ fn still(mesh: Mesh, colour: impl Fn(DVec3) -> Rgb) -> Part {
 fn walk(time: f64) -> Step {
     Step {
         ground: DVec3::new(-4.4 + 8.8 * time, 0.0, 0.25),
-        heading: 0.0,
         phase: 6.0 * time + 0.1,
     }
 }
@@ -163,11 +161,12 @@ fn column(budget: usize, place: DVec3) -> Part {
 
 #[cfg(test)]
 mod tests {
+    use super::super::stage::assemble;
     use super::*;
 
     #[test]
     fn only_the_figure_moves() {
-        let (animation, _) = build(TRIANGLES).unwrap();
+        let (animation, _) = assemble(&build(TRIANGLES), KEYS).unwrap();
         let (moving, all) = (animation.moving_count(), animation.triangle_count());
         let share = moving as f64 / all as f64;
         assert!((0.045..0.055).contains(&share), "{moving} of {all}");

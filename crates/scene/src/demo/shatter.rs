@@ -4,9 +4,8 @@
 
 use super::chance::{between, direction, noise};
 use super::shapes::{Mesh, cube, onto_ball};
-use super::stage::{Part, Trajectory, assemble, blend, shade};
+use super::stage::{Part, Trajectory, blend, shade};
 use crate::Rgb;
-use geom::{Animation, AnimationError};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -14,7 +13,7 @@ use std::f64::consts::TAU;
 /// Triangles unless asked otherwise.
 pub(super) const TRIANGLES: usize = 1_600_000;
 /// Few, so that ten million triangles stay under 200 bytes each.
-const KEYS: u32 = 16;
+pub(super) const KEYS: u32 = 16;
 const SECONDS: f64 = 1.7;
 const RADIUS: f64 = 1.2;
 const CENTRE: DVec3 = DVec3::new(0.0, 1.25, 0.0);
@@ -24,8 +23,8 @@ const CORE: Rgb = [255, 205, 96];
 const FLOOR: Rgb = [214, 208, 198];
 
 /// About `budget` triangles: `cells^3` pieces and a floor.
-pub(super) fn build(budget: usize) -> Result<(Animation, Vec<Rgb>), AnimationError> {
-    let floor = floor((budget / 100).max(2));
+pub(super) fn build(budget: usize) -> Vec<Part> {
+    let floor = Part::floor((budget / 100).max(2), [13.0, 13.0], FLOOR, (51, 1.5));
     let budget = budget.saturating_sub(floor.len());
     let cells = cells_along(budget);
     let pieces = u64::from(cells).pow(3);
@@ -34,7 +33,7 @@ pub(super) fn build(budget: usize) -> Result<(Animation, Vec<Rgb>), AnimationErr
         .map(|piece| shard(piece, cells, cuts_of(piece, pieces, budget as u64)))
         .collect();
     parts.push(floor);
-    assemble(&parts, KEYS)
+    parts
 }
 
 /// 16 cells along an edge (4096 pieces) at the default size; pieces grow in number and in detail.
@@ -103,28 +102,5 @@ fn throw(piece: u64, middle: DVec3) -> Trajectory {
         axis: direction(45, piece),
         spin: between(46, piece, [0.12, 0.76]) * TAU,
         rest: start.y.min(between(47, piece, [0.06, 0.16])),
-    }
-}
-
-fn floor(budget: usize) -> Part {
-    Part::floor(budget, [13.0, 13.0], FLOOR, (51, 1.5))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn pieces_of_two_sizes_meet_the_budget() {
-        for budget in [12_000_u64, 50_000, 1_584_000] {
-            let pieces = u64::from(cells_along(budget as usize)).pow(3);
-            let sum: u64 = (0..pieces)
-                .map(|p| 12 * u64::from(cuts_of(p, pieces, budget)).pow(2))
-                .sum();
-            assert!(
-                sum <= budget && sum * 100 >= budget * 99,
-                "{sum} of {budget}"
-            );
-        }
     }
 }

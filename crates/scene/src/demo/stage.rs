@@ -161,17 +161,3 @@ fn bounce(mut height: f64, mut speed: f64, mut seconds: f64) -> f64 {
     }
     0.0
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_thrown_ball_lands_and_comes_to_rest_without_jumps() {
-        let at = |ms: u32| bounce(1.0, 3.0, f64::from(ms) / 1000.0);
-        assert_eq!(at(0), 1.0);
-        assert_eq!(at(60_000), 0.0);
-        assert!(at(851) < 0.01 && at(1000) > 0.1);
-        assert!((0..3000).all(|ms| at(ms) >= 0.0 && (at(ms + 1) - at(ms)).abs() < 0.01));
-    }
-}

@@ -116,9 +116,8 @@ impl<'a> Intervals<'a> {
         off: &(impl Fn(usize, &Range<usize>) -> f64 + Sync),
     ) -> Known {
         let examine = |index: usize| {
-            let worst = worst_of(frames.clone(), limit, |frame| {
-                off(frame, &self.blocks[index])
-            });
+            let block = &self.blocks[index];
+            let worst = worst_of(frames.clone(), limit, |frame| off(frame, block));
             if worst <= limit {
                 return Ok(worst);
             }
@@ -126,17 +125,15 @@ impl<'a> Intervals<'a> {
             Err(worst)
         };
         let suspect = self.suspect.load(Ordering::Relaxed);
-        let first = if suspect < self.blocks.len() {
-            examine(suspect)
-        } else {
-            Ok(0.0)
+        let all = (0..self.blocks.len()).into_par_iter().map(examine);
+        let all = match self
+            .blocks
+            .get(suspect)
+            .map_or(Ok(0.0), |_| examine(suspect))
+        {
+            Ok(_) => all.try_reduce(|| 0.0, |a, b| Ok(a.max(b))),
+            least => least,
         };
-        let all = first.and_then(|_| {
-            (0..self.blocks.len())
-                .into_par_iter()
-                .map(examine)
-                .try_reduce(|| 0.0, |a, b| Ok(a.max(b)))
-        });
         match all {
             Ok(worst) => Known::Is(worst),
             Err(least) => Known::Above(least),
@@ -206,15 +203,6 @@ pub fn pose(kept: &[usize], frame: usize) -> Pose {
     }
 }
 
-/// What one frame adds.
-#[derive(Clone, Copy)]
-struct Tally {
-    worst: f64,
-    vertex: usize,
-    sum: f64,
-    finite: usize,
-}
-
 /// Measures `kept` against all of `keys`.
 ///
 /// # Panics
@@ -227,45 +215,41 @@ pub fn measure(keys: &[Vec<Point>], kept: &[usize]) -> Fit {
         ascending && (kept.len() == 1 || ends == (Some(&0), Some(&(keys.len() - 1)))),
         "kept frames ascend from the first to the last"
     );
-    let tallies: Vec<Tally> = (0..keys.len())
-        .into_par_iter()
-        .map(|frame| tally(keys, kept, frame))
-        .collect();
-    // Frames are added up in order, so that the sum is the same for every number of threads.
-    let sum: f64 = tallies.iter().map(|t| t.sum).sum();
-    let finite: usize = tallies.iter().map(|t| t.finite).sum();
+    let frames = (0..keys.len()).into_par_iter();
+    let tallies: Vec<_> = frames.map(|frame| tally(keys, kept, frame)).collect();
     let mut fit = Fit {
         max_error: 0.0,
         worst: None,
-        rms: (sum / finite.max(1) as f64).sqrt(),
+        rms: 0.0,
     };
-    for (frame, t) in tallies.iter().enumerate() {
-        if t.worst.sqrt() > fit.max_error {
-            fit.max_error = t.worst.sqrt();
-            fit.worst = Some((frame, t.vertex));
+    // Frames are added up in order, so that the sum is the same for every number of threads.
+    let (mut sum, mut finite) = (0.0, 0);
+    for (frame, ((worst, vertex), its_sum, its_finite)) in tallies.into_iter().enumerate() {
+        sum += its_sum;
+        finite += its_finite;
+        if worst.sqrt() > fit.max_error {
+            fit.max_error = worst.sqrt();
+            fit.worst = Some((frame, vertex));
         }
     }
+    fit.rms = (sum / finite.max(1) as f64).sqrt();
     fit
 }
 
-fn tally(keys: &[Vec<Point>], kept: &[usize], frame: usize) -> Tally {
+/// Of one frame: the largest square and its vertex, the sum of all squares, and how many vertices are finite.
+fn tally(keys: &[Vec<Point>], kept: &[usize], frame: usize) -> ((f64, usize), f64, usize) {
     let pose = pose(kept, frame);
     let from = &keys[kept[pose.key as usize]];
     // At weight 0 the later frame is not read.
     let to = kept.get(pose.key as usize + 1).map_or(from, |&k| &keys[k]);
-    let mut tally = Tally {
-        worst: 0.0,
-        vertex: 0,
-        sum: 0.0,
-        finite: 0,
-    };
+    let (mut worst, mut sum, mut finite) = ((0.0, 0), 0.0, 0);
     for (vertex, &wanted) in keys[frame].iter().enumerate() {
         let square = square(pose.blend(from[vertex], to[vertex]), wanted);
-        if square > tally.worst {
-            (tally.worst, tally.vertex) = (square, vertex);
+        if square > worst.0 {
+            worst = (square, vertex);
         }
-        tally.sum += square;
-        tally.finite += usize::from(wanted.iter().all(|x| x.is_finite()));
+        sum += square;
+        finite += usize::from(wanted.iter().all(|x| x.is_finite()));
     }
-    tally
+    (worst, sum, finite)
 }

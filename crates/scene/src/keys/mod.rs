@@ -53,24 +53,87 @@ impl<'a> Reducer<'a> {
         let limit = largest_square(tolerance);
         match self.best_single(limit) {
             Some(frame) => vec![frame],
-            None => fewest(self.intervals.frames(), limit, &mut |from, to, limit| {
-                self.intervals.within(from, to, limit)
-            }),
+            None => self.path(limit),
         }
     }
 
     /// The frame that alone stands best for all of them, if one does.
-    fn best_single(&mut self, limit: f64) -> Option<usize> {
+    fn best_single(&mut self, mut limit: f64) -> Option<usize> {
         let mut best = None;
-        let mut limit = limit;
         for frame in 0..self.intervals.frames() {
             let found = self.intervals.alone(frame, limit);
             if let Some(error) = found.filter(|&e| best.is_none() || e < limit) {
-                best = Some(frame);
-                limit = error;
+                (best, limit) = (Some(frame), error);
             }
         }
         best
+    }
+
+    /// The path from frame 0 to the last over intervals no worse than `limit`: of the fewest edges, among those of the least
+    /// maximum error, among those the lexicographically first. Both ends included.
+    fn path(&mut self, limit: f64) -> Vec<usize> {
+        let layers = self.layers(limit);
+        let costs = self.costs(&layers, limit);
+        let worst = costs[0].unwrap_or(limit);
+        let mut path = vec![0];
+        for layer in &layers[1..] {
+            let here = path[path.len() - 1];
+            let is_best = |j: &&usize| {
+                **j > here
+                    && costs[**j].is_some_and(|c| c <= worst)
+                    && self.intervals.within(here, **j, worst).is_some()
+            };
+            path.extend(layer.iter().find(is_best));
+        }
+        path
+    }
+
+    /// Frames by the least number of edges from frame 0, ascending; up to the layer that holds the last frame, alone.
+    ///
+    /// A path of the fewest edges has its n-th frame in layer n.
+    fn layers(&mut self, limit: f64) -> Vec<Vec<usize>> {
+        let mut layers = vec![vec![0]];
+        let mut waiting: Vec<usize> = (1..self.intervals.frames()).collect();
+        while let Some(&last) = waiting.last() {
+            let from = &layers[layers.len() - 1];
+            let mut reaches = |to: usize| {
+                // Near ones first: they are likelier to be within the limit.
+                let mut before = from.iter().rev().filter(|&&i| i < to);
+                before.any(|&i| self.intervals.within(i, to, limit).is_some())
+            };
+            if reaches(last) {
+                layers.push(vec![last]);
+                break;
+            }
+            // Edges between neighbours cost 0, so that some frame is reached.
+            let (layer, rest): (Vec<_>, _) = waiting.iter().partition(|&&to| reaches(to));
+            layers.push(layer);
+            waiting = rest;
+        }
+        layers
+    }
+
+    /// For each frame, the least maximum error of a path to the last frame, one layer an edge; nothing if there is none.
+    fn costs(&mut self, layers: &[Vec<usize>], limit: f64) -> Vec<Option<f64>> {
+        let mut costs = vec![None; self.intervals.frames()];
+        costs[self.intervals.frames() - 1] = Some(0.0);
+        for pair in layers.windows(2).rev() {
+            let cost = |&j: &usize| Some((costs[j]?, j));
+            let mut onward: Vec<(f64, usize)> = pair[1].iter().filter_map(cost).collect();
+            onward.sort_by(|a, b| a.0.total_cmp(&b.0));
+            for &from in &pair[0] {
+                let mut best: Option<f64> = None;
+                for &(cost, to) in onward.iter().filter(|&&(_, to)| to > from) {
+                    if best.is_some_and(|b| cost >= b) {
+                        break;
+                    }
+                    let error = self.intervals.within(from, to, best.unwrap_or(limit));
+                    best = error.map(|e| e.max(cost)).or(best);
+                }
+                costs[from] = best;
+            }
+        }
+        costs
     }
 }
 
@@ -84,95 +147,6 @@ fn largest_square(tolerance: f64) -> f64 {
         square = square.next_up();
     }
     square
-}
-
-// The graph side: fewest edges first, then the lightest heaviest edge.
-
-/// The path from frame 0 to the last of `frames` over edges no heavier than
-/// `limit`: of the fewest edges, among those of the least maximum weight, among
-/// those the lexicographically first. Both ends included.
-///
-/// `within(from, to, limit)` is the weight of an edge, or nothing if that is more
-/// than `limit`. Edges between neighbours must cost 0. It is asked lazily.
-fn fewest(
-    frames: usize,
-    limit: f64,
-    within: &mut impl FnMut(usize, usize, f64) -> Option<f64>,
-) -> Vec<usize> {
-    let layers = layers(frames, limit, within);
-    let costs = costs(&layers, frames, limit, within);
-    let worst = costs[0].unwrap_or(limit);
-    let mut path = vec![0];
-    for layer in &layers[1..] {
-        let here = path[path.len() - 1];
-        let next =
-            layer.iter().copied().filter(|&j| j > here).find(|&j| {
-                costs[j].is_some_and(|c| c <= worst) && within(here, j, worst).is_some()
-            });
-        path.extend(next);
-    }
-    path
-}
-
-/// Frames by the least number of edges from frame 0, ascending; up to the layer that holds the last frame, alone.
-///
-/// A path of the fewest edges has its n-th frame in layer n.
-fn layers(
-    frames: usize,
-    limit: f64,
-    within: &mut impl FnMut(usize, usize, f64) -> Option<f64>,
-) -> Vec<Vec<usize>> {
-    let last = frames - 1;
-    let mut layers = vec![vec![0]];
-    let mut waiting: Vec<usize> = (1..frames).collect();
-    while let Some(&end) = waiting.last() {
-        let from = &layers[layers.len() - 1];
-        let mut reaches = |to: usize| {
-            // Near ones first: they are likelier to be within the limit.
-            let before = from.iter().rev().filter(|&&i| i < to);
-            before.copied().any(|i| within(i, to, limit).is_some())
-        };
-        if reaches(end) {
-            layers.push(vec![last]);
-            break;
-        }
-        let (layer, rest): (Vec<_>, _) = waiting.iter().partition(|&&to| reaches(to));
-        assert!(!layer.is_empty(), "edges between neighbours cost 0");
-        layers.push(layer);
-        waiting = rest;
-    }
-    layers
-}
-
-/// For each frame, the least maximum weight of a path to the last frame, one layer an edge; nothing if there is none.
-fn costs(
-    layers: &[Vec<usize>],
-    frames: usize,
-    limit: f64,
-    within: &mut impl FnMut(usize, usize, f64) -> Option<f64>,
-) -> Vec<Option<f64>> {
-    let mut costs = vec![None; frames];
-    costs[frames - 1] = Some(0.0);
-    for pair in layers.windows(2).rev() {
-        let mut onward: Vec<(f64, usize)> = pair[1]
-            .iter()
-            .filter_map(|&j| Some((costs[j]?, j)))
-            .collect();
-        onward.sort_by(|a, b| a.0.total_cmp(&b.0));
-        for &from in &pair[0] {
-            let mut best: Option<f64> = None;
-            for &(cost, to) in onward.iter().filter(|&&(_, to)| to > from) {
-                if best.is_some_and(|b| cost >= b) {
-                    break;
-                }
-                if let Some(weight) = within(from, to, best.unwrap_or(limit)) {
-                    best = Some(weight.max(cost));
-                }
-            }
-            costs[from] = best;
-        }
-    }
-    costs
 }
 
 #[cfg(test)]

@@ -98,51 +98,38 @@ mod tests {
     use std::fs;
 
     #[test]
-    fn a_library_outside_the_folder_is_read_only_if_that_is_allowed() {
+    fn faces_take_the_diffuse_colour_of_their_material_from_libraries_that_may_be_read() {
         let all = tempfile::tempdir().unwrap();
         fs::create_dir(all.path().join("scene")).unwrap();
-        fs::write(all.path().join("red.mtl"), "newmtl red\nKd 1 0 0\n").unwrap();
-        let obj = all.path().join("scene/a.obj");
-        let first = |library: &str, allow_outside| {
-            let folder = Folder::of(&obj, allow_outside);
-            let (libraries, uses) = ([library.to_owned()], [(0, "red".to_owned())]);
-            let mut notes = Vec::new();
-            let found = paint((&obj, &folder), &libraries, &uses, 1, &mut notes);
-            (found[0], notes.concat())
-        };
-        let (colour, notes) = first("../red.mtl", false);
-        assert_eq!(colour, CLAY);
-        assert!(notes.contains("--allow-outside"), "{notes}");
-        assert_eq!(first("../red.mtl", true).0, [255, 0, 0]);
-        let (_, notes) = first("/dev/zero", true);
-        assert!(notes.contains("a device"), "{notes}");
-    }
-
-    #[test]
-    fn faces_take_the_diffuse_colour_of_their_material() {
-        let folder = tempfile::tempdir().unwrap();
         let library = "newmtl red paint\nKa 1 1\nKd 1 0 0\nmap_Kd\nnewmtl grey\nKd 0.2\nnewmtl broken\nKd 1 2\n";
-        fs::write(folder.path().join("my colours.mtl"), library).unwrap();
-        let uses = [
-            (1, "red paint".into()),
-            (2, "grey".into()),
-            (3, "broken".into()),
-            (4, "none".into()),
+        fs::write(all.path().join("scene/my colours.mtl"), library).unwrap();
+        fs::write(all.path().join("outside.mtl"), "newmtl blue\nKd 0 0 1\n").unwrap();
+        let names = ["red paint", "grey", "broken", "none", "blue"];
+        let uses: Vec<_> = (1..).zip(names.map(str::to_owned)).collect();
+        let libraries = [
+            "my colours.mtl",
+            "absent.mtl",
+            "/dev/zero",
+            "../outside.mtl",
         ];
-        let mut notes = Vec::new();
-        let libraries = ["my colours.mtl".into(), "absent.mtl".into()];
-        let obj = folder.path().join("a.obj");
-        let found = paint(
-            (&obj, &Folder::of(&obj, false)),
-            &libraries,
-            &uses,
-            5,
-            &mut notes,
-        );
-        assert_eq!(found, [CLAY, [255, 0, 0], [51, 51, 51], CLAY, CLAY]);
-        assert!(
-            notes[0].contains("absent.mtl") && notes[1].contains("2 of 4"),
-            "{notes:?}"
-        );
+        let libraries = libraries.map(str::to_owned);
+        let obj = all.path().join("scene/a.obj");
+        let with = |allow_outside| {
+            let (folder, mut notes) = (Folder::of(&obj, allow_outside), Vec::new());
+            let found = paint((&obj, &folder), &libraries, &uses, 6, &mut notes);
+            assert_eq!(found[..5], [CLAY, [255, 0, 0], [51, 51, 51], CLAY, CLAY]);
+            (found[5], notes)
+        };
+        let (colour, notes) = with(false);
+        assert_eq!(colour, CLAY);
+        for (note, says) in notes
+            .iter()
+            .zip(["absent.mtl", "--allow", "--allow", "3 of 5"])
+        {
+            assert!(note.contains(says), "{note}");
+        }
+        let (colour, notes) = with(true);
+        assert_eq!(colour, [0, 0, 255]);
+        assert!(notes[1].contains("a device"), "{notes:?}");
     }
 }

@@ -1,30 +1,8 @@
-//! The same of trees for several moments, and that they are good at all of them.
+//! Trees for several moments are good at all of them.
 
-use crate::{check_holds, cube, depth_of, is_usable, noise, soup, troublesome};
-use bvh_build::{
-    BinaryTree, BuildError, Builder, Cancel, MAX_DEPTH, MAX_MOMENTS, Moment, TemporalBuilder,
-    sah_cost, temporal_cost,
-};
+use crate::{check_holds, cube, moments, noise, troublesome};
+use bvh_build::{BinaryTree, BuildError, Cancel, Moment, TemporalBuilder, sah_cost, temporal_cost};
 use geom::{Aabb, Animation};
-use proptest::prelude::*;
-
-/// Boxes of one moment.
-struct Frozen<'a>(&'a [Aabb]);
-
-impl bvh_build::Boxes for Frozen<'_> {
-    fn len(&self) -> usize {
-        self.0.len()
-    }
-    fn get(&self, triangle: u32) -> Aabb {
-        self.0[triangle as usize]
-    }
-}
-
-fn moments(all: &[Vec<Aabb>]) -> Vec<Moment<Frozen<'_>>> {
-    let moment = |(boxes, weight): (_, f64)| Moment { boxes, weight };
-    let weights = (1..).map(f64::from);
-    (all.iter().map(|b| Frozen(b)).zip(weights).map(moment)).collect()
-}
 
 fn build(all: &[Vec<Aabb>]) -> BinaryTree {
     let mut tree = BinaryTree::default();
@@ -32,87 +10,6 @@ fn build(all: &[Vec<Aabb>]) -> BinaryTree {
         .build(&moments(all), &Cancel::new(), &mut tree)
         .unwrap();
     tree
-}
-
-fn build_at(boxes: &[Aabb]) -> BinaryTree {
-    let mut tree = BinaryTree::default();
-    Builder::new()
-        .build(boxes, &Cancel::new(), &mut tree)
-        .unwrap();
-    tree
-}
-
-fn check(all: &[Vec<Aabb>], tree: &BinaryTree) {
-    let usable = |i: &u32| all.iter().any(|boxes| is_usable(&boxes[*i as usize]));
-    let active = (0..all[0].len() as u32).filter(usable).collect();
-    check_holds(active, tree);
-}
-
-/// Soups of one size at several moments.
-fn moving_soup() -> impl Strategy<Value = Vec<Vec<Aabb>>> {
-    prop::collection::vec(soup(), 1..=MAX_MOMENTS).prop_map(|mut soups| {
-        let n = soups.iter().map(Vec::len).min().unwrap_or(0);
-        soups.iter_mut().for_each(|s| s.truncate(n));
-        soups
-    })
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
-
-    #[test]
-    fn a_tree_holds_each_triangle_active_at_some_moment_once_and_is_not_deep(all in moving_soup()) {
-        check(&all, &build(&all));
-    }
-
-    #[test]
-    fn the_workspace_leaves_no_trace_in_the_tree(first in moving_soup(), second in moving_soup()) {
-        let mut builder = TemporalBuilder::new();
-        let mut tree = BinaryTree::default();
-        builder.build(&moments(&first), &Cancel::new(), &mut tree).unwrap();
-        builder.build(&moments(&second), &Cancel::new(), &mut tree).unwrap();
-        prop_assert_eq!(tree, build(&second));
-    }
-}
-
-#[test]
-fn the_tree_is_the_same_for_every_number_of_threads() {
-    let mut next = noise(11);
-    let mut frame = || {
-        (0..40_000)
-            .map(|i| troublesome((i % 11) as u8, 1.0, &mut next))
-            .collect::<Vec<_>>()
-    };
-    let all = [frame(), frame(), frame()];
-    let with = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        pool.build().unwrap().install(|| build(&all))
-    };
-    let one = with(1);
-    check(&all, &one);
-    assert!([2, 3].into_iter().all(|threads| with(threads) == one));
-}
-
-#[test]
-fn many_identical_triangles_make_a_balanced_tree() {
-    let tree = build(&vec![vec![cube([1.0; 3], 2.0); 1 << 17]; 2]);
-    assert_eq!(depth_of(&tree), 17);
-}
-
-#[test]
-fn positions_in_a_geometric_series_stay_within_the_depth_bound() {
-    let series = |ratio: f32| -> Vec<Aabb> {
-        let mut x = 1e30;
-        let next = |_| {
-            x = (x * ratio).max(f32::from_bits(1));
-            cube([x, 0.0, 0.0], x)
-        };
-        (0..20_000).map(next).collect()
-    };
-    let all = [0.5, 0.9, 0.99].map(series);
-    let tree = build(&all);
-    check(&all, &tree);
-    assert!(depth_of(&tree) <= MAX_DEPTH);
 }
 
 /// Boxes in a row, each at the place that `place` gives it.
@@ -150,7 +47,7 @@ fn a_tree_for_all_moments_costs_less_over_them_than_one_for_any() {
     let cost = |tree: &BinaryTree| temporal_cost(tree, &moments(&all));
     let for_all = cost(&build(&all));
     for boxes in &all {
-        let for_one = cost(&build_at(boxes));
+        let for_one = cost(&BinaryTree::over(&boxes[..]));
         assert!(for_all < 0.97 * for_one, "{for_all} {for_one}");
     }
 }
@@ -159,8 +56,11 @@ fn a_tree_for_all_moments_costs_less_over_them_than_one_for_any() {
 fn at_one_moment_the_tree_is_nearly_as_good_as_that_moments_own() {
     let mut next = noise(5);
     let boxes: Vec<_> = (0..5000).map(|_| troublesome(0, 1.0, &mut next)).collect();
-    let [for_all, own] =
-        [build(std::slice::from_ref(&boxes)), build_at(&boxes)].map(|t| sah_cost(&t, &boxes[..]));
+    let [for_all, own] = [
+        build(std::slice::from_ref(&boxes)),
+        BinaryTree::over(&boxes[..]),
+    ]
+    .map(|t| sah_cost(&t, &boxes[..]));
     assert!(for_all < 1.03 * own, "{for_all} {own}");
 }
 
