@@ -60,6 +60,7 @@
 mod adapter;
 mod error;
 mod frame;
+mod lend;
 mod method;
 mod query;
 mod tree;
@@ -70,6 +71,7 @@ pub use frame::{
     Arithmetic, Device, DeviceBytes, DeviceKind, FrameReport, Generation, Snapshot, StageTimes,
     Ticket,
 };
+pub use lend::Spares;
 pub use method::{Intersector, Layout, Method, UnknownName};
 pub use query::{Hits, Query, QueryKind, Rays};
 pub use tree::check_tree;

@@ -15,13 +15,12 @@ pub mod intersect;
 pub mod pass;
 mod preprocess;
 pub mod ray;
-mod recording;
 mod refit;
 pub mod scale;
 mod scene;
 pub mod shadow;
 pub mod slab;
-mod snapshots;
+mod submission;
 #[cfg(test)]
 mod tests;
 pub mod tiles;

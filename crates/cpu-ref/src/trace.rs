@@ -150,8 +150,9 @@ impl<'a, N: Tree> Tracer<'a, N> {
         S::EXTREMES.filter(|_| self.task.geometry.is_extreme(ray))
     }
 
+    /// A ray, in units of the scene divided by `scale`, and all it can meet.
     #[inline]
-    fn asked(&self, ray: Ray, scale: Scale) -> Asked<'_, N> {
+    pub fn asked(&self, ray: Ray, scale: Scale) -> Asked<'_, N> {
         Asked {
             tree: self.tree,
             geometry: self.task.geometry,

@@ -20,19 +20,6 @@ pub enum Stage {
 }
 
 impl Stage {
-    /// For labels.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Interpolate => "interpolate",
-            Self::Preprocess => "preprocess",
-            Self::Rebuild => "rebuild",
-            Self::Refit => "refit",
-            Self::TracePrimary => "trace",
-            Self::TraceShadow => "trace shadows",
-        }
-    }
-
     fn of(self, times: &mut StageTimes) -> &mut f64 {
         let time = match self {
             Self::Interpolate => &mut times.interpolate_ms,

@@ -37,10 +37,8 @@ impl<D: GpuDevice> SceneBuffers<D> {
         ];
         let others = BufferTable::new(gpu, sizes)?;
         let device = |name: BufferName| gpu.buffer(name.what(), key_bytes, BufferPurpose::Storage);
-        let positions = [
-            device(BufferName::Positions)?,
-            device(BufferName::Positions)?,
-        ];
+        let position = || device(BufferName::Positions);
+        let positions = [position()?, position()?];
         let keys = animation.keys().iter().map(|_| device(BufferName::Earlier));
         let keys = keys.collect::<Result<Vec<_>>>()?;
         let mut contents: Vec<(&[u8], &D::Buffer)> = Vec::new();
@@ -52,15 +50,9 @@ impl<D: GpuDevice> SceneBuffers<D> {
         }
         let triangles = bytemuck::cast_slice(animation.triangles());
         contents.push((triangles, other(BufferName::Triangles)));
-        let key = |(key, to)| -> (&[u8], _) { (bytemuck::cast_slice::<_, u8>(key), to) };
-        contents.extend(
-            animation
-                .keys()
-                .iter()
-                .map(Vec::as_slice)
-                .zip(&keys)
-                .map(key),
-        );
+        for (key, to) in animation.keys().iter().zip(&keys) {
+            contents.push((bytemuck::cast_slice(key), to));
+        }
         gpu.upload(&contents)?;
         Ok(Self {
             keys,

@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 /// Requests of positions, and their copies.
 pub(crate) struct Snapshots<D: GpuDevice> {
     /// Which of the two position buffers the recording asks for.
-    requested: Option<usize>,
+    pub(crate) requested: Option<usize>,
     /// In the order of the requests, which is that of the copies.
     under_way: VecDeque<UnderWay<D>>,
 }
@@ -35,11 +35,6 @@ impl<D: GpuDevice> Snapshots<D> {
     pub(crate) fn request(&mut self, position: usize) {
         let requested = self.requested.replace(position);
         assert!(requested.is_none(), "one request of positions a submission");
-    }
-
-    /// The positions that the recording asks for.
-    pub(crate) fn requested(&self) -> Option<usize> {
-        self.requested
     }
 
     /// Which position buffer the next interpolation writes. If both are being read, the device makes it wait.
@@ -83,11 +78,6 @@ impl<D: GpuDevice> Snapshots<D> {
         let oldest = oldest.expect("it was there a moment ago");
         let snapshot = gpu.take(oldest.copy, vertices)?;
         Ok(Some((oldest.ticket, snapshot)))
-    }
-
-    /// Drops the request in the recording: it is not going to be submitted.
-    pub(crate) fn abandon(&mut self) {
-        self.requested = None;
     }
 }
 

@@ -8,25 +8,21 @@
 //! end, so that counting, which the picture does not need, is not charged to the driver.
 
 mod backend_impl;
-mod method;
 mod pipeline;
 mod scene;
-mod sets;
 mod structure;
 mod support;
 mod tree;
 
-pub use method::driver_tree_supports;
 pub use support::ray_adapters;
 
-use backend::Result;
+use backend::{BackendError, Method, Result};
 use gpu_common::{Engine, Pipelines};
-use gpu_vulkan::gpu::{Gpu, Needs};
+use gpu_vulkan::gpu::Gpu;
 use gpu_vulkan::instance::Host;
 use gpu_vulkan::{Options, VulkanDevice};
 use pipeline::RayPipeline;
 use scene::DriverScene;
-use sets::RaySets;
 use shaders::{RAY_KERNELS, common};
 use support::RayTracing;
 
@@ -61,7 +57,6 @@ pub struct DriverTreeBackend {
     stale: Stale,
     /// Whether the recording has positions at which triangles are to be counted.
     uncounted: bool,
-    sets: RaySets,
     rays: RayPipeline,
 }
 
@@ -74,6 +69,22 @@ enum Stale {
     Fresh,
 }
 
+/// Refuses, in the name of `backend`, all but the usual method.
+///
+/// # Errors
+/// [`BackendError::Unsupported`] with the intersector or the layout.
+fn check(backend: &'static str, method: Method) -> Result<()> {
+    let usual = Method::default();
+    let what = if method.intersector != usual.intersector {
+        format!("intersector '{}'", method.intersector)
+    } else if method.layout != usual.layout {
+        format!("layout '{}'", method.layout)
+    } else {
+        return Ok(());
+    };
+    Err(BackendError::Unsupported { backend, what })
+}
+
 impl DriverTreeBackend {
     /// Opens a device.
     ///
@@ -83,7 +94,7 @@ impl DriverTreeBackend {
     pub fn new(options: &Options, prefer: Prefer) -> Result<Self> {
         let (host, wanted) = (Host::new(options.validation)?, options.adapter.as_deref());
         let able = support::able(&host, wanted)?;
-        let gpu = Gpu::open(host, &able, wanted, Needs::RayTracing)?;
+        let gpu = Gpu::open(host, &able, wanted, true)?;
         let rays = RayTracing::of(&gpu)?;
         let device = VulkanDevice::over(&gpu, prefer.backend())?;
         let shared = ["arithmetic", "interpolate"].map(common);
@@ -96,7 +107,6 @@ impl DriverTreeBackend {
             scene: None,
             stale: Stale::Positions,
             uncounted: false,
-            sets: RaySets::new(&gpu, &rays)?,
             rays,
         })
     }

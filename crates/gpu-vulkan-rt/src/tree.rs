@@ -91,31 +91,18 @@ impl DriverTree {
         self.made = None;
     }
 
-    /// Records a new tree. The first can be updated; those that follow it are made for once, which
-    /// may suit the driver.
-    pub(crate) fn rebuild(&mut self, commands: &Commands, from: Geometry<'_>) {
-        let made = match self.made {
-            None => Made::Updatable,
-            Some(_) => Made::Fixed,
+    /// Records a tree `anew`, or its update to vertices elsewhere where the last one allows that. The first tree can be updated,
+    /// and one made in place of an update; those made anew after the first are made for once, which may suit the driver.
+    pub(crate) fn make(&mut self, commands: &Commands, from: Geometry<'_>, anew: bool) {
+        let mode = match self.made {
+            Some(Made::Updatable) if !anew => Mode::UPDATE,
+            _ => Mode::BUILD,
         };
-        self.make(commands, from, made);
-    }
-
-    /// Records an update of the tree to vertices elsewhere; where it cannot be updated, a new one that can.
-    pub(crate) fn update(&mut self, commands: &Commands, from: Geometry<'_>) {
-        if self.made == Some(Made::Updatable) {
-            self.record(commands, from, (Made::Updatable, Mode::UPDATE));
-        } else {
-            self.make(commands, from, Made::Updatable);
-        }
-    }
-
-    fn make(&mut self, commands: &Commands, from: Geometry<'_>, made: Made) {
-        self.record(commands, from, (made, Mode::BUILD));
+        let made = match self.made {
+            Some(_) if anew => Made::Fixed,
+            _ => Made::Updatable,
+        };
         self.made = Some(made);
-    }
-
-    fn record(&self, commands: &Commands, from: Geometry<'_>, (made, mode): (Made, Mode)) {
         let flags = flags(self.prefer, made);
         let geometry = [from];
         let about = |ty| info(ty).flags(flags).mode(mode);

@@ -6,7 +6,8 @@ use ash::vk;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extras {
-    /// Whether pipelines may say that their kernels stay within their buffers.
+    /// Whether pipelines may say that their kernels stay within their buffers. NVIDIA's driver checks each address even where
+    /// nobody asks for robust access: a sixth of the instructions at a tree's node, 4 % of a frame's rays (580, an H200).
     pub(crate) trusts_kernels: bool,
     /// Invocations of a subgroup, where kernels may have them tell each other what they find.
     pub(crate) subgroups: Option<u32>,
@@ -16,31 +17,25 @@ pub(crate) struct Extras {
 
 impl Extras {
     pub(crate) fn of(host: &Host, device: vk::PhysicalDevice) -> Self {
+        let mut core = vk::PhysicalDeviceVulkan12Features::default();
+        let mut robustness = vk::PhysicalDevicePipelineRobustnessFeaturesEXT::default();
+        let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut core);
+        let name = pipeline_robustness::NAME.to_owned();
+        if host.extensions(device).contains(&name) {
+            have = have.push_next(&mut robustness);
+        }
+        // SAFETY: the device belongs to the instance, which is alive, and knows all structures of the chain.
+        unsafe {
+            host.instance
+                .get_physical_device_features2(device, &mut have)
+        };
+        let has_integers = have.features.shader_int64 == vk::TRUE;
         Self {
-            trusts_kernels: can_trust_kernels(host, device),
+            trusts_kernels: robustness.pipeline_robustness == vk::TRUE,
             subgroups: subgroups(host, device),
-            has_least_of_64_bits: has_least_of_64_bits(host, device),
+            has_least_of_64_bits: has_integers && core.shader_buffer_int64_atomics == vk::TRUE,
         }
     }
-}
-
-/// Whether a pipeline can be made without checks of each address. NVIDIA's driver checks them even where nobody asks
-/// for robust access: a sixth of the instructions at a tree's node, 4 % of a frame's rays (580, an H200).
-fn can_trust_kernels(host: &Host, device: vk::PhysicalDevice) -> bool {
-    if !host
-        .extensions(device)
-        .contains(&pipeline_robustness::NAME.to_owned())
-    {
-        return false;
-    }
-    let mut robustness = vk::PhysicalDevicePipelineRobustnessFeaturesEXT::default();
-    let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut robustness);
-    // SAFETY: the device belongs to the instance, which is alive, and knows the structure of its extension.
-    unsafe {
-        host.instance
-            .get_physical_device_features2(device, &mut have)
-    };
-    robustness.pipeline_robustness == vk::TRUE
 }
 
 /// Invocations of a subgroup, which are as many in every kernel that does not ask for other sizes;
@@ -62,15 +57,4 @@ fn subgroups(host: &Host, device: vk::PhysicalDevice) -> Option<u32> {
         .contains(vk::ShaderStageFlags::COMPUTE)
         && found.supported_operations.contains(needed);
     suffices.then_some(found.subgroup_size)
-}
-
-fn has_least_of_64_bits(host: &Host, device: vk::PhysicalDevice) -> bool {
-    let mut have12 = vk::PhysicalDeviceVulkan12Features::default();
-    let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut have12);
-    // SAFETY: the device belongs to the instance, which is alive; the structure is of Vulkan 1.2.
-    unsafe {
-        host.instance
-            .get_physical_device_features2(device, &mut have)
-    };
-    have.features.shader_int64 == vk::TRUE && have12.shader_buffer_int64_atomics == vk::TRUE
 }

@@ -4,7 +4,7 @@ use crate::instance::Host;
 use ash::vk;
 use backend::Result;
 use gpu_common::refuse_above;
-use shaders::{KERNELS, Kernel, Kind};
+use shaders::{Binding, KERNELS, Kernel, Kind};
 
 /// Bounds that a scene, a query or a kernel can meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,7 +75,7 @@ impl Limits {
             let about = |limit: &str| format!("kernel {} ({limit})", kernel.name);
             refuse_above(
                 || about("maxPerStageDescriptorStorageBuffers"),
-                u64::from(storage_buffers(kernel)),
+                u64::from(storage_buffers(kernel.bindings)),
                 u64::from(self.storage_buffers),
             )?;
             refuse_above(
@@ -100,9 +100,9 @@ impl Limits {
     }
 }
 
-/// Storage buffers that a kernel binds.
-pub(crate) fn storage_buffers(kernel: &Kernel) -> u32 {
-    let all = kernel.bindings.iter().filter(|b| b.kind != Kind::Uniform);
+/// Storage buffers among bindings.
+pub(crate) fn storage_buffers(bindings: &[Binding]) -> u32 {
+    let all = bindings.iter().filter(|b| b.kind != Kind::Uniform);
     all.count() as u32
 }
 

@@ -1,14 +1,15 @@
 //! The device and its queue; every call to them that can fail passes through here.
 
-use crate::adapters::{describe, enumerate, kind, takes_spirv};
+use crate::adapters::{enumerate, kind, takes_spirv};
 use crate::buffers::{readback, unmap};
 use crate::call_counts::CallCounts;
 use crate::faults::Faults;
 use crate::instance::instance;
-use crate::limits::{LEAST_OF_64_BITS, check, generous, useful_features};
+use crate::limits::{check, generous, useful_features};
 use crate::modules::Modules;
-use backend::{BackendError, DeviceKind, Result, choose_adapter};
-use shaders::{Packets, Rasterization};
+use backend::{BackendError, DeviceKind, Result};
+use gpu_common::AdapterInfo;
+use shaders::Packets;
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -33,14 +34,8 @@ pub(crate) struct Gpu {
 impl Gpu {
     /// Opens an adapter by its index or a part of its name.
     pub(crate) fn open(wanted: Option<&str>, validation: bool) -> Result<Self> {
-        let found = enumerate(&instance(validation))?;
-        let list: Vec<_> = found
-            .iter()
-            .enumerate()
-            .map(|(i, a)| describe(i, a))
-            .collect();
-        let names: Vec<_> = list.iter().map(|a| (a.name.as_str(), a.kind)).collect();
-        let adapter = &found[choose_adapter(&names, wanted)?];
+        let (found, list) = enumerate(&instance(validation))?;
+        let adapter = &found[AdapterInfo::choose(&list, wanted)?];
         check(&adapter.limits())?;
         let desc = wgpu::DeviceDescriptor {
             label: Some("abvh"),
@@ -103,17 +98,8 @@ impl Gpu {
         let has_subgroups = modules == Modules::Best
             && self.takes_spirv()
             && self.features.contains(Features::SUBGROUP);
-        Packets::for_device(has_subgroups.then_some(sizes), self.is_software())
-    }
-
-    /// Which pictures are made triangle by triangle here, given kernels in that form.
-    pub(crate) fn rasterization(&self, modules: Modules) -> Option<Rasterization> {
-        let packets = self.packets(modules);
-        Rasterization::for_device(packets.filter(|_| self.features.contains(LEAST_OF_64_BITS)))
-    }
-
-    fn is_software(&self) -> bool {
-        kind(&self.info) == DeviceKind::Software
+        let is_software = kind(&self.info) == DeviceKind::Software;
+        Packets::for_device(has_subgroups.then_some(sizes), is_software)
     }
 
     /// Counts a call.

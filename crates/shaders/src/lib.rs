@@ -1,4 +1,4 @@
-//! The only WGSL in the house: one source a stage, compiled and reflected at build time.
+//! All WGSL, compiled and reflected at build time.
 //!
 //! Each kernel comes as SPIR-V whose every addition, subtraction and
 //! multiplication is decorated NoContraction, for those who can load it, and as
@@ -9,7 +9,7 @@
 //! comment above an entry point names the axes of its variants: see `build/variants.rs`. This prints a kernel as it is composed:
 //!
 //! ```sh
-//! cargo run -p shaders --example kernel -- trace_camera watertight fast
+//! cargo run -p abvh-shaders --example kernel -- trace_camera watertight fast
 //! ```
 //!
 //! What any host of these kernels needs stands here too, so that no two hosts
@@ -21,8 +21,7 @@
 //!   parameters and its number of workgroups. The host binds buffers by the
 //!   [`BufferName`]s in [`Kernel::bindings`], dispatches [`work::Work::group_counts`], and puts a
 //!   barrier after each;
-//! - [`supports`]: which methods the kernels know, and
-//!   [`Kernel::serves`]: which kernels a method needs. Those without slots are all methods' own;
+//! - [`Kernel::serves`]: which kernels a method needs. Those without slots are all methods' own;
 //!   a host makes the others when it loads a scene;
 //! - [`rebuild`]: likewise for a tree made on the device, the room that it takes, and how to read it back;
 //! - [`Counts`]: the buffer `counts`, cleared before the first stage and read back after the last;
@@ -44,8 +43,6 @@ pub mod rebuild;
 mod shape;
 mod tree_stats;
 mod unfold;
-mod units;
-mod variant;
 mod view;
 pub mod work;
 
@@ -54,14 +51,13 @@ use backend::Method;
 pub use arithmetic::Traits;
 pub use buffers::{BufferName, tree_buffers};
 pub(crate) use method::{notes, open_shadows_at, places};
-pub use method::{occluded_words, record_bytes, supports};
+pub use method::{occluded_words, record_bytes};
 pub use moving::{MovingShape, MovingTreeletShape, moving_rows};
 pub use packets::Packets;
 pub use params::{Counts, Params};
-pub use rasterization::{RasterBackoff, Rasterization};
+pub use rasterization::RasterBackoff;
 pub use shape::{Shape, WideShape};
 pub use tree_stats::{Extent, Extents, TreeStats};
-pub use units::is_extreme;
 pub use view::View;
 
 /// A compute kernel.
@@ -165,7 +161,7 @@ impl Kernel {
     #[must_use]
     pub fn serves(&self, method: Method) -> bool {
         let mut axes = self.slots.iter();
-        axes.all(|(axis, values)| values.contains(&variant::value(axis, method)))
+        axes.all(|(axis, values)| values.contains(&method::value(axis, method)))
     }
 
     /// What to load on a device.
@@ -190,7 +186,7 @@ impl Kernel {
     /// Whether it is of use to rasterization alone, which few pictures go by; a host makes those when a trace first asks for them.
     #[must_use]
     pub fn rasterizes(&self) -> bool {
-        Rasterization::need(self.entry)
+        rasterization::KERNELS.contains(&self.entry)
     }
 
     /// Whether it is of use to extreme rays alone ([`geom::Range`]); a host makes those when a trace first asks for them.

@@ -91,7 +91,7 @@ fn sort(params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
         ..params
     };
     let mut work = vec![
-        dispatch("bounds", bounds, Groups::Linear(PARTS * 256)),
+        Work::new(common("bounds"), bounds, Groups::Linear(PARTS * 256)),
         Work::linear(common("morton"), params, count),
     ];
     let tiles = Groups::Linear(count.div_ceil(SORT_TILE) * 256);
@@ -104,20 +104,14 @@ fn sort(params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
             destination: (1 - odd) * count,
             ..params
         };
-        work.push(dispatch("sort_count", params, tiles));
-        work.push(dispatch("sort_scan", params, Groups::Linear(DIGITS * 256)));
-        work.push(dispatch("sort_scatter", params, tiles));
+        let steps = [
+            ("sort_count", tiles),
+            ("sort_scan", Groups::Linear(DIGITS * 256)),
+            ("sort_scatter", tiles),
+        ];
+        work.extend(steps.map(|(entry, groups)| Work::new(common(entry), params, groups)));
     }
     work
-}
-
-fn dispatch(entry: &str, params: Params, groups: Groups) -> Work {
-    Work {
-        kernel: common(entry),
-        params,
-        groups,
-        alongside: false,
-    }
 }
 
 /// Leaves in `clusters` to `tree`'s nodes, and to its cost.
@@ -138,12 +132,8 @@ fn cluster(method: Method, params: Params, tree: &Shape) -> Vec<Work> {
             first_group,
             ..params
         };
-        work.push(Work {
-            kernel: kernel("cluster", method),
-            params,
-            groups: Groups::Linear(phase.tiles() * 256),
-            alongside: false,
-        });
+        let groups = Groups::Linear(phase.tiles() * 256);
+        work.push(Work::new(kernel("cluster", method), params, groups));
         first_group += phase.tiles();
     }
     work.push(sum(params, first_group, offset_of!(Counts, areas)));
@@ -193,10 +183,8 @@ mod tests {
             let found = common(kernel).code.wgsl.contains(text);
             assert!(found, "{kernel} lacks {text}");
         };
-        has(
-            "cluster",
-            &format!("const CLUSTER_TILE: u32 = {}u;", phases::TILE),
-        );
+        let tile = format!("const CLUSTER_TILE: u32 = {}u;", phases::TILE);
+        has("cluster", &tile);
         for kernel in ["sort_count", "sort_scan", "sort_scatter"] {
             has(kernel, &format!("const TILE: u32 = {SORT_TILE}u;"));
         }

@@ -1,6 +1,6 @@
 //! Nodes of layout `fast`, as a device keeps them, back to one box a node in breadth-first order.
 
-use crate::units::{scale, scaled_point};
+use crate::params::{scale, scaled_point};
 use bvh_layout::Treelets;
 use geom::{Aabb, Animation, Point};
 use std::collections::VecDeque;

@@ -1,7 +1,7 @@
 //! A tree as the host sees it when it looks at a device's memory.
 
 use crate::rebuild::{BrokenTree, Found, links_of_rows, read};
-use crate::{Shape, unfold::unfold, units};
+use crate::{Shape, params::scale, unfold::unfold};
 use backend::Layout;
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point};
@@ -58,7 +58,7 @@ impl View<'_> {
     }
 
     fn boxes_of_nodes(&self) -> Vec<Aabb> {
-        let unscale = units::scale(-self.animation.scale_exponent());
+        let unscale = scale(-self.animation.scale_exponent());
         let point = |row: &[u32; 4]| [0, 1, 2].map(|i| f32::from_bits(row[i]) * unscale);
         let pairs = self.rows.chunks_exact(2);
         pairs

@@ -6,7 +6,7 @@ mod rays;
 mod tree;
 mod treelets;
 
-pub use rays::{cleanse, count_any, count_hits, count_occluded, count_triangles, rays};
+pub use rays::{cleanse, count_answers, count_triangles, rays};
 pub(crate) use tree::sum;
 pub use tree::{Progress, leaves};
 
@@ -85,24 +85,26 @@ impl Rays<'_> {
 }
 
 impl Work {
-    pub(crate) fn linear(kernel: &'static Kernel, params: Params, count: u32) -> Self {
+    pub(crate) fn new(kernel: &'static Kernel, params: Params, groups: Groups) -> Self {
         Self {
             kernel,
-            params: Params { count, ..params },
-            groups: Groups::Linear(count),
+            params,
+            groups,
             alongside: false,
         }
+    }
+
+    pub(crate) fn linear(kernel: &'static Kernel, params: Params, count: u32) -> Self {
+        Self::new(kernel, Params { count, ..params }, Groups::Linear(count))
     }
 
     fn over(method: Method, rays: Rays<'_>, params: Params, [given, camera]: [&str; 2]) -> Self {
         match rays {
             Rays::Given(count, _) => Self::linear(kernel(given, method), params, count),
-            Rays::Camera(c) => Self {
-                kernel: kernel(camera, method),
-                params: params.through(c),
-                groups: Groups::Pixels([c.width, c.height], [16, 8]),
-                alongside: false,
-            },
+            Rays::Camera(c) => {
+                let groups = Groups::Pixels([c.width, c.height], [16, 8]);
+                Self::new(kernel(camera, method), params.through(c), groups)
+            }
         }
     }
 

@@ -99,12 +99,8 @@ pub fn leaves(method: Method, params: Params, tree: &Shape) -> Work {
 
 /// A tree just adopted to its lists of nodes.
 fn expand(params: Params) -> Work {
-    Work {
-        kernel: common("expand"),
-        params,
-        groups: Groups::Linear(params.node_count),
-        alongside: false,
-    }
+    let groups = Groups::Linear(params.node_count);
+    Work::new(common("expand"), params, groups)
 }
 
 /// Which inner nodes move, into their list.
@@ -188,12 +184,7 @@ pub(crate) fn sum(params: Params, groups: u32, member: usize) -> Work {
         first: word_of(member),
         ..params
     };
-    Work {
-        kernel: common("sum_costs"),
-        params,
-        groups: Groups::Linear(1),
-        alongside: false,
-    }
+    Work::new(common("sum_costs"), params, Groups::Linear(1))
 }
 
 #[cfg(test)]

@@ -94,16 +94,12 @@ fn levels(params: Params, tree: &Shape, stand: bool) -> (Params, &[Range<u32>]) 
 
 fn over(kernel: &'static Kernel, params: Params, level: Range<u32>) -> Work {
     let (first, count) = (level.start, level.len() as u32);
-    Work {
-        kernel,
-        params: Params {
-            first,
-            count,
-            ..params
-        },
-        groups: Groups::Each(count),
-        alongside: false,
-    }
+    let params = Params {
+        first,
+        count,
+        ..params
+    };
+    Work::new(kernel, params, Groups::Each(count))
 }
 
 #[cfg(test)]

@@ -21,7 +21,7 @@
 @else
 @group(0) @binding(next) var<storage, read_write> hits: array<vec4<u32>>;
 
-// For each ray 1 if it meets anything; of intersector `exact` also notes: see intersect/notes.wgsl.
+// For each ray 1 if it meets anything; of intersector `exact` also notes: see intersect/candidates.wgsl.
 @if(count_occluded)
 @group(0) @binding(next) var<storage, read> occluded: array<u32>;
 @else
