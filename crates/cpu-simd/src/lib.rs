@@ -6,7 +6,6 @@
 //! triangles are not kept: whoever needs one has its corners at hand. What a hit is does not change, nor
 //! does one bit of it.
 
-mod bundle;
 mod cell;
 mod fit;
 mod found;

@@ -16,14 +16,14 @@ pub(crate) struct Placed {
 }
 
 /// The closest hit so far.
-struct Closest<'a, R, L> {
+struct Closest<'a, R: Lanes, L> {
     blocks: &'a [Block],
-    ray: &'a R,
+    ray: &'a OneRay<'a, R>,
     best: Placed,
     lanes: PhantomData<L>,
 }
 
-impl<R: OneRay, L: Lanes<Array = [f32; LANES]>> Visitor for Closest<'_, R, L> {
+impl<R: Lanes, L: Lanes<Array = [f32; LANES]>> Visitor for Closest<'_, R, L> {
     #[inline(always)]
     fn block(&mut self, index: usize, bound: f32) -> Option<f32> {
         let block = &self.blocks[index];
@@ -59,14 +59,14 @@ fn take_best<L: Lanes<Array = [f32; LANES]>>(
 }
 
 /// Ends at the first hit.
-struct Any<'a, R, L> {
+struct Any<'a, R: Lanes, L> {
     blocks: &'a [Block],
-    ray: &'a R,
+    ray: &'a OneRay<'a, R>,
     skipped: u32,
     lanes: PhantomData<L>,
 }
 
-impl<R: OneRay, L: Lanes<Array = [f32; LANES]>> AnyVisitor for Any<'_, R, L> {
+impl<R: Lanes, L: Lanes<Array = [f32; LANES]>> AnyVisitor for Any<'_, R, L> {
     #[inline(always)]
     fn hits(&mut self, block: usize) -> bool {
         let block = &self.blocks[block];
@@ -83,7 +83,11 @@ impl<R: OneRay, L: Lanes<Array = [f32; LANES]>> AnyVisitor for Any<'_, R, L> {
 
 /// The closest hit, its `t` in scaled units; a miss has no place.
 #[inline(always)]
-pub(crate) fn closest<I: Isa>(tree: &Wide, ray: &impl OneRay, stack: &mut Stack) -> Placed {
+pub(crate) fn closest<I: Isa>(
+    tree: &Wide,
+    ray: &OneRay<'_, impl Lanes>,
+    stack: &mut Stack,
+) -> Placed {
     let mut closest = Closest {
         blocks: &tree.blocks,
         ray,
@@ -103,7 +107,12 @@ pub(crate) fn closest<I: Isa>(tree: &Wide, ray: &impl OneRay, stack: &mut Stack)
 
 /// Whether the ray hits any triangle but `skipped`, which may be none: that of a miss.
 #[inline(always)]
-pub(crate) fn any<I: Isa>(tree: &Wide, ray: &impl OneRay, skipped: u32, stack: &mut Stack) -> bool {
+pub(crate) fn any<I: Isa>(
+    tree: &Wide,
+    ray: &OneRay<'_, impl Lanes>,
+    skipped: u32,
+    stack: &mut Stack,
+) -> bool {
     let mut any = Any {
         blocks: &tree.blocks,
         ray,

@@ -72,7 +72,7 @@ pub(crate) struct NodeRay<L> {
 
 impl<L: Lanes> NodeRay<L> {
     #[inline(always)]
-    pub(crate) fn new(ray: &impl OneRay) -> Self {
+    pub(crate) fn new(ray: &OneRay<'_, impl Lanes>) -> Self {
         Self {
             inverse: each!(i => L::splat(ray.inverse(i))),
             starts: each!(i => {
