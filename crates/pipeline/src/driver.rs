@@ -5,8 +5,7 @@ mod pending;
 mod trees;
 mod warm_up;
 
-use crate::builder_pool::BuilderPool;
-use crate::builder_thread::BuilderThread;
+use crate::builder_thread::{BuilderPool, BuilderThread};
 use crate::frame::{Frame, FrameRecord};
 use crate::latency::LatencyPredictor;
 use crate::schedule::{Pace, Schedule, Update};

@@ -66,17 +66,16 @@ pub struct BuildMoments {
 
 /// What a record carries beside itself, so that adopting it costs a frame little.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Forms {
+pub(crate) struct Forms {
     /// [`Topology::treelets`].
-    pub treelets: bool,
+    pub(crate) treelets: bool,
     /// [`Topology::blocks`].
-    pub blocks: bool,
+    pub(crate) blocks: bool,
 }
 
 impl Forms {
     /// What `backend` reads by the method loaded.
-    #[must_use]
-    pub fn wanted_by(backend: &dyn Backend) -> Self {
+    pub(crate) fn wanted_by(backend: &dyn Backend) -> Self {
         Self {
             treelets: backend.wants_treelets(),
             blocks: backend.wants_blocks(),
@@ -112,8 +111,7 @@ impl TreeBuilder {
     }
 
     /// Likewise; records carry trees in these forms too.
-    #[must_use]
-    pub fn with_forms(forms: Forms) -> Self {
+    pub(crate) fn with_forms(forms: Forms) -> Self {
         Self {
             forms,
             ..Self::default()

@@ -10,10 +10,7 @@ const ROUNDS: usize = 2;
 impl TreeBuilder {
     /// Makes the next tree, if it will be one of groups, to no end but to find memory for it: in demo:shatter (1.6M
     /// triangles) the first such tree took 120 ms, the second 43, later ones 20. Nothing is handed over.
-    ///
-    /// # Errors
-    /// [`BuildError::Cancelled`].
-    pub fn warm_up(
+    pub(crate) fn warm_up(
         &mut self,
         animation: &Animation,
         pose: Pose,

@@ -3,8 +3,8 @@
 use crate::{Run, drifting, run_paced, run_scene};
 use backend::Generation;
 use bvh_build::Cancel;
-use geom::{Animation, Point, Pose};
-use pipeline::{Adopted, BuildStrategy, FrameRecord, Made, Pace, TreeBuilder, Update, Vertices};
+use geom::{Animation, Point};
+use pipeline::{Adopted, FrameRecord, Made, Pace, TreeBuilder, Update, Vertices};
 use std::sync::Arc;
 
 /// Triangles in a row whose order is another in every key frame.
@@ -82,83 +82,6 @@ fn steady() -> (Arc<Animation>, Run) {
 
 const FREE: (Update, bool) = (Update::Async(Pace::Free), true);
 
-/// What a driver was to tell its builder of a tree, and when.
-#[derive(Clone, Copy)]
-struct Told {
-    frame: u32,
-    /// Early in its use, in the middle, and late; `None` if only the driver's clock knew.
-    poses: Option<[Pose; 3]>,
-}
-
-/// The trees after the first that come of what a driver was to tell its builder in `run`, with the halves of their use or
-/// without, and what they were to be built for; `None` if the second one was rejected, so that nobody knows that.
-fn foretold(
-    animation: &Animation,
-    run: &Run,
-    with_halves: bool,
-) -> Option<Vec<(Option<Pose>, Vec<u32>)>> {
-    let (mut bench, cancel) = (TreeBuilder::new(), Cancel::new());
-    let halves = [0.25, 0.75].map(|time| animation.pose(time));
-    let first = bench.build_swept(animation, (&positions(animation, 0.0), halves), &cancel);
-    first.unwrap();
-    let (mut seen, mut next) = ([None::<f64>; 2], BuildStrategy::Scratch);
-    let (mut told, mut trees) = (None::<Told>, Vec::new());
-    for (i, record) in (0_u32..).zip(&run.records).skip(1) {
-        if record.adopted.is_some() || record.rejected.is_some() {
-            let poses = told?.poses;
-            let used = poses.or(record.adopted.map(|tree| [tree.built_for; 3]));
-            let [early, middle, late]: [Pose; 3] = used?;
-            let halves = with_halves.then_some([early, late]);
-            let what = (Vertices::KeyFrames(middle), halves);
-            let made = bench.rebuild(animation, what, Some(middle), &cancel);
-            if let Made::Tree(tree) = made.unwrap() {
-                // Left, for its moment was too far off, if it is not adopted.
-                let adopted = record.adopted?;
-                let took = adopted.latency_frames as f64;
-                assert!(took <= f64::from(i - told?.frame));
-                let known = &mut seen[tree.strategy as usize];
-                *known = Some(known.map_or(took, |before| f64::midpoint(before, took).min(took)));
-                next = tree.next;
-                trees.push((poses.map(|p| p[1]), tree.topology.into_words()));
-            }
-        }
-        if record.asked.is_some() {
-            let time = |l: f64, share: f64| record.frame.time + 0.5 * (l + share * (l - 1.0));
-            let pose = |l, share| animation.pose(f64::min(time(l, share), animation.end()));
-            let poses = expected(seen, next).map(|l| [0.25, 0.5, 0.75].map(|share| pose(l, share)));
-            told = Some(Told { frame: i, poses });
-        }
-    }
-    Some(trees)
-}
-
-/// How many frames the next tree is expected to take.
-fn expected([scratch, groups]: [Option<f64>; 2], next: BuildStrategy) -> Option<f64> {
-    match next {
-        BuildStrategy::Scratch => scratch.or(groups.map(|l| 2.0 * l)),
-        BuildStrategy::Subtrees => groups.or(scratch.map(|l| (0.5 * l).max(1.0))),
-    }
-}
-
-#[test]
-fn a_tree_is_built_for_the_middle_of_its_use_and_the_builder_is_told_the_halves() {
-    let known = (0..40).find_map(|_| {
-        let (animation, run) = steady();
-        let trees = foretold(&animation, &run, true)?;
-        Some((trees, foretold(&animation, &run, false)?, run))
-    });
-    let (trees, without, run) = known.expect("second trees are taken");
-    let adopted = run.records.iter().filter_map(|r| r.adopted).skip(1);
-    for (adopted, (expected, _)) in adopted.zip(&trees) {
-        assert_eq!(adopted.built_for, expected.unwrap_or(adopted.built_for));
-    }
-    assert!(trees.iter().filter(|t| t.0.is_some()).count() > 2);
-    let words = |trees: Vec<(_, Vec<u32>)>| trees.into_iter().map(|t| t.1).collect::<Vec<_>>();
-    let trees = words(trees);
-    assert!(trees == run.log.trees[1..]);
-    assert!(trees != words(without), "no tree faded");
-}
-
 /// The first frames come faster than others, so trees come before their time.
 fn early(triangles: u32, rest: fn(u64) -> u64) -> Run {
     run_paced(
@@ -201,20 +124,22 @@ fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
 /// The tree asked for in the frame that `left` the second one, which nobody used: of groups of the first.
 fn made_after(left: &FrameRecord) -> Vec<u32> {
     let animation = many_shuffled(65, 1 << 13);
-    let (mut bench, cancel) = (TreeBuilder::new(), Cancel::new());
+    let (mut builder, cancel) = (TreeBuilder::new(), Cancel::new());
     let pose = |time| animation.pose(time);
     let own = positions(&animation, 0.0);
-    let first = bench.build_swept(&animation, (&own, [0.25, 0.75].map(pose)), &cancel);
+    let first = builder.build_swept(&animation, (&own, [0.25, 0.75].map(pose)), &cancel);
     first.unwrap();
     let far = pose(30.0);
     let what = (Vertices::KeyFrames(far), None);
-    bench.rebuild(&animation, what, Some(far), &cancel).unwrap();
-    bench.revert();
+    builder
+        .rebuild(&animation, what, Some(far), &cancel)
+        .unwrap();
+    builder.revert();
     // Asked for in the fourth frame, it told how long trees take.
     let took = left.frame.index as f64 - 3.0;
     let at = |share: f64| pose(left.frame.time + 0.5 * (took + share * (took - 1.0)));
     let what = (Vertices::KeyFrames(at(0.5)), Some([0.25, 0.75].map(at)));
-    let next = bench.rebuild(&animation, what, Some(at(0.5)), &cancel);
+    let next = builder.rebuild(&animation, what, Some(at(0.5)), &cancel);
     match next.unwrap() {
         Made::Tree(tree) => tree.topology.into_words(),
         Made::NoBetter => Vec::new(),
