@@ -267,24 +267,22 @@ impl Accelerator for Bvh2 {
         }
     }
 
-    fn refit(&mut self) -> f64 {
-        let still = self.still_areas.zip(self.moving.as_ref());
-        if let Some((still, moving)) = still {
-            return still + Self::refit_moving(&mut self.pairs, moving);
-        }
-        let levels = self.levels.iter().rev();
-        let areas = levels.map(|level| {
-            let all = Which::All(level.clone());
-            refit_level(&mut self.pairs, (level.end, level.end), all)
-        });
-        let total = areas.sum();
+    fn refit(&mut self) -> (f64, Aabb) {
         let moving = self.moving.as_ref();
-        self.still_areas = moving.map(|m| total - Self::refit_moving(&mut self.pairs, m));
-        total
-    }
-
-    fn root(&self) -> Aabb {
-        self.pairs[0].bounds(1)
+        let total = match self.still_areas.zip(moving) {
+            Some((still, moving)) => still + Self::refit_moving(&mut self.pairs, moving),
+            None => {
+                let levels = self.levels.iter().rev();
+                let areas = levels.map(|level| {
+                    let all = Which::All(level.clone());
+                    refit_level(&mut self.pairs, (level.end, level.end), all)
+                });
+                let total: f64 = areas.sum();
+                self.still_areas = moving.map(|m| total - Self::refit_moving(&mut self.pairs, m));
+                total
+            }
+        };
+        (total, self.pairs[0].bounds(1))
     }
 
     fn trace(&self, task: TraceTask<'_>, out: Output<'_>) -> Counts {

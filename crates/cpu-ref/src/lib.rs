@@ -53,11 +53,8 @@ pub trait Accelerator: Send + Sync {
     fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable;
 
     /// Boxes of leaves to boxes of inner nodes. Returns the sum of all nodes' half areas, with the same bits for every
-    /// number of threads.
-    fn refit(&mut self) -> f64;
-
-    /// The box of the whole tree.
-    fn root(&self) -> Aabb;
+    /// number of threads, and the box of the whole tree.
+    fn refit(&mut self) -> (f64, Aabb);
 
     /// Answers all rays of a task.
     fn trace(&self, task: TraceTask<'_>, out: Output<'_>) -> Counts;

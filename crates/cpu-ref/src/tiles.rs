@@ -38,7 +38,6 @@ impl Add for Counts {
 
 impl Counts {
     /// Those of one answer.
-    #[must_use]
     #[inline(always)]
     pub fn of(answer: &Answer) -> Self {
         Self {
@@ -57,13 +56,11 @@ pub struct Output<'a> {
 
 impl<'a> Output<'a> {
     /// For all answers to a query; what it does not ask for is empty.
-    #[must_use]
     pub fn new(closest: &'a mut [Hit], blocked: &'a mut [u8]) -> Self {
         Self { closest, blocked }
     }
 
     /// How many answers it holds.
-    #[must_use]
     #[inline]
     pub fn count(&self) -> usize {
         self.closest.len().max(self.blocked.len())
@@ -160,27 +157,23 @@ impl<'a> Tiles<'a> {
     }
 
     /// Columns of the part.
-    #[must_use]
     pub fn columns(&self) -> usize {
         self.rows[0].count()
     }
 
     /// Rows that reach into the picture.
-    #[must_use]
     #[inline]
     pub fn height(&self) -> usize {
         self.rows.iter().filter(|row| row.count() > 0).count()
     }
 
     /// Columns of the whole picture.
-    #[must_use]
     #[inline]
     pub fn width(&self) -> usize {
         self.width
     }
 
     /// Where an entry lies in the picture.
-    #[must_use]
     #[inline]
     pub fn index(&self, x: usize, y: usize) -> usize {
         self.first + y * self.width + x

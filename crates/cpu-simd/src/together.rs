@@ -44,7 +44,7 @@ pub(crate) fn closest<I: Isa>(
         },
     };
     let rays = (&packet.bundle, f32::INFINITY);
-    let gave_up = walk::<I, _>(tree, rays, stack, &mut closest);
+    let gave_up = walk::<I>(tree, rays, stack, &mut closest);
     (!gave_up).then_some(closest.found)
 }
 
@@ -67,7 +67,7 @@ pub(crate) fn any<I: Isa>(
         patience: PATIENCE,
     };
     let rays = (&packet.bundle, f32::INFINITY);
-    let ended = walk::<I, _>(tree, rays, stack, &mut any);
+    let ended = walk::<I>(tree, rays, stack, &mut any);
     (!ended || any.left == 0).then_some(asked & !any.left)
 }
 
@@ -90,7 +90,7 @@ struct Closest<'a, L: Lanes, P> {
     patience: u32,
 }
 
-impl<L: Lanes, P: Halves> Visitor for Closest<'_, L, P> {
+impl<I, L: Lanes, P: Halves> Visitor<I> for Closest<'_, L, P> {
     #[inline(always)]
     fn block(&mut self, index: usize, bound: f32) -> Option<f32> {
         let block = &self.tree.blocks[index];
@@ -146,7 +146,7 @@ struct Any<'a, L, P> {
     patience: u32,
 }
 
-impl<L: Lanes, P: Halves> Visitor for Any<'_, L, P> {
+impl<I, L: Lanes, P: Halves> Visitor<I> for Any<'_, L, P> {
     #[inline(always)]
     fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
         self.patience = self.patience.checked_sub(1)?;

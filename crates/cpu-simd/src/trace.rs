@@ -9,6 +9,7 @@ use crate::search;
 use crate::simd::{Isa, Lanes, Work, each};
 use crate::together::{self, MOST_RAYS, NONE};
 use crate::tree::{NOWHERE, Wide};
+use crate::walk::walk_any;
 use backend::{QueryKind, Rays};
 use cpu_ref::intersect::{Search, Watertight};
 use cpu_ref::scale::Scale;
@@ -189,7 +190,7 @@ impl<'a> WideTracer<'a> {
             if (group.ready & asked) >> lane & 1 == 1 {
                 let group = &group;
                 let ray = OneRay { group, lane };
-                let found = search::any::<I>(tree, &ray, skipped, &mut stack.waiting);
+                let found = walk_any::<I>(tree, &ray, skipped, &mut stack.waiting);
                 hit |= u32::from(found) << lane;
             } else if asked >> lane & 1 == 1 {
                 let found = self.any_unusual(&rays.ray(lane), scale, skipped, stack);

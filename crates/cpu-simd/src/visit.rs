@@ -83,7 +83,7 @@ impl<F: FnMut(&Leaf, f32) -> Option<f32>> Work for Visit<'_, F> {
         };
         let ray = NodeRay::<I::Eight>::new(&ray);
         let rays = (&ray, self.ray.t_max);
-        walk::<I, _>(self.tree, rays, self.stack, &mut each)
+        walk::<I>(self.tree, rays, self.stack, &mut each)
     }
 }
 
@@ -94,7 +94,7 @@ struct EachTriangle<'a, L, F> {
     see: F,
 }
 
-impl<L, F> Visitor for EachTriangle<'_, L, F>
+impl<I, L, F> Visitor<I> for EachTriangle<'_, L, F>
 where
     L: Lanes<Array = [f32; LANES]>,
     F: FnMut(&Leaf, f32) -> Option<f32>,

@@ -46,7 +46,6 @@ pub struct Clock {
 
 impl Clock {
     /// A clock of so many bits and nanoseconds a tick.
-    #[must_use]
     pub fn new(bits: u32, tick_ns: f64) -> Self {
         let mask = 1_u64.checked_shl(bits);
         Self {

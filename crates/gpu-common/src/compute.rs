@@ -66,7 +66,6 @@ impl<D: GpuDevice> ComputeBackend<D> {
     }
 
     /// The device.
-    #[must_use]
     pub fn gpu(&self) -> &D {
         &self.engine.gpu
     }

@@ -67,7 +67,6 @@ impl<D: GpuDevice> Engine<D> {
     ///
     /// # Panics
     /// Before one is loaded; likewise all that follows but for [`Engine::unload`].
-    #[must_use]
     pub fn scene(&self) -> &SceneBuffers<D> {
         self.scene.as_ref().expect("a scene was loaded")
     }
@@ -186,7 +185,6 @@ impl<D: GpuDevice> Engine<D> {
     }
 
     /// Bytes of device memory, of which so much is a tree's, room to make one, and its owner's for frames.
-    #[must_use]
     pub fn bytes(&self, [tree, scratch, frames]: [u64; 3]) -> DeviceBytes {
         let bytes = DeviceBytes {
             tree,

@@ -178,12 +178,13 @@ impl<D: GpuDevice> Slot<D> {
 
 /// Workgroups of a dispatch along both axes.
 fn groups<D: GpuDevice>(gpu: &D, work: &Work) -> Result<[u32; 2]> {
-    let groups = work.group_counts(gpu.max_groups());
-    groups.map_err(|e| BackendError::Limit {
-        what: format!("kernel {} (workgroups along an axis)", work.kernel.name),
-        need: u64::from(e.need),
-        limit: u64::from(e.limit),
-    })
+    let limit = gpu.max_groups();
+    work.group_counts(limit)
+        .map_err(|need| BackendError::Limit {
+            what: format!("kernel {} (workgroups along an axis)", work.kernel.name),
+            need: need.into(),
+            limit: limit.into(),
+        })
 }
 
 impl<D: GpuDevice> Frames<D> {

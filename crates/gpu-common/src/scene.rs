@@ -66,7 +66,6 @@ impl<D: GpuDevice> SceneBuffers<D> {
     }
 
     /// One of its buffers, at a pose's key frame and in one of the two position buffers.
-    #[must_use]
     pub fn get(&self, name: BufferName, key: u32, position: usize) -> Option<&D::Buffer> {
         // The last key frame where there is none so late.
         let at = |key: u32| &self.keys[(key as usize).min(self.keys.len() - 1)];
@@ -80,7 +79,6 @@ impl<D: GpuDevice> SceneBuffers<D> {
     }
 
     /// Bytes of device memory.
-    #[must_use]
     pub fn held(&self) -> u64 {
         let all = self.keys.iter().chain(&self.positions);
         all.map(D::held).sum::<u64>() + self.others.held()

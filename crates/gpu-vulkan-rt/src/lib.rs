@@ -38,7 +38,6 @@ pub enum Prefer {
 
 impl Prefer {
     /// The backend's name on the command line.
-    #[must_use]
     pub fn backend(self) -> &'static str {
         match self {
             Self::FastBuild => "vulkan-rt",
@@ -112,7 +111,6 @@ impl DriverTreeBackend {
     }
 
     /// The device.
-    #[must_use]
     pub fn gpu(&self) -> &VulkanDevice {
         &self.engine.gpu
     }

@@ -237,13 +237,11 @@ impl Buffer {
     }
 
     /// Bytes that it takes of the device's own memory.
-    #[must_use]
     pub fn held(&self) -> u64 {
         self.allocation.as_ref().map_or(0, device_bytes)
     }
 
     /// Where the device finds it, if it traces rays through its driver's trees.
-    #[must_use]
     pub fn address(&self) -> vk::DeviceAddress {
         let info = vk::BufferDeviceAddressInfo::default().buffer(self.vk);
         // SAFETY: the buffer has memory; buffers of such a device may be asked for their address.

@@ -101,13 +101,11 @@ impl VulkanDevice {
     }
 
     /// Whether the validation layer watches.
-    #[must_use]
     pub fn is_validated(&self) -> bool {
         self.gpu.host.messenger.is_some()
     }
 
     /// What the validation layer has said so far.
-    #[must_use]
     pub fn validation_messages(&self) -> Vec<String> {
         let messenger = self.gpu.host.messenger.as_ref();
         messenger.map_or_else(Vec::new, |messenger| messenger.messages())

@@ -30,7 +30,6 @@ pub struct Span {
 /// The part of a submission between its first stage's begin and the last one's
 /// end, in milliseconds since `origin` on the host's clock; one for each of
 /// `submissions`, which must be in the order they were handed in. No two overlap.
-#[must_use]
 pub fn place_on_host(origin: Instant, submissions: &[Submission]) -> Vec<Span> {
     let bounds: Vec<Bound> = submissions.iter().map(|s| Bound::of(origin, s)).collect();
     let mut offsets = vec![0.0; bounds.len()];

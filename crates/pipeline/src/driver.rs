@@ -136,13 +136,11 @@ impl Driver {
     }
 
     /// Gives the backend back, to be loaded anew. A build under way is cancelled.
-    #[must_use]
     pub fn into_backend(self) -> Box<dyn Backend> {
         self.backend
     }
 
     /// Whether a builder thread was ever started.
-    #[must_use]
     pub fn has_builder(&self) -> bool {
         self.builder_thread.is_open()
     }

@@ -19,7 +19,6 @@ pub enum Update {
 
 impl Update {
     /// The name on the command line.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Rebuild => "rebuild",

@@ -2,7 +2,6 @@
 
 mod degradation;
 mod for_all;
-mod warm_up;
 
 use crate::builder_thread::Job;
 use crate::gathering::{blend, fill, grow};
@@ -105,12 +104,11 @@ const ROUNDING: f64 = 1e-9;
 
 impl TreeBuilder {
     /// No memory yet.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Likewise; records carry trees in these forms too.
+    /// Likewise; records carry these forms too.
     pub(crate) fn with_forms(forms: Forms) -> Self {
         Self {
             forms,
@@ -152,9 +150,6 @@ impl TreeBuilder {
     }
 
     /// Likewise, over each triangle's boxes at both of `halves`, as one. What it costs is still said of `positions`.
-    ///
-    /// # Errors
-    /// [`BuildError::Cancelled`].
     pub fn build_swept(
         &mut self,
         animation: &Animation,
@@ -375,4 +370,4 @@ impl TreeBuilder {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -33,7 +33,6 @@ pub struct Traits {
 const TURNS: u32 = 100_000;
 
 /// Operand quadruples: moderate exponents, near cancellation, halfway mantissas, exponents far apart, equal products.
-#[must_use]
 pub fn operands() -> Vec<[f32; 4]> {
     let mut state = 0x9E37_79B9_7F4A_7C15_u64;
     let mut next = move || {

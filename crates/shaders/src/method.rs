@@ -17,7 +17,6 @@ pub(crate) fn value(axis: &str, method: Method) -> &'static str {
 /// Bytes of the buffer `records` for so many leaves, in whole rows of 16 bytes.
 ///
 /// 48 a leaf, and for `woop`, whose transform fills them all, 4 more behind all of those: the triangle's index.
-#[must_use]
 pub fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
     match intersector {
         Intersector::Woop => leaves * 48 + (leaves * 4).next_multiple_of(16),
@@ -27,7 +26,6 @@ pub fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
 
 /// Words of the buffer `blocked` for so many rays: one each, and for `exact` the list of those left open, notes
 /// of three words (`wgsl/intersect/candidates.wgsl`), and places at which rays are settled one by one (`fallback.wgsl`).
-#[must_use]
 pub fn occluded_words(intersector: Intersector, rays: u64) -> u64 {
     match intersector {
         Intersector::Exact => open_shadows_at(rays) + rays,

@@ -19,7 +19,6 @@ pub(crate) const SMALL_PICTURE: u64 = 1 << 14;
 
 impl Packets {
     /// What a device with subgroups of this size, least and most, or one that is software, takes.
-    #[must_use]
     pub fn for_device(subgroups: Option<(u32, u32)>, is_software: bool) -> Option<Self> {
         match subgroups {
             _ if is_software => Some(Self::ByGroups),

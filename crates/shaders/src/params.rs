@@ -55,7 +55,6 @@ pub struct Params {
 
 impl Params {
     /// What all dispatches share over a scene scaled by `2^-scale_exponent` (in -126..=126) and a tree of this shape.
-    #[must_use]
     pub fn of(scale_exponent: i32, tree: &Shape) -> Self {
         Self {
             fast_layout: u32::from(tree.layout == Layout::Fast),
@@ -75,18 +74,13 @@ impl Params {
     }
 
     /// The same at a moment whose coordinates reach so far.
-    #[must_use]
-    pub fn within(self, range: Range) -> Self {
-        Self {
-            clearance: range.clearance * scale(self.scale_exponent),
-            extreme: range.extreme.into(),
-            tiny: range.tiny.into(),
-            ..self
-        }
+    pub fn within(mut self, range: Range) -> Self {
+        self.clearance = range.clearance * scale(self.scale_exponent);
+        (self.extreme, self.tiny) = (range.extreme.into(), range.tiny.into());
+        self
     }
 
     /// Whether a ray from `origin`, in the scene's units, is extreme.
-    #[must_use]
     pub fn is_extreme(&self, origin: Point) -> bool {
         let range = Range {
             extreme: self.extreme != 0,
@@ -97,25 +91,18 @@ impl Params {
     }
 
     /// The same, seen through a camera.
-    pub(crate) fn through(self, camera: &Camera) -> Self {
-        Self {
-            eye: camera.eye,
-            corner: camera.corner,
-            across: camera.across,
-            down: camera.down,
-            width: camera.width,
-            height: camera.height,
-            scaled_eye: scaled_point(camera.eye, self.scale_exponent),
-            ..self
-        }
+    pub(crate) fn through(mut self, camera: &Camera) -> Self {
+        (self.eye, self.corner) = (camera.eye, camera.corner);
+        (self.across, self.down) = (camera.across, camera.down);
+        (self.width, self.height) = (camera.width, camera.height);
+        self.scaled_eye = scaled_point(camera.eye, self.scale_exponent);
+        self
     }
 
     /// The same, with a light.
-    pub(crate) fn lit(self, light: Point) -> Self {
-        Self {
-            light: scaled_point(light, self.scale_exponent),
-            ..self
-        }
+    pub(crate) fn lit(mut self, light: Point) -> Self {
+        self.light = scaled_point(light, self.scale_exponent);
+        self
     }
 }
 
@@ -161,7 +148,6 @@ pub struct Counts {
 
 impl Counts {
     /// Rays, shadows included, that whole numbers settled.
-    #[must_use]
     pub fn settled(&self) -> u64 {
         u64::from(self.open) + u64::from(self.open_shadows)
     }

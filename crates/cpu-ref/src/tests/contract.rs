@@ -1,13 +1,14 @@
-//! What a backend owes its caller, as far as no other backend can be the measure.
+//! What a backend owes its caller, as far as no other backend can be the measure; and that misuse panics.
 
 use super::{
     bits, closest, deform, moving, ready, rng, senseless_tree, soup, still, trace, tree_at,
 };
 use crate::CpuBackend;
-use backend::{Backend, Hits, Intersector, Query, QueryKind, Rays};
+use backend::{Backend, Generation, Hits, Intersector, Query, QueryKind, Rays, Ticket};
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Hit, Point, Ray};
 use proptest::prelude::RngExt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 /// The box of each node, from its own triangles.
@@ -178,4 +179,51 @@ fn a_list_is_traced_once_in_its_place_and_reported_with_the_rest() {
         positions.map(|p| p.map(f32::to_bits)).collect::<Vec<_>>()
     });
     assert!(found == expected);
+}
+
+#[test]
+fn no_threads_are_refused() {
+    assert!(CpuBackend::new(Some(0)).is_err());
+}
+
+#[test]
+fn misuse_panics_and_says_what_comes_first() {
+    type Misuse = fn(&mut CpuBackend);
+    let nothing = |backend: &mut CpuBackend| {
+        trace(backend, Rays::List(&[]), QueryKind::Closest);
+    };
+    let table: [(&str, Misuse, bool); 5] = [
+        (
+            "the tree is stale",
+            |b| b.adopt(&senseless_tree(&moving()), Generation(2)).unwrap(),
+            true,
+        ),
+        (
+            "the tree is stale",
+            |b| b.interpolate(moving().pose(1.0)).unwrap(),
+            true,
+        ),
+        ("the tree is stale", |b| b.preprocess().unwrap(), true),
+        (
+            "generations rise",
+            |b| drop(b.adopt(&senseless_tree(&moving()), Generation(1))),
+            false,
+        ),
+        ("never given", |b| drop(b.wait(Ticket(77))), false),
+    ];
+    for (why, misuse, traced) in table {
+        let mut backend = still(&moving(), Intersector::Watertight);
+        let panic = catch_unwind(AssertUnwindSafe(|| {
+            misuse(&mut backend);
+            if traced {
+                nothing(&mut backend);
+            }
+        }));
+        let said = panic.expect_err(why);
+        let text = said.downcast_ref::<String>().map(String::as_str);
+        let text = text
+            .or(said.downcast_ref::<&str>().copied())
+            .unwrap_or_default();
+        assert!(text.contains(why), "{text}");
+    }
 }

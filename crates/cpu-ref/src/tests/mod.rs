@@ -2,7 +2,6 @@
 
 mod contract;
 mod law;
-mod misuse;
 mod shadow;
 mod trace;
 mod watertight;

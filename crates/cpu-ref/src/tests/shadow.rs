@@ -2,7 +2,7 @@
 
 use super::{sphere, still, trace};
 use backend::{Intersector, QueryKind, Rays};
-use geom::{Animation, Camera, Hit, Point, Ray};
+use geom::{Animation, Camera, Hit, Point};
 use std::sync::Arc;
 
 const LIGHT: Point = [0.0, 10.0, 0.0];
@@ -81,33 +81,4 @@ fn lit_is_lit_and_dark_is_dark_at_every_distance_from_the_origin() {
     // These leak at edges, but not here.
     check_shadows(0.0, Intersector::MollerTrumbore);
     check_shadows(0.0, Intersector::Woop);
-}
-
-#[test]
-fn a_light_on_the_surface_or_nowhere_blocks_nothing() {
-    let (animation, _) = ball_and_floor(0.0);
-    let mut backend = still(&animation, Intersector::Watertight);
-    let camera = Camera::look_at([0.0, 9.0, 0.1], [0.0; 3], [0.0, 1.0, 0.0], 20.0, [9, 9]).unwrap();
-    for light in [[f32::NAN; 3], [f32::INFINITY, 0.0, 0.0]] {
-        let kind = QueryKind::ClosestAndShadow { light };
-        let hits = trace(&mut backend, Rays::Camera(&camera), kind);
-        assert!(hits.closest.iter().all(Hit::is_hit));
-        assert!(hits.blocked.iter().all(|&b| b == 0));
-    }
-}
-
-#[test]
-fn what_lies_behind_the_light_casts_no_shadow() {
-    let (animation, ball_triangles) = ball_and_floor(0.0);
-    let mut backend = still(&animation, Intersector::Watertight);
-    // Between the floor and the ball.
-    let light = [0.0, 0.3, 0.0];
-    let from = |i| [(i % 10) as f32 * 0.1, 0.2, (i / 10) as f32 * 0.1];
-    let rays = (0..100).map(|i| Ray::new(from(i), [0.0, -1.0, 0.0]));
-    let rays: Vec<Ray> = rays.collect();
-    let kind = QueryKind::ClosestAndShadow { light };
-    let hits = trace(&mut backend, Rays::List(&rays), kind);
-    let on_floor = |h: &Hit| h.is_hit() && h.triangle >= ball_triangles;
-    assert!(hits.closest.iter().all(on_floor));
-    assert!(hits.blocked.iter().all(|&b| b == 0));
 }

@@ -5,15 +5,20 @@ use crate::sampling::samples;
 use bvh_build::order_toward;
 use bvh_layout::BlockTree;
 
+/// So many triangles in a row, which in each key frame stand in these places.
+pub(crate) fn row(count: u32, places: &[&dyn Fn(u32) -> f32]) -> Animation {
+    let key = |place: &&dyn Fn(u32) -> f32| -> Vec<Point> {
+        let corners = |x: f32| [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]];
+        (0..count).flat_map(|i| corners(place(i))).collect()
+    };
+    let triangles = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
+    Animation::new(places.iter().map(key).collect(), triangles.collect()).unwrap()
+}
+
 /// Triangles in a row: in order, and with every seventh beside the first.
 fn shuffled() -> Animation {
-    let row = |place: fn(u32) -> u32| -> Vec<Point> {
-        let corner = |x: f32| [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]];
-        (0..64).flat_map(|i| corner(place(i) as f32)).collect()
-    };
-    let triangles = (0..64).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    let keys = vec![row(|i| i), row(|i| i * 37 % 64), row(|i| i)];
-    Animation::new(keys, triangles).unwrap()
+    let in_order = |i| i as f32;
+    row(64, &[&in_order, &|i| (i * 37 % 64) as f32, &in_order])
 }
 
 fn tree(made: Made) -> Option<Built> {
@@ -43,21 +48,18 @@ fn only_a_tree_that_is_cheaper_where_it_will_be_used_is_handed_over() {
 
 /// Clumps of four triangles that change places between key frames, each turned round in every other one.
 fn clumps() -> Animation {
-    let key = |k: u32| -> Vec<Point> {
-        let odd = [1, 37, 11, 53][k as usize];
-        let at = |i: u32| {
-            let within = if k.is_multiple_of(2) {
-                i % 4
-            } else {
-                3 - i % 4
-            };
-            ((i / 4 * odd % 64) * 16) as f32 + within as f32 * 0.25
-        };
-        let corner = |x: f32| [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]];
-        (0..256).flat_map(|i| corner(at(i))).collect()
-    };
-    let triangles = (0..256).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    Animation::new((0..4).map(key).collect(), triangles).unwrap()
+    let at = |odd: u32, i: u32| (i / 4 * odd % 64 * 16) as f32;
+    let ahead = |i: u32| (i % 4) as f32 * 0.25;
+    let turned = |i: u32| (3 - i % 4) as f32 * 0.25;
+    row(
+        256,
+        &[
+            &|i| at(1, i) + ahead(i),
+            &|i| at(37, i) + turned(i),
+            &|i| at(11, i) + ahead(i),
+            &|i| at(53, i) + turned(i),
+        ],
+    )
 }
 
 /// Boxes of each triangle at both poses.

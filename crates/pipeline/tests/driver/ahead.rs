@@ -39,30 +39,25 @@ fn tree_at(animation: &Animation, time: f64) -> Vec<u32> {
 
 /// Positions never arrive, and nobody asks for them but the first frame.
 fn foreseen(update: Update) -> Run {
-    let run = run_scene(&drifting(60), 50, (update, true), (None, None));
+    let run = run_scene(&drifting(60), 50, (update, true), None);
     assert_eq!(run.log.requested, 1);
     run
 }
 
 #[test]
 fn trees_built_ahead_read_nothing_back() {
-    let run = foreseen(Update::Async(Pace::Free));
+    let run = foreseen(FREE.0);
     assert!(run.built && run.log.adopted.len() > 3);
     let trees = || run.records.iter().filter_map(|r| r.adopted);
     assert!(trees().skip(1).all(|t| t.snapshot_bytes == 0));
-    let run = foreseen(Update::Async(Pace::Lockstep(4)));
+    let run = foreseen(lockstep(4));
     assert_eq!(run.log.adopted.len(), 13);
 }
 
 #[test]
 fn in_lockstep_a_tree_is_built_for_the_middle_of_its_use() {
     let animation = shuffled(30);
-    let run = run_scene(
-        &animation,
-        29,
-        (Update::Async(Pace::Lockstep(3)), true),
-        (None, None),
-    );
+    let run = run_scene(&animation, 29, (lockstep(3), true), None);
     let tree_at = |time| tree_at(&animation, time);
     // Asked for at frames 1, 4 and so on, each tree is used from the 3rd to the 5th frame after.
     for (i, words) in run.log.trees[1..].iter().enumerate() {
@@ -73,23 +68,16 @@ fn in_lockstep_a_tree_is_built_for_the_middle_of_its_use() {
     assert!(run.log.trees.len() > 8);
 }
 
-/// Frames at every half key, which come faster than trees.
-fn steady() -> (Arc<Animation>, Run) {
-    let animation = many_shuffled(65, 1 << 13);
-    let run = run_scene(&animation, 128, FREE, (None, None));
-    (animation, run)
-}
-
 const FREE: (Update, bool) = (Update::Async(Pace::Free), true);
 
-/// The first frames come faster than others, so trees come before their time.
+fn lockstep(k: u32) -> Update {
+    Update::Async(Pace::Lockstep(k))
+}
+
+/// Frames at every half key, the first of which come faster than others, so trees come before their time.
 fn early(triangles: u32, rest: fn(u64) -> u64) -> Run {
-    run_paced(
-        &many_shuffled(65, triangles),
-        (128, rest),
-        FREE,
-        (None, None),
-    )
+    let animation = many_shuffled(65, triangles);
+    run_paced(&animation, (128, rest), FREE, (None, None))
 }
 
 /// The moment that a tree was built for.
@@ -173,47 +161,34 @@ fn a_first_tree_that_is_used_for_nobody_knows_how_long_is_built_for_a_key_frame(
     let halves = [0.25, 0.75].map(|time| animation.pose(time));
     let own = positions(&animation, 0.0);
     let swept = TreeBuilder::new().build_swept(&animation, (&own, halves), &Cancel::new());
-    let (swept, plain) = (
-        swept.unwrap().topology.into_words(),
-        tree_at(&animation, 0.0),
-    );
+    let swept = swept.unwrap().topology.into_words();
+    let plain = tree_at(&animation, 0.0);
     assert_ne!(swept, plain);
-    let first = |policy| run_scene(&animation, 5, policy, (Some(1), None)).log.trees[0].clone();
+    let first = |policy| run_scene(&animation, 5, policy, Some(1)).log.trees[0].clone();
     assert_eq!(first(FREE), swept);
-    for policy in [
-        (Update::Async(Pace::Free), false),
-        (Update::Async(Pace::Lockstep(2)), true),
-        (Update::Rebuild, true),
-        (Update::Refit, true),
-    ] {
+    let others = [lockstep(2), Update::Rebuild, Update::Refit].map(|update| (update, true));
+    for policy in others.into_iter().chain([(FREE.0, false)]) {
         assert_eq!(first(policy), plain, "{policy:?}");
     }
 }
 
 #[test]
 fn the_second_tree_is_asked_for_once_the_pace_is_known_and_built_ahead() {
-    let (_, run) = steady();
+    let run = early(1 << 13, |_| 1);
     let asked = run.records[1..].iter().find(|r| r.asked.is_some()).unwrap();
     assert_eq!(asked.frame.index, 3);
     let second = |r: &&FrameRecord| r.tree_generation == Generation(2);
     // It may have been rejected.
     if let Some(tree) = run.records.iter().find(second).and_then(|r| r.adopted) {
-        let built_for = f64::from(tree.built_for.key) + f64::from(tree.built_for.alpha);
-        assert!(built_for >= asked.frame.time + 0.5, "{built_for}");
+        assert!(moment(&tree) >= asked.frame.time + 0.5, "{tree:?}");
     }
-    let lockstep = (Update::Async(Pace::Lockstep(3)), true);
-    let run = run_scene(&shuffled(30), 29, lockstep, (None, None));
+    let run = run_scene(&shuffled(30), 29, (lockstep(3), true), None);
     assert!(run.records[1].asked.is_some());
 }
 
 #[test]
-fn a_tree_that_is_no_better_is_left_and_its_number_not_used_again() {
-    let run = run_scene(
-        &shuffled(200),
-        199,
-        (Update::Async(Pace::Free), false),
-        (Some(1), None),
-    );
+fn a_tree_that_is_no_better_is_left_and_its_number_not_used_again_but_in_lockstep() {
+    let run = run_scene(&shuffled(200), 199, (FREE.0, false), Some(1));
     let rejected: Vec<Generation> = run.records.iter().filter_map(|r| r.rejected).collect();
     assert!(!rejected.is_empty() && rejected.is_sorted());
     assert!(rejected.iter().all(|g| !run.log.adopted.contains(g)));
@@ -222,16 +197,8 @@ fn a_tree_that_is_no_better_is_left_and_its_number_not_used_again() {
         assert!(record.rejected.is_none() || record.adopted.is_none());
         assert!(!rejected.contains(&record.tree_generation));
     }
-}
-
-#[test]
-fn in_lockstep_every_tree_is_taken() {
-    let run = run_scene(
-        &shuffled(60),
-        59,
-        (Update::Async(Pace::Lockstep(2)), false),
-        (Some(1), None),
-    );
+    // In lockstep every tree is taken.
+    let run = run_scene(&shuffled(60), 59, (lockstep(2), false), Some(1));
     assert!(run.records.iter().all(|r| r.rejected.is_none()));
     assert_eq!(run.log.adopted.len(), 29);
 }
@@ -239,13 +206,13 @@ fn in_lockstep_every_tree_is_taken() {
 #[test]
 fn a_tree_for_all_times_is_built_once_without_the_device() {
     let animation = shuffled(8);
-    let run = run_scene(&animation, 20, (Update::TSah, true), (None, None));
+    let run = run_scene(&animation, 20, (Update::TSah, true), None);
     assert!(!run.built && run.log.requested == 0);
     assert_eq!(run.log.adopted, [Generation(1)]);
     assert_eq!((run.log.interpolated, run.log.refitted), (20, 20));
     let tree = run.records[0].adopted.unwrap();
     assert_eq!((tree.triangles, tree.snapshot_bytes), (64, 0));
     assert!(run.records[0].build_wait_ms > 0.0 && run.records[19].tree_age_frames == 19);
-    let refitted = run_scene(&animation, 20, (Update::Refit, true), (Some(0), None));
+    let refitted = run_scene(&animation, 20, (Update::Refit, true), Some(0));
     assert_ne!(run.log.trees, refitted.log.trees);
 }

@@ -51,10 +51,8 @@ pub(super) fn by_rasterization(
     let pixels = camera.width * camera.height;
     let triangles = params.node_count.div_ceil(2);
     let tiles = triangles + pixels / 4;
-    let params = Params {
-        notes: tiles,
-        ..projected(seen, camera)?
-    };
+    let mut params = projected(seen, camera)?;
+    params.notes = tiles;
     // One more, for whether rasterization has told all.
     let pairs = pixels / 2 + 1;
     let none = Params { count: 0, ..params };

@@ -7,23 +7,17 @@ use geom::Point;
 use std::mem::offset_of;
 
 /// So many triangles to vertices of their own, three each; those not to be hit are drawn together to a point.
-#[must_use]
-pub fn cleanse(params: Params, triangles: u32, point: Point) -> Work {
-    let params = Params {
-        eye: point,
-        ..params
-    };
+pub fn cleanse(mut params: Params, triangles: u32, point: Point) -> Work {
+    params.eye = point;
     Work::linear(common("cleanse"), params, triangles)
 }
 
 /// Inactive and degenerate ones among so many triangles.
-#[must_use]
 pub fn count_triangles(params: Params, triangles: u32) -> Work {
     Work::linear(common("count_triangles"), params, triangles)
 }
 
 /// What counts the answers to a query of so many rays.
-#[must_use]
 pub fn count_answers(params: Params, kind: QueryKind, rays: u32) -> Vec<Work> {
     let hits = Work::linear(common("count_hits"), params, rays);
     let occluded = |member| {
@@ -38,7 +32,6 @@ pub fn count_answers(params: Params, kind: QueryKind, rays: u32) -> Vec<Work> {
 }
 
 /// The parameters of a query's rays, which are `given` one by one or made by the shaders.
-#[must_use]
 pub fn rays(params: Params, query: &Query<'_>, given: bool) -> Params {
     let mut params = match query.rays {
         Rays::Camera(camera) if !given => params.through(camera),
