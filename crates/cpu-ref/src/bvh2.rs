@@ -123,9 +123,9 @@ impl Leaf {
 }
 
 /// The tree, with the boxes and records of one moment.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Bvh2 {
-    /// Pair 0 holds the root; there is always one.
+    /// Pair 0 holds the root; there is always one, once a tree was adopted.
     pub(crate) pairs: Vec<Pair>,
     /// The triangle of each leaf, by rank.
     pub(crate) triangles: Vec<u32>,
@@ -142,22 +142,6 @@ pub struct Bvh2 {
     leaves_done: bool,
     /// Half areas of nodes beside which nothing moves, once every box was refitted.
     still_areas: Option<f64>,
-}
-
-impl Default for Bvh2 {
-    fn default() -> Self {
-        Self {
-            pairs: vec![Pair::EMPTY],
-            triangles: Vec::new(),
-            records: Vec::new(),
-            leaves: Vec::new(),
-            levels: Vec::new(),
-            lists: Lists::default(),
-            moving: None,
-            leaves_done: false,
-            still_areas: None,
-        }
-    }
 }
 
 /// Nodes that one task links.

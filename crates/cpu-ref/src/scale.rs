@@ -3,8 +3,6 @@
 use geom::{Aabb, Animation, Point};
 use glam::Vec4;
 
-/// Coordinates below this many scaled units count as zero, `2^-64`.
-const LEAST_COORDINATE: f32 = power(-64);
 /// Components of a direction below this count as zero, `2^-37`, the largest being in `[1, 2)`.
 pub const LEAST_COMPONENT: f32 = power(-37);
 /// Products, weights and distances below this count as zero, `2^-100`.
@@ -19,8 +17,8 @@ pub struct Scale {
 impl Scale {
     /// Already in scaled units.
     pub const ONE: Self = Self { k: 0 };
-    /// Scaled coordinates below this count as zero.
-    pub const LEAST: f32 = LEAST_COORDINATE;
+    /// Scaled coordinates below this count as zero, `2^-64`.
+    pub const LEAST: f32 = power(-64);
 
     /// Chosen by the largest finite coordinate of all key frames.
     pub fn of(animation: &Animation) -> Self {
@@ -46,10 +44,10 @@ impl Scale {
         self.k
     }
 
-    /// SceneState units to scaled units. What is then below `2^-64` becomes zero.
+    /// Scene units to scaled units. What is then below `2^-64` becomes zero.
     #[inline]
     pub fn apply(self, p: Point) -> Point {
-        p.map(|x| without(LEAST_COORDINATE, x * self.factor()))
+        p.map(|x| without(Self::LEAST, x * self.factor()))
     }
 
     /// Scaled units to scene units.

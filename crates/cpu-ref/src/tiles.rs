@@ -66,12 +66,14 @@ impl<'a> Output<'a> {
         self.closest.len().max(self.blocked.len())
     }
 
+    /// Cuts off all from entry `at` on.
     #[inline]
-    fn split(self, at: usize) -> [Self; 2] {
-        let (a, b) = self.closest.split_at_mut(at.min(self.closest.len()));
-        let (c, d) = self.blocked.split_at_mut(at.min(self.blocked.len()));
-        let half = |closest, blocked| Self { closest, blocked };
-        [half(a, c), half(b, d)]
+    fn split_off(&mut self, at: usize) -> Self {
+        let Self { closest, blocked } = std::mem::take(self);
+        let (a, b) = closest.split_at_mut(at.min(closest.len()));
+        let (c, d) = blocked.split_at_mut(at.min(blocked.len()));
+        *self = Self::new(a, c);
+        Self::new(b, d)
     }
 
     /// Writes the answer of one ray.
@@ -109,13 +111,13 @@ type Part<'a> = (usize, Output<'a>);
 
 /// Cuts what holds more than `unit` entries in two, at a multiple of that.
 fn halve(unit: usize) -> impl for<'a> Fn(Part<'a>) -> Result<[Part<'a>; 2], Part<'a>> + Sync {
-    move |(first, out)| {
+    move |(first, mut out)| {
         if out.count() <= unit {
             return Err((first, out));
         }
         let half = (out.count() / 2).next_multiple_of(unit);
-        let [left, right] = out.split(half);
-        Ok([(first, left), (first + half, right)])
+        let right = (first + half, out.split_off(half));
+        Ok([(first, out), right])
     }
 }
 
@@ -149,9 +151,8 @@ impl<'a> Tiles<'a> {
     /// Of one band of rows.
     fn of((first, mut rest): Part<'a>, width: usize) -> Self {
         let rows = std::array::from_fn(|_| {
-            let [row, below] = std::mem::take(&mut rest).split(width);
-            rest = below;
-            row
+            let below = rest.split_off(width);
+            std::mem::replace(&mut rest, below)
         });
         Self { rows, first, width }
     }
@@ -186,24 +187,14 @@ impl<'a> Tiles<'a> {
     }
 
     /// Both halves, unless few tiles are left.
-    fn halve(self) -> Result<[Self; 2], Self> {
+    fn halve(mut self) -> Result<[Self; 2], Self> {
         if self.columns() <= TILE * TILES {
             return Err(self);
         }
         let column = (self.columns() / 2).next_multiple_of(TILE);
-        let (first, width) = (self.first, self.width);
-        let mut right: [Output<'_>; TILE] = Default::default();
-        let mut places = right.iter_mut();
-        let rows = self.rows.map(|row| {
-            let [a, b] = row.split(column);
-            if let Some(place) = places.next() {
-                *place = b;
-            }
-            a
-        });
-        let left = Self { rows, first, width };
-        let (rows, first) = (right, first + column);
-        Ok([left, Self { rows, first, width }])
+        let rows = self.rows.each_mut().map(|row| row.split_off(column));
+        let (first, width) = (self.first + column, self.width);
+        Ok([self, Self { rows, first, width }])
     }
 
     /// Answers every ray by its index, tile after tile.

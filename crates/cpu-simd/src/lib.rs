@@ -8,7 +8,6 @@
 
 mod cell;
 mod fit;
-mod found;
 mod leaf;
 mod light;
 mod moving;

@@ -1,8 +1,7 @@
 //! Rays to hits by the wide tree: rays of neighbouring pixels together where that pays, others each on its own.
 
 use crate::cell::{COLUMNS, Cell};
-use crate::found::Found;
-use crate::light::shadow_rays;
+use crate::light::{Found, shadow_rays};
 use crate::packet::Packet;
 use crate::rays::{Given, Group, OneRay};
 use crate::search;

@@ -10,7 +10,6 @@
 mod backend_impl;
 mod pipeline;
 mod scene;
-mod structure;
 mod support;
 mod tree;
 

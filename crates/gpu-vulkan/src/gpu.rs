@@ -1,9 +1,8 @@
 //! The logical device and its queues.
 
 use crate::errors::failed;
-use crate::extras::Extras;
 use crate::instance::Host;
-use crate::limits::Limits;
+use crate::limits::{Extras, Limits};
 use crate::memory::Memory;
 use crate::queues::{QueueIndex, Queues};
 use ash::ext::pipeline_robustness;

@@ -15,7 +15,6 @@
 mod adapters;
 pub mod commands;
 pub mod errors;
-mod extras;
 pub mod gpu;
 pub mod instance;
 mod limits;

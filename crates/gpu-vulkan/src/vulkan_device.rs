@@ -369,9 +369,7 @@ impl GpuDevice for VulkanDevice {
 
     fn unload(&mut self, _: &mut dyn Iterator<Item = &mut Slot>) -> Result<()> {
         self.gpu.wait_idle()?;
-        for pool in [&mut self.records, &mut self.staging, &mut self.outgrown] {
-            pool.clear();
-        }
+        (self.records, self.staging, self.outgrown) = Default::default();
         self.spares = Spares::default();
         (self.arriving, self.overwritten) = (None, None);
         Ok(())

@@ -17,7 +17,6 @@
 
 mod adapters;
 mod buffers;
-mod call_counts;
 mod faults;
 mod gpu;
 mod instance;
@@ -30,6 +29,6 @@ mod slot;
 mod wgpu_device;
 
 pub use adapters::{Options, adapters};
-pub use call_counts::CallCounts;
+pub use gpu::CallCounts;
 pub use limits::{required_features, required_limits, useful_features};
 pub use wgpu_device::{WgpuBackend, WgpuDevice, from_device};

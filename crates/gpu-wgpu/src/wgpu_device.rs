@@ -2,9 +2,8 @@
 
 use crate::adapters::{Options, driver, kind};
 use crate::buffers::{Mapping, Window, copy, readback, storage, unmap, unreadable, upload, write};
-use crate::call_counts::CallCounts;
 use crate::faults::layer_messages;
-use crate::gpu::Gpu;
+use crate::gpu::{CallCounts, Gpu};
 use crate::limits::{LEAST_OF_64_BITS, check_kernels, span};
 use crate::modules::Modules;
 use crate::pipelines::Pipeline;

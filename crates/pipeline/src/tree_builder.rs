@@ -251,13 +251,7 @@ impl TreeBuilder {
         vertices: Vertices,
         cancel: &Cancel,
     ) -> Result<(Option<Pose>, Option<Costs>), BuildError> {
-        let (pose, positions) = match &vertices {
-            Vertices::ReadBack(snapshot) => (None, &snapshot[..]),
-            Vertices::KeyFrames(pose) => {
-                blend(animation, *pose, &mut self.positions);
-                (Some(*pose), &self.positions[..])
-            }
-        };
+        let (pose, positions) = stand(animation, &vertices, &mut self.positions);
         let from = (&self.in_use, &(animation, positions));
         let costs =
             self.subtree_rebuilder
@@ -273,28 +267,16 @@ impl TreeBuilder {
 
     /// Brings boxes to hold each triangle at both poses.
     fn sweep(&mut self, animation: &Animation, [a, b]: [Pose; 2]) {
-        self.take_in_blended(animation, a);
+        self.take_in(animation, Vertices::KeyFrames(a));
         blend(animation, b, &mut self.positions);
         grow(&mut self.boxes, &(animation, &self.positions[..]));
     }
 
     /// Brings boxes to `vertices`; gives their pose if they were blended here.
     fn take_in(&mut self, animation: &Animation, vertices: Vertices) -> Option<Pose> {
-        match vertices {
-            Vertices::ReadBack(snapshot) => {
-                fill(&mut self.boxes, &(animation, &snapshot[..]));
-                None
-            }
-            Vertices::KeyFrames(pose) => {
-                self.take_in_blended(animation, pose);
-                Some(pose)
-            }
-        }
-    }
-
-    fn take_in_blended(&mut self, animation: &Animation, pose: Pose) {
-        blend(animation, pose, &mut self.positions);
-        fill(&mut self.boxes, &(animation, &self.positions[..]));
+        let (pose, positions) = stand(animation, &vertices, &mut self.positions);
+        fill(&mut self.boxes, &(animation, positions));
+        pose
     }
 
     /// Makes a tree for the boxes at hand, of groups of the last one or from scratch.
@@ -366,6 +348,21 @@ impl TreeBuilder {
             topology = topology.with_blocks(animation.triangles(), (&self.boxes, first));
         }
         topology.with_moving(animation.static_parts())
+    }
+}
+
+/// Where vertices stand, and their pose if they were blended here.
+fn stand<'a>(
+    animation: &Animation,
+    vertices: &'a Vertices,
+    blended: &'a mut Vec<Point>,
+) -> (Option<Pose>, &'a [Point]) {
+    match vertices {
+        Vertices::ReadBack(snapshot) => (None, snapshot),
+        Vertices::KeyFrames(pose) => {
+            blend(animation, *pose, blended);
+            (Some(*pose), blended)
+        }
     }
 }
 

@@ -88,7 +88,7 @@ fn run_paced(
     driver
         .run(list, query, true, |record, _| {
             records.push(record.clone());
-            gate.iter().for_each(|g| g.step());
+            gate.iter().for_each(|g| g.step(1));
             let rest = std::time::Duration::from_millis(rest(record.frame.index));
             // Not even for nothing: who sleeps is woken late.
             if !rest.is_zero() {
