@@ -62,6 +62,7 @@
 
 mod error;
 mod frame;
+mod lend;
 mod query;
 mod tree;
 
@@ -70,6 +71,7 @@ pub use frame::{
     Arithmetic, Device, DeviceBytes, DeviceKind, FrameReport, Generation, Snapshot, StageTimes,
     Ticket, choose_adapter,
 };
+pub use lend::Spares;
 pub use query::{Hits, Intersector, Layout, Method, Palette, Query, QueryKind, Rays};
 pub use tree::check_tree;
 

@@ -3,18 +3,15 @@
 
 use crate::Accelerator;
 use crate::bvh2::Bvh2;
-use crate::interpolate::copy;
-use crate::recording::{Command, Recording};
 use crate::reserve;
 use crate::scene::SceneState;
-use crate::snapshots::Snapshots;
-use crate::tiles::Output;
+use crate::submission::{Command, Copies, Submission, ms_since};
 use backend::{
     Arithmetic, Backend, BackendError, Device, DeviceKind, FRAMES_IN_FLIGHT, FrameReport,
     Generation, Hits, Inspect, Layout, Method, Query, QueryKind, Rays, Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
-use geom::{Aabb, Animation, Hit, Point, Pose, Ray};
+use geom::{Aabb, Animation, Point, Pose, Ray};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -33,7 +30,12 @@ pub struct CpuBackend {
     new_tree: NewTree,
     scene: Option<SceneState>,
     generation: Option<Generation>,
-    recording: Recording,
+    /// How far what was recorded brings the scene.
+    state: State,
+    /// Recorded since the last submission, and not carried out yet.
+    commands: Vec<Command>,
+    /// Whether a trace was recorded since then.
+    has_trace: bool,
     /// From the oldest that is kept to the newest.
     submissions: VecDeque<Submission>,
     /// The one being recorded; its memory was an older one's.
@@ -41,20 +43,18 @@ pub struct CpuBackend {
     submitted: u64,
     /// Submissions with a trace so far.
     traces: u64,
-    snapshots: Snapshots,
+    copies: Copies,
     /// Where the device's clock begins.
     epoch: Instant,
 }
 
-/// A ticket with what came of it; its memory is used again by a later one.
-#[derive(Debug, Default)]
-struct Submission {
-    /// `None` until some of it was carried out.
-    ticket: Option<Ticket>,
-    /// Submissions with a trace, up to and including this one.
-    traces: u64,
-    report: FrameReport,
-    hits: Hits,
+/// What stands at the moment recorded last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum State {
+    Nothing,
+    Positions,
+    Records,
+    Boxes,
 }
 
 impl CpuBackend {
@@ -99,12 +99,14 @@ impl CpuBackend {
             new_tree: Box::new(new_tree),
             scene: None,
             generation: None,
-            recording: Recording::default(),
+            state: State::Nothing,
+            commands: Vec::new(),
+            has_trace: false,
             submissions: VecDeque::new(),
             next: Submission::default(),
             submitted: 0,
             traces: 0,
-            snapshots: Snapshots::default(),
+            copies: Copies::default(),
             epoch: Instant::now(),
         })
     }
@@ -116,15 +118,15 @@ impl CpuBackend {
     /// Carries out what was recorded and not done yet, a trace of a list with `rays`.
     fn carry_out(&mut self, rays: &[Ray]) {
         let start = Instant::now();
-        let ticket = Ticket(self.submitted);
         let (next, scene) = (&mut self.next, loaded(&mut self.scene));
-        if next.ticket != Some(ticket) {
-            next.begin(ticket, (start - self.epoch).as_secs_f64() * 1e3);
+        if next.ticket.is_none() {
+            let begun_ms = (start - self.epoch).as_secs_f64() * 1e3;
+            next.begin(Ticket(self.submitted), begun_ms);
         }
-        let (commands, snapshots) = (self.recording.take_new(), &mut self.snapshots);
+        let (commands, copies) = (&mut self.commands, &mut self.copies);
         self.pool.install(|| {
-            for &command in commands {
-                next.carry_out(command, rays, scene, snapshots);
+            for command in commands.drain(..) {
+                next.carry_out(command, rays, scene, copies);
             }
         });
         let report = &mut next.report;
@@ -147,6 +149,7 @@ impl CpuBackend {
                 self.next = forgotten;
             }
         }
+        self.next.ticket = None;
     }
 
     fn finished(&self, ticket: Ticket) -> &Submission {
@@ -166,80 +169,6 @@ fn loaded(scene: &mut Option<SceneState>) -> &mut SceneState {
         .expect("no scene is current: load comes first")
 }
 
-impl Submission {
-    fn begin(&mut self, ticket: Ticket, begun_ms: f64) {
-        self.ticket = Some(ticket);
-        self.report = FrameReport::default();
-        self.report.times.begun_ms = Some(begun_ms);
-        self.hits.closest.clear();
-        self.hits.blocked.clear();
-    }
-
-    /// Runs in the pool that the caller installed.
-    fn carry_out(
-        &mut self,
-        command: Command,
-        rays: &[Ray],
-        scene: &mut SceneState,
-        snapshots: &mut Snapshots,
-    ) {
-        let start = Instant::now();
-        let times = &mut self.report.times;
-        let stage = match command {
-            Command::Interpolate(pose) => {
-                scene.interpolate(pose);
-                &mut times.interpolate_ms
-            }
-            Command::Preprocess => {
-                scene.preprocess();
-                &mut times.preprocess_ms
-            }
-            Command::Refit => {
-                scene.refit();
-                &mut times.refit_ms
-            }
-            Command::Trace(camera, kind) => {
-                let rays = camera.as_ref().map_or(Rays::List(rays), Rays::Camera);
-                self.trace(scene, Query { rays, kind });
-                // A ray's hit and its shadow are one task's, so there is one time for both.
-                &mut self.report.times.trace_primary_ms
-            }
-            Command::CopyPositions => {
-                let mut positions = snapshots.buffer();
-                positions.resize(scene.positions().len(), [0.0; 3]);
-                copy(scene.positions(), &mut positions);
-                self.report.readback_bytes += size_of_val(&positions[..]) as u64;
-                let ticket = self.ticket.expect("it has begun");
-                return snapshots.push(ticket, positions);
-            }
-        };
-        // A stage may be recorded twice.
-        *stage = Some(stage.unwrap_or_default() + ms_since(start));
-    }
-
-    fn trace(&mut self, scene: &SceneState, query: Query<'_>) {
-        let Hits { closest, blocked } = &mut self.hits;
-        let count = query.rays.count();
-        if query.kind != QueryKind::Any {
-            closest.resize(count, Hit::MISS);
-        }
-        if query.kind != QueryKind::Closest {
-            blocked.resize(count, 0);
-        }
-        let counts = scene.trace(query, Output::new(query.kind, closest, blocked));
-        (self.report.hits, self.report.blocked) = match query.kind {
-            QueryKind::Any => (counts.blocked, 0),
-            QueryKind::Closest | QueryKind::ClosestAndShadow { .. } => {
-                (counts.hits, counts.blocked)
-            }
-        };
-    }
-}
-
-fn ms_since(start: Instant) -> f64 {
-    start.elapsed().as_secs_f64() * 1e3
-}
-
 impl Backend for CpuBackend {
     fn device(&self) -> &Device {
         &self.device
@@ -248,10 +177,11 @@ impl Backend for CpuBackend {
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
         self.scene = None;
         self.generation = None;
-        self.recording.reset();
+        (self.state, self.has_trace) = (State::Nothing, false);
+        self.commands.clear();
         self.submissions.clear();
         self.next = Submission::default();
-        self.snapshots = Snapshots::default();
+        self.copies = Copies::default();
         let tree = (self.new_tree)(method.layout);
         let new = || SceneState::new(animation, method.intersector, tree);
         self.scene = Some(self.pool.install(new)?);
@@ -259,7 +189,10 @@ impl Backend for CpuBackend {
     }
 
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
-        self.recording.assert_between_submissions();
+        assert!(
+            self.commands.is_empty() && self.next.ticket.is_none(),
+            "a tree is adopted between submissions: submit what was recorded for the one before"
+        );
         assert!(
             self.generation < Some(generation),
             "generations rise: {} comes after {:?}",
@@ -269,7 +202,7 @@ impl Backend for CpuBackend {
         let scene = loaded(&mut self.scene);
         self.pool.install(|| scene.adopt(tree))?;
         self.generation = Some(generation);
-        self.recording.adopted();
+        self.state = self.state.min(State::Positions);
         Ok(())
     }
 
@@ -279,17 +212,32 @@ impl Backend for CpuBackend {
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         self.scene();
-        self.recording.interpolate(pose);
+        self.commands.push(Command::Interpolate(pose));
+        self.state = State::Positions;
         Ok(())
     }
 
     fn preprocess(&mut self) -> Result<()> {
-        self.recording.preprocess();
+        assert!(
+            self.state >= State::Positions,
+            "preprocess reads positions: interpolate comes first"
+        );
+        assert!(
+            self.generation.is_some(),
+            "preprocess follows a tree's leaves: adopt comes first"
+        );
+        self.commands.push(Command::Preprocess);
+        self.state = State::Records;
         Ok(())
     }
 
     fn refit(&mut self) -> Result<()> {
-        self.recording.refit();
+        assert!(
+            self.state >= State::Records,
+            "refit reads boxes of leaves: preprocess comes first"
+        );
+        self.commands.push(Command::Refit);
+        self.state = State::Boxes;
         Ok(())
     }
 
@@ -301,25 +249,38 @@ impl Backend for CpuBackend {
         if query.kind != QueryKind::Closest {
             reserve(&mut hits.blocked, count, "hits")?;
         }
-        self.recording.trace(query);
-        if let Rays::List(rays) = query.rays {
+        assert!(
+            self.state == State::Boxes,
+            "the tree is stale: preprocess and refit come after adopt and interpolate, and before trace"
+        );
+        assert!(!self.has_trace, "one submission holds at most one trace");
+        self.has_trace = true;
+        let (camera, rays) = match query.rays {
+            Rays::Camera(camera) => (Some(*camera), None),
+            Rays::List(rays) => (None, Some(rays)),
+        };
+        self.commands.push(Command::Trace(camera, query.kind));
+        if let Some(rays) = rays {
             self.carry_out(rays);
         }
         Ok(())
     }
 
     fn request_positions(&mut self) -> Result<()> {
-        self.recording.copy_positions();
+        assert!(
+            self.state >= State::Positions,
+            "there are no positions to copy: interpolate comes first"
+        );
+        self.commands.push(Command::CopyPositions);
         Ok(())
     }
 
     fn submit(&mut self) -> Result<Ticket> {
-        if !self.recording.is_done() {
+        if self.next.ticket.is_none() || !self.commands.is_empty() {
             self.carry_out(&[]);
         }
         let ticket = Ticket(self.submitted);
-        self.traces += u64::from(self.recording.has_trace());
-        self.recording.clear();
+        self.traces += u64::from(std::mem::take(&mut self.has_trace));
         self.submitted += 1;
         self.keep();
         Ok(ticket)
@@ -337,7 +298,7 @@ impl Backend for CpuBackend {
     }
 
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
-        Ok(self.snapshots.pop())
+        Ok(self.copies.ready.pop_front())
     }
 
     fn inspect(&mut self) -> &mut dyn Inspect {

@@ -123,9 +123,9 @@ impl Leaf {
 }
 
 /// The tree, with the boxes and records of one moment.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Bvh2 {
-    /// Pair 0 holds the root; there is always one.
+    /// Pair 0 holds the root; there is always one, once a tree was adopted.
     pub(crate) pairs: Vec<Pair>,
     /// The triangle of each leaf, by rank.
     pub(crate) triangles: Vec<u32>,
@@ -142,22 +142,6 @@ pub struct Bvh2 {
     leaves_done: bool,
     /// Half areas of nodes beside which nothing moves, once every box was refitted.
     still_areas: Option<f64>,
-}
-
-impl Default for Bvh2 {
-    fn default() -> Self {
-        Self {
-            pairs: vec![Pair::EMPTY],
-            triangles: Vec::new(),
-            records: Vec::new(),
-            leaves: Vec::new(),
-            levels: Vec::new(),
-            lists: Lists::default(),
-            moving: None,
-            leaves_done: false,
-            still_areas: None,
-        }
-    }
 }
 
 /// Nodes that one task links.
@@ -267,24 +251,22 @@ impl Accelerator for Bvh2 {
         }
     }
 
-    fn refit(&mut self) -> f64 {
-        let still = self.still_areas.zip(self.moving.as_ref());
-        if let Some((still, moving)) = still {
-            return still + Self::refit_moving(&mut self.pairs, moving);
-        }
-        let levels = self.levels.iter().rev();
-        let areas = levels.map(|level| {
-            let all = Which::All(level.clone());
-            refit_level(&mut self.pairs, (level.end, level.end), all)
-        });
-        let total = areas.sum();
+    fn refit(&mut self) -> (f64, Aabb) {
         let moving = self.moving.as_ref();
-        self.still_areas = moving.map(|m| total - Self::refit_moving(&mut self.pairs, m));
-        total
-    }
-
-    fn root(&self) -> Aabb {
-        self.pairs[0].bounds(1)
+        let total = match self.still_areas.zip(moving) {
+            Some((still, moving)) => still + Self::refit_moving(&mut self.pairs, moving),
+            None => {
+                let levels = self.levels.iter().rev();
+                let areas = levels.map(|level| {
+                    let all = Which::All(level.clone());
+                    refit_level(&mut self.pairs, (level.end, level.end), all)
+                });
+                let total: f64 = areas.sum();
+                self.still_areas = moving.map(|m| total - Self::refit_moving(&mut self.pairs, m));
+                total
+            }
+        };
+        (total, self.pairs[0].bounds(1))
     }
 
     fn trace(&self, task: TraceTask<'_>, out: Output<'_>) -> Counts {

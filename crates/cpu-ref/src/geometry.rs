@@ -39,21 +39,18 @@ pub struct Geometry<'a> {
 
 impl Geometry<'_> {
     /// A triangle's corners in the scene's units.
-    #[must_use]
     #[inline]
     pub fn corners(&self, triangle: u32) -> Triangle {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
     }
 
     /// Whether the ray is beyond what rounded tests can tell.
-    #[must_use]
     #[inline]
     pub fn is_extreme(&self, ray: &Ray) -> bool {
         self.range.is_extreme(self.scale.apply(ray.origin))
     }
 
     /// A triangle's corners in scaled units.
-    #[must_use]
     #[inline]
     pub fn scaled_corners(&self, triangle: u32) -> Triangle {
         self.corners(triangle).map(|p| self.scale.apply(p))

@@ -15,13 +15,12 @@ pub mod intersect;
 pub mod pass;
 mod preprocess;
 pub mod ray;
-mod recording;
 mod refit;
 pub mod scale;
 mod scene;
 pub mod shadow;
 pub mod slab;
-mod snapshots;
+mod submission;
 #[cfg(test)]
 mod tests;
 pub mod tiles;
@@ -54,11 +53,8 @@ pub trait Accelerator: Send + Sync {
     fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable;
 
     /// Boxes of leaves to boxes of inner nodes. Returns the sum of all nodes' half areas, with the same bits for every
-    /// number of threads.
-    fn refit(&mut self) -> f64;
-
-    /// The box of the whole tree.
-    fn root(&self) -> Aabb;
+    /// number of threads, and the box of the whole tree.
+    fn refit(&mut self) -> (f64, Aabb);
 
     /// Answers all rays of a task.
     fn trace(&self, task: TraceTask<'_>, out: Output<'_>) -> Counts;

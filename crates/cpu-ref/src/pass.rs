@@ -13,7 +13,6 @@ pub enum Which<'a> {
 
 impl Which<'_> {
     /// How many there are.
-    #[must_use]
     #[inline]
     pub fn count(&self) -> usize {
         match self {
@@ -23,7 +22,6 @@ impl Which<'_> {
     }
 
     /// The number of the item in some place among them.
-    #[must_use]
     #[inline(always)]
     pub fn at(&self, place: usize) -> usize {
         match self {
@@ -66,13 +64,11 @@ pub struct Window<'a, T> {
 
 impl<'a, T> Window<'a, T> {
     /// Items numbered from `first` on.
-    #[must_use]
     pub fn new(first: usize, items: &'a mut [T]) -> Self {
         Self { first, items }
     }
 
     /// Those of these numbers.
-    #[must_use]
     #[inline]
     pub fn slice(&mut self, numbers: Range<usize>) -> &mut [T] {
         &mut self.items[numbers.start - self.first..numbers.end - self.first]

@@ -3,8 +3,6 @@
 use geom::{Aabb, Animation, Point};
 use glam::Vec4;
 
-/// Coordinates below this many scaled units count as zero, `2^-64`.
-const LEAST_COORDINATE: f32 = power(-64);
 /// Components of a direction below this count as zero, `2^-37`, the largest being in `[1, 2)`.
 pub const LEAST_COMPONENT: f32 = power(-37);
 /// Products, weights and distances below this count as zero, `2^-100`.
@@ -19,8 +17,8 @@ pub struct Scale {
 impl Scale {
     /// Already in scaled units.
     pub const ONE: Self = Self { k: 0 };
-    /// Scaled coordinates below this count as zero.
-    pub const LEAST: f32 = LEAST_COORDINATE;
+    /// Scaled coordinates below this count as zero, `2^-64`.
+    pub const LEAST: f32 = power(-64);
 
     /// Chosen by the largest finite coordinate of all key frames.
     pub fn of(animation: &Animation) -> Self {
@@ -46,10 +44,10 @@ impl Scale {
         self.k
     }
 
-    /// SceneState units to scaled units. What is then below `2^-64` becomes zero.
+    /// Scene units to scaled units. What is then below `2^-64` becomes zero.
     #[inline]
     pub fn apply(self, p: Point) -> Point {
-        p.map(|x| without(LEAST_COORDINATE, x * self.factor()))
+        p.map(|x| without(Self::LEAST, x * self.factor()))
     }
 
     /// Scaled units to scene units.
@@ -114,42 +112,29 @@ pub fn ldexp(x: f32, m: i32) -> f32 {
 mod tests {
     use super::*;
 
-    fn scale_of(x: f32) -> i32 {
-        let keys = vec![vec![[0.0; 3], [0.0, x, f32::NAN]]];
-        Scale::of(&Animation::new(keys, vec![]).unwrap()).k()
-    }
-
     #[test]
-    fn ordinary_scenes_are_not_scaled() {
-        for x in [0.0, 1e-3, -1.0, 1e5, 1_073_741_824.0, 9.765_625e-4] {
-            assert_eq!(scale_of(x), 0, "{x}");
+    fn odd_scenes_alone_are_scaled_by_their_exponent() {
+        let ordinary = [0.0, 1e-3, -1.0, 1e5, 1_073_741_824.0, f32::INFINITY];
+        let odd = [(1e-9, -30), (1e-20, -67), (-1e20, 66), (f32::MAX, 126)];
+        let least = [(9.765_625e-4, 0), (f32::from_bits(1), -126)];
+        let ordinary = ordinary.map(|x| (x, 0));
+        for (x, k) in ordinary.into_iter().chain(odd).chain(least) {
+            let keys = vec![vec![[0.0; 3], [0.0, x, f32::NAN]]];
+            let scale = Scale::of(&Animation::new(keys, vec![]).unwrap());
+            assert_eq!(scale.k(), k, "{x}");
         }
-    }
-
-    #[test]
-    fn odd_scenes_are_scaled_by_their_exponent() {
-        assert_eq!(scale_of(1e-9), -30);
-        assert_eq!(scale_of(1e-20), -67);
-        assert_eq!(scale_of(-1e20), 66);
-        assert_eq!(scale_of(f32::MAX), 126);
-        assert_eq!(scale_of(f32::from_bits(1)), -126);
-        assert_eq!(scale_of(f32::INFINITY), 0);
     }
 
     #[test]
     fn what_is_too_small_to_matter_is_zero() {
         let least = power(-64);
         let below = f32::from_bits(least.to_bits() - 1);
-        assert_eq!(
-            Scale::ONE.apply([least, -below, -least]),
-            [least, 0.0, -least]
-        );
+        let applied = Scale::ONE.apply([least, -below, -least]);
+        assert_eq!(applied, [least, 0.0, -least]);
         assert_eq!(Scale::ONE.apply([-0.0; 3]).map(f32::to_bits), [0; 3]);
         assert!(Scale::ONE.apply([f32::NAN; 3])[0].is_nan());
-        assert_eq!(
-            unit_direction([1.5, power(-37), power(-38)], 0),
-            [1.5, power(-37), 0.0]
-        );
+        let unit = unit_direction([1.5, power(-37), power(-38)], 0);
+        assert_eq!(unit, [1.5, power(-37), 0.0]);
         let four = Vec4::new(power(-100), -power(-101), f32::NAN, -1.0);
         let kept = flushed4(four).to_array();
         assert_eq!([kept[0], kept[1], kept[3]], [power(-100), 0.0, -1.0]);
@@ -159,11 +144,11 @@ mod tests {
 
     #[test]
     fn exponents_hold_for_subnormal_numbers_too() {
-        for (x, e) in [(1.0, 0), (-1.99, 0), (0.5, -1), (f32::MAX, 127)] {
+        let normal = [(1.0, 0), (-1.99, 0), (0.5, -1), (f32::MAX, 127)];
+        let subnormal = [(1, -149), (0x007f_ffff, -127)].map(|(bits, e)| (f32::from_bits(bits), e));
+        for (x, e) in normal.into_iter().chain(subnormal) {
             assert_eq!(exponent(x), e);
         }
-        assert_eq!(exponent(f32::from_bits(1)), -149);
-        assert_eq!(exponent(f32::from_bits(0x007f_ffff)), -127);
     }
 
     #[test]

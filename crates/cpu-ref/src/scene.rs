@@ -101,8 +101,8 @@ impl SceneState {
     /// Brings boxes up to date, and the tree's cost by the surface area heuristic:
     /// the sum of all nodes' areas over the root's (MacDonald, Booth 1990); `None` if the root has no area.
     pub(crate) fn refit(&mut self) {
-        let total = self.tree.refit();
-        let root = self.tree.root().half_area();
+        let (total, root) = self.tree.refit();
+        let root = root.half_area();
         self.sah_cost = (root > 0.0).then(|| total / root);
     }
 

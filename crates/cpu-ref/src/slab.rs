@@ -28,7 +28,6 @@ pub struct Reach {
 
 impl Reach {
     /// For the tree whose whole box is `root`.
-    #[must_use]
     #[inline]
     pub fn new(ray: &PreparedRay, root: &Aabb) -> Self {
         let farthest = farthest(ray, root);

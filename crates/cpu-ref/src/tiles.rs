@@ -1,6 +1,6 @@
 //! Fills pictures and lists in parallel, tile by tile, so that neighbouring rays run together.
 
-use backend::{QueryKind, Rays};
+use backend::Rays;
 use geom::Hit;
 use std::ops::Add;
 
@@ -38,7 +38,6 @@ impl Add for Counts {
 
 impl Counts {
     /// Those of one answer.
-    #[must_use]
     #[inline(always)]
     pub fn of(answer: &Answer) -> Self {
         Self {
@@ -56,35 +55,25 @@ pub struct Output<'a> {
 }
 
 impl<'a> Output<'a> {
-    /// For all answers to a query of that kind.
-    #[must_use]
-    pub fn new(kind: QueryKind, closest: &'a mut [Hit], blocked: &'a mut [u8]) -> Self {
-        match kind {
-            QueryKind::Closest => Self {
-                closest,
-                ..Self::default()
-            },
-            QueryKind::Any => Self {
-                blocked,
-                ..Self::default()
-            },
-            QueryKind::ClosestAndShadow { .. } => Self { closest, blocked },
-        }
+    /// For all answers to a query; what it does not ask for is empty.
+    pub fn new(closest: &'a mut [Hit], blocked: &'a mut [u8]) -> Self {
+        Self { closest, blocked }
     }
 
     /// How many answers it holds.
-    #[must_use]
     #[inline]
     pub fn count(&self) -> usize {
         self.closest.len().max(self.blocked.len())
     }
 
+    /// Cuts off all from entry `at` on.
     #[inline]
-    fn split(self, at: usize) -> [Self; 2] {
-        let (a, b) = self.closest.split_at_mut(at.min(self.closest.len()));
-        let (c, d) = self.blocked.split_at_mut(at.min(self.blocked.len()));
-        let half = |closest, blocked| Self { closest, blocked };
-        [half(a, c), half(b, d)]
+    fn split_off(&mut self, at: usize) -> Self {
+        let Self { closest, blocked } = std::mem::take(self);
+        let (a, b) = closest.split_at_mut(at.min(closest.len()));
+        let (c, d) = blocked.split_at_mut(at.min(blocked.len()));
+        *self = Self::new(a, c);
+        Self::new(b, d)
     }
 
     /// Writes the answer of one ray.
@@ -109,59 +98,43 @@ pub fn fill(
 ) -> Counts {
     match rays {
         Rays::Camera(camera) if out.count() > 0 => {
-            split_rows((0, out), camera.width as usize, &picture)
+            let width = camera.width as usize;
+            let band = |part| divide(Tiles::of(part, width), &Tiles::halve, &picture);
+            divide((0, out), &halve(TILE * width), &band)
         }
-        _ => split_list((0, out), &list),
+        _ => divide((0, out), &halve(RUN), &|(first, out)| list(first, out)),
     }
 }
 
-/// Halves a list until it is short.
-fn split_list(
-    (first, out): (usize, Output<'_>),
-    task: &(impl Fn(usize, Output<'_>) -> Counts + Sync),
+/// Some entries, with the index of the first.
+type Part<'a> = (usize, Output<'a>);
+
+/// Cuts what holds more than `unit` entries in two, at a multiple of that.
+fn halve(unit: usize) -> impl for<'a> Fn(Part<'a>) -> Result<[Part<'a>; 2], Part<'a>> + Sync {
+    move |(first, mut out)| {
+        if out.count() <= unit {
+            return Err((first, out));
+        }
+        let half = (out.count() / 2).next_multiple_of(unit);
+        let right = (first + half, out.split_off(half));
+        Ok([(first, out), right])
+    }
+}
+
+/// Halves `whole` as often as that goes, gives the parts to `task` in parallel, and sums what it returns.
+fn divide<T: Send>(
+    whole: T,
+    halve: &(impl Fn(T) -> Result<[T; 2], T> + Sync),
+    task: &(impl Fn(T) -> Counts + Sync),
 ) -> Counts {
-    if out.count() <= RUN {
-        return task(first, out);
+    match halve(whole) {
+        Ok([left, right]) => {
+            let left = || divide(left, halve, task);
+            let (a, b) = rayon::join(left, || divide(right, halve, task));
+            a + b
+        }
+        Err(part) => task(part),
     }
-    let half = (out.count() / 2).next_multiple_of(RUN);
-    let [left, right] = out.split(half);
-    let left = || split_list((first, left), task);
-    let (a, b) = rayon::join(left, || split_list((first + half, right), task));
-    a + b
-}
-
-/// Halves a picture until it is one band of rows.
-fn split_rows(
-    (first, out): (usize, Output<'_>),
-    width: usize,
-    task: &(impl Fn(Tiles<'_>) -> Counts + Sync),
-) -> Counts {
-    let count = out.count() / width;
-    if count <= TILE {
-        let mut rest = out;
-        let rows = std::array::from_fn(|_| {
-            let [row, below] = std::mem::take(&mut rest).split(width);
-            rest = below;
-            row
-        });
-        return split_band(Tiles { rows, first, width }, task);
-    }
-    let half = (count / 2).next_multiple_of(TILE) * width;
-    let [upper, lower] = out.split(half);
-    let upper = || split_rows((first, upper), width, task);
-    let (a, b) = rayon::join(upper, || split_rows((first + half, lower), width, task));
-    a + b
-}
-
-/// Halves a band until few tiles are left.
-fn split_band(tiles: Tiles<'_>, task: &(impl Fn(Tiles<'_>) -> Counts + Sync)) -> Counts {
-    if tiles.columns() <= TILE * TILES {
-        return task(tiles);
-    }
-    let half = (tiles.columns() / 2).next_multiple_of(TILE);
-    let [left, right] = tiles.split(half);
-    let (a, b) = rayon::join(|| split_band(left, task), || split_band(right, task));
-    a + b
 }
 
 /// A band of rows or a part of it.
@@ -174,29 +147,34 @@ pub struct Tiles<'a> {
     width: usize,
 }
 
-impl Tiles<'_> {
+impl<'a> Tiles<'a> {
+    /// Of one band of rows.
+    fn of((first, mut rest): Part<'a>, width: usize) -> Self {
+        let rows = std::array::from_fn(|_| {
+            let below = rest.split_off(width);
+            std::mem::replace(&mut rest, below)
+        });
+        Self { rows, first, width }
+    }
+
     /// Columns of the part.
-    #[must_use]
     pub fn columns(&self) -> usize {
         self.rows[0].count()
     }
 
     /// Rows that reach into the picture.
-    #[must_use]
     #[inline]
     pub fn height(&self) -> usize {
         self.rows.iter().filter(|row| row.count() > 0).count()
     }
 
     /// Columns of the whole picture.
-    #[must_use]
     #[inline]
     pub fn width(&self) -> usize {
         self.width
     }
 
     /// Where an entry lies in the picture.
-    #[must_use]
     #[inline]
     pub fn index(&self, x: usize, y: usize) -> usize {
         self.first + y * self.width + x
@@ -208,21 +186,15 @@ impl Tiles<'_> {
         self.rows[y].set(x, answer);
     }
 
-    /// Cuts off the columns from `column` on.
-    fn split(self, column: usize) -> [Self; 2] {
-        let (first, width) = (self.first, self.width);
-        let mut right: [Output<'_>; TILE] = Default::default();
-        let mut places = right.iter_mut();
-        let rows = self.rows.map(|row| {
-            let [a, b] = row.split(column);
-            if let Some(place) = places.next() {
-                *place = b;
-            }
-            a
-        });
-        let left = Self { rows, first, width };
-        let (rows, first) = (right, first + column);
-        [left, Self { rows, first, width }]
+    /// Both halves, unless few tiles are left.
+    fn halve(mut self) -> Result<[Self; 2], Self> {
+        if self.columns() <= TILE * TILES {
+            return Err(self);
+        }
+        let column = (self.columns() / 2).next_multiple_of(TILE);
+        let rows = self.rows.each_mut().map(|row| row.split_off(column));
+        let (first, width) = (self.first + column, self.width);
+        Ok([self, Self { rows, first, width }])
     }
 
     /// Answers every ray by its index, tile after tile.

@@ -26,7 +26,6 @@ pub struct TraceTask<'a> {
 
 impl TraceTask<'_> {
     /// Whether all of the rays are beyond what rounded tests can tell.
-    #[must_use]
     pub fn is_extreme(&self) -> bool {
         let Geometry { range, scale, .. } = self.geometry;
         let from = match self.query.rays {
@@ -37,7 +36,6 @@ impl TraceTask<'_> {
     }
 
     /// The ray of that index.
-    #[must_use]
     #[inline]
     pub fn ray(&self, index: usize) -> Ray {
         match self.query.rays {
@@ -150,8 +148,9 @@ impl<'a, N: Tree> Tracer<'a, N> {
         S::EXTREMES.filter(|_| self.task.geometry.is_extreme(ray))
     }
 
+    /// A ray, in units of the scene divided by `scale`, and all it can meet.
     #[inline]
-    fn asked(&self, ray: Ray, scale: Scale) -> Asked<'_, N> {
+    pub fn asked(&self, ray: Ray, scale: Scale) -> Asked<'_, N> {
         Asked {
             tree: self.tree,
             geometry: self.task.geometry,

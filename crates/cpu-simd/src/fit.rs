@@ -1,11 +1,11 @@
 //! Preprocess and refit: positions to corners and boxes, block by block and node by node.
 
+use crate::leaf::scaled;
 use crate::simd::{Isa, Lanes, Work, each};
 use crate::tree::{Block, EMPTY, LANES, Link, Node, Planes, Wide};
 use bvh_layout::{Block as Source, BlockTree, Ranges};
 use cpu_ref::geometry::{Geometry, Unhittable};
 use cpu_ref::pass::{SplitAt, Which, Window, pass};
-use cpu_ref::scale::Scale;
 use geom::{Aabb, Triangle, is_degenerate};
 use std::ops::Add;
 
@@ -210,7 +210,7 @@ fn fill<I: Isa>(
     let hittable = hittable::<I::Eight>(&corners, u32::from(source.count), unhittable);
     let mut planes = EMPTY;
     for axis in 0..3 {
-        let [a, b, c] = each!(i => scaled::<I::Eight>(geometry.scale, &corners[axis][i]));
+        let [a, b, c] = each!(i => scaled(geometry.scale, I::Eight::load(&corners[axis][i])));
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         let mask = I::Eight::mask(hittable);
         let (none, on) = (
@@ -223,14 +223,6 @@ fn fill<I: Isa>(
         block.corners[axis] = each!(i => unhittable.replace(mask, [a, b, c][i]).store());
     }
     planes
-}
-
-/// [`Scale::apply`], lane by lane.
-#[inline(always)]
-fn scaled<L: Lanes<Array = [f32; LANES]>>(scale: Scale, x: &[f32; LANES]) -> L {
-    let x = L::load(x).mul(L::splat(scale.factor()));
-    let small = x.abs().less(L::splat(Scale::LEAST));
-    x.replace(small, L::splat(0.0))
 }
 
 /// Which lanes hold a triangle that can be hit; the others are counted.

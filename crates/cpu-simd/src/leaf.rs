@@ -4,7 +4,7 @@ use crate::rays::OneRay;
 use crate::simd::{Lanes, each};
 use crate::tree::{Block, LANES};
 use cpu_ref::intersect::has_equal_signs;
-use cpu_ref::scale::LEAST;
+use cpu_ref::scale::{LEAST, Scale};
 use glam::Vec4;
 
 /// What triangles need of rays, in every lane: of one ray for eight triangles, or of many rays for one.
@@ -23,19 +23,6 @@ pub(crate) struct TriangleRay<L> {
 
 /// `kx, ky, kz` by `kz`.
 const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
-
-/// What a [`TriangleRay`] is made of. Axes in their own order.
-pub(crate) struct Prepared<L> {
-    pub(crate) origin: [L; 3],
-    pub(crate) direction: [L; 3],
-    /// `|r|` and `q`.
-    pub(crate) inverse: [L; 3],
-    pub(crate) pad: [L; 3],
-    /// `kz`.
-    pub(crate) main: usize,
-    pub(crate) t_min: L,
-    pub(crate) t_max: L,
-}
 
 /// Where a ray meets triangles of a block.
 pub(crate) struct Meetings<L: Lanes> {
@@ -59,20 +46,25 @@ pub(crate) struct Spans<L: Lanes> {
 type Relative<L> = [[L; 3]; 3];
 
 impl<L: Lanes> TriangleRay<L> {
+    /// Rays over `(0, inf)` with this `kz`; `inverse` is `|r|`. Axes in their own order.
     #[inline(always)]
-    pub(crate) fn new(rays: &Prepared<L>) -> Self {
-        let kz = rays.main;
+    pub(crate) fn new(
+        origin: &[L; 3],
+        direction: &[L; 3],
+        (inverse, pad): (&[L; 3], &[L; 3]),
+        kz: usize,
+    ) -> Self {
         let axes = [(kz + 1) % 3, (kz + 2) % 3, kz];
-        let d = each!(i => rays.direction[axes[i]]);
-        let r = each!(i => rays.inverse[axes[i]]);
+        let d = each!(i => direction[axes[i]]);
+        let r = each!(i => inverse[axes[i]]);
         Self {
             axes,
-            origin: each!(i => rays.origin[axes[i]]),
+            origin: each!(i => origin[axes[i]]),
             shear: [d[0].div(d[2]), d[1].div(d[2]), L::splat(1.0).div(d[2])],
             inverse: each!(i => r[i].replace(d[i].less(L::splat(0.0)), r[i].neg())),
-            pad: each!(i => rays.pad[axes[i]]),
-            t_min: rays.t_min,
-            t_max: rays.t_max,
+            pad: each!(i => pad[axes[i]]),
+            t_min: L::splat(0.0),
+            t_max: L::splat(f32::INFINITY),
         }
     }
 
@@ -133,7 +125,7 @@ impl<L: Lanes> TriangleRay<L> {
 /// One ray and eight triangles.
 impl<L: Lanes<Array = [f32; LANES]>> TriangleRay<L> {
     #[inline(always)]
-    pub(crate) fn single(ray: &impl OneRay) -> Self {
+    pub(crate) fn single(ray: &OneRay<'_, impl Lanes>) -> Self {
         let axes = AXES[ray.main()];
         Self {
             axes,
@@ -234,6 +226,13 @@ fn settle_exactly<L: Lanes>(mut lanes: u32, [edges, x, y]: &[[L::Array; 3]; 3]) 
 #[inline(always)]
 pub(crate) fn flushed<L: Lanes>(x: L) -> L {
     x.replace(x.abs().less(L::splat(LEAST)), L::splat(0.0))
+}
+
+/// [`Scale::apply`].
+#[inline(always)]
+pub(crate) fn scaled<L: Lanes>(scale: Scale, x: L) -> L {
+    let x = x.mul(L::splat(scale.factor()));
+    x.replace(x.abs().less(L::splat(Scale::LEAST)), L::splat(0.0))
 }
 
 /// Distance and weights: the reference's `solve`, lane by lane.

@@ -6,10 +6,8 @@
 //! triangles are not kept: whoever needs one has its corners at hand. What a hit is does not change, nor
 //! does one bit of it.
 
-mod bundle;
 mod cell;
 mod fit;
-mod found;
 mod leaf;
 mod light;
 mod moving;

@@ -1,8 +1,8 @@
-//! Rays that go through the wide tree each on its own, prepared one by one or as many at once as fit in a vector.
+//! Rays that go through the wide tree each on its own, prepared alone or as many at once as fit in a vector.
 
-use crate::leaf::flushed;
-use crate::packet::farthest;
-use crate::simd::{Lanes, each};
+use crate::leaf::{flushed, scaled};
+use crate::packet::{farthest, main_axes};
+use crate::simd::{Lanes, Plain, each};
 use crate::together::MOST_RAYS;
 use cpu_ref::intersect::main_axis;
 use cpu_ref::ray::PreparedRay;
@@ -10,114 +10,27 @@ use cpu_ref::scale::{LEAST_COMPONENT, Scale};
 use cpu_ref::slab::{CALM, PAD, Reach, SMALLEST};
 use geom::{Aabb, Ray};
 
-/// What the tests need of one ray, in scaled units. Axes in their own order. All must be `#[inline(always)]`.
-pub(crate) trait OneRay {
-    fn origin(&self, axis: usize) -> f32;
-    /// `r`, with the direction's sign.
-    fn inverse(&self, axis: usize) -> f32;
-    /// `q`.
-    fn pad(&self, axis: usize) -> f32;
-    /// What is added to the products of `r` with a box's near and far plane of an inner node.
-    fn starts(&self, axis: usize) -> [f32; 2];
-    /// `kz`.
-    fn main(&self) -> usize;
-    /// `d[kx] / d[kz]`, `d[ky] / d[kz]`, `1 / d[kz]`.
-    fn shear(&self, i: usize) -> f32;
-    fn t_min(&self) -> f32;
-    fn t_max(&self) -> f32;
-}
-
-/// A ray prepared alone.
-#[derive(Clone, Copy)]
-pub(crate) struct SingleRay {
-    origin: [f32; 3],
-    inverse: [f32; 3],
-    pad: [f32; 3],
-    starts: [[f32; 2]; 3],
-    main: usize,
-    shear: [f32; 3],
-    limits: [f32; 2],
-}
-
 /// `24` and `4` times `2^-24`: what boxes of inner nodes are widened by, in units of `D` and of `|o'|`, where they are
 /// tested with `plane * r - o' * r` (`docs/design/hits.md`, "Inner boxes").
 const INNER: [f32; 2] = [24.0 / 16_777_216.0, 4.0 / 16_777_216.0];
 
-impl SingleRay {
-    #[inline]
-    pub(crate) fn new(ray: &PreparedRay, root: &Aabb) -> Self {
-        let reach = Reach::new(ray, root);
-        let (origin, d) = (ray.origin, ray.direction);
-        let main = main_axis(d);
-        let (kx, ky) = ((main + 1) % 3, (main + 2) % 3);
-        let inverse = each!(i => reach.inverse[i].copysign(d[i]));
-        // Infinite only where the box test's products are: a start so far away is its own distance to any plane.
-        let starts = each!(i => {
-            let from = -(origin[i] * inverse[i]);
-            let wide = INNER[0] * reach.farthest + INNER[1] * origin[i].abs();
-            let wide = reach.inverse[i] * wide;
-            [from - wide, from + wide]
-        });
-        Self {
-            origin,
-            inverse,
-            pad: reach.pad,
-            starts,
-            main,
-            shear: [d[kx] / d[main], d[ky] / d[main], 1.0 / d[main]],
-            limits: [ray.t_min, ray.t_max],
-        }
-    }
-}
-
-impl OneRay for SingleRay {
-    #[inline(always)]
-    fn origin(&self, axis: usize) -> f32 {
-        self.origin[axis]
-    }
-    #[inline(always)]
-    fn inverse(&self, axis: usize) -> f32 {
-        self.inverse[axis]
-    }
-    #[inline(always)]
-    fn pad(&self, axis: usize) -> f32 {
-        self.pad[axis]
-    }
-    #[inline(always)]
-    fn starts(&self, axis: usize) -> [f32; 2] {
-        self.starts[axis]
-    }
-    #[inline(always)]
-    fn main(&self) -> usize {
-        self.main
-    }
-    #[inline(always)]
-    fn shear(&self, i: usize) -> f32 {
-        self.shear[i]
-    }
-    #[inline(always)]
-    fn t_min(&self) -> f32 {
-        self.limits[0]
-    }
-    #[inline(always)]
-    fn t_max(&self) -> f32 {
-        self.limits[1]
-    }
-}
-
 /// Biased exponents of directions that are prepared here; the rest is left to [`PreparedRay`].
-const USUAL: std::ops::RangeInclusive<u32> = 127 - 60..=127 + 60;
+pub(crate) const USUAL: std::ops::RangeInclusive<u32> = 127 - 60..=127 + 60;
 
-/// As many rays as `L` has lanes, prepared just as [`PreparedRay`] and [`Reach`] do.
+/// As many rays as `L` has lanes, prepared just as [`PreparedRay`] and [`Reach`] do. Axes in their own order.
 pub(crate) struct Group<L: Lanes> {
     /// Lanes that hold a prepared ray. The others hold one that misses, or is unusual.
     pub(crate) ready: u32,
     origin: [L::Array; 3],
+    /// `r`, with the direction's sign.
     inverse: [L::Array; 3],
+    /// `q`.
     pad: [L::Array; 3],
-    /// For near planes, for far ones.
+    /// What is added to the products of `r` with a box's near and far plane of an inner node.
     starts: [[L::Array; 2]; 3],
+    /// `d[kx] / d[kz]`, `d[ky] / d[kz]`, `1 / d[kz]`.
     shear: [L::Array; 3],
+    /// `kz`.
     main: [u8; MOST_RAYS],
     limits: [L::Array; 2],
     /// Brings distances to the units of the given ray.
@@ -168,10 +81,7 @@ impl<L: Lanes> Given<L> {
     /// [`Scale::apply`] of all starts.
     #[inline(always)]
     pub(crate) fn scaled_origin(&self, scale: Scale) -> [L; 3] {
-        each!(i => {
-            let x = self.origin[i].mul(L::splat(scale.factor()));
-            x.replace(x.abs().less(L::splat(Scale::LEAST)), L::splat(0.0))
-        })
+        each!(i => scaled(scale, self.origin[i]))
     }
 
     /// Lanes whose numbers are finite, but for the limits, and in order.
@@ -264,49 +174,77 @@ impl<L: Lanes> Group<L> {
     }
 }
 
+impl Group<Plain<1>> {
+    /// One ray, whatever it is like. Distances stay in its own units.
+    #[inline]
+    pub(crate) fn alone(ray: &PreparedRay, root: &Aabb) -> Self {
+        let reach = Reach::new(ray, root);
+        let (origin, d) = (ray.origin, ray.direction);
+        let kz = main_axis(d);
+        let (kx, ky) = ((kz + 1) % 3, (kz + 2) % 3);
+        let inverse = each!(i => reach.inverse[i].copysign(d[i]));
+        // Infinite only where the box test's products are: a start so far away is its own distance to any plane.
+        let starts = each!(i => {
+            let from = -(origin[i] * inverse[i]);
+            let wide = INNER[0] * reach.farthest + INNER[1] * origin[i].abs();
+            let wide = reach.inverse[i] * wide;
+            [[from - wide], [from + wide]]
+        });
+        Self {
+            ready: 1,
+            origin: origin.map(|x| [x]),
+            inverse: inverse.map(|x| [x]),
+            pad: reach.pad.map(|x| [x]),
+            starts,
+            shear: [[d[kx] / d[kz]], [d[ky] / d[kz]], [1.0 / d[kz]]],
+            main: [kz as u8; MOST_RAYS],
+            limits: [[ray.t_min], [ray.t_max]],
+            back: [1.0],
+        }
+    }
+}
+
 /// The ray in one lane of a group, read where it lies: a copy would keep all of it in registers during the traversal.
-pub(crate) struct InGroup<'a, L: Lanes> {
+pub(crate) struct OneRay<'a, L: Lanes> {
     pub(crate) group: &'a Group<L>,
     pub(crate) lane: usize,
 }
 
-impl<L: Lanes> OneRay for InGroup<'_, L> {
+impl<L: Lanes> OneRay<'_, L> {
     #[inline(always)]
-    fn origin(&self, axis: usize) -> f32 {
+    pub(crate) fn origin(&self, axis: usize) -> f32 {
         self.group.origin[axis].as_ref()[self.lane]
     }
     #[inline(always)]
-    fn inverse(&self, axis: usize) -> f32 {
+    pub(crate) fn inverse(&self, axis: usize) -> f32 {
         self.group.inverse[axis].as_ref()[self.lane]
     }
     #[inline(always)]
-    fn pad(&self, axis: usize) -> f32 {
+    pub(crate) fn pad(&self, axis: usize) -> f32 {
         self.group.pad[axis].as_ref()[self.lane]
     }
     #[inline(always)]
-    fn starts(&self, axis: usize) -> [f32; 2] {
+    pub(crate) fn starts(&self, axis: usize) -> [f32; 2] {
         let [near, far] = &self.group.starts[axis];
         [near.as_ref()[self.lane], far.as_ref()[self.lane]]
     }
     #[inline(always)]
-    fn main(&self) -> usize {
+    pub(crate) fn main(&self) -> usize {
         usize::from(self.group.main[self.lane])
     }
     #[inline(always)]
-    fn shear(&self, i: usize) -> f32 {
+    pub(crate) fn shear(&self, i: usize) -> f32 {
         self.group.shear[i].as_ref()[self.lane]
     }
     #[inline(always)]
-    fn t_min(&self) -> f32 {
+    pub(crate) fn t_min(&self) -> f32 {
         self.group.limits[0].as_ref()[self.lane]
     }
     #[inline(always)]
-    fn t_max(&self) -> f32 {
+    pub(crate) fn t_max(&self) -> f32 {
         self.group.limits[1].as_ref()[self.lane]
     }
-}
 
-impl<L: Lanes> InGroup<'_, L> {
     /// A distance in units of the given ray's direction. A zero is a positive one.
     #[inline(always)]
     pub(crate) fn unscaled(&self, t: f32) -> f32 {
@@ -318,9 +256,7 @@ impl<L: Lanes> InGroup<'_, L> {
 /// `kz` and the shear of each lane.
 #[inline(always)]
 fn turned<L: Lanes>(d: &[L; 3]) -> ([u8; MOST_RAYS], [L; 3]) {
-    let [x, y, z] = each!(i => d[i].abs());
-    let is_x = L::bits(L::both(y.at_most(x), z.at_most(x)));
-    let is_y = L::bits(z.at_most(y)) & !is_x;
+    let [is_x, is_y] = main_axes(d);
     let (along_x, along_y) = (L::mask(is_x), L::mask(is_y));
     let of = each!(i => d[(i + 3) % 3].replace(along_x, d[(i + 1) % 3]).replace(along_y, d[(i + 2) % 3]));
     let mut main = [0; MOST_RAYS];

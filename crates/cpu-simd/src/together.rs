@@ -1,7 +1,6 @@
 //! A packet of rays through the wide tree: one walk for all.
 
-use crate::bundle::Bundle;
-use crate::packet::Packet;
+use crate::packet::{Bundle, Packet};
 use crate::simd::{Halves, Isa, Lanes, each};
 use crate::tree::{Block, LANES, NOWHERE, Wide, place};
 use crate::walk::{Stack, Visitor, walk};
@@ -38,14 +37,14 @@ pub(crate) fn closest<I: Isa>(
         tree,
         packet,
         found: Found {
-            t: packet.t_max,
+            t: I::Packet::splat(f32::INFINITY),
             u: I::Packet::splat(0.0),
             v: I::Packet::splat(0.0),
             places: [NOWHERE; MOST_RAYS],
         },
     };
-    let bound = packet.t_max.mul(packet.level).most();
-    let gave_up = walk::<I, _>(tree, (&packet.bundle, bound), stack, &mut closest);
+    let rays = (&packet.bundle, f32::INFINITY);
+    let gave_up = walk::<I>(tree, rays, stack, &mut closest);
     (!gave_up).then_some(closest.found)
 }
 
@@ -67,8 +66,8 @@ pub(crate) fn any<I: Isa>(
         left: asked,
         patience: PATIENCE,
     };
-    let bound = packet.t_max.mul(packet.level).most();
-    let ended = walk::<I, _>(tree, (&packet.bundle, bound), stack, &mut any);
+    let rays = (&packet.bundle, f32::INFINITY);
+    let ended = walk::<I>(tree, rays, stack, &mut any);
     (!ended || any.left == 0).then_some(asked & !any.left)
 }
 
@@ -91,7 +90,7 @@ struct Closest<'a, L: Lanes, P> {
     patience: u32,
 }
 
-impl<L: Lanes, P: Halves> Visitor for Closest<'_, L, P> {
+impl<I, L: Lanes, P: Halves> Visitor<I> for Closest<'_, L, P> {
     #[inline(always)]
     fn block(&mut self, index: usize, bound: f32) -> Option<f32> {
         let block = &self.tree.blocks[index];
@@ -147,7 +146,7 @@ struct Any<'a, L, P> {
     patience: u32,
 }
 
-impl<L: Lanes, P: Halves> Visitor for Any<'_, L, P> {
+impl<I, L: Lanes, P: Halves> Visitor<I> for Any<'_, L, P> {
     #[inline(always)]
     fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
         self.patience = self.patience.checked_sub(1)?;
@@ -156,7 +155,8 @@ impl<L: Lanes, P: Halves> Visitor for Any<'_, L, P> {
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize % LANES;
             lanes &= lanes - 1;
-            let Some(met) = self.packet.rays.meet_one(block, lane, self.packet.t_max) else {
+            let far = L::splat(f32::INFINITY);
+            let Some(met) = self.packet.rays.meet_one(block, lane, far) else {
                 continue;
             };
             let mut hit = met.lanes & self.left;

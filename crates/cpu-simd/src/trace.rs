@@ -1,17 +1,16 @@
 //! Rays to hits by the wide tree: rays of neighbouring pixels together where that pays, others each on its own.
 
 use crate::cell::{COLUMNS, Cell};
-use crate::found::Found;
-use crate::light::shadow_rays;
-use crate::packet::{self, Packet};
-use crate::rays::{Given, Group, InGroup};
+use crate::light::{Found, shadow_rays};
+use crate::packet::Packet;
+use crate::rays::{Given, Group, OneRay};
 use crate::search;
 use crate::simd::{Isa, Lanes, Work, each};
 use crate::together::{self, MOST_RAYS, NONE};
 use crate::tree::{NOWHERE, Wide};
+use crate::walk::walk_any;
 use backend::{QueryKind, Rays};
-use cpu_ref::intersect::Watertight;
-use cpu_ref::ray::PreparedRay;
+use cpu_ref::intersect::{Search, Watertight};
 use cpu_ref::scale::Scale;
 use cpu_ref::tiles::{Counts, Output, Tiles, fill};
 use cpu_ref::trace::Tracer;
@@ -143,12 +142,9 @@ impl<'a> WideTracer<'a> {
     ) -> Option<(PacketOf<I>, I::Packet)> {
         let scale = self.0.task.geometry.scale;
         let eye = scale.apply(camera.eye);
-        let rays = packet::Rays {
-            origin: each!(i => I::Packet::splat(eye[i])),
-            direction: cell.directions::<I::Packet>(camera),
-            t_max: I::Packet::splat(f32::INFINITY),
-        };
-        let packet = Packet::new(&rays, &self.0.tree.root)?;
+        let origin = each!(i => I::Packet::splat(eye[i]));
+        let directions = cell.directions::<I::Packet>(camera);
+        let packet = Packet::new(&origin, &directions, &self.0.tree.root)?;
         let back = I::Packet::splat(scale.usual_inverse()?);
         let back = packet.factor.mul(back);
         Some((packet, back))
@@ -164,7 +160,7 @@ impl<'a> WideTracer<'a> {
         for (lane, alone) in rays.iter().enumerate() {
             if (group.ready & cell.asked) >> lane & 1 == 1 {
                 let group = &group;
-                let ray = InGroup { group, lane };
+                let ray = OneRay { group, lane };
                 let best = search::closest::<I>(tree, &ray, &mut stack.waiting);
                 if best.hit.is_hit() {
                     let t = ray.unscaled(best.hit.t);
@@ -192,8 +188,8 @@ impl<'a> WideTracer<'a> {
         for (lane, &skipped) in skipped.iter().enumerate() {
             if (group.ready & asked) >> lane & 1 == 1 {
                 let group = &group;
-                let ray = InGroup { group, lane };
-                let found = search::any::<I>(tree, &ray, skipped, &mut stack.waiting);
+                let ray = OneRay { group, lane };
+                let found = walk_any::<I>(tree, &ray, skipped, &mut stack.waiting);
                 hit |= u32::from(found) << lane;
             } else if asked >> lane & 1 == 1 {
                 let found = self.any_unusual(&rays.ray(lane), scale, skipped, stack);
@@ -207,24 +203,15 @@ impl<'a> WideTracer<'a> {
     #[cold]
     #[inline(never)]
     fn closest_unusual(&self, ray: &Ray, scale: Scale, stack: &mut Stack<'a>) -> Hit {
-        let Some(ray) = PreparedRay::new(ray, scale) else {
-            return Hit::MISS;
-        };
-        match traverse::closest::<_, Watertight>(self.0.tree, &ray, stack) {
-            Some(hit) => Hit {
-                t: ray.unscaled(hit.t),
-                ..hit
-            },
-            None => Hit::MISS,
-        }
+        let hit = Watertight::closest(&self.0.asked(*ray, scale), stack);
+        hit.unwrap_or(Hit::MISS)
     }
 
     /// Whether an unusual ray hits any triangle but `skipped`.
     #[cold]
     #[inline(never)]
     fn any_unusual(&self, ray: &Ray, scale: Scale, skipped: u32, stack: &mut Stack<'a>) -> bool {
-        let (ray, but) = (PreparedRay::new(ray, scale), Some(skipped));
-        ray.is_some_and(|ray| traverse::any::<_, Watertight>(self.0.tree, &ray, but, stack))
+        Watertight::any(&self.0.asked(*ray, scale), Some(skipped), stack)
     }
 
     /// The answers for the rays of a cell, some of which are extreme.

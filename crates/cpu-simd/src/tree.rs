@@ -205,12 +205,8 @@ impl Accelerator for Wide {
         unhittable
     }
 
-    fn refit(&mut self) -> f64 {
-        self.refit_nodes()
-    }
-
-    fn root(&self) -> Aabb {
-        self.root
+    fn refit(&mut self) -> (f64, Aabb) {
+        (self.refit_nodes(), self.root)
     }
 
     fn trace(&self, task: TraceTask<'_>, out: Output<'_>) -> Counts {

@@ -2,7 +2,7 @@
 
 use crate::fit::bounds;
 use crate::leaf::TriangleRay;
-use crate::rays::SingleRay;
+use crate::rays::{Group, OneRay};
 use crate::simd::{Isa, Lanes, Work};
 use crate::tree::{LANES, Wide};
 use crate::walk::{NodeRay, Stack, Visitor, walk};
@@ -74,7 +74,8 @@ impl<F: FnMut(&Leaf, f32) -> Option<f32>> Work for Visit<'_, F> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> bool {
-        let ray = SingleRay::new(self.ray, &self.tree.root);
+        let group = &Group::alone(self.ray, &self.tree.root);
+        let ray = OneRay { group, lane: 0 };
         let mut each = EachTriangle {
             tree: self.tree,
             ray: TriangleRay::<I::Eight>::single(&ray),
@@ -82,7 +83,7 @@ impl<F: FnMut(&Leaf, f32) -> Option<f32>> Work for Visit<'_, F> {
         };
         let ray = NodeRay::<I::Eight>::new(&ray);
         let rays = (&ray, self.ray.t_max);
-        walk::<I, _>(self.tree, rays, self.stack, &mut each)
+        walk::<I>(self.tree, rays, self.stack, &mut each)
     }
 }
 
@@ -93,7 +94,7 @@ struct EachTriangle<'a, L, F> {
     see: F,
 }
 
-impl<L, F> Visitor for EachTriangle<'_, L, F>
+impl<I, L, F> Visitor<I> for EachTriangle<'_, L, F>
 where
     L: Lanes<Array = [f32; LANES]>,
     F: FnMut(&Leaf, f32) -> Option<f32>,

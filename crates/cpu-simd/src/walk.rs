@@ -1,8 +1,9 @@
 //! One ray through the nodes, nearest child first, eight boxes at a time.
 
+use crate::leaf::TriangleRay;
 use crate::rays::OneRay;
 use crate::simd::{Isa, Lanes, Word, each, prefetch};
-use crate::tree::{LANES, Link, Node, Planes, Wide};
+use crate::tree::{Block, LANES, Link, Node, Planes, Wide};
 use bvh_build::MAX_DEPTH;
 
 /// A node or block still to visit.
@@ -40,16 +41,10 @@ impl Default for Stack {
 }
 
 /// What is to be done with the blocks that a ray comes to, nearer ones first.
-pub(crate) trait Visitor {
+pub(crate) trait Visitor<I> {
     /// Sees a block whose box the ray meets before `bound`, and returns the next bound; none ends the walk.
     /// Must be `#[inline(always)]`.
     fn block(&mut self, block: usize, bound: f32) -> Option<f32>;
-}
-
-/// Likewise where any hit will do.
-pub(crate) trait AnyVisitor {
-    /// Whether a block whose box the ray meets has a hit that counts. Must be `#[inline(always)]`.
-    fn hits(&mut self, block: usize) -> bool;
 }
 
 /// Something that boxes are tested against.
@@ -72,7 +67,7 @@ pub(crate) struct NodeRay<L> {
 
 impl<L: Lanes> NodeRay<L> {
     #[inline(always)]
-    pub(crate) fn new(ray: &impl OneRay) -> Self {
+    pub(crate) fn new(ray: &OneRay<'_, impl Lanes>) -> Self {
         Self {
             inverse: each!(i => L::splat(ray.inverse(i))),
             starts: each!(i => {
@@ -107,11 +102,11 @@ impl<L: Lanes<Array = [f32; LANES]>> BoxTest<L> for NodeRay<L> {
 
 /// Shows `visitor` the blocks that rays may hit, roughly in their order; whether it ended the walk.
 #[inline(always)]
-pub(crate) fn walk<I: Isa, V: Visitor>(
+pub(crate) fn walk<I: Isa>(
     tree: &Wide,
     (rays, mut bound): (&impl BoxTest<I::Eight>, f32),
     stack: &mut Stack,
-    visitor: &mut V,
+    visitor: &mut impl Visitor<I>,
 ) -> bool {
     let mut len = 0;
     let mut link = Link::ROOT;
@@ -180,24 +175,24 @@ fn nearest<L: Lanes<Array = [f32; LANES]>>(
     next.link
 }
 
-/// Shows `visitor` the blocks that a ray may hit before `bound`, a node's last child first, until it sees a hit; whether it did.
+/// Whether a ray hits any triangle but `skipped`: goes down to a node's last child first.
 #[inline(always)]
 pub(crate) fn walk_any<I: Isa>(
     tree: &Wide,
-    (ray, bound): (&NodeRay<I::Eight>, f32),
+    ray: &OneRay<'_, impl Lanes>,
+    skipped: u32,
     stack: &mut Stack,
-    visitor: &mut impl AnyVisitor,
 ) -> bool {
-    let links = &mut stack.links;
-    let (mut len, mut link) = (0, Link::ROOT);
+    let (links, node_ray) = (&mut stack.links, NodeRay::<I::Eight>::new(ray));
+    let (mut len, mut link, bound) = (0, Link::ROOT, ray.t_max());
     loop {
         if link.is_block() {
-            if visitor.hits(link.index()) {
+            if hits::<I>(&tree.blocks[link.index()], ray, skipped) {
                 return true;
             }
         } else {
             let node = &tree.nodes[link.index()];
-            let (lanes, _) = ray.meet(&node.planes, bound);
+            let (lanes, _) = node_ray.meet(&node.planes, bound);
             if lanes != 0 {
                 let first = 31 - lanes.leading_zeros();
                 let rest = lanes & !(1 << first);
@@ -216,6 +211,19 @@ pub(crate) fn walk_any<I: Isa>(
         // The one after it.
         tree.prefetch(links[len.saturating_sub(1) % DEEPEST]);
     }
+}
+
+/// Whether a ray hits any triangle of a block but `skipped`.
+#[inline(always)]
+fn hits<I: Isa>(block: &Block, ray: &OneRay<'_, impl Lanes>, skipped: u32) -> bool {
+    let Some(met) = TriangleRay::<I::Eight>::single(ray).meet(block, ray.t_max()) else {
+        return false;
+    };
+    let mut others = 0;
+    for lane in 0..LANES {
+        others |= u32::from(block.triangles[lane] != skipped) << lane;
+    }
+    met.lanes & others != 0
 }
 
 impl Node {

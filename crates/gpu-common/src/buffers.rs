@@ -22,7 +22,6 @@ impl<D: GpuDevice> BufferTable<D> {
     }
 
     /// The buffer of that name, where there is one.
-    #[must_use]
     pub fn get(&self, name: BufferName) -> Option<&D::Buffer> {
         let found = self.0.iter().find(|(n, _)| *n == name);
         found.map(|(_, buffer)| buffer)
@@ -43,7 +42,6 @@ impl<D: GpuDevice> BufferTable<D> {
     }
 
     /// Bytes of device memory.
-    #[must_use]
     pub fn held(&self) -> u64 {
         self.0.iter().map(|(_, b)| D::held(b)).sum()
     }

@@ -20,19 +20,6 @@ pub enum Stage {
 }
 
 impl Stage {
-    /// For labels.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Interpolate => "interpolate",
-            Self::Preprocess => "preprocess",
-            Self::Rebuild => "rebuild",
-            Self::Refit => "refit",
-            Self::TracePrimary => "trace",
-            Self::TraceShadow => "trace shadows",
-        }
-    }
-
     fn of(self, times: &mut StageTimes) -> &mut f64 {
         let time = match self {
             Self::Interpolate => &mut times.interpolate_ms,
@@ -59,7 +46,6 @@ pub struct Clock {
 
 impl Clock {
     /// A clock of so many bits and nanoseconds a tick.
-    #[must_use]
     pub fn new(bits: u32, tick_ns: f64) -> Self {
         let mask = 1_u64.checked_shl(bits);
         Self {

@@ -7,10 +7,10 @@ use backend::{
     Query, Rays, Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
-use geom::{Animation, Pose, Range, Ray};
+use geom::{Animation, Pose, Ray};
 use shaders::rebuild::{Plan, instead_of};
 use shaders::work::{self, Progress};
-use shaders::{Extent, KERNELS, Kernel, Params, Shape, common};
+use shaders::{Extent, KERNELS, Kernel, Params, Shape, Traits, common};
 use std::sync::Arc;
 
 /// The backend that runs the kernels of `shaders` on a device.
@@ -50,9 +50,12 @@ impl<D: GpuDevice> ComputeBackend<D> {
     pub fn over(gpu: D) -> Result<Self> {
         let pipelines = Pipelines::of(&gpu, [common("arithmetic")])?;
         let (mut engine, found) = Engine::new(gpu, pipelines)?;
-        found.check()?;
-        let (packets, rasterization) = engine.gpu.forms();
-        engine.pipelines.traits = found.traits(packets, rasterization);
+        let (packets, rasterizes) = engine.gpu.forms();
+        engine.pipelines.traits = Traits {
+            fuses_once: found.fuses_once,
+            packets,
+            rasterizes,
+        };
         Ok(Self {
             engine,
             tree: None,
@@ -63,7 +66,6 @@ impl<D: GpuDevice> ComputeBackend<D> {
     }
 
     /// The device.
-    #[must_use]
     pub fn gpu(&self) -> &D {
         &self.engine.gpu
     }
@@ -83,17 +85,12 @@ impl<D: GpuDevice> ComputeBackend<D> {
     }
 
     fn params_at(&self, pose: Pose) -> Params {
-        let (range, exponent) = self.reach(pose);
+        let scene = self.engine.scene();
+        let params = Params::of(scene.scale_exponent, &self.tree().shape);
         Params {
             alpha: pose.alpha,
-            ..Params::of(exponent, &self.tree().shape).within(range)
+            ..params.within(scene.animation.range(pose))
         }
-    }
-
-    /// How far the moment's coordinates reach, and the exponent of the scene's scale.
-    fn reach(&self, pose: Pose) -> (Range, i32) {
-        let scene = self.engine.scene();
-        (scene.animation.range(pose), scene.scale_exponent)
     }
 
     /// Records a stage over the tree in use.
@@ -116,10 +113,9 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let shape = Shape::made_on_device(self.method.layout, animation.live_count() as u32);
         let tree = self.tree.as_mut().expect("a scene was loaded");
         let engine = &mut self.engine;
-        if !tree.has_build() {
-            engine
-                .pipelines
-                .prepare(&engine.gpu, builders(self.method))?;
+        if tree.build.is_none() {
+            let kernels = builders(self.method);
+            engine.pipelines.prepare(&engine.gpu, kernels)?;
             tree.make_build(&mut engine.gpu, &animation)?;
         }
         tree.grow(&mut engine.gpu, &shape)?;
@@ -133,25 +129,24 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let clusters = |name| tree.get(instead_of(name, &animation));
         engine.run(Some(Stage::Preprocess), &[plan.leaves], clusters)?;
         engine.run(Some(Stage::Rebuild), &plan.cluster, |name| tree.get(name))?;
-        tree.made(generation, shape);
+        (tree.generation, tree.shape, tree.made_here) = (generation, shape, true);
         Ok(())
     }
 
     /// Records the stages of a trace. An empty tree has no node to trace: its stages are empty too.
     fn trace_stages(&mut self, query: &Query<'_>) -> Result<()> {
         let has_tree = self.tree().shape.leaf_count > 0;
-        let (range, exponent) = self.reach(self.engine.pose);
-        let is_extreme = |ray: &Ray| shaders::is_extreme(ray.origin, range, exponent);
+        let params = self.params();
+        let is_extreme = |ray: &Ray| params.is_extreme(ray.origin);
         let how = (self.method.intersector, has_tree);
         let trace = self.engine.begin_trace(query, how, is_extreme)?;
         let rays = match query.rays {
             Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
             _ => work::Rays::Given(trace.count as u32, trace.extremes),
         };
-        let params = self.params();
         let engine = &mut self.engine;
         let mut traits = engine.pipelines.traits;
-        traits.rasterization = engine.frames.raster_backoff.allow(traits.rasterization);
+        traits.rasterizes = engine.frames.raster_backoff.allow(traits.rasterizes);
         let tracing = work::trace(self.method, params, rays, query.kind, traits);
         let tree = self.tree.as_mut().expect("a scene was loaded");
         tree.grow_picture(&mut engine.gpu, &tracing)?;
@@ -204,7 +199,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
         assert!(generation > self.tree().generation, "generations rise");
         let engine = &mut self.engine;
-        let recording = engine.frames.is_recording();
+        let recording = engine.frames.recording;
         assert!(!recording, "trees are adopted between submissions");
         let animation = Arc::clone(&engine.scene().animation);
         let current = self.tree.as_mut().expect("a scene was loaded");

@@ -1,22 +1,37 @@
 //! What a GPU interface has to do.
 
 use crate::{Clock, KernelCode, Stage};
-use backend::{BackendError, DeviceBytes, DeviceKind, Result, Snapshot, Ticket};
+use backend::{
+    BackendError, Device, DeviceBytes, DeviceKind, Result, Snapshot, Ticket, choose_adapter,
+};
 use bytemuck::Pod;
 use shaders::work::Work;
-use shaders::{BufferName, Counts, Kernel, Packets, Rasterization};
+use shaders::{BufferName, Counts, Kernel, Packets};
 
-/// Who is at work.
+/// An adapter that a GPU interface offers.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct About {
-    /// The backend's name on the command line.
-    pub backend: &'static str,
+pub struct AdapterInfo {
+    /// Its place in the interface's list.
+    pub index: usize,
     /// The device's own name.
-    pub adapter: String,
+    pub name: String,
     /// Driver and version.
     pub driver: String,
     /// What kind of machine it is.
     pub kind: DeviceKind,
+    /// What bounds or shapes the work here: names and values, to be shown.
+    pub limits: Vec<(&'static str, String)>,
+}
+
+impl AdapterInfo {
+    /// The place of the one that is wanted: see [`choose_adapter`].
+    ///
+    /// # Errors
+    /// Those of [`choose_adapter`].
+    pub fn choose(list: &[Self], wanted: Option<&str>) -> Result<usize> {
+        let names: Vec<_> = list.iter().map(|a| (a.name.as_str(), a.kind)).collect();
+        choose_adapter(&names, wanted)
+    }
 }
 
 /// Who writes a buffer.
@@ -80,11 +95,11 @@ pub trait GpuDevice: Send + Sized {
     /// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`] with what the device lacks for any scene.
     fn open(options: &Self::Options) -> Result<Self>;
 
-    /// Who is at work.
-    fn about(&self) -> About;
+    /// Who is at work. How it computes is found out later.
+    fn device(&self) -> Device;
 
-    /// How invocations search together, and which pictures are rasterized.
-    fn forms(&self) -> (Option<Packets>, Option<Rasterization>);
+    /// How invocations search together, and whether pictures may be rasterized: see [`shaders::Traits`].
+    fn forms(&self) -> (Option<Packets>, bool);
 
     /// The clock of its marks.
     fn clock(&self) -> Clock;

@@ -2,12 +2,13 @@
 
 use crate::snapshots::Snapshots;
 use crate::traces::{Trace, Traces};
-use crate::{Frames, GpuDevice, Pipelines, SceneBuffers, Stage, selftest};
+use crate::{BufferTable, Frames, GpuDevice, Pipelines, SceneBuffers, Stage};
 use backend::{
-    Device, DeviceBytes, FrameReport, Hits, Palette, Query, Rays, Result, Snapshot, Ticket,
+    BackendError, Device, DeviceBytes, FrameReport, Hits, Palette, Query, Rays, Result, Snapshot,
+    Ticket,
 };
 use geom::{Animation, Point, Pose, Ray};
-use shaders::arithmetic::Findings;
+use shaders::arithmetic::{self, Findings};
 use shaders::work::{self, Work};
 use shaders::{BufferName, Params};
 use std::sync::Arc;
@@ -45,16 +46,11 @@ impl<D: GpuDevice> Engine<D> {
     /// [`backend::BackendError::NoDevice`] if it is wrong.
     pub fn new(mut gpu: D, pipelines: Pipelines<D>) -> Result<(Self, Findings)> {
         let mut frames = Frames::new(&gpu)?;
-        let found = selftest::run(&mut gpu, &mut frames, &pipelines)?;
-        let about = gpu.about();
+        let found = test_arithmetic(&mut gpu, &mut frames, &pipelines)?;
         let made = Self {
             device: Device {
-                backend: about.backend,
-                adapter: about.adapter,
-                driver: about.driver,
-                kind: about.kind,
-                threads: 0,
                 arithmetic: found.arithmetic,
+                ..gpu.device()
             },
             frames,
             traces: Traces::default(),
@@ -72,7 +68,6 @@ impl<D: GpuDevice> Engine<D> {
     ///
     /// # Panics
     /// Before one is loaded; likewise all that follows but for [`Engine::unload`].
-    #[must_use]
     pub fn scene(&self) -> &SceneBuffers<D> {
         self.scene.as_ref().expect("a scene was loaded")
     }
@@ -196,8 +191,10 @@ impl<D: GpuDevice> Engine<D> {
     /// Submits what was recorded. So many triangles are in no tree, and count as inactive.
     pub fn submit(&mut self, never_active: u64) -> Result<Ticket> {
         let scene = self.scene.as_ref().expect("a scene was loaded");
-        let requested = self.snapshots.requested();
-        let positions = requested.map(|p| (&scene.positions[p], scene.position_bytes()));
+        let positions = self
+            .snapshots
+            .requested
+            .map(|p| (&scene.positions[p], scene.position_bytes()));
         let about = (self.traces.pending.is_some(), never_active);
         let (ticket, copy) = self.frames.submit(&mut self.gpu, positions, about)?;
         self.traces.submitted(ticket);
@@ -207,8 +204,8 @@ impl<D: GpuDevice> Engine<D> {
 
     /// Drops what was recorded: it is not going to be submitted.
     pub fn abandon(&mut self) {
-        self.frames.abandon();
-        self.snapshots.abandon();
+        self.frames.recording = false;
+        self.snapshots.requested = None;
         self.traces.pending = None;
         self.gpu.abandon();
     }
@@ -231,7 +228,6 @@ impl<D: GpuDevice> Engine<D> {
     }
 
     /// Bytes of device memory, of which so much is a tree's, room to make one, and its owner's for frames.
-    #[must_use]
     pub fn bytes(&self, [tree, scratch, frames]: [u64; 3]) -> DeviceBytes {
         let bytes = DeviceBytes {
             tree,
@@ -257,4 +253,31 @@ impl<D: GpuDevice> Drop for Engine<D> {
         // A lost device has nothing to wait for.
         let _ = self.gpu.wait_idle();
     }
+}
+
+/// Runs the kernel `arithmetic` and refuses the device if one bit is wrong or its driver ends loops early.
+fn test_arithmetic<D: GpuDevice>(
+    gpu: &mut D,
+    frames: &mut Frames<D>,
+    pipelines: &Pipelines<D>,
+) -> Result<Findings> {
+    let all = arithmetic::operands();
+    let bytes = size_of_val(all.as_slice()) as u64;
+    let sizes = [
+        (BufferName::Operands, bytes),
+        (BufferName::Results, 2 * bytes),
+    ];
+    let buffers = BufferTable::new(gpu, sizes)?;
+    let find = |name| buffers.get(name).expect("it names no other buffer");
+    gpu.upload(&[(bytemuck::cast_slice(&all), find(BufferName::Operands))])?;
+    let work = [work::arithmetic(all.len())];
+    let slot = frames.record(gpu)?;
+    slot.record_untimed(gpu, pipelines, &work, &find)?;
+    let (ticket, _) = frames.submit(gpu, None, (false, 0))?;
+    frames.retire(gpu, ticket)?;
+    let verified = gpu.read(find(BufferName::Results), all.len(), |results| {
+        arithmetic::verify(&all, results)
+    })?;
+    let adapter = gpu.device().adapter;
+    verified.map_err(|e| BackendError::NoDevice(format!("{adapter}: {e}")))
 }

@@ -9,7 +9,7 @@ use std::mem::offset_of;
 use std::time::Instant;
 
 /// One slot more than submissions may be under way, so that recording never waits.
-pub const SLOTS: usize = FRAMES_IN_FLIGHT + 1;
+const SLOTS: usize = FRAMES_IN_FLIGHT + 1;
 
 /// Bytes of what `preprocess` counts: it may run more than once a submission, and the last time counts.
 const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
@@ -17,7 +17,7 @@ const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
 /// The slots, in a ring, and what became of their submissions.
 pub struct Frames<D: GpuDevice> {
     slots: Vec<Slot<D>>,
-    recording: bool,
+    pub(crate) recording: bool,
     submitted: u64,
     /// Submissions with a trace so far.
     traces: u64,
@@ -113,10 +113,10 @@ impl<D: GpuDevice> Slot<D> {
         &mut self,
         gpu: &D,
         stage: Stage,
-        record: impl FnOnce(&mut D::Slot),
+        record: impl FnOnce(&mut D::Slot) -> Result<()>,
     ) -> Result<()> {
         self.close(gpu)?;
-        record(&mut self.own);
+        record(&mut self.own)?;
         self.end(gpu, stage)
     }
 
@@ -178,12 +178,13 @@ impl<D: GpuDevice> Slot<D> {
 
 /// Workgroups of a dispatch along both axes.
 fn groups<D: GpuDevice>(gpu: &D, work: &Work) -> Result<[u32; 2]> {
-    let groups = work.group_counts(gpu.max_groups());
-    groups.map_err(|e| BackendError::Limit {
-        what: format!("kernel {} (workgroups along an axis)", work.kernel.name),
-        need: u64::from(e.need),
-        limit: u64::from(e.limit),
-    })
+    let limit = gpu.max_groups();
+    work.group_counts(limit)
+        .map_err(|need| BackendError::Limit {
+            what: format!("kernel {} (workgroups along an axis)", work.kernel.name),
+            need: need.into(),
+            limit: limit.into(),
+        })
 }
 
 impl<D: GpuDevice> Frames<D> {
@@ -200,13 +201,8 @@ impl<D: GpuDevice> Frames<D> {
         })
     }
 
-    pub(crate) fn is_recording(&self) -> bool {
-        self.recording
-    }
-
     /// Which of so many [`SLOTS`] the recording takes, or the next one will.
-    #[must_use]
-    pub fn place(&self) -> usize {
+    fn place(&self) -> usize {
         self.submitted as usize % SLOTS
     }
 
@@ -317,11 +313,6 @@ impl<D: GpuDevice> Frames<D> {
         let found = self.ledger.iter().find(|s| s.ticket == ticket);
         let report = found.and_then(|s| s.report.clone());
         Ok(report.expect("this ticket was never given, or was given too long ago"))
-    }
-
-    /// Drops the recording, if there is one.
-    pub(crate) fn abandon(&mut self) {
-        self.recording = false;
     }
 
     /// Waits for all submissions and forgets them: another scene is loaded.

@@ -5,7 +5,6 @@ use backend::{BackendError, Inspect, Result};
 use bvh_layout::Topology;
 use bytemuck::Pod;
 use geom::{Aabb, Point};
-use shaders::rebuild::BrokenTree;
 use shaders::{BufferName, View};
 
 impl<D: GpuDevice> Inspect for ComputeBackend<D> {
@@ -41,7 +40,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     }
 
     /// Looks at the tree in use, after all that was submitted.
-    fn view<T>(&mut self, look: impl Fn(&View<'_>) -> Looked<T>) -> Result<T> {
+    fn view<T>(&mut self, look: impl Fn(&View<'_>) -> std::result::Result<T, String>) -> Result<T> {
         let shape = self.tree().shape.clone();
         let made_on_device = self.tree().made_here;
         let leaves = shape.leaf_count as usize;
@@ -58,8 +57,6 @@ impl<D: GpuDevice> ComputeBackend<D> {
             triangles: &words[at..],
             animation: &self.engine.scene().animation,
         });
-        seen.map_err(|e| BackendError::WrongTree(e.to_string()))
+        seen.map_err(BackendError::WrongTree)
     }
 }
-
-type Looked<T> = std::result::Result<T, BrokenTree>;

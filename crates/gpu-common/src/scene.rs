@@ -39,10 +39,8 @@ impl<D: GpuDevice> SceneBuffers<D> {
         ];
         let others = BufferTable::new(gpu, sizes)?;
         let device = |name: BufferName| gpu.buffer(name.what(), key_bytes, BufferPurpose::Storage);
-        let positions = [
-            device(BufferName::Positions)?,
-            device(BufferName::Positions)?,
-        ];
+        let position = || device(BufferName::Positions);
+        let positions = [position()?, position()?];
         let keys = animation.keys().iter().map(|_| device(BufferName::Earlier));
         let keys = keys.collect::<Result<Vec<_>>>()?;
         let mut contents: Vec<(&[u8], &D::Buffer)> = Vec::new();
@@ -54,15 +52,9 @@ impl<D: GpuDevice> SceneBuffers<D> {
         }
         let triangles = bytemuck::cast_slice(animation.triangles());
         contents.push((triangles, other(BufferName::Triangles)));
-        let key = |(key, to)| -> (&[u8], _) { (bytemuck::cast_slice::<_, u8>(key), to) };
-        contents.extend(
-            animation
-                .keys()
-                .iter()
-                .map(Vec::as_slice)
-                .zip(&keys)
-                .map(key),
-        );
+        for (key, to) in animation.keys().iter().zip(&keys) {
+            contents.push((bytemuck::cast_slice(key), to));
+        }
         gpu.upload(&contents)?;
         Ok(Self {
             keys,
@@ -98,7 +90,6 @@ impl<D: GpuDevice> SceneBuffers<D> {
     }
 
     /// One of its buffers, at a pose's key frame and in one of the two position buffers.
-    #[must_use]
     pub fn get(&self, name: BufferName, key: u32, position: usize) -> Option<&D::Buffer> {
         // The last key frame where there is none so late.
         let at = |key: u32| &self.keys[(key as usize).min(self.keys.len() - 1)];
@@ -115,7 +106,6 @@ impl<D: GpuDevice> SceneBuffers<D> {
     }
 
     /// Bytes of device memory.
-    #[must_use]
     pub fn held(&self) -> u64 {
         let all = self.keys.iter().chain(&self.positions);
         let tables = [Some(&self.others), self.palette.as_ref()];

@@ -7,15 +7,9 @@ use std::collections::VecDeque;
 /// Requests of positions, and their copies.
 pub(crate) struct Snapshots<D: GpuDevice> {
     /// Which of the two position buffers the recording asks for.
-    requested: Option<usize>,
+    pub(crate) requested: Option<usize>,
     /// In the order of the requests, which is that of the copies.
-    under_way: VecDeque<UnderWay<D>>,
-}
-
-struct UnderWay<D: GpuDevice> {
-    ticket: Ticket,
-    position: usize,
-    copy: D::Copy,
+    under_way: VecDeque<(Ticket, usize, D::Copy)>,
 }
 
 impl<D: GpuDevice> Default for Snapshots<D> {
@@ -37,22 +31,17 @@ impl<D: GpuDevice> Snapshots<D> {
         assert!(requested.is_none(), "one request of positions a submission");
     }
 
-    /// The positions that the recording asks for.
-    pub(crate) fn requested(&self) -> Option<usize> {
-        self.requested
-    }
-
     /// Which position buffer the next interpolation writes. If both are being read, the device makes it wait.
     pub(crate) fn position_to_write(&self, gpu: &mut D, current: usize) -> Result<usize> {
         let mut busy_until = [None; 2];
-        for (i, copy) in self.under_way.iter().enumerate() {
-            if !gpu.has_arrived(&copy.copy)? {
-                busy_until[copy.position] = Some(i);
+        for (i, (_, position, copy)) in self.under_way.iter().enumerate() {
+            if !gpu.has_arrived(copy)? {
+                busy_until[*position] = Some(i);
             }
         }
         let (position, busy) = soonest(current, self.requested, busy_until);
         if let Some(i) = busy {
-            gpu.overwrites(&self.under_way[i].copy);
+            gpu.overwrites(&self.under_way[i].2);
         }
         Ok(position)
     }
@@ -60,11 +49,7 @@ impl<D: GpuDevice> Snapshots<D> {
     /// The recording was submitted, with the copy that it asked for.
     pub(crate) fn submitted(&mut self, ticket: Ticket, copy: Option<D::Copy>) {
         let requested = self.requested.take().zip(copy);
-        let under_way = requested.map(|(position, copy)| UnderWay {
-            ticket,
-            position,
-            copy,
-        });
+        let under_way = requested.map(|(position, copy)| (ticket, position, copy));
         self.under_way.extend(under_way);
     }
 
@@ -76,18 +61,12 @@ impl<D: GpuDevice> Snapshots<D> {
     ) -> Result<Option<(Ticket, Snapshot)>> {
         gpu.poll()?;
         match self.under_way.front() {
-            Some(oldest) if gpu.has_arrived(&oldest.copy)? => (),
+            Some((.., copy)) if gpu.has_arrived(copy)? => (),
             _ => return Ok(None),
         }
         let oldest = self.under_way.pop_front();
-        let oldest = oldest.expect("it was there a moment ago");
-        let snapshot = gpu.take(oldest.copy, vertices)?;
-        Ok(Some((oldest.ticket, snapshot)))
-    }
-
-    /// Drops the request in the recording: it is not going to be submitted.
-    pub(crate) fn abandon(&mut self) {
-        self.requested = None;
+        let (ticket, _, copy) = oldest.expect("it was there a moment ago");
+        Ok(Some((ticket, gpu.take(copy, vertices)?)))
     }
 }
 

@@ -160,7 +160,6 @@ fn fitting<D: GpuDevice>(
 
 /// Whether the rays go to the device one by one: no kernel seeks any hit of a camera's rays, and
 /// made here they have the same bits.
-#[must_use]
 pub fn are_given(query: &Query<'_>) -> bool {
     matches!(query.rays, Rays::List(_)) || query.kind == QueryKind::Any
 }
@@ -192,7 +191,6 @@ fn send<D: GpuDevice>(
 
 impl<D: GpuDevice> Trace<D> {
     /// Its rays, hits or shadows.
-    #[must_use]
     pub fn get(&self, name: BufferName) -> Option<&D::Buffer> {
         match name {
             BufferName::Hits => self.buffers.hits.as_ref(),

@@ -13,7 +13,7 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
     /// Nodes and costs are as large as the trees so far asked for.
     pub(crate) buffers: BufferTable<D>,
     /// What making trees here takes; none before the first.
-    build: Option<BufferTable<D>>,
+    pub(crate) build: Option<BufferTable<D>>,
     pub(crate) generation: Generation,
     pub(crate) shape: Shape,
     /// Whether the tree in use was made here.
@@ -90,11 +90,6 @@ impl<D: GpuDevice> TreeBuffers<D> {
         buffers.grow(gpu, BufferName::Visibility, tracing.visibility_bytes)
     }
 
-    /// Whether there is room to make trees.
-    pub(crate) fn has_build(&self) -> bool {
-        self.build.is_some()
-    }
-
     /// Makes room to make trees.
     pub(crate) fn make_build(&mut self, gpu: &mut D, animation: &Animation) -> Result<()> {
         let build = BufferTable::new(gpu, rebuild::buffers(animation))?;
@@ -106,11 +101,6 @@ impl<D: GpuDevice> TreeBuffers<D> {
         gpu.upload(&all.collect::<Vec<_>>())?;
         self.build = Some(build);
         Ok(())
-    }
-
-    /// The tree that was recorded to be made here is the one in use.
-    pub(crate) fn made(&mut self, generation: Generation, shape: Shape) {
-        (self.generation, self.shape, self.made_here) = (generation, shape, true);
     }
 
     /// Bytes of device memory: of the tree, of room to make one, of what is seen of a picture.

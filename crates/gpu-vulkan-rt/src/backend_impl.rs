@@ -2,8 +2,7 @@
 
 use crate::scene::DriverScene;
 use crate::tree::triangles_of;
-use crate::{DriverTreeBackend, Stale, method};
-use ash::vk;
+use crate::{DriverTreeBackend, Stale, check};
 use backend::{
     Backend, BackendError, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect,
     Intersector, Method, Palette, Query, QueryKind, Rays, Result, Snapshot, Ticket,
@@ -14,7 +13,7 @@ use gpu_common::{GpuDevice, Stage, Trace, are_given, refuse_above};
 use gpu_vulkan::VulkanDevice;
 use gpu_vulkan::commands::{KERNELS, RAYS};
 use gpu_vulkan::memory::Buffer;
-use shaders::work::{self, Work};
+use shaders::work;
 use shaders::{BufferName, Params, Shape};
 use std::sync::Arc;
 
@@ -28,11 +27,11 @@ impl Backend for DriverTreeBackend {
     }
 
     fn supports(&self, method: Method) -> bool {
-        method::driver_tree_supports(method)
+        check("", method).is_ok()
     }
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
-        method::check(self.prefer.backend(), method)?;
+        check(self.prefer.backend(), method)?;
         self.abandon();
         self.engine.unload()?;
         self.scene = None;
@@ -169,17 +168,6 @@ fn maker(query: &Query<'_>) -> &'static str {
     }
 }
 
-/// What counts the hits of a trace.
-fn counts(params: Params, trace: &Trace<VulkanDevice>) -> Vec<Work> {
-    let rays = trace.count as u32;
-    let hits = work::count_hits(params, rays);
-    match trace.kind {
-        QueryKind::Any => vec![work::count_any(params, rays)],
-        QueryKind::Closest => vec![hits],
-        QueryKind::ClosestAndShadow { .. } => vec![hits, work::count_occluded(params, rays)],
-    }
-}
-
 impl DriverTreeBackend {
     /// What all kernels and rays share.
     fn params(&self) -> Params {
@@ -205,11 +193,10 @@ impl DriverTreeBackend {
         let scene = scene.expect("a scene was loaded");
         let positions = &engine.scene().positions[engine.position];
         let from = triangles_of(engine.scene(), positions, scene.cleansed.as_ref());
-        let tree = &mut scene.tree;
         let slot = engine.frames.record(&engine.gpu)?;
-        slot.record_as(&engine.gpu, Stage::Refit, |slot| match anew {
-            true => tree.rebuild(&slot.commands, from),
-            false => tree.update(&slot.commands, from),
+        slot.record_as(&engine.gpu, Stage::Refit, |slot| {
+            scene.tree.make(&slot.commands, from, anew);
+            Ok(())
         })?;
         self.stale = Stale::Fresh;
         Ok(())
@@ -242,36 +229,29 @@ impl DriverTreeBackend {
     ) -> Result<()> {
         let params = work::rays(self.params(), query, are_given(query));
         let engine = &mut self.engine;
+        let slot = engine.frames.record(&engine.gpu)?;
         if size[0] == 0 || !trace.has_tree {
-            let slot = engine.frames.record(&engine.gpu)?;
-            return slot.record_as(&engine.gpu, Stage::TracePrimary, |_| ());
+            return slot.record_as(&engine.gpu, Stage::TracePrimary, |_| Ok(()));
         }
         let scene = self.scene.as_ref().expect("a scene was loaded");
+        let buffers = engine.scene.as_ref().expect("a scene was loaded");
+        let (key, position) = (engine.pose.key, engine.position);
         let find = |name: BufferName| -> &Buffer {
             let found = match name {
                 BufferName::Nodes => None,
-                name => trace
-                    .get(name)
-                    .or_else(|| engine.scene().get(name, engine.pose.key, engine.position)),
+                name => trace.get(name).or_else(|| buffers.get(name, key, position)),
             };
             // What a query does not need is bound to something.
             found.unwrap_or(&scene.root)
         };
-        let place = engine.frames.place();
-        let (set, row) = self.sets.fill(place, scene.tree.top(), &params, find);
-        let (vk, rays) = (&engine.gpu.gpu.vk, &self.rays);
-        let slot = engine.frames.record(&engine.gpu)?;
+        let rays = &self.rays;
         slot.record_as(&engine.gpu, Stage::TracePrimary, |slot| {
-            let (commands, point) = (&slot.commands, vk::PipelineBindPoint::RAY_TRACING_KHR);
-            commands.barrier(KERNELS, RAYS);
-            // SAFETY: the command buffer is being recorded; pipeline and set belong to the device and match.
-            unsafe {
-                let commands = commands.vk();
-                vk.cmd_bind_pipeline(commands, point, rays.vk);
-                vk.cmd_bind_descriptor_sets(commands, point, rays.layout, 0, &[set], &[row]);
-            }
-            rays.launch(commands.vk(), maker(query), size);
-            commands.barrier(RAYS, KERNELS);
+            slot.commands.barrier(KERNELS, RAYS);
+            let pipeline = (rays.vk, rays.layout, rays.set_layout);
+            slot.bind_rays(pipeline, &params, scene.tree.top(), find)?;
+            rays.launch(slot.commands.vk(), maker(query), size);
+            slot.commands.barrier(RAYS, KERNELS);
+            Ok(())
         })
     }
 
@@ -284,12 +264,13 @@ impl DriverTreeBackend {
         }
         let pending = self.engine.traces.pending.take();
         let trace = pending.as_ref().filter(|t| t.has_tree);
-        work.extend(trace.into_iter().flat_map(|t| counts(params, t)));
+        if let Some(trace) = trace {
+            work.extend(work::count_answers(params, trace.kind, trace.count as u32));
+        }
+        let own = |name| trace.and_then(|t| t.get(name));
         let counted = match work.is_empty() {
             true => Ok(()),
-            false => self
-                .engine
-                .run(None, &work, |name| trace.and_then(|t| t.get(name))),
+            false => self.engine.run(None, &work, own),
         };
         self.engine.traces.pending = pending;
         self.uncounted = false;

@@ -8,25 +8,20 @@
 //! end, so that counting, which the picture does not need, is not charged to the driver.
 
 mod backend_impl;
-mod method;
 mod pipeline;
 mod scene;
-mod sets;
-mod structure;
 mod support;
 mod tree;
 
-pub use method::driver_tree_supports;
 pub use support::ray_adapters;
 
-use backend::Result;
+use backend::{BackendError, Method, Result};
 use gpu_common::{Engine, Pipelines};
-use gpu_vulkan::gpu::{Gpu, Needs};
+use gpu_vulkan::gpu::Gpu;
 use gpu_vulkan::instance::Host;
 use gpu_vulkan::{Options, VulkanDevice};
 use pipeline::RayPipeline;
 use scene::DriverScene;
-use sets::RaySets;
 use shaders::{RAY_KERNELS, common};
 use support::RayTracing;
 
@@ -42,7 +37,6 @@ pub enum Prefer {
 
 impl Prefer {
     /// The backend's name on the command line.
-    #[must_use]
     pub fn backend(self) -> &'static str {
         match self {
             Self::FastBuild => "vulkan-rt",
@@ -61,7 +55,6 @@ pub struct DriverTreeBackend {
     stale: Stale,
     /// Whether the recording has positions at which triangles are to be counted.
     uncounted: bool,
-    sets: RaySets,
     rays: RayPipeline,
 }
 
@@ -74,6 +67,22 @@ enum Stale {
     Fresh,
 }
 
+/// Refuses, in the name of `backend`, all but the usual method.
+///
+/// # Errors
+/// [`BackendError::Unsupported`] with the intersector or the layout.
+fn check(backend: &'static str, method: Method) -> Result<()> {
+    let usual = Method::default();
+    let what = if method.intersector != usual.intersector {
+        format!("intersector '{}'", method.intersector)
+    } else if method.layout != usual.layout {
+        format!("layout '{}'", method.layout)
+    } else {
+        return Ok(());
+    };
+    Err(BackendError::Unsupported { backend, what })
+}
+
 impl DriverTreeBackend {
     /// Opens a device.
     ///
@@ -84,7 +93,7 @@ impl DriverTreeBackend {
         let (host, wanted) = (Host::new(options.validation)?, options.adapter.as_deref());
         let able = support::able(&host, wanted)?;
         let wanted = (wanted, options.cache.as_deref());
-        let gpu = Gpu::open(host, &able, wanted, Needs::RayTracing)?;
+        let gpu = Gpu::open(host, &able, wanted, true)?;
         let rays = RayTracing::of(&gpu)?;
         let device = VulkanDevice::over(&gpu, prefer.backend())?;
         let shared = ["arithmetic", "interpolate"].map(common);
@@ -97,13 +106,11 @@ impl DriverTreeBackend {
             scene: None,
             stale: Stale::Positions,
             uncounted: false,
-            sets: RaySets::new(&gpu, &rays)?,
             rays,
         })
     }
 
     /// The device.
-    #[must_use]
     pub fn gpu(&self) -> &VulkanDevice {
         &self.engine.gpu
     }

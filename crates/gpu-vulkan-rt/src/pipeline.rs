@@ -8,7 +8,7 @@ use gpu_vulkan::errors::{failed, refused};
 use gpu_vulkan::gpu::compile_door;
 use gpu_vulkan::memory::{Buffer, BufferUse};
 use gpu_vulkan::{VulkanDevice, descriptor_type};
-use shaders::{Kind, RAYS};
+use shaders::RAYS;
 use std::ffi::CString;
 use std::sync::Arc;
 
@@ -97,12 +97,6 @@ fn bindings<'a>() -> Vec<vk::DescriptorSetLayoutBinding<'a>> {
     let others = RAYS.bindings.iter();
     let others = others.map(|b| binding(b.number, descriptor_type(b.kind)));
     others.chain([tree]).collect()
-}
-
-/// Storage buffers that the shaders bind.
-pub(crate) fn storage_buffers() -> u32 {
-    let all = RAYS.bindings.iter().filter(|b| b.kind != Kind::Uniform);
-    all.count() as u32
 }
 
 fn compile(rays: &RayTracing, layout: vk::PipelineLayout) -> Result<vk::Pipeline> {

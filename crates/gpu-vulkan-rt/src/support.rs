@@ -1,13 +1,13 @@
 //! Whether a device traces rays by trees of its driver's, and what it takes to ask it.
 
 use ash::{khr, vk};
-use backend::{BackendError, Result, choose_adapter};
+use backend::{BackendError, Result};
 use gpu_vulkan::gpu::{Gpu, RAY_EXTENSIONS};
 use gpu_vulkan::instance::Host;
 use gpu_vulkan::{AdapterInfo, Validation, all};
 use std::sync::Arc;
 
-/// The calls, and the bounds that they have, of a device opened for [`Needs::RayTracing`](gpu_vulkan::gpu::Needs).
+/// The calls, and the bounds that they have, of a device opened for trees that its driver makes.
 pub(crate) struct RayTracing {
     pub(crate) structures: khr::acceleration_structure::Device,
     pub(crate) pipelines: khr::ray_tracing_pipeline::Device,
@@ -92,8 +92,7 @@ pub fn ray_adapters() -> Result<Vec<AdapterInfo>> {
 pub(crate) fn able(host: &Host, wanted: Option<&str>) -> Result<Vec<AdapterInfo>> {
     let mut list = all(host)?;
     if wanted.is_some() {
-        let names: Vec<_> = list.iter().map(|a| (a.name.as_str(), a.kind)).collect();
-        list = vec![list[choose_adapter(&names, wanted)?].clone()];
+        list = vec![list.swap_remove(AdapterInfo::choose(&list, wanted)?)];
     }
     let devices = host.physical_devices()?;
     let (mut able, mut reasons) = (Vec::new(), Vec::new());
@@ -102,12 +101,17 @@ pub(crate) fn able(host: &Host, wanted: Option<&str>) -> Result<Vec<AdapterInfo>
         match lacks(host, device) {
             Some(what) => reasons.push(format!("{} lacks {what}", adapter.name)),
             None => {
-                adapter.limits.extend(Bounds::of(host, device).named());
-                let queries = host
-                    .extensions(device)
-                    .contains(&khr::ray_query::NAME.to_owned());
-                let queries = if queries { "yes" } else { "no" };
-                adapter.limits.push(("ray queries", queries.to_owned()));
+                let bounds = Bounds::of(host, device);
+                let name = khr::ray_query::NAME.to_owned();
+                let queries = match host.extensions(device).contains(&name) {
+                    true => "yes",
+                    false => "no",
+                };
+                adapter.limits.extend([
+                    ("max triangles of a tree", bounds.triangles.to_string()),
+                    ("max rays of a launch", bounds.rays.to_string()),
+                    ("ray queries", queries.to_owned()),
+                ]);
                 able.push(adapter);
             }
         }
@@ -115,15 +119,6 @@ pub(crate) fn able(host: &Host, wanted: Option<&str>) -> Result<Vec<AdapterInfo>
     match able.is_empty() {
         true => Err(BackendError::NoDevice(reasons.join("; "))),
         false => Ok(able),
-    }
-}
-
-impl Bounds {
-    fn named(&self) -> Vec<(&'static str, String)> {
-        vec![
-            ("max triangles of a tree", self.triangles.to_string()),
-            ("max rays of a launch", self.rays.to_string()),
-        ]
     }
 }
 

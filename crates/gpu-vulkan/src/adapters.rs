@@ -6,6 +6,7 @@ use crate::queues::Queues;
 use crate::validation::Validation;
 use ash::vk;
 use backend::{DeviceKind, Result};
+use gpu_common::AdapterInfo;
 use std::ffi::CStr;
 use std::path::PathBuf;
 
@@ -18,23 +19,6 @@ pub struct Options {
     pub cache: Option<PathBuf>,
     /// Whether to run under the validation layer.
     pub validation: Validation,
-}
-
-/// A device that Vulkan offers.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct AdapterInfo {
-    /// Its place in Vulkan's list.
-    pub index: usize,
-    /// The device's own name.
-    pub name: String,
-    /// Driver and version.
-    pub driver: String,
-    /// What kind of machine it is.
-    pub kind: DeviceKind,
-    /// Bytes that one storage buffer may span.
-    pub max_buffer_bytes: u64,
-    /// What else bounds or shapes the work here: names and values, to be shown.
-    pub limits: Vec<(&'static str, String)>,
 }
 
 /// Every device that Vulkan offers on this machine.
@@ -69,8 +53,7 @@ fn describe(host: &Host, index: usize, device: vk::PhysicalDevice) -> AdapterInf
         s.map_or_else(|_| String::new(), |s| s.to_string_lossy().into_owned())
     };
     let (name, info) = (driver.driver_name_as_c_str(), driver.driver_info_as_c_str());
-    let bounds = Limits::of(host, device);
-    let mut limits = bounds.named();
+    let mut limits = Limits::of(host, device).named();
     if let Ok(queues) = Queues::find(host, device) {
         limits.extend(queues.named());
     }
@@ -79,7 +62,6 @@ fn describe(host: &Host, index: usize, device: vk::PhysicalDevice) -> AdapterInf
         name: text(p.device_name_as_c_str()),
         driver: format!("{} {}", text(name), text(info)).trim().to_owned(),
         kind,
-        max_buffer_bytes: bounds.buffer_bytes(),
         limits,
     }
 }

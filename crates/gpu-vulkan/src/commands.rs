@@ -69,7 +69,6 @@ impl Commands {
     }
 
     /// The buffer being recorded.
-    #[must_use]
     pub fn vk(&self) -> vk::CommandBuffer {
         self.buffers[self.begun - 1]
     }
@@ -151,7 +150,6 @@ pub const RAYS: Reach = Reach {
 
 impl Reach {
     /// Both.
-    #[must_use]
     pub const fn and(self, other: Self) -> Self {
         Self {
             stages: vk::PipelineStageFlags::from_raw(self.stages.as_raw() | other.stages.as_raw()),

@@ -1,18 +1,16 @@
 //! The logical device and its queues.
 
-use crate::adapters::AdapterInfo;
-use crate::commands::{ALL, BUILDS, RAYS, Reach};
 use crate::errors::failed;
-use crate::extras::Extras;
 use crate::instance::Host;
-use crate::limits::Limits;
+use crate::limits::{Extras, Limits};
 use crate::memory::Memory;
 use crate::pipeline_cache::PipelineCache;
 use crate::queues::{QueueIndex, Queues};
 use ash::ext::pipeline_robustness;
 use ash::{khr, vk};
-use backend::{BackendError, DeviceKind, Result, choose_adapter};
-use shaders::{Packets, Rasterization};
+use backend::{BackendError, DeviceKind, Result};
+use gpu_common::AdapterInfo;
+use shaders::Packets;
 use std::ffi::CStr;
 use std::path::Path;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
@@ -36,56 +34,20 @@ pub struct Gpu {
     /// Bits of a timestamp that count; 0 without a clock.
     pub(crate) timestamp_bits: u32,
     pub(crate) extras: Extras,
-    /// All that submissions do.
-    pub(crate) reach: Reach,
     /// Compiled kernels of earlier runs.
     pub cache: PipelineCache,
-    /// What buffers may be used for.
-    pub(crate) buffer_usage: vk::BufferUsageFlags,
+    /// Whether it was opened for trees that its driver makes.
+    pub(crate) traces_rays: bool,
     /// The instance that it belongs to.
     pub host: Arc<Host>,
 }
 
-/// What a device is opened for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Needs {
-    /// Kernels alone.
-    Kernels,
-    /// Trees that the driver makes, too.
-    RayTracing,
-}
-
-/// Extensions of a device opened for [`Needs::RayTracing`].
+/// Extensions of a device that traces rays through its driver's trees.
 pub const RAY_EXTENSIONS: [&CStr; 3] = [
     khr::acceleration_structure::NAME,
     khr::ray_tracing_pipeline::NAME,
     khr::deferred_host_operations::NAME,
 ];
-
-impl Needs {
-    fn reach(self) -> Reach {
-        match self {
-            Self::Kernels => ALL,
-            Self::RayTracing => ALL.and(BUILDS).and(RAYS),
-        }
-    }
-
-    /// All of a driver's work on its trees goes by address.
-    fn buffer_usage(self) -> vk::BufferUsageFlags {
-        let kernels = vk::BufferUsageFlags::STORAGE_BUFFER
-            | vk::BufferUsageFlags::UNIFORM_BUFFER
-            | vk::BufferUsageFlags::TRANSFER_SRC
-            | vk::BufferUsageFlags::TRANSFER_DST;
-        let rays = vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS
-            | vk::BufferUsageFlags::ACCELERATION_STRUCTURE_STORAGE_KHR
-            | vk::BufferUsageFlags::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR
-            | vk::BufferUsageFlags::SHADER_BINDING_TABLE_KHR;
-        match self {
-            Self::Kernels => kernels,
-            Self::RayTracing => kernels | rays,
-        }
-    }
-}
 
 /// One driver (NVIDIA 580) locks itself up when a thread makes or destroys a device while another compiles kernels.
 static DOOR: RwLock<()> = RwLock::new(());
@@ -108,7 +70,8 @@ pub struct Queue {
 }
 
 impl Gpu {
-    /// Opens the adapter asked for among some: see [`choose_adapter`]. Compiled kernels are kept in the folder `cache`.
+    /// Opens the adapter asked for among some; with trees that the driver makes if it `traces_rays`. Compiled kernels are
+    /// kept in the folder `cache`.
     ///
     /// # Errors
     /// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`] with what it lacks for any scene.
@@ -116,27 +79,21 @@ impl Gpu {
         host: Arc<Host>,
         list: &[AdapterInfo],
         (wanted, cache): (Option<&str>, Option<&Path>),
-        needs: Needs,
+        traces_rays: bool,
     ) -> Result<Arc<Self>> {
-        let names: Vec<_> = list.iter().map(|a| (a.name.as_str(), a.kind)).collect();
-        let adapter = list[choose_adapter(&names, wanted)?].clone();
+        let adapter = list[AdapterInfo::choose(list, wanted)?].clone();
         let physical = host.physical_devices()?[adapter.index];
         let limits = Limits::of(&host, physical);
         limits.admit_kernels(|k| !k.makes_trees() && !k.refits_treelets())?;
         let queues = Queues::find(&host, physical)?;
         let extras = Extras::of(&host, physical);
-        let vk = create(&host, physical, &queues, (needs, extras))?;
+        let vk = create(&host, physical, &queues, (traces_rays, extras))?;
         let queue = |place: QueueIndex| Queue {
             // SAFETY: the family was asked for at creation with as many queues.
             queue: unsafe { vk.get_device_queue(place.family, place.index) },
             family: place.family,
         };
-        let (compute, upload, readback) = (
-            queue(queues.compute),
-            queue(queues.upload),
-            queue(queues.readback),
-        );
-        let memory = match Memory::new(&host, physical, &vk, needs == Needs::RayTracing) {
+        let memory = match Memory::new(&host, physical, &vk, traces_rays) {
             Ok(memory) => memory,
             Err(e) => {
                 // SAFETY: nothing was made from the device yet.
@@ -146,27 +103,20 @@ impl Gpu {
         };
         let cache = PipelineCache::open(&host, physical, &vk, cache);
         Ok(Arc::new(Self {
+            compute: queue(queues.compute),
+            upload: queue(queues.upload),
+            readback: queue(queues.readback),
             vk,
             cache,
             memory,
-            compute,
-            upload,
-            readback,
             families: queues.families().iter().map(|&(f, _)| f).collect(),
             adapter,
             limits,
             timestamp_bits: queues.timestamp_bits,
             extras,
-            reach: needs.reach(),
-            buffer_usage: needs.buffer_usage(),
+            traces_rays,
             host,
         }))
-    }
-
-    /// What dispatches' parameters are aligned to, bytes.
-    #[must_use]
-    pub fn uniform_alignment(&self) -> u64 {
-        self.limits.uniform_alignment
     }
 
     /// Whether a driver on the host's cores does the work.
@@ -178,12 +128,6 @@ impl Gpu {
     pub(crate) fn packets(&self) -> Option<Packets> {
         let subgroups = self.extras.subgroups.map(|size| (size, size));
         Packets::for_device(subgroups, self.is_software())
-    }
-
-    /// Which pictures are made triangle by triangle here.
-    pub(crate) fn rasterization(&self) -> Option<Rasterization> {
-        let packets = self.packets();
-        Rasterization::for_device(packets.filter(|_| self.extras.has_least_of_64_bits))
     }
 
     /// Waits until the device has nothing left to do.
@@ -209,7 +153,7 @@ fn create(
     host: &Host,
     device: vk::PhysicalDevice,
     queues: &Queues,
-    (needs, extras): (Needs, Extras),
+    (traces_rays, extras): (bool, Extras),
 ) -> Result<ash::Device> {
     let mut have12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut have12);
@@ -233,11 +177,10 @@ fn create(
                 .queue_priorities(&priorities[..count as usize])
         })
         .collect();
-    let traces = needs == Needs::RayTracing;
     let mut want = vk::PhysicalDeviceVulkan12Features::default()
         .timeline_semaphore(true)
         .shader_buffer_int64_atomics(extras.has_least_of_64_bits)
-        .buffer_device_address(traces);
+        .buffer_device_address(traces_rays);
     let usual = vk::PhysicalDeviceFeatures::default().shader_int64(extras.has_least_of_64_bits);
     let mut structures =
         vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(true);
@@ -246,7 +189,7 @@ fn create(
     let mut robustness =
         vk::PhysicalDevicePipelineRobustnessFeaturesEXT::default().pipeline_robustness(true);
     let mut extensions = Vec::new();
-    if traces {
+    if traces_rays {
         extensions.extend(RAY_EXTENSIONS.map(CStr::as_ptr));
     }
     if extras.trusts_kernels {
@@ -257,7 +200,7 @@ fn create(
         .enabled_extension_names(&extensions)
         .enabled_features(&usual)
         .push_next(&mut want);
-    if traces {
+    if traces_rays {
         info = info.push_next(&mut structures).push_next(&mut pipelines);
     }
     if extras.trusts_kernels {

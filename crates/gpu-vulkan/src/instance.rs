@@ -92,7 +92,6 @@ impl Host {
     }
 
     /// Names of all extensions that a device offers.
-    #[must_use]
     pub fn extensions(&self, device: vk::PhysicalDevice) -> Vec<CString> {
         // SAFETY: the device belongs to the instance, which is alive.
         let offered = unsafe { self.instance.enumerate_device_extension_properties(device) };

@@ -15,7 +15,6 @@
 mod adapters;
 pub mod commands;
 pub mod errors;
-mod extras;
 pub mod gpu;
 pub mod instance;
 mod limits;
@@ -25,7 +24,6 @@ mod pages;
 pub mod pipeline_cache;
 mod pipelines;
 mod pool;
-mod positions;
 mod queues;
 mod slot;
 pub mod timeline;
@@ -33,9 +31,9 @@ pub mod transfer;
 mod validation;
 mod vulkan_device;
 
-pub use adapters::{AdapterInfo, Options, adapters, all};
+pub use adapters::{Options, adapters, all};
+pub use gpu_common::AdapterInfo;
 pub use pipelines::descriptor_type;
-pub use shaders::supports;
 pub use slot::Slot;
 pub use validation::Validation;
 pub use vulkan_device::{VulkanBackend, VulkanDevice};

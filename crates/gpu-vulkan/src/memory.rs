@@ -168,6 +168,19 @@ pub struct Buffer {
     gpu: Arc<Gpu>,
 }
 
+/// What buffers may be used for. All of a driver's work on its trees goes by address.
+fn usage(traces_rays: bool) -> vk::BufferUsageFlags {
+    let kernels = vk::BufferUsageFlags::STORAGE_BUFFER
+        | vk::BufferUsageFlags::UNIFORM_BUFFER
+        | vk::BufferUsageFlags::TRANSFER_SRC
+        | vk::BufferUsageFlags::TRANSFER_DST;
+    let rays = vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS
+        | vk::BufferUsageFlags::ACCELERATION_STRUCTURE_STORAGE_KHR
+        | vk::BufferUsageFlags::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR
+        | vk::BufferUsageFlags::SHADER_BINDING_TABLE_KHR;
+    if traces_rays { kernels | rays } else { kernels }
+}
+
 /// Where a buffer lives.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum BufferUse {
@@ -191,7 +204,7 @@ impl Buffer {
         gpu.limits.admit(what, bytes)?;
         let mut info = vk::BufferCreateInfo::default()
             .size(bytes)
-            .usage(gpu.buffer_usage);
+            .usage(usage(gpu.traces_rays));
         if gpu.families.len() > 1 {
             info = info
                 .sharing_mode(vk::SharingMode::CONCURRENT)
@@ -224,13 +237,11 @@ impl Buffer {
     }
 
     /// Bytes that it takes of the device's own memory.
-    #[must_use]
     pub fn held(&self) -> u64 {
         self.allocation.as_ref().map_or(0, device_bytes)
     }
 
-    /// Where the device finds it, if it was opened for [`crate::gpu::Needs::RayTracing`].
-    #[must_use]
+    /// Where the device finds it, if it traces rays through its driver's trees.
     pub fn address(&self) -> vk::DeviceAddress {
         let info = vk::BufferDeviceAddressInfo::default().buffer(self.vk);
         // SAFETY: the buffer has memory; buffers of such a device may be asked for their address.

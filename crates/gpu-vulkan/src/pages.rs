@@ -7,7 +7,7 @@ use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::{Pipeline, descriptor_type};
 use ash::vk;
 use backend::Result;
-use shaders::{BufferName, KERNELS, Kind, Params};
+use shaders::{Binding, BufferName, KERNELS, Kind, Params, RAYS};
 use std::sync::Arc;
 
 /// Dispatches of one page; a submission of more takes more pages.
@@ -31,7 +31,7 @@ struct Page {
 /// Where a dispatch finds its parameters.
 #[derive(Clone, Copy)]
 pub(crate) struct ParamsRow {
-    page: usize,
+    pub(crate) page: usize,
     pub(crate) offset: u32,
 }
 
@@ -94,69 +94,77 @@ impl Pages {
         if let Some(last) = last.filter(|l| (l.kernel, l.page) == (kernel, page)) {
             return Ok(last);
         }
-        let layouts = [pipeline.set_layout];
+        let what = (pipeline.set_layout, pipeline.kernel.bindings);
+        let set = self.set(what, page, find, None)?;
+        Ok(Bound { set, kernel, page })
+    }
+
+    /// A new set of a layout with these bindings, over a page's parameters and the buffers that `find` gives by their names;
+    /// also over a driver's `tree`, if the bindings are those of rays.
+    pub(crate) fn set<'a>(
+        &self,
+        (layout, bindings): (vk::DescriptorSetLayout, &[Binding]),
+        page: usize,
+        find: impl Fn(BufferName) -> &'a Buffer,
+        tree: Option<vk::AccelerationStructureKHR>,
+    ) -> Result<vk::DescriptorSet> {
+        let layouts = [layout];
         let info = vk::DescriptorSetAllocateInfo::default()
             .descriptor_pool(self.all[page].sets)
             .set_layouts(&layouts);
         // SAFETY: the pool has room for a set for each of the page's rows.
         let sets = unsafe { self.gpu.vk.allocate_descriptor_sets(&info) };
         let set = sets.map_err(failed("descriptors"))?[0];
-        self.fill(set, pipeline, page, find);
-        Ok(Bound { set, kernel, page })
-    }
-
-    fn fill<'a>(
-        &self,
-        set: vk::DescriptorSet,
-        pipeline: &Pipeline,
-        page: usize,
-        find: impl Fn(BufferName) -> &'a Buffer,
-    ) {
-        let bindings = pipeline.kernel.bindings;
-        let infos: Vec<_> = bindings
-            .iter()
-            .map(|b| {
-                let (buffer, bytes) = match b.kind {
-                    Kind::Uniform => (self.all[page].params.vk, size_of::<Params>() as u64),
-                    Kind::Read | Kind::ReadWrite => {
-                        let buffer = find(b.name);
-                        (buffer.vk, buffer.bytes)
-                    }
-                };
-                [vk::DescriptorBufferInfo::default()
-                    .buffer(buffer)
-                    .range(bytes)]
-            })
-            .collect();
-        let writes: Vec<_> = bindings
-            .iter()
-            .zip(&infos)
-            .map(|(b, info)| {
-                vk::WriteDescriptorSet::default()
-                    .dst_set(set)
-                    .dst_binding(b.number)
-                    .descriptor_type(descriptor_type(b.kind))
-                    .buffer_info(info)
-            })
-            .collect();
-        // SAFETY: the set is new and not in use; the buffers are alive.
+        let info = |b: &Binding| {
+            let (buffer, bytes) = match b.kind {
+                Kind::Uniform => (self.all[page].params.vk, size_of::<Params>() as u64),
+                Kind::Read | Kind::ReadWrite => {
+                    let buffer = find(b.name);
+                    (buffer.vk, buffer.bytes)
+                }
+            };
+            let info = vk::DescriptorBufferInfo::default().buffer(buffer);
+            [info.range(bytes)]
+        };
+        let infos: Vec<_> = bindings.iter().map(info).collect();
+        let write = |number, kind| {
+            vk::WriteDescriptorSet::default()
+                .dst_set(set)
+                .dst_binding(number)
+                .descriptor_type(kind)
+        };
+        let each = bindings.iter().zip(&infos);
+        let each = each.map(|(b, info)| write(b.number, descriptor_type(b.kind)).buffer_info(info));
+        let mut writes: Vec<_> = each.collect();
+        let mut scene = vk::WriteDescriptorSetAccelerationStructureKHR::default()
+            .acceleration_structures(tree.as_slice());
+        if tree.is_some() {
+            let tree = write(RAYS.scene, vk::DescriptorType::ACCELERATION_STRUCTURE_KHR);
+            writes.push(tree.descriptor_count(1).push_next(&mut scene));
+        }
+        // SAFETY: the set is new and not in use; the buffers and the tree are alive.
         unsafe { self.gpu.vk.update_descriptor_sets(&writes, &[]) };
+        Ok(set)
     }
 }
 
 impl Page {
     fn new(gpu: &Arc<Gpu>, stride: u64) -> Result<Self> {
         let params = Buffer::new(gpu, "parameters", stride * ROWS as u64, BufferUse::Upload)?;
-        let most = KERNELS.iter().map(storage_buffers).max().unwrap_or(0);
+        let all = KERNELS.iter().map(|k| k.bindings).chain([RAYS.bindings]);
+        let most = all.map(storage_buffers).max().unwrap_or(0);
         let size = |ty, each| {
             vk::DescriptorPoolSize::default()
                 .ty(ty)
                 .descriptor_count(ROWS as u32 * each)
         };
-        let sizes = [
+        let mut sizes = vec![
             size(vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC, 1),
             size(vk::DescriptorType::STORAGE_BUFFER, most),
         ];
+        if gpu.traces_rays {
+            sizes.push(size(vk::DescriptorType::ACCELERATION_STRUCTURE_KHR, 1));
+        }
         let info = vk::DescriptorPoolCreateInfo::default()
             .max_sets(ROWS as u32)
             .pool_sizes(&sizes);

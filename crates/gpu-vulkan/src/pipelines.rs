@@ -90,7 +90,6 @@ fn compile(
 }
 
 /// How Vulkan names a kind of binding.
-#[must_use]
 pub fn descriptor_type(kind: Kind) -> vk::DescriptorType {
     match kind {
         Kind::Uniform => vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC,

@@ -41,22 +41,18 @@ impl Pool {
 
     /// A buffer that nothing uses, of whatever size; waits for one only if there are `most`.
     pub(crate) fn take(&mut self, done: Done<'_>, most: usize) -> Result<Option<Buffer>> {
-        let mut found = None;
-        for (i, (last, _)) in self.0.iter().enumerate() {
-            if done.has_passed(*last)? {
-                found = Some(i);
-                break;
+        for i in 0..self.0.len() {
+            if done.has_passed(self.0[i].0)? {
+                return Ok(Some(self.0.remove(i).1));
             }
         }
-        if found.is_none() && self.0.len() >= most {
-            let all = self.0.iter().enumerate();
-            let first = all.min_by_key(|(_, (last, _))| *last);
-            if let Some((i, (last, _))) = first {
-                done.wait(*last)?;
-                found = Some(i);
-            }
-        }
-        Ok(found.map(|i| self.0.remove(i).1))
+        let all = self.0.iter().enumerate();
+        let first = all.min_by_key(|(_, (last, _))| *last);
+        let Some((i, &(last, _))) = first.filter(|_| self.0.len() >= most) else {
+            return Ok(None);
+        };
+        done.wait(last)?;
+        Ok(Some(self.0.remove(i).1))
     }
 
     /// Drops what nothing uses.
@@ -69,11 +65,6 @@ impl Pool {
         }
         self.0 = kept;
         Ok(())
-    }
-
-    /// Drops all. Nothing may be under way.
-    pub(crate) fn clear(&mut self) {
-        self.0.clear();
     }
 
     /// Bytes of device memory.

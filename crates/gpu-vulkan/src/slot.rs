@@ -1,6 +1,6 @@
 //! What one submission needs for itself: commands, parameters, marks of time, counts.
 
-use crate::commands::{ALL, COPIES, Commands, HOST, KERNELS};
+use crate::commands::{ALL, BUILDS, COPIES, Commands, HOST, KERNELS, RAYS};
 use crate::gpu::Gpu;
 use crate::marks::Marks;
 use crate::memory::{Buffer, BufferUse};
@@ -10,7 +10,7 @@ use crate::vulkan_device::VulkanDevice;
 use ash::vk;
 use backend::Result;
 use gpu_common::{Dispatch, Find, Finished, Stage};
-use shaders::{BufferName, Counts};
+use shaders::{BufferName, Counts, Params};
 use std::sync::Arc;
 
 /// Used by one submission at a time.
@@ -47,7 +47,10 @@ impl Slot {
         self.pages.reset()?;
         self.commands.reset()?;
         self.commands.begin()?;
-        let all = self.gpu.reach;
+        let all = match self.gpu.traces_rays {
+            true => ALL.and(BUILDS).and(RAYS),
+            false => ALL,
+        };
         self.commands.barrier(all, all);
         self.fill_counts(COUNTS);
         self.marks.begin(self.commands.vk())
@@ -99,6 +102,31 @@ impl Slot {
             vk.cmd_bind_descriptor_sets(commands, point, pipeline.layout, 0, &[set], &[row]);
             vk.cmd_dispatch(commands, x, y, 1);
         }
+    }
+
+    /// Binds a pipeline of rays with its layouts, over parameters, a driver's tree, and the buffers that `find` gives by their
+    /// names in the shaders.
+    ///
+    /// # Errors
+    /// See [`backend::BackendError`].
+    pub fn bind_rays<'a>(
+        &mut self,
+        (pipeline, layout, set_layout): (vk::Pipeline, vk::PipelineLayout, vk::DescriptorSetLayout),
+        params: &Params,
+        tree: vk::AccelerationStructureKHR,
+        find: impl Fn(BufferName) -> &'a Buffer,
+    ) -> Result<()> {
+        let row = self.pages.row(params)?;
+        let what = (set_layout, shaders::RAYS.bindings);
+        let set = self.pages.set(what, row.page, find, Some(tree))?;
+        let (vk, commands) = (&self.gpu.vk, self.commands.vk());
+        let point = vk::PipelineBindPoint::RAY_TRACING_KHR;
+        // SAFETY: the command buffer is being recorded; pipeline and set belong to the device and match.
+        unsafe {
+            vk.cmd_bind_pipeline(commands, point, pipeline);
+            vk.cmd_bind_descriptor_sets(commands, point, layout, 0, &[set], &[row.offset]);
+        }
+        Ok(())
     }
 
     /// Ends a stage: what follows reads what its kernels wrote.

@@ -4,6 +4,7 @@ use crate::errors::failed;
 use crate::gpu::{Gpu, Queue};
 use ash::vk;
 use backend::Result;
+use std::slice::from_ref;
 use std::sync::Arc;
 
 /// When a timeline reaches a value.
@@ -34,7 +35,6 @@ impl Timeline {
     }
 
     /// When it reaches `value`.
-    #[must_use]
     pub fn at(&self, value: u64) -> Moment {
         (self.vk, value)
     }
@@ -91,54 +91,28 @@ pub(crate) struct Batch<'a> {
     pub(crate) done: Moment,
 }
 
-/// A batch as Vulkan reads it.
-struct Lowered {
-    commands: [vk::CommandBuffer; 1],
-    waits: Vec<vk::Semaphore>,
-    wait_values: Vec<u64>,
-    stages: Vec<vk::PipelineStageFlags>,
-    signals: [vk::Semaphore; 1],
-    signal_values: [u64; 1],
-}
-
-impl Lowered {
-    fn new(batch: &Batch<'_>) -> Self {
-        let (waits, wait_values): (Vec<_>, Vec<_>) = batch.after.iter().copied().unzip();
-        Self {
-            commands: [batch.commands],
-            // Marks of time wait too, so that no stage is charged with waiting.
-            stages: vec![vk::PipelineStageFlags::ALL_COMMANDS; waits.len()],
-            waits,
-            wait_values,
-            signals: [batch.done.0],
-            signal_values: [batch.done.1],
-        }
-    }
-
-    fn values(&self) -> vk::TimelineSemaphoreSubmitInfo<'_> {
-        vk::TimelineSemaphoreSubmitInfo::default()
-            .wait_semaphore_values(&self.wait_values)
-            .signal_semaphore_values(&self.signal_values)
-    }
-
-    fn info<'a>(
-        &'a self,
-        values: &'a mut vk::TimelineSemaphoreSubmitInfo<'_>,
-    ) -> vk::SubmitInfo<'a> {
-        vk::SubmitInfo::default()
-            .wait_semaphores(&self.waits)
-            .wait_dst_stage_mask(&self.stages)
-            .command_buffers(&self.commands)
-            .signal_semaphores(&self.signals)
-            .push_next(values)
-    }
-}
-
 /// Submits batches to a queue, all in one call.
 pub(crate) fn submit(gpu: &Gpu, queue: Queue, batches: &[Batch<'_>]) -> Result<()> {
-    let lowered: Vec<_> = batches.iter().map(Lowered::new).collect();
-    let mut values: Vec<_> = lowered.iter().map(Lowered::values).collect();
-    let infos = lowered.iter().zip(&mut values).map(|(l, v)| l.info(v));
+    let waits = batches.iter().map(|b| b.after.iter().copied().unzip());
+    let waits: Vec<(Vec<_>, Vec<_>)> = waits.collect();
+    let all = || batches.iter().zip(&waits);
+    let values = all().map(|(batch, (_, values))| {
+        vk::TimelineSemaphoreSubmitInfo::default()
+            .wait_semaphore_values(values)
+            .signal_semaphore_values(from_ref(&batch.done.1))
+    });
+    let mut values: Vec<_> = values.collect();
+    // Marks of time wait too, so that no stage is charged with waiting.
+    let most = waits.iter().map(|(semaphores, _)| semaphores.len()).max();
+    let stages = vec![vk::PipelineStageFlags::ALL_COMMANDS; most.unwrap_or(0)];
+    let infos = all().zip(&mut values).map(|((batch, (waits, _)), values)| {
+        vk::SubmitInfo::default()
+            .wait_semaphores(waits)
+            .wait_dst_stage_mask(&stages[..waits.len()])
+            .command_buffers(from_ref(&batch.commands))
+            .signal_semaphores(from_ref(&batch.done.0))
+            .push_next(values)
+    });
     let infos: Vec<_> = infos.collect();
     // SAFETY: the backend has one owner, so the queue is used by one thread; all buffers live.
     unsafe { gpu.vk.queue_submit(queue.queue, &infos, vk::Fence::null()) }

@@ -1,22 +1,24 @@
 //! What Vulkan does for a backend.
 
 use crate::adapters::{Options, all};
-use crate::gpu::{Gpu, Needs};
+use crate::gpu::Gpu;
 use crate::instance::Host;
 use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::Pipeline;
 use crate::pool::{Done, LastUse, Pool};
-use crate::positions::{PositionsCopy, Spare};
 use crate::slot::Slot;
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use crate::transfer::{Copy, Transfer, Window, load};
-use backend::{DeviceBytes, FRAMES_IN_FLIGHT, Result, Snapshot, Ticket};
-use bytemuck::Pod;
-use gpu_common::{
-    About, BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode,
-    Stage,
+use backend::{
+    Arithmetic, Device, DeviceBytes, FRAMES_IN_FLIGHT, Result, Snapshot, Spares, Ticket,
 };
-use shaders::{Kernel, Packets, Rasterization};
+use bytemuck::Pod;
+use geom::Point;
+use gpu_common::{
+    BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode, Stage,
+};
+use shaders::{Kernel, Packets};
+use std::ops::Deref;
 use std::sync::Arc;
 
 /// The backend that computes through Vulkan.
@@ -25,6 +27,27 @@ pub type VulkanBackend = ComputeBackend<VulkanDevice>;
 /// Trees' records that are not in use. With as many, one is free for the next tree whatever is under way; most of the time
 /// one will do.
 const RECORDS: usize = FRAMES_IN_FLIGHT;
+
+/// Positions that the transfer queue copies, or will.
+pub struct PositionsCopy {
+    buffer: Buffer,
+    /// The transfer's value.
+    done_at: u64,
+}
+
+/// Positions that have arrived.
+struct Arrived {
+    buffer: Buffer,
+    vertices: usize,
+}
+
+impl Deref for Arrived {
+    type Target = [Point];
+
+    fn deref(&self) -> &[Point] {
+        self.buffer.read(self.vertices)
+    }
+}
 
 /// A device of Vulkan's: frames on one queue, trees that go up and positions that come back on others.
 pub struct VulkanDevice {
@@ -44,7 +67,7 @@ pub struct VulkanDevice {
     staging: Pool,
     /// Buffers that were too small.
     outgrown: Pool,
-    spare: Spare,
+    spares: Spares<Arrived>,
     /// The upload that the next submission has to wait for.
     arriving: Option<u64>,
     /// The copy (of `readback`) that reads what the recording overwrites.
@@ -70,7 +93,7 @@ impl VulkanDevice {
             records: Pool::default(),
             staging: Pool::default(),
             outgrown: Pool::default(),
-            spare: Spare::default(),
+            spares: Spares::default(),
             arriving: None,
             overwritten: None,
             gpu: Arc::clone(gpu),
@@ -78,13 +101,11 @@ impl VulkanDevice {
     }
 
     /// Whether the validation layer watches.
-    #[must_use]
     pub fn is_validated(&self) -> bool {
         self.gpu.host.messenger.is_some()
     }
 
     /// What the validation layer has said so far.
-    #[must_use]
     pub fn validation_messages(&self) -> Vec<String> {
         let messenger = self.gpu.host.messenger.as_ref();
         messenger.map_or_else(Vec::new, |messenger| messenger.messages())
@@ -134,22 +155,24 @@ impl GpuDevice for VulkanDevice {
         let host = Host::new(options.validation)?;
         let list = all(&host)?;
         let wanted = (options.adapter.as_deref(), options.cache.as_deref());
-        let gpu = Gpu::open(host, &list, wanted, Needs::Kernels)?;
+        let gpu = Gpu::open(host, &list, wanted, false)?;
         Self::over(&gpu, "vulkan")
     }
 
-    fn about(&self) -> About {
+    fn device(&self) -> Device {
         let adapter = &self.gpu.adapter;
-        About {
+        Device {
             backend: self.backend,
             adapter: adapter.name.clone(),
             driver: adapter.driver.clone(),
             kind: adapter.kind,
+            threads: 0,
+            arithmetic: Arithmetic::IEEE,
         }
     }
 
-    fn forms(&self) -> (Option<Packets>, Option<Rasterization>) {
-        (self.gpu.packets(), self.gpu.rasterization())
+    fn forms(&self) -> (Option<Packets>, bool) {
+        (self.gpu.packets(), self.gpu.extras.has_least_of_64_bits)
     }
 
     fn clock(&self) -> Clock {
@@ -307,7 +330,8 @@ impl GpuDevice for VulkanDevice {
         positions: Option<(&Buffer, u64)>,
     ) -> Result<Option<PositionsCopy>> {
         let to = positions.map(|(_, bytes)| {
-            let (what, spare) = ("vertices for the builder", self.spare.pop());
+            let spare = self.spares.pop().map(|arrived| arrived.buffer);
+            let what = "vertices for the builder";
             Buffer::fitting(&self.gpu, what, bytes, BufferUse::Readback, spare)
         });
         let to = to.transpose()?;
@@ -341,7 +365,8 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn take(&mut self, copy: PositionsCopy, vertices: usize) -> Result<Snapshot> {
-        Ok(copy.take(vertices, &self.spare))
+        let buffer = copy.buffer;
+        Ok(self.spares.lend(Arrived { buffer, vertices }))
     }
 
     fn abandon(&mut self) {
@@ -350,10 +375,8 @@ impl GpuDevice for VulkanDevice {
 
     fn unload(&mut self, _: &mut dyn Iterator<Item = &mut Slot>) -> Result<()> {
         self.gpu.wait_idle()?;
-        for pool in [&mut self.records, &mut self.staging, &mut self.outgrown] {
-            pool.clear();
-        }
-        self.spare = Spare::default();
+        (self.records, self.staging, self.outgrown) = Default::default();
+        self.spares = Spares::default();
         (self.arriving, self.overwritten) = (None, None);
         Ok(())
     }

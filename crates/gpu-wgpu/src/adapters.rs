@@ -3,6 +3,7 @@
 use crate::instance::instance;
 use crate::modules::Modules;
 use backend::{BackendError, DeviceKind, Result};
+use gpu_common::AdapterInfo;
 use std::path::PathBuf;
 use wgpu::{Backends, Features};
 
@@ -32,88 +33,49 @@ impl Options {
     }
 }
 
-/// An adapter that wgpu offers.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Adapter {
-    /// Its place in wgpu's list.
-    pub index: usize,
-    /// The adapter's own name.
-    pub name: String,
-    /// Driver and version.
-    pub driver: String,
-    /// The graphics interface behind it, such as `Vulkan`.
-    pub api: String,
-    /// What kind of machine it is.
-    pub kind: DeviceKind,
-    /// Bytes that one storage buffer may span.
-    pub max_buffer_bytes: u64,
-    /// Storage buffers that one kernel may have.
-    pub max_storage_buffers: u32,
-    /// Whether stages can be timed by the device's clock.
-    pub has_timestamps: bool,
-    /// Whether the kernels' SPIR-V goes in as it is.
-    pub takes_spirv: bool,
-    /// What bounds the work here and which features are used: names and values, to be shown.
-    pub limits: Vec<(&'static str, String)>,
-}
-
 /// Every adapter that wgpu offers on this machine.
 ///
 /// # Errors
 /// [`BackendError::NoDevice`] where there is none.
-pub fn adapters() -> Result<Vec<Adapter>> {
-    let found = enumerate(&instance(false))?;
-    Ok(found
-        .iter()
-        .enumerate()
-        .map(|(i, a)| describe(i, a))
-        .collect())
+pub fn adapters() -> Result<Vec<AdapterInfo>> {
+    enumerate(&instance(false)).map(|(_, list)| list)
 }
 
-pub(crate) fn enumerate(instance: &wgpu::Instance) -> Result<Vec<wgpu::Adapter>> {
+/// Every adapter, and what is told of it.
+pub(crate) fn enumerate(
+    instance: &wgpu::Instance,
+) -> Result<(Vec<wgpu::Adapter>, Vec<AdapterInfo>)> {
     let found = pollster::block_on(instance.enumerate_adapters(Backends::all()));
     if found.is_empty() {
         let why = "wgpu finds no Vulkan, Metal or DirectX 12 adapter".to_owned();
         return Err(BackendError::NoDevice(why));
     }
-    Ok(found)
+    let list = found.iter().enumerate().map(|(i, a)| describe(i, a));
+    let list = list.collect();
+    Ok((found, list))
 }
 
-pub(crate) fn describe(index: usize, adapter: &wgpu::Adapter) -> Adapter {
-    let info = adapter.get_info();
-    let (limits, features) = (adapter.limits(), adapter.features());
-    Adapter {
-        index,
-        driver: driver(&info),
-        api: info.backend.to_string(),
-        kind: kind(&info),
-        max_buffer_bytes: crate::limits::span(&limits),
-        max_storage_buffers: limits.max_storage_buffers_per_shader_stage,
-        has_timestamps: features.contains(Features::TIMESTAMP_QUERY),
-        takes_spirv: takes_spirv(&info, features),
-        limits: named(&info, &limits, features),
-        name: info.name,
-    }
-}
-
-fn named(
-    info: &wgpu::AdapterInfo,
-    limits: &wgpu::Limits,
-    features: Features,
-) -> Vec<(&'static str, String)> {
-    let mut all = vec![("interface", info.backend.to_string())];
-    all.extend(crate::limits::named(limits));
+fn describe(index: usize, adapter: &wgpu::Adapter) -> AdapterInfo {
+    let (info, features) = (adapter.get_info(), adapter.features());
     let timestamps = match features.contains(Features::TIMESTAMP_QUERY) {
         true => "yes",
         false => "no",
     };
-    let kernels = match takes_spirv(info, features) {
+    let kernels = match takes_spirv(&info, features) {
         true => "SPIR-V, passed through",
         false => "WGSL",
     };
-    all.push(("timestamps", timestamps.to_owned()));
-    all.push(("kernels", kernels.to_owned()));
-    all
+    let mut limits = vec![("interface", info.backend.to_string())];
+    limits.extend(crate::limits::named(&adapter.limits()));
+    limits.push(("timestamps", timestamps.to_owned()));
+    limits.push(("kernels", kernels.to_owned()));
+    AdapterInfo {
+        index,
+        driver: driver(&info),
+        kind: kind(&info),
+        limits,
+        name: info.name,
+    }
 }
 
 pub(crate) fn driver(info: &wgpu::AdapterInfo) -> String {

@@ -21,12 +21,8 @@ pub(crate) fn storage(gpu: &Gpu, what: &str, bytes: u64) -> Result<Buffer> {
 
 /// A buffer that the host maps to read.
 pub(crate) fn readback(gpu: &Gpu, what: &str, bytes: u64) -> Result<Buffer> {
-    make(
-        gpu,
-        what,
-        bytes,
-        BufferUsages::MAP_READ | BufferUsages::COPY_DST,
-    )
+    let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
+    make(gpu, what, bytes, usage)
 }
 
 /// At least 16 bytes, so that an empty scene has buffers to bind.
@@ -92,7 +88,6 @@ pub(crate) fn copy(
 }
 
 /// A mapping asked for; it arrives while the device is polled.
-#[derive(Clone)]
 pub(crate) struct Mapping(Arc<OnceLock<bool>>);
 
 impl Mapping {
@@ -161,7 +156,7 @@ impl Window {
     }
 }
 
-/// Ends a mapping, on any thread; false if the device is gone and took the buffer with it.
+/// Ends a mapping; false if the device is gone and took the buffer with it.
 #[must_use]
 pub(crate) fn unmap(device: &wgpu::Device, buffer: &Buffer) -> bool {
     let refused = device.push_error_scope(wgpu::ErrorFilter::Validation);

@@ -1,15 +1,15 @@
 //! The device and its queue; every call to them that can fail passes through here.
 
-use crate::adapters::{Options, describe, enumerate, kind, takes_spirv};
+use crate::adapters::{Options, enumerate, kind, takes_spirv};
 use crate::buffers::{readback, unmap};
-use crate::call_counts::CallCounts;
 use crate::faults::Faults;
 use crate::instance::instance;
-use crate::limits::{LEAST_OF_64_BITS, check, generous, useful_features};
+use crate::limits::{check, generous, useful_features};
 use crate::modules::Modules;
 use crate::pipeline_cache::PipelineCache;
-use backend::{BackendError, DeviceKind, Result, choose_adapter};
-use shaders::{Packets, Rasterization};
+use backend::{BackendError, DeviceKind, Result};
+use gpu_common::AdapterInfo;
+use shaders::Packets;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -35,14 +35,8 @@ pub(crate) struct Gpu {
 impl Gpu {
     /// Opens an adapter by its index or a part of its name.
     pub(crate) fn open(options: &Options) -> Result<Self> {
-        let found = enumerate(&instance(options.validation))?;
-        let list: Vec<_> = found
-            .iter()
-            .enumerate()
-            .map(|(i, a)| describe(i, a))
-            .collect();
-        let names: Vec<_> = list.iter().map(|a| (a.name.as_str(), a.kind)).collect();
-        let adapter = &found[choose_adapter(&names, options.adapter.as_deref())?];
+        let (found, list) = enumerate(&instance(options.validation))?;
+        let adapter = &found[AdapterInfo::choose(&list, options.adapter.as_deref())?];
         check(&adapter.limits())?;
         let desc = wgpu::DeviceDescriptor {
             label: Some("abvh"),
@@ -107,17 +101,8 @@ impl Gpu {
         let has_subgroups = modules == Modules::Best
             && self.takes_spirv()
             && self.features.contains(Features::SUBGROUP);
-        Packets::for_device(has_subgroups.then_some(sizes), self.is_software())
-    }
-
-    /// Which pictures are made triangle by triangle here, given kernels in that form.
-    pub(crate) fn rasterization(&self, modules: Modules) -> Option<Rasterization> {
-        let packets = self.packets(modules);
-        Rasterization::for_device(packets.filter(|_| self.features.contains(LEAST_OF_64_BITS)))
-    }
-
-    fn is_software(&self) -> bool {
-        kind(&self.info) == DeviceKind::Software
+        let is_software = kind(&self.info) == DeviceKind::Software;
+        Packets::for_device(has_subgroups.then_some(sizes), is_software)
     }
 
     /// Counts a call.
@@ -221,6 +206,44 @@ impl Drop for Gpu {
         let _ = self.wait_idle();
         if let Some(cache) = &self.cache {
             cache.store();
+        }
+    }
+}
+
+/// Calls to wgpu since the backend was opened.
+///
+/// A steady frame makes no buffer and no bind group, uploads one page of
+/// parameters (64 dispatches; rays given one by one are a second upload), and
+/// is one submission. It has a pass for geometry and one for rays (one a stage
+/// where passes take no timestamps between dispatches), and one dispatch a kernel but
+/// for refit, which has one a level (of treelets, with layout `fast`) and one for the tree's cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CallCounts {
+    /// Buffers made.
+    pub buffers: u64,
+    /// Bind groups made.
+    pub bind_groups: u64,
+    /// Writes to buffers through the queue; wgpu takes a staging buffer for each.
+    pub uploads: u64,
+    /// Compute passes recorded.
+    pub passes: u64,
+    /// Dispatches recorded.
+    pub dispatches: u64,
+    /// Submissions to the queue.
+    pub submissions: u64,
+}
+
+impl std::ops::Sub for CallCounts {
+    type Output = Self;
+
+    fn sub(self, before: Self) -> Self {
+        Self {
+            buffers: self.buffers - before.buffers,
+            bind_groups: self.bind_groups - before.bind_groups,
+            uploads: self.uploads - before.uploads,
+            passes: self.passes - before.passes,
+            dispatches: self.dispatches - before.dispatches,
+            submissions: self.submissions - before.submissions,
         }
     }
 }

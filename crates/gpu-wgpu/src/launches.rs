@@ -2,13 +2,15 @@
 
 use crate::buffers::{make, write};
 use crate::gpu::Gpu;
-use crate::groups::Groups;
 use crate::limits::params_stride;
+use crate::pipelines::Pipeline;
 use crate::wgpu_device::WgpuDevice;
 use backend::Result;
 use gpu_common::{Dispatch, Find};
-use shaders::{BufferName, Params};
-use wgpu::{BindGroup, Buffer, BufferUsages, ComputePass, ComputePipeline};
+use shaders::{BufferName, Kind, Params};
+use std::collections::HashMap;
+use std::num::NonZeroU64;
+use wgpu::{BindGroup, Buffer, BufferBinding, BufferUsages, ComputePass, ComputePipeline};
 
 /// Rows of parameters in one buffer; more dispatches take more buffers.
 const ROWS: usize = 64;
@@ -57,7 +59,7 @@ impl Launches {
 
     /// Lets go of the buffers of a scene.
     pub(crate) fn forget(&mut self) {
-        self.groups.clear();
+        self.groups.made.clear();
     }
 
     /// Starts a new recording.
@@ -127,5 +129,76 @@ impl Launches {
                 .push(make(gpu, "parameters", page as u64, usage)?);
         }
         Ok(())
+    }
+}
+
+/// Bind groups by kernel and buffers.
+///
+/// A group keeps its buffers alive, so all are dropped when a buffer was made
+/// since: it may stand in for one that nothing else holds any more. A steady
+/// frame makes none.
+#[derive(Default)]
+struct Groups {
+    made: HashMap<(&'static str, Vec<Buffer>), BindGroup>,
+    buffers_made: u64,
+}
+
+impl Groups {
+    /// Drops all if a buffer was made since the last call.
+    fn refresh(&mut self, gpu: &Gpu) {
+        let now = gpu.call_counts().buffers;
+        if self.buffers_made != now {
+            self.made.clear();
+            self.buffers_made = now;
+        }
+    }
+
+    /// The group that binds a kernel to its buffers.
+    fn get<'a>(
+        &mut self,
+        gpu: &Gpu,
+        pipeline: &Pipeline,
+        find: impl Fn(BufferName) -> &'a Buffer,
+    ) -> Result<BindGroup> {
+        let bindings = pipeline.kernel.bindings.iter();
+        let buffers: Vec<Buffer> = bindings.map(|b| find(b.name).clone()).collect();
+        let key = (pipeline.kernel.name, buffers);
+        if let Some(found) = self.made.get(&key) {
+            return Ok(found.clone());
+        }
+        let group = bind(gpu, pipeline, &key.1)?;
+        self.made.insert(key, group.clone());
+        Ok(group)
+    }
+}
+
+/// Binds a kernel to its buffers, in the order of its bindings.
+fn bind(gpu: &Gpu, pipeline: &Pipeline, buffers: &[Buffer]) -> Result<BindGroup> {
+    let bindings = pipeline.kernel.bindings.iter().zip(buffers);
+    let entries: Vec<_> = bindings
+        .map(|(b, buffer)| wgpu::BindGroupEntry {
+            binding: b.number,
+            resource: match b.kind {
+                Kind::Uniform => wgpu::BindingResource::Buffer(one_row(buffer)),
+                Kind::Read | Kind::ReadWrite => buffer.as_entire_binding(),
+            },
+        })
+        .collect();
+    let desc = wgpu::BindGroupDescriptor {
+        label: Some(pipeline.kernel.name),
+        layout: &pipeline.layout,
+        entries: &entries,
+    };
+    gpu.count(|t| t.bind_groups += 1);
+    gpu.guard(pipeline.kernel.name, 0, || {
+        gpu.device.create_bind_group(&desc)
+    })
+}
+
+fn one_row(params: &Buffer) -> BufferBinding<'_> {
+    BufferBinding {
+        buffer: params,
+        offset: 0,
+        size: NonZeroU64::new(size_of::<Params>() as u64),
     }
 }

@@ -17,10 +17,8 @@
 
 mod adapters;
 mod buffers;
-mod call_counts;
 mod faults;
 mod gpu;
-mod groups;
 mod instance;
 mod launches;
 mod limits;
@@ -28,12 +26,10 @@ mod marks;
 mod modules;
 mod pipeline_cache;
 mod pipelines;
-mod positions;
 mod slot;
 mod wgpu_device;
 
-pub use adapters::{Adapter, Options, adapters};
-pub use call_counts::CallCounts;
+pub use adapters::{Options, adapters};
+pub use gpu::CallCounts;
 pub use limits::{required_features, required_limits, useful_features};
-pub use shaders::supports;
 pub use wgpu_device::{WgpuBackend, WgpuDevice, from_device};

@@ -87,50 +87,23 @@ pub(crate) fn check(limits: &Limits) -> Result<()> {
 /// Refuses a device on which one of these kernels cannot run.
 pub(crate) fn check_kernels(limits: &Limits, asked: &dyn Fn(&Kernel) -> bool) -> Result<()> {
     let kernels = || KERNELS.iter().filter(|k| asked(k));
-    let need = least();
-    let group = kernels().map(|k| k.workgroup[0]).max().unwrap_or(1);
-    let bindings = kernels().map(|k| k.bindings.len()).max();
-    let shared = kernels().map(|k| k.shared_bytes);
-    let all = [
-        (
-            "max_bindings_per_bind_group",
-            bindings.unwrap_or(0) as u32,
-            limits.max_bindings_per_bind_group,
-        ),
-        (
-            "max_compute_workgroup_storage_size",
-            shared.max().unwrap_or(0),
-            limits.max_compute_workgroup_storage_size,
-        ),
-        (
-            "max_storage_buffers_per_shader_stage",
-            need.max_storage_buffers_per_shader_stage,
-            limits.max_storage_buffers_per_shader_stage,
-        ),
-        (
-            "max_compute_invocations_per_workgroup",
-            group,
-            limits.max_compute_invocations_per_workgroup,
-        ),
-        (
-            "max_compute_workgroup_size_x",
-            group,
-            limits.max_compute_workgroup_size_x,
-        ),
-        (
-            "max_dynamic_uniform_buffers_per_pipeline_layout",
-            1,
-            limits.max_dynamic_uniform_buffers_per_pipeline_layout,
-        ),
-    ];
-    match all.into_iter().find(|(_, need, limit)| limit < need) {
-        Some((what, need, limit)) => Err(BackendError::Limit {
-            what: format!("the device's {what}"),
-            need: u64::from(need),
-            limit: u64::from(limit),
-        }),
-        None => Ok(()),
-    }
+    let most = |of: fn(&Kernel) -> u32| kernels().map(of).max().unwrap_or(0);
+    let group = most(|k| k.workgroup[0]);
+    let need = Limits {
+        max_bindings_per_bind_group: most(|k| k.bindings.len() as u32),
+        max_compute_workgroup_storage_size: most(|k| k.shared_bytes),
+        max_storage_buffers_per_shader_stage: least().max_storage_buffers_per_shader_stage,
+        max_compute_invocations_per_workgroup: group,
+        max_compute_workgroup_size_x: group,
+        max_dynamic_uniform_buffers_per_pipeline_layout: 1,
+        ..limits.clone()
+    };
+    let mut checked = Ok(());
+    need.check_limits_with_fail_fn(limits, true, |what, need, limit| {
+        let what = format!("the device's {what}");
+        checked = Err(BackendError::Limit { what, need, limit });
+    });
+    checked
 }
 
 /// What bounds the work on such a device: names and values, to be shown.

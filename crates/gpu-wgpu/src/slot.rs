@@ -111,10 +111,7 @@ impl Slot {
     }
 
     fn pass(&mut self, gpu: &Gpu, parts: &[(Stage, Vec<Launch>)]) -> Result<()> {
-        let label = match parts {
-            [(stage, _)] => stage.name(),
-            _ => "stages of a frame",
-        };
+        let label = "stages of a frame";
         let stages = parts.iter().map(|(stage, _)| *stage);
         let first = self.marks.as_mut().and_then(|marks| marks.take(stages));
         let timed = self.marks.as_ref().zip(first);

@@ -1,24 +1,23 @@
 //! What wgpu does for a backend.
 
 use crate::adapters::{Options, driver, kind};
-use crate::buffers::{Window, copy, readback, storage, upload, write};
-use crate::call_counts::CallCounts;
+use crate::buffers::{Mapping, Window, copy, readback, storage, unmap, unreadable, upload, write};
 use crate::faults::layer_messages;
-use crate::gpu::Gpu;
-use crate::limits::{check_kernels, span};
+use crate::gpu::{CallCounts, Gpu};
+use crate::limits::{LEAST_OF_64_BITS, check_kernels, span};
 use crate::modules::Modules;
 use crate::pipelines::Pipeline;
-use crate::positions::{PositionsCopy, Spare};
 use crate::slot::Slot;
-use backend::{DeviceBytes, Result, Snapshot, Ticket};
+use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
+use geom::Point;
 use gpu_common::{
-    About, BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode,
-    Stage,
+    BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode, Stage,
 };
-use shaders::{Kernel, Packets, Rasterization};
+use shaders::{Kernel, Packets};
+use std::ops::Deref;
 use std::sync::Arc;
-use wgpu::Buffer;
+use wgpu::{Buffer, BufferView};
 
 /// The backend that computes through wgpu.
 pub type WgpuBackend = ComputeBackend<WgpuDevice>;
@@ -40,12 +39,41 @@ pub fn from_device(
     ComputeBackend::over(WgpuDevice::over(gpu, Modules::Best, false))
 }
 
+/// Positions on their way to the builder.
+pub struct PositionsCopy {
+    buffer: Buffer,
+    mapping: Mapping,
+}
+
+/// Positions that have arrived, and the buffer that is mapped for them until it is used again.
+struct Arrived {
+    view: BufferView,
+    buffer: Buffer,
+    vertices: usize,
+}
+
+impl Deref for Arrived {
+    type Target = [Point];
+
+    fn deref(&self) -> &[Point] {
+        bytemuck::cast_slice(&self.view[..self.vertices * size_of::<Point>()])
+    }
+}
+
+impl Arrived {
+    /// The buffer, unless it is gone with its device. No view may look at a buffer that is unmapped.
+    fn unmapped(self, device: &wgpu::Device) -> Option<Buffer> {
+        drop(self.view);
+        unmap(device, &self.buffer).then_some(self.buffer)
+    }
+}
+
 /// A device of wgpu's, with its one queue: what is written to a buffer or copied goes in order with submissions.
 pub struct WgpuDevice {
     window: Window,
     /// Buffers of records of trees that are not in use.
     records: Vec<Buffer>,
-    spare: Spare,
+    spares: Spares<Arrived>,
     modules: Modules,
     validation: bool,
     gpu: Arc<Gpu>,
@@ -62,7 +90,7 @@ impl WgpuDevice {
         Self {
             window: Window::default(),
             records: Vec::new(),
-            spare: Spare::default(),
+            spares: Spares::default(),
             modules,
             validation,
             gpu: Arc::new(gpu),
@@ -104,19 +132,24 @@ impl GpuDevice for WgpuDevice {
         Ok(Self::over(gpu, options.modules(), options.validation))
     }
 
-    fn about(&self) -> About {
+    fn device(&self) -> Device {
         let info = &self.gpu.info;
-        About {
+        Device {
             backend: "wgpu",
             adapter: info.name.clone(),
             driver: driver(info),
             kind: kind(info),
+            threads: 0,
+            arithmetic: Arithmetic::IEEE,
         }
     }
 
-    fn forms(&self) -> (Option<Packets>, Option<Rasterization>) {
-        let (gpu, modules) = (&self.gpu, self.modules);
-        (gpu.packets(modules), gpu.rasterization(modules))
+    fn forms(&self) -> (Option<Packets>, bool) {
+        let gpu = &self.gpu;
+        (
+            gpu.packets(self.modules),
+            gpu.features.contains(LEAST_OF_64_BITS),
+        )
     }
 
     fn clock(&self) -> Clock {
@@ -231,13 +264,15 @@ impl GpuDevice for WgpuDevice {
         let Some((from, bytes)) = positions else {
             return slot.submit(gpu).map(|()| None);
         };
-        let to = match self.spare.pop().filter(|b| b.size() >= bytes) {
+        let spare = self.spares.pop().and_then(|s| s.unmapped(&gpu.device));
+        let buffer = match spare.filter(|b| b.size() >= bytes) {
             Some(buffer) => buffer,
             None => readback(gpu, "vertices for the builder", bytes)?,
         };
-        copy(gpu, slot.encoder(gpu)?, [from, &to], bytes)?;
+        copy(gpu, slot.encoder(gpu)?, [from, &buffer], bytes)?;
         slot.submit(gpu)?;
-        PositionsCopy::begun(gpu, to).map(Some)
+        let mapping = Mapping::ask(gpu, &buffer)?;
+        Ok(Some(PositionsCopy { buffer, mapping }))
     }
 
     fn finish(&mut self, slot: &mut Slot, _: Ticket) -> Result<Finished> {
@@ -249,14 +284,19 @@ impl GpuDevice for WgpuDevice {
     }
 
     fn has_arrived(&self, copy: &PositionsCopy) -> Result<bool> {
-        copy.has_arrived(&self.gpu)
+        copy.mapping.poll(&self.gpu)
     }
 
     /// The queue runs in order.
     fn overwrites(&mut self, _: &PositionsCopy) {}
 
     fn take(&mut self, copy: PositionsCopy, vertices: usize) -> Result<Snapshot> {
-        copy.take(&self.gpu, vertices, &self.spare)
+        let buffer = copy.buffer;
+        Ok(self.spares.lend(Arrived {
+            view: buffer.get_mapped_range(..).map_err(unreadable)?,
+            buffer,
+            vertices,
+        }))
     }
 
     fn abandon(&mut self) {}
@@ -265,7 +305,7 @@ impl GpuDevice for WgpuDevice {
         self.gpu.wait_idle()?;
         slots.for_each(Slot::forget);
         self.records.clear();
-        self.spare.clear();
+        self.spares = Spares::default();
         Ok(())
     }
 

@@ -1,47 +1,44 @@
-//! A builder on a thread of its own, with a door that holds one job.
+//! Who builds: a pool of threads, and a thread that keeps it busy beside the frames, with a door that holds one job.
 
-use crate::{Made, Vertices};
+use crate::driver::PipelineError;
+use crate::tree_builder::{Forms, Made, TreeBuilder, Vertices};
 use backend::Generation;
-use bvh_build::Cancel;
+use bvh_build::{BuildError, Cancel};
 use bvh_layout::Spare;
 use geom::{Point, Pose};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-/// Vertices that wait to become a tree.
-pub struct Job {
-    /// Which tree it will be.
-    pub generation: Generation,
-    /// What it is built from.
-    pub vertices: Vertices,
-    /// Poses early and late in the time it will be used, if that is known.
-    pub halves: Option<[Pose; 2]>,
-    /// Where it must be cheaper than the tree in use; `None` if it is wanted in any case.
-    pub rival_at: Option<Pose>,
-    /// Where rays end that ask for any hit, if they end in one place.
-    pub toward: Option<Point>,
-    /// An old record's memory, or nothing.
-    pub spare: Spare,
-    /// Whether the last tree that was handed over was never used.
-    pub left_last: bool,
-}
+/// What came of a build, or why nothing did.
+pub(crate) type BuildResult<T> = Result<T, String>;
 
-/// A build that came to nothing.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct BuildFailed {
-    /// Why.
-    pub reason: String,
+/// Vertices that wait to become a tree.
+pub(crate) struct Job {
+    /// Which tree it will be.
+    pub(crate) generation: Generation,
+    /// What it is built from.
+    pub(crate) vertices: Vertices,
+    /// Poses early and late in the time it will be used, if that is known.
+    pub(crate) halves: Option<[Pose; 2]>,
+    /// Where it must be cheaper than the tree in use; `None` if it is wanted in any case.
+    pub(crate) rival_at: Option<Pose>,
+    /// Where rays end that ask for any hit, if they end in one place.
+    pub(crate) toward: Option<Point>,
+    /// An old record's memory, or nothing.
+    pub(crate) spare: Spare,
+    /// Whether the last tree that was handed over was never used.
+    pub(crate) left_last: bool,
 }
 
 /// How a job becomes a tree.
-type BuildFunction = dyn FnMut(Job, &Cancel) -> Result<Made, BuildFailed> + Send;
+type BuildFunction = dyn FnMut(Job, &Cancel) -> BuildResult<Made> + Send;
 
-type Delivery = (Generation, Result<Made, BuildFailed>);
+type Delivery = (Generation, BuildResult<Made>);
 
 /// One builder thread, started with the first job. Dropping it cancels what it is at.
-pub struct BuilderThread {
+pub(crate) struct BuilderThread {
     build: Option<Box<BuildFunction>>,
     open: Option<Open>,
     cancel: Arc<Cancel>,
@@ -55,8 +52,8 @@ struct Open {
 
 impl BuilderThread {
     /// A builder that knows its build; no thread yet.
-    pub fn new(
-        build: impl FnMut(Job, &Cancel) -> Result<Made, BuildFailed> + Send + 'static,
+    pub(crate) fn new(
+        build: impl FnMut(Job, &Cancel) -> BuildResult<Made> + Send + 'static,
     ) -> Self {
         Self {
             build: Some(Box::new(build)),
@@ -66,19 +63,12 @@ impl BuilderThread {
     }
 
     /// Whether a thread was ever started.
-    #[must_use]
-    pub fn is_open(&self) -> bool {
+    pub(crate) fn is_open(&self) -> bool {
         self.open.is_some()
     }
 
-    /// Hands a job in. Never waits: the caller keeps to one job at a time.
-    ///
-    /// # Errors
-    /// The builder thread cannot be started or is gone.
-    ///
-    /// # Panics
-    /// If a second job is handed in before the first was taken up.
-    pub fn start(&mut self, job: Job) -> Result<(), BuildFailed> {
+    /// Hands a job in, unless the thread cannot be started or is gone. Never waits: the caller keeps to one job at a time.
+    pub(crate) fn start(&mut self, job: Job) -> BuildResult<()> {
         if let Some(build) = self.build.take() {
             self.open = Some(Open::new(build, Arc::clone(&self.cancel))?);
         }
@@ -91,12 +81,12 @@ impl BuilderThread {
     }
 
     /// A finished tree, if there is one. Never waits.
-    pub fn try_take(&mut self) -> Option<Delivery> {
+    pub(crate) fn try_take(&mut self) -> Option<Delivery> {
         self.open.as_ref()?.trees.try_recv().ok()
     }
 
     /// Waits for the job that was handed in.
-    pub fn take(&mut self) -> Option<Delivery> {
+    pub(crate) fn take(&mut self) -> Option<Delivery> {
         self.open.as_ref()?.trees.recv().ok()
     }
 }
@@ -118,18 +108,14 @@ impl Drop for BuilderThread {
 }
 
 impl Open {
-    fn new(mut build: Box<BuildFunction>, cancel: Arc<Cancel>) -> Result<Self, BuildFailed> {
+    fn new(mut build: Box<BuildFunction>, cancel: Arc<Cancel>) -> BuildResult<Self> {
         let (jobs, inbox) = sync_channel::<Job>(1);
         let (outbox, trees) = sync_channel(1);
         let work = move || {
             while let Ok(job) = inbox.recv() {
                 let generation = job.generation;
-                let result =
-                    catch_unwind(AssertUnwindSafe(|| build(job, &cancel))).unwrap_or_else(|_| {
-                        Err(BuildFailed {
-                            reason: "the builder panicked".into(),
-                        })
-                    });
+                let built = catch_unwind(AssertUnwindSafe(|| build(job, &cancel)));
+                let result = built.unwrap_or_else(|_| Err("the builder panicked".into()));
                 if outbox.send((generation, result)).is_err() {
                     return;
                 }
@@ -138,9 +124,7 @@ impl Open {
         let thread = std::thread::Builder::new()
             .name("abvh-builder".into())
             .spawn(work)
-            .map_err(|e| BuildFailed {
-                reason: format!("no builder thread: {e}"),
-            })?;
+            .map_err(|e| format!("no builder thread: {e}"))?;
         Ok(Self {
             jobs,
             trees,
@@ -149,9 +133,39 @@ impl Open {
     }
 }
 
-fn gone() -> BuildFailed {
-    BuildFailed {
-        reason: "the builder thread is gone".into(),
+fn gone() -> String {
+    "the builder thread is gone".into()
+}
+
+/// Builds the first tree, those of `rebuild` and those of the builder thread.
+pub(crate) struct BuilderPool {
+    pool: rayon::ThreadPool,
+    builder: Mutex<TreeBuilder>,
+}
+
+impl BuilderPool {
+    /// A pool of `threads`, at least one; records carry trees in these forms.
+    pub(crate) fn new(threads: usize, forms: Forms) -> Result<Self, PipelineError> {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.max(1))
+            .thread_name(|i| format!("abvh-build-{i}"))
+            .build()
+            .map_err(|e| PipelineError::Threads(e.to_string()))?;
+        Ok(Self {
+            pool,
+            builder: Mutex::new(TreeBuilder::with_forms(forms)),
+        })
+    }
+
+    /// Has the builder work in the pool's threads, while the caller waits.
+    pub(crate) fn with<T: Send>(
+        &self,
+        build: impl FnOnce(&mut TreeBuilder) -> Result<T, BuildError> + Send,
+    ) -> BuildResult<T> {
+        // Whatever a panic left of the builder is written over by the next build.
+        let builder = || self.builder.lock().unwrap_or_else(PoisonError::into_inner);
+        let built = self.pool.install(|| build(&mut builder()));
+        built.map_err(|e| e.to_string())
     }
 }
 
@@ -172,38 +186,31 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_in_the_craft_is_a_failed_build_and_the_next_job_goes_on() {
-        let mut w = BuilderThread::new(|job: Job, _: &Cancel| {
+    fn a_panic_of_a_build_is_a_failed_one_and_the_next_job_goes_on() {
+        let mut thread = BuilderThread::new(|job: Job, _: &Cancel| {
             assert!(job.generation.0 != 1, "planted");
-            Err(BuildFailed {
-                reason: "planted".into(),
-            })
+            Err("planted".into())
         });
-        assert!(!w.is_open() && w.try_take().is_none());
-        w.start(job(1)).unwrap();
-        let (g, r) = w.take().unwrap();
-        assert_eq!(
-            (g.0, r.unwrap_err().reason.as_str()),
-            (1, "the builder panicked")
-        );
-        w.start(job(2)).unwrap();
-        assert_eq!(w.take().unwrap().1.unwrap_err().reason, "planted");
+        assert!(!thread.is_open() && thread.try_take().is_none());
+        for (n, why) in [(1, "the builder panicked"), (2, "planted")] {
+            thread.start(job(n)).unwrap();
+            let (generation, result) = thread.take().unwrap();
+            assert_eq!((generation.0, &result.unwrap_err()[..]), (n, why));
+        }
     }
 
     #[test]
-    fn dropping_the_workshop_cancels_the_build() {
+    fn dropping_the_thread_cancels_the_build() {
         let (said, hear) = std::sync::mpsc::channel();
-        let mut w = BuilderThread::new(move |_: Job, cancel: &Cancel| {
+        let mut thread = BuilderThread::new(move |_: Job, cancel: &Cancel| {
             while !cancel.is_cancelled() {
                 std::thread::yield_now();
             }
             said.send(()).unwrap();
-            Err(BuildFailed {
-                reason: "cancelled".into(),
-            })
+            Err("cancelled".into())
         });
-        w.start(job(1)).unwrap();
-        drop(w);
+        thread.start(job(1)).unwrap();
+        drop(thread);
         hear.try_recv()
             .expect("the build saw the cancel before the drop returned");
     }

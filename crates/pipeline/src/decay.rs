@@ -81,41 +81,29 @@ impl Boxes for Sample<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use geom::Point;
+    use crate::tree_builder::tests::row;
 
-    /// Triangles in a row, which in the second key frame stand elsewhere.
-    fn row(place: fn(u32) -> u32) -> Animation {
-        let key = |place: fn(u32) -> u32| -> Vec<Point> {
-            let corners = |x: f32| [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]];
-            (0..64).flat_map(|i| corners(place(i) as f32)).collect()
-        };
-        let triangles = (0..64).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-        Animation::new(vec![key(|i| i), key(place)], triangles).unwrap()
-    }
-
-    fn sample(animation: &Animation) -> RefitDecay {
-        RefitDecay::sample(animation, &[0.0, 0.5, 1.0]).unwrap()
+    /// Of a row of 64 that later stands in other places.
+    fn sample(places: fn(u32) -> u32, times: &[f64]) -> RefitDecay {
+        let animation = row(64, &[&|i| i as f32, &|i| places(i) as f32]);
+        RefitDecay::sample(&animation, times).unwrap()
     }
 
     #[test]
     fn a_row_that_is_shuffled_makes_the_first_tree_worse() {
-        let shuffled = sample(&row(|i| i * 37 % 64));
+        let shuffled = sample(|i| i * 37 % 64, &[0.0, 0.5, 1.0]);
         assert!(shuffled.worst > 1.5 && shuffled.mean > 1.2, "{shuffled:?}");
         assert!(shuffled.mean < shuffled.worst, "{shuffled:?}");
     }
 
     #[test]
-    fn a_row_that_moves_as_a_whole_keeps_its_tree() {
-        let moved = sample(&row(|i| i + 5));
+    fn nothing_decays_that_moves_as_a_whole_or_in_one_frame_or_without_triangles() {
+        let times = [0.0, 0.5, 1.0];
+        let moved = sample(|i| i + 5, &times);
         assert!(moved.worst < 1.01, "{moved:?}");
-        assert_eq!(sample(&row(|i| i)), RefitDecay::NONE);
-    }
-
-    #[test]
-    fn nothing_decays_in_one_frame_or_without_triangles() {
+        assert_eq!(sample(|i| i, &times), RefitDecay::NONE);
+        assert_eq!(sample(|i| i * 37 % 64, &[1.0]), RefitDecay::NONE);
         let empty = Animation::new(vec![vec![[1.0; 3]]; 2], vec![]).unwrap();
-        assert_eq!(sample(&empty), RefitDecay::NONE);
-        let one = RefitDecay::sample(&row(|i| i * 37 % 64), &[1.0]).unwrap();
-        assert_eq!(one, RefitDecay::NONE);
+        assert_eq!(RefitDecay::sample(&empty, &times), Ok(RefitDecay::NONE));
     }
 }

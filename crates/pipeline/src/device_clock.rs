@@ -30,7 +30,6 @@ pub struct Span {
 /// The part of a submission between its first stage's begin and the last one's
 /// end, in milliseconds since `origin` on the host's clock; one for each of
 /// `submissions`, which must be in the order they were handed in. No two overlap.
-#[must_use]
 pub fn place_on_host(origin: Instant, submissions: &[Submission]) -> Vec<Span> {
     let bounds: Vec<Bound> = submissions.iter().map(|s| Bound::of(origin, s)).collect();
     let mut offsets = vec![0.0; bounds.len()];
@@ -179,11 +178,6 @@ mod tests {
         }
     }
 
-    #[test]
-    fn nothing_comes_of_nothing() {
-        assert!(place_on_host(Instant::now(), &[]).is_empty());
-    }
-
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(100))]
 
@@ -191,7 +185,7 @@ mod tests {
         #[test]
         fn placed_work_is_off_by_half_the_least_latencies_at_most(
             zero in -1e6_f64..1e6,
-            frames in proptest::collection::vec([0.0_f64..5.0, 0.01..2.0, 0.1..9.0, 0.01..2.0], 1..60),
+            frames in proptest::collection::vec([0.0_f64..5.0, 0.01..2.0, 0.1..9.0, 0.01..2.0], 0..60),
         ) {
             let (origin, all, truth) = run(zero, 0.0, &frames);
             let spans = place_on_host(origin, &all);

@@ -5,8 +5,7 @@ mod pending;
 mod trees;
 mod warm_up;
 
-use crate::builder_pool::BuilderPool;
-use crate::builder_thread::BuilderThread;
+use crate::builder_thread::{BuilderPool, BuilderThread};
 use crate::frame::{Frame, FrameRecord};
 use crate::latency::LatencyPredictor;
 use crate::schedule::{Pace, Schedule, Update};
@@ -181,13 +180,11 @@ impl Driver {
     }
 
     /// Gives the backend back, to be loaded anew. A build under way is cancelled.
-    #[must_use]
     pub fn into_backend(self) -> Box<dyn Backend> {
         self.backend
     }
 
     /// Whether a builder thread was ever started.
-    #[must_use]
     pub fn has_builder(&self) -> bool {
         self.builder_thread.is_open()
     }

@@ -205,16 +205,20 @@ mod tests {
 
     #[test]
     fn a_tree_is_ripe_when_its_moment_is_nearer_than_the_last_ones() {
-        let at = |times: &[f64]| watching([0.0, 100.0], None, times);
-        assert!(!at(&[1.0, 2.0]).should_adopt(1.5, 4.0));
-        assert!(at(&[2.0, 3.0]).should_adopt(1.5, 4.0));
-        // Nothing moves; time runs away from it, or ran past it.
-        assert!(at(&[2.0, 2.0]).should_adopt(1.5, 4.0));
-        assert!(at(&[2.0, 1.9]).should_adopt(1.5, 4.0));
-        assert!(at(&[2.0, 5.0]).should_adopt(4.9, 4.0));
-        // Backwards.
-        assert!(!at(&[9.0, 8.0]).should_adopt(8.5, 6.0));
-        assert!(at(&[8.0, 7.0]).should_adopt(8.5, 6.0));
+        for (times, last, new, ripe) in [
+            ([1.0, 2.0], 1.5, 4.0, false),
+            ([2.0, 3.0], 1.5, 4.0, true),
+            // Nothing moves; time runs away from it, or ran past it.
+            ([2.0, 2.0], 1.5, 4.0, true),
+            ([2.0, 1.9], 1.5, 4.0, true),
+            ([2.0, 5.0], 4.9, 4.0, true),
+            // Backwards.
+            ([9.0, 8.0], 8.5, 6.0, false),
+            ([8.0, 7.0], 8.5, 6.0, true),
+        ] {
+            let f = watching([0.0, 100.0], None, &times);
+            assert_eq!(f.should_adopt(last, new), ripe, "{times:?}");
+        }
     }
 
     #[test]
@@ -235,23 +239,11 @@ mod tests {
     }
 
     #[test]
-    fn an_agreed_latency_is_not_learned() {
-        let mut f = watching([0.0, 100.0], Some(3), &[0.0, 1.0]);
-        assert!(f.has_ground());
-        f.observe_latency(50, BuildStrategy::Scratch);
-        assert_eq!(f.middle_of_use(), 5.0);
-        let f = watching([0.0, 100.0], Some(0), &[0.0, 1.0]);
-        assert_eq!(f.middle_of_use(), 1.0);
-    }
-
-    #[test]
     fn a_first_tree_is_built_for_a_key_frame_or_what_is_left() {
         let at = |time| watching([0.0, 9.0], None, &[time]).halves_of_first_use();
         assert_eq!(at(2.0), Some([2.25, 2.75]));
-        assert_eq!(
-            at(8.8),
-            Some([8.8 + 0.25 * (9.0 - 8.8), 8.8 + 0.75 * (9.0 - 8.8)])
-        );
+        let left = [0.25, 0.75].map(|share| 8.8 + share * (9.0 - 8.8));
+        assert_eq!(at(8.8), Some(left));
         assert_eq!((at(9.0), at(9.5)), (None, None));
     }
 
@@ -278,11 +270,7 @@ mod tests {
         f.observe_latency(3, BuildStrategy::Scratch);
         f.frame(5.0, start + ms(940));
         assert_eq!(f.middle_of_use(), 5.0 + 4.0);
-    }
-
-    #[test]
-    fn a_tree_takes_a_frame_at_least_however_fast_it_is_built() {
-        let start = Instant::now();
+        // A tree takes a frame at least, however fast it is built.
         let mut f = LatencyPredictor::new([0.0, 1000.0], None);
         f.first_took(Duration::ZERO);
         (0..4).for_each(|i| f.frame(f64::from(i), start));
@@ -290,15 +278,21 @@ mod tests {
     }
 
     #[test]
-    fn no_guess_leaves_the_range_but_for_a_frame_outside_it() {
-        let f = watching([2.0, 9.0], Some(10), &[3.0, 4.0]);
-        assert_eq!(f.middle_of_use(), 9.0);
+    fn an_agreed_latency_is_not_learned_and_no_guess_leaves_the_range_but_for_a_frame_outside_it() {
+        for (range, agreed, times, middle) in [
+            ([0.0, 100.0], 3, &[0.0, 1.0][..], 5.0),
+            ([0.0, 100.0], 0, &[0.0, 1.0], 1.0),
+            ([2.0, 9.0], 10, &[3.0, 4.0], 9.0),
+            ([2.0, 9.0], 10, &[4.0, 3.0], 2.0),
+            ([2.0, 9.0], 10, &[10.0, 11.0], 11.0),
+            ([2.0, 9.0], 10, &[3.0], 3.0),
+        ] {
+            let mut f = watching(range, Some(agreed), times);
+            assert!(f.has_ground());
+            f.observe_latency(50, BuildStrategy::Scratch);
+            assert_eq!(f.middle_of_use(), middle, "{times:?}");
+        }
         let back = watching([2.0, 9.0], Some(10), &[4.0, 3.0]);
-        assert_eq!(back.middle_of_use(), 2.0);
         assert_eq!(back.halves_of_use(), [2.0; 2]);
-        let outside = watching([2.0, 9.0], Some(10), &[10.0, 11.0]);
-        assert_eq!(outside.middle_of_use(), 11.0);
-        let first = watching([2.0, 9.0], Some(10), &[3.0]);
-        assert_eq!(first.middle_of_use(), 3.0);
     }
 }

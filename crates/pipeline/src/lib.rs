@@ -2,14 +2,13 @@
 //!
 //! The asynchronous scheme of Ize, Wald, Parker (*Asynchronous BVH
 //! Construction for Ray Tracing Dynamic Scenes*, 2007) as Kim, Kim, Lee, Han
-//! (2014) split it between a device and its host. [`Schedule`] decides and
-//! knows no thread and no clock; [`BuilderThread`] builds on a thread of its own;
+//! (2014) split it between a device and its host. A schedule decides and
+//! knows no thread and no clock; a builder works on a thread of its own;
 //! [`Driver`] owns the backend, carries out what the schedule says and never
 //! waits for it, unless [`Pace::Lockstep`] asks for it. Each
 //! [`FrameRecord`] says when what was done; [`place_on_host`] says where the
 //! device's share of it lies.
 
-mod builder_pool;
 mod builder_thread;
 mod decay;
 mod device_clock;
@@ -22,11 +21,10 @@ mod sampling;
 mod schedule;
 mod tree_builder;
 
-pub use builder_thread::{BuildFailed, BuilderThread, Job};
 pub use decay::RefitDecay;
 pub use device_clock::{Span, place_on_host};
 pub use driver::{Answers, Driver, DriverOptions, PipelineError, Wanted};
 pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments};
 pub use policy::{Choice, RunFacts};
-pub use schedule::{FramePlan, Pace, Schedule, Swap, Update};
-pub use tree_builder::{BuildMoments, BuildStrategy, Built, Forms, Made, TreeBuilder, Vertices};
+pub use schedule::{Pace, Update};
+pub use tree_builder::{BuildMoments, BuildStrategy, Built, Made, TreeBuilder, Vertices};

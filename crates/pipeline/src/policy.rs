@@ -50,7 +50,6 @@ const TIE: f64 = 1.05;
 
 impl RunFacts {
     /// The policy that is expected to finish the run first.
-    #[must_use]
     pub fn choose(&self) -> Choice {
         let choice = |update, why: &str| Choice {
             update,

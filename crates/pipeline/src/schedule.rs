@@ -19,7 +19,6 @@ pub enum Update {
 
 impl Update {
     /// The name on the command line.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Rebuild => "rebuild",
@@ -42,28 +41,28 @@ pub enum Pace {
 }
 
 /// What a frame has to do about trees.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FramePlan {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct FramePlan {
     /// Swap to this tree before anything else.
-    pub swap: Option<Swap>,
+    pub(crate) swap: Option<Swap>,
     /// Ask for this tree, to be built from this frame's vertices.
-    pub ask: Option<Generation>,
+    pub(crate) ask: Option<Generation>,
     /// The tree asked for must be swapped in before this very frame is traced.
-    pub at_once: bool,
+    pub(crate) at_once: bool,
 }
 
 /// A swap at a frame boundary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Swap {
+pub(crate) struct Swap {
     /// The tree to take.
-    pub generation: Generation,
+    pub(crate) generation: Generation,
     /// Whether it may still be under way, so that the driver has to wait for it.
-    pub wait: bool,
+    pub(crate) wait: bool,
 }
 
 /// Decides when to ask and when to swap. At most one build is in flight, and generations only rise.
 #[derive(Clone, Debug)]
-pub struct Schedule {
+pub(crate) struct Schedule {
     update: Update,
     newest: Generation,
     pending: Option<PendingBuild>,
@@ -78,8 +77,7 @@ struct PendingBuild {
 
 impl Schedule {
     /// A schedule for a scene whose first tree has generation `first`.
-    #[must_use]
-    pub fn new(update: Update, first: Generation) -> Self {
+    pub(crate) fn new(update: Update, first: Generation) -> Self {
         Self {
             update,
             newest: first,
@@ -89,7 +87,7 @@ impl Schedule {
 
     /// The `frame`-th frame begins. `outdated` says whether the newest tree
     /// was built from other positions than this frame's.
-    pub fn begin_frame(&mut self, frame: u64, outdated: bool) -> FramePlan {
+    pub(crate) fn begin_frame(&mut self, frame: u64, outdated: bool) -> FramePlan {
         let swap = self.swap_due(frame);
         if swap.is_some() {
             self.pending = None;
@@ -104,7 +102,7 @@ impl Schedule {
     }
 
     /// The builder has finished `generation`.
-    pub fn finished(&mut self, generation: Generation) {
+    pub(crate) fn finished(&mut self, generation: Generation) {
         if let Some(pending) = self.pending.as_mut().filter(|f| f.generation == generation) {
             pending.finished = true;
         }
@@ -112,14 +110,8 @@ impl Schedule {
 
     /// No swap of `generation` is due any more: its build came to nothing, and the tree in use stays, or it was
     /// swapped in at once, within the frame that requested it.
-    pub fn forget(&mut self, generation: Generation) {
+    pub(crate) fn forget(&mut self, generation: Generation) {
         self.pending.take_if(|f| f.generation == generation);
-    }
-
-    /// The build in flight, if any.
-    #[must_use]
-    pub fn in_flight(&self) -> Option<Generation> {
-        self.pending.map(|f| f.generation)
     }
 
     fn swap_due(&self, frame: u64) -> Option<Swap> {
@@ -176,50 +168,45 @@ mod tests {
         Schedule::new(Update::Async(Pace::Free), FIRST)
     }
 
+    const NOTHING: FramePlan = FramePlan {
+        swap: None,
+        ask: None,
+        at_once: false,
+    };
+
     #[test]
-    fn a_build_in_flight_is_never_joined_by_another() {
+    fn a_build_in_flight_is_never_joined_by_another_and_one_that_failed_not_numbered_again() {
         let mut s = free();
         assert_eq!(s.begin_frame(0, true).ask, Some(Generation(2)));
-        assert_eq!(s.begin_frame(1, true), FramePlan::default());
+        assert_eq!(s.begin_frame(1, true), NOTHING);
         s.finished(Generation(2));
-        let plan = s.begin_frame(2, true);
-        assert_eq!(
-            plan.swap,
-            Some(Swap {
-                generation: Generation(2),
-                wait: false
-            })
-        );
-        assert_eq!(plan.ask, Some(Generation(3)));
+        let (generation, wait) = (Generation(2), false);
+        let swap = Some(Swap { generation, wait });
+        let ask = Some(Generation(3));
+        let plan = FramePlan {
+            swap,
+            ask,
+            ..NOTHING
+        };
+        assert_eq!(s.begin_frame(2, true), plan);
+        s.forget(Generation(3));
+        assert_eq!(s.begin_frame(3, true).ask, Some(Generation(4)));
     }
 
     #[test]
-    fn a_scene_at_rest_asks_for_nothing() {
-        for update in [Update::Rebuild, Update::Refit, Update::Async(Pace::Free)] {
+    fn a_scene_at_rest_asks_for_nothing_nor_does_one_tree_for_all() {
+        for (update, outdated) in [
+            (Update::Rebuild, false),
+            (Update::Async(Pace::Free), false),
+            (Update::Refit, true),
+            (Update::TSah, true),
+            (Update::DeviceRebuild, true),
+        ] {
             let mut s = Schedule::new(update, FIRST);
-            assert_eq!(s.begin_frame(0, false), FramePlan::default(), "{update:?}");
-        }
-    }
-
-    #[test]
-    fn a_failed_build_is_forgotten_and_its_number_not_used_again() {
-        let mut s = free();
-        s.begin_frame(0, true);
-        s.forget(Generation(2));
-        assert_eq!(
-            s.begin_frame(1, true),
-            FramePlan {
-                ask: Some(Generation(3)),
-                ..FramePlan::default()
-            }
-        );
-    }
-
-    #[test]
-    fn one_tree_for_all_is_never_followed_by_another() {
-        for update in [Update::Refit, Update::TSah] {
-            let mut s = Schedule::new(update, FIRST);
-            assert!((0..9).all(|f| s.begin_frame(f, true) == FramePlan::default()));
+            assert!(
+                (0..9).all(|f| s.begin_frame(f, outdated) == NOTHING),
+                "{update:?}"
+            );
         }
     }
 
@@ -229,14 +216,9 @@ mod tests {
             let mut s = Schedule::new(update, FIRST);
             for f in 0..5 {
                 let plan = s.begin_frame(f, true);
-                assert_eq!(
-                    plan,
-                    FramePlan {
-                        swap: None,
-                        ask: Some(Generation(f + 2)),
-                        at_once: true
-                    }
-                );
+                let ask = Some(Generation(f + 2));
+                let (swap, at_once) = (None, true);
+                assert_eq!(plan, FramePlan { swap, ask, at_once });
                 s.forget(Generation(f + 2));
             }
         }

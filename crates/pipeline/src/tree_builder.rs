@@ -2,7 +2,6 @@
 
 mod degradation;
 mod for_all;
-mod warm_up;
 
 use crate::builder_thread::Job;
 use crate::gathering::{blend, fill, grow};
@@ -66,17 +65,16 @@ pub struct BuildMoments {
 
 /// What a record carries beside itself, so that adopting it costs a frame little.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Forms {
+pub(crate) struct Forms {
     /// [`Topology::treelets`].
-    pub treelets: bool,
+    pub(crate) treelets: bool,
     /// [`Topology::blocks`].
-    pub blocks: bool,
+    pub(crate) blocks: bool,
 }
 
 impl Forms {
     /// What `backend` reads by the method loaded.
-    #[must_use]
-    pub fn wanted_by(backend: &dyn Backend) -> Self {
+    pub(crate) fn wanted_by(backend: &dyn Backend) -> Self {
         Self {
             treelets: backend.wants_treelets(),
             blocks: backend.wants_blocks(),
@@ -106,14 +104,12 @@ const ROUNDING: f64 = 1e-9;
 
 impl TreeBuilder {
     /// No memory yet.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Likewise; records carry trees in these forms too.
-    #[must_use]
-    pub fn with_forms(forms: Forms) -> Self {
+    /// Likewise; records carry these forms too.
+    pub(crate) fn with_forms(forms: Forms) -> Self {
         Self {
             forms,
             ..Self::default()
@@ -154,9 +150,6 @@ impl TreeBuilder {
     }
 
     /// Likewise, over each triangle's boxes at both of `halves`, as one. What it costs is still said of `positions`.
-    ///
-    /// # Errors
-    /// [`BuildError::Cancelled`].
     pub fn build_swept(
         &mut self,
         animation: &Animation,
@@ -258,13 +251,7 @@ impl TreeBuilder {
         vertices: Vertices,
         cancel: &Cancel,
     ) -> Result<(Option<Pose>, Option<Costs>), BuildError> {
-        let (pose, positions) = match &vertices {
-            Vertices::ReadBack(snapshot) => (None, &snapshot[..]),
-            Vertices::KeyFrames(pose) => {
-                blend(animation, *pose, &mut self.positions);
-                (Some(*pose), &self.positions[..])
-            }
-        };
+        let (pose, positions) = stand(animation, &vertices, &mut self.positions);
         let from = (&self.in_use, &(animation, positions));
         let costs =
             self.subtree_rebuilder
@@ -280,28 +267,16 @@ impl TreeBuilder {
 
     /// Brings boxes to hold each triangle at both poses.
     fn sweep(&mut self, animation: &Animation, [a, b]: [Pose; 2]) {
-        self.take_in_blended(animation, a);
+        self.take_in(animation, Vertices::KeyFrames(a));
         blend(animation, b, &mut self.positions);
         grow(&mut self.boxes, &(animation, &self.positions[..]));
     }
 
     /// Brings boxes to `vertices`; gives their pose if they were blended here.
     fn take_in(&mut self, animation: &Animation, vertices: Vertices) -> Option<Pose> {
-        match vertices {
-            Vertices::ReadBack(snapshot) => {
-                fill(&mut self.boxes, &(animation, &snapshot[..]));
-                None
-            }
-            Vertices::KeyFrames(pose) => {
-                self.take_in_blended(animation, pose);
-                Some(pose)
-            }
-        }
-    }
-
-    fn take_in_blended(&mut self, animation: &Animation, pose: Pose) {
-        blend(animation, pose, &mut self.positions);
-        fill(&mut self.boxes, &(animation, &self.positions[..]));
+        let (pose, positions) = stand(animation, &vertices, &mut self.positions);
+        fill(&mut self.boxes, &(animation, positions));
+        pose
     }
 
     /// Makes a tree for the boxes at hand, of groups of the last one or from scratch.
@@ -376,5 +351,20 @@ impl TreeBuilder {
     }
 }
 
+/// Where vertices stand, and their pose if they were blended here.
+fn stand<'a>(
+    animation: &Animation,
+    vertices: &'a Vertices,
+    blended: &'a mut Vec<Point>,
+) -> (Option<Pose>, &'a [Point]) {
+    match vertices {
+        Vertices::ReadBack(snapshot) => (None, snapshot),
+        Vertices::KeyFrames(pose) => {
+            blend(animation, *pose, blended);
+            (Some(*pose), blended)
+        }
+    }
+}
+
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

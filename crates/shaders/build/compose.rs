@@ -7,24 +7,6 @@ use std::path::Path;
 use wesl::syntax::{ModulePath, PathOrigin};
 use wesl::{CompileOptions, Feature, Features, NoMangler, VirtualResolver};
 
-/// How single IEEE operations are kept single.
-#[derive(Clone, Copy)]
-pub(crate) enum Arithmetic {
-    /// By decorations that are added to the SPIR-V.
-    Plain,
-    /// By arithmetic that a compiler cannot see through.
-    Opaque,
-}
-
-/// How what a quotient leaves is found.
-#[derive(Clone, Copy)]
-pub(crate) enum Rests {
-    /// By products of halves.
-    Halves,
-    /// By a fused product and sum.
-    Fused,
-}
-
 /// All files, by their paths from the folder `wgsl` on without extension.
 pub(crate) struct Sources(BTreeMap<String, String>);
 

@@ -52,7 +52,7 @@ pub(crate) fn compile(out: &Path, sources: &Sources, all: &[EntryPoint]) -> Resu
     hand_over_attributes(&mut lowered)?;
     drop_geometry(&mut lowered);
     let spirv = include_words(out, "rays", &lowered.assemble())?;
-    let bindings = reflect::bindings(&module)?;
+    let (_, bindings) = reflect::bindings(&module)?;
     let scene = reflect::scene(&module)?;
     let entries = |stage| {
         let all = module.entry_points.iter().filter(move |e| e.stage == stage);

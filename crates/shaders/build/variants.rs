@@ -3,11 +3,11 @@
 //! `// Variants: intersector, layout(fast), arithmetic.` stands for all intersectors, for layout `fast` alone, and for both ways to
 //! find what a quotient leaves.
 
-use crate::compose::{Arithmetic, Rests, Sources};
-use anyhow::{Context, Result, bail, ensure};
+use crate::compose::Sources;
+use anyhow::{Context, Result, ensure};
 
 /// The axes that hosts choose along, each with its values and the condition that holds for each.
-/// `src/variant.rs` says which value a method takes.
+/// `src/method.rs` says which value a method takes.
 const AXES: &[(&str, &[(&str, &str)])] = &[
     (
         "intersector",
@@ -23,8 +23,10 @@ const AXES: &[(&str, &[(&str, &str)])] = &[
         &[("bvh2", "LAYOUT_BVH2"), ("fast", "LAYOUT_FAST")],
     ),
 ];
-/// The conditions of the third axis.
+/// Holds where single IEEE operations are kept single by arithmetic that a compiler cannot see through, not by decorations
+/// of the SPIR-V.
 const OPAQUE: &str = "OPAQUE";
+/// Holds where what a quotient leaves is found by a fused product and sum, not by products of halves.
 const FUSED: &str = "FUSED";
 /// Holds for entry points that are named so.
 const SUBGROUPS: (&str, &str) = ("SUBGROUPS", "_by_subgroups");
@@ -115,11 +117,9 @@ impl EntryPoint {
         }
         let mut made: Vec<Variant> = Vec::new();
         for way in ways {
-            let text = self.text(sources, all, &way, Rests::Halves)?;
-            let fused = match self.divides {
-                true => Some(self.text(sources, all, &way, Rests::Fused)?),
-                false => None,
-            };
+            let text = |fused| self.text(sources, all, &way, fused);
+            let fused = self.divides.then(|| text(Some(FUSED))).transpose()?;
+            let text = text(None)?;
             let fused = fused.filter(|f| *f != text);
             match made.iter_mut().find(|v| v.text == text && v.fused == fused) {
                 Some(same) => same.chosen.push(way),
@@ -138,27 +138,17 @@ impl EntryPoint {
         sources: &Sources,
         all: &[EntryPoint],
         way: &[Value],
-        rests: Rests,
+        fused: Option<&str>,
     ) -> Result<Text> {
-        let compose = |arithmetic| {
-            let mut on: Vec<_> = way.iter().map(|v| v.condition).collect();
-            on.push(&self.name);
-            if self.name.ends_with(SUBGROUPS.1) {
-                on.push(SUBGROUPS.0);
-            }
-            match arithmetic {
-                Arithmetic::Opaque => on.push(OPAQUE),
-                Arithmetic::Plain => (),
-            }
-            match rests {
-                Rests::Fused => on.push(FUSED),
-                Rests::Halves => (),
-            }
+        let subgroups = self.name.ends_with(SUBGROUPS.1).then_some(SUBGROUPS.0);
+        let compose = |opaque: Option<&str>| {
+            let way = way.iter().map(|v| v.condition).chain([&self.name[..]]);
+            let on: Vec<_> = way.chain(subgroups).chain(fused).chain(opaque).collect();
             sources.compose(&self.file, &[&self.name], &on, &conditions(all))
         };
         Ok(Text {
-            plain: compose(Arithmetic::Plain)?,
-            opaque: compose(Arithmetic::Opaque)?,
+            plain: compose(None)?,
+            opaque: compose(Some(OPAQUE))?,
         })
     }
 }
@@ -169,31 +159,21 @@ impl Variant {
         &self,
         entry: &EntryPoint,
     ) -> Result<Vec<(&'static str, Vec<&'static str>)>> {
-        let mut served = Vec::new();
+        let (mut served, mut combinations) = (Vec::new(), 1);
         for (i, choice) in entry.choices.iter().enumerate() {
             let has = |v: &&Value| self.chosen.iter().any(|c| c[i].name == v.name);
             let names: Vec<_> = choice.iter().filter(has).map(|v| v.name).collect();
+            combinations *= names.len();
             if names.len() < values(choice[0].axis)?.len() {
                 served.push((choice[0].axis, names));
             }
         }
-        let combinations: usize = entry
-            .choices
-            .iter()
-            .enumerate()
-            .map(|(i, choice)| {
-                choice
-                    .iter()
-                    .filter(|v| self.chosen.iter().any(|c| c[i].name == v.name))
-                    .count()
-            })
-            .product();
-        if combinations != self.chosen.len() {
-            bail!(
-                "equal variants of {} are no whole rows of an axis",
-                entry.name
-            );
-        }
+        let is_whole = combinations == self.chosen.len();
+        let name = &entry.name;
+        ensure!(
+            is_whole,
+            "equal variants of {name} are no whole rows of an axis"
+        );
         Ok(served)
     }
 }

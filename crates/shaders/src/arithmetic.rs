@@ -6,44 +6,14 @@
 //! arithmetic of `wgsl/lib/ieee.wgsl` and `exact.wgsl`. The same kernel shows how the device
 //! divides and adds up products where it may do as it likes, and whether its driver ends long loops early.
 
-use crate::{Packets, Rasterization};
-use backend::{Arithmetic, BackendError};
+use crate::Packets;
+use backend::Arithmetic;
 
-/// A device that does not compute as every kernel needs it to.
-#[derive(Clone, Debug, PartialEq)]
-pub struct WrongArithmetic {
-    /// Which operation.
-    pub operation: &'static str,
-    /// On what.
-    pub operands: [f32; 4],
-    /// What the device gave, as bits.
-    pub found: u32,
-    /// What IEEE 754 has, as bits.
-    pub expected: u32,
-}
-
-impl std::fmt::Display for WrongArithmetic {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self {
-            operation,
-            operands,
-            found,
-            expected,
-        } = self;
-        write!(
-            f,
-            "{operation} of {operands:?} gives bits {found:#010x}, IEEE 754 has {expected:#010x}"
-        )
-    }
-}
-
-/// What the test of a device shows.
+/// How a device computes where it may do as it likes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Findings {
-    /// How it computes where it may do as it likes.
+    /// How it divides, and adds up products.
     pub arithmetic: Arithmetic,
-    /// After how many turns its driver ends loops, if it does.
-    pub loop_turns: Option<u32>,
     /// Whether a fused product and sum, where a kernel asks for it, is rounded once.
     pub fuses_once: bool,
 }
@@ -55,40 +25,14 @@ pub struct Traits {
     pub fuses_once: bool,
     /// How invocations search together, if they do.
     pub packets: Option<Packets>,
-    /// Which pictures are made triangle by triangle, if any.
-    pub rasterization: Option<Rasterization>,
-}
-
-impl Findings {
-    /// That the device's driver lets loops turn as often as they should.
-    ///
-    /// # Errors
-    /// [`BackendError::NoDevice`]: it ends long loops early, without a word, so that no answer could be relied on.
-    pub fn check(&self) -> backend::Result<()> {
-        match self.loop_turns {
-            None => Ok(()),
-            Some(turns) => Err(BackendError::NoDevice(format!(
-                "the driver ends loops after {turns} turns; software drivers of Mesa need version 23.1 or newer"
-            ))),
-        }
-    }
-
-    /// Which forms of kernels the device takes.
-    #[must_use]
-    pub fn traits(&self, packets: Option<Packets>, rasterization: Option<Rasterization>) -> Traits {
-        Traits {
-            fuses_once: self.fuses_once,
-            packets,
-            rasterization,
-        }
-    }
+    /// Whether buffers keep the least of numbers of 64 bits, as rasterization takes.
+    pub rasterizes: bool,
 }
 
 /// How often the loop of the test ought to turn.
 const TURNS: u32 = 100_000;
 
 /// Operand quadruples: moderate exponents, near cancellation, halfway mantissas, exponents far apart, equal products.
-#[must_use]
 pub fn operands() -> Vec<[f32; 4]> {
     let mut state = 0x9E37_79B9_7F4A_7C15_u64;
     let mut next = move || {
@@ -133,11 +77,8 @@ pub fn operands() -> Vec<[f32; 4]> {
 /// the part of `a * b` that rounding loses.
 ///
 /// # Errors
-/// The first operation that is wrong.
-pub fn verify(
-    operands: &[[f32; 4]],
-    results: &[[[u32; 4]; 2]],
-) -> Result<Findings, WrongArithmetic> {
+/// The first operation that is wrong, or that the driver ends long loops early, without a word.
+pub fn verify(operands: &[[f32; 4]], results: &[[[u32; 4]; 2]]) -> Result<Findings, String> {
     const NAMES: [&str; 4] = [
         "a * b + c * d",
         "(a + b) - a",
@@ -146,27 +87,28 @@ pub fn verify(
     ];
     let mut own = Arithmetic::IEEE;
     let mut fuses_once = !operands.is_empty();
-    let turns = results.first().map_or(TURNS, |r| r[1][2]);
     for (x, [found, free]) in operands.iter().zip(results) {
         let expected = expect(*x);
         if let Some(i) = (0..4).find(|&i| found[i] != expected[i]) {
-            return Err(WrongArithmetic {
-                operation: NAMES[i],
-                operands: *x,
-                found: found[i],
-                expected: expected[i],
-            });
+            let (name, found, expected) = (NAMES[i], found[i], expected[i]);
+            return Err(format!(
+                "{name} of {x:?} gives bits {found:#010x}, IEEE 754 has {expected:#010x}"
+            ));
         }
         let [sum, _, quotient, _] = expected;
         own.rounds_division &= free[0] == quotient;
         own.fuses |= free[1] != sum;
         fuses_once &= free[3] == lost_by_rounding(*x).to_bits();
     }
-    Ok(Findings {
-        arithmetic: own,
-        loop_turns: (turns != TURNS).then_some(turns),
-        fuses_once,
-    })
+    match results.first().map_or(TURNS, |r| r[1][2]) {
+        TURNS => Ok(Findings {
+            arithmetic: own,
+            fuses_once,
+        }),
+        turns => Err(format!(
+            "the driver ends loops after {turns} turns; software drivers of Mesa need version 23.1 or newer"
+        )),
+    }
 }
 
 fn lost_by_rounding([a, b, ..]: [f32; 4]) -> f32 {
@@ -200,91 +142,64 @@ mod tests {
         all
     }
 
-    #[test]
-    fn a_driver_that_ends_a_loop_early_is_known_for_it() {
+    /// What is found where word `i` of what must be right, or of what is free, is another.
+    fn with(part: usize, i: usize, f: fn([f32; 4]) -> u32) -> Result<Findings, String> {
         let all = operands();
         let mut results = right(&all);
-        assert_eq!(verify(&all, &results).unwrap().loop_turns, None);
-        results[0][1][2] = 65_535;
-        assert_eq!(verify(&all, &results).unwrap().loop_turns, Some(65_535));
+        for (r, x) in results.iter_mut().zip(&all) {
+            r[part][i] = f(*x);
+        }
+        verify(&all, &results)
     }
 
     #[test]
-    fn a_device_that_rounds_what_it_fuses_once_is_known_for_it() {
+    fn a_driver_that_ends_loops_early_is_refused_with_the_version_needed() {
         let all = operands();
-        let with = |f: fn([f32; 4]) -> f32| {
-            let mut found = right(&all);
-            for (r, x) in found.iter_mut().zip(&all) {
-                r[1][3] = f(*x).to_bits();
-            }
-            verify(&all, &found).unwrap().traits(None, None)
-        };
-        assert!(with(lost_by_rounding).fuses_once);
-        assert!(!with(|[a, b, ..]| a * b - a * b).fuses_once);
+        let mut results = right(&all);
+        assert!(verify(&all, &results).is_ok());
+        results[0][1][2] = 65_535;
+        let refused = verify(&all, &results).unwrap_err();
+        assert!(
+            refused.contains("after 65535 turns") && refused.contains("Mesa need version 23.1")
+        );
+    }
+
+    #[test]
+    fn what_a_device_does_where_it_may_choose_is_known() {
+        let free = |i, f| with(1, i, f).unwrap();
+        let divides = free(0, |[a, b, ..]| (a * (1.0 / b)).to_bits()).arithmetic;
+        assert!(!divides.rounds_division && !divides.fuses);
+        let fuses = free(1, |[a, b, c, d]| a.mul_add(b, c * d).to_bits()).arithmetic;
+        assert!(fuses.rounds_division && fuses.fuses);
+        assert!(free(3, |x| lost_by_rounding(x).to_bits()).fuses_once);
+        assert!(!free(3, |[a, b, ..]| (a * b - a * b).to_bits()).fuses_once);
         let in_fewer_places = |[a, b, ..]: [f32; 4]| {
             let lost = f64::from(a) * f64::from(b) - f64::from(a * b);
-            (lost * (1.0 + 1e-6)) as f32
+            ((lost * (1.0 + 1e-6)) as f32).to_bits()
         };
-        assert!(!with(in_fewer_places).fuses_once);
-    }
-
-    #[test]
-    fn a_device_that_divides_or_adds_as_it_likes_is_known_for_it() {
-        let all = operands();
-        let with = |i: usize, f: fn([f32; 4]) -> f32| {
-            let mut free = right(&all);
-            for (r, x) in free.iter_mut().zip(&all) {
-                r[1][i] = f(*x).to_bits();
-            }
-            verify(&all, &free).unwrap().arithmetic
-        };
-        let divides = with(0, |[a, b, ..]| a * (1.0 / b));
-        assert!(!divides.rounds_division && !divides.fuses);
-        let fuses = with(1, |[a, b, c, d]| a.mul_add(b, c * d));
-        assert!(fuses.rounds_division && fuses.fuses);
+        assert!(!free(3, in_fewer_places).fuses_once);
     }
 
     #[test]
     fn fusing_and_regrouping_would_be_seen() {
         let all = operands();
-        let right = right(&all);
-        let found = verify(&all, &right).unwrap();
+        let found = verify(&all, &right(&all)).unwrap();
         assert_eq!(found.arithmetic, Arithmetic::IEEE);
-        let with = |i: usize, f: fn([f32; 4]) -> u32| {
-            let mut wrong = right.clone();
-            for (w, x) in wrong.iter_mut().zip(&all) {
-                w[0][i] = f(*x);
-            }
-            verify(&all, &wrong)
-        };
-        let fused = with(0, |[a, b, c, d]| a.mul_add(b, c * d).to_bits());
-        assert_eq!(fused.unwrap_err().operation, "a * b + c * d");
-        assert_eq!(
-            with(1, |x| x[1].to_bits()).unwrap_err().operation,
-            "(a + b) - a"
-        );
-        assert_eq!(
-            with(2, |x| (x[0] * (1.0 / x[1])).to_bits())
-                .unwrap_err()
-                .operation,
-            "a / b"
-        );
-        let rounded = with(3, |[a, b, c, d]| {
+        let rounded: fn([f32; 4]) -> u32 = |[a, b, c, d]| {
             let s = a * b - c * d;
             (i32::from(s > 0.0) - i32::from(s < 0.0)) as u32
-        });
-        assert!(rounded.unwrap_err().operation.starts_with("the sign"));
-    }
-
-    #[test]
-    fn a_driver_that_ends_loops_early_is_refused_with_the_version_needed() {
-        let of = |loop_turns| Findings {
-            arithmetic: Arithmetic::IEEE,
-            loop_turns,
-            fuses_once: false,
         };
-        assert_eq!(of(None).check(), Ok(()));
-        let refused = of(Some(65_536)).check().unwrap_err().to_string();
-        assert!(refused.contains("Mesa need version 23.1"), "{refused}");
+        let wrong: [(&str, fn([f32; 4]) -> u32); 4] = [
+            ("a * b + c * d of ", |[a, b, c, d]| {
+                a.mul_add(b, c * d).to_bits()
+            }),
+            ("(a + b) - a of ", |x| x[1].to_bits()),
+            ("a / b of ", |x| (x[0] * (1.0 / x[1])).to_bits()),
+            ("the sign of ", rounded),
+        ];
+        for (i, (operation, f)) in wrong.into_iter().enumerate() {
+            let refused = with(0, i, f).unwrap_err();
+            assert!(refused.starts_with(operation), "{refused}");
+        }
     }
 }

@@ -74,7 +74,6 @@ pub enum BufferName {
 
 impl BufferName {
     /// What messages call it.
-    #[must_use]
     pub fn what(self) -> &'static str {
         match self {
             Self::Params => "parameters",
@@ -113,7 +112,6 @@ impl BufferName {
 }
 
 /// Bytes of each buffer that suffice for every tree of so many leaves; with layout `fast` but for nodes and costs.
-#[must_use]
 pub fn tree_buffers(method: Method, leaves: u64) -> [(BufferName, u64); 8] {
     let usual = |bytes| match method.layout {
         Layout::Bvh2 => bytes,
@@ -133,34 +131,4 @@ pub fn tree_buffers(method: Method, leaves: u64) -> [(BufferName, u64); 8] {
         (BufferName::Covers, 0),
         (BufferName::Visibility, 0),
     ]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn each_layout_has_room_for_what_its_kernels_name() {
-        let bytes = |layout, name| {
-            let method = Method {
-                layout,
-                ..Method::default()
-            };
-            let all = tree_buffers(method, 10);
-            all.into_iter().find(|(n, _)| *n == name).map(|(_, b)| b)
-        };
-        for (name, usual, fast) in [
-            (BufferName::LeafNodes, 40, 0),
-            (BufferName::InnerNodes, 40, 0),
-            (BufferName::LeafCorners, 0, 120),
-            (BufferName::Records, 480, 480),
-            (BufferName::Nodes, 19 * 32, 0),
-        ] {
-            assert_eq!(bytes(Layout::Bvh2, name), Some(usual), "{name:?}");
-            assert_eq!(bytes(Layout::Fast, name), Some(fast), "{name:?}");
-        }
-        let costs = |layout| bytes(layout, BufferName::Costs);
-        assert!(costs(Layout::Bvh2) > costs(Layout::Fast));
-        assert_eq!(bytes(Layout::Fast, BufferName::Topology), None);
-    }
 }

@@ -1,4 +1,4 @@
-//! The only WGSL in the house: one source a stage, compiled and reflected at build time.
+//! All WGSL, compiled and reflected at build time.
 //!
 //! Each kernel comes as SPIR-V whose every addition, subtraction and
 //! multiplication is decorated NoContraction, for those who can load it, and as
@@ -9,28 +9,12 @@
 //! comment above an entry point names the axes of its variants: see `build/variants.rs`. This prints a kernel as it is composed:
 //!
 //! ```sh
-//! cargo run -p shaders --example kernel -- trace_camera watertight fast
+//! cargo run -p abvh-shaders --example kernel -- trace_camera watertight fast
 //! ```
 //!
-//! What any host of these kernels needs stands here too, so that no two hosts
-//! can differ in it:
-//!
-//! - [`Shape`]: where the parts of a tree's record begin, its levels, the room that `costs` needs;
-//! - [`Params::of`]: the parameters that scene and tree decide;
-//! - [`work`]: each stage as a list of [`work::Work`], a kernel with its
-//!   parameters and its number of workgroups. The host binds buffers by the
-//!   [`BufferName`]s in [`Kernel::bindings`], dispatches [`work::Work::group_counts`], and puts a
-//!   barrier after each;
-//! - [`supports`]: which methods the kernels know, and
-//!   [`Kernel::serves`]: which kernels a method needs. Those without slots are all methods' own;
-//!   a host makes the others when it loads a scene;
-//! - [`rebuild`]: likewise for a tree made on the device, the room that it takes, and how to read it back;
-//! - [`Counts`]: the buffer `counts`, cleared before the first stage and read back after the last;
-//! - [`TreeStats`]: what counts say of records and boxes, until they are made anew;
-//! - [`RasterBackoff`]: what counts say of rasterization, for traces to come;
-//! - [`work::Progress`]: which stages must go over all of a tree, and which over what moves.
-//!
-//! Both `gpu-wgpu` and `gpu-vulkan` are written so.
+//! What hosts of these kernels need stands here too, so that no two can differ in it: [`Shape`], the parts of a tree's record;
+//! [`Params`]; [`work`], each stage as a list of dispatches; [`rebuild`], likewise for trees made on the device; [`Counts`],
+//! what kernels count. `gpu-common` is that host.
 
 pub mod arithmetic;
 mod buffers;
@@ -43,9 +27,6 @@ mod rasterization;
 pub mod rebuild;
 mod shape;
 mod tree_stats;
-mod unfold;
-mod units;
-mod variant;
 mod view;
 pub mod work;
 
@@ -54,14 +35,13 @@ use backend::Method;
 pub use arithmetic::Traits;
 pub use buffers::{BufferName, tree_buffers};
 pub(crate) use method::{notes, open_shadows_at, places};
-pub use method::{occluded_words, record_bytes, supports};
+pub use method::{occluded_words, record_bytes};
 pub use moving::{MovingShape, MovingTreeletShape, moving_rows};
 pub use packets::Packets;
 pub use params::{Counts, Params};
-pub use rasterization::{RasterBackoff, Rasterization};
+pub use rasterization::RasterBackoff;
 pub use shape::{Shape, WideShape};
 pub use tree_stats::{Extent, Extents, TreeStats};
-pub use units::is_extreme;
 pub use view::View;
 
 /// A compute kernel.
@@ -162,27 +142,23 @@ include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
 
 impl Kernel {
     /// Whether it is of use to `method`.
-    #[must_use]
     pub fn serves(&self, method: Method) -> bool {
         let mut axes = self.slots.iter();
-        axes.all(|(axis, values)| values.contains(&variant::value(axis, method)))
+        axes.all(|(axis, values)| values.contains(&method::value(axis, method)))
     }
 
     /// What to load on a device.
-    #[must_use]
     pub fn code_for(&self, traits: Traits) -> Code {
         let fused = self.fused.filter(|_| traits.fuses_once);
         fused.unwrap_or(self.code)
     }
 
     /// Whether a device with these traits takes it at all.
-    #[must_use]
     pub fn suits(&self, traits: Traits) -> bool {
         Packets::of_kernel(self.entry).is_none_or(|packets| traits.packets == Some(packets))
     }
 
     /// Whether it is of use to [`rebuild`] alone; a host makes those when it first makes a tree.
-    #[must_use]
     pub fn makes_trees(&self) -> bool {
         rebuild::KERNELS.contains(&self.entry)
     }
@@ -205,7 +181,6 @@ impl Kernel {
     }
 
     /// Whether it is of use to layout `fast` alone.
-    #[must_use]
     pub fn refits_treelets(&self) -> bool {
         let mut all = KERNELS.iter().filter(|k| k.entry == self.entry);
         all.all(|k| {
@@ -220,7 +195,6 @@ impl Kernel {
 ///
 /// # Panics
 /// If there is none: entry points are known when the program is written, and every method has them all.
-#[must_use]
 pub fn kernel(entry: &str, method: Method) -> &'static Kernel {
     let mut found = KERNELS.iter().filter(|k| k.entry == entry);
     found
@@ -232,7 +206,6 @@ pub fn kernel(entry: &str, method: Method) -> &'static Kernel {
 ///
 /// # Panics
 /// As [`kernel`].
-#[must_use]
 pub fn common(entry: &str) -> &'static Kernel {
     let beside = RAY_KERNELS.iter().find(|k| k.entry == entry);
     beside.unwrap_or_else(|| kernel(entry, Method::default()))

@@ -1,17 +1,22 @@
-//! Which methods the kernels know, and what room they take.
+//! Which variants of kernels a method takes, and how much room.
 
 use backend::{Intersector, Method};
 
-/// Whether a scene can be loaded to be traced by `method`: by any. Asks no device.
-#[must_use]
-pub fn supports(_: Method) -> bool {
-    true
+/// The value along `axis` of the kernels that serve `method`: the host's half of `build/variants.rs`.
+pub(crate) fn value(axis: &str, method: Method) -> &'static str {
+    match (axis, method.intersector) {
+        ("intersector", Intersector::MollerTrumbore) => "moller_trumbore",
+        ("intersector", Intersector::Woop) => "woop",
+        ("intersector", Intersector::Watertight) => "watertight",
+        ("intersector", Intersector::Exact) => "exact",
+        ("layout", _) => method.layout.name(),
+        (axis, _) => panic!("no axis is named {axis}"),
+    }
 }
 
 /// Bytes of the buffer `records` for so many leaves, in whole rows of 16 bytes.
 ///
 /// 48 a leaf, and for `woop`, whose transform fills them all, 4 more behind all of those: the triangle's index.
-#[must_use]
 pub fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
     match intersector {
         Intersector::Woop => leaves * 48 + (leaves * 4).next_multiple_of(16),
@@ -20,8 +25,7 @@ pub fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
 }
 
 /// Words of the buffer `blocked` for so many rays: one each, and for `exact` the list of those left open, notes
-/// of three words (`wgsl/intersect/notes.wgsl`), and places at which rays are settled one by one (`fallback.wgsl`).
-#[must_use]
+/// of three words (`wgsl/intersect/candidates.wgsl`), and places at which rays are settled one by one (`fallback.wgsl`).
 pub fn occluded_words(intersector: Intersector, rays: u64) -> u64 {
     match intersector {
         Intersector::Exact => open_shadows_at(rays) + rays,
@@ -55,11 +59,29 @@ pub(crate) fn places(rays: u64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel;
-    use backend::{Layout, Method};
+    use crate::{KERNELS, kernel};
+    use backend::Layout;
+    use std::collections::BTreeSet;
 
     #[test]
-    fn a_place_has_room_for_a_stack_as_deep_as_the_searchs() {
+    fn every_method_has_each_kernel_once() {
+        let pairs = Intersector::ALL.map(|i| Layout::ALL.map(|l| (i, l)));
+        for (intersector, layout) in pairs.into_iter().flatten() {
+            let method = Method {
+                intersector,
+                layout,
+            };
+            let serving: Vec<_> = KERNELS.iter().filter(|k| k.serves(method)).collect();
+            let entries: BTreeSet<_> = serving.iter().map(|k| k.entry).collect();
+            assert_eq!(serving.len(), entries.len(), "{method:?}");
+            assert!(entries.contains("trace_rays") && entries.contains("preprocess"));
+        }
+        let names: BTreeSet<_> = KERNELS.iter().map(|k| k.name).collect();
+        assert_eq!(names.len(), KERNELS.len());
+    }
+
+    #[test]
+    fn the_host_makes_room_for_what_kernels_take_at_once() {
         let method = Method {
             intersector: Intersector::Exact,
             layout: Layout::Bvh2,
@@ -68,17 +90,8 @@ mod tests {
             |entry: &str, what: &str| assert!(kernel(entry, method).code.wgsl.contains(what));
         says("fallback_rays", &format!("const STACK: u32 = {STACK}u;"));
         says("trace_rays", &format!("var stack: array<u32, {STACK}>;"));
-    }
-
-    #[test]
-    fn the_host_counts_on_as_many_candidates_at_once_as_kernels_take() {
-        let method = Method {
-            intersector: Intersector::Exact,
-            layout: Layout::Bvh2,
-        };
-        let wgsl = kernel("resolve_exact_together", method).code.wgsl;
-        let abreast = crate::work::ABREAST;
-        assert!(wgsl.contains(&format!("const ABREAST: u32 = {abreast}u;")));
+        let abreast = format!("const ABREAST: u32 = {}u;", crate::work::ABREAST);
+        says("resolve_exact_together", &abreast);
     }
 
     #[test]

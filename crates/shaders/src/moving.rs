@@ -9,7 +9,6 @@ use std::ops::Range;
 /// so many move that lists do not pay ([`StaticParts::pays`]).
 ///
 /// Whoever writes only these must have the first key frame in the positions before.
-#[must_use]
 pub fn moving_rows(animation: &Animation) -> Option<Vec<u32>> {
     let is_static = &animation.static_parts().vertices;
     let all = (3 * is_static.len()).div_ceil(4);

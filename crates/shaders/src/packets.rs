@@ -14,13 +14,11 @@ pub enum Packets {
 
 /// Pixels that a picture must have for each triangle: what all triangles cover is looked at before any ray is.
 pub(crate) const PIXELS_A_TRIANGLE: u64 = 4;
-/// Pixels up to which a software driver goes by packets, which is for their laws alone to be tried there too: each ray by itself is
-/// faster.
+/// Pixels up to which a software driver goes by packets, so that their laws are tried there too: each ray by itself is faster.
 pub(crate) const SMALL_PICTURE: u64 = 1 << 14;
 
 impl Packets {
     /// What a device with subgroups of this size, least and most, or one that is software, takes.
-    #[must_use]
     pub fn for_device(subgroups: Option<(u32, u32)>, is_software: bool) -> Option<Self> {
         match subgroups {
             _ if is_software => Some(Self::ByGroups),
@@ -69,17 +67,12 @@ mod tests {
 
     #[test]
     fn devices_take_tiles_by_what_they_have() {
-        assert_eq!(
-            Packets::for_device(Some((32, 32)), false),
-            Some(Packets::BySubgroups)
-        );
-        assert_eq!(Packets::for_device(Some((8, 32)), false), None);
-        assert_eq!(Packets::for_device(Some((64, 64)), false), None);
-        assert_eq!(Packets::for_device(None, false), None);
-        assert_eq!(
-            Packets::for_device(Some((8, 8)), true),
-            Some(Packets::ByGroups)
-        );
+        let of = Packets::for_device;
+        assert_eq!(of(Some((32, 32)), false), Some(Packets::BySubgroups));
+        for other in [Some((8, 32)), Some((64, 64)), None] {
+            assert_eq!(of(other, false), None);
+        }
+        assert_eq!(of(Some((8, 8)), true), Some(Packets::ByGroups));
     }
 
     #[test]

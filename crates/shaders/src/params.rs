@@ -1,7 +1,6 @@
 //! The host's twins of `wgsl/lib/params.wgsl` and of the buffer `counts`; a test compares the former by reflection.
 
 use crate::Shape;
-use crate::units::{self, scaled_point};
 use backend::Layout;
 use bytemuck::{Pod, Zeroable};
 use geom::{Camera, Point, Range};
@@ -56,7 +55,6 @@ pub struct Params {
 
 impl Params {
     /// What all dispatches share over a scene scaled by `2^-scale_exponent` (in -126..=126) and a tree of this shape.
-    #[must_use]
     pub fn of(scale_exponent: i32, tree: &Shape) -> Self {
         Self {
             fast_layout: u32::from(tree.layout == Layout::Fast),
@@ -76,46 +74,35 @@ impl Params {
     }
 
     /// The same at a moment whose coordinates reach so far.
-    #[must_use]
-    pub fn within(self, range: Range) -> Self {
-        Self {
-            clearance: range.clearance * units::scale(self.scale_exponent),
-            extreme: range.extreme.into(),
-            tiny: range.tiny.into(),
-            ..self
-        }
+    pub fn within(mut self, range: Range) -> Self {
+        self.clearance = range.clearance * scale(self.scale_exponent);
+        (self.extreme, self.tiny) = (range.extreme.into(), range.tiny.into());
+        self
     }
 
-    /// Whether a camera's rays from `eye`, in the scene's units, are extreme.
-    pub(crate) fn is_extreme(&self, eye: Point) -> bool {
+    /// Whether a ray from `origin`, in the scene's units, is extreme.
+    pub fn is_extreme(&self, origin: Point) -> bool {
         let range = Range {
             extreme: self.extreme != 0,
             tiny: self.tiny != 0,
             clearance: self.clearance,
         };
-        units::is_extreme(eye, range, self.scale_exponent)
+        range.is_extreme(scaled_point(origin, self.scale_exponent))
     }
 
     /// The same, seen through a camera.
-    pub(crate) fn through(self, camera: &Camera) -> Self {
-        Self {
-            eye: camera.eye,
-            corner: camera.corner,
-            across: camera.across,
-            down: camera.down,
-            width: camera.width,
-            height: camera.height,
-            scaled_eye: scaled_point(camera.eye, self.scale_exponent),
-            ..self
-        }
+    pub(crate) fn through(mut self, camera: &Camera) -> Self {
+        (self.eye, self.corner) = (camera.eye, camera.corner);
+        (self.across, self.down) = (camera.across, camera.down);
+        (self.width, self.height) = (camera.width, camera.height);
+        self.scaled_eye = scaled_point(camera.eye, self.scale_exponent);
+        self
     }
 
     /// The same, with a light.
-    pub(crate) fn lit(self, light: Point) -> Self {
-        Self {
-            light: scaled_point(light, self.scale_exponent),
-            ..self
-        }
+    pub(crate) fn lit(mut self, light: Point) -> Self {
+        self.light = scaled_point(light, self.scale_exponent);
+        self
     }
 }
 
@@ -161,10 +148,23 @@ pub struct Counts {
 
 impl Counts {
     /// Rays, shadows included, that whole numbers settled.
-    #[must_use]
     pub fn settled(&self) -> u64 {
         u64::from(self.open) + u64::from(self.open_shadows)
     }
+}
+
+/// `2^-exponent`, by which a scene is scaled ("Scale" in `docs/design/hits.md`); the exponent is in -126..=126.
+pub(crate) fn scale(exponent: i32) -> f32 {
+    f32::from_bits(((127 - exponent) as u32) << 23)
+}
+
+/// A point in scaled units; a coordinate below `2^-64` is zero.
+pub(crate) fn scaled_point(point: Point, exponent: i32) -> Point {
+    let (by, least) = (scale(exponent), scale(64));
+    point.map(|x| {
+        let scaled = x * by;
+        if scaled.abs() < least { 0.0 } else { scaled }
+    })
 }
 
 #[cfg(test)]
@@ -175,31 +175,17 @@ mod tests {
     fn points_are_scaled_and_small_coordinates_are_zero() {
         let point = [3.0e-3, f32::MIN_POSITIVE, -2.0e-39];
         let least = (-64_f32).exp2();
-        for k in [-126, -63, 0, 40, 126] {
+        for k in -126..=126 {
             let params = Params::of(k, &Shape::default()).lit(point);
             let exact = point.map(|x| f64::from(x) * (-f64::from(k)).exp2());
-            let snapped = exact.map(|x| {
-                if x.abs() < f64::from(least) {
-                    0.0
-                } else {
-                    x as f32
-                }
+            let snapped = exact.map(|x| match x.abs() < f64::from(least) {
+                true => 0.0,
+                false => x as f32,
             });
-            assert_eq!(
-                params.light.map(f32::to_bits),
-                snapped.map(f32::to_bits),
-                "{k}"
-            );
+            let found = params.light.map(f32::to_bits);
+            assert_eq!(found, snapped.map(f32::to_bits), "{k}");
         }
         let none = Params::of(3, &Shape::default()).lit([f32::NAN, f32::INFINITY, 0.0]);
         assert!(none.light[0].is_nan() && none.light[1] == f32::INFINITY);
-    }
-
-    #[test]
-    fn the_scale_is_a_power_of_two_for_every_exponent() {
-        for k in -126..=126 {
-            let scale = units::scale(k);
-            assert_eq!(f64::from(scale), (-f64::from(k)).exp2());
-        }
     }
 }

@@ -9,15 +9,12 @@ const LONGEST: u32 = 1 << 16;
 const LEAST_MARGIN: f64 = 1.0 / 128.0;
 
 /// The parameters with the picture's projection, if that can be told well enough.
-pub(crate) fn projected(params: Params, camera: &Camera) -> Option<Params> {
-    Projection::of(camera).map(|p| Params {
-        column: p.column,
-        row: p.row,
-        depth: p.depth,
-        depth_exponent: p.exponent,
-        pixel_margin: p.margin,
-        ..params
-    })
+pub(crate) fn projected(mut params: Params, camera: &Camera) -> Option<Params> {
+    let p = Projection::of(camera)?;
+    (params.column, params.row) = (p.column, p.row);
+    (params.depth, params.depth_exponent) = (p.depth, p.exponent);
+    params.pixel_margin = p.margin;
+    Some(params)
 }
 
 /// The inverse of a camera's matrix, `2^exponent` times.

@@ -14,17 +14,15 @@
 //! Of layout `fast` only the 64 bytes of an inner node and the leaves of two are
 //! made: leaves stay in the order of the curve, and there are no treelets.
 
-mod buffers;
 mod phases;
 mod walk;
 
-pub use buffers::{buffers, contents, instead_of};
-pub use walk::{BrokenTree, Found};
 pub(crate) use walk::{links_of_rows, read};
 
 use crate::work::{Groups, Work, leaves, sum};
-use crate::{Counts, Params, Shape, common, kernel};
+use crate::{BufferName, Counts, Params, Shape, common, kernel};
 use backend::Method;
+use geom::Animation;
 use std::mem::offset_of;
 
 /// A tree's making, in three parts that follow one another.
@@ -41,7 +39,6 @@ pub struct Plan {
 impl Plan {
     /// Of a tree of this shape over so many vertices, for a scene scaled by `2^-scale_exponent`.
     /// `again` says that boxes were refitted or made before in the same submission.
-    #[must_use]
     pub fn new(
         method: Method,
         (scale_exponent, vertices): (i32, usize),
@@ -81,43 +78,30 @@ const DIGIT_BITS: usize = 8;
 const PARTS: u32 = 128;
 
 /// So many positions to `tree`'s triangles along a curve, in `sorted`.
-fn sort(params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
+fn sort(mut params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
     let count = tree.leaf_count;
     if count == 0 {
         return Vec::new();
     }
-    let bounds = Params {
-        count: vertices as u32,
-        ..params
-    };
+    params.count = vertices as u32;
     let mut work = vec![
-        dispatch("bounds", bounds, Groups::Linear(PARTS * 256)),
+        Work::new(common("bounds"), params, Groups::Linear(PARTS * 256)),
         Work::linear(common("morton"), params, count),
     ];
+    params.count = count;
     let tiles = Groups::Linear(count.div_ceil(SORT_TILE) * 256);
     for (pass, shift) in (0..32).step_by(DIGIT_BITS).enumerate() {
         let odd = pass as u32 % 2;
-        let params = Params {
-            count,
-            shift,
-            first: odd * count,
-            destination: (1 - odd) * count,
-            ..params
-        };
-        work.push(dispatch("sort_count", params, tiles));
-        work.push(dispatch("sort_scan", params, Groups::Linear(DIGITS * 256)));
-        work.push(dispatch("sort_scatter", params, tiles));
+        (params.first, params.destination) = (odd * count, (1 - odd) * count);
+        params.shift = shift;
+        let steps = [
+            ("sort_count", tiles),
+            ("sort_scan", Groups::Linear(DIGITS * 256)),
+            ("sort_scatter", tiles),
+        ];
+        work.extend(steps.map(|(entry, groups)| Work::new(common(entry), params, groups)));
     }
     work
-}
-
-fn dispatch(entry: &str, params: Params, groups: Groups) -> Work {
-    Work {
-        kernel: common(entry),
-        params,
-        groups,
-        alongside: false,
-    }
 }
 
 /// Leaves in `clusters` to `tree`'s nodes, and to its cost.
@@ -125,29 +109,64 @@ fn cluster(method: Method, params: Params, tree: &Shape) -> Vec<Work> {
     if tree.leaf_count == 0 {
         return Vec::new();
     }
-    let mut work = Vec::new();
-    let mut first_group = 0;
+    let (mut work, mut own) = (Vec::new(), params);
+    own.first_group = 0;
     for phase in phases::of(tree.leaf_count) {
-        let params = Params {
-            count: phase.count,
-            first: phase.first,
-            destination: phase.destination,
-            shift: phase.shift,
-            goal: phase.goal,
-            rounds: phase.rounds,
-            first_group,
-            ..params
-        };
-        work.push(Work {
-            kernel: kernel("cluster", method),
-            params,
-            groups: Groups::Linear(phase.tiles() * 256),
-            alongside: false,
-        });
-        first_group += phase.tiles();
+        (own.count, own.first) = (phase.count, phase.first);
+        (own.destination, own.shift) = (phase.destination, phase.shift);
+        (own.goal, own.rounds) = (phase.goal, phase.rounds);
+        let groups = Groups::Linear(phase.tiles() * 256);
+        work.push(Work::new(kernel("cluster", method), own, groups));
+        own.first_group += phase.tiles();
     }
-    work.push(sum(params, first_group, offset_of!(Counts, areas)));
+    work.push(sum(params, own.first_group, offset_of!(Counts, areas)));
     work
+}
+
+/// Bytes of each buffer that making trees of the scene takes beside those that any tree does.
+pub fn buffers(animation: &Animation) -> Vec<(BufferName, u64)> {
+    let count = animation.live_count() as u64;
+    let tiles = count.div_ceil(u64::from(SORT_TILE));
+    let survivors = phases::of(count.max(1) as u32)[0].left();
+    let mut all = vec![
+        (BufferName::Live, count * 4),
+        (BufferName::Keys, count * 8),
+        (BufferName::Sorted, count * 8),
+        (BufferName::Digits, (tiles + 1) * u64::from(DIGITS) * 4),
+        (BufferName::Boxes, u64::from(PARTS) * 32),
+        (BufferName::Clusters, (count + u64::from(survivors)) * 32),
+    ];
+    if !is_all_live(animation) {
+        all.push((BufferName::LeafNumbers, count * 4));
+    }
+    all
+}
+
+/// What kernels expect to find in some of them.
+pub fn contents(animation: &Animation) -> Vec<(BufferName, Vec<u32>)> {
+    let all = 0..animation.triangle_count() as u32;
+    let live: Vec<u32> = all.filter(|&t| animation.is_live(t)).collect();
+    let numbers = (0..live.len() as u32).collect();
+    match is_all_live(animation) {
+        true => vec![(BufferName::Live, live)],
+        false => vec![(BufferName::Live, live), (BufferName::LeafNumbers, numbers)],
+    }
+}
+
+/// What stands for a tree's buffer while leaves are made into clusters.
+pub fn instead_of(name: BufferName, animation: &Animation) -> BufferName {
+    match name {
+        BufferName::Topology => BufferName::Sorted,
+        // The numbers from 0 on.
+        BufferName::LeafNodes if is_all_live(animation) => BufferName::Live,
+        BufferName::LeafNodes => BufferName::LeafNumbers,
+        BufferName::Nodes => BufferName::Clusters,
+        other => other,
+    }
+}
+
+fn is_all_live(animation: &Animation) -> bool {
+    animation.live_count() == animation.triangle_count()
 }
 
 #[cfg(test)]
@@ -193,10 +212,8 @@ mod tests {
             let found = common(kernel).code.wgsl.contains(text);
             assert!(found, "{kernel} lacks {text}");
         };
-        has(
-            "cluster",
-            &format!("const CLUSTER_TILE: u32 = {}u;", phases::TILE),
-        );
+        let tile = format!("const CLUSTER_TILE: u32 = {}u;", phases::TILE);
+        has("cluster", &tile);
         for kernel in ["sort_count", "sort_scan", "sort_scatter"] {
             has(kernel, &format!("const TILE: u32 = {SORT_TILE}u;"));
         }

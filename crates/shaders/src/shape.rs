@@ -87,7 +87,6 @@ impl Default for Shape {
 
 impl Shape {
     /// Of a record.
-    #[must_use]
     pub fn of(tree: &Topology) -> Self {
         let bits = Topology::HEADER_WORDS + tree.level_count();
         let words = tree.leaf_bits().len();
@@ -127,7 +126,6 @@ impl Shape {
 
     /// Of a tree of so many leaves that the device makes: the leaves' triangles
     /// are the buffer `sorted`, from its start. It has no levels, as it needs no refit.
-    #[must_use]
     pub fn made_on_device(layout: Layout, leaves: u32) -> Self {
         let node_count = (2 * leaves).saturating_sub(1);
         Self {
@@ -143,7 +141,6 @@ impl Shape {
     }
 
     /// Of the same tree with layout `fast`.
-    #[must_use]
     pub fn of_treelets(tree: &Treelets) -> Self {
         Self {
             layout: Layout::Fast,
@@ -161,14 +158,12 @@ impl Shape {
     }
 
     /// Treelets of all levels.
-    #[must_use]
     pub fn treelet_count(&self) -> u32 {
         self.treelets.last().map_or(0, |level| level.end)
     }
 
     /// Bytes of the buffer `costs` that suffice for every tree of so many
     /// leaves with layout `bvh2`: one f32 for each workgroup of each level, in whole rows of 16 bytes.
-    #[must_use]
     pub fn cost_bytes(leaves: u64) -> u64 {
         let group = u64::from(common("refit").workgroup[0]);
         let groups = leaves.div_ceil(group) + u64::from(bvh_build::MAX_DEPTH) + 1;
@@ -177,7 +172,6 @@ impl Shape {
 
     /// Bytes of the buffer `costs` that suffice for this tree, in whole rows: where it has treelets, two words for each
     /// and eight for each root, as `build/treelet_refit.wgsl` lays them out.
-    #[must_use]
     pub fn own_cost_bytes(&self) -> u64 {
         match self.treelet_count() {
             0 => Self::cost_bytes(u64::from(self.leaf_count)),

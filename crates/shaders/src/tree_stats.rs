@@ -102,28 +102,24 @@ mod tests {
         let later = counts(2, [0.0, 4.0, 2.0]);
         assert_eq!(told(&later, Some(5), moving), (11, 7, Some(6.0)));
         assert_eq!(told(&counts(0, [0.0; 3]), None, None), (11, 7, Some(6.0)));
-        assert_eq!(
-            told(&counts(1, [0.0; 3]), Some(5), None),
-            (11, 6, Some(6.0))
-        );
+        let one = counts(1, [0.0; 3]);
+        assert_eq!(told(&one, Some(5), None), (11, 6, Some(6.0)));
         let gone = counts(0, [0.0; 3]);
         assert_eq!(told(&gone, Some(0), whole), (11, 0, None));
     }
 
     #[test]
-    fn a_cost_counts_the_root_and_needs_one() {
-        assert_eq!(cost(6.0, 2.0), Some(4.0));
-        assert_eq!(cost(0.0, 2.0), Some(1.0));
+    fn a_cost_counts_the_root_and_a_submission_with_a_whole_refit_has_a_whole_one() {
+        assert_eq!((cost(6.0, 2.0), cost(0.0, 2.0)), (Some(4.0), Some(1.0)));
         assert_eq!(cost(0.0, 0.0), None);
-    }
-
-    #[test]
-    fn a_submission_with_a_whole_refit_has_a_whole_one() {
         let mut extents = Extents::default();
-        extents.refitted(Extent::Moving);
-        assert_eq!(extents.boxes, Some(Extent::Moving));
-        extents.refitted(Extent::Whole);
-        extents.refitted(Extent::Moving);
-        assert_eq!(extents.boxes, Some(Extent::Whole));
+        for (refitted, found) in [
+            (Extent::Moving, Extent::Moving),
+            (Extent::Whole, Extent::Whole),
+            (Extent::Moving, Extent::Whole),
+        ] {
+            extents.refitted(refitted);
+            assert_eq!(extents.boxes, Some(found));
+        }
     }
 }

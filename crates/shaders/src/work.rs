@@ -7,7 +7,7 @@ mod tree;
 mod treelets;
 
 pub use pictures::shade;
-pub use rays::{cleanse, count_any, count_hits, count_occluded, count_triangles, rays};
+pub use rays::{cleanse, count_answers, count_triangles, rays};
 pub(crate) use tree::sum;
 pub use tree::{Progress, leaves};
 
@@ -40,15 +40,6 @@ pub enum Groups {
     Each(u32),
     /// One for each block of so many pixels of a picture, along both axes.
     Pixels([u32; 2], [u32; 2]),
-}
-
-/// A dispatch that no device of this kind takes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DispatchLimit {
-    /// Workgroups along the longer axis.
-    pub need: u32,
-    /// How many may be.
-    pub limit: u32,
 }
 
 /// Rays whose hits are sought.
@@ -86,38 +77,40 @@ impl Rays<'_> {
 }
 
 impl Work {
-    pub(crate) fn linear(kernel: &'static Kernel, params: Params, count: u32) -> Self {
+    pub(crate) fn new(kernel: &'static Kernel, params: Params, groups: Groups) -> Self {
         Self {
             kernel,
-            params: Params { count, ..params },
-            groups: Groups::Linear(count),
+            params,
+            groups,
             alongside: false,
         }
+    }
+
+    pub(crate) fn linear(kernel: &'static Kernel, params: Params, count: u32) -> Self {
+        Self::new(kernel, Params { count, ..params }, Groups::Linear(count))
     }
 
     fn over(method: Method, rays: Rays<'_>, params: Params, [given, camera]: [&str; 2]) -> Self {
         match rays {
             Rays::Given(count, _) => Self::linear(kernel(given, method), params, count),
-            Rays::Camera(c) => Self {
-                kernel: kernel(camera, method),
-                params: params.through(c),
-                groups: Groups::Pixels([c.width, c.height], [16, 8]),
-                alongside: false,
-            },
+            Rays::Camera(c) => {
+                let groups = Groups::Pixels([c.width, c.height], [16, 8]);
+                Self::new(kernel(camera, method), params.through(c), groups)
+            }
         }
     }
 
     /// Workgroups along both axes, where one axis may have no more than `limit`.
     ///
     /// # Errors
-    /// They are too many even in rows.
-    pub fn group_counts(&self, limit: u32) -> Result<[u32; 2], DispatchLimit> {
+    /// They are too many even in rows: so many along the longer axis.
+    pub fn group_counts(&self, limit: u32) -> Result<[u32; 2], u32> {
         self.groups.counts(self.kernel.workgroup[0], limit)
     }
 }
 
 impl Groups {
-    fn counts(self, workgroup: u32, limit: u32) -> Result<[u32; 2], DispatchLimit> {
+    fn counts(self, workgroup: u32, limit: u32) -> Result<[u32; 2], u32> {
         let [x, y] = match self {
             Self::Linear(count) => in_rows(count.div_ceil(workgroup), limit),
             Self::Each(count) => in_rows(count, limit),
@@ -125,7 +118,7 @@ impl Groups {
         };
         let need = x.max(y);
         match need > limit {
-            true => Err(DispatchLimit { need, limit }),
+            true => Err(need),
             false => Ok([x, y]),
         }
     }
@@ -137,19 +130,17 @@ fn in_rows(all: u32, limit: u32) -> [u32; 2] {
 }
 
 /// The test of a device's arithmetic, on so many [`crate::arithmetic::operands`].
-#[must_use]
 pub fn arithmetic(operands: usize) -> Work {
     Work::linear(common("arithmetic"), Params::default(), operands as u32)
 }
 
 /// Key frames to positions, the later weighing [`Params::alpha`].
-#[must_use]
-pub fn interpolate(params: Params, vertices: Vertices) -> Work {
-    let (rows, listed) = match vertices {
+pub fn interpolate(mut params: Params, vertices: Vertices) -> Work {
+    let rows;
+    (rows, params.listed) = match vertices {
         Vertices::All(count) => ((count * 3).div_ceil(4), 0),
         Vertices::Rows(rows) => (rows, 1),
     };
-    let params = Params { listed, ..params };
     Work::linear(common("interpolate"), params, rows as u32)
 }
 
@@ -167,7 +158,6 @@ pub struct Trace {
 }
 
 /// Records and boxes to what is sought, on a device with these traits.
-#[must_use]
 pub fn trace(
     method: Method,
     params: Params,
@@ -236,12 +226,9 @@ fn shadow(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
 /// For `exact` that leaves hits and shadows open. Both are settled at once, beside which the shadows of all candidates are
 /// sought; then those of hits that were not settled so.
 fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
-    let searching = searching(params, rays);
+    let mut params = searching(params, rays);
     // Both lists of open rays are in use at once.
-    let params = Params {
-        destination: open_shadows_at(searching.first.into()) as u32,
-        ..searching
-    };
+    params.destination = open_shadows_at(params.first.into()) as u32;
     let all = Work::over(method, rays, params, ["trace_and_shadow_camera"; 2]);
     if method.intersector != Intersector::Exact {
         return vec![all];
@@ -252,10 +239,8 @@ fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
         groups: Groups::Each(groups),
         ..Work::over(method, rays, params, [kernel; 2])
     };
-    let shared = Params {
-        first_group: sharers,
-        ..params
-    };
+    let mut shared = params;
+    shared.first_group = sharers;
     let settle = 2 * sharers + ABREAST * searchers;
     vec![
         all,
@@ -270,15 +255,12 @@ const HITS: [&str; 2] = ["resolve_exact_rays", "fallback_rays"];
 const SHADOWS: [&str; 2] = ["resolve_exact_shadow_rays", "fallback_shadow_rays"];
 
 /// What a search over all rays is told, and those who settle what it leaves open.
-fn searching(params: Params, rays: Rays<'_>) -> Params {
-    let first = rays.count();
-    Params {
-        first,
-        destination: first,
-        places: places(first.into()),
-        notes: notes(first.into()) as u32,
-        ..params
-    }
+fn searching(mut params: Params, rays: Rays<'_>) -> Params {
+    let count = rays.count();
+    (params.first, params.destination) = (count, count);
+    params.places = places(count.into());
+    params.notes = notes(count.into()) as u32;
+    params
 }
 
 fn settlers(params: &Params) -> u32 {
@@ -330,6 +312,6 @@ mod tests {
         assert!(y == 2 && x * y >= 100_000 && x <= 65535);
         let (need, limit) = (70_000, 65535);
         let tall = Groups::Pixels([16, 8 * need], [16, 8]).counts(128, limit);
-        assert_eq!(tall, Err(DispatchLimit { need, limit }));
+        assert_eq!(tall, Err(need));
     }
 }

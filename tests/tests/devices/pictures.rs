@@ -84,7 +84,7 @@ pub(crate) fn a_device_shades_as_the_host_does(backend: &mut dyn Subject) {
         let animation = scaled(by);
         load(&animation, backend);
         let eye = [0.3 * by, 0.2 * by, 3.0 * by];
-        let camera = look(eye, [0.0; 3], 50.0);
+        let camera = look(eye, [0.0; 3], (50.0, [130, 126]));
         for light in [eye, [f32::MAX, 0.0, 1.0], [1e-40, -1e-38, 0.0]] {
             let (other, met) = differences(backend, (&animation, 0.3), &camera, light);
             assert_eq!(other, 0, "{by:e} under {light:?}");
@@ -94,7 +94,11 @@ pub(crate) fn a_device_shades_as_the_host_does(backend: &mut dyn Subject) {
     let animation = mixed();
     load(&animation, backend);
     for distance in [3e-30, 3.0, 3e3, 3e30] {
-        let camera = look([0.0, 0.1 * distance, distance], [0.0; 3], 60.0);
+        let camera = look(
+            [0.0, 0.1 * distance, distance],
+            [0.0; 3],
+            (60.0, [130, 126]),
+        );
         let (other, met) = differences(backend, (&animation, 0.0), &camera, lamp);
         assert_eq!(other, 0, "from {distance:e}");
         assert!(met > 0, "from {distance:e}");

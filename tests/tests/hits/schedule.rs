@@ -4,7 +4,9 @@ use backend::{Hits, Intersector, Method, Query, QueryKind, Rays};
 use geom::Animation;
 use integration::stage::{Stage, camera, light};
 use libtest_mimic::Trial;
-use pipeline::{Answers, Driver, DriverOptions, Frame, FrameRecord, Pace, PipelineError, Update, Wanted};
+use pipeline::{
+    Answers, Driver, DriverOptions, Frame, FrameRecord, Pace, PipelineError, Update, Wanted,
+};
 use std::sync::Arc;
 
 const FRAMES: u64 = 24;

@@ -71,7 +71,10 @@ fn absent(sandbox: &Sandbox) {
 #[cfg(unix)]
 fn encoder(sandbox: &Sandbox, script: &str) -> std::ffi::OsString {
     use std::os::unix::fs::PermissionsExt;
-    sandbox.write("bin/ffmpeg", format!("#!/bin/sh\nfor last; do :; done\n{script}\n"));
+    sandbox.write(
+        "bin/ffmpeg",
+        format!("#!/bin/sh\nfor last; do :; done\n{script}\n"),
+    );
     let file = sandbox.path().join("bin/ffmpeg");
     std::fs::set_permissions(file, PermissionsExt::from_mode(0o755)).unwrap();
     let mut path = sandbox.path().join("bin").into_os_string();
@@ -97,7 +100,10 @@ fn encoded(sandbox: &Sandbox) {
 
 #[cfg(unix)]
 fn dies(sandbox: &Sandbox) {
-    let path = encoder(sandbox, "head -c 2000 > \"$last\"; echo no codec >&2; exit 3");
+    let path = encoder(
+        sandbox,
+        "head -c 2000 > \"$last\"; echo no codec >&2; exit 3",
+    );
     let words = format!("{RUN} --no-images --video a.webm");
     let run = sandbox.run_where(&words, &[("PATH", &path)]);
     run.fails(1, &["ffmpeg ended early", "no codec"]);

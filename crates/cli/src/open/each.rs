@@ -8,15 +8,15 @@ use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
 
 pub(super) fn list_vulkan() -> backend::Result<Vec<Adapter>> {
-    Ok(gpu_vulkan::adapters()?.into_iter().map(vulkan).collect())
+    Ok(gpu_vulkan::adapters()?.into_iter().map(shown).collect())
 }
 
 pub(super) fn list_vulkan_rt() -> backend::Result<Vec<Adapter>> {
     let able = gpu_vulkan_rt::ray_adapters()?;
-    Ok(able.into_iter().map(vulkan).collect())
+    Ok(able.into_iter().map(shown).collect())
 }
 
-fn vulkan(adapter: gpu_vulkan::AdapterInfo) -> Adapter {
+fn shown(adapter: gpu_vulkan::AdapterInfo) -> Adapter {
     Adapter {
         index: adapter.index,
         limits: limits(adapter.limits),
@@ -48,14 +48,7 @@ pub(super) fn open_vulkan_rt(
 }
 
 pub(super) fn list_wgpu() -> backend::Result<Vec<Adapter>> {
-    let adapter = |a: gpu_wgpu::Adapter| Adapter {
-        index: a.index,
-        limits: limits(a.limits),
-        name: a.name,
-        driver: a.driver,
-        kind: a.kind,
-    };
-    Ok(gpu_wgpu::adapters()?.into_iter().map(adapter).collect())
+    Ok(gpu_wgpu::adapters()?.into_iter().map(shown).collect())
 }
 
 /// `force_wgsl` has wgpu translate the kernels even where it need not.

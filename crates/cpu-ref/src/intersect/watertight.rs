@@ -66,7 +66,6 @@ impl TriangleTest for Watertight {
 }
 
 /// `kz`: the axis of the largest component, the first of equals.
-#[must_use]
 #[inline]
 pub fn main_axis(direction: Point) -> usize {
     let [x, y, z] = direction.map(f32::abs);
@@ -137,7 +136,6 @@ pub(crate) fn solve(edges: Vec4, depths: Vec4) -> Meeting {
 /// Whether all three edge functions have one sign, where rounding left that open for some.
 #[cold]
 #[inline(never)]
-#[must_use]
 pub fn has_equal_signs(edges: Vec4, x: Vec4, y: Vec4) -> bool {
     let sign = |e: f32, p: usize, q: usize| {
         let rounded = order(&e, &0.0);

@@ -1,11 +1,14 @@
-//! What a backend owes its caller, as far as no other backend can be the measure.
+//! What a backend owes its caller, as far as no other backend can be the measure; and that misuse panics.
 
-use super::{bits, deform, moving, ready, rng, senseless_tree, soup, still, trace, tree_at};
+use super::{
+    bits, closest, deform, moving, ready, rng, senseless_tree, soup, still, trace, tree_at,
+};
 use crate::CpuBackend;
-use backend::{Backend, Hits, Intersector, Query, QueryKind, Rays, Ticket};
+use backend::{Backend, Generation, Hits, Intersector, Query, QueryKind, Rays, Ticket};
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Hit, Point, Ray};
 use proptest::prelude::RngExt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 /// The box of each node, from its own triangles.
@@ -92,32 +95,16 @@ fn what_never_moves_is_skipped_by_any_number_of_tasks_without_a_trace() {
         assert!(boxes == one_boxes && boxes == many_boxes, "{time}");
         assert_eq!(one_cost.to_bits(), many_cost.to_bits(), "{time}");
         assert!((one_cost / cost - 1.0).abs() < 1e-12, "{one_cost} {cost}");
+        let rays = animation.keys()[0].iter().step_by(100);
+        let rays: Vec<Ray> = rays.map(|&to| Ray::new([0.0; 3], to)).collect();
+        let [a, b] = [&mut one, &mut many].map(|backend| bits(&closest(backend, &rays)));
+        assert!(a == b, "{time}");
     }
     let still = partly_static(0, 3_000);
     let tree = tree_at(&still, still.pose(0.0)).with_moving(still.static_parts());
     let mut backend = ready(&still, Intersector::Watertight, &tree, start, 2);
     let first = boxes_and_cost(&mut backend, &still, 0.0);
     assert!(first.1 > 1.0 && first == boxes_and_cost(&mut backend, &still, 1.5));
-}
-
-#[test]
-fn a_big_tree_is_refitted_by_many_tasks_alike() {
-    let mut rng = rng();
-    let mut point = || [0; 3].map(|_: i32| rng.random_range(-9.0..9.0_f32));
-    let triangles: Vec<_> = (0..30_000).map(|_| [point(), point(), point()]).collect();
-    let animation = soup(&triangles);
-    let (pose, tree) = (animation.pose(0.0), senseless_tree(&animation));
-    let rays = triangles.iter().step_by(100);
-    let rays: Vec<Ray> = rays.map(|t| Ray::new(t[0], t[1])).collect();
-    let [one, two] = [1, 2].map(|threads| {
-        let mut backend = ready(&animation, Intersector::Woop, &tree, pose, threads);
-        let cost = backend.wait(Ticket(0)).unwrap().sah_cost;
-        let hits = trace(&mut backend, Rays::List(&rays), QueryKind::Closest).closest;
-        let boxes = backend.inspect().boxes().unwrap();
-        (boxes, cost.map(f64::to_bits), bits(&hits))
-    });
-    assert!(one == two);
-    assert_eq!(one.0[0], animation.bounds());
 }
 
 #[test]
@@ -192,4 +179,51 @@ fn a_list_is_traced_once_in_its_place_and_reported_with_the_rest() {
         positions.map(|p| p.map(f32::to_bits)).collect::<Vec<_>>()
     });
     assert!(found == expected);
+}
+
+#[test]
+fn no_threads_are_refused() {
+    assert!(CpuBackend::new(Some(0)).is_err());
+}
+
+#[test]
+fn misuse_panics_and_says_what_comes_first() {
+    type Misuse = fn(&mut CpuBackend);
+    let nothing = |backend: &mut CpuBackend| {
+        trace(backend, Rays::List(&[]), QueryKind::Closest);
+    };
+    let table: [(&str, Misuse, bool); 5] = [
+        (
+            "the tree is stale",
+            |b| b.adopt(&senseless_tree(&moving()), Generation(2)).unwrap(),
+            true,
+        ),
+        (
+            "the tree is stale",
+            |b| b.interpolate(moving().pose(1.0)).unwrap(),
+            true,
+        ),
+        ("the tree is stale", |b| b.preprocess().unwrap(), true),
+        (
+            "generations rise",
+            |b| drop(b.adopt(&senseless_tree(&moving()), Generation(1))),
+            false,
+        ),
+        ("never given", |b| drop(b.wait(Ticket(77))), false),
+    ];
+    for (why, misuse, traced) in table {
+        let mut backend = still(&moving(), Intersector::Watertight);
+        let panic = catch_unwind(AssertUnwindSafe(|| {
+            misuse(&mut backend);
+            if traced {
+                nothing(&mut backend);
+            }
+        }));
+        let said = panic.expect_err(why);
+        let text = said.downcast_ref::<String>().map(String::as_str);
+        let text = text
+            .or(said.downcast_ref::<&str>().copied())
+            .unwrap_or_default();
+        assert!(text.contains(why), "{text}");
+    }
 }

@@ -43,24 +43,21 @@ pub(crate) struct World {
 
 impl World {
     pub(crate) fn new(geometry: Geometry<'_>) -> Self {
-        let hittable = |&i: &u32| {
-            let corners = geometry.corners(i);
-            is_active(&corners) && !is_degenerate(&corners)
-        };
         let all = 0..geometry.triangles.len() as u32;
-        let triangles: Vec<_> = all
-            .filter(hittable)
-            .map(|i| (i, geometry.scaled_corners(i)))
-            .collect();
+        let given: Vec<_> = all.clone().map(|i| geometry.corners(i)).collect();
+        let hittable = |&i: &u32| {
+            let corners = &given[i as usize];
+            is_active(corners) && !is_degenerate(corners)
+        };
+        let triangles = all.filter(hittable);
+        let triangles: Vec<_> = triangles.map(|i| (i, geometry.scaled_corners(i))).collect();
         let boxes = triangles.iter().map(|(_, t)| Aabb::of_triangle(t));
         Self {
             scale: geometry.scale,
             range: geometry.range,
-            given: (0..geometry.triangles.len() as u32)
-                .map(|i| geometry.corners(i))
-                .collect(),
             root: boxes.fold(Aabb::EMPTY, Aabb::union),
             triangles,
+            given,
         }
     }
 
@@ -72,23 +69,15 @@ impl World {
             return Hit::MISS;
         };
         let hits = self.triangles.iter().filter_map(|(triangle, corners)| {
-            let m = self.hit(&ray, corners, test)?;
-            Some(Hit {
-                t: m.t,
-                u: m.u,
-                v: m.v,
-                triangle: *triangle,
-            })
+            let Meeting { t, u, v } = self.hit(&ray, corners, test)?;
+            let triangle = *triangle;
+            Some(Hit { t, u, v, triangle })
         });
-        let best = hits.reduce(|a, b| if b.is_before(&a) { b } else { a });
-        best.map_or(Hit::MISS, |hit| Hit {
-            t: ray.unscaled(hit.t),
-            ..hit
-        })
-    }
-
-    pub(crate) fn any(&self, ray: &Ray, test: Test) -> bool {
-        self.closest(ray, test).is_hit()
+        let mut hit = first(hits);
+        if hit.is_hit() {
+            hit.t = ray.unscaled(hit.t);
+        }
+        hit
     }
 
     /// Whether the way from a hit of `ray` to a light is blocked.
@@ -164,30 +153,18 @@ impl World {
         if !ray.is_valid() {
             return Hit::MISS;
         }
-        assert_eq!(
-            rule,
-            Rule::Moved,
-            "exact arithmetic has an oracle of its own"
-        );
-        let line = Line {
-            ray: *ray,
-            shift: 0,
-        };
+        assert_eq!(rule, Rule::Moved, "exact arithmetic has its own oracle");
+        let (ray, shift) = (*ray, 0);
+        let line = Line { ray, shift };
         let others = self.triangles.iter().filter(|(i, _)| Some(*i) != but);
         let hits = others.filter_map(|(triangle, _)| {
             let corners = &self.given[*triangle as usize];
             let t = line.meet_moved(corners)?.t() + 0.0;
-            let [u, v] = line.weights(corners);
-            let hit = Hit {
-                t,
-                u,
-                v,
-                triangle: *triangle,
-            };
+            let ([u, v], triangle) = (line.weights(corners), *triangle);
+            let hit = Hit { t, u, v, triangle };
             (ray.t_min < t && t < ray.t_max).then_some(hit)
         });
-        let best = hits.reduce(|a, b| if b.is_before(&a) { b } else { a });
-        best.unwrap_or(Hit::MISS)
+        first(hits)
     }
 
     /// Triangles that a test hits ahead of the ray's start though the box test misses their box.
@@ -241,6 +218,12 @@ impl World {
     }
 }
 
+/// The closest of hits, by the least index of equals.
+fn first(hits: impl Iterator<Item = Hit>) -> Hit {
+    let best = hits.reduce(|a, b| if b.is_before(&a) { b } else { a });
+    best.unwrap_or(Hit::MISS)
+}
+
 /// The watertight test, one number at a time.
 fn watertight(ray: &PreparedRay, corners: &Triangle) -> Option<Meeting> {
     let d = ray.direction;
@@ -270,19 +253,12 @@ fn watertight(ray: &PreparedRay, corners: &Triangle) -> Option<Meeting> {
     let [u, v, w] = rounded.map(|x| zero_below(-100, x));
     let det = (u + v) + w;
     if det == 0.0 || !det.is_finite() {
-        return Some(Meeting {
-            t: a[2],
-            u: 0.0,
-            v: 0.0,
-        });
+        let (t, u, v) = (a[2], 0.0, 0.0);
+        return Some(Meeting { t, u, v });
     }
     let [ta, tb, tc] = [u * a[2], v * b[2], w * c[2]].map(|x| zero_below(-100, x));
-    let t = ((ta + tb) + tc) / det;
-    Some(Meeting {
-        t,
-        u: v / det,
-        v: w / det,
-    })
+    let [t, u, v] = [(ta + tb) + tc, v, w].map(|x| x / det);
+    Some(Meeting { t, u, v })
 }
 
 /// `x`, or zero if it is smaller than `2^e`.
@@ -294,15 +270,7 @@ fn zero_below(e: i32, x: f32) -> f32 {
 fn sign(rounded: f32, p: Point, q: Point) -> i32 {
     let of = |x: f64| i32::from(x > 0.0) - i32::from(x < 0.0);
     let [px, py, qx, qy] = [p[0], p[1], q[0], q[1]].map(f64::from);
-    for candidate in [
-        of(rounded.into()),
-        of(px * qy - py * qx),
-        of(py - qy),
-        of(qx - px),
-    ] {
-        if candidate != 0 {
-            return candidate;
-        }
-    }
-    0
+    let exact = of(px * qy - py * qx);
+    let all = [of(rounded.into()), exact, of(py - qy), of(qx - px)];
+    all.into_iter().find(|&sign| sign != 0).unwrap_or(0)
 }

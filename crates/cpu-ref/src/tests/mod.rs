@@ -2,7 +2,6 @@
 
 mod contract;
 mod law;
-mod misuse;
 mod shadow;
 mod trace;
 mod watertight;
@@ -14,6 +13,7 @@ use bvh_layout::{Converter, Topology};
 use geom::{Aabb, Animation, Point, Pose, Ray, Triangle};
 use proptest::prelude::RngExt;
 use proptest::test_runner::{RngAlgorithm, TestRng};
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// The same numbers at every run.
@@ -112,9 +112,33 @@ pub(crate) fn bits(hits: &[geom::Hit]) -> Vec<[u32; 4]> {
     hits.iter().map(bits).collect()
 }
 
-/// A closed sphere round `centre`: `20 * 4^levels` triangles in random order, turned at random.
-pub(crate) fn icosphere(levels: u32, radius: f64, centre: Point) -> Animation {
-    let (vertices, mut triangles) = subdivide(levels);
+/// A closed sphere round `centre`, of `rings` bands from pole to pole: triangles in random order, turned at random.
+pub(crate) fn sphere(rings: u32, radius: f64, centre: Point) -> Animation {
+    let around = 2 * rings;
+    let at = |ring: u32, k: u32| match ring {
+        0 => 0,
+        _ if ring == rings => 1,
+        _ => 2 + (ring - 1) * around + k % around,
+    };
+    let mut vertices = vec![[0.0; 3]; 2 + ((rings - 1) * around) as usize];
+    let mut triangles = Vec::new();
+    for (ring, k) in (0..=rings).flat_map(|ring| (0..around).map(move |k| (ring, k))) {
+        let [down, along] = [ring, k].map(|i| PI * f64::from(i) / f64::from(rings));
+        let unit = [
+            down.sin() * along.cos(),
+            down.cos(),
+            down.sin() * along.sin(),
+        ];
+        let place = |i: usize| (f64::from(centre[i]) + radius * unit[i]) as f32;
+        vertices[at(ring, k) as usize] = std::array::from_fn(place);
+        if ring < rings {
+            let [a, b] = [at(ring, k), at(ring, k + 1)];
+            let [c, d] = [at(ring + 1, k), at(ring + 1, k + 1)];
+            triangles.extend([[a, b, c], [b, d, c]]);
+        }
+    }
+    // At the poles.
+    triangles.retain(|[a, b, c]| a != b && b != c && c != a);
     let mut rng = rng();
     for i in (1..triangles.len()).rev() {
         triangles.swap(i, rng.random_range(0..=i));
@@ -125,60 +149,12 @@ pub(crate) fn icosphere(levels: u32, radius: f64, centre: Point) -> Animation {
             t.swap(0, 1);
         }
     }
-    let place = |v: &[f64; 3]| -> Point {
-        let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
-        std::array::from_fn(|i| (f64::from(centre[i]) + radius * v[i] / length) as f32)
-    };
-    let vertices = vertices.iter().map(place).collect();
     Animation::new(vec![vertices], triangles).unwrap()
-}
-
-fn subdivide(levels: u32) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
-    let g = (1.0 + 5.0_f64.sqrt()) / 2.0;
-    let mut vertices = Vec::new();
-    for s in [-1.0, 1.0] {
-        for t in [-g, g] {
-            vertices.extend([[s, t, 0.0], [0.0, s, t], [t, 0.0, s]]);
-        }
-    }
-    let near = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>() < 4.1;
-    let mut triangles = Vec::new();
-    for i in 0..12_u32 {
-        for j in 0..i {
-            for k in 0..j {
-                let [a, b, c] = [i, j, k].map(|v| vertices[v as usize]);
-                if near(a, b) && near(b, c) && near(c, a) {
-                    triangles.push([i, j, k]);
-                }
-            }
-        }
-    }
-    for _ in 0..levels {
-        let mut middles = std::collections::HashMap::new();
-        let mut middle = |a: u32, b: u32| {
-            *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
-                let [p, q] = [a, b].map(|v| vertices[v as usize]);
-                let sum: [f64; 3] = std::array::from_fn(|i| p[i] + q[i]);
-                let length = sum.iter().map(|x| x * x).sum::<f64>().sqrt();
-                let radius = (1.0 + g * g).sqrt();
-                vertices.push(sum.map(|x| x / length * radius));
-                vertices.len() as u32 - 1
-            })
-        };
-        triangles = triangles
-            .iter()
-            .flat_map(|&[a, b, c]| {
-                let [ab, bc, ca] = [middle(a, b), middle(b, c), middle(c, a)];
-                [[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]
-            })
-            .collect();
-    }
-    (vertices, triangles)
 }
 
 /// A ball that is crushed; a triangle that comes late, one that shrinks to nothing, one that never is.
 pub(crate) fn moving() -> Arc<Animation> {
-    let ball = icosphere(3, 1.0, [0.0; 3]);
+    let ball = sphere(18, 1.0, [0.0; 3]);
     let mut triangles = ball.triangles().to_vec();
     let mut first = ball.keys()[0].clone();
     let mut second: Vec<Point> = first

@@ -1,7 +1,7 @@
 //! Closed meshes keep every ray in, and count it once.
 
 use super::law::{Test, World};
-use super::{icosphere, rng, tree_at};
+use super::{rng, sphere, tree_at};
 use crate::Accelerator;
 use crate::bvh2::Bvh2;
 use crate::geometry::Geometry;
@@ -50,7 +50,7 @@ fn aimed(animation: &Animation, centre: Point, i: usize, rng: &mut impl RngExt) 
 fn a_closed_sphere_neither_leaks_nor_is_hit_twice() {
     for offset in [0.0, 10.0, 1e3, 1e5] {
         let centre = [offset, -offset, 0.5 * offset];
-        let animation = icosphere(3, 1.0, centre);
+        let animation = sphere(12, 1.0, centre);
         let mut tree = Bvh2::default();
         let record = tree_at(&animation, animation.pose(0.0));
         tree.adopt(&record, &animation).unwrap();
@@ -82,7 +82,7 @@ fn boxes_lose_no_hit_near_or_far() {
     let mut rng = rng();
     for (offset, radius) in [(0.0, 1.0), (10.0, 1.0), (1e3, 1.0), (1e5, 30.0)] {
         let centre = [offset, -offset, 0.5 * offset];
-        let animation = icosphere(2, radius, centre);
+        let animation = sphere(9, radius, centre);
         let world = World::new(geometry(&animation));
         for (i, distance) in (0..24_000).zip([1.0, 10.0, 1e3, 1e5].into_iter().cycle()) {
             let ray = aimed(&animation, centre, i / 4, &mut rng);

@@ -1,6 +1,6 @@
 //! Boxes of inner nodes against the box test that decides hits.
 
-use crate::rays::{Given, Group, InGroup, OneRay, SingleRay};
+use crate::rays::{Given, Group, OneRay};
 use crate::simd::{Isa, Lanes, Level, Plain, Work};
 use crate::together::MOST_RAYS;
 use crate::tree::{EMPTY, LANES, Planes};
@@ -50,7 +50,7 @@ fn ray_to(bounds: Aabb) -> impl Strategy<Value = Ray> {
 }
 
 /// Entry and exit by the box test.
-fn strict(ray: &impl OneRay, bounds: &Aabb) -> [f32; 2] {
+fn strict(ray: &OneRay<'_, impl Lanes>, bounds: &Aabb) -> [f32; 2] {
     let mut span = [ray.t_min(), f32::INFINITY];
     for axis in 0..3 {
         let (o, r, q) = (ray.origin(axis), ray.inverse(axis), ray.pad(axis));
@@ -74,12 +74,12 @@ fn in_lane(bounds: &Aabb, lane: usize) -> Planes {
 }
 
 /// The lanes of `planes` that a ray meets, and where it enters each.
-struct Meet<'a, R> {
-    ray: &'a R,
+struct Meet<'a, R: Lanes> {
+    ray: &'a OneRay<'a, R>,
     planes: Planes,
 }
 
-impl<R: OneRay> Work for Meet<'_, R> {
+impl<R: Lanes> Work for Meet<'_, R> {
     type Out = (u32, [f32; LANES]);
 
     #[inline(always)]
@@ -90,7 +90,7 @@ impl<R: OneRay> Work for Meet<'_, R> {
     }
 }
 
-fn check(ray: &impl OneRay, bounds: &Aabb) -> Result<(), TestCaseError> {
+fn check(ray: &OneRay<'_, impl Lanes>, bounds: &Aabb) -> Result<(), TestCaseError> {
     let [entry, exit] = strict(ray, bounds);
     let lane = 5;
     for level in Level::all() {
@@ -114,10 +114,11 @@ proptest! {
         let Some(prepared) = PreparedRay::new(&ray, Scale::ONE) else {
             return Ok(());
         };
-        check(&SingleRay::new(&prepared, &root), &bounds)?;
+        let alone = Group::alone(&prepared, &root);
+        check(&OneRay { group: &alone, lane: 0 }, &bounds)?;
         let group = Group::<Plain<8>>::new(&Given::of(&[ray; MOST_RAYS]), Scale::ONE, &root);
         if group.ready & 1 == 1 {
-            check(&InGroup { group: &group, lane: 0 }, &bounds)?;
+            check(&OneRay { group: &group, lane: 0 }, &bounds)?;
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The driver's dealings with trees: asking, passing vertices on, hearing, swapping.
 
 use super::{Driver, PipelineError};
-use crate::builder_thread::{BuildFailed, Job};
+use crate::builder_thread::{BuildResult, Job};
 use crate::frame::{Adopted, Submission, TreeMoments};
 use crate::sampling;
 use crate::schedule::{FramePlan, Pace, Swap, Update};
@@ -68,10 +68,6 @@ impl Driver {
         }
     }
 
-    fn halves(&self) -> [Pose; 2] {
-        self.poses(self.predictor.halves_of_use())
-    }
-
     fn poses(&self, times: [f64; 2]) -> [Pose; 2] {
         times.map(|time| self.animation.pose(time))
     }
@@ -134,11 +130,11 @@ impl Driver {
         let Some(generation) = plan.ask else {
             return Ok(());
         };
-        let pending = self.ask(generation, pose);
+        let mut pending = self.ask(generation, pose);
         if plan.at_once {
-            let built = self.build_now(pending, None)?;
+            let built = self.build_now(&mut pending, None)?;
             self.schedule.forget(generation);
-            if let Ok((built, pending)) = built {
+            if let Ok(built) = built {
                 self.adopt(built, &pending)?;
             }
         } else {
@@ -153,14 +149,16 @@ impl Driver {
     /// Builds the first tree, while the first frame waits.
     pub(super) fn first_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
         let mut pending = self.ask(FIRST, pose);
-        let made = if self.options.update == Update::TSah {
-            self.build_for_all(pending)
+        let built = if self.options.update == Update::TSah {
+            self.build_for_all(&mut pending)
         } else {
-            let halves = self.first_halves();
+            // Built ahead, it is built for more than the frame.
+            let ahead = self.predicts() && self.may_reject();
+            let halves = self.predictor.halves_of_first_use().filter(|_| ahead);
             pending.middle = halves.map_or(pending.middle, |[a, b]| f64::midpoint(a, b));
-            self.build_now(pending, halves.map(|times| self.poses(times)))?
+            self.build_now(&mut pending, halves.map(|times| self.poses(times)))?
         };
-        let (built, pending) = made.map_err(|e| PipelineError::FirstTree(e.reason))?;
+        let built = built.map_err(PipelineError::FirstTree)?;
         let moments = &built.moments;
         self.predictor.first_took(moments.ended - moments.begun);
         self.adopt(built, &pending)
@@ -177,7 +175,9 @@ impl Driver {
             middle,
             asked: Instant::now(),
             latency: None,
-            halves: self.predicts().then(|| self.halves()),
+            halves: self
+                .predicts()
+                .then(|| self.poses(self.predictor.halves_of_use())),
             rival_at: may_reject.then(|| self.animation.pose(middle)),
             arrived: None,
         }
@@ -205,7 +205,7 @@ impl Driver {
     }
 
     /// Puts a finished tree aside for its boundary, or forgets a failed one.
-    fn file(&mut self, generation: Generation, result: Result<Made, BuildFailed>) {
+    fn file(&mut self, generation: Generation, result: BuildResult<Made>) {
         match result {
             Ok(made) => self.finished = Some(made),
             Err(_) => self.give_up(generation),
@@ -253,18 +253,12 @@ impl Driver {
         Ok(())
     }
 
-    /// Moments early and late in the time that the first tree is built for, if it is more than the frame.
-    fn first_halves(&self) -> Option<[f64; 2]> {
-        let ahead = self.predicts() && self.may_reject();
-        ahead.then(|| self.predictor.halves_of_first_use())?
-    }
-
     /// Builds from the backend's vertices at the build's pose while the frame waits, or from what lies between `halves`.
     fn build_now(
         &mut self,
-        mut pending: PendingBuild,
+        pending: &mut PendingBuild,
         halves: Option<[Pose; 2]>,
-    ) -> Result<Result<(Built, PendingBuild), BuildFailed>, PipelineError> {
+    ) -> Result<BuildResult<Built>, PipelineError> {
         self.backend.interpolate(pending.pose)?;
         self.pose = Some(pending.pose);
         self.backend.request_positions()?;
@@ -297,14 +291,11 @@ impl Driver {
             }
         });
         self.beginning.build_wait += arrived.elapsed();
-        Ok(built.map(|built| (built, pending)))
+        Ok(built)
     }
 
     /// Builds one tree for the whole time to come while the frame waits.
-    fn build_for_all(
-        &mut self,
-        mut pending: PendingBuild,
-    ) -> Result<(Built, PendingBuild), BuildFailed> {
+    fn build_for_all(&mut self, pending: &mut PendingBuild) -> BuildResult<Built> {
         let begun = Instant::now();
         pending.arrived = Some((begun, 0));
         let (animation, pose, light) = (&self.animation, pending.pose, self.light);
@@ -314,7 +305,7 @@ impl Driver {
             builder.build_for_all(animation, &samples, pose, &Cancel::new())
         });
         self.beginning.build_wait += begun.elapsed();
-        built.map(|built| (built, pending))
+        built
     }
 
     fn adopt(&mut self, built: Built, pending: &PendingBuild) -> Result<(), PipelineError> {

@@ -14,7 +14,7 @@ impl Driver {
     ///
     /// No tree ages, no time goes on, nobody is asked for a tree: the frames to come are what they would have been.
     /// (A build in flight goes on meanwhile; there is none yet after the first frame.) A builder that runs free first
-    /// makes a tree that is thrown away, so that those to come find their memory: see [`crate::TreeBuilder::warm_up`].
+    /// makes a tree that is thrown away, so that those to come find their memory: see `TreeBuilder::warm_up`.
     ///
     /// # Errors
     /// The backend's.

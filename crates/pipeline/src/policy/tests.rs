@@ -2,86 +2,69 @@
 
 use super::*;
 
-/// Seconds of all frames, the first tree included, by each policy; `each` makes a tree a frame.
-struct Measured {
-    scene: (&'static str, usize, f64),
-    frames: usize,
-    refit: f64,
-    async_: f64,
-    t_sah: f64,
-    each: f64,
-}
+/// A scene with its triangles and decay, frames, and seconds of all of them, the first tree included, by `refit`, `async`,
+/// `t-sah`, and a tree a frame.
+type Measured = (Scene, usize, [f64; 4]);
+type Scene = (&'static str, usize, f64);
 
-const GROVE: (&str, usize, f64) = ("grove", 173_987, 1.06);
-const COLLIDE: (&str, usize, f64) = ("collide", 252_000, 1.74);
-const SMALL_COLLIDE: (&str, usize, f64) = ("collide:20000", 19_992, 1.5);
-const TWIST: (&str, usize, f64) = ("twist", 100_112, 1.05);
-const LARGE_TWIST: (&str, usize, f64) = ("twist:1600000", 1_600_098, 1.09);
-const SHATTER: (&str, usize, f64) = ("shatter", 1_599_900, 15.01);
-const SMALL_SHATTER: (&str, usize, f64) = ("shatter:70000", 69_924, 13.01);
-
-const fn run(scene: (&'static str, usize, f64), frames: usize, all: [f64; 4]) -> Measured {
-    let [refit, async_, t_sah, each] = all;
-    Measured {
-        scene,
-        frames,
-        refit,
-        async_,
-        t_sah,
-        each,
-    }
-}
+const GROVE: Scene = ("grove", 173_987, 1.06);
+const COLLIDE: Scene = ("collide", 252_000, 1.74);
+const SMALL_COLLIDE: Scene = ("collide:20000", 19_992, 1.5);
+const TWIST: Scene = ("twist", 100_112, 1.05);
+const LARGE_TWIST: Scene = ("twist:1600000", 1_600_098, 1.09);
+const SHATTER: Scene = ("shatter", 1_599_900, 15.01);
+const SMALL_SHATTER: Scene = ("shatter:70000", 69_924, 13.01);
 
 /// `abvh render demo:SCENE --no-images --layout fast --update POLICY --stats FILE`, sums of `wall_ms`, one run each,
-/// commit efe1e7c. NVIDIA H100 80GB HBM3, driver 580, 16 cores, `vulkan`, 1920x1200; `each` is `device-rebuild`.
+/// commit efe1e7c. NVIDIA H100 80GB HBM3, driver 580, 16 cores, `vulkan`, 1920x1200; a tree a frame by `device-rebuild`.
 const H100: [Measured; 12] = [
-    run(GROVE, 48, [0.05, 0.06, 0.16, 0.29]),
-    run(COLLIDE, 48, [0.05, 0.05, 0.27, 0.04]),
-    run(TWIST, 48, [0.02, 0.03, 0.10, 0.04]),
-    run(SHATTER, 48, [7.23, 0.47, 1.52, 0.09]),
-    run(SMALL_SHATTER, 48, [0.30, 0.05, 0.09, 0.04]),
-    run(LARGE_TWIST, 48, [0.18, 0.19, 1.49, 0.15]),
-    run(GROVE, 240, [0.15, 0.15, 0.29, 0.31]),
-    run(COLLIDE, 240, [0.16, 0.11, 0.36, 0.20]),
-    run(TWIST, 240, [0.07, 0.07, 0.15, 0.15]),
-    run(SHATTER, 240, [26.66, 0.55, 1.57, 0.35]),
-    run(SMALL_SHATTER, 240, [1.47, 0.08, 0.14, 0.15]),
-    run(LARGE_TWIST, 240, [0.34, 0.38, 1.60, 0.37]),
+    (GROVE, 48, [0.05, 0.06, 0.16, 0.29]),
+    (COLLIDE, 48, [0.05, 0.05, 0.27, 0.04]),
+    (TWIST, 48, [0.02, 0.03, 0.10, 0.04]),
+    (SHATTER, 48, [7.23, 0.47, 1.52, 0.09]),
+    (SMALL_SHATTER, 48, [0.30, 0.05, 0.09, 0.04]),
+    (LARGE_TWIST, 48, [0.18, 0.19, 1.49, 0.15]),
+    (GROVE, 240, [0.15, 0.15, 0.29, 0.31]),
+    (COLLIDE, 240, [0.16, 0.11, 0.36, 0.20]),
+    (TWIST, 240, [0.07, 0.07, 0.15, 0.15]),
+    (SHATTER, 240, [26.66, 0.55, 1.57, 0.35]),
+    (SMALL_SHATTER, 240, [1.47, 0.08, 0.14, 0.15]),
+    (LARGE_TWIST, 240, [0.34, 0.38, 1.60, 0.37]),
 ];
 
 /// The same machine, `taskset -c 0,1`.
 const H100_TWO_CORES: [Measured; 2] = [
-    run(SHATTER, 240, [f64::INFINITY, 2.70, 7.30, 0.36]),
-    run(COLLIDE, 240, [f64::INFINITY, 0.21, 1.29, 0.20]),
+    (SHATTER, 240, [f64::INFINITY, 2.70, 7.30, 0.36]),
+    (COLLIDE, 240, [f64::INFINITY, 0.21, 1.29, 0.20]),
 ];
 
-/// The same machine, `cpu` on its 16 cores, 960x600; `each` is `rebuild`.
+/// The same machine, `cpu` on its 16 cores, 960x600; a tree a frame by `rebuild`.
 const SIXTEEN_CORES: [Measured; 6] = [
-    run(GROVE, 48, [0.84, 0.88, 0.99, 1.61]),
-    run(COLLIDE, 48, [0.62, 0.67, 0.80, 1.71]),
-    run(TWIST, 48, [0.45, 0.47, 0.45, 0.91]),
-    run(SHATTER, 48, [f64::INFINITY, 1.78, 2.13, 6.32]),
-    run(SMALL_SHATTER, 48, [2.05, 0.32, 0.39, 0.61]),
-    run(LARGE_TWIST, 48, [0.83, 1.51, 1.98, 6.27]),
+    (GROVE, 48, [0.84, 0.88, 0.99, 1.61]),
+    (COLLIDE, 48, [0.62, 0.67, 0.80, 1.71]),
+    (TWIST, 48, [0.45, 0.47, 0.45, 0.91]),
+    (SHATTER, 48, [f64::INFINITY, 1.78, 2.13, 6.32]),
+    (SMALL_SHATTER, 48, [2.05, 0.32, 0.39, 0.61]),
+    (LARGE_TWIST, 48, [0.83, 1.51, 1.98, 6.27]),
 ];
 
-/// AMD EPYC (Zen 5), 2 cores of a virtual machine, `cpu`, 640x360; `each` is `rebuild`.
+/// AMD EPYC (Zen 5), 2 cores of a virtual machine, `cpu`, 640x360; a tree a frame by `rebuild`.
 const TWO_CORES: [Measured; 6] = [
-    run(GROVE, 48, [1.01, 1.69, 1.39, 2.52]),
-    run(COLLIDE, 48, [0.81, 1.03, 1.12, 2.67]),
-    run(TWIST, 48, [0.38, 0.63, 0.55, 1.17]),
-    run(SHATTER, 48, [173.53, 4.84, 5.70, 18.58]),
-    run(SMALL_SHATTER, 48, [3.36, 0.60, 0.51, 0.97]),
-    run(SMALL_COLLIDE, 48, [0.29, 0.35, 0.31, 0.43]),
+    (GROVE, 48, [1.01, 1.69, 1.39, 2.52]),
+    (COLLIDE, 48, [0.81, 1.03, 1.12, 2.67]),
+    (TWIST, 48, [0.38, 0.63, 0.55, 1.17]),
+    (SHATTER, 48, [173.53, 4.84, 5.70, 18.58]),
+    (SMALL_SHATTER, 48, [3.36, 0.60, 0.51, 0.97]),
+    (SMALL_COLLIDE, 48, [0.29, 0.35, 0.31, 0.43]),
 ];
 
 fn facts(measured: &Measured, device: DeviceKind, cores: usize, rays: usize) -> RunFacts {
-    let (_, triangles, decay) = measured.scene;
+    let ((_, triangles, decay), frames, _) = *measured;
     let is_gpu = device == DeviceKind::Gpu;
     let quarter = (cores / 4).max(1);
     RunFacts {
-        frames: measured.frames,
-        step: 23.0 / (measured.frames - 1) as f64,
+        frames,
+        step: 23.0 / (frames - 1) as f64,
         moves: true,
         triangles,
         rays,
@@ -100,24 +83,6 @@ fn facts(measured: &Measured, device: DeviceKind, cores: usize, rays: usize) -> 
     }
 }
 
-/// What was measured of the policy that is chosen, and the least.
-fn chosen(measured: &Measured, facts: &RunFacts) -> (f64, f64, Choice) {
-    let choice = facts.choose();
-    let all = [
-        measured.refit,
-        measured.async_,
-        measured.t_sah,
-        measured.each,
-    ];
-    let taken = match choice.update {
-        Update::Refit => measured.refit,
-        Update::Async(_) => measured.async_,
-        Update::TSah => measured.t_sah,
-        Update::Rebuild | Update::DeviceRebuild => measured.each,
-    };
-    (taken, all.into_iter().fold(f64::INFINITY, f64::min), choice)
-}
-
 #[test]
 fn the_choice_takes_at_most_a_third_longer_than_the_best_measured() {
     use DeviceKind::{Cpu, Gpu};
@@ -129,13 +94,18 @@ fn the_choice_takes_at_most_a_third_longer_than_the_best_measured() {
     ];
     for (table, device, cores, rays) in tables {
         for measured in table {
-            let (taken, best, choice) = chosen(measured, &facts(measured, device, cores, rays));
+            let ((name, ..), _, seconds) = *measured;
+            let Choice { update, why } = facts(measured, device, cores, rays).choose();
+            let taken = seconds[match update {
+                Update::Refit => 0,
+                Update::Async(_) => 1,
+                Update::TSah => 2,
+                Update::Rebuild | Update::DeviceRebuild => 3,
+            }];
+            let best = seconds.into_iter().fold(f64::INFINITY, f64::min);
+            let about =
+                format!("{name} on {cores} cores of a {device:?}: {taken} s for {best}: {why}");
             // Times have two places.
-            let name = measured.scene.0;
-            let about = format!(
-                "{name} on {cores} cores of a {device:?}: {taken} s for {best}: {}",
-                choice.why
-            );
             assert!(taken <= 1.34 * best + 0.01, "{about}");
         }
     }
@@ -183,10 +153,7 @@ fn a_long_run_of_trees_that_fade_is_worth_one_for_all_of_it() {
         frames: 20_000,
         ..facts(&TWO_CORES[3], DeviceKind::Cpu, 2, 640 * 360)
     };
-    assert_eq!(long.choose().update, Update::TSah);
-    assert!(
-        long.choose().why.contains("20000 frames"),
-        "{}",
-        long.choose().why
-    );
+    let Choice { update, why } = long.choose();
+    assert_eq!(update, Update::TSah);
+    assert!(why.contains("20000 frames"), "{why}");
 }

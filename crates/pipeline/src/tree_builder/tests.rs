@@ -5,15 +5,20 @@ use crate::sampling::samples;
 use bvh_build::order_toward;
 use bvh_layout::BlockTree;
 
+/// So many triangles in a row, which in each key frame stand in these places.
+pub(crate) fn row(count: u32, places: &[&dyn Fn(u32) -> f32]) -> Animation {
+    let key = |place: &&dyn Fn(u32) -> f32| -> Vec<Point> {
+        let corners = |x: f32| [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]];
+        (0..count).flat_map(|i| corners(place(i))).collect()
+    };
+    let triangles = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
+    Animation::new(places.iter().map(key).collect(), triangles.collect()).unwrap()
+}
+
 /// Triangles in a row: in order, and with every seventh beside the first.
 fn shuffled() -> Animation {
-    let row = |place: fn(u32) -> u32| -> Vec<Point> {
-        let corner = |x: f32| [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]];
-        (0..64).flat_map(|i| corner(place(i) as f32)).collect()
-    };
-    let triangles = (0..64).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    let keys = vec![row(|i| i), row(|i| i * 37 % 64), row(|i| i)];
-    Animation::new(keys, triangles).unwrap()
+    let in_order = |i| i as f32;
+    row(64, &[&in_order, &|i| (i * 37 % 64) as f32, &in_order])
 }
 
 fn tree(made: Made) -> Option<Built> {
@@ -26,12 +31,12 @@ fn tree(made: Made) -> Option<Built> {
 #[test]
 fn only_a_tree_that_is_cheaper_where_it_will_be_used_is_handed_over() {
     let (a, cancel) = (shuffled(), Cancel::new());
-    let mut bench = TreeBuilder::new();
-    bench.build(&a, &a.keys()[0], &cancel).unwrap();
+    let mut builder = TreeBuilder::new();
+    builder.build(&a, &a.keys()[0], &cancel).unwrap();
     let other = || Vertices::KeyFrames(a.pose(1.0));
     let mut made_for = |rival_at: Option<f64>| {
         let at = rival_at.map(|t| a.pose(t));
-        tree(bench.rebuild(&a, (other(), None), at, &cancel).unwrap())
+        tree(builder.rebuild(&a, (other(), None), at, &cancel).unwrap())
     };
     assert!(made_for(Some(0.0)).is_none() && made_for(Some(2.0)).is_none());
     // What was not handed over is no rival: this one still meets the first.
@@ -43,21 +48,18 @@ fn only_a_tree_that_is_cheaper_where_it_will_be_used_is_handed_over() {
 
 /// Clumps of four triangles that change places between key frames, each turned round in every other one.
 fn clumps() -> Animation {
-    let key = |k: u32| -> Vec<Point> {
-        let odd = [1, 37, 11, 53][k as usize];
-        let at = |i: u32| {
-            let within = if k.is_multiple_of(2) {
-                i % 4
-            } else {
-                3 - i % 4
-            };
-            ((i / 4 * odd % 64) * 16) as f32 + within as f32 * 0.25
-        };
-        let corner = |x: f32| [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]];
-        (0..256).flat_map(|i| corner(at(i))).collect()
-    };
-    let triangles = (0..256).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    Animation::new((0..4).map(key).collect(), triangles).unwrap()
+    let at = |odd: u32, i: u32| (i / 4 * odd % 64 * 16) as f32;
+    let ahead = |i: u32| (i % 4) as f32 * 0.25;
+    let turned = |i: u32| (3 - i % 4) as f32 * 0.25;
+    row(
+        256,
+        &[
+            &|i| at(1, i) + ahead(i),
+            &|i| at(37, i) + turned(i),
+            &|i| at(11, i) + ahead(i),
+            &|i| at(53, i) + turned(i),
+        ],
+    )
 }
 
 /// Boxes of each triangle at both poses.
@@ -87,7 +89,7 @@ fn of_groups(last: &BinaryTree, boxes: &[Aabb]) -> BinaryTree {
 /// A builder with a tree for the first key frame, and how the next ones come.
 struct Course {
     animation: Animation,
-    bench: TreeBuilder,
+    builder: TreeBuilder,
 }
 
 impl Course {
@@ -96,20 +98,20 @@ impl Course {
     }
 
     fn with_forms(forms: Forms) -> Self {
-        let (animation, mut bench) = (clumps(), TreeBuilder::with_forms(forms));
-        let first = bench.build(&animation, &animation.keys()[0], &Cancel::new());
+        let (animation, mut builder) = (clumps(), TreeBuilder::with_forms(forms));
+        let first = builder.build(&animation, &animation.keys()[0], &Cancel::new());
         first.unwrap();
-        Self { animation, bench }
+        Self { animation, builder }
     }
 
     /// The tree before and the tree for a moment, used from a third of a key frame before it.
     fn next(&mut self, time: f64) -> [BinaryTree; 2] {
-        let (a, last) = (&self.animation, self.bench.in_use.clone());
+        let (a, last) = (&self.animation, self.builder.in_use.clone());
         let [from, at] = [time - 0.375, time].map(|t| a.pose(t));
         let what = (Vertices::KeyFrames(at), Some([from, at]));
-        let made = self.bench.rebuild(a, what, Some(at), &Cancel::new());
+        let made = self.builder.rebuild(a, what, Some(at), &Cancel::new());
         made.unwrap();
-        [last, self.bench.in_use.clone()]
+        [last, self.builder.in_use.clone()]
     }
 
     fn boxes(&self, time: f64) -> Vec<Aabb> {
@@ -138,31 +140,31 @@ fn a_tree_is_made_of_groups_of_the_last_one_until_trees_hold() {
 }
 
 #[test]
-fn practice_changes_no_tree_to_come_and_finds_its_memory() {
+fn a_warm_up_changes_no_tree_to_come_and_finds_its_memory() {
     let (a, cancel) = (clumps(), Cancel::new());
     let forms = Forms {
         treelets: true,
         blocks: false,
     };
-    let next = |practises: bool| {
-        let mut bench = TreeBuilder::with_forms(forms);
-        bench.warm_up(&a, a.pose(0.0), &cancel).unwrap();
-        assert!(bench.spare.is_empty(), "there is no tree to begin with");
-        bench.build(&a, &a.keys()[0], &cancel).unwrap();
-        if practises {
-            bench.warm_up(&a, a.pose(2.0), &cancel).unwrap();
-            assert!(!bench.spare.is_empty());
+    let next = |warms_up: bool| {
+        let mut builder = TreeBuilder::with_forms(forms);
+        builder.warm_up(&a, a.pose(0.0), &cancel).unwrap();
+        assert!(builder.spare.is_empty(), "there is no tree to begin with");
+        builder.build(&a, &a.keys()[0], &cancel).unwrap();
+        if warms_up {
+            builder.warm_up(&a, a.pose(2.0), &cancel).unwrap();
+            assert!(!builder.spare.is_empty());
         }
         let vertices = Vertices::KeyFrames(a.pose(1.0));
-        let made = bench.rebuild(&a, (vertices, None), Some(a.pose(1.0)), &cancel);
+        let made = builder.rebuild(&a, (vertices, None), Some(a.pose(1.0)), &cancel);
         tree(made.unwrap()).unwrap()
     };
-    let [plain, practised] = [false, true].map(next);
-    assert_eq!(plain.topology.words(), practised.topology.words());
+    let [plain, warmed] = [false, true].map(next);
+    assert_eq!(plain.topology.words(), warmed.topology.words());
     assert_eq!(plain.strategy, BuildStrategy::Subtrees);
     assert_eq!(
         (plain.cost, plain.strategy, plain.next),
-        (practised.cost, practised.strategy, practised.next)
+        (warmed.cost, warmed.strategy, warmed.next)
     );
 }
 
@@ -185,7 +187,7 @@ fn what_records_carry_changes_no_tree() {
     let [mut plain, mut carrying] = [Forms::default(), forms].map(Course::with_forms);
     for time in [1.0, 2.0, 2.0, 3.0] {
         assert_eq!(plain.next(time), carrying.next(time));
-        let boxes = &carrying.bench.boxes;
+        let boxes = &carrying.builder.boxes;
         assert_eq!(boxes[..], carrying.boxes(time)[..], "blocks are filled");
     }
 }
@@ -193,13 +195,13 @@ fn what_records_carry_changes_no_tree() {
 #[test]
 fn a_first_tree_for_more_than_a_moment_costs_what_it_does_at_that_moment() {
     let a = clumps();
-    let (mut bench, halves) = (TreeBuilder::new(), [0.25, 0.75]);
+    let (mut builder, halves) = (TreeBuilder::new(), [0.25, 0.75]);
     let from = (&a.keys()[0][..], halves.map(|time| a.pose(time)));
-    let built = bench.build_swept(&a, from, &Cancel::new()).unwrap();
-    assert_eq!(bench.in_use, from_scratch(&swept(&a, halves)));
+    let built = builder.build_swept(&a, from, &Cancel::new()).unwrap();
+    assert_eq!(builder.in_use, from_scratch(&swept(&a, halves)));
     assert_eq!(
         built.cost,
-        sah_cost(&bench.in_use, &swept(&a, [0.0; 2])[..])
+        sah_cost(&builder.in_use, &swept(&a, [0.0; 2])[..])
     );
 }
 
@@ -210,34 +212,22 @@ fn what_a_tree_costs_is_said_of_the_middle_whatever_it_was_built_for() {
     for time in [1.0, 2.0] {
         let [from, at] = [time - 0.375, time].map(|t| a.pose(t));
         let what = (Vertices::KeyFrames(at), Some([from, at]));
-        let made = course.bench.rebuild(a, what, Some(at), &Cancel::new());
+        let made = course.builder.rebuild(a, what, Some(at), &Cancel::new());
         let cost = tree(made.unwrap()).unwrap().cost;
-        let found = sah_cost(&course.bench.in_use, &swept(a, [time; 2])[..]);
+        let found = sah_cost(&course.builder.in_use, &swept(a, [time; 2])[..]);
         assert!((cost / found - 1.0).abs() < 1e-9, "{cost} {found}");
-    }
-}
-
-#[test]
-fn a_tree_equal_to_the_one_in_use_is_taken() {
-    let mut course = Course::new();
-    let a = &course.animation;
-    for _ in 0..9 {
-        let what = (Vertices::KeyFrames(a.pose(1.0)), None);
-        let at = Some(a.pose(1.0));
-        let made = course.bench.rebuild(a, what, at, &Cancel::new());
-        assert!(tree(made.unwrap()).is_some());
     }
 }
 
 #[test]
 fn a_tree_that_nobody_weighs_does_not_count_as_faded() {
     let (a, cancel) = (shuffled(), Cancel::new());
-    let mut bench = TreeBuilder::new();
-    bench.build(&a, &a.keys()[0], &cancel).unwrap();
+    let mut builder = TreeBuilder::new();
+    builder.build(&a, &a.keys()[0], &cancel).unwrap();
     let halves = [0.625, 1.0].map(|t| a.pose(t));
     for _ in 0..3 {
         let from = Vertices::KeyFrames(a.pose(1.0));
-        let made = bench.rebuild(&a, (from, Some(halves)), None, &cancel);
+        let made = builder.rebuild(&a, (from, Some(halves)), None, &cancel);
         let own = TreeBuilder::new().build(&a, &a.keys()[1], &cancel).unwrap();
         let found = tree(made.unwrap()).unwrap();
         assert_eq!(found.topology.words(), own.topology.words());
@@ -261,49 +251,38 @@ fn key_frames_make_the_same_tree_as_the_vertices_read_back() {
 fn a_tree_for_all_times_is_never_worse_over_them_than_the_first_frames() {
     let (a, cancel) = (shuffled(), Cancel::new());
     let samples = samples(&a, [0.0, 2.0]);
-    let mut bench = TreeBuilder::new();
+    let mut builder = TreeBuilder::new();
     let first = a.pose(0.0);
-    let for_all = bench.build_for_all(&a, &samples, first, &cancel).unwrap();
-    let own = bench.build(&a, &a.keys()[0], &cancel).unwrap();
+    let for_all = builder.build_for_all(&a, &samples, first, &cancel).unwrap();
+    let own = builder.build(&a, &a.keys()[0], &cancel).unwrap();
     assert_eq!(for_all.cost, own.cost);
     assert_ne!(for_all.topology.words(), own.topology.words());
     // Where hardly anything but the first frame counts, its own tree is taken.
     let mut rarely = samples;
     rarely[1..].iter_mut().for_each(|s| s.weight *= 1e-9);
-    let for_first = bench.build_for_all(&a, &rarely, first, &cancel).unwrap();
+    let for_first = builder.build_for_all(&a, &rarely, first, &cancel).unwrap();
     assert_eq!(for_first.topology.words(), own.topology.words());
-}
-
-#[test]
-fn records_carry_the_forms_that_were_asked_for() {
-    let (a, cancel) = (shuffled(), Cancel::new());
-    for (treelets, blocks) in [(false, false), (true, false), (false, true)] {
-        let mut bench = TreeBuilder::with_forms(Forms { treelets, blocks });
-        let tree = bench.build(&a, &a.keys()[0], &cancel).unwrap().topology;
-        let carried = (tree.treelets().is_some(), tree.blocks().is_some());
-        assert_eq!(carried, (treelets, blocks));
-    }
 }
 
 #[test]
 fn a_tree_that_was_never_used_is_taken_back() {
     let (a, cancel) = (shuffled(), Cancel::new());
     let at = |time| a.pose(time);
-    let from = |bench: &mut TreeBuilder, time| {
+    let from = |builder: &mut TreeBuilder, time| {
         let what = (Vertices::KeyFrames(at(time)), None);
-        tree(bench.rebuild(&a, what, Some(at(time)), &cancel).unwrap())
+        tree(builder.rebuild(&a, what, Some(at(time)), &cancel).unwrap())
     };
-    let mut bench = TreeBuilder::new();
-    bench.build(&a, &a.keys()[0], &cancel).unwrap();
-    let used = bench.in_use.clone();
-    from(&mut bench, 1.0).expect("another order, another tree");
-    assert_ne!(bench.in_use, used);
-    bench.revert();
-    assert_eq!(bench.in_use, used);
+    let mut builder = TreeBuilder::new();
+    builder.build(&a, &a.keys()[0], &cancel).unwrap();
+    let used = builder.in_use.clone();
+    from(&mut builder, 1.0).expect("another order, another tree");
+    assert_ne!(builder.in_use, used);
+    builder.revert();
+    assert_eq!(builder.in_use, used);
     // The next one is set against the one in use.
     let mut other = TreeBuilder::new();
     other.build(&a, &a.keys()[0], &cancel).unwrap();
-    let [one, other] = [&mut bench, &mut other].map(|b| from(b, 0.7).map(|t| t.topology));
+    let [one, other] = [&mut builder, &mut other].map(|b| from(b, 0.7).map(|t| t.topology));
     assert_eq!(one, other);
 }
 
@@ -311,7 +290,7 @@ fn a_tree_that_was_never_used_is_taken_back() {
 fn an_old_records_memory_is_used_again() {
     let (a, cancel) = (shuffled(), Cancel::new());
     for treelets in [false, true] {
-        let mut bench = TreeBuilder::with_forms(Forms {
+        let mut builder = TreeBuilder::with_forms(Forms {
             treelets,
             blocks: false,
         });
@@ -319,11 +298,11 @@ fn an_old_records_memory_is_used_again() {
             let treelets = tree.treelets().map(|t| t.words().as_ptr());
             (tree.words().as_ptr(), treelets)
         };
-        let first = bench.build(&a, &a.keys()[0], &cancel).unwrap().topology;
+        let first = builder.build(&a, &a.keys()[0], &cancel).unwrap().topology;
         let before = memory(&first);
-        bench.reuse(first.into_spare());
-        bench.reuse(Spare::default());
-        let again = bench.build(&a, &a.keys()[1], &cancel).unwrap().topology;
+        builder.reuse(first.into_spare());
+        builder.reuse(Spare::default());
+        let again = builder.build(&a, &a.keys()[1], &cancel).unwrap().topology;
         assert_eq!(memory(&again), before);
         assert_eq!(before.1.is_some(), treelets);
     }
@@ -333,11 +312,11 @@ fn an_old_records_memory_is_used_again() {
 fn a_tree_for_all_times_faces_the_light_too() {
     let (a, light) = (clumps(), [900.0, 5.0, 1.0]);
     let tree = |toward| {
-        let mut bench = TreeBuilder::new();
-        bench.order_toward(toward);
+        let mut builder = TreeBuilder::new();
+        builder.order_toward(toward);
         let all = samples(&a, [0.0, 3.0]);
-        let built = bench.build_for_all(&a, &all, a.pose(0.0), &Cancel::new());
-        built.map(|_| bench.in_use).unwrap()
+        let built = builder.build_for_all(&a, &all, a.pose(0.0), &Cancel::new());
+        built.map(|_| builder.in_use).unwrap()
     };
     let plain = tree(None);
     let mut turned = plain.clone();
@@ -362,10 +341,10 @@ fn blocks_of_a_tree_that_faces_the_light_are_asked_in_its_order() {
         blocks: true,
     };
     for (toward, first) in [(None, First::Larger), (Some([-9.0, 5.0, 1.0]), First::Left)] {
-        let mut bench = TreeBuilder::with_forms(forms);
-        bench.order_toward(toward);
-        let tree = bench.build(&a, &a.keys()[0], &cancel).unwrap().topology;
-        let of = |first| BlockTree::of(&tree, a.triangles(), (&bench.boxes[..], first));
+        let mut builder = TreeBuilder::with_forms(forms);
+        builder.order_toward(toward);
+        let tree = builder.build(&a, &a.keys()[0], &cancel).unwrap().topology;
+        let of = |first| BlockTree::of(&tree, a.triangles(), (&builder.boxes[..], first));
         assert!(of(First::Larger) != of(First::Left));
         assert!(**tree.blocks().unwrap() == of(first), "{first:?}");
     }

@@ -3,8 +3,8 @@
 use crate::{Run, drifting, run_paced, run_scene};
 use backend::Generation;
 use bvh_build::Cancel;
-use geom::{Animation, Point, Pose};
-use pipeline::{Adopted, BuildStrategy, FrameRecord, Made, Pace, TreeBuilder, Update, Vertices};
+use geom::{Animation, Point};
+use pipeline::{Adopted, FrameRecord, Made, Pace, TreeBuilder, Update, Vertices};
 use std::sync::Arc;
 
 /// Triangles in a row whose order is another in every key frame.
@@ -39,30 +39,25 @@ fn tree_at(animation: &Animation, time: f64) -> Vec<u32> {
 
 /// Positions never arrive, and nobody asks for them but the first frame.
 fn foreseen(update: Update) -> Run {
-    let run = run_scene(&drifting(60), 50, (update, true), (None, None));
+    let run = run_scene(&drifting(60), 50, (update, true), None);
     assert_eq!(run.log.requested, 1);
     run
 }
 
 #[test]
 fn trees_built_ahead_read_nothing_back() {
-    let run = foreseen(Update::Async(Pace::Free));
+    let run = foreseen(FREE.0);
     assert!(run.built && run.log.adopted.len() > 3);
     let trees = || run.records.iter().filter_map(|r| r.adopted);
     assert!(trees().skip(1).all(|t| t.snapshot_bytes == 0));
-    let run = foreseen(Update::Async(Pace::Lockstep(4)));
+    let run = foreseen(lockstep(4));
     assert_eq!(run.log.adopted.len(), 13);
 }
 
 #[test]
 fn in_lockstep_a_tree_is_built_for_the_middle_of_its_use() {
     let animation = shuffled(30);
-    let run = run_scene(
-        &animation,
-        29,
-        (Update::Async(Pace::Lockstep(3)), true),
-        (None, None),
-    );
+    let run = run_scene(&animation, 29, (lockstep(3), true), None);
     let tree_at = |time| tree_at(&animation, time);
     // Asked for at frames 1, 4 and so on, each tree is used from the 3rd to the 5th frame after.
     for (i, words) in run.log.trees[1..].iter().enumerate() {
@@ -73,100 +68,16 @@ fn in_lockstep_a_tree_is_built_for_the_middle_of_its_use() {
     assert!(run.log.trees.len() > 8);
 }
 
-/// Frames at every half key, which come faster than trees.
-fn steady() -> (Arc<Animation>, Run) {
-    let animation = many_shuffled(65, 1 << 13);
-    let run = run_scene(&animation, 128, FREE, (None, None));
-    (animation, run)
-}
-
 const FREE: (Update, bool) = (Update::Async(Pace::Free), true);
 
-/// What a driver was to tell its builder of a tree, and when.
-#[derive(Clone, Copy)]
-struct Told {
-    frame: u32,
-    /// Early in its use, in the middle, and late; `None` if only the driver's clock knew.
-    poses: Option<[Pose; 3]>,
+fn lockstep(k: u32) -> Update {
+    Update::Async(Pace::Lockstep(k))
 }
 
-/// The trees after the first that come of what a driver was to tell its builder in `run`, with the halves of their use or
-/// without, and what they were to be built for; `None` if the second one was rejected, so that nobody knows that.
-fn foretold(
-    animation: &Animation,
-    run: &Run,
-    with_halves: bool,
-) -> Option<Vec<(Option<Pose>, Vec<u32>)>> {
-    let (mut bench, cancel) = (TreeBuilder::new(), Cancel::new());
-    let halves = [0.25, 0.75].map(|time| animation.pose(time));
-    let first = bench.build_swept(animation, (&positions(animation, 0.0), halves), &cancel);
-    first.unwrap();
-    let (mut seen, mut next) = ([None::<f64>; 2], BuildStrategy::Scratch);
-    let (mut told, mut trees) = (None::<Told>, Vec::new());
-    for (i, record) in (0_u32..).zip(&run.records).skip(1) {
-        if record.adopted.is_some() || record.rejected.is_some() {
-            let poses = told?.poses;
-            let used = poses.or(record.adopted.map(|tree| [tree.built_for; 3]));
-            let [early, middle, late]: [Pose; 3] = used?;
-            let halves = with_halves.then_some([early, late]);
-            let what = (Vertices::KeyFrames(middle), halves);
-            let made = bench.rebuild(animation, what, Some(middle), &cancel);
-            if let Made::Tree(tree) = made.unwrap() {
-                // Left, for its moment was too far off, if it is not adopted.
-                let adopted = record.adopted?;
-                let took = adopted.latency_frames as f64;
-                assert!(took <= f64::from(i - told?.frame));
-                let known = &mut seen[tree.strategy as usize];
-                *known = Some(known.map_or(took, |before| f64::midpoint(before, took).min(took)));
-                next = tree.next;
-                trees.push((poses.map(|p| p[1]), tree.topology.into_words()));
-            }
-        }
-        if record.asked.is_some() {
-            let time = |l: f64, share: f64| record.frame.time + 0.5 * (l + share * (l - 1.0));
-            let pose = |l, share| animation.pose(f64::min(time(l, share), animation.end()));
-            let poses = expected(seen, next).map(|l| [0.25, 0.5, 0.75].map(|share| pose(l, share)));
-            told = Some(Told { frame: i, poses });
-        }
-    }
-    Some(trees)
-}
-
-/// How many frames the next tree is expected to take.
-fn expected([scratch, groups]: [Option<f64>; 2], next: BuildStrategy) -> Option<f64> {
-    match next {
-        BuildStrategy::Scratch => scratch.or(groups.map(|l| 2.0 * l)),
-        BuildStrategy::Subtrees => groups.or(scratch.map(|l| (0.5 * l).max(1.0))),
-    }
-}
-
-#[test]
-fn a_tree_is_built_for_the_middle_of_its_use_and_the_builder_is_told_the_halves() {
-    let known = (0..40).find_map(|_| {
-        let (animation, run) = steady();
-        let trees = foretold(&animation, &run, true)?;
-        Some((trees, foretold(&animation, &run, false)?, run))
-    });
-    let (trees, without, run) = known.expect("second trees are taken");
-    let adopted = run.records.iter().filter_map(|r| r.adopted).skip(1);
-    for (adopted, (expected, _)) in adopted.zip(&trees) {
-        assert_eq!(adopted.built_for, expected.unwrap_or(adopted.built_for));
-    }
-    assert!(trees.iter().filter(|t| t.0.is_some()).count() > 2);
-    let words = |trees: Vec<(_, Vec<u32>)>| trees.into_iter().map(|t| t.1).collect::<Vec<_>>();
-    let trees = words(trees);
-    assert!(trees == run.log.trees[1..]);
-    assert!(trees != words(without), "no tree faded");
-}
-
-/// The first frames come faster than others, so trees come before their time.
+/// Frames at every half key, the first of which come faster than others, so trees come before their time.
 fn early(triangles: u32, rest: fn(u64) -> u64) -> Run {
-    run_paced(
-        &many_shuffled(65, triangles),
-        (128, rest),
-        FREE,
-        (None, None),
-    )
+    let animation = many_shuffled(65, triangles);
+    run_paced(&animation, (128, rest), FREE, (None, None))
 }
 
 /// The moment that a tree was built for.
@@ -201,20 +112,22 @@ fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
 /// The tree asked for in the frame that `left` the second one, which nobody used: of groups of the first.
 fn made_after(left: &FrameRecord) -> Vec<u32> {
     let animation = many_shuffled(65, 1 << 13);
-    let (mut bench, cancel) = (TreeBuilder::new(), Cancel::new());
+    let (mut builder, cancel) = (TreeBuilder::new(), Cancel::new());
     let pose = |time| animation.pose(time);
     let own = positions(&animation, 0.0);
-    let first = bench.build_swept(&animation, (&own, [0.25, 0.75].map(pose)), &cancel);
+    let first = builder.build_swept(&animation, (&own, [0.25, 0.75].map(pose)), &cancel);
     first.unwrap();
     let far = pose(30.0);
     let what = (Vertices::KeyFrames(far), None);
-    bench.rebuild(&animation, what, Some(far), &cancel).unwrap();
-    bench.revert();
+    builder
+        .rebuild(&animation, what, Some(far), &cancel)
+        .unwrap();
+    builder.revert();
     // Asked for in the fourth frame, it told how long trees take.
     let took = left.frame.index as f64 - 3.0;
     let at = |share: f64| pose(left.frame.time + 0.5 * (took + share * (took - 1.0)));
     let what = (Vertices::KeyFrames(at(0.5)), Some([0.25, 0.75].map(at)));
-    let next = bench.rebuild(&animation, what, Some(at(0.5)), &cancel);
+    let next = builder.rebuild(&animation, what, Some(at(0.5)), &cancel);
     match next.unwrap() {
         Made::Tree(tree) => tree.topology.into_words(),
         Made::NoBetter => Vec::new(),
@@ -248,47 +161,34 @@ fn a_first_tree_that_is_used_for_nobody_knows_how_long_is_built_for_a_key_frame(
     let halves = [0.25, 0.75].map(|time| animation.pose(time));
     let own = positions(&animation, 0.0);
     let swept = TreeBuilder::new().build_swept(&animation, (&own, halves), &Cancel::new());
-    let (swept, plain) = (
-        swept.unwrap().topology.into_words(),
-        tree_at(&animation, 0.0),
-    );
+    let swept = swept.unwrap().topology.into_words();
+    let plain = tree_at(&animation, 0.0);
     assert_ne!(swept, plain);
-    let first = |policy| run_scene(&animation, 5, policy, (Some(1), None)).log.trees[0].clone();
+    let first = |policy| run_scene(&animation, 5, policy, Some(1)).log.trees[0].clone();
     assert_eq!(first(FREE), swept);
-    for policy in [
-        (Update::Async(Pace::Free), false),
-        (Update::Async(Pace::Lockstep(2)), true),
-        (Update::Rebuild, true),
-        (Update::Refit, true),
-    ] {
+    let others = [lockstep(2), Update::Rebuild, Update::Refit].map(|update| (update, true));
+    for policy in others.into_iter().chain([(FREE.0, false)]) {
         assert_eq!(first(policy), plain, "{policy:?}");
     }
 }
 
 #[test]
 fn the_second_tree_is_asked_for_once_the_pace_is_known_and_built_ahead() {
-    let (_, run) = steady();
+    let run = early(1 << 13, |_| 1);
     let asked = run.records[1..].iter().find(|r| r.asked.is_some()).unwrap();
     assert_eq!(asked.frame.index, 3);
     let second = |r: &&FrameRecord| r.tree_generation == Generation(2);
     // It may have been rejected.
     if let Some(tree) = run.records.iter().find(second).and_then(|r| r.adopted) {
-        let built_for = f64::from(tree.built_for.key) + f64::from(tree.built_for.alpha);
-        assert!(built_for >= asked.frame.time + 0.5, "{built_for}");
+        assert!(moment(&tree) >= asked.frame.time + 0.5, "{tree:?}");
     }
-    let lockstep = (Update::Async(Pace::Lockstep(3)), true);
-    let run = run_scene(&shuffled(30), 29, lockstep, (None, None));
+    let run = run_scene(&shuffled(30), 29, (lockstep(3), true), None);
     assert!(run.records[1].asked.is_some());
 }
 
 #[test]
-fn a_tree_that_is_no_better_is_left_and_its_number_not_used_again() {
-    let run = run_scene(
-        &shuffled(200),
-        199,
-        (Update::Async(Pace::Free), false),
-        (Some(1), None),
-    );
+fn a_tree_that_is_no_better_is_left_and_its_number_not_used_again_but_in_lockstep() {
+    let run = run_scene(&shuffled(200), 199, (FREE.0, false), Some(1));
     let rejected: Vec<Generation> = run.records.iter().filter_map(|r| r.rejected).collect();
     assert!(!rejected.is_empty() && rejected.is_sorted());
     assert!(rejected.iter().all(|g| !run.log.adopted.contains(g)));
@@ -297,16 +197,8 @@ fn a_tree_that_is_no_better_is_left_and_its_number_not_used_again() {
         assert!(record.rejected.is_none() || record.adopted.is_none());
         assert!(!rejected.contains(&record.tree_generation));
     }
-}
-
-#[test]
-fn in_lockstep_every_tree_is_taken() {
-    let run = run_scene(
-        &shuffled(60),
-        59,
-        (Update::Async(Pace::Lockstep(2)), false),
-        (Some(1), None),
-    );
+    // In lockstep every tree is taken.
+    let run = run_scene(&shuffled(60), 59, (lockstep(2), false), Some(1));
     assert!(run.records.iter().all(|r| r.rejected.is_none()));
     assert_eq!(run.log.adopted.len(), 29);
 }
@@ -314,13 +206,13 @@ fn in_lockstep_every_tree_is_taken() {
 #[test]
 fn a_tree_for_all_times_is_built_once_without_the_device() {
     let animation = shuffled(8);
-    let run = run_scene(&animation, 20, (Update::TSah, true), (None, None));
+    let run = run_scene(&animation, 20, (Update::TSah, true), None);
     assert!(!run.built && run.log.requested == 0);
     assert_eq!(run.log.adopted, [Generation(1)]);
     assert_eq!((run.log.interpolated, run.log.refitted), (20, 20));
     let tree = run.records[0].adopted.unwrap();
     assert_eq!((tree.triangles, tree.snapshot_bytes), (64, 0));
     assert!(run.records[0].build_wait_ms > 0.0 && run.records[19].tree_age_frames == 19);
-    let refitted = run_scene(&animation, 20, (Update::Refit, true), (Some(0), None));
+    let refitted = run_scene(&animation, 20, (Update::Refit, true), Some(0));
     assert_ne!(run.log.trees, refitted.log.trees);
 }

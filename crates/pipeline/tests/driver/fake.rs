@@ -7,52 +7,40 @@ use backend::{
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};
 use std::ops::Deref;
-use std::sync::{Arc, Condvar, Mutex};
-use std::time::Duration;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
 /// Holds whoever looks at vertices until so many frames more were rendered.
 pub(crate) struct Gate {
     frames: u64,
-    rendered: Mutex<u64>,
-    one_more: Condvar,
+    rendered: AtomicU64,
 }
 
 impl Gate {
     pub(crate) fn new(frames: u64) -> Self {
-        Self {
-            frames,
-            rendered: Mutex::new(0),
-            one_more: Condvar::new(),
-        }
+        let rendered = AtomicU64::new(0);
+        Self { frames, rendered }
     }
 
-    /// A frame was rendered.
-    pub(crate) fn step(&self) {
-        let mut rendered = self.rendered.lock().unwrap();
-        *rendered = rendered.saturating_add(1);
-        self.one_more.notify_all();
+    /// So many frames were rendered.
+    pub(crate) fn step(&self, frames: u64) {
+        self.rendered.fetch_add(frames, Ordering::SeqCst);
     }
 
     /// Nobody renders frames any more: let everybody through.
     pub(crate) fn open(&self) {
-        *self.rendered.lock().unwrap() = u64::MAX;
-        self.one_more.notify_all();
+        self.step(1 << 60);
     }
 
-    /// After long enough without frames the gate stays open, and what waited fails.
+    /// After long enough without frames, what waits fails.
     fn pass(&self) {
-        let rendered = self.rendered.lock().unwrap();
-        let until = rendered.saturating_add(self.frames);
-        let patience = Duration::from_secs(10);
-        let held = |rendered: &mut u64| *rendered < until;
-        let (mut rendered, gone) = self
-            .one_more
-            .wait_timeout_while(rendered, patience, held)
-            .unwrap();
-        if gone.timed_out() {
-            *rendered = u64::MAX;
-            drop(rendered);
-            panic!("nobody renders while the builder waits");
+        let rendered = || self.rendered.load(Ordering::SeqCst);
+        let (until, begun) = (rendered() + self.frames, Instant::now());
+        while rendered() < until {
+            let waits = begun.elapsed() < Duration::from_secs(10);
+            assert!(waits, "nobody renders while the builder waits");
+            std::thread::sleep(Duration::from_micros(100));
         }
     }
 }

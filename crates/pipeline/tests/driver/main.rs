@@ -52,26 +52,17 @@ fn read(log: Arc<Mutex<Log>>) -> Log {
 }
 
 fn run(keys: usize, frames: u64, update: Update, polls: Option<u32>) -> Run {
-    run_gated(keys, frames, (update, false), (polls, None))
+    run_scene(&drifting(keys), frames, (update, false), polls)
 }
 
-fn run_gated(
-    keys: usize,
-    frames: u64,
-    by: (Update, bool),
-    backend: (Option<u32>, Option<Arc<Gate>>),
-) -> Run {
-    run_scene(&drifting(keys), frames, by, backend)
-}
-
+/// Each frame is followed by a millisecond: the builder is a real thread, and needs time to be heard.
 fn run_scene(
     animation: &Arc<Animation>,
     frames: u64,
     by: (Update, bool),
-    backend: (Option<u32>, Option<Arc<Gate>>),
+    polls: Option<u32>,
 ) -> Run {
-    // The builder is a real thread: give it time to be heard.
-    run_paced(animation, (frames, |_| 1), by, backend)
+    run_paced(animation, (frames, |_| 1), by, (polls, None))
 }
 
 /// Each frame is followed by a rest of so many milliseconds.
@@ -95,24 +86,16 @@ fn run_paced(
         time: index as f64 * step,
     });
     driver
-        .run(
-            list,
-            query,
-            Wanted {
-                hits: true,
-                pixels: false,
-            },
-            |record, _| {
-                records.push(record.clone());
-                gate.iter().for_each(|g| g.step());
-                let rest = std::time::Duration::from_millis(rest(record.frame.index));
-                // Not even for nothing: who sleeps is woken late.
-                if !rest.is_zero() {
-                    std::thread::sleep(rest);
-                }
-                Ok::<(), PipelineError>(())
-            },
-        )
+        .run(list, query, Wanted::HITS, |record, _| {
+            records.push(record.clone());
+            gate.iter().for_each(|g| g.step(1));
+            let rest = std::time::Duration::from_millis(rest(record.frame.index));
+            // Not even for nothing: who sleeps is woken late.
+            if !rest.is_zero() {
+                std::thread::sleep(rest);
+            }
+            Ok::<(), PipelineError>(())
+        })
         .unwrap();
     let built = driver.has_builder();
     gate.iter().for_each(|g| g.open());
@@ -148,17 +131,11 @@ fn rebuild_traces_each_frame_with_its_own_tree() {
     for update in [Update::Rebuild, Update::Async(Pace::Lockstep(0))] {
         let r = run(9, 8, update, Some(3));
         assert!(!r.built);
-        assert!(
-            r.records
-                .iter()
-                .all(|f| f.tree_age_frames == 0 && f.adopted.is_some())
-        );
+        let own = |f: &FrameRecord| f.tree_age_frames == 0 && f.adopted.is_some();
+        assert!(r.records.iter().all(own));
         let generations: Vec<_> = r.records.iter().map(|f| f.tree_generation.0).collect();
         assert_eq!(generations, [1, 2, 3, 4, 5, 6, 7, 8]);
-        assert_eq!(
-            r.log.interpolated, 8,
-            "vertices are interpolated once a frame"
-        );
+        assert_eq!(r.log.interpolated, 8, "once a frame");
     }
 }
 
@@ -187,45 +164,25 @@ fn refit_keeps_the_first_tree() {
 fn lockstep_swaps_k_frames_after_asking() {
     for k in [1_u64, 3, 7] {
         let r = run(30, 24, Update::Async(Pace::Lockstep(k as u32)), Some(5));
-        for f in &r.records {
-            let n = f.frame.index;
+        for (n, f) in (0..).zip(&r.records) {
             // The first frame builds its own tree; the next asks, and so on every k frames.
-            let cycle = n.saturating_sub(1) / k;
-            let expected = if n == 0 {
-                (1, 0)
-            } else if cycle == 0 {
-                (1, n)
-            } else {
-                (1 + cycle, n - (1 + (cycle - 1) * k))
+            let expected = match u64::saturating_sub(n, 1) / k {
+                0 => (1, n),
+                cycle => (1 + cycle, n - (1 + (cycle - 1) * k)),
             };
-            assert_eq!(
-                (f.tree_generation.0, f.tree_age_frames),
-                expected,
-                "k {k} frame {n}"
-            );
+            let found = (f.tree_generation.0, f.tree_age_frames);
+            assert_eq!(found, expected, "k {k} frame {n}");
         }
     }
 }
 
 #[test]
-fn a_free_builder_is_heard_and_generations_rise() {
+fn a_free_builder_is_heard_and_frames_go_on_while_vertices_are_under_way_for_ever() {
     let r = run(60, 50, Update::Async(Pace::Free), Some(2));
-    assert!(r.built);
-    assert!(
-        r.records
-            .windows(2)
-            .all(|w| w[0].tree_generation <= w[1].tree_generation)
-    );
-    assert!(
-        r.records[49].tree_generation > Generation(3),
-        "{:?}",
-        r.records[49]
-    );
+    let generations = r.records.iter().map(|f| f.tree_generation);
+    assert!(r.built && generations.is_sorted());
+    assert!(r.records[49].tree_generation > Generation(3));
     assert!(r.records.iter().filter(|f| f.adopted.is_some()).count() > 3);
-}
-
-#[test]
-fn frames_go_on_while_vertices_are_under_way_for_ever() {
     let r = run(60, 50, Update::Async(Pace::Free), None);
     assert_eq!(r.records.len(), 50);
     assert!(!r.built && r.log.adopted == [Generation(1)]);

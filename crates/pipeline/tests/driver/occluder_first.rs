@@ -30,9 +30,9 @@ fn trees(update: Update, predict: bool, kind: impl Fn(u64) -> QueryKind) -> Vec<
 /// The record of a tree for one moment.
 fn tree_at(time: f64, toward: Option<Point>) -> Vec<u32> {
     let animation = many_shuffled(6, 256);
-    let mut bench = TreeBuilder::new();
-    bench.order_toward(toward);
-    let built = bench.build(&animation, &positions(&animation, time), &Cancel::new());
+    let mut builder = TreeBuilder::new();
+    builder.order_toward(toward);
+    let built = builder.build(&animation, &positions(&animation, time), &Cancel::new());
     built.unwrap().topology.into_words()
 }
 

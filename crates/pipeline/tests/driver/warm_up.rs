@@ -1,4 +1,4 @@
-//! What is rehearsed or repeated leaves no trace in the frames that count.
+//! What is warmed up or repeated leaves no trace in the frames that count.
 
 use crate::fake::{Fake, Log};
 use crate::{camera, drifting, driver, read};
@@ -6,66 +6,54 @@ use backend::{Generation, Query, QueryKind, Rays};
 use pipeline::{Frame, FrameRecord, Pace, PipelineError, Update, Wanted};
 
 /// What a frame says that no clock decides.
-fn facts(r: &FrameRecord) -> (Frame, Generation, u64, Option<Generation>, [bool; 3]) {
-    let flags = [r.adopted.is_some(), r.made, r.rejected.is_some()];
-    (
-        r.frame,
-        r.tree_generation,
-        r.tree_age_frames,
-        r.asked,
-        flags,
-    )
+type Facts = (Frame, u64, u64, Option<Generation>, [bool; 3]);
+
+/// Those of frames, where so many trees more were made earlier.
+fn facts(all: &[FrameRecord], earlier: usize) -> Vec<Facts> {
+    let facts = |r: &FrameRecord| {
+        let flags = [r.adopted.is_some(), r.made, r.rejected.is_some()];
+        let tree = r.tree_generation.0 - earlier as u64;
+        (r.frame, tree, r.tree_age_frames, r.asked, flags)
+    };
+    all.iter().map(facts).collect()
 }
 
-/// What is done uncounted after the first frame.
-#[derive(Clone, Copy)]
-enum Uncounted {
-    /// Traces.
-    WarmUp(usize),
-    /// Frames.
-    Repeat(usize),
-}
-
-/// Runs frames, and something uncounted after the first of them.
-fn run(update: Update, predict: bool, uncounted: Uncounted) -> (Vec<FrameRecord>, Log) {
-    let animation = drifting(30);
+/// Runs frames, after the first of which so many traces are done uncounted, or so many frames.
+fn run(
+    update: Update,
+    predict: bool,
+    (repeats, mut left): (bool, usize),
+) -> (Vec<FrameRecord>, Log) {
     let (fake, log) = Fake::new(Some(0), None);
-    let mut driver = driver(fake, &animation, (update, predict)).unwrap();
+    let mut driver = driver(fake, &drifting(30), (update, predict)).unwrap();
     let camera = camera();
     let query = Query {
         rays: Rays::Camera(&camera),
         kind: QueryKind::Closest,
     };
     let mut records = Vec::new();
-    let frames: Vec<_> = (0..20)
-        .map(|index| Frame {
-            index,
-            time: index as f64 * 1.4,
-        })
-        .collect();
-    for (i, part) in [&frames[..1], &frames[1..]].into_iter().enumerate() {
-        let done = driver.run(
-            part.iter().copied(),
-            query,
-            Wanted::default(),
-            |record, _| {
-                records.push(record.clone());
-                Ok::<(), PipelineError>(())
-            },
-        );
+    let frame = |index| Frame {
+        index,
+        time: index as f64 * 1.4,
+    };
+    for part in [0..1, 1..20] {
+        let done = driver.run(part.map(frame), query, Wanted::default(), |record, _| {
+            records.push(record.clone());
+            Ok::<(), PipelineError>(())
+        });
         done.unwrap();
-        let (Uncounted::WarmUp(mut left) | Uncounted::Repeat(mut left)) = uncounted;
-        if i == 0 && left > 0 {
-            let again = |_: &_| {
-                left -= 1;
-                left > 0
-            };
-            let done = match uncounted {
-                Uncounted::WarmUp(_) => driver.warm_up(query, again),
-                Uncounted::Repeat(_) => driver.repeat(query, again),
-            };
-            done.unwrap();
+        if left == 0 {
+            continue;
         }
+        let again = |_: &_| {
+            left -= 1;
+            left > 0
+        };
+        let done = match repeats {
+            true => driver.repeat(query, again),
+            false => driver.warm_up(query, again),
+        };
+        done.unwrap();
     }
     drop(driver);
     (records, read(log))
@@ -80,47 +68,34 @@ const ALL: [(Update, bool); 6] = [
     (Update::TSah, false),
     (Update::DeviceRebuild, false),
 ];
-const NOTHING: Uncounted = Uncounted::WarmUp(0);
 // One more is under way when there are enough.
 const ASKED: usize = 50;
 const DONE: usize = ASKED + 1;
 
 #[test]
-fn frames_are_the_same_whatever_was_rehearsed() {
+fn frames_are_the_same_whatever_was_warmed_up_or_repeated() {
     for (update, predict) in ALL {
-        let (plain, log) = run(update, predict, NOTHING);
-        let (rehearsed, more) = run(update, predict, Uncounted::WarmUp(ASKED));
-        let of = |all: &[FrameRecord]| all.iter().map(facts).collect::<Vec<_>>();
-        assert_eq!(of(&plain), of(&rehearsed), "{update:?}");
-        assert_eq!(log.trees, more.trees, "{update:?}");
-        assert_eq!(more.traced.len(), log.traced.len() + DONE, "{update:?}");
-        assert_eq!(more.interpolated, log.interpolated, "{update:?}");
-    }
-}
-
-#[test]
-fn a_frame_is_repeated_with_its_own_tree_and_all_its_stages() {
-    for (update, predict) in ALL {
-        let (plain, log) = run(update, predict, NOTHING);
-        let (after, more) = run(update, predict, Uncounted::Repeat(ASKED));
-        // A tree that the device makes again has a number of its own.
-        let made = usize::from(update == Update::DeviceRebuild) * DONE;
-        let of = |all: &[FrameRecord], earlier: usize| {
-            let all = all.iter().map(facts);
-            let numbered = all.map(|(frame, tree, age, asked, flags)| {
-                (frame, tree.0 - earlier as u64, age, asked, flags)
-            });
-            numbered.collect::<Vec<_>>()
-        };
-        assert_eq!(of(&plain, 0)[0], of(&after, 0)[0], "{update:?}");
-        assert_eq!(of(&plain, 0)[1..], of(&after[1..], made), "{update:?}");
-        assert_eq!(more.made.len(), log.made.len() + made, "{update:?}");
-        assert_eq!(log.trees, more.trees, "{update:?}");
-        assert_eq!(more.interpolated, log.interpolated + DONE, "{update:?}");
-        assert_eq!(more.refitted, log.refitted + DONE, "{update:?}");
-        let again = &more.traced[1..=DONE];
-        let first = more.traced[0];
-        assert!(again.iter().all(|t| t.1 == first.1), "{update:?}");
-        assert!(made > 0 || again.iter().all(|t| t.0 == first.0));
+        let (plain, log) = run(update, predict, (false, 0));
+        for repeats in [false, true] {
+            let (after, more) = run(update, predict, (repeats, ASKED));
+            // A repeated frame goes through all its stages; a tree that the device makes again has a number of its own.
+            let stages = usize::from(repeats) * DONE;
+            let made = usize::from(update == Update::DeviceRebuild) * stages;
+            assert_eq!(facts(&plain[..1], 0), facts(&after[..1], 0), "{update:?}");
+            assert_eq!(
+                facts(&plain[1..], 0),
+                facts(&after[1..], made),
+                "{update:?}"
+            );
+            assert_eq!(log.trees, more.trees, "{update:?}");
+            assert_eq!(more.made.len(), log.made.len() + made, "{update:?}");
+            assert_eq!(more.interpolated, log.interpolated + stages, "{update:?}");
+            assert_eq!(more.refitted, log.refitted + stages, "{update:?}");
+            assert_eq!(more.traced.len(), log.traced.len() + DONE, "{update:?}");
+            let (tree, pose) = more.traced[0];
+            let again = &more.traced[1..=DONE];
+            assert!(again.iter().all(|t| t.1 == pose), "{update:?}");
+            assert!(made > 0 || again.iter().all(|t| t.0 == tree));
+        }
     }
 }

@@ -1,52 +1,17 @@
 //! A device's tree read back as a record.
 
-use bvh_layout::{RecordError, Topology};
+use bvh_layout::Topology;
 
 const LEAF: u32 = 1 << 31;
 const TWO: u32 = 1 << 30;
+const ENDLESS: &str = "the device's tree goes on without end";
 
-/// A tree as its nodes show it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Found {
-    /// The record, which has every property that any record has.
-    pub topology: Topology,
-    /// Where each node of the record lies among the device's.
-    pub places: Vec<u32>,
+fn no_child(node: u32) -> String {
+    format!("the device's tree has a child at node {node}")
 }
 
-impl Found {
-    /// What the device's nodes have, in the record's node order.
-    #[must_use]
-    pub fn in_order<T: Copy>(&self, of_nodes: &[T]) -> Vec<T> {
-        self.places.iter().map(|&i| of_nodes[i as usize]).collect()
-    }
-}
-
-/// What is wrong with a device's tree.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum BrokenTree {
-    /// A node's child lies beyond all nodes.
-    Child(u32),
-    /// A leaf lies beyond all leaves.
-    Leaf(u32),
-    /// More nodes hang together than there are: some lie below themselves or below two others.
-    Endless,
-    /// The record made of it has not the properties of a record.
-    Record(RecordError),
-}
-
-impl std::fmt::Display for BrokenTree {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Child(node) => write!(f, "the device's tree has a child at node {node}"),
-            Self::Leaf(leaf) => write!(f, "the device's tree has a leaf {leaf}"),
-            Self::Endless => write!(f, "the device's tree goes on without end"),
-            Self::Record(e) => write!(f, "the device's tree makes no record: {e}"),
-        }
-    }
-}
-
-/// The record of a tree that the device made, over leaves of these `triangles`, in a scene of so many.
+/// The record of a tree that the device made, and where each of its nodes lies among the device's; over leaves of these
+/// `triangles`, in a scene of so many.
 /// `links` are its nodes' by their places with layout `bvh2` (see build/cluster.wgsl): the left child's place, or a leaf.
 ///
 /// # Errors
@@ -55,31 +20,28 @@ pub(crate) fn read(
     links: &[u32],
     triangles: &[u32],
     scene_triangles: u32,
-) -> Result<Found, BrokenTree> {
-    let Order {
-        places,
-        inner,
-        levels,
-    } = order(links)?;
+) -> Result<(Topology, Vec<u32>), String> {
+    let (places, inner, levels) = order(links)?;
     let is_inner = |i: &usize| inner.binary_search(i).is_ok();
     let leaves: Vec<usize> = (0..places.len()).filter(|i| !is_inner(i)).collect();
     let mut named = Vec::with_capacity(leaves.len());
     for &i in &leaves {
         let leaf = links[places[i] as usize] & !LEAF;
         let triangle = triangles.get(leaf as usize);
-        named.push(*triangle.ok_or(BrokenTree::Leaf(leaf))?);
+        named.push(*triangle.ok_or_else(|| format!("the device's tree has a leaf {leaf}"))?);
     }
     let counts = [scene_triangles, triangles.len() as u32];
     let words = words(&levels, &leaves, &named, counts);
-    let topology = Topology::from_words(words).map_err(BrokenTree::Record)?;
-    Ok(Found { topology, places })
+    let topology = Topology::from_words(words);
+    let topology = topology.map_err(|e| format!("the device's tree makes no record: {e}"))?;
+    Ok((topology, places))
 }
 
 /// Links as [`read`] takes them, in breadth-first order, of the `rows` of layout `fast` over so many leaves.
 ///
 /// # Errors
 /// A row lies beyond all, or more nodes hang together than there are.
-pub(crate) fn links_of_rows(rows: &[[u32; 4]], leaves: usize) -> Result<Vec<u32>, BrokenTree> {
+pub(crate) fn links_of_rows(rows: &[[u32; 4]], leaves: usize) -> Result<Vec<u32>, String> {
     let mut names: Vec<u32> = rows.iter().take(1).map(|row| row[3]).collect();
     names.truncate(leaves);
     let mut links = Vec::with_capacity(2 * leaves);
@@ -87,7 +49,7 @@ pub(crate) fn links_of_rows(rows: &[[u32; 4]], leaves: usize) -> Result<Vec<u32>
         let children = match (name & LEAF, name & TWO) {
             (0, _) => {
                 let at = 4 * name as usize;
-                let row = |i| rows.get(i).ok_or(BrokenTree::Child(name));
+                let row = |i| rows.get(i).ok_or_else(|| no_child(name));
                 Some([row(at)?[3], row(at + 2)?[3]])
             }
             (_, 0) => None,
@@ -96,23 +58,14 @@ pub(crate) fn links_of_rows(rows: &[[u32; 4]], leaves: usize) -> Result<Vec<u32>
         links.push(children.map_or(name, |_| names.len() as u32));
         names.extend(children.into_iter().flatten());
         if names.len() > 2 * leaves {
-            return Err(BrokenTree::Endless);
+            return Err(ENDLESS.into());
         }
     }
     Ok(links)
 }
 
-/// Nodes level by level.
-struct Order {
-    /// Where each lies on the device.
-    places: Vec<u32>,
-    /// Those that are inner nodes.
-    inner: Vec<usize>,
-    /// How many of each level are.
-    levels: Vec<u32>,
-}
-
-fn order(links: &[u32]) -> Result<Order, BrokenTree> {
+/// Where nodes lie on the device, level by level; which of them are inner nodes, and how many of each level are.
+fn order(links: &[u32]) -> Result<(Vec<u32>, Vec<usize>, Vec<u32>), String> {
     let mut places = Vec::with_capacity(links.len());
     let (mut inner, mut levels) = (Vec::new(), Vec::new());
     places.extend((!links.is_empty()).then_some(0));
@@ -123,23 +76,19 @@ fn order(links: &[u32]) -> Result<Order, BrokenTree> {
             let link = links[places[i] as usize];
             if link & LEAF == 0 {
                 if link as usize + 1 >= links.len() {
-                    return Err(BrokenTree::Child(link));
+                    return Err(no_child(link));
                 }
                 inner.push(i);
                 places.extend([link, link + 1]);
             }
         }
         if places.len() > links.len() {
-            return Err(BrokenTree::Endless);
+            return Err(ENDLESS.into());
         }
         levels.push((inner.len() - before) as u32);
         begin = end;
     }
-    Ok(Order {
-        places,
-        inner,
-        levels,
-    })
+    Ok((places, inner, levels))
 }
 
 /// A record as [`Topology`] describes it.
@@ -154,17 +103,8 @@ fn words(levels: &[u32], leaves: &[usize], named: &[u32], [scene, count]: [u32; 
         *sum += word.count_ones();
         Some(before)
     });
-    let header = [
-        Topology::MAGIC,
-        Topology::VERSION,
-        scene,
-        count,
-        levels.len() as u32,
-        0,
-        0,
-        0,
-    ];
-    let mut words = header.to_vec();
+    let mut words = vec![Topology::MAGIC, Topology::VERSION, scene, count];
+    words.extend([levels.len() as u32, 0, 0, 0]);
     words.extend(levels);
     words.extend(&bits);
     words.extend(ranks);
@@ -198,28 +138,20 @@ mod tests {
         assert!(read(&links, &[4, 5, 6, 7], 8).is_ok());
         assert_eq!(of(&[LEAF, 0], 1), Ok(vec![LEAF]));
         assert_eq!(of(&[0, 0], 0), Ok(vec![]));
-        assert_eq!(of(&[1, 0, two, 3, LEAF, 0], 4), Err(BrokenTree::Child(3)));
-        assert_eq!(of(&[1, 0, two, 1, LEAF, 0], 4), Err(BrokenTree::Endless));
+        assert_eq!(of(&[1, 0, two, 3, LEAF, 0], 4), Err(no_child(3)));
+        assert_eq!(of(&[1, 0, two, 1, LEAF, 0], 4), Err(ENDLESS.into()));
     }
 
     #[test]
     fn a_tree_is_read_level_by_level() {
-        let found = read(&three(), &[7, 8, 9], 10).unwrap();
-        assert_eq!(found.topology.leaf_triangles(), [8, 7, 9]);
-        assert_eq!(found.places, [0, 1, 2, 3, 4]);
-        let levels: Vec<u32> = found
-            .topology
-            .levels()
-            .map(|l| l.inner.len() as u32)
-            .collect();
-        assert_eq!(levels, [1, 1, 0]);
-    }
-
-    #[test]
-    fn no_leaf_and_one_leaf_are_trees() {
-        assert_eq!(read(&[], &[], 3).unwrap().topology.leaf_count(), 0);
-        let lone = read(&[LEAF], &[2], 3).unwrap();
-        assert_eq!(lone.topology.leaf_triangles(), [2]);
+        let (topology, places) = read(&three(), &[7, 8, 9], 10).unwrap();
+        assert_eq!(topology.leaf_triangles(), [8, 7, 9]);
+        assert_eq!(places, [0, 1, 2, 3, 4]);
+        let levels = topology.levels().map(|l| l.inner.len() as u32);
+        assert_eq!(levels.collect::<Vec<_>>(), [1, 1, 0]);
+        assert_eq!(read(&[], &[], 3).unwrap().0.leaf_count(), 0);
+        let (lone, _) = read(&[LEAF], &[2], 3).unwrap();
+        assert_eq!(lone.leaf_triangles(), [2]);
     }
 
     #[test]
@@ -229,11 +161,12 @@ mod tests {
             nodes[at] = link;
             read(&nodes, &[7, 8, 9], 10).unwrap_err()
         };
-        assert_eq!(broken(2, 4), BrokenTree::Child(4));
-        let twice = "the device's tree makes no record: leaves 0 and 1 both name triangle 8";
-        assert_eq!(broken(3, LEAF | 1).to_string(), twice);
-        assert_eq!(broken(3, 1), BrokenTree::Endless);
-        assert_eq!(broken(3, LEAF | 3), BrokenTree::Leaf(3));
-        assert!(matches!(broken(2, LEAF), BrokenTree::Record(_)));
+        assert_eq!(broken(2, 4), no_child(4));
+        assert_eq!(broken(3, 1), ENDLESS);
+        assert!(broken(3, LEAF | 3).ends_with("a leaf 3"));
+        // A triangle twice, and one that is missing.
+        for (at, link) in [(3, LEAF | 1), (2, LEAF)] {
+            assert!(broken(at, link).contains("makes no record: "));
+        }
     }
 }

@@ -24,11 +24,13 @@ pub(super) fn of(method: Method, params: &Params, rays: Rays<'_>) -> Extremes {
 }
 
 /// What answers them. Comes after what answers the others, as which these rays miss.
-pub(super) fn work(method: Method, params: Params, rays: Rays<'_>, kind: QueryKind) -> Vec<Work> {
-    let params = Params {
-        rule: (method.intersector == Intersector::Watertight).into(),
-        ..params
-    };
+pub(super) fn work(
+    method: Method,
+    mut params: Params,
+    rays: Rays<'_>,
+    kind: QueryKind,
+) -> Vec<Work> {
+    params.rule = (method.intersector == Intersector::Watertight).into();
     let params = match rays {
         Rays::Given(..) => params,
         Rays::Camera(camera) => params.through(camera),

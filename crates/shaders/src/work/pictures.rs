@@ -2,7 +2,7 @@
 
 use super::{Groups, Trace, Work};
 use crate::projection::projected;
-use crate::{Params, Rasterization, Traits, common, kernel, packets, rasterization};
+use crate::{Params, Traits, common, kernel, packets, rasterization};
 use backend::Method;
 use geom::{Camera, Point};
 
@@ -43,7 +43,7 @@ pub(super) fn by_rasterization(
     camera: &Camera,
     traits: Traits,
 ) -> Option<Trace> {
-    let how: Rasterization = traits.rasterization?;
+    let how = traits.packets.filter(|_| traits.rasterizes)?;
     let seen = params.through(camera);
     if !rasterization::pay(method, &seen, how) {
         return None;
@@ -51,18 +51,15 @@ pub(super) fn by_rasterization(
     let pixels = camera.width * camera.height;
     let triangles = params.node_count.div_ceil(2);
     let tiles = triangles + pixels / 4;
-    let params = Params {
-        notes: tiles,
-        ..projected(seen, camera)?
-    };
-    // One more, for whether rasterization have told all.
+    let mut params = projected(seen, camera)?;
+    params.notes = tiles;
+    // One more, for whether rasterization has told all.
     let pairs = pixels / 2 + 1;
-    let each = |kernel, groups| Work {
-        groups: Groups::Each(groups),
-        ..Work::linear(kernel, params, 0)
-    };
-    let rasterize = kernel(how.kernel(), method);
-    let rasterizers = tiles.div_ceil(rasterize.workgroup[0]).min(how.sharers());
+    let none = Params { count: 0, ..params };
+    let each = |kernel, groups| Work::new(kernel, none, Groups::Each(groups));
+    let rasterize = kernel(rasterization::kernel(how), method);
+    let rasterizers = tiles.div_ceil(rasterize.workgroup[0]);
+    let rasterizers = rasterizers.min(rasterization::sharers(how));
     Some(Trace {
         primary: vec![
             Work::linear(common("clear_visibility"), params, pairs),
@@ -99,12 +96,8 @@ pub fn shade(params: Params, camera: &Camera, lamp: Point) -> Work {
 
 /// Over a picture, so many pixels a workgroup.
 fn over_blocks(entry: &str, method: Method, params: Params, block: [u32; 2]) -> Work {
-    Work {
-        kernel: kernel(entry, method),
-        params,
-        groups: Groups::Pixels([params.width, params.height], block),
-        alongside: false,
-    }
+    let groups = Groups::Pixels([params.width, params.height], block);
+    Work::new(kernel(entry, method), params, groups)
 }
 
 #[cfg(test)]

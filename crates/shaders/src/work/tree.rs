@@ -25,7 +25,6 @@ impl Progress {
     /// Also for [`crate::Extents::uncounted`] how many triangles of zero area it passes over.
     /// Of a small tree with layout `fast` it reads key frames, the later weighing [`Params::alpha`], and no positions,
     /// so that it may run beside `interpolate`.
-    #[must_use]
     pub fn preprocess(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, u32) {
         if tree.layout == Layout::Fast {
             let adopt = (!self.has_lists).then(|| treelets::adopt(method, params, tree));
@@ -42,11 +41,8 @@ impl Progress {
         let moving = tree.moving.as_ref().filter(|_| self.has_records);
         let (leaves, uncounted) = match moving {
             Some(moving) => {
-                let params = Params {
-                    first: moving.leaves_at,
-                    listed: 1,
-                    ..params
-                };
+                let mut params = params;
+                (params.first, params.listed) = (moving.leaves_at, 1);
                 let preprocess = kernel("preprocess", method);
                 let work = Work::linear(preprocess, params, moving.leaf_count);
                 (work, moving.degenerate_elsewhere)
@@ -64,7 +60,6 @@ impl Progress {
     }
 
     /// Boxes of leaves to boxes of inner nodes, level by level, and to the tree's cost; nothing where `preprocess` has done so.
-    #[must_use]
     pub fn refit(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, Extent) {
         if self.has_climbed {
             return (Vec::new(), Extent::Whole);
@@ -92,29 +87,20 @@ impl Progress {
 }
 
 /// Positions to records and boxes of all leaves.
-#[must_use]
 pub fn leaves(method: Method, params: Params, tree: &Shape) -> Work {
     Work::linear(kernel("preprocess", method), params, tree.leaf_count)
 }
 
 /// A tree just adopted to its lists of nodes.
 fn expand(params: Params) -> Work {
-    Work {
-        kernel: common("expand"),
-        params,
-        groups: Groups::Linear(params.node_count),
-        alongside: false,
-    }
+    let groups = Groups::Linear(params.node_count);
+    Work::new(common("expand"), params, groups)
 }
 
 /// Which inner nodes move, into their list.
-fn mark(params: Params, moving: &MovingShape) -> Work {
-    let first = moving.inner_at;
-    Work::linear(
-        common("mark_moving"),
-        Params { first, ..params },
-        moving.inner_count,
-    )
+fn mark(mut params: Params, moving: &MovingShape) -> Work {
+    params.first = moving.inner_at;
+    Work::linear(common("mark_moving"), params, moving.inner_count)
 }
 
 fn refit_whole(params: Params, tree: &Shape) -> Vec<Work> {
@@ -125,10 +111,8 @@ fn refit_whole(params: Params, tree: &Shape) -> Vec<Work> {
     let mut work = refit_levels(params, levels.rev());
     work.push(sum(params, groups_of(&work), AREAS));
     if let Some(moving) = &tree.moving {
-        let params = Params {
-            first: moving.inner_at,
-            ..params
-        };
+        let mut params = params;
+        params.first = moving.inner_at;
         let areas = Work::linear(common("areas_moving"), params, moving.inner_count);
         let groups = moving.inner_count.div_ceil(areas.kernel.workgroup[0]);
         work.extend([areas, sum(params, groups, MOVING_AREAS)]);
@@ -136,11 +120,8 @@ fn refit_whole(params: Params, tree: &Shape) -> Vec<Work> {
     work
 }
 
-fn refit_moving(params: Params, moving: &MovingShape) -> Vec<Work> {
-    let params = Params {
-        listed: 1,
-        ..params
-    };
+fn refit_moving(mut params: Params, moving: &MovingShape) -> Vec<Work> {
+    params.listed = 1;
     let levels = moving.levels.iter();
     let levels = levels.map(|l| (moving.inner_at + l.start, l.len() as u32));
     let mut work = refit_levels(params, levels.rev());
@@ -149,18 +130,15 @@ fn refit_moving(params: Params, moving: &MovingShape) -> Vec<Work> {
 }
 
 /// One dispatch a level, each with the first of its nodes and how many they are.
-fn refit_levels(params: Params, levels: impl Iterator<Item = (u32, u32)>) -> Vec<Work> {
+fn refit_levels(mut params: Params, levels: impl Iterator<Item = (u32, u32)>) -> Vec<Work> {
     let refit = common("refit");
     let group = refit.workgroup[0];
-    let mut first_group = 0;
+    params.first_group = 0;
     let level = |(first, count): (u32, u32)| {
-        let params = Params {
-            first,
-            first_group,
-            ..params
-        };
-        first_group += count.div_ceil(group);
-        Work::linear(refit, params, count)
+        params.first = first;
+        let work = Work::linear(refit, params, count);
+        params.first_group += count.div_ceil(group);
+        work
     };
     levels.map(level).collect()
 }
@@ -182,18 +160,9 @@ pub(super) fn word_of(member: usize) -> u32 {
 }
 
 /// Adds up the sums of so many workgroups, into a member of [`crate::Counts`].
-pub(crate) fn sum(params: Params, groups: u32, member: usize) -> Work {
-    let params = Params {
-        count: groups,
-        first: word_of(member),
-        ..params
-    };
-    Work {
-        kernel: common("sum_costs"),
-        params,
-        groups: Groups::Linear(1),
-        alongside: false,
-    }
+pub(crate) fn sum(mut params: Params, groups: u32, member: usize) -> Work {
+    (params.count, params.first) = (groups, word_of(member));
+    Work::new(common("sum_costs"), params, Groups::Linear(1))
 }
 
 #[cfg(test)]

@@ -7,16 +7,10 @@ use backend::Method;
 use std::ops::Range;
 
 /// A tree just adopted to its leaves' vertices.
-pub(super) fn adopt(method: Method, params: Params, tree: &Shape) -> Work {
-    let params = Params {
-        first_group: tree.treelet_count(),
-        ..params
-    };
-    Work::linear(
-        kernel("gather_corners", method),
-        params,
-        3 * tree.leaf_count,
-    )
+pub(super) fn adopt(method: Method, mut params: Params, tree: &Shape) -> Work {
+    params.first_group = tree.treelet_count();
+    let gather = kernel("gather_corners", method);
+    Work::linear(gather, params, 3 * tree.leaf_count)
 }
 
 /// Leaves of a tree that `preprocess` makes from key frames. Below, not to wait for positions saves more than blending a
@@ -79,31 +73,18 @@ fn listed(tree: &Shape, stand: bool) -> Option<&MovingTreeletShape> {
 }
 
 /// Each level's treelets by number, or where they are listed.
-fn levels(params: Params, tree: &Shape, stand: bool) -> (Params, &[Range<u32>]) {
-    match listed(tree, stand) {
-        Some(moving) => (
-            Params {
-                listed: 1,
-                ..params
-            },
-            &moving.levels,
-        ),
-        None => (params, &tree.treelets),
-    }
+fn levels(mut params: Params, tree: &Shape, stand: bool) -> (Params, &[Range<u32>]) {
+    let listed = listed(tree, stand);
+    params.listed = listed.is_some().into();
+    (
+        params,
+        listed.map_or(&tree.treelets, |moving| &moving.levels),
+    )
 }
 
-fn over(kernel: &'static Kernel, params: Params, level: Range<u32>) -> Work {
-    let (first, count) = (level.start, level.len() as u32);
-    Work {
-        kernel,
-        params: Params {
-            first,
-            count,
-            ..params
-        },
-        groups: Groups::Each(count),
-        alongside: false,
-    }
+fn over(kernel: &'static Kernel, mut params: Params, level: Range<u32>) -> Work {
+    (params.first, params.count) = (level.start, level.len() as u32);
+    Work::new(kernel, params, Groups::Each(params.count))
 }
 
 #[cfg(test)]

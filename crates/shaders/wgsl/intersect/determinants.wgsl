@@ -2,13 +2,13 @@
 
 import package::geometry::triangle::points_of;
 import package::intersect::line::{Crossing, line, units_of};
-import package::intersect::notes::{NO_NOTE, note_at};
+import package::intersect::candidates::{NO_NOTE, note_at};
 import package::lib::buffers::{counts, occluded, records};
 import package::lib::fixed::{
     About, Vector64, Whole192, about_192, add_192, compare_about, in_units, negated_192, quotient_about, sign_192,
     sub_64, triple_192,
 };
-import package::lib::whole::{CROSSINGS, words};
+import package::lib::integers::{CROSSINGS, words};
 
 // Whether the triangle is met, or takes longer numbers to know; about t.
 struct Decided { met: u32, hard: u32, leaf: u32, exponent: i32, about: About }

@@ -4,7 +4,7 @@ import package::geometry::layout::NO_LEAF;
 import package::geometry::ray::{MISS, Prepared};
 import package::geometry::record::corners_of;
 import package::intersect::filter::{judge, reported, set_view};
-import package::intersect::notes::{NO_NOTE, OPEN, OPEN_RAYS, with_note};
+import package::intersect::candidates::{NO_NOTE, OPEN, OPEN_RAYS, with_note};
 import package::lib::buffers::{counts, occluded, rays};
 import package::lib::params::params;
 import package::traversal::traverse::find_any;

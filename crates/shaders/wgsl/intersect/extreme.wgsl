@@ -11,7 +11,7 @@ import package::intersect::line::{
 import package::lib::buffers::{counts, nodes, records};
 import package::lib::ieee::{parts, round_quotient};
 import package::lib::params::params;
-import package::lib::whole::{
+import package::lib::integers::{
     CROSSINGS, ONE, PRODUCT, PRODUCTS, accumulate, bit_length, bits_from, clear, compare_sizes, finish, words,
 };
 

@@ -10,7 +10,7 @@ import package::intersect::line::{make_line, put_corners, put_side, set_line};
 import package::lib::buffers::{counts, hits, occluded, rays};
 import package::lib::exact::{soft_add, soft_multiply};
 import package::lib::params::{element, params};
-import package::lib::whole::{CROSSINGS, ONE, PRODUCTS, accumulate, clear, finish, sign_of_number};
+import package::lib::integers::{CROSSINGS, ONE, PRODUCTS, accumulate, clear, finish, sign_of_number};
 
 // From an extreme ray's hit to the light: the host's twin is `shadow_ray` in cpu-ref/src/extreme.rs. All numbers are bits, added
 // and multiplied as IEEE has it; the largest finite one stands in place of an infinite one.

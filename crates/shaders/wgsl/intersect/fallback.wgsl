@@ -9,7 +9,7 @@ import package::geometry::triangle::points_of;
 import package::intersect::determinants::decide_alone;
 import package::intersect::filter::{judge, reported, set_view};
 import package::intersect::line::{make_line, meet_exactly};
-import package::intersect::notes::{FIRST_NOTE, HARD, OPEN, OPEN_RAYS, OPEN_SHADOWS, answer_any};
+import package::intersect::candidates::{FIRST_NOTE, HARD, OPEN, OPEN_RAYS, OPEN_SHADOWS, answer_any};
 import package::intersect::resolve_exact::{first_leaf, free_slot, offer, put_crossing};
 import package::lib::buffers::{counts, hits, nodes, occluded, records};
 import package::lib::params::params;

@@ -1,6 +1,6 @@
 // Where a ray meets a triangle, in whole numbers: the crate `exact`.
 
-import package::lib::whole::{
+import package::lib::integers::{
     COORDINATE, CORNERS, CROSS, CROSSINGS, DIRECTION, LIMIT, ONE, PRODUCT, PRODUCTS, accumulate, add_shifted, clear,
     compare_sizes, finish, mantissa_of, sign_of_number, unit_of, words,
 };

@@ -9,11 +9,11 @@ import package::intersect::determinants::{
 };
 import package::intersect::filter::reported;
 import package::intersect::line::{Crossing, order_crossings};
-import package::intersect::notes::{HARD, NO_NOTE, OPEN_RAYS, TOO_MANY, answer_any, listed};
+import package::intersect::candidates::{HARD, NO_NOTE, OPEN_RAYS, TOO_MANY, answer_any, listed};
 import package::lib::buffers::{counts, hits, occluded, records};
 import package::lib::fixed::{About, Whole192, compare_about};
 import package::lib::params::params;
-import package::lib::whole::CROSSINGS;
+import package::lib::integers::CROSSINGS;
 
 // The first of a ray's candidates so far, as they come one by one.
 

@@ -7,7 +7,7 @@ import package::geometry::ray::{Prepared, meets_box};
 import package::geometry::record::corners_of;
 import package::intersect::determinants::{begin_rounds, note_after};
 import package::intersect::filter::{judge, reported, set_view};
-import package::intersect::notes::{
+import package::intersect::candidates::{
     NOTES, NO_NOTE, OPEN_RAYS, OPEN_SHADOWS, TOO_MANY, answer_any, listed, new_note, note_at, shadow_of,
 };
 import package::intersect::resolve_exact::{

@@ -56,7 +56,7 @@ fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
     let v = fma(t, dot(to_v.xyz, ray.direction), dot(to_v, origin));
     // A ray along the plane has a t that is infinite or not a number, and then u and v too: no hit.
     if !(u >= 0.0 && v >= 0.0 && u + v <= 1.0) { return NO_MEETING; }
-    // Behind all rows: see record_woop.wgsl.
+    // Behind all rows: see geometry/record.wgsl.
     let triangle = records[3u * ((params.node_count + 1u) / 2u) + leaf / 4u][leaf & 3u];
     let p = points_of(triangle);
     return within_box(ray, scaled_point(p[0]), scaled_point(p[1]), scaled_point(p[2]), t, u, v, triangle);

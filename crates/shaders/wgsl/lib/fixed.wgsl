@@ -1,7 +1,7 @@
 // Whole numbers of 64, 128 and 192 bits, in two's complement and in registers: enough for the coordinates of nearly
 // every triangle and ray (lab notes of others: 42 to 45 bits for real models).
 
-import package::lib::whole::{add_32, mantissa_of, multiply_32, unit_of};
+import package::lib::integers::{add_32, mantissa_of, multiply_32, unit_of};
 
 // The least words first.
 struct Whole192 { low: vec3<u32>, high: vec3<u32> }

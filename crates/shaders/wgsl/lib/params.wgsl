@@ -39,9 +39,9 @@ struct Params {
     goal: u32,
     // Rounds that seek nearest neighbours.
     rounds: u32,
-    // Places at which rays are settled one by one: see walk.wgsl.
+    // Places at which rays are settled one by one: see fallback.wgsl.
     places: u32,
-    // How many notes there is room for: see notes.wgsl; or tiles: see tiles.wgsl.
+    // How many notes there is room for: see candidates.wgsl; or tiles: see cover.wgsl.
     notes: u32,
     // Of extreme rays: 0 as `exact`, 1 as `watertight` has it.
     rule: u32,
@@ -63,7 +63,7 @@ struct Params {
     pixel_margin: f32,
     // The extent of the scene that shadows' rays always heed, in scaled units: geom::Range.
     clearance: f32,
-    // 1 if all rays are extreme, and if those are that start near the origin: range.wgsl.
+    // 1 if all rays are extreme, and if those are that start near the origin: geometry/units.wgsl.
     extreme: u32,
     tiny: u32,
 }

@@ -47,9 +47,20 @@ fn count_triangles(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wo
     }
 }
 
-// How many rays hit: one atomic addition a workgroup, so that the trace itself need not count.
+// Counts of rays: one atomic addition a workgroup, so that the trace itself need not count.
 
 var<workgroup> sum: atomic<u32>;
+
+// Adds to a word of `counts` how many invocations of the workgroup count. All of them call it.
+fn add_up(is_counted: bool, local: u32, word: u32) {
+    if local == 0u { atomicStore(&sum, 0u); }
+    workgroupBarrier();
+    if is_counted { atomicAdd(&sum, 1u); }
+    workgroupBarrier();
+    if local == 0u { atomicAdd(&counts[word], atomicLoad(&sum)); }
+}
+
+// How many rays hit.
 
 @compute @workgroup_size(128)
 fn count_hits(
@@ -57,14 +68,10 @@ fn count_hits(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    if local == 0u { atomicStore(&sum, 0u); }
-    workgroupBarrier();
     let i = element(id, groups, 128u);
-    if i < params.count {
-        if hits[i].w != 0xffffffffu { atomicAdd(&sum, 1u); }
-    }
-    workgroupBarrier();
-    if local == 0u { atomicAdd(&counts[2], atomicLoad(&sum)); }
+    var is_counted = false;
+    if i < params.count { is_counted = hits[i].w != 0xffffffffu; }
+    add_up(is_counted, local, 2u);
 }
 
 // How many rays are occluded, added to the count that `first` names: rays that met anything, or hits in shadow.
@@ -75,12 +82,8 @@ fn count_occluded(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    if local == 0u { atomicStore(&sum, 0u); }
-    workgroupBarrier();
     let i = element(id, groups, 128u);
-    if i < params.count {
-        if occluded[i] != 0u { atomicAdd(&sum, 1u); }
-    }
-    workgroupBarrier();
-    if local == 0u { atomicAdd(&counts[params.first], atomicLoad(&sum)); }
+    var is_counted = false;
+    if i < params.count { is_counted = occluded[i] != 0u; }
+    add_up(is_counted, local, params.first);
 }

@@ -13,7 +13,7 @@ import package::visibility::outline::{Outline, loose_stamp, outline_of, without_
 // How many triangles may be too large.
 const LISTED: u32 = 4096u;
 const SIDES: vec2<i32> = vec2<i32>(8, 4);
-// Where tiles, large triangles and tests are counted, and where it is said that rasterization do not tell all.
+// Where tiles, large triangles and tests are counted, and whether rasterization left some hits untold.
 const TILE_COUNT: u32 = 12u;
 const LARGE_COUNT: u32 = 13u;
 const TEST_COUNT: u32 = 14u;

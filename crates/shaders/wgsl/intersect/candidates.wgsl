@@ -1,7 +1,8 @@
-// Rays that a search leaves open, and its notes of triangles for whoever settles them, as lists: one a ray, of three words a
-// note, which are a leaf, the next note, and what is known of the shadow if that leaf is hit (resolve_together.wgsl). In `occluded` there lie a word a ray, the list of open rays, and the notes;
-// then the stacks of `fallback.wgsl`, and a second list, of open shadows, for kernels that need both at once. Where the list of rays
-// begins that a search for any hit leaves open, says `destination`.
+// Rays that a search leaves open, each with a list of candidates: notes of the triangles that it may hit. A note takes three
+// words: a leaf, the next note, and what is known of the shadow if that leaf is hit (resolve_together.wgsl).
+//
+// `occluded` holds a word a ray, the list of open rays, and the notes; then the stacks of fallback.wgsl, and a list of open
+// shadows, for kernels that need both. `destination` says where the list begins that a search for any hit fills.
 
 import package::lib::buffers::{counts, occluded};
 import package::lib::params::params;

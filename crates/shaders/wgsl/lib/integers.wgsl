@@ -28,7 +28,7 @@ fn clear(at: u32, len: u32) {
     for (var i = 0u; i <= len; i += 1u) { words[at + i] = 0u; }
 }
 
-// In SPIR-V one instruction: see build/wide.rs.
+// In SPIR-V one instruction: see build/harden.rs.
 fn multiply_32(a: u32, b: u32) -> vec2<u32> {
     let low = (a & 0xffffu) * (b & 0xffffu);
     let one = (a >> 16u) * (b & 0xffffu) + (low >> 16u);

@@ -1,0 +1,113 @@
+//! Work that was recorded, and what came of it.
+
+use crate::interpolate::copy;
+use crate::scene::SceneState;
+use crate::tiles::Output;
+use backend::{FrameReport, Hits, Query, QueryKind, Rays, Snapshot, Spares, Ticket};
+use geom::{Camera, Hit, Point, Pose, Ray};
+use std::collections::VecDeque;
+use std::time::Instant;
+
+/// One recorded stage.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Command {
+    Interpolate(Pose),
+    Preprocess,
+    Refit,
+    /// Traces a camera's rays, or those that come with the command.
+    Trace(Option<Camera>, QueryKind),
+    CopyPositions,
+}
+
+/// Copies of positions requested and not taken yet, and memory that builders gave back.
+#[derive(Default)]
+pub(crate) struct Copies {
+    pub(crate) ready: VecDeque<(Ticket, Snapshot)>,
+    spares: Spares<Vec<Point>>,
+}
+
+/// A ticket with what came of it; its memory is used again by a later one.
+#[derive(Debug, Default)]
+pub(crate) struct Submission {
+    /// `None` until some of it was carried out.
+    pub(crate) ticket: Option<Ticket>,
+    /// Submissions with a trace, up to and including this one.
+    pub(crate) traces: u64,
+    pub(crate) report: FrameReport,
+    pub(crate) hits: Hits,
+}
+
+impl Submission {
+    pub(crate) fn begin(&mut self, ticket: Ticket, begun_ms: f64) {
+        self.ticket = Some(ticket);
+        self.report = FrameReport::default();
+        self.report.times.begun_ms = Some(begun_ms);
+        self.hits.closest.clear();
+        self.hits.blocked.clear();
+    }
+
+    /// Runs in the pool that the caller installed.
+    pub(crate) fn carry_out(
+        &mut self,
+        command: Command,
+        rays: &[Ray],
+        scene: &mut SceneState,
+        copies: &mut Copies,
+    ) {
+        let start = Instant::now();
+        let times = &mut self.report.times;
+        let stage = match command {
+            Command::Interpolate(pose) => {
+                scene.interpolate(pose);
+                &mut times.interpolate_ms
+            }
+            Command::Preprocess => {
+                scene.preprocess();
+                &mut times.preprocess_ms
+            }
+            Command::Refit => {
+                scene.refit();
+                &mut times.refit_ms
+            }
+            Command::Trace(camera, kind) => {
+                let rays = camera.as_ref().map_or(Rays::List(rays), Rays::Camera);
+                self.trace(scene, Query { rays, kind });
+                // A ray's hit and its shadow are one task's, so there is one time for both.
+                &mut self.report.times.trace_primary_ms
+            }
+            Command::CopyPositions => {
+                let mut positions = copies.spares.pop().unwrap_or_default();
+                positions.resize(scene.positions().len(), [0.0; 3]);
+                copy(scene.positions(), &mut positions);
+                self.report.readback_bytes += size_of_val(&positions[..]) as u64;
+                let ticket = self.ticket.expect("it has begun");
+                let copy = (ticket, copies.spares.lend(positions));
+                return copies.ready.push_back(copy);
+            }
+        };
+        // A stage may be recorded twice.
+        *stage = Some(stage.unwrap_or_default() + ms_since(start));
+    }
+
+    fn trace(&mut self, scene: &SceneState, query: Query<'_>) {
+        let Hits { closest, blocked } = &mut self.hits;
+        let count = query.rays.count();
+        if query.kind != QueryKind::Any {
+            closest.resize(count, Hit::MISS);
+        }
+        if query.kind != QueryKind::Closest {
+            blocked.resize(count, 0);
+        }
+        let counts = scene.trace(query, Output::new(closest, blocked));
+        (self.report.hits, self.report.blocked) = match query.kind {
+            QueryKind::Any => (counts.blocked, 0),
+            QueryKind::Closest | QueryKind::ClosestAndShadow { .. } => {
+                (counts.hits, counts.blocked)
+            }
+        };
+    }
+}
+
+pub(crate) fn ms_since(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}
