@@ -7,13 +7,10 @@ use serde::{Serialize, Serializer};
 /// Something that a backend can run on.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Adapter {
-    /// Its place in the backend's list.
     pub(crate) index: usize,
-    /// Its own name.
     pub(crate) name: String,
     /// Driver and version; empty where there is none.
     pub(crate) driver: String,
-    /// What kind of machine it is.
     #[serde(serialize_with = "by_name")]
     pub(crate) kind: DeviceKind,
     /// What bounds or shapes the work there.
@@ -23,9 +20,7 @@ pub(crate) struct Adapter {
 /// One limit or feature of an adapter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Limit {
-    /// What it is called.
     pub(crate) name: &'static str,
-    /// What it is here.
     pub(crate) value: String,
 }
 

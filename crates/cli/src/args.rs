@@ -1,4 +1,4 @@
-//! What may be asked for.
+//! Command-line arguments.
 
 use crate::stop::Stop;
 use crate::{talk, values};
@@ -333,11 +333,14 @@ pub(crate) enum LayoutName {
     Fast,
 }
 
-mod bench;
-pub(crate) use bench::{BenchArgs, RaysName};
+/// A value's name on the command line.
+pub(crate) fn word(value: &impl ValueEnum) -> String {
+    let value = value.to_possible_value();
+    value.map_or_else(String::new, |v| v.get_name().to_owned())
+}
 
-mod chart;
-pub(crate) use chart::ChartArgs;
+mod bench;
+pub(crate) use bench::{BenchArgs, ChartArgs, RaysName};
 
 mod conform;
 pub(crate) use conform::{ConformArgs, StabilityArgs, SubjectName};

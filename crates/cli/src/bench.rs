@@ -1,18 +1,15 @@
 //! `abvh bench`: every stage over scenes, backends, update policies, intersectors and layouts.
 
 mod compare;
-mod growth;
-mod rays;
 mod results;
 mod row;
 
-use crate::args::{BackendName, BenchArgs, MethodArgs, RaysName, Switch, UpdateName};
+use crate::args::{BackendName, BenchArgs, MethodArgs, RaysName, Switch, UpdateName, word};
 use crate::choose::{self, Ahead, Ask};
 use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::{conflicts, frames, info, memory, open, record, talk, threads};
-use clap::ValueEnum;
-pub(crate) use row::{Row, Run, measure};
+pub(crate) use row::{Row, Run, frame_ms, measure};
 use serde::Serialize;
 
 /// Vertical field of view, in degrees, as with `render`.
@@ -34,15 +31,8 @@ struct Report {
 /// Measures.
 pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     let read = args.compare.iter().map(|file| ("--compare", file.clone()));
-    let written = [
-        ("--json", args.json.as_ref()),
-        ("--csv", args.csv.as_ref()),
-        ("--growth", args.growth.as_ref()),
-    ];
+    let written = [("--json", args.json.as_ref()), ("--csv", args.csv.as_ref())];
     conflicts::of_files(&args.scenes, read, written)?;
-    for file in written.iter().filter_map(|(_, file)| *file) {
-        output::check_writable(file).map_err(Stop::bad)?;
-    }
     if !args.compare.is_empty() {
         return compare::run(args);
     }
@@ -63,9 +53,6 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     }
     if let Some(file) = &args.csv {
         output::write_whole(file, &results::csv(&report.rows)?)?;
-    }
-    if let Some(file) = &args.growth {
-        output::write_whole(file, growth::svg(&report)?.as_bytes())?;
     }
     talk::print(&results::text(&report, args.against.as_deref()))
 }
@@ -95,7 +82,7 @@ fn measure_all(args: &BenchArgs) -> Result<Vec<Row>, Stop> {
             let run = Run {
                 rays,
                 size: args.size.size,
-                warm_up: args.warm_up.warm_up(),
+                warm_up: args.warm_up.warm_up,
             };
             let row = measure(run, (spec, &scene), &frames, &ask)?;
             let words = [spec, row.backend, row.update, row.intersector];
@@ -145,8 +132,7 @@ fn combinations(args: &BenchArgs) -> Result<(Vec<Combination<'_>>, Vec<String>),
 
 /// What is wrong with a combination.
 fn nonsense(backend: BackendName, update: UpdateName, method: MethodArgs) -> Option<String> {
-    let [name, policy] = [backend.to_possible_value()?, update.to_possible_value()?];
-    let (name, policy) = (name.get_name(), policy.get_name());
+    let (name, policy) = (word(&backend), word(&update));
     if update == UpdateName::DeviceRebuild && !open::makes_trees(backend) {
         return Some(format!(
             "{name} with device-rebuild is left out: it makes no trees"

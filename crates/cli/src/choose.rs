@@ -20,17 +20,11 @@ use sample::{Sample, Wrong};
 /// What to set up.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ask<'a> {
-    /// Backend.
     pub(crate) backend: BackendName,
-    /// Adapter of the backend.
     pub(crate) adapter: Option<&'a str>,
-    /// Threads that render.
     pub(crate) threads: Option<usize>,
-    /// Threads that build.
     pub(crate) builder_threads: Option<usize>,
-    /// How rays are traced.
     pub(crate) method: MethodArgs,
-    /// How trees follow the motion.
     pub(crate) update: Choice<Update>,
     /// Wrong rays a million that an intersector left to `auto` may have.
     pub(crate) tolerance: f64,
@@ -68,9 +62,7 @@ impl Ask<'_> {
 /// The run that something is chosen for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run<'a> {
-    /// Its frames.
     pub(crate) frames: &'a [Frame],
-    /// What is traced in each.
     pub(crate) query: Query<'a>,
 }
 
@@ -79,7 +71,6 @@ pub(crate) struct Run<'a> {
 pub(crate) struct Ahead {
     /// The first and the last time of all frames, in key frames.
     pub(crate) time_range: [f64; 2],
-    /// Whether `async` builds for what comes.
     pub(crate) predict: bool,
 }
 
@@ -109,7 +100,6 @@ impl Ahead {
 /// Something taken, and the reason where nobody asked for it by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Choice<T> {
-    /// What is taken.
     pub(crate) value: T,
     /// Why; `None` if it was asked for.
     pub(crate) why: Option<&'static str>,
@@ -135,11 +125,11 @@ fn auto<T>(value: T, why: &'static str) -> Choice<T> {
 }
 
 /// What `auto` took where nothing was asked for by name.
-pub(crate) fn taken(what: &str, takes: &str, why: Option<&str>) -> Option<Taken> {
+pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Taken> {
     Some(Taken {
         what: what.to_owned(),
         takes: takes.to_owned(),
-        why: why?.to_owned(),
+        why: why?,
     })
 }
 
@@ -245,16 +235,10 @@ pub(crate) fn lockstep(update: Update) -> Option<u64> {
 /// What is taken, with a reason for each part that was left open.
 #[derive(Clone, Debug)]
 pub(crate) struct Settled {
-    /// How rays are traced.
     pub(crate) method: Method,
-    /// How trees follow the motion.
     pub(crate) update: Update,
-    /// Why this update policy.
-    pub(crate) why_update: Option<String>,
-    /// Why this intersector.
-    pub(crate) why_intersector: Option<String>,
-    /// Why this layout.
-    pub(crate) why_layout: Option<&'static str>,
+    /// Why this update policy, this intersector, this layout.
+    pub(crate) why: [Option<String>; 3],
 }
 
 /// Intersectors that may be wrong, the fastest first (docs/measured.md).
@@ -284,9 +268,7 @@ pub(crate) fn settle(backend: &mut ReusedBackend<'_>, ask: &Ask<'_>) -> Result<S
             layout: layout.value,
         },
         update,
-        why_update,
-        why_intersector,
-        why_layout: layout.why,
+        why: [why_update, why_intersector, layout.why.map(str::to_owned)],
     })
 }
 

@@ -82,10 +82,9 @@ impl Files<'_> {
                 return text(format!("a file that {folder} writes"));
             }
         }
-        match read
-            .iter()
-            .find_map(|(_, file, _)| Some((file, self.folder_of(file)?)))
-        {
+        let threatened =
+            |(_, file, _): &(_, PathBuf, _)| Some((file.clone(), self.folder_of(file)?));
+        match read.iter().find_map(threatened) {
             Some((file, folder)) => Err(Stop::bad(format!(
                 "{folder} may overwrite {}, which is read",
                 file.display()
@@ -105,40 +104,37 @@ impl Files<'_> {
     }
 }
 
-/// The files of a scene, as something that is read.
-pub(crate) fn of_scene(spec: &str) -> Result<Vec<(&'static str, PathBuf)>, Stop> {
-    Ok(scene::files(spec)?
-        .into_iter()
-        .map(|file| ("SCENE", file))
-        .collect())
-}
-
-/// For commands that read scenes and write files named by options.
+/// For commands that read scenes and write files named by options: finds out whether these can be written.
 ///
 /// # Errors
-/// A file that is written is one of a scene, or is written twice.
+/// A file that is written is one that is read, or is written twice, or cannot be written.
 pub(crate) fn of_files<'a>(
     scenes: &[String],
     read: impl IntoIterator<Item = (&'a str, PathBuf)>,
     written: impl IntoIterator<Item = (&'a str, Option<&'a PathBuf>)>,
 ) -> Result<(), Stop> {
-    let written: Vec<_> = written
-        .into_iter()
-        .filter_map(|(option, file)| Some((option, file?.clone())))
-        .collect();
-    if written.is_empty() {
-        return Ok(());
-    }
-    let mut read: Vec<_> = read.into_iter().collect();
-    for scene in scenes {
-        read.extend(of_scene(scene)?);
-    }
-    let files = Files {
-        read,
-        written,
+    let written = written.into_iter();
+    let written = written.filter_map(|(option, file)| Some((option, file?.clone())));
+    let mut files = Files {
+        read: read.into_iter().collect(),
+        written: written.collect(),
         ..Files::default()
     };
-    files.check()
+    if files.written.is_empty() {
+        return Ok(());
+    }
+    for scene in scenes {
+        files.read.extend(of_scene(scene)?);
+    }
+    files.check()?;
+    let mut written = files.written.iter();
+    written.try_for_each(|(_, file)| output::check_writable(file).map_err(Stop::bad))
+}
+
+/// The files of a scene, as something that is read.
+fn of_scene(spec: &str) -> Result<Vec<(&'static str, PathBuf)>, Stop> {
+    let files = scene::files(spec)?.into_iter();
+    Ok(files.map(|file| ("SCENE", file)).collect())
 }
 
 /// # Errors
@@ -149,18 +145,16 @@ pub(crate) fn of_render(args: &RenderArgs) -> Result<(), Stop> {
         ("--timeline", &args.timeline),
         ("--rays-out", &args.rays_out),
     ];
-    let single = single
-        .into_iter()
-        .filter_map(|(option, file)| Some((option, file.clone()?)));
-    let images =
-        (!args.no_images).then(|| ("--out", args.out.clone(), &["frame_", "abvh-run"][..]));
-    let hits = args
-        .hits
-        .clone()
-        .map(|dir| ("--hits", dir, &["hits_", "abvh-run"][..]));
+    let single = single.into_iter();
+    let images: &[&str] = &["frame_", "abvh-run"];
+    let images = (!args.no_images).then(|| ("--out", args.out.clone(), images));
+    let hits = args.hits.clone();
+    let hits = hits.map(|dir| ("--hits", dir, &["hits_", "abvh-run"][..]));
     let files = Files {
         read: of_scene(&args.scene)?,
-        written: single.collect(),
+        written: single
+            .filter_map(|(option, file)| Some((option, file.clone()?)))
+            .collect(),
         folders: images.into_iter().chain(hits).collect(),
     };
     files.check()

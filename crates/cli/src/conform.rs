@@ -4,12 +4,12 @@ mod oracle;
 mod results;
 
 use crate::args::{BackendName, ConformArgs};
-use crate::open::{self, Want};
+use crate::open;
 use crate::progress::Progress;
 use crate::stop::Stop;
-use crate::subjects::{self, Examined, Machine, Subject};
+use crate::subjects::{self, Subject, Tested};
 use crate::table::counted;
-use crate::{conflicts, record, talk};
+use crate::{conflicts, talk};
 use backend::{Intersector, Method};
 use conformance::leaks::{self, LeakPlan};
 use conformance::{Law, Reference, hold, hold_one, laws_of};
@@ -22,27 +22,16 @@ const STEPS: u64 = 20;
 /// Holds all to all.
 pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
     conflicts::of_files(&args.scene, [], [("--json", args.json.as_ref())])?;
-    if let Some(file) = &args.json {
-        output::check_writable(file).map_err(Stop::bad)?;
-    }
     let given = oracle::open(args)?;
     let (mut subjects, absent) = subjects::open_all(&args.backend, true, args.adapter.as_deref())?;
     let mut report = Report {
-        schema: output::SCHEMA,
-        version: env!("CARGO_PKG_VERSION"),
-        command_line: record::command_line(),
+        tested: Tested::new(&subjects, absent),
         seed: args.seed,
         cases: args.cases,
         leak_rays: args.leak_rays,
-        machine: Machine::here(),
-        backends: subjects.iter().map(Examined::of).collect(),
-        absent,
         rows: laws(args, &mut subjects)?,
-        leaks: Vec::new(),
-        leak_examples: Vec::new(),
         oracle_rays: args.oracle_rays,
-        oracle: Vec::new(),
-        oracle_examples: Vec::new(),
+        ..Report::default()
     };
     for subject in &mut subjects {
         fire(args, subject, &mut report)?;
@@ -66,12 +55,7 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
     if args.cases == 0 && args.case.is_none() {
         return Ok(Vec::new());
     }
-    let want = Want {
-        backend: BackendName::Cpu,
-        adapter: None,
-        threads: 1,
-    };
-    let mut reference = Reference::new(open::open(&want, Ok)?.value);
+    let mut reference = Reference::new(open::bare(BackendName::Cpu, None, 1)?);
     let mut progress = Progress::new(total as u64, args.quiet);
     let mut rows = Vec::new();
     for subject in &mut *subjects {

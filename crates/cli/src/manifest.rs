@@ -1,10 +1,9 @@
 //! What a run into a folder is: `abvh-run.json`, which says whether another run may go on with it.
 
-use crate::args::{BackendName, RenderArgs};
+use crate::args::{RenderArgs, has_own_trees, word};
 use crate::frames;
 use crate::stop::Stop;
 use crate::values::{Frames, TimeRange};
-use clap::ValueEnum;
 use output::{Digest, digest_of};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -25,7 +24,6 @@ pub(crate) struct Manifest {
     scene: SceneId,
     /// Whole times of the motion; not known of a shard without frames, which loads nothing.
     pub(crate) key_times: Option<usize>,
-    /// Options by name.
     options: BTreeMap<String, Value>,
 }
 
@@ -135,9 +133,9 @@ impl SceneId {
 }
 
 fn options(args: &RenderArgs, key_times: Option<usize>) -> BTreeMap<String, Value> {
-    let name = |v: &dyn Fn() -> Option<String>| json!(v());
-    let intersector = args.method.intersector.to_possible_value();
-    let intersector = intersector.map(|v| v.get_name().to_owned());
+    let intersector = word(&args.method.intersector);
+    // The answers of these are the same whoever gives them and however trees follow.
+    let is_robust = matches!(&*intersector, "watertight" | "exact");
     let mut all = BTreeMap::from([
         ("size", json!(args.size.size)),
         ("eye", json!(args.camera.eye)),
@@ -150,24 +148,13 @@ fn options(args: &RenderArgs, key_times: Option<usize>) -> BTreeMap<String, Valu
         ("frames", frames_value(args, key_times)),
         ("intersector", json!(intersector)),
     ]);
-    // The answers of these are the same whoever gives them and however trees follow.
-    let is_robust = matches!(intersector.as_deref(), Some("watertight" | "exact"));
-    let is_rival = matches!(
-        args.device.backend,
-        BackendName::VulkanRt | BackendName::VulkanRtFastTrace
-    );
-    if !is_robust || is_rival {
-        let backend = args.device.backend.to_possible_value();
-        all.insert(
-            "backend",
-            name(&|| backend.as_ref().map(|v| v.get_name().to_owned())),
-        );
+    if !is_robust || has_own_trees(args.device.backend) {
+        all.insert("backend", json!(word(&args.device.backend)));
         all.insert("adapter", json!(args.device.adapter));
         all.insert("tolerance", json!(format!("{:?}", args.tolerance)));
     }
-    all.into_iter()
-        .map(|(name, value)| (name.to_owned(), value))
-        .collect()
+    let owned = |(name, value): (&str, Value)| (name.to_owned(), value);
+    all.into_iter().map(owned).collect()
 }
 
 /// Frames at key times are what they are whichever others are asked for; of others, their number decides their times.

@@ -1,14 +1,16 @@
 //! The one place that names backends.
 
 mod auto;
-mod each;
 
-use crate::adapters::{self, Adapter};
+use crate::adapters::{self, Adapter, Limit};
 use crate::args::BackendName;
 pub(crate) use crate::args::has_own_trees;
 use crate::stop::Stop;
+use crate::threads;
 use backend::{Backend, DeviceKind, Intersector, Layout};
-use gpu_vulkan_rt::Prefer;
+use gpu_vulkan::VulkanBackend;
+use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
+use gpu_wgpu::WgpuBackend;
 use serde::Serialize;
 
 /// Opens an adapter, or the backend's own choice; with host threads, where it uses them.
@@ -41,8 +43,8 @@ const KNOWN: [Known<'static>; 5] = [
         place: "vulkan comes before wgpu: trees and vertices travel on a queue of their own",
         kinds: ON_DRIVERS,
         covered_by: None,
-        list: &each::list_vulkan,
-        open: &|adapter, _| each::open_vulkan(adapter),
+        list: &list_vulkan,
+        open: &|adapter, _| Ok(Box::new(VulkanBackend::new(&vulkan_options(adapter))?)),
     },
     Known {
         name: BackendName::Wgpu,
@@ -50,8 +52,8 @@ const KNOWN: [Known<'static>; 5] = [
         place: "wgpu is next after vulkan",
         kinds: ON_DRIVERS,
         covered_by: if WGPU_IS_VULKAN { Some("vulkan") } else { None },
-        list: &each::list_wgpu,
-        open: &|adapter, _| each::open_wgpu(adapter, false),
+        list: &list_wgpu,
+        open: &|adapter, _| open_wgpu(adapter, false),
     },
     Known {
         name: BackendName::Cpu,
@@ -59,14 +61,14 @@ const KNOWN: [Known<'static>; 5] = [
         place: "the host is always there",
         kinds: &[DeviceKind::Cpu],
         covered_by: None,
-        list: &each::list_cpu,
-        open: &|_, threads| each::open_cpu(threads),
+        list: &list_cpu,
+        open: &|_, threads| Ok(Box::new(cpu_simd::open(Some(threads))?)),
     },
     VULKAN_RT,
     Known {
         name: BackendName::VulkanRtFastTrace,
         text: "vulkan-rt:fast-trace",
-        open: &|adapter, _| each::open_vulkan_rt(adapter, Prefer::FastTrace),
+        open: &|adapter, _| open_vulkan_rt(adapter, Prefer::FastTrace),
         ..VULKAN_RT
     },
 ];
@@ -77,78 +79,62 @@ const VULKAN_RT: Known<'static> = Known {
     place: "it is there to be measured against",
     kinds: ON_DRIVERS,
     covered_by: None,
-    list: &each::list_vulkan_rt,
-    open: &|adapter, _| each::open_vulkan_rt(adapter, Prefer::FastBuild),
+    list: &list_vulkan_rt,
+    open: &|adapter, _| open_vulkan_rt(adapter, Prefer::FastBuild),
 };
 
-/// What is to be opened.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Want<'a> {
-    /// Backend.
-    pub(crate) backend: BackendName,
-    /// Adapter of the backend, by index or by part of its name.
-    pub(crate) adapter: Option<&'a str>,
-    /// Host threads of a backend that computes on them.
-    pub(crate) threads: usize,
-}
-
-/// What was opened, and why `auto` took it.
-#[derive(Debug)]
-pub(crate) struct Opened<T> {
-    /// As it was made ready.
-    pub(crate) value: T,
-    /// The reason; `None` if it was asked for by name.
-    pub(crate) why: Option<String>,
-}
-
-/// Opens a backend and makes it ready. Never takes another than the one named;
-/// `auto` passes over those that cannot be made ready.
+/// Opens a backend, on the adapter meant by an index or by part of its name, with so many host threads if it computes on
+/// them; and makes it ready. Never takes another than the one named; `auto` passes over those that cannot be made ready,
+/// and says why it took what it took.
 ///
 /// # Errors
 /// The backend named cannot run, or there is no such adapter.
 pub(crate) fn open<T>(
-    want: &Want<'_>,
+    backend: BackendName,
+    (adapter, threads): (Option<&str>, usize),
     ready: impl Fn(Box<dyn Backend>) -> Result<T, Stop>,
-) -> Result<Opened<T>, Stop> {
-    if let Some(known) = KNOWN.iter().find(|k| k.name == want.backend) {
-        let value = ready(known.open_named(want)?)?;
-        return Ok(Opened { value, why: None });
+) -> Result<(T, Option<String>), Stop> {
+    if let Some(known) = KNOWN.iter().find(|k| k.name == backend) {
+        return Ok((ready(known.open_named(adapter, threads)?)?, None));
     }
     let ours: Vec<_> = KNOWN.iter().filter(|k| !has_own_trees(k.name)).collect();
     let traces = |adapter: &Adapter| {
-        let able = each::list_vulkan_rt();
+        let able = list_vulkan_rt();
         able.is_ok_and(|able| answers_rays(&able, adapter))
     };
-    let (value, why) = auto::take(&ours, want, &traces, ready)?;
-    let why = Some(why);
-    Ok(Opened { value, why })
+    let (value, why) = auto::take(&ours, (adapter, threads), &traces, ready)?;
+    Ok((value, Some(why)))
+}
+
+/// Likewise, as it is.
+pub(crate) fn bare(
+    backend: BackendName,
+    adapter: Option<&str>,
+    threads: usize,
+) -> Result<Box<dyn Backend>, Stop> {
+    Ok(open(backend, (adapter, threads), Ok)?.0)
 }
 
 impl Known<'_> {
-    fn open_named(&self, want: &Want<'_>) -> Result<Box<dyn Backend>, Stop> {
+    fn open_named(&self, adapter: Option<&str>, threads: usize) -> Result<Box<dyn Backend>, Stop> {
         let absent = |e| Stop::bad(format!("backend {} cannot run: {e}", self.text));
-        let list = want.adapter.map(|_| (self.list)()).transpose();
-        let list = list.map_err(absent)?;
-        let adapter = match want.adapter.zip(list.as_ref()) {
-            Some((asked, list)) => Some(adapters::find_one(self.text, list, asked)?),
-            None => None,
+        let Some(asked) = adapter else {
+            return (self.open)(None, threads).map_err(absent);
         };
-        (self.open)(adapter, want.threads).map_err(absent)
+        let list = (self.list)().map_err(absent)?;
+        let adapter = adapters::find_one(self.text, &list, asked)?;
+        (self.open)(Some(adapter), threads).map_err(absent)
     }
 }
 
 /// Whether a backend can run here, and what it can do.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Presence {
-    /// Its name on the command line.
     pub(crate) backend: &'static str,
     /// Why it cannot run; `None` if it can.
     pub(crate) absent: Option<String>,
-    /// What it can run on.
     pub(crate) adapters: Vec<Adapter>,
-    /// The intersectors it knows.
     pub(crate) intersectors: Vec<&'static str>,
-    /// The layouts it knows.
     pub(crate) layouts: Vec<&'static str>,
     /// Whether it makes and traces trees in ways of its own.
     pub(crate) own_trees: bool,
@@ -159,20 +145,13 @@ pub(crate) fn presences() -> Vec<Presence> {
     let presence = |known: &Known<'_>| {
         let found = (known.list)();
         let own_trees = has_own_trees(known.name);
-        let (intersectors, layouts) = if own_trees {
-            (vec![DRIVERS], vec![DRIVERS])
-        } else {
-            (
-                Intersector::ALL.map(Intersector::name).to_vec(),
-                Layout::ALL.map(Layout::name).to_vec(),
-            )
-        };
+        let names = |ours: Vec<&'static str>| if own_trees { vec![DRIVERS] } else { ours };
         Presence {
             backend: known.text,
             absent: found.as_ref().err().map(ToString::to_string),
             adapters: found.unwrap_or_default(),
-            intersectors,
-            layouts,
+            intersectors: names(Intersector::ALL.map(Intersector::name).to_vec()),
+            layouts: names(Layout::ALL.map(Layout::name).to_vec()),
             own_trees,
         }
     };
@@ -198,14 +177,82 @@ fn answers_rays(able: &[Adapter], adapter: &Adapter) -> bool {
 pub(crate) const DRIVERS: &str = "driver";
 
 /// wgpu with kernels that it translates even where it need not: for laws, not for work.
-pub(crate) fn open_wgsl(want: &Want<'_>) -> Result<Box<dyn Backend>, Stop> {
+pub(crate) fn open_wgsl(adapter: Option<&str>) -> Result<Box<dyn Backend>, Stop> {
     let translated = Known {
         text: "wgpu-wgsl",
-        list: &each::list_wgpu,
-        open: &|adapter, _| each::open_wgpu(adapter, true),
+        list: &list_wgpu,
+        open: &|adapter, _| open_wgpu(adapter, true),
         ..KNOWN[1]
     };
-    translated.open_named(want)
+    translated.open_named(adapter, 0)
+}
+
+fn list_vulkan() -> backend::Result<Vec<Adapter>> {
+    Ok(gpu_vulkan::adapters()?.into_iter().map(vulkan).collect())
+}
+
+fn list_vulkan_rt() -> backend::Result<Vec<Adapter>> {
+    let able = gpu_vulkan_rt::ray_adapters()?;
+    Ok(able.into_iter().map(vulkan).collect())
+}
+
+fn vulkan(adapter: gpu_vulkan::AdapterInfo) -> Adapter {
+    Adapter {
+        index: adapter.index,
+        limits: limits(adapter.limits),
+        name: adapter.name,
+        driver: adapter.driver.trim().to_owned(),
+        kind: adapter.kind,
+    }
+}
+
+fn list_wgpu() -> backend::Result<Vec<Adapter>> {
+    let adapter = |a: gpu_wgpu::Adapter| Adapter {
+        index: a.index,
+        limits: limits(a.limits),
+        name: a.name,
+        driver: a.driver,
+        kind: a.kind,
+    };
+    Ok(gpu_wgpu::adapters()?.into_iter().map(adapter).collect())
+}
+
+fn list_cpu() -> backend::Result<Vec<Adapter>> {
+    let device = cpu_simd::open(Some(1))?.device().clone();
+    Ok(vec![Adapter {
+        index: 0,
+        name: device.adapter,
+        driver: device.driver,
+        kind: device.kind,
+        limits: limits(vec![("threads", threads::cores().to_string())]),
+    }])
+}
+
+fn limits(pairs: Vec<(&'static str, String)>) -> Vec<Limit> {
+    let limit = |(name, value)| Limit { name, value };
+    pairs.into_iter().map(limit).collect()
+}
+
+fn vulkan_options(adapter: Option<&Adapter>) -> gpu_vulkan::Options {
+    gpu_vulkan::Options {
+        adapter: adapter.map(|a| a.index.to_string()),
+        ..Default::default()
+    }
+}
+
+fn open_vulkan_rt(adapter: Option<&Adapter>, prefer: Prefer) -> backend::Result<Box<dyn Backend>> {
+    let options = vulkan_options(adapter);
+    Ok(Box::new(DriverTreeBackend::new(&options, prefer)?))
+}
+
+/// `force_wgsl` has wgpu translate the kernels even where it need not.
+fn open_wgpu(adapter: Option<&Adapter>, force_wgsl: bool) -> backend::Result<Box<dyn Backend>> {
+    let options = gpu_wgpu::Options {
+        adapter: adapter.map(|a| a.index.to_string()),
+        force_wgsl,
+        ..Default::default()
+    };
+    Ok(Box::new(WgpuBackend::new(&options)?))
 }
 
 #[cfg(test)]
@@ -215,12 +262,8 @@ mod tests {
     #[test]
     fn a_backend_that_cannot_run_is_never_replaced() {
         for backend in [BackendName::Wgpu, BackendName::Vulkan, BackendName::Cpu] {
-            let want = Want {
-                backend,
-                adapter: Some("no such adapter"),
-                threads: 1,
-            };
-            assert!(matches!(open(&want, Ok), Err(Stop::Bad(_))));
+            let opened = bare(backend, Some("no such adapter"), 1);
+            assert!(matches!(opened, Err(Stop::Bad(_))));
         }
     }
 

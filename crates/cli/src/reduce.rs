@@ -49,12 +49,12 @@ struct ErrorLocation {
 
 /// One point of the curve. Lengths in scene units; `share` is the tolerance over the diagonal.
 #[derive(Clone, Copy, Serialize)]
-pub(crate) struct CurvePoint {
-    pub(crate) share: f64,
+struct CurvePoint {
+    share: f64,
     tolerance: f64,
-    pub(crate) keys: usize,
+    keys: usize,
     bytes: usize,
-    pub(crate) max_error: f64,
+    max_error: f64,
     rms: f64,
 }
 
@@ -97,7 +97,14 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
         let keys = counted(kept.len(), KEY_FRAMES);
         progress.step(&format!("{keys} within {tolerance}"));
         match share {
-            Some(share) => curve.push(CurvePoint::new(animation, share, tolerance, (&kept, &fit))),
+            Some(share) => curve.push(CurvePoint {
+                share,
+                tolerance,
+                keys: kept.len(),
+                bytes: bytes(animation, kept.len()),
+                max_error: fit.max_error,
+                rms: fit.rms,
+            }),
             None => answer = Some((kept, fit)),
         }
     }
@@ -120,55 +127,6 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
         rms: fit.rms,
         curve,
     })
-}
-
-impl CurvePoint {
-    fn new(
-        animation: &Animation,
-        share: f64,
-        tolerance: f64,
-        (kept, fit): (&[usize], &Fit),
-    ) -> Self {
-        Self {
-            share,
-            tolerance,
-            keys: kept.len(),
-            bytes: bytes(animation, kept.len()),
-            max_error: fit.max_error,
-            rms: fit.rms,
-        }
-    }
-}
-
-/// The curve alone.
-pub(crate) struct Curve {
-    /// What its shares are of.
-    pub(crate) diagonal: f64,
-    /// Its points, and the frames kept at each.
-    pub(crate) points: Vec<(CurvePoint, Vec<usize>)>,
-}
-
-/// Finds it.
-pub(crate) fn curve(animation: &Animation) -> Result<Curve, Stop> {
-    let diagonal = diagonal(animation);
-    let mut reducer = Reducer::new(animation);
-    let point = |share: f64| {
-        let tolerance = share * diagonal;
-        let (kept, fit) = verified(animation, &mut reducer, tolerance)?;
-        let point = CurvePoint::new(animation, share, tolerance, (&kept, &fit));
-        Ok((point, kept))
-    };
-    let points: Result<_, Stop> = CURVE.into_iter().map(point).collect();
-    points.map(|points| Curve { diagonal, points })
-}
-
-/// What is left of an animation if so many frames are kept, at the times they had.
-pub(crate) fn left(animation: &Animation, kept: &[usize]) -> Result<Animation, Stop> {
-    let keys = kept.iter().map(|&k| animation.keys()[k].clone()).collect();
-    let times = kept.iter().map(|&k| k as f64).collect();
-    let left = Animation::new(keys, animation.triangles().to_vec());
-    let timed = left.and_then(|left| left.timed(times, animation.end()));
-    timed.map_err(Stop::failed)
 }
 
 /// The frames to keep, played once more and measured against all of the original.
@@ -244,9 +202,7 @@ fn write(dir: &Path, scene: &Scene, reduction: &Reduction) -> Result<(), Stop> {
         "max_error": reduction.max_error,
         "frames": frames,
     });
-    let text = serde_json::to_string_pretty(&times).map_err(Stop::failed)?;
-    output::write_whole(&dir.join("times.json"), format!("{text}\n").as_bytes())?;
-    Ok(())
+    Ok(output::write_json(&dir.join("times.json"), &times)?)
 }
 
 fn text(r: &Reduction) -> String {

@@ -14,7 +14,6 @@ use std::path::PathBuf;
 /// Folders with what is known of their files.
 pub(crate) struct Earlier {
     folders: Vec<(PathBuf, Done)>,
-    /// What all folders say they hold.
     manifest: Option<Manifest>,
 }
 
@@ -115,7 +114,6 @@ impl Earlier {
         self,
         args: &RenderArgs,
         list: &[Frame],
-        again: &[u64],
         (key_times, stats): (Option<usize>, &Value),
     ) -> Result<Vec<(PathBuf, Journal)>, Stop> {
         let own = Manifest::of(args, key_times)?;
@@ -130,7 +128,7 @@ impl Earlier {
             if key_times.is_some() || !is_own {
                 output::write_json(&folder.join(manifest::FILE), &own)?;
             }
-            let mut journal = Journal::open(&folder, args.shard, again)?;
+            let mut journal = Journal::open(&folder, args.shard)?;
             journal.begin(list.iter().map(|f| f.index).collect(), stats.clone())?;
             journals.push((folder, journal));
         }

@@ -2,7 +2,7 @@
 
 use crate::talk;
 use comfy_table::{Cell, CellAlignment, Table, presets};
-use output::{FrameStats, Summary, TIMES, overview, summarize};
+use output::{FrameStats, Summary, TIMES, overview, plot};
 
 /// A table with a head; every column but the first `words` holds numbers. On a terminal too narrow for it, a list.
 pub(crate) fn table(head: &[&str], rows: &[Vec<String>], words: usize) -> String {
@@ -35,7 +35,7 @@ fn wide(head: &[&str], rows: &[Vec<String>], words: usize) -> String {
 
 /// Stage times over all frames.
 pub(crate) fn stages(frames: &[FrameStats]) -> String {
-    let summary = summarize(frames);
+    let summary = overview(frames).times;
     let row = |&(name, _): &(&str, _)| {
         let s: Summary = summary.get(name).copied().flatten()?;
         let title = name.trim_end_matches("_ms").replace('_', " ");
@@ -115,15 +115,7 @@ pub(crate) fn ms(x: f64) -> String {
 
 /// A whole number with its thousands apart.
 pub(crate) fn grouped(n: usize) -> String {
-    let digits = n.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
+    plot::count(n as u64)
 }
 
 /// So many of something, with its noun: `1 frame`, `2,000 frames`.
@@ -139,14 +131,6 @@ pub(crate) const FRAMES: [&str; 2] = ["frame", "frames"];
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn thousands_stand_apart() {
-        assert_eq!(
-            [0, 999, 1000, 1_234_567].map(grouped),
-            ["0", "999", "1,000", "1,234,567"]
-        );
-    }
 
     #[test]
     fn a_table_too_wide_for_the_terminal_is_a_list() {

@@ -17,7 +17,6 @@ pub(crate) const MAX_RAYS: usize = 1 << 26;
 /// A stretch of time, in key frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct TimeRange {
-    /// Where it begins.
     pub(crate) from: f64,
     /// Where it ends, inclusive.
     pub(crate) to: f64,
@@ -89,70 +88,66 @@ pub(crate) fn time(text: &str) -> Result<f64, String> {
 
 /// A vertical field of view in degrees.
 pub(crate) fn fov(text: &str) -> Result<f32, String> {
-    let degrees: f32 = finite(text)?;
-    if degrees > 0.0 && degrees < 180.0 {
-        Ok(degrees)
-    } else {
-        Err("a field of view lies between 0 and 180 degrees".to_owned())
-    }
+    let says = "a field of view lies between 0 and 180 degrees";
+    within(text, |&degrees| degrees > 0.0 && degrees < 180.0, says)
 }
 
 /// Samples a second.
 pub(crate) fn fps(text: &str) -> Result<f64, String> {
-    let fps: f64 = finite(text)?;
-    if fps > 0.0 && fps <= 1000.0 {
-        Ok(fps)
-    } else {
-        Err("samples a second lie between 0 and 1000".to_owned())
-    }
+    let says = "samples a second lie between 0 and 1000";
+    within(text, |&fps| fps > 0.0 && fps <= 1000.0, says)
 }
 
 /// Wrong rays a million.
 pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
-    let rate: f64 = finite(text)?;
-    if (0.0..=1e6).contains(&rate) {
-        Ok(rate)
-    } else {
-        Err("a tolerance is a number of rays a million, from 0 to 1000000".to_owned())
-    }
+    let says = "a tolerance is a number of rays a million, from 0 to 1000000";
+    within(text, |rate| (0.0..=1e6).contains(rate), says)
 }
 
 /// Per cent, not below 0.
 pub(crate) fn percent(text: &str) -> Result<f64, String> {
-    let percent: f64 = finite(text)?;
-    if percent >= 0.0 {
-        Ok(percent)
-    } else {
-        Err("per cent are a number from 0".to_owned())
-    }
-}
-
-/// A number of threads.
-pub(crate) fn threads(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(n @ 1..=1024) => Ok(n),
-        _ => Err("a number of threads is a whole number from 1 to 1024".to_owned()),
-    }
+    within(
+        text,
+        |&percent| percent >= 0.0,
+        "per cent are a number from 0",
+    )
 }
 
 /// Seconds of a warm-up, which nobody wants to last for more than a minute.
 pub(crate) fn warm_up(text: &str) -> Result<f64, String> {
-    let seconds: f64 = finite(text)?;
-    if (0.0..=60.0).contains(&seconds) {
-        Ok(seconds)
-    } else {
-        Err("a warm-up lasts from 0 to 60 seconds".to_owned())
-    }
+    let says = "a warm-up lasts from 0 to 60 seconds";
+    within(text, |seconds| (0.0..=60.0).contains(seconds), says)
+}
+
+/// A number of threads.
+pub(crate) fn threads(text: &str) -> Result<usize, String> {
+    whole(text, "threads", 1024)
 }
 
 /// A number of rays.
 pub(crate) fn rays(text: &str) -> Result<usize, String> {
+    whole(text, "rays", MAX_RAYS)
+}
+
+fn whole(text: &str, what: &str, most: usize) -> Result<usize, String> {
     match text.parse() {
-        Ok(n @ 1..=MAX_RAYS) => Ok(n),
+        Ok(n) if (1..=most).contains(&n) => Ok(n),
         _ => Err(format!(
-            "a number of rays is a whole number from 1 to {MAX_RAYS}"
+            "a number of {what} is a whole number from 1 to {most}"
         )),
     }
+}
+
+/// A finite number that is as `says` demands.
+fn within<T: std::str::FromStr + Into<f64> + Copy>(
+    text: &str,
+    is_fit: fn(&T) -> bool,
+    says: &str,
+) -> Result<T, String> {
+    let number = finite(text)?;
+    is_fit(&number)
+        .then_some(number)
+        .ok_or_else(|| says.to_owned())
 }
 
 /// A float that is a number and not infinite.

@@ -1,4 +1,4 @@
-//! `chart`: four files that say the same, and what is known of right and wrong. `bench --growth`: a picture over sizes.
+//! `chart`: four files that say the same, and what is known of right and wrong. `bench --csv`: a table over sizes.
 
 use crate::sandbox::{Run, Sandbox, ensure, trial};
 use libtest_mimic::{Failed, Trial};
@@ -10,7 +10,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("chart::exact_is_right_and_the_others_are_not", judged),
         trial("chart::a_command_measures_its_point_again", command),
         trial("chart::what_cannot_be_is_refused", refused),
-        trial("growth::sizes_have_their_rows_and_points", growth),
+        trial("bench::sizes_have_their_rows", sizes),
     ]
 }
 
@@ -148,9 +148,9 @@ fn refused(sandbox: &Sandbox) -> Result<(), Failed> {
     ensure(!folder.exists(), || "an empty folder is left".into())
 }
 
-fn growth(sandbox: &Sandbox) -> Result<(), Failed> {
+fn sizes(sandbox: &Sandbox) -> Result<(), Failed> {
     let words = "bench demo:twist:300 demo:twist:1000 --backend cpu --update async,refit --layout bvh2 --frames 5 \
-                 --size 16x12 --builder-threads 1,2 --csv b.csv --growth b.svg --quiet";
+                 --size 16x12 --builder-threads 1,2 --csv b.csv --quiet";
     sandbox.run(words).succeeds()?;
     let csv = String::from_utf8(sandbox.read("b.csv"))?;
     let rows: Vec<Vec<&str>> = csv.lines().map(|l| l.split(',').collect()).collect();
@@ -169,6 +169,5 @@ fn growth(sandbox: &Sandbox) -> Result<(), Failed> {
             row.join(",")
         })?;
     }
-    let svg = String::from_utf8(sandbox.read("b.svg"))?;
-    ensure(svg.contains("<svg") && svg.contains("Start-up"), || svg)
+    Ok(())
 }

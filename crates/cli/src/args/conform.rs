@@ -1,4 +1,4 @@
-//! What may be asked of `conform` and `stability`.
+//! Options of what judges: `conform` and `stability`.
 
 use crate::values;
 use backend::Intersector;

@@ -28,25 +28,12 @@ impl SizeArgs {
 }
 
 /// How a device is got ready to be measured.
-#[derive(Args, Clone, Copy, Debug, Default)]
+#[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct WarmUpArgs {
     /// Seconds for which a device repeats the first frame of each run, uncounted, before the others. It goes on until that
     /// takes as long as before, for half a second at most. 0 leaves it out [default: 0.7 on a GPU]
     #[arg(long, value_name = "SECONDS", value_parser = values::warm_up)]
-    warm_up: Option<f64>,
-}
-
-impl WarmUpArgs {
-    /// What was asked for.
-    pub(crate) fn warm_up(self) -> Option<f64> {
-        self.warm_up
-    }
-
-    /// The same on a command line, with a blank before it; empty if nothing was asked for.
-    pub(crate) fn words(self) -> String {
-        self.warm_up
-            .map_or(String::new(), |seconds| format!(" --warm-up {seconds}"))
-    }
+    pub(crate) warm_up: Option<f64>,
 }
 
 /// Option of whatever chooses an intersector.

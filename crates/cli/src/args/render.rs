@@ -1,4 +1,4 @@
-//! What may be asked of `render`.
+//! Options of `render`.
 
 use super::{
     CameraArgs, DeviceArgs, MethodArgs, PolicyArgs, SizeArgs, SourceArgs, Switch, ToleranceArgs,

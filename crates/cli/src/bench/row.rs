@@ -1,6 +1,6 @@
-//! One run of a bench: what it is made of, and how it is measured.
+//! One run of a bench: its rays (a camera's with shadows, or such as have nothing in common), and how it is measured.
 
-use super::rays::Bundle;
+use super::FOV;
 use crate::args::RaysName;
 use crate::choose::{self, Ask};
 use crate::memory::{self, DeviceMemory};
@@ -9,6 +9,9 @@ use crate::session::{self, Session};
 use crate::stop::Stop;
 use crate::table::mrays;
 use crate::warm_up::{self, Warmed};
+use backend::{Query, QueryKind, Rays};
+use fastrand::Rng;
+use geom::{Aabb, Animation, Camera, Point, Ray};
 use output::{FrameStats, Summary, TIMES, Taken, Time};
 use pipeline::{Frame, FrameRecord};
 use scene::Scene;
@@ -19,8 +22,7 @@ use std::collections::BTreeMap;
 #[derive(Serialize)]
 pub(crate) struct Row {
     pub(super) scene: String,
-    pub(crate) triangles: usize,
-    /// Triangles that move.
+    triangles: usize,
     pub(super) moving: usize,
     pub(crate) backend: &'static str,
     pub(crate) adapter: String,
@@ -50,10 +52,9 @@ pub(crate) struct Row {
     /// Trees that were no better than the one in use.
     rejected: usize,
     /// What was left to `auto`.
-    pub(super) auto: Vec<Taken>,
+    auto: Vec<Taken>,
     /// Of the first frame, which waits for the first tree.
-    pub(super) first_ms: Option<f64>,
-    /// The device's memory, where it can tell.
+    first_ms: Option<f64>,
     pub(super) memory: Option<DeviceMemory>,
     /// Every frame, as in the statistics of `render`.
     pub(crate) per_frame: Vec<FrameStats>,
@@ -72,14 +73,23 @@ impl Row {
     pub(super) fn median(&self, name: &str) -> Option<f64> {
         self.medians.get(name).copied().flatten()
     }
+
+    /// All frames but the first, which waits for the first tree, unless there is no other.
+    pub(crate) fn later_frames(&self) -> &[FrameStats] {
+        let later = self.per_frame.get(1..).filter(|rest| !rest.is_empty());
+        later.unwrap_or(&self.per_frame)
+    }
+}
+
+/// What the device took, after what the frame waited for its tree.
+pub(crate) fn frame_ms(frame: &FrameStats) -> Option<f64> {
+    Some(frame.device_ms? + frame.build_wait_ms.unwrap_or(0.0))
 }
 
 /// What a run is like, beside what is asked of a session.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run {
-    /// What kind of rays, one a pixel.
     pub(crate) rays: RaysName,
-    /// Pixels of a frame.
     pub(crate) size: [u32; 2],
     /// Seconds for which the device is got ready, if somebody said so.
     pub(crate) warm_up: Option<f64>,
@@ -175,6 +185,79 @@ fn geometry(frame: &FrameStats) -> Option<f64> {
     stages.into_iter().flatten().reduce(|a, b| a + b)
 }
 
+/// Rays of one kind for one scene.
+enum Bundle {
+    /// A camera's, and where the light is.
+    Camera(Box<Camera>, Point),
+    /// Single ones, of which the closest hit is sought.
+    List(Vec<Ray>),
+}
+
+impl Bundle {
+    /// Of so many pixels; of as many rays where they are at random.
+    ///
+    /// # Errors
+    /// No camera frames the scene.
+    fn of(
+        kind: RaysName,
+        (spec, animation): (&str, &Animation),
+        size: [u32; 2],
+    ) -> Result<Self, Stop> {
+        let view = output::frame_scene(animation, FOV, size);
+        let camera = view.camera(size);
+        let camera = camera.ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
+        Ok(match kind {
+            RaysName::Camera => Self::Camera(Box::new(camera), view.light),
+            RaysName::Random => Self::List(random(&animation.bounds(), camera.pixels())),
+        })
+    }
+
+    /// What is traced in each frame.
+    fn query(&self) -> Query<'_> {
+        match self {
+            Self::Camera(camera, light) => Query {
+                rays: Rays::Camera(camera),
+                kind: QueryKind::ClosestAndShadow { light: *light },
+            },
+            Self::List(rays) => Query {
+                rays: Rays::List(rays),
+                kind: QueryKind::Closest,
+            },
+        }
+    }
+
+    /// Rays of a frame with so many hits, those to the light included.
+    fn count(&self, hits: u64) -> f64 {
+        match self {
+            Self::Camera(camera, _) => camera.pixels() as f64 + hits as f64,
+            Self::List(rays) => rays.len() as f64,
+        }
+    }
+}
+
+/// Rays from anywhere in a box in any direction, the same on every machine.
+fn random(bounds: &Aabb, count: usize) -> Vec<Ray> {
+    let mut rng = Rng::with_seed(0);
+    let mut ray = || {
+        let mut at = |i: usize| bounds.min[i] + rng.f32() * (bounds.max[i] - bounds.min[i]);
+        let origin = [at(0), at(1), at(2)];
+        Ray::new(origin, direction(&mut rng))
+    };
+    (0..count).map(|_| ray()).collect()
+}
+
+/// A direction, all equally likely: a point of the unit ball, found by rejection.
+fn direction(rng: &mut Rng) -> Point {
+    loop {
+        let mut side = || 2.0 * rng.f32() - 1.0;
+        let v = [side(), side(), side()];
+        let square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+        if (0.01..=1.0).contains(&square) {
+            return v;
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -186,5 +269,33 @@ mod tests {
         frame.refit_ms = Some(2.0);
         frame.preprocess_ms = Some(0.5);
         assert_eq!(geometry(&frame), Some(2.5));
+    }
+
+    #[test]
+    fn random_rays_fill_the_box_and_all_directions_evenly() {
+        let bounds = Aabb {
+            min: [-1.0, 10.0, 0.0],
+            max: [3.0, 11.0, 0.0],
+        };
+        let rays = random(&bounds, 20_000);
+        assert!(
+            rays.iter()
+                .all(|r| bounds.contains(&Aabb::EMPTY.with_point(r.origin)) && r.is_valid())
+        );
+        let mean = |of: &dyn Fn(&Ray) -> f32| {
+            rays.iter().map(|r| f64::from(of(r))).sum::<f64>() / rays.len() as f64
+        };
+        assert!((mean(&|r| r.origin[0]) - 1.0).abs() < 0.05);
+        assert!((mean(&|r| r.origin[1]) - 10.5).abs() < 0.02);
+        for i in 0..3 {
+            assert!(mean(&|r| r.direction[i]).abs() < 0.02);
+            // A third of the length, each way.
+            let share = |r: &Ray| {
+                let squares = r.direction.map(|x| x * x);
+                squares[i] / squares.iter().sum::<f32>()
+            };
+            assert!((mean(&share) - 1.0 / 3.0).abs() < 0.01);
+        }
+        assert_eq!(random(&bounds, 3), rays[..3]);
     }
 }

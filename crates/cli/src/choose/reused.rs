@@ -3,7 +3,7 @@
 use super::Ask;
 use crate::args::BackendName;
 use crate::memory;
-use crate::open::{self, Want};
+use crate::open;
 use crate::stop::Stop;
 use crate::threads::{self, Threads};
 use backend::{Backend, Device, Method};
@@ -71,11 +71,7 @@ impl<'a> ReusedBackend<'a> {
             }
         }
         let named = BackendName::from_str(self.device.backend, true);
-        let want = Want {
-            backend: named.unwrap_or(self.ask.backend),
-            adapter: self.ask.adapter,
-            threads,
-        };
-        Ok(open::open(&want, Ok)?.value)
+        let backend = named.unwrap_or(self.ask.backend);
+        open::bare(backend, self.ask.adapter, threads)
     }
 }

@@ -1,7 +1,7 @@
 //! What is settled by rule, and for a small scene on the host.
 
 use super::*;
-use crate::open::{self, Want};
+use crate::open;
 use backend::{QueryKind, Rays};
 use scene::Scene;
 
@@ -87,12 +87,7 @@ fn settled(
             free_update(UpdateName::Auto).unwrap(),
         )
     };
-    let want = Want {
-        backend: BackendName::Cpu,
-        adapter: None,
-        threads: 2,
-    };
-    let backend = open::open(&want, Ok).unwrap().value;
+    let backend = open::bare(BackendName::Cpu, None, 2).unwrap();
     settle(
         &mut ReusedBackend::new(backend, &scene.animation, &ask),
         &ask,
@@ -116,10 +111,10 @@ fn what_is_left_open_is_settled_with_a_reason_and_what_is_named_without() {
     };
     let settled = |count, intersector, ppm| settled(&scene, (count, query), intersector, ppm);
     let taken = settled(32, Watertight, 0.0);
-    let why = taken.why_update.unwrap();
+    let why = taken.why[0].clone().unwrap();
     assert!(why.contains("frames") || why.contains("tree"), "{why}");
     assert_eq!(taken.method.layout, Layout::Fast);
-    assert!(taken.why_layout.is_some() && taken.why_intersector.is_none());
+    assert!(taken.why[2].is_some() && taken.why[1].is_none());
     assert_eq!(settled(1, Watertight, 0.0).update, Update::Refit);
     // Nothing but exact meets a tolerance of nought, and of a little too many rays would be needed.
     for (tolerance, takes, says) in [
@@ -129,7 +124,7 @@ fn what_is_left_open_is_settled_with_a_reason_and_what_is_named_without() {
     ] {
         let taken = settled(32, Auto, tolerance);
         assert_eq!(taken.method.intersector, takes);
-        let why = taken.why_intersector.unwrap();
+        let why = taken.why[1].clone().unwrap();
         assert!(why.contains(says), "{why}");
     }
 }
@@ -149,7 +144,7 @@ fn what_is_wrong_too_often_is_not_taken_however_fast() {
         kind: QueryKind::Closest,
     };
     let taken = settled(&scene, (32, query), IntersectorName::Auto, 200.0);
-    let why = taken.why_intersector.unwrap();
+    let why = taken.why[1].clone().unwrap();
     assert_eq!(taken.method.intersector, Intersector::Exact, "{why}");
     assert!(why.contains("watertight ") && why.contains("woop "));
 }

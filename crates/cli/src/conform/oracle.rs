@@ -23,15 +23,12 @@ pub(super) fn open(args: &ConformArgs) -> Result<Vec<Given>, Stop> {
         allow_outside: args.allow_outside,
         ..scene::Options::default()
     };
-    let all = args.scene.iter();
-    all.map(|name| {
-        let scene = scene::open(name, &options).map_err(Stop::bad)?;
-        Ok(Given {
-            name: name.clone(),
-            animation: scene.animation,
-        })
-    })
-    .collect()
+    let given = |name: &String| {
+        let animation = scene::open(name, &options).map_err(Stop::bad)?.animation;
+        let name = name.clone();
+        Ok(Given { name, animation })
+    };
+    args.scene.iter().map(given).collect()
 }
 
 /// Holds every subject that traces our trees to the exact answers, if that was asked for.
@@ -53,7 +50,13 @@ pub(super) fn hold(
     }
     let (seed, rays) = (args.seed, args.oracle_rays);
     let audit = Audit::new(AuditPlan { seed, rays }, given);
-    let specs = specs(args, &audit)?;
+    let mut specs = audit.specs();
+    specs.retain(|spec| args.oracle_batch.is_none_or(|number| spec.number == number));
+    if let (true, Some(number)) = (specs.is_empty(), args.oracle_batch) {
+        return Err(Stop::bad(format!(
+            "of {rays} rays there is no batch {number}"
+        )));
+    }
     let chunks = chunks(&specs);
     let mut progress = Progress::new(chunks.len() as u64, args.quiet);
     let make =
@@ -71,21 +74,6 @@ pub(super) fn hold(
         progress.step("rays against exact answers");
     }
     Ok(())
-}
-
-/// The batches asked for.
-fn specs(args: &ConformArgs, audit: &Audit) -> Result<Vec<BatchSpec>, Stop> {
-    let mut specs = audit.specs();
-    if let Some(number) = args.oracle_batch {
-        specs.retain(|spec| spec.number == number);
-        if specs.is_empty() {
-            let rays = args.oracle_rays;
-            return Err(Stop::bad(format!(
-                "of {rays} rays there is no batch {number}"
-            )));
-        }
-    }
-    Ok(specs)
 }
 
 /// Consecutive batches of about [`AHEAD`] rays together.
@@ -166,25 +154,28 @@ impl OracleRow {
         self.intersector == Intersector::Exact.name() && wrong > 0
     }
 
-    fn cells(&self) -> Vec<String> {
+    /// What people read, by the names of columns.
+    fn cells(&self) -> Vec<(String, String)> {
         let t = &self.tally;
+        let wrong = format!("{} wrong", self.intersector);
         let counts = [
-            self.scenes,
-            t.rays,
-            t.hits,
-            t.ties,
-            t.edges,
-            t.degenerate,
-            t.settled,
-            t.wrong,
-            t.wrong_any,
-            t.wrong_t,
+            ("scenes", self.scenes),
+            ("rays", t.rays),
+            ("hits", t.hits),
+            ("ties", t.ties),
+            ("on edges", t.edges),
+            ("degenerate", t.degenerate),
+            ("settled", t.settled),
+            (&wrong, t.wrong),
+            ("any-hit wrong", t.wrong_any),
+            ("t wrong", t.wrong_t),
         ];
-        let words = [self.backend, &self.mesh].map(str::to_owned).into_iter();
-        let counts = counts.iter().map(|&n| grouped(n as usize));
+        let words = [("backend", self.backend), ("mesh", &self.mesh)];
+        let words = words.map(|(name, word)| (name.to_owned(), word.to_owned()));
+        let counts = counts.map(|(name, n)| (name.to_owned(), grouped(n as usize)));
         let per_million = 1e6 * t.wrong as f64 / t.rays.max(1) as f64;
-        let rate = std::iter::once(format!("{per_million:.1}"));
-        words.chain(counts).chain(rate).collect()
+        let rate = ("per million".to_owned(), format!("{per_million:.1}"));
+        [&words[..], &counts, &[rate]].concat()
     }
 }
 
@@ -220,42 +211,22 @@ pub(super) fn text(rows: &[OracleRow]) -> String {
     let Some(first) = rows.first() else {
         return String::new();
     };
-    let wrong = format!("{} wrong", first.intersector);
-    let head = [
-        "backend",
-        "mesh",
-        "scenes",
-        "rays",
-        "hits",
-        "ties",
-        "on edges",
-        "degenerate",
-        "settled",
-        &wrong,
-        "any-hit wrong",
-        "t wrong",
-        "per million",
-    ];
+    let head = first.cells();
+    let head: Vec<_> = head.iter().map(|c| &*c.0).collect();
     let mut all = Vec::new();
     for of_backend in rows.chunk_by(|a, b| a.backend == b.backend) {
-        all.extend(of_backend.iter().map(OracleRow::cells));
-        all.push(sum(of_backend).cells());
+        let mut sum = OracleRow {
+            mesh: "all".to_owned(),
+            ..of_backend[0].clone()
+        };
+        for row in &of_backend[1..] {
+            sum.scenes += row.scenes;
+            sum.tally += row.tally.clone();
+        }
+        let texts = |row: &OracleRow| row.cells().into_iter().map(|c| c.1).collect();
+        all.extend(of_backend.iter().chain([&sum]).map(texts));
     }
     table(&head, &all, 2)
-}
-
-fn sum(rows: &[OracleRow]) -> OracleRow {
-    let mut sum = OracleRow {
-        mesh: "all".to_owned(),
-        scenes: 0,
-        tally: AuditCounts::default(),
-        ..rows[0].clone()
-    };
-    for row in rows {
-        sum.scenes += row.scenes;
-        sum.tally += row.tally.clone();
-    }
-    sum
 }
 
 #[cfg(test)]

@@ -19,9 +19,7 @@ pub(super) struct Motion {
 /// The least and the most over all key frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub(super) struct Spread {
-    /// The least.
     pub(super) min: usize,
-    /// The most.
     pub(super) max: usize,
 }
 
@@ -41,7 +39,6 @@ pub(super) struct Still {
 /// The first tree at another time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Decay {
-    /// The time, in key frames.
     pub(super) time: f64,
     /// Its refitted cost.
     pub(super) refitted: f64,

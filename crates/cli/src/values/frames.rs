@@ -17,7 +17,6 @@ pub(crate) enum Frames {
 pub(crate) struct Shard {
     /// Which block, from 1 on.
     pub(crate) number: usize,
-    /// How many blocks there are.
     pub(crate) of: usize,
 }
 

@@ -1,6 +1,5 @@
 //! Whole charts: invented numbers in, files out.
 
-use super::page::front;
 use super::*;
 use proptest::prelude::*;
 use roxmltree::{Document, Node};
@@ -52,16 +51,6 @@ fn invented(scenes: usize) -> Chart {
             }
         }
     }
-    let step = |i: u8| KeyFrameStep {
-        tolerance: Some(0.1_f64.powi(i.into())),
-        key_frames: u64::from(i),
-        max_error: Some(0.09_f64.powi(i.into())),
-        ms: Some(1.0),
-    };
-    chart.companions.key_frames = vec![KeyFrames {
-        scene: "grove".to_owned(),
-        steps: (1..=6).map(step).collect(),
-    }];
     chart
 }
 
@@ -188,7 +177,6 @@ fn every_point_is_drawn_and_everything_is_named() {
         "leaks per million",
         "double hits per million",
         "100000",
-        "largest error / diagonal",
     ] {
         assert!(
             texts.iter().any(|t| t == words),
@@ -270,7 +258,7 @@ fn columns_stay_where_they_are() {
         cells.map(|name| cell(&chart, woop, name)),
         ["2600", "9000", "2600", "2600"]
     );
-    assert_eq!(rows(&chart)[woop][11], "2,600 of 9,000");
+    assert_eq!(rows(&chart).1[woop][11], "2,600 of 9,000");
 }
 
 #[test]
@@ -324,7 +312,6 @@ fn names_are_words_and_never_markup_and_long_ones_are_cut() {
         chart.title.clone_from(&name);
         chart.machine.cpu = Some(name.clone());
         chart.scenes[0].name.clone_from(&name);
-        chart.companions.key_frames[0].scene.clone_from(&name);
         chart
             .points
             .iter_mut()
@@ -378,24 +365,7 @@ fn absurd_numbers_are_drawn() {
         p999: Some(f64::MAX),
         worst: None,
     });
-    let mut chart = of_points(points);
-    let steps = [
-        (1e-300, 0.0),
-        (1e300, f64::NAN),
-        (0.0, 1.0),
-        (f64::NAN, -1.0),
-    ];
-    let steps = steps.map(|(tolerance, value)| KeyFrameStep {
-        tolerance: Some(tolerance),
-        max_error: Some(value),
-        ms: Some(value),
-        key_frames: most,
-    });
-    chart.companions.key_frames = vec![KeyFrames {
-        scene: "s".to_owned(),
-        steps: steps.into(),
-    }];
-    assert_eq!(places(&checked(&chart)).len(), 3);
+    assert_eq!(places(&checked(&of_points(points))).len(), 3);
 }
 
 fn any_point() -> impl Strategy<Value = Point> {
@@ -435,7 +405,7 @@ proptest! {
     ) {
         let points = pairs.iter().map(|&(ms, wrong)| point(f64::from(ms), u64::from(wrong)));
         let chart = of_points(points);
-        let found: Vec<usize> = front(&chart, "").iter().map(|d| d.index).collect();
+        let found: Vec<usize> = chart.front("").iter().map(|d| d.index).collect();
         for (i, p) in pairs.iter().enumerate() {
             let is_beaten = pairs.iter().enumerate().any(|(j, q)| {
                 q.0 <= p.0 && q.1 <= p.1 && (q != p || j < i)
@@ -443,67 +413,4 @@ proptest! {
             prop_assert_eq!(found.contains(&i), !is_beaten);
         }
     }
-}
-
-fn growth(points: impl IntoIterator<Item = GrowthPoint>) -> String {
-    let growth = Growth {
-        title: "Growth <of> demo:twist".to_owned(),
-        machine: machine(),
-        size: [1280, 720],
-        points: points.into_iter().collect(),
-    };
-    let picture = growth_svg(&growth).unwrap();
-    Document::parse(&picture).unwrap();
-    assert_eq!(picture, growth_svg(&growth).unwrap());
-    picture
-}
-
-fn grown(triangles: u64, ms: f64) -> GrowthPoint {
-    GrowthPoint {
-        triangles,
-        update: "async".to_owned(),
-        layout: "fast".to_owned(),
-        frame_ms: Some(ms),
-        first_ms: Some(30.0 * ms),
-        device_bytes: Some(90_u64.saturating_mul(triangles)),
-    }
-}
-
-#[test]
-fn more_triangles_are_right_and_slower_is_higher() {
-    // Given in disorder.
-    let picture =
-        growth([(1_000_000, 1.6), (10_000, 0.1), (100_000, 0.4)].map(|(n, ms)| grown(n, ms)));
-    let document = Document::parse(&picture).unwrap();
-    let is_mark =
-        |n: &Node<'_, '_>| n.attribute("fill") == Some("#0072B2") && n.has_tag_name("circle");
-    let marks = document.descendants().filter(is_mark);
-    let places: Vec<(i32, i32)> = marks
-        .map(|n| (number_of(n, "cx"), number_of(n, "cy")))
-        .collect();
-    // Three of time, a legend's, three of memory, three of start-up.
-    assert_eq!(places.len(), 10, "{places:?}");
-    let [a, b, c] = [places[0], places[1], places[2]];
-    assert!(
-        a.0 < b.0 && b.0 < c.0 && a.1 > b.1 && b.1 > c.1,
-        "{places:?}"
-    );
-    let is_equal = |x: i32, y: i32| (x - y).abs() <= 2;
-    assert!(
-        is_equal(b.0 - a.0, c.0 - b.0) && is_equal(a.1 - b.1, b.1 - c.1),
-        "{places:?}"
-    );
-    let memory = &places[4..7];
-    assert!(memory.iter().all(|m| m.1 == memory[0].1), "{memory:?}");
-}
-
-#[test]
-fn sizes_that_are_missing_or_absurd_are_left_out() {
-    growth([]);
-    growth([
-        grown(0, f64::NAN),
-        GrowthPoint::default(),
-        grown(u64::MAX, f64::INFINITY),
-    ]);
-    growth([grown(5, 1e-300)]);
 }
