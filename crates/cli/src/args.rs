@@ -20,7 +20,6 @@ struct Cli {
     command: Option<Command>,
 }
 
-/// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Render an animation to pictures, hits and statistics
@@ -93,7 +92,6 @@ fn refused(args: &[OsString], e: &clap::Error) -> Stop {
     Stop::bad(first.strip_prefix("error: ").unwrap_or(first))
 }
 
-/// Options of `merge`.
 #[derive(Args, Debug)]
 pub(crate) struct MergeArgs {
     /// Folders that shards of one run were rendered to; of runs that wrote nothing but --stats, these files
@@ -104,7 +102,6 @@ pub(crate) struct MergeArgs {
     pub(crate) stats: Option<PathBuf>,
 }
 
-/// Options of `trace`.
 #[derive(Args, Debug)]
 pub(crate) struct TraceArgs {
     /// Scene: a demo, files or a directory; `abvh render --help` tells all
@@ -142,7 +139,6 @@ pub(crate) struct TraceArgs {
     pub(crate) quiet: bool,
 }
 
-/// Options of `inspect`.
 #[derive(Args, Debug)]
 pub(crate) struct InspectArgs {
     /// Scene: a demo, files or a directory; `abvh render --help` tells all
@@ -164,7 +160,6 @@ pub(crate) struct InspectArgs {
     pub(crate) json: bool,
 }
 
-/// Options of `info`.
 #[derive(Args, Debug)]
 pub(crate) struct InfoArgs {
     /// JSON to standard output
@@ -187,7 +182,6 @@ pub(crate) struct SourceArgs {
 }
 
 impl SourceArgs {
-    /// As the reader of scenes wants it.
     pub(crate) fn options(&self) -> scene::Options {
         scene::Options {
             fps: self.fps,
@@ -198,7 +192,6 @@ impl SourceArgs {
     }
 }
 
-/// Who does the work.
 #[derive(Args, Debug)]
 pub(crate) struct DeviceArgs {
     /// Backend
@@ -215,7 +208,6 @@ pub(crate) struct DeviceArgs {
     pub(crate) builder_threads: Option<usize>,
 }
 
-/// How rays are traced.
 #[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MethodArgs {
     /// How a ray is tested against a triangle [with --tolerance: auto]
@@ -231,7 +223,6 @@ pub(crate) struct MethodArgs {
     pub(crate) layout: LayoutName,
 }
 
-/// How trees follow the motion.
 #[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct PolicyArgs {
     /// How trees follow the motion
@@ -262,7 +253,6 @@ pub(crate) struct CameraArgs {
     pub(crate) light: Option<Point>,
 }
 
-/// Backends by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum BackendName {
     /// The best one present
@@ -279,9 +269,11 @@ pub(crate) enum BackendName {
     /// The same, built to be traced quickly
     #[value(name = "vulkan-rt:fast-trace")]
     VulkanRtFastTrace,
+    /// wgpu with kernels that it translates even where it need not: for laws, not for work
+    #[value(hide = true)]
+    WgpuWgsl,
 }
 
-/// Update policies by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum UpdateName {
     /// Whichever is expected to finish the run first
@@ -307,7 +299,6 @@ pub(crate) enum Switch {
     Off,
 }
 
-/// Intersectors by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum IntersectorName {
     /// The cheapest within the tolerance
@@ -322,7 +313,6 @@ pub(crate) enum IntersectorName {
     Exact,
 }
 
-/// Layouts by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum LayoutName {
     /// Whichever is faster on the backend
@@ -343,7 +333,7 @@ mod bench;
 pub(crate) use bench::{BenchArgs, ChartArgs, RaysName};
 
 mod conform;
-pub(crate) use conform::{ConformArgs, StabilityArgs, SubjectName};
+pub(crate) use conform::{ConformArgs, StabilityArgs, TestArgs};
 
 mod idle;
 

@@ -11,6 +11,7 @@ use crate::stop::Stop;
 use crate::{conflicts, frames, info, memory, open, record, talk, threads};
 pub(crate) use row::{Row, Run, frame_ms, measure};
 use serde::Serialize;
+use serde_json::Value;
 
 /// Vertical field of view, in degrees, as with `render`.
 pub(crate) const FOV: f32 = 40.0;
@@ -24,11 +25,9 @@ struct Report {
     cores: usize,
     size: [u32; 2],
     rows: Vec<Row>,
-    /// Every run over every other of its scene.
-    ratios: Vec<results::Ratio>,
+    ratios: Vec<Value>,
 }
 
-/// Measures.
 pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     let read = args.compare.iter().map(|file| ("--compare", file.clone()));
     let written = [("--json", args.json.as_ref()), ("--csv", args.csv.as_ref())];
@@ -57,7 +56,6 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     talk::print(&results::text(&report, args.against.as_deref()))
 }
 
-/// Every combination over every scene.
 fn measure_all(args: &BenchArgs) -> Result<Vec<Row>, Stop> {
     let (combinations, skipped) = combinations(args)?;
     let mut progress = Progress::new(0, args.quiet);
@@ -159,7 +157,6 @@ fn policies(args: &BenchArgs) -> impl Iterator<Item = (UpdateName, Switch)> {
     })
 }
 
-/// Every intersector with every layout.
 fn methods(args: &BenchArgs) -> impl Iterator<Item = MethodArgs> {
     args.intersector.iter().flat_map(|&intersector| {
         let layouts = args.layout.iter();

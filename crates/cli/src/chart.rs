@@ -17,13 +17,12 @@ use crate::args::{ChartArgs, RaysName};
 use crate::bench::{self, Row};
 use crate::progress::Progress;
 use crate::stop::Stop;
-use crate::table::table;
+use crate::table::of_rows;
 use crate::{frames, info, memory, talk};
 use output::plot::{self, Adapter, Chart, Machine, Point, Spread};
 use output::{FrameStats, Summary};
 use plan::{ChartPlan, Way};
 
-/// What the numbers of the table mean.
 const LEGEND: &str = "wrong: closest hits of so many that differ from exact arithmetic; aimed: rays at edges and vertices; \
     mixed range: scenes of far or large parts\n\
     t off: 99.9 % of hits are off by no more; leaks: of so many rays from inside closed bodies, at all offsets\n";
@@ -31,7 +30,6 @@ const LEGEND: &str = "wrong: closest hits of so many that differ from exact arit
 /// A point, and the way it stands for.
 type Measured = (Way, Point);
 
-/// Times, judges, draws.
 pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
     let plan = ChartPlan::of(args)?;
     if !args.quiet {
@@ -70,8 +68,7 @@ pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
 
 /// Writes the four files, up to the first that cannot be written; links there are replaced.
 fn finish(args: &ChartArgs, chart: &Chart) -> Result<(), Stop> {
-    let (head, rows) = plot::rows(chart);
-    let mut text = table(&head, &rows, 5) + LEGEND;
+    let mut text = of_rows(&plot::rows(chart), 5) + LEGEND;
     for (name, content) in [
         ("chart.svg", plot::svg(chart)),
         ("chart.html", plot::html(chart)),
@@ -87,7 +84,6 @@ fn finish(args: &ChartArgs, chart: &Chart) -> Result<(), Stop> {
     talk::print(&text)
 }
 
-/// All that is under way.
 struct Work<'a> {
     args: &'a ChartArgs,
     progress: Progress,
@@ -145,7 +141,6 @@ impl Work<'_> {
         Ok(points)
     }
 
-    /// Notes who stands behind a backend's name.
     fn add_adapter(&mut self, row: &Row) {
         let adapter = Adapter {
             backend: row.backend.to_owned(),
@@ -190,7 +185,6 @@ impl Work<'_> {
     }
 }
 
-/// How fast a way was.
 fn timed(scene: &str, row: &Row, command: String) -> Point {
     let frames = row.later_frames();
     let spread = || frames.iter().filter_map(bench::frame_ms);

@@ -8,7 +8,7 @@ mod reused;
 mod sample;
 
 use crate::args::{
-    BackendName, IntersectorName, LayoutName, MethodArgs, PolicyArgs, Switch, UpdateName,
+    BackendName, IntersectorName, LayoutName, MethodArgs, PolicyArgs, Switch, UpdateName, word,
 };
 use crate::stop::Stop;
 use backend::{DeviceKind, Intersector, Layout, Method, Query};
@@ -17,7 +17,6 @@ use pipeline::{Frame, Pace, RefitDecay, RunFacts, Update};
 pub(crate) use reused::ReusedBackend;
 use sample::{Sample, Wrong};
 
-/// What to set up.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ask<'a> {
     pub(crate) backend: BackendName,
@@ -37,11 +36,6 @@ pub(crate) struct Ask<'a> {
 }
 
 impl Ask<'_> {
-    /// Rays that are traced in a frame.
-    pub(crate) fn rays(&self) -> usize {
-        self.run.map_or(self.rays, |run| run.query.rays.count())
-    }
-
     /// Leaves all else as it usually is.
     pub(crate) fn of(backend: BackendName, method: MethodArgs, update: Choice<Update>) -> Self {
         Self {
@@ -54,8 +48,16 @@ impl Ask<'_> {
             tolerance: 0.0,
             run: None,
             rays: 0,
-            ahead: Ahead::default(),
+            // The whole motion.
+            ahead: Ahead {
+                time_range: [0.0, f64::INFINITY],
+                predict: true,
+            },
         }
+    }
+
+    pub(crate) fn rays(&self) -> usize {
+        self.run.map_or(self.rays, |run| run.query.rays.count())
     }
 }
 
@@ -74,18 +76,7 @@ pub(crate) struct Ahead {
     pub(crate) predict: bool,
 }
 
-impl Default for Ahead {
-    /// The whole motion.
-    fn default() -> Self {
-        Self {
-            time_range: [0.0, f64::INFINITY],
-            predict: true,
-        }
-    }
-}
-
 impl Ahead {
-    /// These frames.
     pub(crate) fn of(frames: &[Frame], predict: Switch) -> Self {
         let times = || frames.iter().map(|f| f.time);
         let first = times().fold(f64::INFINITY, f64::min);
@@ -107,7 +98,6 @@ pub(crate) struct Choice<T> {
     pub(crate) is_open: bool,
 }
 
-/// What somebody named.
 pub(crate) fn asked<T>(value: T) -> Choice<T> {
     Choice {
         value,
@@ -116,7 +106,6 @@ pub(crate) fn asked<T>(value: T) -> Choice<T> {
     }
 }
 
-/// What nothing can be better than.
 fn auto<T>(value: T, why: &'static str) -> Choice<T> {
     Choice {
         why: Some(why),
@@ -138,14 +127,14 @@ pub(crate) fn update(policy: PolicyArgs) -> Result<Choice<Update>, Stop> {
     let pace = policy.lockstep.map_or(Pace::Free, Pace::Lockstep);
     let fixed = match (policy.update, policy.lockstep) {
         (UpdateName::Async, _) => Update::Async(pace),
-        (UpdateName::Auto, Some(_)) => {
-            return Ok(auto(Update::Async(pace), "--lockstep asks for it"));
-        }
-        (UpdateName::Auto, None) => {
-            return Ok(Choice {
-                is_open: true,
-                ..auto(Update::Async(pace), "it suits most scenes that deform")
-            });
+        (UpdateName::Auto, lockstep) => {
+            let why = match lockstep {
+                Some(_) => "--lockstep asks for it",
+                None => "it suits most scenes that deform",
+            };
+            let choice = auto(Update::Async(pace), why);
+            let is_open = lockstep.is_none();
+            return Ok(Choice { is_open, ..choice });
         }
         (_, Some(_)) => return Err(Stop::bad("--lockstep goes only with --update async")),
         (UpdateName::Rebuild, _) => Update::Rebuild,
@@ -165,12 +154,12 @@ pub(crate) fn free_update(update: UpdateName) -> Result<Choice<Update>, Stop> {
 /// What a method names that a driver with trees of its own does not have. The usual intersector, which nobody need
 /// name, stands for the driver's own.
 pub(crate) fn beyond_drivers(method: MethodArgs) -> Option<String> {
-    let usual = [IntersectorName::Auto, IntersectorName::Watertight];
-    if !usual.contains(&method.intersector) {
-        let name = intersector(method.intersector).value;
-        return Some(format!("intersector '{name}'"));
+    match method.intersector {
+        IntersectorName::Auto | IntersectorName::Watertight => {
+            layout(method.layout).map(|name| format!("layout '{name}'"))
+        }
+        other => Some(format!("intersector '{}'", word(&other))),
     }
-    layout(method.layout).map(|name| format!("layout '{name}'"))
 }
 
 /// The same for a backend that makes its trees itself, within each frame.
@@ -184,7 +173,6 @@ pub(crate) fn within_frames(choice: Choice<Update>) -> Choice<Update> {
     }
 }
 
-/// How a ray is tested against a triangle.
 pub(crate) fn intersector(name: IntersectorName) -> Choice<Intersector> {
     match name {
         IntersectorName::Auto => auto(
@@ -257,8 +245,8 @@ pub(crate) fn settle(backend: &mut ReusedBackend<'_>, ask: &Ask<'_>) -> Result<S
     let layout = layout_on(backend.device.kind, ask.method.layout);
     let (update, why_update) = match ask.run.filter(|_| ask.update.is_open) {
         Some(run) => {
-            let pipeline::Choice { update, why } = facts(backend, &run)?.choose();
-            (update, Some(why))
+            let chosen = facts(backend, &run)?.choose();
+            (chosen.update, Some(chosen.why))
         }
         None => (ask.update.value, ask.update.why.map(str::to_owned)),
     };
@@ -272,7 +260,6 @@ pub(crate) fn settle(backend: &mut ReusedBackend<'_>, ask: &Ask<'_>) -> Result<S
     })
 }
 
-/// What is known of a run before its first frame.
 fn facts(backend: &ReusedBackend<'_>, run: &Run<'_>) -> Result<RunFacts, Stop> {
     let animation = backend.animation;
     let times: Vec<f64> = run.frames.iter().map(|f| f.time).collect();

@@ -164,12 +164,8 @@ pub(crate) fn of_render(args: &RenderArgs) -> Result<(), Stop> {
 mod tests {
     use super::*;
 
-    fn refused(files: &Files<'_>) -> String {
-        files.check().unwrap_err().to_string()
-    }
-
     #[test]
-    fn a_file_is_told_by_what_it_is() {
+    fn a_file_is_told_by_what_it_is_and_folders_keep_to_their_own_names() {
         let dir = tempfile::tempdir().unwrap();
         let at = |name: &str| dir.path().join(name);
         fs::write(at("in.obj"), b"v 0 0 0").unwrap();
@@ -177,51 +173,40 @@ mod tests {
         fs::hard_link(at("in.obj"), at("hard")).unwrap();
         #[cfg(unix)]
         std::os::unix::fs::symlink(at("in.obj"), at("soft")).unwrap();
+        let check = |read: &[&str], written: &[&str], folder: &str| {
+            let files = Files {
+                read: read.iter().map(|name| ("SCENE", at(name))).collect(),
+                written: ["--stats", "--timeline"]
+                    .into_iter()
+                    .zip(written.iter().map(|name| at(name)))
+                    .collect(),
+                folders: vec![("--out", at(folder), &["frame_"])],
+            };
+            files
+                .check()
+                .map_or_else(|stop| stop.to_string(), |()| String::new())
+        };
         for name in ["in.obj", "sub/../in.obj", "hard", "soft"] {
-            let files = Files {
-                read: vec![("SCENE", at("in.obj"))],
-                written: vec![("--stats", at(name))],
-                ..Files::default()
-            };
-            assert!(refused(&files).contains("of SCENE"), "{name}");
+            assert!(
+                check(&["in.obj"], &[name], "o").contains("of SCENE"),
+                "{name}"
+            );
         }
-        let files = Files {
-            written: vec![("--stats", at("new")), ("--timeline", at("sub/../new"))],
-            ..Files::default()
-        };
-        assert!(refused(&files).contains("what --stats writes"));
-        let null = PathBuf::from("/dev/null");
-        let files = Files {
-            written: vec![
-                ("--stats", null.clone()),
-                ("--timeline", null),
-                ("--rays-out", at("x")),
-            ],
-            ..Files::default()
-        };
-        files.check().unwrap();
-    }
-
-    #[test]
-    fn folders_keep_to_their_own_names() {
-        let dir = tempfile::tempdir().unwrap();
-        let begins: &[&str] = &["frame_"];
-        let check = |name: &str, folder: &str| {
-            let files = Files {
-                written: vec![("--stats", dir.path().join(name))],
-                folders: vec![("--out", dir.path().join(folder), begins)],
-                ..Files::default()
-            };
-            files.check().is_ok()
-        };
-        assert!(!check("frame_0000.png", "."));
-        assert!(!check("o/frame_0000.png", "o"));
-        assert!(check("o/stats.json", "o") && check("frame_0000.png", "o"));
-        let files = Files {
-            read: vec![("SCENE", dir.path().join("frame_1.obj"))],
-            folders: vec![("--out", dir.path().to_owned(), begins)],
-            ..Files::default()
-        };
-        assert!(refused(&files).contains("which is read"));
+        assert!(check(&[], &["new", "sub/../new"], "o").contains("what --stats writes"));
+        // Many may write to a device.
+        assert_eq!(check(&[], &["/dev/null", "/dev/null"], "o"), "");
+        for (name, folder, is_fit) in [
+            ("frame_0000.png", ".", false),
+            ("o/frame_0000.png", "o", false),
+            ("o/stats.json", "o", true),
+            ("frame_0000.png", "o", true),
+        ] {
+            assert_eq!(
+                check(&[], &[name], folder).is_empty(),
+                is_fit,
+                "{name} {folder}"
+            );
+        }
+        assert!(check(&["frame_1.obj"], &[], ".").contains("which is read"));
     }
 }

@@ -11,7 +11,6 @@ use comfy_table::{ContentArrangement, Table, presets};
 use output::{SCHEMA, Taken};
 use serde::Serialize;
 
-/// The most columns of the text.
 const WIDTH: usize = 100;
 
 #[derive(Serialize)]
@@ -24,7 +23,6 @@ struct Info {
     backends: Vec<Presence>,
 }
 
-/// Tells.
 pub(crate) fn run(args: &InfoArgs) -> Result<(), Stop> {
     let info = Info {
         schema: SCHEMA,
@@ -81,7 +79,6 @@ fn text(info: &Info) -> String {
     table(&rows, columns as u16)
 }
 
-/// Names and what stands for them.
 fn table(rows: &[[String; 2]], columns: u16) -> String {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);

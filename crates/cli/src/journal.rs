@@ -13,13 +13,11 @@ use std::fs::{self, File, TryLockError};
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-/// A line.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum JournalLine {
     /// What the run is to make, and its statistics without frames.
     Run { list: Vec<u64>, stats: Value },
-    /// A frame that is done.
     Frame {
         files: Vec<NamedDigest>,
         row: Box<FrameStats>,

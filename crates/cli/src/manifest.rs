@@ -8,11 +8,9 @@ use output::{Digest, digest_of};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Its file.
 pub(crate) const FILE: &str = "abvh-run.json";
-/// The version of its schema.
 const SCHEMA: u32 = 1;
 
 /// All that decides a byte of a run's pictures and hits.
@@ -71,7 +69,7 @@ impl Manifest {
     /// The first thing in which two runs differ, as far as it is known of both.
     pub(crate) fn difference(&self, other: &Self) -> Option<String> {
         let has_end = self.key_times.is_some() && other.key_times.is_some();
-        let texts = |m: &Self| {
+        let texts = |m: &Self| -> BTreeMap<(u8, usize, String), Value> {
             let mut m = m.clone();
             if !has_end {
                 m.forget_end();
@@ -82,22 +80,24 @@ impl Manifest {
                 ("scene", json!(m.scene.name)),
                 ("number of key times", json!(m.key_times)),
             ];
-            let files = m.scene.files.into_iter();
-            let files = files.map(|(name, digest)| (format!("file {name}"), json!(digest)));
+            let fixed = (0..)
+                .zip(fixed)
+                .map(|(i, (name, v))| ((0, i, name.to_owned()), v));
+            // Several may have one name, in folders of their own.
+            let files = (0..).zip(m.scene.files);
+            let files = files.map(|(i, (name, v))| ((1, i, format!("file {name}")), json!(v)));
             let options = m.options.into_iter();
-            let options = options.map(|(name, v)| (format!("--{name}"), v));
-            let fixed = fixed.map(|(name, v)| (name.to_owned(), v)).into_iter();
-            fixed.chain(files).chain(options).collect::<Vec<_>>()
+            let options = options.map(|(name, v)| ((2, 0, format!("--{name}")), v));
+            fixed.chain(files).chain(options).collect()
         };
         let (mine, theirs) = (texts(self), texts(other));
-        let value = |all: &[(String, Value)], name: &str| {
-            let found = all.iter().find(|(n, _)| n == name);
-            found.map_or_else(|| "absent".to_owned(), |(_, v)| v.to_string())
-        };
-        let mut names = mine.iter().chain(&theirs).map(|(name, _)| name);
-        let differing = names.find(|n| value(&mine, n) != value(&theirs, n))?;
-        let [a, b] = [value(&mine, differing), value(&theirs, differing)];
-        Some(format!("its {differing} is {a}, here it is {b}"))
+        let mut names = mine.keys().chain(theirs.keys());
+        let differing = names.find(|name| mine.get(name) != theirs.get(name))?;
+        let [a, b] = [&mine, &theirs].map(|all| {
+            let found = all.get(differing);
+            found.map_or_else(|| "absent".to_owned(), Value::to_string)
+        });
+        Some(format!("its {} is {a}, here it is {b}", differing.2))
     }
 
     /// Leaves out what only a loaded scene tells.
@@ -112,22 +112,17 @@ impl Manifest {
 impl SceneId {
     fn of(spec: &str) -> Result<Self, Stop> {
         let files = scene::files(spec)?;
-        let read = |file: &std::path::PathBuf| {
-            let name = file
-                .file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned();
-            let digest = digest_of(file);
-            let digest =
-                digest.map_err(|e| Stop::bad(format!("cannot read {}: {e}", file.display())));
-            Ok::<_, Stop>((name, digest?))
+        let read = |file: &PathBuf| {
+            let name = file.file_name().unwrap_or_default();
+            let cannot = |e| Stop::bad(format!("cannot read {}: {e}", file.display()));
+            let digest = digest_of(file).map_err(cannot)?;
+            Ok((name.to_string_lossy().into_owned(), digest))
         };
         // Where a file lies decides nothing, but how inputs are placed does.
         let is_placed = spec.contains(['+', '@']);
         Ok(Self {
             name: (files.is_empty() || is_placed).then(|| spec.to_owned()),
-            files: files.iter().map(read).collect::<Result<_, _>>()?,
+            files: files.iter().map(read).collect::<Result<_, Stop>>()?,
         })
     }
 }

@@ -50,7 +50,6 @@ pub(crate) fn row(record: &FrameRecord) -> FrameStats {
     }
 }
 
-/// A scene's facts for files.
 pub(crate) fn scene_facts(scene: &Scene) -> SceneFacts {
     let (animation, facts) = (&scene.animation, &scene.facts);
     SceneFacts {

@@ -90,7 +90,6 @@ fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
     })
 }
 
-/// Names of the intersector and the layout.
 fn method_names(ask: &Ask<'_>, method: Method) -> [&'static str; 2] {
     match open::has_own_trees(ask.backend) {
         true => [open::DRIVERS; 2],
@@ -98,7 +97,6 @@ fn method_names(ask: &Ask<'_>, method: Method) -> [&'static str; 2] {
     }
 }
 
-/// What `auto` took and why.
 fn taken(
     (device, why): (&Device, Option<String>),
     settled: Settled,

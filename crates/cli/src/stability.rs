@@ -5,7 +5,7 @@ use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::subjects::{self, Subject, Tested};
 use crate::table::{grouped, table};
-use crate::{conflicts, talk};
+use crate::{conflicts, open, talk};
 use backend::Intersector;
 use conformance::stress::{Cell, Family, Measure, Measured, Plan, StressTest, baseline};
 use serde::{Serialize, Serializer};
@@ -13,29 +13,28 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 
-/// Asks everything of all.
 pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
     let written = [
-        ("--json", args.json.as_ref()),
+        ("--json", args.test.json.as_ref()),
         ("--record", args.record.as_ref()),
     ];
     conflicts::of_files(&[], [], written)?;
-    if args.backend.iter().any(|&s| subjects::is_driver(s)) {
+    if args.test.backend.iter().any(|&b| open::has_own_trees(b)) {
         let why = "stability knows no bounds for intersections that a driver decides; conform holds them to rounding";
         return Err(Stop::bad(why));
     }
-    let (mut subjects, absent) = subjects::open_all(&args.backend, false, args.adapter.as_deref())?;
+    let (mut subjects, tested) = subjects::open_all(&args.test, false)?;
     if let Some(file) = &args.record {
         return record_rates(args, &mut subjects, file);
     }
     let mut report = Report {
-        tested: Tested::new(&subjects, absent),
+        tested,
         seed: args.seed,
         rays: args.rays,
         ..Report::default()
     };
     ask(args, &mut subjects, &mut report)?;
-    if let Some(file) = &args.json {
+    if let Some(file) = &args.test.json {
         output::write_json(file, &report)?;
     }
     let known = Intersector::ALL.into_iter();
@@ -57,7 +56,7 @@ fn record_rates(args: &StabilityArgs, subjects: &mut [Subject], file: &Path) -> 
             names.join(", ")
         )));
     };
-    let mut progress = Progress::new(Family::ALL.len() as u64, args.quiet);
+    let mut progress = Progress::new(Family::ALL.len() as u64, args.test.quiet);
     let found = baseline::record(subject.backend.as_mut(), args.seeds, &mut |family| {
         progress.step(&format!("{} {family}", subject.name));
     })?;
@@ -66,13 +65,12 @@ fn record_rates(args: &StabilityArgs, subjects: &mut [Subject], file: &Path) -> 
     talk::print(&format!("{rates} rates of {}\n", found.ground))
 }
 
-/// Every family, by every intersector, of every backend.
 fn ask(args: &StabilityArgs, subjects: &mut [Subject], report: &mut Report) -> Result<(), Stop> {
     let plan = Plan {
         seed: args.seed,
         rays: args.rays,
     };
-    let mut progress = Progress::new((Family::ALL.len() * subjects.len()) as u64, args.quiet);
+    let mut progress = Progress::new((Family::ALL.len() * subjects.len()) as u64, args.test.quiet);
     for family in Family::ALL {
         let test = StressTest::new(family, &plan);
         for subject in &mut *subjects {

@@ -1,6 +1,6 @@
 //! Backends put to the test, and those that cannot be.
 
-use crate::args::{BackendName, SubjectName};
+use crate::args::{BackendName, TestArgs};
 use crate::open;
 use crate::stop::Stop;
 use crate::{adapters, info, record, threads};
@@ -8,7 +8,6 @@ use backend::Backend;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// A backend that is put to the test.
 pub(crate) struct Subject {
     pub(crate) name: &'static str,
     pub(crate) backend: Box<dyn Backend>,
@@ -45,7 +44,7 @@ pub(crate) struct Absent {
 }
 
 impl Tested {
-    pub(crate) fn new(subjects: &[Subject], absent: Vec<Absent>) -> Self {
+    fn new(subjects: &[Subject], absent: Vec<Absent>) -> Self {
         let examined = |subject: &Subject| {
             let device = subject.backend.device();
             Examined {
@@ -92,28 +91,29 @@ impl Tested {
 /// Opens what was named, or whatever is present.
 /// Those that leave to a driver what a ray hits are asked for by name, or with all others where `drivers` says so.
 pub(crate) fn open_all(
-    names: &[SubjectName],
+    TestArgs {
+        backend, adapter, ..
+    }: &TestArgs,
     drivers: bool,
-    adapter: Option<&str>,
-) -> Result<(Vec<Subject>, Vec<Absent>), Stop> {
-    use SubjectName as S;
-    let auto = names.contains(&S::Auto);
+) -> Result<(Vec<Subject>, Tested), Stop> {
+    use BackendName as B;
     let all = [
-        (S::Cpu, "cpu"),
-        (S::Vulkan, "vulkan"),
-        (S::VulkanRt, "vulkan-rt"),
-        (S::VulkanRtFastTrace, "vulkan-rt:fast-trace"),
-        (S::Wgpu, "wgpu"),
-        (S::WgpuWgsl, "wgpu-wgsl"),
+        B::Cpu,
+        B::Vulkan,
+        B::VulkanRt,
+        B::VulkanRtFastTrace,
+        B::Wgpu,
+        B::WgpuWgsl,
     ];
     let (mut subjects, mut absent) = (Vec::new(), Vec::new());
-    for (subject, name) in all {
-        let named = names.contains(&subject);
-        let among = auto && (drivers || !open::has_own_trees(backend_of(subject)));
+    for one in all {
+        let named = backend.contains(&one);
+        let among = backend.contains(&B::Auto) && (drivers || !open::has_own_trees(one));
         if !named && !among {
             continue;
         }
-        match open_one(subject, adapter) {
+        let name = open::name(one);
+        match open::bare(one, adapter.as_deref(), threads::cores()) {
             Ok(backend) => subjects.push(Subject { name, backend }),
             Err(stop) if named => return Err(stop),
             Err(stop) => absent.push(Absent {
@@ -126,27 +126,6 @@ pub(crate) fn open_all(
         let reasons: Vec<_> = absent.iter().map(|a| a.reason.as_str()).collect();
         return Err(Stop::bad(reasons.join("; ")));
     }
-    Ok((subjects, absent))
-}
-
-fn backend_of(subject: SubjectName) -> BackendName {
-    match subject {
-        SubjectName::Cpu | SubjectName::Auto => BackendName::Cpu,
-        SubjectName::Vulkan => BackendName::Vulkan,
-        SubjectName::VulkanRt => BackendName::VulkanRt,
-        SubjectName::VulkanRtFastTrace => BackendName::VulkanRtFastTrace,
-        SubjectName::Wgpu | SubjectName::WgpuWgsl => BackendName::Wgpu,
-    }
-}
-
-/// Whether it is one of those that leave to a driver what a ray hits.
-pub(crate) fn is_driver(subject: SubjectName) -> bool {
-    open::has_own_trees(backend_of(subject))
-}
-
-fn open_one(subject: SubjectName, adapter: Option<&str>) -> Result<Box<dyn Backend>, Stop> {
-    match subject {
-        SubjectName::WgpuWgsl => open::open_wgsl(adapter),
-        _ => open::bare(backend_of(subject), adapter, threads::cores()),
-    }
+    let tested = Tested::new(&subjects, absent);
+    Ok((subjects, tested))
 }

@@ -11,7 +11,6 @@ use geom::{Animation, Ray};
 use output::HitArrays;
 use pipeline::Frame;
 
-/// Traces.
 pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     let read = [("--rays", args.rays.clone())];
     let scenes = std::slice::from_ref(&args.scene);

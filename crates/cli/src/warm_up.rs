@@ -22,7 +22,6 @@ const AGREE: f64 = 0.03;
 /// Seconds that go on in vain until medians agree.
 const PATIENCE: f64 = 0.5;
 
-/// What became of it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(crate) struct Warmed {
     /// By the host's clock.

@@ -11,55 +11,49 @@ pub const SCHEMA: u32 = 1;
 
 /// All that is said of one run.
 #[derive(Clone, Debug, Serialize)]
+#[expect(
+    missing_docs,
+    reason = "the names are the schema's, listed in the manual"
+)]
 pub struct Stats {
     /// [`SCHEMA`].
     pub schema: u32,
-    /// Version of the program.
     pub version: String,
-    /// The command line, program first.
+    /// Program first.
     pub command_line: Vec<String>,
-    /// What was rendered.
     pub scene: SceneFacts,
-    /// Name of the backend.
     pub backend: String,
-    /// The device's own name.
     pub adapter: String,
-    /// Driver and version.
     pub driver: Option<String>,
     /// Threads that render.
     pub threads: usize,
-    /// Threads that build.
     pub builder_threads: usize,
-    /// Update policy, as carried out.
+    /// As carried out.
     pub update: String,
     /// Frames between asking for a tree and taking it up, where fixed.
     pub lockstep: Option<u64>,
     /// With `async`: whether trees are built for what comes.
     pub predict: Option<bool>,
-    /// Intersector.
     pub intersector: String,
-    /// Layout of the tree.
     pub layout: String,
     /// What was left to `auto`.
     pub auto: Vec<Taken>,
     /// Pixels of a frame: width, height.
     pub size: [u32; 2],
-    /// One row a frame.
     pub frames: Vec<FrameStats>,
-    /// All frames at a glance.
     pub summary: Overview,
 }
 
-/// What was rendered.
+/// What was rendered: counts of key frames, of vertices in each, and of triangles, inactive ones included.
 #[derive(Clone, Debug, Serialize)]
+#[expect(
+    missing_docs,
+    reason = "the names are the schema's, listed in the manual"
+)]
 pub struct SceneFacts {
-    /// Its name.
     pub name: String,
-    /// Key frames.
     pub keys: usize,
-    /// Vertices in each.
     pub vertices: usize,
-    /// Triangles, inactive ones included.
     pub triangles: usize,
     /// Triangles active in some key frame.
     pub live: usize,

@@ -9,7 +9,6 @@ use clap::builder::ArgPredicate;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
-/// Options of `bench`.
 #[derive(Args, Debug)]
 #[command(mut_arg("update", |arg| arg.default_value("rebuild,refit,async")))]
 #[command(mut_arg("size", |arg| arg.default_value("640x360")))]
@@ -101,7 +100,6 @@ pub(crate) struct BenchArgs {
     pub(crate) quiet: bool,
 }
 
-/// Options of `chart`.
 #[derive(Args, Debug)]
 #[command(mut_arg("update", |arg| arg.default_value("rebuild,refit,async")))]
 #[command(mut_arg("size", |arg| arg.default_value("640x400")))]
@@ -149,7 +147,6 @@ pub(crate) struct ChartArgs {
     pub(crate) quiet: bool,
 }
 
-/// Kinds of rays by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum RaysName {
     /// Through each pixel, and from there to the light

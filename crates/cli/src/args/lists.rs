@@ -4,7 +4,6 @@ use super::{BackendName, UpdateName};
 use crate::values;
 use clap::Args;
 
-/// Policies to go through.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct PoliciesArgs {
     /// Update policies
@@ -12,7 +11,6 @@ pub(crate) struct PoliciesArgs {
     pub(crate) update: Vec<UpdateName>,
 }
 
-/// How large frames are.
 #[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct SizeArgs {
     /// Pixels of a frame
@@ -21,7 +19,6 @@ pub(crate) struct SizeArgs {
 }
 
 impl SizeArgs {
-    /// Pixels of a picture.
     pub(crate) fn count(&self) -> usize {
         self.size[0] as usize * self.size[1] as usize
     }
@@ -36,7 +33,6 @@ pub(crate) struct WarmUpArgs {
     pub(crate) warm_up: Option<f64>,
 }
 
-/// Option of whatever chooses an intersector.
 #[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct ToleranceArgs {
     /// Wrong rays in a million, against exact arithmetic, that --intersector auto may cause. A sample of the run's
@@ -61,7 +57,6 @@ pub(crate) enum Tolerance {
     Share(f64),
 }
 
-/// `TOL` or `TOL%`.
 pub(super) fn tolerance(text: &str) -> Result<Tolerance, String> {
     let number = text.strip_suffix('%').unwrap_or(text);
     match number.trim().parse::<f64>() {

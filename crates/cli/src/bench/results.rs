@@ -2,10 +2,9 @@
 
 use super::{Report, Row, frame_ms};
 use crate::stop::Stop;
-use crate::table::{grouped, ms, table};
+use crate::table::{Cells, grouped, ms, of_rows, table};
 use crate::warm_up::Warmed;
-use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// Columns of the CSV, named as in the JSON. Times are medians in milliseconds, but for the first frame's.
 const COLUMNS: &str = "scene,triangles,moving,backend,adapter,update,predict,intersector,layout,rays,threads,\
@@ -14,18 +13,6 @@ const COLUMNS: &str = "scene,triangles,moving,backend,adapter,update,predict,int
 
 /// The most runs of a scene that are all set against each other for people; of more, only the baseline is.
 const MANY: usize = 12;
-
-/// One run over another.
-#[derive(Serialize)]
-pub(super) struct Ratio {
-    scene: String,
-    run: String,
-    over: String,
-    /// Of device times with what a frame waited for its tree.
-    device: Option<f64>,
-    /// Of host times.
-    wall: Option<f64>,
-}
 
 /// A row a run, empty where nothing is known.
 pub(super) fn csv(rows: &[Row]) -> Result<Vec<u8>, Stop> {
@@ -50,9 +37,6 @@ pub(super) fn csv(rows: &[Row]) -> Result<Vec<u8>, Stop> {
 /// One row a run, which device each backend ran on, and how runs compare.
 pub(super) fn text(report: &Report, against: Option<&str>) -> String {
     let rows: Vec<_> = report.rows.iter().map(cells).collect();
-    let head: Vec<_> = rows.iter().take(1).flatten().map(|c| c.0).collect();
-    let texts = |row: Vec<(_, String)>| row.into_iter().map(|c| c.1).collect();
-    let rows: Vec<Vec<String>> = rows.into_iter().map(texts).collect();
     let [width, height] = report.size;
     let cpu = report.cpu.as_deref().unwrap_or("unknown cpu");
     let each = report.rows.iter();
@@ -63,7 +47,7 @@ pub(super) fn text(report: &Report, against: Option<&str>) -> String {
     adapters.dedup();
     let mut text = format!(
         "medians in ms at {width}x{height} on {cpu}\n{}{}",
-        table(&head, &rows, 4),
+        of_rows(&rows, 4),
         adapters.concat()
     );
     for row in &report.rows {
@@ -83,8 +67,7 @@ pub(super) fn text(report: &Report, against: Option<&str>) -> String {
     text
 }
 
-/// What people read of a run, by the names of columns.
-fn cells(r: &Row) -> Vec<(&'static str, String)> {
+fn cells(r: &Row) -> Cells<'static> {
     let show = |value: Option<f64>, show: fn(f64) -> String| value.map_or("-".to_owned(), show);
     let time = |name| show(r.median(name), ms);
     let short = |value| show(value, |x| format!("{x:.2}"));
@@ -150,21 +133,16 @@ fn over(run: &Row, rival: &Row) -> [Option<f64>; 2] {
     ]
 }
 
-/// All pairs within each scene.
-pub(super) fn ratios(rows: &[Row]) -> Vec<Ratio> {
+/// Every run over every other of its scene: device times with what a frame waited for its tree, and host times.
+pub(super) fn ratios(rows: &[Row]) -> Vec<Value> {
     let mut all = Vec::new();
     for (i, run) in rows.iter().enumerate() {
         let rivals = rows.iter().enumerate();
         let rivals = rivals.filter(|(j, rival)| i != *j && comparable(run, rival));
         all.extend(rivals.map(|(_, rival)| {
-            let [device, wall] = over(run, rival);
-            Ratio {
-                scene: run.scene.clone(),
-                run: name(run),
-                over: name(rival),
-                device,
-                wall,
-            }
+            let ([device, wall], names) = (over(run, rival), [run, rival].map(name));
+            let scene = &run.scene;
+            json!({ "scene": scene, "run": names[0], "over": names[1], "device": device, "wall": wall })
         }));
     }
     all

@@ -5,7 +5,7 @@ use crate::args::RaysName;
 use crate::choose::{self, Ask};
 use crate::memory::{self, DeviceMemory};
 use crate::record;
-use crate::session::{self, Session};
+use crate::session;
 use crate::stop::Stop;
 use crate::table::mrays;
 use crate::warm_up::{self, Warmed};
@@ -69,7 +69,6 @@ const MORE: [(&str, Time); 4] = [
 ];
 
 impl Row {
-    /// What is known of a number by its name.
     pub(super) fn median(&self, name: &str) -> Option<f64> {
         self.medians.get(name).copied().flatten()
     }
@@ -95,7 +94,6 @@ pub(crate) struct Run {
     pub(crate) warm_up: Option<f64>,
 }
 
-/// One run over `frames`.
 pub(crate) fn measure(
     run: Run,
     (spec, scene): (&str, &Scene),
@@ -118,36 +116,22 @@ pub(crate) fn measure(
     let driver = &mut session.driver;
     let (warm_up, rest) = warm_up::begin(run.warm_up, driver, frames, query, &mut note)?;
     driver.run(rest.iter().copied(), query, false, |frame, _| note(frame))?;
-    let row = row(spec, scene, &session, stats, &bundle);
-    Ok(Row {
-        rays: (run.rays != RaysName::Camera).then_some("random"),
-        warm_up,
-        memory: held.map(|bytes| DeviceMemory::of(bytes, row.triangles)),
-        ..row
-    })
-}
-
-fn row(
-    spec: &str,
-    scene: &Scene,
-    session: &Session,
-    frames: Vec<FrameStats>,
-    bundle: &Bundle,
-) -> Row {
-    let median = |time: Time| Summary::of(frames.iter().filter_map(time)).map(|s| s.median);
-    let triangles = scene.animation.live_count();
+    let median = |time: Time| Summary::of(stats.iter().filter_map(time)).map(|s| s.median);
     let named = TIMES.iter().chain(&MORE);
     let medians: BTreeMap<_, _> = named.map(|&(name, time)| (name, median(time))).collect();
-    let [build_ns_per_triangle, convert_ns_per_triangle] = ["build_ms", "convert_ms"]
-        .map(|name| medians[name].map(|ms| ms * 1e6 / triangles.max(1) as f64));
-    let rates = frames.iter().filter_map(|f| {
+    let (triangles, live) = (
+        scene.animation.triangle_count(),
+        scene.animation.live_count(),
+    );
+    let per_triangle = |name: &str| medians[name].map(|ms| ms * 1e6 / live.max(1) as f64);
+    let rates = stats.iter().filter_map(|f| {
         let ms = f.trace_primary_ms? + f.trace_shadow_ms.unwrap_or(0.0);
         mrays(bundle.count(f.hits), ms)
     });
     let device = &session.device;
-    Row {
+    Ok(Row {
         scene: spec.to_owned(),
-        triangles: scene.animation.triangle_count(),
+        triangles,
         moving: scene.animation.moving_count(),
         backend: device.backend,
         adapter: device.adapter.clone(),
@@ -158,20 +142,20 @@ fn row(
         predict: session.predict,
         intersector: session.method[0],
         layout: session.method[1],
-        rays: None,
-        warm_up: None,
-        frames: frames.len(),
-        medians,
+        rays: (run.rays != RaysName::Camera).then_some("random"),
+        warm_up,
+        frames: stats.len(),
         mrays_per_s: Summary::of(rates).map(|s| s.median),
-        build_ns_per_triangle,
-        convert_ns_per_triangle,
-        trees: frames.iter().filter(|f| f.adopted).count(),
-        rejected: frames.iter().filter(|f| f.rejected).count(),
+        build_ns_per_triangle: per_triangle("build_ms"),
+        convert_ns_per_triangle: per_triangle("convert_ms"),
+        trees: stats.iter().filter(|f| f.adopted).count(),
+        rejected: stats.iter().filter(|f| f.rejected).count(),
         auto: session.taken.clone(),
-        first_ms: frames.first().and_then(|f| f.wall_ms),
-        memory: None,
-        per_frame: frames,
-    }
+        first_ms: stats.first().and_then(|f| f.wall_ms),
+        memory: held.map(|bytes| DeviceMemory::of(bytes, triangles)),
+        medians,
+        per_frame: stats,
+    })
 }
 
 /// Milliseconds of a frame's stages before rays; `None` if it left all of them out.
@@ -185,7 +169,6 @@ fn geometry(frame: &FrameStats) -> Option<f64> {
     stages.into_iter().flatten().reduce(|a, b| a + b)
 }
 
-/// Rays of one kind for one scene.
 enum Bundle {
     /// A camera's, and where the light is.
     Camera(Box<Camera>, Point),
@@ -212,7 +195,6 @@ impl Bundle {
         })
     }
 
-    /// What is traced in each frame.
     fn query(&self) -> Query<'_> {
         match self {
             Self::Camera(camera, light) => Query {

@@ -17,16 +17,13 @@ use std::sync::Arc;
 
 /// Moments of a scene at which it is traced.
 const MOMENTS: usize = 4;
-/// The most rays of one trace.
 const MOST: usize = 1 << 20;
 
-/// Rays and their answers.
 pub(super) struct GroundTruth {
     light: Point,
     sheets: Vec<Sheet>,
 }
 
-/// Those of one moment.
 struct Sheet {
     time: f64,
     rays: Vec<Ray>,
@@ -39,7 +36,6 @@ struct Sheet {
 }
 
 impl GroundTruth {
-    /// For a scene.
     pub(super) fn of(animation: &Arc<Animation>, args: &ChartArgs) -> Result<Self, Stop> {
         let view = output::frame_scene(animation, bench::FOV, args.size.size);
         let moments = rays::moments(animation, MOMENTS);
@@ -124,7 +120,6 @@ impl GroundTruth {
     }
 }
 
-/// What became of a scene's rays.
 #[derive(Debug, Default)]
 pub(super) struct AnswerCounts {
     tested: u64,
@@ -156,7 +151,6 @@ impl AnswerCounts {
         }
     }
 
-    /// Writes it into a point.
     pub(super) fn enter(mut self, point: &mut plot::Point) {
         point.rays_tested = self.tested;
         point.wrong = self.wrong;

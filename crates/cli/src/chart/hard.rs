@@ -9,9 +9,7 @@ use conformance::leaks::{self, Aim, LeakPlan, OFFSETS};
 use conformance::stress::{Family, Plan, StressTest};
 use output::plot::{FamilyCounts, Leaks};
 
-/// Decides bodies, scenes and rays.
 const SEED: u64 = 1;
-/// The least rays of an offset.
 const LEAST: usize = 6_000;
 /// Scenes in which sizes or distances differ by many orders of magnitude.
 const MIXED_RANGE: [Family; 3] = [Family::Outlier, Family::Exploding, Family::ExtremeKeys];

@@ -11,7 +11,6 @@ use backend::DeviceKind;
 use clap::ValueEnum;
 use std::fmt;
 
-/// One way of tracing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Way {
     pub(super) ask: Ask<'static>,
@@ -97,7 +96,6 @@ fn why_not(presence: Presence) -> Option<String> {
     }))
 }
 
-/// Every intersector named with every layout there is.
 fn methods(args: &ChartArgs) -> Vec<MethodArgs> {
     let mut methods = Vec::new();
     for intersector in unique(&args.intersector, |&i| choose::intersector(i).value) {
@@ -138,7 +136,6 @@ impl fmt::Display for Way {
     }
 }
 
-/// What measures a point's times again.
 pub(super) fn command(args: &ChartArgs, spec: &str, row: &Row) -> String {
     let [width, height] = args.size.size;
     let frames = match &args.frames {
@@ -205,12 +202,6 @@ mod tests {
         assert_eq!(ways, expected);
         assert_eq!(plan.scenes, ["a", "b"]);
         assert!(plan.skipped.is_empty(), "{:?}", plan.skipped);
-    }
-
-    #[test]
-    fn a_plan_without_a_way_says_what_is_missing() {
-        let why = plan("--backend vulkan-rt").err().unwrap().text();
-        assert!(why.contains("vulkan-rt is skipped"), "{why}");
     }
 
     #[test]

@@ -12,7 +12,6 @@ use geom::Animation;
 use pipeline::{Driver, DriverOptions, Update};
 use std::sync::Arc;
 
-/// A backend between drivers.
 pub(crate) struct ReusedBackend<'a> {
     pub(super) animation: &'a Arc<Animation>,
     pub(super) device: Device,
@@ -57,7 +56,6 @@ impl<'a> ReusedBackend<'a> {
         Ok(Driver::new(backend, Arc::clone(self.animation), options)?)
     }
 
-    /// Gets the backend back.
     pub(super) fn put_back(&mut self, driver: Driver) {
         self.backend = Some(driver.into_backend());
     }

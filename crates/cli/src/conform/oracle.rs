@@ -6,7 +6,7 @@ use crate::args::ConformArgs;
 use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::subjects::Subject;
-use crate::table::{grouped, table};
+use crate::table::{Cells, grouped, of_rows};
 use backend::{Intersector, Method};
 use conformance::stress::audit::{Audit, AuditCounts, AuditPlan, Batch, BatchSpec, Given};
 use rayon::prelude::*;
@@ -17,7 +17,6 @@ const AHEAD: u64 = 1 << 19;
 /// Wrong rays that are told of in full.
 const TOLD: usize = 12;
 
-/// The scenes that rays are aimed at, beside those made from the seed.
 pub(super) fn open(args: &ConformArgs) -> Result<Vec<Given>, Stop> {
     let options = scene::Options {
         allow_outside: args.allow_outside,
@@ -58,7 +57,7 @@ pub(super) fn hold(
         )));
     }
     let chunks = chunks(&specs);
-    let mut progress = Progress::new(chunks.len() as u64, args.quiet);
+    let mut progress = Progress::new(chunks.len() as u64, args.test.quiet);
     let make =
         |specs: &[BatchSpec]| -> Vec<Batch> { specs.par_iter().map(|l| audit.batch(l)).collect() };
     let mut next = chunks.first().map(|c| make(c));
@@ -88,7 +87,6 @@ fn chunks(specs: &[BatchSpec]) -> Vec<&[BatchSpec]> {
     specs.chunk_by(together).collect()
 }
 
-/// Asks all subjects all batches.
 fn ask(
     args: &ConformArgs,
     audit: &Audit,
@@ -154,28 +152,26 @@ impl OracleRow {
         self.intersector == Intersector::Exact.name() && wrong > 0
     }
 
-    /// What people read, by the names of columns.
-    fn cells(&self) -> Vec<(String, String)> {
+    /// What people read; `wrong` names the column of the intersector's wrong answers.
+    fn cells<'a>(&self, wrong: &'a str) -> Cells<'a> {
         let t = &self.tally;
-        let wrong = format!("{} wrong", self.intersector);
-        let counts = [
-            ("scenes", self.scenes),
-            ("rays", t.rays),
-            ("hits", t.hits),
-            ("ties", t.ties),
-            ("on edges", t.edges),
-            ("degenerate", t.degenerate),
-            ("settled", t.settled),
-            (&wrong, t.wrong),
-            ("any-hit wrong", t.wrong_any),
-            ("t wrong", t.wrong_t),
-        ];
-        let words = [("backend", self.backend), ("mesh", &self.mesh)];
-        let words = words.map(|(name, word)| (name.to_owned(), word.to_owned()));
-        let counts = counts.map(|(name, n)| (name.to_owned(), grouped(n as usize)));
+        let count = |n: u64| grouped(n as usize);
         let per_million = 1e6 * t.wrong as f64 / t.rays.max(1) as f64;
-        let rate = ("per million".to_owned(), format!("{per_million:.1}"));
-        [&words[..], &counts, &[rate]].concat()
+        vec![
+            ("backend", self.backend.to_owned()),
+            ("mesh", self.mesh.clone()),
+            ("scenes", count(self.scenes)),
+            ("rays", count(t.rays)),
+            ("hits", count(t.hits)),
+            ("ties", count(t.ties)),
+            ("on edges", count(t.edges)),
+            ("degenerate", count(t.degenerate)),
+            ("settled", count(t.settled)),
+            (wrong, count(t.wrong)),
+            ("any-hit wrong", count(t.wrong_any)),
+            ("t wrong", count(t.wrong_t)),
+            ("per million", format!("{per_million:.1}")),
+        ]
     }
 }
 
@@ -211,8 +207,7 @@ pub(super) fn text(rows: &[OracleRow]) -> String {
     let Some(first) = rows.first() else {
         return String::new();
     };
-    let head = first.cells();
-    let head: Vec<_> = head.iter().map(|c| &*c.0).collect();
+    let wrong = format!("{} wrong", first.intersector);
     let mut all = Vec::new();
     for of_backend in rows.chunk_by(|a, b| a.backend == b.backend) {
         let mut sum = OracleRow {
@@ -223,10 +218,9 @@ pub(super) fn text(rows: &[OracleRow]) -> String {
             sum.scenes += row.scenes;
             sum.tally += row.tally.clone();
         }
-        let texts = |row: &OracleRow| row.cells().into_iter().map(|c| c.1).collect();
-        all.extend(of_backend.iter().chain([&sum]).map(texts));
+        all.extend(of_backend.iter().chain([&sum]).map(|row| row.cells(&wrong)));
     }
-    table(&head, &all, 2)
+    of_rows(&all, 2)
 }
 
 #[cfg(test)]

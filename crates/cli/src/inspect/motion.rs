@@ -5,7 +5,6 @@ use geom::{Animation, Point, Pose, is_active, is_degenerate};
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// How vertices move.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Motion {
     /// Share of the vertices that are elsewhere in some key frame.
@@ -23,7 +22,6 @@ pub(super) struct Spread {
     pub(super) max: usize,
 }
 
-/// What never moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub(super) struct Still {
     /// Vertices that never move: see [`geom::StaticParts`].
@@ -48,7 +46,6 @@ pub(super) struct Decay {
     pub(super) ratio: Option<f64>,
 }
 
-/// Counts what never moves.
 pub(super) fn still(animation: &Animation) -> Still {
     let parts = animation.static_parts();
     let (keys, vertices) = (animation.keys().len(), parts.vertex_count());

@@ -46,7 +46,7 @@ pub(super) fn take<T>(
                     Ok(value) => return Ok((value, search.why(rival, &adapter, traces))),
                     Err(stop) => {
                         let (name, adapter) = (rival.text, &adapter.name);
-                        search.pass(format!("{name} on {adapter}: {}", stop.text()));
+                        search.pass(format!("{name} on {adapter}: {}", stop));
                         broken = Some(stop);
                     }
                 }

@@ -4,7 +4,7 @@ use super::Result;
 use super::data::{Chart, Leaks, Machine, Point, Rate, Scene};
 use super::look::{GREY, INK, Look, Looks, PLAIN};
 use super::panel::{Axis, LINE, Mark, Panel, WIDTH, font, short};
-use super::table::{count, described, escape, number, rows};
+use super::table::{count, described, escape, number, row};
 use plotters::backend::SVGBackend;
 use plotters::drawing::IntoDrawingArea;
 use plotters::element::Text;
@@ -260,11 +260,9 @@ fn side_panel(
 pub fn html(chart: &Chart) -> Result<String> {
     let picture = svg(chart)?;
     let title = escape(&chart.title);
-    let (head, rows) = rows(chart);
-    let cells = |tag: &str, cells: &[String]| -> String {
-        let cell = |text: &String| format!("<{tag}>{}</{tag}>", escape(text));
-        cells.iter().map(cell).collect()
-    };
+    let cell = |tag: &str, text: &str| format!("<{tag}>{}</{tag}>", escape(text));
+    let head = row(&Point::default());
+    let head: String = head.iter().map(|(name, _)| cell("th", name)).collect();
     let mut out = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
@@ -272,12 +270,13 @@ pub fn html(chart: &Chart) -> Result<String> {
          <p>Point at a mark to see its numbers and the command that times it again.</p>\n\
          <figure>\n{picture}</figure>\n\
          <h2>All points</h2>\n<p>★: no other point of its scene is both faster and more often right.</p>\n\
-         <div class=\"wide\"><table>\n<thead><tr><th></th>{}<th>command</th></tr></thead>\n<tbody>\n",
-        cells("th", &head.map(str::to_owned)),
+         <div class=\"wide\"><table>\n<thead><tr><th></th>{head}<th>command</th></tr></thead>\n<tbody>\n"
     );
-    for (i, (point, row)) in chart.points.iter().zip(rows).enumerate() {
+    for (i, point) in chart.points.iter().enumerate() {
+        let cells = row(point).into_iter();
+        let cells: String = cells.map(|(_, text)| cell("td", &text)).collect();
         let star = if chart.is_on_front(i) { "★" } else { "" };
-        let (cells, command) = (cells("td", &row), escape(&point.command));
+        let command = escape(&point.command);
         out += &format!("<tr><td>{star}</td>{cells}<td><code>{command}</code></td></tr>\n");
     }
     Ok(out + "</tbody>\n</table></div>\n</body>\n</html>\n")

@@ -110,15 +110,13 @@ fn plain(x: Option<impl ToString>) -> String {
     x.map_or_else(String::new, |x| x.to_string())
 }
 
-/// The points for people: what is in each column, and a row a point.
+/// The points for people: the cells of each by the names of their columns.
 #[must_use]
-pub fn rows(chart: &Chart) -> ([&'static str; 16], Vec<Vec<String>>) {
-    let head = row(&Point::default()).map(|c| c.0);
-    let row = |p: &Point| row(p).map(|c| c.1).to_vec();
-    (head, chart.points.iter().map(row).collect())
+pub fn rows(chart: &Chart) -> Vec<Vec<(&'static str, String)>> {
+    chart.points.iter().map(row).collect()
 }
 
-fn row(p: &Point) -> [(&'static str, String); 16] {
+pub(crate) fn row(p: &Point) -> Vec<(&'static str, String)> {
     let maybe = |x| known(x).map_or_else(|| "-".to_owned(), number);
     let of = |n, rays| format!("{} of {}", count(n), count(rays));
     let sum = |counts: &mut dyn Iterator<Item = (u64, u64)>| {
@@ -130,7 +128,7 @@ fn row(p: &Point) -> [(&'static str, String); 16] {
     let ms = p.ms_per_frame;
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
     let mixed = sum(&mut p.mixed_range.iter().map(|f| (f.wrong, f.rays)));
-    [
+    vec![
         ("scene", p.scene.clone()),
         ("backend", p.backend.clone()),
         ("intersector", p.intersector.clone()),

@@ -112,7 +112,7 @@ fn choose(
 /// The reason is told, or the refusal, each with all of `says`; what was done is `log`, where that is not empty.
 fn check(fakes: &[Fake], asked: Option<&str>, log: &str, says: &[&str]) {
     let (found, did) = choose(fakes, asked, false);
-    let text = found.unwrap_or_else(|stop| format!("refused: {}", stop.text()));
+    let text = found.unwrap_or_else(|stop| format!("refused: {}", stop));
     let missing = says.iter().find(|part| !text.contains(**part));
     assert_eq!(missing, None, "{text}");
     assert!(log.is_empty() || did.join(", ") == log, "{did:?}");
