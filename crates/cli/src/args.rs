@@ -42,12 +42,8 @@ pub(crate) enum Command {
     Info(InfoArgs),
 }
 
-/// Parses the command line. No command at all is `render`.
-pub(crate) fn parse() -> Result<Command, Stop> {
-    parse_from(std::env::args_os())
-}
-
-pub(crate) fn parse_from(args: impl IntoIterator<Item = OsString>) -> Result<Command, Stop> {
+/// Parses a command line. No command at all is `render`.
+pub(crate) fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Command, Stop> {
     let (cli, given) = read(args.into_iter().collect())?;
     let Some(command) = cli.command else {
         let (cli, _) = read(vec!["abvh".into(), "render".into()])?;

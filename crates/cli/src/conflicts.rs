@@ -57,40 +57,31 @@ impl Files<'_> {
     /// # Errors
     /// A file that is written is one that is read, or is written twice.
     pub(crate) fn check(&self) -> Result<(), Stop> {
-        let identified = |files: &[(&str, PathBuf)]| {
-            let known = |(option, file): &(&str, PathBuf)| {
-                let identity = Identity::of(file).filter(|_| file.as_os_str() != "-")?;
-                Some(((*option).to_owned(), file.clone(), identity))
+        let identity = |file: &Path| Identity::of(file).filter(|_| file.as_os_str() != "-");
+        for (i, (option, file)) in self.written.iter().enumerate() {
+            let Some(id) = identity(file) else { continue };
+            let is_same = |other: &&(&str, PathBuf)| identity(&other.1).as_ref() == Some(&id);
+            let what = if let Some((other, file)) = self.read.iter().find(is_same) {
+                format!("{} of {other}", file.display())
+            } else if let Some((other, _)) = self.written[..i].iter().find(is_same) {
+                format!("what {other} writes")
+            } else if let Some(folder) = self.folder_of(file) {
+                format!("a file that {folder} writes")
+            } else {
+                continue;
             };
-            files.iter().filter_map(known).collect::<Vec<_>>()
-        };
-        let (read, written) = (identified(&self.read), identified(&self.written));
-        for (i, (option, file, identity)) in written.iter().enumerate() {
-            let text = |what: String| {
-                Err(Stop::bad(format!(
-                    "{option} {} would overwrite {what}",
-                    file.display()
-                )))
-            };
-            if let Some((other, file, _)) = read.iter().find(|(.., id)| id == identity) {
-                return text(format!("{} of {other}", file.display()));
-            }
-            if let Some((other, ..)) = written[..i].iter().find(|(.., id)| id == identity) {
-                return text(format!("what {other} writes"));
-            }
-            if let Some(folder) = self.folder_of(file) {
-                return text(format!("a file that {folder} writes"));
+            let file = file.display();
+            return Err(Stop::bad(format!("{option} {file} would overwrite {what}")));
+        }
+        for (_, file) in &self.read {
+            if let Some(folder) = identity(file).and_then(|_| self.folder_of(file)) {
+                let file = file.display();
+                return Err(Stop::bad(format!(
+                    "{folder} may overwrite {file}, which is read"
+                )));
             }
         }
-        let threatened =
-            |(_, file, _): &(_, PathBuf, _)| Some((file.clone(), self.folder_of(file)?));
-        match read.iter().find_map(threatened) {
-            Some((file, folder)) => Err(Stop::bad(format!(
-                "{folder} may overwrite {}, which is read",
-                file.display()
-            ))),
-            None => Ok(()),
-        }
+        Ok(())
     }
 
     /// The option whose folder a file lies in, under a name that is written there.

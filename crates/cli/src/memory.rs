@@ -35,11 +35,6 @@ impl DeviceMemory {
     }
 }
 
-/// The larger of two, as far as they are known.
-pub(crate) fn larger(a: Option<DeviceBytes>, b: Option<DeviceBytes>) -> Option<DeviceBytes> {
-    a.into_iter().chain(b).max_by_key(|bytes| bytes.total())
-}
-
 /// Bytes a triangle of what the host holds at most while trees are built and traced: corners, colours, boxes, the tree
 /// in use, the one that is built and what it is built from. Measured: 215 to 345.
 const TREE_BYTES: u64 = 345;
@@ -191,8 +186,5 @@ mod tests {
         let parts = |of: &str| ["tree", "scratch", "scene", "frames"].map(|p| json[of][p].as_f64());
         assert_eq!(parts("bytes"), [100.0, 8.0, 30.0, 6.0].map(Some));
         assert_eq!(parts("bytes_per_triangle"), [25.0, 2.0, 7.5, 1.5].map(Some));
-        let less = DeviceBytes { tree: 99, ..bytes };
-        assert_eq!(larger(Some(bytes), Some(less)), Some(bytes));
-        assert_eq!(larger(None, Some(less)), Some(less));
     }
 }

@@ -3,13 +3,13 @@
 use super::*;
 use crate::values::Frames;
 
-fn parse(line: &str) -> Result<Command, Stop> {
+fn parse_line(line: &str) -> Result<Command, Stop> {
     let words = line.split_whitespace().map(std::ffi::OsString::from);
-    parse_from(std::iter::once("abvh".into()).chain(words))
+    parse(std::iter::once("abvh".into()).chain(words))
 }
 
 fn refused(line: &str) -> String {
-    match parse(line) {
+    match parse_line(line) {
         Err(Stop::Bad(e)) => {
             let text = e.to_string();
             assert!(!text.starts_with("error"), "{text}");
@@ -25,14 +25,14 @@ fn the_definitions_fit_together() {
 }
 
 fn render(line: &str) -> RenderArgs {
-    match parse(line) {
+    match parse_line(line) {
         Ok(Command::Render(args)) => *args,
         other => panic!("{line}: {other:?}"),
     }
 }
 
 fn bench(line: &str) -> BenchArgs {
-    match parse(line) {
+    match parse_line(line) {
         Ok(Command::Bench(args)) => *args,
         other => panic!("{line}: {other:?}"),
     }
@@ -96,7 +96,7 @@ fn only_statistics_go_to_standard_output() {
     ] {
         assert!(refused(line).contains("only --stats"), "{line}");
     }
-    assert!(parse("render --stats -").is_ok());
+    assert!(parse_line("render --stats -").is_ok());
 }
 
 #[test]
@@ -209,7 +209,7 @@ fn what_does_something_is_taken() {
         "conform --cases 0 --leak-rays 9 --offsets 0 --intersector exact",
         "conform --seed 2 --law closest_hits_equal_the_reference --case 3",
     ] {
-        let taken = parse(line);
+        let taken = parse_line(line);
         assert!(taken.is_ok(), "{line}: {taken:?}");
     }
 }

@@ -3,13 +3,13 @@
 use super::FOV;
 use crate::args::RaysName;
 use crate::choose::{self, Ask};
-use crate::memory::{self, DeviceMemory};
+use crate::memory::DeviceMemory;
 use crate::record;
 use crate::session;
 use crate::stop::Stop;
 use crate::table::mrays;
 use crate::warm_up::{self, Warmed};
-use backend::{Query, QueryKind, Rays};
+use backend::{DeviceBytes, Query, QueryKind, Rays};
 use fastrand::Rng;
 use geom::{Aabb, Animation, Camera, Point, Ray};
 use output::{FrameStats, Summary, TIMES, Taken, Time};
@@ -107,10 +107,11 @@ pub(crate) fn measure(
         ..*ask
     };
     let mut session = session::start(&scene.animation, &ask)?;
-    let (mut stats, mut held) = (Vec::new(), None);
+    let (mut stats, mut held) = (Vec::new(), None::<DeviceBytes>);
     let mut note = |frame: &FrameRecord| {
         stats.push(record::row(frame));
-        held = memory::larger(held, frame.device_bytes);
+        let both = held.into_iter().chain(frame.device_bytes);
+        held = both.max_by_key(|bytes| bytes.total());
         Ok::<(), Stop>(())
     };
     let driver = &mut session.driver;

@@ -174,12 +174,12 @@ fn quoted(word: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::{Command, parse_from};
+    use crate::args::{Command, parse};
 
     fn plan(line: &str) -> Result<ChartPlan, Stop> {
         let words = "abvh chart a b a --update refit,async,refit";
         let words = words.split(' ').chain(line.split(' '));
-        match parse_from(words.map(Into::into)) {
+        match parse(words.map(Into::into)) {
             Ok(Command::Chart(args)) => ChartPlan::of(&args),
             other => panic!("{other:?}"),
         }
