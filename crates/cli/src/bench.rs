@@ -57,7 +57,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
 }
 
 fn measure_all(args: &BenchArgs) -> Result<Vec<Row>, Stop> {
-    let (combinations, skipped) = combinations(args)?;
+    let (combinations, skipped) = combinations(args);
     let mut progress = Progress::new(0, args.quiet);
     if combinations.is_empty() {
         let why = skipped.join("; ");
@@ -95,7 +95,7 @@ fn measure_all(args: &BenchArgs) -> Result<Vec<Row>, Stop> {
 type Combination<'a> = (Ask<'a>, Switch);
 
 /// Everything with everything that makes sense, and remarks on what does not.
-fn combinations(args: &BenchArgs) -> Result<(Vec<Combination<'_>>, Vec<String>), Stop> {
+fn combinations(args: &BenchArgs) -> (Vec<Combination<'_>>, Vec<String>) {
     let builders: Vec<Option<usize>> = match args.builder_threads.as_slice() {
         [] => vec![None],
         some => some.iter().copied().map(Some).collect(),
@@ -112,7 +112,7 @@ fn combinations(args: &BenchArgs) -> Result<(Vec<Combination<'_>>, Vec<String>),
                     adapter: args.adapter.as_deref(),
                     threads: args.threads,
                     tolerance: args.tolerance.ppm(),
-                    ..Ask::of(backend, method, choose::free_update(update)?)
+                    ..Ask::of(backend, method, choose::free_update(update))
                 };
                 sound.extend(builders.iter().map(|&builder_threads| {
                     let ask = Ask {
@@ -125,7 +125,7 @@ fn combinations(args: &BenchArgs) -> Result<(Vec<Combination<'_>>, Vec<String>),
         }
     }
     skipped.dedup();
-    Ok((sound, skipped))
+    (sound, skipped)
 }
 
 /// What is wrong with a combination.

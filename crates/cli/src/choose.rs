@@ -123,30 +123,27 @@ pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Take
 }
 
 /// How trees follow the motion. What is left open, [`pipeline::RunFacts`] settle where a run is known.
-pub(crate) fn update(policy: PolicyArgs) -> Result<Choice<Update>, Stop> {
+pub(crate) fn update(policy: PolicyArgs) -> Choice<Update> {
     let pace = policy.lockstep.map_or(Pace::Free, Pace::Lockstep);
-    let fixed = match (policy.update, policy.lockstep) {
-        (UpdateName::Async, _) => Update::Async(pace),
-        (UpdateName::Auto, lockstep) => {
-            let why = match lockstep {
-                Some(_) => "--lockstep asks for it",
-                None => "it suits most scenes that deform",
+    let at_pace = Update::Async(pace);
+    asked(match (policy.update, policy.lockstep) {
+        (UpdateName::Auto, Some(_)) => return auto(at_pace, "--lockstep asks for it"),
+        (UpdateName::Auto, None) => {
+            return Choice {
+                is_open: true,
+                ..auto(at_pace, "it suits most scenes that deform")
             };
-            let choice = auto(Update::Async(pace), why);
-            let is_open = lockstep.is_none();
-            return Ok(Choice { is_open, ..choice });
         }
-        (_, Some(_)) => return Err(Stop::bad("--lockstep goes only with --update async")),
+        (UpdateName::Async, _) => at_pace,
         (UpdateName::Rebuild, _) => Update::Rebuild,
         (UpdateName::Refit, _) => Update::Refit,
         (UpdateName::TSah, _) => Update::TSah,
         (UpdateName::DeviceRebuild, _) => Update::DeviceRebuild,
-    };
-    Ok(asked(fixed))
+    })
 }
 
 /// Likewise, at the builder's own pace.
-pub(crate) fn free_update(update: UpdateName) -> Result<Choice<Update>, Stop> {
+pub(crate) fn free_update(update: UpdateName) -> Choice<Update> {
     let lockstep = None;
     self::update(PolicyArgs { update, lockstep })
 }
@@ -174,25 +171,20 @@ pub(crate) fn within_frames(choice: Choice<Update>) -> Choice<Update> {
 }
 
 pub(crate) fn intersector(name: IntersectorName) -> Choice<Intersector> {
-    match name {
-        IntersectorName::Auto => auto(
+    let mut all = Intersector::ALL.into_iter();
+    match all.find(|i| i.name() == word(&name)) {
+        Some(named) => asked(named),
+        None => auto(
             Intersector::Exact,
             "it alone is free of wrong answers by definition",
         ),
-        IntersectorName::MollerTrumbore => asked(Intersector::MollerTrumbore),
-        IntersectorName::Woop => asked(Intersector::Woop),
-        IntersectorName::Watertight => asked(Intersector::Watertight),
-        IntersectorName::Exact => asked(Intersector::Exact),
     }
 }
 
 /// How the tree lies in memory; `None` if it is left to `auto`.
 fn layout(name: LayoutName) -> Option<Layout> {
-    match name {
-        LayoutName::Auto => None,
-        LayoutName::Bvh2 => Some(Layout::Bvh2),
-        LayoutName::Fast => Some(Layout::Fast),
-    }
+    let mut all = Layout::ALL.into_iter();
+    all.find(|l| l.name() == word(&name))
 }
 
 /// A method that leaves nothing to what is known of the device.

@@ -95,7 +95,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         ..Ask::of(
             BackendName::Auto,
             method,
-            choose::free_update(UpdateName::Auto)?,
+            choose::free_update(UpdateName::Auto),
         )
     };
     Ok(session::start(animation, &ask)?.taken)

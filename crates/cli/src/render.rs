@@ -51,7 +51,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
             threads: args.device.threads,
             builder_threads: args.device.builder_threads,
             method: args.method,
-            update: choose::update(args.policy)?,
+            update: choose::update(args.policy),
             tolerance: args.tolerance.ppm(),
             run: Some(Run {
                 frames: &frames,

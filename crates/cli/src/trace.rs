@@ -36,7 +36,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
             ..Ask::of(
                 args.device.backend,
                 args.method,
-                choose::free_update(update)?,
+                choose::free_update(update),
             )
         },
     )?;

@@ -61,10 +61,7 @@ struct Comparison {
 }
 
 pub(super) fn run(args: &BenchArgs) -> Result<(), Stop> {
-    let [old, new] = args.compare.as_slice() else {
-        return Err(Stop::bad("--compare takes two files"));
-    };
-    let comparison = compare(old, new)?;
+    let comparison = compare(&args.compare[0], &args.compare[1])?;
     if let Some(file) = &args.json {
         output::write_json(file, &comparison)?;
     }

@@ -31,7 +31,7 @@ impl ChartPlan {
     /// Everything with everything, as far as backends support it.
     pub(super) fn of(args: &ChartArgs) -> Result<Self, Stop> {
         let updates = args.policies.update.iter().map(|&u| choose::free_update(u));
-        let updates: Vec<_> = updates.collect::<Result<_, _>>()?;
+        let updates: Vec<_> = updates.collect();
         let updates = unique(&updates, |u| u.value);
         let (mut ways, mut skipped) = (Vec::new(), Vec::new());
         for (backend, named) in backends(args, &mut skipped) {

@@ -5,21 +5,18 @@ use crate::open;
 use backend::{QueryKind, Rays};
 use scene::Scene;
 
-fn chosen(update: UpdateName, lockstep: Option<u32>) -> Option<Update> {
-    let chosen = super::update(PolicyArgs { update, lockstep });
-    chosen.ok().map(|c| c.value)
-}
-
 #[test]
-fn lockstep_goes_only_with_async() {
+fn names_mean_what_they_name_and_lockstep_is_async() {
     use UpdateName as U;
-    for update in [U::Rebuild, U::Refit, U::TSah, U::DeviceRebuild] {
-        assert_eq!(chosen(update, Some(1)), None);
-        assert!(chosen(update, None).is_some());
-    }
-    let three = Some(Update::Async(Pace::Lockstep(3)));
-    assert_eq!(chosen(U::Async, Some(3)), three);
-    assert_eq!(chosen(U::Auto, Some(3)), three);
+    let chosen = |update, lockstep| super::update(PolicyArgs { update, lockstep });
+    let three = Update::Async(Pace::Lockstep(3));
+    assert_eq!(chosen(U::Async, Some(3)), asked(three));
+    assert_eq!(chosen(U::Auto, Some(3)).value, three);
+    assert!(chosen(U::Auto, None).is_open && !chosen(U::Refit, None).is_open);
+    let woop = intersector(IntersectorName::Woop);
+    assert_eq!(woop, asked(Intersector::Woop));
+    assert_eq!(layout(LayoutName::Bvh2), Some(Layout::Bvh2));
+    assert_eq!(layout(LayoutName::Auto), None);
 }
 
 #[test]
@@ -81,11 +78,7 @@ fn settled(
             query,
         }),
         ahead: Ahead::of(&frames, Switch::On),
-        ..Ask::of(
-            BackendName::Cpu,
-            method,
-            free_update(UpdateName::Auto).unwrap(),
-        )
+        ..Ask::of(BackendName::Cpu, method, free_update(UpdateName::Auto))
     };
     let backend = open::bare(BackendName::Cpu, None, 2).unwrap();
     settle(

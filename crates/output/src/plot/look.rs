@@ -26,10 +26,10 @@ pub(crate) struct Look {
     pub(crate) radius: f64,
 }
 
-/// A regular polygon: corners, and how far it is turned from standing on its base or lower corner, in turns.
+/// A regular polygon: corners, none of a circle, and how far it is turned from standing on its lower corner, in turns.
 type Shape = (u32, f64);
 
-const CIRCLE: Shape = (24, 0.0);
+const CIRCLE: Shape = (0, 0.0);
 /// What says nothing: for legends.
 pub(crate) const PLAIN: Look = Look {
     colour: GREY,
@@ -39,15 +39,15 @@ pub(crate) const PLAIN: Look = Look {
 };
 
 impl Look {
-    /// Corners about the middle, from the first to the first.
-    pub(crate) fn outline(&self) -> Vec<(i32, i32)> {
+    /// Corners of a polygon about a place, from the first to the first.
+    pub(crate) fn outline(&self, (x, y): (i32, i32)) -> Vec<(i32, i32)> {
         let (corners, turn) = self.shape;
         let n = f64::from(corners);
         let radius = self.radius * (PI / (0.5 * n * (TAU / n).sin())).sqrt();
         let corner = |i| {
             let (sin, cos) = (TAU * (f64::from(i) / n + turn)).sin_cos();
-            let [x, y] = [sin, -cos].map(|r| (radius * r).round() as i32);
-            (x, y)
+            let [right, down] = [sin, -cos].map(|r| (radius * r).round() as i32);
+            (x + right, y + down)
         };
         (0..=corners).map(corner).collect()
     }

@@ -8,7 +8,7 @@ use plotters::coord::Shift;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use plotters::coord::types::RangedCoordf64;
 use plotters::drawing::DrawingArea;
-use plotters::element::{ComposedElement, EmptyElement, ErrorBar, PathElement, Polygon, Text};
+use plotters::element::{Circle, EmptyElement, ErrorBar, PathElement, Polygon, Text};
 use plotters::style::{Color, FontStyle, IntoFont, RGBColor, TRANSPARENT, TextStyle};
 use std::ops::Range;
 
@@ -214,20 +214,23 @@ impl Panel {
         let line = RGBColor(0xb4, 0xb4, 0xb4).stroke_width(4);
         let steps: Vec<_> = steps(&self.front).into_iter().map(at).collect();
         chart.draw_series((!steps.is_empty()).then(|| PathElement::new(steps, line)))?;
-        chart.draw_series(self.marks.iter().map(|m| glyph(at(m.at), m.look)))?;
+        let places = self.marks.iter().map(|m| chart.backend_coord(&at(m.at)));
+        let places: Vec<_> = places.collect();
+        let (left, top) = area.get_base_pixel();
+        for (mark, (x, y)) in self.marks.iter().zip(&places) {
+            draw_mark(&area, (x - left, y - top), mark.look)?;
+        }
         chart.draw_series((1..).zip(&self.front).map(|(i, place)| {
             let words = Text::new(i.to_string(), (9, -17), font(15, INK, FontStyle::Bold));
             EmptyElement::at(at(*place)) + words
         }))?;
-        Ok((self.marks.iter())
-            .map(|m| chart.backend_coord(&at(m.at)))
-            .collect())
+        Ok(places)
     }
 
     fn draw_legend(&self, area: &Area<'_>) -> Result<()> {
         for ((name, look), y) in self.legend.iter().zip((34..).step_by(LEADING)) {
             if let Some(look) = look {
-                area.draw(&glyph((16, y + 5), *look))?;
+                draw_mark(area, (16, y + 5), *look)?;
             }
             let style = match look {
                 Some(_) => FontStyle::Normal,
@@ -255,13 +258,18 @@ fn steps(front: &[[f64; 2]]) -> Vec<[f64; 2]> {
     steps
 }
 
-/// A filled polygon and its outline.
-type Glyph<'a, C> =
-    ComposedElement<C, SVGBackend<'a>, Polygon<(i32, i32)>, PathElement<(i32, i32)>>;
-
-fn glyph<'a, C>(at: C, look: Look) -> Glyph<'a, C> {
-    let inside = Polygon::new(look.outline(), look.inside().filled());
-    EmptyElement::at(at) + inside + PathElement::new(look.outline(), look.colour.stroke_width(2))
+/// Draws a filled circle or polygon with its outline.
+fn draw_mark(area: &Area<'_>, at: (i32, i32), look: Look) -> Result<()> {
+    let (inside, edge) = (look.inside().filled(), look.colour.stroke_width(2));
+    if look.shape.0 == 0 {
+        let radius = look.radius.round() as u32;
+        area.draw(&Circle::new(at, radius, inside))?;
+        area.draw(&Circle::new(at, radius, edge))?;
+    } else {
+        area.draw(&Polygon::new(look.outline(at), inside))?;
+        area.draw(&PathElement::new(look.outline(at), edge))?;
+    }
+    Ok(())
 }
 
 pub(crate) fn font(size: i32, colour: RGBColor, style: FontStyle) -> TextStyle<'static> {
