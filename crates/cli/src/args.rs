@@ -1,4 +1,4 @@
-//! What may be asked for.
+//! Command-line arguments.
 
 use crate::stop::Stop;
 use crate::{talk, values};
@@ -20,7 +20,6 @@ struct Cli {
     command: Option<Command>,
 }
 
-/// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Render an animation to pictures, hits and statistics
@@ -43,12 +42,8 @@ pub(crate) enum Command {
     Info(InfoArgs),
 }
 
-/// Parses the command line. No command at all is `render`.
-pub(crate) fn parse() -> Result<Command, Stop> {
-    parse_from(std::env::args_os())
-}
-
-pub(crate) fn parse_from(args: impl IntoIterator<Item = OsString>) -> Result<Command, Stop> {
+/// Parses a command line. No command at all is `render`.
+pub(crate) fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Command, Stop> {
     let (cli, given) = read(args.into_iter().collect())?;
     let Some(command) = cli.command else {
         let (cli, _) = read(vec!["abvh".into(), "render".into()])?;
@@ -93,7 +88,6 @@ fn refused(args: &[OsString], e: &clap::Error) -> Stop {
     Stop::bad(first.strip_prefix("error: ").unwrap_or(first))
 }
 
-/// Options of `merge`.
 #[derive(Args, Debug)]
 pub(crate) struct MergeArgs {
     /// Folders that shards of one run were rendered to; of runs that wrote nothing but --stats, these files
@@ -104,7 +98,6 @@ pub(crate) struct MergeArgs {
     pub(crate) stats: Option<PathBuf>,
 }
 
-/// Options of `trace`.
 #[derive(Args, Debug)]
 pub(crate) struct TraceArgs {
     /// Scene: a demo, files or a directory; `abvh render --help` tells all
@@ -142,7 +135,6 @@ pub(crate) struct TraceArgs {
     pub(crate) quiet: bool,
 }
 
-/// Options of `inspect`.
 #[derive(Args, Debug)]
 pub(crate) struct InspectArgs {
     /// Scene: a demo, files or a directory; `abvh render --help` tells all
@@ -164,7 +156,6 @@ pub(crate) struct InspectArgs {
     pub(crate) json: bool,
 }
 
-/// Options of `info`.
 #[derive(Args, Debug)]
 pub(crate) struct InfoArgs {
     /// JSON to standard output
@@ -187,7 +178,6 @@ pub(crate) struct SourceArgs {
 }
 
 impl SourceArgs {
-    /// As the reader of scenes wants it.
     pub(crate) fn options(&self) -> scene::Options {
         scene::Options {
             fps: self.fps,
@@ -198,7 +188,6 @@ impl SourceArgs {
     }
 }
 
-/// Who does the work.
 #[derive(Args, Debug)]
 pub(crate) struct DeviceArgs {
     /// Backend
@@ -218,7 +207,6 @@ pub(crate) struct DeviceArgs {
     pub(crate) no_cache: bool,
 }
 
-/// How rays are traced.
 #[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MethodArgs {
     /// How a ray is tested against a triangle [with --tolerance: auto]
@@ -234,7 +222,6 @@ pub(crate) struct MethodArgs {
     pub(crate) layout: LayoutName,
 }
 
-/// How trees follow the motion.
 #[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct PolicyArgs {
     /// How trees follow the motion
@@ -265,7 +252,6 @@ pub(crate) struct CameraArgs {
     pub(crate) light: Option<Point>,
 }
 
-/// Backends by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum BackendName {
     /// The best one present
@@ -282,9 +268,11 @@ pub(crate) enum BackendName {
     /// The same, built to be traced quickly
     #[value(name = "vulkan-rt:fast-trace")]
     VulkanRtFastTrace,
+    /// wgpu with kernels that it translates even where it need not: for laws, not for work
+    #[value(hide = true)]
+    WgpuWgsl,
 }
 
-/// Update policies by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum UpdateName {
     /// Whichever is expected to finish the run first
@@ -310,7 +298,6 @@ pub(crate) enum Switch {
     Off,
 }
 
-/// Intersectors by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum IntersectorName {
     /// The cheapest within the tolerance
@@ -325,7 +312,6 @@ pub(crate) enum IntersectorName {
     Exact,
 }
 
-/// Layouts by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum LayoutName {
     /// Whichever is faster on the backend
@@ -336,14 +322,17 @@ pub(crate) enum LayoutName {
     Fast,
 }
 
-mod bench;
-pub(crate) use bench::{BenchArgs, RaysName};
+/// A value's name on the command line.
+pub(crate) fn word(value: &impl ValueEnum) -> String {
+    let value = value.to_possible_value();
+    value.map_or_else(String::new, |v| v.get_name().to_owned())
+}
 
-mod chart;
-pub(crate) use chart::ChartArgs;
+mod bench;
+pub(crate) use bench::{BenchArgs, ChartArgs, RaysName};
 
 mod conform;
-pub(crate) use conform::{ConformArgs, StabilityArgs, SubjectName};
+pub(crate) use conform::{ConformArgs, StabilityArgs, TestArgs};
 
 mod idle;
 

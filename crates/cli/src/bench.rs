@@ -1,19 +1,17 @@
 //! `abvh bench`: every stage over scenes, backends, update policies, intersectors and layouts.
 
 mod compare;
-mod growth;
-mod rays;
 mod results;
 mod row;
 
-use crate::args::{BackendName, BenchArgs, MethodArgs, RaysName, Switch, UpdateName};
+use crate::args::{BackendName, BenchArgs, MethodArgs, RaysName, Switch, UpdateName, word};
 use crate::choose::{self, Ahead, Ask};
 use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::{conflicts, frames, info, memory, open, record, talk, threads};
-use clap::ValueEnum;
-pub(crate) use row::{Row, Run, measure};
+pub(crate) use row::{Row, Run, frame_ms, measure};
 use serde::Serialize;
+use serde_json::Value;
 
 /// Vertical field of view, in degrees, as with `render`.
 pub(crate) const FOV: f32 = 40.0;
@@ -27,22 +25,13 @@ struct Report {
     cores: usize,
     size: [u32; 2],
     rows: Vec<Row>,
-    /// Every run over every other of its scene.
-    ratios: Vec<results::Ratio>,
+    ratios: Vec<Value>,
 }
 
-/// Measures.
 pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     let read = args.compare.iter().map(|file| ("--compare", file.clone()));
-    let written = [
-        ("--json", args.json.as_ref()),
-        ("--csv", args.csv.as_ref()),
-        ("--growth", args.growth.as_ref()),
-    ];
+    let written = [("--json", args.json.as_ref()), ("--csv", args.csv.as_ref())];
     conflicts::of_files(&args.scenes, read, written)?;
-    for file in written.iter().filter_map(|(_, file)| *file) {
-        output::check_writable(file).map_err(Stop::bad)?;
-    }
     if !args.compare.is_empty() {
         return compare::run(args);
     }
@@ -64,15 +53,11 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     if let Some(file) = &args.csv {
         output::write_whole(file, &results::csv(&report.rows)?)?;
     }
-    if let Some(file) = &args.growth {
-        output::write_whole(file, growth::svg(&report)?.as_bytes())?;
-    }
     talk::print(&results::text(&report, args.against.as_deref()))
 }
 
-/// Every combination over every scene.
 fn measure_all(args: &BenchArgs) -> Result<Vec<Row>, Stop> {
-    let (combinations, skipped) = combinations(args)?;
+    let (combinations, skipped) = combinations(args);
     let mut progress = Progress::new(0, args.quiet);
     if combinations.is_empty() {
         let why = skipped.join("; ");
@@ -95,7 +80,7 @@ fn measure_all(args: &BenchArgs) -> Result<Vec<Row>, Stop> {
             let run = Run {
                 rays,
                 size: args.size.size,
-                warm_up: args.warm_up.warm_up(),
+                warm_up: args.warm_up.warm_up,
             };
             let row = measure(run, (spec, &scene), &frames, &ask)?;
             let words = [spec, row.backend, row.update, row.intersector];
@@ -110,7 +95,7 @@ fn measure_all(args: &BenchArgs) -> Result<Vec<Row>, Stop> {
 type Combination<'a> = (Ask<'a>, Switch);
 
 /// Everything with everything that makes sense, and remarks on what does not.
-fn combinations(args: &BenchArgs) -> Result<(Vec<Combination<'_>>, Vec<String>), Stop> {
+fn combinations(args: &BenchArgs) -> (Vec<Combination<'_>>, Vec<String>) {
     let builders: Vec<Option<usize>> = match args.builder_threads.as_slice() {
         [] => vec![None],
         some => some.iter().copied().map(Some).collect(),
@@ -127,7 +112,7 @@ fn combinations(args: &BenchArgs) -> Result<(Vec<Combination<'_>>, Vec<String>),
                     adapter: args.adapter.as_deref(),
                     threads: args.threads,
                     tolerance: args.tolerance.ppm(),
-                    ..Ask::of(backend, method, choose::free_update(update)?)
+                    ..Ask::of(backend, method, choose::free_update(update))
                 };
                 sound.extend(builders.iter().map(|&builder_threads| {
                     let ask = Ask {
@@ -140,13 +125,12 @@ fn combinations(args: &BenchArgs) -> Result<(Vec<Combination<'_>>, Vec<String>),
         }
     }
     skipped.dedup();
-    Ok((sound, skipped))
+    (sound, skipped)
 }
 
 /// What is wrong with a combination.
 fn nonsense(backend: BackendName, update: UpdateName, method: MethodArgs) -> Option<String> {
-    let [name, policy] = [backend.to_possible_value()?, update.to_possible_value()?];
-    let (name, policy) = (name.get_name(), policy.get_name());
+    let (name, policy) = (word(&backend), word(&update));
     if update == UpdateName::DeviceRebuild && !open::makes_trees(backend) {
         return Some(format!(
             "{name} with device-rebuild is left out: it makes no trees"
@@ -173,7 +157,6 @@ fn policies(args: &BenchArgs) -> impl Iterator<Item = (UpdateName, Switch)> {
     })
 }
 
-/// Every intersector with every layout.
 fn methods(args: &BenchArgs) -> impl Iterator<Item = MethodArgs> {
     args.intersector.iter().flat_map(|&intersector| {
         let layouts = args.layout.iter();

@@ -8,7 +8,7 @@ mod reused;
 mod sample;
 
 use crate::args::{
-    BackendName, IntersectorName, LayoutName, MethodArgs, PolicyArgs, Switch, UpdateName,
+    BackendName, IntersectorName, LayoutName, MethodArgs, PolicyArgs, Switch, UpdateName, word,
 };
 use crate::stop::Stop;
 use backend::{DeviceKind, Intersector, Layout, Method, Query};
@@ -17,20 +17,13 @@ use pipeline::{Frame, Pace, RefitDecay, RunFacts, Update};
 pub(crate) use reused::ReusedBackend;
 use sample::{Sample, Wrong};
 
-/// What to set up.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ask<'a> {
-    /// Backend.
     pub(crate) backend: BackendName,
-    /// Adapter of the backend.
     pub(crate) adapter: Option<&'a str>,
-    /// Threads that render.
     pub(crate) threads: Option<usize>,
-    /// Threads that build.
     pub(crate) builder_threads: Option<usize>,
-    /// How rays are traced.
     pub(crate) method: MethodArgs,
-    /// How trees follow the motion.
     pub(crate) update: Choice<Update>,
     /// Wrong rays a million that an intersector left to `auto` may have.
     pub(crate) tolerance: f64,
@@ -43,11 +36,6 @@ pub(crate) struct Ask<'a> {
 }
 
 impl Ask<'_> {
-    /// Rays that are traced in a frame.
-    pub(crate) fn rays(&self) -> usize {
-        self.run.map_or(self.rays, |run| run.query.rays.count())
-    }
-
     /// Leaves all else as it usually is.
     pub(crate) fn of(backend: BackendName, method: MethodArgs, update: Choice<Update>) -> Self {
         Self {
@@ -60,17 +48,23 @@ impl Ask<'_> {
             tolerance: 0.0,
             run: None,
             rays: 0,
-            ahead: Ahead::default(),
+            // The whole motion.
+            ahead: Ahead {
+                time_range: [0.0, f64::INFINITY],
+                predict: true,
+            },
         }
+    }
+
+    pub(crate) fn rays(&self) -> usize {
+        self.run.map_or(self.rays, |run| run.query.rays.count())
     }
 }
 
 /// The run that something is chosen for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run<'a> {
-    /// Its frames.
     pub(crate) frames: &'a [Frame],
-    /// What is traced in each.
     pub(crate) query: Query<'a>,
 }
 
@@ -79,22 +73,10 @@ pub(crate) struct Run<'a> {
 pub(crate) struct Ahead {
     /// The first and the last time of all frames, in key frames.
     pub(crate) time_range: [f64; 2],
-    /// Whether `async` builds for what comes.
     pub(crate) predict: bool,
 }
 
-impl Default for Ahead {
-    /// The whole motion.
-    fn default() -> Self {
-        Self {
-            time_range: [0.0, f64::INFINITY],
-            predict: true,
-        }
-    }
-}
-
 impl Ahead {
-    /// These frames.
     pub(crate) fn of(frames: &[Frame], predict: Switch) -> Self {
         let times = || frames.iter().map(|f| f.time);
         let first = times().fold(f64::INFINITY, f64::min);
@@ -109,7 +91,6 @@ impl Ahead {
 /// Something taken, and the reason where nobody asked for it by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Choice<T> {
-    /// What is taken.
     pub(crate) value: T,
     /// Why; `None` if it was asked for.
     pub(crate) why: Option<&'static str>,
@@ -117,7 +98,6 @@ pub(crate) struct Choice<T> {
     pub(crate) is_open: bool,
 }
 
-/// What somebody named.
 pub(crate) fn asked<T>(value: T) -> Choice<T> {
     Choice {
         value,
@@ -126,7 +106,6 @@ pub(crate) fn asked<T>(value: T) -> Choice<T> {
     }
 }
 
-/// What nothing can be better than.
 fn auto<T>(value: T, why: &'static str) -> Choice<T> {
     Choice {
         why: Some(why),
@@ -135,39 +114,36 @@ fn auto<T>(value: T, why: &'static str) -> Choice<T> {
 }
 
 /// What `auto` took where nothing was asked for by name.
-pub(crate) fn taken(what: &str, takes: &str, why: Option<&str>) -> Option<Taken> {
+pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Taken> {
     Some(Taken {
         what: what.to_owned(),
         takes: takes.to_owned(),
-        why: why?.to_owned(),
+        why: why?,
     })
 }
 
 /// How trees follow the motion. What is left open, [`pipeline::RunFacts`] settle where a run is known.
-pub(crate) fn update(policy: PolicyArgs) -> Result<Choice<Update>, Stop> {
+pub(crate) fn update(policy: PolicyArgs) -> Choice<Update> {
     let pace = policy.lockstep.map_or(Pace::Free, Pace::Lockstep);
-    let fixed = match (policy.update, policy.lockstep) {
-        (UpdateName::Async, _) => Update::Async(pace),
-        (UpdateName::Auto, Some(_)) => {
-            return Ok(auto(Update::Async(pace), "--lockstep asks for it"));
-        }
+    let at_pace = Update::Async(pace);
+    asked(match (policy.update, policy.lockstep) {
+        (UpdateName::Auto, Some(_)) => return auto(at_pace, "--lockstep asks for it"),
         (UpdateName::Auto, None) => {
-            return Ok(Choice {
+            return Choice {
                 is_open: true,
-                ..auto(Update::Async(pace), "it suits most scenes that deform")
-            });
+                ..auto(at_pace, "it suits most scenes that deform")
+            };
         }
-        (_, Some(_)) => return Err(Stop::bad("--lockstep goes only with --update async")),
+        (UpdateName::Async, _) => at_pace,
         (UpdateName::Rebuild, _) => Update::Rebuild,
         (UpdateName::Refit, _) => Update::Refit,
         (UpdateName::TSah, _) => Update::TSah,
         (UpdateName::DeviceRebuild, _) => Update::DeviceRebuild,
-    };
-    Ok(asked(fixed))
+    })
 }
 
 /// Likewise, at the builder's own pace.
-pub(crate) fn free_update(update: UpdateName) -> Result<Choice<Update>, Stop> {
+pub(crate) fn free_update(update: UpdateName) -> Choice<Update> {
     let lockstep = None;
     self::update(PolicyArgs { update, lockstep })
 }
@@ -175,12 +151,12 @@ pub(crate) fn free_update(update: UpdateName) -> Result<Choice<Update>, Stop> {
 /// What a method names that a driver with trees of its own does not have. The usual intersector, which nobody need
 /// name, stands for the driver's own.
 pub(crate) fn beyond_drivers(method: MethodArgs) -> Option<String> {
-    let usual = [IntersectorName::Auto, IntersectorName::Watertight];
-    if !usual.contains(&method.intersector) {
-        let name = intersector(method.intersector).value;
-        return Some(format!("intersector '{name}'"));
+    match method.intersector {
+        IntersectorName::Auto | IntersectorName::Watertight => {
+            layout(method.layout).map(|name| format!("layout '{name}'"))
+        }
+        other => Some(format!("intersector '{}'", word(&other))),
     }
-    layout(method.layout).map(|name| format!("layout '{name}'"))
 }
 
 /// The same for a backend that makes its trees itself, within each frame.
@@ -194,27 +170,21 @@ pub(crate) fn within_frames(choice: Choice<Update>) -> Choice<Update> {
     }
 }
 
-/// How a ray is tested against a triangle.
 pub(crate) fn intersector(name: IntersectorName) -> Choice<Intersector> {
-    match name {
-        IntersectorName::Auto => auto(
+    let mut all = Intersector::ALL.into_iter();
+    match all.find(|i| i.name() == word(&name)) {
+        Some(named) => asked(named),
+        None => auto(
             Intersector::Exact,
             "it alone is free of wrong answers by definition",
         ),
-        IntersectorName::MollerTrumbore => asked(Intersector::MollerTrumbore),
-        IntersectorName::Woop => asked(Intersector::Woop),
-        IntersectorName::Watertight => asked(Intersector::Watertight),
-        IntersectorName::Exact => asked(Intersector::Exact),
     }
 }
 
 /// How the tree lies in memory; `None` if it is left to `auto`.
 fn layout(name: LayoutName) -> Option<Layout> {
-    match name {
-        LayoutName::Auto => None,
-        LayoutName::Bvh2 => Some(Layout::Bvh2),
-        LayoutName::Fast => Some(Layout::Fast),
-    }
+    let mut all = Layout::ALL.into_iter();
+    all.find(|l| l.name() == word(&name))
 }
 
 /// A method that leaves nothing to what is known of the device.
@@ -245,16 +215,10 @@ pub(crate) fn lockstep(update: Update) -> Option<u64> {
 /// What is taken, with a reason for each part that was left open.
 #[derive(Clone, Debug)]
 pub(crate) struct Settled {
-    /// How rays are traced.
     pub(crate) method: Method,
-    /// How trees follow the motion.
     pub(crate) update: Update,
-    /// Why this update policy.
-    pub(crate) why_update: Option<String>,
-    /// Why this intersector.
-    pub(crate) why_intersector: Option<String>,
-    /// Why this layout.
-    pub(crate) why_layout: Option<&'static str>,
+    /// Why this update policy, this intersector, this layout.
+    pub(crate) why: [Option<String>; 3],
 }
 
 /// Intersectors that may be wrong, the fastest first (docs/measured.md).
@@ -273,8 +237,8 @@ pub(crate) fn settle(backend: &mut ReusedBackend<'_>, ask: &Ask<'_>) -> Result<S
     let layout = layout_on(backend.device.kind, ask.method.layout);
     let (update, why_update) = match ask.run.filter(|_| ask.update.is_open) {
         Some(run) => {
-            let pipeline::Choice { update, why } = facts(backend, &run)?.choose();
-            (update, Some(why))
+            let chosen = facts(backend, &run)?.choose();
+            (chosen.update, Some(chosen.why))
         }
         None => (ask.update.value, ask.update.why.map(str::to_owned)),
     };
@@ -284,13 +248,10 @@ pub(crate) fn settle(backend: &mut ReusedBackend<'_>, ask: &Ask<'_>) -> Result<S
             layout: layout.value,
         },
         update,
-        why_update,
-        why_intersector,
-        why_layout: layout.why,
+        why: [why_update, why_intersector, layout.why.map(str::to_owned)],
     })
 }
 
-/// What is known of a run before its first frame.
 fn facts(backend: &ReusedBackend<'_>, run: &Run<'_>) -> Result<RunFacts, Stop> {
     let animation = backend.animation;
     let times: Vec<f64> = run.frames.iter().map(|f| f.time).collect();

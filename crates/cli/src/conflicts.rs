@@ -57,41 +57,31 @@ impl Files<'_> {
     /// # Errors
     /// A file that is written is one that is read, or is written twice.
     pub(crate) fn check(&self) -> Result<(), Stop> {
-        let identified = |files: &[(&str, PathBuf)]| {
-            let known = |(option, file): &(&str, PathBuf)| {
-                let identity = Identity::of(file).filter(|_| file.as_os_str() != "-")?;
-                Some(((*option).to_owned(), file.clone(), identity))
+        let identity = |file: &Path| Identity::of(file).filter(|_| file.as_os_str() != "-");
+        for (i, (option, file)) in self.written.iter().enumerate() {
+            let Some(id) = identity(file) else { continue };
+            let is_same = |other: &&(&str, PathBuf)| identity(&other.1).as_ref() == Some(&id);
+            let what = if let Some((other, file)) = self.read.iter().find(is_same) {
+                format!("{} of {other}", file.display())
+            } else if let Some((other, _)) = self.written[..i].iter().find(is_same) {
+                format!("what {other} writes")
+            } else if let Some(folder) = self.folder_of(file) {
+                format!("a file that {folder} writes")
+            } else {
+                continue;
             };
-            files.iter().filter_map(known).collect::<Vec<_>>()
-        };
-        let (read, written) = (identified(&self.read), identified(&self.written));
-        for (i, (option, file, identity)) in written.iter().enumerate() {
-            let text = |what: String| {
-                Err(Stop::bad(format!(
-                    "{option} {} would overwrite {what}",
-                    file.display()
-                )))
-            };
-            if let Some((other, file, _)) = read.iter().find(|(.., id)| id == identity) {
-                return text(format!("{} of {other}", file.display()));
-            }
-            if let Some((other, ..)) = written[..i].iter().find(|(.., id)| id == identity) {
-                return text(format!("what {other} writes"));
-            }
-            if let Some(folder) = self.folder_of(file) {
-                return text(format!("a file that {folder} writes"));
+            let file = file.display();
+            return Err(Stop::bad(format!("{option} {file} would overwrite {what}")));
+        }
+        for (_, file) in &self.read {
+            if let Some(folder) = identity(file).and_then(|_| self.folder_of(file)) {
+                let file = file.display();
+                return Err(Stop::bad(format!(
+                    "{folder} may overwrite {file}, which is read"
+                )));
             }
         }
-        match read
-            .iter()
-            .find_map(|(_, file, _)| Some((file, self.folder_of(file)?)))
-        {
-            Some((file, folder)) => Err(Stop::bad(format!(
-                "{folder} may overwrite {}, which is read",
-                file.display()
-            ))),
-            None => Ok(()),
-        }
+        Ok(())
     }
 
     /// The option whose folder a file lies in, under a name that is written there.
@@ -105,40 +95,37 @@ impl Files<'_> {
     }
 }
 
-/// The files of a scene, as something that is read.
-pub(crate) fn of_scene(spec: &str) -> Result<Vec<(&'static str, PathBuf)>, Stop> {
-    Ok(scene::files(spec)?
-        .into_iter()
-        .map(|file| ("SCENE", file))
-        .collect())
-}
-
-/// For commands that read scenes and write files named by options.
+/// For commands that read scenes and write files named by options: finds out whether these can be written.
 ///
 /// # Errors
-/// A file that is written is one of a scene, or is written twice.
+/// A file that is written is one that is read, or is written twice, or cannot be written.
 pub(crate) fn of_files<'a>(
     scenes: &[String],
     read: impl IntoIterator<Item = (&'a str, PathBuf)>,
     written: impl IntoIterator<Item = (&'a str, Option<&'a PathBuf>)>,
 ) -> Result<(), Stop> {
-    let written: Vec<_> = written
-        .into_iter()
-        .filter_map(|(option, file)| Some((option, file?.clone())))
-        .collect();
-    if written.is_empty() {
-        return Ok(());
-    }
-    let mut read: Vec<_> = read.into_iter().collect();
-    for scene in scenes {
-        read.extend(of_scene(scene)?);
-    }
-    let files = Files {
-        read,
-        written,
+    let written = written.into_iter();
+    let written = written.filter_map(|(option, file)| Some((option, file?.clone())));
+    let mut files = Files {
+        read: read.into_iter().collect(),
+        written: written.collect(),
         ..Files::default()
     };
-    files.check()
+    if files.written.is_empty() {
+        return Ok(());
+    }
+    for scene in scenes {
+        files.read.extend(of_scene(scene)?);
+    }
+    files.check()?;
+    let mut written = files.written.iter();
+    written.try_for_each(|(_, file)| output::check_writable(file).map_err(Stop::bad))
+}
+
+/// The files of a scene, as something that is read.
+fn of_scene(spec: &str) -> Result<Vec<(&'static str, PathBuf)>, Stop> {
+    let files = scene::files(spec)?.into_iter();
+    Ok(files.map(|file| ("SCENE", file)).collect())
 }
 
 /// # Errors
@@ -151,18 +138,16 @@ pub(crate) fn of_render(args: &RenderArgs) -> Result<(), Stop> {
         ("--video", &args.video),
         ("--y4m", &args.y4m),
     ];
-    let single = single
-        .into_iter()
-        .filter_map(|(option, file)| Some((option, file.clone()?)));
-    let images =
-        (!args.no_images).then(|| ("--out", args.out.clone(), &["frame_", "abvh-run"][..]));
-    let hits = args
-        .hits
-        .clone()
-        .map(|dir| ("--hits", dir, &["hits_", "abvh-run"][..]));
+    let single = single.into_iter();
+    let images: &[&str] = &["frame_", "abvh-run"];
+    let images = (!args.no_images).then(|| ("--out", args.out.clone(), images));
+    let hits = args.hits.clone();
+    let hits = hits.map(|dir| ("--hits", dir, &["hits_", "abvh-run"][..]));
     let files = Files {
         read: of_scene(&args.scene)?,
-        written: single.collect(),
+        written: single
+            .filter_map(|(option, file)| Some((option, file.clone()?)))
+            .collect(),
         folders: images.into_iter().chain(hits).collect(),
     };
     files.check()
@@ -172,12 +157,8 @@ pub(crate) fn of_render(args: &RenderArgs) -> Result<(), Stop> {
 mod tests {
     use super::*;
 
-    fn refused(files: &Files<'_>) -> String {
-        files.check().unwrap_err().to_string()
-    }
-
     #[test]
-    fn a_file_is_told_by_what_it_is() {
+    fn a_file_is_told_by_what_it_is_and_folders_keep_to_their_own_names() {
         let dir = tempfile::tempdir().unwrap();
         let at = |name: &str| dir.path().join(name);
         fs::write(at("in.obj"), b"v 0 0 0").unwrap();
@@ -185,51 +166,40 @@ mod tests {
         fs::hard_link(at("in.obj"), at("hard")).unwrap();
         #[cfg(unix)]
         std::os::unix::fs::symlink(at("in.obj"), at("soft")).unwrap();
+        let check = |read: &[&str], written: &[&str], folder: &str| {
+            let files = Files {
+                read: read.iter().map(|name| ("SCENE", at(name))).collect(),
+                written: ["--stats", "--timeline"]
+                    .into_iter()
+                    .zip(written.iter().map(|name| at(name)))
+                    .collect(),
+                folders: vec![("--out", at(folder), &["frame_"])],
+            };
+            files
+                .check()
+                .map_or_else(|stop| stop.to_string(), |()| String::new())
+        };
         for name in ["in.obj", "sub/../in.obj", "hard", "soft"] {
-            let files = Files {
-                read: vec![("SCENE", at("in.obj"))],
-                written: vec![("--stats", at(name))],
-                ..Files::default()
-            };
-            assert!(refused(&files).contains("of SCENE"), "{name}");
+            assert!(
+                check(&["in.obj"], &[name], "o").contains("of SCENE"),
+                "{name}"
+            );
         }
-        let files = Files {
-            written: vec![("--stats", at("new")), ("--timeline", at("sub/../new"))],
-            ..Files::default()
-        };
-        assert!(refused(&files).contains("what --stats writes"));
-        let null = PathBuf::from("/dev/null");
-        let files = Files {
-            written: vec![
-                ("--stats", null.clone()),
-                ("--timeline", null),
-                ("--rays-out", at("x")),
-            ],
-            ..Files::default()
-        };
-        files.check().unwrap();
-    }
-
-    #[test]
-    fn folders_keep_to_their_own_names() {
-        let dir = tempfile::tempdir().unwrap();
-        let begins: &[&str] = &["frame_"];
-        let check = |name: &str, folder: &str| {
-            let files = Files {
-                written: vec![("--stats", dir.path().join(name))],
-                folders: vec![("--out", dir.path().join(folder), begins)],
-                ..Files::default()
-            };
-            files.check().is_ok()
-        };
-        assert!(!check("frame_0000.png", "."));
-        assert!(!check("o/frame_0000.png", "o"));
-        assert!(check("o/stats.json", "o") && check("frame_0000.png", "o"));
-        let files = Files {
-            read: vec![("SCENE", dir.path().join("frame_1.obj"))],
-            folders: vec![("--out", dir.path().to_owned(), begins)],
-            ..Files::default()
-        };
-        assert!(refused(&files).contains("which is read"));
+        assert!(check(&[], &["new", "sub/../new"], "o").contains("what --stats writes"));
+        // Many may write to a device.
+        assert_eq!(check(&[], &["/dev/null", "/dev/null"], "o"), "");
+        for (name, folder, is_fit) in [
+            ("frame_0000.png", ".", false),
+            ("o/frame_0000.png", "o", false),
+            ("o/stats.json", "o", true),
+            ("frame_0000.png", "o", true),
+        ] {
+            assert_eq!(
+                check(&[], &[name], folder).is_empty(),
+                is_fit,
+                "{name} {folder}"
+            );
+        }
+        assert!(check(&["frame_1.obj"], &[], ".").contains("which is read"));
     }
 }

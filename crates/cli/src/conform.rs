@@ -4,12 +4,12 @@ mod oracle;
 mod results;
 
 use crate::args::{BackendName, ConformArgs};
-use crate::open::{self, Want};
+use crate::open;
 use crate::progress::Progress;
 use crate::stop::Stop;
-use crate::subjects::{self, Examined, Machine, Subject};
+use crate::subjects::{self, Subject};
 use crate::table::counted;
-use crate::{conflicts, record, talk};
+use crate::{conflicts, talk};
 use backend::{Intersector, Method};
 use conformance::leaks::{self, LeakPlan};
 use conformance::{Law, Reference, hold, hold_one, laws_of};
@@ -19,36 +19,24 @@ use std::time::Instant;
 /// Steps in which the progress of many rays is told.
 const STEPS: u64 = 20;
 
-/// Holds all to all.
 pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
-    conflicts::of_files(&args.scene, [], [("--json", args.json.as_ref())])?;
-    if let Some(file) = &args.json {
-        output::check_writable(file).map_err(Stop::bad)?;
-    }
+    conflicts::of_files(&args.scene, [], [("--json", args.test.json.as_ref())])?;
     let given = oracle::open(args)?;
-    let (mut subjects, absent) = subjects::open_all(&args.backend, true, args.adapter.as_deref())?;
+    let (mut subjects, tested) = subjects::open_all(&args.test, true)?;
     let mut report = Report {
-        schema: output::SCHEMA,
-        version: env!("CARGO_PKG_VERSION"),
-        command_line: record::command_line(),
+        tested,
         seed: args.seed,
         cases: args.cases,
         leak_rays: args.leak_rays,
-        machine: Machine::here(),
-        backends: subjects.iter().map(Examined::of).collect(),
-        absent,
         rows: laws(args, &mut subjects)?,
-        leaks: Vec::new(),
-        leak_examples: Vec::new(),
         oracle_rays: args.oracle_rays,
-        oracle: Vec::new(),
-        oracle_examples: Vec::new(),
+        ..Report::default()
     };
     for subject in &mut subjects {
         fire(args, subject, &mut report)?;
     }
     oracle::hold(args, given, &mut subjects, &mut report)?;
-    if let Some(file) = &args.json {
+    if let Some(file) = &args.test.json {
         output::write_json(file, &report)?;
     }
     talk::print(&report.text())?;
@@ -66,13 +54,8 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
     if args.cases == 0 && args.case.is_none() {
         return Ok(Vec::new());
     }
-    let want = Want {
-        backend: BackendName::Cpu,
-        adapter: None,
-        threads: 1,
-    };
-    let mut reference = Reference::new(open::open(&want, Ok)?.value);
-    let mut progress = Progress::new(total as u64, args.quiet);
+    let mut reference = Reference::new(open::bare(BackendName::Cpu, None, 1)?);
+    let mut progress = Progress::new(total as u64, args.test.quiet);
     let mut rows = Vec::new();
     for subject in &mut *subjects {
         for law in laws(subject) {
@@ -94,7 +77,16 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
                 }),
                 disagreement: held.err().map(|e| e.to_string()),
             };
-            progress.step(&outcome(&row));
+            let so = if row.disagreement.is_none() {
+                "held in"
+            } else {
+                "failed after"
+            };
+            let cases = counted(row.held as usize, ["case", "cases"]);
+            progress.step(&format!(
+                "{} {}: {so} {cases}, {seconds:.1} s",
+                subject.name, law.name
+            ));
             if let Some(what) = &row.disagreement {
                 progress.say(what);
             }
@@ -104,24 +96,9 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
     Ok(rows)
 }
 
-/// What came of a law, in one line.
-fn outcome(row: &PropertyRow) -> String {
-    let so = match row.disagreement {
-        None => "held in",
-        Some(_) => "failed after",
-    };
-    format!(
-        "{} {}: {so} {}, {:.1} s",
-        row.backend,
-        row.law,
-        counted(row.held as usize, ["case", "cases"]),
-        row.seconds
-    )
-}
-
 /// The command that shows something again.
 fn command(args: &ConformArgs, scenes: &str, backend: &str, rest: &str) -> String {
-    let adapter = args.adapter.as_deref();
+    let adapter = args.test.adapter.as_deref();
     let adapter = adapter.map_or(String::new(), |a| format!(" --adapter '{a}'"));
     let seed = args.seed;
     format!("abvh conform{scenes} --backend {backend}{adapter} --seed {seed} {rest}")
@@ -142,7 +119,7 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
             ..Method::default()
         },
     };
-    let mut progress = Progress::new(STEPS, args.quiet);
+    let mut progress = Progress::new(STEPS, args.test.quiet);
     let mut told = 0;
     let line = format!("{} rays at closed bodies", subject.name);
     let found = leaks::run(subject.backend.as_mut(), &plan, &mut |done| {

@@ -1,8 +1,8 @@
-//! From what was asked for to times.
+//! Which frames of a run: from what was asked for, and which share of it, to times.
 
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, counted};
-use crate::values::{Frames, Shard, TimeRange};
+use crate::values::TimeRange;
 use pipeline::Frame;
 
 /// What the name of every demo begins with.
@@ -12,6 +12,129 @@ const DEMO_FRAMES: usize = 48;
 /// The most frames of anything else unless asked otherwise.
 const MOST_FRAMES: usize = 96;
 
+const MAX_FRAMES: usize = 1_000_000;
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Frames {
+    /// So many, spread evenly over the time range.
+    Count(usize),
+    /// Those at these key times, in this order.
+    Keys(Vec<usize>),
+}
+
+/// One block of a list of frames that is divided evenly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Shard {
+    /// Which block, from 1 on.
+    pub(crate) number: usize,
+    pub(crate) of: usize,
+}
+
+/// `N` or `A..B`.
+pub(crate) fn frames(text: &str) -> Result<Frames, String> {
+    let frames = match text.contains(['.', ',', '-']) {
+        false => Frames::Count(whole(text)?),
+        true => Frames::Keys(key_times(text)?),
+    };
+    let count = match &frames {
+        Frames::Count(n) => *n,
+        Frames::Keys(keys) => keys.len(),
+    };
+    match count {
+        0 => Err("there must be at least one frame".to_owned()),
+        n if n > MAX_FRAMES => Err(too_many(n)),
+        _ => Ok(frames),
+    }
+}
+
+fn whole(text: &str) -> Result<usize, String> {
+    (text.parse()).map_err(|e| format!("'{text}' is no whole number: {e}"))
+}
+
+fn too_many(n: usize) -> String {
+    format!("{n} frames are more than the limit of {MAX_FRAMES}")
+}
+
+/// `A..B`, or numbers and ranges `A-B` and `A-BxSTEP` with commas between them; each key time once.
+fn key_times(text: &str) -> Result<Vec<usize>, String> {
+    let mut keys = Vec::new();
+    for part in text.split(',').filter(|part| !part.is_empty()) {
+        let (from, end, step) = range(part)?;
+        let count = end.saturating_sub(from).div_ceil(step);
+        if keys.len() + count > MAX_FRAMES {
+            return Err(too_many(keys.len() + count));
+        }
+        keys.extend((from..end).step_by(step));
+    }
+    let mut sorted = keys.clone();
+    sorted.sort_unstable();
+    match sorted.windows(2).find(|pair| pair[0] == pair[1]) {
+        Some(twice) => Err(format!("key time {} is named twice", twice[0])),
+        None => Ok(keys),
+    }
+}
+
+/// First, one past the last, step.
+fn range(part: &str) -> Result<(usize, usize, usize), String> {
+    if let Some((a, b)) = part.split_once("..") {
+        let (from, to) = (whole(a)?, whole(b)?);
+        if from > to {
+            return Err(format!("the range is reversed; did you mean {to}..{from}?"));
+        }
+        return Ok((from, to, 1));
+    }
+    let Some((a, rest)) = part.split_once('-') else {
+        let key = whole(part)?;
+        return Ok((key, key + 1, 1));
+    };
+    let (b, step) = rest.split_once('x').unwrap_or((rest, "1"));
+    let (from, last, step) = (whole(a)?, whole(b)?, whole(step)?);
+    match step {
+        0 => Err(format!("the step of '{part}' is 0")),
+        _ if from > last => Err(format!(
+            "the range is reversed; did you mean {last}-{from}?"
+        )),
+        _ => Ok((from, last.saturating_add(1), step)),
+    }
+}
+
+/// `I/N`, from 1 on, or `auto`: from the variables that Slurm sets for each task of an array.
+pub(crate) fn shard(text: &str) -> Result<Shard, String> {
+    if text == "auto" {
+        return slurm_shard(&|name| std::env::var(name).ok());
+    }
+    let (number, of) = text
+        .split_once('/')
+        .ok_or("a shard is I/N, such as 2/8, or auto")?;
+    let (number, of) = (whole(number)?, whole(of)?);
+    match (1..=of).contains(&number) {
+        true => Ok(Shard { number, of }),
+        false => Err(format!(
+            "there is no shard {number} of {of}: they are numbered from 1 on"
+        )),
+    }
+}
+
+fn slurm_shard(variable: &dyn Fn(&str) -> Option<String>) -> Result<Shard, String> {
+    let number = |name: &str| match variable(name) {
+        Some(text) => whole(&text).map_err(|e| format!("{name}: {e}")),
+        None => Err(format!(
+            "auto needs {name}, which Slurm sets for a task of an array"
+        )),
+    };
+    let id = number("SLURM_ARRAY_TASK_ID")?;
+    let (least, of) = (
+        number("SLURM_ARRAY_TASK_MIN")?,
+        number("SLURM_ARRAY_TASK_COUNT")?,
+    );
+    match id.checked_sub(least).filter(|i| *i < of) {
+        Some(i) => Ok(Shard { number: i + 1, of }),
+        None => Err(format!(
+            "task {id} is none of {of} from {least} on: the array must have no gaps"
+        )),
+    }
+}
+
 /// The frames to render of a motion with `keys` key frames. Those at key times have these for numbers, others are
 /// numbered from 0 on.
 pub(crate) fn list(
@@ -20,39 +143,39 @@ pub(crate) fn list(
     keys: usize,
     is_demo: bool,
 ) -> Result<Vec<Frame>, Stop> {
+    if let Some(Frames::Keys(list)) = frames {
+        return match range {
+            None => at_keys(list, keys),
+            Some(_) => Err(Stop::bad(
+                "--frames names key times already: leave --time-range out",
+            )),
+        };
+    }
     let end = (keys - 1) as f64;
-    let range = within(range, end)?;
-    let times: Vec<f64> = match frames {
-        Some(Frames::Keys(_)) if range.is_some() => {
-            let e = "--frames names key times already: leave --time-range out";
-            return Err(Stop::bad(e));
-        }
-        Some(Frames::Keys(list)) => {
-            let most = list.iter().max().copied().unwrap_or_default();
-            if most >= keys {
-                let verb = if keys == 1 { "is" } else { "are" };
-                let (count, keys) = (list.len(), counted(keys, KEY_FRAMES));
-                let e = format!(
-                    "--frames names {count} key times up to {most}, but there {verb} {keys}"
-                );
-                return Err(Stop::bad(e));
-            }
-            let frame = |&k: &usize| Frame {
-                index: k as u64,
-                time: k as f64,
-            };
-            return Ok(list.iter().map(frame).collect());
-        }
-        Some(Frames::Count(n)) => spread(range.unwrap_or(TimeRange { from: 0.0, to: end }), *n),
-        None => {
-            let range = range.unwrap_or(TimeRange { from: 0.0, to: end });
-            spread(range, default_count(range, is_demo))
-        }
+    let range = within(range, end)?.unwrap_or(TimeRange { from: 0.0, to: end });
+    let count = match frames {
+        Some(Frames::Count(n)) => *n,
+        _ => default_count(range, is_demo),
     };
-    let numbered = (0..).zip(times);
-    Ok(numbered
-        .map(|(index, time)| Frame { index, time })
-        .collect())
+    let numbered = (0..).zip(spread(range, count));
+    let frames = numbered.map(|(index, time)| Frame { index, time });
+    Ok(frames.collect())
+}
+
+fn at_keys(list: &[usize], keys: usize) -> Result<Vec<Frame>, Stop> {
+    let most = list.iter().max().copied().unwrap_or_default();
+    if most >= keys {
+        let verb = if keys == 1 { "is" } else { "are" };
+        let (count, keys) = (list.len(), counted(keys, KEY_FRAMES));
+        return Err(Stop::bad(format!(
+            "--frames names {count} key times up to {most}, but there {verb} {keys}"
+        )));
+    }
+    let frame = |&k: &usize| Frame {
+        index: k as u64,
+        time: k as f64,
+    };
+    Ok(list.iter().map(frame).collect())
 }
 
 /// The frames, their times aside, where they can be told before the scene is loaded.
@@ -66,7 +189,6 @@ pub(crate) fn foreseen(
     is_told.then(|| list(frames, range, MANY, is_demo).ok())?
 }
 
-/// Whether a scene is a demo.
 pub(crate) fn is_demo(scene: &str) -> bool {
     scene.starts_with(DEMO)
 }
@@ -139,25 +261,32 @@ mod tests {
     }
 
     #[test]
-    fn a_count_spreads_over_both_ends() {
-        let three = || Some(Frames::Count(3));
-        assert_eq!(times(three(), None, 5).unwrap(), [0.0, 2.0, 4.0]);
-        assert_eq!(
-            times(three(), Some((0.5, 1.5)), 5).unwrap(),
-            [0.5, 1.0, 1.5]
-        );
-        assert_eq!(times(Some(Frames::Count(1)), None, 5).unwrap(), [0.0]);
-        assert_eq!(times(three(), None, 1).unwrap(), [0.0; 3]);
-        let all = times(Some(Frames::Count(53)), None, 53).unwrap();
-        assert!(all.iter().enumerate().all(|(i, &t)| t == i as f64));
-    }
-
-    #[test]
-    fn a_range_names_key_times() {
+    fn frames_are_spread_over_both_ends_or_at_key_times() {
+        let count = |n| Some(Frames::Count(n));
         let keys = |from, to| Some(Frames::Keys((from..to).collect()));
-        assert_eq!(times(keys(1, 4), None, 4).unwrap(), [1.0, 2.0, 3.0]);
-        assert!(times(keys(1, 5), None, 4).is_none());
-        assert!(times(keys(1, 3), Some((0.0, 1.0)), 4).is_none());
+        for (frames, range, key_times, expected) in [
+            (count(3), None, 5, vec![0.0, 2.0, 4.0]),
+            (count(3), Some((0.5, 1.5)), 5, vec![0.5, 1.0, 1.5]),
+            (count(1), None, 5, vec![0.0]),
+            (count(3), None, 1, vec![0.0; 3]),
+            (count(53), None, 53, (0..53).map(f64::from).collect()),
+            (keys(1, 4), None, 4, vec![1.0, 2.0, 3.0]),
+            (None, None, 1, vec![0.0]),
+            (None, None, 4, vec![0.0, 1.0, 2.0, 3.0]),
+        ] {
+            assert_eq!(times(frames, range, key_times), Some(expected));
+        }
+        for (frames, range) in [
+            (keys(1, 5), None),
+            (keys(1, 3), Some((0.0, 1.0))),
+            (None, Some((0.0, 3.5))),
+            (None, Some((-1.0, 2.0))),
+        ] {
+            assert_eq!(times(frames, range, 4), None);
+        }
+        assert!(moment("--time", 3.0, 4).is_ok() && moment("--time", 3.1, 4).is_err());
+        assert_eq!(times(None, None, 500).unwrap().len(), 96);
+        assert_eq!(list(None, None, 16, true).unwrap().len(), 48);
     }
 
     #[test]
@@ -171,17 +300,36 @@ mod tests {
     }
 
     #[test]
-    fn defaults_follow_the_kind_of_scene() {
-        assert_eq!(times(None, None, 1).unwrap(), [0.0]);
-        assert_eq!(times(None, None, 4).unwrap(), [0.0, 1.0, 2.0, 3.0]);
-        assert_eq!(times(None, None, 500).unwrap().len(), 96);
-        assert_eq!(list(None, None, 16, true).unwrap().len(), 48);
+    fn frames_are_a_count_or_a_range_in_order() {
+        assert_eq!(frames("8"), Ok(Frames::Count(8)));
+        assert_eq!(frames("2..5"), Ok(Frames::Keys(vec![2, 3, 4])));
+        let list = vec![1, 4, 10, 12, 14, 16, 18, 20];
+        assert_eq!(frames("1,4,10-20x2"), Ok(Frames::Keys(list)));
+        assert_eq!(frames("7,"), Ok(Frames::Keys(vec![7])));
+        let bad = "0 .. 5..2 3..3 -1 1.5 2.. 0..2000000 2000000 18446744073709551615 \
+            1,1 3-5,4 5-3 1-9x0 1- 1,x 0-4000000000 ,";
+        for bad in bad.split_whitespace().chain([""]) {
+            assert!(frames(bad).is_err(), "{bad}");
+        }
     }
 
     #[test]
-    fn times_outside_the_motion_are_refused() {
-        assert!(times(None, Some((0.0, 3.5)), 4).is_none());
-        assert!(times(None, Some((-1.0, 2.0)), 4).is_none());
-        assert!(moment("--time", 3.0, 4).is_ok() && moment("--time", 3.1, 4).is_err());
+    fn shards_are_numbered_from_one_on_by_hand_or_by_slurm() {
+        assert_eq!(shard("2/8"), Ok(Shard { number: 2, of: 8 }));
+        for bad in ["0/8", "9/8", "8", "a/b", "1/0", ""] {
+            assert!(shard(bad).is_err(), "{bad}");
+        }
+        let task = |id: &'static str| {
+            slurm_shard(&move |name| match name {
+                "SLURM_ARRAY_TASK_ID" => Some(id.to_owned()),
+                "SLURM_ARRAY_TASK_MIN" => Some("10".to_owned()),
+                _ => Some("4".to_owned()),
+            })
+        };
+        assert_eq!(task("10"), Ok(Shard { number: 1, of: 4 }));
+        assert_eq!(task("13"), Ok(Shard { number: 4, of: 4 }));
+        assert!(task("14").is_err() && task("9").is_err() && task("x").is_err());
+        let missing = slurm_shard(&|_| None).unwrap_err();
+        assert!(missing.contains("SLURM_ARRAY_TASK_ID"));
     }
 }

@@ -2,15 +2,15 @@
 
 use crate::adapters::kind_name;
 use crate::args::{BackendName, InfoArgs};
-use crate::open::{self, Presence, Want};
+use crate::open::{self, Presence};
 use crate::stop::Stop;
 use crate::table::counted;
 use crate::{choose, talk, threads};
+use backend::Backend;
 use comfy_table::{ContentArrangement, Table, presets};
 use output::{SCHEMA, Taken};
 use serde::Serialize;
 
-/// The most columns of the text.
 const WIDTH: usize = 100;
 
 #[derive(Serialize)]
@@ -23,7 +23,6 @@ struct Info {
     backends: Vec<Presence>,
 }
 
-/// Tells.
 pub(crate) fn run(args: &InfoArgs) -> Result<(), Stop> {
     let info = Info {
         schema: SCHEMA,
@@ -41,17 +40,9 @@ pub(crate) fn run(args: &InfoArgs) -> Result<(), Stop> {
 
 /// Opened indeed: a GPU that fails its test when it is opened is not taken.
 fn what_auto_takes() -> Result<Option<Taken>, Stop> {
-    let want = Want {
-        backend: BackendName::Auto,
-        adapter: None,
-        threads: 1,
-    };
-    let opened = open::open(&want, |backend| Ok(backend.device().backend))?;
-    Ok(choose::taken(
-        "backend",
-        opened.value,
-        opened.why.as_deref(),
-    ))
+    let name = |backend: Box<dyn Backend>| Ok(backend.device().backend);
+    let (name, why) = open::open(BackendName::Auto, (None, 1), name)?;
+    Ok(choose::taken("backend", name, why))
 }
 
 fn text(info: &Info) -> String {
@@ -88,7 +79,6 @@ fn text(info: &Info) -> String {
     table(&rows, columns as u16)
 }
 
-/// Names and what stands for them.
 fn table(rows: &[[String; 2]], columns: u16) -> String {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
@@ -135,7 +125,7 @@ mod tests {
             version: "1",
             cpu: None,
             threads: 2,
-            auto: choose::taken("backend", "b", Some(&"because ".repeat(30))),
+            auto: choose::taken("backend", "b", Some("because ".repeat(30))),
             backends: vec![presence],
         };
         let text = text(&info);

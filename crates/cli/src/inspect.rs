@@ -8,7 +8,7 @@ use crate::args::{
 use crate::bench::FOV;
 use crate::choose::{self, Ahead, Ask, Run};
 use crate::stop::Stop;
-use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, table};
+use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, of_rows};
 use crate::{frames, memory, record, reduce, session, talk};
 use backend::{Query, QueryKind, Rays};
 use geom::Animation;
@@ -41,7 +41,6 @@ struct Bounds {
     max: [f32; 3],
 }
 
-/// Inspects.
 pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
     if let Some(tolerance) = args.reduce_keys {
         return reduce::run(args, tolerance);
@@ -96,7 +95,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         ..Ask::of(
             BackendName::Auto,
             method,
-            choose::free_update(UpdateName::Auto)?,
+            choose::free_update(UpdateName::Auto),
         )
     };
     Ok(session::start(animation, &ask)?.taken)
@@ -122,7 +121,15 @@ fn text(i: &Inspection, notes: &[String]) -> String {
         100.0 * m.mean_step,
         100.0 * m.max_step
     );
-    text += &still_line(i);
+    let percent = |part: usize, whole: usize| 100.0 * part as f64 / whole.max(1) as f64;
+    let still = &i.still;
+    text += &format!(
+        "static: {:.1}% of the vertices, {:.1}% of the triangles; {} of {} bytes of positions repeat the first key frame\n",
+        percent(still.vertices, s.vertices),
+        percent(still.triangles, s.triangles),
+        grouped(still.repeated_bytes),
+        grouped(still.bytes)
+    );
     for (what, n) in [("inactive", i.inactive), ("degenerate", i.degenerate)] {
         text += &format!("{what}: {} to {} triangles a key frame\n", n.min, n.max);
     }
@@ -134,32 +141,15 @@ fn text(i: &Inspection, notes: &[String]) -> String {
     text
 }
 
-fn still_line(i: &Inspection) -> String {
-    let percent = |part: usize, whole: usize| 100.0 * part as f64 / whole.max(1) as f64;
-    let (s, still) = (&i.scene, &i.still);
-    format!(
-        "static: {:.1}% of the vertices, {:.1}% of the triangles; {} of {} bytes of positions repeat the first key frame\n",
-        percent(still.vertices, s.vertices),
-        percent(still.triangles, s.triangles),
-        grouped(still.repeated_bytes),
-        grouped(still.bytes)
-    )
-}
-
 fn decay_table(decay: &[Decay]) -> String {
     let row = |d: &Decay| {
         let ratio = d.ratio.map_or("-".to_owned(), |r| format!("{r:.3}"));
         vec![
-            format!("{:.2}", d.time),
-            format!("{:.2}", d.refitted),
-            format!("{:.2}", d.fresh),
-            ratio,
+            ("time", format!("{:.2}", d.time)),
+            ("first tree refitted", format!("{:.2}", d.refitted)),
+            ("fresh tree", format!("{:.2}", d.fresh)),
+            ("SAH ratio", ratio),
         ]
     };
-    let rows: Vec<_> = decay.iter().map(row).collect();
-    table(
-        &["time", "first tree refitted", "fresh tree", "SAH ratio"],
-        &rows,
-        0,
-    )
+    of_rows(&decay.iter().map(row).collect::<Vec<_>>(), 0)
 }

@@ -1,7 +1,7 @@
 //! Which files of a run are whole: `abvh-run.jsonl` beside them, a line for each frame that is done.
 //!
-//! A line is written after the files that it names have their final names. A shard has a journal of its own, so that
-//! several may fill one folder at once. Whoever writes a journal holds its lock.
+//! A line is written after the files that it names have their final names; of several lines about a frame the last counts.
+//! A shard has a journal of its own, so that several may fill one folder at once. Whoever writes a journal holds its lock.
 
 use crate::stop::Stop;
 use crate::values::Shard;
@@ -10,16 +10,14 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-/// A line.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum JournalLine {
     /// What the run is to make, and its statistics without frames.
     Run { list: Vec<u64>, stats: Value },
-    /// A frame that is done.
     Frame {
         files: Vec<NamedDigest>,
         row: Box<FrameStats>,
@@ -36,7 +34,7 @@ pub(crate) struct Done {
     pub(crate) list: Vec<u64>,
     /// Statistics without frames, of the last run.
     pub(crate) stats: Option<Value>,
-    frames: BTreeMap<u64, (Vec<(String, Digest)>, FrameStats)>,
+    frames: BTreeMap<u64, (Vec<NamedDigest>, FrameStats)>,
 }
 
 impl Done {
@@ -68,13 +66,14 @@ impl Done {
 
     /// What a file of statistics says, which stands alone.
     pub(crate) fn of_stats(list: Vec<u64>, rows: Vec<FrameStats>, stats: Option<Value>) -> Self {
-        let frames = rows.into_iter();
+        let frames = rows
+            .into_iter()
+            .map(|row| (row.frame as u64, (Vec::new(), row)));
+        let frames = frames.collect();
         Self {
             list,
             stats,
-            frames: frames
-                .map(|row| (row.frame as u64, (Vec::new(), row)))
-                .collect(),
+            frames,
         }
     }
 
@@ -89,15 +88,8 @@ impl Done {
     /// The row of a frame all of whose files are whole, as they were written.
     pub(crate) fn all_whole(&self, frame: u64, folder: &Path) -> Option<&FrameStats> {
         let (files, row) = self.frames.get(&frame)?;
-        let whole = |(name, _): &(String, Digest)| self.whole(frame, folder, name).is_some();
+        let whole = |(name, _): &NamedDigest| self.whole(frame, folder, name).is_some();
         files.iter().all(whole).then_some(row)
-    }
-
-    /// Every file that a journal names.
-    fn names(&self) -> impl Iterator<Item = &str> {
-        self.frames
-            .values()
-            .flat_map(|(files, _)| files.iter().map(|(name, _)| &name[..]))
     }
 }
 
@@ -110,17 +102,15 @@ fn is_ours(name: &str) -> bool {
 fn journals(folder: &Path) -> Result<Vec<PathBuf>, Stop> {
     let cannot = |e| Stop::bad(format!("cannot read {}: {e}", folder.display()));
     let entries = match fs::read_dir(folder) {
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(e) if e.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
         entries => entries.map_err(cannot)?,
     };
-    let mut all = Vec::new();
-    for entry in entries {
-        let path = entry.map_err(cannot)?.path();
+    let paths = entries.map(|entry| Ok(entry.map_err(cannot)?.path()));
+    let mut all: Vec<PathBuf> = paths.collect::<Result<_, Stop>>()?;
+    all.retain(|path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if name.starts_with("abvh-run") && name.ends_with(".jsonl") {
-            all.push(path);
-        }
-    }
+        name.starts_with("abvh-run") && name.ends_with(".jsonl")
+    });
     all.sort();
     Ok(all)
 }
@@ -133,14 +123,13 @@ pub(crate) fn clear(folder: &Path) -> Result<(), Stop> {
     let done = Done::in_folder(folder)?;
     let journals = journals(folder)?;
     for journal in &journals {
-        let cannot = |e| Stop::bad(format!("cannot write {}: {e}", journal.display()));
-        let file = File::options().append(true).open(journal).map_err(cannot)?;
-        lock(&file, journal)?;
+        open_locked(journal)?;
     }
-    let files = done.names().map(|name| folder.join(name));
+    let files = done.frames.values().flat_map(|(files, _)| files);
+    let files = files.map(|(name, _)| folder.join(name));
     for file in files.chain(journals) {
         match fs::remove_file(&file) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+            Err(e) if e.kind() != ErrorKind::NotFound => {
                 return Err(Stop::bad(format!("cannot remove {}: {e}", file.display())));
             }
             _ => {}
@@ -149,73 +138,22 @@ pub(crate) fn clear(folder: &Path) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Holds a journal as long as its file is open.
-fn lock(file: &File, path: &Path) -> Result<(), Stop> {
-    match file.try_lock() {
-        Err(TryLockError::WouldBlock) => Err(Stop::bad(format!(
-            "another run is writing {}",
-            path.display()
-        ))),
-        // Where there are no locks, nobody can tell.
-        Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
-    }
-}
-
-/// Opens a journal, which is made if there is none, and locks it.
+/// Opens a journal, which is made if there is none, and holds it as long as it is open.
 fn open_locked(path: &Path) -> Result<File, Stop> {
-    let cannot = |e| Stop::bad(format!("cannot write {}: {e}", path.display()));
-    loop {
-        // Whoever opens a pipe waits for its other end.
-        match host::open(path) {
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
-            there => drop(there.map_err(cannot)?),
-        }
-        let file = File::options()
-            .append(true)
-            .create(true)
-            .open(path)
-            .map_err(cannot)?;
-        lock(&file, path)?;
-        // Whoever had it until now may have put another in its place.
-        if is_at(&file, path).map_err(cannot)? {
-            return Ok(file);
-        }
+    let name = path.display();
+    let cannot = |e| Stop::bad(format!("cannot write {name}: {e}"));
+    // Whoever opens a pipe waits for its other end.
+    match host::open(path) {
+        Err(e) if e.kind() == ErrorKind::NotFound => {}
+        there => drop(there.map_err(cannot)?),
     }
-}
-
-/// Whether a path still names a file that was opened there.
-#[cfg(unix)]
-fn is_at(file: &File, path: &Path) -> std::io::Result<bool> {
-    use std::os::unix::fs::MetadataExt;
-    let there = match fs::metadata(path) {
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(false),
-        there => there?,
-    };
-    let own = file.metadata()?;
-    Ok((own.dev(), own.ino()) == (there.dev(), there.ino()))
-}
-
-/// Where files cannot be told apart.
-#[cfg(not(unix))]
-fn is_at(_: &File, _: &Path) -> std::io::Result<bool> {
-    Ok(true)
-}
-
-/// The lines of a journal but those of frames that are made again, and what was cut short.
-fn without(text: &[u8], again: &[u64]) -> Vec<u8> {
-    let mut kept = Vec::new();
-    for line in text.split(|&b| b == b'\n') {
-        let keeps = match serde_json::from_slice(line) {
-            Ok(JournalLine::Frame { row, .. }) => !again.contains(&(row.frame as u64)),
-            Ok(JournalLine::Run { .. }) => true,
-            Err(_) => false,
-        };
-        if keeps {
-            kept.extend(line);
-            kept.push(b'\n');
-        }
+    let file = File::options().append(true).create(true).open(path);
+    let file = file.map_err(cannot)?;
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => Err(Stop::bad(format!("another run is writing {name}"))),
+        // Where there are no locks, nobody can tell.
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(file),
     }
-    kept
 }
 
 /// What a journal says of files.
@@ -239,24 +177,25 @@ pub(crate) struct Journal {
 }
 
 impl Journal {
-    /// Goes on with a shard's journal in a folder, but for what it says of frames that are made again.
+    /// Goes on with a shard's journal in a folder.
     ///
     /// # Errors
     /// Another run is writing it, or it cannot be written.
-    pub(crate) fn open(folder: &Path, shard: Option<Shard>, again: &[u64]) -> Result<Self, Stop> {
+    pub(crate) fn open(folder: &Path, shard: Option<Shard>) -> Result<Self, Stop> {
         let name = match shard {
             Some(Shard { number, of }) => format!("abvh-run-{number}-of-{of}.jsonl"),
             None => "abvh-run.jsonl".to_owned(),
         };
         let path = folder.join(name);
-        let cannot = |e| Stop::bad(format!("cannot write {}: {e}", path.display()));
         let mut file = open_locked(&path)?;
-        let text = host::read(&path).map_err(cannot)?;
-        let kept = without(&text, again);
-        if kept != text {
-            // Renamed over the old one: a run that is killed here loses no line.
-            output::write_whole(&path, &kept)?;
-            file = open_locked(&path)?;
+        let cannot = |e| Stop::bad(format!("cannot write {}: {e}", path.display()));
+        // The last line may have been cut short: nothing is to be added to it.
+        if host::read(&path)
+            .map_err(cannot)?
+            .last()
+            .is_some_and(|&end| end != b'\n')
+        {
+            file.write_all(b"\n").map_err(cannot)?;
         }
         Ok(Self { path, file })
     }
@@ -283,7 +222,6 @@ impl Journal {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::Read;
 
     fn row(frame: usize) -> FrameStats {
         FrameStats {
@@ -299,22 +237,27 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("frame_0003.png");
         fs::write(&file, b"pixels").unwrap();
-        let mut journal = Journal::open(dir.path(), None, &[]).unwrap();
+        let mut journal = Journal::open(dir.path(), None).unwrap();
         journal
             .begin(vec![3, 4], serde_json::json!({"schema": 1}))
             .unwrap();
         let files = digests(std::slice::from_ref(&file)).unwrap();
         journal.add(files, &row(3)).unwrap();
-        let again = Journal::open(dir.path(), None, &[]).unwrap_err();
+        let again = Journal::open(dir.path(), None).unwrap_err();
         assert!(again.to_string().contains("another run"), "{again}");
         journal.file.write_all(b"{\"frame\":{\"fil").unwrap();
         drop(journal);
-        let mut journal = Journal::open(dir.path(), None, &[]).unwrap();
+        let mut journal = Journal::open(dir.path(), None).unwrap();
+        // What is said again counts.
+        journal.add(Vec::new(), &row(5)).unwrap();
         journal.add(Vec::new(), &row(4)).unwrap();
+        let changed = FrameStats { hits: 8, ..row(5) };
+        journal.add(Vec::new(), &changed).unwrap();
         let done = Done::in_folder(dir.path()).unwrap();
         assert_eq!(done.list, [3, 4]);
         assert_eq!(done.whole(3, dir.path(), "frame_0003.png").unwrap().hits, 7);
         assert!(done.all_whole(4, dir.path()).is_some());
+        assert_eq!(done.all_whole(5, dir.path()).unwrap().hits, 8);
         assert!(done.whole(4, dir.path(), "frame_0004.png").is_none());
         for damaged in [&b"pixel"[..], b"pixelz", b""] {
             fs::write(&file, damaged).unwrap();
@@ -323,41 +266,11 @@ mod tests {
     }
 
     #[test]
-    fn no_line_is_lost_while_others_go() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("abvh-run.jsonl");
-        let mut journal = Journal::open(dir.path(), None, &[]).unwrap();
-        journal.add(Vec::new(), &row(0)).unwrap();
-        journal.add(Vec::new(), &row(1)).unwrap();
-        drop(journal);
-        let text = fs::read(&path).unwrap();
-        // As a run sees it that waits for the lock.
-        let mut earlier = File::open(&path).unwrap();
-        drop(Journal::open(dir.path(), None, &[]).unwrap());
-        #[cfg(unix)]
-        assert!(is_at(&earlier, &path).unwrap(), "nothing was to go");
-        let journal = Journal::open(dir.path(), None, &[1]).unwrap();
-        let done = Done::in_folder(dir.path()).unwrap();
-        assert!(done.frames.keys().eq(&[0]));
-        // What was there is whole until what comes after it is.
-        let mut before = Vec::new();
-        earlier.read_to_end(&mut before).unwrap();
-        assert_eq!(before, text);
-        #[cfg(unix)]
-        assert!(!is_at(&earlier, &path).unwrap());
-        let second = Journal::open(dir.path(), None, &[]).unwrap_err();
-        assert!(second.to_string().contains("another run"), "{second}");
-        drop(journal);
-        Journal::open(dir.path(), None, &[]).unwrap();
-        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
-    }
-
-    #[test]
     fn shards_have_journals_of_their_own_that_are_read_together() {
         let dir = tempfile::tempdir().unwrap();
         for number in 1..=2 {
             let shard = Some(Shard { number, of: 2 });
-            let mut journal = Journal::open(dir.path(), shard, &[]).unwrap();
+            let mut journal = Journal::open(dir.path(), shard).unwrap();
             journal.begin(vec![0, 1], Value::Null).unwrap();
             journal.add(Vec::new(), &row(number - 1)).unwrap();
         }

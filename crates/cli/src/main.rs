@@ -1,7 +1,7 @@
 //! `abvh`: a ray tracer for moving, deforming triangle scenes.
 //!
-//! One room a command; `args` says what may be asked for, `open` alone names
-//! backends, `stop` turns whatever went wrong into one line and an exit code.
+//! One file a command. `args` is the command line, `open` alone names backends, and `stop` turns errors into one line and
+//! an exit code.
 
 mod adapters;
 mod args;
@@ -45,7 +45,7 @@ use stop::Stop;
 
 fn main() -> ExitCode {
     signals::heed();
-    match args::parse().and_then(run) {
+    match args::parse(std::env::args_os()).and_then(run) {
         Ok(()) => ExitCode::SUCCESS,
         Err(stop) => talk::complain(&stop),
     }

@@ -1,19 +1,16 @@
 //! What a run into a folder is: `abvh-run.json`, which says whether another run may go on with it.
 
-use crate::args::{BackendName, RenderArgs};
+use crate::args::{RenderArgs, has_own_trees, word};
 use crate::frames;
 use crate::stop::Stop;
 use crate::values::{Frames, TimeRange};
-use clap::ValueEnum;
 use output::{Digest, digest_of};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Its file.
 pub(crate) const FILE: &str = "abvh-run.json";
-/// The version of its schema.
 const SCHEMA: u32 = 1;
 
 /// All that decides a byte of a run's pictures and hits.
@@ -25,7 +22,6 @@ pub(crate) struct Manifest {
     scene: SceneId,
     /// Whole times of the motion; not known of a shard without frames, which loads nothing.
     pub(crate) key_times: Option<usize>,
-    /// Options by name.
     options: BTreeMap<String, Value>,
 }
 
@@ -73,7 +69,7 @@ impl Manifest {
     /// The first thing in which two runs differ, as far as it is known of both.
     pub(crate) fn difference(&self, other: &Self) -> Option<String> {
         let has_end = self.key_times.is_some() && other.key_times.is_some();
-        let texts = |m: &Self| {
+        let texts = |m: &Self| -> BTreeMap<(u8, usize, String), Value> {
             let mut m = m.clone();
             if !has_end {
                 m.forget_end();
@@ -84,22 +80,24 @@ impl Manifest {
                 ("scene", json!(m.scene.name)),
                 ("number of key times", json!(m.key_times)),
             ];
-            let files = m.scene.files.into_iter();
-            let files = files.map(|(name, digest)| (format!("file {name}"), json!(digest)));
+            let fixed = (0..)
+                .zip(fixed)
+                .map(|(i, (name, v))| ((0, i, name.to_owned()), v));
+            // Several may have one name, in folders of their own.
+            let files = (0..).zip(m.scene.files);
+            let files = files.map(|(i, (name, v))| ((1, i, format!("file {name}")), json!(v)));
             let options = m.options.into_iter();
-            let options = options.map(|(name, v)| (format!("--{name}"), v));
-            let fixed = fixed.map(|(name, v)| (name.to_owned(), v)).into_iter();
-            fixed.chain(files).chain(options).collect::<Vec<_>>()
+            let options = options.map(|(name, v)| ((2, 0, format!("--{name}")), v));
+            fixed.chain(files).chain(options).collect()
         };
         let (mine, theirs) = (texts(self), texts(other));
-        let value = |all: &[(String, Value)], name: &str| {
-            let found = all.iter().find(|(n, _)| n == name);
-            found.map_or_else(|| "absent".to_owned(), |(_, v)| v.to_string())
-        };
-        let mut names = mine.iter().chain(&theirs).map(|(name, _)| name);
-        let differing = names.find(|n| value(&mine, n) != value(&theirs, n))?;
-        let [a, b] = [value(&mine, differing), value(&theirs, differing)];
-        Some(format!("its {differing} is {a}, here it is {b}"))
+        let mut names = mine.keys().chain(theirs.keys());
+        let differing = names.find(|name| mine.get(name) != theirs.get(name))?;
+        let [a, b] = [&mine, &theirs].map(|all| {
+            let found = all.get(differing);
+            found.map_or_else(|| "absent".to_owned(), Value::to_string)
+        });
+        Some(format!("its {} is {a}, here it is {b}", differing.2))
     }
 
     /// Leaves out what only a loaded scene tells.
@@ -114,30 +112,25 @@ impl Manifest {
 impl SceneId {
     fn of(spec: &str) -> Result<Self, Stop> {
         let files = scene::files(spec)?;
-        let read = |file: &std::path::PathBuf| {
-            let name = file
-                .file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned();
-            let digest = digest_of(file);
-            let digest =
-                digest.map_err(|e| Stop::bad(format!("cannot read {}: {e}", file.display())));
-            Ok::<_, Stop>((name, digest?))
+        let read = |file: &PathBuf| {
+            let name = file.file_name().unwrap_or_default();
+            let cannot = |e| Stop::bad(format!("cannot read {}: {e}", file.display()));
+            let digest = digest_of(file).map_err(cannot)?;
+            Ok((name.to_string_lossy().into_owned(), digest))
         };
         // Where a file lies decides nothing, but how inputs are placed does.
         let is_placed = spec.contains(['+', '@']);
         Ok(Self {
             name: (files.is_empty() || is_placed).then(|| spec.to_owned()),
-            files: files.iter().map(read).collect::<Result<_, _>>()?,
+            files: files.iter().map(read).collect::<Result<_, Stop>>()?,
         })
     }
 }
 
 fn options(args: &RenderArgs, key_times: Option<usize>) -> BTreeMap<String, Value> {
-    let name = |v: &dyn Fn() -> Option<String>| json!(v());
-    let intersector = args.method.intersector.to_possible_value();
-    let intersector = intersector.map(|v| v.get_name().to_owned());
+    let intersector = word(&args.method.intersector);
+    // The answers of these are the same whoever gives them and however trees follow.
+    let is_robust = matches!(&*intersector, "watertight" | "exact");
     let mut all = BTreeMap::from([
         ("size", json!(args.size.size)),
         ("eye", json!(args.camera.eye)),
@@ -150,24 +143,13 @@ fn options(args: &RenderArgs, key_times: Option<usize>) -> BTreeMap<String, Valu
         ("frames", frames_value(args, key_times)),
         ("intersector", json!(intersector)),
     ]);
-    // The answers of these are the same whoever gives them and however trees follow.
-    let is_robust = matches!(intersector.as_deref(), Some("watertight" | "exact"));
-    let is_rival = matches!(
-        args.device.backend,
-        BackendName::VulkanRt | BackendName::VulkanRtFastTrace
-    );
-    if !is_robust || is_rival {
-        let backend = args.device.backend.to_possible_value();
-        all.insert(
-            "backend",
-            name(&|| backend.as_ref().map(|v| v.get_name().to_owned())),
-        );
+    if !is_robust || has_own_trees(args.device.backend) {
+        all.insert("backend", json!(word(&args.device.backend)));
         all.insert("adapter", json!(args.device.adapter));
         all.insert("tolerance", json!(format!("{:?}", args.tolerance)));
     }
-    all.into_iter()
-        .map(|(name, value)| (name.to_owned(), value))
-        .collect()
+    let owned = |(name, value): (&str, Value)| (name.to_owned(), value);
+    all.into_iter().map(owned).collect()
 }
 
 /// Frames at key times are what they are whichever others are asked for; of others, their number decides their times.

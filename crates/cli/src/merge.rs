@@ -12,43 +12,35 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Missing frames that are named.
 const NAMED: usize = 12;
 
-/// Merges.
 pub(crate) fn run(args: &MergeArgs) -> Result<(), Stop> {
     let beginnings: &[&str] = &["frame_", "hits_", "abvh-run"];
-    let folder = |folder: PathBuf| ("DIR", folder, beginnings);
     let (alone, folders): (Vec<_>, Vec<_>) =
-        (args.runs.iter().cloned()).partition(|run| run.is_file());
+        args.runs.iter().cloned().partition(|run| run.is_file());
+    let written = args.stats.iter().cloned();
     let files = Files {
-        written: args
-            .stats
-            .iter()
-            .map(|file| ("--stats", file.clone()))
-            .collect(),
+        written: written.map(|file| ("--stats", file)).collect(),
         read: alone.into_iter().map(|file| ("FILE", file)).collect(),
-        folders: folders.into_iter().map(folder).collect(),
+        folders: (folders.into_iter())
+            .map(|folder| ("DIR", folder, beginnings))
+            .collect(),
     };
     files.check()?;
     let folders = read(&args.runs)?;
-    let list: BTreeSet<u64> = folders
-        .iter()
-        .flat_map(|(_, done)| &done.list)
-        .copied()
-        .collect();
+    let lists = folders.iter().flat_map(|(_, done)| &done.list);
+    let list: BTreeSet<u64> = lists.copied().collect();
     if list.is_empty() {
         return Err(Stop::failed("no run has begun there: no frame is named"));
     }
-    let row = |frame: &u64| {
-        let mut found = folders
-            .iter()
-            .map(|(folder, done)| done.all_whole(*frame, folder));
-        found.find_map(|row| row.cloned()).ok_or(*frame)
-    };
-    let (rows, missing): (Vec<_>, Vec<_>) = list.iter().map(row).partition(Result::is_ok);
-    let rows: Vec<FrameStats> = rows.into_iter().filter_map(Result::ok).collect();
-    let missing: Vec<u64> = missing.into_iter().filter_map(Result::err).collect();
+    let (mut rows, mut missing) = (Vec::new(), Vec::new());
+    for &frame in &list {
+        let mut all = folders.iter();
+        match all.find_map(|(folder, done)| done.all_whole(frame, folder)) {
+            Some(row) => rows.push(row.clone()),
+            None => missing.push(frame),
+        }
+    }
     if !missing.is_empty() {
         return Err(Stop::failed(absent(&missing, list.len())));
     }

@@ -1,14 +1,16 @@
 //! The one place that names backends.
 
 mod auto;
-mod each;
 
-use crate::adapters::{self, Adapter};
+use crate::adapters::{self, Adapter, Limit};
 use crate::args::BackendName;
 pub(crate) use crate::args::has_own_trees;
 use crate::stop::Stop;
+use crate::threads;
 use backend::{Backend, DeviceKind, Intersector, Layout};
-use gpu_vulkan_rt::Prefer;
+use gpu_vulkan::VulkanBackend;
+use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
+use gpu_wgpu::WgpuBackend;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,7 +19,6 @@ use std::thread::JoinHandle;
 /// Opens an adapter, or the backend's own choice; with host threads, where it uses them.
 type OpenAdapter<'a> = dyn Fn(Option<&Adapter>, usize) -> backend::Result<Box<dyn Backend>> + 'a;
 
-/// A backend of this program.
 struct Known<'a> {
     name: BackendName,
     text: &'static str,
@@ -37,42 +38,50 @@ const WGPU_IS_VULKAN: bool = cfg!(not(any(windows, target_vendor = "apple")));
 
 /// All there are. Among backends that offer the same kind of device, `auto` tries them in this order. It takes none that
 /// makes trees in ways of its own, though that may be the fastest where hardware traces: it only says so.
-const KNOWN: [Known<'static>; 5] = [
+const KNOWN: [Known<'static>; 6] = [
     Known {
         name: BackendName::Vulkan,
         text: "vulkan",
         place: "vulkan comes before wgpu: trees and vertices travel on a queue of their own",
         kinds: ON_DRIVERS,
         covered_by: None,
-        list: &each::list_vulkan,
-        open: &|adapter, _| each::open_vulkan(adapter),
+        list: &list_vulkan,
+        open: &|adapter, _| Ok(Box::new(VulkanBackend::new(&vulkan_options(adapter))?)),
     },
-    Known {
-        name: BackendName::Wgpu,
-        text: "wgpu",
-        place: "wgpu is next after vulkan",
-        kinds: ON_DRIVERS,
-        covered_by: if WGPU_IS_VULKAN { Some("vulkan") } else { None },
-        list: &each::list_wgpu,
-        open: &|adapter, _| each::open_wgpu(adapter, false),
-    },
+    WGPU,
     Known {
         name: BackendName::Cpu,
         text: "cpu",
         place: "the host is always there",
         kinds: &[DeviceKind::Cpu],
         covered_by: None,
-        list: &each::list_cpu,
-        open: &|_, threads| each::open_cpu(threads),
+        list: &list_cpu,
+        open: &|_, threads| Ok(Box::new(cpu_simd::open(Some(threads))?)),
     },
     VULKAN_RT,
     Known {
         name: BackendName::VulkanRtFastTrace,
         text: "vulkan-rt:fast-trace",
-        open: &|adapter, _| each::open_vulkan_rt(adapter, Prefer::FastTrace),
+        open: &|adapter, _| open_vulkan_rt(adapter, Prefer::FastTrace),
         ..VULKAN_RT
     },
+    Known {
+        name: BackendName::WgpuWgsl,
+        text: "wgpu-wgsl",
+        open: &|adapter, _| open_wgpu(adapter, true),
+        ..WGPU
+    },
 ];
+
+const WGPU: Known<'static> = Known {
+    name: BackendName::Wgpu,
+    text: "wgpu",
+    place: "wgpu is next after vulkan",
+    kinds: ON_DRIVERS,
+    covered_by: if WGPU_IS_VULKAN { Some("vulkan") } else { None },
+    list: &list_wgpu,
+    open: &|adapter, _| open_wgpu(adapter, false),
+};
 
 const VULKAN_RT: Known<'static> = Known {
     name: BackendName::VulkanRt,
@@ -80,51 +89,52 @@ const VULKAN_RT: Known<'static> = Known {
     place: "it is there to be measured against",
     kinds: ON_DRIVERS,
     covered_by: None,
-    list: &each::list_vulkan_rt,
-    open: &|adapter, _| each::open_vulkan_rt(adapter, Prefer::FastBuild),
+    list: &list_vulkan_rt,
+    open: &|adapter, _| open_vulkan_rt(adapter, Prefer::FastBuild),
 };
 
-/// What is to be opened.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Want<'a> {
-    /// Backend.
-    pub(crate) backend: BackendName,
-    /// Adapter of the backend, by index or by part of its name.
-    pub(crate) adapter: Option<&'a str>,
-    /// Host threads of a backend that computes on them.
-    pub(crate) threads: usize,
-}
-
-/// What was opened, and why `auto` took it.
-#[derive(Debug)]
-pub(crate) struct Opened<T> {
-    /// As it was made ready.
-    pub(crate) value: T,
-    /// The reason; `None` if it was asked for by name.
-    pub(crate) why: Option<String>,
-}
-
-/// Opens a backend and makes it ready. Never takes another than the one named;
-/// `auto` passes over those that cannot be made ready.
+/// Opens a backend, on the adapter meant by an index or by part of its name, with so many host threads if it computes on
+/// them; and makes it ready. Never takes another than the one named; `auto` passes over those that cannot be made ready,
+/// and says why it took what it took.
 ///
 /// # Errors
 /// The backend named cannot run, or there is no such adapter.
 pub(crate) fn open<T>(
-    want: &Want<'_>,
+    backend: BackendName,
+    (adapter, threads): (Option<&str>, usize),
     ready: impl Fn(Box<dyn Backend>) -> Result<T, Stop>,
-) -> Result<Opened<T>, Stop> {
-    if let Some(known) = KNOWN.iter().find(|k| k.name == want.backend) {
-        let value = ready(known.open_named(want)?)?;
-        return Ok(Opened { value, why: None });
+) -> Result<(T, Option<String>), Stop> {
+    if let Some(known) = KNOWN.iter().find(|k| k.name == backend) {
+        return Ok((ready(known.open_named(adapter, threads)?)?, None));
     }
-    let ours: Vec<_> = KNOWN.iter().filter(|k| !has_own_trees(k.name)).collect();
+    let ours = for_work().filter(|k| !has_own_trees(k.name));
+    let ours: Vec<_> = ours.collect();
     let traces = |adapter: &Adapter| {
-        let able = each::list_vulkan_rt();
+        let able = list_vulkan_rt();
         able.is_ok_and(|able| answers_rays(&able, adapter))
     };
-    let (value, why) = auto::take(&ours, want, &traces, ready)?;
-    let why = Some(why);
-    Ok(Opened { value, why })
+    let (value, why) = auto::take(&ours, (adapter, threads), &traces, ready)?;
+    Ok((value, Some(why)))
+}
+
+/// What a backend is called on the command line.
+pub(crate) fn name(backend: BackendName) -> &'static str {
+    let known = KNOWN.iter().find(|k| k.name == backend);
+    known.map_or("auto", |k| k.text)
+}
+
+/// All but what is for laws alone.
+fn for_work() -> impl Iterator<Item = &'static Known<'static>> {
+    KNOWN.iter().filter(|k| k.name != BackendName::WgpuWgsl)
+}
+
+/// Likewise, as it is.
+pub(crate) fn bare(
+    backend: BackendName,
+    adapter: Option<&str>,
+    threads: usize,
+) -> Result<Box<dyn Backend>, Stop> {
+    Ok(open(backend, (adapter, threads), Ok)?.0)
 }
 
 /// Whether compiled kernels are kept in the user's folder for caches.
@@ -157,30 +167,25 @@ pub(crate) fn load_drivers(backend: BackendName) -> Option<impl Sized> {
 }
 
 impl Known<'_> {
-    fn open_named(&self, want: &Want<'_>) -> Result<Box<dyn Backend>, Stop> {
+    fn open_named(&self, adapter: Option<&str>, threads: usize) -> Result<Box<dyn Backend>, Stop> {
         let absent = |e| Stop::bad(format!("backend {} cannot run: {e}", self.text));
-        let list = want.adapter.map(|_| (self.list)()).transpose();
-        let list = list.map_err(absent)?;
-        let adapter = match want.adapter.zip(list.as_ref()) {
-            Some((asked, list)) => Some(adapters::find_one(self.text, list, asked)?),
-            None => None,
+        let Some(asked) = adapter else {
+            return (self.open)(None, threads).map_err(absent);
         };
-        (self.open)(adapter, want.threads).map_err(absent)
+        let list = (self.list)().map_err(absent)?;
+        let adapter = adapters::find_one(self.text, &list, asked)?;
+        (self.open)(Some(adapter), threads).map_err(absent)
     }
 }
 
 /// Whether a backend can run here, and what it can do.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Presence {
-    /// Its name on the command line.
     pub(crate) backend: &'static str,
     /// Why it cannot run; `None` if it can.
     pub(crate) absent: Option<String>,
-    /// What it can run on.
     pub(crate) adapters: Vec<Adapter>,
-    /// The intersectors it knows.
     pub(crate) intersectors: Vec<&'static str>,
-    /// The layouts it knows.
     pub(crate) layouts: Vec<&'static str>,
     /// Whether it makes and traces trees in ways of its own.
     pub(crate) own_trees: bool,
@@ -191,24 +196,17 @@ pub(crate) fn presences() -> Vec<Presence> {
     let presence = |known: &Known<'_>| {
         let found = (known.list)();
         let own_trees = has_own_trees(known.name);
-        let (intersectors, layouts) = if own_trees {
-            (vec![DRIVERS], vec![DRIVERS])
-        } else {
-            (
-                Intersector::ALL.map(Intersector::name).to_vec(),
-                Layout::ALL.map(Layout::name).to_vec(),
-            )
-        };
+        let names = |ours: Vec<&'static str>| if own_trees { vec![DRIVERS] } else { ours };
         Presence {
             backend: known.text,
             absent: found.as_ref().err().map(ToString::to_string),
             adapters: found.unwrap_or_default(),
-            intersectors,
-            layouts,
+            intersectors: names(Intersector::ALL.map(Intersector::name).to_vec()),
+            layouts: names(Layout::ALL.map(Layout::name).to_vec()),
             own_trees,
         }
     };
-    KNOWN.iter().map(presence).collect()
+    for_work().map(presence).collect()
 }
 
 /// Whether a backend can make a tree in each frame, as far as is known while it is not open.
@@ -229,32 +227,72 @@ fn answers_rays(able: &[Adapter], adapter: &Adapter) -> bool {
 /// What stands for the intersector and the layout of such a backend.
 pub(crate) const DRIVERS: &str = "driver";
 
-/// wgpu with kernels that it translates even where it need not: for laws, not for work.
-pub(crate) fn open_wgsl(want: &Want<'_>) -> Result<Box<dyn Backend>, Stop> {
-    let translated = Known {
-        text: "wgpu-wgsl",
-        list: &each::list_wgpu,
-        open: &|adapter, _| each::open_wgpu(adapter, true),
-        ..KNOWN[1]
+fn list_vulkan() -> backend::Result<Vec<Adapter>> {
+    Ok(gpu_vulkan::adapters()?.into_iter().map(listed).collect())
+}
+
+fn list_vulkan_rt() -> backend::Result<Vec<Adapter>> {
+    let able = gpu_vulkan_rt::ray_adapters()?;
+    Ok(able.into_iter().map(listed).collect())
+}
+
+fn listed(adapter: gpu_vulkan::AdapterInfo) -> Adapter {
+    Adapter {
+        index: adapter.index,
+        limits: limits(adapter.limits),
+        name: adapter.name,
+        driver: adapter.driver.trim().to_owned(),
+        kind: adapter.kind,
+    }
+}
+
+fn list_wgpu() -> backend::Result<Vec<Adapter>> {
+    Ok(gpu_wgpu::adapters()?.into_iter().map(listed).collect())
+}
+
+fn list_cpu() -> backend::Result<Vec<Adapter>> {
+    let device = cpu_simd::open(Some(1))?.device().clone();
+    Ok(vec![Adapter {
+        index: 0,
+        name: device.adapter,
+        driver: device.driver,
+        kind: device.kind,
+        limits: limits(vec![("threads", threads::cores().to_string())]),
+    }])
+}
+
+fn limits(pairs: Vec<(&'static str, String)>) -> Vec<Limit> {
+    let limit = |(name, value)| Limit { name, value };
+    pairs.into_iter().map(limit).collect()
+}
+
+fn vulkan_options(adapter: Option<&Adapter>) -> gpu_vulkan::Options {
+    gpu_vulkan::Options {
+        adapter: adapter.map(|a| a.index.to_string()),
+        cache: cache_folder(),
+        ..Default::default()
+    }
+}
+
+fn open_vulkan_rt(adapter: Option<&Adapter>, prefer: Prefer) -> backend::Result<Box<dyn Backend>> {
+    let options = vulkan_options(adapter);
+    Ok(Box::new(DriverTreeBackend::new(&options, prefer)?))
+}
+
+/// `force_wgsl` has wgpu translate the kernels even where it need not.
+fn open_wgpu(adapter: Option<&Adapter>, force_wgsl: bool) -> backend::Result<Box<dyn Backend>> {
+    let options = gpu_wgpu::Options {
+        adapter: adapter.map(|a| a.index.to_string()),
+        cache: cache_folder(),
+        force_wgsl,
+        ..Default::default()
     };
-    translated.open_named(want)
+    Ok(Box::new(WgpuBackend::new(&options)?))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_backend_that_cannot_run_is_never_replaced() {
-        for backend in [BackendName::Wgpu, BackendName::Vulkan, BackendName::Cpu] {
-            let want = Want {
-                backend,
-                adapter: Some("no such adapter"),
-                threads: 1,
-            };
-            assert!(matches!(open(&want, Ok), Err(Stop::Bad(_))));
-        }
-    }
 
     #[test]
     fn a_driver_answers_rays_if_it_lists_the_adapter_with_ray_queries() {

@@ -8,25 +8,10 @@ use output::HitArrays;
 use pipeline::Wanted;
 use std::path::{Path, PathBuf};
 
-/// Files of a whole run.
-fn files(args: &RenderArgs) -> impl Iterator<Item = &PathBuf> {
-    [
-        &args.stats,
-        &args.timeline,
-        &args.rays_out,
-        &args.video,
-        &args.y4m,
-    ]
-    .into_iter()
-    .flatten()
-}
-
-/// Whether two names are of one folder.
 fn is_same(a: &Path, b: &Path) -> bool {
     conflicts::whole(a) == conflicts::whole(b)
 }
 
-/// Where pictures and hits go.
 #[derive(Debug)]
 pub(crate) struct Outputs {
     images: Option<PathBuf>,
@@ -49,9 +34,18 @@ impl Outputs {
             let folder = file.parent().filter(|folder| !folder.exists());
             folder.is_some_and(|folder| outputs.folders().iter().any(|f| f == folder))
         };
-        for file in files(args).filter(|file| file.as_os_str() != "-" && !is_in_new(file)) {
-            output::check_writable(file).map_err(Stop::bad)?;
-        }
+        let files = [
+            &args.stats,
+            &args.timeline,
+            &args.rays_out,
+            &args.video,
+            &args.y4m,
+        ];
+        let mut files = files.into_iter().flatten();
+        files.try_for_each(|file| match file.as_os_str() == "-" || is_in_new(file) {
+            true => Ok(()),
+            false => output::check_writable(file).map_err(Stop::bad),
+        })?;
         Ok(outputs)
     }
 
@@ -67,7 +61,6 @@ impl Outputs {
         Ok(all)
     }
 
-    /// The folders, each once.
     pub(crate) fn folders(&self) -> Vec<PathBuf> {
         let mut all: Vec<_> = self.images.iter().chain(&self.hits).cloned().collect();
         all.dedup_by(|a, b| is_same(a, b));

@@ -2,34 +2,19 @@
 
 use crate::talk;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::io::{IsTerminal, stderr};
 
-/// Shows how far the work is.
 pub(crate) struct Progress {
     /// Hidden but on a terminal.
     bar: ProgressBar,
-    shown: Shown,
-}
-
-#[derive(PartialEq)]
-enum Shown {
-    Bar,
-    Lines,
-    Nothing,
+    quiet: bool,
 }
 
 impl Progress {
-    /// For `total` steps.
     pub(crate) fn new(total: u64, quiet: bool) -> Self {
         let is_dumb = std::env::var_os("TERM").is_some_and(|t| t == "dumb");
-        let shown = match (quiet, stderr().is_terminal() && !is_dumb) {
-            (true, _) => Shown::Nothing,
-            (false, true) => Shown::Bar,
-            (false, false) => Shown::Lines,
-        };
-        let target = match shown {
-            Shown::Bar => ProgressDrawTarget::stderr(),
-            _ => ProgressDrawTarget::hidden(),
+        let target = match quiet || is_dumb {
+            true => ProgressDrawTarget::hidden(),
+            false => ProgressDrawTarget::stderr(),
         };
         let bar = ProgressBar::with_draw_target(Some(total), target);
         // On a narrow terminal the message gives way, not the counts.
@@ -37,7 +22,7 @@ impl Progress {
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
-        Self { bar, shown }
+        Self { bar, quiet }
     }
 
     /// There are more steps than was known.
@@ -49,7 +34,7 @@ impl Progress {
     pub(crate) fn step(&mut self, line: &str) {
         self.bar.set_message(talk::plain(line, &[]).into_owned());
         self.bar.inc(1);
-        if self.shown == Shown::Lines {
+        if !self.quiet && self.bar.is_hidden() {
             let (done, total) = (self.bar.position(), self.bar.length().unwrap_or(0));
             talk::say(&format!("{done}/{total}  {line}"));
         }
@@ -57,7 +42,7 @@ impl Progress {
 
     /// A remark among the steps.
     pub(crate) fn say(&self, text: &str) {
-        if self.shown != Shown::Nothing {
+        if !self.quiet {
             self.bar.suspend(|| talk::say(text));
         }
     }

@@ -2,7 +2,7 @@
 
 use crate::memory;
 use backend::DeviceBytes;
-use output::{FrameStats, SceneFacts};
+use output::{FrameStats, SceneFacts, rounded};
 use pipeline::FrameRecord;
 use scene::Scene;
 
@@ -17,28 +17,29 @@ pub(crate) fn command_line() -> Vec<String> {
 pub(crate) fn row(record: &FrameRecord) -> FrameStats {
     let (times, report) = (&record.report.times, &record.report);
     let adopted = record.adopted;
+    let build_ms = adopted.map(|a| a.build_ms).or(times.rebuild_ms);
     FrameStats {
         frame: record.frame.index as usize,
-        time: record.frame.time,
-        interpolate_ms: times.interpolate_ms,
-        preprocess_ms: times.preprocess_ms,
-        rebuild_ms: times.rebuild_ms,
-        refit_ms: times.refit_ms,
-        trace_primary_ms: times.trace_primary_ms,
-        trace_shadow_ms: times.trace_shadow_ms,
-        device_ms: Some(times.device_ms),
-        wall_ms: Some(record.wall_ms),
-        build_wait_ms: Some(record.build_wait_ms),
+        time: rounded(record.frame.time),
+        interpolate_ms: times.interpolate_ms.map(rounded),
+        preprocess_ms: times.preprocess_ms.map(rounded),
+        rebuild_ms: times.rebuild_ms.map(rounded),
+        refit_ms: times.refit_ms.map(rounded),
+        trace_primary_ms: times.trace_primary_ms.map(rounded),
+        trace_shadow_ms: times.trace_shadow_ms.map(rounded),
+        device_ms: Some(rounded(times.device_ms)),
+        wall_ms: Some(rounded(record.wall_ms)),
+        build_wait_ms: Some(rounded(record.build_wait_ms)),
         tree_generation: record.tree_generation.0,
         tree_age_frames: record.tree_age_frames,
         adopted: adopted.is_some() || record.made,
         rejected: record.rejected.is_some(),
-        build_ms: adopted.map(|a| a.build_ms).or(times.rebuild_ms),
-        convert_ms: adopted.map(|a| a.convert_ms),
+        build_ms: build_ms.map(rounded),
+        convert_ms: adopted.map(|a| rounded(a.convert_ms)),
         upload_bytes: adopted.map_or(0, |a| a.upload_bytes),
         readback_bytes: report.readback_bytes,
-        sah_ratio: record.sah_ratio,
-        sah_cost: report.sah_cost,
+        sah_ratio: record.sah_ratio.map(rounded),
+        sah_cost: report.sah_cost.map(rounded),
         hits: report.hits,
         blocked: report.blocked,
         inactive: report.inactive,
@@ -49,7 +50,6 @@ pub(crate) fn row(record: &FrameRecord) -> FrameStats {
     }
 }
 
-/// A scene's facts for files.
 pub(crate) fn scene_facts(scene: &Scene) -> SceneFacts {
     let (animation, facts) = (&scene.animation, &scene.facts);
     SceneFacts {

@@ -3,13 +3,14 @@
 use crate::args::{InspectArgs, Tolerance};
 use crate::progress::Progress;
 use crate::stop::Stop;
-use crate::table::{KEY_FRAMES, counted, grouped, table};
+use crate::table::{KEY_FRAMES, counted, grouped, of_rows};
 use crate::{record, talk};
 use geom::{Animation, Point};
 use output::SceneFacts;
 use scene::Scene;
 use scene::keys::{self, Fit, Reducer};
 use serde::Serialize;
+use serde_json::{Value, json};
 use std::fs;
 use std::io::{IsTerminal, stderr};
 use std::path::Path;
@@ -28,33 +29,25 @@ struct Reduction {
     keys: Change,
     bytes: Change,
     max_error: f64,
-    worst: Option<ErrorLocation>,
+    worst: Option<Value>,
     rms: f64,
     curve: Vec<CurvePoint>,
 }
 
-/// A count of the original and of what is left.
 #[derive(Clone, Copy, Serialize)]
 struct Change {
     before: usize,
     after: usize,
 }
 
-/// Where the error is largest.
-#[derive(Clone, Copy, Serialize)]
-struct ErrorLocation {
-    frame: usize,
-    vertex: usize,
-}
-
 /// One point of the curve. Lengths in scene units; `share` is the tolerance over the diagonal.
 #[derive(Clone, Copy, Serialize)]
-pub(crate) struct CurvePoint {
-    pub(crate) share: f64,
+struct CurvePoint {
+    share: f64,
     tolerance: f64,
-    pub(crate) keys: usize,
+    keys: usize,
     bytes: usize,
-    pub(crate) max_error: f64,
+    max_error: f64,
     rms: f64,
 }
 
@@ -97,7 +90,14 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
         let keys = counted(kept.len(), KEY_FRAMES);
         progress.step(&format!("{keys} within {tolerance}"));
         match share {
-            Some(share) => curve.push(CurvePoint::new(animation, share, tolerance, (&kept, &fit))),
+            Some(share) => curve.push(CurvePoint {
+                share,
+                tolerance,
+                keys: kept.len(),
+                bytes: bytes(animation, kept.len()),
+                max_error: fit.max_error,
+                rms: fit.rms,
+            }),
             None => answer = Some((kept, fit)),
         }
     }
@@ -107,7 +107,6 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
         before: of(animation, before),
         after: of(animation, after),
     };
-    let worst = fit.worst;
     Ok(Reduction {
         scene: record::scene_facts(scene),
         diagonal,
@@ -116,59 +115,10 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
         keys: change(|_, keys| keys),
         bytes: change(bytes),
         max_error: fit.max_error,
-        worst: worst.map(|(frame, vertex)| ErrorLocation { frame, vertex }),
+        worst: (fit.worst).map(|(frame, vertex)| json!({ "frame": frame, "vertex": vertex })),
         rms: fit.rms,
         curve,
     })
-}
-
-impl CurvePoint {
-    fn new(
-        animation: &Animation,
-        share: f64,
-        tolerance: f64,
-        (kept, fit): (&[usize], &Fit),
-    ) -> Self {
-        Self {
-            share,
-            tolerance,
-            keys: kept.len(),
-            bytes: bytes(animation, kept.len()),
-            max_error: fit.max_error,
-            rms: fit.rms,
-        }
-    }
-}
-
-/// The curve alone.
-pub(crate) struct Curve {
-    /// What its shares are of.
-    pub(crate) diagonal: f64,
-    /// Its points, and the frames kept at each.
-    pub(crate) points: Vec<(CurvePoint, Vec<usize>)>,
-}
-
-/// Finds it.
-pub(crate) fn curve(animation: &Animation) -> Result<Curve, Stop> {
-    let diagonal = diagonal(animation);
-    let mut reducer = Reducer::new(animation);
-    let point = |share: f64| {
-        let tolerance = share * diagonal;
-        let (kept, fit) = verified(animation, &mut reducer, tolerance)?;
-        let point = CurvePoint::new(animation, share, tolerance, (&kept, &fit));
-        Ok((point, kept))
-    };
-    let points: Result<_, Stop> = CURVE.into_iter().map(point).collect();
-    points.map(|points| Curve { diagonal, points })
-}
-
-/// What is left of an animation if so many frames are kept, at the times they had.
-pub(crate) fn left(animation: &Animation, kept: &[usize]) -> Result<Animation, Stop> {
-    let keys = kept.iter().map(|&k| animation.keys()[k].clone()).collect();
-    let times = kept.iter().map(|&k| k as f64).collect();
-    let left = Animation::new(keys, animation.triangles().to_vec());
-    let timed = left.and_then(|left| left.timed(times, animation.end()));
-    timed.map_err(Stop::failed)
 }
 
 /// The frames to keep, played once more and measured against all of the original.
@@ -199,7 +149,6 @@ fn diagonal(animation: &Animation) -> f64 {
     (way(0).powi(2) + way(1).powi(2) + way(2).powi(2)).sqrt()
 }
 
-/// What so many key frames take.
 fn bytes(animation: &Animation, keys: usize) -> usize {
     keys * animation.vertex_count() * size_of::<Point>()
 }
@@ -233,9 +182,9 @@ fn write(dir: &Path, scene: &Scene, reduction: &Reduction) -> Result<(), Stop> {
             let points = &animation.keys()[key];
             scene::write_ply(out, points, animation.triangles(), &scene.colours)
         })?;
-        frames.push(serde_json::json!({ "file": file, "time": key }));
+        frames.push(json!({ "file": file, "time": key }));
     }
-    let times = serde_json::json!({
+    let times = json!({
         "schema": output::SCHEMA,
         "scene": scene.name,
         "end": animation.end(),
@@ -244,9 +193,7 @@ fn write(dir: &Path, scene: &Scene, reduction: &Reduction) -> Result<(), Stop> {
         "max_error": reduction.max_error,
         "frames": frames,
     });
-    let text = serde_json::to_string_pretty(&times).map_err(Stop::failed)?;
-    output::write_whole(&dir.join("times.json"), format!("{text}\n").as_bytes())?;
-    Ok(())
+    Ok(output::write_json(&dir.join("times.json"), &times)?)
 }
 
 fn text(r: &Reduction) -> String {
@@ -264,8 +211,8 @@ fn text(r: &Reduction) -> String {
     text += &format!("positions: {before} bytes before, {after} after\n");
     let (max, rms) = (length(r.max_error), length(r.rms));
     text += &format!("error: {max} at most, {}", percent(r.max_error, r.diagonal));
-    if let Some(ErrorLocation { frame, vertex }) = r.worst {
-        text += &format!(", at vertex {vertex} of key frame {frame}");
+    if let Some(at) = &r.worst {
+        text += &format!(", at vertex {} of key frame {}", at["vertex"], at["frame"]);
     }
     text += &format!("; {rms} root mean square\n");
     text + &curve_table(r)
@@ -274,22 +221,14 @@ fn text(r: &Reduction) -> String {
 fn curve_table(r: &Reduction) -> String {
     let row = |p: &CurvePoint| {
         vec![
-            percent(p.share, 1.0),
-            length(p.tolerance),
-            p.keys.to_string(),
-            grouped(p.bytes),
-            length(p.max_error),
+            ("of the diagonal", percent(p.share, 1.0)),
+            ("tolerance", length(p.tolerance)),
+            ("key frames", p.keys.to_string()),
+            ("bytes", grouped(p.bytes)),
+            ("max error", length(p.max_error)),
         ]
     };
-    let head = [
-        "of the diagonal",
-        "tolerance",
-        "key frames",
-        "bytes",
-        "max error",
-    ];
-    let rows: Vec<_> = r.curve.iter().map(row).collect();
-    table(&head, &rows, 0)
+    of_rows(&r.curve.iter().map(row).collect::<Vec<_>>(), 0)
 }
 
 fn length(units: f64) -> String {

@@ -54,7 +54,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
             threads: args.device.threads,
             builder_threads: args.device.builder_threads,
             method: args.method,
-            update: choose::update(args.policy)?,
+            update: choose::update(args.policy),
             tolerance: args.tolerance.ppm(),
             run: Some(Run {
                 frames: &frames,
@@ -95,8 +95,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     if args.stats.is_some() && !outputs.any() {
         head = resume::alone(args, head, &all, Some(keys))?;
     }
-    let again: Vec<u64> = todo.iter().map(|frame| frame.index).collect();
-    let mut journals = earlier.begin(args, &all, &again, (Some(keys), &head))?;
+    let mut journals = earlier.begin(args, &all, (Some(keys), &head))?;
     let mut notes = args.timeline.is_some().then(Notes::default);
     signals::wait_for_checks();
     let rows = trace_all(
@@ -138,7 +137,7 @@ fn no_frames(
     key_times: Option<usize>,
 ) -> Result<(), Stop> {
     outputs.prepare()?;
-    earlier.begin(args, all, &[], (key_times, &Value::Null))?;
+    earlier.begin(args, all, (key_times, &Value::Null))?;
     if let Some(file) = &args.stats {
         let head = json!({ "schema": SCHEMA, "version": env!("CARGO_PKG_VERSION"), "scene": null });
         let head = resume::alone(args, head, all, key_times)?;

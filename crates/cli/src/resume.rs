@@ -11,10 +11,8 @@ use pipeline::Frame;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
-/// Folders with what is known of their files.
 pub(crate) struct Earlier {
     folders: Vec<(PathBuf, Done)>,
-    /// What all folders say they hold.
     manifest: Option<Manifest>,
 }
 
@@ -24,10 +22,7 @@ impl Earlier {
     /// # Errors
     /// One of them holds another run, and this one is not to overwrite it.
     pub(crate) fn look(args: &RenderArgs, outputs: &Outputs) -> Result<Self, Stop> {
-        let mut earlier = Self {
-            folders: Vec::new(),
-            manifest: None,
-        };
+        let (mut folders, mut manifest) = (Vec::new(), None);
         for folder in outputs.folders() {
             let found = match args.overwrite {
                 true => None,
@@ -41,15 +36,15 @@ impl Earlier {
                         "{folder} holds another run: {difference}; --overwrite replaces it"
                     )));
                 }
-                earlier.manifest = Some(found);
+                manifest = Some(found);
             }
-            let done = match args.resume && earlier.manifest.is_some() {
+            let done = match args.resume && manifest.is_some() {
                 true => Done::in_folder(&folder)?,
                 false => Done::default(),
             };
-            earlier.folders.push((folder, done));
+            folders.push((folder, done));
         }
-        Ok(earlier)
+        Ok(Self { folders, manifest })
     }
 
     /// The rows of frames all of whose files are whole, and the other frames.
@@ -58,14 +53,13 @@ impl Earlier {
         frames: Vec<Frame>,
         outputs: &Outputs,
     ) -> (Vec<FrameStats>, Vec<Frame>) {
-        let mut rows = Vec::new();
-        let rest = frames.into_iter().filter(|frame| {
-            let row = self.row(frame.index, outputs);
-            let is_done = row.is_some();
-            rows.extend(row);
-            !is_done
-        });
-        let rest = rest.collect();
+        let (mut rows, mut rest) = (Vec::new(), Vec::new());
+        for frame in frames {
+            match self.row(frame.index, outputs) {
+                Some(row) => rows.push(row),
+                None => rest.push(frame),
+            }
+        }
         (rows, rest)
     }
 
@@ -115,7 +109,6 @@ impl Earlier {
         self,
         args: &RenderArgs,
         list: &[Frame],
-        again: &[u64],
         (key_times, stats): (Option<usize>, &Value),
     ) -> Result<Vec<(PathBuf, Journal)>, Stop> {
         let own = Manifest::of(args, key_times)?;
@@ -130,7 +123,7 @@ impl Earlier {
             if key_times.is_some() || !is_own {
                 output::write_json(&folder.join(manifest::FILE), &own)?;
             }
-            let mut journal = Journal::open(&folder, args.shard, again)?;
+            let mut journal = Journal::open(&folder, args.shard)?;
             journal.begin(list.iter().map(|f| f.index).collect(), stats.clone())?;
             journals.push((folder, journal));
         }

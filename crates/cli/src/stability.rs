@@ -3,9 +3,9 @@
 use crate::args::StabilityArgs;
 use crate::progress::Progress;
 use crate::stop::Stop;
-use crate::subjects::{self, Absent, Examined, Machine, Subject, roll};
+use crate::subjects::{self, Subject, Tested};
 use crate::table::{grouped, table};
-use crate::{conflicts, record, talk};
+use crate::{conflicts, open, talk};
 use backend::Intersector;
 use conformance::stress::{Cell, Family, Measure, Measured, Plan, StressTest, baseline};
 use serde::{Serialize, Serializer};
@@ -13,38 +13,28 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 
-/// Asks everything of all.
 pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
     let written = [
-        ("--json", args.json.as_ref()),
+        ("--json", args.test.json.as_ref()),
         ("--record", args.record.as_ref()),
     ];
     conflicts::of_files(&[], [], written)?;
-    for file in args.json.iter().chain(&args.record) {
-        output::check_writable(file).map_err(Stop::bad)?;
-    }
-    if args.backend.iter().any(|&s| subjects::is_driver(s)) {
+    if args.test.backend.iter().any(|&b| open::has_own_trees(b)) {
         let why = "stability knows no bounds for intersections that a driver decides; conform holds them to rounding";
         return Err(Stop::bad(why));
     }
-    let (mut subjects, absent) = subjects::open_all(&args.backend, false, args.adapter.as_deref())?;
+    let (mut subjects, tested) = subjects::open_all(&args.test, false)?;
     if let Some(file) = &args.record {
         return record_rates(args, &mut subjects, file);
     }
     let mut report = Report {
-        schema: output::SCHEMA,
-        version: env!("CARGO_PKG_VERSION"),
-        command_line: record::command_line(),
+        tested,
         seed: args.seed,
         rays: args.rays,
-        machine: Machine::here(),
-        backends: subjects.iter().map(Examined::of).collect(),
-        absent,
-        unsupported: Vec::new(),
-        rows: Vec::new(),
+        ..Report::default()
     };
     ask(args, &mut subjects, &mut report)?;
-    if let Some(file) = &args.json {
+    if let Some(file) = &args.test.json {
         output::write_json(file, &report)?;
     }
     let known = Intersector::ALL.into_iter();
@@ -66,7 +56,7 @@ fn record_rates(args: &StabilityArgs, subjects: &mut [Subject], file: &Path) -> 
             names.join(", ")
         )));
     };
-    let mut progress = Progress::new(Family::ALL.len() as u64, args.quiet);
+    let mut progress = Progress::new(Family::ALL.len() as u64, args.test.quiet);
     let found = baseline::record(subject.backend.as_mut(), args.seeds, &mut |family| {
         progress.step(&format!("{} {family}", subject.name));
     })?;
@@ -75,13 +65,12 @@ fn record_rates(args: &StabilityArgs, subjects: &mut [Subject], file: &Path) -> 
     talk::print(&format!("{rates} rates of {}\n", found.ground))
 }
 
-/// Every family, by every intersector, of every backend.
 fn ask(args: &StabilityArgs, subjects: &mut [Subject], report: &mut Report) -> Result<(), Stop> {
     let plan = Plan {
         seed: args.seed,
         rays: args.rays,
     };
-    let mut progress = Progress::new((Family::ALL.len() * subjects.len()) as u64, args.quiet);
+    let mut progress = Progress::new((Family::ALL.len() * subjects.len()) as u64, args.test.quiet);
     for family in Family::ALL {
         let test = StressTest::new(family, &plan);
         for subject in &mut *subjects {
@@ -96,17 +85,13 @@ fn ask(args: &StabilityArgs, subjects: &mut [Subject], report: &mut Report) -> R
     Ok(())
 }
 
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 struct Report {
-    schema: u32,
-    version: &'static str,
-    command_line: Vec<String>,
+    #[serde(flatten)]
+    tested: Tested,
     seed: u64,
     /// Of each family.
     rays: u32,
-    machine: Machine,
-    backends: Vec<Examined>,
-    absent: Vec<Absent>,
     /// Cells that there cannot be.
     unsupported: Vec<Value>,
     rows: Vec<Row>,
@@ -121,27 +106,26 @@ struct Row {
 
 impl Serialize for Row {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let cell = &self.cell;
-        let count = |measure| cell.get(measure).map(count);
-        let mut row = json!({
+        let (cell, wrong) = (&self.cell, self.cell.wrong());
+        let of = |measure| cell.get(measure).map(count);
+        let row = json!({
             "family": cell.family.name(),
             "backend": self.backend,
             "intersector": cell.intersector.name(),
-            "wrong": cell.wrong().count,
+            "rays": wrong.of,
+            "wrong": wrong.count,
+            "rate": wrong.rate(),
+            "bound": wrong.bound,
             // Of closed bodies alone: rays from inside that meet nothing; rays that cross them too often or too seldom.
-            "leaks": count(Measure::Leaks),
-            "double_hits": count(Measure::DoubleHits),
+            "leaks": of(Measure::Leaks),
+            "double_hits": of(Measure::DoubleHits),
             // Of rearranged scenes alone: answers that differ with the tree; cost of the refitted tree over a new one's.
-            "tree_dependent": count(Measure::TreeDependent),
+            "tree_dependent": of(Measure::TreeDependent),
             "sah_ratio": cell.sah_ratio,
+            // Whether all that was counted is within its bound.
+            "ok": cell.is_ok(),
             "seconds": self.seconds,
         });
-        let wrong = self::count(cell.wrong());
-        for name in ["rays", "rate", "bound"] {
-            row[name] = wrong[name].clone();
-        }
-        // Whether this and whatever else was counted is within its bound.
-        row["ok"] = cell.is_ok().into();
         row.serialize(serializer)
     }
 }
@@ -182,8 +166,8 @@ impl Report {
     }
 
     fn text(&self, asked: &[Intersector]) -> String {
-        let mut text = roll(&self.backends, &self.absent);
-        for b in &self.backends {
+        let mut text = self.tested.text();
+        for b in &self.tested.backends {
             text += &self.tables(b.backend, asked);
         }
         for row in self.rows.iter().filter(|r| !r.cell.is_ok()) {
@@ -220,53 +204,42 @@ impl Report {
         asked: &[Intersector],
         cell: &dyn Fn(&Row) -> String,
     ) -> String {
-        let mut rows = Vec::new();
-        for family in Family::ALL {
-            let cells: Vec<String> = asked
-                .iter()
-                .map(|by| {
-                    let this = |r: &&Row| {
-                        r.backend == backend && r.cell.family == family && r.cell.intersector == *by
-                    };
-                    self.rows.iter().find(this).map_or("-".to_owned(), cell)
-                })
-                .collect();
-            if cells.iter().any(|c| !c.is_empty() && c != "-") {
-                rows.push([vec![family.name().to_owned()], cells].concat());
-            }
+        let row = |family: Family| {
+            let of = |by: &Intersector| {
+                let is_this = |r: &&Row| {
+                    (r.backend, r.cell.family, r.cell.intersector) == (backend, family, *by)
+                };
+                self.rows.iter().find(is_this).map_or("-".to_owned(), cell)
+            };
+            let cells: Vec<String> = asked.iter().map(of).collect();
+            let says = cells.iter().any(|c| !c.is_empty() && c != "-");
+            says.then(|| [vec![family.name().to_owned()], cells].concat())
+        };
+        let rows: Vec<_> = Family::ALL.into_iter().filter_map(row).collect();
+        match rows.as_slice() {
+            [] => String::new(),
+            rows => table(head, rows, 1),
         }
-        if rows.is_empty() {
-            return String::new();
-        }
-        table(head, &rows, 1)
     }
 
     /// What is out of its bound, and the command that shows it again.
     fn complaint(&self, row: &Row) -> String {
         let (backend, by) = (row.backend, row.cell.intersector);
         let out = row.cell.measured.iter().filter(|m| !m.is_ok());
-        let out: Vec<String> = out
-            .map(|m| {
-                let expected = match m.bound {
-                    Some([_, 0.0]) => "none".to_owned(),
-                    Some([low, high]) => format!("{} to {}", percent(low), percent(high)),
-                    None => "nobody knows what; abvh stability --record measures it".to_owned(),
-                };
-                format!(
-                    "{} {} of {} ({}), expected {expected}",
-                    m.measure.name().replace('_', " "),
-                    grouped(m.count as usize),
-                    grouped(m.of as usize),
-                    percent(m.rate()),
-                )
-            })
-            .collect();
+        let out = out.map(|m| {
+            let expected = match m.bound {
+                Some([_, 0.0]) => "none".to_owned(),
+                Some([low, high]) => format!("{} to {}", percent(low), percent(high)),
+                None => "nobody knows what; abvh stability --record measures it".to_owned(),
+            };
+            let [count, of] = [m.count, m.of].map(|n| grouped(n as usize));
+            let (what, rate) = (m.measure.name().replace('_', " "), percent(m.rate()));
+            format!("{what} {count} of {of} ({rate}), expected {expected}")
+        });
+        let out = out.collect::<Vec<_>>().join("; ");
+        let (family, seed, rays) = (row.cell.family, self.seed, self.rays);
         format!(
-            "{backend} {by} {}: {}\n    abvh stability --backend {backend} --intersector {by} --seed {} --rays {}\n",
-            row.cell.family,
-            out.join("; "),
-            self.seed,
-            self.rays
+            "{backend} {by} {family}: {out}\n    abvh stability --backend {backend} --intersector {by} --seed {seed} --rays {rays}\n"
         )
     }
 }
@@ -310,24 +283,14 @@ mod tests {
         };
         let cell = Cell::new(Family::Edges, by, &tally, Arithmetic::IEEE);
         Report {
-            schema: 1,
-            version: "0",
-            command_line: Vec::new(),
             seed: 9,
             rays: 2000,
-            machine: Machine {
-                cpu: None,
-                cores: 1,
-                os: "",
-            },
-            backends: Vec::new(),
-            absent: Vec::new(),
-            unsupported: Vec::new(),
             rows: vec![Row {
                 backend: "x",
                 cell,
                 seconds: 0.5,
             }],
+            ..Report::default()
         }
     }
 

@@ -21,25 +21,14 @@ pub(crate) enum Stop {
 }
 
 impl Stop {
-    /// Bad usage or bad input.
     pub(crate) fn bad(message: impl Display) -> Self {
         Self::Bad(anyhow::anyhow!("{message}"))
     }
 
-    /// A run that failed.
     pub(crate) fn failed(message: impl Display) -> Self {
         Self::Failed(anyhow::anyhow!("{message}"))
     }
 
-    /// What is wrong, in one line.
-    pub(crate) fn text(&self) -> String {
-        match self {
-            Self::Shown | Self::Signal(_) => String::new(),
-            Self::Bad(e) | Self::Failed(e) => one_line(e),
-        }
-    }
-
-    /// The exit code.
     pub(crate) fn code(&self) -> ExitCode {
         ExitCode::from(match self {
             Self::Shown => 0,
@@ -51,7 +40,6 @@ impl Stop {
 }
 
 impl fmt::Display for Stop {
-    /// What went wrong, in one line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Shown | Self::Signal(_) => Ok(()),

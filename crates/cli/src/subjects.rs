@@ -1,28 +1,31 @@
 //! Backends put to the test, and those that cannot be.
 
-use crate::args::{BackendName, SubjectName};
-use crate::open::{self, Want};
+use crate::args::{BackendName, TestArgs};
+use crate::open;
 use crate::stop::Stop;
-use crate::{adapters, info, threads};
+use crate::{adapters, info, record, threads};
 use backend::Backend;
 use serde::Serialize;
+use serde_json::{Value, json};
 
-/// A backend that is put to the test.
 pub(crate) struct Subject {
     pub(crate) name: &'static str,
     pub(crate) backend: Box<dyn Backend>,
 }
 
-/// Where tests run.
-#[derive(Serialize)]
-pub(crate) struct Machine {
-    pub(crate) cpu: Option<String>,
-    pub(crate) cores: usize,
-    pub(crate) os: &'static str,
+/// What every report of a test begins with.
+#[derive(Default, Serialize)]
+pub(crate) struct Tested {
+    pub(crate) schema: u32,
+    pub(crate) version: &'static str,
+    pub(crate) command_line: Vec<String>,
+    pub(crate) machine: Value,
+    pub(crate) backends: Vec<Examined>,
+    pub(crate) absent: Vec<Absent>,
 }
 
 /// What is said of a backend that was put to the test.
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 pub(crate) struct Examined {
     pub(crate) backend: &'static str,
     pub(crate) adapter: String,
@@ -40,72 +43,77 @@ pub(crate) struct Absent {
     pub(crate) reason: String,
 }
 
-impl Machine {
-    pub(crate) fn here() -> Self {
-        Self {
-            cpu: info::cpu_model(),
-            cores: threads::cores(),
-            os: std::env::consts::OS,
-        }
-    }
-}
-
-impl Examined {
-    pub(crate) fn of(subject: &Subject) -> Self {
-        let device = subject.backend.device();
-        Self {
-            backend: subject.name,
-            adapter: device.adapter.clone(),
-            driver: device.driver.clone(),
-            kind: adapters::kind_name(device.kind),
-            threads: device.threads,
-            arithmetic: device.arithmetic.to_string(),
-        }
-    }
-}
-
-/// One line for each backend, present or absent.
-pub(crate) fn roll(present: &[Examined], absent: &[Absent]) -> String {
-    let mut text = String::new();
-    for b in present {
-        let driver = match b.driver.trim() {
-            "" => String::new(),
-            driver => format!(" ({driver})"),
+impl Tested {
+    fn new(subjects: &[Subject], absent: Vec<Absent>) -> Self {
+        let examined = |subject: &Subject| {
+            let device = subject.backend.device();
+            Examined {
+                backend: subject.name,
+                adapter: device.adapter.clone(),
+                driver: device.driver.clone(),
+                kind: adapters::kind_name(device.kind),
+                threads: device.threads,
+                arithmetic: device.arithmetic.to_string(),
+            }
         };
-        let (backend, adapter, own) = (b.backend, &b.adapter, &b.arithmetic);
-        text += &format!("{backend}: {adapter}{driver}; by itself: {own}\n");
+        Self {
+            schema: output::SCHEMA,
+            version: env!("CARGO_PKG_VERSION"),
+            command_line: record::command_line(),
+            machine: json!({
+                "cpu": info::cpu_model(),
+                "cores": threads::cores(),
+                "os": std::env::consts::OS,
+            }),
+            backends: subjects.iter().map(examined).collect(),
+            absent,
+        }
     }
-    for a in absent {
-        text += &format!("{}: absent; {}\n", a.backend, a.reason);
+
+    /// One line for each backend, present or absent.
+    pub(crate) fn text(&self) -> String {
+        let mut text = String::new();
+        for b in &self.backends {
+            let driver = match b.driver.trim() {
+                "" => String::new(),
+                driver => format!(" ({driver})"),
+            };
+            let (backend, adapter, own) = (b.backend, &b.adapter, &b.arithmetic);
+            text += &format!("{backend}: {adapter}{driver}; by itself: {own}\n");
+        }
+        for a in &self.absent {
+            text += &format!("{}: absent; {}\n", a.backend, a.reason);
+        }
+        text
     }
-    text
 }
 
 /// Opens what was named, or whatever is present.
 /// Those that leave to a driver what a ray hits are asked for by name, or with all others where `drivers` says so.
 pub(crate) fn open_all(
-    names: &[SubjectName],
+    TestArgs {
+        backend, adapter, ..
+    }: &TestArgs,
     drivers: bool,
-    adapter: Option<&str>,
-) -> Result<(Vec<Subject>, Vec<Absent>), Stop> {
-    use SubjectName as S;
-    let auto = names.contains(&S::Auto);
+) -> Result<(Vec<Subject>, Tested), Stop> {
+    use BackendName as B;
     let all = [
-        (S::Cpu, "cpu"),
-        (S::Vulkan, "vulkan"),
-        (S::VulkanRt, "vulkan-rt"),
-        (S::VulkanRtFastTrace, "vulkan-rt:fast-trace"),
-        (S::Wgpu, "wgpu"),
-        (S::WgpuWgsl, "wgpu-wgsl"),
+        B::Cpu,
+        B::Vulkan,
+        B::VulkanRt,
+        B::VulkanRtFastTrace,
+        B::Wgpu,
+        B::WgpuWgsl,
     ];
     let (mut subjects, mut absent) = (Vec::new(), Vec::new());
-    for (subject, name) in all {
-        let named = names.contains(&subject);
-        let among = auto && (drivers || !open::has_own_trees(backend_of(subject)));
+    for one in all {
+        let named = backend.contains(&one);
+        let among = backend.contains(&B::Auto) && (drivers || !open::has_own_trees(one));
         if !named && !among {
             continue;
         }
-        match open_one(subject, adapter) {
+        let name = open::name(one);
+        match open::bare(one, adapter.as_deref(), threads::cores()) {
             Ok(backend) => subjects.push(Subject { name, backend }),
             Err(stop) if named => return Err(stop),
             Err(stop) => absent.push(Absent {
@@ -118,32 +126,6 @@ pub(crate) fn open_all(
         let reasons: Vec<_> = absent.iter().map(|a| a.reason.as_str()).collect();
         return Err(Stop::bad(reasons.join("; ")));
     }
-    Ok((subjects, absent))
-}
-
-fn backend_of(subject: SubjectName) -> BackendName {
-    match subject {
-        SubjectName::Cpu | SubjectName::Auto => BackendName::Cpu,
-        SubjectName::Vulkan => BackendName::Vulkan,
-        SubjectName::VulkanRt => BackendName::VulkanRt,
-        SubjectName::VulkanRtFastTrace => BackendName::VulkanRtFastTrace,
-        SubjectName::Wgpu | SubjectName::WgpuWgsl => BackendName::Wgpu,
-    }
-}
-
-/// Whether it is one of those that leave to a driver what a ray hits.
-pub(crate) fn is_driver(subject: SubjectName) -> bool {
-    open::has_own_trees(backend_of(subject))
-}
-
-fn open_one(subject: SubjectName, adapter: Option<&str>) -> Result<Box<dyn Backend>, Stop> {
-    let want = Want {
-        backend: backend_of(subject),
-        adapter,
-        threads: threads::cores(),
-    };
-    if subject == SubjectName::WgpuWgsl {
-        return open::open_wgsl(&want);
-    }
-    Ok(open::open(&want, Ok)?.value)
+    let tested = Tested::new(&subjects, absent);
+    Ok((subjects, tested))
 }

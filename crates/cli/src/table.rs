@@ -2,7 +2,18 @@
 
 use crate::talk;
 use comfy_table::{Cell, CellAlignment, Table, presets};
-use output::{FrameStats, Summary, TIMES, overview, summarize};
+use output::{FrameStats, Summary, TIMES, overview, plot};
+
+/// A row of a table: cells by the names of their columns.
+pub(crate) type Cells<'a> = Vec<(&'a str, String)>;
+
+/// A table of rows that have the same columns; every column but the first `words` holds numbers.
+pub(crate) fn of_rows(rows: &[Cells<'_>], words: usize) -> String {
+    let head: Vec<_> = rows.iter().take(1).flatten().map(|c| c.0).collect();
+    let texts = |row: &Cells<'_>| row.iter().map(|c| c.1.clone()).collect();
+    let rows: Vec<Vec<String>> = rows.iter().map(texts).collect();
+    table(&head, &rows, words)
+}
 
 /// A table with a head; every column but the first `words` holds numbers. On a terminal too narrow for it, a list.
 pub(crate) fn table(head: &[&str], rows: &[Vec<String>], words: usize) -> String {
@@ -33,16 +44,19 @@ fn wide(head: &[&str], rows: &[Vec<String>], words: usize) -> String {
     table.trim_fmt() + "\n"
 }
 
-/// Stage times over all frames.
 pub(crate) fn stages(frames: &[FrameStats]) -> String {
-    let summary = summarize(frames);
+    let summary = overview(frames).times;
     let row = |&(name, _): &(&str, _)| {
         let s: Summary = summary.get(name).copied().flatten()?;
         let title = name.trim_end_matches("_ms").replace('_', " ");
-        Some(vec![title, ms(s.median), ms(s.p95), ms(s.worst)])
+        Some(vec![
+            ("stage", title),
+            ("median ms", ms(s.median)),
+            ("p95 ms", ms(s.p95)),
+            ("worst ms", ms(s.worst)),
+        ])
     };
-    let rows: Vec<_> = TIMES.iter().filter_map(row).collect();
-    table(&["stage", "median ms", "p95 ms", "worst ms"], &rows, 1)
+    of_rows(&TIMES.iter().filter_map(row).collect::<Vec<_>>(), 1)
 }
 
 /// What became of trees, in sentences.
@@ -108,22 +122,12 @@ pub(crate) fn rates(frames: &[FrameStats], pixels: usize) -> String {
     )
 }
 
-/// Milliseconds.
 pub(crate) fn ms(x: f64) -> String {
     format!("{x:.3}")
 }
 
-/// A whole number with its thousands apart.
 pub(crate) fn grouped(n: usize) -> String {
-    let digits = n.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
+    plot::count(n as u64)
 }
 
 /// So many of something, with its noun: `1 frame`, `2,000 frames`.
@@ -141,14 +145,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn thousands_stand_apart() {
-        assert_eq!(
-            [0, 999, 1000, 1_234_567].map(grouped),
-            ["0", "999", "1,000", "1,234,567"]
-        );
-    }
-
-    #[test]
     fn a_table_too_wide_for_the_terminal_is_a_list() {
         let head = ["update", "trace primary ms", "worst ms"];
         let row = |update: &str| vec![update.to_owned(), "1.25".to_owned(), "12.5".to_owned()];
@@ -156,50 +152,30 @@ mod tests {
         assert_eq!(at(Some(100)), at(None));
         assert!(at(None).lines().all(|l| l.chars().count() > 39));
         let list = "update: refit\ntrace primary ms: 1.25\nworst ms: 12.5\n";
-        assert_eq!(
-            at(Some(39)),
-            format!("{list}\n{}", list.replace("refit", "async"))
-        );
+        let lists = format!("{list}\n{}", list.replace("refit", "async"));
+        assert_eq!(at(Some(39)), lists);
     }
 
     #[test]
     fn one_of_a_kind_is_counted_as_one() {
-        let all = [0, 1, 2, 1000].map(|n| counted(n, KEY_FRAMES));
-        assert_eq!(
-            all,
-            [
-                "0 key frames",
-                "1 key frame",
-                "2 key frames",
-                "1,000 key frames"
-            ]
-        );
+        let all = [0, 1, 1000].map(|n| counted(n, KEY_FRAMES));
+        assert_eq!(all, ["0 key frames", "1 key frame", "1,000 key frames"]);
     }
 
     #[test]
-    fn stages_that_nobody_timed_have_no_row() {
-        let frame = FrameStats {
-            refit_ms: Some(2.0),
-            ..FrameStats::default()
-        };
-        let text = stages(&[frame]);
-        assert!(
-            text.contains("refit") && !text.contains("interpolate"),
-            "{text}"
-        );
-    }
-
-    #[test]
-    fn memory_that_nobody_counts_is_not_mentioned() {
+    fn what_nobody_timed_or_counted_is_not_mentioned() {
         let frame = |bytes: u64| FrameStats {
+            refit_ms: Some(2.0),
             host_bytes: Some(bytes << 20),
             ..FrameStats::default()
         };
-        let text = memory(&[frame(3), frame(7), frame(5)]);
-        assert_eq!(
-            text,
-            "host memory: 3.0 MiB after the first frame, 5.0 after the last, 7.0 at most\n"
+        let told = stages(&[frame(3)]);
+        assert!(
+            told.contains("refit") && !told.contains("interpolate"),
+            "{told}"
         );
+        let text = "host memory: 3.0 MiB after the first frame, 5.0 after the last, 7.0 at most\n";
+        assert_eq!(memory(&[frame(3), frame(7), frame(5)]), text);
         assert_eq!(memory(&[FrameStats::default()]), "");
     }
 

@@ -26,7 +26,6 @@ fn print_whole(text: &str) -> Result<(), Stop> {
     }
 }
 
-/// A result as indented JSON.
 pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), Stop> {
     let text = serde_json::to_string_pretty(value).map_err(Stop::failed)?;
     print_whole(&format!("{text}\n"))
@@ -72,7 +71,7 @@ pub(crate) fn say(text: &str) {
 
 /// Says in one line why a command ended early; gives the exit code.
 pub(crate) fn complain(stop: &Stop) -> ExitCode {
-    let text = stop.text();
+    let text = stop.to_string();
     if !text.is_empty() {
         say(&format!("abvh: {}", plain(&text, &[])));
     }

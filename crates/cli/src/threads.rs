@@ -7,7 +7,6 @@ use std::io;
 use std::num::NonZero;
 use std::sync::mpsc::{Sender, channel};
 
-/// Threads that render, and threads that build.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Threads {
     /// For the backend and for shading.
@@ -110,10 +109,8 @@ mod tests {
         let (crew, remark) = crew(3, spawn);
         assert_eq!((crew.len(), remark), (3, None));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2);
-        let pool = pool
-            .spawn_handler(|worker| hand(&crew, worker))
-            .build()
-            .unwrap();
+        let pool = pool.spawn_handler(|worker| hand(&crew, worker)).build();
+        let pool = pool.unwrap();
         assert_eq!(pool.install(rayon::current_num_threads), 2);
     }
 
@@ -135,41 +132,28 @@ mod tests {
         assert!(remark.unwrap().contains("take 1"));
     }
 
-    const FREE: Update = Update::Async(Pace::Free);
-
-    fn shared(kind: DeviceKind, cores: usize, render: Option<usize>) -> (usize, usize) {
-        let t = share(cores, kind, FREE, render, None);
-        (t.render, t.build)
-    }
-
     #[test]
-    fn async_leaves_a_quarter_to_the_builder_where_there_are_four() {
-        for kind in [DeviceKind::Cpu, DeviceKind::Software] {
-            let shared = |cores, render| shared(kind, cores, render);
-            assert_eq!(shared(16, None), (12, 4));
-            assert_eq!(shared(4, None), (3, 1));
-            assert_eq!(shared(2, None), (2, 1));
-            assert_eq!(shared(16, Some(1)), (1, 1));
-            assert_eq!(shared(16, Some(8)), (8, 2));
-        }
-    }
-
-    #[test]
-    fn beside_a_gpu_all_cores_but_one_build() {
-        let shared = |cores, render| shared(DeviceKind::Gpu, cores, render);
-        assert_eq!(shared(16, None), (16, 15));
-        assert_eq!(shared(1, None), (1, 1));
-        assert_eq!(shared(16, Some(1)), (1, 1));
-        assert_eq!(share(16, DeviceKind::Gpu, FREE, None, Some(3)).build, 3);
-    }
-
-    #[test]
-    fn who_waits_lends_all_and_what_is_asked_for_is_given() {
-        for kind in [DeviceKind::Cpu, DeviceKind::Gpu] {
-            let t = share(8, kind, Update::Rebuild, None, None);
-            assert_eq!((t.render, t.build), (8, 8));
-            let t = share(8, kind, Update::Refit, Some(2), Some(5));
-            assert_eq!((t.render, t.build), (2, 5));
+    fn cores_are_shared_where_builder_and_renderer_work_at_once() {
+        use DeviceKind::{Cpu, Gpu, Software};
+        let (free, refit) = (Update::Async(Pace::Free), Update::Refit);
+        // Cores, what was asked for, and threads that render and that build.
+        for (kind, update, cores, asked, expected) in [
+            (Cpu, free, 16, [None, None], [12, 4]),
+            (Software, free, 16, [None, None], [12, 4]),
+            (Cpu, free, 4, [None, None], [3, 1]),
+            (Cpu, free, 2, [None, None], [2, 1]),
+            (Cpu, free, 16, [Some(1), None], [1, 1]),
+            (Software, free, 16, [Some(8), None], [8, 2]),
+            (Gpu, free, 16, [None, None], [16, 15]),
+            (Gpu, free, 1, [None, None], [1, 1]),
+            (Gpu, free, 16, [Some(1), None], [1, 1]),
+            (Gpu, free, 16, [None, Some(3)], [16, 3]),
+            // Who waits lends all.
+            (Cpu, refit, 8, [None, None], [8, 8]),
+            (Gpu, refit, 8, [Some(2), Some(5)], [2, 5]),
+        ] {
+            let t = share(cores, kind, update, asked[0], asked[1]);
+            assert_eq!([t.render, t.build], expected, "{kind:?} {cores} {asked:?}");
         }
     }
 }

@@ -15,47 +15,26 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Instant;
 
-/// What was noted while rendering.
 #[derive(Debug, Default)]
 pub(crate) struct Notes {
-    frames: Vec<Note>,
-    files: Vec<Written>,
-}
-
-/// A frame, and how long it waited for those before it to be written.
-#[derive(Debug)]
-struct Note {
-    record: FrameRecord,
-    waited: [Instant; 2],
-}
-
-/// The files of a frame.
-#[derive(Debug)]
-struct Written {
-    frame: u64,
-    /// The thread that wrote them.
-    thread: usize,
-    ends: [Instant; 2],
+    /// Frames, and how long each waited for those before it to be written.
+    frames: Vec<(FrameRecord, [Instant; 2])>,
+    /// Frames whose files were written, by which thread, and when.
+    files: Vec<(u64, usize, [Instant; 2])>,
 }
 
 impl Notes {
     /// A frame is traced, and waited between these moments until it could be written.
     pub(crate) fn add(&mut self, record: &FrameRecord, waited: [Instant; 2]) {
-        let record = record.clone();
-        self.frames.push(Note { record, waited });
+        self.frames.push((record.clone(), waited));
     }
 
     /// The calling thread wrote a frame's files between these moments.
     pub(crate) fn wrote(&mut self, frame: u64, ends: [Instant; 2]) {
         let thread = rayon::current_thread_index().unwrap_or_default();
-        self.files.push(Written {
-            frame,
-            thread,
-            ends,
-        });
+        self.files.push((frame, thread, ends));
     }
 
-    /// Writes the file.
     pub(crate) fn write(&self, path: &Path, session: &Session) -> Result<(), WriteError> {
         let mut timeline = self.draw();
         let aligned = self.submissions().all(|(_, s)| s.times.begun_ms.is_some());
@@ -74,7 +53,7 @@ impl Notes {
         let mut timeline = Timeline::new("abvh");
         let first = self.frames.first();
         let mut chart = Chart {
-            origin: first.map_or_else(Instant::now, |note| note.record.moments.begun),
+            origin: first.map_or_else(Instant::now, |(record, _)| record.moments.begun),
             frames: timeline.track("frame loop"),
             device: timeline.track("device"),
             readback: timeline.track("read-back"),
@@ -82,10 +61,10 @@ impl Notes {
             upload: timeline.track("upload"),
             timeline,
         };
-        for note in &self.frames {
-            chart.host(note);
-            if let Some(tree) = &note.record.adopted {
-                chart.tree(&note.record, tree);
+        for (record, waited) in &self.frames {
+            chart.host(record, *waited);
+            if let Some(tree) = &record.adopted {
+                chart.tree(record, tree);
             }
         }
         chart.files(&self.files);
@@ -99,14 +78,13 @@ impl Notes {
 
     /// All submissions in order, with the frame each belongs to.
     fn submissions(&self) -> impl Iterator<Item = (u64, Submission)> {
-        self.frames.iter().flat_map(|Note { record, .. }| {
+        self.frames.iter().flat_map(|(record, _)| {
             let both = record.fetched.into_iter().chain([record.traced]);
             both.map(|s| (record.frame.index, s))
         })
     }
 }
 
-/// A timeline being drawn.
 struct Chart {
     /// The moment that counts as zero.
     origin: Instant,
@@ -132,7 +110,7 @@ impl Chart {
     }
 
     /// What the frame loop did for a frame.
-    fn host(&mut self, Note { record, waited }: &Note) {
+    fn host(&mut self, record: &FrameRecord, waited: [Instant; 2]) {
         let (track, m) = (self.frames, record.moments);
         let frame = json!({ "frame": record.frame.index });
         let begin = json!({
@@ -144,7 +122,7 @@ impl Chart {
         self.span(track, "begin", [m.begun, m.submitted], &begin);
         self.span(track, "wait", [m.waited, m.seen], &frame);
         self.span(track, "read hits", [m.seen, m.read], &frame);
-        self.span(track, "wait for files", *waited, &frame);
+        self.span(track, "wait for files", waited, &frame);
         let begun = self.ms(m.begun);
         if let Some(generation) = record.asked {
             let args = json!({ "frame": record.frame.index, "generation": generation.0 });
@@ -157,14 +135,12 @@ impl Chart {
         }
     }
 
-    /// Who wrote files, and when.
-    fn files(&mut self, files: &[Written]) {
-        let threads: BTreeSet<usize> = files.iter().map(|f| f.thread).collect();
+    fn files(&mut self, files: &[(u64, usize, [Instant; 2])]) {
+        let threads: BTreeSet<usize> = files.iter().map(|f| f.1).collect();
         for (i, thread) in threads.into_iter().enumerate() {
             let track = self.timeline.track(&format!("files {}", i + 1));
-            for file in files.iter().filter(|f| f.thread == thread) {
-                let frame = json!({ "frame": file.frame });
-                self.span(track, "write files", file.ends, &frame);
+            for (frame, _, ends) in files.iter().filter(|f| f.1 == thread) {
+                self.span(track, "write files", *ends, &json!({ "frame": frame }));
             }
         }
     }
@@ -202,7 +178,14 @@ impl Chart {
     /// The stages of a submission, one after the other.
     fn device(&mut self, frame: u64, times: &StageTimes, span: Span) {
         let mut begin = span.begin_ms;
-        for (name, ms) in stages(times) {
+        for (name, ms) in [
+            ("interpolate", times.interpolate_ms),
+            ("rebuild", times.rebuild_ms),
+            ("preprocess", times.preprocess_ms),
+            ("refit", times.refit_ms),
+            ("trace primary", times.trace_primary_ms),
+            ("trace shadow", times.trace_shadow_ms),
+        ] {
             let end = (begin + ms.unwrap_or(0.0)).min(span.end_ms);
             if begin < end {
                 let args = json!({ "frame": frame });
@@ -211,15 +194,4 @@ impl Chart {
             }
         }
     }
-}
-
-fn stages(times: &StageTimes) -> [(&'static str, Option<f64>); 6] {
-    [
-        ("interpolate", times.interpolate_ms),
-        ("rebuild", times.rebuild_ms),
-        ("preprocess", times.preprocess_ms),
-        ("refit", times.refit_ms),
-        ("trace primary", times.trace_primary_ms),
-        ("trace shadow", times.trace_shadow_ms),
-    ]
 }

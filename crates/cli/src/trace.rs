@@ -11,17 +11,10 @@ use geom::{Animation, Ray};
 use output::HitArrays;
 use pipeline::Frame;
 
-/// Traces.
 pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
-    let mut read = conflicts::of_scene(&args.scene)?;
-    read.push(("--rays", args.rays.clone()));
-    let files = conflicts::Files {
-        read,
-        written: vec![("--out", args.out.clone())],
-        ..conflicts::Files::default()
-    };
-    files.check()?;
-    output::check_writable(&args.out).map_err(Stop::bad)?;
+    let read = [("--rays", args.rays.clone())];
+    let scenes = std::slice::from_ref(&args.scene);
+    conflicts::of_files(scenes, read, [("--out", Some(&args.out))])?;
     let rays = output::read_rays(&args.rays)?;
     let options = memory::with_run(args.source.options(), rays.len());
     let scene = scene::open(&args.scene, &options)?;
@@ -43,7 +36,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
             ..Ask::of(
                 args.device.backend,
                 args.method,
-                choose::free_update(update)?,
+                choose::free_update(update),
             )
         },
     )?;

@@ -1,23 +1,19 @@
-//! Values of options: points, sizes, ranges; frames and shards in `frames`. Each rejection says what is wanted.
+//! Values of options: points, sizes, ranges. Each rejection says what is wanted.
 
 use clap::builder::{OsStringValueParser, PathBufValueParser, TypedValueParser};
 use geom::Point;
 use std::path::PathBuf;
 
-mod frames;
-pub(crate) use frames::{Frames, Shard, frames, shard};
+pub(crate) use crate::frames::{Frames, Shard, frames, shard};
 
 /// The most pixels along one side of a picture.
 pub(crate) const MAX_SIDE: u64 = 16_384;
-/// The most pixels of a picture.
 pub(crate) const MAX_PIXELS: u64 = 1 << 26;
-/// The most rays that are compared.
 pub(crate) const MAX_RAYS: usize = 1 << 26;
 
 /// A stretch of time, in key frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct TimeRange {
-    /// Where it begins.
     pub(crate) from: f64,
     /// Where it ends, inclusive.
     pub(crate) to: f64,
@@ -82,77 +78,69 @@ pub(crate) fn time_range(text: &str) -> Result<TimeRange, String> {
     Ok(TimeRange { from, to })
 }
 
-/// A time in key frames.
 pub(crate) fn time(text: &str) -> Result<f64, String> {
     finite(text)
 }
 
 /// A vertical field of view in degrees.
 pub(crate) fn fov(text: &str) -> Result<f32, String> {
-    let degrees: f32 = finite(text)?;
-    if degrees > 0.0 && degrees < 180.0 {
-        Ok(degrees)
-    } else {
-        Err("a field of view lies between 0 and 180 degrees".to_owned())
-    }
+    let says = "a field of view lies between 0 and 180 degrees";
+    within(text, |&degrees| degrees > 0.0 && degrees < 180.0, says)
 }
 
-/// Samples a second.
 pub(crate) fn fps(text: &str) -> Result<f64, String> {
-    let fps: f64 = finite(text)?;
-    if fps > 0.0 && fps <= 1000.0 {
-        Ok(fps)
-    } else {
-        Err("samples a second lie between 0 and 1000".to_owned())
-    }
+    let says = "samples a second lie between 0 and 1000";
+    within(text, |&fps| fps > 0.0 && fps <= 1000.0, says)
 }
 
 /// Wrong rays a million.
 pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
-    let rate: f64 = finite(text)?;
-    if (0.0..=1e6).contains(&rate) {
-        Ok(rate)
-    } else {
-        Err("a tolerance is a number of rays a million, from 0 to 1000000".to_owned())
-    }
+    let says = "a tolerance is a number of rays a million, from 0 to 1000000";
+    within(text, |rate| (0.0..=1e6).contains(rate), says)
 }
 
 /// Per cent, not below 0.
 pub(crate) fn percent(text: &str) -> Result<f64, String> {
-    let percent: f64 = finite(text)?;
-    if percent >= 0.0 {
-        Ok(percent)
-    } else {
-        Err("per cent are a number from 0".to_owned())
-    }
-}
-
-/// A number of threads.
-pub(crate) fn threads(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(n @ 1..=1024) => Ok(n),
-        _ => Err("a number of threads is a whole number from 1 to 1024".to_owned()),
-    }
+    within(
+        text,
+        |&percent| percent >= 0.0,
+        "per cent are a number from 0",
+    )
 }
 
 /// Seconds of a warm-up, which nobody wants to last for more than a minute.
 pub(crate) fn warm_up(text: &str) -> Result<f64, String> {
-    let seconds: f64 = finite(text)?;
-    if (0.0..=60.0).contains(&seconds) {
-        Ok(seconds)
-    } else {
-        Err("a warm-up lasts from 0 to 60 seconds".to_owned())
+    let says = "a warm-up lasts from 0 to 60 seconds";
+    within(text, |seconds| (0.0..=60.0).contains(seconds), says)
+}
+
+pub(crate) fn threads(text: &str) -> Result<usize, String> {
+    whole(text, "threads", 1024)
+}
+
+pub(crate) fn rays(text: &str) -> Result<usize, String> {
+    whole(text, "rays", MAX_RAYS)
+}
+
+fn whole(text: &str, what: &str, most: usize) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n) if (1..=most).contains(&n) => Ok(n),
+        _ => Err(format!(
+            "a number of {what} is a whole number from 1 to {most}"
+        )),
     }
 }
 
-/// A number of rays.
-pub(crate) fn rays(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(n @ 1..=MAX_RAYS) => Ok(n),
-        _ => Err(format!(
-            "a number of rays is a whole number from 1 to {MAX_RAYS}"
-        )),
-    }
+/// A finite number that is as `says` demands.
+fn within<T: std::str::FromStr + Into<f64> + Copy>(
+    text: &str,
+    is_fit: fn(&T) -> bool,
+    says: &str,
+) -> Result<T, String> {
+    let number = finite(text)?;
+    is_fit(&number)
+        .then_some(number)
+        .ok_or_else(|| says.to_owned())
 }
 
 /// A float that is a number and not infinite.
@@ -186,25 +174,14 @@ mod tests {
     fn sizes_keep_both_limits_and_say_so() {
         assert_eq!(size("1280x720"), Ok([1280, 720]));
         assert_eq!(size("16384x4096"), Ok([16384, 4096]));
-        for bad in [
-            "0x5",
-            "5x0",
-            "16385x1",
-            "16384x4097",
-            "x",
-            "5",
-            "-1x5",
-            "5x5x5",
-            "1e3x5",
-        ] {
+        let bad = "0x5 5x0 16385x1 16384x4097 x 5 -1x5 5x5x5 1e3x5 99999999999999999999x1 \
+            18446744073709551615x18446744073709551615";
+        for bad in bad.split_whitespace() {
             size(bad).unwrap_err();
         }
         let text = size("100000x100000").unwrap_err();
-        assert!(
-            text.contains("100000x100000") && text.contains("16384") && text.contains("67108864")
-        );
-        size("18446744073709551615x18446744073709551615").unwrap_err();
-        size("99999999999999999999x1").unwrap_err();
+        let says = ["100000x100000", "16384", "67108864"];
+        assert!(says.iter().all(|part| text.contains(part)), "{text}");
     }
 
     #[test]

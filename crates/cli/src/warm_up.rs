@@ -22,11 +22,10 @@ const AGREE: f64 = 0.03;
 /// Seconds that go on in vain until medians agree.
 const PATIENCE: f64 = 0.5;
 
-/// What became of it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(crate) struct Warmed {
     /// By the host's clock.
-    seconds: f64,
+    pub(crate) seconds: f64,
     /// Traces of the first frame.
     frames: usize,
     /// Whether they took the same time in the end.
@@ -34,11 +33,6 @@ pub(crate) struct Warmed {
 }
 
 impl Warmed {
-    /// By the host's clock.
-    pub(crate) fn seconds(self) -> f64 {
-        self.seconds
-    }
-
     /// What to say of a run that began too early.
     pub(crate) fn warning(self) -> Option<String> {
         let seconds = self.seconds;
@@ -156,6 +150,11 @@ mod tests {
         let mut held_up = vec![1.0; 250];
         held_up[240] = 30.0;
         assert!(steady(held_up));
+        // Slow frames need three a window.
+        assert!(!steady(vec![400.0; 5]));
+        assert!(steady(vec![400.0; 6]));
+        assert!(!steady([400.0, 400.0, 400.0, 300.0, 300.0, 300.0]));
+        assert!(!steady([]));
     }
 
     #[test]
@@ -168,14 +167,6 @@ mod tests {
         assert_eq!(of(true).warning(), None);
         let warning = of(false).warning().unwrap();
         assert!(warning.contains("after 1.2 s"), "{warning}");
-    }
-
-    #[test]
-    fn slow_frames_need_three_a_window() {
-        assert!(!steady(vec![400.0; 5]));
-        assert!(steady(vec![400.0; 6]));
-        assert!(!steady([400.0, 400.0, 400.0, 300.0, 300.0, 300.0]));
-        assert!(!steady([]));
     }
 
     #[test]

@@ -7,7 +7,6 @@
 
 mod atomic;
 mod digest;
-mod error;
 mod hits;
 pub mod plot;
 mod rays;
@@ -16,16 +15,15 @@ mod stats;
 mod timeline;
 
 pub use atomic::{
-    UnfinishedFile, check_dir, check_writable, prepare_dir, remove_link, remove_unfinished,
-    write_whole, write_with,
+    UnfinishedFile, WriteError, check_dir, check_writable, prepare_dir, remove_link,
+    remove_unfinished, write_whole, write_with,
 };
 pub use digest::{Digest, digest_of};
-pub use error::{RaysError, WriteError};
 pub use hits::{HitArrays, write_found, write_hits};
-pub use rays::{read_rays, write_rays};
+pub use rays::{RaysError, read_rays, write_rays};
 pub use shading::{Shot, View, drop_alpha, frame_scene, palette, shade, write_png};
 pub use stats::{
     Course, FrameStats, Overview, SCHEMA, SceneFacts, Stats, Summary, TIMES, Taken, Time, overview,
-    summarize, write_json,
+    rounded, write_json,
 };
 pub use timeline::{Timeline, Track, write_timeline};

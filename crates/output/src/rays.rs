@@ -1,7 +1,6 @@
 //! Rays as `.npy` arrays: f32 (N, 6) `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max` appended.
 
-use crate::atomic::write_with;
-use crate::{RaysError, WriteError};
+use crate::atomic::{WriteError, write_with};
 use geom::Ray;
 use npyz::{DType, NpyFile, NpyHeader, Order, TypeChar, WriteOptions, WriterBuilder};
 use std::io::{self, BufReader, Read};
@@ -10,34 +9,35 @@ use std::path::Path;
 /// A header of two dimensions and one type takes about a hundred bytes; longer ones are no rays.
 const MAX_HEADER: u32 = 4096;
 
+/// Why a file holds no rays: what was found and what is wanted.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct RaysError(String);
+
 /// Reads rays of either byte order, in C or Fortran order.
 ///
 /// Without `t_min t_max` a ray covers `(0, inf)`. Numbers that are not finite
 /// are kept: such rays miss (see [`Ray::is_valid`]).
 ///
 /// # Errors
-/// See [`RaysError`]: each says what was found and what is wanted.
+/// [`RaysError`].
 pub fn read_rays(path: &Path) -> Result<Vec<Ray>, RaysError> {
-    let unreadable = |cause| RaysError::Unreadable {
-        path: path.to_owned(),
-        cause,
-    };
+    let name = path.display();
+    let unreadable = |cause| RaysError(format!("cannot read {name}: {cause}"));
+    let refused = |reason| RaysError(format!("{name}: {reason}"));
     let file = host::open(path).map_err(unreadable)?;
     let mut reader = BufReader::with_capacity(1 << 18, file);
-    let (header, header_bytes) = read_header(path, &mut reader)?;
-    let (rays, columns) = check(path, &header)?;
+    let no_array = |reason| refused(format!("not a .npy array: {reason}"));
+    let (header, header_bytes) = read_header(&mut reader).map_err(no_array)?;
+    let (rays, columns) = check(&header).map_err(refused)?;
     let size = reader.get_ref().metadata().map_err(unreadable)?.len();
-    let (wanted, found) = (
-        u128::from(rays) * u128::from(columns) * 4,
-        size.saturating_sub(header_bytes),
-    );
+    let found = size.saturating_sub(header_bytes);
+    let wanted = u128::from(rays) * u128::from(columns) * 4;
     if wanted > u128::from(found) {
-        return Err(RaysError::Truncated {
-            path: path.to_owned(),
-            shape: shape_text(header.shape()),
-            wanted,
-            found,
-        });
+        let shape = shape_text(header.shape());
+        return Err(refused(format!(
+            "truncated: shape {shape} takes {wanted} bytes of data, found {found}"
+        )));
     }
     // Numbers are read into a list that grows by doubling. There are no more than the file has bytes.
     let values = (rays * columns).next_power_of_two() * size_of::<f32>() as u64;
@@ -76,18 +76,12 @@ pub fn write_rays(
 }
 
 /// The header and its length in bytes, after checks that keep a hostile one from costing stack, memory or a panic.
-fn read_header(path: &Path, reader: &mut impl Read) -> Result<(NpyHeader, u64), RaysError> {
-    let broken = |reason: String| RaysError::NotAnArray {
-        path: path.to_owned(),
-        reason,
-    };
-    let ended = |_| broken("the file ends within its header".to_owned());
+fn read_header(reader: &mut impl Read) -> Result<(NpyHeader, u64), String> {
+    let ended = |_| "the file ends within its header";
     let mut bytes = vec![0; 8];
     reader.read_exact(&mut bytes).map_err(ended)?;
     if bytes[..6] != *b"\x93NUMPY" {
-        return Err(broken(
-            "it does not begin with the magic \\x93NUMPY".to_owned(),
-        ));
+        return Err("it does not begin with the magic \\x93NUMPY".to_owned());
     }
     let width = if bytes[6] == 1 { 2 } else { 4 };
     let mut length = [0; 4];
@@ -95,27 +89,24 @@ fn read_header(path: &Path, reader: &mut impl Read) -> Result<(NpyHeader, u64), 
     bytes.extend_from_slice(&length[..width]);
     let length = u32::from_le_bytes(length);
     if length > MAX_HEADER {
-        return Err(broken(format!(
-            "its header of {length} bytes describes no rays"
-        )));
+        return Err(format!("its header of {length} bytes describes no rays"));
     }
     let start = bytes.len();
     bytes.resize(start + length as usize, 0);
     reader.read_exact(&mut bytes[start..]).map_err(ended)?;
     if shape_digits(&bytes[start..]) > 19 {
-        return Err(broken(
-            "its header describes an array too large to exist".to_owned(),
-        ));
+        return Err("its header describes an array too large to exist".to_owned());
     }
     // The parser draws a picture of the place below its first words.
     let first_words = |e: io::Error| {
-        e.to_string()
-            .split("-->")
+        let text = e.to_string();
+        text.split("-->")
             .next()
-            .map(|s| s.trim().to_owned())
+            .unwrap_or_default()
+            .trim()
+            .to_owned()
     };
-    let header = NpyHeader::from_reader(&bytes[..])
-        .map_err(|e| broken(first_words(e).unwrap_or_default()))?;
+    let header = NpyHeader::from_reader(&bytes[..]).map_err(first_words)?;
     Ok((header, bytes.len() as u64))
 }
 
@@ -130,29 +121,26 @@ fn shape_digits(header: &[u8]) -> usize {
     tuple.bytes().filter(u8::is_ascii_digit).count()
 }
 
-fn check(path: &Path, header: &NpyHeader) -> Result<(u64, u64), RaysError> {
+/// Rays and columns.
+fn check(header: &NpyHeader) -> Result<(u64, u64), String> {
     let dtype = header.dtype();
-    let (is_f32, hint) = match &dtype {
-        DType::Plain(t) if t.type_char() == TypeChar::Float => match t.size_field() {
-            4 => (true, ""),
-            8 => (false, "; convert with rays.astype('float32')"),
-            _ => (false, ""),
-        },
-        _ => (false, ""),
+    let float_bytes = match &dtype {
+        DType::Plain(t) if t.type_char() == TypeChar::Float => t.size_field(),
+        _ => 0,
     };
-    if !is_f32 {
-        return Err(RaysError::ElementType {
-            path: path.to_owned(),
-            found: dtype.descr(),
-            hint,
-        });
+    if float_bytes != 4 {
+        let (found, convert) = (dtype.descr(), "; convert with rays.astype('float32')");
+        let hint = if float_bytes == 8 { convert } else { "" };
+        return Err(format!(
+            "rays must be float32 ('<f4' or '>f4'), found {found}{hint}"
+        ));
     }
     match *header.shape() {
         [rays, columns @ (6 | 8)] => Ok((rays, columns)),
-        _ => Err(RaysError::Shape {
-            path: path.to_owned(),
-            found: shape_text(header.shape()),
-        }),
+        ref other => Err(format!(
+            "rays must have shape (N, 6) or (N, 8), found {}",
+            shape_text(other)
+        )),
     }
 }
 

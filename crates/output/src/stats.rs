@@ -11,55 +11,49 @@ pub const SCHEMA: u32 = 1;
 
 /// All that is said of one run.
 #[derive(Clone, Debug, Serialize)]
+#[expect(
+    missing_docs,
+    reason = "the names are the schema's, listed in the manual"
+)]
 pub struct Stats {
     /// [`SCHEMA`].
     pub schema: u32,
-    /// Version of the program.
     pub version: String,
-    /// The command line, program first.
+    /// Program first.
     pub command_line: Vec<String>,
-    /// What was rendered.
     pub scene: SceneFacts,
-    /// Name of the backend.
     pub backend: String,
-    /// The device's own name.
     pub adapter: String,
-    /// Driver and version.
     pub driver: Option<String>,
     /// Threads that render.
     pub threads: usize,
-    /// Threads that build.
     pub builder_threads: usize,
-    /// Update policy, as carried out.
+    /// As carried out.
     pub update: String,
     /// Frames between asking for a tree and taking it up, where fixed.
     pub lockstep: Option<u64>,
     /// With `async`: whether trees are built for what comes.
     pub predict: Option<bool>,
-    /// Intersector.
     pub intersector: String,
-    /// Layout of the tree.
     pub layout: String,
     /// What was left to `auto`.
     pub auto: Vec<Taken>,
     /// Pixels of a frame: width, height.
     pub size: [u32; 2],
-    /// One row a frame.
     pub frames: Vec<FrameStats>,
-    /// All frames at a glance.
     pub summary: Overview,
 }
 
-/// What was rendered.
+/// What was rendered: counts of key frames, of vertices in each, and of triangles, inactive ones included.
 #[derive(Clone, Debug, Serialize)]
+#[expect(
+    missing_docs,
+    reason = "the names are the schema's, listed in the manual"
+)]
 pub struct SceneFacts {
-    /// Its name.
     pub name: String,
-    /// Key frames.
     pub keys: usize,
-    /// Vertices in each.
     pub vertices: usize,
-    /// Triangles, inactive ones included.
     pub triangles: usize,
     /// Triangles active in some key frame.
     pub live: usize,
@@ -69,7 +63,7 @@ pub struct SceneFacts {
     pub facts: serde_json::Value,
 }
 
-/// One frame. Times in milliseconds.
+/// One frame. Times in milliseconds, which [`rounded`] makes short.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[expect(
     missing_docs,
@@ -77,40 +71,26 @@ pub struct SceneFacts {
 )]
 pub struct FrameStats {
     pub frame: usize,
-    #[serde(serialize_with = "rounded")]
     pub time: f64,
-    #[serde(serialize_with = "maybe_rounded")]
     pub interpolate_ms: Option<f64>,
-    #[serde(serialize_with = "maybe_rounded")]
     pub preprocess_ms: Option<f64>,
-    #[serde(serialize_with = "maybe_rounded")]
     pub rebuild_ms: Option<f64>,
-    #[serde(serialize_with = "maybe_rounded")]
     pub refit_ms: Option<f64>,
-    #[serde(serialize_with = "maybe_rounded")]
     pub trace_primary_ms: Option<f64>,
-    #[serde(serialize_with = "maybe_rounded")]
     pub trace_shadow_ms: Option<f64>,
-    #[serde(serialize_with = "maybe_rounded")]
     pub device_ms: Option<f64>,
-    #[serde(serialize_with = "maybe_rounded")]
     pub wall_ms: Option<f64>,
-    #[serde(serialize_with = "maybe_rounded")]
     pub build_wait_ms: Option<f64>,
     pub tree_generation: u64,
     pub tree_age_frames: u64,
     pub adopted: bool,
     /// A finished tree was no better than the one in use, or its moment too far off.
     pub rejected: bool,
-    #[serde(serialize_with = "maybe_rounded")]
     pub build_ms: Option<f64>,
-    #[serde(serialize_with = "maybe_rounded")]
     pub convert_ms: Option<f64>,
     pub upload_bytes: u64,
     pub readback_bytes: u64,
-    #[serde(serialize_with = "maybe_rounded")]
     pub sah_ratio: Option<f64>,
-    #[serde(serialize_with = "maybe_rounded")]
     pub sah_cost: Option<f64>,
     pub hits: u64,
     pub blocked: u64,
@@ -156,13 +136,13 @@ pub struct Overview {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Summary {
     /// The middle one (of an even number, the mean of the middle two).
-    #[serde(serialize_with = "rounded")]
+    #[serde(serialize_with = "short")]
     pub median: f64,
     /// The least that 95 of 100 do not exceed (nearest rank).
-    #[serde(serialize_with = "rounded")]
+    #[serde(serialize_with = "short")]
     pub p95: f64,
     /// The largest.
-    #[serde(serialize_with = "rounded")]
+    #[serde(serialize_with = "short")]
     pub worst: f64,
 }
 
@@ -227,18 +207,12 @@ pub const TIMES: [(&str, Time); 11] = [
     ("convert_ms", |f| f.convert_ms),
 ];
 
-/// Sums every time up over the frames that know it.
-#[must_use]
-pub fn summarize(frames: &[FrameStats]) -> BTreeMap<&'static str, Option<Summary>> {
-    let of = |time: Time| Summary::of(frames.iter().filter_map(time));
-    TIMES.iter().map(|&(name, time)| (name, of(time))).collect()
-}
-
 /// Sums everything up over the frames that know it.
 #[must_use]
 pub fn overview(frames: &[FrameStats]) -> Overview {
+    let of = |time: Time| Summary::of(frames.iter().filter_map(time));
     Overview {
-        times: summarize(frames),
+        times: TIMES.iter().map(|&(name, time)| (name, of(time))).collect(),
         host_bytes: Course::of(frames.iter().filter_map(|f| f.host_bytes)),
         device_bytes: Course::of(frames.iter().filter_map(|f| f.device_bytes)),
     }
@@ -256,18 +230,14 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), WriteError>
 }
 
 /// Six digits after the point: nanoseconds of a millisecond.
-fn round(x: f64) -> f64 {
+#[must_use]
+pub fn rounded(x: f64) -> f64 {
     (x * 1e6).round() / 1e6
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
-fn rounded<S: Serializer>(x: &f64, s: S) -> Result<S::Ok, S::Error> {
-    s.serialize_f64(round(*x))
-}
-
-#[expect(clippy::ref_option, reason = "serde's signature")]
-fn maybe_rounded<S: Serializer>(x: &Option<f64>, s: S) -> Result<S::Ok, S::Error> {
-    x.map(round).serialize(s)
+fn short<S: Serializer>(x: &f64, s: S) -> Result<S::Ok, S::Error> {
+    s.serialize_f64(rounded(*x))
 }
 
 #[cfg(test)]
@@ -275,16 +245,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn unknown_numbers_are_null_and_known_ones_are_rounded() {
+    fn unknown_numbers_are_null_and_summaries_are_rounded() {
         let frame = FrameStats {
             refit_ms: Some(1.0 / 3.0),
             sah_ratio: Some(f64::NAN),
             ..FrameStats::default()
         };
         let json = serde_json::to_value(&frame).unwrap();
-        assert_eq!(json["refit_ms"], 0.333_333);
         assert!(json["build_ms"].is_null() && json["sah_ratio"].is_null());
-        let summary = serde_json::to_value(summarize(&[frame])).unwrap();
+        let summary = serde_json::to_value(overview(&[frame])).unwrap();
         assert_eq!(summary["refit_ms"]["median"], 0.333_333);
         assert!(summary["build_ms"].is_null());
     }
@@ -310,12 +279,5 @@ mod tests {
         let json = serde_json::to_value(overview(&[frame(5), frame(2)])).unwrap();
         assert_eq!(json["host_bytes"]["peak"], 5);
         assert!(json["device_bytes"].is_null() && json["refit_ms"].is_null());
-    }
-
-    #[test]
-    fn a_choice_reads_as_a_sentence() {
-        let [what, takes, why] = ["layout", "bvh2", "all have it"].map(str::to_owned);
-        let taken = Taken { what, takes, why };
-        assert_eq!(taken.to_string(), "layout auto takes bvh2: all have it");
     }
 }

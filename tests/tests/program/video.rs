@@ -47,10 +47,8 @@ fn raw(sandbox: &Sandbox) {
     }
     assert!(decoder.read_frame().is_err());
     // To standard output, results then being talk.
-    let output = integration::program::run(
-        sandbox.path(),
-        format!("{RUN} --no-images --fps 12.5 --y4m -").split(' '),
-    );
+    let words = format!("{RUN} --no-images --fps 12.5 --y4m -");
+    let output = integration::program::run_where(sandbox.path(), words.split(' '), &[]);
     assert!(output.status.success());
     assert_eq!(output.stdout, file);
 }

@@ -1,4 +1,4 @@
-//! What may be asked of `bench`.
+//! Options of what measures: `bench` and `chart`.
 
 use super::{
     BackendName, IntersectorName, LayoutName, PoliciesArgs, SizeArgs, SourceArgs, Switch,
@@ -9,7 +9,6 @@ use clap::builder::ArgPredicate;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
-/// Options of `bench`.
 #[derive(Args, Debug)]
 #[command(mut_arg("update", |arg| arg.default_value("rebuild,refit,async")))]
 #[command(mut_arg("size", |arg| arg.default_value("640x360")))]
@@ -96,16 +95,58 @@ pub(crate) struct BenchArgs {
     /// File for the results as a table, a row a run
     #[arg(long, value_name = "FILE", value_parser = values::file())]
     pub(crate) csv: Option<PathBuf>,
-    /// File for a chart of time, memory and start-up against triangles, a curve for each policy and layout; for scenes
-    /// that differ in size
-    #[arg(long, value_name = "FILE.svg", value_parser = values::file())]
-    pub(crate) growth: Option<PathBuf>,
     /// No progress
     #[arg(long, short)]
     pub(crate) quiet: bool,
 }
 
-/// Kinds of rays by name.
+#[derive(Args, Debug)]
+#[command(mut_arg("update", |arg| arg.default_value("rebuild,refit,async")))]
+#[command(mut_arg("size", |arg| arg.default_value("640x400")))]
+pub(crate) struct ChartArgs {
+    /// Scenes; `abvh render --help` tells how they are named
+    #[arg(default_value = "demo:collide", value_parser = values::scene())]
+    pub(crate) scenes: Vec<String>,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+    /// Directory for chart.svg, chart.html, points.csv and points.json
+    #[arg(long, value_name = "DIR", default_value = "abvh-chart", value_parser = values::file())]
+    pub(crate) out: PathBuf,
+    /// Backends; auto is the host's cores and every backend that finds a GPU
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "auto"
+    )]
+    pub(crate) backend: Vec<BackendName>,
+    /// Intersectors
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "moller-trumbore,woop,watertight,exact"
+    )]
+    pub(crate) intersector: Vec<IntersectorName>,
+    #[command(flatten)]
+    pub(crate) policies: PoliciesArgs,
+    /// Frames that are timed: N spread evenly over the motion, or those at key times A..B. The first, which makes the first
+    /// tree, does not count
+    #[arg(long, value_name = "N|A..B", default_value = "12", value_parser = values::frames)]
+    pub(crate) frames: Frames,
+    #[command(flatten)]
+    pub(crate) size: SizeArgs,
+    #[command(flatten)]
+    pub(crate) warm_up: WarmUpArgs,
+    /// Rays of each scene whose answers are compared with exact arithmetic, half of them a camera's, half at random.
+    /// A quarter as many more are aimed at edges and vertices
+    #[arg(long, value_name = "N", default_value = "2000000", value_parser = values::rays)]
+    pub(crate) rays: usize,
+    /// No progress and no remarks
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum RaysName {
     /// Through each pixel, and from there to the light

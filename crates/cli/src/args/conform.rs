@@ -1,14 +1,35 @@
-//! What may be asked of `conform` and `stability`.
+//! Options of what judges: `conform` and `stability`.
 
+use super::BackendName;
 use crate::values;
 use backend::Intersector;
+use clap::Args;
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
-use clap::{Args, ValueEnum};
 use conformance::{LAWS, OWN_TREE_LAWS, REGRESSIONS, Trial};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-/// Options of `conform`.
+#[derive(Args, Debug)]
+pub(crate) struct TestArgs {
+    /// Backends; auto is all that are present. wgpu-wgsl is wgpu with kernels that it translates
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "auto"
+    )]
+    pub(crate) backend: Vec<BackendName>,
+    /// Adapter of the backends, by index or by part of its name
+    #[arg(long, value_name = "INDEX|NAME-PART")]
+    pub(crate) adapter: Option<String>,
+    /// File for the results
+    #[arg(long, value_name = "FILE", value_parser = values::file())]
+    pub(crate) json: Option<PathBuf>,
+    /// No progress
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
+
 #[derive(Args, Debug)]
 pub(crate) struct ConformArgs {
     /// Scenes that rays of --oracle-rays are aimed at, beside the meshes made from the seed
@@ -17,17 +38,8 @@ pub(crate) struct ConformArgs {
     /// Let a scene's files name files outside its folder (mtllib of OBJ, URIs of glTF)
     #[arg(long)]
     pub(crate) allow_outside: bool,
-    /// Backends; auto is all that are present
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "auto"
-    )]
-    pub(crate) backend: Vec<SubjectName>,
-    /// Adapter of the backends, by index or by part of its name
-    #[arg(long, value_name = "INDEX|NAME-PART")]
-    pub(crate) adapter: Option<String>,
+    #[command(flatten)]
+    pub(crate) test: TestArgs,
     /// Decides scenes and rays
     #[arg(long, value_name = "S", default_value = "1")]
     pub(crate) seed: u64,
@@ -61,28 +73,12 @@ pub(crate) struct ConformArgs {
     #[arg(long, value_name = "INTERSECTOR",
         value_parser = PossibleValuesParser::new(["watertight", "exact"]).map(|name| intersector(&name)))]
     pub(crate) intersector: Option<Intersector>,
-    /// File for the results
-    #[arg(long, value_name = "FILE", value_parser = values::file())]
-    pub(crate) json: Option<PathBuf>,
-    /// No progress
-    #[arg(long, short)]
-    pub(crate) quiet: bool,
 }
 
-/// Options of `stability`.
 #[derive(Args, Debug)]
 pub(crate) struct StabilityArgs {
-    /// Backends; auto is all that are present
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "auto"
-    )]
-    pub(crate) backend: Vec<SubjectName>,
-    /// Adapter of the backends, by index or by part of its name
-    #[arg(long, value_name = "INDEX|NAME-PART")]
-    pub(crate) adapter: Option<String>,
+    #[command(flatten)]
+    pub(crate) test: TestArgs,
     /// Intersectors
     #[arg(
         long,
@@ -106,36 +102,8 @@ pub(crate) struct StabilityArgs {
     #[arg(long, value_name = "N", default_value = "32",
         value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub(crate) seeds: u64,
-    /// File for the results
-    #[arg(long, value_name = "FILE", value_parser = values::file())]
-    pub(crate) json: Option<PathBuf>,
-    /// No progress
-    #[arg(long, short)]
-    pub(crate) quiet: bool,
 }
 
-/// What may be held to the laws.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum SubjectName {
-    /// All that are present
-    Auto,
-    /// The host's cores
-    Cpu,
-    /// A graphics processor through Vulkan
-    Vulkan,
-    /// Trees that the Vulkan driver makes and traces, within rounding
-    #[value(name = "vulkan-rt")]
-    VulkanRt,
-    /// The same, built to be traced quickly
-    #[value(name = "vulkan-rt:fast-trace")]
-    VulkanRtFastTrace,
-    /// A graphics processor through wgpu
-    Wgpu,
-    /// The same, with kernels that wgpu translates
-    WgpuWgsl,
-}
-
-/// All laws, of whatever backend.
 fn law_names() -> BTreeSet<&'static str> {
     let all = LAWS.iter().chain(OWN_TREE_LAWS);
     all.map(|l| l.name).collect()

@@ -4,7 +4,6 @@ use super::{BackendName, UpdateName};
 use crate::values;
 use clap::Args;
 
-/// Policies to go through.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct PoliciesArgs {
     /// Update policies
@@ -12,7 +11,6 @@ pub(crate) struct PoliciesArgs {
     pub(crate) update: Vec<UpdateName>,
 }
 
-/// How large frames are.
 #[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct SizeArgs {
     /// Pixels of a frame
@@ -21,35 +19,20 @@ pub(crate) struct SizeArgs {
 }
 
 impl SizeArgs {
-    /// Pixels of a picture.
     pub(crate) fn count(&self) -> usize {
         self.size[0] as usize * self.size[1] as usize
     }
 }
 
 /// How a device is got ready to be measured.
-#[derive(Args, Clone, Copy, Debug, Default)]
+#[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct WarmUpArgs {
     /// Seconds for which a device repeats the first frame of each run, uncounted, before the others. It goes on until that
     /// takes as long as before, for half a second at most. 0 leaves it out [default: 0.7 on a GPU]
     #[arg(long, value_name = "SECONDS", value_parser = values::warm_up)]
-    warm_up: Option<f64>,
+    pub(crate) warm_up: Option<f64>,
 }
 
-impl WarmUpArgs {
-    /// What was asked for.
-    pub(crate) fn warm_up(self) -> Option<f64> {
-        self.warm_up
-    }
-
-    /// The same on a command line, with a blank before it; empty if nothing was asked for.
-    pub(crate) fn words(self) -> String {
-        self.warm_up
-            .map_or(String::new(), |seconds| format!(" --warm-up {seconds}"))
-    }
-}
-
-/// Option of whatever chooses an intersector.
 #[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct ToleranceArgs {
     /// Wrong rays in a million, against exact arithmetic, that --intersector auto may cause. A sample of the run's
@@ -74,7 +57,6 @@ pub(crate) enum Tolerance {
     Share(f64),
 }
 
-/// `TOL` or `TOL%`.
 pub(super) fn tolerance(text: &str) -> Result<Tolerance, String> {
     let number = text.strip_suffix('%').unwrap_or(text);
     match number.trim().parse::<f64>() {

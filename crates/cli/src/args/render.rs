@@ -1,4 +1,4 @@
-//! What may be asked of `render`.
+//! Options of `render`.
 
 use super::{
     CameraArgs, DeviceArgs, MethodArgs, PolicyArgs, SizeArgs, SourceArgs, Switch, ToleranceArgs,
@@ -7,7 +7,6 @@ use crate::values::{self, Frames, Shard, TimeRange};
 use clap::Args;
 use std::path::PathBuf;
 
-/// Options of `render`.
 #[derive(Args, Debug)]
 pub(crate) struct RenderArgs {
     /// Scene: a demo, demo:NAME or demo:NAME:TRIANGLES, of grove, collide, shatter, twist and hall. Or a directory or

@@ -3,13 +3,13 @@
 use super::*;
 use crate::values::Frames;
 
-fn parse(line: &str) -> Result<Command, Stop> {
+fn parse_line(line: &str) -> Result<Command, Stop> {
     let words = line.split_whitespace().map(std::ffi::OsString::from);
-    parse_from(std::iter::once("abvh".into()).chain(words))
+    parse(std::iter::once("abvh".into()).chain(words))
 }
 
 fn refused(line: &str) -> String {
-    match parse(line) {
+    match parse_line(line) {
         Err(Stop::Bad(e)) => {
             let text = e.to_string();
             assert!(!text.starts_with("error"), "{text}");
@@ -24,33 +24,48 @@ fn the_definitions_fit_together() {
     Cli::command().debug_assert();
 }
 
+fn render(line: &str) -> RenderArgs {
+    match parse_line(line) {
+        Ok(Command::Render(args)) => *args,
+        other => panic!("{line}: {other:?}"),
+    }
+}
+
+fn bench(line: &str) -> BenchArgs {
+    match parse_line(line) {
+        Ok(Command::Bench(args)) => *args,
+        other => panic!("{line}: {other:?}"),
+    }
+}
+
 #[test]
-fn no_argument_renders_the_grove() {
-    let Ok(Command::Render(args)) = parse("") else {
-        panic!("no arguments must mean render");
-    };
-    assert_eq!(args.scene, "demo:grove");
-    assert_eq!(args.size.size, [1280, 720]);
+fn each_command_has_defaults_of_its_own() {
+    let args = render("");
+    assert_eq!((&*args.scene, args.size.size), ("demo:grove", [1280, 720]));
     assert_eq!(args.out, PathBuf::from("abvh-out"));
+    let args = bench("bench");
+    assert_eq!(
+        (args.size.size, args.policies.update.len()),
+        ([640, 360], 3)
+    );
+    assert_eq!(args.layout, [LayoutName::Auto]);
 }
 
 #[test]
-fn negative_coordinates_are_values_and_no_options() {
-    let Ok(Command::Render(args)) = parse("render a.obj --eye -1,2,-3 --light=-4,5,6") else {
-        panic!("negative numbers must be taken");
-    };
-    assert_eq!(args.camera.eye, Some([-1.0, 2.0, -3.0]));
-    assert_eq!(args.camera.light, Some([-4.0, 5.0, 6.0]));
-}
-
-#[test]
-fn lists_are_parted_by_commas() {
-    let Ok(Command::Bench(args)) = parse("bench demo:twist --update refit,async --frames 3") else {
-        panic!("lists must be taken");
-    };
+fn lists_and_negative_coordinates_are_values() {
+    let args = render("render a.obj --eye -1,2,-3 --light=-4,5,6");
+    let points = [args.camera.eye, args.camera.light];
+    assert_eq!(points, [Some([-1.0, 2.0, -3.0]), Some([-4.0, 5.0, 6.0])]);
+    let args = bench("bench demo:twist --update refit,async --frames 3 --layout fast --warm-up 0");
     assert_eq!(args.policies.update, [UpdateName::Refit, UpdateName::Async]);
-    assert_eq!(args.scenes, ["demo:twist"]);
-    assert_eq!(args.frames, Frames::Count(3));
+    assert_eq!(
+        (&args.scenes, &args.frames),
+        (&vec!["demo:twist".to_owned()], &Frames::Count(3))
+    );
+    assert_eq!(
+        (args.layout, args.warm_up.warm_up),
+        (vec![LayoutName::Fast], Some(0.0))
+    );
 }
 
 #[test]
@@ -68,25 +83,6 @@ fn help_is_told_in_short_sentences() {
 }
 
 #[test]
-fn each_command_has_defaults_of_its_own() {
-    let Ok(Command::Bench(bench)) = parse("bench") else {
-        panic!("bench goes without options");
-    };
-    assert_eq!(bench.size.size, [640, 360]);
-    assert_eq!(bench.layout, [LayoutName::Auto]);
-    assert_eq!(bench.policies.update.len(), 3);
-    let some = parse("bench demo:twist --layout fast --size 8x8 --warm-up 0");
-    let Ok(Command::Bench(some)) = some else {
-        panic!("options must be taken");
-    };
-    assert_eq!(some.layout, [LayoutName::Fast]);
-    assert_eq!(
-        (some.size.size, &*some.warm_up.words()),
-        ([8, 8], " --warm-up 0")
-    );
-}
-
-#[test]
 fn only_statistics_go_to_standard_output() {
     for line in [
         "render --timeline -",
@@ -94,67 +90,58 @@ fn only_statistics_go_to_standard_output() {
         "trace a.obj --time 0 --rays r.npy --out -",
         "bench --json -",
         "bench --csv -",
-        "bench --growth -",
         "conform --json -",
         "stability --json -",
         "stability --record -",
     ] {
         assert!(refused(line).contains("only --stats"), "{line}");
     }
-    assert!(parse("render --stats -").is_ok());
+    assert!(parse_line("render --stats -").is_ok());
 }
 
 #[test]
 fn what_cannot_be_is_refused_by_name() {
-    assert!(refused("render --size 0x5").contains("--size"));
-    assert!(refused("bench --warm-up 99").contains("60 seconds"));
-    assert!(refused("render --frames 0").contains("--frames"));
-    assert!(refused("render --eye 1,2,nan").contains("nan"));
-    assert!(refused("render --intersector perfect").contains("watertight"));
-    assert!(refused("render --threads 0").contains("--threads"));
-    assert!(refused("trace demo:twist").contains("--rays"));
-    assert!(refused("paint").contains("paint"));
-    assert!(refused("conform --backend opengl").contains("opengl"));
-    assert!(refused("conform --law gravity").contains("gravity"));
-    assert!(refused("conform --case first").contains("sliver-far-away"));
-    assert!(refused("conform --offsets 1e9").contains("1e9"));
-    assert!(refused("stability --backend opengl").contains("opengl"));
-    assert!(refused("stability --intersector sturdy").contains("watertight"));
-    assert!(refused("stability --rays 0").contains("--rays"));
-    assert!(refused("stability --record b.json --seed 2").contains("--seed"));
-    assert!(refused("inspect demo:twist --reduce-keys -1").contains("-1"));
-    for tolerance in ["%", "-1", "-0.1%", "nan", "inf", "inf%", "1%%", "%1"] {
-        let text = refused(&format!("inspect demo:twist --reduce-keys={tolerance}"));
-        assert!(text.contains("0.1%"), "{tolerance}: {text}");
+    for (line, says) in [
+        ("render --size 0x5", "--size"),
+        ("bench --warm-up 99", "60 seconds"),
+        ("render --frames 0", "--frames"),
+        ("render --eye 1,2,nan", "nan"),
+        ("render --intersector perfect", "watertight"),
+        ("render --threads 0", "--threads"),
+        ("trace demo:twist", "--rays"),
+        ("paint", "paint"),
+        ("conform --backend opengl", "opengl"),
+        ("conform --law gravity", "gravity"),
+        ("conform --case first", "sliver-far-away"),
+        ("conform --offsets 1e9", "1e9"),
+        ("stability --backend opengl", "opengl"),
+        ("stability --intersector sturdy", "watertight"),
+        ("stability --rays 0", "--rays"),
+        ("stability --record b.json --seed 2", "--seed"),
+        ("inspect demo:twist --reduce-keys -1", "-1"),
+    ] {
+        assert!(refused(line).contains(says), "{line}");
     }
 }
 
 #[test]
 fn a_tolerance_is_a_length_or_a_share() {
-    for (text, expected) in [
-        ("0", Tolerance::Units(0.0)),
-        ("2.5e-3", Tolerance::Units(2.5e-3)),
-        ("1%", Tolerance::Share(0.01)),
-    ] {
-        let Ok(Command::Inspect(args)) = parse(&format!("inspect a --reduce-keys {text}")) else {
-            panic!("{text}");
-        };
-        assert_eq!(args.reduce_keys, Some(expected));
+    assert_eq!(lists::tolerance("0"), Ok(Tolerance::Units(0.0)));
+    assert_eq!(lists::tolerance("2.5e-3"), Ok(Tolerance::Units(2.5e-3)));
+    assert_eq!(lists::tolerance("1%"), Ok(Tolerance::Share(0.01)));
+    for text in ["%", "-1", "-0.1%", "nan", "inf", "inf%", "1%%", "%1"] {
+        assert!(lists::tolerance(text).unwrap_err().contains("0.1%"));
     }
 }
 
 #[test]
 fn the_intersector_is_watertight_but_where_it_is_left_to_auto() {
-    let intersector = |words: &str| {
-        let words = format!("abvh render demo:twist {words}");
-        match parse_from(words.split(' ').map(Into::into)) {
-            Ok(Command::Render(args)) => args.method.intersector,
-            other => panic!("{other:?}"),
-        }
-    };
-    assert_eq!(intersector("--quiet"), IntersectorName::Watertight);
-    assert_eq!(intersector("--tolerance 3"), IntersectorName::Auto);
-    assert_eq!(intersector("--backend cpu"), IntersectorName::Watertight);
+    let intersector = |line: &str| render(line).method.intersector;
+    assert_eq!(
+        intersector("render --backend cpu"),
+        IntersectorName::Watertight
+    );
+    assert_eq!(intersector("render --tolerance 3"), IntersectorName::Auto);
 }
 
 /// A command line, the option that would do nothing there, and what it stands beside or needs.
@@ -218,11 +205,11 @@ fn what_does_something_is_taken() {
         "bench --predict on,off --builder-threads 2",
         "bench --backend cpu,vulkan-rt --builder-threads 2 --tolerance 2",
         "bench --compare a b --fail-above 3 --json c --quiet",
-        "bench --update async --builder-threads 1,2 --csv c --growth g.svg",
+        "bench --update async --builder-threads 1,2 --csv c",
         "conform --cases 0 --leak-rays 9 --offsets 0 --intersector exact",
         "conform --seed 2 --law closest_hits_equal_the_reference --case 3",
     ] {
-        let taken = parse(line);
+        let taken = parse_line(line);
         assert!(taken.is_ok(), "{line}: {taken:?}");
     }
 }

@@ -1,39 +1,18 @@
 //! Results of a bench: as CSV (RFC 4180), for people, and every run over every other of the same scene.
 
-use super::{Report, Row};
-use crate::memory::DeviceMemory;
+use super::{Report, Row, frame_ms};
 use crate::stop::Stop;
-use crate::table::{grouped, ms, table};
+use crate::table::{Cells, grouped, ms, of_rows, table};
 use crate::warm_up::Warmed;
-use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// Columns of the CSV, named as in the JSON. Times are medians in milliseconds, but for the first frame's.
 const COLUMNS: &str = "scene,triangles,moving,backend,adapter,update,predict,intersector,layout,rays,threads,\
      builder_threads,frames,first_ms,interpolate_ms,preprocess_ms,rebuild_ms,refit_ms,trace_primary_ms,trace_shadow_ms,\
      device_ms,wall_ms,mrays_per_s,build_ms,convert_ms,trees,tree_age_frames,sah_ratio,device_bytes";
 
-const HEAD: [&str; 20] = [
-    "scene", "backend", "update", "method", "moving", "interp", "preproc", "refit", "geometry",
-    "primary", "shadow", "device", "wall", "Mrays/s", "build", "ns/tri", "trees", "age", "SAH",
-    "SAH cost",
-];
-
 /// The most runs of a scene that are all set against each other for people; of more, only the baseline is.
 const MANY: usize = 12;
-
-/// One run over another.
-#[derive(Serialize)]
-pub(super) struct Ratio {
-    scene: String,
-    run: String,
-    /// The rival.
-    over: String,
-    /// Of device times with what a frame waited for its tree.
-    device: Option<f64>,
-    /// Of host times.
-    wall: Option<f64>,
-}
 
 /// A row a run, empty where nothing is known.
 pub(super) fn csv(rows: &[Row]) -> Result<Vec<u8>, Stop> {
@@ -43,7 +22,7 @@ pub(super) fn csv(rows: &[Row]) -> Result<Vec<u8>, Stop> {
     for row in rows {
         let mut json = serde_json::to_value(row).map_err(Stop::failed)?;
         json["rays"] = row.rays.unwrap_or("camera").into();
-        json["device_bytes"] = row.memory.map(DeviceMemory::total).into();
+        json["device_bytes"] = row.memory.as_ref().map(|m| m.total).into();
         let cell = |column: &str| match &json[column] {
             Value::Null => String::new(),
             Value::String(text) => text.clone(),
@@ -68,7 +47,7 @@ pub(super) fn text(report: &Report, against: Option<&str>) -> String {
     adapters.dedup();
     let mut text = format!(
         "medians in ms at {width}x{height} on {cpu}\n{}{}",
-        table(&HEAD, &rows, 4),
+        of_rows(&rows, 4),
         adapters.concat()
     );
     for row in &report.rows {
@@ -88,31 +67,33 @@ pub(super) fn text(report: &Report, against: Option<&str>) -> String {
     text
 }
 
-fn cells(r: &Row) -> Vec<String> {
+fn cells(r: &Row) -> Cells<'static> {
     let show = |value: Option<f64>, show: fn(f64) -> String| value.map_or("-".to_owned(), show);
     let time = |name| show(r.median(name), ms);
     let short = |value| show(value, |x| format!("{x:.2}"));
+    let update = format!("{}{}", r.update, unless_predicted(r, ", unpredicted"));
+    let method = format!("{} {}{}", r.intersector, r.layout, rays(r, ", "));
     vec![
-        r.scene.clone(),
-        r.backend.to_owned(),
-        format!("{}{}", r.update, unless_predicted(r, ", unpredicted")),
-        format!("{} {}{}", r.intersector, r.layout, rays(r, ", ")),
-        grouped(r.moving),
-        time("interpolate_ms"),
-        time("preprocess_ms"),
-        time("refit_ms"),
-        time("geometry_ms"),
-        time("trace_primary_ms"),
-        time("trace_shadow_ms"),
-        time("device_ms"),
-        time("wall_ms"),
-        short(r.mrays_per_s),
-        time("build_ms"),
-        short(r.build_ns_per_triangle),
-        r.trees.to_string(),
-        show(r.median("tree_age_frames"), |x| x.to_string()),
-        short(r.median("sah_ratio")),
-        short(r.median("sah_cost")),
+        ("scene", r.scene.clone()),
+        ("backend", r.backend.to_owned()),
+        ("update", update),
+        ("method", method),
+        ("moving", grouped(r.moving)),
+        ("interp", time("interpolate_ms")),
+        ("preproc", time("preprocess_ms")),
+        ("refit", time("refit_ms")),
+        ("geometry", time("geometry_ms")),
+        ("primary", time("trace_primary_ms")),
+        ("shadow", time("trace_shadow_ms")),
+        ("device", time("device_ms")),
+        ("wall", time("wall_ms")),
+        ("Mrays/s", short(r.mrays_per_s)),
+        ("build", time("build_ms")),
+        ("ns/tri", short(r.build_ns_per_triangle)),
+        ("trees", r.trees.to_string()),
+        ("age", show(r.median("tree_age_frames"), |x| x.to_string())),
+        ("SAH", short(r.median("sah_ratio"))),
+        ("SAH cost", short(r.median("sah_cost"))),
     ]
 }
 
@@ -138,41 +119,31 @@ fn comparable(a: &Row, b: &Row) -> bool {
     (&a.scene, a.rays) == (&b.scene, b.rays)
 }
 
-/// Median of what the device took and what the frame waited for its tree.
-fn frame_ms(r: &Row) -> Option<f64> {
-    let frames = r.per_frame.get(1..).filter(|rest| !rest.is_empty());
-    let all = frames.unwrap_or(&r.per_frame).iter();
-    let ms = all.filter_map(|f| Some(f.device_ms? + f.build_wait_ms.unwrap_or(0.0)));
-    output::Summary::of(ms).map(|s| s.median)
-}
-
 /// Device and host times of one run over those of another.
 fn over(run: &Row, rival: &Row) -> [Option<f64>; 2] {
     let over = |a: Option<f64>, b: Option<f64>| Some(a? / b.filter(|&b| b > 0.0)?);
     let wall = |r: &Row| r.median("wall_ms");
+    let device = |r: &Row| {
+        let ms = r.later_frames().iter().filter_map(frame_ms);
+        output::Summary::of(ms).map(|s| s.median)
+    };
     [
-        over(frame_ms(run), frame_ms(rival)),
+        over(device(run), device(rival)),
         over(wall(run), wall(rival)),
     ]
 }
 
-/// All pairs within each scene.
-pub(super) fn ratios(rows: &[Row]) -> Vec<Ratio> {
+/// Every run over every other of its scene: device times with what a frame waited for its tree, and host times.
+pub(super) fn ratios(rows: &[Row]) -> Vec<Value> {
     let mut all = Vec::new();
     for (i, run) in rows.iter().enumerate() {
-        for (j, rival) in rows.iter().enumerate() {
-            if i == j || !comparable(run, rival) {
-                continue;
-            }
-            let [device, wall] = over(run, rival);
-            all.push(Ratio {
-                scene: run.scene.clone(),
-                run: name(run),
-                over: name(rival),
-                device,
-                wall,
-            });
-        }
+        let rivals = rows.iter().enumerate();
+        let rivals = rivals.filter(|(j, rival)| i != *j && comparable(run, rival));
+        all.extend(rivals.map(|(_, rival)| {
+            let ([device, wall], names) = (over(run, rival), [run, rival].map(name));
+            let scene = &run.scene;
+            json!({ "scene": scene, "run": names[0], "over": names[1], "device": device, "wall": wall })
+        }));
     }
     all
 }

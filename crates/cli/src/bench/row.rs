@@ -1,14 +1,17 @@
-//! One run of a bench: what it is made of, and how it is measured.
+//! One run of a bench: its rays (a camera's with shadows, or such as have nothing in common), and how it is measured.
 
-use super::rays::Bundle;
+use super::FOV;
 use crate::args::RaysName;
 use crate::choose::{self, Ask};
-use crate::memory::{self, DeviceMemory};
+use crate::memory::DeviceMemory;
 use crate::record;
-use crate::session::{self, Session};
+use crate::session;
 use crate::stop::Stop;
 use crate::table::mrays;
 use crate::warm_up::{self, Warmed};
+use backend::{DeviceBytes, Query, QueryKind, Rays};
+use fastrand::Rng;
+use geom::{Aabb, Animation, Camera, Point, Ray};
 use output::{FrameStats, Summary, TIMES, Taken, Time};
 use pipeline::{Frame, FrameRecord, Wanted};
 use scene::Scene;
@@ -19,8 +22,7 @@ use std::collections::BTreeMap;
 #[derive(Serialize)]
 pub(crate) struct Row {
     pub(super) scene: String,
-    pub(crate) triangles: usize,
-    /// Triangles that move.
+    triangles: usize,
     pub(super) moving: usize,
     pub(crate) backend: &'static str,
     pub(crate) adapter: String,
@@ -50,10 +52,9 @@ pub(crate) struct Row {
     /// Trees that were no better than the one in use.
     rejected: usize,
     /// What was left to `auto`.
-    pub(super) auto: Vec<Taken>,
+    auto: Vec<Taken>,
     /// Of the first frame, which waits for the first tree.
-    pub(super) first_ms: Option<f64>,
-    /// The device's memory, where it can tell.
+    first_ms: Option<f64>,
     pub(super) memory: Option<DeviceMemory>,
     /// Every frame, as in the statistics of `render`.
     pub(crate) per_frame: Vec<FrameStats>,
@@ -68,24 +69,31 @@ const MORE: [(&str, Time); 4] = [
 ];
 
 impl Row {
-    /// What is known of a number by its name.
     pub(super) fn median(&self, name: &str) -> Option<f64> {
         self.medians.get(name).copied().flatten()
     }
+
+    /// All frames but the first, which waits for the first tree, unless there is no other.
+    pub(crate) fn later_frames(&self) -> &[FrameStats] {
+        let later = self.per_frame.get(1..).filter(|rest| !rest.is_empty());
+        later.unwrap_or(&self.per_frame)
+    }
+}
+
+/// What the device took, after what the frame waited for its tree.
+pub(crate) fn frame_ms(frame: &FrameStats) -> Option<f64> {
+    Some(frame.device_ms? + frame.build_wait_ms.unwrap_or(0.0))
 }
 
 /// What a run is like, beside what is asked of a session.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run {
-    /// What kind of rays, one a pixel.
     pub(crate) rays: RaysName,
-    /// Pixels of a frame.
     pub(crate) size: [u32; 2],
     /// Seconds for which the device is got ready, if somebody said so.
     pub(crate) warm_up: Option<f64>,
 }
 
-/// One run over `frames`.
 pub(crate) fn measure(
     run: Run,
     (spec, scene): (&str, &Scene),
@@ -99,50 +107,33 @@ pub(crate) fn measure(
         ..*ask
     };
     let mut session = session::start(&scene.animation, &ask)?;
-    let (mut stats, mut held) = (Vec::new(), None);
+    let (mut stats, mut held) = (Vec::new(), None::<DeviceBytes>);
     let mut note = |frame: &FrameRecord| {
         stats.push(record::row(frame));
-        held = memory::larger(held, frame.device_bytes);
+        let both = held.into_iter().chain(frame.device_bytes);
+        held = both.max_by_key(|bytes| bytes.total());
         Ok::<(), Stop>(())
     };
     let driver = &mut session.driver;
     let (warm_up, rest) = warm_up::begin(run.warm_up, driver, frames, query, &mut note)?;
-    driver.run(
-        rest.iter().copied(),
-        query,
-        Wanted::default(),
-        |frame, _| note(frame),
-    )?;
-    let row = row(spec, scene, &session, stats, &bundle);
-    Ok(Row {
-        rays: (run.rays != RaysName::Camera).then_some("random"),
-        warm_up,
-        memory: held.map(|bytes| DeviceMemory::of(bytes, row.triangles)),
-        ..row
-    })
-}
-
-fn row(
-    spec: &str,
-    scene: &Scene,
-    session: &Session,
-    frames: Vec<FrameStats>,
-    bundle: &Bundle,
-) -> Row {
-    let median = |time: Time| Summary::of(frames.iter().filter_map(time)).map(|s| s.median);
-    let triangles = scene.animation.live_count();
+    let rest = rest.iter().copied();
+    driver.run(rest, query, Wanted::default(), |frame, _| note(frame))?;
+    let median = |time: Time| Summary::of(stats.iter().filter_map(time)).map(|s| s.median);
     let named = TIMES.iter().chain(&MORE);
     let medians: BTreeMap<_, _> = named.map(|&(name, time)| (name, median(time))).collect();
-    let [build_ns_per_triangle, convert_ns_per_triangle] = ["build_ms", "convert_ms"]
-        .map(|name| medians[name].map(|ms| ms * 1e6 / triangles.max(1) as f64));
-    let rates = frames.iter().filter_map(|f| {
+    let (triangles, live) = (
+        scene.animation.triangle_count(),
+        scene.animation.live_count(),
+    );
+    let per_triangle = |name: &str| medians[name].map(|ms| ms * 1e6 / live.max(1) as f64);
+    let rates = stats.iter().filter_map(|f| {
         let ms = f.trace_primary_ms? + f.trace_shadow_ms.unwrap_or(0.0);
         mrays(bundle.count(f.hits), ms)
     });
     let device = &session.device;
-    Row {
+    Ok(Row {
         scene: spec.to_owned(),
-        triangles: scene.animation.triangle_count(),
+        triangles,
         moving: scene.animation.moving_count(),
         backend: device.backend,
         adapter: device.adapter.clone(),
@@ -153,20 +144,20 @@ fn row(
         predict: session.predict,
         intersector: session.method[0],
         layout: session.method[1],
-        rays: None,
-        warm_up: None,
-        frames: frames.len(),
-        medians,
+        rays: (run.rays != RaysName::Camera).then_some("random"),
+        warm_up,
+        frames: stats.len(),
         mrays_per_s: Summary::of(rates).map(|s| s.median),
-        build_ns_per_triangle,
-        convert_ns_per_triangle,
-        trees: frames.iter().filter(|f| f.adopted).count(),
-        rejected: frames.iter().filter(|f| f.rejected).count(),
+        build_ns_per_triangle: per_triangle("build_ms"),
+        convert_ns_per_triangle: per_triangle("convert_ms"),
+        trees: stats.iter().filter(|f| f.adopted).count(),
+        rejected: stats.iter().filter(|f| f.rejected).count(),
         auto: session.taken.clone(),
-        first_ms: frames.first().and_then(|f| f.wall_ms),
-        memory: None,
-        per_frame: frames,
-    }
+        first_ms: stats.first().and_then(|f| f.wall_ms),
+        memory: held.map(|bytes| DeviceMemory::of(bytes, triangles)),
+        medians,
+        per_frame: stats,
+    })
 }
 
 /// Milliseconds of a frame's stages before rays; `None` if it left all of them out.
@@ -180,6 +171,77 @@ fn geometry(frame: &FrameStats) -> Option<f64> {
     stages.into_iter().flatten().reduce(|a, b| a + b)
 }
 
+enum Bundle {
+    /// A camera's, and where the light is.
+    Camera(Box<Camera>, Point),
+    /// Single ones, of which the closest hit is sought.
+    List(Vec<Ray>),
+}
+
+impl Bundle {
+    /// Of so many pixels; of as many rays where they are at random.
+    ///
+    /// # Errors
+    /// No camera frames the scene.
+    fn of(
+        kind: RaysName,
+        (spec, animation): (&str, &Animation),
+        size: [u32; 2],
+    ) -> Result<Self, Stop> {
+        let view = output::frame_scene(animation, FOV, size);
+        let camera = view.camera(size);
+        let camera = camera.ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
+        Ok(match kind {
+            RaysName::Camera => Self::Camera(Box::new(camera), view.light),
+            RaysName::Random => Self::List(random(&animation.bounds(), camera.pixels())),
+        })
+    }
+
+    fn query(&self) -> Query<'_> {
+        match self {
+            Self::Camera(camera, light) => Query {
+                rays: Rays::Camera(camera),
+                kind: QueryKind::ClosestAndShadow { light: *light },
+            },
+            Self::List(rays) => Query {
+                rays: Rays::List(rays),
+                kind: QueryKind::Closest,
+            },
+        }
+    }
+
+    /// Rays of a frame with so many hits, those to the light included.
+    fn count(&self, hits: u64) -> f64 {
+        match self {
+            Self::Camera(camera, _) => camera.pixels() as f64 + hits as f64,
+            Self::List(rays) => rays.len() as f64,
+        }
+    }
+}
+
+/// Rays from anywhere in a box in any direction, the same on every machine.
+fn random(bounds: &Aabb, count: usize) -> Vec<Ray> {
+    let mut rng = Rng::with_seed(0);
+    let mut ray = || {
+        let mut at = |i: usize| bounds.min[i] + rng.f32() * (bounds.max[i] - bounds.min[i]);
+        let origin = [at(0), at(1), at(2)];
+        Ray::new(origin, direction(&mut rng))
+    };
+    (0..count).map(|_| ray()).collect()
+}
+
+/// A direction, all equally likely: a point of the unit ball, found by rejection.
+fn direction(rng: &mut Rng) -> Point {
+    loop {
+        let mut side = || 2.0 * rng.f32() - 1.0;
+        let v = [side(), side(), side()];
+        let square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+        if (0.01..=1.0).contains(&square) {
+            return v;
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -191,5 +253,33 @@ mod tests {
         frame.refit_ms = Some(2.0);
         frame.preprocess_ms = Some(0.5);
         assert_eq!(geometry(&frame), Some(2.5));
+    }
+
+    #[test]
+    fn random_rays_fill_the_box_and_all_directions_evenly() {
+        let bounds = Aabb {
+            min: [-1.0, 10.0, 0.0],
+            max: [3.0, 11.0, 0.0],
+        };
+        let rays = random(&bounds, 20_000);
+        assert!(
+            rays.iter()
+                .all(|r| bounds.contains(&Aabb::EMPTY.with_point(r.origin)) && r.is_valid())
+        );
+        let mean = |of: &dyn Fn(&Ray) -> f32| {
+            rays.iter().map(|r| f64::from(of(r))).sum::<f64>() / rays.len() as f64
+        };
+        assert!((mean(&|r| r.origin[0]) - 1.0).abs() < 0.05);
+        assert!((mean(&|r| r.origin[1]) - 10.5).abs() < 0.02);
+        for i in 0..3 {
+            assert!(mean(&|r| r.direction[i]).abs() < 0.02);
+            // A third of the length, each way.
+            let share = |r: &Ray| {
+                let squares = r.direction.map(|x| x * x);
+                squares[i] / squares.iter().sum::<f32>()
+            };
+            assert!((mean(&share) - 1.0 / 3.0).abs() < 0.01);
+        }
+        assert_eq!(random(&bounds, 3), rays[..3]);
     }
 }

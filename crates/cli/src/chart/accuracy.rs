@@ -1,15 +1,125 @@
-//! How often a way is wrong, and how far off where it is right.
+//! Rays of a scene with their exact answers; how often a way is wrong, and how far off where it is right.
 
-use super::truth::{GroundTruth, Sheet};
-use crate::session::{self, Ask};
+use super::rays;
+use crate::args::{BackendName, ChartArgs, IntersectorName, LayoutName, MethodArgs};
+use crate::bench;
+use crate::choose::{self, Ask};
+use crate::session::{self, Session};
 use crate::stop::Stop;
-use backend::Hits;
-use geom::Hit;
-use output::plot::{Aimed, Point, TError};
-use scene::Scene;
+use backend::{Hits, Query, QueryKind, Rays};
+use conformance::oracle::Oracle;
+use geom::{Animation, Hit, Point, Ray};
+use output::plot::{self, Aimed, TError};
+use pipeline::{Frame, Update};
+use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 
-/// What became of a scene's rays.
+/// Moments of a scene at which it is traced.
+const MOMENTS: usize = 4;
+const MOST: usize = 1 << 20;
+
+pub(super) struct GroundTruth {
+    light: Point,
+    sheets: Vec<Sheet>,
+}
+
+struct Sheet {
+    time: f64,
+    rays: Vec<Ray>,
+    /// How many of them come first, before those that are aimed.
+    plain: usize,
+    /// By exact arithmetic: the triangle and the distance.
+    closest: Vec<Option<(u32, f64)>>,
+    /// By the reference: 1 where the hit is in shadow.
+    blocked: Vec<u8>,
+}
+
+impl GroundTruth {
+    pub(super) fn of(animation: &Arc<Animation>, args: &ChartArgs) -> Result<Self, Stop> {
+        let view = output::frame_scene(animation, bench::FOV, args.size.size);
+        let moments = rays::moments(animation, MOMENTS);
+        let plain = args.rays.div_ceil(moments.len());
+        let sheet = |&time: &f64| {
+            let rays = rays::at(animation, &view, time, plain);
+            let oracle = Oracle::at(animation, animation.pose(time));
+            let answer = |ray: &Ray| oracle.closest(ray).map(|hit| (hit.triangle, hit.t));
+            Sheet {
+                time,
+                closest: rays.par_iter().map(answer).collect(),
+                blocked: Vec::new(),
+                plain,
+                rays,
+            }
+        };
+        let mut truth = Self {
+            light: view.light,
+            sheets: moments.iter().map(sheet).collect(),
+        };
+        // Shadows are compared with those of `exact` on the host, over fresh trees.
+        let method = MethodArgs {
+            intersector: IntersectorName::Exact,
+            layout: LayoutName::Bvh2,
+        };
+        let ask = Ask::of(BackendName::Cpu, method, choose::asked(Update::Rebuild));
+        let mut reference = session::start(animation, &ask)?;
+        let mut shadows = Vec::new();
+        truth.trace(&mut reference, |_, _, hits| {
+            shadows.extend_from_slice(&hits.blocked)
+        })?;
+        for sheet in &mut truth.sheets {
+            let rest = shadows.split_off(sheet.rays.len());
+            sheet.blocked = std::mem::replace(&mut shadows, rest);
+        }
+        Ok(truth)
+    }
+
+    /// Traces all rays one way.
+    pub(super) fn judge(
+        &self,
+        animation: &Arc<Animation>,
+        ask: &Ask<'_>,
+    ) -> Result<AnswerCounts, Stop> {
+        let mut session = session::start(animation, ask)?;
+        let mut counts = AnswerCounts::default();
+        self.trace(&mut session, |sheet, range, hits| {
+            counts.add(sheet, range, hits);
+        })?;
+        Ok(counts)
+    }
+
+    /// Traces all by `session`, whose first tree is of the motion's begin; `hear` gets the sheet,
+    /// which of its rays were traced, and what they hit.
+    fn trace(
+        &self,
+        session: &mut Session,
+        mut hear: impl FnMut(&Sheet, Range<usize>, &Hits),
+    ) -> Result<(), Stop> {
+        let mut index = 0;
+        let mut hits = Hits::default();
+        let mut trace = |time: f64, rays: &[Ray]| {
+            let query = Query {
+                rays: Rays::List(rays),
+                kind: QueryKind::ClosestAndShadow { light: self.light },
+            };
+            session.driver.begin(Frame { index, time }, query)?;
+            session.driver.finish(Some(&mut hits))?;
+            index += 1;
+            Ok::<_, Stop>(std::mem::take(&mut hits))
+        };
+        trace(0.0, &[])?;
+        for sheet in &self.sheets {
+            let mut done = 0;
+            for rays in sheet.rays.chunks(MOST) {
+                let hits = trace(sheet.time, rays)?;
+                hear(sheet, done..done + rays.len(), &hits);
+                done += rays.len();
+            }
+        }
+        Ok(())
+    }
+}
+
 #[derive(Debug, Default)]
 pub(super) struct AnswerCounts {
     tested: u64,
@@ -18,20 +128,6 @@ pub(super) struct AnswerCounts {
     aimed: Aimed,
     /// Of `t`, in units in the last place, where the triangle is right.
     errors: Vec<f64>,
-}
-
-/// Traces all rays one way.
-pub(super) fn judge(
-    scene: &Scene,
-    ask: &Ask<'_>,
-    truth: &GroundTruth,
-) -> Result<AnswerCounts, Stop> {
-    let mut session = session::start(&scene.animation, ask)?;
-    let mut counts = AnswerCounts::default();
-    truth.trace(&mut session, |sheet, range, hits| {
-        counts.add(sheet, range, hits);
-    })?;
-    Ok(counts)
 }
 
 impl AnswerCounts {
@@ -55,8 +151,7 @@ impl AnswerCounts {
         }
     }
 
-    /// Writes it into a point.
-    pub(super) fn enter(mut self, point: &mut Point) {
+    pub(super) fn enter(mut self, point: &mut plot::Point) {
         point.rays_tested = self.tested;
         point.wrong = self.wrong;
         point.wrong_shadow = self.wrong_shadow;
@@ -84,7 +179,6 @@ fn off(hit: &Hit, exact: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use geom::Ray;
 
     fn hit(triangle: u32, t: f32) -> Hit {
         Hit {
@@ -123,7 +217,7 @@ mod tests {
         // As if traced in two goes.
         counts.add(&sheet, 0..3, &part(0..3));
         counts.add(&sheet, 3..7, &part(3..7));
-        let mut point = Point::default();
+        let mut point = plot::Point::default();
         counts.enter(&mut point);
         assert_eq!((point.rays_tested, point.wrong), (5, 2));
         assert_eq!(point.wrong_shadow, 1);

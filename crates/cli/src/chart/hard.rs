@@ -1,8 +1,7 @@
 //! Rays at closed bodies and in scenes of mixed range, by every method.
 
-use super::plan::Way;
-use crate::choose;
-use crate::open::{self, Want};
+use crate::choose::{self, Ask};
+use crate::open;
 use crate::stop::Stop;
 use crate::threads;
 use backend::Intersector;
@@ -10,9 +9,7 @@ use conformance::leaks::{self, Aim, LeakPlan, OFFSETS};
 use conformance::stress::{Family, Plan, StressTest};
 use output::plot::{FamilyCounts, Leaks};
 
-/// Decides bodies, scenes and rays.
 const SEED: u64 = 1;
-/// The least rays of an offset.
 const LEAST: usize = 6_000;
 /// Scenes in which sizes or distances differ by many orders of magnitude.
 const MIXED_RANGE: [Family; 3] = [Family::Outlier, Family::Exploding, Family::ExtremeKeys];
@@ -27,17 +24,12 @@ pub(super) fn families(rays: usize) -> Vec<StressTest> {
 /// How often a way's backend and intersector are wrong in scenes of mixed range, and what closed bodies lose of a
 /// quarter of `rays` at each offset, of which a third are aimed from inside at edges and vertices.
 pub(super) fn ask(
-    way: &Way,
+    ask: &Ask<'_>,
     tests: &[StressTest],
     rays: usize,
 ) -> Result<(Vec<FamilyCounts>, Vec<Leaks>), Stop> {
-    let method = choose::method(way.method);
-    let want = Want {
-        backend: way.backend,
-        adapter: None,
-        threads: threads::cores(),
-    };
-    let mut backend = open::open(&want, Ok)?.value;
+    let method = choose::method(ask.method);
+    let mut backend = open::bare(ask.backend, None, threads::cores())?;
     let mut mixed_range = Vec::new();
     for test in tests {
         if let Some(counts) = test.ask(backend.as_mut(), method.intersector)? {

@@ -1,24 +1,21 @@
-//! Which ways of tracing there are here.
+//! Which ways of tracing there are here, and what measures one again.
 
 use crate::adapters;
-use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs, PolicyArgs, UpdateName};
-use crate::choose::{self, Ahead, Choice};
+use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs, word};
+use crate::bench::Row;
+use crate::choose::{self, Ask};
 use crate::open::{self, Presence};
-use crate::session::Ask;
 use crate::stop::Stop;
+use crate::values::Frames;
 use backend::DeviceKind;
 use clap::ValueEnum;
-use pipeline::Update;
 use std::fmt;
 
-/// One way of tracing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Way {
-    pub(super) backend: BackendName,
+    pub(super) ask: Ask<'static>,
     /// Whether somebody named the backend.
     pub(super) named: bool,
-    pub(super) method: MethodArgs,
-    pub(super) update: Choice<Update>,
 }
 
 /// All ways, and why others are none.
@@ -33,25 +30,15 @@ pub(super) struct ChartPlan {
 impl ChartPlan {
     /// Everything with everything, as far as backends support it.
     pub(super) fn of(args: &ChartArgs) -> Result<Self, Stop> {
-        let update = |&update: &UpdateName| {
-            let lockstep = None;
-            choose::update(PolicyArgs { update, lockstep })
-        };
-        let updates: Vec<_> = args
-            .policies
-            .update
-            .iter()
-            .map(update)
-            .collect::<Result<_, _>>()?;
+        let updates = args.policies.update.iter().map(|&u| choose::free_update(u));
+        let updates: Vec<_> = updates.collect();
         let updates = unique(&updates, |u| u.value);
         let (mut ways, mut skipped) = (Vec::new(), Vec::new());
         for (backend, named) in backends(args, &mut skipped) {
             for method in methods(args) {
                 ways.extend(updates.iter().map(|&update| Way {
-                    backend,
+                    ask: Ask::of(backend, method, update),
                     named,
-                    method,
-                    update,
                 }));
             }
         }
@@ -79,7 +66,7 @@ fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<(BackendName, bo
             };
             match why_not(presence) {
                 _ if found.contains(&(name, true)) => {}
-                Some(why) => skipped.push(format!("{} is skipped: {why}", word(name))),
+                Some(why) => skipped.push(format!("{} is skipped: {why}", word(&name))),
                 None => found.push((name, false)),
             }
         }
@@ -89,7 +76,7 @@ fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<(BackendName, bo
         if !is_ours {
             skipped.push(format!(
                 "{} is skipped: what its rays hit is the driver's affair, not an intersector's",
-                word(backend)
+                word(&backend)
             ));
         }
         is_ours
@@ -109,7 +96,6 @@ fn why_not(presence: Presence) -> Option<String> {
     }))
 }
 
-/// Every intersector named with every layout there is.
 fn methods(args: &ChartArgs) -> Vec<MethodArgs> {
     let mut methods = Vec::new();
     for intersector in unique(&args.intersector, |&i| choose::intersector(i).value) {
@@ -134,56 +120,66 @@ fn unique<T: Clone, K: PartialEq>(all: &[T], key: impl Fn(&T) -> K) -> Vec<T> {
     kept
 }
 
-/// A name as it stands on the command line.
-fn word(name: impl ValueEnum) -> String {
-    let value = name.to_possible_value();
-    value.map_or_else(String::new, |v| v.get_name().to_owned())
-}
-
 impl Way {
     /// Whether another traces alike, whatever the update.
     pub(super) fn is_like(&self, other: &Self) -> bool {
-        self.backend == other.backend && self.method == other.method
-    }
-
-    /// As a session wants it.
-    pub(super) fn ask(&self) -> Ask<'static> {
-        Ask {
-            backend: self.backend,
-            adapter: None,
-            threads: None,
-            builder_threads: None,
-            method: self.method,
-            update: self.update,
-            tolerance: 0.0,
-            run: None,
-            rays: 0,
-            ahead: Ahead::default(),
-        }
+        (self.ask.backend, self.ask.method) == (other.ask.backend, other.ask.method)
     }
 }
 
 impl fmt::Display for Way {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [backend, layout] = [word(self.backend), word(self.method.layout)];
-        let intersector = choose::intersector(self.method.intersector).value;
-        write!(
-            f,
-            "{backend} {layout} {intersector} {}",
-            self.update.value.name()
-        )
+        let [backend, layout] = [word(&self.ask.backend), word(&self.ask.method.layout)];
+        let intersector = choose::intersector(self.ask.method.intersector).value;
+        let update = self.ask.update.value.name();
+        write!(f, "{backend} {layout} {intersector} {update}")
+    }
+}
+
+pub(super) fn command(args: &ChartArgs, spec: &str, row: &Row) -> String {
+    let [width, height] = args.size.size;
+    let frames = match &args.frames {
+        Frames::Count(n) => n.to_string(),
+        // One alone would be a count.
+        Frames::Keys(keys) => keys.iter().map(|key| format!("{key},")).collect(),
+    };
+    let mut source = String::new();
+    if (args.source.fps - 24.0).abs() > 0.0 {
+        source += &format!(" --fps {}", args.source.fps);
+    }
+    if let Some(clip) = &args.source.clip {
+        source += &format!(" --clip {}", quoted(clip));
+    }
+    let warm_up = args.warm_up.warm_up;
+    let warm_up = warm_up.map_or(String::new(), |seconds| format!(" --warm-up {seconds}"));
+    format!(
+        "abvh bench {}{source} --backend {} --update {} --intersector {} --layout {} --size {width}x{height} --frames {frames}{warm_up}",
+        quoted(spec),
+        row.backend,
+        row.update,
+        row.intersector,
+        row.layout,
+    )
+}
+
+/// As a shell takes it for one word.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./:,=+@%".contains(c);
+    match !word.is_empty() && word.chars().all(is_plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', "'\\''")),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::{Command, parse_from};
+    use crate::args::{Command, parse};
 
     fn plan(line: &str) -> Result<ChartPlan, Stop> {
         let words = "abvh chart a b a --update refit,async,refit";
         let words = words.split(' ').chain(line.split(' '));
-        match parse_from(words.map(Into::into)) {
+        match parse(words.map(Into::into)) {
             Ok(Command::Chart(args)) => ChartPlan::of(&args),
             other => panic!("{other:?}"),
         }
@@ -209,8 +205,14 @@ mod tests {
     }
 
     #[test]
-    fn a_plan_without_a_way_says_what_is_missing() {
-        let why = plan("--backend vulkan-rt").err().unwrap().text();
-        assert!(why.contains("vulkan-rt is skipped"), "{why}");
+    fn a_shell_reads_every_word_as_one() {
+        for (word, shell) in [
+            ("demo:grove:50", "demo:grove:50"),
+            ("my scene/*.obj", "'my scene/*.obj'"),
+            ("it's", "'it'\\''s'"),
+            ("", "''"),
+        ] {
+            assert_eq!(quoted(word), shell);
+        }
     }
 }

@@ -3,7 +3,7 @@
 use super::Ask;
 use crate::args::BackendName;
 use crate::memory;
-use crate::open::{self, Want};
+use crate::open;
 use crate::stop::Stop;
 use crate::threads::{self, Threads};
 use backend::{Backend, Device, Method};
@@ -12,7 +12,6 @@ use geom::Animation;
 use pipeline::{Driver, DriverOptions, Update};
 use std::sync::Arc;
 
-/// A backend between drivers.
 pub(crate) struct ReusedBackend<'a> {
     pub(super) animation: &'a Arc<Animation>,
     pub(super) device: Device,
@@ -57,7 +56,6 @@ impl<'a> ReusedBackend<'a> {
         Ok(Driver::new(backend, Arc::clone(self.animation), options)?)
     }
 
-    /// Gets the backend back.
     pub(super) fn put_back(&mut self, driver: Driver) {
         self.backend = Some(driver.into_backend());
     }
@@ -71,11 +69,7 @@ impl<'a> ReusedBackend<'a> {
             }
         }
         let named = BackendName::from_str(self.device.backend, true);
-        let want = Want {
-            backend: named.unwrap_or(self.ask.backend),
-            adapter: self.ask.adapter,
-            threads,
-        };
-        Ok(open::open(&want, Ok)?.value)
+        let backend = named.unwrap_or(self.ask.backend);
+        open::bare(backend, self.ask.adapter, threads)
     }
 }

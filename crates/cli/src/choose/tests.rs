@@ -1,25 +1,22 @@
 //! What is settled by rule, and for a small scene on the host.
 
 use super::*;
-use crate::open::{self, Want};
+use crate::open;
 use backend::{QueryKind, Rays};
 use scene::Scene;
 
-fn chosen(update: UpdateName, lockstep: Option<u32>) -> Option<Update> {
-    let chosen = super::update(PolicyArgs { update, lockstep });
-    chosen.ok().map(|c| c.value)
-}
-
 #[test]
-fn lockstep_goes_only_with_async() {
+fn names_mean_what_they_name_and_lockstep_is_async() {
     use UpdateName as U;
-    for update in [U::Rebuild, U::Refit, U::TSah, U::DeviceRebuild] {
-        assert_eq!(chosen(update, Some(1)), None);
-        assert!(chosen(update, None).is_some());
-    }
-    let three = Some(Update::Async(Pace::Lockstep(3)));
-    assert_eq!(chosen(U::Async, Some(3)), three);
-    assert_eq!(chosen(U::Auto, Some(3)), three);
+    let chosen = |update, lockstep| super::update(PolicyArgs { update, lockstep });
+    let three = Update::Async(Pace::Lockstep(3));
+    assert_eq!(chosen(U::Async, Some(3)), asked(three));
+    assert_eq!(chosen(U::Auto, Some(3)).value, three);
+    assert!(chosen(U::Auto, None).is_open && !chosen(U::Refit, None).is_open);
+    let woop = intersector(IntersectorName::Woop);
+    assert_eq!(woop, asked(Intersector::Woop));
+    assert_eq!(layout(LayoutName::Bvh2), Some(Layout::Bvh2));
+    assert_eq!(layout(LayoutName::Auto), None);
 }
 
 #[test]
@@ -81,18 +78,9 @@ fn settled(
             query,
         }),
         ahead: Ahead::of(&frames, Switch::On),
-        ..Ask::of(
-            BackendName::Cpu,
-            method,
-            free_update(UpdateName::Auto).unwrap(),
-        )
+        ..Ask::of(BackendName::Cpu, method, free_update(UpdateName::Auto))
     };
-    let want = Want {
-        backend: BackendName::Cpu,
-        adapter: None,
-        threads: 2,
-    };
-    let backend = open::open(&want, Ok).unwrap().value;
+    let backend = open::bare(BackendName::Cpu, None, 2).unwrap();
     settle(
         &mut ReusedBackend::new(backend, &scene.animation, &ask),
         &ask,
@@ -116,10 +104,10 @@ fn what_is_left_open_is_settled_with_a_reason_and_what_is_named_without() {
     };
     let settled = |count, intersector, ppm| settled(&scene, (count, query), intersector, ppm);
     let taken = settled(32, Watertight, 0.0);
-    let why = taken.why_update.unwrap();
+    let why = taken.why[0].clone().unwrap();
     assert!(why.contains("frames") || why.contains("tree"), "{why}");
     assert_eq!(taken.method.layout, Layout::Fast);
-    assert!(taken.why_layout.is_some() && taken.why_intersector.is_none());
+    assert!(taken.why[2].is_some() && taken.why[1].is_none());
     assert_eq!(settled(1, Watertight, 0.0).update, Update::Refit);
     // Nothing but exact meets a tolerance of nought, and of a little too many rays would be needed.
     for (tolerance, takes, says) in [
@@ -129,7 +117,7 @@ fn what_is_left_open_is_settled_with_a_reason_and_what_is_named_without() {
     ] {
         let taken = settled(32, Auto, tolerance);
         assert_eq!(taken.method.intersector, takes);
-        let why = taken.why_intersector.unwrap();
+        let why = taken.why[1].clone().unwrap();
         assert!(why.contains(says), "{why}");
     }
 }
@@ -149,7 +137,7 @@ fn what_is_wrong_too_often_is_not_taken_however_fast() {
         kind: QueryKind::Closest,
     };
     let taken = settled(&scene, (32, query), IntersectorName::Auto, 200.0);
-    let why = taken.why_intersector.unwrap();
+    let why = taken.why[1].clone().unwrap();
     assert_eq!(taken.method.intersector, Intersector::Exact, "{why}");
     assert!(why.contains("watertight ") && why.contains("woop "));
 }

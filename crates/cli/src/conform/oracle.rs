@@ -6,7 +6,7 @@ use crate::args::ConformArgs;
 use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::subjects::Subject;
-use crate::table::{grouped, table};
+use crate::table::{Cells, grouped, of_rows};
 use backend::{Intersector, Method};
 use conformance::stress::audit::{Audit, AuditCounts, AuditPlan, Batch, BatchSpec, Given};
 use rayon::prelude::*;
@@ -17,21 +17,17 @@ const AHEAD: u64 = 1 << 19;
 /// Wrong rays that are told of in full.
 const TOLD: usize = 12;
 
-/// The scenes that rays are aimed at, beside those made from the seed.
 pub(super) fn open(args: &ConformArgs) -> Result<Vec<Given>, Stop> {
     let options = scene::Options {
         allow_outside: args.allow_outside,
         ..scene::Options::default()
     };
-    let all = args.scene.iter();
-    all.map(|name| {
-        let scene = scene::open(name, &options).map_err(Stop::bad)?;
-        Ok(Given {
-            name: name.clone(),
-            animation: scene.animation,
-        })
-    })
-    .collect()
+    let given = |name: &String| {
+        let animation = scene::open(name, &options).map_err(Stop::bad)?.animation;
+        let name = name.clone();
+        Ok(Given { name, animation })
+    };
+    args.scene.iter().map(given).collect()
 }
 
 /// Holds every subject that traces our trees to the exact answers, if that was asked for.
@@ -53,9 +49,15 @@ pub(super) fn hold(
     }
     let (seed, rays) = (args.seed, args.oracle_rays);
     let audit = Audit::new(AuditPlan { seed, rays }, given);
-    let specs = specs(args, &audit)?;
+    let mut specs = audit.specs();
+    specs.retain(|spec| args.oracle_batch.is_none_or(|number| spec.number == number));
+    if let (true, Some(number)) = (specs.is_empty(), args.oracle_batch) {
+        return Err(Stop::bad(format!(
+            "of {rays} rays there is no batch {number}"
+        )));
+    }
     let chunks = chunks(&specs);
-    let mut progress = Progress::new(chunks.len() as u64, args.quiet);
+    let mut progress = Progress::new(chunks.len() as u64, args.test.quiet);
     let make =
         |specs: &[BatchSpec]| -> Vec<Batch> { specs.par_iter().map(|l| audit.batch(l)).collect() };
     let mut next = chunks.first().map(|c| make(c));
@@ -73,21 +75,6 @@ pub(super) fn hold(
     Ok(())
 }
 
-/// The batches asked for.
-fn specs(args: &ConformArgs, audit: &Audit) -> Result<Vec<BatchSpec>, Stop> {
-    let mut specs = audit.specs();
-    if let Some(number) = args.oracle_batch {
-        specs.retain(|spec| spec.number == number);
-        if specs.is_empty() {
-            let rays = args.oracle_rays;
-            return Err(Stop::bad(format!(
-                "of {rays} rays there is no batch {number}"
-            )));
-        }
-    }
-    Ok(specs)
-}
-
 /// Consecutive batches of about [`AHEAD`] rays together.
 fn chunks(specs: &[BatchSpec]) -> Vec<&[BatchSpec]> {
     let mut sum = 0;
@@ -100,7 +87,6 @@ fn chunks(specs: &[BatchSpec]) -> Vec<&[BatchSpec]> {
     specs.chunk_by(together).collect()
 }
 
-/// Asks all subjects all batches.
 fn ask(
     args: &ConformArgs,
     audit: &Audit,
@@ -166,25 +152,26 @@ impl OracleRow {
         self.intersector == Intersector::Exact.name() && wrong > 0
     }
 
-    fn cells(&self) -> Vec<String> {
+    /// What people read; `wrong` names the column of the intersector's wrong answers.
+    fn cells<'a>(&self, wrong: &'a str) -> Cells<'a> {
         let t = &self.tally;
-        let counts = [
-            self.scenes,
-            t.rays,
-            t.hits,
-            t.ties,
-            t.edges,
-            t.degenerate,
-            t.settled,
-            t.wrong,
-            t.wrong_any,
-            t.wrong_t,
-        ];
-        let words = [self.backend, &self.mesh].map(str::to_owned).into_iter();
-        let counts = counts.iter().map(|&n| grouped(n as usize));
+        let count = |n: u64| grouped(n as usize);
         let per_million = 1e6 * t.wrong as f64 / t.rays.max(1) as f64;
-        let rate = std::iter::once(format!("{per_million:.1}"));
-        words.chain(counts).chain(rate).collect()
+        vec![
+            ("backend", self.backend.to_owned()),
+            ("mesh", self.mesh.clone()),
+            ("scenes", count(self.scenes)),
+            ("rays", count(t.rays)),
+            ("hits", count(t.hits)),
+            ("ties", count(t.ties)),
+            ("on edges", count(t.edges)),
+            ("degenerate", count(t.degenerate)),
+            ("settled", count(t.settled)),
+            (wrong, count(t.wrong)),
+            ("any-hit wrong", count(t.wrong_any)),
+            ("t wrong", count(t.wrong_t)),
+            ("per million", format!("{per_million:.1}")),
+        ]
     }
 }
 
@@ -221,41 +208,19 @@ pub(super) fn text(rows: &[OracleRow]) -> String {
         return String::new();
     };
     let wrong = format!("{} wrong", first.intersector);
-    let head = [
-        "backend",
-        "mesh",
-        "scenes",
-        "rays",
-        "hits",
-        "ties",
-        "on edges",
-        "degenerate",
-        "settled",
-        &wrong,
-        "any-hit wrong",
-        "t wrong",
-        "per million",
-    ];
     let mut all = Vec::new();
     for of_backend in rows.chunk_by(|a, b| a.backend == b.backend) {
-        all.extend(of_backend.iter().map(OracleRow::cells));
-        all.push(sum(of_backend).cells());
+        let mut sum = OracleRow {
+            mesh: "all".to_owned(),
+            ..of_backend[0].clone()
+        };
+        for row in &of_backend[1..] {
+            sum.scenes += row.scenes;
+            sum.tally += row.tally.clone();
+        }
+        all.extend(of_backend.iter().chain([&sum]).map(|row| row.cells(&wrong)));
     }
-    table(&head, &all, 2)
-}
-
-fn sum(rows: &[OracleRow]) -> OracleRow {
-    let mut sum = OracleRow {
-        mesh: "all".to_owned(),
-        scenes: 0,
-        tally: AuditCounts::default(),
-        ..rows[0].clone()
-    };
-    for row in rows {
-        sum.scenes += row.scenes;
-        sum.tally += row.tally.clone();
-    }
-    sum
+    of_rows(&all, 2)
 }
 
 #[cfg(test)]

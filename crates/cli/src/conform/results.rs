@@ -1,24 +1,20 @@
 //! What `conform` found, as JSON and for people.
 
 use super::oracle::{self, OracleRow};
-use crate::subjects::{Absent, Examined, Machine, roll};
-use crate::table::{grouped, table};
+use crate::subjects::{Examined, Tested};
+use crate::table::{grouped, of_rows, table};
 use conformance::leaks;
 use serde::{Serialize, Serializer};
 use serde_json::json;
 
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 pub(super) struct Report {
-    pub(super) schema: u32,
-    pub(super) version: &'static str,
-    pub(super) command_line: Vec<String>,
+    #[serde(flatten)]
+    pub(super) tested: Tested,
     pub(super) seed: u64,
     /// Cases that each law was to see, beside those that failed once.
     pub(super) cases: u32,
     pub(super) leak_rays: u64,
-    pub(super) machine: Machine,
-    pub(super) backends: Vec<Examined>,
-    pub(super) absent: Vec<Absent>,
     pub(super) rows: Vec<PropertyRow>,
     #[serde(serialize_with = "leak_rows")]
     pub(super) leaks: Vec<LeakRow>,
@@ -33,7 +29,6 @@ pub(super) struct Report {
 /// Rays of one sort at one body, by one backend.
 pub(super) type LeakRow = (&'static str, leaks::LeakRow);
 
-/// One law on one backend.
 #[derive(Serialize)]
 pub(super) struct PropertyRow {
     pub(super) law: &'static str,
@@ -86,7 +81,7 @@ impl Report {
     }
 
     pub(super) fn text(&self) -> String {
-        let mut text = roll(&self.backends, &self.absent);
+        let mut text = self.tested.text();
         if !self.rows.is_empty() {
             text += &self.law_table();
         }
@@ -108,47 +103,56 @@ impl Report {
     /// Laws down, backends across.
     fn law_table(&self) -> String {
         let mut head = vec!["law"];
-        head.extend(self.backends.iter().map(|b| b.backend));
-        let rows: Vec<Vec<String>> = self
-            .rows
-            .chunks(self.backends.len())
-            .map(|of_one_law| {
-                let cell = |r: &PropertyRow| match r.disagreement {
-                    None => format!("held {}", r.held),
-                    Some(_) => "DISAGREES".to_owned(),
-                };
-                let name = of_one_law[0].law.replace('_', " ");
-                std::iter::once(name)
-                    .chain(of_one_law.iter().map(cell))
-                    .collect()
-            })
-            .collect();
+        head.extend(self.tested.backends.iter().map(|b| b.backend));
+        let mut rows: Vec<Vec<String>> = Vec::new();
+        let mut laws = Vec::new();
+        for PropertyRow { law, .. } in &self.rows {
+            if laws.contains(law) {
+                continue;
+            }
+            laws.push(law);
+            let cell = |b: &Examined| {
+                let this = |r: &&PropertyRow| (&r.law, r.backend) == (law, b.backend);
+                match self.rows.iter().find(this) {
+                    None => "-".to_owned(),
+                    Some(r) if r.disagreement.is_some() => "DISAGREES".to_owned(),
+                    Some(r) => format!("held {}", r.held),
+                }
+            };
+            let cells = self.tested.backends.iter().map(cell).collect();
+            rows.push([vec![law.replace('_', " ")], cells].concat());
+        }
         table(&head, &rows, 1)
     }
 
     fn leak_table(&self) -> String {
-        let head = "backend body aim side offset rays leaks counted miscounts";
-        let head: Vec<_> = head.split(' ').collect();
         let row = |(backend, r): &LeakRow| {
             let [aim, side] = sort(r);
-            let words = [*backend, r.body, aim, side].map(str::to_owned);
-            let counts = [r.rays, r.leaks, r.counted, r.miscounts];
-            let counts = counts.iter().map(|&n| grouped(n as usize));
-            let offset = std::iter::once(r.offset.to_string());
-            words.into_iter().chain(offset).chain(counts).collect()
+            let count = |n: u64| grouped(n as usize);
+            vec![
+                ("backend", (*backend).to_owned()),
+                ("body", r.body.to_owned()),
+                ("aim", aim.to_owned()),
+                ("side", side.to_owned()),
+                ("offset", r.offset.to_string()),
+                ("rays", count(r.rays)),
+                ("leaks", count(r.leaks)),
+                ("counted", count(r.counted)),
+                ("miscounts", count(r.miscounts)),
+            ]
         };
-        let rows: Vec<_> = self.leaks.iter().map(row).collect();
-        table(&head, &rows, 4)
+        of_rows(&self.leaks.iter().map(row).collect::<Vec<_>>(), 4)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::subjects::Absent;
 
     fn report(disagreement: Option<&str>) -> Report {
-        let row = |backend, disagreement: Option<&str>| PropertyRow {
-            law: "a_b",
+        let row = |backend, law, disagreement: Option<&str>| PropertyRow {
+            law,
             backend,
             held: 3,
             disagreement: disagreement.map(str::to_owned),
@@ -157,45 +161,36 @@ mod tests {
         };
         let examined = |backend| Examined {
             backend,
-            adapter: "adapter".to_owned(),
-            driver: String::new(),
-            kind: "cpu",
-            threads: 1,
-            arithmetic: String::new(),
+            ..Examined::default()
         };
         Report {
-            schema: 1,
-            version: "0",
-            command_line: Vec::new(),
-            seed: 1,
-            cases: 4,
-            leak_rays: 0,
-            machine: Machine {
-                cpu: None,
-                cores: 1,
-                os: "",
+            tested: Tested {
+                backends: vec![examined("x"), examined("y")],
+                absent: vec![Absent {
+                    backend: "z",
+                    reason: "no driver".to_owned(),
+                }],
+                ..Tested::default()
             },
-            backends: vec![examined("x"), examined("y")],
-            absent: vec![Absent {
-                backend: "z",
-                reason: "no driver".to_owned(),
-            }],
-            rows: vec![row("x", None), row("y", disagreement)],
-            leaks: Vec::new(),
-            leak_examples: Vec::new(),
-            oracle_rays: 0,
-            oracle: Vec::new(),
-            oracle_examples: Vec::new(),
+            // In the order in which they are tried.
+            rows: vec![
+                row("x", "a_b", None),
+                row("x", "c_d", None),
+                row("y", "a_b", disagreement),
+            ],
+            ..Report::default()
         }
     }
 
     #[test]
     fn a_disagreement_comes_with_the_command_that_shows_it() {
         let text = report(Some("law a_b: 1 is not 2")).text();
+        let words = text.split(' ').filter(|word| !word.is_empty());
+        let words: Vec<_> = words.collect();
+        let text = words.join(" ") + &text;
         for part in [
-            "a b",
-            "held 3",
-            "DISAGREES",
+            "a b held 3 DISAGREES",
+            "c d held 3 - ",
             "z: absent; no driver",
             "y: law a_b: 1 is not 2",
             "\n    abvh conform --case 3\n",

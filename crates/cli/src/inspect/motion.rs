@@ -5,7 +5,6 @@ use geom::{Animation, Point, Pose, is_active, is_degenerate};
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// How vertices move.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Motion {
     /// Share of the vertices that are elsewhere in some key frame.
@@ -19,13 +18,10 @@ pub(super) struct Motion {
 /// The least and the most over all key frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub(super) struct Spread {
-    /// The least.
     pub(super) min: usize,
-    /// The most.
     pub(super) max: usize,
 }
 
-/// What never moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub(super) struct Still {
     /// Vertices that never move: see [`geom::StaticParts`].
@@ -41,7 +37,6 @@ pub(super) struct Still {
 /// The first tree at another time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Decay {
-    /// The time, in key frames.
     pub(super) time: f64,
     /// Its refitted cost.
     pub(super) refitted: f64,
@@ -51,7 +46,6 @@ pub(super) struct Decay {
     pub(super) ratio: Option<f64>,
 }
 
-/// Counts what never moves.
 pub(super) fn still(animation: &Animation) -> Still {
     let parts = animation.static_parts();
     let (keys, vertices) = (animation.keys().len(), parts.vertex_count());

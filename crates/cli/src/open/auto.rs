@@ -4,7 +4,7 @@
 //! graphics code on the same cores. Nothing is listed or opened before its
 //! turn, for both take time.
 
-use super::{Known, Want};
+use super::Known;
 use crate::adapters::{self, Adapter};
 use crate::stop::Stop;
 use backend::{Backend, DeviceKind};
@@ -17,20 +17,20 @@ const PREFERENCE: [DeviceKind; 3] = [DeviceKind::Gpu, DeviceKind::Cpu, DeviceKin
 const BY_NAME: &str = "its driver traces too: where hardware does that, --backend vulkan-rt is the faster choice, to be \
      asked for by name since what it hits is the driver's affair";
 
-/// Takes the best of `known` that can be made ready, among the adapters that `want` names if it does; says why in one
+/// Takes the best of `known` that can be made ready, on the adapter that is asked for if one is; says why in one
 /// line. `traces` says whether an adapter's driver answers ray queries, which hardware may do.
 ///
 /// # Errors
 /// Nothing works, or the name means several adapters of one backend, or none.
 pub(super) fn take<T>(
     known: &[&Known<'_>],
-    want: &Want<'_>,
+    (asked, threads): (Option<&str>, usize),
     traces: &dyn Fn(&Adapter) -> bool,
     ready: impl Fn(Box<dyn Backend>) -> Result<T, Stop>,
 ) -> Result<(T, String), Stop> {
     let mut search = Search {
         known,
-        asked: want.adapter,
+        asked,
         lists: known.iter().map(|_| OnceCell::new()).collect(),
         passed: Vec::new(),
     };
@@ -41,12 +41,12 @@ pub(super) fn take<T>(
                 continue;
             }
             for adapter in search.fits(i, kind)? {
-                let opened = (rival.open)(Some(&adapter), want.threads);
+                let opened = (rival.open)(Some(&adapter), threads);
                 match opened.map_err(Stop::from).and_then(&ready) {
                     Ok(value) => return Ok((value, search.why(rival, &adapter, traces))),
                     Err(stop) => {
                         let (name, adapter) = (rival.text, &adapter.name);
-                        search.pass(format!("{name} on {adapter}: {}", stop.text()));
+                        search.pass(format!("{name} on {adapter}: {}", stop));
                         broken = Some(stop);
                     }
                 }

@@ -4,6 +4,12 @@
 //! counts as unknown too: it is written as `null` and read back as `None`.
 
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+
+/// Rays that wrong answers are counted per.
+const PER: f64 = 1e6;
+/// Two-sided 95 % of the normal distribution.
+const Z: f64 = 1.959_964;
 
 /// All that one chart shows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -16,9 +22,6 @@ pub struct Chart {
     pub scenes: Vec<Scene>,
     /// What was measured, in any order.
     pub points: Vec<Point>,
-    /// What else is known.
-    #[serde(default)]
-    pub companions: Companions,
 }
 
 /// What did the work.
@@ -159,35 +162,6 @@ pub struct Leaks {
     pub double_hits: u64,
 }
 
-/// What stands below the main panels, beside what the points themselves tell.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Companions {
-    /// How many key frames a scene needs; one curve a scene.
-    pub key_frames: Vec<KeyFrames>,
-}
-
-/// How many key frames one scene needs, and what they cost.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct KeyFrames {
-    /// The scene.
-    pub scene: String,
-    /// In any order.
-    pub steps: Vec<KeyFrameStep>,
-}
-
-/// A scene reduced to the key frames that a tolerance asks for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct KeyFrameStep {
-    /// How far a vertex may be from its place, as a fraction of the scene's diagonal.
-    pub tolerance: Option<f64>,
-    /// Key frames that were kept.
-    pub key_frames: u64,
-    /// How far a vertex is at most, as a fraction of the scene's diagonal.
-    pub max_error: Option<f64>,
-    /// Milliseconds a frame with these key frames.
-    pub ms: Option<f64>,
-}
-
 /// The number if it is one.
 pub(crate) fn known(x: Option<f64>) -> Option<f64> {
     x.filter(|x| x.is_finite())
@@ -203,5 +177,134 @@ impl Point {
             &self.update,
         ]
         .join(" ")
+    }
+}
+
+/// Wrong answers per million rays, with an interval that covers the true rate in 95 of 100 cases.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Rate {
+    pub(crate) value: f64,
+    pub(crate) low: f64,
+    pub(crate) high: f64,
+}
+
+impl Rate {
+    /// `wrong` of `tested`; `None` if nothing was tested.
+    ///
+    /// For none wrong the bound is the rule of three, `3 / tested` (one-sided; Hanley, Lippman-Hand 1983);
+    /// otherwise Wilson's score interval (Wilson 1927).
+    pub(crate) fn of(wrong: u64, tested: u64) -> Option<Self> {
+        if tested == 0 {
+            return None;
+        }
+        let n = tested as f64;
+        let p = wrong.min(tested) as f64 / n;
+        let scale = 1.0 / (1.0 + Z * Z / n);
+        let middle = (p + Z * Z / (2.0 * n)) * scale;
+        let half = Z * scale * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt();
+        let [low, high] = match wrong {
+            0 => [0.0, (3.0 / n).min(1.0)],
+            _ => [(middle - half).clamp(0.0, p), (middle + half).clamp(p, 1.0)],
+        };
+        let [value, low, high] = [p, low, high].map(|x| x * PER);
+        Some(Self { value, low, high })
+    }
+}
+
+/// A point that can be drawn.
+#[derive(Clone, Copy)]
+pub(crate) struct Dot<'a> {
+    pub(crate) point: &'a Point,
+    /// Its place in [`Chart::points`].
+    pub(crate) index: usize,
+    /// Median milliseconds a frame; then where its interval begins and ends.
+    pub(crate) ms: [f64; 3],
+    pub(crate) wrong: Rate,
+}
+
+impl<'a> Dot<'a> {
+    /// `None` if there is no time above zero, or no ray was tested.
+    fn of((index, point): (usize, &'a Point)) -> Option<Self> {
+        let Spread { median, p5, p95 } = point.ms_per_frame;
+        let above_zero = |x| known(x).filter(|&x| x > 0.0);
+        let ms = above_zero(median)?;
+        let end = |x| above_zero(x).unwrap_or(ms);
+        Some(Self {
+            index,
+            point,
+            ms: [ms, end(p5).min(ms), end(p95).max(ms)],
+            wrong: Rate::of(point.wrong, point.rays_tested)?,
+        })
+    }
+}
+
+impl Chart {
+    /// The points of a scene that can be drawn; of all scenes without a name.
+    pub(crate) fn dots<'a>(&'a self, scene: Option<&str>) -> Vec<Dot<'a>> {
+        let all = self.points.iter().enumerate();
+        let of_scene = all.filter(|(_, p)| scene.is_none_or(|name| p.scene == name));
+        of_scene.filter_map(Dot::of).collect()
+    }
+
+    /// The Pareto front: points of a scene that no other beats in both speed and accuracy, fastest first. Of equal points
+    /// only the first is in it.
+    pub(crate) fn front<'a>(&'a self, scene: &str) -> Vec<Dot<'a>> {
+        let mut dots = self.dots(Some(scene));
+        dots.sort_by(|a, b| {
+            let by_rate = a.wrong.value.total_cmp(&b.wrong.value);
+            a.ms[0].total_cmp(&b.ms[0]).then(by_rate)
+        });
+        let mut least = f64::INFINITY;
+        dots.retain(|dot| {
+            let is_better = dot.wrong.value < least;
+            least = least.min(dot.wrong.value);
+            is_better
+        });
+        dots
+    }
+
+    /// Whether a point is on the front of its scene.
+    pub(crate) fn is_on_front(&self, index: usize) -> bool {
+        let front = self.front(&self.points[index].scene);
+        front.iter().any(|dot| dot.index == index)
+    }
+
+    /// Offsets that any point was measured at.
+    pub(crate) fn offsets(&self) -> Vec<f64> {
+        let leaks = self.points.iter().flat_map(|p| &p.leaks);
+        let mut offsets: Vec<f64> = leaks.filter_map(|l| known(l.offset)).collect();
+        offsets.sort_by(f64::total_cmp);
+        offsets.dedup();
+        offsets
+    }
+
+    /// Families of mixed range that any point was measured in.
+    pub(crate) fn families(&self) -> BTreeSet<&str> {
+        let all = self.points.iter().flat_map(|p| &p.mixed_range);
+        all.map(|f| &*f.family).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rates_have_their_intervals() {
+        // None of a million: the rule of three. 10 of 100: Wilson's interval, 0.0552 to 0.1744 by its formula.
+        for (wrong, tested, expected) in [
+            (0, 1_000_000, [0.0, 0.0, 3.0]),
+            (0, 2, [0.0, 0.0, 1e6]),
+            (10, 100, [1e5, 55_230.0, 174_370.0]),
+            (u64::MAX, u64::MAX, [1e6, 1e6, 1e6]),
+        ] {
+            let r = Rate::of(wrong, tested).unwrap();
+            let off = [r.value, r.low, r.high].into_iter().zip(expected);
+            assert!(off.map(|(a, b)| (a - b).abs()).all(|d| d < 10.0), "{r:?}");
+        }
+        assert_eq!(Rate::of(0, 0), None);
+        // More wrong than tested is all wrong.
+        let r = Rate::of(9, 3).unwrap();
+        assert!(r.value == 1e6 && r.high == 1e6 && r.low > 2e5 && r.low < 1e6);
     }
 }

@@ -1,33 +1,22 @@
 //! Charts: measured points in, pictures and tables out.
 //!
 //! A [`Chart`] shows milliseconds a frame against wrong answers per million rays, both logarithmic, with a place of their
-//! own for points that had none wrong. Further panels show hard rays, leaks and double hits by offset, and key frames.
-//! A [`Growth`] shows how time, memory and start-up grow with a scene.
+//! own for points that had none wrong. Further panels show hard rays, and leaks and double hits by offset.
 //!
 //! `plotters` draws. Nothing is measured here and no file is touched. Equal data give equal bytes. No data panics:
 //! what is missing, not finite or absurd is left out, and where that hides a point the picture says so.
 
-mod axis;
 mod data;
-mod growth;
-mod html;
 mod look;
 mod page;
 mod panel;
-mod rate;
-mod side;
 mod table;
 #[cfg(test)]
 mod tests;
 
-pub use data::{
-    Adapter, Aimed, Chart, Companions, FamilyCounts, KeyFrameStep, KeyFrames, Leaks, Machine,
-    Point, Scene, Spread, TError,
-};
-pub use growth::{Growth, GrowthPoint, growth_svg};
-pub use html::html;
-pub use page::svg;
-pub use table::{HEAD, SCHEMA, csv, json, rows};
+pub use data::{Adapter, Aimed, Chart, FamilyCounts, Leaks, Machine, Point, Scene, Spread, TError};
+pub use page::{html, svg};
+pub use table::{SCHEMA, count, csv, json, rows};
 
 use plotters::drawing::DrawingAreaErrorKind;
 

@@ -1,22 +1,27 @@
-//! The page of speed against accuracy: a plane for each scene, then what else is known.
+//! The page of speed against accuracy: a plane for each scene, then hard rays, leaks and double hits.
 
 use super::Result;
-use super::axis::Axis;
-use super::data::{Chart, Point, Scene, known};
-use super::look::{Assigned, BACKENDS, GREY, INTERSECTORS, LAYOUTS, Look, Shape, UPDATES, find};
-use super::panel::{Area, Legend, Mark, Panel, Series, page, words};
-use super::rate::Rate;
-use super::side::{key_frames, side_panels};
-use super::table::{count, described, escape};
-use plotters::style::RGBColor;
+use super::data::{Chart, Leaks, Machine, Point, Rate, Scene};
+use super::look::{GREY, INK, Look, Looks, PLAIN};
+use super::panel::{Axis, LINE, Mark, Panel, WIDTH, font, short};
+use super::table::{count, described, escape, number, row};
+use plotters::backend::SVGBackend;
+use plotters::drawing::IntoDrawingArea;
+use plotters::element::Text;
+use plotters::style::{FontStyle, WHITE};
 use std::fmt::Write as _;
 
-/// Rays that wrong answers are counted per.
-pub(crate) const PER: f64 = 1e6;
-/// Heights of a plane, of a panel of its own row, and of one of two in a row.
+/// Letters of a title, which nobody cuts to the page's width.
+const TITLE: usize = 64;
+/// Heights of a plane and of a panel below.
 const PLANE: u32 = 540;
-const WIDE: u32 = 320;
-const HALF: u32 = 330;
+const SIDE: u32 = 320;
+
+const STYLE: &str = "body { font: 15px sans-serif; margin: 1em auto; max-width: 1000px; color: #1a1a1a; background: #fff }\n\
+    svg { max-width: 100%; height: auto }\n\
+    .wide { overflow-x: auto }\n\
+    table { border-collapse: collapse; white-space: nowrap }\n\
+    th, td { padding: 0.2em 0.6em; border-bottom: 1px solid #ddd; text-align: left }\n";
 
 /// The chart as an SVG picture, 1000 pixels wide, on white. Pointing at a mark of a plane shows its numbers.
 ///
@@ -24,95 +29,77 @@ const HALF: u32 = 330;
 /// See [`super::ChartError`].
 pub fn svg(chart: &Chart) -> Result<String> {
     let looks = Looks::of(&chart.points);
-    let scenes = scenes(chart);
-    let side = side_panels(chart, &looks);
-    let keys = key_frames(chart);
-    let mut heights = vec![PLANE; scenes.len()];
-    heights.extend(side.iter().map(|_| WIDE));
-    heights.extend(keys.iter().map(|_| HALF).take(1));
-    let mut targets = String::new();
-    let drawn = page(&chart.title, &words(&chart.machine), &heights, |areas| {
-        let (planes, below) = areas.split_at(scenes.len());
-        for (scene, area) in scenes.iter().zip(planes) {
-            plane(area, chart, scene, &looks, &mut targets)?;
+    let mut panels = planes(chart, &looks);
+    panels.extend(side_panels(chart, &looks));
+    let words = words(&chart.machine);
+    let head = 46 + 19 * words.len() as u32;
+    let height = head + panels.iter().map(|p| p.height).sum::<u32>();
+    let (mut drawn, mut targets) = (String::new(), String::new());
+    {
+        let sheet = SVGBackend::with_string(&mut drawn, (WIDTH, height)).into_drawing_area();
+        sheet.fill(&WHITE)?;
+        let bold = font(24, INK, FontStyle::Bold);
+        sheet.draw(&Text::new(short(&chart.title, TITLE), (14, 12), bold))?;
+        for (words, y) in words.iter().zip((44..).step_by(19)) {
+            let font = font(14, GREY, FontStyle::Normal);
+            sheet.draw(&Text::new(short(words, LINE), (14, y), font))?;
         }
-        let (wide, halves) = below.split_at(side.len());
-        for ((panel, series), area) in side.iter().zip(wide) {
-            panel.draw(area, series)?;
-        }
-        for area in halves {
-            let halves = area.split_evenly((1, keys.len()));
-            for ((panel, series), area) in keys.iter().zip(&halves) {
-                panel.draw(area, series)?;
+        let mut rest = sheet.split_vertically(head).1;
+        for panel in &panels {
+            let (area, below) = rest.split_vertically(panel.height);
+            rest = below;
+            let places = panel.draw(&area)?;
+            let told = panel.marks.iter().zip(places);
+            for (mark, (x, y)) in told.filter(|(m, _)| !m.about.is_empty()) {
+                // Writing to a string cannot fail.
+                let _ = writeln!(
+                    targets,
+                    "<circle cx=\"{x}\" cy=\"{y}\" r=\"9\" fill=\"none\" pointer-events=\"all\"><title>{}</title></circle>",
+                    escape(&mark.about),
+                );
             }
         }
-        Ok(())
-    })?;
+        sheet.present()?;
+    }
     let title = format!(">\n<title>{}</title>\n", escape(&chart.title));
     let drawn = drawn.replacen(">\n", &title, 1);
     let drawn = drawn.trim_end().trim_end_matches("</svg>");
     Ok(format!("{drawn}{targets}</svg>\n"))
 }
 
-/// A point that can be drawn.
-#[derive(Clone, Copy)]
-pub(crate) struct Dot<'a> {
-    pub(crate) point: &'a Point,
-    /// Its place in [`Chart::points`].
-    pub(crate) index: usize,
-    ms: f64,
-    /// Wrong answers per [`PER`] rays.
-    wrong: Rate,
+/// Lines under the title: what did the work.
+fn words(machine: &Machine) -> Vec<String> {
+    let join = |parts: &[&str], between| {
+        let parts = parts.iter().filter(|p| !p.is_empty());
+        parts.copied().collect::<Vec<_>>().join(between)
+    };
+    let version = match machine.version.as_str() {
+        "" => String::new(),
+        version => format!("abvh {version}"),
+    };
+    let cpu = machine.cpu.as_deref().unwrap_or_default();
+    let mut lines = vec![join(&[cpu, &version, &machine.date], " · ")];
+    lines.extend(machine.adapters.iter().map(|a| {
+        let device = join(&[&a.adapter, &a.driver], ", ");
+        format!("{}: {device}", a.backend)
+    }));
+    lines.retain(|l| !l.is_empty());
+    lines
 }
 
-impl<'a> Dot<'a> {
-    /// `None` if there is no time above zero, or no ray was tested.
-    fn of((index, point): (usize, &'a Point)) -> Option<Self> {
-        Some(Self {
-            index,
-            point,
-            ms: known(point.ms_per_frame.median).filter(|&ms| ms > 0.0)?,
-            wrong: Rate::of(point.wrong, point.rays_tested)?.per(PER),
-        })
-    }
-
-    fn mark(&self) -> Mark {
-        let spread = self.point.ms_per_frame;
-        let end = |x| known(x).filter(|&x| x > 0.0).unwrap_or(self.ms);
-        let ms = [end(spread.p5).min(self.ms), end(spread.p95).max(self.ms)];
-        Mark {
-            bars: Some([ms, [self.wrong.low, self.wrong.high]]),
-            ..Mark::new(self.ms, self.wrong.value)
-        }
-    }
-}
-
-fn dots<'a>(chart: &'a Chart, scene: &str) -> Vec<Dot<'a>> {
-    let all = chart.points.iter().enumerate();
-    all.filter(|(_, p)| p.scene == scene)
-        .filter_map(Dot::of)
-        .collect()
-}
-
-/// The Pareto front: points of a scene that no other beats in both speed and accuracy, fastest first. Of equal points
-/// only the first is in it.
-pub(crate) fn front<'a>(chart: &'a Chart, scene: &str) -> Vec<Dot<'a>> {
-    let mut dots = dots(chart, scene);
-    dots.sort_by(|a, b| {
-        let by_rate = a.wrong.value.total_cmp(&b.wrong.value);
-        a.ms.total_cmp(&b.ms).then(by_rate)
-    });
-    let mut least = f64::INFINITY;
-    dots.retain(|dot| {
-        let is_better = dot.wrong.value < least;
-        least = least.min(dot.wrong.value);
-        is_better
-    });
-    dots
-}
-
-/// The scenes that were described, each once, then those that only points name; one without a name if there is none.
-fn scenes(chart: &Chart) -> Vec<Scene> {
+/// Milliseconds a frame against wrong answers: the scenes that were described, each once, then those that only points
+/// name; one without a name if there is none. They share their axes, so that they can be compared.
+fn planes(chart: &Chart, looks: &Looks) -> Vec<Panel> {
+    let everywhere = chart.dots(None);
+    let ms = everywhere.iter().flat_map(|d| d.ms);
+    let wrong = everywhere.iter().map(|d| d.wrong);
+    let axes = [
+        Axis::log("milliseconds a frame: median, 5 to 95 %", ms),
+        Axis::log(
+            "wrong answers per million rays, 95 % interval",
+            wrong.flat_map(|r| [r.value, r.low, r.high]),
+        ),
+    ];
     let mut scenes: Vec<Scene> = Vec::new();
     let named = chart.points.iter().map(|p| Scene {
         name: p.scene.clone(),
@@ -126,114 +113,35 @@ fn scenes(chart: &Chart) -> Vec<Scene> {
     if scenes.is_empty() {
         scenes.push(Scene::default());
     }
-    scenes
+    let plane = |scene: &Scene| plane(chart, scene, looks, axes.clone());
+    scenes.iter().map(plane).collect()
 }
 
-/// What stands for each name among some points.
-pub(crate) struct Looks {
-    pub(crate) backends: Assigned<RGBColor>,
-    pub(crate) intersectors: Assigned<Shape>,
-    updates: Assigned<f64>,
-    layouts: Assigned<f64>,
-}
-
-impl Looks {
-    fn of(points: &[Point]) -> Self {
-        Self {
-            backends: BACKENDS.assign(points.iter().map(|p| &*p.backend)),
-            intersectors: INTERSECTORS.assign(points.iter().map(|p| &*p.intersector)),
-            updates: UPDATES.assign(points.iter().map(|p| &*p.update)),
-            layouts: LAYOUTS.assign(points.iter().map(|p| &*p.layout)),
-        }
-    }
-
-    fn of_point(&self, point: &Point) -> Look {
-        Look {
-            colour: find(&self.backends, &point.backend).unwrap_or(GREY),
-            shape: find(&self.intersectors, &point.intersector).unwrap_or(Shape::CIRCLE),
-            fill: find(&self.updates, &point.update).unwrap_or(1.0),
-            radius: find(&self.layouts, &point.layout).unwrap_or(5.0),
-        }
-    }
-
-    /// What a legend says of colours, shapes, fills and sizes.
-    fn legend(&self) -> Vec<Series> {
-        let grey = Look {
-            colour: GREY,
-            shape: Shape::CIRCLE,
-            fill: 1.0,
-            radius: 6.0,
-        };
-        let mut legend = Vec::new();
-        let backends = |colour| Look { colour, ..grey };
-        group(&mut legend, "backend", &self.backends, backends);
-        let intersectors = |shape| Look { shape, ..grey };
-        group(&mut legend, "intersector", &self.intersectors, intersectors);
-        let updates = |fill| Look { fill, ..grey };
-        group(&mut legend, "update", &self.updates, updates);
-        let layouts = |radius| Look { radius, ..grey };
-        group(&mut legend, "layout", &self.layouts, layouts);
-        legend
-    }
-}
-
-/// Entries of a legend below their heading.
-pub(crate) fn group<T: Copy>(
-    legend: &mut Vec<Series>,
-    heading: &str,
-    names: &Assigned<T>,
-    look: impl Fn(T) -> Look,
-) {
-    let entry = |name: &str, look| Series {
-        name: name.to_owned(),
-        look,
-        ..Series::default()
-    };
-    legend.push(entry(heading, None));
-    legend.extend(names.iter().map(|(n, x)| entry(n, Some(look(*x)))));
-}
-
-/// Milliseconds a frame against wrong answers of one scene; adds places to point at.
-fn plane(
-    area: &Area<'_>,
-    chart: &Chart,
-    scene: &Scene,
-    looks: &Looks,
-    targets: &mut String,
-) -> Result<()> {
-    // All scenes share their axes, so that planes can be compared.
-    let everywhere = chart.points.iter().enumerate().filter_map(Dot::of);
-    let everywhere: Vec<Mark> = everywhere.map(|d| d.mark()).collect();
-    let values = |axis: usize| {
-        let of = move |m: &Mark| [&[m.at[axis]][..], &m.bars.unwrap_or_default()[axis]].concat();
-        everywhere.iter().flat_map(of)
-    };
-    let dots = dots(chart, &scene.name);
-    let panel = Panel {
+fn plane(chart: &Chart, scene: &Scene, looks: &Looks, axes: [Axis; 2]) -> Panel {
+    let dots = chart.dots(Some(&scene.name));
+    let marks = dots.iter().map(|dot| Mark {
+        at: [dot.ms[0], dot.wrong.value],
+        bars: [[dot.ms[1], dot.ms[2]], [dot.wrong.low, dot.wrong.high]],
+        look: looks.of_point(dot.point),
+        about: format!("{}; {}", described(dot.point), dot.point.command),
+    });
+    let front = chart.front(&scene.name);
+    let mut legend = looks.legend();
+    legend.push(("fastest of its accuracy".to_owned(), None));
+    legend.extend((1..).zip(&front).map(|(i, dot)| {
+        let name = format!("{i} {}", dot.point.name());
+        (name, Some(looks.of_point(dot.point)))
+    }));
+    Panel {
         title: heading(chart, scene, dots.len()),
-        x: Axis::log("milliseconds a frame: median, 5 to 95 %", values(0)),
-        y: Axis::log("wrong answers per million rays, 95 % interval", values(1)),
-        legend: Legend::Beside,
-    };
-    let of_dot = |dot: &Dot<'_>| Series {
-        look: Some(looks.of_point(dot.point)),
-        marks: vec![dot.mark()],
-        ..Series::default()
-    };
-    let mut series: Vec<Series> = dots.iter().map(of_dot).collect();
-    series.extend(looks.legend());
-    series.extend(front_series(&front(chart, &scene.name), looks));
-    let places = panel.draw(area, &series)?;
-    for (dot, (x, y)) in dots.iter().zip(places) {
-        let words = format!("{}; {}", described(dot.point), dot.point.command);
-        // Writing to a string cannot fail.
-        let _ = writeln!(
-            targets,
-            "<circle cx=\"{x}\" cy=\"{y}\" r=\"9\" fill=\"none\" pointer-events=\"all\"><title>{}</title></circle>",
-            escape(&words),
-        );
+        height: PLANE,
+        axes,
+        marks: marks.collect(),
+        front: (front.iter())
+            .map(|dot| [dot.ms[0], dot.wrong.value])
+            .collect(),
+        legend,
     }
-    Ok(())
 }
 
 /// What a plane is about, and what it does not show.
@@ -254,30 +162,122 @@ fn heading(chart: &Chart, scene: &Scene, drawn: usize) -> String {
     words
 }
 
-/// The front as a line of steps, left of which and below which nothing was measured; its points by number.
-fn front_series(front: &[Dot<'_>], looks: &Looks) -> Vec<Series> {
-    let mut steps = Vec::new();
-    let mut above = f64::INFINITY;
-    for dot in front {
-        let y = dot.wrong.value;
-        steps.extend([Mark::new(dot.ms, above), Mark::new(dot.ms, y)]);
-        above = y;
-    }
-    steps.push(Mark::new(f64::INFINITY, above));
-    let line = Series {
-        name: "fastest of its accuracy".to_owned(),
-        marks: steps,
-        line: Some((RGBColor(0xb4, 0xb4, 0xb4), 4)),
-        ..Series::default()
+/// What went wrong in one place, such as an offset: how many of how many rays, by each point that knows.
+type Place = (String, Vec<Option<(u64, u64)>>);
+
+/// Panels with a place for each family of rays or offset, and marks for each backend and intersector.
+fn side_panels(chart: &Chart, looks: &Looks) -> Vec<Panel> {
+    let place = |name: &str, read: &dyn Fn(&Point) -> Option<(u64, u64)>| -> Place {
+        (name.to_owned(), chart.points.iter().map(read).collect())
     };
-    let numbered = (1..).zip(front).map(|(i, dot)| Series {
-        name: format!("{i} {}", dot.point.name()),
-        look: Some(looks.of_point(dot.point)),
-        marks: vec![Mark {
-            words: i.to_string(),
-            ..Mark::new(dot.ms, dot.wrong.value)
-        }],
-        line: None,
-    });
-    std::iter::once(line).chain(numbered).collect()
+    let aimed = |p: &Point| Some((p.aimed.wrong, p.aimed.rays));
+    let mut hard = vec![place("edges and vertices", &aimed)];
+    hard.extend(chart.families().into_iter().map(|family| {
+        place(family, &|p| {
+            let found = p.mixed_range.iter().find(|f| f.family == family)?;
+            Some((found.wrong, found.rays))
+        })
+    }));
+    let by_offset = |read: fn(&Leaks) -> (u64, u64)| -> Vec<Place> {
+        let at = |offset: f64| {
+            place(&number(offset), &|p| {
+                p.leaks.iter().find(|l| l.offset == Some(offset)).map(read)
+            })
+        };
+        chart.offsets().into_iter().map(at).collect()
+    };
+    let offset = "offset of the mesh from the origin, in its own sizes";
+    let all = [
+        (
+            "Hard rays: at edges and vertices of the scene, and in scenes of mixed range",
+            ["family of rays", "wrong per million"],
+            hard,
+        ),
+        (
+            "Leaks: rays from inside closed meshes that met nothing",
+            [offset, "leaks per million"],
+            by_offset(|l| (l.leaks, l.rays)),
+        ),
+        (
+            "Double hits: rays that crossed an edge of a closed mesh twice",
+            [offset, "double hits per million"],
+            by_offset(|l| (l.double_hits, l.counted)),
+        ),
+    ];
+    let panel = |(title, axes, places)| side_panel(title, axes, places, &chart.points, looks);
+    all.into_iter().filter_map(panel).collect()
+}
+
+/// `None` if no point knows. Marks stand side by side, so that equal ones do not hide each other.
+fn side_panel(
+    title: &str,
+    [x, y]: [&'static str; 2],
+    places: Vec<Place>,
+    points: &[Point],
+    looks: &Looks,
+) -> Option<Panel> {
+    let shapes = looks.intersectors.iter();
+    let methods = shapes.flat_map(|i| looks.backends.iter().map(move |b| (i, b)));
+    let methods: Vec<_> = methods.collect();
+    let mut marks = Vec::new();
+    for (nth, ((intersector, shape), (backend, colour))) in methods.iter().enumerate() {
+        let beside = 0.8 * ((nth as f64 + 0.5) / methods.len() as f64 - 0.5);
+        for (at, (_, counts)) in places.iter().enumerate() {
+            let of = points.iter().zip(counts);
+            let of = of.filter(|(p, _)| p.backend == *backend && p.intersector == *intersector);
+            let rates = of.filter_map(|(_, &counts)| counts.and_then(|(n, of)| Rate::of(n, of)));
+            // The highest rate among all measurements.
+            let worst = rates.max_by(|a, b| a.value.total_cmp(&b.value));
+            marks.extend(worst.map(|rate| Mark {
+                at: [at as f64 + beside, rate.value],
+                bars: [[0.0; 2], [rate.low, rate.high]],
+                look: Look {
+                    colour: *colour,
+                    shape: *shape,
+                    ..PLAIN
+                },
+                about: String::new(),
+            }));
+        }
+    }
+    let rates = marks.iter().flat_map(|m| [m.at[1], m.bars[1][1]]);
+    let names = places.into_iter().map(|(name, _)| name);
+    let axes = [Axis::named(x, names), Axis::log(y, rates)];
+    (!marks.is_empty()).then(|| Panel {
+        title: title.to_owned(),
+        height: SIDE,
+        axes,
+        marks,
+        front: Vec::new(),
+        legend: Vec::new(),
+    })
+}
+
+/// The chart as one HTML file that asks for nothing from outside, and says so to the browser.
+///
+/// # Errors
+/// See [`super::ChartError`].
+pub fn html(chart: &Chart) -> Result<String> {
+    let picture = svg(chart)?;
+    let title = escape(&chart.title);
+    let cell = |tag: &str, text: &str| format!("<{tag}>{}</{tag}>", escape(text));
+    let head = row(&Point::default());
+    let head: String = head.iter().map(|(name, _)| cell("th", name)).collect();
+    let mut out = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
+         <title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
+         <p>Point at a mark to see its numbers and the command that times it again.</p>\n\
+         <figure>\n{picture}</figure>\n\
+         <h2>All points</h2>\n<p>★: no other point of its scene is both faster and more often right.</p>\n\
+         <div class=\"wide\"><table>\n<thead><tr><th></th>{head}<th>command</th></tr></thead>\n<tbody>\n"
+    );
+    for (i, point) in chart.points.iter().enumerate() {
+        let cells = row(point).into_iter();
+        let cells: String = cells.map(|(_, text)| cell("td", &text)).collect();
+        let star = if chart.is_on_front(i) { "★" } else { "" };
+        let command = escape(&point.command);
+        out += &format!("<tr><td>{star}</td>{cells}<td><code>{command}</code></td></tr>\n");
+    }
+    Ok(out + "</tbody>\n</table></div>\n</body>\n</html>\n")
 }

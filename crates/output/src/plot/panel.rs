@@ -1,303 +1,278 @@
-//! Pages of panels, each with axes, series of marks and a legend: the work of `plotters`.
+//! A pair of axes with its marks and its legend: the work of `plotters`.
 
 use super::Result;
-use super::axis::Axis;
-use super::data::Machine;
-use super::look::{GREY, INK, Look, Shape};
-use plotters::backend::{DrawingBackend, SVGBackend};
-use plotters::chart::{ChartBuilder, ChartContext, SeriesLabelPosition};
+use super::look::{Entry, GREY, INK, Look};
+use plotters::backend::SVGBackend;
+use plotters::chart::ChartBuilder;
 use plotters::coord::Shift;
-use plotters::coord::cartesian::Cartesian2d;
-use plotters::drawing::{DrawingArea, IntoDrawingArea};
-use plotters::element::{Drawable, EmptyElement, ErrorBar, PathElement, PointCollection, Text};
-use plotters::style::{Color, FontStyle, IntoFont, RGBColor, TRANSPARENT, TextStyle, WHITE};
-use plotters_backend::DrawingErrorKind;
-use std::f64::consts::{PI, TAU};
-use std::iter::{Once, once};
+use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
+use plotters::coord::types::RangedCoordf64;
+use plotters::drawing::DrawingArea;
+use plotters::element::{Circle, EmptyElement, ErrorBar, PathElement, Polygon, Text};
+use plotters::style::{Color, FontStyle, IntoFont, RGBColor, TRANSPARENT, TextStyle};
+use std::ops::Range;
 
 /// Pixels across a page.
-const WIDTH: u32 = 1000;
-/// Room for a legend beside a panel.
+pub(crate) const WIDTH: u32 = 1000;
+/// Room for a legend beside a panel, and between its lines.
 const LEGEND: u32 = 285;
-/// Letters of a title, which nobody cuts to the page's width.
-const TITLE: usize = 64;
-const LINE: usize = 120;
+const LEADING: usize = 17;
+/// Letters that fit across a page, and across a legend.
+pub(crate) const LINE: usize = 120;
 const ENTRY: usize = 38;
+/// A logarithmic axis covers at least so many decades.
+const LEAST_DECADES: f64 = 1.0;
+/// The most decades in which 2 and 5 are named too, and the most that are all named.
+const FEW_DECADES: f64 = 3.5;
+const MOST_DECADES: f64 = 9.0;
 
 /// A page or a part of it.
 pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Context<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<Axis, Axis>>;
 
-/// Marks that look alike, and what the legend calls them.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Series {
-    /// Nothing where another panel's legend says it.
-    pub(crate) name: String,
-    pub(crate) look: Option<Look>,
-    pub(crate) marks: Vec<Mark>,
-    /// A line through all marks.
-    pub(crate) line: Option<(RGBColor, u32)>,
+/// One axis. Its positions are logarithms to base ten, or ordinal numbers of names.
+#[derive(Clone, Debug)]
+pub(crate) struct Axis {
+    /// What it is about, unit included.
+    title: &'static str,
+    /// First and last position.
+    range: [f64; 2],
+    /// Positions that are named.
+    ticks: Vec<(f64, String)>,
+    /// Where zeros stand on a logarithmic axis.
+    zero: Option<f64>,
 }
 
-/// A value pair with its intervals.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Mark {
-    pub(crate) at: [f64; 2],
-    /// Intervals of both values, where they are known.
-    pub(crate) bars: Option<[[f64; 2]; 2]>,
-    /// A letter or two beside the mark.
-    pub(crate) words: String,
-}
-
-impl Mark {
-    pub(crate) fn new(x: f64, y: f64) -> Self {
+impl Axis {
+    /// A logarithmic axis over the positive ones of `values`, with a place below them if any is zero.
+    pub(crate) fn log(title: &'static str, values: impl IntoIterator<Item = f64>) -> Self {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut has_zero = false;
+        for value in values {
+            has_zero |= value == 0.0;
+            if value > 0.0 && value.is_finite() {
+                (low, high) = (low.min(value.log10()), high.max(value.log10()));
+            }
+        }
+        if low > high {
+            (low, high) = (0.0, 1.0);
+        }
+        let wider = (0.5 * (LEAST_DECADES - (high - low))).max(0.04 * (high - low));
+        (low, high) = (low - wider, high + wider);
+        let mut ticks = log_ticks(low, high);
+        let zero = low - 0.08 * (high - low);
+        if has_zero {
+            ticks.insert(0, (zero, "none".to_owned()));
+            low = zero - 0.06 * (high - low);
+        }
         Self {
-            at: [x, y],
-            ..Self::default()
+            title,
+            range: [low, high],
+            ticks,
+            zero: Some(zero),
         }
     }
+
+    /// One place a name, at 0, 1, 2 and so on.
+    pub(crate) fn named(title: &'static str, names: impl IntoIterator<Item = String>) -> Self {
+        let ticks: Vec<_> = (0..).map(f64::from).zip(names).collect();
+        Self {
+            title,
+            range: [-0.5, ticks.len().max(1) as f64 - 0.5],
+            ticks,
+            zero: None,
+        }
+    }
+
+    /// Where a value stands: within the range, whatever the value.
+    fn at(&self, value: f64) -> f64 {
+        let [low, high] = self.range;
+        let position = match self.zero {
+            Some(_) if value > 0.0 => value.log10(),
+            Some(zero) => zero,
+            None => value,
+        };
+        position.clamp(low, high)
+    }
+}
+
+impl Ranged for Axis {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, position: &f64, pixels: (i32, i32)) -> i32 {
+        RangedCoordf64::from(self.range()).map(position, pixels)
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        let is_named = !hint.weight().allow_light_points();
+        let ticks = self.ticks.iter().filter(|_| is_named);
+        ticks.map(|t| t.0).collect()
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.range[0]..self.range[1]
+    }
+}
+
+impl ValueFormatter<f64> for Axis {
+    /// The name of a position that has one.
+    fn format_ext(&self, position: &f64) -> String {
+        let found = self.ticks.iter().find(|t| t.0 == *position);
+        found.map_or_else(String::new, |t| t.1.clone())
+    }
+}
+
+/// 1, 2 and 5 in each of few decades, else their beginnings, or of many only some.
+fn log_ticks(low: f64, high: f64) -> Vec<(f64, String)> {
+    let digits: &[u8] = match high - low < FEW_DECADES {
+        true => &[1, 2, 5],
+        false => &[1],
+    };
+    let step = ((high - low) / MOST_DECADES).ceil().max(1.0) as usize;
+    let decades = (low.floor() as i32..=high.floor() as i32).step_by(step);
+    let ticks = decades.flat_map(|e| digits.iter().map(move |&d| (d, e)));
+    let at = |(d, e): (u8, i32)| (f64::from(d).log10() + f64::from(e), power(d, e));
+    let within = |t: &(f64, String)| (low..=high).contains(&t.0);
+    ticks.map(at).filter(within).collect()
+}
+
+/// `digit * 10^e`, in plain digits where they are few.
+fn power(digit: u8, e: i32) -> String {
+    let scientific = format!("{digit}e{e}");
+    match scientific.parse::<f64>() {
+        Ok(value) if (-3..6).contains(&e) => value.to_string(),
+        _ => scientific,
+    }
+}
+
+/// A value pair with intervals of both values.
+#[derive(Clone, Debug)]
+pub(crate) struct Mark {
+    pub(crate) at: [f64; 2],
+    pub(crate) bars: [[f64; 2]; 2],
+    pub(crate) look: Look,
+    /// What is told of it beside the pointer; empty if nothing is.
+    pub(crate) about: String,
 }
 
 /// A pair of axes.
 pub(crate) struct Panel {
     pub(crate) title: String,
-    pub(crate) x: Axis,
-    pub(crate) y: Axis,
-    /// Where the legend is, if there is one.
-    pub(crate) legend: Legend,
-}
-
-#[derive(Clone, Copy)]
-pub(crate) enum Legend {
-    None,
-    Beside,
-    UpperLeft,
-}
-
-/// Draws a page: title and words, then rows of these heights, which `draw` fills.
-pub(crate) fn page(
-    title: &str,
-    words: &[String],
-    heights: &[u32],
-    draw: impl FnOnce(&[Area<'_>]) -> Result<()>,
-) -> Result<String> {
-    let head = 46 + 19 * words.len() as u32;
-    let height = head + heights.iter().sum::<u32>();
-    let mut svg = String::new();
-    {
-        let sheet = SVGBackend::with_string(&mut svg, (WIDTH, height)).into_drawing_area();
-        sheet.fill(&WHITE)?;
-        let font = font(24, INK, FontStyle::Bold);
-        sheet.draw(&Text::new(short(title, TITLE), (14, 12), font))?;
-        for (words, y) in words.iter().zip((44..).step_by(19)) {
-            let font = self::font(14, GREY, FontStyle::Normal);
-            sheet.draw(&Text::new(short(words, LINE), (14, y), font))?;
-        }
-        let mut rest = sheet.split_vertically(head).1;
-        let mut rows = Vec::new();
-        for &height in heights {
-            let (row, below) = rest.split_vertically(height);
-            rows.push(row);
-            rest = below;
-        }
-        draw(&rows)?;
-        sheet.present()?;
-    }
-    Ok(svg)
-}
-
-/// Lines under the title: what did the work.
-pub(crate) fn words(machine: &Machine) -> Vec<String> {
-    let join = |parts: &[&str], between| {
-        let parts: Vec<_> = parts.iter().filter(|p| !p.is_empty()).copied().collect();
-        parts.join(between)
-    };
-    let version = match machine.version.as_str() {
-        "" => String::new(),
-        version => format!("abvh {version}"),
-    };
-    let cpu = machine.cpu.as_deref().unwrap_or_default();
-    let mut lines = vec![join(&[cpu, &version, &machine.date], " · ")];
-    lines.extend(machine.adapters.iter().map(|a| {
-        let device = join(&[&a.adapter, &a.driver], ", ");
-        format!("{}: {device}", a.backend)
-    }));
-    lines.retain(|l| !l.is_empty());
-    lines
+    /// Pixels.
+    pub(crate) height: u32,
+    pub(crate) axes: [Axis; 2],
+    pub(crate) marks: Vec<Mark>,
+    /// A line of steps through numbered places.
+    pub(crate) front: Vec<[f64; 2]>,
+    /// Beside the panel, if there is any.
+    pub(crate) legend: Vec<Entry>,
 }
 
 impl Panel {
-    /// Fills `area`; says at which pixels the marks are, series by series.
-    pub(crate) fn draw(&self, area: &Area<'_>, series: &[Series]) -> Result<Vec<(i32, i32)>> {
-        let (area, beside) = match self.legend {
-            Legend::Beside => area.split_horizontally(WIDTH - LEGEND),
-            _ => (area.clone(), area.clone()),
-        };
+    /// Fills `area`; says at which pixels of the page the marks are.
+    pub(crate) fn draw(&self, area: &Area<'_>) -> Result<Vec<(i32, i32)>> {
+        let beside = if self.legend.is_empty() { 0 } else { LEGEND };
+        let (area, legend) = area.split_horizontally(WIDTH - beside);
+        self.draw_legend(&legend)?;
+        let [x, y] = &self.axes;
         let mut chart = ChartBuilder::on(&area)
             .margin(8)
             .margin_right(14)
             .caption(short(&self.title, LINE), font(15, INK, FontStyle::Bold))
             .x_label_area_size(46)
             .y_label_area_size(84)
-            .build_cartesian_2d(self.x.clone(), self.y.clone())?;
+            .build_cartesian_2d(x.clone(), y.clone())?;
         chart
             .configure_mesh()
-            .x_desc(self.x.title)
-            .y_desc(self.y.title)
+            .x_desc(x.title)
+            .y_desc(y.title)
             .axis_desc_style(font(14, INK, FontStyle::Normal))
             .label_style(font(13, INK, FontStyle::Normal))
             .bold_line_style(RGBColor(0xdd, 0xdd, 0xdd))
             .light_line_style(TRANSPARENT)
             .axis_style(GREY)
             .draw()?;
-        self.draw_series(&mut chart, series)?;
-        match self.legend {
-            Legend::None => {}
-            Legend::UpperLeft => {
-                draw_legend(&mut chart, series, SeriesLabelPosition::UpperLeft)?;
+        let at = |[a, b]: [f64; 2]| (x.at(a), y.at(b));
+        for Mark {
+            at: place,
+            bars: [xs, ys],
+            look,
+            ..
+        } in &self.marks
+        {
+            let (place, style) = (at(*place), look.colour.mix(0.5).filled());
+            let [x0, x1] = xs.map(|value| x.at(value));
+            let [y0, y1] = ys.map(|value| y.at(value));
+            if x0 < x1 {
+                chart
+                    .draw_series([ErrorBar::new_horizontal(place.1, x0, place.0, x1, style, 6)])?;
             }
-            Legend::Beside => {
-                let empty = || Axis::named("", []);
-                let mut legend = ChartBuilder::on(&beside)
-                    .margin_top(24)
-                    .build_cartesian_2d(empty(), empty())?;
-                draw_legend(&mut legend, series, SeriesLabelPosition::UpperLeft)?;
+            if y0 < y1 {
+                chart.draw_series([ErrorBar::new_vertical(place.0, y0, place.1, y1, style, 6)])?;
             }
         }
-        let marks = series.iter().flat_map(|s| &s.marks);
-        Ok(marks.map(|m| chart.backend_coord(&self.at(m.at))).collect())
+        let line = RGBColor(0xb4, 0xb4, 0xb4).stroke_width(4);
+        let steps: Vec<_> = steps(&self.front).into_iter().map(at).collect();
+        chart.draw_series((!steps.is_empty()).then(|| PathElement::new(steps, line)))?;
+        let places = self.marks.iter().map(|m| chart.backend_coord(&at(m.at)));
+        let places: Vec<_> = places.collect();
+        let (left, top) = area.get_base_pixel();
+        for (mark, (x, y)) in self.marks.iter().zip(&places) {
+            draw_mark(&area, (x - left, y - top), mark.look)?;
+        }
+        chart.draw_series((1..).zip(&self.front).map(|(i, place)| {
+            let words = Text::new(i.to_string(), (9, -17), font(15, INK, FontStyle::Bold));
+            EmptyElement::at(at(*place)) + words
+        }))?;
+        Ok(places)
     }
 
-    fn at(&self, [x, y]: [f64; 2]) -> (f64, f64) {
-        (self.x.at(x), self.y.at(y))
-    }
-
-    /// Intervals below lines, and those below marks.
-    fn draw_series(&self, chart: &mut Context<'_>, series: &[Series]) -> Result<()> {
-        for series in series {
-            let colour = series.look.map_or(GREY, |l| l.colour).mix(0.5);
-            for mark in &series.marks {
-                let Some([xs, ys]) = mark.bars else { continue };
-                let (x, y) = self.at(mark.at);
-                let [x0, x1] = xs.map(|x| self.x.at(x));
-                let [y0, y1] = ys.map(|y| self.y.at(y));
-                let style = colour.filled();
-                if x0 < x1 {
-                    chart.draw_series([ErrorBar::new_horizontal(y, x0, x, x1, style, 6)])?;
-                }
-                if y0 < y1 {
-                    chart.draw_series([ErrorBar::new_vertical(x, y0, y, y1, style, 6)])?;
-                }
+    fn draw_legend(&self, area: &Area<'_>) -> Result<()> {
+        for ((name, look), y) in self.legend.iter().zip((34..).step_by(LEADING)) {
+            if let Some(look) = look {
+                draw_mark(area, (16, y + 5), *look)?;
             }
-        }
-        for series in series {
-            let places = series.marks.iter().map(|m| self.at(m.at)).collect();
-            if let Some((colour, width)) = series.line {
-                chart.draw_series([PathElement::new::<Vec<_>, _>(
-                    places,
-                    colour.stroke_width(width),
-                )])?;
-            }
-        }
-        for series in series {
-            let places = || series.marks.iter().map(|m| self.at(m.at));
-            let glyph = |look| places().map(move |at| Glyph { at, look });
-            chart.draw_series(series.look.into_iter().flat_map(glyph))?;
-            let words = series.marks.iter().filter(|m| !m.words.is_empty());
-            chart.draw_series(words.map(|m| {
-                let font = font(15, INK, FontStyle::Bold);
-                EmptyElement::at(self.at(m.at)) + Text::new(m.words.clone(), (9, -17), font)
-            }))?;
+            let style = match look {
+                Some(_) => FontStyle::Normal,
+                None => FontStyle::Bold,
+            };
+            area.draw(&Text::new(
+                short(name, ENTRY),
+                (30, y),
+                font(12, INK, style),
+            ))?;
         }
         Ok(())
     }
 }
 
-/// Names of series, each with what stands for it.
-fn draw_legend(
-    chart: &mut Context<'_>,
-    series: &[Series],
-    position: SeriesLabelPosition,
-) -> Result<()> {
-    for series in series.iter().filter(|s| !s.name.is_empty()) {
-        let none: [Glyph<(f64, f64)>; 0] = [];
-        let entry = chart.draw_series(none)?;
-        entry.label(short(&series.name, ENTRY));
-        if let Some(look) = series.look {
-            entry.legend(move |(x, y)| Glyph {
-                at: (x + 8, y),
-                look,
-            });
-        } else if let Some((colour, width)) = series.line {
-            let style = colour.stroke_width(width);
-            entry.legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], style));
-        }
+/// A line left of which and below which there is nothing, through places from left to right.
+fn steps(front: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let mut above = f64::INFINITY;
+    let mut steps = Vec::new();
+    for &[x, y] in front {
+        steps.extend([[x, above], [x, y]]);
+        above = y;
     }
-    chart
-        .configure_series_labels()
-        .position(position)
-        .margin(8)
-        .legend_area_size(22)
-        .label_font(font(12, INK, FontStyle::Normal))
-        .background_style(WHITE.mix(0.8))
-        .draw()?;
+    steps.extend(front.last().map(|last| [f64::INFINITY, last[1]]));
+    steps
+}
+
+/// Draws a filled circle or polygon with its outline.
+fn draw_mark(area: &Area<'_>, at: (i32, i32), look: Look) -> Result<()> {
+    let (inside, edge) = (look.inside().filled(), look.colour.stroke_width(2));
+    if look.shape.0 == 0 {
+        let radius = look.radius.round() as u32;
+        area.draw(&Circle::new(at, radius, inside))?;
+        area.draw(&Circle::new(at, radius, edge))?;
+    } else {
+        area.draw(&Polygon::new(look.outline(at), inside))?;
+        area.draw(&PathElement::new(look.outline(at), edge))?;
+    }
     Ok(())
 }
 
-/// A mark with a white rim, so that marks on top of each other can be counted.
-struct Glyph<C> {
-    at: C,
-    look: Look,
-}
-
-impl<'a, C> PointCollection<'a, C> for &'a Glyph<C> {
-    type Point = &'a C;
-    type IntoIter = Once<&'a C>;
-
-    fn point_iter(self) -> Self::IntoIter {
-        once(&self.at)
-    }
-}
-
-impl<C, B: DrawingBackend> Drawable<B> for Glyph<C> {
-    fn draw<I: Iterator<Item = (i32, i32)>>(
-        &self,
-        places: I,
-        backend: &mut B,
-        _: (u32, u32),
-    ) -> std::result::Result<(), DrawingErrorKind<B::ErrorType>> {
-        let look = self.look;
-        let (inside, edge) = (look.colour.mix(look.fill), look.colour.stroke_width(2));
-        for at in places {
-            if look.shape.corners == 0 {
-                let radius = look.radius.round() as u32;
-                backend.draw_circle(at, radius + 2, &WHITE, true)?;
-                backend.draw_circle(at, radius, &inside, true)?;
-                backend.draw_circle(at, radius, &edge, false)?;
-                continue;
-            }
-            backend.fill_polygon(corners(at, look.shape, look.radius + 2.0), &WHITE)?;
-            let corners = corners(at, look.shape, look.radius);
-            backend.fill_polygon(corners.clone(), &inside)?;
-            backend.draw_path(corners, &edge)?;
-        }
-        Ok(())
-    }
-}
-
-/// Of a polygon, from the first to the first; it is as large as a circle of that radius.
-fn corners((x, y): (i32, i32), shape: Shape, radius: f64) -> Vec<(i32, i32)> {
-    let n = f64::from(shape.corners);
-    let radius = radius * (PI / (0.5 * n * (TAU / n).sin())).sqrt();
-    let corner = |i| {
-        let (sin, cos) = (TAU * (f64::from(i) / n + shape.turn)).sin_cos();
-        let whole = |r: f64| r.round() as i32;
-        (x + whole(radius * sin), y - whole(radius * cos))
-    };
-    (0..=shape.corners).map(corner).collect()
-}
-
-fn font(size: i32, colour: RGBColor, style: FontStyle) -> TextStyle<'static> {
+pub(crate) fn font(size: i32, colour: RGBColor, style: FontStyle) -> TextStyle<'static> {
     // The SVG of `plotters` divides sizes by 1.24.
     let font = ("sans-serif", f64::from(size) * 1.24, style).into_font();
     font.color(&colour)
@@ -321,4 +296,40 @@ pub(crate) fn clean(text: &str) -> String {
         c => c,
     };
     text.chars().map(kept).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_logarithmic_axis_names_round_values_and_zeros_below_them() {
+        for (values, names) in [
+            (&[0.9, 12.0][..], "1 2 5 10"),
+            (&[0.0, 0.001, 999.0], "none 0.001 0.01 0.1 1 10 100 1000"),
+            (&[1e-9, 1e-5], "1e-9 1e-8 1e-7 1e-6 1e-5"),
+        ] {
+            let axis = Axis::log("", values.iter().copied());
+            let ticks: Vec<_> = axis.ticks.iter().map(|t| &*t.1).collect();
+            assert_eq!(ticks.join(" "), names);
+        }
+        let axis = Axis::log("", [1.0, 0.0, 100.0]);
+        assert!(axis.range[0] < axis.at(0.0) && axis.at(0.0) < axis.at(1.0) - 0.1);
+        assert_eq!(axis.format_ext(&axis.at(0.0)), "none");
+    }
+
+    proptest! {
+        #[test]
+        fn any_values_give_a_finite_axis_with_few_names(
+            values in prop::collection::vec(any::<f64>(), 0..6)
+        ) {
+            let axis = Axis::log("", values.clone());
+            let [low, high] = axis.range;
+            prop_assert!(low < high && (2..=13).contains(&axis.ticks.len()), "{axis:?}");
+            for v in values.iter().copied().chain([0.0, f64::NAN, f64::INFINITY]) {
+                prop_assert!((low..=high).contains(&axis.at(v)));
+            }
+        }
+    }
 }

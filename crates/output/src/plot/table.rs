@@ -1,34 +1,11 @@
 //! The points as rows: for programs as CSV and JSON, for people in words.
 
 use super::Result;
-use super::data::{Chart, Leaks, Point, known};
-use super::page::{PER, front};
-use super::rate::Rate;
+use super::data::{Chart, Leaks, Point, Rate, known};
 use serde::Serialize;
-use std::collections::BTreeSet;
 
 /// The version of `points.json`.
 pub const SCHEMA: u32 = 1;
-
-/// What [`rows`] hold.
-pub const HEAD: [&str; 16] = [
-    "scene",
-    "backend",
-    "intersector",
-    "layout",
-    "update",
-    "ms a frame",
-    "5 %",
-    "95 %",
-    "Mrays/s",
-    "wrong",
-    "wrong aimed",
-    "wrong mixed range",
-    "wrong shadows",
-    "t off, ulp",
-    "leaks",
-    "MiB",
-];
 
 #[derive(Serialize)]
 struct File<'a> {
@@ -51,17 +28,15 @@ pub fn json(chart: &Chart) -> Result<String> {
 ///
 /// After the columns that every chart has come `edge_rays_at_X`, `leaks_at_X`, `counted_at_X` and `double_hits_at_X` for
 /// each offset `X` that any point was measured at, and `rays_of_F` and `wrong_of_F` for each family `F` of mixed range.
-/// Key-frame curves are in [`json`] alone.
 ///
 /// # Errors
 /// [`super::ChartError::Csv`].
 pub fn csv(chart: &Chart) -> Result<String> {
     let mut out = csv::Writer::from_writer(Vec::new());
-    let nothing = Point::default();
-    out.write_record(cells(chart, &nothing, false).into_iter().map(|c| c.0))?;
+    let head = cells(chart, &Point::default(), false);
+    out.write_record(head.into_iter().map(|c| c.0))?;
     for (i, point) in chart.points.iter().enumerate() {
-        let is_on_front = front(chart, &point.scene).iter().any(|d| d.index == i);
-        let row = cells(chart, point, is_on_front);
+        let row = cells(chart, point, chart.is_on_front(i));
         out.write_record(row.into_iter().map(|c| c.1))?;
     }
     let bytes = out
@@ -76,55 +51,56 @@ fn cells(chart: &Chart, point: &Point, is_on_front: bool) -> Vec<(String, String
     let machine = &chart.machine;
     let adapter = machine.adapters.iter().find(|a| a.backend == point.backend);
     let ms = point.ms_per_frame;
-    let rate = Rate::of(point.wrong, point.rays_tested).map(|r| r.per(PER));
+    let rate = Rate::of(point.wrong, point.rays_tested);
     let t = point.t_error_ulp.unwrap_or_default();
-    let mut cells: Vec<(String, String)> = Vec::new();
-    let mut add = |name: &str, cell: String| cells.push((name.to_owned(), cell));
-    add("scene", point.scene.clone());
-    add("triangles", plain(scene.map(|s| s.triangles)));
-    add("backend", point.backend.clone());
-    add("adapter", plain(adapter.map(|a| &a.adapter)));
-    add("driver", plain(adapter.map(|a| &a.driver)));
-    add("layout", point.layout.clone());
-    add("intersector", point.intersector.clone());
-    add("update", point.update.clone());
-    add("samples", point.samples.to_string());
-    add("ms_median", plain(known(ms.median)));
-    add("ms_p5", plain(known(ms.p5)));
-    add("ms_p95", plain(known(ms.p95)));
-    add("mrays_per_s", plain(known(point.mrays_per_s)));
-    add("rays_tested", point.rays_tested.to_string());
-    add("wrong", point.wrong.to_string());
-    add("wrong_per_million", plain(rate.map(|r| r.value)));
-    add("wrong_per_million_low", plain(rate.map(|r| r.low)));
-    add("wrong_per_million_high", plain(rate.map(|r| r.high)));
-    add("on_front", u8::from(is_on_front).to_string());
-    add("wrong_shadow", point.wrong_shadow.to_string());
-    add("aimed_rays", point.aimed.rays.to_string());
-    add("aimed_wrong", point.aimed.wrong.to_string());
-    add("t_error_ulp_median", plain(known(t.median)));
-    add("t_error_ulp_p999", plain(known(t.p999)));
-    add("t_error_ulp_worst", plain(known(t.worst)));
-    add("memory_bytes", plain(point.memory_bytes));
-    add("cpu", plain(machine.cpu.as_ref()));
-    add("version", machine.version.clone());
-    add("date", machine.date.clone());
-    add("command", point.command.clone());
-    add("schema", SCHEMA.to_string());
-    for x in offsets(chart) {
+    let fixed = [
+        ("scene", point.scene.clone()),
+        ("triangles", plain(scene.map(|s| s.triangles))),
+        ("backend", point.backend.clone()),
+        ("adapter", plain(adapter.map(|a| &a.adapter))),
+        ("driver", plain(adapter.map(|a| &a.driver))),
+        ("layout", point.layout.clone()),
+        ("intersector", point.intersector.clone()),
+        ("update", point.update.clone()),
+        ("samples", point.samples.to_string()),
+        ("ms_median", plain(known(ms.median))),
+        ("ms_p5", plain(known(ms.p5))),
+        ("ms_p95", plain(known(ms.p95))),
+        ("mrays_per_s", plain(known(point.mrays_per_s))),
+        ("rays_tested", point.rays_tested.to_string()),
+        ("wrong", point.wrong.to_string()),
+        ("wrong_per_million", plain(rate.map(|r| r.value))),
+        ("wrong_per_million_low", plain(rate.map(|r| r.low))),
+        ("wrong_per_million_high", plain(rate.map(|r| r.high))),
+        ("on_front", u8::from(is_on_front).to_string()),
+        ("wrong_shadow", point.wrong_shadow.to_string()),
+        ("aimed_rays", point.aimed.rays.to_string()),
+        ("aimed_wrong", point.aimed.wrong.to_string()),
+        ("t_error_ulp_median", plain(known(t.median))),
+        ("t_error_ulp_p999", plain(known(t.p999))),
+        ("t_error_ulp_worst", plain(known(t.worst))),
+        ("memory_bytes", plain(point.memory_bytes)),
+        ("cpu", plain(machine.cpu.as_ref())),
+        ("version", machine.version.clone()),
+        ("date", machine.date.clone()),
+        ("command", point.command.clone()),
+        ("schema", SCHEMA.to_string()),
+    ];
+    let mut cells = fixed.map(|(name, cell)| (name.to_owned(), cell)).to_vec();
+    for x in chart.offsets() {
         let at = point.leaks.iter().find(|l| l.offset == Some(x));
         let mut add = |name, read: fn(&Leaks) -> u64| {
-            add(&format!("{name}_at_{x}"), plain(at.map(read)));
+            cells.push((format!("{name}_at_{x}"), plain(at.map(read))));
         };
         add("edge_rays", |l| l.rays);
         add("leaks", |l| l.leaks);
         add("counted", |l| l.counted);
         add("double_hits", |l| l.double_hits);
     }
-    for family in families(chart) {
+    for family in chart.families() {
         let of = point.mixed_range.iter().find(|f| f.family == family);
-        add(&format!("rays_of_{family}"), plain(of.map(|f| f.rays)));
-        add(&format!("wrong_of_{family}"), plain(of.map(|f| f.wrong)));
+        cells.push((format!("rays_of_{family}"), plain(of.map(|f| f.rays))));
+        cells.push((format!("wrong_of_{family}"), plain(of.map(|f| f.wrong))));
     }
     cells
 }
@@ -134,55 +110,41 @@ fn plain(x: Option<impl ToString>) -> String {
     x.map_or_else(String::new, |x| x.to_string())
 }
 
-/// Offsets that any point was measured at.
-pub(crate) fn offsets(chart: &Chart) -> Vec<f64> {
-    let leaks = chart.points.iter().flat_map(|p| &p.leaks);
-    let mut offsets: Vec<f64> = leaks.filter_map(|l| known(l.offset)).collect();
-    offsets.sort_by(f64::total_cmp);
-    offsets.dedup();
-    offsets
-}
-
-/// Families of mixed range that any point was measured in.
-pub(crate) fn families(chart: &Chart) -> BTreeSet<String> {
-    let all = chart.points.iter().flat_map(|p| &p.mixed_range);
-    all.map(|f| f.family.clone()).collect()
-}
-
-/// The points for people, one row each; [`HEAD`] says what its cells are.
+/// The points for people: the cells of each by the names of their columns.
 #[must_use]
-pub fn rows(chart: &Chart) -> Vec<Vec<String>> {
+pub fn rows(chart: &Chart) -> Vec<Vec<(&'static str, String)>> {
     chart.points.iter().map(row).collect()
 }
 
-fn row(p: &Point) -> Vec<String> {
+pub(crate) fn row(p: &Point) -> Vec<(&'static str, String)> {
     let maybe = |x| known(x).map_or_else(|| "-".to_owned(), number);
+    let of = |n, rays| format!("{} of {}", count(n), count(rays));
     let sum = |counts: &mut dyn Iterator<Item = (u64, u64)>| {
-        let add = |(n, of): (u64, u64), more: (u64, u64)| {
-            (n.saturating_add(more.0), of.saturating_add(more.1))
-        };
-        let (n, of) = counts.fold((0, 0), add);
-        format!("{} of {}", count(n), count(of))
+        let (n, rays) = counts.fold((0_u64, 0_u64), |(n, rays), more| {
+            (n.saturating_add(more.0), rays.saturating_add(more.1))
+        });
+        of(n, rays)
     };
     let ms = p.ms_per_frame;
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    let mixed = sum(&mut p.mixed_range.iter().map(|f| (f.wrong, f.rays)));
     vec![
-        p.scene.clone(),
-        p.backend.clone(),
-        p.intersector.clone(),
-        p.layout.clone(),
-        p.update.clone(),
-        maybe(ms.median),
-        maybe(ms.p5),
-        maybe(ms.p95),
-        maybe(p.mrays_per_s),
-        sum(&mut [(p.wrong, p.rays_tested)].into_iter()),
-        sum(&mut [(p.aimed.wrong, p.aimed.rays)].into_iter()),
-        sum(&mut p.mixed_range.iter().map(|f| (f.wrong, f.rays))),
-        count(p.wrong_shadow),
-        maybe(p.t_error_ulp.and_then(|t| t.p999)),
-        sum(&mut p.leaks.iter().map(|l| (l.leaks, l.rays))),
-        maybe(p.memory_bytes.map(mib)),
+        ("scene", p.scene.clone()),
+        ("backend", p.backend.clone()),
+        ("intersector", p.intersector.clone()),
+        ("layout", p.layout.clone()),
+        ("update", p.update.clone()),
+        ("ms a frame", maybe(ms.median)),
+        ("5 %", maybe(ms.p5)),
+        ("95 %", maybe(ms.p95)),
+        ("Mrays/s", maybe(p.mrays_per_s)),
+        ("wrong", of(p.wrong, p.rays_tested)),
+        ("wrong aimed", of(p.aimed.wrong, p.aimed.rays)),
+        ("wrong mixed range", mixed),
+        ("wrong shadows", count(p.wrong_shadow)),
+        ("t off, ulp", maybe(p.t_error_ulp.and_then(|t| t.p999))),
+        ("leaks", sum(&mut p.leaks.iter().map(|l| (l.leaks, l.rays)))),
+        ("MiB", maybe(p.memory_bytes.map(mib))),
     ]
 }
 
@@ -207,7 +169,8 @@ pub(crate) fn number(x: f64) -> String {
 }
 
 /// A whole number with its thousands apart.
-pub(crate) fn count(n: u64) -> String {
+#[must_use]
+pub fn count(n: u64) -> String {
     let digits = n.to_string();
     let mut text = String::new();
     for (i, digit) in digits.chars().enumerate() {
@@ -223,14 +186,15 @@ pub(crate) fn count(n: u64) -> String {
 pub(crate) fn escape(text: &str) -> String {
     let clean = super::panel::clean(text);
     let pairs = [
-        ('&', "&amp;"),
-        ('<', "&lt;"),
-        ('>', "&gt;"),
-        ('"', "&quot;"),
-        ('\'', "&#39;"),
+        ("&", "&amp;"),
+        ("<", "&lt;"),
+        (">", "&gt;"),
+        ("\"", "&quot;"),
+        ("'", "&#39;"),
     ];
-    let replace = |text: String, (c, by): (char, &str)| text.replace(c, by);
-    pairs.into_iter().fold(clean, replace)
+    pairs
+        .into_iter()
+        .fold(clean, |text, (c, by)| text.replace(c, by))
 }
 
 #[cfg(test)]

@@ -62,18 +62,8 @@ fn rays_read_back_as_written() {
 #[test]
 fn byte_order_and_axis_order_do_not_matter() {
     let want = rays(3);
-    let table: Vec<[f32; 6]> = want
-        .iter()
-        .map(|r| {
-            std::array::from_fn(|c| {
-                if c < 3 {
-                    r.origin[c]
-                } else {
-                    r.direction[c - 3]
-                }
-            })
-        })
-        .collect();
+    let row = |r: &Ray| [r.origin, r.direction].concat();
+    let table: Vec<Vec<f32>> = want.iter().map(row).collect();
     let by_column = || (0..6).flat_map(|c| table.iter().map(move |row| row[c]));
     let little: Vec<u8> = by_column().flat_map(f32::to_le_bytes).collect();
     assert_eq!(
@@ -92,23 +82,22 @@ fn byte_order_and_axis_order_do_not_matter() {
 }
 
 #[test]
-fn another_type_is_named() {
-    let f64s = npy(&header("<f8", "False", "(1, 6)"), &[0; 48]);
-    refused(&f64s, &["float32", "'<f8'", "astype"]);
-    let ints = npy(&header("<i4", "False", "(1, 6)"), &[0; 24]);
-    refused(&ints, &["float32", "'<i4'"]);
+fn another_type_or_shape_is_named() {
+    let data = [0; 64];
     refused(
-        &npy(&header("|O", "False", "(1, 6)"), &[0; 24]),
-        &["float32"],
+        &npy(&header("<f8", "False", "(1, 6)"), &data),
+        &["float32", "'<f8'", "astype"],
+    );
+    refused(
+        &npy(&header("<i4", "False", "(1, 6)"), &data),
+        &["float32", "'<i4'"],
     );
     let record = "{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (1, 6)}";
-    refused(&npy(record, &[0; 24]), &["float32"]);
-}
-
-#[test]
-fn another_shape_is_named() {
+    for head in [header("|O", "False", "(1, 6)"), record.to_owned()] {
+        refused(&npy(&head, &data), &["float32"]);
+    }
     for shape in ["(6,)", "(2, 7)", "(1, 2, 3)", "()", "(6, 2)"] {
-        let file = npy(&header("<f4", "False", shape), &[0; 64]);
+        let file = npy(&header("<f4", "False", shape), &data);
         refused(&file, &["(N, 6) or (N, 8)", shape]);
     }
 }
@@ -142,18 +131,9 @@ fn hostile_headers_neither_panic_nor_allocate() {
 }
 
 #[test]
-fn a_missing_file_is_unreadable() {
-    let e = read_rays(Path::new("no/such/rays.npy")).unwrap_err();
-    assert!(matches!(e, RaysError::Unreadable { .. }));
-}
-
-#[cfg(unix)]
-#[test]
-fn rays_from_a_device_are_refused_at_once() {
-    let e = read_rays(Path::new("/dev/zero")).unwrap_err();
-    let text = e.to_string();
-    assert!(
-        text.contains("/dev/zero") && text.contains("a device"),
-        "{text}"
-    );
+fn what_cannot_be_read_is_named_and_a_device_refused_at_once() {
+    let text = |path: &str| read_rays(Path::new(path)).unwrap_err().to_string();
+    assert!(text("no/such/rays.npy").starts_with("cannot read no/such/rays.npy"));
+    #[cfg(unix)]
+    assert!(text("/dev/zero").contains("/dev/zero: ") && text("/dev/zero").contains("a device"));
 }

@@ -104,37 +104,62 @@ fn choose(
         open,
     });
     let known: Vec<Known<'_>> = known.collect();
-    let want = Want {
-        backend: BackendName::Auto,
-        adapter: asked,
-        threads: 1,
-    };
     let known: Vec<_> = known.iter().collect();
-    let taken = take(&known, &want, &|_| traces, |_| Ok(()));
+    let taken = take(&known, (asked, 1), &|_| traces, |_| Ok(()));
     (taken.map(|((), why)| why), log.take())
 }
 
-/// Backend and adapter that were opened last, and the reason.
-fn taken(fakes: &[Fake], asked: Option<&str>) -> (String, String) {
-    let (why, log) = choose(fakes, asked, false);
-    let opened = log.last().unwrap().strip_prefix("open ").unwrap();
-    (opened.to_owned(), why.unwrap())
-}
-
-fn refused(fakes: &[Fake], asked: Option<&str>) -> String {
-    choose(fakes, asked, false).0.unwrap_err().text()
+/// The reason is told, or the refusal, each with all of `says`; what was done is `log`, where that is not empty.
+fn check(fakes: &[Fake], asked: Option<&str>, log: &str, says: &[&str]) {
+    let (found, did) = choose(fakes, asked, false);
+    let text = found.unwrap_or_else(|stop| format!("refused: {}", stop));
+    let missing = says.iter().find(|part| !text.contains(**part));
+    assert_eq!(missing, None, "{text}");
+    assert!(log.is_empty() || did.join(", ") == log, "{did:?}");
 }
 
 #[test]
-fn the_first_backend_with_a_gpu_is_taken_and_nothing_else_is_touched() {
-    let fakes = [
-        fake("a", &[("soft", Software), ("card", Gpu)]),
-        fake("b", &[("card", Gpu)]),
-        host(),
+fn the_best_device_that_opens_is_taken_and_nothing_is_touched_before_its_turn() {
+    let [soft, card] = [("soft", Software), ("card", Gpu)];
+    let small = |name| broken(name, too_small);
+    let two = Fake {
+        offers: Ok(vec![("one", Gpu), ("two", Gpu)]),
+        ..broken("a", lost)
+    };
+    let limit = "a on card: triangles needs 4000, the limit is 1000";
+    let cases: [(&[Fake], &str, &[&str]); 7] = [
+        (
+            &[fake("a", &[soft, card]), fake("b", &[card]), host()],
+            "list a, open a card",
+            &["card is a GPU; it stands where it stands"],
+        ),
+        (
+            &[fake("a", &[soft]), host()],
+            "list a, list cpu, open cpu host",
+            &["a finds no GPU but only soft"],
+        ),
+        // A GPU that fails gives way to the next.
+        (
+            &[small("a"), fake("b", &[card]), host()],
+            "list a, open a card, list b, open b card",
+            &[limit],
+        ),
+        (&[small("a"), small("b"), host()], "", &[limit, "b on card"]),
+        (
+            &[two, host()],
+            "list a, open a one, open a two, list cpu, open cpu host",
+            &[],
+        ),
+        (
+            &[absent("a"), host()],
+            "list a, list cpu, open cpu host",
+            &["a cannot run: no device: no loader"],
+        ),
+        (&[absent("a")], "list a", &["refused: ", "no loader"]),
     ];
-    let (why, log) = choose(&fakes, None, false);
-    assert_eq!(why.unwrap(), "card is a GPU; it stands where it stands");
-    assert_eq!(log, ["list a", "open a card"]);
+    for (fakes, log, says) in cases {
+        check(fakes, None, log, says);
+    }
 }
 
 #[test]
@@ -155,13 +180,6 @@ fn a_driver_that_traces_is_named_where_hardware_may_do_it() {
 }
 
 #[test]
-fn a_software_driver_never_comes_before_the_host_and_is_not_opened() {
-    let (why, log) = choose(&[fake("a", &[("soft", Software)]), host()], None, false);
-    assert!(why.unwrap().starts_with("a finds no GPU but only soft"));
-    assert_eq!(log, ["list a", "list cpu", "open cpu host"]);
-}
-
-#[test]
 fn a_backend_that_would_find_no_more_is_not_even_listed() {
     let covered = Fake {
         covered_by: Some("a"),
@@ -176,56 +194,27 @@ fn a_backend_that_would_find_no_more_is_not_even_listed() {
 }
 
 #[test]
-fn a_gpu_that_fails_gives_way_to_the_next_and_both_numbers_are_told() {
-    let small = |name| broken(name, too_small);
-    let card = fake("b", &[("card", Gpu)]);
-    let (opened, why) = taken(&[small("a"), card, host()], None);
-    assert_eq!(opened, "b card");
-    let limit = "a on card: triangles needs 4000, the limit is 1000";
-    assert!(why.contains(limit), "{why}");
-    let (opened, why) = taken(&[small("a"), small("b"), host()], None);
-    assert_eq!(opened, "cpu host");
-    let both = why.contains("a on card") && why.contains("b on card");
-    assert!(both, "{why}");
-    let two = Fake {
-        offers: Ok(vec![("one", Gpu), ("two", Gpu)]),
-        ..broken("a", lost)
-    };
-    let (_, log) = choose(&[two, host()], None, false);
-    assert_eq!(log[1..3], ["open a one", "open a two"]);
-}
-
-#[test]
-fn an_absent_backend_is_passed_over_with_the_reason() {
-    let expected = ("cpu host", "a cannot run: no device: no loader");
-    let (opened, why) = taken(&[absent("a"), host()], None);
-    assert_eq!((&*opened, &*why), expected);
-}
-
-#[test]
-fn who_names_an_adapter_gets_it_even_if_it_is_software() {
+fn who_names_an_adapter_gets_it_and_one_that_fits_several_or_none_is_refused() {
     let fakes = [fake("a", &[("soft", Software), ("card", Gpu)]), host()];
-    let named = |asked| taken(&fakes, Some(asked));
-    let soft = ("a soft".to_owned(), "'soft' is soft".to_owned());
-    assert_eq!(named("soft"), soft);
     // Both have a number 0, and the host comes before software.
-    for (asked, opened) in [("host", "cpu host"), ("1", "a card"), ("0", "cpu host")] {
-        assert_eq!(named(asked).0, opened);
+    for (asked, opened, says) in [
+        ("soft", "open a soft", "'soft' is soft"),
+        ("host", "open cpu host", "host"),
+        ("1", "open a card", "card"),
+        ("0", "open cpu host", "host"),
+    ] {
+        let (why, log) = choose(&fakes, Some(asked), false);
+        assert_eq!(log.last().unwrap(), opened);
+        assert!(why.unwrap().contains(says));
     }
-}
-
-#[test]
-fn an_adapter_that_fits_several_or_none_is_refused_with_those_there_are() {
     let fakes = [fake("a", &[("card x", Gpu), ("card y", Gpu)]), host()];
-    assert!(refused(&fakes, Some("card")).ends_with("0: card x; 1: card y"));
-    assert_eq!(
-        refused(&fakes, Some("voodoo")),
-        "no backend has an adapter 'voodoo'; there is a 0: card x; 1: card y, cpu 0: host"
-    );
-    assert_eq!(
-        refused(&[absent("a"), host()], Some("card")),
-        "a cannot run: no device: no loader; no other backend has an adapter 'card'; there is cpu 0: host"
-    );
+    let cards = "0: card x; 1: card y";
+    check(&fakes, Some("card"), "", &["refused: ", cards]);
+    let none =
+        "refused: no backend has an adapter 'voodoo'; there is a 0: card x; 1: card y, cpu 0: host";
+    check(&fakes, Some("voodoo"), "", &[none]);
+    let other = "no loader; no other backend has an adapter 'card'; there is cpu 0: host";
+    check(&[absent("a"), host()], Some("card"), "", &[other]);
 }
 
 #[test]
@@ -236,19 +225,16 @@ fn where_nothing_works_every_reason_is_told_and_the_last_failure_decides() {
     };
     let small = broken("a", too_small);
     // An adapter that is there but fails is not called absent.
-    let only = refused(&[small.clone(), host(lost)], Some("card"));
-    assert_eq!(only, "triangles needs 4000, the limit is 1000");
-    let alone = choose(&[host(lost)], None, false).0.unwrap_err();
-    assert!(matches!(&alone, Stop::Failed(_)) && alone.text().contains("wrong bits"));
-    let both = choose(&[small.clone(), host(lost)], None, false)
-        .0
-        .unwrap_err();
-    assert!(matches!(both, Stop::Failed(_)));
-    let text = both.text();
-    let told = text.contains("limit is 1000") && text.contains("wrong bits");
-    assert!(told, "{text}");
-    let bad = choose(&[small, host(too_small)], None, false)
-        .0
-        .unwrap_err();
-    assert!(matches!(bad, Stop::Bad(_)));
+    let only = "refused: triangles needs 4000, the limit is 1000";
+    check(&[small.clone(), host(lost)], Some("card"), "", &[only]);
+    check(&[host(lost)], None, "", &["refused: ", "wrong bits"]);
+    let both = ["limit is 1000", "wrong bits"];
+    check(&[small.clone(), host(lost)], None, "", &both);
+    let stop = |second| {
+        choose(&[small.clone(), host(second)], None, false)
+            .0
+            .unwrap_err()
+    };
+    assert!(matches!(stop(lost), Stop::Failed(_)));
+    assert!(matches!(stop(too_small), Stop::Bad(_)));
 }
