@@ -258,22 +258,19 @@ impl DriverTreeBackend {
     /// Records what counts triangles and hits, after the end of the last stage.
     fn count(&mut self) -> Result<()> {
         let params = self.params();
-        let mut work = Vec::new();
-        if self.uncounted {
-            work.push(work::count_triangles(params, self.triangles()));
+        if std::mem::take(&mut self.uncounted) {
+            let work = work::count_triangles(params, self.triangles());
+            self.engine.run(None, &[work], |_| None)?;
         }
         let pending = self.engine.traces.pending.take();
-        let trace = pending.as_ref().filter(|t| t.has_tree);
-        if let Some(trace) = trace {
-            work.extend(work::count_answers(params, trace.kind, trace.count as u32));
-        }
-        let own = |name| trace.and_then(|t| t.get(name));
-        let counted = match work.is_empty() {
-            true => Ok(()),
-            false => self.engine.run(None, &work, own),
-        };
+        let counted = pending.iter().filter(|t| t.has_tree).try_for_each(|trace| {
+            let mut all = work::count_answers(params, trace.kind, trace.count as u32).into_iter();
+            all.try_for_each(|(work, buffer)| {
+                let own = |name| (name == BufferName::Answers).then(|| trace.get(buffer))?;
+                self.engine.run(None, &[work], own)
+            })
+        });
         self.engine.traces.pending = pending;
-        self.uncounted = false;
         counted
     }
 }

@@ -50,6 +50,8 @@ pub enum BufferName {
     Hits,
     /// Whether rays met anything, or hits lie in shadow.
     Occluded,
+    /// Hits or occlusion, as they are counted.
+    Answers,
     /// sRGB of each triangle: [`backend::Palette::colours`].
     Colours,
     /// [`backend::Palette::tones`].
@@ -97,6 +99,7 @@ impl BufferName {
             Self::Rays => "rays",
             Self::Hits => "hits",
             Self::Occluded => "shadows",
+            Self::Answers => "answers",
             Self::Colours => "the triangles' colours",
             Self::Tones => "tones",
             Self::Pixels => "pixels",

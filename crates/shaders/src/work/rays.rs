@@ -1,7 +1,7 @@
 //! What goes with a tree of the driver's: kernels that cleanse and count, and the parameters of rays.
 
 use super::{Work, tree::word_of};
-use crate::{Counts, Params, common};
+use crate::{BufferName, Counts, Params, common};
 use backend::{Query, QueryKind, Rays};
 use geom::Point;
 use std::mem::offset_of;
@@ -17,17 +17,34 @@ pub fn count_triangles(params: Params, triangles: u32) -> Work {
     Work::linear(common("count_triangles"), params, triangles)
 }
 
-/// What counts the answers to a query of so many rays.
-pub fn count_answers(params: Params, kind: QueryKind, rays: u32) -> Vec<Work> {
-    let hits = Work::linear(common("count_hits"), params, rays);
-    let occluded = |member| {
-        let first = word_of(member);
-        Work::linear(common("count_occluded"), Params { first, ..params }, rays)
+/// What counts the answers to a query of so many rays, each with the buffer that it reads for [`BufferName::Answers`].
+pub fn count_answers(
+    params: Params,
+    kind: QueryKind,
+    count_of_rays: u32,
+) -> Vec<(Work, BufferName)> {
+    let count = |member, [rounds, shift, goal]: [u32; 3]| {
+        let params = Params {
+            first: word_of(member),
+            rounds,
+            shift,
+            goal,
+            ..params
+        };
+        Work::linear(common("count_answers"), params, count_of_rays)
     };
+    // The last of a hit's four words is the triangle.
+    let hits = || {
+        (
+            count(offset_of!(Counts, hits), [4, 3, u32::MAX]),
+            BufferName::Hits,
+        )
+    };
+    let occluded = |member| (count(member, [1, 0, 0]), BufferName::Occluded);
     match kind {
         QueryKind::Any => vec![occluded(offset_of!(Counts, hits))],
-        QueryKind::Closest => vec![hits],
-        QueryKind::ClosestAndShadow { .. } => vec![hits, occluded(offset_of!(Counts, blocked))],
+        QueryKind::Closest => vec![hits()],
+        QueryKind::ClosestAndShadow { .. } => vec![hits(), occluded(offset_of!(Counts, blocked))],
     }
 }
 

@@ -16,13 +16,13 @@
 // For each ray t and two weights as bits, and the triangle that it hits.
 @if(shadow_rays || shadow_left || resolve_exact_shadow_rays || fallback_shadow_rays || extreme_shadow_rays)
 @group(0) @binding(next) var<storage, read> hits: array<vec4<u32>>;
-@elif(count_hits || shade)
+@elif(shade)
 @group(0) @binding(next) var<storage, read> hits: array<vec4<u32>>;
 @else
 @group(0) @binding(next) var<storage, read_write> hits: array<vec4<u32>>;
 
 // For each ray 1 if it meets anything; of intersector `exact` also notes: see intersect/candidates.wgsl.
-@if(count_occluded || shade)
+@if(shade)
 @group(0) @binding(next) var<storage, read> occluded: array<u32>;
 @else
 @group(0) @binding(next) var<storage, read_write> occluded: array<u32>;

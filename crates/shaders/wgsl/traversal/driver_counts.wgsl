@@ -2,7 +2,7 @@
 
 import package::geometry::triangle::{corner, is_finite, is_flat};
 import package::geometry::units::scaled_point;
-import package::lib::buffers::{counts, hits, occluded};
+import package::lib::buffers::counts;
 import package::lib::params::{element, params};
 
 @group(0) @binding(next) var<storage, read_write> cleansed: array<u32>;
@@ -47,43 +47,26 @@ fn count_triangles(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wo
     }
 }
 
-// Counts of rays: one atomic addition a workgroup, so that the trace itself need not count.
+// Answers to rays, so many words each.
+@group(0) @binding(next) var<storage, read> answers: array<u32>;
 
 var<workgroup> sum: atomic<u32>;
 
-// Adds to a word of `counts` how many invocations of the workgroup count. All of them call it.
-fn add_up(is_counted: bool, local: u32, word: u32) {
+// How many rays were answered by anything but a miss: one atomic addition a workgroup, so that the trace itself need not
+// count. An answer has `rounds` words, the word `shift` of it is `goal` for a miss, and `first` names the count.
+
+@compute @workgroup_size(128)
+fn count_answers(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
     if local == 0u { atomicStore(&sum, 0u); }
     workgroupBarrier();
-    if is_counted { atomicAdd(&sum, 1u); }
+    let i = element(id, groups, 128u);
+    if i < params.count {
+        if answers[i * params.rounds + params.shift] != params.goal { atomicAdd(&sum, 1u); }
+    }
     workgroupBarrier();
-    if local == 0u { atomicAdd(&counts[word], atomicLoad(&sum)); }
-}
-
-// How many rays hit.
-
-@compute @workgroup_size(128)
-fn count_hits(
-    @builtin(global_invocation_id) id: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let i = element(id, groups, 128u);
-    var is_counted = false;
-    if i < params.count { is_counted = hits[i].w != 0xffffffffu; }
-    add_up(is_counted, local, 2u);
-}
-
-// How many rays are occluded, added to the count that `first` names: rays that met anything, or hits in shadow.
-
-@compute @workgroup_size(128)
-fn count_occluded(
-    @builtin(global_invocation_id) id: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let i = element(id, groups, 128u);
-    var is_counted = false;
-    if i < params.count { is_counted = occluded[i] != 0u; }
-    add_up(is_counted, local, params.first);
+    if local == 0u { atomicAdd(&counts[params.first], atomicLoad(&sum)); }
 }
