@@ -5,6 +5,7 @@ use crate::scene::SceneState;
 use crate::tiles::Output;
 use backend::{FrameReport, Hits, Query, QueryKind, Rays, Snapshot, Spares, Ticket};
 use geom::{Camera, Hit, Point, Pose, Ray};
+use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::time::Instant;
 
@@ -93,10 +94,10 @@ impl Submission {
         let Hits { closest, blocked } = &mut self.hits;
         let count = query.rays.count();
         if query.kind != QueryKind::Any {
-            closest.resize(count, Hit::MISS);
+            fill(closest, count, Hit::MISS);
         }
         if query.kind != QueryKind::Closest {
-            blocked.resize(count, 0);
+            fill(blocked, count, 0);
         }
         let counts = scene.trace(query, Output::new(closest, blocked));
         (self.report.hits, self.report.blocked) = match query.kind {
@@ -105,6 +106,13 @@ impl Submission {
                 (counts.hits, counts.blocked)
             }
         };
+    }
+}
+
+/// Brings memory to a length by all threads, since the system hands out each page when it is first written.
+fn fill<T: Clone + Send + Sync>(memory: &mut Vec<T>, count: usize, with: T) {
+    if memory.len() != count {
+        rayon::iter::repeat_n(with, count).collect_into_vec(memory);
     }
 }
 
