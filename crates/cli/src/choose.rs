@@ -4,17 +4,16 @@
 //! A tolerance of 0 is not measured but proven: by definition (`docs/design/hits.md`) `exact` alone is free of wrong
 //! answers. A tolerance above 0 is shown by a sample of the run's own rays, at 95 % confidence.
 
-mod reused;
 mod sample;
 
 use crate::args::{
     BackendName, IntersectorName, LayoutName, MethodArgs, PolicyArgs, Switch, UpdateName, word,
 };
+use crate::session::ReusedBackend;
 use crate::stop::Stop;
 use backend::{DeviceKind, Intersector, Layout, Method, Query};
 use output::Taken;
 use pipeline::{Frame, Pace, RefitDecay, RunFacts, Update};
-pub(crate) use reused::ReusedBackend;
 use sample::{Sample, Wrong};
 
 #[derive(Clone, Copy, Debug)]

@@ -1,16 +1,17 @@
 //! A driver set up as asked, ready for its first frame.
 
-use crate::args::{IntersectorName, LayoutName, MethodArgs};
+use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
 pub(crate) use crate::choose::Ask;
-use crate::choose::{self, ReusedBackend, Settled};
+use crate::choose::{self, Settled};
 use crate::memory::{self, ExpectedMemory};
 use crate::open;
 use crate::stop::Stop;
 use crate::threads::{self, Threads};
 use backend::{Backend, Device, DeviceKind, Method};
+use clap::ValueEnum;
 use geom::Animation;
 use output::Taken;
-use pipeline::{Driver, Update};
+use pipeline::{Driver, DriverOptions, Update};
 use std::sync::Arc;
 
 /// A driver, and what it was made from.
@@ -145,5 +146,68 @@ impl Session {
             self.method[0],
             self.method[1],
         )
+    }
+}
+
+/// A backend that serves one driver after another.
+pub(crate) struct ReusedBackend<'a> {
+    pub(crate) animation: &'a Arc<Animation>,
+    pub(crate) device: Device,
+    ask: &'a Ask<'a>,
+    /// None while a driver has it, and after one broke down over it.
+    backend: Option<Box<dyn Backend>>,
+}
+
+impl<'a> ReusedBackend<'a> {
+    /// With a backend that was opened for `ask`.
+    pub(crate) fn new(
+        backend: Box<dyn Backend>,
+        animation: &'a Arc<Animation>,
+        ask: &'a Ask<'a>,
+    ) -> Self {
+        Self {
+            animation,
+            device: backend.device().clone(),
+            ask,
+            backend: Some(backend),
+        }
+    }
+
+    /// How cores are shared under a policy.
+    pub(crate) fn share(&self, update: Update) -> Threads {
+        let (render, build) = (self.ask.threads, self.ask.builder_threads);
+        threads::share(threads::cores(), self.device.kind, update, render, build)
+    }
+
+    /// A driver that traces by `method` and follows the motion by `update`, as a run of its own would have it.
+    pub(crate) fn driver(&mut self, method: Method, update: Update) -> Result<Driver, Stop> {
+        let threads = self.share(update);
+        let options = DriverOptions {
+            method,
+            update,
+            builder_threads: threads.build,
+            time_range: self.ask.ahead.time_range,
+            predict: self.ask.ahead.predict,
+        };
+        let backend = self.take(threads.render)?;
+        memory::check_device(&*backend, self.animation, (method, update), self.ask.rays())?;
+        Ok(Driver::new(backend, Arc::clone(self.animation), options)?)
+    }
+
+    pub(crate) fn put_back(&mut self, driver: Driver) {
+        self.backend = Some(driver.into_backend());
+    }
+
+    /// The backend at hand, or another of the same kind if that computes on other threads or is gone.
+    fn take(&mut self, threads: usize) -> Result<Box<dyn Backend>, Stop> {
+        if let Some(backend) = self.backend.take() {
+            // 0 of those whose device computes.
+            if [0, threads].contains(&backend.device().threads) {
+                return Ok(backend);
+            }
+        }
+        let named = BackendName::from_str(self.device.backend, true);
+        let backend = named.unwrap_or(self.ask.backend);
+        open::bare(backend, self.ask.adapter, threads)
     }
 }

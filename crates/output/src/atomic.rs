@@ -56,7 +56,7 @@ pub fn remove_unfinished() -> impl Sized {
 #[derive(Debug)]
 pub struct UnfinishedFile {
     path: PathBuf,
-    known: Known,
+    known: UnfinishedName,
     file: NamedTempFile,
 }
 
@@ -66,7 +66,7 @@ impl UnfinishedFile {
     /// # Errors
     /// [`WriteError`]: no such directory, no permission.
     pub fn beside(path: &Path) -> Result<Self, WriteError> {
-        let (known, file) = temporary_beside(path).map_err(|e| WriteError::new(path, e))?;
+        let (known, file) = temporary_in(parent(path)).map_err(|e| WriteError::new(path, e))?;
         let path = path.to_owned();
         Ok(Self { path, known, file })
     }
@@ -91,9 +91,9 @@ impl UnfinishedFile {
 
 /// Has a temporary file be known as long as it exists.
 #[derive(Debug)]
-struct Known(PathBuf);
+struct UnfinishedName(PathBuf);
 
-impl Drop for Known {
+impl Drop for UnfinishedName {
     fn drop(&mut self) {
         unfinished().remove(&self.0);
     }
@@ -140,7 +140,7 @@ pub fn check_writable(path: &Path) -> Result<(), WriteError> {
         Some(file) => {
             // A folder that may be written to need not be readable.
             let _ = remove_abandoned(parent(&file));
-            temporary_beside(&file).map(drop)
+            temporary_in(parent(&file)).map(drop)
         }
         None => fs::OpenOptions::new().write(true).open(path).map(drop),
     };
@@ -156,7 +156,7 @@ pub fn check_dir(dir: &Path) -> Result<(), WriteError> {
     let existing = above.find(|d| fs::symlink_metadata(d).is_ok());
     let existing = existing.unwrap_or(Path::new("."));
     let check = || match fs::metadata(existing)?.is_dir() {
-        true => temporary_beside(&existing.join("any")).map(drop),
+        true => temporary_in(existing).map(drop),
         false => Err(io::ErrorKind::NotADirectory.into()),
     };
     check().map_err(|e| WriteError::new(dir, e))
@@ -171,7 +171,7 @@ pub fn prepare_dir(dir: &Path) -> Result<(), WriteError> {
     let prepare = || {
         fs::create_dir_all(dir)?;
         let _ = remove_abandoned(dir);
-        temporary_beside(&dir.join("any")).map(drop)
+        temporary_in(dir).map(drop)
     };
     prepare().map_err(|e| WriteError::new(dir, e))
 }
@@ -189,7 +189,7 @@ fn plain_target(path: &Path) -> io::Result<Option<PathBuf>> {
 
 fn rename_over(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     // Dropping the temporary file on the way out of an error removes it.
-    let (_known, mut file) = temporary_beside(path)?;
+    let (_known, mut file) = temporary_in(parent(path))?;
     let mut out = BufWriter::with_capacity(BUFFER, file.as_file_mut());
     fill(&mut out)?;
     out.flush()?;
@@ -227,13 +227,13 @@ pub fn remove_link(path: &Path) -> Result<(), WriteError> {
 }
 
 /// A temporary file that is locked as long as it is open, so that nobody takes it for abandoned.
-fn temporary_beside(path: &Path) -> io::Result<(Known, NamedTempFile)> {
+fn temporary_in(dir: &Path) -> io::Result<(UnfinishedName, NamedTempFile)> {
     loop {
         let mut files = unfinished();
-        let file = unlocked_beside(path)?;
+        let file = unlocked_in(dir)?;
         files.insert(file.path().to_owned());
         drop(files);
-        let known = Known(file.path().to_owned());
+        let known = UnfinishedName(file.path().to_owned());
         // Locked or removed in between by somebody who tidies up: another one is made.
         let is_ours = match file.as_file().try_lock() {
             Ok(()) => file.path().exists(),
@@ -246,13 +246,13 @@ fn temporary_beside(path: &Path) -> io::Result<(Known, NamedTempFile)> {
     }
 }
 
-fn unlocked_beside(path: &Path) -> io::Result<NamedTempFile> {
+fn unlocked_in(dir: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(PREFIX).suffix(SUFFIX);
     // Temporary files are private by default; results are as readable as the user's mask allows.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(parent(path)).map_err(without_path)
+    builder.tempfile_in(dir).map_err(without_path)
 }
 
 fn parent(path: &Path) -> &Path {
@@ -302,9 +302,9 @@ mod tests {
     #[test]
     fn what_a_killed_run_left_is_removed_and_what_a_living_one_writes_is_not() {
         let dir = tempfile::tempdir().unwrap();
-        let left = unlocked_beside(&dir.path().join("a")).unwrap();
+        let left = unlocked_in(dir.path()).unwrap();
         let (_, left) = left.keep().unwrap();
-        let (_known, living) = temporary_beside(&dir.path().join("b")).unwrap();
+        let (_known, living) = temporary_in(dir.path()).unwrap();
         fs::write(dir.path().join(".abvh-notes"), b"mine").unwrap();
         remove_abandoned(dir.path()).unwrap();
         assert!(!left.exists() && living.path().exists());
@@ -313,7 +313,7 @@ mod tests {
             |dir: &Path| check_writable(&dir.join("c")),
             |dir: &Path| prepare_dir(dir),
         ] {
-            let left = unlocked_beside(&dir.path().join("a")).unwrap();
+            let left = unlocked_in(dir.path()).unwrap();
             let (_, left) = left.keep().unwrap();
             prepare(dir.path()).unwrap();
             assert!(!left.exists() && living.path().exists());

@@ -240,7 +240,8 @@ fn side_panel(
             }));
         }
     }
-    let rates = marks.iter().flat_map(|m| [m.at[1], m.bars[1][1]]);
+    let rates = marks.iter().map(|m| (m.at[1], m.bars[1]));
+    let rates = rates.flat_map(|(value, [low, high])| [low, value, high]);
     let names = places.into_iter().map(|(name, _)| name);
     let axes = [Axis::named(x, names), Axis::log(y, rates)];
     (!marks.is_empty()).then(|| Panel {
