@@ -77,9 +77,8 @@ fn check_header(words: &[u32]) -> Result<Header, RecordError> {
         let found = words[1];
         format!("word 1 gives layout version {found}, only {version} is known")
     })?;
-    for word in 5..Topology::HEADER_WORDS {
-        ensure(words[word] == 0, || {
-            let found = words[word];
+    for (word, found) in (5..).zip(&words[5..Topology::HEADER_WORDS]) {
+        ensure(*found == 0, || {
             format!("word {word} is {found}, it is reserved and must be 0")
         })?;
     }

@@ -112,13 +112,13 @@ pub(super) fn cuts<'a>(
     }
     let mut best = (f32::INFINITY, n / 2);
     (b, count) = (Boxes::EMPTY, 0);
-    for left in 1..n {
+    for (left, cost) in costs[..n].iter_mut().enumerate().skip(1) {
         let (next, its_count) = item(left - 1);
         b.grow(next);
         count += its_count;
-        costs[left] += ruler.half_area(&b) * count as f32;
-        if costs[left] < best.0 {
-            best = (costs[left], left);
+        *cost += ruler.half_area(&b) * count as f32;
+        if *cost < best.0 {
+            best = (*cost, left);
         }
     }
     (costs, best)

@@ -240,7 +240,7 @@ impl SizedTree<'_> {
 
     /// What subtrees are compared by: their area, else their leaves.
     fn extent(&self, node: NodeRank) -> f32 {
-        self.area(node).unwrap_or(self.size(node) as f32)
+        self.area(node).unwrap_or_else(|| self.size(node) as f32)
     }
 
     /// The leaves of one block.

@@ -101,125 +101,44 @@ proptest! {
     }
 }
 
-/// Each property has its error, which says where and what.
+/// Each property has its error, which says where and what. Each line: a word, what it becomes, and the error.
 #[test]
 fn what_is_wrong_is_named() {
     let sample = record_of(&random_tree(40, 11));
     let (levels, words) = (sample.level_count(), sample.words());
-    let (bits, last) = (8 + levels, levels - 1);
-    let first_bits = words[bits].count_ones();
-    let rank = first_bits + 1;
-    let twice = sample.leaf_triangles()[2];
-    let past = words[bits + 2] | 1 << 31;
-    let triangles = sample.triangle_count();
-    let changes = [
-        (
-            0,
-            5,
-            "word 0 is 0x00000005, a record begins with 0x48564241".to_owned(),
-        ),
-        (
-            1,
-            2,
-            "word 1 gives layout version 2, only 1 is known".to_owned(),
-        ),
-        (6, 9, "word 6 is 9, it is reserved and must be 0".to_owned()),
-        (
-            2,
-            u32::MAX,
-            "word 2 gives 4294967295 triangles, the limit is 1073741824".to_owned(),
-        ),
-        (
-            2,
-            39,
-            "word 3 gives 40 leaves, the scene has 39 triangles".to_owned(),
-        ),
-        (
-            4,
-            0,
-            "word 4 gives 0 levels, 40 leaves need 7 to 40".to_owned(),
-        ),
-        (
-            4,
-            6,
-            "word 4 gives 6 levels, 40 leaves need 7 to 40".to_owned(),
-        ),
-        (
-            4,
-            41,
-            "word 4 gives 41 levels, 40 leaves need 7 to 40".to_owned(),
-        ),
-        (
-            3,
-            39,
-            format!(
-                "the record has {0} words, its header asks for {1}",
-                words.len(),
-                words.len() - 1
-            ),
-        ),
-        (
-            8,
-            2,
-            "level 0 has 2 inner nodes, its 1 nodes allow 1 to 1".to_owned(),
-        ),
-        (
-            9,
-            0,
-            "level 1 has 0 inner nodes, its 2 nodes allow 1 to 2".to_owned(),
-        ),
-        (
-            9,
-            3,
-            "level 1 has 3 inner nodes, its 2 nodes allow 1 to 2".to_owned(),
-        ),
-        (
-            8 + last,
-            1,
-            format!("level {last} is the last, but has 1 inner nodes"),
-        ),
-        (
-            7 + last,
-            words[7 + last] + 1,
-            "the levels have 40 inner nodes, 40 leaves imply 39".to_owned(),
-        ),
-        (
-            bits,
-            words[bits] | 1,
-            "level 0, nodes 0..1: 1 bits mark leaves, the level table implies 0".to_owned(),
-        ),
-        (
-            bits + 2,
-            past,
-            format!(
-                "word {} is {past:#010x}, bits past the last node 78 must be 0",
-                bits + 2
-            ),
-        ),
-        (
-            bits + 4,
-            rank,
-            format!(
-                "word {} counts {rank} leaves before node 32, there are {first_bits}",
-                bits + 4
-            ),
-        ),
-        (
-            bits + 13,
-            500,
-            format!("leaf 7 names triangle 500, the scene has {triangles}"),
-        ),
-        (
-            bits + 13,
-            twice,
-            format!("leaves 2 and 7 both name triangle {twice}"),
-        ),
-    ];
-    for (word, value, says) in changes {
+    let (bits, last, length) = (8 + levels, levels - 1, words.len());
+    let (end, more, ranks, leaf) = (bits + 2, 7 + last, bits + 4, bits + 13);
+    let (past, inner) = (words[end] | 1 << 31, words[more] + 1);
+    let (ones, root) = (words[bits].count_ones(), words[bits] | 1);
+    let (rank, twice) = (ones + 1, sample.leaf_triangles()[2]);
+    let (triangles, shorter, at_last) = (sample.triangle_count(), length - 1, 8 + last);
+    let changes = format!(
+        "0 | 5 | word 0 is 0x00000005, a record begins with 0x48564241
+        1 | 2 | word 1 gives layout version 2, only 1 is known
+        6 | 9 | word 6 is 9, it is reserved and must be 0
+        2 | 4294967295 | word 2 gives 4294967295 triangles, the limit is 1073741824
+        2 | 39 | word 3 gives 40 leaves, the scene has 39 triangles
+        4 | 0 | word 4 gives 0 levels, 40 leaves need 7 to 40
+        4 | 6 | word 4 gives 6 levels, 40 leaves need 7 to 40
+        4 | 41 | word 4 gives 41 levels, 40 leaves need 7 to 40
+        3 | 39 | the record has {length} words, its header asks for {shorter}
+        8 | 2 | level 0 has 2 inner nodes, its 1 nodes allow 1 to 1
+        9 | 0 | level 1 has 0 inner nodes, its 2 nodes allow 1 to 2
+        9 | 3 | level 1 has 3 inner nodes, its 2 nodes allow 1 to 2
+        {at_last} | 1 | level {last} is the last, but has 1 inner nodes
+        {more} | {inner} | the levels have 40 inner nodes, 40 leaves imply 39
+        {bits} | {root} | level 0, nodes 0..1: 1 bits mark leaves, the level table implies 0
+        {end} | {past} | word {end} is {past:#010x}, bits past the last node 78 must be 0
+        {ranks} | {rank} | word {ranks} counts {rank} leaves before node 32, there are {ones}
+        {leaf} | 500 | leaf 7 names triangle 500, the scene has {triangles}
+        {leaf} | {twice} | leaves 2 and 7 both name triangle {twice}"
+    );
+    for change in changes.lines() {
+        let parts: Vec<_> = change.trim().split(" | ").collect();
         let mut words = words.to_vec();
-        words[word] = value;
+        words[parts[0].parse::<usize>().unwrap()] = parts[1].parse().unwrap();
         let error = Topology::from_words(words).unwrap_err();
-        assert_eq!(error.to_string(), says);
+        assert_eq!(error.to_string(), parts[2]);
     }
 }
 

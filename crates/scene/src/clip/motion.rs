@@ -2,9 +2,9 @@
 
 use super::accessor::floats;
 use super::document::File;
-use super::rig::{Parts, unit, vectors};
+use super::rig::{Parts, unit};
 use crate::SceneError;
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use gltf::animation::{Channel, Interpolation, Property};
 use std::collections::BTreeMap;
 
@@ -19,22 +19,24 @@ pub(super) struct Motion {
 /// What moves at one node.
 #[derive(Default)]
 pub(super) struct Tracks {
-    translation: Option<Track<DVec3>>,
-    rotation: Option<Track<DQuat>>,
-    scale: Option<Track<DVec3>>,
-    weights: Option<Track<Vec<f64>>>,
+    translation: Option<Track>,
+    rotation: Option<Track>,
+    scale: Option<Track>,
+    weights: Option<Track>,
 }
 
 impl Tracks {
     /// A node's parts, of which a clip sets some.
     pub(super) fn at(&self, time: f64, (translation, rotation, scale): Parts) -> Parts {
-        let turned = self.rotation.as_ref().map(|t| unit(t.at(time).to_array()));
+        let vector = |track: &Option<Track>, rest| {
+            let value = track.as_ref().map(|t| t.at(time));
+            value.map_or(rest, |v| DVec3::from_slice(&v))
+        };
+        let turned = self.rotation.as_ref().map(|t| unit(&t.at(time)));
         (
-            self.translation
-                .as_ref()
-                .map_or(translation, |t| t.at(time)),
+            vector(&self.translation, translation),
             turned.unwrap_or(rotation),
-            self.scale.as_ref().map_or(scale, |t| t.at(time)),
+            vector(&self.scale, scale),
         )
     }
 }
@@ -76,32 +78,36 @@ impl Motion {
         self.span = Some([start.min(first), end.max(last)]);
         let node = channel.target().node();
         let tracks = self.nodes.entry(node.index()).or_default();
-        let bad = |cause| file.wrong(place, cause);
-        let vectors = |accessor| floats::<3>(file, accessor).map(|v| vectors(&v));
-        match channel.target().property() {
-            Property::Translation => {
-                let values = vectors(&output)?;
-                tracks.translation = Some(Track::new(times, values, how).map_err(bad)?);
-            }
-            Property::Scale => {
-                let values = vectors(&output)?;
-                tracks.scale = Some(Track::new(times, values, how).map_err(bad)?);
-            }
-            Property::Rotation => {
-                let values = floats::<4>(file, &output)?.into_iter();
-                let values = values.map(|q| DQuat::from_array(q.map(f64::from)));
-                let track = Track::new(times, values.collect(), how);
-                tracks.rotation = Some(track.map_err(bad)?);
-            }
+        let property = channel.target().property();
+        let (slot, size, values) = match property {
+            Property::Translation => (&mut tracks.translation, 3, numbers::<3>(file, &output)?),
+            Property::Scale => (&mut tracks.scale, 3, numbers::<3>(file, &output)?),
+            Property::Rotation => (&mut tracks.rotation, 4, numbers::<4>(file, &output)?),
             Property::MorphTargetWeights => {
-                let targets = targets(&node);
-                let values = floats::<1>(file, &output)?;
-                tracks.weights =
-                    Some(weights(times, values.as_flattened(), targets, how).map_err(bad)?);
+                let values = numbers::<1>(file, &output)?;
+                (&mut tracks.weights, targets(&node), values)
             }
-        }
+        };
+        let track = Track {
+            times,
+            values,
+            size,
+            turns: property == Property::Rotation,
+            interpolation: how,
+        };
+        track.check().map_err(|cause| file.wrong(place, cause))?;
+        *slot = Some(track);
         Ok(())
     }
+}
+
+/// Numbers of elements of N, one element after the other.
+fn numbers<const N: usize>(
+    file: &File,
+    accessor: &gltf::Accessor<'_>,
+) -> Result<Vec<f64>, SceneError> {
+    let elements = floats::<N>(file, accessor)?;
+    Ok(elements.into_iter().flatten().map(f64::from).collect())
 }
 
 /// How many morph targets a node's mesh has.
@@ -113,8 +119,7 @@ fn targets(node: &gltf::Node<'_>) -> usize {
 
 /// Finite times that never fall.
 fn times(file: &File, input: &gltf::Accessor<'_>) -> Result<Vec<f64>, SceneError> {
-    let times = floats::<1>(file, input)?.into_iter();
-    let times: Vec<f64> = times.map(|[t]| f64::from(t)).collect();
+    let times = numbers::<1>(file, input)?;
     let wrong = |cause: &str| Err(file.wrong(("accessor", input.index()), cause));
     if times.iter().any(|t| !t.is_finite()) {
         return wrong("a time is not a finite number");
@@ -125,89 +130,82 @@ fn times(file: &File, input: &gltf::Accessor<'_>) -> Result<Vec<f64>, SceneError
     Ok(times)
 }
 
-/// `targets` numbers make one value of a track.
-fn weights(
-    times: Vec<f64>,
-    values: &[f32],
-    targets: usize,
-    how: Interpolation,
-) -> Result<Track<Vec<f64>>, String> {
-    if targets == 0 {
-        return Err("weights are animated where there are no morph targets".to_owned());
-    }
-    if !values.len().is_multiple_of(targets) {
-        return Err(format!(
-            "{} weights do not make whole sets for {targets} morph targets",
-            values.len()
-        ));
-    }
-    let sets = values
-        .chunks(targets)
-        .map(|set| set.iter().map(|&w| f64::from(w)).collect());
-    Track::new(times, sets.collect(), how)
-}
-
-/// A value that can be blended.
-trait Value: Clone {
-    /// From `self` at 0 to `other` at 1.
-    fn blend(&self, other: &Self, weight: f64) -> Self;
-    /// The cubic Hermite spline from `self` with tangent `out` to `to` with tangent `inward`, by its four basis values.
-    fn spline(&self, out: &Self, to: &Self, inward: &Self, basis: [f64; 4]) -> Self;
-}
-
-/// Values at rising times, in seconds.
-struct Track<T> {
+/// Values of some numbers each at rising times, in seconds, of which there is one at least.
+struct Track {
     times: Vec<f64>,
     /// One a time; three for splines: inward tangent, value, outward tangent.
-    values: Vec<T>,
+    values: Vec<f64>,
+    /// Numbers of a value.
+    size: usize,
+    /// Whether values are quaternions.
+    turns: bool,
     interpolation: Interpolation,
 }
 
-impl<T: Value> Track<T> {
-    /// Nothing is checked but the counts, of which there is one time at least. The message says what is wrong with them.
-    fn new(times: Vec<f64>, values: Vec<T>, interpolation: Interpolation) -> Result<Self, String> {
-        let each = match interpolation {
-            Interpolation::CubicSpline => 3,
-            _ => 1,
-        };
-        let (found, times_found) = (values.len(), times.len());
-        let expected = each * times_found;
-        if found != expected {
+impl Track {
+    /// Checks the counts. The message says what is wrong with them.
+    fn check(&self) -> Result<(), String> {
+        let (size, found, times) = (self.size, self.values.len(), self.times.len());
+        if size == 0 {
+            return Err("weights are animated where there are no morph targets".to_owned());
+        }
+        if !found.is_multiple_of(size) {
             return Err(format!(
-                "{expected} values are expected for {times_found} times, {found} are there"
+                "{found} weights do not make whole sets for {size} morph targets"
             ));
         }
-        Ok(Self {
-            times,
-            values,
-            interpolation,
-        })
+        let (found, expected) = (found / size, times * self.each());
+        if found != expected {
+            return Err(format!(
+                "{expected} values are expected for {times} times, {found} are there"
+            ));
+        }
+        Ok(())
+    }
+
+    /// Values for each time.
+    fn each(&self) -> usize {
+        match self.interpolation {
+            Interpolation::CubicSpline => 3,
+            _ => 1,
+        }
+    }
+
+    fn row(&self, row: usize) -> &[f64] {
+        &self.values[row * self.size..][..self.size]
+    }
+
+    fn value(&self, key: usize) -> &[f64] {
+        let each = self.each();
+        self.row(each * key + each / 2)
     }
 
     /// The value at `time`: that of the nearest end before the first time and after the last.
-    fn at(&self, time: f64) -> T {
+    fn at(&self, time: f64) -> Vec<f64> {
         let next = self.times.partition_point(|&t| t <= time);
         if next == 0 || next == self.times.len() {
-            return self.value(next.saturating_sub(1)).clone();
+            return self.value(next.saturating_sub(1)).to_vec();
         }
         let last = next - 1;
         let step = self.times[next] - self.times[last];
         let weight = (time - self.times[last]) / step;
+        let (from, to) = (self.value(last), self.value(next));
         match self.interpolation {
-            Interpolation::Step => self.value(last).clone(),
-            Interpolation::Linear => self.value(last).blend(self.value(next), weight),
-            Interpolation::CubicSpline => {
-                let (out, inward) = (&self.values[3 * last + 2], &self.values[3 * next]);
-                self.value(last)
-                    .spline(out, self.value(next), inward, hermite(weight, step))
+            Interpolation::Step => from.to_vec(),
+            // Along the shorter arc.
+            Interpolation::Linear if self.turns => {
+                unit(from).slerp(unit(to), weight).to_array().to_vec()
             }
-        }
-    }
-
-    fn value(&self, key: usize) -> &T {
-        match self.interpolation {
-            Interpolation::CubicSpline => &self.values[3 * key + 1],
-            _ => &self.values[key],
+            Interpolation::Linear => {
+                let pairs = from.iter().zip(to);
+                pairs.map(|(a, b)| a + (b - a) * weight).collect()
+            }
+            Interpolation::CubicSpline => {
+                let (out, inward) = (self.row(3 * last + 2), self.row(3 * next));
+                let [a, b, c, d] = hermite(weight, step);
+                let value = |i: usize| a * from[i] + b * out[i] + c * to[i] + d * inward[i];
+                (0..self.size).map(value).collect()
+            }
         }
     }
 }
@@ -223,72 +221,39 @@ fn hermite(t: f64, step: f64) -> [f64; 4] {
     ]
 }
 
-impl Value for DVec3 {
-    fn blend(&self, other: &Self, weight: f64) -> Self {
-        *self + (*other - *self) * weight
-    }
-
-    fn spline(&self, out: &Self, to: &Self, inward: &Self, [a, b, c, d]: [f64; 4]) -> Self {
-        a * *self + b * *out + c * *to + d * *inward
-    }
-}
-
-impl Value for DQuat {
-    /// Along the shorter arc.
-    fn blend(&self, other: &Self, weight: f64) -> Self {
-        unit(self.to_array()).slerp(unit(other.to_array()), weight)
-    }
-
-    fn spline(&self, out: &Self, to: &Self, inward: &Self, [a, b, c, d]: [f64; 4]) -> Self {
-        *self * a + *out * b + *to * c + *inward * d
-    }
-}
-
-impl Value for Vec<f64> {
-    fn blend(&self, other: &Self, weight: f64) -> Self {
-        self.iter()
-            .zip(other)
-            .map(|(a, b)| a + (b - a) * weight)
-            .collect()
-    }
-
-    fn spline(&self, out: &Self, to: &Self, inward: &Self, [a, b, c, d]: [f64; 4]) -> Self {
-        let tangents = out.iter().zip(inward);
-        let ends = self.iter().zip(to);
-        ends.zip(tangents)
-            .map(|((p, q), (m, n))| a * p + b * m + c * q + d * n)
-            .collect()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DQuat;
+
+    fn track(times: &[f64], values: &[f64], interpolation: Interpolation) -> Track {
+        let turns = values.len() == 8;
+        let track = Track {
+            times: times.to_vec(),
+            values: values.to_vec(),
+            size: if turns { 4 } else { 1 },
+            turns,
+            interpolation,
+        };
+        track.check().unwrap();
+        track
+    }
 
     #[test]
     fn ends_hold_and_steps_wait() {
-        let values = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
-        let track = |how| Track::new(vec![1.0, 2.0, 4.0], values.clone(), how).unwrap();
+        let track = |how| track(&[1.0, 2.0, 4.0], &[0.0, 1.0, 3.0], how);
         let linear = track(Interpolation::Linear);
-        assert_eq!(linear.at(0.0), DVec3::ZERO);
-        assert_eq!(linear.at(3.0), DVec3::new(0.5, 0.5, 0.0));
-        assert_eq!(linear.at(4.0), DVec3::Y);
-        assert_eq!(linear.at(9.0), DVec3::Y);
-        assert_eq!(track(Interpolation::Step).at(3.999), DVec3::X);
-        assert!(Track::new(vec![1.0], values, Interpolation::Linear).is_err());
+        let found = [0.0, 3.0, 4.0, 9.0].map(|time| linear.at(time)[0]);
+        assert_eq!(found, [0.0, 2.0, 3.0, 3.0]);
+        assert_eq!(track(Interpolation::Step).at(3.999), [1.0]);
     }
 
     #[test]
     fn rotations_take_the_shorter_arc() {
-        let quarter = DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2);
-        let track = Track::new(
-            vec![0.0, 1.0],
-            vec![DQuat::IDENTITY, -quarter],
-            Interpolation::Linear,
-        );
-        let half = track.unwrap().at(0.5);
-        assert!(
-            (half * DVec3::X - DVec3::new(0.5_f64.sqrt(), 0.0, -0.5_f64.sqrt())).length() < 1e-12
-        );
+        let quarter = -DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2);
+        let ends = [DQuat::IDENTITY, quarter].map(|q| q.to_array());
+        let half = track(&[0.0, 1.0], ends.as_flattened(), Interpolation::Linear).at(0.5);
+        let expected = DVec3::new(0.5_f64.sqrt(), 0.0, -0.5_f64.sqrt());
+        assert!((unit(&half) * DVec3::X - expected).length() < 1e-12);
     }
 }

@@ -114,7 +114,7 @@ fn rest(transform: Transform) -> Rest {
             scale,
         } => Rest::Parts((
             vector(translation),
-            unit(rotation.map(f64::from)),
+            unit(&rotation.map(f64::from)),
             vector(scale),
         )),
     }
@@ -131,8 +131,8 @@ pub(super) fn vectors(all: &[[f32; 3]]) -> Vec<DVec3> {
 }
 
 /// The rotation a quaternion (x, y, z, w) stands for; none if it is zero.
-pub(super) fn unit(quaternion: [f64; 4]) -> DQuat {
-    let q = DQuat::from_array(quaternion);
+pub(super) fn unit(quaternion: &[f64]) -> DQuat {
+    let q = DQuat::from_slice(quaternion);
     if q.length_squared() == 0.0 {
         DQuat::IDENTITY
     } else {
@@ -205,7 +205,7 @@ pub(super) fn places(file: &File, node: &Node<'_>) -> Result<Vec<DMat4>, SceneEr
     let rotations = rotations.unwrap_or_default();
     let place = |i: usize| {
         let rotation = rotations.get(i);
-        let rotation = rotation.map_or(DQuat::IDENTITY, |q| unit(q.map(f64::from)));
+        let rotation = rotation.map_or(DQuat::IDENTITY, |q| unit(&q.map(f64::from)));
         let scale = scales.get(i).copied().unwrap_or(DVec3::ONE);
         let translation = translations.get(i).copied().unwrap_or(DVec3::ZERO);
         DMat4::from_scale_rotation_translation(scale, rotation, translation)

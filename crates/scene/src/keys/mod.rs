@@ -122,18 +122,23 @@ impl<'a> Reducer<'a> {
             let mut onward: Vec<(f64, usize)> = pair[1].iter().filter_map(cost).collect();
             onward.sort_by(|a, b| a.0.total_cmp(&b.0));
             for &from in &pair[0] {
-                let mut best: Option<f64> = None;
-                for &(cost, to) in onward.iter().filter(|&&(_, to)| to > from) {
-                    if best.is_some_and(|b| cost >= b) {
-                        break;
-                    }
-                    let error = self.intervals.within(from, to, best.unwrap_or(limit));
-                    best = error.map(|e| e.max(cost)).or(best);
-                }
-                costs[from] = best;
+                costs[from] = self.cost(from, &onward, limit);
             }
         }
         costs
+    }
+
+    /// The least maximum error of a path on from a frame, over the next layer's frames by rising costs.
+    fn cost(&mut self, from: usize, onward: &[(f64, usize)], limit: f64) -> Option<f64> {
+        let mut best: Option<f64> = None;
+        for &(cost, to) in onward.iter().filter(|&&(_, to)| to > from) {
+            if best.is_some_and(|b| cost >= b) {
+                break;
+            }
+            let error = self.intervals.within(from, to, best.unwrap_or(limit));
+            best = error.map(|e| e.max(cost)).or(best);
+        }
+        best
     }
 }
 
