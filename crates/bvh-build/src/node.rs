@@ -4,7 +4,7 @@ use crate::bins::{Bins, CHUNK, Counts, Grid, Plane};
 use crate::occluder_first::reach;
 use crate::partition::{partition, partition_parallel};
 use crate::prim::{Bounds, Extents, Prim};
-use crate::tree::Slot;
+use crate::tree::SubtreeSlot;
 use crate::{BuildError, Cancel, MAX_DEPTH, small};
 use geom::Point;
 use rayon::join;
@@ -22,7 +22,7 @@ const PARALLEL_CHILDREN: usize = 2048;
 pub(crate) struct Node<'a> {
     pub(crate) prims: &'a mut [Prim],
     pub(crate) room: &'a mut [Prim],
-    pub(crate) slot: Slot<'a>,
+    pub(crate) slot: SubtreeSlot<'a>,
     pub(crate) extents: Extents,
     pub(crate) depth: u32,
 }

@@ -4,7 +4,7 @@ use crate::bins::least_axis;
 use crate::node::fits;
 use crate::prim::{Bounds, Prim, Ruler};
 use crate::tiny;
-use crate::tree::Slot;
+use crate::tree::SubtreeSlot;
 use geom::Point;
 use glam::Vec4;
 
@@ -23,7 +23,7 @@ struct Sorted {
 
 /// Builds a subtree of 1 to [`MOST`] triangles whose root has the given depth, for rays that end at a point.
 #[inline(never)]
-pub(crate) fn build(prims: &[Prim], slot: Slot<'_>, depth: u32, toward: Option<Point>) {
+pub(crate) fn build(prims: &[Prim], slot: SubtreeSlot<'_>, depth: u32, toward: Option<Point>) {
     if prims.len() <= tiny::MOST {
         return tiny::build(prims, slot, depth);
     }
@@ -56,7 +56,7 @@ impl Sorted {
         &self.prims[self.order[axis][place % MOST] as usize % MOST]
     }
 
-    fn build(&mut self, range: [usize; 2], slot: Slot<'_>, depth: u32) {
+    fn build(&mut self, range: [usize; 2], slot: SubtreeSlot<'_>, depth: u32) {
         let [start, end] = range;
         let n = end - start;
         if n <= tiny::MOST {

@@ -8,7 +8,7 @@
 
 mod groups;
 
-use crate::tree::Slot;
+use crate::tree::SubtreeSlot;
 use crate::{BinaryTree, Boxes, BuildError, Builder, Cancel, Subtree, sah_cost};
 use groups::{Groups, LEVELS};
 use rayon::prelude::*;
@@ -111,7 +111,7 @@ impl SubtreeRebuilder {
     }
 
     /// Writes the subtree below a node of `above`.
-    fn unfold(&self, last: &BinaryTree, node: Subtree, slot: Slot<'_>) {
+    fn unfold(&self, last: &BinaryTree, node: Subtree, slot: SubtreeSlot<'_>) {
         if node.leaves == 1 {
             let group = self.groups.nodes[self.above.order[node.first_leaf as usize] as usize];
             let (order, inner) = (group.first_leaf as usize, group.inner as usize);

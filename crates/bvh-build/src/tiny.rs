@@ -2,15 +2,15 @@
 
 use crate::MAX_DEPTH;
 use crate::prim::{Bounds, Prim, Ruler};
-use crate::tree::Slot;
+use crate::tree::SubtreeSlot;
 use glam::Vec4;
 
 /// The most triangles of a subtree built here.
 pub(crate) const MOST: usize = 4;
 
 /// Builds a subtree of 1 to [`MOST`] triangles whose root has the given depth.
-pub(crate) fn build(prims: &[Prim], slot: Slot<'_>, depth: u32) {
-    let Slot { left_leaves, order } = slot;
+pub(crate) fn build(prims: &[Prim], slot: SubtreeSlot<'_>, depth: u32) {
+    let SubtreeSlot { left_leaves, order } = slot;
     match prims {
         [a] => order[0] = a.triangle(),
         [a, b] => {
@@ -176,7 +176,7 @@ mod tests {
             let prims = prims(seed);
             let (mut shape, mut order) = ([0; 3], [0; 4]);
             for (depth, allowed) in [(61, &[[2, 1, 1], [3, 2, 1]][..]), (62, &[[2, 1, 1]])] {
-                let slot = Slot {
+                let slot = SubtreeSlot {
                     left_leaves: &mut shape,
                     order: &mut order,
                 };
@@ -215,7 +215,7 @@ mod tests {
         ] {
             let prims: Vec<_> = order.iter().zip(0..).map(|(&x, i)| at(x, i)).collect();
             let (mut shape, mut leaves) = ([0; 2], [0; 3]);
-            let slot = Slot {
+            let slot = SubtreeSlot {
                 left_leaves: &mut shape,
                 order: &mut leaves,
             };

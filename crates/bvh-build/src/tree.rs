@@ -52,12 +52,12 @@ impl Subtree {
 }
 
 /// The part of a [`BinaryTree`] that a subtree fills: its inner nodes and its leaves, of which there is one more.
-pub(crate) struct Slot<'a> {
+pub(crate) struct SubtreeSlot<'a> {
     pub(crate) left_leaves: &'a mut [u32],
     pub(crate) order: &'a mut [u32],
 }
 
-impl Slot<'_> {
+impl SubtreeSlot<'_> {
     /// Writes a root that has so many leaves to its left; gives the parts of its children.
     #[inline]
     pub(crate) fn split(self, left: usize) -> [Self; 2] {
@@ -79,10 +79,10 @@ impl Slot<'_> {
 
 impl BinaryTree {
     /// Makes room for so many leaves; what is in it does not matter.
-    pub(crate) fn slot(&mut self, leaves: usize) -> Slot<'_> {
+    pub(crate) fn slot(&mut self, leaves: usize) -> SubtreeSlot<'_> {
         self.order.resize(leaves, 0);
         self.left_leaves.resize(leaves.saturating_sub(1), 0);
-        Slot {
+        SubtreeSlot {
             left_leaves: &mut self.left_leaves,
             order: &mut self.order,
         }

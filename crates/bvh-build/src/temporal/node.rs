@@ -4,7 +4,7 @@ use super::bins::{BINS, Extents, Plane, best_plane, cuts};
 use super::lanes::{Boxes, Ruler};
 use super::prims::Prims;
 use crate::node::fits;
-use crate::tree::Slot;
+use crate::tree::SubtreeSlot;
 use crate::{BuildError, Cancel};
 
 /// Nodes of more triangles than this build their children in parallel and ask whether to go on.
@@ -21,7 +21,7 @@ const NEARLY: f32 = 1.0 + 1e-5;
 /// A node to build: where its part of the tree goes, and room of the same size.
 pub(super) struct TemporalNode<'a> {
     /// Its triangles become the order of the leaves.
-    pub(super) slot: Slot<'a>,
+    pub(super) slot: SubtreeSlot<'a>,
     pub(super) room: &'a mut [u32],
     pub(super) depth: u32,
 }
