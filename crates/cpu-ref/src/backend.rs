@@ -295,8 +295,14 @@ impl Backend for CpuBackend {
         let Hits { closest, blocked } = &self.finished(ticket).hits;
         // By all threads: one alone takes as long as many take to trace.
         self.pool.install(|| {
-            closest.par_iter().copied().collect_into_vec(&mut out.closest);
-            blocked.par_iter().copied().collect_into_vec(&mut out.blocked);
+            closest
+                .par_iter()
+                .copied()
+                .collect_into_vec(&mut out.closest);
+            blocked
+                .par_iter()
+                .copied()
+                .collect_into_vec(&mut out.blocked);
         });
         Ok(())
     }

@@ -76,7 +76,7 @@ fn all_three_encodings_say_the_same() {
 fn room_is_asked_for_every_corner() {
     let need = |bytes: &[u8]| {
         let path = Path::new("a.ply");
-        Reader::new(path, &Header::read(path, bytes).unwrap()).need()
+        File::open(path, bytes).unwrap().need()
     };
     let square = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
     let triangles = ascii(square, "3 0 1 2\n3 3 2 0\n");
