@@ -20,11 +20,14 @@ use pipeline::{Frame, Wanted};
 use scene::Scene;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// Renders.
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     conflicts::of_render(args)?;
     let outputs = Outputs::of(args)?;
+    let mut start_up = vec![("begin", Instant::now())];
+    let mut passed = |step| start_up.push((step, Instant::now()));
     let earlier = Earlier::look(args, &outputs)?;
     let finished = earlier.finished(args, &outputs)?;
     if let Some(rows) = finished.filter(|_| !args.makes_video()) {
@@ -37,7 +40,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     }
     let _drivers = open::load_drivers(args.device.backend);
     let rays = args.size.count();
+    passed("look at files");
     let scene = scene::open(&args.scene, &memory::with_run(args.source.options(), rays))?;
+    passed("read the scene");
     let keys = scene.animation.whole_times();
     let all = frames::list(args.frames.as_ref(), args.time_range, keys, is_demo)?;
     let frames = frames::of_shard(&all, args.shard);
@@ -64,20 +69,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
             ahead: Ahead::of(&frames, args.predict),
         },
     )?;
-    let video = Video::begin(&video::Wanted {
-        encoded: args.video.as_deref(),
-        y4m: args.y4m.as_deref(),
-        size: args.size.size,
-        fps: args.source.fps,
-    })?;
-    let mut wanted = outputs.wanted();
-    wanted.pixels |= video.is_some();
-    if wanted.pixels && !session.driver.shade(&output::palette(&scene.colours))? {
-        wanted = Wanted {
-            hits: true,
-            pixels: false,
-        };
-    }
+    passed("open the device, load the scene");
+    let (video, wanted) = pictures(args, &outputs, &scene, &mut session)?;
     session.driver.prepare(query(&camera, &view));
     let new = outputs.prepare()?;
     if let Some(file) = &args.rays_out {
@@ -96,7 +89,11 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         head = resume::alone(args, head, &all, Some(keys))?;
     }
     let mut journals = earlier.begin(args, &all, (Some(keys), &head))?;
+    passed("begin files");
     let mut notes = args.timeline.is_some().then(Notes::default);
+    if let Some(notes) = &mut notes {
+        notes.start_up = start_up;
+    }
     signals::wait_for_checks();
     let rows = trace_all(
         args,
@@ -114,6 +111,27 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         notes.write(file, &session)?;
     }
     tell(args, &results(args, &scene, &session, &rows))
+}
+
+/// The video that is asked for, and what is fetched of each frame for it and for files.
+fn pictures(
+    args: &RenderArgs,
+    outputs: &Outputs,
+    scene: &Scene,
+    session: &mut Session,
+) -> Result<(Option<Video>, Wanted), Stop> {
+    let video = Video::begin(&video::Wanted {
+        encoded: args.video.as_deref(),
+        y4m: args.y4m.as_deref(),
+        size: args.size.size,
+        fps: args.source.fps,
+    })?;
+    let mut wanted = outputs.wanted();
+    wanted.pixels |= video.is_some();
+    if wanted.pixels && !session.driver.shade(&output::palette(&scene.colours))? {
+        wanted = Wanted::HITS;
+    }
+    Ok((video, wanted))
 }
 
 /// Results go to standard output, unless statistics or a video go there.

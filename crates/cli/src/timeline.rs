@@ -1,6 +1,6 @@
 //! `render --timeline`: what host and device did when, side by side.
 //!
-//! Five tracks: the frame loop, the device, vertices on their way to the
+//! Six tracks: what comes before the first frame, the frame loop, the device, vertices on their way to the
 //! builder, the builder, and trees on their way to the device. One more for each
 //! thread that writes files; beside them, how old and how good the tree was. The host's times are its own. Where the
 //! device's lie among them, [`place_on_host`] says; within a submission its
@@ -17,6 +17,8 @@ use std::time::Instant;
 
 #[derive(Debug, Default)]
 pub(crate) struct Notes {
+    /// What came before the first frame, each with its end; the first entry is the beginning of the run.
+    pub(crate) start_up: Vec<(&'static str, Instant)>,
     /// Frames, and how long each waited for those before it to be written.
     frames: Vec<(FrameRecord, [Instant; 2])>,
     /// Frames whose files were written, by which thread, and when.
@@ -51,9 +53,11 @@ impl Notes {
 
     fn draw(&self) -> Timeline {
         let mut timeline = Timeline::new("abvh");
-        let first = self.frames.first();
+        let first = self.start_up.first().map(|(_, at)| *at);
+        let first = first.or_else(|| Some(self.frames.first()?.0.moments.begun));
+        let start_up = timeline.track("start-up");
         let mut chart = Chart {
-            origin: first.map_or_else(Instant::now, |(record, _)| record.moments.begun),
+            origin: first.unwrap_or_else(Instant::now),
             frames: timeline.track("frame loop"),
             device: timeline.track("device"),
             readback: timeline.track("read-back"),
@@ -61,6 +65,10 @@ impl Notes {
             upload: timeline.track("upload"),
             timeline,
         };
+        for step in self.start_up.windows(2) {
+            let ends = [step[0].1, step[1].1];
+            chart.span(start_up, step[1].0, ends, &json!({}));
+        }
         for (record, waited) in &self.frames {
             chart.host(record, *waited);
             if let Some(tree) = &record.adopted {

@@ -29,7 +29,14 @@ const POLICIES: [(&str, usize); 7] = [
     ("async --lockstep 2 --predict off", usize::MAX),
 ];
 
-const TRACKS: [&str; 5] = ["frame loop", "device", "read-back", "builder", "upload"];
+const TRACKS: [&str; 6] = [
+    "start-up",
+    "frame loop",
+    "device",
+    "read-back",
+    "builder",
+    "upload",
+];
 
 /// Microseconds that rounding may take: begin and end are whole nanoseconds.
 const ROUNDING: f64 = 2e-3;
@@ -116,6 +123,12 @@ fn agrees(sandbox: &Sandbox, words: &str, read_back: usize) {
             })
         })
         .collect();
+    let read = timeline
+        .events("start-up", "read the scene")
+        .next()
+        .unwrap();
+    let first = timeline.events("frame loop", "begin").next().unwrap();
+    assert!(read.begin < read.end && read.end <= first.begin + ROUNDING);
     let marked: Vec<_> = timeline.events("i", "adopt").map(|m| &m.args).collect();
     assert_eq!(marked, wanted.iter().collect::<Vec<_>>());
     asked_before_adopted(&timeline);
