@@ -114,20 +114,12 @@ impl Statements {
         let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
         let data = rest.split('#').next().unwrap_or_default();
         match word {
-            "v" => self.vertex(data),
-            "f" | "fo" => self.face(line, data),
-            _ => {
-                self.note(line, word, rest.trim());
-                Ok(())
-            }
-        }
-    }
-
-    /// Takes in what adds neither a vertex nor a face.
-    fn note(&mut self, line: usize, word: &str, rest: &str) {
-        match word {
-            "usemtl" => self.uses.push((self.face_lines.len(), rest.to_owned())),
-            "mtllib" => self.libraries.push(rest.to_owned()),
+            "v" => self.vertex(data)?,
+            "f" | "fo" => self.face(line, data)?,
+            "usemtl" => self
+                .uses
+                .push((self.face_lines.len(), rest.trim().to_owned())),
+            "mtllib" => self.libraries.push(rest.trim().to_owned()),
             // These have no say in which triangles there are.
             "" | "vt" | "vn" | "vp" | "g" | "o" | "s" | "mg" | "usemap" | "maplib" | "lod"
             | "shadow_obj" | "trace_obj" => {}
@@ -137,6 +129,7 @@ impl Statements {
                 self.skipped.entry(word).or_insert((0, line)).0 += 1;
             }
         }
+        Ok(())
     }
 
     /// `x y z`, `x y z w`, `x y z r g b` or `x y z r g b a`.
@@ -291,25 +284,12 @@ mod tests {
              g a\nl 1 2 3\nf -1/1/1 -2/1/1 -4//1 # a comment\nusemtl n\nf 2 \\\n 3 4\n",
         )
         .unwrap();
-        let at = |t: [u32; 3]| t.map(|v| mesh.points[v as usize][..2].to_vec());
-        let (a, b, c, d) = (
-            vec![0.0, 0.0],
-            vec![1.0, 0.0],
-            vec![1.0, 1.0],
-            vec![0.0, 1.0],
-        );
-        let expected = [[&a, &b, &c], [&a, &c, &d], [&d, &c, &a], [&b, &c, &d]];
-        assert_eq!(mesh.triangles.len(), 4);
-        for (&found, expected) in mesh.triangles.iter().zip(expected) {
-            assert_eq!(at(found).each_ref(), expected);
-        }
-        assert!(
-            mesh.notes
-                .iter()
-                .any(|n| n.contains("line 11") && n.contains("'l'")),
-            "{:?}",
-            mesh.notes
-        );
+        let at = |v: u32| [0, 1].map(|axis| mesh.points[v as usize][axis]);
+        let [a, b, c, d] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let found: Vec<_> = mesh.triangles.iter().map(|t| t.map(at)).collect();
+        assert_eq!(found, [[a, b, c], [a, c, d], [d, c, a], [b, c, d]]);
+        let is_told = |n: &String| n.contains("line 11") && n.contains("'l'");
+        assert!(mesh.notes.iter().any(is_told), "{:?}", mesh.notes);
     }
 
     #[test]
