@@ -109,32 +109,26 @@ pub fn fill(
 /// Some entries, with the index of the first.
 type Part<'a> = (usize, Output<'a>);
 
-/// Cuts what holds more than `unit` entries in two, at a multiple of that.
-fn halve(unit: usize) -> impl for<'a> Fn(Part<'a>) -> Result<[Part<'a>; 2], Part<'a>> + Sync {
-    move |(first, mut out)| {
-        if out.count() <= unit {
-            return Err((first, out));
-        }
+/// Cuts the second half off what holds more than `unit` entries, at a multiple of that.
+fn halve(unit: usize) -> impl for<'a> Fn(&mut Part<'a>) -> Option<Part<'a>> + Sync {
+    move |(first, out)| {
         let half = (out.count() / 2).next_multiple_of(unit);
-        let right = (first + half, out.split_off(half));
-        Ok([(first, out), right])
+        (out.count() > unit).then(|| (*first + half, out.split_off(half)))
     }
 }
 
-/// Halves `whole` as often as that goes, gives the parts to `task` in parallel, and sums what it returns.
+/// Halves `left` as often as that goes, gives the parts to `task` in parallel, and sums what it returns.
 fn divide<T: Send>(
-    whole: T,
-    halve: &(impl Fn(T) -> Result<[T; 2], T> + Sync),
+    mut left: T,
+    halve: &(impl Fn(&mut T) -> Option<T> + Sync),
     task: &(impl Fn(T) -> Counts + Sync),
 ) -> Counts {
-    match halve(whole) {
-        Ok([left, right]) => {
-            let left = || divide(left, halve, task);
-            let (a, b) = rayon::join(left, || divide(right, halve, task));
-            a + b
-        }
-        Err(part) => task(part),
-    }
+    let Some(right) = halve(&mut left) else {
+        return task(left);
+    };
+    let left = || divide(left, halve, task);
+    let (a, b) = rayon::join(left, || divide(right, halve, task));
+    a + b
 }
 
 /// A band of rows or a part of it.
@@ -186,15 +180,15 @@ impl<'a> Tiles<'a> {
         self.rows[y].set(x, answer);
     }
 
-    /// Both halves, unless few tiles are left.
-    fn halve(mut self) -> Result<[Self; 2], Self> {
+    /// Cuts the second half off, unless few tiles are left.
+    fn halve(&mut self) -> Option<Self> {
         if self.columns() <= TILE * TILES {
-            return Err(self);
+            return None;
         }
         let column = (self.columns() / 2).next_multiple_of(TILE);
         let rows = self.rows.each_mut().map(|row| row.split_off(column));
         let (first, width) = (self.first + column, self.width);
-        Ok([self, Self { rows, first, width }])
+        Some(Self { rows, first, width })
     }
 
     /// Answers every ray by its index, tile after tile.

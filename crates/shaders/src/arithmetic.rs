@@ -189,7 +189,8 @@ mod tests {
             let s = a * b - c * d;
             (i32::from(s > 0.0) - i32::from(s < 0.0)) as u32
         };
-        let wrong: [(&str, fn([f32; 4]) -> u32); 4] = [
+        type Wrong = (&'static str, fn([f32; 4]) -> u32);
+        let wrong: [Wrong; 4] = [
             ("a * b + c * d of ", |[a, b, c, d]| {
                 a.mul_add(b, c * d).to_bits()
             }),

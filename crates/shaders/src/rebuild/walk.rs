@@ -65,7 +65,9 @@ pub(crate) fn links_of_rows(rows: &[[u32; 4]], leaves: usize) -> Result<Vec<u32>
 }
 
 /// Where nodes lie on the device, level by level; which of them are inner nodes, and how many of each level are.
-fn order(links: &[u32]) -> Result<(Vec<u32>, Vec<usize>, Vec<u32>), String> {
+type Order = (Vec<u32>, Vec<usize>, Vec<u32>);
+
+fn order(links: &[u32]) -> Result<Order, String> {
     let mut places = Vec::with_capacity(links.len());
     let (mut inner, mut levels) = (Vec::new(), Vec::new());
     places.extend((!links.is_empty()).then_some(0));
