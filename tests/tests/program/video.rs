@@ -59,10 +59,8 @@ fn absent(sandbox: &Sandbox) {
     run.fails(2, &["ffmpeg", "--y4m"]);
     assert!(sandbox.all_files().is_empty());
     sandbox.refuses(&format!("{RUN} --video a.gif"), &["a.gif", ".mp4"]);
-    sandbox.refuses(
-        &format!("{RUN} --video out/frame_0001.png"),
-        &["would overwrite"],
-    );
+    let twice = format!("{RUN} --video a.mp4 --y4m a.mp4");
+    sandbox.refuses(&twice, &["would overwrite"]);
 }
 
 /// Stands in for `ffmpeg` on PATH.

@@ -1,0 +1,13 @@
+//! The program says what it is. Cargo builds it for this test beside those of other crates, which run it too.
+
+use std::process::Command;
+
+#[test]
+fn the_version_is_the_packages() {
+    let output = Command::new(env!("CARGO_BIN_EXE_abvh"))
+        .arg("--version")
+        .output()
+        .unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(text, concat!("abvh ", env!("CARGO_PKG_VERSION"), "\n"));
+}
