@@ -25,7 +25,8 @@ pub fn target_dir() -> PathBuf {
 }
 
 /// The program, built with this test's profile. Cargo names binaries to tests
-/// of their own package only, so the first caller asks cargo to build it.
+/// of their own package only, so the first caller asks cargo to build such a test, as `cargo test` does: with the features
+/// that all tests together want, nothing is built twice.
 ///
 /// # Panics
 /// If it cannot be built.
@@ -39,7 +40,7 @@ pub fn abvh() -> &'static Path {
             Some(name) => name,
         };
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| env!("CARGO").into());
-        let words = format!("build --quiet --package abvh-cli --profile {profile} --target-dir");
+        let words = format!("test --quiet --no-run --test version --profile {profile} --target-dir");
         let mut command = Command::new(cargo);
         command.args(words.split(' ')).arg(target_dir());
         let command = command.current_dir(crate::scenes::workspace());
