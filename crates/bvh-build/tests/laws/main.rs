@@ -184,7 +184,7 @@ fn moving_soup() -> impl Strategy<Value = Vec<Vec<Aabb>>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 96, ..ProptestConfig::default() })]
 
     #[test]
     fn a_tree_holds_each_active_triangle_once_and_is_not_deep(one in soup(), all in moving_soup()) {
@@ -205,7 +205,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     #[test]
     fn the_tree_and_its_cost_are_the_same_for_every_number_of_threads(boxes in soup(), seed: u64) {
