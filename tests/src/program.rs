@@ -40,7 +40,8 @@ pub fn abvh() -> &'static Path {
             Some(name) => name,
         };
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| env!("CARGO").into());
-        let words = format!("test --quiet --no-run --test version --profile {profile} --target-dir");
+        let words =
+            format!("test --quiet --no-run --test version --profile {profile} --target-dir");
         let mut command = Command::new(cargo);
         command.args(words.split(' ')).arg(target_dir());
         let command = command.current_dir(crate::scenes::workspace());

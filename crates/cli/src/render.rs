@@ -51,24 +51,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     }
     let view = view(args, &scene);
     let camera = camera(&view, args.size.size)?;
-    let mut session = session::start(
-        &scene.animation,
-        &Ask {
-            backend: args.device.backend,
-            adapter: args.device.adapter.as_deref(),
-            threads: args.device.threads,
-            builder_threads: args.device.builder_threads,
-            method: args.method,
-            update: choose::update(args.policy),
-            tolerance: args.tolerance.ppm(),
-            run: Some(Run {
-                frames: &frames,
-                query: query(&camera, &view),
-            }),
-            rays,
-            ahead: Ahead::of(&frames, args.predict),
-        },
-    )?;
+    let ask = ask(args, &frames, query(&camera, &view));
+    let mut session = session::start(&scene.animation, &ask)?;
     passed("open the device, load the scene");
     let (video, wanted) = pictures(args, &outputs, &scene, &mut session)?;
     session.driver.prepare(query(&camera, &view));
@@ -97,8 +81,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     signals::wait_for_checks();
     let rows = trace_all(
         args,
-        &scene,
-        (&camera, &view),
+        (&scene, &camera, &view),
         (todo, old.len()),
         &mut session,
         (&outputs, video, wanted),
@@ -111,6 +94,22 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         notes.write(file, &session)?;
     }
     tell(args, &results(args, &scene, &session, &rows))
+}
+
+/// What the run wants of a backend.
+fn ask<'a>(args: &'a RenderArgs, frames: &'a [Frame], query: Query<'a>) -> Ask<'a> {
+    Ask {
+        backend: args.device.backend,
+        adapter: args.device.adapter.as_deref(),
+        threads: args.device.threads,
+        builder_threads: args.device.builder_threads,
+        method: args.method,
+        update: choose::update(args.policy),
+        tolerance: args.tolerance.ppm(),
+        run: Some(Run { frames, query }),
+        rays: args.size.count(),
+        ahead: Ahead::of(frames, args.predict),
+    }
 }
 
 /// The video that is asked for, and what is fetched of each frame for it and for files.
@@ -217,8 +216,7 @@ fn camera(view: &View, size: [u32; 2]) -> Result<Camera, Stop> {
 /// Renders every frame and writes its files; one row each.
 fn trace_all(
     args: &RenderArgs,
-    scene: &Scene,
-    (camera, view): (&Camera, &View),
+    (scene, camera, view): (&Scene, &Camera, &View),
     (todo, done): (Vec<Frame>, usize),
     session: &mut Session,
     (outputs, video, wanted): (&Outputs, Option<Video>, Wanted),

@@ -3,6 +3,7 @@
 use crate::stop::Stop;
 use crate::writer::Lent;
 use output::UnfinishedFile;
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -259,16 +260,17 @@ impl Y4m {
     }
 
     fn frame(&mut self, rgb: &[u8]) -> Result<(), Stop> {
+        let pixels = rgb.as_chunks::<3>().0;
         let [y, cb, cr] = &mut self.planes;
         for plane in [&mut *y, cb, cr] {
-            plane.clear();
+            plane.resize(pixels.len(), 0);
         }
-        for pixel in rgb.as_chunks::<3>().0 {
-            let [luma, blue, red] = ycbcr(*pixel);
-            y.push(luma);
-            cb.push(blue);
-            cr.push(red);
-        }
+        let planes = (&mut y[..], &mut cb[..], &mut cr[..]);
+        let planes = planes.into_par_iter().with_min_len(1 << 14);
+        let pixels = pixels.par_iter();
+        pixels.zip(planes).for_each(|(pixel, (y, cb, cr))| {
+            [*y, *cb, *cr] = ycbcr(*pixel);
+        });
         let frame = y4m::Frame::new([&y[..], cb, cr], None);
         let written = self.encoder.write_frame(&frame);
         written.map_err(|e| Stop::failed(format!("cannot write {}: {e}", self.name)))
