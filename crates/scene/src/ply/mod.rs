@@ -5,7 +5,6 @@
 
 mod count;
 mod element;
-mod write;
 
 use crate::error::Location;
 use crate::mesh::{Mesh, Paint, Topology, check_mesh, compact};
@@ -15,8 +14,8 @@ use geom::Point;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
 use std::fmt::Display;
+use std::io::{self, Write};
 use std::path::Path;
-pub use write::write_ply;
 
 /// Reads one file.
 pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
@@ -29,6 +28,43 @@ pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
         file.element(definition)?;
     }
     file.finish()
+}
+
+/// Writes a mesh with a colour for each triangle, little-endian, which keeps every bit of a position.
+///
+/// Read back by [`crate::open`] it has the same triangles in the same order,
+/// the same colours, and the same bits in every coordinate; vertices that no
+/// triangle uses are dropped by the reader.
+///
+/// # Errors
+/// What `out` returns.
+///
+/// # Panics
+/// If there is not one colour a triangle.
+pub fn write_ply(
+    out: &mut dyn Write,
+    points: &[Point],
+    triangles: &[[u32; 3]],
+    colours: &[Rgb],
+) -> io::Result<()> {
+    assert_eq!(triangles.len(), colours.len(), "one colour a triangle");
+    let (vertices, faces) = (points.len(), triangles.len());
+    write!(
+        out,
+        "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\n\
+         property float x\nproperty float y\nproperty float z\nelement face {faces}\n\
+         property list uchar uint vertex_indices\nproperty uchar red\nproperty uchar green\n\
+         property uchar blue\nend_header\n"
+    )?;
+    for coordinate in points.as_flattened() {
+        out.write_all(&coordinate.to_le_bytes())?;
+    }
+    for (corners, colour) in triangles.iter().zip(colours) {
+        out.write_all(&[3])?;
+        out.write_all(corners.map(u32::to_le_bytes).as_flattened())?;
+        out.write_all(colour)?;
+    }
+    Ok(())
 }
 
 /// A file while it is read.

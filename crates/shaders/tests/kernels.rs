@@ -1,0 +1,151 @@
+//! What holds for every kernel: how many variants there are, what a driver may fuse, how parameters lie in memory.
+#![expect(
+    clippy::print_stdout,
+    reason = "the numbers are told to who asks for them"
+)]
+
+use rspirv::dr::{Module, Operand, load_words};
+use rspirv::spirv::{Decoration, Op};
+use shaders::{KERNELS, Kernel, Params, RAY_KERNELS};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::mem::{offset_of, size_of};
+use std::path::Path;
+
+const MOST_VARIANTS: usize = 85;
+const MOST_FORMS: usize = 133;
+
+fn all() -> impl Iterator<Item = &'static Kernel> {
+    KERNELS.iter().chain(RAY_KERNELS)
+}
+
+/// The texts of a kernel: with products of halves, and with fused products and sums.
+fn texts(kernel: &'static Kernel) -> impl Iterator<Item = &'static str> {
+    [Some(kernel.code), kernel.fused]
+        .into_iter()
+        .flatten()
+        .map(|code| code.wgsl)
+}
+
+#[test]
+fn there_are_no_more_variants_than_need_be() {
+    let entries: BTreeSet<_> = all().map(|k| k.entry).collect();
+    let forms: usize = all().map(|k| texts(k).count()).sum();
+    let axes: BTreeSet<_> = all().flat_map(|k| k.slots).map(|(axis, _)| axis).collect();
+    println!(
+        "{} kernels, {} variants, {forms} compiled forms",
+        entries.len(),
+        all().count()
+    );
+    assert!(all().count() <= MOST_VARIANTS);
+    assert!(forms <= MOST_FORMS);
+    // The third axis is how a quotient's rest is found: `Kernel::fused`.
+    assert_eq!(
+        axes.into_iter().collect::<Vec<_>>(),
+        [&"intersector", &"layout"]
+    );
+}
+
+#[test]
+fn no_two_variants_are_the_same() {
+    let mut known = BTreeMap::new();
+    for kernel in all() {
+        for text in texts(kernel) {
+            let other = known.insert(text, kernel.name);
+            assert_eq!(other, None, "{}", kernel.name);
+        }
+    }
+}
+
+#[test]
+fn files_are_few() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("wgsl");
+    let folders = root.read_dir().unwrap().map(|f| f.unwrap().path());
+    let files: usize = folders.map(|f| f.read_dir().unwrap().count()).sum();
+    println!("{files} files");
+    assert!(files <= 75);
+}
+
+/// Functions that a driver may fuse, each with the additions, subtractions and multiplications of all that are used with it.
+const LOOSE: [(&str, usize); 5] = [
+    // geometry/ray.wgsl: two products and two sums of vectors.
+    ("fn loose_planes(", 4),
+    // intersect/sheared.wgsl.
+    ("fn loose_within(", 7),
+    // intersect/filter.wgsl.
+    ("fn loose_doubt(", 29),
+    // visibility/project.wgsl and the places of visibility/outline.wgsl.
+    ("fn loose_pixel_span(", 46),
+    // All of visibility/outline.wgsl.
+    ("fn loose_stamp(", 36),
+];
+
+/// Additions, subtractions and multiplications that are not decorated NoContraction.
+fn loose_operations(module: &Module) -> usize {
+    let strict: HashSet<_> = module
+        .annotations
+        .iter()
+        .filter(|i| i.operands.get(1) == Some(&Operand::Decoration(Decoration::NoContraction)))
+        .map(|i| i.operands[0].clone())
+        .collect();
+    module
+        .all_inst_iter()
+        .filter(|i| matches!(i.class.opcode, Op::FAdd | Op::FSub | Op::FMul))
+        .filter_map(|i| i.result_id)
+        .filter(|&id| !strict.contains(&Operand::IdRef(id)))
+        .count()
+}
+
+#[test]
+fn only_what_decides_no_hit_may_be_fused_and_no_name_is_left() {
+    let codes = |k: &'static Kernel| [Some(k.code), k.fused].into_iter().flatten();
+    for (kernel, code) in KERNELS.iter().flat_map(|k| codes(k).map(move |c| (k, c))) {
+        let module = load_words(code.spirv).unwrap();
+        let used = LOOSE.iter().filter(|(f, _)| code.wgsl.contains(f));
+        let expected: usize = used.map(|(_, operations)| operations).sum();
+        assert_eq!(loose_operations(&module), expected, "{}", kernel.name);
+        assert!(module.debug_names.is_empty(), "{}", kernel.name);
+    }
+}
+
+#[test]
+fn products_of_two_words_take_one_instruction() {
+    for kernel in KERNELS {
+        let module = load_words(kernel.code.spirv).unwrap();
+        let products = module.all_inst_iter();
+        let products = products.filter(|i| i.class.opcode == Op::UMulExtended);
+        let has = kernel.code.wgsl.contains("fn multiply_32(");
+        assert_eq!(products.count(), usize::from(has), "{}", kernel.name);
+    }
+}
+
+#[test]
+fn params_lie_as_the_kernels_read_them() {
+    for kernel in KERNELS {
+        let module = naga::front::wgsl::parse_str(kernel.code.wgsl).unwrap();
+        let (_, ty) = module
+            .types
+            .iter()
+            .find(|(_, t)| t.name.as_deref() == Some("Params"))
+            .unwrap();
+        let naga::TypeInner::Struct { members, span } = &ty.inner else {
+            panic!("a struct")
+        };
+        let offset = |name: &str| {
+            members
+                .iter()
+                .find(|m| m.name.as_deref() == Some(name))
+                .unwrap()
+                .offset as usize
+        };
+        macro_rules! same { ($($field:ident)*) => { $(
+            assert_eq!(offset(stringify!($field)), offset_of!(Params, $field), "{}", stringify!($field));
+        )* } }
+        same!(eye width corner height across first_group down alpha light fast_layout scale_exponent
+              count first leaf_bits_at leaf_ranks_at leaf_triangles_at node_count zero listed
+              destination shift goal rounds places notes rule scaled_eye
+              depth_exponent column wide_at row wide_lanes depth wide_root pixel_margin clearance extreme
+              tiny);
+        assert_eq!(members.len(), 38);
+        assert_eq!(*span as usize, size_of::<Params>(), "{}", kernel.name);
+    }
+}
