@@ -25,10 +25,17 @@ pub(crate) struct Wanted<'a> {
     pub(crate) fps: f64,
 }
 
-/// Writes videos on a thread of its own.
+/// Writes videos on a thread of its own. Dropped before its end, it leaves no file: whoever drops it waits for that.
 pub(crate) struct Video {
-    frames: Sender<Message>,
-    thread: JoinHandle<Result<(), Stop>>,
+    frames: Option<Sender<Message>>,
+    thread: Option<JoinHandle<Result<(), Stop>>>,
+}
+
+impl Drop for Video {
+    fn drop(&mut self) {
+        drop(self.frames.take());
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
 }
 
 enum Message {
@@ -57,29 +64,35 @@ impl Video {
         let (frames, receiver) = channel();
         let thread = thread::Builder::new().spawn(move || write(&receiver, sinks));
         let thread = thread.map_err(|e| Stop::failed(format!("no thread for the video: {e}")))?;
-        Ok(Some(Self { frames, thread }))
+        Ok(Some(Self {
+            frames: Some(frames),
+            thread: Some(thread),
+        }))
     }
 
     /// Takes the frame at a place in the run; places may come in any order. Its buffers go back when it is written.
     pub(crate) fn take(&self, place: usize, lent: Lent) {
+        self.send(Message::Frame(place, lent));
+    }
+
+    fn send(&self, message: Message) {
         // Why nobody listens any more, `finish` says.
-        let _ = self.frames.send(Message::Frame(place, lent));
+        let _ = self.frames.as_ref().map(|frames| frames.send(message));
     }
 
     /// Whether writing has ended early.
     pub(crate) fn has_failed(&self) -> bool {
-        self.thread.is_finished()
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
     /// Waits until all frames are written, and gives each file its name.
     ///
     /// # Errors
     /// The encoder ended early, or a file cannot be written.
-    pub(crate) fn finish(self) -> Result<(), Stop> {
-        let _ = self.frames.send(Message::End);
-        self.thread
-            .join()
-            .unwrap_or_else(|e| std::panic::resume_unwind(e))
+    pub(crate) fn finish(mut self) -> Result<(), Stop> {
+        self.send(Message::End);
+        let ended = self.thread.take().map_or(Ok(Ok(())), JoinHandle::join);
+        ended.unwrap_or_else(|e| std::panic::resume_unwind(e))
     }
 }
 
