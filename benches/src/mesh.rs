@@ -50,14 +50,16 @@ impl Mesh {
     #[must_use]
     pub fn positions(&self, pose: Pose) -> Vec<Point> {
         let vertices = 0..self.animation.vertex_count() as u32;
-        vertices.map(|v| self.animation.vertex(pose, v)).collect()
+        let moment = self.animation.moment(pose).unwrap();
+        vertices.map(|v| moment.vertex(v)).collect()
     }
 
     /// Every triangle at `pose`.
     #[must_use]
     pub fn triangles(&self, pose: Pose) -> Vec<Triangle> {
         let triangles = 0..self.triangle_count() as u32;
-        triangles.map(|t| self.animation.corners(pose, t)).collect()
+        let moment = self.animation.moment(pose).unwrap();
+        triangles.map(|t| moment.corners(t)).collect()
     }
 }
 

@@ -52,9 +52,9 @@ impl Stage {
     /// # Panics
     /// If the build or the adoption fails; likewise below.
     pub fn plant(&mut self, time: f64) {
-        let (animation, pose) = (&self.animation, self.animation.pose(time));
+        let (animation, moment) = (&self.animation, self.animation.at(time).unwrap());
         let vertices = 0..animation.vertex_count() as u32;
-        let positions: Vec<_> = vertices.map(|v| animation.vertex(pose, v)).collect();
+        let positions: Vec<_> = vertices.map(|v| moment.vertex(v)).collect();
         let built = self.tools.build(animation, &positions, &Cancel::new());
         self.generation.0 += 1;
         self.backend

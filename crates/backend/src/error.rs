@@ -15,6 +15,9 @@ pub enum BackendError {
         /// For what.
         what: String,
     },
+    /// A key frame cannot be read.
+    #[error(transparent)]
+    KeyFrame(#[from] geom::KeyFrameError),
     /// The tree does not hold exactly the scene's live triangles.
     #[error("the tree does not fit the scene: {0}")]
     WrongTree(String),

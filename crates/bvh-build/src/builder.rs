@@ -8,11 +8,14 @@ use geom::Point;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Why there is no tree.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BuildError {
     /// Somebody asked the build to stop.
     #[error("the build was cancelled")]
     Cancelled,
+    /// A key frame cannot be read.
+    #[error(transparent)]
+    KeyFrame(#[from] geom::KeyFrameError),
 }
 
 /// Once cancelled, stays cancelled. Large nodes ask; small ones just finish.

@@ -2,7 +2,7 @@
 
 use crate::bins::CHUNK;
 use crate::prim::{Bounds, Extents, Prim};
-use geom::{Aabb, Animation, Point, Pose};
+use geom::{Aabb, Animation, Moment, Point};
 use rayon::prelude::*;
 
 /// One box a triangle. An empty box (or one with a NaN) leaves its triangle out of the tree.
@@ -42,15 +42,15 @@ impl Boxes for (&Animation, &[Point]) {
     }
 }
 
-/// An animation at a pose, blended anew for each triangle asked for.
-impl Boxes for (&Animation, Pose) {
+/// An animation at a moment, blended anew for each triangle asked for.
+impl Boxes for Moment<'_> {
     fn len(&self) -> usize {
-        self.0.triangle_count()
+        self.animation().triangle_count()
     }
 
     #[inline]
     fn get(&self, triangle: u32) -> Aabb {
-        self.0.build_box_at(self.1, triangle)
+        self.build_box(triangle)
     }
 }
 

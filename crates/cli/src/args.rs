@@ -175,6 +175,9 @@ pub(crate) struct SourceArgs {
     /// Let a scene's files name files outside its folder (mtllib of OBJ, URIs of glTF)
     #[arg(long)]
     pub(crate) allow_outside: bool,
+    /// Memory for key frames, in MiB: those of larger scenes are read while they are played
+    #[arg(long, value_name = "MIB", default_value = "512")]
+    pub(crate) key_memory: u32,
 }
 
 impl SourceArgs {
@@ -183,6 +186,7 @@ impl SourceArgs {
             fps: self.fps,
             clip: self.clip.clone(),
             allow_outside: self.allow_outside,
+            key_bytes: u64::from(self.key_memory) << 20,
             ..scene::Options::default()
         }
     }

@@ -50,14 +50,14 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
     memory::check_trees(scene.animation.triangle_count(), 0)?;
     let animation = &scene.animation;
     let bounds = animation.bounds();
-    let [inactive, degenerate] = motion::unhittable(animation);
+    let [inactive, degenerate] = motion::unhittable(animation).map_err(Stop::bad)?;
     let inspection = Inspection {
         scene: record::scene_facts(&scene),
         bounds: (!bounds.is_empty()).then_some(Bounds {
             min: bounds.min,
             max: bounds.max,
         }),
-        motion: motion::measure(animation),
+        motion: motion::measure(animation).map_err(Stop::bad)?,
         still: motion::still(animation),
         inactive,
         degenerate,

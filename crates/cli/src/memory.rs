@@ -81,7 +81,8 @@ impl ExpectedMemory {
 }
 
 fn keys_bytes(animation: &Animation) -> u64 {
-    (animation.keys().len() * animation.vertex_count() * size_of::<Point>()) as u64
+    let kept = animation.window().unwrap_or(animation.key_count());
+    (kept * animation.vertex_count() * size_of::<Point>()) as u64
 }
 
 fn trees_bytes(triangles: usize, rays: usize) -> u64 {

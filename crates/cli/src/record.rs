@@ -54,7 +54,7 @@ pub(crate) fn scene_facts(scene: &Scene) -> SceneFacts {
     let (animation, facts) = (&scene.animation, &scene.facts);
     SceneFacts {
         name: scene.name.clone(),
-        keys: animation.keys().len(),
+        keys: animation.key_count(),
         vertices: animation.vertex_count(),
         triangles: animation.triangle_count(),
         live: animation.live_count(),

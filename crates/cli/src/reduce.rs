@@ -5,7 +5,7 @@ use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, counted, grouped, of_rows};
 use crate::{record, talk};
-use geom::{Animation, Point};
+use geom::{Animation, KeyFrame, Point};
 use output::SceneFacts;
 use scene::Scene;
 use scene::keys::{self, Fit, Reducer};
@@ -82,11 +82,12 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
     let mut wanted = CURVE.map(|share| (share * diagonal, Some(share))).to_vec();
     wanted.push((tolerance, None));
     wanted.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut reducer = Reducer::new(animation);
+    let all = animation.all_keys().map_err(Stop::bad)?;
+    let mut reducer = Reducer::new(&all);
     let mut progress = Progress::new(wanted.len() as u64, !stderr().is_terminal());
     let (mut curve, mut answer) = (Vec::new(), None);
     for (tolerance, share) in wanted {
-        let (kept, fit) = verified(animation, &mut reducer, tolerance)?;
+        let (kept, fit) = verified(&all, &mut reducer, tolerance)?;
         let keys = counted(kept.len(), KEY_FRAMES);
         progress.step(&format!("{keys} within {tolerance}"));
         match share {
@@ -102,7 +103,7 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
         }
     }
     let (kept, fit) = answer.ok_or_else(|| Stop::failed("the tolerance asked for got lost"))?;
-    let [before, after] = [animation.keys().len(), kept.len()];
+    let [before, after] = [animation.key_count(), kept.len()];
     let change = |of: fn(&Animation, usize) -> usize| Change {
         before: of(animation, before),
         after: of(animation, after),
@@ -123,12 +124,12 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
 
 /// The frames to keep, played once more and measured against all of the original.
 fn verified(
-    animation: &Animation,
+    all: &[KeyFrame],
     reducer: &mut Reducer<'_>,
     tolerance: f64,
 ) -> Result<(Vec<usize>, Fit), Stop> {
     let kept = reducer.fewest(tolerance);
-    let fit = keys::measure(animation.keys(), &kept);
+    let fit = keys::measure(all, &kept);
     if fit.max_error <= tolerance {
         return Ok((kept, fit));
     }
@@ -178,9 +179,9 @@ fn write(dir: &Path, scene: &Scene, reduction: &Reduction) -> Result<(), Stop> {
     let mut frames = Vec::new();
     for &key in &reduction.kept {
         let file = format!("key_{key:05}.ply");
+        let points = animation.key(key).map_err(Stop::bad)?;
         output::write_with(&dir.join(&file), |out| {
-            let points = &animation.keys()[key];
-            scene::write_ply(out, points, animation.triangles(), &scene.colours)
+            scene::write_ply(out, &points, animation.triangles(), &scene.colours)
         })?;
         frames.push(json!({ "file": file, "time": key }));
     }

@@ -251,7 +251,7 @@ fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameSta
         scene.name,
         table::counted(scene.animation.triangle_count(), table::TRIANGLES),
         table::grouped(scene.animation.moving_count()),
-        table::counted(scene.animation.keys().len(), table::KEY_FRAMES),
+        table::counted(scene.animation.key_count(), table::KEY_FRAMES),
         table::counted(rows.len(), table::FRAMES),
         session.caption(),
     );

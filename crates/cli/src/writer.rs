@@ -207,8 +207,11 @@ impl<'a> Writer<'a> {
         let begun = Instant::now();
         let row = record::row(frame);
         let shot = Shot {
-            animation: &self.scene.animation,
-            pose: self.scene.animation.pose(frame.frame.time),
+            moment: self
+                .scene
+                .animation
+                .at(frame.frame.time)
+                .map_err(Stop::bad)?,
             colours: &self.scene.colours,
             camera: self.camera,
             light: self.light,

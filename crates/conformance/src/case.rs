@@ -37,7 +37,7 @@ impl fmt::Display for Case {
             a.triangle_count(),
             a.live_count(),
             a.vertex_count(),
-            a.keys().len(),
+            a.key_count(),
             self.times,
         )
     }

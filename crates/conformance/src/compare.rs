@@ -116,6 +116,6 @@ pub(crate) fn triangle_text(animation: &Animation, time: f64, triangle: u32) -> 
     if triangle as usize >= animation.triangle_count() {
         return "no triangle".to_owned();
     }
-    let corners = animation.corners(animation.pose(time), triangle);
+    let corners = animation.at(time).unwrap().corners(triangle);
     format!("triangle {triangle} {corners:?}")
 }

@@ -6,6 +6,7 @@
 //! at hand beside where it should. Everything that such a shift explains is allowed, nothing else is.
 //! All here is computed in double precision, whose own rounding is beneath notice.
 
+use crate::stage;
 use geom::{Animation, Hit, Point, Ray, is_active};
 use glam::{DVec2, DVec3};
 
@@ -44,10 +45,10 @@ struct Meeting {
 
 impl Verifier {
     pub(crate) fn new(animation: &Animation, time: f64) -> Self {
-        let pose = animation.pose(time);
+        let moment = stage::moment(animation, time);
         let all = 0..animation.triangle_count() as u32;
         let active = all
-            .map(|i| (i, animation.corners(pose, i)))
+            .map(|i| (i, moment.corners(i)))
             .filter(|(_, corners)| is_active(corners));
         let triangles: Vec<_> = active.map(|(i, c)| (i, c.map(wide))).collect();
         let sizes = triangles.iter().flat_map(|(_, c)| c.map(largest));

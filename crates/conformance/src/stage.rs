@@ -7,7 +7,7 @@ use backend::{
 };
 use bvh_build::{BinaryTree, Builder, Cancel};
 use bvh_layout::{Converter, Topology};
-use geom::{Animation, Point};
+use geom::{Animation, Moment, Point};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -17,9 +17,14 @@ const TIME_LIMIT: Duration = Duration::from_secs(30);
 /// The vertices at a time, by the one formula there is.
 #[must_use]
 pub fn vertices(animation: &Animation, time: f64) -> Vec<Point> {
-    let pose = animation.pose(time);
+    let moment = moment(animation, time);
     let all = 0..animation.vertex_count() as u32;
-    all.map(|v| animation.vertex(pose, v)).collect()
+    all.map(|v| moment.vertex(v)).collect()
+}
+
+/// The scene at a time. Scenes of laws are held.
+pub(crate) fn moment(animation: &Animation, time: f64) -> Moment<'_> {
+    animation.at(time).expect("key frames are held")
 }
 
 /// A tree over these vertices, with lists of what moves where they pay.

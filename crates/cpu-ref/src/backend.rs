@@ -117,7 +117,7 @@ impl CpuBackend {
     }
 
     /// Carries out what was recorded and not done yet, a trace of a list with `rays`.
-    fn carry_out(&mut self, rays: &[Ray]) {
+    fn carry_out(&mut self, rays: &[Ray]) -> Result<()> {
         let start = Instant::now();
         let (next, scene) = (&mut self.next, loaded(&mut self.scene));
         if next.ticket.is_none() {
@@ -126,16 +126,16 @@ impl CpuBackend {
         }
         let (commands, copies) = (&mut self.commands, &mut self.copies);
         self.pool.install(|| {
-            for command in commands.drain(..) {
-                next.carry_out(command, rays, scene, copies);
-            }
-        });
+            let mut all = commands.drain(..);
+            all.try_for_each(|command| next.carry_out(command, rays, scene, copies))
+        })?;
         let report = &mut next.report;
         report.times.device_ms += ms_since(start);
         report.inactive = scene.unhittable.inactive;
         report.degenerate = scene.unhittable.degenerate;
         report.sah_cost = scene.sah_cost;
         report.settled += scene.take_settled();
+        Ok(())
     }
 
     /// Keeps what was submitted until enough with a trace came after it.
@@ -262,7 +262,7 @@ impl Backend for CpuBackend {
         };
         self.commands.push(Command::Trace(camera, query.kind));
         if let Some(rays) = rays {
-            self.carry_out(rays);
+            self.carry_out(rays)?;
         }
         Ok(())
     }
@@ -278,7 +278,7 @@ impl Backend for CpuBackend {
 
     fn submit(&mut self) -> Result<Ticket> {
         if self.next.ticket.is_none() || !self.commands.is_empty() {
-            self.carry_out(&[]);
+            self.carry_out(&[])?;
         }
         let ticket = Ticket(self.submitted);
         self.traces += u64::from(std::mem::take(&mut self.has_trace));

@@ -1,23 +1,16 @@
 //! Key frames to positions.
 
-use geom::{Animation, Point, Pose};
+use geom::{Moment, Point};
 use rayon::prelude::*;
 use std::ops::Range;
 
 /// Vertices that one task handles.
 const RUN: usize = 1 << 14;
 
-/// Writes the vertices of these runs, in order, at `pose`: the same bits as [`Animation::vertex`]. The others must
+/// Writes the vertices of these runs, in order, at a moment: the same bits as [`Moment::vertex`]. The others must
 /// stand already.
-pub(crate) fn interpolate(
-    animation: &Animation,
-    pose: Pose,
-    (runs, positions): (&[Range<usize>], &mut [Point]),
-) {
-    let keys = animation.keys();
-    let earlier = &keys[pose.key as usize];
-    // At a key frame the later one is not read.
-    let later = keys.get(pose.key as usize + 1).unwrap_or(earlier);
+pub(crate) fn interpolate(moment: &Moment<'_>, (runs, positions): (&[Range<usize>], &mut [Point])) {
+    let (pose, [earlier, later]) = (moment.pose(), moment.key_frames());
     let tasks = cut(runs, positions);
     tasks.into_par_iter().for_each(|(first, to)| {
         let end = first + to.len();
@@ -55,6 +48,7 @@ pub(crate) fn copy(from: &[Point], to: &mut [Point]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use geom::Animation;
 
     #[test]
     fn runs_alone_are_written_and_with_the_bits_of_the_one_formula() {
@@ -71,16 +65,16 @@ mod tests {
         let bits = |p: Point| p.map(f32::to_bits);
         for runs in runs.into_iter().chain([everything]) {
             for time in [0.0, 0.7, 1.0, 1.999, 2.0] {
-                let pose = animation.pose(time);
-                let mut positions = animation.keys()[0].clone();
-                interpolate(&animation, pose, (&runs, &mut positions));
-                let all = (0..60_000).map(|v| bits(animation.vertex(pose, v)));
+                let moment = animation.at(time).unwrap();
+                let mut positions = animation.first().to_vec();
+                interpolate(&moment, (&runs, &mut positions));
+                let all = (0..60_000).map(|v| bits(moment.vertex(v)));
                 assert!(all.eq(positions.into_iter().map(bits)), "{time}");
             }
         }
         let mut untouched = vec![[7.0; 3]; 60_000];
         let runs = [3..5, 50_000..50_001];
-        interpolate(&animation, animation.pose(0.5), (&runs, &mut untouched));
+        interpolate(&animation.at(0.5).unwrap(), (&runs, &mut untouched));
         assert_eq!(untouched.iter().filter(|p| **p != [7.0; 3]).count(), 3);
     }
 }

@@ -47,7 +47,7 @@ impl SceneState {
         reserve(&mut positions, all, "positions")?;
         positions.resize(all, [0.0; 3]);
         // Static vertices stand from the start.
-        copy(&animation.keys()[0], &mut positions);
+        copy(animation.first(), &mut positions);
         let parts = animation.static_parts();
         let pays = StaticParts::pays(all - parts.vertex_count(), all);
         let everything = std::iter::once(0..all);
@@ -81,9 +81,11 @@ impl SceneState {
         self.tree.adopt(tree, &self.animation)
     }
 
-    pub(crate) fn interpolate(&mut self, pose: Pose) {
+    pub(crate) fn interpolate(&mut self, pose: Pose) -> Result<()> {
         self.range = self.animation.range(pose);
-        interpolate(&self.animation, pose, (&self.runs, &mut self.positions));
+        let moment = self.animation.moment(pose)?;
+        interpolate(&moment, (&self.runs, &mut self.positions));
+        Ok(())
     }
 
     pub(crate) fn preprocess(&mut self) {

@@ -3,7 +3,7 @@
 use crate::interpolate::copy;
 use crate::scene::SceneState;
 use crate::tiles::Output;
-use backend::{FrameReport, Hits, Query, QueryKind, Rays, Snapshot, Spares, Ticket};
+use backend::{FrameReport, Hits, Query, QueryKind, Rays, Result, Snapshot, Spares, Ticket};
 use geom::{Camera, Hit, Point, Pose, Ray};
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -54,12 +54,12 @@ impl Submission {
         rays: &[Ray],
         scene: &mut SceneState,
         copies: &mut Copies,
-    ) {
+    ) -> Result<()> {
         let start = Instant::now();
         let times = &mut self.report.times;
         let stage = match command {
             Command::Interpolate(pose) => {
-                scene.interpolate(pose);
+                scene.interpolate(pose)?;
                 &mut times.interpolate_ms
             }
             Command::Preprocess => {
@@ -83,11 +83,13 @@ impl Submission {
                 self.report.readback_bytes += size_of_val(&positions[..]) as u64;
                 let ticket = self.ticket.expect("it has begun");
                 let copy = (ticket, copies.spares.lend(positions));
-                return copies.ready.push_back(copy);
+                copies.ready.push_back(copy);
+                return Ok(());
             }
         };
         // A stage may be recorded twice.
         *stage = Some(stage.unwrap_or_default() + ms_since(start));
+        Ok(())
     }
 
     fn trace(&mut self, scene: &SceneState, query: Query<'_>) {

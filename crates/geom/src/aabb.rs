@@ -53,6 +53,12 @@ impl Aabb {
         self.union(Self { min: p, max: p })
     }
 
+    /// Its eight corners.
+    pub fn corners(&self) -> [Point; 8] {
+        let ends = [self.min, self.max];
+        std::array::from_fn(|i| std::array::from_fn(|axis| ends[i >> axis & 1][axis]))
+    }
+
     /// Whether no point lies inside.
     #[inline]
     pub fn is_empty(&self) -> bool {

@@ -2,20 +2,26 @@
 //!
 //! Plain data and the few formulas whose rounding is part of the program's
 //! promise, so that every backend can repeat them bit for bit. Nothing here
-//! knows a tree, a device, a file or a thread.
+//! knows a tree, a device or a file.
 
 mod aabb;
 mod animation;
 mod camera;
+mod key_frames;
+mod key_window;
+mod moment;
 mod pose;
 mod range;
 mod ray;
 mod still;
+mod survey;
 mod triangle;
 
 pub use aabb::Aabb;
 pub use animation::{Animation, AnimationError};
 pub use camera::Camera;
+pub use key_frames::{KeyFrame, KeyFrameError, KeySource};
+pub use moment::Moment;
 pub use pose::Pose;
 pub use range::Range;
 pub use ray::{Hit, Ray};

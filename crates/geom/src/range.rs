@@ -1,9 +1,12 @@
 //! How far coordinates reach, and which moments that takes beyond what rounded tests of rays can tell.
 
-use crate::{Animation, Point, Pose};
+use crate::{Point, Pose};
+use rayon::prelude::*;
 
 /// Vertices of a key frame from which its typical size is found, at most.
 const SAMPLES: usize = 4096;
+/// Vertices that one task looks at.
+const RUN: usize = 1 << 16;
 /// A key frame is extreme if its farthest coordinate is so many times its typical size.
 const OUTLYING: f32 = 65_536.0;
 /// Shadow rays are offset by the extent of the scene, but at most by so many times its typical size.
@@ -56,30 +59,41 @@ const NEAR: f32 = 1.0 / 16_777_216.0;
 /// The scale of a scene, and the ranges of its key frames.
 #[derive(Clone, Debug)]
 pub(crate) struct Ranges {
-    /// See [`Animation::scale_exponent`].
+    /// See [`crate::Animation::scale_exponent`].
     pub(crate) scale_exponent: i32,
     keys: Vec<Range>,
 }
 
 impl Ranges {
-    /// Looks at every key frame.
-    pub(crate) fn of(animation: &Animation) -> Self {
-        let sizes: Vec<Sizes> = animation.keys().iter().map(|key| Sizes::of(key)).collect();
+    /// Of key frames of these sizes. `has_tiny` says of one whether a triangle in it, no point, lies nearer to the origin
+    /// than a length in the scene's units.
+    pub(crate) fn of<E>(
+        sizes: &[Sizes],
+        has_tiny: impl Fn(usize, f32) -> Result<bool, E>,
+    ) -> Result<Self, E> {
         let largest = sizes.iter().fold(0.0_f32, |m, s| m.max(s.largest));
         // Where some moment is extreme anyway, the others keep the units that they were given in.
         let scale_exponent = match sizes.iter().any(Sizes::is_outlying) {
             true => 0,
             false => exponent_for(largest),
         };
-        let range = |(key, sizes): (&Vec<Point>, &Sizes)| Range {
-            extreme: sizes.is_outlying() || sizes.largest > scaled(MOST, scale_exponent),
-            tiny: has_tiny(key, animation.triangles(), scaled(TINY, scale_exponent)),
-            clearance: sizes.typical * CLEARANCE,
+        let tiny = scaled(TINY, scale_exponent);
+        let range = |(key, sizes): (usize, &Sizes)| {
+            Ok(Range {
+                extreme: sizes.is_outlying() || sizes.largest > scaled(MOST, scale_exponent),
+                tiny: sizes.third < tiny && has_tiny(key, tiny)?,
+                clearance: sizes.typical * CLEARANCE,
+            })
         };
-        Self {
+        let keys = sizes
+            .iter()
+            .enumerate()
+            .map(range)
+            .collect::<Result<_, E>>()?;
+        Ok(Self {
             scale_exponent,
-            keys: animation.keys().iter().zip(&sizes).map(range).collect(),
-        }
+            keys,
+        })
     }
 
     pub(crate) fn at(&self, pose: Pose) -> Range {
@@ -92,16 +106,19 @@ impl Ranges {
 }
 
 /// Sizes of a key frame's finite coordinates.
-struct Sizes {
-    largest: f32,
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sizes {
+    pub(crate) largest: f32,
+    /// The third least of the largest coordinates of vertices: no triangle lies nearer to the origin.
+    third: f32,
     /// The lower quartile of the largest coordinates of vertices.
     typical: f32,
 }
 
 impl Sizes {
-    fn of(key: &[Point]) -> Self {
-        let finite = key.iter().flatten().filter(|x| x.is_finite());
-        let largest = finite.fold(0.0_f32, |m, x| m.max(x.abs()));
+    pub(crate) fn of(key: &[Point]) -> Self {
+        let largest = key.par_chunks(RUN).map(largest).reduce(|| 0.0, f32::max);
+        let least = key.par_chunks(RUN).map(least).reduce(|| NONE, three_least);
         let step = key.len().div_ceil(SAMPLES).max(1);
         let sizes = key.iter().step_by(step).map(|&p| size(p));
         let mut sizes: Vec<f32> = sizes.filter(|x| x.is_finite() && *x > 0.0).collect();
@@ -110,12 +127,40 @@ impl Sizes {
             true => largest,
             false => *sizes.select_nth_unstable_by(quartile, f32::total_cmp).1,
         };
-        Self { largest, typical }
+        Self {
+            largest,
+            third: least[2],
+            typical,
+        }
     }
 
     fn is_outlying(&self) -> bool {
         self.largest > self.typical * OUTLYING
     }
+}
+
+/// Sizes of no vertices.
+const NONE: [f32; 3] = [f32::INFINITY; 3];
+
+/// The sizes of the three vertices that are nearest to the origin, in order.
+fn least(points: &[Point]) -> [f32; 3] {
+    let sizes = points.iter().map(|&p| size(p));
+    sizes.fold(NONE, |least, size| match size < least[2] {
+        true => three_least(least, [size, f32::INFINITY, f32::INFINITY]),
+        false => least,
+    })
+}
+
+fn three_least(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    let mut all = [a, b].concat();
+    all.sort_unstable_by(f32::total_cmp);
+    [all[0], all[1], all[2]]
+}
+
+/// The largest finite `|coordinate|`.
+fn largest(points: &[Point]) -> f32 {
+    let finite = points.iter().flatten().filter(|x| x.is_finite());
+    finite.fold(0.0, |m, x| m.max(x.abs()))
 }
 
 /// 0 if the largest coordinate lies within `[2^-10, 2^30]`, else its exponent, within `-126..=126`.
@@ -143,11 +188,8 @@ fn size(p: Point) -> f32 {
 }
 
 /// Whether a triangle that is not a point lies nearer to the origin than `least`.
-fn has_tiny(key: &[Point], triangles: &[[u32; 3]], least: f32) -> bool {
+pub(crate) fn has_tiny(key: &[Point], triangles: &[[u32; 3]], least: f32) -> bool {
     let near = |&p: &Point| size(p) < least;
-    if key.iter().filter(|p| near(p)).take(3).count() < 3 {
-        return false;
-    }
     triangles.iter().any(|t| {
         let corners = t.map(|v| key[v as usize]);
         corners.iter().all(near) && (corners[0] != corners[1] || corners[0] != corners[2])
@@ -157,6 +199,7 @@ fn has_tiny(key: &[Point], triangles: &[[u32; 3]], least: f32) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Animation;
 
     /// A cloud of unit size in which one vertex lies at `far`.
     fn cloud(far: f32) -> Vec<Point> {

@@ -1,6 +1,7 @@
 //! Which parts of an animation never move.
 
-use crate::{Animation, Point, is_active, is_degenerate};
+use crate::{Point, is_active, is_degenerate};
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Two classes of motion: what stands at the same bits at every pose, and the rest.
@@ -20,35 +21,21 @@ pub struct StaticParts {
 }
 
 impl StaticParts {
-    /// Compares every key frame with the first. All is static where there is one alone.
-    #[must_use]
-    pub fn of(animation: &Animation) -> Self {
-        let keys = animation.keys();
-        let mut vertices: Vec<bool> = match keys {
-            [_] => vec![true; animation.vertex_count()],
-            [first, ..] => first.iter().map(keeps_its_bits).collect(),
-            [] => Vec::new(),
-        };
-        for key in keys.iter().skip(1) {
-            let pairs = keys[0].iter().zip(key);
-            for (is_static, (a, b)) in vertices.iter_mut().zip(pairs) {
-                *is_static = *is_static && bits(a) == bits(b);
-            }
-        }
-        let corners = animation.triangles().iter();
-        let triangles: Vec<bool> = corners
-            .map(|t| t.iter().all(|&v| vertices[v as usize]))
-            .collect();
-        let still = (0..).zip(&triangles).filter(|(_, is_static)| **is_static);
-        let corners = |triangle| animation.corners(animation.pose(0.0), triangle);
-        let degenerate = still
-            .map(|(triangle, _)| (triangle, corners(triangle)))
-            .filter(|(_, corners)| is_active(corners) && is_degenerate(corners))
-            .map(|(triangle, _)| triangle)
+    /// What follows from static `vertices`, which stand where they do in the `first` key frame.
+    pub(crate) fn of(vertices: Vec<bool>, first: &[Point], triangles: &[[u32; 3]]) -> Self {
+        let is_static = |t: &[u32; 3]| t.iter().all(|&v| vertices[v as usize]);
+        let triangles_are: Vec<bool> = triangles.par_iter().map(is_static).collect();
+        let all = triangles_are.par_iter().enumerate();
+        let degenerate = all
+            .filter(|&(t, is_static)| {
+                let corners = triangles[t].map(|v| first[v as usize]);
+                *is_static && is_active(&corners) && is_degenerate(&corners)
+            })
+            .map(|(t, _)| t as u32)
             .collect();
         Self {
             vertices,
-            triangles,
+            triangles: triangles_are,
             degenerate,
         }
     }
@@ -88,12 +75,12 @@ impl StaticParts {
     }
 }
 
-fn bits(p: &Point) -> [u32; 3] {
+pub(crate) fn bits(p: &Point) -> [u32; 3] {
     p.map(f32::to_bits)
 }
 
 /// Whether a vertex that stands still has its own bits between key frames: see [`crate::Pose::blend`].
-fn keeps_its_bits(p: &Point) -> bool {
+pub(crate) fn keeps_its_bits(p: &Point) -> bool {
     p.iter()
         .all(|x| x.is_finite() && x.to_bits() != (-0.0_f32).to_bits())
 }
@@ -105,9 +92,11 @@ fn count(of: &[bool]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Animation;
 
     fn parts(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>) -> StaticParts {
-        StaticParts::of(&Animation::new(keys, triangles).unwrap())
+        let animation = Animation::new(keys, triangles).unwrap();
+        animation.static_parts().clone()
     }
 
     #[test]
@@ -157,10 +146,7 @@ mod tests {
         let animation = Animation::new(keys, vec![]).unwrap();
         assert_eq!(animation.static_parts().vertices, [true, false]);
         for time in [0.0, 0.3, 1.0, 1.999] {
-            assert_eq!(
-                bits(&animation.vertex(animation.pose(time), 0)),
-                bits(&still)
-            );
+            assert_eq!(bits(&animation.at(time).unwrap().vertex(0)), bits(&still));
         }
     }
 

@@ -43,6 +43,25 @@ pub enum BufferPurpose {
     Input,
 }
 
+/// What goes to the device beside the frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sent {
+    /// A tree's record.
+    Tree,
+    /// The positions of a key frame.
+    KeyFrame,
+}
+
+impl Sent {
+    /// Its name in messages.
+    pub fn what(self) -> &'static str {
+        match self {
+            Self::Tree => "the tree's record",
+            Self::KeyFrame => "key frames",
+        }
+    }
+}
+
 /// A kernel to be recorded.
 pub struct Dispatch<'a, D: GpuDevice> {
     /// Its parameters, and whether it may run beside the one before it.
@@ -160,11 +179,15 @@ pub trait GpuDevice: Send + Sized {
         look: impl FnOnce(&[T]) -> R,
     ) -> Result<R>;
 
-    /// A tree's record, sent part by part, for all that is recorded from now on.
-    fn send_tree(&mut self, parts: &[&[u32]]) -> Result<Self::Buffer>;
+    /// Begins to send something part by part, beside the frames. Gives its buffer, and a number to be
+    /// [expected](GpuDevice::expect) before it is read.
+    fn send(&mut self, what: Sent, parts: &[&[u32]]) -> Result<(Self::Buffer, u64)>;
 
-    /// Takes back a record, to send another tree in it once all that was submitted so far is done with it.
-    fn recycle_tree(&mut self, record: Self::Buffer);
+    /// The next submission waits until this was sent, and all before it.
+    fn expect(&mut self, arrival: u64);
+
+    /// Takes back a buffer, to send another of its kind in it once all that was submitted so far is done with it.
+    fn recycle(&mut self, what: Sent, buffer: Self::Buffer);
 
     /// What makes kernels ready.
     fn pipeline_maker(&self) -> Self::Maker;

@@ -94,6 +94,8 @@ impl<D: GpuDevice> Engine<D> {
         let gpu = &mut self.gpu;
         self.position = self.snapshots.position_to_write(gpu, self.position)?;
         self.pose = pose;
+        let scene = self.scene.as_mut().expect("a scene was loaded");
+        scene.bring_keys(gpu, pose)?;
         let work = [work::interpolate(params, self.scene().vertices())];
         self.run(Some(Stage::Interpolate), &work, |_| None)
     }
@@ -199,6 +201,8 @@ impl<D: GpuDevice> Engine<D> {
         let (ticket, copy) = self.frames.submit(&mut self.gpu, positions, about)?;
         self.traces.submitted(ticket);
         self.snapshots.submitted(ticket, copy);
+        let scene = self.scene.as_mut().expect("a scene was loaded");
+        scene.send_key_ahead(&mut self.gpu)?;
         Ok(ticket)
     }
 

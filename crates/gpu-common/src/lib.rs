@@ -19,6 +19,7 @@ mod device;
 mod engine;
 mod frames;
 mod inspect;
+mod key_slots;
 mod pipelines;
 mod scene;
 mod snapshots;
@@ -28,7 +29,9 @@ mod tree;
 pub use buffers::BufferTable;
 pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
-pub use device::{AdapterInfo, BufferPurpose, Dispatch, Find, Finished, GpuDevice, refuse_above};
+pub use device::{
+    AdapterInfo, BufferPurpose, Dispatch, Find, Finished, GpuDevice, Sent, refuse_above,
+};
 pub use engine::Engine;
 pub use frames::{Frames, Slot};
 pub use pipelines::{KernelCode, Pipelines};

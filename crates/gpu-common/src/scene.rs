@@ -1,8 +1,9 @@
 //! What a loaded animation keeps on the device.
 
+use crate::key_slots::KeySlots;
 use crate::{BufferPurpose, BufferTable, GpuDevice};
 use backend::{Palette, Result};
-use geom::Animation;
+use geom::{Animation, Pose};
 use shaders::BufferName;
 use shaders::work::Vertices;
 use std::sync::Arc;
@@ -11,8 +12,7 @@ use std::sync::Arc;
 pub struct SceneBuffers<D: GpuDevice> {
     /// What was loaded.
     pub animation: Arc<Animation>,
-    /// A buffer each, so that only the device's memory limits how many there are.
-    keys: Vec<D::Buffer>,
+    keys: KeySlots<D>,
     /// Two, so that one can go back to the host while the next frame fills the other.
     /// Where rows are listed, static vertices stand in both from the start.
     pub positions: [D::Buffer; 2],
@@ -41,20 +41,16 @@ impl<D: GpuDevice> SceneBuffers<D> {
         let device = |name: BufferName| gpu.buffer(name.what(), key_bytes, BufferPurpose::Storage);
         let position = || device(BufferName::Positions);
         let positions = [position()?, position()?];
-        let keys = animation.keys().iter().map(|_| device(BufferName::Earlier));
-        let keys = keys.collect::<Result<Vec<_>>>()?;
+        let keys = KeySlots::new(gpu, &animation)?;
         let mut contents: Vec<(&[u8], &D::Buffer)> = Vec::new();
         let other = |name| others.get(name).expect("made just now");
         if let Some(rows) = &rows {
-            let first = bytemuck::cast_slice(&animation.keys()[0]);
+            let first = bytemuck::cast_slice(animation.first());
             contents.push((bytemuck::cast_slice(rows), other(BufferName::MovingRows)));
             contents.extend(positions.iter().map(|to| (first, to)));
         }
         let triangles = bytemuck::cast_slice(animation.triangles());
         contents.push((triangles, other(BufferName::Triangles)));
-        for (key, to) in animation.keys().iter().zip(&keys) {
-            contents.push((bytemuck::cast_slice(key), to));
-        }
         gpu.upload(&contents)?;
         Ok(Self {
             keys,
@@ -85,17 +81,25 @@ impl<D: GpuDevice> SceneBuffers<D> {
         Ok(())
     }
 
+    /// Has the key frames of a pose be there.
+    pub(crate) fn bring_keys(&mut self, gpu: &mut D, pose: Pose) -> Result<()> {
+        self.keys.bring(gpu, &self.animation, pose)
+    }
+
+    /// Sends a key frame that is played soon, if there are such.
+    pub(crate) fn send_key_ahead(&mut self, gpu: &mut D) -> Result<()> {
+        self.keys.send_ahead(gpu, &self.animation)
+    }
+
     pub(crate) fn has_palette(&self) -> bool {
         self.palette.is_some()
     }
 
     /// One of its buffers, at a pose's key frame and in one of the two position buffers.
     pub fn get(&self, name: BufferName, key: u32, position: usize) -> Option<&D::Buffer> {
-        // The last key frame where there is none so late.
-        let at = |key: u32| &self.keys[(key as usize).min(self.keys.len() - 1)];
         match name {
-            BufferName::Earlier => Some(at(key)),
-            BufferName::Later => Some(at(key.saturating_add(1))),
+            BufferName::Earlier => self.keys.get(key),
+            BufferName::Later => self.keys.get(key.saturating_add(1)),
             // Where no rays are given, kernels that take both kinds read none.
             BufferName::Positions | BufferName::Rays => Some(&self.positions[position]),
             other => {
@@ -107,10 +111,10 @@ impl<D: GpuDevice> SceneBuffers<D> {
 
     /// Bytes of device memory.
     pub fn held(&self) -> u64 {
-        let all = self.keys.iter().chain(&self.positions);
         let tables = [Some(&self.others), self.palette.as_ref()];
         let tables = tables.into_iter().flatten().map(BufferTable::held);
-        all.map(D::held).sum::<u64>() + tables.sum::<u64>()
+        let positions = self.positions.iter().map(D::held);
+        self.keys.held() + positions.chain(tables).sum::<u64>()
     }
 
     /// Bytes of all positions.

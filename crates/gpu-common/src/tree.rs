@@ -1,6 +1,6 @@
 //! The tree in use: buffers of its nodes and records, and how it came to be.
 
-use crate::{BufferTable, GpuDevice};
+use crate::{BufferTable, GpuDevice, Sent};
 use backend::{Generation, Layout, Method, Result, check_tree};
 use bvh_layout::{Moving, Topology};
 use geom::Animation;
@@ -55,20 +55,24 @@ impl<D: GpuDevice> TreeBuffers<D> {
         (tree, generation): (&Topology, Generation),
     ) -> Result<()> {
         check_tree(tree, animation)?;
-        let (record, shape) = match self.shape.layout {
+        let ((record, arrival), shape) = match self.shape.layout {
             Layout::Bvh2 => {
                 let lists = tree.moving().map_or(&[][..], Moving::words);
-                (gpu.send_tree(&[tree.words(), lists])?, Shape::of(tree))
+                (
+                    gpu.send(Sent::Tree, &[tree.words(), lists])?,
+                    Shape::of(tree),
+                )
             }
             Layout::Fast => {
                 let treelets = tree.to_treelets(animation.static_parts());
                 let shape = Shape::of_treelets(&treelets);
                 self.grow(gpu, &shape)?;
-                (gpu.send_tree(&treelets.parts())?, shape)
+                (gpu.send(Sent::Tree, &treelets.parts())?, shape)
             }
         };
+        gpu.expect(arrival);
         if let Some(old) = self.record.replace(record) {
-            gpu.recycle_tree(old);
+            gpu.recycle(Sent::Tree, old);
         }
         self.shape = shape;
         (self.generation, self.made_here) = (generation, false);

@@ -6,16 +6,16 @@ use crate::instance::Host;
 use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::Pipeline;
 use crate::pool::{Done, LastUse, Pool};
+use crate::sender::Sender;
 use crate::slot::Slot;
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use crate::transfer::{Copy, Transfer, Window, load};
-use backend::{
-    Arithmetic, Device, DeviceBytes, FRAMES_IN_FLIGHT, Result, Snapshot, Spares, Ticket,
-};
+use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
 use geom::Point;
 use gpu_common::{
-    BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode, Stage,
+    BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode, Sent,
+    Stage,
 };
 use shaders::{Kernel, Packets};
 use std::ops::Deref;
@@ -23,10 +23,6 @@ use std::sync::Arc;
 
 /// The backend that computes through Vulkan.
 pub type VulkanBackend = ComputeBackend<VulkanDevice>;
-
-/// Trees' records that are not in use. With as many, one is free for the next tree whatever is under way; most of the time
-/// one will do.
-const RECORDS: usize = FRAMES_IN_FLIGHT;
 
 /// Positions that the transfer queue copies, or will.
 pub struct PositionsCopy {
@@ -62,9 +58,8 @@ pub struct VulkanDevice {
     /// Copies to the host.
     pub readback: Transfer,
     window: Window,
-    /// Trees' records, and what they were sent from.
-    records: Pool,
-    staging: Pool,
+    trees: Sender,
+    keys: Sender,
     /// Buffers that were too small.
     outgrown: Pool,
     spares: Spares<Arrived>,
@@ -90,8 +85,8 @@ impl VulkanDevice {
             upload: Transfer::new(gpu, gpu.upload)?,
             readback: Transfer::new(gpu, gpu.readback)?,
             window: Window::default(),
-            records: Pool::default(),
-            staging: Pool::default(),
+            trees: Sender::default(),
+            keys: Sender::default(),
             outgrown: Pool::default(),
             spares: Spares::default(),
             arriving: None,
@@ -246,43 +241,30 @@ impl GpuDevice for VulkanDevice {
         Ok(look(seen))
     }
 
-    fn send_tree(&mut self, parts: &[&[u32]]) -> Result<Buffer> {
+    fn send(&mut self, what: Sent, parts: &[&[u32]]) -> Result<(Buffer, u64)> {
         let done = Done {
             uploads: &self.upload.done,
             submissions: &self.done,
         };
         self.outgrown.prune(done)?;
-        let bytes: u64 = parts.iter().map(|p| size_of_val(*p) as u64).sum();
-        let fit = |pool: &mut Pool, place| {
-            let spare = pool.take(done, RECORDS)?;
-            match spare.filter(|b| b.bytes >= bytes) {
-                Some(buffer) => Ok(buffer),
-                // Somewhat larger than needed: records of one scene differ little.
-                None => Buffer::new(&self.gpu, "the tree's record", bytes + bytes / 32, place),
-            }
+        let sender = match what {
+            Sent::Tree => &mut self.trees,
+            Sent::KeyFrame => &mut self.keys,
         };
-        let record = fit(&mut self.records, BufferUse::Device)?;
-        let mut staging = fit(&mut self.staging, BufferUse::Staging)?;
-        let mut at = 0;
-        for words in parts {
-            staging.write(at, words);
-            at += size_of_val(*words) as u64;
-        }
-        let copy = Copy {
-            from: &staging,
-            to: &record,
-            to_at: 0,
-            bytes,
-        };
-        let filled_at = self.upload.start(copy, None)?;
-        self.arriving = Some(filled_at);
-        let ticket = 0;
-        self.staging.put(staging, LastUse { filled_at, ticket });
-        Ok(record)
+        sender.send(&self.gpu, (&mut self.upload, &self.done), (what, parts))
     }
 
-    fn recycle_tree(&mut self, record: Buffer) {
-        self.records.put(record, self.last_use());
+    fn expect(&mut self, arrival: u64) {
+        let arrival = Some(arrival).filter(|&value| value > 0);
+        self.arriving = self.arriving.max(arrival);
+    }
+
+    fn recycle(&mut self, what: Sent, buffer: Buffer) {
+        let last = self.last_use();
+        match what {
+            Sent::Tree => self.trees.recycle(buffer, last),
+            Sent::KeyFrame => self.keys.recycle(buffer, last),
+        }
     }
 
     fn pipeline_maker(&self) -> Arc<Gpu> {
@@ -375,7 +357,7 @@ impl GpuDevice for VulkanDevice {
 
     fn unload(&mut self, _: &mut dyn Iterator<Item = &mut Slot>) -> Result<()> {
         self.gpu.wait_idle()?;
-        (self.records, self.staging, self.outgrown) = Default::default();
+        (self.trees, self.keys, self.outgrown) = Default::default();
         self.spares = Spares::default();
         (self.arriving, self.overwritten) = (None, None);
         Ok(())
@@ -390,13 +372,15 @@ impl GpuDevice for VulkanDevice {
         bytes: DeviceBytes,
         _: &mut dyn Iterator<Item = &Slot>,
     ) -> DeviceBytes {
-        let tree = bytes.tree + self.records.held();
-        let scratch = bytes.scratch + self.staging.held() + self.outgrown.held();
+        let ([trees, staging], [keys, key_staging]) = (self.trees.held(), self.keys.held());
+        let (tree, scene) = (bytes.tree + trees, bytes.scene + keys);
+        let scratch = bytes.scratch + staging + key_staging + self.outgrown.held();
         // Whatever else there is.
-        let others = tree + scratch + bytes.scene;
+        let others = tree + scratch + scene;
         DeviceBytes {
             tree,
             scratch,
+            scene,
             frames: self.gpu.memory.held().saturating_sub(others),
             ..bytes
         }

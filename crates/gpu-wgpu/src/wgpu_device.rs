@@ -12,7 +12,8 @@ use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket}
 use bytemuck::Pod;
 use geom::Point;
 use gpu_common::{
-    BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode, Stage,
+    BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode, Sent,
+    Stage,
 };
 use shaders::{Kernel, Packets};
 use std::ops::Deref;
@@ -71,8 +72,9 @@ impl Arrived {
 /// A device of wgpu's, with its one queue: what is written to a buffer or copied goes in order with submissions.
 pub struct WgpuDevice {
     window: Window,
-    /// Buffers of records of trees that are not in use.
-    records: Vec<Buffer>,
+    /// Buffers that are not in use, of trees and of key frames.
+    trees: Vec<Buffer>,
+    keys: Vec<Buffer>,
     spares: Spares<Arrived>,
     modules: Modules,
     validation: bool,
@@ -89,11 +91,19 @@ impl WgpuDevice {
     fn over(gpu: Gpu, modules: Modules, validation: bool) -> Self {
         Self {
             window: Window::default(),
-            records: Vec::new(),
+            trees: Vec::new(),
+            keys: Vec::new(),
             spares: Spares::default(),
             modules,
             validation,
             gpu: Arc::new(gpu),
+        }
+    }
+
+    fn free(&mut self, what: Sent) -> &mut Vec<Buffer> {
+        match what {
+            Sent::Tree => &mut self.trees,
+            Sent::KeyFrame => &mut self.keys,
         }
     }
 
@@ -201,23 +211,27 @@ impl GpuDevice for WgpuDevice {
         self.window.read(&self.gpu, from, count, look)
     }
 
-    fn send_tree(&mut self, parts: &[&[u32]]) -> Result<Buffer> {
+    fn send(&mut self, what: Sent, parts: &[&[u32]]) -> Result<(Buffer, u64)> {
         let bytes = parts.iter().map(|p| size_of_val(*p) as u64).sum();
-        let what = "the tree's record";
-        let record = match self.records.pop().filter(|r| r.size() >= bytes) {
-            Some(record) => record,
-            None => storage(&self.gpu, what, bytes + bytes / 32)?,
+        let spare = self.free(what).pop().filter(|r| r.size() >= bytes);
+        let buffer = match (spare, what) {
+            (Some(buffer), _) => buffer,
+            (None, Sent::Tree) => storage(&self.gpu, what.what(), bytes + bytes / 32)?,
+            (None, Sent::KeyFrame) => storage(&self.gpu, what.what(), bytes)?,
         };
         let mut at = 0;
         for words in parts.iter().filter(|p| !p.is_empty()) {
-            write(&self.gpu, &record, at, words)?;
+            write(&self.gpu, &buffer, at, words)?;
             at += size_of_val(*words) as u64;
         }
-        Ok(record)
+        Ok((buffer, 0))
     }
 
-    fn recycle_tree(&mut self, record: Buffer) {
-        self.records.push(record);
+    /// The queue runs in order.
+    fn expect(&mut self, _: u64) {}
+
+    fn recycle(&mut self, what: Sent, buffer: Buffer) {
+        self.free(what).push(buffer);
     }
 
     fn pipeline_maker(&self) -> PipelineMaker {
@@ -304,7 +318,8 @@ impl GpuDevice for WgpuDevice {
     fn unload(&mut self, slots: &mut dyn Iterator<Item = &mut Slot>) -> Result<()> {
         self.gpu.wait_idle()?;
         slots.for_each(Slot::forget);
-        self.records.clear();
+        self.trees.clear();
+        self.keys.clear();
         self.spares = Spares::default();
         Ok(())
     }
@@ -319,9 +334,10 @@ impl GpuDevice for WgpuDevice {
         bytes: DeviceBytes,
         slots: &mut dyn Iterator<Item = &Slot>,
     ) -> DeviceBytes {
-        let records = self.records.iter().map(Buffer::size);
+        let size = |all: &[Buffer]| all.iter().map(Buffer::size).sum::<u64>();
         DeviceBytes {
-            tree: bytes.tree + records.sum::<u64>(),
+            tree: bytes.tree + size(&self.trees),
+            scene: bytes.scene + size(&self.keys),
             frames: bytes.frames + slots.map(Slot::bytes).sum::<u64>(),
             ..bytes
         }

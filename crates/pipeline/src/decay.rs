@@ -1,7 +1,7 @@
 //! How fast a tree that is only refitted loses to a fresh one, from a sample of a scene's triangles.
 
 use bvh_build::{BinaryTree, Boxes, BuildError, Builder, Cancel, sah_cost};
-use geom::{Aabb, Animation, Pose};
+use geom::{Aabb, Animation, Moment};
 
 /// Triangles looked at, evenly taken from all.
 const TRIANGLES: usize = 1 << 13;
@@ -36,17 +36,18 @@ impl RefitDecay {
         let sample: Vec<u32> = (0..all as u32)
             .step_by(all.div_ceil(TRIANGLES).max(1))
             .collect();
-        let at = |i: usize| Sample {
-            animation,
-            triangles: &sample,
-            pose: animation.pose(first + (last - first) * i as f64 / (MOMENTS - 1) as f64),
+        let at = |i: usize| -> Result<_, BuildError> {
+            Ok(Sample {
+                moment: animation.at(first + (last - first) * i as f64 / (MOMENTS - 1) as f64)?,
+                triangles: &sample,
+            })
         };
         let (mut builder, cancel) = (Builder::new(), Cancel::new());
         let [mut kept, mut fresh] = [BinaryTree::default(), BinaryTree::default()];
-        builder.build(&at(0), &cancel, &mut kept)?;
+        builder.build(&at(0)?, &cancel, &mut kept)?;
         let mut ratios = [1.0; MOMENTS];
         for (i, ratio) in ratios.iter_mut().enumerate().skip(1) {
-            let moment = at(i);
+            let moment = at(i)?;
             builder.build(&moment, &cancel, &mut fresh)?;
             let [kept, fresh] = [&kept, &fresh].map(|tree| sah_cost(tree, &moment));
             if fresh > 0.0 && (kept / fresh).is_finite() {
@@ -62,9 +63,8 @@ impl RefitDecay {
 
 /// Some triangles at a pose.
 struct Sample<'a> {
-    animation: &'a Animation,
+    moment: Moment<'a>,
     triangles: &'a [u32],
-    pose: Pose,
 }
 
 impl Boxes for Sample<'_> {
@@ -73,8 +73,7 @@ impl Boxes for Sample<'_> {
     }
 
     fn get(&self, i: u32) -> Aabb {
-        self.animation
-            .build_box_at(self.pose, self.triangles[i as usize])
+        self.moment.build_box(self.triangles[i as usize])
     }
 }
 

@@ -19,6 +19,9 @@ use std::sync::Arc;
 use std::time::Instant;
 use trees::{FIRST, PendingBuild, Tree};
 
+/// Frames whose key frames are read before they come, where not all are held.
+const LOOK_AHEAD: usize = 64;
+
 /// Why rendering stopped.
 #[derive(Debug, thiserror::Error)]
 pub enum PipelineError {
@@ -210,7 +213,10 @@ impl Driver {
         } else {
             FRAMES_IN_FLIGHT
         };
-        for frame in frames {
+        let frames: Vec<Frame> = frames.into_iter().collect();
+        for (i, &frame) in frames.iter().enumerate() {
+            let next = frames[i..].iter().take(LOOK_AHEAD);
+            self.animation.look_ahead(next.map(|frame| frame.time));
             self.begin(frame, query)?;
             if self.pending.len() >= under_way {
                 let record =

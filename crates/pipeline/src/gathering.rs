@@ -1,7 +1,7 @@
 //! The boxes of all triangles, at one moment or at several.
 
 use bvh_build::Boxes;
-use geom::{Aabb, Animation, Point, Pose};
+use geom::{Aabb, Moment, Point};
 use rayon::prelude::*;
 
 /// Grows the box of each triangle to hold that from `from`, too.
@@ -22,11 +22,11 @@ pub(crate) fn fill<B: Boxes>(boxes: &mut Vec<Aabb>, from: &B) {
         .collect_into_vec(boxes);
 }
 
-/// All vertices at `pose`.
-pub(crate) fn blend(animation: &Animation, pose: Pose, positions: &mut Vec<Point>) {
-    (0..animation.vertex_count() as u32)
+/// All vertices at a moment.
+pub(crate) fn blend(moment: &Moment<'_>, positions: &mut Vec<Point>) {
+    (0..moment.animation().vertex_count() as u32)
         .into_par_iter()
         .with_min_len(1 << 12)
-        .map(|v| animation.vertex(pose, v))
+        .map(|v| moment.vertex(v))
         .collect_into_vec(positions);
 }

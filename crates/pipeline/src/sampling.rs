@@ -5,7 +5,7 @@
 //! to it than to another, so the mean over them is a mean over time.
 
 use bvh_build::MAX_MOMENTS;
-use geom::{Animation, Point, Pose};
+use geom::{Animation, KeyFrameError, Point, Pose};
 
 /// A moment, and the time it stands for in key frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,7 +20,10 @@ const STEPS: [usize; 2] = [64, 512];
 const VERTICES: usize = 1024;
 
 /// Moments that stand for `range`, in key frames; one if nothing moves.
-pub(crate) fn samples(animation: &Animation, range: [f64; 2]) -> Vec<Sample> {
+pub(crate) fn samples(
+    animation: &Animation,
+    range: [f64; 2],
+) -> Result<Vec<Sample>, KeyFrameError> {
     let [first, last] = range.map(|t| t.clamp(0.0, animation.end()));
     let steps = (2.0 * (last - first)) as usize;
     let steps = steps.clamp(STEPS[0], STEPS[1]);
@@ -28,11 +31,11 @@ pub(crate) fn samples(animation: &Animation, range: [f64; 2]) -> Vec<Sample> {
     let way: Vec<f64> = (0..steps)
         .map(|i| [at(i), at(i + 1)].map(|t| animation.pose(t)))
         .map(|[a, b]| way(animation, a, b))
-        .collect();
+        .collect::<Result<_, _>>()?;
     let whole: f64 = way.iter().sum();
     if whole <= 0.0 {
         let pose = animation.pose(first);
-        return vec![Sample { pose, weight: 1.0 }];
+        return Ok(vec![Sample { pose, weight: 1.0 }]);
     }
     let measure = |i: usize| 0.5 * way[i] / whole + 0.5 / steps as f64;
     let mut times = vec![first];
@@ -49,7 +52,7 @@ pub(crate) fn samples(animation: &Animation, range: [f64; 2]) -> Vec<Sample> {
         passed += share;
     }
     times.push(last);
-    weighed(animation, &times)
+    Ok(weighed(animation, &times))
 }
 
 /// Each time with half the stretches before and after it.
@@ -64,12 +67,12 @@ fn weighed(animation: &Animation, times: &[f64]) -> Vec<Sample> {
 }
 
 /// How far some vertices go from one pose to another, together. What is not finite does not count.
-fn way(animation: &Animation, a: Pose, b: Pose) -> f64 {
+fn way(animation: &Animation, a: Pose, b: Pose) -> Result<f64, KeyFrameError> {
+    let (from, to) = (animation.moment(a)?, animation.moment(b)?);
     let n = animation.vertex_count();
     let some = (0..n as u32).step_by(n.div_ceil(VERTICES).max(1));
-    some.map(|v| distance(animation.vertex(a, v), animation.vertex(b, v)))
-        .filter(|d| d.is_finite())
-        .sum()
+    let ways = some.map(|v| distance(from.vertex(v), to.vertex(v)));
+    Ok(ways.filter(|d| d.is_finite()).sum())
 }
 
 fn distance(a: Point, b: Point) -> f64 {
@@ -94,14 +97,14 @@ mod tests {
 
     #[test]
     fn what_stands_still_needs_one_moment() {
-        let still = samples(&bobbing(&[1.0; 5]), [1.0, 3.0]);
+        let still = samples(&bobbing(&[1.0; 5]), [1.0, 3.0]).unwrap();
         assert_eq!((still.len(), times(&still)), (1, vec![1.0]));
-        assert_eq!(samples(&bobbing(&[1.0, 2.0]), [0.5; 2]).len(), 1);
+        assert_eq!(samples(&bobbing(&[1.0, 2.0]), [0.5; 2]).unwrap().len(), 1);
     }
 
     #[test]
     fn steady_motion_is_sampled_evenly_and_the_weights_make_up_the_time() {
-        let s = samples(&bobbing(&[0.0, 1.0, 2.0, 3.0]), [0.5, 2.5]);
+        let s = samples(&bobbing(&[0.0, 1.0, 2.0, 3.0]), [0.5, 2.5]).unwrap();
         let expected = (0..MAX_MOMENTS).map(|i| 0.5 + 2.0 * i as f64 / (MAX_MOMENTS - 1) as f64);
         for (found, expected) in times(&s).iter().zip(expected) {
             assert!((found - expected).abs() < 1e-6, "{s:?}");
@@ -112,7 +115,7 @@ mod tests {
 
     #[test]
     fn more_moments_lie_where_more_moves_and_stand_for_less() {
-        let s = samples(&bobbing(&[0.0, 0.0, 0.0, 0.0, 9.0]), [0.0, 4.0]);
+        let s = samples(&bobbing(&[0.0, 0.0, 0.0, 0.0, 9.0]), [0.0, 4.0]).unwrap();
         let late = times(&s).iter().filter(|&&t| t > 3.0).count();
         assert!(late >= MAX_MOMENTS / 2, "{s:?}");
         assert!(s[MAX_MOMENTS - 1].weight < s[1].weight);

@@ -10,7 +10,7 @@ use bvh_build::{BinaryTree, BuildError, Builder, Cancel, Costs, SubtreeRebuilder
 use bvh_layout::{Converter, First, Spare, Topology};
 pub use degradation::BuildStrategy;
 use degradation::DegradationMonitor;
-use geom::{Aabb, Animation, Point, Pose};
+use geom::{Aabb, Animation, KeyFrameError, Point, Pose};
 use std::time::Instant;
 
 /// What a tree is built from.
@@ -136,7 +136,7 @@ impl TreeBuilder {
     /// Builds and converts a tree over `animation` standing at `positions`.
     ///
     /// # Errors
-    /// [`BuildError::Cancelled`].
+    /// See [`BuildError`].
     pub fn build(
         &mut self,
         animation: &Animation,
@@ -157,7 +157,7 @@ impl TreeBuilder {
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
         let begun = Instant::now();
-        self.sweep(animation, halves);
+        self.sweep(animation, halves)?;
         self.build_over_boxes(BuildStrategy::Scratch, cancel)?;
         fill(&mut self.boxes, &(animation, positions));
         Ok(self.evaluate_and_send(animation, begun))
@@ -190,7 +190,7 @@ impl TreeBuilder {
     /// tree, too.
     ///
     /// # Errors
-    /// [`BuildError::Cancelled`].
+    /// See [`BuildError`].
     pub fn rebuild(
         &mut self,
         animation: &Animation,
@@ -206,25 +206,23 @@ impl TreeBuilder {
         };
         let (blended_at, costs);
         if let Some(halves) = halves.filter(|_| self.degradation.parts) {
-            self.sweep(animation, halves);
+            self.sweep(animation, halves)?;
             self.build_over_boxes(strategy, cancel)?;
-            (blended_at, costs) = (self.take_in(animation, vertices), None);
+            (blended_at, costs) = (self.take_in(animation, vertices)?, None);
         } else if strategy == BuildStrategy::Subtrees && !self.forms.blocks {
             (blended_at, costs) = self.rebuild_subtrees_at(animation, vertices, cancel)?;
         } else {
-            blended_at = self.take_in(animation, vertices);
+            blended_at = self.take_in(animation, vertices)?;
             costs = self.build_over_boxes(strategy, cancel)?;
         }
         let built = Instant::now();
         let cost = costs.map_or_else(|| sah_cost(&self.tree, &self.boxes[..]), |c| c.new);
         if let Some(at) = rival_at.filter(|_| rival) {
             let costs = costs.filter(|_| blended_at == rival_at);
-            let costs = costs.unwrap_or_else(|| {
-                if blended_at != rival_at {
-                    fill(&mut self.boxes, &(animation, at));
-                }
-                self.costs()
-            });
+            if costs.is_none() && blended_at != rival_at {
+                fill(&mut self.boxes, &animation.moment(at)?);
+            }
+            let costs = costs.unwrap_or_else(|| self.costs());
             self.degradation.note(costs);
             if costs.new > costs.last * (1.0 + ROUNDING) {
                 return Ok(Made::NoBetter);
@@ -251,7 +249,7 @@ impl TreeBuilder {
         vertices: Vertices,
         cancel: &Cancel,
     ) -> Result<(Option<Pose>, Option<Costs>), BuildError> {
-        let (pose, positions) = stand(animation, &vertices, &mut self.positions);
+        let (pose, positions) = stand(animation, &vertices, &mut self.positions)?;
         let from = (&self.in_use, &(animation, positions));
         let costs =
             self.subtree_rebuilder
@@ -266,17 +264,22 @@ impl TreeBuilder {
     }
 
     /// Brings boxes to hold each triangle at both poses.
-    fn sweep(&mut self, animation: &Animation, [a, b]: [Pose; 2]) {
-        self.take_in(animation, Vertices::KeyFrames(a));
-        blend(animation, b, &mut self.positions);
+    fn sweep(&mut self, animation: &Animation, [a, b]: [Pose; 2]) -> Result<(), KeyFrameError> {
+        self.take_in(animation, Vertices::KeyFrames(a))?;
+        blend(&animation.moment(b)?, &mut self.positions);
         grow(&mut self.boxes, &(animation, &self.positions[..]));
+        Ok(())
     }
 
     /// Brings boxes to `vertices`; gives their pose if they were blended here.
-    fn take_in(&mut self, animation: &Animation, vertices: Vertices) -> Option<Pose> {
-        let (pose, positions) = stand(animation, &vertices, &mut self.positions);
+    fn take_in(
+        &mut self,
+        animation: &Animation,
+        vertices: Vertices,
+    ) -> Result<Option<Pose>, KeyFrameError> {
+        let (pose, positions) = stand(animation, &vertices, &mut self.positions)?;
         fill(&mut self.boxes, &(animation, positions));
-        pose
+        Ok(pose)
     }
 
     /// Makes a tree for the boxes at hand, of groups of the last one or from scratch.
@@ -356,14 +359,14 @@ fn stand<'a>(
     animation: &Animation,
     vertices: &'a Vertices,
     blended: &'a mut Vec<Point>,
-) -> (Option<Pose>, &'a [Point]) {
-    match vertices {
+) -> Result<(Option<Pose>, &'a [Point]), KeyFrameError> {
+    Ok(match vertices {
         Vertices::ReadBack(snapshot) => (None, snapshot),
         Vertices::KeyFrames(pose) => {
-            blend(animation, *pose, blended);
+            blend(&animation.moment(*pose)?, blended);
             (Some(*pose), blended)
         }
-    }
+    })
 }
 
 #[cfg(test)]

@@ -5,9 +5,8 @@
 //! key frame stands still and is repeated.
 
 use crate::mesh::{check_keys, joined_triangles, within};
-use crate::{Facts, Options, Scene, SceneError, source};
-use geom::{Animation, Point};
-use rayon::prelude::*;
+use crate::{Facts, Options, Scene, SceneError, source, stream};
+use geom::{Animation, KeyFrameError, KeySource, Point};
 use std::sync::Arc;
 
 /// Between two inputs.
@@ -131,7 +130,33 @@ pub(crate) fn open(
     let keys = key_count(&opened)?;
     check_keys(names, (keys, vertices, triangles), options)?;
     within(spec.as_ref(), "vertices", vertices, u32::MAX as usize)?;
-    join(spec, opened, (keys, vertices))
+    join(spec, opened, (keys, vertices), options)
+}
+
+/// Inputs side by side.
+struct Joined {
+    parts: Vec<(Arc<Animation>, Placement)>,
+    keys: usize,
+    vertices: usize,
+}
+
+impl KeySource for Joined {
+    fn key_count(&self) -> usize {
+        self.keys
+    }
+
+    fn vertex_count(&self) -> usize {
+        self.vertices
+    }
+
+    fn read(&self, key: usize) -> Result<Vec<Point>, KeyFrameError> {
+        let mut all = Vec::with_capacity(self.vertices);
+        for (animation, place) in &self.parts {
+            let own = animation.key(key.min(animation.key_count() - 1))?;
+            all.extend(own.iter().map(|&p| place.put(p)));
+        }
+        Ok(all)
+    }
 }
 
 /// With the times that the key frames of all inputs that move have in common, if they have times of their own.
@@ -140,7 +165,7 @@ fn timed(spec: &str, joined: Animation, scenes: &[Scene]) -> Result<Animation, S
         scenes
             .iter()
             .map(|s| &s.animation)
-            .filter(|a| a.keys().len() > 1)
+            .filter(|a| a.key_count() > 1)
     };
     let Some(first) = moving().find(|a| a.times().is_some()) else {
         return Ok(joined);
@@ -161,20 +186,19 @@ fn join(
     spec: &str,
     parts: Vec<(Scene, Placement)>,
     (keys, vertices): (usize, usize),
+    options: &Options,
 ) -> Result<Scene, SceneError> {
-    let frame = |key: usize| {
-        let mut all = Vec::with_capacity(vertices);
-        for (scene, place) in &parts {
-            let keys = scene.animation.keys();
-            all.extend(keys[key.min(keys.len() - 1)].iter().map(|&p| place.put(p)));
-        }
-        all
+    let placed = |(scene, place): &(Scene, Placement)| (Arc::clone(&scene.animation), *place);
+    let source = Joined {
+        parts: parts.iter().map(placed).collect(),
+        keys,
+        vertices,
     };
-    let frames = (0..keys).into_par_iter().map(frame).collect();
     let animations = parts.iter().map(|(scene, _)| &scene.animation);
     let triangles = joined_triangles(animations.map(|a| (a.triangles(), a.vertex_count())));
     let scenes: Vec<Scene> = parts.into_iter().map(|(scene, _)| scene).collect();
-    let animation = timed(spec, Animation::new(frames, triangles)?, &scenes)?;
+    let animation = stream::animation(Arc::new(source), triangles, options)?;
+    let animation = timed(spec, animation, &scenes)?;
     Ok(Scene {
         name: joined(scenes.iter().map(|s| s.name.as_str())),
         animation: Arc::new(animation),
@@ -185,7 +209,7 @@ fn join(
 
 /// Key frames of all: those of any input that has more than one.
 fn key_count(parts: &[(Scene, Placement)]) -> Result<usize, SceneError> {
-    let count = |scene: &Scene| scene.animation.keys().len();
+    let count = |scene: &Scene| scene.animation.key_count();
     let mut moving = parts.iter().map(|(s, _)| s).filter(|s| count(s) > 1);
     let Some(first) = moving.next() else {
         return Ok(1);

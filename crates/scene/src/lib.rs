@@ -18,6 +18,7 @@ mod obj;
 mod ply;
 mod sequence;
 mod source;
+mod stream;
 
 pub use error::SceneError;
 pub use files::{files, word};
@@ -69,6 +70,8 @@ pub struct Options {
     pub clip: Option<String>,
     /// Whether a scene's files may name files outside its folder.
     pub allow_outside: bool,
+    /// Bytes that all key frames may take to be held. Those of larger scenes are read while they are played.
+    pub key_bytes: u64,
     /// Bytes that may be taken; what the host has free, if absent.
     pub memory: Option<u64>,
     /// Bytes that whoever opens the scene takes besides, whatever it holds: there must be room for them too.
@@ -83,6 +86,7 @@ impl Default for Options {
             fps: 24.0,
             clip: None,
             allow_outside: false,
+            key_bytes: 512 << 20,
             memory: None,
             more_bytes: 0,
             triangle_bytes: 0,

@@ -1,6 +1,6 @@
 //! One mesh file: what it takes to compare it with the next key frame, its colours, and nothing of its format.
 
-use crate::{Options, Rgb, SceneError};
+use crate::{Options, Rgb, SceneError, stream};
 use geom::{Animation, Point};
 use host::Free;
 use std::fmt::Display;
@@ -173,11 +173,16 @@ pub(crate) fn check_keys(
     (keys, vertices, triangles): (usize, usize, usize),
     options: &Options,
 ) -> Result<(), SceneError> {
-    let bytes = (keys as u64)
+    let held = stream::held(keys, vertices, options);
+    let bytes = (held as u64)
         .saturating_mul(vertices as u64)
         .saturating_mul(size_of::<Point>() as u64);
     let plural = if keys == 1 { "" } else { "s" };
-    let mut what = format!("{keys} key frame{plural} of {vertices} vertices");
+    let share = match held == keys {
+        true => String::new(),
+        false => format!("{held} of "),
+    };
+    let mut what = format!("{share}{keys} key frame{plural} of {vertices} vertices");
     if options.triangle_bytes > 0 {
         what += &format!(", and trees over {triangles} triangles");
     }

@@ -2,14 +2,16 @@
 
 use crate::mesh::{CLAY, Mesh, Paint, Topology, check_keys, mean};
 use crate::source::extension;
-use crate::{Facts, Options, Rgb, Scene, SceneError, obj, ply};
-use geom::{Animation, Point};
+use crate::{Facts, Options, Rgb, Scene, SceneError, obj, ply, stream};
+use geom::{KeyFrameError, KeySource, Point};
 use host::Folder;
-use rayon::prelude::*;
 use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::SystemTime;
 
 /// Reads one key frame.
 fn read(path: &Path) -> Result<Mesh, SceneError> {
@@ -38,18 +40,23 @@ pub(crate) fn open(
     let colours = colours((path, &folder), &topology, paint, &mut notes);
     let size = (files.len(), points.len(), triangles.len());
     check_keys(path.display(), size, options)?;
-    let mut keys = vec![points];
-    // Collected before looked at, so that the first bad file is named whichever thread is faster.
-    let rest: Vec<_> = files[1..]
-        .par_iter()
-        .map(|later| key_frame(later, (path, &topology)))
-        .collect();
-    for frame in rest {
-        let (points, remarks) = frame?;
-        keys.push(points);
-        notes.extend(remarks);
-    }
-    let animation = Arc::new(Animation::new(keys, triangles)?);
+    let vertices = points.len();
+    let sequence = Arc::new(Sequence {
+        stamps: files.iter().map(|_| OnceLock::new()).collect(),
+        files: files.clone(),
+        topology,
+        vertices,
+        first: Mutex::new(Some(points)),
+        notes: Mutex::default(),
+    });
+    let source: Arc<dyn KeySource> = Arc::<Sequence>::clone(&sequence);
+    let animation = Arc::new(stream::animation(source, triangles, options)?);
+    let told = sequence
+        .notes
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner);
+    notes.extend(told.values().flatten().cloned());
+    drop(told);
     let facts = Facts {
         format: extension(&files[0]),
         files,
@@ -64,19 +71,72 @@ pub(crate) fn open(
     })
 }
 
-/// The positions in a later file, and remarks, once its faces are known to be those of the first.
-fn key_frame(
-    path: &Path,
-    first: (&Path, &Topology),
-) -> Result<(Vec<Point>, Vec<String>), SceneError> {
-    let mesh = read(path)?;
-    mesh.topology.check_same(path, first)?;
-    // Remarks that every file of a sequence repeats are told once, for the first.
-    let notes = mesh
-        .notes
-        .into_iter()
-        .filter(|note| note.contains("cut short"));
-    Ok((mesh.points, notes.collect()))
+/// Files that are read again where their key frames are not held.
+struct Sequence {
+    files: Vec<PathBuf>,
+    /// What the files were when they were first read.
+    stamps: Vec<OnceLock<Stamp>>,
+    /// Of all of them.
+    topology: Topology,
+    vertices: usize,
+    /// The first key frame, until somebody asks for it.
+    first: Mutex<Option<Vec<Point>>>,
+    /// Remarks on later files, by their number.
+    notes: Mutex<BTreeMap<usize, Vec<String>>>,
+}
+
+/// A file's length and when it was written.
+type Stamp = (u64, Option<SystemTime>);
+
+impl Sequence {
+    fn read_file(&self, key: usize) -> Result<Vec<Point>, SceneError> {
+        let path = &self.files[key];
+        self.check_unchanged(key)?;
+        let mesh = read(path)?;
+        mesh.topology
+            .check_same(path, (&self.files[0], &self.topology))?;
+        // Remarks that every file of a sequence repeats are told once, for the first.
+        let notes = mesh.notes.into_iter();
+        let notes: Vec<_> = notes.filter(|note| note.contains("cut short")).collect();
+        if !notes.is_empty() && key > 0 {
+            let mut all = self.notes.lock().unwrap_or_else(PoisonError::into_inner);
+            all.insert(key, notes);
+        }
+        Ok(mesh.points)
+    }
+
+    /// What was learnt of a file holds as long as it is the same.
+    fn check_unchanged(&self, key: usize) -> Result<(), SceneError> {
+        let path = &self.files[key];
+        let about = fs::metadata(path).map_err(|e| SceneError::unreadable(path, e))?;
+        let found = (about.len(), about.modified().ok());
+        match *self.stamps[key].get_or_init(|| found) == found {
+            true => Ok(()),
+            false => Err(SceneError::unusable(
+                path.display(),
+                "the file was changed while the scene was in use",
+            )),
+        }
+    }
+}
+
+impl KeySource for Sequence {
+    fn key_count(&self) -> usize {
+        self.files.len()
+    }
+
+    fn vertex_count(&self) -> usize {
+        self.vertices
+    }
+
+    fn read(&self, key: usize) -> Result<Vec<Point>, KeyFrameError> {
+        let mut first = self.first.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(points) = first.take_if(|_| key == 0) {
+            return Ok(points);
+        }
+        drop(first);
+        Ok(self.read_file(key)?)
+    }
 }
 
 /// One colour a triangle.

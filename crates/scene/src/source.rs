@@ -202,7 +202,12 @@ mod tests {
 
     fn firsts(scene: &Scene) -> Vec<f32> {
         let animation = &scene.animation;
-        animation.keys().iter().map(|key| key[0][0]).collect()
+        animation
+            .all_keys()
+            .unwrap()
+            .iter()
+            .map(|key| key[0][0])
+            .collect()
     }
 
     #[test]
@@ -272,7 +277,7 @@ mod tests {
         };
         let scene = with(&frames("1", r#""2.obj","time":5"#, "8")).unwrap();
         let animation = &scene.animation;
-        let first = |time| animation.vertex(animation.pose(time), 0)[0];
+        let first = |time| animation.at(time).unwrap().vertex(0)[0];
         assert_eq!(
             [0.0, 1.0, 2.0, 5.0, 8.0].map(first),
             [0.0, 0.0, 1.0, 4.0, 4.0]

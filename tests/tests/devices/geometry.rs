@@ -103,7 +103,7 @@ pub(crate) fn the_cost_of_a_tree_is_the_references(backend: &mut dyn Subject) {
 /// The swarm as it stands at first, but for a few of its triangles, which stand close together.
 fn resting() -> Arc<Animation> {
     let swarm = swarm(200_000);
-    let mut keys = vec![swarm.keys()[0].clone(); 3];
+    let mut keys = vec![swarm.first().to_vec(); 3];
     for (k, key) in keys.iter_mut().enumerate() {
         for (v, p) in key.iter_mut().take(90).enumerate() {
             *p = [

@@ -103,6 +103,7 @@ const SHARED: &[Test] = named![
     frames::results_last_for_two_more_traces,
     frames::stages_are_timed_by_one_clock,
     frames::steady_frames_make_no_buffers,
+    frames::key_frames_that_are_streamed_are_those_that_are_held,
     frames::device_memory_is_counted_and_given_back,
     frames::snapshots_hold_the_vertices_of_their_frame,
     frames::a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once,

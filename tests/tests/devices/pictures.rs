@@ -35,8 +35,7 @@ fn differences(
     assert!(backend.pixels(ticket, &mut pixels).unwrap());
     let found = hits(backend, ticket);
     let shot = Shot {
-        animation,
-        pose: animation.pose(time),
+        moment: animation.at(time).unwrap(),
         colours: &colours(animation),
         camera,
         light,
@@ -53,7 +52,8 @@ fn differences(
 /// The swarm at a size of its own.
 fn scaled(by: f32) -> Arc<Animation> {
     let usual = swarm(300);
-    let keys = usual.keys().iter();
+    let keys = usual.all_keys().unwrap();
+    let keys = keys.iter();
     let scale = |p: &Point| p.map(|x| x * by);
     apart(keys.map(|key| key.iter().map(scale).collect()).collect())
 }

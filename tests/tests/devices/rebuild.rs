@@ -90,7 +90,9 @@ pub(crate) fn two_triangles_in_a_row_share_a_leaf_if_a_ray_can_hit_both(backend:
     for flat in triangles.iter_mut().step_by(6) {
         flat[2] = flat[1];
     }
-    let animation = Animation::new(scene.keys().to_vec(), triangles).unwrap();
+    let keys = scene.all_keys().unwrap();
+    let keys = keys.iter().map(|key| key.to_vec()).collect();
+    let animation = Animation::new(keys, triangles).unwrap();
     made_in(Layout::Fast, backend, &Arc::new(animation), 0.0);
     let all = names(backend, 600);
     let (two, one) = (leaves_of(&all, 3), leaves_of(&all, 2));

@@ -58,7 +58,7 @@ pub(crate) fn odd_scenes() {
     for case in (0..280).map(|number| nth_case(7, number)) {
         let mut stage = Stage::new(&case.animation, Intersector::Exact, 2);
         for &time in &case.times[..2] {
-            let oracle = Oracle::at(&case.animation, case.animation.pose(time));
+            let oracle = Oracle::at(&case.animation.at(time).unwrap());
             check(&mut stage, &oracle, time, &case.rays);
         }
     }
@@ -75,7 +75,7 @@ pub(crate) fn shadows(source: Source) {
     let rays = camera(&animation, [120, 80]).rays().collect::<Vec<_>>();
     let light = light(&animation);
     let time = 0.618 * animation.end();
-    let oracle = Oracle::at(&animation, animation.pose(time));
+    let oracle = Oracle::at(&animation.at(time).unwrap());
     let mut stage = Stage::new(&animation, Intersector::Exact, 2);
     stage.plant(time);
     let hits = stage.trace(
@@ -83,7 +83,7 @@ pub(crate) fn shadows(source: Source) {
         Rays::List(&rays),
         QueryKind::ClosestAndShadow { light },
     );
-    let corners = |t: u32| animation.corners(animation.pose(time), t);
+    let corners = |t: u32| animation.at(time).unwrap().corners(t);
     let all = (0..animation.triangle_count() as u32).map(corners);
     let hittable = all
         .filter(|c| geom::is_active(c) && !geom::is_degenerate(c))

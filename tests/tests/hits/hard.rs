@@ -98,7 +98,7 @@ fn against_the_oracle(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
         (stack(LOWER), down()),
     ] {
         let mut stage = Stage::over(backend, &animation, method(Intersector::Exact));
-        let oracle = Oracle::at(&animation, animation.pose(0.0));
+        let oracle = Oracle::at(&animation.at(0.0).unwrap());
         check(&mut stage, &oracle, 0.0, &rays);
         backend = stage.into_backend();
     }
@@ -213,7 +213,9 @@ fn twice(animation: &Animation) -> Arc<Animation> {
     let triangles = animation.triangles();
     let turned = triangles.iter().step_by(3).map(|&[a, b, c]| [b, c, a]);
     let all = triangles.iter().chain(triangles).copied().chain(turned);
-    Arc::new(Animation::new(animation.keys().to_vec(), all.collect()).unwrap())
+    let keys = animation.all_keys().unwrap();
+    let keys = keys.iter().map(|key| key.to_vec()).collect();
+    Arc::new(Animation::new(keys, all.collect()).unwrap())
 }
 
 /// Ridges, and stretches of each.

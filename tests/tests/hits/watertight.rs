@@ -29,9 +29,9 @@ pub(crate) struct Verifier {
 
 impl Verifier {
     pub(crate) fn at(animation: &Animation, time: f64) -> Self {
-        let pose = animation.pose(time);
+        let moment = animation.at(time).unwrap();
         let all = 0..animation.triangle_count() as u32;
-        let corners: Vec<Triangle> = all.map(|i| animation.corners(pose, i)).collect();
+        let corners: Vec<Triangle> = all.map(|i| moment.corners(i)).collect();
         let active = corners.iter().filter(|c| geom::is_active(c)).flatten();
         Self {
             bounds: active.fold(Aabb::EMPTY, |b, &p| b.with_point(p)),

@@ -19,6 +19,7 @@ mod runs;
 mod sandbox;
 mod stability;
 mod stats;
+mod streamed;
 mod timeline;
 mod video;
 
@@ -39,6 +40,7 @@ fn main() -> ExitCode {
         images::trials(),
         inactive::trials(),
         killed::trials(),
+        streamed::trials(),
         #[cfg(target_os = "linux")]
         linux::trials(),
         pages::trials(),

@@ -1,7 +1,7 @@
 //! Key frames left out: judged by plain loops over the scene's own positions, which share no code with the program's.
 
 use crate::sandbox::{Sandbox, trial};
-use geom::{Animation, Point};
+use geom::{Animation, KeyFrame, Point};
 use integration::scenes::{DEMOS, REAL, Source};
 use libtest_mimic::Trial;
 use scene::keys::{self, Reducer};
@@ -17,7 +17,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 }
 
 /// The largest distance at `frame` if `i` and `j` are kept around it; infinite where a vertex is lost or found.
-fn error_at(keys: &[Vec<Point>], [i, frame, j]: [usize; 3]) -> f64 {
+fn error_at(keys: &[KeyFrame], [i, frame, j]: [usize; 3]) -> f64 {
     let alpha = ((frame - i) as f64 / (j - i) as f64) as f32;
     let mut worst = 0.0_f64;
     for (v, wanted) in keys[frame].iter().enumerate() {
@@ -41,7 +41,7 @@ fn distance(found: Point, wanted: Point) -> f64 {
 }
 
 /// The largest error of every stretch between two frames, by the first and the second.
-fn all_errors(keys: &[Vec<Point>]) -> Vec<Vec<f64>> {
+fn all_errors(keys: &[KeyFrame]) -> Vec<Vec<f64>> {
     let error = |i: usize, j: usize| {
         let between = (i + 1..j).map(|frame| error_at(keys, [i, frame, j]));
         between.fold(0.0, f64::max)
@@ -52,11 +52,13 @@ fn all_errors(keys: &[Vec<Point>]) -> Vec<Vec<f64>> {
 }
 
 /// (Key frames, error) of the best answer within `tolerance`: every stretch tried, one frame alone first.
-fn best(keys: &[Vec<Point>], errors: &[Vec<f64>], tolerance: f64) -> (usize, f64) {
+fn best(keys: &[KeyFrame], errors: &[Vec<f64>], tolerance: f64) -> (usize, f64) {
     let alone = |kept: usize| {
-        let pairs = keys
-            .iter()
-            .flat_map(|key| key.iter().zip(&keys[kept]).map(|(a, b)| distance(*b, *a)));
+        let pairs = keys.iter().flat_map(|key| {
+            key.iter()
+                .zip(keys[kept].iter())
+                .map(|(a, b)| distance(*b, *a))
+        });
         pairs.fold(0.0, f64::max)
     };
     let least = (0..keys.len()).map(alone).fold(f64::INFINITY, f64::min);
@@ -86,9 +88,9 @@ fn tolerances(scene: &Animation) -> [f64; 3] {
 
 fn fewest(source: Source) {
     let scene = source.animation();
-    let keys = scene.keys();
+    let keys = &scene.all_keys().unwrap()[..];
     let errors = all_errors(keys);
-    let mut reducer = Reducer::new(&scene);
+    let mut reducer = Reducer::new(keys);
     for tolerance in tolerances(&scene) {
         let kept = reducer.fewest(tolerance);
         let said = keys::measure(keys, &kept).max_error;
@@ -117,24 +119,24 @@ fn written(source: Source) {
     let spec = source.path();
     let words = format!("inspect {spec} --reduce-keys {tolerance} --json --reduced-out few");
     let answer = sandbox.run(&words).parsed();
-    let kept = Reducer::new(scene).fewest(tolerance);
+    let kept = Reducer::new(&scene.all_keys().unwrap()).fewest(tolerance);
     assert_eq!(answer["kept"], json!(kept));
     let times = sandbox.json("few/times.json");
     let folder = sandbox.path().join("few");
     let few = scene::open(&folder.to_string_lossy(), &scene::Options::default()).unwrap();
     assert!(few.colours == *colours, "other colours");
     let few = few.animation;
-    assert_eq!((few.keys().len(), few.end()), (kept.len(), scene.end()));
+    assert_eq!((few.key_count(), few.end()), (kept.len(), scene.end()));
     for (place, &key) in kept.iter().enumerate() {
         assert_eq!(times["frames"][place]["time"], key);
         assert_eq!(few.pose(key as f64).key as usize, place, "played at {key}");
         for t in 0..scene.triangle_count() as u32 {
-            let [old, new] = [scene, &few].map(|a| a.corners(a.pose(key as f64), t));
+            let [old, new] = [scene, &few].map(|a| a.at(key as f64).unwrap().corners(t));
             let bits = |t: geom::Triangle| t.map(|p| p.map(f32::to_bits));
             assert_eq!(bits(old), bits(new), "triangle {t} of key frame {key}");
         }
     }
-    for frame in 0..scene.keys().len() {
+    for frame in 0..scene.key_count() {
         let off = played_off(scene, &few, frame as f64);
         assert!(
             off <= tolerance,
@@ -145,7 +147,7 @@ fn written(source: Source) {
 
 /// The largest distance of a corner of one animation from that of the other, at the same time.
 fn played_off(a: &Animation, b: &Animation, time: f64) -> f64 {
-    let corners = |a: &Animation, t| a.corners(a.pose(time), t);
+    let corners = |a: &Animation, t| a.at(time).unwrap().corners(t);
     let off = |t| {
         let pairs = corners(a, t).into_iter().zip(corners(b, t));
         pairs.map(|(p, q)| distance(p, q)).fold(0.0, f64::max)

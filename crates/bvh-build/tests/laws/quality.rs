@@ -101,11 +101,10 @@ fn an_animation_at_a_pose_gives_the_boxes_of_its_vertices() {
     let key = |x: f32| vec![[x, 0.0, 0.0], [1.0, x, 0.0], [0.0, 1.0, x]];
     let animation = Animation::new(vec![key(0.0), key(3.0)], vec![[0, 1, 2]]).unwrap();
     let pose = animation.pose(0.25);
-    let positions: Vec<_> = (0..3).map(|v| animation.vertex(pose, v)).collect();
-    let boxes: [Box<dyn bvh_build::Boxes>; 2] = [
-        Box::new((&animation, pose)),
-        Box::new((&animation, &positions[..])),
-    ];
+    let moment = animation.moment(pose).unwrap();
+    let positions: Vec<_> = (0..3).map(|v| moment.vertex(v)).collect();
+    let boxes: [Box<dyn bvh_build::Boxes>; 2] =
+        [Box::new(moment), Box::new((&animation, &positions[..]))];
     let [blended, given] = boxes.map(|b| (b.len(), b.get(0)));
     assert_eq!(blended, given);
     assert_eq!(given.1.max, [1.0, 1.0, 0.75]);

@@ -40,21 +40,21 @@ impl GroundTruth {
         let view = output::frame_scene(animation, bench::FOV, args.size.size);
         let moments = rays::moments(animation, MOMENTS);
         let plain = args.rays.div_ceil(moments.len());
-        let sheet = |&time: &f64| {
+        let sheet = |&time: &f64| -> Result<_, Stop> {
             let rays = rays::at(animation, &view, time, plain);
-            let oracle = Oracle::at(animation, animation.pose(time));
+            let oracle = Oracle::at(&animation.at(time).map_err(Stop::bad)?);
             let answer = |ray: &Ray| oracle.closest(ray).map(|hit| (hit.triangle, hit.t));
-            Sheet {
+            Ok(Sheet {
                 time,
                 closest: rays.par_iter().map(answer).collect(),
                 blocked: Vec::new(),
                 plain,
                 rays,
-            }
+            })
         };
         let mut truth = Self {
             light: view.light,
-            sheets: moments.iter().map(sheet).collect(),
+            sheets: moments.iter().map(sheet).collect::<Result<_, _>>()?,
         };
         // Shadows are compared with those of `exact` on the host, over fresh trees.
         let method = MethodArgs {

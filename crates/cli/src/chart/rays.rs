@@ -1,7 +1,7 @@
 //! Rays of a scene: a camera's, some at random, and some aimed at edges and vertices.
 
 use fastrand::Rng;
-use geom::{Aabb, Animation, Point, Pose, Ray, is_active};
+use geom::{Aabb, Animation, Moment, Point, Ray, is_active};
 use output::View;
 
 /// Where rays begin, in sizes of the scene's box.
@@ -23,8 +23,8 @@ pub(super) fn at(animation: &Animation, view: &View, time: f64, count: usize) ->
     let bounds = animation.bounds();
     let mut rays = of_camera(view, count / 2);
     rays.resize_with(count, || at_random(&bounds, &mut rng));
-    let pose = animation.pose(time);
-    let aim = |_| aimed(animation, pose, &bounds, &mut rng);
+    let moment = animation.at(time);
+    let aim = |_| aimed(moment.as_ref().ok()?, &bounds, &mut rng);
     rays.extend((0..count / 4).filter_map(aim));
     rays
 }
@@ -44,9 +44,9 @@ fn at_random(bounds: &Aabb, rng: &mut Rng) -> Ray {
 }
 
 /// From somewhere around the box at a vertex, or at a point on an edge as near as its coordinates can be.
-fn aimed(animation: &Animation, pose: Pose, bounds: &Aabb, rng: &mut Rng) -> Option<Ray> {
-    let count = u32::try_from(animation.triangle_count()).ok()?;
-    let mut draw = || (count > 0).then(|| animation.corners(pose, rng.u32(..count)));
+fn aimed(moment: &Moment<'_>, bounds: &Aabb, rng: &mut Rng) -> Option<Ray> {
+    let count = u32::try_from(moment.animation().triangle_count()).ok()?;
+    let mut draw = || (count > 0).then(|| moment.corners(rng.u32(..count)));
     let corners = (0..DRAWS).find_map(|_| draw().filter(is_active))?;
     let k = rng.usize(..3);
     let (a, b) = (corners[k], corners[(k + 1) % 3]);

@@ -1,7 +1,7 @@
 //! How a scene moves, what in it cannot be hit, and how its first tree decays under refitting: the reason to rebuild.
 
 use bvh_build::{BinaryTree, BuildError, Builder, Cancel, sah_cost};
-use geom::{Animation, Point, Pose, is_active, is_degenerate};
+use geom::{Animation, KeyFrameError, Point, Pose, is_active, is_degenerate};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -48,7 +48,7 @@ pub(super) struct Decay {
 
 pub(super) fn still(animation: &Animation) -> Still {
     let parts = animation.static_parts();
-    let (keys, vertices) = (animation.keys().len(), parts.vertex_count());
+    let (keys, vertices) = (animation.key_count(), parts.vertex_count());
     Still {
         vertices,
         triangles: parts.triangle_count(),
@@ -58,67 +58,71 @@ pub(super) fn still(animation: &Animation) -> Still {
 }
 
 /// Measures the motion; steps to or from where a vertex is not finite count for nothing.
-pub(super) fn measure(animation: &Animation) -> Motion {
-    let keys = animation.keys();
-    let bits = |key: &[Point], v: usize| key[v].map(f32::to_bits);
-    let moves = |v: &usize| keys.iter().any(|k| bits(k, *v) != bits(&keys[0], *v));
-    let vertices = (0..animation.vertex_count()).into_par_iter();
-    let moving = vertices.filter(moves).count();
-    let steps: Vec<(f64, f64, usize)> = keys
-        .par_windows(2)
-        .map(|pair| {
-            let ways = pair[0].iter().zip(&pair[1]).map(|(a, b)| distance(a, b));
-            ways.filter(|w| w.is_finite())
-                .fold((0.0, 0.0, 0), |(sum, max, n), w| {
-                    (sum + w, f64::max(max, w), n + 1)
-                })
-        })
-        .collect();
+pub(super) fn measure(animation: &Animation) -> Result<Motion, KeyFrameError> {
+    let bits = |p: &Point| p.map(f32::to_bits);
+    let mut moves = vec![false; animation.vertex_count()];
+    let mut steps: Vec<(f64, f64, usize)> = Vec::new();
+    let mut last = animation.key(0)?;
+    for key in 1..animation.key_count() {
+        animation.look_ahead((key..animation.key_count()).map(|key| key as f64));
+        let next = animation.key(key)?;
+        let pairs = animation.first().par_iter().zip(&next[..]);
+        let each = moves.par_iter_mut().zip(pairs);
+        each.for_each(|(moves, (a, b))| *moves |= bits(a) != bits(b));
+        let ways = last.iter().zip(&next[..]).map(|(a, b)| distance(a, b));
+        let finite = ways.filter(|w| w.is_finite());
+        steps.push(finite.fold((0.0, 0.0, 0), |(sum, max, n), w| {
+            (sum + w, f64::max(max, w), n + 1)
+        }));
+        last = next;
+    }
+    let moving = moves.iter().filter(|&&moves| moves).count();
     let sum: f64 = steps.iter().map(|s| s.0).sum();
     let count: usize = steps.iter().map(|s| s.2).sum();
     let max = steps.iter().fold(0.0, |m, s| f64::max(m, s.1));
     let diagonal = distance(&animation.bounds().extent(), &[0.0; 3]);
-    Motion {
+    Ok(Motion {
         moving: share(moving as f64, animation.vertex_count() as f64),
         mean_step: share(sum, count as f64 * diagonal),
         max_step: share(max, diagonal),
-    }
+    })
 }
 
 /// Inactive and degenerate triangles of each key frame: their spread.
-pub(super) fn unhittable(animation: &Animation) -> [Spread; 2] {
-    let count = |key: usize| {
+pub(super) fn unhittable(animation: &Animation) -> Result<[Spread; 2], KeyFrameError> {
+    let count = |key: usize| -> Result<_, KeyFrameError> {
         let pose = Pose {
             key: key as u32,
             alpha: 0.0,
         };
+        let moment = animation.moment(pose)?;
         let triangles = (0..animation.triangle_count() as u32).into_par_iter();
         let each = triangles.map(|t| {
-            let corners = animation.corners(pose, t);
+            let corners = moment.corners(t);
             let active = is_active(&corners);
             let degenerate = active && is_degenerate(&corners);
             [!active, degenerate].map(usize::from)
         });
-        each.reduce(|| [0, 0], |a, b| [a[0] + b[0], a[1] + b[1]])
+        Ok(each.reduce(|| [0, 0], |a, b| [a[0] + b[0], a[1] + b[1]]))
     };
-    let keys = (0..animation.keys().len()).into_par_iter();
-    let counts: Vec<[usize; 2]> = keys.map(count).collect();
-    [0, 1].map(|i| Spread {
+    let counts = (0..animation.key_count()).map(count);
+    let counts = counts.collect::<Result<Vec<[usize; 2]>, _>>()?;
+    Ok([0, 1].map(|i| Spread {
         min: counts.iter().map(|c| c[i]).min().unwrap_or(0),
         max: counts.iter().map(|c| c[i]).max().unwrap_or(0),
-    })
+    }))
 }
 
 /// Compares the tree of time 0, refitted, with a fresh one at `samples` times over the motion.
 pub(super) fn decay(animation: &Animation, samples: usize) -> Result<Vec<Decay>, BuildError> {
     let (mut builder, cancel) = (Builder::new(), Cancel::new());
     let [mut first, mut fresh] = [BinaryTree::default(), BinaryTree::default()];
-    builder.build(&(animation, animation.pose(0.0)), &cancel, &mut first)?;
+    builder.build(&animation.at(0.0)?, &cancel, &mut first)?;
     let last = if animation.end() > 0.0 { samples } else { 1 };
     (0..last)
         .map(|i| {
             let time = animation.end() * i as f64 / (samples.max(2) - 1) as f64;
-            let boxes = (animation, animation.pose(time));
+            let boxes = animation.at(time)?;
             builder.build(&boxes, &cancel, &mut fresh)?;
             let (refitted, fresh) = (sah_cost(&first, &boxes), sah_cost(&fresh, &boxes));
             Ok(Decay {
@@ -151,10 +155,10 @@ mod tests {
         moved[0] = [0.0, 1.0, 0.0];
         let keys = vec![rest.to_vec(), moved.to_vec(), moved.to_vec()];
         let a = Animation::new(keys, vec![[0, 1, 2], [0, 1, 3], [1, 1, 2]]).unwrap();
-        let m = measure(&a);
+        let m = measure(&a).unwrap();
         assert_eq!((m.moving, m.max_step), (0.25, 0.2));
         assert!((m.mean_step - 1.0 / 6.0 / 5.0).abs() < 1e-12);
-        assert_eq!(unhittable(&a), [Spread { min: 1, max: 1 }; 2]);
+        assert_eq!(unhittable(&a).unwrap(), [Spread { min: 1, max: 1 }; 2]);
         let expected = Still {
             vertices: 2,
             triangles: 1,
@@ -167,7 +171,7 @@ mod tests {
     #[test]
     fn a_scene_without_size_does_not_move() {
         let a = Animation::new(vec![vec![[1.0; 3]]], vec![]).unwrap();
-        assert_eq!(measure(&a).max_step, 0.0);
+        assert_eq!(measure(&a).unwrap().max_step, 0.0);
     }
 
     #[test]

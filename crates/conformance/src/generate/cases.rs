@@ -120,7 +120,7 @@ fn hard_light(animation: &Animation, time: f64, rng: &mut Rng) -> Option<Point> 
     if count == 0 || !hard {
         return None;
     }
-    let [a, b, _] = animation.corners(animation.pose(time), rng.u32(..count));
+    let [a, b, _] = animation.at(time).unwrap().corners(rng.u32(..count));
     let light: Point = std::array::from_fn(|i| a[i] + reach * (b[i] - a[i]));
     light.iter().all(|x| x.is_finite()).then_some(light)
 }

@@ -1,6 +1,7 @@
 //! Rays made for one purpose each. Sums are in double precision and rounded once.
 
 use super::meshes::{point, unit};
+use crate::stage;
 use fastrand::Rng;
 use geom::{Animation, Point, Ray, Triangle};
 
@@ -114,9 +115,9 @@ impl Aims {
 
     /// Over a scene at a moment: without triangles that reach a thousand times as far as most, and over all.
     pub(crate) fn of(animation: &Animation, time: f64) -> [Self; 2] {
-        let pose = animation.pose(time);
+        let moment = stage::moment(animation, time);
         let all = 0..animation.triangle_count() as u32;
-        let all: Vec<Triangle> = all.map(|t| animation.corners(pose, t)).collect();
+        let all: Vec<Triangle> = all.map(|t| moment.corners(t)).collect();
         let size = |t: &&Triangle| t.iter().flatten().fold(0.0_f32, |m, x| m.max(x.abs()));
         let mut sizes: Vec<f32> = all.iter().map(|t| size(&t)).collect();
         sizes.sort_unstable_by(f32::total_cmp);

@@ -27,7 +27,7 @@ pub fn crossings(
     };
     let mut counts = vec![0; rays.len()];
     for part in parts {
-        let part = Animation::new(body.keys()[..1].to_vec(), part);
+        let part = Animation::new(vec![body.first().to_vec()], part);
         let part = Arc::new(part.expect("a part names the whole's vertices"));
         open(subject, &part, 0.0, method)?;
         stand(subject, &part, 0.0)?;

@@ -3,7 +3,7 @@
 use crate::oracle::cull::Boxes;
 use crate::oracle::exact::{Crossing, cross};
 use crate::oracle::filter::{Verdict, judge};
-use geom::{Animation, Pose, Ray, Triangle};
+use geom::{Moment, Ray, Triangle};
 
 /// One exact hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,11 +35,11 @@ impl Oracle {
         Self { corners, boxes }
     }
 
-    /// An oracle over an animation at one moment.
+    /// An oracle over a moment.
     #[must_use]
-    pub fn at(animation: &Animation, pose: Pose) -> Self {
-        let triangles = 0..animation.triangle_count() as u32;
-        Self::new(triangles.map(|i| animation.corners(pose, i)).collect())
+    pub fn at(moment: &Moment<'_>) -> Self {
+        let triangles = 0..moment.animation().triangle_count() as u32;
+        Self::new(triangles.map(|i| moment.corners(i)).collect())
     }
 
     /// The closest hit: least exact `t`, then least index. A ray that is not valid misses.

@@ -217,7 +217,7 @@ pub(crate) fn broken(triangles: &[Triangle], rng: &mut Rng) -> Scene {
 
 /// A closed body beside one more triangle, which hardly any ray meets.
 fn beside_outlier(body: Scene, rng: &mut Rng) -> Scene {
-    let mut points = body.animation.keys()[0].clone();
+    let mut points = body.animation.first().to_vec();
     let mut triangles = body.animation.triangles().to_vec();
     let first = points.len() as u32;
     points.extend(meshes::outlier(rng));

@@ -3,7 +3,7 @@
 use crate::compare::same_hit;
 use crate::leaks::crossings;
 use crate::oracle::{ExactHit, Oracle};
-use crate::stage::{ask, open, stand};
+use crate::stage::{ask, moment, open, stand};
 use crate::stress::scenes::{Scene, scenes};
 use crate::stress::{Family, Plan};
 use backend::{
@@ -147,7 +147,7 @@ impl StressTest {
 impl Answered {
     /// Asks the oracle, on as many threads as there are.
     pub(super) fn new(scene: Scene) -> (Self, Oracle) {
-        let oracle = Oracle::at(&scene.animation, scene.animation.pose(scene.time));
+        let oracle = Oracle::at(&moment(&scene.animation, scene.time));
         let exact = scene.rays.par_iter().map(|r| oracle.closest(r)).collect();
         (Self { scene, exact }, oracle)
     }

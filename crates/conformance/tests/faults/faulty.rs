@@ -182,7 +182,8 @@ impl Backend for Faulty {
         let animation = self.animation.clone().expect("a scene");
         let pose = self.pose.expect("positions");
         let all = 0..animation.vertex_count() as u32;
-        let mut positions: Vec<_> = all.map(|v| animation.vertex(pose, v)).collect();
+        let moment = animation.moment(pose)?;
+        let mut positions: Vec<_> = all.map(|v| moment.vertex(v)).collect();
         self.adopt(&tree_over(&animation, &positions), generation)?;
         if self.is("made tree is not the one in use") {
             positions.reverse();

@@ -95,7 +95,7 @@ fn what_never_moves_is_skipped_by_any_number_of_tasks_without_a_trace() {
         assert!(boxes == one_boxes && boxes == many_boxes, "{time}");
         assert_eq!(one_cost.to_bits(), many_cost.to_bits(), "{time}");
         assert!((one_cost / cost - 1.0).abs() < 1e-12, "{one_cost} {cost}");
-        let rays = animation.keys()[0].iter().step_by(100);
+        let rays = animation.first().iter().step_by(100);
         let rays: Vec<Ray> = rays.map(|&to| Ray::new([0.0; 3], to)).collect();
         let [a, b] = [&mut one, &mut many].map(|backend| bits(&closest(backend, &rays)));
         assert!(a == b, "{time}");
@@ -154,7 +154,8 @@ fn a_list_is_traced_once_in_its_place_and_reported_with_the_rest() {
     let [early, late] = [0.3, 1.7].map(|time| animation.pose(time));
     let eye = [0.3, 0.2, 9.0];
     let through = |v: &[f32; 3]| Ray::new(eye, std::array::from_fn(|i| v[i] - eye[i]));
-    let vertices = (0..animation.vertex_count() as u32).map(|v| animation.vertex(early, v));
+    let moment = animation.moment(early).unwrap();
+    let vertices = (0..animation.vertex_count() as u32).map(|v| moment.vertex(v));
     let rays: Vec<Ray> = vertices.map(|v| through(&v)).collect();
     let tree = tree_at(&animation, early);
     let fresh = |pose| ready(&animation, Intersector::Exact, &tree, pose, 1);

@@ -39,8 +39,9 @@ pub(crate) fn tree_over<B: Boxes + ?Sized>(boxes: &B) -> Topology {
 
 /// The tree for a moment.
 pub(crate) fn tree_at(animation: &Animation, pose: Pose) -> Topology {
+    let moment = animation.moment(pose).unwrap();
     let positions: Vec<Point> = (0..animation.vertex_count() as u32)
-        .map(|v| animation.vertex(pose, v))
+        .map(|v| moment.vertex(v))
         .collect();
     tree_over(&(animation, positions.as_slice()))
 }
@@ -156,7 +157,7 @@ pub(crate) fn sphere(rings: u32, radius: f64, centre: Point) -> Animation {
 pub(crate) fn moving() -> Arc<Animation> {
     let ball = sphere(18, 1.0, [0.0; 3]);
     let mut triangles = ball.triangles().to_vec();
-    let mut first = ball.keys()[0].clone();
+    let mut first = ball.first().to_vec();
     let mut second: Vec<Point> = first
         .iter()
         .map(|p| [p[0] * 2.0, p[1] * 0.1, p[2] + p[0]])

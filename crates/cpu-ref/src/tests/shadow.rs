@@ -11,7 +11,7 @@ const BALL: Point = [0.0, 1.5, 0.0];
 /// A unit ball over a floor of many small triangles, all moved by `offset`; and how many are the ball's.
 fn ball_and_floor(offset: f32) -> (Arc<Animation>, u32) {
     let ball = sphere(36, 1.0, moved(BALL, offset));
-    let mut vertices = ball.keys()[0].clone();
+    let mut vertices = ball.first().to_vec();
     let mut triangles = ball.triangles().to_vec();
     let first = vertices.len() as u32;
     let side = 33;
@@ -33,7 +33,7 @@ fn moved(p: Point, offset: f32) -> Point {
 
 /// Whether the light must reach a hit (0), must not (1), or may do either (`None`: near the shadow's rim).
 fn expected(animation: &Animation, ball_triangles: u32, hit: &Hit, offset: f32) -> Option<u8> {
-    let corners = animation.corners(animation.pose(0.0), hit.triangle);
+    let corners = animation.at(0.0).unwrap().corners(hit.triangle);
     let p: [f64; 3] = std::array::from_fn(|i| {
         let [a, b, c] = corners.map(|v| f64::from(v[i]));
         let (u, v) = (f64::from(hit.u), f64::from(hit.v));

@@ -150,7 +150,7 @@ impl Aim {
 
 fn world(animation: &Animation) -> World {
     World::new(Geometry {
-        positions: &animation.keys()[0],
+        positions: animation.first(),
         triangles: animation.triangles(),
         scale: Scale::of(animation),
         range: animation.range(animation.pose(0.0)),

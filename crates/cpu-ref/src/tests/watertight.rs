@@ -19,7 +19,7 @@ const RAYS: usize = 120_000;
 fn aimed(animation: &Animation, centre: Point, i: usize, rng: &mut impl RngExt) -> Ray {
     let triangles = animation.triangles();
     let [a, b, c] =
-        triangles[rng.random_range(0..triangles.len())].map(|v| animation.keys()[0][v as usize]);
+        triangles[rng.random_range(0..triangles.len())].map(|v| animation.first()[v as usize]);
     let w: f32 = rng.random_range(0.0..1.0);
     let target: Point = match i % 4 {
         0 => a,
@@ -70,7 +70,7 @@ fn a_closed_sphere_neither_leaks_nor_is_hit_twice() {
 
 fn geometry(animation: &Animation) -> Geometry<'_> {
     Geometry {
-        positions: &animation.keys()[0],
+        positions: animation.first(),
         triangles: animation.triangles(),
         scale: Scale::ONE,
         range: geom::Range::ORDINARY,

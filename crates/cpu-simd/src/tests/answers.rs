@@ -106,7 +106,7 @@ fn tree_over(boxes: &[Aabb]) -> Topology {
 /// A good tree, and one that knows nothing of where triangles are.
 fn trees(animation: &Animation) -> [Topology; 2] {
     let boxes = (0..animation.triangle_count() as u32).map(|t| {
-        let good = animation.build_box_at(animation.pose(0.7), t);
+        let good = animation.at(0.7).unwrap().build_box(t);
         let at = [f32::from((t * 7919) as u16), f32::from((t * 31) as u8), 0.0];
         let bad = Aabb { min: at, max: at };
         [good, if good.is_empty() { good } else { bad }]

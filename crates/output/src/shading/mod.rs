@@ -10,7 +10,7 @@ mod light;
 mod view;
 
 use crate::{WriteError, write_with};
-use geom::{Animation, Camera, Hit, Point, Pose};
+use geom::{Camera, Hit, Moment, Point};
 use glam::Vec3;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, ImageError};
@@ -23,12 +23,10 @@ pub use light::palette;
 pub use view::{View, frame_scene};
 
 /// What a picture shows, beside the hits.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Shot<'a> {
     /// The triangles.
-    pub animation: &'a Animation,
-    /// The moment.
-    pub pose: Pose,
+    pub moment: Moment<'a>,
     /// sRGB, one a triangle.
     pub colours: &'a [[u8; 3]],
     /// Who looks.
@@ -48,7 +46,7 @@ pub fn shade(shot: &Shot<'_>, hits: &[Hit], shadow: &[u8], rgb: &mut Vec<u8>) {
     let width = shot.camera.width as usize;
     let pixels = shot.camera.pixels();
     assert!(hits.len() == pixels && shadow.len() == pixels && width > 0);
-    assert_eq!(shot.colours.len(), shot.animation.triangle_count());
+    assert_eq!(shot.colours.len(), shot.moment.animation().triangle_count());
     rgb.resize(3 * pixels, 0);
     rgb.par_chunks_mut(3 * width)
         .zip(hits.par_chunks(width).zip(shadow.par_chunks(width)))
@@ -70,7 +68,7 @@ pub fn shade(shot: &Shot<'_>, hits: &[Hit], shadow: &[u8], rgb: &mut Vec<u8>) {
 
 /// Light that leaves a hit towards the eye; `direction` has length 1.
 fn surface(shot: &Shot<'_>, hit: &Hit, blocked: bool, direction: Vec3) -> Vec3 {
-    let corners = shot.animation.corners(shot.pose, hit.triangle);
+    let corners = shot.moment.corners(hit.triangle);
     let own = corners
         .into_iter()
         .map(exponent_of)
@@ -174,6 +172,7 @@ pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use geom::Animation;
 
     /// A floor of one huge triangle, seen from above at `scale`; all pixels hit it.
     fn floor(size: f32, blocked: u8) -> Vec<u8> {
@@ -183,8 +182,7 @@ mod tests {
         let eye = [0.0, s, 0.0];
         let camera = Camera::look_at(eye, [0.0; 3], [0.0, 0.0, 1.0], 5.0, [4, 3]).unwrap();
         let shot = Shot {
-            animation: &animation,
-            pose: animation.pose(0.0),
+            moment: animation.at(0.0).unwrap(),
             colours: &[[200, 100, 50]],
             camera: &camera,
             light: eye,
@@ -218,12 +216,11 @@ mod tests {
 
     #[test]
     fn a_miss_shows_the_sky() {
-        let animation = Animation::new(vec![vec![]], vec![]).unwrap();
+        let animation = Animation::new(vec![Vec::new()], vec![]).unwrap();
         let up = [0.0, 1.0, 0.0];
         let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], up, 90.0, [1, 3]).unwrap();
         let shot = Shot {
-            animation: &animation,
-            pose: animation.pose(0.0),
+            moment: animation.at(0.0).unwrap(),
             colours: &[],
             camera: &camera,
             light: up,

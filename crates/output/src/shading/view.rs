@@ -35,7 +35,7 @@ impl View {
 }
 
 /// Frames the whole motion: every finite vertex of every key frame is in the
-/// picture, seen from the front, the side and a little above. The lamp hangs
+/// picture (of key frames that are not all held, their boxes are), seen from the front, the side and a little above. The lamp hangs
 /// up and to the side, outside the bounds.
 ///
 /// Any animation will do: flat, a single point, or nothing at all.
@@ -106,15 +106,18 @@ impl Fit {
                 near: z,
             }
         };
-        animation
-            .keys()
-            .par_iter()
-            .flat_map(|key| key.par_chunks(1 << 14))
-            .map(|points| {
-                let finite = points.iter().filter(|p| p.iter().all(|x| x.is_finite()));
-                finite.map(of_point).fold(Self::NONE, Self::max)
-            })
-            .reduce(|| Self::NONE, Self::max)
+        let of_points = |points: &[Point]| {
+            let finite = points.iter().filter(|p| p.iter().all(|x| x.is_finite()));
+            finite.map(of_point).fold(Self::NONE, Self::max)
+        };
+        let Some(keys) = animation.held_keys() else {
+            let boxes = animation.key_bounds().iter().filter(|b| !b.is_empty());
+            return boxes
+                .map(|b| of_points(&b.corners()))
+                .fold(Self::NONE, Self::max);
+        };
+        let runs = keys.par_iter().flat_map(|key| key.par_chunks(1 << 14));
+        runs.map(of_points).reduce(|| Self::NONE, Self::max)
     }
 
     fn max(self, other: Self) -> Self {
@@ -226,12 +229,9 @@ mod tests {
                 ];
                 let a = animation(keys);
                 let camera = frame_scene(&a, fov, size).camera(size).unwrap();
-                let seen: Vec<_> = a
-                    .keys()
-                    .iter()
-                    .flatten()
-                    .map(|&p| project(&camera, p))
-                    .collect();
+                let keys = a.all_keys().unwrap();
+                let all = keys.iter().flat_map(|key| key.iter());
+                let seen: Vec<_> = all.map(|&p| project(&camera, p)).collect();
                 assert!(seen.iter().all(|s| s[2] > 0.0));
                 let all = |i: usize| {
                     let min = seen.iter().map(|s| s[i]).fold(f64::INFINITY, f64::min);

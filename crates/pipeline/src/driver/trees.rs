@@ -299,9 +299,10 @@ impl Driver {
         let begun = Instant::now();
         pending.arrived = Some((begun, 0));
         let (animation, pose, light) = (&self.animation, pending.pose, self.light);
-        let samples = sampling::samples(animation, self.options.time_range);
+        let range = self.options.time_range;
         let built = self.builder_pool.with(|builder| {
             builder.order_toward(light);
+            let samples = sampling::samples(animation, range)?;
             builder.build_for_all(animation, &samples, pose, &Cancel::new())
         });
         self.beginning.build_wait += begun.elapsed();

@@ -21,16 +21,17 @@ impl TreeBuilder {
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
         let begun = Instant::now();
-        let boxes = (animation, first);
+        let boxes = animation.moment(first)?;
         self.builder.build(&boxes, cancel, &mut self.tree)?;
         let cost = sah_cost(&self.tree, &boxes);
-        let moments: Vec<_> = samples
-            .iter()
-            .map(|s| Moment {
-                boxes: (animation, s.pose),
+        let moment = |s: &Sample| {
+            Ok(Moment {
+                boxes: animation.moment(s.pose)?,
                 weight: s.weight,
             })
-            .collect();
+        };
+        let moments = samples.iter().map(moment);
+        let moments = moments.collect::<Result<Vec<_>, BuildError>>()?;
         if moments.len() > 1 {
             let mut for_all = BinaryTree::default();
             TemporalBuilder::new().build(&moments, cancel, &mut for_all)?;

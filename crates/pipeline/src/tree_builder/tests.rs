@@ -32,7 +32,7 @@ fn tree(made: Made) -> Option<Built> {
 fn only_a_tree_that_is_cheaper_where_it_will_be_used_is_handed_over() {
     let (a, cancel) = (shuffled(), Cancel::new());
     let mut builder = TreeBuilder::new();
-    builder.build(&a, &a.keys()[0], &cancel).unwrap();
+    builder.build(&a, a.first(), &cancel).unwrap();
     let other = || Vertices::KeyFrames(a.pose(1.0));
     let mut made_for = |rival_at: Option<f64>| {
         let at = rival_at.map(|t| a.pose(t));
@@ -65,7 +65,8 @@ fn clumps() -> Animation {
 /// Boxes of each triangle at both poses.
 fn swept(a: &Animation, times: [f64; 2]) -> Vec<Aabb> {
     let [x, y] = times.map(|time| a.pose(time));
-    let both = |t| a.build_box_at(x, t).union(a.build_box_at(y, t));
+    let [x, y] = [x, y].map(|pose| a.moment(pose).unwrap());
+    let both = |t| x.build_box(t).union(y.build_box(t));
     (0..a.triangle_count() as u32).map(both).collect()
 }
 
@@ -99,7 +100,7 @@ impl Course {
 
     fn with_forms(forms: Forms) -> Self {
         let (animation, mut builder) = (clumps(), TreeBuilder::with_forms(forms));
-        let first = builder.build(&animation, &animation.keys()[0], &Cancel::new());
+        let first = builder.build(&animation, animation.first(), &Cancel::new());
         first.unwrap();
         Self { animation, builder }
     }
@@ -150,7 +151,7 @@ fn a_warm_up_changes_no_tree_to_come_and_finds_its_memory() {
         let mut builder = TreeBuilder::with_forms(forms);
         builder.warm_up(&a, a.pose(0.0), &cancel).unwrap();
         assert!(builder.spare.is_empty(), "there is no tree to begin with");
-        builder.build(&a, &a.keys()[0], &cancel).unwrap();
+        builder.build(&a, a.first(), &cancel).unwrap();
         if warms_up {
             builder.warm_up(&a, a.pose(2.0), &cancel).unwrap();
             assert!(!builder.spare.is_empty());
@@ -196,7 +197,7 @@ fn what_records_carry_changes_no_tree() {
 fn a_first_tree_for_more_than_a_moment_costs_what_it_does_at_that_moment() {
     let a = clumps();
     let (mut builder, halves) = (TreeBuilder::new(), [0.25, 0.75]);
-    let from = (&a.keys()[0][..], halves.map(|time| a.pose(time)));
+    let from = (a.first(), halves.map(|time| a.pose(time)));
     let built = builder.build_swept(&a, from, &Cancel::new()).unwrap();
     assert_eq!(builder.in_use, from_scratch(&swept(&a, halves)));
     assert_eq!(
@@ -223,12 +224,14 @@ fn what_a_tree_costs_is_said_of_the_middle_whatever_it_was_built_for() {
 fn a_tree_that_nobody_weighs_does_not_count_as_faded() {
     let (a, cancel) = (shuffled(), Cancel::new());
     let mut builder = TreeBuilder::new();
-    builder.build(&a, &a.keys()[0], &cancel).unwrap();
+    builder.build(&a, a.first(), &cancel).unwrap();
     let halves = [0.625, 1.0].map(|t| a.pose(t));
     for _ in 0..3 {
         let from = Vertices::KeyFrames(a.pose(1.0));
         let made = builder.rebuild(&a, (from, Some(halves)), None, &cancel);
-        let own = TreeBuilder::new().build(&a, &a.keys()[1], &cancel).unwrap();
+        let own = TreeBuilder::new()
+            .build(&a, &a.key(1).unwrap(), &cancel)
+            .unwrap();
         let found = tree(made.unwrap()).unwrap();
         assert_eq!(found.topology.words(), own.topology.words());
     }
@@ -238,7 +241,8 @@ fn a_tree_that_nobody_weighs_does_not_count_as_faded() {
 fn key_frames_make_the_same_tree_as_the_vertices_read_back() {
     let (a, cancel) = (shuffled(), Cancel::new());
     let pose = a.pose(0.3);
-    let positions: Vec<Point> = (0..192).map(|v| a.vertex(pose, v)).collect();
+    let moment = a.moment(pose).unwrap();
+    let positions: Vec<Point> = (0..192).map(|v| moment.vertex(v)).collect();
     let read_back = Vertices::ReadBack(Box::new(positions));
     let [x, y] = [Vertices::KeyFrames(pose), read_back].map(|vertices| {
         let made = TreeBuilder::new().rebuild(&a, (vertices, None), None, &cancel);
@@ -250,11 +254,11 @@ fn key_frames_make_the_same_tree_as_the_vertices_read_back() {
 #[test]
 fn a_tree_for_all_times_is_never_worse_over_them_than_the_first_frames() {
     let (a, cancel) = (shuffled(), Cancel::new());
-    let samples = samples(&a, [0.0, 2.0]);
+    let samples = samples(&a, [0.0, 2.0]).unwrap();
     let mut builder = TreeBuilder::new();
     let first = a.pose(0.0);
     let for_all = builder.build_for_all(&a, &samples, first, &cancel).unwrap();
-    let own = builder.build(&a, &a.keys()[0], &cancel).unwrap();
+    let own = builder.build(&a, a.first(), &cancel).unwrap();
     assert_eq!(for_all.cost, own.cost);
     assert_ne!(for_all.topology.words(), own.topology.words());
     // Where hardly anything but the first frame counts, its own tree is taken.
@@ -273,7 +277,7 @@ fn a_tree_that_was_never_used_is_taken_back() {
         tree(builder.rebuild(&a, what, Some(at(time)), &cancel).unwrap())
     };
     let mut builder = TreeBuilder::new();
-    builder.build(&a, &a.keys()[0], &cancel).unwrap();
+    builder.build(&a, a.first(), &cancel).unwrap();
     let used = builder.in_use.clone();
     from(&mut builder, 1.0).expect("another order, another tree");
     assert_ne!(builder.in_use, used);
@@ -281,7 +285,7 @@ fn a_tree_that_was_never_used_is_taken_back() {
     assert_eq!(builder.in_use, used);
     // The next one is set against the one in use.
     let mut other = TreeBuilder::new();
-    other.build(&a, &a.keys()[0], &cancel).unwrap();
+    other.build(&a, a.first(), &cancel).unwrap();
     let [one, other] = [&mut builder, &mut other].map(|b| from(b, 0.7).map(|t| t.topology));
     assert_eq!(one, other);
 }
@@ -298,11 +302,14 @@ fn an_old_records_memory_is_used_again() {
             let treelets = tree.treelets().map(|t| t.words().as_ptr());
             (tree.words().as_ptr(), treelets)
         };
-        let first = builder.build(&a, &a.keys()[0], &cancel).unwrap().topology;
+        let first = builder.build(&a, a.first(), &cancel).unwrap().topology;
         let before = memory(&first);
         builder.reuse(first.into_spare());
         builder.reuse(Spare::default());
-        let again = builder.build(&a, &a.keys()[1], &cancel).unwrap().topology;
+        let again = builder
+            .build(&a, &a.key(1).unwrap(), &cancel)
+            .unwrap()
+            .topology;
         assert_eq!(memory(&again), before);
         assert_eq!(before.1.is_some(), treelets);
     }
@@ -314,13 +321,13 @@ fn a_tree_for_all_times_faces_the_light_too() {
     let tree = |toward| {
         let mut builder = TreeBuilder::new();
         builder.order_toward(toward);
-        let all = samples(&a, [0.0, 3.0]);
+        let all = samples(&a, [0.0, 3.0]).unwrap();
         let built = builder.build_for_all(&a, &all, a.pose(0.0), &Cancel::new());
         built.map(|_| builder.in_use).unwrap()
     };
     let plain = tree(None);
     let mut turned = plain.clone();
-    order_toward(&mut turned, &(&a, a.pose(0.0)), light);
+    order_toward(&mut turned, &a.at(0.0).unwrap(), light);
     assert_ne!(turned, plain);
     assert_eq!(tree(Some(light)), turned);
 }
@@ -343,7 +350,7 @@ fn blocks_of_a_tree_that_faces_the_light_are_asked_in_its_order() {
     for (toward, first) in [(None, First::Larger), (Some([-9.0, 5.0, 1.0]), First::Left)] {
         let mut builder = TreeBuilder::with_forms(forms);
         builder.order_toward(toward);
-        let tree = builder.build(&a, &a.keys()[0], &cancel).unwrap().topology;
+        let tree = builder.build(&a, a.first(), &cancel).unwrap().topology;
         let of = |first| BlockTree::of(&tree, a.triangles(), (&builder.boxes[..], first));
         assert!(of(First::Larger) != of(First::Left));
         assert!(**tree.blocks().unwrap() == of(first), "{first:?}");

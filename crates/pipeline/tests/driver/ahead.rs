@@ -27,7 +27,8 @@ pub(crate) fn many_shuffled(keys: u32, n: u32) -> Arc<Animation> {
 pub(crate) fn positions(animation: &Animation, time: f64) -> Vec<Point> {
     let pose = animation.pose(time);
     let vertices = 0..animation.vertex_count() as u32;
-    vertices.map(|v| animation.vertex(pose, v)).collect()
+    let moment = animation.moment(pose).unwrap();
+    vertices.map(|v| moment.vertex(v)).collect()
 }
 
 /// The record of a tree for one moment.

@@ -48,7 +48,7 @@ fn takings(update: Update, predict: bool) -> (Vec<u64>, usize) {
     const FRAMES: u64 = 400;
     let animation = many_shuffled(2, 512);
     let (mut fake, _) = Fake::new(Some(0), None);
-    let snapshot = |_| Box::new(animation.keys()[0].clone()) as Snapshot;
+    let snapshot = |_| Box::new(animation.first().to_vec()) as Snapshot;
     fake.prepared = Some((0..=FRAMES).map(snapshot).collect());
     let mut driver = driver(fake, &animation, (update, predict)).unwrap();
     let camera = camera();

@@ -230,7 +230,8 @@ impl Backend for Fake {
                     return Ok(Some((ticket, snapshot)));
                 }
                 let a = self.animation.as_ref().unwrap();
-                let at = |v| a.vertex(pose, v as u32);
+                let moment = a.moment(pose).unwrap();
+                let at = |v| moment.vertex(v as u32);
                 let positions: Vec<Point> = (0..a.vertex_count()).map(at).collect();
                 let gate = self.gate.clone().filter(|_| self.traced());
                 Ok(Some((ticket, Box::new(Vertices { positions, gate }))))

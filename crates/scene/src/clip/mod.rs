@@ -12,12 +12,11 @@ mod rig;
 
 use crate::mesh::{check_keys, joined_triangles, within};
 use crate::source::extension;
-use crate::{Facts, MAX_FPS, Options, Scene, SceneError};
+use crate::{Facts, MAX_FPS, Options, Scene, SceneError, stream};
 use document::File;
-use geom::{Animation, Point};
+use geom::{Animation, KeyFrameError, KeySource, Point};
 use motion::Motion;
 use part::Part;
-use rayon::prelude::*;
 use rig::Rig;
 use std::path::Path;
 use std::sync::Arc;
@@ -51,10 +50,6 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
     let colours = |p: &Part| std::iter::repeat_n(p.colour, p.triangles.len());
     let colours = parts.iter().flat_map(colours).collect();
     let triangles = joined_triangles(parts.iter().map(|p| (&p.triangles[..], p.vertices())));
-    let keys = times
-        .par_iter()
-        .map(|&time| key_frame(&rig, &motion, &parts, (time, vertices)))
-        .collect();
     let facts = Facts {
         format: extension(path),
         files: vec![path.to_owned()],
@@ -62,7 +57,14 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
         seconds_per_key: (times.len() > 1).then(|| times[1] - times[0]),
         notes,
     };
-    let animation = Arc::new(Animation::new(keys, triangles)?);
+    let sampler = Sampler {
+        rig,
+        motion,
+        parts,
+        times,
+        vertices,
+    };
+    let animation = Arc::new(stream::animation(Arc::new(sampler), triangles, options)?);
     Ok(Scene {
         name,
         animation,
@@ -146,19 +148,34 @@ fn check_sizes(
     Ok(())
 }
 
-fn key_frame(
-    rig: &Rig,
-    motion: &Motion,
-    parts: &[Part],
-    (time, vertices): (f64, usize),
-) -> Vec<Point> {
-    let pose = rig.pose(motion, time);
-    // A list that grows takes more than its points in the end.
-    let mut points = Vec::with_capacity(vertices);
-    for part in parts {
-        points.extend(part.positions(&pose, motion, time));
+/// Samples a clip at its times.
+struct Sampler {
+    rig: Rig,
+    motion: Motion,
+    parts: Vec<Part>,
+    times: Vec<f64>,
+    vertices: usize,
+}
+
+impl KeySource for Sampler {
+    fn key_count(&self) -> usize {
+        self.times.len()
     }
-    points
+
+    fn vertex_count(&self) -> usize {
+        self.vertices
+    }
+
+    fn read(&self, key: usize) -> Result<Vec<Point>, KeyFrameError> {
+        let time = self.times[key];
+        let pose = self.rig.pose(&self.motion, time);
+        // A list that grows takes more than its points in the end.
+        let mut points = Vec::with_capacity(self.vertices);
+        for part in &self.parts {
+            points.extend(part.positions(&pose, &self.motion, time));
+        }
+        Ok(points)
+    }
 }
 
 #[cfg(test)]

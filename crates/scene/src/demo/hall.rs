@@ -166,7 +166,7 @@ mod tests {
 
     #[test]
     fn only_the_figure_moves() {
-        let (animation, _) = assemble(&build(TRIANGLES), KEYS).unwrap();
+        let (animation, _) = assemble(build(TRIANGLES), KEYS, &crate::Options::default()).unwrap();
         let (moving, all) = (animation.moving_count(), animation.triangle_count());
         let share = moving as f64 / all as f64;
         assert!((0.045..0.055).contains(&share), "{moving} of {all}");

@@ -3,11 +3,15 @@
 
 use super::chance::noise;
 use super::shapes::{Mesh, sheet, sheet_size};
-use crate::Rgb;
 use crate::mesh::joined_triangles;
-use geom::{Animation, AnimationError, Point};
+use crate::{Options, Rgb, SceneError, stream};
+use geom::{Animation, KeyFrameError, KeySource, Point};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Vertices that one task moves.
+const RUN: usize = 1 << 15;
 
 /// Writes where the vertices at rest stand at a time in `0.0..=1.0`.
 type Motion = Box<dyn Fn(f64, &[DVec3], &mut [Point]) + Send + Sync>;
@@ -77,26 +81,54 @@ impl Part {
     }
 }
 
-/// All parts at `keys` times spread evenly over `0.0..=1.0`.
-pub(super) fn assemble(parts: &[Part], keys: u32) -> Result<(Animation, Vec<Rgb>), AnimationError> {
-    let vertices = parts.iter().map(|p| p.mesh.points.len()).sum();
-    let frame = |key: u32| {
-        let time = f64::from(key) / f64::from(keys - 1);
-        let mut frame = vec![[0.0; 3]; vertices];
+/// Parts at times spread evenly over `0.0..=1.0`.
+struct Stage {
+    parts: Vec<Part>,
+    keys: u32,
+    vertices: usize,
+}
+
+impl KeySource for Stage {
+    fn key_count(&self) -> usize {
+        self.keys as usize
+    }
+
+    fn vertex_count(&self) -> usize {
+        self.vertices
+    }
+
+    fn read(&self, key: usize) -> Result<Vec<Point>, KeyFrameError> {
+        let time = key as f64 / f64::from(self.keys - 1);
+        let mut frame = vec![[0.0; 3]; self.vertices];
         let mut rest = frame.as_mut_slice();
-        for part in parts {
-            let (own, after) = rest.split_at_mut(part.mesh.points.len());
-            (part.motion)(time, &part.mesh.points, own);
+        for Part { mesh, motion, .. } in &self.parts {
+            let (own, after) = rest.split_at_mut(mesh.points.len());
+            let runs = own.par_chunks_mut(RUN).zip(mesh.points.par_chunks(RUN));
+            runs.for_each(|(to, from)| motion(time, from, to));
             rest = after;
         }
-        frame
-    };
-    let frames = (0..keys).into_par_iter().map(frame).collect();
+        Ok(frame)
+    }
+}
+
+/// All parts at `keys` times, and a colour for each triangle.
+pub(super) fn assemble(
+    parts: Vec<Part>,
+    keys: u32,
+    options: &Options,
+) -> Result<(Animation, Vec<Rgb>), SceneError> {
+    let vertices = parts.iter().map(|p| p.mesh.points.len()).sum();
     let meshes = parts.iter().map(|p| &p.mesh);
     let triangles = joined_triangles(meshes.map(|m| (&m.triangles[..], m.points.len())));
     let colours = parts.iter().flat_map(|p| p.colours.iter().copied());
     let colours = colours.collect();
-    Ok((Animation::new(frames, triangles)?, colours))
+    let stage = Stage {
+        parts,
+        keys,
+        vertices,
+    };
+    let animation = stream::animation(Arc::new(stage), triangles, options)?;
+    Ok((animation, colours))
 }
 
 /// Rotation by `angle` radians round a unit axis, by `libm` so that it has the same bits everywhere.

@@ -1,7 +1,7 @@
 //! How far off frames are that are not kept: of intervals while frames are chosen, and of all frames afterwards, afresh,
 //! frame by frame, as a renderer would play them.
 
-use geom::{Point, Pose};
+use geom::{KeyFrame, Point, Pose};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -43,7 +43,7 @@ enum Known {
 /// All intervals of an animation, measured when asked for and no further than needed.
 #[derive(Debug)]
 pub(crate) struct Intervals<'a> {
-    keys: &'a [Vec<Point>],
+    keys: &'a [KeyFrame],
     /// Blocks in which some vertex moves: in the others every blend is the frame itself.
     blocks: Vec<Range<usize>>,
     /// By `from * frames + to`; frames alone are on the diagonal.
@@ -54,7 +54,7 @@ pub(crate) struct Intervals<'a> {
 
 impl<'a> Intervals<'a> {
     /// Of one or more frames.
-    pub(crate) fn new(keys: &'a [Vec<Point>]) -> Self {
+    pub(crate) fn new(keys: &'a [KeyFrame]) -> Self {
         let (frames, vertices) = (keys.len(), keys[0].len());
         let blocks = (0..vertices.div_ceil(BLOCK))
             .into_par_iter()
@@ -155,7 +155,7 @@ fn worst_of(frames: Range<usize>, limit: f64, off: impl Fn(usize) -> f64) -> f64
 }
 
 /// The largest square in a block at one frame. `[from, to, frame]`.
-fn off(keys: &[Vec<Point>], at: [usize; 3], alpha: f32, block: &Range<usize>) -> f64 {
+fn off(keys: &[KeyFrame], at: [usize; 3], alpha: f32, block: &Range<usize>) -> f64 {
     let [a, b, wanted] = at.map(|key| &keys[key][block.clone()]);
     let pose = Pose { key: 0, alpha };
     let ends = a.iter().zip(b).zip(wanted);
@@ -164,7 +164,7 @@ fn off(keys: &[Vec<Point>], at: [usize; 3], alpha: f32, block: &Range<usize>) ->
     })
 }
 
-fn moves(keys: &[Vec<Point>], block: &Range<usize>) -> bool {
+fn moves(keys: &[KeyFrame], block: &Range<usize>) -> bool {
     let bits = |p: &Point| p.map(f32::to_bits);
     let first = &keys[0][block.clone()];
     keys[1..].iter().any(|key| {
@@ -208,7 +208,7 @@ pub fn pose(kept: &[usize], frame: usize) -> Pose {
 /// # Panics
 /// If `kept` is no ascending list of frames of `keys` with both ends, nor a single one.
 #[must_use]
-pub fn measure(keys: &[Vec<Point>], kept: &[usize]) -> Fit {
+pub fn measure(keys: &[KeyFrame], kept: &[usize]) -> Fit {
     let ascending = kept.windows(2).all(|w| w[0] < w[1]);
     let ends = (kept.first(), kept.last());
     assert!(
@@ -237,7 +237,7 @@ pub fn measure(keys: &[Vec<Point>], kept: &[usize]) -> Fit {
 }
 
 /// Of one frame: the largest square and its vertex, the sum of all squares, and how many vertices are finite.
-fn tally(keys: &[Vec<Point>], kept: &[usize], frame: usize) -> ((f64, usize), f64, usize) {
+fn tally(keys: &[KeyFrame], kept: &[usize], frame: usize) -> ((f64, usize), f64, usize) {
     let pose = pose(kept, frame);
     let from = &keys[kept[pose.key as usize]];
     // At weight 0 the later frame is not read.

@@ -22,7 +22,7 @@ mod fit;
 
 use fit::Intervals;
 pub use fit::{Fit, measure, pose};
-use geom::Animation;
+use geom::KeyFrame;
 
 /// Finds sets of frames for one animation; what it learns at one tolerance serves the next.
 ///
@@ -34,10 +34,13 @@ pub struct Reducer<'a> {
 }
 
 impl<'a> Reducer<'a> {
-    /// For all key frames of `animation`.
+    /// For all key frames of an animation.
+    ///
+    /// # Panics
+    /// If there are none.
     #[must_use]
-    pub fn new(animation: &'a Animation) -> Self {
-        let intervals = Intervals::new(animation.keys());
+    pub fn new(keys: &'a [KeyFrame]) -> Self {
+        let intervals = Intervals::new(keys);
         Self { intervals }
     }
 

@@ -1,11 +1,12 @@
 //! Against the definition, written out again in plain f64 loops that share no code with what they judge.
 
 use super::*;
-use geom::Point;
+use geom::{KeyFrame, Point};
 use proptest::prelude::*;
+use std::sync::Arc;
 
 /// Where `vertex` is at the time of `frame` if `kept` is played, from the words alone.
-fn played_by_hand(keys: &[Vec<Point>], kept: &[usize], frame: usize, vertex: usize) -> Point {
+fn played_by_hand(keys: &[KeyFrame], kept: &[usize], frame: usize, vertex: usize) -> Point {
     let mut found = keys[kept[0]][vertex];
     for pair in kept.windows(2) {
         let (i, j) = (pair[0], pair[1]);
@@ -23,7 +24,7 @@ fn played_by_hand(keys: &[Vec<Point>], kept: &[usize], frame: usize, vertex: usi
 }
 
 /// The largest distance of any vertex of any frame if `kept` is played.
-fn error_by_hand(keys: &[Vec<Point>], kept: &[usize]) -> f64 {
+fn error_by_hand(keys: &[KeyFrame], kept: &[usize]) -> f64 {
     let lost = |p: Point| p.iter().filter(|x| !x.is_finite()).count() > 0;
     let mut worst = 0.0;
     for (frame, points) in keys.iter().enumerate() {
@@ -47,7 +48,7 @@ fn error_by_hand(keys: &[Vec<Point>], kept: &[usize]) -> f64 {
 }
 
 /// Every admissible subset, the best by count, error and order.
-fn best_by_hand(keys: &[Vec<Point>], tolerance: f64) -> Vec<usize> {
+fn best_by_hand(keys: &[KeyFrame], tolerance: f64) -> Vec<usize> {
     let mut all: Vec<(usize, f64, Vec<usize>)> = Vec::new();
     for set in 1_u32..1 << keys.len() {
         let kept: Vec<usize> = (0..keys.len()).filter(|i| set & (1 << i) != 0).collect();
@@ -60,10 +61,6 @@ fn best_by_hand(keys: &[Vec<Point>], tolerance: f64) -> Vec<usize> {
     all.retain(|(_, error, _)| *error <= tolerance);
     all.sort_by(|a, b| a.partial_cmp(b).unwrap());
     all.swap_remove(0).2
-}
-
-fn animation(keys: Vec<Vec<Point>>) -> Animation {
-    Animation::new(keys, vec![[0, 0, 0]]).unwrap()
 }
 
 /// Whole coordinates, so that motion is often exactly linear or still; now and then none, or one too large to blend.
@@ -79,10 +76,13 @@ fn coordinate() -> impl Strategy<Value = f32> + Clone {
 
 fn key_frames(
     coordinate: impl Strategy<Value = f32> + Clone,
-) -> impl Strategy<Value = Vec<Vec<Point>>> {
+) -> impl Strategy<Value = Vec<KeyFrame>> {
     (1_usize..=7, 1_usize..=2).prop_flat_map(move |(frames, vertices)| {
         let point = prop::array::uniform3(coordinate.clone());
-        prop::collection::vec(prop::collection::vec(point, vertices), frames)
+        prop::collection::vec(
+            prop::collection::vec(point, vertices).prop_map(Arc::new),
+            frames,
+        )
     })
 }
 
@@ -94,9 +94,8 @@ proptest! {
         keys in key_frames(coordinate()),
         tolerances in prop::collection::vec(prop_oneof![Just(0.0), 0.0..6.0_f64, Just(1.0)], 3),
     ) {
-        let animation = animation(keys.clone());
         // In any order: what is remembered must not change what is answered.
-        let mut reducer = Reducer::new(&animation);
+        let mut reducer = Reducer::new(&keys);
         for tolerance in tolerances {
             let kept = reducer.fewest(tolerance);
             prop_assert_eq!(&kept, &best_by_hand(&keys, tolerance), "at {}", tolerance);
@@ -110,13 +109,12 @@ proptest! {
     fn a_tolerance_equal_to_an_error_admits_it_and_the_next_smaller_does_not(
         keys in key_frames(-9.0_f32..9.0),
     ) {
-        let animation = animation(keys.clone());
         let ends = if keys.len() > 1 { vec![0, keys.len() - 1] } else { vec![0] };
         let error = error_by_hand(&keys, &ends);
         prop_assume!(error > 0.0);
-        prop_assert!(Reducer::new(&animation).fewest(error).len() <= 2);
+        prop_assert!(Reducer::new(&keys).fewest(error).len() <= 2);
         let tighter = error.next_down();
-        let kept = Reducer::new(&animation).fewest(tighter);
+        let kept = Reducer::new(&keys).fewest(tighter);
         prop_assert!(error_by_hand(&keys, &kept) <= tighter);
     }
 
@@ -129,14 +127,14 @@ proptest! {
 }
 
 /// Vertices of a long wave, of several blocks, the last of them partly filled and one at rest.
-fn wave(frames: usize, vertices: usize) -> Vec<Vec<Point>> {
+fn wave(frames: usize, vertices: usize) -> Vec<KeyFrame> {
     let place = |frame: usize, v: usize| {
         let moving = if (600..1400).contains(&v) { 0.0 } else { 1.0 };
         let phase = frame as f32 * 0.37 + v as f32 * 0.01;
         [v as f32, moving * phase.sin(), moving * phase.cos()]
     };
     (0..frames)
-        .map(|f| (0..vertices).map(|v| place(f, v)).collect())
+        .map(|f| Arc::new((0..vertices).map(|v| place(f, v)).collect()))
         .collect()
 }
 
@@ -144,24 +142,23 @@ fn wave(frames: usize, vertices: usize) -> Vec<Vec<Point>> {
 fn meshes_of_many_blocks_are_judged_to_the_last_vertex() {
     let mut keys = wave(9, 2100);
     for spike in [0, 1023, 1400, 2099] {
-        keys[4][spike][1] += 100.0;
+        Arc::make_mut(&mut keys[4])[spike][1] += 100.0;
         for tolerance in [0.0, 0.01, 0.1, 1.0, 3.0] {
-            let kept = Reducer::new(&animation(keys.clone())).fewest(tolerance);
+            let kept = Reducer::new(&keys).fewest(tolerance);
             assert_eq!(kept, best_by_hand(&keys, tolerance), "at {tolerance}");
             assert!(kept.contains(&4), "frame 4 alone has the spike");
         }
-        keys[4][spike][1] -= 100.0;
+        Arc::make_mut(&mut keys[4])[spike][1] -= 100.0;
     }
 }
 
 #[test]
 fn the_answer_is_the_same_for_every_number_of_threads() {
     let keys = wave(12, 1500);
-    let animation = animation(keys.clone());
     let found = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.unwrap().install(|| {
-            let mut reducer = Reducer::new(&animation);
+            let mut reducer = Reducer::new(&keys);
             let kept = [1.0, 0.1, 0.03, 0.0].map(|t| reducer.fewest(t));
             let fits = kept.each_ref().map(|k| measure(&keys, k));
             (kept, fits.map(|f| (f.rms.to_bits(), f.worst)))
@@ -172,10 +169,12 @@ fn the_answer_is_the_same_for_every_number_of_threads() {
 
 #[test]
 fn a_vertex_comes_and_goes_at_its_own_frames() {
-    let mut keys = vec![vec![[0.0; 3], [1.0, 0.0, 0.0]]; 8];
-    keys[3..6].iter_mut().for_each(|key| key[1][2] = f32::NAN);
+    let mut keys = vec![Arc::new(vec![[0.0; 3], [1.0, 0.0, 0.0]]); 8];
+    keys[3..6]
+        .iter_mut()
+        .for_each(|key| Arc::make_mut(key)[1][2] = f32::NAN);
     // 2 and 6 are the last and the first frame that have it. One between them that lacks it is enough.
-    let kept = Reducer::new(&animation(keys.clone())).fewest(1e30);
+    let kept = Reducer::new(&keys).fewest(1e30);
     assert_eq!(kept, [0, 2, 3, 6, 7]);
     let wrong = measure(&keys, &[0, 7]);
     assert_eq!(
@@ -186,7 +185,7 @@ fn a_vertex_comes_and_goes_at_its_own_frames() {
 
 #[test]
 fn the_worst_place_is_the_first_and_the_mean_counts_every_finite_vertex() {
-    let at = |x: f32| vec![[x, 0.0, 0.0], [-x, 0.0, 0.0], [f32::NAN; 3]];
+    let at = |x: f32| Arc::new(vec![[x, 0.0, 0.0], [-x, 0.0, 0.0], [f32::NAN; 3]]);
     let keys = vec![at(0.0), at(3.0), at(0.0), at(3.0), at(0.0)];
     let fit = measure(&keys, &[0, 4]);
     assert_eq!((fit.max_error, fit.worst), (3.0, Some((1, 0))));

@@ -4,7 +4,7 @@ use super::BatchSpec;
 use super::bounds::TBounds;
 use crate::compare::{ray_text, triangle_text};
 use crate::oracle::ExactHit;
-use crate::stage::ask;
+use crate::stage::{self, ask};
 use crate::stress::scenes::Scene;
 use crate::stress::stress_test::Answered;
 use backend::{Backend, Method, QueryKind, Rays, Result};
@@ -58,9 +58,9 @@ impl Batch {
     pub(super) fn new(spec: BatchSpec, scene: Scene) -> Self {
         let (answered, _) = Answered::new(scene);
         let (scene, exact) = (&answered.scene, &answered.exact);
-        let pose = scene.animation.pose(scene.time);
+        let moment = stage::moment(&scene.animation, scene.time);
         let count = |f: &dyn Fn(&ExactHit) -> bool| exact.iter().flatten().filter(|e| f(e)).count();
-        let corners = |t| scene.animation.corners(pose, t);
+        let corners = |t| moment.corners(t);
         let triangles = 0..scene.animation.triangle_count() as u32;
         let (active, inactive): (Vec<u32>, Vec<u32>) =
             triangles.partition(|&t| geom::is_active(&corners(t)));

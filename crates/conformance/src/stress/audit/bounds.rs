@@ -1,16 +1,16 @@
 //! What `t` may be (`docs/design/hits.md`, "What is reported").
 
 use crate::oracle::ExactHit;
+use crate::stage;
 use crate::stress::scenes::Scene;
-use geom::{Aabb, Animation, Point, Pose, Range, Ray};
+use geom::{Aabb, Moment, Point, Range, Ray};
 
 /// `64 * 2^-24`: more than the padding of boxes and the rounding of their test.
 const PADDING: f64 = 64.0 / 16_777_216.0;
 
 /// What decides how far `t` may be off at one moment.
 pub(super) struct TBounds<'a> {
-    animation: &'a Animation,
-    pose: Pose,
+    moment: Moment<'a>,
     range: Range,
     /// The box of all active triangles.
     root: Aabb,
@@ -19,15 +19,14 @@ pub(super) struct TBounds<'a> {
 impl<'a> TBounds<'a> {
     pub(super) fn of(scene: &'a Scene) -> Self {
         let animation = &*scene.animation;
-        let pose = animation.pose(scene.time);
-        let all = (0..animation.triangle_count() as u32).map(|t| animation.corners(pose, t));
+        let moment = stage::moment(animation, scene.time);
+        let all = (0..animation.triangle_count() as u32).map(|t| moment.corners(t));
         let points = all.filter(geom::is_active).flatten();
         let root = points.fold(Aabb::EMPTY, |root, p| root.with_point(p));
         Self {
-            range: animation.range(pose),
-            animation,
-            pose,
+            range: animation.range(moment.pose()),
             root,
+            moment,
         }
     }
 
@@ -38,7 +37,7 @@ impl<'a> TBounds<'a> {
         if least <= most && !(least..=most).contains(&t) {
             return false;
         }
-        let exponent = -f64::from(self.animation.scale_exponent());
+        let exponent = -f64::from(self.moment.animation().scale_exponent());
         let scaled: Point = ray.origin.map(|x| (f64::from(x) * exponent.exp2()) as f32);
         if self.range.is_extreme(scaled) {
             let [below, above] = [t.next_down(), t.next_up()].map(f64::from);
@@ -52,7 +51,7 @@ impl<'a> TBounds<'a> {
 
     /// Where the ray may be said to be within a triangle's box.
     fn own_span(&self, ray: &Ray, triangle: u32) -> [f64; 2] {
-        let corners = self.animation.corners(self.pose, triangle);
+        let corners = self.moment.corners(triangle);
         let d = ray.direction.map(f64::from);
         let longest = d.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         let axis = d.iter().position(|x| x.abs() == longest).unwrap_or(0);

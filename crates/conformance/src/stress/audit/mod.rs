@@ -166,9 +166,12 @@ impl Audit {
 
 /// Puts the scene elsewhere.
 fn put(scene: Scene, place: Placement) -> Scene {
-    let keys = scene.animation.keys().iter();
-    let keys = keys.map(|key| key.iter().map(|&p| place.put(p)).collect());
-    let animation = Animation::new(keys.collect(), scene.animation.triangles().to_vec());
+    let keys = scene.animation.all_keys().expect("they are held");
+    let keys = keys
+        .iter()
+        .map(|key| key.iter().map(|&p| place.put(p)).collect());
+    let keys: Vec<Vec<Point>> = keys.collect();
+    let animation = Animation::new(keys, scene.animation.triangles().to_vec());
     Scene {
         animation: Arc::new(animation.expect("the mesh is the same")),
         ..scene

@@ -13,7 +13,7 @@ fn still(positions: usize, more: &str) -> String {
 }
 
 fn corners(scene: &Scene) -> Vec<Point> {
-    scene.animation.keys()[0].clone()
+    scene.animation.first().to_vec()
 }
 
 #[test]

@@ -119,7 +119,7 @@ fn moving() -> (Bin, String) {
 fn nodes_move_below_each_other_and_both_ends_of_the_clip_are_keys() {
     let (bin, rest) = moving();
     let scene = read(&bin, &rest).unwrap();
-    let keys = scene.animation.keys();
+    let keys = scene.animation.all_keys().unwrap();
     let facts = &scene.facts;
     assert_eq!((keys.len(), facts.seconds_per_key), (3, Some(0.5)));
     assert_eq!(facts.clip.as_deref(), Some("go"));
@@ -138,8 +138,8 @@ fn a_clip_is_chosen_by_name_or_index_and_none_makes_one_key() {
     let (bin, rest) = moving();
     let none = rest.replace(r#""animations""#, r#""extras""#);
     let still = read(&bin, &none).unwrap();
-    assert_eq!((still.animation.keys().len(), still.facts.clip), (1, None));
-    close(still.animation.keys()[0][0], [0.0, 5.0, 0.0]);
+    assert_eq!((still.animation.key_count(), still.facts.clip), (1, None));
+    close(still.animation.first()[0], [0.0, 5.0, 0.0]);
     let two = rest.replace(
         r#""animations":["#,
         r#""animations":[{"samplers":[],"channels":[]},"#,
@@ -155,7 +155,7 @@ fn a_clip_is_chosen_by_name_or_index_and_none_makes_one_key() {
     };
     for (clip, keys) in [(Some("go"), 25), (Some("1"), 25), (Some("0"), 1), (None, 1)] {
         assert_eq!(
-            with(24.0, clip).unwrap().animation.keys().len(),
+            with(24.0, clip).unwrap().animation.key_count(),
             keys,
             "{clip:?}"
         );
@@ -207,7 +207,7 @@ fn skinned() -> (Bin, String) {
 fn skins_follow_their_joints_and_not_their_node() {
     let (bin, rest) = skinned();
     let scene = read(&bin, &rest).unwrap();
-    let keys = scene.animation.keys();
+    let keys = scene.animation.all_keys().unwrap();
     for (found, x) in keys[0].iter().zip([0.0, 2.0, 3.0]) {
         close(*found, [x, 0.0, 0.0]);
     }
@@ -246,7 +246,7 @@ fn morphing() -> (Bin, String) {
 #[test]
 fn morph_targets_add_up_by_the_weights_of_clip_or_mesh() {
     let (bin, rest) = morphing();
-    let keys = read(&bin, &rest).unwrap().animation.keys().to_vec();
+    let keys = read(&bin, &rest).unwrap().animation.all_keys().unwrap();
     assert_eq!(keys.len(), 5);
     for (i, key) in keys.iter().enumerate() {
         let t = i as f32 * 0.5;
@@ -255,7 +255,7 @@ fn morph_targets_add_up_by_the_weights_of_clip_or_mesh() {
     }
     let still = rest.replace(r#""animations""#, r#""extras""#);
     let still = read(&bin, &still).unwrap();
-    close(still.animation.keys()[0][2], [4.0, 1.0, 0.0]);
+    close(still.animation.first()[2], [4.0, 1.0, 0.0]);
 }
 
 #[test]
@@ -279,7 +279,7 @@ fn strips_fans_and_lists_make_triangles_and_points_are_counted() {
     };
     let scene = of(&[strip, points.clone(), fan, list]).unwrap();
     let a = &scene.animation;
-    let xs = |t: &[u32; 3]| t.map(|v| a.keys()[0][v as usize][0] as u32);
+    let xs = |t: &[u32; 3]| t.map(|v| a.first()[v as usize][0] as u32);
     let found: Vec<_> = a.triangles().iter().map(xs).collect();
     let (in_strip, in_fan) = ([[5, 4, 3], [4, 1, 3]], [[5, 4, 3], [5, 3, 1]]);
     let expected = [in_strip, in_fan, [[0, 1, 2], [3, 4, 5]]].concat();

@@ -159,6 +159,7 @@ fn a_small_file_that_takes_more_than_there_is_is_refused_before_it_is_sampled() 
             memory: Some(memory),
             more_bytes,
             triangle_bytes,
+            key_bytes: u64::MAX,
             ..Options::default()
         };
         read_with(&bytes, &options).err().unwrap_or_default()

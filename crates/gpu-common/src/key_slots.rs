@@ -1,0 +1,125 @@
+//! Key frames on the device: all of them, or those around the moment that is played.
+
+use crate::{BufferPurpose, GpuDevice, Sent};
+use backend::Result;
+use geom::{Animation, KeyFrame, Pose};
+use shaders::BufferName;
+
+/// Key frames that are kept of a stream. Two more may be on their way out.
+const KEPT: usize = 6;
+/// Of those, how many may be sent before they are played.
+const AHEAD: usize = KEPT - 2;
+
+/// Key frames by their numbers. A buffer each, so that only the device's memory limits how many there are.
+pub(crate) struct KeySlots<D: GpuDevice> {
+    slots: Vec<KeySlot<D>>,
+    /// Rises with each use.
+    clock: u64,
+}
+
+struct KeySlot<D: GpuDevice> {
+    key: usize,
+    buffer: D::Buffer,
+    /// See [`GpuDevice::send`].
+    arrival: u64,
+    used: u64,
+}
+
+impl<D: GpuDevice> KeySlots<D> {
+    /// Sends the key frames that are held; none of a stream.
+    pub(crate) fn new(gpu: &mut D, animation: &Animation) -> Result<Self> {
+        let what = BufferName::Earlier.what();
+        let slot = |(key, frame): (usize, &KeyFrame)| {
+            Ok(KeySlot {
+                key,
+                buffer: gpu.buffer(what, size_of_val(&frame[..]) as u64, BufferPurpose::Storage)?,
+                arrival: 0,
+                used: 0,
+            })
+        };
+        let held = animation.held_keys().unwrap_or_default();
+        let slots = held
+            .iter()
+            .enumerate()
+            .map(slot)
+            .collect::<Result<Vec<_>>>()?;
+        let contents = held.iter().zip(&slots);
+        let contents: Vec<(&[u8], _)> = contents
+            .map(|(frame, slot)| (bytemuck::cast_slice(frame), &slot.buffer))
+            .collect();
+        gpu.upload(&contents)?;
+        Ok(Self { slots, clock: 0 })
+    }
+
+    /// Has the key frames of a pose be there for all that is recorded from now on. Waits for those that have to be read.
+    pub(crate) fn bring(&mut self, gpu: &mut D, animation: &Animation, pose: Pose) -> Result<()> {
+        let later = (pose.alpha != 0.0).then_some(pose.key + 1);
+        for key in std::iter::once(pose.key).chain(later) {
+            let key = key as usize;
+            if self.find(key).is_none() {
+                self.send(gpu, (key, &animation.key(key)?))?;
+            }
+            self.clock += 1;
+            let used = self.clock;
+            let slot = self.slots.iter_mut().find(|slot| slot.key == key);
+            let slot = slot.expect("it was sent");
+            slot.used = used;
+            gpu.expect(slot.arrival);
+        }
+        Ok(())
+    }
+
+    /// Sends one of the key frames that are played next, if it was read and there is room. Never waits.
+    pub(crate) fn send_ahead(&mut self, gpu: &mut D, animation: &Animation) -> Result<()> {
+        let upcoming = animation.upcoming(AHEAD);
+        let wanted = upcoming.iter().find(|(key, _)| self.find(*key).is_none());
+        let Some((key, frame)) = wanted else {
+            return Ok(());
+        };
+        // What is played soon must not make room for what is played later.
+        for (key, _) in &upcoming {
+            self.clock += 1;
+            let used = self.clock;
+            let slot = self.slots.iter_mut().find(|slot| slot.key == *key);
+            slot.into_iter().for_each(|slot| slot.used = used);
+        }
+        self.send(gpu, (*key, frame))
+    }
+
+    fn find(&self, key: usize) -> Option<&KeySlot<D>> {
+        // Those that are held lie in order.
+        let held = self.slots.get(key).filter(|slot| slot.key == key);
+        held.or_else(|| self.slots.iter().find(|slot| slot.key == key))
+    }
+
+    /// Sends a key frame of a stream, in the place of the one that was used longest ago.
+    fn send(&mut self, gpu: &mut D, (key, frame): (usize, &KeyFrame)) -> Result<()> {
+        if self.slots.len() >= KEPT {
+            let all = self.slots.iter().enumerate();
+            let oldest = all.min_by_key(|(_, slot)| slot.used).map(|(i, _)| i);
+            let oldest = self.slots.swap_remove(oldest.expect("there are some"));
+            gpu.recycle(Sent::KeyFrame, oldest.buffer);
+        }
+        let words = bytemuck::cast_slice(frame);
+        let (buffer, arrival) = gpu.send(Sent::KeyFrame, &[words])?;
+        self.clock += 1;
+        self.slots.push(KeySlot {
+            key,
+            buffer,
+            arrival,
+            used: self.clock,
+        });
+        Ok(())
+    }
+
+    /// The buffer of a key frame that was brought; any where the kernel does not read it.
+    pub(crate) fn get(&self, key: u32) -> Option<&D::Buffer> {
+        let found = self.find(key as usize).or_else(|| self.slots.last());
+        found.map(|slot| &slot.buffer)
+    }
+
+    /// Bytes of device memory.
+    pub(crate) fn held(&self) -> u64 {
+        self.slots.iter().map(|slot| D::held(&slot.buffer)).sum()
+    }
+}

@@ -1,0 +1,49 @@
+//! Key frames of any source as an animation: held in memory, or read while they are played.
+
+use crate::{Options, SceneError};
+use geom::{Animation, KeyFrameError, KeySource, Point};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+impl From<SceneError> for KeyFrameError {
+    fn from(e: SceneError) -> Self {
+        Self(e.0)
+    }
+}
+
+impl From<KeyFrameError> for SceneError {
+    fn from(e: KeyFrameError) -> Self {
+        Self(e.0)
+    }
+}
+
+/// Key frames that are kept of a stream, at least and at most.
+const WINDOW: [u64; 2] = [8, 64];
+
+/// Key frames that memory has to hold, of so many of so many vertices.
+pub(crate) fn held(keys: usize, vertices: usize, options: &Options) -> usize {
+    let bytes = (vertices as u64).saturating_mul(size_of::<Point>() as u64);
+    let most = options.key_bytes / bytes.max(1);
+    match keys as u64 <= most {
+        true => keys,
+        false => keys.min((most / 2).clamp(WINDOW[0], WINDOW[1]) as usize),
+    }
+}
+
+/// An animation over the key frames of `source`.
+pub(crate) fn animation(
+    source: Arc<dyn KeySource>,
+    triangles: Vec<[u32; 3]>,
+    options: &Options,
+) -> Result<Animation, SceneError> {
+    let keys = source.key_count();
+    let window = held(keys, source.vertex_count(), options);
+    if window < keys {
+        return Ok(Animation::streamed(source, window, triangles)?);
+    }
+    let read = (0..keys).into_par_iter().map(|key| source.read(key));
+    // Collected before looked at, so that the first bad one is named whichever thread is faster.
+    let read: Vec<_> = read.collect();
+    let keys = read.into_iter().collect::<Result<_, _>>()?;
+    Ok(Animation::new(keys, triangles)?)
+}
