@@ -140,6 +140,8 @@ fn options(args: &RenderArgs, key_times: Option<usize>) -> BTreeMap<String, Valu
         ("light", json!(args.camera.light)),
         ("fps", json!(args.source.fps)),
         ("clip", json!(args.source.clip)),
+        // How the default view frames the scene follows from it.
+        ("key-memory", json!(args.source.key_memory)),
         ("frames", frames_value(args, key_times)),
         ("intersector", json!(intersector)),
     ]);

@@ -5,8 +5,8 @@ use backend::Result;
 use geom::{Animation, KeyFrame, Pose};
 use shaders::BufferName;
 
-/// Key frames that are kept of a stream. Two more may be on their way out.
-const KEPT: usize = 6;
+/// Key frames that are kept of a stream: two that are blended and as many to come. Two more may be on their way out.
+const KEPT: usize = 4;
 /// Of those, how many may be sent before they are played.
 const AHEAD: usize = KEPT - 2;
 

@@ -1,5 +1,6 @@
 //! One mesh file: what it takes to compare it with the next key frame, its colours, and nothing of its format.
 
+use crate::ply::Pattern;
 use crate::{Options, Rgb, SceneError, stream};
 use geom::{Animation, Point};
 use host::Free;
@@ -18,6 +19,8 @@ pub(crate) struct Mesh {
     pub(crate) paint: Paint,
     /// Remarks for the reader.
     pub(crate) notes: Vec<String>,
+    /// What later key frames repeat, where they can be compared with it.
+    pub(crate) pattern: Option<Pattern>,
 }
 
 /// Vertices and faces as the file numbers them.

@@ -1,6 +1,7 @@
 //! Key frames from mesh files, one file each, all of one topology; and when they are, as `times.json` beside them says.
 
 use crate::mesh::{CLAY, Mesh, Paint, Topology, check_keys, mean};
+use crate::ply::Pattern;
 use crate::source::extension;
 use crate::{Facts, Options, Rgb, Scene, SceneError, obj, ply, stream};
 use geom::{KeyFrameError, KeySource, Point};
@@ -34,6 +35,7 @@ pub(crate) fn open(
         topology,
         paint,
         mut notes,
+        pattern,
     } = read(path)?;
     topology.check(path)?;
     let folder = Folder::of(path, options.allow_outside);
@@ -45,6 +47,7 @@ pub(crate) fn open(
         stamps: files.iter().map(|_| OnceLock::new()).collect(),
         files: files.clone(),
         topology,
+        pattern,
         vertices,
         first: Mutex::new(Some(points)),
         notes: Mutex::default(),
@@ -78,6 +81,7 @@ struct Sequence {
     stamps: Vec<OnceLock<Stamp>>,
     /// Of all of them.
     topology: Topology,
+    pattern: Option<Pattern>,
     vertices: usize,
     /// The first key frame, until somebody asks for it.
     first: Mutex<Option<Vec<Point>>>,
@@ -92,6 +96,10 @@ impl Sequence {
     fn read_file(&self, key: usize) -> Result<Vec<Point>, SceneError> {
         let path = &self.files[key];
         self.check_unchanged(key)?;
+        let pattern = self.pattern.as_ref();
+        if let Some(points) = pattern.map_or(Ok(None), |pattern| pattern.read(path))? {
+            return Ok(points);
+        }
         let mesh = read(path)?;
         mesh.topology
             .check_same(path, (&self.files[0], &self.topology))?;

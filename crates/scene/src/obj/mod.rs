@@ -53,6 +53,7 @@ pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
         topology: found.topology,
         paint,
         notes,
+        pattern: None,
     })
 }
 

@@ -5,6 +5,7 @@
 
 mod count;
 mod element;
+mod pattern;
 
 use crate::error::Location;
 use crate::mesh::{Mesh, Paint, Topology, check_mesh, compact};
@@ -16,6 +17,8 @@ use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
 use std::fmt::Display;
 use std::io::{self, Write};
 use std::path::Path;
+
+pub(crate) use pattern::Pattern;
 
 /// Reads one file.
 pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
@@ -73,8 +76,9 @@ struct File<'a> {
     header: Header,
     /// What is left of the file.
     rest: &'a [u8],
-    /// Bytes in the file.
-    size: usize,
+    bytes: &'a [u8],
+    /// Where the header ends, and where the vertices do, once they were read.
+    ends: [usize; 2],
     /// Lines read.
     line: usize,
     points: Vec<Point>,
@@ -106,7 +110,8 @@ impl<'a> File<'a> {
             path,
             header,
             rest,
-            size: bytes.len(),
+            bytes,
+            ends: [head.len(); 2],
             line: text.lines().count(),
             points: Vec::new(),
             colours: Vec::new(),
@@ -122,7 +127,7 @@ impl<'a> File<'a> {
         // More than there are bytes cannot be there, whatever the header says.
         let count = |name: &str| {
             let element = self.header.elements.get(name);
-            element.map_or(0, |e| e.count.min(self.size))
+            element.map_or(0, |e| e.count.min(self.bytes.len()))
         };
         let [vertices, faces] = [count("vertex"), count("face")];
         // Every corner after a face's third makes another triangle.
@@ -175,6 +180,9 @@ impl<'a> File<'a> {
             };
             self.take(definition, index, element)?;
         }
+        if definition.name == "vertex" {
+            self.ends[1] = self.bytes.len() - self.rest.len();
+        }
         Ok(())
     }
 
@@ -211,7 +219,7 @@ impl<'a> File<'a> {
                 }
                 _ => format!("bad '{name}' {index} of {count}: {e}"),
             };
-            self.wrong(("byte", self.size - self.rest.len()), cause)
+            self.wrong(("byte", self.bytes.len() - self.rest.len()), cause)
         })
     }
 
@@ -279,6 +287,7 @@ impl<'a> File<'a> {
         };
         let mut triangles: Vec<_> = self.topology.triangles().map(|(_, t)| t).collect();
         let kept = compact(&mut triangles, vertices);
+        let pattern = Pattern::of(&self.header, (self.bytes, self.ends), &kept);
         let points = kept.iter().map(|&v| self.points[v as usize]).collect();
         Ok(Mesh {
             points,
@@ -286,6 +295,7 @@ impl<'a> File<'a> {
             topology: self.topology,
             paint,
             notes,
+            pattern,
         })
     }
 }

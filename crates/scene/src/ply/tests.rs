@@ -185,3 +185,40 @@ fn a_binary_file_may_be_cut_anywhere_without_a_panic_or_a_mesh() {
         message(binary(false, &[(3, &[0, 1, -2])])).contains("face 0: a vertex index is negative")
     );
 }
+
+#[test]
+fn a_file_that_differs_in_its_vertices_alone_is_read_as_any_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        fs::write(&path, bytes).unwrap();
+        path
+    };
+    for big in [false, true] {
+        // Vertex 2 is in no face.
+        let first = binary(big, &[(3, &[0, 1, 3])]);
+        let pattern = parse(&first).unwrap().pattern.unwrap();
+        let mut later = first.clone();
+        let z = later.len() - (4 + 6) - 3 - 8;
+        later[z..z + 8].copy_from_slice(&[0x3f; 8]);
+        let whole = parse(&later).unwrap();
+        let read = pattern.read(&write("later.ply", &later)).unwrap().unwrap();
+        assert_eq!(read, whole.points);
+        assert_ne!(read[2], parse(&first).unwrap().points[2]);
+        for other in [
+            binary(big, &[(3, &[0, 1, 2])]),
+            binary(big, &[(3, &[0, 1, 3]), (3, &[0, 1, 3])]),
+            later[..later.len() - 1].to_vec(),
+            [&later[..], b" "].concat(),
+            ascii("0 0 0\n", "3 0 0 0\n").into_bytes(),
+        ] {
+            assert!(pattern.read(&write("other.ply", &other)).unwrap().is_none());
+        }
+    }
+    assert!(
+        parse(ascii("0 0 0\n", "3 0 0 0\n").as_bytes())
+            .unwrap()
+            .pattern
+            .is_none()
+    );
+}
