@@ -186,8 +186,9 @@ pub trait GpuDevice: Send + Sized {
     /// The next submission waits until this was sent, and all before it.
     fn expect(&mut self, arrival: u64);
 
-    /// Takes back a buffer, to send another of its kind in it once all that was submitted so far is done with it.
-    fn recycle(&mut self, what: Sent, buffer: Self::Buffer);
+    /// Takes back a buffer, to send another of its kind in it once nothing reads it any more: the last so many submissions
+    /// do not.
+    fn recycle(&mut self, what: Sent, buffer: Self::Buffer, unused_for: u64);
 
     /// What makes kernels ready.
     fn pipeline_maker(&self) -> Self::Maker;

@@ -202,7 +202,7 @@ impl<D: GpuDevice> Engine<D> {
         self.traces.submitted(ticket);
         self.snapshots.submitted(ticket, copy);
         let scene = self.scene.as_mut().expect("a scene was loaded");
-        scene.send_key_ahead(&mut self.gpu)?;
+        scene.submitted(&mut self.gpu)?;
         Ok(ticket)
     }
 

@@ -15,6 +15,7 @@ pub(crate) struct KeySlots<D: GpuDevice> {
     slots: Vec<KeySlot<D>>,
     /// Rises with each use.
     clock: u64,
+    submissions: u64,
 }
 
 struct KeySlot<D: GpuDevice> {
@@ -22,7 +23,10 @@ struct KeySlot<D: GpuDevice> {
     buffer: D::Buffer,
     /// See [`GpuDevice::send`].
     arrival: u64,
+    /// By the clock: how soon it makes room for others.
     used: u64,
+    /// The submission that read it last.
+    read_by: u64,
 }
 
 impl<D: GpuDevice> KeySlots<D> {
@@ -35,6 +39,7 @@ impl<D: GpuDevice> KeySlots<D> {
                 buffer: gpu.buffer(what, size_of_val(&frame[..]) as u64, BufferPurpose::Storage)?,
                 arrival: 0,
                 used: 0,
+                read_by: 0,
             })
         };
         let held = animation.held_keys().unwrap_or_default();
@@ -48,7 +53,11 @@ impl<D: GpuDevice> KeySlots<D> {
             .map(|(frame, slot)| (bytemuck::cast_slice(frame), &slot.buffer))
             .collect();
         gpu.upload(&contents)?;
-        Ok(Self { slots, clock: 0 })
+        Ok(Self {
+            slots,
+            clock: 0,
+            submissions: 0,
+        })
     }
 
     /// Has the key frames of a pose be there for all that is recorded from now on. Waits for those that have to be read.
@@ -59,18 +68,17 @@ impl<D: GpuDevice> KeySlots<D> {
             if self.find(key).is_none() {
                 self.send(gpu, (key, &animation.key(key)?))?;
             }
-            self.clock += 1;
-            let used = self.clock;
-            let slot = self.slots.iter_mut().find(|slot| slot.key == key);
-            let slot = slot.expect("it was sent");
-            slot.used = used;
+            let next = self.submissions + 1;
+            let slot = self.touch(key).expect("it was sent");
+            slot.read_by = next;
             gpu.expect(slot.arrival);
         }
         Ok(())
     }
 
-    /// Sends one of the key frames that are played next, if it was read and there is room. Never waits.
-    pub(crate) fn send_ahead(&mut self, gpu: &mut D, animation: &Animation) -> Result<()> {
+    /// What was recorded is submitted. Sends one of the key frames that are played next, if it was read.
+    pub(crate) fn submitted(&mut self, gpu: &mut D, animation: &Animation) -> Result<()> {
+        self.submissions += 1;
         let upcoming = animation.upcoming(AHEAD);
         let wanted = upcoming.iter().find(|(key, _)| self.find(*key).is_none());
         let Some((key, frame)) = wanted else {
@@ -78,12 +86,21 @@ impl<D: GpuDevice> KeySlots<D> {
         };
         // What is played soon must not make room for what is played later.
         for (key, _) in &upcoming {
-            self.clock += 1;
-            let used = self.clock;
-            let slot = self.slots.iter_mut().find(|slot| slot.key == *key);
-            slot.into_iter().for_each(|slot| slot.used = used);
+            self.touch(*key);
         }
         self.send(gpu, (*key, frame))
+    }
+
+    /// A key frame's place, which is kept longest from now on.
+    fn touch(&mut self, key: usize) -> Option<&mut KeySlot<D>> {
+        self.clock += 1;
+        let at = match self.slots.get(key).is_some_and(|slot| slot.key == key) {
+            true => key,
+            false => self.slots.iter().position(|slot| slot.key == key)?,
+        };
+        let slot = &mut self.slots[at];
+        slot.used = self.clock;
+        Some(slot)
     }
 
     fn find(&self, key: usize) -> Option<&KeySlot<D>> {
@@ -94,11 +111,17 @@ impl<D: GpuDevice> KeySlots<D> {
 
     /// Sends a key frame of a stream, in the place of the one that was used longest ago.
     fn send(&mut self, gpu: &mut D, (key, frame): (usize, &KeyFrame)) -> Result<()> {
-        if self.slots.len() >= KEPT {
+        while self.slots.len() >= KEPT {
+            // What is recorded now may yet read what it asked for.
             let all = self.slots.iter().enumerate();
-            let oldest = all.min_by_key(|(_, slot)| slot.used).map(|(i, _)| i);
-            let oldest = self.slots.swap_remove(oldest.expect("there are some"));
-            gpu.recycle(Sent::KeyFrame, oldest.buffer);
+            let free = all.filter(|(_, slot)| slot.read_by <= self.submissions);
+            let Some((oldest, _)) = free.min_by_key(|(_, slot)| slot.used) else {
+                break;
+            };
+            let KeySlot {
+                buffer, read_by, ..
+            } = self.slots.swap_remove(oldest);
+            gpu.recycle(Sent::KeyFrame, buffer, self.submissions - read_by);
         }
         let words = bytemuck::cast_slice(frame);
         let (buffer, arrival) = gpu.send(Sent::KeyFrame, &[words])?;
@@ -108,6 +131,7 @@ impl<D: GpuDevice> KeySlots<D> {
             buffer,
             arrival,
             used: self.clock,
+            read_by: 0,
         });
         Ok(())
     }

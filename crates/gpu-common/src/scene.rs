@@ -86,9 +86,9 @@ impl<D: GpuDevice> SceneBuffers<D> {
         self.keys.bring(gpu, &self.animation, pose)
     }
 
-    /// Sends a key frame that is played soon, if there are such.
-    pub(crate) fn send_key_ahead(&mut self, gpu: &mut D) -> Result<()> {
-        self.keys.send_ahead(gpu, &self.animation)
+    /// What was recorded is submitted: sends a key frame that is played soon, if there are such.
+    pub(crate) fn submitted(&mut self, gpu: &mut D) -> Result<()> {
+        self.keys.submitted(gpu, &self.animation)
     }
 
     pub(crate) fn has_palette(&self) -> bool {

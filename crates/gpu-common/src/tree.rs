@@ -72,7 +72,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         };
         gpu.expect(arrival);
         if let Some(old) = self.record.replace(record) {
-            gpu.recycle(Sent::Tree, old);
+            gpu.recycle(Sent::Tree, old, 0);
         }
         self.shape = shape;
         (self.generation, self.made_here) = (generation, false);

@@ -259,8 +259,11 @@ impl GpuDevice for VulkanDevice {
         self.arriving = self.arriving.max(arrival);
     }
 
-    fn recycle(&mut self, what: Sent, buffer: Buffer) {
-        let last = self.last_use();
+    fn recycle(&mut self, what: Sent, buffer: Buffer, unused_for: u64) {
+        let last = LastUse {
+            ticket: self.submitted.saturating_sub(unused_for),
+            ..self.last_use()
+        };
         match what {
             Sent::Tree => self.trees.recycle(buffer, last),
             Sent::KeyFrame => self.keys.recycle(buffer, last),

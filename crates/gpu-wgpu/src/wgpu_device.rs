@@ -230,7 +230,7 @@ impl GpuDevice for WgpuDevice {
     /// The queue runs in order.
     fn expect(&mut self, _: u64) {}
 
-    fn recycle(&mut self, what: Sent, buffer: Buffer) {
+    fn recycle(&mut self, what: Sent, buffer: Buffer, _: u64) {
         self.free(what).push(buffer);
     }
 
