@@ -5,6 +5,7 @@ use crate::frames;
 use crate::stop::Stop;
 use crate::values::{Frames, TimeRange};
 use output::{Digest, digest_of};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -122,7 +123,7 @@ impl SceneId {
         let is_placed = spec.contains(['+', '@']);
         Ok(Self {
             name: (files.is_empty() || is_placed).then(|| spec.to_owned()),
-            files: files.iter().map(read).collect::<Result<_, Stop>>()?,
+            files: files.par_iter().map(read).collect::<Result<_, Stop>>()?,
         })
     }
 }

@@ -10,7 +10,7 @@ const SPARE: usize = 2;
 
 /// A part of a sequence of key frames, which follows whoever plays it.
 ///
-/// Readers have a pool of their own. One of them never waits for work that waits for a key frame, so none waits for ever.
+/// Readers have a pool of their own, half as large as the caller's, for trees are built meanwhile. One of them never waits for work that waits for a key frame, so none waits for ever.
 pub(crate) struct KeyWindow {
     shared: Arc<Shared>,
     pool: rayon::ThreadPool,
@@ -46,7 +46,7 @@ impl KeyWindow {
     pub(crate) fn new(source: Arc<dyn KeySource>, capacity: usize) -> Result<Self, KeyFrameError> {
         let pool = rayon::ThreadPoolBuilder::new()
             .thread_name(|i| format!("key frames {i}"))
-            .num_threads(rayon::current_num_threads())
+            .num_threads(rayon::current_num_threads().div_ceil(2))
             .build()
             .map_err(|e| KeyFrameError(format!("no threads to read key frames: {e}")))?;
         let shared = Shared {

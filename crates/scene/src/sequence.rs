@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::SystemTime;
 
@@ -45,6 +46,7 @@ pub(crate) fn open(
     let vertices = points.len();
     let sequence = Arc::new(Sequence {
         stamps: files.iter().map(|_| OnceLock::new()).collect(),
+        alike: files.iter().map(|_| AtomicBool::new(false)).collect(),
         files: files.clone(),
         topology,
         pattern,
@@ -79,6 +81,8 @@ struct Sequence {
     files: Vec<PathBuf>,
     /// What the files were when they were first read.
     stamps: Vec<OnceLock<Stamp>>,
+    /// Those that differ from the first in their vertices alone, by number.
+    alike: Vec<AtomicBool>,
     /// Of all of them.
     topology: Topology,
     pattern: Option<Pattern>,
@@ -96,9 +100,14 @@ impl Sequence {
     fn read_file(&self, key: usize) -> Result<Vec<Point>, SceneError> {
         let path = &self.files[key];
         self.check_unchanged(key)?;
-        let pattern = self.pattern.as_ref();
-        if let Some(points) = pattern.map_or(Ok(None), |pattern| pattern.read(path))? {
-            return Ok(points);
+        if let Some(pattern) = &self.pattern {
+            if self.alike[key].load(Ordering::Relaxed) {
+                return pattern.read_again(path);
+            }
+            if let Some(points) = pattern.read(path)? {
+                self.alike[key].store(true, Ordering::Relaxed);
+                return Ok(points);
+            }
         }
         let mesh = read(path)?;
         mesh.topology

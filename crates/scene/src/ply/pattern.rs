@@ -3,7 +3,8 @@
 use super::File;
 use crate::SceneError;
 use geom::Point;
-use ply_rs_bw::ply::{Encoding, Header};
+use ply_rs_bw::ply::{Encoding, Header, PropertyType, ScalarType};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 
 /// All bytes of a binary file but those of its vertices, which come first.
@@ -13,6 +14,13 @@ pub(crate) struct Pattern {
     tail: Vec<u8>,
     /// Vertices that faces use.
     kept: Vec<u32>,
+    floats: Option<Floats>,
+}
+
+/// Where little-endian floats lie in rows of one length.
+struct Floats {
+    row: usize,
+    xyz: [usize; 3],
 }
 
 impl Pattern {
@@ -29,6 +37,7 @@ impl Pattern {
             vertex_bytes: end - start,
             tail: bytes[end..].to_vec(),
             kept: kept.to_vec(),
+            floats: Floats::of(header),
         })
     }
 
@@ -40,13 +49,71 @@ impl Pattern {
         let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
         let rest = bytes.strip_prefix(&self.head[..]);
         let rest = rest.and_then(|rest| rest.strip_suffix(&self.tail[..]));
-        if rest.is_none_or(|rows| rows.len() != self.vertex_bytes) {
-            return Ok(None);
+        match rest.filter(|rows| rows.len() == self.vertex_bytes) {
+            Some(rows) => Ok(Some(self.points(path, rows)?)),
+            None => Ok(None),
         }
+    }
+
+    /// Reads the positions of a file that [`Self::read`] did once before.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub(crate) fn read_again(&self, path: &Path) -> Result<Vec<Point>, SceneError> {
+        let read = || -> io::Result<Vec<u8>> {
+            let mut file = host::open(path)?;
+            file.seek(SeekFrom::Start(self.head.len() as u64))?;
+            let mut rows = vec![0; self.vertex_bytes];
+            file.read_exact(&mut rows)?;
+            Ok(rows)
+        };
+        let rows = read().map_err(|e| SceneError::unreadable(path, e))?;
+        self.points(path, &rows)
+    }
+
+    fn points(&self, path: &Path, rows: &[u8]) -> Result<Vec<Point>, SceneError> {
+        let kept = self.kept.iter().map(|&v| v as usize);
+        if let Some(floats) = &self.floats {
+            return Ok(kept.map(|v| floats.point(rows, v)).collect());
+        }
+        let bytes = [&self.head[..], rows].concat();
         let mut file = File::open(path, &bytes)?;
         let first = file.header.elements.values().next().cloned();
         file.element(&first.expect("the header is that of the first file"))?;
-        let points = self.kept.iter().map(|&v| file.points[v as usize]);
-        Ok(Some(points.collect()))
+        Ok(kept.map(|v| file.points[v]).collect())
+    }
+}
+
+impl Floats {
+    /// Of a header whose vertices are floats, or other numbers of fixed length beside these.
+    fn of(header: &Header) -> Option<Self> {
+        let vertex = header.elements.get("vertex")?;
+        let (mut row, mut xyz) = (0, [None; 3]);
+        for (name, property) in &vertex.properties {
+            let PropertyType::Scalar(kind) = &property.data_type else {
+                return None;
+            };
+            if let Some(axis) = ["x", "y", "z"].iter().position(|axis| axis == name) {
+                xyz[axis] = Some(row).filter(|_| *kind == ScalarType::Float);
+            }
+            row += match kind {
+                ScalarType::Char | ScalarType::UChar => 1,
+                ScalarType::Short | ScalarType::UShort => 2,
+                ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+                ScalarType::Double => 8,
+            };
+        }
+        let xyz = [xyz[0]?, xyz[1]?, xyz[2]?];
+        (header.encoding == Encoding::BinaryLittleEndian).then_some(Self { row, xyz })
+    }
+
+    fn point(&self, rows: &[u8], vertex: usize) -> Point {
+        let row = &rows[vertex * self.row..][..self.row];
+        self.xyz.map(|at| {
+            let bytes = row[at..]
+                .first_chunk()
+                .expect("a float ends within the row");
+            f32::from_le_bytes(*bytes)
+        })
     }
 }

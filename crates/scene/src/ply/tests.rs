@@ -204,6 +204,8 @@ fn a_file_that_differs_in_its_vertices_alone_is_read_as_any_other() {
         let whole = parse(&later).unwrap();
         let read = pattern.read(&write("later.ply", &later)).unwrap().unwrap();
         assert_eq!(read, whole.points);
+        let again = pattern.read_again(&write("later.ply", &later)).unwrap();
+        assert_eq!(again, whole.points);
         assert_ne!(read[2], parse(&first).unwrap().points[2]);
         for other in [
             binary(big, &[(3, &[0, 1, 2])]),
@@ -221,4 +223,42 @@ fn a_file_that_differs_in_its_vertices_alone_is_read_as_any_other() {
             .pattern
             .is_none()
     );
+}
+
+#[test]
+fn floats_are_found_wherever_they_lie_in_a_row() {
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty uchar red\nproperty float z\n\
+        property double w\nproperty float x\nproperty short s\nproperty float y\nelement face 1\n\
+        property list uchar int vertex_indices\nend_header\n";
+    let mut bytes = header.as_bytes().to_vec();
+    for v in 0..3_u8 {
+        let [x, y, z] = [f32::from(v), -0.0, f32::from(v * v)].map(f32::to_le_bytes);
+        let row = [
+            &[9][..],
+            &z,
+            &1.5_f64.to_le_bytes(),
+            &x,
+            &7_i16.to_le_bytes(),
+            &y,
+        ];
+        bytes.extend(row.concat());
+    }
+    bytes.push(3);
+    bytes.extend([0_i32, 1, 2].map(i32::to_le_bytes).as_flattened());
+    let mesh = parse(&bytes).unwrap();
+    let file = tempfile::NamedTempFile::new().unwrap();
+    fs::write(file.path(), &bytes).unwrap();
+    let pattern = mesh.pattern.unwrap();
+    let bits = |points: &[Point]| {
+        points
+            .iter()
+            .map(|p| p.map(f32::to_bits))
+            .collect::<Vec<_>>()
+    };
+    for read in [
+        pattern.read(file.path()).unwrap().unwrap(),
+        pattern.read_again(file.path()).unwrap(),
+    ] {
+        assert_eq!(bits(&read), bits(&mesh.points));
+    }
 }
