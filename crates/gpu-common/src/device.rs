@@ -5,6 +5,7 @@ use backend::{
     BackendError, Device, DeviceBytes, DeviceKind, Result, Snapshot, Ticket, choose_adapter,
 };
 use bytemuck::Pod;
+use rayon::iter::IndexedParallelIterator;
 use shaders::work::Work;
 use shaders::{BufferName, Counts, Kernel, Packets};
 
@@ -166,9 +167,12 @@ pub trait GpuDevice: Send + Sized {
     /// See [`BackendError`]; likewise below.
     fn upload(&mut self, all: &[(&[u8], &Self::Buffer)]) -> Result<()>;
 
-    /// Fills a buffer of [`BufferPurpose::Input`] for the next submission. Nothing under way may use it.
-    fn write<T: Pod>(&mut self, to: &mut Self::Buffer, rows: impl Iterator<Item = T>)
-    -> Result<()>;
+    /// Fills a buffer of [`BufferPurpose::Input`] for the next submission, by all threads. Nothing under way may use it.
+    fn write<T: Pod + Send + Sync>(
+        &mut self,
+        to: &mut Self::Buffer,
+        rows: impl IndexedParallelIterator<Item = T>,
+    ) -> Result<()>;
 
     /// Waits for what was submitted and shows the first `count` elements of a buffer.
     /// What fills it must be finished.

@@ -138,7 +138,7 @@ impl<D: GpuDevice> Engine<D> {
         &mut self,
         query: &Query<'_>,
         how: (backend::Intersector, bool),
-        is_extreme: impl Fn(&Ray) -> bool,
+        is_extreme: impl Fn(&Ray) -> bool + Sync,
     ) -> Result<Trace<D>> {
         assert!(self.traces.pending.is_none(), "one trace a submission");
         self.traces.make(&mut self.gpu, query, how, is_extreme)

@@ -3,8 +3,13 @@
 use crate::{BufferPurpose, GpuDevice};
 use backend::{FRAMES_IN_FLIGHT, Hits, Intersector, Query, QueryKind, Rays, Result, Ticket};
 use geom::{Hit, Ray};
+use rayon::prelude::*;
 use shaders::BufferName;
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Bytes that one task copies.
+const RUN: usize = 1 << 18;
 
 /// Traces, oldest first.
 pub struct Traces<D: GpuDevice> {
@@ -68,7 +73,7 @@ impl<D: GpuDevice> Traces<D> {
         gpu: &mut D,
         query: &Query<'_>,
         (intersector, has_tree): (Intersector, bool),
-        is_extreme: impl Fn(&Ray) -> bool,
+        is_extreme: impl Fn(&Ray) -> bool + Sync,
     ) -> Result<Trace<D>> {
         let old = match self.kept.len() > FRAMES_IN_FLIGHT {
             true => self.kept.pop_front(),
@@ -169,24 +174,35 @@ fn send<D: GpuDevice>(
     gpu: &mut D,
     rays: Rays<'_>,
     to: &mut D::Buffer,
-    is_extreme: impl Fn(&Ray) -> bool,
+    is_extreme: impl Fn(&Ray) -> bool + Sync,
 ) -> Result<bool> {
     // A direction of zero marks a ray that hits nothing.
     let void = Ray {
         direction: [0.0; 3],
         ..Ray::new([0.0; 3], [0.0; 3])
     };
-    let mut extremes = false;
-    let mut row = |ray: Ray| {
+    let extremes = AtomicBool::new(false);
+    let row = |ray: Ray| {
         let row = if ray.is_valid() { ray } else { void };
-        extremes |= is_extreme(&row);
+        if is_extreme(&row) {
+            extremes.store(true, Ordering::Relaxed);
+        }
         row
     };
     match rays {
-        Rays::List(list) => gpu.write(to, list.iter().copied().map(&mut row))?,
-        Rays::Camera(camera) => gpu.write(to, camera.rays().map(&mut row))?,
+        Rays::List(list) => gpu.write(to, list.par_iter().map(|&ray| row(ray)))?,
+        Rays::Camera(camera) => {
+            let pixels = (0..camera.pixels() as u32).into_par_iter();
+            let ray = |i: u32| row(camera.ray(i % camera.width, i / camera.width));
+            gpu.write(to, pixels.map(ray))?;
+        }
     }
-    Ok(extremes)
+    Ok(extremes.into_inner())
+}
+
+/// Copies by all threads, for one alone takes as long as a trace.
+fn copy<T: Copy + Send + Sync>(from: &[T], to: &mut Vec<T>) {
+    from.par_iter().copied().collect_into_vec(to);
 }
 
 impl<D: GpuDevice> Trace<D> {
@@ -212,34 +228,45 @@ impl<D: GpuDevice> Trace<D> {
 
     /// Copies the pixels, if there are any. The submission must be finished.
     pub(crate) fn fetch_pixels(&self, gpu: &mut D, out: &mut Vec<u8>) -> Result<bool> {
-        out.clear();
         let Some(pixels) = self.get(BufferName::Pixels).filter(|_| self.shaded) else {
             return Ok(false);
         };
+        out.resize(4 * self.count, 0);
         gpu.read(pixels, 4 * self.count, |bytes: &[u8]| {
-            out.extend_from_slice(bytes)
+            let parts = out.par_chunks_mut(RUN).zip(bytes.par_chunks(RUN));
+            parts.for_each(|(to, from)| to.copy_from_slice(from));
         })?;
         Ok(true)
     }
 
     /// Copies what was found. The submission must be finished.
     pub(crate) fn fetch(&self, gpu: &mut D, out: &mut Hits) -> Result<()> {
-        out.closest.clear();
-        out.blocked.clear();
+        if self.kind == QueryKind::Any {
+            out.closest.clear();
+        }
+        if self.kind == QueryKind::Closest {
+            out.blocked.clear();
+        }
         if self.kind != QueryKind::Any {
             let closest = &mut out.closest;
             match self.get(BufferName::Hits).filter(|_| self.has_tree) {
-                Some(hits) => gpu.read(hits, self.count, |hits| closest.extend_from_slice(hits))?,
-                None => closest.resize(self.count, Hit::MISS),
+                Some(hits) => gpu.read(hits, self.count, |hits| copy(hits, closest))?,
+                None => {
+                    closest.clear();
+                    closest.resize(self.count, Hit::MISS);
+                }
             }
         }
         if self.kind != QueryKind::Closest {
             let blocked = &mut out.blocked;
             match self.get(BufferName::Occluded).filter(|_| self.has_tree) {
                 Some(words) => gpu.read(words, self.count, |words: &[u32]| {
-                    blocked.extend(words.iter().map(|&b| b as u8));
+                    words.par_iter().map(|&b| b as u8).collect_into_vec(blocked);
                 })?,
-                None => blocked.resize(self.count, 0),
+                None => {
+                    blocked.clear();
+                    blocked.resize(self.count, 0);
+                }
             }
         }
         Ok(())

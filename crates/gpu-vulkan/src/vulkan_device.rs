@@ -17,6 +17,7 @@ use gpu_common::{
     BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode, Sent,
     Stage,
 };
+use rayon::prelude::*;
 use shaders::{Kernel, Packets};
 use std::ops::Deref;
 use std::sync::Arc;
@@ -223,8 +224,12 @@ impl GpuDevice for VulkanDevice {
         load(&self.gpu, &mut self.upload, all)
     }
 
-    fn write<T: Pod>(&mut self, to: &mut Buffer, rows: impl Iterator<Item = T>) -> Result<()> {
-        let places = to.view_mut::<T>().iter_mut();
+    fn write<T: Pod + Send + Sync>(
+        &mut self,
+        to: &mut Buffer,
+        rows: impl IndexedParallelIterator<Item = T>,
+    ) -> Result<()> {
+        let places = to.view_mut::<T>().par_iter_mut();
         places.zip(rows).for_each(|(place, row)| *place = row);
         Ok(())
     }

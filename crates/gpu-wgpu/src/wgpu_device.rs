@@ -15,6 +15,7 @@ use gpu_common::{
     BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode, Sent,
     Stage,
 };
+use rayon::iter::IndexedParallelIterator;
 use shaders::{Kernel, Packets};
 use std::ops::Deref;
 use std::sync::Arc;
@@ -197,7 +198,11 @@ impl GpuDevice for WgpuDevice {
         upload(&self.gpu, all)
     }
 
-    fn write<T: Pod>(&mut self, to: &mut Buffer, rows: impl Iterator<Item = T>) -> Result<()> {
+    fn write<T: Pod + Send + Sync>(
+        &mut self,
+        to: &mut Buffer,
+        rows: impl IndexedParallelIterator<Item = T>,
+    ) -> Result<()> {
         let rows: Vec<T> = rows.collect();
         write(&self.gpu, to, 0, &rows)
     }

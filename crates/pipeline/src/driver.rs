@@ -292,8 +292,10 @@ impl Driver {
         wanted: Wanted,
         answers: &mut Answers,
     ) -> backend::Result<()> {
-        answers.pixels.clear();
         let shaded = wanted.pixels && self.backend.pixels(ticket, &mut answers.pixels)?;
+        if !shaded {
+            answers.pixels.clear();
+        }
         match wanted.hits || (wanted.pixels && !shaded) {
             true => self.backend.hits(ticket, &mut answers.hits),
             false => Ok(()),
