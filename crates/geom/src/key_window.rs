@@ -25,14 +25,14 @@ struct Shared {
 
 #[derive(Default)]
 struct State {
-    slots: BTreeMap<usize, Slot>,
+    entries: BTreeMap<usize, Entry>,
     /// Rises with each use.
     clock: u64,
     /// Key frames to come, the next one first.
     upcoming: Vec<usize>,
 }
 
-enum Slot {
+enum Entry {
     Reading,
     Ready { frame: KeyFrame, used: u64 },
     Failed(KeyFrameError),
@@ -107,9 +107,9 @@ impl KeyWindow {
 
     /// Whether nobody reads this key frame yet; somebody has to, from now on.
     fn is_new(&self, state: &mut State, key: usize) -> bool {
-        let is_new = !state.slots.contains_key(&key);
+        let is_new = !state.entries.contains_key(&key);
         if is_new {
-            state.slots.insert(key, Slot::Reading);
+            state.entries.insert(key, Entry::Reading);
         }
         is_new
     }
@@ -131,14 +131,14 @@ impl Shared {
     fn file(&self, key: usize, read: Result<Vec<Point>, KeyFrameError>) {
         let mut state = self.lock();
         state.clock += 1;
-        let slot = match read {
-            Ok(points) => Slot::Ready {
+        let entry = match read {
+            Ok(points) => Entry::Ready {
                 frame: Arc::new(points),
                 used: state.clock,
             },
-            Err(why) => Slot::Failed(why),
+            Err(why) => Entry::Failed(why),
         };
-        state.slots.insert(key, slot);
+        state.entries.insert(key, entry);
         state.forget_beyond(self.capacity);
         drop(state);
         self.arrived.notify_all();
@@ -149,26 +149,26 @@ impl State {
     /// What came of reading a key frame; nothing if it is not there yet.
     fn take(&mut self, key: usize) -> Option<Result<KeyFrame, KeyFrameError>> {
         self.clock += 1;
-        match self.slots.get_mut(&key)? {
-            Slot::Reading => None,
-            Slot::Ready { frame, used } => {
+        match self.entries.get_mut(&key)? {
+            Entry::Reading => None,
+            Entry::Ready { frame, used } => {
                 *used = self.clock;
                 Some(Ok(Arc::clone(frame)))
             }
-            Slot::Failed(why) => Some(Err(why.clone())),
+            Entry::Failed(why) => Some(Err(why.clone())),
         }
     }
 
     /// Drops what was used longest ago.
     fn forget_beyond(&mut self, capacity: usize) {
-        let ready = |(&key, slot): (&usize, &Slot)| match slot {
-            Slot::Ready { used, .. } => Some((*used, key)),
-            Slot::Reading | Slot::Failed(_) => None,
+        let ready = |(&key, entry): (&usize, &Entry)| match entry {
+            Entry::Ready { used, .. } => Some((*used, key)),
+            Entry::Reading | Entry::Failed(_) => None,
         };
-        let mut all: Vec<_> = self.slots.iter().filter_map(ready).collect();
+        let mut all: Vec<_> = self.entries.iter().filter_map(ready).collect();
         all.sort_unstable();
         for (_, key) in &all[..all.len().saturating_sub(capacity)] {
-            self.slots.remove(key);
+            self.entries.remove(key);
         }
     }
 }
@@ -218,7 +218,7 @@ mod tests {
         let (_, window) = window();
         for key in (0..90).chain([3, 80, 0]) {
             assert_eq!(window.get(key).unwrap()[0][0], key as f32);
-            assert!(window.shared.lock().slots.len() <= FEW);
+            assert!(window.shared.lock().entries.len() <= FEW);
         }
         assert_eq!(window.get(95).unwrap_err().to_string(), "95.ply: gone");
     }

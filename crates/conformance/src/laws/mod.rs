@@ -4,6 +4,7 @@ mod answers;
 mod geometry;
 mod reports;
 mod still;
+mod streamed;
 mod trees;
 mod within;
 
@@ -125,6 +126,10 @@ pub const LAWS: &[Law] = &[
     law_of_methods("counts_equal_the_reference", reports::counts),
     law("reports_name_what_was_done", reports::stages),
     law("positions_come_back_as_they_were", geometry::read_back),
+    law(
+        "positions_of_a_stream_are_those_of_held_key_frames",
+        streamed::positions,
+    ),
     law_of_methods("closest_hits_equal_the_reference", answers::closest),
     law_of_methods("any_hits_equal_the_reference", answers::any),
     law_of_methods("pictures_and_shadows_equal_the_reference", answers::picture),
@@ -158,6 +163,10 @@ pub const OWN_TREE_LAWS: &[Law] = &[
     law("positions_equal_the_formula", geometry::positions),
     law("reports_name_what_was_done", reports::stages),
     law("positions_come_back_as_they_were", geometry::read_back),
+    law(
+        "positions_of_a_stream_are_those_of_held_key_frames",
+        streamed::positions,
+    ),
     law_of_methods("a_camera_is_its_rays", answers::camera_is_rays),
     law("closest_hits_lie_within_rounding", within::closest),
     law("any_hits_lie_within_rounding", within::any),

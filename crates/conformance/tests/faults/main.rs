@@ -14,6 +14,7 @@ boxes_are_of_the_moment_interpolated_last: boxes of the moment before
 counts_equal_the_reference: inactive miscounted, hits miscounted
 reports_name_what_was_done: times of stages left out, clock runs backwards
 positions_come_back_as_they_were: copies are of the newest frame, copies come twice
+positions_of_a_stream_are_those_of_held_key_frames: key frames of a stream come late
 closest_hits_equal_the_reference: distances one ulp off, weights swapped, interval is closed, ties go to the first leaf
 pictures_and_shadows_equal_the_reference: distances one ulp off, weights swapped, shadows inverted, pixels sampled at corners
 any_hit_agrees_with_closest_hit: interval is closed, any hit forgets the last ray
@@ -37,6 +38,7 @@ const NOTICED_WITHIN: &str = "
 positions_equal_the_formula: positions one ulp off
 reports_name_what_was_done: times of stages left out
 positions_come_back_as_they_were: copies come twice
+positions_of_a_stream_are_those_of_held_key_frames: key frames of a stream come late
 a_camera_is_its_rays: pixels sampled at corners
 counts_equal_what_is_there: inactive miscounted, hits miscounted
 closest_hits_lie_within_rounding: weights swapped, first leaf is never hit
