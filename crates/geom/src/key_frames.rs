@@ -57,7 +57,7 @@ impl KeyFrames {
             Self::Streamed(window) => {
                 for key in 1..self.len() {
                     window.look_ahead((key..self.len().min(key + window.capacity())).collect());
-                    see(&*window.get(key)?);
+                    see(&window.get(key)?);
                 }
             }
         }

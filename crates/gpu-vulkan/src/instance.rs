@@ -1,5 +1,6 @@
 //! The loader and the instance.
 
+use crate::loader;
 use crate::validation::{DebugMessenger, EXTENSIONS, LAYER, Validation};
 use ash::{Entry, Instance, vk};
 use backend::{BackendError, Result};
@@ -45,9 +46,8 @@ impl Host {
     }
 
     fn make(validated: bool) -> Result<Self> {
-        // SAFETY: the loader is the system's own; its library stays open as long as `Host` lives.
-        let entry = unsafe { Entry::load() }
-            .map_err(|e| BackendError::NoDevice(format!("no Vulkan loader: {e}")))?;
+        let entry =
+            loader::open().map_err(|e| BackendError::NoDevice(format!("no Vulkan loader: {e}")))?;
         let app = vk::ApplicationInfo::default()
             .application_name(c"abvh")
             .api_version(vk::API_VERSION_1_2);

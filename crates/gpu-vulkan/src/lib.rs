@@ -18,6 +18,7 @@ pub mod errors;
 pub mod gpu;
 pub mod instance;
 mod limits;
+mod loader;
 mod marks;
 pub mod memory;
 mod pages;

@@ -390,7 +390,6 @@ impl GpuDevice for VulkanDevice {
             scratch,
             scene,
             frames: self.gpu.memory.held().saturating_sub(others),
-            ..bytes
         }
     }
 }

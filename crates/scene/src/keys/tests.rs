@@ -169,7 +169,8 @@ fn the_answer_is_the_same_for_every_number_of_threads() {
 
 #[test]
 fn a_vertex_comes_and_goes_at_its_own_frames() {
-    let mut keys = vec![Arc::new(vec![[0.0; 3], [1.0, 0.0, 0.0]]); 8];
+    let key = Arc::new(vec![[0.0; 3], [1.0, 0.0, 0.0]]);
+    let mut keys: Vec<KeyFrame> = (0..8).map(|_| Arc::clone(&key)).collect();
     keys[3..6]
         .iter_mut()
         .for_each(|key| Arc::make_mut(key)[1][2] = f32::NAN);
