@@ -21,7 +21,7 @@ pub use rival::{Node, Rival, sah_cost};
 pub use rivals::{Bvh, Obvhs, Parry};
 #[cfg(feature = "embree")]
 pub use rivals::{EmbreeScene, Made, Packet16};
-pub use rounds::{Contender, Samples, in_turn, least, median, rounds};
+pub use rounds::{Contender, Samples, in_turn, least, median};
 
 use comfy_table::Table;
 use criterion::Criterion;
@@ -46,6 +46,13 @@ pub fn thread_counts() -> Vec<usize> {
     }
     let all = std::thread::available_parallelism().map_or(1, usize::from);
     if all > 1 { vec![1, all] } else { vec![1] }
+}
+
+/// What the variable `name` says, or else `usual`.
+#[must_use]
+pub fn setting(name: &str, usual: usize) -> usize {
+    let named = std::env::var(name).ok();
+    named.and_then(|n| n.parse().ok()).unwrap_or(usual)
 }
 
 /// A pool to install round a measured closure.

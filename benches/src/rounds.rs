@@ -35,13 +35,6 @@ pub struct Samples {
     pub hits: u64,
 }
 
-/// How often each contender is measured: as `ABVH_ROUNDS` says, or else `usual`.
-#[must_use]
-pub fn rounds(usual: usize) -> usize {
-    let named = std::env::var("ABVH_ROUNDS");
-    named.ok().and_then(|n| n.parse().ok()).unwrap_or(usual)
-}
-
 /// Runs all contenders once, and then `rounds` times one after the other while measuring.
 #[must_use]
 pub fn in_turn(mut contenders: Vec<Contender<'_>>, rounds: usize) -> Vec<Samples> {

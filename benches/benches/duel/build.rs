@@ -1,7 +1,7 @@
 //! Triangles to trees.
 
 use crate::{METHOD, Unit, report};
-use benches::{Contender, EmbreeScene, Made, Mesh, Ours, Tracer, in_turn, pool, rounds, thread_counts};
+use benches::{Contender, EmbreeScene, Made, Mesh, Ours, Tracer, in_turn, pool, setting, thread_counts};
 use rayon::ThreadPool;
 use serde_json::Value;
 
@@ -24,7 +24,7 @@ pub(crate) fn times(mesh: &Mesh, threads: usize) -> Value {
         contenders.push(record(mesh, *threads, pool));
         contenders.push(traceable(mesh, *threads, pool));
     }
-    let samples = in_turn(contenders, rounds(ROUNDS));
+    let samples = in_turn(contenders, setting("ABVH_ROUNDS", ROUNDS));
     let title = format!("{}: build, {threads} threads", mesh.label);
     report(&title, Unit::NsEach(mesh.triangle_count()), &samples)
 }
@@ -42,7 +42,7 @@ pub(crate) fn refits(mesh: &Mesh, threads: usize) -> Value {
         tracer.refit();
         0
     });
-    let samples = in_turn(vec![theirs, ours], rounds(ROUNDS));
+    let samples = in_turn(vec![theirs, ours], setting("ABVH_ROUNDS", ROUNDS));
     let title = format!("{}: refit, {threads} threads", mesh.label);
     report(&title, Unit::NsEach(mesh.triangle_count()), &samples)
 }

@@ -2,7 +2,7 @@
 //!
 //! `cargo bench -p benches --features embree --bench duel [-- FILE.json [GROUP|SCENE]...]`, a group being `build`,
 //! `refit`, `primary`, `shadow`, `diffuse` or another kind of rays, a scene `demo:collide:70000` or a path.
-//! `ABVH_THREADS=1,2,16` and `ABVH_ROUNDS=9` set how it measures. Both sides share each change of
+//! `ABVH_THREADS=1,2,16`, `ABVH_ROUNDS=9` and `ABVH_WIDTH=1920` (of a picture) set how it measures. Both sides share each change of
 //! the machine's load: ratios are medians over rounds, by time passed and by processor time, and the least times
 //! come as near to a quiet machine as the run did.
 

@@ -4,7 +4,7 @@ use crate::{METHOD, Unit, report};
 use backend::{Hits, Query, QueryKind, Rays};
 use benches::{
     Contender, EmbreeScene, Made, Mesh, Packet16, Tracer, camera, diffuse_rays, in_turn, light,
-    pool, random_rays, rounds, shadow_rays, squares, thread_counts,
+    pool, random_rays, setting, shadow_rays, squares, thread_counts,
 };
 use geom::{Camera, Hit, Ray};
 use rayon::ThreadPool;
@@ -12,8 +12,6 @@ use rayon::prelude::*;
 use serde_json::Value;
 
 const ROUNDS: usize = 15;
-/// Pixels of the picture.
-const SIZE: [u32; 2] = [1920, 1200];
 /// Rays that one task of Embree's traces, a multiple of a packet's.
 const TASK: usize = 512;
 
@@ -52,7 +50,8 @@ impl Asked {
 /// The groups of a mesh that are asked for.
 pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
     let most = thread_counts().into_iter().max().unwrap_or(1);
-    let camera = camera(mesh, SIZE);
+    let width = setting("ABVH_WIDTH", 1920) as u32;
+    let camera = camera(mesh, [width, width * 5 / 8]);
     let primary = squares(&camera);
     let mut tracer = Tracer::ready(mesh, METHOD, most);
     let asked = |what| match what {
@@ -105,7 +104,7 @@ impl<'a> Stage<'a> {
             self.listed("abvh, lists, hits fetched", asked, true),
         ];
         contenders.extend(camera.map(|(camera, kind)| self.seen(camera, kind)));
-        let samples = in_turn(contenders, rounds(ROUNDS));
+        let samples = in_turn(contenders, setting("ABVH_ROUNDS", ROUNDS));
         let rays = asked.iter().map(|asked| asked.rays.len()).sum();
         let title = format!(
             "{}: {what} rays, {} threads",
