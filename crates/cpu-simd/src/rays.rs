@@ -17,14 +17,6 @@ const INNER: [f32; 2] = [24.0 / 16_777_216.0, 4.0 / 16_777_216.0];
 /// Biased exponents of directions that are prepared here; the rest is left to [`PreparedRay`].
 const USUAL: std::ops::RangeInclusive<u32> = 127 - 60..=127 + 60;
 
-/// Cannot hit anything.
-const NO_RAY: Ray = Ray {
-    origin: [0.0; 3],
-    t_min: 0.0,
-    direction: [0.0; 3],
-    t_max: 0.0,
-};
-
 /// As many rays as `L` has lanes, prepared just as [`PreparedRay`] and [`Reach`] do. Axes in their own order.
 pub(crate) struct Group<L: Lanes> {
     /// Lanes that hold a prepared ray. The others hold one that misses, or is unusual.
@@ -54,8 +46,9 @@ pub(crate) struct Given<L> {
 }
 
 impl<L: Lanes> Given<L> {
+    /// Neighbours in a list; lanes beyond its end hold rays that cannot hit anything.
     #[inline(always)]
-    fn of(rays: &[Ray; MOST_RAYS]) -> Self {
+    pub(crate) fn listed(rays: &[Ray]) -> Self {
         let spare = L::splat(0.0).store();
         let (mut origin, mut direction, mut limits) = ([spare; 3], [spare; 3], [spare; 2]);
         let lanes = L::ALL.count_ones() as usize;
@@ -72,15 +65,6 @@ impl<L: Lanes> Given<L> {
             direction: each!(i => L::load(&direction[i])),
             limits: [L::load(&limits[0]), L::load(&limits[1])],
         }
-    }
-
-    /// Neighbours in a list, of which there are as many as lanes or fewer.
-    #[inline(always)]
-    pub(crate) fn listed(list: &[Ray]) -> Self {
-        let mut rays = [NO_RAY; MOST_RAYS];
-        let count = list.len().min(MOST_RAYS);
-        rays[..count].copy_from_slice(&list[..count]);
-        Self::of(&rays)
     }
 
     /// The ray in one lane.

@@ -49,7 +49,7 @@ pub(crate) fn closest<I: Isa>(
 }
 
 /// Blocks that a packet sees before its rays go one by one: some packets are wide, as where hits lie far apart.
-const PATIENCE: u32 = 4;
+const PATIENCE: u32 = 16;
 
 /// Which lanes of `asked` hit any triangle but the one in `skipped`; `None` if the rays go better one by one.
 #[inline(always)]
