@@ -1,7 +1,9 @@
 //! Triangles to trees.
 
 use crate::{METHOD, Unit, report};
-use benches::{Contender, EmbreeScene, Made, Mesh, Ours, Tracer, in_turn, pool, setting, thread_counts};
+use benches::{
+    Contender, EmbreeScene, Made, Mesh, Ours, Tracer, in_turn, pool, setting, thread_counts,
+};
 use rayon::ThreadPool;
 use serde_json::Value;
 

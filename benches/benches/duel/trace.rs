@@ -72,7 +72,9 @@ pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
             groups.push(stage.measure(what, &[asked], camera));
         }
         if is_asked("primary-and-shadow") {
-            let asked = asked.iter().filter(|(what, _)| ["primary", "shadow"].contains(what));
+            let asked = asked
+                .iter()
+                .filter(|(what, _)| ["primary", "shadow"].contains(what));
             let asked: Vec<_> = asked.map(|(_, asked)| asked).collect();
             groups.push(stage.measure("primary-and-shadow", &asked, Some((&camera, both))));
         }
@@ -106,10 +108,7 @@ impl<'a> Stage<'a> {
         contenders.extend(camera.map(|(camera, kind)| self.seen(camera, kind)));
         let samples = in_turn(contenders, setting("ABVH_ROUNDS", ROUNDS));
         let rays = asked.iter().map(|asked| asked.rays.len()).sum();
-        let title = format!(
-            "{}: {what} rays, {} threads",
-            self.mesh.label, self.threads
-        );
+        let title = format!("{}: {what} rays, {} threads", self.mesh.label, self.threads);
         report(&title, Unit::MillionsOf(rays), &samples)
     }
 
@@ -207,7 +206,8 @@ impl<'a> Stage<'a> {
             tasks.map(task).sum()
         };
         Contender::new(name, self.threads, move || {
-            self.pool.install(|| asked.iter().map(|asked| trace(asked)).sum())
+            self.pool
+                .install(|| asked.iter().map(|asked| trace(asked)).sum())
         })
     }
 }

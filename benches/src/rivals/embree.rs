@@ -155,12 +155,7 @@ impl EmbreeScene {
         let scene = self.scene.as_ptr();
         // SAFETY: the scene is committed; rays, their marks and the arguments live as long as the call.
         unsafe {
-            ask(
-                valid.0.as_ptr(),
-                scene,
-                &raw mut rays,
-                &raw mut arguments,
-            );
+            ask(valid.0.as_ptr(), scene, &raw mut rays, &raw mut arguments);
         }
         rays
     }

@@ -1,4 +1,4 @@
-//! Rays to hits by the wide tree: rays of neighbouring pixels together where that pays, others each on its own.
+//! Rays to hits by the wide tree: neighbouring rays together where that pays, others each on its own.
 
 use crate::cell::{COLUMNS, Cell};
 use crate::light::{Found, shadow_rays};
@@ -36,12 +36,7 @@ impl<'a> WideTracer<'a> {
 
     /// The answers for rays in these lanes.
     #[inline(always)]
-    fn answers<I: Isa>(
-        &self,
-        rays: &Given<I::Packet>,
-        asked: u32,
-        state: &mut State<'a>,
-    ) -> Found {
+    fn answers<I: Isa>(&self, rays: &Given<I::Packet>, asked: u32, state: &mut State<'a>) -> Found {
         let Tracer { task, tree, light } = &self.0;
         let scale = task.geometry.scale;
         let mut found = Found::NOTHING;
@@ -68,7 +63,7 @@ impl<'a> WideTracer<'a> {
         found
     }
 
-    /// Hits of a packet, whose distances `back` brings to units of the camera's directions.
+    /// Hits of a packet, whose distances `back` brings to units of the given directions.
     #[inline(always)]
     fn unpack<I: Isa>(&self, packet: &together::Found<I::Packet>, back: I::Packet) -> Found {
         let t = packet.t.mul(back).store();
@@ -132,7 +127,8 @@ impl<'a> WideTracer<'a> {
     ) -> u32 {
         let tree = self.0.tree;
         let group = Group::<I::Packet>::new(rays, scale, &tree.root);
-        let packet = any.packet::<I>(&group);
+        let all = asked == I::Packet::ALL;
+        let packet = if all { any.packet::<I>(&group) } else { None };
         if let Some(packet) = packet {
             let found = together::any::<I>(tree, &packet, (asked, skipped), &mut stack.waiting);
             any.saw(found.is_some());
