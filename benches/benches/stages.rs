@@ -209,7 +209,7 @@ struct Work<'a> {
 /// A table of hits follows each group: trees that answer differently do not do the same work.
 fn trace(criterion: &mut Criterion, mesh: &Mesh) {
     let threads = thread_counts().pop().unwrap_or(1);
-    let camera = camera(mesh);
+    let camera = camera(mesh, [512, 320]);
     let primary = camera.rays().collect::<Vec<_>>();
     let mut watertight = Tracer::ready(mesh, Method::default(), threads);
     let shadow = shadow_rays(mesh, &primary, &mut watertight);

@@ -3,7 +3,7 @@
 //! `cargo bench -p benches --bench stages [-- STAGE]`.
 //! Every group names a mesh and its triangles; every function in it does the
 //! same work on the same triangles or rays, so times compare within a group.
-//! `--features embree` (Debian's `libembree-dev`) adds the bench `duel`, which sets this program against Embree 3
+//! `--features embree` (see [`EmbreeScene`]) adds the bench `duel`, which sets this program against Embree 4
 //! sample by sample.
 //! Real meshes join in when `ABVH_MESHES` names a folder of them (see [`meshes`]).
 
@@ -16,11 +16,11 @@ mod rounds;
 
 pub use mesh::{Mesh, meshes};
 pub use ours::{Ours, Tracer, built};
-pub use rays::{camera, light, random_rays, shadow_rays};
+pub use rays::{camera, diffuse_rays, light, random_rays, shadow_rays, squares};
 pub use rival::{Node, Rival, sah_cost};
 pub use rivals::{Bvh, Obvhs, Parry};
 #[cfg(feature = "embree")]
-pub use rivals::{EmbreeScene, Packet16};
+pub use rivals::{EmbreeScene, Made, Packet16};
 pub use rounds::{Contender, Samples, in_turn, least, median};
 
 use comfy_table::Table;
@@ -38,11 +38,21 @@ pub fn criterion() -> Criterion {
         .configure_from_args()
 }
 
-/// One thread, and one a core where there are more.
+/// Those that `ABVH_THREADS` names (`1,2,16`); or one thread, and one a core where there are more.
 #[must_use]
 pub fn thread_counts() -> Vec<usize> {
+    if let Ok(named) = std::env::var("ABVH_THREADS") {
+        return named.split(',').filter_map(|n| n.parse().ok()).collect();
+    }
     let all = std::thread::available_parallelism().map_or(1, usize::from);
     if all > 1 { vec![1, all] } else { vec![1] }
+}
+
+/// What the variable `name` says, or else `usual`.
+#[must_use]
+pub fn setting(name: &str, usual: usize) -> usize {
+    let named = std::env::var(name).ok();
+    named.and_then(|n| n.parse().ok()).unwrap_or(usual)
 }
 
 /// A pool to install round a measured closure.

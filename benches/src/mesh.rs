@@ -19,13 +19,37 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    pub(crate) fn open(spec: &str) -> Result<Self, scene::SceneError> {
+    /// Opens a scene by its name, as `abvh` does.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn open(spec: &str) -> Result<Self, scene::SceneError> {
         let scene = scene::open(spec, &scene::Options::default())?;
         let triangles = scene.animation.triangle_count();
         Ok(Self {
             label: format!("{} {triangles}", scene.name),
             animation: scene.animation,
         })
+    }
+
+    /// The same triangles with corners of their own, scaled to a diagonal of 100.
+    ///
+    /// # Panics
+    /// If there are too many.
+    #[must_use]
+    pub fn soup(&self) -> Self {
+        let keys = [self.start(), self.middle()].map(|pose| self.triangles(pose));
+        let points = keys[0].as_flattened().iter();
+        let bounds = points.fold(geom::Aabb::EMPTY, |b, &p| b.with_point(p));
+        let size = bounds.extent().iter().map(|x| x * x).sum::<f32>().sqrt();
+        let scaled = |p: &Point| p.map(|x| x * (100.0 / size));
+        let keys = keys.map(|key| key.as_flattened().iter().map(scaled).collect());
+        let corners = (0..self.triangle_count() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
+        let animation = Animation::new(keys.into(), corners.collect());
+        Self {
+            label: self.label.clone(),
+            animation: Arc::new(animation.expect("it was one before")),
+        }
     }
 
     /// Triangles of the mesh.

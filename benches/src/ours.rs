@@ -127,12 +127,18 @@ impl Tracer {
     /// Traces a list of rays and fetches what they hit.
     #[must_use]
     pub fn list(&mut self, rays: &[Ray], kind: QueryKind) -> Hits {
+        let mut hits = Hits::default();
+        self.fetch(rays, kind, &mut hits);
+        hits
+    }
+
+    /// Traces a list of rays and fetches what they hit into `out`; the number of hits.
+    pub fn fetch(&mut self, rays: &[Ray], kind: QueryKind, out: &mut Hits) -> u64 {
         let rays = Rays::List(rays);
         done(self.backend.trace(Query { rays, kind }));
         let ticket = done(self.backend.submit());
-        let mut hits = Hits::default();
-        done(self.backend.hits(ticket, &mut hits));
-        hits
+        done(self.backend.hits(ticket, out));
+        done(self.backend.wait(ticket)).hits
     }
 
     fn finish(&mut self) -> u64 {

@@ -2,22 +2,21 @@
 
 use crate::{Mesh, Tracer};
 use backend::QueryKind;
-use geom::{Camera, Point, Ray};
+use geom::{Camera, Hit, Point, Ray};
+use glam::Vec3;
 
-/// Pixels of the picture.
-const SIZE: [u32; 2] = [512, 320];
 /// The part of the way to the light that a shadow ray skips, so as not to meet what it left.
 const SKIP: f32 = 1e-3;
 
-/// A camera that has all of `mesh` at its start in view, from above one corner.
+/// A camera of so many pixels that has all of `mesh` at its start in view, from above one corner.
 ///
 /// # Panics
 /// If the mesh is a single point.
 #[must_use]
-pub fn camera(mesh: &Mesh) -> Camera {
+pub fn camera(mesh: &Mesh, size: [u32; 2]) -> Camera {
     let (centre, radius) = sphere(mesh);
     let eye = offset(centre, radius, [0.9, 0.8, 1.6]);
-    let camera = Camera::look_at(eye, centre, [0.0, 1.0, 0.0], 40.0, SIZE);
+    let camera = Camera::look_at(eye, centre, [0.0, 1.0, 0.0], 40.0, size);
     camera.expect("a mesh has some extent")
 }
 
@@ -25,11 +24,62 @@ pub fn camera(mesh: &Mesh) -> Camera {
 #[must_use]
 pub fn shadow_rays(mesh: &Mesh, primary: &[Ray], tracer: &mut Tracer) -> Vec<Ray> {
     let light = light(mesh);
+    from_hits(primary, tracer, |ray, hit| to_light(ray, hit.t, light))
+}
+
+/// A ray in a random direction from each hit of `primary`, likelier the closer to the normal (Lambert).
+#[must_use]
+pub fn diffuse_rays(mesh: &Mesh, primary: &[Ray], tracer: &mut Tracer) -> Vec<Ray> {
+    let (triangles, mut next) = (mesh.triangles(mesh.start()), random_numbers());
+    from_hits(primary, tracer, |ray, hit| {
+        let [a, b, c] = triangles[hit.triangle as usize].map(Vec3::from);
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let (from, along) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
+        let up = if normal.dot(along) > 0.0 {
+            -normal
+        } else {
+            normal
+        };
+        let start = from + (hit.t * (1.0 - SKIP)) * along;
+        let (z, angle) = (2.0 * next() - 1.0, std::f32::consts::TAU * next());
+        let (across, (y, x)) = ((1.0 - z * z).sqrt(), angle.sin_cos());
+        let direction = up * 1.000_1 + Vec3::new(across * x, across * y, z);
+        Ray::new(start.into(), direction.into())
+    })
+}
+
+fn from_hits(
+    primary: &[Ray],
+    tracer: &mut Tracer,
+    mut next: impl FnMut(&Ray, &Hit) -> Ray,
+) -> Vec<Ray> {
     let hits = tracer.list(primary, QueryKind::Closest);
     let rays = primary.iter().zip(&hits.closest);
     rays.filter(|(_, hit)| hit.is_hit())
-        .map(|(ray, hit)| to_light(ray, hit.t, light))
+        .map(|(ray, hit)| next(ray, hit))
         .collect()
+}
+
+/// A camera's rays in squares of four by four pixels.
+#[must_use]
+pub fn squares(camera: &Camera) -> Vec<Ray> {
+    let corners = |end: u32| (0..end).step_by(4);
+    let rays = corners(camera.height).flat_map(|y| corners(camera.width).map(move |x| [x, y]));
+    let square = rays.flat_map(|[x, y]| (0..16).map(move |i| [x + i % 4, y + i / 4]));
+    let within = square.filter(|[x, y]| *x < camera.width && *y < camera.height);
+    within.map(|[x, y]| camera.ray(x, y)).collect()
+}
+
+/// Numbers in `[0, 1)`, always the same ones.
+fn random_numbers() -> impl FnMut() -> f32 {
+    let mut state = 1_u64;
+    move || {
+        // Knuth's generator; its upper bits are good enough.
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f32 / (1 << 24) as f32
+    }
 }
 
 /// Where a light stands high above the mesh.
@@ -46,14 +96,7 @@ const RANDOM: usize = 1 << 17;
 #[must_use]
 pub fn random_rays(mesh: &Mesh) -> Vec<Ray> {
     let (centre, radius) = sphere(mesh);
-    let mut state = 1_u64;
-    let mut next = || {
-        // Knuth's generator; its upper bits are good enough.
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (state >> 40) as f32 / (1 << 24) as f32
-    };
+    let mut next = random_numbers();
     let mut point = || {
         let (z, angle) = (2.0 * next() - 1.0, std::f32::consts::TAU * next());
         let (across, (y, x)) = ((1.0 - z * z).sqrt(), angle.sin_cos());

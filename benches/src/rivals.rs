@@ -8,6 +8,6 @@ mod parry;
 
 pub use self::bvh::Bvh;
 #[cfg(feature = "embree")]
-pub use self::embree::{EmbreeScene, Packet16};
+pub use self::embree::{EmbreeScene, Made, Packet16};
 pub use self::obvhs::Obvhs;
 pub use self::parry::Parry;

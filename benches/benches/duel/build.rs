@@ -1,28 +1,24 @@
 //! Triangles to trees.
 
 use crate::{METHOD, Unit, report};
-use benches::{Contender, EmbreeScene, Mesh, Ours, Tracer, in_turn, pool, thread_counts};
+use benches::{
+    Contender, EmbreeScene, Made, Mesh, Ours, Tracer, in_turn, pool, setting, thread_counts,
+};
 use rayon::ThreadPool;
 use serde_json::Value;
 
 const ROUNDS: usize = 15;
 
-/// All of a mesh.
-pub(crate) fn all(mesh: &Mesh) -> Vec<Value> {
-    let threads = thread_counts().into_iter().rev();
-    threads.map(|threads| times(mesh, threads)).collect()
-}
-
 /// Builds on `threads`; beside those ours on one, of which the scaling follows.
-fn times(mesh: &Mesh, threads: usize) -> Value {
+pub(crate) fn times(mesh: &Mesh, threads: usize) -> Value {
     let triangles = mesh.triangles(mesh.start());
     let pools: Vec<_> = thread_counts()
         .into_iter()
         .filter(|&n| n <= threads)
         .map(|n| (n, pool(n)))
         .collect();
-    let mut embree = EmbreeScene::new(&triangles, threads, false);
-    let mut contenders = vec![Contender::new("Embree 3, medium", threads, || {
+    let mut embree = EmbreeScene::new(&triangles, threads, Made::Fast);
+    let mut contenders = vec![Contender::new("Embree 4, medium", threads, || {
         embree.rebuild();
         0
     })];
@@ -30,8 +26,26 @@ fn times(mesh: &Mesh, threads: usize) -> Value {
         contenders.push(record(mesh, *threads, pool));
         contenders.push(traceable(mesh, *threads, pool));
     }
-    let samples = in_turn(contenders, ROUNDS);
+    let samples = in_turn(contenders, setting("ABVH_ROUNDS", ROUNDS));
     let title = format!("{}: build, {threads} threads", mesh.label);
+    report(&title, Unit::NsEach(mesh.triangle_count()), &samples)
+}
+
+/// Vertices at hand to a tree that rays can be traced by, of the same shape as before.
+pub(crate) fn refits(mesh: &Mesh, threads: usize) -> Value {
+    let triangles = mesh.triangles(mesh.start());
+    let mut embree = EmbreeScene::new(&triangles, threads, Made::Refitted);
+    let theirs = Contender::new("Embree 4", threads, || {
+        embree.rebuild();
+        0
+    });
+    let mut tracer = Tracer::ready(mesh, METHOD, threads);
+    let ours = Contender::new("abvh", threads, || {
+        tracer.refit();
+        0
+    });
+    let samples = in_turn(vec![theirs, ours], setting("ABVH_ROUNDS", ROUNDS));
+    let title = format!("{}: refit, {threads} threads", mesh.label);
     report(&title, Unit::NsEach(mesh.triangle_count()), &samples)
 }
 

@@ -1,7 +1,8 @@
-//! This program and Embree in turn, sample by sample: builds with one thread and with all, and rays.
+//! This program and Embree in turn, sample by sample: builds, refits and rays.
 //!
-//! `cargo bench -p benches --features embree --bench duel [-- FILE.json [GROUP]...]`, a group being `build`, `primary`
-//! or another kind of rays. Both sides share each change of
+//! `cargo bench -p benches --features embree --bench duel [-- FILE.json [GROUP|SCENE]...]`, a group being `build`,
+//! `refit`, `primary`, `shadow`, `diffuse` or another kind of rays, a scene `demo:collide:70000` or a path.
+//! `ABVH_THREADS=1,2,16`, `ABVH_ROUNDS=9` and `ABVH_WIDTH=1920` (of a picture) set how it measures. Both sides share each change of
 //! the machine's load: ratios are medians over rounds, by time passed and by processor time, and the least times
 //! come as near to a quiet machine as the run did.
 
@@ -9,19 +10,30 @@ mod build;
 mod trace;
 
 use backend::{Intersector, Layout, Method};
-use benches::{Samples, least, median, meshes, print_table};
+use benches::{Mesh, Samples, least, median, meshes, print_table, thread_counts};
 use serde_json::{Value, json};
 use std::process::Command;
 
 fn main() {
     let mut words = std::env::args().skip(1).filter(|arg| !arg.starts_with('-'));
     let file = words.next();
-    let only: Vec<String> = words.collect();
+    let (scenes, only): (Vec<String>, Vec<String>) =
+        words.partition(|word| word.contains([':', '/']));
     let mut groups = Vec::new();
     let before = load();
-    for mesh in meshes() {
-        if is_asked(&only, "build") {
-            groups.extend(build::all(&mesh));
+    let open = |spec: &String| Mesh::open(spec).expect("a scene");
+    let meshes = match scenes.is_empty() {
+        true => meshes(),
+        false => scenes.iter().map(open).collect(),
+    };
+    for mesh in meshes.iter().map(Mesh::soup) {
+        for threads in thread_counts() {
+            if is_asked(&only, "build") {
+                groups.push(build::times(&mesh, threads));
+            }
+            if is_asked(&only, "refit") {
+                groups.push(build::refits(&mesh, threads));
+            }
         }
         groups.extend(trace::all(&mesh, &|what| is_asked(&only, what)));
     }
@@ -99,7 +111,7 @@ impl Unit {
 
 /// Prints one group and makes JSON of it. All are compared with the first.
 fn report(title: &str, unit: Unit, samples: &[Samples]) -> Value {
-    let header = "threads|best|median|by processor time|time over the baseline's|processor time over it|hits";
+    let header = "threads|best|median|by processor time|cores busy|time over the baseline's|processor time over it|hits";
     let header: Vec<&str> = std::iter::once(unit.name())
         .chain(header.split('|'))
         .collect();
@@ -110,6 +122,7 @@ fn report(title: &str, unit: Unit, samples: &[Samples]) -> Value {
         let [middle, by_processor] = [&one.wall, &one.processor].map(|t| unit.of(median(t)));
         let mut row = vec![one.name.clone(), one.threads.to_string()];
         row.extend([best, middle, by_processor].map(|x| format!("{x:.1}")));
+        row.push(format!("{:.1}", median(&one.processor) / median(&one.wall)));
         row.extend([wall, processor].map(|x| format!("{x:.3}")));
         row.push(one.hits.to_string());
         rows.push(row);

@@ -1,17 +1,17 @@
-//! Rays to hits, on all threads.
+//! Rays to hits, written where the caller wants them.
 
 use crate::{METHOD, Unit, report};
-use backend::{Query, QueryKind, Rays};
+use backend::{Hits, Query, QueryKind, Rays};
 use benches::{
-    Contender, EmbreeScene, Mesh, Packet16, Tracer, camera, in_turn, light, pool, random_rays,
-    shadow_rays, thread_counts,
+    Contender, EmbreeScene, Made, Mesh, Packet16, Tracer, camera, diffuse_rays, in_turn, light,
+    pool, random_rays, setting, shadow_rays, squares, thread_counts,
 };
-use geom::{Camera, Ray};
+use geom::{Camera, Hit, Ray};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use serde_json::Value;
 
-const ROUNDS: usize = 31;
+const ROUNDS: usize = 15;
 /// Rays that one task of Embree's traces, a multiple of a packet's.
 const TASK: usize = 512;
 
@@ -19,104 +19,117 @@ const TASK: usize = 512;
 struct Stage<'a> {
     mesh: &'a Mesh,
     threads: usize,
-    pool: &'a ThreadPool,
+    pool: ThreadPool,
     /// Embree's: fast, and robust.
-    scenes: [&'a EmbreeScene; 2],
+    scenes: [EmbreeScene; 2],
 }
 
 /// Rays, and what is asked of them.
-struct Asked<'a> {
-    rays: &'a [Ray],
-    packets: &'a [Packet16],
+struct Asked {
+    rays: Vec<Ray>,
+    packets: Vec<Packet16>,
     any: bool,
+}
+
+impl Asked {
+    /// Those that are `coherent` lie close together, sixteen by sixteen.
+    fn new(rays: Vec<Ray>, coherent: bool, any: bool) -> Self {
+        let packets = rays.chunks(16);
+        let packets = packets.map(|rays| Packet16::new(rays, coherent)).collect();
+        Self { rays, packets, any }
+    }
+
+    fn kind(&self) -> QueryKind {
+        match self.any {
+            true => QueryKind::Any,
+            false => QueryKind::Closest,
+        }
+    }
 }
 
 /// The groups of a mesh that are asked for.
 pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
-    let threads = thread_counts().pop().unwrap_or(1);
-    let pool = pool(threads);
-    let triangles = mesh.triangles(mesh.start());
-    let scenes = [false, true].map(|robust| EmbreeScene::new(&triangles, threads, robust));
-    let stage = Stage {
-        mesh,
-        threads,
-        pool: &pool,
-        scenes: scenes.each_ref(),
+    let most = thread_counts().into_iter().max().unwrap_or(1);
+    let width = setting("ABVH_WIDTH", 1920) as u32;
+    let camera = camera(mesh, [width, width * 5 / 8]);
+    let primary = squares(&camera);
+    let mut tracer = Tracer::ready(mesh, METHOD, most);
+    let asked = |what| match what {
+        "primary" => Asked::new(primary.clone(), true, false),
+        "shadow" => Asked::new(shadow_rays(mesh, &primary, &mut tracer), true, true),
+        "diffuse" => Asked::new(diffuse_rays(mesh, &primary, &mut tracer), false, false),
+        _ => Asked::new(random_rays(mesh), false, what == "random-any"),
     };
-    let camera = camera(mesh);
-    let primary = camera.rays().collect::<Vec<_>>();
-    let shadow = shadow_rays(mesh, &primary, &mut stage.tracer());
-    let random = random_rays(mesh);
-    let asked = |rays, packets, any| Asked { rays, packets, any };
-    let (squares, packets) = (squares(&primary, &camera), in_order(&shadow, true));
-    let primary = asked(&primary, &squares, false);
-    let shadow = asked(&shadow, &packets, true);
-    let packets = in_order(&random, false);
-    let closest = asked(&random, &packets, false);
-    let any = asked(&random, &packets, true);
+    let kinds = ["primary", "shadow", "diffuse", "random", "random-any"];
+    let kinds = kinds.into_iter().filter(|what| is_asked(what));
+    let asked: Vec<(&str, Asked)> = kinds.clone().zip(kinds.map(asked)).collect();
     let both = QueryKind::ClosestAndShadow { light: light(mesh) };
-    let groups: [Group<'_>; 5] = [
-        ("primary", &[&primary], Some(QueryKind::Closest)),
-        ("shadow", &[&shadow], None),
-        ("primary-and-shadow", &[&primary, &shadow], Some(both)),
-        ("random", &[&closest], None),
-        ("random-any", &[&any], None),
-    ];
-    let groups = groups.iter().filter(|(what, ..)| is_asked(what));
+    let mut groups = Vec::new();
+    for threads in thread_counts() {
+        let stage = Stage::new(mesh, threads);
+        for (what, asked) in &asked {
+            let camera = (*what == "primary").then_some((&camera, QueryKind::Closest));
+            groups.push(stage.measure(what, &[asked], camera));
+        }
+        if is_asked("primary-and-shadow") {
+            let asked = asked
+                .iter()
+                .filter(|(what, _)| ["primary", "shadow"].contains(what));
+            let asked: Vec<_> = asked.map(|(_, asked)| asked).collect();
+            groups.push(stage.measure("primary-and-shadow", &asked, Some((&camera, both))));
+        }
+    }
     groups
-        .map(|(what, asked, seen)| stage.measure(what, asked, seen.map(|kind| (&camera, kind))))
-        .collect()
 }
 
-/// Name, rays, and what is asked of the camera that makes the same ones.
-type Group<'a> = (&'a str, &'a [&'a Asked<'a>], Option<QueryKind>);
-
-impl Stage<'_> {
-    /// Our own backend with a fresh tree.
-    fn tracer(&self) -> Tracer {
-        Tracer::ready(self.mesh, METHOD, self.threads)
+impl<'a> Stage<'a> {
+    fn new(mesh: &'a Mesh, threads: usize) -> Self {
+        let triangles = mesh.triangles(mesh.start());
+        Self {
+            mesh,
+            threads,
+            pool: pool(threads),
+            scenes: [Made::Fast, Made::Robust]
+                .map(|made| EmbreeScene::new(&triangles, threads, made)),
+        }
     }
 
     /// All contenders trace all of `asked`; ours a camera's rays too, if there is one that sees the same.
-    fn measure(
-        &self,
-        what: &str,
-        asked: &[&Asked<'_>],
-        camera: Option<(&Camera, QueryKind)>,
-    ) -> Value {
-        let [fast, robust] = self.scenes;
+    fn measure(&self, what: &str, asked: &[&Asked], camera: Option<(&Camera, QueryKind)>) -> Value {
+        let [fast, robust] = &self.scenes;
         let mut contenders = vec![
-            self.singly("Embree 3, single rays", fast, asked),
-            self.singly("Embree 3 robust, single rays", robust, asked),
-            self.together("Embree 3, packets of 16", fast, asked),
-            self.together("Embree 3 robust, packets of 16", robust, asked),
-            self.listed(asked),
+            self.singly("Embree 4, single rays", fast, asked),
+            self.singly("Embree 4 robust, single rays", robust, asked),
+            self.together("Embree 4, packets of 16", fast, asked),
+            self.together("Embree 4 robust, packets of 16", robust, asked),
+            self.listed("abvh, lists", asked, false),
+            self.listed("abvh, lists, hits fetched", asked, true),
         ];
         contenders.extend(camera.map(|(camera, kind)| self.seen(camera, kind)));
-        let samples = in_turn(contenders, ROUNDS);
+        let samples = in_turn(contenders, setting("ABVH_ROUNDS", ROUNDS));
         let rays = asked.iter().map(|asked| asked.rays.len()).sum();
-        let title = format!("{}: {what} rays", self.mesh.label);
+        let title = format!("{}: {what} rays, {} threads", self.mesh.label, self.threads);
         report(&title, Unit::MillionsOf(rays), &samples)
     }
 
-    fn listed<'b>(&self, asked: &'b [&Asked<'b>]) -> Contender<'b> {
-        let mut tracer = self.tracer();
-        let mut trace = move |asked: &Asked<'_>| {
-            let rays = Rays::List(asked.rays);
-            let kind = if asked.any {
-                QueryKind::Any
-            } else {
-                QueryKind::Closest
-            };
+    fn listed<'b>(&self, name: &str, asked: &'b [&Asked], fetched: bool) -> Contender<'b> {
+        let mut tracer = Tracer::ready(self.mesh, METHOD, self.threads);
+        let mut hits = Hits::default();
+        let mut trace = move |asked: &Asked| {
+            if fetched {
+                return tracer.fetch(&asked.rays, asked.kind(), &mut hits);
+            }
+            let rays = Rays::List(&asked.rays);
+            let kind = asked.kind();
             tracer.trace(Query { rays, kind })
         };
-        Contender::new("abvh, lists", self.threads, move || {
+        Contender::new(name, self.threads, move || {
             asked.iter().map(|asked| trace(asked)).sum()
         })
     }
 
     fn seen<'b>(&self, camera: &'b Camera, kind: QueryKind) -> Contender<'b> {
-        let mut tracer = self.tracer();
+        let mut tracer = Tracer::ready(self.mesh, METHOD, self.threads);
         let rays = Rays::Camera(camera);
         Contender::new("abvh, a camera", self.threads, move || {
             tracer.trace(Query { rays, kind })
@@ -127,62 +140,74 @@ impl Stage<'_> {
         &'b self,
         name: &str,
         scene: &'b EmbreeScene,
-        asked: &'b [&Asked<'b>],
+        asked: &'b [&Asked],
     ) -> Contender<'b> {
-        self.in_tasks(name, asked, move |asked| {
-            let hits = |ray: &Ray| match asked.any {
-                true => scene.is_occluded(ray),
-                false => scene.hits(ray),
-            };
-            let tasks = asked.rays.par_chunks(TASK);
-            let count = |task: &[Ray]| task.iter().filter(|ray| hits(ray)).count() as u64;
-            tasks.map(count).sum()
-        })
+        let closest = |task: usize, asked: &Asked, out: &mut [Hit]| {
+            for (ray, out) in asked.rays[task * TASK..].iter().zip(out) {
+                *out = scene.closest(ray);
+            }
+        };
+        let any = |task: usize, asked: &Asked, out: &mut [u8]| {
+            for (ray, out) in asked.rays[task * TASK..].iter().zip(out) {
+                *out = u8::from(scene.is_occluded(ray));
+            }
+        };
+        self.in_tasks(name, asked, (closest, any))
     }
 
     fn together<'b>(
         &'b self,
         name: &str,
         scene: &'b EmbreeScene,
-        asked: &'b [&Asked<'b>],
+        asked: &'b [&Asked],
     ) -> Contender<'b> {
-        self.in_tasks(name, asked, move |asked| {
-            let hits = |p: &Packet16| u64::from(scene.packet_hits(p, asked.any));
-            let tasks = asked.packets.par_chunks(TASK / 16);
-            tasks.map(|task| task.iter().map(hits).sum::<u64>()).sum()
-        })
+        let packets = |task: usize, asked: &'b Asked| asked.packets[task * TASK / 16..].iter();
+        let closest = move |task: usize, asked: &'b Asked, out: &mut [Hit]| {
+            for (packet, out) in packets(task, asked).zip(out.chunks_mut(16)) {
+                scene.packet_closest(packet, out);
+            }
+        };
+        let any = move |task: usize, asked: &'b Asked, out: &mut [u8]| {
+            for (packet, out) in packets(task, asked).zip(out.chunks_mut(16)) {
+                scene.packet_occluded(packet, out);
+            }
+        };
+        self.in_tasks(name, asked, (closest, any))
     }
 
+    /// Tasks write what they find, those of `closest` hits and those of `any` ones and zeros.
     fn in_tasks<'b>(
         &'b self,
         name: &str,
-        asked: &'b [&Asked<'b>],
-        trace: impl Fn(&Asked<'_>) -> u64 + Send + Sync + 'b,
+        asked: &'b [&'b Asked],
+        (closest, any): (
+            impl Fn(usize, &'b Asked, &mut [Hit]) + Send + Sync + 'b,
+            impl Fn(usize, &'b Asked, &mut [u8]) + Send + Sync + 'b,
+        ),
     ) -> Contender<'b> {
+        let most = asked.iter().map(|asked| asked.rays.len()).max();
+        let mut hits = vec![Hit::MISS; most.unwrap_or(0)];
+        let mut met = vec![0; hits.len()];
+        let mut trace = move |asked: &'b Asked| -> u64 {
+            let count = asked.rays.len();
+            if asked.any {
+                let tasks = met[..count].par_chunks_mut(TASK).enumerate();
+                let task = |(task, out): (usize, &mut [u8])| {
+                    any(task, asked, out);
+                    out.iter().map(|&met| u64::from(met)).sum::<u64>()
+                };
+                return tasks.map(task).sum();
+            }
+            let tasks = hits[..count].par_chunks_mut(TASK).enumerate();
+            let task = |(task, out): (usize, &mut [Hit])| {
+                closest(task, asked, out);
+                out.iter().filter(|hit| hit.is_hit()).count() as u64
+            };
+            tasks.map(task).sum()
+        };
         Contender::new(name, self.threads, move || {
-            let all = || asked.iter().map(|asked| trace(asked)).sum();
-            self.pool.install(all)
+            self.pool
+                .install(|| asked.iter().map(|asked| trace(asked)).sum())
         })
     }
-}
-
-fn in_order(rays: &[Ray], coherent: bool) -> Vec<Packet16> {
-    let packets = rays.chunks(16);
-    packets.map(|rays| Packet16::new(rays, coherent)).collect()
-}
-
-/// Packets of four by four pixels of a camera's rays.
-fn squares(rays: &[Ray], camera: &Camera) -> Vec<Packet16> {
-    let (width, height) = (camera.width as usize, camera.height as usize);
-    let square = |[x, y]: [usize; 2]| {
-        let rows = y..(y + 4).min(height);
-        let rays: Vec<Ray> = rows
-            .flat_map(|y| &rays[y * width + x..y * width + (x + 4).min(width)])
-            .copied()
-            .collect();
-        Packet16::new(&rays, true)
-    };
-    let rows = (0..height).step_by(4);
-    let corners = rows.flat_map(|y| (0..width).step_by(4).map(move |x| [x, y]));
-    corners.map(square).collect()
 }

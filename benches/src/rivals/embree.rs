@@ -1,12 +1,13 @@
-//! Embree 3 (Wald, Woop, Benthin, Johnson, Ernst 2014), by its C interface: the feature `embree` links it.
+//! Embree 4 (Wald, Woop, Benthin, Johnson, Ernst 2014), by its C interface: the feature `embree` links it.
 //!
-//! Scenes of medium quality (binned SAH), asked ray by ray or by packets of sixteen. Debian has it as `libembree-dev`.
+//! Scenes of medium quality (binned SAH), asked ray by ray or by packets of sixteen. The Python wheel `embreex` holds
+//! the library: `LIBRARY_PATH` must name a folder with it as `libembree4.so` to link, `LD_LIBRARY_PATH` to run.
 
 #![expect(unsafe_code, reason = "a C library")]
 
 mod raw;
 
-use geom::{Ray, Triangle};
+use geom::{Hit, Ray, Triangle};
 use raw::*;
 use std::ffi::{CString, c_void};
 use std::ptr::NonNull;
@@ -22,6 +23,17 @@ pub struct EmbreeScene {
 unsafe impl Send for EmbreeScene {}
 // SAFETY: likewise.
 unsafe impl Sync for EmbreeScene {}
+
+/// What a scene is made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Made {
+    /// The fastest rays.
+    Fast,
+    /// Rays that pass between no neighbours.
+    Robust,
+    /// Vertices that move: each commit but the first refits.
+    Refitted,
+}
 
 /// Up to sixteen rays in the form that Embree asks for.
 #[derive(Clone, Copy)]
@@ -52,12 +64,12 @@ impl Packet16 {
 
 impl EmbreeScene {
     /// Builds over `triangles`, on as many threads (0: on all). All scenes alive at a time share the largest
-    /// number. With `robust`, rays pass between no neighbours.
+    /// number.
     ///
     /// # Panics
     /// If there is no memory.
     #[must_use]
-    pub fn new(triangles: &[Triangle], threads: usize, robust: bool) -> Self {
+    pub fn new(triangles: &[Triangle], threads: usize, made: Made) -> Self {
         let config = CString::new(format!("threads={threads}")).expect("no zero byte within");
         // SAFETY: the configuration is a string that ends with a zero byte.
         let device = NonNull::new(unsafe { rtcNewDevice(config.as_ptr()) });
@@ -65,13 +77,21 @@ impl EmbreeScene {
         let corners: Vec<[u32; 3]> = (0..triangles.len() as u32)
             .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
             .collect();
+        let (quality, flags) = match made {
+            Made::Fast => (MEDIUM, 0),
+            Made::Robust => (MEDIUM, ROBUST),
+            Made::Refitted => (LOW, DYNAMIC),
+        };
         // SAFETY: the device exists, and so do all that is made of it here. A new buffer holds as many
         // elements as were asked for, and numbers and indices are written to it in the stated format.
         let (scene, geometry) = unsafe {
             let scene = rtcNewScene(device.as_ptr());
-            rtcSetSceneBuildQuality(scene, MEDIUM);
-            rtcSetSceneFlags(scene, if robust { ROBUST } else { 0 });
+            rtcSetSceneBuildQuality(scene, quality);
+            rtcSetSceneFlags(scene, flags);
             let geometry = rtcNewGeometry(device.as_ptr(), TRIANGLES);
+            if made == Made::Refitted {
+                rtcSetGeometryBuildQuality(geometry, REFIT);
+            }
             fill(geometry, VERTICES, triangles.as_flattened());
             fill(geometry, INDICES, &corners);
             rtcCommitGeometry(geometry);
@@ -86,7 +106,7 @@ impl EmbreeScene {
         }
     }
 
-    /// Builds anew over the same triangles, in the memory at hand.
+    /// Builds anew or refits, over the same triangles and in the memory at hand.
     pub fn rebuild(&mut self) {
         // SAFETY: both exist, and nobody else asks the scene meanwhile.
         unsafe {
@@ -96,10 +116,10 @@ impl EmbreeScene {
         }
     }
 
-    /// Whether a ray hits, its closest triangle sought.
+    /// A ray's closest hit.
     #[must_use]
-    pub fn hits(&self, ray: &Ray) -> bool {
-        self.ask(ray, rtcIntersect1).primitive != [NONE]
+    pub fn closest(&self, ray: &Ray) -> Hit {
+        self.ask(ray, rtcIntersect1).hit(0)
     }
 
     /// Whether a ray hits anything.
@@ -109,39 +129,46 @@ impl EmbreeScene {
         self.ask(ray, rtcOccluded1).t_max < [0.0]
     }
 
-    /// How many of a packet's rays hit, their closest triangles sought or, with `any`, anything.
-    #[must_use]
-    pub fn packet_hits(&self, packet: &Packet16, any: bool) -> u32 {
-        let mut context = Context::new(packet.coherent);
-        let mut found = *packet;
-        // SAFETY: the scene is committed; rays, their marks and the context live as long as the call.
-        unsafe {
-            let valid = found.valid.0.as_ptr();
-            let (scene, rays) = (self.scene.as_ptr(), &raw mut found.rays);
-            if any {
-                rtcOccluded16(valid, scene, &raw mut context, rays);
-            } else {
-                rtcIntersect16(valid, scene, &raw mut context, rays);
-            }
+    /// The closest hits of a packet's rays, for as many as there is room for.
+    pub fn packet_closest(&self, packet: &Packet16, out: &mut [Hit]) {
+        let found = self.ask_packet(packet, rtcIntersect16);
+        for (lane, out) in out.iter_mut().enumerate() {
+            *out = found.hit(lane);
         }
-        let hit = |lane: usize| match any {
-            true => found.rays.t_max[lane] < 0.0,
-            false => found.rays.primitive[lane] != NONE,
-        };
-        (0..16)
-            .filter(|&lane| packet.valid.0[lane] != 0 && hit(lane))
-            .count() as u32
+    }
+
+    /// Likewise, 1 for a ray that hits anything.
+    pub fn packet_occluded(&self, packet: &Packet16, out: &mut [u8]) {
+        let found = self.ask_packet(packet, rtcOccluded16);
+        for (out, t) in out.iter_mut().zip(&found.t_max) {
+            *out = u8::from(*t < 0.0);
+        }
+    }
+
+    fn ask_packet(
+        &self,
+        packet: &Packet16,
+        ask: unsafe extern "C" fn(*const i32, Handle, *mut RayHits<16>, *mut Arguments),
+    ) -> RayHits<16> {
+        let mut arguments = Arguments::new(packet.coherent);
+        let (valid, mut rays) = (packet.valid, packet.rays);
+        let scene = self.scene.as_ptr();
+        // SAFETY: the scene is committed; rays, their marks and the arguments live as long as the call.
+        unsafe {
+            ask(valid.0.as_ptr(), scene, &raw mut rays, &raw mut arguments);
+        }
+        rays
     }
 
     fn ask(
         &self,
         ray: &Ray,
-        ask: unsafe extern "C" fn(Handle, *mut Context, *mut RayHits<1>),
+        ask: unsafe extern "C" fn(Handle, *mut RayHits<1>, *mut Arguments),
     ) -> RayHits<1> {
-        let mut context = Context::new(false);
+        let mut arguments = Arguments::new(false);
         let mut found = RayHits::new(std::slice::from_ref(ray));
-        // SAFETY: the scene is committed, and ray and context live as long as the call.
-        unsafe { ask(self.scene.as_ptr(), &raw mut context, &raw mut found) };
+        // SAFETY: the scene is committed, and ray and arguments live as long as the call.
+        unsafe { ask(self.scene.as_ptr(), &raw mut found, &raw mut arguments) };
         found
     }
 }

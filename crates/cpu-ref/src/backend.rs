@@ -281,6 +281,11 @@ impl Backend for CpuBackend {
             self.carry_out(&[])?;
         }
         let ticket = Ticket(self.submitted);
+        if !self.has_trace {
+            // They are an older trace's.
+            self.next.hits.closest.clear();
+            self.next.hits.blocked.clear();
+        }
         self.traces += u64::from(std::mem::take(&mut self.has_trace));
         self.submitted += 1;
         self.keep();

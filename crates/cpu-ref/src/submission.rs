@@ -43,8 +43,6 @@ impl Submission {
         self.ticket = Some(ticket);
         self.report = FrameReport::default();
         self.report.times.begun_ms = Some(begun_ms);
-        self.hits.closest.clear();
-        self.hits.blocked.clear();
     }
 
     /// Runs in the pool that the caller installed.
@@ -95,12 +93,9 @@ impl Submission {
     fn trace(&mut self, scene: &SceneState, query: Query<'_>) {
         let Hits { closest, blocked } = &mut self.hits;
         let count = query.rays.count();
-        if query.kind != QueryKind::Any {
-            fill(closest, count, Hit::MISS);
-        }
-        if query.kind != QueryKind::Closest {
-            fill(blocked, count, 0);
-        }
+        let wants = |is_wanted: bool| if is_wanted { count } else { 0 };
+        fill(closest, wants(query.kind != QueryKind::Any), Hit::MISS);
+        fill(blocked, wants(query.kind != QueryKind::Closest), 0);
         let counts = scene.trace(query, Output::new(closest, blocked));
         (self.report.hits, self.report.blocked) = match query.kind {
             QueryKind::Any => (counts.blocked, 0),
@@ -111,8 +106,10 @@ impl Submission {
     }
 }
 
-/// Brings memory to a length by all threads, since the system hands out each page when it is first written.
+/// Brings memory to a length, whatever it then holds. By all threads where it grows, since the system hands out each page
+/// when it is first written.
 fn fill<T: Clone + Send + Sync>(memory: &mut Vec<T>, count: usize, with: T) {
+    memory.truncate(count);
     if memory.len() != count {
         rayon::iter::repeat_n(with, count).collect_into_vec(memory);
     }

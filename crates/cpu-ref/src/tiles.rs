@@ -9,7 +9,7 @@ const TILE: usize = 8;
 /// Tiles that one task handles.
 const TILES: usize = 8;
 /// Entries of a list that one task handles.
-const RUN: usize = 256;
+const RUN: usize = 512;
 
 /// What is found of one ray: its closest hit, and 1 if the light does not reach that, or if the ray hits anything,
 /// where only that is asked.

@@ -1,35 +1,22 @@
-//! As many rays as a packet has lanes: neighbouring pixels, or neighbours in a list.
+//! As many rays of a picture as a packet has lanes: neighbouring pixels.
 
+use crate::rays::Given;
 use crate::simd::{Lanes, each};
-use crate::together::MOST_RAYS;
 use cpu_ref::tiles::Tiles;
-use cpu_ref::trace::TraceTask;
-use geom::{Camera, Ray};
+use geom::Camera;
 
 /// Columns of a cell of pixels; its rows follow from the lanes.
-pub(crate) const COLUMNS: usize = 1 << COLUMN_BITS;
-const COLUMN_BITS: usize = 2;
+pub(crate) const COLUMNS: usize = 4;
 
-/// Cannot hit anything.
-const NO_RAY: Ray = Ray {
-    origin: [0.0; 3],
-    t_min: 0.0,
-    direction: [0.0; 3],
-    t_max: 0.0,
-};
-
-/// A few columns and rows of a picture, or a row of a list. Lanes go row by row; those beyond the edge repeat the last ones.
+/// A few columns and rows of a picture. Lanes go row by row; those beyond the edge repeat the last ones.
 pub(crate) struct Cell {
     /// Lanes within the picture.
     pub(crate) asked: u32,
     lanes: usize,
-    column_bits: usize,
     /// Upper left pixel.
     corner: [usize; 2],
     /// The last pixel of the cell within the picture.
     last: [usize; 2],
-    /// Columns of the picture.
-    width: usize,
 }
 
 impl Cell {
@@ -49,60 +36,32 @@ impl Cell {
         Self {
             asked,
             lanes,
-            column_bits: COLUMN_BITS,
             corner,
             last: [corner[0] + columns - 1, corner[1] + rows - 1],
-            width,
-        }
-    }
-
-    /// Neighbours in a list.
-    #[inline(always)]
-    pub(crate) fn row(first: usize, count: usize) -> Self {
-        Self {
-            asked: (1 << count) - 1,
-            lanes: MOST_RAYS,
-            column_bits: MOST_RAYS.ilog2() as usize,
-            corner: [first, 0],
-            last: [first + count - 1, 0],
-            width: 0,
         }
     }
 
     #[inline(always)]
     fn pixel(&self, lane: usize) -> [usize; 2] {
-        let (x, y) = (
-            lane & ((1 << self.column_bits) - 1),
-            lane >> self.column_bits,
-        );
+        let (x, y) = (lane % COLUMNS, lane / COLUMNS);
         [
             (self.corner[0] + x).min(self.last[0]),
             (self.corner[1] + y).min(self.last[1]),
         ]
     }
 
-    /// The index of a lane's ray.
+    /// The camera's rays, as [`Camera::ray`] has them.
     #[inline(always)]
-    pub(crate) fn index(&self, lane: usize) -> usize {
-        let [x, y] = self.pixel(lane);
-        y * self.width + x
-    }
-
-    /// One a lane.
-    #[inline(always)]
-    pub(crate) fn rays(&self, of: &TraceTask<'_>) -> [Ray; MOST_RAYS] {
-        let mut rays = [NO_RAY; MOST_RAYS];
-        for (lane, to) in rays.iter_mut().enumerate() {
-            if self.asked >> lane & 1 == 1 {
-                *to = of.ray(self.index(lane));
-            }
+    pub(crate) fn rays<L: Lanes>(&self, camera: &Camera) -> Given<L> {
+        Given {
+            origin: each!(i => L::splat(camera.eye[i])),
+            direction: self.directions(camera),
+            limits: [L::splat(0.0), L::splat(f32::INFINITY)],
         }
-        rays
     }
 
-    /// Directions of the camera's rays, as [`Camera::ray`] has them.
     #[inline(always)]
-    pub(crate) fn directions<L: Lanes>(&self, camera: &Camera) -> [L; 3] {
+    fn directions<L: Lanes>(&self, camera: &Camera) -> [L; 3] {
         let (mut x, mut y) = (L::splat(0.0).store(), L::splat(0.0).store());
         for lane in 0..self.lanes {
             let pixel = self.pixel(lane);

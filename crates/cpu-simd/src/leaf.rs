@@ -1,6 +1,6 @@
 //! The watertight test in lanes: one ray and eight triangles, or many rays and one.
 
-use crate::rays::OneRay;
+use crate::rays::{Group, OneRay};
 use crate::simd::{Lanes, each};
 use crate::tree::{Block, LANES};
 use cpu_ref::intersect::has_equal_signs;
@@ -46,25 +46,18 @@ pub(crate) struct Spans<L: Lanes> {
 type Relative<L> = [[L; 3]; 3];
 
 impl<L: Lanes> TriangleRay<L> {
-    /// Rays over `(0, inf)` with this `kz`; `inverse` is `|r|`. Axes in their own order.
+    /// A ray in each lane, all with this `kz`.
     #[inline(always)]
-    pub(crate) fn new(
-        origin: &[L; 3],
-        direction: &[L; 3],
-        (inverse, pad): (&[L; 3], &[L; 3]),
-        kz: usize,
-    ) -> Self {
-        let axes = [(kz + 1) % 3, (kz + 2) % 3, kz];
-        let d = each!(i => direction[axes[i]]);
-        let r = each!(i => inverse[axes[i]]);
+    pub(crate) fn all(group: &Group<L>, main: usize) -> Self {
+        let axes = AXES[main];
         Self {
             axes,
-            origin: each!(i => origin[axes[i]]),
-            shear: [d[0].div(d[2]), d[1].div(d[2]), L::splat(1.0).div(d[2])],
-            inverse: each!(i => r[i].replace(d[i].less(L::splat(0.0)), r[i].neg())),
-            pad: each!(i => pad[axes[i]]),
-            t_min: L::splat(0.0),
-            t_max: L::splat(f32::INFINITY),
+            origin: each!(i => L::load(&group.origin[axes[i]])),
+            shear: each!(i => L::load(&group.shear[i])),
+            inverse: each!(i => L::load(&group.inverse[axes[i]])),
+            pad: each!(i => L::load(&group.pad[axes[i]])),
+            t_min: L::load(&group.limits[0]),
+            t_max: L::load(&group.limits[1]),
         }
     }
 

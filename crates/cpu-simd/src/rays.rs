@@ -15,26 +15,26 @@ use geom::{Aabb, Ray};
 const INNER: [f32; 2] = [24.0 / 16_777_216.0, 4.0 / 16_777_216.0];
 
 /// Biased exponents of directions that are prepared here; the rest is left to [`PreparedRay`].
-pub(crate) const USUAL: std::ops::RangeInclusive<u32> = 127 - 60..=127 + 60;
+const USUAL: std::ops::RangeInclusive<u32> = 127 - 60..=127 + 60;
 
 /// As many rays as `L` has lanes, prepared just as [`PreparedRay`] and [`Reach`] do. Axes in their own order.
 pub(crate) struct Group<L: Lanes> {
     /// Lanes that hold a prepared ray. The others hold one that misses, or is unusual.
     pub(crate) ready: u32,
-    origin: [L::Array; 3],
+    pub(crate) origin: [L::Array; 3],
     /// `r`, with the direction's sign.
-    inverse: [L::Array; 3],
+    pub(crate) inverse: [L::Array; 3],
     /// `q`.
-    pad: [L::Array; 3],
+    pub(crate) pad: [L::Array; 3],
     /// What is added to the products of `r` with a box's near and far plane of an inner node.
     starts: [[L::Array; 2]; 3],
     /// `d[kx] / d[kz]`, `d[ky] / d[kz]`, `1 / d[kz]`.
-    shear: [L::Array; 3],
+    pub(crate) shear: [L::Array; 3],
     /// `kz`.
     main: [u8; MOST_RAYS],
-    limits: [L::Array; 2],
+    pub(crate) limits: [L::Array; 2],
     /// Brings distances to the units of the given ray.
-    back: L::Array,
+    pub(crate) back: L::Array,
 }
 
 /// Rays lane by lane, as they were given.
@@ -46,8 +46,9 @@ pub(crate) struct Given<L> {
 }
 
 impl<L: Lanes> Given<L> {
+    /// Neighbours in a list; lanes beyond its end hold rays that cannot hit anything.
     #[inline(always)]
-    pub(crate) fn of(rays: &[Ray; MOST_RAYS]) -> Self {
+    pub(crate) fn listed(rays: &[Ray]) -> Self {
         let spare = L::splat(0.0).store();
         let (mut origin, mut direction, mut limits) = ([spare; 3], [spare; 3], [spare; 2]);
         let lanes = L::ALL.count_ones() as usize;
@@ -171,6 +172,17 @@ impl<L: Lanes> Group<L> {
             ],
             back: back.store(),
         }
+    }
+}
+
+impl<L: Lanes> Group<L> {
+    /// `kz`, where all lanes hold a prepared ray and have the same.
+    #[inline(always)]
+    pub(crate) fn main_of_all(&self) -> Option<usize> {
+        let main = self.main[0];
+        let lanes = &self.main[..L::ALL.count_ones() as usize];
+        let same = self.ready == L::ALL && lanes.iter().all(|&kz| kz == main);
+        same.then_some(usize::from(main))
     }
 }
 

@@ -37,19 +37,19 @@ pub(crate) fn closest<I: Isa>(
         tree,
         packet,
         found: Found {
-            t: I::Packet::splat(f32::INFINITY),
+            t: packet.t_max,
             u: I::Packet::splat(0.0),
             v: I::Packet::splat(0.0),
             places: [NOWHERE; MOST_RAYS],
         },
     };
-    let rays = (&packet.bundle, f32::INFINITY);
+    let rays = (&packet.bundle, packet.bound);
     let gave_up = walk::<I>(tree, rays, stack, &mut closest);
     (!gave_up).then_some(closest.found)
 }
 
 /// Blocks that a packet sees before its rays go one by one: some packets are wide, as where hits lie far apart.
-const PATIENCE: u32 = 4;
+const PATIENCE: u32 = 16;
 
 /// Which lanes of `asked` hit any triangle but the one in `skipped`; `None` if the rays go better one by one.
 #[inline(always)]
@@ -66,7 +66,7 @@ pub(crate) fn any<I: Isa>(
         left: asked,
         patience: PATIENCE,
     };
-    let rays = (&packet.bundle, f32::INFINITY);
+    let rays = (&packet.bundle, packet.bound);
     let ended = walk::<I>(tree, rays, stack, &mut any);
     (!ended || any.left == 0).then_some(asked & !any.left)
 }
@@ -155,8 +155,8 @@ impl<I, L: Lanes, P: Halves> Visitor<I> for Any<'_, L, P> {
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize % LANES;
             lanes &= lanes - 1;
-            let far = L::splat(f32::INFINITY);
-            let Some(met) = self.packet.rays.meet_one(block, lane, far) else {
+            let rays = &self.packet.rays;
+            let Some(met) = rays.meet_one(block, lane, self.packet.t_max) else {
                 continue;
             };
             let mut hit = met.lanes & self.left;

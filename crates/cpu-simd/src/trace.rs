@@ -1,11 +1,11 @@
-//! Rays to hits by the wide tree: rays of neighbouring pixels together where that pays, others each on its own.
+//! Rays to hits by the wide tree: neighbouring rays together where that pays, others each on its own.
 
 use crate::cell::{COLUMNS, Cell};
 use crate::light::{Found, shadow_rays};
 use crate::packet::Packet;
 use crate::rays::{Given, Group, OneRay};
 use crate::search;
-use crate::simd::{Isa, Lanes, Work, each};
+use crate::simd::{Isa, Lanes, Work};
 use crate::together::{self, MOST_RAYS, NONE};
 use crate::tree::{NOWHERE, Wide};
 use crate::walk::walk_any;
@@ -15,7 +15,8 @@ use cpu_ref::scale::Scale;
 use cpu_ref::tiles::{Counts, Output, Tiles, fill};
 use cpu_ref::trace::Tracer;
 use cpu_ref::traverse;
-use geom::{Camera, Hit, Ray};
+use geom::{Hit, Ray};
+use std::ops::Range;
 
 type PacketOf<I> = Packet<<I as Isa>::Packet, <I as Isa>::Planes>;
 type Stack<'a> = traverse::Stack<&'a Wide>;
@@ -33,89 +34,36 @@ impl<'a> WideTracer<'a> {
         })
     }
 
-    /// The answers for the rays of a cell, one a lane.
+    /// The answers for rays in these lanes.
     #[inline(always)]
-    fn answers<I: Isa>(&self, cell: &Cell, trust: &mut Trust, stack: &mut Stack<'a>) -> Found {
+    fn answers<I: Isa>(&self, rays: &Given<I::Packet>, asked: u32, state: &mut State<'a>) -> Found {
         let Tracer { task, tree, light } = &self.0;
-        let together = self.together::<I>(cell, trust, stack);
-        let (mut found, rays, scale);
-        let (mut asked, mut skipped) = (cell.asked, NONE);
+        let scale = task.geometry.scale;
+        let mut found = Found::NOTHING;
         if task.query.kind == QueryKind::Any {
-            if let Some(found) = together {
-                return found;
-            }
-            found = Found::NOTHING;
-            rays = Given::<I::Packet>::of(&cell.rays(task));
-            scale = task.geometry.scale;
-        } else {
-            found = match together {
-                Some(found) => found,
-                None => self.closest_each::<I>(cell, stack),
-            };
-            let Some(light) = light else {
-                return found;
-            };
-            asked &= found.lanes();
-            if asked == 0 {
-                return found;
-            }
-            // At once, while all that the rays came to is in the nearest caches.
-            let corners = found.corners::<I>(&task.geometry, tree);
-            let eyes = self.eyes::<I>(cell);
-            rays = shadow_rays(light, &corners, found.weights::<I>(), &eyes);
-            scale = Scale::ONE;
-            for (skipped, hit) in skipped.iter_mut().zip(&found.hits) {
-                *skipped = hit.triangle;
-            }
+            found.blocked = self.any::<I>((rays, scale), (asked, &NONE), state);
+            return found;
         }
-        found.blocked = self.any_each::<I>((&rays, scale), (asked, &skipped), stack);
-        found
-    }
-
-    /// Where rays start, in scaled units.
-    #[inline(always)]
-    fn eyes<I: Isa>(&self, cell: &Cell) -> [I::Packet; 3] {
-        let task = &self.0.task;
-        if let Rays::Camera(camera) = task.query.rays {
-            let eye = task.geometry.scale.apply(camera.eye);
-            return each!(i => I::Packet::splat(eye[i]));
-        }
-        Given::of(&cell.rays(task)).scaled_origin(task.geometry.scale)
-    }
-
-    /// What a cell's rays find as a packet; `None` where they go better one by one.
-    #[inline(always)]
-    fn together<I: Isa>(
-        &self,
-        cell: &Cell,
-        trust: &mut Trust,
-        stack: &mut Stack<'a>,
-    ) -> Option<Found> {
-        let Rays::Camera(camera) = self.0.task.query.rays else {
-            return None;
+        found = self.closest::<I>(rays, asked, state);
+        let (Some(light), hit) = (light, asked & found.lanes()) else {
+            return found;
         };
-        if !trust.tries() {
-            return None;
+        if hit == 0 {
+            return found;
         }
-        let found = self.packet::<I>(camera, cell, stack);
-        trust.saw(found.is_some());
+        // At once, while all that the rays came to is in the nearest caches.
+        let corners = found.corners::<I>(&task.geometry, tree);
+        let eyes = rays.scaled_origin(scale);
+        let shadows = shadow_rays(light, &corners, found.weights::<I>(), &eyes);
+        let mut skipped = NONE;
+        for (skipped, hit) in skipped.iter_mut().zip(&found.hits) {
+            *skipped = hit.triangle;
+        }
+        found.blocked = self.any::<I>((&shadows, Scale::ONE), (hit, &skipped), state);
         found
     }
 
-    #[inline(always)]
-    fn packet<I: Isa>(&self, camera: &Camera, cell: &Cell, stack: &mut Stack<'a>) -> Option<Found> {
-        let (stack, tree) = (&mut stack.waiting, self.0.tree);
-        let (packet, back) = self.camera_packet::<I>(camera, cell)?;
-        if self.0.task.query.kind == QueryKind::Any {
-            let blocked = together::any::<I>(tree, &packet, (cell.asked, &NONE), stack)?;
-            let nothing = Found::NOTHING;
-            return Some(Found { blocked, ..nothing });
-        }
-        let found = together::closest::<I>(tree, &packet, stack)?;
-        Some(self.unpack::<I>(&found, back))
-    }
-
-    /// Hits of a packet, whose distances `back` brings to units of the camera's directions.
+    /// Hits of a packet, whose distances `back` brings to units of the given directions.
     #[inline(always)]
     fn unpack<I: Isa>(&self, packet: &together::Found<I::Packet>, back: I::Packet) -> Found {
         let t = packet.t.mul(back).store();
@@ -133,32 +81,27 @@ impl<'a> WideTracer<'a> {
         found
     }
 
-    /// The rays of a cell's pixels; and what brings their distances to units of the camera's directions.
+    /// Closest hits of rays that are prepared together: as a packet where that pays, or else each on its own.
     #[inline(always)]
-    fn camera_packet<I: Isa>(
+    fn closest<I: Isa>(
         &self,
-        camera: &Camera,
-        cell: &Cell,
-    ) -> Option<(PacketOf<I>, I::Packet)> {
-        let scale = self.0.task.geometry.scale;
-        let eye = scale.apply(camera.eye);
-        let origin = each!(i => I::Packet::splat(eye[i]));
-        let directions = cell.directions::<I::Packet>(camera);
-        let packet = Packet::new(&origin, &directions, &self.0.tree.root)?;
-        let back = I::Packet::splat(scale.usual_inverse()?);
-        let back = packet.factor.mul(back);
-        Some((packet, back))
-    }
-
-    /// Closest hits of rays that are prepared together and traced each on its own.
-    #[inline(always)]
-    fn closest_each<I: Isa>(&self, cell: &Cell, stack: &mut Stack<'a>) -> Found {
+        rays: &Given<I::Packet>,
+        asked: u32,
+        State { stack, closest, .. }: &mut State<'a>,
+    ) -> Found {
         let (scale, tree) = (self.0.task.geometry.scale, self.0.tree);
-        let rays = cell.rays(&self.0.task);
-        let group = Group::<I::Packet>::new(&Given::of(&rays), scale, &tree.root);
+        let group = Group::<I::Packet>::new(rays, scale, &tree.root);
+        let packet = closest.packet::<I>(&group);
+        if let Some(packet) = packet {
+            let found = together::closest::<I>(tree, &packet, &mut stack.waiting);
+            closest.saw(found.is_some());
+            if let Some(found) = found {
+                return self.unpack::<I>(&found, I::Packet::load(&group.back));
+            }
+        }
         let mut found = Found::NOTHING;
-        for (lane, alone) in rays.iter().enumerate() {
-            if (group.ready & cell.asked) >> lane & 1 == 1 {
+        for lane in 0..MOST_RAYS {
+            if (group.ready & asked) >> lane & 1 == 1 {
                 let group = &group;
                 let ray = OneRay { group, lane };
                 let best = search::closest::<I>(tree, &ray, &mut stack.waiting);
@@ -167,23 +110,32 @@ impl<'a> WideTracer<'a> {
                     found.hits[lane] = Hit { t, ..best.hit };
                     found.places[lane] = best.place;
                 }
-            } else if cell.asked >> lane & 1 == 1 {
-                found.hits[lane] = self.closest_unusual(alone, scale, stack);
+            } else if asked >> lane & 1 == 1 {
+                found.hits[lane] = self.closest_unusual(&rays.ray(lane), scale, stack);
             }
         }
         found
     }
 
-    /// Which rays of `asked` hit any triangle but those left out.
+    /// Which rays of `asked` hit any triangle but those left out; prepared and traced likewise.
     #[inline(always)]
-    fn any_each<I: Isa>(
+    fn any<I: Isa>(
         &self,
         (rays, scale): (&Given<I::Packet>, Scale),
         (asked, skipped): (u32, &[u32; MOST_RAYS]),
-        stack: &mut Stack<'a>,
+        State { stack, any, .. }: &mut State<'a>,
     ) -> u32 {
         let tree = self.0.tree;
         let group = Group::<I::Packet>::new(rays, scale, &tree.root);
+        let all = asked == I::Packet::ALL;
+        let packet = if all { any.packet::<I>(&group) } else { None };
+        if let Some(packet) = packet {
+            let found = together::any::<I>(tree, &packet, (asked, skipped), &mut stack.waiting);
+            any.saw(found.is_some());
+            if let Some(hit) = found {
+                return hit;
+            }
+        }
         let mut hit = 0;
         for (lane, &skipped) in skipped.iter().enumerate() {
             if (group.ready & asked) >> lane & 1 == 1 {
@@ -214,18 +166,27 @@ impl<'a> WideTracer<'a> {
         Watertight::any(&self.0.asked(*ray, scale), Some(skipped), stack)
     }
 
-    /// The answers for the rays of a cell, some of which are extreme.
+    /// The answers for rays of a list, some of which are extreme.
     #[cold]
     #[inline(never)]
-    fn singly(&self, cell: &Cell, stack: &mut Stack<'a>) -> Found {
+    fn singly(&self, indices: Range<usize>, stack: &mut Stack<'a>) -> Found {
         let mut found = Found::NOTHING;
-        for lane in 0..cell.asked.count_ones() as usize {
-            let (hit, blocked) = self.0.answer::<Watertight>(cell.index(lane), stack);
+        for (lane, index) in indices.enumerate() {
+            let (hit, blocked) = self.0.answer::<Watertight>(index, stack);
             found.hits[lane] = hit;
             found.blocked |= u32::from(blocked) << lane;
         }
         found
     }
+}
+
+/// What a task keeps from rays to rays.
+#[derive(Default)]
+struct State<'a> {
+    stack: Stack<'a>,
+    /// Of closest hits, and of any.
+    closest: Trust,
+    any: Trust,
 }
 
 struct ListTask<'a, 'o> {
@@ -239,26 +200,25 @@ impl Work for ListTask<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(mut self) -> Counts {
-        let (mut stack, mut sum) = (Stack::default(), Counts::default());
+        let (mut state, mut sum) = (State::default(), Counts::default());
         let (tracer, lanes) = (self.tracer, I::Packet::ALL.count_ones() as usize);
-        let geometry = &tracer.0.task.geometry;
-        for begin in (0..self.out.count()).step_by(lanes) {
-            let count = lanes.min(self.out.count() - begin);
-            let first = self.first + begin;
-            let cell = Cell::row(first, count);
-            let mut extreme = false;
-            for index in first..first + count {
-                extreme |= geometry.is_extreme(&tracer.0.task.ray(index));
-            }
-            let found = if extreme {
-                tracer.singly(&cell, &mut stack)
+        let task = &tracer.0.task;
+        let Rays::List(list) = task.query.rays else {
+            return sum;
+        };
+        let list = &list[self.first..self.first + self.out.count()];
+        for (i, rays) in list.chunks(lanes).enumerate() {
+            let (begin, asked) = (i * lanes, (1 << rays.len()) - 1);
+            let found = if rays.iter().any(|ray| task.geometry.is_extreme(ray)) {
+                let first = self.first + begin;
+                tracer.singly(first..first + rays.len(), &mut state.stack)
             } else {
-                tracer.answers::<I>(&cell, &mut Trust::default(), &mut stack)
+                tracer.answers::<I>(&Given::listed(rays), asked, &mut state)
             };
-            for lane in 0..count {
+            for lane in 0..rays.len() {
                 self.out.set(begin + lane, found.answer(lane));
             }
-            sum = sum + found.counts(cell.asked);
+            sum = sum + found.counts(asked);
         }
         sum
     }
@@ -274,14 +234,17 @@ impl Work for PictureTask<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(mut self) -> Counts {
-        let (mut stack, mut sum) = (Stack::default(), Counts::default());
+        let (mut state, mut sum) = (State::default(), Counts::default());
+        let Rays::Camera(camera) = self.tracer.0.task.query.rays else {
+            return sum;
+        };
         let size = [self.tiles.columns(), self.tiles.height()];
         let rows = I::Packet::ALL.count_ones() as usize / COLUMNS;
-        let mut trust = Trust::default();
         for x in (0..size[0]).step_by(COLUMNS) {
             for y in (0..size[1]).step_by(rows) {
                 let cell = Cell::new(&self.tiles, [x, y], rows);
-                let found = self.tracer.answers::<I>(&cell, &mut trust, &mut stack);
+                let rays = cell.rays(camera);
+                let found = self.tracer.answers::<I>(&rays, cell.asked, &mut state);
                 self.write(&cell, [x, y], &found);
                 sum = sum + found.counts(cell.asked);
             }
@@ -315,11 +278,12 @@ struct Trust {
 const PAUSE: u32 = 7;
 
 impl Trust {
+    /// The rays of a group as a packet, if that is worth a try.
     #[inline(always)]
-    fn tries(&mut self) -> bool {
+    fn packet<I: Isa>(&mut self, group: &Group<I::Packet>) -> Option<PacketOf<I>> {
         let tries = self.pause == 0;
         self.pause = self.pause.saturating_sub(1);
-        tries
+        if tries { Packet::of(group) } else { None }
     }
 
     #[inline(always)]

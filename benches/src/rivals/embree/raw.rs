@@ -1,6 +1,6 @@
 //! What is called of Embree's C interface, and the forms of its rays.
 
-use geom::Ray;
+use geom::{Hit, Ray};
 use std::ffi::{c_char, c_void};
 use std::ptr::null_mut;
 
@@ -21,9 +21,10 @@ pub(super) struct RayHits<const N: usize> {
     flags: [u32; N],
     normal: [[f32; N]; 3],
     uv: [[f32; N]; 2],
-    pub(super) primitive: [u32; N],
+    primitive: [u32; N],
     geometry: [u32; N],
     instance: [u32; N],
+    instance_primitive: [u32; N],
 }
 
 impl<const N: usize> RayHits<N> {
@@ -47,25 +48,43 @@ impl<const N: usize> RayHits<N> {
             primitive: [NONE; N],
             geometry: [NONE; N],
             instance: [NONE; N],
+            instance_primitive: [NONE; N],
         }
     }
 }
 
-/// `RTCIntersectContext`, as `rtcInitIntersectContext` makes it, with room for a member that some builds have.
+impl<const N: usize> RayHits<N> {
+    /// What the ray in one lane hit.
+    pub(super) fn hit(&self, lane: usize) -> Hit {
+        Hit {
+            t: self.t_max[lane],
+            u: self.uv[0][lane],
+            v: self.uv[1][lane],
+            triangle: self.primitive[lane],
+        }
+    }
+}
+
+/// `RTCIntersectArguments` or `RTCOccludedArguments`, with room for a member that some builds have.
 #[repr(C)]
-pub(super) struct Context {
+pub(super) struct Arguments {
     flags: u32,
+    features: u32,
+    context: Handle,
     filter: Handle,
-    instance: u32,
+    intersect: Handle,
     least_width: f32,
 }
 
-impl Context {
+impl Arguments {
+    /// As `rtcInitIntersectArguments` makes them, or for rays that lie close together.
     pub(super) fn new(coherent: bool) -> Self {
         Self {
-            flags: u32::from(coherent),
+            flags: u32::from(coherent) << 16,
+            features: u32::MAX,
+            context: null_mut(),
             filter: null_mut(),
-            instance: NONE,
+            intersect: null_mut(),
             least_width: 0.0,
         }
     }
@@ -78,12 +97,15 @@ pub(super) const INDICES: [u32; 2] = [0, 0x5003];
 pub(super) const VERTICES: [u32; 2] = [1, 0x9003];
 /// `RTC_GEOMETRY_TYPE_TRIANGLE`.
 pub(super) const TRIANGLES: u32 = 0;
-/// `RTC_BUILD_QUALITY_MEDIUM`.
+/// `RTC_BUILD_QUALITY_LOW`, `_MEDIUM` and `_REFIT`.
+pub(super) const LOW: u32 = 0;
 pub(super) const MEDIUM: u32 = 1;
-/// `RTC_SCENE_FLAG_ROBUST`.
+pub(super) const REFIT: u32 = 3;
+/// `RTC_SCENE_FLAG_DYNAMIC` and `_ROBUST`.
+pub(super) const DYNAMIC: u32 = 1;
 pub(super) const ROBUST: u32 = 1 << 2;
 
-#[link(name = "embree3")]
+#[link(name = "embree4")]
 unsafe extern "C" {
     pub(super) fn rtcNewDevice(config: *const c_char) -> Handle;
     pub(super) fn rtcReleaseDevice(device: Handle);
@@ -105,19 +127,21 @@ unsafe extern "C" {
     pub(super) fn rtcCommitGeometry(geometry: Handle);
     pub(super) fn rtcAttachGeometry(scene: Handle, geometry: Handle) -> u32;
     pub(super) fn rtcCommitScene(scene: Handle);
-    pub(super) fn rtcIntersect1(scene: Handle, context: *mut Context, ray: *mut RayHits<1>);
-    pub(super) fn rtcOccluded1(scene: Handle, context: *mut Context, ray: *mut RayHits<1>);
+    pub(super) fn rtcSetGeometryBuildQuality(geometry: Handle, quality: u32);
+    pub(super) fn rtcIntersect1(scene: Handle, ray: *mut RayHits<1>, how: *mut Arguments);
+    /// Asks for the ray alone, which comes first in `RTCRayHit`.
+    pub(super) fn rtcOccluded1(scene: Handle, ray: *mut RayHits<1>, how: *mut Arguments);
     pub(super) fn rtcIntersect16(
         valid: *const i32,
         scene: Handle,
-        context: *mut Context,
         rays: *mut RayHits<16>,
+        how: *mut Arguments,
     );
-    /// Asks for the rays alone, which come first in `RTCRayHit16`.
+    /// Likewise.
     pub(super) fn rtcOccluded16(
         valid: *const i32,
         scene: Handle,
-        context: *mut Context,
         rays: *mut RayHits<16>,
+        how: *mut Arguments,
     );
 }

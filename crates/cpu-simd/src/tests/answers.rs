@@ -212,6 +212,23 @@ proptest! {
     }
 
     #[test]
+    fn neighbours_with_starts_and_limits_of_their_own_hit_what_each_hits_alone(
+        camera in cameras(),
+        own in prop::collection::vec([-2.0_f32..3.0, 0.1_f32..9.0, -0.1_f32..0.1], 1..17),
+        light in near(9.0),
+    ) {
+        let own = own.iter().cycle();
+        let rays = camera.rays().zip(own).map(|(ray, &[t_min, t_max, shift])| {
+            let length = ray.direction.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
+            let [t_min, t_max] = [t_min, t_max].map(|t| t / length);
+            let origin = ray.origin.map(|x| x + shift);
+            Ray { origin, t_min, t_max, ..ray }
+        });
+        let rays: Vec<Ray> = rays.collect();
+        check(&ball(1.0), Intersector::Watertight, &[Rays::List(&rays)], light)?;
+    }
+
+    #[test]
     fn strangers_hit_with_vectors_what_they_hit_without(
         rays in strangers(),
         light in near(9.0),

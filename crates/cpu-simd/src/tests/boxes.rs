@@ -2,7 +2,6 @@
 
 use crate::rays::{Given, Group, OneRay};
 use crate::simd::{Isa, Lanes, Level, Plain, Work};
-use crate::together::MOST_RAYS;
 use crate::tree::{EMPTY, LANES, Planes};
 use crate::walk::{BoxTest, NodeRay};
 use cpu_ref::ray::PreparedRay;
@@ -116,7 +115,7 @@ proptest! {
         };
         let alone = Group::alone(&prepared, &root);
         check(&OneRay { group: &alone, lane: 0 }, &bounds)?;
-        let group = Group::<Plain<8>>::new(&Given::of(&[ray; MOST_RAYS]), Scale::ONE, &root);
+        let group = Group::<Plain<8>>::new(&Given::listed(&[ray]), Scale::ONE, &root);
         if group.ready & 1 == 1 {
             check(&OneRay { group: &group, lane: 0 }, &bounds)?;
         }
