@@ -1,26 +1,9 @@
-//! Adapters: what is known of one, and which one is meant.
+//! Adapters: what is told of one, and which one is meant.
 
 use crate::stop::Stop;
 use backend::DeviceKind;
-use serde::{Serialize, Serializer};
-
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct Adapter {
-    pub(crate) index: usize,
-    pub(crate) name: String,
-    /// Driver and version; empty where there is none.
-    pub(crate) driver: String,
-    #[serde(serialize_with = "by_name")]
-    pub(crate) kind: DeviceKind,
-    /// What bounds or shapes the work there.
-    pub(crate) limits: Vec<Limit>,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct Limit {
-    pub(crate) name: &'static str,
-    pub(crate) value: String,
-}
+pub(crate) use gpu_vulkan::AdapterInfo as Adapter;
+use serde_json::{Value, json};
 
 pub(crate) fn kind_name(kind: DeviceKind) -> &'static str {
     match kind {
@@ -30,8 +13,17 @@ pub(crate) fn kind_name(kind: DeviceKind) -> &'static str {
     }
 }
 
-fn by_name<S: Serializer>(kind: &DeviceKind, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(kind_name(*kind))
+/// As JSON tells it.
+pub(crate) fn told(adapter: &Adapter) -> Value {
+    let limits = adapter.limits.iter();
+    let limit = |(name, value): &(_, _)| json!({ "name": name, "value": value });
+    json!({
+        "index": adapter.index,
+        "name": adapter.name,
+        "driver": adapter.driver,
+        "kind": kind_name(adapter.kind),
+        "limits": limits.map(limit).collect::<Vec<_>>(),
+    })
 }
 
 /// The adapter meant by an index, a whole name, or a part of one that no other name has.

@@ -44,9 +44,9 @@ pub(crate) enum Command {
 
 /// Parses a command line. No command at all is `render`.
 pub(crate) fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Command, Stop> {
-    let (cli, given) = read(args.into_iter().collect())?;
+    let (cli, given) = read(args)?;
     let Some(command) = cli.command else {
-        let (cli, _) = read(vec!["abvh".into(), "render".into()])?;
+        let (cli, _) = read(["abvh".into(), "render".into()])?;
         return cli.command.ok_or_else(|| Stop::bad("no command"));
     };
     if let Some((_, given)) = given.subcommand() {
@@ -56,34 +56,21 @@ pub(crate) fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Command,
 }
 
 /// The command line, and what of it was given.
-fn read(args: Vec<OsString>) -> Result<(Cli, ArgMatches), Stop> {
-    matches(&args).map_err(|e| refused(&args, &e))
-}
-
-fn matches(args: &[OsString]) -> Result<(Cli, ArgMatches), clap::Error> {
+fn read(args: impl IntoIterator<Item = OsString>) -> Result<(Cli, ArgMatches), Stop> {
     let width = talk::columns().unwrap_or(WIDTH).min(WIDTH);
-    let given = Cli::command()
-        .term_width(width)
-        .try_get_matches_from(args)?;
-    Ok((Cli::from_arg_matches(&given)?, given))
+    let given = Cli::command().term_width(width).try_get_matches_from(args);
+    let read = given.and_then(|given| Ok((Cli::from_arg_matches(&given)?, given)));
+    read.map_err(|e| refused(&e))
 }
 
 /// Help goes to standard output; anything else becomes one line.
-fn refused(args: &[OsString], e: &clap::Error) -> Stop {
+fn refused(e: &clap::Error) -> Stop {
     if !e.use_stderr() {
         // A reader that went away needs no help.
         let _ = e.print();
         return Stop::Shown;
     }
-    // clap leaves escape sequences out of what it quotes. Spelt out, they are refused likewise.
-    let spelt: Vec<_> = args
-        .iter()
-        .map(|arg| talk::plain(&arg.to_string_lossy(), &[]).into_owned().into())
-        .collect();
-    let text = match matches(&spelt) {
-        Err(spelt) if spelt.kind() == e.kind() => spelt.to_string(),
-        _ => e.to_string(),
-    };
+    let text = e.to_string();
     let first = text.split("\n\n").next().unwrap_or(&text);
     Stop::bad(first.strip_prefix("error: ").unwrap_or(first))
 }
@@ -167,7 +154,8 @@ pub(crate) struct InfoArgs {
 #[derive(Args, Debug)]
 pub(crate) struct SourceArgs {
     /// Key frames sampled from each second of a glTF clip
-    #[arg(long, value_name = "N", default_value = "24", value_parser = values::fps)]
+    #[arg(long, value_name = "N", default_value = "24", value_parser = values::number(|fps: f64| fps > 0.0 && fps <= 1000.0,
+        "samples a second lie between 0 and 1000"))]
     pub(crate) fps: f64,
     /// glTF clip to sample [default: the first]
     #[arg(long, value_name = "NAME|INDEX")]
@@ -201,10 +189,10 @@ pub(crate) struct DeviceArgs {
     #[arg(long, value_name = "INDEX|NAME-PART")]
     pub(crate) adapter: Option<String>,
     /// Threads that render
-    #[arg(long, value_name = "N", value_parser = values::threads)]
+    #[arg(long, value_name = "N", value_parser = values::threads())]
     pub(crate) threads: Option<usize>,
     /// Threads that build trees
-    #[arg(long, value_name = "N", value_parser = values::threads)]
+    #[arg(long, value_name = "N", value_parser = values::threads())]
     pub(crate) builder_threads: Option<usize>,
     /// Neither use nor keep compiled kernels of earlier runs (in the user's folder for caches)
     #[arg(long)]
@@ -249,7 +237,8 @@ pub(crate) struct CameraArgs {
     #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
     pub(crate) up: Option<Point>,
     /// Vertical field of view
-    #[arg(long, value_name = "DEG", default_value = "40", value_parser = values::fov)]
+    #[arg(long, value_name = "DEG", default_value = "40", value_parser = values::number(|d: f32| d > 0.0 && d < 180.0,
+        "a field of view lies between 0 and 180 degrees"))]
     pub(crate) fov: f32,
     /// Where the lamp is
     #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
@@ -272,9 +261,6 @@ pub(crate) enum BackendName {
     /// The same, built to be traced quickly
     #[value(name = "vulkan-rt:fast-trace")]
     VulkanRtFastTrace,
-    /// wgpu with kernels that it translates even where it need not: for laws, not for work
-    #[value(hide = true)]
-    WgpuWgsl,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -291,15 +277,6 @@ pub(crate) enum UpdateName {
     TSah,
     /// A new tree for every frame, made on the graphics processor (PLOC: Meister, Bittner 2018)
     DeviceRebuild,
-}
-
-/// Something that is done or left.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Switch {
-    /// Done
-    On,
-    /// Left
-    Off,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -341,9 +318,7 @@ pub(crate) use conform::{ConformArgs, StabilityArgs, TestArgs};
 mod idle;
 
 mod lists;
-pub(crate) use lists::{
-    PoliciesArgs, SizeArgs, Tolerance, ToleranceArgs, WarmUpArgs, has_own_trees,
-};
+pub(crate) use lists::{SizeArgs, Tolerance, ToleranceArgs, has_own_trees};
 
 mod render;
 pub(crate) use render::RenderArgs;

@@ -9,7 +9,6 @@
 //! all that is resident of the process, with whatever earlier runs left behind.
 
 mod accuracy;
-mod hard;
 mod plan;
 mod rays;
 
@@ -23,29 +22,28 @@ use output::plot::{self, Adapter, Chart, Machine, Point, Spread};
 use output::{FrameStats, Summary};
 use plan::{ChartPlan, Way};
 
-const LEGEND: &str = "wrong: closest hits of so many that differ from exact arithmetic; aimed: rays at edges and vertices; \
-    mixed range: scenes of far or large parts\n\
-    t off: 99.9 % of hits are off by no more; leaks: of so many rays from inside closed bodies, at all offsets\n";
+const LEGEND: &str = "wrong: closest hits of so many that differ from exact arithmetic; aimed: rays at edges and vertices\n\
+    t off: 99.9 % of hits are off by no more\n";
 
 /// A point, and the way it stands for.
 type Measured = (Way, Point);
 
 pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
     let plan = ChartPlan::of(args)?;
-    if !args.quiet {
+    if !args.measure.quiet {
         plan.skipped.iter().for_each(|s| talk::say(s));
     }
+    let machine = Machine {
+        cpu: info::cpu_model(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        date: time::OffsetDateTime::now_utc().date().to_string(),
+        adapters: Vec::new(),
+    };
     let mut work = Work {
         args,
-        progress: Progress::new(0, args.quiet),
+        progress: Progress::new(0, args.measure.quiet),
         chart: Chart {
-            title: "abvh: speed against accuracy".to_owned(),
-            machine: Machine {
-                cpu: info::cpu_model(),
-                version: env!("CARGO_PKG_VERSION").to_owned(),
-                date: time::OffsetDateTime::now_utc().date().to_string(),
-                adapters: Vec::new(),
-            },
+            machine,
             ..Chart::default()
         },
     };
@@ -53,7 +51,6 @@ pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
     for spec in &plan.scenes {
         measured.push(work.time_scene(spec, &plan.ways)?);
     }
-    work.ask_hard_rays(&mut measured)?;
     for (spec, points) in plan.scenes.iter().zip(&mut measured) {
         work.judge_scene(spec, points)?;
     }
@@ -92,7 +89,10 @@ struct Work<'a> {
 
 impl Work<'_> {
     fn open(&self, spec: &str) -> Result<scene::Scene, Stop> {
-        let options = memory::with_run(self.args.source.options(), self.args.size.count());
+        let options = memory::with_run(
+            self.args.measure.source.options(),
+            self.args.measure.size.count(),
+        );
         Ok(scene::open(spec, &options)?)
     }
 
@@ -103,7 +103,7 @@ impl Work<'_> {
             output::prepare_dir(&self.args.out).map_err(Stop::bad)?;
         }
         let keys = scene.animation.whole_times();
-        let frames = frames::list(Some(&self.args.frames), None, keys, false)?;
+        let frames = frames::list(Some(&self.args.measure.frames), None, keys, false)?;
         // Its own name, or what it was requested by, where that alone is unique.
         let is_taken = self.chart.scenes.iter().any(|s| s.name == scene.name);
         let name = match frames::is_demo(spec) || is_taken {
@@ -113,13 +113,13 @@ impl Work<'_> {
         self.chart.scenes.push(plot::Scene {
             name: name.clone(),
             triangles: scene.animation.triangle_count() as u64,
-            size: self.args.size.size,
+            size: self.args.measure.size.size,
             frames: frames.len() as u64,
         });
         let run = bench::Run {
             rays: RaysName::Camera,
-            size: self.args.size.size,
-            warm_up: self.args.warm_up.warm_up,
+            size: self.args.measure.size.size,
+            warm_up: self.args.measure.warm_up,
         };
         let mut points = Vec::new();
         self.progress.lengthen(2 * ways.len() as u64 + 1);
@@ -151,22 +151,6 @@ impl Work<'_> {
         if !adapters.contains(&adapter) {
             adapters.push(adapter);
         }
-    }
-
-    /// Closed bodies and scenes of mixed range, once by each backend and method.
-    fn ask_hard_rays(&mut self, measured: &mut [Vec<Measured>]) -> Result<(), Stop> {
-        let families = hard::families(self.args.rays);
-        let mut known: Vec<(Way, _)> = Vec::new();
-        for (way, point) in measured.iter_mut().flatten() {
-            if !known.iter().any(|(of, _)| way.is_like(of)) {
-                known.push((*way, hard::ask(&way.ask, &families, self.args.rays)?));
-                self.progress.lengthen(1);
-                self.progress.step(&format!("hard rays {way}"));
-            }
-            let found = known.iter().find(|(of, _)| way.is_like(of));
-            (point.mixed_range, point.leaks) = found.map(|f| f.1.clone()).unwrap_or_default();
-        }
-        Ok(())
     }
 
     /// Every way's answers over one scene.

@@ -7,14 +7,15 @@
 mod sample;
 
 use crate::args::{
-    BackendName, IntersectorName, LayoutName, MethodArgs, PolicyArgs, Switch, UpdateName, word,
+    BackendName, IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName, word,
 };
 use crate::session::ReusedBackend;
 use crate::stop::Stop;
 use backend::{DeviceKind, Intersector, Layout, Method, Query};
 use output::Taken;
+use output::plot::Rate;
 use pipeline::{Frame, Pace, RefitDecay, RunFacts, Update};
-use sample::{Sample, Wrong};
+use sample::Sample;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ask<'a> {
@@ -30,8 +31,8 @@ pub(crate) struct Ask<'a> {
     pub(crate) run: Option<Run<'a>>,
     /// Rays of a frame, where no run is known.
     pub(crate) rays: usize,
-    /// What trees may be built for.
-    pub(crate) ahead: Ahead,
+    /// Whether trees are built for what comes.
+    pub(crate) predict: bool,
 }
 
 impl Ask<'_> {
@@ -47,16 +48,22 @@ impl Ask<'_> {
             tolerance: 0.0,
             run: None,
             rays: 0,
-            // The whole motion.
-            ahead: Ahead {
-                time_range: [0.0, f64::INFINITY],
-                predict: true,
-            },
+            predict: true,
         }
     }
 
     pub(crate) fn rays(&self) -> usize {
         self.run.map_or(self.rays, |run| run.query.rays.count())
+    }
+
+    /// The first and the last time of all frames, in key frames; the whole motion where no run is known.
+    pub(crate) fn time_range(&self) -> [f64; 2] {
+        let Some(run) = self.run else {
+            return [0.0, f64::INFINITY];
+        };
+        let times = || run.frames.iter().map(|f| f.time);
+        let last = times().fold(0.0, f64::max);
+        [times().fold(last, f64::min), last]
     }
 }
 
@@ -65,26 +72,6 @@ impl Ask<'_> {
 pub(crate) struct Run<'a> {
     pub(crate) frames: &'a [Frame],
     pub(crate) query: Query<'a>,
-}
-
-/// What is known of the frames to come.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Ahead {
-    /// The first and the last time of all frames, in key frames.
-    pub(crate) time_range: [f64; 2],
-    pub(crate) predict: bool,
-}
-
-impl Ahead {
-    pub(crate) fn of(frames: &[Frame], predict: Switch) -> Self {
-        let times = || frames.iter().map(|f| f.time);
-        let first = times().fold(f64::INFINITY, f64::min);
-        let last = times().fold(0.0, f64::max);
-        Self {
-            time_range: [first.min(last), last],
-            predict: predict == Switch::On,
-        }
-    }
 }
 
 /// Something taken, and the reason where nobody asked for it by name.
@@ -186,14 +173,6 @@ fn layout(name: LayoutName) -> Option<Layout> {
     all.find(|l| l.name() == word(&name))
 }
 
-/// A method that leaves nothing to what is known of the device.
-pub(crate) fn method(args: MethodArgs) -> Method {
-    Method {
-        intersector: intersector(args.intersector).value,
-        layout: layout(args.layout).unwrap_or(Layout::Bvh2),
-    }
-}
-
 /// The layout asked for, or the one that is traced faster on a device.
 fn layout_on(device: DeviceKind, name: LayoutName) -> Choice<Layout> {
     match (layout(name), device) {
@@ -289,8 +268,9 @@ fn settle_intersector(
     let sample = Sample::take(backend, &run, rays)?;
     let mut found = Vec::new();
     for intersector in FASTEST_FIRST {
-        let counted = sample.wrong(backend, intersector)?;
-        let (Wrong { wrong, rays }, most) = (counted, counted.at_most());
+        let [wrong, rays] = sample.wrong(backend, intersector)?;
+        // With 95 % confidence.
+        let most = Rate::of(wrong, rays).map_or(1e6, |rate| rate.high);
         found.push(format!(
             "{intersector} {wrong} of {rays} rays wrong, at most {most:.1} a million"
         ));

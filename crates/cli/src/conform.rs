@@ -4,14 +4,15 @@ mod oracle;
 mod results;
 
 use crate::args::{BackendName, ConformArgs};
+use crate::conflicts::Files;
 use crate::open;
 use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::subjects::{self, Subject};
 use crate::table::counted;
-use crate::{conflicts, talk};
+use crate::talk;
 use backend::{Intersector, Method};
-use conformance::leaks::{self, LeakPlan};
+use conformance::leaks::{self, LeakPlan, OFFSETS};
 use conformance::{Law, Reference, hold, hold_one, laws_of};
 use results::{PropertyRow, Report};
 use std::time::Instant;
@@ -20,7 +21,7 @@ use std::time::Instant;
 const STEPS: u64 = 20;
 
 pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
-    conflicts::of_files(&args.scene, [], [("--json", args.test.json.as_ref())])?;
+    Files::written(&[("--json", &args.test.json)]).check(&args.scene)?;
     let given = oracle::open(args)?;
     let (mut subjects, tested) = subjects::open_all(&args.test, true)?;
     let mut report = Report {
@@ -113,7 +114,7 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
     let plan = LeakPlan {
         seed: args.seed,
         rays: args.leak_rays,
-        offsets: args.offsets.clone(),
+        offsets: OFFSETS.to_vec(),
         method: Method {
             intersector,
             ..Method::default()
@@ -130,12 +131,8 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
     drop(progress);
     let rows = found.rows.into_iter().map(|row| (subject.name, row));
     report.leaks.extend(rows);
-    let offsets: Vec<String> = args.offsets.iter().map(ToString::to_string).collect();
-    let rest = format!(
-        "--cases 0 --leak-rays {} --offsets {} --intersector {intersector}",
-        args.leak_rays,
-        offsets.join(",")
-    );
+    let rays = args.leak_rays;
+    let rest = format!("--cases 0 --leak-rays {rays} --intersector {intersector}");
     let command = command(args, "", subject.name, &rest);
     let examples = found.first.iter();
     report

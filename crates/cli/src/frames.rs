@@ -178,17 +178,6 @@ fn at_keys(list: &[usize], keys: usize) -> Result<Vec<Frame>, Stop> {
     Ok(list.iter().map(frame).collect())
 }
 
-/// The frames, their times aside, where they can be told before the scene is loaded.
-pub(crate) fn foreseen(
-    frames: Option<&Frames>,
-    range: Option<TimeRange>,
-    is_demo: bool,
-) -> Option<Vec<Frame>> {
-    const MANY: usize = 1 << 50;
-    let is_told = frames.is_some() || range.is_some();
-    is_told.then(|| list(frames, range, MANY, is_demo).ok())?
-}
-
 pub(crate) fn is_demo(scene: &str) -> bool {
     scene.starts_with(DEMO)
 }

@@ -1,6 +1,6 @@
 //! `abvh info`: this build and this machine.
 
-use crate::adapters::kind_name;
+use crate::adapters::{self, kind_name};
 use crate::args::{BackendName, InfoArgs};
 use crate::open::{self, Presence};
 use crate::stop::Stop;
@@ -9,14 +9,12 @@ use crate::{choose, talk, threads};
 use backend::Backend;
 use comfy_table::{ContentArrangement, Table, presets};
 use output::{SCHEMA, Taken};
-use serde::Serialize;
+use serde_json::{Value, json};
 
+const VERSION: &str = env!("CARGO_PKG_VERSION");
 const WIDTH: usize = 100;
 
-#[derive(Serialize)]
 struct Info {
-    schema: u32,
-    version: &'static str,
     cpu: Option<String>,
     threads: usize,
     auto: Option<Taken>,
@@ -25,17 +23,36 @@ struct Info {
 
 pub(crate) fn run(args: &InfoArgs) -> Result<(), Stop> {
     let info = Info {
-        schema: SCHEMA,
-        version: env!("CARGO_PKG_VERSION"),
         cpu: cpu_model(),
         threads: threads::cores(),
         auto: what_auto_takes()?,
         backends: open::presences(),
     };
-    if args.json {
-        return talk::print_json(&info);
+    match args.json {
+        true => talk::print_json(&json(&info)),
+        false => talk::print(&text(&info)),
     }
-    talk::print(&text(&info))
+}
+
+fn json(info: &Info) -> Value {
+    let backend = |b: &Presence| {
+        json!({
+            "backend": b.backend,
+            "absent": b.absent,
+            "adapters": b.adapters.iter().map(adapters::told).collect::<Vec<_>>(),
+            "intersectors": b.intersectors,
+            "layouts": b.layouts,
+            "own_trees": b.own_trees,
+        })
+    };
+    json!({
+        "schema": SCHEMA,
+        "version": VERSION,
+        "cpu": info.cpu,
+        "threads": info.threads,
+        "auto": info.auto,
+        "backends": info.backends.iter().map(backend).collect::<Vec<_>>(),
+    })
 }
 
 /// Opened indeed: a GPU that fails its test when it is opened is not taken.
@@ -50,7 +67,7 @@ fn text(info: &Info) -> String {
     let cpu = info.cpu.as_deref().unwrap_or("unknown");
     let threads = counted(info.threads, ["thread", "threads"]);
     let mut rows = vec![
-        row("abvh", info.version),
+        row("abvh", VERSION),
         row("cpu", &format!("{cpu}, {threads}")),
     ];
     if let Some(Taken { takes, why, .. }) = &info.auto {
@@ -72,7 +89,7 @@ fn text(info: &Info) -> String {
                 rows.push(row("    driver", &adapter.driver));
             }
             let limits = adapter.limits.iter();
-            rows.extend(limits.map(|l| row(&format!("    {}", l.name), &l.value)));
+            rows.extend(limits.map(|(name, value)| row(&format!("    {name}"), value)));
         }
     }
     let columns = talk::columns().unwrap_or(WIDTH).min(WIDTH);
@@ -102,17 +119,16 @@ pub(crate) fn cpu_model() -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::adapters::{Limit, named};
+    use crate::adapters::named;
     use backend::DeviceKind;
 
     #[test]
     fn all_is_told_within_a_hundred_columns() {
         let mut adapters = named(&[(&"long name ".repeat(12), DeviceKind::Gpu)]);
-        adapters[0].limits.push(Limit {
-            name: "max_buffer_bytes",
-            value: "7".to_owned(),
-        });
+        let limit = ("max_buffer_bytes", "7".to_owned());
+        adapters[0].limits.push(limit);
         let presence = Presence {
+            name: BackendName::Cpu,
             backend: "b",
             absent: None,
             adapters,
@@ -121,8 +137,6 @@ mod tests {
             own_trees: false,
         };
         let info = Info {
-            schema: SCHEMA,
-            version: "1",
             cpu: None,
             threads: 2,
             auto: choose::taken("backend", "b", Some("because ".repeat(30))),

@@ -1,20 +1,17 @@
 //! `abvh inspect`: a scene's size and motion, how refitting decays, and what `auto` takes.
 
-mod motion;
-
-use crate::args::{
-    BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, Switch, UpdateName,
-};
+use crate::args::{BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, UpdateName};
 use crate::bench::FOV;
-use crate::choose::{self, Ahead, Ask, Run};
+use crate::choose::{self, Ask, Run};
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, of_rows};
 use crate::{frames, memory, record, reduce, session, talk};
 use backend::{Query, QueryKind, Rays};
 use geom::Animation;
-use motion::{Decay, Motion, Spread, Still};
-use output::{SceneFacts, Taken};
-use serde::Serialize;
+use output::Taken;
+use pipeline::{Decay, Motion, Spread};
+use scene::Scene;
+use serde_json::{Value, json};
 use std::sync::Arc;
 
 /// Times at which the first tree is compared with a fresh one.
@@ -22,23 +19,12 @@ const SAMPLES: usize = 5;
 /// Pixels of a frame of `render`, unless asked otherwise.
 const SIZE: [u32; 2] = [1280, 720];
 
-#[derive(Serialize)]
 struct Inspection {
-    scene: SceneFacts,
-    bounds: Option<Bounds>,
     motion: Motion,
-    #[serde(rename = "static")]
-    still: Still,
     inactive: Spread,
     degenerate: Spread,
     decay: Vec<Decay>,
     auto: Vec<Taken>,
-}
-
-#[derive(Serialize)]
-struct Bounds {
-    min: [f32; 3],
-    max: [f32; 3],
 }
 
 pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
@@ -49,26 +35,34 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
     let scene = scene::open(&args.scene, &options)?;
     memory::check_trees(scene.animation.triangle_count(), 0)?;
     let animation = &scene.animation;
-    let bounds = animation.bounds();
-    let [inactive, degenerate] = motion::unhittable(animation).map_err(Stop::bad)?;
+    let [inactive, degenerate] = pipeline::unhittable(animation).map_err(Stop::bad)?;
     let inspection = Inspection {
-        scene: record::scene_facts(&scene),
-        bounds: (!bounds.is_empty()).then_some(Bounds {
-            min: bounds.min,
-            max: bounds.max,
-        }),
-        motion: motion::measure(animation).map_err(Stop::bad)?,
-        still: motion::still(animation),
+        motion: pipeline::motion(animation).map_err(Stop::bad)?,
         inactive,
         degenerate,
-        decay: motion::decay(animation, SAMPLES).map_err(Stop::failed)?,
+        decay: pipeline::decay(animation, SAMPLES).map_err(Stop::failed)?,
         auto: what_auto_takes(args, animation)?,
     };
-    if args.json {
-        talk::print_json(&inspection)
-    } else {
-        talk::print(&text(&inspection, &scene.facts.notes))
+    match args.json {
+        true => talk::print_json(&json(&scene, &inspection)),
+        false => talk::print(&text(&scene, &inspection)),
     }
+}
+
+fn json(scene: &Scene, i: &Inspection) -> Value {
+    let (bounds, m) = (scene.animation.bounds(), &i.motion);
+    let some = (!bounds.is_empty()).then(|| json!({ "min": bounds.min, "max": bounds.max }));
+    let spread = |s: Spread| json!({ "min": s.min, "max": s.max });
+    let decay = |d: &Decay| json!({ "time": d.time, "refitted": d.refitted, "fresh": d.fresh, "ratio": d.ratio });
+    json!({
+        "scene": record::scene_facts(scene),
+        "bounds": some,
+        "motion": { "moving": m.moving, "mean_step": m.mean_step, "max_step": m.max_step },
+        "inactive": spread(i.inactive),
+        "degenerate": spread(i.degenerate),
+        "decay": i.decay.iter().map(decay).collect::<Vec<_>>(),
+        "auto": i.auto,
+    })
 }
 
 /// What `render` would take if all were left to `auto`.
@@ -91,7 +85,6 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
     let ask = Ask {
         tolerance: args.tolerance.ppm(),
         run,
-        ahead: Ahead::of(&frames, Switch::On),
         ..Ask::of(
             BackendName::Auto,
             method,
@@ -101,34 +94,27 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
     Ok(session::start(animation, &ask)?.taken)
 }
 
-fn text(i: &Inspection, notes: &[String]) -> String {
-    let (s, m) = (&i.scene, &i.motion);
+fn text(scene: &Scene, i: &Inspection) -> String {
+    let (animation, m) = (&scene.animation, &i.motion);
     let mut text = format!(
-        "{}: {} ({} live), {}, {}\n",
-        s.name,
-        counted(s.triangles, TRIANGLES),
-        grouped(s.live),
-        counted(s.vertices, ["vertex", "vertices"]),
-        counted(s.keys, KEY_FRAMES)
+        "{}: {} ({} live, {} moving), {}, {}\n",
+        scene.name,
+        counted(animation.triangle_count(), TRIANGLES),
+        grouped(animation.live_count()),
+        grouped(animation.moving_count()),
+        counted(animation.vertex_count(), ["vertex", "vertices"]),
+        counted(animation.key_count(), KEY_FRAMES)
     );
-    text += &match &i.bounds {
-        Some(b) => format!("bounds: {:?} to {:?}\n", b.min, b.max),
-        None => "bounds: none, no vertex is finite\n".to_owned(),
+    let bounds = animation.bounds();
+    text += &match bounds.is_empty() {
+        false => format!("bounds: {:?} to {:?}\n", bounds.min, bounds.max),
+        true => "bounds: none, no vertex is finite\n".to_owned(),
     };
     text += &format!(
         "motion: {:.1}% of the vertices move; a key step is {:.3}% of the diagonal in the mean, {:.3}% at most\n",
         100.0 * m.moving,
         100.0 * m.mean_step,
         100.0 * m.max_step
-    );
-    let percent = |part: usize, whole: usize| 100.0 * part as f64 / whole.max(1) as f64;
-    let still = &i.still;
-    text += &format!(
-        "static: {:.1}% of the vertices, {:.1}% of the triangles; {} of {} bytes of positions repeat the first key frame\n",
-        percent(still.vertices, s.vertices),
-        percent(still.triangles, s.triangles),
-        grouped(still.repeated_bytes),
-        grouped(still.bytes)
     );
     for (what, n) in [("inactive", i.inactive), ("degenerate", i.degenerate)] {
         text += &format!("{what}: {} to {} triangles a key frame\n", n.min, n.max);
@@ -137,7 +123,8 @@ fn text(i: &Inspection, notes: &[String]) -> String {
     for t in &i.auto {
         text += &format!("{t}\n");
     }
-    notes.iter().for_each(|n| text += &format!("note: {n}\n"));
+    let notes = scene.facts.notes.iter();
+    notes.for_each(|n| text += &format!("note: {n}\n"));
     text
 }
 

@@ -1,111 +1,21 @@
 //! How much memory this process and its device hold.
 
 use crate::stop::Stop;
-use backend::{Backend, DeviceBytes, DeviceKind, Intersector, Method};
-use geom::{Animation, Point};
+use backend::{Backend, DeviceBytes, DeviceKind, Method};
+use geom::Animation;
 use host::Free;
-use pipeline::Update;
-use serde::Serialize;
-use std::collections::BTreeMap;
+use pipeline::{ExpectedMemory, TREE_BYTES, Update, trees_bytes};
+use serde_json::{Value, json};
 
-/// Memory of a device by what it holds, where that was most.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct DeviceMemory {
-    bytes: BTreeMap<&'static str, u64>,
-    bytes_per_triangle: BTreeMap<&'static str, f64>,
-    #[serde(skip)]
-    pub(crate) total: u64,
-}
-
-impl DeviceMemory {
-    pub(crate) fn of(held: DeviceBytes, triangles: usize) -> Self {
-        let bytes = BTreeMap::from([
-            ("tree", held.tree),
-            ("scratch", held.scratch),
-            ("scene", held.scene),
-            ("frames", held.frames),
-        ]);
-        let each =
-            |(&name, &bytes): (&&'static str, &u64)| (name, bytes as f64 / triangles.max(1) as f64);
-        Self {
-            bytes_per_triangle: bytes.iter().map(each).collect(),
-            bytes,
-            total: held.total(),
-        }
-    }
-}
-
-/// Bytes a triangle of what the host holds at most while trees are built and traced: corners, colours, boxes, the tree
-/// in use, the one that is built and what it is built from. Measured: 215 to 345.
-const TREE_BYTES: u64 = 345;
-/// Bytes a ray, of hits, shadows and pixels in three frames.
-const RAY_BYTES: u64 = 64;
-const BASE_BYTES: u64 = 16 << 20;
-/// Bytes a triangle of a tree on a device: its record, nodes, lists, and as many trees as may be under way.
-/// Measured: 122 to 141, docs/measured.md.
-const DEVICE_TREE_BYTES: u64 = 160;
-/// The same where the device makes the tree, with room to make it in.
-const DEVICE_REBUILD_BYTES: u64 = 260;
-/// Bytes of a device's buffers that depend on nothing.
-const DEVICE_BASE_BYTES: u64 = 1 << 20;
-/// Bytes of the places where few rays are settled.
-const EXACT_BASE_BYTES: u64 = 4 * (3 << 16) + 4 * 64 * 2048;
-/// Frames whose rays a device holds at a time.
-const TRACES: u64 = backend::FRAMES_IN_FLIGHT as u64 + 1;
-
-/// What a run is expected to take at most, by what is known before trees are built.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub(crate) struct ExpectedMemory {
-    /// Bytes of the host, a driver's own aside.
-    host_bytes: u64,
-    /// Bytes of the device's buffers, if it is not the host.
-    device_bytes: Option<u64>,
-}
-
-impl ExpectedMemory {
-    /// Of a run on a device that traces so many rays in each frame.
-    pub(crate) fn of(
-        animation: &Animation,
-        device: DeviceKind,
-        (method, update): (Method, Update),
-        rays: usize,
-    ) -> Self {
-        let keys = keys_bytes(animation);
-        let trees = trees_bytes(animation.triangle_count(), rays);
-        let on_device = || device_bytes(animation, (method, update), rays);
-        Self {
-            host_bytes: BASE_BYTES + keys + trees,
-            device_bytes: (device != DeviceKind::Cpu).then(on_device),
-        }
-    }
-}
-
-fn keys_bytes(animation: &Animation) -> u64 {
-    let kept = animation.window().unwrap_or(animation.key_count());
-    (kept * animation.vertex_count() * size_of::<Point>()) as u64
-}
-
-fn trees_bytes(triangles: usize, rays: usize) -> u64 {
-    let trees = (triangles as u64).saturating_mul(TREE_BYTES);
-    trees.saturating_add((rays as u64).saturating_mul(RAY_BYTES))
-}
-
-fn device_bytes(animation: &Animation, (method, update): (Method, Update), rays: usize) -> u64 {
-    const POINT: u64 = size_of::<Point>() as u64;
-    let vertices = animation.vertex_count() as u64;
-    let triangles = animation.triangle_count() as u64;
-    // Two frames' positions, and which rows of them move.
-    let scene = keys_bytes(animation) + vertices * (2 * POINT + 4) + triangles * 12;
-    let tree = match update {
-        Update::DeviceRebuild => DEVICE_REBUILD_BYTES,
-        _ => DEVICE_TREE_BYTES,
-    };
-    // A hit, a shadow and, for exact, places for what is settled later.
-    let answers = match method.intersector {
-        Intersector::Exact => rays as u64 * 40 + EXACT_BASE_BYTES,
-        _ => rays as u64 * 20,
-    };
-    DEVICE_BASE_BYTES + scene + animation.live_count() as u64 * tree + TRACES * answers
+/// Memory of a device by what it holds, whole and a triangle.
+pub(crate) fn device_memory(held: DeviceBytes, triangles: usize) -> Value {
+    let parts = [held.tree, held.scratch, held.scene, held.frames];
+    let named = |[tree, scratch, scene, frames]: [Value; 4]| json!({ "tree": tree, "scratch": scratch, "scene": scene, "frames": frames });
+    let each = |bytes: u64| json!(bytes as f64 / triangles.max(1) as f64);
+    json!({
+        "bytes": named(parts.map(|bytes| json!(bytes))),
+        "bytes_per_triangle": named(parts.map(each)),
+    })
 }
 
 /// To open a scene with, over which trees are built and so many rays are traced at a time: what that takes is asked for
@@ -149,20 +59,6 @@ pub(crate) fn check_device(
     })
 }
 
-/// Bytes that are resident, where the system tells.
-#[cfg(target_os = "linux")]
-pub(crate) fn resident_bytes() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/self/statm").ok()?;
-    let pages: u64 = text.split(' ').nth(1)?.parse().ok()?;
-    Some(pages * rustix::param::page_size() as u64)
-}
-
-/// Bytes that are resident, where the system tells.
-#[cfg(not(target_os = "linux"))]
-pub(crate) fn resident_bytes() -> Option<u64> {
-    None
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -183,7 +79,7 @@ mod tests {
             scene: 30,
             frames: 6,
         };
-        let json = serde_json::to_value(DeviceMemory::of(bytes, 4)).unwrap();
+        let json = device_memory(bytes, 4);
         let parts = |of: &str| ["tree", "scratch", "scene", "frames"].map(|p| json[of][p].as_f64());
         assert_eq!(parts("bytes"), [100.0, 8.0, 30.0, 6.0].map(Some));
         assert_eq!(parts("bytes_per_triangle"), [25.0, 2.0, 7.5, 1.5].map(Some));

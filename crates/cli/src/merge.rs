@@ -2,11 +2,9 @@
 
 use crate::args::MergeArgs;
 use crate::conflicts::Files;
-use crate::journal::Done;
-use crate::manifest::Manifest;
 use crate::stop::Stop;
 use crate::{resume, talk};
-use output::FrameStats;
+use output::{Finished, FrameStats, Manifest};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -15,18 +13,14 @@ use std::path::{Path, PathBuf};
 const NAMED: usize = 12;
 
 pub(crate) fn run(args: &MergeArgs) -> Result<(), Stop> {
-    let beginnings: &[&str] = &["frame_", "hits_", "abvh-run"];
-    let (alone, folders): (Vec<_>, Vec<_>) =
-        args.runs.iter().cloned().partition(|run| run.is_file());
-    let written = args.stats.iter().cloned();
+    let runs = args.runs.iter().cloned();
+    let (alone, folders): (Vec<_>, Vec<_>) = runs.partition(|run| run.is_file());
     let files = Files {
-        written: written.map(|file| ("--stats", file)).collect(),
         read: alone.into_iter().map(|file| ("FILE", file)).collect(),
-        folders: (folders.into_iter())
-            .map(|folder| ("DIR", folder, beginnings))
-            .collect(),
+        folders: folders.into_iter().map(|dir| ("DIR", dir)).collect(),
+        ..Files::written(&[("--stats", &args.stats)])
     };
-    files.check()?;
+    files.check_apart()?;
     let folders = read(&args.runs)?;
     let lists = folders.iter().flat_map(|(_, done)| &done.list);
     let list: BTreeSet<u64> = lists.copied().collect();
@@ -72,7 +66,7 @@ struct Run {
 }
 
 /// A run that wrote statistics alone.
-fn read_stats(file: &Path) -> Result<(Manifest, Done), Stop> {
+fn read_stats(file: &Path) -> Result<(Manifest, Finished), Stop> {
     let name = file.display();
     let bytes = host::read(file).map_err(|e| Stop::bad(format!("cannot read {name}: {e}")))?;
     let no_stats = |e| Stop::bad(format!("{name} is no file of statistics: {e}"));
@@ -84,43 +78,35 @@ fn read_stats(file: &Path) -> Result<(Manifest, Done), Stop> {
     };
     let mut stats: Value = serde_json::from_slice(&bytes).map_err(no_stats)?;
     stats["frames"].take();
-    let stats = Some(stats).filter(|stats| !stats["scene"].is_null());
-    Ok((manifest, Done::of_stats(list, frames, stats)))
+    Ok((manifest, Finished::of_stats(list, frames, stats)))
 }
 
-fn read_folder(folder: &Path) -> Result<(Manifest, Done), Stop> {
-    match Manifest::in_folder(folder)? {
-        Some(manifest) => Ok((manifest, Done::in_folder(folder)?)),
-        None => Err(Stop::bad(format!(
-            "{} holds no run: it has no manifest",
-            folder.display()
-        ))),
-    }
+fn read_folder(folder: &Path) -> Result<(Manifest, Finished), Stop> {
+    let no_manifest = || {
+        let folder = folder.display();
+        Stop::bad(format!("{folder} holds no run: it has no manifest"))
+    };
+    let manifest = Manifest::in_folder(folder)?.ok_or_else(no_manifest)?;
+    Ok((manifest, Finished::in_folder(folder)?))
 }
 
 /// What folders and files hold that are of one run.
-fn read(runs: &[PathBuf]) -> Result<Vec<(PathBuf, Done)>, Stop> {
+fn read(runs: &[PathBuf]) -> Result<Vec<(PathBuf, Finished)>, Stop> {
     let mut first: Option<(&PathBuf, Manifest)> = None;
     let mut all = Vec::new();
-    for folder in runs {
-        let (manifest, done) = match folder.is_file() {
-            true => read_stats(folder)?,
-            false => read_folder(folder)?,
+    for run in runs {
+        let (manifest, finished) = match run.is_file() {
+            true => read_stats(run)?,
+            false => read_folder(run)?,
         };
-        if let Some((other, expected)) = &first
-            && let Some(difference) = manifest.difference(expected)
-        {
-            let [folder, other] = [folder, *other].map(|f| f.display());
+        let (other, expected) = first.get_or_insert_with(|| (run, manifest.clone()));
+        if let Some(difference) = manifest.difference(expected) {
+            let [run, other] = [run, *other].map(|f| f.display());
             return Err(Stop::bad(format!(
-                "{folder} and {other} are not of one run: of the first, {difference} in the second"
+                "{run} and {other} are not of one run: of the first, {difference} in the second"
             )));
         }
-        all.push((folder.clone(), done));
-        // One that knows its key times is compared with more.
-        first = match first.take() {
-            Some(known) if known.1.key_times.is_some() => Some(known),
-            _ => Some((folder, manifest)),
-        };
+        all.push((run.clone(), finished));
     }
     Ok(all)
 }

@@ -2,7 +2,7 @@
 
 mod auto;
 
-use crate::adapters::{self, Adapter, Limit};
+use crate::adapters::{self, Adapter};
 use crate::args::BackendName;
 pub(crate) use crate::args::has_own_trees;
 use crate::stop::Stop;
@@ -11,7 +11,6 @@ use backend::{Backend, DeviceKind, Intersector, Layout};
 use gpu_vulkan::VulkanBackend;
 use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
-use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -38,17 +37,25 @@ const WGPU_IS_VULKAN: bool = cfg!(not(any(windows, target_vendor = "apple")));
 
 /// All there are. Among backends that offer the same kind of device, `auto` tries them in this order. It takes none that
 /// makes trees in ways of its own, though that may be the fastest where hardware traces: it only says so.
-const KNOWN: [Known<'static>; 6] = [
+const KNOWN: [Known<'static>; 5] = [
     Known {
         name: BackendName::Vulkan,
         text: "vulkan",
         place: "vulkan comes before wgpu: trees and vertices travel on a queue of their own",
         kinds: ON_DRIVERS,
         covered_by: None,
-        list: &list_vulkan,
+        list: &gpu_vulkan::adapters,
         open: &|adapter, _| Ok(Box::new(VulkanBackend::new(&vulkan_options(adapter))?)),
     },
-    WGPU,
+    Known {
+        name: BackendName::Wgpu,
+        text: "wgpu",
+        place: "wgpu is next after vulkan",
+        kinds: ON_DRIVERS,
+        covered_by: if WGPU_IS_VULKAN { Some("vulkan") } else { None },
+        list: &gpu_wgpu::adapters,
+        open: &|adapter, _| open_wgpu(adapter),
+    },
     Known {
         name: BackendName::Cpu,
         text: "cpu",
@@ -65,23 +72,7 @@ const KNOWN: [Known<'static>; 6] = [
         open: &|adapter, _| open_vulkan_rt(adapter, Prefer::FastTrace),
         ..VULKAN_RT
     },
-    Known {
-        name: BackendName::WgpuWgsl,
-        text: "wgpu-wgsl",
-        open: &|adapter, _| open_wgpu(adapter, true),
-        ..WGPU
-    },
 ];
-
-const WGPU: Known<'static> = Known {
-    name: BackendName::Wgpu,
-    text: "wgpu",
-    place: "wgpu is next after vulkan",
-    kinds: ON_DRIVERS,
-    covered_by: if WGPU_IS_VULKAN { Some("vulkan") } else { None },
-    list: &list_wgpu,
-    open: &|adapter, _| open_wgpu(adapter, false),
-};
 
 const VULKAN_RT: Known<'static> = Known {
     name: BackendName::VulkanRt,
@@ -89,7 +80,7 @@ const VULKAN_RT: Known<'static> = Known {
     place: "it is there to be measured against",
     kinds: ON_DRIVERS,
     covered_by: None,
-    list: &list_vulkan_rt,
+    list: &gpu_vulkan_rt::ray_adapters,
     open: &|adapter, _| open_vulkan_rt(adapter, Prefer::FastBuild),
 };
 
@@ -107,10 +98,10 @@ pub(crate) fn open<T>(
     if let Some(known) = KNOWN.iter().find(|k| k.name == backend) {
         return Ok((ready(known.open_named(adapter, threads)?)?, None));
     }
-    let ours = for_work().filter(|k| !has_own_trees(k.name));
+    let ours = KNOWN.iter().filter(|k| !has_own_trees(k.name));
     let ours: Vec<_> = ours.collect();
     let traces = |adapter: &Adapter| {
-        let able = list_vulkan_rt();
+        let able = gpu_vulkan_rt::ray_adapters();
         able.is_ok_and(|able| answers_rays(&able, adapter))
     };
     let (value, why) = auto::take(&ours, (adapter, threads), &traces, ready)?;
@@ -121,11 +112,6 @@ pub(crate) fn open<T>(
 pub(crate) fn name(backend: BackendName) -> &'static str {
     let known = KNOWN.iter().find(|k| k.name == backend);
     known.map_or("auto", |k| k.text)
-}
-
-/// All but what is for laws alone.
-fn for_work() -> impl Iterator<Item = &'static Known<'static>> {
-    KNOWN.iter().filter(|k| k.name != BackendName::WgpuWgsl)
 }
 
 /// Likewise, as it is.
@@ -179,8 +165,9 @@ impl Known<'_> {
 }
 
 /// Whether a backend can run here, and what it can do.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug)]
 pub(crate) struct Presence {
+    pub(crate) name: BackendName,
     pub(crate) backend: &'static str,
     /// Why it cannot run; `None` if it can.
     pub(crate) absent: Option<String>,
@@ -198,6 +185,7 @@ pub(crate) fn presences() -> Vec<Presence> {
         let own_trees = has_own_trees(known.name);
         let names = |ours: Vec<&'static str>| if own_trees { vec![DRIVERS] } else { ours };
         Presence {
+            name: known.name,
             backend: known.text,
             absent: found.as_ref().err().map(ToString::to_string),
             adapters: found.unwrap_or_default(),
@@ -206,7 +194,7 @@ pub(crate) fn presences() -> Vec<Presence> {
             own_trees,
         }
     };
-    for_work().map(presence).collect()
+    KNOWN.iter().map(presence).collect()
 }
 
 /// Whether a backend can make a tree in each frame, as far as is known while it is not open.
@@ -220,35 +208,12 @@ fn answers_rays(able: &[Adapter], adapter: &Adapter) -> bool {
     let found = able.iter().find(same);
     found.is_some_and(|a| {
         let mut limits = a.limits.iter();
-        limits.any(|l| l.name == "ray queries" && l.value == "yes")
+        limits.any(|(name, value)| *name == "ray queries" && value == "yes")
     })
 }
 
 /// What stands for the intersector and the layout of such a backend.
 pub(crate) const DRIVERS: &str = "driver";
-
-fn list_vulkan() -> backend::Result<Vec<Adapter>> {
-    Ok(gpu_vulkan::adapters()?.into_iter().map(listed).collect())
-}
-
-fn list_vulkan_rt() -> backend::Result<Vec<Adapter>> {
-    let able = gpu_vulkan_rt::ray_adapters()?;
-    Ok(able.into_iter().map(listed).collect())
-}
-
-fn listed(adapter: gpu_vulkan::AdapterInfo) -> Adapter {
-    Adapter {
-        index: adapter.index,
-        limits: limits(adapter.limits),
-        name: adapter.name,
-        driver: adapter.driver.trim().to_owned(),
-        kind: adapter.kind,
-    }
-}
-
-fn list_wgpu() -> backend::Result<Vec<Adapter>> {
-    Ok(gpu_wgpu::adapters()?.into_iter().map(listed).collect())
-}
 
 fn list_cpu() -> backend::Result<Vec<Adapter>> {
     let device = cpu_simd::open(Some(1))?.device().clone();
@@ -257,13 +222,8 @@ fn list_cpu() -> backend::Result<Vec<Adapter>> {
         name: device.adapter,
         driver: device.driver,
         kind: device.kind,
-        limits: limits(vec![("threads", threads::cores().to_string())]),
+        limits: vec![("threads", threads::cores().to_string())],
     }])
-}
-
-fn limits(pairs: Vec<(&'static str, String)>) -> Vec<Limit> {
-    let limit = |(name, value)| Limit { name, value };
-    pairs.into_iter().map(limit).collect()
 }
 
 fn vulkan_options(adapter: Option<&Adapter>) -> gpu_vulkan::Options {
@@ -279,12 +239,10 @@ fn open_vulkan_rt(adapter: Option<&Adapter>, prefer: Prefer) -> backend::Result<
     Ok(Box::new(DriverTreeBackend::new(&options, prefer)?))
 }
 
-/// `force_wgsl` has wgpu translate the kernels even where it need not.
-fn open_wgpu(adapter: Option<&Adapter>, force_wgsl: bool) -> backend::Result<Box<dyn Backend>> {
+fn open_wgpu(adapter: Option<&Adapter>) -> backend::Result<Box<dyn Backend>> {
     let options = gpu_wgpu::Options {
         adapter: adapter.map(|a| a.index.to_string()),
         cache: cache_folder(),
-        force_wgsl,
         ..Default::default()
     };
     Ok(Box::new(WgpuBackend::new(&options)?))
@@ -299,9 +257,7 @@ mod tests {
         let card = || adapters::named(&[("card", DeviceKind::Gpu)]);
         let able = |queries: &str| {
             let mut able = card();
-            let value = queries.to_owned();
-            let name = "ray queries";
-            able[0].limits.push(adapters::Limit { name, value });
+            able[0].limits.push(("ray queries", queries.to_owned()));
             able
         };
         assert!(answers_rays(&able("yes"), &card()[0]));

@@ -1,16 +1,12 @@
 //! The files of each frame.
 
 use crate::args::RenderArgs;
-use crate::conflicts;
+use crate::conflicts::whole;
 use crate::stop::Stop;
 use backend::Hits;
 use output::HitArrays;
 use pipeline::Wanted;
 use std::path::{Path, PathBuf};
-
-fn is_same(a: &Path, b: &Path) -> bool {
-    conflicts::whole(a) == conflicts::whole(b)
-}
 
 #[derive(Debug)]
 pub(crate) struct Outputs {
@@ -19,34 +15,11 @@ pub(crate) struct Outputs {
 }
 
 impl Outputs {
-    /// Finds out whether every file can be written, before any work.
-    pub(crate) fn of(args: &RenderArgs) -> Result<Self, Stop> {
-        let images = (!args.no_images).then(|| args.out.clone());
-        for dir in images.iter().chain(&args.hits) {
-            output::check_dir(dir).map_err(Stop::bad)?;
-        }
-        let outputs = Self {
-            images,
+    pub(crate) fn of(args: &RenderArgs) -> Self {
+        Self {
+            images: (!args.no_images).then(|| args.out.clone()),
             hits: args.hits.clone(),
-        };
-        // A folder may be yet to be made.
-        let is_in_new = |file: &Path| {
-            let folder = file.parent().filter(|folder| !folder.exists());
-            folder.is_some_and(|folder| outputs.folders().iter().any(|f| f == folder))
-        };
-        let files = [
-            &args.stats,
-            &args.timeline,
-            &args.rays_out,
-            &args.video,
-            &args.y4m,
-        ];
-        let mut files = files.into_iter().flatten();
-        files.try_for_each(|file| match file.as_os_str() == "-" || is_in_new(file) {
-            true => Ok(()),
-            false => output::check_writable(file).map_err(Stop::bad),
-        })?;
-        Ok(outputs)
+        }
     }
 
     /// Makes the folders. Those that are new, the innermost first.
@@ -63,16 +36,15 @@ impl Outputs {
 
     pub(crate) fn folders(&self) -> Vec<PathBuf> {
         let mut all: Vec<_> = self.images.iter().chain(&self.hits).cloned().collect();
-        all.dedup_by(|a, b| is_same(a, b));
+        all.dedup_by_key(|folder| whole(folder));
         all
     }
 
     /// A frame's files in one of the folders.
     pub(crate) fn in_folder(&self, frame: u64, folder: &Path) -> Vec<PathBuf> {
         let files = [self.image(frame), self.hits(frame)].into_iter().flatten();
-        files
-            .filter(|f| f.parent().is_some_and(|dir| is_same(dir, folder)))
-            .collect()
+        let is_there = |file: &PathBuf| file.parent().map(whole) == Some(whole(folder));
+        files.filter(is_there).collect()
     }
 
     /// Whether any file is written of a frame.

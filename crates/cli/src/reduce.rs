@@ -1,28 +1,20 @@
 //! `abvh inspect --reduce-keys`: how few key frames stand for all of them.
 
 use crate::args::{InspectArgs, Tolerance};
-use crate::progress::Progress;
 use crate::stop::Stop;
-use crate::table::{KEY_FRAMES, counted, grouped, of_rows};
+use crate::table::{KEY_FRAMES, counted, grouped};
 use crate::{record, talk};
-use geom::{Animation, KeyFrame, Point};
-use output::SceneFacts;
+use geom::{Animation, Point};
 use scene::Scene;
-use scene::keys::{self, Fit, Reducer};
+use scene::keys::{self, Reducer};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::fs;
-use std::io::{IsTerminal, stderr};
 use std::path::Path;
-
-/// Shares of the diagonal that the curve is drawn at, loosest first: what they rule out is not asked again.
-const CURVE: [f64; 11] = [
-    1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6,
-];
 
 #[derive(Serialize)]
 struct Reduction {
-    scene: SceneFacts,
+    scene: Value,
     diagonal: f64,
     tolerance: f64,
     kept: Vec<usize>,
@@ -31,24 +23,12 @@ struct Reduction {
     max_error: f64,
     worst: Option<Value>,
     rms: f64,
-    curve: Vec<CurvePoint>,
 }
 
 #[derive(Clone, Copy, Serialize)]
 struct Change {
     before: usize,
     after: usize,
-}
-
-/// One point of the curve. Lengths in scene units; `share` is the tolerance over the diagonal.
-#[derive(Clone, Copy, Serialize)]
-struct CurvePoint {
-    share: f64,
-    tolerance: f64,
-    keys: usize,
-    bytes: usize,
-    max_error: f64,
-    rms: f64,
 }
 
 /// Reduces, says so, and writes what is left if asked to.
@@ -68,7 +48,7 @@ pub(crate) fn run(args: &InspectArgs, tolerance: Tolerance) -> Result<(), Stop> 
     if args.json {
         talk::print_json(&reduction)
     } else {
-        talk::print(&text(&reduction))
+        talk::print(&text(&scene.name, &reduction))
     }
 }
 
@@ -79,65 +59,33 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
         Tolerance::Units(units) => units,
         Tolerance::Share(share) => share * diagonal,
     };
-    let mut wanted = CURVE.map(|share| (share * diagonal, Some(share))).to_vec();
-    wanted.push((tolerance, None));
-    wanted.sort_by(|a, b| b.0.total_cmp(&a.0));
     let all = animation.all_keys().map_err(Stop::bad)?;
-    let mut reducer = Reducer::new(&all);
-    let mut progress = Progress::new(wanted.len() as u64, !stderr().is_terminal());
-    let (mut curve, mut answer) = (Vec::new(), None);
-    for (tolerance, share) in wanted {
-        let (kept, fit) = verified(&all, &mut reducer, tolerance)?;
-        let keys = counted(kept.len(), KEY_FRAMES);
-        progress.step(&format!("{keys} within {tolerance}"));
-        match share {
-            Some(share) => curve.push(CurvePoint {
-                share,
-                tolerance,
-                keys: kept.len(),
-                bytes: bytes(animation, kept.len()),
-                max_error: fit.max_error,
-                rms: fit.rms,
-            }),
-            None => answer = Some((kept, fit)),
-        }
+    let kept = Reducer::new(&all).fewest(tolerance);
+    // Played once more, and measured against all of the original.
+    let fit = keys::measure(&all, &kept);
+    if fit.max_error > tolerance {
+        return Err(Stop::failed(format!(
+            "{} found for {tolerance}: off by {}; please report this",
+            counted(kept.len(), KEY_FRAMES),
+            fit.max_error
+        )));
     }
-    let (kept, fit) = answer.ok_or_else(|| Stop::failed("the tolerance asked for got lost"))?;
     let [before, after] = [animation.key_count(), kept.len()];
-    let change = |of: fn(&Animation, usize) -> usize| Change {
-        before: of(animation, before),
-        after: of(animation, after),
-    };
+    let bytes = |keys: usize| keys * animation.vertex_count() * size_of::<Point>();
     Ok(Reduction {
         scene: record::scene_facts(scene),
         diagonal,
         tolerance,
         kept,
-        keys: change(|_, keys| keys),
-        bytes: change(bytes),
+        keys: Change { before, after },
+        bytes: Change {
+            before: bytes(before),
+            after: bytes(after),
+        },
         max_error: fit.max_error,
         worst: (fit.worst).map(|(frame, vertex)| json!({ "frame": frame, "vertex": vertex })),
         rms: fit.rms,
-        curve,
     })
-}
-
-/// The frames to keep, played once more and measured against all of the original.
-fn verified(
-    all: &[KeyFrame],
-    reducer: &mut Reducer<'_>,
-    tolerance: f64,
-) -> Result<(Vec<usize>, Fit), Stop> {
-    let kept = reducer.fewest(tolerance);
-    let fit = keys::measure(all, &kept);
-    if fit.max_error <= tolerance {
-        return Ok((kept, fit));
-    }
-    let error = fit.max_error;
-    Err(Stop::failed(format!(
-        "{} found for {tolerance}: off by {error}; please report this",
-        counted(kept.len(), KEY_FRAMES)
-    )))
 }
 
 /// The length of the diagonal of the scene's bounds; 0 where no vertex is finite.
@@ -148,10 +96,6 @@ fn diagonal(animation: &Animation) -> f64 {
     }
     let way = |axis: usize| f64::from(bounds.max[axis]) - f64::from(bounds.min[axis]);
     (way(0).powi(2) + way(1).powi(2) + way(2).powi(2)).sqrt()
-}
-
-fn bytes(animation: &Animation, keys: usize) -> usize {
-    keys * animation.vertex_count() * size_of::<Point>()
 }
 
 /// Makes the directory; key frames that lie there already would be taken for some of these.
@@ -197,8 +141,8 @@ fn write(dir: &Path, scene: &Scene, reduction: &Reduction) -> Result<(), Stop> {
     Ok(output::write_json(&dir.join("times.json"), &times)?)
 }
 
-fn text(r: &Reduction) -> String {
-    let (name, keys, bytes) = (&r.scene.name, r.keys, r.bytes);
+fn text(name: &str, r: &Reduction) -> String {
+    let (keys, bytes) = (r.keys, r.bytes);
     let mut text = format!(
         "{name}: {} of {} for all of them within {}, {} of the diagonal\n",
         keys.after,
@@ -215,21 +159,7 @@ fn text(r: &Reduction) -> String {
     if let Some(at) = &r.worst {
         text += &format!(", at vertex {} of key frame {}", at["vertex"], at["frame"]);
     }
-    text += &format!("; {rms} root mean square\n");
-    text + &curve_table(r)
-}
-
-fn curve_table(r: &Reduction) -> String {
-    let row = |p: &CurvePoint| {
-        vec![
-            ("of the diagonal", percent(p.share, 1.0)),
-            ("tolerance", length(p.tolerance)),
-            ("key frames", p.keys.to_string()),
-            ("bytes", grouped(p.bytes)),
-            ("max error", length(p.max_error)),
-        ]
-    };
-    of_rows(&r.curve.iter().map(row).collect::<Vec<_>>(), 0)
+    text + &format!("; {rms} root mean square\n")
 }
 
 fn length(units: f64) -> String {
@@ -260,7 +190,7 @@ mod tests {
         };
         let r = reduce(&scene, Tolerance::Share(0.1)).unwrap();
         assert_eq!((r.kept.as_slice(), r.max_error), ([0].as_slice(), 0.0));
-        assert_eq!(r.curve.len(), CURVE.len());
-        assert!(!text(&r).contains("NaN"), "{}", text(&r));
+        let text = text("", &r);
+        assert!(!text.contains("NaN"), "{text}");
     }
 }

@@ -1,21 +1,19 @@
 //! `abvh render`: an animation to pictures, hits and statistics.
 
 use crate::args::RenderArgs;
-use crate::choose::{self, Ahead, Run};
-use crate::journal::Journal;
+use crate::choose::{self, Run};
+use crate::conflicts::Files;
+use crate::manifest::manifest;
 use crate::outputs::Outputs;
 use crate::progress::Progress;
 use crate::resume::{self, Earlier};
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
-use crate::timeline::Notes;
-use crate::video::{self, Video};
-use crate::writer::{Done, Writer};
-use crate::{conflicts, frames, memory, open, record, signals, table, talk};
+use crate::writer::{Done, Lent, Writer};
+use crate::{frames, memory, open, record, signals, table, talk};
 use backend::{Query, QueryKind, Rays};
 use geom::Camera;
-use output::View;
-use output::{FrameStats, SCHEMA, Stats};
+use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video, VideoFiles, View};
 use pipeline::{Frame, Wanted};
 use scene::Scene;
 use serde_json::{Value, json};
@@ -24,31 +22,22 @@ use std::time::Instant;
 
 /// Renders.
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
-    conflicts::of_render(args)?;
-    let outputs = Outputs::of(args)?;
+    check_files(args)?;
+    let outputs = Outputs::of(args);
     let mut start_up = vec![("begin", Instant::now())];
     let mut passed = |step| start_up.push((step, Instant::now()));
     let earlier = Earlier::look(args, &outputs)?;
-    let finished = earlier.finished(args, &outputs)?;
-    if let Some(rows) = finished.filter(|_| !args.makes_video()) {
+    if let Some(rows) = earlier.finished(args, &outputs)? {
         return nothing_left(args, &earlier, &rows);
-    }
-    let is_demo = frames::is_demo(&args.scene);
-    let foreseen = frames::foreseen(args.frames.as_ref(), args.time_range, is_demo);
-    if let Some(all) = foreseen.filter(|all| frames::of_shard(all, args.shard).is_empty()) {
-        return no_frames(args, (earlier, &outputs), &all, None);
     }
     let _drivers = open::load_drivers(args.device.backend);
     let rays = args.size.count();
     passed("look at files");
     let scene = scene::open(&args.scene, &memory::with_run(args.source.options(), rays))?;
     passed("read the scene");
-    let keys = scene.animation.whole_times();
+    let (keys, is_demo) = (scene.animation.whole_times(), frames::is_demo(&args.scene));
     let all = frames::list(args.frames.as_ref(), args.time_range, keys, is_demo)?;
     let frames = frames::of_shard(&all, args.shard);
-    if frames.is_empty() {
-        return no_frames(args, (earlier, &outputs), &all, Some(keys));
-    }
     let view = view(args, &scene);
     let camera = camera(&view, args.size.size)?;
     let ask = ask(args, &frames, query(&camera, &view));
@@ -60,21 +49,22 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     if let Some(file) = &args.rays_out {
         // A run that does not begin leaves no folders.
         let tidy = |_: &_| new.iter().for_each(|dir| drop(std::fs::remove_dir(dir)));
-        output::write_rays(file, Pixels::new(&camera)).inspect_err(tidy)?;
+        output::write_rays(file, camera.pixels(), camera.rays()).inspect_err(tidy)?;
     }
     // A video is made of all frames, also of those whose files are whole.
     let (old, todo) = match video.is_some() {
         true => (Vec::new(), frames),
         false => earlier.divide(frames, &outputs),
     };
-    let mut head = json!(stats(args, &scene, &session, &[]));
-    head["expected_memory"] = json!(session.memory);
-    if args.stats.is_some() && !outputs.any() {
-        head = resume::alone(args, head, &all, Some(keys))?;
+    let own = manifest(args, keys)?;
+    let mut head = head(args, &scene, &session);
+    if !outputs.any() {
+        // Such statistics stand alone: with what `merge` otherwise finds in folders.
+        head["run"] = json!({ "manifest": own, "list": resume::numbers(&all) });
     }
-    let mut journals = earlier.begin(args, &all, (Some(keys), &head))?;
+    let mut journals = earlier.begin(args, &all, (&own, &head))?;
     passed("begin files");
-    let mut notes = args.timeline.is_some().then(Notes::default);
+    let mut notes = args.timeline.is_some().then(RunTimeline::default);
     if let Some(notes) = &mut notes {
         notes.start_up = start_up;
     }
@@ -91,9 +81,29 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         resume::write_stats(file, &resume::joined(head, &[&old[..], &rows].concat()))?;
     }
     if let (Some(file), Some(notes)) = (&args.timeline, &notes) {
-        notes.write(file, &session)?;
+        let remarks =
+            json!({ "caption": session.caption(), "command_line": record::command_line() });
+        notes.write(file, remarks)?;
     }
     tell(args, &results(args, &scene, &session, &rows))
+}
+
+/// # Errors
+/// What is written would overwrite something, or cannot be written.
+fn check_files(args: &RenderArgs) -> Result<(), Stop> {
+    let images = (!args.no_images).then(|| ("--out", args.out.clone()));
+    let hits = args.hits.clone().map(|dir| ("--hits", dir));
+    let files = Files {
+        folders: images.into_iter().chain(hits).collect(),
+        ..Files::written(&[
+            ("--stats", &args.stats),
+            ("--timeline", &args.timeline),
+            ("--rays-out", &args.rays_out),
+            ("--video", &args.video),
+            ("--y4m", &args.y4m),
+        ])
+    };
+    files.check(std::slice::from_ref(&args.scene))
 }
 
 /// What the run wants of a backend.
@@ -108,7 +118,7 @@ fn ask<'a>(args: &'a RenderArgs, frames: &'a [Frame], query: Query<'a>) -> Ask<'
         tolerance: args.tolerance.ppm(),
         run: Some(Run { frames, query }),
         rays: args.size.count(),
-        ahead: Ahead::of(frames, args.predict),
+        predict: args.predict,
     }
 }
 
@@ -118,13 +128,14 @@ fn pictures(
     outputs: &Outputs,
     scene: &Scene,
     session: &mut Session,
-) -> Result<(Option<Video>, Wanted), Stop> {
-    let video = Video::begin(&video::Wanted {
+) -> Result<(Option<Video<Lent>>, Wanted), Stop> {
+    let files = VideoFiles {
         encoded: args.video.as_deref(),
         y4m: args.y4m.as_deref(),
         size: args.size.size,
         fps: args.source.fps,
-    })?;
+    };
+    let video = Video::begin(&files).map_err(Stop::bad)?;
     let mut wanted = outputs.wanted();
     wanted.pixels |= video.is_some();
     if wanted.pixels && !session.driver.shade(&output::palette(&scene.colours))? {
@@ -144,26 +155,6 @@ fn tell(args: &RenderArgs, text: &str) -> Result<(), Stop> {
         }
         _ => talk::print(text),
     }
-}
-
-/// There are more shards than frames: the folders say what run this is, and nothing else is done.
-fn no_frames(
-    args: &RenderArgs,
-    (earlier, outputs): (Earlier, &Outputs),
-    all: &[Frame],
-    key_times: Option<usize>,
-) -> Result<(), Stop> {
-    outputs.prepare()?;
-    earlier.begin(args, all, (key_times, &Value::Null))?;
-    if let Some(file) = &args.stats {
-        let head = json!({ "schema": SCHEMA, "version": env!("CARGO_PKG_VERSION"), "scene": null });
-        let head = resume::alone(args, head, all, key_times)?;
-        resume::write_stats(file, &resume::joined(head, &[]))?;
-    }
-    tell(
-        args,
-        "this shard has no frames: there are more shards than frames\n",
-    )
 }
 
 /// All files are there: statistics alone are written, of earlier runs.
@@ -219,12 +210,13 @@ fn trace_all(
     (scene, camera, view): (&Scene, &Camera, &View),
     (todo, done): (Vec<Frame>, usize),
     session: &mut Session,
-    (outputs, video, wanted): (&Outputs, Option<Video>, Wanted),
-    (journals, notes): (&mut [(PathBuf, Journal)], Option<&mut Notes>),
+    (outputs, video, wanted): (&Outputs, Option<Video<Lent>>, Wanted),
+    (journals, notes): (&mut [(PathBuf, Journal)], Option<&mut RunTimeline>),
 ) -> Result<Vec<FrameStats>, Stop> {
     let progress = Progress::new(todo.len() as u64, args.quiet);
-    for remark in session.remarks.iter().chain(&scene.facts.notes) {
-        progress.say(remark);
+    let taken = session.taken.iter().map(ToString::to_string);
+    for remark in taken.chain(scene.facts.notes.iter().cloned()) {
+        progress.say(&remark);
     }
     if done > 0 {
         let all = done + todo.len();
@@ -258,8 +250,7 @@ fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameSta
     if !rows.is_empty() {
         text += &table::stages(rows);
         text += &table::trees(rows);
-        text += &table::memory(rows);
-        text += &table::rates(rows, width as usize * height as usize);
+        text += &table::rates(rows, args.size.count());
     }
     if !args.no_images {
         text += &format!("pictures: {}\n", args.out.display());
@@ -267,56 +258,28 @@ fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameSta
     text
 }
 
-fn stats(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats]) -> Stats {
+/// Statistics without frames.
+fn head(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
     let device = &session.device;
-    Stats {
-        schema: SCHEMA,
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        command_line: record::command_line(),
-        scene: record::scene_facts(scene),
-        backend: device.backend.to_owned(),
-        adapter: device.adapter.clone(),
-        driver: (!device.driver.is_empty()).then(|| device.driver.clone()),
-        threads: session.threads.render,
-        builder_threads: session.threads.build,
-        update: session.update.name().to_owned(),
-        lockstep: choose::lockstep(session.update),
-        predict: session.predict,
-        intersector: session.method[0].to_owned(),
-        layout: session.method[1].to_owned(),
-        auto: session.taken.clone(),
-        size: args.size.size,
-        frames: rows.to_vec(),
-        summary: output::overview(rows),
-    }
+    json!({
+        "schema": SCHEMA,
+        "version": env!("CARGO_PKG_VERSION"),
+        "scene": record::scene_facts(scene),
+        "backend": device.backend,
+        "adapter": device.adapter,
+        "driver": (!device.driver.is_empty()).then_some(&device.driver),
+        "threads": session.threads.render,
+        "builder_threads": session.threads.build,
+        "update": session.update.name(),
+        "lockstep": choose::lockstep(session.update),
+        "predict": session.predict,
+        "intersector": session.method[0],
+        "layout": session.method[1],
+        "auto": session.taken,
+        "size": args.size.size,
+        "expected_memory": {
+            "host_bytes": session.memory.host_bytes,
+            "device_bytes": session.memory.device_bytes,
+        },
+    })
 }
-
-/// The primary rays, row by row.
-#[derive(Clone)]
-struct Pixels<'a> {
-    camera: &'a Camera,
-    next: std::ops::Range<usize>,
-}
-
-impl<'a> Pixels<'a> {
-    fn new(camera: &'a Camera) -> Self {
-        let next = 0..camera.pixels();
-        Self { camera, next }
-    }
-}
-
-impl Iterator for Pixels<'_> {
-    type Item = geom::Ray;
-
-    fn next(&mut self) -> Option<geom::Ray> {
-        let i = self.next.next()?;
-        let width = self.camera.width as usize;
-        Some(self.camera.ray((i % width) as u32, (i / width) as u32))
-    }
-
-    fn size_hint(&self) -> (usize, Option<usize>) {
-        self.next.size_hint()
-    }
-}
-
-impl ExactSizeIterator for Pixels<'_> {}

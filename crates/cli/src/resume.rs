@@ -1,18 +1,17 @@
 //! What an earlier run left in the folders of this one, and what is still to be done.
 
 use crate::args::RenderArgs;
-use crate::journal::{self, Done, Journal};
-use crate::manifest::{self, Manifest};
+use crate::manifest::manifest;
 use crate::outputs::Outputs;
 use crate::stop::Stop;
 use crate::{frames, record, talk};
-use output::{FrameStats, overview};
+use output::{Finished, FrameStats, Journal, Manifest, overview};
 use pipeline::Frame;
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 pub(crate) struct Earlier {
-    folders: Vec<(PathBuf, Done)>,
+    folders: Vec<(PathBuf, Finished)>,
     manifest: Option<Manifest>,
 }
 
@@ -22,29 +21,31 @@ impl Earlier {
     /// # Errors
     /// One of them holds another run, and this one is not to overwrite it.
     pub(crate) fn look(args: &RenderArgs, outputs: &Outputs) -> Result<Self, Stop> {
-        let (mut folders, mut manifest) = (Vec::new(), None);
+        let (mut folders, mut earlier) = (Vec::new(), None);
         for folder in outputs.folders() {
             let found = match args.overwrite {
                 true => None,
                 false => Manifest::in_folder(&folder)?,
             };
             if let Some(found) = found {
-                let own = Manifest::of(args, found.key_times)?;
-                if let Some(difference) = found.difference(&own) {
+                if let Some(difference) = found.difference(&manifest(args, found.key_times)?) {
                     let folder = folder.display();
                     return Err(Stop::bad(format!(
                         "{folder} holds another run: {difference}; --overwrite replaces it"
                     )));
                 }
-                manifest = Some(found);
+                earlier = Some(found);
             }
-            let done = match args.resume && manifest.is_some() {
-                true => Done::in_folder(&folder)?,
-                false => Done::default(),
+            let finished = match args.resume && earlier.is_some() {
+                true => Finished::in_folder(&folder)?,
+                false => Finished::default(),
             };
-            folders.push((folder, done));
+            folders.push((folder, finished));
         }
-        Ok(Self { folders, manifest })
+        Ok(Self {
+            folders,
+            manifest: earlier,
+        })
     }
 
     /// The rows of frames all of whose files are whole, and the other frames.
@@ -65,10 +66,10 @@ impl Earlier {
 
     fn row(&self, frame: u64, outputs: &Outputs) -> Option<FrameStats> {
         let mut row = None;
-        for (folder, done) in &self.folders {
+        for (folder, finished) in &self.folders {
             for file in outputs.in_folder(frame, folder) {
-                let name = file.file_name()?.to_string_lossy().into_owned();
-                row = Some(done.whole(frame, folder, &name)?);
+                let name = file.file_name()?.to_string_lossy();
+                row = Some(finished.whole(frame, folder, &name)?);
             }
         }
         row.cloned()
@@ -80,18 +81,17 @@ impl Earlier {
         args: &RenderArgs,
         outputs: &Outputs,
     ) -> Result<Option<Vec<FrameStats>>, Stop> {
-        let found = self.manifest.as_ref().filter(|_| args.resume);
-        let Some(key_times) = found.and_then(|found| found.key_times) else {
+        let mut beside = [&args.timeline, &args.rays_out].into_iter().flatten();
+        let Some(found) = self.manifest.as_ref().filter(|_| args.resume) else {
             return Ok(None);
         };
-        let beside = [&args.timeline, &args.rays_out];
-        if beside.into_iter().flatten().any(|file| !file.exists()) {
+        if args.makes_video() || beside.any(|file| !file.exists()) {
             return Ok(None);
         }
         let all = frames::list(
             args.frames.as_ref(),
             args.time_range,
-            key_times,
+            found.key_times,
             frames::is_demo(&args.scene),
         )?;
         let (rows, rest) = self.divide(frames::of_shard(&all, args.shard), outputs);
@@ -100,8 +100,8 @@ impl Earlier {
 
     /// Statistics of an earlier run, of these frames.
     pub(crate) fn stats(&self, rows: &[FrameStats]) -> Option<Value> {
-        let (_, done) = self.folders.first()?;
-        Some(joined(done.stats.clone()?, rows))
+        let (_, finished) = self.folders.first()?;
+        Some(joined(finished.stats.clone()?, rows))
     }
 
     /// Makes the folders say what this run is, and begins a journal in each.
@@ -109,38 +109,25 @@ impl Earlier {
         self,
         args: &RenderArgs,
         list: &[Frame],
-        (key_times, stats): (Option<usize>, &Value),
+        (own, stats): (&Manifest, &Value),
     ) -> Result<Vec<(PathBuf, Journal)>, Stop> {
-        let own = Manifest::of(args, key_times)?;
-        let mut journals = Vec::new();
-        for (folder, _) in self.folders {
+        let shard = args.shard.map(|shard| [shard.number, shard.of]);
+        let begin = |(folder, _): (PathBuf, Finished)| {
             let found = Manifest::in_folder(&folder).ok().flatten();
-            let is_own = found.is_some_and(|found| own.difference(&found).is_none());
-            if args.overwrite && !is_own {
-                journal::clear(&folder)?;
+            if args.overwrite && found.as_ref() != Some(own) {
+                output::clear_run(&folder)?;
             }
-            // What is there may say more than a shard without frames knows.
-            if key_times.is_some() || !is_own {
-                output::write_json(&folder.join(manifest::FILE), &own)?;
-            }
-            let mut journal = Journal::open(&folder, args.shard)?;
-            journal.begin(list.iter().map(|f| f.index).collect(), stats.clone())?;
-            journals.push((folder, journal));
-        }
-        Ok(journals)
+            own.write_to(&folder)?;
+            let journal = Journal::begin(&folder, shard, numbers(list), stats.clone())?;
+            Ok((folder, journal))
+        };
+        self.folders.into_iter().map(begin).collect()
     }
 }
 
-/// Statistics that stand alone: with what `merge` otherwise finds in folders.
-pub(crate) fn alone(
-    args: &RenderArgs,
-    mut stats: Value,
-    list: &[Frame],
-    key_times: Option<usize>,
-) -> Result<Value, Stop> {
-    let list: Vec<u64> = list.iter().map(|f| f.index).collect();
-    stats["run"] = json!({ "manifest": Manifest::of(args, key_times)?, "list": list });
-    Ok(stats)
+/// The numbers of frames.
+pub(crate) fn numbers(list: &[Frame]) -> Vec<u64> {
+    list.iter().map(|f| f.index).collect()
 }
 
 /// Statistics with these rows, in the order of frames.
@@ -154,7 +141,7 @@ pub(crate) fn joined(mut stats: Value, rows: &[FrameStats]) -> Value {
 }
 
 /// Writes statistics, to standard output for `-`.
-pub(crate) fn write_stats(file: &std::path::Path, stats: &Value) -> Result<(), Stop> {
+pub(crate) fn write_stats(file: &Path, stats: &Value) -> Result<(), Stop> {
     match file.as_os_str() == "-" {
         true => talk::print_json(stats),
         false => Ok(output::write_json(file, stats)?),

@@ -3,7 +3,7 @@
 use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
 pub(crate) use crate::choose::Ask;
 use crate::choose::{self, Settled};
-use crate::memory::{self, ExpectedMemory};
+use crate::memory;
 use crate::open;
 use crate::stop::Stop;
 use crate::threads::{self, Threads};
@@ -11,7 +11,7 @@ use backend::{Backend, Device, DeviceKind, Method};
 use clap::ValueEnum;
 use geom::Animation;
 use output::Taken;
-use pipeline::{Driver, DriverOptions, Update};
+use pipeline::{Driver, DriverOptions, ExpectedMemory, Update};
 use std::sync::Arc;
 
 /// A driver, and what it was made from.
@@ -25,9 +25,8 @@ pub(crate) struct Session {
     pub(crate) predict: Option<bool>,
     pub(crate) threads: Threads,
     pub(crate) memory: ExpectedMemory,
+    /// What was left to `auto`.
     pub(crate) taken: Vec<Taken>,
-    /// Likewise, for people: one remark each.
-    pub(crate) remarks: Vec<String>,
 }
 
 /// Opens the backend, settles what is left to `auto`, and loads the scene.
@@ -63,8 +62,7 @@ pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session
         threads,
         method: names,
         update,
-        predict: matches!(update, Update::Async(_)).then_some(ask.ahead.predict),
-        remarks: taken.iter().map(ToString::to_string).collect(),
+        predict: matches!(update, Update::Async(_)).then_some(ask.predict),
         taken,
     })
 }
@@ -186,8 +184,8 @@ impl<'a> ReusedBackend<'a> {
             method,
             update,
             builder_threads: threads.build,
-            time_range: self.ask.ahead.time_range,
-            predict: self.ask.ahead.predict,
+            time_range: self.ask.time_range(),
+            predict: self.ask.predict,
         };
         let backend = self.take(threads.render)?;
         memory::check_device(&*backend, self.animation, (method, update), self.ask.rays())?;

@@ -2,9 +2,7 @@
 
 use crate::stop::Stop;
 use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag;
 use std::io;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 
 /// The signal that came, 0 if none did.
@@ -13,16 +11,10 @@ static CAME: AtomicI32 = AtomicI32::new(0);
 /// Whether the next one ends the program at once.
 static ENDS: AtomicBool = AtomicBool::new(true);
 
-/// From here on, a signal ends the program with its exit code. Where handlers cannot be set, the system's own stay.
+/// From here on, a signal ends the program with its exit code. Where nobody can listen, the system's own handlers stay, and
+/// files that are half written stay until a later run finds them.
 pub(crate) fn heed() {
-    if listen().is_ok() {
-        return;
-    }
-    // Without a thread that listens, files that are half written stay until a later run finds them.
-    for signal in [SIGINT, SIGTERM] {
-        let ends = Arc::new(AtomicBool::new(true));
-        let _ = flag::register_conditional_shutdown(signal, 128 + signal, ends);
-    }
+    let _ = listen();
 }
 
 /// Has a thread of its own wait for signals, since a handler may do next to nothing.

@@ -1,11 +1,12 @@
 //! `abvh stability`: how often each intersector is wrong where arithmetic is hardest, and whether that is to be expected.
 
 use crate::args::StabilityArgs;
+use crate::conflicts::Files;
 use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::subjects::{self, Subject, Tested};
 use crate::table::{grouped, table};
-use crate::{conflicts, open, talk};
+use crate::{open, talk};
 use backend::Intersector;
 use conformance::stress::{Cell, Family, Measure, Measured, Plan, StressTest, baseline};
 use serde::{Serialize, Serializer};
@@ -14,11 +15,7 @@ use std::path::Path;
 use std::time::Instant;
 
 pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
-    let written = [
-        ("--json", args.test.json.as_ref()),
-        ("--record", args.record.as_ref()),
-    ];
-    conflicts::of_files(&[], [], written)?;
+    Files::written(&[("--json", &args.test.json), ("--record", &args.record)]).check(&[])?;
     if args.test.backend.iter().any(|&b| open::has_own_trees(b)) {
         let why = "stability knows no bounds for intersections that a driver decides; conform holds them to rounding";
         return Err(Stop::bad(why));
@@ -76,13 +73,25 @@ fn ask(args: &StabilityArgs, subjects: &mut [Subject], report: &mut Report) -> R
         for subject in &mut *subjects {
             for by in Intersector::ALL {
                 if args.intersector.contains(&by) {
-                    report.add(subject, by, &test)?;
+                    report.rows.extend(cell(subject, by, &test)?);
                 }
             }
             progress.step(&format!("{} {family}", subject.name));
         }
     }
     Ok(())
+}
+
+/// `None` if the backend does not support the intersector.
+fn cell(subject: &mut Subject, by: Intersector, test: &StressTest) -> Result<Option<Row>, Stop> {
+    let begun = Instant::now();
+    let arithmetic = subject.backend.device().arithmetic;
+    let counts = test.ask(subject.backend.as_mut(), by)?;
+    Ok(counts.map(|counts| Row {
+        backend: subject.name,
+        cell: Cell::new(test.family(), by, &counts, arithmetic),
+        seconds: begun.elapsed().as_secs_f64(),
+    }))
 }
 
 #[derive(Default, Serialize)]
@@ -92,8 +101,6 @@ struct Report {
     seed: u64,
     /// Of each family.
     rays: u32,
-    /// Cells that there cannot be.
-    unsupported: Vec<Value>,
     rows: Vec<Row>,
 }
 
@@ -135,40 +142,15 @@ fn count(m: &Measured) -> Value {
 }
 
 impl Report {
-    /// One cell, or that the backend does not support the intersector.
-    fn add(
-        &mut self,
-        subject: &mut Subject,
-        by: Intersector,
-        test: &StressTest,
-    ) -> Result<(), Stop> {
-        let begun = Instant::now();
-        let arithmetic = subject.backend.device().arithmetic;
-        let backend = subject.name;
-        if let Some(tally) = test.ask(subject.backend.as_mut(), by)? {
-            self.rows.push(Row {
-                backend,
-                cell: Cell::new(test.family(), by, &tally, arithmetic),
-                seconds: begun.elapsed().as_secs_f64(),
-            });
-            return Ok(());
-        }
-        let unsupported = json!({ "backend": backend, "intersector": by.name() });
-        if !self.unsupported.contains(&unsupported) {
-            self.unsupported.push(unsupported);
-        }
-        Ok(())
-    }
-
     /// Cells of which something is out of its bound.
     fn failures(&self) -> usize {
         self.rows.iter().filter(|r| !r.cell.is_ok()).count()
     }
 
     fn text(&self, asked: &[Intersector]) -> String {
-        let mut text = self.tested.text();
-        for b in &self.tested.backends {
-            text += &self.tables(b.backend, asked);
+        let mut text = self.tested.text.clone();
+        for backend in &self.tested.names {
+            text += &self.tables(backend, asked);
         }
         for row in self.rows.iter().filter(|r| !r.cell.is_ok()) {
             text += &self.complaint(row);

@@ -1,7 +1,7 @@
 //! Why a command ends early, and what the shell hears of it.
 
 use backend::BackendError;
-use output::{RaysError, WriteError};
+use output::{RaysError, RunError, WriteError};
 use pipeline::PipelineError;
 use scene::SceneError;
 use std::fmt::{self, Display};
@@ -78,6 +78,13 @@ impl From<SceneError> for Stop {
 /// Likewise for rays.
 impl From<RaysError> for Stop {
     fn from(e: RaysError) -> Self {
+        Self::Bad(e.into())
+    }
+}
+
+/// Likewise for what an earlier run left.
+impl From<RunError> for Stop {
+    fn from(e: RunError) -> Self {
         Self::Bad(e.into())
     }
 }

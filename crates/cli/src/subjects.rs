@@ -5,6 +5,7 @@ use crate::open;
 use crate::stop::Stop;
 use crate::{adapters, info, record, threads};
 use backend::Backend;
+use clap::ValueEnum;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -16,47 +17,23 @@ pub(crate) struct Subject {
 /// What every report of a test begins with.
 #[derive(Default, Serialize)]
 pub(crate) struct Tested {
-    pub(crate) schema: u32,
-    pub(crate) version: &'static str,
-    pub(crate) command_line: Vec<String>,
-    pub(crate) machine: Value,
-    pub(crate) backends: Vec<Examined>,
-    pub(crate) absent: Vec<Absent>,
-}
-
-/// What is said of a backend that was put to the test.
-#[derive(Default, Serialize)]
-pub(crate) struct Examined {
-    pub(crate) backend: &'static str,
-    pub(crate) adapter: String,
-    pub(crate) driver: String,
-    pub(crate) kind: &'static str,
-    pub(crate) threads: usize,
-    /// How it computes where nobody tells it how to round.
-    pub(crate) arithmetic: String,
-}
-
-/// A backend that was not, because it cannot run here.
-#[derive(Serialize)]
-pub(crate) struct Absent {
-    pub(crate) backend: &'static str,
-    pub(crate) reason: String,
+    schema: u32,
+    version: &'static str,
+    command_line: Vec<String>,
+    machine: Value,
+    backends: Vec<Value>,
+    absent: Vec<Value>,
+    /// Backends that were put to the test.
+    #[serde(skip)]
+    pub(crate) names: Vec<&'static str>,
+    /// One line for each backend, present or absent.
+    #[serde(skip)]
+    pub(crate) text: String,
 }
 
 impl Tested {
-    fn new(subjects: &[Subject], absent: Vec<Absent>) -> Self {
-        let examined = |subject: &Subject| {
-            let device = subject.backend.device();
-            Examined {
-                backend: subject.name,
-                adapter: device.adapter.clone(),
-                driver: device.driver.clone(),
-                kind: adapters::kind_name(device.kind),
-                threads: device.threads,
-                arithmetic: device.arithmetic.to_string(),
-            }
-        };
-        Self {
+    fn new(subjects: &[Subject], absent: &[(&'static str, Stop)]) -> Self {
+        let mut tested = Self {
             schema: output::SCHEMA,
             version: env!("CARGO_PKG_VERSION"),
             command_line: record::command_line(),
@@ -65,26 +42,33 @@ impl Tested {
                 "cores": threads::cores(),
                 "os": std::env::consts::OS,
             }),
-            backends: subjects.iter().map(examined).collect(),
-            absent,
-        }
-    }
-
-    /// One line for each backend, present or absent.
-    pub(crate) fn text(&self) -> String {
-        let mut text = String::new();
-        for b in &self.backends {
-            let driver = match b.driver.trim() {
+            ..Self::default()
+        };
+        for Subject { name, backend } in subjects {
+            let device = backend.device();
+            let (adapter, own) = (&device.adapter, device.arithmetic.to_string());
+            let driver = match device.driver.trim() {
                 "" => String::new(),
                 driver => format!(" ({driver})"),
             };
-            let (backend, adapter, own) = (b.backend, &b.adapter, &b.arithmetic);
-            text += &format!("{backend}: {adapter}{driver}; by itself: {own}\n");
+            tested.text += &format!("{name}: {adapter}{driver}; by itself: {own}\n");
+            tested.names.push(name);
+            tested.backends.push(json!({
+                "backend": name,
+                "adapter": adapter,
+                "driver": device.driver,
+                "kind": adapters::kind_name(device.kind),
+                "threads": device.threads,
+                "arithmetic": own,
+            }));
         }
-        for a in &self.absent {
-            text += &format!("{}: absent; {}\n", a.backend, a.reason);
+        for (name, stop) in absent {
+            let reason = stop.to_string();
+            tested.text += &format!("{name}: absent; {reason}\n");
+            let told = json!({ "backend": name, "reason": reason });
+            tested.absent.push(told);
         }
-        text
+        tested
     }
 }
 
@@ -96,19 +80,13 @@ pub(crate) fn open_all(
     }: &TestArgs,
     drivers: bool,
 ) -> Result<(Vec<Subject>, Tested), Stop> {
-    use BackendName as B;
-    let all = [
-        B::Cpu,
-        B::Vulkan,
-        B::VulkanRt,
-        B::VulkanRtFastTrace,
-        B::Wgpu,
-        B::WgpuWgsl,
-    ];
     let (mut subjects, mut absent) = (Vec::new(), Vec::new());
-    for one in all {
+    for &one in BackendName::value_variants() {
+        if one == BackendName::Auto {
+            continue;
+        }
         let named = backend.contains(&one);
-        let among = backend.contains(&B::Auto) && (drivers || !open::has_own_trees(one));
+        let among = backend.contains(&BackendName::Auto) && (drivers || !open::has_own_trees(one));
         if !named && !among {
             continue;
         }
@@ -116,16 +94,13 @@ pub(crate) fn open_all(
         match open::bare(one, adapter.as_deref(), threads::cores()) {
             Ok(backend) => subjects.push(Subject { name, backend }),
             Err(stop) if named => return Err(stop),
-            Err(stop) => absent.push(Absent {
-                backend: name,
-                reason: stop.to_string(),
-            }),
+            Err(stop) => absent.push((name, stop)),
         }
     }
     if subjects.is_empty() {
-        let reasons: Vec<_> = absent.iter().map(|a| a.reason.as_str()).collect();
+        let reasons: Vec<_> = absent.iter().map(|(_, stop)| stop.to_string()).collect();
         return Err(Stop::bad(reasons.join("; ")));
     }
-    let tested = Tested::new(&subjects, absent);
+    let tested = Tested::new(&subjects, &absent);
     Ok((subjects, tested))
 }

@@ -45,7 +45,7 @@ fn wide(head: &[&str], rows: &[Vec<String>], words: usize) -> String {
 }
 
 pub(crate) fn stages(frames: &[FrameStats]) -> String {
-    let summary = overview(frames).times;
+    let summary = overview(frames);
     let row = |&(name, _): &(&str, _)| {
         let s: Summary = summary.get(name).copied().flatten()?;
         let title = name.trim_end_matches("_ms").replace('_', " ");
@@ -75,22 +75,6 @@ pub(crate) fn trees(frames: &[FrameStats]) -> String {
         text += &format!("; SAH ratio: median {:.3}, worst {:.3}", s.median, s.worst);
     }
     text + "\n"
-}
-
-/// How memory went, in a sentence; nothing where nobody knows.
-pub(crate) fn memory(frames: &[FrameStats]) -> String {
-    let seen = overview(frames);
-    let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
-    let mut text = String::new();
-    for (whose, course) in [("host", seen.host_bytes), ("device", seen.device_bytes)] {
-        if let Some(c) = course {
-            let [first, last, peak] = [c.first, c.last, c.peak].map(mib);
-            text += &format!(
-                "{whose} memory: {first:.1} MiB after the first frame, {last:.1} after the last, {peak:.1} at most\n"
-            );
-        }
-    }
-    text
 }
 
 /// Rays a second, in millions: of `count` rays in `ms` milliseconds.
@@ -164,19 +148,16 @@ mod tests {
 
     #[test]
     fn what_nobody_timed_or_counted_is_not_mentioned() {
-        let frame = |bytes: u64| FrameStats {
+        let frame = FrameStats {
             refit_ms: Some(2.0),
-            host_bytes: Some(bytes << 20),
+            host_bytes: Some(3 << 20),
             ..FrameStats::default()
         };
-        let told = stages(&[frame(3)]);
+        let told = stages(&[frame]);
         assert!(
             told.contains("refit") && !told.contains("interpolate"),
             "{told}"
         );
-        let text = "host memory: 3.0 MiB after the first frame, 5.0 after the last, 7.0 at most\n";
-        assert_eq!(memory(&[frame(3), frame(7), frame(5)]), text);
-        assert_eq!(memory(&[FrameStats::default()]), "");
     }
 
     #[test]

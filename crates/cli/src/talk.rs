@@ -5,16 +5,8 @@ use std::borrow::Cow;
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
 
-/// A result for people; on a terminal, lines that are too long for it go on in the next.
-pub(crate) fn print(text: &str) -> Result<(), Stop> {
-    match columns() {
-        Some(columns) => print_whole(&wrapped(text, columns)),
-        None => print_whole(text),
-    }
-}
-
 /// A result. A reader that went away has read enough.
-fn print_whole(text: &str) -> Result<(), Stop> {
+pub(crate) fn print(text: &str) -> Result<(), Stop> {
     let mut out = io::stdout().lock();
     let text = plain(text, &['\n']);
     let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
@@ -28,30 +20,7 @@ fn print_whole(text: &str) -> Result<(), Stop> {
 
 pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), Stop> {
     let text = serde_json::to_string_pretty(value).map_err(Stop::failed)?;
-    print_whole(&format!("{text}\n"))
-}
-
-/// Lines of at most so many columns, broken between words and indented where they go on. A longer word stays whole.
-fn wrapped(text: &str, columns: usize) -> String {
-    let mut all = String::new();
-    for line in text.split_inclusive('\n') {
-        if line.trim_end().chars().count() <= columns {
-            all += line;
-            continue;
-        }
-        let mut at = 0;
-        for word in line.split_inclusive(' ') {
-            let width = word.trim_end().chars().count();
-            if at > 2 && at + width > columns {
-                all.truncate(all.trim_end_matches(' ').len());
-                all += "\n  ";
-                at = 2;
-            }
-            all += word;
-            at += word.chars().count();
-        }
-    }
-    all
+    print(&format!("{text}\n"))
 }
 
 /// How wide the terminal of results is: what `COLUMNS` says, else what it says itself; `None` of no terminal.
@@ -122,14 +91,5 @@ mod tests {
         let spelt = "a\\u{202e}jbo\\u{200b}.\\u{2028}\\u{feff}x\\u{2066}";
         assert_eq!(plain(name, &['\n']), spelt);
         assert!(matches!(plain("مرحبا שלום", &[]), Cow::Borrowed(_)));
-    }
-
-    #[test]
-    fn long_lines_go_on_indented_and_words_stay_whole() {
-        let text = "one two three four\nshort\n  kept as it is\n/a/word/that/is/longer x\n";
-        let lines =
-            "one two\n  three\n  four\nshort\n  kept as\n  it is\n/a/word/that/is/longer\n  x\n";
-        assert_eq!(wrapped(text, 9), lines);
-        assert_eq!(wrapped(text, 40), text);
     }
 }

@@ -26,14 +26,18 @@ pub(crate) fn cores() -> usize {
 /// rayon's global pool can be tried only once, so the threads wait for it.
 pub(crate) fn start(threads: Option<usize>) {
     let wanted = threads.unwrap_or_else(cores);
-    let spawn = |work: Box<dyn FnOnce() + Send>| std::thread::Builder::new().spawn(work).map(drop);
-    let (crew, remark) = crew(wanted, spawn);
-    if let Some(remark) = remark {
-        crate::talk::say(&remark);
+    let crew = crew(wanted, |work| {
+        std::thread::Builder::new().spawn(work).map(drop)
+    });
+    if crew.len() < wanted {
+        let fewer = crew.len().max(1);
+        crate::talk::say(&format!(
+            "the system starts no {wanted} threads: reading and shading take {fewer}"
+        ));
     }
     // It fails only if the pool runs already; then it stays as it is.
     let pool = rayon::ThreadPoolBuilder::new();
-    let _ = match crew.as_slice() {
+    let _ = match &crew[..] {
         [] => pool.num_threads(1).use_current_thread().build_global(),
         crew => pool
             .num_threads(crew.len())
@@ -48,27 +52,22 @@ fn hand(crew: &[Sender<ThreadBuilder>], worker: ThreadBuilder) -> io::Result<()>
     handed.map_err(|_| io::ErrorKind::BrokenPipe.into())
 }
 
-/// How a thread is started.
-type Spawn = fn(Box<dyn FnOnce() + Send>) -> io::Result<()>;
-
 /// Up to `wanted` threads that wait for work to do; they end if they get none. Where the system refuses one, half of those
-/// that it granted are left to others, and a remark says so.
-fn crew(wanted: usize, spawn: Spawn) -> (Vec<Sender<ThreadBuilder>>, Option<String>) {
+/// that it granted are left to others.
+fn crew(
+    wanted: usize,
+    spawn: impl Fn(Box<dyn FnOnce() + Send>) -> io::Result<()>,
+) -> Vec<Sender<ThreadBuilder>> {
     let start = |_| {
         let (worker, inbox) = channel::<ThreadBuilder>();
         let work = move || inbox.recv().map(ThreadBuilder::run).unwrap_or_default();
         spawn(Box::new(work)).ok().map(|()| worker)
     };
     let mut crew: Vec<_> = (0..wanted).map_while(start).collect();
-    if crew.len() == wanted {
-        return (crew, None);
+    if crew.len() < wanted {
+        crew.truncate(crew.len() / 2);
     }
-    crew.truncate(crew.len() / 2);
-    let remark = format!(
-        "the system starts no {wanted} threads: reading and shading take {}",
-        crew.len().max(1)
-    );
-    (crew, Some(remark))
+    crew
 }
 
 /// Shares `cores` out. With `async` both work at once: where the host renders, a quarter builds
@@ -104,10 +103,8 @@ mod tests {
 
     #[test]
     fn threads_wait_for_work_and_end_without_it() {
-        let spawn =
-            |work: Box<dyn FnOnce() + Send>| std::thread::Builder::new().spawn(work).map(drop);
-        let (crew, remark) = crew(3, spawn);
-        assert_eq!((crew.len(), remark), (3, None));
+        let crew = crew(3, |work| std::thread::Builder::new().spawn(work).map(drop));
+        assert_eq!(crew.len(), 3);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2);
         let pool = pool.spawn_handler(|worker| hand(&crew, worker)).build();
         let pool = pool.unwrap();
@@ -115,21 +112,17 @@ mod tests {
     }
 
     #[test]
-    fn where_the_system_starts_too_few_threads_there_are_fewer_with_a_remark() {
-        use std::sync::atomic::{AtomicUsize, Ordering};
-        static GRANTED: AtomicUsize = AtomicUsize::new(0);
+    fn where_the_system_starts_too_few_threads_there_are_fewer() {
+        let left = std::cell::Cell::new(5);
         let five = |work: Box<dyn FnOnce() + Send>| {
-            if GRANTED.fetch_add(1, Ordering::Relaxed) >= 5 {
-                return Err(io::ErrorKind::WouldBlock.into());
+            let granted = left.replace(left.get() - 1);
+            match granted > 0 {
+                true => std::thread::Builder::new().spawn(work).map(drop),
+                false => Err(io::ErrorKind::WouldBlock.into()),
             }
-            std::thread::Builder::new().spawn(work).map(drop)
         };
-        let (some, remark) = crew(16, five);
-        assert_eq!(some.len(), 2);
-        assert!(remark.unwrap().contains("no 16 threads"));
-        let (none, remark) = crew(4, |_| Err(io::ErrorKind::WouldBlock.into()));
-        assert!(none.is_empty());
-        assert!(remark.unwrap().contains("take 1"));
+        assert_eq!(crew(16, five).len(), 2);
+        assert!(crew(4, |_| Err(io::ErrorKind::WouldBlock.into())).is_empty());
     }
 
     #[test]

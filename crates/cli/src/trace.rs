@@ -2,19 +2,23 @@
 
 use crate::args::{TraceArgs, UpdateName};
 use crate::choose::{self, Ask};
+use crate::conflicts::Files;
 use crate::session::{self, Session};
 use crate::stop::Stop;
 use crate::table::counted;
-use crate::{conflicts, frames, memory, talk};
+use crate::{frames, memory, talk};
 use backend::{Hits, Query, QueryKind, Rays};
 use geom::{Animation, Ray};
 use output::HitArrays;
 use pipeline::Frame;
 
 pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
-    let read = [("--rays", args.rays.clone())];
-    let scenes = std::slice::from_ref(&args.scene);
-    conflicts::of_files(scenes, read, [("--out", Some(&args.out))])?;
+    let files = Files {
+        read: vec![("--rays", args.rays.clone())],
+        written: vec![("--out", args.out.clone())],
+        ..Files::default()
+    };
+    files.check(std::slice::from_ref(&args.scene))?;
     let rays = output::read_rays(&args.rays)?;
     let options = memory::with_run(args.source.options(), rays.len());
     let scene = scene::open(&args.scene, &options)?;
@@ -41,7 +45,8 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
         },
     )?;
     if !args.quiet {
-        session.remarks.iter().for_each(|r| talk::say(r));
+        let taken = session.taken.iter();
+        taken.for_each(|t| talk::say(&t.to_string()));
     }
     let kind = if args.any_hit {
         QueryKind::Any

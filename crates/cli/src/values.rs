@@ -1,15 +1,19 @@
 //! Values of options: points, sizes, ranges. Each rejection says what is wanted.
 
-use clap::builder::{OsStringValueParser, PathBufValueParser, TypedValueParser};
+use clap::builder::{
+    OsStringValueParser, PathBufValueParser, PossibleValuesParser, RangedU64ValueParser,
+    TypedValueParser,
+};
 use geom::Point;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 pub(crate) use crate::frames::{Frames, Shard, frames, shard};
 
 /// The most pixels along one side of a picture.
 pub(crate) const MAX_SIDE: u64 = 16_384;
 pub(crate) const MAX_PIXELS: u64 = 1 << 26;
-pub(crate) const MAX_RAYS: usize = 1 << 26;
+pub(crate) const MAX_RAYS: u64 = 1 << 26;
 
 /// A stretch of time, in key frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,69 +86,35 @@ pub(crate) fn time(text: &str) -> Result<f64, String> {
     finite(text)
 }
 
-/// A vertical field of view in degrees.
-pub(crate) fn fov(text: &str) -> Result<f32, String> {
-    let says = "a field of view lies between 0 and 180 degrees";
-    within(text, |&degrees| degrees > 0.0 && degrees < 180.0, says)
+/// `on` or `off`.
+pub(crate) fn switch() -> impl TypedValueParser<Value = bool> {
+    PossibleValuesParser::new(["on", "off"]).map(|word| word == "on")
 }
 
-pub(crate) fn fps(text: &str) -> Result<f64, String> {
-    let says = "samples a second lie between 0 and 1000";
-    within(text, |&fps| fps > 0.0 && fps <= 1000.0, says)
+pub(crate) fn threads() -> impl TypedValueParser<Value = usize> {
+    RangedU64ValueParser::new().range(1..=1024)
 }
 
-/// Wrong rays a million.
-pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
-    let says = "a tolerance is a number of rays a million, from 0 to 1000000";
-    within(text, |rate| (0.0..=1e6).contains(rate), says)
-}
-
-/// Per cent, not below 0.
-pub(crate) fn percent(text: &str) -> Result<f64, String> {
-    within(
-        text,
-        |&percent| percent >= 0.0,
-        "per cent are a number from 0",
-    )
-}
-
-/// Seconds of a warm-up, which nobody wants to last for more than a minute.
-pub(crate) fn warm_up(text: &str) -> Result<f64, String> {
-    let says = "a warm-up lasts from 0 to 60 seconds";
-    within(text, |seconds| (0.0..=60.0).contains(seconds), says)
-}
-
-pub(crate) fn threads(text: &str) -> Result<usize, String> {
-    whole(text, "threads", 1024)
-}
-
-pub(crate) fn rays(text: &str) -> Result<usize, String> {
-    whole(text, "rays", MAX_RAYS)
-}
-
-fn whole(text: &str, what: &str, most: usize) -> Result<usize, String> {
-    match text.parse() {
-        Ok(n) if (1..=most).contains(&n) => Ok(n),
-        _ => Err(format!(
-            "a number of {what} is a whole number from 1 to {most}"
-        )),
-    }
+pub(crate) fn rays() -> impl TypedValueParser<Value = usize> {
+    RangedU64ValueParser::new().range(1..=MAX_RAYS)
 }
 
 /// A finite number that is as `says` demands.
-fn within<T: std::str::FromStr + Into<f64> + Copy>(
-    text: &str,
-    is_fit: fn(&T) -> bool,
-    says: &str,
-) -> Result<T, String> {
-    let number = finite(text)?;
-    is_fit(&number)
-        .then_some(number)
-        .ok_or_else(|| says.to_owned())
+pub(crate) fn number<T>(
+    is_fit: fn(T) -> bool,
+    says: &'static str,
+) -> impl Fn(&str) -> Result<T, String> + Clone
+where
+    T: FromStr + Into<f64> + Copy,
+{
+    move |text| {
+        let number = Some(finite(text)?).filter(|&number| is_fit(number));
+        number.ok_or_else(|| says.to_owned())
+    }
 }
 
 /// A float that is a number and not infinite.
-fn finite<T: std::str::FromStr + Into<f64> + Copy>(text: &str) -> Result<T, String> {
+fn finite<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<T, String> {
     let number: T = text
         .trim()
         .parse()
@@ -192,15 +162,10 @@ mod tests {
         for bad in ["3..1", "1", "nan..1", "0..inf", "a..b"] {
             time_range(bad).unwrap_err();
         }
-        assert!(fov("40").is_ok() && fps("24").is_ok() && threads("1").is_ok());
-        for bad in ["0", "180", "nan", "-5"] {
-            fov(bad).unwrap_err();
-        }
-        fps("0").unwrap_err();
-        threads("0").unwrap_err();
-        assert_eq!(rays("67108864"), Ok(MAX_RAYS));
-        for bad in ["0", "67108865", "1e6", "-1"] {
-            rays(bad).unwrap_err();
+        let below = number(|x: f32| x > 0.0 && x < 180.0, "between 0 and 180");
+        assert_eq!(below("40"), Ok(40.0));
+        for bad in ["0", "180", "nan", "-5", "inf"] {
+            below(bad).unwrap_err();
         }
     }
 }

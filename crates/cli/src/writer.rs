@@ -1,14 +1,11 @@
 //! The files of frames, and their video: made by rayon's threads while later frames are traced.
 
-use crate::journal::{self, Journal};
 use crate::outputs::Outputs;
 use crate::progress::Progress;
+use crate::signals;
 use crate::stop::Stop;
-use crate::timeline::Notes;
-use crate::video::Video;
-use crate::{record, signals};
 use geom::{Camera, Point};
-use output::{FrameStats, Shot};
+use output::{FrameStats, Journal, RunTimeline, Shot, Video};
 use pipeline::{Answers, FrameRecord, Wanted};
 use rayon::Scope;
 use scene::Scene;
@@ -35,7 +32,7 @@ pub(crate) struct Writer<'a> {
     /// Of the journals.
     folders: Vec<PathBuf>,
     done: Mutex<Done<'a>>,
-    video: Mutex<Option<Video>>,
+    video: Mutex<Option<Video<Lent>>>,
     spare: Sender<FrameBuffers>,
     /// One thread hands frames in, so nobody waits for the lock.
     free: Mutex<Receiver<FrameBuffers>>,
@@ -54,9 +51,9 @@ pub(crate) struct Lent {
     spare: Sender<FrameBuffers>,
 }
 
-impl Lent {
+impl AsRef<[u8]> for Lent {
     /// The picture, three bytes a pixel.
-    pub(crate) fn rgb(&self) -> &[u8] {
+    fn as_ref(&self) -> &[u8] {
         &self.buffers.rgb
     }
 }
@@ -71,7 +68,7 @@ impl Drop for Lent {
 /// What is known of frames that are done.
 pub(crate) struct Done<'a> {
     journals: &'a mut [(PathBuf, Journal)],
-    notes: Option<&'a mut Notes>,
+    notes: Option<&'a mut RunTimeline>,
     progress: Progress,
     /// Each with its place in the run.
     rows: Vec<(usize, FrameStats)>,
@@ -81,7 +78,7 @@ pub(crate) struct Done<'a> {
 impl<'a> Done<'a> {
     pub(crate) fn new(
         journals: &'a mut [(PathBuf, Journal)],
-        notes: Option<&'a mut Notes>,
+        notes: Option<&'a mut RunTimeline>,
         progress: Progress,
     ) -> Self {
         Self {
@@ -97,7 +94,7 @@ impl<'a> Done<'a> {
 impl<'a> Writer<'a> {
     pub(crate) fn new(
         (scene, camera, light): (&'a Scene, &'a Camera, Point),
-        (outputs, video, wanted): (&'a Outputs, Option<Video>, Wanted),
+        (outputs, video, wanted): (&'a Outputs, Option<Video<Lent>>, Wanted),
         done: Done<'a>,
     ) -> Self {
         let (spare, free) = channel();
@@ -171,7 +168,7 @@ impl<'a> Writer<'a> {
     pub(crate) fn rows(self) -> Result<Vec<FrameStats>, Stop> {
         self.check()?;
         let video = self.video().take();
-        video.map_or(Ok(()), Video::finish)?;
+        video.map_or(Ok(()), Video::finish).map_err(Stop::failed)?;
         let mut rows = std::mem::take(&mut self.lock().rows);
         rows.sort_by_key(|(place, _)| *place);
         Ok(rows.into_iter().map(|(_, row)| row).collect())
@@ -188,13 +185,13 @@ impl<'a> Writer<'a> {
     }
 
     /// Sender and thread of the video, held for a moment.
-    fn video(&self) -> MutexGuard<'_, Option<Video>> {
+    fn video(&self) -> MutexGuard<'_, Option<Video<Lent>>> {
         self.video.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn check(&self) -> Result<(), Stop> {
         let video = self.video().take_if(|video| video.has_failed());
-        video.map_or(Ok(()), Video::finish)?;
+        video.map_or(Ok(()), Video::finish).map_err(Stop::failed)?;
         self.lock().failed.take().map_or(Ok(()), Err)
     }
 
@@ -205,7 +202,7 @@ impl<'a> Writer<'a> {
         FrameBuffers { answers, rgb }: &mut FrameBuffers,
     ) -> Result<(), Stop> {
         let begun = Instant::now();
-        let row = record::row(frame);
+        let row = FrameStats::of(frame);
         let shot = Shot {
             moment: self
                 .scene
@@ -226,11 +223,12 @@ impl<'a> Writer<'a> {
         self.outputs
             .write(frame.frame.index, size, &answers.hits, rgb)?;
         let files = |folder| self.outputs.in_folder(frame.frame.index, folder);
-        let digests = self.folders.iter().map(|f| journal::digests(&files(f)));
-        let digests = digests.collect::<Result<Vec<_>, _>>()?;
+        let digests = self.folders.iter().map(|f| output::digests(&files(f)));
+        let digests = digests.collect::<Result<Vec<_>, _>>();
+        let digests = digests.map_err(Stop::failed)?;
         let mut done = self.lock();
         for ((_, journal), files) in done.journals.iter_mut().zip(digests) {
-            journal.add(files, &row)?;
+            journal.add(files, &row).map_err(Stop::failed)?;
         }
         if let Some(notes) = &mut done.notes {
             notes.wrote(frame.frame.index, [begun, Instant::now()]);

@@ -76,7 +76,7 @@ impl Camera {
     }
 
     /// The rays through all pixels, row by row.
-    pub fn rays(&self) -> impl Iterator<Item = Ray> + '_ {
+    pub fn rays(&self) -> impl Iterator<Item = Ray> + Clone + '_ {
         let row = move |y| (0..self.width).map(move |x| self.ray(x, y));
         (0..self.height).flat_map(row)
     }

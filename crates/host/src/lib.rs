@@ -73,6 +73,18 @@ pub fn free() -> Option<Free> {
     None
 }
 
+/// Bytes of this process that are resident, where the system tells.
+#[must_use]
+pub fn resident() -> Option<u64> {
+    #[cfg(target_os = "linux")]
+    return linux::kilobytes(
+        &std::fs::read_to_string("/proc/self/status").ok()?,
+        "VmRSS:",
+    );
+    #[cfg(not(target_os = "linux"))]
+    return None;
+}
+
 struct Size(u64);
 
 impl fmt::Display for Size {

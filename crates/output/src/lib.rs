@@ -1,4 +1,4 @@
-//! Hits to pixels, measured points to charts; arrays, pictures and rows to whole files.
+//! Hits to pixels, measured points to charts; arrays, pictures, videos and rows to whole files.
 //!
 //! Every file is written beside its final name and renamed when it is whole, so
 //! that nobody ever reads half a file. What a file holds depends on what it is
@@ -8,11 +8,14 @@
 mod atomic;
 mod digest;
 mod hits;
+mod journal;
+mod manifest;
 pub mod plot;
 mod rays;
 mod shading;
 mod stats;
 mod timeline;
+mod video;
 
 pub use atomic::{
     UnfinishedFile, WriteError, check_dir, check_writable, prepare_dir, remove_link,
@@ -20,10 +23,10 @@ pub use atomic::{
 };
 pub use digest::{Digest, digest_of};
 pub use hits::{HitArrays, write_found, write_hits};
+pub use journal::{Finished, Journal, NamedDigest, clear_run, digests};
+pub use manifest::{Manifest, RunError};
 pub use rays::{RaysError, read_rays, write_rays};
 pub use shading::{Shot, View, drop_alpha, frame_scene, palette, shade, write_png};
-pub use stats::{
-    Course, FrameStats, Overview, SCHEMA, SceneFacts, Stats, Summary, TIMES, Taken, Time, overview,
-    rounded, write_json,
-};
-pub use timeline::{Timeline, Track, write_timeline};
+pub use stats::{FrameStats, SCHEMA, Summary, TIMES, Taken, Time, overview, write_json};
+pub use timeline::RunTimeline;
+pub use video::{Video, VideoError, VideoFiles};

@@ -48,22 +48,21 @@ pub fn read_rays(path: &Path) -> Result<Vec<Ray>, RaysError> {
     Ok(to_rays(&values, columns as usize, header.order()))
 }
 
-/// Writes rays as little-endian f32 in C order, (N, 6) if all cover `(0, inf)`, else (N, 8).
+/// Writes so many rays as little-endian f32 in C order, (N, 6) if all cover `(0, inf)`, else (N, 8).
 ///
 /// # Errors
 /// [`WriteError`]; `path` then holds what it held before.
 pub fn write_rays(
     path: &Path,
-    rays: impl ExactSizeIterator<Item = Ray> + Clone,
+    count: usize,
+    rays: impl Iterator<Item = Ray> + Clone,
 ) -> Result<(), WriteError> {
-    let whole = rays
-        .clone()
-        .all(|r| r.t_min == 0.0 && r.t_max == f32::INFINITY);
-    let columns = if whole { 6 } else { 8 };
+    let is_whole = |r: Ray| r.t_min == 0.0 && r.t_max == f32::INFINITY;
+    let columns = if rays.clone().all(is_whole) { 6 } else { 8 };
     write_with(path, |out| {
         let mut npy = WriteOptions::new()
             .default_dtype()
-            .shape(&[rays.len() as u64, columns])
+            .shape(&[count as u64, columns])
             .writer(out)
             .begin_nd()?;
         for r in rays {

@@ -1,6 +1,8 @@
 //! The statistics file: one JSON object, schema 1. What is not known is `null`.
 
 use crate::{WriteError, write_whole};
+use backend::DeviceBytes;
+use pipeline::FrameRecord;
 use serde::{Deserialize, Serialize, Serializer};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -9,61 +11,7 @@ use std::path::Path;
 /// The version of the file's schema.
 pub const SCHEMA: u32 = 1;
 
-/// All that is said of one run.
-#[derive(Clone, Debug, Serialize)]
-#[expect(
-    missing_docs,
-    reason = "the names are the schema's, listed in the manual"
-)]
-pub struct Stats {
-    /// [`SCHEMA`].
-    pub schema: u32,
-    pub version: String,
-    /// Program first.
-    pub command_line: Vec<String>,
-    pub scene: SceneFacts,
-    pub backend: String,
-    pub adapter: String,
-    pub driver: Option<String>,
-    /// Threads that render.
-    pub threads: usize,
-    pub builder_threads: usize,
-    /// As carried out.
-    pub update: String,
-    /// Frames between asking for a tree and taking it up, where fixed.
-    pub lockstep: Option<u64>,
-    /// With `async`: whether trees are built for what comes.
-    pub predict: Option<bool>,
-    pub intersector: String,
-    pub layout: String,
-    /// What was left to `auto`.
-    pub auto: Vec<Taken>,
-    /// Pixels of a frame: width, height.
-    pub size: [u32; 2],
-    pub frames: Vec<FrameStats>,
-    pub summary: Overview,
-}
-
-/// What was rendered: counts of key frames, of vertices in each, and of triangles, inactive ones included.
-#[derive(Clone, Debug, Serialize)]
-#[expect(
-    missing_docs,
-    reason = "the names are the schema's, listed in the manual"
-)]
-pub struct SceneFacts {
-    pub name: String,
-    pub keys: usize,
-    pub vertices: usize,
-    pub triangles: usize,
-    /// Triangles active in some key frame.
-    pub live: usize,
-    /// Live triangles that move. Those that never do are interpolated, preprocessed and refitted once.
-    pub moving: usize,
-    /// What else its source told.
-    pub facts: serde_json::Value,
-}
-
-/// One frame. Times in milliseconds, which [`rounded`] makes short.
+/// One frame. Times in milliseconds.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[expect(
     missing_docs,
@@ -102,6 +50,46 @@ pub struct FrameStats {
     pub device_bytes: Option<u64>,
 }
 
+impl FrameStats {
+    /// The row of a frame that is done just now.
+    #[must_use]
+    pub fn of(record: &FrameRecord) -> Self {
+        let (times, report) = (&record.report.times, &record.report);
+        let adopted = record.adopted;
+        let build_ms = adopted.map(|a| a.build_ms).or(times.rebuild_ms);
+        Self {
+            frame: record.frame.index as usize,
+            time: rounded(record.frame.time),
+            interpolate_ms: times.interpolate_ms.map(rounded),
+            preprocess_ms: times.preprocess_ms.map(rounded),
+            rebuild_ms: times.rebuild_ms.map(rounded),
+            refit_ms: times.refit_ms.map(rounded),
+            trace_primary_ms: times.trace_primary_ms.map(rounded),
+            trace_shadow_ms: times.trace_shadow_ms.map(rounded),
+            device_ms: Some(rounded(times.device_ms)),
+            wall_ms: Some(rounded(record.wall_ms)),
+            build_wait_ms: Some(rounded(record.build_wait_ms)),
+            tree_generation: record.tree_generation.0,
+            tree_age_frames: record.tree_age_frames,
+            adopted: adopted.is_some() || record.made,
+            rejected: record.rejected.is_some(),
+            build_ms: build_ms.map(rounded),
+            convert_ms: adopted.map(|a| rounded(a.convert_ms)),
+            upload_bytes: adopted.map_or(0, |a| a.upload_bytes),
+            readback_bytes: report.readback_bytes,
+            sah_ratio: record.sah_ratio.map(rounded),
+            sah_cost: report.sah_cost.map(rounded),
+            hits: report.hits,
+            blocked: report.blocked,
+            inactive: report.inactive,
+            degenerate: report.degenerate,
+            settled: report.settled,
+            host_bytes: host::resident(),
+            device_bytes: record.device_bytes.map(DeviceBytes::total),
+        }
+    }
+}
+
 /// What `auto` took, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Taken {
@@ -118,18 +106,6 @@ impl fmt::Display for Taken {
         let Self { what, takes, why } = self;
         write!(f, "{what} auto takes {takes}: {why}")
     }
-}
-
-/// All frames at a glance.
-#[derive(Clone, Debug, Serialize)]
-pub struct Overview {
-    /// Times by name; see [`TIMES`].
-    #[serde(flatten)]
-    pub times: BTreeMap<&'static str, Option<Summary>>,
-    /// Memory of this process that is resident, in bytes.
-    pub host_bytes: Option<Course>,
-    /// Device memory the backend holds, in bytes.
-    pub device_bytes: Option<Course>,
 }
 
 /// One quantity over all frames that know it.
@@ -162,34 +138,7 @@ impl Summary {
     }
 }
 
-/// One amount from the first frame that knows it to the last.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Course {
-    /// After the first frame.
-    pub first: u64,
-    /// After the last one.
-    pub last: u64,
-    /// The most there was.
-    pub peak: u64,
-}
-
-impl Course {
-    /// Of `values` in order; `None` if there are none.
-    #[must_use]
-    pub fn of(values: impl IntoIterator<Item = u64>) -> Option<Self> {
-        values.into_iter().fold(None, |course, last| {
-            let Self { first, peak, .. } = course.unwrap_or(Self {
-                first: last,
-                last,
-                peak: last,
-            });
-            let peak = peak.max(last);
-            Some(Self { first, last, peak })
-        })
-    }
-}
-
-/// Reads one time of a frame.
+/// Reads one time of a frame, or another amount.
 pub type Time = fn(&FrameStats) -> Option<f64>;
 
 /// The times that are summed up, in the order of the stages.
@@ -207,15 +156,18 @@ pub const TIMES: [(&str, Time); 11] = [
     ("convert_ms", |f| f.convert_ms),
 ];
 
-/// Sums everything up over the frames that know it.
+/// Memory that is summed up beside times: what of this process is resident, and what the backend holds.
+const BYTES: [(&str, Time); 2] = [
+    ("host_bytes", |f| Some(f.host_bytes? as f64)),
+    ("device_bytes", |f| Some(f.device_bytes? as f64)),
+];
+
+/// Sums everything up over the frames that know it, by name.
 #[must_use]
-pub fn overview(frames: &[FrameStats]) -> Overview {
+pub fn overview(frames: &[FrameStats]) -> BTreeMap<&'static str, Option<Summary>> {
     let of = |time: Time| Summary::of(frames.iter().filter_map(time));
-    Overview {
-        times: TIMES.iter().map(|&(name, time)| (name, of(time))).collect(),
-        host_bytes: Course::of(frames.iter().filter_map(|f| f.host_bytes)),
-        device_bytes: Course::of(frames.iter().filter_map(|f| f.device_bytes)),
-    }
+    let all = TIMES.iter().chain(&BYTES);
+    all.map(|&(name, time)| (name, of(time))).collect()
 }
 
 /// Writes `value` as indented JSON with a newline at the end.
@@ -230,8 +182,7 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), WriteError>
 }
 
 /// Six digits after the point: nanoseconds of a millisecond.
-#[must_use]
-pub fn rounded(x: f64) -> f64 {
+fn rounded(x: f64) -> f64 {
     (x * 1e6).round() / 1e6
 }
 
@@ -255,7 +206,7 @@ mod tests {
         assert!(json["build_ms"].is_null() && json["sah_ratio"].is_null());
         let summary = serde_json::to_value(overview(&[frame])).unwrap();
         assert_eq!(summary["refit_ms"]["median"], 0.333_333);
-        assert!(summary["build_ms"].is_null());
+        assert!(summary["build_ms"].is_null() && summary["device_bytes"].is_null());
     }
 
     #[test]
@@ -265,19 +216,5 @@ mod tests {
         let s = Summary::of([3.0, 1.0, 2.0]).unwrap();
         assert_eq!((s.median, s.p95, s.worst), (2.0, 3.0, 3.0));
         assert_eq!(Summary::of([]), None);
-    }
-
-    #[test]
-    fn a_course_has_a_begin_an_end_and_a_peak() {
-        let course = Course::of([3, 9, 1, 4]).unwrap();
-        assert_eq!((course.first, course.last, course.peak), (3, 4, 9));
-        assert_eq!(Course::of([]), None);
-        let frame = |bytes| FrameStats {
-            host_bytes: Some(bytes),
-            ..FrameStats::default()
-        };
-        let json = serde_json::to_value(overview(&[frame(5), frame(2)])).unwrap();
-        assert_eq!(json["host_bytes"]["peak"], 5);
-        assert!(json["device_bytes"].is_null() && json["refit_ms"].is_null());
     }
 }

@@ -1,169 +1,285 @@
-//! What happened when, as a trace that browsers draw.
+//! What host and device did when, side by side, as a trace that browsers draw.
 //!
-//! The object form of the *Trace Event Format* (Google, 2016), which Perfetto
-//! and Chrome's own viewer open: an object whose `traceEvents` holds one event
-//! a line, times in microseconds. A track is what the format calls a thread.
-//! Times are rounded to whole nanoseconds, begin and end alike, so that spans
-//! that meet still meet.
+//! The object form of the *Trace Event Format* (Google, 2016), which Perfetto and Chrome's own viewer open: an object whose
+//! `traceEvents` holds one event a line, times in microseconds. A track is what the format calls a thread. Times are
+//! rounded to whole nanoseconds, begin and end alike, so that spans that meet still meet.
+//!
+//! Six tracks: what comes before the first frame, the frame loop, the device, vertices on their way to the builder, the
+//! builder, and trees on their way to the device. One more for each thread that writes files; beside them, how old and
+//! how good the tree was. The host's times are its own. Where the device's lie among them, [`place_on_host`] says; within
+//! a submission its stages follow each other without a gap.
 
-use crate::WriteError;
-use crate::atomic::write_with;
-use serde_json::{Map, Value, json};
+use crate::{WriteError, write_with};
+use backend::StageTimes;
+use pipeline::{Adopted, FrameRecord, Span, Submission, place_on_host};
+use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::io::{self, Write};
 use std::path::Path;
+use std::time::Instant;
 
-/// Spans, marks and counters of one run, by track.
-#[derive(Clone, Debug, Default)]
-pub struct Timeline {
-    tracks: u32,
-    /// In the format's own fields and letters.
-    events: Vec<Value>,
-    facts: Map<String, Value>,
+/// All that a run did, noted while it does it.
+#[derive(Debug, Default)]
+pub struct RunTimeline {
+    /// What came before the first frame, each with its end; the first entry is the beginning of the run.
+    pub start_up: Vec<(&'static str, Instant)>,
+    /// Frames, and how long each waited for those before it to be written.
+    frames: Vec<(FrameRecord, [Instant; 2])>,
+    /// Frames whose files were written, by which thread, and when.
+    files: Vec<(u64, usize, [Instant; 2])>,
 }
 
-/// One row of the picture, made by [`Timeline::track`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Track(u32);
-
-/// The one process there is.
-const PROCESS: u32 = 1;
-
-impl Timeline {
-    /// An empty timeline of what is called `name`.
-    #[must_use]
-    pub fn new(name: &str) -> Self {
-        let mut timeline = Self::default();
-        timeline.add("M", "process_name", Track(0), json!({ "name": name }), []);
-        timeline
+impl RunTimeline {
+    /// A frame is traced, and waited between these moments until it could be written.
+    pub fn add(&mut self, record: &FrameRecord, waited: [Instant; 2]) {
+        self.frames.push((record.clone(), waited));
     }
 
-    /// Adds a row below those there are.
-    pub fn track(&mut self, name: &str) -> Track {
-        self.tracks += 1;
-        let track = Track(self.tracks);
-        self.add("M", "thread_name", track, json!({ "name": name }), []);
-        let index = json!({ "sort_index": track.0 });
-        self.add("M", "thread_sort_index", track, index, []);
-        track
+    /// The calling thread wrote a frame's files between these moments.
+    pub fn wrote(&mut self, frame: u64, ends: [Instant; 2]) {
+        let thread = rayon::current_thread_index().unwrap_or_default();
+        self.files.push((frame, thread, ends));
     }
 
-    /// Something that lasted from `begin_ms` to `end_ms`.
-    pub fn span(
-        &mut self,
-        track: Track,
-        name: &'static str,
-        [begin_ms, end_ms]: [f64; 2],
-        args: Value,
-    ) {
-        let [begin, end] = [begin_ms, end_ms].map(nanoseconds);
-        let length = (end - begin).max(0.0) * 1e-3;
-        let times = [("ts", json!(begin * 1e-3)), ("dur", json!(length))];
-        self.add("X", name, track, args, times);
+    /// Writes it, with such remarks on the whole.
+    ///
+    /// # Errors
+    /// [`WriteError`]; `path` then holds what it held before.
+    pub fn write(&self, path: &Path, mut remarks: Value) -> Result<(), WriteError> {
+        let aligned = self.submissions().all(|(_, s)| s.times.begun_ms.is_some());
+        remarks["device_clock"] = json!(if aligned {
+            "aligned by when the host handed work in and saw its end"
+        } else {
+            "unknown: work ends when the host saw it"
+        });
+        let events = self.events();
+        write_with(path, |out| write(out, &remarks, &events))
     }
 
-    /// Something that happened at once.
-    pub fn mark(&mut self, track: Track, name: &'static str, at_ms: f64, args: Value) {
-        let at = json!(nanoseconds(at_ms) * 1e-3);
-        self.add("i", name, track, args, [("ts", at), ("s", json!("t"))]);
-    }
-
-    /// A quantity that has `value` from `at_ms` on, drawn as a curve of its own.
-    pub fn counter(&mut self, name: &'static str, at_ms: f64, value: f64) {
-        let at = json!(nanoseconds(at_ms) * 1e-3);
-        self.add("C", name, Track(0), json!({ "value": value }), [("ts", at)]);
-    }
-
-    /// A remark on the whole.
-    pub fn fact(&mut self, name: &str, value: Value) {
-        self.facts.insert(name.to_owned(), value);
-    }
-
-    fn add<const N: usize>(
-        &mut self,
-        ph: &str,
-        name: &str,
-        track: Track,
-        args: Value,
-        more: [(&str, Value); N],
-    ) {
-        let mut event = json!({ "ph": ph, "name": name, "pid": PROCESS, "tid": track.0 });
-        let args = Some(("args", args)).filter(|a| !a.1.is_null());
-        for (name, value) in more.into_iter().chain(args) {
-            event[name] = value;
+    fn events(&self) -> Vec<Value> {
+        let first = self.start_up.first().map(|(_, at)| *at);
+        let first = first.or_else(|| Some(self.frames.first()?.0.moments.begun));
+        let mut chart = Chart {
+            origin: first.unwrap_or_else(Instant::now),
+            events: vec![meta("process_name", 0, "abvh")],
+        };
+        for (track, name) in (1..).zip(TRACKS) {
+            chart.name(track, name);
         }
-        self.events.push(event);
+        for step in self.start_up.windows(2) {
+            chart.span(START_UP, step[1].0, [step[0].1, step[1].1], &json!({}));
+        }
+        for (record, waited) in &self.frames {
+            chart.host(record, *waited);
+            if let Some(tree) = &record.adopted {
+                chart.tree(record, tree);
+            }
+        }
+        chart.files(&self.files);
+        let (frames, submissions): (Vec<u64>, Vec<Submission>) = self.submissions().unzip();
+        let spans = place_on_host(chart.origin, &submissions);
+        for ((frame, submission), span) in frames.iter().zip(&submissions).zip(&spans) {
+            chart.device(*frame, &submission.times, *span);
+        }
+        chart.events
+    }
+
+    /// All submissions in order, with the frame each belongs to.
+    fn submissions(&self) -> impl Iterator<Item = (u64, Submission)> {
+        self.frames.iter().flat_map(|(record, _)| {
+            let both = record.fetched.into_iter().chain([record.traced]);
+            both.map(|s| (record.frame.index, s))
+        })
     }
 }
 
-/// Writes a timeline, one event a line.
-///
-/// # Errors
-/// [`WriteError`]; `path` then holds what it held before.
-pub fn write_timeline(path: &Path, timeline: &Timeline) -> Result<(), WriteError> {
-    write_with(path, |out| write(out, timeline))
-}
-
-fn write(out: &mut dyn Write, timeline: &Timeline) -> io::Result<()> {
-    out.write_all(b"{\"displayTimeUnit\":\"ms\",\"otherData\":")?;
-    serde_json::to_writer(&mut *out, &timeline.facts)?;
-    out.write_all(b",\"traceEvents\":[")?;
-    for (i, event) in timeline.events.iter().enumerate() {
-        out.write_all(if i == 0 { b"\n" } else { b",\n" })?;
-        serde_json::to_writer(&mut *out, event)?;
+/// One event a line.
+fn write(out: &mut dyn Write, remarks: &Value, events: &[Value]) -> io::Result<()> {
+    write!(
+        out,
+        "{{\"displayTimeUnit\":\"ms\",\"otherData\":{remarks},\"traceEvents\":["
+    )?;
+    for (i, event) in events.iter().enumerate() {
+        let between = if i == 0 { "\n" } else { ",\n" };
+        write!(out, "{between}{event}")?;
     }
     out.write_all(b"\n]}\n")
 }
 
-/// Whole nanoseconds of so many milliseconds.
-fn nanoseconds(ms: f64) -> f64 {
-    (ms * 1e6).round()
+/// Tracks by name, numbered from 1 on. Those of threads that write files come after them.
+const TRACKS: [&str; 6] = [
+    "start-up",
+    "frame loop",
+    "device",
+    "read-back",
+    "builder",
+    "upload",
+];
+const START_UP: usize = 1;
+const FRAMES: usize = 2;
+const DEVICE: usize = 3;
+const READBACK: usize = 4;
+const BUILDER: usize = 5;
+const UPLOAD: usize = 6;
+
+/// Says what a track is called, or the whole.
+fn meta(what: &str, track: usize, name: &str) -> Value {
+    json!({ "ph": "M", "name": what, "pid": 1, "tid": track, "args": { "name": name } })
+}
+
+/// Microseconds, in whole nanoseconds.
+fn micros(ms: f64) -> f64 {
+    (ms * 1e6).round() * 1e-3
+}
+
+struct Chart {
+    /// The moment that counts as zero.
+    origin: Instant,
+    /// In the format's own fields and letters.
+    events: Vec<Value>,
+}
+
+impl Chart {
+    /// Milliseconds after the origin, which nothing precedes.
+    fn ms(&self, at: Instant) -> f64 {
+        (at - self.origin).as_secs_f64() * 1e3
+    }
+
+    fn name(&mut self, track: usize, name: &str) {
+        let place = json!({ "ph": "M", "name": "thread_sort_index", "pid": 1, "tid": track, "args": { "sort_index": track } });
+        self.events
+            .extend([meta("thread_name", track, name), place]);
+    }
+
+    /// Something that lasted between two moments.
+    fn span(&mut self, track: usize, name: &str, ends: [Instant; 2], args: &Value) {
+        self.span_ms(track, name, ends.map(|at| self.ms(at)), args);
+    }
+
+    fn span_ms(&mut self, track: usize, name: &str, [begin, end]: [f64; 2], args: &Value) {
+        if begin < end {
+            let (begin, end) = (micros(begin), micros(end));
+            self.events.push(json!({
+                "ph": "X", "name": name, "pid": 1, "tid": track, "ts": begin, "dur": end - begin, "args": args,
+            }));
+        }
+    }
+
+    /// Something that happened at once in the frame loop.
+    fn mark(&mut self, name: &str, at: Instant, args: &Value) {
+        let ts = micros(self.ms(at));
+        self.events.push(json!({
+            "ph": "i", "name": name, "pid": 1, "tid": FRAMES, "ts": ts, "s": "t", "args": args,
+        }));
+    }
+
+    /// A quantity that has `value` from a moment on, drawn as a curve of its own.
+    fn counter(&mut self, name: &str, at: Instant, value: f64) {
+        let ts = micros(self.ms(at));
+        self.events.push(json!({
+            "ph": "C", "name": name, "pid": 1, "tid": 0, "ts": ts, "args": { "value": value },
+        }));
+    }
+
+    /// What the frame loop did for a frame.
+    fn host(&mut self, record: &FrameRecord, waited: [Instant; 2]) {
+        let m = record.moments;
+        let frame = json!({ "frame": record.frame.index });
+        let begin = json!({
+            "frame": record.frame.index,
+            "time": record.frame.time,
+            "tree_generation": record.tree_generation.0,
+            "build_wait_ms": record.build_wait_ms,
+        });
+        self.span(FRAMES, "begin", [m.begun, m.submitted], &begin);
+        self.span(FRAMES, "wait", [m.waited, m.seen], &frame);
+        self.span(FRAMES, "read hits", [m.seen, m.read], &frame);
+        self.span(FRAMES, "wait for files", waited, &frame);
+        if let Some(generation) = record.asked {
+            let args = json!({ "frame": record.frame.index, "generation": generation.0 });
+            self.mark("ask", m.begun, &args);
+        }
+        self.counter("tree age", m.begun, record.tree_age_frames as f64);
+        if let Some(ratio) = record.sah_ratio {
+            self.counter("SAH ratio", m.begun, ratio);
+        }
+    }
+
+    fn files(&mut self, files: &[(u64, usize, [Instant; 2])]) {
+        let threads: BTreeSet<usize> = files.iter().map(|f| f.1).collect();
+        for (i, thread) in threads.into_iter().enumerate() {
+            let track = TRACKS.len() + 1 + i;
+            self.name(track, &format!("files {}", i + 1));
+            for (frame, _, ends) in files.iter().filter(|f| f.1 == thread) {
+                self.span(track, "write files", *ends, &json!({ "frame": frame }));
+            }
+        }
+    }
+
+    /// The way of the tree that a frame swapped to.
+    fn tree(&mut self, record: &FrameRecord, tree: &Adopted) {
+        let generation = record.tree_generation.0;
+        let (m, build) = (tree.moments, tree.moments.build);
+        let built = json!({ "generation": generation, "triangles": tree.triangles });
+        let moved = |bytes: u64| json!({ "generation": generation, "bytes": bytes });
+        if tree.snapshot_bytes > 0 {
+            let vertices = moved(tree.snapshot_bytes);
+            self.span(READBACK, "vertices", [m.asked, m.arrived], &vertices);
+        }
+        self.span(BUILDER, "build", [build.begun, build.built], &built);
+        self.span(BUILDER, "cost", [build.built, build.weighed], &built);
+        self.span(BUILDER, "convert", [build.weighed, build.ended], &built);
+        let sent = moved(tree.upload_bytes);
+        self.span(UPLOAD, "tree", [m.taken, m.adopted], &sent);
+        let args = json!({
+            "frame": record.frame.index,
+            "generation": generation,
+            "age_frames": record.tree_age_frames,
+        });
+        self.mark("adopt", m.adopted, &args);
+    }
+
+    /// The stages of a submission, one after the other.
+    fn device(&mut self, frame: u64, times: &StageTimes, span: Span) {
+        let mut begin = span.begin_ms;
+        for (name, ms) in [
+            ("interpolate", times.interpolate_ms),
+            ("rebuild", times.rebuild_ms),
+            ("preprocess", times.preprocess_ms),
+            ("refit", times.refit_ms),
+            ("trace primary", times.trace_primary_ms),
+            ("trace shadow", times.trace_shadow_ms),
+        ] {
+            let end = (begin + ms.unwrap_or(0.0)).min(span.end_ms);
+            self.span_ms(DEVICE, name, [begin, end], &json!({ "frame": frame }));
+            begin = begin.max(end);
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn written(timeline: &Timeline) -> Value {
-        let mut bytes = Vec::new();
-        write(&mut bytes, timeline).unwrap();
-        serde_json::from_slice(&bytes).unwrap()
-    }
+    use std::time::Duration;
 
     #[test]
-    fn events_are_what_viewers_expect() {
-        assert_eq!(written(&Timeline::default())["traceEvents"], json!([]));
-        let mut timeline = Timeline::new("abvh");
-        timeline.fact("backend", json!("cpu"));
-        let (host, device) = (timeline.track("frame loop"), timeline.track("device"));
-        timeline.span(host, "begin", [1.5, 2.25], json!({ "frame": 3 }));
-        timeline.mark(device, "ask", 1.75, Value::Null);
-        timeline.counter("tree age", 2.0, 7.0);
-        let json = written(&timeline);
-        assert_eq!(json["otherData"]["backend"], "cpu");
+    fn events_are_what_viewers_expect_and_spans_that_meet_still_meet() {
+        let begun = Instant::now();
+        let third = Duration::from_secs(1) / 3;
+        let steps = (0..50).map(|i| ("step", begun + third * i));
+        let run = RunTimeline {
+            start_up: steps.collect(),
+            ..RunTimeline::default()
+        };
+        let mut bytes = Vec::new();
+        write(&mut bytes, &json!({ "caption": "cpu" }), &run.events()).unwrap();
+        let json: Value = serde_json::from_slice(&bytes).unwrap();
+        assert_eq!(json["otherData"]["caption"], "cpu");
         let events = json["traceEvents"].as_array().unwrap();
         assert_eq!(events[0]["args"]["name"], "abvh");
-        let [span, mark, counter] = &events[5..] else {
-            panic!("{events:?}");
-        };
-        let x = json!({"ph": "X", "name": "begin", "pid": 1, "tid": 1, "ts": 1500.0, "dur": 750.0, "args": {"frame": 3}});
-        assert_eq!(*span, x);
-        let i = json!({"ph": "i", "name": "ask", "pid": 1, "tid": 2, "ts": 1750.0, "s": "t"});
-        assert_eq!(*mark, i);
-        assert_eq!(counter["args"]["value"], 7.0);
-    }
-
-    #[test]
-    fn spans_that_meet_still_meet() {
-        let mut timeline = Timeline::default();
-        let track = timeline.track("device");
-        let third = 1e3 / 3.0;
-        for i in 0..50 {
-            let i = f64::from(i);
-            timeline.span(track, "a", [third * i, third * (i + 1.0)], Value::Null);
-        }
-        let json = written(&timeline);
-        let events = &json["traceEvents"].as_array().unwrap()[2..];
-        for pair in events.windows(2) {
+        let spans: Vec<_> = events.iter().filter(|e| e["ph"] == "X").collect();
+        assert_eq!((spans.len(), &spans[0]["tid"]), (49, &json!(START_UP)));
+        for pair in spans.windows(2) {
             let end = pair[0]["ts"].as_f64().unwrap() + pair[0]["dur"].as_f64().unwrap();
             assert!((end - pair[1]["ts"].as_f64().unwrap()).abs() < 1e-6);
         }

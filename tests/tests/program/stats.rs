@@ -98,10 +98,8 @@ fn memory(sandbox: &Sandbox) {
     let known: Vec<f64> = bytes.iter().copied().flatten().collect();
     assert!(known.len() == 1200, "frames without a count");
     let course = &stats["summary"]["host_bytes"];
-    let [first, last] = ["first", "last"].map(|name| course[name].as_f64());
-    assert!(first == bytes[0] && last == bytes[1199], "{course}");
     let peak = known.iter().copied().fold(0.0, f64::max);
-    assert!(course["peak"].as_f64() == Some(peak), "{course}");
+    assert!(course["worst"].as_f64() == Some(peak), "{course}");
     let most = |frames: &[f64]| frames.iter().copied().fold(0.0, f64::max);
     let growth = most(&known[900..]) - most(&known[300..600]);
     // The rows themselves take 0.4 kB a frame.

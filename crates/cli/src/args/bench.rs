@@ -1,20 +1,18 @@
 //! Options of what measures: `bench` and `chart`.
 
 use super::{
-    BackendName, IntersectorName, LayoutName, PoliciesArgs, SizeArgs, SourceArgs, Switch,
-    ToleranceArgs, WarmUpArgs,
+    BackendName, IntersectorName, LayoutName, SizeArgs, SourceArgs, ToleranceArgs, UpdateName,
 };
 use crate::values::{self, Frames, TimeRange};
 use clap::builder::ArgPredicate;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
+/// What both measure. Each has defaults of its own.
 #[derive(Args, Debug)]
-#[command(mut_arg("update", |arg| arg.default_value("rebuild,refit,async")))]
-#[command(mut_arg("size", |arg| arg.default_value("640x360")))]
-pub(crate) struct BenchArgs {
+pub(crate) struct MeasureArgs {
     /// Scenes; `abvh render --help` tells how they are named
-    #[arg(default_values = ["demo:grove", "demo:collide"], value_parser = values::scene())]
+    #[arg(value_parser = values::scene())]
     pub(crate) scenes: Vec<String>,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
@@ -26,20 +24,44 @@ pub(crate) struct BenchArgs {
         default_value = "auto"
     )]
     pub(crate) backend: Vec<BackendName>,
-    #[command(flatten)]
-    pub(crate) policies: PoliciesArgs,
-    /// With async: what trees are built for, as for render; 'on,off' measures both
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "on")]
-    pub(crate) predict: Vec<Switch>,
-    /// Intersectors [with --tolerance: auto]
+    /// Update policies
     #[arg(
         long,
         value_name = "LIST",
         value_delimiter = ',',
-        default_value = "watertight",
-        default_value_if("tolerance", ArgPredicate::IsPresent, "auto")
+        default_value = "rebuild,refit,async"
     )]
+    pub(crate) update: Vec<UpdateName>,
+    /// Intersectors
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub(crate) intersector: Vec<IntersectorName>,
+    /// Frames of each run: N spread evenly over the time range, or those at key times A..B
+    #[arg(long, value_name = "N|A..B", value_parser = values::frames)]
+    pub(crate) frames: Frames,
+    #[command(flatten)]
+    pub(crate) size: SizeArgs,
+    /// Seconds for which a device repeats the first frame of each run, uncounted, before the others. It goes on until that
+    /// takes as long as before, for half a second at most. 0 leaves it out [default: 0.7 on a GPU]
+    #[arg(long, value_name = "SECONDS",
+        value_parser = values::number(|s: f64| (0.0..=60.0).contains(&s), "a warm-up lasts from 0 to 60 seconds"))]
+    pub(crate) warm_up: Option<f64>,
+    /// No progress and no remarks
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Args, Debug)]
+#[command(mut_arg("scenes", |arg| arg.default_values(["demo:grove", "demo:collide"])))]
+#[command(mut_arg("frames", |arg| arg.default_value("24")))]
+#[command(mut_arg("size", |arg| arg.default_value("640x360")))]
+#[command(mut_arg("intersector", |arg| arg.help("Intersectors [with --tolerance: auto]").default_value("watertight")
+    .default_value_if("tolerance", ArgPredicate::IsPresent, "auto")))]
+pub(crate) struct BenchArgs {
+    #[command(flatten)]
+    pub(crate) measure: MeasureArgs,
+    /// With async: what trees are built for, as for render; 'on,off' measures both
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "on", value_parser = values::switch())]
+    pub(crate) predict: Vec<bool>,
     /// Layouts of the tree
     #[arg(
         long,
@@ -63,31 +85,24 @@ pub(crate) struct BenchArgs {
         default_value = "camera"
     )]
     pub(crate) rays: Vec<RaysName>,
-    #[command(flatten)]
-    pub(crate) size: SizeArgs,
-    /// Frames of each run: N spread evenly over the time range, or those at key times A..B
-    #[arg(long, value_name = "N|A..B", default_value = "24", value_parser = values::frames)]
-    pub(crate) frames: Frames,
     /// Stretch of time, in key frames [default: all of it]
     #[arg(long, value_name = "T0..T1", value_parser = values::time_range, allow_hyphen_values = true)]
     pub(crate) time_range: Option<TimeRange>,
-    #[command(flatten)]
-    pub(crate) warm_up: WarmUpArgs,
     /// Adapter of the backends, by index or by part of its name
     #[arg(long, value_name = "INDEX|NAME-PART")]
     pub(crate) adapter: Option<String>,
     /// Threads that render
-    #[arg(long, value_name = "N", value_parser = values::threads)]
+    #[arg(long, value_name = "N", value_parser = values::threads())]
     pub(crate) threads: Option<usize>,
     /// Threads that build trees; '2,16' measures both [default: as for render]
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::threads)]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::threads())]
     pub(crate) builder_threads: Vec<usize>,
     /// Instead, compare two files of results (of bench, or of render --stats): medians, ratios, and whether
     /// they differ by more than noise
     #[arg(long, num_args = 2, value_names = ["OLD.json", "NEW.json"])]
     pub(crate) compare: Vec<PathBuf>,
     /// With --compare: exit with 1 if a frame takes longer by more than so many per cent, noise apart
-    #[arg(long, value_name = "PCT", value_parser = values::percent)]
+    #[arg(long, value_name = "PCT", value_parser = values::number(|p: f64| p >= 0.0, "per cent are a number from 0"))]
     pub(crate) fail_above: Option<f64>,
     /// File for the results, frame by frame
     #[arg(long, value_name = "FILE", value_parser = values::file())]
@@ -95,56 +110,24 @@ pub(crate) struct BenchArgs {
     /// File for the results as a table, a row a run
     #[arg(long, value_name = "FILE", value_parser = values::file())]
     pub(crate) csv: Option<PathBuf>,
-    /// No progress
-    #[arg(long, short)]
-    pub(crate) quiet: bool,
 }
 
 #[derive(Args, Debug)]
-#[command(mut_arg("update", |arg| arg.default_value("rebuild,refit,async")))]
+#[command(mut_arg("scenes", |arg| arg.default_value("demo:collide")))]
+#[command(mut_arg("backend", |arg| arg.help("Backends; auto is the host's cores and every backend that finds a GPU")))]
+#[command(mut_arg("frames", |arg| arg.default_value("12")))]
 #[command(mut_arg("size", |arg| arg.default_value("640x400")))]
+#[command(mut_arg("intersector", |arg| arg.default_value("moller-trumbore,woop,watertight,exact")))]
 pub(crate) struct ChartArgs {
-    /// Scenes; `abvh render --help` tells how they are named
-    #[arg(default_value = "demo:collide", value_parser = values::scene())]
-    pub(crate) scenes: Vec<String>,
     #[command(flatten)]
-    pub(crate) source: SourceArgs,
+    pub(crate) measure: MeasureArgs,
     /// Directory for chart.svg, chart.html, points.csv and points.json
     #[arg(long, value_name = "DIR", default_value = "abvh-chart", value_parser = values::file())]
     pub(crate) out: PathBuf,
-    /// Backends; auto is the host's cores and every backend that finds a GPU
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "auto"
-    )]
-    pub(crate) backend: Vec<BackendName>,
-    /// Intersectors
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "moller-trumbore,woop,watertight,exact"
-    )]
-    pub(crate) intersector: Vec<IntersectorName>,
-    #[command(flatten)]
-    pub(crate) policies: PoliciesArgs,
-    /// Frames that are timed: N spread evenly over the motion, or those at key times A..B. The first, which makes the first
-    /// tree, does not count
-    #[arg(long, value_name = "N|A..B", default_value = "12", value_parser = values::frames)]
-    pub(crate) frames: Frames,
-    #[command(flatten)]
-    pub(crate) size: SizeArgs,
-    #[command(flatten)]
-    pub(crate) warm_up: WarmUpArgs,
     /// Rays of each scene whose answers are compared with exact arithmetic, half of them a camera's, half at random.
     /// A quarter as many more are aimed at edges and vertices
-    #[arg(long, value_name = "N", default_value = "2000000", value_parser = values::rays)]
+    #[arg(long, value_name = "N", default_value = "2000000", value_parser = values::rays())]
     pub(crate) rays: usize,
-    /// No progress and no remarks
-    #[arg(long, short)]
-    pub(crate) quiet: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

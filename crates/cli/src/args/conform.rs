@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 #[derive(Args, Debug)]
 pub(crate) struct TestArgs {
-    /// Backends; auto is all that are present. wgpu-wgsl is wgpu with kernels that it translates
+    /// Backends; auto is all that are present
     #[arg(
         long,
         value_name = "LIST",
@@ -54,13 +54,10 @@ pub(crate) struct ConformArgs {
     /// Only this case, by number or by the name of one that failed once
     #[arg(long, value_name = "N|NAME", value_parser = trial)]
     pub(crate) case: Option<Trial>,
-    /// Also aim so many rays, in all, at edges and vertices of closed bodies, where none may slip through
+    /// Also aim so many rays, in all, at edges and vertices of closed bodies, near and far from the origin, where none may
+    /// slip through
     #[arg(long, value_name = "N", default_value = "0")]
     pub(crate) leak_rays: u64,
-    /// With --leak-rays: how far those bodies, of about unit size, are moved from the origin, one after the other
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "0,10,1000,100000",
-        value_parser = offset, allow_hyphen_values = true)]
-    pub(crate) offsets: Vec<f32>,
     /// Also compare so many rays, in all, with exact answers. Meshes of many kinds are near and far, huge and tiny.
     /// Rays go at insides, edges and vertices, in planes, along axes, from surfaces and from afar. A wrong answer
     /// of exact is a disagreement, one of watertight is counted
@@ -99,7 +96,7 @@ pub(crate) struct StabilityArgs {
     #[arg(long, value_name = "FILE", value_parser = values::file(), conflicts_with_all = ["json", "intersector", "seed", "rays"])]
     pub(crate) record: Option<PathBuf>,
     /// With --record: seeds to measure, from 1
-    #[arg(long, value_name = "N", default_value = "32",
+    #[arg(long, value_name = "N", default_value = "32", requires = "record",
         value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub(crate) seeds: u64,
 }
@@ -126,13 +123,5 @@ fn intersector(name: &str) -> Intersector {
     match name {
         "exact" => Intersector::Exact,
         _ => Intersector::Watertight,
-    }
-}
-
-/// Bodies of about unit size still have a shape there.
-fn offset(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(x) if x.abs() <= 1e5 => Ok(x),
-        _ => Err("an offset is a number from -100000 to 100000".to_owned()),
     }
 }

@@ -18,7 +18,7 @@ const FILES: &str = "goes only with pictures or --hits";
 const HOST: &str = "goes only with trees that the host builds";
 
 /// What `bench --compare` heeds beside its files.
-const COMPARED: [&str; 4] = ["compare", "fail_above", "json", "quiet"];
+const COMPARED: [&str; 3] = ["compare", "fail_above", "quiet"];
 
 /// # Errors
 /// An option that was given does nothing.
@@ -78,19 +78,19 @@ fn bonds(command: &Command) -> Vec<Bond> {
             ]
         }
         Command::Bench(args) => {
-            let mut updates = args.policies.update.iter();
+            let mut updates = args.measure.update.iter();
             let builds = |&b: &BackendName| updates.clone().any(|&u| host_builds(b, u));
-            let builds = args.backend.iter().any(builds);
-            let samples = args.intersector.iter().any(|&i| is_auto(i));
+            let builds = args.measure.backend.iter().any(builds);
+            let samples = args.measure.intersector.iter().any(|&i| is_auto(i));
             vec![
                 ("predict", updates.any(|&u| may_be_async(u)), ASYNC),
                 ("tolerance", samples, AUTO),
                 ("builder_threads", builds, HOST),
                 ("fail_above", false, "goes only with --compare"),
-                has_clip(&args.scenes),
+                has_clip(&args.measure.scenes),
             ]
         }
-        Command::Chart(args) => vec![has_clip(&args.scenes)],
+        Command::Chart(args) => vec![has_clip(&args.measure.scenes)],
         Command::Inspect(args) => {
             let reduces = args.reduce_keys.is_some();
             vec![
@@ -100,21 +100,14 @@ fn bonds(command: &Command) -> Vec<Bond> {
             ]
         }
         Command::Conform(args) => conform(args),
-        Command::Stability(args) => {
-            vec![("seeds", args.record.is_some(), "goes only with --record")]
-        }
-        Command::Info(_) | Command::Merge(_) => Vec::new(),
+        Command::Stability(_) | Command::Info(_) | Command::Merge(_) => Vec::new(),
     }
 }
 
 fn conform(args: &ConformArgs) -> Vec<Bond> {
     let (leaks, oracle) = (args.leak_rays > 0, args.oracle_rays > 0);
-    let tries = args.cases > 0 || args.case.is_some();
-    let (any, aims) = (tries || leaks || oracle, leaks || oracle);
+    let aims = leaks || oracle;
     vec![
-        ("law", tries, "does nothing beside --cases 0"),
-        ("seed", any, "does nothing beside --cases 0"),
-        ("offsets", leaks, "goes only with --leak-rays"),
         (
             "intersector",
             aims,

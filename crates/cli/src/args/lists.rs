@@ -1,15 +1,8 @@
-//! Options that commands share. Each command gives lists defaults of its own.
+//! Options that commands share. Each command gives them defaults of its own.
 
-use super::{BackendName, UpdateName};
+use super::BackendName;
 use crate::values;
 use clap::Args;
-
-#[derive(Args, Clone, Debug)]
-pub(crate) struct PoliciesArgs {
-    /// Update policies
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    pub(crate) update: Vec<UpdateName>,
-}
 
 #[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct SizeArgs {
@@ -24,20 +17,12 @@ impl SizeArgs {
     }
 }
 
-/// How a device is got ready to be measured.
-#[derive(Args, Clone, Copy, Debug)]
-pub(crate) struct WarmUpArgs {
-    /// Seconds for which a device repeats the first frame of each run, uncounted, before the others. It goes on until that
-    /// takes as long as before, for half a second at most. 0 leaves it out [default: 0.7 on a GPU]
-    #[arg(long, value_name = "SECONDS", value_parser = values::warm_up)]
-    pub(crate) warm_up: Option<f64>,
-}
-
 #[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct ToleranceArgs {
     /// Wrong rays in a million, against exact arithmetic, that --intersector auto may cause. A sample of the run's
     /// rays decides which intersectors are within; the cheapest of them is taken. 0 takes exact [default: 0]
-    #[arg(long, value_name = "PPM", value_parser = values::tolerance)]
+    #[arg(long, value_name = "PPM", value_parser = values::number(|rate: f64| (0.0..=1e6).contains(&rate),
+        "a tolerance is a number of rays a million, from 0 to 1000000"))]
     pub(crate) tolerance: Option<f64>,
 }
 
@@ -58,16 +43,13 @@ pub(crate) enum Tolerance {
 }
 
 pub(super) fn tolerance(text: &str) -> Result<Tolerance, String> {
-    let number = text.strip_suffix('%').unwrap_or(text);
-    match number.trim().parse::<f64>() {
-        Ok(n) if n >= 0.0 && n.is_finite() => Ok(match number == text {
-            true => Tolerance::Units(n),
-            false => Tolerance::Share(n / 100.0),
-        }),
-        _ => Err(
-            "a tolerance is a length from 0 on, such as 0.01, or a share of the diagonal, such as 0.1%"
-                .to_owned(),
-        ),
+    const SAYS: &str =
+        "a tolerance is a length from 0 on, such as 0.01, or a share of the diagonal, such as 0.1%";
+    let is_share = text.ends_with('%');
+    let number = values::number(|n: f64| n >= 0.0, SAYS)(text.strip_suffix('%').unwrap_or(text));
+    match number.map_err(|_| SAYS)? {
+        n if is_share => Ok(Tolerance::Share(n / 100.0)),
+        n => Ok(Tolerance::Units(n)),
     }
 }
 

@@ -1,10 +1,8 @@
 //! Options of `render`.
 
-use super::{
-    CameraArgs, DeviceArgs, MethodArgs, PolicyArgs, SizeArgs, SourceArgs, Switch, ToleranceArgs,
-};
+use super::{CameraArgs, DeviceArgs, MethodArgs, PolicyArgs, SizeArgs, SourceArgs, ToleranceArgs};
 use crate::values::{self, Frames, Shard, TimeRange};
-use clap::Args;
+use clap::{ArgAction, Args};
 use std::path::PathBuf;
 
 #[derive(Args, Debug)]
@@ -28,8 +26,8 @@ pub(crate) struct RenderArgs {
     /// With async: what each new tree is built for. 'on': the middle of the time in which it will be used, taken
     /// from the key frames. 'off': the frame that asks for it. Hits are the same; trees built ahead fit better, so
     /// that frames are faster
-    #[arg(long, value_name = "on|off", default_value = "on")]
-    pub(crate) predict: Switch,
+    #[arg(long, value_name = "on|off", default_value = "on", action = ArgAction::Set, value_parser = values::switch())]
+    pub(crate) predict: bool,
     /// Frames: N spread evenly over the time range, both ends included. Or those at key times A..B, B left out. Or a
     /// list of key times, such as 1,4,10-20x2: from 10 to 20 by twos. Files of key times carry these for numbers.
     /// Others are numbered from 0000 on [default: 48 for a demo, else one a key frame up to 96]

@@ -5,7 +5,6 @@ use crate::stop::Stop;
 use crate::table::{ms, of_rows};
 use crate::talk;
 use output::Summary;
-use serde::Serialize;
 use serde_json::Value;
 use std::path::Path;
 
@@ -37,7 +36,7 @@ struct ComparedRun {
 }
 
 /// One quantity of one run, in both files.
-#[derive(Debug, Serialize)]
+#[derive(Debug)]
 struct Change {
     run: String,
     quantity: &'static str,
@@ -50,22 +49,16 @@ struct Change {
     beyond_noise: bool,
 }
 
-#[derive(Serialize)]
+/// Changes, and runs that are in one file alone.
 struct Comparison {
-    schema: u32,
-    old: String,
-    new: String,
     changes: Vec<Change>,
-    only_in_old: Vec<String>,
-    only_in_new: Vec<String>,
+    only_in: [Vec<String>; 2],
 }
 
 pub(super) fn run(args: &BenchArgs) -> Result<(), Stop> {
+    let files = [&args.compare[0], &args.compare[1]].map(|f| f.display().to_string());
     let comparison = compare(&args.compare[0], &args.compare[1])?;
-    if let Some(file) = &args.json {
-        output::write_json(file, &comparison)?;
-    }
-    talk::print(&text(&comparison))?;
+    talk::print(&text(&files, &comparison))?;
     match args.fail_above {
         Some(percent) => refuse_slower(&comparison.changes, percent),
         None => Ok(()),
@@ -83,13 +76,10 @@ fn compare(old_file: &Path, new_file: &Path) -> Result<Comparison, Stop> {
         let after = new.remove(i);
         changes.extend(QUANTITIES.iter().filter_map(|q| change(&before, &after, q)));
     }
+    let only_in_new = new.into_iter().map(|r| r.name).collect();
     Ok(Comparison {
-        schema: output::SCHEMA,
-        old: old_file.display().to_string(),
-        new: new_file.display().to_string(),
         changes,
-        only_in_old,
-        only_in_new: new.into_iter().map(|r| r.name).collect(),
+        only_in: [only_in_old, only_in_new],
     })
 }
 
@@ -189,7 +179,7 @@ fn error(values: &[f64]) -> Option<f64> {
     Some(ERROR_OF_MEDIAN * median(&off)? / (values.len() as f64).sqrt())
 }
 
-fn text(c: &Comparison) -> String {
+fn text([old, new]: &[String; 2], c: &Comparison) -> String {
     let row = |c: &Change| {
         let mark = match (c.beyond_noise, c.ratio < 1.0) {
             (false, _) => "",
@@ -207,8 +197,8 @@ fn text(c: &Comparison) -> String {
         ]
     };
     let rows: Vec<_> = c.changes.iter().map(row).collect();
-    let mut text = format!("medians of {} and {}\n{}", c.old, c.new, of_rows(&rows, 2));
-    for (file, runs) in [(&c.old, &c.only_in_old), (&c.new, &c.only_in_new)] {
+    let mut text = format!("medians of {old} and {new}\n{}", of_rows(&rows, 2));
+    for (file, runs) in [old, new].into_iter().zip(&c.only_in) {
         for run in runs {
             text += &format!("only in {file}: {run}\n");
         }
@@ -268,12 +258,13 @@ mod tests {
         let new = file("new.json", rows("refit", [9.0, 1.5, 3.0, 4.5]));
         let comparison = compare(&old, &new).unwrap();
         assert!(comparison.changes[0].beyond_noise);
-        let told = text(&comparison);
+        let files = ["old.json", "new.json"].map(str::to_owned);
+        let told = text(&files, &comparison);
         assert!(told.contains("1.500") && told.contains("SLOWER"), "{told}");
         let other = file("other.json", rows("async", [9.0; 4]));
-        let told = text(&compare(&old, &other).unwrap());
-        for (path, update) in [(&old, "refit"), (&other, "async")] {
-            let only = format!("only in {}: s cpu {update}\n", path.display());
+        let told = text(&files, &compare(&old, &other).unwrap());
+        for (file, update) in [("old.json", "refit"), ("new.json", "async")] {
+            let only = format!("only in {file}: s cpu {update}\n");
             assert!(told.contains(&only), "{told}");
         }
         let none = file("else.json", json!({}));

@@ -1,10 +1,10 @@
 //! Results of a bench: as CSV (RFC 4180), for people, and every run over every other of the same scene.
 
-use super::{Report, Row, frame_ms};
+use super::{Row, frame_ms};
 use crate::stop::Stop;
 use crate::table::{Cells, grouped, ms, of_rows, table};
-use crate::warm_up::Warmed;
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 
 /// Columns of the CSV, named as in the JSON. Times are medians in milliseconds, but for the first frame's.
 const COLUMNS: &str = "scene,triangles,moving,backend,adapter,update,predict,intersector,layout,rays,threads,\
@@ -22,7 +22,6 @@ pub(super) fn csv(rows: &[Row]) -> Result<Vec<u8>, Stop> {
     for row in rows {
         let mut json = serde_json::to_value(row).map_err(Stop::failed)?;
         json["rays"] = row.rays.unwrap_or("camera").into();
-        json["device_bytes"] = row.memory.as_ref().map(|m| m.total).into();
         let cell = |column: &str| match &json[column] {
             Value::Null => String::new(),
             Value::String(text) => text.clone(),
@@ -35,27 +34,20 @@ pub(super) fn csv(rows: &[Row]) -> Result<Vec<u8>, Stop> {
 }
 
 /// One row a run, which device each backend ran on, and how runs compare.
-pub(super) fn text(report: &Report, against: Option<&str>) -> String {
-    let rows: Vec<_> = report.rows.iter().map(cells).collect();
-    let [width, height] = report.size;
-    let cpu = report.cpu.as_deref().unwrap_or("unknown cpu");
-    let each = report.rows.iter();
-    let mut adapters: Vec<String> = each
-        .map(|r| format!("{}: {}\n", r.backend, r.adapter))
-        .collect();
-    adapters.sort_unstable();
-    adapters.dedup();
-    let mut text = format!(
-        "medians in ms at {width}x{height} on {cpu}\n{}{}",
-        of_rows(&rows, 4),
-        adapters.concat()
-    );
-    for row in &report.rows {
-        if let Some(warning) = row.warm_up.and_then(Warmed::warning) {
-            text += &format!("{} {}: {warning}\n", row.scene, name(row));
+pub(super) fn text(rows: &[Row], against: Option<&str>) -> String {
+    let adapter = |r: &Row| format!("{}: {}\n", r.backend, r.adapter);
+    let adapters: BTreeSet<String> = rows.iter().map(adapter).collect();
+    let mut text = of_rows(&rows.iter().map(cells).collect::<Vec<_>>(), 4);
+    text.extend(adapters);
+    for row in rows {
+        if let Some(warmed) = row.warm_up.filter(|warmed| !warmed.steady) {
+            let (scene, name, seconds) = (&row.scene, name(row), warmed.seconds);
+            text += &format!(
+                "{scene} {name}: not to be relied on: after {seconds:.1} s of warm-up frames still changed\n"
+            );
         }
     }
-    for of in report.rows.chunk_by(comparable) {
+    for of in rows.chunk_by(comparable) {
         if of.len() > 1
             && let Some(baseline) = baseline(of, against)
         {

@@ -3,19 +3,18 @@
 use super::FOV;
 use crate::args::RaysName;
 use crate::choose::{self, Ask};
-use crate::memory::DeviceMemory;
-use crate::record;
+use crate::memory::device_memory;
 use crate::session;
 use crate::stop::Stop;
 use crate::table::mrays;
-use crate::warm_up::{self, Warmed};
 use backend::{DeviceBytes, Query, QueryKind, Rays};
 use fastrand::Rng;
-use geom::{Aabb, Animation, Camera, Point, Ray};
+use geom::{Aabb, Point, Ray};
 use output::{FrameStats, Summary, TIMES, Taken, Time};
-use pipeline::{Frame, FrameRecord, Wanted};
+use pipeline::{Frame, FrameRecord, Wanted, Warmed, warm_up};
 use scene::Scene;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 /// One run. Times are medians over its frames, in milliseconds.
@@ -39,7 +38,7 @@ pub(crate) struct Row {
     pub(super) rays: Option<&'static str>,
     pub(super) frames: usize,
     /// What the device did uncounted after the first frame, where it was warmed up.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "warmed")]
     pub(crate) warm_up: Option<Warmed>,
     /// Medians by name: of [`TIMES`] and [`MORE`].
     #[serde(flatten)]
@@ -55,9 +54,17 @@ pub(crate) struct Row {
     auto: Vec<Taken>,
     /// Of the first frame, which waits for the first tree.
     first_ms: Option<f64>,
-    pub(super) memory: Option<DeviceMemory>,
+    memory: Option<Value>,
+    /// At most.
+    device_bytes: Option<u64>,
     /// Every frame, as in the statistics of `render`.
     pub(crate) per_frame: Vec<FrameStats>,
+}
+
+fn warmed<S: Serializer>(warm_up: &Option<Warmed>, serializer: S) -> Result<S::Ok, S::Error> {
+    let told =
+        warm_up.map(|w| json!({ "seconds": w.seconds, "frames": w.frames, "steady": w.steady }));
+    told.serialize(serializer)
 }
 
 /// What is summed up beside the times of [`TIMES`]. `geometry_ms` is all that comes before rays.
@@ -100,8 +107,23 @@ pub(crate) fn measure(
     frames: &[Frame],
     ask: &Ask<'_>,
 ) -> Result<Row, Stop> {
-    let bundle = Bundle::of(run.rays, (spec, &scene.animation), run.size)?;
-    let query = bundle.query();
+    let view = output::frame_scene(&scene.animation, FOV, run.size);
+    let camera = view.camera(run.size);
+    let camera = camera.ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
+    let list;
+    let query = match run.rays {
+        RaysName::Camera => Query {
+            rays: Rays::Camera(&camera),
+            kind: QueryKind::ClosestAndShadow { light: view.light },
+        },
+        RaysName::Random => {
+            list = random(&scene.animation.bounds(), camera.pixels());
+            Query {
+                rays: Rays::List(&list),
+                kind: QueryKind::Closest,
+            }
+        }
+    };
     let ask = Ask {
         run: Some(choose::Run { frames, query }),
         ..*ask
@@ -109,13 +131,13 @@ pub(crate) fn measure(
     let mut session = session::start(&scene.animation, &ask)?;
     let (mut stats, mut held) = (Vec::new(), None::<DeviceBytes>);
     let mut note = |frame: &FrameRecord| {
-        stats.push(record::row(frame));
+        stats.push(FrameStats::of(frame));
         let both = held.into_iter().chain(frame.device_bytes);
         held = both.max_by_key(|bytes| bytes.total());
         Ok::<(), Stop>(())
     };
     let driver = &mut session.driver;
-    let (warm_up, rest) = warm_up::begin(run.warm_up, driver, frames, query, &mut note)?;
+    let (warm_up, rest) = warm_up(run.warm_up, driver, frames, query, &mut note)?;
     let rest = rest.iter().copied();
     driver.run(rest, query, Wanted::default(), |frame, _| note(frame))?;
     let median = |time: Time| Summary::of(stats.iter().filter_map(time)).map(|s| s.median);
@@ -128,7 +150,12 @@ pub(crate) fn measure(
     let per_triangle = |name: &str| medians[name].map(|ms| ms * 1e6 / live.max(1) as f64);
     let rates = stats.iter().filter_map(|f| {
         let ms = f.trace_primary_ms? + f.trace_shadow_ms.unwrap_or(0.0);
-        mrays(bundle.count(f.hits), ms)
+        let shadows = if run.rays == RaysName::Camera {
+            f.hits
+        } else {
+            0
+        };
+        mrays(query.rays.count() as f64 + shadows as f64, ms)
     });
     let device = &session.device;
     Ok(Row {
@@ -154,7 +181,8 @@ pub(crate) fn measure(
         rejected: stats.iter().filter(|f| f.rejected).count(),
         auto: session.taken.clone(),
         first_ms: stats.first().and_then(|f| f.wall_ms),
-        memory: held.map(|bytes| DeviceMemory::of(bytes, triangles)),
+        memory: held.map(|bytes| device_memory(bytes, triangles)),
+        device_bytes: held.map(|bytes| bytes.total()),
         medians,
         per_frame: stats,
     })
@@ -169,54 +197,6 @@ fn geometry(frame: &FrameStats) -> Option<f64> {
         frame.refit_ms,
     ];
     stages.into_iter().flatten().reduce(|a, b| a + b)
-}
-
-enum Bundle {
-    /// A camera's, and where the light is.
-    Camera(Box<Camera>, Point),
-    /// Single ones, of which the closest hit is sought.
-    List(Vec<Ray>),
-}
-
-impl Bundle {
-    /// Of so many pixels; of as many rays where they are at random.
-    ///
-    /// # Errors
-    /// No camera frames the scene.
-    fn of(
-        kind: RaysName,
-        (spec, animation): (&str, &Animation),
-        size: [u32; 2],
-    ) -> Result<Self, Stop> {
-        let view = output::frame_scene(animation, FOV, size);
-        let camera = view.camera(size);
-        let camera = camera.ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
-        Ok(match kind {
-            RaysName::Camera => Self::Camera(Box::new(camera), view.light),
-            RaysName::Random => Self::List(random(&animation.bounds(), camera.pixels())),
-        })
-    }
-
-    fn query(&self) -> Query<'_> {
-        match self {
-            Self::Camera(camera, light) => Query {
-                rays: Rays::Camera(camera),
-                kind: QueryKind::ClosestAndShadow { light: *light },
-            },
-            Self::List(rays) => Query {
-                rays: Rays::List(rays),
-                kind: QueryKind::Closest,
-            },
-        }
-    }
-
-    /// Rays of a frame with so many hits, those to the light included.
-    fn count(&self, hits: u64) -> f64 {
-        match self {
-            Self::Camera(camera, _) => camera.pixels() as f64 + hits as f64,
-            Self::List(rays) => rays.len() as f64,
-        }
-    }
 }
 
 /// Rays from anywhere in a box in any direction, the same on every machine.

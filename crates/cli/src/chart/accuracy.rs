@@ -12,11 +12,11 @@ use geom::{Animation, Hit, Point, Ray};
 use output::plot::{self, Aimed, TError};
 use pipeline::{Frame, Update};
 use rayon::prelude::*;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// Moments of a scene at which it is traced.
 const MOMENTS: usize = 4;
+/// The most rays that are traced at a time.
 const MOST: usize = 1 << 20;
 
 pub(super) struct GroundTruth {
@@ -24,11 +24,12 @@ pub(super) struct GroundTruth {
     sheets: Vec<Sheet>,
 }
 
+/// Rays that are traced at a time.
 struct Sheet {
     time: f64,
     rays: Vec<Ray>,
-    /// How many of them come first, before those that are aimed.
-    plain: usize,
+    /// Whether they are aimed at edges and vertices.
+    is_aimed: bool,
     /// By exact arithmetic: the triangle and the distance.
     closest: Vec<Option<(u32, f64)>>,
     /// By the reference: 1 where the hit is in shadow.
@@ -37,39 +38,38 @@ struct Sheet {
 
 impl GroundTruth {
     pub(super) fn of(animation: &Arc<Animation>, args: &ChartArgs) -> Result<Self, Stop> {
-        let view = output::frame_scene(animation, bench::FOV, args.size.size);
+        let view = output::frame_scene(animation, bench::FOV, args.measure.size.size);
         let moments = rays::moments(animation, MOMENTS);
         let plain = args.rays.div_ceil(moments.len());
-        let sheet = |&time: &f64| -> Result<_, Stop> {
-            let rays = rays::at(animation, &view, time, plain);
+        let mut sheets = Vec::new();
+        for time in moments {
             let oracle = Oracle::at(&animation.at(time).map_err(Stop::bad)?);
             let answer = |ray: &Ray| oracle.closest(ray).map(|hit| (hit.triangle, hit.t));
-            Ok(Sheet {
-                time,
-                closest: rays.par_iter().map(answer).collect(),
-                blocked: Vec::new(),
-                plain,
-                rays,
-            })
-        };
-        let mut truth = Self {
-            light: view.light,
-            sheets: moments.iter().map(sheet).collect::<Result<_, _>>()?,
-        };
+            let sorts = rays::at(animation, &view, time, plain);
+            for (rays, is_aimed) in sorts.iter().zip([false, true]) {
+                sheets.extend(rays.chunks(MOST).map(|rays| Sheet {
+                    time,
+                    is_aimed,
+                    closest: rays.par_iter().map(answer).collect(),
+                    blocked: Vec::new(),
+                    rays: rays.to_vec(),
+                }));
+            }
+        }
+        let light = view.light;
+        let mut truth = Self { light, sheets };
         // Shadows are compared with those of `exact` on the host, over fresh trees.
         let method = MethodArgs {
             intersector: IntersectorName::Exact,
             layout: LayoutName::Bvh2,
         };
         let ask = Ask::of(BackendName::Cpu, method, choose::asked(Update::Rebuild));
-        let mut reference = session::start(animation, &ask)?;
         let mut shadows = Vec::new();
-        truth.trace(&mut reference, |_, _, hits| {
-            shadows.extend_from_slice(&hits.blocked)
+        truth.trace(&mut session::start(animation, &ask)?, |_, hits| {
+            shadows.push(hits.blocked);
         })?;
-        for sheet in &mut truth.sheets {
-            let rest = shadows.split_off(sheet.rays.len());
-            sheet.blocked = std::mem::replace(&mut shadows, rest);
+        for (sheet, blocked) in truth.sheets.iter_mut().zip(shadows) {
+            sheet.blocked = blocked;
         }
         Ok(truth)
     }
@@ -80,41 +80,28 @@ impl GroundTruth {
         animation: &Arc<Animation>,
         ask: &Ask<'_>,
     ) -> Result<AnswerCounts, Stop> {
-        let mut session = session::start(animation, ask)?;
         let mut counts = AnswerCounts::default();
-        self.trace(&mut session, |sheet, range, hits| {
-            counts.add(sheet, range, hits);
+        self.trace(&mut session::start(animation, ask)?, |sheet, hits| {
+            counts.add(sheet, &hits);
         })?;
         Ok(counts)
     }
 
-    /// Traces all by `session`, whose first tree is of the motion's begin; `hear` gets the sheet,
-    /// which of its rays were traced, and what they hit.
-    fn trace(
-        &self,
-        session: &mut Session,
-        mut hear: impl FnMut(&Sheet, Range<usize>, &Hits),
-    ) -> Result<(), Stop> {
-        let mut index = 0;
-        let mut hits = Hits::default();
-        let mut trace = |time: f64, rays: &[Ray]| {
+    /// Traces all by `session`, whose first tree is of the motion's begin.
+    fn trace(&self, session: &mut Session, mut hear: impl FnMut(&Sheet, Hits)) -> Result<(), Stop> {
+        let mut trace = |index: u64, time: f64, rays: &[Ray]| {
             let query = Query {
                 rays: Rays::List(rays),
                 kind: QueryKind::ClosestAndShadow { light: self.light },
             };
+            let mut hits = Hits::default();
             session.driver.begin(Frame { index, time }, query)?;
             session.driver.finish(Some(&mut hits))?;
-            index += 1;
-            Ok::<_, Stop>(std::mem::take(&mut hits))
+            Ok::<_, Stop>(hits)
         };
-        trace(0.0, &[])?;
-        for sheet in &self.sheets {
-            let mut done = 0;
-            for rays in sheet.rays.chunks(MOST) {
-                let hits = trace(sheet.time, rays)?;
-                hear(sheet, done..done + rays.len(), &hits);
-                done += rays.len();
-            }
+        trace(0, 0.0, &[])?;
+        for (index, sheet) in (1..).zip(&self.sheets) {
+            hear(sheet, trace(index, sheet.time, &sheet.rays)?);
         }
         Ok(())
     }
@@ -131,23 +118,21 @@ pub(super) struct AnswerCounts {
 }
 
 impl AnswerCounts {
-    fn add(&mut self, sheet: &Sheet, range: Range<usize>, hits: &Hits) {
+    fn add(&mut self, sheet: &Sheet, hits: &Hits) {
+        let truth = sheet.closest.iter().zip(&sheet.blocked);
         let answers = hits.closest.iter().zip(&hits.blocked);
-        for (i, (hit, &blocked)) in range.zip(answers) {
-            let truth = sheet.closest[i];
+        for ((truth, in_shadow), (hit, blocked)) in truth.zip(answers) {
             let right = truth.map_or(!hit.is_hit(), |(triangle, _)| triangle == hit.triangle);
-            if i >= sheet.plain {
-                self.aimed.rays += 1;
-                self.aimed.wrong += u64::from(!right);
-                continue;
+            let (tested, wrong) = match sheet.is_aimed {
+                true => (&mut self.aimed.rays, &mut self.aimed.wrong),
+                false => (&mut self.tested, &mut self.wrong),
+            };
+            *tested += 1;
+            *wrong += u64::from(!right);
+            if right && !sheet.is_aimed {
+                self.wrong_shadow += u64::from(blocked != in_shadow);
+                self.errors.extend(truth.map(|(_, t)| off(hit, t)));
             }
-            self.tested += 1;
-            self.wrong += u64::from(!right);
-            if !right {
-                continue;
-            }
-            self.wrong_shadow += u64::from(blocked != sheet.blocked[i]);
-            self.errors.extend(truth.map(|(_, t)| off(hit, t)));
         }
     }
 
@@ -190,33 +175,29 @@ mod tests {
 
     #[test]
     fn every_sort_of_fault_is_counted_where_it_belongs() {
-        let sheet = Sheet {
+        let sheet = |is_aimed, closest: &[Option<u32>]| Sheet {
             time: 0.0,
-            rays: vec![Ray::new([0.0; 3], [1.0; 3]); 7],
-            plain: 5,
-            closest: [Some(1), Some(1), None, None, Some(1), Some(1), None]
-                .map(|hit: Option<u32>| hit.map(|triangle| (triangle, 1.0)))
-                .to_vec(),
-            blocked: vec![1, 0, 0, 0, 0, 0, 0],
+            rays: vec![Ray::new([0.0; 3], [1.0; 3]); closest.len()],
+            is_aimed,
+            closest: closest.iter().map(|hit| hit.map(|t| (t, 1.0))).collect(),
+            blocked: [vec![1], vec![0; closest.len() - 1]].concat(),
+        };
+        let found = |closest: &[Hit]| Hits {
+            closest: closest.to_vec(),
+            blocked: vec![0; closest.len()],
         };
         let next = 1.0_f32.next_up();
-        let found = [
+        let plain = [
             hit(1, 1.0),
             hit(1, next),
             Hit::MISS,
             hit(1, 1.0),
             hit(2, 1.0),
-            Hit::MISS,
-            Hit::MISS,
         ];
         let mut counts = AnswerCounts::default();
-        let part = |range: Range<usize>| Hits {
-            closest: found[range.clone()].to_vec(),
-            blocked: vec![0; range.len()],
-        };
-        // As if traced in two goes.
-        counts.add(&sheet, 0..3, &part(0..3));
-        counts.add(&sheet, 3..7, &part(3..7));
+        let truth = [Some(1), Some(1), None, None, Some(1)];
+        counts.add(&sheet(false, &truth), &found(&plain));
+        counts.add(&sheet(true, &[Some(1), None]), &found(&[Hit::MISS; 2]));
         let mut point = plot::Point::default();
         counts.enter(&mut point);
         assert_eq!((point.rays_tested, point.wrong), (5, 2));

@@ -1,14 +1,13 @@
 //! Which ways of tracing there are here, and what measures one again.
 
 use crate::adapters;
-use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs, word};
+use crate::args::{BackendName, ChartArgs, IntersectorName, LayoutName, MethodArgs, word};
 use crate::bench::Row;
 use crate::choose::{self, Ask};
 use crate::open::{self, Presence};
 use crate::stop::Stop;
 use crate::values::Frames;
 use backend::DeviceKind;
-use clap::ValueEnum;
 use std::fmt;
 
 #[derive(Clone, Copy, Debug)]
@@ -28,16 +27,17 @@ pub(super) struct ChartPlan {
 }
 
 impl ChartPlan {
-    /// Everything with everything, as far as backends support it.
+    /// Everything with everything, as far as backends support it; what is named twice is done once.
     pub(super) fn of(args: &ChartArgs) -> Result<Self, Stop> {
-        let updates = args.policies.update.iter().map(|&u| choose::free_update(u));
-        let updates: Vec<_> = updates.collect();
-        let updates = unique(&updates, |u| u.value);
         let (mut ways, mut skipped) = (Vec::new(), Vec::new());
         for (backend, named) in backends(args, &mut skipped) {
-            for method in methods(args) {
-                ways.extend(updates.iter().map(|&update| Way {
-                    ask: Ask::of(backend, method, update),
+            for (&intersector, layout) in args.measure.intersector.iter().flat_map(in_layouts) {
+                let method = MethodArgs {
+                    intersector,
+                    layout,
+                };
+                ways.extend(args.measure.update.iter().map(|&update| Way {
+                    ask: Ask::of(backend, method, choose::free_update(update)),
                     named,
                 }));
             }
@@ -47,40 +47,35 @@ impl ChartPlan {
             return Err(Stop::bad(format!("there is nothing to chart: {why}")));
         }
         Ok(Self {
-            scenes: unique(&args.scenes, String::clone),
-            ways,
+            scenes: unique(&args.measure.scenes),
+            ways: unique(&ways),
             skipped,
         })
     }
 }
 
+fn in_layouts(by: &IntersectorName) -> [(&IntersectorName, LayoutName); 2] {
+    [LayoutName::Bvh2, LayoutName::Fast].map(|layout| (by, layout))
+}
+
 /// Backends to be charted, the host first, and whether each was named.
 fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<(BackendName, bool)> {
-    let named = unique(&args.backend, |&b| b).into_iter();
-    let named = named.filter(|&b| b != BackendName::Auto);
-    let mut found: Vec<_> = named.map(|b| (b, true)).collect();
-    if args.backend.contains(&BackendName::Auto) {
-        for presence in open::presences().into_iter().rev() {
-            let Ok(name) = BackendName::from_str(presence.backend, true) else {
-                continue;
-            };
-            match why_not(presence) {
-                _ if found.contains(&(name, true)) => {}
-                Some(why) => skipped.push(format!("{} is skipped: {why}", word(&name))),
-                None => found.push((name, false)),
-            }
+    let mut found = Vec::new();
+    let mut consider = |name: BackendName, named, why_not: Option<String>| {
+        let is_ours = !open::has_own_trees(name);
+        let own = "what its rays hit is the driver's affair, not an intersector's";
+        match why_not.or((!is_ours).then(|| own.to_owned())) {
+            Some(why) => skipped.push(format!("{} is skipped: {why}", word(&name))),
+            None => found.push((name, named)),
         }
+    };
+    let (auto, named): (Vec<_>, Vec<_>) =
+        (args.measure.backend.iter()).partition(|&&b| b == BackendName::Auto);
+    named.into_iter().for_each(|&b| consider(b, true, None));
+    if !auto.is_empty() {
+        let present = open::presences().into_iter().rev();
+        present.for_each(|p| consider(p.name, false, why_not(p)));
     }
-    found.retain(|&(backend, _)| {
-        let is_ours = !open::has_own_trees(backend);
-        if !is_ours {
-            skipped.push(format!(
-                "{} is skipped: what its rays hit is the driver's affair, not an intersector's",
-                word(&backend)
-            ));
-        }
-        is_ours
-    });
     found
 }
 
@@ -96,35 +91,15 @@ fn why_not(presence: Presence) -> Option<String> {
     }))
 }
 
-fn methods(args: &ChartArgs) -> Vec<MethodArgs> {
-    let mut methods = Vec::new();
-    for intersector in unique(&args.intersector, |&i| choose::intersector(i).value) {
-        for layout in [LayoutName::Bvh2, LayoutName::Fast] {
-            methods.push(MethodArgs {
-                intersector,
-                layout,
-            });
-        }
-    }
-    methods
-}
-
-/// The first of each key, in order.
-fn unique<T: Clone, K: PartialEq>(all: &[T], key: impl Fn(&T) -> K) -> Vec<T> {
+/// The first of those that read the same, in order.
+fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
     let mut kept: Vec<T> = Vec::new();
     for one in all {
-        if kept.iter().all(|k| key(k) != key(one)) {
+        if kept.iter().all(|k| k.to_string() != one.to_string()) {
             kept.push(one.clone());
         }
     }
     kept
-}
-
-impl Way {
-    /// Whether another traces alike, whatever the update.
-    pub(super) fn is_like(&self, other: &Self) -> bool {
-        (self.ask.backend, self.ask.method) == (other.ask.backend, other.ask.method)
-    }
 }
 
 impl fmt::Display for Way {
@@ -137,20 +112,20 @@ impl fmt::Display for Way {
 }
 
 pub(super) fn command(args: &ChartArgs, spec: &str, row: &Row) -> String {
-    let [width, height] = args.size.size;
-    let frames = match &args.frames {
+    let [width, height] = args.measure.size.size;
+    let frames = match &args.measure.frames {
         Frames::Count(n) => n.to_string(),
         // One alone would be a count.
         Frames::Keys(keys) => keys.iter().map(|key| format!("{key},")).collect(),
     };
     let mut source = String::new();
-    if (args.source.fps - 24.0).abs() > 0.0 {
-        source += &format!(" --fps {}", args.source.fps);
+    if (args.measure.source.fps - 24.0).abs() > 0.0 {
+        source += &format!(" --fps {}", args.measure.source.fps);
     }
-    if let Some(clip) = &args.source.clip {
+    if let Some(clip) = &args.measure.source.clip {
         source += &format!(" --clip {}", quoted(clip));
     }
-    let warm_up = args.warm_up.warm_up;
+    let warm_up = args.measure.warm_up;
     let warm_up = warm_up.map_or(String::new(), |seconds| format!(" --warm-up {seconds}"));
     format!(
         "abvh bench {}{source} --backend {} --update {} --intersector {} --layout {} --size {width}x{height} --frames {frames}{warm_up}",

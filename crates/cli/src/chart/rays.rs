@@ -17,16 +17,15 @@ pub(super) fn moments(animation: &Animation, count: usize) -> Vec<f64> {
     (0..count).map(at).collect()
 }
 
-/// `count` rays, half of them a camera's and half at random, and a quarter as many aimed.
-pub(super) fn at(animation: &Animation, view: &View, time: f64, count: usize) -> Vec<Ray> {
+/// `count` rays, half of them a camera's and half at random; and a quarter as many that are aimed.
+pub(super) fn at(animation: &Animation, view: &View, time: f64, count: usize) -> [Vec<Ray>; 2] {
     let mut rng = Rng::with_seed(time.to_bits());
     let bounds = animation.bounds();
-    let mut rays = of_camera(view, count / 2);
-    rays.resize_with(count, || at_random(&bounds, &mut rng));
+    let mut plain = of_camera(view, count / 2);
+    plain.resize_with(count, || at_random(&bounds, &mut rng));
     let moment = animation.at(time);
     let aim = |_| aimed(moment.as_ref().ok()?, &bounds, &mut rng);
-    rays.extend((0..count / 4).filter_map(aim));
-    rays
+    [plain, (0..count / 4).filter_map(aim).collect()]
 }
 
 /// Of a camera of about that many pixels, row by row; fewer if there is no camera.
@@ -80,13 +79,13 @@ mod tests {
         let scene = scene::open("demo:collide:300", &scene::Options::default()).unwrap();
         let a = &scene.animation;
         let view = output::frame_scene(a, 40.0, [64, 40]);
-        let rays = at(a, &view, 1.5, 1000);
+        let rays = at(a, &view, 1.5, 1000).concat();
         assert_eq!(rays.len(), 1250);
         assert!(rays.iter().all(Ray::is_valid));
         let from_eye = rays.iter().filter(|r| r.origin == view.eye);
         assert_eq!(from_eye.count(), 500);
         assert!(
-            rays == at(a, &view, 1.5, 1000),
+            rays == at(a, &view, 1.5, 1000).concat(),
             "other rays when made again"
         );
     }
@@ -104,6 +103,6 @@ mod tests {
     fn a_scene_without_a_triangle_to_aim_at_has_fewer_rays() {
         let nothing = Animation::new(vec![vec![[f32::NAN; 3]]], vec![[0; 3]]).unwrap();
         let view = output::frame_scene(&nothing, 40.0, [64, 40]);
-        assert_eq!(at(&nothing, &view, 0.0, 100).len(), 100);
+        assert_eq!(at(&nothing, &view, 0.0, 100).map(|r| r.len()), [100, 0]);
     }
 }

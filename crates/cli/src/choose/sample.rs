@@ -11,9 +11,6 @@ use pipeline::{Frame, Update};
 const MOMENTS: usize = 3;
 /// The most rays of a sample.
 const MOST: f64 = (1 << 20) as f64;
-/// Improbability at which a rate counts as too high: the bound holds in 95 of 100 cases.
-const LIMIT: f64 = 2.995_732_273_553_991;
-
 /// Rays of a run and what exact arithmetic says of them. A ray is wrong where
 /// another triangle is named, or another shadow.
 pub(super) struct Sample {
@@ -22,43 +19,11 @@ pub(super) struct Sample {
     exact: Vec<Hits>,
 }
 
-/// What a sample found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Wrong {
-    pub(super) wrong: u64,
-    pub(super) rays: u64,
-}
-
-/// Rays that it takes to show that at most `tolerance` a million are wrong, if none is seen to be; with half as many
-/// again for a few that are. `None` if they are too many.
+/// Rays that it takes to show that at most `tolerance` a million are wrong, if none is seen to be (the rule of three);
+/// with half as many again for a few that are. `None` if they are too many.
 pub(super) fn needed(tolerance: f64) -> Option<usize> {
-    let rays = 1.5 * LIMIT * 1e6 / tolerance;
+    let rays = 1.5 * 3.0 * 1e6 / tolerance;
     (rays <= MOST).then_some(rays.ceil() as usize)
-}
-
-impl Wrong {
-    /// The rate, a million, that is exceeded in 5 of 100 cases at most (Chernoff's bound: if `p` were the true
-    /// rate, so few would be seen with a probability of at most `exp(-n KL(q, p))`; for none it is exact).
-    pub(super) fn at_most(self) -> f64 {
-        let n = self.rays as f64;
-        let q = self.wrong as f64 / n;
-        let (mut low, mut high) = (q, 1.0);
-        for _ in 0..60 {
-            let p = f64::midpoint(low, high);
-            if n * divergence(q, p) <= LIMIT {
-                low = p;
-            } else {
-                high = p;
-            }
-        }
-        high * 1e6
-    }
-}
-
-/// `KL(q, p)` of two coins, in nats.
-fn divergence(q: f64, p: f64) -> f64 {
-    let term = |q: f64, p: f64| if q == 0.0 { 0.0 } else { q * (q / p).ln() };
-    term(q, p) + term(1.0 - q, 1.0 - p)
 }
 
 impl Sample {
@@ -84,18 +49,17 @@ impl Sample {
         Ok(sample)
     }
 
-    /// How many of them an intersector answers wrongly.
+    /// How many of them, of how many, an intersector answers wrongly.
     pub(super) fn wrong(
         &self,
         backend: &mut ReusedBackend<'_>,
         intersector: Intersector,
-    ) -> Result<Wrong, Stop> {
+    ) -> Result<[u64; 2], Stop> {
         let answers = self.ask(backend, intersector)?;
         let pairs = self.exact.iter().zip(&answers);
-        Ok(Wrong {
-            wrong: pairs.map(|(exact, found)| differing(exact, found)).sum(),
-            rays: self.sheets.iter().map(|(_, rays)| rays.len() as u64).sum(),
-        })
+        let wrong = pairs.map(|(exact, found)| differing(exact, found)).sum();
+        let rays = self.sheets.iter().map(|(_, rays)| rays.len() as u64).sum();
+        Ok([wrong, rays])
     }
 
     fn ask(
@@ -150,14 +114,10 @@ mod tests {
 
     #[test]
     fn none_wrong_shows_less_the_more_is_tolerated() {
-        let at_most = |wrong, rays| Wrong { wrong, rays }.at_most();
-        // The rule of three.
-        let none = at_most(0, 1_000_000);
-        assert!((none - 3.0).abs() < 0.01, "{none}");
-        assert!(at_most(9, 1_000_000) > 15.0);
         for tolerance in [5.0, 10.0, 1000.0] {
             let rays = needed(tolerance).unwrap() as u64;
-            assert!(at_most(0, rays) < tolerance, "{tolerance}: {rays} rays");
+            let most = output::plot::Rate::of(0, rays).unwrap().high;
+            assert!(most < tolerance, "{tolerance}: {rays} rays");
         }
         assert_eq!(needed(1.0), None, "more rays than are asked");
         assert_eq!(needed(0.0), None);

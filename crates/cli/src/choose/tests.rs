@@ -48,10 +48,21 @@ fn a_driver_rebuilds_where_nobody_asked_for_more() {
 
 #[test]
 fn frames_last_from_the_earliest_to_the_latest() {
+    let range = |frames: &[Frame]| {
+        let method = MethodArgs {
+            intersector: IntersectorName::Woop,
+            layout: LayoutName::Auto,
+        };
+        let rays = Rays::List(&[]);
+        let kind = QueryKind::Any;
+        let query = Query { rays, kind };
+        let run = Some(Run { frames, query });
+        let usual = Ask::of(BackendName::Cpu, method, asked(Update::Refit));
+        Ask { run, ..usual }.time_range()
+    };
     let frames = [3.0, 1.5, 2.0].map(|time| Frame { index: 0, time });
-    let ahead = Ahead::of(&frames, Switch::Off);
-    assert_eq!((ahead.time_range, ahead.predict), ([1.5, 3.0], false));
-    assert_eq!(Ahead::of(&[], Switch::On).time_range, [0.0, 0.0]);
+    assert_eq!(range(&frames), [1.5, 3.0]);
+    assert_eq!(range(&[]), [0.0, 0.0]);
 }
 
 /// What is settled for a run of so many frames.
@@ -77,7 +88,6 @@ fn settled(
             frames: &frames,
             query,
         }),
-        ahead: Ahead::of(&frames, Switch::On),
         ..Ask::of(BackendName::Cpu, method, free_update(UpdateName::Auto))
     };
     let backend = open::bare(BackendName::Cpu, None, 2).unwrap();

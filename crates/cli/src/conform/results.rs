@@ -1,7 +1,7 @@
 //! What `conform` found, as JSON and for people.
 
 use super::oracle::{self, OracleRow};
-use crate::subjects::{Examined, Tested};
+use crate::subjects::Tested;
 use crate::table::{grouped, of_rows, table};
 use conformance::leaks;
 use serde::{Serialize, Serializer};
@@ -81,7 +81,7 @@ impl Report {
     }
 
     pub(super) fn text(&self) -> String {
-        let mut text = self.tested.text();
+        let mut text = self.tested.text.clone();
         if !self.rows.is_empty() {
             text += &self.law_table();
         }
@@ -103,7 +103,7 @@ impl Report {
     /// Laws down, backends across.
     fn law_table(&self) -> String {
         let mut head = vec!["law"];
-        head.extend(self.tested.backends.iter().map(|b| b.backend));
+        head.extend(&self.tested.names);
         let mut rows: Vec<Vec<String>> = Vec::new();
         let mut laws = Vec::new();
         for PropertyRow { law, .. } in &self.rows {
@@ -111,15 +111,15 @@ impl Report {
                 continue;
             }
             laws.push(law);
-            let cell = |b: &Examined| {
-                let this = |r: &&PropertyRow| (&r.law, r.backend) == (law, b.backend);
+            let cell = |backend: &&str| {
+                let this = |r: &&PropertyRow| (&r.law, &r.backend) == (law, backend);
                 match self.rows.iter().find(this) {
                     None => "-".to_owned(),
                     Some(r) if r.disagreement.is_some() => "DISAGREES".to_owned(),
                     Some(r) => format!("held {}", r.held),
                 }
             };
-            let cells = self.tested.backends.iter().map(cell).collect();
+            let cells = self.tested.names.iter().map(cell).collect();
             rows.push([vec![law.replace('_', " ")], cells].concat());
         }
         table(&head, &rows, 1)
@@ -148,7 +148,6 @@ impl Report {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::subjects::Absent;
 
     fn report(disagreement: Option<&str>) -> Report {
         let row = |backend, law, disagreement: Option<&str>| PropertyRow {
@@ -159,19 +158,10 @@ mod tests {
             reproduce: disagreement.map(|_| "abvh conform --case 3".to_owned()),
             seconds: 0.5,
         };
-        let examined = |backend| Examined {
-            backend,
-            ..Examined::default()
-        };
+        let mut tested = Tested::default();
+        tested.names.extend(["x", "y"]);
         Report {
-            tested: Tested {
-                backends: vec![examined("x"), examined("y")],
-                absent: vec![Absent {
-                    backend: "z",
-                    reason: "no driver".to_owned(),
-                }],
-                ..Tested::default()
-            },
+            tested,
             // In the order in which they are tried.
             rows: vec![
                 row("x", "a_b", None),
@@ -191,7 +181,6 @@ mod tests {
         for part in [
             "a b held 3 DISAGREES",
             "c d held 3 - ",
-            "z: absent; no driver",
             "y: law a_b: 1 is not 2",
             "\n    abvh conform --case 3\n",
         ] {

@@ -1,10 +1,8 @@
 //! What is charted: numbers that somebody else measured.
 //!
-//! Everything that may be unknown is an `Option`. A number that is not finite
-//! counts as unknown too: it is written as `null` and read back as `None`.
+//! Everything that may be unknown is an `Option`; numbers are finite.
 
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
 
 /// Rays that wrong answers are counted per.
 const PER: f64 = 1e6;
@@ -14,11 +12,9 @@ const Z: f64 = 1.959_964;
 /// All that one chart shows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Chart {
-    /// Heading.
-    pub title: String,
     /// What did the work.
     pub machine: Machine,
-    /// What was traced; one panel each, in this order. A scene that only points name gets a panel, too.
+    /// What was traced; one panel each, in this order.
     pub scenes: Vec<Scene>,
     /// What was measured, in any order.
     pub points: Vec<Point>,
@@ -85,21 +81,14 @@ pub struct Point {
     /// How many of them got another answer to whether the hit is in shadow.
     pub wrong_shadow: u64,
     /// Rays aimed at edges and vertices of the scene itself, which [`Self::rays_tested`] leaves out.
-    #[serde(default)]
     pub aimed: Aimed,
     /// How far `t` was off where the hit was right.
     pub t_error_ulp: Option<TError>,
-    /// What became of rays aimed at edges and vertices of a closed mesh.
-    pub leaks: Vec<Leaks>,
-    /// Answers in scenes of mixed range: sizes or places of very different magnitude in one scene.
-    #[serde(default)]
-    pub mixed_range: Vec<FamilyCounts>,
     /// Bytes of memory that the backend held.
     pub memory_bytes: Option<u64>,
     /// Frames that were timed.
     pub samples: u64,
     /// Seconds that the device was warmed up before them.
-    #[serde(default)]
     pub warm_up_s: Option<f64>,
     /// The command that measures this point again.
     pub command: String,
@@ -136,56 +125,23 @@ pub struct Aimed {
     pub wrong: u64,
 }
 
-/// How many of a family's rays got another closest hit than by exact arithmetic.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct FamilyCounts {
-    /// Name of the family, as `abvh stability` lists it.
-    pub family: String,
-    /// Rays.
-    pub rays: u64,
-    /// How many were wrong.
-    pub wrong: u64,
-}
-
-/// Rays aimed from inside at edges and vertices of a closed mesh that was moved away from the origin.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Leaks {
-    /// How far the mesh was moved, in units of its size; `None` if that is not finite.
-    pub offset: Option<f64>,
-    /// Rays.
-    pub rays: u64,
-    /// How many met nothing.
-    pub leaks: u64,
-    /// Rays of those whose crossings were counted.
-    pub counted: u64,
-    /// How many of the counted met two triangles where a generic ray meets one.
-    pub double_hits: u64,
-}
-
-/// The number if it is one.
-pub(crate) fn known(x: Option<f64>) -> Option<f64> {
-    x.filter(|x| x.is_finite())
-}
-
 impl Point {
     /// Everything that tells it from others of its scene.
     pub(crate) fn name(&self) -> String {
-        [
-            &*self.backend,
-            &self.layout,
-            &self.intersector,
-            &self.update,
-        ]
-        .join(" ")
+        let words = [&self.backend, &self.layout, &self.intersector, &self.update];
+        words.map(String::as_str).join(" ")
     }
 }
 
 /// Wrong answers per million rays, with an interval that covers the true rate in 95 of 100 cases.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Rate {
-    pub(crate) value: f64,
-    pub(crate) low: f64,
-    pub(crate) high: f64,
+pub struct Rate {
+    /// What was seen.
+    pub value: f64,
+    /// Where the interval begins.
+    pub low: f64,
+    /// Where it ends.
+    pub high: f64,
 }
 
 impl Rate {
@@ -193,7 +149,8 @@ impl Rate {
     ///
     /// For none wrong the bound is the rule of three, `3 / tested` (one-sided; Hanley, Lippman-Hand 1983);
     /// otherwise Wilson's score interval (Wilson 1927).
-    pub(crate) fn of(wrong: u64, tested: u64) -> Option<Self> {
+    #[must_use]
+    pub fn of(wrong: u64, tested: u64) -> Option<Self> {
         if tested == 0 {
             return None;
         }
@@ -226,30 +183,31 @@ impl<'a> Dot<'a> {
     /// `None` if there is no time above zero, or no ray was tested.
     fn of((index, point): (usize, &'a Point)) -> Option<Self> {
         let Spread { median, p5, p95 } = point.ms_per_frame;
-        let above_zero = |x| known(x).filter(|&x| x > 0.0);
-        let ms = above_zero(median)?;
-        let end = |x| above_zero(x).unwrap_or(ms);
+        let ms = median.filter(|&ms| ms > 0.0)?;
         Some(Self {
             index,
             point,
-            ms: [ms, end(p5).min(ms), end(p95).max(ms)],
+            ms: [ms, p5.unwrap_or(ms), p95.unwrap_or(ms)],
             wrong: Rate::of(point.wrong, point.rays_tested)?,
         })
     }
 }
 
 impl Chart {
-    /// The points of a scene that can be drawn; of all scenes without a name.
-    pub(crate) fn dots<'a>(&'a self, scene: Option<&str>) -> Vec<Dot<'a>> {
-        let all = self.points.iter().enumerate();
-        let of_scene = all.filter(|(_, p)| scene.is_none_or(|name| p.scene == name));
-        of_scene.filter_map(Dot::of).collect()
+    /// The points of all scenes that can be drawn.
+    pub(crate) fn dots(&self) -> impl Iterator<Item = Dot<'_>> {
+        self.points.iter().enumerate().filter_map(Dot::of)
+    }
+
+    /// Those of one scene.
+    pub(crate) fn dots_of<'a>(&'a self, scene: &str) -> Vec<Dot<'a>> {
+        self.dots().filter(|dot| dot.point.scene == scene).collect()
     }
 
     /// The Pareto front: points of a scene that no other beats in both speed and accuracy, fastest first. Of equal points
     /// only the first is in it.
     pub(crate) fn front<'a>(&'a self, scene: &str) -> Vec<Dot<'a>> {
-        let mut dots = self.dots(Some(scene));
+        let mut dots = self.dots_of(scene);
         dots.sort_by(|a, b| {
             let by_rate = a.wrong.value.total_cmp(&b.wrong.value);
             a.ms[0].total_cmp(&b.ms[0]).then(by_rate)
@@ -267,21 +225,6 @@ impl Chart {
     pub(crate) fn is_on_front(&self, index: usize) -> bool {
         let front = self.front(&self.points[index].scene);
         front.iter().any(|dot| dot.index == index)
-    }
-
-    /// Offsets that any point was measured at.
-    pub(crate) fn offsets(&self) -> Vec<f64> {
-        let leaks = self.points.iter().flat_map(|p| &p.leaks);
-        let mut offsets: Vec<f64> = leaks.filter_map(|l| known(l.offset)).collect();
-        offsets.sort_by(f64::total_cmp);
-        offsets.dedup();
-        offsets
-    }
-
-    /// Families of mixed range that any point was measured in.
-    pub(crate) fn families(&self) -> BTreeSet<&str> {
-        let all = self.points.iter().flat_map(|p| &p.mixed_range);
-        all.map(|f| &*f.family).collect()
     }
 }
 

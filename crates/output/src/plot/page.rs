@@ -1,21 +1,17 @@
-//! The page of speed against accuracy: a plane for each scene, then hard rays, leaks and double hits.
+//! The page of speed against accuracy: a plane for each scene.
 
 use super::Result;
-use super::data::{Chart, Leaks, Machine, Point, Rate, Scene};
-use super::look::{GREY, INK, Look, Looks, PLAIN};
-use super::panel::{Axis, LINE, Mark, Panel, WIDTH, font, short};
-use super::table::{count, described, escape, number, row};
+use super::data::{Chart, Machine, Point, Scene};
+use super::look::{GREY, INK, legend, of_point};
+use super::panel::{Axis, HEIGHT, LINE, Mark, Panel, WIDTH, font, short};
+use super::table::{count, described, escape, row};
 use plotters::backend::SVGBackend;
 use plotters::drawing::IntoDrawingArea;
 use plotters::element::Text;
 use plotters::style::{FontStyle, WHITE};
 use std::fmt::Write as _;
 
-/// Letters of a title, which nobody cuts to the page's width.
-const TITLE: usize = 64;
-/// Heights of a plane and of a panel below.
-const PLANE: u32 = 540;
-const SIDE: u32 = 320;
+const TITLE: &str = "abvh: speed against accuracy";
 
 const STYLE: &str = "body { font: 15px sans-serif; margin: 1em auto; max-width: 1000px; color: #1a1a1a; background: #fff }\n\
     svg { max-width: 100%; height: auto }\n\
@@ -28,29 +24,26 @@ const STYLE: &str = "body { font: 15px sans-serif; margin: 1em auto; max-width: 
 /// # Errors
 /// See [`super::ChartError`].
 pub fn svg(chart: &Chart) -> Result<String> {
-    let looks = Looks::of(&chart.points);
-    let mut panels = planes(chart, &looks);
-    panels.extend(side_panels(chart, &looks));
+    let panels = planes(chart);
     let words = words(&chart.machine);
     let head = 46 + 19 * words.len() as u32;
-    let height = head + panels.iter().map(|p| p.height).sum::<u32>();
+    let height = head + HEIGHT * panels.len() as u32;
     let (mut drawn, mut targets) = (String::new(), String::new());
     {
         let sheet = SVGBackend::with_string(&mut drawn, (WIDTH, height)).into_drawing_area();
         sheet.fill(&WHITE)?;
         let bold = font(24, INK, FontStyle::Bold);
-        sheet.draw(&Text::new(short(&chart.title, TITLE), (14, 12), bold))?;
+        sheet.draw(&Text::new(TITLE, (14, 12), bold))?;
         for (words, y) in words.iter().zip((44..).step_by(19)) {
             let font = font(14, GREY, FontStyle::Normal);
             sheet.draw(&Text::new(short(words, LINE), (14, y), font))?;
         }
         let mut rest = sheet.split_vertically(head).1;
         for panel in &panels {
-            let (area, below) = rest.split_vertically(panel.height);
+            let (area, below) = rest.split_vertically(HEIGHT);
             rest = below;
             let places = panel.draw(&area)?;
-            let told = panel.marks.iter().zip(places);
-            for (mark, (x, y)) in told.filter(|(m, _)| !m.about.is_empty()) {
+            for (mark, (x, y)) in panel.marks.iter().zip(places) {
                 // Writing to a string cannot fail.
                 let _ = writeln!(
                     targets,
@@ -61,7 +54,7 @@ pub fn svg(chart: &Chart) -> Result<String> {
         }
         sheet.present()?;
     }
-    let title = format!(">\n<title>{}</title>\n", escape(&chart.title));
+    let title = format!(">\n<title>{TITLE}</title>\n");
     let drawn = drawn.replacen(">\n", &title, 1);
     let drawn = drawn.trim_end().trim_end_matches("</svg>");
     Ok(format!("{drawn}{targets}</svg>\n"))
@@ -69,30 +62,22 @@ pub fn svg(chart: &Chart) -> Result<String> {
 
 /// Lines under the title: what did the work.
 fn words(machine: &Machine) -> Vec<String> {
-    let join = |parts: &[&str], between| {
-        let parts = parts.iter().filter(|p| !p.is_empty());
-        parts.copied().collect::<Vec<_>>().join(between)
-    };
-    let version = match machine.version.as_str() {
-        "" => String::new(),
-        version => format!("abvh {version}"),
-    };
-    let cpu = machine.cpu.as_deref().unwrap_or_default();
-    let mut lines = vec![join(&[cpu, &version, &machine.date], " · ")];
+    let cpu = machine.cpu.as_deref().unwrap_or("unknown cpu");
+    let mut lines = vec![format!(
+        "{cpu} · abvh {} · {}",
+        machine.version, machine.date
+    )];
     lines.extend(machine.adapters.iter().map(|a| {
-        let device = join(&[&a.adapter, &a.driver], ", ");
-        format!("{}: {device}", a.backend)
+        let driver = if a.driver.is_empty() { "" } else { ", " };
+        format!("{}: {}{driver}{}", a.backend, a.adapter, a.driver)
     }));
-    lines.retain(|l| !l.is_empty());
     lines
 }
 
-/// Milliseconds a frame against wrong answers: the scenes that were described, each once, then those that only points
-/// name; one without a name if there is none. They share their axes, so that they can be compared.
-fn planes(chart: &Chart, looks: &Looks) -> Vec<Panel> {
-    let everywhere = chart.dots(None);
-    let ms = everywhere.iter().flat_map(|d| d.ms);
-    let wrong = everywhere.iter().map(|d| d.wrong);
+/// Milliseconds a frame against wrong answers. Scenes share their axes, so that they can be compared.
+fn planes(chart: &Chart) -> Vec<Panel> {
+    let ms = chart.dots().flat_map(|d| d.ms);
+    let wrong = chart.dots().map(|d| d.wrong);
     let axes = [
         Axis::log("milliseconds a frame: median, 5 to 95 %", ms),
         Axis::log(
@@ -100,158 +85,46 @@ fn planes(chart: &Chart, looks: &Looks) -> Vec<Panel> {
             wrong.flat_map(|r| [r.value, r.low, r.high]),
         ),
     ];
-    let mut scenes: Vec<Scene> = Vec::new();
-    let named = chart.points.iter().map(|p| Scene {
-        name: p.scene.clone(),
-        ..Scene::default()
-    });
-    for scene in chart.scenes.iter().cloned().chain(named) {
-        if scenes.iter().all(|s| s.name != scene.name) {
-            scenes.push(scene);
-        }
-    }
-    if scenes.is_empty() {
-        scenes.push(Scene::default());
-    }
-    let plane = |scene: &Scene| plane(chart, scene, looks, axes.clone());
-    scenes.iter().map(plane).collect()
+    let plane = |scene: &Scene| plane(chart, scene, axes.clone());
+    chart.scenes.iter().map(plane).collect()
 }
 
-fn plane(chart: &Chart, scene: &Scene, looks: &Looks, axes: [Axis; 2]) -> Panel {
-    let dots = chart.dots(Some(&scene.name));
+fn plane(chart: &Chart, scene: &Scene, axes: [Axis; 2]) -> Panel {
+    let dots = chart.dots_of(&scene.name);
     let marks = dots.iter().map(|dot| Mark {
         at: [dot.ms[0], dot.wrong.value],
         bars: [[dot.ms[1], dot.ms[2]], [dot.wrong.low, dot.wrong.high]],
-        look: looks.of_point(dot.point),
+        look: of_point(dot.point),
         about: format!("{}; {}", described(dot.point), dot.point.command),
     });
     let front = chart.front(&scene.name);
-    let mut legend = looks.legend();
+    let mut legend = legend(&chart.points);
     legend.push(("fastest of its accuracy".to_owned(), None));
     legend.extend((1..).zip(&front).map(|(i, dot)| {
         let name = format!("{i} {}", dot.point.name());
-        (name, Some(looks.of_point(dot.point)))
+        (name, Some(of_point(dot.point)))
     }));
+    let front = front.iter().map(|dot| [dot.ms[0], dot.wrong.value]);
     Panel {
         title: heading(chart, scene, dots.len()),
-        height: PLANE,
         axes,
         marks: marks.collect(),
-        front: (front.iter())
-            .map(|dot| [dot.ms[0], dot.wrong.value])
-            .collect(),
+        front: front.collect(),
         legend,
     }
 }
 
 /// What a plane is about, and what it does not show.
 fn heading(chart: &Chart, scene: &Scene, drawn: usize) -> String {
-    let all = chart.points.iter().filter(|p| p.scene == scene.name);
-    let all = all.count();
-    let mut words = scene.name.clone();
-    if scene.triangles > 0 {
-        let [width, height] = scene.size;
-        let [triangles, frames] = [scene.triangles, scene.frames].map(count);
-        words += &format!(": {triangles} triangles, {width} x {height} pixels, {frames} frames");
-    }
+    let (name, [width, height]) = (&scene.name, scene.size);
+    let [triangles, frames] = [scene.triangles, scene.frames].map(count);
+    let about =
+        format!("{name}: {triangles} triangles, {width} x {height} pixels, {frames} frames");
+    let all = chart.points.iter().filter(|p| p.scene == *name).count();
     match all - drawn {
-        _ if all == 0 => words += " (no points)",
-        0 => {}
-        n => words += &format!(" ({n} without a time or tested rays not drawn)"),
+        0 => about,
+        n => format!("{about} ({n} without a time or tested rays not drawn)"),
     }
-    words
-}
-
-/// What went wrong in one place, such as an offset: how many of how many rays, by each point that knows.
-type Place = (String, Vec<Option<(u64, u64)>>);
-
-/// Panels with a place for each family of rays or offset, and marks for each backend and intersector.
-fn side_panels(chart: &Chart, looks: &Looks) -> Vec<Panel> {
-    let place = |name: &str, read: &dyn Fn(&Point) -> Option<(u64, u64)>| -> Place {
-        (name.to_owned(), chart.points.iter().map(read).collect())
-    };
-    let aimed = |p: &Point| Some((p.aimed.wrong, p.aimed.rays));
-    let mut hard = vec![place("edges and vertices", &aimed)];
-    hard.extend(chart.families().into_iter().map(|family| {
-        place(family, &|p| {
-            let found = p.mixed_range.iter().find(|f| f.family == family)?;
-            Some((found.wrong, found.rays))
-        })
-    }));
-    let by_offset = |read: fn(&Leaks) -> (u64, u64)| -> Vec<Place> {
-        let at = |offset: f64| {
-            place(&number(offset), &|p| {
-                p.leaks.iter().find(|l| l.offset == Some(offset)).map(read)
-            })
-        };
-        chart.offsets().into_iter().map(at).collect()
-    };
-    let offset = "offset of the mesh from the origin, in its own sizes";
-    let all = [
-        (
-            "Hard rays: at edges and vertices of the scene, and in scenes of mixed range",
-            ["family of rays", "wrong per million"],
-            hard,
-        ),
-        (
-            "Leaks: rays from inside closed meshes that met nothing",
-            [offset, "leaks per million"],
-            by_offset(|l| (l.leaks, l.rays)),
-        ),
-        (
-            "Double hits: rays that crossed an edge of a closed mesh twice",
-            [offset, "double hits per million"],
-            by_offset(|l| (l.double_hits, l.counted)),
-        ),
-    ];
-    let panel = |(title, axes, places)| side_panel(title, axes, places, &chart.points, looks);
-    all.into_iter().filter_map(panel).collect()
-}
-
-/// `None` if no point knows. Marks stand side by side, so that equal ones do not hide each other.
-fn side_panel(
-    title: &str,
-    [x, y]: [&'static str; 2],
-    places: Vec<Place>,
-    points: &[Point],
-    looks: &Looks,
-) -> Option<Panel> {
-    let shapes = looks.intersectors.iter();
-    let methods = shapes.flat_map(|i| looks.backends.iter().map(move |b| (i, b)));
-    let methods: Vec<_> = methods.collect();
-    let mut marks = Vec::new();
-    for (nth, ((intersector, shape), (backend, colour))) in methods.iter().enumerate() {
-        let beside = 0.8 * ((nth as f64 + 0.5) / methods.len() as f64 - 0.5);
-        for (at, (_, counts)) in places.iter().enumerate() {
-            let of = points.iter().zip(counts);
-            let of = of.filter(|(p, _)| p.backend == *backend && p.intersector == *intersector);
-            let rates = of.filter_map(|(_, &counts)| counts.and_then(|(n, of)| Rate::of(n, of)));
-            // The highest rate among all measurements.
-            let worst = rates.max_by(|a, b| a.value.total_cmp(&b.value));
-            marks.extend(worst.map(|rate| Mark {
-                at: [at as f64 + beside, rate.value],
-                bars: [[0.0; 2], [rate.low, rate.high]],
-                look: Look {
-                    colour: *colour,
-                    shape: *shape,
-                    ..PLAIN
-                },
-                about: String::new(),
-            }));
-        }
-    }
-    let rates = marks.iter().map(|m| (m.at[1], m.bars[1]));
-    let rates = rates.flat_map(|(value, [low, high])| [low, value, high]);
-    let names = places.into_iter().map(|(name, _)| name);
-    let axes = [Axis::named(x, names), Axis::log(y, rates)];
-    (!marks.is_empty()).then(|| Panel {
-        title: title.to_owned(),
-        height: SIDE,
-        axes,
-        marks,
-        front: Vec::new(),
-        legend: Vec::new(),
-    })
 }
 
 /// The chart as one HTML file that asks for nothing from outside, and says so to the browser.
@@ -260,14 +133,13 @@ fn side_panel(
 /// See [`super::ChartError`].
 pub fn html(chart: &Chart) -> Result<String> {
     let picture = svg(chart)?;
-    let title = escape(&chart.title);
     let cell = |tag: &str, text: &str| format!("<{tag}>{}</{tag}>", escape(text));
     let head = row(&Point::default());
     let head: String = head.iter().map(|(name, _)| cell("th", name)).collect();
     let mut out = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
-         <title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
+         <title>{TITLE}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
          <p>Point at a mark to see its numbers and the command that times it again.</p>\n\
          <figure>\n{picture}</figure>\n\
          <h2>All points</h2>\n<p>★: no other point of its scene is both faster and more often right.</p>\n\

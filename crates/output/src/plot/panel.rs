@@ -12,8 +12,9 @@ use plotters::element::{Circle, EmptyElement, ErrorBar, PathElement, Polygon, Te
 use plotters::style::{Color, FontStyle, IntoFont, RGBColor, TRANSPARENT, TextStyle};
 use std::ops::Range;
 
-/// Pixels across a page.
+/// Pixels across a page, and from the top of a panel to the next.
 pub(crate) const WIDTH: u32 = 1000;
+pub(crate) const HEIGHT: u32 = 540;
 /// Room for a legend beside a panel, and between its lines.
 const LEGEND: u32 = 285;
 const LEADING: usize = 17;
@@ -29,7 +30,7 @@ const MOST_DECADES: f64 = 9.0;
 /// A page or a part of it.
 pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// One axis. Its positions are logarithms to base ten, or ordinal numbers of names.
+/// One axis. Its positions are logarithms to base ten.
 #[derive(Clone, Debug)]
 pub(crate) struct Axis {
     /// What it is about, unit included.
@@ -38,8 +39,8 @@ pub(crate) struct Axis {
     range: [f64; 2],
     /// Positions that are named.
     ticks: Vec<(f64, String)>,
-    /// Where zeros stand on a logarithmic axis.
-    zero: Option<f64>,
+    /// Where zeros stand.
+    zero: f64,
 }
 
 impl Axis {
@@ -68,28 +69,16 @@ impl Axis {
             title,
             range: [low, high],
             ticks,
-            zero: Some(zero),
-        }
-    }
-
-    /// One place a name, at 0, 1, 2 and so on.
-    pub(crate) fn named(title: &'static str, names: impl IntoIterator<Item = String>) -> Self {
-        let ticks: Vec<_> = (0..).map(f64::from).zip(names).collect();
-        Self {
-            title,
-            range: [-0.5, ticks.len().max(1) as f64 - 0.5],
-            ticks,
-            zero: None,
+            zero,
         }
     }
 
     /// Where a value stands: within the range, whatever the value.
     fn at(&self, value: f64) -> f64 {
         let [low, high] = self.range;
-        let position = match self.zero {
-            Some(_) if value > 0.0 => value.log10(),
-            Some(zero) => zero,
-            None => value,
+        let position = match value > 0.0 {
+            true => value.log10(),
+            false => self.zero,
         };
         position.clamp(low, high)
     }
@@ -131,18 +120,12 @@ fn log_ticks(low: f64, high: f64) -> Vec<(f64, String)> {
     let step = ((high - low) / MOST_DECADES).ceil().max(1.0) as usize;
     let decades = (low.floor() as i32..=high.floor() as i32).step_by(step);
     let ticks = decades.flat_map(|e| digits.iter().map(move |&d| (d, e)));
-    let at = |(d, e): (u8, i32)| (f64::from(d).log10() + f64::from(e), power(d, e));
+    let named = ticks.filter_map(|(d, e)| {
+        let value: f64 = format!("{d}e{e}").parse().ok()?;
+        Some((value.log10(), value.to_string()))
+    });
     let within = |t: &(f64, String)| (low..=high).contains(&t.0);
-    ticks.map(at).filter(within).collect()
-}
-
-/// `digit * 10^e`, in plain digits where they are few.
-fn power(digit: u8, e: i32) -> String {
-    let scientific = format!("{digit}e{e}");
-    match scientific.parse::<f64>() {
-        Ok(value) if (-3..6).contains(&e) => value.to_string(),
-        _ => scientific,
-    }
+    named.filter(within).collect()
 }
 
 /// A value pair with intervals of both values.
@@ -151,28 +134,25 @@ pub(crate) struct Mark {
     pub(crate) at: [f64; 2],
     pub(crate) bars: [[f64; 2]; 2],
     pub(crate) look: Look,
-    /// What is told of it beside the pointer; empty if nothing is.
+    /// What is told of it beside the pointer.
     pub(crate) about: String,
 }
 
 /// A pair of axes.
 pub(crate) struct Panel {
     pub(crate) title: String,
-    /// Pixels.
-    pub(crate) height: u32,
     pub(crate) axes: [Axis; 2],
     pub(crate) marks: Vec<Mark>,
     /// A line of steps through numbered places.
     pub(crate) front: Vec<[f64; 2]>,
-    /// Beside the panel, if there is any.
+    /// Beside the panel.
     pub(crate) legend: Vec<Entry>,
 }
 
 impl Panel {
     /// Fills `area`; says at which pixels of the page the marks are.
     pub(crate) fn draw(&self, area: &Area<'_>) -> Result<Vec<(i32, i32)>> {
-        let beside = if self.legend.is_empty() { 0 } else { LEGEND };
-        let (area, legend) = area.split_horizontally(WIDTH - beside);
+        let (area, legend) = area.split_horizontally(WIDTH - LEGEND);
         self.draw_legend(&legend)?;
         let [x, y] = &self.axes;
         let mut chart = ChartBuilder::on(&area)
@@ -308,7 +288,7 @@ mod tests {
         for (values, names) in [
             (&[0.9, 12.0][..], "1 2 5 10"),
             (&[0.0, 0.001, 999.0], "none 0.001 0.01 0.1 1 10 100 1000"),
-            (&[1e-9, 1e-5], "1e-9 1e-8 1e-7 1e-6 1e-5"),
+            (&[1e-6, 1e-2], "0.000001 0.00001 0.0001 0.001 0.01"),
         ] {
             let axis = Axis::log("", values.iter().copied());
             let ticks: Vec<_> = axis.ticks.iter().map(|t| &*t.1).collect();

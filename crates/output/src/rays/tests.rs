@@ -49,12 +49,12 @@ fn rays_read_back_as_written() {
     let dir = TempDir::new().unwrap();
     let path = dir.path().join("rays.npy");
     for mut rays in [rays(0), rays(5), rays(1)] {
-        write_rays(&path, rays.iter().copied()).unwrap();
+        write_rays(&path, rays.len(), rays.iter().copied()).unwrap();
         assert_eq!(read_rays(&path).unwrap(), rays);
         for ray in &mut rays {
             (ray.t_min, ray.t_max) = (0.25, 4.0);
         }
-        write_rays(&path, rays.iter().copied()).unwrap();
+        write_rays(&path, rays.len(), rays.iter().copied()).unwrap();
         assert_eq!(read_rays(&path).unwrap(), rays);
     }
 }

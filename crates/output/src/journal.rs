@@ -3,9 +3,8 @@
 //! A line is written after the files that it names have their final names; of several lines about a frame the last counts.
 //! A shard has a journal of its own, so that several may fill one folder at once. Whoever writes a journal holds its lock.
 
-use crate::stop::Stop;
-use crate::values::Shard;
-use output::{Digest, FrameStats, digest_of};
+use crate::{Digest, FrameStats, RunError, digest_of};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -25,30 +24,32 @@ enum JournalLine {
 }
 
 /// A file by its name in a folder.
-pub(crate) type NamedDigest = (String, Digest);
+pub type NamedDigest = (String, Digest);
 
 /// What all journals of a folder say.
 #[derive(Debug, Default)]
-pub(crate) struct Done {
+pub struct Finished {
     /// The whole list of frames, of all runs together, in order.
-    pub(crate) list: Vec<u64>,
+    pub list: Vec<u64>,
     /// Statistics without frames, of the last run.
-    pub(crate) stats: Option<Value>,
+    pub stats: Option<Value>,
     frames: BTreeMap<u64, (Vec<NamedDigest>, FrameStats)>,
 }
 
-impl Done {
+impl Finished {
     /// Reads every journal of a folder. A line that was cut short says nothing.
-    pub(crate) fn in_folder(folder: &Path) -> Result<Self, Stop> {
+    ///
+    /// # Errors
+    /// One cannot be read.
+    pub fn in_folder(folder: &Path) -> Result<Self, RunError> {
         let mut done = Self::default();
         for file in journals(folder)? {
-            let cannot = |e| Stop::bad(format!("cannot read {}: {e}", file.display()));
+            let cannot = |e| RunError::reading(&file, e);
             for line in BufReader::new(host::open(&file).map_err(cannot)?).split(b'\n') {
                 match serde_json::from_slice(&line.map_err(cannot)?) {
                     Ok(JournalLine::Run { list, stats }) => {
                         done.list.extend(list);
-                        // A shard without frames has none.
-                        done.stats = Some(stats).filter(|s| !s.is_null()).or(done.stats);
+                        done.stats = Some(stats);
                     }
                     Ok(JournalLine::Frame { files, row })
                         if files.iter().all(|(n, _)| is_ours(n)) =>
@@ -65,20 +66,20 @@ impl Done {
     }
 
     /// What a file of statistics says, which stands alone.
-    pub(crate) fn of_stats(list: Vec<u64>, rows: Vec<FrameStats>, stats: Option<Value>) -> Self {
-        let frames = rows
-            .into_iter()
-            .map(|row| (row.frame as u64, (Vec::new(), row)));
-        let frames = frames.collect();
+    #[must_use]
+    pub fn of_stats(list: Vec<u64>, rows: Vec<FrameStats>, stats: Value) -> Self {
+        let rows = rows.into_iter();
+        let frames = rows.map(|row| (row.frame as u64, (Vec::new(), row)));
         Self {
             list,
-            stats,
-            frames,
+            stats: Some(stats),
+            frames: frames.collect(),
         }
     }
 
     /// The row of a frame whose file `name` is in `folder`, whole.
-    pub(crate) fn whole(&self, frame: u64, folder: &Path, name: &str) -> Option<&FrameStats> {
+    #[must_use]
+    pub fn whole(&self, frame: u64, folder: &Path, name: &str) -> Option<&FrameStats> {
         let (files, row) = self.frames.get(&frame)?;
         let (_, digest) = files.iter().find(|(n, _)| n == name)?;
         let found = digest_of(&folder.join(name)).ok()?;
@@ -86,7 +87,8 @@ impl Done {
     }
 
     /// The row of a frame all of whose files are whole, as they were written.
-    pub(crate) fn all_whole(&self, frame: u64, folder: &Path) -> Option<&FrameStats> {
+    #[must_use]
+    pub fn all_whole(&self, frame: u64, folder: &Path) -> Option<&FrameStats> {
         let (files, row) = self.frames.get(&frame)?;
         let whole = |(name, _): &NamedDigest| self.whole(frame, folder, name).is_some();
         files.iter().all(whole).then_some(row)
@@ -99,14 +101,14 @@ fn is_ours(name: &str) -> bool {
     is_plain && (name.starts_with("frame_") || name.starts_with("hits_"))
 }
 
-fn journals(folder: &Path) -> Result<Vec<PathBuf>, Stop> {
-    let cannot = |e| Stop::bad(format!("cannot read {}: {e}", folder.display()));
+fn journals(folder: &Path) -> Result<Vec<PathBuf>, RunError> {
+    let cannot = |e| RunError::reading(folder, e);
     let entries = match fs::read_dir(folder) {
         Err(e) if e.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
         entries => entries.map_err(cannot)?,
     };
     let paths = entries.map(|entry| Ok(entry.map_err(cannot)?.path()));
-    let mut all: Vec<PathBuf> = paths.collect::<Result<_, Stop>>()?;
+    let mut all: Vec<PathBuf> = paths.collect::<Result<_, RunError>>()?;
     all.retain(|path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         name.starts_with("abvh-run") && name.ends_with(".jsonl")
@@ -119,8 +121,8 @@ fn journals(folder: &Path) -> Result<Vec<PathBuf>, Stop> {
 ///
 /// # Errors
 /// Another run is writing one of them.
-pub(crate) fn clear(folder: &Path) -> Result<(), Stop> {
-    let done = Done::in_folder(folder)?;
+pub fn clear_run(folder: &Path) -> Result<(), RunError> {
+    let done = Finished::in_folder(folder)?;
     let journals = journals(folder)?;
     for journal in &journals {
         open_locked(journal)?;
@@ -130,7 +132,7 @@ pub(crate) fn clear(folder: &Path) -> Result<(), Stop> {
     for file in files.chain(journals) {
         match fs::remove_file(&file) {
             Err(e) if e.kind() != ErrorKind::NotFound => {
-                return Err(Stop::bad(format!("cannot remove {}: {e}", file.display())));
+                return Err(RunError(format!("cannot remove {}: {e}", file.display())));
             }
             _ => {}
         }
@@ -139,9 +141,8 @@ pub(crate) fn clear(folder: &Path) -> Result<(), Stop> {
 }
 
 /// Opens a journal, which is made if there is none, and holds it as long as it is open.
-fn open_locked(path: &Path) -> Result<File, Stop> {
-    let name = path.display();
-    let cannot = |e| Stop::bad(format!("cannot write {name}: {e}"));
+fn open_locked(path: &Path) -> Result<File, RunError> {
+    let cannot = |e| RunError::writing(path, e);
     // Whoever opens a pipe waits for its other end.
     match host::open(path) {
         Err(e) if e.kind() == ErrorKind::NotFound => {}
@@ -150,72 +151,77 @@ fn open_locked(path: &Path) -> Result<File, Stop> {
     let file = File::options().append(true).create(true).open(path);
     let file = file.map_err(cannot)?;
     match file.try_lock() {
-        Err(TryLockError::WouldBlock) => Err(Stop::bad(format!("another run is writing {name}"))),
+        Err(TryLockError::WouldBlock) => {
+            let name = path.display();
+            Err(RunError(format!("another run is writing {name}")))
+        }
         // Where there are no locks, nobody can tell.
         Ok(()) | Err(TryLockError::Error(_)) => Ok(file),
     }
 }
 
-/// What a journal says of files.
-pub(crate) fn digests(files: &[PathBuf]) -> Result<Vec<NamedDigest>, Stop> {
+/// What a journal says of files, or a manifest.
+///
+/// # Errors
+/// One cannot be read.
+pub fn digests(files: &[PathBuf]) -> Result<Vec<NamedDigest>, RunError> {
     let digest = |file: &PathBuf| {
-        let name = file.file_name().unwrap_or_default();
-        let cannot = |e| Stop::failed(format!("cannot read {}: {e}", file.display()));
-        Ok((
-            name.to_string_lossy().into_owned(),
-            digest_of(file).map_err(cannot)?,
-        ))
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        let digest = digest_of(file).map_err(|e| RunError::reading(file, e))?;
+        Ok((name.into_owned(), digest))
     };
-    files.iter().map(digest).collect()
+    files.par_iter().map(digest).collect()
 }
 
 /// A journal that is being written.
 #[derive(Debug)]
-pub(crate) struct Journal {
+pub struct Journal {
     path: PathBuf,
     file: File,
 }
 
 impl Journal {
-    /// Goes on with a shard's journal in a folder.
+    /// Goes on with the journal of a folder, or of one shard of so many: what the run is to make, and its statistics.
     ///
     /// # Errors
     /// Another run is writing it, or it cannot be written.
-    pub(crate) fn open(folder: &Path, shard: Option<Shard>) -> Result<Self, Stop> {
-        let name = match shard {
-            Some(Shard { number, of }) => format!("abvh-run-{number}-of-{of}.jsonl"),
+    pub fn begin(
+        folder: &Path,
+        shard: Option<[usize; 2]>,
+        list: Vec<u64>,
+        stats: Value,
+    ) -> Result<Self, RunError> {
+        let path = folder.join(match shard {
+            Some([number, of]) => format!("abvh-run-{number}-of-{of}.jsonl"),
             None => "abvh-run.jsonl".to_owned(),
-        };
-        let path = folder.join(name);
+        });
         let mut file = open_locked(&path)?;
-        let cannot = |e| Stop::bad(format!("cannot write {}: {e}", path.display()));
         // The last line may have been cut short: nothing is to be added to it.
-        if host::read(&path)
-            .map_err(cannot)?
-            .last()
-            .is_some_and(|&end| end != b'\n')
-        {
-            file.write_all(b"\n").map_err(cannot)?;
+        let text = host::read(&path).map_err(|e| RunError::reading(&path, e))?;
+        if text.last().is_some_and(|&end| end != b'\n') {
+            (file.write_all(b"\n")).map_err(|e| RunError::writing(&path, e))?;
         }
-        Ok(Self { path, file })
+        let mut journal = Self { path, file };
+        journal.write(&JournalLine::Run { list, stats })?;
+        Ok(journal)
     }
 
-    /// Says what the run is to make.
-    pub(crate) fn begin(&mut self, list: Vec<u64>, stats: Value) -> Result<(), Stop> {
-        self.write(&JournalLine::Run { list, stats })
-    }
-
-    /// Says that a frame's files are whole.
-    pub(crate) fn add(&mut self, files: Vec<NamedDigest>, row: &FrameStats) -> Result<(), Stop> {
+    /// Says that these files of a frame are whole, with its row of the statistics.
+    ///
+    /// # Errors
+    /// The journal cannot be written.
+    pub fn add(&mut self, files: Vec<NamedDigest>, row: &FrameStats) -> Result<(), RunError> {
         let row = Box::new(row.clone());
         self.write(&JournalLine::Frame { files, row })
     }
 
-    fn write(&mut self, line: &JournalLine) -> Result<(), Stop> {
-        let mut text = serde_json::to_vec(line).map_err(Stop::failed)?;
-        text.push(b'\n');
-        let cannot = |e| Stop::failed(format!("cannot write {}: {e}", self.path.display()));
-        self.file.write_all(&text).map_err(cannot)
+    fn write(&mut self, line: &JournalLine) -> Result<(), RunError> {
+        let text = serde_json::to_vec(line).map_err(std::io::Error::from);
+        let written = text.and_then(|mut text| {
+            text.push(b'\n');
+            self.file.write_all(&text)
+        });
+        written.map_err(|e| RunError::writing(&self.path, e))
     }
 }
 
@@ -232,28 +238,29 @@ mod tests {
         }
     }
 
+    fn begin(folder: &Path, shard: Option<[usize; 2]>, list: &[u64]) -> Result<Journal, RunError> {
+        Journal::begin(folder, shard, list.to_vec(), Value::Null)
+    }
+
     #[test]
     fn what_was_said_of_a_frame_holds_as_long_as_its_files_do() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("frame_0003.png");
         fs::write(&file, b"pixels").unwrap();
-        let mut journal = Journal::open(dir.path(), None).unwrap();
-        journal
-            .begin(vec![3, 4], serde_json::json!({"schema": 1}))
-            .unwrap();
+        let mut journal = begin(dir.path(), None, &[3, 4]).unwrap();
         let files = digests(std::slice::from_ref(&file)).unwrap();
         journal.add(files, &row(3)).unwrap();
-        let again = Journal::open(dir.path(), None).unwrap_err();
+        let again = begin(dir.path(), None, &[]).unwrap_err();
         assert!(again.to_string().contains("another run"), "{again}");
         journal.file.write_all(b"{\"frame\":{\"fil").unwrap();
         drop(journal);
-        let mut journal = Journal::open(dir.path(), None).unwrap();
+        let mut journal = begin(dir.path(), None, &[]).unwrap();
         // What is said again counts.
         journal.add(Vec::new(), &row(5)).unwrap();
         journal.add(Vec::new(), &row(4)).unwrap();
         let changed = FrameStats { hits: 8, ..row(5) };
         journal.add(Vec::new(), &changed).unwrap();
-        let done = Done::in_folder(dir.path()).unwrap();
+        let done = Finished::in_folder(dir.path()).unwrap();
         assert_eq!(done.list, [3, 4]);
         assert_eq!(done.whole(3, dir.path(), "frame_0003.png").unwrap().hits, 7);
         assert!(done.all_whole(4, dir.path()).is_some());
@@ -269,14 +276,12 @@ mod tests {
     fn shards_have_journals_of_their_own_that_are_read_together() {
         let dir = tempfile::tempdir().unwrap();
         for number in 1..=2 {
-            let shard = Some(Shard { number, of: 2 });
-            let mut journal = Journal::open(dir.path(), shard).unwrap();
-            journal.begin(vec![0, 1], Value::Null).unwrap();
+            let mut journal = begin(dir.path(), Some([number, 2]), &[0, 1]).unwrap();
             journal.add(Vec::new(), &row(number - 1)).unwrap();
         }
-        let done = Done::in_folder(dir.path()).unwrap();
+        let done = Finished::in_folder(dir.path()).unwrap();
         assert_eq!((done.list.len(), done.frames.len()), (2, 2));
-        clear(dir.path()).unwrap();
+        clear_run(dir.path()).unwrap();
         assert!(journals(dir.path()).unwrap().is_empty());
     }
 }

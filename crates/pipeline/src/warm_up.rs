@@ -2,12 +2,10 @@
 //!
 //! Opening a device, compiling kernels and building a first tree leave it idle for milliseconds to seconds. So a run's
 //! first frame, which waits for all of that, is followed by traces of it that nobody counts, for a while and until they
-//! take as long as they did before. The scene does not move on, and no tree ages ([`pipeline::Driver::warm_up`]).
+//! take as long as they did before. The scene does not move on, and no tree ages ([`Driver::warm_up`]).
 
+use crate::{Driver, Frame, FrameRecord, PipelineError, Wanted};
 use backend::{DeviceKind, FrameReport, Query};
-use output::Summary;
-use pipeline::{Driver, Frame, FrameRecord, PipelineError, Wanted};
-use serde::Serialize;
 use std::time::Instant;
 
 /// Seconds that a graphics processor is warmed up unless asked otherwise. On an H200 that had waited ten seconds for its
@@ -22,24 +20,15 @@ const AGREE: f64 = 0.03;
 /// Seconds that go on in vain until medians agree.
 const PATIENCE: f64 = 0.5;
 
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(crate) struct Warmed {
+/// How a device was warmed up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Warmed {
     /// By the host's clock.
-    pub(crate) seconds: f64,
+    pub seconds: f64,
     /// Traces of the first frame.
-    frames: usize,
+    pub frames: usize,
     /// Whether they took the same time in the end.
-    steady: bool,
-}
-
-impl Warmed {
-    /// What to say of a run that began too early.
-    pub(crate) fn warning(self) -> Option<String> {
-        let seconds = self.seconds;
-        (!self.steady).then(|| {
-            format!("not to be relied on: after {seconds:.1} s of warm-up frames still changed")
-        })
-    }
+    pub steady: bool,
 }
 
 /// Seconds for a device; the host's cores have no use for it, and a driver that runs there only if it is asked for.
@@ -56,7 +45,7 @@ fn seconds(asked: Option<f64>, kind: DeviceKind) -> f64 {
 ///
 /// # Errors
 /// The backend's, or whatever `on_frame` returns.
-pub(crate) fn begin<'a, E: From<PipelineError>>(
+pub fn warm_up<'a, E: From<PipelineError>>(
     asked: Option<f64>,
     driver: &mut Driver,
     frames: &'a [Frame],
@@ -107,13 +96,15 @@ type Moment = (f64, f64);
 fn is_steady(seen: &[Moment]) -> bool {
     let (earlier, last) = window(seen);
     let (_, before) = window(earlier);
-    let median = |of: &[Moment]| Summary::of(of.iter().map(|m| m.1)).map(|s| s.median);
-    match (median(before), median(last)) {
-        (Some(a), Some(b)) if before.len().min(last.len()) >= FEWEST => {
-            (a - b).abs() <= AGREE * a.max(b)
-        }
-        _ => false,
-    }
+    let [a, b] = [before, last].map(median);
+    before.len().min(last.len()) >= FEWEST && (a - b).abs() <= AGREE * a.max(b)
+}
+
+/// The middle one of their times; of an even number, the later of two.
+fn median(of: &[Moment]) -> f64 {
+    let mut times: Vec<f64> = of.iter().map(|m| m.1).collect();
+    times.sort_unstable_by(f64::total_cmp);
+    times.get(times.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// Parts off the last frames that fill a window.
@@ -155,18 +146,6 @@ mod tests {
         assert!(steady(vec![400.0; 6]));
         assert!(!steady([400.0, 400.0, 400.0, 300.0, 300.0, 300.0]));
         assert!(!steady([]));
-    }
-
-    #[test]
-    fn a_run_that_began_too_early_is_told() {
-        let of = |steady| Warmed {
-            seconds: 1.23,
-            frames: 9,
-            steady,
-        };
-        assert_eq!(of(true).warning(), None);
-        let warning = of(false).warning().unwrap();
-        assert!(warning.contains("after 1.2 s"), "{warning}");
     }
 
     #[test]

@@ -3,62 +3,45 @@
 use bvh_build::{BinaryTree, BuildError, Builder, Cancel, sah_cost};
 use geom::{Animation, KeyFrameError, Point, Pose, is_active, is_degenerate};
 use rayon::prelude::*;
-use serde::Serialize;
 
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(super) struct Motion {
+/// How far vertices go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
     /// Share of the vertices that are elsewhere in some key frame.
-    pub(super) moving: f64,
+    pub moving: f64,
     /// Mean way of a vertex from one key frame to the next, over the diagonal of the bounds.
-    pub(super) mean_step: f64,
+    pub mean_step: f64,
     /// The longest such way.
-    pub(super) max_step: f64,
+    pub max_step: f64,
 }
 
 /// The least and the most over all key frames.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub(super) struct Spread {
-    pub(super) min: usize,
-    pub(super) max: usize,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub(super) struct Still {
-    /// Vertices that never move: see [`geom::StaticParts`].
-    pub(super) vertices: usize,
-    /// Triangles all of whose vertices are such.
-    pub(super) triangles: usize,
-    /// Bytes of positions in all key frames.
-    pub(super) bytes: usize,
-    /// Of those, what static vertices take in key frames after the first.
-    pub(super) repeated_bytes: usize,
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Spread {
+    /// The least.
+    pub min: usize,
+    /// The most.
+    pub max: usize,
 }
 
 /// The first tree at another time.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(super) struct Decay {
-    pub(super) time: f64,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Decay {
+    /// In key frames.
+    pub time: f64,
     /// Its refitted cost.
-    pub(super) refitted: f64,
+    pub refitted: f64,
     /// The cost of a tree built there.
-    pub(super) fresh: f64,
+    pub fresh: f64,
     /// One over the other; `None` where there is no cost.
-    pub(super) ratio: Option<f64>,
-}
-
-pub(super) fn still(animation: &Animation) -> Still {
-    let parts = animation.static_parts();
-    let (keys, vertices) = (animation.key_count(), parts.vertex_count());
-    Still {
-        vertices,
-        triangles: parts.triangle_count(),
-        bytes: keys * animation.vertex_count() * size_of::<Point>(),
-        repeated_bytes: (keys - 1) * vertices * size_of::<Point>(),
-    }
+    pub ratio: Option<f64>,
 }
 
 /// Measures the motion; steps to or from where a vertex is not finite count for nothing.
-pub(super) fn measure(animation: &Animation) -> Result<Motion, KeyFrameError> {
+///
+/// # Errors
+/// A key frame cannot be read.
+pub fn motion(animation: &Animation) -> Result<Motion, KeyFrameError> {
     let bits = |p: &Point| p.map(f32::to_bits);
     let mut moves = vec![false; animation.vertex_count()];
     let mut steps: Vec<(f64, f64, usize)> = Vec::new();
@@ -89,7 +72,10 @@ pub(super) fn measure(animation: &Animation) -> Result<Motion, KeyFrameError> {
 }
 
 /// Inactive and degenerate triangles of each key frame: their spread.
-pub(super) fn unhittable(animation: &Animation) -> Result<[Spread; 2], KeyFrameError> {
+///
+/// # Errors
+/// A key frame cannot be read.
+pub fn unhittable(animation: &Animation) -> Result<[Spread; 2], KeyFrameError> {
     let count = |key: usize| -> Result<_, KeyFrameError> {
         let pose = Pose {
             key: key as u32,
@@ -114,7 +100,10 @@ pub(super) fn unhittable(animation: &Animation) -> Result<[Spread; 2], KeyFrameE
 }
 
 /// Compares the tree of time 0, refitted, with a fresh one at `samples` times over the motion.
-pub(super) fn decay(animation: &Animation, samples: usize) -> Result<Vec<Decay>, BuildError> {
+///
+/// # Errors
+/// The builder's.
+pub fn decay(animation: &Animation, samples: usize) -> Result<Vec<Decay>, BuildError> {
     let (mut builder, cancel) = (Builder::new(), Cancel::new());
     let [mut first, mut fresh] = [BinaryTree::default(), BinaryTree::default()];
     builder.build(&animation.at(0.0)?, &cancel, &mut first)?;
@@ -155,23 +144,16 @@ mod tests {
         moved[0] = [0.0, 1.0, 0.0];
         let keys = vec![rest.to_vec(), moved.to_vec(), moved.to_vec()];
         let a = Animation::new(keys, vec![[0, 1, 2], [0, 1, 3], [1, 1, 2]]).unwrap();
-        let m = measure(&a).unwrap();
+        let m = motion(&a).unwrap();
         assert_eq!((m.moving, m.max_step), (0.25, 0.2));
         assert!((m.mean_step - 1.0 / 6.0 / 5.0).abs() < 1e-12);
         assert_eq!(unhittable(&a).unwrap(), [Spread { min: 1, max: 1 }; 2]);
-        let expected = Still {
-            vertices: 2,
-            triangles: 1,
-            bytes: 3 * 4 * 12,
-            repeated_bytes: 2 * 2 * 12,
-        };
-        assert_eq!(still(&a), expected);
     }
 
     #[test]
     fn a_scene_without_size_does_not_move() {
         let a = Animation::new(vec![vec![[1.0; 3]]], vec![]).unwrap();
-        assert_eq!(measure(&a).unwrap().max_step, 0.0);
+        assert_eq!(motion(&a).unwrap().max_step, 0.0);
     }
 
     #[test]

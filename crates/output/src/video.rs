@@ -1,0 +1,323 @@
+//! Frames as one video, in order: uncompressed as YUV4MPEG2, or encoded by `ffmpeg`, which reads that from a pipe.
+
+use crate::{UnfinishedFile, WriteError};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::fmt::Display;
+use std::fs::File;
+use std::io::{self, Read, Seek, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::{self, JoinHandle};
+
+/// Why there is no video.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct VideoError(String);
+
+impl From<WriteError> for VideoError {
+    fn from(e: WriteError) -> Self {
+        Self(e.to_string())
+    }
+}
+
+type Result<T> = std::result::Result<T, VideoError>;
+
+/// What a video is to be.
+#[derive(Clone, Copy, Debug)]
+pub struct VideoFiles<'a> {
+    /// A file that `ffmpeg` encodes, its format told by its ending.
+    pub encoded: Option<&'a Path>,
+    /// A YUV4MPEG2 file; `-` is standard output.
+    pub y4m: Option<&'a Path>,
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Frames a second.
+    pub fps: f64,
+}
+
+/// Writes videos on a thread of its own, of frames `F` that hold three bytes of sRGB a pixel.
+///
+/// Dropped before its end, it leaves no file: whoever drops it waits for that.
+#[derive(Debug)]
+pub struct Video<F> {
+    /// Frames with their places; `None` after the last.
+    frames: Option<Sender<Option<(usize, F)>>>,
+    thread: Option<JoinHandle<Result<()>>>,
+}
+
+impl<F> Drop for Video<F> {
+    fn drop(&mut self) {
+        drop(self.frames.take());
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
+}
+
+impl<F: AsRef<[u8]> + Send + 'static> Video<F> {
+    /// Begins what is wanted; `None` if nothing is.
+    ///
+    /// # Errors
+    /// There is no `ffmpeg`, or a file cannot be made.
+    pub fn begin(wanted: &VideoFiles<'_>) -> Result<Option<Self>> {
+        let encoded = wanted.encoded.map(|file| Sink::encoded(file, wanted));
+        let y4m = wanted.y4m.map(|file| Sink::raw(file, wanted));
+        let sinks: Vec<Sink> = encoded.into_iter().chain(y4m).collect::<Result<_>>()?;
+        if sinks.is_empty() {
+            return Ok(None);
+        }
+        let (frames, receiver) = channel();
+        let thread = thread::Builder::new().spawn(move || write(&receiver, sinks));
+        let thread = thread.map_err(|e| VideoError(format!("no thread for the video: {e}")))?;
+        Ok(Some(Self {
+            frames: Some(frames),
+            thread: Some(thread),
+        }))
+    }
+
+    /// Takes the frame at a place in the run; places may come in any order. It is dropped when it is written.
+    pub fn take(&self, place: usize, frame: F) {
+        self.send(Some((place, frame)));
+    }
+
+    fn send(&self, frame: Option<(usize, F)>) {
+        // Why nobody listens any more, `finish` says.
+        let _ = self.frames.as_ref().map(|frames| frames.send(frame));
+    }
+
+    /// Whether writing has ended early.
+    #[must_use]
+    pub fn has_failed(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// Waits until all frames are written, and gives each file its name.
+    ///
+    /// # Errors
+    /// The encoder ended early, or a file cannot be written.
+    ///
+    /// # Panics
+    /// If the writing thread did.
+    pub fn finish(mut self) -> Result<()> {
+        self.send(None);
+        let ended = self.thread.take().map_or(Ok(Ok(())), JoinHandle::join);
+        ended.unwrap_or_else(|e| std::panic::resume_unwind(e))
+    }
+}
+
+fn write<F: AsRef<[u8]>>(
+    frames: &Receiver<Option<(usize, F)>>,
+    mut sinks: Vec<Sink>,
+) -> Result<()> {
+    let (mut next, mut early) = (0, BTreeMap::new());
+    let mut planes = [const { Vec::new() }; 3];
+    for frame in frames {
+        let Some((place, frame)) = frame else {
+            return sinks.into_iter().try_for_each(Sink::end);
+        };
+        early.insert(place, frame);
+        while let Some(frame) = early.remove(&next) {
+            separate(frame.as_ref(), &mut planes);
+            let frame = y4m::Frame::new([&planes[0], &planes[1], &planes[2]], None);
+            sinks.iter_mut().try_for_each(|sink| sink.frame(&frame))?;
+            next += 1;
+        }
+    }
+    // A run that ended early leaves no video.
+    Ok(())
+}
+
+/// A video's frames at full size (4:4:4), of BT.601 in its limited range, which readers of the format take them for.
+struct Sink {
+    // Dropped in this order: no encoder writes a file that is gone.
+    video: y4m::Encoder<Box<dyn Write + Send>>,
+    encoder: Option<Encoder>,
+    file: Option<UnfinishedFile>,
+    name: String,
+}
+
+impl Sink {
+    fn raw(path: &Path, wanted: &VideoFiles<'_>) -> Result<Self> {
+        if path.as_os_str() == "-" {
+            return Self::begin(path, wanted, Box::new(io::stdout()));
+        }
+        let file = UnfinishedFile::beside(path)?;
+        let out = File::create(file.path()).map_err(|e| cannot_write(path.display(), e))?;
+        Ok(Self {
+            file: Some(file),
+            ..Self::begin(path, wanted, Box::new(out))?
+        })
+    }
+
+    fn encoded(path: &Path, wanted: &VideoFiles<'_>) -> Result<Self> {
+        let format = format_of(path)?;
+        let file = UnfinishedFile::beside(path)?;
+        let (encoder, pipe) = Encoder::start(format, file.path())?;
+        Ok(Self {
+            encoder: Some(encoder),
+            file: Some(file),
+            ..Self::begin(path, wanted, Box::new(pipe))?
+        })
+    }
+
+    fn begin(path: &Path, wanted: &VideoFiles<'_>, out: Box<dyn Write + Send>) -> Result<Self> {
+        let name = path.display().to_string();
+        let [width, height] = wanted.size.map(|n| n as usize);
+        // Frames a second to a thousandth.
+        let rate = y4m::Ratio::new((wanted.fps * 1000.0).round() as usize, 1000);
+        let header = y4m::encode(width, height, rate).with_colorspace(y4m::Colorspace::C444);
+        let video = header.write_header(out);
+        Ok(Self {
+            video: video.map_err(|e| cannot_write(&name, e))?,
+            encoder: None,
+            file: None,
+            name,
+        })
+    }
+
+    fn frame(&mut self, frame: &y4m::Frame<'_>) -> Result<()> {
+        let written = self.video.write_frame(frame);
+        written.map_err(|e| match self.encoder.take() {
+            Some(encoder) => encoder.failed(&e.to_string()),
+            None => cannot_write(&self.name, e),
+        })
+    }
+
+    fn end(self) -> Result<()> {
+        drop(self.video);
+        self.encoder.map_or(Ok(()), Encoder::end)?;
+        match self.file {
+            Some(file) => Ok(file.finish()?),
+            None => (io::stdout().flush()).map_err(|e| cannot_write(&self.name, e)),
+        }
+    }
+}
+
+fn cannot_write(name: impl Display, cause: impl Display) -> VideoError {
+    VideoError(format!("cannot write {name}: {cause}"))
+}
+
+/// Endings of files, and `ffmpeg`'s names for their formats.
+const FORMATS: [(&str, &str); 4] = [
+    ("mp4", "mp4"),
+    ("webm", "webm"),
+    ("mkv", "matroska"),
+    ("mov", "mov"),
+];
+
+fn format_of(path: &Path) -> Result<&'static str> {
+    let ending = path.extension().unwrap_or_default().to_string_lossy();
+    let format = FORMATS.iter().find(|(name, _)| *name == ending);
+    format.map(|(_, format)| *format).ok_or_else(|| {
+        let (path, known) = (path.display(), FORMATS.map(|(name, _)| format!(".{name}")));
+        let known = known.join(", ");
+        VideoError(format!(
+            "--video {path}: its name must end in one of {known}"
+        ))
+    })
+}
+
+/// `ffmpeg`. Dropped before its end, it is stopped.
+struct Encoder {
+    child: Child,
+    /// What it complains of.
+    complaints: File,
+}
+
+impl Encoder {
+    fn start(format: &str, file: &Path) -> Result<(Self, ChildStdin)> {
+        let cannot = |e: io::Error| match e.kind() {
+            io::ErrorKind::NotFound => VideoError(
+                "--video takes `ffmpeg`, which is not on PATH: install it, or use --y4m".to_owned(),
+            ),
+            _ => VideoError(format!("--video: ffmpeg cannot be started: {e}")),
+        };
+        let complaints = tempfile::tempfile().map_err(cannot)?;
+        let mut child = Command::new("ffmpeg")
+            .args(["-loglevel", "error", "-y", "-f", "yuv4mpegpipe"])
+            .args(["-i", "pipe:0"])
+            // Most players want even sizes and this format.
+            .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2,format=yuv420p"])
+            .args(["-f", format])
+            .arg(file)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(complaints.try_clone().map_err(cannot)?)
+            .spawn()
+            .map_err(cannot)?;
+        let pipe = child.stdin.take();
+        let encoder = Self { child, complaints };
+        let pipe = pipe.ok_or_else(|| VideoError("--video: ffmpeg reads nothing".to_owned()))?;
+        Ok((encoder, pipe))
+    }
+
+    fn end(mut self) -> Result<()> {
+        match self.child.wait() {
+            Ok(status) if status.success() => Ok(()),
+            Ok(status) => Err(self.failed(&status.to_string())),
+            Err(e) => Err(self.failed(&e.to_string())),
+        }
+    }
+
+    /// With the encoder's own words, where it has any.
+    fn failed(mut self, why: &str) -> VideoError {
+        // What it is about to say may say why.
+        let _ = self.child.wait();
+        let mut said = Vec::new();
+        let read = self.complaints.rewind();
+        let _ = read.and_then(|()| self.complaints.read_to_end(&mut said));
+        let said = String::from_utf8_lossy(&said);
+        let last = said.lines().rfind(|line| !line.trim().is_empty());
+        VideoError(format!(
+            "--video: ffmpeg ended early: {}",
+            last.unwrap_or(why)
+        ))
+    }
+}
+
+impl Drop for Encoder {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Luma and chroma of sRGB pixels, three bytes each.
+fn separate(rgb: &[u8], [y, cb, cr]: &mut [Vec<u8>; 3]) {
+    let pixels = rgb.as_chunks::<3>().0;
+    for plane in [&mut *y, cb, cr] {
+        plane.resize(pixels.len(), 0);
+    }
+    let planes = (&mut y[..], &mut cb[..], &mut cr[..]);
+    let planes = planes.into_par_iter().with_min_len(1 << 14);
+    let pixels = pixels.par_iter();
+    pixels.zip(planes).for_each(|(pixel, (y, cb, cr))| {
+        [*y, *cb, *cr] = ycbcr(*pixel);
+    });
+}
+
+/// sRGB to Y'CbCr of BT.601 in its limited range, in fixed point of 16 bits.
+fn ycbcr([r, g, b]: [u8; 3]) -> [u8; 3] {
+    let [r, g, b] = [r, g, b].map(i32::from);
+    let sum = |[x, y, z]: [i32; 3], offset: i32| {
+        (((x * r + y * g + z * b + (1 << 15)) >> 16) + offset) as u8
+    };
+    [
+        sum([16_829, 33_039, 6_416], 16),
+        sum([-9_714, -19_070, 28_784], 128),
+        sum([28_784, -24_103, -4_681], 128),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn greys_have_no_chroma_and_reach_both_ends() {
+        assert_eq!(ycbcr([0; 3]), [16, 128, 128]);
+        assert_eq!(ycbcr([255; 3]), [235, 128, 128]);
+        assert_eq!(ycbcr([255, 0, 0]), [81, 90, 240]);
+        assert_eq!(ycbcr([0, 0, 255]), [41, 240, 110]);
+    }
+}

@@ -1,0 +1,81 @@
+//! How much memory a run is going to take.
+
+use crate::Update;
+use backend::{DeviceKind, Intersector, Method};
+use geom::{Animation, Point};
+
+/// Bytes a triangle of what the host holds at most while trees are built and traced: corners, colours, boxes, the tree
+/// in use, the one that is built and what it is built from. Measured: 215 to 345.
+pub const TREE_BYTES: u64 = 345;
+/// Bytes a ray, of hits, shadows and pixels in three frames.
+const RAY_BYTES: u64 = 64;
+const BASE_BYTES: u64 = 16 << 20;
+/// Bytes a triangle of a tree on a device: its record, nodes, lists, and as many trees as may be under way.
+/// Measured: 122 to 141, docs/measured.md.
+const DEVICE_TREE_BYTES: u64 = 160;
+/// The same where the device makes the tree, with room to make it in.
+const DEVICE_REBUILD_BYTES: u64 = 260;
+/// Bytes of a device's buffers that depend on nothing.
+const DEVICE_BASE_BYTES: u64 = 1 << 20;
+/// Bytes of the places where few rays are settled.
+const EXACT_BASE_BYTES: u64 = 4 * (3 << 16) + 4 * 64 * 2048;
+/// Frames whose rays a device holds at a time.
+const TRACES: u64 = backend::FRAMES_IN_FLIGHT as u64 + 1;
+
+/// What a run is expected to take at most, by what is known before trees are built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ExpectedMemory {
+    /// Bytes of the host, a driver's own aside.
+    pub host_bytes: u64,
+    /// Bytes of the device's buffers, if it is not the host.
+    pub device_bytes: Option<u64>,
+}
+
+impl ExpectedMemory {
+    /// Of a run on a device that traces so many rays in each frame.
+    #[must_use]
+    pub fn of(
+        animation: &Animation,
+        device: DeviceKind,
+        (method, update): (Method, Update),
+        rays: usize,
+    ) -> Self {
+        let keys = keys_bytes(animation);
+        let trees = trees_bytes(animation.triangle_count(), rays);
+        let on_device = || device_bytes(animation, (method, update), rays);
+        Self {
+            host_bytes: BASE_BYTES + keys + trees,
+            device_bytes: (device != DeviceKind::Cpu).then(on_device),
+        }
+    }
+}
+
+fn keys_bytes(animation: &Animation) -> u64 {
+    let kept = animation.window().unwrap_or(animation.key_count());
+    (kept * animation.vertex_count() * size_of::<Point>()) as u64
+}
+
+/// Bytes that the host takes for trees over so many triangles and for the answers to so many rays.
+#[must_use]
+pub fn trees_bytes(triangles: usize, rays: usize) -> u64 {
+    let trees = (triangles as u64).saturating_mul(TREE_BYTES);
+    trees.saturating_add((rays as u64).saturating_mul(RAY_BYTES))
+}
+
+fn device_bytes(animation: &Animation, (method, update): (Method, Update), rays: usize) -> u64 {
+    const POINT: u64 = size_of::<Point>() as u64;
+    let vertices = animation.vertex_count() as u64;
+    let triangles = animation.triangle_count() as u64;
+    // Two frames' positions, and which rows of them move.
+    let scene = keys_bytes(animation) + vertices * (2 * POINT + 4) + triangles * 12;
+    let tree = match update {
+        Update::DeviceRebuild => DEVICE_REBUILD_BYTES,
+        _ => DEVICE_TREE_BYTES,
+    };
+    // A hit, a shadow and, for exact, places for what is settled later.
+    let answers = match method.intersector {
+        Intersector::Exact => rays as u64 * 40 + EXACT_BASE_BYTES,
+        _ => rays as u64 * 20,
+    };
+    DEVICE_BASE_BYTES + scene + animation.live_count() as u64 * tree + TRACES * answers
+}
