@@ -69,7 +69,7 @@ mod tests {
             ..Method::default()
         };
         let mut tracer = crate::Tracer::ready(mesh, method, 1);
-        let primary = camera(mesh).rays().collect::<Vec<_>>();
+        let primary = camera(mesh, [512, 320]).rays().collect::<Vec<_>>();
         let shadow = shadow_rays(mesh, &primary, &mut tracer);
         let mut tree = R::default();
         let mut start = R::soup(&mesh.triangles(mesh.start()));
