@@ -32,11 +32,11 @@ pub(super) fn ask(
     let mut backend = open::bare(ask.backend, None, threads::cores())?;
     let mut mixed_range = Vec::new();
     for test in tests {
-        if let Some(counts) = test.ask(backend.as_mut(), method.intersector)? {
+        if let Some(cell) = test.ask(backend.as_mut(), method.intersector)? {
             mixed_range.push(FamilyCounts {
                 family: test.family().name().to_owned(),
-                rays: counts.rays,
-                wrong: counts.wrong,
+                rays: cell.wrong().of,
+                wrong: cell.wrong().count,
             });
         }
     }
