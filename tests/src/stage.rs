@@ -1,16 +1,14 @@
 //! A backend with one scene on it, and a tree of any age.
 
-use backend::{Backend, Generation, Hits, Intersector, Method, Query, QueryKind, Rays, Result};
-use bvh_build::Cancel;
+use backend::{Backend, Generation, Hits, Intersector, Method, QueryKind, Rays};
+use conformance::stage::{ask, stand, tree_at};
 use geom::{Animation, Camera, Point, Ray};
-use pipeline::TreeBuilder;
 use std::sync::Arc;
 
 /// A backend that traces one animation.
 pub struct Stage {
     backend: Box<dyn Backend>,
     animation: Arc<Animation>,
-    tools: TreeBuilder,
     generation: Generation,
 }
 
@@ -36,7 +34,6 @@ impl Stage {
         Self {
             backend,
             animation: Arc::clone(animation),
-            tools: TreeBuilder::new(),
             generation: Generation(0),
         }
     }
@@ -50,16 +47,13 @@ impl Stage {
     /// Adopts a tree built from the vertices at `time`.
     ///
     /// # Panics
-    /// If the build or the adoption fails; likewise below.
+    /// If the adoption fails; likewise below.
     pub fn plant(&mut self, time: f64) {
-        let (animation, moment) = (&self.animation, self.animation.at(time).unwrap());
-        let vertices = 0..animation.vertex_count() as u32;
-        let positions: Vec<_> = vertices.map(|v| moment.vertex(v)).collect();
-        let built = self.tools.build(animation, &positions, &Cancel::new());
         self.generation.0 += 1;
-        self.backend
-            .adopt(&built.expect("nobody cancels").topology, self.generation)
-            .expect("the tree fits");
+        let adopted = self
+            .backend
+            .adopt(&tree_at(&self.animation, time), self.generation);
+        adopted.expect("the tree fits");
     }
 
     /// The closest hits of rays at `time`, with the tree that is planted.
@@ -72,20 +66,9 @@ impl Stage {
     /// # Panics
     /// If a stage fails.
     pub fn trace(&mut self, time: f64, rays: Rays<'_>, kind: QueryKind) -> Hits {
-        let done = self.try_trace(time, rays, kind);
-        done.expect("every stage runs")
-    }
-
-    fn try_trace(&mut self, time: f64, rays: Rays<'_>, kind: QueryKind) -> Result<Hits> {
-        let mut hits = Hits::default();
-        self.backend.interpolate(self.animation.pose(time))?;
-        self.backend.preprocess()?;
-        self.backend.refit()?;
-        self.backend.trace(Query { rays, kind })?;
-        let ticket = self.backend.submit()?;
-        self.backend.wait(ticket)?;
-        self.backend.hits(ticket, &mut hits)?;
-        Ok(hits)
+        let backend = self.backend.as_mut();
+        let done = stand(backend, &self.animation, time).and_then(|()| ask(backend, rays, kind));
+        done.expect("every stage runs").0
     }
 }
 

@@ -129,7 +129,7 @@ fn trials_of(name: &'static str, mut subject: Box<dyn Subject>) -> Vec<Trial> {
             let mut shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
             let (subject, reference, heard) = &mut *shared;
             let seed = number("ABVH_SEED", 1);
-            let held = hold(law, subject.backend(), reference, seed, cases());
+            let held = hold(law, subject.backend(), reference, seed, cases(name));
             let complaints = subject.complaints();
             let new = complaints[*heard..].first();
             *heard = complaints.len();
@@ -158,9 +158,14 @@ fn absent(name: &str, why: &str, required: bool) -> Vec<Trial> {
         .collect()
 }
 
-/// By default one case of each kind of scene; in the full tier a few.
-fn cases() -> u32 {
-    let default = if integration::is_full() { 36 } else { 14 };
+/// By default one case of each kind of scene, and few where another backend differs in a form of the kernels or a
+/// preference alone; in the full tier more.
+fn cases(name: &str) -> u32 {
+    let default = match name {
+        _ if integration::is_full() => 36,
+        "wgpu-wgsl" | "vulkan-rt:fast-trace" => 4,
+        _ => 15,
+    };
     u32::try_from(number("ABVH_CASES", default)).unwrap_or(u32::MAX)
 }
 

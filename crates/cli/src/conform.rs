@@ -63,7 +63,7 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
             let begun = Instant::now();
             let backend = subject.backend.as_mut();
             let held = match args.case {
-                Some(trial) => hold_one(law, backend, &mut reference, args.seed, trial).map(|()| 1),
+                Some(case) => hold_one(law, backend, &mut reference, args.seed, case).map(|()| 1),
                 None => hold(law, backend, &mut reference, args.seed, args.cases),
             };
             let seconds = begun.elapsed().as_secs_f64();
@@ -73,7 +73,7 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
                 held: *held.as_ref().unwrap_or_else(|e| &e.held),
                 seconds,
                 reproduce: held.as_ref().err().map(|e| {
-                    let rest = format!("--law {} --case {}", e.law, e.trial);
+                    let rest = format!("--law {} --case {}", e.law, e.case);
                     command(args, "", subject.name, &rest)
                 }),
                 disagreement: held.err().map(|e| e.to_string()),

@@ -54,7 +54,8 @@ fn record_rates(args: &StabilityArgs, subjects: &mut [Subject], file: &Path) -> 
         )));
     };
     let mut progress = Progress::new(Family::ALL.len() as u64, args.test.quiet);
-    let found = baseline::record(subject.backend.as_mut(), args.seeds, &mut |family| {
+    let extent = (args.seeds, args.rays);
+    let found = baseline::record(subject.backend.as_mut(), extent, &mut |family| {
         progress.step(&format!("{} {family}", subject.name));
     })?;
     output::write_json(file, &found)?;
@@ -85,11 +86,10 @@ fn ask(args: &StabilityArgs, subjects: &mut [Subject], report: &mut Report) -> R
 /// `None` if the backend does not support the intersector.
 fn cell(subject: &mut Subject, by: Intersector, test: &StressTest) -> Result<Option<Row>, Stop> {
     let begun = Instant::now();
-    let arithmetic = subject.backend.device().arithmetic;
-    let counts = test.ask(subject.backend.as_mut(), by)?;
-    Ok(counts.map(|counts| Row {
+    let cell = test.ask(subject.backend.as_mut(), by)?;
+    Ok(cell.map(|cell| Row {
         backend: subject.name,
-        cell: Cell::new(test.family(), by, &counts, arithmetic),
+        cell,
         seconds: begun.elapsed().as_secs_f64(),
     }))
 }
@@ -126,9 +126,6 @@ impl Serialize for Row {
             // Of closed bodies alone: rays from inside that meet nothing; rays that cross them too often or too seldom.
             "leaks": of(Measure::Leaks),
             "double_hits": of(Measure::DoubleHits),
-            // Of rearranged scenes alone: answers that differ with the tree; cost of the refitted tree over a new one's.
-            "tree_dependent": of(Measure::TreeDependent),
-            "sah_ratio": cell.sah_ratio,
             // Whether all that was counted is within its bound.
             "ok": cell.is_ok(),
             "seconds": self.seconds,
@@ -165,16 +162,9 @@ impl Report {
         let mut text = format!("\n{backend}, rays of each family: {}\n", self.rays);
         text += &self.table(backend, &head, asked, &|r| share(r.cell.wrong()));
         head[0] = "leaks, double hits";
-        text += &self.table(backend, &head, asked, &|r| {
-            let [leaks, doubles] = [Measure::Leaks, Measure::DoubleHits].map(|m| r.cell.get(m));
-            leaks.zip(doubles).map_or(String::new(), |(l, d)| {
-                format!("{}, {}", share(l), share(d))
-            })
-        });
-        let mut of_backend = self.rows.iter().filter(|r| r.backend == backend);
-        let moved = of_backend.find_map(|r| r.cell.sah_ratio);
-        text + &moved.map_or(String::new(), |ratio| {
-            format!("rearranged: a refitted tree costs {ratio:.1} times a new one (SAH)\n")
+        text + &self.table(backend, &head, asked, &|r| {
+            let all = [Measure::Leaks, Measure::DoubleHits].map(|m| r.cell.get(m).map(share));
+            all.into_iter().flatten().collect::<Vec<_>>().join(", ")
         })
     }
 
@@ -248,22 +238,14 @@ fn percent(rate: f64) -> String {
 mod tests {
     use super::*;
     use backend::Arithmetic;
-    use conformance::stress::{Closed, StressCounts};
 
     fn report(wrong: u64, leaks: u64, by: Intersector) -> Report {
-        let closed = Closed {
-            inside: 1000,
-            leaks,
-            counted: 2000,
-            doubles: 0,
-        };
-        let tally = StressCounts {
-            rays: 2000,
-            wrong,
-            closed: Some(closed),
-            rearranged: None,
-        };
-        let cell = Cell::new(Family::Edges, by, &tally, Arithmetic::IEEE);
+        let counts = [
+            (Measure::Wrong, wrong, 2000),
+            (Measure::Leaks, leaks, 1000),
+            (Measure::DoubleHits, 0, 2000),
+        ];
+        let cell = Cell::new(Family::Edges, by, &counts, Arithmetic::IEEE);
         Report {
             seed: 9,
             rays: 2000,

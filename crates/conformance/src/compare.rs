@@ -1,6 +1,6 @@
 //! When two answers agree, and how to say that they do not.
 
-use crate::Case;
+use crate::{Case, RayKind};
 use anyhow::{Result, anyhow, ensure};
 use backend::{FrameReport, Hits, Rays};
 use geom::{Animation, Hit, Point, Ray};
@@ -51,13 +51,13 @@ pub(crate) fn same_hit(a: &Hit, b: &Hit) -> bool {
     bits(a) == bits(b)
 }
 
-/// As many triangles of either odd sort, and as many hits.
+/// As many triangles of either odd sort, and as many hits of either kind.
 pub(crate) fn same_counts(seen: &FrameReport, expected: &FrameReport) -> Result<()> {
-    let counts = |r: &FrameReport| [r.inactive, r.degenerate, r.hits];
+    let counts = |r: &FrameReport| [r.inactive, r.degenerate, r.hits, r.blocked];
     let (found, right) = (counts(seen), counts(expected));
     ensure!(
         found == right,
-        "inactive, degenerate, hits are {found:?}, expected {right:?}"
+        "inactive, degenerate, hits, blocked are {found:?}, expected {right:?}"
     );
     Ok(())
 }
@@ -79,18 +79,18 @@ pub(crate) fn answers(
             let triangles = [named(subject), named(reference)]
                 .map(|t| triangle_text(&case.animation, time, t))
                 .join(" against ");
-            let ray = named_ray(case, rays, i);
+            let ray = named_ray(rays, i);
             anyhow!("at time {time:?}: {text}; {ray}; {triangles}")
         })
 }
 
 /// A ray by its number, with all that is known of it.
-pub(crate) fn named_ray(case: &Case, rays: Rays<'_>, i: usize) -> String {
+pub(crate) fn named_ray(rays: Rays<'_>, i: usize) -> String {
     match rays {
         Rays::List(list) => {
-            let kind = case.kinds.get(i).map(|kind| format!("{kind:?}"));
+            let kind = RayKind::ALL[i % RayKind::ALL.len()];
             let text = list.get(i).map(ray_text).unwrap_or_default();
-            format!("ray {i} ({}): {text}", kind.unwrap_or_default())
+            format!("ray {i} ({kind}): {text}")
         }
         Rays::Camera(camera) if i < camera.pixels() => {
             let (x, y) = (i as u32 % camera.width, i as u32 / camera.width);
@@ -102,12 +102,8 @@ pub(crate) fn named_ray(case: &Case, rays: Rays<'_>, i: usize) -> String {
 
 /// A ray in digits that read back to the same bits.
 pub(crate) fn ray_text(ray: &Ray) -> String {
-    let Ray {
-        origin,
-        direction,
-        t_min,
-        t_max,
-    } = ray;
+    let (origin, direction) = (ray.origin, ray.direction);
+    let (t_min, t_max) = (ray.t_min, ray.t_max);
     format!("origin {origin:?}, direction {direction:?}, t in ({t_min:?}, {t_max:?})")
 }
 

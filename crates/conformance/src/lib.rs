@@ -40,6 +40,7 @@ macro_rules! named {
 
 mod case;
 mod compare;
+mod crossings;
 mod generate;
 mod laws;
 pub mod leaks;
@@ -49,7 +50,7 @@ mod rounding;
 pub mod stage;
 pub mod stress;
 
-pub use case::{Case, REGRESSIONS, Regression};
+pub use case::Case;
 pub use generate::cases::nth_case;
 pub use generate::rays::{RayKind, Target, aimed};
 pub use generate::topologies::record;
@@ -59,52 +60,27 @@ pub use reference::Reference;
 use anyhow::anyhow;
 use backend::{Backend, Layout, Method};
 use laws::Check;
-use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-
-/// Which scene and rays a law is tried on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Trial {
-    /// One of [`REGRESSIONS`], by name.
-    Regression(&'static str),
-    /// A case of the seed, by number.
-    Case(u32),
-}
-
-impl fmt::Display for Trial {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Regression(name) => f.pad(name),
-            Self::Case(i) => i.fmt(f),
-        }
-    }
-}
 
 /// What a law found: which case, and how subject and reference disagree.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("law {law}, seed {seed}, case {trial}: {what}; the case is {about}")]
+#[error("law {law}, seed {seed}, case {case}: {what}; the case is {about}")]
 pub struct Disagreement {
     /// The law's name.
     pub law: &'static str,
     /// The seed of the whole run.
     pub seed: u64,
-    /// The case within the run.
-    pub trial: Trial,
+    /// The number of the case.
+    pub case: u32,
     /// What was seen and what was expected.
     pub what: String,
     /// What the case is made of.
     pub about: String,
-    /// Trials that held before.
+    /// Cases that held before.
     pub held: u32,
 }
 
-/// All regressions, then `cases` cases of the seed.
-pub fn trials(cases: u32) -> impl Iterator<Item = Trial> {
-    let regressions = REGRESSIONS.iter().map(|r| Trial::Regression(r.name));
-    regressions.chain((0..cases).map(Trial::Case))
-}
-
-/// Holds `subject` to one law over regressions and `cases` cases made from `seed`; returns how many trials held.
+/// Holds `subject` to one law over `cases` cases made from `seed`; returns how many held.
 ///
 /// Case `i` of a seed is the same in every run, on every machine and for every number of cases.
 ///
@@ -117,42 +93,32 @@ pub fn hold(
     seed: u64,
     cases: u32,
 ) -> Result<u32, Disagreement> {
-    let mut held = 0;
-    for trial in trials(cases) {
-        hold_one(law, subject, reference, seed, trial)
-            .map_err(|found| Disagreement { held, ..found })?;
-        held += 1;
+    for i in 0..cases {
+        let held = hold_one(law, subject, reference, seed, i);
+        held.map_err(|found| Disagreement { held: i, ..found })?;
     }
-    Ok(held)
+    Ok(cases)
 }
 
 /// Holds `subject` to one law over one case, with each layout that it has. A backend that panics disagrees.
 ///
 /// # Errors
 /// The disagreement.
-///
-/// # Panics
-/// If there is no regression of that name.
 pub fn hold_one(
     law: &Law,
     subject: &mut dyn Backend,
     reference: &mut Reference,
     seed: u64,
-    trial: Trial,
+    number: u32,
 ) -> Result<(), Disagreement> {
-    let case = match trial {
-        Trial::Case(i) => nth_case(seed, i),
-        Trial::Regression(name) => {
-            let found = REGRESSIONS.iter().find(|r| r.name == name);
-            found.expect("regressions go by their names").case()
-        }
-    };
-    reference.begin((seed, trial));
+    let case = nth_case(seed, number);
+    // It has another case loaded.
+    reference.backend();
     let found = in_all_layouts(law, &case, subject, reference);
     found.map_err(|what| Disagreement {
         law: law.name,
         seed,
-        trial,
+        case: number,
         what: format!("{what:#}"),
         about: case.to_string(),
         held: 0,

@@ -96,7 +96,10 @@ pub(crate) fn fetch(backend: &mut dyn Backend, ticket: Ticket) -> Result<(Hits, 
 }
 
 /// Traces and fetches.
-pub(crate) fn ask(
+///
+/// # Errors
+/// As above.
+pub fn ask(
     backend: &mut dyn Backend,
     rays: Rays<'_>,
     kind: QueryKind,

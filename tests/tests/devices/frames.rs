@@ -2,42 +2,13 @@
 
 use crate::Subject;
 use crate::scenes::{
-    SHADOWED, arrive, bits, camera, go, hits, laid, look, open, open_laid, positions, rays, report,
-    see, stand, swarm, tree_at,
+    SHADOWED, arrive, bits, camera, go, laid, look, open, open_laid, positions, rays, report, see,
+    stand, swarm, tree_at,
 };
 use backend::{Backend, BackendError, Generation, Layout, Query, QueryKind, Rays};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
-
-pub(crate) fn results_last_for_two_more_traces(backend: &mut dyn Subject) {
-    let (animation, camera) = (swarm(300), camera());
-    open(backend, &animation);
-    let times = [0.0, 0.5, 1.2, 1.9, 0.7, 1.4];
-    let alone = times.map(|time| {
-        stand(backend, &animation, time);
-        see(backend, Rays::Camera(&camera), SHADOWED)
-    });
-    // Nobody waits, and many submissions without a trace come between.
-    let mut tickets = Vec::new();
-    for (i, &time) in times.iter().enumerate() {
-        stand(backend, &animation, time);
-        tickets.push(go(backend, Rays::Camera(&camera), SHADOWED));
-        for _ in 0..9 {
-            stand(backend, &animation, 0.1);
-            backend.submit().unwrap();
-        }
-        // Another trace in the making takes nothing away.
-        if i == 5 {
-            stand(backend, &animation, 0.3);
-        }
-    }
-    for i in [5, 3, 4, 3] {
-        assert!(hits(backend, tickets[i]) == alone[i], "trace {i}");
-        let count = alone[i].closest.iter().filter(|h| h.is_hit()).count();
-        assert_eq!(backend.wait(tickets[i]).unwrap().hits, count as u64);
-    }
-}
 
 /// Where the device has a clock, as all of this machine's have.
 pub(crate) fn stages_are_timed_by_one_clock(backend: &mut dyn Subject) {
@@ -130,40 +101,6 @@ pub(crate) fn steady_frames_make_no_buffers(backend: &mut dyn Subject) {
     }
 }
 
-pub(crate) fn snapshots_hold_the_vertices_of_their_frame(backend: &mut dyn Subject) {
-    let animation = swarm(20_000);
-    open(backend, &animation);
-    assert!(backend.take_positions().unwrap().is_none());
-    let mut asked = VecDeque::new();
-    for frame in 0..7 {
-        let time = 0.25 * f64::from(frame);
-        stand(backend, &animation, time);
-        backend.request_positions().unwrap();
-        // Nor may what is recorded after the request disturb it.
-        match frame % 3 {
-            1 => stand(backend, &animation, time + 0.05),
-            2 => backend.interpolate(animation.pose(time + 0.06)).unwrap(),
-            _ => (),
-        }
-        let ticket = backend.submit().unwrap();
-        let report = backend.wait(ticket).unwrap();
-        assert_eq!(report.readback_bytes, 20_000 * 36);
-        asked.push_back((ticket, time));
-        // Nor frames that follow at once.
-        stand(backend, &animation, time + 0.1);
-        backend.submit().unwrap();
-    }
-    let mut held = Vec::new();
-    while let Some((ticket, time)) = asked.pop_front() {
-        let (from, snapshot) = arrive(backend);
-        assert_eq!(from, ticket);
-        let expected = bits(&positions(&animation, time));
-        assert!(bits(&snapshot) == expected, "{time}");
-        held.push(snapshot);
-    }
-    assert!(backend.take_positions().unwrap().is_none());
-}
-
 pub(crate) fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once(
     backend: &mut dyn Subject,
 ) {
@@ -190,7 +127,7 @@ pub(crate) fn a_snapshot_outlives_the_backend(mut backend: Box<dyn Subject>) {
     open(&mut *backend, &animation);
     stand(&mut *backend, &animation, 0.25);
     backend.request_positions().unwrap();
-    backend.submit().unwrap();
+    assert_eq!(report(&mut *backend).readback_bytes, 100 * 36);
     let (_, snapshot) = arrive(&mut *backend);
     let expected = bits(&backend.inspect().positions().unwrap());
     drop(backend);

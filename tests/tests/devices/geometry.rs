@@ -2,13 +2,13 @@
 
 use crate::Subject;
 use crate::scenes::{
-    SHADOWED, apart, camera, go, hits, laid, open, open_laid, rays, report, stand, swarm, tree_at,
+    SHADOWED, apart, camera, go, hits, laid, open, open_laid, report, stand, swarm, tree_at,
 };
 use backend::{Backend, FrameReport, Generation, Layout, Method, QueryKind, Rays};
 use bvh_layout::Topology;
 use conformance::record;
 use cpu_ref::CpuBackend;
-use geom::{Animation, Hit};
+use geom::Animation;
 use std::sync::Arc;
 
 /// As many leaves as a chain may have: a record has 65 levels at most.
@@ -26,8 +26,7 @@ fn stack() -> Arc<Animation> {
 /// Each inner node has one leaf, to the left, and the next inner node.
 fn chain() -> Topology {
     let order: Vec<_> = (0..LEAVES).collect();
-    let words = record(LEAVES as usize, &order, |_, _| 1);
-    Topology::from_words(words).unwrap()
+    record(LEAVES as usize, &order, |_, _| 1)
 }
 
 pub(crate) fn a_submission_may_hold_any_number_of_stages(backend: &mut dyn Subject) {
@@ -227,25 +226,4 @@ pub(crate) fn large_trees_have_the_references_boxes(backend: &mut dyn Subject) {
         "it did not wait"
     );
     assert!((seen.1, seen.2, seen.3) == (right.1, right.2, right.3));
-}
-
-pub(crate) fn an_empty_tree_is_missed_by_all(backend: &mut dyn Subject) {
-    let animation = apart(vec![vec![[f32::NAN; 3]; 3]]);
-    let (camera, list) = (camera(), rays(9));
-    open(backend, &animation);
-    for (rays, kind) in [
-        (Rays::Camera(&camera), SHADOWED),
-        (Rays::List(&list), QueryKind::Closest),
-        (Rays::List(&list), QueryKind::Any),
-        (Rays::List(&[]), SHADOWED),
-    ] {
-        stand(backend, &animation, 0.0);
-        let ticket = go(backend, rays, kind);
-        let hits = hits(backend, ticket);
-        assert!(hits.closest.iter().all(|h| *h == Hit::MISS));
-        assert!(hits.blocked.iter().all(|&b| b == 0));
-        let told = hits.closest.len() + hits.blocked.len();
-        assert_eq!(told > 0, rays.count() > 0);
-        assert_eq!(backend.wait(ticket).unwrap().inactive, 1);
-    }
 }

@@ -100,18 +100,15 @@ macro_rules! named {
 
 /// What any device does, with scenes that each loads itself.
 const SHARED: &[Test] = named![
-    frames::results_last_for_two_more_traces,
     frames::stages_are_timed_by_one_clock,
     frames::steady_frames_make_no_buffers,
     frames::key_frames_that_are_streamed_are_those_that_are_held,
     frames::device_memory_is_counted_and_given_back,
-    frames::snapshots_hold_the_vertices_of_their_frame,
     frames::a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once,
     geometry::a_submission_may_hold_any_number_of_stages,
     geometry::the_cost_of_a_tree_is_the_references,
     geometry::layouts_differ_in_memory_alone,
     geometry::a_flat_triangle_is_counted_at_a_key_frame_though_it_vanishes_after_it,
-    geometry::an_empty_tree_is_missed_by_all,
     pictures::a_device_shades_as_the_host_does,
     pictures::nothing_is_shaded_without_a_palette,
     geometry::large_trees_have_the_references_boxes,

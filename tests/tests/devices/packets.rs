@@ -34,8 +34,7 @@ fn layers() -> Arc<Animation> {
 fn comb(animation: &Animation) -> Topology {
     let order = tree_at(animation, 0.0).leaf_triangles().to_vec();
     let split = |depth, leaves| if depth < 40 { 1 } else { leaves / 2 };
-    let words = record(animation.triangle_count(), &order, split);
-    Topology::from_words(words).unwrap()
+    record(animation.triangle_count(), &order, split)
 }
 
 pub(crate) fn rays_together_find_what_each_finds_by_itself(backend: &mut dyn Subject) {

@@ -55,7 +55,7 @@ pub(crate) fn check(stage: &mut Stage, oracle: &Oracle, time: f64, rays: &[Ray])
 
 /// Slivers, stacks, far and tiny scenes, with rays along axes, through edges, with limits.
 pub(crate) fn odd_scenes() {
-    for case in (0..280).map(|number| nth_case(7, number)) {
+    for case in (0..share(280) as u32).map(|number| nth_case(7, number)) {
         let mut stage = Stage::new(&case.animation, Intersector::Exact, 2);
         for &time in &case.times[..2] {
             let oracle = Oracle::at(&case.animation.at(time).unwrap());

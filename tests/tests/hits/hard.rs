@@ -96,6 +96,7 @@ fn against_the_oracle(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
         (hub(500), through_hub()),
         (stack(TALL), down()),
         (stack(LOWER), down()),
+        (sliver(), vec![AT_SLIVER]),
     ] {
         let mut stage = Stage::over(backend, &animation, method(Intersector::Exact));
         let oracle = Oracle::at(&animation.at(0.0).unwrap());
@@ -111,8 +112,30 @@ fn watertight(backend: Box<dyn Backend>) -> Box<dyn Backend> {
     stage.plant(0.0);
     let hits = stage.closest(0.0, &down()).closest;
     assert!(hits[0].triangle == 0 && !hits[1].is_hit(), "{hits:?}");
+    let method = method(Intersector::Watertight);
+    let mut stage = Stage::over(stage.into_backend(), &sliver(), method);
+    stage.plant(0.0);
+    let hits = stage.closest(0.0, &[AT_SLIVER]).closest;
+    assert!(hits[0].is_hit(), "the sliver is missed");
     stage.into_backend()
 }
+
+/// So small and far away that products are subnormal: a device that flushed them once missed it.
+fn sliver() -> Arc<Animation> {
+    let points = vec![
+        [1.000_418e-9, 9.997_51e-10, 1.000_179_9e-9],
+        [1.000_442_4e-9, 9.994_834e-10, 1.000_366e-9],
+        [1.000_418e-9, 9.997_511e-10, 1.000_179_9e-9],
+    ];
+    still(points, vec![[0, 1, 2]])
+}
+
+const AT_SLIVER: Ray = Ray {
+    origin: [9.970_69e-10, 9.984_1e-10, 9.994_48e-10],
+    t_min: 0.0,
+    direction: [3.348_987_8e-12, 1.340_927_4e-12, 7.319_700_4e-13],
+    t_max: f32::INFINITY,
+};
 
 /// A camera's rays and their shadows, which kernels make by themselves.
 struct Picture {

@@ -33,14 +33,13 @@ fn keeps(sandbox: &Sandbox) {
         .lines()
         .filter(|line| line.contains(": held in "));
     assert_eq!([run.stderr.lines().count(), held.count()], [rows.len(); 2]);
-    for case in ["7", "sliver-far-away"] {
-        sandbox.does(&format!(
-            "conform --backend cpu --law closest_hits_equal_the_reference --case {case} --json c.json"
-        ));
-        let json = sandbox.json("c.json");
-        let rows = list(&json["rows"]);
-        assert!(rows.len() == 1 && rows[0]["held"] == 1, "{json}");
-    }
+    let law = "closest_hits_equal_the_reference";
+    sandbox.does(&format!(
+        "conform --backend cpu --law {law} --case 7 --json c.json"
+    ));
+    let json = sandbox.json("c.json");
+    let rows = list(&json["rows"]);
+    assert!(rows.len() == 1 && rows[0]["held"] == 1, "{json}");
 }
 
 fn sum(rows: &Value, what: &str) -> u64 {
@@ -57,18 +56,18 @@ fn leaks(sandbox: &Sandbox) {
 }
 
 fn oracle(sandbox: &Sandbox) {
-    let words = "conform demo:collide:300 --backend cpu --cases 0 --oracle-rays 7500 --json c.json";
+    let words = "conform demo:collide:300 --backend cpu --cases 0 --oracle-rays 8000 --json c.json";
     let run = sandbox.does(words);
     let json = sandbox.json("c.json");
     let rows = list(&json["oracle"]);
-    assert_eq!(rows.len(), 15);
+    assert_eq!(rows.len(), 16);
     let all_of = |r: &Value| r["rays"] == 500 && r["intersector"] == "exact";
     assert!(rows.iter().all(all_of), "{json}");
     let given = |r: &Value| r["mesh"] == "demo:collide:300" && r["hits"].as_u64() > Some(100);
     assert!(rows.iter().any(given), "{json}");
     let sums = ["wrong", "wrong_any", "wrong_t"].map(|what| sum(&json["oracle"], what));
     assert_eq!(sums, [0; 3], "{}", run.stdout);
-    for seen in ["ties", "edges", "degenerate", "inactive", "settled"] {
+    for seen in ["ties", "edges", "settled"] {
         assert!(sum(&json["oracle"], seen) > 10, "{seen}: {json}");
     }
     assert!(run.stdout.contains("exact wrong"), "{}", run.stdout);

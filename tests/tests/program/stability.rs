@@ -3,7 +3,7 @@
 use crate::sandbox::{Sandbox, list, says, trial};
 use libtest_mimic::Trial;
 
-const FAMILIES: usize = 22;
+const FAMILIES: usize = 21;
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
@@ -17,7 +17,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 }
 
 fn expected(sandbox: &Sandbox) {
-    let run = sandbox.does("stability --backend cpu --json s.json");
+    let run = sandbox.does("stability --backend cpu --rays 2048 --json s.json");
     let json = sandbox.json("s.json");
     let rows = list(&json["rows"]);
     assert!(json["schema"] == 1 && json["seed"] == 1, "{json}");
@@ -34,19 +34,13 @@ fn expected(sandbox: &Sandbox) {
         if (exact || row["intersector"] == "watertight") && !row["leaks"].is_null() {
             closed += 1;
             let none = |what: &str| row[what]["count"] == 0 && row[what]["bound"][1] == 0.0;
-            assert!(none("leaks") && none("double_hits"), "{row}");
-            assert_eq!(row["double_hits"]["rays"], 8192);
-        }
-        if row["family"] == "rearranged" {
-            assert_eq!(row["tree_dependent"]["count"], 0);
-            assert!(number("sah_ratio") > 1.0, "{row}");
+            // Closed triangles may share a hit: those of `exact` are not counted.
+            let counted = row["double_hits"]["rays"] == 2048 && none("double_hits");
+            assert!(none("leaks") && (counted || exact), "{row}");
         }
     }
     assert_eq!(closed, 12);
-    says(
-        &run.stdout,
-        "needles|leaks, double hits|rearranged: a refitted tree costs",
-    );
+    says(&run.stdout, "needles|leaks, double hits");
     for mark in ["WORSE", "BETTER", "UNKNOWN"] {
         assert!(!run.stdout.contains(mark), "{}", run.stdout);
     }
@@ -71,5 +65,5 @@ fn recorded(sandbox: &Sandbox) {
     let entries = list(&json["entries"]);
     let of = |name: &str| entries.iter().filter(|e| e["intersector"] == name).count();
     let counts = ["woop", "moller-trumbore", "watertight", "exact"].map(of);
-    assert_eq!(counts, [34, 34, 22, 0]);
+    assert_eq!(counts, [33, 33, 21, 0]);
 }

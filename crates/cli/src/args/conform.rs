@@ -5,7 +5,7 @@ use crate::values;
 use backend::Intersector;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
-use conformance::{LAWS, OWN_TREE_LAWS, REGRESSIONS, Trial};
+use conformance::{LAWS, OWN_TREE_LAWS};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
@@ -43,19 +43,17 @@ pub(crate) struct ConformArgs {
     /// Decides scenes and rays
     #[arg(long, value_name = "S", default_value = "1")]
     pub(crate) seed: u64,
-    /// Random cases that each law is tried on, after those that failed once; 0 tries no law, only what else is
-    /// asked for
+    /// Random cases that each law is tried on; 0 tries no law, only what else is asked for
     #[arg(long, value_name = "N", default_value = "36", conflicts_with = "case")]
     pub(crate) cases: u32,
     /// Try only these laws, by name; a name that is none is answered by all that there are
     #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true,
         value_parser = PossibleValuesParser::new(law_names()))]
     pub(crate) law: Vec<String>,
-    /// Only this case, by number or by the name of one that failed once
-    #[arg(long, value_name = "N|NAME", value_parser = trial)]
-    pub(crate) case: Option<Trial>,
-    /// Also aim so many rays, in all, at edges and vertices of closed bodies, near and far from the origin, where none may
-    /// slip through
+    /// Only the case of this number
+    #[arg(long, value_name = "N")]
+    pub(crate) case: Option<u32>,
+    /// Also aim so many rays, in all, at edges and vertices of closed bodies, where none may slip through
     #[arg(long, value_name = "N", default_value = "0")]
     pub(crate) leak_rays: u64,
     /// Also compare so many rays, in all, with exact answers. Meshes of many kinds are near and far, huge and tiny.
@@ -104,18 +102,6 @@ pub(crate) struct StabilityArgs {
 fn law_names() -> BTreeSet<&'static str> {
     let all = LAWS.iter().chain(OWN_TREE_LAWS);
     all.map(|l| l.name).collect()
-}
-
-/// A number of a case, or the name of one that is kept.
-fn trial(text: &str) -> Result<Trial, String> {
-    if let Ok(n) = text.parse() {
-        return Ok(Trial::Case(n));
-    }
-    let kept = REGRESSIONS.iter().find(|r| r.name == text);
-    kept.map(|r| Trial::Regression(r.name)).ok_or_else(|| {
-        let names: Vec<_> = REGRESSIONS.iter().map(|r| r.name).collect();
-        format!("a case is a number or one of {}", names.join(", "))
-    })
 }
 
 /// Those that leak nowhere.

@@ -8,7 +8,7 @@ use crate::stop::Stop;
 use crate::subjects::Subject;
 use crate::table::{Cells, grouped, of_rows};
 use backend::{Intersector, Method};
-use conformance::stress::audit::{Audit, AuditCounts, AuditPlan, Batch, BatchSpec, Given};
+use conformance::stress::audit::{Audit, AuditCounts, Batch, BatchSpec, Given};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -47,8 +47,8 @@ pub(super) fn hold(
             "a driver that makes its own trees decides what a ray hits: the oracle cannot judge it";
         return Err(Stop::bad(why));
     }
-    let (seed, rays) = (args.seed, args.oracle_rays);
-    let audit = Audit::new(AuditPlan { seed, rays }, given);
+    let rays = args.oracle_rays;
+    let audit = Audit::new(args.seed, rays, given);
     let mut specs = audit.specs();
     specs.retain(|spec| args.oracle_batch.is_none_or(|number| spec.number == number));
     if let (true, Some(number)) = (specs.is_empty(), args.oracle_batch) {
@@ -121,7 +121,7 @@ fn tell(
     tally: &AuditCounts,
     report: &mut Report,
 ) {
-    let (about, spec) = (audit.about(&batch.spec), batch.spec.number);
+    let (about, spec) = (audit.name(&batch.spec), batch.spec.number);
     let scenes: String = args.scene.iter().map(|s| format!(" '{s}'")).collect();
     let rays = args.oracle_rays;
     let rest = format!("--cases 0 --oracle-rays {rays} --oracle-batch {spec}");
@@ -165,7 +165,6 @@ impl OracleRow {
             ("hits", count(t.hits)),
             ("ties", count(t.ties)),
             ("on edges", count(t.edges)),
-            ("degenerate", count(t.degenerate)),
             ("settled", count(t.settled)),
             (wrong, count(t.wrong)),
             ("any-hit wrong", count(t.wrong_any)),

@@ -12,7 +12,7 @@ pub(super) struct Report {
     #[serde(flatten)]
     pub(super) tested: Tested,
     pub(super) seed: u64,
-    /// Cases that each law was to see, beside those that failed once.
+    /// Cases that each law was to see.
     pub(super) cases: u32,
     pub(super) leak_rays: u64,
     pub(super) rows: Vec<PropertyRow>,

@@ -1,10 +1,33 @@
-//! Closed bodies, each with a place well inside it.
+//! Closed bodies, and rays at them from inside and outside.
 
 use super::meshes::{Mesh, quads, split};
 use fastrand::Rng;
-use geom::Point;
-use std::collections::BTreeMap;
+use geom::{Animation, Point, Ray};
+use glam::{DMat3, DVec3};
 use std::f64::consts::TAU;
+use std::sync::Arc;
+
+named! {
+    /// What a ray is aimed at.
+    pub enum Aim {
+        /// A point on an edge, as near as its coordinates can be.
+        Edge = "an edge",
+        /// A vertex.
+        Vertex = "a vertex",
+        /// Nothing in particular.
+        Random = "random",
+    }
+}
+
+/// What rays take turns to be aimed at, and whether they begin inside.
+pub(crate) const SORTS: [(Aim, bool); 6] = [
+    (Aim::Edge, true),
+    (Aim::Vertex, true),
+    (Aim::Random, true),
+    (Aim::Edge, false),
+    (Aim::Vertex, false),
+    (Aim::Random, false),
+];
 
 /// A closed body about the origin.
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +59,7 @@ pub(crate) const BODIES: &[Body] = &[
     },
     Body {
         name: "box",
-        shape: || cuboid(4),
+        shape: || cuboid(2),
         inner: |rng| near([0.0; 3], [0.5; 3], rng),
         radius: 1.75,
     },
@@ -51,6 +74,90 @@ pub(crate) const BODIES: &[Body] = &[
         radius: 50.0,
     },
 ];
+
+/// A body shuffled, moved and perhaps turned.
+pub(crate) struct Placed<'a> {
+    body: &'a Body,
+    points: Vec<Point>,
+    triangles: Vec<[u32; 3]>,
+    rotation: DMat3,
+    centre: DVec3,
+}
+
+impl<'a> Placed<'a> {
+    /// Moved by `offset` and up to one more along each axis. A body that is not turned keeps its flat faces flat.
+    pub(crate) fn new(body: &'a Body, offset: f32, is_turned: bool, rng: &mut Rng) -> Self {
+        let (points, mut triangles) = (body.shape)();
+        rng.shuffle(&mut triangles);
+        triangles.iter_mut().for_each(|t| rng.shuffle(t));
+        let [a, b] = [(); 2].map(|()| if is_turned { TAU * rng.f64() } else { 0.0 });
+        let rotation = DMat3::from_rotation_x(b) * DMat3::from_rotation_z(a);
+        let centre = [(); 3].map(|()| {
+            let sign = if rng.bool() { 1.0 } else { -1.0 };
+            sign * (f64::from(offset) + rng.f64())
+        });
+        let mut placed = Self {
+            body,
+            points: Vec::new(),
+            triangles,
+            rotation,
+            centre: centre.into(),
+        };
+        let place = |p: Point| placed.place(p.map(f64::from));
+        placed.points = points.into_iter().map(place).collect();
+        placed
+    }
+
+    /// The body at rest.
+    pub(crate) fn animation(&self) -> Arc<Animation> {
+        let animation = Animation::new(vec![self.points.clone()], self.triangles.clone());
+        Arc::new(animation.expect("bodies name their own vertices"))
+    }
+
+    /// From the body's own space to the scene's.
+    fn place(&self, p: [f64; 3]) -> Point {
+        let placed = self.rotation * DVec3::from(p) + self.centre;
+        placed.as_vec3().to_array()
+    }
+
+    /// A ray of a sort at the body.
+    pub(crate) fn ray(&self, (aim, is_inside): (Aim, bool), rng: &mut Rng) -> Ray {
+        let radius = self.body.radius;
+        let origin = if is_inside {
+            self.place((self.body.inner)(rng))
+        } else {
+            let far = radius * (1.5 + 2.0 * rng.f64());
+            self.place(sphere(rng).map(|x| x * far))
+        };
+        let vertex = |i: u32| self.points[i as usize];
+        let corners = self.triangles[rng.usize(..self.triangles.len())];
+        let k = rng.usize(..3);
+        let at: Point = match aim {
+            Aim::Vertex => vertex(corners[k]),
+            Aim::Edge => {
+                let (a, b, s) = (vertex(corners[k]), vertex(corners[(k + 1) % 3]), rng.f32());
+                std::array::from_fn(|i| a[i] + s * (b[i] - a[i]))
+            }
+            Aim::Random if is_inside => {
+                let far = sphere(rng);
+                std::array::from_fn(|i| origin[i] + (far[i] * radius) as f32)
+            }
+            Aim::Random => {
+                let reach = radius * rng.f64();
+                self.place(sphere(rng).map(|x| x * reach))
+            }
+        };
+        Ray::new(origin, std::array::from_fn(|i| at[i] - origin[i]))
+    }
+}
+
+/// A direction of length 1, all alike.
+fn sphere(rng: &mut Rng) -> [f64; 3] {
+    let z = 2.0 * rng.f64() - 1.0;
+    let (sin, cos) = (TAU * rng.f64()).sin_cos();
+    let r = (1.0 - z * z).sqrt();
+    [r * cos, r * sin, z]
+}
 
 /// Radius of the torus's tube.
 const TUBE: f64 = 0.4;
@@ -67,7 +174,7 @@ const ICOSAHEDRON: [u32; 60] = [
 ];
 
 /// An icosahedron, its faces split `n` times.
-fn icosphere(n: u32) -> Mesh {
+pub(crate) fn icosphere(n: u32) -> Mesh {
     let phi = f32::midpoint(1.0, 5.0_f32.sqrt());
     let corners = |i: usize| {
         [[-1.0, phi], [1.0, phi], [-1.0, -phi], [1.0, -phi]].map(|[a, b]| {
@@ -104,35 +211,30 @@ fn torus(around: u32, along: u32) -> Mesh {
     (points, quads(around, along, at).concat())
 }
 
-/// The cube `-1..=1`, each face `n` quads each way.
+/// The cube `-1..=1`, its faces split `n` times.
 fn cuboid(n: u32) -> Mesh {
-    let mut points = Vec::new();
-    let mut known = BTreeMap::new();
-    let mut vertex = |p: [u32; 3]| {
-        *known.entry(p).or_insert_with(|| {
-            points.push(p.map(|i| i as f32 / n as f32 * 2.0 - 1.0));
-            points.len() as u32 - 1
+    let corner = |i: u32| [0, 1, 2].map(|axis| (2 * (i >> axis & 1)) as f32 - 1.0);
+    let sides = [
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+    ];
+    let halves = sides.map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).concat();
+    let whole = ((0..8).map(corner).collect(), halves);
+    (0..n).fold(whole, |mesh, _| {
+        split(mesh, |a, b| {
+            std::array::from_fn(|i| f32::midpoint(a[i], b[i]))
         })
-    };
-    let mut triangles = Vec::new();
-    for (axis, end) in (0..3).flat_map(|axis| [(axis, 0), (axis, n)]) {
-        let lattice = quads(n, n, |i, j| j * (n + 1) + i).concat();
-        triangles.extend(lattice.into_iter().map(|[a, b, c]| {
-            // Outwards on both ends.
-            let corners = if end == 0 { [a, c, b] } else { [a, b, c] };
-            corners.map(|at| {
-                let mut p = [end; 3];
-                (p[(axis + 1) % 3], p[(axis + 2) % 3]) = (at % (n + 1), at / (n + 1));
-                vertex(p)
-            })
-        }));
-    }
-    (points, triangles)
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::leaks::OFFSETS;
     use std::collections::BTreeSet;
 
     #[test]
@@ -152,6 +254,17 @@ mod tests {
                 let length = p.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
                 assert!(length < body.radius * 1.000_001, "{} {p:?}", body.name);
             }
+        }
+    }
+
+    #[test]
+    fn bodies_keep_their_area_wherever_they_are() {
+        for (body, offset) in BODIES.iter().flat_map(|b| OFFSETS.map(|o| (b, o))) {
+            let moved = Placed::new(body, offset, true, &mut Rng::with_seed(3)).animation();
+            let all = 0..moved.triangle_count() as u32;
+            let moment = moved.at(0.0).unwrap();
+            let mut all = all.map(|t| moment.corners(t));
+            assert!(!all.any(|c| geom::is_degenerate(&c)));
         }
     }
 }

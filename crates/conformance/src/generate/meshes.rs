@@ -67,28 +67,11 @@ pub(crate) fn outlying(p: Point, rng: &mut Rng) -> Point {
 
 /// A small triangle far away, or a far smaller one at the origin.
 pub(crate) fn outlier(rng: &mut Rng) -> Triangle {
-    let corner = point(rng);
-    let (by, size) = match rng.usize(..3) {
-        0 => (0.0, power([-38.0, -3.0], rng)),
-        _ => (power([3.0, 38.5], rng), 1e-3),
+    let (size, by) = match rng.usize(..3) {
+        0 => (1.0, power([-38.0, -3.0], rng)),
+        _ => (1e-3, power([3.0, 38.5], rng)),
     };
-    let size = if by == 0.0 { size } else { size * by };
-    [(); 3].map(|()| {
-        let p = point(rng);
-        std::array::from_fn(|i| (by * corner[i] + size * p[i]) as f32)
-    })
-}
-
-/// The last triangle brought far away whole, by one vertex, or to a size between `1e-3` and `1e-38` about the origin.
-pub(crate) fn with_outlier(triangles: &[Triangle], rng: &mut Rng) -> Vec<Triangle> {
-    let mut all = triangles.to_vec();
-    let last = all.len() - 1;
-    match rng.usize(..3) {
-        0 => all[last] = scaled(&all[last..], power([3.0, 38.4], rng))[0],
-        1 => all[last][rng.usize(..3)] = outlying(all[last][0], rng),
-        _ => all[last] = scaled(&all[last..], power([-38.0, -3.0], rng))[0],
-    }
-    all
+    scaled(&soup(1, size, PLUMP, rng), by)[0]
 }
 
 /// Every coordinate multiplied, then rounded once.
@@ -113,15 +96,14 @@ pub(crate) fn flat(axis: usize, rng: &mut Rng) -> Triangle {
 }
 
 /// Flat and free triangles, each twice, once turned round and once reversed.
-pub(crate) fn stacks(rng: &mut Rng) -> Vec<Triangle> {
+pub(crate) fn stacks(rng: &mut Rng) -> Mesh {
     let mut bases: Vec<Triangle> = (0..9).map(|i| flat(i % 3, rng)).collect();
     bases.extend(soup(7, 0.8, PLUMP, rng));
-    let mut all: Vec<Triangle> = bases
-        .iter()
-        .flat_map(|&[a, b, c]| [[a, b, c], [a, b, c], [b, c, a], [a, c, b]])
-        .collect();
+    let (points, triangles) = separate(&bases);
+    let again = |&[a, b, c]: &[u32; 3]| [[a, b, c], [a, b, c], [b, c, a], [a, c, b]];
+    let mut all: Vec<_> = triangles.iter().flat_map(again).collect();
     rng.shuffle(&mut all);
-    all
+    (points, all)
 }
 
 /// Sound triangles, and as many of no area or hardly any.
@@ -172,18 +154,6 @@ pub(crate) fn quads(n: u32, m: u32, at: impl Fn(u32, u32) -> u32) -> Vec<[[u32; 
     cells.map(quad).collect()
 }
 
-/// An octahedron, its faces split `n` times.
-pub(crate) fn octahedron(n: u32) -> Mesh {
-    let axis = |i: usize, x: f32| std::array::from_fn(|k| if k == i { x } else { 0.0 });
-    let points = (0..3).flat_map(|i| [axis(i, 1.0), axis(i, -1.0)]).collect();
-    let upper = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4]];
-    let lower = upper.map(|[a, b, _]| [b, a, 5]);
-    let triangles = [upper, lower].concat();
-    (0..n).fold((points, triangles), |mesh, _| {
-        split(mesh, |a, b| std::array::from_fn(|i| (a[i] + b[i]) * 0.53))
-    })
-}
-
 /// Splits each triangle in four; `middle` places the vertex between two.
 pub(crate) fn split((mut points, triangles): Mesh, middle: fn(Point, Point) -> Point) -> Mesh {
     let mut middles = BTreeMap::new();
@@ -201,14 +171,14 @@ pub(crate) fn split((mut points, triangles): Mesh, middle: fn(Point, Point) -> P
     (points, smaller)
 }
 
-/// Triangles whose coordinates are zeros and ones of either sign.
-pub(crate) fn zeros(n: usize, rng: &mut Rng) -> Vec<Triangle> {
-    let mut number = || [0.0, -0.0, 0.0, -0.0, 1.0, -1.0, 0.5, -0.5][rng.usize(..8)];
+/// Triangles whose coordinates are among these.
+pub(crate) fn of_numbers(numbers: &[f32], n: usize, rng: &mut Rng) -> Vec<Triangle> {
+    let mut number = || numbers[rng.usize(..numbers.len())];
     let one = |()| [(); 3].map(|()| [(); 3].map(|()| number()));
     std::iter::repeat_n((), n).map(one).collect()
 }
 
-/// A grid of quads in one plane, every point exact, with larger triangles upon it here and there.
+/// A grid of quads in one plane, every point exact.
 pub(crate) fn plane(rng: &mut Rng) -> Mesh {
     let n = rng.u32(2..17);
     let tilt = [(); 2].map(|()| grid(4, rng));
@@ -227,22 +197,6 @@ pub(crate) fn plane(rng: &mut Rng) -> Mesh {
             false => [[b, d, a], [d, b, c]],
         });
     }
-    for _ in 0..n {
-        triangles.push([(); 3].map(|()| at(rng.u32(..=n), rng.u32(..=n))));
-    }
     rng.shuffle(&mut triangles);
     (points.map(|(i, j)| point(i, j)).collect(), triangles)
-}
-
-/// Triangles round one vertex, closed, its rim uneven.
-pub(crate) fn fan(rng: &mut Rng) -> Mesh {
-    let n = rng.u32(3..300);
-    let mut points = vec![[grid(8, rng), grid(8, rng), grid(8, rng)]];
-    points.extend((0..n).map(|i| {
-        let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / f64::from(n)).sin_cos();
-        [cos as f32, sin as f32, grid(8, rng) * 0.125]
-    }));
-    let mut triangles: Vec<_> = (0..n).map(|i| [0, i + 1, (i + 1) % n + 1]).collect();
-    rng.shuffle(&mut triangles);
-    (points, triangles)
 }

@@ -3,72 +3,61 @@
 use super::meshes::{point, unit};
 use crate::stage;
 use fastrand::Rng;
-use geom::{Animation, Point, Ray, Triangle};
+use geom::{Animation, Point, Ray, Triangle, is_active};
 
 /// The bits of an exponent.
 const EXPONENT: u64 = 0x7ff << 52;
 
-/// Where on a triangle to aim.
-#[derive(Clone, Copy, Debug)]
-pub enum Target {
-    /// A point of its inside.
-    Inside,
-    /// A point of an edge.
-    Edge,
-    /// A vertex.
-    Vertex,
+named! {
+    /// Where on a triangle to aim.
+    pub enum Target {
+        /// A point of its inside.
+        Inside = "inside",
+        /// A point of an edge.
+        Edge = "edge",
+        /// A vertex.
+        Vertex = "vertex",
+    }
 }
 
-impl Target {
-    /// All there are.
-    pub const ALL: [Self; 3] = [Self::Inside, Self::Edge, Self::Vertex];
-}
-
-/// What a ray was made for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum RayKind {
-    /// Through the scene, at nothing in particular.
-    Random,
-    /// From around the scene, or from within it, to a target.
-    Aimed,
-    /// Likewise, so that coordinates allow it to pass exactly through the target.
-    Exactly,
-    /// In the plane of a triangle, towards it.
-    InPlane,
-    /// Likewise, from and to points with exact coordinates.
-    InPlaneExactly,
-    /// Along an axis; the other components are zeros of either sign.
-    AlongAxis,
-    /// From a vertex along an edge.
-    AlongEdge,
-    /// From a point on a triangle in any direction.
-    OnSurface,
-    /// From a vertex or an edge of one triangle to another triangle.
-    Between,
-    /// From very far away to a target.
-    Beyond,
-    /// One component of the direction is a zero of either sign.
-    ZeroComponent,
-    /// Components of the direction are of very different size.
-    Lopsided,
-    /// Hits near one end of the interval count, others not.
-    Interval,
-    /// The interval ends at the target itself.
-    EndsOnTarget,
-    /// The interval begins behind the origin.
-    Behind,
-    /// The direction is very short.
-    Short,
-    /// The direction is very long.
-    Long,
-    /// The direction is subnormal.
-    Subnormal,
-    /// The interval begins or ends at the target, just before it or just beyond.
-    Limited,
-    /// Can hit nothing: [`Ray::is_valid`] says so.
-    Void,
-    /// Given by hand.
-    Given,
+named! {
+    /// What a ray was made for.
+    pub enum RayKind {
+        /// Through the scene, at nothing in particular.
+        Random = "random",
+        /// From around the scene, or from within it, to a target.
+        Aimed = "aimed",
+        /// Likewise, so that coordinates allow it to pass exactly through the target.
+        Exactly = "exactly",
+        /// In the plane of a triangle, towards it.
+        InPlane = "in-plane",
+        /// Likewise, from and to points with exact coordinates.
+        InPlaneExactly = "in-plane-exactly",
+        /// Along an axis; the other components are zeros of either sign.
+        AlongAxis = "along-axis",
+        /// From a vertex along an edge.
+        AlongEdge = "along-edge",
+        /// From a point on a triangle in any direction.
+        OnSurface = "on-surface",
+        /// From a vertex or an edge of one triangle to another triangle.
+        Between = "between",
+        /// From very far away to a target.
+        Beyond = "beyond",
+        /// One component of the direction is a zero of either sign.
+        ZeroComponent = "zero-component",
+        /// Components of the direction are of very different size.
+        Lopsided = "lopsided",
+        /// The direction is very short.
+        Short = "short",
+        /// The direction is very long.
+        Long = "long",
+        /// The direction is subnormal.
+        Subnormal = "subnormal",
+        /// The interval begins or ends at the target, just before it or just beyond.
+        Limited = "limited",
+        /// Can hit nothing: [`Ray::is_valid`] says so.
+        Void = "void",
+    }
 }
 
 /// `count` rays from up to `distance` times the scene's size away, from all sides, each at a target on a triangle taken
@@ -87,6 +76,16 @@ pub fn aimed(
     all.filter(Ray::is_valid).take(count).collect()
 }
 
+const KINDS: usize = RayKind::ALL.len();
+
+/// The `i`-th ray of a scene: of each kind in turn, aimed at an inside, an edge or a vertex in turn.
+pub(crate) fn turn([near, all]: &[Aims; 2], i: u64, rng: &mut Rng) -> Ray {
+    let i = i as usize;
+    let (kind, target) = (RayKind::ALL[i % KINDS], Target::ALL[i / KINDS % 3]);
+    let aims = [near, all][rng.usize(..4).min(1)];
+    aims.ray(kind, target, rng)
+}
+
 /// Triangles as they stand at the moment of asking, inactive ones left out.
 pub(crate) struct Aims {
     corners: Vec<Triangle>,
@@ -97,8 +96,7 @@ pub(crate) struct Aims {
 
 impl Aims {
     fn new(corners: Vec<Triangle>) -> Self {
-        let active = |t: &Triangle| t.iter().flatten().all(|x| x.is_finite());
-        let corners: Vec<Triangle> = corners.into_iter().filter(active).collect();
+        let corners: Vec<_> = corners.into_iter().filter(is_active).collect();
         let ends = |i: usize| {
             let all = corners.iter().flatten().map(|p| f64::from(p[i]));
             all.fold([f64::MAX, f64::MIN], |[a, b], x| [a.min(x), b.max(x)])
@@ -126,14 +124,9 @@ impl Aims {
         [near, all].map(Self::new)
     }
 
-    /// Triangles there are to aim at.
-    pub(crate) fn count(&self) -> usize {
-        self.corners.len()
-    }
-
     /// A ray of a kind, aimed at a target where it is aimed; any ray where there is nothing to aim at.
     pub(crate) fn ray(&self, kind: RayKind, target: Target, rng: &mut Rng) -> Ray {
-        if self.count() == 0 {
+        if self.corners.is_empty() {
             return Ray::new([0.0; 3], point(rng).map(|x| x as f32));
         }
         match kind {
@@ -234,7 +227,7 @@ impl Aims {
     }
 
     /// From up to so many times the scene's size away.
-    pub(crate) fn beyond(&self, target: Target, times: f64, rng: &mut Rng) -> Ray {
+    fn beyond(&self, target: Target, times: f64, rng: &mut Rng) -> Ray {
         let (from, at) = (point(rng), self.target(target, rng));
         let reach = times * self.radius;
         towards(std::array::from_fn(|i| at[i] + reach * from[i]), at)
@@ -275,13 +268,6 @@ pub(crate) fn of_zeros(rng: &mut Rng) -> Ray {
 fn bent(mut ray: Ray, kind: RayKind, rng: &mut Rng) -> Ray {
     let (d, axis) = (&mut ray.direction, rng.usize(..3));
     match kind {
-        RayKind::Interval if rng.bool() => (ray.t_min, ray.t_max) = (0.5, 1.5),
-        RayKind::Interval => ray.t_min = 1.0,
-        RayKind::EndsOnTarget => ray.t_max = 1.0,
-        RayKind::Behind => {
-            *d = d.map(|x| -x);
-            ray.t_min = [-2.0, f32::NEG_INFINITY][rng.usize(..2)];
-        }
         RayKind::Limited => {
             let at = [1.0_f32.next_down(), 1.0, 1.0_f32.next_up()][rng.usize(..3)];
             match rng.usize(..3) {
@@ -312,7 +298,7 @@ fn stretched(direction: Point, length: f64) -> Point {
 }
 
 /// A ray that hits nothing, whatever there is.
-pub(crate) fn void(ray: Ray, rng: &mut Rng) -> Ray {
+fn void(ray: Ray, rng: &mut Rng) -> Ray {
     let (mut void, axis) = (ray, rng.usize(..3));
     match rng.usize(..7) {
         0 => void.direction = [0.0, -0.0, 0.0],

@@ -1,25 +1,47 @@
 //! What rays hit.
 
 use super::Check;
-use crate::compare::{answers, named_ray};
+use crate::Case;
+use crate::compare::{answers, named_ray, same_counts};
 use crate::generate::bodies::BODIES;
 use crate::leaks::{self, LeakPlan};
-use anyhow::{Result, bail, ensure};
-use backend::{QueryKind, Rays};
-use geom::Ray;
+use crate::stage::ask;
+use anyhow::{Context, Result, bail, ensure};
+use backend::{Intersector, QueryKind, Rays};
+use geom::{Point, Ray};
 
-/// By every method whose answers are the same everywhere.
+/// By every method whose answers are the same everywhere; triangles and hits are counted alike too.
 fn same(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
-    c.by_each(Check::robust_methods, |c, method| {
-        c.open_by(method, c.case.times[0])?;
+    c.by_each(Check::robust_methods, |c| {
+        c.open(c.case.times[0])?;
         for &time in &c.case.times {
             c.stand(time)?;
-            let seen = c.ask(rays, kind)?;
-            let expected = c.reference.answer(c.case, (method, time), rays, kind)?;
+            let (seen, report) = ask(c.subject, rays, kind)?;
+            let expected = c
+                .reference
+                .answer(c.case, (c.method, time), Some((rays, kind)))?;
             answers(c.case, time, rays, &seen, &expected.hits)?;
+            same_counts(&report, &expected.report).with_context(|| format!("at time {time:?}"))?;
+            // How many rays `exact` settles is a backend's own affair; `watertight` settles extreme rays alone.
+            let may_settle =
+                c.method.intersector == Intersector::Exact || has_extremes(c.case, time, rays);
+            let settled = report.settled;
+            ensure!(may_settle || settled == 0, "{settled} rays are settled");
         }
         Ok(())
     })
+}
+
+/// Whether any ray is answered in exact arithmetic, whatever the backend: see [`geom::Range`].
+fn has_extremes(case: &Case, time: f64, rays: Rays<'_>) -> bool {
+    let animation = &case.animation;
+    let range = animation.range(animation.pose(time));
+    let unit = f64::from(-animation.scale_exponent()).exp2();
+    let is_extreme = |o: Point| range.is_extreme(o.map(|x| (f64::from(x) * unit) as f32));
+    match rays {
+        Rays::List(list) => list.iter().any(|r| is_extreme(r.origin)),
+        Rays::Camera(camera) => is_extreme(camera.eye),
+    }
 }
 
 /// Triangle, `t`, `u`, `v`: bit for bit.
@@ -46,8 +68,8 @@ pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
     let (case, now, light) = (c.case, c.case.times[1], c.case.light);
     let list: Vec<Ray> = case.camera.rays().collect();
     let camera = Rays::Camera(&case.camera);
-    c.by_each(Check::methods, |c, method| {
-        c.open_by(method, case.times[0])?;
+    c.by_each(Check::methods, |c| {
+        c.open(case.times[0])?;
         c.stand(now)?;
         for kind in [
             QueryKind::Closest,
@@ -64,8 +86,8 @@ pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
 
 /// Any-hit says yes exactly where closest-hit finds something, whatever the method.
 pub(super) fn any_is_closest(c: &mut Check<'_>) -> Result<()> {
-    c.by_each(Check::methods, |c, method| {
-        c.open_by(method, c.case.times[0])?;
+    c.by_each(Check::methods, |c| {
+        c.open(c.case.times[0])?;
         c.stand(c.case.times[1])?;
         let closest = c.closest()?.closest;
         let any = c.ask(c.rays(), QueryKind::Any)?.blocked;
@@ -73,7 +95,7 @@ pub(super) fn any_is_closest(c: &mut Check<'_>) -> Result<()> {
         ensure!(a == b, "closest hits are {a} and any hits {b} in number");
         let mut pairs = closest.iter().zip(&any).enumerate();
         if let Some((i, (hit, any))) = pairs.find(|(_, (hit, any))| hit.is_hit() != (**any == 1)) {
-            let ray = named_ray(c.case, c.rays(), i);
+            let ray = named_ray(c.rays(), i);
             bail!("closest hit {hit:?}, any hit {any}: {ray}");
         }
         Ok(())

@@ -1,57 +1,12 @@
 //! What a backend says of its own work; answers that wait to be fetched, and scenes that follow one another.
 
 use super::Check;
-use crate::Case;
 use crate::compare::answers;
-use crate::stage::{ask, boxes_anew, fetch, open, stand, start};
+use crate::stage::{fetch, open, stand, start};
 use anyhow::{Result, bail, ensure};
-use backend::{FRAMES_IN_FLIGHT, FrameReport, Hits, Intersector, QueryKind, Rays};
-use geom::{Animation, Point};
+use backend::{FRAMES_IN_FLIGHT, FrameReport, Hits, QueryKind};
+use geom::Animation;
 use std::sync::Arc;
-
-/// Inactive and degenerate triangles, hits and blocked hits are counted alike. How many rays `exact` settles depends
-/// on how close its rounded arithmetic comes, which is a backend's own affair; `watertight` settles extreme rays alone.
-pub(super) fn counts(c: &mut Check<'_>) -> Result<()> {
-    let case = c.case;
-    let shadow = QueryKind::ClosestAndShadow { light: case.light };
-    c.by_each(Check::robust_methods, |c, method| {
-        c.open_by(method, case.times[0])?;
-        for &time in &case.times {
-            c.stand(time)?;
-            for (rays, kind) in [
-                (Rays::Camera(&case.camera), shadow),
-                (c.rays(), QueryKind::Closest),
-                (c.rays(), QueryKind::Any),
-            ] {
-                let (_, seen) = ask(c.subject, rays, kind)?;
-                let exact = method.intersector == Intersector::Exact;
-                let may_settle = exact || has_extremes(case, time, rays);
-                let settled = seen.settled;
-                ensure!(may_settle || settled == 0, "{settled} rays are settled");
-                let expected = c.reference.answer(case, (method, time), rays, kind)?;
-                let counts = |r: &FrameReport| [r.inactive, r.degenerate, r.hits, r.blocked];
-                let [seen, right] = [&seen, &expected.report].map(counts);
-                ensure!(
-                    seen == right,
-                    "inactive, degenerate, hits, blocked are {seen:?} for {kind:?} at time {time:?}, expected {right:?}"
-                );
-            }
-        }
-        Ok(())
-    })
-}
-
-/// Whether any ray is answered in exact arithmetic, whatever the backend: see [`geom::Range`].
-fn has_extremes(case: &Case, time: f64, rays: Rays<'_>) -> bool {
-    let animation = &case.animation;
-    let range = animation.range(animation.pose(time));
-    let unit = f64::from(-animation.scale_exponent()).exp2();
-    let is_extreme = |o: Point| range.is_extreme(o.map(|x| (f64::from(x) * unit) as f32));
-    match rays {
-        Rays::List(list) => list.iter().any(|r| is_extreme(r.origin)),
-        Rays::Camera(camera) => is_extreme(camera.eye),
-    }
-}
 
 /// Times are there for stages done and missing for stages left out; a
 /// device's clock never runs backwards; asked again, a report is the same.
@@ -112,9 +67,12 @@ pub(super) fn tickets(c: &mut Check<'_>) -> Result<()> {
         c.stand(time)?;
         tickets.push(start(c.subject, rays, QueryKind::Closest)?);
     }
-    // A submission without a trace takes no answer away.
-    c.stand(case.times[2])?;
-    tickets.push(c.subject.submit()?);
+    // Submissions without a trace take no answer away, nor does a trace in the making.
+    for &time in &case.times {
+        c.stand(time)?;
+        tickets.push(c.subject.submit()?);
+    }
+    c.stand(case.times[0])?;
     let rise = tickets.is_sorted_by(|a, b| a < b);
     ensure!(rise, "tickets do not rise: {tickets:?}");
     // Each twice, the later ones first.
@@ -124,26 +82,6 @@ pub(super) fn tickets(c: &mut Check<'_>) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Stages whose input did not change may be left out, or be done again.
-pub(super) fn at_rest(c: &mut Check<'_>) -> Result<()> {
-    let now = c.case.times[1];
-    c.open(c.case.times[0])?;
-    c.stand(now)?;
-    let first = c.closest()?;
-    let again = |c: &mut Check<'_>| answers(c.case, now, c.rays(), &c.closest()?, &first);
-    again(c)?;
-    boxes_anew(c.subject)?;
-    again(c)?;
-    // Each stage in a submission of its own.
-    c.interpolate(now)?;
-    c.subject.submit()?;
-    c.subject.preprocess()?;
-    c.subject.submit()?;
-    c.subject.refit()?;
-    c.subject.submit()?;
-    again(c)
 }
 
 /// A scene loaded after another answers as if it were the first, whatever was under way.

@@ -2,18 +2,17 @@
 
 use super::Check;
 use crate::compare::{answers, lists, same_counts};
-use crate::generate::topologies::{self, Split, foreign, live, odd as odd_record};
-use crate::stage::{boxes_anew, fetch, stand, start, tree_at};
-use anyhow::{Context, Result, bail, ensure};
+use crate::generate::topologies::{Split, foreign, live, odd as odd_tree};
+use crate::stage::{ask, boxes_anew, fetch, stand, start, tree_at};
+use anyhow::{Context, Result, bail};
 use backend::{Backend, BackendError, Generation, Hits, QueryKind, check_tree};
-use bvh_layout::Topology;
 use std::sync::Arc;
 
 /// A tree built at one time and refitted to another answers as a fresh one does, whatever the method.
 pub(super) fn age(c: &mut Check<'_>) -> Result<()> {
     let (case, now) = (c.case, c.case.times[1]);
-    c.by_each(Check::methods, |c, method| {
-        c.open_by(method, now)?;
+    c.by_each(Check::methods, |c| {
+        c.open(now)?;
         c.stand(now)?;
         let fresh = c.closest()?;
         for (built, generation) in [case.times[0], case.times[2]].into_iter().zip(2..) {
@@ -30,13 +29,10 @@ pub(super) fn age(c: &mut Check<'_>) -> Result<()> {
 pub(super) fn shape(c: &mut Check<'_>) -> Result<()> {
     let (case, now) = (c.case, c.case.times[1]);
     let live = live(&case.animation, case.chance);
-    let mut odd = Vec::new();
-    for split in Split::ALL {
-        let words = odd_record(case.animation.triangle_count(), &live, split, case.chance);
-        odd.push((split, Topology::from_words(words)?));
-    }
-    c.by_each(Check::methods, |c, method| {
-        c.open_by(method, now)?;
+    let count = case.animation.triangle_count();
+    let odd = Split::ALL.map(|split| (split, odd_tree(count, &live, split, case.chance)));
+    c.by_each(Check::methods, |c| {
+        c.open(now)?;
         c.stand(now)?;
         let built = both(c)?;
         for ((split, tree), generation) in odd.iter().zip(2..) {
@@ -82,8 +78,7 @@ pub(super) fn wrong(c: &mut Check<'_>) -> Result<()> {
     c.open(now)?;
     c.stand(now)?;
     let before = c.closest()?;
-    for (what, words) in foreign(&case.animation, case.chance) {
-        let tree = Topology::from_words(words).context(what)?;
+    for (what, tree) in foreign(&case.animation, case.chance) {
         match c.subject.adopt(&tree, Generation(2)) {
             Err(BackendError::WrongTree(why)) if !why.is_empty() => {}
             other => bail!("{what}, expected to be refused, got {other:?}"),
@@ -93,26 +88,6 @@ pub(super) fn wrong(c: &mut Check<'_>) -> Result<()> {
     answers(case, now, c.rays(), &c.closest()?, &before)?;
     c.stand(now)?;
     answers(case, now, c.rays(), &c.closest()?, &before)
-}
-
-/// No record with anything wrong becomes a topology, so that no backend ever sees one.
-pub(super) fn damaged(c: &mut Check<'_>) -> Result<()> {
-    let case = c.case;
-    let built = tree_at(&case.animation, case.times[0]);
-    let leaves = live(&case.animation, case.chance);
-    let count = case.animation.triangle_count();
-    let odd = odd_record(count, &leaves, Split::Random, case.chance);
-    Topology::from_words(odd.clone()).context("a sound record is refused")?;
-    if leaves.len() < 2 {
-        return Ok(());
-    }
-    for words in [built.words(), &odd] {
-        for (what, words) in topologies::damaged(words) {
-            let refused = Topology::from_words(words).is_err();
-            ensure!(refused, "a record is taken in spite of {what}");
-        }
-    }
-    Ok(())
 }
 
 /// Records a tree made on the device from the positions at hand; `false` if the backend makes none for this scene's method.
@@ -133,8 +108,7 @@ pub(super) fn whole(c: &mut Check<'_>) -> Result<()> {
         if !rebuild(c.subject, generation)? {
             return Ok(());
         }
-        let ticket = start(c.subject, rays, QueryKind::Closest)?;
-        let seen = c.subject.wait(ticket)?;
+        let (_, seen) = ask(c.subject, rays, QueryKind::Closest)?;
         let tree = c.subject.inspect().rebuilt()?;
         check_tree(&tree, animation)?;
         let boxes = c.subject.inspect().boxes()?;
@@ -142,8 +116,7 @@ pub(super) fn whole(c: &mut Check<'_>) -> Result<()> {
         reference.load(Arc::clone(animation), Default::default())?;
         reference.adopt(&tree, Generation(1))?;
         stand(reference, animation, time)?;
-        let ticket = start(reference, rays, QueryKind::Closest)?;
-        let expected = reference.wait(ticket)?;
+        let (_, expected) = ask(reference, rays, QueryKind::Closest)?;
         let right = reference.inspect().boxes()?;
         same_counts(&seen, &expected)
             .and_then(|()| lists("box of node", &boxes, &right, PartialEq::eq))
@@ -155,8 +128,8 @@ pub(super) fn whole(c: &mut Check<'_>) -> Result<()> {
 /// It answers as a tree from the host does, before which and after which it may come.
 pub(super) fn same_hits(c: &mut Check<'_>) -> Result<()> {
     let (case, rays, now) = (c.case, c.rays(), c.case.times[1]);
-    c.by_each(Check::methods, |c, method| {
-        c.open_by(method, case.times[0])?;
+    c.by_each(Check::methods, |c| {
+        c.open(case.times[0])?;
         c.stand(now)?;
         let host = both(c)?;
         if !rebuild(c.subject, 2)? {

@@ -4,6 +4,7 @@ use crate::oracle::cull::Boxes;
 use crate::oracle::exact::{Crossing, cross};
 use crate::oracle::filter::{Verdict, judge};
 use geom::{Moment, Ray, Triangle};
+use num_traits::ToPrimitive;
 
 /// One exact hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,7 +108,7 @@ impl Oracle {
         (0..hits.len())
             .map(|i| ExactHit {
                 triangle: hits[i].0,
-                t: hits[i].1.t.to_f64(),
+                t: to_f64(&hits[i].1),
                 edge: hits[i].1.edge,
                 tie: same(i, i + 1) || (i > 0 && same(i, i - 1)),
             })
@@ -117,6 +118,11 @@ impl Oracle {
 
 fn is_active(corners: &Triangle) -> bool {
     corners.iter().flatten().all(|x| x.is_finite())
+}
+
+/// The nearest `f64`, ties to even.
+fn to_f64(crossing: &Crossing) -> f64 {
+    crossing.t.to_f64().expect("a distance is a number")
 }
 
 #[cfg(test)]

@@ -5,7 +5,6 @@
 //! its ground. `abvh stability --record FILE` writes one from the answers of a device to many seeds; to make it known, put it beside the
 //! others and name it in `FILES`. Nothing is in it of what may never happen: see [`is_never`].
 
-use crate::stress::bounds::Known;
 use crate::stress::{Cell, Family, Measure, Measured, Plan, StressTest};
 use backend::{Arithmetic, Backend, Intersector, Result};
 use serde::{Deserialize, Serialize};
@@ -30,7 +29,7 @@ pub struct Baseline {
 }
 
 /// A rate over many seeds.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RateEntry {
     /// Of what.
     pub family: String,
@@ -42,7 +41,7 @@ pub struct RateEntry {
     pub count: u64,
     /// Of how many rays.
     pub of: u64,
-    /// See [`Known::spread`].
+    /// Variance of the rate among seeds over that of independent rays; at least 1.
     pub spread: f64,
 }
 
@@ -59,21 +58,14 @@ static BASELINES: LazyLock<Vec<Baseline>> = LazyLock::new(|| {
     FILES.into_iter().map(read).collect()
 });
 
-/// All that were measured.
-#[must_use]
-pub fn baselines() -> &'static [Baseline] {
-    &BASELINES
-}
-
 /// Whether something may never happen, by the intersector's own definition: `exact` errs nowhere,
-/// `watertight` neither leaks nor hits twice, and no answer depends on a tree.
+/// `watertight` neither leaks nor hits twice.
 #[must_use]
 pub fn is_never(intersector: Intersector, measure: Measure) -> bool {
-    match (intersector, measure) {
-        (Intersector::Exact, _) | (_, Measure::TreeDependent) => true,
-        (Intersector::Watertight, Measure::Wrong) => false,
-        (Intersector::Watertight, _) => true,
-        _ => false,
+    match intersector {
+        Intersector::Exact => true,
+        Intersector::Watertight => measure != Measure::Wrong,
+        Intersector::Woop | Intersector::MollerTrumbore => false,
     }
 }
 
@@ -92,36 +84,22 @@ pub fn known(
     by: Intersector,
     measure: Measure,
     device: Arithmetic,
-) -> Option<Known> {
+) -> Option<&'static RateEntry> {
     let arithmetic = decisive(by, device);
     let names = (family.name(), by.name(), measure.name());
     let mut of_kind = BASELINES.iter().filter(|b| b.arithmetic == arithmetic);
     let this = |e: &&RateEntry| (&*e.family, &*e.intersector, &*e.measure) == names;
-    let entry = of_kind.find_map(|b| b.entries.iter().find(this))?;
-    Some(Known {
-        rate: entry.count as f64 / entry.of.max(1) as f64,
-        of: entry.of as f64,
-        spread: entry.spread,
-    })
+    of_kind.find_map(|b| b.entries.iter().find(this))
 }
 
-/// Measures a device anew: every family at the usual number of rays, of seeds from 1 to `seeds`. What no arithmetic
-/// of the device's own decides is measured on devices alone that round every operation once.
+/// Measures a device anew: every family at so many rays, of seeds from 1 to `seeds`. What no arithmetic of the
+/// device's own decides is measured on devices alone that round every operation once.
 ///
 /// `progress` hears of each family.
 ///
 /// # Errors
 /// The subject failed.
 pub fn record(
-    subject: &mut dyn Backend,
-    seeds: u64,
-    progress: &mut dyn FnMut(Family),
-) -> Result<Baseline> {
-    record_of(subject, (seeds, Plan::default().rays), progress)
-}
-
-/// Likewise, at so many rays a family.
-fn record_of(
     subject: &mut dyn Backend,
     (seeds, rays): (u64, u32),
     progress: &mut dyn FnMut(Family),
@@ -136,8 +114,7 @@ fn record_of(
         for seed in 1..=seeds {
             let test = StressTest::new(family, &Plan { seed, rays });
             for (&by, cells) in all.iter().zip(&mut cells) {
-                let tally = test.ask(subject, by)?;
-                cells.extend(tally.map(|t| Cell::new(family, by, &t, arithmetic)));
+                cells.extend(test.ask(subject, by)?);
             }
         }
         entries.extend(cells.iter().flat_map(|c| of_cells(c)));
@@ -156,19 +133,16 @@ fn record_of(
 
 /// One entry for each thing counted in the same cell of all seeds, but for what may never happen.
 fn of_cells(cells: &[Cell]) -> Vec<RateEntry> {
-    let Some(first) = cells.first() else {
-        return Vec::new();
-    };
-    let numbered = first.measured.iter().enumerate();
-    let free = numbered.filter(|(_, m)| !is_never(first.intersector, m.measure));
-    free.map(|(i, m)| {
-        let all: Vec<&Measured> = cells.iter().map(|c| &c.measured[i]).collect();
+    let measures = cells.first().map_or(0, |first| first.measured.len());
+    let all = (0..measures).map(|i| cells.iter().map(|c| c.measured[i]).collect());
+    let free = all.filter(|all: &Vec<Measured>| !is_never(cells[0].intersector, all[0].measure));
+    free.map(|all| {
         let count = all.iter().map(|m| m.count).sum();
         let of = all.iter().map(|m| m.of).sum();
         RateEntry {
-            family: first.family.name().to_owned(),
-            intersector: first.intersector.name().to_owned(),
-            measure: m.measure.name().to_owned(),
+            family: cells[0].family.name().to_owned(),
+            intersector: cells[0].intersector.name().to_owned(),
+            measure: all[0].measure.name().to_owned(),
             count,
             of,
             spread: spread(&all, count as f64 / of as f64),
@@ -178,7 +152,7 @@ fn of_cells(cells: &[Cell]) -> Vec<RateEntry> {
 }
 
 /// Variance of the rate among seeds over that of independent rays, at least 1.
-fn spread(all: &[&Measured], mean: f64) -> f64 {
+fn spread(all: &[Measured], mean: f64) -> f64 {
     let squares: f64 = all.iter().map(|m| (m.rate() - mean).powi(2)).sum();
     let independent = mean * (1.0 - mean) / all[0].of as f64;
     if independent == 0.0 || all.len() < 2 {

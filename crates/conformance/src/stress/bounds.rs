@@ -5,31 +5,23 @@
 //! Rays of one scene are not independent: `n` is divided by the spread, the variance of the rate among
 //! seeds over that of as many independent rays. The true rate is known from a baseline, within the same limits.
 
+use crate::stress::baseline::RateEntry;
+
 /// Improbability at which a rate is out of bounds: `exp(-18)`, less than `2e-8`, that of six standard deviations by
 /// Chernoff's bound.
 const LIMIT: f64 = 18.0;
 /// Steps of bisection, down to the precision of a rate.
 const STEPS: u32 = 60;
 
-/// What was measured once and for all.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Known {
-    /// The rate.
-    pub rate: f64,
-    /// Rays it is a rate of.
-    pub of: f64,
-    /// Variance of the rate among seeds over that of independent rays; at least 1.
-    pub spread: f64,
-}
-
 /// The rates to be expected of `rays` rays.
 #[must_use]
-pub fn interval(known: Known, rays: u64) -> [f64; 2] {
-    let before = LIMIT * known.spread / known.of.max(1.0);
+pub fn interval(known: &RateEntry, rays: u64) -> [f64; 2] {
+    let rate = known.count as f64 / known.of.max(1) as f64;
+    let before = LIMIT * known.spread / known.of.max(1) as f64;
     let now = LIMIT * known.spread / (rays as f64).max(1.0);
     // The true rate, then what may be seen of it.
-    let least = edge(known.rate, 0.0, |p| divergence(known.rate, p) <= before);
-    let most = edge(known.rate, 1.0, |p| divergence(known.rate, p) <= before);
+    let least = edge(rate, 0.0, |p| divergence(rate, p) <= before);
+    let most = edge(rate, 1.0, |p| divergence(rate, p) <= before);
     [
         edge(least, 0.0, |q| divergence(q, least) <= now),
         edge(most, 1.0, |q| divergence(q, most) <= now),
@@ -63,22 +55,23 @@ fn divergence(q: f64, p: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn known(rate: f64, spread: f64) -> Known {
-        Known {
-            rate,
-            of: 1e6,
+    fn known(rate: f64, spread: f64) -> RateEntry {
+        RateEntry {
+            count: (rate * 1e6) as u64,
+            of: 1_000_000,
             spread,
+            ..RateEntry::default()
         }
     }
 
     #[test]
     fn bounds_hold_what_chance_brings_and_little_more() {
-        let [low, high] = interval(known(0.25, 1.0), 10_000);
+        let [low, high] = interval(&known(0.25, 1.0), 10_000);
         // A standard deviation is 0.0043, and 0.0004 of what is known.
         assert!((0.220..0.226).contains(&low), "{low}");
         assert!((0.274..0.280).contains(&high), "{high}");
         let width = |spread, rays| {
-            let [low, high] = interval(known(0.1, spread), rays);
+            let [low, high] = interval(&known(0.1, spread), rays);
             high - low
         };
         assert!(width(1.0, 10_000) < width(1.0, 1000));
@@ -87,10 +80,10 @@ mod tests {
 
     #[test]
     fn never_and_always_have_an_end_of_their_own() {
-        let [low, high] = interval(known(0.0, 1.0), 8192);
+        let [low, high] = interval(&known(0.0, 1.0), 8192);
         assert!(low == 0.0 && (5e-4..1e-3).contains(&high), "{high}");
-        let [low, high] = interval(known(1.0, 1.0), 8192);
+        let [low, high] = interval(&known(1.0, 1.0), 8192);
         assert!(high == 1.0 && (0.999..0.9995).contains(&low), "{low}");
-        assert_eq!(interval(known(0.5, 1.0), 0), [0.0, 1.0]);
+        assert_eq!(interval(&known(0.5, 1.0), 0), [0.0, 1.0]);
     }
 }

@@ -1,8 +1,8 @@
 //! What was counted, held against what is expected.
 
+use crate::stress::Family;
 use crate::stress::baseline::{is_never, known};
 use crate::stress::bounds::interval;
-use crate::stress::{Family, StressCounts};
 use backend::{Arithmetic, Intersector};
 
 named! {
@@ -14,8 +14,6 @@ named! {
         Leaks = "leaks",
         /// Rays that cross a body too often or not often enough.
         DoubleHits = "double_hits",
-        /// Answers that differ with the tree.
-        TreeDependent = "tree_dependent",
     }
 }
 
@@ -41,8 +39,6 @@ pub struct Cell {
     pub intersector: Intersector,
     /// What was counted, wrong answers first.
     pub measured: Vec<Measured>,
-    /// See [`crate::stress::Rearranged::sah_ratio`].
-    pub sah_ratio: Option<f64>,
 }
 
 impl Measured {
@@ -61,33 +57,31 @@ impl Measured {
 }
 
 impl Cell {
-    /// Holds a tally against what is expected of an intersector on a device of that arithmetic.
+    /// Holds counts, each with its number of rays, against what is expected of an intersector on a device of that
+    /// arithmetic. Wrong answers come first.
     #[must_use]
     pub fn new(
         family: Family,
         intersector: Intersector,
-        tally: &StressCounts,
+        counts: &[(Measure, u64, u64)],
         arithmetic: Arithmetic,
     ) -> Self {
-        let mut counts = vec![(Measure::Wrong, tally.wrong, tally.rays)];
-        if let Some(c) = tally.closed {
-            counts.push((Measure::Leaks, c.leaks, c.inside));
-            counts.push((Measure::DoubleHits, c.doubles, c.counted));
-        }
-        if let Some(r) = tally.rearranged {
-            counts.push((Measure::TreeDependent, r.dependent, tally.rays));
-        }
-        let measured = counts.into_iter().map(|(measure, count, of)| Measured {
-            measure,
-            count,
-            of,
-            bound: bound((family, intersector, measure), of, arithmetic),
+        let measured = counts.iter().map(|&(measure, count, of)| {
+            let bound = match is_never(intersector, measure) {
+                true => Some([0.0; 2]),
+                false => known(family, intersector, measure, arithmetic).map(|k| interval(k, of)),
+            };
+            Measured {
+                measure,
+                count,
+                of,
+                bound,
+            }
         });
         Self {
             family,
             intersector,
             measured: measured.collect(),
-            sah_ratio: tally.rearranged.and_then(|r| r.sah_ratio),
         }
     }
 
@@ -108,15 +102,4 @@ impl Cell {
     pub fn is_ok(&self) -> bool {
         self.measured.iter().all(Measured::is_ok)
     }
-}
-
-fn bound(
-    (family, by, measure): (Family, Intersector, Measure),
-    of: u64,
-    arithmetic: Arithmetic,
-) -> Option<[f64; 2]> {
-    if is_never(by, measure) {
-        return Some([0.0; 2]);
-    }
-    known(family, by, measure, arithmetic).map(|k| interval(k, of))
 }

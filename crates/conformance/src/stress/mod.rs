@@ -16,7 +16,7 @@ mod scenes;
 mod stress_test;
 
 pub use cell::{Cell, Measure, Measured};
-pub use stress_test::{Closed, Rearranged, StressCounts, StressTest};
+pub use stress_test::StressTest;
 
 /// What to ask.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,8 +73,6 @@ named! {
         ExtremeKeys = "extreme-keys",
         /// A cloth wrung as tight as it gets.
         FoldingCloth = "folding-cloth",
-        /// A tree refitted after every triangle went elsewhere.
-        Rearranged = "rearranged",
         /// Coordinates and directions that are zeros of either sign.
         SignedZeros = "signed-zeros",
         /// Vertices that are not finite, always or at times.

@@ -1,11 +1,11 @@
 //! Each family's scenes and rays.
 
+use crate::generate::bodies::{Aim, BODIES, Placed, SORTS};
 use crate::generate::meshes::{self, Mesh, PLUMP, apart, separate, soup};
 use crate::generate::rays::{Aims, RayKind, Target, of_zeros};
 use crate::generate::{mixed, shares};
-use crate::leaks::{self, Aim, RayBatch};
+use crate::stage::vertices;
 use crate::stress::{Family, Plan};
-use backend::Method;
 use fastrand::Rng;
 use geom::{Animation, Point, Ray, Triangle};
 use std::sync::Arc;
@@ -43,89 +43,72 @@ impl Scene {
 
 /// All scenes of a family; they depend on the family and the plan alone.
 pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<Scene> {
+    let rng = |number| Rng::with_seed(mixed(mixed(plan.seed) ^ family as u64) ^ number);
+    if family == Family::FoldingCloth {
+        return vec![cloth(plan.rays as usize, &mut rng(0))];
+    }
     let count = plan.rays.div_ceil(RAYS).max(SCENES);
-    let shares: Vec<usize> = shares(plan.rays.into(), count.into())
-        .map(|share| share as usize)
-        .collect();
-    let far = |offset| closed(offset, None, plan.seed, &shares);
-    let near = |aim| closed(0.0, Some(aim), plan.seed, &shares);
-    match family {
-        Family::Far10 => far(10.0),
-        Family::Far1e3 => far(1e3),
-        Family::Far1e5 => far(1e5),
-        // So far away that rounding moves walls past what was inside.
-        Family::Far1e7 => {
-            let open = |s| Scene { inside: None, ..s };
-            far(1e7).into_iter().map(open).collect()
-        }
-        Family::Edges => near(Aim::Edge),
-        Family::Vertices => near(Aim::Vertex),
-        Family::FoldingCloth => vec![cloth(plan)],
-        Family::Outlier => (0..)
-            .zip(far(0.0))
-            .map(|(i, body)| beside_outlier(body, &mut rng(family, plan.seed, i)))
-            .collect(),
-        _ => (0..)
-            .zip(shares)
-            .map(|(i, rays)| one(family, i, rays, &mut rng(family, plan.seed, i)))
-            .collect(),
-    }
-}
-
-fn rng(family: Family, seed: u64, number: u32) -> Rng {
-    Rng::with_seed(mixed(mixed(seed) ^ family as u64) ^ u64::from(number))
-}
-
-/// Bodies there are; a family has each of them several times.
-const BODIES: usize = 4;
-
-/// Closed bodies at an offset, all rays of them or those with one aim, so many at each body.
-fn closed(offset: f32, aim: Option<Aim>, seed: u64, shares: &[usize]) -> Vec<Scene> {
-    let rounds = shares.chunks(BODIES).enumerate();
-    let scenes = rounds.flat_map(|(round, shares)| {
-        let most = shares.iter().max().copied().unwrap_or(0).max(1);
-        let sorts = if aim.is_some() { 3 } else { 1 };
-        let batches = leaks::ray_batches(&leaks::LeakPlan {
-            seed: mixed(seed) ^ round as u64,
-            // Twice as many as needed: far away, some begin where they are aimed at.
-            rays: (2 * (most + leaks::SORTS) * sorts * BODIES) as u64,
-            offsets: vec![offset],
-            method: Method::default(),
-        });
-        let all = batches.into_iter().zip(shares);
-        all.map(move |(batch, &share)| body(batch, aim, round, share))
-    });
-    scenes.collect()
-}
-
-/// Each round begins with another sort of ray, so that few rays are of all sorts too.
-fn body(batch: RayBatch, aim: Option<Aim>, round: usize, share: usize) -> Scene {
-    let sorted = batch.rays.into_iter().enumerate();
-    let sorted = sorted.map(|(i, ray)| (RayBatch::sort(i), ray));
-    let wanted = sorted.filter(|((a, _), ray)| ray.is_valid() && aim.is_none_or(|aim| aim == *a));
-    let taken = wanted.skip(round % leaks::SORTS).take(share);
-    let (inside, rays) = taken.map(|((_, inside), ray)| (inside, ray)).unzip();
-    Scene {
-        rays,
-        inside: Some(inside),
-        ..Scene::new(batch.animation, [0.0; 2])
-    }
+    let numbered = shares(plan.rays.into(), count.into()).enumerate();
+    numbered
+        .map(|(i, rays)| one(family, i, rays as usize, &mut rng(i as u64)))
+        .collect()
 }
 
 /// One scene of a family, with so many rays. Each begins with another sort of ray, so that few are of all sorts too.
-fn one(family: Family, number: u32, rays: usize, rng: &mut Rng) -> Scene {
+fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> Scene {
+    let body = |offset, aim, rng: &mut Rng| closed((offset, aim), number, rays, rng);
+    match family {
+        Family::Far10 => body(10.0, None, rng),
+        Family::Far1e3 => body(1e3, None, rng),
+        Family::Far1e5 => body(1e5, None, rng),
+        // So far away that rounding moves walls past what was inside.
+        Family::Far1e7 => Scene {
+            inside: None,
+            ..body(1e7, None, rng)
+        },
+        Family::Edges => body(0.0, Some(Aim::Edge), rng),
+        Family::Vertices => body(0.0, Some(Aim::Vertex), rng),
+        Family::Outlier => beside_outlier(body(0.0, None, rng), rng),
+        _ => asked(free(family, rng), rays, |aims, i| {
+            ray(family, aims, i + number, rng)
+        }),
+    }
+}
+
+/// A closed body at an offset, with rays of all sorts or those with one aim.
+fn closed((offset, aim): (f32, Option<Aim>), number: usize, rays: usize, rng: &mut Rng) -> Scene {
+    let (round, body) = (number / BODIES.len(), number % BODIES.len());
+    let placed = Placed::new(&BODIES[body], offset, false, rng);
+    let wanted = SORTS.into_iter();
+    let wanted: Vec<_> = wanted
+        .filter(|s| aim.is_none_or(|aim| aim == s.0))
+        .collect();
+    let ray = |i: usize| {
+        let sort = wanted[i % wanted.len()];
+        (sort.1, valid(|| placed.ray(sort, rng)))
+    };
+    let (inside, rays) = (round..round + rays).map(ray).unzip();
+    Scene {
+        rays,
+        inside: Some(inside),
+        ..Scene::new(placed.animation(), [0.0; 2])
+    }
+}
+
+/// A scene of a family of other meshes, without rays.
+fn free(family: Family, rng: &mut Rng) -> Scene {
     let plump = |rng: &mut Rng| soup(64, 0.4, PLUMP, rng);
     let scaled = |exponents, rng: &mut Rng| {
         let by = meshes::power(exponents, rng);
         still(separate(&meshes::scaled(&plump(rng), by)))
     };
-    let stage = match family {
+    match family {
         Family::Needles => still(separate(&soup(64, 0.8, [-7.0, -3.0], rng))),
         Family::ZeroArea => still(separate(&meshes::flakes(rng))),
         Family::Huge => scaled([15.0, 37.4], rng),
         Family::Tiny => scaled([-35.0, -12.0], rng),
         Family::Subnormal => scaled([-43.0, -38.0], rng),
-        Family::Stacks => still(separate(&meshes::stacks(rng))),
+        Family::Stacks => still(meshes::stacks(rng)),
         Family::InPlane => {
             let mut all = plump(rng);
             all.extend((0..64).map(|i| meshes::flat(i % 3, rng)));
@@ -134,19 +117,14 @@ fn one(family: Family, number: u32, rays: usize, rng: &mut Rng) -> Scene {
         Family::OnSurface => still(meshes::sheet(16, 1000, rng)),
         Family::AxisParallel => still(meshes::sheet(16, 8, rng)),
         Family::ExtremeKeys => extreme(plump(rng), plump(rng), rng),
-        Family::Rearranged => {
-            let key = |rng: &mut Rng| soup(256, 0.1, PLUMP, rng).concat();
-            let keys = vec![key(rng), key(rng)];
-            moving(keys, 0.0, 1.0)
+        Family::SignedZeros => {
+            let numbers = [0.0, -0.0, 0.0, -0.0, 1.0, -1.0, 0.5, -0.5];
+            still(separate(&meshes::of_numbers(&numbers, 48, rng)))
         }
-        Family::SignedZeros => still(separate(&meshes::zeros(48, rng))),
         Family::NonFinite => broken(&plump(rng), rng),
         Family::Exploding => exploding(rng),
         _ => unreachable!("{family} has scenes of its own"),
-    };
-    asked(stage, rays, |aims, i| {
-        ray(family, aims, i + number as usize, rng)
-    })
+    }
 }
 
 /// The `i`-th ray at a scene of a family.
@@ -162,25 +140,27 @@ fn ray(family: Family, aims: &Aims, i: usize, rng: &mut Rng) -> Ray {
     aims.ray(kind, target, rng)
 }
 
-/// Fills in a scene's rays; those that are not valid are made again.
+/// Fills in a scene's rays.
 fn asked(mut scene: Scene, rays: usize, mut ray: impl FnMut(&Aims, usize) -> Ray) -> Scene {
     let [_, aims] = Aims::of(&scene.animation, scene.time);
-    let valid = |i| {
-        let mut again = std::iter::repeat_with(|| ray(&aims, i));
-        again.find(Ray::is_valid).expect("most rays are valid")
-    };
-    scene.rays = (0..rays).map(valid).collect();
+    scene.rays = (0..rays).map(|i| valid(|| ray(&aims, i))).collect();
     scene
 }
 
-pub(crate) fn still((points, triangles): Mesh) -> Scene {
+/// A ray that is not valid is made again.
+fn valid(ray: impl FnMut() -> Ray) -> Ray {
+    let mut again = std::iter::repeat_with(ray);
+    again.find(Ray::is_valid).expect("most rays are valid")
+}
+
+fn still((points, triangles): Mesh) -> Scene {
     let animation = Animation::new(vec![points], triangles);
     let animation = animation.expect("meshes name their own vertices");
     Scene::new(Arc::new(animation), [0.0; 2])
 }
 
 /// Free triangles in motion.
-pub(crate) fn moving(keys: Vec<Vec<Point>>, built: f64, time: f64) -> Scene {
+fn moving(keys: Vec<Vec<Point>>, built: f64, time: f64) -> Scene {
     let triangles = apart(keys[0].len() / 3);
     let animation = Animation::new(keys, triangles);
     let animation = animation.expect("key frames have three vertices a triangle");
@@ -199,7 +179,7 @@ fn extreme(small: Vec<Triangle>, large: Vec<Triangle>, rng: &mut Rng) -> Scene {
 }
 
 /// A quarter of the triangles has a vertex that is not finite in the first key frame, the second or both.
-pub(crate) fn broken(triangles: &[Triangle], rng: &mut Rng) -> Scene {
+fn broken(triangles: &[Triangle], rng: &mut Rng) -> Scene {
     let mut keys = vec![triangles.concat(); 2];
     for t in 0..triangles.len() / 4 {
         let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][rng.usize(..3)];
@@ -217,7 +197,7 @@ pub(crate) fn broken(triangles: &[Triangle], rng: &mut Rng) -> Scene {
 
 /// A closed body beside one more triangle, which hardly any ray meets.
 fn beside_outlier(body: Scene, rng: &mut Rng) -> Scene {
-    let mut points = body.animation.first().to_vec();
+    let mut points = vertices(&body.animation, 0.0);
     let mut triangles = body.animation.triangles().to_vec();
     let first = points.len() as u32;
     points.extend(meshes::outlier(rng));
@@ -230,7 +210,7 @@ fn beside_outlier(body: Scene, rng: &mut Rng) -> Scene {
 }
 
 /// A sheet at rest, on its way, or with one vertex gone far.
-pub(crate) fn exploding(rng: &mut Rng) -> Scene {
+fn exploding(rng: &mut Rng) -> Scene {
     let (points, triangles) = meshes::sheet(16, 8, rng);
     let mut far = points.clone();
     let vertex = rng.usize(..far.len());
@@ -242,16 +222,13 @@ pub(crate) fn exploding(rng: &mut Rng) -> Scene {
 }
 
 /// `demo:twist` at its end, where it is tightest, on a tree of its beginning.
-fn cloth(plan: &Plan) -> Scene {
+fn cloth(rays: usize, rng: &mut Rng) -> Scene {
     let demo = scene::open("demo:twist:3000", &scene::Options::default());
     let animation = demo.expect("demos need no file").animation;
     let times = [0.0, animation.end()];
-    let mut rng = rng(Family::FoldingCloth, plan.seed, 0);
-    asked(
-        Scene::new(animation, times),
-        plan.rays as usize,
-        |aims, i| aims.ray(RayKind::Aimed, Target::ALL[i % 3], &mut rng),
-    )
+    asked(Scene::new(animation, times), rays, |aims, i| {
+        aims.ray(RayKind::Aimed, Target::ALL[i % 3], rng)
+    })
 }
 
 #[cfg(test)]

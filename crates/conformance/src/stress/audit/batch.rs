@@ -4,7 +4,7 @@ use super::BatchSpec;
 use super::bounds::TBounds;
 use crate::compare::{ray_text, triangle_text};
 use crate::oracle::ExactHit;
-use crate::stage::{self, ask};
+use crate::stage::ask;
 use crate::stress::scenes::Scene;
 use crate::stress::stress_test::Answered;
 use backend::{Backend, Method, QueryKind, Rays, Result};
@@ -35,12 +35,6 @@ pub struct AuditCounts {
     pub ties: u64,
     /// Rays whose closest hit lies exactly on an edge or a vertex.
     pub edges: u64,
-    /// Triangles of all scenes.
-    pub triangles: u64,
-    /// Of those, triangles of no area.
-    pub degenerate: u64,
-    /// Of those, triangles with a vertex that is not finite.
-    pub inactive: u64,
     /// Rays that the backend did not decide by rounded arithmetic.
     pub settled: u64,
     /// Rays whose triangle or miss is not the exact one's.
@@ -56,23 +50,13 @@ pub struct AuditCounts {
 
 impl Batch {
     pub(super) fn new(spec: BatchSpec, scene: Scene) -> Self {
-        let (answered, _) = Answered::new(scene);
-        let (scene, exact) = (&answered.scene, &answered.exact);
-        let moment = stage::moment(&scene.animation, scene.time);
-        let count = |f: &dyn Fn(&ExactHit) -> bool| exact.iter().flatten().filter(|e| f(e)).count();
-        let corners = |t| moment.corners(t);
-        let triangles = 0..scene.animation.triangle_count() as u32;
-        let (active, inactive): (Vec<u32>, Vec<u32>) =
-            triangles.partition(|&t| geom::is_active(&corners(t)));
-        let degenerate = active.iter().filter(|&&t| geom::is_degenerate(&corners(t)));
+        let answered = Answered::new(scene);
+        let hits = || answered.exact.iter().flatten();
         let about = AuditCounts {
-            rays: scene.rays.len() as u64,
-            hits: count(&|_| true) as u64,
-            ties: count(&|e| e.tie) as u64,
-            edges: count(&|e| e.edge) as u64,
-            triangles: (active.len() + inactive.len()) as u64,
-            degenerate: degenerate.count() as u64,
-            inactive: inactive.len() as u64,
+            rays: answered.exact.len() as u64,
+            hits: hits().count() as u64,
+            ties: hits().filter(|e| e.tie).count() as u64,
+            edges: hits().filter(|e| e.edge).count() as u64,
             ..AuditCounts::default()
         };
         Self {
@@ -88,7 +72,7 @@ impl Batch {
     /// The subject failed, or does not know the method.
     pub fn ask(&self, subject: &mut dyn Backend, method: Method) -> Result<AuditCounts> {
         let scene = &self.answered.scene;
-        let (closest, report) = scene.trace(subject, method, scene.built)?;
+        let (closest, report) = scene.trace(subject, method)?;
         let (any, _) = ask(subject, Rays::List(&scene.rays), QueryKind::Any)?;
         let mut tally = AuditCounts {
             settled: report.settled,
@@ -133,9 +117,6 @@ impl AddAssign for AuditCounts {
         self.hits += other.hits;
         self.ties += other.ties;
         self.edges += other.edges;
-        self.triangles += other.triangles;
-        self.degenerate += other.degenerate;
-        self.inactive += other.inactive;
         self.settled += other.settled;
         self.wrong += other.wrong;
         self.wrong_any += other.wrong_any;

@@ -6,39 +6,25 @@
 
 mod batch;
 mod bounds;
-mod kind;
 #[cfg(test)]
 mod tests;
 
-use crate::generate::placement::{PLACES, Placement};
-use crate::generate::rays::{Aims, RayKind, Target, void};
+use crate::generate::placement::Placement;
+use crate::generate::rays::{Aims, turn};
+use crate::generate::scenes::{SceneKind, scene};
 use crate::generate::{mixed, shares};
 use crate::stress::scenes::Scene;
 use fastrand::Rng;
-use geom::{Animation, Point, Ray};
-use kind::Kind;
+use geom::Animation;
 use rayon::prelude::*;
 use std::sync::Arc;
 
 pub use batch::{AuditCounts, Batch};
 
-/// Rays of a scene made here: few, so that many rays see many scenes.
+/// Rays of a batch: few, so that many rays see many scenes.
 const MOST: u64 = 1 << 14;
-/// Rays of a scene that was given, whose trees take longer.
-const MOST_GIVEN: u64 = 1 << 18;
-/// A given scene is asked at so many moments at least.
-const MOMENTS: u64 = 3;
-/// Triangles of the cloth.
-const CLOTH: &str = "demo:twist:1500";
-
-/// What to ask.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct AuditPlan {
-    /// Decides scenes and rays.
-    pub seed: u64,
-    /// Rays in all.
-    pub rays: u64,
-}
+/// Batches of each kind of mesh, and of each scene given, at least.
+const BATCHES: u64 = 6;
 
 /// A scene that somebody gave.
 #[derive(Clone, Debug)]
@@ -49,15 +35,6 @@ pub struct Given {
     pub animation: Arc<Animation>,
 }
 
-/// Where a batch's scene comes from.
-#[derive(Clone, Copy, Debug)]
-enum Source {
-    /// A kind of mesh, and one of [`PLACES`].
-    Made(Kind, usize),
-    /// By its place among those given.
-    Given(usize),
-}
-
 /// One scene at one moment, and how many rays it is asked.
 #[derive(Clone, Copy, Debug)]
 pub struct BatchSpec {
@@ -65,177 +42,74 @@ pub struct BatchSpec {
     pub number: u64,
     /// Rays it is asked.
     pub rays: u64,
-    source: Source,
+    /// A kind of mesh or, after those, a scene given.
+    source: usize,
 }
 
-/// A plan with all that its scenes are made from.
+/// So many rays of a seed, and the scenes given.
 #[derive(Debug)]
 pub struct Audit {
-    plan: AuditPlan,
+    seed: u64,
+    rays: u64,
     given: Vec<Given>,
-    cloth: Arc<Animation>,
 }
 
 impl Audit {
-    /// An audit over meshes of every kind made from the plan's seed, and over the scenes given.
-    ///
-    /// # Panics
-    /// Never: the one demo it opens needs no file.
+    /// An audit of so many rays, over meshes of every kind made from the seed and over the scenes given.
     #[must_use]
-    pub fn new(plan: AuditPlan, given: Vec<Given>) -> Self {
-        let cloth = scene::open(CLOTH, &scene::Options::default());
-        Self {
-            plan,
-            given,
-            cloth: cloth.expect("demos need no file").animation,
-        }
+    pub fn new(seed: u64, rays: u64, given: Vec<Given>) -> Self {
+        Self { seed, rays, given }
     }
 
     /// All batches that have rays. Each kind of mesh gets as many rays as the next, and as many as each scene given.
     #[must_use]
     pub fn specs(&self) -> Vec<BatchSpec> {
-        let sorts = Kind::ALL.len() + self.given.len();
-        let [made, given] = [Kind::ALL.len(), 1].map(|n| self.plan.rays * n as u64 / sorts as u64);
+        let sources = SceneKind::ALL.len() + self.given.len();
         let mut specs = Vec::new();
-        let made = made + self.plan.rays - made - given * self.given.len() as u64;
-        let combinations = (Kind::ALL.len() * PLACES.len()) as u64;
-        self.share(made, [combinations, MOST], &mut specs, |i| {
-            let (kind, place) = (i % Kind::ALL.len(), i / Kind::ALL.len());
-            Source::Made(Kind::ALL[kind], place % PLACES.len())
-        });
-        for i in 0..self.given.len() {
-            self.share(given, [MOMENTS, MOST_GIVEN], &mut specs, |_| {
-                Source::Given(i)
-            });
+        for (source, share) in shares(self.rays, sources as u64).enumerate() {
+            for rays in shares(share, share.div_ceil(MOST).max(BATCHES)) {
+                let number = specs.len() as u64;
+                specs.push(BatchSpec {
+                    number,
+                    rays,
+                    source,
+                });
+            }
         }
         specs.retain(|spec| spec.rays > 0);
         specs
     }
 
-    /// Shares rays out among so many batches at least, of so many rays at most.
-    fn share(
-        &self,
-        rays: u64,
-        [least, most]: [u64; 2],
-        specs: &mut Vec<BatchSpec>,
-        source: impl Fn(usize) -> Source,
-    ) {
-        let count = rays.div_ceil(most).max(least);
-        let first = specs.len() as u64;
-        specs.extend(shares(rays, count).zip(0..).map(|(rays, i)| BatchSpec {
-            number: first + i,
-            rays,
-            source: source(i as usize),
-        }));
-    }
-
     /// What a batch's scene is called: the kind of mesh or the name given.
     #[must_use]
     pub fn name(&self, spec: &BatchSpec) -> &str {
-        match spec.source {
-            Source::Made(kind, _) => kind.name(),
-            Source::Given(i) => &self.given[i].name,
-        }
-    }
-
-    /// What a batch is made of, for messages.
-    #[must_use]
-    pub fn about(&self, spec: &BatchSpec) -> String {
-        match spec.source {
-            Source::Made(kind, place) => format!("{kind}, {}", PLACES[place].0),
-            Source::Given(i) => self.given[i].name.clone(),
+        match SceneKind::ALL.get(spec.source) {
+            Some(kind) => kind.name(),
+            None => &self.given[spec.source - SceneKind::ALL.len()].name,
         }
     }
 
     /// Makes a batch's scene and rays, and finds the exact answers, on as many threads as there are.
     #[must_use]
     pub fn batch(&self, spec: &BatchSpec) -> Batch {
-        let seed = mixed(mixed(self.plan.seed) ^ spec.number);
+        let seed = mixed(mixed(self.seed) ^ spec.number);
         let rng = &mut Rng::with_seed(seed);
-        let mut scene = match spec.source {
-            Source::Made(kind, place) => {
-                let scene = kind.scene(&self.cloth, rng);
-                put(scene, (PLACES[place].1)(rng))
-            }
-            Source::Given(i) => moment(&self.given[i].animation, rng),
+        let animation = match SceneKind::ALL.get(spec.source) {
+            Some(&kind) => Placement::any(rng).animation(scene(kind, rng)),
+            None => Arc::clone(&self.given[spec.source - SceneKind::ALL.len()].animation),
         };
-        scene.rays = rays(&scene, spec.rays, seed);
+        let mut scene = moment(animation, rng);
+        let aims = Aims::of(&scene.animation, scene.time);
+        let ray = |i| turn(&aims, i, &mut Rng::with_seed(mixed(seed ^ (i + 1))));
+        scene.rays = (0..spec.rays).into_par_iter().map(ray).collect();
         Batch::new(*spec, scene)
     }
 }
 
-/// Puts the scene elsewhere.
-fn put(scene: Scene, place: Placement) -> Scene {
-    let keys = scene.animation.all_keys().expect("they are held");
-    let keys = keys
-        .iter()
-        .map(|key| key.iter().map(|&p| place.put(p)).collect());
-    let keys: Vec<Vec<Point>> = keys.collect();
-    let animation = Animation::new(keys, scene.animation.triangles().to_vec());
-    Scene {
-        animation: Arc::new(animation.expect("the mesh is the same")),
-        ..scene
-    }
-}
-
 /// A scene at a key frame or between two, on a tree of its beginning or of the moment.
-fn moment(animation: &Arc<Animation>, rng: &mut Rng) -> Scene {
+fn moment(animation: Arc<Animation>, rng: &mut Rng) -> Scene {
     let time = animation.end() * rng.f64();
     let time = if rng.bool() { time } else { time.round() };
     let built = if rng.bool() { time } else { 0.0 };
-    Scene::new(Arc::clone(animation), [built, time])
-}
-
-/// Rays take turns: of which kind each is, and at what it aims if that is not left to chance.
-const SORTS: [(RayKind, Option<Target>); 16] = [
-    (RayKind::Random, None),
-    (RayKind::Aimed, Some(Target::Inside)),
-    (RayKind::Aimed, Some(Target::Edge)),
-    (RayKind::Aimed, Some(Target::Edge)),
-    (RayKind::Aimed, Some(Target::Vertex)),
-    (RayKind::Aimed, Some(Target::Vertex)),
-    (RayKind::Exactly, Some(Target::Edge)),
-    (RayKind::Exactly, Some(Target::Vertex)),
-    (RayKind::InPlane, None),
-    (RayKind::InPlaneExactly, None),
-    (RayKind::AlongAxis, None),
-    (RayKind::OnSurface, None),
-    (RayKind::Between, None),
-    (RayKind::Beyond, None),
-    (RayKind::Limited, None),
-    (RayKind::AlongEdge, None),
-];
-/// Triangles of which each may be asked by a single ray.
-const FEW: usize = 4096;
-
-/// The first `count` rays of a scene; each depends on the scene, the seed and its number alone.
-fn rays(scene: &Scene, count: u64, seed: u64) -> Vec<Ray> {
-    let [near, aims] = &Aims::of(&scene.animation, scene.time);
-    let one = |i: u64| {
-        let rng = &mut Rng::with_seed(mixed(seed ^ (i + 1)));
-        ray([near, aims][rng.usize(..4).min(1)], i, rng)
-    };
-    (0..count).into_par_iter().map(one).collect()
-}
-
-fn ray(aims: &Aims, i: u64, rng: &mut Rng) -> Ray {
-    let round = i / SORTS.len() as u64;
-    let (kind, target) = SORTS[(i % SORTS.len() as u64) as usize];
-    let target = target.unwrap_or_else(|| Target::ALL[rng.usize(..3)]);
-    // Hardly ever so far that only integers decide what is hit, of every triangle.
-    let farthest = kind == RayKind::Beyond && round % 64 == 31;
-    let made = match farthest && (1..=FEW).contains(&aims.count()) {
-        true => aims.beyond(target, 2.0_f64.powi(rng.i32(70..90)), rng),
-        false => aims.ray(kind, target, rng),
-    };
-    // Now and then much longer or shorter, and now and then no ray at all.
-    match round % 32 {
-        7 | 15 => {
-            let by = 2.0_f32.powi(rng.i32(-80..80));
-            let direction: Point = made.direction.map(|x| x * by);
-            Ray { direction, ..made }
-        }
-        23 if i.is_multiple_of(4) => void(made, rng),
-        _ => made,
-    }
+    Scene::new(animation, [built, time])
 }

@@ -1,7 +1,6 @@
 //! Whose bounds hold where.
 
 use super::*;
-use crate::stress::StressCounts;
 use cpu_ref::CpuBackend;
 
 const LOOSE: Arithmetic = Arithmetic {
@@ -11,19 +10,12 @@ const LOOSE: Arithmetic = Arithmetic {
 
 /// A cell of rays at edges of closed bodies, of which so many answers are wrong, leak or hit twice.
 fn edges(by: Intersector, [wrong, leaks, doubles]: [u64; 3], device: Arithmetic) -> Cell {
-    let closed = crate::stress::Closed {
-        inside: 4096,
-        leaks,
-        counted: 8192,
-        doubles,
-    };
-    let tally = StressCounts {
-        rays: 8192,
-        wrong,
-        closed: Some(closed),
-        rearranged: None,
-    };
-    Cell::new(Family::Edges, by, &tally, device)
+    let counts = [
+        (Measure::Wrong, wrong, 8192),
+        (Measure::Leaks, leaks, 4096),
+        (Measure::DoubleHits, doubles, 8192),
+    ];
+    Cell::new(Family::Edges, by, &counts, device)
 }
 
 #[test]
@@ -55,7 +47,7 @@ fn answers_that_are_equal_everywhere_have_one_bound_and_unknown_arithmetic_has_n
 
 #[test]
 fn every_baseline_has_every_cell_once_and_says_where_it_comes_from() {
-    for baseline in baselines() {
+    for baseline in BASELINES.iter() {
         let of = |by: Intersector| decisive(by, baseline.arithmetic) == baseline.arithmetic;
         let all = Intersector::ALL.into_iter().filter(|&by| of(by));
         for (family, by) in all.flat_map(|by| Family::ALL.map(|f| (f, by))) {
@@ -73,10 +65,10 @@ fn every_baseline_has_every_cell_once_and_says_where_it_comes_from() {
 fn a_record_of_the_host_is_the_hosts_baseline() {
     let mut cpu = CpuBackend::new(Some(2)).unwrap();
     let mut families = 0;
-    let found = record_of(&mut cpu, (2, 512), &mut |_| families += 1).unwrap();
+    let found = record(&mut cpu, (2, 512), &mut |_| families += 1).unwrap();
     assert_eq!(found.arithmetic, Arithmetic::IEEE);
     assert_eq!(families, Family::ALL.len());
-    let host = &baselines()[0];
+    let host = &BASELINES[0];
     assert_eq!(found.entries.len(), host.entries.len());
     for (now, then) in found.entries.iter().zip(&host.entries) {
         let cell = |e: &RateEntry| (e.family.clone(), e.intersector.clone(), e.measure.clone());
