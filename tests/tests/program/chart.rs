@@ -56,22 +56,28 @@ fn files(sandbox: &Sandbox) {
     let commas = |line: &str| line.matches(',').count();
     let first = csv.lines().next().map(commas);
     assert!(csv.lines().all(|l| Some(commas(l)) == first), "{csv}");
-    says(
-        &sandbox.text("c/chart.svg"),
-        "wrong answers per million|</svg>",
-    );
+    says(&sandbox.text("c/chart.svg"), "extreme-keys|</svg>");
     says(&sandbox.text("c/chart.html"), "abvh bench|</svg>");
 }
 
 fn judged(sandbox: &Sandbox) {
     for p in draw(sandbox, 20_000, "--quiet --update refit,async").1 {
+        let sum = |name: &str, what: &str| -> u64 {
+            list(&p[name]).iter().filter_map(|l| l[what].as_u64()).sum()
+        };
+        let (lost, doubled) = (sum("leaks", "leaks"), sum("leaks", "double_hits"));
+        let (counted, mixed) = (sum("leaks", "counted"), sum("mixed_range", "wrong"));
+        assert!(sum("leaks", "rays") > 0, "{p}");
+        assert!(sum("mixed_range", "rays") == 3 * 2048, "{p}");
         let wrong = [&p["wrong"], &p["aimed"]["wrong"], &p["wrong_shadow"]];
         let wrong = wrong.map(|n| n.as_u64().unwrap_or(u64::MAX));
         let fits = match p["intersector"].as_str() {
-            Some("exact") => wrong == [0; 3],
-            // It may name a neighbour of an edge.
-            Some("watertight") => wrong[1] > 0 && wrong[0] <= 2,
-            _ => wrong[1] > 0,
+            Some("exact") => wrong == [0; 3] && lost + counted + mixed == 0,
+            // It may name a neighbour of an edge, but never loses a ray.
+            Some("watertight") => {
+                wrong[1] > 0 && counted > 0 && lost + doubled == 0 && wrong[0] <= 2
+            }
+            _ => wrong[1] > 0 && lost > 0 && doubled > 0 && mixed > 0,
         };
         assert!(fits, "{p}");
         let t = &p["t_error_ulp"];

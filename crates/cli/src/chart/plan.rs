@@ -102,6 +102,13 @@ fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
     kept
 }
 
+impl Way {
+    /// Whether another traces alike, whatever the update.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        (self.ask.backend, self.ask.method) == (other.ask.backend, other.ask.method)
+    }
+}
+
 impl fmt::Display for Way {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [backend, layout] = [word(&self.ask.backend), word(&self.ask.method.layout)];

@@ -3,6 +3,7 @@
 //! Everything that may be unknown is an `Option`; numbers are finite.
 
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// Rays that wrong answers are counted per.
 const PER: f64 = 1e6;
@@ -81,14 +82,21 @@ pub struct Point {
     /// How many of them got another answer to whether the hit is in shadow.
     pub wrong_shadow: u64,
     /// Rays aimed at edges and vertices of the scene itself, which [`Self::rays_tested`] leaves out.
+    #[serde(default)]
     pub aimed: Aimed,
     /// How far `t` was off where the hit was right.
     pub t_error_ulp: Option<TError>,
+    /// What became of rays aimed at edges and vertices of a closed mesh.
+    pub leaks: Vec<Leaks>,
+    /// Answers in scenes of mixed range: sizes or places of very different magnitude in one scene.
+    #[serde(default)]
+    pub mixed_range: Vec<FamilyCounts>,
     /// Bytes of memory that the backend held.
     pub memory_bytes: Option<u64>,
     /// Frames that were timed.
     pub samples: u64,
     /// Seconds that the device was warmed up before them.
+    #[serde(default)]
     pub warm_up_s: Option<f64>,
     /// The command that measures this point again.
     pub command: String,
@@ -123,6 +131,32 @@ pub struct Aimed {
     pub rays: u64,
     /// How many of them got another closest hit than by exact arithmetic.
     pub wrong: u64,
+}
+
+/// How many of a family's rays got another closest hit than by exact arithmetic.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FamilyCounts {
+    /// Name of the family, as `abvh stability` lists it.
+    pub family: String,
+    /// Rays.
+    pub rays: u64,
+    /// How many were wrong.
+    pub wrong: u64,
+}
+
+/// Rays aimed from inside at edges and vertices of a closed mesh that was moved away from the origin.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Leaks {
+    /// How far the mesh was moved, in units of its size.
+    pub offset: f64,
+    /// Rays.
+    pub rays: u64,
+    /// How many met nothing.
+    pub leaks: u64,
+    /// Rays of those whose crossings were counted.
+    pub counted: u64,
+    /// How many of the counted met two triangles where a generic ray meets one.
+    pub double_hits: u64,
 }
 
 impl Point {
@@ -225,6 +259,21 @@ impl Chart {
     pub(crate) fn is_on_front(&self, index: usize) -> bool {
         let front = self.front(&self.points[index].scene);
         front.iter().any(|dot| dot.index == index)
+    }
+
+    /// Offsets that any point was measured at.
+    pub(crate) fn offsets(&self) -> Vec<f64> {
+        let leaks = self.points.iter().flat_map(|p| &p.leaks);
+        let mut offsets: Vec<f64> = leaks.map(|l| l.offset).collect();
+        offsets.sort_by(f64::total_cmp);
+        offsets.dedup();
+        offsets
+    }
+
+    /// Families of mixed range that any point was measured in.
+    pub(crate) fn families(&self) -> BTreeSet<&str> {
+        let all = self.points.iter().flat_map(|p| &p.mixed_range);
+        all.map(|f| &*f.family).collect()
     }
 }
 

@@ -80,13 +80,32 @@ fn find<T: Copy>(list: &[(&str, T)], name: &str, other: T) -> T {
     found.map_or(other, |(_, stands)| *stands)
 }
 
+/// A mark that stands for a backend and an intersector.
+pub(crate) fn of_method(backend: &str, intersector: &str) -> Look {
+    Look {
+        colour: find(BACKENDS, backend, PLAIN.colour),
+        shape: find(INTERSECTORS, intersector, PLAIN.shape),
+        ..PLAIN
+    }
+}
+
 pub(crate) fn of_point(point: &Point) -> Look {
     Look {
-        colour: find(BACKENDS, &point.backend, PLAIN.colour),
-        shape: find(INTERSECTORS, &point.intersector, PLAIN.shape),
         fill: find(UPDATES, &point.update, PLAIN.fill),
         radius: find(LAYOUTS, &point.layout, PLAIN.radius),
+        ..of_method(&point.backend, &point.intersector)
     }
+}
+
+/// Each name once, in the order of appearance.
+pub(crate) fn names(points: &[Point], of: fn(&Point) -> &String) -> Vec<&str> {
+    let mut names: Vec<&str> = Vec::new();
+    for name in points.iter().map(of) {
+        if !names.contains(&name.as_str()) {
+            names.push(name);
+        }
+    }
+    names
 }
 
 /// A line of a legend; a heading has no look.

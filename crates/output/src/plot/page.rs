@@ -1,10 +1,10 @@
-//! The page of speed against accuracy: a plane for each scene.
+//! The page of speed against accuracy: a plane for each scene, then hard rays, leaks and double hits.
 
 use super::Result;
-use super::data::{Chart, Machine, Point, Scene};
-use super::look::{GREY, INK, legend, of_point};
-use super::panel::{Axis, HEIGHT, LINE, Mark, Panel, WIDTH, font, short};
-use super::table::{count, described, escape, row};
+use super::data::{Chart, Leaks, Machine, Point, Rate, Scene};
+use super::look::{GREY, INK, legend, names, of_method, of_point};
+use super::panel::{Axis, LINE, Mark, Panel, WIDTH, font, short};
+use super::table::{count, described, escape, number, row};
 use plotters::backend::SVGBackend;
 use plotters::drawing::IntoDrawingArea;
 use plotters::element::Text;
@@ -12,6 +12,9 @@ use plotters::style::{FontStyle, WHITE};
 use std::fmt::Write as _;
 
 const TITLE: &str = "abvh: speed against accuracy";
+/// Heights of a plane and of a panel below.
+const PLANE: u32 = 540;
+const SIDE: u32 = 320;
 
 const STYLE: &str = "body { font: 15px sans-serif; margin: 1em auto; max-width: 1000px; color: #1a1a1a; background: #fff }\n\
     svg { max-width: 100%; height: auto }\n\
@@ -24,10 +27,11 @@ const STYLE: &str = "body { font: 15px sans-serif; margin: 1em auto; max-width: 
 /// # Errors
 /// See [`super::ChartError`].
 pub fn svg(chart: &Chart) -> Result<String> {
-    let panels = planes(chart);
+    let mut panels = planes(chart);
+    panels.extend(side_panels(chart));
     let words = words(&chart.machine);
     let head = 46 + 19 * words.len() as u32;
-    let height = head + HEIGHT * panels.len() as u32;
+    let height = head + panels.iter().map(|p| p.height).sum::<u32>();
     let (mut drawn, mut targets) = (String::new(), String::new());
     {
         let sheet = SVGBackend::with_string(&mut drawn, (WIDTH, height)).into_drawing_area();
@@ -40,10 +44,11 @@ pub fn svg(chart: &Chart) -> Result<String> {
         }
         let mut rest = sheet.split_vertically(head).1;
         for panel in &panels {
-            let (area, below) = rest.split_vertically(HEIGHT);
+            let (area, below) = rest.split_vertically(panel.height);
             rest = below;
             let places = panel.draw(&area)?;
-            for (mark, (x, y)) in panel.marks.iter().zip(places) {
+            let told = panel.marks.iter().zip(places);
+            for (mark, (x, y)) in told.filter(|(m, _)| !m.about.is_empty()) {
                 // Writing to a string cannot fail.
                 let _ = writeln!(
                     targets,
@@ -107,6 +112,7 @@ fn plane(chart: &Chart, scene: &Scene, axes: [Axis; 2]) -> Panel {
     let front = front.iter().map(|dot| [dot.ms[0], dot.wrong.value]);
     Panel {
         title: heading(chart, scene, dots.len()),
+        height: PLANE,
         axes,
         marks: marks.collect(),
         front: front.collect(),
@@ -125,6 +131,94 @@ fn heading(chart: &Chart, scene: &Scene, drawn: usize) -> String {
         0 => about,
         n => format!("{about} ({n} without a time or tested rays not drawn)"),
     }
+}
+
+/// What went wrong in one place, such as an offset: how many of how many rays, by each point that knows.
+type Place = (String, Vec<Option<(u64, u64)>>);
+
+/// Panels with a place for each family of rays or offset, and marks for each backend and intersector.
+fn side_panels(chart: &Chart) -> Vec<Panel> {
+    let place = |name: &str, read: &dyn Fn(&Point) -> Option<(u64, u64)>| -> Place {
+        (name.to_owned(), chart.points.iter().map(read).collect())
+    };
+    let aimed = |p: &Point| Some((p.aimed.wrong, p.aimed.rays));
+    let mut hard = vec![place("edges and vertices", &aimed)];
+    hard.extend(chart.families().into_iter().map(|family| {
+        place(family, &|p| {
+            let found = p.mixed_range.iter().find(|f| f.family == family)?;
+            Some((found.wrong, found.rays))
+        })
+    }));
+    let by_offset = |read: fn(&Leaks) -> (u64, u64)| -> Vec<Place> {
+        let at = |offset: f64| {
+            place(&number(offset), &|p| {
+                p.leaks.iter().find(|l| l.offset == offset).map(read)
+            })
+        };
+        chart.offsets().into_iter().map(at).collect()
+    };
+    let offset = "offset of the mesh from the origin, in its own sizes";
+    let all = [
+        (
+            "Hard rays: at edges and vertices of the scene, and in scenes of mixed range",
+            ["family of rays", "wrong per million"],
+            hard,
+        ),
+        (
+            "Leaks: rays from inside closed meshes that met nothing",
+            [offset, "leaks per million"],
+            by_offset(|l| (l.leaks, l.rays)),
+        ),
+        (
+            "Double hits: rays that crossed an edge of a closed mesh twice",
+            [offset, "double hits per million"],
+            by_offset(|l| (l.double_hits, l.counted)),
+        ),
+    ];
+    let panel = |(title, axes, places)| side_panel(title, axes, places, &chart.points);
+    all.into_iter().filter_map(panel).collect()
+}
+
+/// `None` if no point knows. Marks stand side by side, so that equal ones do not hide each other.
+fn side_panel(
+    title: &str,
+    [x, y]: [&'static str; 2],
+    places: Vec<Place>,
+    points: &[Point],
+) -> Option<Panel> {
+    let intersectors = names(points, |p| &p.intersector).into_iter();
+    let backends = names(points, |p| &p.backend);
+    let methods = intersectors.flat_map(|i| backends.iter().map(move |b| (i, *b)));
+    let methods: Vec<_> = methods.collect();
+    let mut marks = Vec::new();
+    for (nth, (intersector, backend)) in methods.iter().enumerate() {
+        let beside = 0.8 * ((nth as f64 + 0.5) / methods.len() as f64 - 0.5);
+        for (at, (_, counts)) in places.iter().enumerate() {
+            let of = points.iter().zip(counts);
+            let of = of.filter(|(p, _)| p.backend == *backend && p.intersector == *intersector);
+            let rates = of.filter_map(|(_, &counts)| counts.and_then(|(n, of)| Rate::of(n, of)));
+            // The highest rate among all measurements.
+            let worst = rates.max_by(|a, b| a.value.total_cmp(&b.value));
+            marks.extend(worst.map(|rate| Mark {
+                at: [at as f64 + beside, rate.value],
+                bars: [[0.0; 2], [rate.low, rate.high]],
+                look: of_method(backend, intersector),
+                about: String::new(),
+            }));
+        }
+    }
+    let rates = marks.iter().map(|m| (m.at[1], m.bars[1]));
+    let rates = rates.flat_map(|(value, [low, high])| [low, value, high]);
+    let names = places.into_iter().map(|(name, _)| name);
+    let axes = [Axis::named(x, names), Axis::log(y, rates)];
+    (!marks.is_empty()).then(|| Panel {
+        title: title.to_owned(),
+        height: SIDE,
+        axes,
+        marks,
+        front: Vec::new(),
+        legend: Vec::new(),
+    })
 }
 
 /// The chart as one HTML file that asks for nothing from outside, and says so to the browser.

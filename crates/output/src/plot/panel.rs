@@ -12,9 +12,8 @@ use plotters::element::{Circle, EmptyElement, ErrorBar, PathElement, Polygon, Te
 use plotters::style::{Color, FontStyle, IntoFont, RGBColor, TRANSPARENT, TextStyle};
 use std::ops::Range;
 
-/// Pixels across a page, and from the top of a panel to the next.
+/// Pixels across a page.
 pub(crate) const WIDTH: u32 = 1000;
-pub(crate) const HEIGHT: u32 = 540;
 /// Room for a legend beside a panel, and between its lines.
 const LEGEND: u32 = 285;
 const LEADING: usize = 17;
@@ -30,7 +29,7 @@ const MOST_DECADES: f64 = 9.0;
 /// A page or a part of it.
 pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// One axis. Its positions are logarithms to base ten.
+/// One axis. Its positions are logarithms to base ten, or ordinal numbers of names.
 #[derive(Clone, Debug)]
 pub(crate) struct Axis {
     /// What it is about, unit included.
@@ -39,8 +38,8 @@ pub(crate) struct Axis {
     range: [f64; 2],
     /// Positions that are named.
     ticks: Vec<(f64, String)>,
-    /// Where zeros stand.
-    zero: f64,
+    /// Where zeros stand on a logarithmic axis.
+    zero: Option<f64>,
 }
 
 impl Axis {
@@ -69,16 +68,28 @@ impl Axis {
             title,
             range: [low, high],
             ticks,
-            zero,
+            zero: Some(zero),
+        }
+    }
+
+    /// One place a name, at 0, 1, 2 and so on.
+    pub(crate) fn named(title: &'static str, names: impl IntoIterator<Item = String>) -> Self {
+        let ticks: Vec<_> = (0..).map(f64::from).zip(names).collect();
+        Self {
+            title,
+            range: [-0.5, ticks.len().max(1) as f64 - 0.5],
+            ticks,
+            zero: None,
         }
     }
 
     /// Where a value stands: within the range, whatever the value.
     fn at(&self, value: f64) -> f64 {
         let [low, high] = self.range;
-        let position = match value > 0.0 {
-            true => value.log10(),
-            false => self.zero,
+        let position = match self.zero {
+            Some(_) if value > 0.0 => value.log10(),
+            Some(zero) => zero,
+            None => value,
         };
         position.clamp(low, high)
     }
@@ -134,25 +145,28 @@ pub(crate) struct Mark {
     pub(crate) at: [f64; 2],
     pub(crate) bars: [[f64; 2]; 2],
     pub(crate) look: Look,
-    /// What is told of it beside the pointer.
+    /// What is told of it beside the pointer; empty if nothing is.
     pub(crate) about: String,
 }
 
 /// A pair of axes.
 pub(crate) struct Panel {
     pub(crate) title: String,
+    /// Pixels.
+    pub(crate) height: u32,
     pub(crate) axes: [Axis; 2],
     pub(crate) marks: Vec<Mark>,
     /// A line of steps through numbered places.
     pub(crate) front: Vec<[f64; 2]>,
-    /// Beside the panel.
+    /// Beside the panel, if there is any.
     pub(crate) legend: Vec<Entry>,
 }
 
 impl Panel {
     /// Fills `area`; says at which pixels of the page the marks are.
     pub(crate) fn draw(&self, area: &Area<'_>) -> Result<Vec<(i32, i32)>> {
-        let (area, legend) = area.split_horizontally(WIDTH - LEGEND);
+        let beside = if self.legend.is_empty() { 0 } else { LEGEND };
+        let (area, legend) = area.split_horizontally(WIDTH - beside);
         self.draw_legend(&legend)?;
         let [x, y] = &self.axes;
         let mut chart = ChartBuilder::on(&area)

@@ -1,7 +1,7 @@
 //! The points as rows: for programs as CSV and JSON, for people in words.
 
 use super::Result;
-use super::data::{Chart, Point, Rate};
+use super::data::{Chart, Leaks, Point, Rate};
 use serde::Serialize;
 
 /// The version of `points.json`.
@@ -26,6 +26,9 @@ pub fn json(chart: &Chart) -> Result<String> {
 
 /// The points as CSV (RFC 4180), one row each, in the order given; what is unknown is empty.
 ///
+/// After the columns that every chart has come `edge_rays_at_X`, `leaks_at_X`, `counted_at_X` and `double_hits_at_X` for
+/// each offset `X` that any point was measured at, and `rays_of_F` and `wrong_of_F` for each family `F` of mixed range.
+///
 /// # Errors
 /// [`super::ChartError::Csv`].
 pub fn csv(chart: &Chart) -> Result<String> {
@@ -43,14 +46,14 @@ pub fn csv(chart: &Chart) -> Result<String> {
 }
 
 /// One row of the CSV with its heading.
-fn cells(chart: &Chart, point: &Point, is_on_front: bool) -> [(&'static str, String); 31] {
+fn cells(chart: &Chart, point: &Point, is_on_front: bool) -> Vec<(String, String)> {
     let scene = chart.scenes.iter().find(|s| s.name == point.scene);
     let machine = &chart.machine;
     let adapter = machine.adapters.iter().find(|a| a.backend == point.backend);
     let ms = point.ms_per_frame;
     let rate = Rate::of(point.wrong, point.rays_tested);
     let t = point.t_error_ulp.unwrap_or_default();
-    [
+    let fixed = [
         ("scene", point.scene.clone()),
         ("triangles", plain(scene.map(|s| s.triangles))),
         ("backend", point.backend.clone()),
@@ -82,7 +85,24 @@ fn cells(chart: &Chart, point: &Point, is_on_front: bool) -> [(&'static str, Str
         ("date", machine.date.clone()),
         ("command", point.command.clone()),
         ("schema", SCHEMA.to_string()),
-    ]
+    ];
+    let mut cells = fixed.map(|(name, cell)| (name.to_owned(), cell)).to_vec();
+    for x in chart.offsets() {
+        let at = point.leaks.iter().find(|l| l.offset == x);
+        let mut add = |name, read: fn(&Leaks) -> u64| {
+            cells.push((format!("{name}_at_{x}"), plain(at.map(read))));
+        };
+        add("edge_rays", |l| l.rays);
+        add("leaks", |l| l.leaks);
+        add("counted", |l| l.counted);
+        add("double_hits", |l| l.double_hits);
+    }
+    for family in chart.families() {
+        let of = point.mixed_range.iter().find(|f| f.family == family);
+        cells.push((format!("rays_of_{family}"), plain(of.map(|f| f.rays))));
+        cells.push((format!("wrong_of_{family}"), plain(of.map(|f| f.wrong))));
+    }
+    cells
 }
 
 /// The shortest digits that read back as the same number, or nothing.
@@ -99,8 +119,13 @@ pub fn rows(chart: &Chart) -> Vec<Vec<(&'static str, String)>> {
 pub(crate) fn row(p: &Point) -> Vec<(&'static str, String)> {
     let maybe = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), number);
     let of = |n, rays| format!("{} of {}", count(n), count(rays));
+    let sum = |counts: &mut dyn Iterator<Item = (u64, u64)>| {
+        let (n, rays) = counts.fold((0, 0), |(n, rays), more| (n + more.0, rays + more.1));
+        of(n, rays)
+    };
     let ms = p.ms_per_frame;
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    let mixed = sum(&mut p.mixed_range.iter().map(|f| (f.wrong, f.rays)));
     vec![
         ("scene", p.scene.clone()),
         ("backend", p.backend.clone()),
@@ -113,8 +138,10 @@ pub(crate) fn row(p: &Point) -> Vec<(&'static str, String)> {
         ("Mrays/s", maybe(p.mrays_per_s)),
         ("wrong", of(p.wrong, p.rays_tested)),
         ("wrong aimed", of(p.aimed.wrong, p.aimed.rays)),
+        ("wrong mixed range", mixed),
         ("wrong shadows", count(p.wrong_shadow)),
         ("t off, ulp", maybe(p.t_error_ulp.and_then(|t| t.p999))),
+        ("leaks", sum(&mut p.leaks.iter().map(|l| (l.leaks, l.rays)))),
         ("MiB", maybe(p.memory_bytes.map(mib))),
     ]
 }

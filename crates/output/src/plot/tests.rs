@@ -38,6 +38,12 @@ fn invented(scenes: usize) -> Chart {
                     intersector: intersector.0.to_owned(),
                     scene: scene.to_string(),
                     command: format!("abvh bench {scene}"),
+                    leaks: [0.0, 1e5].map(|o| leaks(o, 1000, intersector.2)).into(),
+                    mixed_range: vec![FamilyCounts {
+                        family: "outlier".to_owned(),
+                        rays: 9000,
+                        wrong: intersector.2,
+                    }],
                     memory_bytes: Some(90 << 20),
                     ..point(ms, intersector.2)
                 });
@@ -58,6 +64,16 @@ fn machine() -> Machine {
         version: "0.1.0".to_owned(),
         date: "2026-01-01".to_owned(),
         adapters: vec![adapter("vulkan"), adapter("wgpu")],
+    }
+}
+
+fn leaks(offset: f64, rays: u64, leaks: u64) -> Leaks {
+    Leaks {
+        offset,
+        rays,
+        leaks,
+        counted: rays,
+        double_hits: leaks,
     }
 }
 
@@ -151,6 +167,11 @@ fn every_point_is_drawn_and_everything_is_named() {
         "1 vulkan fast woop async",
         "4 vulkan fast exact async",
         "fastest of its accuracy",
+        "edges and vertices",
+        "outlier",
+        "leaks per million",
+        "double hits per million",
+        "100000",
     ] {
         assert!(texts.iter().any(|t| t == words), "{words}: {texts:?}");
     }
@@ -209,8 +230,15 @@ fn columns_stay_where_they_are() {
     let chart = invented(1);
     let mut points = chart.points.iter();
     let woop = points.position(|p| p.intersector == "woop").unwrap();
-    assert_eq!(cell(&chart, woop, "wrong"), "2600");
-    assert_eq!(rows(&chart)[woop][9].1, "2,600 of 1,000,000");
+    for (name, expected) in [
+        ("leaks_at_100000", "2600"),
+        ("rays_of_outlier", "9000"),
+        ("wrong_of_outlier", "2600"),
+        ("wrong", "2600"),
+    ] {
+        assert_eq!(cell(&chart, woop, name), expected);
+    }
+    assert_eq!(rows(&chart)[woop][11].1, "2,600 of 9,000");
 }
 
 #[test]
@@ -290,6 +318,8 @@ fn absurd_numbers_are_drawn() {
         .into();
     points[0].rays_tested = most;
     points[0].memory_bytes = Some(most);
+    points[0].leaks = [-1e300, 0.1].map(|o| leaks(o, most, 1)).into();
+    points[1].leaks = vec![leaks(0.1, 0, 9), leaks(-1e300, 1, 3)];
     points[1].t_error_ulp = Some(TError {
         median: Some(f64::MIN_POSITIVE),
         p999: Some(f64::MAX),
