@@ -38,6 +38,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     let (keys, is_demo) = (scene.animation.whole_times(), frames::is_demo(&args.scene));
     let all = frames::list(args.frames.as_ref(), args.time_range, keys, is_demo)?;
     let frames = frames::of_shard(&all, args.shard);
+    if frames.is_empty() {
+        return no_frames(args, &scene, (earlier, &outputs), &all);
+    }
     let view = view(args, &scene);
     let camera = camera(&view, args.size.size)?;
     let ask = ask(args, &frames, query(&camera, &view));
@@ -57,11 +60,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         false => earlier.divide(frames, &outputs),
     };
     let own = manifest(args, keys)?;
-    let mut head = head(args, &scene, &session);
-    if !outputs.any() {
-        // Such statistics stand alone: with what `merge` otherwise finds in folders.
-        head["run"] = json!({ "manifest": own, "list": resume::numbers(&all) });
-    }
+    let head = resume::alone(head(args, &scene, &session), &outputs, (&own, &all));
     let mut journals = earlier.begin(args, &all, (&own, &head))?;
     passed("begin files");
     let mut notes = args.timeline.is_some().then(RunTimeline::default);
@@ -86,6 +85,29 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         notes.write(file, remarks)?;
     }
     tell(args, &results(args, &scene, &session, &rows))
+}
+
+/// There are more shards than frames: the folders say what run this is, and no device is opened.
+fn no_frames(
+    args: &RenderArgs,
+    scene: &Scene,
+    (earlier, outputs): (Earlier, &Outputs),
+    all: &[Frame],
+) -> Result<(), Stop> {
+    outputs.prepare()?;
+    let own = manifest(args, scene.animation.whole_times())?;
+    earlier.begin(args, all, (&own, &Value::Null))?;
+    if let Some(file) = &args.stats {
+        let version = env!("CARGO_PKG_VERSION");
+        let scene = record::scene_facts(scene);
+        let head = json!({ "schema": SCHEMA, "version": version, "scene": scene });
+        let head = resume::alone(head, outputs, (&own, all));
+        resume::write_stats(file, &resume::joined(head, &[]))?;
+    }
+    tell(
+        args,
+        "this shard has no frames: there are more shards than frames\n",
+    )
 }
 
 /// # Errors
@@ -249,8 +271,9 @@ fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameSta
     );
     if !rows.is_empty() {
         text += &table::stages(rows);
-        text += &table::trees(rows);
-        text += &table::rates(rows, args.size.count());
+        text += &output::trees(rows);
+        text += &output::memory(rows);
+        text += &output::rates(rows, args.size.count());
     }
     if !args.no_images {
         text += &format!("pictures: {}\n", args.out.display());

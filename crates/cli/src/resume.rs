@@ -130,6 +130,18 @@ pub(crate) fn numbers(list: &[Frame]) -> Vec<u64> {
     list.iter().map(|f| f.index).collect()
 }
 
+/// Statistics of a run that writes nothing else carry what `merge` otherwise finds in folders.
+pub(crate) fn alone(
+    mut stats: Value,
+    outputs: &Outputs,
+    (own, all): (&Manifest, &[Frame]),
+) -> Value {
+    if !outputs.any() {
+        stats["run"] = json!({ "manifest": own, "list": numbers(all) });
+    }
+    stats
+}
+
 /// Statistics with these rows, in the order of frames.
 pub(crate) fn joined(mut stats: Value, rows: &[FrameStats]) -> Value {
     let mut rows = rows.to_vec();

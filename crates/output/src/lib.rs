@@ -27,6 +27,9 @@ pub use journal::{Finished, Journal, NamedDigest, clear_run, digests};
 pub use manifest::{Manifest, RunError};
 pub use rays::{RaysError, read_rays, write_rays};
 pub use shading::{Shot, View, drop_alpha, frame_scene, palette, shade, write_png};
-pub use stats::{FrameStats, SCHEMA, Summary, TIMES, Taken, Time, overview, write_json};
+pub use stats::{
+    FrameStats, SCHEMA, Summary, TIMES, Taken, Time, memory, mrays, overview, rates, trees,
+    write_json,
+};
 pub use timeline::RunTimeline;
 pub use video::{Video, VideoError, VideoFiles};

@@ -191,6 +191,70 @@ fn short<S: Serializer>(x: &f64, s: S) -> Result<S::Ok, S::Error> {
     s.serialize_f64(rounded(*x))
 }
 
+/// What became of trees, in a sentence.
+#[must_use]
+pub fn trees(frames: &[FrameStats]) -> String {
+    let adopted = frames.iter().filter(|f| f.adopted).count();
+    let newest = frames.iter().map(|f| f.tree_generation).max().unwrap_or(0);
+    let ages = Summary::of(frames.iter().map(|f| f.tree_age_frames as f64));
+    let ratios = Summary::of(frames.iter().filter_map(|f| f.sah_ratio));
+    let rejected = frames.iter().filter(|f| f.rejected).count();
+    let mut text =
+        format!("trees: {adopted} adopted, {rejected} rejected, newest generation {newest}");
+    if let Some(s) = ages {
+        text += &format!("; age in frames: median {}, worst {}", s.median, s.worst);
+    }
+    if let Some(s) = ratios {
+        text += &format!("; SAH ratio: median {:.3}, worst {:.3}", s.median, s.worst);
+    }
+    text + "\n"
+}
+
+/// Rays a second, in millions: of `count` rays in `ms` milliseconds.
+#[must_use]
+pub fn mrays(count: f64, ms: f64) -> Option<f64> {
+    (ms > 0.0).then(|| count / ms * 1e-3)
+}
+
+/// Primary and shadow rays a second over all frames, in a sentence.
+#[must_use]
+pub fn rates(frames: &[FrameStats], pixels: usize) -> String {
+    let rate = |count: fn(&FrameStats, usize) -> f64, time: Time| {
+        let timed = || frames.iter().filter_map(|f| Some((f, time(f)?)));
+        let rays = timed().map(|(f, _)| count(f, pixels)).sum();
+        mrays(rays, timed().map(|(_, ms)| ms).sum())
+    };
+    let show = |r: Option<f64>| r.map_or("-".to_owned(), |r| format!("{r:.2}"));
+    let primary = rate(|_, pixels| pixels as f64, |f| f.trace_primary_ms);
+    let shadow = rate(|f, _| f.hits as f64, |f| f.trace_shadow_ms);
+    if shadow.is_none() && frames.iter().any(|f| f.blocked > 0) {
+        let both = rate(
+            |f, pixels| (pixels as u64 + f.hits) as f64,
+            |f| f.trace_primary_ms,
+        );
+        return format!("rays: {} M/s, primary and shadow together\n", show(both));
+    }
+    format!(
+        "rays: {} M/s primary, {} M/s shadow\n",
+        show(primary),
+        show(shadow)
+    )
+}
+
+/// The most memory that was held, in a sentence for each that tells.
+#[must_use]
+pub fn memory(frames: &[FrameStats]) -> String {
+    let most = |(name, of): &(&str, Time)| {
+        let most = frames.iter().filter_map(of).reduce(f64::max)?;
+        let whose = name.trim_end_matches("_bytes");
+        Some(format!(
+            "{whose} memory: at most {:.1} MiB\n",
+            most / f64::from(1 << 20)
+        ))
+    };
+    BYTES.iter().filter_map(most).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -216,5 +280,26 @@ mod tests {
         let s = Summary::of([3.0, 1.0, 2.0]).unwrap();
         assert_eq!((s.median, s.p95, s.worst), (2.0, 3.0, 3.0));
         assert_eq!(Summary::of([]), None);
+    }
+
+    #[test]
+    fn rates_count_what_was_timed() {
+        let frame = |ms, hits| FrameStats {
+            trace_primary_ms: Some(ms),
+            trace_shadow_ms: (hits > 0).then_some(1.0),
+            hits,
+            ..FrameStats::default()
+        };
+        let text = rates(&[frame(1.0, 500), frame(3.0, 0)], 4000);
+        assert_eq!(text, "rays: 2.00 M/s primary, 0.50 M/s shadow\n");
+        let together = |blocked| FrameStats {
+            trace_shadow_ms: None,
+            blocked,
+            ..frame(2.0, 1000)
+        };
+        let text = rates(&[together(7)], 4000);
+        assert_eq!(text, "rays: 2.50 M/s, primary and shadow together\n");
+        let text = rates(&[together(0)], 4000);
+        assert_eq!(text, "rays: 2.00 M/s primary, - M/s shadow\n");
     }
 }

@@ -158,7 +158,7 @@ fn empty_shard(sandbox: &Sandbox) {
     let shard = |i: usize, out: &str| {
         let words = "render in --size 32x24 --frames 2 --quiet --backend cpu";
         let run = sandbox.does(&format!("{words} --shard {i}/5 --out {out}"));
-        let is_told = run.stdout.contains("; 0 frames of");
+        let is_told = run.stdout.contains("this shard has no frames");
         assert!(is_told == [1, 2, 4].contains(&i), "{}", run.stdout);
     };
     shard(1, "o");

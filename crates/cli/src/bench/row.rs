@@ -6,11 +6,11 @@ use crate::choose::{self, Ask};
 use crate::memory::device_memory;
 use crate::session;
 use crate::stop::Stop;
-use crate::table::mrays;
+
 use backend::{DeviceBytes, Query, QueryKind, Rays};
 use fastrand::Rng;
 use geom::{Aabb, Point, Ray};
-use output::{FrameStats, Summary, TIMES, Taken, Time};
+use output::{FrameStats, Summary, TIMES, Taken, Time, mrays};
 use pipeline::{Frame, FrameRecord, Wanted, Warmed, warm_up};
 use scene::Scene;
 use serde::{Serialize, Serializer};
