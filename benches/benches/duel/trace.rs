@@ -1,6 +1,7 @@
 //! Rays to hits, written where the caller wants them.
 
 use crate::{METHOD, Unit, report};
+use backend::QueryKind::{Any, Closest};
 use backend::{Hits, Query, QueryKind, Rays};
 use benches::{
     Contender, EmbreeScene, Made, Mesh, Packet16, Tracer, camera, diffuse_rays, in_turn, light,
@@ -28,21 +29,18 @@ struct Stage<'a> {
 struct Asked {
     rays: Vec<Ray>,
     packets: Vec<Packet16>,
-    any: bool,
+    kind: QueryKind,
 }
 
 impl Asked {
     /// Those that are `coherent` lie close together, sixteen by sixteen.
-    fn new(rays: Vec<Ray>, coherent: bool, any: bool) -> Self {
+    fn new(rays: Vec<Ray>, coherent: bool, kind: QueryKind) -> Self {
         let packets = rays.chunks(16);
         let packets = packets.map(|rays| Packet16::new(rays, coherent)).collect();
-        Self { rays, packets, any }
-    }
-
-    fn kind(&self) -> QueryKind {
-        match self.any {
-            true => QueryKind::Any,
-            false => QueryKind::Closest,
+        Self {
+            rays,
+            packets,
+            kind,
         }
     }
 }
@@ -55,10 +53,11 @@ pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
     let primary = squares(&camera);
     let mut tracer = Tracer::ready(mesh, METHOD, most);
     let asked = |what| match what {
-        "primary" => Asked::new(primary.clone(), true, false),
-        "shadow" => Asked::new(shadow_rays(mesh, &primary, &mut tracer), true, true),
-        "diffuse" => Asked::new(diffuse_rays(mesh, &primary, &mut tracer), false, false),
-        _ => Asked::new(random_rays(mesh), false, what == "random-any"),
+        "primary" => Asked::new(primary.clone(), true, Closest),
+        "shadow" => Asked::new(shadow_rays(mesh, &primary, &mut tracer), true, Any),
+        "diffuse" => Asked::new(diffuse_rays(mesh, &primary, &mut tracer), false, Closest),
+        "random" => Asked::new(random_rays(mesh), false, Closest),
+        _ => Asked::new(random_rays(mesh), false, Any),
     };
     let kinds = ["primary", "shadow", "diffuse", "random", "random-any"];
     let kinds = kinds.into_iter().filter(|what| is_asked(what));
@@ -68,7 +67,7 @@ pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
     for threads in thread_counts() {
         let stage = Stage::new(mesh, threads);
         for (what, asked) in &asked {
-            let camera = (*what == "primary").then_some((&camera, QueryKind::Closest));
+            let camera = (*what == "primary").then_some((&camera, Closest));
             groups.push(stage.measure(what, &[asked], camera));
         }
         if is_asked("primary-and-shadow") {
@@ -117,10 +116,10 @@ impl<'a> Stage<'a> {
         let mut hits = Hits::default();
         let mut trace = move |asked: &Asked| {
             if fetched {
-                return tracer.fetch(&asked.rays, asked.kind(), &mut hits);
+                return tracer.fetch(&asked.rays, asked.kind, &mut hits);
             }
             let rays = Rays::List(&asked.rays);
-            let kind = asked.kind();
+            let kind = asked.kind;
             tracer.trace(Query { rays, kind })
         };
         Contender::new(name, self.threads, move || {
@@ -190,7 +189,7 @@ impl<'a> Stage<'a> {
         let mut met = vec![0; hits.len()];
         let mut trace = move |asked: &'b Asked| -> u64 {
             let count = asked.rays.len();
-            if asked.any {
+            if asked.kind == Any {
                 let tasks = met[..count].par_chunks_mut(TASK).enumerate();
                 let task = |(task, out): (usize, &mut [u8])| {
                     any(task, asked, out);
