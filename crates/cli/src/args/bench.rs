@@ -52,7 +52,7 @@ pub(crate) struct MeasureArgs {
 
 #[derive(Args, Debug)]
 #[command(mut_arg("scenes", |arg| arg.default_values(["demo:grove", "demo:collide"])))]
-#[command(mut_arg("frames", |arg| arg.default_value("24")))]
+#[command(mut_arg("frames", |arg| arg.required(false).default_value("24")))]
 #[command(mut_arg("size", |arg| arg.default_value("640x360")))]
 #[command(mut_arg("intersector", |arg| arg.help("Intersectors [with --tolerance: auto]").default_value("watertight")
     .default_value_if("tolerance", ArgPredicate::IsPresent, "auto")))]
@@ -115,7 +115,7 @@ pub(crate) struct BenchArgs {
 #[derive(Args, Debug)]
 #[command(mut_arg("scenes", |arg| arg.default_value("demo:collide")))]
 #[command(mut_arg("backend", |arg| arg.help("Backends; auto is the host's cores and every backend that finds a GPU")))]
-#[command(mut_arg("frames", |arg| arg.default_value("12")))]
+#[command(mut_arg("frames", |arg| arg.required(false).default_value("12")))]
 #[command(mut_arg("size", |arg| arg.default_value("640x400")))]
 #[command(mut_arg("intersector", |arg| arg.default_value("moller-trumbore,woop,watertight,exact")))]
 pub(crate) struct ChartArgs {

@@ -120,7 +120,9 @@ pub(crate) fn row(p: &Point) -> Vec<(&'static str, String)> {
     let maybe = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), number);
     let of = |n, rays| format!("{} of {}", count(n), count(rays));
     let sum = |counts: &mut dyn Iterator<Item = (u64, u64)>| {
-        let (n, rays) = counts.fold((0, 0), |(n, rays), more| (n + more.0, rays + more.1));
+        let (n, rays) = counts.fold((0_u64, 0_u64), |(n, rays), more| {
+            (n.saturating_add(more.0), rays.saturating_add(more.1))
+        });
         of(n, rays)
     };
     let ms = p.ms_per_frame;
