@@ -44,9 +44,9 @@ pub(crate) enum Command {
 
 /// Parses a command line. No command at all is `render`.
 pub(crate) fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Command, Stop> {
-    let (cli, given) = read(args)?;
+    let (cli, given) = read(&args.into_iter().collect::<Vec<_>>())?;
     let Some(command) = cli.command else {
-        let (cli, _) = read(["abvh".into(), "render".into()])?;
+        let (cli, _) = read(&["abvh".into(), "render".into()])?;
         return cli.command.ok_or_else(|| Stop::bad("no command"));
     };
     if let Some((_, given)) = given.subcommand() {
@@ -56,21 +56,33 @@ pub(crate) fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Command,
 }
 
 /// The command line, and what of it was given.
-fn read(args: impl IntoIterator<Item = OsString>) -> Result<(Cli, ArgMatches), Stop> {
+fn read(args: &[OsString]) -> Result<(Cli, ArgMatches), Stop> {
+    matches(args).map_err(|e| refused(args, &e))
+}
+
+fn matches(args: &[OsString]) -> Result<(Cli, ArgMatches), clap::Error> {
     let width = talk::columns().unwrap_or(WIDTH).min(WIDTH);
-    let given = Cli::command().term_width(width).try_get_matches_from(args);
-    let read = given.and_then(|given| Ok((Cli::from_arg_matches(&given)?, given)));
-    read.map_err(|e| refused(&e))
+    let given = Cli::command()
+        .term_width(width)
+        .try_get_matches_from(args)?;
+    Ok((Cli::from_arg_matches(&given)?, given))
 }
 
 /// Help goes to standard output; anything else becomes one line.
-fn refused(e: &clap::Error) -> Stop {
+fn refused(args: &[OsString], e: &clap::Error) -> Stop {
     if !e.use_stderr() {
         // A reader that went away needs no help.
         let _ = e.print();
         return Stop::Shown;
     }
-    let text = e.to_string();
+    // clap leaves escape sequences out of what it quotes. Spelt out, they are refused likewise.
+    let spelt = args
+        .iter()
+        .map(|arg| talk::plain(&arg.to_string_lossy(), &[]).into_owned().into());
+    let text = match matches(&spelt.collect::<Vec<OsString>>()) {
+        Err(spelt) if spelt.kind() == e.kind() => spelt.to_string(),
+        _ => e.to_string(),
+    };
     let first = text.split("\n\n").next().unwrap_or(&text);
     Stop::bad(first.strip_prefix("error: ").unwrap_or(first))
 }

@@ -38,7 +38,11 @@ pub(crate) fn run(args: &MergeArgs) -> Result<(), Stop> {
     if !missing.is_empty() {
         return Err(Stop::failed(absent(&missing, list.len())));
     }
-    let stats = folders.iter().find_map(|(_, done)| done.stats.clone());
+    let heads = folders.iter().filter_map(|(_, done)| done.stats.as_ref());
+    // Shards without frames know of no device.
+    let stats = heads
+        .max_by_key(|stats| stats["backend"].is_string())
+        .cloned();
     if let (Some(file), Some(stats)) = (&args.stats, stats) {
         let mut stats: Value = resume::joined(stats, &rows);
         if stats["run"].is_object() {
