@@ -38,7 +38,6 @@ macro_rules! named {
     };
 }
 
-mod case;
 mod compare;
 mod crossings;
 mod generate;
@@ -50,7 +49,7 @@ mod rounding;
 pub mod stage;
 pub mod stress;
 
-pub use case::Case;
+pub use generate::cases::Case;
 pub use generate::cases::nth_case;
 pub use generate::rays::{RayKind, Target, aimed};
 pub use generate::topologies::record;

@@ -15,7 +15,6 @@ pub mod intersect;
 pub mod pass;
 mod preprocess;
 pub mod ray;
-mod refit;
 pub mod scale;
 mod scene;
 pub mod shadow;

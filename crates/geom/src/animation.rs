@@ -1,13 +1,12 @@
 //! Key-framed triangles: the part of a scene that decides what rays hit.
 
-use crate::key_frames::KeyFrames;
+use crate::key_frames::{AnimationError, KeyFrames};
 use crate::key_window::KeyWindow;
-use crate::survey::{Survey, Surveyor};
+use crate::survey::{Survey, Surveyor, check_triangles};
 use crate::{
     Aabb, KeyFrame, KeyFrameError, KeySource, Moment, Point, Pose, Range, StaticParts, Triangle,
     is_active,
 };
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// N >= 1 key frames over one list of triangles.
@@ -26,17 +25,6 @@ pub struct Animation {
 struct Times {
     keys: Vec<f64>,
     end: f64,
-}
-
-/// Why key frames and triangles do not make an animation.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct AnimationError(String);
-
-impl From<KeyFrameError> for AnimationError {
-    fn from(e: KeyFrameError) -> Self {
-        Self(e.0)
-    }
 }
 
 impl Animation {
@@ -335,25 +323,6 @@ impl Animation {
         let all = self.key_bounds().iter();
         all.fold(Aabb::EMPTY, |a, &b| a.union(b))
     }
-}
-
-fn check_triangles(triangles: &[[u32; 3]], vertices: usize) -> Result<(), AnimationError> {
-    let (count, limit) = (triangles.len(), Animation::MAX_TRIANGLES);
-    if count > limit {
-        let cause = format!("{count} triangles are more than the limit of {limit}");
-        return Err(AnimationError(cause));
-    }
-    let out = |corners: &[u32; 3]| corners.iter().any(|&v| v as usize >= vertices);
-    let Some(triangle) = triangles.par_iter().position_first(out) else {
-        return Ok(());
-    };
-    let vertex = triangles[triangle]
-        .iter()
-        .find(|&&v| v as usize >= vertices);
-    Err(AnimationError(format!(
-        "triangle {triangle} names vertex {}, but there are {vertices}",
-        vertex.expect("it was found")
-    )))
 }
 
 #[inline]

@@ -1,7 +1,7 @@
-//! Key frames: all of them held in memory, or read while they are played.
+//! Key frames, all of them held in memory or read while they are played; and moments, which blend two.
 
-use crate::Point;
 use crate::key_window::KeyWindow;
+use crate::{Aabb, Animation, Point, Pose, Triangle};
 use std::sync::Arc;
 
 /// One position a vertex, shared by all who read it.
@@ -11,6 +11,17 @@ pub type KeyFrame = Arc<Vec<Point>>;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct KeyFrameError(pub String);
+
+/// Why key frames and triangles do not make an animation.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct AnimationError(pub(crate) String);
+
+impl From<KeyFrameError> for AnimationError {
+    fn from(e: KeyFrameError) -> Self {
+        Self(e.0)
+    }
+}
 
 /// Where key frames come from that are not held.
 pub trait KeySource: Send + Sync {
@@ -62,5 +73,64 @@ impl KeyFrames {
             }
         }
         Ok(())
+    }
+}
+
+/// One moment. It keeps its key frames alive.
+#[derive(Clone, Debug)]
+pub struct Moment<'a> {
+    animation: &'a Animation,
+    pose: Pose,
+    earlier: KeyFrame,
+    /// The earlier one where it is not read.
+    later: KeyFrame,
+}
+
+impl<'a> Moment<'a> {
+    pub(crate) fn new(
+        animation: &'a Animation,
+        pose: Pose,
+        [earlier, later]: [KeyFrame; 2],
+    ) -> Self {
+        Self {
+            animation,
+            pose,
+            earlier,
+            later,
+        }
+    }
+
+    /// The animation.
+    pub fn animation(&self) -> &'a Animation {
+        self.animation
+    }
+
+    /// Where it stands.
+    pub fn pose(&self) -> Pose {
+        self.pose
+    }
+
+    /// The key frames that are blended. At a weight of 0 the later one is not read.
+    pub fn key_frames(&self) -> [&[Point]; 2] {
+        [&self.earlier, &self.later]
+    }
+
+    /// One vertex: the same bits as every backend's.
+    #[inline]
+    pub fn vertex(&self, vertex: u32) -> Point {
+        let v = vertex as usize;
+        self.pose.blend(self.earlier[v], self.later[v])
+    }
+
+    /// One triangle's corners.
+    #[inline]
+    pub fn corners(&self, triangle: u32) -> Triangle {
+        self.animation.triangles()[triangle as usize].map(|v| self.vertex(v))
+    }
+
+    /// [`Animation::build_box`] of what is blended here.
+    #[inline]
+    pub fn build_box(&self, triangle: u32) -> Aabb {
+        self.animation.box_of(&self.corners(triangle), triangle)
     }
 }

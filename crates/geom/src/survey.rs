@@ -2,7 +2,7 @@
 
 use crate::range::{Ranges, Sizes, has_tiny};
 use crate::still::{bits, keeps_its_bits};
-use crate::{Aabb, Point, StaticParts, is_active};
+use crate::{Aabb, Animation, AnimationError, Point, StaticParts, is_active};
 use rayon::prelude::*;
 
 /// Facts that hold for the whole motion.
@@ -128,4 +128,27 @@ fn bounds(points: &[Point]) -> Bounds {
 
 fn corners(frame: &[Point], triangle: [u32; 3]) -> crate::Triangle {
     triangle.map(|v| frame[v as usize])
+}
+
+/// Every triangle must name vertices that exist, and there may not be too many.
+pub(crate) fn check_triangles(
+    triangles: &[[u32; 3]],
+    vertices: usize,
+) -> Result<(), AnimationError> {
+    let (count, limit) = (triangles.len(), Animation::MAX_TRIANGLES);
+    if count > limit {
+        let cause = format!("{count} triangles are more than the limit of {limit}");
+        return Err(AnimationError(cause));
+    }
+    let out = |corners: &[u32; 3]| corners.iter().any(|&v| v as usize >= vertices);
+    let Some(triangle) = triangles.par_iter().position_first(out) else {
+        return Ok(());
+    };
+    let vertex = triangles[triangle]
+        .iter()
+        .find(|&&v| v as usize >= vertices);
+    Err(AnimationError(format!(
+        "triangle {triangle} names vertex {}, but there are {vertices}",
+        vertex.expect("it was found")
+    )))
 }

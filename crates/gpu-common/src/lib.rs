@@ -11,7 +11,6 @@
 //!
 //! To add a GPU interface, implement [`GpuDevice`]; its documentation says what may wait and what must not.
 
-mod buffers;
 pub mod cache_file;
 mod clock;
 mod compute;
@@ -26,11 +25,11 @@ mod snapshots;
 mod traces;
 mod tree;
 
-pub use buffers::BufferTable;
 pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
 pub use device::{
-    AdapterInfo, BufferPurpose, Dispatch, Find, Finished, GpuDevice, Sent, refuse_above,
+    AdapterInfo, BufferPurpose, BufferTable, Dispatch, Find, Finished, GpuDevice, Sent,
+    refuse_above,
 };
 pub use engine::Engine;
 pub use frames::{Frames, Slot};

@@ -26,7 +26,6 @@ pub mod pipeline_cache;
 mod pipelines;
 mod pool;
 mod queues;
-mod sender;
 mod slot;
 pub mod timeline;
 pub mod transfer;

@@ -4,7 +4,6 @@
 //! the reason; `ABVH_REQUIRE_BACKENDS=vulkan,wgpu` turns that red. Validation layers listen where they are installed, and
 //! what they say fails the trial.
 
-mod drivers_trees;
 mod frames;
 mod geometry;
 mod packets;
@@ -146,7 +145,7 @@ const OF_THREE_QUEUES: &[(&str, fn())] = named![
     queues::frames_go_on_though_nothing_comes_down_or_goes_up,
 ];
 const OF_DRIVERS_TREES: &[(&str, fn())] =
-    named![drivers_trees::the_drivers_work_is_timed_and_trees_of_others_are_refused];
+    named![rebuild::the_drivers_work_is_timed_and_trees_of_others_are_refused];
 const OF_WGPU: &[(&str, fn())] = named![
     wgpu_calls::a_steady_frame_makes_no_buffer_and_no_bind_group,
     wgpu_lent::a_lent_device_without_features_gives_the_same_hits,

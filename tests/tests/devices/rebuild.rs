@@ -1,11 +1,13 @@
-//! Trees made on the device: whole, not deep, and good.
+//! Trees made on the device: whole, not deep, and good; and those of the driver.
 
 use crate::Subject;
-use crate::scenes::{apart, laid, numbers, report, stand, swarm, tree_at};
-use backend::{Backend, Generation, Layout, Method, check_tree};
+use crate::scenes::{SHADOWED, apart, camera, go, laid, numbers, report, stand, swarm, tree_at};
+use backend::{Backend, Generation, Layout, Method, Rays, check_tree};
 use bvh_layout::Topology;
 use cpu_ref::CpuBackend;
 use geom::{Animation, Point};
+use gpu_vulkan::{Options, Validation};
+use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use shaders::{BufferName, Shape};
 use std::sync::Arc;
 
@@ -161,4 +163,34 @@ pub(crate) fn a_tree_made_here_costs_hardly_more_than_the_hosts(backend: &mut dy
     stand(backend, &animation, 0.3);
     let host = report(backend).sah_cost.unwrap();
     assert!(cost < 1.15 * host, "{cost} {host}");
+}
+
+pub(crate) fn the_drivers_work_is_timed_and_trees_of_others_are_refused() {
+    let options = Options {
+        validation: Validation::IfInstalled,
+        ..Options::default()
+    };
+    let mut subject = DriverTreeBackend::new(&options, Prefer::FastBuild).unwrap();
+    let animation = swarm(300);
+    let method = Method::default();
+    subject.load(Arc::clone(&animation), method).unwrap();
+    subject.interpolate(animation.pose(0.0)).unwrap();
+    subject.rebuild(Generation(1)).unwrap();
+    subject.refit().unwrap();
+    let ticket = go(&mut subject, Rays::Camera(&camera()), SHADOWED);
+    let times = subject.wait(ticket).unwrap().times;
+    let stages = [
+        times.interpolate_ms,
+        times.preprocess_ms,
+        times.refit_ms,
+        times.trace_primary_ms,
+    ];
+    let sum: f64 = stages.iter().map(|t| t.unwrap()).sum();
+    assert!((sum - times.device_ms).abs() < 1e-6, "{times:?}");
+    assert_eq!(times.trace_shadow_ms, None);
+    let refused = subject.adopt(&tree_at(&animation, 0.0), Generation(2));
+    let said = refused.unwrap_err().to_string();
+    assert_eq!(said, "vulkan-rt does not support trees made by others");
+    assert!(subject.makes_own_trees() && subject.inspect().boxes().is_err());
+    assert_eq!(subject.gpu().validation_messages(), [""; 0]);
 }

@@ -1,12 +1,13 @@
-//! A run that is killed or asked to end at any moment leaves whole files only, and can be taken up again.
+//! A run that is killed, asked to end or out of disk at any moment leaves whole files only, and can be taken up again.
 
 use crate::hits::array;
 use crate::runs::bytes;
-use crate::sandbox::{Sandbox, trial};
+use crate::sandbox::{Run, Sandbox, trial};
 use fastrand::Rng;
+use integration::program::abvh;
 use libtest_mimic::Trial;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command};
+use std::process::{Child, Command, Output};
 use std::time::{Duration, Instant};
 
 pub(crate) fn trials() -> Vec<Trial> {
@@ -24,6 +25,7 @@ pub(crate) fn trials() -> Vec<Trial> {
             signal_while_writing,
         ));
     }
+    all.extend(on_disks());
     all
 }
 
@@ -172,4 +174,48 @@ fn signal_while_writing(sandbox: &Sandbox) {
         sandbox.remove("r/rays.npy");
     }
     panic!("the file was whole before the signal came, three times");
+}
+
+/// A disk that fills up while files are written, in a namespace of its own, where this machine lets us have one.
+fn on_disks() -> Vec<Trial> {
+    let tried = on_full_disk(Sandbox::new().path(), Path::new("true"), "");
+    let possible = tried.is_ok_and(|o| o.status.success());
+    let trial = trial("killed::a_full_disk_leaves_no_half_file", full_disk);
+    let lacks = trial.with_ignored_flag(!possible);
+    vec![lacks.with_kind(if possible {
+        ""
+    } else {
+        "needs leave to mount a tmpfs"
+    })]
+}
+
+fn full_disk(sandbox: &Sandbox) {
+    for words in [
+        "--size 640x480 --frames 1 --out full",
+        "--size 160x120 --frames 2 --no-images --hits full",
+        "--size 160x120 --frames 1 --no-images --rays-out full/rays.npy",
+    ] {
+        let words = format!("render demo:twist:500 --quiet {words}");
+        let run = Run::of(
+            &on_full_disk(sandbox.path(), abvh(), &words).unwrap(),
+            &words,
+        );
+        assert_eq!(run.stdout.lines().last(), Some("left:"), "{words}");
+        run.fails(1, &["full", "space"]);
+    }
+}
+
+/// Runs a command where `full` is a disk of 8 kB; the last line of stdout lists what it holds then.
+fn on_full_disk(folder: &Path, program: &Path, words: &str) -> std::io::Result<Output> {
+    std::fs::create_dir_all(folder.join("full"))?;
+    let script = "mount -t tmpfs -o size=8k none full || exit 77; \"$0\" \"$@\"; code=$?; \
+                  echo left: $(ls -A full | grep -v ^abvh-run) | sed 's/ $//'; exit $code";
+    let mut command = Command::new("unshare");
+    command.args(["--user", "--map-root-user", "--mount", "sh", "-c", script]);
+    let words = words.split_whitespace();
+    command
+        .arg(program)
+        .args(words)
+        .current_dir(folder)
+        .output()
 }

@@ -5,7 +5,6 @@ mod bench;
 mod chart;
 mod conform;
 mod devices;
-mod disk;
 mod files;
 mod hits;
 mod images;
@@ -34,7 +33,6 @@ fn main() -> ExitCode {
         chart::trials(),
         conform::trials(),
         devices::trials(),
-        disk::trials(),
         files::trials(),
         hits::trials(),
         images::trials(),

@@ -1,12 +1,48 @@
-//! Every case that laws are tried on.
+//! What laws are tried on: every case.
 
 use super::mixed;
 use super::placement::Placement;
 use super::rays::{Aims, RayKind, turn};
 use super::scenes::{SceneKind, scene, unit};
-use crate::Case;
 use fastrand::Rng;
-use geom::{Animation, Point};
+use geom::{Animation, Camera, Point, Ray};
+use std::fmt;
+use std::sync::Arc;
+
+/// A scene in motion with rays to trace in it.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// What it is made of, its scale and how far from the origin it was moved, for messages.
+    pub about: String,
+    /// The scene.
+    pub animation: Arc<Animation>,
+    /// Moments to visit, in key frames, at least three; the first is where the first tree is built.
+    pub times: Vec<f64>,
+    /// Rays given one by one, of each [`crate::RayKind`] in turn.
+    pub rays: Vec<Ray>,
+    /// A camera that sees the scene.
+    pub camera: Camera,
+    /// A point light.
+    pub light: Point,
+    /// Bits at random, for laws with choices of their own.
+    pub chance: u64,
+}
+
+impl fmt::Display for Case {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let a = &self.animation;
+        write!(
+            f,
+            "{} ({} triangles, {} live, {} vertices, {} key frames, times {:?})",
+            self.about,
+            a.triangle_count(),
+            a.live_count(),
+            a.vertex_count(),
+            a.key_count(),
+            self.times,
+        )
+    }
+}
 
 /// Rays of a case: so many of each kind.
 const ROUNDS: u64 = 6;

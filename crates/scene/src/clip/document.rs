@@ -1,7 +1,7 @@
 //! A file whose every index leads somewhere, and its buffers.
 
+use crate::Location;
 use crate::SceneError;
-use crate::error::Location;
 use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};

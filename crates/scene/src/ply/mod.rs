@@ -7,7 +7,7 @@ mod count;
 mod element;
 mod pattern;
 
-use crate::error::Location;
+use crate::Location;
 use crate::mesh::{Mesh, Paint, Topology, check_mesh, compact};
 use crate::{Rgb, SceneError};
 use element::{Element, numbers, whole_header};

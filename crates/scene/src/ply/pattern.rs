@@ -4,7 +4,7 @@ use super::File;
 use crate::SceneError;
 use geom::Point;
 use ply_rs_bw::ply::{Encoding, Header, PropertyType, ScalarType};
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, Read};
 use std::path::Path;
 
 /// All bytes of a binary file but those of its vertices, which come first.
@@ -62,7 +62,7 @@ impl Pattern {
     pub(crate) fn read_again(&self, path: &Path) -> Result<Vec<Point>, SceneError> {
         let read = || -> io::Result<Vec<u8>> {
             let mut file = host::open(path)?;
-            file.seek(SeekFrom::Start(self.head.len() as u64))?;
+            file.read_exact(&mut vec![0; self.head.len()])?;
             let mut rows = vec![0; self.vertex_bytes];
             file.read_exact(&mut rows)?;
             Ok(rows)
