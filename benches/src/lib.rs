@@ -3,7 +3,7 @@
 //! `cargo bench -p benches --bench stages [-- STAGE]`.
 //! Every group names a mesh and its triangles; every function in it does the
 //! same work on the same triangles or rays, so times compare within a group.
-//! `--features embree` (see [`EmbreeScene`]) adds the bench `duel`, which sets this program against Embree 4
+//! `--features embree` (see `EmbreeScene`) adds the bench `duel`, which sets this program against Embree 4
 //! sample by sample.
 //! Real meshes join in when `ABVH_MESHES` names a folder of them (see [`meshes`]).
 
