@@ -10,7 +10,8 @@ const SPARE: usize = 2;
 
 /// A part of a sequence of key frames, which follows whoever plays it.
 ///
-/// Readers have a pool of their own, half as large as the caller's, for trees are built meanwhile. One of them never waits for work that waits for a key frame, so none waits for ever.
+/// Readers have a pool of their own, half as large as the caller's, for trees are built meanwhile.
+/// One of them never waits for work that waits for a key frame, so none waits for ever.
 pub(crate) struct KeyWindow {
     shared: Arc<Shared>,
     pool: rayon::ThreadPool,

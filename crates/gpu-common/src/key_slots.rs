@@ -7,8 +7,6 @@ use shaders::BufferName;
 
 /// Key frames that are kept of a stream: two that are blended and as many to come. Two more may be on their way out.
 const KEPT: usize = 4;
-/// Of those, how many may be sent before they are played.
-const AHEAD: usize = KEPT - 2;
 
 /// Key frames by their numbers. A buffer each, so that only the device's memory limits how many there are.
 pub(crate) struct KeySlots<D: GpuDevice> {
@@ -16,6 +14,8 @@ pub(crate) struct KeySlots<D: GpuDevice> {
     /// Rises with each use.
     clock: u64,
     submissions: u64,
+    /// What was brought last, and may be read again.
+    pose: Pose,
 }
 
 struct KeySlot<D: GpuDevice> {
@@ -57,11 +57,13 @@ impl<D: GpuDevice> KeySlots<D> {
             slots,
             clock: 0,
             submissions: 0,
+            pose: Pose::default(),
         })
     }
 
     /// Has the key frames of a pose be there for all that is recorded from now on. Waits for those that have to be read.
     pub(crate) fn bring(&mut self, gpu: &mut D, animation: &Animation, pose: Pose) -> Result<()> {
+        self.pose = pose;
         let later = (pose.alpha != 0.0).then_some(pose.key + 1);
         for key in std::iter::once(pose.key).chain(later) {
             let key = key as usize;
@@ -79,7 +81,7 @@ impl<D: GpuDevice> KeySlots<D> {
     /// What was recorded is submitted. Sends one of the key frames that are played next, if it was read.
     pub(crate) fn submitted(&mut self, gpu: &mut D, animation: &Animation) -> Result<()> {
         self.submissions += 1;
-        let upcoming = animation.upcoming(AHEAD);
+        let upcoming = animation.upcoming(KEPT);
         let wanted = upcoming.iter().find(|(key, _)| self.find(*key).is_none());
         let Some((key, frame)) = wanted else {
             return Ok(());
@@ -112,9 +114,12 @@ impl<D: GpuDevice> KeySlots<D> {
     /// Sends a key frame of a stream, in the place of the one that was used longest ago.
     fn send(&mut self, gpu: &mut D, (key, frame): (usize, &KeyFrame)) -> Result<()> {
         while self.slots.len() >= KEPT {
-            // What is recorded now may yet read what it asked for.
+            // What is recorded now may yet read what it asked for, and what follows may read the last pose again.
+            let played = self.pose.key as usize..=self.pose.key as usize + 1;
             let all = self.slots.iter().enumerate();
-            let free = all.filter(|(_, slot)| slot.read_by <= self.submissions);
+            let free = all.filter(|(_, slot)| {
+                slot.read_by <= self.submissions && !played.contains(&slot.key)
+            });
             let Some((oldest, _)) = free.min_by_key(|(_, slot)| slot.used) else {
                 break;
             };
