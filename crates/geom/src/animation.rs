@@ -2,7 +2,7 @@
 
 use crate::key_frames::{AnimationError, KeyFrames};
 use crate::key_window::KeyWindow;
-use crate::survey::{Survey, Surveyor, check_triangles};
+use crate::survey::{Survey, check_triangles};
 use crate::{
     Aabb, KeyFrame, KeyFrameError, KeySource, Moment, Point, Pose, Range, StaticParts, Triangle,
     is_active,
@@ -13,8 +13,6 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct Animation {
     keys: KeyFrames,
-    /// The first key frame, which is always held.
-    first: KeyFrame,
     triangles: Vec<[u32; 3]>,
     survey: Survey,
     times: Option<Times>,
@@ -38,7 +36,7 @@ impl Animation {
     /// there are more triangles than [`Self::MAX_TRIANGLES`].
     pub fn new(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>) -> Result<Self, AnimationError> {
         let keys: Vec<KeyFrame> = keys.into_iter().map(Arc::new).collect();
-        let Some(first) = keys.first().map(Arc::clone) else {
+        let Some(first) = keys.first() else {
             let cause = "an animation needs at least one key frame";
             return Err(AnimationError(cause.to_owned()));
         };
@@ -49,7 +47,7 @@ impl Animation {
                 "key frame {key} has {found} vertices, the first has {vertices}"
             )));
         }
-        Self::over(KeyFrames::Held(keys), first, triangles)
+        Self::over(KeyFrames::Held(keys), triangles)
     }
 
     /// An animation that holds a window of so many of its key frames and reads the others while it is played. Reads each once, to
@@ -63,27 +61,16 @@ impl Animation {
         triangles: Vec<[u32; 3]>,
     ) -> Result<Self, AnimationError> {
         let first = Arc::new(source.read(0)?);
-        let window = Arc::new(KeyWindow::new(source, window)?);
-        Self::over(KeyFrames::Streamed(window), first, triangles)
+        let window = Arc::new(KeyWindow::new(source, first, window)?);
+        Self::over(KeyFrames::Streamed(window), triangles)
     }
 
-    fn over(
-        keys: KeyFrames,
-        first: KeyFrame,
-        triangles: Vec<[u32; 3]>,
-    ) -> Result<Self, AnimationError> {
-        check_triangles(&triangles, first.len())?;
-        let mut surveyor = Surveyor::new(&first, &triangles);
-        keys.for_each_after_first(|frame| surveyor.see(frame))?;
-        let survey = surveyor.finish(|key, test| match key {
-            0 => Ok(test(&first)),
-            key => keys.get(key).map(|frame| test(&frame)),
-        })?;
+    fn over(keys: KeyFrames, triangles: Vec<[u32; 3]>) -> Result<Self, AnimationError> {
+        check_triangles(&triangles, keys.first().len())?;
         Ok(Self {
+            survey: Survey::of(&keys, &triangles)?,
             keys,
-            first,
             triangles,
-            survey,
             times: None,
         })
     }
@@ -120,9 +107,9 @@ impl Animation {
         self.keys.len()
     }
 
-    /// The first key frame.
+    /// The first key frame, which is always held.
     pub fn first(&self) -> &[Point] {
-        &self.first
+        self.keys.first()
     }
 
     /// One key frame, counted from 0. Waits for it where it has to be read.
@@ -133,10 +120,7 @@ impl Animation {
     /// # Panics
     /// If there are not so many.
     pub fn key(&self, key: usize) -> Result<KeyFrame, KeyFrameError> {
-        match key {
-            0 => Ok(Arc::clone(&self.first)),
-            key => self.keys.get(key),
-        }
+        self.keys.get(key)
     }
 
     /// All key frames, if they are held.
@@ -165,31 +149,18 @@ impl Animation {
 
     /// Says which moments will be played next, so that their key frames are read beside other work. Never waits.
     pub fn look_ahead(&self, times: impl IntoIterator<Item = f64>) {
-        let KeyFrames::Streamed(window) = &self.keys else {
-            return;
-        };
-        let mut keys: Vec<usize> = Vec::new();
-        for time in times {
-            let pose = self.pose(time);
-            let later = (pose.alpha != 0.0).then_some(pose.key + 1);
-            for key in std::iter::once(pose.key).chain(later) {
-                if !keys.contains(&(key as usize)) {
-                    keys.push(key as usize);
-                }
-            }
+        if let KeyFrames::Streamed(window) = &self.keys {
+            window.look_ahead(times.into_iter().flat_map(|time| self.pose(time).keys()));
         }
-        window.look_ahead(keys);
     }
 
     /// The first `most` key frames that will be played next, with their numbers, as far as they are there: what a device
     /// may copy ahead. None where all are held.
     pub fn upcoming(&self, most: usize) -> Vec<(usize, KeyFrame)> {
-        let KeyFrames::Streamed(window) = &self.keys else {
-            return Vec::new();
-        };
-        let there = |key| Some((key, window.try_get(key)?));
-        let keys = window.upcoming().into_iter().take(most);
-        keys.map_while(there).collect()
+        match &self.keys {
+            KeyFrames::Held(_) => Vec::new(),
+            KeyFrames::Streamed(window) => window.upcoming(most),
+        }
     }
 
     /// What stands at `pose`. Waits for its key frames where they have to be read.
@@ -220,7 +191,7 @@ impl Animation {
 
     /// Vertices in each key frame.
     pub fn vertex_count(&self) -> usize {
-        self.first.len()
+        self.first().len()
     }
 
     /// Triangles, inactive ones included.
@@ -272,7 +243,7 @@ impl Animation {
         if let Ok(i) = others.binary_search_by_key(&triangle, |s| s.0) {
             return others[i].1;
         }
-        let corners = corners_in(&self.first, self.triangles[triangle as usize]);
+        let corners = corners_in(self.first(), self.triangles[triangle as usize]);
         active_box(&corners).unwrap_or(Aabb::EMPTY)
     }
 

@@ -40,6 +40,7 @@ pub trait KeySource: Send + Sync {
 
 #[derive(Clone, Debug)]
 pub(crate) enum KeyFrames {
+    /// One at least.
     Held(Vec<KeyFrame>),
     Streamed(Arc<KeyWindow>),
 }
@@ -52,12 +53,20 @@ impl KeyFrames {
         }
     }
 
+    pub(crate) fn first(&self) -> &KeyFrame {
+        match self {
+            Self::Held(all) => &all[0],
+            Self::Streamed(window) => window.first(),
+        }
+    }
+
     pub(crate) fn get(&self, key: usize) -> Result<KeyFrame, KeyFrameError> {
         match self {
             Self::Held(all) => Ok(Arc::clone(&all[key])),
             Self::Streamed(window) => window.get(key),
         }
     }
+
     /// Shows all key frames but the first, in their order. Several are read at a time.
     pub(crate) fn for_each_after_first(
         &self,
@@ -67,7 +76,7 @@ impl KeyFrames {
             Self::Held(all) => all[1..].iter().for_each(|frame| see(frame)),
             Self::Streamed(window) => {
                 for key in 1..self.len() {
-                    window.look_ahead((key..self.len().min(key + window.capacity())).collect());
+                    window.look_ahead(key..self.len());
                     see(&window.get(key)?);
                 }
             }

@@ -19,6 +19,8 @@ pub(crate) struct KeyWindow {
 
 struct Shared {
     source: Arc<dyn KeySource>,
+    /// Always held, beside the others.
+    first: KeyFrame,
     capacity: usize,
     state: Mutex<State>,
     arrived: Condvar,
@@ -29,7 +31,7 @@ struct State {
     entries: BTreeMap<usize, Entry>,
     /// Rises with each use.
     clock: u64,
-    /// Key frames to come, the next one first.
+    /// Key frames to come, the next one first and none twice.
     upcoming: Vec<usize>,
 }
 
@@ -44,7 +46,11 @@ impl KeyWindow {
     ///
     /// # Errors
     /// No threads can be had.
-    pub(crate) fn new(source: Arc<dyn KeySource>, capacity: usize) -> Result<Self, KeyFrameError> {
+    pub(crate) fn new(
+        source: Arc<dyn KeySource>,
+        first: KeyFrame,
+        capacity: usize,
+    ) -> Result<Self, KeyFrameError> {
         let pool = rayon::ThreadPoolBuilder::new()
             .thread_name(|i| format!("key frames {i}"))
             .num_threads(rayon::current_num_threads().div_ceil(2))
@@ -52,6 +58,7 @@ impl KeyWindow {
             .map_err(|e| KeyFrameError(format!("no threads to read key frames: {e}")))?;
         let shared = Shared {
             source,
+            first,
             capacity: capacity.max(2 * SPARE),
             state: Mutex::default(),
             arrived: Condvar::new(),
@@ -70,11 +77,15 @@ impl KeyWindow {
         self.shared.capacity
     }
 
+    pub(crate) fn first(&self) -> &KeyFrame {
+        &self.shared.first
+    }
+
     /// Waits for a key frame.
     pub(crate) fn get(&self, key: usize) -> Result<KeyFrame, KeyFrameError> {
         let mut state = self.shared.lock();
         loop {
-            if let Some(found) = state.take(key) {
+            if let Some(found) = self.shared.take(&mut state, key) {
                 return found;
             }
             if self.is_new(&mut state, key) {
@@ -85,25 +96,33 @@ impl KeyWindow {
         }
     }
 
-    /// A key frame, if it is there.
-    pub(crate) fn try_get(&self, key: usize) -> Option<KeyFrame> {
-        self.shared.lock().take(key)?.ok()
-    }
-
     /// Has key frames be read, the first one first, as far as there is room for them.
-    pub(crate) fn look_ahead(&self, keys: Vec<usize>) {
+    pub(crate) fn look_ahead(&self, keys: impl IntoIterator<Item = usize>) {
+        let capacity = self.shared.capacity;
+        let mut upcoming = Vec::with_capacity(capacity);
+        for key in keys {
+            if upcoming.len() == capacity {
+                break;
+            }
+            if !upcoming.contains(&key) {
+                upcoming.push(key);
+            }
+        }
         let mut state = self.shared.lock();
-        let room = self.shared.capacity - SPARE;
-        for &key in keys.iter().take(room) {
-            if state.take(key).is_none() && self.is_new(&mut state, key) {
+        for &key in upcoming.iter().take(capacity - SPARE) {
+            if self.shared.take(&mut state, key).is_none() && self.is_new(&mut state, key) {
                 self.read(key);
             }
         }
-        state.upcoming = keys;
+        state.upcoming = upcoming;
     }
 
-    pub(crate) fn upcoming(&self) -> Vec<usize> {
-        self.shared.lock().upcoming.clone()
+    /// The first `most` key frames to come, with their numbers, as far as they are there.
+    pub(crate) fn upcoming(&self, most: usize) -> Vec<(usize, KeyFrame)> {
+        let mut state = self.shared.lock();
+        let keys: Vec<usize> = state.upcoming.iter().copied().take(most).collect();
+        let there = |key| Some((key, self.shared.take(&mut state, key)?.ok()?));
+        keys.into_iter().map_while(there).collect()
     }
 
     /// Whether nobody reads this key frame yet; somebody has to, from now on.
@@ -129,6 +148,14 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// What came of reading a key frame; nothing if it is not there yet.
+    fn take(&self, state: &mut State, key: usize) -> Option<Result<KeyFrame, KeyFrameError>> {
+        match key {
+            0 => Some(Ok(Arc::clone(&self.first))),
+            key => state.take(key),
+        }
+    }
+
     fn file(&self, key: usize, read: Result<Vec<Point>, KeyFrameError>) {
         let mut state = self.lock();
         state.clock += 1;
@@ -147,7 +174,6 @@ impl Shared {
 }
 
 impl State {
-    /// What came of reading a key frame; nothing if it is not there yet.
     fn take(&mut self, key: usize) -> Option<Result<KeyFrame, KeyFrameError>> {
         self.clock += 1;
         match self.entries.get_mut(&key)? {
@@ -211,7 +237,9 @@ mod tests {
 
     fn window() -> (Arc<Numbers>, KeyWindow) {
         let source = Arc::<Numbers>::default();
-        (Arc::clone(&source), KeyWindow::new(source, FEW).unwrap())
+        let first = Arc::new(vec![[0.0; 3]]);
+        let window = KeyWindow::new(Arc::clone(&source) as _, first, FEW).unwrap();
+        (source, window)
     }
 
     #[test]
@@ -228,13 +256,23 @@ mod tests {
     fn what_is_to_come_is_read_once_and_still_there_when_it_comes() {
         let (source, window) = window();
         for key in 0..80 {
-            window.look_ahead((key..key + 20).collect());
+            window.look_ahead(key..key + 20);
             assert_eq!(window.get(key).unwrap()[0][0], key as f32);
-            assert_eq!(window.upcoming()[0], key);
+            assert_eq!(window.upcoming(1)[0].0, key);
         }
         drop(window);
         let reads = source.0.load(Ordering::Relaxed);
         assert!(reads <= 80 + FEW, "{reads}");
+    }
+
+    #[test]
+    fn the_first_key_frame_is_never_read_again() {
+        let (source, window) = window();
+        window.look_ahead([0]);
+        assert_eq!(window.upcoming(1)[0].0, 0);
+        assert_eq!(window.get(0).unwrap()[0], [0.0; 3]);
+        drop(window);
+        assert_eq!(source.0.load(Ordering::Relaxed), 0);
     }
 
     #[test]

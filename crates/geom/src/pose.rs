@@ -55,6 +55,12 @@ impl Pose {
         }
     }
 
+    /// Indices of the key frames that are read: one, or two.
+    pub fn keys(self) -> impl Iterator<Item = usize> {
+        let later = (self.alpha != 0.0).then_some(self.key as usize + 1);
+        std::iter::once(self.key as usize).chain(later)
+    }
+
     /// The position of a vertex that stands at `a` in frame `key` and at `b` in frame `key + 1`.
     ///
     /// `a + (b - a) * alpha`, each operation rounded once (never fused), and

@@ -1,8 +1,9 @@
 //! What all key frames of an animation tell together, seen one after another.
 
+use crate::key_frames::KeyFrames;
 use crate::range::{Ranges, Sizes, has_tiny};
 use crate::still::{bits, keeps_its_bits};
-use crate::{Aabb, Animation, AnimationError, Point, StaticParts, is_active};
+use crate::{Aabb, Animation, AnimationError, KeyFrameError, Point, StaticParts, is_active};
 use rayon::prelude::*;
 
 /// Facts that hold for the whole motion.
@@ -19,8 +20,17 @@ pub(crate) struct Survey {
     pub(crate) magnitude: f32,
 }
 
+impl Survey {
+    /// Looks at all key frames.
+    pub(crate) fn of(keys: &KeyFrames, triangles: &[[u32; 3]]) -> Result<Self, KeyFrameError> {
+        let mut surveyor = Surveyor::new(keys.first(), triangles);
+        keys.for_each_after_first(|frame| surveyor.see(frame))?;
+        surveyor.finish(keys)
+    }
+}
+
 /// Sees key frames in their order.
-pub(crate) struct Surveyor<'a> {
+struct Surveyor<'a> {
     first: &'a [Point],
     triangles: &'a [[u32; 3]],
     is_static: Vec<bool>,
@@ -39,7 +49,7 @@ type Bounds = (Aabb, bool);
 const RUN: usize = 1 << 16;
 
 impl<'a> Surveyor<'a> {
-    pub(crate) fn new(first: &'a [Point], triangles: &'a [[u32; 3]]) -> Self {
+    fn new(first: &'a [Point], triangles: &'a [[u32; 3]]) -> Self {
         let mut made = Self {
             first,
             triangles,
@@ -60,7 +70,7 @@ impl<'a> Surveyor<'a> {
     }
 
     /// Looks at the next key frame.
-    pub(crate) fn see(&mut self, frame: &[Point]) {
+    fn see(&mut self, frame: &[Point]) {
         let is_first_blend = self.sizes.len() == 1;
         let pairs = self.first.par_iter().zip(frame);
         let each = self.is_static.par_iter_mut().with_min_len(RUN).zip(pairs);
@@ -90,16 +100,14 @@ impl<'a> Surveyor<'a> {
         self.all_finite &= finite;
     }
 
-    /// What all of them tell; `look` shows a key frame again.
-    pub(crate) fn finish<E>(
-        mut self,
-        look: impl Fn(usize, &dyn Fn(&[Point]) -> bool) -> Result<bool, E>,
-    ) -> Result<Survey, E> {
+    /// What all of them tell. Looks again at those that need it.
+    fn finish(mut self, keys: &KeyFrames) -> Result<Survey, KeyFrameError> {
         self.fallback_corners.sort_unstable_by_key(|&(t, _)| t);
         let largest = self.sizes.iter().fold(0.0_f32, |m, s| m.max(s.largest));
         let triangles = self.triangles;
         let ranges = Ranges::of(&self.sizes, |key, least| {
-            look(key, &|frame| has_tiny(frame, triangles, least))
+            let frame = keys.get(key)?;
+            Ok(has_tiny(&frame, triangles, least))
         })?;
         Ok(Survey {
             fallback_corners: self.fallback_corners,

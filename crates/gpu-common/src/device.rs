@@ -61,6 +61,14 @@ impl Sent {
             Self::KeyFrame => "key frames",
         }
     }
+
+    /// Bytes to make room for, so that the next one fits too: trees of one scene differ little, key frames not at all.
+    pub fn room(self, bytes: u64) -> u64 {
+        match self {
+            Self::Tree => bytes + bytes / 32,
+            Self::KeyFrame => bytes,
+        }
+    }
 }
 
 /// A kernel to be recorded.

@@ -64,9 +64,7 @@ impl<D: GpuDevice> KeySlots<D> {
     /// Has the key frames of a pose be there for all that is recorded from now on. Waits for those that have to be read.
     pub(crate) fn bring(&mut self, gpu: &mut D, animation: &Animation, pose: Pose) -> Result<()> {
         self.pose = pose;
-        let later = (pose.alpha != 0.0).then_some(pose.key + 1);
-        for key in std::iter::once(pose.key).chain(later) {
-            let key = key as usize;
+        for key in pose.keys() {
             if self.find(key).is_none() {
                 self.send(gpu, (key, &animation.key(key)?))?;
             }
@@ -96,30 +94,28 @@ impl<D: GpuDevice> KeySlots<D> {
     /// A key frame's place, which is kept longest from now on.
     fn touch(&mut self, key: usize) -> Option<&mut KeySlot<D>> {
         self.clock += 1;
-        let at = match self.slots.get(key).is_some_and(|slot| slot.key == key) {
-            true => key,
-            false => self.slots.iter().position(|slot| slot.key == key)?,
-        };
+        let at = self.find(key)?;
         let slot = &mut self.slots[at];
         slot.used = self.clock;
         Some(slot)
     }
 
-    fn find(&self, key: usize) -> Option<&KeySlot<D>> {
+    fn find(&self, key: usize) -> Option<usize> {
+        let is_there = |slot: &KeySlot<D>| slot.key == key;
         // Those that are held lie in order.
-        let held = self.slots.get(key).filter(|slot| slot.key == key);
-        held.or_else(|| self.slots.iter().find(|slot| slot.key == key))
+        match self.slots.get(key).is_some_and(is_there) {
+            true => Some(key),
+            false => self.slots.iter().position(is_there),
+        }
     }
 
     /// Sends a key frame of a stream, in the place of the one that was used longest ago.
     fn send(&mut self, gpu: &mut D, (key, frame): (usize, &KeyFrame)) -> Result<()> {
         while self.slots.len() >= KEPT {
             // What is recorded now may yet read what it asked for, and what follows may read the last pose again.
-            let played = self.pose.key as usize..=self.pose.key as usize + 1;
+            let is_played = |slot: &KeySlot<D>| self.pose.keys().any(|key| key == slot.key);
             let all = self.slots.iter().enumerate();
-            let free = all.filter(|(_, slot)| {
-                slot.read_by <= self.submissions && !played.contains(&slot.key)
-            });
+            let free = all.filter(|(_, slot)| slot.read_by <= self.submissions && !is_played(slot));
             let Some((oldest, _)) = free.min_by_key(|(_, slot)| slot.used) else {
                 break;
             };
@@ -143,8 +139,11 @@ impl<D: GpuDevice> KeySlots<D> {
 
     /// The buffer of a key frame that was brought; any where the kernel does not read it.
     pub(crate) fn get(&self, key: u32) -> Option<&D::Buffer> {
-        let found = self.find(key as usize).or_else(|| self.slots.last());
-        found.map(|slot| &slot.buffer)
+        let slot = match self.find(key as usize) {
+            Some(at) => &self.slots[at],
+            None => self.slots.last()?,
+        };
+        Some(&slot.buffer)
     }
 
     /// Bytes of device memory.

@@ -2,6 +2,7 @@
 
 use crate::{BufferPurpose, GpuDevice};
 use backend::{FRAMES_IN_FLIGHT, Hits, Intersector, Query, QueryKind, Rays, Result, Ticket};
+use bytemuck::Pod;
 use geom::{Hit, Ray};
 use rayon::prelude::*;
 use shaders::BufferName;
@@ -200,11 +201,6 @@ fn send<D: GpuDevice>(
     Ok(extremes.into_inner())
 }
 
-/// Copies by all threads, for one alone takes as long as a trace.
-fn copy<T: Copy + Send + Sync>(from: &[T], to: &mut Vec<T>) {
-    from.par_iter().copied().collect_into_vec(to);
-}
-
 impl<D: GpuDevice> Trace<D> {
     /// Its rays, hits or shadows.
     pub fn get(&self, name: BufferName) -> Option<&D::Buffer> {
@@ -241,34 +237,33 @@ impl<D: GpuDevice> Trace<D> {
 
     /// Copies what was found. The submission must be finished.
     pub(crate) fn fetch(&self, gpu: &mut D, out: &mut Hits) -> Result<()> {
-        if self.kind == QueryKind::Any {
-            out.closest.clear();
-        }
-        if self.kind == QueryKind::Closest {
-            out.blocked.clear();
-        }
+        out.closest.clear();
+        out.blocked.clear();
         if self.kind != QueryKind::Any {
-            let closest = &mut out.closest;
-            match self.get(BufferName::Hits).filter(|_| self.has_tree) {
-                Some(hits) => gpu.read(hits, self.count, |hits| copy(hits, closest))?,
-                None => {
-                    closest.clear();
-                    closest.resize(self.count, Hit::MISS);
-                }
-            }
+            let miss = (BufferName::Hits, Hit::MISS);
+            self.fetch_each(gpu, miss, |hit: Hit| hit, &mut out.closest)?;
         }
         if self.kind != QueryKind::Closest {
-            let blocked = &mut out.blocked;
-            match self.get(BufferName::Occluded).filter(|_| self.has_tree) {
-                Some(words) => gpu.read(words, self.count, |words: &[u32]| {
-                    words.par_iter().map(|&b| b as u8).collect_into_vec(blocked);
-                })?,
-                None => {
-                    blocked.clear();
-                    blocked.resize(self.count, 0);
-                }
-            }
+            let miss = (BufferName::Occluded, 0);
+            self.fetch_each(gpu, miss, |word: u32| word as u8, &mut out.blocked)?;
         }
         Ok(())
+    }
+
+    /// Copies an element a ray by all threads, for one alone takes as long as a trace. Without a tree every ray misses.
+    fn fetch_each<T: Pod + Sync, U: Copy + Send>(
+        &self,
+        gpu: &mut D,
+        (name, miss): (BufferName, U),
+        of: impl Fn(T) -> U + Sync,
+        to: &mut Vec<U>,
+    ) -> Result<()> {
+        let Some(found) = self.get(name).filter(|_| self.has_tree) else {
+            to.resize(self.count, miss);
+            return Ok(());
+        };
+        gpu.read(found, self.count, |all: &[T]| {
+            all.par_iter().map(|&one| of(one)).collect_into_vec(to);
+        })
     }
 }

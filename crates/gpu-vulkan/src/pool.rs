@@ -97,11 +97,6 @@ impl Sender {
         (what, parts): (Sent, &[&[u32]]),
     ) -> Result<(Buffer, u64)> {
         let bytes: u64 = parts.iter().map(|p| size_of_val(*p) as u64).sum();
-        // Somewhat larger than needed: trees of one scene differ little, key frames not at all.
-        let room = match what {
-            Sent::Tree => bytes + bytes / 32,
-            Sent::KeyFrame => bytes,
-        };
         let done = Done {
             uploads: &road.done,
             submissions,
@@ -110,7 +105,7 @@ impl Sender {
             let spare = pool.take(done, SPARE)?;
             match spare.filter(|b| b.bytes >= bytes) {
                 Some(buffer) => Ok(buffer),
-                None => Buffer::new(gpu, what.what(), room, place),
+                None => Buffer::new(gpu, what.what(), what.room(bytes), place),
             }
         };
         let to = fit(&mut self.free, BufferUse::Device)?;

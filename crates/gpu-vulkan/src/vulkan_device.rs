@@ -58,8 +58,8 @@ pub struct VulkanDevice {
     /// Copies to the host.
     pub readback: Transfer,
     window: Window,
-    trees: Sender,
-    keys: Sender,
+    /// One a [`Sent`].
+    senders: [Sender; 2],
     /// Buffers that were too small.
     outgrown: Pool,
     spares: Spares<Arrived>,
@@ -85,8 +85,7 @@ impl VulkanDevice {
             upload: Transfer::new(gpu, gpu.upload)?,
             readback: Transfer::new(gpu, gpu.readback)?,
             window: Window::default(),
-            trees: Sender::default(),
-            keys: Sender::default(),
+            senders: Default::default(),
             outgrown: Pool::default(),
             spares: Spares::default(),
             arriving: None,
@@ -251,11 +250,8 @@ impl GpuDevice for VulkanDevice {
             submissions: &self.done,
         };
         self.outgrown.prune(done)?;
-        let sender = match what {
-            Sent::Tree => &mut self.trees,
-            Sent::KeyFrame => &mut self.keys,
-        };
-        sender.send(&self.gpu, (&mut self.upload, &self.done), (what, parts))
+        let road = (&mut self.upload, &self.done);
+        self.senders[what as usize].send(&self.gpu, road, (what, parts))
     }
 
     fn expect(&mut self, arrival: u64) {
@@ -268,10 +264,7 @@ impl GpuDevice for VulkanDevice {
             ticket: self.submitted.saturating_sub(unused_for),
             ..self.last_use()
         };
-        match what {
-            Sent::Tree => self.trees.recycle(buffer, last),
-            Sent::KeyFrame => self.keys.recycle(buffer, last),
-        }
+        self.senders[what as usize].recycle(buffer, last);
     }
 
     fn pipeline_maker(&self) -> Arc<Gpu> {
@@ -364,7 +357,7 @@ impl GpuDevice for VulkanDevice {
 
     fn unload(&mut self, _: &mut dyn Iterator<Item = &mut Slot>) -> Result<()> {
         self.gpu.wait_idle()?;
-        (self.trees, self.keys, self.outgrown) = Default::default();
+        (self.senders, self.outgrown) = Default::default();
         self.spares = Spares::default();
         (self.arriving, self.overwritten) = (None, None);
         Ok(())
@@ -379,7 +372,7 @@ impl GpuDevice for VulkanDevice {
         bytes: DeviceBytes,
         _: &mut dyn Iterator<Item = &Slot>,
     ) -> DeviceBytes {
-        let ([trees, staging], [keys, key_staging]) = (self.trees.held(), self.keys.held());
+        let [[trees, staging], [keys, key_staging]] = self.senders.each_ref().map(Sender::held);
         let (tree, scene) = (bytes.tree + trees, bytes.scene + keys);
         let scratch = bytes.scratch + staging + key_staging + self.outgrown.held();
         // Whatever else there is.

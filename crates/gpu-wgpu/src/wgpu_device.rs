@@ -73,9 +73,8 @@ impl Arrived {
 /// A device of wgpu's, with its one queue: what is written to a buffer or copied goes in order with submissions.
 pub struct WgpuDevice {
     window: Window,
-    /// Buffers that are not in use, of trees and of key frames.
-    trees: Vec<Buffer>,
-    keys: Vec<Buffer>,
+    /// Buffers that are not in use, of each [`Sent`].
+    free: [Vec<Buffer>; 2],
     spares: Spares<Arrived>,
     modules: Modules,
     validation: bool,
@@ -92,19 +91,11 @@ impl WgpuDevice {
     fn over(gpu: Gpu, modules: Modules, validation: bool) -> Self {
         Self {
             window: Window::default(),
-            trees: Vec::new(),
-            keys: Vec::new(),
+            free: Default::default(),
             spares: Spares::default(),
             modules,
             validation,
             gpu: Arc::new(gpu),
-        }
-    }
-
-    fn free(&mut self, what: Sent) -> &mut Vec<Buffer> {
-        match what {
-            Sent::Tree => &mut self.trees,
-            Sent::KeyFrame => &mut self.keys,
         }
     }
 
@@ -218,11 +209,10 @@ impl GpuDevice for WgpuDevice {
 
     fn send(&mut self, what: Sent, parts: &[&[u32]]) -> Result<(Buffer, u64)> {
         let bytes = parts.iter().map(|p| size_of_val(*p) as u64).sum();
-        let spare = self.free(what).pop().filter(|r| r.size() >= bytes);
-        let buffer = match (spare, what) {
-            (Some(buffer), _) => buffer,
-            (None, Sent::Tree) => storage(&self.gpu, what.what(), bytes + bytes / 32)?,
-            (None, Sent::KeyFrame) => storage(&self.gpu, what.what(), bytes)?,
+        let spare = self.free[what as usize].pop().filter(|r| r.size() >= bytes);
+        let buffer = match spare {
+            Some(buffer) => buffer,
+            None => storage(&self.gpu, what.what(), what.room(bytes))?,
         };
         let mut at = 0;
         for words in parts.iter().filter(|p| !p.is_empty()) {
@@ -236,7 +226,7 @@ impl GpuDevice for WgpuDevice {
     fn expect(&mut self, _: u64) {}
 
     fn recycle(&mut self, what: Sent, buffer: Buffer, _: u64) {
-        self.free(what).push(buffer);
+        self.free[what as usize].push(buffer);
     }
 
     fn pipeline_maker(&self) -> PipelineMaker {
@@ -323,8 +313,7 @@ impl GpuDevice for WgpuDevice {
     fn unload(&mut self, slots: &mut dyn Iterator<Item = &mut Slot>) -> Result<()> {
         self.gpu.wait_idle()?;
         slots.for_each(Slot::forget);
-        self.trees.clear();
-        self.keys.clear();
+        self.free = Default::default();
         self.spares = Spares::default();
         Ok(())
     }
@@ -339,10 +328,11 @@ impl GpuDevice for WgpuDevice {
         bytes: DeviceBytes,
         slots: &mut dyn Iterator<Item = &Slot>,
     ) -> DeviceBytes {
-        let size = |all: &[Buffer]| all.iter().map(Buffer::size).sum::<u64>();
+        let size = |all: &Vec<Buffer>| all.iter().map(Buffer::size).sum::<u64>();
+        let [trees, keys] = self.free.each_ref().map(size);
         DeviceBytes {
-            tree: bytes.tree + size(&self.trees),
-            scene: bytes.scene + size(&self.keys),
+            tree: bytes.tree + trees,
+            scene: bytes.scene + keys,
             frames: bytes.frames + slots.map(Slot::bytes).sum::<u64>(),
             ..bytes
         }
