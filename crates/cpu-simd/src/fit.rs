@@ -1,16 +1,19 @@
 //! Preprocess and refit: positions to corners and boxes, block by block and node by node.
 
+use crate::boxes::{Boxes, Sums, set_bounds};
 use crate::leaf::scaled;
-use crate::simd::{Isa, Lanes, Work, each};
-use crate::tree::{Block, EMPTY, LANES, Link, Node, Planes, Wide};
-use bvh_layout::{Block as Source, BlockTree, Ranges};
+use crate::simd::{Eight, Isa, Lanes, Work, each, prefetch};
+use crate::tree::{Block, EMPTY, LANES, Link, Node, Wide};
+use bvh_layout::{Block as Source, BlockTree};
 use cpu_ref::geometry::{Geometry, Unhittable};
 use cpu_ref::pass::{SplitAt, Which, Window, pass};
-use geom::{Aabb, Triangle, is_degenerate};
+use geom::{Aabb, Point, Triangle, is_degenerate};
 use std::ops::Add;
 
 /// Nodes that one task handles.
-const RUN: usize = 128;
+const RUN: usize = 32;
+/// Blocks from one to that whose vertices are fetched meanwhile: they lie scattered.
+const AHEAD: usize = 4;
 
 /// Nodes to go over, and for each node of the tree a bit for each lane that counts; all do where there are no bits.
 pub(crate) type Chosen<'a> = (Which<'a>, Option<&'a [u8]>);
@@ -125,6 +128,7 @@ impl Work for FitBlocks<'_> {
     #[inline(always)]
     fn run<I: Isa>(self) -> Fitted {
         let (mut part, mut fitted) = (self.part, Fitted::default());
+        let mut sums = Sums::default();
         for place in 0..self.which.count() {
             let n = self.which.at(place);
             let (node, lanes) = (&mut part.nodes[n], lanes_of(self.chosen, n));
@@ -143,15 +147,18 @@ impl Work for FitBlocks<'_> {
                 }
                 let block = &mut part.blocks[link.index()];
                 let source = &part.shape.blocks[link.index()];
+                let later = part.shape.blocks.get(link.index() + AHEAD);
+                fetch(self.geometry.positions, later.unwrap_or(source));
                 if self.stale {
                     block.triangles = source.triangles;
                 }
-                let planes = fill::<I>(self.geometry, source, block, &mut fitted.unhittable);
-                let (whole, between) = fold(&planes, &source.ranges);
+                let boxes = fill::<I>(self.geometry, source, block, &mut fitted.unhittable);
+                let (whole, areas) = boxes.fold(&source.ranges);
                 set_bounds(&mut node.planes, lane, &whole);
-                fitted.areas += between + lane_areas(&planes);
+                sums.add(areas.add(boxes.half_areas()));
             }
         }
+        fitted.areas = sums.total();
         fitted
     }
 }
@@ -171,7 +178,7 @@ impl Work for FitNodes<'_> {
     #[inline(always)]
     fn run<I: Isa>(mut self) -> f64 {
         let (below, end) = self.below;
-        let mut sum = 0.0;
+        let mut sums = Sums::default();
         for place in 0..self.which.count() {
             let n = self.which.at(place);
             let (node, lanes) = (&mut self.nodes[n], lanes_of(self.chosen, n));
@@ -180,13 +187,22 @@ impl Work for FitNodes<'_> {
                 let is_inner = !link.is_block() && link != Link::ROOT;
                 if is_inner && lanes >> lane & 1 == 1 {
                     let child = &below[link.index() - end];
-                    let (whole, between) = fold(&child.planes, &child.ranges);
+                    let boxes = Boxes::<I::Eight>::load(&child.planes);
+                    let (whole, areas) = boxes.fold(&child.ranges);
                     set_bounds(&mut node.planes, lane, &whole);
-                    sum += between;
+                    sums.add(areas);
                 }
             }
         }
-        sum
+        sums.total()
+    }
+}
+
+/// Asks for the first vertices of a block's triangles; the others mostly lie beside them.
+#[inline(always)]
+fn fetch(positions: &[Point], of: &Source) {
+    for vertex in of.vertices[0] {
+        prefetch(positions, vertex as usize);
     }
 }
 
@@ -197,52 +213,43 @@ fn fill<I: Isa>(
     source: &Source,
     block: &mut Block,
     unhittable: &mut Unhittable,
-) -> Planes {
-    let mut corners = [[[0.0; LANES]; 3]; 3];
-    for (corner, vertices) in source.vertices.iter().enumerate() {
-        for (lane, &vertex) in vertices.iter().enumerate() {
-            let p = geometry.positions[vertex as usize];
-            corners[0][corner][lane] = p[0];
-            corners[1][corner][lane] = p[1];
-            corners[2][corner][lane] = p[2];
+) -> Boxes<I::Eight> {
+    let corners = each!(corner => {
+        let vertices = &source.vertices[corner];
+        let mut points = [&geometry.positions[0]; LANES];
+        for (point, &vertex) in points.iter_mut().zip(vertices) {
+            *point = &geometry.positions[vertex as usize];
         }
+        I::Eight::coordinates(points)
+    });
+    let hittable = hittable(&corners, u32::from(source.count), unhittable);
+    let mask = I::Eight::mask(hittable);
+    let nothing = I::Eight::splat(f32::NAN);
+    let from = I::Eight::splat(f32::INFINITY);
+    let until = I::Eight::splat(f32::NEG_INFINITY);
+    let mut boxes = Boxes {
+        low: [from; 3],
+        high: [until; 3],
+    };
+    for (axis, to) in block.corners.iter_mut().enumerate() {
+        let [a, b, c] = each!(i => scaled(geometry.scale, corners[i][axis]));
+        boxes.low[axis] = from.replace(mask, a.min(b).min(c));
+        boxes.high[axis] = until.replace(mask, a.max(b).max(c));
+        *to = each!(i => nothing.replace(mask, [a, b, c][i]).store());
     }
-    let hittable = hittable::<I::Eight>(&corners, u32::from(source.count), unhittable);
-    let mut planes = EMPTY;
-    for axis in 0..3 {
-        let [a, b, c] = each!(i => scaled(geometry.scale, I::Eight::load(&corners[axis][i])));
-        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        let mask = I::Eight::mask(hittable);
-        let (none, on) = (
-            I::Eight::splat(f32::INFINITY),
-            I::Eight::splat(f32::NEG_INFINITY),
-        );
-        planes[axis][..LANES].copy_from_slice(&none.replace(mask, low).store());
-        planes[axis][LANES..].copy_from_slice(&on.replace(mask, high).store());
-        let unhittable = I::Eight::splat(f32::NAN);
-        block.corners[axis] = each!(i => unhittable.replace(mask, [a, b, c][i]).store());
-    }
-    planes
+    boxes
 }
 
 /// Which lanes hold a triangle that can be hit; the others are counted.
 #[inline(always)]
-fn hittable<L: Lanes<Array = [f32; LANES]>>(
-    corners: &[[[f32; LANES]; 3]; 3],
-    count: u32,
-    unhittable: &mut Unhittable,
-) -> u32 {
+fn hittable<L: Eight>(corners: &[[L; 3]; 3], count: u32, unhittable: &mut Unhittable) -> u32 {
     let most = L::splat(f32::MAX);
     let mut finite = L::mask((1 << count) - 1);
-    let mut edges = [[L::splat(0.0); 2]; 3];
-    for axis in 0..3 {
-        let [a, b, c] = &corners[axis];
-        let [a, b, c] = [L::load(a), L::load(b), L::load(c)];
-        for x in [a, b, c] {
-            finite = L::both(finite, x.abs().at_most(most));
-        }
-        edges[axis] = [b.sub(a), c.sub(a)];
+    for x in corners.as_flattened() {
+        finite = L::both(finite, x.abs().at_most(most));
     }
+    let [a, b, c] = corners;
+    let edges = each!(axis => [b[axis].sub(a[axis]), c[axis].sub(a[axis])]);
     let clear = L::bits(L::either(
         stands_clear(&edges, 0, 1),
         L::either(stands_clear(&edges, 1, 2), stands_clear(&edges, 2, 0)),
@@ -251,10 +258,14 @@ fn hittable<L: Lanes<Array = [f32; LANES]>>(
     unhittable.inactive += u64::from(count - finite.count_ones());
     let mut doubtful = finite & !clear;
     let mut hittable = finite & clear;
+    if doubtful == 0 {
+        return hittable;
+    }
+    let corners = each!(axis => each!(i => corners[i][axis].store()));
     while doubtful != 0 {
         let lane = doubtful.trailing_zeros();
         doubtful &= doubtful - 1;
-        if is_degenerate(&triangle(corners, lane as usize)) {
+        if is_degenerate(&triangle(&corners, lane as usize)) {
             unhittable.degenerate += 1;
         } else {
             hittable |= 1 << lane;
@@ -285,82 +296,17 @@ pub(crate) fn triangle(corners: &[[[f32; LANES]; 3]; 3], lane: usize) -> Triangl
     [corner(0), corner(1), corner(2)]
 }
 
-/// The lesser of two numbers, by one instruction: no plane is not a number.
-#[inline(always)]
-fn lesser(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
+/// The box of a node, and the sum of half areas of the binary nodes that it stands for.
+pub(crate) struct Fold<'a>(pub(crate) &'a Node);
 
-#[inline(always)]
-fn greater(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
+impl Work for Fold<'_> {
+    type Out = (Aabb, f64);
 
-/// One plane of every range of two, then of four lanes, and of all lanes.
-#[inline(always)]
-fn table(planes: &[f32], least: impl Fn(f32, f32) -> f32) -> ([f32; 2 * LANES], f32) {
-    let mut table = [planes[0]; 2 * LANES];
-    for i in 0..LANES - 1 {
-        table[i] = least(planes[i], planes[i + 1]);
-    }
-    for i in 0..LANES - 3 {
-        table[LANES + i] = least(table[i], table[i + 2]);
-    }
-    (table, least(table[LANES], table[LANES + 4]))
-}
-
-/// The box of all lanes, and the sum of half areas of the boxes of `ranges`.
-#[inline(always)]
-pub(crate) fn fold(planes: &Planes, ranges: &Ranges) -> (Aabb, f64) {
-    let mut whole = Aabb::EMPTY;
-    let mut lower = [[0.0; 2 * LANES]; 3];
-    let mut upper = lower;
-    for axis in 0..3 {
-        let (low, high) = planes[axis].split_at(LANES);
-        (lower[axis], whole.min[axis]) = table(low, lesser);
-        (upper[axis], whole.max[axis]) = table(high, greater);
-    }
-    let mut sum = 0.0;
-    for &[a, b] in ranges.places() {
-        let (a, b) = (usize::from(a) % (2 * LANES), usize::from(b) % (2 * LANES));
-        let mut range = Aabb::EMPTY;
-        for axis in 0..3 {
-            range.min[axis] = lesser(lower[axis][a], lower[axis][b]);
-            range.max[axis] = greater(upper[axis][a], upper[axis][b]);
-        }
-        sum += range.half_area();
-    }
-    (whole, sum)
-}
-
-/// The sum of half areas of all lanes.
-#[inline(always)]
-fn lane_areas(planes: &Planes) -> f64 {
-    let mut sum = 0.0;
-    for lane in 0..LANES {
-        sum += bounds(planes, lane).half_area();
-    }
-    sum
-}
-
-/// The box of one lane.
-#[inline(always)]
-pub(crate) fn bounds(planes: &Planes, lane: usize) -> Aabb {
-    Aabb {
-        min: [planes[0][lane], planes[1][lane], planes[2][lane]],
-        max: [
-            planes[0][lane + LANES],
-            planes[1][lane + LANES],
-            planes[2][lane + LANES],
-        ],
-    }
-}
-
-/// Sets the box of one lane.
-#[inline(always)]
-fn set_bounds(planes: &mut Planes, lane: usize, bounds: &Aabb) {
-    for (axis, planes) in planes.iter_mut().enumerate() {
-        planes[lane] = bounds.min[axis];
-        planes[lane + LANES] = bounds.max[axis];
+    #[inline(always)]
+    fn run<I: Isa>(self) -> (Aabb, f64) {
+        let (whole, areas) = Boxes::<I::Eight>::load(&self.0.planes).fold(&self.0.ranges);
+        let mut sums = Sums::default();
+        sums.add(areas);
+        (whole, sums.total())
     }
 }

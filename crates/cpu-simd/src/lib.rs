@@ -6,6 +6,7 @@
 //! triangles are not kept: whoever needs one has its corners at hand. What a hit is does not change, nor
 //! does one bit of it.
 
+mod boxes;
 mod cell;
 mod fit;
 mod leaf;

@@ -1,6 +1,6 @@
 //! What of the wide tree moves: preprocess and refit pass over the rest once it was done.
 
-use crate::fit::{Chosen, Fitted, fold};
+use crate::fit::{Chosen, Fitted, Fold};
 use crate::tree::{LANES, Link, Wide};
 use bvh_layout::{Block as Source, BlockTree};
 use cpu_ref::geometry::{Geometry, Unhittable};
@@ -141,7 +141,7 @@ impl Wide {
             }
         };
         self.moving = moving;
-        let (root, areas) = fold(&self.nodes[0].planes, &self.nodes[0].ranges);
+        let (root, areas) = self.level.run(Fold(&self.nodes[0]));
         self.root = root;
         self.block_areas + between + areas
     }

@@ -11,6 +11,8 @@ mod x86;
 
 pub(crate) use plain::Plain;
 
+use geom::Point;
+
 /// An expression for each of three axes or corners. Closures are compiled on their own, and so without the
 /// instructions; expressions are part of the function that they stand in.
 macro_rules! each {
@@ -77,10 +79,18 @@ pub(crate) trait Lanes: Copy {
     fn put(words: &mut [u32; 16], mask: Self::Mask, word: u32);
 }
 
+/// Eight numbers: one of each child of a node, or of each triangle of a block.
+pub(crate) trait Eight: Lanes<Array = [f32; 8]> {
+    /// The coordinates of these points, axis by axis.
+    fn coordinates(points: [&Point; 8]) -> [Self; 3];
+    /// In each lane the number of the lane that `lanes` names there, modulo eight.
+    fn permuted(self, lanes: &[u8; 8]) -> Self;
+}
+
 /// Sixteen numbers as two halves of eight.
 pub(crate) trait Halves: Lanes<Array = [f32; 16]> {
     /// Eight of them.
-    type Half: Lanes<Array = [f32; 8]>;
+    type Half: Eight;
 
     /// Both halves, exchanged if `turn`.
     fn turned(self, turn: bool) -> Self;
@@ -92,7 +102,7 @@ pub(crate) trait Halves: Lanes<Array = [f32; 16]> {
 /// The vectors that an instruction set is best at.
 pub(crate) trait Isa: 'static {
     /// As many lanes as a node has children and a block triangles.
-    type Eight: Lanes<Array = [f32; 8]>;
+    type Eight: Eight;
     /// Lower and upper planes of eight boxes.
     type Planes: Halves<Half = Self::Eight>;
     /// One number of each ray of a packet.
@@ -123,8 +133,8 @@ pub(crate) unsafe trait Word: Copy {}
 #[expect(unsafe_code, reason = "see above")]
 unsafe impl Word for u32 {}
 
-/// Asks for the first cache lines of what will soon be read; it must be aligned to them. Does nothing where that
-/// cannot be asked.
+/// Asks for the cache lines of what will soon be read, those that its first bytes lie in if it is not aligned to them.
+/// Does nothing where that cannot be asked.
 #[inline(always)]
 pub(crate) fn prefetch<T>(of: &[T], index: usize) {
     #[cfg(target_arch = "x86_64")]

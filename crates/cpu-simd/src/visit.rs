@@ -1,6 +1,6 @@
 //! The wide tree for tests that take one triangle at a time.
 
-use crate::fit::bounds;
+use crate::boxes::bounds;
 use crate::leaf::TriangleRay;
 use crate::rays::{Group, OneRay};
 use crate::simd::{Isa, Lanes, Work};

@@ -118,31 +118,43 @@ impl Link {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ranges {
     count: u8,
-    places: [[u8; 2]; LANES - 1],
+    fours: u8,
+    places: [[u8; LANES]; 2],
 }
 
 impl Ranges {
     /// No binary node.
     pub const NONE: Self = Self {
         count: 0,
-        places: [[0; 2]; LANES - 1],
+        fours: 0,
+        places: [[0; LANES]; 2],
     };
 
-    /// For each range two places in a table: `i` is the union of lanes `i` and `i + 1`, and `8 + i` of
-    /// the four from `i` on.
+    /// How many there are.
     #[inline(always)]
-    pub fn places(&self) -> &[[u8; 2]] {
-        &self.places[..usize::from(self.count)]
+    pub const fn count(&self) -> usize {
+        self.count as usize
+    }
+
+    /// The first lanes of both parts of each range. What comes after the last range means nothing.
+    #[inline(always)]
+    pub const fn places(&self) -> &[[u8; LANES]; 2] {
+        &self.places
+    }
+
+    /// For each range a bit: whether its parts are of four lanes, not of two.
+    #[inline(always)]
+    pub const fn fours(&self) -> u8 {
+        self.fours
     }
 
     /// Takes a range of at least two lanes.
     fn push(&mut self, first: u8, end: u8) {
-        let (table, size) = if end - first < 4 {
-            (0, 2)
-        } else {
-            (LANES as u8, 4)
-        };
-        self.places[usize::from(self.count)] = [table + first, table + end - size];
+        let is_long = end - first >= 4;
+        let at = self.count();
+        self.places[0][at] = first;
+        self.places[1][at] = end - if is_long { 4 } else { 2 };
+        self.fours |= u8::from(is_long) << at;
         self.count += 1;
     }
 }

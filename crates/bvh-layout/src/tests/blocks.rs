@@ -34,7 +34,7 @@ fn below(tree: &BlockTree, node: usize, depth: usize, seen: &mut [u32], out: &mu
         if link.is_block() {
             let block = &tree.blocks[link.index()];
             let count = usize::from(block.count);
-            assert!((1..=LANES).contains(&count) && block.ranges.places().len() == count - 1);
+            assert!((1..=LANES).contains(&count) && block.ranges.count() == count - 1);
             assert!(block.triangles[count..].iter().all(|&t| t == u32::MAX));
             for lane in 0..count {
                 let t = block.triangles[lane];
@@ -49,10 +49,7 @@ fn below(tree: &BlockTree, node: usize, depth: usize, seen: &mut [u32], out: &mu
         }
     }
     assert_eq!(next_block, tree.first_blocks[node + 1]);
-    assert_eq!(
-        tree.nodes[node].ranges.places().len(),
-        children.saturating_sub(1)
-    );
+    assert_eq!(tree.nodes[node].ranges.count(), children.saturating_sub(1));
 }
 
 /// The record's triangles, depth first.
@@ -80,8 +77,8 @@ fn check(topology: &Topology) {
         assert!(seen.iter().all(|&n| n == 1), "every node has one parent");
     }
     assert_eq!(found, expected);
-    let nodes = tree.nodes.iter().map(|n| n.ranges.places().len());
-    let blocks = tree.blocks.iter().map(|b| b.ranges.places().len());
+    let nodes = tree.nodes.iter().map(|n| n.ranges.count());
+    let blocks = tree.blocks.iter().map(|b| b.ranges.count());
     let inner: usize = nodes.chain(blocks).sum();
     let children = tree
         .nodes

@@ -1,6 +1,7 @@
 //! Lanes as a plain array, which the compiler may turn into whatever vectors there are.
 
-use super::{Halves, Lanes};
+use super::{Eight, Halves, Lanes};
+use geom::Point;
 use std::array::from_fn;
 
 /// `N` numbers.
@@ -105,6 +106,17 @@ impl<const N: usize> Lanes for Plain<N> {
         for (to, set) in words.iter_mut().zip(mask) {
             *to = if set { word } else { *to };
         }
+    }
+}
+
+impl Eight for Plain<8> {
+    #[inline(always)]
+    fn coordinates(points: [&Point; 8]) -> [Self; 3] {
+        from_fn(|axis| Self(points.map(|p| p[axis])))
+    }
+    #[inline(always)]
+    fn permuted(self, lanes: &[u8; 8]) -> Self {
+        Self(lanes.map(|lane| self.0[usize::from(lane) % 8]))
     }
 }
 

@@ -8,7 +8,8 @@
     reason = "vector instructions that the machine was found to have"
 )]
 
-use super::{Halves, Isa, Lanes, Word, Work};
+use super::{Eight, Halves, Isa, Lanes, Word, Work};
+use geom::Point;
 use std::arch::is_x86_feature_detected as has;
 use std::arch::x86_64::*;
 
@@ -77,7 +78,7 @@ const LINE: usize = 64;
 #[inline(always)]
 pub(super) fn prefetch<T>(of: &[T], index: usize) {
     let at = of.as_ptr().wrapping_add(index).cast::<i8>();
-    for line in 0..size_of::<T>() / LINE {
+    for line in 0..size_of::<T>().div_ceil(LINE) {
         // SAFETY: whatever the address, a prefetch reads nothing that the program could see.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(line * LINE)) };
     }
@@ -140,6 +141,59 @@ fn least(x: __m256) -> f32 {
     let x = _mm_min_ps(x, _mm_movehl_ps(x, x));
     _mm_cvtss_f32(_mm_min_ss(x, _mm_movehdup_ps(x)))
 }
+
+/// Eight points, transposed. A load that reads what narrower stores have just written would wait for them.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn coordinates(points: [&Point; 8]) -> [__m256; 3] {
+    let three = _mm_setr_epi32(-1, -1, -1, 0);
+    // Two points, one above the other, four apart.
+    macro_rules! two {
+        ($i:literal) => {{
+            // SAFETY: three numbers are read, and a point has three.
+            let [low, high] = unsafe {
+                [
+                    _mm_maskload_ps(points[$i].as_ptr(), three),
+                    _mm_maskload_ps(points[$i + 4].as_ptr(), three),
+                ]
+            };
+            _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(low), high)
+        }};
+    }
+    let [a, b, c, d] = [two!(0), two!(1), two!(2), two!(3)];
+    let (xy_ab, xy_cd) = (_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d));
+    let (z_ab, z_cd) = (_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c, d));
+    [
+        _mm256_shuffle_ps::<0x44>(xy_ab, xy_cd),
+        _mm256_shuffle_ps::<0xee>(xy_ab, xy_cd),
+        _mm256_shuffle_ps::<0x44>(z_ab, z_cd),
+    ]
+}
+
+#[inline]
+#[target_feature(enable = "avx2")]
+fn permuted(x: __m256, lanes: &[u8; 8]) -> __m256 {
+    // SAFETY: eight bytes are read, and there are eight.
+    let lanes = unsafe { _mm_loadl_epi64(lanes.as_ptr().cast()) };
+    _mm256_permutevar8x32_ps(x, _mm256_cvtepu8_epi32(lanes))
+}
+
+/// Both kinds of eight numbers move alike.
+macro_rules! eight {
+    ($name:ident) => {
+        impl Eight for $name {
+            operation! {
+                coordinates(points: [&Point; 8]) -> [Self; 3] = {
+                    let [x, y, z] = coordinates(points);
+                    [Self(x), Self(y), Self(z)]
+                };
+                permuted(self, lanes: &[u8; 8]) -> Self = Self(permuted(self.0, lanes));
+            }
+        }
+    };
+}
+eight!(Ymm);
+eight!(MaskedYmm);
 
 vector! {
     /// Eight numbers; masks are vectors.

@@ -1,6 +1,7 @@
 //! Every instruction set does what the plainest does.
 
-use crate::simd::{Halves, Isa, Lanes, Level, Plain, Work};
+use crate::simd::{Eight, Halves, Isa, Lanes, Level, Plain, Work};
+use geom::Point;
 
 /// Every operation over a list of awkward numbers, as bits.
 struct Everything;
@@ -47,6 +48,16 @@ impl Work for Everything {
                 whole.high().most(),
             ];
             all.extend(ends.map(f32::to_bits));
+        }
+        let points: [Point; 8] =
+            std::array::from_fn(|i| std::array::from_fn(|axis| (3 * i + axis) as f32));
+        let coordinates = I::Eight::coordinates(std::array::from_fn(|i| &points[i]));
+        for vector in coordinates {
+            all.extend(vector.store().map(f32::to_bits));
+            for first in 0..16 {
+                let lanes = std::array::from_fn(|i| (first + 3 * i) as u8);
+                all.extend(vector.permuted(&lanes).store().map(f32::to_bits));
+            }
         }
         for lanes in 0..256_u32 {
             let packed = I::packed(&[10, 11, 12, 13, 14, 15, 16, 17], lanes);

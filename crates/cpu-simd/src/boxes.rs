@@ -1,0 +1,125 @@
+//! Eight boxes at once: unions of neighbouring lanes, and areas.
+
+use crate::simd::{Eight, each};
+use crate::tree::{LANES, Planes};
+use bvh_layout::Ranges;
+use geom::Aabb;
+
+/// The boxes of eight lanes. Empty ones reach from infinity to minus infinity.
+pub(crate) struct Boxes<L> {
+    pub(crate) low: [L; 3],
+    pub(crate) high: [L; 3],
+}
+
+impl<L: Eight> Boxes<L> {
+    #[inline(always)]
+    pub(crate) fn load(planes: &Planes) -> Self {
+        let halves = each!(axis => planes[axis].as_chunks::<LANES>().0);
+        Self {
+            low: each!(axis => L::load(&halves[axis][0])),
+            high: each!(axis => L::load(&halves[axis][1])),
+        }
+    }
+
+    /// The union of each box with that of the lane so many further on, modulo eight.
+    #[inline(always)]
+    fn joined(&self, further: u8) -> Self {
+        let mut lanes = [0, 1, 2, 3, 4, 5, 6, 7];
+        for lane in &mut lanes {
+            *lane += further;
+        }
+        self.union(&self.permuted(&lanes))
+    }
+
+    #[inline(always)]
+    fn permuted(&self, lanes: &[u8; LANES]) -> Self {
+        Self {
+            low: each!(axis => self.low[axis].permuted(lanes)),
+            high: each!(axis => self.high[axis].permuted(lanes)),
+        }
+    }
+
+    #[inline(always)]
+    fn union(&self, other: &Self) -> Self {
+        Self {
+            low: each!(axis => self.low[axis].min(other.low[axis])),
+            high: each!(axis => self.high[axis].max(other.high[axis])),
+        }
+    }
+
+    /// The box of all lanes, and half areas of the boxes of `ranges`.
+    #[inline(always)]
+    pub(crate) fn fold(&self, ranges: &Ranges) -> (Aabb, L) {
+        let twos = self.joined(1);
+        let fours = twos.joined(2);
+        let [first, second] = ranges.places();
+        let short = twos.permuted(first).union(&twos.permuted(second));
+        let long = fours.permuted(first).union(&fours.permuted(second));
+        let mask = L::mask(u32::from(ranges.fours()));
+        let of_ranges = Self {
+            low: each!(axis => short.low[axis].replace(mask, long.low[axis])),
+            high: each!(axis => short.high[axis].replace(mask, long.high[axis])),
+        };
+        let all = fours.joined(4);
+        let whole = Aabb {
+            min: each!(axis => all.low[axis].store()[0]),
+            max: each!(axis => all.high[axis].store()[0]),
+        };
+        let used = L::mask((1 << ranges.count()) - 1);
+        (whole, L::splat(0.0).replace(used, of_ranges.half_areas()))
+    }
+
+    /// Half the surface area of each, rounded to single precision.
+    #[inline(always)]
+    pub(crate) fn half_areas(&self) -> L {
+        let [x, y, z] = each!(axis => self.high[axis].sub(self.low[axis]));
+        let area = x.mul(y.add(z)).add(y.mul(z));
+        let is_full = self.low[0].at_most(self.high[0]);
+        L::splat(0.0).replace(is_full, area)
+    }
+}
+
+/// Adds up areas lane by lane, so that sums over large trees keep their digits.
+#[derive(Default)]
+pub(crate) struct Sums([f64; LANES]);
+
+impl Sums {
+    #[inline(always)]
+    pub(crate) fn add<L: Eight>(&mut self, areas: L) {
+        let areas = areas.store();
+        for (sum, area) in self.0.iter_mut().zip(areas) {
+            *sum += f64::from(area);
+        }
+    }
+
+    #[inline(always)]
+    pub(crate) fn total(&self) -> f64 {
+        let mut total = 0.0;
+        for sum in self.0 {
+            total += sum;
+        }
+        total
+    }
+}
+
+/// The box of one lane.
+#[inline(always)]
+pub(crate) fn bounds(planes: &Planes, lane: usize) -> Aabb {
+    Aabb {
+        min: [planes[0][lane], planes[1][lane], planes[2][lane]],
+        max: [
+            planes[0][lane + LANES],
+            planes[1][lane + LANES],
+            planes[2][lane + LANES],
+        ],
+    }
+}
+
+/// Sets the box of one lane.
+#[inline(always)]
+pub(crate) fn set_bounds(planes: &mut Planes, lane: usize, bounds: &Aabb) {
+    for (axis, planes) in planes.iter_mut().enumerate() {
+        planes[lane] = bounds.min[axis];
+        planes[lane + LANES] = bounds.max[axis];
+    }
+}
