@@ -124,21 +124,13 @@ impl Tracer {
         self.finish()
     }
 
-    /// Traces a list of rays and fetches what they hit.
+    /// Traces a list of rays: what they hit.
     #[must_use]
-    pub fn list(&mut self, rays: &[Ray], kind: QueryKind) -> Hits {
-        let mut hits = Hits::default();
-        self.fetch(rays, kind, &mut hits);
-        hits
-    }
-
-    /// Traces a list of rays and fetches what they hit into `out`; the number of hits.
-    pub fn fetch(&mut self, rays: &[Ray], kind: QueryKind, out: &mut Hits) -> u64 {
+    pub fn list(&mut self, rays: &[Ray], kind: QueryKind) -> &Hits {
         let rays = Rays::List(rays);
         done(self.backend.trace(Query { rays, kind }));
         let ticket = done(self.backend.submit());
-        done(self.backend.hits(ticket, out));
-        done(self.backend.wait(ticket)).hits
+        &*done(self.backend.hits(ticket))
     }
 
     fn finish(&mut self) -> u64 {

@@ -79,14 +79,15 @@ mod tests {
         } else {
             tree.build(&mut start);
         }
-        let closest = tracer.list(&primary, backend::QueryKind::Closest).closest;
-        let blocked = tracer.list(&shadow, backend::QueryKind::Any).blocked;
+        let hits = tracer.list(&primary, backend::QueryKind::Closest);
+        let closest = hits.closest.clone();
+        let blocked = &tracer.list(&shadow, backend::QueryKind::Any).blocked;
         assert!(closest.iter().filter(|hit| hit.is_hit()).count() > 10_000);
         assert!(blocked.contains(&0) && blocked.contains(&1));
         let other = |ray: &Ray| tree.closest(&start, ray).map_or(u32::MAX, |(_, t)| t);
         let pairs = primary.iter().zip(&closest);
         let wrong = pairs.filter(|(ray, hit)| other(ray) != hit.triangle);
-        let pairs = shadow.iter().zip(&blocked);
+        let pairs = shadow.iter().zip(blocked);
         let is_wrong = |(ray, is): &(&Ray, &u8)| tree.blocked(&start, ray) != (**is == 1);
         wrong.count() + pairs.filter(is_wrong).count()
     }

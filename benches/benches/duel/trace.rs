@@ -2,7 +2,7 @@
 
 use crate::{METHOD, Unit, report};
 use backend::QueryKind::{Any, Closest};
-use backend::{Hits, Query, QueryKind, Rays};
+use backend::{Query, QueryKind, Rays};
 use benches::{
     Contender, EmbreeScene, Made, Mesh, Packet16, Tracer, camera, diffuse_rays, in_turn, light,
     pool, random_rays, setting, shadow_rays, squares, thread_counts,
@@ -101,8 +101,7 @@ impl<'a> Stage<'a> {
             self.singly("Embree 4 robust, single rays", robust, asked),
             self.together("Embree 4, packets of 16", fast, asked),
             self.together("Embree 4 robust, packets of 16", robust, asked),
-            self.listed("abvh, lists", asked, false),
-            self.listed("abvh, lists, hits fetched", asked, true),
+            self.listed(asked),
         ];
         contenders.extend(camera.map(|(camera, kind)| self.seen(camera, kind)));
         let samples = in_turn(contenders, setting("ABVH_ROUNDS", ROUNDS));
@@ -111,18 +110,13 @@ impl<'a> Stage<'a> {
         report(&title, Unit::MillionsOf(rays), &samples)
     }
 
-    fn listed<'b>(&self, name: &str, asked: &'b [&Asked], fetched: bool) -> Contender<'b> {
+    fn listed<'b>(&self, asked: &'b [&Asked]) -> Contender<'b> {
         let mut tracer = Tracer::ready(self.mesh, METHOD, self.threads);
-        let mut hits = Hits::default();
         let mut trace = move |asked: &Asked| {
-            if fetched {
-                return tracer.fetch(&asked.rays, asked.kind, &mut hits);
-            }
-            let rays = Rays::List(&asked.rays);
-            let kind = asked.kind;
+            let (rays, kind) = (Rays::List(&asked.rays), asked.kind);
             tracer.trace(Query { rays, kind })
         };
-        Contender::new(name, self.threads, move || {
+        Contender::new("abvh, lists", self.threads, move || {
             asked.iter().map(|asked| trace(asked)).sum()
         })
     }

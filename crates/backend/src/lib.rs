@@ -187,8 +187,11 @@ pub trait Backend: Send {
     /// Blocks until `ticket` is done and says what it did.
     fn wait(&mut self, ticket: Ticket) -> Result<FrameReport>;
 
-    /// Blocks until `ticket` is done and copies what its trace found into `out`.
-    fn hits(&mut self, ticket: Ticket, out: &mut Hits) -> Result<()>;
+    /// Blocks until `ticket` is done and lends what its trace found, the same each time.
+    ///
+    /// To keep it without a copy, exchange it for other memory, which a later trace then uses:
+    /// `std::mem::swap(backend.hits(ticket)?, &mut mine)`.
+    fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits>;
 
     /// The oldest positions requested and not taken yet, with the ticket of
     /// their submission; `None` while they are under way. Never blocks.

@@ -89,10 +89,8 @@ pub fn start(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Resu
 
 /// Fetches what a trace found, and what the backend reports of it.
 pub(crate) fn fetch(backend: &mut dyn Backend, ticket: Ticket) -> Result<(Hits, FrameReport)> {
-    let mut hits = Hits::default();
     let report = backend.wait(ticket)?;
-    backend.hits(ticket, &mut hits)?;
-    Ok((hits, report))
+    Ok((backend.hits(ticket)?.clone(), report))
 }
 
 /// Traces and fetches.

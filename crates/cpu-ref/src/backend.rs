@@ -12,7 +12,6 @@ use backend::{
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose, Ray};
-use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -153,8 +152,9 @@ impl CpuBackend {
         self.next.ticket = None;
     }
 
-    fn finished(&self, ticket: Ticket) -> &Submission {
-        let found = self.submissions.iter().find(|s| s.ticket == Some(ticket));
+    fn finished(&mut self, ticket: Ticket) -> &mut Submission {
+        let mut submissions = self.submissions.iter_mut();
+        let found = submissions.find(|s| s.ticket == Some(ticket));
         found.unwrap_or_else(|| {
             panic!(
                 "ticket {} was never given, or too long ago: the last {FRAMES_IN_FLIGHT} with a trace are kept",
@@ -296,20 +296,8 @@ impl Backend for CpuBackend {
         Ok(self.finished(ticket).report.clone())
     }
 
-    fn hits(&mut self, ticket: Ticket, out: &mut Hits) -> Result<()> {
-        let Hits { closest, blocked } = &self.finished(ticket).hits;
-        // By all threads: one alone takes as long as many take to trace.
-        self.pool.install(|| {
-            closest
-                .par_iter()
-                .copied()
-                .collect_into_vec(&mut out.closest);
-            blocked
-                .par_iter()
-                .copied()
-                .collect_into_vec(&mut out.blocked);
-        });
-        Ok(())
+    fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
+        Ok(&mut self.finished(ticket).hits)
     }
 
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {

@@ -335,8 +335,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         self.engine.wait(ticket)
     }
 
-    fn hits(&mut self, ticket: Ticket, out: &mut Hits) -> Result<()> {
-        self.engine.hits(ticket, out)
+    fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
+        self.engine.hits(ticket)
     }
 
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {

@@ -219,10 +219,10 @@ impl<D: GpuDevice> Engine<D> {
         self.frames.retire(&mut self.gpu, ticket)
     }
 
-    /// Waits for a submission and copies what it found.
-    pub fn hits(&mut self, ticket: Ticket, out: &mut Hits) -> Result<()> {
+    /// Waits for a submission and lends what it found.
+    pub fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
         self.wait(ticket)?;
-        self.traces.get(ticket).fetch(&mut self.gpu, out)
+        self.traces.get(ticket).fetch(&mut self.gpu)
     }
 
     /// The oldest positions requested, if they have arrived.

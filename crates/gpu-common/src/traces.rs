@@ -34,6 +34,9 @@ pub struct Trace<D: GpuDevice> {
     shaded: bool,
     /// Each is there if a query ever needed it.
     buffers: Outputs<D>,
+    /// On the host, once it was asked for.
+    found: Hits,
+    fetched: bool,
 }
 
 struct Outputs<D: GpuDevice> {
@@ -80,7 +83,7 @@ impl<D: GpuDevice> Traces<D> {
             true => self.kept.pop_front(),
             false => None,
         };
-        let spare = old.map_or_else(Outputs::default, |old| old.buffers);
+        let (spare, found) = old.map(|old| (old.buffers, old.found)).unwrap_or_default();
         let (count, kind) = (query.rays.count() as u64, query.kind);
         let fit = |gpu: &mut D, name: BufferName, bytes, needed: bool, spare| {
             let purpose = match name {
@@ -116,6 +119,8 @@ impl<D: GpuDevice> Traces<D> {
                 rays,
                 pixels: spare.pixels,
             },
+            found,
+            fetched: false,
         })
     }
 
@@ -130,8 +135,8 @@ impl<D: GpuDevice> Traces<D> {
     ///
     /// # Panics
     /// If it had no trace, or was too long ago.
-    pub(crate) fn get(&self, ticket: Ticket) -> &Trace<D> {
-        let found = self.kept.iter().find(|t| t.ticket == ticket);
+    pub(crate) fn get(&mut self, ticket: Ticket) -> &mut Trace<D> {
+        let found = self.kept.iter_mut().find(|t| t.ticket == ticket);
         found.expect("this submission had no trace, or was too long ago")
     }
 
@@ -235,19 +240,27 @@ impl<D: GpuDevice> Trace<D> {
         Ok(true)
     }
 
-    /// Copies what was found. The submission must be finished.
-    pub(crate) fn fetch(&self, gpu: &mut D, out: &mut Hits) -> Result<()> {
-        out.closest.clear();
-        out.blocked.clear();
+    /// What was found, copied from the device the first time. The submission must be finished.
+    pub(crate) fn fetch(&mut self, gpu: &mut D) -> Result<&mut Hits> {
+        if self.fetched {
+            return Ok(&mut self.found);
+        }
+        let Hits {
+            mut closest,
+            mut blocked,
+        } = std::mem::take(&mut self.found);
+        closest.clear();
+        blocked.clear();
         if self.kind != QueryKind::Any {
             let miss = (BufferName::Hits, Hit::MISS);
-            self.fetch_each(gpu, miss, |hit: Hit| hit, &mut out.closest)?;
+            self.fetch_each(gpu, miss, |hit: Hit| hit, &mut closest)?;
         }
         if self.kind != QueryKind::Closest {
             let miss = (BufferName::Occluded, 0);
-            self.fetch_each(gpu, miss, |word: u32| word as u8, &mut out.blocked)?;
+            self.fetch_each(gpu, miss, |word: u32| word as u8, &mut blocked)?;
         }
-        Ok(())
+        (self.found, self.fetched) = (Hits { closest, blocked }, true);
+        Ok(&mut self.found)
     }
 
     /// Copies an element a ray by all threads, for one alone takes as long as a trace. Without a tree every ray misses.

@@ -134,8 +134,8 @@ impl Backend for DriverTreeBackend {
         self.engine.wait(ticket)
     }
 
-    fn hits(&mut self, ticket: Ticket, out: &mut Hits) -> Result<()> {
-        self.engine.hits(ticket, out)
+    fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
+        self.engine.hits(ticket)
     }
 
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {

@@ -281,7 +281,7 @@ impl Driver {
         hits: Option<&mut Hits>,
     ) -> Result<Option<FrameRecord>, PipelineError> {
         self.end(|driver, ticket| match hits {
-            Some(hits) => driver.backend.hits(ticket, hits),
+            Some(hits) => driver.take_hits(ticket, hits),
             None => Ok(()),
         })
     }
@@ -297,9 +297,14 @@ impl Driver {
             answers.pixels.clear();
         }
         match wanted.hits || (wanted.pixels && !shaded) {
-            true => self.backend.hits(ticket, &mut answers.hits),
+            true => self.take_hits(ticket, &mut answers.hits),
             false => Ok(()),
         }
+    }
+
+    fn take_hits(&mut self, ticket: Ticket, hits: &mut Hits) -> backend::Result<()> {
+        std::mem::swap(self.backend.hits(ticket)?, hits);
+        Ok(())
     }
 
     fn end(

@@ -101,9 +101,7 @@ pub(crate) fn go(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> 
 }
 
 pub(crate) fn hits(backend: &mut dyn Backend, ticket: Ticket) -> Hits {
-    let mut hits = Hits::default();
-    backend.hits(ticket, &mut hits).unwrap();
-    hits
+    backend.hits(ticket).unwrap().clone()
 }
 
 /// Records a trace of a camera's rays or others, submits, and says what it found.

@@ -183,7 +183,7 @@ fn frame(b: &mut WgpuBackend, animation: &Animation, rays: Option<&[Ray]>) -> ba
         let kind = QueryKind::Any;
         b.trace(Query { rays, kind })?;
         let ticket = b.submit()?;
-        return b.hits(ticket, &mut Hits::default());
+        return b.hits(ticket).map(drop);
     }
     let ticket = b.submit()?;
     b.wait(ticket).map(drop)

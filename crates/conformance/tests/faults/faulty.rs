@@ -19,6 +19,8 @@ pub(crate) struct Faulty {
     first_leaf: Option<u32>,
     /// Answers by ticket, as they were when submitted.
     kept: Vec<(Ticket, Hits)>,
+    /// Those lent last.
+    lent: Hits,
     rays: Vec<Ray>,
     kind: Option<QueryKind>,
     traces_since_refit: u32,
@@ -40,6 +42,7 @@ impl Faulty {
             animation: None,
             first_leaf: None,
             kept: Vec::new(),
+            lent: Hits::default(),
             rays: Vec::new(),
             kind: None,
             traces_since_refit: 0,
@@ -228,8 +231,10 @@ impl Backend for Faulty {
 
     fn submit(&mut self) -> Result<Ticket> {
         let ticket = self.inner.submit()?;
-        let mut hits = Hits::default();
-        self.inner.hits(ticket, &mut hits)?;
+        let mut hits = match self.kind {
+            Some(_) => self.inner.hits(ticket)?.clone(),
+            None => Hits::default(),
+        };
         if !self.is("new tree answers for old frames") {
             self.spoil(&mut hits);
         }
@@ -261,17 +266,18 @@ impl Backend for Faulty {
         Ok(report)
     }
 
-    fn hits(&mut self, ticket: Ticket, out: &mut Hits) -> Result<()> {
+    fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
         let newest = self.is("answers of the newest frame") || self.is("tickets repeat");
         let found = match self.kept.iter().find(|k| k.0 == ticket) {
             _ if newest => self.kept.last(),
             found => found,
         };
-        *out = found.map(|k| k.1.clone()).unwrap_or_default();
+        let mut hits = found.map(|k| k.1.clone()).unwrap_or_default();
         if self.is("new tree answers for old frames") {
-            self.spoil(out);
+            self.spoil(&mut hits);
         }
-        Ok(())
+        self.lent = hits;
+        Ok(&mut self.lent)
     }
 
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {

@@ -4,7 +4,7 @@ use super::{
     bits, closest, deform, moving, ready, rng, senseless_tree, soup, still, trace, tree_at,
 };
 use crate::CpuBackend;
-use backend::{Backend, Generation, Hits, Intersector, Query, QueryKind, Rays, Ticket};
+use backend::{Backend, Generation, Intersector, Query, QueryKind, Rays, Ticket};
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Hit, Point, Ray};
 use proptest::prelude::RngExt;
@@ -120,8 +120,8 @@ fn reports_count_what_happened() {
         let rays = Rays::List(&rays);
         backend.trace(Query { rays, kind }).unwrap();
         let ticket = backend.submit().unwrap();
-        let (report, mut hits) = (backend.wait(ticket).unwrap(), Hits::default());
-        backend.hits(ticket, &mut hits).unwrap();
+        let report = backend.wait(ticket).unwrap();
+        let hits = backend.hits(ticket).unwrap();
         let count = hits.closest.iter().filter(|h| h.is_hit()).count() as u64;
         let blocked = hits.blocked.iter().filter(|&&b| b == 1).count() as u64;
         let found = [
@@ -166,9 +166,8 @@ fn a_list_is_traced_once_in_its_place_and_reported_with_the_rest() {
     backend.trace(Query { rays, kind }).unwrap();
     backend.interpolate(late).unwrap();
     let ticket = backend.submit().unwrap();
-    let (report, mut hits) = (backend.wait(ticket).unwrap(), Hits::default());
-    backend.hits(ticket, &mut hits).unwrap();
-    assert_eq!(hits, expected);
+    let report = backend.wait(ticket).unwrap();
+    assert_eq!(*backend.hits(ticket).unwrap(), expected);
     assert!(report.settled > 0, "rays through vertices are open");
     let times = report.times;
     let stages = [times.interpolate_ms, times.preprocess_ms, times.refit_ms];

@@ -98,9 +98,7 @@ pub(crate) fn still(animation: &Arc<Animation>, intersector: Intersector) -> Cpu
 pub(crate) fn trace(backend: &mut CpuBackend, rays: Rays<'_>, kind: QueryKind) -> Hits {
     backend.trace(Query { rays, kind }).unwrap();
     let ticket = backend.submit().unwrap();
-    let mut hits = Hits::default();
-    backend.hits(ticket, &mut hits).unwrap();
-    hits
+    backend.hits(ticket).unwrap().clone()
 }
 
 pub(crate) fn closest(backend: &mut CpuBackend, rays: &[Ray]) -> Vec<geom::Hit> {

@@ -136,9 +136,8 @@ fn refit(backend: &mut CpuBackend, animation: &Animation, (tree, generation): (&
 
 fn trace(backend: &mut CpuBackend, rays: Rays<'_>, kind: QueryKind) -> Hits {
     backend.trace(Query { rays, kind }).unwrap();
-    let (ticket, mut hits) = (backend.submit().unwrap(), Hits::default());
-    backend.hits(ticket, &mut hits).unwrap();
-    hits
+    let ticket = backend.submit().unwrap();
+    backend.hits(ticket).unwrap().clone()
 }
 
 /// All answers to these rays, as bits.

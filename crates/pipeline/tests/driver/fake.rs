@@ -88,6 +88,7 @@ pub(crate) struct Fake {
     record_request: bool,
     polls: Option<u32>,
     gate: Option<Arc<Gate>>,
+    hits: Hits,
     pub(crate) own_trees: bool,
     /// Vertices made beforehand: who has them takes no memory, so that nothing is logged but what needs none.
     pub(crate) prepared: Option<Vec<Snapshot>>,
@@ -116,6 +117,7 @@ impl Fake {
             record_request: false,
             polls,
             gate,
+            hits: Hits::default(),
             own_trees: false,
             prepared: None,
         };
@@ -217,8 +219,8 @@ impl Backend for Fake {
             ..FrameReport::default()
         })
     }
-    fn hits(&mut self, _: Ticket, _: &mut Hits) -> Result<()> {
-        Ok(())
+    fn hits(&mut self, _: Ticket) -> Result<&mut Hits> {
+        Ok(&mut self.hits)
     }
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
         match &mut self.requested {
