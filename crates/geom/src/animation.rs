@@ -2,6 +2,7 @@
 
 use crate::key_frames::{AnimationError, KeyFrames};
 use crate::key_window::KeyWindow;
+use crate::live_keys::LiveKeys;
 use crate::survey::{Survey, check_triangles};
 use crate::{
     Aabb, KeyFrame, KeyFrameError, KeySource, Moment, Point, Pose, Range, StaticParts, Triangle,
@@ -12,9 +13,9 @@ use std::sync::Arc;
 /// N >= 1 key frames over one list of triangles.
 #[derive(Clone, Debug)]
 pub struct Animation {
-    keys: KeyFrames,
+    pub(crate) keys: KeyFrames,
     triangles: Vec<[u32; 3]>,
-    survey: Survey,
+    pub(crate) survey: Survey,
     times: Option<Times>,
 }
 
@@ -67,12 +68,17 @@ impl Animation {
 
     fn over(keys: KeyFrames, triangles: Vec<[u32; 3]>) -> Result<Self, AnimationError> {
         check_triangles(&triangles, keys.first().len())?;
-        Ok(Self {
-            survey: Survey::of(&keys, &triangles)?,
+        let survey = Survey::of(&keys, &triangles)?;
+        Ok(Self::surveyed(keys, triangles, survey))
+    }
+
+    pub(crate) fn surveyed(keys: KeyFrames, triangles: Vec<[u32; 3]>, survey: Survey) -> Self {
+        Self {
             keys,
             triangles,
+            survey,
             times: None,
-        })
+        }
     }
 
     /// Plays key frames at times of their own, from 0 to `end`: as what is left of an animation with more of them, in whose
@@ -127,7 +133,7 @@ impl Animation {
     pub fn held_keys(&self) -> Option<&[KeyFrame]> {
         match &self.keys {
             KeyFrames::Held(all) => Some(all),
-            KeyFrames::Streamed(_) => None,
+            KeyFrames::Streamed(_) | KeyFrames::Live(_) => None,
         }
     }
 
@@ -144,6 +150,7 @@ impl Animation {
         match &self.keys {
             KeyFrames::Held(_) => None,
             KeyFrames::Streamed(window) => Some(window.capacity()),
+            KeyFrames::Live(_) => Some(LiveKeys::KEPT),
         }
     }
 
@@ -158,7 +165,7 @@ impl Animation {
     /// may copy ahead. None where all are held.
     pub fn upcoming(&self, most: usize) -> Vec<(usize, KeyFrame)> {
         match &self.keys {
-            KeyFrames::Held(_) => Vec::new(),
+            KeyFrames::Held(_) | KeyFrames::Live(_) => Vec::new(),
             KeyFrames::Streamed(window) => window.upcoming(most),
         }
     }
@@ -211,8 +218,8 @@ impl Animation {
 
     /// Live triangles that move: those whose leaves every frame must preprocess.
     pub fn moving_count(&self) -> usize {
-        match self.key_count() {
-            1 => 0,
+        match &self.keys {
+            KeyFrames::Held(all) if all.len() == 1 => 0,
             // A static triangle is finite in all key frames, and so live.
             _ => self.live_count() - self.static_parts().triangle_count(),
         }
@@ -224,11 +231,16 @@ impl Animation {
         self.times.as_ref().map_or(equal, |t| t.end)
     }
 
-    /// The pose at `time`; see [`Pose::at`] and [`Pose::among`].
+    /// The pose at `time`; see [`Pose::at`] and [`Pose::among`]. After the last key frame of a [live](Self::live) animation it
+    /// goes on as from the one before: that is for trees to come, and is not traced.
     pub fn pose(&self, time: f64) -> Pose {
-        match &self.times {
-            Some(times) => Pose::among(time, &times.keys),
-            None => Pose::at(time, self.key_count()),
+        let last = self.key_count() - 1;
+        match (&self.times, &self.keys) {
+            (Some(times), _) => Pose::among(time, &times.keys),
+            (None, KeyFrames::Live(_)) if last > 0 && time > last as f64 => {
+                Pose::beyond(time, last)
+            }
+            (None, _) => Pose::at(time, last + 1),
         }
     }
 
@@ -276,7 +288,11 @@ impl Animation {
 
     /// How far coordinates reach at `pose`.
     pub fn range(&self, pose: Pose) -> Range {
-        self.survey.ranges.at(pose)
+        match &self.keys {
+            KeyFrames::Live(live) => live.range(pose.key as usize),
+            KeyFrames::Held(_) | KeyFrames::Streamed(_) => None,
+        }
+        .unwrap_or_else(|| self.survey.ranges.at(pose))
     }
 
     /// The largest `|coordinate|` of all key frames; infinite if one is not finite.

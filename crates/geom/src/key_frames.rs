@@ -1,6 +1,7 @@
 //! Key frames, all of them held in memory or read while they are played; and moments, which blend two.
 
 use crate::key_window::KeyWindow;
+use crate::live_keys::LiveKeys;
 use crate::{Aabb, Animation, Point, Pose, Triangle};
 use std::sync::Arc;
 
@@ -43,6 +44,7 @@ pub(crate) enum KeyFrames {
     /// One at least.
     Held(Vec<KeyFrame>),
     Streamed(Arc<KeyWindow>),
+    Live(Arc<LiveKeys>),
 }
 
 impl KeyFrames {
@@ -50,6 +52,7 @@ impl KeyFrames {
         match self {
             Self::Held(all) => all.len(),
             Self::Streamed(window) => window.key_count(),
+            Self::Live(live) => live.key_count(),
         }
     }
 
@@ -57,6 +60,7 @@ impl KeyFrames {
         match self {
             Self::Held(all) => &all[0],
             Self::Streamed(window) => window.first(),
+            Self::Live(live) => live.first(),
         }
     }
 
@@ -64,6 +68,7 @@ impl KeyFrames {
         match self {
             Self::Held(all) => Ok(Arc::clone(&all[key])),
             Self::Streamed(window) => window.get(key),
+            Self::Live(live) => Ok(live.get(key)),
         }
     }
 
@@ -80,6 +85,8 @@ impl KeyFrames {
                     see(&window.get(key)?);
                 }
             }
+            // The others are not there yet.
+            Self::Live(_) => {}
         }
         Ok(())
     }

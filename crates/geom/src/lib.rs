@@ -9,6 +9,7 @@ mod animation;
 mod camera;
 mod key_frames;
 mod key_window;
+mod live_keys;
 mod pose;
 mod range;
 mod ray;

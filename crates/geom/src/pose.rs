@@ -43,6 +43,14 @@ impl Pose {
         Self::between(key, alpha)
     }
 
+    /// A pose after the last of two key frames or more: on along the line from the one before, so the weight is above 1.
+    pub(crate) fn beyond(time: f64, last: usize) -> Self {
+        Self {
+            key: last as u32 - 1,
+            alpha: (time - last as f64 + 1.0) as f32,
+        }
+    }
+
     /// Rounds a weight, which may make it 1.
     fn between(key: usize, alpha: f64) -> Self {
         let (key, alpha) = (key as u32, alpha as f32);

@@ -42,6 +42,21 @@ impl Range {
         self.extreme || farthest.is_nan() || farthest >= FAR || (self.tiny && farthest < NEAR)
     }
 
+    /// Of a key frame of these sizes, in a scene of this scale. `has_tiny` says whether a triangle in it, no point, lies
+    /// nearer to the origin than a length in the scene's units.
+    pub(crate) fn of<E>(
+        sizes: &Sizes,
+        scale_exponent: i32,
+        has_tiny: impl FnOnce(f32) -> Result<bool, E>,
+    ) -> Result<Self, E> {
+        let tiny = scaled(TINY, scale_exponent);
+        Ok(Self {
+            extreme: sizes.is_outlying() || sizes.largest > scaled(MOST, scale_exponent),
+            tiny: sizes.third < tiny && has_tiny(tiny)?,
+            clearance: sizes.typical * CLEARANCE,
+        })
+    }
+
     fn with(self, other: Self) -> Self {
         Self {
             extreme: self.extreme || other.extreme,
@@ -77,19 +92,10 @@ impl Ranges {
             true => 0,
             false => exponent_for(largest),
         };
-        let tiny = scaled(TINY, scale_exponent);
-        let range = |(key, sizes): (usize, &Sizes)| {
-            Ok(Range {
-                extreme: sizes.is_outlying() || sizes.largest > scaled(MOST, scale_exponent),
-                tiny: sizes.third < tiny && has_tiny(key, tiny)?,
-                clearance: sizes.typical * CLEARANCE,
-            })
-        };
-        let keys = sizes
-            .iter()
-            .enumerate()
-            .map(range)
-            .collect::<Result<_, E>>()?;
+        let all = sizes.iter().enumerate();
+        let ranges =
+            all.map(|(key, sizes)| Range::of(sizes, scale_exponent, |least| has_tiny(key, least)));
+        let keys = ranges.collect::<Result<_, E>>()?;
         Ok(Self {
             scale_exponent,
             keys,

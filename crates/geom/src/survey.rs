@@ -3,8 +3,9 @@
 use crate::key_frames::KeyFrames;
 use crate::range::{Ranges, Sizes, has_tiny};
 use crate::still::{bits, keeps_its_bits};
-use crate::{Aabb, Animation, AnimationError, KeyFrameError, Point, StaticParts, is_active};
+use crate::{Aabb, Animation, AnimationError, KeyFrameError, Point, Range, StaticParts, is_active};
 use rayon::prelude::*;
+use std::convert::Infallible;
 
 /// Facts that hold for the whole motion.
 #[derive(Clone, Debug)]
@@ -26,6 +27,31 @@ impl Survey {
         let mut surveyor = Surveyor::new(keys.first(), triangles);
         keys.for_each_after_first(|frame| surveyor.see(frame))?;
         surveyor.finish(keys)
+    }
+
+    /// Looks at the first of key frames that are to come, in which only the vertices that are not `fixed` may move,
+    /// anywhere. Any triangle may become active: one that is not yet is built over a point.
+    pub(crate) fn before(
+        keys: &KeyFrames,
+        triangles: &[[u32; 3]],
+        fixed: &[bool],
+    ) -> Result<Self, KeyFrameError> {
+        let first = keys.first();
+        let mut surveyor = Surveyor::new(first, triangles);
+        let known = surveyor.is_static.iter_mut().zip(fixed).zip(&first[..]);
+        known.for_each(|((is_static, &fixed), p)| *is_static = fixed && keeps_its_bits(p));
+        let somewhere = first.iter().find(|p| p.iter().all(|x| x.is_finite()));
+        let point = Aabb::EMPTY.with_point(*somewhere.unwrap_or(&[0.0; 3]));
+        let absent = std::mem::take(&mut surveyor.inactive).into_iter();
+        surveyor.fallback_corners = absent.map(|t| (t, point)).collect();
+        surveyor.finish(keys)
+    }
+
+    /// How far the coordinates of a key frame reach that came later.
+    pub(crate) fn range_of(&self, frame: &[Point], triangles: &[[u32; 3]]) -> Range {
+        let has_tiny = |least| Ok::<_, Infallible>(has_tiny(frame, triangles, least));
+        let Ok(range) = Range::of(&Sizes::of(frame), self.ranges.scale_exponent, has_tiny);
+        range
     }
 }
 

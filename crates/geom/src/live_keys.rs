@@ -1,0 +1,194 @@
+//! Key frames that arrive while they are played.
+
+use crate::key_frames::KeyFrames;
+use crate::survey::{Survey, check_triangles};
+use crate::{Animation, AnimationError, KeyFrame, Point, Range};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// The last few key frames.
+#[derive(Debug)]
+pub(crate) struct LiveKeys {
+    first: KeyFrame,
+    state: Mutex<State>,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    /// The number of the newest.
+    last: usize,
+    /// From the oldest that is kept to the newest, without the very first.
+    kept: VecDeque<(KeyFrame, Range)>,
+    spare: Vec<Point>,
+}
+
+impl LiveKeys {
+    /// Key frames that are kept.
+    pub(crate) const KEPT: usize = 4;
+
+    pub(crate) fn new(first: Vec<Point>) -> Self {
+        Self {
+            first: Arc::new(first),
+            state: Mutex::default(),
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn key_count(&self) -> usize {
+        self.lock().last + 1
+    }
+
+    pub(crate) fn first(&self) -> &KeyFrame {
+        &self.first
+    }
+
+    /// Takes the next key frame; its number.
+    pub(crate) fn push(&self, frame: Vec<Point>, range: Range) -> usize {
+        let mut state = self.lock();
+        state.last += 1;
+        state.kept.push_back((Arc::new(frame), range));
+        if state.kept.len() > Self::KEPT {
+            let oldest = state.kept.pop_front().and_then(|(f, _)| Arc::into_inner(f));
+            state.spare = oldest.unwrap_or_default();
+        }
+        state.last
+    }
+
+    pub(crate) fn spare(&self) -> Vec<Point> {
+        std::mem::take(&mut self.lock().spare)
+    }
+
+    /// A key frame, or in the place of one that was dropped the oldest kept: only trees to come may ask so late.
+    pub(crate) fn get(&self, key: usize) -> KeyFrame {
+        let state = self.lock();
+        let found = state.find(key).map(|(frame, _)| Arc::clone(frame));
+        found.unwrap_or_else(|| Arc::clone(&self.first))
+    }
+
+    /// How far the coordinates of a key frame reach. None is played before it was pushed, but the first.
+    pub(crate) fn range(&self, key: usize) -> Option<Range> {
+        self.lock().find(key).map(|(_, range)| *range)
+    }
+}
+
+impl State {
+    /// `None` for the very first.
+    fn find(&self, key: usize) -> Option<&(KeyFrame, Range)> {
+        let back = self.last.saturating_sub(key);
+        match key {
+            0 => None,
+            _ => self.kept.get(self.kept.len().saturating_sub(back + 1)),
+        }
+    }
+}
+
+impl Animation {
+    /// An animation whose key frames [arrive](Self::push) while it is played. It begins with its first; vertices that are
+    /// `fixed` have the same bits in all, the others may go anywhere.
+    ///
+    /// # Errors
+    /// Those of [`Self::new`], or there is not one mark a vertex.
+    pub fn live(
+        first: Vec<Point>,
+        fixed: &[bool],
+        triangles: Vec<[u32; 3]>,
+    ) -> Result<Self, AnimationError> {
+        check_count(fixed.len(), first.len())?;
+        check_triangles(&triangles, first.len())?;
+        let keys = KeyFrames::Live(Arc::new(LiveKeys::new(first)));
+        let survey = Survey::before(&keys, &triangles, fixed)?;
+        Ok(Self::surveyed(keys, triangles, survey))
+    }
+
+    /// Takes the next key frame of a [live](Self::live) animation; its time. It is played before many others follow: the last few
+    /// are kept.
+    ///
+    /// # Errors
+    /// It has another number of vertices, or the animation is not live.
+    pub fn push(&self, frame: Vec<Point>) -> Result<f64, AnimationError> {
+        let KeyFrames::Live(live) = &self.keys else {
+            let cause = "all key frames of this animation are known";
+            return Err(AnimationError(cause.to_owned()));
+        };
+        check_count(frame.len(), self.vertex_count())?;
+        let range = self.survey.range_of(&frame, self.triangles());
+        Ok(live.push(frame, range) as f64)
+    }
+
+    /// Memory of a key frame that was dropped, for the next one to [push](Self::push).
+    pub fn spare_frame(&self) -> Vec<Point> {
+        match &self.keys {
+            KeyFrames::Live(live) => live.spare(),
+            KeyFrames::Held(_) | KeyFrames::Streamed(_) => Vec::new(),
+        }
+    }
+}
+
+fn check_count(found: usize, vertices: usize) -> Result<(), AnimationError> {
+    match found == vertices {
+        true => Ok(()),
+        false => Err(AnimationError(format!(
+            "{found} vertices were given, the scene has {vertices}"
+        ))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Pose;
+
+    const REST: [Point; 3] = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+
+    fn at(x: f32) -> Vec<Point> {
+        REST.map(|p| [p[0] + x, p[1], p[2]]).to_vec()
+    }
+
+    #[test]
+    fn frames_are_played_as_they_were_pushed_and_trees_look_beyond_the_last() {
+        let live = Animation::live(at(0.0), &[false; 3], vec![[0, 1, 2]]).unwrap();
+        assert_eq!((live.key_count(), live.moving_count()), (1, 1));
+        for step in 1..20 {
+            let time = live.push(at(step as f32)).unwrap();
+            let moment = live.at(time).unwrap();
+            assert_eq!(moment.key_frames()[0], at(step as f32));
+            let beyond = live.at(time + 1.5).unwrap();
+            assert_eq!(beyond.vertex(0)[0], step as f32 + 1.5);
+        }
+        // Long gone, so a tree is built of what is left.
+        let pose = Pose {
+            key: 2,
+            alpha: 1.25,
+        };
+        assert_eq!(live.moment(pose).unwrap().vertex(0)[0], 16.0);
+        assert_eq!(live.at(0.0).unwrap().vertex(1), REST[1]);
+        assert_eq!(live.spare_frame().len(), 3);
+    }
+
+    #[test]
+    fn what_comes_may_reach_anywhere_and_become_active() {
+        let mut rest = at(0.0);
+        rest[0] = [f32::NAN; 3];
+        let live = Animation::live(rest, &[false; 3], vec![[0, 1, 2]]).unwrap();
+        assert!(live.is_live(0) && !live.fallback_corner(0).is_empty());
+        let mut far = at(0.0);
+        far[2][1] = 1e30;
+        let extreme = |frame| live.range(live.pose(live.push(frame).unwrap())).extreme;
+        assert_eq!([at(1.0), far, at(2.0)].map(extreme), [false, true, false]);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let no = |made: Result<Animation, AnimationError>| made.unwrap_err().to_string();
+        let says = "2 vertices were given, the scene has 3";
+        assert_eq!(no(Animation::live(at(0.0), &[true; 2], Vec::new())), says);
+        let live = Animation::live(at(0.0), &[true; 3], vec![[0, 1, 2]]).unwrap();
+        assert_eq!(live.static_parts().triangle_count(), 1);
+        assert_eq!(live.push(REST[1..].to_vec()).unwrap_err().to_string(), says);
+        let known = Animation::new(vec![at(0.0)], Vec::new()).unwrap();
+        assert!(known.push(at(1.0)).is_err());
+    }
+}
