@@ -23,6 +23,30 @@ impl Rays<'_> {
     }
 }
 
+impl<'a> From<&'a [Ray]> for Rays<'a> {
+    fn from(list: &'a [Ray]) -> Self {
+        Self::List(list)
+    }
+}
+
+impl<'a> From<&'a Vec<Ray>> for Rays<'a> {
+    fn from(list: &'a Vec<Ray>) -> Self {
+        Self::List(list)
+    }
+}
+
+impl<'a, const N: usize> From<&'a [Ray; N]> for Rays<'a> {
+    fn from(list: &'a [Ray; N]) -> Self {
+        Self::List(list)
+    }
+}
+
+impl<'a> From<&'a Camera> for Rays<'a> {
+    fn from(camera: &'a Camera) -> Self {
+        Self::Camera(camera)
+    }
+}
+
 /// What to look for along each ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum QueryKind {

@@ -1,0 +1,74 @@
+//! What can go wrong.
+
+use crate::MeshId;
+
+/// Shorthand.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Why something was not done. Nothing panics that a caller could cause.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// Parts of a mesh do not fit together.
+    #[error("the mesh does not fit together: {0}")]
+    Mesh(String),
+    /// A step gave a mesh another number of vertices or matrices than it has.
+    #[error("mesh {} takes {expected} {what}, {found} were given", mesh.index())]
+    Count {
+        /// Whose they are.
+        mesh: MeshId,
+        /// Of what: vertices, or matrices.
+        what: &'static str,
+        /// How many it has.
+        expected: usize,
+        /// How many were given.
+        found: usize,
+    },
+    /// The mesh belongs to another scene.
+    #[error("mesh {} is of another scene", .0.index())]
+    ForeignMesh(MeshId),
+    /// The mesh moves in another way: vertices are for streamed meshes, matrices for rigid ones.
+    #[error("mesh {} takes no {what}", mesh.index())]
+    Motion {
+        /// Whose they were to be.
+        mesh: MeshId,
+        /// Vertices, or matrices.
+        what: &'static str,
+    },
+    /// Meshes were moved after a query of the same step.
+    #[error("meshes are moved before the step's first query")]
+    TooLate,
+    /// A result is of another step, was given already, or was dropped: results stay until the second step after theirs.
+    #[error("there is no result of this query any more, or it is of another step")]
+    NoResult,
+    /// No device suits, or the one named cannot run here.
+    #[error("{0}")]
+    NoDevice(String),
+    /// The device failed, or the scene is beyond its limits.
+    #[error("{0}")]
+    Device(String),
+}
+
+impl From<backend::BackendError> for Error {
+    fn from(e: backend::BackendError) -> Self {
+        match e {
+            backend::BackendError::NoDevice(why) => Self::NoDevice(why),
+            other => Self::Device(other.to_string()),
+        }
+    }
+}
+
+impl From<pipeline::PipelineError> for Error {
+    fn from(e: pipeline::PipelineError) -> Self {
+        match e {
+            pipeline::PipelineError::Backend(e) => e.into(),
+            other => Self::Device(other.to_string()),
+        }
+    }
+}
+
+impl From<geom::AnimationError> for Error {
+    fn from(e: geom::AnimationError) -> Self {
+        Self::Mesh(e.to_string())
+    }
+}

@@ -1,0 +1,67 @@
+//! What rays met.
+
+use crate::MeshId;
+use crate::motion::Joined;
+
+/// Where a ray met a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// The mesh.
+    pub mesh: MeshId,
+    /// The triangle's number in the mesh.
+    pub triangle: u32,
+    /// Distance in units of the ray's direction.
+    pub t: f32,
+    /// Weight of the triangle's second vertex.
+    pub u: f32,
+    /// Weight of the triangle's third vertex.
+    pub v: f32,
+}
+
+/// What one query found, in the order of its rays, where it lies.
+#[derive(Clone, Copy)]
+pub struct Hits<'a> {
+    pub(crate) found: &'a backend::Hits,
+    pub(crate) joined: &'a Joined,
+    pub(crate) scene: u64,
+}
+
+impl<'a> Hits<'a> {
+    /// How many rays there were.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.found.closest.len().max(self.found.blocked.len())
+    }
+
+    /// Whether there were none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The closest hit of a ray. `None` if it met nothing, there is no such ray, or closest hits were not asked for.
+    #[must_use]
+    pub fn closest(&self, ray: usize) -> Option<Hit> {
+        let hit = self.found.closest.get(ray).filter(|hit| hit.is_hit())?;
+        let (mesh, triangle) = self.joined.mesh_of(hit.triangle);
+        Some(Hit {
+            mesh: MeshId::of(self.scene, mesh),
+            triangle,
+            t: hit.t,
+            u: hit.u,
+            v: hit.v,
+        })
+    }
+
+    /// Whether a ray met anything.
+    #[must_use]
+    pub fn is_hit(&self, ray: usize) -> bool {
+        let closest = self.found.closest.get(ray).is_some_and(|hit| hit.is_hit());
+        closest || self.found.blocked.get(ray).is_some_and(|&met| met != 0)
+    }
+
+    /// Distances of closest hits, one a ray: infinite for a miss.
+    pub fn distances(&self) -> impl ExactSizeIterator<Item = f32> + 'a {
+        self.found.closest.iter().map(|hit| hit.t)
+    }
+}

@@ -1,0 +1,155 @@
+//! Meshes, and scenes made of them.
+
+use crate::motion::Motion;
+use crate::{Error, Point, Result};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Triangles, and how they move.
+#[derive(Clone, Debug)]
+pub struct Mesh {
+    pub(crate) triangles: Vec<[u32; 3]>,
+    pub(crate) motion: Motion,
+}
+
+impl Mesh {
+    /// A mesh that never moves: three vertices a triangle, by their indices.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`]: a triangle names a vertex that does not exist.
+    pub fn fixed(vertices: &[Point], triangles: &[[u32; 3]]) -> Result<Self> {
+        Self::new(triangles, vertices.len(), Motion::Fixed(vertices.to_vec()))
+    }
+
+    /// A mesh that goes through key frames, one position a vertex each. Time is measured in them: at time `k + a` it stands
+    /// between key frames `k` and `k + 1`, by the weight `a`, and before the first and after the last it stands still.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`]: there is no key frame, they differ in their numbers of vertices, or as for [`Mesh::fixed`].
+    pub fn keyframes(keys: Vec<Vec<Point>>, triangles: &[[u32; 3]]) -> Result<Self> {
+        let Some(vertices) = keys.first().map(Vec::len) else {
+            return Err(Error::Mesh("it has no key frame".to_owned()));
+        };
+        if let Some(key) = keys.iter().position(|k| k.len() != vertices) {
+            let found = keys[key].len();
+            let why = format!("key frame {key} has {found} vertices, the first has {vertices}");
+            return Err(Error::Mesh(why));
+        }
+        Self::new(triangles, vertices, Motion::Keys(keys))
+    }
+
+    /// A mesh whose vertices arrive while it is traced: see [`Step::vertices`](crate::Step::vertices). Until then it stands at `rest`.
+    ///
+    /// # Errors
+    /// As for [`Mesh::fixed`].
+    pub fn streamed(rest: &[Point], triangles: &[[u32; 3]]) -> Result<Self> {
+        Self::new(triangles, rest.len(), Motion::Streamed(rest.to_vec()))
+    }
+
+    /// A mesh of rigid parts, of which each vertex belongs to one, by its number. A step gives a matrix for each part: see
+    /// [`Step::poses`](crate::Step::poses). Until then it stands at `rest`.
+    ///
+    /// # Errors
+    /// As for [`Mesh::fixed`], or there is not one part a vertex.
+    pub fn rigid(rest: &[Point], triangles: &[[u32; 3]], part_of_vertex: &[u32]) -> Result<Self> {
+        if part_of_vertex.len() != rest.len() {
+            let (parts, vertices) = (part_of_vertex.len(), rest.len());
+            let why = format!("{parts} vertices have a part, there are {vertices}");
+            return Err(Error::Mesh(why));
+        }
+        let last = part_of_vertex.iter().max();
+        let motion = Motion::Rigid {
+            rest: rest.to_vec(),
+            part_of_vertex: part_of_vertex.to_vec(),
+            parts: last.map_or(0, |&part| part as usize + 1),
+        };
+        Self::new(triangles, rest.len(), motion)
+    }
+
+    fn new(triangles: &[[u32; 3]], vertices: usize, motion: Motion) -> Result<Self> {
+        let outside = |t: &[u32; 3]| t.iter().any(|&v| v as usize >= vertices);
+        if let Some(triangle) = triangles.iter().position(outside) {
+            let [a, b, c] = triangles[triangle];
+            let why = format!(
+                "triangle {triangle} names vertices {a}, {b} and {c}, but there are {vertices}"
+            );
+            return Err(Error::Mesh(why));
+        }
+        Ok(Self {
+            triangles: triangles.to_vec(),
+            motion,
+        })
+    }
+
+    /// Vertices.
+    #[must_use]
+    pub fn vertex_count(&self) -> usize {
+        self.motion.first().len()
+    }
+
+    /// Triangles.
+    #[must_use]
+    pub fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+}
+
+/// A mesh of a scene. It stays the same as long as the scene is traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct MeshId {
+    scene: u64,
+    index: u32,
+}
+
+impl MeshId {
+    pub(crate) fn of(scene: u64, index: usize) -> Self {
+        let index = index as u32;
+        Self { scene, index }
+    }
+
+    /// Its place among the scene's meshes, in the order in which they were added.
+    #[must_use]
+    pub fn index(self) -> usize {
+        self.index as usize
+    }
+
+    /// Its place, if it is of that scene.
+    pub(crate) fn within(self, scene: u64) -> Result<usize> {
+        match self.scene == scene {
+            true => Ok(self.index()),
+            false => Err(Error::ForeignMesh(self)),
+        }
+    }
+}
+
+/// Meshes that are traced together.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    pub(crate) number: u64,
+    pub(crate) meshes: Vec<Mesh>,
+}
+
+/// Tells scenes apart, so that a mesh of one is not taken for one of another.
+static SCENES: AtomicU64 = AtomicU64::new(0);
+
+impl Default for Scene {
+    fn default() -> Self {
+        Self {
+            number: SCENES.fetch_add(1, Ordering::Relaxed),
+            meshes: Vec::new(),
+        }
+    }
+}
+
+impl Scene {
+    /// A scene without meshes.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a mesh.
+    pub fn add(&mut self, mesh: Mesh) -> MeshId {
+        self.meshes.push(mesh);
+        MeshId::of(self.number, self.meshes.len() - 1)
+    }
+}

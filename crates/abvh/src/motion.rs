@@ -1,0 +1,210 @@
+//! How meshes move, and where all of a scene's vertices are at one moment.
+
+use crate::{Mesh, Point, Result};
+use geom::{Animation, Pose};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Three rows of an affine map: a vertex `v` goes to `m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2] + m[i][3]` on axis `i`,
+/// added from left to right, each operation rounded once.
+pub type Matrix = [[f32; 4]; 3];
+
+/// How a mesh moves.
+#[derive(Clone, Debug)]
+pub(crate) enum Motion {
+    Fixed(Vec<Point>),
+    /// One at least.
+    Keys(Vec<Vec<Point>>),
+    Streamed(Vec<Point>),
+    Rigid {
+        rest: Vec<Point>,
+        part_of_vertex: Vec<u32>,
+        parts: usize,
+    },
+}
+
+impl Motion {
+    /// Where its vertices stand at first.
+    pub(crate) fn first(&self) -> &[Point] {
+        match self {
+            Self::Keys(keys) => &keys[0],
+            Self::Fixed(rest) | Self::Streamed(rest) | Self::Rigid { rest, .. } => rest,
+        }
+    }
+
+    fn keys(&self) -> &[Vec<Point>] {
+        match self {
+            Self::Keys(keys) => keys,
+            Self::Fixed(only) | Self::Streamed(only) | Self::Rigid { rest: only, .. } => {
+                std::slice::from_ref(only)
+            }
+        }
+    }
+
+    fn is_fixed(&self) -> bool {
+        self.keys().len() == 1 && matches!(self, Self::Fixed(_) | Self::Keys(_))
+    }
+
+    /// Whether where it goes is not known beforehand.
+    fn is_live(&self) -> bool {
+        matches!(self, Self::Streamed(_) | Self::Rigid { .. })
+    }
+}
+
+/// A scene's meshes in one list of vertices and one of triangles.
+pub(crate) struct Joined {
+    pub(crate) motions: Vec<Motion>,
+    /// The first vertex of each mesh; one more entry ends them.
+    vertices: Vec<usize>,
+    /// Likewise of triangles.
+    triangles: Vec<usize>,
+    /// Where all vertices are, if anything arrives while the scene is traced; else empty.
+    positions: Vec<Point>,
+    /// Whether they were told to the animation.
+    is_told: bool,
+    /// The time that key-framed meshes stand at.
+    time: f64,
+}
+
+impl Joined {
+    /// Joins meshes, and makes an animation of them.
+    pub(crate) fn of(meshes: Vec<Mesh>) -> Result<(Self, Animation)> {
+        let starts = |count: fn(&Mesh) -> usize| {
+            let ends = meshes.iter().scan(0, |end, mesh| {
+                *end += count(mesh);
+                Some(*end)
+            });
+            std::iter::once(0).chain(ends).collect::<Vec<_>>()
+        };
+        let vertices = starts(Mesh::vertex_count);
+        let triangles = starts(Mesh::triangle_count);
+        let all = meshes.iter().zip(&vertices).flat_map(|(mesh, &first)| {
+            let moved = move |t: &[u32; 3]| t.map(|v| v + first as u32);
+            mesh.triangles.iter().map(moved)
+        });
+        let all = all.collect();
+        let motions: Vec<Motion> = meshes.into_iter().map(|mesh| mesh.motion).collect();
+        let mut joined = Self {
+            motions,
+            vertices,
+            triangles,
+            positions: Vec::new(),
+            is_told: true,
+            time: 0.0,
+        };
+        let animation = match joined.motions.iter().any(Motion::is_live) {
+            true => joined.live(all)?,
+            false => joined.keyed(all)?,
+        };
+        Ok((joined, animation))
+    }
+
+    fn keyed(&self, triangles: Vec<[u32; 3]>) -> Result<Animation> {
+        let counts = self.motions.iter().map(|motion| motion.keys().len());
+        let frame = |key: usize| {
+            let all = self.motions.iter();
+            let each = all.flat_map(|m| &m.keys()[key.min(m.keys().len() - 1)]);
+            each.copied().collect::<Vec<_>>()
+        };
+        let frames = (0..counts.max().unwrap_or(1)).map(frame);
+        Ok(Animation::new(frames.collect(), triangles)?)
+    }
+
+    fn live(&mut self, triangles: Vec<[u32; 3]>) -> Result<Animation> {
+        let all = self.motions.iter();
+        let marks = all.flat_map(|m| std::iter::repeat_n(m.is_fixed(), m.first().len()));
+        let marks: Vec<bool> = marks.collect();
+        let all = self.motions.iter();
+        self.positions = all.flat_map(|m| m.first()).copied().collect();
+        let first = self.positions.clone();
+        Ok(Animation::live(first, &marks, triangles)?)
+    }
+
+    pub(crate) fn is_live(&self) -> bool {
+        self.motions.iter().any(Motion::is_live)
+    }
+
+    pub(crate) fn moves(&self) -> bool {
+        !self.motions.iter().all(Motion::is_fixed)
+    }
+
+    /// The mesh of a triangle, and its number there.
+    pub(crate) fn mesh_of(&self, triangle: u32) -> (usize, u32) {
+        let triangle = triangle as usize;
+        let mesh = self.triangles.partition_point(|&first| first <= triangle) - 1;
+        (mesh, (triangle - self.triangles[mesh]) as u32)
+    }
+
+    /// A mesh's vertices, to be moved.
+    fn vertices_of(&mut self, mesh: usize) -> &mut [Point] {
+        let all: Range<usize> = self.vertices[mesh]..self.vertices[mesh + 1];
+        self.is_told = false;
+        &mut self.positions[all]
+    }
+
+    /// Sets a streamed mesh's vertices, of which there must be as many as it has.
+    pub(crate) fn place(&mut self, mesh: usize, vertices: &[Point]) {
+        let to = self.vertices_of(mesh).par_iter_mut().with_min_len(1 << 14);
+        to.zip(vertices).for_each(|(to, from)| *to = *from);
+    }
+
+    /// Sets a rigid mesh's matrices, of which there must be one a part.
+    pub(crate) fn transform(&mut self, mesh: usize, matrices: &[Matrix]) {
+        let motion = std::mem::replace(&mut self.motions[mesh], Motion::Fixed(Vec::new()));
+        if let Motion::Rigid {
+            rest,
+            part_of_vertex,
+            ..
+        } = &motion
+        {
+            let to = self.vertices_of(mesh).par_iter_mut().with_min_len(1 << 12);
+            let from = rest.par_iter().zip(part_of_vertex);
+            to.zip(from)
+                .for_each(|(to, (from, &part))| *to = moved(&matrices[part as usize], *from));
+        }
+        self.motions[mesh] = motion;
+    }
+
+    /// The time in the animation at which a step at `time` stands, with all that was said of it.
+    pub(crate) fn tell(&mut self, animation: &Animation, time: f64) -> Result<f64> {
+        if !self.is_live() {
+            return Ok(time);
+        }
+        if time != self.time {
+            self.time = time;
+            self.blend(time);
+        }
+        if !std::mem::replace(&mut self.is_told, true) {
+            let mut frame = animation.spare_frame();
+            self.positions
+                .par_iter()
+                .with_min_len(1 << 14)
+                .copied()
+                .collect_into_vec(&mut frame);
+            return Ok(animation.push(frame)?);
+        }
+        Ok(animation.end())
+    }
+
+    /// Brings key-framed meshes to `time`, with the bits that a device would blend.
+    fn blend(&mut self, time: f64) {
+        let motions = std::mem::take(&mut self.motions);
+        for (mesh, motion) in motions.iter().enumerate() {
+            let Motion::Keys(keys) = motion else { continue };
+            if keys.len() == 1 {
+                continue;
+            }
+            let pose = Pose::at(time, keys.len());
+            let earlier = &keys[pose.key as usize];
+            let later = keys.get(pose.key as usize + 1).unwrap_or(earlier);
+            let to = self.vertices_of(mesh).par_iter_mut().with_min_len(1 << 13);
+            to.zip(earlier.par_iter().zip(later))
+                .for_each(|(to, (a, b))| *to = pose.blend(*a, *b));
+        }
+        self.motions = motions;
+    }
+}
+
+fn moved(m: &Matrix, v: Point) -> Point {
+    m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2] + row[3])
+}

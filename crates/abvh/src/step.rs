@@ -1,0 +1,135 @@
+//! One moment of a scene: where meshes are, and what is asked of it.
+
+use crate::motion::Motion;
+use crate::{Error, Matrix, MeshId, Point, Result, Tracer};
+use backend::{QueryKind, Rays};
+
+/// What to look for along each ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Query {
+    /// The closest hit.
+    Closest,
+    /// Whether there is any hit: cheaper, and enough for shadows and line of sight.
+    Any,
+}
+
+impl Query {
+    fn kind(self) -> QueryKind {
+        match self {
+            Self::Closest => QueryKind::Closest,
+            Self::Any => QueryKind::Any,
+        }
+    }
+}
+
+/// Where a streamed mesh's vertices come from.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub enum Source<'a> {
+    /// Memory of the host, read before the call returns.
+    Host(&'a [Point]),
+}
+
+/// A step that was submitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct StepId(pub(crate) u64);
+
+/// A query of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct QueryId {
+    pub(crate) step: StepId,
+    pub(crate) query: u32,
+}
+
+/// A moment in the making. What is not said of a mesh stays as it was in the step before.
+#[derive(Debug)]
+pub struct Step<'t> {
+    pub(crate) tracer: &'t mut Tracer,
+    pub(crate) id: StepId,
+    /// Of key frames.
+    pub(crate) time: f64,
+    /// Queries so far.
+    pub(crate) queries: u32,
+}
+
+impl Step<'_> {
+    /// Moves a streamed mesh's vertices, all of them.
+    ///
+    /// # Errors
+    /// [`Error::Count`], [`Error::ForeignMesh`], [`Error::Motion`] for other meshes, [`Error::TooLate`] after a query.
+    pub fn vertices(&mut self, mesh: MeshId, source: Source<'_>) -> Result<()> {
+        let index = self.may_move(mesh)?;
+        let Source::Host(vertices) = source;
+        let joined = &mut self.tracer.joined;
+        let Motion::Streamed(rest) = &joined.motions[index] else {
+            let what = "vertices";
+            return Err(Error::Motion { mesh, what });
+        };
+        check(mesh, "vertices", rest.len(), vertices.len())?;
+        joined.place(index, vertices);
+        Ok(())
+    }
+
+    /// Moves a rigid mesh's parts: one matrix each.
+    ///
+    /// # Errors
+    /// As for [`Step::vertices`].
+    pub fn poses(&mut self, mesh: MeshId, matrices: &[Matrix]) -> Result<()> {
+        let index = self.may_move(mesh)?;
+        let joined = &mut self.tracer.joined;
+        let &Motion::Rigid { parts, .. } = &joined.motions[index] else {
+            let what = "matrices";
+            return Err(Error::Motion { mesh, what });
+        };
+        check(mesh, "matrices", parts, matrices.len())?;
+        joined.transform(index, matrices);
+        Ok(())
+    }
+
+    fn may_move(&self, mesh: MeshId) -> Result<usize> {
+        let index = mesh.within(self.tracer.scene)?;
+        match self.queries {
+            0 => Ok(index),
+            _ => Err(Error::TooLate),
+        }
+    }
+
+    /// Traces rays, or those of a camera: one through the middle of each pixel, row by row from the top. Rays are read
+    /// before the call returns; those with a direction of zero, a number that is not finite or an empty interval miss.
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    pub fn trace<'r>(&mut self, rays: impl Into<Rays<'r>>, query: Query) -> Result<QueryId> {
+        let id = QueryId {
+            step: self.id,
+            query: self.queries,
+        };
+        self.queries += 1;
+        let (rays, kind) = (rays.into(), query.kind());
+        self.tracer
+            .begin(id, self.time, backend::Query { rays, kind })?;
+        Ok(id)
+    }
+
+    /// Ends the step. Its queries run while the next step is prepared; [`Tracer::hits`] waits for them.
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    pub fn submit(self) -> Result<StepId> {
+        self.tracer.end_step(self.id);
+        Ok(self.id)
+    }
+}
+
+fn check(mesh: MeshId, what: &'static str, expected: usize, found: usize) -> Result<()> {
+    match expected == found {
+        true => Ok(()),
+        false => Err(Error::Count {
+            mesh,
+            what,
+            expected,
+            found,
+        }),
+    }
+}

@@ -1,0 +1,259 @@
+//! A scene on a device, with the trees that follow its motion.
+
+use crate::device::cores;
+use crate::motion::Joined;
+use crate::step::{QueryId, Step, StepId};
+use crate::{Device, Error, Hits, Intersector, Layout, Result, Scene};
+use backend::{FRAMES_IN_FLIGHT, Method, Query};
+use geom::Animation;
+use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Pace};
+use std::collections::VecDeque;
+use std::fmt;
+use std::sync::Arc;
+
+/// How trees follow the motion. None of them changes a hit, only how fast it is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Update {
+    /// [`Update::Refit`] if no mesh can move, else [`Update::Async`].
+    #[default]
+    Auto,
+    /// A new tree before each step's queries.
+    Rebuild,
+    /// The first tree for ever, its boxes refitted to each step's vertices.
+    Refit,
+    /// The newest tree that is finished, refitted, while the host builds the next for where the motion is going.
+    Async,
+}
+
+/// What a tracer is to be.
+#[derive(Clone, Debug)]
+pub struct Builder {
+    device: Device,
+    update: Update,
+    method: Method,
+    threads: Option<usize>,
+}
+
+impl Builder {
+    /// Where the work is done; [`Device::Auto`] if nothing is said.
+    #[must_use]
+    pub fn device(self, device: Device) -> Self {
+        Self { device, ..self }
+    }
+
+    /// How trees follow the motion; [`Update::Auto`] if nothing is said.
+    #[must_use]
+    pub fn update(self, update: Update) -> Self {
+        Self { update, ..self }
+    }
+
+    /// How rays are tested against triangles; [`Intersector::Watertight`] if nothing is said.
+    #[must_use]
+    pub fn intersector(mut self, intersector: Intersector) -> Self {
+        self.method.intersector = intersector;
+        self
+    }
+
+    /// How trees lie in memory; [`Layout::Fast`] if nothing is said.
+    #[must_use]
+    pub fn layout(mut self, layout: Layout) -> Self {
+        self.method.layout = layout;
+        self
+    }
+
+    /// Threads of the host for building trees, and as many for tracing where the host does; one a core if nothing is said.
+    #[must_use]
+    pub fn threads(self, threads: usize) -> Self {
+        let threads = Some(threads);
+        Self { threads, ..self }
+    }
+
+    /// Opens the device and loads the scene.
+    ///
+    /// # Errors
+    /// [`Error::NoDevice`], or [`Error::Device`] if the scene is beyond its limits.
+    pub fn build(self, scene: Scene) -> Result<Tracer> {
+        let threads = self.threads.unwrap_or_else(cores).max(1);
+        let backend = self.device.open(threads)?;
+        let name = format!(
+            "{} ({})",
+            backend.device().backend,
+            backend.device().adapter
+        );
+        let number = scene.number;
+        let (joined, animation) = Joined::of(scene.meshes)?;
+        let update = match self.update {
+            Update::Auto if !joined.moves() => pipeline::Update::Refit,
+            Update::Auto | Update::Async => pipeline::Update::Async(Pace::Free),
+            Update::Rebuild => pipeline::Update::Rebuild,
+            Update::Refit => pipeline::Update::Refit,
+        };
+        let last = if joined.is_live() {
+            f64::MAX
+        } else {
+            animation.end()
+        };
+        let options = DriverOptions {
+            method: self.method,
+            update,
+            builder_threads: threads,
+            time_range: [0.0, last],
+            predict: true,
+        };
+        let animation = Arc::new(animation);
+        Ok(Tracer {
+            driver: Driver::new(backend, Arc::clone(&animation), options)?,
+            animation,
+            joined,
+            scene: number,
+            device: name,
+            waits: update == pipeline::Update::Rebuild,
+            steps: 0,
+            frames: 0,
+            under_way: VecDeque::new(),
+            results: VecDeque::new(),
+            spare: Vec::new(),
+            last: None,
+        })
+    }
+}
+
+/// What is known of the tree in use and of the scene, as of the last query that is done.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Statistics {
+    /// Trees so far, this one included.
+    pub generation: u64,
+    /// Queries since the one that asked for it.
+    pub age: u64,
+    /// The refitted tree's cost by the surface area heuristic over its cost when it was built; `None` where nobody measures it.
+    pub cost_ratio: Option<f64>,
+    /// Triangles with a vertex that is not finite: they are never hit.
+    pub inactive: u64,
+    /// Triangles without area, which are never hit either.
+    pub degenerate: u64,
+}
+
+/// A scene that rays are traced through.
+pub struct Tracer {
+    driver: Driver,
+    animation: Arc<Animation>,
+    pub(crate) joined: Joined,
+    pub(crate) scene: u64,
+    device: String,
+    /// Whether a query waits for those before it.
+    waits: bool,
+    steps: u64,
+    frames: u64,
+    under_way: VecDeque<QueryId>,
+    /// From the oldest to the newest.
+    results: VecDeque<(QueryId, backend::Hits)>,
+    /// Memory of results that were dropped.
+    spare: Vec<backend::Hits>,
+    last: Option<FrameRecord>,
+}
+
+impl Tracer {
+    /// Says what is wanted, step by step.
+    #[must_use]
+    pub fn builder() -> Builder {
+        Builder {
+            device: Device::Auto,
+            update: Update::Auto,
+            method: Method {
+                intersector: Intersector::Watertight,
+                layout: Layout::Fast,
+            },
+            threads: None,
+        }
+    }
+
+    /// The device's name, such as `cpu (host (x86_64))`.
+    #[must_use]
+    pub fn device(&self) -> &str {
+        &self.device
+    }
+
+    /// Begins a step, in which meshes with key frames stand at `time`: see [`Mesh::keyframes`](crate::Mesh::keyframes). A
+    /// time that is no number counts as 0.
+    pub fn step(&mut self, time: f64) -> Step<'_> {
+        self.steps += 1;
+        let time = if time.is_nan() { 0.0 } else { time };
+        Step {
+            id: StepId(self.steps),
+            tracer: self,
+            time,
+            queries: 0,
+        }
+    }
+
+    /// Waits for a query and shows what it found.
+    ///
+    /// # Errors
+    /// [`Error::NoResult`] if it is of another step or was dropped, [`Error::Device`].
+    pub fn hits(&mut self, step: StepId, query: QueryId) -> Result<Hits<'_>> {
+        if query.step != step {
+            return Err(Error::NoResult);
+        }
+        while self.under_way.contains(&query) {
+            self.finish()?;
+        }
+        let mut results = self.results.iter();
+        let found = results.find(|(id, _)| *id == query);
+        Ok(Hits {
+            found: &found.ok_or(Error::NoResult)?.1,
+            joined: &self.joined,
+            scene: self.scene,
+        })
+    }
+
+    /// The tree in use, as of the last query that is done; `None` before the first.
+    #[must_use]
+    pub fn statistics(&self) -> Option<Statistics> {
+        self.last.as_ref().map(|record| Statistics {
+            generation: record.tree_generation.0,
+            age: record.tree_age_frames,
+            cost_ratio: record.sah_ratio,
+            inactive: record.report.inactive,
+            degenerate: record.report.degenerate,
+        })
+    }
+
+    pub(crate) fn begin(&mut self, id: QueryId, time: f64, query: Query<'_>) -> Result<()> {
+        let most = if self.waits { 1 } else { FRAMES_IN_FLIGHT };
+        while self.under_way.len() >= most {
+            self.finish()?;
+        }
+        let time = self.joined.tell(&self.animation, time)?;
+        let index = self.frames;
+        self.driver.begin(Frame { index, time }, query)?;
+        self.frames += 1;
+        self.under_way.push_back(id);
+        Ok(())
+    }
+
+    /// Waits for the oldest query under way and keeps what it found.
+    fn finish(&mut self) -> Result<()> {
+        let mut hits = self.spare.pop().unwrap_or_default();
+        self.last = self.driver.finish(Some(&mut hits))?.or(self.last.take());
+        if let Some(id) = self.under_way.pop_front() {
+            self.results.push_back((id, hits));
+        }
+        Ok(())
+    }
+
+    /// Drops results of all steps but this one and the one before.
+    pub(crate) fn end_step(&mut self, id: StepId) {
+        let is_old = |(query, _): &(QueryId, backend::Hits)| query.step.0 + 1 < id.0;
+        while self.results.front().is_some_and(is_old) {
+            self.spare.extend(self.results.pop_front().map(|old| old.1));
+        }
+    }
+}
+
+impl fmt::Debug for Tracer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Tracer on {}", self.device)
+    }
+}

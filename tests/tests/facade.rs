@@ -1,0 +1,319 @@
+//! The library `abvh` on every device: what a step finds is what the same vertices hold, however they came.
+//!
+//! A device that this machine lacks shows as ignored; `ABVH_REQUIRE_BACKENDS` turns that red, as in `backends.rs`.
+
+use abvh::{
+    Device, Error, Hits, Intersector, Mesh, Point, Query, Ray, Scene, Source, Tracer, Update,
+};
+use integration::stage::pixels;
+use libtest_mimic::{Arguments, Trial};
+
+type Law = fn(&Device);
+
+const LAWS: [(&str, Law); 6] = [
+    ("streamed_steps_find_what_key_frames_do", streamed),
+    ("rigid_parts_find_what_their_vertices_do", rigid),
+    ("meshes_beside_it_change_no_hit_of_a_mesh", beside),
+    ("vertices_go_anywhere", anywhere),
+    ("results_stay_until_the_second_step_after", results),
+    ("misuse_is_an_error", misuse),
+];
+
+fn main() {
+    let devices = [
+        ("cpu", Device::Cpu),
+        ("vulkan", Device::Vulkan(None)),
+        ("wgpu", Device::Wgpu(None)),
+    ];
+    let required = std::env::var("ABVH_REQUIRE_BACKENDS").unwrap_or_default();
+    let mut trials = Vec::new();
+    for (name, device) in devices {
+        let is_required = required.split(',').any(|r| r.trim() == name);
+        let absent = Tracer::builder().device(device.clone()).build(Scene::new());
+        let absent = absent.err().map(|e| e.to_string());
+        for (law, holds) in LAWS {
+            let (device, why) = (device.clone(), absent.clone());
+            let trial = Trial::test(format!("{name}::{law}"), move || match why {
+                Some(why) => Err(why.into()),
+                None => {
+                    holds(&device);
+                    Ok(())
+                }
+            });
+            trials.push(trial.with_ignored_flag(absent.is_some() && !is_required));
+        }
+    }
+    libtest_mimic::run(&Arguments::from_args(), trials).exit();
+}
+
+/// A demo: its key frames, its triangles and a picture's rays.
+struct Demo {
+    keys: Vec<Vec<Point>>,
+    triangles: Vec<[u32; 3]>,
+    rays: Vec<Ray>,
+}
+
+fn demo(name: &str) -> Demo {
+    let animation = scene::open(name, &scene::Options::default())
+        .unwrap()
+        .animation;
+    let keys = animation.all_keys().unwrap();
+    Demo {
+        keys: keys.iter().map(|key| key.to_vec()).collect(),
+        triangles: animation.triangles().to_vec(),
+        rays: pixels(&animation),
+    }
+}
+
+fn tracer(scene: Scene, device: &Device) -> Tracer {
+    let builder = Tracer::builder().device(device.clone()).threads(2);
+    builder.build(scene).unwrap()
+}
+
+/// All that a query found, as bits, whatever the mesh.
+fn bits(hits: Hits<'_>) -> Vec<[u32; 4]> {
+    let miss = [u32::MAX; 4];
+    let hit = |ray| {
+        hits.closest(ray).map_or(miss, |hit| {
+            [
+                hit.triangle,
+                hit.t.to_bits(),
+                hit.u.to_bits(),
+                hit.v.to_bits(),
+            ]
+        })
+    };
+    (0..hits.len()).map(hit).collect()
+}
+
+/// What rays find in a step in which nothing is said of any mesh.
+fn still(tracer: &mut Tracer, time: f64, rays: &[Ray]) -> Vec<[u32; 4]> {
+    let mut step = tracer.step(time);
+    let query = step.trace(rays, Query::Closest).unwrap();
+    let done = step.submit().unwrap();
+    bits(tracer.hits(done, query).unwrap())
+}
+
+fn of_keys(demo: &Demo, keys: &[Vec<Point>], device: &Device) -> Tracer {
+    let mut scene = Scene::new();
+    scene.add(Mesh::keyframes(keys.to_vec(), &demo.triangles).unwrap());
+    tracer(scene, device)
+}
+
+fn streamed(device: &Device) {
+    for (name, update) in [
+        ("demo:collide:3000", Update::Auto),
+        ("demo:twist:2000", Update::Rebuild),
+        ("demo:shatter:2000", Update::Refit),
+    ] {
+        let demo = demo(name);
+        let mut keyed = of_keys(&demo, &demo.keys, device);
+        let mut scene = Scene::new();
+        let mesh = scene.add(Mesh::streamed(&demo.keys[0], &demo.triangles).unwrap());
+        let builder = Tracer::builder().device(device.clone()).update(update);
+        let mut live = builder.threads(2).build(scene).unwrap();
+        let mut met = 0;
+        // To and fro, and with leaps.
+        let keys = demo.keys.len();
+        for key in (0..keys).chain([0, keys - 1, 1]).chain((0..keys).rev()) {
+            let mut step = live.step(0.0);
+            step.vertices(mesh, Source::Host(&demo.keys[key])).unwrap();
+            let near = step.trace(&demo.rays, Query::Closest).unwrap();
+            let any = step.trace(&demo.rays, Query::Any).unwrap();
+            let done = step.submit().unwrap();
+            let expected = still(&mut keyed, key as f64, &demo.rays);
+            assert!(
+                bits(live.hits(done, near).unwrap()) == expected,
+                "{name} at {key}"
+            );
+            let found = live.hits(done, any).unwrap();
+            for (ray, hit) in expected.iter().enumerate() {
+                assert_eq!(
+                    found.is_hit(ray),
+                    hit[0] != u32::MAX,
+                    "{name} at {key}: ray {ray}"
+                );
+                met += usize::from(found.is_hit(ray));
+            }
+        }
+        assert!(met > 1000, "{name}: {met}");
+        assert!(live.statistics().unwrap().generation > 0);
+    }
+}
+
+fn rigid(device: &Device) {
+    let demo = demo("demo:collide:3000");
+    let rest = &demo.keys[0];
+    let parts: Vec<u32> = (0..rest.len())
+        .map(|v| u32::from(v > rest.len() / 2))
+        .collect();
+    let mut scene = Scene::new();
+    let robot = scene.add(Mesh::rigid(rest, &demo.triangles, &parts).unwrap());
+    let mut moving = tracer(scene, device);
+    let mut scene = Scene::new();
+    let same = scene.add(Mesh::streamed(rest, &demo.triangles).unwrap());
+    let mut placed = tracer(scene, device);
+    for step in 0..9 {
+        let (sin, cos) = (0.1 * step as f32).sin_cos();
+        let turned = [
+            [cos, 0.0, sin, 0.1],
+            [0.0, 1.0, 0.0, -0.2],
+            [-sin, 0.0, cos, 0.0],
+        ];
+        let lifted = [
+            [1.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0, sin],
+            [0.0, 0.0, 1.0, 0.0],
+        ];
+        let matrices = [turned, lifted];
+        let moved = rest.iter().zip(&parts).map(|(v, &part)| {
+            let row = |r: [f32; 4]| r[0] * v[0] + r[1] * v[1] + r[2] * v[2] + r[3];
+            matrices[part as usize].map(row)
+        });
+        let moved: Vec<Point> = moved.collect();
+        let mut a = moving.step(0.0);
+        a.poses(robot, &matrices).unwrap();
+        let one = a.trace(&demo.rays, Query::Closest).unwrap();
+        let a = a.submit().unwrap();
+        let mut b = placed.step(0.0);
+        b.vertices(same, Source::Host(&moved)).unwrap();
+        let other = b.trace(&demo.rays, Query::Closest).unwrap();
+        let b = b.submit().unwrap();
+        let found = bits(moving.hits(a, one).unwrap());
+        assert!(found == bits(placed.hits(b, other).unwrap()), "step {step}");
+        assert!(found.iter().filter(|hit| hit[0] != u32::MAX).count() > 100);
+    }
+}
+
+fn beside(device: &Device) {
+    let demo = demo("demo:twist:2000");
+    let mut alone = of_keys(&demo, &demo.keys, device);
+    let far: Vec<Point> = demo.keys[0].iter().map(|p| p.map(|x| x + 500.0)).collect();
+    let mut scene = Scene::new();
+    let first = scene.add(Mesh::fixed(&far, &demo.triangles).unwrap());
+    let keyed = scene.add(Mesh::keyframes(demo.keys.clone(), &demo.triangles).unwrap());
+    let last = scene.add(Mesh::streamed(&far, &demo.triangles).unwrap());
+    let mut together = tracer(scene, device);
+    assert_eq!([first, keyed, last].map(abvh::MeshId::index), [0, 1, 2]);
+    for time in [0.0, 0.4, 1.0, 2.75] {
+        let expected = still(&mut alone, time, &demo.rays);
+        assert!(
+            still(&mut together, time, &demo.rays) == expected,
+            "at {time}"
+        );
+        let mut step = together.step(time);
+        let query = step.trace(&demo.rays, Query::Closest).unwrap();
+        let done = step.submit().unwrap();
+        let hits = together.hits(done, query).unwrap();
+        let mut met = (0..hits.len()).filter_map(|ray| hits.closest(ray));
+        assert!(met.all(|hit| hit.mesh == keyed));
+    }
+}
+
+fn anywhere(device: &Device) {
+    let demo = demo("demo:collide:3000");
+    let mut scene = Scene::new();
+    let mesh = scene.add(Mesh::streamed(&demo.keys[0], &demo.triangles).unwrap());
+    let builder = Tracer::builder().device(device.clone()).threads(2);
+    let mut live = builder
+        .intersector(Intersector::Exact)
+        .build(scene)
+        .unwrap();
+    for (place, inactive) in [
+        ([1e30, 0.0, 0.0], false),
+        ([f32::NAN; 3], true),
+        ([0.0; 3], false),
+        ([f32::NEG_INFINITY, 0.0, 1.0], true),
+    ] {
+        let mut vertices = demo.keys[1].clone();
+        vertices[7] = place;
+        let mut step = live.step(0.0);
+        step.vertices(mesh, Source::Host(&vertices)).unwrap();
+        let query = step.trace(&demo.rays, Query::Closest).unwrap();
+        let done = step.submit().unwrap();
+        let found = bits(live.hits(done, query).unwrap());
+        assert_eq!(
+            live.statistics().unwrap().inactive > 0,
+            inactive,
+            "{place:?}"
+        );
+        let mut scene = Scene::new();
+        scene.add(Mesh::fixed(&vertices, &demo.triangles).unwrap());
+        let builder = Tracer::builder().device(device.clone()).threads(2);
+        let mut fixed = builder
+            .intersector(Intersector::Exact)
+            .build(scene)
+            .unwrap();
+        assert!(found == still(&mut fixed, 0.0, &demo.rays), "{place:?}");
+    }
+}
+
+fn results(device: &Device) {
+    let demo = demo("demo:collide:3000");
+    let mut tracer = of_keys(&demo, &demo.keys, device);
+    let mut ids = Vec::new();
+    for time in 0..6 {
+        let mut step = tracer.step(f64::from(time));
+        let queries = [0, 1, 2].map(|_| step.trace(&demo.rays, Query::Closest).unwrap());
+        ids.push((step.submit().unwrap(), queries));
+    }
+    let (_, of_last) = ids[5];
+    assert_eq!(
+        tracer.hits(ids[4].0, of_last[0]).err(),
+        Some(Error::NoResult)
+    );
+    for (time, &(step, queries)) in ids.iter().enumerate().rev() {
+        for query in queries {
+            let found = tracer.hits(step, query).map(bits);
+            match time {
+                4 | 5 => assert_eq!(found.unwrap().len(), demo.rays.len()),
+                _ => assert_eq!(found.err(), Some(Error::NoResult)),
+            }
+        }
+    }
+}
+
+fn misuse(device: &Device) {
+    let (points, triangle) = ([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
+    let mut other = Scene::new();
+    let foreign = other.add(Mesh::fixed(&points, &triangle).unwrap());
+    let mut scene = Scene::new();
+    let fixed = scene.add(Mesh::fixed(&points, &triangle).unwrap());
+    let cloth = scene.add(Mesh::streamed(&points, &triangle).unwrap());
+    let robot = scene.add(Mesh::rigid(&points, &triangle, &[0, 0, 3]).unwrap());
+    let mut tracer = tracer(scene, device);
+    let mut step = tracer.step(f64::NAN);
+    let host = Source::Host(&points);
+    let count = |mesh, what, expected, found| Error::Count {
+        mesh,
+        what,
+        expected,
+        found,
+    };
+    assert_eq!(
+        step.vertices(foreign, host),
+        Err(Error::ForeignMesh(foreign))
+    );
+    for mesh in [fixed, robot] {
+        let what = "vertices";
+        assert_eq!(step.vertices(mesh, host), Err(Error::Motion { mesh, what }));
+    }
+    let few = Source::Host(&points[1..]);
+    assert_eq!(
+        step.vertices(cloth, few),
+        Err(count(cloth, "vertices", 3, 2))
+    );
+    assert_eq!(step.poses(robot, &[]), Err(count(robot, "matrices", 4, 0)));
+    let query = step.trace(&[], Query::Any).unwrap();
+    assert_eq!(step.vertices(cloth, host), Err(Error::TooLate));
+    let done = step.submit().unwrap();
+    assert!(tracer.hits(done, query).unwrap().is_empty());
+    for made in [
+        Mesh::fixed(&points, &[[0, 1, 3]]),
+        Mesh::keyframes(Vec::new(), &[]),
+        Mesh::keyframes(vec![points.to_vec(), Vec::new()], &[]),
+        Mesh::rigid(&points, &triangle, &[0]),
+    ] {
+        assert!(matches!(made, Err(Error::Mesh(_))), "{made:?}");
+    }
+}
