@@ -42,6 +42,7 @@
 //! not finite is inactive: it is never hit, and counted ([`Statistics::inactive`]).
 
 mod device;
+mod doctor;
 mod error;
 mod hits;
 mod mesh;
@@ -51,6 +52,7 @@ mod tracer;
 
 pub use backend::{Intersector, Layout, Rays};
 pub use device::Device;
+pub use doctor::{Diagnosis, Problem, doctor};
 pub use error::{Error, Result};
 pub use geom::{Camera, Point, Ray};
 pub use hits::{Hit, Hits};

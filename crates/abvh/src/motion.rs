@@ -58,9 +58,11 @@ pub(crate) struct Joined {
     vertices: Vec<usize>,
     /// Likewise of triangles.
     triangles: Vec<usize>,
-    /// Where all vertices are, if anything arrives while the scene is traced; else empty.
-    positions: Vec<Point>,
-    /// Whether they were told to the animation.
+    /// Where all vertices are going to be, if anything arrives while the scene is traced; else empty.
+    next: Vec<Point>,
+    /// Meshes whose vertices in there are the newest.
+    is_fresh: Vec<bool>,
+    /// Whether the animation knows them all.
     is_told: bool,
     /// The time that key-framed meshes stand at.
     time: f64,
@@ -85,10 +87,11 @@ impl Joined {
         let all = all.collect();
         let motions: Vec<Motion> = meshes.into_iter().map(|mesh| mesh.motion).collect();
         let mut joined = Self {
-            motions,
             vertices,
             triangles,
-            positions: Vec::new(),
+            next: Vec::new(),
+            is_fresh: vec![true; motions.len()],
+            motions,
             is_told: true,
             time: 0.0,
         };
@@ -115,8 +118,8 @@ impl Joined {
         let marks = all.flat_map(|m| std::iter::repeat_n(m.is_fixed(), m.first().len()));
         let marks: Vec<bool> = marks.collect();
         let all = self.motions.iter();
-        self.positions = all.flat_map(|m| m.first()).copied().collect();
-        let first = self.positions.clone();
+        let first: Vec<Point> = all.flat_map(|m| m.first()).copied().collect();
+        self.next = first.clone();
         Ok(Animation::live(first, &marks, triangles)?)
     }
 
@@ -138,8 +141,8 @@ impl Joined {
     /// A mesh's vertices, to be moved.
     fn vertices_of(&mut self, mesh: usize) -> &mut [Point] {
         let all: Range<usize> = self.vertices[mesh]..self.vertices[mesh + 1];
-        self.is_told = false;
-        &mut self.positions[all]
+        (self.is_told, self.is_fresh[mesh]) = (false, true);
+        &mut self.next[all]
     }
 
     /// Sets a streamed mesh's vertices, of which there must be as many as it has.
@@ -174,16 +177,29 @@ impl Joined {
             self.time = time;
             self.blend(time);
         }
-        if !std::mem::replace(&mut self.is_told, true) {
-            let mut frame = animation.spare_frame();
-            self.positions
-                .par_iter()
-                .with_min_len(1 << 14)
-                .copied()
-                .collect_into_vec(&mut frame);
-            return Ok(animation.push(frame)?);
+        if std::mem::replace(&mut self.is_told, true) {
+            return Ok(animation.end());
         }
-        Ok(animation.end())
+        let last = animation.at(animation.end())?;
+        let [last, _] = last.key_frames();
+        for (mesh, _) in self
+            .is_fresh
+            .iter()
+            .enumerate()
+            .filter(|(_, fresh)| !**fresh)
+        {
+            let all = self.vertices[mesh]..self.vertices[mesh + 1];
+            self.next[all.clone()].copy_from_slice(&last[all]);
+        }
+        // A frame that was dropped has meshes that never move where they are.
+        let mut spare = animation.spare_frame();
+        let is_whole = spare.len() == self.next.len();
+        if !is_whole {
+            spare.clone_from(&self.next);
+        }
+        let motions = self.motions.iter();
+        self.is_fresh = motions.map(|m| !is_whole || m.is_fixed()).collect();
+        Ok(animation.push(std::mem::replace(&mut self.next, spare))?)
     }
 
     /// Brings key-framed meshes to `time`, with the bits that a device would blend.

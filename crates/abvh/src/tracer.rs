@@ -76,6 +76,11 @@ impl Builder {
     pub fn build(self, scene: Scene) -> Result<Tracer> {
         let threads = self.threads.unwrap_or_else(cores).max(1);
         let backend = self.device.open(threads)?;
+        // One feeds the device.
+        let builder_threads = match backend.device().kind {
+            backend::DeviceKind::Gpu => (threads - 1).max(1),
+            _ => threads,
+        };
         let name = format!(
             "{} ({})",
             backend.device().backend,
@@ -97,7 +102,7 @@ impl Builder {
         let options = DriverOptions {
             method: self.method,
             update,
-            builder_threads: threads,
+            builder_threads,
             time_range: [0.0, last],
             predict: true,
         };

@@ -1,0 +1,81 @@
+//! A sensor that turns above ground that heaves: 16 beams, a full turn a step, distances in metres.
+
+#![expect(clippy::print_stdout, reason = "it shows what it found")]
+
+use abvh::{Error, Mesh, Point, Query, Ray, Scene, Source, Tracer};
+use std::f32::consts::TAU;
+
+/// Squares along each side.
+const SIDE: u32 = 64;
+const BEAMS: usize = 16;
+const COLUMNS: usize = 512;
+
+/// Heights of waves that go on with time, over 40 by 40 metres.
+fn ground(time: f32) -> Vec<Point> {
+    let vertex = |i: u32| {
+        let [x, z] =
+            [i % (SIDE + 1), i / (SIDE + 1)].map(|j| 40.0 * (j as f32 / SIDE as f32 - 0.5));
+        [
+            x,
+            0.5 * (0.4 * x + time).sin() + 0.5 * (0.3 * z - time).cos(),
+            z,
+        ]
+    };
+    (0..(SIDE + 1) * (SIDE + 1)).map(vertex).collect()
+}
+
+fn triangles() -> Vec<[u32; 3]> {
+    let square = |i: u32| {
+        let a = i / SIDE * (SIDE + 1) + i % SIDE;
+        let (b, c, d) = (a + 1, a + SIDE + 1, a + SIDE + 2);
+        [[a, b, c], [c, b, d]]
+    };
+    (0..SIDE * SIDE).flat_map(square).collect()
+}
+
+/// Beams from 3 metres above, with directions of unit length, so that `t` is a distance.
+fn beams() -> Vec<Ray> {
+    let beam = |i: usize| {
+        let (turn, down) = (
+            (i / BEAMS) as f32 / COLUMNS as f32 * TAU,
+            0.1 + 0.05 * (i % BEAMS) as f32,
+        );
+        let direction = [
+            turn.cos() * down.cos(),
+            -down.sin(),
+            turn.sin() * down.cos(),
+        ];
+        Ray {
+            t_max: 120.0,
+            ..Ray::new([0.0, 3.0, 0.0], direction)
+        }
+    };
+    (0..BEAMS * COLUMNS).map(beam).collect()
+}
+
+fn main() -> Result<(), Error> {
+    let mut scene = Scene::new();
+    let waves = scene.add(Mesh::streamed(&ground(0.0), &triangles())?);
+    let mut tracer = Tracer::builder().build(scene)?;
+    let beams = beams();
+    for i in 0..5 {
+        let mut step = tracer.step(0.0);
+        step.vertices(waves, Source::Host(&ground(0.2 * i as f32)))?;
+        let scan = step.trace(&beams, Query::Closest)?;
+        let done = step.submit()?;
+        let hits = tracer.hits(done, scan)?;
+        let met: Vec<f32> = hits.distances().filter(|t| t.is_finite()).collect();
+        let mean = met.iter().sum::<f32>() / met.len() as f32;
+        println!(
+            "scan {i}: {} of {} beams came back, mean distance {mean:.2} m",
+            met.len(),
+            beams.len()
+        );
+    }
+    Ok(())
+}
+
+#[test]
+fn it_runs() {
+    main().unwrap();
+}

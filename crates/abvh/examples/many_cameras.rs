@@ -1,0 +1,63 @@
+//! Four cameras around a figure with key frames, all in one step; then what the pixel in the middle of each shows.
+
+#![expect(clippy::print_stdout, reason = "it shows what it found")]
+
+use abvh::{Camera, Error, Mesh, Point, Query, Scene, Tracer};
+
+fn main() -> Result<(), Error> {
+    // A pyramid that stretches.
+    let pyramid = |height: f32| -> Vec<Point> {
+        vec![
+            [-1.0, 0.0, -1.0],
+            [1.0, 0.0, -1.0],
+            [1.0, 0.0, 1.0],
+            [-1.0, 0.0, 1.0],
+            [0.0, height, 0.0],
+        ]
+    };
+    let sides = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]];
+    let mut scene = Scene::new();
+    let figure = scene.add(Mesh::keyframes(vec![pyramid(1.0), pyramid(2.0)], &sides)?);
+    let ground = [
+        [-9.0, 0.0, -9.0],
+        [9.0, 0.0, -9.0],
+        [9.0, 0.0, 9.0],
+        [-9.0, 0.0, 9.0],
+    ];
+    scene.add(Mesh::fixed(&ground, &[[0, 1, 2], [0, 2, 3]])?);
+    let mut tracer = Tracer::builder().build(scene)?;
+
+    let size = [64, 48];
+    let eyes = [
+        [5.0, 3.0, 0.3],
+        [0.3, 3.0, 5.0],
+        [-5.0, 3.0, 0.3],
+        [0.3, 3.0, -5.0],
+    ];
+    let cameras =
+        eyes.map(|eye| Camera::look_at(eye, [0.0, 0.5, 0.0], [0.0, 1.0, 0.0], 40.0, size));
+    for time in [0.0, 0.5, 1.0] {
+        let mut step = tracer.step(time);
+        let mut views = Vec::new();
+        for camera in cameras.iter().flatten() {
+            views.push(step.trace(camera, Query::Closest)?);
+        }
+        let done = step.submit()?;
+        for (i, view) in views.into_iter().enumerate() {
+            let middle = (size[1] / 2 * size[0] + size[0] / 2) as usize;
+            let hits = tracer.hits(done, view)?;
+            if let Some(hit) = hits.closest(middle).filter(|hit| hit.mesh == figure) {
+                println!(
+                    "time {time}: camera {i} sees side {} at {:.3}",
+                    hit.triangle, hit.t
+                );
+            }
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn it_runs() {
+    main().unwrap();
+}

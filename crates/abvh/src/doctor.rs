@@ -1,0 +1,228 @@
+//! What keeps this machine's GPU from being used, and how to mend it.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+/// What [`doctor`] found.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Diagnosis {
+    /// GPUs that can be used. [`Device::Auto`](crate::Device::Auto) takes the first.
+    pub gpus: Vec<String>,
+    /// What is missing, where there is no such GPU.
+    pub problems: Vec<Problem>,
+}
+
+/// Something that is missing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// What.
+    pub what: String,
+    /// What to do about it.
+    pub mend: String,
+}
+
+/// Whether a GPU can be used here. If none can, says what is missing and how to mend it, on Linux for drivers of NVIDIA and
+/// Mesa too. Opens no device.
+#[must_use]
+pub fn doctor() -> Diagnosis {
+    Facts::gather().diagnose()
+}
+
+/// Libraries of NVIDIA's driver that Vulkan goes through, and where they lie.
+const NVIDIA_LIBRARIES: [&str; 2] = ["libEGL_nvidia.so.0", "libGLX_nvidia.so.0"];
+const FOLDERS: [&str; 6] = [
+    "/usr/lib/x86_64-linux-gnu",
+    "/usr/lib/aarch64-linux-gnu",
+    "/usr/lib64",
+    "/usr/lib",
+    "/usr/local/nvidia/lib64",
+    "/usr/lib/nvidia",
+];
+/// Files by which processes reach GPUs: NVIDIA's, and those of other drivers.
+const NVIDIA_NODE: &str = "/dev/nvidiactl";
+const NODES: &str = "/dev/dri";
+
+/// A name, and whether it is a GPU's.
+type Adapters = Result<Vec<(String, bool)>, String>;
+
+/// What a diagnosis is made of.
+#[derive(Clone, Debug)]
+struct Facts {
+    /// What Vulkan and wgpu list, or why they list nothing.
+    adapters: Adapters,
+    /// Files of GPUs, and whether this process may use them.
+    nodes: Vec<(PathBuf, bool)>,
+    has_nvidia_library: bool,
+}
+
+impl Facts {
+    fn gather() -> Self {
+        let mut nodes: Vec<PathBuf> = std::fs::read_dir(NODES)
+            .into_iter()
+            .flatten()
+            .flatten()
+            .map(|entry| entry.path())
+            .filter(|path| path.to_string_lossy().contains("render"))
+            .collect();
+        nodes.extend(Some(PathBuf::from(NVIDIA_NODE)).filter(|node| node.exists()));
+        let may_use = |node: &PathBuf| File::options().read(true).write(true).open(node).is_ok();
+        let nodes = nodes.into_iter().map(|node| (node.clone(), may_use(&node)));
+        let own = std::env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
+        let folders = FOLDERS.map(PathBuf::from).into_iter();
+        let mut folders = folders.chain(std::env::split_paths(&own));
+        let has = |folder: &Path| {
+            NVIDIA_LIBRARIES
+                .iter()
+                .any(|name| folder.join(name).exists())
+        };
+        Self {
+            adapters: adapters(),
+            nodes: nodes.collect(),
+            has_nvidia_library: folders.any(|folder| has(&folder)),
+        }
+    }
+
+    fn diagnose(&self) -> Diagnosis {
+        let listed = self.adapters.as_deref().unwrap_or_default();
+        let gpus = listed.iter().filter(|(_, is_gpu)| *is_gpu);
+        let gpus: Vec<String> = gpus.map(|(name, _)| name.clone()).collect();
+        if !gpus.is_empty() {
+            let problems = Vec::new();
+            return Diagnosis { gpus, problems };
+        }
+        let mut problems = Vec::new();
+        let mut say = |what: String, mend: &str| {
+            let mend = mend.to_owned();
+            problems.push(Problem { what, mend });
+        };
+        match &self.adapters {
+            Err(why) => say(
+                why.clone(),
+                "install a Vulkan loader and driver (Debian: libvulkan1 and mesa-vulkan-drivers, or NVIDIA's driver)",
+            ),
+            Ok(listed) => {
+                let names: Vec<&str> = listed.iter().map(|(name, _)| name.as_str()).collect();
+                let names = names.join(", ");
+                let what = format!("no GPU is listed, only drivers on the host's cores: {names}");
+                say(
+                    what,
+                    "install the GPU's own driver (Debian: mesa-vulkan-drivers, or NVIDIA's driver)",
+                );
+            }
+        }
+        for (node, _) in self.nodes.iter().filter(|(_, may_use)| !may_use) {
+            let what = format!("{} may not be used by this user", node.display());
+            say(
+                what,
+                "join the group that owns it (`ls -l` shows it, mostly `render` or `video`), or pass it to the container with --device",
+            );
+        }
+        let has_nvidia = self
+            .nodes
+            .iter()
+            .any(|(node, _)| node.ends_with("nvidiactl"));
+        if has_nvidia && !self.has_nvidia_library {
+            let what = format!("NVIDIA's driver is here without {}", NVIDIA_LIBRARIES[0]);
+            say(
+                what,
+                "start the container with NVIDIA_DRIVER_CAPABILITIES=graphics,compute, or install the driver's graphics libraries",
+            );
+        }
+        if self.nodes.is_empty() {
+            let what =
+                format!("no GPU is visible: neither {NODES}/renderD* nor {NVIDIA_NODE} exists");
+            say(
+                what,
+                "pass a GPU to the container or virtual machine (docker run --gpus all, or --device /dev/dri)",
+            );
+        }
+        Diagnosis { gpus, problems }
+    }
+}
+
+fn adapters() -> Adapters {
+    let all: Vec<Adapters> = vec![
+        #[cfg(feature = "vulkan")]
+        listed(gpu_vulkan::adapters()),
+        #[cfg(feature = "wgpu")]
+        listed(gpu_wgpu::adapters()),
+    ];
+    let has_gpu = |found: &Adapters| found.as_ref().is_ok_and(|all| all.iter().any(|a| a.1));
+    let at = all.iter().position(has_gpu).unwrap_or(0);
+    let found = all.into_iter().nth(at);
+    found.unwrap_or_else(|| Err("this program was built without vulkan and wgpu".to_owned()))
+}
+
+#[cfg(any(feature = "vulkan", feature = "wgpu"))]
+fn listed<E: std::fmt::Display>(all: Result<Vec<AdapterInfo>, E>) -> Adapters {
+    let all = all.map_err(|e| e.to_string())?.into_iter();
+    Ok(all
+        .map(|a| (a.name, a.kind == backend::DeviceKind::Gpu))
+        .collect())
+}
+
+#[cfg(feature = "vulkan")]
+use gpu_vulkan::AdapterInfo;
+#[cfg(all(feature = "wgpu", not(feature = "vulkan")))]
+use gpu_wgpu::AdapterInfo;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn problems(adapters: Adapters, nodes: &[(&str, bool)], has_nvidia_library: bool) -> String {
+        let nodes = nodes.iter().map(|(node, may)| (PathBuf::from(node), *may));
+        let facts = Facts {
+            adapters,
+            nodes: nodes.collect(),
+            has_nvidia_library,
+        };
+        let all = facts.diagnose().problems.into_iter();
+        all.map(|p| p.what + " -> " + &p.mend + "\n").collect()
+    }
+
+    #[test]
+    fn a_gpu_that_is_listed_is_all_that_is_needed() {
+        let adapters = Ok(vec![("H100".to_owned(), true)]);
+        assert_eq!(problems(adapters, &[], false), "");
+    }
+
+    #[test]
+    fn each_lack_has_its_mend() {
+        let none = || Err("no Vulkan loader".to_owned());
+        let software = || Ok(vec![("llvmpipe".to_owned(), false)]);
+        for (adapters, nodes, library, says) in [
+            (none(), &[][..], false, "docker run --gpus all"),
+            (
+                software(),
+                &[],
+                false,
+                "only drivers on the host's cores: llvmpipe",
+            ),
+            (
+                software(),
+                &[("/dev/nvidiactl", true)],
+                false,
+                "NVIDIA_DRIVER_CAPABILITIES=graphics,compute",
+            ),
+            (
+                software(),
+                &[("/dev/dri/renderD128", false)],
+                false,
+                "renderD128 may not be used by this user",
+            ),
+            (
+                none(),
+                &[("/dev/dri/renderD128", true)],
+                false,
+                "mesa-vulkan-drivers",
+            ),
+        ] {
+            let found = problems(adapters, nodes, library);
+            assert!(found.contains(says), "{found}");
+        }
+        let found = problems(software(), &[("/dev/nvidiactl", true)], true);
+        assert!(!found.contains("CAPABILITIES"), "{found}");
+    }
+}
