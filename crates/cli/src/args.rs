@@ -105,7 +105,7 @@ pub(crate) struct TraceArgs {
     #[command(flatten)]
     pub(crate) source: SourceArgs,
     /// The moment, in key frames
-    #[arg(long, value_name = "T", value_parser = values::time, allow_hyphen_values = true)]
+    #[arg(long, value_name = "T", value_parser = values::finite::<f64>, allow_hyphen_values = true)]
     pub(crate) time: f64,
     /// Rays: float32 (N, 6) `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max` appended
     #[arg(long, value_name = "RAYS.npy")]
@@ -127,7 +127,7 @@ pub(crate) struct TraceArgs {
     #[arg(long, value_name = "POLICY", default_value = "auto")]
     pub(crate) update: UpdateName,
     /// With --update refit: the moment that the tree is built at, in key frames [default: 0]
-    #[arg(long, value_name = "T0", value_parser = values::time, allow_hyphen_values = true)]
+    #[arg(long, value_name = "T0", value_parser = values::finite::<f64>, allow_hyphen_values = true)]
     pub(crate) tree_time: Option<f64>,
     /// No remarks
     #[arg(long, short)]

@@ -76,8 +76,8 @@ fn measure_all(args: &BenchArgs) -> Result<Vec<Row>, Stop> {
                 warm_up: args.measure.warm_up,
             };
             let row = measure(run, (spec, &scene), &frames, ask)?;
-            let words = [spec, row.backend, row.update, row.intersector];
-            progress.step(&words.join(" "));
+            let how = &row.setup;
+            progress.step(&[spec, how.backend, how.update, how.intersector].join(" "));
             rows.push(row);
         }
     }
@@ -103,7 +103,7 @@ fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
                     threads: args.threads,
                     tolerance: args.tolerance.ppm(),
                     predict,
-                    ..Ask::of(backend, method, choose::free_update(update))
+                    ..Ask::of(backend, method, update)
                 };
                 sound.extend(builders.iter().map(|&builder_threads| Ask {
                     builder_threads,

@@ -145,10 +145,11 @@ impl Work<'_> {
     }
 
     fn add_adapter(&mut self, row: &Row) {
+        let how = &row.setup;
         let adapter = Adapter {
-            backend: row.backend.to_owned(),
-            adapter: row.adapter.clone(),
-            driver: row.driver.clone().unwrap_or_default(),
+            backend: how.backend.to_owned(),
+            adapter: how.adapter.clone(),
+            driver: how.driver.clone().unwrap_or_default(),
         };
         let adapters = &mut self.chart.machine.adapters;
         if !adapters.contains(&adapter) {
@@ -193,12 +194,12 @@ fn timed(scene: &str, row: &Row, command: String) -> Point {
     let spread = || frames.iter().filter_map(bench::frame_ms);
     let summary = Summary::of(spread());
     let most = |bytes: fn(&FrameStats) -> Option<u64>| frames.iter().filter_map(bytes).max();
-    let on_host = (row.backend == "cpu").then(|| most(|f| f.host_bytes));
+    let on_host = (row.setup.backend == "cpu").then(|| most(|f| f.host_bytes));
     Point {
-        backend: row.backend.to_owned(),
-        layout: row.layout.to_owned(),
-        intersector: row.intersector.to_owned(),
-        update: row.update.to_owned(),
+        backend: row.setup.backend.to_owned(),
+        layout: row.setup.layout.to_owned(),
+        intersector: row.setup.intersector.to_owned(),
+        update: row.setup.update.to_owned(),
         scene: scene.to_owned(),
         ms_per_frame: Spread {
             median: summary.map(|s| s.median),

@@ -1,6 +1,6 @@
 //! `abvh info`: this build and this machine.
 
-use crate::adapters::{self, kind_name};
+use crate::adapters::kind_name;
 use crate::args::{BackendName, InfoArgs};
 use crate::open::{self, Presence};
 use crate::stop::Stop;
@@ -9,12 +9,15 @@ use crate::{choose, talk, threads};
 use backend::Backend;
 use comfy_table::{ContentArrangement, Table, presets};
 use output::{SCHEMA, Taken};
-use serde_json::{Value, json};
+use serde::Serialize;
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 const WIDTH: usize = 100;
 
+#[derive(Serialize)]
 struct Info {
+    schema: u32,
+    version: &'static str,
     cpu: Option<String>,
     threads: usize,
     auto: Option<Taken>,
@@ -23,36 +26,17 @@ struct Info {
 
 pub(crate) fn run(args: &InfoArgs) -> Result<(), Stop> {
     let info = Info {
+        schema: SCHEMA,
+        version: VERSION,
         cpu: cpu_model(),
         threads: threads::cores(),
         auto: what_auto_takes()?,
-        backends: open::presences(),
+        backends: open::presences().collect(),
     };
     match args.json {
-        true => talk::print_json(&json(&info)),
+        true => talk::print_json(&info),
         false => talk::print(&text(&info)),
     }
-}
-
-fn json(info: &Info) -> Value {
-    let backend = |b: &Presence| {
-        json!({
-            "backend": b.backend,
-            "absent": b.absent,
-            "adapters": b.adapters.iter().map(adapters::told).collect::<Vec<_>>(),
-            "intersectors": b.intersectors,
-            "layouts": b.layouts,
-            "own_trees": b.own_trees,
-        })
-    };
-    json!({
-        "schema": SCHEMA,
-        "version": VERSION,
-        "cpu": info.cpu,
-        "threads": info.threads,
-        "auto": info.auto,
-        "backends": info.backends.iter().map(backend).collect::<Vec<_>>(),
-    })
 }
 
 /// Opened indeed: a GPU that fails its test when it is opened is not taken.
@@ -137,6 +121,8 @@ mod tests {
             own_trees: false,
         };
         let info = Info {
+            schema: SCHEMA,
+            version: VERSION,
             cpu: None,
             threads: 2,
             auto: choose::taken("backend", "b", Some("because ".repeat(30))),

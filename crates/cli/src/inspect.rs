@@ -2,15 +2,15 @@
 
 use crate::args::{BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, UpdateName};
 use crate::bench::FOV;
-use crate::choose::{self, Ask, Run};
+use crate::choose::{Ask, Run};
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, of_rows};
 use crate::{frames, memory, record, reduce, session, talk};
-use backend::{Query, QueryKind, Rays};
 use geom::Animation;
 use output::Taken;
 use pipeline::{Decay, Motion, Spread};
 use scene::Scene;
+use serde::Serialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -19,7 +19,10 @@ const SAMPLES: usize = 5;
 /// Pixels of a frame of `render`, unless asked otherwise.
 const SIZE: [u32; 2] = [1280, 720];
 
+#[derive(Serialize)]
 struct Inspection {
+    scene: Value,
+    bounds: Option<Value>,
     motion: Motion,
     inactive: Spread,
     degenerate: Spread,
@@ -36,7 +39,10 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
     memory::check_trees(scene.animation.triangle_count(), 0)?;
     let animation = &scene.animation;
     let [inactive, degenerate] = pipeline::unhittable(animation).map_err(Stop::bad)?;
+    let bounds = animation.bounds();
     let inspection = Inspection {
+        scene: record::scene_facts(&scene),
+        bounds: (!bounds.is_empty()).then(|| json!({ "min": bounds.min, "max": bounds.max })),
         motion: pipeline::motion(animation).map_err(Stop::bad)?,
         inactive,
         degenerate,
@@ -44,25 +50,9 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
         auto: what_auto_takes(args, animation)?,
     };
     match args.json {
-        true => talk::print_json(&json(&scene, &inspection)),
+        true => talk::print_json(&inspection),
         false => talk::print(&text(&scene, &inspection)),
     }
-}
-
-fn json(scene: &Scene, i: &Inspection) -> Value {
-    let (bounds, m) = (scene.animation.bounds(), &i.motion);
-    let some = (!bounds.is_empty()).then(|| json!({ "min": bounds.min, "max": bounds.max }));
-    let spread = |s: Spread| json!({ "min": s.min, "max": s.max });
-    let decay = |d: &Decay| json!({ "time": d.time, "refitted": d.refitted, "fresh": d.fresh, "ratio": d.ratio });
-    json!({
-        "scene": record::scene_facts(scene),
-        "bounds": some,
-        "motion": { "moving": m.moving, "mean_step": m.mean_step, "max_step": m.max_step },
-        "inactive": spread(i.inactive),
-        "degenerate": spread(i.degenerate),
-        "decay": i.decay.iter().map(decay).collect::<Vec<_>>(),
-        "auto": i.auto,
-    })
 }
 
 /// What `render` would take if all were left to `auto`.
@@ -73,10 +63,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
     let camera = view.camera(SIZE);
     let run = camera.as_ref().map(|camera| Run {
         frames: &frames,
-        query: Query {
-            rays: Rays::Camera(camera),
-            kind: QueryKind::ClosestAndShadow { light: view.light },
-        },
+        query: view.query(camera),
     });
     let method = MethodArgs {
         intersector: IntersectorName::Auto,
@@ -85,13 +72,9 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
     let ask = Ask {
         tolerance: args.tolerance.ppm(),
         run,
-        ..Ask::of(
-            BackendName::Auto,
-            method,
-            choose::free_update(UpdateName::Auto),
-        )
+        ..Ask::of(BackendName::Auto, method, UpdateName::Auto)
     };
-    Ok(session::start(animation, &ask)?.taken)
+    Ok(session::start(animation, &ask)?.setup.auto)
 }
 
 fn text(scene: &Scene, i: &Inspection) -> String {

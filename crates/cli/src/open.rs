@@ -11,6 +11,7 @@ use backend::{Backend, DeviceKind, Intersector, Layout};
 use gpu_vulkan::VulkanBackend;
 use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
+use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -165,12 +166,14 @@ impl Known<'_> {
 }
 
 /// Whether a backend can run here, and what it can do.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub(crate) struct Presence {
+    #[serde(skip)]
     pub(crate) name: BackendName,
     pub(crate) backend: &'static str,
     /// Why it cannot run; `None` if it can.
     pub(crate) absent: Option<String>,
+    #[serde(serialize_with = "adapters::serialize")]
     pub(crate) adapters: Vec<Adapter>,
     pub(crate) intersectors: Vec<&'static str>,
     pub(crate) layouts: Vec<&'static str>,
@@ -179,8 +182,8 @@ pub(crate) struct Presence {
 }
 
 /// All backends, present or absent, in the order in which `auto` looks at them.
-pub(crate) fn presences() -> Vec<Presence> {
-    let presence = |known: &Known<'_>| {
+pub(crate) fn presences() -> impl DoubleEndedIterator<Item = Presence> {
+    KNOWN.iter().map(|known| {
         let found = (known.list)();
         let own_trees = has_own_trees(known.name);
         let names = |ours: Vec<&'static str>| if own_trees { vec![DRIVERS] } else { ours };
@@ -193,8 +196,7 @@ pub(crate) fn presences() -> Vec<Presence> {
             layouts: names(Layout::ALL.map(Layout::name).to_vec()),
             own_trees,
         }
-    };
-    KNOWN.iter().map(presence).collect()
+    })
 }
 
 /// Whether a backend can make a tree in each frame, as far as is known while it is not open.

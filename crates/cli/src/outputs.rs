@@ -4,7 +4,6 @@ use crate::args::RenderArgs;
 use crate::conflicts::whole;
 use crate::stop::Stop;
 use backend::Hits;
-use output::HitArrays;
 use pipeline::Wanted;
 use std::path::{Path, PathBuf};
 
@@ -69,13 +68,9 @@ impl Outputs {
         rgb: &[u8],
     ) -> Result<(), Stop> {
         if let Some(file) = self.hits(frame) {
-            let found = HitArrays {
-                hits: &hits.closest,
-                shadow: Some(&hits.blocked),
-                shape: &[u64::from(height), u64::from(width)],
-            };
+            let shape = [height, width].map(u64::from);
             output::remove_link(&file)?;
-            output::write_hits(&file, &found)?;
+            output::write_hits(&file, &shape, &hits.closest, Some(&hits.blocked))?;
         }
         if let Some(file) = self.image(frame) {
             output::remove_link(&file)?;

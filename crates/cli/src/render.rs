@@ -1,7 +1,7 @@
 //! `abvh render`: an animation to pictures, hits and statistics.
 
 use crate::args::RenderArgs;
-use crate::choose::{self, Run};
+use crate::choose::Run;
 use crate::conflicts::Files;
 use crate::manifest::manifest;
 use crate::outputs::Outputs;
@@ -9,9 +9,9 @@ use crate::progress::Progress;
 use crate::resume::{self, Earlier};
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
-use crate::writer::{Done, Lent, Writer};
+use crate::writer::{Lent, Writer};
 use crate::{frames, memory, open, record, signals, table, talk};
-use backend::{Query, QueryKind, Rays};
+use backend::Query;
 use geom::Camera;
 use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video, VideoFiles, View};
 use pipeline::{Frame, Wanted};
@@ -43,11 +43,11 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     }
     let view = view(args, &scene);
     let camera = camera(&view, args.size.size)?;
-    let ask = ask(args, &frames, query(&camera, &view));
+    let ask = ask(args, &frames, view.query(&camera));
     let mut session = session::start(&scene.animation, &ask)?;
     passed("open the device, load the scene");
     let (video, wanted) = pictures(args, &outputs, &scene, &mut session)?;
-    session.driver.prepare(query(&camera, &view));
+    session.driver.prepare(view.query(&camera));
     let new = outputs.prepare()?;
     if let Some(file) = &args.rays_out {
         // A run that does not begin leaves no folders.
@@ -80,8 +80,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         resume::write_stats(file, &resume::joined(head, &[&old[..], &rows].concat()))?;
     }
     if let (Some(file), Some(notes)) = (&args.timeline, &notes) {
-        let remarks =
-            json!({ "caption": session.caption(), "command_line": record::command_line() });
+        let remarks = json!({ "caption": session.caption, "command_line": record::command_line() });
         notes.write(file, remarks)?;
     }
     tell(args, &results(args, &scene, &session, &rows))
@@ -136,7 +135,7 @@ fn ask<'a>(args: &'a RenderArgs, frames: &'a [Frame], query: Query<'a>) -> Ask<'
         threads: args.device.threads,
         builder_threads: args.device.builder_threads,
         method: args.method,
-        update: choose::update(args.policy),
+        policy: args.policy,
         tolerance: args.tolerance.ppm(),
         run: Some(Run { frames, query }),
         rays: args.size.count(),
@@ -206,13 +205,6 @@ fn view(args: &RenderArgs, scene: &Scene) -> View {
     }
 }
 
-fn query<'a>(camera: &'a Camera, view: &View) -> Query<'a> {
-    Query {
-        rays: Rays::Camera(camera),
-        kind: QueryKind::ClosestAndShadow { light: view.light },
-    }
-}
-
 fn camera(view: &View, size: [u32; 2]) -> Result<Camera, Stop> {
     view.camera(size).ok_or_else(|| {
         let View { eye, look_at, up, .. } = view;
@@ -236,7 +228,7 @@ fn trace_all(
     (journals, notes): (&mut [(PathBuf, Journal)], Option<&mut RunTimeline>),
 ) -> Result<Vec<FrameStats>, Stop> {
     let progress = Progress::new(todo.len() as u64, args.quiet);
-    let taken = session.taken.iter().map(ToString::to_string);
+    let taken = session.setup.auto.iter().map(ToString::to_string);
     for remark in taken.chain(scene.facts.notes.iter().cloned()) {
         progress.say(&remark);
     }
@@ -244,9 +236,10 @@ fn trace_all(
         let all = done + todo.len();
         progress.say(&format!("{done} of {all} frames are there already"));
     }
-    let query = query(camera, view);
-    let done = Done::new(journals, notes, progress);
-    let writer = Writer::new((scene, camera, view.light), (outputs, video, wanted), done);
+    let query = view.query(camera);
+    let shown = (scene, camera, view.light);
+    let made = (outputs, video, wanted);
+    let writer = Writer::new(shown, made, (journals, notes), progress);
     let mut places = 0..;
     rayon::in_place_scope(|scope| {
         session
@@ -267,7 +260,7 @@ fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameSta
         table::grouped(scene.animation.moving_count()),
         table::counted(scene.animation.key_count(), table::KEY_FRAMES),
         table::counted(rows.len(), table::FRAMES),
-        session.caption(),
+        session.caption,
     );
     if !rows.is_empty() {
         text += &table::stages(rows);
@@ -283,26 +276,11 @@ fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameSta
 
 /// Statistics without frames.
 fn head(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
-    let device = &session.device;
-    json!({
-        "schema": SCHEMA,
-        "version": env!("CARGO_PKG_VERSION"),
-        "scene": record::scene_facts(scene),
-        "backend": device.backend,
-        "adapter": device.adapter,
-        "driver": (!device.driver.is_empty()).then_some(&device.driver),
-        "threads": session.threads.render,
-        "builder_threads": session.threads.build,
-        "update": session.update.name(),
-        "lockstep": choose::lockstep(session.update),
-        "predict": session.predict,
-        "intersector": session.method[0],
-        "layout": session.method[1],
-        "auto": session.taken,
-        "size": args.size.size,
-        "expected_memory": {
-            "host_bytes": session.memory.host_bytes,
-            "device_bytes": session.memory.device_bytes,
-        },
-    })
+    let mut head = json!(session.setup);
+    head["schema"] = json!(SCHEMA);
+    head["version"] = json!(env!("CARGO_PKG_VERSION"));
+    head["scene"] = record::scene_facts(scene);
+    head["size"] = json!(args.size.size);
+    head["expected_memory"] = json!(session.memory);
+    head
 }

@@ -1,7 +1,7 @@
 //! Why a command ends early, and what the shell hears of it.
 
 use backend::BackendError;
-use output::{RaysError, RunError, WriteError};
+use output::{OutputError, WriteError};
 use pipeline::PipelineError;
 use scene::SceneError;
 use std::fmt::{self, Display};
@@ -75,16 +75,9 @@ impl From<SceneError> for Stop {
     }
 }
 
-/// Likewise for rays.
-impl From<RaysError> for Stop {
-    fn from(e: RaysError) -> Self {
-        Self::Bad(e.into())
-    }
-}
-
-/// Likewise for what an earlier run left.
-impl From<RunError> for Stop {
-    fn from(e: RunError) -> Self {
+/// Likewise for rays, and for what an earlier run left.
+impl From<OutputError> for Stop {
+    fn from(e: OutputError) -> Self {
         Self::Bad(e.into())
     }
 }

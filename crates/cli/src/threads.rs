@@ -77,8 +77,7 @@ pub(crate) fn share(
     cores: usize,
     kind: DeviceKind,
     update: Update,
-    render: Option<usize>,
-    build: Option<usize>,
+    [render, build]: [Option<usize>; 2],
 ) -> Threads {
     let quarter = |n: usize| (n / 4).max(1);
     let concurrent = matches!(update, Update::Async(_));
@@ -145,7 +144,7 @@ mod tests {
             (Cpu, refit, 8, [None, None], [8, 8]),
             (Gpu, refit, 8, [Some(2), Some(5)], [2, 5]),
         ] {
-            let t = share(cores, kind, update, asked[0], asked[1]);
+            let t = share(cores, kind, update, asked);
             assert_eq!([t.render, t.build], expected, "{kind:?} {cores} {asked:?}");
         }
     }

@@ -82,10 +82,6 @@ pub(crate) fn time_range(text: &str) -> Result<TimeRange, String> {
     Ok(TimeRange { from, to })
 }
 
-pub(crate) fn time(text: &str) -> Result<f64, String> {
-    finite(text)
-}
-
 /// `on` or `off`.
 pub(crate) fn switch() -> impl TypedValueParser<Value = bool> {
     PossibleValuesParser::new(["on", "off"]).map(|word| word == "on")
@@ -114,15 +110,11 @@ where
 }
 
 /// A float that is a number and not infinite.
-fn finite<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<T, String> {
-    let number: T = text
-        .trim()
-        .parse()
-        .map_err(|_| format!("'{text}' is no number"))?;
-    if number.into().is_finite() {
-        Ok(number)
-    } else {
-        Err(format!("'{text}' is not a finite number"))
+pub(crate) fn finite<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<T, String> {
+    let number: Result<T, _> = text.trim().parse();
+    match number.map_err(|_| format!("'{text}' is no number"))? {
+        number if number.into().is_finite() => Ok(number),
+        _ => Err(format!("'{text}' is not a finite number")),
     }
 }
 

@@ -66,7 +66,7 @@ impl Drop for Lent {
 }
 
 /// What is known of frames that are done.
-pub(crate) struct Done<'a> {
+struct Done<'a> {
     journals: &'a mut [(PathBuf, Journal)],
     notes: Option<&'a mut RunTimeline>,
     progress: Progress,
@@ -75,27 +75,12 @@ pub(crate) struct Done<'a> {
     failed: Option<Stop>,
 }
 
-impl<'a> Done<'a> {
-    pub(crate) fn new(
-        journals: &'a mut [(PathBuf, Journal)],
-        notes: Option<&'a mut RunTimeline>,
-        progress: Progress,
-    ) -> Self {
-        Self {
-            journals,
-            notes,
-            progress,
-            rows: Vec::new(),
-            failed: None,
-        }
-    }
-}
-
 impl<'a> Writer<'a> {
     pub(crate) fn new(
         (scene, camera, light): (&'a Scene, &'a Camera, Point),
         (outputs, video, wanted): (&'a Outputs, Option<Video<Lent>>, Wanted),
-        done: Done<'a>,
+        (journals, notes): (&'a mut [(PathBuf, Journal)], Option<&'a mut RunTimeline>),
+        progress: Progress,
     ) -> Self {
         let (spare, free) = channel();
         let bytes = COLOUR_BYTES + if wanted.hits { HIT_BYTES } else { 0 };
@@ -113,8 +98,14 @@ impl<'a> Writer<'a> {
             light,
             outputs,
             wants_rgb: video.is_some() || outputs.wanted().pixels,
-            folders: done.journals.iter().map(|(f, _)| f.clone()).collect(),
-            done: Mutex::new(done),
+            folders: journals.iter().map(|(f, _)| f.clone()).collect(),
+            done: Mutex::new(Done {
+                journals,
+                notes,
+                progress,
+                rows: Vec::new(),
+                failed: None,
+            }),
             video: Mutex::new(video),
             spare,
             free: Mutex::new(free),
@@ -203,12 +194,9 @@ impl<'a> Writer<'a> {
     ) -> Result<(), Stop> {
         let begun = Instant::now();
         let row = FrameStats::of(frame);
+        let moment = self.scene.animation.at(frame.frame.time);
         let shot = Shot {
-            moment: self
-                .scene
-                .animation
-                .at(frame.frame.time)
-                .map_err(Stop::bad)?,
+            moment: moment.map_err(Stop::bad)?,
             colours: &self.scene.colours,
             camera: self.camera,
             light: self.light,

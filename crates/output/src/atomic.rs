@@ -30,6 +30,23 @@ impl WriteError {
     }
 }
 
+/// What keeps a run from a file or a folder that it needs: what was found there, and what is wanted.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct OutputError(pub(crate) String);
+
+impl OutputError {
+    pub(crate) fn reading(file: &Path, cause: io::Error) -> Self {
+        Self(format!("cannot read {}: {cause}", file.display()))
+    }
+}
+
+impl From<WriteError> for OutputError {
+    fn from(e: WriteError) -> Self {
+        Self(e.to_string())
+    }
+}
+
 /// How temporary files are named.
 const PREFIX: &str = ".abvh-";
 const SUFFIX: &str = ".part";
@@ -275,10 +292,9 @@ mod tests {
     use super::*;
 
     fn names(dir: &Path) -> Vec<String> {
-        let names = fs::read_dir(dir).unwrap();
-        names
-            .map(|e| e.unwrap().file_name().into_string().unwrap())
-            .collect()
+        let entries = fs::read_dir(dir).unwrap();
+        let names = entries.map(|e| e.unwrap().file_name());
+        names.map(|name| name.into_string().unwrap()).collect()
     }
 
     #[test]
@@ -356,12 +372,8 @@ mod tests {
     fn devices_stay_devices_and_links_stay_links() {
         use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
         write_whole(Path::new("/dev/null"), b"x").unwrap();
-        assert!(
-            fs::metadata("/dev/null")
-                .unwrap()
-                .file_type()
-                .is_char_device()
-        );
+        let null = fs::metadata("/dev/null").unwrap().file_type();
+        assert!(null.is_char_device());
         assert!(write_whole(Path::new("/dev/full"), b"x").is_err());
         let dir = tempfile::tempdir().unwrap();
         let [file, link] = ["file", "link"].map(|n| dir.path().join(n));
@@ -375,10 +387,6 @@ mod tests {
         write_whole(&link, b"newer").unwrap();
         assert_eq!(fs::read(&file).unwrap(), b"new");
         let mode = fs::metadata(&file).unwrap().permissions().mode();
-        assert_ne!(
-            mode & 0o077,
-            0,
-            "others may read as the mask allows: {mode:o}"
-        );
+        assert_ne!(mode & 0o077, 0, "others may read: {mode:o}");
     }
 }

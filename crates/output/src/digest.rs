@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
-use std::io::{self, Read};
+use std::io;
 use std::path::Path;
 
 /// A file's length and digest.
@@ -20,21 +20,10 @@ pub struct Digest {
 /// It cannot be read, or is a pipe or a device, which may never end.
 pub fn digest_of(file: &Path) -> io::Result<Digest> {
     let mut file = host::open(file)?;
-    let (mut hash, mut bytes) = (Sha256::new(), 0);
-    let mut part = vec![0; 1 << 16];
-    loop {
-        let count = file.read(&mut part)?;
-        if count == 0 {
-            break;
-        }
-        hash.update(&part[..count]);
-        bytes += count as u64;
-    }
-    let digits = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
-    Ok(Digest {
-        bytes,
-        sha256: digits,
-    })
+    let mut hash = Sha256::new();
+    let bytes = io::copy(&mut file, &mut hash)?;
+    let sha256 = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
+    Ok(Digest { bytes, sha256 })
 }
 
 #[cfg(test)]

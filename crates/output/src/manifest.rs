@@ -1,7 +1,7 @@
 //! What a run into a folder is: `abvh-run.json`, which says whether another run may go on with it.
 
 use crate::journal::digests;
-use crate::{Digest, WriteError, write_json};
+use crate::{Digest, OutputError, WriteError, write_json};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -10,21 +10,6 @@ use std::path::{Path, PathBuf};
 
 const FILE: &str = "abvh-run.json";
 const SCHEMA: u32 = 1;
-
-/// What keeps a run from its folder.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct RunError(pub(crate) String);
-
-impl RunError {
-    pub(crate) fn reading(file: &Path, cause: io::Error) -> Self {
-        Self(format!("cannot read {}: {cause}", file.display()))
-    }
-
-    pub(crate) fn writing(file: &Path, cause: io::Error) -> Self {
-        Self(format!("cannot write {}: {cause}", file.display()))
-    }
-}
 
 /// All that decides a byte of a run's pictures and hits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -55,7 +40,7 @@ impl Manifest {
         (name, files): (Option<&str>, &[PathBuf]),
         key_times: usize,
         options: BTreeMap<String, Value>,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self, OutputError> {
         let scene = SceneId {
             name: name.map(str::to_owned),
             files: digests(files)?,
@@ -73,17 +58,17 @@ impl Manifest {
     ///
     /// # Errors
     /// It cannot be read.
-    pub fn in_folder(folder: &Path) -> Result<Option<Self>, RunError> {
+    pub fn in_folder(folder: &Path) -> Result<Option<Self>, OutputError> {
         let file = folder.join(FILE);
         let text = match host::read(&file) {
             Ok(text) => text,
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(e) => return Err(RunError::reading(&file, e)),
+            Err(e) => return Err(OutputError::reading(&file, e)),
         };
         let read = serde_json::from_slice(&text);
         read.map(Some).map_err(|e| {
             let file = file.display();
-            RunError(format!(
+            OutputError(format!(
                 "{file} is no manifest of a run: {e}; --overwrite starts afresh"
             ))
         })

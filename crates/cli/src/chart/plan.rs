@@ -37,7 +37,7 @@ impl ChartPlan {
                     layout,
                 };
                 ways.extend(args.measure.update.iter().map(|&update| Way {
-                    ask: Ask::of(backend, method, choose::free_update(update)),
+                    ask: Ask::of(backend, method, update),
                     named,
                 }));
             }
@@ -73,7 +73,7 @@ fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<(BackendName, bo
         (args.measure.backend.iter()).partition(|&&b| b == BackendName::Auto);
     named.into_iter().for_each(|&b| consider(b, true, None));
     if !auto.is_empty() {
-        let present = open::presences().into_iter().rev();
+        let present = open::presences().rev();
         present.for_each(|p| consider(p.name, false, why_not(p)));
     }
     found
@@ -112,8 +112,8 @@ impl Way {
 impl fmt::Display for Way {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [backend, layout] = [word(&self.ask.backend), word(&self.ask.method.layout)];
-        let intersector = choose::intersector(self.ask.method.intersector).value;
-        let update = self.ask.update.value.name();
+        let intersector = choose::intersector(self.ask.method.intersector).0;
+        let update = self.ask.update().0.name();
         write!(f, "{backend} {layout} {intersector} {update}")
     }
 }
@@ -137,10 +137,10 @@ pub(super) fn command(args: &ChartArgs, spec: &str, row: &Row) -> String {
     format!(
         "abvh bench {}{source} --backend {} --update {} --intersector {} --layout {} --size {width}x{height} --frames {frames}{warm_up}",
         quoted(spec),
-        row.backend,
-        row.update,
-        row.intersector,
-        row.layout,
+        row.setup.backend,
+        row.setup.update,
+        row.setup.intersector,
+        row.setup.layout,
     )
 }
 

@@ -1,5 +1,6 @@
 //! A camera and a lamp for a motion that nobody described.
 
+use backend::{Query, QueryKind, Rays};
 use geom::{Aabb, Animation, Camera, Point};
 use glam::{DVec3, dvec3};
 use rayon::prelude::*;
@@ -31,6 +32,16 @@ impl View {
     #[must_use]
     pub fn camera(&self, size: [u32; 2]) -> Option<Camera> {
         Camera::look_at(self.eye, self.look_at, self.up, self.fov_degrees, size)
+    }
+
+    /// What each pixel shows: the closest hit of its ray, and whether the lamp shines there.
+    #[must_use]
+    pub fn query<'a>(&self, camera: &'a Camera) -> Query<'a> {
+        let light = self.light;
+        Query {
+            rays: Rays::Camera(camera),
+            kind: QueryKind::ClosestAndShadow { light },
+        }
     }
 }
 
