@@ -7,9 +7,9 @@ mod row;
 use crate::args::{BackendName, BenchArgs, MethodArgs, RaysName, UpdateName, word};
 use crate::choose::{self, Ask};
 use crate::conflicts::Files;
-use crate::progress::Progress;
 use crate::stop::Stop;
-use crate::{frames, info, memory, open, record, talk, threads};
+use crate::talk::Progress;
+use crate::{frames, info, memory, open, talk, threads};
 pub(crate) use row::{Row, Run, frame_ms, measure};
 use serde_json::json;
 
@@ -33,7 +33,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
         let report = json!({
             "schema": output::SCHEMA,
             "version": env!("CARGO_PKG_VERSION"),
-            "command_line": record::command_line(),
+            "command_line": info::command_line(),
             "cpu": cpu,
             "cores": threads::cores(),
             "size": size,

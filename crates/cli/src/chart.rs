@@ -15,9 +15,9 @@ mod rays;
 
 use crate::args::{ChartArgs, RaysName};
 use crate::bench::{self, Row};
-use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::table::of_rows;
+use crate::talk::Progress;
 use crate::{frames, info, memory, talk};
 use output::plot::{self, Adapter, Chart, Machine, Point, Spread};
 use output::{FrameStats, Summary};

@@ -123,10 +123,8 @@ fn slurm_shard(variable: &dyn Fn(&str) -> Option<String>) -> Result<Shard, Strin
         )),
     };
     let id = number("SLURM_ARRAY_TASK_ID")?;
-    let (least, of) = (
-        number("SLURM_ARRAY_TASK_MIN")?,
-        number("SLURM_ARRAY_TASK_COUNT")?,
-    );
+    let least = number("SLURM_ARRAY_TASK_MIN")?;
+    let of = number("SLURM_ARRAY_TASK_COUNT")?;
     match id.checked_sub(least).filter(|i| *i < of) {
         Some(i) => Ok(Shard { number: i + 1, of }),
         None => Err(format!(
@@ -152,7 +150,13 @@ pub(crate) fn list(
         };
     }
     let end = (keys - 1) as f64;
-    let range = within(range, end)?.unwrap_or(TimeRange { from: 0.0, to: end });
+    let range = range.unwrap_or(TimeRange { from: 0.0, to: end });
+    if range.from < 0.0 || range.to > end {
+        return Err(Stop::bad(format!(
+            "--time-range {}..{} leaves the motion, which lasts from 0 to {end} key frames",
+            range.from, range.to
+        )));
+    }
     let count = match frames {
         Some(Frames::Count(n)) => *n,
         _ => default_count(range, is_demo),
@@ -202,24 +206,12 @@ pub(crate) fn moment(option: &str, time: f64, keys: usize) -> Result<f64, Stop> 
     )))
 }
 
-fn within(range: Option<TimeRange>, end: f64) -> Result<Option<TimeRange>, Stop> {
-    match range {
-        Some(r) if r.from < 0.0 || r.to > end => Err(Stop::bad(format!(
-            "--time-range {}..{} leaves the motion, which lasts from 0 to {end} key frames",
-            r.from, r.to
-        ))),
-        range => Ok(range),
-    }
-}
-
 pub(crate) fn default_count(range: TimeRange, is_demo: bool) -> usize {
-    if range.from == range.to {
-        1
-    } else if is_demo {
-        DEMO_FRAMES
-    } else {
+    match range.to - range.from {
+        0.0 => 1,
+        _ if is_demo => DEMO_FRAMES,
         // One a key frame where that is few enough; `list` has checked that the range is short.
-        ((range.to - range.from) as usize + 1).clamp(2, MOST_FRAMES)
+        keys => (keys as usize + 1).clamp(2, MOST_FRAMES),
     }
 }
 

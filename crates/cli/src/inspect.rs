@@ -5,7 +5,7 @@ use crate::bench::FOV;
 use crate::choose::{Ask, Run};
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, of_rows};
-use crate::{frames, memory, record, reduce, session, talk};
+use crate::{frames, memory, reduce, session, talk};
 use geom::Animation;
 use output::Taken;
 use pipeline::{Decay, Motion, Spread};
@@ -41,7 +41,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
     let [inactive, degenerate] = pipeline::unhittable(animation).map_err(Stop::bad)?;
     let bounds = animation.bounds();
     let inspection = Inspection {
-        scene: record::scene_facts(&scene),
+        scene: scene_facts(&scene),
         bounds: (!bounds.is_empty()).then(|| json!({ "min": bounds.min, "max": bounds.max })),
         motion: pipeline::motion(animation).map_err(Stop::bad)?,
         inactive,
@@ -122,4 +122,25 @@ fn decay_table(decay: &[Decay]) -> String {
         ]
     };
     of_rows(&decay.iter().map(row).collect::<Vec<_>>(), 0)
+}
+
+/// What was rendered, and what else its source told. `live` triangles are active in some key frame. Those that never move
+/// are interpolated, preprocessed and refitted once.
+pub(crate) fn scene_facts(scene: &Scene) -> Value {
+    let (animation, facts) = (&scene.animation, &scene.facts);
+    json!({
+        "name": scene.name,
+        "keys": animation.key_count(),
+        "vertices": animation.vertex_count(),
+        "triangles": animation.triangle_count(),
+        "live": animation.live_count(),
+        "moving": animation.moving_count(),
+        "facts": {
+            "format": facts.format,
+            "files": facts.files.iter().map(|f| f.to_string_lossy()).collect::<Vec<_>>(),
+            "clip": facts.clip,
+            "seconds_per_key": facts.seconds_per_key,
+            "notes": facts.notes,
+        },
+    })
 }

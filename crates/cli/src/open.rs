@@ -31,8 +31,6 @@ struct Known<'a> {
     open: &'a OpenAdapter<'a>,
 }
 
-const ON_DRIVERS: &[DeviceKind] = &[DeviceKind::Gpu, DeviceKind::Software];
-
 /// Where wgpu has but Vulkan to go through.
 const WGPU_IS_VULKAN: bool = cfg!(not(any(windows, target_vendor = "apple")));
 
@@ -43,28 +41,27 @@ const KNOWN: [Known<'static>; 5] = [
         name: BackendName::Vulkan,
         text: "vulkan",
         place: "vulkan comes before wgpu: trees and vertices travel on a queue of their own",
-        kinds: ON_DRIVERS,
-        covered_by: None,
         list: &gpu_vulkan::adapters,
         open: &|adapter, _| Ok(Box::new(VulkanBackend::new(&vulkan_options(adapter))?)),
+        ..VULKAN_RT
     },
     Known {
         name: BackendName::Wgpu,
         text: "wgpu",
         place: "wgpu is next after vulkan",
-        kinds: ON_DRIVERS,
         covered_by: if WGPU_IS_VULKAN { Some("vulkan") } else { None },
         list: &gpu_wgpu::adapters,
         open: &|adapter, _| open_wgpu(adapter),
+        ..VULKAN_RT
     },
     Known {
         name: BackendName::Cpu,
         text: "cpu",
         place: "the host is always there",
         kinds: &[DeviceKind::Cpu],
-        covered_by: None,
         list: &list_cpu,
         open: &|_, threads| Ok(Box::new(cpu_simd::open(Some(threads))?)),
+        ..VULKAN_RT
     },
     VULKAN_RT,
     Known {
@@ -79,7 +76,7 @@ const VULKAN_RT: Known<'static> = Known {
     name: BackendName::VulkanRt,
     text: "vulkan-rt",
     place: "it is there to be measured against",
-    kinds: ON_DRIVERS,
+    kinds: &[DeviceKind::Gpu, DeviceKind::Software],
     covered_by: None,
     list: &gpu_vulkan_rt::ray_adapters,
     open: &|adapter, _| open_vulkan_rt(adapter, Prefer::FastBuild),
@@ -207,11 +204,8 @@ pub(crate) fn makes_trees(backend: BackendName) -> bool {
 /// Whether an adapter is among those `able` to trace by their driver's trees, and answers ray queries beside.
 fn answers_rays(able: &[Adapter], adapter: &Adapter) -> bool {
     let same = |a: &&Adapter| (&a.name, a.kind) == (&adapter.name, adapter.kind);
-    let found = able.iter().find(same);
-    found.is_some_and(|a| {
-        let mut limits = a.limits.iter();
-        limits.any(|(name, value)| *name == "ray queries" && value == "yes")
-    })
+    let queries = ("ray queries", "yes".to_owned());
+    (able.iter().find(same)).is_some_and(|a| a.limits.contains(&queries))
 }
 
 /// What stands for the intersector and the layout of such a backend.

@@ -3,11 +3,11 @@
 use crate::args::{InspectArgs, Tolerance};
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, counted, grouped};
-use crate::{record, talk};
+use crate::{inspect, talk};
 use geom::{Animation, Point};
 use scene::Scene;
 use scene::keys::{self, Reducer};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
@@ -18,17 +18,17 @@ struct Reduction {
     diagonal: f64,
     tolerance: f64,
     kept: Vec<usize>,
-    keys: Change,
-    bytes: Change,
+    #[serde(serialize_with = "before_after")]
+    keys: [usize; 2],
+    #[serde(serialize_with = "before_after")]
+    bytes: [usize; 2],
     max_error: f64,
     worst: Option<Value>,
     rms: f64,
 }
 
-#[derive(Clone, Copy, Serialize)]
-struct Change {
-    before: usize,
-    after: usize,
+fn before_after<S: Serializer>([before, after]: &[usize; 2], to: S) -> Result<S::Ok, S::Error> {
+    json!({ "before": before, "after": after }).serialize(to)
 }
 
 /// Reduces, says so, and writes what is left if asked to.
@@ -73,15 +73,12 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
     let [before, after] = [animation.key_count(), kept.len()];
     let bytes = |keys: usize| keys * animation.vertex_count() * size_of::<Point>();
     Ok(Reduction {
-        scene: record::scene_facts(scene),
+        scene: inspect::scene_facts(scene),
         diagonal,
         tolerance,
         kept,
-        keys: Change { before, after },
-        bytes: Change {
-            before: bytes(before),
-            after: bytes(after),
-        },
+        keys: [before, after],
+        bytes: [before, after].map(bytes),
         max_error: fit.max_error,
         worst: (fit.worst).map(|(frame, vertex)| json!({ "frame": frame, "vertex": vertex })),
         rms: fit.rms,
@@ -142,17 +139,15 @@ fn write(dir: &Path, scene: &Scene, reduction: &Reduction) -> Result<(), Stop> {
 }
 
 fn text(name: &str, r: &Reduction) -> String {
-    let (keys, bytes) = (r.keys, r.bytes);
+    let ([all, few], [before, after]) = (r.keys, r.bytes.map(grouped));
     let mut text = format!(
-        "{name}: {} of {} for all of them within {}, {} of the diagonal\n",
-        keys.after,
-        counted(keys.before, KEY_FRAMES),
+        "{name}: {few} of {} for all of them within {}, {} of the diagonal\n",
+        counted(all, KEY_FRAMES),
         length(r.tolerance),
         percent(r.tolerance, r.diagonal)
     );
     let kept: Vec<_> = r.kept.iter().map(ToString::to_string).collect();
     text += &format!("kept: {}\n", kept.join(" "));
-    let (before, after) = (grouped(bytes.before), grouped(bytes.after));
     text += &format!("positions: {before} bytes before, {after} after\n");
     let (max, rms) = (length(r.max_error), length(r.rms));
     text += &format!("error: {max} at most, {}", percent(r.max_error, r.diagonal));

@@ -3,14 +3,12 @@
 use crate::args::RenderArgs;
 use crate::choose::Run;
 use crate::conflicts::Files;
-use crate::manifest::manifest;
-use crate::outputs::Outputs;
-use crate::progress::Progress;
-use crate::resume::{self, Earlier};
+use crate::resume::{self, Earlier, manifest};
 use crate::session::{self, Ask, Session};
 use crate::stop::Stop;
-use crate::writer::{Lent, Writer};
-use crate::{frames, memory, open, record, signals, table, talk};
+use crate::talk::Progress;
+use crate::writer::{Lent, Outputs, Writer};
+use crate::{frames, info, inspect, memory, open, signals, table, talk};
 use backend::Query;
 use geom::Camera;
 use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video, VideoFiles, View};
@@ -80,7 +78,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         resume::write_stats(file, &resume::joined(head, &[&old[..], &rows].concat()))?;
     }
     if let (Some(file), Some(notes)) = (&args.timeline, &notes) {
-        let remarks = json!({ "caption": session.caption, "command_line": record::command_line() });
+        let remarks = json!({ "caption": session.caption, "command_line": info::command_line() });
         notes.write(file, remarks)?;
     }
     tell(args, &results(args, &scene, &session, &rows))
@@ -98,15 +96,13 @@ fn no_frames(
     earlier.begin(args, all, (&own, &Value::Null))?;
     if let Some(file) = &args.stats {
         let version = env!("CARGO_PKG_VERSION");
-        let scene = record::scene_facts(scene);
+        let scene = inspect::scene_facts(scene);
         let head = json!({ "schema": SCHEMA, "version": version, "scene": scene });
         let head = resume::alone(head, outputs, (&own, all));
         resume::write_stats(file, &resume::joined(head, &[]))?;
     }
-    tell(
-        args,
-        "this shard has no frames: there are more shards than frames\n",
-    )
+    let why = "this shard has no frames: there are more shards than frames\n";
+    tell(args, why)
 }
 
 /// # Errors
@@ -167,15 +163,14 @@ fn pictures(
 
 /// Results go to standard output, unless statistics or a video go there.
 fn tell(args: &RenderArgs, text: &str) -> Result<(), Stop> {
-    match [&args.stats, &args.y4m].map(Option::as_deref) {
-        files if files.contains(&Some(Path::new("-"))) => {
-            if !args.quiet {
-                talk::say(text.trim_end());
-            }
-            Ok(())
-        }
-        _ => talk::print(text),
+    let files = [&args.stats, &args.y4m].map(Option::as_deref);
+    if !files.contains(&Some(Path::new("-"))) {
+        return talk::print(text);
     }
+    if !args.quiet {
+        talk::say(text.trim_end());
+    }
+    Ok(())
 }
 
 /// All files are there: statistics alone are written, of earlier runs.
@@ -183,13 +178,9 @@ fn nothing_left(args: &RenderArgs, earlier: &Earlier, rows: &[FrameStats]) -> Re
     if let (Some(file), Some(stats)) = (&args.stats, earlier.stats(rows)) {
         resume::write_stats(file, &stats)?;
     }
-    tell(
-        args,
-        &format!(
-            "nothing is left to be done: all {} frames are there\n",
-            rows.len()
-        ),
-    )
+    let all = rows.len();
+    let text = format!("nothing is left to be done: all {all} frames are there\n");
+    tell(args, &text)
 }
 
 /// The view that frames the motion, with what was asked for in its place.
@@ -279,7 +270,7 @@ fn head(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
     let mut head = json!(session.setup);
     head["schema"] = json!(SCHEMA);
     head["version"] = json!(env!("CARGO_PKG_VERSION"));
-    head["scene"] = record::scene_facts(scene);
+    head["scene"] = inspect::scene_facts(scene);
     head["size"] = json!(args.size.size);
     head["expected_memory"] = json!(session.memory);
     head

@@ -1,13 +1,14 @@
 //! What an earlier run left in the folders of this one, and what is still to be done.
 
-use crate::args::RenderArgs;
-use crate::manifest::manifest;
-use crate::outputs::Outputs;
+use crate::args::{RenderArgs, has_own_trees, word};
 use crate::stop::Stop;
-use crate::{frames, record, talk};
-use output::{Finished, FrameStats, Journal, Manifest, overview};
+use crate::values::{Frames, TimeRange};
+use crate::writer::Outputs;
+use crate::{frames, info, talk};
+use output::{Finished, FrameStats, Journal, Manifest, SCHEMA, SceneId, overview};
 use pipeline::Frame;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 pub(crate) struct Earlier {
@@ -148,7 +149,7 @@ pub(crate) fn joined(mut stats: Value, rows: &[FrameStats]) -> Value {
     rows.sort_by_key(|row| row.frame);
     stats["summary"] = json!(overview(&rows));
     stats["frames"] = json!(rows);
-    stats["command_line"] = json!(record::command_line());
+    stats["command_line"] = json!(info::command_line());
     stats
 }
 
@@ -158,4 +159,62 @@ pub(crate) fn write_stats(file: &Path, stats: &Value) -> Result<(), Stop> {
         true => talk::print_json(stats),
         false => Ok(output::write_json(file, stats)?),
     }
+}
+
+/// The manifest of a run over a motion with so many whole times.
+///
+/// # Errors
+/// A file of the scene cannot be read.
+pub(crate) fn manifest(args: &RenderArgs, key_times: usize) -> Result<Manifest, Stop> {
+    let files = scene::files(&args.scene)?;
+    // Where a file lies decides nothing, but how inputs are placed does.
+    let is_placed = args.scene.contains(['+', '@']);
+    let name = (files.is_empty() || is_placed).then(|| args.scene.clone());
+    let files = output::digests(&files)?;
+    Ok(Manifest {
+        schema: SCHEMA,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        scene: SceneId { name, files },
+        key_times,
+        options: options(args, key_times),
+    })
+}
+
+fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
+    let intersector = word(&args.method.intersector);
+    // The answers of these are the same whoever gives them and however trees follow.
+    let is_robust = matches!(&*intersector, "watertight" | "exact");
+    let mut all = BTreeMap::from([
+        ("size", json!(args.size.size)),
+        ("eye", json!(args.camera.eye)),
+        ("look-at", json!(args.camera.look_at)),
+        ("up", json!(args.camera.up)),
+        ("fov", json!(args.camera.fov)),
+        ("light", json!(args.camera.light)),
+        ("fps", json!(args.source.fps)),
+        ("clip", json!(args.source.clip)),
+        // How the default view frames the scene follows from it.
+        ("key-memory", json!(args.source.key_memory)),
+        ("frames", frames_value(args, key_times)),
+        ("intersector", json!(intersector)),
+    ]);
+    if !is_robust || has_own_trees(args.device.backend) {
+        all.insert("backend", json!(word(&args.device.backend)));
+        all.insert("adapter", json!(args.device.adapter));
+        all.insert("tolerance", json!(format!("{:?}", args.tolerance)));
+    }
+    let owned = |(name, value): (&str, Value)| (name.to_owned(), value);
+    all.into_iter().map(owned).collect()
+}
+
+/// Frames at key times are what they are whichever others are asked for; of others, their number decides their times.
+fn frames_value(args: &RenderArgs, key_times: usize) -> Value {
+    let to = (key_times - 1) as f64;
+    let range = args.time_range.unwrap_or(TimeRange { from: 0.0, to });
+    let count = match &args.frames {
+        Some(Frames::Keys(_)) => return json!("key times"),
+        Some(Frames::Count(n)) => *n,
+        None => frames::default_count(range, frames::is_demo(&args.scene)),
+    };
+    json!({ "count": count, "from": range.from, "to": range.to })
 }

@@ -3,7 +3,7 @@
 use crate::args::{BackendName, TestArgs};
 use crate::open;
 use crate::stop::Stop;
-use crate::{adapters, info, record, threads};
+use crate::{adapters, info, threads};
 use backend::Backend;
 use clap::ValueEnum;
 use serde::Serialize;
@@ -36,7 +36,7 @@ impl Tested {
         let mut tested = Self {
             schema: output::SCHEMA,
             version: env!("CARGO_PKG_VERSION"),
-            command_line: record::command_line(),
+            command_line: info::command_line(),
             machine: json!({
                 "cpu": info::cpu_model(),
                 "cores": threads::cores(),

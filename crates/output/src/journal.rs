@@ -238,12 +238,8 @@ mod tests {
         }
     }
 
-    fn begin(
-        folder: &Path,
-        shard: Option<[usize; 2]>,
-        list: &[u64],
-    ) -> Result<Journal, OutputError> {
-        Journal::begin(folder, shard, list.to_vec(), Value::Null)
+    fn begin(folder: &Path, list: &[u64]) -> Result<Journal, OutputError> {
+        Journal::begin(folder, None, list.to_vec(), Value::Null)
     }
 
     #[test]
@@ -251,14 +247,14 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("frame_0003.png");
         fs::write(&file, b"pixels").unwrap();
-        let mut journal = begin(dir.path(), None, &[3, 4]).unwrap();
+        let mut journal = begin(dir.path(), &[3, 4]).unwrap();
         let files = digests(std::slice::from_ref(&file)).unwrap();
         journal.add(files, &row(3)).unwrap();
-        let again = begin(dir.path(), None, &[]).unwrap_err();
+        let again = begin(dir.path(), &[]).unwrap_err();
         assert!(again.to_string().contains("another run"), "{again}");
         journal.file.write_all(b"{\"frame\":{\"fil").unwrap();
         drop(journal);
-        let mut journal = begin(dir.path(), None, &[]).unwrap();
+        let mut journal = begin(dir.path(), &[]).unwrap();
         // What is said again counts.
         journal.add(Vec::new(), &row(5)).unwrap();
         journal.add(Vec::new(), &row(4)).unwrap();
@@ -274,18 +270,5 @@ mod tests {
             fs::write(&file, damaged).unwrap();
             assert!(done.all_whole(3, dir.path()).is_none());
         }
-    }
-
-    #[test]
-    fn shards_have_journals_of_their_own_that_are_read_together() {
-        let dir = tempfile::tempdir().unwrap();
-        for number in 1..=2 {
-            let mut journal = begin(dir.path(), Some([number, 2]), &[0, 1]).unwrap();
-            journal.add(Vec::new(), &row(number - 1)).unwrap();
-        }
-        let done = Finished::in_folder(dir.path()).unwrap();
-        assert_eq!((done.list.len(), done.frames.len()), (2, 2));
-        clear_run(dir.path()).unwrap();
-        assert!(journals(dir.path()).unwrap().is_empty());
     }
 }

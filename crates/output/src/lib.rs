@@ -6,7 +6,6 @@
 //! are equal bytes.
 
 mod atomic;
-mod digest;
 mod hits;
 mod journal;
 mod manifest;
@@ -21,10 +20,9 @@ pub use atomic::{
     OutputError, UnfinishedFile, WriteError, check_dir, check_writable, prepare_dir, remove_link,
     remove_unfinished, write_whole, write_with,
 };
-pub use digest::{Digest, digest_of};
 pub use hits::{write_found, write_hits};
 pub use journal::{Finished, Journal, NamedDigest, clear_run, digests};
-pub use manifest::Manifest;
+pub use manifest::{Digest, Manifest, SceneId, digest_of};
 pub use rays::{read_rays, write_rays};
 pub use shading::{Shot, View, drop_alpha, frame_scene, palette, shade, write_png};
 pub use stats::{

@@ -1,7 +1,7 @@
 //! Which ways of tracing there are here, and what measures one again.
 
 use crate::adapters;
-use crate::args::{BackendName, ChartArgs, IntersectorName, LayoutName, MethodArgs, word};
+use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs, word};
 use crate::bench::Row;
 use crate::choose::{self, Ask};
 use crate::open::{self, Presence};
@@ -31,7 +31,9 @@ impl ChartPlan {
     pub(super) fn of(args: &ChartArgs) -> Result<Self, Stop> {
         let (mut ways, mut skipped) = (Vec::new(), Vec::new());
         for (backend, named) in backends(args, &mut skipped) {
-            for (&intersector, layout) in args.measure.intersector.iter().flat_map(in_layouts) {
+            let layouts = [LayoutName::Bvh2, LayoutName::Fast];
+            let by = args.measure.intersector.iter();
+            for (&intersector, layout) in by.flat_map(|by| layouts.map(|layout| (by, layout))) {
                 let method = MethodArgs {
                     intersector,
                     layout,
@@ -52,10 +54,6 @@ impl ChartPlan {
             skipped,
         })
     }
-}
-
-fn in_layouts(by: &IntersectorName) -> [(&IntersectorName, LayoutName); 2] {
-    [LayoutName::Bvh2, LayoutName::Fast].map(|layout| (by, layout))
 }
 
 /// Backends to be charted, the host first, and whether each was named.

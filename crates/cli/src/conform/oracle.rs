@@ -3,10 +3,10 @@
 use super::command;
 use super::results::Report;
 use crate::args::ConformArgs;
-use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::subjects::Subject;
 use crate::table::{Cells, grouped, of_rows};
+use crate::talk::Progress;
 use backend::{Intersector, Method};
 use conformance::stress::audit::{Audit, AuditCounts, Batch, BatchSpec, Given};
 use rayon::prelude::*;

@@ -263,13 +263,6 @@ mod tests {
     }
 
     #[test]
-    fn the_lamp_hangs_above_and_outside() {
-        let a = animation(vec![cloud([0.0; 3], [2.0, 1.0, 2.0])]);
-        let (view, bounds) = (frame_scene(&a, 40.0, SIZE), a.bounds());
-        assert!(view.light[1] > bounds.max[1]);
-    }
-
-    #[test]
     fn odd_scenes_have_a_camera_too() {
         let nan = [f32::NAN, 0.0, 0.0];
         let odd = [
