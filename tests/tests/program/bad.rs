@@ -109,10 +109,7 @@ fn refused(sandbox: &Sandbox, cases: &str, options: &str) {
         let (words, says) = case.split_once(" | ").unwrap();
         let says: Vec<&str> = says.split(" | ").collect();
         sandbox.refuses(&format!("{words}{options}"), &says);
-        assert!(
-            before == sandbox.files(),
-            "{words} left {:?}",
-            sandbox.files()
-        );
+        let after = sandbox.files();
+        assert!(before == after, "{words} left {after:?}");
     }
 }

@@ -35,10 +35,7 @@ fn no_policy_changes_them(sandbox: &Sandbox) {
     assert_eq!(expected.len(), 10);
     for options in RUNS {
         let out = options.replace(' ', "-");
-        assert!(
-            render(&out, options) == expected,
-            "other hits with {options}"
-        );
+        assert!(render(&out, options) == expected, "{options}");
     }
 }
 
@@ -58,10 +55,7 @@ fn trace_repeats_render(sandbox: &Sandbox) {
         "--update rebuild --threads 1",
     ] {
         sandbox.does(&format!("{words} {options}"));
-        assert!(
-            bits(sandbox, "h.npz") == expected,
-            "other hits with `{options}`"
-        );
+        assert!(bits(sandbox, "h.npz") == expected, "{options}");
     }
     sandbox.does(&format!("{words} --any-hit"));
     let hit: Vec<u8> = array(sandbox, "h.npz", "hit").1;
@@ -80,10 +74,8 @@ fn promised_types(sandbox: &Sandbox, [triangle, t, ..]: &[Vec<u32>; 4]) {
         assert!(shadow[i] <= u8::from(!miss), "shadow of ray {i}");
     }
     let hits = triangle.iter().filter(|&&i| i != u32::MAX).count();
-    assert!(
-        hits > 0 && hits < triangle.len() && shadow.contains(&1),
-        "{hits} hits"
-    );
+    let some = hits > 0 && hits < triangle.len() && shadow.contains(&1);
+    assert!(some, "{hits} hits");
 }
 
 /// `triangle`, and `t`, `u`, `v` by their bits.

@@ -55,10 +55,7 @@ fn written(source: Source) {
     }
     for frame in 0..scene.key_count() {
         let off = played_off(scene, &few, frame as f64);
-        assert!(
-            off <= tolerance,
-            "played {off} off at {frame}, not within {tolerance}"
-        );
+        assert!(off <= tolerance, "{off} off at {frame}, not {tolerance}");
     }
 }
 

@@ -163,11 +163,9 @@ impl Run {
     }
 
     fn demand(&self, holds: bool, what: &str) {
-        let (words, code, stdout, stderr) = (&self.words, self.code, &self.stdout, &self.stderr);
-        assert!(
-            holds,
-            "abvh {words}\n{what}\nexit {code:?}\nstderr: {stderr}\nstdout: {stdout}"
-        );
+        let told = format!("stderr: {}\nstdout: {}", self.stderr, self.stdout);
+        let (words, code) = (&self.words, self.code);
+        assert!(holds, "abvh {words}\n{what}\nexit {code:?}\n{told}");
     }
 }
 

@@ -90,11 +90,7 @@ impl Timeline {
             for pair in spans.windows(2) {
                 let (a, b) = (&pair[0], &pair[1]);
                 let apart = a.end <= b.begin + ROUNDING;
-                assert!(
-                    apart,
-                    "{track}: {} {} ends in {} {}",
-                    a.name, a.args, b.name, b.args
-                );
+                assert!(apart, "{track}: {} ends in {} {}", a.args, b.name, b.args);
             }
         }
     }
@@ -184,8 +180,5 @@ fn device_times(timeline: &Timeline, frame: &Value) {
     let begun = timeline.events("frame loop", "begin").find(of).unwrap();
     let first = timeline.0["device"].iter().filter(of).map(|s| s.begin);
     let first = first.fold(f64::INFINITY, f64::min);
-    assert!(
-        begun.begin <= first + ROUNDING,
-        "{frame} ran before it began"
-    );
+    assert!(begun.begin <= first + ROUNDING, "{frame} ran too soon");
 }
