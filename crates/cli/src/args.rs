@@ -226,6 +226,15 @@ pub(crate) struct MethodArgs {
     pub(crate) layout: LayoutName,
 }
 
+impl MethodArgs {
+    pub(crate) fn of(intersector: IntersectorName, layout: LayoutName) -> Self {
+        Self {
+            intersector,
+            layout,
+        }
+    }
+}
+
 #[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct PolicyArgs {
     /// How trees follow the motion
@@ -379,7 +388,7 @@ pub(crate) fn word(value: &impl ValueEnum) -> String {
 }
 
 mod bench;
-pub(crate) use bench::{BenchArgs, ChartArgs, RaysName};
+pub(crate) use bench::{BenchArgs, ChartArgs, MeasureArgs, RaysName};
 
 mod conform;
 pub(crate) use conform::{ConformArgs, StabilityArgs, TestArgs};

@@ -10,7 +10,7 @@ use crate::conflicts::Files;
 use crate::stop::Stop;
 use crate::talk::Progress;
 use crate::{frames, info, memory, open, talk, threads};
-pub(crate) use row::{Row, Run, frame_ms, measure};
+pub(crate) use row::{Row, frame_ms, measure};
 use serde_json::json;
 
 /// Vertical field of view, in degrees, as with `render`.
@@ -70,12 +70,7 @@ fn measure_all(args: &BenchArgs) -> Result<Vec<Row>, Stop> {
         progress.lengthen((args.rays.len() * combinations.len()) as u64);
         let each = |&rays: &RaysName| combinations.iter().map(move |c| (rays, c));
         for (rays, ask) in args.rays.iter().flat_map(each) {
-            let run = Run {
-                rays,
-                size: args.measure.size.size,
-                warm_up: args.measure.warm_up,
-            };
-            let row = measure(run, (spec, &scene), &frames, ask)?;
+            let row = measure(rays, &args.measure, (spec, &scene), &frames, ask)?;
             let how = &row.setup;
             progress.step(&[spec, how.backend, how.update, how.intersector].join(" "));
             rows.push(row);
@@ -148,9 +143,6 @@ fn policies(args: &BenchArgs) -> impl Iterator<Item = (UpdateName, bool)> {
 fn methods(args: &BenchArgs) -> impl Iterator<Item = MethodArgs> {
     args.measure.intersector.iter().flat_map(|&intersector| {
         let layouts = args.layout.iter();
-        layouts.map(move |&layout| MethodArgs {
-            intersector,
-            layout,
-        })
+        layouts.map(move |&layout| MethodArgs::of(intersector, layout))
     })
 }

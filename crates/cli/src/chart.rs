@@ -92,10 +92,8 @@ struct Work<'a> {
 
 impl Work<'_> {
     fn open(&self, spec: &str) -> Result<scene::Scene, Stop> {
-        let options = memory::with_run(
-            self.args.measure.source.options(),
-            self.args.measure.size.count(),
-        );
+        let args = &self.args.measure;
+        let options = memory::with_run(args.source.options(), args.size.count());
         Ok(scene::open(spec, &options)?)
     }
 
@@ -105,8 +103,8 @@ impl Work<'_> {
         if self.chart.scenes.is_empty() {
             output::prepare_dir(&self.args.out).map_err(Stop::bad)?;
         }
-        let keys = scene.animation.whole_times();
-        let frames = frames::list(Some(&self.args.measure.frames), None, keys, false)?;
+        let (keys, measure) = (scene.animation.whole_times(), &self.args.measure);
+        let frames = frames::list(Some(&measure.frames), None, keys, false)?;
         // Its own name, or what it was requested by, where that alone is unique.
         let is_taken = self.chart.scenes.iter().any(|s| s.name == scene.name);
         let name = match frames::is_demo(spec) || is_taken {
@@ -116,26 +114,20 @@ impl Work<'_> {
         self.chart.scenes.push(plot::Scene {
             name: name.clone(),
             triangles: scene.animation.triangle_count() as u64,
-            size: self.args.measure.size.size,
+            size: measure.size.size,
             frames: frames.len() as u64,
         });
-        let run = bench::Run {
-            rays: RaysName::Camera,
-            size: self.args.measure.size.size,
-            warm_up: self.args.measure.warm_up,
-        };
         let mut points = Vec::new();
         self.progress.lengthen(2 * ways.len() as u64 + 1);
         for &way in ways {
-            let row = bench::measure(run, (spec, &scene), &frames, &way.ask);
+            let of = (spec, &scene);
+            let row = bench::measure(RaysName::Camera, measure, of, &frames, &way.ask);
             self.progress.step(&format!("{name} timed {way}"));
             match row {
                 Ok(row) => {
                     self.add_adapter(&row);
-                    points.push((
-                        way,
-                        timed(&name, &row, plan::command(self.args, spec, &row)),
-                    ));
+                    let command = plan::command(self.args, spec, &row);
+                    points.push((way, timed(&name, &row, command)));
                 }
                 Err(stop) if way.named => return Err(stop),
                 Err(stop) => self.progress.say(&format!("{way} is skipped: {stop}")),

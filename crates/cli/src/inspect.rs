@@ -65,10 +65,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         frames: &frames,
         query: view.query(camera),
     });
-    let method = MethodArgs {
-        intersector: IntersectorName::Auto,
-        layout: LayoutName::Auto,
-    };
+    let method = MethodArgs::of(IntersectorName::Auto, LayoutName::Auto);
     let ask = Ask {
         tolerance: args.tolerance.ppm(),
         run,

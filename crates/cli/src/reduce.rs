@@ -64,11 +64,9 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
     // Played once more, and measured against all of the original.
     let fit = keys::measure(&all, &kept);
     if fit.max_error > tolerance {
-        return Err(Stop::failed(format!(
-            "{} found for {tolerance}: off by {}; please report this",
-            counted(kept.len(), KEY_FRAMES),
-            fit.max_error
-        )));
+        let (kept, off) = (counted(kept.len(), KEY_FRAMES), fit.max_error);
+        let why = format!("{kept} found for {tolerance}: off by {off}; please report this");
+        return Err(Stop::failed(why));
     }
     let [before, after] = [animation.key_count(), kept.len()];
     let bytes = |keys: usize| keys * animation.vertex_count() * size_of::<Point>();

@@ -33,8 +33,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     passed("look at files");
     let scene = scene::open(&args.scene, &memory::with_run(args.source.options(), rays))?;
     passed("read the scene");
-    let (keys, is_demo) = (scene.animation.whole_times(), frames::is_demo(&args.scene));
-    let all = frames::list(args.frames.as_ref(), args.time_range, keys, is_demo)?;
+    let keys = scene.animation.whole_times();
+    let all = resume::listed(args, keys)?;
     let frames = frames::of_shard(&all, args.shard);
     if frames.is_empty() {
         return no_frames(args, &scene, (earlier, &outputs), &all);

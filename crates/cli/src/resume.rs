@@ -89,12 +89,7 @@ impl Earlier {
         if args.makes_video() || beside.any(|file| !file.exists()) {
             return Ok(None);
         }
-        let all = frames::list(
-            args.frames.as_ref(),
-            args.time_range,
-            found.key_times,
-            frames::is_demo(&args.scene),
-        )?;
+        let all = listed(args, found.key_times)?;
         let (rows, rest) = self.divide(frames::of_shard(&all, args.shard), outputs);
         Ok(rest.is_empty().then_some(rows))
     }
@@ -124,6 +119,12 @@ impl Earlier {
         };
         self.folders.into_iter().map(begin).collect()
     }
+}
+
+/// All frames of a run over a motion with so many whole times.
+pub(crate) fn listed(args: &RenderArgs, key_times: usize) -> Result<Vec<Frame>, Stop> {
+    let is_demo = frames::is_demo(&args.scene);
+    frames::list(args.frames.as_ref(), args.time_range, key_times, is_demo)
 }
 
 /// The numbers of frames.

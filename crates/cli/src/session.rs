@@ -114,10 +114,7 @@ fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
     Ok(Ask {
         run: None,
         rays: ask.rays(),
-        method: MethodArgs {
-            intersector: IntersectorName::Watertight,
-            layout: LayoutName::Auto,
-        },
+        method: MethodArgs::of(IntersectorName::Watertight, LayoutName::Auto),
         ..*ask
     })
 }

@@ -256,10 +256,7 @@ mod tests {
     #[test]
     fn what_never_may_be_is_a_failure_with_the_command_that_shows_it() {
         let sound = report(0, 0, Intersector::Exact);
-        assert_eq!(
-            (sound.failures(), sound.text(&Intersector::ALL)),
-            (0, String::new())
-        );
+        assert!(sound.failures() == 0 && sound.text(&Intersector::ALL).is_empty());
         let bad = report(1, 2, Intersector::Exact);
         assert_eq!(bad.failures(), 1);
         let text = bad.text(&Intersector::ALL) + &bad.tables("x", &Intersector::ALL);

@@ -60,13 +60,9 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     let closest = hits.closest.iter().filter(|h| h.is_hit()).count();
     let any = hits.blocked.iter().filter(|&&b| b != 0).count();
     let caption = &session.caption;
-    let (rays, met) = (rays.len(), closest + any);
-    talk::print(&format!(
-        "{}, {} at time {}\n{caption}\n",
-        counted(rays, ["ray", "rays"]),
-        counted(met, ["hit", "hits"]),
-        args.time
-    ))
+    let (time, rays) = (args.time, counted(rays.len(), ["ray", "rays"]));
+    let met = counted(closest + any, ["hit", "hits"]);
+    talk::print(&format!("{rays}, {met} at time {time}\n{caption}\n"))
 }
 
 /// The moment of the tree, if it is another, and the moment to trace.

@@ -223,10 +223,8 @@ impl<'a> Writer<'a> {
         if let Some(notes) = &mut done.notes {
             notes.wrote(frame.frame.index, [begun, Instant::now()]);
         }
-        done.progress.step(&format!(
-            "time {:.3}, {:.1} ms",
-            frame.frame.time, frame.wall_ms
-        ));
+        let (time, ms) = (frame.frame.time, frame.wall_ms);
+        done.progress.step(&format!("time {time:.3}, {ms:.1} ms"));
         done.rows.push((place, row));
         Ok(())
     }

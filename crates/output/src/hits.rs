@@ -34,12 +34,12 @@ pub fn write_hits(
     shadow: Option<&[u8]>,
 ) -> Result<(), WriteError> {
     let hits = hits.iter();
-    write_archive(path, shape, 17, |arrays| {
-        arrays.add("triangle", hits.clone().map(|h| h.triangle))?;
-        arrays.add("t", hits.clone().map(|h| h.t))?;
-        arrays.add("u", hits.clone().map(|h| h.u))?;
-        arrays.add("v", hits.clone().map(|h| h.v))?;
-        shadow.map_or(Ok(()), |s| arrays.add("shadow", s.iter().copied()))
+    write_archive(path, 17 * hits.len(), |zip| {
+        add(zip, shape, "triangle", hits.clone().map(|h| h.triangle))?;
+        add(zip, shape, "t", hits.clone().map(|h| h.t))?;
+        add(zip, shape, "u", hits.clone().map(|h| h.u))?;
+        add(zip, shape, "v", hits.clone().map(|h| h.v))?;
+        shadow.map_or(Ok(()), |s| add(zip, shape, "shadow", s.iter().copied()))
     })
 }
 
@@ -48,64 +48,48 @@ pub fn write_hits(
 /// # Errors
 /// [`WriteError`]; `path` then holds what it held before.
 pub fn write_found(path: &Path, found: &[u8]) -> Result<(), WriteError> {
-    write_archive(path, &[found.len() as u64], 1, |arrays| {
-        arrays.add("hit", found.iter().copied())
+    write_archive(path, found.len(), |zip| {
+        add(zip, &[found.len() as u64], "hit", found.iter().copied())
     })
 }
 
-/// An archive being filled with arrays of one shape.
-struct Arrays<'a> {
-    zip: ZipWriter<Cursor<Vec<u8>>>,
-    shape: &'a [u64],
-}
+type Archive = ZipWriter<Cursor<Vec<u8>>>;
 
-/// Makes the archive in memory: over a sink that fails, the archive writer
+/// Makes an archive of about so many bytes in memory: over a sink that fails, the archive writer
 /// complains to standard error when it is dropped, past any caller.
 fn write_archive(
     path: &Path,
-    shape: &[u64],
-    bytes_each: usize,
-    fill: impl FnOnce(&mut Arrays<'_>) -> io::Result<()>,
+    bytes: usize,
+    fill: impl FnOnce(&mut Archive) -> io::Result<()>,
 ) -> Result<(), WriteError> {
-    let make = || {
-        let elements = shape.iter().product::<u64>() as usize;
-        let room = Vec::with_capacity(bytes_each * elements + ROOM_FOR_HEADS);
-        let zip = ZipWriter::new(Cursor::new(room));
-        let mut arrays = Arrays { zip, shape };
-        fill(&mut arrays)?;
-        Ok(arrays.zip.finish()?.into_inner())
-    };
-    let archive = make().map_err(|e| WriteError::new(path, e))?;
-    write_whole(path, &archive)
+    let room = Vec::with_capacity(bytes + ROOM_FOR_HEADS);
+    let mut zip = ZipWriter::new(Cursor::new(room));
+    let filled = fill(&mut zip).and_then(|()| Ok(zip.finish()?.into_inner()));
+    write_whole(path, &filled.map_err(|e| WriteError::new(path, e))?)
 }
 
-impl Arrays<'_> {
-    fn add<T: AutoSerialize>(
-        &mut self,
-        name: &str,
-        values: impl ExactSizeIterator<Item = T>,
-    ) -> io::Result<()> {
-        let count = values.len() as u64;
-        let wanted: u64 = self.shape.iter().product();
-        assert_eq!(count, wanted, "the shape of {name}");
-        let bytes = count * size_of::<T>() as u64;
-        let options = FileOptions::default()
-            .compression_method(CompressionMethod::Stored)
-            .last_modified_time(DateTime::default())
-            .large_file(bytes >= u64::from(u32::MAX) - (1 << 16));
-        self.zip
-            .start_file(npyz::npz::file_name_from_array_name(name), options)?;
-        // Numbers are written one by one, and the archive sums each write up by itself.
-        let mut out = BufWriter::with_capacity(1 << 16, &mut self.zip);
-        let mut npy = WriteOptions::new()
-            .default_dtype()
-            .shape(self.shape)
-            .writer(&mut out)
-            .begin_nd()?;
-        npy.extend(values)?;
-        npy.finish()?;
-        out.flush()
-    }
+/// Adds an array to an archive.
+fn add<T: AutoSerialize>(
+    zip: &mut Archive,
+    shape: &[u64],
+    name: &str,
+    values: impl ExactSizeIterator<Item = T>,
+) -> io::Result<()> {
+    let count = values.len() as u64;
+    assert_eq!(count, shape.iter().product::<u64>(), "the shape of {name}");
+    let bytes = count * size_of::<T>() as u64;
+    let options = FileOptions::default()
+        .compression_method(CompressionMethod::Stored)
+        .last_modified_time(DateTime::default())
+        .large_file(bytes >= u64::from(u32::MAX) - (1 << 16));
+    zip.start_file(npyz::npz::file_name_from_array_name(name), options)?;
+    // Numbers are written one by one, and the archive sums each write up by itself.
+    let mut out = BufWriter::with_capacity(1 << 16, zip);
+    let npy = WriteOptions::new().default_dtype().shape(shape);
+    let mut npy = npy.writer(&mut out).begin_nd()?;
+    npy.extend(values)?;
+    npy.finish()?;
+    out.flush()
 }
 
 #[cfg(test)]

@@ -141,10 +141,8 @@ fn to_rays(values: &[f32], columns: usize, order: Order) -> Vec<Ray> {
         Order::Fortran => values[column * rays + ray],
     };
     let ray = |i| {
-        let mut ray = Ray::new(
-            std::array::from_fn(|c| at(i, c)),
-            std::array::from_fn(|c| at(i, c + 3)),
-        );
+        let from = |first| std::array::from_fn(|c| at(i, first + c));
+        let mut ray = Ray::new(from(0), from(3));
         if columns == 8 {
             (ray.t_min, ray.t_max) = (at(i, 6), at(i, 7));
         }

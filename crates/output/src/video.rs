@@ -257,10 +257,8 @@ impl Encoder {
         let _ = read.and_then(|()| self.complaints.read_to_end(&mut said));
         let said = String::from_utf8_lossy(&said);
         let last = said.lines().rfind(|line| !line.trim().is_empty());
-        OutputError(format!(
-            "--video: ffmpeg ended early: {}",
-            last.unwrap_or(why)
-        ))
+        let why = last.unwrap_or(why);
+        OutputError(format!("--video: ffmpeg ended early: {why}"))
     }
 }
 

@@ -93,6 +93,7 @@ fn what_cannot_be_is_refused_by_name() {
         ("render --size 0x5", "--size"),
         ("bench --warm-up 99", "60 seconds"),
         ("render --frames 0", "--frames"),
+        ("chart --rays 0", "--rays"),
         ("render --eye 1,2,nan", "nan"),
         ("render --intersector perfect", "watertight"),
         ("render --threads 0", "--threads"),

@@ -129,10 +129,8 @@ fn over(run: &Row, rival: &Row) -> [Option<f64>; 2] {
         let ms = r.later_frames().iter().filter_map(frame_ms);
         output::Summary::of(ms).map(|s| s.median)
     };
-    [
-        over(device(run), device(rival)),
-        over(wall(run), wall(rival)),
-    ]
+    let [of, against] = [run, rival].map(|r| [device(r), wall(r)]);
+    [over(of[0], against[0]), over(of[1], against[1])]
 }
 
 /// Every run over every other of its scene: device times with what a frame waited for its tree, and host times.
@@ -166,12 +164,10 @@ pub(super) fn check(rows: &[Row], against: Option<&str>) -> Result<(), Stop> {
     if rows.is_empty() || baseline(rows, against).is_some() {
         return Ok(());
     }
-    let names: Vec<_> = rows.iter().map(name).collect();
-    Err(Stop::bad(format!(
-        "--against '{}' is none of {}",
-        against.unwrap_or_default(),
-        names.join(", ")
-    )))
+    let names = rows.iter().map(name).collect::<Vec<_>>().join(", ");
+    let against = against.unwrap_or_default();
+    let why = format!("--against '{against}' is none of {names}");
+    Err(Stop::bad(why))
 }
 
 /// Every run over the baseline, and over every other where they are few.

@@ -1,7 +1,7 @@
 //! One run of a bench: its rays (a camera's with shadows, or such as have nothing in common), and how it is measured.
 
 use super::FOV;
-use crate::args::RaysName;
+use crate::args::{MeasureArgs, RaysName};
 use crate::choose::{self, Ask};
 use crate::memory::device_memory;
 use crate::session::{self, Setup};
@@ -76,26 +76,18 @@ pub(crate) fn frame_ms(frame: &FrameStats) -> Option<f64> {
     Some(frame.device_ms? + frame.build_wait_ms.unwrap_or(0.0))
 }
 
-/// What a run is like, beside what is asked of a session.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Run {
-    pub(crate) rays: RaysName,
-    pub(crate) size: [u32; 2],
-    /// Seconds for which the device is got ready, if somebody said so.
-    pub(crate) warm_up: Option<f64>,
-}
-
 pub(crate) fn measure(
-    run: Run,
+    rays: RaysName,
+    args: &MeasureArgs,
     (spec, scene): (&str, &Scene),
     frames: &[Frame],
     ask: &Ask<'_>,
 ) -> Result<Row, Stop> {
-    let view = output::frame_scene(&scene.animation, FOV, run.size);
-    let camera = view.camera(run.size);
+    let view = output::frame_scene(&scene.animation, FOV, args.size.size);
+    let camera = view.camera(args.size.size);
     let camera = camera.ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
     let list;
-    let query = match run.rays {
+    let query = match rays {
         RaysName::Camera => view.query(&camera),
         RaysName::Random => {
             list = random(&scene.animation.bounds(), camera.pixels());
@@ -118,7 +110,7 @@ pub(crate) fn measure(
         Ok::<(), Stop>(())
     };
     let driver = &mut session.driver;
-    let (warm_up, rest) = warm_up(run.warm_up, driver, frames, query, &mut note)?;
+    let (warm_up, rest) = warm_up(args.warm_up, driver, frames, query, &mut note)?;
     let rest = rest.iter().copied();
     driver.run(rest, query, Wanted::default(), |frame, _| note(frame))?;
     let median = |time: Time| Summary::of(stats.iter().filter_map(time)).map(|s| s.median);
@@ -127,7 +119,7 @@ pub(crate) fn measure(
     let triangles = scene.animation.triangle_count();
     let live = scene.animation.live_count().max(1) as f64;
     let per_triangle = |name: &str| medians[name].map(|ms| ms * 1e6 / live);
-    let is_camera = run.rays == RaysName::Camera;
+    let is_camera = rays == RaysName::Camera;
     let rates = stats.iter().filter_map(|f| {
         let ms = f.trace_primary_ms? + f.trace_shadow_ms.unwrap_or(0.0);
         let shadows = if is_camera { f.hits as f64 } else { 0.0 };
@@ -156,13 +148,9 @@ pub(crate) fn measure(
 
 /// Milliseconds of a frame's stages before rays; `None` if it left all of them out.
 fn geometry(frame: &FrameStats) -> Option<f64> {
-    let stages = [
-        frame.interpolate_ms,
-        frame.preprocess_ms,
-        frame.rebuild_ms,
-        frame.refit_ms,
-    ];
-    stages.into_iter().flatten().reduce(|a, b| a + b)
+    let moved = [frame.interpolate_ms, frame.preprocess_ms];
+    let stages = moved.into_iter().chain([frame.rebuild_ms, frame.refit_ms]);
+    stages.flatten().reduce(|a, b| a + b)
 }
 
 /// Rays from anywhere in a box in any direction, the same on every machine.
@@ -208,10 +196,8 @@ mod tests {
             max: [3.0, 11.0, 0.0],
         };
         let rays = random(&bounds, 20_000);
-        assert!(
-            rays.iter()
-                .all(|r| bounds.contains(&Aabb::EMPTY.with_point(r.origin)) && r.is_valid())
-        );
+        let within = |r: &Ray| bounds.contains(&Aabb::EMPTY.with_point(r.origin));
+        assert!(rays.iter().all(|r| r.is_valid() && within(r)));
         let mean = |of: &dyn Fn(&Ray) -> f32| {
             rays.iter().map(|r| f64::from(of(r))).sum::<f64>() / rays.len() as f64
         };

@@ -59,10 +59,7 @@ impl GroundTruth {
         let light = view.light;
         let mut truth = Self { light, sheets };
         // Shadows are compared with those of `exact` on the host, over fresh trees.
-        let method = MethodArgs {
-            intersector: IntersectorName::Exact,
-            layout: LayoutName::Bvh2,
-        };
+        let method = MethodArgs::of(IntersectorName::Exact, LayoutName::Bvh2);
         let ask = Ask::of(BackendName::Cpu, method, UpdateName::Rebuild);
         let mut shadows = Vec::new();
         truth.trace(animation, &ask, |_, hits| shadows.push(hits.blocked))?;

@@ -34,10 +34,7 @@ impl ChartPlan {
             let layouts = [LayoutName::Bvh2, LayoutName::Fast];
             let by = args.measure.intersector.iter();
             for (&intersector, layout) in by.flat_map(|by| layouts.map(|layout| (by, layout))) {
-                let method = MethodArgs {
-                    intersector,
-                    layout,
-                };
+                let method = MethodArgs::of(intersector, layout);
                 ways.extend(args.measure.update.iter().map(|&update| Way {
                     ask: Ask::of(backend, method, update),
                     named,

@@ -49,10 +49,7 @@ fn a_drivers_own_intersector_stands_for_the_usual_one_alone() {
         (I::Woop, L::Auto, Some("intersector 'woop'")),
         (I::Auto, L::Bvh2, Some("layout 'bvh2'")),
     ] {
-        let method = MethodArgs {
-            intersector,
-            layout,
-        };
+        let method = MethodArgs::of(intersector, layout);
         assert_eq!(beyond_drivers(method).as_deref(), beyond);
     }
 }
@@ -84,10 +81,7 @@ fn settled(
         time: index as f64 / 8.0,
     };
     let frames: Vec<Frame> = (0..count).map(frame).collect();
-    let method = MethodArgs {
-        intersector,
-        ..AUTO
-    };
+    let method = MethodArgs::of(intersector, LayoutName::Auto);
     let ask = Ask {
         threads: Some(2),
         tolerance,

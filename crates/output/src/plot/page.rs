@@ -68,10 +68,8 @@ pub fn svg(chart: &Chart) -> Result<String> {
 /// Lines under the title: what did the work.
 fn words(machine: &Machine) -> Vec<String> {
     let cpu = machine.cpu.as_deref().unwrap_or("unknown cpu");
-    let mut lines = vec![format!(
-        "{cpu} · abvh {} · {}",
-        machine.version, machine.date
-    )];
+    let (version, date) = (&machine.version, &machine.date);
+    let mut lines = vec![format!("{cpu} · abvh {version} · {date}")];
     lines.extend(machine.adapters.iter().map(|a| {
         let driver = if a.driver.is_empty() { "" } else { ", " };
         format!("{}: {}{driver}{}", a.backend, a.adapter, a.driver)
