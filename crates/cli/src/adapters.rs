@@ -66,12 +66,9 @@ pub(crate) fn find_one<'a>(
     list: &'a [Adapter],
     asked: &str,
 ) -> Result<&'a Adapter, Stop> {
-    find(backend, list, asked)?.ok_or_else(|| {
-        let there = numbered(list);
-        Stop::bad(format!(
-            "backend {backend} has no adapter '{asked}'; there is {there}"
-        ))
-    })
+    let none = format!("backend {backend} has no adapter '{asked}'");
+    let there = || Stop::bad(format!("{none}; there is {}", numbered(list)));
+    find(backend, list, asked)?.ok_or_else(there)
 }
 
 pub(crate) fn numbered<'a>(list: impl IntoIterator<Item = &'a Adapter>) -> String {

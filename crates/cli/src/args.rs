@@ -214,12 +214,8 @@ pub(crate) struct DeviceArgs {
 #[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MethodArgs {
     /// How a ray is tested against a triangle [with --tolerance: auto]
-    #[arg(
-        long,
-        value_name = "NAME",
-        default_value = "watertight",
-        default_value_if("tolerance", ArgPredicate::IsPresent, "auto")
-    )]
+    #[arg(long, value_name = "NAME", default_value = "watertight")]
+    #[arg(default_value_if("tolerance", ArgPredicate::IsPresent, "auto"))]
     pub(crate) intersector: IntersectorName,
     /// How the tree lies in memory
     #[arg(long, value_name = "NAME", default_value = "auto")]
@@ -388,15 +384,12 @@ pub(crate) fn word(value: &impl ValueEnum) -> String {
 }
 
 mod bench;
-pub(crate) use bench::{BenchArgs, ChartArgs, MeasureArgs, RaysName};
-
 mod conform;
-pub(crate) use conform::{ConformArgs, StabilityArgs, TestArgs};
-
 mod idle;
-
 mod render;
-pub(crate) use render::RenderArgs;
-
 #[cfg(test)]
 mod tests;
+
+pub(crate) use bench::{BenchArgs, ChartArgs, MeasureArgs, RaysName};
+pub(crate) use conform::{ConformArgs, StabilityArgs, TestArgs};
+pub(crate) use render::RenderArgs;

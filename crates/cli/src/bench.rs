@@ -47,9 +47,9 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     }
     let [width, height] = size;
     let cpu = cpu.as_deref().unwrap_or("unknown cpu");
+    let text = results::text(&rows, args.against.as_deref());
     talk::print(&format!(
-        "medians in ms at {width}x{height} on {cpu}\n{}",
-        results::text(&rows, args.against.as_deref())
+        "medians in ms at {width}x{height} on {cpu}\n{text}"
     ))
 }
 
@@ -115,20 +115,18 @@ fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
 fn nonsense(backend: BackendName, update: UpdateName, method: MethodArgs) -> Option<String> {
     let (name, policy) = (word(&backend), word(&update));
     if update == UpdateName::DeviceRebuild && !open::makes_trees(backend) {
-        return Some(format!(
-            "{name} with device-rebuild is left out: it makes no trees"
-        ));
+        let why = "is left out: it makes no trees";
+        return Some(format!("{name} with device-rebuild {why}"));
     }
     if !open::has_own_trees(backend) {
         return None;
     }
     if let UpdateName::Async | UpdateName::TSah = update {
-        return Some(format!(
-            "{name} with {policy} is left out: it makes its trees itself, within each frame"
-        ));
+        let why = "is left out: it makes its trees itself, within each frame";
+        return Some(format!("{name} with {policy} {why}"));
     }
-    choose::beyond_drivers(method)
-        .map(|what| format!("{name} with {what} is left out: it has its own"))
+    let beyond = choose::beyond_drivers(method);
+    beyond.map(|what| format!("{name} with {what} is left out: it has its own"))
 }
 
 /// Each update policy, with and without prediction where that makes a difference.

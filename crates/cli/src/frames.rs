@@ -103,9 +103,8 @@ pub(crate) fn shard(text: &str) -> Result<Shard, String> {
     if text == "auto" {
         return slurm_shard(&|name| std::env::var(name).ok());
     }
-    let (number, of) = text
-        .split_once('/')
-        .ok_or("a shard is I/N, such as 2/8, or auto")?;
+    let says = "a shard is I/N, such as 2/8, or auto";
+    let (number, of) = text.split_once('/').ok_or(says)?;
     let (number, of) = (whole(number)?, whole(of)?);
     match (1..=of).contains(&number) {
         true => Ok(Shard { number, of }),
@@ -142,20 +141,15 @@ pub(crate) fn list(
     is_demo: bool,
 ) -> Result<Vec<Frame>, Stop> {
     if let Some(Frames::Keys(list)) = frames {
-        return match range {
-            None => at_keys(list, keys),
-            Some(_) => Err(Stop::bad(
-                "--frames names key times already: leave --time-range out",
-            )),
-        };
+        let why = "--frames names key times already: leave --time-range out";
+        return range.map_or_else(|| at_keys(list, keys), |_| Err(Stop::bad(why)));
     }
     let end = (keys - 1) as f64;
     let range = range.unwrap_or(TimeRange { from: 0.0, to: end });
-    if range.from < 0.0 || range.to > end {
-        return Err(Stop::bad(format!(
-            "--time-range {}..{} leaves the motion, which lasts from 0 to {end} key frames",
-            range.from, range.to
-        )));
+    let TimeRange { from, to } = range;
+    if from < 0.0 || to > end {
+        let why = format!("leaves the motion, which lasts from 0 to {end} key frames");
+        return Err(Stop::bad(format!("--time-range {from}..{to} {why}")));
     }
     let count = match frames {
         Some(Frames::Count(n)) => *n,

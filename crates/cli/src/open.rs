@@ -96,20 +96,13 @@ pub(crate) fn open<T>(
     if let Some(known) = KNOWN.iter().find(|k| k.name == backend) {
         return Ok((ready(known.open_named(adapter, threads)?)?, None));
     }
-    let ours = KNOWN.iter().filter(|k| !has_own_trees(k.name));
-    let ours: Vec<_> = ours.collect();
+    let ours: Vec<_> = (KNOWN.iter().filter(|k| !has_own_trees(k.name))).collect();
     let traces = |adapter: &Adapter| {
         let able = gpu_vulkan_rt::ray_adapters();
         able.is_ok_and(|able| answers_rays(&able, adapter))
     };
     let (value, why) = auto::take(&ours, (adapter, threads), &traces, ready)?;
     Ok((value, Some(why)))
-}
-
-/// What a backend is called on the command line.
-pub(crate) fn name(backend: BackendName) -> &'static str {
-    let known = KNOWN.iter().find(|k| k.name == backend);
-    known.map_or("auto", |k| k.text)
 }
 
 /// Likewise, as it is.

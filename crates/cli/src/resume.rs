@@ -30,10 +30,8 @@ impl Earlier {
             };
             if let Some(found) = found {
                 if let Some(difference) = found.difference(&manifest(args, found.key_times)?) {
-                    let folder = folder.display();
-                    return Err(Stop::bad(format!(
-                        "{folder} holds another run: {difference}; --overwrite replaces it"
-                    )));
+                    let other = format!("{} holds another run: {difference}", folder.display());
+                    return Err(Stop::bad(format!("{other}; --overwrite replaces it")));
                 }
                 earlier = Some(found);
             }

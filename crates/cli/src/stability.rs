@@ -48,9 +48,9 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
 fn record_rates(args: &StabilityArgs, subjects: &mut [Subject], file: &Path) -> Result<(), Stop> {
     let [subject] = subjects else {
         let names: Vec<_> = subjects.iter().map(|s| s.name).collect();
+        let there = format!("there are {}; name one with --backend", names.join(", "));
         return Err(Stop::bad(format!(
-            "--record measures one backend, but there are {}; name one with --backend",
-            names.join(", ")
+            "--record measures one backend, but {there}"
         )));
     };
     let mut progress = Progress::new(Family::ALL.len() as u64, args.test.quiet);
@@ -175,9 +175,8 @@ impl Report {
     ) -> String {
         let row = |family: Family| {
             let of = |by: &Intersector| {
-                let is_this = |r: &&Row| {
-                    (r.backend, r.cell.family, r.cell.intersector) == (backend, family, *by)
-                };
+                let this = (backend, family, *by);
+                let is_this = |r: &&Row| (r.backend, r.cell.family, r.cell.intersector) == this;
                 self.rows.iter().find(is_this).map_or("-".to_owned(), cell)
             };
             let cells: Vec<String> = asked.iter().map(of).collect();

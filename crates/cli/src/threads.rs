@@ -101,16 +101,6 @@ mod tests {
     use pipeline::Pace;
 
     #[test]
-    fn threads_wait_for_work_and_end_without_it() {
-        let crew = crew(3, |work| std::thread::Builder::new().spawn(work).map(drop));
-        assert_eq!(crew.len(), 3);
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(2);
-        let pool = pool.spawn_handler(|worker| hand(&crew, worker)).build();
-        let pool = pool.unwrap();
-        assert_eq!(pool.install(rayon::current_num_threads), 2);
-    }
-
-    #[test]
     fn where_the_system_starts_too_few_threads_there_are_fewer() {
         let left = std::cell::Cell::new(5);
         let five = |work: Box<dyn FnOnce() + Send>| {

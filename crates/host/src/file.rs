@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 pub fn open(path: &Path) -> io::Result<File> {
     // Opening some devices does something, so they are refused before.
     regular(&fs::metadata(path)?)?;
-    let file = without_waiting().read(true).open(path)?;
+    let file = without_waiting().open(path)?;
     // What has the name may have changed since.
     regular(&file.metadata()?)?;
     Ok(file)
@@ -30,17 +30,15 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-#[cfg(unix)]
 fn without_waiting() -> OpenOptions {
-    use std::os::unix::fs::OpenOptionsExt;
     let mut options = OpenOptions::new();
-    options.custom_flags(rustix::fs::OFlags::NONBLOCK.bits().cast_signed());
+    options.read(true);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::OpenOptionsExt;
+        options.custom_flags(rustix::fs::OFlags::NONBLOCK.bits().cast_signed());
+    }
     options
-}
-
-#[cfg(not(unix))]
-fn without_waiting() -> OpenOptions {
-    OpenOptions::new()
 }
 
 fn regular(about: &Metadata) -> io::Result<()> {
@@ -52,24 +50,27 @@ fn regular(about: &Metadata) -> io::Result<()> {
     Err(io::Error::new(ErrorKind::InvalidInput, message))
 }
 
-#[cfg(unix)]
 fn kind(of: FileType) -> &'static str {
+    #[cfg(unix)]
     use std::os::unix::fs::FileTypeExt;
     match of {
         t if t.is_dir() => "a directory",
+        #[cfg(unix)]
         t if t.is_fifo() => "a pipe",
+        #[cfg(unix)]
         t if t.is_socket() => "a socket",
+        #[cfg(unix)]
         t if t.is_char_device() || t.is_block_device() => "a device",
         _ => "what has this name",
     }
 }
 
-#[cfg(not(unix))]
-fn kind(of: FileType) -> &'static str {
-    if of.is_dir() {
-        "a directory"
-    } else {
-        "what has this name"
+/// The folder that a file is in.
+#[must_use]
+pub fn parent(file: &Path) -> &Path {
+    match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
     }
 }
 
@@ -84,12 +85,8 @@ impl Folder {
     /// The folder that `file` is in. With `allow_outside` it may name files anywhere.
     #[must_use]
     pub fn of(file: &Path, allow_outside: bool) -> Self {
-        let folder = match file.parent() {
-            Some(parent) if parent != Path::new("") => parent,
-            _ => Path::new("."),
-        };
         Self {
-            folder: folder.to_owned(),
+            folder: parent(file).to_owned(),
             allow_outside,
         }
     }

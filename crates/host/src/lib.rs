@@ -2,7 +2,7 @@
 
 mod file;
 
-pub use file::{Folder, open, read};
+pub use file::{Folder, open, parent, read};
 use std::collections::TryReserveError;
 use std::fmt;
 
@@ -59,28 +59,20 @@ pub fn room<T>(count: usize) -> Result<Vec<T>, TryReserveError> {
     Ok(list)
 }
 
-/// The least of what the machine, its control groups and the limits of this process leave.
-#[cfg(target_os = "linux")]
+/// The least of what the machine, its control groups and the limits of this process leave; on Linux, nowhere else.
 #[must_use]
 pub fn free() -> Option<Free> {
-    linux::all().into_iter().min_by_key(|f| f.bytes)
-}
-
-/// Where the system is not asked.
-#[cfg(not(target_os = "linux"))]
-#[must_use]
-pub fn free() -> Option<Free> {
-    None
+    #[cfg(target_os = "linux")]
+    return linux::all().into_iter().min_by_key(|f| f.bytes);
+    #[cfg(not(target_os = "linux"))]
+    return None;
 }
 
 /// Bytes of this process that are resident, where the system tells.
 #[must_use]
 pub fn resident() -> Option<u64> {
     #[cfg(target_os = "linux")]
-    return linux::kilobytes(
-        &std::fs::read_to_string("/proc/self/status").ok()?,
-        "VmRSS:",
-    );
+    return linux::kilobytes(&linux::status(), "VmRSS:");
     #[cfg(not(target_os = "linux"))]
     return None;
 }
@@ -112,7 +104,7 @@ mod linux {
         let mut add = |bytes: Option<u64>, by| all.extend(bytes.map(|bytes| Free { bytes, by }));
         let machine = read_to_string("/proc/meminfo").unwrap_or_default();
         add(kilobytes(&machine, "MemAvailable:"), "free on this machine");
-        let own = read_to_string("/proc/self/status").unwrap_or_default();
+        let own = status();
         let left = |resource, used| {
             let limit = getrlimit(resource).current?;
             Some(limit.saturating_sub(kilobytes(&own, used)?))
@@ -120,11 +112,14 @@ mod linux {
         add(left(Resource::As, "VmSize:"), "address space, ulimit -v");
         add(left(Resource::Data, "VmData:"), "data, ulimit -d");
         let groups = read_to_string("/proc/self/cgroup").unwrap_or_default();
-        add(
-            in_groups(&groups, Path::new("/sys/fs/cgroup")),
-            "control group",
-        );
+        let in_groups = in_groups(&groups, Path::new("/sys/fs/cgroup"));
+        add(in_groups, "control group");
         all
+    }
+
+    /// What the system says of this process.
+    pub(super) fn status() -> String {
+        read_to_string("/proc/self/status").unwrap_or_default()
     }
 
     /// A line `NAME  N kB`.
@@ -134,22 +129,23 @@ mod linux {
         Some(number * 1024)
     }
 
+    /// Files of a group's limit and use, and what of its statistics are files that are only cached.
+    const VERSION_1: [&str; 3] = [
+        "memory.limit_in_bytes",
+        "memory.usage_in_bytes",
+        "total_inactive_file",
+    ];
+    const VERSION_2: [&str; 3] = ["memory.max", "memory.current", "inactive_file"];
+
     /// What control groups leave, of version 1 and 2: the least of each and of all above it.
     pub(super) fn in_groups(groups: &str, root: &Path) -> Option<u64> {
         let one = |line: &str| {
             let mut parts = line.splitn(3, ':').skip(1);
             let (kinds, path) = (parts.next()?, parts.next()?);
             let (root, names) = match kinds {
-                "" => (
-                    root.to_owned(),
-                    ["memory.max", "memory.current", "inactive_file"],
-                ),
+                "" => (root.to_owned(), VERSION_2),
                 kinds if kinds.split(',').any(|k| k == "memory") => {
-                    let names = ["memory.limit_in_bytes", "memory.usage_in_bytes"];
-                    (
-                        root.join("memory"),
-                        [names[0], names[1], "total_inactive_file"],
-                    )
+                    (root.join("memory"), VERSION_1)
                 }
                 _ => return None,
             };

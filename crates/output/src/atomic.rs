@@ -83,7 +83,8 @@ impl UnfinishedFile {
     /// # Errors
     /// [`WriteError`]: no such directory, no permission.
     pub fn beside(path: &Path) -> Result<Self, WriteError> {
-        let (known, file) = temporary_in(parent(path)).map_err(|e| WriteError::new(path, e))?;
+        let (known, file) =
+            temporary_in(host::parent(path)).map_err(|e| WriteError::new(path, e))?;
         let path = path.to_owned();
         Ok(Self { path, known, file })
     }
@@ -156,8 +157,8 @@ pub fn check_writable(path: &Path) -> Result<(), WriteError> {
     let check = || match plain_target(path)? {
         Some(file) => {
             // A folder that may be written to need not be readable.
-            let _ = remove_abandoned(parent(&file));
-            temporary_in(parent(&file)).map(drop)
+            let _ = remove_abandoned(host::parent(&file));
+            temporary_in(host::parent(&file)).map(drop)
         }
         None => fs::OpenOptions::new().write(true).open(path).map(drop),
     };
@@ -206,7 +207,7 @@ fn plain_target(path: &Path) -> io::Result<Option<PathBuf>> {
 
 fn rename_over(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     // Dropping the temporary file on the way out of an error removes it.
-    let (_known, mut file) = temporary_in(parent(path))?;
+    let (_known, mut file) = temporary_in(host::parent(path))?;
     let mut out = BufWriter::with_capacity(BUFFER, file.as_file_mut());
     fill(&mut out)?;
     out.flush()?;
@@ -272,13 +273,6 @@ fn unlocked_in(dir: &Path) -> io::Result<NamedTempFile> {
     builder.tempfile_in(dir).map_err(without_path)
 }
 
-fn parent(path: &Path) -> &Path {
-    match path.parent() {
-        Some(dir) if !dir.as_os_str().is_empty() => dir,
-        _ => Path::new("."),
-    }
-}
-
 /// `tempfile` adds the temporary name to its errors; the final name says more.
 fn without_path(e: io::Error) -> io::Error {
     match e.to_string().split_once(" at path ") {
@@ -334,21 +328,6 @@ mod tests {
             prepare(dir.path()).unwrap();
             assert!(!left.exists() && living.path().exists());
         }
-    }
-
-    #[test]
-    fn files_are_known_as_long_as_they_are_unfinished() {
-        let dir = tempfile::tempdir().unwrap();
-        let known = || unfinished().iter().any(|f| f.starts_with(dir.path()));
-        write_with(&dir.path().join("a"), |out| {
-            assert!(known());
-            out.write_all(b"x")
-        })
-        .unwrap();
-        assert!(!known());
-        let fails = |_: &mut dyn Write| Err(io::ErrorKind::StorageFull.into());
-        write_with(&dir.path().join("b"), fails).unwrap_err();
-        assert!(!known());
     }
 
     #[test]

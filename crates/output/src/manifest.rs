@@ -48,10 +48,8 @@ impl Manifest {
         };
         let read = serde_json::from_slice(&text);
         read.map(Some).map_err(|e| {
-            let file = file.display();
-            OutputError(format!(
-                "{file} is no manifest of a run: {e}; --overwrite starts afresh"
-            ))
+            let no = format!("{} is no manifest of a run: {e}", file.display());
+            OutputError(format!("{no}; --overwrite starts afresh"))
         })
     }
 

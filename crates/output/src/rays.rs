@@ -121,16 +121,17 @@ fn check(header: &NpyHeader) -> Result<(u64, u64), String> {
     if float_bytes != 4 {
         let (found, convert) = (dtype.descr(), "; convert with rays.astype('float32')");
         let hint = if float_bytes == 8 { convert } else { "" };
-        return Err(format!(
-            "rays must be float32 ('<f4' or '>f4'), found {found}{hint}"
-        ));
+        let says = "rays must be float32 ('<f4' or '>f4'), found";
+        return Err(format!("{says} {found}{hint}"));
     }
     match *header.shape() {
         [rays, columns @ (6 | 8)] => Ok((rays, columns)),
-        ref other => Err(format!(
-            "rays must have shape (N, 6) or (N, 8), found {}",
-            shape_text(other)
-        )),
+        ref other => {
+            let found = shape_text(other);
+            Err(format!(
+                "rays must have shape (N, 6) or (N, 8), found {found}"
+            ))
+        }
     }
 }
 

@@ -97,10 +97,8 @@ impl RunTimeline {
 
 /// One event a line.
 fn write(out: &mut dyn Write, remarks: &Value, events: &[Value]) -> io::Result<()> {
-    write!(
-        out,
-        "{{\"displayTimeUnit\":\"ms\",\"otherData\":{remarks},\"traceEvents\":["
-    )?;
+    let head = r#"{"displayTimeUnit":"ms","otherData":"#;
+    write!(out, "{head}{remarks},\"traceEvents\":[")?;
     for (i, event) in events.iter().enumerate() {
         let between = if i == 0 { "\n" } else { ",\n" };
         write!(out, "{between}{event}")?;
@@ -152,12 +150,8 @@ impl Chart {
 
     /// Says what a track is called, and its place.
     fn name(&mut self, track: usize, name: &str) {
-        self.event(
-            "M",
-            track,
-            "thread_name",
-            json!({ "args": { "name": name } }),
-        );
+        let name = json!({ "args": { "name": name } });
+        self.event("M", track, "thread_name", name);
         let place = json!({ "args": { "sort_index": track } });
         self.event("M", track, "thread_sort_index", place);
     }

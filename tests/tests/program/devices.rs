@@ -74,26 +74,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     }
     let all = BACKENDS.into_iter().chain([HOST]);
     trials.extend(all.map(|b| b.trial("devices::what_info_lists_can_be_had", as_listed)));
-    let made = |b: Subject| b.trial("devices::trees_made_on_it_change_no_hit", trees_made_there);
-    trials.extend(BACKENDS.map(made));
     trials
-}
-
-/// The same files as with trees of the host's, and a time for each tree.
-fn trees_made_there(sandbox: &Sandbox, backend: &str) {
-    let words = "render demo:collide:2000 --frames 4 --size 40x30 --no-images --quiet";
-    sandbox.does(&format!(
-        "{words} --backend cpu --update rebuild --hits host"
-    ));
-    let there = format!("--backend {backend} --update device-rebuild --hits made --stats s.json");
-    sandbox.does(&format!("{words} {there}"));
-    for frame in 0..4 {
-        let [a, b] = ["host", "made"].map(|d| sandbox.read(&format!("{d}/hits_{frame:04}.npz")));
-        assert!(a == b, "frame {frame} differs");
-    }
-    let stats = sandbox.json("s.json");
-    let made = |f: &&Value| f["adopted"] == true && f["tree_age_frames"] == 0;
-    assert_eq!(list(&stats["frames"]).iter().filter(made).count(), 4);
 }
 
 const RENDER: &str = "render demo:twist:100 --frames 1 --size 8x8 --no-images";

@@ -63,16 +63,12 @@ fn cells(r: &Row) -> Cells<'static> {
     let show = |value: Option<f64>, show: fn(f64) -> String| value.map_or("-".to_owned(), show);
     let time = |name| show(r.median(name), ms);
     let short = |value| show(value, |x| format!("{x:.2}"));
-    let update = format!("{}{}", r.setup.update, unless_predicted(r, ", unpredicted"));
-    let method = format!(
-        "{} {}{}",
-        r.setup.intersector,
-        r.setup.layout,
-        rays(r, ", ")
-    );
+    let how = &r.setup;
+    let update = format!("{}{}", how.update, unless_predicted(r, ", unpredicted"));
+    let method = format!("{} {}{}", how.intersector, how.layout, rays(r, ", "));
     vec![
         ("scene", r.scene.clone()),
-        ("backend", r.setup.backend.to_owned()),
+        ("backend", how.backend.to_owned()),
         ("update", update),
         ("method", method),
         ("moving", grouped(r.moving)),

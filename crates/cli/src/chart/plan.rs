@@ -55,21 +55,19 @@ impl ChartPlan {
 
 /// Backends to be charted, the host first, and whether each was named.
 fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<(BackendName, bool)> {
+    let (auto, named): (Vec<BackendName>, Vec<_>) =
+        (args.measure.backend.iter()).partition(|&&b| b == BackendName::Auto);
+    let mut all: Vec<_> = named.into_iter().map(|name| (name, true, None)).collect();
+    if !auto.is_empty() {
+        all.extend(open::presences().rev().map(|p| (p.name, false, why_not(p))));
+    }
     let mut found = Vec::new();
-    let mut consider = |name: BackendName, named, why_not: Option<String>| {
-        let is_ours = !open::has_own_trees(name);
+    for (name, named, why_not) in all {
         let own = "what its rays hit is the driver's affair, not an intersector's";
-        match why_not.or((!is_ours).then(|| own.to_owned())) {
+        match why_not.or(open::has_own_trees(name).then(|| own.to_owned())) {
             Some(why) => skipped.push(format!("{} is skipped: {why}", word(&name))),
             None => found.push((name, named)),
         }
-    };
-    let (auto, named): (Vec<_>, Vec<_>) =
-        (args.measure.backend.iter()).partition(|&&b| b == BackendName::Auto);
-    named.into_iter().for_each(|&b| consider(b, true, None));
-    if !auto.is_empty() {
-        let present = open::presences().rev();
-        present.for_each(|p| consider(p.name, false, why_not(p)));
     }
     found
 }

@@ -52,9 +52,8 @@ pub(super) fn hold(
     let mut specs = audit.specs();
     specs.retain(|spec| args.oracle_batch.is_none_or(|number| spec.number == number));
     if let (true, Some(number)) = (specs.is_empty(), args.oracle_batch) {
-        return Err(Stop::bad(format!(
-            "of {rays} rays there is no batch {number}"
-        )));
+        let why = format!("of {rays} rays there is no batch {number}");
+        return Err(Stop::bad(why));
     }
     let chunks = chunks(&specs);
     let mut progress = Progress::new(chunks.len() as u64, args.test.quiet);

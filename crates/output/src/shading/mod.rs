@@ -69,10 +69,8 @@ pub fn shade(shot: &Shot<'_>, hits: &[Hit], shadow: &[u8], rgb: &mut Vec<u8>) {
 /// Light that leaves a hit towards the eye; `direction` has length 1.
 fn surface(shot: &Shot<'_>, hit: &Hit, blocked: bool, direction: Vec3) -> Vec3 {
     let corners = shot.moment.corners(hit.triangle);
-    let own = corners
-        .into_iter()
-        .map(exponent_of)
-        .fold(i32::MIN, i32::max);
+    let exponents = corners.map(exponent_of);
+    let own = exponents.into_iter().fold(i32::MIN, i32::max);
     let [a, b, c] = corners.map(|corner| in_units(corner, own));
     let (e1, e2) = (b - a, c - a);
     let mut normal = unit(normalized_exponent(e1).cross(normalized_exponent(e2)));
