@@ -152,14 +152,8 @@ fn layout_on(device: DeviceKind, name: LayoutName) -> Choice<Layout> {
     }
 }
 
-/// What is taken, with a reason for each part that was left open.
-#[derive(Clone, Debug)]
-pub(crate) struct Settled {
-    pub(crate) method: Method,
-    pub(crate) update: Update,
-    /// Why this update policy, this intersector, this layout.
-    pub(crate) why: [Option<String>; 3],
-}
+/// What is taken, and why this update policy, this intersector, this layout, where it was left open.
+pub(crate) type Settled = (Method, Update, [Option<String>; 3]);
 
 /// Intersectors that may be wrong, the fastest first (docs/measured.md).
 const FASTEST_FIRST: [Intersector; 3] = [
@@ -190,11 +184,7 @@ pub(crate) fn settle(backend: &mut ReusedBackend<'_>, ask: &Ask<'_>) -> Result<S
         layout,
     };
     let why = [why_update, why_intersector, why_layout.map(str::to_owned)];
-    Ok(Settled {
-        method,
-        update,
-        why,
-    })
+    Ok((method, update, why))
 }
 
 fn facts(backend: &ReusedBackend<'_>, run: &Run<'_>) -> Result<RunFacts, Stop> {

@@ -1,17 +1,23 @@
-//! `abvh inspect`: a scene's size and motion, how refitting decays, and what `auto` takes.
+//! `abvh inspect`: a scene's size and motion, how refitting decays, and what `auto` takes. `--reduce-keys`: how few key
+//! frames stand for all of them.
 
-use crate::args::{BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, UpdateName};
+use crate::args::{
+    BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, Tolerance, UpdateName,
+};
 use crate::bench::FOV;
 use crate::choose::{Ask, Run};
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, of_rows};
-use crate::{frames, memory, reduce, session, talk};
-use geom::Animation;
+use crate::{frames, memory, session, talk};
+use geom::{Animation, Point};
 use output::Taken;
 use pipeline::{Decay, Motion, Spread};
 use scene::Scene;
-use serde::Serialize;
+use scene::keys::{self, Reducer};
+use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
+use std::fs;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Times at which the first tree is compared with a fresh one.
@@ -32,7 +38,7 @@ struct Inspection {
 
 pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
     if let Some(tolerance) = args.reduce_keys {
-        return reduce::run(args, tolerance);
+        return run_reduction(args, tolerance);
     }
     let options = memory::with_run(args.source.options(), 0);
     let scene = scene::open(&args.scene, &options)?;
@@ -140,4 +146,180 @@ pub(crate) fn scene_facts(scene: &Scene) -> Value {
             "notes": facts.notes,
         },
     })
+}
+
+#[derive(Serialize)]
+struct Reduction {
+    scene: Value,
+    diagonal: f64,
+    tolerance: f64,
+    kept: Vec<usize>,
+    #[serde(serialize_with = "before_after")]
+    keys: [usize; 2],
+    #[serde(serialize_with = "before_after")]
+    bytes: [usize; 2],
+    max_error: f64,
+    worst: Option<Value>,
+    rms: f64,
+}
+
+fn before_after<S: Serializer>([before, after]: &[usize; 2], to: S) -> Result<S::Ok, S::Error> {
+    json!({ "before": before, "after": after }).serialize(to)
+}
+
+/// Reduces, says so, and writes what is left if asked to.
+fn run_reduction(args: &InspectArgs, tolerance: Tolerance) -> Result<(), Stop> {
+    let scene = scene::open(&args.scene, &args.source.options())?;
+    if scene.animation.times().is_some() {
+        let what = "its key frames have been reduced already: reduce those that they are left of";
+        return Err(Stop::bad(format!("{}: {what}", args.scene)));
+    }
+    if let Some(dir) = &args.reduced_out {
+        prepare(dir)?;
+    }
+    let reduction = reduce(&scene, tolerance)?;
+    if let Some(dir) = &args.reduced_out {
+        write(dir, &scene, &reduction)?;
+    }
+    if args.json {
+        talk::print_json(&reduction)
+    } else {
+        talk::print(&reduction_text(&scene.name, &reduction))
+    }
+}
+
+fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
+    let animation = &scene.animation;
+    let diagonal = diagonal(animation);
+    let tolerance = match tolerance {
+        Tolerance::Units(units) => units,
+        Tolerance::Share(share) => share * diagonal,
+    };
+    let all = animation.all_keys().map_err(Stop::bad)?;
+    let kept = Reducer::new(&all).fewest(tolerance);
+    // Played once more, and measured against all of the original.
+    let fit = keys::measure(&all, &kept);
+    if fit.max_error > tolerance {
+        let (kept, off) = (counted(kept.len(), KEY_FRAMES), fit.max_error);
+        let why = format!("{kept} found for {tolerance}: off by {off}; please report this");
+        return Err(Stop::failed(why));
+    }
+    let [before, after] = [animation.key_count(), kept.len()];
+    let bytes = |keys: usize| keys * animation.vertex_count() * size_of::<Point>();
+    Ok(Reduction {
+        scene: scene_facts(scene),
+        diagonal,
+        tolerance,
+        kept,
+        keys: [before, after],
+        bytes: [before, after].map(bytes),
+        max_error: fit.max_error,
+        worst: (fit.worst).map(|(frame, vertex)| json!({ "frame": frame, "vertex": vertex })),
+        rms: fit.rms,
+    })
+}
+
+/// The length of the diagonal of the scene's bounds; 0 where no vertex is finite.
+fn diagonal(animation: &Animation) -> f64 {
+    let bounds = animation.bounds();
+    if bounds.is_empty() {
+        return 0.0;
+    }
+    let way = |axis: usize| f64::from(bounds.max[axis]) - f64::from(bounds.min[axis]);
+    (way(0).powi(2) + way(1).powi(2) + way(2).powi(2)).sqrt()
+}
+
+/// Makes the directory; key frames that lie there already would be taken for some of these.
+fn prepare(dir: &Path) -> Result<(), Stop> {
+    output::prepare_dir(dir).map_err(Stop::bad)?;
+    let list = fs::read_dir(dir).map_err(|e| Stop::bad(format!("{}: {e}", dir.display())))?;
+    let is_mesh = |path: &Path| {
+        let extension = path.extension().map(|e| e.to_ascii_lowercase());
+        extension.is_some_and(|e| e == "ply" || e == "obj")
+    };
+    let meshes = list.flatten().filter(|file| is_mesh(&file.path()));
+    match meshes.map(|file| file.file_name()).min() {
+        Some(file) => Err(Stop::bad(format!(
+            "{} has key frames already, such as {}; name an empty directory",
+            dir.display(),
+            file.display()
+        ))),
+        None => Ok(()),
+    }
+}
+
+/// One PLY file a kept frame, and last the times they stand at.
+fn write(dir: &Path, scene: &Scene, reduction: &Reduction) -> Result<(), Stop> {
+    let animation = &scene.animation;
+    let mut frames = Vec::new();
+    for &key in &reduction.kept {
+        let file = format!("key_{key:05}.ply");
+        let points = animation.key(key).map_err(Stop::bad)?;
+        output::write_with(&dir.join(&file), |out| {
+            scene::write_ply(out, &points, animation.triangles(), &scene.colours)
+        })?;
+        frames.push(json!({ "file": file, "time": key }));
+    }
+    let times = json!({
+        "schema": output::SCHEMA,
+        "scene": scene.name,
+        "end": animation.end(),
+        "seconds_per_key": scene.facts.seconds_per_key,
+        "tolerance": reduction.tolerance,
+        "max_error": reduction.max_error,
+        "frames": frames,
+    });
+    Ok(output::write_json(&dir.join("times.json"), &times)?)
+}
+
+fn reduction_text(name: &str, r: &Reduction) -> String {
+    let ([all, few], [before, after]) = (r.keys, r.bytes.map(grouped));
+    let mut text = format!(
+        "{name}: {few} of {} for all of them within {}, {} of the diagonal\n",
+        counted(all, KEY_FRAMES),
+        length(r.tolerance),
+        percent(r.tolerance, r.diagonal)
+    );
+    let kept: Vec<_> = r.kept.iter().map(ToString::to_string).collect();
+    text += &format!("kept: {}\n", kept.join(" "));
+    text += &format!("positions: {before} bytes before, {after} after\n");
+    let (max, rms) = (length(r.max_error), length(r.rms));
+    text += &format!("error: {max} at most, {}", percent(r.max_error, r.diagonal));
+    if let Some(at) = &r.worst {
+        text += &format!(", at vertex {} of key frame {}", at["vertex"], at["frame"]);
+    }
+    text + &format!("; {rms} root mean square\n")
+}
+
+fn length(units: f64) -> String {
+    match units {
+        0.0 => "0".to_owned(),
+        units => format!("{units:.3e}"),
+    }
+}
+
+fn percent(part: f64, whole: f64) -> String {
+    let share = if whole > 0.0 { part / whole } else { 0.0 };
+    format!("{:.4}%", 100.0 * share)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_without_size_has_no_diagonal_and_one_key_frame() {
+        let animation = Animation::new(vec![vec![[f32::NAN; 3]]; 3], vec![[0; 3]]).unwrap();
+        assert_eq!(diagonal(&animation), 0.0);
+        let scene = Scene {
+            name: String::new(),
+            animation: std::sync::Arc::new(animation),
+            colours: vec![[0; 3]],
+            facts: scene::Facts::default(),
+        };
+        let r = reduce(&scene, Tolerance::Share(0.1)).unwrap();
+        assert_eq!((r.kept.as_slice(), r.max_error), ([0].as_slice(), 0.0));
+        let text = reduction_text("", &r);
+        assert!(!text.contains("NaN"), "{text}");
+    }
 }

@@ -16,11 +16,9 @@ mod inspect;
 mod memory;
 mod merge;
 mod open;
-mod reduce;
 mod render;
 mod resume;
 mod session;
-mod signals;
 mod stability;
 mod stop;
 mod subjects;
@@ -36,7 +34,7 @@ use std::process::ExitCode;
 use stop::Stop;
 
 fn main() -> ExitCode {
-    signals::heed();
+    stop::heed_signals();
     match args::parse(std::env::args_os()).and_then(run) {
         Ok(()) => ExitCode::SUCCESS,
         Err(stop) => talk::complain(&stop),

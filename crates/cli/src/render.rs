@@ -5,10 +5,10 @@ use crate::choose::Run;
 use crate::conflicts::Files;
 use crate::resume::{self, Earlier, manifest};
 use crate::session::{self, Ask, Session};
-use crate::stop::Stop;
+use crate::stop::{self, Stop};
 use crate::talk::Progress;
 use crate::writer::{Lent, Outputs, Writer};
-use crate::{frames, info, inspect, memory, open, signals, table, talk};
+use crate::{frames, info, inspect, memory, open, table, talk};
 use backend::Query;
 use geom::Camera;
 use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video, VideoFiles, View};
@@ -65,7 +65,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     if let Some(notes) = &mut notes {
         notes.start_up = start_up;
     }
-    signals::wait_for_checks();
+    stop::let_signals_wait();
     let rows = trace_all(
         args,
         (&scene, &camera, &view),

@@ -1,8 +1,8 @@
 //! A driver set up as asked, ready for its first frame.
 
 use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
+use crate::choose;
 pub(crate) use crate::choose::Ask;
-use crate::choose::{self, Settled};
 use crate::memory;
 use crate::open;
 use crate::stop::Stop;
@@ -52,17 +52,13 @@ pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session
     let (opened, why) = open::open(ask.backend, on, |backend: Box<dyn Backend>| {
         let device = backend.device().clone();
         let mut backend = ReusedBackend::new(backend, animation, ask);
-        let settled = choose::settle(&mut backend, ask)?;
-        let driver = backend.driver(settled.method, settled.update)?;
-        let threads = ask.share(device.kind, settled.update);
-        Ok((driver, device, settled, threads))
+        let (method, update, why) = choose::settle(&mut backend, ask)?;
+        let driver = backend.driver(method, update)?;
+        Ok((driver, device, method, update, why))
     })?;
-    let (mut driver, device, settled, threads) = opened;
-    let Settled {
-        method,
-        update,
-        why: [why_update, mut why_intersector, mut why_layout],
-    } = settled;
+    let (mut driver, device, method, update, reasons) = opened;
+    let [why_update, mut why_intersector, mut why_layout] = reasons;
+    let threads = ask.share(device.kind, update);
     let mut names = [method.intersector.name(), method.layout.name()];
     if open::has_own_trees(ask.backend) {
         names = [open::DRIVERS; 2];

@@ -2,8 +2,7 @@
 
 use crate::args::RenderArgs;
 use crate::conflicts::whole;
-use crate::signals;
-use crate::stop::Stop;
+use crate::stop::{self, Stop};
 use crate::talk::Progress;
 use backend::Hits;
 use geom::{Camera, Point};
@@ -125,7 +124,7 @@ impl<'a> Writer<'a> {
         frame: &FrameRecord,
         answers: &mut Answers,
     ) -> Result<(), Stop> {
-        signals::check()?;
+        stop::check_signals()?;
         self.check()?;
         let waits = Instant::now();
         let mut lent = Lent {

@@ -112,20 +112,21 @@ fn what_is_left_open_is_settled_with_a_reason_and_what_is_named_without() {
     let query = view.query(&camera);
     let settled = |count, intersector, ppm| settled(&scene, (count, query), intersector, ppm);
     let taken = settled(32, Watertight, 0.0);
-    let why = taken.why[0].clone().unwrap();
+    let (method, _, [why, none, some]) = taken;
+    let why = why.unwrap();
     assert!(why.contains("frames") || why.contains("tree"), "{why}");
-    assert_eq!(taken.method.layout, Layout::Fast);
-    assert!(taken.why[2].is_some() && taken.why[1].is_none());
-    assert_eq!(settled(1, Watertight, 0.0).update, Update::Refit);
+    assert_eq!(method.layout, Layout::Fast);
+    assert!(some.is_some() && none.is_none());
+    assert_eq!(settled(1, Watertight, 0.0).1, Update::Refit);
     // Nothing but exact meets a tolerance of nought, and of a little too many rays would be needed.
     for (tolerance, takes, says) in [
         (0.0, Intersector::Exact, "by definition"),
         (0.5, Intersector::Exact, "too many rays"),
         (500.0, Intersector::Watertight, "rays wrong, at most"),
     ] {
-        let taken = settled(32, Auto, tolerance);
-        assert_eq!(taken.method.intersector, takes);
-        let why = taken.why[1].clone().unwrap();
+        let (method, _, [_, why, _]) = settled(32, Auto, tolerance);
+        assert_eq!(method.intersector, takes);
+        let why = why.unwrap();
         assert!(why.contains(says), "{why}");
     }
 }
@@ -144,8 +145,8 @@ fn what_is_wrong_too_often_is_not_taken_however_fast() {
         rays: Rays::List(&rays),
         kind: QueryKind::Closest,
     };
-    let taken = settled(&scene, (32, query), IntersectorName::Auto, 200.0);
-    let why = taken.why[1].clone().unwrap();
-    assert_eq!(taken.method.intersector, Intersector::Exact, "{why}");
+    let (method, _, [_, why, _]) = settled(&scene, (32, query), IntersectorName::Auto, 200.0);
+    let why = why.unwrap();
+    assert_eq!(method.intersector, Intersector::Exact, "{why}");
     assert!(why.contains("watertight ") && why.contains("woop "));
 }

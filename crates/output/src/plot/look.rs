@@ -3,7 +3,7 @@
 //! Colours are those of Okabe and Ito (*Color Universal Design*, 2008), which people of every colour vision tell apart.
 //! They differ in lightness too, for print in black and white.
 
-use super::data::Point;
+use super::Point;
 use plotters::style::RGBColor;
 use std::f64::consts::{PI, TAU};
 

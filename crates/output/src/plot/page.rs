@@ -1,10 +1,9 @@
 //! The page of speed against accuracy: a plane for each scene, then hard rays, leaks and double hits.
 
-use super::Result;
-use super::data::{Chart, Leaks, Machine, Point, Rate, Scene};
 use super::look::{GREY, INK, legend, names, of_names, of_point};
 use super::panel::{Axis, LINE, Mark, Panel, WIDTH, font, short};
 use super::table::{count, described, escape, number, row};
+use super::{Chart, Leaks, Machine, Point, Rate, Result, Scene};
 use plotters::backend::SVGBackend;
 use plotters::drawing::IntoDrawingArea;
 use plotters::element::Text;

@@ -1,7 +1,6 @@
 //! The points as rows: for programs as CSV and JSON, for people in words.
 
-use super::Result;
-use super::data::{Chart, Leaks, Point, Rate};
+use super::{Chart, Leaks, Point, Rate, Result};
 use serde::Serialize;
 
 /// The version of `points.json`.

@@ -147,6 +147,25 @@ fn places(picture: &str) -> Vec<(i32, i32)> {
 }
 
 #[test]
+fn rates_have_their_intervals() {
+    // None of a million: the rule of three. 10 of 100: Wilson's interval, 0.0552 to 0.1744 by its formula.
+    for (wrong, tested, expected) in [
+        (0, 1_000_000, [0.0, 0.0, 3.0]),
+        (0, 2, [0.0, 0.0, 1e6]),
+        (10, 100, [1e5, 55_230.0, 174_370.0]),
+        (u64::MAX, u64::MAX, [1e6, 1e6, 1e6]),
+    ] {
+        let r = Rate::of(wrong, tested).unwrap();
+        let off = [r.value, r.low, r.high].into_iter().zip(expected);
+        assert!(off.map(|(a, b)| (a - b).abs()).all(|d| d < 10.0), "{r:?}");
+    }
+    assert_eq!(Rate::of(0, 0), None);
+    // More wrong than tested is all wrong.
+    let r = Rate::of(9, 3).unwrap();
+    assert!(r.value == 1e6 && r.high == 1e6 && r.low > 2e5 && r.low < 1e6);
+}
+
+#[test]
 fn every_point_is_drawn_and_everything_is_named() {
     for scenes in [1, 3] {
         assert_eq!(places(&checked(&invented(scenes))).len(), 72 * scenes);
