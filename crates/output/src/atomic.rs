@@ -71,7 +71,7 @@ pub fn remove_unfinished() -> impl Sized {
 
 /// A file that another program writes under a temporary name beside its final one.
 #[derive(Debug)]
-pub struct UnfinishedFile {
+pub(crate) struct UnfinishedFile {
     path: PathBuf,
     known: UnfinishedName,
     file: NamedTempFile,
@@ -79,10 +79,7 @@ pub struct UnfinishedFile {
 
 impl UnfinishedFile {
     /// Begins the file `path`, which appears when it is finished.
-    ///
-    /// # Errors
-    /// [`WriteError`]: no such directory, no permission.
-    pub fn beside(path: &Path) -> Result<Self, WriteError> {
+    pub(crate) fn beside(path: &Path) -> Result<Self, WriteError> {
         let (known, file) =
             temporary_in(host::parent(path)).map_err(|e| WriteError::new(path, e))?;
         let path = path.to_owned();
@@ -90,16 +87,12 @@ impl UnfinishedFile {
     }
 
     /// Where it lies meanwhile.
-    #[must_use]
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         self.file.path()
     }
 
-    /// Gives it its final name.
-    ///
-    /// # Errors
-    /// [`WriteError`]; the final name then keeps what it had.
-    pub fn finish(self) -> Result<(), WriteError> {
+    /// Gives it its final name, which keeps what it had where that fails.
+    pub(crate) fn finish(self) -> Result<(), WriteError> {
         let Self { path, known, file } = self;
         let named = file.persist(&path).map(drop);
         drop(known);

@@ -3,7 +3,8 @@
 //! A line is written after the files that it names have their final names; of several lines about a frame the last counts.
 //! A shard has a journal of its own, so that several may fill one folder at once. Whoever writes a journal holds its lock.
 
-use crate::{Digest, FrameStats, OutputError, WriteError, digest_of};
+use crate::manifest::digest_of;
+use crate::{Digest, FrameStats, OutputError, WriteError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;

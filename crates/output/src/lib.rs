@@ -17,12 +17,12 @@ mod timeline;
 mod video;
 
 pub use atomic::{
-    OutputError, UnfinishedFile, WriteError, check_dir, check_writable, prepare_dir, remove_link,
+    OutputError, WriteError, check_dir, check_writable, prepare_dir, remove_link,
     remove_unfinished, write_whole, write_with,
 };
 pub use hits::{write_found, write_hits};
 pub use journal::{Finished, Journal, NamedDigest, clear_run, digests};
-pub use manifest::{Digest, Manifest, SceneId, digest_of};
+pub use manifest::{Digest, Manifest, SceneId};
 pub use rays::{read_rays, write_rays};
 pub use shading::{Shot, View, drop_alpha, frame_scene, palette, shade, write_png};
 pub use stats::{

@@ -103,11 +103,8 @@ pub struct Digest {
     pub sha256: String,
 }
 
-/// Reads a regular file for its digest.
-///
-/// # Errors
-/// It cannot be read, or is a pipe or a device, which may never end.
-pub fn digest_of(file: &Path) -> io::Result<Digest> {
+/// Reads a regular file for its digest; refuses a pipe or a device, which may never end.
+pub(crate) fn digest_of(file: &Path) -> io::Result<Digest> {
     let mut file = host::open(file)?;
     let mut hash = Sha256::new();
     let bytes = io::copy(&mut file, &mut hash)?;

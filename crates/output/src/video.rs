@@ -1,6 +1,7 @@
 //! Frames as one video, in order: uncompressed as YUV4MPEG2, or encoded by `ffmpeg`, which reads that from a pipe.
 
-use crate::{OutputError, UnfinishedFile};
+use crate::OutputError;
+use crate::atomic::UnfinishedFile;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::fmt::Display;
