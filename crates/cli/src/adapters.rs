@@ -3,7 +3,8 @@
 use crate::stop::Stop;
 use backend::DeviceKind;
 pub(crate) use gpu_vulkan::AdapterInfo as Adapter;
-use serde_json::{Value, json};
+use serde::Serializer;
+use serde_json::json;
 
 pub(crate) fn kind_name(kind: DeviceKind) -> &'static str {
     match kind {
@@ -13,17 +14,18 @@ pub(crate) fn kind_name(kind: DeviceKind) -> &'static str {
     }
 }
 
-/// As JSON tells it.
-pub(crate) fn told(adapter: &Adapter) -> Value {
-    let limits = adapter.limits.iter();
+/// As JSON tells of them.
+pub(crate) fn serialize<S: Serializer>(all: &[Adapter], to: S) -> Result<S::Ok, S::Error> {
     let limit = |(name, value): &(_, _)| json!({ "name": name, "value": value });
-    json!({
-        "index": adapter.index,
-        "name": adapter.name,
-        "driver": adapter.driver,
-        "kind": kind_name(adapter.kind),
-        "limits": limits.map(limit).collect::<Vec<_>>(),
-    })
+    to.collect_seq(all.iter().map(|adapter| {
+        json!({
+            "index": adapter.index,
+            "name": adapter.name,
+            "driver": adapter.driver,
+            "kind": kind_name(adapter.kind),
+            "limits": adapter.limits.iter().map(limit).collect::<Vec<_>>(),
+        })
+    }))
 }
 
 /// The adapter meant by an index, a whole name, or a part of one that no other name has.
@@ -64,12 +66,9 @@ pub(crate) fn find_one<'a>(
     list: &'a [Adapter],
     asked: &str,
 ) -> Result<&'a Adapter, Stop> {
-    find(backend, list, asked)?.ok_or_else(|| {
-        let there = numbered(list);
-        Stop::bad(format!(
-            "backend {backend} has no adapter '{asked}'; there is {there}"
-        ))
-    })
+    let none = format!("backend {backend} has no adapter '{asked}'");
+    let there = || Stop::bad(format!("{none}; there is {}", numbered(list)));
+    find(backend, list, asked)?.ok_or_else(there)
 }
 
 pub(crate) fn numbered<'a>(list: impl IntoIterator<Item = &'a Adapter>) -> String {

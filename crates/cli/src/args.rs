@@ -105,7 +105,7 @@ pub(crate) struct TraceArgs {
     #[command(flatten)]
     pub(crate) source: SourceArgs,
     /// The moment, in key frames
-    #[arg(long, value_name = "T", value_parser = values::time, allow_hyphen_values = true)]
+    #[arg(long, value_name = "T", value_parser = values::finite::<f64>, allow_hyphen_values = true)]
     pub(crate) time: f64,
     /// Rays: float32 (N, 6) `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max` appended
     #[arg(long, value_name = "RAYS.npy")]
@@ -127,7 +127,7 @@ pub(crate) struct TraceArgs {
     #[arg(long, value_name = "POLICY", default_value = "auto")]
     pub(crate) update: UpdateName,
     /// With --update refit: the moment that the tree is built at, in key frames [default: 0]
-    #[arg(long, value_name = "T0", value_parser = values::time, allow_hyphen_values = true)]
+    #[arg(long, value_name = "T0", value_parser = values::finite::<f64>, allow_hyphen_values = true)]
     pub(crate) tree_time: Option<f64>,
     /// No remarks
     #[arg(long, short)]
@@ -143,7 +143,7 @@ pub(crate) struct InspectArgs {
     pub(crate) source: SourceArgs,
     /// Instead, find the fewest key frames whose blends stay within TOL of all, at every vertex. TOL is in scene units,
     /// or in per cent of the diagonal of the scene's bounds
-    #[arg(long, value_name = "TOL|TOL%", value_parser = lists::tolerance)]
+    #[arg(long, value_name = "TOL|TOL%", value_parser = tolerance)]
     pub(crate) reduce_keys: Option<Tolerance>,
     /// Directory for those key frames, as .ply files, and times.json with the time of each
     #[arg(long, value_name = "DIR", value_parser = values::file())]
@@ -214,16 +214,21 @@ pub(crate) struct DeviceArgs {
 #[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MethodArgs {
     /// How a ray is tested against a triangle [with --tolerance: auto]
-    #[arg(
-        long,
-        value_name = "NAME",
-        default_value = "watertight",
-        default_value_if("tolerance", ArgPredicate::IsPresent, "auto")
-    )]
+    #[arg(long, value_name = "NAME", default_value = "watertight")]
+    #[arg(default_value_if("tolerance", ArgPredicate::IsPresent, "auto"))]
     pub(crate) intersector: IntersectorName,
     /// How the tree lies in memory
     #[arg(long, value_name = "NAME", default_value = "auto")]
     pub(crate) layout: LayoutName,
+}
+
+impl MethodArgs {
+    pub(crate) fn of(intersector: IntersectorName, layout: LayoutName) -> Self {
+        Self {
+            intersector,
+            layout,
+        }
+    }
 }
 
 #[derive(Args, Clone, Copy, Debug)]
@@ -315,6 +320,63 @@ pub(crate) enum LayoutName {
     Fast,
 }
 
+#[derive(Args, Clone, Copy, Debug)]
+pub(crate) struct SizeArgs {
+    /// Pixels of a frame
+    #[arg(long, value_name = "WxH", value_parser = values::size, default_value = "1280x720")]
+    pub(crate) size: [u32; 2],
+}
+
+impl SizeArgs {
+    pub(crate) fn count(&self) -> usize {
+        self.size[0] as usize * self.size[1] as usize
+    }
+}
+
+#[derive(Args, Clone, Copy, Debug)]
+pub(crate) struct ToleranceArgs {
+    /// Wrong rays in a million, against exact arithmetic, that --intersector auto may cause. A sample of the run's
+    /// rays decides which intersectors are within; the cheapest of them is taken. 0 takes exact [default: 0]
+    #[arg(long, value_name = "PPM", value_parser = values::number(|rate: f64| (0.0..=1e6).contains(&rate),
+        "a tolerance is a number of rays a million, from 0 to 1000000"))]
+    pub(crate) tolerance: Option<f64>,
+}
+
+impl ToleranceArgs {
+    /// What is tolerated of what is left to `auto`.
+    pub(crate) fn ppm(self) -> f64 {
+        self.tolerance.unwrap_or(0.0)
+    }
+}
+
+/// How far a vertex may be from where it was.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Tolerance {
+    /// In scene units.
+    Units(f64),
+    /// As a share of the diagonal of the scene's bounds.
+    Share(f64),
+}
+
+fn tolerance(text: &str) -> Result<Tolerance, String> {
+    const SAYS: &str =
+        "a tolerance is a length from 0 on, such as 0.01, or a share of the diagonal, such as 0.1%";
+    let is_share = text.ends_with('%');
+    let number = values::number(|n: f64| n >= 0.0, SAYS)(text.strip_suffix('%').unwrap_or(text));
+    match number.map_err(|_| SAYS)? {
+        n if is_share => Ok(Tolerance::Share(n / 100.0)),
+        n => Ok(Tolerance::Units(n)),
+    }
+}
+
+/// Whether a backend makes and traces trees in ways of its own. It need not be present.
+pub(crate) fn has_own_trees(backend: BackendName) -> bool {
+    matches!(
+        backend,
+        BackendName::VulkanRt | BackendName::VulkanRtFastTrace
+    )
+}
+
 /// A value's name on the command line.
 pub(crate) fn word(value: &impl ValueEnum) -> String {
     let value = value.to_possible_value();
@@ -322,18 +384,12 @@ pub(crate) fn word(value: &impl ValueEnum) -> String {
 }
 
 mod bench;
-pub(crate) use bench::{BenchArgs, ChartArgs, RaysName};
-
 mod conform;
-pub(crate) use conform::{ConformArgs, StabilityArgs, TestArgs};
-
 mod idle;
-
-mod lists;
-pub(crate) use lists::{SizeArgs, Tolerance, ToleranceArgs, has_own_trees};
-
 mod render;
-pub(crate) use render::RenderArgs;
-
 #[cfg(test)]
 mod tests;
+
+pub(crate) use bench::{BenchArgs, ChartArgs, MeasureArgs, RaysName};
+pub(crate) use conform::{ConformArgs, StabilityArgs, TestArgs};
+pub(crate) use render::RenderArgs;

@@ -7,10 +7,10 @@ mod row;
 use crate::args::{BackendName, BenchArgs, MethodArgs, RaysName, UpdateName, word};
 use crate::choose::{self, Ask};
 use crate::conflicts::Files;
-use crate::progress::Progress;
 use crate::stop::Stop;
-use crate::{frames, info, memory, open, record, talk, threads};
-pub(crate) use row::{Row, Run, frame_ms, measure};
+use crate::talk::Progress;
+use crate::{frames, info, memory, open, talk, threads};
+pub(crate) use row::{Row, frame_ms, measure};
 use serde_json::json;
 
 /// Vertical field of view, in degrees, as with `render`.
@@ -33,7 +33,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
         let report = json!({
             "schema": output::SCHEMA,
             "version": env!("CARGO_PKG_VERSION"),
-            "command_line": record::command_line(),
+            "command_line": info::command_line(),
             "cpu": cpu,
             "cores": threads::cores(),
             "size": size,
@@ -47,9 +47,9 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     }
     let [width, height] = size;
     let cpu = cpu.as_deref().unwrap_or("unknown cpu");
+    let text = results::text(&rows, args.against.as_deref());
     talk::print(&format!(
-        "medians in ms at {width}x{height} on {cpu}\n{}",
-        results::text(&rows, args.against.as_deref())
+        "medians in ms at {width}x{height} on {cpu}\n{text}"
     ))
 }
 
@@ -70,14 +70,9 @@ fn measure_all(args: &BenchArgs) -> Result<Vec<Row>, Stop> {
         progress.lengthen((args.rays.len() * combinations.len()) as u64);
         let each = |&rays: &RaysName| combinations.iter().map(move |c| (rays, c));
         for (rays, ask) in args.rays.iter().flat_map(each) {
-            let run = Run {
-                rays,
-                size: args.measure.size.size,
-                warm_up: args.measure.warm_up,
-            };
-            let row = measure(run, (spec, &scene), &frames, ask)?;
-            let words = [spec, row.backend, row.update, row.intersector];
-            progress.step(&words.join(" "));
+            let row = measure(rays, &args.measure, (spec, &scene), &frames, ask)?;
+            let how = &row.setup;
+            progress.step(&[spec, how.backend, how.update, how.intersector].join(" "));
             rows.push(row);
         }
     }
@@ -103,7 +98,7 @@ fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
                     threads: args.threads,
                     tolerance: args.tolerance.ppm(),
                     predict,
-                    ..Ask::of(backend, method, choose::free_update(update))
+                    ..Ask::of(backend, method, update)
                 };
                 sound.extend(builders.iter().map(|&builder_threads| Ask {
                     builder_threads,
@@ -120,20 +115,18 @@ fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
 fn nonsense(backend: BackendName, update: UpdateName, method: MethodArgs) -> Option<String> {
     let (name, policy) = (word(&backend), word(&update));
     if update == UpdateName::DeviceRebuild && !open::makes_trees(backend) {
-        return Some(format!(
-            "{name} with device-rebuild is left out: it makes no trees"
-        ));
+        let why = "is left out: it makes no trees";
+        return Some(format!("{name} with device-rebuild {why}"));
     }
     if !open::has_own_trees(backend) {
         return None;
     }
     if let UpdateName::Async | UpdateName::TSah = update {
-        return Some(format!(
-            "{name} with {policy} is left out: it makes its trees itself, within each frame"
-        ));
+        let why = "is left out: it makes its trees itself, within each frame";
+        return Some(format!("{name} with {policy} {why}"));
     }
-    choose::beyond_drivers(method)
-        .map(|what| format!("{name} with {what} is left out: it has its own"))
+    let beyond = choose::beyond_drivers(method);
+    beyond.map(|what| format!("{name} with {what} is left out: it has its own"))
 }
 
 /// Each update policy, with and without prediction where that makes a difference.
@@ -148,9 +141,6 @@ fn policies(args: &BenchArgs) -> impl Iterator<Item = (UpdateName, bool)> {
 fn methods(args: &BenchArgs) -> impl Iterator<Item = MethodArgs> {
     args.measure.intersector.iter().flat_map(|&intersector| {
         let layouts = args.layout.iter();
-        layouts.map(move |&layout| MethodArgs {
-            intersector,
-            layout,
-        })
+        layouts.map(move |&layout| MethodArgs::of(intersector, layout))
     })
 }

@@ -15,9 +15,9 @@ mod rays;
 
 use crate::args::{ChartArgs, RaysName};
 use crate::bench::{self, Row};
-use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::table::of_rows;
+use crate::talk::Progress;
 use crate::{frames, info, memory, talk};
 use output::plot::{self, Adapter, Chart, Machine, Point, Spread};
 use output::{FrameStats, Summary};
@@ -92,10 +92,8 @@ struct Work<'a> {
 
 impl Work<'_> {
     fn open(&self, spec: &str) -> Result<scene::Scene, Stop> {
-        let options = memory::with_run(
-            self.args.measure.source.options(),
-            self.args.measure.size.count(),
-        );
+        let args = &self.args.measure;
+        let options = memory::with_run(args.source.options(), args.size.count());
         Ok(scene::open(spec, &options)?)
     }
 
@@ -105,8 +103,8 @@ impl Work<'_> {
         if self.chart.scenes.is_empty() {
             output::prepare_dir(&self.args.out).map_err(Stop::bad)?;
         }
-        let keys = scene.animation.whole_times();
-        let frames = frames::list(Some(&self.args.measure.frames), None, keys, false)?;
+        let (keys, measure) = (scene.animation.whole_times(), &self.args.measure);
+        let frames = frames::list(Some(&measure.frames), None, keys, false)?;
         // Its own name, or what it was requested by, where that alone is unique.
         let is_taken = self.chart.scenes.iter().any(|s| s.name == scene.name);
         let name = match frames::is_demo(spec) || is_taken {
@@ -116,26 +114,20 @@ impl Work<'_> {
         self.chart.scenes.push(plot::Scene {
             name: name.clone(),
             triangles: scene.animation.triangle_count() as u64,
-            size: self.args.measure.size.size,
+            size: measure.size.size,
             frames: frames.len() as u64,
         });
-        let run = bench::Run {
-            rays: RaysName::Camera,
-            size: self.args.measure.size.size,
-            warm_up: self.args.measure.warm_up,
-        };
         let mut points = Vec::new();
         self.progress.lengthen(2 * ways.len() as u64 + 1);
         for &way in ways {
-            let row = bench::measure(run, (spec, &scene), &frames, &way.ask);
+            let of = (spec, &scene);
+            let row = bench::measure(RaysName::Camera, measure, of, &frames, &way.ask);
             self.progress.step(&format!("{name} timed {way}"));
             match row {
                 Ok(row) => {
                     self.add_adapter(&row);
-                    points.push((
-                        way,
-                        timed(&name, &row, plan::command(self.args, spec, &row)),
-                    ));
+                    let command = plan::command(self.args, spec, &row);
+                    points.push((way, timed(&name, &row, command)));
                 }
                 Err(stop) if way.named => return Err(stop),
                 Err(stop) => self.progress.say(&format!("{way} is skipped: {stop}")),
@@ -145,10 +137,11 @@ impl Work<'_> {
     }
 
     fn add_adapter(&mut self, row: &Row) {
+        let how = &row.setup;
         let adapter = Adapter {
-            backend: row.backend.to_owned(),
-            adapter: row.adapter.clone(),
-            driver: row.driver.clone().unwrap_or_default(),
+            backend: how.backend.to_owned(),
+            adapter: how.adapter.clone(),
+            driver: how.driver.clone().unwrap_or_default(),
         };
         let adapters = &mut self.chart.machine.adapters;
         if !adapters.contains(&adapter) {
@@ -193,12 +186,12 @@ fn timed(scene: &str, row: &Row, command: String) -> Point {
     let spread = || frames.iter().filter_map(bench::frame_ms);
     let summary = Summary::of(spread());
     let most = |bytes: fn(&FrameStats) -> Option<u64>| frames.iter().filter_map(bytes).max();
-    let on_host = (row.backend == "cpu").then(|| most(|f| f.host_bytes));
+    let on_host = (row.setup.backend == "cpu").then(|| most(|f| f.host_bytes));
     Point {
-        backend: row.backend.to_owned(),
-        layout: row.layout.to_owned(),
-        intersector: row.intersector.to_owned(),
-        update: row.update.to_owned(),
+        backend: row.setup.backend.to_owned(),
+        layout: row.setup.layout.to_owned(),
+        intersector: row.setup.intersector.to_owned(),
+        update: row.setup.update.to_owned(),
         scene: scene.to_owned(),
         ms_per_frame: Spread {
             median: summary.map(|s| s.median),

@@ -7,10 +7,12 @@
 mod sample;
 
 use crate::args::{
-    BackendName, IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName, word,
+    BackendName, IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName, has_own_trees,
+    word,
 };
 use crate::session::ReusedBackend;
 use crate::stop::Stop;
+use crate::threads::{self, Threads};
 use backend::{DeviceKind, Intersector, Layout, Method, Query};
 use output::Taken;
 use output::plot::Rate;
@@ -24,7 +26,7 @@ pub(crate) struct Ask<'a> {
     pub(crate) threads: Option<usize>,
     pub(crate) builder_threads: Option<usize>,
     pub(crate) method: MethodArgs,
-    pub(crate) update: Choice<Update>,
+    pub(crate) policy: PolicyArgs,
     /// Wrong rays a million that an intersector left to `auto` may have.
     pub(crate) tolerance: f64,
     /// What will be done, by which `auto` chooses.
@@ -37,19 +39,50 @@ pub(crate) struct Ask<'a> {
 
 impl Ask<'_> {
     /// Leaves all else as it usually is.
-    pub(crate) fn of(backend: BackendName, method: MethodArgs, update: Choice<Update>) -> Self {
+    pub(crate) fn of(backend: BackendName, method: MethodArgs, update: UpdateName) -> Self {
         Self {
             backend,
             adapter: None,
             threads: None,
             builder_threads: None,
             method,
-            update,
+            policy: PolicyArgs {
+                update,
+                lockstep: None,
+            },
             tolerance: 0.0,
             run: None,
             rays: 0,
             predict: true,
         }
+    }
+
+    /// How trees follow the motion. What [`Self::is_open`], [`pipeline::RunFacts`] settle where a run is known.
+    pub(crate) fn update(&self) -> Choice<Update> {
+        let PolicyArgs { update, lockstep } = self.policy;
+        let at_pace = Update::Async(lockstep.map_or(Pace::Free, Pace::Lockstep));
+        let within = "the backend makes its trees itself, within each frame";
+        match (update, lockstep) {
+            (UpdateName::Auto, _) if has_own_trees(self.backend) => (Update::Rebuild, Some(within)),
+            (UpdateName::Auto, Some(_)) => (at_pace, Some("--lockstep asks for it")),
+            (UpdateName::Auto, None) => (at_pace, Some("it suits most scenes that deform")),
+            (UpdateName::Async, _) => (at_pace, None),
+            (UpdateName::Rebuild, _) => (Update::Rebuild, None),
+            (UpdateName::Refit, _) => (Update::Refit, None),
+            (UpdateName::TSah, _) => (Update::TSah, None),
+            (UpdateName::DeviceRebuild, _) => (Update::DeviceRebuild, None),
+        }
+    }
+
+    /// Whether the policy is left to `auto`, which knows more once the backend is open.
+    fn is_open(&self) -> bool {
+        self.policy.update == UpdateName::Auto && self.policy.lockstep.is_none()
+    }
+
+    /// How cores are shared on such a device under a policy.
+    pub(crate) fn share(&self, device: DeviceKind, update: Update) -> Threads {
+        let asked = [self.threads, self.builder_threads];
+        threads::share(threads::cores(), device, update, asked)
     }
 
     pub(crate) fn rays(&self) -> usize {
@@ -74,30 +107,8 @@ pub(crate) struct Run<'a> {
     pub(crate) query: Query<'a>,
 }
 
-/// Something taken, and the reason where nobody asked for it by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Choice<T> {
-    pub(crate) value: T,
-    /// Why; `None` if it was asked for.
-    pub(crate) why: Option<&'static str>,
-    /// Whether it is left to `auto`, which knows more once the backend is open.
-    pub(crate) is_open: bool,
-}
-
-pub(crate) fn asked<T>(value: T) -> Choice<T> {
-    Choice {
-        value,
-        why: None,
-        is_open: false,
-    }
-}
-
-fn auto<T>(value: T, why: &'static str) -> Choice<T> {
-    Choice {
-        why: Some(why),
-        ..asked(value)
-    }
-}
+/// Something taken, and why; `None` if it was asked for by name.
+type Choice<T> = (T, Option<&'static str>);
 
 /// What `auto` took where nothing was asked for by name.
 pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Taken> {
@@ -106,32 +117,6 @@ pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Take
         takes: takes.to_owned(),
         why: why?,
     })
-}
-
-/// How trees follow the motion. What is left open, [`pipeline::RunFacts`] settle where a run is known.
-pub(crate) fn update(policy: PolicyArgs) -> Choice<Update> {
-    let pace = policy.lockstep.map_or(Pace::Free, Pace::Lockstep);
-    let at_pace = Update::Async(pace);
-    asked(match (policy.update, policy.lockstep) {
-        (UpdateName::Auto, Some(_)) => return auto(at_pace, "--lockstep asks for it"),
-        (UpdateName::Auto, None) => {
-            return Choice {
-                is_open: true,
-                ..auto(at_pace, "it suits most scenes that deform")
-            };
-        }
-        (UpdateName::Async, _) => at_pace,
-        (UpdateName::Rebuild, _) => Update::Rebuild,
-        (UpdateName::Refit, _) => Update::Refit,
-        (UpdateName::TSah, _) => Update::TSah,
-        (UpdateName::DeviceRebuild, _) => Update::DeviceRebuild,
-    })
-}
-
-/// Likewise, at the builder's own pace.
-pub(crate) fn free_update(update: UpdateName) -> Choice<Update> {
-    let lockstep = None;
-    self::update(PolicyArgs { update, lockstep })
 }
 
 /// What a method names that a driver with trees of its own does not have. The usual intersector, which nobody need
@@ -145,26 +130,11 @@ pub(crate) fn beyond_drivers(method: MethodArgs) -> Option<String> {
     }
 }
 
-/// The same for a backend that makes its trees itself, within each frame.
-pub(crate) fn within_frames(choice: Choice<Update>) -> Choice<Update> {
-    match (choice.value, choice.why) {
-        (Update::Async(_), Some(_)) => auto(
-            Update::Rebuild,
-            "the backend makes its trees itself, within each frame",
-        ),
-        _ => choice,
-    }
-}
-
 pub(crate) fn intersector(name: IntersectorName) -> Choice<Intersector> {
     let mut all = Intersector::ALL.into_iter();
-    match all.find(|i| i.name() == word(&name)) {
-        Some(named) => asked(named),
-        None => auto(
-            Intersector::Exact,
-            "it alone is free of wrong answers by definition",
-        ),
-    }
+    let why = "it alone is free of wrong answers by definition";
+    let named = all.find(|i| i.name() == word(&name));
+    named.map_or((Intersector::Exact, Some(why)), |named| (named, None))
 }
 
 /// How the tree lies in memory; `None` if it is left to `auto`.
@@ -176,28 +146,14 @@ fn layout(name: LayoutName) -> Option<Layout> {
 /// The layout asked for, or the one that is traced faster on a device.
 fn layout_on(device: DeviceKind, name: LayoutName) -> Choice<Layout> {
     match (layout(name), device) {
-        (Some(named), _) => asked(named),
-        (None, DeviceKind::Software) => auto(Layout::Bvh2, "software drivers trace it faster"),
-        (None, _) => auto(Layout::Fast, "it is traced faster"),
+        (Some(named), _) => (named, None),
+        (None, DeviceKind::Software) => (Layout::Bvh2, Some("software drivers trace it faster")),
+        (None, _) => (Layout::Fast, Some("it is traced faster")),
     }
 }
 
-/// Frames between asking for a tree and taking it up, where fixed.
-pub(crate) fn lockstep(update: Update) -> Option<u64> {
-    match update {
-        Update::Async(Pace::Lockstep(k)) => Some(u64::from(k)),
-        _ => None,
-    }
-}
-
-/// What is taken, with a reason for each part that was left open.
-#[derive(Clone, Debug)]
-pub(crate) struct Settled {
-    pub(crate) method: Method,
-    pub(crate) update: Update,
-    /// Why this update policy, this intersector, this layout.
-    pub(crate) why: [Option<String>; 3],
-}
+/// What is taken, and why this update policy, this intersector, this layout, where it was left open.
+pub(crate) type Settled = (Method, Update, [Option<String>; 3]);
 
 /// Intersectors that may be wrong, the fastest first (docs/measured.md).
 const FASTEST_FIRST: [Intersector; 3] = [
@@ -212,28 +168,31 @@ const FASTEST_FIRST: [Intersector; 3] = [
 /// The backend's or the builder's.
 pub(crate) fn settle(backend: &mut ReusedBackend<'_>, ask: &Ask<'_>) -> Result<Settled, Stop> {
     let (intersector, why_intersector) = settle_intersector(backend, ask)?;
-    let layout = layout_on(backend.device.kind, ask.method.layout);
-    let (update, why_update) = match ask.run.filter(|_| ask.update.is_open) {
+    let (layout, why_layout) = layout_on(backend.device.kind, ask.method.layout);
+    let (update, why_update) = match ask.run.filter(|_| ask.is_open()) {
         Some(run) => {
             let chosen = facts(backend, &run)?.choose();
             (chosen.update, Some(chosen.why))
         }
-        None => (ask.update.value, ask.update.why.map(str::to_owned)),
+        None => {
+            let (update, why) = ask.update();
+            (update, why.map(str::to_owned))
+        }
     };
-    Ok(Settled {
-        method: Method {
-            intersector,
-            layout: layout.value,
-        },
-        update,
-        why: [why_update, why_intersector, layout.why.map(str::to_owned)],
-    })
+    let method = Method {
+        intersector,
+        layout,
+    };
+    let why = [why_update, why_intersector, why_layout.map(str::to_owned)];
+    Ok((method, update, why))
 }
 
 fn facts(backend: &ReusedBackend<'_>, run: &Run<'_>) -> Result<RunFacts, Stop> {
     let animation = backend.animation;
     let times: Vec<f64> = run.frames.iter().map(|f| f.time).collect();
-    let threads = backend.share(Update::Async(Pace::Free));
+    let threads = backend
+        .ask
+        .share(backend.device.kind, Update::Async(Pace::Free));
     Ok(RunFacts {
         frames: times.len(),
         step: match *times {
@@ -256,10 +215,10 @@ fn settle_intersector(
     backend: &mut ReusedBackend<'_>,
     ask: &Ask<'_>,
 ) -> Result<(Intersector, Option<String>), Stop> {
-    let usual = intersector(ask.method.intersector);
+    let (usual, why) = intersector(ask.method.intersector);
     let is_open = ask.method.intersector == IntersectorName::Auto && ask.tolerance > 0.0;
     let Some(run) = ask.run.filter(|run| is_open && !run.frames.is_empty()) else {
-        return Ok((usual.value, usual.why.map(str::to_owned)));
+        return Ok((usual, why.map(str::to_owned)));
     };
     let Some(rays) = sample::needed(ask.tolerance) else {
         let why = "to show so small a tolerance would take too many rays".to_owned();

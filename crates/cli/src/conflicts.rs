@@ -21,9 +21,8 @@ pub(crate) struct Files<'a> {
 impl<'a> Files<'a> {
     /// What is written by options that may be left out.
     pub(crate) fn written(options: &[(&'a str, &Option<PathBuf>)]) -> Self {
-        let given = options
-            .iter()
-            .filter_map(|(option, file)| Some((*option, (*file).clone()?)));
+        let options = options.iter();
+        let given = options.filter_map(|(option, file)| Some((*option, (*file).clone()?)));
         Self {
             written: given.filter(|(_, file)| file.as_os_str() != "-").collect(),
             ..Self::default()
@@ -49,10 +48,8 @@ impl<'a> Files<'a> {
         for (_, file) in &self.written {
             // A folder may be yet to be made.
             let will_be = |dir: &Path| self.folders.iter().any(|(_, folder)| folder == dir);
-            if !file
-                .parent()
-                .is_some_and(|dir| !dir.exists() && will_be(dir))
-            {
+            let dir = host::parent(file);
+            if dir.exists() || !will_be(dir) {
                 output::check_writable(file).map_err(Stop::bad)?;
             }
         }
@@ -79,10 +76,8 @@ impl<'a> Files<'a> {
         }
         for (_, file) in &self.read {
             if let Some(folder) = place(file).and_then(|place| self.folder_of(&place)) {
-                let file = file.display();
-                return Err(Stop::bad(format!(
-                    "{folder} may overwrite {file}, which is read"
-                )));
+                let file = format!("{}, which is read", file.display());
+                return Err(Stop::bad(format!("{folder} may overwrite {file}")));
             }
         }
         Ok(())
@@ -91,9 +86,8 @@ impl<'a> Files<'a> {
     /// The option whose folder a place lies in, under a name that is written there.
     fn folder_of(&self, place: &Path) -> Option<&'a str> {
         let name = place.file_name()?.to_string_lossy();
-        let folder = place
-            .parent()
-            .filter(|_| OURS.iter().any(|o| name.starts_with(o)))?;
+        let is_ours = OURS.iter().any(|o| name.starts_with(o));
+        let folder = place.parent().filter(|_| is_ours)?;
         let found = self.folders.iter().find(|(_, f)| whole(f) == folder);
         found.map(|(option, _)| *option)
     }
@@ -111,10 +105,7 @@ pub(crate) fn whole(file: &Path) -> PathBuf {
     if let Ok(whole) = fs::canonicalize(file) {
         return whole;
     }
-    let folder = match file.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
+    let folder = host::parent(file);
     let absolute = || std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
     let folder = fs::canonicalize(folder).unwrap_or_else(|_| absolute());
     folder.join(file.file_name().unwrap_or_default())

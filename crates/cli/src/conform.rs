@@ -6,11 +6,11 @@ mod results;
 use crate::args::{BackendName, ConformArgs};
 use crate::conflicts::Files;
 use crate::open;
-use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::subjects::{self, Subject};
 use crate::table::counted;
 use crate::talk;
+use crate::talk::Progress;
 use backend::{Intersector, Method};
 use conformance::leaks::{self, LeakPlan, OFFSETS};
 use conformance::{Law, Reference, hold, hold_one, laws_of};
@@ -78,16 +78,13 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
                 }),
                 disagreement: held.err().map(|e| e.to_string()),
             };
-            let so = if row.disagreement.is_none() {
-                "held in"
-            } else {
-                "failed after"
+            let so = match row.disagreement {
+                None => "held in",
+                Some(_) => "failed after",
             };
             let cases = counted(row.held as usize, ["case", "cases"]);
-            progress.step(&format!(
-                "{} {}: {so} {cases}, {seconds:.1} s",
-                subject.name, law.name
-            ));
+            let line = format!("{} {}: {so} {cases}", subject.name, law.name);
+            progress.step(&format!("{line}, {seconds:.1} s"));
             if let Some(what) = &row.disagreement {
                 progress.say(what);
             }

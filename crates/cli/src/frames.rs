@@ -103,9 +103,8 @@ pub(crate) fn shard(text: &str) -> Result<Shard, String> {
     if text == "auto" {
         return slurm_shard(&|name| std::env::var(name).ok());
     }
-    let (number, of) = text
-        .split_once('/')
-        .ok_or("a shard is I/N, such as 2/8, or auto")?;
+    let says = "a shard is I/N, such as 2/8, or auto";
+    let (number, of) = text.split_once('/').ok_or(says)?;
     let (number, of) = (whole(number)?, whole(of)?);
     match (1..=of).contains(&number) {
         true => Ok(Shard { number, of }),
@@ -123,10 +122,8 @@ fn slurm_shard(variable: &dyn Fn(&str) -> Option<String>) -> Result<Shard, Strin
         )),
     };
     let id = number("SLURM_ARRAY_TASK_ID")?;
-    let (least, of) = (
-        number("SLURM_ARRAY_TASK_MIN")?,
-        number("SLURM_ARRAY_TASK_COUNT")?,
-    );
+    let least = number("SLURM_ARRAY_TASK_MIN")?;
+    let of = number("SLURM_ARRAY_TASK_COUNT")?;
     match id.checked_sub(least).filter(|i| *i < of) {
         Some(i) => Ok(Shard { number: i + 1, of }),
         None => Err(format!(
@@ -144,15 +141,16 @@ pub(crate) fn list(
     is_demo: bool,
 ) -> Result<Vec<Frame>, Stop> {
     if let Some(Frames::Keys(list)) = frames {
-        return match range {
-            None => at_keys(list, keys),
-            Some(_) => Err(Stop::bad(
-                "--frames names key times already: leave --time-range out",
-            )),
-        };
+        let why = "--frames names key times already: leave --time-range out";
+        return range.map_or_else(|| at_keys(list, keys), |_| Err(Stop::bad(why)));
     }
     let end = (keys - 1) as f64;
-    let range = within(range, end)?.unwrap_or(TimeRange { from: 0.0, to: end });
+    let range = range.unwrap_or(TimeRange { from: 0.0, to: end });
+    let TimeRange { from, to } = range;
+    if from < 0.0 || to > end {
+        let why = format!("leaves the motion, which lasts from 0 to {end} key frames");
+        return Err(Stop::bad(format!("--time-range {from}..{to} {why}")));
+    }
     let count = match frames {
         Some(Frames::Count(n)) => *n,
         _ => default_count(range, is_demo),
@@ -202,24 +200,12 @@ pub(crate) fn moment(option: &str, time: f64, keys: usize) -> Result<f64, Stop> 
     )))
 }
 
-fn within(range: Option<TimeRange>, end: f64) -> Result<Option<TimeRange>, Stop> {
-    match range {
-        Some(r) if r.from < 0.0 || r.to > end => Err(Stop::bad(format!(
-            "--time-range {}..{} leaves the motion, which lasts from 0 to {end} key frames",
-            r.from, r.to
-        ))),
-        range => Ok(range),
-    }
-}
-
 pub(crate) fn default_count(range: TimeRange, is_demo: bool) -> usize {
-    if range.from == range.to {
-        1
-    } else if is_demo {
-        DEMO_FRAMES
-    } else {
+    match range.to - range.from {
+        0.0 => 1,
+        _ if is_demo => DEMO_FRAMES,
         // One a key frame where that is few enough; `list` has checked that the range is short.
-        ((range.to - range.from) as usize + 1).clamp(2, MOST_FRAMES)
+        keys => (keys as usize + 1).clamp(2, MOST_FRAMES),
     }
 }
 

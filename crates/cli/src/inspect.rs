@@ -1,17 +1,23 @@
-//! `abvh inspect`: a scene's size and motion, how refitting decays, and what `auto` takes.
+//! `abvh inspect`: a scene's size and motion, how refitting decays, and what `auto` takes. `--reduce-keys`: how few key
+//! frames stand for all of them.
 
-use crate::args::{BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, UpdateName};
+use crate::args::{
+    BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, Tolerance, UpdateName,
+};
 use crate::bench::FOV;
-use crate::choose::{self, Ask, Run};
+use crate::choose::{Ask, Run};
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, of_rows};
-use crate::{frames, memory, record, reduce, session, talk};
-use backend::{Query, QueryKind, Rays};
-use geom::Animation;
+use crate::{frames, memory, session, talk};
+use geom::{Animation, Point};
 use output::Taken;
 use pipeline::{Decay, Motion, Spread};
 use scene::Scene;
+use scene::keys::{self, Reducer};
+use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
+use std::fs;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Times at which the first tree is compared with a fresh one.
@@ -19,7 +25,10 @@ const SAMPLES: usize = 5;
 /// Pixels of a frame of `render`, unless asked otherwise.
 const SIZE: [u32; 2] = [1280, 720];
 
+#[derive(Serialize)]
 struct Inspection {
+    scene: Value,
+    bounds: Option<Value>,
     motion: Motion,
     inactive: Spread,
     degenerate: Spread,
@@ -29,14 +38,17 @@ struct Inspection {
 
 pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
     if let Some(tolerance) = args.reduce_keys {
-        return reduce::run(args, tolerance);
+        return run_reduction(args, tolerance);
     }
     let options = memory::with_run(args.source.options(), 0);
     let scene = scene::open(&args.scene, &options)?;
     memory::check_trees(scene.animation.triangle_count(), 0)?;
     let animation = &scene.animation;
     let [inactive, degenerate] = pipeline::unhittable(animation).map_err(Stop::bad)?;
+    let bounds = animation.bounds();
     let inspection = Inspection {
+        scene: scene_facts(&scene),
+        bounds: (!bounds.is_empty()).then(|| json!({ "min": bounds.min, "max": bounds.max })),
         motion: pipeline::motion(animation).map_err(Stop::bad)?,
         inactive,
         degenerate,
@@ -44,25 +56,9 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
         auto: what_auto_takes(args, animation)?,
     };
     match args.json {
-        true => talk::print_json(&json(&scene, &inspection)),
+        true => talk::print_json(&inspection),
         false => talk::print(&text(&scene, &inspection)),
     }
-}
-
-fn json(scene: &Scene, i: &Inspection) -> Value {
-    let (bounds, m) = (scene.animation.bounds(), &i.motion);
-    let some = (!bounds.is_empty()).then(|| json!({ "min": bounds.min, "max": bounds.max }));
-    let spread = |s: Spread| json!({ "min": s.min, "max": s.max });
-    let decay = |d: &Decay| json!({ "time": d.time, "refitted": d.refitted, "fresh": d.fresh, "ratio": d.ratio });
-    json!({
-        "scene": record::scene_facts(scene),
-        "bounds": some,
-        "motion": { "moving": m.moving, "mean_step": m.mean_step, "max_step": m.max_step },
-        "inactive": spread(i.inactive),
-        "degenerate": spread(i.degenerate),
-        "decay": i.decay.iter().map(decay).collect::<Vec<_>>(),
-        "auto": i.auto,
-    })
 }
 
 /// What `render` would take if all were left to `auto`.
@@ -73,25 +69,15 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
     let camera = view.camera(SIZE);
     let run = camera.as_ref().map(|camera| Run {
         frames: &frames,
-        query: Query {
-            rays: Rays::Camera(camera),
-            kind: QueryKind::ClosestAndShadow { light: view.light },
-        },
+        query: view.query(camera),
     });
-    let method = MethodArgs {
-        intersector: IntersectorName::Auto,
-        layout: LayoutName::Auto,
-    };
+    let method = MethodArgs::of(IntersectorName::Auto, LayoutName::Auto);
     let ask = Ask {
         tolerance: args.tolerance.ppm(),
         run,
-        ..Ask::of(
-            BackendName::Auto,
-            method,
-            choose::free_update(UpdateName::Auto),
-        )
+        ..Ask::of(BackendName::Auto, method, UpdateName::Auto)
     };
-    Ok(session::start(animation, &ask)?.taken)
+    Ok(session::start(animation, &ask)?.setup.auto)
 }
 
 fn text(scene: &Scene, i: &Inspection) -> String {
@@ -139,4 +125,201 @@ fn decay_table(decay: &[Decay]) -> String {
         ]
     };
     of_rows(&decay.iter().map(row).collect::<Vec<_>>(), 0)
+}
+
+/// What was rendered, and what else its source told. `live` triangles are active in some key frame. Those that never move
+/// are interpolated, preprocessed and refitted once.
+pub(crate) fn scene_facts(scene: &Scene) -> Value {
+    let (animation, facts) = (&scene.animation, &scene.facts);
+    json!({
+        "name": scene.name,
+        "keys": animation.key_count(),
+        "vertices": animation.vertex_count(),
+        "triangles": animation.triangle_count(),
+        "live": animation.live_count(),
+        "moving": animation.moving_count(),
+        "facts": {
+            "format": facts.format,
+            "files": facts.files.iter().map(|f| f.to_string_lossy()).collect::<Vec<_>>(),
+            "clip": facts.clip,
+            "seconds_per_key": facts.seconds_per_key,
+            "notes": facts.notes,
+        },
+    })
+}
+
+#[derive(Serialize)]
+struct Reduction {
+    scene: Value,
+    diagonal: f64,
+    tolerance: f64,
+    kept: Vec<usize>,
+    #[serde(serialize_with = "before_after")]
+    keys: [usize; 2],
+    #[serde(serialize_with = "before_after")]
+    bytes: [usize; 2],
+    max_error: f64,
+    worst: Option<Value>,
+    rms: f64,
+}
+
+fn before_after<S: Serializer>([before, after]: &[usize; 2], to: S) -> Result<S::Ok, S::Error> {
+    json!({ "before": before, "after": after }).serialize(to)
+}
+
+/// Reduces, says so, and writes what is left if asked to.
+fn run_reduction(args: &InspectArgs, tolerance: Tolerance) -> Result<(), Stop> {
+    let scene = scene::open(&args.scene, &args.source.options())?;
+    if scene.animation.times().is_some() {
+        let what = "its key frames have been reduced already: reduce those that they are left of";
+        return Err(Stop::bad(format!("{}: {what}", args.scene)));
+    }
+    if let Some(dir) = &args.reduced_out {
+        prepare(dir)?;
+    }
+    let reduction = reduce(&scene, tolerance)?;
+    if let Some(dir) = &args.reduced_out {
+        write(dir, &scene, &reduction)?;
+    }
+    if args.json {
+        talk::print_json(&reduction)
+    } else {
+        talk::print(&reduction_text(&scene.name, &reduction))
+    }
+}
+
+fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
+    let animation = &scene.animation;
+    let diagonal = diagonal(animation);
+    let tolerance = match tolerance {
+        Tolerance::Units(units) => units,
+        Tolerance::Share(share) => share * diagonal,
+    };
+    let all = animation.all_keys().map_err(Stop::bad)?;
+    let kept = Reducer::new(&all).fewest(tolerance);
+    // Played once more, and measured against all of the original.
+    let fit = keys::measure(&all, &kept);
+    if fit.max_error > tolerance {
+        let (kept, off) = (counted(kept.len(), KEY_FRAMES), fit.max_error);
+        let why = format!("{kept} found for {tolerance}: off by {off}; please report this");
+        return Err(Stop::failed(why));
+    }
+    let [before, after] = [animation.key_count(), kept.len()];
+    let bytes = |keys: usize| keys * animation.vertex_count() * size_of::<Point>();
+    Ok(Reduction {
+        scene: scene_facts(scene),
+        diagonal,
+        tolerance,
+        kept,
+        keys: [before, after],
+        bytes: [before, after].map(bytes),
+        max_error: fit.max_error,
+        worst: (fit.worst).map(|(frame, vertex)| json!({ "frame": frame, "vertex": vertex })),
+        rms: fit.rms,
+    })
+}
+
+/// The length of the diagonal of the scene's bounds; 0 where no vertex is finite.
+fn diagonal(animation: &Animation) -> f64 {
+    let bounds = animation.bounds();
+    if bounds.is_empty() {
+        return 0.0;
+    }
+    let way = |axis: usize| f64::from(bounds.max[axis]) - f64::from(bounds.min[axis]);
+    (way(0).powi(2) + way(1).powi(2) + way(2).powi(2)).sqrt()
+}
+
+/// Makes the directory; key frames that lie there already would be taken for some of these.
+fn prepare(dir: &Path) -> Result<(), Stop> {
+    output::prepare_dir(dir).map_err(Stop::bad)?;
+    let list = fs::read_dir(dir).map_err(|e| Stop::bad(format!("{}: {e}", dir.display())))?;
+    let is_mesh = |path: &Path| {
+        let extension = path.extension().map(|e| e.to_ascii_lowercase());
+        extension.is_some_and(|e| e == "ply" || e == "obj")
+    };
+    let meshes = list.flatten().filter(|file| is_mesh(&file.path()));
+    match meshes.map(|file| file.file_name()).min() {
+        Some(file) => Err(Stop::bad(format!(
+            "{} has key frames already, such as {}; name an empty directory",
+            dir.display(),
+            file.display()
+        ))),
+        None => Ok(()),
+    }
+}
+
+/// One PLY file a kept frame, and last the times they stand at.
+fn write(dir: &Path, scene: &Scene, reduction: &Reduction) -> Result<(), Stop> {
+    let animation = &scene.animation;
+    let mut frames = Vec::new();
+    for &key in &reduction.kept {
+        let file = format!("key_{key:05}.ply");
+        let points = animation.key(key).map_err(Stop::bad)?;
+        output::write_with(&dir.join(&file), |out| {
+            scene::write_ply(out, &points, animation.triangles(), &scene.colours)
+        })?;
+        frames.push(json!({ "file": file, "time": key }));
+    }
+    let times = json!({
+        "schema": output::SCHEMA,
+        "scene": scene.name,
+        "end": animation.end(),
+        "seconds_per_key": scene.facts.seconds_per_key,
+        "tolerance": reduction.tolerance,
+        "max_error": reduction.max_error,
+        "frames": frames,
+    });
+    Ok(output::write_json(&dir.join("times.json"), &times)?)
+}
+
+fn reduction_text(name: &str, r: &Reduction) -> String {
+    let ([all, few], [before, after]) = (r.keys, r.bytes.map(grouped));
+    let mut text = format!(
+        "{name}: {few} of {} for all of them within {}, {} of the diagonal\n",
+        counted(all, KEY_FRAMES),
+        length(r.tolerance),
+        percent(r.tolerance, r.diagonal)
+    );
+    let kept: Vec<_> = r.kept.iter().map(ToString::to_string).collect();
+    text += &format!("kept: {}\n", kept.join(" "));
+    text += &format!("positions: {before} bytes before, {after} after\n");
+    let (max, rms) = (length(r.max_error), length(r.rms));
+    text += &format!("error: {max} at most, {}", percent(r.max_error, r.diagonal));
+    if let Some(at) = &r.worst {
+        text += &format!(", at vertex {} of key frame {}", at["vertex"], at["frame"]);
+    }
+    text + &format!("; {rms} root mean square\n")
+}
+
+fn length(units: f64) -> String {
+    match units {
+        0.0 => "0".to_owned(),
+        units => format!("{units:.3e}"),
+    }
+}
+
+fn percent(part: f64, whole: f64) -> String {
+    let share = if whole > 0.0 { part / whole } else { 0.0 };
+    format!("{:.4}%", 100.0 * share)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_without_size_has_no_diagonal_and_one_key_frame() {
+        let animation = Animation::new(vec![vec![[f32::NAN; 3]]; 3], vec![[0; 3]]).unwrap();
+        assert_eq!(diagonal(&animation), 0.0);
+        let scene = Scene {
+            name: String::new(),
+            animation: std::sync::Arc::new(animation),
+            colours: vec![[0; 3]],
+            facts: scene::Facts::default(),
+        };
+        let r = reduce(&scene, Tolerance::Share(0.1)).unwrap();
+        assert_eq!((r.kept.as_slice(), r.max_error), ([0].as_slice(), 0.0));
+        let text = reduction_text("", &r);
+        assert!(!text.contains("NaN"), "{text}");
+    }
 }

@@ -13,18 +13,12 @@ mod conform;
 mod frames;
 mod info;
 mod inspect;
-mod manifest;
 mod memory;
 mod merge;
 mod open;
-mod outputs;
-mod progress;
-mod record;
-mod reduce;
 mod render;
 mod resume;
 mod session;
-mod signals;
 mod stability;
 mod stop;
 mod subjects;
@@ -40,7 +34,7 @@ use std::process::ExitCode;
 use stop::Stop;
 
 fn main() -> ExitCode {
-    signals::heed();
+    stop::heed_signals();
     match args::parse(std::env::args_os()).and_then(run) {
         Ok(()) => ExitCode::SUCCESS,
         Err(stop) => talk::complain(&stop),
@@ -48,18 +42,14 @@ fn main() -> ExitCode {
 }
 
 fn run(command: Command) -> Result<(), Stop> {
-    threads::start(match &command {
-        Command::Render(args) => args.device.threads,
-        Command::Trace(args) => args.device.threads,
-        Command::Bench(args) => args.threads,
-        _ => None,
-    });
-    let device = match &command {
-        Command::Render(args) => Some(&args.device),
-        Command::Trace(args) => Some(&args.device),
-        _ => None,
+    let (threads, no_cache) = match &command {
+        Command::Render(args) => (args.device.threads, args.device.no_cache),
+        Command::Trace(args) => (args.device.threads, args.device.no_cache),
+        Command::Bench(args) => (args.threads, false),
+        _ => (None, false),
     };
-    if device.is_some_and(|device| device.no_cache) {
+    threads::start(threads);
+    if no_cache {
         open::keep_no_kernels();
     }
     match command {

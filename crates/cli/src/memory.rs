@@ -58,30 +58,3 @@ pub(crate) fn check_device(
         Stop::bad(format!("{triangles} triangles on {name}: {e}"))
     })
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn trees_that_memory_does_not_hold_are_bad_input() {
-        check_trees(1_000_000, 1 << 20).unwrap();
-        let stop = check_trees(usize::MAX / 1000, 0).unwrap_err();
-        assert!(matches!(stop, Stop::Bad(_)));
-        assert!(stop.to_string().contains("are needed"), "{stop}");
-    }
-
-    #[test]
-    fn parts_are_told_whole_and_a_triangle() {
-        let bytes = DeviceBytes {
-            tree: 100,
-            scratch: 8,
-            scene: 30,
-            frames: 6,
-        };
-        let json = device_memory(bytes, 4);
-        let parts = |of: &str| ["tree", "scratch", "scene", "frames"].map(|p| json[of][p].as_f64());
-        assert_eq!(parts("bytes"), [100.0, 8.0, 30.0, 6.0].map(Some));
-        assert_eq!(parts("bytes_per_triangle"), [25.0, 2.0, 7.5, 1.5].map(Some));
-    }
-}

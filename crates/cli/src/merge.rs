@@ -120,9 +120,6 @@ fn absent(missing: &[u64], of: usize) -> String {
     if missing.len() > NAMED {
         names.push("…".to_owned());
     }
-    format!(
-        "{} of {of} frames are missing or damaged: {}",
-        missing.len(),
-        names.join(", ")
-    )
+    let (missing, names) = (missing.len(), names.join(", "));
+    format!("{missing} of {of} frames are missing or damaged: {names}")
 }

@@ -11,6 +11,7 @@ use backend::{Backend, DeviceKind, Intersector, Layout};
 use gpu_vulkan::VulkanBackend;
 use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
+use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -30,8 +31,6 @@ struct Known<'a> {
     open: &'a OpenAdapter<'a>,
 }
 
-const ON_DRIVERS: &[DeviceKind] = &[DeviceKind::Gpu, DeviceKind::Software];
-
 /// Where wgpu has but Vulkan to go through.
 const WGPU_IS_VULKAN: bool = cfg!(not(any(windows, target_vendor = "apple")));
 
@@ -42,28 +41,27 @@ const KNOWN: [Known<'static>; 5] = [
         name: BackendName::Vulkan,
         text: "vulkan",
         place: "vulkan comes before wgpu: trees and vertices travel on a queue of their own",
-        kinds: ON_DRIVERS,
-        covered_by: None,
         list: &gpu_vulkan::adapters,
         open: &|adapter, _| Ok(Box::new(VulkanBackend::new(&vulkan_options(adapter))?)),
+        ..VULKAN_RT
     },
     Known {
         name: BackendName::Wgpu,
         text: "wgpu",
         place: "wgpu is next after vulkan",
-        kinds: ON_DRIVERS,
         covered_by: if WGPU_IS_VULKAN { Some("vulkan") } else { None },
         list: &gpu_wgpu::adapters,
         open: &|adapter, _| open_wgpu(adapter),
+        ..VULKAN_RT
     },
     Known {
         name: BackendName::Cpu,
         text: "cpu",
         place: "the host is always there",
         kinds: &[DeviceKind::Cpu],
-        covered_by: None,
         list: &list_cpu,
         open: &|_, threads| Ok(Box::new(cpu_simd::open(Some(threads))?)),
+        ..VULKAN_RT
     },
     VULKAN_RT,
     Known {
@@ -78,7 +76,7 @@ const VULKAN_RT: Known<'static> = Known {
     name: BackendName::VulkanRt,
     text: "vulkan-rt",
     place: "it is there to be measured against",
-    kinds: ON_DRIVERS,
+    kinds: &[DeviceKind::Gpu, DeviceKind::Software],
     covered_by: None,
     list: &gpu_vulkan_rt::ray_adapters,
     open: &|adapter, _| open_vulkan_rt(adapter, Prefer::FastBuild),
@@ -98,20 +96,13 @@ pub(crate) fn open<T>(
     if let Some(known) = KNOWN.iter().find(|k| k.name == backend) {
         return Ok((ready(known.open_named(adapter, threads)?)?, None));
     }
-    let ours = KNOWN.iter().filter(|k| !has_own_trees(k.name));
-    let ours: Vec<_> = ours.collect();
+    let ours: Vec<_> = (KNOWN.iter().filter(|k| !has_own_trees(k.name))).collect();
     let traces = |adapter: &Adapter| {
         let able = gpu_vulkan_rt::ray_adapters();
         able.is_ok_and(|able| answers_rays(&able, adapter))
     };
     let (value, why) = auto::take(&ours, (adapter, threads), &traces, ready)?;
     Ok((value, Some(why)))
-}
-
-/// What a backend is called on the command line.
-pub(crate) fn name(backend: BackendName) -> &'static str {
-    let known = KNOWN.iter().find(|k| k.name == backend);
-    known.map_or("auto", |k| k.text)
 }
 
 /// Likewise, as it is.
@@ -165,12 +156,14 @@ impl Known<'_> {
 }
 
 /// Whether a backend can run here, and what it can do.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub(crate) struct Presence {
+    #[serde(skip)]
     pub(crate) name: BackendName,
     pub(crate) backend: &'static str,
     /// Why it cannot run; `None` if it can.
     pub(crate) absent: Option<String>,
+    #[serde(serialize_with = "adapters::serialize")]
     pub(crate) adapters: Vec<Adapter>,
     pub(crate) intersectors: Vec<&'static str>,
     pub(crate) layouts: Vec<&'static str>,
@@ -179,8 +172,8 @@ pub(crate) struct Presence {
 }
 
 /// All backends, present or absent, in the order in which `auto` looks at them.
-pub(crate) fn presences() -> Vec<Presence> {
-    let presence = |known: &Known<'_>| {
+pub(crate) fn presences() -> impl DoubleEndedIterator<Item = Presence> {
+    KNOWN.iter().map(|known| {
         let found = (known.list)();
         let own_trees = has_own_trees(known.name);
         let names = |ours: Vec<&'static str>| if own_trees { vec![DRIVERS] } else { ours };
@@ -193,8 +186,7 @@ pub(crate) fn presences() -> Vec<Presence> {
             layouts: names(Layout::ALL.map(Layout::name).to_vec()),
             own_trees,
         }
-    };
-    KNOWN.iter().map(presence).collect()
+    })
 }
 
 /// Whether a backend can make a tree in each frame, as far as is known while it is not open.
@@ -205,11 +197,8 @@ pub(crate) fn makes_trees(backend: BackendName) -> bool {
 /// Whether an adapter is among those `able` to trace by their driver's trees, and answers ray queries beside.
 fn answers_rays(able: &[Adapter], adapter: &Adapter) -> bool {
     let same = |a: &&Adapter| (&a.name, a.kind) == (&adapter.name, adapter.kind);
-    let found = able.iter().find(same);
-    found.is_some_and(|a| {
-        let mut limits = a.limits.iter();
-        limits.any(|(name, value)| *name == "ray queries" && value == "yes")
-    })
+    let queries = ("ray queries", "yes".to_owned());
+    (able.iter().find(same)).is_some_and(|a| a.limits.contains(&queries))
 }
 
 /// What stands for the intersector and the layout of such a backend.

@@ -1,17 +1,15 @@
 //! `abvh render`: an animation to pictures, hits and statistics.
 
 use crate::args::RenderArgs;
-use crate::choose::{self, Run};
+use crate::choose::Run;
 use crate::conflicts::Files;
-use crate::manifest::manifest;
-use crate::outputs::Outputs;
-use crate::progress::Progress;
-use crate::resume::{self, Earlier};
+use crate::resume::{self, Earlier, manifest};
 use crate::session::{self, Ask, Session};
-use crate::stop::Stop;
-use crate::writer::{Done, Lent, Writer};
-use crate::{frames, memory, open, record, signals, table, talk};
-use backend::{Query, QueryKind, Rays};
+use crate::stop::{self, Stop};
+use crate::talk::Progress;
+use crate::writer::{Lent, Outputs, Writer};
+use crate::{frames, info, inspect, memory, open, table, talk};
+use backend::Query;
 use geom::Camera;
 use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video, VideoFiles, View};
 use pipeline::{Frame, Wanted};
@@ -35,19 +33,19 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     passed("look at files");
     let scene = scene::open(&args.scene, &memory::with_run(args.source.options(), rays))?;
     passed("read the scene");
-    let (keys, is_demo) = (scene.animation.whole_times(), frames::is_demo(&args.scene));
-    let all = frames::list(args.frames.as_ref(), args.time_range, keys, is_demo)?;
+    let keys = scene.animation.whole_times();
+    let all = resume::listed(args, keys)?;
     let frames = frames::of_shard(&all, args.shard);
     if frames.is_empty() {
         return no_frames(args, &scene, (earlier, &outputs), &all);
     }
     let view = view(args, &scene);
     let camera = camera(&view, args.size.size)?;
-    let ask = ask(args, &frames, query(&camera, &view));
+    let ask = ask(args, &frames, view.query(&camera));
     let mut session = session::start(&scene.animation, &ask)?;
     passed("open the device, load the scene");
     let (video, wanted) = pictures(args, &outputs, &scene, &mut session)?;
-    session.driver.prepare(query(&camera, &view));
+    session.driver.prepare(view.query(&camera));
     let new = outputs.prepare()?;
     if let Some(file) = &args.rays_out {
         // A run that does not begin leaves no folders.
@@ -67,7 +65,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     if let Some(notes) = &mut notes {
         notes.start_up = start_up;
     }
-    signals::wait_for_checks();
+    stop::let_signals_wait();
     let rows = trace_all(
         args,
         (&scene, &camera, &view),
@@ -80,8 +78,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         resume::write_stats(file, &resume::joined(head, &[&old[..], &rows].concat()))?;
     }
     if let (Some(file), Some(notes)) = (&args.timeline, &notes) {
-        let remarks =
-            json!({ "caption": session.caption(), "command_line": record::command_line() });
+        let remarks = json!({ "caption": session.caption, "command_line": info::command_line() });
         notes.write(file, remarks)?;
     }
     tell(args, &results(args, &scene, &session, &rows))
@@ -99,15 +96,13 @@ fn no_frames(
     earlier.begin(args, all, (&own, &Value::Null))?;
     if let Some(file) = &args.stats {
         let version = env!("CARGO_PKG_VERSION");
-        let scene = record::scene_facts(scene);
+        let scene = inspect::scene_facts(scene);
         let head = json!({ "schema": SCHEMA, "version": version, "scene": scene });
         let head = resume::alone(head, outputs, (&own, all));
         resume::write_stats(file, &resume::joined(head, &[]))?;
     }
-    tell(
-        args,
-        "this shard has no frames: there are more shards than frames\n",
-    )
+    let why = "this shard has no frames: there are more shards than frames\n";
+    tell(args, why)
 }
 
 /// # Errors
@@ -136,7 +131,7 @@ fn ask<'a>(args: &'a RenderArgs, frames: &'a [Frame], query: Query<'a>) -> Ask<'
         threads: args.device.threads,
         builder_threads: args.device.builder_threads,
         method: args.method,
-        update: choose::update(args.policy),
+        policy: args.policy,
         tolerance: args.tolerance.ppm(),
         run: Some(Run { frames, query }),
         rays: args.size.count(),
@@ -168,15 +163,14 @@ fn pictures(
 
 /// Results go to standard output, unless statistics or a video go there.
 fn tell(args: &RenderArgs, text: &str) -> Result<(), Stop> {
-    match [&args.stats, &args.y4m].map(Option::as_deref) {
-        files if files.contains(&Some(Path::new("-"))) => {
-            if !args.quiet {
-                talk::say(text.trim_end());
-            }
-            Ok(())
-        }
-        _ => talk::print(text),
+    let files = [&args.stats, &args.y4m].map(Option::as_deref);
+    if !files.contains(&Some(Path::new("-"))) {
+        return talk::print(text);
     }
+    if !args.quiet {
+        talk::say(text.trim_end());
+    }
+    Ok(())
 }
 
 /// All files are there: statistics alone are written, of earlier runs.
@@ -184,13 +178,9 @@ fn nothing_left(args: &RenderArgs, earlier: &Earlier, rows: &[FrameStats]) -> Re
     if let (Some(file), Some(stats)) = (&args.stats, earlier.stats(rows)) {
         resume::write_stats(file, &stats)?;
     }
-    tell(
-        args,
-        &format!(
-            "nothing is left to be done: all {} frames are there\n",
-            rows.len()
-        ),
-    )
+    let all = rows.len();
+    let text = format!("nothing is left to be done: all {all} frames are there\n");
+    tell(args, &text)
 }
 
 /// The view that frames the motion, with what was asked for in its place.
@@ -203,13 +193,6 @@ fn view(args: &RenderArgs, scene: &Scene) -> View {
         up: asked.up.unwrap_or(framed.up),
         light: asked.light.unwrap_or(framed.light),
         ..framed
-    }
-}
-
-fn query<'a>(camera: &'a Camera, view: &View) -> Query<'a> {
-    Query {
-        rays: Rays::Camera(camera),
-        kind: QueryKind::ClosestAndShadow { light: view.light },
     }
 }
 
@@ -236,7 +219,7 @@ fn trace_all(
     (journals, notes): (&mut [(PathBuf, Journal)], Option<&mut RunTimeline>),
 ) -> Result<Vec<FrameStats>, Stop> {
     let progress = Progress::new(todo.len() as u64, args.quiet);
-    let taken = session.taken.iter().map(ToString::to_string);
+    let taken = session.setup.auto.iter().map(ToString::to_string);
     for remark in taken.chain(scene.facts.notes.iter().cloned()) {
         progress.say(&remark);
     }
@@ -244,9 +227,10 @@ fn trace_all(
         let all = done + todo.len();
         progress.say(&format!("{done} of {all} frames are there already"));
     }
-    let query = query(camera, view);
-    let done = Done::new(journals, notes, progress);
-    let writer = Writer::new((scene, camera, view.light), (outputs, video, wanted), done);
+    let query = view.query(camera);
+    let shown = (scene, camera, view.light);
+    let made = (outputs, video, wanted);
+    let writer = Writer::new(shown, made, (journals, notes), progress);
     let mut places = 0..;
     rayon::in_place_scope(|scope| {
         session
@@ -267,7 +251,7 @@ fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameSta
         table::grouped(scene.animation.moving_count()),
         table::counted(scene.animation.key_count(), table::KEY_FRAMES),
         table::counted(rows.len(), table::FRAMES),
-        session.caption(),
+        session.caption,
     );
     if !rows.is_empty() {
         text += &table::stages(rows);
@@ -283,26 +267,11 @@ fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameSta
 
 /// Statistics without frames.
 fn head(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
-    let device = &session.device;
-    json!({
-        "schema": SCHEMA,
-        "version": env!("CARGO_PKG_VERSION"),
-        "scene": record::scene_facts(scene),
-        "backend": device.backend,
-        "adapter": device.adapter,
-        "driver": (!device.driver.is_empty()).then_some(&device.driver),
-        "threads": session.threads.render,
-        "builder_threads": session.threads.build,
-        "update": session.update.name(),
-        "lockstep": choose::lockstep(session.update),
-        "predict": session.predict,
-        "intersector": session.method[0],
-        "layout": session.method[1],
-        "auto": session.taken,
-        "size": args.size.size,
-        "expected_memory": {
-            "host_bytes": session.memory.host_bytes,
-            "device_bytes": session.memory.device_bytes,
-        },
-    })
+    let mut head = json!(session.setup);
+    head["schema"] = json!(SCHEMA);
+    head["version"] = json!(env!("CARGO_PKG_VERSION"));
+    head["scene"] = inspect::scene_facts(scene);
+    head["size"] = json!(args.size.size);
+    head["expected_memory"] = json!(session.memory);
+    head
 }

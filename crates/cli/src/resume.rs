@@ -1,13 +1,14 @@
 //! What an earlier run left in the folders of this one, and what is still to be done.
 
-use crate::args::RenderArgs;
-use crate::manifest::manifest;
-use crate::outputs::Outputs;
+use crate::args::{RenderArgs, has_own_trees, word};
 use crate::stop::Stop;
-use crate::{frames, record, talk};
-use output::{Finished, FrameStats, Journal, Manifest, overview};
+use crate::values::{Frames, TimeRange};
+use crate::writer::Outputs;
+use crate::{frames, info, talk};
+use output::{Finished, FrameStats, Journal, Manifest, SCHEMA, SceneId, overview};
 use pipeline::Frame;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 pub(crate) struct Earlier {
@@ -29,10 +30,8 @@ impl Earlier {
             };
             if let Some(found) = found {
                 if let Some(difference) = found.difference(&manifest(args, found.key_times)?) {
-                    let folder = folder.display();
-                    return Err(Stop::bad(format!(
-                        "{folder} holds another run: {difference}; --overwrite replaces it"
-                    )));
+                    let other = format!("{} holds another run: {difference}", folder.display());
+                    return Err(Stop::bad(format!("{other}; --overwrite replaces it")));
                 }
                 earlier = Some(found);
             }
@@ -88,12 +87,7 @@ impl Earlier {
         if args.makes_video() || beside.any(|file| !file.exists()) {
             return Ok(None);
         }
-        let all = frames::list(
-            args.frames.as_ref(),
-            args.time_range,
-            found.key_times,
-            frames::is_demo(&args.scene),
-        )?;
+        let all = listed(args, found.key_times)?;
         let (rows, rest) = self.divide(frames::of_shard(&all, args.shard), outputs);
         Ok(rest.is_empty().then_some(rows))
     }
@@ -125,6 +119,12 @@ impl Earlier {
     }
 }
 
+/// All frames of a run over a motion with so many whole times.
+pub(crate) fn listed(args: &RenderArgs, key_times: usize) -> Result<Vec<Frame>, Stop> {
+    let is_demo = frames::is_demo(&args.scene);
+    frames::list(args.frames.as_ref(), args.time_range, key_times, is_demo)
+}
+
 /// The numbers of frames.
 pub(crate) fn numbers(list: &[Frame]) -> Vec<u64> {
     list.iter().map(|f| f.index).collect()
@@ -148,7 +148,7 @@ pub(crate) fn joined(mut stats: Value, rows: &[FrameStats]) -> Value {
     rows.sort_by_key(|row| row.frame);
     stats["summary"] = json!(overview(&rows));
     stats["frames"] = json!(rows);
-    stats["command_line"] = json!(record::command_line());
+    stats["command_line"] = json!(info::command_line());
     stats
 }
 
@@ -158,4 +158,62 @@ pub(crate) fn write_stats(file: &Path, stats: &Value) -> Result<(), Stop> {
         true => talk::print_json(stats),
         false => Ok(output::write_json(file, stats)?),
     }
+}
+
+/// The manifest of a run over a motion with so many whole times.
+///
+/// # Errors
+/// A file of the scene cannot be read.
+pub(crate) fn manifest(args: &RenderArgs, key_times: usize) -> Result<Manifest, Stop> {
+    let files = scene::files(&args.scene)?;
+    // Where a file lies decides nothing, but how inputs are placed does.
+    let is_placed = args.scene.contains(['+', '@']);
+    let name = (files.is_empty() || is_placed).then(|| args.scene.clone());
+    let files = output::digests(&files)?;
+    Ok(Manifest {
+        schema: SCHEMA,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        scene: SceneId { name, files },
+        key_times,
+        options: options(args, key_times),
+    })
+}
+
+fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
+    let intersector = word(&args.method.intersector);
+    // The answers of these are the same whoever gives them and however trees follow.
+    let is_robust = matches!(&*intersector, "watertight" | "exact");
+    let mut all = BTreeMap::from([
+        ("size", json!(args.size.size)),
+        ("eye", json!(args.camera.eye)),
+        ("look-at", json!(args.camera.look_at)),
+        ("up", json!(args.camera.up)),
+        ("fov", json!(args.camera.fov)),
+        ("light", json!(args.camera.light)),
+        ("fps", json!(args.source.fps)),
+        ("clip", json!(args.source.clip)),
+        // How the default view frames the scene follows from it.
+        ("key-memory", json!(args.source.key_memory)),
+        ("frames", frames_value(args, key_times)),
+        ("intersector", json!(intersector)),
+    ]);
+    if !is_robust || has_own_trees(args.device.backend) {
+        all.insert("backend", json!(word(&args.device.backend)));
+        all.insert("adapter", json!(args.device.adapter));
+        all.insert("tolerance", json!(format!("{:?}", args.tolerance)));
+    }
+    let owned = |(name, value): (&str, Value)| (name.to_owned(), value);
+    all.into_iter().map(owned).collect()
+}
+
+/// Frames at key times are what they are whichever others are asked for; of others, their number decides their times.
+fn frames_value(args: &RenderArgs, key_times: usize) -> Value {
+    let to = (key_times - 1) as f64;
+    let range = args.time_range.unwrap_or(TimeRange { from: 0.0, to });
+    let count = match &args.frames {
+        Some(Frames::Keys(_)) => return json!("key times"),
+        Some(Frames::Count(n)) => *n,
+        None => frames::default_count(range, frames::is_demo(&args.scene)),
+    };
+    json!({ "count": count, "from": range.from, "to": range.to })
 }

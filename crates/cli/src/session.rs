@@ -1,32 +1,45 @@
 //! A driver set up as asked, ready for its first frame.
 
 use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
+use crate::choose;
 pub(crate) use crate::choose::Ask;
-use crate::choose::{self, Settled};
 use crate::memory;
 use crate::open;
 use crate::stop::Stop;
-use crate::threads::{self, Threads};
-use backend::{Backend, Device, DeviceKind, Method};
+use backend::{Backend, Device, DeviceKind, Hits, Method, Query, QueryKind, Rays};
 use clap::ValueEnum;
-use geom::Animation;
+use geom::{Animation, Ray};
 use output::Taken;
-use pipeline::{Driver, DriverOptions, ExpectedMemory, Update};
+use pipeline::{Driver, DriverOptions, ExpectedMemory, Frame, Pace, Update};
+use serde::Serialize;
 use std::sync::Arc;
 
 /// A driver, and what it was made from.
 pub(crate) struct Session {
     pub(crate) driver: Driver,
-    pub(crate) device: Device,
-    /// How rays are traced and how trees lie in memory, by name.
-    pub(crate) method: [&'static str; 2],
-    pub(crate) update: Update,
+    pub(crate) setup: Setup,
+    /// The same in one line.
+    pub(crate) caption: String,
+    pub(crate) memory: ExpectedMemory,
+}
+
+/// Who works how.
+#[derive(Clone, Serialize)]
+pub(crate) struct Setup {
+    pub(crate) backend: &'static str,
+    pub(crate) adapter: String,
+    pub(crate) driver: Option<String>,
+    pub(crate) threads: usize,
+    pub(crate) builder_threads: usize,
+    pub(crate) update: &'static str,
+    /// Frames between asking for a tree and taking it up, where fixed.
+    pub(crate) lockstep: Option<u32>,
     /// With `async`: whether trees are built for what comes.
     pub(crate) predict: Option<bool>,
-    pub(crate) threads: Threads,
-    pub(crate) memory: ExpectedMemory,
+    pub(crate) intersector: &'static str,
+    pub(crate) layout: &'static str,
     /// What was left to `auto`.
-    pub(crate) taken: Vec<Taken>,
+    pub(crate) auto: Vec<Taken>,
 }
 
 /// Opens the backend, settles what is left to `auto`, and loads the scene.
@@ -34,36 +47,53 @@ pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session
     let rays = ask.rays();
     memory::check_trees(animation.triangle_count(), rays)?;
     let ask = &for_backend(ask)?;
-    let (render, build) = (ask.threads, ask.builder_threads);
-    let host = threads::share(
-        threads::cores(),
-        DeviceKind::Cpu,
-        ask.update.value,
-        render,
-        build,
-    );
+    let host = ask.share(DeviceKind::Cpu, ask.update().0);
     let on = (ask.adapter, host.render);
     let (opened, why) = open::open(ask.backend, on, |backend: Box<dyn Backend>| {
         let device = backend.device().clone();
         let mut backend = ReusedBackend::new(backend, animation, ask);
-        let settled = choose::settle(&mut backend, ask)?;
-        let driver = backend.driver(settled.method, settled.update)?;
-        let threads = backend.share(settled.update);
-        Ok((driver, device, settled, threads))
+        let (method, update, why) = choose::settle(&mut backend, ask)?;
+        let driver = backend.driver(method, update)?;
+        Ok((driver, device, method, update, why))
     })?;
-    let (mut driver, device, settled, threads) = opened;
-    let names = method_names(ask, settled.method);
-    let (update, how) = (settled.update, (settled.method, settled.update));
-    let taken = taken((&device, why), settled, names);
-    Ok(Session {
-        memory: ExpectedMemory::of(animation, device.kind, how, rays),
-        device: driver.backend().device().clone(),
-        driver,
-        threads,
-        method: names,
-        update,
+    let (mut driver, device, method, update, reasons) = opened;
+    let [why_update, mut why_intersector, mut why_layout] = reasons;
+    let threads = ask.share(device.kind, update);
+    let mut names = [method.intersector.name(), method.layout.name()];
+    if open::has_own_trees(ask.backend) {
+        names = [open::DRIVERS; 2];
+        why_intersector = Some("the driver has its own".to_owned());
+        why_layout.clone_from(&why_intersector);
+    }
+    let taken = [
+        choose::taken("backend", device.backend, why),
+        choose::taken("update", update.name(), why_update),
+        choose::taken("intersector", names[0], why_intersector),
+        choose::taken("layout", names[1], why_layout),
+    ];
+    let memory = ExpectedMemory::of(animation, device.kind, (method, update), rays);
+    let device = driver.backend().device().clone();
+    let setup = Setup {
+        backend: device.backend,
+        adapter: device.adapter,
+        driver: Some(device.driver).filter(|driver| !driver.is_empty()),
+        threads: threads.render,
+        builder_threads: threads.build,
+        update: update.name(),
+        lockstep: match update {
+            Update::Async(Pace::Lockstep(k)) => Some(k),
+            _ => None,
+        },
         predict: matches!(update, Update::Async(_)).then_some(ask.predict),
-        taken,
+        intersector: names[0],
+        layout: names[1],
+        auto: taken.into_iter().flatten().collect(),
+    };
+    Ok(Session {
+        driver,
+        caption: setup.caption(device.threads),
+        setup,
+        memory,
     })
 }
 
@@ -78,80 +108,60 @@ fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
         )));
     }
     Ok(Ask {
-        update: choose::within_frames(ask.update),
         run: None,
         rays: ask.rays(),
-        method: MethodArgs {
-            intersector: IntersectorName::Watertight,
-            layout: LayoutName::Auto,
-        },
+        method: MethodArgs::of(IntersectorName::Watertight, LayoutName::Auto),
         ..*ask
     })
 }
 
-fn method_names(ask: &Ask<'_>, method: Method) -> [&'static str; 2] {
-    match open::has_own_trees(ask.backend) {
-        true => [open::DRIVERS; 2],
-        false => [method.intersector.name(), method.layout.name()],
-    }
-}
-
-fn taken(
-    (device, why): (&Device, Option<String>),
-    settled: Settled,
-    [intersector, layout]: [&'static str; 2],
-) -> Vec<Taken> {
-    let own = || Some("the driver has its own".to_owned());
-    let why_all = match (intersector == open::DRIVERS, settled.why) {
-        (true, [update, ..]) => [why, update, own(), own()],
-        (false, [update, intersector, layout]) => [why, update, intersector, layout],
-    };
-    let update = settled.update.name();
-    let all = [
-        ("backend", device.backend),
-        ("update", update),
-        ("intersector", intersector),
-        ("layout", layout),
-    ];
-    let all = all.into_iter().zip(why_all);
-    all.filter_map(|((what, takes), why)| choose::taken(what, takes, why))
-        .collect()
-}
-
-impl Session {
-    /// Who works how, in one line.
-    pub(crate) fn caption(&self) -> String {
-        let lockstep =
-            choose::lockstep(self.update).map_or(String::new(), |k| format!(" lockstep {k}"));
+impl Setup {
+    /// In one line; so many threads of the host render.
+    fn caption(&self, threads: usize) -> String {
+        let lockstep = self.lockstep.map(|k| format!(" lockstep {k}"));
         let predict = match self.predict {
             Some(false) => " without prediction",
             _ => "",
         };
-        let render = match self.device.threads {
+        let work = |n: usize, [one, many]: [&str; 2]| match n {
             0 => String::new(),
-            1 => "1 thread renders, ".to_owned(),
-            n => format!("{n} threads render, "),
+            1 => format!("1 thread {one}"),
+            n => format!("{n} threads {many}"),
         };
-        let build = match self.threads.build {
-            1 => "1 thread builds".to_owned(),
-            n => format!("{n} threads build"),
-        };
+        let render = work(threads, ["renders, ", "render, "]);
+        let build = work(self.builder_threads, ["builds", "build"]);
         format!(
-            "{} ({}; {render}{build}), {}{lockstep}{predict}, {}, {}",
-            self.device.backend,
-            self.device.adapter,
-            self.update.name(),
-            self.method[0],
-            self.method[1],
+            "{} ({}; {render}{build}), {}{}{predict}, {}, {}",
+            self.backend,
+            self.adapter,
+            self.update,
+            lockstep.unwrap_or_default(),
+            self.intersector,
+            self.layout,
         )
     }
+}
+
+/// Traces lists of rays one after the other, each at its time.
+pub(crate) fn trace_lists<'a>(
+    driver: &'a mut Driver,
+    kind: QueryKind,
+    lists: impl IntoIterator<Item = (f64, &'a [Ray]), IntoIter: 'a>,
+) -> impl Iterator<Item = Result<Hits, Stop>> + 'a {
+    (0..).zip(lists).map(move |(index, (time, rays))| {
+        let rays = Rays::List(rays);
+        let mut hits = Hits::default();
+        driver.begin(Frame { index, time }, Query { rays, kind })?;
+        driver.finish(Some(&mut hits))?;
+        Ok(hits)
+    })
 }
 
 /// A backend that serves one driver after another.
 pub(crate) struct ReusedBackend<'a> {
     pub(crate) animation: &'a Arc<Animation>,
     pub(crate) device: Device,
-    ask: &'a Ask<'a>,
+    pub(crate) ask: &'a Ask<'a>,
     /// None while a driver has it, and after one broke down over it.
     backend: Option<Box<dyn Backend>>,
 }
@@ -171,15 +181,9 @@ impl<'a> ReusedBackend<'a> {
         }
     }
 
-    /// How cores are shared under a policy.
-    pub(crate) fn share(&self, update: Update) -> Threads {
-        let (render, build) = (self.ask.threads, self.ask.builder_threads);
-        threads::share(threads::cores(), self.device.kind, update, render, build)
-    }
-
     /// A driver that traces by `method` and follows the motion by `update`, as a run of its own would have it.
     pub(crate) fn driver(&mut self, method: Method, update: Update) -> Result<Driver, Stop> {
-        let threads = self.share(update);
+        let threads = self.ask.share(self.device.kind, update);
         let options = DriverOptions {
             method,
             update,

@@ -1,11 +1,15 @@
-//! Why a command ends early, and what the shell hears of it.
+//! Why a command ends early, and what the shell hears of it. With SIGINT and SIGTERM the program ends with 130 or 143, and
+//! leaves whole files only.
 
 use backend::BackendError;
-use output::{RaysError, RunError, WriteError};
+use output::{OutputError, WriteError};
 use pipeline::PipelineError;
 use scene::SceneError;
+use signal_hook::consts::{SIGINT, SIGTERM};
 use std::fmt::{self, Display};
+use std::io;
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 
 /// The end of a command that did not do what was asked.
 #[derive(Debug)]
@@ -75,16 +79,9 @@ impl From<SceneError> for Stop {
     }
 }
 
-/// Likewise for rays.
-impl From<RaysError> for Stop {
-    fn from(e: RaysError) -> Self {
-        Self::Bad(e.into())
-    }
-}
-
-/// Likewise for what an earlier run left.
-impl From<RunError> for Stop {
-    fn from(e: RunError) -> Self {
+/// Likewise for rays, and for what an earlier run left.
+impl From<OutputError> for Stop {
+    fn from(e: OutputError) -> Self {
         Self::Bad(e.into())
     }
 }
@@ -115,6 +112,63 @@ impl From<PipelineError> for Stop {
             PipelineError::Threads(_) => Self::Bad(e.into()),
             e => Self::Failed(e.into()),
         }
+    }
+}
+
+/// The signal that came, 0 if none did.
+static CAME: AtomicI32 = AtomicI32::new(0);
+
+/// Whether the next one ends the program at once.
+static ENDS: AtomicBool = AtomicBool::new(true);
+
+/// From here on, a signal ends the program with its exit code. Where nobody can listen, the system's own handlers stay, and
+/// files that are half written stay until a later run finds them.
+pub(crate) fn heed_signals() {
+    let _ = listen();
+}
+
+/// Has a thread of its own wait for signals, since a handler may do next to nothing.
+#[cfg(unix)]
+fn listen() -> io::Result<()> {
+    let (sender, receiver) = std::sync::mpsc::channel();
+    // The thread comes first: handlers that nobody answers would swallow signals.
+    std::thread::Builder::new().spawn(move || {
+        if let Ok(signals) = receiver.recv() {
+            answer(signals);
+        }
+    })?;
+    let signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM])?;
+    sender.send(signals).map_err(io::Error::other)
+}
+
+#[cfg(unix)]
+fn answer(mut signals: signal_hook::iterator::Signals) {
+    for signal in signals.forever() {
+        // A second one does not wait for what is asked to end.
+        if ENDS.swap(true, Ordering::Relaxed) {
+            let _held = output::remove_unfinished();
+            signal_hook::low_level::exit(128 + signal);
+        }
+        CAME.store(signal, Ordering::Relaxed);
+    }
+}
+
+#[cfg(not(unix))]
+fn listen() -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+/// From here on, the first signal waits for [`check_signals`].
+pub(crate) fn let_signals_wait() {
+    ENDS.store(false, Ordering::Relaxed);
+}
+
+/// # Errors
+/// [`Stop::Signal`] if a signal came.
+pub(crate) fn check_signals() -> Result<(), Stop> {
+    match CAME.load(Ordering::Relaxed) {
+        0 => Ok(()),
+        signal => Err(Stop::Signal(signal as u8)),
     }
 }
 

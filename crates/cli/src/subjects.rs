@@ -1,9 +1,9 @@
 //! Backends put to the test, and those that cannot be.
 
-use crate::args::{BackendName, TestArgs};
+use crate::args::{BackendName, TestArgs, word};
 use crate::open;
 use crate::stop::Stop;
-use crate::{adapters, info, record, threads};
+use crate::{adapters, info, threads};
 use backend::Backend;
 use clap::ValueEnum;
 use serde::Serialize;
@@ -32,11 +32,11 @@ pub(crate) struct Tested {
 }
 
 impl Tested {
-    fn new(subjects: &[Subject], absent: &[(&'static str, Stop)]) -> Self {
+    fn new(subjects: &[Subject], absent: &[(String, String)]) -> Self {
         let mut tested = Self {
             schema: output::SCHEMA,
             version: env!("CARGO_PKG_VERSION"),
-            command_line: record::command_line(),
+            command_line: info::command_line(),
             machine: json!({
                 "cpu": info::cpu_model(),
                 "cores": threads::cores(),
@@ -62,11 +62,9 @@ impl Tested {
                 "arithmetic": own,
             }));
         }
-        for (name, stop) in absent {
-            let reason = stop.to_string();
+        for (name, reason) in absent {
             tested.text += &format!("{name}: absent; {reason}\n");
-            let told = json!({ "backend": name, "reason": reason });
-            tested.absent.push(told);
+            (tested.absent).push(json!({ "backend": name, "reason": reason }));
         }
         tested
     }
@@ -90,15 +88,17 @@ pub(crate) fn open_all(
         if !named && !among {
             continue;
         }
-        let name = open::name(one);
         match open::bare(one, adapter.as_deref(), threads::cores()) {
-            Ok(backend) => subjects.push(Subject { name, backend }),
+            Ok(backend) => subjects.push(Subject {
+                name: backend.device().backend,
+                backend,
+            }),
             Err(stop) if named => return Err(stop),
-            Err(stop) => absent.push((name, stop)),
+            Err(stop) => absent.push((word(&one), stop.to_string())),
         }
     }
     if subjects.is_empty() {
-        let reasons: Vec<_> = absent.iter().map(|(_, stop)| stop.to_string()).collect();
+        let reasons: Vec<_> = absent.into_iter().map(|(_, reason)| reason).collect();
         return Err(Stop::bad(reasons.join("; ")));
     }
     let tested = Tested::new(&subjects, &absent);

@@ -1,6 +1,7 @@
 //! The only room that writes to the terminal: results to standard output, talk to standard error.
 
 use crate::stop::Stop;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::borrow::Cow;
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
@@ -71,6 +72,58 @@ pub(crate) fn plain<'a>(text: &'a str, but: &[char]) -> Cow<'a, str> {
         spelt
     };
     Cow::Owned(text.chars().fold(String::new(), spell))
+}
+
+/// Progress of long work: a bar on a terminal, plain lines otherwise, or nothing.
+pub(crate) struct Progress {
+    /// Hidden but on a terminal.
+    bar: ProgressBar,
+    quiet: bool,
+}
+
+impl Progress {
+    pub(crate) fn new(total: u64, quiet: bool) -> Self {
+        let is_dumb = std::env::var_os("TERM").is_some_and(|t| t == "dumb");
+        let target = match quiet || is_dumb {
+            true => ProgressDrawTarget::hidden(),
+            false => ProgressDrawTarget::stderr(),
+        };
+        let bar = ProgressBar::with_draw_target(Some(total), target);
+        // On a narrow terminal the message gives way, not the counts.
+        let template = "{bar:16} {pos}/{len} {eta} left  {wide_msg}";
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style);
+        }
+        Self { bar, quiet }
+    }
+
+    /// There are more steps than was known.
+    pub(crate) fn lengthen(&mut self, by: u64) {
+        self.bar.inc_length(by);
+    }
+
+    /// One step is done; `line` says which.
+    pub(crate) fn step(&mut self, line: &str) {
+        self.bar.set_message(plain(line, &[]).into_owned());
+        self.bar.inc(1);
+        if !self.quiet && self.bar.is_hidden() {
+            let (done, total) = (self.bar.position(), self.bar.length().unwrap_or(0));
+            say(&format!("{done}/{total}  {line}"));
+        }
+    }
+
+    /// A remark among the steps.
+    pub(crate) fn say(&self, text: &str) {
+        if !self.quiet {
+            self.bar.suspend(|| say(text));
+        }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
 }
 
 #[cfg(test)]

@@ -77,8 +77,7 @@ pub(crate) fn share(
     cores: usize,
     kind: DeviceKind,
     update: Update,
-    render: Option<usize>,
-    build: Option<usize>,
+    [render, build]: [Option<usize>; 2],
 ) -> Threads {
     let quarter = |n: usize| (n / 4).max(1);
     let concurrent = matches!(update, Update::Async(_));
@@ -100,16 +99,6 @@ pub(crate) fn share(
 mod tests {
     use super::*;
     use pipeline::Pace;
-
-    #[test]
-    fn threads_wait_for_work_and_end_without_it() {
-        let crew = crew(3, |work| std::thread::Builder::new().spawn(work).map(drop));
-        assert_eq!(crew.len(), 3);
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(2);
-        let pool = pool.spawn_handler(|worker| hand(&crew, worker)).build();
-        let pool = pool.unwrap();
-        assert_eq!(pool.install(rayon::current_num_threads), 2);
-    }
 
     #[test]
     fn where_the_system_starts_too_few_threads_there_are_fewer() {
@@ -145,7 +134,7 @@ mod tests {
             (Cpu, refit, 8, [None, None], [8, 8]),
             (Gpu, refit, 8, [Some(2), Some(5)], [2, 5]),
         ] {
-            let t = share(cores, kind, update, asked[0], asked[1]);
+            let t = share(cores, kind, update, asked);
             assert_eq!([t.render, t.build], expected, "{kind:?} {cores} {asked:?}");
         }
     }

@@ -1,16 +1,14 @@
 //! `abvh trace`: given rays at one moment.
 
 use crate::args::{TraceArgs, UpdateName};
-use crate::choose::{self, Ask};
+use crate::choose::Ask;
 use crate::conflicts::Files;
-use crate::session::{self, Session};
+use crate::session;
 use crate::stop::Stop;
 use crate::table::counted;
 use crate::{frames, memory, talk};
-use backend::{Hits, Query, QueryKind, Rays};
-use geom::{Animation, Ray};
-use output::HitArrays;
-use pipeline::Frame;
+use backend::{Hits, QueryKind};
+use geom::Animation;
 
 pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     let files = Files {
@@ -37,43 +35,34 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
             builder_threads: args.device.builder_threads,
             tolerance: args.tolerance.ppm(),
             rays: rays.len(),
-            ..Ask::of(
-                args.device.backend,
-                args.method,
-                choose::free_update(update),
-            )
+            ..Ask::of(args.device.backend, args.method, update)
         },
     )?;
     if !args.quiet {
-        let taken = session.taken.iter();
+        let taken = session.setup.auto.iter();
         taken.for_each(|t| talk::say(&t.to_string()));
     }
-    let kind = if args.any_hit {
-        QueryKind::Any
-    } else {
-        QueryKind::Closest
+    let kind = match args.any_hit {
+        true => QueryKind::Any,
+        false => QueryKind::Closest,
     };
-    let hits = trace(&mut session, &moments, &rays, kind)?;
+    // At all moments but the last there are no rays.
+    let last = moments.len() - 1;
+    let lists = (0..).zip(moments);
+    let lists = lists.map(|(i, time)| (time, if i == last { &rays[..] } else { &[] }));
+    let traced = session::trace_lists(&mut session.driver, kind, lists);
+    let hits = traced.last().unwrap_or_else(|| Ok(Hits::default()))?;
     if args.any_hit {
         output::write_found(&args.out, &hits.blocked)?;
     } else {
-        let found = HitArrays {
-            hits: &hits.closest,
-            shadow: None,
-            shape: &[rays.len() as u64],
-        };
-        output::write_hits(&args.out, &found)?;
+        output::write_hits(&args.out, &[rays.len() as u64], &hits.closest, None)?;
     }
     let closest = hits.closest.iter().filter(|h| h.is_hit()).count();
     let any = hits.blocked.iter().filter(|&&b| b != 0).count();
-    let caption = session.caption();
-    let (rays, met) = (rays.len(), closest + any);
-    talk::print(&format!(
-        "{}, {} at time {}\n{caption}\n",
-        counted(rays, ["ray", "rays"]),
-        counted(met, ["hit", "hits"]),
-        args.time
-    ))
+    let caption = &session.caption;
+    let (time, rays) = (args.time, counted(rays.len(), ["ray", "rays"]));
+    let met = counted(closest + any, ["hit", "hits"]);
+    talk::print(&format!("{rays}, {met} at time {time}\n{caption}\n"))
 }
 
 /// The moment of the tree, if it is another, and the moment to trace.
@@ -90,24 +79,4 @@ fn moments(args: &TraceArgs, animation: &Animation) -> Result<Vec<f64>, Stop> {
         }
         _ => Ok(vec![time]),
     }
-}
-
-/// Goes through the moments without rays, and traces at the last.
-fn trace(
-    session: &mut Session,
-    moments: &[f64],
-    rays: &[Ray],
-    kind: QueryKind,
-) -> Result<Hits, Stop> {
-    let mut hits = Hits::default();
-    for (i, &time) in moments.iter().enumerate() {
-        let last = i + 1 == moments.len();
-        let rays = Rays::List(if last { rays } else { &[] });
-        let index = i as u64;
-        session
-            .driver
-            .begin(Frame { index, time }, Query { rays, kind })?;
-        session.driver.finish(last.then_some(&mut hits))?;
-    }
-    Ok(hits)
 }

@@ -50,13 +50,10 @@ pub(crate) fn point(text: &str) -> Result<Point, String> {
 
 /// `WxH` within the limits.
 pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
-    let (w, h) = text
-        .split_once(['x', 'X'])
-        .ok_or("a size is WIDTHxHEIGHT, such as 1280x720")?;
-    let side = |s: &str| {
-        s.parse::<u64>()
-            .map_err(|e| format!("'{s}' is no number of pixels: {e}"))
-    };
+    let says = "a size is WIDTHxHEIGHT, such as 1280x720";
+    let (w, h) = text.split_once(['x', 'X']).ok_or(says)?;
+    let no = |s, e| format!("'{s}' is no number of pixels: {e}");
+    let side = |s: &str| s.parse::<u64>().map_err(|e| no(s.to_owned(), e));
     let (w, h) = (side(w)?, side(h)?);
     if w == 0 || h == 0 {
         return Err("a picture has at least one pixel each way".to_owned());
@@ -72,18 +69,13 @@ pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
 
 /// `T0..T1`, finite and in order.
 pub(crate) fn time_range(text: &str) -> Result<TimeRange, String> {
-    let (a, b) = text
-        .split_once("..")
-        .ok_or("a time range is T0..T1, such as 0..7.5")?;
+    let says = "a time range is T0..T1, such as 0..7.5";
+    let (a, b) = text.split_once("..").ok_or(says)?;
     let (from, to) = (finite(a)?, finite(b)?);
     if from > to {
         return Err(format!("the range is reversed; did you mean {b}..{a}?"));
     }
     Ok(TimeRange { from, to })
-}
-
-pub(crate) fn time(text: &str) -> Result<f64, String> {
-    finite(text)
 }
 
 /// `on` or `off`.
@@ -114,15 +106,11 @@ where
 }
 
 /// A float that is a number and not infinite.
-fn finite<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<T, String> {
-    let number: T = text
-        .trim()
-        .parse()
-        .map_err(|_| format!("'{text}' is no number"))?;
-    if number.into().is_finite() {
-        Ok(number)
-    } else {
-        Err(format!("'{text}' is not a finite number"))
+pub(crate) fn finite<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<T, String> {
+    let number: Result<T, _> = text.trim().parse();
+    match number.map_err(|_| format!("'{text}' is no number"))? {
+        number if number.into().is_finite() => Ok(number),
+        _ => Err(format!("'{text}' is not a finite number")),
     }
 }
 

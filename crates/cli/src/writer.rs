@@ -1,15 +1,16 @@
 //! The files of frames, and their video: made by rayon's threads while later frames are traced.
 
-use crate::outputs::Outputs;
-use crate::progress::Progress;
-use crate::signals;
-use crate::stop::Stop;
+use crate::args::RenderArgs;
+use crate::conflicts::whole;
+use crate::stop::{self, Stop};
+use crate::talk::Progress;
+use backend::Hits;
 use geom::{Camera, Point};
 use output::{FrameStats, Journal, RunTimeline, Shot, Video};
 use pipeline::{Answers, FrameRecord, Wanted};
 use rayon::Scope;
 use scene::Scene;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -66,7 +67,7 @@ impl Drop for Lent {
 }
 
 /// What is known of frames that are done.
-pub(crate) struct Done<'a> {
+struct Done<'a> {
     journals: &'a mut [(PathBuf, Journal)],
     notes: Option<&'a mut RunTimeline>,
     progress: Progress,
@@ -75,27 +76,12 @@ pub(crate) struct Done<'a> {
     failed: Option<Stop>,
 }
 
-impl<'a> Done<'a> {
-    pub(crate) fn new(
-        journals: &'a mut [(PathBuf, Journal)],
-        notes: Option<&'a mut RunTimeline>,
-        progress: Progress,
-    ) -> Self {
-        Self {
-            journals,
-            notes,
-            progress,
-            rows: Vec::new(),
-            failed: None,
-        }
-    }
-}
-
 impl<'a> Writer<'a> {
     pub(crate) fn new(
         (scene, camera, light): (&'a Scene, &'a Camera, Point),
         (outputs, video, wanted): (&'a Outputs, Option<Video<Lent>>, Wanted),
-        done: Done<'a>,
+        (journals, notes): (&'a mut [(PathBuf, Journal)], Option<&'a mut RunTimeline>),
+        progress: Progress,
     ) -> Self {
         let (spare, free) = channel();
         let bytes = COLOUR_BYTES + if wanted.hits { HIT_BYTES } else { 0 };
@@ -113,8 +99,14 @@ impl<'a> Writer<'a> {
             light,
             outputs,
             wants_rgb: video.is_some() || outputs.wanted().pixels,
-            folders: done.journals.iter().map(|(f, _)| f.clone()).collect(),
-            done: Mutex::new(done),
+            folders: journals.iter().map(|(f, _)| f.clone()).collect(),
+            done: Mutex::new(Done {
+                journals,
+                notes,
+                progress,
+                rows: Vec::new(),
+                failed: None,
+            }),
             video: Mutex::new(video),
             spare,
             free: Mutex::new(free),
@@ -132,7 +124,7 @@ impl<'a> Writer<'a> {
         frame: &FrameRecord,
         answers: &mut Answers,
     ) -> Result<(), Stop> {
-        signals::check()?;
+        stop::check_signals()?;
         self.check()?;
         let waits = Instant::now();
         let mut lent = Lent {
@@ -203,12 +195,9 @@ impl<'a> Writer<'a> {
     ) -> Result<(), Stop> {
         let begun = Instant::now();
         let row = FrameStats::of(frame);
+        let moment = self.scene.animation.at(frame.frame.time);
         let shot = Shot {
-            moment: self
-                .scene
-                .animation
-                .at(frame.frame.time)
-                .map_err(Stop::bad)?,
+            moment: moment.map_err(Stop::bad)?,
             colours: &self.scene.colours,
             camera: self.camera,
             light: self.light,
@@ -233,11 +222,93 @@ impl<'a> Writer<'a> {
         if let Some(notes) = &mut done.notes {
             notes.wrote(frame.frame.index, [begun, Instant::now()]);
         }
-        done.progress.step(&format!(
-            "time {:.3}, {:.1} ms",
-            frame.frame.time, frame.wall_ms
-        ));
+        let (time, ms) = (frame.frame.time, frame.wall_ms);
+        done.progress.step(&format!("time {time:.3}, {ms:.1} ms"));
         done.rows.push((place, row));
         Ok(())
+    }
+}
+
+/// The files of each frame.
+#[derive(Debug)]
+pub(crate) struct Outputs {
+    images: Option<PathBuf>,
+    hits: Option<PathBuf>,
+}
+
+impl Outputs {
+    pub(crate) fn of(args: &RenderArgs) -> Self {
+        Self {
+            images: (!args.no_images).then(|| args.out.clone()),
+            hits: args.hits.clone(),
+        }
+    }
+
+    /// Makes the folders. Those that are new, the innermost first.
+    pub(crate) fn prepare(&self) -> Result<Vec<PathBuf>, Stop> {
+        let mut all = Vec::new();
+        for dir in self.folders() {
+            let above = dir.ancestors().filter(|d| !d.as_os_str().is_empty());
+            let new = above.take_while(|d| !d.exists()).map(Path::to_owned);
+            all.extend(new.collect::<Vec<_>>());
+            output::prepare_dir(&dir).map_err(Stop::bad)?;
+        }
+        Ok(all)
+    }
+
+    pub(crate) fn folders(&self) -> Vec<PathBuf> {
+        let mut all: Vec<_> = self.images.iter().chain(&self.hits).cloned().collect();
+        all.dedup_by_key(|folder| whole(folder));
+        all
+    }
+
+    /// A frame's files in one of the folders.
+    pub(crate) fn in_folder(&self, frame: u64, folder: &Path) -> Vec<PathBuf> {
+        let files = [self.image(frame), self.hits(frame)].into_iter().flatten();
+        let is_there = |file: &PathBuf| file.parent().map(whole) == Some(whole(folder));
+        files.filter(is_there).collect()
+    }
+
+    /// Whether any file is written of a frame.
+    pub(crate) fn any(&self) -> bool {
+        self.images.is_some() || self.hits.is_some()
+    }
+
+    /// What files are made of.
+    pub(crate) fn wanted(&self) -> Wanted {
+        Wanted {
+            hits: self.hits.is_some(),
+            pixels: self.images.is_some(),
+        }
+    }
+
+    /// Writes a frame's files.
+    pub(crate) fn write(
+        &self,
+        frame: u64,
+        [width, height]: [u32; 2],
+        hits: &Hits,
+        rgb: &[u8],
+    ) -> Result<(), Stop> {
+        if let Some(file) = self.hits(frame) {
+            let shape = [height, width].map(u64::from);
+            output::remove_link(&file)?;
+            output::write_hits(&file, &shape, &hits.closest, Some(&hits.blocked))?;
+        }
+        if let Some(file) = self.image(frame) {
+            output::remove_link(&file)?;
+            output::write_png(&file, [width, height], rgb)?;
+        }
+        Ok(())
+    }
+
+    fn image(&self, frame: u64) -> Option<PathBuf> {
+        let dir = self.images.as_ref()?;
+        Some(dir.join(format!("frame_{frame:04}.png")))
+    }
+
+    fn hits(&self, frame: u64) -> Option<PathBuf> {
+        let dir = self.hits.as_ref()?;
+        Some(dir.join(format!("hits_{frame:04}.npz")))
     }
 }

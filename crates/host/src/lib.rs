@@ -1,10 +1,11 @@
-//! What the host lends: regular files, and memory that is there before it is allocated.
+//! What the host lends: regular files only, since a pipe or a device may never end, or answer at all; and memory that is
+//! there before it is allocated.
 
-mod file;
-
-pub use file::{Folder, open, read};
 use std::collections::TryReserveError;
 use std::fmt;
+use std::fs::{self, File, FileType, Metadata, OpenOptions};
+use std::io::{self, ErrorKind, Read};
+use std::path::{Path, PathBuf};
 
 /// Memory that may still be allocated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,30 +60,132 @@ pub fn room<T>(count: usize) -> Result<Vec<T>, TryReserveError> {
     Ok(list)
 }
 
-/// The least of what the machine, its control groups and the limits of this process leave.
-#[cfg(target_os = "linux")]
+/// The least of what the machine, its control groups and the limits of this process leave; on Linux, nowhere else.
 #[must_use]
 pub fn free() -> Option<Free> {
-    linux::all().into_iter().min_by_key(|f| f.bytes)
-}
-
-/// Where the system is not asked.
-#[cfg(not(target_os = "linux"))]
-#[must_use]
-pub fn free() -> Option<Free> {
-    None
+    #[cfg(target_os = "linux")]
+    return linux::all().into_iter().min_by_key(|f| f.bytes);
+    #[cfg(not(target_os = "linux"))]
+    return None;
 }
 
 /// Bytes of this process that are resident, where the system tells.
 #[must_use]
 pub fn resident() -> Option<u64> {
     #[cfg(target_os = "linux")]
-    return linux::kilobytes(
-        &std::fs::read_to_string("/proc/self/status").ok()?,
-        "VmRSS:",
-    );
+    return linux::kilobytes(&linux::status(), "VmRSS:");
     #[cfg(not(target_os = "linux"))]
     return None;
+}
+
+/// Opens a regular file; never waits for a writer at the other end of a pipe.
+///
+/// # Errors
+/// The system's, or [`ErrorKind::InvalidInput`] for what is no regular file.
+pub fn open(path: &Path) -> io::Result<File> {
+    // Opening some devices does something, so they are refused before.
+    regular(&fs::metadata(path)?)?;
+    let file = without_waiting().open(path)?;
+    // What has the name may have changed since.
+    regular(&file.metadata()?)?;
+    Ok(file)
+}
+
+/// Reads a whole regular file.
+///
+/// # Errors
+/// Those of [`open`], or [`ErrorKind::OutOfMemory`].
+pub fn read(path: &Path) -> io::Result<Vec<u8>> {
+    let mut file = open(path)?;
+    let size = usize::try_from(file.metadata()?.len()).unwrap_or(usize::MAX);
+    check(size as u64).map_err(|e| io::Error::new(ErrorKind::OutOfMemory, e))?;
+    let mut bytes = room(size).map_err(io::Error::from)?;
+    file.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+fn without_waiting() -> OpenOptions {
+    let mut options = OpenOptions::new();
+    options.read(true);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::OpenOptionsExt;
+        options.custom_flags(rustix::fs::OFlags::NONBLOCK.bits().cast_signed());
+    }
+    options
+}
+
+fn regular(about: &Metadata) -> io::Result<()> {
+    if about.is_file() {
+        return Ok(());
+    }
+    let what = kind(about.file_type());
+    let message = format!("{what} is not a regular file");
+    Err(io::Error::new(ErrorKind::InvalidInput, message))
+}
+
+fn kind(of: FileType) -> &'static str {
+    #[cfg(unix)]
+    use std::os::unix::fs::FileTypeExt;
+    match of {
+        t if t.is_dir() => "a directory",
+        #[cfg(unix)]
+        t if t.is_fifo() => "a pipe",
+        #[cfg(unix)]
+        t if t.is_socket() => "a socket",
+        #[cfg(unix)]
+        t if t.is_char_device() || t.is_block_device() => "a device",
+        _ => "what has this name",
+    }
+}
+
+/// The folder that a file is in.
+#[must_use]
+pub fn parent(file: &Path) -> &Path {
+    match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// The folder of a file that names others.
+#[derive(Clone, Debug)]
+pub struct Folder {
+    folder: PathBuf,
+    allow_outside: bool,
+}
+
+impl Folder {
+    /// The folder that `file` is in. With `allow_outside` it may name files anywhere.
+    #[must_use]
+    pub fn of(file: &Path, allow_outside: bool) -> Self {
+        Self {
+            folder: parent(file).to_owned(),
+            allow_outside,
+        }
+    }
+
+    /// Where a name leads, seen from the folder.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    /// Reads a regular file in the folder or below, by its name seen from there.
+    ///
+    /// # Errors
+    /// Those of [`read`], or [`ErrorKind::PermissionDenied`] for a file that is elsewhere, links followed.
+    pub fn read(&self, name: &str) -> io::Result<Vec<u8>> {
+        let path = self.path(name);
+        if self.allow_outside {
+            return read(&path);
+        }
+        let (file, folder) = (fs::canonicalize(&path)?, fs::canonicalize(&self.folder)?);
+        if !file.starts_with(&folder) {
+            let message = "it lies outside the scene's folder (--allow-outside reads it)";
+            return Err(io::Error::new(ErrorKind::PermissionDenied, message));
+        }
+        read(&file)
+    }
 }
 
 struct Size(u64);
@@ -112,7 +215,7 @@ mod linux {
         let mut add = |bytes: Option<u64>, by| all.extend(bytes.map(|bytes| Free { bytes, by }));
         let machine = read_to_string("/proc/meminfo").unwrap_or_default();
         add(kilobytes(&machine, "MemAvailable:"), "free on this machine");
-        let own = read_to_string("/proc/self/status").unwrap_or_default();
+        let own = status();
         let left = |resource, used| {
             let limit = getrlimit(resource).current?;
             Some(limit.saturating_sub(kilobytes(&own, used)?))
@@ -120,11 +223,14 @@ mod linux {
         add(left(Resource::As, "VmSize:"), "address space, ulimit -v");
         add(left(Resource::Data, "VmData:"), "data, ulimit -d");
         let groups = read_to_string("/proc/self/cgroup").unwrap_or_default();
-        add(
-            in_groups(&groups, Path::new("/sys/fs/cgroup")),
-            "control group",
-        );
+        let in_groups = in_groups(&groups, Path::new("/sys/fs/cgroup"));
+        add(in_groups, "control group");
         all
+    }
+
+    /// What the system says of this process.
+    pub(super) fn status() -> String {
+        read_to_string("/proc/self/status").unwrap_or_default()
     }
 
     /// A line `NAME  N kB`.
@@ -134,22 +240,23 @@ mod linux {
         Some(number * 1024)
     }
 
+    /// Files of a group's limit and use, and what of its statistics are files that are only cached.
+    const VERSION_1: [&str; 3] = [
+        "memory.limit_in_bytes",
+        "memory.usage_in_bytes",
+        "total_inactive_file",
+    ];
+    const VERSION_2: [&str; 3] = ["memory.max", "memory.current", "inactive_file"];
+
     /// What control groups leave, of version 1 and 2: the least of each and of all above it.
     pub(super) fn in_groups(groups: &str, root: &Path) -> Option<u64> {
         let one = |line: &str| {
             let mut parts = line.splitn(3, ':').skip(1);
             let (kinds, path) = (parts.next()?, parts.next()?);
             let (root, names) = match kinds {
-                "" => (
-                    root.to_owned(),
-                    ["memory.max", "memory.current", "inactive_file"],
-                ),
+                "" => (root.to_owned(), VERSION_2),
                 kinds if kinds.split(',').any(|k| k == "memory") => {
-                    let names = ["memory.limit_in_bytes", "memory.usage_in_bytes"];
-                    (
-                        root.join("memory"),
-                        [names[0], names[1], "total_inactive_file"],
-                    )
+                    (root.join("memory"), VERSION_1)
                 }
                 _ => return None,
             };
@@ -220,5 +327,44 @@ mod tests {
         assert_eq!(found("0::/job/step\n"), Some(400));
         assert_eq!(found("9:cpu:/x\n4:memory:/old\n0::/job\n"), Some(50));
         assert_eq!(found("9:cpu:/x\n"), None);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn pipes_devices_and_directories_are_refused_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        let rw = rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR;
+        rustix::fs::mkfifoat(rustix::fs::CWD, &pipe, rw).unwrap();
+        for (path, says) in [
+            (pipe.as_path(), "a pipe is not"),
+            (Path::new("/dev/zero"), "a device is not"),
+            (folder.path(), "a directory is not"),
+        ] {
+            let e = read(path).unwrap_err();
+            assert_eq!(e.kind(), ErrorKind::InvalidInput);
+            assert!(e.to_string().contains(says), "{e}");
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_outside_the_folder_is_read_only_if_that_is_allowed() {
+        let all = tempfile::tempdir().unwrap();
+        let inside = all.path().join("scene");
+        fs::create_dir_all(inside.join("sub")).unwrap();
+        fs::write(all.path().join("outside"), "out").unwrap();
+        fs::write(inside.join("inside"), "in").unwrap();
+        std::os::unix::fs::symlink("../outside", inside.join("link")).unwrap();
+        let scene = inside.join("a.obj");
+        let outside = all.path().join("outside").display().to_string();
+        for name in ["../outside", "link", outside.as_str()] {
+            let e = Folder::of(&scene, false).read(name).unwrap_err();
+            assert_eq!(e.kind(), ErrorKind::PermissionDenied, "{name}");
+            assert_eq!(Folder::of(&scene, true).read(name).unwrap(), b"out");
+        }
+        for name in ["inside", "sub/../inside", "../scene/inside"] {
+            assert_eq!(Folder::of(&scene, false).read(name).unwrap(), b"in");
+        }
     }
 }

@@ -30,6 +30,23 @@ impl WriteError {
     }
 }
 
+/// What keeps a run from a file or a folder that it needs: what was found there, and what is wanted.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct OutputError(pub(crate) String);
+
+impl OutputError {
+    pub(crate) fn reading(file: &Path, cause: io::Error) -> Self {
+        Self(format!("cannot read {}: {cause}", file.display()))
+    }
+}
+
+impl From<WriteError> for OutputError {
+    fn from(e: WriteError) -> Self {
+        Self(e.to_string())
+    }
+}
+
 /// How temporary files are named.
 const PREFIX: &str = ".abvh-";
 const SUFFIX: &str = ".part";
@@ -54,7 +71,7 @@ pub fn remove_unfinished() -> impl Sized {
 
 /// A file that another program writes under a temporary name beside its final one.
 #[derive(Debug)]
-pub struct UnfinishedFile {
+pub(crate) struct UnfinishedFile {
     path: PathBuf,
     known: UnfinishedName,
     file: NamedTempFile,
@@ -62,26 +79,20 @@ pub struct UnfinishedFile {
 
 impl UnfinishedFile {
     /// Begins the file `path`, which appears when it is finished.
-    ///
-    /// # Errors
-    /// [`WriteError`]: no such directory, no permission.
-    pub fn beside(path: &Path) -> Result<Self, WriteError> {
-        let (known, file) = temporary_in(parent(path)).map_err(|e| WriteError::new(path, e))?;
+    pub(crate) fn beside(path: &Path) -> Result<Self, WriteError> {
+        let (known, file) =
+            temporary_in(host::parent(path)).map_err(|e| WriteError::new(path, e))?;
         let path = path.to_owned();
         Ok(Self { path, known, file })
     }
 
     /// Where it lies meanwhile.
-    #[must_use]
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         self.file.path()
     }
 
-    /// Gives it its final name.
-    ///
-    /// # Errors
-    /// [`WriteError`]; the final name then keeps what it had.
-    pub fn finish(self) -> Result<(), WriteError> {
+    /// Gives it its final name, which keeps what it had where that fails.
+    pub(crate) fn finish(self) -> Result<(), WriteError> {
         let Self { path, known, file } = self;
         let named = file.persist(&path).map(drop);
         drop(known);
@@ -139,8 +150,8 @@ pub fn check_writable(path: &Path) -> Result<(), WriteError> {
     let check = || match plain_target(path)? {
         Some(file) => {
             // A folder that may be written to need not be readable.
-            let _ = remove_abandoned(parent(&file));
-            temporary_in(parent(&file)).map(drop)
+            let _ = remove_abandoned(host::parent(&file));
+            temporary_in(host::parent(&file)).map(drop)
         }
         None => fs::OpenOptions::new().write(true).open(path).map(drop),
     };
@@ -189,7 +200,7 @@ fn plain_target(path: &Path) -> io::Result<Option<PathBuf>> {
 
 fn rename_over(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     // Dropping the temporary file on the way out of an error removes it.
-    let (_known, mut file) = temporary_in(parent(path))?;
+    let (_known, mut file) = temporary_in(host::parent(path))?;
     let mut out = BufWriter::with_capacity(BUFFER, file.as_file_mut());
     fill(&mut out)?;
     out.flush()?;
@@ -255,13 +266,6 @@ fn unlocked_in(dir: &Path) -> io::Result<NamedTempFile> {
     builder.tempfile_in(dir).map_err(without_path)
 }
 
-fn parent(path: &Path) -> &Path {
-    match path.parent() {
-        Some(dir) if !dir.as_os_str().is_empty() => dir,
-        _ => Path::new("."),
-    }
-}
-
 /// `tempfile` adds the temporary name to its errors; the final name says more.
 fn without_path(e: io::Error) -> io::Error {
     match e.to_string().split_once(" at path ") {
@@ -275,10 +279,9 @@ mod tests {
     use super::*;
 
     fn names(dir: &Path) -> Vec<String> {
-        let names = fs::read_dir(dir).unwrap();
-        names
-            .map(|e| e.unwrap().file_name().into_string().unwrap())
-            .collect()
+        let entries = fs::read_dir(dir).unwrap();
+        let names = entries.map(|e| e.unwrap().file_name());
+        names.map(|name| name.into_string().unwrap()).collect()
     }
 
     #[test]
@@ -321,21 +324,6 @@ mod tests {
     }
 
     #[test]
-    fn files_are_known_as_long_as_they_are_unfinished() {
-        let dir = tempfile::tempdir().unwrap();
-        let known = || unfinished().iter().any(|f| f.starts_with(dir.path()));
-        write_with(&dir.path().join("a"), |out| {
-            assert!(known());
-            out.write_all(b"x")
-        })
-        .unwrap();
-        assert!(!known());
-        let fails = |_: &mut dyn Write| Err(io::ErrorKind::StorageFull.into());
-        write_with(&dir.path().join("b"), fails).unwrap_err();
-        assert!(!known());
-    }
-
-    #[test]
     fn a_directory_in_the_way_is_found_early() {
         let dir = tempfile::tempdir().unwrap();
         let e = check_writable(dir.path()).unwrap_err();
@@ -356,12 +344,8 @@ mod tests {
     fn devices_stay_devices_and_links_stay_links() {
         use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
         write_whole(Path::new("/dev/null"), b"x").unwrap();
-        assert!(
-            fs::metadata("/dev/null")
-                .unwrap()
-                .file_type()
-                .is_char_device()
-        );
+        let null = fs::metadata("/dev/null").unwrap().file_type();
+        assert!(null.is_char_device());
         assert!(write_whole(Path::new("/dev/full"), b"x").is_err());
         let dir = tempfile::tempdir().unwrap();
         let [file, link] = ["file", "link"].map(|n| dir.path().join(n));
@@ -375,10 +359,6 @@ mod tests {
         write_whole(&link, b"newer").unwrap();
         assert_eq!(fs::read(&file).unwrap(), b"new");
         let mode = fs::metadata(&file).unwrap().permissions().mode();
-        assert_ne!(
-            mode & 0o077,
-            0,
-            "others may read as the mask allows: {mode:o}"
-        );
+        assert_ne!(mode & 0o077, 0, "others may read: {mode:o}");
     }
 }

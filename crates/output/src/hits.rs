@@ -16,36 +16,30 @@ use std::path::Path;
 /// More than the heads of five arrays and the archive's directory take.
 const ROOM_FOR_HEADS: usize = 4096;
 
-/// Closest hits and what goes with them: the arrays of one `.npz` file.
-#[derive(Clone, Copy, Debug)]
-pub struct HitArrays<'a> {
-    /// One hit a ray, row by row.
-    pub hits: &'a [Hit],
-    /// With shadow rays: 1 where the way to the light is blocked, one a ray; else `None`.
-    pub shadow: Option<&'a [u8]>,
-    /// Shape of every array: `[height, width]` or `[rays]`.
-    pub shape: &'a [u64],
-}
-
 /// Writes arrays `triangle` u32 (4294967295 = miss), `t`, `u`, `v` f32 (miss:
 /// inf, 0, 0) and, where there are shadow rays, `shadow` u8.
+///
+/// There is one hit a ray, row by row, and with shadow rays 1 where the way to the light is blocked. The shape of every
+/// array is `[height, width]` or `[rays]`.
 ///
 /// # Errors
 /// [`WriteError`]; `path` then holds what it held before.
 ///
 /// # Panics
 /// If the lengths do not match the shape.
-pub fn write_hits(path: &Path, found: &HitArrays<'_>) -> Result<(), WriteError> {
-    let hits = found.hits.iter();
-    write_archive(path, found.shape, 17, |arrays| {
-        arrays.add("triangle", hits.clone().map(|h| h.triangle))?;
-        arrays.add("t", hits.clone().map(|h| h.t))?;
-        arrays.add("u", hits.clone().map(|h| h.u))?;
-        arrays.add("v", hits.clone().map(|h| h.v))?;
-        match found.shadow {
-            Some(shadow) => arrays.add("shadow", shadow.iter().copied()),
-            None => Ok(()),
-        }
+pub fn write_hits(
+    path: &Path,
+    shape: &[u64],
+    hits: &[Hit],
+    shadow: Option<&[u8]>,
+) -> Result<(), WriteError> {
+    let hits = hits.iter();
+    write_archive(path, 17 * hits.len(), |zip| {
+        add(zip, shape, "triangle", hits.clone().map(|h| h.triangle))?;
+        add(zip, shape, "t", hits.clone().map(|h| h.t))?;
+        add(zip, shape, "u", hits.clone().map(|h| h.u))?;
+        add(zip, shape, "v", hits.clone().map(|h| h.v))?;
+        shadow.map_or(Ok(()), |s| add(zip, shape, "shadow", s.iter().copied()))
     })
 }
 
@@ -54,64 +48,48 @@ pub fn write_hits(path: &Path, found: &HitArrays<'_>) -> Result<(), WriteError> 
 /// # Errors
 /// [`WriteError`]; `path` then holds what it held before.
 pub fn write_found(path: &Path, found: &[u8]) -> Result<(), WriteError> {
-    write_archive(path, &[found.len() as u64], 1, |arrays| {
-        arrays.add("hit", found.iter().copied())
+    write_archive(path, found.len(), |zip| {
+        add(zip, &[found.len() as u64], "hit", found.iter().copied())
     })
 }
 
-/// An archive being filled with arrays of one shape.
-struct Arrays<'a> {
-    zip: ZipWriter<Cursor<Vec<u8>>>,
-    shape: &'a [u64],
-}
+type Archive = ZipWriter<Cursor<Vec<u8>>>;
 
-/// Makes the archive in memory: over a sink that fails, the archive writer
+/// Makes an archive of about so many bytes in memory: over a sink that fails, the archive writer
 /// complains to standard error when it is dropped, past any caller.
 fn write_archive(
     path: &Path,
-    shape: &[u64],
-    bytes_each: usize,
-    fill: impl FnOnce(&mut Arrays<'_>) -> io::Result<()>,
+    bytes: usize,
+    fill: impl FnOnce(&mut Archive) -> io::Result<()>,
 ) -> Result<(), WriteError> {
-    let make = || {
-        let elements = shape.iter().product::<u64>() as usize;
-        let room = Vec::with_capacity(bytes_each * elements + ROOM_FOR_HEADS);
-        let zip = ZipWriter::new(Cursor::new(room));
-        let mut arrays = Arrays { zip, shape };
-        fill(&mut arrays)?;
-        Ok(arrays.zip.finish()?.into_inner())
-    };
-    let archive = make().map_err(|e| WriteError::new(path, e))?;
-    write_whole(path, &archive)
+    let room = Vec::with_capacity(bytes + ROOM_FOR_HEADS);
+    let mut zip = ZipWriter::new(Cursor::new(room));
+    let filled = fill(&mut zip).and_then(|()| Ok(zip.finish()?.into_inner()));
+    write_whole(path, &filled.map_err(|e| WriteError::new(path, e))?)
 }
 
-impl Arrays<'_> {
-    fn add<T: AutoSerialize>(
-        &mut self,
-        name: &str,
-        values: impl ExactSizeIterator<Item = T>,
-    ) -> io::Result<()> {
-        let count = values.len() as u64;
-        let wanted: u64 = self.shape.iter().product();
-        assert_eq!(count, wanted, "the shape of {name}");
-        let bytes = count * size_of::<T>() as u64;
-        let options = FileOptions::default()
-            .compression_method(CompressionMethod::Stored)
-            .last_modified_time(DateTime::default())
-            .large_file(bytes >= u64::from(u32::MAX) - (1 << 16));
-        self.zip
-            .start_file(npyz::npz::file_name_from_array_name(name), options)?;
-        // Numbers are written one by one, and the archive sums each write up by itself.
-        let mut out = BufWriter::with_capacity(1 << 16, &mut self.zip);
-        let mut npy = WriteOptions::new()
-            .default_dtype()
-            .shape(self.shape)
-            .writer(&mut out)
-            .begin_nd()?;
-        npy.extend(values)?;
-        npy.finish()?;
-        out.flush()
-    }
+/// Adds an array to an archive.
+fn add<T: AutoSerialize>(
+    zip: &mut Archive,
+    shape: &[u64],
+    name: &str,
+    values: impl ExactSizeIterator<Item = T>,
+) -> io::Result<()> {
+    let count = values.len() as u64;
+    assert_eq!(count, shape.iter().product::<u64>(), "the shape of {name}");
+    let bytes = count * size_of::<T>() as u64;
+    let options = FileOptions::default()
+        .compression_method(CompressionMethod::Stored)
+        .last_modified_time(DateTime::default())
+        .large_file(bytes >= u64::from(u32::MAX) - (1 << 16));
+    zip.start_file(npyz::npz::file_name_from_array_name(name), options)?;
+    // Numbers are written one by one, and the archive sums each write up by itself.
+    let mut out = BufWriter::with_capacity(1 << 16, zip);
+    let npy = WriteOptions::new().default_dtype().shape(shape);
+    let mut npy = npy.writer(&mut out).begin_nd()?;
+    npy.extend(values)?;
+    npy.finish()?;
+    out.flush()
 }
 
 #[cfg(test)]
@@ -143,22 +121,18 @@ mod tests {
         let path = dir.path().join("hits_0000.npz");
         let hits = hits();
         let shadow = [1, 0, 0, 0, 0, 1];
-        let found = HitArrays {
-            hits: &hits,
-            shadow: Some(&shadow),
-            shape: &[2, 3],
-        };
-        write_hits(&path, &found).unwrap();
+        write_hits(&path, &[2, 3], &hits, Some(&shadow)).unwrap();
         let (shape, dtype, triangle) = read::<u32>(&path, "triangle");
         assert_eq!((shape, dtype.as_str()), (vec![2, 3], "'<u4'"));
         assert_eq!(triangle, [0, 4_294_967_295, 7, 3, 4_294_967_295, 1]);
-        let (_, dtype, t) = read::<f32>(&path, "t");
-        assert_eq!(dtype, "'<f4'");
-        assert_eq!(t, [0.5, f32::INFINITY, 7.5, 3.5, f32::INFINITY, 1.5]);
-        let (_, _, u) = read::<f32>(&path, "u");
-        assert_eq!(u, [0.25, 0.0, 0.25, 0.25, 0.0, 0.25]);
-        let (_, _, v) = read::<f32>(&path, "v");
-        assert_eq!(v, [0.125, 0.0, 0.125, 0.125, 0.0, 0.125]);
+        for (name, expected) in [
+            ("t", [0.5, f32::INFINITY, 7.5, 3.5, f32::INFINITY, 1.5]),
+            ("u", [0.25, 0.0, 0.25, 0.25, 0.0, 0.25]),
+            ("v", [0.125, 0.0, 0.125, 0.125, 0.0, 0.125]),
+        ] {
+            let (_, dtype, values) = read::<f32>(&path, name);
+            assert_eq!((dtype.as_str(), &values[..]), ("'<f4'", &expected[..]));
+        }
         let (shape, dtype, read_shadow) = read::<u8>(&path, "shadow");
         assert_eq!((shape, dtype.as_str()), (vec![2, 3], "'|u1'"));
         assert_eq!(read_shadow, shadow);
@@ -174,22 +148,14 @@ mod tests {
             names.sort_unstable();
             names.join(" ")
         };
-        let found = HitArrays {
-            hits: &hits(),
-            shadow: None,
-            shape: &[6],
-        };
-        write_hits(&path, &found).unwrap();
+        write_hits(&path, &[6], &hits(), None).unwrap();
         assert_eq!(names(), "t triangle u v");
         let bytes = fs::read(&path).unwrap();
         // Bytes 10..14 of a local file header: time and date. 1980-01-01 00:00 is (0, 0x0021).
         assert_eq!(bytes[10..14], [0, 0, 0x21, 0]);
-        write_hits(&path, &found).unwrap();
-        assert_eq!(
-            fs::read(&path).unwrap(),
-            bytes,
-            "equal hits are equal files"
-        );
+        write_hits(&path, &[6], &hits(), None).unwrap();
+        let again = fs::read(&path).unwrap();
+        assert_eq!(again, bytes, "equal hits are equal files");
         write_found(&path, &[1, 0, 1]).unwrap();
         assert_eq!(names(), "hit");
         assert_eq!(read::<u8>(&path, "hit").2, [1, 0, 1]);
@@ -198,12 +164,8 @@ mod tests {
     #[test]
     #[should_panic(expected = "the shape of shadow")]
     fn arrays_of_another_shape_are_misuse() {
-        let found = HitArrays {
-            hits: &hits(),
-            shadow: Some(&[1, 0]),
-            shape: &[2, 3],
-        };
         let dir = tempfile::tempdir().unwrap();
-        let _ = write_hits(&dir.path().join("a.npz"), &found);
+        let path = dir.path().join("a.npz");
+        let _ = write_hits(&path, &[2, 3], &hits(), Some(&[1, 0]));
     }
 }

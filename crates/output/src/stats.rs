@@ -228,17 +228,12 @@ pub fn rates(frames: &[FrameStats], pixels: usize) -> String {
     let primary = rate(|_, pixels| pixels as f64, |f| f.trace_primary_ms);
     let shadow = rate(|f, _| f.hits as f64, |f| f.trace_shadow_ms);
     if shadow.is_none() && frames.iter().any(|f| f.blocked > 0) {
-        let both = rate(
-            |f, pixels| (pixels as u64 + f.hits) as f64,
-            |f| f.trace_primary_ms,
-        );
+        let all: fn(&FrameStats, usize) -> f64 = |f, pixels| (pixels as u64 + f.hits) as f64;
+        let both = rate(all, |f| f.trace_primary_ms);
         return format!("rays: {} M/s, primary and shadow together\n", show(both));
     }
-    format!(
-        "rays: {} M/s primary, {} M/s shadow\n",
-        show(primary),
-        show(shadow)
-    )
+    let [primary, shadow] = [primary, shadow].map(show);
+    format!("rays: {primary} M/s primary, {shadow} M/s shadow\n")
 }
 
 /// The most memory that was held, in a sentence for each that tells.
@@ -246,11 +241,8 @@ pub fn rates(frames: &[FrameStats], pixels: usize) -> String {
 pub fn memory(frames: &[FrameStats]) -> String {
     let most = |(name, of): &(&str, Time)| {
         let most = frames.iter().filter_map(of).reduce(f64::max)?;
-        let whose = name.trim_end_matches("_bytes");
-        Some(format!(
-            "{whose} memory: at most {:.1} MiB\n",
-            most / f64::from(1 << 20)
-        ))
+        let (whose, mib) = (name.trim_end_matches("_bytes"), most / f64::from(1 << 20));
+        Some(format!("{whose} memory: at most {mib:.1} MiB\n"))
     };
     BYTES.iter().filter_map(most).collect()
 }

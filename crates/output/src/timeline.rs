@@ -61,8 +61,10 @@ impl RunTimeline {
         let first = first.or_else(|| Some(self.frames.first()?.0.moments.begun));
         let mut chart = Chart {
             origin: first.unwrap_or_else(Instant::now),
-            events: vec![meta("process_name", 0, "abvh")],
+            events: Vec::new(),
         };
+        let whole = json!({ "args": { "name": "abvh" } });
+        chart.event("M", 0, "process_name", whole);
         for (track, name) in (1..).zip(TRACKS) {
             chart.name(track, name);
         }
@@ -95,10 +97,8 @@ impl RunTimeline {
 
 /// One event a line.
 fn write(out: &mut dyn Write, remarks: &Value, events: &[Value]) -> io::Result<()> {
-    write!(
-        out,
-        "{{\"displayTimeUnit\":\"ms\",\"otherData\":{remarks},\"traceEvents\":["
-    )?;
+    let head = r#"{"displayTimeUnit":"ms","otherData":"#;
+    write!(out, "{head}{remarks},\"traceEvents\":[")?;
     for (i, event) in events.iter().enumerate() {
         let between = if i == 0 { "\n" } else { ",\n" };
         write!(out, "{between}{event}")?;
@@ -122,11 +122,6 @@ const READBACK: usize = 4;
 const BUILDER: usize = 5;
 const UPLOAD: usize = 6;
 
-/// Says what a track is called, or the whole.
-fn meta(what: &str, track: usize, name: &str) -> Value {
-    json!({ "ph": "M", "name": what, "pid": 1, "tid": track, "args": { "name": name } })
-}
-
 /// Microseconds, in whole nanoseconds.
 fn micros(ms: f64) -> f64 {
     (ms * 1e6).round() * 1e-3
@@ -145,10 +140,20 @@ impl Chart {
         (at - self.origin).as_secs_f64() * 1e3
     }
 
+    fn event(&mut self, kind: &str, track: usize, name: &str, mut fields: Value) {
+        fields["ph"] = json!(kind);
+        fields["name"] = json!(name);
+        fields["pid"] = json!(1);
+        fields["tid"] = json!(track);
+        self.events.push(fields);
+    }
+
+    /// Says what a track is called, and its place.
     fn name(&mut self, track: usize, name: &str) {
-        let place = json!({ "ph": "M", "name": "thread_sort_index", "pid": 1, "tid": track, "args": { "sort_index": track } });
-        self.events
-            .extend([meta("thread_name", track, name), place]);
+        let name = json!({ "args": { "name": name } });
+        self.event("M", track, "thread_name", name);
+        let place = json!({ "args": { "sort_index": track } });
+        self.event("M", track, "thread_sort_index", place);
     }
 
     /// Something that lasted between two moments.
@@ -159,26 +164,23 @@ impl Chart {
     fn span_ms(&mut self, track: usize, name: &str, [begin, end]: [f64; 2], args: &Value) {
         if begin < end {
             let (begin, end) = (micros(begin), micros(end));
-            self.events.push(json!({
-                "ph": "X", "name": name, "pid": 1, "tid": track, "ts": begin, "dur": end - begin, "args": args,
-            }));
+            let span = json!({ "ts": begin, "dur": end - begin, "args": args });
+            self.event("X", track, name, span);
         }
     }
 
     /// Something that happened at once in the frame loop.
     fn mark(&mut self, name: &str, at: Instant, args: &Value) {
         let ts = micros(self.ms(at));
-        self.events.push(json!({
-            "ph": "i", "name": name, "pid": 1, "tid": FRAMES, "ts": ts, "s": "t", "args": args,
-        }));
+        let mark = json!({ "ts": ts, "s": "t", "args": args });
+        self.event("i", FRAMES, name, mark);
     }
 
     /// A quantity that has `value` from a moment on, drawn as a curve of its own.
     fn counter(&mut self, name: &str, at: Instant, value: f64) {
         let ts = micros(self.ms(at));
-        self.events.push(json!({
-            "ph": "C", "name": name, "pid": 1, "tid": 0, "ts": ts, "args": { "value": value },
-        }));
+        let counter = json!({ "ts": ts, "args": { "value": value } });
+        self.event("C", 0, name, counter);
     }
 
     /// What the frame loop did for a frame.

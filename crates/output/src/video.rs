@@ -1,6 +1,7 @@
 //! Frames as one video, in order: uncompressed as YUV4MPEG2, or encoded by `ffmpeg`, which reads that from a pipe.
 
-use crate::{UnfinishedFile, WriteError};
+use crate::OutputError;
+use crate::atomic::UnfinishedFile;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::fmt::Display;
@@ -11,18 +12,7 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{self, JoinHandle};
 
-/// Why there is no video.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct VideoError(String);
-
-impl From<WriteError> for VideoError {
-    fn from(e: WriteError) -> Self {
-        Self(e.to_string())
-    }
-}
-
-type Result<T> = std::result::Result<T, VideoError>;
+type Result<T> = std::result::Result<T, OutputError>;
 
 /// What a video is to be.
 #[derive(Clone, Copy, Debug)]
@@ -68,7 +58,7 @@ impl<F: AsRef<[u8]> + Send + 'static> Video<F> {
         }
         let (frames, receiver) = channel();
         let thread = thread::Builder::new().spawn(move || write(&receiver, sinks));
-        let thread = thread.map_err(|e| VideoError(format!("no thread for the video: {e}")))?;
+        let thread = thread.map_err(|e| OutputError(format!("no thread for the video: {e}")))?;
         Ok(Some(Self {
             frames: Some(frames),
             thread: Some(thread),
@@ -193,8 +183,8 @@ impl Sink {
     }
 }
 
-fn cannot_write(name: impl Display, cause: impl Display) -> VideoError {
-    VideoError(format!("cannot write {name}: {cause}"))
+fn cannot_write(name: impl Display, cause: impl Display) -> OutputError {
+    OutputError(format!("cannot write {name}: {cause}"))
 }
 
 /// Endings of files, and `ffmpeg`'s names for their formats.
@@ -211,7 +201,7 @@ fn format_of(path: &Path) -> Result<&'static str> {
     format.map(|(_, format)| *format).ok_or_else(|| {
         let (path, known) = (path.display(), FORMATS.map(|(name, _)| format!(".{name}")));
         let known = known.join(", ");
-        VideoError(format!(
+        OutputError(format!(
             "--video {path}: its name must end in one of {known}"
         ))
     })
@@ -227,10 +217,10 @@ struct Encoder {
 impl Encoder {
     fn start(format: &str, file: &Path) -> Result<(Self, ChildStdin)> {
         let cannot = |e: io::Error| match e.kind() {
-            io::ErrorKind::NotFound => VideoError(
+            io::ErrorKind::NotFound => OutputError(
                 "--video takes `ffmpeg`, which is not on PATH: install it, or use --y4m".to_owned(),
             ),
-            _ => VideoError(format!("--video: ffmpeg cannot be started: {e}")),
+            _ => OutputError(format!("--video: ffmpeg cannot be started: {e}")),
         };
         let complaints = tempfile::tempfile().map_err(cannot)?;
         let mut child = Command::new("ffmpeg")
@@ -247,7 +237,7 @@ impl Encoder {
             .map_err(cannot)?;
         let pipe = child.stdin.take();
         let encoder = Self { child, complaints };
-        let pipe = pipe.ok_or_else(|| VideoError("--video: ffmpeg reads nothing".to_owned()))?;
+        let pipe = pipe.ok_or_else(|| OutputError("--video: ffmpeg reads nothing".to_owned()))?;
         Ok((encoder, pipe))
     }
 
@@ -260,7 +250,7 @@ impl Encoder {
     }
 
     /// With the encoder's own words, where it has any.
-    fn failed(mut self, why: &str) -> VideoError {
+    fn failed(mut self, why: &str) -> OutputError {
         // What it is about to say may say why.
         let _ = self.child.wait();
         let mut said = Vec::new();
@@ -268,10 +258,8 @@ impl Encoder {
         let _ = read.and_then(|()| self.complaints.read_to_end(&mut said));
         let said = String::from_utf8_lossy(&said);
         let last = said.lines().rfind(|line| !line.trim().is_empty());
-        VideoError(format!(
-            "--video: ffmpeg ended early: {}",
-            last.unwrap_or(why)
-        ))
+        let why = last.unwrap_or(why);
+        OutputError(format!("--video: ffmpeg ended early: {why}"))
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::Update;
 use backend::{DeviceKind, Intersector, Method};
 use geom::{Animation, Point};
+use serde::Serialize;
 
 /// Bytes a triangle of what the host holds at most while trees are built and traced: corners, colours, boxes, the tree
 /// in use, the one that is built and what it is built from. Measured: 215 to 345.
@@ -23,7 +24,7 @@ const EXACT_BASE_BYTES: u64 = 4 * (3 << 16) + 4 * 64 * 2048;
 const TRACES: u64 = backend::FRAMES_IN_FLIGHT as u64 + 1;
 
 /// What a run is expected to take at most, by what is known before trees are built.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct ExpectedMemory {
     /// Bytes of the host, a driver's own aside.
     pub host_bytes: u64,

@@ -3,9 +3,10 @@
 use bvh_build::{BinaryTree, BuildError, Builder, Cancel, sah_cost};
 use geom::{Animation, KeyFrameError, Point, Pose, is_active, is_degenerate};
 use rayon::prelude::*;
+use serde::Serialize;
 
 /// How far vertices go.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Motion {
     /// Share of the vertices that are elsewhere in some key frame.
     pub moving: f64,
@@ -16,7 +17,7 @@ pub struct Motion {
 }
 
 /// The least and the most over all key frames.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Spread {
     /// The least.
     pub min: usize,
@@ -25,7 +26,7 @@ pub struct Spread {
 }
 
 /// The first tree at another time.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Decay {
     /// In key frames.
     pub time: f64,

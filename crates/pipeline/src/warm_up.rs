@@ -6,6 +6,7 @@
 
 use crate::{Driver, Frame, FrameRecord, PipelineError, Wanted};
 use backend::{DeviceKind, FrameReport, Query};
+use serde::Serialize;
 use std::time::Instant;
 
 /// Seconds that a graphics processor is warmed up unless asked otherwise. On an H200 that had waited ten seconds for its
@@ -21,7 +22,7 @@ const AGREE: f64 = 0.03;
 const PATIENCE: f64 = 0.5;
 
 /// How a device was warmed up.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Warmed {
     /// By the host's clock.
     pub seconds: f64,

@@ -1,6 +1,6 @@
 //! `conform`: laws by name, leaks by number, and what is said of them.
 
-use crate::sandbox::{Sandbox, list, trial};
+use crate::sandbox::{Sandbox, list, says, trial};
 use libtest_mimic::Trial;
 use serde_json::Value;
 
@@ -23,20 +23,13 @@ fn keeps(sandbox: &Sandbox) {
     assert!(rows.len() >= 19, "{} rows", rows.len());
     let held = |r: &Value| r["held"].as_u64() >= Some(4) && r["disagreement"].is_null();
     assert!(rows.iter().all(held), "{json}");
-    let stdout = run.stdout;
-    assert!(
-        stdout.contains("a wrong tree is refused") && !stdout.contains("DISAGREES"),
-        "{stdout}"
-    );
-    let held = run
-        .stderr
-        .lines()
-        .filter(|line| line.contains(": held in "));
-    assert_eq!([run.stderr.lines().count(), held.count()], [rows.len(); 2]);
-    let law = "closest_hits_equal_the_reference";
-    sandbox.does(&format!(
-        "conform --backend cpu --law {law} --case 7 --json c.json"
-    ));
+    says(&run.stdout, "a wrong tree is refused");
+    assert!(!run.stdout.contains("DISAGREES"), "{}", run.stdout);
+    let lines = || run.stderr.lines();
+    let held = lines().filter(|line| line.contains(": held in "));
+    assert_eq!([lines().count(), held.count()], [rows.len(); 2]);
+    let law = "--law closest_hits_equal_the_reference --case 7";
+    sandbox.does(&format!("conform --backend cpu {law} --json c.json"));
     let json = sandbox.json("c.json");
     let rows = list(&json["rows"]);
     assert!(rows.len() == 1 && rows[0]["held"] == 1, "{json}");

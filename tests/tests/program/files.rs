@@ -1,24 +1,16 @@
 //! What is written, and what is said, when all goes well.
 
 use crate::devices::{BACKENDS, HOST, Subject};
-use crate::sandbox::{Sandbox, list, says, trial};
+use crate::sandbox::{Sandbox, says, trial};
 use libtest_mimic::Trial;
 use std::ffi::OsStr;
 use std::path::PathBuf;
-use std::process::{Command, Stdio};
 
 pub(crate) fn trials() -> Vec<Trial> {
     let memory = |on: Subject| on.trial("files::memory_is_foreseen", memory_is_foreseen);
     let mut all: Vec<_> = BACKENDS.into_iter().chain([HOST]).map(memory).collect();
     all.extend([
-        trial(
-            "files::a_render_writes_its_frames_and_a_table",
-            frames_and_table,
-        ),
-        trial(
-            "files::frames_of_a_range_are_numbered_by_their_key_times",
-            range,
-        ),
+        trial("files::a_render_writes_its_frames_and_a_table", table),
         trial("files::help_and_version_succeed", help),
         trial("files::a_reader_that_goes_away_is_no_crash", broken_pipe),
     ]);
@@ -27,7 +19,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 
 const SMALL: &str = "render demo:twist:500 --size 32x24";
 
-fn frames_and_table(sandbox: &Sandbox) {
+fn table(sandbox: &Sandbox) {
     let run = sandbox.does(&format!("{SMALL} --frames 3"));
     let expected = [0, 1, 2].map(|i| PathBuf::from(format!("abvh-out/frame_000{i}.png")));
     assert_eq!(sandbox.files(), expected);
@@ -38,27 +30,13 @@ fn frames_and_table(sandbox: &Sandbox) {
     says(&run.stdout, "interpolate|preprocess|refit|trace|median|p95");
 }
 
-fn range(sandbox: &Sandbox) {
-    let words = format!("{SMALL} --frames 2..4 --out here --stats s.json --quiet");
-    assert_eq!(sandbox.does(&words).stderr, "");
-    let files = ["here/frame_0002.png", "here/frame_0003.png", "s.json"].map(PathBuf::from);
-    assert_eq!(sandbox.files(), files);
-    let stats = sandbox.json("s.json");
-    let times: Vec<_> = list(&stats["frames"])
-        .iter()
-        .map(|f| f["time"].as_f64())
-        .collect();
-    assert_eq!(times, [Some(2.0), Some(3.0)]);
-}
-
 /// What a run is expected to take is what it takes, or up to half as much again.
 fn memory_is_foreseen(sandbox: &Sandbox, backend: &str) {
     let words = format!("render demo:twist:100000 --backend {backend} --frames 3 --quiet");
     // The host's memory holds a driver too, where there is one.
-    let of = if backend == "cpu" {
-        "host_bytes"
-    } else {
-        "device_bytes"
+    let of = match backend {
+        "cpu" => "host_bytes",
+        _ => "device_bytes",
     };
     for how in [
         "--size 64x48 --layout bvh2 --update async",
@@ -68,10 +46,8 @@ fn memory_is_foreseen(sandbox: &Sandbox, backend: &str) {
         let stats = sandbox.json("s.json");
         let expected = stats["expected_memory"][of].as_u64().unwrap();
         let taken = stats["summary"][of]["worst"].as_f64().unwrap() as u64;
-        assert!(
-            (taken..=taken * 3 / 2).contains(&expected),
-            "{backend} {how}: {expected} bytes expected, {taken} taken"
-        );
+        let foreseen = (taken..=taken * 3 / 2).contains(&expected);
+        assert!(foreseen, "{how}: {expected} bytes expected, {taken} taken");
     }
 }
 
@@ -90,10 +66,7 @@ fn help(sandbox: &Sandbox) {
 /// The pipe's reading end is closed before the program writes.
 fn broken_pipe(sandbox: &Sandbox) {
     for words in ["info", "--help", "inspect demo:twist:200"] {
-        let mut command = Command::new(integration::program::abvh());
-        command.args(words.split(' ')).current_dir(sandbox.path());
-        let piped = command.stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = piped.spawn().unwrap();
+        let mut child = sandbox.piped(words);
         drop(child.stdout.take());
         let output = child.wait_with_output().unwrap();
         let stderr = String::from_utf8_lossy(&output.stderr);

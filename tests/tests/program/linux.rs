@@ -19,10 +19,8 @@ fn any_bytes(sandbox: &Sandbox) {
     std::fs::write(sandbox.path().join(name), SQUARE).unwrap();
     sandbox.write("b.obj", SQUARE);
     let run = |words: &str, scene: &[u8]| {
-        let words = words
-            .split(' ')
-            .map(OsStr::new)
-            .chain([OsStr::from_bytes(scene)]);
+        let words = words.split(' ').map(OsStr::new);
+        let words = words.chain([OsStr::from_bytes(scene)]);
         let output = integration::program::run_where(sandbox.path(), words, &[]);
         Run::of(&output, "a name that is not UTF-8")
     };
@@ -42,14 +40,11 @@ const CPU: &str = "--backend cpu --threads 1 --builder-threads 1";
 
 /// Little text makes much mesh: both numbers are named, and nothing breaks down over it.
 fn beyond_memory(sandbox: &Sandbox) {
-    let vertices =
-        "element vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face";
-    let ply = |faces: &str, end: &str, body: &str| {
+    let ply = |faces: &str, list: &str, body: &str| {
+        let point = "property float x\nproperty float y\nproperty float z";
+        let head = format!("ply\nformat ascii 1.0\nelement vertex 3\n{point}\nelement face");
         let corners = "0 0 0\n1 0 0\n0 1 0\n";
-        let list = "property list";
-        format!(
-            "ply\nformat ascii 1.0\n{vertices} {faces}\n{list} {end}\nend_header\n{corners}{body}"
-        )
+        format!("{head} {faces}\nproperty list {list}\nend_header\n{corners}{body}")
     };
     let face = "f 1 2 3\n".repeat(1_500_000);
     sandbox.write("a.obj", format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{face}"));

@@ -8,7 +8,6 @@ mod devices;
 mod files;
 mod hits;
 mod images;
-mod inactive;
 mod killed;
 #[cfg(target_os = "linux")]
 mod linux;
@@ -36,7 +35,6 @@ fn main() -> ExitCode {
         files::trials(),
         hits::trials(),
         images::trials(),
-        inactive::trials(),
         killed::trials(),
         streamed::trials(),
         #[cfg(target_os = "linux")]

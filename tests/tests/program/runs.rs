@@ -13,10 +13,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("runs::only_what_is_damaged_is_made_again", damaged),
         trial("runs::nothing_is_loaded_when_nothing_is_left", finished),
         trial("runs::shards_merge_to_the_whole", shards),
-        trial(
-            "runs::a_shard_without_frames_is_merged_with_others",
-            empty_shard,
-        ),
+        trial("runs::a_shard_without_frames_is_merged", empty_shard),
         trial("runs::shards_of_statistics_alone_merge", stats_alone),
         trial("runs::nothing_outside_a_folder_is_touched", tampered),
         trial("runs::outputs_never_eat_inputs_or_each_other", eaten),
@@ -71,17 +68,11 @@ fn another(sandbox: &Sandbox) {
     }
     let scene = SMALL.replace("collide", "twist");
     sandbox.refuses(&format!("{scene} --frames 3 --out o --resume"), &["scene"]);
-    assert!(
-        bytes(sandbox, "o") == kept,
-        "the run that was there has changed"
-    );
+    assert!(bytes(sandbox, "o") == kept, "it has changed");
     // Who renders, and how trees follow, decides no byte.
     let other = "--update rebuild --layout bvh2 --threads 1";
     sandbox.does(&format!("{SMALL} --frames 3 --out o {other}"));
-    assert!(
-        bytes(sandbox, "o") == kept,
-        "another policy made other bytes"
-    );
+    assert!(bytes(sandbox, "o") == kept, "by policy");
     let words = "--frames 2 --eye 9,9,9 --out o --overwrite";
     sandbox.does(&format!("{SMALL} {words}"));
     assert_eq!(bytes(sandbox, "o").len(), 2, "{:?}", sandbox.files());

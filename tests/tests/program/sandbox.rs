@@ -61,12 +61,18 @@ impl Sandbox {
 
     /// Starts the program and does not wait; nobody hears what it says.
     pub(crate) fn start(&self, words: &str) -> Child {
+        self.spawn(words, Stdio::null)
+    }
+
+    /// Likewise, and what it says can be read.
+    pub(crate) fn piped(&self, words: &str) -> Child {
+        self.spawn(words, Stdio::piped)
+    }
+
+    fn spawn(&self, words: &str, to: fn() -> Stdio) -> Child {
         let mut command = Command::new(program::abvh());
-        command
-            .args(words.split_whitespace())
-            .current_dir(self.path());
-        let quiet = command.stdout(Stdio::null()).stderr(Stdio::null());
-        quiet.spawn().unwrap()
+        let command = command.args(words.split(' ')).current_dir(self.path());
+        command.stdout(to()).stderr(to()).spawn().unwrap()
     }
 
     /// Runs the program, which must do what was asked.
@@ -157,11 +163,9 @@ impl Run {
     }
 
     fn demand(&self, holds: bool, what: &str) {
-        let (words, code, stdout, stderr) = (&self.words, self.code, &self.stdout, &self.stderr);
-        assert!(
-            holds,
-            "abvh {words}\n{what}\nexit {code:?}\nstderr: {stderr}\nstdout: {stdout}"
-        );
+        let told = format!("stderr: {}\nstdout: {}", self.stderr, self.stdout);
+        let (words, code) = (&self.words, self.code);
+        assert!(holds, "abvh {words}\n{what}\nexit {code:?}\n{told}");
     }
 }
 

@@ -1,14 +1,13 @@
 //! The statistics file: schema 1.
 
-use crate::sandbox::{Sandbox, list, trial};
+use crate::sandbox::{SQUARE, Sandbox, list, trial};
 use libtest_mimic::Trial;
 use serde_json::Value;
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
         trial("stats::every_promised_field_is_there", every_field),
-        trial("stats::generations_and_ages_follow_the_lockstep", lockstep),
-        trial("stats::rebuilt_trees_are_fresh_and_only_they_wait", waits),
+        trial("stats::what_cannot_be_hit_is_counted", unhittable),
         trial("stats::memory_is_counted_and_does_not_grow", memory),
     ]
 }
@@ -60,33 +59,28 @@ fn every_field(sandbox: &Sandbox) {
     assert!(stats["schema"] == 1 && stats["backend"] == "cpu", "{stats}");
 }
 
-/// Each tree is adopted exactly two frames after it was asked for.
-fn lockstep(sandbox: &Sandbox) {
-    let stats = stats(sandbox, "--frames 8 --update async --lockstep 2");
-    let ages = column(&stats, "tree_age_frames");
-    let generations = column(&stats, "tree_generation");
-    let expect = |xs: [f64; 8]| xs.map(Some).to_vec();
-    assert_eq!(ages, expect([0.0, 1.0, 2.0, 2.0, 3.0, 2.0, 3.0, 2.0]));
-    assert_eq!(
-        generations,
-        expect([1.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0])
-    );
-}
-
-/// Trees rebuilt for each frame are of that frame, and only frames with such trees wait for builds.
-fn waits(sandbox: &Sandbox) {
-    for policy in ["rebuild", "async --lockstep 0", "refit", "t-sah", "async"] {
-        let stats = stats(sandbox, &format!("--frames 8 --update {policy}"));
-        let is_rebuilt = policy == "rebuild";
-        if is_rebuilt || policy.ends_with('0') {
-            let fresh = [("tree_age_frames", 0.0), ("sah_ratio", 1.0)];
-            let is_fresh = |(name, x)| column(&stats, name) == [Some(x); 8];
-            assert!(fresh.into_iter().all(is_fresh), "{policy}: {stats}");
-        }
-        let waited = column(&stats, "build_wait_ms");
-        let as_promised = |ms: &Option<f64>| (*ms > Some(0.0)) == is_rebuilt && ms.is_some();
-        let is_free = policy.ends_with('0') || waited[1..].iter().all(as_promised);
-        assert!(waited[0] > Some(0.0) && is_free, "{policy}: {waited:?}");
+/// Triangles of vertices that are nowhere are counted, and the rest is seen.
+fn unhittable(sandbox: &Sandbox) {
+    for (i, fourth) in ["nan 1 0", "0 inf 0", "0 1 1e39", "0.5 0.5 0"]
+        .into_iter()
+        .enumerate()
+    {
+        sandbox.write(&format!("{i}.obj"), SQUARE.replace("0 1 0", fourth));
+    }
+    sandbox.write("gone.obj", "v nan 0 0\nv nan 1 0\nv nan 1 1\nf 1 2 3\n");
+    for (scene, inactive, degenerate, seen) in [
+        ("0.obj+1.obj@2,0,0+2.obj@2,2,0", 3, 0, true),
+        ("3.obj", 0, 1, true),
+        ("gone.obj", 1, 0, false),
+    ] {
+        let words = format!(
+            "render {scene} --size 32x24 --stats s.json --quiet --out {inactive}{degenerate}"
+        );
+        sandbox.does(&words);
+        let frame = &sandbox.json("s.json")["frames"][0];
+        let counted = frame["inactive"] == inactive && frame["degenerate"] == degenerate;
+        let is_seen = frame["hits"].as_u64() > Some(0);
+        assert!(counted && is_seen == seen, "{scene}: {frame}");
     }
 }
 

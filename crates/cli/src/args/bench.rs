@@ -17,20 +17,12 @@ pub(crate) struct MeasureArgs {
     #[command(flatten)]
     pub(crate) source: SourceArgs,
     /// Backends
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "auto"
-    )]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    #[arg(default_value = "auto")]
     pub(crate) backend: Vec<BackendName>,
     /// Update policies
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "rebuild,refit,async"
-    )]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    #[arg(default_value = "rebuild,refit,async")]
     pub(crate) update: Vec<UpdateName>,
     /// Intersectors
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
@@ -63,12 +55,8 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "on", value_parser = values::switch())]
     pub(crate) predict: Vec<bool>,
     /// Layouts of the tree
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "auto"
-    )]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    #[arg(default_value = "auto")]
     pub(crate) layout: Vec<LayoutName>,
     #[command(flatten)]
     pub(crate) tolerance: ToleranceArgs,
@@ -78,12 +66,8 @@ pub(crate) struct BenchArgs {
     pub(crate) against: Option<String>,
     /// Rays: a camera's with their shadows, or as many from anywhere in the scene's box in any direction. Those at random
     /// seek the closest hit, without a shadow, and are the same in every frame
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "camera"
-    )]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    #[arg(default_value = "camera")]
     pub(crate) rays: Vec<RaysName>,
     /// Stretch of time, in key frames [default: all of it]
     #[arg(long, value_name = "T0..T1", value_parser = values::time_range, allow_hyphen_values = true)]

@@ -12,12 +12,8 @@ use std::path::PathBuf;
 #[derive(Args, Debug)]
 pub(crate) struct TestArgs {
     /// Backends; auto is all that are present
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "auto"
-    )]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    #[arg(default_value = "auto")]
     pub(crate) backend: Vec<BackendName>,
     /// Adapter of the backends, by index or by part of its name
     #[arg(long, value_name = "INDEX|NAME-PART")]
@@ -75,12 +71,8 @@ pub(crate) struct StabilityArgs {
     #[command(flatten)]
     pub(crate) test: TestArgs,
     /// Intersectors
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "moller-trumbore,woop,watertight,exact"
-    )]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    #[arg(default_value = "moller-trumbore,woop,watertight,exact")]
     pub(crate) intersector: Vec<Intersector>,
     /// Decides scenes and rays
     #[arg(long, value_name = "S", default_value_t = conformance::stress::Plan::default().seed)]

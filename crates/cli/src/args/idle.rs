@@ -1,8 +1,6 @@
 //! Options that would do nothing with what they stand beside: refused, before any work.
 
-use super::{
-    BackendName, Command, ConformArgs, DeviceArgs, IntersectorName, UpdateName, has_own_trees,
-};
+use super::{BackendName, Command, DeviceArgs, IntersectorName, UpdateName, has_own_trees};
 use crate::stop::Stop;
 use clap::ArgMatches;
 use clap::parser::ValueSource;
@@ -14,6 +12,7 @@ const ASYNC: &str = "goes only with --update async";
 const AUTO: &str = "goes only with --intersector auto";
 const CLIP: &str = "goes only with a .gltf or .glb scene";
 const ORACLE: &str = "goes only with --oracle-rays";
+const AIMED: &str = "goes only with --leak-rays or --oracle-rays";
 const FILES: &str = "goes only with pictures or --hits";
 const HOST: &str = "goes only with trees that the host builds";
 
@@ -54,6 +53,7 @@ fn bonds(command: &Command) -> Vec<Bond> {
         Command::Render(args) => {
             let update = args.policy.update;
             let writes = !args.no_images || args.hits.is_some();
+            let clips = may_have_clip(&args.scene) || args.makes_video();
             vec![
                 ("lockstep", may_be_async(update), ASYNC),
                 ("predict", may_be_async(update), ASYNC),
@@ -61,11 +61,7 @@ fn bonds(command: &Command) -> Vec<Bond> {
                 builders(&args.device, update),
                 ("resume", writes, FILES),
                 ("overwrite", writes, FILES),
-                (
-                    "fps",
-                    may_have_clip(&args.scene) || args.makes_video(),
-                    CLIP,
-                ),
+                ("fps", clips, CLIP),
             ]
         }
         Command::Trace(args) => {
@@ -99,23 +95,16 @@ fn bonds(command: &Command) -> Vec<Bond> {
                 ("reduced_out", reduces, "goes only with --reduce-keys"),
             ]
         }
-        Command::Conform(args) => conform(args),
+        Command::Conform(args) => {
+            let oracle = args.oracle_rays > 0;
+            vec![
+                ("intersector", oracle || args.leak_rays > 0, AIMED),
+                ("oracle_batch", oracle, ORACLE),
+                ("scene", oracle, ORACLE),
+            ]
+        }
         Command::Stability(_) | Command::Info(_) | Command::Merge(_) => Vec::new(),
     }
-}
-
-fn conform(args: &ConformArgs) -> Vec<Bond> {
-    let (leaks, oracle) = (args.leak_rays > 0, args.oracle_rays > 0);
-    let aims = leaks || oracle;
-    vec![
-        (
-            "intersector",
-            aims,
-            "goes only with --leak-rays or --oracle-rays",
-        ),
-        ("oracle_batch", oracle, ORACLE),
-        ("scene", oracle, ORACLE),
-    ]
 }
 
 fn builders(device: &DeviceArgs, update: UpdateName) -> Bond {
@@ -133,7 +122,6 @@ fn host_builds(backend: BackendName, update: UpdateName) -> bool {
 /// Whether the word can name a clip: by its ending, or as a pattern.
 fn may_have_clip(scene: &str) -> bool {
     let scene = scene.to_lowercase();
-    [".gltf", ".glb", "*", "?", "["]
-        .iter()
-        .any(|part| scene.contains(part))
+    let mut parts = [".gltf", ".glb", "*", "?", "["].iter();
+    parts.any(|part| scene.contains(part))
 }

@@ -39,33 +39,21 @@ fn bench(line: &str) -> BenchArgs {
 }
 
 #[test]
-fn each_command_has_defaults_of_its_own() {
+fn each_command_has_defaults_of_its_own_and_takes_lists_and_negative_coordinates() {
     let args = render("");
     assert_eq!((&*args.scene, args.size.size), ("demo:grove", [1280, 720]));
     assert_eq!(args.out, PathBuf::from("abvh-out"));
-    let args = bench("bench");
-    assert_eq!(
-        (args.measure.size.size, args.measure.update.len()),
-        ([640, 360], 3)
-    );
-    assert_eq!(args.layout, [LayoutName::Auto]);
-}
-
-#[test]
-fn lists_and_negative_coordinates_are_values() {
-    let args = render("render a.obj --eye -1,2,-3 --light=-4,5,6");
-    let points = [args.camera.eye, args.camera.light];
-    assert_eq!(points, [Some([-1.0, 2.0, -3.0]), Some([-4.0, 5.0, 6.0])]);
+    let measure = bench("bench").measure;
+    assert_eq!((measure.size.size, measure.update.len()), ([640, 360], 3));
+    let camera = render("render a.obj --eye -1,2,-3 --light=-4,5,6").camera;
+    let points = [[-1.0, 2.0, -3.0], [-4.0, 5.0, 6.0]].map(Some);
+    assert_eq!([camera.eye, camera.light], points);
     let args = bench("bench demo:twist --update refit,async --frames 3 --layout fast --warm-up 0");
     assert_eq!(args.measure.update, [UpdateName::Refit, UpdateName::Async]);
-    assert_eq!(
-        (&args.measure.scenes, &args.measure.frames),
-        (&vec!["demo:twist".to_owned()], &Frames::Count(3))
-    );
-    assert_eq!(
-        (args.layout, args.measure.warm_up),
-        (vec![LayoutName::Fast], Some(0.0))
-    );
+    assert_eq!(args.measure.scenes, ["demo:twist"]);
+    assert_eq!(args.measure.frames, Frames::Count(3));
+    assert_eq!(args.layout, [LayoutName::Fast]);
+    assert_eq!(args.measure.warm_up, Some(0.0));
 }
 
 #[test]
@@ -105,6 +93,7 @@ fn what_cannot_be_is_refused_by_name() {
         ("render --size 0x5", "--size"),
         ("bench --warm-up 99", "60 seconds"),
         ("render --frames 0", "--frames"),
+        ("chart --rays 0", "--rays"),
         ("render --eye 1,2,nan", "nan"),
         ("render --intersector perfect", "watertight"),
         ("render --threads 0", "--threads"),
@@ -125,22 +114,20 @@ fn what_cannot_be_is_refused_by_name() {
 
 #[test]
 fn a_tolerance_is_a_length_or_a_share() {
-    assert_eq!(lists::tolerance("0"), Ok(Tolerance::Units(0.0)));
-    assert_eq!(lists::tolerance("2.5e-3"), Ok(Tolerance::Units(2.5e-3)));
-    assert_eq!(lists::tolerance("1%"), Ok(Tolerance::Share(0.01)));
+    assert_eq!(tolerance("0"), Ok(Tolerance::Units(0.0)));
+    assert_eq!(tolerance("2.5e-3"), Ok(Tolerance::Units(2.5e-3)));
+    assert_eq!(tolerance("1%"), Ok(Tolerance::Share(0.01)));
     for text in ["%", "-1", "-0.1%", "nan", "inf", "inf%", "1%%", "%1"] {
-        assert!(lists::tolerance(text).unwrap_err().contains("0.1%"));
+        assert!(tolerance(text).unwrap_err().contains("0.1%"));
     }
 }
 
 #[test]
 fn the_intersector_is_watertight_but_where_it_is_left_to_auto() {
-    let intersector = |line: &str| render(line).method.intersector;
-    assert_eq!(
-        intersector("render --backend cpu"),
-        IntersectorName::Watertight
-    );
-    assert_eq!(intersector("render --tolerance 3"), IntersectorName::Auto);
+    use IntersectorName::{Auto, Watertight};
+    for (line, taken) in [("render", Watertight), ("render --tolerance 3", Auto)] {
+        assert_eq!(render(line).method.intersector, taken);
+    }
 }
 
 /// A command line, the option that would do nothing there, and what it stands beside or needs.

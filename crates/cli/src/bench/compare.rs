@@ -50,17 +50,14 @@ struct Change {
 }
 
 /// Changes, and runs that are in one file alone.
-struct Comparison {
-    changes: Vec<Change>,
-    only_in: [Vec<String>; 2],
-}
+type Comparison = (Vec<Change>, [Vec<String>; 2]);
 
 pub(super) fn run(args: &BenchArgs) -> Result<(), Stop> {
     let files = [&args.compare[0], &args.compare[1]].map(|f| f.display().to_string());
     let comparison = compare(&args.compare[0], &args.compare[1])?;
     talk::print(&text(&files, &comparison))?;
     match args.fail_above {
-        Some(percent) => refuse_slower(&comparison.changes, percent),
+        Some(percent) => refuse_slower(&comparison.0, percent),
         None => Ok(()),
     }
 }
@@ -77,10 +74,7 @@ fn compare(old_file: &Path, new_file: &Path) -> Result<Comparison, Stop> {
         changes.extend(QUANTITIES.iter().filter_map(|q| change(&before, &after, q)));
     }
     let only_in_new = new.into_iter().map(|r| r.name).collect();
-    Ok(Comparison {
-        changes,
-        only_in: [only_in_old, only_in_new],
-    })
+    Ok((changes, [only_in_old, only_in_new]))
 }
 
 fn refuse_slower(changes: &[Change], percent: f64) -> Result<(), Stop> {
@@ -179,7 +173,7 @@ fn error(values: &[f64]) -> Option<f64> {
     Some(ERROR_OF_MEDIAN * median(&off)? / (values.len() as f64).sqrt())
 }
 
-fn text([old, new]: &[String; 2], c: &Comparison) -> String {
+fn text([old, new]: &[String; 2], (changes, only_in): &Comparison) -> String {
     let row = |c: &Change| {
         let mark = match (c.beyond_noise, c.ratio < 1.0) {
             (false, _) => "",
@@ -196,9 +190,9 @@ fn text([old, new]: &[String; 2], c: &Comparison) -> String {
             ("", mark.to_owned()),
         ]
     };
-    let rows: Vec<_> = c.changes.iter().map(row).collect();
+    let rows: Vec<_> = changes.iter().map(row).collect();
     let mut text = format!("medians of {old} and {new}\n{}", of_rows(&rows, 2));
-    for (file, runs) in [old, new].into_iter().zip(&c.only_in) {
+    for (file, runs) in [old, new].into_iter().zip(only_in) {
         for run in runs {
             text += &format!("only in {file}: {run}\n");
         }
@@ -235,8 +229,10 @@ mod tests {
             assert_eq!(c.beyond_noise, beyond_noise, "{c:?}");
             assert!(change(&old, &new, "refit_ms").is_none());
         }
-        let c = change(&old, &run(41, 1.0, 1.05, 7.7), "wall_ms").unwrap();
-        assert!((c.ratio - 1.05).abs() < 0.01, "{c:?}");
+        let ratio = change(&old, &run(41, 1.0, 1.05, 7.7), "wall_ms")
+            .unwrap()
+            .ratio;
+        assert!((ratio - 1.05).abs() < 0.01, "{ratio}");
     }
 
     #[test]
@@ -257,7 +253,7 @@ mod tests {
         let old = file("old.json", rows("refit", [9.0, 1.0, 2.0, 3.0]));
         let new = file("new.json", rows("refit", [9.0, 1.5, 3.0, 4.5]));
         let comparison = compare(&old, &new).unwrap();
-        assert!(comparison.changes[0].beyond_noise);
+        assert!(comparison.0[0].beyond_noise);
         let files = ["old.json", "new.json"].map(str::to_owned);
         let told = text(&files, &comparison);
         assert!(told.contains("1.500") && told.contains("SLOWER"), "{told}");

@@ -35,7 +35,7 @@ pub(super) fn csv(rows: &[Row]) -> Result<Vec<u8>, Stop> {
 
 /// One row a run, which device each backend ran on, and how runs compare.
 pub(super) fn text(rows: &[Row], against: Option<&str>) -> String {
-    let adapter = |r: &Row| format!("{}: {}\n", r.backend, r.adapter);
+    let adapter = |r: &Row| format!("{}: {}\n", r.setup.backend, r.setup.adapter);
     let adapters: BTreeSet<String> = rows.iter().map(adapter).collect();
     let mut text = of_rows(&rows.iter().map(cells).collect::<Vec<_>>(), 4);
     text.extend(adapters);
@@ -63,11 +63,12 @@ fn cells(r: &Row) -> Cells<'static> {
     let show = |value: Option<f64>, show: fn(f64) -> String| value.map_or("-".to_owned(), show);
     let time = |name| show(r.median(name), ms);
     let short = |value| show(value, |x| format!("{x:.2}"));
-    let update = format!("{}{}", r.update, unless_predicted(r, ", unpredicted"));
-    let method = format!("{} {}{}", r.intersector, r.layout, rays(r, ", "));
+    let how = &r.setup;
+    let update = format!("{}{}", how.update, unless_predicted(r, ", unpredicted"));
+    let method = format!("{} {}{}", how.intersector, how.layout, rays(r, ", "));
     vec![
         ("scene", r.scene.clone()),
-        ("backend", r.backend.to_owned()),
+        ("backend", how.backend.to_owned()),
         ("update", update),
         ("method", method),
         ("moving", grouped(r.moving)),
@@ -90,7 +91,11 @@ fn cells(r: &Row) -> Cells<'static> {
 }
 
 fn unless_predicted(r: &Row, what: &'static str) -> &'static str {
-    if r.predict == Some(false) { what } else { "" }
+    if r.setup.predict == Some(false) {
+        what
+    } else {
+        ""
+    }
 }
 
 /// Which rays, if not a camera's.
@@ -101,7 +106,8 @@ fn rays(r: &Row, after: &str) -> String {
 
 /// What a run is called among those of its scene.
 fn name(r: &Row) -> String {
-    let words = [r.backend, r.update, r.intersector, r.layout].join(" ");
+    let how = &r.setup;
+    let words = [how.backend, how.update, how.intersector, how.layout].join(" ");
     let without = unless_predicted(r, " unpredicted");
     format!("{words}{without}{}", rays(r, " "))
 }
@@ -119,10 +125,8 @@ fn over(run: &Row, rival: &Row) -> [Option<f64>; 2] {
         let ms = r.later_frames().iter().filter_map(frame_ms);
         output::Summary::of(ms).map(|s| s.median)
     };
-    [
-        over(device(run), device(rival)),
-        over(wall(run), wall(rival)),
-    ]
+    let [of, against] = [run, rival].map(|r| [device(r), wall(r)]);
+    [over(of[0], against[0]), over(of[1], against[1])]
 }
 
 /// Every run over every other of its scene: device times with what a frame waited for its tree, and host times.
@@ -156,12 +160,10 @@ pub(super) fn check(rows: &[Row], against: Option<&str>) -> Result<(), Stop> {
     if rows.is_empty() || baseline(rows, against).is_some() {
         return Ok(());
     }
-    let names: Vec<_> = rows.iter().map(name).collect();
-    Err(Stop::bad(format!(
-        "--against '{}' is none of {}",
-        against.unwrap_or_default(),
-        names.join(", ")
-    )))
+    let names = rows.iter().map(name).collect::<Vec<_>>().join(", ");
+    let against = against.unwrap_or_default();
+    let why = format!("--against '{against}' is none of {names}");
+    Err(Stop::bad(why))
 }
 
 /// Every run over the baseline, and over every other where they are few.

@@ -1,20 +1,20 @@
 //! One run of a bench: its rays (a camera's with shadows, or such as have nothing in common), and how it is measured.
 
 use super::FOV;
-use crate::args::RaysName;
+use crate::args::{MeasureArgs, RaysName};
 use crate::choose::{self, Ask};
 use crate::memory::device_memory;
-use crate::session;
+use crate::session::{self, Setup};
 use crate::stop::Stop;
 
 use backend::{DeviceBytes, Query, QueryKind, Rays};
 use fastrand::Rng;
 use geom::{Aabb, Point, Ray};
-use output::{FrameStats, Summary, TIMES, Taken, Time, mrays};
+use output::{FrameStats, Summary, TIMES, Time, mrays};
 use pipeline::{Frame, FrameRecord, Wanted, Warmed, warm_up};
 use scene::Scene;
-use serde::{Serialize, Serializer};
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// One run. Times are medians over its frames, in milliseconds.
@@ -23,22 +23,14 @@ pub(crate) struct Row {
     pub(super) scene: String,
     triangles: usize,
     pub(super) moving: usize,
-    pub(crate) backend: &'static str,
-    pub(crate) adapter: String,
-    pub(crate) driver: Option<String>,
-    pub(super) threads: usize,
-    pub(super) builder_threads: usize,
-    pub(crate) update: &'static str,
-    /// With `async`: whether trees are built for what comes.
-    pub(super) predict: Option<bool>,
-    pub(crate) intersector: &'static str,
-    pub(crate) layout: &'static str,
+    #[serde(flatten)]
+    pub(crate) setup: Setup,
     /// What kind of rays, if not a camera's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) rays: Option<&'static str>,
     pub(super) frames: usize,
     /// What the device did uncounted after the first frame, where it was warmed up.
-    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "warmed")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) warm_up: Option<Warmed>,
     /// Medians by name: of [`TIMES`] and [`MORE`].
     #[serde(flatten)]
@@ -50,8 +42,6 @@ pub(crate) struct Row {
     pub(super) trees: usize,
     /// Trees that were no better than the one in use.
     rejected: usize,
-    /// What was left to `auto`.
-    auto: Vec<Taken>,
     /// Of the first frame, which waits for the first tree.
     first_ms: Option<f64>,
     memory: Option<Value>,
@@ -59,12 +49,6 @@ pub(crate) struct Row {
     device_bytes: Option<u64>,
     /// Every frame, as in the statistics of `render`.
     pub(crate) per_frame: Vec<FrameStats>,
-}
-
-fn warmed<S: Serializer>(warm_up: &Option<Warmed>, serializer: S) -> Result<S::Ok, S::Error> {
-    let told =
-        warm_up.map(|w| json!({ "seconds": w.seconds, "frames": w.frames, "steady": w.steady }));
-    told.serialize(serializer)
 }
 
 /// What is summed up beside the times of [`TIMES`]. `geometry_ms` is all that comes before rays.
@@ -92,30 +76,19 @@ pub(crate) fn frame_ms(frame: &FrameStats) -> Option<f64> {
     Some(frame.device_ms? + frame.build_wait_ms.unwrap_or(0.0))
 }
 
-/// What a run is like, beside what is asked of a session.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Run {
-    pub(crate) rays: RaysName,
-    pub(crate) size: [u32; 2],
-    /// Seconds for which the device is got ready, if somebody said so.
-    pub(crate) warm_up: Option<f64>,
-}
-
 pub(crate) fn measure(
-    run: Run,
+    rays: RaysName,
+    args: &MeasureArgs,
     (spec, scene): (&str, &Scene),
     frames: &[Frame],
     ask: &Ask<'_>,
 ) -> Result<Row, Stop> {
-    let view = output::frame_scene(&scene.animation, FOV, run.size);
-    let camera = view.camera(run.size);
+    let view = output::frame_scene(&scene.animation, FOV, args.size.size);
+    let camera = view.camera(args.size.size);
     let camera = camera.ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
     let list;
-    let query = match run.rays {
-        RaysName::Camera => Query {
-            rays: Rays::Camera(&camera),
-            kind: QueryKind::ClosestAndShadow { light: view.light },
-        },
+    let query = match rays {
+        RaysName::Camera => view.query(&camera),
         RaysName::Random => {
             list = random(&scene.animation.bounds(), camera.pixels());
             Query {
@@ -137,41 +110,27 @@ pub(crate) fn measure(
         Ok::<(), Stop>(())
     };
     let driver = &mut session.driver;
-    let (warm_up, rest) = warm_up(run.warm_up, driver, frames, query, &mut note)?;
+    let (warm_up, rest) = warm_up(args.warm_up, driver, frames, query, &mut note)?;
     let rest = rest.iter().copied();
     driver.run(rest, query, Wanted::default(), |frame, _| note(frame))?;
     let median = |time: Time| Summary::of(stats.iter().filter_map(time)).map(|s| s.median);
     let named = TIMES.iter().chain(&MORE);
     let medians: BTreeMap<_, _> = named.map(|&(name, time)| (name, median(time))).collect();
-    let (triangles, live) = (
-        scene.animation.triangle_count(),
-        scene.animation.live_count(),
-    );
-    let per_triangle = |name: &str| medians[name].map(|ms| ms * 1e6 / live.max(1) as f64);
+    let triangles = scene.animation.triangle_count();
+    let live = scene.animation.live_count().max(1) as f64;
+    let per_triangle = |name: &str| medians[name].map(|ms| ms * 1e6 / live);
+    let is_camera = rays == RaysName::Camera;
     let rates = stats.iter().filter_map(|f| {
         let ms = f.trace_primary_ms? + f.trace_shadow_ms.unwrap_or(0.0);
-        let shadows = if run.rays == RaysName::Camera {
-            f.hits
-        } else {
-            0
-        };
-        mrays(query.rays.count() as f64 + shadows as f64, ms)
+        let shadows = if is_camera { f.hits as f64 } else { 0.0 };
+        mrays(query.rays.count() as f64 + shadows, ms)
     });
-    let device = &session.device;
     Ok(Row {
         scene: spec.to_owned(),
         triangles,
         moving: scene.animation.moving_count(),
-        backend: device.backend,
-        adapter: device.adapter.clone(),
-        driver: (!device.driver.is_empty()).then(|| device.driver.clone()),
-        threads: session.threads.render,
-        builder_threads: session.threads.build,
-        update: session.update.name(),
-        predict: session.predict,
-        intersector: session.method[0],
-        layout: session.method[1],
-        rays: (run.rays != RaysName::Camera).then_some("random"),
+        setup: session.setup,
+        rays: (!is_camera).then_some("random"),
         warm_up,
         frames: stats.len(),
         mrays_per_s: Summary::of(rates).map(|s| s.median),
@@ -179,7 +138,6 @@ pub(crate) fn measure(
         convert_ns_per_triangle: per_triangle("convert_ms"),
         trees: stats.iter().filter(|f| f.adopted).count(),
         rejected: stats.iter().filter(|f| f.rejected).count(),
-        auto: session.taken.clone(),
         first_ms: stats.first().and_then(|f| f.wall_ms),
         memory: held.map(|bytes| device_memory(bytes, triangles)),
         device_bytes: held.map(|bytes| bytes.total()),
@@ -190,13 +148,9 @@ pub(crate) fn measure(
 
 /// Milliseconds of a frame's stages before rays; `None` if it left all of them out.
 fn geometry(frame: &FrameStats) -> Option<f64> {
-    let stages = [
-        frame.interpolate_ms,
-        frame.preprocess_ms,
-        frame.rebuild_ms,
-        frame.refit_ms,
-    ];
-    stages.into_iter().flatten().reduce(|a, b| a + b)
+    let moved = [frame.interpolate_ms, frame.preprocess_ms];
+    let stages = moved.into_iter().chain([frame.rebuild_ms, frame.refit_ms]);
+    stages.flatten().reduce(|a, b| a + b)
 }
 
 /// Rays from anywhere in a box in any direction, the same on every machine.
@@ -242,10 +196,8 @@ mod tests {
             max: [3.0, 11.0, 0.0],
         };
         let rays = random(&bounds, 20_000);
-        assert!(
-            rays.iter()
-                .all(|r| bounds.contains(&Aabb::EMPTY.with_point(r.origin)) && r.is_valid())
-        );
+        let within = |r: &Ray| bounds.contains(&Aabb::EMPTY.with_point(r.origin));
+        assert!(rays.iter().all(|r| r.is_valid() && within(r)));
         let mean = |of: &dyn Fn(&Ray) -> f32| {
             rays.iter().map(|r| f64::from(of(r))).sum::<f64>() / rays.len() as f64
         };

@@ -1,17 +1,17 @@
 //! Rays of a scene with their exact answers; how often a way is wrong, and how far off where it is right.
 
 use super::rays;
-use crate::args::{BackendName, ChartArgs, IntersectorName, LayoutName, MethodArgs};
+use crate::args::{BackendName, ChartArgs, IntersectorName, LayoutName, MethodArgs, UpdateName};
 use crate::bench;
-use crate::choose::{self, Ask};
-use crate::session::{self, Session};
+use crate::choose::Ask;
+use crate::session;
 use crate::stop::Stop;
-use backend::{Hits, Query, QueryKind, Rays};
+use backend::{Hits, QueryKind};
 use conformance::oracle::Oracle;
 use geom::{Animation, Hit, Point, Ray};
 use output::plot::{self, Aimed, TError};
-use pipeline::{Frame, Update};
 use rayon::prelude::*;
+use std::iter;
 use std::sync::Arc;
 
 /// Moments of a scene at which it is traced.
@@ -59,15 +59,10 @@ impl GroundTruth {
         let light = view.light;
         let mut truth = Self { light, sheets };
         // Shadows are compared with those of `exact` on the host, over fresh trees.
-        let method = MethodArgs {
-            intersector: IntersectorName::Exact,
-            layout: LayoutName::Bvh2,
-        };
-        let ask = Ask::of(BackendName::Cpu, method, choose::asked(Update::Rebuild));
+        let method = MethodArgs::of(IntersectorName::Exact, LayoutName::Bvh2);
+        let ask = Ask::of(BackendName::Cpu, method, UpdateName::Rebuild);
         let mut shadows = Vec::new();
-        truth.trace(&mut session::start(animation, &ask)?, |_, hits| {
-            shadows.push(hits.blocked);
-        })?;
+        truth.trace(animation, &ask, |_, hits| shadows.push(hits.blocked))?;
         for (sheet, blocked) in truth.sheets.iter_mut().zip(shadows) {
             sheet.blocked = blocked;
         }
@@ -81,27 +76,28 @@ impl GroundTruth {
         ask: &Ask<'_>,
     ) -> Result<AnswerCounts, Stop> {
         let mut counts = AnswerCounts::default();
-        self.trace(&mut session::start(animation, ask)?, |sheet, hits| {
-            counts.add(sheet, &hits);
-        })?;
+        self.trace(animation, ask, |sheet, hits| counts.add(sheet, &hits))?;
         Ok(counts)
     }
 
-    /// Traces all by `session`, whose first tree is of the motion's begin.
-    fn trace(&self, session: &mut Session, mut hear: impl FnMut(&Sheet, Hits)) -> Result<(), Stop> {
-        let mut trace = |index: u64, time: f64, rays: &[Ray]| {
-            let query = Query {
-                rays: Rays::List(rays),
-                kind: QueryKind::ClosestAndShadow { light: self.light },
-            };
-            let mut hits = Hits::default();
-            session.driver.begin(Frame { index, time }, query)?;
-            session.driver.finish(Some(&mut hits))?;
-            Ok::<_, Stop>(hits)
-        };
-        trace(0, 0.0, &[])?;
-        for (index, sheet) in (1..).zip(&self.sheets) {
-            hear(sheet, trace(index, sheet.time, &sheet.rays)?);
+    /// Traces all one way, whose first tree is of the motion's begin.
+    fn trace(
+        &self,
+        animation: &Arc<Animation>,
+        ask: &Ask<'_>,
+        mut hear: impl FnMut(&Sheet, Hits),
+    ) -> Result<(), Stop> {
+        let mut session = session::start(animation, ask)?;
+        let kind = QueryKind::ClosestAndShadow { light: self.light };
+        let sheets = self
+            .sheets
+            .iter()
+            .map(|sheet| (sheet.time, &sheet.rays[..]));
+        let lists = iter::once((0.0, &[][..])).chain(sheets);
+        let mut traced = session::trace_lists(&mut session.driver, kind, lists);
+        traced.next().transpose()?;
+        for (sheet, hits) in self.sheets.iter().zip(traced) {
+            hear(sheet, hits?);
         }
         Ok(())
     }

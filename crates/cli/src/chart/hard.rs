@@ -29,7 +29,7 @@ pub(super) fn ask(
     rays: usize,
 ) -> Result<(Vec<FamilyCounts>, Vec<Leaks>), Stop> {
     let method = Method {
-        intersector: choose::intersector(ask.method.intersector).value,
+        intersector: choose::intersector(ask.method.intersector).0,
         ..Method::default()
     };
     let mut backend = open::bare(ask.backend, None, threads::cores())?;

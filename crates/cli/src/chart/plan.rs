@@ -1,7 +1,7 @@
 //! Which ways of tracing there are here, and what measures one again.
 
 use crate::adapters;
-use crate::args::{BackendName, ChartArgs, IntersectorName, LayoutName, MethodArgs, word};
+use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs, word};
 use crate::bench::Row;
 use crate::choose::{self, Ask};
 use crate::open::{self, Presence};
@@ -31,13 +31,12 @@ impl ChartPlan {
     pub(super) fn of(args: &ChartArgs) -> Result<Self, Stop> {
         let (mut ways, mut skipped) = (Vec::new(), Vec::new());
         for (backend, named) in backends(args, &mut skipped) {
-            for (&intersector, layout) in args.measure.intersector.iter().flat_map(in_layouts) {
-                let method = MethodArgs {
-                    intersector,
-                    layout,
-                };
+            let layouts = [LayoutName::Bvh2, LayoutName::Fast];
+            let by = args.measure.intersector.iter();
+            for (&intersector, layout) in by.flat_map(|by| layouts.map(|layout| (by, layout))) {
+                let method = MethodArgs::of(intersector, layout);
                 ways.extend(args.measure.update.iter().map(|&update| Way {
-                    ask: Ask::of(backend, method, choose::free_update(update)),
+                    ask: Ask::of(backend, method, update),
                     named,
                 }));
             }
@@ -54,27 +53,21 @@ impl ChartPlan {
     }
 }
 
-fn in_layouts(by: &IntersectorName) -> [(&IntersectorName, LayoutName); 2] {
-    [LayoutName::Bvh2, LayoutName::Fast].map(|layout| (by, layout))
-}
-
 /// Backends to be charted, the host first, and whether each was named.
 fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<(BackendName, bool)> {
+    let (auto, named): (Vec<BackendName>, Vec<_>) =
+        (args.measure.backend.iter()).partition(|&&b| b == BackendName::Auto);
+    let mut all: Vec<_> = named.into_iter().map(|name| (name, true, None)).collect();
+    if !auto.is_empty() {
+        all.extend(open::presences().rev().map(|p| (p.name, false, why_not(p))));
+    }
     let mut found = Vec::new();
-    let mut consider = |name: BackendName, named, why_not: Option<String>| {
-        let is_ours = !open::has_own_trees(name);
+    for (name, named, why_not) in all {
         let own = "what its rays hit is the driver's affair, not an intersector's";
-        match why_not.or((!is_ours).then(|| own.to_owned())) {
+        match why_not.or(open::has_own_trees(name).then(|| own.to_owned())) {
             Some(why) => skipped.push(format!("{} is skipped: {why}", word(&name))),
             None => found.push((name, named)),
         }
-    };
-    let (auto, named): (Vec<_>, Vec<_>) =
-        (args.measure.backend.iter()).partition(|&&b| b == BackendName::Auto);
-    named.into_iter().for_each(|&b| consider(b, true, None));
-    if !auto.is_empty() {
-        let present = open::presences().into_iter().rev();
-        present.for_each(|p| consider(p.name, false, why_not(p)));
     }
     found
 }
@@ -112,8 +105,8 @@ impl Way {
 impl fmt::Display for Way {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [backend, layout] = [word(&self.ask.backend), word(&self.ask.method.layout)];
-        let intersector = choose::intersector(self.ask.method.intersector).value;
-        let update = self.ask.update.value.name();
+        let intersector = choose::intersector(self.ask.method.intersector).0;
+        let update = self.ask.update().0.name();
         write!(f, "{backend} {layout} {intersector} {update}")
     }
 }
@@ -137,10 +130,10 @@ pub(super) fn command(args: &ChartArgs, spec: &str, row: &Row) -> String {
     format!(
         "abvh bench {}{source} --backend {} --update {} --intersector {} --layout {} --size {width}x{height} --frames {frames}{warm_up}",
         quoted(spec),
-        row.backend,
-        row.update,
-        row.intersector,
-        row.layout,
+        row.setup.backend,
+        row.setup.update,
+        row.setup.intersector,
+        row.setup.layout,
     )
 }
 

@@ -84,10 +84,7 @@ mod tests {
         assert!(rays.iter().all(Ray::is_valid));
         let from_eye = rays.iter().filter(|r| r.origin == view.eye);
         assert_eq!(from_eye.count(), 500);
-        assert!(
-            rays == at(a, &view, 1.5, 1000).concat(),
-            "other rays when made again"
-        );
+        assert!(rays == at(a, &view, 1.5, 1000).concat(), "made again");
     }
 
     #[test]

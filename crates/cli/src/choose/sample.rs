@@ -1,11 +1,12 @@
 //! How many rays of a run an intersector answers wrongly: a sample against exact arithmetic.
 
 use super::{ReusedBackend, Run};
+use crate::session::trace_lists;
 use crate::stop::Stop;
-use backend::{Hits, Intersector, Method, Query, QueryKind, Rays};
+use backend::{Hits, Intersector, Method, QueryKind, Rays};
 use fastrand::Rng;
 use geom::Ray;
-use pipeline::{Frame, Update};
+use pipeline::Update;
 
 /// Frames of the run whose rays are asked.
 const MOMENTS: usize = 3;
@@ -14,7 +15,8 @@ const MOST: f64 = (1 << 20) as f64;
 /// Rays of a run and what exact arithmetic says of them. A ray is wrong where
 /// another triangle is named, or another shadow.
 pub(super) struct Sample {
-    sheets: Vec<(Frame, Vec<Ray>)>,
+    /// Times and rays.
+    sheets: Vec<(f64, Vec<Ray>)>,
     kind: QueryKind,
     exact: Vec<Hits>,
 }
@@ -36,9 +38,9 @@ impl Sample {
         let mut rng = Rng::with_seed(0);
         let len = run.frames.len();
         let sheets = (0..MOMENTS).map(|i| {
-            let frame = run.frames[(2 * i + 1) * len / (2 * MOMENTS)];
+            let time = run.frames[(2 * i + 1) * len / (2 * MOMENTS)].time;
             let rays = (0..count.div_ceil(MOMENTS)).filter_map(|_| draw(run.query.rays, &mut rng));
-            (frame, rays.collect())
+            (time, rays.collect())
         });
         let mut sample = Self {
             sheets: sheets.collect(),
@@ -72,19 +74,10 @@ impl Sample {
             ..Method::default()
         };
         let mut driver = backend.driver(method, Update::Refit)?;
-        let mut answers = Vec::new();
-        for (index, (frame, rays)) in (0..).zip(&self.sheets) {
-            let mut hits = Hits::default();
-            let query = Query {
-                rays: Rays::List(rays),
-                kind: self.kind,
-            };
-            driver.begin(Frame { index, ..*frame }, query)?;
-            driver.finish(Some(&mut hits))?;
-            answers.push(hits);
-        }
+        let lists = self.sheets.iter().map(|(time, rays)| (*time, &rays[..]));
+        let answers: Result<_, _> = trace_lists(&mut driver, self.kind, lists).collect();
         backend.put_back(driver);
-        Ok(answers)
+        answers
     }
 }
 

@@ -5,16 +5,36 @@ use crate::open;
 use backend::{QueryKind, Rays};
 use scene::Scene;
 
+const AUTO: MethodArgs = MethodArgs {
+    intersector: IntersectorName::Auto,
+    layout: LayoutName::Auto,
+};
+
 #[test]
 fn names_mean_what_they_name_and_lockstep_is_async() {
     use UpdateName as U;
-    let chosen = |update, lockstep| super::update(PolicyArgs { update, lockstep });
+    let asked = |backend, update, lockstep| Ask {
+        policy: PolicyArgs { update, lockstep },
+        ..Ask::of(backend, AUTO, update)
+    };
+    let (host, driver) = (BackendName::Cpu, BackendName::VulkanRt);
     let three = Update::Async(Pace::Lockstep(3));
-    assert_eq!(chosen(U::Async, Some(3)), asked(three));
-    assert_eq!(chosen(U::Auto, Some(3)).value, three);
-    assert!(chosen(U::Auto, None).is_open && !chosen(U::Refit, None).is_open);
+    let free = Update::Async(Pace::Free);
+    for (ask, update, is_named) in [
+        (asked(host, U::Async, Some(3)), three, true),
+        (asked(host, U::Auto, Some(3)), three, false),
+        (asked(host, U::Auto, None), free, false),
+        (asked(host, U::Refit, None), Update::Refit, true),
+        // A driver rebuilds where nobody asked for more.
+        (asked(driver, U::Auto, None), Update::Rebuild, false),
+        (asked(driver, U::Async, None), free, true),
+    ] {
+        let (taken, why) = ask.update();
+        assert_eq!((taken, why.is_none()), (update, is_named), "{ask:?}");
+    }
+    assert!(asked(host, U::Auto, None).is_open() && !asked(host, U::Auto, Some(3)).is_open());
     let woop = intersector(IntersectorName::Woop);
-    assert_eq!(woop, asked(Intersector::Woop));
+    assert_eq!(woop, (Intersector::Woop, None));
     assert_eq!(layout(LayoutName::Bvh2), Some(Layout::Bvh2));
     assert_eq!(layout(LayoutName::Auto), None);
 }
@@ -29,35 +49,19 @@ fn a_drivers_own_intersector_stands_for_the_usual_one_alone() {
         (I::Woop, L::Auto, Some("intersector 'woop'")),
         (I::Auto, L::Bvh2, Some("layout 'bvh2'")),
     ] {
-        let method = MethodArgs {
-            intersector,
-            layout,
-        };
+        let method = MethodArgs::of(intersector, layout);
         assert_eq!(beyond_drivers(method).as_deref(), beyond);
     }
 }
 
 #[test]
-fn a_driver_rebuilds_where_nobody_asked_for_more() {
-    let free = auto(Update::Async(Pace::Free), "because");
-    assert_eq!(within_frames(free).value, Update::Rebuild);
-    assert_eq!(within_frames(asked(free.value)), asked(free.value));
-    let refit = auto(Update::Refit, "it stands still");
-    assert_eq!(within_frames(refit), refit);
-}
-
-#[test]
 fn frames_last_from_the_earliest_to_the_latest() {
     let range = |frames: &[Frame]| {
-        let method = MethodArgs {
-            intersector: IntersectorName::Woop,
-            layout: LayoutName::Auto,
-        };
         let rays = Rays::List(&[]);
         let kind = QueryKind::Any;
         let query = Query { rays, kind };
         let run = Some(Run { frames, query });
-        let usual = Ask::of(BackendName::Cpu, method, asked(Update::Refit));
+        let usual = Ask::of(BackendName::Cpu, AUTO, UpdateName::Refit);
         Ask { run, ..usual }.time_range()
     };
     let frames = [3.0, 1.5, 2.0].map(|time| Frame { index: 0, time });
@@ -77,10 +81,7 @@ fn settled(
         time: index as f64 / 8.0,
     };
     let frames: Vec<Frame> = (0..count).map(frame).collect();
-    let method = MethodArgs {
-        intersector,
-        layout: LayoutName::Auto,
-    };
+    let method = MethodArgs::of(intersector, LayoutName::Auto);
     let ask = Ask {
         threads: Some(2),
         tolerance,
@@ -88,7 +89,7 @@ fn settled(
             frames: &frames,
             query,
         }),
-        ..Ask::of(BackendName::Cpu, method, free_update(UpdateName::Auto))
+        ..Ask::of(BackendName::Cpu, method, UpdateName::Auto)
     };
     let backend = open::bare(BackendName::Cpu, None, 2).unwrap();
     settle(
@@ -108,26 +109,24 @@ fn what_is_left_open_is_settled_with_a_reason_and_what_is_named_without() {
     let scene = demo("demo:collide:400");
     let view = output::frame_scene(&scene.animation, 40.0, [64, 36]);
     let camera = view.camera([64, 36]).unwrap();
-    let query = Query {
-        rays: Rays::Camera(&camera),
-        kind: QueryKind::ClosestAndShadow { light: view.light },
-    };
+    let query = view.query(&camera);
     let settled = |count, intersector, ppm| settled(&scene, (count, query), intersector, ppm);
     let taken = settled(32, Watertight, 0.0);
-    let why = taken.why[0].clone().unwrap();
+    let (method, _, [why, none, some]) = taken;
+    let why = why.unwrap();
     assert!(why.contains("frames") || why.contains("tree"), "{why}");
-    assert_eq!(taken.method.layout, Layout::Fast);
-    assert!(taken.why[2].is_some() && taken.why[1].is_none());
-    assert_eq!(settled(1, Watertight, 0.0).update, Update::Refit);
+    assert_eq!(method.layout, Layout::Fast);
+    assert!(some.is_some() && none.is_none());
+    assert_eq!(settled(1, Watertight, 0.0).1, Update::Refit);
     // Nothing but exact meets a tolerance of nought, and of a little too many rays would be needed.
     for (tolerance, takes, says) in [
         (0.0, Intersector::Exact, "by definition"),
         (0.5, Intersector::Exact, "too many rays"),
         (500.0, Intersector::Watertight, "rays wrong, at most"),
     ] {
-        let taken = settled(32, Auto, tolerance);
-        assert_eq!(taken.method.intersector, takes);
-        let why = taken.why[1].clone().unwrap();
+        let (method, _, [_, why, _]) = settled(32, Auto, tolerance);
+        assert_eq!(method.intersector, takes);
+        let why = why.unwrap();
         assert!(why.contains(says), "{why}");
     }
 }
@@ -146,8 +145,8 @@ fn what_is_wrong_too_often_is_not_taken_however_fast() {
         rays: Rays::List(&rays),
         kind: QueryKind::Closest,
     };
-    let taken = settled(&scene, (32, query), IntersectorName::Auto, 200.0);
-    let why = taken.why[1].clone().unwrap();
-    assert_eq!(taken.method.intersector, Intersector::Exact, "{why}");
+    let (method, _, [_, why, _]) = settled(&scene, (32, query), IntersectorName::Auto, 200.0);
+    let why = why.unwrap();
+    assert_eq!(method.intersector, Intersector::Exact, "{why}");
     assert!(why.contains("watertight ") && why.contains("woop "));
 }

@@ -3,10 +3,10 @@
 use super::command;
 use super::results::Report;
 use crate::args::ConformArgs;
-use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::subjects::Subject;
 use crate::table::{Cells, grouped, of_rows};
+use crate::talk::Progress;
 use backend::{Intersector, Method};
 use conformance::stress::audit::{Audit, AuditCounts, Batch, BatchSpec, Given};
 use rayon::prelude::*;
@@ -52,9 +52,8 @@ pub(super) fn hold(
     let mut specs = audit.specs();
     specs.retain(|spec| args.oracle_batch.is_none_or(|number| spec.number == number));
     if let (true, Some(number)) = (specs.is_empty(), args.oracle_batch) {
-        return Err(Stop::bad(format!(
-            "of {rays} rays there is no batch {number}"
-        )));
+        let why = format!("of {rays} rays there is no batch {number}");
+        return Err(Stop::bad(why));
     }
     let chunks = chunks(&specs);
     let mut progress = Progress::new(chunks.len() as u64, args.test.quiet);
@@ -87,6 +86,7 @@ fn chunks(specs: &[BatchSpec]) -> Vec<&[BatchSpec]> {
     specs.chunk_by(together).collect()
 }
 
+/// Of `exact`, keeps the first wrong rays of a backend, each with the command that asks it again.
 fn ask(
     args: &ConformArgs,
     audit: &Audit,
@@ -99,38 +99,28 @@ fn ask(
         intersector,
         ..Method::default()
     };
+    let scenes: String = args.scene.iter().map(|s| format!(" '{s}'")).collect();
+    let most = if intersector == Intersector::Exact {
+        TOLD
+    } else {
+        0
+    };
     for subject in subjects {
+        let begins = format!("{}: ", subject.name);
         for batch in batches {
             let tally = batch.ask(subject.backend.as_mut(), method)?;
-            if intersector == Intersector::Exact {
-                tell(args, audit, subject.name, batch, &tally, report);
-            }
-            let mesh = audit.name(&batch.spec);
+            let (mesh, number) = (audit.name(&batch.spec), batch.spec.number);
+            let rays = args.oracle_rays;
+            let rest = format!("--cases 0 --oracle-rays {rays} --oracle-batch {number}");
+            let command = command(args, &scenes, subject.name, &rest);
+            let examples = &mut report.oracle_examples;
+            let told = examples.iter().filter(|e| e.starts_with(&begins)).count();
+            let more = tally.first.iter().take(most.saturating_sub(told));
+            examples.extend(more.map(|wrong| format!("{begins}{mesh}: {wrong}\n    {command}")));
             add(&mut report.oracle, subject.name, mesh, intersector, tally);
         }
     }
     Ok(())
-}
-
-/// Keeps the first wrong rays of a backend, each with the command that asks it again.
-fn tell(
-    args: &ConformArgs,
-    audit: &Audit,
-    backend: &str,
-    batch: &Batch,
-    tally: &AuditCounts,
-    report: &mut Report,
-) {
-    let (about, spec) = (audit.name(&batch.spec), batch.spec.number);
-    let scenes: String = args.scene.iter().map(|s| format!(" '{s}'")).collect();
-    let rays = args.oracle_rays;
-    let rest = format!("--cases 0 --oracle-rays {rays} --oracle-batch {spec}");
-    let command = command(args, &scenes, backend, &rest);
-    let examples = &mut report.oracle_examples;
-    let begins = format!("{backend}: ");
-    let told = examples.iter().filter(|e| e.starts_with(&begins)).count();
-    let more = tally.first.iter().take(TOLD.saturating_sub(told));
-    examples.extend(more.map(|wrong| format!("{begins}{about}: {wrong}\n    {command}")));
 }
 
 /// All rays at meshes of one kind, or at one scene.

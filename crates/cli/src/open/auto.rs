@@ -88,10 +88,8 @@ impl Search<'_> {
         };
         if kind == DeviceKind::Gpu && self.asked.is_none() && fits.iter().all(|a| a.kind != kind) {
             let names: Vec<_> = fits.iter().map(|a| a.name.as_str()).collect();
-            let (name, only) = (rival.text, names.join(" and "));
-            self.pass(format!(
-                "{name} finds no GPU but only {only} on the host's cores"
-            ));
+            let only = format!("only {} on the host's cores", names.join(" and "));
+            self.pass(format!("{} finds no GPU but {only}", rival.text));
         }
         fits.retain(|a| a.kind == kind);
         Ok(fits)
@@ -150,10 +148,8 @@ impl Search<'_> {
             .collect();
         if let Some(asked) = self.asked.filter(|_| !there.is_empty()) {
             let other = if self.passed.is_empty() { "" } else { "other " };
-            let there = there.join(", ");
-            self.pass(format!(
-                "no {other}backend has an adapter '{asked}'; there is {there}"
-            ));
+            let none = format!("no {other}backend has an adapter '{asked}'");
+            self.pass(format!("{none}; there is {}", there.join(", ")));
         }
         Stop::bad(self.passed.join("; "))
     }

@@ -3,7 +3,7 @@
 //! Colours are those of Okabe and Ito (*Color Universal Design*, 2008), which people of every colour vision tell apart.
 //! They differ in lightness too, for print in black and white.
 
-use super::data::Point;
+use super::Point;
 use plotters::style::RGBColor;
 use std::f64::consts::{PI, TAU};
 
@@ -80,21 +80,22 @@ fn find<T: Copy>(list: &[(&str, T)], name: &str, other: T) -> T {
     found.map_or(other, |(_, stands)| *stands)
 }
 
-/// A mark that stands for a backend and an intersector.
-pub(crate) fn of_method(backend: &str, intersector: &str) -> Look {
+/// A mark that stands for these names; one that is in no list leaves its part as it is in [`PLAIN`].
+pub(crate) fn of_names([backend, intersector, update, layout]: [&str; 4]) -> Look {
     Look {
         colour: find(BACKENDS, backend, PLAIN.colour),
         shape: find(INTERSECTORS, intersector, PLAIN.shape),
-        ..PLAIN
+        fill: find(UPDATES, update, PLAIN.fill),
+        radius: find(LAYOUTS, layout, PLAIN.radius),
     }
 }
 
 pub(crate) fn of_point(point: &Point) -> Look {
-    Look {
-        fill: find(UPDATES, &point.update, PLAIN.fill),
-        radius: find(LAYOUTS, &point.layout, PLAIN.radius),
-        ..of_method(&point.backend, &point.intersector)
-    }
+    of_names(names_of(point))
+}
+
+fn names_of(p: &Point) -> [&str; 4] {
+    [&p.backend, &p.intersector, &p.update, &p.layout]
 }
 
 /// Each name once, in the order of appearance.
@@ -111,51 +112,16 @@ pub(crate) fn names(points: &[Point], of: fn(&Point) -> &String) -> Vec<&str> {
 /// A line of a legend; a heading has no look.
 pub(crate) type Entry = (String, Option<Look>);
 
-/// What is told of points, and the part of their look that shows it.
-type Trait = (&'static str, fn(&Point) -> &String, fn(Look) -> Look);
-
-const TRAITS: [Trait; 4] = [
-    (
-        "backend",
-        |p| &p.backend,
-        |l| Look {
-            colour: l.colour,
-            ..PLAIN
-        },
-    ),
-    (
-        "intersector",
-        |p| &p.intersector,
-        |l| Look {
-            shape: l.shape,
-            ..PLAIN
-        },
-    ),
-    (
-        "update",
-        |p| &p.update,
-        |l| Look {
-            fill: l.fill,
-            ..PLAIN
-        },
-    ),
-    (
-        "layout",
-        |p| &p.layout,
-        |l| Look {
-            radius: l.radius,
-            ..PLAIN
-        },
-    ),
-];
-
 /// What colours, shapes, fills and sizes stand for: each name once, in the order of appearance.
 pub(crate) fn legend(points: &[Point]) -> Vec<Entry> {
     let mut entries = Vec::new();
-    for (heading, name, part) in TRAITS {
+    let headings = ["backend", "intersector", "update", "layout"];
+    for (part, heading) in headings.into_iter().enumerate() {
         entries.push((heading.to_owned(), None));
         for point in points {
-            let entry = (name(point).clone(), Some(part(of_point(point))));
+            let mut names = [""; 4];
+            names[part] = names_of(point)[part];
+            let entry = (names[part].to_owned(), Some(of_names(names)));
             if !entries.contains(&entry) {
                 entries.push(entry);
             }

@@ -1,10 +1,9 @@
 //! The page of speed against accuracy: a plane for each scene, then hard rays, leaks and double hits.
 
-use super::Result;
-use super::data::{Chart, Leaks, Machine, Point, Rate, Scene};
-use super::look::{GREY, INK, legend, names, of_method, of_point};
+use super::look::{GREY, INK, legend, names, of_names, of_point};
 use super::panel::{Axis, LINE, Mark, Panel, WIDTH, font, short};
 use super::table::{count, described, escape, number, row};
+use super::{Chart, Leaks, Machine, Point, Rate, Result, Scene};
 use plotters::backend::SVGBackend;
 use plotters::drawing::IntoDrawingArea;
 use plotters::element::Text;
@@ -25,7 +24,7 @@ const STYLE: &str = "body { font: 15px sans-serif; margin: 1em auto; max-width: 
 /// The chart as an SVG picture, 1000 pixels wide, on white. Pointing at a mark of a plane shows its numbers.
 ///
 /// # Errors
-/// See [`super::ChartError`].
+/// It cannot be drawn.
 pub fn svg(chart: &Chart) -> Result<String> {
     let mut panels = planes(chart);
     panels.extend(side_panels(chart));
@@ -68,10 +67,8 @@ pub fn svg(chart: &Chart) -> Result<String> {
 /// Lines under the title: what did the work.
 fn words(machine: &Machine) -> Vec<String> {
     let cpu = machine.cpu.as_deref().unwrap_or("unknown cpu");
-    let mut lines = vec![format!(
-        "{cpu} · abvh {} · {}",
-        machine.version, machine.date
-    )];
+    let (version, date) = (&machine.version, &machine.date);
+    let mut lines = vec![format!("{cpu} · abvh {version} · {date}")];
     lines.extend(machine.adapters.iter().map(|a| {
         let driver = if a.driver.is_empty() { "" } else { ", " };
         format!("{}: {}{driver}{}", a.backend, a.adapter, a.driver)
@@ -202,7 +199,7 @@ fn side_panel(
             marks.extend(worst.map(|rate| Mark {
                 at: [at as f64 + beside, rate.value],
                 bars: [[0.0; 2], [rate.low, rate.high]],
-                look: of_method(backend, intersector),
+                look: of_names([backend, intersector, "", ""]),
                 about: String::new(),
             }));
         }
@@ -224,7 +221,7 @@ fn side_panel(
 /// The chart as one HTML file that asks for nothing from outside, and says so to the browser.
 ///
 /// # Errors
-/// See [`super::ChartError`].
+/// It cannot be drawn.
 pub fn html(chart: &Chart) -> Result<String> {
     let picture = svg(chart)?;
     let cell = |tag: &str, text: &str| format!("<{tag}>{}</{tag}>", escape(text));

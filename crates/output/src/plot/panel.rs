@@ -187,16 +187,10 @@ impl Panel {
             .axis_style(GREY)
             .draw()?;
         let at = |[a, b]: [f64; 2]| (x.at(a), y.at(b));
-        for Mark {
-            at: place,
-            bars: [xs, ys],
-            look,
-            ..
-        } in &self.marks
-        {
-            let (place, style) = (at(*place), look.colour.mix(0.5).filled());
-            let [x0, x1] = xs.map(|value| x.at(value));
-            let [y0, y1] = ys.map(|value| y.at(value));
+        for mark in &self.marks {
+            let (place, style) = (at(mark.at), mark.look.colour.mix(0.5).filled());
+            let [x0, x1] = mark.bars[0].map(|value| x.at(value));
+            let [y0, y1] = mark.bars[1].map(|value| y.at(value));
             if x0 < x1 {
                 chart
                     .draw_series([ErrorBar::new_horizontal(place.1, x0, place.0, x1, style, 6)])?;
@@ -208,8 +202,8 @@ impl Panel {
         let line = RGBColor(0xb4, 0xb4, 0xb4).stroke_width(4);
         let steps: Vec<_> = steps(&self.front).into_iter().map(at).collect();
         chart.draw_series((!steps.is_empty()).then(|| PathElement::new(steps, line)))?;
-        let places = self.marks.iter().map(|m| chart.backend_coord(&at(m.at)));
-        let places: Vec<_> = places.collect();
+        let place = |mark: &Mark| chart.backend_coord(&at(mark.at));
+        let places: Vec<_> = self.marks.iter().map(place).collect();
         let (left, top) = area.get_base_pixel();
         for (mark, (x, y)) in self.marks.iter().zip(&places) {
             draw_mark(&area, (x - left, y - top), mark.look)?;
@@ -226,15 +220,9 @@ impl Panel {
             if let Some(look) = look {
                 draw_mark(area, (16, y + 5), *look)?;
             }
-            let style = match look {
-                Some(_) => FontStyle::Normal,
-                None => FontStyle::Bold,
-            };
-            area.draw(&Text::new(
-                short(name, ENTRY),
-                (30, y),
-                font(12, INK, style),
-            ))?;
+            let style = look.map_or(FontStyle::Bold, |_| FontStyle::Normal);
+            let font = font(12, INK, style);
+            area.draw(&Text::new(short(name, ENTRY), (30, y), font))?;
         }
         Ok(())
     }

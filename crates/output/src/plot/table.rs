@@ -1,7 +1,6 @@
 //! The points as rows: for programs as CSV and JSON, for people in words.
 
-use super::Result;
-use super::data::{Chart, Leaks, Point, Rate};
+use super::{Chart, Leaks, Point, Rate, Result};
 use serde::Serialize;
 
 /// The version of `points.json`.
@@ -17,7 +16,7 @@ struct File<'a> {
 /// The whole chart as JSON; it reads back as a [`Chart`].
 ///
 /// # Errors
-/// [`super::ChartError::Json`].
+/// It cannot be written as JSON.
 pub fn json(chart: &Chart) -> Result<String> {
     let schema = SCHEMA;
     let text = serde_json::to_string_pretty(&File { schema, chart })?;
@@ -30,7 +29,7 @@ pub fn json(chart: &Chart) -> Result<String> {
 /// each offset `X` that any point was measured at, and `rays_of_F` and `wrong_of_F` for each family `F` of mixed range.
 ///
 /// # Errors
-/// [`super::ChartError::Csv`].
+/// It cannot be written as CSV.
 pub fn csv(chart: &Chart) -> Result<String> {
     let mut out = csv::Writer::from_writer(Vec::new());
     let head = cells(chart, &Point::default(), false);
@@ -172,30 +171,18 @@ pub(crate) fn number(x: f64) -> String {
 /// A whole number with its thousands apart.
 #[must_use]
 pub fn count(n: u64) -> String {
-    let digits = n.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
+    let digits: Vec<char> = n.to_string().chars().collect();
+    let groups = digits.rchunks(3).rev().map(String::from_iter);
+    groups.collect::<Vec<_>>().join(",")
 }
 
 /// The text with the characters that mean something to XML and HTML written as references.
 pub(crate) fn escape(text: &str) -> String {
-    let clean = super::panel::clean(text);
-    let pairs = [
-        ("&", "&amp;"),
-        ("<", "&lt;"),
-        (">", "&gt;"),
-        ("\"", "&quot;"),
-        ("'", "&#39;"),
-    ];
-    pairs
-        .into_iter()
-        .fold(clean, |text, (c, by)| text.replace(c, by))
+    (super::panel::clean(text).replace('&', "&amp;"))
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+        .replace('\'', "&#39;")
 }
 
 #[cfg(test)]

@@ -143,15 +143,11 @@ mod tests {
 
     #[test]
     fn brighter_light_is_never_darker_and_nonsense_is_no_panic() {
-        let levels: Vec<u8> = (0..4000)
-            .map(|i| encode(Vec3::splat(i as f32 * 0.01))[0])
-            .collect();
-        assert!(levels.is_sorted());
+        let level = |i| encode(Vec3::splat(i as f32 * 0.01))[0];
+        assert!((0..4000).map(level).is_sorted());
         let brightest = FROM_LINEAR[LAST_STEP];
-        assert_eq!(
-            encode(vec3(f32::INFINITY, f32::NAN, -1.0)),
-            [brightest, 0, 0]
-        );
+        let nonsense = vec3(f32::INFINITY, f32::NAN, -1.0);
+        assert_eq!(encode(nonsense), [brightest, 0, 0]);
     }
 
     #[test]

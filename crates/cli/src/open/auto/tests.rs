@@ -36,9 +36,12 @@ fn absent(name: &'static str) -> Fake {
 fn broken(name: &'static str, breaks: fn() -> BackendError) -> Fake {
     Fake {
         breaks: Some(breaks),
-        ..fake(name, &[("card", Gpu)])
+        ..fake(name, &[CARD])
     }
 }
+
+const CARD: (&str, DeviceKind) = ("card", Gpu);
+const SOFT: (&str, DeviceKind) = ("soft", Software);
 
 fn host() -> Fake {
     fake("cpu", &[("host", Cpu)])
@@ -120,39 +123,29 @@ fn check(fakes: &[Fake], asked: Option<&str>, log: &str, says: &[&str]) {
 
 #[test]
 fn the_best_device_that_opens_is_taken_and_nothing_is_touched_before_its_turn() {
-    let [soft, card] = [("soft", Software), ("card", Gpu)];
     let small = |name| broken(name, too_small);
     let two = Fake {
         offers: Ok(vec![("one", Gpu), ("two", Gpu)]),
         ..broken("a", lost)
     };
     let limit = "a on card: triangles needs 4000, the limit is 1000";
+    let (both, soft) = (fake("a", &[SOFT, CARD]), fake("a", &[SOFT]));
+    let next = || fake("b", &[CARD]);
+    let first = "list a, open a card";
+    let on_host = "list a, list cpu, open cpu host";
+    let after_two = "list a, open a one, open a two, list cpu, open cpu host";
+    let after_small = "list a, open a card, list b, open b card";
+    let is_gpu = "card is a GPU; it stands where it stands";
     let cases: [(&[Fake], &str, &[&str]); 7] = [
-        (
-            &[fake("a", &[soft, card]), fake("b", &[card]), host()],
-            "list a, open a card",
-            &["card is a GPU; it stands where it stands"],
-        ),
-        (
-            &[fake("a", &[soft]), host()],
-            "list a, list cpu, open cpu host",
-            &["a finds no GPU but only soft"],
-        ),
+        (&[both, next(), host()], first, &[is_gpu]),
+        (&[soft, host()], on_host, &["a finds no GPU but only soft"]),
         // A GPU that fails gives way to the next.
-        (
-            &[small("a"), fake("b", &[card]), host()],
-            "list a, open a card, list b, open b card",
-            &[limit],
-        ),
+        (&[small("a"), next(), host()], after_small, &[limit]),
         (&[small("a"), small("b"), host()], "", &[limit, "b on card"]),
-        (
-            &[two, host()],
-            "list a, open a one, open a two, list cpu, open cpu host",
-            &[],
-        ),
+        (&[two, host()], after_two, &[]),
         (
             &[absent("a"), host()],
-            "list a, list cpu, open cpu host",
+            on_host,
             &["a cannot run: no device: no loader"],
         ),
         (&[absent("a")], "list a", &["refused: ", "no loader"]),
@@ -164,29 +157,27 @@ fn the_best_device_that_opens_is_taken_and_nothing_is_touched_before_its_turn() 
 
 #[test]
 fn a_driver_that_traces_is_named_where_hardware_may_do_it() {
-    let why = |offers, asked| {
+    let why = |offers: &[_], asked| {
         let fakes = [fake("a", offers), host()];
         choose(&fakes, asked, true).0.unwrap()
     };
-    let card: &[_] = &[("card", Gpu)];
-    let named = why(card, None);
+    let named = why(&[CARD], None);
     let says = "--backend vulkan-rt is the faster choice";
     assert!(named.contains(says), "{named}");
     assert_eq!(named.matches("vulkan-rt").count(), 1, "{named}");
     // Where the card was meant by name, too; but no driver on the host's cores is hardware.
-    assert!(why(card, Some("card")).ends_with("the driver's affair"));
-    let soft: &[_] = &[("soft", Software)];
-    assert!(!why(soft, Some("soft")).contains("vulkan-rt"));
+    assert!(why(&[CARD], Some("card")).ends_with("the driver's affair"));
+    assert!(!why(&[SOFT], Some("soft")).contains("vulkan-rt"));
 }
 
 #[test]
 fn a_backend_that_would_find_no_more_is_not_even_listed() {
     let covered = Fake {
         covered_by: Some("a"),
-        ..fake("b", &[("card", Gpu)])
+        ..fake("b", &[CARD])
     };
     let log = |first| choose(&[first, covered.clone(), host()], None, false).1;
-    for first in [fake("a", &[("soft", Software)]), absent("a")] {
+    for first in [fake("a", &[SOFT]), absent("a")] {
         assert!(!log(first).contains(&"list b".to_owned()));
     }
     // But it is where the other has a GPU that it cannot use.
@@ -195,7 +186,7 @@ fn a_backend_that_would_find_no_more_is_not_even_listed() {
 
 #[test]
 fn who_names_an_adapter_gets_it_and_one_that_fits_several_or_none_is_refused() {
-    let fakes = [fake("a", &[("soft", Software), ("card", Gpu)]), host()];
+    let fakes = [fake("a", &[SOFT, CARD]), host()];
     // Both have a number 0, and the host comes before software.
     for (asked, opened, says) in [
         ("soft", "open a soft", "'soft' is soft"),
@@ -231,9 +222,8 @@ fn where_nothing_works_every_reason_is_told_and_the_last_failure_decides() {
     let both = ["limit is 1000", "wrong bits"];
     check(&[small.clone(), host(lost)], None, "", &both);
     let stop = |second| {
-        choose(&[small.clone(), host(second)], None, false)
-            .0
-            .unwrap_err()
+        let (found, _) = choose(&[small.clone(), host(second)], None, false);
+        found.unwrap_err()
     };
     assert!(matches!(stop(lost), Stop::Failed(_)));
     assert!(matches!(stop(too_small), Stop::Bad(_)));
