@@ -3,7 +3,7 @@
 use crate::key_frames::KeyFrames;
 use crate::range::{Ranges, Sizes, has_tiny};
 use crate::still::{bits, keeps_its_bits};
-use crate::{Aabb, Animation, AnimationError, KeyFrameError, Point, StaticParts, is_active};
+use crate::{Aabb, Animation, KeyFrameError, Point, StaticParts, is_active};
 use rayon::prelude::*;
 
 /// Facts that hold for the whole motion.
@@ -142,11 +142,11 @@ fn corners(frame: &[Point], triangle: [u32; 3]) -> crate::Triangle {
 pub(crate) fn check_triangles(
     triangles: &[[u32; 3]],
     vertices: usize,
-) -> Result<(), AnimationError> {
+) -> Result<(), KeyFrameError> {
     let (count, limit) = (triangles.len(), Animation::MAX_TRIANGLES);
     if count > limit {
         let cause = format!("{count} triangles are more than the limit of {limit}");
-        return Err(AnimationError(cause));
+        return Err(KeyFrameError(cause));
     }
     let out = |corners: &[u32; 3]| corners.iter().any(|&v| v as usize >= vertices);
     let Some(triangle) = triangles.par_iter().position_first(out) else {
@@ -155,7 +155,7 @@ pub(crate) fn check_triangles(
     let vertex = triangles[triangle]
         .iter()
         .find(|&&v| v as usize >= vertices);
-    Err(AnimationError(format!(
+    Err(KeyFrameError(format!(
         "triangle {triangle} names vertex {}, but there are {vertices}",
         vertex.expect("it was found")
     )))

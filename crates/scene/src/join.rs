@@ -6,7 +6,7 @@
 
 use crate::mesh::{check_keys, joined_triangles, within};
 use crate::{Facts, Options, Scene, SceneError, source, stream};
-use geom::{Animation, KeyFrameError, KeySource, Point};
+use geom::{Animation, Point};
 use std::sync::Arc;
 
 /// Between two inputs.
@@ -133,32 +133,6 @@ pub(crate) fn open(
     join(spec, opened, (keys, vertices), options)
 }
 
-/// Inputs side by side.
-struct Joined {
-    parts: Vec<(Arc<Animation>, Placement)>,
-    keys: usize,
-    vertices: usize,
-}
-
-impl KeySource for Joined {
-    fn key_count(&self) -> usize {
-        self.keys
-    }
-
-    fn vertex_count(&self) -> usize {
-        self.vertices
-    }
-
-    fn read(&self, key: usize) -> Result<Vec<Point>, KeyFrameError> {
-        let mut all = Vec::with_capacity(self.vertices);
-        for (animation, place) in &self.parts {
-            let own = animation.key(key.min(animation.key_count() - 1))?;
-            all.extend(own.iter().map(|&p| place.put(p)));
-        }
-        Ok(all)
-    }
-}
-
 /// With the times that the key frames of all inputs that move have in common, if they have times of their own.
 fn timed(spec: &str, joined: Animation, scenes: &[Scene]) -> Result<Animation, SceneError> {
     let moving = || {
@@ -185,19 +159,23 @@ fn timed(spec: &str, joined: Animation, scenes: &[Scene]) -> Result<Animation, S
 fn join(
     spec: &str,
     parts: Vec<(Scene, Placement)>,
-    (keys, vertices): (usize, usize),
+    size: (usize, usize),
     options: &Options,
 ) -> Result<Scene, SceneError> {
     let placed = |(scene, place): &(Scene, Placement)| (Arc::clone(&scene.animation), *place);
-    let source = Joined {
-        parts: parts.iter().map(placed).collect(),
-        keys,
-        vertices,
+    let placed: Vec<_> = parts.iter().map(placed).collect();
+    let source = move |key: usize| {
+        let mut all = Vec::with_capacity(size.1);
+        for (animation, place) in &placed {
+            let own = animation.key(key.min(animation.key_count() - 1))?;
+            all.extend(own.iter().map(|&p| place.put(p)));
+        }
+        Ok(all)
     };
     let animations = parts.iter().map(|(scene, _)| &scene.animation);
     let triangles = joined_triangles(animations.map(|a| (a.triangles(), a.vertex_count())));
     let scenes: Vec<Scene> = parts.into_iter().map(|(scene, _)| scene).collect();
-    let animation = stream::animation(Arc::new(source), triangles, options)?;
+    let animation = stream::animation(source, size, triangles, options)?;
     let animation = timed(spec, animation, &scenes)?;
     Ok(Scene {
         name: joined(scenes.iter().map(|s| s.name.as_str())),

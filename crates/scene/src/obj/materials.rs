@@ -1,8 +1,4 @@
-//! Diffuse colours from material libraries (MTL), by `tobj`.
-//!
-//! A library that is missing or wrong costs colours, never the scene: it is
-//! noted. Only `newmtl` and well-formed `Kd` lines are handed to `tobj`, which
-//! gives up on a whole library for one bad line and panics on a short `Kd`.
+//! Diffuse colours from material libraries (MTL). A library that is missing costs colours, never the scene: it is noted.
 
 use crate::Rgb;
 use crate::mesh::{CLAY, from_display};
@@ -55,16 +51,8 @@ fn read_library(
     };
     for name in names {
         let file = folder.path(name);
-        let read = folder.read(name).map_err(|e| e.to_string());
-        let found = read.and_then(|bytes| {
-            let text = colour_statements(&String::from_utf8_lossy(&bytes));
-            tobj::load_mtl_buf(&mut text.as_bytes()).map_err(|e| e.to_string())
-        });
-        match found {
-            Ok((materials, _)) => {
-                let coloured = |m: tobj::Material| Some((m.name, from_display(m.diffuse?)));
-                into.extend(materials.into_iter().filter_map(coloured));
-            }
+        match folder.read(name) {
+            Ok(bytes) => read_colours(&String::from_utf8_lossy(&bytes), into),
             Err(e) => notes.push(format!(
                 "{}: material library left out: {e}",
                 file.display()
@@ -73,23 +61,26 @@ fn read_library(
     }
 }
 
-/// The `newmtl` lines that have a name, and the `Kd` lines of one number or three.
-fn colour_statements(text: &str) -> String {
-    let mut plain = String::new();
+/// Adds the colours of `newmtl` lines that have a name, from `Kd` lines of one number or three; others are skipped.
+fn read_colours(text: &str, into: &mut BTreeMap<String, Rgb>) {
+    let mut material = None;
     for line in text.lines().map(str::trim) {
         let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let numbers: Option<Vec<f32>> = rest.split_whitespace().map(|n| n.parse().ok()).collect();
-        match (word, numbers.as_deref()) {
+        let colour = match (word, numbers.as_deref()) {
             ("newmtl", _) if !rest.trim().is_empty() => {
-                plain += &format!("newmtl {}\n", rest.trim())
+                material = Some(rest.trim());
+                continue;
             }
-            ("Kd", Some([r, g, b])) => plain += &format!("Kd {r} {g} {b}\n"),
+            ("Kd", Some(&[r, g, b])) => [r, g, b],
             // One number stands for all three.
-            ("Kd", Some([grey])) => plain += &format!("Kd {grey} {grey} {grey}\n"),
-            _ => {}
+            ("Kd", Some(&[grey])) => [grey; 3],
+            _ => continue,
+        };
+        if let Some(name) = material {
+            into.insert(name.to_owned(), from_display(colour));
         }
     }
-    plain
 }
 
 #[cfg(test)]
