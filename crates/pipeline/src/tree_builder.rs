@@ -133,34 +133,29 @@ impl TreeBuilder {
         std::mem::swap(&mut self.tree, &mut self.in_use);
     }
 
-    /// Builds and converts a tree over `animation` standing at `positions`.
+    /// Builds and converts a tree over `animation` standing at `positions`; or over each triangle's boxes at both of `halves`,
+    /// as one. What it costs is said of `positions` either way.
     ///
     /// # Errors
     /// See [`BuildError`].
     pub fn build(
         &mut self,
         animation: &Animation,
-        positions: &[Point],
+        (positions, halves): (&[Point], Option<[Pose; 2]>),
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
         let begun = Instant::now();
-        fill(&mut self.boxes, &(animation, positions));
+        match halves {
+            Some(halves) => self.sweep(animation, halves)?,
+            None => fill(&mut self.boxes, &(animation, positions)),
+        }
         self.build_over_boxes(BuildStrategy::Scratch, cancel)?;
-        Ok(self.evaluate_and_send(animation, begun))
-    }
-
-    /// Likewise, over each triangle's boxes at both of `halves`, as one. What it costs is still said of `positions`.
-    pub fn build_swept(
-        &mut self,
-        animation: &Animation,
-        (positions, halves): (&[Point], [Pose; 2]),
-        cancel: &Cancel,
-    ) -> Result<Built, BuildError> {
-        let begun = Instant::now();
-        self.sweep(animation, halves)?;
-        self.build_over_boxes(BuildStrategy::Scratch, cancel)?;
-        fill(&mut self.boxes, &(animation, positions));
-        Ok(self.evaluate_and_send(animation, begun))
+        if halves.is_some() {
+            fill(&mut self.boxes, &(animation, positions));
+        }
+        let built = Instant::now();
+        let cost = sah_cost(&self.tree, &self.boxes[..]);
+        Ok(self.send(animation, [begun, built], cost, BuildStrategy::Scratch))
     }
 
     /// Makes a tree as a job says: see [`TreeBuilder::rebuild`].
@@ -298,13 +293,6 @@ impl TreeBuilder {
         }
         self.builder.build(boxes, cancel, tree)?;
         Ok(None)
-    }
-
-    /// Hands the tree just built from scratch over, at its cost with the boxes at hand.
-    fn evaluate_and_send(&mut self, animation: &Animation, begun: Instant) -> Built {
-        let built = Instant::now();
-        let cost = sah_cost(&self.tree, &self.boxes[..]);
-        self.send(animation, [begun, built], cost, BuildStrategy::Scratch)
     }
 
     /// Converts the tree just built, which then counts as in use.
