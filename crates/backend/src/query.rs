@@ -2,6 +2,7 @@
 
 use geom::{Camera, Hit, Point, Ray};
 use std::fmt;
+use std::str::FromStr;
 
 /// The rays of a query.
 #[derive(Clone, Copy, Debug)]
@@ -157,5 +158,19 @@ impl fmt::Display for Intersector {
 impl fmt::Display for Layout {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(self.name())
+    }
+}
+
+impl FromStr for Intersector {
+    type Err = String;
+
+    fn from_str(s: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|i| i.name() == s);
+        found.ok_or_else(|| {
+            format!(
+                "'{s}' is not one of {}",
+                Self::ALL.map(Self::name).join(", ")
+            )
+        })
     }
 }

@@ -127,12 +127,12 @@ impl BinaryTree {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
     use geom::Aabb;
     use std::sync::atomic::AtomicU32;
 
-    pub(crate) fn row(n: u32) -> Vec<Aabb> {
+    fn row(n: u32) -> Vec<Aabb> {
         let bounds = |i: u32| {
             let min = [i as f32, (i % 7) as f32, (i % 31) as f32];
             let max = min.map(|x| x + 1.0);

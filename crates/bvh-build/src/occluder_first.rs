@@ -116,14 +116,12 @@ mod tests {
 
     /// So many that nodes are cut by several threads.
     fn row(factor: f32) -> Vec<Aabb> {
-        let scaled = |b: Aabb| Aabb {
-            min: b.min.map(|x| x * factor),
-            max: b.max.map(|x| x * factor),
+        let bounds = |i: u32| {
+            let min = [i as f32, (i % 7) as f32, (i % 31) as f32].map(|x| x * factor);
+            let max = min.map(|x| x + factor);
+            Aabb { min, max }
         };
-        crate::builder::tests::row(50_000)
-            .into_iter()
-            .map(scaled)
-            .collect()
+        (0..50_000).map(bounds).collect()
     }
 
     #[test]

@@ -13,7 +13,6 @@ mod builder_thread;
 mod device_clock;
 mod driver;
 mod frame;
-mod gathering;
 mod latency;
 mod memory;
 mod motion;

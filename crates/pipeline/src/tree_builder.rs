@@ -4,13 +4,15 @@ mod degradation;
 mod for_all;
 
 use crate::builder_thread::Job;
-use crate::gathering::{blend, fill, grow};
 use backend::{Backend, Snapshot};
-use bvh_build::{BinaryTree, BuildError, Builder, Cancel, Costs, SubtreeRebuilder, sah_cost};
+use bvh_build::{
+    BinaryTree, Boxes, BuildError, Builder, Cancel, Costs, SubtreeRebuilder, sah_cost,
+};
 use bvh_layout::{Converter, First, Spare, Topology};
 pub use degradation::BuildStrategy;
 use degradation::DegradationMonitor;
-use geom::{Aabb, Animation, KeyFrameError, Point, Pose};
+use geom::{Aabb, Animation, KeyFrameError, Moment, Point, Pose};
+use rayon::prelude::*;
 use std::time::Instant;
 
 /// What a tree is built from.
@@ -355,6 +357,33 @@ fn stand<'a>(
             (Some(*pose), blended)
         }
     })
+}
+
+/// Grows the box of each triangle to hold that from `from`, too.
+fn grow<B: Boxes>(boxes: &mut [Aabb], from: &B) {
+    boxes
+        .par_iter_mut()
+        .with_min_len(1 << 12)
+        .zip(0..from.len() as u32)
+        .for_each(|(to, triangle)| *to = to.union(from.get(triangle)));
+}
+
+/// One box a triangle, in its order.
+fn fill<B: Boxes>(boxes: &mut Vec<Aabb>, from: &B) {
+    (0..from.len() as u32)
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .map(|triangle| from.get(triangle))
+        .collect_into_vec(boxes);
+}
+
+/// All vertices at a moment.
+fn blend(moment: &Moment<'_>, positions: &mut Vec<Point>) {
+    (0..moment.animation().vertex_count() as u32)
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .map(|v| moment.vertex(v))
+        .collect_into_vec(positions);
 }
 
 #[cfg(test)]
