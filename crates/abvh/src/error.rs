@@ -69,12 +69,6 @@ impl From<pipeline::PipelineError> for Error {
 
 impl From<geom::KeyFrameError> for Error {
     fn from(e: geom::KeyFrameError) -> Self {
-        Self::Device(e.to_string())
-    }
-}
-
-impl From<geom::AnimationError> for Error {
-    fn from(e: geom::AnimationError) -> Self {
         Self::Mesh(e.to_string())
     }
 }

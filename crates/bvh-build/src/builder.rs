@@ -84,40 +84,31 @@ impl Builder {
         cancel: &Cancel,
         tree: &mut BinaryTree,
     ) -> Result<(), BuildError> {
-        let built = self.build_into(depth, boxes, cancel, tree);
-        tree.keep_if(built)
-    }
-
-    fn build_into<B: Boxes + ?Sized>(
-        &mut self,
-        depth: u32,
-        boxes: &B,
-        cancel: &Cancel,
-        tree: &mut BinaryTree,
-    ) -> Result<(), BuildError> {
-        if cancel.is_cancelled() {
-            return Err(BuildError::Cancelled);
-        }
-        let n = boxes.len();
-        assert!(u32::try_from(n).is_ok(), "{n} triangles cannot be numbered");
-        if self.prims.len() < n {
-            self.prims.resize(n, Prim::default());
-            self.room.resize(n, Prim::default());
-        }
-        let (leaves, extents, factor) = gather(boxes, &mut self.prims[..n]);
-        let slot = tree.slot(leaves);
-        if leaves == 0 {
-            return Ok(());
-        }
-        let root = Node {
-            prims: &mut self.prims[..leaves],
-            room: &mut self.room[..leaves],
-            slot,
-            extents,
-            depth,
-        };
-        let toward = self.toward.map(|point| point.map(|x| x * factor));
-        node::build(root, BuildTask { cancel, toward })
+        tree.fill(|tree| {
+            if cancel.is_cancelled() {
+                return Err(BuildError::Cancelled);
+            }
+            let n = boxes.len();
+            assert!(u32::try_from(n).is_ok(), "{n} triangles cannot be numbered");
+            if self.prims.len() < n {
+                self.prims.resize(n, Prim::default());
+                self.room.resize(n, Prim::default());
+            }
+            let (leaves, extents, factor) = gather(boxes, &mut self.prims[..n]);
+            let slot = tree.slot(leaves);
+            if leaves == 0 {
+                return Ok(());
+            }
+            let root = Node {
+                prims: &mut self.prims[..leaves],
+                room: &mut self.room[..leaves],
+                slot,
+                extents,
+                depth,
+            };
+            let toward = self.toward.map(|point| point.map(|x| x * factor));
+            node::build(root, BuildTask { cancel, toward })
+        })
     }
 }
 
@@ -142,11 +133,10 @@ mod tests {
     use std::sync::atomic::AtomicU32;
 
     fn row(n: u32) -> Vec<Aabb> {
-        let at = |i: u32| [i as f32, (i % 7) as f32, (i % 31) as f32];
-        let corner = |i| at(i).map(|x| x + 1.0);
-        let bounds = |i| Aabb {
-            min: at(i),
-            max: corner(i),
+        let bounds = |i: u32| {
+            let min = [i as f32, (i % 7) as f32, (i % 31) as f32];
+            let max = min.map(|x| x + 1.0);
+            Aabb { min, max }
         };
         (0..n).map(bounds).collect()
     }

@@ -29,6 +29,19 @@ pub use subtrees::{Costs, SubtreeRebuilder};
 pub use temporal::{MAX_MOMENTS, Moment, TemporalBuilder, temporal_cost};
 pub use tree::{BinaryTree, Subtree};
 
+/// Both results; side by side, in the rayon pool that the caller installed, if the work is large.
+#[inline]
+fn join_if<A: Send, B: Send>(
+    is_large: bool,
+    a: impl FnOnce() -> A + Send,
+    b: impl FnOnce() -> B + Send,
+) -> (A, B) {
+    match is_large {
+        true => rayon::join(a, b),
+        false => (a(), b()),
+    }
+}
+
 /// No leaf lies deeper than this (the root has depth 0), so a traversal stack
 /// of this many entries never overflows.
 pub const MAX_DEPTH: u32 = 64;

@@ -5,7 +5,7 @@ use crate::occluder_first::reach;
 use crate::partition::{partition, partition_parallel};
 use crate::prim::{Bounds, Extents, Prim};
 use crate::tree::SubtreeSlot;
-use crate::{BuildError, Cancel, MAX_DEPTH, small};
+use crate::{BuildError, Cancel, MAX_DEPTH, join_if, small};
 use geom::Point;
 use rayon::join;
 use rayon::prelude::*;
@@ -86,16 +86,12 @@ fn build_subtree(node: Node<'_>, task: BuildTask<'_>) -> Result<(), BuildError> 
         small::build(node.prims, node.slot, node.depth, task.toward);
         return Ok(());
     }
-    if leaves <= PARALLEL_CHILDREN {
-        let [first, second] = divide(node, task);
-        build_subtree(first, task)?;
-        return build_subtree(second, task);
-    }
-    if task.cancel.is_cancelled() {
+    if leaves > PARALLEL_CHILDREN && task.cancel.is_cancelled() {
         return Err(BuildError::Cancelled);
     }
     let [first, second] = divide(node, task);
-    let (a, b) = join(
+    let (a, b) = join_if(
+        leaves > PARALLEL_CHILDREN,
         || build_subtree(first, task),
         || build_subtree(second, task),
     );

@@ -7,7 +7,7 @@
 //! from that point: the one that lies nearer to it, and of two in one place the smaller. A hit that is blocked mostly
 //! faces away from the light, on the far side of what blocks it. Kept in the tree, the order costs a ray nothing.
 
-use crate::{BinaryTree, Boxes};
+use crate::{BinaryTree, Boxes, join_if};
 use geom::{Aabb, Point};
 
 /// Nodes of more triangles than this turn their children in parallel.
@@ -44,13 +44,11 @@ fn turn<B: Boxes + ?Sized>(
     let is_large = order.len() > PARALLEL;
     let (order_a, order_b) = order.split_at_mut(left);
     let (below_a, below_b) = below.split_at_mut(left - 1);
-    let mut turn_a = || turn(order_a, below_a, boxes, point);
-    let mut turn_b = || turn(order_b, below_b, boxes, point);
-    let (a, b) = if is_large {
-        rayon::join(turn_a, turn_b)
-    } else {
-        (turn_a(), turn_b())
-    };
+    let (a, b) = join_if(
+        is_large,
+        || turn(order_a, below_a, boxes, point),
+        || turn(order_b, below_b, boxes, point),
+    );
     if reach(b.min, b.max, point) < reach(a.min, a.max, point) {
         *left_count = (order.len() - left) as u32;
         order.rotate_left(left);

@@ -9,7 +9,7 @@
 mod groups;
 
 use crate::tree::SubtreeSlot;
-use crate::{BinaryTree, Boxes, BuildError, Builder, Cancel, Subtree, sah_cost};
+use crate::{BinaryTree, Boxes, BuildError, Builder, Cancel, Subtree, join_if, sah_cost};
 use groups::{Groups, LEVELS};
 use rayon::prelude::*;
 
@@ -58,38 +58,29 @@ impl SubtreeRebuilder {
         cancel: &Cancel,
         tree: &mut BinaryTree,
     ) -> Result<Costs, BuildError> {
-        let built = self.build_into(builder, (last, boxes), cancel, tree);
-        tree.keep_if(built)
-    }
-
-    fn build_into<B: Boxes + ?Sized>(
-        &mut self,
-        builder: &mut Builder,
-        (last, boxes): (&BinaryTree, &B),
-        cancel: &Cancel,
-        tree: &mut BinaryTree,
-    ) -> Result<Costs, BuildError> {
-        let areas = self.groups.find(last, boxes);
-        assert_eq!(
-            areas.lost, 0,
-            "a triangle of the last tree has no usable box"
-        );
-        builder.build_below(LEVELS, &self.groups.boxes[..], cancel, &mut self.above)?;
-        self.count();
-        let slot = tree.slot(last.leaf_count());
-        if let Some(root) = self.above.root() {
-            self.unfold(last, root, slot);
-        }
-        let over_root = |sum: f64| {
-            if areas.root > 0.0 {
-                sum / areas.root
-            } else {
-                0.0
+        tree.fill(|tree| {
+            let areas = self.groups.find(last, boxes);
+            assert_eq!(
+                areas.lost, 0,
+                "a triangle of the last tree has no usable box"
+            );
+            builder.build_below(LEVELS, &self.groups.boxes[..], cancel, &mut self.above)?;
+            self.count();
+            let slot = tree.slot(last.leaf_count());
+            if let Some(root) = self.above.root() {
+                self.unfold(last, root, slot);
             }
-        };
-        Ok(Costs {
-            last: over_root(areas.all),
-            new: over_root(areas.within_groups) + sah_cost(&self.above, &self.groups.boxes[..]),
+            let over_root = |sum: f64| {
+                if areas.root > 0.0 {
+                    sum / areas.root
+                } else {
+                    0.0
+                }
+            };
+            Ok(Costs {
+                last: over_root(areas.all),
+                new: over_root(areas.within_groups) + sah_cost(&self.above, &self.groups.boxes[..]),
+            })
         })
     }
 
@@ -122,14 +113,11 @@ impl SubtreeRebuilder {
         }
         let [a, b] = self.above.children(node);
         let [slot_a, slot_b] = slot.split(self.leaves(a));
-        let write_a = || self.unfold(last, a, slot_a);
-        let write_b = || self.unfold(last, b, slot_b);
-        if node.leaves > PARALLEL {
-            rayon::join(write_a, write_b);
-        } else {
-            write_a();
-            write_b();
-        }
+        join_if(
+            node.leaves > PARALLEL,
+            || self.unfold(last, a, slot_a),
+            || self.unfold(last, b, slot_b),
+        );
     }
 }
 

@@ -63,32 +63,24 @@ impl TemporalBuilder {
         cancel: &Cancel,
         tree: &mut BinaryTree,
     ) -> Result<(), BuildError> {
-        let built = self.build_into(moments, cancel, tree);
-        tree.keep_if(built)
-    }
-
-    fn build_into<B: Boxes>(
-        &mut self,
-        moments: &[Moment<B>],
-        cancel: &Cancel,
-        tree: &mut BinaryTree,
-    ) -> Result<(), BuildError> {
-        if cancel.is_cancelled() {
-            return Err(BuildError::Cancelled);
-        }
-        self.prims.gather(moments, &mut tree.order);
-        let leaves = tree.order.len();
-        self.room.resize(leaves, 0);
-        let slot = tree.slot(leaves);
-        if leaves == 0 {
-            return Ok(());
-        }
-        let root = TemporalNode {
-            slot,
-            room: &mut self.room,
-            depth: 0,
-        };
-        node::build(&self.prims, root, cancel)
+        tree.fill(|tree| {
+            if cancel.is_cancelled() {
+                return Err(BuildError::Cancelled);
+            }
+            self.prims.gather(moments, &mut tree.order);
+            let leaves = tree.order.len();
+            self.room.resize(leaves, 0);
+            let slot = tree.slot(leaves);
+            if leaves == 0 {
+                return Ok(());
+            }
+            let root = TemporalNode {
+                slot,
+                room: &mut self.room,
+                depth: 0,
+            };
+            node::build(&self.prims, root, cancel)
+        })
     }
 }
 

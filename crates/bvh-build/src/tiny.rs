@@ -3,7 +3,6 @@
 use crate::MAX_DEPTH;
 use crate::prim::{Bounds, Prim, Ruler};
 use crate::tree::SubtreeSlot;
-use glam::Vec4;
 
 /// The most triangles of a subtree built here.
 pub(crate) const MOST: usize = 4;
@@ -57,72 +56,45 @@ fn trio([a, b, c]: [&Prim; 3]) -> [&Prim; 3] {
 }
 
 /// The shape of least total area, among two pairs or (if `chain`) a trio and a single.
-fn quartet(prims: [&Prim; 4], chain: bool) -> ([u32; 3], [&Prim; 4]) {
-    let pairs = Pairs::new(prims);
-    let (cost, leaves) = pairs.best_of_pairs(prims);
-    if chain {
-        let (chain_cost, chained) = pairs.best_of_chains(prims);
-        if chain_cost < cost {
-            return ([3, 2, 1], chained);
-        }
+fn quartet([a, b, c, d]: [&Prim; 4], chain: bool) -> ([u32; 3], [&Prim; 4]) {
+    // All pairs: those with the first, and opposite each the pair of the others.
+    let near = [pair(a, b), pair(a, c), pair(a, d)];
+    let far = [pair(c, d), pair(b, d), pair(b, c)];
+    let ruler = Ruler::new(&near[0].union(far[0]));
+    let [near, far] = [near, far].map(|pairs| ruler.half_areas(&pairs));
+    let costs = near + far;
+    let (cost, leaves) = if costs.x <= costs.y && costs.x <= costs.z {
+        (costs.x, [a, b, c, d])
+    } else if costs.y <= costs.z {
+        (costs.y, [a, c, b, d])
+    } else {
+        (costs.z, [a, d, b, c])
+    };
+    if !chain {
+        return ([2, 1, 1], leaves);
     }
-    ([2, 1, 1], leaves)
-}
-
-/// Areas of all pairs of four: those with the first (with b, with c, with d), and opposite each the pair of the others.
-struct Pairs {
-    ruler: Ruler,
-    near: Vec4,
-    far: Vec4,
-}
-
-impl Pairs {
-    fn new([a, b, c, d]: [&Prim; 4]) -> Self {
-        let near = [pair(a, b), pair(a, c), pair(a, d)];
-        let far = [pair(c, d), pair(b, d), pair(b, c)];
-        let ruler = Ruler::new(&near[0].union(far[0]));
-        Self {
-            ruler,
-            near: ruler.half_areas(&near),
-            far: ruler.half_areas(&far),
-        }
-    }
-
-    /// Cost and leaves of the best two pairs.
-    fn best_of_pairs<'a>(&self, [a, b, c, d]: [&'a Prim; 4]) -> (f32, [&'a Prim; 4]) {
-        let costs = self.near + self.far;
-        if costs.x <= costs.y && costs.x <= costs.z {
-            (costs.x, [a, b, c, d])
-        } else if costs.y <= costs.z {
-            (costs.y, [a, c, b, d])
+    // The three pairs of each trio, then who is left out.
+    let chains = [
+        ([near.x, near.y, far.z], [a, b, c, d]),
+        ([near.x, near.z, far.y], [a, b, d, c]),
+        ([near.y, near.z, far.x], [a, c, d, b]),
+        ([far.z, far.y, far.x], [b, c, d, a]),
+    ];
+    let [first, others @ ..] = chains.map(|([ab, ac, bc], [a, b, c, d])| {
+        let trio = ruler.half_area(&pair(a, b).union(pair(c, c)));
+        if ab <= ac && ab <= bc {
+            (trio + ab, [a, b, c, d])
+        } else if ac <= bc {
+            (trio + ac, [a, c, b, d])
         } else {
-            (costs.z, [a, d, b, c])
+            (trio + bc, [b, c, a, d])
         }
-    }
-
-    /// Cost and leaves of the best pair within a trio beside a single.
-    fn best_of_chains<'a>(&self, [a, b, c, d]: [&'a Prim; 4]) -> (f32, [&'a Prim; 4]) {
-        let (near, far) = (self.near, self.far);
-        // The three pairs of each trio, then who is left out.
-        let chains = [
-            ([near.x, near.y, far.z], [a, b, c, d]),
-            ([near.x, near.z, far.y], [a, b, d, c]),
-            ([near.y, near.z, far.x], [a, c, d, b]),
-            ([far.z, far.y, far.x], [b, c, d, a]),
-        ];
-        let cost_of = |([ab, ac, bc], [a, b, c, d]): ([f32; 3], [&'a Prim; 4])| {
-            let trio = self.ruler.half_area(&pair(a, b).union(pair(c, c)));
-            if ab <= ac && ab <= bc {
-                (trio + ab, [a, b, c, d])
-            } else if ac <= bc {
-                (trio + ac, [a, c, b, d])
-            } else {
-                (trio + bc, [b, c, a, d])
-            }
-        };
-        let [first, others @ ..] = chains.map(cost_of);
-        let lesser = |a: (f32, _), b: (f32, _)| if b.0 < a.0 { b } else { a };
-        others.into_iter().fold(first, lesser)
+    });
+    let lesser = |a: (f32, _), b: (f32, _)| if b.0 < a.0 { b } else { a };
+    let (chain_cost, chained) = others.into_iter().fold(first, lesser);
+    match chain_cost < cost {
+        true => ([3, 2, 1], chained),
+        false => ([2, 1, 1], leaves),
     }
 }
 

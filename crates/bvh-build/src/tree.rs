@@ -98,8 +98,12 @@ impl BinaryTree {
         Self { left_leaves, order }
     }
 
-    /// Empties itself if a build failed.
-    pub(crate) fn keep_if<T>(&mut self, built: Result<T, BuildError>) -> Result<T, BuildError> {
+    /// Has itself filled; empties itself if that fails.
+    pub(crate) fn fill<T>(
+        &mut self,
+        build: impl FnOnce(&mut Self) -> Result<T, BuildError>,
+    ) -> Result<T, BuildError> {
+        let built = build(self);
         if built.is_err() {
             self.order.clear();
             self.left_leaves.clear();

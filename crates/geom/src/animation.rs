@@ -1,6 +1,6 @@
 //! Key-framed triangles: the part of a scene that decides what rays hit.
 
-use crate::key_frames::{AnimationError, KeyFrames};
+use crate::key_frames::KeyFrames;
 use crate::key_window::KeyWindow;
 use crate::live_keys::LiveKeys;
 use crate::survey::{Survey, check_triangles};
@@ -35,38 +35,38 @@ impl Animation {
     /// # Errors
     /// There is no key frame, they differ in their numbers of vertices, or a triangle names a vertex that does not exist; or
     /// there are more triangles than [`Self::MAX_TRIANGLES`].
-    pub fn new(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>) -> Result<Self, AnimationError> {
+    pub fn new(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>) -> Result<Self, KeyFrameError> {
         let keys: Vec<KeyFrame> = keys.into_iter().map(Arc::new).collect();
         let Some(first) = keys.first() else {
             let cause = "an animation needs at least one key frame";
-            return Err(AnimationError(cause.to_owned()));
+            return Err(KeyFrameError(cause.to_owned()));
         };
         let vertices = first.len();
         if let Some(key) = keys.iter().position(|frame| frame.len() != vertices) {
             let found = keys[key].len();
-            return Err(AnimationError(format!(
+            return Err(KeyFrameError(format!(
                 "key frame {key} has {found} vertices, the first has {vertices}"
             )));
         }
         Self::over(KeyFrames::Held(keys), triangles)
     }
 
-    /// An animation that holds a window of so many of its key frames and reads the others while it is played. Reads each once, to
+    /// An animation of so many key frames that holds a window of so many of them and reads the others while it is played. Reads each once, to
     /// learn what holds for all.
     ///
     /// # Errors
     /// Those of [`Self::new`], or a key frame cannot be read.
     pub fn streamed(
-        source: Arc<dyn KeySource>,
-        window: usize,
+        source: Arc<KeySource>,
+        [keys, window]: [usize; 2],
         triangles: Vec<[u32; 3]>,
-    ) -> Result<Self, AnimationError> {
-        let first = Arc::new(source.read(0)?);
-        let window = Arc::new(KeyWindow::new(source, first, window)?);
+    ) -> Result<Self, KeyFrameError> {
+        let first = Arc::new(source(0)?);
+        let window = Arc::new(KeyWindow::new(source, first, [keys, window])?);
         Self::over(KeyFrames::Streamed(window), triangles)
     }
 
-    fn over(keys: KeyFrames, triangles: Vec<[u32; 3]>) -> Result<Self, AnimationError> {
+    fn over(keys: KeyFrames, triangles: Vec<[u32; 3]>) -> Result<Self, KeyFrameError> {
         check_triangles(&triangles, keys.first().len())?;
         let survey = Survey::of(&keys, &triangles)?;
         Ok(Self::surveyed(keys, triangles, survey))
@@ -86,13 +86,13 @@ impl Animation {
     ///
     /// # Errors
     /// There is not one time a key frame, or they do not rise from 0 to `end`.
-    pub fn timed(self, keys: Vec<f64>, end: f64) -> Result<Self, AnimationError> {
+    pub fn timed(self, keys: Vec<f64>, end: f64) -> Result<Self, KeyFrameError> {
         let rising = keys.is_sorted_by(|a, b| a < b);
         let within = keys.iter().all(|t| (0.0..=end).contains(t));
         if keys.len() != self.key_count() || !rising || !within || !end.is_finite() {
             let cause =
                 "key frames need one time each, rising from 0 on and none of them after the end";
-            return Err(AnimationError(cause.to_owned()));
+            return Err(KeyFrameError(cause.to_owned()));
         }
         let times = Some(Times { keys, end });
         Ok(Self { times, ..self })

@@ -8,36 +8,14 @@ use std::sync::Arc;
 /// One position a vertex, shared by all who read it.
 pub type KeyFrame = Arc<Vec<Point>>;
 
-/// Why a key frame cannot be had: one line that names the file and the cause.
+/// Why key frames cannot be had, or do not make an animation: one line that names the cause, and the file if there is one.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct KeyFrameError(pub String);
 
-/// Why key frames and triangles do not make an animation.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct AnimationError(pub(crate) String);
-
-impl From<KeyFrameError> for AnimationError {
-    fn from(e: KeyFrameError) -> Self {
-        Self(e.0)
-    }
-}
-
-/// Where key frames come from that are not held.
-pub trait KeySource: Send + Sync {
-    /// How many there are: one at least.
-    fn key_count(&self) -> usize;
-
-    /// Vertices in each.
-    fn vertex_count(&self) -> usize;
-
-    /// One position a vertex of a key frame, counted from 0: the same bits each time. Several threads ask at a time.
-    ///
-    /// # Errors
-    /// The key frame cannot be read, or is no longer what it was.
-    fn read(&self, key: usize) -> Result<Vec<Point>, KeyFrameError>;
-}
+/// Reads a key frame that is not held, counted from 0: one position a vertex, the same bits each time. Several threads ask at
+/// a time. An error says that it cannot be read, or is no longer what it was.
+pub type KeySource = dyn Fn(usize) -> Result<Vec<Point>, KeyFrameError> + Send + Sync;
 
 #[derive(Clone, Debug)]
 pub(crate) enum KeyFrames {

@@ -18,7 +18,8 @@ pub(crate) struct KeyWindow {
 }
 
 struct Shared {
-    source: Arc<dyn KeySource>,
+    source: Arc<KeySource>,
+    keys: usize,
     /// Always held, beside the others.
     first: KeyFrame,
     capacity: usize,
@@ -42,14 +43,14 @@ enum Entry {
 }
 
 impl KeyWindow {
-    /// Of so many key frames, at least four.
+    /// Of a part of so many key frames, at least four of them.
     ///
     /// # Errors
     /// No threads can be had.
     pub(crate) fn new(
-        source: Arc<dyn KeySource>,
+        source: Arc<KeySource>,
         first: KeyFrame,
-        capacity: usize,
+        [keys, capacity]: [usize; 2],
     ) -> Result<Self, KeyFrameError> {
         let pool = rayon::ThreadPoolBuilder::new()
             .thread_name(|i| format!("key frames {i}"))
@@ -58,6 +59,7 @@ impl KeyWindow {
             .map_err(|e| KeyFrameError(format!("no threads to read key frames: {e}")))?;
         let shared = Shared {
             source,
+            keys,
             first,
             capacity: capacity.max(2 * SPARE),
             state: Mutex::default(),
@@ -70,7 +72,7 @@ impl KeyWindow {
     }
 
     pub(crate) fn key_count(&self) -> usize {
-        self.shared.source.key_count()
+        self.shared.keys
     }
 
     pub(crate) fn capacity(&self) -> usize {
@@ -88,9 +90,7 @@ impl KeyWindow {
             if let Some(found) = self.shared.take(&mut state, key) {
                 return found;
             }
-            if self.is_new(&mut state, key) {
-                self.read(key);
-            }
+            self.read(&mut state, key);
             let waited = self.shared.arrived.wait(state);
             state = waited.unwrap_or_else(PoisonError::into_inner);
         }
@@ -110,8 +110,8 @@ impl KeyWindow {
         }
         let mut state = self.shared.lock();
         for &key in upcoming.iter().take(capacity - SPARE) {
-            if self.shared.take(&mut state, key).is_none() && self.is_new(&mut state, key) {
-                self.read(key);
+            if self.shared.take(&mut state, key).is_none() {
+                self.read(&mut state, key);
             }
         }
         state.upcoming = upcoming;
@@ -125,19 +125,15 @@ impl KeyWindow {
         keys.into_iter().map_while(there).collect()
     }
 
-    /// Whether nobody reads this key frame yet; somebody has to, from now on.
-    fn is_new(&self, state: &mut State, key: usize) -> bool {
-        let is_new = !state.entries.contains_key(&key);
-        if is_new {
-            state.entries.insert(key, Entry::Reading);
+    /// Has a key frame be read, unless somebody reads it already.
+    fn read(&self, state: &mut State, key: usize) {
+        if state.entries.contains_key(&key) {
+            return;
         }
-        is_new
-    }
-
-    fn read(&self, key: usize) {
+        state.entries.insert(key, Entry::Reading);
         let shared = Arc::clone(&self.shared);
         self.pool.spawn(move || {
-            let read = shared.source.read(key);
+            let read = (shared.source)(key);
             shared.file(key, read);
         });
     }
@@ -150,9 +146,17 @@ impl Shared {
 
     /// What came of reading a key frame; nothing if it is not there yet.
     fn take(&self, state: &mut State, key: usize) -> Option<Result<KeyFrame, KeyFrameError>> {
-        match key {
-            0 => Some(Ok(Arc::clone(&self.first))),
-            key => state.take(key),
+        if key == 0 {
+            return Some(Ok(Arc::clone(&self.first)));
+        }
+        state.clock += 1;
+        match state.entries.get_mut(&key)? {
+            Entry::Reading => None,
+            Entry::Ready { frame, used } => {
+                *used = state.clock;
+                Some(Ok(Arc::clone(frame)))
+            }
+            Entry::Failed(why) => Some(Err(why.clone())),
         }
     }
 
@@ -174,18 +178,6 @@ impl Shared {
 }
 
 impl State {
-    fn take(&mut self, key: usize) -> Option<Result<KeyFrame, KeyFrameError>> {
-        self.clock += 1;
-        match self.entries.get_mut(&key)? {
-            Entry::Reading => None,
-            Entry::Ready { frame, used } => {
-                *used = self.clock;
-                Some(Ok(Arc::clone(frame)))
-            }
-            Entry::Failed(why) => Some(Err(why.clone())),
-        }
-    }
-
     /// Drops what was used longest ago.
     fn forget_beyond(&mut self, capacity: usize) {
         let ready = |(&key, entry): (&usize, &Entry)| match entry {
@@ -213,33 +205,20 @@ mod tests {
 
     const FEW: usize = 8;
 
-    /// Key frames of one vertex that stands at the key's number; those from 90 on cannot be read.
-    #[derive(Default)]
-    struct Numbers(AtomicUsize);
-
-    impl KeySource for Numbers {
-        fn key_count(&self) -> usize {
-            100
-        }
-
-        fn vertex_count(&self) -> usize {
-            1
-        }
-
-        fn read(&self, key: usize) -> Result<Vec<Point>, KeyFrameError> {
-            self.0.fetch_add(1, Ordering::Relaxed);
+    /// Key frames of one vertex that stands at the key's number, and how many were read; those from 90 on cannot be.
+    fn window() -> (Arc<AtomicUsize>, KeyWindow) {
+        let reads = Arc::<AtomicUsize>::default();
+        let counted = Arc::clone(&reads);
+        let source = move |key| {
+            counted.fetch_add(1, Ordering::Relaxed);
             match key {
                 90.. => Err(KeyFrameError(format!("{key}.ply: gone"))),
                 _ => Ok(vec![[key as f32; 3]]),
             }
-        }
-    }
-
-    fn window() -> (Arc<Numbers>, KeyWindow) {
-        let source = Arc::<Numbers>::default();
+        };
         let first = Arc::new(vec![[0.0; 3]]);
-        let window = KeyWindow::new(Arc::clone(&source) as _, first, FEW).unwrap();
-        (source, window)
+        let window = KeyWindow::new(Arc::new(source), first, [100, FEW]).unwrap();
+        (reads, window)
     }
 
     #[test]
@@ -261,7 +240,7 @@ mod tests {
             assert_eq!(window.upcoming(1)[0].0, key);
         }
         drop(window);
-        let reads = source.0.load(Ordering::Relaxed);
+        let reads = source.load(Ordering::Relaxed);
         assert!(reads <= 80 + FEW, "{reads}");
     }
 
@@ -272,7 +251,7 @@ mod tests {
         assert_eq!(window.upcoming(1)[0].0, 0);
         assert_eq!(window.get(0).unwrap()[0], [0.0; 3]);
         drop(window);
-        assert_eq!(source.0.load(Ordering::Relaxed), 0);
+        assert_eq!(source.load(Ordering::Relaxed), 0);
     }
 
     #[test]
@@ -283,6 +262,6 @@ mod tests {
             let all = all.into_iter().map(|thread| thread.join().unwrap());
             assert!(all.into_iter().all(|frame| frame[0] == [7.0; 3]));
         });
-        assert_eq!(source.0.load(Ordering::Relaxed), 1);
+        assert_eq!(source.load(Ordering::Relaxed), 1);
     }
 }

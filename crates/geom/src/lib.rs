@@ -20,7 +20,7 @@ mod triangle;
 pub use aabb::Aabb;
 pub use animation::Animation;
 pub use camera::Camera;
-pub use key_frames::{AnimationError, KeyFrame, KeyFrameError, KeySource, Moment};
+pub use key_frames::{KeyFrame, KeyFrameError, KeySource, Moment};
 pub use pose::Pose;
 pub use range::Range;
 pub use ray::{Hit, Ray};

@@ -2,7 +2,7 @@
 
 use crate::key_frames::KeyFrames;
 use crate::survey::{Survey, check_triangles};
-use crate::{Animation, AnimationError, KeyFrame, Point, Range};
+use crate::{Animation, KeyFrame, KeyFrameError, Point, Range};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -95,7 +95,7 @@ impl Animation {
         first: Vec<Point>,
         fixed: &[bool],
         triangles: Vec<[u32; 3]>,
-    ) -> Result<Self, AnimationError> {
+    ) -> Result<Self, KeyFrameError> {
         check_count(fixed.len(), first.len())?;
         check_triangles(&triangles, first.len())?;
         let keys = KeyFrames::Live(Arc::new(LiveKeys::new(first)));
@@ -108,10 +108,10 @@ impl Animation {
     ///
     /// # Errors
     /// It has another number of vertices, or the animation is not live.
-    pub fn push(&self, frame: Vec<Point>) -> Result<f64, AnimationError> {
+    pub fn push(&self, frame: Vec<Point>) -> Result<f64, KeyFrameError> {
         let KeyFrames::Live(live) = &self.keys else {
             let cause = "all key frames of this animation are known";
-            return Err(AnimationError(cause.to_owned()));
+            return Err(KeyFrameError(cause.to_owned()));
         };
         check_count(frame.len(), self.vertex_count())?;
         let range = self.survey.range_of(&frame, self.triangles());
@@ -127,10 +127,10 @@ impl Animation {
     }
 }
 
-fn check_count(found: usize, vertices: usize) -> Result<(), AnimationError> {
+fn check_count(found: usize, vertices: usize) -> Result<(), KeyFrameError> {
     match found == vertices {
         true => Ok(()),
-        false => Err(AnimationError(format!(
+        false => Err(KeyFrameError(format!(
             "{found} vertices were given, the scene has {vertices}"
         ))),
     }
@@ -182,7 +182,7 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_refused() {
-        let no = |made: Result<Animation, AnimationError>| made.unwrap_err().to_string();
+        let no = |made: Result<Animation, KeyFrameError>| made.unwrap_err().to_string();
         let says = "2 vertices were given, the scene has 3";
         assert_eq!(no(Animation::live(at(0.0), &[true; 2], Vec::new())), says);
         let live = Animation::live(at(0.0), &[true; 3], vec![[0, 1, 2]]).unwrap();

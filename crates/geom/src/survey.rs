@@ -3,7 +3,7 @@
 use crate::key_frames::KeyFrames;
 use crate::range::{Ranges, Sizes, has_tiny};
 use crate::still::{bits, keeps_its_bits};
-use crate::{Aabb, Animation, AnimationError, KeyFrameError, Point, Range, StaticParts, is_active};
+use crate::{Aabb, Animation, KeyFrameError, Point, Range, StaticParts, is_active};
 use rayon::prelude::*;
 use std::convert::Infallible;
 
@@ -21,12 +21,58 @@ pub(crate) struct Survey {
     pub(crate) magnitude: f32,
 }
 
+/// Vertices that one task looks at.
+const RUN: usize = 1 << 16;
+
 impl Survey {
-    /// Looks at all key frames.
+    /// Looks at all key frames, one after another; again at those that need it.
     pub(crate) fn of(keys: &KeyFrames, triangles: &[[u32; 3]]) -> Result<Self, KeyFrameError> {
-        let mut surveyor = Surveyor::new(keys.first(), triangles);
-        keys.for_each_after_first(|frame| surveyor.see(frame))?;
-        surveyor.finish(keys)
+        let first = keys.first();
+        let mut measured = vec![Measured::of(first)];
+        let mut is_static = vec![true; first.len()];
+        let mut fallback_corners = Vec::new();
+        // Triangles that no key frame has had active so far.
+        let mut inactive: Vec<u32> = Vec::new();
+        if !measured[0].finite {
+            let all = (0..triangles.len() as u32).into_par_iter();
+            let none = |&t: &u32| !is_active(&corners(first, triangles[t as usize]));
+            inactive = all.filter(none).collect();
+        }
+        keys.for_each_after_first(|frame| {
+            let is_first_blend = measured.len() == 1;
+            let pairs = first.par_iter().zip(frame);
+            let each = is_static.par_iter_mut().with_min_len(RUN).zip(pairs);
+            each.for_each(|(is_static, (a, b))| {
+                let stays = !is_first_blend || keeps_its_bits(a);
+                *is_static = *is_static && stays && bits(a) == bits(b);
+            });
+            measured.push(Measured::of(frame));
+            inactive.retain(|&t| {
+                let corners = corners(frame, triangles[t as usize]);
+                let active = is_active(&corners);
+                if active {
+                    fallback_corners.push((t, Aabb::of_triangle(&corners)));
+                }
+                !active
+            });
+        })?;
+        fallback_corners.sort_unstable_by_key(|&(t, _)| t);
+        let sizes: Vec<Sizes> = measured.iter().map(|m| m.sizes).collect();
+        let ranges = Ranges::of(&sizes, |key, least| {
+            let frame = keys.get(key)?;
+            Ok(has_tiny(&frame, triangles, least))
+        })?;
+        Ok(Self {
+            fallback_corners,
+            never_active: inactive.len() as u32,
+            static_parts: StaticParts::of(is_static, first, triangles),
+            ranges,
+            bounds: measured.iter().map(|m| m.bounds).collect(),
+            magnitude: match measured.iter().all(|m| m.finite) {
+                true => sizes.iter().fold(0.0, |m, s| f32::max(m, s.largest)),
+                false => f32::INFINITY,
+            },
+        })
     }
 
     /// Looks at the first of key frames that are to come, in which only the vertices that are not `fixed` may move,
@@ -37,14 +83,18 @@ impl Survey {
         fixed: &[bool],
     ) -> Result<Self, KeyFrameError> {
         let first = keys.first();
-        let mut surveyor = Surveyor::new(first, triangles);
-        let known = surveyor.is_static.iter_mut().zip(fixed).zip(&first[..]);
-        known.for_each(|((is_static, &fixed), p)| *is_static = fixed && keeps_its_bits(p));
+        let marks = first.iter().zip(fixed);
+        let is_static = marks.map(|(p, &fixed)| fixed && keeps_its_bits(p));
         let somewhere = first.iter().find(|p| p.iter().all(|x| x.is_finite()));
         let point = Aabb::EMPTY.with_point(*somewhere.unwrap_or(&[0.0; 3]));
-        let absent = std::mem::take(&mut surveyor.inactive).into_iter();
-        surveyor.fallback_corners = absent.map(|t| (t, point)).collect();
-        surveyor.finish(keys)
+        let absent = triangles.iter().zip(0..);
+        let absent = absent.filter(|&(&t, _)| !is_active(&corners(first, t)));
+        Ok(Self {
+            fallback_corners: absent.map(|(_, t)| (t, point)).collect(),
+            never_active: 0,
+            static_parts: StaticParts::of(is_static.collect(), first, triangles),
+            ..Self::of(keys, triangles)?
+        })
     }
 
     /// How far the coordinates of a key frame reach that came later.
@@ -55,102 +105,31 @@ impl Survey {
     }
 }
 
-/// Sees key frames in their order.
-struct Surveyor<'a> {
-    first: &'a [Point],
-    triangles: &'a [[u32; 3]],
-    is_static: Vec<bool>,
-    /// Triangles that no key frame has had active so far.
-    inactive: Vec<u32>,
-    fallback_corners: Vec<(u32, Aabb)>,
-    sizes: Vec<Sizes>,
-    bounds: Vec<Aabb>,
-    all_finite: bool,
+/// What one key frame tells by itself.
+struct Measured {
+    sizes: Sizes,
+    /// Of its finite vertices.
+    bounds: Aabb,
+    /// Whether all are.
+    finite: bool,
 }
 
-/// The finite vertices' box, and whether all are.
-type Bounds = (Aabb, bool);
-
-/// Vertices that one task looks at.
-const RUN: usize = 1 << 16;
-
-impl<'a> Surveyor<'a> {
-    fn new(first: &'a [Point], triangles: &'a [[u32; 3]]) -> Self {
-        let mut made = Self {
-            first,
-            triangles,
-            is_static: vec![true; first.len()],
-            inactive: Vec::new(),
-            fallback_corners: Vec::new(),
-            sizes: Vec::new(),
-            bounds: Vec::new(),
-            all_finite: true,
-        };
-        made.measure(first);
-        if !made.all_finite {
-            let all = (0..triangles.len() as u32).into_par_iter();
-            let inactive = |&t: &u32| !is_active(&corners(first, triangles[t as usize]));
-            made.inactive = all.filter(inactive).collect();
-        }
-        made
-    }
-
-    /// Looks at the next key frame.
-    fn see(&mut self, frame: &[Point]) {
-        let is_first_blend = self.sizes.len() == 1;
-        let pairs = self.first.par_iter().zip(frame);
-        let each = self.is_static.par_iter_mut().with_min_len(RUN).zip(pairs);
-        each.for_each(|(is_static, (a, b))| {
-            let stays = !is_first_blend || keeps_its_bits(a);
-            *is_static = *is_static && stays && bits(a) == bits(b);
-        });
-        self.measure(frame);
-        let (triangles, found) = (self.triangles, &mut self.fallback_corners);
-        self.inactive.retain(|&t| {
-            let corners = corners(frame, triangles[t as usize]);
-            let active = is_active(&corners);
-            if active {
-                found.push((t, Aabb::of_triangle(&corners)));
-            }
-            !active
-        });
-    }
-
-    fn measure(&mut self, frame: &[Point]) {
+impl Measured {
+    fn of(frame: &[Point]) -> Self {
         let (bounds, finite) = frame
             .par_chunks(RUN)
             .map(bounds)
             .reduce(|| (Aabb::EMPTY, true), |a, b| (a.0.union(b.0), a.1 && b.1));
-        self.sizes.push(Sizes::of(frame));
-        self.bounds.push(bounds);
-        self.all_finite &= finite;
-    }
-
-    /// What all of them tell. Looks again at those that need it.
-    fn finish(mut self, keys: &KeyFrames) -> Result<Survey, KeyFrameError> {
-        self.fallback_corners.sort_unstable_by_key(|&(t, _)| t);
-        let largest = self.sizes.iter().fold(0.0_f32, |m, s| m.max(s.largest));
-        let triangles = self.triangles;
-        let ranges = Ranges::of(&self.sizes, |key, least| {
-            let frame = keys.get(key)?;
-            Ok(has_tiny(&frame, triangles, least))
-        })?;
-        Ok(Survey {
-            fallback_corners: self.fallback_corners,
-            never_active: self.inactive.len() as u32,
-            static_parts: StaticParts::of(self.is_static, self.first, triangles),
-            ranges,
-            bounds: self.bounds,
-            magnitude: if self.all_finite {
-                largest
-            } else {
-                f32::INFINITY
-            },
-        })
+        Self {
+            sizes: Sizes::of(frame),
+            bounds,
+            finite,
+        }
     }
 }
 
-fn bounds(points: &[Point]) -> Bounds {
+/// The finite vertices' box, and whether all are.
+fn bounds(points: &[Point]) -> (Aabb, bool) {
     let none = (Aabb::EMPTY, true);
     points.iter().fold(none, |(bounds, all), &p| {
         match p.iter().all(|x| x.is_finite()) {
@@ -168,11 +147,11 @@ fn corners(frame: &[Point], triangle: [u32; 3]) -> crate::Triangle {
 pub(crate) fn check_triangles(
     triangles: &[[u32; 3]],
     vertices: usize,
-) -> Result<(), AnimationError> {
+) -> Result<(), KeyFrameError> {
     let (count, limit) = (triangles.len(), Animation::MAX_TRIANGLES);
     if count > limit {
         let cause = format!("{count} triangles are more than the limit of {limit}");
-        return Err(AnimationError(cause));
+        return Err(KeyFrameError(cause));
     }
     let out = |corners: &[u32; 3]| corners.iter().any(|&v| v as usize >= vertices);
     let Some(triangle) = triangles.par_iter().position_first(out) else {
@@ -181,7 +160,7 @@ pub(crate) fn check_triangles(
     let vertex = triangles[triangle]
         .iter()
         .find(|&&v| v as usize >= vertices);
-    Err(AnimationError(format!(
+    Err(KeyFrameError(format!(
         "triangle {triangle} names vertex {}, but there are {vertices}",
         vertex.expect("it was found")
     )))

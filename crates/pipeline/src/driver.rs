@@ -1,7 +1,6 @@
 //! The frame loop: carries out what the schedule says, and never waits for the builder.
 
 mod own;
-mod pending;
 mod trees;
 mod warm_up;
 
@@ -13,11 +12,11 @@ use crate::tree_builder::{Forms, Made};
 use backend::{Backend, BackendError, FRAMES_IN_FLIGHT, Hits, Method, Palette, Query, Ticket};
 use bvh_layout::Spare;
 use geom::{Animation, Point, Pose};
-use pending::{Beginning, Pending};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 use trees::{FIRST, PendingBuild, Tree};
+pub use warm_up::{Warmed, warm_up};
 
 /// Frames whose key frames are read before they come, where not all are held.
 const LOOK_AHEAD: usize = 64;
@@ -80,6 +79,14 @@ pub struct Answers {
     pub pixels: Vec<u8>,
 }
 
+/// A frame submitted and not finished.
+struct Pending {
+    ticket: Ticket,
+    record: FrameRecord,
+    /// What the refitted cost is to be divided by; `None` if the tree is fresh.
+    cost_before: Option<f64>,
+}
+
 /// Owns a backend and renders frames with it.
 pub struct Driver {
     backend: Box<dyn Backend>,
@@ -105,8 +112,8 @@ pub struct Driver {
     pose: Option<Pose>,
     /// Where shadow rays of the frame at hand go; trees are made to face it.
     light: Option<Point>,
-    /// What has happened to trees since the frame at hand began.
-    beginning: Beginning,
+    /// Of the frame at hand.
+    record: FrameRecord,
     pending: VecDeque<Pending>,
     frames: u64,
 }
@@ -156,7 +163,7 @@ impl Driver {
             left_last: false,
             pose: None,
             light: None,
-            beginning: Beginning::default(),
+            record: FrameRecord::begin(Frame::default(), Instant::now()),
             pending: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
             frames: 0,
         })
@@ -214,23 +221,23 @@ impl Driver {
             FRAMES_IN_FLIGHT
         };
         let frames: Vec<Frame> = frames.into_iter().collect();
+        let mut finish = |driver: &mut Self| -> Result<bool, E> {
+            let read = |driver: &mut Self, ticket| driver.fetch(ticket, wanted, &mut answers);
+            let Some(record) = driver.end(read)? else {
+                return Ok(false);
+            };
+            on_frame(&record, &mut answers)?;
+            Ok(true)
+        };
         for (i, &frame) in frames.iter().enumerate() {
             let next = frames[i..].iter().take(LOOK_AHEAD);
             self.animation.look_ahead(next.map(|frame| frame.time));
             self.begin(frame, query)?;
             if self.pending.len() >= under_way {
-                let record =
-                    self.end(|driver, ticket| driver.fetch(ticket, wanted, &mut answers))?;
-                if let Some(record) = record {
-                    on_frame(&record, &mut answers)?;
-                }
+                finish(self)?;
             }
         }
-        while let Some(record) =
-            self.end(|driver, ticket| driver.fetch(ticket, wanted, &mut answers))?
-        {
-            on_frame(&record, &mut answers)?;
-        }
+        while finish(self)? {}
         Ok(())
     }
 
@@ -241,7 +248,7 @@ impl Driver {
     /// The backend's.
     pub fn begin(&mut self, frame: Frame, query: Query<'_>) -> Result<(), PipelineError> {
         let begun = Instant::now();
-        self.beginning = Beginning::default();
+        self.record = FrameRecord::begin(frame, begun);
         let pose = self.animation.pose(frame.time);
         self.light = query.kind.light();
         self.predictor.frame(frame.time, begun);
@@ -253,20 +260,17 @@ impl Driver {
             self.record_geometry(pose)?
         };
         self.record_stages(stale, query)?;
-        let handed_in = Instant::now();
+        self.record.traced.handed_in = Instant::now();
         let ticket = self.backend.submit()?;
         self.poll_builder()?;
         let tree = self.tree.as_ref().expect("a frame is traced with a tree");
+        self.record.tree_generation = tree.generation;
+        self.record.tree_age_frames = self.frames - tree.frame;
+        self.record.moments.submitted = Instant::now();
         self.pending.push_back(Pending {
             ticket,
-            frame,
-            begun,
-            handed_in,
-            submitted: Instant::now(),
-            tree_generation: tree.generation,
-            tree_age_frames: self.frames - tree.frame,
             cost_before: (Some(tree.pose) != self.pose).then_some(tree.cost),
-            beginning: std::mem::take(&mut self.beginning),
+            record: std::mem::replace(&mut self.record, FrameRecord::begin(frame, begun)),
         });
         self.frames += 1;
         Ok(())
@@ -320,11 +324,14 @@ impl Driver {
         read(self, pending.ticket)?;
         let read = Instant::now();
         self.poll_builder()?;
-        let device_bytes = self.backend.device_bytes();
-        Ok(Some(FrameRecord {
-            device_bytes,
-            ..pending.done(report, [waited, seen, read])
-        }))
+        let mut record = pending.record;
+        record.device_bytes = self.backend.device_bytes();
+        record.sah_ratio = report.sah_cost.map(|now| {
+            let before = pending.cost_before.filter(|&c| c > 0.0);
+            before.map_or(1.0, |before| now / before)
+        });
+        record.finish(report, [waited, seen, read]);
+        Ok(Some(record))
     }
 
     /// Records what follows positions and a tree.
@@ -367,6 +374,6 @@ impl Driver {
         if asked {
             self.backend.request_positions()?;
         }
-        Ok(moved || self.beginning.adopted.is_some())
+        Ok(moved || self.record.adopted.is_some())
     }
 }

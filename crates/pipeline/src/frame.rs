@@ -3,10 +3,10 @@
 use crate::tree_builder::BuildMoments;
 use backend::{DeviceBytes, FrameReport, Generation, StageTimes};
 use geom::Pose;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A frame to render.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Frame {
     /// Its number in the output.
     pub index: u64,
@@ -53,6 +53,58 @@ pub struct FrameRecord {
     pub fetched: Option<Submission>,
     /// The submission that traced it.
     pub traced: Submission,
+}
+
+impl FrameRecord {
+    /// Of a frame that the driver takes up, of which nothing is known yet.
+    pub(crate) fn begin(frame: Frame, begun: Instant) -> Self {
+        Self {
+            frame,
+            report: FrameReport::default(),
+            wall_ms: 0.0,
+            build_wait_ms: 0.0,
+            tree_generation: Generation(0),
+            tree_age_frames: 0,
+            asked: None,
+            adopted: None,
+            made: false,
+            rejected: None,
+            sah_ratio: None,
+            device_bytes: None,
+            moments: FrameMoments {
+                begun,
+                submitted: begun,
+                waited: begun,
+                seen: begun,
+                read: begun,
+            },
+            fetched: None,
+            traced: Submission {
+                handed_in: begun,
+                seen: begun,
+                times: StageTimes::default(),
+            },
+        }
+    }
+
+    /// After the driver waited, saw its end and read its hits. What is reported so far, the submission that fetched
+    /// vertices for the frame's own tree, counts as part of the frame.
+    pub(crate) fn finish(&mut self, mut report: FrameReport, [waited, seen, read]: [Instant; 3]) {
+        (self.traced.seen, self.traced.times) = (seen, report.times);
+        let (times, fetched) = (&mut report.times, &self.report.times);
+        times.interpolate_ms = times.interpolate_ms.or(fetched.interpolate_ms);
+        times.device_ms += fetched.device_ms;
+        report.readback_bytes += self.report.readback_bytes;
+        self.report = report;
+        let moments = &mut self.moments;
+        (moments.waited, moments.seen, moments.read) = (waited, seen, read);
+        self.wall_ms = ms((moments.submitted - moments.begun) + (seen - waited));
+    }
+}
+
+/// Milliseconds.
+pub(crate) fn ms(duration: Duration) -> f64 {
+    duration.as_secs_f64() * 1e3
 }
 
 /// What the driver did for a frame, on the host's clock, in order.
@@ -116,12 +168,4 @@ pub struct TreeMoments {
     pub taken: Instant,
     /// The backend had it.
     pub adopted: Instant,
-}
-
-/// Counts the submission that fetched vertices for a frame's own tree as part of the frame.
-pub(crate) fn add_fetched(report: &mut FrameReport, fetched: &FrameReport) {
-    let times = &mut report.times;
-    times.interpolate_ms = times.interpolate_ms.or(fetched.times.interpolate_ms);
-    times.device_ms += fetched.times.device_ms;
-    report.readback_bytes += fetched.readback_bytes;
 }

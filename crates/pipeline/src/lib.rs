@@ -10,11 +10,9 @@
 //! device's share of it lies.
 
 mod builder_thread;
-mod decay;
 mod device_clock;
 mod driver;
 mod frame;
-mod gathering;
 mod latency;
 mod memory;
 mod motion;
@@ -22,15 +20,12 @@ mod policy;
 mod sampling;
 mod schedule;
 mod tree_builder;
-mod warm_up;
 
-pub use decay::RefitDecay;
 pub use device_clock::{Span, place_on_host};
-pub use driver::{Answers, Driver, DriverOptions, PipelineError, Wanted};
+pub use driver::{Answers, Driver, DriverOptions, PipelineError, Wanted, Warmed, warm_up};
 pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments};
 pub use memory::{ExpectedMemory, TREE_BYTES, trees_bytes};
-pub use motion::{Decay, Motion, Spread, decay, motion, unhittable};
+pub use motion::{Decay, Motion, RefitDecay, Spread, decay, motion, unhittable};
 pub use policy::{Choice, RunFacts};
 pub use schedule::{Pace, Update};
 pub use tree_builder::{BuildMoments, BuildStrategy, Built, Made, TreeBuilder, Vertices};
-pub use warm_up::{Warmed, warm_up};

@@ -1,7 +1,7 @@
 //! How a scene moves, what in it cannot be hit, and how its first tree decays under refitting: the reason to rebuild.
 
 use bvh_build::{BinaryTree, BuildError, Builder, Cancel, sah_cost};
-use geom::{Animation, KeyFrameError, Point, Pose, is_active, is_degenerate};
+use geom::{Aabb, Animation, KeyFrameError, Point, Pose, is_active, is_degenerate};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -105,27 +105,82 @@ pub fn unhittable(animation: &Animation) -> Result<[Spread; 2], KeyFrameError> {
 /// # Errors
 /// The builder's.
 pub fn decay(animation: &Animation, samples: usize) -> Result<Vec<Decay>, BuildError> {
-    let (mut builder, cancel) = (Builder::new(), Cancel::new());
-    let [mut first, mut fresh] = [BinaryTree::default(), BinaryTree::default()];
-    builder.build(&animation.at(0.0)?, &cancel, &mut first)?;
     let last = if animation.end() > 0.0 { samples } else { 1 };
-    (0..last)
-        .map(|i| {
-            let time = animation.end() * i as f64 / (samples.max(2) - 1) as f64;
-            let boxes = animation.at(time)?;
-            builder.build(&boxes, &cancel, &mut fresh)?;
-            let (refitted, fresh) = (sah_cost(&first, &boxes), sah_cost(&fresh, &boxes));
-            Ok(Decay {
-                time,
-                refitted,
-                fresh,
-                ratio: (fresh > 0.0).then(|| refitted / fresh),
-            })
-        })
-        .collect()
+    let time = |i| animation.end() * i as f64 / (samples.max(2) - 1) as f64;
+    decay_at(animation, (0..last).map(time), 1)
 }
 
-fn distance(a: &Point, b: &Point) -> f64 {
+/// Compares the first time's tree, refitted, with a fresh one at each, of every so many triangles.
+fn decay_at(
+    animation: &Animation,
+    times: impl Iterator<Item = f64>,
+    step: usize,
+) -> Result<Vec<Decay>, BuildError> {
+    let (mut builder, cancel) = (Builder::new(), Cancel::new());
+    let (mut first, mut tree) = (None, BinaryTree::default());
+    let triangles = (0..animation.triangle_count())
+        .into_par_iter()
+        .step_by(step);
+    let mut compare = |time| {
+        let moment = animation.at(time)?;
+        let boxes = triangles.clone().map(|t| moment.build_box(t as u32));
+        let boxes: Vec<Aabb> = boxes.collect();
+        builder.build(&boxes[..], &cancel, &mut tree)?;
+        let first = first.get_or_insert_with(|| tree.clone());
+        let [refitted, fresh] = [&*first, &tree].map(|tree| sah_cost(tree, &boxes[..]));
+        Ok(Decay {
+            time,
+            refitted,
+            fresh,
+            ratio: (fresh > 0.0).then(|| refitted / fresh),
+        })
+    };
+    times.map(&mut compare).collect()
+}
+
+/// Triangles that [`RefitDecay`] looks at, evenly taken from all.
+const TRIANGLES: usize = 1 << 13;
+/// Moments of the run that it looks at, both ends included.
+const MOMENTS: usize = 5;
+
+/// SAH cost of the first frame's tree, refitted, over that of a fresh tree.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RefitDecay {
+    /// The mean over the run.
+    pub mean: f64,
+    /// The largest.
+    pub worst: f64,
+}
+
+impl RefitDecay {
+    /// Of a tree that stays as good as a fresh one.
+    pub const NONE: Self = Self {
+        mean: 1.0,
+        worst: 1.0,
+    };
+
+    /// Samples a run of frames at `times`, in key frames. Runs in the rayon pool that the caller installed.
+    ///
+    /// # Errors
+    /// The builder's.
+    pub fn sample(animation: &Animation, times: &[f64]) -> Result<Self, BuildError> {
+        let [first, .., last] = *times else {
+            return Ok(Self::NONE);
+        };
+        let step = animation.triangle_count().div_ceil(TRIANGLES).max(1);
+        let time = |i| first + (last - first) * i as f64 / (MOMENTS - 1) as f64;
+        let decay = decay_at(animation, (0..MOMENTS).map(time), step)?;
+        let ratio = |d: &Decay| d.ratio.filter(|r| r.is_finite()).unwrap_or(1.0);
+        let ratios = decay.iter().map(ratio);
+        Ok(Self {
+            mean: ratios.clone().sum::<f64>() / MOMENTS as f64,
+            worst: ratios.fold(1.0, f64::max),
+        })
+    }
+}
+
+/// How far two points are apart.
+pub(crate) fn distance(a: &Point, b: &Point) -> f64 {
     let squares = (0..3).map(|i| (f64::from(a[i]) - f64::from(b[i])).powi(2));
     squares.sum::<f64>().sqrt()
 }
@@ -137,6 +192,7 @@ fn share(part: f64, whole: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tree_builder::tests::row;
 
     #[test]
     fn motion_is_measured_against_the_diagonal() {
@@ -157,19 +213,32 @@ mod tests {
         assert_eq!(motion(&a).unwrap().max_step, 0.0);
     }
 
+    /// Of a row of 64 that later stands in other places.
+    fn sample(places: fn(u32) -> u32, times: &[f64]) -> RefitDecay {
+        let animation = row(64, &[&|i| i as f32, &|i| places(i) as f32]);
+        RefitDecay::sample(&animation, times).unwrap()
+    }
+
     #[test]
     fn a_row_that_is_shuffled_makes_the_first_tree_worse() {
-        let row = |place: fn(u32) -> u32| -> Vec<Point> {
-            let corners = |x: f32| [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]];
-            (0..64).flat_map(|i| corners(place(i) as f32)).collect()
-        };
-        let triangles = (0..64).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-        let keys = vec![row(|i| i), row(|i| i * 37 % 64)];
-        let animation = Animation::new(keys, triangles).unwrap();
+        let shuffled = sample(|i| i * 37 % 64, &[0.0, 0.5, 1.0]);
+        assert!(shuffled.worst > 1.5 && shuffled.mean > 1.2, "{shuffled:?}");
+        assert!(shuffled.mean < shuffled.worst, "{shuffled:?}");
+        let animation = row(64, &[&|i| i as f32, &|i| (i * 37 % 64) as f32]);
         let decay = decay(&animation, 3).unwrap();
         let ratios: Vec<f64> = decay.iter().map(|d| d.ratio.unwrap()).collect();
-        assert_eq!((decay.len(), ratios[0]), (3, 1.0));
+        assert_eq!((decay.len(), ratios[0], decay[2].time), (3, 1.0, 1.0));
         assert!(ratios[2] > 1.5, "{ratios:?}");
-        assert_eq!(decay[2].time, 1.0);
+    }
+
+    #[test]
+    fn nothing_decays_that_moves_as_a_whole_or_in_one_frame_or_without_triangles() {
+        let times = [0.0, 0.5, 1.0];
+        let moved = sample(|i| i + 5, &times);
+        assert!(moved.worst < 1.01, "{moved:?}");
+        assert_eq!(sample(|i| i, &times), RefitDecay::NONE);
+        assert_eq!(sample(|i| i * 37 % 64, &[1.0]), RefitDecay::NONE);
+        let empty = Animation::new(vec![vec![[1.0; 3]]; 2], vec![]).unwrap();
+        assert_eq!(RefitDecay::sample(&empty, &times), Ok(RefitDecay::NONE));
     }
 }

@@ -3,7 +3,7 @@
 //! The time of a whole run is estimated for each policy, from the first build to the last frame, by a model
 //! of a few terms that was fitted to measurements (the table in this file's tests). The least estimate wins.
 
-use crate::decay::RefitDecay;
+use crate::motion::RefitDecay;
 use crate::schedule::{Pace, Update};
 use backend::DeviceKind;
 

@@ -4,8 +4,9 @@
 //! the time and half the way that vertices go. Each stands for the time nearer
 //! to it than to another, so the mean over them is a mean over time.
 
+use crate::motion::distance;
 use bvh_build::MAX_MOMENTS;
-use geom::{Animation, KeyFrameError, Point, Pose};
+use geom::{Animation, KeyFrameError, Pose};
 
 /// A moment, and the time it stands for in key frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,13 +72,8 @@ fn way(animation: &Animation, a: Pose, b: Pose) -> Result<f64, KeyFrameError> {
     let (from, to) = (animation.moment(a)?, animation.moment(b)?);
     let n = animation.vertex_count();
     let some = (0..n as u32).step_by(n.div_ceil(VERTICES).max(1));
-    let ways = some.map(|v| distance(from.vertex(v), to.vertex(v)));
+    let ways = some.map(|v| distance(&from.vertex(v), &to.vertex(v)));
     Ok(ways.filter(|d| d.is_finite()).sum())
-}
-
-fn distance(a: Point, b: Point) -> f64 {
-    let square = |i: usize| (f64::from(a[i]) - f64::from(b[i])).powi(2);
-    (square(0) + square(1) + square(2)).sqrt()
 }
 
 #[cfg(test)]

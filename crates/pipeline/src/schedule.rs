@@ -47,8 +47,6 @@ pub(crate) struct FramePlan {
     pub(crate) swap: Option<Swap>,
     /// Ask for this tree, to be built from this frame's vertices.
     pub(crate) ask: Option<Generation>,
-    /// The tree asked for must be swapped in before this very frame is traced.
-    pub(crate) at_once: bool,
 }
 
 /// A swap at a frame boundary.
@@ -94,11 +92,7 @@ impl Schedule {
         }
         // A tree swapped in just now was built for an earlier frame, unless nothing moved since.
         let ask = if outdated { self.ask(frame) } else { None };
-        FramePlan {
-            swap,
-            ask,
-            at_once: ask.is_some() && self.waits_at_once(),
-        }
+        FramePlan { swap, ask }
     }
 
     /// The builder has finished `generation`.
@@ -164,66 +158,6 @@ mod tests {
 
     const FIRST: Generation = Generation(1);
 
-    fn free() -> Schedule {
-        Schedule::new(Update::Async(Pace::Free), FIRST)
-    }
-
-    const NOTHING: FramePlan = FramePlan {
-        swap: None,
-        ask: None,
-        at_once: false,
-    };
-
-    #[test]
-    fn a_build_in_flight_is_never_joined_by_another_and_one_that_failed_not_numbered_again() {
-        let mut s = free();
-        assert_eq!(s.begin_frame(0, true).ask, Some(Generation(2)));
-        assert_eq!(s.begin_frame(1, true), NOTHING);
-        s.finished(Generation(2));
-        let (generation, wait) = (Generation(2), false);
-        let swap = Some(Swap { generation, wait });
-        let ask = Some(Generation(3));
-        let plan = FramePlan {
-            swap,
-            ask,
-            ..NOTHING
-        };
-        assert_eq!(s.begin_frame(2, true), plan);
-        s.forget(Generation(3));
-        assert_eq!(s.begin_frame(3, true).ask, Some(Generation(4)));
-    }
-
-    #[test]
-    fn a_scene_at_rest_asks_for_nothing_nor_does_one_tree_for_all() {
-        for (update, outdated) in [
-            (Update::Rebuild, false),
-            (Update::Async(Pace::Free), false),
-            (Update::Refit, true),
-            (Update::TSah, true),
-            (Update::DeviceRebuild, true),
-        ] {
-            let mut s = Schedule::new(update, FIRST);
-            assert!(
-                (0..9).all(|f| s.begin_frame(f, outdated) == NOTHING),
-                "{update:?}"
-            );
-        }
-    }
-
-    #[test]
-    fn rebuild_asks_at_once_each_frame() {
-        for update in [Update::Rebuild, Update::Async(Pace::Lockstep(0))] {
-            let mut s = Schedule::new(update, FIRST);
-            for f in 0..5 {
-                let plan = s.begin_frame(f, true);
-                let ask = Some(Generation(f + 2));
-                let (swap, at_once) = (None, true);
-                assert_eq!(plan, FramePlan { swap, ask, at_once });
-                s.forget(Generation(f + 2));
-            }
-        }
-    }
-
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(200))]
 
@@ -249,7 +183,7 @@ mod tests {
         /// Whatever happens, in whatever order: one build at a time, generations rise, only finished trees are taken.
         #[test]
         fn generations_rise_and_flights_do_not_overlap(events in proptest::collection::vec(0_u8..4, 1..200)) {
-            let mut s = free();
+            let mut s = Schedule::new(Update::Async(Pace::Free), FIRST);
             let (mut newest, mut flying, mut done, mut frame) = (FIRST, None, false, 0);
             for e in events {
                 match (e, flying) {

@@ -4,13 +4,15 @@ mod degradation;
 mod for_all;
 
 use crate::builder_thread::Job;
-use crate::gathering::{blend, fill, grow};
 use backend::{Backend, Snapshot};
-use bvh_build::{BinaryTree, BuildError, Builder, Cancel, Costs, SubtreeRebuilder, sah_cost};
+use bvh_build::{
+    BinaryTree, Boxes, BuildError, Builder, Cancel, Costs, SubtreeRebuilder, sah_cost,
+};
 use bvh_layout::{Converter, First, Spare, Topology};
 pub use degradation::BuildStrategy;
 use degradation::DegradationMonitor;
-use geom::{Aabb, Animation, KeyFrameError, Point, Pose};
+use geom::{Aabb, Animation, KeyFrameError, Moment, Point, Pose};
+use rayon::prelude::*;
 use std::time::Instant;
 
 /// What a tree is built from.
@@ -133,34 +135,29 @@ impl TreeBuilder {
         std::mem::swap(&mut self.tree, &mut self.in_use);
     }
 
-    /// Builds and converts a tree over `animation` standing at `positions`.
+    /// Builds and converts a tree over `animation` standing at `positions`; or over each triangle's boxes at both of `halves`,
+    /// as one. What it costs is said of `positions` either way.
     ///
     /// # Errors
     /// See [`BuildError`].
     pub fn build(
         &mut self,
         animation: &Animation,
-        positions: &[Point],
+        (positions, halves): (&[Point], Option<[Pose; 2]>),
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
         let begun = Instant::now();
-        fill(&mut self.boxes, &(animation, positions));
+        match halves {
+            Some(halves) => self.sweep(animation, halves)?,
+            None => fill(&mut self.boxes, &(animation, positions)),
+        }
         self.build_over_boxes(BuildStrategy::Scratch, cancel)?;
-        Ok(self.evaluate_and_send(animation, begun))
-    }
-
-    /// Likewise, over each triangle's boxes at both of `halves`, as one. What it costs is still said of `positions`.
-    pub fn build_swept(
-        &mut self,
-        animation: &Animation,
-        (positions, halves): (&[Point], [Pose; 2]),
-        cancel: &Cancel,
-    ) -> Result<Built, BuildError> {
-        let begun = Instant::now();
-        self.sweep(animation, halves)?;
-        self.build_over_boxes(BuildStrategy::Scratch, cancel)?;
-        fill(&mut self.boxes, &(animation, positions));
-        Ok(self.evaluate_and_send(animation, begun))
+        if halves.is_some() {
+            fill(&mut self.boxes, &(animation, positions));
+        }
+        let built = Instant::now();
+        let cost = sah_cost(&self.tree, &self.boxes[..]);
+        Ok(self.send(animation, [begun, built], cost, BuildStrategy::Scratch))
     }
 
     /// Makes a tree as a job says: see [`TreeBuilder::rebuild`].
@@ -300,13 +297,6 @@ impl TreeBuilder {
         Ok(None)
     }
 
-    /// Hands the tree just built from scratch over, at its cost with the boxes at hand.
-    fn evaluate_and_send(&mut self, animation: &Animation, begun: Instant) -> Built {
-        let built = Instant::now();
-        let cost = sah_cost(&self.tree, &self.boxes[..]);
-        self.send(animation, [begun, built], cost, BuildStrategy::Scratch)
-    }
-
     /// Converts the tree just built, which then counts as in use.
     fn send(
         &mut self,
@@ -367,6 +357,33 @@ fn stand<'a>(
             (Some(*pose), blended)
         }
     })
+}
+
+/// Grows the box of each triangle to hold that from `from`, too.
+fn grow<B: Boxes>(boxes: &mut [Aabb], from: &B) {
+    boxes
+        .par_iter_mut()
+        .with_min_len(1 << 12)
+        .zip(0..from.len() as u32)
+        .for_each(|(to, triangle)| *to = to.union(from.get(triangle)));
+}
+
+/// One box a triangle, in its order.
+fn fill<B: Boxes>(boxes: &mut Vec<Aabb>, from: &B) {
+    (0..from.len() as u32)
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .map(|triangle| from.get(triangle))
+        .collect_into_vec(boxes);
+}
+
+/// All vertices at a moment.
+fn blend(moment: &Moment<'_>, positions: &mut Vec<Point>) {
+    (0..moment.animation().vertex_count() as u32)
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .map(|v| moment.vertex(v))
+        .collect_into_vec(positions);
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 
 use crate::mesh::{check_keys, joined_triangles, within};
 use crate::{Facts, Options, Scene, SceneError, source, stream};
-use geom::{Animation, KeyFrameError, KeySource, Point};
+use geom::{Animation, Point};
 use std::sync::Arc;
 
 /// Between two inputs.
@@ -71,23 +71,21 @@ fn first_input<'a>(spec: &'a str, exists: &dyn Fn(&str) -> bool) -> (&'a str, Op
 }
 
 fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>, SceneError> {
-    let whole = Input {
+    if let Some((spec, at)) = text.rsplit_once(AT).filter(|_| !exists(text)) {
+        let place = parse(at);
+        if place.is_some() {
+            return Ok(Input { spec, place });
+        }
+        if exists(spec) {
+            return Err(SceneError(format!(
+                "bad place {at:?} for {spec}: give @x,y,z or @x,y,z*scale, with a scale above 0"
+            )));
+        }
+    }
+    Ok(Input {
         spec: text,
         place: None,
-    };
-    match text.rsplit_once(AT).filter(|_| !exists(text)) {
-        None => Ok(whole),
-        Some((spec, place)) => match parse(place) {
-            Some(place) => Ok(Input {
-                spec,
-                place: Some(place),
-            }),
-            None if exists(spec) => Err(SceneError(format!(
-                "bad place {place:?} for {spec}: give @x,y,z or @x,y,z*scale, with a scale above 0"
-            ))),
-            None => Ok(whole),
-        },
-    }
+    })
 }
 
 /// `x,y,z` or `x,y,z*scale`.
@@ -117,46 +115,36 @@ pub(crate) fn open(
         clip: None,
         ..options.clone()
     };
-    let open = |input: &Input<'_>| -> Result<(Scene, Placement), SceneError> {
+    let open = |input: &Input<'_>| {
         let has_clips = source::has_clips(input.spec);
-        let scene = source::open_one(input.spec, if has_clips { options } else { &still })?;
-        Ok((scene, input.place.unwrap_or(AS_IT_IS)))
+        source::open_one(input.spec, if has_clips { options } else { &still })
     };
-    let opened = inputs.iter().map(open).collect::<Result<Vec<_>, _>>()?;
-    let all = || opened.iter().map(|(s, _)| &s.animation);
-    let vertices = all().map(|a| a.vertex_count()).sum();
-    let triangles = all().map(|a| a.triangle_count()).sum();
-    let names = joined(opened.iter().map(|(s, _)| s.name.as_str()));
-    let keys = key_count(&opened)?;
-    check_keys(names, (keys, vertices, triangles), options)?;
+    let scenes = inputs.iter().map(open).collect::<Result<Vec<_>, _>>()?;
+    let animations = || scenes.iter().map(|s| &s.animation);
+    let vertices: usize = animations().map(|a| a.vertex_count()).sum();
+    let triangles = animations().map(|a| a.triangle_count()).sum();
+    let name = joined(scenes.iter().map(|s| s.name.as_str()));
+    let keys = key_count(&scenes)?;
+    check_keys(&name, (keys, vertices, triangles), options)?;
     within(spec.as_ref(), "vertices", vertices, u32::MAX as usize)?;
-    join(spec, opened, (keys, vertices), options)
-}
-
-/// Inputs side by side.
-struct Joined {
-    parts: Vec<(Arc<Animation>, Placement)>,
-    keys: usize,
-    vertices: usize,
-}
-
-impl KeySource for Joined {
-    fn key_count(&self) -> usize {
-        self.keys
-    }
-
-    fn vertex_count(&self) -> usize {
-        self.vertices
-    }
-
-    fn read(&self, key: usize) -> Result<Vec<Point>, KeyFrameError> {
-        let mut all = Vec::with_capacity(self.vertices);
-        for (animation, place) in &self.parts {
+    let places = inputs.iter().map(|i| i.place.unwrap_or(AS_IT_IS));
+    let placed: Vec<_> = animations().map(Arc::clone).zip(places).collect();
+    let source = move |key: usize| {
+        let mut all = Vec::with_capacity(vertices);
+        for (animation, place) in &placed {
             let own = animation.key(key.min(animation.key_count() - 1))?;
             all.extend(own.iter().map(|&p| place.put(p)));
         }
         Ok(all)
-    }
+    };
+    let triangles = joined_triangles(animations().map(|a| (a.triangles(), a.vertex_count())));
+    let animation = stream::animation(source, (keys, vertices), triangles, options)?;
+    Ok(Scene {
+        name,
+        animation: Arc::new(timed(spec, animation, &scenes)?),
+        facts: facts(&scenes),
+        colours: scenes.into_iter().flat_map(|s| s.colours).collect(),
+    })
 }
 
 /// With the times that the key frames of all inputs that move have in common, if they have times of their own.
@@ -182,35 +170,10 @@ fn timed(spec: &str, joined: Animation, scenes: &[Scene]) -> Result<Animation, S
         .map_err(|e| bad(e.to_string()))
 }
 
-fn join(
-    spec: &str,
-    parts: Vec<(Scene, Placement)>,
-    (keys, vertices): (usize, usize),
-    options: &Options,
-) -> Result<Scene, SceneError> {
-    let placed = |(scene, place): &(Scene, Placement)| (Arc::clone(&scene.animation), *place);
-    let source = Joined {
-        parts: parts.iter().map(placed).collect(),
-        keys,
-        vertices,
-    };
-    let animations = parts.iter().map(|(scene, _)| &scene.animation);
-    let triangles = joined_triangles(animations.map(|a| (a.triangles(), a.vertex_count())));
-    let scenes: Vec<Scene> = parts.into_iter().map(|(scene, _)| scene).collect();
-    let animation = stream::animation(Arc::new(source), triangles, options)?;
-    let animation = timed(spec, animation, &scenes)?;
-    Ok(Scene {
-        name: joined(scenes.iter().map(|s| s.name.as_str())),
-        animation: Arc::new(animation),
-        facts: facts(&scenes),
-        colours: scenes.into_iter().flat_map(|s| s.colours).collect(),
-    })
-}
-
 /// Key frames of all: those of any input that has more than one.
-fn key_count(parts: &[(Scene, Placement)]) -> Result<usize, SceneError> {
+fn key_count(scenes: &[Scene]) -> Result<usize, SceneError> {
     let count = |scene: &Scene| scene.animation.key_count();
-    let mut moving = parts.iter().map(|(s, _)| s).filter(|s| count(s) > 1);
+    let mut moving = scenes.iter().filter(|s| count(s) > 1);
     let Some(first) = moving.next() else {
         return Ok(1);
     };

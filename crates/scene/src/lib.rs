@@ -20,7 +20,6 @@ mod source;
 mod stream;
 
 pub use files::{files, word};
-use geom::AnimationError;
 pub use ply::write_ply;
 pub use source::open;
 use std::fmt::Display;
@@ -102,12 +101,6 @@ pub struct SceneError(pub(crate) String);
 
 /// Where in a file something is wrong: a line counted from 1, or a byte or an item of a list counted from 0.
 pub(crate) type Location = (&'static str, usize);
-
-impl From<AnimationError> for SceneError {
-    fn from(e: AnimationError) -> Self {
-        Self(e.to_string())
-    }
-}
 
 impl SceneError {
     /// What is at `place` cannot be used.

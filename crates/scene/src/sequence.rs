@@ -4,7 +4,7 @@ use crate::mesh::{CLAY, Mesh, Paint, Topology, check_keys, mean};
 use crate::ply::Pattern;
 use crate::source::extension;
 use crate::{Facts, Options, Rgb, Scene, SceneError, obj, ply, stream};
-use geom::{KeyFrameError, KeySource, Point};
+use geom::Point;
 use host::Folder;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -50,12 +50,13 @@ pub(crate) fn open(
         files: files.clone(),
         topology,
         pattern,
-        vertices,
         first: Mutex::new(Some(points)),
         notes: Mutex::default(),
     });
-    let source: Arc<dyn KeySource> = Arc::<Sequence>::clone(&sequence);
-    let animation = Arc::new(stream::animation(source, triangles, options)?);
+    let read = Arc::clone(&sequence);
+    let source = move |key| Ok(read.read(key)?);
+    let size = (sequence.files.len(), vertices);
+    let animation = Arc::new(stream::animation(source, size, triangles, options)?);
     let told = sequence
         .notes
         .lock()
@@ -86,7 +87,6 @@ struct Sequence {
     /// Of all of them.
     topology: Topology,
     pattern: Option<Pattern>,
-    vertices: usize,
     /// The first key frame, until somebody asks for it.
     first: Mutex<Option<Vec<Point>>>,
     /// Remarks on later files, by their number.
@@ -97,7 +97,12 @@ struct Sequence {
 type Stamp = (u64, Option<SystemTime>);
 
 impl Sequence {
-    fn read_file(&self, key: usize) -> Result<Vec<Point>, SceneError> {
+    fn read(&self, key: usize) -> Result<Vec<Point>, SceneError> {
+        let mut first = self.first.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(points) = first.take_if(|_| key == 0) {
+            return Ok(points);
+        }
+        drop(first);
         let path = &self.files[key];
         self.check_unchanged(key)?;
         if let Some(pattern) = &self.pattern {
@@ -134,25 +139,6 @@ impl Sequence {
                 "the file was changed while the scene was in use",
             )),
         }
-    }
-}
-
-impl KeySource for Sequence {
-    fn key_count(&self) -> usize {
-        self.files.len()
-    }
-
-    fn vertex_count(&self) -> usize {
-        self.vertices
-    }
-
-    fn read(&self, key: usize) -> Result<Vec<Point>, KeyFrameError> {
-        let mut first = self.first.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(points) = first.take_if(|_| key == 0) {
-            return Ok(points);
-        }
-        drop(first);
-        Ok(self.read_file(key)?)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Key frames of any source as an animation: held in memory, or read while they are played.
 
 use crate::{Options, SceneError};
-use geom::{Animation, KeyFrameError, KeySource, Point};
+use geom::{Animation, KeyFrameError, Point};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -30,18 +30,19 @@ pub(crate) fn held(keys: usize, vertices: usize, options: &Options) -> usize {
     }
 }
 
-/// An animation over the key frames of `source`.
+/// An animation over so many key frames of so many vertices.
 pub(crate) fn animation(
-    source: Arc<dyn KeySource>,
+    source: impl Fn(usize) -> Result<Vec<Point>, KeyFrameError> + Send + Sync + 'static,
+    (keys, vertices): (usize, usize),
     triangles: Vec<[u32; 3]>,
     options: &Options,
 ) -> Result<Animation, SceneError> {
-    let keys = source.key_count();
-    let window = held(keys, source.vertex_count(), options);
+    let window = held(keys, vertices, options);
     if window < keys {
-        return Ok(Animation::streamed(source, window, triangles)?);
+        let source = Arc::new(source);
+        return Ok(Animation::streamed(source, [keys, window], triangles)?);
     }
-    let read = (0..keys).into_par_iter().map(|key| source.read(key));
+    let read = (0..keys).into_par_iter().map(source);
     // Collected before looked at, so that the first bad one is named whichever thread is faster.
     let read: Vec<_> = read.collect();
     let keys = read.into_iter().collect::<Result<_, _>>()?;

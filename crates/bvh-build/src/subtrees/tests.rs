@@ -78,18 +78,6 @@ fn a_tree_of_none_or_one_stays_so() {
 }
 
 #[test]
-fn a_cancelled_build_leaves_an_empty_tree() {
-    let boxes = clumps(70, |c| c as f32, 0.1);
-    let last = BinaryTree::over(&boxes[..]);
-    let (mut tree, cancel) = (last.clone(), Cancel::new());
-    cancel.cancel();
-    let built =
-        SubtreeRebuilder::new().build(&mut Builder::new(), (&last, &boxes[..]), &cancel, &mut tree);
-    assert_eq!((built, tree.root()), (Err(BuildError::Cancelled), None));
-    assert!(tree.left_leaves().is_empty());
-}
-
-#[test]
 #[should_panic(expected = "no usable box")]
 fn a_box_that_vanished_is_refused() {
     let mut boxes = clumps(70, |c| c as f32, 0.1);

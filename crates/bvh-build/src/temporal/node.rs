@@ -5,7 +5,7 @@ use super::lanes::{Boxes, Ruler};
 use super::prims::Prims;
 use crate::node::fits;
 use crate::tree::SubtreeSlot;
-use crate::{BuildError, Cancel};
+use crate::{BuildError, Cancel, join_if};
 
 /// Nodes of more triangles than this build their children in parallel and ask whether to go on.
 const PARALLEL: usize = 1024;
@@ -40,15 +40,12 @@ pub(super) fn build(
         return Err(BuildError::Cancelled);
     }
     let [left, right] = divide(prims, node);
-    if leaves > PARALLEL {
-        let (a, b) = rayon::join(
-            || build(prims, left, cancel),
-            || build(prims, right, cancel),
-        );
-        return a.and(b);
-    }
-    build(prims, left, cancel)?;
-    build(prims, right, cancel)
+    let (a, b) = join_if(
+        leaves > PARALLEL,
+        || build(prims, left, cancel),
+        || build(prims, right, cancel),
+    );
+    a.and(b)
 }
 
 fn divide<'a>(prims: &Prims, node: TemporalNode<'a>) -> [TemporalNode<'a>; 2] {

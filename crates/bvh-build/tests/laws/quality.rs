@@ -2,7 +2,7 @@
 
 use crate::{check_holds, cube, moments, noise, troublesome};
 use bvh_build::{BinaryTree, BuildError, Cancel, Moment, TemporalBuilder, sah_cost, temporal_cost};
-use geom::{Aabb, Animation};
+use geom::Aabb;
 
 fn build(all: &[Vec<Aabb>]) -> BinaryTree {
     let mut tree = BinaryTree::default();
@@ -94,18 +94,4 @@ fn a_cancelled_build_leaves_an_empty_tree() {
     let built = TemporalBuilder::new().build(&moments(&all), &cancel, &mut tree);
     assert_eq!((built, tree.root()), (Err(BuildError::Cancelled), None));
     assert!(tree.left_leaves().is_empty());
-}
-
-#[test]
-fn an_animation_at_a_pose_gives_the_boxes_of_its_vertices() {
-    let key = |x: f32| vec![[x, 0.0, 0.0], [1.0, x, 0.0], [0.0, 1.0, x]];
-    let animation = Animation::new(vec![key(0.0), key(3.0)], vec![[0, 1, 2]]).unwrap();
-    let pose = animation.pose(0.25);
-    let moment = animation.moment(pose).unwrap();
-    let positions: Vec<_> = (0..3).map(|v| moment.vertex(v)).collect();
-    let boxes: [Box<dyn bvh_build::Boxes>; 2] =
-        [Box::new(moment), Box::new((&animation, &positions[..]))];
-    let [blended, given] = boxes.map(|b| (b.len(), b.get(0)));
-    assert_eq!(blended, given);
-    assert_eq!(given.1.max, [1.0, 1.0, 0.75]);
 }

@@ -5,7 +5,7 @@ use crate::compare::{lists, same_point};
 use crate::stage::{next_positions, vertices};
 use anyhow::{Context, Result, ensure};
 use backend::Ticket;
-use geom::{Animation, KeyFrame, KeyFrameError, KeySource, Point};
+use geom::{Animation, Point};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -14,34 +14,25 @@ const KEYS: usize = 24;
 const WINDOW: usize = 8;
 const FRAMES: usize = 40;
 
-/// The case's key frames over and over, the first shifted a little more each time.
-struct Repeated(Vec<KeyFrame>);
-
-impl KeySource for Repeated {
-    fn key_count(&self) -> usize {
-        KEYS
-    }
-
-    fn vertex_count(&self) -> usize {
-        self.0[0].len()
-    }
-
-    fn read(&self, key: usize) -> Result<Vec<Point>, KeyFrameError> {
-        let mut points = self.0[key % self.0.len()].to_vec();
+/// Positions of a stream are those of key frames that are held, forward and in leaps, while others are under way.
+pub(super) fn positions(c: &mut Check<'_>) -> Result<()> {
+    let triangles = || c.case.animation.triangles().to_vec();
+    // The case's key frames over and over, the first vertex shifted a little more each time.
+    let own = c.case.animation.all_keys()?;
+    let source = move |key: usize| {
+        let mut points = own[key % own.len()].to_vec();
         if let Some(first) = points.first_mut() {
             first[0] += key as f32;
         }
         Ok(points)
-    }
-}
-
-/// Positions of a stream are those of key frames that are held, forward and in leaps, while others are under way.
-pub(super) fn positions(c: &mut Check<'_>) -> Result<()> {
-    let triangles = || c.case.animation.triangles().to_vec();
-    let source = Repeated(c.case.animation.all_keys()?);
-    let keys = (0..KEYS).map(|key| source.read(key));
+    };
+    let keys = (0..KEYS).map(&source);
     let held = Animation::new(keys.collect::<Result<_, _>>()?, triangles())?;
-    let streamed = Arc::new(Animation::streamed(Arc::new(source), WINDOW, triangles())?);
+    let streamed = Arc::new(Animation::streamed(
+        Arc::new(source),
+        [KEYS, WINDOW],
+        triangles(),
+    )?);
     let times = times(c.case.chance);
     c.subject.load(Arc::clone(&streamed), c.method)?;
     let mut expected = VecDeque::new();

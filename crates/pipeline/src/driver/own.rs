@@ -41,7 +41,7 @@ impl Driver {
             Some(_) => return Ok(moved),
         };
         self.backend.rebuild(generation)?;
-        self.beginning.made = true;
+        self.record.made = true;
         self.tree = Some(Tree {
             generation,
             frame: self.frames,

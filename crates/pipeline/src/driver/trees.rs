@@ -2,7 +2,7 @@
 
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildResult, Job};
-use crate::frame::{Adopted, Submission, TreeMoments};
+use crate::frame::{Adopted, Submission, TreeMoments, ms};
 use crate::sampling;
 use crate::schedule::{FramePlan, Pace, Swap, Update};
 use crate::tree_builder::{Built, Made, Vertices};
@@ -131,7 +131,7 @@ impl Driver {
             return Ok(());
         };
         let mut pending = self.ask(generation, pose);
-        if plan.at_once {
+        if self.schedule.waits_at_once() {
             let built = self.build_now(&mut pending, None)?;
             self.schedule.forget(generation);
             if let Ok(built) = built {
@@ -165,7 +165,7 @@ impl Driver {
     }
 
     fn ask(&mut self, generation: Generation, pose: Pose) -> PendingBuild {
-        self.beginning.asked = Some(generation);
+        self.record.asked = Some(generation);
         let may_reject = self.may_reject();
         let middle = self.predictor.middle_of_use();
         PendingBuild {
@@ -222,7 +222,7 @@ impl Driver {
         if swap.wait {
             let start = Instant::now();
             self.wait_for_builder(swap.generation)?;
-            self.beginning.build_wait += start.elapsed();
+            self.record.build_wait_ms += ms(start.elapsed());
         }
         let (Some(made), Some(pending)) = (self.finished.take(), self.build.take()) else {
             return Ok(());
@@ -230,7 +230,7 @@ impl Driver {
         match made {
             Made::Tree(built) => self.adopt(built, &pending),
             Made::NoBetter => {
-                self.beginning.rejected = Some(pending.generation);
+                self.record.rejected = Some(pending.generation);
                 Ok(())
             }
         }
@@ -265,12 +265,12 @@ impl Driver {
         let handed_in = Instant::now();
         let ticket = self.backend.submit()?;
         let report = self.backend.wait(ticket)?;
-        let submission = Submission {
+        self.record.fetched = Some(Submission {
             handed_in,
             seen: Instant::now(),
             times: report.times,
-        };
-        self.beginning.fetched = Some((submission, report));
+        });
+        self.record.report = report;
         let positions = loop {
             match self.backend.take_positions()? {
                 Some((t, positions)) if t == ticket => break positions,
@@ -285,12 +285,9 @@ impl Driver {
         let built = self.builder_pool.with(|builder| {
             builder.order_toward(light);
             builder.reuse(spare);
-            match halves {
-                Some(halves) => builder.build_swept(animation, (positions, halves), &cancel),
-                None => builder.build(animation, positions, &cancel),
-            }
+            builder.build(animation, (positions, halves), &cancel)
         });
-        self.beginning.build_wait += arrived.elapsed();
+        self.record.build_wait_ms += ms(arrived.elapsed());
         Ok(built)
     }
 
@@ -305,7 +302,7 @@ impl Driver {
             let samples = sampling::samples(animation, range)?;
             builder.build_for_all(animation, &samples, pose, &Cancel::new())
         });
-        self.beginning.build_wait += begun.elapsed();
+        self.record.build_wait_ms += ms(begun.elapsed());
         built
     }
 
@@ -321,7 +318,7 @@ impl Driver {
             cost: built.cost,
         });
         let (arrived, snapshot_bytes) = pending.arrived.expect("a tree is built from vertices");
-        self.beginning.adopted = Some(Adopted {
+        self.record.adopted = Some(Adopted {
             latency_frames: pending.latency.unwrap_or(0),
             build_ms: built.build_ms,
             convert_ms: built.convert_ms,

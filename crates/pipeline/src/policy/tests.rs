@@ -112,48 +112,32 @@ fn the_choice_takes_at_most_a_third_longer_than_the_best_measured() {
 }
 
 #[test]
-fn what_stands_still_or_lasts_keeps_its_tree() {
-    let moving = facts(&H100[1], DeviceKind::Gpu, 16, 1 << 20);
-    let update = |facts: RunFacts| facts.choose().update;
-    let still = RunFacts {
-        moves: false,
-        ..moving
-    };
-    assert_eq!(update(still), Update::Refit);
-    let one = RunFacts {
-        frames: 1,
-        ..moving
-    };
-    assert_eq!(update(one), Update::Refit);
-    let lasting = RunFacts {
-        decay: RefitDecay::NONE,
-        ..moving
-    };
-    assert_eq!(update(lasting), Update::Refit);
-}
-
-#[test]
-fn frames_that_lie_far_apart_have_trees_of_their_own() {
+fn runs_of_a_kind_have_the_policy_that_suits_them() {
+    use DeviceKind::{Cpu, Gpu};
+    let moving = facts(&H100[1], Gpu, 16, 1 << 20);
     let apart = RunFacts {
         step: 3.0,
-        ..facts(&H100[1], DeviceKind::Gpu, 16, 1 << 20)
+        ..moving
     };
-    assert_eq!(apart.choose().update, Update::DeviceRebuild);
     let on_host = RunFacts {
         device_builds: false,
-        device: DeviceKind::Cpu,
+        device: Cpu,
         ..apart
     };
-    assert_eq!(on_host.choose().update, Update::Rebuild);
-}
-
-#[test]
-fn a_long_run_of_trees_that_fade_is_worth_one_for_all_of_it() {
-    let long = RunFacts {
-        frames: 20_000,
-        ..facts(&TWO_CORES[3], DeviceKind::Cpu, 2, 640 * 360)
-    };
-    let Choice { update, why } = long.choose();
-    assert_eq!(update, Update::TSah);
-    assert!(why.contains("20000 frames"), "{why}");
+    let [mut still, mut one, mut lasting] = [moving; 3];
+    (still.moves, one.frames, lasting.decay) = (false, 1, RefitDecay::NONE);
+    // Of trees that fade.
+    let mut long = facts(&TWO_CORES[3], Cpu, 2, 640 * 360);
+    long.frames = 20_000;
+    for (facts, update) in [
+        (still, Update::Refit),
+        (one, Update::Refit),
+        (lasting, Update::Refit),
+        (apart, Update::DeviceRebuild),
+        (on_host, Update::Rebuild),
+        (long, Update::TSah),
+    ] {
+        assert_eq!(facts.choose().update, update, "{facts:?}");
+    }
+    assert!(long.choose().why.contains("20000 frames"));
 }

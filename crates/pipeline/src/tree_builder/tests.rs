@@ -32,7 +32,7 @@ fn tree(made: Made) -> Option<Built> {
 fn only_a_tree_that_is_cheaper_where_it_will_be_used_is_handed_over() {
     let (a, cancel) = (shuffled(), Cancel::new());
     let mut builder = TreeBuilder::new();
-    builder.build(&a, a.first(), &cancel).unwrap();
+    builder.build(&a, (a.first(), None), &cancel).unwrap();
     let other = || Vertices::KeyFrames(a.pose(1.0));
     let mut made_for = |rival_at: Option<f64>| {
         let at = rival_at.map(|t| a.pose(t));
@@ -100,7 +100,7 @@ impl Course {
 
     fn with_forms(forms: Forms) -> Self {
         let (animation, mut builder) = (clumps(), TreeBuilder::with_forms(forms));
-        let first = builder.build(&animation, animation.first(), &Cancel::new());
+        let first = builder.build(&animation, (animation.first(), None), &Cancel::new());
         first.unwrap();
         Self { animation, builder }
     }
@@ -151,7 +151,7 @@ fn a_warm_up_changes_no_tree_to_come_and_finds_its_memory() {
         let mut builder = TreeBuilder::with_forms(forms);
         builder.warm_up(&a, a.pose(0.0), &cancel).unwrap();
         assert!(builder.spare.is_empty(), "there is no tree to begin with");
-        builder.build(&a, a.first(), &cancel).unwrap();
+        builder.build(&a, (a.first(), None), &cancel).unwrap();
         if warms_up {
             builder.warm_up(&a, a.pose(2.0), &cancel).unwrap();
             assert!(!builder.spare.is_empty());
@@ -167,16 +167,6 @@ fn a_warm_up_changes_no_tree_to_come_and_finds_its_memory() {
         (plain.cost, plain.strategy, plain.next),
         (warmed.cost, warmed.strategy, warmed.next)
     );
-}
-
-#[test]
-fn where_trees_fade_the_next_is_built_for_both_halves_of_its_use() {
-    let mut course = Course::new();
-    course.next(1.0);
-    let [last, tree] = course.next(2.0);
-    let boxes = swept(&course.animation, [1.625, 2.0]);
-    assert_eq!(tree, of_groups(&last, &boxes));
-    assert_ne!(tree, of_groups(&last, &course.boxes(2.0)));
 }
 
 #[test]
@@ -197,8 +187,8 @@ fn what_records_carry_changes_no_tree() {
 fn a_first_tree_for_more_than_a_moment_costs_what_it_does_at_that_moment() {
     let a = clumps();
     let (mut builder, halves) = (TreeBuilder::new(), [0.25, 0.75]);
-    let from = (a.first(), halves.map(|time| a.pose(time)));
-    let built = builder.build_swept(&a, from, &Cancel::new()).unwrap();
+    let from = (a.first(), Some(halves.map(|time| a.pose(time))));
+    let built = builder.build(&a, from, &Cancel::new()).unwrap();
     assert_eq!(builder.in_use, from_scratch(&swept(&a, halves)));
     assert_eq!(
         built.cost,
@@ -224,13 +214,13 @@ fn what_a_tree_costs_is_said_of_the_middle_whatever_it_was_built_for() {
 fn a_tree_that_nobody_weighs_does_not_count_as_faded() {
     let (a, cancel) = (shuffled(), Cancel::new());
     let mut builder = TreeBuilder::new();
-    builder.build(&a, a.first(), &cancel).unwrap();
+    builder.build(&a, (a.first(), None), &cancel).unwrap();
     let halves = [0.625, 1.0].map(|t| a.pose(t));
     for _ in 0..3 {
         let from = Vertices::KeyFrames(a.pose(1.0));
         let made = builder.rebuild(&a, (from, Some(halves)), None, &cancel);
         let own = TreeBuilder::new()
-            .build(&a, &a.key(1).unwrap(), &cancel)
+            .build(&a, (&a.key(1).unwrap(), None), &cancel)
             .unwrap();
         let found = tree(made.unwrap()).unwrap();
         assert_eq!(found.topology.words(), own.topology.words());
@@ -258,7 +248,7 @@ fn a_tree_for_all_times_is_never_worse_over_them_than_the_first_frames() {
     let mut builder = TreeBuilder::new();
     let first = a.pose(0.0);
     let for_all = builder.build_for_all(&a, &samples, first, &cancel).unwrap();
-    let own = builder.build(&a, a.first(), &cancel).unwrap();
+    let own = builder.build(&a, (a.first(), None), &cancel).unwrap();
     assert_eq!(for_all.cost, own.cost);
     assert_ne!(for_all.topology.words(), own.topology.words());
     // Where hardly anything but the first frame counts, its own tree is taken.
@@ -277,7 +267,7 @@ fn a_tree_that_was_never_used_is_taken_back() {
         tree(builder.rebuild(&a, what, Some(at(time)), &cancel).unwrap())
     };
     let mut builder = TreeBuilder::new();
-    builder.build(&a, a.first(), &cancel).unwrap();
+    builder.build(&a, (a.first(), None), &cancel).unwrap();
     let used = builder.in_use.clone();
     from(&mut builder, 1.0).expect("another order, another tree");
     assert_ne!(builder.in_use, used);
@@ -285,7 +275,7 @@ fn a_tree_that_was_never_used_is_taken_back() {
     assert_eq!(builder.in_use, used);
     // The next one is set against the one in use.
     let mut other = TreeBuilder::new();
-    other.build(&a, a.first(), &cancel).unwrap();
+    other.build(&a, (a.first(), None), &cancel).unwrap();
     let [one, other] = [&mut builder, &mut other].map(|b| from(b, 0.7).map(|t| t.topology));
     assert_eq!(one, other);
 }
@@ -302,12 +292,15 @@ fn an_old_records_memory_is_used_again() {
             let treelets = tree.treelets().map(|t| t.words().as_ptr());
             (tree.words().as_ptr(), treelets)
         };
-        let first = builder.build(&a, a.first(), &cancel).unwrap().topology;
+        let first = builder
+            .build(&a, (a.first(), None), &cancel)
+            .unwrap()
+            .topology;
         let before = memory(&first);
         builder.reuse(first.into_spare());
         builder.reuse(Spare::default());
         let again = builder
-            .build(&a, &a.key(1).unwrap(), &cancel)
+            .build(&a, (&a.key(1).unwrap(), None), &cancel)
             .unwrap()
             .topology;
         assert_eq!(memory(&again), before);
@@ -350,7 +343,10 @@ fn blocks_of_a_tree_that_faces_the_light_are_asked_in_its_order() {
     for (toward, first) in [(None, First::Larger), (Some([-9.0, 5.0, 1.0]), First::Left)] {
         let mut builder = TreeBuilder::with_forms(forms);
         builder.order_toward(toward);
-        let tree = builder.build(&a, a.first(), &cancel).unwrap().topology;
+        let tree = builder
+            .build(&a, (a.first(), None), &cancel)
+            .unwrap()
+            .topology;
         let of = |first| BlockTree::of(&tree, a.triangles(), (&builder.boxes[..], first));
         assert!(of(First::Larger) != of(First::Left));
         assert!(**tree.blocks().unwrap() == of(first), "{first:?}");

@@ -34,7 +34,7 @@ pub(crate) fn positions(animation: &Animation, time: f64) -> Vec<Point> {
 /// The record of a tree for one moment.
 fn tree_at(animation: &Animation, time: f64) -> Vec<u32> {
     let positions = positions(animation, time);
-    let built = TreeBuilder::new().build(animation, &positions, &Cancel::new());
+    let built = TreeBuilder::new().build(animation, (&positions, None), &Cancel::new());
     built.unwrap().topology.into_words()
 }
 
@@ -116,7 +116,7 @@ fn made_after(left: &FrameRecord) -> Vec<u32> {
     let (mut builder, cancel) = (TreeBuilder::new(), Cancel::new());
     let pose = |time| animation.pose(time);
     let own = positions(&animation, 0.0);
-    let first = builder.build_swept(&animation, (&own, [0.25, 0.75].map(pose)), &cancel);
+    let first = builder.build(&animation, (&own, Some([0.25, 0.75].map(pose))), &cancel);
     first.unwrap();
     let far = pose(30.0);
     let what = (Vertices::KeyFrames(far), None);
@@ -161,7 +161,7 @@ fn a_first_tree_that_is_used_for_nobody_knows_how_long_is_built_for_a_key_frame(
     let animation = shuffled(30);
     let halves = [0.25, 0.75].map(|time| animation.pose(time));
     let own = positions(&animation, 0.0);
-    let swept = TreeBuilder::new().build_swept(&animation, (&own, halves), &Cancel::new());
+    let swept = TreeBuilder::new().build(&animation, (&own, Some(halves)), &Cancel::new());
     let swept = swept.unwrap().topology.into_words();
     let plain = tree_at(&animation, 0.0);
     assert_ne!(swept, plain);

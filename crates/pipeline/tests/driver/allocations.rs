@@ -6,8 +6,8 @@
 
 use crate::ahead::many_shuffled;
 use crate::fake::Fake;
-use crate::{camera, driver};
-use backend::{Query, QueryKind, Rays, Snapshot};
+use crate::{driver, query};
+use backend::{QueryKind, Snapshot};
 use pipeline::{Frame, Pace, PipelineError, Update, Wanted};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -51,11 +51,7 @@ fn takings(update: Update, predict: bool) -> (Vec<u64>, usize) {
     let snapshot = |_| Box::new(animation.first().to_vec()) as Snapshot;
     fake.prepared = Some((0..=FRAMES).map(snapshot).collect());
     let mut driver = driver(fake, &animation, (update, predict)).unwrap();
-    let camera = camera();
-    let query = Query {
-        rays: Rays::Camera(&camera),
-        kind: QueryKind::Closest,
-    };
+    let query = query(QueryKind::Closest);
     let (mut all, mut trees) = (Vec::with_capacity(FRAMES as usize), 0);
     let mut last = TAKEN.get();
     let frames = (0..FRAMES).map(|index| Frame {

@@ -71,8 +71,6 @@ pub(crate) struct Log {
     pub(crate) trees: Vec<Vec<u32>>,
     pub(crate) made: Vec<Generation>,
     pub(crate) requested: usize,
-    /// Whether anything was traced.
-    traced_any: bool,
 }
 
 /// Checks the order of calls; positions reach the host after some polls, or never.
@@ -86,6 +84,8 @@ pub(crate) struct Fake {
     ticket: u64,
     requested: Option<(u32, Ticket, Pose)>,
     record_request: bool,
+    /// Whether anything was.
+    traced: bool,
     polls: Option<u32>,
     gate: Option<Arc<Gate>>,
     hits: Hits,
@@ -115,6 +115,7 @@ impl Fake {
             ticket: 0,
             requested: None,
             record_request: false,
+            traced: false,
             polls,
             gate,
             hits: Hits::default(),
@@ -128,10 +129,6 @@ impl Fake {
         if self.prepared.is_none() {
             what(&mut self.log.lock().unwrap());
         }
-    }
-
-    fn traced(&self) -> bool {
-        self.log.lock().unwrap().traced_any
     }
 }
 
@@ -191,7 +188,7 @@ impl Backend for Fake {
         assert_eq!(self.fresh, (true, true), "a stale tree was traced");
         let traced = (self.generation, self.pose.unwrap());
         self.note(|log| log.traced.push(traced));
-        self.log.lock().unwrap().traced_any = true;
+        self.traced = true;
         Ok(())
     }
     fn request_positions(&mut self) -> Result<()> {
@@ -203,11 +200,8 @@ impl Backend for Fake {
     fn submit(&mut self) -> Result<Ticket> {
         self.ticket += 1;
         if std::mem::take(&mut self.record_request) {
-            let polls = if self.traced() {
-                self.polls.unwrap_or(u32::MAX)
-            } else {
-                0
-            };
+            let polls = self.polls.unwrap_or(u32::MAX);
+            let polls = if self.traced { polls } else { 0 };
             self.requested = Some((polls, Ticket(self.ticket), self.pose.unwrap()));
         }
         Ok(Ticket(self.ticket))
@@ -235,7 +229,7 @@ impl Backend for Fake {
                 let moment = a.moment(pose).unwrap();
                 let at = |v| moment.vertex(v as u32);
                 let positions: Vec<Point> = (0..a.vertex_count()).map(at).collect();
-                let gate = self.gate.clone().filter(|_| self.traced());
+                let gate = self.gate.clone().filter(|_| self.traced);
                 Ok(Some((ticket, Box::new(Vertices { positions, gate }))))
             }
             Some((polls, ..)) => {

@@ -12,7 +12,7 @@ use backend::{Generation, Method, Query, QueryKind, Rays};
 use fake::{Fake, Gate, Log};
 use geom::{Animation, Camera};
 use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Pace, PipelineError, Update, Wanted};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, LazyLock, Mutex};
 
 /// Two triangles that drift apart over `keys` key frames.
 fn drifting(keys: usize) -> Arc<Animation> {
@@ -41,9 +41,13 @@ fn driver(
     Driver::new(Box::new(fake), Arc::clone(animation), options)
 }
 
-/// Four pixels: what they see, the fake makes up.
-fn camera() -> Camera {
-    Camera::look_at([0.0, 0.0, 9.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0, [2, 2]).unwrap()
+/// A query of four pixels: what they see, the fake makes up.
+fn query(kind: QueryKind) -> Query<'static> {
+    static CAMERA: LazyLock<Camera> = LazyLock::new(|| {
+        Camera::look_at([0.0, 0.0, 9.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0, [2, 2]).unwrap()
+    });
+    let rays = Rays::Camera(&CAMERA);
+    Query { rays, kind }
 }
 
 /// What a fake wrote that is gone with its driver.
@@ -74,11 +78,7 @@ fn run_paced(
 ) -> Run {
     let (fake, log) = Fake::new(polls, gate.clone());
     let mut driver = driver(fake, animation, (update, predict)).unwrap();
-    let camera = camera();
-    let query = Query {
-        rays: Rays::Camera(&camera),
-        kind: QueryKind::Closest,
-    };
+    let query = query(QueryKind::Closest);
     let mut records = Vec::new();
     let step = animation.end() / frames as f64;
     let list = (0..frames).map(|index| Frame {

@@ -2,8 +2,8 @@
 
 use crate::ahead::{many_shuffled, positions};
 use crate::fake::Fake;
-use crate::{camera, driver, read};
-use backend::{Query, QueryKind, Rays};
+use crate::{driver, query, read};
+use backend::QueryKind;
 use bvh_build::Cancel;
 use geom::Point;
 use pipeline::{Frame, Pace, TreeBuilder, Update};
@@ -13,14 +13,10 @@ fn trees(update: Update, predict: bool, kind: impl Fn(u64) -> QueryKind) -> Vec<
     let animation = many_shuffled(6, 256);
     let (fake, log) = Fake::new(Some(0), None);
     let mut driver = driver(fake, &animation, (update, predict)).unwrap();
-    let camera = camera();
     for index in 0..6 {
         let time = index as f64;
-        let query = Query {
-            rays: Rays::Camera(&camera),
-            kind: kind(index),
-        };
-        driver.begin(Frame { index, time }, query).unwrap();
+        let frame = Frame { index, time };
+        driver.begin(frame, query(kind(index))).unwrap();
         driver.finish(None).unwrap();
     }
     drop(driver);
@@ -32,7 +28,11 @@ fn tree_at(time: f64, toward: Option<Point>) -> Vec<u32> {
     let animation = many_shuffled(6, 256);
     let mut builder = TreeBuilder::new();
     builder.order_toward(toward);
-    let built = builder.build(&animation, &positions(&animation, time), &Cancel::new());
+    let built = builder.build(
+        &animation,
+        (&positions(&animation, time), None),
+        &Cancel::new(),
+    );
     built.unwrap().topology.into_words()
 }
 

@@ -1,8 +1,8 @@
 //! A backend that makes its trees itself: nobody builds beside it, and nothing is read back.
 
 use crate::fake::{Fake, Log};
-use crate::{camera, drifting, read};
-use backend::{Generation, Query, QueryKind, Rays};
+use crate::{drifting, query, read};
+use backend::{Generation, QueryKind};
 use pipeline::{Driver, Frame, Pace, PipelineError, Update, Wanted};
 use std::sync::{Arc, Mutex};
 
@@ -17,11 +17,7 @@ fn driver(update: Update) -> (Result<Driver, PipelineError>, Arc<Mutex<Log>>) {
 fn rebuilt(update: Update) -> Vec<u64> {
     let (driver, log) = driver(update);
     let mut driver = driver.unwrap();
-    let camera = camera();
-    let query = Query {
-        rays: Rays::Camera(&camera),
-        kind: QueryKind::Closest,
-    };
+    let query = query(QueryKind::Closest);
     let frames = [0.0, 0.5, 0.5, 1.0, 2.0, 3.0].into_iter();
     let frames = (0..).zip(frames).map(|(index, time)| Frame { index, time });
     let mut ages = Vec::new();

@@ -1,8 +1,8 @@
 //! What is warmed up or repeated leaves no trace in the frames that count.
 
 use crate::fake::{Fake, Log};
-use crate::{camera, drifting, driver, read};
-use backend::{Generation, Query, QueryKind, Rays};
+use crate::{drifting, driver, query, read};
+use backend::{Generation, QueryKind};
 use pipeline::{Frame, FrameRecord, Pace, PipelineError, Update, Wanted};
 
 /// What a frame says that no clock decides.
@@ -26,11 +26,7 @@ fn run(
 ) -> (Vec<FrameRecord>, Log) {
     let (fake, log) = Fake::new(Some(0), None);
     let mut driver = driver(fake, &drifting(30), (update, predict)).unwrap();
-    let camera = camera();
-    let query = Query {
-        rays: Rays::Camera(&camera),
-        kind: QueryKind::Closest,
-    };
+    let query = query(QueryKind::Closest);
     let mut records = Vec::new();
     let frame = |index| Frame {
         index,

@@ -14,7 +14,7 @@ use crate::mesh::{check_keys, joined_triangles, within};
 use crate::source::extension;
 use crate::{Facts, MAX_FPS, Options, Scene, SceneError, stream};
 use document::File;
-use geom::{Animation, KeyFrameError, KeySource, Point};
+use geom::Animation;
 use motion::Motion;
 use part::Part;
 use rig::Rig;
@@ -57,14 +57,18 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
         seconds_per_key: (times.len() > 1).then(|| times[1] - times[0]),
         notes,
     };
-    let sampler = Sampler {
-        rig,
-        motion,
-        parts,
-        times,
-        vertices,
+    let size = (times.len(), vertices);
+    let source = move |key: usize| {
+        let time = times[key];
+        let pose = rig.pose(&motion, time);
+        // A list that grows takes more than its points in the end.
+        let mut points = Vec::with_capacity(vertices);
+        for part in &parts {
+            points.extend(part.positions(&pose, &motion, time));
+        }
+        Ok(points)
     };
-    let animation = Arc::new(stream::animation(Arc::new(sampler), triangles, options)?);
+    let animation = Arc::new(stream::animation(source, size, triangles, options)?);
     Ok(Scene {
         name,
         animation,
@@ -146,36 +150,6 @@ fn check_sizes(
         return Err(SceneError::unusable(path.display(), cause));
     }
     Ok(())
-}
-
-/// Samples a clip at its times.
-struct Sampler {
-    rig: Rig,
-    motion: Motion,
-    parts: Vec<Part>,
-    times: Vec<f64>,
-    vertices: usize,
-}
-
-impl KeySource for Sampler {
-    fn key_count(&self) -> usize {
-        self.times.len()
-    }
-
-    fn vertex_count(&self) -> usize {
-        self.vertices
-    }
-
-    fn read(&self, key: usize) -> Result<Vec<Point>, KeyFrameError> {
-        let time = self.times[key];
-        let pose = self.rig.pose(&self.motion, time);
-        // A list that grows takes more than its points in the end.
-        let mut points = Vec::with_capacity(self.vertices);
-        for part in &self.parts {
-            points.extend(part.positions(&pose, &self.motion, time));
-        }
-        Ok(points)
-    }
 }
 
 #[cfg(test)]

@@ -11,34 +11,10 @@ use std::collections::BTreeMap;
 /// All that a clip moves; the default moves nothing.
 #[derive(Default)]
 pub(super) struct Motion {
-    nodes: BTreeMap<usize, Tracks>,
+    /// By node and property.
+    tracks: BTreeMap<(usize, usize), Track>,
     /// Least and greatest time of any key; nothing if there is none.
     span: Option<[f64; 2]>,
-}
-
-/// What moves at one node.
-#[derive(Default)]
-pub(super) struct Tracks {
-    translation: Option<Track>,
-    rotation: Option<Track>,
-    scale: Option<Track>,
-    weights: Option<Track>,
-}
-
-impl Tracks {
-    /// A node's parts, of which a clip sets some.
-    pub(super) fn at(&self, time: f64, (translation, rotation, scale): Parts) -> Parts {
-        let vector = |track: &Option<Track>, rest| {
-            let value = track.as_ref().map(|t| t.at(time));
-            value.map_or(rest, |v| DVec3::from_slice(&v))
-        };
-        let turned = self.rotation.as_ref().map(|t| unit(&t.at(time)));
-        (
-            vector(&self.translation, translation),
-            turned.unwrap_or(rotation),
-            vector(&self.scale, scale),
-        )
-    }
 }
 
 impl Motion {
@@ -51,14 +27,34 @@ impl Motion {
         Ok(motion)
     }
 
-    /// What moves at a node.
-    pub(super) fn node(&self, node: usize) -> Option<&Tracks> {
-        self.nodes.get(&node)
+    /// Whether anything moves at a node.
+    pub(super) fn moves(&self, node: usize) -> bool {
+        let mut own = self.tracks.range((node, 0)..(node + 1, 0));
+        own.next().is_some()
+    }
+
+    fn at(&self, node: usize, property: Property, time: f64) -> Option<Vec<f64>> {
+        let track = self.tracks.get(&(node, property as usize))?;
+        Some(track.at(time))
+    }
+
+    /// A node's parts, of which the clip may set some.
+    pub(super) fn parts(&self, node: usize, time: f64, rest: Parts) -> Parts {
+        let vector = |property, rest| {
+            let value = self.at(node, property, time);
+            value.map_or(rest, |v| DVec3::from_slice(&v))
+        };
+        let turned = self.at(node, Property::Rotation, time);
+        (
+            vector(Property::Translation, rest.0),
+            turned.map_or(rest.1, |v| unit(&v)),
+            vector(Property::Scale, rest.2),
+        )
     }
 
     /// Weights of the morph targets at a node, if the clip sets them.
     pub(super) fn weights(&self, node: usize, time: f64) -> Option<Vec<f64>> {
-        Some(self.nodes.get(&node)?.weights.as_ref()?.at(time))
+        self.at(node, Property::MorphTargetWeights, time)
     }
 
     /// First and last time, in seconds.
@@ -77,16 +73,11 @@ impl Motion {
         let [start, end] = self.span.unwrap_or([first, last]);
         self.span = Some([start.min(first), end.max(last)]);
         let node = channel.target().node();
-        let tracks = self.nodes.entry(node.index()).or_default();
         let property = channel.target().property();
-        let (slot, size, values) = match property {
-            Property::Translation => (&mut tracks.translation, 3, numbers::<3>(file, &output)?),
-            Property::Scale => (&mut tracks.scale, 3, numbers::<3>(file, &output)?),
-            Property::Rotation => (&mut tracks.rotation, 4, numbers::<4>(file, &output)?),
-            Property::MorphTargetWeights => {
-                let values = numbers::<1>(file, &output)?;
-                (&mut tracks.weights, targets(&node), values)
-            }
+        let (size, values) = match property {
+            Property::Translation | Property::Scale => (3, numbers::<3>(file, &output)?),
+            Property::Rotation => (4, numbers::<4>(file, &output)?),
+            Property::MorphTargetWeights => (targets(&node), numbers::<1>(file, &output)?),
         };
         let track = Track {
             times,
@@ -96,7 +87,7 @@ impl Motion {
             interpolation: how,
         };
         track.check().map_err(|cause| file.wrong(place, cause))?;
-        *slot = Some(track);
+        self.tracks.insert((node.index(), property as usize), track);
         Ok(())
     }
 }

@@ -62,9 +62,9 @@ pub(super) fn check_room(file: &File, rig: &Rig, options: &Options) -> Result<()
     let nodes: Vec<_> = file.document.nodes().collect();
     let mut bytes = 0_u64;
     for node in rig.visible(file).into_iter().map(|i| &nodes[i]) {
-        let copies = rig::copies(file, node)? as u64;
+        let (copies, _) = rig::instances(file, node)?;
         for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
-            let kept = kept(file, &primitive)?.saturating_mul(copies);
+            let kept = kept(file, &primitive)?.saturating_mul(copies as u64);
             bytes = bytes.saturating_add(kept);
         }
     }

@@ -92,15 +92,15 @@ impl Rig {
 
     fn own(&self, node: usize, motion: &Motion, time: f64) -> DMat4 {
         let rest = &self.nodes[node].rest;
-        let (translation, rotation, scale) = match (motion.node(node), rest) {
-            (None, Rest::Matrix(matrix)) => return *matrix,
-            (None, Rest::Parts(parts)) => *parts,
-            (Some(tracks), Rest::Parts(parts)) => tracks.at(time, *parts),
-            (Some(tracks), Rest::Matrix(matrix)) => {
+        let parts = match rest {
+            Rest::Matrix(matrix) if !motion.moves(node) => return *matrix,
+            Rest::Matrix(matrix) => {
                 let (scale, rotation, translation) = matrix.to_scale_rotation_translation();
-                tracks.at(time, (translation, rotation, scale))
+                (translation, rotation, scale)
             }
+            Rest::Parts(parts) => *parts,
         };
+        let (translation, rotation, scale) = motion.parts(node, time, parts);
         DMat4::from_scale_rotation_translation(scale, rotation, translation)
     }
 }
@@ -159,7 +159,7 @@ fn descend(file: &File, roots: Vec<usize>) -> Vec<usize> {
 const NAME: &str = "EXT_mesh_gpu_instancing";
 
 /// How many copies of its mesh a node shows; and accessors of their translations, rotations and scales, of one length.
-fn instances<'a>(
+pub(super) fn instances<'a>(
     file: &'a File,
     node: &Node<'_>,
 ) -> Result<(usize, [Option<Accessor<'a>>; 3]), SceneError> {
@@ -186,11 +186,6 @@ fn instances<'a>(
         return Err(wrong(cause));
     }
     Ok((count, found))
-}
-
-/// How many copies of its mesh a node shows.
-pub(super) fn copies(file: &File, node: &Node<'_>) -> Result<usize, SceneError> {
-    instances(file, node).map(|(count, _)| count)
 }
 
 /// Where each copy stands, seen from the node.

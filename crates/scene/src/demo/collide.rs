@@ -7,9 +7,6 @@ use crate::Rgb;
 use glam::{DAffine3, DMat3, DVec3};
 use std::f64::consts::{PI, TAU};
 
-/// Triangles unless asked otherwise.
-pub(super) const TRIANGLES: usize = 252_000;
-pub(super) const KEYS: u32 = 24;
 /// The whole time, for what falls.
 const SECONDS: f64 = 2.0;
 /// When the bodies touch and part, of the whole time.
@@ -192,29 +189,4 @@ fn splinter(index: u64) -> Part {
         let ridden = at(time.min(CONTACT[0])) - start;
         DAffine3::from_translation(ridden) * trajectory.pose((time - CONTACT[0]).max(0.0) * SECONDS)
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn bodies_touch_and_part_without_crossing() {
-        let front = |time: f64| {
-            let surface = cube(6).map(onto_ball).points;
-            let near = |b: Body| {
-                surface
-                    .iter()
-                    .map(move |&p| b.side * b.place(p, time).x)
-                    .collect::<Vec<_>>()
-            };
-            BODIES.map(|b| near(b).into_iter().fold(f64::INFINITY, f64::min))
-        };
-        for step in 0..=100 {
-            let time = f64::from(step) / 100.0;
-            assert!(front(time).iter().all(|&x| x > 0.0), "at {time}");
-        }
-        assert!(front(0.42).iter().all(|&x| x < 0.01));
-        assert!(front(0.0).iter().chain(&front(1.0)).all(|&x| x > 1.0));
-    }
 }

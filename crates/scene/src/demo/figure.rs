@@ -148,26 +148,3 @@ fn place(limb: Limb, side: f64, step: Step) -> DAffine3 {
 fn joint(at: DVec3, angle: f64) -> DAffine3 {
     DAffine3::from_mat3_translation(rotation(DVec3::Z, angle), at)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn feet_stay_near_the_ground_and_take_turns() {
-        let foot = |side, phase| {
-            let step = Step {
-                ground: DVec3::ZERO,
-                phase,
-            };
-            place(Limb::Foot, side, step).translation
-        };
-        for step in 0..20 {
-            let phase = f64::from(step) / 20.0;
-            let lower = foot(-1.0, phase).y.min(foot(1.0, phase).y);
-            assert!((0.0..0.12).contains(&lower), "{phase}: {lower}");
-            assert!((foot(-1.0, phase).x - foot(1.0, phase + 0.5).x).abs() < 1e-9);
-        }
-        assert!(foot(1.0, 0.25).x > 0.25 && foot(-1.0, 0.25).x < -0.2);
-    }
-}

@@ -8,9 +8,6 @@ use crate::Rgb;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
-/// Triangles unless asked otherwise.
-pub(super) const TRIANGLES: usize = 174_000;
-pub(super) const KEYS: u32 = 24;
 /// Half the length of the ground's sides.
 const HALF: f64 = 4.5;
 /// The figure walks along x at this z.

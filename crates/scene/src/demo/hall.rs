@@ -8,9 +8,6 @@ use crate::Rgb;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
-/// Triangles unless asked otherwise.
-pub(super) const TRIANGLES: usize = 150_000;
-pub(super) const KEYS: u32 = 24;
 /// Half the floor's length and width.
 const HALF: [f64; 2] = [6.4, 3.2];
 /// Height of the columns, and of the wall behind them.
@@ -157,20 +154,4 @@ fn column(budget: usize, place: DVec3) -> Part {
             0.1 * noise(206, p * 2.3) + 0.06 * noise(207, p * 14.0),
         )
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::stage::assemble;
-    use super::*;
-
-    #[test]
-    fn only_the_figure_moves() {
-        let (animation, _) = assemble(build(TRIANGLES), KEYS, &crate::Options::default()).unwrap();
-        let (moving, all) = (animation.moving_count(), animation.triangle_count());
-        let share = moving as f64 / all as f64;
-        assert!((0.045..0.055).contains(&share), "{moving} of {all}");
-        let figure = figure(TRIANGLES / 20, walk);
-        assert_eq!(moving, figure.iter().map(Part::len).sum::<usize>());
-    }
 }

@@ -29,11 +29,12 @@ const LEAST_BYTES: u64 = 96;
 type Demo = (&'static str, fn(usize) -> Vec<Part>, usize, u32);
 
 const DEMOS: [Demo; 5] = [
-    ("grove", grove::build, grove::TRIANGLES, grove::KEYS),
-    ("collide", collide::build, collide::TRIANGLES, collide::KEYS),
-    ("shatter", shatter::build, shatter::TRIANGLES, shatter::KEYS),
-    ("twist", twist::build, twist::TRIANGLES, twist::KEYS),
-    ("hall", hall::build, hall::TRIANGLES, hall::KEYS),
+    ("grove", grove::build, 174_000, 24),
+    ("collide", collide::build, 252_000, 24),
+    // Few key frames, so that ten million triangles stay under 200 bytes each.
+    ("shatter", shatter::build, shatter::TRIANGLES, 16),
+    ("twist", twist::build, 100_000, 24),
+    ("hall", hall::build, 150_000, 24),
 ];
 
 /// The demo named by what follows `demo:`, such as `shatter` or `grove:5000`.
@@ -148,16 +149,6 @@ mod tests {
                 assert!((12..=24).contains(&scene.animation.key_count()));
                 assert!(scene.animation.magnitude().is_finite());
             }
-        }
-    }
-
-    #[test]
-    fn a_wrong_name_or_count_is_refused() {
-        let message = |spec: &str| open(spec).unwrap_err().to_string();
-        assert!(message("teapot").contains("grove"));
-        for text in ["", "0", "-3", "1e6", "12x", "100000001"] {
-            let message = message(&format!("twist:{text}"));
-            assert!(message.contains(&format!("{text:?}")), "{message}");
         }
     }
 }

@@ -12,8 +12,6 @@ use std::f64::consts::TAU;
 
 /// Triangles unless asked otherwise.
 pub(super) const TRIANGLES: usize = 1_600_000;
-/// Few, so that ten million triangles stay under 200 bytes each.
-pub(super) const KEYS: u32 = 16;
 const SECONDS: f64 = 1.7;
 const RADIUS: f64 = 1.2;
 const CENTRE: DVec3 = DVec3::new(0.0, 1.25, 0.0);

@@ -5,10 +5,9 @@ use super::chance::noise;
 use super::shapes::{Mesh, sheet, sheet_size};
 use crate::mesh::joined_triangles;
 use crate::{Options, Rgb, SceneError, stream};
-use geom::{Animation, KeyFrameError, KeySource, Point};
+use geom::{Animation, Point};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use rayon::prelude::*;
-use std::sync::Arc;
 
 /// Vertices that one task moves.
 const RUN: usize = 1 << 15;
@@ -81,37 +80,7 @@ impl Part {
     }
 }
 
-/// Parts at times spread evenly over `0.0..=1.0`.
-struct Stage {
-    parts: Vec<Part>,
-    keys: u32,
-    vertices: usize,
-}
-
-impl KeySource for Stage {
-    fn key_count(&self) -> usize {
-        self.keys as usize
-    }
-
-    fn vertex_count(&self) -> usize {
-        self.vertices
-    }
-
-    fn read(&self, key: usize) -> Result<Vec<Point>, KeyFrameError> {
-        let time = key as f64 / f64::from(self.keys - 1);
-        let mut frame = vec![[0.0; 3]; self.vertices];
-        let mut rest = frame.as_mut_slice();
-        for Part { mesh, motion, .. } in &self.parts {
-            let (own, after) = rest.split_at_mut(mesh.points.len());
-            let runs = own.par_chunks_mut(RUN).zip(mesh.points.par_chunks(RUN));
-            runs.for_each(|(to, from)| motion(time, from, to));
-            rest = after;
-        }
-        Ok(frame)
-    }
-}
-
-/// All parts at `keys` times, and a colour for each triangle.
+/// All parts at `keys` times spread evenly over `0.0..=1.0`, and a colour for each triangle.
 pub(super) fn assemble(
     parts: Vec<Part>,
     keys: u32,
@@ -122,12 +91,19 @@ pub(super) fn assemble(
     let triangles = joined_triangles(meshes.map(|m| (&m.triangles[..], m.points.len())));
     let colours = parts.iter().flat_map(|p| p.colours.iter().copied());
     let colours = colours.collect();
-    let stage = Stage {
-        parts,
-        keys,
-        vertices,
+    let source = move |key: usize| {
+        let time = key as f64 / f64::from(keys - 1);
+        let mut frame = vec![[0.0; 3]; vertices];
+        let mut rest = frame.as_mut_slice();
+        for Part { mesh, motion, .. } in &parts {
+            let (own, after) = rest.split_at_mut(mesh.points.len());
+            let runs = own.par_chunks_mut(RUN).zip(mesh.points.par_chunks(RUN));
+            runs.for_each(|(to, from)| motion(time, from, to));
+            rest = after;
+        }
+        Ok(frame)
     };
-    let animation = stream::animation(Arc::new(stage), triangles, options)?;
+    let animation = stream::animation(source, (keys as usize, vertices), triangles, options)?;
     Ok((animation, colours))
 }
 

@@ -7,9 +7,6 @@ use crate::Rgb;
 use glam::{DAffine3, DVec3};
 use std::f64::consts::TAU;
 
-/// Triangles unless asked otherwise.
-pub(super) const TRIANGLES: usize = 100_000;
-pub(super) const KEYS: u32 = 24;
 /// Turns of one bar against the other.
 const TURNS: f64 = 4.0;
 /// Half the length and half the width of the cloth.

@@ -40,21 +40,29 @@ enum Known {
     Is(f64),
 }
 
-/// All intervals of an animation, measured when asked for and no further than needed.
+/// Finds sets of frames for one animation; what it learns at one tolerance serves the next.
+///
+/// Work is least if loose tolerances come first: what was found too far
+/// apart for those is never looked at again.
 #[derive(Debug)]
-pub(crate) struct Intervals<'a> {
+pub struct Reducer<'a> {
     keys: &'a [KeyFrame],
     /// Blocks in which some vertex moves: in the others every blend is the frame itself.
     blocks: Vec<Range<usize>>,
-    /// By `from * frames + to`; frames alone are on the diagonal.
+    /// Of all intervals, by `from * frames + to`, measured when asked for and no further than needed; frames alone are on
+    /// the diagonal.
     known: Vec<Known>,
     /// The block that was last found too far off: likely so for the next interval, too.
     suspect: AtomicUsize,
 }
 
-impl<'a> Intervals<'a> {
-    /// Of one or more frames.
-    pub(crate) fn new(keys: &'a [KeyFrame]) -> Self {
+impl<'a> Reducer<'a> {
+    /// For all key frames of an animation.
+    ///
+    /// # Panics
+    /// If there are none.
+    #[must_use]
+    pub fn new(keys: &'a [KeyFrame]) -> Self {
         let (frames, vertices) = (keys.len(), keys[0].len());
         let blocks = (0..vertices.div_ceil(BLOCK))
             .into_par_iter()
@@ -70,12 +78,12 @@ impl<'a> Intervals<'a> {
     }
 
     /// How many frames there are.
-    pub(crate) fn frames(&self) -> usize {
+    pub(super) fn frames(&self) -> usize {
         self.keys.len()
     }
 
     /// The largest square over all frames between `from` and `to`, or nothing if it is more than `limit`.
-    pub(crate) fn within(&mut self, from: usize, to: usize, limit: f64) -> Option<f64> {
+    pub(super) fn within(&mut self, from: usize, to: usize, limit: f64) -> Option<f64> {
         let keys = self.keys;
         let off = |frame: usize, block: &Range<usize>| {
             let alpha = weight(from, frame, to);
@@ -85,7 +93,7 @@ impl<'a> Intervals<'a> {
     }
 
     /// The largest square over all frames if `kept` stands for each of them, or nothing if it is more than `limit`.
-    pub(crate) fn alone(&mut self, kept: usize, limit: f64) -> Option<f64> {
+    pub(super) fn alone(&mut self, kept: usize, limit: f64) -> Option<f64> {
         let keys = self.keys;
         let off = |frame: usize, block: &Range<usize>| off(keys, [kept, kept, frame], 0.0, block);
         self.ask(kept * keys.len() + kept, 0..keys.len(), limit, &off)

@@ -20,30 +20,9 @@
 
 mod fit;
 
-use fit::Intervals;
-pub use fit::{Fit, measure, pose};
-use geom::KeyFrame;
+pub use fit::{Fit, Reducer, measure, pose};
 
-/// Finds sets of frames for one animation; what it learns at one tolerance serves the next.
-///
-/// Work is least if loose tolerances come first: what was found too far
-/// apart for those is never looked at again.
-#[derive(Debug)]
-pub struct Reducer<'a> {
-    intervals: Intervals<'a>,
-}
-
-impl<'a> Reducer<'a> {
-    /// For all key frames of an animation.
-    ///
-    /// # Panics
-    /// If there are none.
-    #[must_use]
-    pub fn new(keys: &'a [KeyFrame]) -> Self {
-        let intervals = Intervals::new(keys);
-        Self { intervals }
-    }
-
+impl Reducer<'_> {
     /// The frames to keep, ascending, for an error of `tolerance` at most, in scene units.
     ///
     /// Equal on every machine and for every number of threads.
@@ -63,8 +42,8 @@ impl<'a> Reducer<'a> {
     /// The frame that alone stands best for all of them, if one does.
     fn best_single(&mut self, mut limit: f64) -> Option<usize> {
         let mut best = None;
-        for frame in 0..self.intervals.frames() {
-            let found = self.intervals.alone(frame, limit);
+        for frame in 0..self.frames() {
+            let found = self.alone(frame, limit);
             if let Some(error) = found.filter(|&e| best.is_none() || e < limit) {
                 (best, limit) = (Some(frame), error);
             }
@@ -84,7 +63,7 @@ impl<'a> Reducer<'a> {
             let is_best = |j: &&usize| {
                 **j > here
                     && costs[**j].is_some_and(|c| c <= worst)
-                    && self.intervals.within(here, **j, worst).is_some()
+                    && self.within(here, **j, worst).is_some()
             };
             path.extend(layer.iter().find(is_best));
         }
@@ -96,13 +75,13 @@ impl<'a> Reducer<'a> {
     /// A path of the fewest edges has its n-th frame in layer n.
     fn layers(&mut self, limit: f64) -> Vec<Vec<usize>> {
         let mut layers = vec![vec![0]];
-        let mut waiting: Vec<usize> = (1..self.intervals.frames()).collect();
+        let mut waiting: Vec<usize> = (1..self.frames()).collect();
         while let Some(&last) = waiting.last() {
             let from = &layers[layers.len() - 1];
             let mut reaches = |to: usize| {
                 // Near ones first: they are likelier to be within the limit.
                 let mut before = from.iter().rev().filter(|&&i| i < to);
-                before.any(|&i| self.intervals.within(i, to, limit).is_some())
+                before.any(|&i| self.within(i, to, limit).is_some())
             };
             if reaches(last) {
                 layers.push(vec![last]);
@@ -118,8 +97,8 @@ impl<'a> Reducer<'a> {
 
     /// For each frame, the least maximum error of a path to the last frame, one layer an edge; nothing if there is none.
     fn costs(&mut self, layers: &[Vec<usize>], limit: f64) -> Vec<Option<f64>> {
-        let mut costs = vec![None; self.intervals.frames()];
-        costs[self.intervals.frames() - 1] = Some(0.0);
+        let mut costs = vec![None; self.frames()];
+        costs[self.frames() - 1] = Some(0.0);
         for pair in layers.windows(2).rev() {
             let cost = |&j: &usize| Some((costs[j]?, j));
             let mut onward: Vec<(f64, usize)> = pair[1].iter().filter_map(cost).collect();
@@ -138,7 +117,7 @@ impl<'a> Reducer<'a> {
             if best.is_some_and(|b| cost >= b) {
                 break;
             }
-            let error = self.intervals.within(from, to, best.unwrap_or(limit));
+            let error = self.within(from, to, best.unwrap_or(limit));
             best = error.map(|e| e.max(cost)).or(best);
         }
         best

@@ -168,23 +168,6 @@ fn the_answer_is_the_same_for_every_number_of_threads() {
 }
 
 #[test]
-fn a_vertex_comes_and_goes_at_its_own_frames() {
-    let key = Arc::new(vec![[0.0; 3], [1.0, 0.0, 0.0]]);
-    let mut keys: Vec<KeyFrame> = (0..8).map(|_| Arc::clone(&key)).collect();
-    keys[3..6]
-        .iter_mut()
-        .for_each(|key| Arc::make_mut(key)[1][2] = f32::NAN);
-    // 2 and 6 are the last and the first frame that have it. One between them that lacks it is enough.
-    let kept = Reducer::new(&keys).fewest(1e30);
-    assert_eq!(kept, [0, 2, 3, 6, 7]);
-    let wrong = measure(&keys, &[0, 7]);
-    assert_eq!(
-        (wrong.max_error, wrong.worst),
-        (f64::INFINITY, Some((3, 1)))
-    );
-}
-
-#[test]
 fn the_worst_place_is_the_first_and_the_mean_counts_every_finite_vertex() {
     let at = |x: f32| Arc::new(vec![[x, 0.0, 0.0], [-x, 0.0, 0.0], [f32::NAN; 3]]);
     let keys = vec![at(0.0), at(3.0), at(0.0), at(3.0), at(0.0)];
@@ -194,16 +177,4 @@ fn the_worst_place_is_the_first_and_the_mean_counts_every_finite_vertex() {
     assert_eq!(fit.rms, (36.0_f64 / 10.0).sqrt());
     let exact = measure(&keys, &[0, 1, 2, 3, 4]);
     assert_eq!((exact.max_error, exact.worst, exact.rms), (0.0, None, 0.0));
-}
-
-#[test]
-fn a_frame_is_played_between_the_kept_ones_around_it() {
-    let kept = [0, 4, 10];
-    let at = |frame| {
-        let pose = pose(&kept, frame);
-        (pose.key, pose.alpha)
-    };
-    assert_eq!([0, 1, 4].map(at), [(0, 0.0), (0, 0.25), (1, 0.0)]);
-    assert_eq!([9, 10].map(at), [(1, 5.0 / 6.0), (2, 0.0)]);
-    assert_eq!(pose(&[3], 1), geom::Pose { key: 0, alpha: 0.0 });
 }

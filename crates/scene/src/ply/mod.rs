@@ -3,7 +3,6 @@
 //! Elements are read one at a time, so that what is wrong is named by its
 //! line or by its element, and nothing is kept that is not used.
 
-mod count;
 mod element;
 mod pattern;
 
@@ -131,9 +130,43 @@ impl<'a> File<'a> {
         };
         let [vertices, faces] = [count("vertex"), count("face")];
         // Every corner after a face's third makes another triangle.
-        let more = count::corners(&self.header, self.rest).saturating_sub(3 * faces);
+        let more = self.listed().saturating_sub(3 * faces);
         // Lists grow by doubling.
         ([vertices, faces], vertices * 24 + faces * 56 + more * 32)
+    }
+
+    /// Numbers in lists, as far as the file reaches: corners, and what other lists hold, as if each were a corner.
+    fn listed(&self) -> usize {
+        let ascii = self.header.encoding == Encoding::Ascii;
+        let size = |kind: &ScalarType| if ascii { 1 } else { size(kind) };
+        let all = match ascii {
+            true => self
+                .rest
+                .split(u8::is_ascii_whitespace)
+                .filter(|w| !w.is_empty())
+                .count(),
+            false => self.rest.len(),
+        };
+        // What every element has: numbers, and lengths of lists.
+        let own = |element: &ElementDef| {
+            let kinds = element.properties.values().map(|p| match &p.data_type {
+                PropertyType::Scalar(kind) | PropertyType::List(kind, _) => size(kind),
+            });
+            element.count.saturating_mul(kinds.sum())
+        };
+        let own = self.header.elements.values().map(own);
+        let listed = all.saturating_sub(own.fold(0, usize::saturating_add));
+        match self.corners() {
+            Some(PropertyType::List(_, corner)) => listed / size(corner),
+            _ => 0,
+        }
+    }
+
+    /// How the vertices of faces are declared.
+    fn corners(&self) -> Option<&PropertyType> {
+        let properties = &self.header.elements.get("face")?.properties;
+        let found = properties.get("vertex_indices");
+        Some(&found.or_else(|| properties.get("vertex_index"))?.data_type)
     }
 
     fn wrong(&self, place: impl Into<Option<Location>>, cause: impl Display) -> SceneError {
@@ -142,21 +175,20 @@ impl<'a> File<'a> {
 
     /// There must be vertices with a place, and faces with a list of whole numbers.
     fn check_header(&self) -> Result<(), SceneError> {
-        let property = |element: &str, name: &str| {
-            let found = self.header.elements.get(element)?.properties.get(name)?;
-            Some(found.data_type.clone())
+        let coordinate = |axis: &str| {
+            let vertex = self.header.elements.get("vertex")?;
+            Some(&vertex.properties.get(axis)?.data_type)
         };
         let wrong = |cause: &str| Err(self.wrong(None, cause));
         for axis in ["x", "y", "z"] {
-            if !matches!(property("vertex", axis), Some(PropertyType::Scalar(_))) {
+            if !matches!(coordinate(axis), Some(PropertyType::Scalar(_))) {
                 return wrong(&format!("the header has no vertex with a number {axis}"));
             }
         }
         if !self.header.elements.contains_key("face") {
             return wrong("the header has no element 'face'");
         }
-        let list = property("face", "vertex_indices").or_else(|| property("face", "vertex_index"));
-        match list {
+        match self.corners() {
             Some(PropertyType::List(_, ScalarType::Float | ScalarType::Double)) => {
                 wrong("the vertices of faces are not declared as whole numbers")
             }
@@ -297,6 +329,16 @@ impl<'a> File<'a> {
             notes,
             pattern,
         })
+    }
+}
+
+/// Bytes of a number.
+fn size(kind: &ScalarType) -> usize {
+    match kind {
+        ScalarType::Char | ScalarType::UChar => 1,
+        ScalarType::Short | ScalarType::UShort => 2,
+        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+        ScalarType::Double => 8,
     }
 }
 

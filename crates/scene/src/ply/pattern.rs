@@ -1,6 +1,6 @@
 //! What the key frames of a sequence have in common, so that their topology is compared without being read.
 
-use super::File;
+use super::{File, size};
 use crate::SceneError;
 use geom::Point;
 use ply_rs_bw::ply::{Encoding, Header, PropertyType, ScalarType};
@@ -96,12 +96,7 @@ impl Floats {
             if let Some(axis) = ["x", "y", "z"].iter().position(|axis| axis == name) {
                 xyz[axis] = Some(row).filter(|_| *kind == ScalarType::Float);
             }
-            row += match kind {
-                ScalarType::Char | ScalarType::UChar => 1,
-                ScalarType::Short | ScalarType::UShort => 2,
-                ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
-                ScalarType::Double => 8,
-            };
+            row += size(kind);
         }
         let xyz = [xyz[0]?, xyz[1]?, xyz[2]?];
         (header.encoding == Encoding::BinaryLittleEndian).then_some(Self { row, xyz })

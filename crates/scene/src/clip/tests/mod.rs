@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::open;
+use geom::Point;
 use std::fs;
 
 mod extensions;
