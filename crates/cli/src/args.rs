@@ -40,6 +40,8 @@ pub(crate) enum Command {
     Inspect(InspectArgs),
     /// Describe this build and this machine: backends present and absent
     Info(InfoArgs),
+    /// Say whether a GPU can be used here, and if not, what is missing and how to mend it
+    Doctor,
 }
 
 /// Parses a command line. No command at all is `render`.

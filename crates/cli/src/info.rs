@@ -39,6 +39,20 @@ pub(crate) fn run(args: &InfoArgs) -> Result<(), Stop> {
     }
 }
 
+/// `abvh doctor`: exit code 1 where no GPU can be used.
+pub(crate) fn doctor() -> Result<(), Stop> {
+    let found = abvh::doctor();
+    if !found.gpus.is_empty() {
+        return talk::print(&format!("can be used: {}\n", found.gpus.join(", ")));
+    }
+    let each = found.problems.iter();
+    let lines = each.map(|p| format!("missing: {}\n  mend: {}\n", p.what, p.mend));
+    talk::print(&lines.collect::<String>())?;
+    Err(Stop::failed(
+        "no GPU can be used here; the host's cores can",
+    ))
+}
+
 /// Opened indeed: a GPU that fails its test when it is opened is not taken.
 fn what_auto_takes() -> Result<Option<Taken>, Stop> {
     let name = |backend: Box<dyn Backend>| Ok(backend.device().backend);

@@ -62,5 +62,6 @@ fn run(command: Command) -> Result<(), Stop> {
         Command::Stability(args) => stability::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Info(args) => info::run(&args),
+        Command::Doctor => info::doctor(),
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::bad::npy;
 use crate::hits::array;
-use crate::sandbox::{SQUARE, Sandbox, list, trial};
+use crate::sandbox::{SQUARE, Sandbox, list, says, trial};
 use libtest_mimic::Trial;
 use serde_json::{Value, json};
 use std::ffi::OsStr;
@@ -98,6 +98,16 @@ fn info(sandbox: &Sandbox) {
             let kind = adapter["kind"].as_str().unwrap_or_default();
             let known = ["gpu", "cpu", "software"].contains(&kind);
             assert!(adapter["index"] == i && known, "{adapter}");
+        }
+    }
+    let all = list(&info["backends"]).iter();
+    let mut adapters = all.flat_map(|backend| list(&backend["adapters"]));
+    let doctor = sandbox.run("doctor");
+    match adapters.any(|adapter| adapter["kind"] == "gpu") {
+        true => says(&doctor.succeeds().stdout, "can be used:"),
+        false => {
+            says(&doctor.stdout, "missing:|mend:");
+            doctor.fails(1, &["no GPU can be used here"]);
         }
     }
     // Libraries of window systems complain on standard error where theirs does not run.

@@ -103,7 +103,9 @@ fn bonds(command: &Command) -> Vec<Bond> {
                 ("scene", oracle, ORACLE),
             ]
         }
-        Command::Stability(_) | Command::Info(_) | Command::Merge(_) => Vec::new(),
+        Command::Stability(_) | Command::Info(_) | Command::Merge(_) | Command::Doctor => {
+            Vec::new()
+        }
     }
 }
 
