@@ -7,7 +7,7 @@ use benches::{
     Bvh, Mesh, Obvhs, Ours, Parry, Rival, Tracer, built, camera, criterion, meshes, pool,
     print_table, sah_cost, shadow_rays, thread_counts,
 };
-use bvh_layout::{Lists, Topology};
+use bvh_layout::Topology;
 use criterion::measurement::WallTime;
 use criterion::{BatchSize, BenchmarkGroup, BenchmarkId, Criterion, Throughput};
 use geom::Ray;
@@ -143,9 +143,9 @@ fn convert_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
     group.bench_function(BenchmarkId::new("treelets", threads), |b| {
         pool.install(|| b.iter_with_large_drop(|| ours.treelets()));
     });
-    let mut lists = Lists::default();
-    group.bench_function(BenchmarkId::new("lists", threads), |b| {
-        pool.install(|| b.iter(|| lists.fill(ours.record())));
+    let mut nodes = Vec::new();
+    group.bench_function(BenchmarkId::new("leaf_nodes", threads), |b| {
+        pool.install(|| b.iter(|| ours.record().leaf_nodes(&mut nodes)));
     });
     let words = || ours.record().words().to_vec();
     group.bench_function(BenchmarkId::new("from_words", threads), |b| {

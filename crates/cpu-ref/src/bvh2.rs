@@ -8,7 +8,7 @@ use crate::tiles::{Counts, Output};
 use crate::trace::{TraceTask, Tracer};
 use crate::{Accelerator, reserve};
 use backend::{Intersector, Result};
-use bvh_layout::{Lists, Moving, NodeRank, Topology};
+use bvh_layout::{Moving, NodeRank, Topology};
 use geom::{Aabb, Animation};
 use glam::Vec3A;
 use rayon::prelude::*;
@@ -133,8 +133,8 @@ pub struct Bvh2 {
     leaves: Vec<Leaf>,
     /// Pairs of each level, root first; none if the tree is empty.
     levels: Vec<Range<usize>>,
-    /// The record's lists; kept for their memory.
-    lists: Lists,
+    /// The node of each leaf; kept for its memory.
+    leaf_nodes: Vec<u32>,
     /// What moves; `None` where static geometry is too little to be passed over.
     moving: Option<Moving>,
     /// Whether every leaf was preprocessed since the tree was adopted.
@@ -184,8 +184,8 @@ impl Bvh2 {
         self.pairs[0].planes = Pair::EMPTY.planes;
         self.triangles.clear();
         self.triangles.extend_from_slice(tree.leaf_triangles());
-        self.lists.fill(tree);
-        let leaves = self.lists.leaf_nodes.par_iter().with_min_len(RUN);
+        tree.leaf_nodes(&mut self.leaf_nodes);
+        let leaves = self.leaf_nodes.par_iter().with_min_len(RUN);
         let leaf = |(&node, &triangle): (&u32, &u32)| Leaf {
             slot: node + 1,
             vertices: triangles[triangle as usize],

@@ -23,7 +23,7 @@ impl MovingTreelets {
         for treelets in tree.levels() {
             let found: Vec<u32> = match levels.last() {
                 None => with_triangles_that_move(tree, treelets.clone(), parts),
-                Some(below) => above(tree, treelets.clone(), &words[below.clone()]),
+                Some(below) => parents(tree, &words[below.clone()]),
             };
             levels.push(words.len()..words.len() + found.len());
             words.extend(found);
@@ -49,19 +49,12 @@ fn with_triangles_that_move(tree: &Treelets, lowest: Range<u32>, parts: &StaticP
         .collect()
 }
 
-/// Those of a level that stand on a root of one of the treelets `below`.
-fn above(tree: &Treelets, level: Range<u32>, below: &[u32]) -> Vec<u32> {
-    let roots = |&number: &u32| {
-        let entry = tree.treelet(number as usize);
-        entry.root_row..entry.root_row + 2 * entry.root_count
-    };
-    let stands_on_one = |&number: &u32| {
-        let entry = tree.treelet(number as usize);
-        let rows = entry.first_leaf..entry.first_leaf + 2 * entry.leaf_count;
-        let first = below.partition_point(|b| roots(b).end <= rows.start);
-        below.get(first).is_some_and(|b| roots(b).start < rows.end)
-    };
-    level.filter(stands_on_one).collect()
+/// Those of the next level that stand on roots of these.
+fn parents(tree: &Treelets, below: &[u32]) -> Vec<u32> {
+    let parents = below.iter().map(|&t| tree.treelet(t as usize).parent);
+    let mut parents: Vec<u32> = parents.collect();
+    parents.dedup();
+    parents
 }
 
 /// Static triangles of zero area in these treelets of the lowest level.
