@@ -4,10 +4,10 @@
 
 use backend::{Intersector, Layout, Method, Query, QueryKind, Rays};
 use benches::{
-    Bvh, Mesh, Obvhs, Ours, Parry, Rival, Tracer, built, camera, criterion, meshes, pool,
-    print_table, sah_cost, shadow_rays, thread_counts,
+    Mesh, Ours, Rival, Tracer, built, camera, criterion, meshes, pool, print_table, rivals,
+    sah_cost, shadow_rays, thread_counts,
 };
-use bvh_layout::{Lists, Topology};
+use bvh_layout::Topology;
 use criterion::measurement::WallTime;
 use criterion::{BatchSize, BenchmarkGroup, BenchmarkId, Criterion, Throughput};
 use geom::Ray;
@@ -45,21 +45,22 @@ fn build(criterion: &mut Criterion, mesh: &Mesh) {
     let mut group = group(criterion, "build", mesh);
     for threads in thread_counts() {
         build_ours(&mut group, mesh, threads);
-        build_rival::<Obvhs<false>>(&mut group, mesh, threads);
-        build_rival::<Obvhs<true>>(&mut group, mesh, threads);
-        build_rival::<Bvh>(&mut group, mesh, threads);
-        build_rival::<Parry>(&mut group, mesh, threads);
+        for mut tree in rivals(&mesh.triangles(mesh.start())) {
+            if threads == 1 || tree.builds_in_parallel() {
+                group.bench_function(BenchmarkId::new(tree.name(), threads), |b| {
+                    pool(threads).install(|| b.iter(|| tree.build()));
+                });
+            }
+        }
     }
     group.finish();
     let ours = built(mesh, &pool(1));
     let cost = ours.sah_cost(mesh, &mesh.positions(mesh.start()));
-    let rows = vec![
-        cost_row("abvh", [cost, cost], ours.record().node_count()),
-        cost_row_of::<Obvhs<false>>(mesh, cost),
-        cost_row_of::<Obvhs<true>>(mesh, cost),
-        cost_row_of::<Bvh>(mesh, cost),
-        cost_row_of::<Parry>(mesh, cost),
-    ];
+    let mut rows = vec![cost_row("abvh", [cost, cost], ours.record().node_count())];
+    rows.extend(trees_of(mesh, 1).iter().map(|tree| {
+        let nodes = tree.nodes();
+        cost_row(tree.name(), [sah_cost(&nodes), cost], nodes.len())
+    }));
     let label = &mesh.label;
     let title = format!("{label}: surface area cost (traversal 1, intersection 1)");
     print_table(&title, &["tree", "cost", "to abvh's", "nodes"], rows);
@@ -84,29 +85,11 @@ fn build_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
     });
 }
 
-fn build_rival<R: Rival>(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
-    if threads > 1 && !R::BUILDS_IN_PARALLEL {
-        return;
-    }
-    let mut soup = R::soup(&mesh.triangles(mesh.start()));
-    let mut tree = R::default();
-    group.bench_function(BenchmarkId::new(R::NAME, threads), |b| {
-        pool(threads).install(|| b.iter(|| tree.build(&mut soup)));
-    });
-}
-
-/// A rival's tree at the start of a mesh, and the triangles that it is over.
-fn tree_of<R: Rival>(mesh: &Mesh, threads: usize) -> (R, R::Soup) {
-    let mut soup = R::soup(&mesh.triangles(mesh.start()));
-    let mut tree = R::default();
-    pool(threads).install(|| tree.build(&mut soup));
-    (tree, soup)
-}
-
-fn cost_row_of<R: Rival>(mesh: &Mesh, ours: f64) -> Vec<String> {
-    let (tree, soup) = tree_of::<R>(mesh, 1);
-    let nodes = tree.nodes(&soup);
-    cost_row(R::NAME, [sah_cost(&nodes), ours], nodes.len())
+/// The rivals' trees at the start of a mesh.
+fn trees_of(mesh: &Mesh, threads: usize) -> Vec<Box<dyn Rival>> {
+    let mut all = rivals(&mesh.triangles(mesh.start()));
+    pool(threads).install(|| all.iter_mut().for_each(|tree| tree.build()));
+    all
 }
 
 fn cost_row(name: &str, [cost, ours]: [f64; 2], nodes: usize) -> Vec<String> {
@@ -143,9 +126,9 @@ fn convert_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
     group.bench_function(BenchmarkId::new("treelets", threads), |b| {
         pool.install(|| b.iter_with_large_drop(|| ours.treelets()));
     });
-    let mut lists = Lists::default();
-    group.bench_function(BenchmarkId::new("lists", threads), |b| {
-        pool.install(|| b.iter(|| lists.fill(ours.record())));
+    let mut nodes = Vec::new();
+    group.bench_function(BenchmarkId::new("leaf_nodes", threads), |b| {
+        pool.install(|| b.iter(|| ours.record().leaf_nodes(&mut nodes)));
     });
     let words = || ours.record().words().to_vec();
     group.bench_function(BenchmarkId::new("from_words", threads), |b| {
@@ -168,22 +151,17 @@ fn refit(criterion: &mut Criterion, mesh: &Mesh) {
         group.bench_function(BenchmarkId::new("abvh", threads), |b| {
             b.iter(|| tracer.refit());
         });
-        refit_rival::<Obvhs<false>>(&mut group, mesh, threads);
-        refit_rival::<Obvhs<true>>(&mut group, mesh, threads);
-        refit_rival::<Parry>(&mut group, mesh, threads);
+        for mut tree in trees_of(mesh, threads) {
+            let in_parallel = tree.refits_in_parallel();
+            if in_parallel.is_some_and(|in_parallel| threads == 1 || in_parallel) {
+                tree.take(&mesh.triangles(mesh.middle()));
+                group.bench_function(BenchmarkId::new(tree.name(), threads), |b| {
+                    pool(threads).install(|| b.iter(|| tree.refit()));
+                });
+            }
+        }
     }
     group.finish();
-}
-
-fn refit_rival<R: Rival>(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
-    if threads > 1 && !R::REFITS_IN_PARALLEL {
-        return;
-    }
-    let (mut tree, _) = tree_of::<R>(mesh, threads);
-    let soup = R::soup(&mesh.triangles(mesh.middle()));
-    group.bench_function(BenchmarkId::new(R::NAME, threads), |b| {
-        pool(threads).install(|| b.iter(|| tree.refit(&soup)));
-    });
 }
 
 /// Rays that one task of a rival traces.
@@ -244,10 +222,13 @@ fn trace_all(group: &mut Group<'_>, work: &Work<'_>, camera: Rays<'_>) -> Vec<Ve
             hits.push(trace_ours(group, work, method, list));
         }
     }
-    hits.push(trace_rival::<Obvhs<false>>(group, work));
-    hits.push(trace_rival::<Obvhs<true>>(group, work));
-    hits.push(trace_rival::<Bvh>(group, work));
-    hits.push(trace_rival::<Parry>(group, work));
+    for tree in trees_of(work.mesh, work.threads) {
+        let tasks = || work.rays.par_chunks(TASK);
+        let count = || tasks().map(|task| tree.count(task, work.any)).sum();
+        let pool = pool(work.threads);
+        group.bench_function(tree.name(), |b| pool.install(|| b.iter(count)));
+        hits.push(hit_row(tree.name(), work, pool.install(count)));
+    }
     hits
 }
 
@@ -269,22 +250,6 @@ fn trace_ours(
     let name = format!("abvh {} {}, {from}", method.layout, method.intersector);
     group.bench_function(&name, |b| b.iter(|| tracer.trace(Query { rays, kind })));
     hit_row(&name, work, tracer.trace(Query { rays, kind }))
-}
-
-fn trace_rival<R: Rival>(group: &mut Group<'_>, work: &Work<'_>) -> Vec<String> {
-    let (tree, soup) = tree_of::<R>(work.mesh, work.threads);
-    let is_hit = |ray: &Ray| match work.any {
-        true => tree.blocked(&soup, ray),
-        false => tree.closest(&soup, ray).is_some(),
-    };
-    let hits = || {
-        let tasks = work.rays.par_chunks(TASK);
-        let count = |task: &[Ray]| task.iter().filter(|ray| is_hit(ray)).count() as u64;
-        tasks.map(count).sum::<u64>()
-    };
-    let pool = pool(work.threads);
-    group.bench_function(R::NAME, |b| pool.install(|| b.iter(hits)));
-    hit_row(R::NAME, work, pool.install(hits))
 }
 
 fn hit_row(name: &str, work: &Work<'_>, hits: u64) -> Vec<String> {

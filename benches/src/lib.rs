@@ -10,17 +10,15 @@
 mod mesh;
 mod ours;
 mod rays;
-mod rival;
 mod rivals;
 mod rounds;
 
 pub use mesh::{Mesh, meshes};
 pub use ours::{Ours, Tracer, built};
 pub use rays::{camera, diffuse_rays, light, random_rays, shadow_rays, squares};
-pub use rival::{Node, Rival, sah_cost};
-pub use rivals::{Bvh, Obvhs, Parry};
 #[cfg(feature = "embree")]
 pub use rivals::{EmbreeScene, Made, Packet16};
+pub use rivals::{Node, Rival, rivals, sah_cost};
 pub use rounds::{Contender, Samples, in_turn, least, median};
 
 use comfy_table::Table;

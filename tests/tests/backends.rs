@@ -129,7 +129,7 @@ fn trials_of(name: &'static str, mut subject: Box<dyn Subject>) -> Vec<Trial> {
             let mut shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
             let (subject, reference, heard) = &mut *shared;
             let seed = number("ABVH_SEED", 1);
-            let held = hold(law, subject.backend(), reference, seed, cases(name));
+            let held = hold(law, subject.backend(), reference, seed, 0..cases(name));
             let complaints = subject.complaints();
             let new = complaints[*heard..].first();
             *heard = complaints.len();

@@ -1,6 +1,6 @@
 //! `bvh`: binned builds in parallel; no refit.
 
-use crate::{Node, Rival};
+use super::{Node, Rival};
 use bvh::aabb::{Aabb, Bounded};
 use bvh::bounding_hierarchy::{BHShape, BoundingHierarchy};
 use bvh::bvh::{Bvh as Tree, BvhNode};
@@ -9,13 +9,13 @@ use nalgebra::Vector3;
 
 /// A tree of the crate `bvh`.
 #[derive(Default)]
-pub struct Bvh {
+pub(super) struct Bvh {
+    soup: Vec<Shape>,
     tree: Option<Tree<f32, 3>>,
 }
 
 /// A triangle as the crate wants it.
-#[derive(Clone, Debug)]
-pub struct Shape {
+struct Shape {
     corners: geom::Triangle,
     at: u32,
     node: usize,
@@ -46,12 +46,12 @@ impl Bvh {
     /// The closest hit by shapes in the order in which the ray enters their boxes,
     /// or any hit if `first` says so. Triangles are left to the crate's callers
     /// (its own test culls back faces).
-    fn search(&self, soup: &[Shape], ray: &Ray, first: bool) -> Option<(f32, u32)> {
+    fn search(&self, ray: &Ray, first: bool) -> Option<(f32, u32)> {
         let direction = Vector3::from(ray.direction);
         let length = direction.norm();
         let here = bvh::ray::Ray::new(ray.origin.into(), direction);
         let (mut t_best, mut best) = (ray.t_max, None);
-        for shape in self.tree().nearest_traverse_iterator(&here, soup) {
+        for shape in self.tree().nearest_traverse_iterator(&here, &self.soup) {
             let entry = here.intersection_slice_for_aabb(&shape.aabb());
             if entry.is_some_and(|(near, _)| near > t_best * length) {
                 break;
@@ -68,34 +68,42 @@ impl Bvh {
 }
 
 impl Rival for Bvh {
-    const NAME: &'static str = "bvh";
-    const BUILDS_IN_PARALLEL: bool = true;
-    type Soup = Vec<Shape>;
+    fn name(&self) -> &'static str {
+        "bvh"
+    }
 
-    fn soup(triangles: &[geom::Triangle]) -> Self::Soup {
+    fn builds_in_parallel(&self) -> bool {
+        true
+    }
+
+    fn refits_in_parallel(&self) -> Option<bool> {
+        None
+    }
+
+    fn take(&mut self, triangles: &[geom::Triangle]) {
         let shape = |(&corners, at): (&geom::Triangle, u32)| Shape {
             corners,
             at,
             node: 0,
         };
-        triangles.iter().zip(0..).map(shape).collect()
+        self.soup = triangles.iter().zip(0..).map(shape).collect();
     }
 
-    fn build(&mut self, soup: &mut Self::Soup) {
-        self.tree = Some(Tree::build_par(soup));
+    fn build(&mut self) {
+        self.tree = Some(Tree::build_par(&mut self.soup));
     }
 
-    fn closest(&self, soup: &Self::Soup, ray: &Ray) -> Option<(f32, u32)> {
-        self.search(soup, ray, false)
+    fn closest(&self, ray: &Ray) -> Option<(f32, u32)> {
+        self.search(ray, false)
     }
 
-    fn blocked(&self, soup: &Self::Soup, ray: &Ray) -> bool {
-        self.search(soup, ray, true).is_some()
+    fn blocked(&self, ray: &Ray) -> bool {
+        self.search(ray, true).is_some()
     }
 
-    fn nodes(&self, soup: &Self::Soup) -> Vec<Node> {
+    fn nodes(&self) -> Vec<Node> {
         let node = |node: &BvhNode<f32, 3>| {
-            let bounds = node.get_node_aabb(soup);
+            let bounds = node.get_node_aabb(&self.soup);
             Node {
                 bounds: geom::Aabb {
                     min: bounds.min.into(),

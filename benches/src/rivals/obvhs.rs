@@ -1,6 +1,6 @@
 //! `obvhs`: parallel locally ordered clustering (Meister, Bittner 2018).
 
-use crate::{Node, Rival};
+use super::{Node, Rival};
 use geom::{Aabb, Ray};
 use glam::Vec3A;
 use obvhs::BvhBuildParams;
@@ -13,51 +13,58 @@ use std::time::Duration;
 
 /// The crate's `medium_build` preset, or else its `fastest_build`.
 #[derive(Default)]
-pub struct Obvhs<const MEDIUM: bool> {
+pub(super) struct Obvhs<const MEDIUM: bool> {
+    soup: Vec<Triangle>,
     builder: PlocBuilder,
     tree: Bvh2,
 }
 
 impl<const MEDIUM: bool> Rival for Obvhs<MEDIUM> {
-    const NAME: &'static str = if MEDIUM {
-        "obvhs medium"
-    } else {
-        "obvhs fastest"
-    };
-    const BUILDS_IN_PARALLEL: bool = true;
-    const REFITS: bool = true;
-    type Soup = Vec<Triangle>;
+    fn name(&self) -> &'static str {
+        match MEDIUM {
+            true => "obvhs medium",
+            false => "obvhs fastest",
+        }
+    }
 
-    fn soup(triangles: &[geom::Triangle]) -> Self::Soup {
+    fn builds_in_parallel(&self) -> bool {
+        true
+    }
+
+    fn refits_in_parallel(&self) -> Option<bool> {
+        Some(false)
+    }
+
+    fn take(&mut self, triangles: &[geom::Triangle]) {
         let convert = |t: &geom::Triangle| {
             let [v0, v1, v2] = t.map(Vec3A::from);
             Triangle { v0, v1, v2 }
         };
-        triangles.iter().map(convert).collect()
+        self.soup = triangles.iter().map(convert).collect();
     }
 
-    fn build(&mut self, soup: &mut Self::Soup) {
+    fn build(&mut self) {
         if MEDIUM {
             let params = BvhBuildParams::medium_build();
-            self.tree = build_bvh2_from_tris(soup, params, &mut Duration::default());
+            self.tree = build_bvh2_from_tris(&self.soup, params, &mut Duration::default());
             return;
         }
         // What the preset amounts to, in memory that is reused.
         let params = BvhBuildParams::fastest_build();
         let mut indices = std::mem::take(&mut self.tree.primitive_indices);
         indices.clear();
-        indices.extend(0..soup.len() as u32);
+        indices.extend(0..self.soup.len() as u32);
         self.builder.build_with_bvh(
             &mut self.tree,
             params.ploc_search_distance,
-            &soup[..],
+            &self.soup[..],
             indices,
             params.sort_precision,
             params.search_depth_threshold,
         );
     }
 
-    fn refit(&mut self, soup: &Self::Soup) {
+    fn refit(&mut self) {
         let Bvh2 {
             nodes,
             primitive_indices,
@@ -66,7 +73,7 @@ impl<const MEDIUM: bool> Rival for Obvhs<MEDIUM> {
         for node in nodes.iter_mut().filter(|node| node.is_leaf()) {
             let (first, count) = (node.first_index as usize, node.prim_count as usize);
             let members = primitive_indices[first..first + count].iter();
-            let boxes = members.map(|&t| soup[t as usize].aabb());
+            let boxes = members.map(|&t| self.soup[t as usize].aabb());
             if let Some(bounds) = boxes.reduce(|a, b| a.union(&b)) {
                 node.set_aabb(bounds);
             }
@@ -74,22 +81,22 @@ impl<const MEDIUM: bool> Rival for Obvhs<MEDIUM> {
         self.tree.refit_all();
     }
 
-    fn closest(&self, soup: &Self::Soup, ray: &Ray) -> Option<(f32, u32)> {
+    fn closest(&self, ray: &Ray) -> Option<(f32, u32)> {
         let mut hit = RayHit::none();
         self.tree.ray_traverse(convert(ray), &mut hit, |ray, at| {
-            soup[self.tree.primitive_indices[at] as usize].intersect(ray)
+            self.soup[self.tree.primitive_indices[at] as usize].intersect(ray)
         });
         let triangle = |at: u32| self.tree.primitive_indices[at as usize];
         (hit.primitive_id != u32::MAX).then(|| (hit.t, triangle(hit.primitive_id)))
     }
 
-    fn blocked(&self, soup: &Self::Soup, ray: &Ray) -> bool {
+    fn blocked(&self, ray: &Ray) -> bool {
         !self.tree.ray_traverse_miss(convert(ray), |ray, at| {
-            soup[self.tree.primitive_indices[at] as usize].intersect(ray)
+            self.soup[self.tree.primitive_indices[at] as usize].intersect(ray)
         })
     }
 
-    fn nodes(&self, _: &Self::Soup) -> Vec<Node> {
+    fn nodes(&self) -> Vec<Node> {
         let node = |node: &obvhs::bvh2::node::Bvh2Node| Node {
             bounds: Aabb {
                 min: node.aabb().min.to_array(),

@@ -1,6 +1,6 @@
 //! `parry3d`: binned builds (Wald 2007), sequential, and refits in parallel; leaf boxes and memory are reused.
 
-use crate::{Node, Rival};
+use super::{Node, Rival};
 use geom::{Aabb, Point, Ray};
 use parry3d::math::Vector;
 use parry3d::partitioning::{
@@ -12,7 +12,8 @@ use rayon::prelude::*;
 
 /// A tree of `parry3d::partitioning`.
 #[derive(Default)]
-pub struct Parry {
+pub(super) struct Parry {
+    soup: Vec<Triangle>,
     tree: Bvh,
     workspace: BvhWorkspace,
     updates: Vec<(parry3d::bounding_volume::Aabb, u32, f32)>,
@@ -20,8 +21,8 @@ pub struct Parry {
 }
 
 impl Parry {
-    fn update_leaves(&mut self, soup: &[Triangle]) {
-        for (at, triangle) in soup.iter().enumerate() {
+    fn update_leaves(&mut self) {
+        for (at, triangle) in self.soup.iter().enumerate() {
             let bounds = triangle.local_aabb();
             self.tree.insert_or_update_partially(bounds, at as u32, 0.0);
         }
@@ -29,62 +30,68 @@ impl Parry {
 }
 
 impl Rival for Parry {
-    const NAME: &'static str = "parry3d binned";
-    const BUILDS_IN_PARALLEL: bool = false;
-    const REFITS: bool = true;
-    const REFITS_IN_PARALLEL: bool = true;
-    type Soup = Vec<Triangle>;
+    fn name(&self) -> &'static str {
+        "parry3d binned"
+    }
 
-    fn soup(triangles: &[geom::Triangle]) -> Self::Soup {
+    fn builds_in_parallel(&self) -> bool {
+        false
+    }
+
+    fn refits_in_parallel(&self) -> Option<bool> {
+        Some(true)
+    }
+
+    fn take(&mut self, triangles: &[geom::Triangle]) {
         let convert = |t: &geom::Triangle| {
             let [a, b, c] = t.map(Vector::from);
             Triangle::new(a, b, c)
         };
-        triangles.iter().map(convert).collect()
+        self.soup = triangles.iter().map(convert).collect();
     }
 
-    fn build(&mut self, soup: &mut Self::Soup) {
-        if self.tree.leaf_count() as usize == soup.len() {
-            self.update_leaves(soup);
+    fn build(&mut self) {
+        if self.tree.leaf_count() as usize == self.soup.len() {
+            self.update_leaves();
             self.tree
                 .rebuild(&mut self.workspace, BvhBuildStrategy::Binned);
             // The crate's own builds end so too: nodes in depth-first order.
             self.tree.refit(&mut self.workspace);
             return;
         }
-        let boxes = soup.iter().map(Triangle::local_aabb).enumerate();
+        let boxes = self.soup.iter().map(Triangle::local_aabb).enumerate();
         self.tree = Bvh::from_iter(BvhBuildStrategy::Binned, boxes);
     }
 
-    fn refit(&mut self, soup: &Self::Soup) {
+    fn refit(&mut self) {
         if rayon::current_num_threads() == 1 {
-            self.update_leaves(soup);
+            self.update_leaves();
             self.tree.refit_without_opt();
             return;
         }
         let update = |(at, triangle): (usize, &Triangle)| (triangle.local_aabb(), at as u32, 0.0);
-        let updates = soup.par_iter().enumerate().map(update);
+        let updates = self.soup.par_iter().enumerate().map(update);
         updates.collect_into_vec(&mut self.updates);
         self.tree
             .insert_or_update_batch_partially_parallel(&self.updates, &mut self.statuses);
         self.tree.refit_parallel(&mut self.workspace);
     }
 
-    fn closest(&self, soup: &Self::Soup, ray: &Ray) -> Option<(f32, u32)> {
+    fn closest(&self, ray: &Ray) -> Option<(f32, u32)> {
         let ray_here = convert(ray);
-        let test = |at: u32, best| soup[at as usize].cast_local_ray(&ray_here, best, false);
+        let test = |at: u32, best| self.soup[at as usize].cast_local_ray(&ray_here, best, false);
         let (triangle, t) = self.tree.cast_ray(&ray_here, ray.t_max, test)?;
         Some((t, triangle))
     }
 
-    fn blocked(&self, soup: &Self::Soup, ray: &Ray) -> bool {
+    fn blocked(&self, ray: &Ray) -> bool {
         let ray_here = convert(ray);
         let mut blocked = false;
         self.tree.traverse(|node| {
             if node.cast_ray(&ray_here, ray.t_max) >= ray.t_max {
                 return TraversalAction::Prune;
             }
-            let test = |at| soup[at as usize].cast_local_ray(&ray_here, ray.t_max, false);
+            let test = |at| self.soup[at as usize].cast_local_ray(&ray_here, ray.t_max, false);
             blocked = node.leaf_data().and_then(test).is_some();
             match blocked {
                 true => TraversalAction::EarlyExit,
@@ -94,7 +101,7 @@ impl Rival for Parry {
         blocked
     }
 
-    fn nodes(&self, _: &Self::Soup) -> Vec<Node> {
+    fn nodes(&self) -> Vec<Node> {
         let root = self.tree.root_aabb();
         let bounds = |min: Vector, max: Vector| {
             let [min, max]: [Point; 2] = [min.into(), max.into()];

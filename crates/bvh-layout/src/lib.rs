@@ -13,8 +13,8 @@
 
 mod blocks;
 mod convert;
-mod lists;
 mod moving;
+mod ranks;
 mod record;
 #[cfg(test)]
 mod tests;
@@ -24,8 +24,8 @@ mod walk;
 
 pub use blocks::{Block, BlockTree, First, LANES, Link, Ranges, WideNode};
 pub use convert::{Converter, Spare};
-pub use lists::{Lists, NodeRank, NodeRanks};
 pub use moving::Moving;
+pub use ranks::{NodeRank, NodeRanks};
 pub use record::{Level, Topology};
 pub use treelets::{MovingTreelets, Treelet, Treelets, WideTree};
 pub use validate::RecordError;

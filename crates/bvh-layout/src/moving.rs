@@ -27,17 +27,18 @@ impl Moving {
     /// not pay: more than half of all nodes move; see [`StaticParts::pays`].
     #[must_use]
     pub fn of(tree: &Topology, parts: &StaticParts) -> Option<Self> {
-        let is_static = &parts.triangles;
+        let (is_static, triangles) = (&parts.triangles, tree.leaf_triangles());
         assert_eq!(is_static.len(), tree.triangle_count(), "another scene");
-        let leaves = tree.leaf_triangles().par_iter().with_min_len(CHUNK);
-        let moving = leaves.filter(|&&t| !is_static[t as usize]).count();
-        if !StaticParts::pays(moving, tree.leaf_count()) {
+        let moves = |&rank: &u32| !is_static[triangles[rank as usize] as usize];
+        let ranks = (0..tree.leaf_count() as u32).into_par_iter();
+        let mut words: Vec<u32> = ranks.with_min_len(CHUNK).filter(moves).collect();
+        let leaves = words.len();
+        if !StaticParts::pays(leaves, tree.leaf_count()) {
             return None;
         }
-        let moves = flags(tree, is_static);
-        let [mut words, inner] = lists(tree, &moves);
-        let leaves = words.len();
-        words.extend(inner);
+        let inner = tree.bottom_up(false, |rank| moves(&rank), |a, b| a || b);
+        let numbers = (0..inner.len() as u32).into_par_iter().with_min_len(CHUNK);
+        words.par_extend(numbers.filter(|&k| inner[k as usize]));
         StaticParts::pays(words.len(), tree.node_count()).then(|| Self {
             levels: levels(tree, &words[leaves..]),
             words,
@@ -60,48 +61,6 @@ impl Moving {
     pub fn inner(&self) -> &[u32] {
         &self.words[self.leaves..]
     }
-}
-
-/// For each node, whether it moves. From the deepest level up, since children tell.
-fn flags(tree: &Topology, is_static: &[bool]) -> Vec<bool> {
-    let mut flags = vec![false; tree.node_count()];
-    let (triangles, ranks) = (tree.leaf_triangles(), tree.ranks());
-    let levels: Vec<Range<u32>> = tree.levels().map(|level| level.nodes).collect();
-    for level in levels.iter().rev() {
-        let (upper, below) = flags.split_at_mut(level.end as usize);
-        let level_flags = &mut upper[level.start as usize..];
-        let chunks = level_flags.par_chunks_mut(CHUNK).enumerate();
-        chunks.for_each(|(chunk, flags)| {
-            let first = level.start + (chunk * CHUNK) as u32;
-            for (flag, node) in flags.iter_mut().zip(first..) {
-                let node = ranks.of(node);
-                *flag = match node.leaf() {
-                    Some(rank) => !is_static[triangles[rank as usize] as usize],
-                    None => Topology::children_of_inner(node.rank())
-                        .iter()
-                        .any(|c| below[(c - level.end) as usize]),
-                };
-            }
-        });
-    }
-    flags
-}
-
-/// Leaves by rank and inner nodes by number, of those that move.
-fn lists(tree: &Topology, moves: &[bool]) -> [Vec<u32>; 2] {
-    let (ranks, chunks) = (tree.ranks(), moves.par_chunks(CHUNK).enumerate());
-    let found: Vec<[Vec<u32>; 2]> = chunks
-        .map(|(chunk, moves)| {
-            let mut lists = [Vec::new(), Vec::new()];
-            let nodes = moves.iter().zip((chunk * CHUNK) as u32..);
-            for (_, node) in nodes.filter(|(moves, _)| **moves) {
-                let node = ranks.of(node);
-                lists[usize::from(node.leaf().is_none())].push(node.rank());
-            }
-            lists
-        })
-        .collect();
-    [0, 1].map(|kind| found.iter().flat_map(|f| &f[kind]).copied().collect())
 }
 
 /// Cuts a rising list of inner nodes where levels end.

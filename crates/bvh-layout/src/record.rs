@@ -1,11 +1,15 @@
 //! The record that is handed over, and how to read it.
 
 use crate::validate::{Header, validate};
-use crate::{BlockTree, First, Moving, NodeRanks, RecordError, Spare, Treelets};
+use crate::{BlockTree, First, Moving, NodeRank, NodeRanks, RecordError, Spare, Treelets};
 use geom::{Aabb, StaticParts};
+use rayon::prelude::*;
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
+
+/// Inner nodes that one task handles.
+const RUN: usize = 2048;
 
 /// A tree's shape in breadth-first order: which nodes are leaves, and whose.
 ///
@@ -50,14 +54,14 @@ pub struct Topology {
     pub(crate) blocks: Option<Arc<BlockTree>>,
 }
 
-/// The nodes of one depth, as ranges into the node order and both lists.
+/// The nodes of one depth, as ranges of nodes and of both kinds' ranks.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Level {
     /// Nodes of this level.
     pub nodes: Range<u32>,
-    /// Where this level's leaves lie in the leaf list.
+    /// Ranks of this level's leaves.
     pub leaves: Range<u32>,
-    /// Where this level's inner nodes lie in the inner list.
+    /// Ranks of this level's inner nodes.
     pub inner: Range<u32>,
 }
 
@@ -202,22 +206,18 @@ impl Topology {
     /// The ranges of every level, root first.
     pub fn levels(&self) -> impl Iterator<Item = Level> + '_ {
         let table = &self.words[Self::HEADER_WORDS..][..self.level_count()];
-        let mut end = Level {
-            nodes: 0..1,
-            leaves: 0..0,
-            inner: 0..0,
+        let (mut count, mut nodes, mut leaves, mut inner) = (1, 0, 0, 0);
+        let next = |end: &mut u32, count: u32| {
+            *end += count;
+            *end - count..*end
         };
-        table.iter().map(move |&inner| {
-            let nodes = end.nodes.clone();
+        table.iter().map(move |&parents| {
             let level = Level {
-                leaves: end.leaves.end..end.leaves.end + (nodes.len() as u32 - inner),
-                inner: end.inner.end..end.inner.end + inner,
-                nodes: nodes.clone(),
+                nodes: next(&mut nodes, count),
+                leaves: next(&mut leaves, count - parents),
+                inner: next(&mut inner, parents),
             };
-            end = Level {
-                nodes: nodes.end..nodes.end + 2 * inner,
-                ..level.clone()
-            };
+            count = 2 * parents;
             level
         })
     }
@@ -252,6 +252,33 @@ impl Topology {
             bits: self.leaf_bits(),
             ranks: self.leaf_ranks(),
         }
+    }
+
+    /// A value for every inner node, made of its children's from the deepest level up, in parallel; `leaf` gives a
+    /// leaf's by its rank, and `none` is overwritten.
+    pub(crate) fn bottom_up<T: Copy + Send + Sync>(
+        &self,
+        none: T,
+        leaf: impl Fn(u32) -> T + Sync,
+        join: impl Fn(T, T) -> T + Sync,
+    ) -> Vec<T> {
+        let mut all = vec![none; self.leaf_count().saturating_sub(1)];
+        let ranks = self.ranks();
+        let levels: Vec<_> = self.levels().collect();
+        for level in levels.iter().rev() {
+            let [start, end] = [level.inner.start, level.inner.end].map(|i| i as usize);
+            let (upper, deeper) = all.split_at_mut(end);
+            let value = |node: NodeRank| match node.leaf() {
+                Some(rank) => leaf(rank),
+                None => deeper[node.rank() as usize - end],
+            };
+            let nodes = upper[start..].par_iter_mut().enumerate();
+            nodes.with_min_len(RUN).for_each(|(i, to)| {
+                let [a, b] = Self::children_of_inner((start + i) as u32);
+                *to = join(value(ranks.of(a)), value(ranks.of(b)));
+            });
+        }
+        all
     }
 
     fn bit_words(&self) -> usize {

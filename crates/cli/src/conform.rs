@@ -13,7 +13,7 @@ use crate::talk;
 use crate::talk::Progress;
 use backend::{Intersector, Method};
 use conformance::leaks::{self, LeakPlan, OFFSETS};
-use conformance::{Law, Reference, hold, hold_one, laws_of};
+use conformance::{Law, Reference, hold, laws_of};
 use results::{PropertyRow, Report};
 use std::time::Instant;
 
@@ -63,8 +63,8 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
             let begun = Instant::now();
             let backend = subject.backend.as_mut();
             let held = match args.case {
-                Some(case) => hold_one(law, backend, &mut reference, args.seed, case).map(|()| 1),
-                None => hold(law, backend, &mut reference, args.seed, args.cases),
+                Some(case) => hold(law, backend, &mut reference, args.seed, [case]),
+                None => hold(law, backend, &mut reference, args.seed, 0..args.cases),
             };
             let seconds = begun.elapsed().as_secs_f64();
             let row = PropertyRow {

@@ -68,38 +68,3 @@ fn parts(triangles: &[[u32; 3]], vertices: usize) -> Vec<Vec<[u32; 3]>> {
     }
     parts
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_ray_through_a_shared_edge_crosses_one_triangle() {
-        let square = vec![
-            [0.0, 0.0, 0.0],
-            [1.0, 0.0, 0.0],
-            [1.0, 1.0, 0.0],
-            [0.0, 1.0, 0.0],
-        ];
-        let square = Animation::new(vec![square], vec![[0, 1, 2], [0, 2, 3]]).unwrap();
-        let ray = |x| Ray::new([x, 0.25, 1.0], [0.0, 0.0, -1.0]);
-        let mut cpu = cpu_ref::CpuBackend::new(Some(1)).unwrap();
-        let rays = [0.25, 0.5, 2.0].map(ray);
-        let counts = crossings(&mut cpu, Method::default(), &square, &rays);
-        assert_eq!(counts.unwrap(), [1, 1, 0]);
-    }
-
-    #[test]
-    fn parts_hold_every_triangle_once_and_no_neighbours() {
-        let triangles = [[0, 1, 2], [2, 3, 4], [5, 6, 7], [0, 1, 2], [4, 5, 8]];
-        let parts = parts(&triangles, 9);
-        let mut all = parts.concat();
-        all.sort_unstable();
-        assert_eq!(all, [[0, 1, 2], [0, 1, 2], [2, 3, 4], [4, 5, 8], [5, 6, 7]]);
-        for part in parts {
-            let mut vertices = part.concat();
-            vertices.sort_unstable();
-            assert!(vertices.windows(2).all(|w| w[0] != w[1]));
-        }
-    }
-}

@@ -56,8 +56,8 @@ pub use generate::topologies::record;
 pub use laws::{LAWS, Law, OWN_TREE_LAWS, laws_of};
 pub use reference::Reference;
 
-use anyhow::anyhow;
-use backend::{Backend, Layout, Method};
+use anyhow::{Context, anyhow};
+use backend::{Backend, Method};
 use laws::Check;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -79,9 +79,10 @@ pub struct Disagreement {
     pub held: u32,
 }
 
-/// Holds `subject` to one law over `cases` cases made from `seed`; returns how many held.
+/// Holds `subject` to one law over these cases of `seed`, by each method that the law asks for; returns how many held.
+/// A backend that panics disagrees.
 ///
-/// Case `i` of a seed is the same in every run, on every machine and for every number of cases.
+/// Case `i` of a seed is the same in every run, on every machine and whatever other cases are tried.
 ///
 /// # Errors
 /// The first disagreement.
@@ -90,72 +91,48 @@ pub fn hold(
     subject: &mut dyn Backend,
     reference: &mut Reference,
     seed: u64,
-    cases: u32,
+    cases: impl IntoIterator<Item = u32>,
 ) -> Result<u32, Disagreement> {
-    for i in 0..cases {
-        let held = hold_one(law, subject, reference, seed, i);
-        held.map_err(|found| Disagreement { held: i, ..found })?;
+    let mut held = 0;
+    for number in cases {
+        let case = nth_case(seed, number);
+        // It has another case loaded.
+        reference.backend();
+        let found = by_each_method(law, &case, subject, reference);
+        found.map_err(|what| Disagreement {
+            law: law.name,
+            seed,
+            case: number,
+            what: format!("{what:#}"),
+            about: case.to_string(),
+            held,
+        })?;
+        held += 1;
     }
-    Ok(cases)
+    Ok(held)
 }
 
-/// Holds `subject` to one law over one case, with each layout that it has. A backend that panics disagrees.
-///
-/// # Errors
-/// The disagreement.
-pub fn hold_one(
-    law: &Law,
-    subject: &mut dyn Backend,
-    reference: &mut Reference,
-    seed: u64,
-    number: u32,
-) -> Result<(), Disagreement> {
-    let case = nth_case(seed, number);
-    // It has another case loaded.
-    reference.backend();
-    let found = in_all_layouts(law, &case, subject, reference);
-    found.map_err(|what| Disagreement {
-        law: law.name,
-        seed,
-        case: number,
-        what: format!("{what:#}"),
-        about: case.to_string(),
-        held: 0,
-    })
-}
-
-/// Tries the law on the usual layout, and on each other that the subject has and the law does not choose itself.
-fn in_all_layouts(
+fn by_each_method(
     law: &Law,
     case: &Case,
     subject: &mut dyn Backend,
     reference: &mut Reference,
 ) -> anyhow::Result<()> {
-    for layout in Layout::ALL {
-        let method = Method {
-            layout,
-            ..Method::default()
-        };
-        let usual = layout == Layout::Bvh2;
-        if !usual && (law.chooses_layouts || !subject.supports(method)) {
-            continue;
-        }
-        let mut check = Check {
-            case,
-            subject: &mut *subject,
-            reference: &mut *reference,
-            method,
-        };
+    let mut check = Check {
+        case,
+        subject,
+        reference,
+        method: Method::default(),
+    };
+    for method in (law.methods)(&check)? {
+        check.method = method;
         let held = catch_unwind(AssertUnwindSafe(|| (law.check)(&mut check)));
         let held = held.unwrap_or_else(|panic| {
             let text = panic.downcast_ref::<String>().map(String::as_str);
             let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
             Err(anyhow!("the backend panicked: {}", text.unwrap_or("?")))
         });
-        held.map_err(|e| match usual {
-            true => e,
-            false => e.context(format!("layout {layout}")),
-        })?;
+        held.with_context(|| format!("{method:?}"))?;
     }
     Ok(())
 }

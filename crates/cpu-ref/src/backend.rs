@@ -111,8 +111,8 @@ impl CpuBackend {
         })
     }
 
-    fn scene(&mut self) -> &mut SceneState {
-        loaded(&mut self.scene)
+    fn require(&self, state: State, why: &str) {
+        assert!(self.state >= state, "{why} comes first");
     }
 
     /// Carries out what was recorded and not done yet, a trace of a list with `rays`.
@@ -212,17 +212,14 @@ impl Backend for CpuBackend {
     }
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
-        self.scene();
+        loaded(&mut self.scene);
         self.commands.push(Command::Interpolate(pose));
         self.state = State::Positions;
         Ok(())
     }
 
     fn preprocess(&mut self) -> Result<()> {
-        assert!(
-            self.state >= State::Positions,
-            "preprocess reads positions: interpolate comes first"
-        );
+        self.require(State::Positions, "preprocess reads positions: interpolate");
         assert!(
             self.generation.is_some(),
             "preprocess follows a tree's leaves: adopt comes first"
@@ -233,10 +230,7 @@ impl Backend for CpuBackend {
     }
 
     fn refit(&mut self) -> Result<()> {
-        assert!(
-            self.state >= State::Records,
-            "refit reads boxes of leaves: preprocess comes first"
-        );
+        self.require(State::Records, "refit reads boxes of leaves: preprocess");
         self.commands.push(Command::Refit);
         self.state = State::Boxes;
         Ok(())
@@ -268,9 +262,9 @@ impl Backend for CpuBackend {
     }
 
     fn request_positions(&mut self) -> Result<()> {
-        assert!(
-            self.state >= State::Positions,
-            "there are no positions to copy: interpolate comes first"
+        self.require(
+            State::Positions,
+            "there are no positions to copy: interpolate",
         );
         self.commands.push(Command::CopyPositions);
         Ok(())
@@ -311,10 +305,10 @@ impl Backend for CpuBackend {
 
 impl Inspect for CpuBackend {
     fn positions(&mut self) -> Result<Vec<Point>> {
-        Ok(self.scene().positions().to_vec())
+        Ok(loaded(&mut self.scene).positions().to_vec())
     }
 
     fn boxes(&mut self) -> Result<Vec<Aabb>> {
-        self.scene().boxes()
+        loaded(&mut self.scene).boxes()
     }
 }

@@ -8,7 +8,7 @@ use crate::tiles::{Counts, Output};
 use crate::trace::{TraceTask, Tracer};
 use crate::{Accelerator, reserve};
 use backend::{Intersector, Result};
-use bvh_layout::{Lists, Moving, NodeRank, Topology};
+use bvh_layout::{Link, Moving, Topology};
 use geom::{Aabb, Animation};
 use glam::Vec3A;
 use rayon::prelude::*;
@@ -24,53 +24,15 @@ use std::ops::Range;
 pub(crate) struct Pair {
     /// For each axis: lower planes of lanes 0 and 1, then upper planes.
     pub(crate) planes: [[f32; 4]; 3],
-    /// Where each lane leads.
+    /// Where each lane leads: to the pair of a node's children (of the root's own, where there is nothing), or to a leaf.
     pub(crate) links: [Link; 2],
 }
 
-/// The pair of a node's children, or (flagged) the rank of a leaf.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Link(u32);
-
-impl Link {
-    /// The pair that holds the root.
-    pub(crate) const ROOT: Self = Self(0);
-    const LEAF: u32 = 1 << 31;
-
-    fn to(node: NodeRank) -> Self {
-        match node.leaf() {
-            Some(rank) => Self(rank | Self::LEAF),
-            None => Self(node.rank() + 1),
-        }
-    }
-
-    /// Whether it names a leaf.
-    #[inline]
-    pub(crate) fn is_leaf(self) -> bool {
-        self.0 & Self::LEAF != 0
-    }
-
-    /// Whether it names the children of an inner node.
-    #[inline]
-    pub(crate) fn is_inner(self) -> bool {
-        !self.is_leaf() && self != Self::ROOT
-    }
-
-    /// The leaf's rank or the children's pair.
-    #[inline]
-    pub(crate) fn index(self) -> usize {
-        (self.0 & !Self::LEAF) as usize
-    }
-}
+const FAR: f32 = f32::INFINITY;
 
 impl Pair {
     const EMPTY: Self = Self {
-        planes: [[
-            f32::INFINITY,
-            f32::INFINITY,
-            f32::NEG_INFINITY,
-            f32::NEG_INFINITY,
-        ]; 3],
+        planes: [[FAR, FAR, -FAR, -FAR]; 3],
         links: [Link::ROOT; 2],
     };
 
@@ -133,8 +95,8 @@ pub struct Bvh2 {
     leaves: Vec<Leaf>,
     /// Pairs of each level, root first; none if the tree is empty.
     levels: Vec<Range<usize>>,
-    /// The record's lists; kept for their memory.
-    lists: Lists,
+    /// The node of each leaf; kept for its memory.
+    leaf_nodes: Vec<u32>,
     /// What moves; `None` where static geometry is too little to be passed over.
     moving: Option<Moving>,
     /// Whether every leaf was preprocessed since the tree was adopted.
@@ -175,7 +137,11 @@ impl Bvh2 {
         }));
         let (nodes, ranks) = (tree.node_count(), tree.ranks());
         let link = |slot: usize| match slot.checked_sub(1).filter(|&node| node < nodes) {
-            Some(node) => Link::to(ranks.of(node as u32)),
+            Some(node) => {
+                let node = ranks.of(node as u32);
+                let leaf = node.leaf().map(|rank| Link::block(rank as usize));
+                leaf.unwrap_or(Link::node(node.rank() as usize + 1))
+            }
             None => Link::ROOT,
         };
         self.pairs.resize(nodes.div_ceil(2).max(1), Pair::EMPTY);
@@ -184,8 +150,8 @@ impl Bvh2 {
         self.pairs[0].planes = Pair::EMPTY.planes;
         self.triangles.clear();
         self.triangles.extend_from_slice(tree.leaf_triangles());
-        self.lists.fill(tree);
-        let leaves = self.lists.leaf_nodes.par_iter().with_min_len(RUN);
+        tree.leaf_nodes(&mut self.leaf_nodes);
+        let leaves = self.leaf_nodes.par_iter().with_min_len(RUN);
         let leaf = |(&node, &triangle): (&u32, &u32)| Leaf {
             slot: node + 1,
             vertices: triangles[triangle as usize],

@@ -48,7 +48,12 @@ pub fn closest<N: Tree>(asked: &Asked<'_, N>, rule: Rule) -> Option<Hit> {
 }
 
 impl Rule {
-    fn meet(self, geometry: &Geometry<'_>, line: &Line, triangle: u32) -> Option<Crossing> {
+    pub(crate) fn meet(
+        self,
+        geometry: &Geometry<'_>,
+        line: &Line,
+        triangle: u32,
+    ) -> Option<Crossing> {
         let corners = geometry.corners(triangle);
         if !is_active(&corners) || is_degenerate(&corners) {
             return None;
@@ -85,8 +90,7 @@ pub fn any<N: Tree>(asked: &Asked<'_, N>, rule: Rule, skipped: Option<u32>) -> b
 
 fn line<N: Tree>(asked: &Asked<'_, N>) -> Option<Line> {
     asked.settled.fetch_add(1, Relaxed);
-    let ray = asked.ray;
-    ray.is_valid().then_some(Line { ray, shift: 0 })
+    asked.ray.is_valid().then(|| asked.line())
 }
 
 /// A ray in double precision, and the unit of the tree's boxes.

@@ -22,7 +22,7 @@ pub struct Reach {
     pub inverse: [f32; 3],
     /// `q` on each axis.
     pub pad: [f32; 3],
-    /// `D`.
+    /// `D`: the largest distance on one axis from the ray's start to a corner of the root box.
     pub farthest: f32,
 }
 
@@ -30,8 +30,9 @@ impl Reach {
     /// For the tree whose whole box is `root`.
     #[inline]
     pub fn new(ray: &PreparedRay, root: &Aabb) -> Self {
-        let farthest = farthest(ray, root);
-        let direction = Vec3A::from_array(ray.direction);
+        let [o, direction] = [ray.origin, ray.direction].map(Vec3A::from_array);
+        let ends = [root.min, root.max].map(|p| (Vec3A::from_array(p) - o).abs());
+        let farthest = ends[0].max(ends[1]).max_element().min(FARTHEST);
         let inverse = Vec3A::ONE / direction.abs().max(Vec3A::splat(SMALLEST));
         let pad = inverse * (PAD * farthest);
         Self {
@@ -115,16 +116,4 @@ impl Slab {
         let lanes = spans.cmple(exits.min(Vec4::splat(best))).bitmask() & 3;
         Met { lanes, spans }
     }
-}
-
-/// `D`: the largest distance on one axis from the ray's start to a corner of the root box.
-#[inline]
-fn farthest(ray: &PreparedRay, root: &Aabb) -> f32 {
-    let mut farthest = 0.0_f32;
-    for axis in 0..3 {
-        let o = ray.origin[axis];
-        let ends = [root.min[axis] - o, root.max[axis] - o];
-        farthest = farthest.max(ends[0].abs()).max(ends[1].abs());
-    }
-    farthest.min(FARTHEST)
 }

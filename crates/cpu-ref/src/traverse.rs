@@ -1,11 +1,12 @@
 //! One ray through a tree, nearest child first.
 
-use crate::bvh2::{Bvh2, Link};
+use crate::bvh2::Bvh2;
 use crate::intersect::{Candidate, Meeting, Record, TriangleTest};
 use crate::ray::PreparedRay;
 use crate::scale::flushed;
 use crate::slab::Slab;
 use bvh_build::MAX_DEPTH;
+use bvh_layout::Link;
 use geom::{Aabb, Hit};
 
 /// A tree with the boxes and triangles of one moment, whatever its layout.
@@ -72,17 +73,6 @@ struct Entry {
     /// The later of entry and `t_min`.
     entry: f32,
     exit: f32,
-}
-
-impl Entry {
-    #[inline(always)]
-    fn leaf(&self) -> Leaf {
-        Leaf {
-            place: self.link.index(),
-            entry: self.entry,
-            exit: self.exit,
-        }
-    }
 }
 
 /// What a thread needs to trace ray after ray.
@@ -176,7 +166,7 @@ impl Bvh2 {
                     child(1)
                 }
             };
-            if next.link.is_leaf() {
+            if next.link.is_block() {
                 return Some(next);
             }
             link = next.link;
@@ -205,7 +195,7 @@ impl Tree for &Bvh2 {
     fn children(&self, node: u32, mut each: impl FnMut(&Aabb, Below)) {
         let pair = &self.pairs[node as usize];
         for (lane, link) in pair.links.into_iter().enumerate() {
-            let below = match link.is_leaf() {
+            let below = match link.is_block() {
                 true => Below::Places {
                     first: link.index(),
                     count: 1,
@@ -228,8 +218,9 @@ impl Tree for &Bvh2 {
         stack.len = 0;
         let mut next = self.descend(&slab, Link::ROOT, bound, stack);
         loop {
-            if let Some(entry) = next {
-                match see(&entry.leaf(), bound) {
+            if let Some(Entry { link, entry, exit }) = next {
+                let place = link.index();
+                match see(&Leaf { place, entry, exit }, bound) {
                     Some(tighter) => bound = tighter,
                     None => return true,
                 }
@@ -237,7 +228,7 @@ impl Tree for &Bvh2 {
             let Some(entry) = stack.pop(bound) else {
                 return false;
             };
-            next = if entry.link.is_leaf() {
+            next = if entry.link.is_block() {
                 Some(entry)
             } else {
                 self.descend(&slab, entry.link, bound, stack)

@@ -52,7 +52,7 @@ pub struct WideShape {
 impl WideShape {
     fn of(tree: &Treelets) -> Self {
         let [words, lists, _] = tree.parts();
-        tree.wide().map_or_else(Self::default, |wide| Self {
+        tree.wide.as_ref().map_or_else(Self::default, |wide| Self {
             at: (words.len() + lists.len()) as u32,
             lanes: wide.lanes as u32,
             root: wide.root,
@@ -145,12 +145,15 @@ impl Shape {
         Self {
             layout: Layout::Fast,
             leaf_triangles_at: tree.triangles_at() as u32,
-            leaf_count: tree.leaf_count() as u32,
-            node_count: (2 * tree.leaf_count()).saturating_sub(1) as u32,
-            treelets: tree.levels().to_vec(),
-            moving_treelets: tree.moving().map(|m| MovingTreeletShape::of(tree, m)),
+            leaf_count: tree.leaf_count,
+            node_count: (2 * tree.leaf_count).saturating_sub(1),
+            treelets: tree.levels.clone(),
+            moving_treelets: tree
+                .moving
+                .as_ref()
+                .map(|m| MovingTreeletShape::of(tree, m)),
             node_rows: tree.rows() as u64,
-            root_count: tree.root_count() as u32,
+            root_count: tree.root_count,
             begin: tree.few_roots(MANY),
             wide: WideShape::of(tree),
             ..Self::default()

@@ -122,7 +122,7 @@ pub(crate) fn treelets_that_stand_still_are_passed_over_to_the_last_bit(backend:
     let plain = Topology::from_words(words).unwrap();
     let listed = plain.clone().with_moving(animation.static_parts());
     let treelets = listed.to_treelets(animation.static_parts());
-    let moving = treelets.moving().unwrap().words.len();
+    let moving = treelets.moving.as_ref().unwrap().words.len();
     assert!(
         moving > 1 && moving < treelets.treelet_count() / 4,
         "{moving}"

@@ -65,7 +65,7 @@ const EVERYWHERE: u32 = 0xffff_0000;
 /// How many lanes of the wide tree, and how many triangles, cover all of the last picture.
 fn everywhere(backend: &mut dyn Subject, animation: &Animation, tree: &Topology) -> [usize; 2] {
     let treelets = tree.to_treelets(animation.static_parts());
-    let lanes = treelets.wide().unwrap().lanes;
+    let lanes = treelets.wide.as_ref().unwrap().lanes;
     let words = backend.words(BufferName::Covers, 4 * (lanes + 2 * tree.leaf_count()));
     let rows: Vec<_> = words.chunks_exact(4).collect();
     let count = |rows: &[&[u32]], step| {

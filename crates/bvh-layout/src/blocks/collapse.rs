@@ -5,7 +5,7 @@ use crate::{NodeRank, NodeRanks, Topology};
 use geom::Aabb;
 use rayon::prelude::*;
 
-/// NodeRank nodes, wide nodes or blocks that one task handles.
+/// Wide nodes or blocks that one task handles.
 const RUN: usize = 2048;
 
 impl BlockTree {
@@ -18,7 +18,7 @@ impl BlockTree {
     /// If the record is not one of these triangles.
     #[must_use]
     pub fn of(tree: &Topology, triangles: &[[u32; 3]], (boxes, first): (&[Aabb], First)) -> Self {
-        let sizes = from_below(tree, 0_u32, |_| 1, |a, b| a + b);
+        let sizes = tree.bottom_up(0_u32, |_| 1, |a, b| a + b);
         let areas = areas(tree, boxes);
         let shape = SizedTree {
             sizes: &sizes,
@@ -86,32 +86,6 @@ impl BlockTree {
     }
 }
 
-/// A value for every inner node, made of its children's from the deepest level up; `leaf` gives a leaf's by its rank.
-fn from_below<T: Copy + Send + Sync>(
-    tree: &Topology,
-    none: T,
-    leaf: impl Fn(u32) -> T + Sync,
-    join: impl Fn(T, T) -> T + Sync,
-) -> Vec<T> {
-    let mut all = vec![none; tree.leaf_count().saturating_sub(1)];
-    let ranks = tree.ranks();
-    let levels: Vec<_> = tree.levels().collect();
-    for level in levels.iter().rev() {
-        let [start, end] = [level.inner.start, level.inner.end].map(|i| i as usize);
-        let (upper, deeper) = all.split_at_mut(end);
-        let value = |node: NodeRank| match node.leaf() {
-            Some(rank) => leaf(rank),
-            None => deeper[node.rank() as usize - end],
-        };
-        let nodes = upper[start..].par_iter_mut().enumerate();
-        nodes.with_min_len(RUN).for_each(|(i, to)| {
-            let [a, b] = Topology::children_of_inner((start + i) as u32);
-            *to = join(value(ranks.of(a)), value(ranks.of(b)));
-        });
-    }
-    all
-}
-
 /// Half areas of all inner nodes, if there is a box for each triangle.
 fn areas(tree: &Topology, boxes: &[Aabb]) -> Option<Vec<f32>> {
     if boxes.len() != tree.triangle_count() {
@@ -119,7 +93,7 @@ fn areas(tree: &Topology, boxes: &[Aabb]) -> Option<Vec<f32>> {
     }
     let triangles = tree.leaf_triangles();
     let leaf = |rank: u32| boxes[triangles[rank as usize] as usize];
-    let inner = from_below(tree, Aabb::EMPTY, leaf, Aabb::union);
+    let inner = tree.bottom_up(Aabb::EMPTY, leaf, Aabb::union);
     let areas = inner.par_iter().with_min_len(RUN);
     Some(areas.map(|b| b.half_area() as f32).collect())
 }

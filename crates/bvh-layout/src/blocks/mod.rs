@@ -76,7 +76,7 @@ impl Block {
     };
 }
 
-/// A node or (flagged) a block.
+/// A node or (flagged) a block, which in a binary tree is a leaf.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(transparent)]
 pub struct Link(u32);
@@ -102,6 +102,12 @@ impl Link {
     #[inline(always)]
     pub const fn is_block(self) -> bool {
         self.0 & Self::BLOCK != 0
+    }
+
+    /// Whether it leads to a node below the root.
+    #[inline(always)]
+    pub fn is_inner(self) -> bool {
+        !self.is_block() && self != Self::ROOT
     }
 
     /// Of the node or of the block.

@@ -40,7 +40,7 @@ impl Reader<'_> {
     fn tree(&self) -> (Found, HashMap<u32, Found>) {
         let mut rows = HashMap::<u32, Found>::new();
         let mut inner_rows = BTreeSet::new();
-        for (number, level) in (0..).zip(self.0.levels()) {
+        for (number, level) in (0..).zip(&self.0.levels) {
             for treelet in level.clone() {
                 let entry = self.0.treelet(treelet as usize);
                 let leaf = |i: u32| match number {
@@ -60,11 +60,11 @@ impl Reader<'_> {
                 }
             }
         }
-        assert_eq!(inner_rows.len(), self.0.inner_count());
+        assert_eq!(inner_rows.len(), self.0.inner_count as usize);
         assert!(
             inner_rows
                 .into_iter()
-                .eq((1..=self.0.inner_count() as u32).map(|i| 4 * i))
+                .eq((1..=self.0.inner_count).map(|i| 4 * i))
         );
         (rows.get(&0).cloned().unwrap_or_default(), rows)
     }
@@ -140,7 +140,7 @@ fn check(tree: &BinaryTree) -> Treelets {
 /// The rows that a treelet's leaves stand on are all roots of its children and no others.
 fn each_treelet_stands_below_one(treelets: &Treelets) {
     let all = (0..treelets.treelet_count() as u32).map(|t| (t, treelets.treelet(t as usize)));
-    let levels = treelets.levels();
+    let levels = &treelets.levels;
     for (number, parent) in all.clone().skip(levels.first().map_or(0, |l| l.len())) {
         let children = all.clone().filter(|(_, child)| child.parent == number);
         let rows: Vec<_> = children
@@ -168,13 +168,13 @@ fn treelets_are_the_tree() {
 fn large_trees_take_several_levels_and_are_the_tree_still() {
     for (leaves, levels) in [(257, 2), (20_000, 2), (150_000, 3)] {
         let treelets = check(&random_tree(leaves, 9));
-        assert_eq!(treelets.levels().len(), levels, "{leaves} leaves");
+        assert_eq!(treelets.levels.len(), levels, "{leaves} leaves");
         let (least, most) = (treelets.few_roots(1), treelets.few_roots(u32::MAX));
         assert!(least == (0, 1) && most.1 > leaves as u32 / 256, "{most:?}");
     }
     for leaves in [40_000, 140_000] {
         let deepest = check(&chain(leaves));
-        assert!(deepest.levels().len() > 2);
+        assert!(deepest.levels.len() > 2);
     }
 }
 
@@ -193,7 +193,7 @@ fn a_triangle_takes_at_most_8_bytes_and_treelets_are_mostly_full() {
         let treelets = check(&random_tree(leaves, 4));
         let bytes = treelets.bytes() as f64 / leaves as f64;
         assert!(bytes < 8.0, "{bytes}");
-        let full = leaves as f64 / (Treelets::LEAVES * treelets.levels()[0].len()) as f64;
+        let full = leaves as f64 / (Treelets::LEAVES * treelets.levels[0].len()) as f64;
         assert!(full > least, "{full}");
     }
 }

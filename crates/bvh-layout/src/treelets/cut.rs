@@ -1,7 +1,7 @@
 //! Where to cut: subtrees that fit a treelet, and neighbours that fit one together.
 
 use super::Treelets;
-use crate::Topology;
+use crate::{NodeRank, Topology};
 use bvh_build::{BinaryTree, Subtree};
 use std::ops::Range;
 
@@ -112,11 +112,11 @@ fn pack(roots: &[Subtree], starts: &[usize]) -> Vec<Range<usize>> {
 /// A breadth-first record back to a depth-first tree.
 pub(super) fn depth_first(topology: &Topology) -> BinaryTree {
     let (nodes, ranks) = (topology.node_count() as u32, topology.ranks());
-    let mut leaves = vec![1_u32; nodes as usize];
-    for node in (0..nodes).rev().filter(|&n| ranks.of(n).leaf().is_none()) {
-        let children = Topology::children_of_inner(ranks.of(node).rank());
-        leaves[node as usize] = children.iter().map(|&c| leaves[c as usize]).sum();
-    }
+    let sizes = topology.bottom_up(0_u32, |_| 1, |a, b| a + b);
+    let leaves = |node: NodeRank| match node.leaf() {
+        Some(_) => 1,
+        None => sizes[node.rank() as usize],
+    };
     let mut order = vec![0; topology.leaf_count()];
     let mut left_leaves = vec![0; topology.leaf_count().saturating_sub(1)];
     // Each node's first leaf and, if it is an inner node, its place in preorder.
@@ -129,7 +129,7 @@ pub(super) fn depth_first(topology: &Topology) -> BinaryTree {
             continue;
         }
         let [left, right] = Topology::children_of_inner(node.rank());
-        let before = leaves[left as usize];
+        let before = leaves(ranks.of(left));
         left_leaves[inner as usize] = before;
         places[left as usize] = (first_leaf, inner + 1);
         places[right as usize] = (first_leaf + before, inner + before);

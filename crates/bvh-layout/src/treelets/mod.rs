@@ -57,12 +57,18 @@ use std::sync::atomic::AtomicU32;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Treelets {
     words: Vec<u32>,
-    levels: Vec<Range<u32>>,
-    leaf_count: u32,
-    inner_count: u32,
-    root_count: u32,
-    moving: Option<MovingTreelets>,
-    wide: Option<WideTree>,
+    /// The numbers of each level's treelets, the level of the triangles first.
+    pub levels: Vec<Range<u32>>,
+    /// Triangles.
+    pub leaf_count: u32,
+    /// Inner nodes.
+    pub inner_count: u32,
+    /// Roots of all treelets.
+    pub root_count: u32,
+    /// What must be done again when the scene moves; `None` if all of it.
+    pub moving: Option<MovingTreelets>,
+    /// The same tree with 32 children a node, if it has that form.
+    pub wide: Option<WideTree>,
 }
 
 /// The same tree with up to 32 children a node, over blocks of up to 32 neighbouring triangles, for searches in which
@@ -215,16 +221,6 @@ impl Treelets {
         &mut bytemuck::cast_slice_mut(entry)[0]
     }
 
-    /// What must be done again when the scene moves; `None` if all of it.
-    pub fn moving(&self) -> Option<&MovingTreelets> {
-        self.moving.as_ref()
-    }
-
-    /// The same tree with 32 children a node, if it has that form.
-    pub fn wide(&self) -> Option<&WideTree> {
-        self.wide.as_ref()
-    }
-
     /// All that is handed over, in this order: the words, lists of what moves, the wide tree.
     pub fn parts(&self) -> [&[u32]; 3] {
         let lists = self.moving.as_ref().map_or(&[][..], |m| &m.words);
@@ -235,11 +231,6 @@ impl Treelets {
     /// Bytes handed over.
     pub fn bytes(&self) -> usize {
         self.parts().iter().map(|part| size_of_val(*part)).sum()
-    }
-
-    /// The numbers of each level's treelets, the level of the triangles first.
-    pub fn levels(&self) -> &[Range<u32>] {
-        &self.levels
     }
 
     /// All treelets, level by level.
@@ -269,21 +260,6 @@ impl Treelets {
         few.next().unwrap_or((0, 1))
     }
 
-    /// Triangles.
-    pub fn leaf_count(&self) -> usize {
-        self.leaf_count as usize
-    }
-
-    /// Roots of all treelets.
-    pub fn root_count(&self) -> usize {
-        self.root_count as usize
-    }
-
-    /// Inner nodes.
-    pub fn inner_count(&self) -> usize {
-        self.inner_count as usize
-    }
-
     /// The triangles of a treelet of the lowest level, each with [`Treelets::SHARED`] or without.
     pub(crate) fn triangles(&self, number: usize) -> &[u32] {
         let entry = self.treelet(number);
@@ -293,13 +269,13 @@ impl Treelets {
 
     /// Where the triangles begin, in words.
     pub fn triangles_at(&self) -> usize {
-        self.words.len() - self.inner_count() - self.leaf_count()
+        self.words.len() - (self.inner_count + self.leaf_count) as usize
     }
 
     /// Rows of 16 bytes in which a device keeps all nodes.
     pub fn rows(&self) -> usize {
         let waiting_roots = (self.root_count as usize).saturating_sub(1);
-        4 * (1 + self.inner_count()) + 2 * waiting_roots
+        4 * (1 + self.inner_count as usize) + 2 * waiting_roots
     }
 }
 

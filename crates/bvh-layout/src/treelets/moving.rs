@@ -20,10 +20,10 @@ impl MovingTreelets {
     /// `None` where lists do not pay: more than half of all treelets move; see [`StaticParts::pays`].
     pub(super) fn of(tree: &Treelets, parts: &StaticParts) -> Option<Self> {
         let (mut words, mut levels) = (Vec::new(), Vec::<Range<usize>>::new());
-        for treelets in tree.levels() {
+        for treelets in &tree.levels {
             let found: Vec<u32> = match levels.last() {
                 None => with_triangles_that_move(tree, treelets.clone(), parts),
-                Some(below) => above(tree, treelets.clone(), &words[below.clone()]),
+                Some(below) => parents(tree, &words[below.clone()]),
             };
             levels.push(words.len()..words.len() + found.len());
             words.extend(found);
@@ -49,19 +49,12 @@ fn with_triangles_that_move(tree: &Treelets, lowest: Range<u32>, parts: &StaticP
         .collect()
 }
 
-/// Those of a level that stand on a root of one of the treelets `below`.
-fn above(tree: &Treelets, level: Range<u32>, below: &[u32]) -> Vec<u32> {
-    let roots = |&number: &u32| {
-        let entry = tree.treelet(number as usize);
-        entry.root_row..entry.root_row + 2 * entry.root_count
-    };
-    let stands_on_one = |&number: &u32| {
-        let entry = tree.treelet(number as usize);
-        let rows = entry.first_leaf..entry.first_leaf + 2 * entry.leaf_count;
-        let first = below.partition_point(|b| roots(b).end <= rows.start);
-        below.get(first).is_some_and(|b| roots(b).start < rows.end)
-    };
-    level.filter(stands_on_one).collect()
+/// Those of the next level that stand on roots of these.
+fn parents(tree: &Treelets, below: &[u32]) -> Vec<u32> {
+    let parents = below.iter().map(|&t| tree.treelet(t as usize).parent);
+    let mut parents: Vec<u32> = parents.collect();
+    parents.dedup();
+    parents
 }
 
 /// Static triangles of zero area in these treelets of the lowest level.
@@ -87,7 +80,7 @@ mod tests {
     fn expected(tree: &Treelets, parts: &StaticParts) -> Vec<Vec<u32>> {
         let mut rows = BTreeSet::new();
         let mut lists = Vec::new();
-        for (number, level) in tree.levels().iter().enumerate() {
+        for (number, level) in tree.levels.iter().enumerate() {
             let mut list = Vec::new();
             for treelet in level.clone() {
                 let entry = tree.treelet(treelet as usize);
@@ -120,7 +113,7 @@ mod tests {
                 let parts = parts(scene(&tree), |t| moves.contains(&t));
                 let expected = expected(&treelets, &parts);
                 let listed = treelets.clone().with_moving(&parts);
-                let found = listed.moving().map(|m| {
+                let found = listed.moving.as_ref().map(|m| {
                     let levels = m.levels.iter();
                     let lists = levels.map(|l| m.words[l.clone()].to_vec());
                     lists.collect::<Vec<_>>()
@@ -136,7 +129,7 @@ mod tests {
                 }
                 assert_eq!(found, (!many).then_some(expected));
                 assert_eq!(listed.bytes() - treelets.bytes(), {
-                    listed.moving().map_or(0, |m| 4 * m.words.len())
+                    listed.moving.as_ref().map_or(0, |m| 4 * m.words.len())
                 });
             }
         }
@@ -148,14 +141,14 @@ mod tests {
         let treelets = Treelets::of_tree(&tree);
         let of = |moves: fn(u32) -> bool| {
             let parts = parts(scene(&tree), moves);
-            treelets.clone().with_moving(&parts).moving().cloned()
+            treelets.clone().with_moving(&parts).moving
         };
         let none = of(|_| false).unwrap();
         assert!(none.words.is_empty());
         assert_eq!(none.levels, [0..0, 0..0]);
         assert_eq!(of(|t| t % 3 == 0), None);
         let empty = Treelets::default().with_moving(&StaticParts::default());
-        assert!(empty.moving().unwrap().levels.is_empty());
+        assert!(empty.moving.unwrap().levels.is_empty());
     }
 
     #[test]
@@ -168,6 +161,6 @@ mod tests {
         let mut parts = parts(scene(&tree), |t| t == order[0]);
         parts.degenerate = degenerate;
         let listed = treelets.with_moving(&parts);
-        assert_eq!(listed.moving().unwrap().degenerate_elsewhere, 2);
+        assert_eq!(listed.moving.unwrap().degenerate_elsewhere, 2);
     }
 }

@@ -154,14 +154,14 @@ mod tests {
         let others = [random_tree(9000, 5), chain(40)];
         for tree in shapes().into_iter().chain(others) {
             let treelets = Treelets::of_tree(&tree);
-            let Some(wide) = treelets.wide() else {
-                assert_eq!(treelets.leaf_count(), 0);
+            let Some(wide) = &treelets.wide else {
+                assert_eq!(treelets.leaf_count, 0);
                 continue;
             };
             let mut found = Vec::new();
             assert!(below(wide, wide.root, &mut found) <= WideTree::MOST_LEVELS);
             found.sort_unstable();
-            assert!(found.into_iter().eq(0..treelets.leaf_count() as u32));
+            assert!(found.into_iter().eq(0..treelets.leaf_count));
             let mut boxes = triangles_of_rows(&treelets);
             let (rows, goals) = wide.words.split_at(wide.lanes);
             for (row, &goal) in rows.iter().zip(goals) {
@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn trees_of_too_many_triangles_have_none() {
         let most = WideTree::MOST_TRIANGLES;
-        let of = |n| Treelets::of_tree(&random_tree(n, 1)).wide().is_some();
+        let of = |n| Treelets::of_tree(&random_tree(n, 1)).wide.is_some();
         assert!(of(1) && of(most) && !of(most + 1) && !of(0));
     }
 }

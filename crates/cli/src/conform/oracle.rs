@@ -8,14 +8,19 @@ use crate::subjects::Subject;
 use crate::table::{Cells, grouped, of_rows};
 use crate::talk::Progress;
 use backend::{Intersector, Method};
-use conformance::stress::audit::{Audit, AuditCounts, Batch, BatchSpec, Given};
+use conformance::stress::audit::{Audit, AuditCounts, Batch, BatchSpec};
+use geom::Animation;
 use rayon::prelude::*;
 use serde::Serialize;
+use std::sync::Arc;
 
 /// Rays whose answers are found at a time.
 const AHEAD: u64 = 1 << 19;
 /// Wrong rays that are told of in full.
 const TOLD: usize = 12;
+
+/// A scene and its name.
+type Given = (String, Arc<Animation>);
 
 pub(super) fn open(args: &ConformArgs) -> Result<Vec<Given>, Stop> {
     let options = scene::Options {
@@ -23,9 +28,8 @@ pub(super) fn open(args: &ConformArgs) -> Result<Vec<Given>, Stop> {
         ..scene::Options::default()
     };
     let given = |name: &String| {
-        let animation = scene::open(name, &options).map_err(Stop::bad)?.animation;
-        let name = name.clone();
-        Ok(Given { name, animation })
+        let scene = scene::open(name, &options).map_err(Stop::bad)?;
+        Ok((name.clone(), scene.animation))
     };
     args.scene.iter().map(given).collect()
 }

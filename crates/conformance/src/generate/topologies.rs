@@ -1,7 +1,7 @@
 //! Trees that no builder would make: odd and foreign ones.
 
-use bvh_build::MAX_DEPTH;
-use bvh_layout::Topology;
+use bvh_build::{BinaryTree, MAX_DEPTH};
+use bvh_layout::{Converter, Topology};
 use geom::Animation;
 
 /// How a node's leaves are shared out among its children.
@@ -56,37 +56,16 @@ pub fn record(
     leaves: &[u32],
     mut split: impl FnMut(u32, usize) -> usize,
 ) -> Topology {
-    let (mut table, mut is_leaf, mut order) = (Vec::new(), Vec::new(), Vec::new());
-    let mut level = vec![leaves];
-    level.retain(|all| !all.is_empty());
-    while !level.is_empty() {
-        let mut next = Vec::new();
-        for node in level {
-            is_leaf.push(node.len() == 1);
-            if let [leaf] = node {
-                order.push(*leaf);
-            } else {
-                let (left, right) = node.split_at(split(table.len() as u32, node.len()));
-                next.extend([left, right]);
-            }
+    let (mut left_leaves, mut waiting) = (Vec::new(), vec![(leaves.len(), 0)]);
+    while let Some((count, depth)) = waiting.pop() {
+        if count > 1 {
+            let left = split(depth, count);
+            left_leaves.push(left as u32);
+            waiting.extend([(count - left, depth + 1), (left, depth + 1)]);
         }
-        table.push(next.len() as u32 / 2);
-        level = next;
     }
-    let (triangles, leaves) = (triangles as u32, order.len() as u32);
-    let mut words = vec![Topology::MAGIC, Topology::VERSION, triangles, leaves];
-    words.extend([table.len() as u32, 0, 0, 0]);
-    words.extend(table);
-    let pack = |bits: &[bool]| (0..32).zip(bits).map(|(i, &b)| u32::from(b) << i).sum();
-    let bits: Vec<u32> = is_leaf.chunks(32).map(pack).collect();
-    let ranks = bits.iter().scan(0, |before, word| {
-        let rank = *before;
-        *before += word.count_ones();
-        Some(rank)
-    });
-    let ranks: Vec<u32> = ranks.collect();
-    words.extend([bits, ranks, order].concat());
-    Topology::from_words(words).expect("records made here are sound")
+    let tree = BinaryTree::new(leaves.to_vec(), left_leaves);
+    Converter::new().convert(&tree, triangles, Vec::new())
 }
 
 /// Trees that are not of this scene, each with what is wrong.
@@ -127,6 +106,10 @@ mod tests {
             let leaves: Vec<u32> = (0..n).collect();
             for split in Split::ALL {
                 let tree = odd(n as usize + 2, &leaves, split, 7);
+                assert_eq!(
+                    Topology::from_words(tree.words().to_vec()).as_ref(),
+                    Ok(&tree)
+                );
                 assert_eq!(tree.leaf_count(), n as usize);
                 let levels = tree.level_count();
                 if n > 65 && split != Split::Random {

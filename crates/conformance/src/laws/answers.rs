@@ -12,24 +12,22 @@ use geom::{Point, Ray};
 
 /// By every method whose answers are the same everywhere; triangles and hits are counted alike too.
 fn same(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
-    c.by_each(Check::robust_methods, |c| {
-        c.open(c.case.times[0])?;
-        for &time in &c.case.times {
-            c.stand(time)?;
-            let (seen, report) = ask(c.subject, rays, kind)?;
-            let expected = c
-                .reference
-                .answer(c.case, (c.method, time), Some((rays, kind)))?;
-            answers(c.case, time, rays, &seen, &expected.hits)?;
-            same_counts(&report, &expected.report).with_context(|| format!("at time {time:?}"))?;
-            // How many rays `exact` settles is a backend's own affair; `watertight` settles extreme rays alone.
-            let may_settle =
-                c.method.intersector == Intersector::Exact || has_extremes(c.case, time, rays);
-            let settled = report.settled;
-            ensure!(may_settle || settled == 0, "{settled} rays are settled");
-        }
-        Ok(())
-    })
+    c.open(c.case.times[0])?;
+    for &time in &c.case.times {
+        c.stand(time)?;
+        let (seen, report) = ask(c.subject, rays, kind)?;
+        let expected = c
+            .reference
+            .answer(c.case, (c.method, time), Some((rays, kind)))?;
+        answers(c.case, time, rays, &seen, &expected.hits)?;
+        same_counts(&report, &expected.report).with_context(|| format!("at time {time:?}"))?;
+        // How many rays `exact` settles is a backend's own affair; `watertight` settles extreme rays alone.
+        let may_settle =
+            c.method.intersector == Intersector::Exact || has_extremes(c.case, time, rays);
+        let settled = report.settled;
+        ensure!(may_settle || settled == 0, "{settled} rays are settled");
+    }
+    Ok(())
 }
 
 /// Whether any ray is answered in exact arithmetic, whatever the backend: see [`geom::Range`].
@@ -68,38 +66,34 @@ pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
     let (case, now, light) = (c.case, c.case.times[1], c.case.light);
     let list: Vec<Ray> = case.camera.rays().collect();
     let camera = Rays::Camera(&case.camera);
-    c.by_each(Check::methods, |c| {
-        c.open(case.times[0])?;
-        c.stand(now)?;
-        for kind in [
-            QueryKind::Closest,
-            QueryKind::Any,
-            QueryKind::ClosestAndShadow { light },
-        ] {
-            let given = c.ask(Rays::List(&list), kind)?;
-            let made = c.ask(camera, kind)?;
-            answers(case, now, camera, &made, &given)?;
-        }
-        Ok(())
-    })
+    c.open(case.times[0])?;
+    c.stand(now)?;
+    for kind in [
+        QueryKind::Closest,
+        QueryKind::Any,
+        QueryKind::ClosestAndShadow { light },
+    ] {
+        let given = c.ask(Rays::List(&list), kind)?;
+        let made = c.ask(camera, kind)?;
+        answers(case, now, camera, &made, &given)?;
+    }
+    Ok(())
 }
 
 /// Any-hit says yes exactly where closest-hit finds something, whatever the method.
 pub(super) fn any_is_closest(c: &mut Check<'_>) -> Result<()> {
-    c.by_each(Check::methods, |c| {
-        c.open(c.case.times[0])?;
-        c.stand(c.case.times[1])?;
-        let closest = c.closest()?.closest;
-        let any = c.ask(c.rays(), QueryKind::Any)?.blocked;
-        let [a, b] = [closest.len(), any.len()];
-        ensure!(a == b, "closest hits are {a} and any hits {b} in number");
-        let mut pairs = closest.iter().zip(&any).enumerate();
-        if let Some((i, (hit, any))) = pairs.find(|(_, (hit, any))| hit.is_hit() != (**any == 1)) {
-            let ray = named_ray(c.rays(), i);
-            bail!("closest hit {hit:?}, any hit {any}: {ray}");
-        }
-        Ok(())
-    })
+    c.open(c.case.times[0])?;
+    c.stand(c.case.times[1])?;
+    let closest = c.closest()?.closest;
+    let any = c.ask(c.rays(), QueryKind::Any)?.blocked;
+    let [a, b] = [closest.len(), any.len()];
+    ensure!(a == b, "closest hits are {a} and any hits {b} in number");
+    let mut pairs = closest.iter().zip(&any).enumerate();
+    if let Some((i, (hit, any))) = pairs.find(|(_, (hit, any))| hit.is_hit() != (**any == 1)) {
+        let ray = named_ray(c.rays(), i);
+        bail!("closest hit {hit:?}, any hit {any}: {ray}");
+    }
+    Ok(())
 }
 
 /// Rays of one case at closed bodies.

@@ -17,18 +17,8 @@ const COST_TOLERANCE: f64 = 1e-4;
 
 /// A tree that comes with lists of what moves gives the positions, boxes, counts,
 /// cost and hits of one that comes without, frame after frame and tree after tree,
-/// whichever stages were done before, in every layout.
+/// whichever stages were done before. The case's chance decides what happens.
 pub(super) fn passed_over(c: &mut Check<'_>) -> Result<()> {
-    c.by_each(Check::methods, |c| {
-        match c.method.intersector == Method::default().intersector {
-            true => passed_over_by_method(c),
-            false => Ok(()),
-        }
-    })
-}
-
-/// The case's chance decides what happens.
-fn passed_over_by_method(c: &mut Check<'_>) -> Result<()> {
     let case = c.case;
     let mut rng = fastrand::Rng::with_seed(case.chance);
     let mut tree = tree_at(&case.animation, case.times[0]);

@@ -11,18 +11,16 @@ use std::sync::Arc;
 /// A tree built at one time and refitted to another answers as a fresh one does, whatever the method.
 pub(super) fn age(c: &mut Check<'_>) -> Result<()> {
     let (case, now) = (c.case, c.case.times[1]);
-    c.by_each(Check::methods, |c| {
-        c.open(now)?;
+    c.open(now)?;
+    c.stand(now)?;
+    let fresh = c.closest()?;
+    for (built, generation) in [case.times[0], case.times[2]].into_iter().zip(2..) {
+        let tree = tree_at(&case.animation, built);
+        c.subject.adopt(&tree, Generation(generation))?;
         c.stand(now)?;
-        let fresh = c.closest()?;
-        for (built, generation) in [case.times[0], case.times[2]].into_iter().zip(2..) {
-            let tree = tree_at(&case.animation, built);
-            c.subject.adopt(&tree, Generation(generation))?;
-            c.stand(now)?;
-            answers(case, now, c.rays(), &c.closest()?, &fresh)?;
-        }
-        Ok(())
-    })
+        answers(case, now, c.rays(), &c.closest()?, &fresh)?;
+    }
+    Ok(())
 }
 
 /// Chains as deep as trees may be, and trees at random, answer as a built one does.
@@ -31,21 +29,19 @@ pub(super) fn shape(c: &mut Check<'_>) -> Result<()> {
     let live = live(&case.animation, case.chance);
     let count = case.animation.triangle_count();
     let odd = Split::ALL.map(|split| (split, odd_tree(count, &live, split, case.chance)));
-    c.by_each(Check::methods, |c| {
-        c.open(now)?;
-        c.stand(now)?;
-        let built = both(c)?;
-        for ((split, tree), generation) in odd.iter().zip(2..) {
-            let about = || format!("{split:?}");
-            let adopted = c.subject.adopt(tree, Generation(generation));
-            adopted.with_context(about)?;
-            boxes_anew(c.subject)?;
-            for (seen, built) in both(c)?.iter().zip(&built) {
-                answers(case, now, c.rays(), seen, built).with_context(about)?;
-            }
+    c.open(now)?;
+    c.stand(now)?;
+    let built = both(c)?;
+    for ((split, tree), generation) in odd.iter().zip(2..) {
+        let about = || format!("{split:?}");
+        let adopted = c.subject.adopt(tree, Generation(generation));
+        adopted.with_context(about)?;
+        boxes_anew(c.subject)?;
+        for (seen, built) in both(c)?.iter().zip(&built) {
+            answers(case, now, c.rays(), seen, built).with_context(about)?;
         }
-        Ok(())
-    })
+    }
+    Ok(())
 }
 
 /// Closest and any hits of the case's own rays.
@@ -128,31 +124,29 @@ pub(super) fn whole(c: &mut Check<'_>) -> Result<()> {
 /// It answers as a tree from the host does, before which and after which it may come.
 pub(super) fn same_hits(c: &mut Check<'_>) -> Result<()> {
     let (case, rays, now) = (c.case, c.rays(), c.case.times[1]);
-    c.by_each(Check::methods, |c| {
-        c.open(case.times[0])?;
-        c.stand(now)?;
-        let host = both(c)?;
-        if !rebuild(c.subject, 2)? {
-            return Ok(());
-        }
-        let made = both(c)?;
-        // There is nothing left to preprocess nor to refit, but it may be requested.
-        boxes_anew(c.subject)?;
-        // Another one while a frame with the first is under way.
-        let under_way = start(c.subject, rays, QueryKind::Closest)?;
-        c.interpolate(case.times[2])?;
-        rebuild(c.subject, 3)?;
-        c.closest()?;
-        let (before, _) = fetch(c.subject, under_way)?;
-        let tree = tree_at(&case.animation, now);
-        c.interpolate(now)?;
-        c.subject.submit()?;
-        c.subject.adopt(&tree, Generation(4))?;
-        boxes_anew(c.subject)?;
-        let after = both(c)?;
-        let pairs = [&made[0], &made[1], &before, &after[0], &after[1]];
-        let expected = [&host[0], &host[1], &host[0], &host[0], &host[1]];
-        let mut all = pairs.into_iter().zip(expected);
-        all.try_for_each(|(seen, expected)| answers(case, now, rays, seen, expected))
-    })
+    c.open(case.times[0])?;
+    c.stand(now)?;
+    let host = both(c)?;
+    if !rebuild(c.subject, 2)? {
+        return Ok(());
+    }
+    let made = both(c)?;
+    // There is nothing left to preprocess nor to refit, but it may be requested.
+    boxes_anew(c.subject)?;
+    // Another one while a frame with the first is under way.
+    let under_way = start(c.subject, rays, QueryKind::Closest)?;
+    c.interpolate(case.times[2])?;
+    rebuild(c.subject, 3)?;
+    c.closest()?;
+    let (before, _) = fetch(c.subject, under_way)?;
+    let tree = tree_at(&case.animation, now);
+    c.interpolate(now)?;
+    c.subject.submit()?;
+    c.subject.adopt(&tree, Generation(4))?;
+    boxes_anew(c.subject)?;
+    let after = both(c)?;
+    let pairs = [&made[0], &made[1], &before, &after[0], &after[1]];
+    let expected = [&host[0], &host[1], &host[0], &host[0], &host[1]];
+    let mut all = pairs.into_iter().zip(expected);
+    all.try_for_each(|(seen, expected)| answers(case, now, rays, seen, expected))
 }

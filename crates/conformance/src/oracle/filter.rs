@@ -9,6 +9,7 @@
 //! zero or within `2^-149..2^129`, so products of three stay within `2^-447..2^387`.
 
 use geom::{Ray, Triangle};
+use glam::{DVec3, Vec3Swizzles};
 
 const DETERMINANT: f64 = 16.0 * UNIT;
 const UNIT: f64 = f64::EPSILON / 2.0;
@@ -40,11 +41,9 @@ struct Bounded {
 
 /// What surely or perhaps holds for a valid ray and an active triangle.
 pub(crate) fn judge(ray: &Ray, corners: &Triangle) -> Verdict {
-    let d = ray.direction.map(f64::from);
-    let from_origin = |p: [f32; 3]| -> [f64; 3] {
-        std::array::from_fn(|i| f64::from(p[i]) - f64::from(ray.origin[i]))
-    };
-    let [a, b, c] = corners.map(from_origin);
+    let wide = |p: [f32; 3]| DVec3::from(p.map(f64::from));
+    let (o, d) = (wide(ray.origin), wide(ray.direction));
+    let [a, b, c] = corners.map(|p| wide(p) - o);
     let weights = [
         determinant(d, b, c),
         determinant(d, c, a),
@@ -69,17 +68,11 @@ pub(crate) fn judge(ray: &Ray, corners: &Triangle) -> Verdict {
     }
 }
 
-fn determinant(a: [f64; 3], b: [f64; 3], c: [f64; 3]) -> Bounded {
-    let (mut value, mut permanent) = (0.0, 0.0);
-    for (i, x) in a.into_iter().enumerate() {
-        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-        let (p, q) = (b[j] * c[k], b[k] * c[j]);
-        value += x * (p - q);
-        permanent += x.abs() * (p.abs() + q.abs());
-    }
+fn determinant(a: DVec3, b: DVec3, c: DVec3) -> Bounded {
+    let (p, q) = (b.yzx() * c.zxy(), b.zxy() * c.yzx());
     Bounded {
-        value,
-        error: DETERMINANT * permanent,
+        value: a.dot(p - q),
+        error: DETERMINANT * a.abs().dot(p.abs() + q.abs()),
     }
 }
 

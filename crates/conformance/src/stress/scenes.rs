@@ -153,18 +153,21 @@ fn valid(ray: impl FnMut() -> Ray) -> Ray {
     again.find(Ray::is_valid).expect("most rays are valid")
 }
 
-fn still((points, triangles): Mesh) -> Scene {
-    let animation = Animation::new(vec![points], triangles);
+/// A scene without rays, with its tree built at the first of two times and traced at the second.
+fn scene(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>, times: [f64; 2]) -> Scene {
+    let animation = Animation::new(keys, triangles);
     let animation = animation.expect("meshes name their own vertices");
-    Scene::new(Arc::new(animation), [0.0; 2])
+    Scene::new(Arc::new(animation), times)
+}
+
+fn still((points, triangles): Mesh) -> Scene {
+    scene(vec![points], triangles, [0.0; 2])
 }
 
 /// Free triangles in motion.
-fn moving(keys: Vec<Vec<Point>>, built: f64, time: f64) -> Scene {
+fn moving(keys: Vec<Vec<Point>>, time: f64) -> Scene {
     let triangles = apart(keys[0].len() / 3);
-    let animation = Animation::new(keys, triangles);
-    let animation = animation.expect("key frames have three vertices a triangle");
-    Scene::new(Arc::new(animation), [built, time])
+    scene(keys, triangles, [0.0, time])
 }
 
 /// From unit size to a million times that, or back.
@@ -173,9 +176,9 @@ fn extreme(small: Vec<Triangle>, large: Vec<Triangle>, rng: &mut Rng) -> Scene {
     let time = meshes::power([-7.0, -0.01], rng);
     if rng.bool() {
         keys.reverse();
-        return moving(keys, 0.0, 1.0 - time);
+        return moving(keys, 1.0 - time);
     }
-    moving(keys, 0.0, time)
+    moving(keys, time)
 }
 
 /// A quarter of the triangles has a vertex that is not finite in the first key frame, the second or both.
@@ -192,7 +195,7 @@ fn broken(triangles: &[Triangle], rng: &mut Rng) -> Scene {
             }
         }
     }
-    moving(keys, 0.0, [0.0, 0.5, 1.0][rng.usize(..3)])
+    moving(keys, [0.0, 0.5, 1.0][rng.usize(..3)])
 }
 
 /// A closed body beside one more triangle, which hardly any ray meets.
@@ -202,11 +205,8 @@ fn beside_outlier(body: Scene, rng: &mut Rng) -> Scene {
     let first = points.len() as u32;
     points.extend(meshes::outlier(rng));
     triangles.push([first, first + 1, first + 2]);
-    let animation = Animation::new(vec![points], triangles);
-    Scene {
-        animation: Arc::new(animation.expect("the triangle names its own vertices")),
-        ..body
-    }
+    let animation = still((points, triangles)).animation;
+    Scene { animation, ..body }
 }
 
 /// A sheet at rest, on its way, or with one vertex gone far.
@@ -215,15 +215,14 @@ fn exploding(rng: &mut Rng) -> Scene {
     let mut far = points.clone();
     let vertex = rng.usize(..far.len());
     far[vertex] = meshes::outlying(far[vertex], rng);
-    let animation = Animation::new(vec![points.clone(), points, far], triangles);
     let time = [0.0, 1.0, 1.0 + rng.f64(), 2.0][rng.usize(..4)];
-    let animation = Arc::new(animation.expect("the mesh is the same"));
-    Scene::new(animation, [[0.0, time][rng.usize(..2)], time])
+    let built = [0.0, time][rng.usize(..2)];
+    scene(vec![points.clone(), points, far], triangles, [built, time])
 }
 
 /// `demo:twist` at its end, where it is tightest, on a tree of its beginning.
 fn cloth(rays: usize, rng: &mut Rng) -> Scene {
-    let demo = scene::open("demo:twist:3000", &scene::Options::default());
+    let demo = ::scene::open("demo:twist:3000", &::scene::Options::default());
     let animation = demo.expect("demos need no file").animation;
     let times = [0.0, animation.end()];
     asked(Scene::new(animation, times), rays, |aims, i| {

@@ -48,7 +48,7 @@ const CASES: u32 = 36;
 fn verdict(laws: &[Law], law: &str, fault: &'static str) -> Result<u32, Disagreement> {
     let law = laws.iter().find(|l| l.name == law).expect(law);
     let mut reference = Reference::new(Box::new(CpuBackend::new(Some(1)).unwrap()));
-    hold(law, &mut Faulty::new(fault), &mut reference, 1, CASES)
+    hold(law, &mut Faulty::new(fault), &mut reference, 1, 0..CASES)
 }
 
 /// Every law holds without a fault, and notices each of its own; those without any.

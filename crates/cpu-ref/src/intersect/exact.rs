@@ -9,8 +9,8 @@ use crate::extreme::Rule;
 use crate::ray::PreparedRay;
 use crate::scale::{LEAST, flushed};
 use crate::traverse::{Leaf, Stack, Tree, Walk};
-use exact::{Crossing, Line};
-use geom::{Hit, is_active, is_degenerate};
+use exact::Crossing;
+use geom::Hit;
 use glam::Vec4;
 use std::cmp::Ordering;
 use std::sync::atomic::Ordering::Relaxed;
@@ -186,13 +186,6 @@ fn first<N: Tree>(
 
 /// The exact crossing with the triangle in a place.
 fn meet<N: Tree>(asked: &Asked<'_, N>, place: usize) -> Option<Crossing> {
-    let corners = asked.geometry.corners(asked.tree.triangle(place)?);
-    if !is_active(&corners) || is_degenerate(&corners) {
-        return None;
-    }
-    let line = Line {
-        ray: asked.ray,
-        shift: asked.geometry.scale.k() - asked.scale.k(),
-    };
-    line.meet(&corners)
+    let triangle = asked.tree.triangle(place)?;
+    Rule::Closed.meet(&asked.geometry, &asked.line(), triangle)
 }

@@ -16,6 +16,7 @@ use crate::geometry::Geometry;
 use crate::ray::PreparedRay;
 use crate::scale::Scale;
 use crate::traverse::{Stack, Tree, any, closest};
+use ::exact::Line;
 use geom::{Hit, Ray, Triangle};
 use std::sync::atomic::AtomicU64;
 
@@ -66,6 +67,16 @@ pub struct Asked<'a, N> {
     pub scale: Scale,
     /// Counts rays that exact arithmetic settled.
     pub settled: &'a AtomicU64,
+}
+
+impl<N> Asked<'_, N> {
+    /// The ray as exact arithmetic takes it.
+    pub(crate) fn line(&self) -> Line {
+        Line {
+            ray: self.ray,
+            shift: self.geometry.scale.k() - self.scale.k(),
+        }
+    }
 }
 
 /// An intersector as the tracer sees it.

@@ -26,15 +26,6 @@ const MOST: u64 = 1 << 14;
 /// Batches of each kind of mesh, and of each scene given, at least.
 const BATCHES: u64 = 6;
 
-/// A scene that somebody gave.
-#[derive(Clone, Debug)]
-pub struct Given {
-    /// Its name.
-    pub name: String,
-    /// What rays hit.
-    pub animation: Arc<Animation>,
-}
-
 /// One scene at one moment, and how many rays it is asked.
 #[derive(Clone, Copy, Debug)]
 pub struct BatchSpec {
@@ -51,13 +42,13 @@ pub struct BatchSpec {
 pub struct Audit {
     seed: u64,
     rays: u64,
-    given: Vec<Given>,
+    given: Vec<(String, Arc<Animation>)>,
 }
 
 impl Audit {
-    /// An audit of so many rays, over meshes of every kind made from the seed and over the scenes given.
+    /// An audit of so many rays, over meshes of every kind made from the seed and over the scenes given, with their names.
     #[must_use]
-    pub fn new(seed: u64, rays: u64, given: Vec<Given>) -> Self {
+    pub fn new(seed: u64, rays: u64, given: Vec<(String, Arc<Animation>)>) -> Self {
         Self { seed, rays, given }
     }
 
@@ -85,7 +76,7 @@ impl Audit {
     pub fn name(&self, spec: &BatchSpec) -> &str {
         match SceneKind::ALL.get(spec.source) {
             Some(kind) => kind.name(),
-            None => &self.given[spec.source - SceneKind::ALL.len()].name,
+            None => &self.given[spec.source - SceneKind::ALL.len()].0,
         }
     }
 
@@ -96,7 +87,7 @@ impl Audit {
         let rng = &mut Rng::with_seed(seed);
         let animation = match SceneKind::ALL.get(spec.source) {
             Some(&kind) => Placement::any(rng).animation(scene(kind, rng)),
-            None => Arc::clone(&self.given[spec.source - SceneKind::ALL.len()].animation),
+            None => Arc::clone(&self.given[spec.source - SceneKind::ALL.len()].1),
         };
         let mut scene = moment(animation, rng);
         let aims = Aims::of(&scene.animation, scene.time);

@@ -4,11 +4,9 @@ use super::*;
 use backend::Method;
 use cpu_ref::CpuBackend;
 
-fn given() -> Vec<Given> {
-    let scene = scene::open("demo:collide:300", &scene::Options::default()).unwrap();
-    let name = "bodies".to_owned();
-    let animation = scene.animation;
-    vec![Given { name, animation }]
+fn given() -> Vec<(String, Arc<Animation>)> {
+    let scene = scene::open("demo:collide:300", &scene::Options::default());
+    vec![("bodies".to_owned(), scene.unwrap().animation)]
 }
 
 #[test]

@@ -1,0 +1,302 @@
+//! What a backend owes its caller, as far as no other backend can be the measure; and that misuse panics.
+//!
+//! What rays hit is held to laws, to other backends and to exact answers: see `conformance` and `tests/tests/hits`.
+
+use crate::CpuBackend;
+use backend::{Backend, Generation, Hits, Intersector, Method, Query, QueryKind, Rays, Ticket};
+use bvh_build::{BinaryTree, Boxes, Builder, Cancel};
+use bvh_layout::{Converter, Topology};
+use fastrand::Rng;
+use geom::{Aabb, Animation, Hit, Point, Pose, Ray};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+/// Key frames of free triangles, of which the first `moving` move through three.
+fn free(moving: usize, all: usize) -> Vec<Vec<Point>> {
+    let mut rng = Rng::with_seed(5);
+    let mut point = || -> Point { std::array::from_fn(|_| 1.0 + 99.0 * rng.f32()) };
+    let mut keys = vec![Vec::new(); 3];
+    for triangle in 0..all {
+        let (corner, way) = (point(), point());
+        for (k, key) in keys.iter_mut().enumerate() {
+            // What moves stands close together, so that siblings move.
+            let (by, corner) = match triangle < moving {
+                true => (k as f32, corner.map(|x| 0.05 * x)),
+                false => (0.0, corner),
+            };
+            let at = |e: Point| std::array::from_fn(|i| corner[i] + by * way[i] + e[i]);
+            key.extend([[0.0; 3], [0.5, 0.0, 0.2], [0.0, 0.5, 0.1]].map(at));
+        }
+    }
+    keys
+}
+
+/// Triangles that share no vertex.
+fn apart(keys: Vec<Vec<Point>>) -> Arc<Animation> {
+    let triangles = (0..keys[0].len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
+    Arc::new(Animation::new(keys, triangles.collect()).unwrap())
+}
+
+/// Free triangles; one that comes late, one that shrinks to nothing, one that never is.
+fn moving() -> Arc<Animation> {
+    let mut keys = free(600, 600);
+    let corner = [[0.0, 2.0, 0.0], [1.0, 2.0, 0.0], [0.0, 2.0, 1.0]];
+    let nowhere = [[f32::NAN; 3]; 3];
+    keys[0].extend([nowhere, corner, nowhere].concat());
+    keys[1].extend([corner, [corner[0]; 3], nowhere].concat());
+    keys[2].extend([corner, corner, nowhere].concat());
+    apart(keys)
+}
+
+/// A tree built over any boxes, for instance those of another moment.
+fn tree_over<B: Boxes + ?Sized>(boxes: &B) -> Topology {
+    let mut tree = BinaryTree::default();
+    let built = Builder::new().build(boxes, &Cancel::new(), &mut tree);
+    built.unwrap();
+    Converter::new().convert(&tree, boxes.len(), Vec::new())
+}
+
+/// The tree for a moment.
+fn tree_at(animation: &Animation, pose: Pose) -> Topology {
+    tree_over(&(animation, &vertices(animation, pose)[..]))
+}
+
+fn vertices(animation: &Animation, pose: Pose) -> Vec<Point> {
+    let moment = animation.moment(pose).unwrap();
+    let all = 0..animation.vertex_count() as u32;
+    all.map(|v| moment.vertex(v)).collect()
+}
+
+/// A tree that knows nothing of where triangles are: many overlaps, every depth.
+fn senseless_tree(animation: &Animation) -> Topology {
+    let mut rng = Rng::with_seed(6);
+    let mut bounds = |i: u32| {
+        // Exponents spread out make long thin branches.
+        let at = [2.0_f32.powi(rng.i32(-40..40)), f32::from(rng.u8(..8)), 0.0];
+        match animation.is_live(i) {
+            true => Aabb { min: at, max: at },
+            false => Aabb::EMPTY,
+        }
+    };
+    let all = 0..animation.triangle_count() as u32;
+    tree_over(&all.map(&mut bounds).collect::<Vec<Aabb>>()[..])
+}
+
+/// A backend that has interpolated, preprocessed and refitted.
+fn ready(
+    animation: &Arc<Animation>,
+    intersector: Intersector,
+    tree: &Topology,
+    pose: Pose,
+    threads: usize,
+) -> CpuBackend {
+    let mut backend = CpuBackend::new(Some(threads)).unwrap();
+    let method = Method {
+        intersector,
+        ..Method::default()
+    };
+    backend.load(Arc::clone(animation), method).unwrap();
+    backend.adopt(tree, Generation(1)).unwrap();
+    deform(&mut backend, pose);
+    backend.submit().unwrap();
+    backend
+}
+
+fn deform(backend: &mut CpuBackend, pose: Pose) {
+    backend.interpolate(pose).unwrap();
+    backend.preprocess().unwrap();
+    backend.refit().unwrap();
+}
+
+/// A backend that traces a scene as it stands at first.
+fn still(animation: &Arc<Animation>) -> CpuBackend {
+    let (pose, by) = (animation.pose(0.0), Intersector::Watertight);
+    ready(animation, by, &tree_at(animation, pose), pose, 1)
+}
+
+fn trace(backend: &mut CpuBackend, rays: &[Ray], kind: QueryKind) -> Hits {
+    let rays = Rays::List(rays);
+    backend.trace(Query { rays, kind }).unwrap();
+    let ticket = backend.submit().unwrap();
+    backend.hits(ticket).unwrap().clone()
+}
+
+/// Rays from a point to every vertex of the first key frame.
+fn to_vertices(animation: &Animation, eye: Point) -> Vec<Ray> {
+    let to = |v: &Point| Ray::new(eye, std::array::from_fn(|i| v[i] - eye[i]));
+    animation.first().iter().map(to).collect()
+}
+
+/// The box of each node, from its own triangles.
+fn boxes_from_scratch(animation: &Animation, tree: &Topology, positions: &[Point]) -> Vec<Aabb> {
+    let mut boxes = vec![Aabb::EMPTY; tree.node_count()];
+    for node in (0..tree.node_count()).rev() {
+        let rank = tree.ranks().of(node as u32);
+        boxes[node] = match rank.leaf() {
+            Some(leaf) => {
+                let t = animation.triangles()[tree.leaf_triangles()[leaf as usize] as usize];
+                let corners = t.map(|v| positions[v as usize]);
+                match geom::is_active(&corners) && !geom::is_degenerate(&corners) {
+                    true => Aabb::of_triangle(&corners),
+                    false => Aabb::EMPTY,
+                }
+            }
+            None => {
+                let [left, right] = Topology::children_of_inner(rank.rank());
+                boxes[left as usize].union(boxes[right as usize])
+            }
+        };
+    }
+    boxes
+}
+
+fn boxes_and_cost(backend: &mut CpuBackend, animation: &Animation, time: f64) -> (Vec<Aabb>, f64) {
+    deform(backend, animation.pose(time));
+    let ticket = backend.submit().unwrap();
+    let cost = backend.wait(ticket).unwrap().sah_cost.unwrap();
+    (backend.inspect().boxes().unwrap(), cost)
+}
+
+#[test]
+fn a_refitted_tree_has_the_boxes_of_one_made_from_scratch() {
+    let animation = moving();
+    let pose = animation.pose(0.0);
+    for tree in [tree_at(&animation, pose), senseless_tree(&animation)] {
+        let mut backend = ready(&animation, Intersector::Watertight, &tree, pose, 2);
+        for time in [0.0, 0.4, 1.0, 1.7, 2.0] {
+            let (found, cost) = boxes_and_cost(&mut backend, &animation, time);
+            let positions = backend.inspect().positions().unwrap();
+            let expected = boxes_from_scratch(&animation, &tree, &positions);
+            assert_eq!(found, expected, "{time}");
+            let areas: f64 = expected.iter().map(Aabb::half_area).sum();
+            let ratio = cost / (areas / expected[0].half_area());
+            assert!((ratio - 1.0).abs() < 1e-12, "{ratio}");
+        }
+    }
+}
+
+#[test]
+fn what_never_moves_is_skipped_by_any_number_of_tasks_without_a_trace() {
+    let animation = apart(free(6_000, 60_000));
+    let start = animation.pose(0.0);
+    let plain = tree_at(&animation, start);
+    let listed = plain.clone().with_moving(animation.static_parts());
+    assert!(listed.moving().is_some());
+    let open = |tree, threads| ready(&animation, Intersector::Watertight, tree, start, threads);
+    let (mut whole, mut one, mut many) = (open(&plain, 2), open(&listed, 1), open(&listed, 3));
+    let rays = to_vertices(&animation, [0.0; 3]);
+    for time in [0.4, 1.0, 2.0, 0.0] {
+        let (boxes, cost) = boxes_and_cost(&mut whole, &animation, time);
+        let (one_boxes, one_cost) = boxes_and_cost(&mut one, &animation, time);
+        let (many_boxes, many_cost) = boxes_and_cost(&mut many, &animation, time);
+        assert!(boxes == one_boxes && boxes == many_boxes, "{time}");
+        assert_eq!(one_cost.to_bits(), many_cost.to_bits(), "{time}");
+        assert!((one_cost / cost - 1.0).abs() < 1e-12, "{one_cost} {cost}");
+        let rays: Vec<Ray> = rays.iter().step_by(100).copied().collect();
+        let [a, b] = [&mut one, &mut many].map(|b| trace(b, &rays, QueryKind::Closest));
+        assert!(a == b, "{time}");
+    }
+    let still = apart(free(0, 3_000));
+    let tree = tree_at(&still, still.pose(0.0)).with_moving(still.static_parts());
+    let mut backend = ready(&still, Intersector::Watertight, &tree, start, 2);
+    let first = boxes_and_cost(&mut backend, &still, 0.0);
+    assert!(first.1 > 1.0 && first == boxes_and_cost(&mut backend, &still, 1.5));
+}
+
+#[test]
+fn reports_count_what_happened() {
+    let animation = moving();
+    let mut backend = still(&animation);
+    let rays = to_vertices(&animation, [0.0; 3]);
+    // At first one triangle is not there yet and one never is.
+    for (time, inactive, degenerate) in [(0.0, 2, 0), (1.0, 1, 1), (2.0, 1, 0), (0.5, 2, 0)] {
+        deform(&mut backend, animation.pose(time));
+        let light = [0.0, 9.0, 0.0];
+        let (rays, kind) = (Rays::List(&rays), QueryKind::ClosestAndShadow { light });
+        backend.trace(Query { rays, kind }).unwrap();
+        let ticket = backend.submit().unwrap();
+        let r = backend.wait(ticket).unwrap();
+        let hits = backend.hits(ticket).unwrap();
+        let count = hits.closest.iter().filter(|h| h.is_hit()).count() as u64;
+        let blocked = hits.blocked.iter().filter(|&&b| b == 1).count() as u64;
+        let found = [r.inactive, r.degenerate, r.hits, r.blocked];
+        assert_eq!(found, [inactive, degenerate, count, blocked], "{time}");
+    }
+}
+
+#[test]
+fn a_tree_of_nothing_is_all_misses() {
+    let animation = apart(vec![vec![[f32::NAN; 3]; 12]]);
+    let mut backend = still(&animation);
+    let rays = [Ray::new([0.0; 3], [1.0, 0.0, 0.0])];
+    let kind = QueryKind::ClosestAndShadow { light: [1.0; 3] };
+    let hits = trace(&mut backend, &rays, kind);
+    assert_eq!((hits.closest, hits.blocked), (vec![Hit::MISS], vec![0]));
+    assert!(backend.inspect().boxes().unwrap().is_empty());
+    let ticket = backend.submit().unwrap();
+    let report = backend.wait(ticket).unwrap();
+    assert_eq!((report.inactive, report.sah_cost), (4, None));
+}
+
+#[test]
+fn a_list_is_traced_once_in_its_place_and_reported_with_the_rest() {
+    let animation = moving();
+    let [early, late] = [0.0, 1.7].map(|time| animation.pose(time));
+    let rays = to_vertices(&animation, [0.3, 0.2, 9.0]);
+    let tree = tree_at(&animation, early);
+    let fresh = |pose| ready(&animation, Intersector::Exact, &tree, pose, 1);
+    let expected = trace(&mut fresh(early), &rays, QueryKind::Closest);
+    let mut backend = fresh(late);
+    deform(&mut backend, early);
+    let (rays, kind) = (Rays::List(&rays), QueryKind::Closest);
+    backend.trace(Query { rays, kind }).unwrap();
+    backend.interpolate(late).unwrap();
+    let ticket = backend.submit().unwrap();
+    let report = backend.wait(ticket).unwrap();
+    assert_eq!(*backend.hits(ticket).unwrap(), expected);
+    assert!(report.settled > 0, "rays through vertices are open");
+    let times = report.times;
+    let stages = [times.interpolate_ms, times.preprocess_ms, times.refit_ms];
+    let stages = stages.into_iter().chain([times.trace_primary_ms]);
+    let sum: f64 = stages.map(|ms| ms.expect("each was timed")).sum();
+    assert!(sum <= times.device_ms);
+    let [found, expected] = [backend, fresh(late)].map(|mut backend| {
+        let positions = backend.inspect().positions().unwrap().into_iter();
+        positions.map(|p| p.map(f32::to_bits)).collect::<Vec<_>>()
+    });
+    assert!(found == expected);
+}
+
+#[test]
+fn no_threads_are_refused() {
+    assert!(CpuBackend::new(Some(0)).is_err());
+}
+
+#[test]
+fn misuse_panics_and_says_what_comes_first() {
+    type Misuse = fn(&mut CpuBackend);
+    let stale = "the tree is stale";
+    let table: [(&str, Misuse); 5] = [
+        (stale, |b| {
+            b.adopt(&senseless_tree(&moving()), Generation(2)).unwrap();
+        }),
+        (stale, |b| b.interpolate(moving().pose(1.0)).unwrap()),
+        (stale, |b| b.preprocess().unwrap()),
+        ("generations rise", |b| {
+            drop(b.adopt(&senseless_tree(&moving()), Generation(1)));
+        }),
+        ("never given", |b| drop(b.wait(Ticket(77)))),
+    ];
+    for (why, misuse) in table {
+        let mut backend = still(&moving());
+        let panic = catch_unwind(AssertUnwindSafe(|| {
+            misuse(&mut backend);
+            assert!(why == stale, "it should have panicked before");
+            trace(&mut backend, &[], QueryKind::Closest);
+        }));
+        let said = panic.expect_err(why);
+        let text = said.downcast_ref::<String>().map(String::as_str);
+        let text = text.or(said.downcast_ref::<&str>().copied());
+        assert!(text.is_some_and(|t| t.contains(why)), "{text:?}");
+    }
+}
