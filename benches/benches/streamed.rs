@@ -81,7 +81,7 @@ impl Player {
     }
 
     /// Goes on by a step; results of the last are fetched meanwhile.
-    fn go_on(&mut self) {
+    fn advance(&mut self) {
         let turn = 2 * STEPS * KEYS;
         let at = self.step % turn;
         let at = at.min(turn - at);
@@ -103,7 +103,7 @@ fn compare(criterion: &mut Criterion, motion: &Motion, device: &Device) {
         let mut player = Player::new(motion, device, is_streamed);
         let device = player.tracer.device().to_owned();
         group.bench_function(BenchmarkId::new(name, device), |b| {
-            b.iter(|| player.go_on())
+            b.iter(|| player.advance())
         });
     }
     group.finish();
@@ -116,7 +116,7 @@ fn stalls(motion: &Motion, device: &Device) -> Vec<Vec<String>> {
         let mut times = Vec::new();
         for step in 0..100 + setting("ABVH_STEPS", 1000) {
             let begun = Instant::now();
-            player.go_on();
+            player.advance();
             if step >= 100 {
                 times.push(begun.elapsed().as_secs_f64() * 1e3);
             }

@@ -147,8 +147,7 @@ impl Joined {
 
     /// Sets a streamed mesh's vertices, of which there must be as many as it has.
     pub(crate) fn place(&mut self, mesh: usize, vertices: &[Point]) {
-        let to = self.vertices_of(mesh).par_iter_mut().with_min_len(1 << 14);
-        to.zip(vertices).for_each(|(to, from)| *to = *from);
+        set(self.vertices_of(mesh), |v| vertices[v]);
     }
 
     /// Sets a rigid mesh's matrices, of which there must be one a part.
@@ -160,10 +159,8 @@ impl Joined {
             ..
         } = &motion
         {
-            let to = self.vertices_of(mesh).par_iter_mut().with_min_len(1 << 12);
-            let from = rest.par_iter().zip(part_of_vertex);
-            to.zip(from)
-                .for_each(|(to, (from, &part))| *to = moved(&matrices[part as usize], *from));
+            let matrix = |v: usize| &matrices[part_of_vertex[v] as usize];
+            set(self.vertices_of(mesh), |v| moved(matrix(v), rest[v]));
         }
         self.motions[mesh] = motion;
     }
@@ -213,11 +210,24 @@ impl Joined {
             let pose = Pose::at(time, keys.len());
             let earlier = &keys[pose.key as usize];
             let later = keys.get(pose.key as usize + 1).unwrap_or(earlier);
-            let to = self.vertices_of(mesh).par_iter_mut().with_min_len(1 << 13);
-            to.zip(earlier.par_iter().zip(later))
-                .for_each(|(to, (a, b))| *to = pose.blend(*a, *b));
+            set(self.vertices_of(mesh), |v| pose.blend(earlier[v], later[v]));
         }
         self.motions = motions;
+    }
+}
+
+/// Vertices that the calling thread sets before a busy pool would take them up.
+const FEW: usize = 1 << 16;
+
+/// Sets each vertex by its number, by all threads where there are many.
+fn set(to: &mut [Point], of: impl Fn(usize) -> Point + Sync) {
+    let one = |(v, to): (usize, &mut Point)| *to = of(v);
+    match to.len() <= FEW {
+        true => to.iter_mut().enumerate().for_each(one),
+        false => {
+            let all = to.par_iter_mut().enumerate();
+            all.with_min_len(FEW / 4).for_each(one);
+        }
     }
 }
 

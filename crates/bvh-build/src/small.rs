@@ -182,6 +182,19 @@ mod tests {
 
     proptest! {
         #[test]
+        fn sorting_is_stable_for_any_number_of_keys(values in prop::collection::vec(-3_i8..4, 0..=MOST)) {
+            let mut keys = [f32::INFINITY; MOST];
+            for (key, &value) in keys.iter_mut().zip(&values) {
+                *key = f32::from(value);
+            }
+            let mut expected: Vec<_> = (0..values.len()).collect();
+            expected.sort_by_key(|&i| values[i]);
+            let order = sort(&keys, values.len());
+            let found: Vec<_> = order[..values.len()].iter().map(|&i| usize::from(i)).collect();
+            prop_assert_eq!(found, expected);
+        }
+
+        #[test]
         fn the_cut_is_the_cheapest_between_neighbours(
             corners in prop::collection::vec(prop::array::uniform6(0_u8..50), 5..=MOST),
         ) {

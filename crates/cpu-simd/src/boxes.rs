@@ -6,12 +6,12 @@ use bvh_layout::Ranges;
 use geom::Aabb;
 
 /// The boxes of eight lanes. Empty ones reach from infinity to minus infinity.
-pub(crate) struct Boxes<L> {
+pub(crate) struct EightBoxes<L> {
     pub(crate) low: [L; 3],
     pub(crate) high: [L; 3],
 }
 
-impl<L: Eight> Boxes<L> {
+impl<L: Eight> EightBoxes<L> {
     #[inline(always)]
     pub(crate) fn load(planes: &Planes) -> Self {
         let halves = each!(axis => planes[axis].as_chunks::<LANES>().0);

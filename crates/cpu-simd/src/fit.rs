@@ -1,6 +1,6 @@
 //! Preprocess and refit: positions to corners and boxes, block by block and node by node.
 
-use crate::boxes::{Boxes, Sums, set_bounds};
+use crate::boxes::{EightBoxes, Sums, set_bounds};
 use crate::leaf::scaled;
 use crate::simd::{Eight, Isa, Lanes, Work, each, prefetch};
 use crate::tree::{Block, EMPTY, LANES, Link, Node, Wide};
@@ -187,7 +187,7 @@ impl Work for FitNodes<'_> {
                 let is_inner = !link.is_block() && link != Link::ROOT;
                 if is_inner && lanes >> lane & 1 == 1 {
                     let child = &below[link.index() - end];
-                    let boxes = Boxes::<I::Eight>::load(&child.planes);
+                    let boxes = EightBoxes::<I::Eight>::load(&child.planes);
                     let (whole, areas) = boxes.fold(&child.ranges);
                     set_bounds(&mut node.planes, lane, &whole);
                     sums.add(areas);
@@ -213,7 +213,7 @@ fn fill<I: Isa>(
     source: &Source,
     block: &mut Block,
     unhittable: &mut Unhittable,
-) -> Boxes<I::Eight> {
+) -> EightBoxes<I::Eight> {
     let corners = each!(corner => {
         let vertices = &source.vertices[corner];
         let mut points = [&geometry.positions[0]; LANES];
@@ -227,7 +227,7 @@ fn fill<I: Isa>(
     let nothing = I::Eight::splat(f32::NAN);
     let from = I::Eight::splat(f32::INFINITY);
     let until = I::Eight::splat(f32::NEG_INFINITY);
-    let mut boxes = Boxes {
+    let mut boxes = EightBoxes {
         low: [from; 3],
         high: [until; 3],
     };
@@ -304,7 +304,7 @@ impl Work for Fold<'_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> (Aabb, f64) {
-        let (whole, areas) = Boxes::<I::Eight>::load(&self.0.planes).fold(&self.0.ranges);
+        let (whole, areas) = EightBoxes::<I::Eight>::load(&self.0.planes).fold(&self.0.ranges);
         let mut sums = Sums::default();
         sums.add(areas);
         (whole, sums.total())

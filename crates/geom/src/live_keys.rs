@@ -10,11 +10,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 #[derive(Debug)]
 pub(crate) struct LiveKeys {
     first: KeyFrame,
-    state: Mutex<State>,
+    state: Mutex<Recent>,
 }
 
 #[derive(Debug, Default)]
-struct State {
+struct Recent {
     /// The number of the newest.
     last: usize,
     /// From the oldest that is kept to the newest, without the very first.
@@ -33,7 +33,7 @@ impl LiveKeys {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, Recent> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -74,7 +74,7 @@ impl LiveKeys {
     }
 }
 
-impl State {
+impl Recent {
     /// `None` for the very first.
     fn find(&self, key: usize) -> Option<&(KeyFrame, Range)> {
         let back = self.last.saturating_sub(key);

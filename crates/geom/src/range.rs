@@ -123,8 +123,15 @@ pub(crate) struct Sizes {
 
 impl Sizes {
     pub(crate) fn of(key: &[Point]) -> Self {
-        let largest = key.par_chunks(RUN).map(largest).reduce(|| 0.0, f32::max);
-        let least = key.par_chunks(RUN).map(least).reduce(|| NONE, three_least);
+        let parts = || key.par_chunks(RUN);
+        let (largest, least) = match key.len() <= RUN {
+            // Done before a busy pool takes it up.
+            true => (largest(key), least(key)),
+            false => (
+                parts().map(largest).reduce(|| 0.0, f32::max),
+                parts().map(least).reduce(|| NONE, three_least),
+            ),
+        };
         let step = key.len().div_ceil(SAMPLES).max(1);
         let sizes = key.iter().step_by(step).map(|&p| size(p));
         let mut sizes: Vec<f32> = sizes.filter(|x| x.is_finite() && *x > 0.0).collect();

@@ -17,7 +17,7 @@ const RAYS: u32 = 256;
 
 /// A scene, how to stand it up, and what to ask it.
 #[derive(Clone, Debug)]
-pub(crate) struct Scene {
+pub(crate) struct StressScene {
     pub(crate) animation: Arc<Animation>,
     /// When its tree is built, in key frames.
     pub(crate) built: f64,
@@ -28,7 +28,7 @@ pub(crate) struct Scene {
     pub(crate) inside: Option<Vec<bool>>,
 }
 
-impl Scene {
+impl StressScene {
     /// A scene without rays, whose tree is built at the first of two times, and which is traced at the second.
     pub(crate) fn new(animation: Arc<Animation>, [built, time]: [f64; 2]) -> Self {
         Self {
@@ -42,7 +42,7 @@ impl Scene {
 }
 
 /// All scenes of a family; they depend on the family and the plan alone.
-pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<Scene> {
+pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<StressScene> {
     let rng = |number| Rng::with_seed(mixed(mixed(plan.seed) ^ family as u64) ^ number);
     if family == Family::FoldingCloth {
         return vec![cloth(plan.rays as usize, &mut rng(0))];
@@ -55,14 +55,14 @@ pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<Scene> {
 }
 
 /// One scene of a family, with so many rays. Each begins with another sort of ray, so that few are of all sorts too.
-fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> Scene {
+fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StressScene {
     let body = |offset, aim, rng: &mut Rng| closed((offset, aim), number, rays, rng);
     match family {
         Family::Far10 => body(10.0, None, rng),
         Family::Far1e3 => body(1e3, None, rng),
         Family::Far1e5 => body(1e5, None, rng),
         // So far away that rounding moves walls past what was inside.
-        Family::Far1e7 => Scene {
+        Family::Far1e7 => StressScene {
             inside: None,
             ..body(1e7, None, rng)
         },
@@ -76,7 +76,12 @@ fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> Scene {
 }
 
 /// A closed body at an offset, with rays of all sorts or those with one aim.
-fn closed((offset, aim): (f32, Option<Aim>), number: usize, rays: usize, rng: &mut Rng) -> Scene {
+fn closed(
+    (offset, aim): (f32, Option<Aim>),
+    number: usize,
+    rays: usize,
+    rng: &mut Rng,
+) -> StressScene {
     let (round, body) = (number / BODIES.len(), number % BODIES.len());
     let placed = Placed::new(&BODIES[body], offset, false, rng);
     let wanted = SORTS.into_iter();
@@ -88,15 +93,15 @@ fn closed((offset, aim): (f32, Option<Aim>), number: usize, rays: usize, rng: &m
         (sort.1, valid(|| placed.ray(sort, rng)))
     };
     let (inside, rays) = (round..round + rays).map(ray).unzip();
-    Scene {
+    StressScene {
         rays,
         inside: Some(inside),
-        ..Scene::new(placed.animation(), [0.0; 2])
+        ..StressScene::new(placed.animation(), [0.0; 2])
     }
 }
 
 /// A scene of a family of other meshes, without rays.
-fn free(family: Family, rng: &mut Rng) -> Scene {
+fn free(family: Family, rng: &mut Rng) -> StressScene {
     let plump = |rng: &mut Rng| soup(64, 0.4, PLUMP, rng);
     let scaled = |exponents, rng: &mut Rng| {
         let by = meshes::power(exponents, rng);
@@ -141,7 +146,11 @@ fn ray(family: Family, aims: &Aims, i: usize, rng: &mut Rng) -> Ray {
 }
 
 /// Fills in a scene's rays.
-fn asked(mut scene: Scene, rays: usize, mut ray: impl FnMut(&Aims, usize) -> Ray) -> Scene {
+fn asked(
+    mut scene: StressScene,
+    rays: usize,
+    mut ray: impl FnMut(&Aims, usize) -> Ray,
+) -> StressScene {
     let [_, aims] = Aims::of(&scene.animation, scene.time);
     scene.rays = (0..rays).map(|i| valid(|| ray(&aims, i))).collect();
     scene
@@ -154,24 +163,24 @@ fn valid(ray: impl FnMut() -> Ray) -> Ray {
 }
 
 /// A scene without rays, with its tree built at the first of two times and traced at the second.
-fn scene(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>, times: [f64; 2]) -> Scene {
+fn scene(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>, times: [f64; 2]) -> StressScene {
     let animation = Animation::new(keys, triangles);
     let animation = animation.expect("meshes name their own vertices");
-    Scene::new(Arc::new(animation), times)
+    StressScene::new(Arc::new(animation), times)
 }
 
-fn still((points, triangles): Mesh) -> Scene {
+fn still((points, triangles): Mesh) -> StressScene {
     scene(vec![points], triangles, [0.0; 2])
 }
 
 /// Free triangles in motion.
-fn moving(keys: Vec<Vec<Point>>, time: f64) -> Scene {
+fn moving(keys: Vec<Vec<Point>>, time: f64) -> StressScene {
     let triangles = apart(keys[0].len() / 3);
     scene(keys, triangles, [0.0, time])
 }
 
 /// From unit size to a million times that, or back.
-fn extreme(small: Vec<Triangle>, large: Vec<Triangle>, rng: &mut Rng) -> Scene {
+fn extreme(small: Vec<Triangle>, large: Vec<Triangle>, rng: &mut Rng) -> StressScene {
     let mut keys = vec![small.concat(), meshes::scaled(&large, 1e6).concat()];
     let time = meshes::power([-7.0, -0.01], rng);
     if rng.bool() {
@@ -182,7 +191,7 @@ fn extreme(small: Vec<Triangle>, large: Vec<Triangle>, rng: &mut Rng) -> Scene {
 }
 
 /// A quarter of the triangles has a vertex that is not finite in the first key frame, the second or both.
-fn broken(triangles: &[Triangle], rng: &mut Rng) -> Scene {
+fn broken(triangles: &[Triangle], rng: &mut Rng) -> StressScene {
     let mut keys = vec![triangles.concat(); 2];
     for t in 0..triangles.len() / 4 {
         let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][rng.usize(..3)];
@@ -199,18 +208,18 @@ fn broken(triangles: &[Triangle], rng: &mut Rng) -> Scene {
 }
 
 /// A closed body beside one more triangle, which hardly any ray meets.
-fn beside_outlier(body: Scene, rng: &mut Rng) -> Scene {
+fn beside_outlier(body: StressScene, rng: &mut Rng) -> StressScene {
     let mut points = vertices(&body.animation, 0.0);
     let mut triangles = body.animation.triangles().to_vec();
     let first = points.len() as u32;
     points.extend(meshes::outlier(rng));
     triangles.push([first, first + 1, first + 2]);
     let animation = still((points, triangles)).animation;
-    Scene { animation, ..body }
+    StressScene { animation, ..body }
 }
 
 /// A sheet at rest, on its way, or with one vertex gone far.
-fn exploding(rng: &mut Rng) -> Scene {
+fn exploding(rng: &mut Rng) -> StressScene {
     let (points, triangles) = meshes::sheet(16, 8, rng);
     let mut far = points.clone();
     let vertex = rng.usize(..far.len());
@@ -221,11 +230,11 @@ fn exploding(rng: &mut Rng) -> Scene {
 }
 
 /// `demo:twist` at its end, where it is tightest, on a tree of its beginning.
-fn cloth(rays: usize, rng: &mut Rng) -> Scene {
+fn cloth(rays: usize, rng: &mut Rng) -> StressScene {
     let demo = ::scene::open("demo:twist:3000", &::scene::Options::default());
     let animation = demo.expect("demos need no file").animation;
     let times = [0.0, animation.end()];
-    asked(Scene::new(animation, times), rays, |aims, i| {
+    asked(StressScene::new(animation, times), rays, |aims, i| {
         aims.ray(RayKind::Aimed, Target::ALL[i % 3], rng)
     })
 }

@@ -3,7 +3,7 @@
 use crate::crossings::crossings;
 use crate::oracle::{ExactHit, Oracle};
 use crate::stage::{ask, moment, open, stand};
-use crate::stress::scenes::{Scene, scenes};
+use crate::stress::scenes::{StressScene, scenes};
 use crate::stress::{Cell, Family, Measure, Plan};
 use backend::{Backend, FrameReport, Hits, Intersector, Method, QueryKind, Rays, Result};
 use geom::Hit;
@@ -19,7 +19,7 @@ pub struct StressTest {
 /// A scene with what its rays hit.
 #[derive(Clone, Debug)]
 pub(super) struct Answered {
-    pub(super) scene: Scene,
+    pub(super) scene: StressScene,
     pub(super) exact: Vec<Option<ExactHit>>,
 }
 
@@ -69,7 +69,7 @@ impl StressTest {
 
 impl Answered {
     /// Asks the oracle, on as many threads as there are.
-    pub(super) fn new(scene: Scene) -> Self {
+    pub(super) fn new(scene: StressScene) -> Self {
         let oracle = Oracle::at(&moment(&scene.animation, scene.time));
         let exact = scene.rays.par_iter().map(|r| oracle.closest(r)).collect();
         Self { scene, exact }
@@ -107,7 +107,7 @@ impl Answered {
     }
 }
 
-impl Scene {
+impl StressScene {
     /// What the scene's rays hit first.
     pub(super) fn trace(
         &self,

@@ -5,7 +5,7 @@ use super::bounds::TBounds;
 use crate::compare::{ray_text, triangle_text};
 use crate::oracle::ExactHit;
 use crate::stage::ask;
-use crate::stress::scenes::Scene;
+use crate::stress::scenes::StressScene;
 use crate::stress::stress_test::Answered;
 use backend::{Backend, Method, QueryKind, Rays, Result};
 use geom::Hit;
@@ -49,7 +49,7 @@ pub struct AuditCounts {
 }
 
 impl Batch {
-    pub(super) fn new(spec: BatchSpec, scene: Scene) -> Self {
+    pub(super) fn new(spec: BatchSpec, scene: StressScene) -> Self {
         let answered = Answered::new(scene);
         let hits = || answered.exact.iter().flatten();
         let about = AuditCounts {

@@ -2,7 +2,7 @@
 
 use crate::oracle::ExactHit;
 use crate::stage;
-use crate::stress::scenes::Scene;
+use crate::stress::scenes::StressScene;
 use geom::{Aabb, Moment, Point, Range, Ray};
 
 /// `64 * 2^-24`: more than the padding of boxes and the rounding of their test.
@@ -17,7 +17,7 @@ pub(super) struct TBounds<'a> {
 }
 
 impl<'a> TBounds<'a> {
-    pub(super) fn of(scene: &'a Scene) -> Self {
+    pub(super) fn of(scene: &'a StressScene) -> Self {
         let animation = &*scene.animation;
         let moment = stage::moment(animation, scene.time);
         let all = (0..animation.triangle_count() as u32).map(|t| moment.corners(t));

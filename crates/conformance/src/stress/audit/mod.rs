@@ -13,7 +13,7 @@ use crate::generate::placement::Placement;
 use crate::generate::rays::{Aims, turn};
 use crate::generate::scenes::{SceneKind, scene};
 use crate::generate::{mixed, shares};
-use crate::stress::scenes::Scene;
+use crate::stress::scenes::StressScene;
 use fastrand::Rng;
 use geom::Animation;
 use rayon::prelude::*;
@@ -98,9 +98,9 @@ impl Audit {
 }
 
 /// A scene at a key frame or between two, on a tree of its beginning or of the moment.
-fn moment(animation: Arc<Animation>, rng: &mut Rng) -> Scene {
+fn moment(animation: Arc<Animation>, rng: &mut Rng) -> StressScene {
     let time = animation.end() * rng.f64();
     let time = if rng.bool() { time } else { time.round() };
     let built = if rng.bool() { time } else { 0.0 };
-    Scene::new(animation, [built, time])
+    StressScene::new(animation, [built, time])
 }
