@@ -1,6 +1,6 @@
 //! Where the work is done.
 
-use crate::{Error, Result};
+use crate::Result;
 use backend::Backend;
 use std::num::NonZero;
 
@@ -43,23 +43,25 @@ impl Device {
     }
 
     /// The GPU that is taken unasked.
+    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     fn gpu() -> Option<Self> {
-        let is_gpu = |kind| kind == backend::DeviceKind::Gpu;
-        #[cfg(feature = "vulkan")]
-        if let Some(found) = gpu_vulkan::adapters().ok().and_then(|all| {
-            let mut all = all.into_iter();
-            all.find(|a| is_gpu(a.kind))
-        }) {
-            return Some(Self::Vulkan(Some(found.index.to_string())));
-        }
-        #[cfg(feature = "wgpu")]
-        if let Some(found) = gpu_wgpu::adapters().ok().and_then(|all| {
-            let mut all = all.into_iter();
-            all.find(|a| is_gpu(a.kind))
-        }) {
-            return Some(Self::Wgpu(Some(found.index.to_string())));
-        }
-        let _ = is_gpu;
+        type List = fn() -> backend::Result<Vec<gpu_common::AdapterInfo>>;
+        type Named = fn(Option<String>) -> Device;
+        let all: [(List, Named); _] = [
+            #[cfg(feature = "vulkan")]
+            (gpu_vulkan::adapters, Self::Vulkan),
+            #[cfg(feature = "wgpu")]
+            (gpu_wgpu::adapters, Self::Wgpu),
+        ];
+        all.into_iter().find_map(|(list, device)| {
+            let mut adapters = list().ok()?.into_iter();
+            let found = adapters.find(|a| a.kind == backend::DeviceKind::Gpu)?;
+            Some(device(Some(found.index.to_string())))
+        })
+    }
+
+    #[cfg(not(any(feature = "vulkan", feature = "wgpu")))]
+    fn gpu() -> Option<Self> {
         None
     }
 }
@@ -93,6 +95,6 @@ fn open_wgpu(adapter: Option<String>) -> Result<Box<dyn Backend>> {
 }
 
 #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-fn named(device: &str, why: &backend::BackendError) -> Error {
-    Error::NoDevice(format!("device {device} cannot run: {why}"))
+fn named(device: &str, why: &backend::BackendError) -> crate::Error {
+    crate::Error::NoDevice(format!("device {device} cannot run: {why}"))
 }

@@ -155,17 +155,12 @@ fn adapters() -> Adapters {
 }
 
 #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-fn listed<E: std::fmt::Display>(all: Result<Vec<AdapterInfo>, E>) -> Adapters {
+fn listed<E: std::fmt::Display>(all: Result<Vec<gpu_common::AdapterInfo>, E>) -> Adapters {
     let all = all.map_err(|e| e.to_string())?.into_iter();
     Ok(all
         .map(|a| (a.name, a.kind == backend::DeviceKind::Gpu))
         .collect())
 }
-
-#[cfg(feature = "vulkan")]
-use gpu_vulkan::AdapterInfo;
-#[cfg(all(feature = "wgpu", not(feature = "vulkan")))]
-use gpu_wgpu::AdapterInfo;
 
 #[cfg(test)]
 mod tests {

@@ -31,6 +31,5 @@ mod wgpu_device;
 
 pub use adapters::{Options, adapters};
 pub use gpu::CallCounts;
-pub use gpu_common::AdapterInfo;
 pub use limits::{required_features, required_limits, useful_features};
 pub use wgpu_device::{WgpuBackend, WgpuDevice, from_device};
