@@ -10,14 +10,21 @@ use libtest_mimic::{Arguments, Trial};
 
 type Law = fn(&Device);
 
-const LAWS: [(&str, Law); 6] = [
+const LAWS: [(&str, Law); 7] = [
     ("streamed_steps_find_what_key_frames_do", streamed),
     ("rigid_parts_find_what_their_vertices_do", rigid),
     ("meshes_beside_it_change_no_hit_of_a_mesh", beside),
+    ("meshes_stay_where_they_were_put", stay),
     ("vertices_go_anywhere", anywhere),
     ("results_stay_until_the_second_step_after", results),
     ("misuse_is_an_error", misuse),
 ];
+
+/// Whatever a program holds may go to another thread.
+const _: () = {
+    const fn is_send<T: Send>() {}
+    is_send::<(Tracer, Scene, Mesh, Device, Error)>();
+};
 
 fn main() {
     let devices = [
@@ -207,6 +214,43 @@ fn beside(device: &Device) {
         let hits = together.hits(done, query).unwrap();
         let mut met = (0..hits.len()).filter_map(|ray| hits.closest(ray));
         assert!(met.all(|hit| hit.mesh == keyed));
+    }
+}
+
+/// Two meshes, of which each step moves one or none, beside one that never moves.
+fn stay(device: &Device) {
+    let demo = demo("demo:twist:2000");
+    let lifted = |key: usize, by: f32| -> Vec<Point> {
+        demo.keys[key]
+            .iter()
+            .map(|p| [p[0], p[1], p[2] + by])
+            .collect()
+    };
+    let mesh = |vertices: &[Point]| Mesh::streamed(vertices, &demo.triangles).unwrap();
+    let mut scene = Scene::new();
+    scene.add(Mesh::fixed(&lifted(0, -0.4), &demo.triangles).unwrap());
+    let mut places = [lifted(0, 0.2), lifted(0, 0.0)];
+    let ids = [0, 1].map(|i| scene.add(mesh(&places[i])));
+    let mut live = tracer(scene, device);
+    for step in 0..12 {
+        let moved = step % 3;
+        if moved < 2 {
+            places[moved] = lifted(step % demo.keys.len(), 0.05 * step as f32);
+        }
+        let mut next = live.step(0.0);
+        if moved < 2 {
+            let vertices = Source::Host(&places[moved]);
+            next.vertices(ids[moved], vertices).unwrap();
+        }
+        let query = next.trace(&demo.rays, Query::Closest).unwrap();
+        let done = next.submit().unwrap();
+        let found = bits(live.hits(done, query).unwrap());
+        let mut scene = Scene::new();
+        for vertices in [&lifted(0, -0.4), &places[0], &places[1]] {
+            scene.add(Mesh::fixed(vertices, &demo.triangles).unwrap());
+        }
+        let expected = still(&mut tracer(scene, device), 0.0, &demo.rays);
+        assert!(found == expected, "step {step}");
     }
 }
 

@@ -1,6 +1,6 @@
 //! How meshes move, and where all of a scene's vertices are at one moment.
 
-use crate::{Mesh, Point, Result};
+use crate::{Error, Mesh, Point, Result};
 use geom::{Animation, Pose};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -80,6 +80,10 @@ impl Joined {
         };
         let vertices = starts(Mesh::vertex_count);
         let triangles = starts(Mesh::triangle_count);
+        if let Some(&all) = vertices.last().filter(|&&all| u32::try_from(all).is_err()) {
+            let why = format!("all meshes have {all} vertices, more than can be numbered");
+            return Err(Error::Mesh(why));
+        }
         let all = meshes.iter().zip(&vertices).flat_map(|(mesh, &first)| {
             let moved = move |t: &[u32; 3]| t.map(|v| v + first as u32);
             mesh.triangles.iter().map(moved)

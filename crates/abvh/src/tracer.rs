@@ -240,9 +240,12 @@ impl Tracer {
 
     /// Waits for the oldest query under way and keeps what it found.
     fn finish(&mut self) -> Result<()> {
+        let Some(id) = self.under_way.pop_front() else {
+            return Ok(());
+        };
         let mut hits = self.spare.pop().unwrap_or_default();
-        self.last = self.driver.finish(Some(&mut hits))?.or(self.last.take());
-        if let Some(id) = self.under_way.pop_front() {
+        if let Some(record) = self.driver.finish(Some(&mut hits))? {
+            self.last = Some(record);
             self.results.push_back((id, hits));
         }
         Ok(())
