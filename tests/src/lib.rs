@@ -13,6 +13,13 @@ pub fn is_full() -> bool {
     std::env::var("ABVH_FULL").is_ok_and(|v| v == "1")
 }
 
+/// Whether `ABVH_REQUIRE_BACKENDS` names a backend, so that its absence is a failure.
+#[must_use]
+pub fn is_required(name: &str) -> bool {
+    let names = std::env::var("ABVH_REQUIRE_BACKENDS").unwrap_or_default();
+    names.split(',').any(|required| required.trim() == name)
+}
+
 /// So many in the full tier, a quarter of them by default.
 #[must_use]
 pub fn share(full: usize) -> usize {

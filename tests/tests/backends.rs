@@ -13,6 +13,7 @@ use cpu_ref::CpuBackend;
 use gpu_vulkan::{Validation, VulkanBackend};
 use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
+use integration::is_required;
 use libtest_mimic::{Arguments, Trial};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -109,12 +110,6 @@ fn in_turn(all: Vec<Vec<Trial>>) -> Vec<Trial> {
     let mut numbered: Vec<_> = numbered.collect();
     numbered.sort_by_key(|&(n, _)| n);
     numbered.into_iter().map(|(_, trial)| trial).collect()
-}
-
-/// Whether absence is a failure.
-fn is_required(name: &str) -> bool {
-    let names = std::env::var("ABVH_REQUIRE_BACKENDS").unwrap_or_default();
-    names.split(',').any(|required| required.trim() == name)
 }
 
 fn trials_of(name: &'static str, mut subject: Box<dyn Subject>) -> Vec<Trial> {

@@ -5,6 +5,7 @@
 use abvh::{
     Device, Error, Hits, Intersector, Mesh, Point, Query, Ray, Scene, Source, Tracer, Update,
 };
+use integration::is_required;
 use integration::stage::pixels;
 use libtest_mimic::{Arguments, Trial};
 
@@ -32,10 +33,8 @@ fn main() {
         ("vulkan", Device::Vulkan(None)),
         ("wgpu", Device::Wgpu(None)),
     ];
-    let required = std::env::var("ABVH_REQUIRE_BACKENDS").unwrap_or_default();
     let mut trials = Vec::new();
     for (name, device) in devices {
-        let is_required = required.split(',').any(|r| r.trim() == name);
         let absent = Tracer::builder().device(device.clone()).build(Scene::new());
         let absent = absent.err().map(|e| e.to_string());
         for (law, holds) in LAWS {
@@ -47,7 +46,7 @@ fn main() {
                     Ok(())
                 }
             });
-            trials.push(trial.with_ignored_flag(absent.is_some() && !is_required));
+            trials.push(trial.with_ignored_flag(absent.is_some() && !is_required(name)));
         }
     }
     libtest_mimic::run(&Arguments::from_args(), trials).exit();

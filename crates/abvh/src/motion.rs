@@ -99,7 +99,7 @@ impl Joined {
             is_told: true,
             time: 0.0,
         };
-        let animation = match joined.motions.iter().any(Motion::is_live) {
+        let animation = match joined.is_live() {
             true => joined.live(all)?,
             false => joined.keyed(all)?,
         };
@@ -142,11 +142,16 @@ impl Joined {
         (mesh, (triangle - self.triangles[mesh]) as u32)
     }
 
+    /// Where a mesh's vertices lie among all.
+    fn range_of(&self, mesh: usize) -> Range<usize> {
+        self.vertices[mesh]..self.vertices[mesh + 1]
+    }
+
     /// A mesh's vertices, to be moved.
     fn vertices_of(&mut self, mesh: usize) -> &mut [Point] {
-        let all: Range<usize> = self.vertices[mesh]..self.vertices[mesh + 1];
+        let range = self.range_of(mesh);
         (self.is_told, self.is_fresh[mesh]) = (false, true);
-        &mut self.next[all]
+        &mut self.next[range]
     }
 
     /// Sets a streamed mesh's vertices, of which there must be as many as it has.
@@ -183,14 +188,9 @@ impl Joined {
         }
         let last = animation.at(animation.end())?;
         let [last, _] = last.key_frames();
-        for (mesh, _) in self
-            .is_fresh
-            .iter()
-            .enumerate()
-            .filter(|(_, fresh)| !**fresh)
-        {
-            let all = self.vertices[mesh]..self.vertices[mesh + 1];
-            self.next[all.clone()].copy_from_slice(&last[all]);
+        for mesh in (0..self.motions.len()).filter(|&mesh| !self.is_fresh[mesh]) {
+            let range = self.range_of(mesh);
+            self.next[range.clone()].copy_from_slice(&last[range]);
         }
         // A frame that was dropped has meshes that never move where they are.
         let mut spare = animation.spare_frame();

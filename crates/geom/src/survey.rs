@@ -87,13 +87,16 @@ impl Survey {
         let is_static = marks.map(|(p, &fixed)| fixed && keeps_its_bits(p));
         let somewhere = first.iter().find(|p| p.iter().all(|x| x.is_finite()));
         let point = Aabb::EMPTY.with_point(*somewhere.unwrap_or(&[0.0; 3]));
+        let survey = Self::of(keys, triangles)?;
+        // Mostly there are none to look for.
         let absent = triangles.iter().zip(0..);
         let absent = absent.filter(|&(&t, _)| !is_active(&corners(first, t)));
+        let absent = absent.take(survey.never_active as usize);
         Ok(Self {
             fallback_corners: absent.map(|(_, t)| (t, point)).collect(),
             never_active: 0,
             static_parts: StaticParts::of(is_static.collect(), first, triangles),
-            ..Self::of(keys, triangles)?
+            ..survey
         })
     }
 

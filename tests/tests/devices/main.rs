@@ -19,6 +19,7 @@ use backend::Backend;
 use gpu_common::{ComputeBackend, GpuDevice};
 use gpu_vulkan::{Validation, VulkanBackend, VulkanDevice};
 use gpu_wgpu::{WgpuBackend, WgpuDevice};
+use integration::is_required;
 use libtest_mimic::{Arguments, Trial};
 use shaders::BufferName;
 use std::process::ExitCode;
@@ -204,12 +205,6 @@ fn main() -> ExitCode {
         trials.extend(each);
     }
     libtest_mimic::run(&arguments, trials).exit_code()
-}
-
-/// Whether absence is a failure.
-fn is_required(name: &str) -> bool {
-    let names = std::env::var("ABVH_REQUIRE_BACKENDS").unwrap_or_default();
-    names.split(',').any(|required| required.trim() == name)
 }
 
 fn trial(name: String, lacks: Option<&str>, body: impl FnOnce() + Send + 'static) -> Trial {
