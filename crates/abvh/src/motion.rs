@@ -1,7 +1,8 @@
 //! How meshes move, and where all of a scene's vertices are at one moment.
 
 use crate::{Error, Mesh, Point, Result};
-use geom::{Animation, Pose};
+use backend::Backend;
+use geom::{Animation, PointBuffer, Pose};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -59,7 +60,7 @@ pub(crate) struct Joined {
     /// Likewise of triangles.
     triangles: Vec<usize>,
     /// Where all vertices are going to be, if anything arrives while the scene is traced; else empty.
-    next: Vec<Point>,
+    next: PointBuffer,
     /// Meshes whose vertices in there are the newest.
     is_fresh: Vec<bool>,
     /// Whether the animation knows them all.
@@ -93,7 +94,7 @@ impl Joined {
         let mut joined = Self {
             vertices,
             triangles,
-            next: Vec::new(),
+            next: PointBuffer::default(),
             is_fresh: vec![true; motions.len()],
             motions,
             is_told: true,
@@ -123,7 +124,6 @@ impl Joined {
         let marks: Vec<bool> = marks.collect();
         let all = self.motions.iter();
         let first: Vec<Point> = all.flat_map(|m| m.first()).copied().collect();
-        self.next = first.clone();
         Ok(Animation::live(first, &marks, triangles)?)
     }
 
@@ -148,15 +148,23 @@ impl Joined {
     }
 
     /// A mesh's vertices, to be moved.
-    fn vertices_of(&mut self, mesh: usize) -> &mut [Point] {
+    pub(crate) fn vertices_of(&mut self, mesh: usize) -> &mut [Point] {
         let range = self.range_of(mesh);
         (self.is_told, self.is_fresh[mesh]) = (false, true);
         &mut self.next[range]
     }
 
-    /// Sets a streamed mesh's vertices, of which there must be as many as it has.
-    pub(crate) fn place(&mut self, mesh: usize, vertices: &[Point]) {
-        set(self.vertices_of(mesh), |v| vertices[v]);
+    /// Has steps to come prepared where the device reads them.
+    pub(crate) fn prepare(
+        &mut self,
+        animation: &Animation,
+        backend: &mut dyn Backend,
+    ) -> Result<()> {
+        if self.is_live() {
+            self.next = backend.point_buffer(animation.vertex_count())?;
+            self.next.copy_from_slice(animation.first());
+        }
+        Ok(())
     }
 
     /// Sets a rigid mesh's matrices, of which there must be one a part.
@@ -175,7 +183,12 @@ impl Joined {
     }
 
     /// The time in the animation at which a step at `time` stands, with all that was said of it.
-    pub(crate) fn tell(&mut self, animation: &Animation, time: f64) -> Result<f64> {
+    pub(crate) fn tell(
+        &mut self,
+        animation: &Animation,
+        backend: &mut dyn Backend,
+        time: f64,
+    ) -> Result<f64> {
         if !self.is_live() {
             return Ok(time);
         }
@@ -193,13 +206,15 @@ impl Joined {
             self.next[range.clone()].copy_from_slice(&last[range]);
         }
         // A frame that was dropped has meshes that never move where they are.
-        let mut spare = animation.spare_frame();
-        let is_whole = spare.len() == self.next.len();
-        if !is_whole {
-            spare.clone_from(&self.next);
-        }
-        let motions = self.motions.iter();
-        self.is_fresh = motions.map(|m| !is_whole || m.is_fixed()).collect();
+        let spare = match animation.spare_frame() {
+            Some(spare) => spare,
+            None => {
+                let mut new = backend.point_buffer(self.next.len())?;
+                new.copy_from_slice(&self.next);
+                new
+            }
+        };
+        self.is_fresh = self.motions.iter().map(Motion::is_fixed).collect();
         Ok(animation.push(std::mem::replace(&mut self.next, spare))?)
     }
 

@@ -57,18 +57,40 @@ impl Step<'_> {
     /// Moves a streamed mesh's vertices, all of them.
     ///
     /// # Errors
-    /// [`Error::Count`], [`Error::ForeignMesh`], [`Error::Motion`] for other meshes, [`Error::TooLate`] after a query.
+    /// [`Error::Count`], and those of [`Step::vertices_mut`].
     pub fn vertices(&mut self, mesh: MeshId, source: Source<'_>) -> Result<()> {
-        let index = self.may_move(mesh)?;
         let Source::Host(vertices) = source;
+        let index = self.may_stream(mesh)?;
         let joined = &mut self.tracer.joined;
-        let Motion::Streamed(rest) = &joined.motions[index] else {
-            let what = "vertices";
-            return Err(Error::Motion { mesh, what });
-        };
-        check(mesh, "vertices", rest.len(), vertices.len())?;
-        joined.place(index, vertices);
+        check(
+            mesh,
+            "vertices",
+            joined.motions[index].first().len(),
+            vertices.len(),
+        )?;
+        joined.vertices_of(index).copy_from_slice(vertices);
         Ok(())
+    }
+
+    /// The place of a streamed mesh's vertices, to be written all: where the device can, it reads them there, so nothing
+    /// is copied. What it holds is of some earlier step.
+    ///
+    /// # Errors
+    /// [`Error::ForeignMesh`], [`Error::Motion`] for other meshes, [`Error::TooLate`] after a query.
+    pub fn vertices_mut(&mut self, mesh: MeshId) -> Result<&mut [Point]> {
+        let index = self.may_stream(mesh)?;
+        Ok(self.tracer.joined.vertices_of(index))
+    }
+
+    fn may_stream(&self, mesh: MeshId) -> Result<usize> {
+        let index = self.may_move(mesh)?;
+        match &self.tracer.joined.motions[index] {
+            Motion::Streamed(_) => Ok(index),
+            _ => {
+                let what = "vertices";
+                Err(Error::Motion { mesh, what })
+            }
+        }
     }
 
     /// Moves a rigid mesh's parts: one matrix each.

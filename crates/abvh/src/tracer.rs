@@ -4,7 +4,7 @@ use crate::device::cores;
 use crate::motion::Joined;
 use crate::step::{QueryId, Step, StepId};
 use crate::{Device, Error, Hits, Intersector, Layout, Result, Scene};
-use backend::{FRAMES_IN_FLIGHT, Method, Query};
+use backend::{FRAMES_IN_FLIGHT, Method, Query, Ticket};
 use geom::Animation;
 use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Pace};
 use std::collections::VecDeque;
@@ -87,7 +87,7 @@ impl Builder {
             backend.device().adapter
         );
         let number = scene.number;
-        let (joined, animation) = Joined::of(scene.meshes)?;
+        let (mut joined, animation) = Joined::of(scene.meshes)?;
         let update = match self.update {
             Update::Auto if !joined.moves() => pipeline::Update::Refit,
             Update::Auto | Update::Async => pipeline::Update::Async(Pace::Free),
@@ -107,8 +107,10 @@ impl Builder {
             predict: true,
         };
         let animation = Arc::new(animation);
+        let mut driver = Driver::new(backend, Arc::clone(&animation), options)?;
+        joined.prepare(&animation, driver.backend())?;
         Ok(Tracer {
-            driver: Driver::new(backend, Arc::clone(&animation), options)?,
+            driver,
             animation,
             joined,
             scene: number,
@@ -118,7 +120,6 @@ impl Builder {
             frames: 0,
             under_way: VecDeque::new(),
             results: VecDeque::new(),
-            spare: Vec::new(),
             last: None,
         })
     }
@@ -152,10 +153,8 @@ pub struct Tracer {
     steps: u64,
     frames: u64,
     under_way: VecDeque<QueryId>,
-    /// From the oldest to the newest.
-    results: VecDeque<(QueryId, backend::Hits)>,
-    /// Memory of results that were dropped.
-    spare: Vec<backend::Hits>,
+    /// That may be asked for, from the oldest to the newest.
+    results: VecDeque<(QueryId, Ticket)>,
     last: Option<FrameRecord>,
 }
 
@@ -198,16 +197,14 @@ impl Tracer {
     /// # Errors
     /// [`Error::NoResult`] if it is of another step or was dropped, [`Error::Device`].
     pub fn hits(&mut self, step: StepId, query: QueryId) -> Result<Hits<'_>> {
-        if query.step != step {
-            return Err(Error::NoResult);
-        }
+        let mut results = self.results.iter();
+        let found = results.find(|(id, _)| *id == query && query.step == step);
+        let &(_, ticket) = found.ok_or(Error::NoResult)?;
         while self.under_way.contains(&query) {
             self.finish()?;
         }
-        let mut results = self.results.iter();
-        let found = results.find(|(id, _)| *id == query);
         Ok(Hits {
-            found: &found.ok_or(Error::NoResult)?.1,
+            found: self.driver.backend().hits(ticket)?,
             joined: &self.joined,
             scene: self.scene,
         })
@@ -230,32 +227,31 @@ impl Tracer {
         while self.under_way.len() >= most {
             self.finish()?;
         }
-        let time = self.joined.tell(&self.animation, time)?;
+        let backend = self.driver.backend();
+        let time = self.joined.tell(&self.animation, backend, time)?;
         let index = self.frames;
-        self.driver.begin(Frame { index, time }, query)?;
+        // This one comes after all of them.
+        self.driver.backend().keep(self.results.len() + 1);
+        let ticket = self.driver.begin(Frame { index, time }, query)?;
         self.frames += 1;
         self.under_way.push_back(id);
+        self.results.push_back((id, ticket));
         Ok(())
     }
 
-    /// Waits for the oldest query under way and keeps what it found.
+    /// Waits for the oldest query under way.
     fn finish(&mut self) -> Result<()> {
-        let Some(id) = self.under_way.pop_front() else {
-            return Ok(());
-        };
-        let mut hits = self.spare.pop().unwrap_or_default();
-        if let Some(record) = self.driver.finish(Some(&mut hits))? {
-            self.last = Some(record);
-            self.results.push_back((id, hits));
+        if self.under_way.pop_front().is_some() {
+            self.last = self.driver.finish(None)?.or(self.last.take());
         }
         Ok(())
     }
 
     /// Drops results of all steps but this one and the one before.
     pub(crate) fn end_step(&mut self, id: StepId) {
-        let is_old = |(query, _): &(QueryId, backend::Hits)| query.step.0 + 1 < id.0;
+        let is_old = |(query, _): &(QueryId, Ticket)| query.step.0 + 1 < id.0;
         while self.results.front().is_some_and(is_old) {
-            self.spare.extend(self.results.pop_front().map(|old| old.1));
+            self.results.pop_front();
         }
     }
 }

@@ -13,8 +13,8 @@
 //! order. Only [`Backend::wait`] and [`Backend::hits`] block. Up to
 //! [`FRAMES_IN_FLIGHT`] submissions may be unfinished; one more
 //! `submit` waits for the oldest. What a submission reported and found is kept
-//! until `FRAMES_IN_FLIGHT` further submissions with a trace were made, and may
-//! be asked for any number of times until then.
+//! until `FRAMES_IN_FLIGHT` further submissions with a trace were made, or as many as
+//! [`Backend::keep`] says, and may be asked for any number of times until then.
 //!
 //! **Order within a frame.** `interpolate` writes positions. `preprocess` writes
 //! one record and one box a leaf, of the positions interpolated last (these alone
@@ -29,7 +29,9 @@
 //! **Trees.** [`Backend::adopt`] takes effect at once, between submissions: all
 //! that is recorded later sees the new tree, all that was submitted before saw
 //! the old. Generations strictly rise. The tree must hold exactly the
-//! animation's live triangles ([`geom::Animation::is_live`]).
+//! animation's live triangles ([`geom::Animation::is_live`]). A large tree takes its time to reach the device. So that no
+//! frame waits, whoever builds it has a [`TreeWriter`] write it, and it is adopted once [`Backend::bring`] says that it is
+//! there.
 //!
 //! **Trees made on the device.** Where [`Backend::check_rebuild`] allows it,
 //! [`Backend::rebuild`] stands for `adopt`: it makes a tree of the positions at
@@ -74,8 +76,11 @@ pub use lend::Spares;
 pub use query::{Hits, Intersector, Layout, Method, Palette, Query, QueryKind, Rays};
 
 use bvh_layout::Topology;
-use geom::{Aabb, Animation, Point, Pose};
+use geom::{Aabb, Animation, Point, PointBuffer, Pose};
 use std::sync::Arc;
+
+/// Puts a tree where a device takes it from, on any thread: see [`Backend::tree_writer`].
+pub type TreeWriter = Box<dyn FnOnce(&Topology) + Send>;
 
 /// A device that deforms, refits and traces one scene. See the crate's page for the contract.
 pub trait Backend: Send {
@@ -110,6 +115,23 @@ pub trait Backend: Send {
     /// not fit the device. The old tree is then still current.
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()>;
 
+    /// What writes the tree of that generation as the device wants it, for whoever builds it: then this thread need not.
+    /// `None` where that would save nothing.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn tree_writer(&mut self, _generation: Generation) -> Result<Option<TreeWriter>> {
+        Ok(None)
+    }
+
+    /// Has a tree set out for the device, beside the frames, if it did not yet; says whether it is there. Never blocks.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn bring(&mut self, _tree: &Topology, _generation: Generation) -> Result<bool> {
+        Ok(true)
+    }
+
     /// Whether [`Backend::adopt`] reads a tree's treelets
     /// ([`Topology::treelets`]) by the method loaded. Whoever builds trees then
     /// adds them in good time; a tree without them is adopted too, but slowly.
@@ -120,6 +142,15 @@ pub trait Backend: Send {
     /// Likewise for the eight-wide form ([`Topology::blocks`]).
     fn wants_blocks(&self) -> bool {
         false
+    }
+
+    /// Memory for a key frame of the scene loaded that is yet to be [pushed](Animation::push): where the device can, it reads
+    /// it there.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
+        Ok(vec![[0.0; 3]; points].into())
     }
 
     /// Records: key frames to positions.
@@ -192,6 +223,10 @@ pub trait Backend: Send {
     /// To keep it without a copy, exchange it for other memory, which a later trace then uses:
     /// `std::mem::swap(backend.hits(ticket)?, &mut mine)`.
     fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits>;
+
+    /// Keeps what submissions found until so many further ones with a trace were made, at least [`FRAMES_IN_FLIGHT`];
+    /// so long as the scene is loaded.
+    fn keep(&mut self, traces: usize);
 
     /// The oldest positions requested and not taken yet, with the ticket of
     /// their submission; `None` while they are under way. Never blocks.

@@ -43,6 +43,8 @@ pub struct CpuBackend {
     submitted: u64,
     /// Submissions with a trace so far.
     traces: u64,
+    /// See [`Backend::keep`].
+    kept: u64,
     copies: Copies,
     /// Where the device's clock begins.
     epoch: Instant,
@@ -106,6 +108,7 @@ impl CpuBackend {
             next: Submission::default(),
             submitted: 0,
             traces: 0,
+            kept: FRAMES_IN_FLIGHT as u64,
             copies: Copies::default(),
             epoch: Instant::now(),
         })
@@ -138,11 +141,11 @@ impl CpuBackend {
     }
 
     /// Keeps what was submitted until enough with a trace came after it.
-    fn keep(&mut self) {
+    fn keep_submitted(&mut self) {
         let mut done = std::mem::take(&mut self.next);
         done.traces = self.traces;
         self.submissions.push_back(done);
-        let old = |s: &Submission| self.traces - s.traces >= FRAMES_IN_FLIGHT as u64;
+        let old = |s: &Submission| self.traces - s.traces >= self.kept;
         while self.submissions.front().is_some_and(old) {
             let forgotten = self.submissions.pop_front().unwrap_or_default();
             if forgotten.hits.closest.capacity() >= self.next.hits.closest.capacity() {
@@ -153,11 +156,12 @@ impl CpuBackend {
     }
 
     fn finished(&mut self, ticket: Ticket) -> &mut Submission {
+        let kept = self.kept;
         let mut submissions = self.submissions.iter_mut();
         let found = submissions.find(|s| s.ticket == Some(ticket));
         found.unwrap_or_else(|| {
             panic!(
-                "ticket {} was never given, or too long ago: the last {FRAMES_IN_FLIGHT} with a trace are kept",
+                "ticket {} was never given, or too long ago: the last {kept} with a trace are kept",
                 ticket.0
             )
         })
@@ -282,7 +286,7 @@ impl Backend for CpuBackend {
         }
         self.traces += u64::from(std::mem::take(&mut self.has_trace));
         self.submitted += 1;
-        self.keep();
+        self.keep_submitted();
         Ok(ticket)
     }
 
@@ -292,6 +296,10 @@ impl Backend for CpuBackend {
 
     fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
         Ok(&mut self.finished(ticket).hits)
+    }
+
+    fn keep(&mut self, traces: usize) {
+        self.kept = traces.max(FRAMES_IN_FLIGHT) as u64;
     }
 
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {

@@ -36,7 +36,7 @@ impl Animation {
     /// There is no key frame, they differ in their numbers of vertices, or a triangle names a vertex that does not exist; or
     /// there are more triangles than [`Self::MAX_TRIANGLES`].
     pub fn new(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>) -> Result<Self, KeyFrameError> {
-        let keys: Vec<KeyFrame> = keys.into_iter().map(Arc::new).collect();
+        let keys: Vec<KeyFrame> = keys.into_iter().map(|k| Arc::new(k.into())).collect();
         let Some(first) = keys.first() else {
             let cause = "an animation needs at least one key frame";
             return Err(KeyFrameError(cause.to_owned()));
@@ -61,7 +61,7 @@ impl Animation {
         [keys, window]: [usize; 2],
         triangles: Vec<[u32; 3]>,
     ) -> Result<Self, KeyFrameError> {
-        let first = Arc::new(source(0)?);
+        let first = Arc::new(source(0)?.into());
         let window = Arc::new(KeyWindow::new(source, first, [keys, window])?);
         Self::over(KeyFrames::Streamed(window), triangles)
     }

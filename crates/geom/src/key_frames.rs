@@ -2,11 +2,11 @@
 
 use crate::key_window::KeyWindow;
 use crate::live_keys::LiveKeys;
-use crate::{Aabb, Animation, Point, Pose, Triangle};
+use crate::{Aabb, Animation, Point, PointBuffer, Pose, Triangle};
 use std::sync::Arc;
 
 /// One position a vertex, shared by all who read it.
-pub type KeyFrame = Arc<Vec<Point>>;
+pub type KeyFrame = Arc<PointBuffer>;
 
 /// Why key frames cannot be had, or do not make an animation: one line that names the cause, and the file if there is one.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

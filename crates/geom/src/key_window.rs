@@ -165,7 +165,7 @@ impl Shared {
         state.clock += 1;
         let entry = match read {
             Ok(points) => Entry::Ready {
-                frame: Arc::new(points),
+                frame: Arc::new(points.into()),
                 used: state.clock,
             },
             Err(why) => Entry::Failed(why),
@@ -216,7 +216,7 @@ mod tests {
                 _ => Ok(vec![[key as f32; 3]]),
             }
         };
-        let first = Arc::new(vec![[0.0; 3]]);
+        let first = Arc::new(vec![[0.0; 3]].into());
         let window = KeyWindow::new(Arc::new(source), first, [100, FEW]).unwrap();
         (reads, window)
     }

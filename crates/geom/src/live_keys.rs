@@ -2,7 +2,7 @@
 
 use crate::key_frames::KeyFrames;
 use crate::survey::{Survey, check_triangles};
-use crate::{Animation, KeyFrame, KeyFrameError, Point, Range};
+use crate::{Animation, KeyFrame, KeyFrameError, Point, PointBuffer, Range};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -19,7 +19,8 @@ struct Recent {
     last: usize,
     /// From the oldest that is kept to the newest, without the very first.
     kept: VecDeque<(KeyFrame, Range)>,
-    spare: Vec<Point>,
+    /// Dropped, but not yet by all who read them.
+    dropped: Vec<KeyFrame>,
 }
 
 impl LiveKeys {
@@ -28,7 +29,7 @@ impl LiveKeys {
 
     pub(crate) fn new(first: Vec<Point>) -> Self {
         Self {
-            first: Arc::new(first),
+            first: Arc::new(first.into()),
             state: Mutex::default(),
         }
     }
@@ -46,19 +47,23 @@ impl LiveKeys {
     }
 
     /// Takes the next key frame; its number.
-    pub(crate) fn push(&self, frame: Vec<Point>, range: Range) -> usize {
+    pub(crate) fn push(&self, frame: KeyFrame, range: Range) -> usize {
         let mut state = self.lock();
         state.last += 1;
-        state.kept.push_back((Arc::new(frame), range));
+        state.kept.push_back((frame, range));
         if state.kept.len() > Self::KEPT {
-            let oldest = state.kept.pop_front().and_then(|(f, _)| Arc::into_inner(f));
-            state.spare = oldest.unwrap_or_default();
+            let oldest = state.kept.pop_front();
+            state.dropped.extend(oldest.map(|(frame, _)| frame));
         }
         state.last
     }
 
-    pub(crate) fn spare(&self) -> Vec<Point> {
-        std::mem::take(&mut self.lock().spare)
+    pub(crate) fn spare(&self) -> Option<PointBuffer> {
+        let dropped = &mut self.lock().dropped;
+        let free = dropped
+            .iter()
+            .position(|frame| Arc::strong_count(frame) == 1)?;
+        Arc::into_inner(dropped.swap_remove(free))
     }
 
     /// A key frame, or in the place of one that was dropped the oldest kept: only trees to come may ask so late.
@@ -108,21 +113,22 @@ impl Animation {
     ///
     /// # Errors
     /// It has another number of vertices, or the animation is not live.
-    pub fn push(&self, frame: Vec<Point>) -> Result<f64, KeyFrameError> {
+    pub fn push(&self, frame: impl Into<PointBuffer>) -> Result<f64, KeyFrameError> {
         let KeyFrames::Live(live) = &self.keys else {
             let cause = "all key frames of this animation are known";
             return Err(KeyFrameError(cause.to_owned()));
         };
+        let frame = Arc::new(frame.into());
         check_count(frame.len(), self.vertex_count())?;
         let range = self.survey.range_of(&frame, self.triangles());
         Ok(live.push(frame, range) as f64)
     }
 
     /// Memory of a key frame that was dropped, for the next one to [push](Self::push).
-    pub fn spare_frame(&self) -> Vec<Point> {
+    pub fn spare_frame(&self) -> Option<PointBuffer> {
         match &self.keys {
             KeyFrames::Live(live) => live.spare(),
-            KeyFrames::Held(_) | KeyFrames::Streamed(_) => Vec::new(),
+            KeyFrames::Held(_) | KeyFrames::Streamed(_) => None,
         }
     }
 }
@@ -165,7 +171,7 @@ mod tests {
         };
         assert_eq!(live.moment(pose).unwrap().vertex(0)[0], 16.0);
         assert_eq!(live.at(0.0).unwrap().vertex(1), REST[1]);
-        assert_eq!(live.spare_frame().len(), 3);
+        assert_eq!(live.spare_frame().map(|frame| frame.len()), Some(3));
     }
 
     #[test]

@@ -1,12 +1,8 @@
 //! How far coordinates reach, and which moments that takes beyond what rounded tests of rays can tell.
 
+use crate::sizes::{Sizes, size};
 use crate::{Point, Pose};
-use rayon::prelude::*;
 
-/// Vertices of a key frame from which its typical size is found, at most.
-const SAMPLES: usize = 4096;
-/// Vertices that one task looks at.
-const RUN: usize = 1 << 16;
 /// A key frame is extreme if its farthest coordinate is so many times its typical size.
 const OUTLYING: f32 = 65_536.0;
 /// Shadow rays are offset by the extent of the scene, but at most by so many times its typical size.
@@ -51,7 +47,7 @@ impl Range {
     ) -> Result<Self, E> {
         let tiny = scaled(TINY, scale_exponent);
         Ok(Self {
-            extreme: sizes.is_outlying() || sizes.largest > scaled(MOST, scale_exponent),
+            extreme: is_outlying(sizes) || sizes.largest > scaled(MOST, scale_exponent),
             tiny: sizes.third < tiny && has_tiny(tiny)?,
             clearance: sizes.typical * CLEARANCE,
         })
@@ -88,7 +84,7 @@ impl Ranges {
     ) -> Result<Self, E> {
         let largest = sizes.iter().fold(0.0_f32, |m, s| m.max(s.largest));
         // Where some moment is extreme anyway, the others keep the units that they were given in.
-        let scale_exponent = match sizes.iter().any(Sizes::is_outlying) {
+        let scale_exponent = match sizes.iter().any(is_outlying) {
             true => 0,
             false => exponent_for(largest),
         };
@@ -111,76 +107,8 @@ impl Ranges {
     }
 }
 
-/// Sizes of a key frame's finite coordinates.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Sizes {
-    pub(crate) largest: f32,
-    /// The third least of the largest coordinates of vertices: no triangle lies nearer to the origin.
-    third: f32,
-    /// The lower quartile of the largest coordinates of vertices.
-    typical: f32,
-}
-
-impl Sizes {
-    pub(crate) fn of(key: &[Point]) -> Self {
-        let parts = || key.par_chunks(RUN);
-        let (largest, least) = match key.len() <= RUN {
-            // Done before a busy pool takes it up.
-            true => (largest(key), least(key)),
-            false => (
-                parts().map(largest).reduce(|| 0.0, f32::max),
-                parts().map(least).reduce(|| NONE, three_least),
-            ),
-        };
-        let step = key.len().div_ceil(SAMPLES).max(1);
-        let sizes = key.iter().step_by(step).map(|&p| size(p));
-        let mut sizes: Vec<f32> = sizes.filter(|x| x.is_finite() && *x > 0.0).collect();
-        let quartile = sizes.len() / 4;
-        let typical = match sizes.is_empty() {
-            true => largest,
-            false => *sizes.select_nth_unstable_by(quartile, f32::total_cmp).1,
-        };
-        Self {
-            largest,
-            third: least[2],
-            typical,
-        }
-    }
-
-    fn is_outlying(&self) -> bool {
-        self.largest > self.typical * OUTLYING
-    }
-}
-
-/// Sizes of no vertices.
-const NONE: [f32; 3] = [f32::INFINITY; 3];
-
-/// The sizes of the three vertices that are nearest to the origin, in order.
-fn least(points: &[Point]) -> [f32; 3] {
-    let sizes = points.iter().map(|&p| size(p));
-    sizes.fold(NONE, |least, size| match size < least[2] {
-        true => three_least(least, [size, f32::INFINITY, f32::INFINITY]),
-        false => least,
-    })
-}
-
-fn three_least(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    let mut all = [a, b].concat();
-    all.sort_unstable_by(f32::total_cmp);
-    [all[0], all[1], all[2]]
-}
-
-/// The largest finite `|coordinate|`: by bits, whose order is that of numbers without a sign, for vectors find those fast.
-fn largest(points: &[Point]) -> f32 {
-    let sizes = points.as_flattened().iter().map(|x| x.abs().to_bits());
-    let finite = sizes.map(|bits| {
-        if bits < f32::INFINITY.to_bits() {
-            bits
-        } else {
-            0
-        }
-    });
-    f32::from_bits(finite.fold(0, u32::max))
+fn is_outlying(sizes: &Sizes) -> bool {
+    sizes.largest > sizes.typical * OUTLYING
 }
 
 /// 0 if the largest coordinate lies within `[2^-10, 2^30]`, else its exponent, within `-126..=126`.
@@ -198,15 +126,6 @@ fn scaled(size: f32, exponent: i32) -> f32 {
     (f64::from(size) * f64::from(exponent).exp2()) as f32
 }
 
-/// The largest `|coordinate|`; a NaN if one is.
-fn size(p: Point) -> f32 {
-    let [x, y, z] = p.map(f32::abs);
-    if p.iter().any(|x| x.is_nan()) {
-        return f32::NAN;
-    }
-    x.max(y).max(z)
-}
-
 /// Whether a triangle that is not a point lies nearer to the origin than `least`.
 pub(crate) fn has_tiny(key: &[Point], triangles: &[[u32; 3]], least: f32) -> bool {
     let near = |&p: &Point| size(p) < least;
@@ -217,12 +136,12 @@ pub(crate) fn has_tiny(key: &[Point], triangles: &[[u32; 3]], least: f32) -> boo
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::Animation;
 
     /// A cloud of unit size in which one vertex lies at `far`.
-    fn cloud(far: f32) -> Vec<Point> {
+    pub(crate) fn cloud(far: f32) -> Vec<Point> {
         let mut points: Vec<Point> = (1..=20).map(|i| [i as f32 * 0.1, 0.3, -0.2]).collect();
         points[7] = [far, 0.0, 0.0];
         points

@@ -1,9 +1,10 @@
 //! What all key frames of an animation tell together, seen one after another.
 
 use crate::key_frames::KeyFrames;
-use crate::range::{Ranges, Sizes, has_tiny};
+use crate::range::{Ranges, has_tiny};
+use crate::sizes::{Parts, Sizes};
 use crate::still::{bits, keeps_its_bits};
-use crate::{Aabb, Animation, KeyFrameError, Point, Range, StaticParts, is_active};
+use crate::{Aabb, Animation, KeyFrame, KeyFrameError, Point, Range, StaticParts, is_active};
 use rayon::prelude::*;
 use std::convert::Infallible;
 
@@ -19,6 +20,8 @@ pub(crate) struct Survey {
     pub(crate) bounds: Vec<Aabb>,
     /// The largest `|coordinate|`; infinite if one is not finite.
     pub(crate) magnitude: f32,
+    /// Of key frames to come.
+    parts: Option<Parts>,
 }
 
 /// Vertices that one task looks at.
@@ -66,6 +69,7 @@ impl Survey {
             fallback_corners,
             never_active: inactive.len() as u32,
             static_parts: StaticParts::of(is_static, first, triangles),
+            parts: None,
             ranges,
             bounds: measured.iter().map(|m| m.bounds).collect(),
             magnitude: match measured.iter().all(|m| m.finite) {
@@ -92,18 +96,24 @@ impl Survey {
         let absent = triangles.iter().zip(0..);
         let absent = absent.filter(|&(&t, _)| !is_active(&corners(first, t)));
         let absent = absent.take(survey.never_active as usize);
+        let static_parts = StaticParts::of(is_static.collect(), first, triangles);
         Ok(Self {
             fallback_corners: absent.map(|(_, t)| (t, point)).collect(),
             never_active: 0,
-            static_parts: StaticParts::of(is_static.collect(), first, triangles),
+            parts: Some(Parts::of(first, &static_parts.moving_runs(RUN))),
+            static_parts,
             ..survey
         })
     }
 
-    /// How far the coordinates of a key frame reach that came later.
-    pub(crate) fn range_of(&self, frame: &[Point], triangles: &[[u32; 3]]) -> Range {
+    /// How far the coordinates of a key frame reach that came later. It differs from the first as was said [before](Self::before).
+    pub(crate) fn range_of(&self, frame: &KeyFrame, triangles: &[[u32; 3]]) -> Range {
         let has_tiny = |least| Ok::<_, Infallible>(has_tiny(frame, triangles, least));
-        let Ok(range) = Range::of(&Sizes::of(frame), self.ranges.scale_exponent, has_tiny);
+        let sizes = match &self.parts {
+            Some(parts) => Sizes::of_new(frame, parts),
+            None => Sizes::of(frame),
+        };
+        let Ok(range) = Range::of(&sizes, self.ranges.scale_exponent, has_tiny);
         range
     }
 }

@@ -4,10 +4,10 @@ use crate::tree::TreeBuffers;
 use crate::{Engine, GpuDevice, Pipelines, Stage, are_given};
 use backend::{
     Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Layout, Method, Palette,
-    Query, Rays, Result, Snapshot, Ticket,
+    Query, Rays, Result, Snapshot, Ticket, TreeWriter,
 };
 use bvh_layout::Topology;
-use geom::{Animation, Pose, Ray};
+use geom::{Animation, PointBuffer, Pose, Ray};
 use shaders::rebuild::{Plan, instead_of};
 use shaders::work::{self, Progress};
 use shaders::{Extent, KERNELS, Kernel, Params, Shape, Traits, common};
@@ -209,8 +209,27 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         Ok(())
     }
 
+    fn tree_writer(&mut self, generation: Generation) -> Result<Option<TreeWriter>> {
+        let engine = &mut self.engine;
+        let animation = Arc::clone(&engine.scene().animation);
+        let tree = self.tree.as_mut().expect("a scene was loaded");
+        tree.writer(&mut engine.gpu, animation, generation)
+    }
+
+    fn bring(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
+        let engine = &mut self.engine;
+        let animation = Arc::clone(&engine.scene().animation);
+        let current = self.tree.as_mut().expect("a scene was loaded");
+        let arrival = current.send(&mut engine.gpu, &animation, (tree, generation))?;
+        engine.gpu.has_been_sent(arrival)
+    }
+
     fn wants_treelets(&self) -> bool {
         self.method.layout == Layout::Fast
+    }
+
+    fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
+        self.engine.gpu.point_buffer(points)
     }
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
@@ -337,6 +356,10 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
 
     fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
         self.engine.hits(ticket)
+    }
+
+    fn keep(&mut self, traces: usize) {
+        self.engine.keep(traces);
     }
 
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {

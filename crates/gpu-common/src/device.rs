@@ -5,9 +5,11 @@ use backend::{
     BackendError, Device, DeviceBytes, DeviceKind, Result, Snapshot, Ticket, choose_adapter,
 };
 use bytemuck::Pod;
+use geom::{KeyFrame, PointBuffer};
 use rayon::iter::IndexedParallelIterator;
 use shaders::work::Work;
 use shaders::{BufferName, Counts, Kernel, Packets};
+use std::ops::Range;
 
 /// An adapter that a GPU interface offers.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -100,7 +102,7 @@ pub struct Finished {
 /// Only `upload`, `read`, `finish`, `unload` and `wait_idle` may wait for the device. Submissions run in their order;
 /// what is recorded reads what was recorded before. Where copies have queues of their own, the device puts them in order
 /// with the submissions that need them.
-pub trait GpuDevice: Send + Sized {
+pub trait GpuDevice: Send + Sized + 'static {
     /// Whether positions set out while the rest of their submission runs: then a recording is [split](GpuDevice::split).
     const SPLITS: bool = false;
 
@@ -116,6 +118,8 @@ pub trait GpuDevice: Send + Sized {
     type Slot: Send;
     /// Positions on their way to the host.
     type Copy: Send;
+    /// Memory of the host that things are sent from.
+    type Staging: Send + 'static;
 
     /// Opens a device.
     ///
@@ -194,6 +198,37 @@ pub trait GpuDevice: Send + Sized {
     /// Begins to send something part by part, beside the frames. Gives its buffer, and a number to be
     /// [expected](GpuDevice::expect) before it is read.
     fn send(&mut self, what: Sent, parts: &[&[u32]]) -> Result<(Self::Buffer, u64)>;
+
+    /// Memory to send something from, with room for as much as the last of its kind took; `None` before the first, or where
+    /// whoever fills it would save nothing.
+    fn staging(&mut self, _what: Sent) -> Result<Option<Self::Staging>> {
+        Ok(None)
+    }
+
+    /// Writes what is to be sent, part by part, on any thread; says whether there was room.
+    fn fill(staging: &mut Self::Staging, parts: &[&[u32]]) -> bool;
+
+    /// As [`GpuDevice::send`], of what was filled. Never copies on this thread.
+    fn send_filled(&mut self, what: Sent, staging: Self::Staging) -> Result<(Self::Buffer, u64)>;
+
+    /// Memory for a key frame that is [sent](GpuDevice::send_key) from there.
+    fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
+        Ok(vec![[0.0; 3]; points].into())
+    }
+
+    /// As [`GpuDevice::send`], of a key frame. A buffer that held another one may get the runs of vertices alone that differ.
+    fn send_key(
+        &mut self,
+        key: &KeyFrame,
+        _moving: &[Range<usize>],
+    ) -> Result<(Self::Buffer, u64)> {
+        self.send(Sent::KeyFrame, &[bytemuck::cast_slice(key)])
+    }
+
+    /// Whether what was sent is there. Never waits.
+    fn has_been_sent(&self, _arrival: u64) -> Result<bool> {
+        Ok(true)
+    }
 
     /// The next submission waits until this was sent, and all before it.
     fn expect(&mut self, arrival: u64);

@@ -4,8 +4,8 @@ use crate::snapshots::Snapshots;
 use crate::traces::{Trace, Traces};
 use crate::{BufferTable, Frames, GpuDevice, Pipelines, SceneBuffers, Stage};
 use backend::{
-    BackendError, Device, DeviceBytes, FrameReport, Hits, Palette, Query, Rays, Result, Snapshot,
-    Ticket,
+    BackendError, Device, DeviceBytes, FRAMES_IN_FLIGHT, FrameReport, Hits, Palette, Query, Rays,
+    Result, Snapshot, Ticket,
 };
 use geom::{Animation, Point, Pose, Ray};
 use shaders::arithmetic::{self, Findings};
@@ -79,6 +79,7 @@ impl<D: GpuDevice> Engine<D> {
     pub fn unload(&mut self) -> Result<()> {
         self.frames.unload(&mut self.gpu)?;
         (self.traces, self.snapshots) = (Traces::default(), Snapshots::default());
+        self.keep(FRAMES_IN_FLIGHT);
         (self.scene, self.position) = (None, 0);
         Ok(())
     }
@@ -223,6 +224,12 @@ impl<D: GpuDevice> Engine<D> {
     pub fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
         self.wait(ticket)?;
         self.traces.get(ticket).fetch(&mut self.gpu)
+    }
+
+    /// Keeps what submissions found until so many further ones with a trace were made: see [`backend::Backend::keep`].
+    pub fn keep(&mut self, traces: usize) {
+        let traces = traces.max(FRAMES_IN_FLIGHT);
+        (self.frames.kept, self.traces.most_kept) = (traces, traces);
     }
 
     /// The oldest positions requested, if they have arrived.

@@ -21,6 +21,8 @@ pub struct Frames<D: GpuDevice> {
     submitted: u64,
     /// Submissions with a trace so far.
     traces: u64,
+    /// Further ones until a submission is forgotten.
+    pub(crate) kept: usize,
     /// From the oldest that is remembered to the newest.
     ledger: VecDeque<Submission>,
     /// What preprocess and refit said last.
@@ -194,6 +196,7 @@ impl<D: GpuDevice> Frames<D> {
             recording: false,
             submitted: 0,
             traces: 0,
+            kept: FRAMES_IN_FLIGHT,
             ledger: VecDeque::new(),
             tree_stats: TreeStats::default(),
             raster_backoff: RasterBackoff::default(),
@@ -264,9 +267,8 @@ impl<D: GpuDevice> Frames<D> {
     }
 
     fn forget_the_old(&mut self) {
-        let traces = self.traces;
-        let old =
-            |s: &Submission| traces - s.traces > FRAMES_IN_FLIGHT as u64 && s.report.is_some();
+        let (traces, kept) = (self.traces, self.kept as u64);
+        let old = |s: &Submission| traces - s.traces > kept && s.report.is_some();
         while self.ledger.front().is_some_and(old) {
             self.ledger.pop_front();
         }

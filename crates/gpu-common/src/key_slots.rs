@@ -4,9 +4,13 @@ use crate::{BufferPurpose, GpuDevice, Sent};
 use backend::Result;
 use geom::{Animation, KeyFrame, Pose};
 use shaders::BufferName;
+use std::ops::Range;
 
 /// Key frames that are kept of a stream: two that are blended and as many to come. Two more may be on their way out.
 const KEPT: usize = 4;
+
+/// Vertices between two runs that differ, at least: fewer are sent with them.
+const GAP: usize = 1 << 12;
 
 /// Key frames by their numbers. A buffer each, so that only the device's memory limits how many there are.
 pub(crate) struct KeySlots<D: GpuDevice> {
@@ -16,6 +20,8 @@ pub(crate) struct KeySlots<D: GpuDevice> {
     submissions: u64,
     /// What was brought last, and may be read again.
     pose: Pose,
+    /// Vertices that are not the same in all key frames.
+    moving: Vec<Range<usize>>,
 }
 
 struct KeySlot<D: GpuDevice> {
@@ -58,6 +64,7 @@ impl<D: GpuDevice> KeySlots<D> {
             clock: 0,
             submissions: 0,
             pose: Pose::default(),
+            moving: animation.static_parts().moving_runs(GAP),
         })
     }
 
@@ -124,8 +131,7 @@ impl<D: GpuDevice> KeySlots<D> {
             } = self.slots.swap_remove(oldest);
             gpu.recycle(Sent::KeyFrame, buffer, self.submissions - read_by);
         }
-        let words = bytemuck::cast_slice(frame);
-        let (buffer, arrival) = gpu.send(Sent::KeyFrame, &[words])?;
+        let (buffer, arrival) = gpu.send_key(frame, &self.moving)?;
         self.clock += 1;
         self.slots.push(KeySlot {
             key,

@@ -15,6 +15,8 @@ const RUN: usize = 1 << 18;
 /// Traces, oldest first.
 pub struct Traces<D: GpuDevice> {
     kept: VecDeque<Trace<D>>,
+    /// How many, besides the newest.
+    pub(crate) most_kept: usize,
     /// Recorded but not submitted yet.
     pub pending: Option<Trace<D>>,
 }
@@ -61,6 +63,7 @@ impl<D: GpuDevice> Default for Traces<D> {
     fn default() -> Self {
         Self {
             kept: VecDeque::new(),
+            most_kept: FRAMES_IN_FLIGHT,
             pending: None,
         }
     }
@@ -79,7 +82,10 @@ impl<D: GpuDevice> Traces<D> {
         (intersector, has_tree): (Intersector, bool),
         is_extreme: impl Fn(&Ray) -> bool + Sync,
     ) -> Result<Trace<D>> {
-        let old = match self.kept.len() > FRAMES_IN_FLIGHT {
+        while self.kept.len() > self.most_kept + 1 {
+            self.kept.pop_front();
+        }
+        let old = match self.kept.len() > self.most_kept {
             true => self.kept.pop_front(),
             false => None,
         };

@@ -1,15 +1,19 @@
 //! The tree in use: buffers of its nodes and records, and how it came to be.
 
 use crate::{BufferTable, GpuDevice, Sent};
-use backend::{Generation, Layout, Method, Result, check_tree};
+use backend::{Generation, Layout, Method, Result, TreeWriter, check_tree};
 use bvh_layout::{Moving, Topology};
 use geom::Animation;
 use shaders::work::Trace;
 use shaders::{BufferName, Shape, rebuild, tree_buffers};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 pub(crate) struct TreeBuffers<D: GpuDevice> {
     /// As the host sent it; none before the first.
     record: Option<D::Buffer>,
+    /// The tree to come, and its number to be expected.
+    sent: Option<(Generation, D::Buffer, u64)>,
+    written: Arc<Mutex<Written<D>>>,
     /// Nodes and costs are as large as the trees so far asked for.
     pub(crate) buffers: BufferTable<D>,
     /// What making trees here takes; none before the first.
@@ -26,6 +30,8 @@ impl<D: GpuDevice> TreeBuffers<D> {
         let leaves = animation.live_count() as u64;
         Ok(Self {
             record: None,
+            sent: None,
+            written: Arc::default(),
             buffers: BufferTable::new(gpu, tree_buffers(method, leaves))?,
             build: None,
             generation: Generation(0),
@@ -47,7 +53,64 @@ impl<D: GpuDevice> TreeBuffers<D> {
         }
     }
 
-    /// Sends `tree` on its way, for all that is recorded from now on.
+    /// What writes the tree of that generation where it can be sent from.
+    pub(crate) fn writer(
+        &mut self,
+        gpu: &mut D,
+        animation: Arc<Animation>,
+        generation: Generation,
+    ) -> Result<Option<TreeWriter>> {
+        {
+            // Held elsewhere only while a tree is written, of which there is one at a time.
+            let mut written = lock(&self.written);
+            if written.staging.is_none() {
+                written.staging = gpu.staging(Sent::Tree)?;
+            }
+            if written.staging.is_none() {
+                return Ok(None);
+            }
+            written.generation = Generation(0);
+        }
+        let (to, layout) = (Arc::clone(&self.written), self.shape.layout);
+        Ok(Some(Box::new(move |tree| {
+            with_parts(layout, tree, &animation, |parts| {
+                let mut written = lock(&to);
+                let staging = written.staging.as_mut();
+                if staging.is_some_and(|staging| D::fill(staging, parts)) {
+                    written.generation = generation;
+                }
+            });
+        })))
+    }
+
+    /// Sends a tree on its way, if it was not; the number to be expected.
+    pub(crate) fn send(
+        &mut self,
+        gpu: &mut D,
+        animation: &Animation,
+        (tree, generation): (&Topology, Generation),
+    ) -> Result<u64> {
+        let (buffer, arrival) = match self.sent.take() {
+            Some((of, buffer, arrival)) if of == generation => (buffer, arrival),
+            left => {
+                if let Some((_, buffer, _)) = left {
+                    gpu.recycle(Sent::Tree, buffer, 0);
+                }
+                let mut written = lock(&self.written);
+                let is_written = written.generation == generation;
+                match written.staging.take_if(|_| is_written) {
+                    Some(staging) => gpu.send_filled(Sent::Tree, staging)?,
+                    None => with_parts(self.shape.layout, tree, animation, |parts| {
+                        gpu.send(Sent::Tree, parts)
+                    })?,
+                }
+            }
+        };
+        self.sent = Some((generation, buffer, arrival));
+        Ok(arrival)
+    }
+
+    /// Makes `tree` current for all that is recorded from now on.
     pub(crate) fn adopt(
         &mut self,
         gpu: &mut D,
@@ -55,24 +118,17 @@ impl<D: GpuDevice> TreeBuffers<D> {
         (tree, generation): (&Topology, Generation),
     ) -> Result<()> {
         check_tree(tree, animation)?;
-        let ((record, arrival), shape) = match self.shape.layout {
-            Layout::Bvh2 => {
-                let lists = tree.moving().map_or(&[][..], Moving::words);
-                (
-                    gpu.send(Sent::Tree, &[tree.words(), lists])?,
-                    Shape::of(tree),
-                )
-            }
-            Layout::Fast => {
-                let treelets = tree.to_treelets(animation.static_parts());
-                let shape = Shape::of_treelets(&treelets);
-                self.grow(gpu, &shape)?;
-                (gpu.send(Sent::Tree, &treelets.parts())?, shape)
-            }
+        let shape = match self.shape.layout {
+            Layout::Bvh2 => Shape::of(tree),
+            Layout::Fast => Shape::of_treelets(&tree.to_treelets(animation.static_parts())),
         };
-        gpu.expect(arrival);
-        if let Some(old) = self.record.replace(record) {
-            gpu.recycle(Sent::Tree, old, 0);
+        self.grow(gpu, &shape)?;
+        self.send(gpu, animation, (tree, generation))?;
+        if let Some((_, record, arrival)) = self.sent.take() {
+            gpu.expect(arrival);
+            if let Some(old) = self.record.replace(record) {
+                gpu.recycle(Sent::Tree, old, 0);
+            }
         }
         self.shape = shape;
         (self.generation, self.made_here) = (generation, false);
@@ -114,5 +170,41 @@ impl<D: GpuDevice> TreeBuffers<D> {
         let build = self.build.as_ref().map_or(0, BufferTable::held);
         let record = self.record.as_ref().map_or(0, D::held);
         [self.buffers.held() - picture + record, build, picture]
+    }
+}
+
+/// A tree where it can be sent from.
+struct Written<D: GpuDevice> {
+    staging: Option<D::Staging>,
+    /// The tree that is written there; 0 if none is.
+    generation: Generation,
+}
+
+impl<D: GpuDevice> Default for Written<D> {
+    fn default() -> Self {
+        Self {
+            staging: None,
+            generation: Generation(0),
+        }
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What is sent of a tree, part by part.
+fn with_parts<T>(
+    layout: Layout,
+    tree: &Topology,
+    animation: &Animation,
+    use_them: impl FnOnce(&[&[u32]]) -> T,
+) -> T {
+    match layout {
+        Layout::Bvh2 => {
+            let lists = tree.moving().map_or(&[][..], Moving::words);
+            use_them(&[tree.words(), lists])
+        }
+        Layout::Fast => use_them(&tree.to_treelets(animation.static_parts()).parts()),
     }
 }

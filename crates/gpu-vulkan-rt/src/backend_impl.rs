@@ -8,7 +8,7 @@ use backend::{
     Intersector, Method, Palette, Query, QueryKind, Rays, Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
-use geom::{Aabb, Animation, Point, Pose};
+use geom::{Aabb, Animation, Point, PointBuffer, Pose};
 use gpu_common::{GpuDevice, Stage, Trace, are_given, refuse_above};
 use gpu_vulkan::VulkanDevice;
 use gpu_vulkan::commands::{KERNELS, RAYS};
@@ -46,6 +46,10 @@ impl Backend for DriverTreeBackend {
             backend: self.prefer.backend(),
             what: "trees made by others".to_owned(),
         })
+    }
+
+    fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
+        self.engine.gpu.point_buffer(points)
     }
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
@@ -136,6 +140,10 @@ impl Backend for DriverTreeBackend {
 
     fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
         self.engine.hits(ticket)
+    }
+
+    fn keep(&mut self, traces: usize) {
+        self.engine.keep(traces);
     }
 
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {

@@ -3,9 +3,11 @@
 use crate::gpu::Gpu;
 use crate::memory::{Buffer, BufferUse};
 use crate::timeline::Timeline;
-use crate::transfer::{Copy, Transfer};
+use crate::transfer::Transfer;
 use backend::{FRAMES_IN_FLIGHT, Result};
 use gpu_common::Sent;
+use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// What was recorded or submitted when a buffer was given up: a ticket, and an upload's value.
@@ -86,9 +88,67 @@ const SPARE: usize = FRAMES_IN_FLIGHT;
 pub(crate) struct Sender {
     free: Pool,
     staging: Pool,
+    /// Bytes of what was sent last.
+    last: u64,
+}
+
+/// Memory of the host that something is sent from.
+pub struct Staging {
+    buffer: Buffer,
+    /// Of what is there.
+    bytes: u64,
+}
+
+impl Staging {
+    /// Writes part by part, by all threads; says whether there is room.
+    pub(crate) fn fill(&mut self, parts: &[&[u32]]) -> bool {
+        self.bytes = bytes(parts);
+        if self.bytes > self.buffer.bytes {
+            return false;
+        }
+        let mut to = self.buffer.view_mut();
+        for part in parts {
+            let (of_part, rest) = to.split_at_mut(part.len());
+            let runs = of_part.par_chunks_mut(RUN).zip(part.par_chunks(RUN));
+            runs.for_each(|(to, from)| to.copy_from_slice(from));
+            to = rest;
+        }
+        true
+    }
+}
+
+/// Words that one task copies.
+const RUN: usize = 1 << 17;
+
+fn bytes(parts: &[&[u32]]) -> u64 {
+    parts.iter().map(|part| size_of_val(*part) as u64).sum()
 }
 
 impl Sender {
+    /// Memory to send from, with room for as much as was sent last; none before.
+    pub(crate) fn staging(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        done: Done<'_>,
+        what: Sent,
+    ) -> Result<Option<Staging>> {
+        match self.last {
+            0 => Ok(None),
+            bytes => self.room(gpu, done, (what, bytes)).map(Some),
+        }
+    }
+
+    fn room(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        done: Done<'_>,
+        (what, bytes): (Sent, u64),
+    ) -> Result<Staging> {
+        let pool = &mut self.staging;
+        let buffer = fitting(pool, gpu, done, (what, bytes, BufferUse::Staging))?;
+        Ok(Staging { buffer, bytes: 0 })
+    }
+
     /// Begins to send something part by part. Gives its buffer, and the value of the copy.
     pub(crate) fn send(
         &mut self,
@@ -96,34 +156,55 @@ impl Sender {
         (road, submissions): (&mut Transfer, &Timeline),
         (what, parts): (Sent, &[&[u32]]),
     ) -> Result<(Buffer, u64)> {
-        let bytes: u64 = parts.iter().map(|p| size_of_val(*p) as u64).sum();
         let done = Done {
             uploads: &road.done,
             submissions,
         };
-        let fit = |pool: &mut Pool, place| {
-            let spare = pool.take(done, SPARE)?;
-            match spare.filter(|b| b.bytes >= bytes) {
-                Some(buffer) => Ok(buffer),
-                None => Buffer::new(gpu, what.what(), what.room(bytes), place),
+        let mut staging = self.room(gpu, done, (what, bytes(parts)))?;
+        staging.fill(parts);
+        self.send_filled(gpu, (road, submissions), (what, staging))
+    }
+
+    /// Likewise, of what is written already.
+    pub(crate) fn send_filled(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        (road, submissions): (&mut Transfer, &Timeline),
+        (what, staging): (Sent, Staging),
+    ) -> Result<(Buffer, u64)> {
+        let Staging { buffer, bytes } = staging;
+        let what = (what, &buffer, bytes);
+        let sent = self.send_from(gpu, (road, submissions), what, &[0..bytes])?;
+        let (filled_at, ticket) = (sent.1, 0);
+        self.staging.put(buffer, LastUse { filled_at, ticket });
+        self.last = bytes;
+        Ok(sent)
+    }
+
+    /// Likewise, from memory that is not written until the copy is done: the bytes that differ from what was sent before, or
+    /// all.
+    pub(crate) fn send_from(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        (road, submissions): (&mut Transfer, &Timeline),
+        (what, from, bytes): (Sent, &Buffer, u64),
+        new: &[Range<u64>],
+    ) -> Result<(Buffer, u64)> {
+        let done = Done {
+            uploads: &road.done,
+            submissions,
+        };
+        let all = [0..bytes];
+        let spare = self.free.take(done, SPARE)?;
+        let (to, ranges) = match spare.filter(|b| b.bytes >= bytes) {
+            Some(held_another) => (held_another, new),
+            None => {
+                let room = what.room(bytes);
+                let empty = Buffer::new(gpu, what.what(), room, BufferUse::Device)?;
+                (empty, &all[..])
             }
         };
-        let to = fit(&mut self.free, BufferUse::Device)?;
-        let mut staging = fit(&mut self.staging, BufferUse::Staging)?;
-        let mut at = 0;
-        for words in parts {
-            staging.write(at, words);
-            at += size_of_val(*words) as u64;
-        }
-        let copy = Copy {
-            from: &staging,
-            to: &to,
-            to_at: 0,
-            bytes,
-        };
-        let filled_at = road.start(copy, None)?;
-        let ticket = 0;
-        self.staging.put(staging, LastUse { filled_at, ticket });
+        let filled_at = road.start_ranges([from, &to], ranges, None)?;
         Ok((to, filled_at))
     }
 
@@ -135,5 +216,18 @@ impl Sender {
     /// Bytes of what is not in use, and of what things are sent from.
     pub(crate) fn held(&self) -> [u64; 2] {
         [self.free.held(), self.staging.held()]
+    }
+}
+
+fn fitting(
+    pool: &mut Pool,
+    gpu: &Arc<Gpu>,
+    done: Done<'_>,
+    (what, bytes, place): (Sent, u64, BufferUse),
+) -> Result<Buffer> {
+    let spare = pool.take(done, SPARE)?;
+    match spare.filter(|b| b.bytes >= bytes) {
+        Some(buffer) => Ok(buffer),
+        None => Buffer::new(gpu, what.what(), what.room(bytes), place),
     }
 }

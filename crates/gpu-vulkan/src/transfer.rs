@@ -7,6 +7,7 @@ use crate::timeline::{Batch, Moment, Timeline, submit};
 use ash::vk;
 use backend::Result;
 use bytemuck::Pod;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Bytes of one region of a copy to the host. One large copy across the bus nearly doubles the
@@ -59,17 +60,37 @@ impl Transfer {
     /// # Errors
     /// See [`backend::BackendError`].
     pub fn start(&mut self, copy: Copy<'_>, after: Option<Moment>) -> Result<u64> {
+        let regions = pieces(&(0..copy.bytes), copy.to_at);
+        self.start_regions([copy.from, copy.to], &regions, after)
+    }
+
+    /// Likewise, of bytes of one buffer to the same place in another.
+    pub(crate) fn start_ranges(
+        &mut self,
+        buffers: [&Buffer; 2],
+        ranges: &[Range<u64>],
+        after: Option<Moment>,
+    ) -> Result<u64> {
+        let regions: Vec<_> = ranges.iter().flat_map(|r| pieces(r, 0)).collect();
+        self.start_regions(buffers, &regions, after)
+    }
+
+    fn start_regions(
+        &mut self,
+        [from, to]: [&Buffer; 2],
+        regions: &[vk::BufferCopy],
+        after: Option<Moment>,
+    ) -> Result<u64> {
         let lane = self.free_lane()?;
         let commands = &mut self.lanes[lane].commands;
         commands.reset()?;
         commands.begin()?;
-        let regions = pieces(copy.bytes, copy.to_at);
         if !regions.is_empty() {
             // SAFETY: the command buffer is being recorded; both buffers hold the bytes.
             unsafe {
                 self.gpu
                     .vk
-                    .cmd_copy_buffer(commands.vk(), copy.from.vk, copy.to.vk, &regions);
+                    .cmd_copy_buffer(commands.vk(), from.vk, to.vk, regions);
             }
         }
         commands.barrier(COPIES, HOST);
@@ -106,14 +127,14 @@ impl Transfer {
     }
 }
 
-fn pieces(bytes: u64, to_at: u64) -> Vec<vk::BufferCopy> {
+fn pieces(bytes: &Range<u64>, to_at: u64) -> Vec<vk::BufferCopy> {
     let region = |at| {
         vk::BufferCopy::default()
             .src_offset(at)
             .dst_offset(to_at + at)
-            .size(PIECE.min(bytes - at))
+            .size(PIECE.min(bytes.end - at))
     };
-    (0..bytes).step_by(PIECE as usize).map(region).collect()
+    bytes.clone().step_by(PIECE as usize).map(region).collect()
 }
 
 impl Drop for Transfer {
@@ -177,9 +198,9 @@ mod tests {
 
     #[test]
     fn pieces_lie_side_by_side_and_none_is_large() {
-        assert!(pieces(0, 5).is_empty());
+        assert!(pieces(&(0..0), 5).is_empty());
         for bytes in [1, PIECE, PIECE + 1, 10 * PIECE + 7] {
-            let all = pieces(bytes, 5);
+            let all = pieces(&(0..bytes), 5);
             let mut at = 0;
             for piece in &all {
                 assert_eq!((piece.src_offset, piece.dst_offset), (at, at + 5));

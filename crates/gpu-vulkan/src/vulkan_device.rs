@@ -5,20 +5,21 @@ use crate::gpu::Gpu;
 use crate::instance::Host;
 use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::Pipeline;
-use crate::pool::{Done, LastUse, Pool, Sender};
+use crate::pool::{Done, LastUse, Pool, Sender, Staging};
 use crate::slot::Slot;
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use crate::transfer::{Copy, Transfer, Window, load};
 use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
-use geom::Point;
+use geom::{KeyFrame, Point, PointBuffer, SharedMemory};
 use gpu_common::{
     BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode, Sent,
     Stage,
 };
 use rayon::prelude::*;
 use shaders::{Kernel, Packets};
-use std::ops::Deref;
+use std::collections::VecDeque;
+use std::ops::{Deref, DerefMut, Range};
 use std::sync::Arc;
 
 /// The backend that computes through Vulkan.
@@ -31,19 +32,27 @@ pub struct PositionsCopy {
     done_at: u64,
 }
 
-/// Positions that have arrived.
-struct Arrived {
+/// Positions in memory of the host that the device copies to or from.
+struct HostPoints {
     buffer: Buffer,
-    vertices: usize,
+    count: usize,
 }
 
-impl Deref for Arrived {
+impl Deref for HostPoints {
     type Target = [Point];
 
     fn deref(&self) -> &[Point] {
-        self.buffer.read(self.vertices)
+        self.buffer.read(self.count)
     }
 }
+
+impl DerefMut for HostPoints {
+    fn deref_mut(&mut self) -> &mut [Point] {
+        &mut self.buffer.view_mut()[..self.count]
+    }
+}
+
+impl SharedMemory for HostPoints {}
 
 /// A device of Vulkan's: frames on one queue, trees that go up and positions that come back on others.
 pub struct VulkanDevice {
@@ -60,9 +69,11 @@ pub struct VulkanDevice {
     window: Window,
     /// One a [`Sent`].
     senders: [Sender; 2],
+    /// Key frames that are sent from where they lie, with the value of their copy.
+    read_in_place: VecDeque<(u64, KeyFrame)>,
     /// Buffers that were too small.
     outgrown: Pool,
-    spares: Spares<Arrived>,
+    spares: Spares<HostPoints>,
     /// The upload that the next submission has to wait for.
     arriving: Option<u64>,
     /// The copy (of `readback`) that reads what the recording overwrites.
@@ -86,6 +97,7 @@ impl VulkanDevice {
             readback: Transfer::new(gpu, gpu.readback)?,
             window: Window::default(),
             senders: Default::default(),
+            read_in_place: VecDeque::new(),
             outgrown: Pool::default(),
             spares: Spares::default(),
             arriving: None,
@@ -114,7 +126,7 @@ impl VulkanDevice {
     }
 
     /// Sends the parts of a recording; others may wait for the first of two alone.
-    fn send(&mut self, slot: &Slot, ticket: Ticket) -> Result<()> {
+    fn submit_parts(&mut self, slot: &Slot, ticket: Ticket) -> Result<()> {
         let arrived = self.arriving.map(|value| self.upload.done.at(value));
         let unread = self.overwritten.map(|value| self.readback.done.at(value));
         let after: Vec<Moment> = arrived.into_iter().chain(unread).collect();
@@ -131,7 +143,10 @@ impl VulkanDevice {
         submit(&self.gpu, self.gpu.compute, &batches)?;
         (self.arriving, self.overwritten) = (None, None);
         self.submitted = ticket.0;
-        Ok(())
+        self.outgrown.prune(Done {
+            uploads: &self.upload.done,
+            submissions: &self.done,
+        })
     }
 }
 
@@ -144,6 +159,7 @@ impl GpuDevice for VulkanDevice {
     type Maker = Arc<Gpu>;
     type Slot = Slot;
     type Copy = PositionsCopy;
+    type Staging = Staging;
 
     fn open(options: &Options) -> Result<Self> {
         let host = Host::new(options.validation)?;
@@ -245,13 +261,62 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn send(&mut self, what: Sent, parts: &[&[u32]]) -> Result<(Buffer, u64)> {
+        let road = (&mut self.upload, &self.done);
+        self.senders[what as usize].send(&self.gpu, road, (what, parts))
+    }
+
+    fn staging(&mut self, what: Sent) -> Result<Option<Staging>> {
         let done = Done {
             uploads: &self.upload.done,
             submissions: &self.done,
         };
-        self.outgrown.prune(done)?;
+        self.senders[what as usize].staging(&self.gpu, done, what)
+    }
+
+    fn fill(staging: &mut Staging, parts: &[&[u32]]) -> bool {
+        staging.fill(parts)
+    }
+
+    fn send_filled(&mut self, what: Sent, staging: Staging) -> Result<(Buffer, u64)> {
         let road = (&mut self.upload, &self.done);
-        self.senders[what as usize].send(&self.gpu, road, (what, parts))
+        self.senders[what as usize].send_filled(&self.gpu, road, (what, staging))
+    }
+
+    fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
+        let (what, bytes) = (Sent::KeyFrame.what(), (points * size_of::<Point>()) as u64);
+        let buffer = Buffer::new(&self.gpu, what, bytes, BufferUse::Staging)?;
+        let memory = HostPoints {
+            buffer,
+            count: points,
+        };
+        Ok(PointBuffer::Shared(Box::new(memory)))
+    }
+
+    fn send_key(&mut self, key: &KeyFrame, moving: &[Range<usize>]) -> Result<(Buffer, u64)> {
+        let Some(memory) = key.shared::<HostPoints>() else {
+            return self.send(Sent::KeyFrame, &[bytemuck::cast_slice(key)]);
+        };
+        while let Some((value, _)) = self.read_in_place.front() {
+            if !self.upload.done.has_reached(*value)? {
+                break;
+            }
+            self.read_in_place.pop_front();
+        }
+        let what = (Sent::KeyFrame, &memory.buffer, size_of_val(&key[..]) as u64);
+        let road = (&mut self.upload, &self.done);
+        let place = |v: usize| (v * size_of::<Point>()) as u64;
+        let new: Vec<_> = moving
+            .iter()
+            .map(|run| place(run.start)..place(run.end))
+            .collect();
+        let sender = &mut self.senders[Sent::KeyFrame as usize];
+        let sent = sender.send_from(&self.gpu, road, what, &new)?;
+        self.read_in_place.push_back((sent.1, KeyFrame::clone(key)));
+        Ok(sent)
+    }
+
+    fn has_been_sent(&self, arrival: u64) -> Result<bool> {
+        self.upload.done.has_reached(arrival)
     }
 
     fn expect(&mut self, arrival: u64) {
@@ -312,13 +377,13 @@ impl GpuDevice for VulkanDevice {
         positions: Option<(&Buffer, u64)>,
     ) -> Result<Option<PositionsCopy>> {
         let to = positions.map(|(_, bytes)| {
-            let spare = self.spares.pop().map(|arrived| arrived.buffer);
+            let spare = self.spares.pop().map(|points| points.buffer);
             let what = "vertices for the builder";
             Buffer::fitting(&self.gpu, what, bytes, BufferUse::Readback, spare)
         });
         let to = to.transpose()?;
         slot.end()?;
-        self.send(slot, ticket)?;
+        self.submit_parts(slot, ticket)?;
         let Some(((from, bytes), buffer)) = positions.zip(to) else {
             return Ok(None);
         };
@@ -347,8 +412,8 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn take(&mut self, copy: PositionsCopy, vertices: usize) -> Result<Snapshot> {
-        let buffer = copy.buffer;
-        Ok(self.spares.lend(Arrived { buffer, vertices }))
+        let (buffer, count) = (copy.buffer, vertices);
+        Ok(self.spares.lend(HostPoints { buffer, count }))
     }
 
     fn abandon(&mut self) {
@@ -358,6 +423,7 @@ impl GpuDevice for VulkanDevice {
     fn unload(&mut self, _: &mut dyn Iterator<Item = &mut Slot>) -> Result<()> {
         self.gpu.wait_idle()?;
         (self.senders, self.outgrown) = Default::default();
+        self.read_in_place.clear();
         self.spares = Spares::default();
         (self.arriving, self.overwritten) = (None, None);
         Ok(())

@@ -10,14 +10,15 @@ use crate::pipelines::Pipeline;
 use crate::slot::Slot;
 use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
-use geom::Point;
+use geom::{KeyFrame, Point};
 use gpu_common::{
     BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode, Sent,
     Stage,
 };
 use rayon::iter::IndexedParallelIterator;
 use shaders::{Kernel, Packets};
-use std::ops::Deref;
+use std::convert::Infallible;
+use std::ops::{Deref, Range};
 use std::sync::Arc;
 use wgpu::{Buffer, BufferView};
 
@@ -99,6 +100,15 @@ impl WgpuDevice {
         }
     }
 
+    /// A buffer for so many bytes, and whether it held another thing of its kind.
+    fn room(&mut self, what: Sent, bytes: u64) -> Result<(Buffer, bool)> {
+        let spare = self.free[what as usize].pop();
+        match spare.filter(|buffer| buffer.size() >= bytes) {
+            Some(buffer) => Ok((buffer, true)),
+            None => Ok((storage(&self.gpu, what.what(), what.room(bytes))?, false)),
+        }
+    }
+
     /// What wgpu refused so far on this device and, if it was opened
     /// with validation, what the layer below it called an error.
     ///
@@ -128,6 +138,8 @@ impl GpuDevice for WgpuDevice {
     type Maker = PipelineMaker;
     type Slot = Slot;
     type Copy = PositionsCopy;
+    /// The queue stages what it writes.
+    type Staging = Infallible;
 
     fn open(options: &Options) -> Result<Self> {
         let gpu = Gpu::open(options)?;
@@ -209,15 +221,34 @@ impl GpuDevice for WgpuDevice {
 
     fn send(&mut self, what: Sent, parts: &[&[u32]]) -> Result<(Buffer, u64)> {
         let bytes = parts.iter().map(|p| size_of_val(*p) as u64).sum();
-        let spare = self.free[what as usize].pop().filter(|r| r.size() >= bytes);
-        let buffer = match spare {
-            Some(buffer) => buffer,
-            None => storage(&self.gpu, what.what(), what.room(bytes))?,
-        };
+        let (buffer, _) = self.room(what, bytes)?;
         let mut at = 0;
         for words in parts.iter().filter(|p| !p.is_empty()) {
             write(&self.gpu, &buffer, at, words)?;
             at += size_of_val(*words) as u64;
+        }
+        Ok((buffer, 0))
+    }
+
+    fn fill(staging: &mut Infallible, _: &[&[u32]]) -> bool {
+        match *staging {}
+    }
+
+    fn send_filled(&mut self, _: Sent, staging: Infallible) -> Result<(Buffer, u64)> {
+        match staging {}
+    }
+
+    fn send_key(&mut self, key: &KeyFrame, moving: &[Range<usize>]) -> Result<(Buffer, u64)> {
+        let (buffer, held_another) = self.room(Sent::KeyFrame, size_of_val(&key[..]) as u64)?;
+        let all = 0..key.len();
+        let runs = if held_another {
+            moving
+        } else {
+            std::slice::from_ref(&all)
+        };
+        for run in runs.iter().filter(|run| !run.is_empty()) {
+            let at = (run.start * size_of::<Point>()) as u64;
+            write(&self.gpu, &buffer, at, &key[run.clone()])?;
         }
         Ok((buffer, 0))
     }

@@ -2,7 +2,7 @@
 
 use crate::driver::PipelineError;
 use crate::tree_builder::{Forms, Made, TreeBuilder, Vertices};
-use backend::Generation;
+use backend::{Generation, TreeWriter};
 use bvh_build::{BuildError, Cancel};
 use bvh_layout::Spare;
 use geom::{Point, Pose};
@@ -30,6 +30,8 @@ pub(crate) struct Job {
     pub(crate) spare: Spare,
     /// Whether the last tree that was handed over was never used.
     pub(crate) left_last: bool,
+    /// What puts the tree where the device takes it from.
+    pub(crate) writer: Option<TreeWriter>,
 }
 
 /// How a job becomes a tree.
@@ -182,6 +184,7 @@ mod tests {
             toward: None,
             spare: Spare::default(),
             left_last: false,
+            writer: None,
         }
     }
 

@@ -241,12 +241,12 @@ impl Driver {
         Ok(())
     }
 
-    /// Submits one frame. With trees built at once (`rebuild`, lockstep 0) the
+    /// Submits one frame, whose results its ticket stands for. With trees built at once (`rebuild`, lockstep 0) the
     /// frame before must be finished: each takes two submissions.
     ///
     /// # Errors
     /// The backend's.
-    pub fn begin(&mut self, frame: Frame, query: Query<'_>) -> Result<(), PipelineError> {
+    pub fn begin(&mut self, frame: Frame, query: Query<'_>) -> Result<Ticket, PipelineError> {
         let begun = Instant::now();
         self.record = FrameRecord::begin(frame, begun);
         let pose = self.animation.pose(frame.time);
@@ -273,7 +273,7 @@ impl Driver {
             record: std::mem::replace(&mut self.record, FrameRecord::begin(frame, begun)),
         });
         self.frames += 1;
-        Ok(())
+        Ok(ticket)
     }
 
     /// Waits for the oldest frame under way; `None` if there is none.
@@ -353,7 +353,7 @@ impl Driver {
             return self.first_tree(pose);
         };
         let newest = self.build.as_ref().map_or(tree.pose, |f| f.pose);
-        self.review_finished();
+        self.review_finished()?;
         let wanted = self.wanted(pose);
         let outdated = newest != wanted && self.may_ask();
         let plan = self.schedule.begin_frame(self.frames, outdated);

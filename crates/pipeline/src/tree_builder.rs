@@ -173,7 +173,11 @@ impl TreeBuilder {
             self.revert();
         }
         let what = (job.vertices, job.halves);
-        self.rebuild(animation, what, job.rival_at, cancel)
+        let made = self.rebuild(animation, what, job.rival_at, cancel)?;
+        if let (Made::Tree(built), Some(write)) = (&made, job.writer) {
+            write(&built.topology);
+        }
+        Ok(made)
     }
 
     /// Makes a tree from `vertices` and converts it, if it is cheaper at

@@ -266,6 +266,10 @@ impl Backend for Faulty {
         Ok(report)
     }
 
+    fn keep(&mut self, traces: usize) {
+        self.inner.keep(traces);
+    }
+
     fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
         let newest = self.is("answers of the newest frame") || self.is("tickets repeat");
         let found = match self.kept.iter().find(|k| k.0 == ticket) {

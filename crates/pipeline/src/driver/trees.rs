@@ -51,12 +51,23 @@ impl Driver {
             && let Some((_, positions)) = self.backend.take_positions()?
         {
             let read = bytes(self.animation.vertex_count());
-            self.start_build(Vertices::ReadBack(positions), read);
+            self.start_build(Vertices::ReadBack(positions), read)?;
         }
         if let Some((generation, result)) = self.builder_thread.try_take() {
             self.file(generation, result);
+            self.bring_finished()?;
         }
         Ok(())
+    }
+
+    /// Whether the finished tree, if there is one, is on the device; sends it on its way.
+    fn bring_finished(&mut self) -> Result<bool, PipelineError> {
+        match (&self.finished, &self.build) {
+            (Some(Made::Tree(built)), Some(pending)) => {
+                Ok(self.backend.bring(&built.topology, pending.generation)?)
+            }
+            _ => Ok(true),
+        }
     }
 
     /// The pose that a tree asked for now should be built for, at a frame that stands at `pose`.
@@ -74,10 +85,13 @@ impl Driver {
 
     /// Tells the predictor how long a finished tree took, and the schedule when to swap to it: at once, but for trees
     /// that were built for a moment to come, if the last one's is nearer still. One whose moment is too far off is left.
-    pub(super) fn review_finished(&mut self) {
+    pub(super) fn review_finished(&mut self) -> Result<(), PipelineError> {
+        if !self.bring_finished()? {
+            return Ok(());
+        }
         let ahead = self.predicts() && self.may_reject();
         let (Some(made), Some(pending)) = (&self.finished, &mut self.build) else {
-            return;
+            return Ok(());
         };
         if pending.latency.is_none() {
             let frames = self.frames - pending.frame;
@@ -93,11 +107,12 @@ impl Driver {
         let generation = pending.generation;
         if ahead && !should_adopt {
             if !self.predictor.newer_tree_due_first(last, pending.middle) {
-                return;
+                return Ok(());
             }
             self.leave_finished();
         }
         self.schedule.finished(generation);
+        Ok(())
     }
 
     /// Has a finished tree never be used.
@@ -140,7 +155,7 @@ impl Driver {
         } else {
             self.build = Some(pending);
             if self.predicts() {
-                self.start_build(Vertices::KeyFrames(pose), 0);
+                self.start_build(Vertices::KeyFrames(pose), 0)?;
             }
         }
         Ok(())
@@ -183,9 +198,9 @@ impl Driver {
         }
     }
 
-    fn start_build(&mut self, vertices: Vertices, read_back: u64) {
+    fn start_build(&mut self, vertices: Vertices, read_back: u64) -> Result<(), PipelineError> {
         let Some(pending) = self.build.as_mut() else {
-            return;
+            return Ok(());
         };
         // Vertices are the builder's to look into: that may cost their first reader.
         pending.arrived = Some((Instant::now(), read_back));
@@ -198,10 +213,12 @@ impl Driver {
             toward: self.light,
             spare: std::mem::take(&mut self.spare),
             left_last: std::mem::take(&mut self.left_last),
+            writer: self.backend.tree_writer(generation)?,
         };
         if self.builder_thread.start(job).is_err() {
             self.give_up(generation);
         }
+        Ok(())
     }
 
     /// Puts a finished tree aside for its boundary, or forgets a failed one.

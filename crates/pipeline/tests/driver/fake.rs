@@ -216,6 +216,7 @@ impl Backend for Fake {
     fn hits(&mut self, _: Ticket) -> Result<&mut Hits> {
         Ok(&mut self.hits)
     }
+    fn keep(&mut self, _: usize) {}
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
         match &mut self.requested {
             Some((0, ticket, pose)) => {
