@@ -60,7 +60,7 @@ impl<'a> Hits<'a> {
         closest || self.found.blocked.get(ray).is_some_and(|&met| met != 0)
     }
 
-    /// Distances of closest hits, one a ray: infinite for a miss.
+    /// `t` of closest hits, one a ray: infinite for a miss. Empty if closest hits were not asked for.
     pub fn distances(&self) -> impl ExactSizeIterator<Item = f32> + 'a {
         self.found.closest.iter().map(|hit| hit.t)
     }

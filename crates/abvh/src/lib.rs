@@ -21,29 +21,18 @@
 //! # Ok::<_, abvh::Error>(())
 //! ```
 //!
-//! # Concepts
+//! A [`Scene`] holds meshes, and a [`Tracer`] owns it on a [`Device`]. Time goes on in [`Step`]s: a step moves meshes, traces
+//! any number of queries, and is submitted. The device refits one tree to each step's vertices while threads of the host
+//! build the next, and no hit ever depends on a tree.
 //!
-//! A [`Scene`] holds meshes. A [`Tracer`] owns it on a [`Device`]. Time goes on in [`Step`]s: a step says where meshes are,
-//! traces any number of queries, and is submitted. Results stay until the second step after theirs is submitted.
-//!
-//! - [`Mesh::fixed`] never moves; [`Mesh::keyframes`] blends key frames known beforehand, by the step's time.
-//! - [`Mesh::streamed`] takes new vertices in any step, [`Mesh::rigid`] a matrix for each of its parts. Both stay where they
-//!   are in steps that say nothing of them.
-//!
-//! # Trees
-//!
-//! The device refits one tree to each step's vertices while threads of the host build the next. So no step but the first
-//! waits for a build, and no hit ever depends on a tree's age: see [`Update`].
-//!
-//! # Accuracy
-//!
-//! Hits are equal, bit for bit, on every device. [`Intersector::Watertight`] lets no ray through the edges of a closed mesh;
-//! [`Intersector::Exact`] gives the answer of exact arithmetic. A vertex may be anywhere; a triangle with a vertex that is
-//! not finite is inactive: it is never hit, and counted ([`Statistics::inactive`]).
+//! [`guide`] has more: [concepts](guide::concepts), [streaming](guide::streaming), [devices](guide::devices),
+//! [accuracy](guide::accuracy), and the calls of [other libraries](guide::migration).
 
 mod device;
 mod doctor;
 mod error;
+#[cfg(doc)]
+pub mod guide;
 mod hits;
 mod mesh;
 mod motion;

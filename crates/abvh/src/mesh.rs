@@ -12,7 +12,7 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// A mesh that never moves: three vertices a triangle, by their indices.
+    /// A mesh that never moves: vertices in any unit, and three of their indices a triangle.
     ///
     /// # Errors
     /// [`Error::Mesh`]: a triangle names a vertex that does not exist.
@@ -80,13 +80,13 @@ impl Mesh {
         })
     }
 
-    /// Vertices.
+    /// How many vertices it has.
     #[must_use]
     pub fn vertex_count(&self) -> usize {
         self.motion.first().len()
     }
 
-    /// Triangles.
+    /// How many triangles it has.
     #[must_use]
     pub fn triangle_count(&self) -> usize {
         self.triangles.len()
@@ -147,7 +147,7 @@ impl Scene {
         Self::default()
     }
 
-    /// Adds a mesh.
+    /// Adds a mesh. Steps and hits name it by what this returns.
     pub fn add(&mut self, mesh: Mesh) -> MeshId {
         self.meshes.push(mesh);
         MeshId::of(self.number, self.meshes.len() - 1)

@@ -1,0 +1,47 @@
+//! What a hit promises.
+//!
+//! | [`Intersector`](crate::Intersector) | which triangle is hit | on every device |
+//! |---|---|---|
+//! | `Watertight`, the default | rounded, with exact signs at edges: no ray leaks through a shared edge, or hits both of its triangles | the same bits |
+//! | `Exact` | that of exact arithmetic, for every ray | the same bits |
+//! | `MollerTrumbore`, `Woop` | the textbook's, in single precision: rays leak near edges | within rounding |
+//!
+//! `Watertight` follows Woop, Benthin and Wald (2013). With `Exact`, triangles include their edges, and a ray in a
+//! triangle's plane misses it. In both, `t`, `u` and `v` are rounded to single precision.
+//!
+//! No hit depends on a tree: not on its age, on [`Update`](crate::Update) or on [`Layout`](crate::Layout).
+//! So a run can be repeated, with another number of threads too.
+//!
+//! ```
+//! use abvh::{Device, Intersector, Mesh, Query, Ray, Scene, Tracer};
+//!
+//! let corners = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.1, 1.0, 0.0], [1.1, 1.1, 0.0]];
+//! let mut scene = Scene::new();
+//! scene.add(Mesh::fixed(&corners, &[[0, 1, 2], [2, 1, 3]])?);
+//! // Rays from odd places to the edge that both triangles share, from corner 1 to corner 2.
+//! let rays: Vec<Ray> = (1..1000).map(|i| {
+//!     let (along, i) = (i as f32 / 1000.0, i as f32);
+//!     let origin = [0.3 * i.sin(), 0.7 * i.cos(), 3.0];
+//!     let target = [1.0 - 0.9 * along, 0.1 + 0.9 * along, 0.0];
+//!     Ray::new(origin, [0, 1, 2].map(|axis| target[axis] - origin[axis]))
+//! }).collect();
+//! for intersector in [Intersector::Watertight, Intersector::Exact] {
+//!     let builder = Tracer::builder().device(Device::Cpu).intersector(intersector);
+//!     let mut tracer = builder.build(scene.clone())?;
+//!     let mut step = tracer.step(0.0);
+//!     let any = step.trace(&rays, Query::Any)?;
+//!     let done = step.submit()?;
+//!     let hits = tracer.hits(done, any)?;
+//!     assert!((0..rays.len()).all(|ray| hits.is_hit(ray)));
+//! }
+//! # Ok::<_, abvh::Error>(())
+//! ```
+//!
+//! # What misses
+//!
+//! - A ray whose direction is zero, whose origin or direction is not finite, or whose interval is empty.
+//! - Whatever lies at `t_min` or before it, at `t_max` or behind it. Nothing is added to `t_min`: a ray that starts on a
+//!   surface needs one above 0 to leave it.
+//! - A triangle with a vertex that is not finite, or without area. [`Statistics`](crate::Statistics) counts both.
+//!
+//! Both sides of a triangle are hit.

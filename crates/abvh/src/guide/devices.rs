@@ -1,0 +1,47 @@
+//! Where rays are traced.
+//!
+//! | [`Device`](crate::Device) | traces with |
+//! |---|---|
+//! | `Auto` | the first GPU that Vulkan lists, else the first that wgpu lists, else the host's cores |
+//! | `Cpu` | the host's cores |
+//! | `Vulkan(adapter)` | compute shaders through Vulkan; feature `vulkan` |
+//! | `Wgpu(adapter)` | compute shaders through wgpu; feature `wgpu` |
+//!
+//! Both features are on by default; the host is always there. No GPU needs ray-tracing hardware. An adapter is an index or
+//! a part of a name; `None` takes the first GPU, else the first of all.
+//!
+//! `Auto` never takes a driver that runs shaders on the host's cores, and takes the host where a GPU cannot be opened.
+//! A device that you name is never replaced: if it cannot run, the error is [`Error::NoDevice`](crate::Error::NoDevice).
+//! [`Tracer::device`](crate::Tracer::device) tells what was taken, [`doctor`](crate::doctor()) why no GPU can be, and how
+//! to mend that.
+//!
+//! ```
+//! use abvh::{Device, Mesh, Scene, Tracer};
+//!
+//! let mut scene = Scene::new();
+//! scene.add(Mesh::fixed(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]])?);
+//! # #[cfg(feature = "vulkan")] {
+//! let named = Device::Vulkan(Some("no such adapter".to_owned()));
+//! let refused = Tracer::builder().device(named).build(scene.clone());
+//! assert!(matches!(refused, Err(abvh::Error::NoDevice(_))));
+//! # }
+//!
+//! let tracer = Tracer::builder().device(Device::Cpu).threads(2).build(scene)?;
+//! assert!(tracer.device().starts_with("cpu"));
+//! let found = abvh::doctor();
+//! for problem in &found.problems {
+//!     println!("{}: {}", problem.what, problem.mend);
+//! }
+//! assert!(!found.gpus.is_empty() || !found.problems.is_empty());
+//! # Ok::<_, abvh::Error>(())
+//! ```
+//!
+//! # Threads
+//!
+//! [`Builder::threads`](crate::Builder::threads) limits the threads that build trees, and those that trace on the host;
+//! otherwise there is one a core. A [`Tracer`](crate::Tracer) may be sent to another thread, and several may exist side by
+//! side. Each has its own device and its own trees.
+//!
+//! # First run
+//!
+//! Compiled shaders are kept in the folder `abvh` of the user's cache, so a second run starts faster.

@@ -1,0 +1,49 @@
+//! Meshes that a simulation moves.
+//!
+//! [`Step::vertices`](crate::Step::vertices) takes all vertices of a mesh, in the order in which it was made, and copies
+//! them before it returns. The triangles stay those it was made with. [`Step::poses`](crate::Step::poses) takes a
+//! [`Matrix`](crate::Matrix) for each part, from where the part was made to where it is: matrices do not add up.
+//!
+//! Both come before the step's first query, else they are [`Error::TooLate`](crate::Error::TooLate). A mesh that
+//! a step does not move stays where it is.
+//!
+//! # Overlap
+//!
+//! On a GPU, [`Step::submit`](crate::Step::submit) returns while its queries run; [`Tracer::hits`](crate::Tracer::hits)
+//! waits. Simulate and submit the next step before you read the hits of the last one, and the GPU works meanwhile.
+//! Two queries may be under way: [`Step::trace`](crate::Step::trace) waits for the first before it begins a third. On the
+//! host it does the work itself.
+//!
+//! ```
+//! use abvh::{Device, Mesh, Query, Ray, Scene, Source, Tracer};
+//!
+//! let at = |height: f32| [[0.0, height, 0.0], [4.0, height, 0.0], [0.0, height, 4.0]];
+//! let mut scene = Scene::new();
+//! let sheet = scene.add(Mesh::streamed(&at(0.0), &[[0, 1, 2]])?);
+//! let mut tracer = Tracer::builder().device(Device::Cpu).build(scene)?;
+//! let down = [Ray::new([1.0, 9.0, 1.0], [0.0, -1.0, 0.0])];
+//! let (mut last, mut read) = (None, Vec::new());
+//! for i in 0..4 {
+//!     let vertices = at(i as f32); // The simulation.
+//!     let mut step = tracer.step(0.0);
+//!     step.vertices(sheet, Source::Host(&vertices))?;
+//!     let depth = step.trace(&down, Query::Closest)?;
+//!     let next = (step.submit()?, depth);
+//!     if let Some((step, depth)) = last.replace(next) {
+//!         read.extend(tracer.hits(step, depth)?.distances());
+//!     }
+//! }
+//! assert_eq!(read, [9.0, 8.0, 7.0]);
+//! # Ok::<_, abvh::Error>(())
+//! ```
+//!
+//! # Trees ahead of the motion
+//!
+//! [`Update::Auto`](crate::Update::Auto) takes [`Update::Async`](crate::Update::Async) for whatever moves. Then the next
+//! tree is built for where vertices are going, on the line through their last two places.
+//! Motion may turn or jump all the same. A tree that fits badly costs time, and no hit changes.
+//!
+//! # Numbers that are not finite
+//!
+//! A vertex may be NaN or infinite: its triangles are then inactive, never hit, and counted by
+//! [`Statistics::inactive`](crate::Statistics::inactive). That also hides triangles that are not needed at the moment.
