@@ -9,7 +9,7 @@ use crate::choose::{self, Ask};
 use crate::conflicts::Files;
 use crate::stop::Stop;
 use crate::talk::Progress;
-use crate::{frames, info, memory, open, talk, threads};
+use crate::{frames, info, memory, open, talk};
 pub(crate) use row::{Row, frame_ms, measure};
 use serde_json::json;
 
@@ -35,7 +35,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
             "version": env!("CARGO_PKG_VERSION"),
             "command_line": info::command_line(),
             "cpu": cpu,
-            "cores": threads::cores(),
+            "cores": host::cores(),
             "size": size,
             "ratios": results::ratios(&rows),
             "rows": rows,

@@ -3,7 +3,6 @@
 //! One file a command. `args` is the command line, `open` alone names backends, and `stop` turns errors into one line and
 //! an exit code.
 
-mod adapters;
 mod args;
 mod bench;
 mod chart;
@@ -50,7 +49,7 @@ fn run(command: Command) -> Result<(), Stop> {
     };
     threads::start(threads);
     if no_cache {
-        open::keep_no_kernels();
+        backends::keep_no_kernels();
     }
     match command {
         Command::Render(args) => render::run(&args),

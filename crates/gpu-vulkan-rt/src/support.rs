@@ -1,10 +1,11 @@
 //! Whether a device traces rays by trees of its driver's, and what it takes to ask it.
 
 use ash::{khr, vk};
-use backend::{BackendError, Result};
+use backend::{AdapterInfo, BackendError, Result};
+use gpu_common::Validation;
+use gpu_vulkan::all;
 use gpu_vulkan::gpu::{Gpu, RAY_EXTENSIONS};
 use gpu_vulkan::instance::Host;
-use gpu_vulkan::{AdapterInfo, Validation, all};
 use std::sync::Arc;
 
 /// The calls, and the bounds that they have, of a device opened for trees that its driver makes.
@@ -87,12 +88,11 @@ pub fn ray_adapters() -> Result<Vec<AdapterInfo>> {
     able(Host::new(Validation::Off)?.as_ref(), None)
 }
 
-/// Likewise; where an adapter is `wanted` by name or index, that one alone if it is able, with an
-/// index for whoever opens it.
-pub(crate) fn able(host: &Host, wanted: Option<&str>) -> Result<Vec<AdapterInfo>> {
+/// Likewise; where an adapter is `wanted` by its index, that one alone if it is able.
+pub(crate) fn able(host: &Host, wanted: Option<usize>) -> Result<Vec<AdapterInfo>> {
     let mut list = all(host)?;
     if wanted.is_some() {
-        list = vec![list.swap_remove(AdapterInfo::choose(&list, wanted)?)];
+        list = vec![AdapterInfo::choose(&list, wanted)?.clone()];
     }
     let devices = host.physical_devices()?;
     let (mut able, mut reasons) = (Vec::new(), Vec::new());

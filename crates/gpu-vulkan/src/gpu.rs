@@ -8,11 +8,10 @@ use crate::pipeline_cache::PipelineCache;
 use crate::queues::{QueueIndex, Queues};
 use ash::ext::pipeline_robustness;
 use ash::{khr, vk};
-use backend::{BackendError, DeviceKind, Result};
-use gpu_common::AdapterInfo;
+use backend::{AdapterInfo, BackendError, DeviceKind, Result};
+use gpu_common::Options;
 use shaders::Packets;
 use std::ffi::CStr;
-use std::path::Path;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 /// A device with what every part of the backend needs of it. Shared; destroyed with the last user.
@@ -70,18 +69,17 @@ pub struct Queue {
 }
 
 impl Gpu {
-    /// Opens the adapter asked for among some; with trees that the driver makes if it `traces_rays`. Compiled kernels are
-    /// kept in the folder `cache`.
+    /// Opens the adapter asked for among some; with trees that the driver makes if it `traces_rays`.
     ///
     /// # Errors
     /// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`] with what it lacks for any scene.
     pub fn open(
         host: Arc<Host>,
         list: &[AdapterInfo],
-        (wanted, cache): (Option<&str>, Option<&Path>),
+        options: &Options,
         traces_rays: bool,
     ) -> Result<Arc<Self>> {
-        let adapter = list[AdapterInfo::choose(list, wanted)?].clone();
+        let adapter = AdapterInfo::choose(list, options.adapter)?.clone();
         let physical = host.physical_devices()?[adapter.index];
         let limits = Limits::of(&host, physical);
         limits.admit_kernels(|k| !k.makes_trees() && !k.refits_treelets())?;
@@ -101,7 +99,7 @@ impl Gpu {
                 return Err(e);
             }
         };
-        let cache = PipelineCache::open(&host, physical, &vk, cache);
+        let cache = PipelineCache::open(&host, physical, &vk, options.cache.as_deref());
         Ok(Arc::new(Self {
             compute: queue(queues.compute),
             upload: queue(queues.upload),

@@ -1,9 +1,10 @@
 //! The loader and the instance.
 
 use crate::loader;
-use crate::validation::{DebugMessenger, EXTENSIONS, LAYER, Validation};
+use crate::validation::{DebugMessenger, EXTENSIONS, LAYER, is_on};
 use ash::{Entry, Instance, vk};
 use backend::{BackendError, Result};
+use gpu_common::Validation;
 use std::ffi::CString;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -30,7 +31,7 @@ impl Host {
     /// [`BackendError::NoDevice`] with the reason.
     pub fn new(validation: Validation) -> Result<Arc<Self>> {
         let plain = Self::plain()?;
-        match validation.is_on(&plain.entry)? {
+        match is_on(validation, &plain.entry)? {
             true => Self::make(true).map(Arc::new),
             false => Ok(plain),
         }

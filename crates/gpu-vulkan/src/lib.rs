@@ -32,9 +32,7 @@ pub mod transfer;
 mod validation;
 mod vulkan_device;
 
-pub use adapters::{Options, adapters, all};
-pub use gpu_common::AdapterInfo;
+pub use adapters::{adapters, all};
 pub use pipelines::descriptor_type;
 pub use slot::Slot;
-pub use validation::Validation;
 pub use vulkan_device::{VulkanBackend, VulkanDevice};
