@@ -40,7 +40,7 @@ pub(crate) fn find_one<'a>(
     backend: &str,
     list: &'a [AdapterInfo],
     asked: &str,
-) -> Result<&'a Adapter, String> {
+) -> Result<&'a AdapterInfo, String> {
     let none = format!("backend {backend} has no adapter '{asked}'");
     let there = || format!("{none}; there is {}", AdapterInfo::numbered(list));
     find(backend, list, asked)?.ok_or_else(there)

@@ -8,11 +8,11 @@ mod auto;
 
 pub use auto::{Vain, open_best};
 
-use backend::{AdapterInfo, Backend, DeviceKind, Result};
+use backend::{AdapterInfo, Backend, DeviceKind};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Opens the adapter of that index, or the backend's own choice; with host threads, where it uses them.
-type Open<'a> = dyn Fn(Option<usize>, usize) -> Result<Box<dyn Backend>> + 'a;
+type Open<'a> = dyn Fn(Option<usize>, usize) -> backend::Result<Box<dyn Backend>> + 'a;
 
 /// What is known of a backend.
 pub struct Known<'a> {
@@ -26,7 +26,7 @@ pub struct Known<'a> {
     covered_by: Option<&'static str>,
     /// Whether it makes and traces trees in ways of its own.
     pub has_own_trees: bool,
-    list: &'a dyn Fn() -> Result<Vec<AdapterInfo>>,
+    list: &'a dyn Fn() -> backend::Result<Vec<AdapterInfo>>,
     open: &'a Open<'a>,
 }
 
@@ -102,7 +102,7 @@ impl Known<'_> {
     ///
     /// # Errors
     /// Why it cannot run.
-    pub fn adapters(&self) -> Result<Vec<AdapterInfo>> {
+    pub fn adapters(&self) -> backend::Result<Vec<AdapterInfo>> {
         (self.list)()
     }
 
@@ -145,14 +145,14 @@ fn options(adapter: Option<usize>) -> gpu_common::Options {
 fn open_vulkan_rt(
     adapter: Option<usize>,
     prefer: gpu_vulkan_rt::Prefer,
-) -> Result<Box<dyn Backend>> {
+) -> backend::Result<Box<dyn Backend>> {
     let options = options(adapter);
     Ok(Box::new(gpu_vulkan_rt::DriverTreeBackend::new(
         &options, prefer,
     )?))
 }
 
-fn list_cpu() -> Result<Vec<AdapterInfo>> {
+fn list_cpu() -> backend::Result<Vec<AdapterInfo>> {
     let device = cpu_simd::open(Some(1))?.device().clone();
     Ok(vec![AdapterInfo {
         index: 0,

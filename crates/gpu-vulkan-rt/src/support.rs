@@ -53,11 +53,7 @@ impl Bounds {
         let mut all = vk::PhysicalDeviceProperties2::default()
             .push_next(&mut trees)
             .push_next(&mut rays);
-        // SAFETY: the device belongs to the instance, which is alive, and has both extensions.
-        unsafe {
-            host.instance
-                .get_physical_device_properties2(physical, &mut all)
-        };
+        host.read_properties(physical, &mut all);
         let limits = all.properties.limits;
         let along = |axis: usize| {
             let groups = u64::from(limits.max_compute_work_group_count[axis]);
@@ -138,11 +134,7 @@ fn lacks(host: &Host, device: vk::PhysicalDevice) -> Option<String> {
         .push_next(&mut core)
         .push_next(&mut structures)
         .push_next(&mut pipelines);
-    // SAFETY: the device belongs to the instance, which is alive, and knows all structures of the chain.
-    unsafe {
-        host.instance
-            .get_physical_device_features2(device, &mut all)
-    };
+    host.read_features(device, &mut all);
     let features = [
         (structures.acceleration_structure, "accelerationStructure"),
         (pipelines.ray_tracing_pipeline, "rayTracingPipeline"),

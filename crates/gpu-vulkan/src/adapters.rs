@@ -26,11 +26,7 @@ pub fn all(host: &Host) -> Result<Vec<AdapterInfo>> {
 fn describe(host: &Host, index: usize, device: vk::PhysicalDevice) -> AdapterInfo {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
-    // SAFETY: the device belongs to the instance, which is alive.
-    unsafe {
-        host.instance
-            .get_physical_device_properties2(device, &mut properties)
-    };
+    host.read_properties(device, &mut properties);
     let p = properties.properties;
     let kind = match p.device_type {
         vk::PhysicalDeviceType::CPU => DeviceKind::Software,

@@ -52,7 +52,7 @@ pub const RAY_EXTENSIONS: [&CStr; 3] = [
 static DOOR: RwLock<()> = RwLock::new(());
 
 /// Held while kernels are compiled, which several threads may do at a time.
-pub fn compile_door() -> RwLockReadGuard<'static, ()> {
+pub(crate) fn compile_door() -> RwLockReadGuard<'static, ()> {
     DOOR.read().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -155,11 +155,7 @@ fn create(
 ) -> Result<ash::Device> {
     let mut have12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut have12);
-    // SAFETY: the device belongs to the instance, which is alive.
-    unsafe {
-        host.instance
-            .get_physical_device_features2(device, &mut have)
-    };
+    host.read_features(device, &mut have);
     if have12.timeline_semaphore == vk::FALSE {
         return Err(BackendError::NoDevice(
             "the device has no timeline semaphores (Vulkan 1.2)".into(),

@@ -92,6 +92,26 @@ impl Host {
         Ok(devices)
     }
 
+    /// Asks a device for a chain of properties; likewise for features. Drivers pass over structures that they do not know.
+    pub fn read_properties(
+        &self,
+        device: vk::PhysicalDevice,
+        chain: &mut vk::PhysicalDeviceProperties2<'_>,
+    ) {
+        // SAFETY: the device belongs to the instance, which is alive; likewise below.
+        unsafe { self.instance.get_physical_device_properties2(device, chain) };
+    }
+
+    /// See [`Host::read_properties`].
+    pub fn read_features(
+        &self,
+        device: vk::PhysicalDevice,
+        chain: &mut vk::PhysicalDeviceFeatures2<'_>,
+    ) {
+        // SAFETY: as above.
+        unsafe { self.instance.get_physical_device_features2(device, chain) };
+    }
+
     /// Names of all extensions that a device offers.
     pub fn extensions(&self, device: vk::PhysicalDevice) -> Vec<CString> {
         // SAFETY: the device belongs to the instance, which is alive.

@@ -33,6 +33,6 @@ mod validation;
 mod vulkan_device;
 
 pub use adapters::{adapters, all};
-pub use pipelines::descriptor_type;
+pub use pipelines::{Layouts, descriptor_type, with_module};
 pub use slot::Slot;
 pub use vulkan_device::{VulkanBackend, VulkanDevice};

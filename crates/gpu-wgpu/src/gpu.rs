@@ -2,7 +2,7 @@
 
 use crate::adapters::{enumerate, kind, takes_spirv};
 use crate::buffers::{readback, unmap};
-use crate::faults::Faults;
+use crate::faults::{Faults, lock};
 use crate::instance::instance;
 use crate::limits::{check, generous, useful_features};
 use crate::pipeline_cache::PipelineCache;
@@ -11,7 +11,7 @@ use gpu_common::{KernelForm, Options, Validation};
 use shaders::Packets;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use wgpu::{ErrorFilter, Features, PollType, SubmissionIndex};
 
 /// A device with what every part of the backend needs of it.
@@ -106,17 +106,11 @@ impl Gpu {
 
     /// Counts a call.
     pub(crate) fn count(&self, add: impl FnOnce(&mut CallCounts)) {
-        add(&mut self
-            .call_counts
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner));
+        add(&mut lock(&self.call_counts));
     }
 
     pub(crate) fn call_counts(&self) -> CallCounts {
-        *self
-            .call_counts
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
+        *lock(&self.call_counts)
     }
 
     /// Runs `work` and returns the first error that wgpu found in it. `work` must not panic.
